@@ -1,0 +1,40 @@
+# Build options, and the compile flags every target of ours shares.
+
+option(TILTPROOF_BUILD_TESTS "Build the tests" ON)
+option(TILTPROOF_BUILD_BENCHMARKS "Build the benchmarks (needs Google Benchmark)" ON)
+option(TILTPROOF_FUZZ "Build the libFuzzer targets (needs clang)" OFF)
+option(TILTPROOF_CODEC_ONLY "Build only what reads untrusted bytes: link, faults, firmware (for sanitizer and fuzz builds)" OFF)
+set(TILTPROOF_SANITIZE "" CACHE STRING "Value for -fsanitize=, for example address,undefined")
+
+set(CMAKE_CXX_STANDARD 20)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_C_STANDARD 11)
+set(CMAKE_C_EXTENSIONS OFF)
+set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+if(NOT CMAKE_BUILD_TYPE)
+  set(CMAKE_BUILD_TYPE Release)
+endif()
+
+# Replays must give the same bits on every build of one source: no contraction of a*b+c, no fast-math, no -march=native.
+add_compile_options(-ffp-contract=off)
+add_compile_options(-Wall -Wextra -Wpedantic -Wshadow -Wconversion)
+add_compile_options($<$<COMPILE_LANGUAGE:CXX>:-Wnon-virtual-dtor> $<$<COMPILE_LANGUAGE:CXX>:-Woverloaded-virtual>)
+
+if(TILTPROOF_SANITIZE)
+  add_compile_options(-fsanitize=${TILTPROOF_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
+  add_link_options(-fsanitize=${TILTPROOF_SANITIZE})
+endif()
+
+include_directories(${PROJECT_SOURCE_DIR})
+
+# tiltproof_test(NAME tier SOURCES... [LIBS...]): one GoogleTest binary; tier is its CTest label.
+function(tiltproof_test name tier)
+  cmake_parse_arguments(ARG "" "" "SOURCES;LIBS;DEFINITIONS" ${ARGN})
+  add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE ${ARG_LIBS} GTest::gtest_main GTest::gmock)
+  target_compile_definitions(${name} PRIVATE TILTPROOF_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
+                             TILTPROOF_BINARY_DIR="${PROJECT_BINARY_DIR}" ${ARG_DEFINITIONS})
+  gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60 PROPERTIES LABELS ${tier} TIMEOUT 300)
+endfunction()

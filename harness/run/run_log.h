@@ -1,0 +1,73 @@
+// What a flight leaves behind: the only input of scoring, so that an old run can be scored again offline.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "faults/fault.h"
+#include "harness/run/trace.h"
+#include "link/chunk.h"
+
+namespace tiltproof::harness {
+
+// Why a flight ended.
+enum class EndReason : std::uint8_t {
+  kCompleted,        // duration_s reached
+  kDiverged,         // not finite, |position| > 1 km, tilt beyond 90 deg
+  kGroundStrike,     // the main body touched the ground
+  kNeverStarted,     // the server accepted no `start` within duration_s of power-on
+  kFirmwareHung,     // a call into the client did not return
+  kFirmwareCrashed,  // the client raised a fatal signal
+  kInterrupted,      // Ctrl-C
+  kHarnessError,     // ours
+};
+std::string_view Name(EndReason reason);
+
+// One thing that happened, for events.jsonl.
+struct RunEvent {
+  TimeNs time_ns = 0;
+  std::string kind;  // "start_accepted", "message_rejected", "ground_strike", ...
+  std::string text;
+};
+
+struct DirectionCounts {
+  std::int64_t frames_sent = 0, frames_accepted = 0, frames_rejected = 0, bytes_corrupted = 0;
+};
+
+// Raw bytes with times, for link.bin.
+struct LinkRecord {
+  TimeNs begin_ns = 0;
+  link::Direction direction{};
+  bool delivered = false;  // false: as sent; true: as it goes on after the faults
+  std::vector<std::uint8_t> bytes;
+};
+
+struct RunLog {
+  Trace trace{TraceColumns()};
+  EndReason end_reason = EndReason::kCompleted;
+  std::string end_text;   // what a person should read, for everything but kCompleted
+  TimeNs end_ns = 0;      // simulation time reached
+  std::array<double, 4> hover_input{};  // f_R f_L tau_R tau_L of the model (N, N m)
+  std::array<double, 4> input_min{}, input_max{};  // the model's limits
+
+  std::array<DirectionCounts, link::kDirectionCount> counts{};
+  std::int64_t accepted_wrong_count = 0;
+  std::int64_t accepted_stale_count = 0;
+  TimeNs resync_max_ns = 0;
+  std::int64_t starts_accepted_count = 0;
+  std::optional<std::int64_t> failsafe_entered_count;  // absent when the client cannot say
+  std::vector<TimeNs> request_times_ns;    // arrival at the server of each accepted sensor request
+  std::vector<TimeNs> reply_latency_ns;    // from the last byte of a request to the last byte of its reply at the client
+  std::vector<TimeNs> actuator_times_ns;   // arrival at the server of each accepted actuator message
+
+  std::vector<std::int64_t> fault_activation_counts;  // one per fault of the scenario
+  std::vector<faults::Activation> activations;        // first kActivationsMax of each fault, in time order
+  std::vector<LinkRecord> link_records;
+  std::vector<RunEvent> events;
+  double wall_s = 0.0;  // of the flight alone
+};
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,31 @@
+// Bytes on a wire with their time: the unit that transports, fault stages and logs share.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "link/messages.h"
+#include "link/time.h"
+
+namespace tiltproof::link {
+
+// Which line, and which way. The main line carries sensors and actuators, the reference line only base station -> client.
+enum class Direction : std::uint8_t { kToPlant, kToClient, kReference };
+inline constexpr std::size_t kDirectionCount = 3;
+std::string_view Name(Direction direction);  // "to_plant", "to_client", "reference"
+
+struct Chunk {
+  TimeNs begin_ns = 0;              // when the first byte's start bit enters the wire
+  std::vector<std::uint8_t> bytes;  // back to back from there
+  MessageKind kind = MessageKind::kUnknown;  // of the frame as sent
+};
+
+// What stands in the wire: gets each frame as sent (one chunk), leaves any number of chunks in the order in which they shall go on.
+// The wire keeps that order and never lets two chunks overlap: a chunk that would begin before its predecessor ends is moved back.
+class ChunkStage {
+ public:
+  virtual ~ChunkStage() = default;
+  virtual void Apply(std::vector<Chunk>& chunks) = 0;
+};
+
+}  // namespace tiltproof::link

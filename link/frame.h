@@ -1,0 +1,99 @@
+// The low-level protocol (paper, section 2.1, Figure 2): 0x7E | escaped(payload, check_lo, check_hi) | 0x7E.
+//
+// An adaptation of PPP's framing (RFC 1662): 0x7E and 0x7D inside are sent as 0x7D, byte ^ 0x20; the check is Fletcher-16 over
+// the unescaped payload, low byte first. Freestanding: no heap, no exceptions, nothing but fixed buffers; the firmware runs
+// exactly this code.
+//
+//   std::array<std::uint8_t, FrameBytesMax(64)> wire;
+//   EncodedFrame frame = EncodeFrame(payload, wire);          // frame.bytes is the part of `wire` in use
+//
+//   FrameDecoder decoder;
+//   while (auto event = decoder.Next(received)) {             // consumes `received` from its front
+//     if (event->status == FrameStatus::kOk) Use(event->payload);
+//   }
+//
+// The decoder accepts shared flags (one 0x7E closes a frame and opens the next) and separate ones, and finds its way again at the
+// next flag after anything. The same bytes give the same events in any chunks.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string_view>
+
+namespace tiltproof::link {
+
+inline constexpr std::uint8_t kFlag = 0x7E;
+inline constexpr std::uint8_t kEscape = 0x7D;
+inline constexpr std::uint8_t kEscapeXor = 0x20;
+
+// Longest payload the codec carries, in bytes. The paper's longest is 132.
+inline constexpr std::size_t kPayloadBytesMax = 256;
+
+// Longest frame on the wire for a payload of that many bytes: everything escaped.
+constexpr std::size_t FrameBytesMax(std::size_t payload_bytes) { return 2 * (payload_bytes + 2) + 2; }
+
+enum class FrameStatus : std::uint8_t {
+  kOk,
+  kBadChecksum,      // whole frame, the check differs
+  kTooShort,         // one byte between two flags: no room for a check
+  kTooLong,          // more than kPayloadBytesMax; reported at the byte too many, then silent up to the next flag
+  kDanglingEscape,   // an escape directly before the closing flag (RFC 1662's abort)
+  kEmpty,            // check right, no payload: no message is empty
+  kAborted,          // Finish() while a frame was open: the stream ended or its receiver flushed it
+  kNoOpeningFlag,    // bytes before the first flag ever seen (or since Finish()); reported when that flag comes
+};
+inline constexpr std::size_t kFrameStatusCount = 8;
+
+// "ok", "bad_checksum", ...: the names in `tiltproof frame decode`.
+std::string_view Name(FrameStatus status);
+
+struct FrameEvent {
+  FrameStatus status;
+  // The unescaped payload for kOk, kEmpty and kBadChecksum (check removed); otherwise what had been unescaped so far, check bytes
+  // included, at most kPayloadBytesMax. Points into the decoder: valid until its next call.
+  std::span<const std::uint8_t> payload;
+  // Offset in the stream, in bytes since construction, of the frame's opening flag (of its first byte if it has none), and one
+  // past its last byte.
+  std::uint64_t begin;
+  std::uint64_t end;
+};
+
+class FrameDecoder {
+ public:
+  // Consumes bytes from the front of `bytes` up to the end of the next frame or rejection and returns it; nullopt when all of
+  // `bytes` is consumed and none has ended. Two flags with nothing between them are idle line, not an event.
+  std::optional<FrameEvent> Next(std::span<const std::uint8_t>& bytes);
+
+  // The stream has ended, or its receiver drops what it holds: an open frame with bytes in it becomes kAborted, and the decoder
+  // waits for a flag again.
+  std::optional<FrameEvent> Finish();
+
+  // How often each status was returned, indexed by FrameStatus.
+  const std::array<std::uint32_t, kFrameStatusCount>& Counts() const { return counts_; }
+
+ private:
+  enum class State : std::uint8_t { kHunting, kInFrame, kEscaped, kSkipping };
+
+  FrameEvent MakeEvent(FrameStatus status, std::size_t payload_bytes);
+  std::optional<FrameEvent> CloseFrame();
+
+  // kPayloadBytesMax and the check.
+  std::array<std::uint8_t, kPayloadBytesMax + 2> buffer_;
+  std::size_t size_ = 0;
+  State state_ = State::kHunting;
+  std::uint64_t offset_ = 0;  // of the next byte
+  std::uint64_t begin_ = 0;   // of the open frame
+  std::array<std::uint32_t, kFrameStatusCount> counts_{};
+};
+
+// The frame, or an empty span when `wire` is shorter than the frame or the payload longer than kPayloadBytesMax.
+struct EncodedFrame {
+  std::span<const std::uint8_t> bytes;
+  bool ok() const { return !bytes.empty(); }
+};
+EncodedFrame EncodeFrame(std::span<const std::uint8_t> payload, std::span<std::uint8_t> wire);
+
+}  // namespace tiltproof::link
