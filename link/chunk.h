@@ -1,7 +1,9 @@
 // Bytes on a wire with their time: the unit that transports, fault stages and logs share.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <string_view>
 #include <vector>
 
 #include "link/messages.h"

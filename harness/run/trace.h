@@ -10,8 +10,8 @@
 
 namespace tiltproof::harness {
 
-// Fixed columns in file order: t_s, truth (16), inputs in force (4), ideal reference (4), sensed_ (16), commanded_ (4),
-// faults_active_count, link counters. One more column per fault, after these: active_<fault id> (0 or 1).
+// Columns in file order: t_s, truth (16), inputs in force (4), ideal reference (4), sensed_ (16), commanded_ (4),
+// faults_active_count, link counters; a flight adds active_<fault id> (0 or 1) for each fault of its scenario.
 const std::vector<std::string>& TraceColumns();
 
 class Trace {
