@@ -1,7 +1,10 @@
 // Fletcher-16 (Fletcher 1982; paper, section 2.1): two sums modulo 255, sum1 in the low byte of the result.
 //
-// Modulo 255 the bytes 00 and FF are the same number, so a byte that flips between them keeps the checksum: whoever uses
-// this must check length and ranges too (link/messages.h).
+// sum1 is the sum of the bytes, sum2 the sum of all values that sum1 went through; both start at 0, so the
+// check of nothing is 0. Modulo 255 the bytes 00 and FF are the same number, so a byte that flips between
+// them keeps the checksum: whoever uses this must check length and ranges too (link/messages.h).
+//
+//   Fletcher16("abcde") == 0xC8F0
 #pragma once
 
 #include <cstdint>
@@ -9,6 +12,7 @@
 
 namespace tiltproof::link {
 
+// Any number of bytes; both bytes of the result are in [0, 254].
 std::uint16_t Fletcher16(std::span<const std::uint8_t> bytes);
 
 }  // namespace tiltproof::link

@@ -1,1 +1,216 @@
 #include "link/frame.h"
+
+#include <limits>
+
+#include "link/fletcher16.h"
+
+namespace tiltproof::link {
+namespace {
+
+constexpr std::size_t kCheckBytes = 2;
+constexpr std::uint32_t kModulus = 255;
+
+// A frame is so short that the sums need no modulo before its end: of n bytes FF, sum1 is 255 n and sum2 255
+// n (n + 1) / 2.
+constexpr std::uint64_t kUncheckedBytesMax = kPayloadBytesMax + kCheckBytes;
+static_assert(255 * kUncheckedBytesMax * (kUncheckedBytesMax + 1) / 2 <=
+              std::numeric_limits<std::uint32_t>::max());
+
+// 0x7D and 0x7E are neighbours: one comparison finds both.
+static_assert(kFlag == kEscape + 1);
+constexpr bool MustEscape(std::uint8_t byte) { return static_cast<std::uint8_t>(byte - kEscape) <= 1; }
+
+constexpr std::uint8_t Low(std::uint32_t sum) { return static_cast<std::uint8_t>(sum % kModulus); }
+
+// Writes the byte, escaped if need be, and returns where the next one goes.
+std::uint8_t* PutEscaped(std::uint8_t* out, std::uint8_t byte) {
+  if (MustEscape(byte)) {
+    *out++ = kEscape;
+    byte ^= kEscapeXor;
+  }
+  *out++ = byte;
+  return out;
+}
+
+// Exact length of the payload's frame on the wire.
+std::size_t FrameBytes(std::span<const std::uint8_t> payload) {
+  const std::uint16_t check = Fletcher16(payload);
+  std::size_t count = 2 + payload.size() + kCheckBytes;
+  for (const std::uint8_t byte : payload) count += MustEscape(byte);
+  count += MustEscape(static_cast<std::uint8_t>(check & 0xFF));
+  count += MustEscape(static_cast<std::uint8_t>(check >> 8));
+  return count;
+}
+
+}  // namespace
+
+std::string_view Name(FrameStatus status) {
+  switch (status) {
+    case FrameStatus::kOk:
+      return "ok";
+    case FrameStatus::kBadChecksum:
+      return "bad_checksum";
+    case FrameStatus::kTooShort:
+      return "too_short";
+    case FrameStatus::kTooLong:
+      return "too_long";
+    case FrameStatus::kDanglingEscape:
+      return "dangling_escape";
+    case FrameStatus::kEmpty:
+      return "empty";
+    case FrameStatus::kAborted:
+      return "aborted";
+    case FrameStatus::kNoOpeningFlag:
+      return "no_opening_flag";
+  }
+  return "unknown";
+}
+
+std::optional<FrameEvent> FrameDecoder::Next(std::span<const std::uint8_t>& bytes) {
+  if (state_ == State::kHunting || state_ == State::kSkipping) {
+    if (auto event = SeekFlag(bytes)) return event;
+    if (bytes.empty()) return std::nullopt;
+  }
+  return ReadFrame(bytes);
+}
+
+std::optional<FrameEvent> FrameDecoder::Finish() {
+  std::optional<FrameEvent> event;
+  if (state_ == State::kEscaped || (state_ == State::kInFrame && size_ > 0)) {
+    event = MakeEvent(FrameStatus::kAborted, size_);
+  } else if (state_ == State::kHunting && begin_ != offset_) {
+    event = MakeEvent(FrameStatus::kNoOpeningFlag, 0);
+  }
+  state_ = State::kHunting;
+  begin_ = offset_;
+  return event;
+}
+
+std::optional<FrameEvent> FrameDecoder::SeekFlag(std::span<const std::uint8_t>& bytes) {
+  std::size_t count = 0;
+  while (count < bytes.size() && bytes[count] != kFlag) ++count;
+  const bool found = count < bytes.size();
+  const bool garbage = state_ == State::kHunting && offset_ + count != begin_;
+  if (found) ++count;
+  offset_ += count;
+  bytes = bytes.subspan(count);
+  if (!found) return std::nullopt;
+  std::optional<FrameEvent> event;
+  if (garbage) event = MakeEvent(FrameStatus::kNoOpeningFlag, 0);
+  OpenFrame();
+  return event;
+}
+
+std::optional<FrameEvent> FrameDecoder::ReadFrame(std::span<const std::uint8_t>& bytes) {
+  const std::uint8_t* const first = bytes.data();
+  const std::uint8_t* const last = first + bytes.size();
+  const std::uint8_t* in = first;
+  std::uint8_t* out = buffer_.data() + size_;
+  std::uint8_t* const out_end = buffer_.data() + buffer_.size();
+  std::uint32_t sum1 = sum1_;
+  std::uint32_t sum2 = sum2_;
+  bool escaped = state_ == State::kEscaped;
+
+  // Every way out goes through here, so that the loops below work on locals alone.
+  const auto leave = [&](State state) {
+    const auto consumed = static_cast<std::size_t>(in - first);
+    offset_ += consumed;
+    bytes = bytes.subspan(consumed);
+    size_ = static_cast<std::size_t>(out - buffer_.data());
+    sum1_ = sum1;
+    sum2_ = sum2;
+    state_ = state;
+  };
+
+  while (in != last) {
+    std::uint8_t byte = *in;
+    if (!escaped) {
+      // Plain bytes: one bound for the end of the input and of the buffer.
+      const std::uint8_t* const plain_end = last - in < out_end - out ? last : in + (out_end - out);
+      while (in != plain_end && !MustEscape(byte = *in)) {
+        *out++ = byte;
+        sum1 += byte;
+        sum2 += sum1;
+        ++in;
+      }
+      if (in == last) break;
+      byte = *in;
+    }
+    ++in;
+    if (byte == kFlag) {
+      if (!escaped && out == buffer_.data()) {  // idle: this flag opens the frame anew
+        begin_ = offset_ + static_cast<std::size_t>(in - first) - 1;
+        continue;
+      }
+      leave(State::kInFrame);
+      const FrameStatus status = escaped ? FrameStatus::kDanglingEscape : Judge();
+      const bool has_check =
+          status == FrameStatus::kOk || status == FrameStatus::kEmpty || status == FrameStatus::kBadChecksum;
+      const FrameEvent event = MakeEvent(status, has_check ? size_ - kCheckBytes : size_);
+      OpenFrame();
+      return event;
+    }
+    if (byte == kEscape && !escaped) {
+      escaped = true;
+      continue;
+    }
+    if (out == out_end) {
+      leave(State::kSkipping);
+      return MakeEvent(FrameStatus::kTooLong, size_);
+    }
+    if (escaped) byte ^= kEscapeXor;
+    escaped = false;
+    *out++ = byte;
+    sum1 += byte;
+    sum2 += sum1;
+  }
+  leave(escaped ? State::kEscaped : State::kInFrame);
+  return std::nullopt;
+}
+
+FrameStatus FrameDecoder::Judge() const {
+  if (size_ < kCheckBytes) return FrameStatus::kTooShort;
+  // The sums run over the check too, because it is not known to be one before the flag; take its two bytes
+  // out again.
+  const std::uint8_t check1 = buffer_[size_ - 2];
+  const std::uint8_t check2 = buffer_[size_ - 1];
+  const std::uint32_t sum1 = sum1_ - check2 - check1;
+  const std::uint32_t sum2 = sum2_ - sum1_ - (sum1_ - check2);
+  if (Low(sum1) != check1 || Low(sum2) != check2) return FrameStatus::kBadChecksum;
+  return size_ == kCheckBytes ? FrameStatus::kEmpty : FrameStatus::kOk;
+}
+
+FrameEvent FrameDecoder::MakeEvent(FrameStatus status, std::size_t payload_bytes) {
+  ++counts_[static_cast<std::size_t>(status)];
+  const std::size_t shown = payload_bytes < kPayloadBytesMax ? payload_bytes : kPayloadBytesMax;
+  return {status, {buffer_.data(), shown}, begin_, offset_};
+}
+
+void FrameDecoder::OpenFrame() {
+  state_ = State::kInFrame;
+  size_ = 0;
+  sum1_ = 0;
+  sum2_ = 0;
+  begin_ = offset_ - 1;
+}
+
+EncodedFrame EncodeFrame(std::span<const std::uint8_t> payload, std::span<std::uint8_t> wire) {
+  if (payload.size() > kPayloadBytesMax) return {};
+  // Room for the worst case needs no counting of escapes.
+  if (wire.size() < FrameBytesMax(payload.size()) && wire.size() < FrameBytes(payload)) return {};
+  std::uint8_t* out = wire.data();
+  std::uint32_t sum1 = 0;
+  std::uint32_t sum2 = 0;
+  *out++ = kFlag;
+  for (const std::uint8_t byte : payload) {
+    sum1 += byte;
+    sum2 += sum1;
+    out = PutEscaped(out, byte);
+  }
+  out = PutEscaped(out, Low(sum1));
+  out = PutEscaped(out, Low(sum2));
+  *out++ = kFlag;
+  return {{wire.data(), static_cast<std::size_t>(out - wire.data())}};
+}
+
+}  // namespace tiltproof::link
