@@ -28,6 +28,10 @@ extern "C" {
 #endif
 
 #define TILTPROOF_CLIENT_ABI_VERSION 1u
+
+/* Build your library with hidden visibility: these functions are all that it has to show. */
+#define TILTPROOF_CLIENT_API __attribute__((visibility("default")))
+
 #define TILTPROOF_UART_MAIN 0
 #define TILTPROOF_UART_REFERENCE 1
 #define TILTPROOF_NEVER INT64_MAX /* "waiting for bytes only" */
@@ -42,7 +46,7 @@ typedef struct {
   /* Gives bytes to the UART's transmitter at client time now_ns (that of the call in progress, or later within it). They are sent
    * back to back after what it still holds. Returns the client time at which the last stop bit leaves. */
   int64_t (*transmit)(void* context, int uart, int64_t now_ns, const uint8_t* bytes, size_t count);
-  /* One line of text for the run's firmware.log. */
+  /* One line of text for the run's firmware.log. NULL when nobody listens. */
   void (*log)(void* context, int64_t now_ns, const char* text);
 } TiltproofHost;
 
@@ -52,17 +56,19 @@ typedef struct {
 } TiltproofClientStatus;
 
 /* Must return TILTPROOF_CLIENT_ABI_VERSION. */
-uint32_t tiltproof_client_abi_version(void);
-/* NULL when it cannot be the build asked for. `host` stays valid until destroy. */
-TiltproofClient* tiltproof_client_create(const TiltproofHost* host);
-void tiltproof_client_destroy(TiltproofClient* client);
-int64_t tiltproof_client_start(TiltproofClient* client, int64_t now_ns);
-void tiltproof_client_receive(TiltproofClient* client, int uart, int64_t now_ns, const uint8_t* bytes, size_t count);
-int64_t tiltproof_client_grant(TiltproofClient* client, int64_t now_ns);
+TILTPROOF_CLIENT_API uint32_t tiltproof_client_abi_version(void);
+/* NULL when it cannot be the build asked for, or does not speak the dialect or this ABI version. `host` and its strings stay valid until
+ * destroy. The place for a library's allocations: on a board there are none later. */
+TILTPROOF_CLIENT_API TiltproofClient* tiltproof_client_create(const TiltproofHost* host);
+TILTPROOF_CLIENT_API void tiltproof_client_destroy(TiltproofClient* client);
+TILTPROOF_CLIENT_API int64_t tiltproof_client_start(TiltproofClient* client, int64_t now_ns);
+TILTPROOF_CLIENT_API void tiltproof_client_receive(TiltproofClient* client, int uart, int64_t now_ns, const uint8_t* bytes,
+                                                   size_t count);
+TILTPROOF_CLIENT_API int64_t tiltproof_client_grant(TiltproofClient* client, int64_t now_ns);
 /* Optional (may be missing from the library): metrics that need it are then absent. */
-void tiltproof_client_status(const TiltproofClient* client, TiltproofClientStatus* status);
+TILTPROOF_CLIENT_API void tiltproof_client_status(const TiltproofClient* client, TiltproofClientStatus* status);
 /* A reset of the board at now_ns: all state but the clock is lost. Returns the next wake-up. */
-int64_t tiltproof_client_reset(TiltproofClient* client, int64_t now_ns);
+TILTPROOF_CLIENT_API int64_t tiltproof_client_reset(TiltproofClient* client, int64_t now_ns);
 
 #ifdef __cplusplus
 }

@@ -1,0 +1,59 @@
+#include "firmware/control_law.h"
+
+#include "link/time.h"
+
+namespace tiltproof::firmware {
+namespace {
+
+constexpr float kHalfPeriod_s = 0.5F * static_cast<float>(ToSeconds(kControlPeriodNs));
+
+}  // namespace
+
+ControlLaw::ControlLaw(const Gain& gain, const Actuators& feed_forward)
+    : gain_(gain), feed_forward_(feed_forward) {}
+
+Actuators ControlLaw::Step(const Sensors& sensors, const Reference& reference) {
+  const std::array<float, kIntegralCount> regulated_errors = {
+      sensors.x_m - reference.x_m, sensors.y_m - reference.y_m, sensors.z_m - reference.z_m,
+      sensors.yaw_rad - reference.yaw_rad};
+  for (std::size_t i = 0; i < kIntegralCount; ++i) {
+    integrals_[i] += kHalfPeriod_s * (regulated_errors[i] + previous_errors_[i]);
+  }
+  previous_errors_ = regulated_errors;
+
+  const std::array<float, kStateCount> state_error = {regulated_errors[0],
+                                                      regulated_errors[1],
+                                                      regulated_errors[2],
+                                                      sensors.roll_rad,
+                                                      sensors.pitch_rad,
+                                                      regulated_errors[3],
+                                                      sensors.alpha_r_rad,
+                                                      sensors.alpha_l_rad,
+                                                      sensors.vx_m_s - reference.vx_m_s,
+                                                      sensors.vy_m_s - reference.vy_m_s,
+                                                      sensors.vz_m_s - reference.vz_m_s,
+                                                      sensors.wx_rad_s,
+                                                      sensors.wy_rad_s,
+                                                      sensors.wz_rad_s,
+                                                      sensors.alpha_r_rad_s,
+                                                      sensors.alpha_l_rad_s,
+                                                      integrals_[0],
+                                                      integrals_[1],
+                                                      integrals_[2],
+                                                      integrals_[3]};
+
+  // The four rows side by side: their sums do not wait for each other, and the order within each is that of
+  // the columns.
+  std::array<float, kActuatorCount> correction{};
+  for (std::size_t column = 0; column < kStateCount; ++column) {
+    for (std::size_t row = 0; row < kActuatorCount; ++row) {
+      correction[row] += gain_[row][column] * state_error[column];
+    }
+  }
+  return {.f_r_n = feed_forward_.f_r_n - correction[0],
+          .f_l_n = feed_forward_.f_l_n - correction[1],
+          .tau_r_nm = feed_forward_.tau_r_nm - correction[2],
+          .tau_l_nm = feed_forward_.tau_l_nm - correction[3]};
+}
+
+}  // namespace tiltproof::firmware

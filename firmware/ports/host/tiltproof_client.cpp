@@ -1,0 +1,101 @@
+// The flight firmware on the host: the C interface of firmware/tiltproof_client.h over FlightApplication.
+//
+// One TiltproofClient is one board with all its state; memory is allocated in tiltproof_client_create and
+// nowhere else.
+#include "firmware/tiltproof_client.h"
+
+#include <new>
+#include <optional>
+#include <string_view>
+
+#include "firmware/flight_application.h"
+
+namespace {
+
+using tiltproof::TimeNs;
+using tiltproof::firmware::Build;
+using tiltproof::firmware::FindBuild;
+using tiltproof::firmware::FlightApplication;
+using tiltproof::firmware::Uart;
+using tiltproof::link::Dialect;
+
+class HostPort final : public tiltproof::firmware::Port {
+ public:
+  explicit HostPort(const TiltproofHost& host) : host_(host) {}
+
+  TimeNs Transmit(Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) override {
+    return host_.transmit(host_.context, static_cast<int>(uart), now, bytes.data(), bytes.size());
+  }
+  void Log(TimeNs now, const char* text) override {
+    if (host_.log != nullptr) host_.log(host_.context, now, text);
+  }
+
+ private:
+  const TiltproofHost host_;
+};
+
+std::optional<Dialect> FindDialect(const char* name) {
+  for (const Dialect dialect : {Dialect::kPaper, Dialect::kProvant}) {
+    if (name != nullptr && tiltproof::link::Name(dialect) == name) return dialect;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+struct TiltproofClient {
+  TiltproofClient(const TiltproofHost& host, const Build& build_in, Dialect dialect_in)
+      : port(host), build(build_in), dialect(dialect_in) {
+    PowerOn();
+  }
+  void PowerOn() { application.emplace(build, dialect, port); }
+
+  HostPort port;
+  const Build& build;
+  const Dialect dialect;
+  std::optional<FlightApplication>
+      application;  // never empty; optional so that a reset can build it anew in place
+};
+
+extern "C" {
+
+uint32_t tiltproof_client_abi_version(void) { return TILTPROOF_CLIENT_ABI_VERSION; }
+
+TiltproofClient* tiltproof_client_create(const TiltproofHost* host) {
+  if (host == nullptr || host->abi_version != TILTPROOF_CLIENT_ABI_VERSION || host->transmit == nullptr ||
+      host->firmware == nullptr) {
+    return nullptr;
+  }
+  const Build* build = FindBuild(host->firmware);
+  const std::optional<Dialect> dialect = FindDialect(host->dialect);
+  if (build == nullptr || !dialect) return nullptr;
+  return new (std::nothrow) TiltproofClient(*host, *build, *dialect);
+}
+
+void tiltproof_client_destroy(TiltproofClient* client) { delete client; }
+
+int64_t tiltproof_client_start(TiltproofClient* client, int64_t now_ns) {
+  return client->application->Start(now_ns);
+}
+
+void tiltproof_client_receive(TiltproofClient* client, int uart, int64_t /*now_ns*/, const uint8_t* bytes,
+                              size_t count) {
+  if (uart != TILTPROOF_UART_MAIN && uart != TILTPROOF_UART_REFERENCE) return;
+  client->application->Receive(static_cast<Uart>(uart), {bytes, count});
+}
+
+int64_t tiltproof_client_grant(TiltproofClient* client, int64_t now_ns) {
+  return client->application->Tick(now_ns);
+}
+
+void tiltproof_client_status(const TiltproofClient* client, TiltproofClientStatus* status) {
+  const tiltproof::firmware::Status& own = client->application->status();
+  *status = {.supervisor_state = static_cast<uint32_t>(own.state), .failsafe_count = own.failsafe_count};
+}
+
+int64_t tiltproof_client_reset(TiltproofClient* client, int64_t now_ns) {
+  client->PowerOn();
+  return client->application->Start(now_ns);
+}
+
+}  // extern "C"

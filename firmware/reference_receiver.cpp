@@ -1,0 +1,54 @@
+#include "firmware/reference_receiver.h"
+
+#include <bit>
+
+#include "link/messages.h"
+
+namespace tiltproof::firmware {
+namespace {
+
+float LittleEndianFloat(std::span<const std::uint8_t, 4> bytes) {
+  return std::bit_cast<float>(
+      static_cast<std::uint32_t>(bytes[0]) | static_cast<std::uint32_t>(bytes[1]) << 8 |
+      static_cast<std::uint32_t>(bytes[2]) << 16 | static_cast<std::uint32_t>(bytes[3]) << 24);
+}
+
+// The counterpart of link::DecodeReference for a receiver that trusts the checksum: exact length only.
+link::MessageStatus ParseReference(std::span<const std::uint8_t> payload, Reference& reference) {
+  if (payload.size() != link::kReferenceMessageBytes) return link::MessageStatus::kBadLength;
+  for (const auto& field : kReferenceFields) {
+    reference.*field.in_float = LittleEndianFloat(payload.first<4>());
+    payload = payload.subspan(4);
+  }
+  return link::MessageStatus::kOk;
+}
+
+}  // namespace
+
+void ReferenceReceiver::Receive(std::span<const std::uint8_t> bytes) {
+  while (const auto event = decoder_.Next(bytes)) {
+    if (event->status == link::FrameStatus::kOk) Accept(event->payload);
+  }
+}
+
+void ReferenceReceiver::Accept(std::span<const std::uint8_t> payload) {
+  Reference received;
+  const link::MessageStatus status = checks_ == ValueChecks::kNone ? ParseReference(payload, received)
+                                                                   : link::DecodeReference(payload, received);
+  if (status == link::MessageStatus::kOk) reference_ = received;
+}
+
+const Reference& ReferenceReceiver::Current(const Sensors& sensed) {
+  if (!reference_) {
+    reference_ = Reference{.x_m = sensed.x_m,
+                           .y_m = sensed.y_m,
+                           .z_m = sensed.z_m,
+                           .yaw_rad = sensed.yaw_rad,
+                           .vx_m_s = 0,
+                           .vy_m_s = 0,
+                           .vz_m_s = 0};
+  }
+  return *reference_;
+}
+
+}  // namespace tiltproof::firmware

@@ -1,0 +1,33 @@
+// Activity 4 of 4: receives references from the base station or the joystick reader on the second line
+// (paper, section 2.2, Figure 6): frames whose payload is 7 floats, no service, no reply.
+#pragma once
+
+#include <optional>
+#include <span>
+
+#include "firmware/sensor_reader.h"
+#include "link/frame.h"
+#include "link/signals.h"
+
+namespace tiltproof::firmware {
+
+class ReferenceReceiver {
+ public:
+  explicit ReferenceReceiver(ValueChecks checks) : checks_(checks) {}
+
+  // The last valid frame wins; others are dropped and the reference before them holds.
+  void Receive(std::span<const std::uint8_t> bytes);
+
+  // The reference to follow now. Until a first one arrives: to stay, at rest, at the position and yaw sensed
+  // at the first call.
+  const Reference& Current(const Sensors& sensed);
+
+ private:
+  void Accept(std::span<const std::uint8_t> payload);
+
+  ValueChecks checks_;
+  link::FrameDecoder decoder_;
+  std::optional<Reference> reference_;
+};
+
+}  // namespace tiltproof::firmware
