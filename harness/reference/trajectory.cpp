@@ -1,0 +1,241 @@
+#include "harness/reference/trajectory.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstddef>
+#include <fstream>
+#include <numbers>
+#include <string_view>
+#include <system_error>
+#include <variant>
+
+namespace tiltproof::harness {
+namespace {
+
+constexpr std::size_t kRecordedRowsMax = 1'000'000;
+constexpr std::size_t kRecordedLineBytesMax = 4096;
+// Positions (m) end where a flight counts as diverged; all lie within what the reference message may carry.
+constexpr double kMagnitudeMax = 1e3;
+constexpr double kYawMax_rad = 100.0;
+
+constexpr std::string_view kColumns = "t_s,x_m,y_m,z_m,yaw_rad";
+constexpr std::string_view kColumnsWithVelocity = "t_s,x_m,y_m,z_m,yaw_rad,vx_m_s,vy_m_s,vz_m_s";
+
+ReferenceTruth AtRest(const std::array<double, 3>& p_m, double yaw_rad = 0.0) {
+  ReferenceTruth r;
+  r.x_m = p_m[0];
+  r.y_m = p_m[1];
+  r.z_m = p_m[2];
+  r.yaw_rad = yaw_rad;
+  return r;
+}
+
+double Distance(const std::array<double, 3>& a, const std::array<double, 3>& b) {
+  return std::hypot(b[0] - a[0], b[1] - a[1], b[2] - a[2]);
+}
+
+double AngularFrequency(double turns_count, double time_s) {
+  return 2 * std::numbers::pi * turns_count / time_s;
+}
+
+void StripCarriageReturn(std::string& line) {
+  if (!line.empty() && line.back() == '\r') line.pop_back();
+}
+
+ReferenceTruth Evaluate(const HoverReference& hover, double) { return AtRest(hover.at_m, hover.yaw_rad); }
+
+// Eq. (1) writes x = d cos wt - x_r(0) + x_0. Its x_r(0), y_r(0), z_r(0) are those of the bare curve (d, 0,
+// 0), so that the reference begins at the start point.
+ReferenceTruth Evaluate(const SpiralReference& spiral, double t_s) {
+  const double d = spiral.radius_m;
+  const double w = AngularFrequency(spiral.turns_count, spiral.time_s);
+  const double climb_m_s = spiral.height_m / spiral.time_s;
+  const double t = std::min(t_s, spiral.time_s);
+  ReferenceTruth r;
+  r.x_m = d * std::cos(w * t) - d + spiral.start_m[0];
+  r.y_m = d * std::sin(w * t) + spiral.start_m[1];
+  r.z_m = climb_m_s * t + spiral.start_m[2];
+  if (t_s < spiral.time_s) {
+    r.vx_m_s = -d * w * std::sin(w * t);
+    r.vy_m_s = d * w * std::cos(w * t);
+    r.vz_m_s = climb_m_s;
+  }
+  return r;
+}
+
+// The start point lies at angle zero, so the centre is `radius_m` from it towards -x.
+ReferenceTruth Evaluate(const CircleReference& circle, double t_s) {
+  const double d = circle.radius_m;
+  const double w = AngularFrequency(1.0, circle.period_s);
+  ReferenceTruth r;
+  r.x_m = d * std::cos(w * t_s) - d + circle.start_m[0];
+  r.y_m = d * std::sin(w * t_s) + circle.start_m[1];
+  r.z_m = circle.start_m[2];
+  r.vx_m_s = -d * w * std::sin(w * t_s);
+  r.vy_m_s = d * w * std::cos(w * t_s);
+  return r;
+}
+
+// The lemniscate of Gerono about the start point: `width_m` wide along x, half of that along y.
+ReferenceTruth Evaluate(const EightReference& eight, double t_s) {
+  const double a = eight.width_m / 2;
+  const double b = eight.width_m / 4;
+  const double w = AngularFrequency(1.0, eight.period_s);
+  ReferenceTruth r;
+  r.x_m = a * std::sin(w * t_s) + eight.start_m[0];
+  r.y_m = b * std::sin(2 * w * t_s) + eight.start_m[1];
+  r.z_m = eight.start_m[2];
+  r.vx_m_s = a * w * std::cos(w * t_s);
+  r.vy_m_s = 2 * b * w * std::cos(2 * w * t_s);
+  return r;
+}
+
+ReferenceTruth Evaluate(const LineReference& line, double t_s) {
+  if (t_s >= line.time_s) return AtRest(line.to_m);
+  const double part = t_s / line.time_s;
+  std::array<double, 3> p_m{}, v_m_s{};
+  for (std::size_t i = 0; i < p_m.size(); ++i) {
+    const double way_m = line.to_m[i] - line.from_m[i];
+    p_m[i] = line.from_m[i] + part * way_m;
+    v_m_s[i] = way_m / line.time_s;
+  }
+  ReferenceTruth r = AtRest(p_m);
+  r.vx_m_s = v_m_s[0];
+  r.vy_m_s = v_m_s[1];
+  r.vz_m_s = v_m_s[2];
+  return r;
+}
+
+}  // namespace
+
+Trajectory::Trajectory(const ReferenceSpec& spec) : spec_(spec) {
+  if (const auto* recorded = std::get_if<RecordedReference>(&spec_.path)) {
+    polyline_ = ReadRecorded(recorded->file);
+  } else if (const auto* waypoints = std::get_if<WaypointsReference>(&spec_.path)) {
+    polyline_ = FromWaypoints(*waypoints);
+  }
+}
+
+ReferenceTruth Trajectory::At(TimeNs time_ns) const {
+  const double t_s = ToSeconds(std::max<TimeNs>(time_ns, 0));
+  ReferenceTruth r = std::visit(
+      [&](const auto& path) {
+        if constexpr (requires { Evaluate(path, t_s); }) {
+          return Evaluate(path, t_s);
+        } else {
+          return polyline_.At(t_s);
+        }
+      },
+      spec_.path);
+  if (!spec_.velocity || time_ns < 0) r.vx_m_s = r.vy_m_s = r.vz_m_s = 0.0;
+  return r;
+}
+
+std::array<double, 3> Trajectory::Start() const {
+  const ReferenceTruth r = At(0);
+  return {r.x_m, r.y_m, r.z_m};
+}
+
+Trajectory::Polyline Trajectory::FromWaypoints(const WaypointsReference& waypoints) {
+  if (waypoints.points_m.empty()) throw ReferenceError("a waypoints reference needs at least one point");
+  if (!(waypoints.speed_m_s > 0)) throw ReferenceError("a waypoints reference needs a positive speed");
+  Polyline polyline;
+  double t_s = 0.0;
+  for (std::size_t i = 0; i < waypoints.points_m.size(); ++i) {
+    const auto& point_m = waypoints.points_m[i];
+    if (i > 0) t_s += Distance(waypoints.points_m[i - 1], point_m) / waypoints.speed_m_s;
+    polyline.samples.push_back({t_s, AtRest(point_m)});
+  }
+  return polyline;
+}
+
+ReferenceTruth Trajectory::Polyline::At(double t_s) const {
+  const auto hold = [](ReferenceTruth r) {
+    r.vx_m_s = r.vy_m_s = r.vz_m_s = 0.0;
+    return r;
+  };
+  if (t_s < samples.front().t_s) return hold(samples.front().value);
+  if (t_s >= samples.back().t_s) return hold(samples.back().value);
+  const auto next = std::upper_bound(samples.begin(), samples.end(), t_s,
+                                     [](double t, const Sample& s) { return t < s.t_s; });
+  const Sample& a = *(next - 1);
+  const Sample& b = *next;
+  const double length_s = b.t_s - a.t_s;
+  const double part = (t_s - a.t_s) / length_s;
+  ReferenceTruth r;
+  for (const auto& field : kReferenceFields) {
+    const double from = a.value.*field.in_double;
+    r.*field.in_double = from + part * (b.value.*field.in_double - from);
+  }
+  if (!has_velocity) {
+    r.vx_m_s = (b.value.x_m - a.value.x_m) / length_s;
+    r.vy_m_s = (b.value.y_m - a.value.y_m) / length_s;
+    r.vz_m_s = (b.value.z_m - a.value.z_m) / length_s;
+  }
+  return r;
+}
+
+Trajectory::Polyline Trajectory::ReadRecorded(const std::filesystem::path& file) {
+  std::size_t line_number = 0;
+  const auto fail = [&](const std::string& message) {
+    throw ReferenceError(fmt::format("{}:{}: {}", file.string(), line_number, message));
+  };
+  if (!std::filesystem::is_regular_file(file)) throw ReferenceError(file.string() + ": not a readable file");
+  std::ifstream in(file);
+  if (!in) throw ReferenceError(file.string() + ": not a readable file");
+
+  std::string line;
+  line_number = 1;
+  std::getline(in, line);
+  StripCarriageReturn(line);
+  if (line != kColumns && line != kColumnsWithVelocity) {
+    fail(fmt::format("the first line must be '{}[,vx_m_s,vy_m_s,vz_m_s]'", kColumns));
+  }
+  const std::size_t column_count = line == kColumns ? 5 : 1 + kReferenceCount;
+
+  Polyline polyline;
+  polyline.has_velocity = column_count > 5;
+  std::vector<Sample>& samples = polyline.samples;
+  while (std::getline(in, line)) {
+    ++line_number;
+    StripCarriageReturn(line);
+    if (line.empty() && in.peek() == std::ifstream::traits_type::eof()) break;
+    if (line.size() > kRecordedLineBytesMax) fail("the line is too long");
+    if (samples.size() == kRecordedRowsMax) fail(fmt::format("more than {} rows", kRecordedRowsMax));
+    std::vector<double> numbers;
+    const char* begin = line.data();
+    const char* const end = line.data() + line.size();
+    while (true) {
+      const char* const comma = std::find(begin, end, ',');
+      double number = 0.0;
+      const auto [rest, error] = std::from_chars(begin, comma, number);
+      if (error != std::errc() || rest != comma || !std::isfinite(number)) {
+        fail(fmt::format("'{}' is not a number", std::string_view(begin, comma)));
+      }
+      numbers.push_back(number);
+      if (comma == end) break;
+      begin = comma + 1;
+    }
+    if (numbers.size() != column_count) {
+      fail(fmt::format("has {} columns, the first line has {}", numbers.size(), column_count));
+    }
+    Sample sample;
+    sample.t_s = numbers[0];
+    for (std::size_t i = 1; i < numbers.size(); ++i) {
+      const bool is_yaw = i == 4;
+      if (std::abs(numbers[i]) > (is_yaw ? kYawMax_rad : kMagnitudeMax)) {
+        fail(is_yaw ? "yaw_rad is beyond +/-100 rad" : "a value is beyond +/-1000 m or m/s");
+      }
+      sample.value.*kReferenceFields[i - 1].in_double = numbers[i];
+    }
+    if (!samples.empty() && !(sample.t_s > samples.back().t_s)) fail("t_s must ascend");
+    samples.push_back(sample);
+  }
+  if (samples.empty()) fail("has no rows");
+  return polyline;
+}
+
+}  // namespace tiltproof::harness
