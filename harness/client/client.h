@@ -33,7 +33,7 @@ class Client {
   virtual void Receive(Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) = 0;
   virtual TimeNs Grant(TimeNs now) = 0;
   virtual TimeNs Reset(TimeNs now) = 0;
-  virtual std::optional<ClientStatus> Status() const = 0;
+  virtual std::optional<ClientStatus> Status() = 0;
 };
 
 }  // namespace tiltproof::harness

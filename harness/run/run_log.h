@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "faults/fault.h"
+#include "harness/run/link_log.h"
 #include "harness/run/trace.h"
 #include "link/chunk.h"
 
@@ -37,14 +38,6 @@ struct DirectionCounts {
   std::int64_t frames_sent = 0, frames_accepted = 0, frames_rejected = 0, bytes_corrupted = 0;
 };
 
-// Raw bytes with times, for link.bin.
-struct LinkRecord {
-  TimeNs begin_ns = 0;
-  link::Direction direction{};
-  bool delivered = false;  // false: as sent; true: as it goes on after the faults
-  std::vector<std::uint8_t> bytes;
-};
-
 struct RunLog {
   Trace trace{TraceColumns()};
   EndReason end_reason = EndReason::kCompleted;
@@ -65,7 +58,8 @@ struct RunLog {
 
   std::vector<std::int64_t> fault_activation_counts;  // one per fault of the scenario
   std::vector<faults::Activation> activations;        // first kActivationsMax of each fault, in time order
-  std::vector<LinkRecord> link_records;
+  LinkLog link;
+  std::string firmware_log;  // lines "t_s text"
   std::vector<RunEvent> events;
   double wall_s = 0.0;  // of the flight alone
 };

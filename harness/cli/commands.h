@@ -1,0 +1,68 @@
+// One function a command; each returns the process's exit code:
+// 0 all green; 1 not green by pass or fail, or a difference found; 2 usage or invalid file; 3 harness or target error; 4 nothing selected or
+// unexpectedly inconclusive; 130 interrupted.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace tiltproof::harness {
+
+enum Exit : int { kExitGreen = 0, kExitNotGreen = 1, kExitUsage = 2, kExitError = 3, kExitUndecided = 4, kExitInterrupted = 130 };
+
+// The user's mistake in a flag or file: printed as it is, exit 2.
+struct UsageError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+struct RunOptions {
+  std::vector<std::filesystem::path> paths;
+  std::string client = "host";
+  std::string mode = "lockstep";
+  std::string expression;  // -k
+  std::string tag;
+  std::optional<std::uint64_t> seed;
+  int repeat_count = 1;
+  int jobs_count = 1;
+  std::filesystem::path out = "results";
+  bool fail_fast = false;
+  bool dry_run = false;
+  std::string format = "human";
+  bool no_progress = false;
+  std::vector<std::string> command;  // as typed, for run.json
+};
+int RunCommand(const RunOptions& options);
+
+struct CheckOptions {
+  std::vector<std::filesystem::path> paths;
+};
+int CheckCommand(const CheckOptions& options);
+int ListCommand(const CheckOptions& options);
+int SchemaCommand();
+int FaultsCommand();
+
+struct ReplayOptions {
+  std::filesystem::path run;
+  std::string format = "human";
+};
+int ReplayCommand(const ReplayOptions& options);
+int ScoreCommand(const ReplayOptions& options);
+
+struct DesignLqrOptions {
+  std::string model;
+  std::filesystem::path csv;
+  std::string firmware_table;
+  bool allow_invalid_inertia = false;
+};
+int DesignLqrCommand(const DesignLqrOptions& options);
+
+int FrameEncodeCommand(const std::string& hex);
+// An empty path is standard input.
+int FrameDecodeCommand(const std::filesystem::path& file);
+int LinkDumpCommand(const std::filesystem::path& file);
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,68 @@
+#include <fmt/format.h>
+#include <stdlib.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include "harness/cli/commands.h"
+#include "harness/cli/data_files.h"
+#include "harness/cli/run_folder.h"
+#include "harness/cli/suite.h"
+#include "harness/cli/worker_pool.h"
+#include "harness/report/files.h"
+
+namespace tiltproof::harness {
+namespace {
+
+std::filesystem::path MakeTemporaryFolder() {
+  std::string name = (std::filesystem::temp_directory_path() / "tiltproof-replay-XXXXXX").string();
+  if (mkdtemp(name.data()) == nullptr) throw FileError(fmt::format("cannot create {}: {}", name, std::strerror(errno)));
+  return name;
+}
+
+}  // namespace
+
+// 0 when every trace hash is equal, whatever the verdicts. The flights are kept only when they differ.
+int ReplayCommand(const ReplayOptions& options) {
+  const OldRun run = OpenRun(options.run);
+  const auto library = FirmwareLibrary(run.info.client);
+  const std::filesystem::path folder = MakeTemporaryFolder();
+  std::vector<FlightJob> jobs;
+  std::vector<ScenarioResult> old_results;
+  for (const auto& scenario_folder : run.scenario_folders) {
+    try {
+      old_results.push_back(ResultFromJsonText(ReadFile(scenario_folder / "verdict.json")));
+    } catch (const std::exception& error) {
+      throw UsageError(fmt::format("{}: {}", (scenario_folder / "verdict.json").string(), error.what()));
+    }
+    FlightJob job{ReadFlownScenario(scenario_folder), nullptr, library, folder / scenario_folder.filename(), {}};
+    job.model = LoadModel(job.scenario);
+    job.replay = fmt::format("tiltproof replay {}", scenario_folder.string());
+    jobs.push_back(std::move(job));
+  }
+  const PoolOutcome outcome = FlyAll(jobs, {}, [](const ScenarioResult&) {});
+  if (outcome.interrupted) {
+    std::filesystem::remove_all(folder);
+    return kExitInterrupted;
+  }
+  int different_count = 0;
+  bool error = false;
+  for (std::size_t i = 0; i < outcome.results.size(); ++i) {
+    const ScenarioResult& now = outcome.results[i];
+    const ScenarioResult& then = old_results[i];
+    if (now.score.verdict == Verdict::kError && then.score.verdict != Verdict::kError) {
+      error = true;
+      fmt::print("ERROR      {:<34} {}\n", now.name, now.score.reason);
+      continue;
+    }
+    const bool equal = now.trace_hash == then.trace_hash;
+    different_count += equal ? 0 : 1;
+    fmt::print("{:<10} {:<34} {}{}\n", equal ? "equal" : "DIFFERENT", now.name, then.trace_hash,
+               equal ? "" : fmt::format(" then, {} now: {}", now.trace_hash, (folder / now.name).string()));
+  }
+  if (different_count == 0) std::filesystem::remove_all(folder);
+  fmt::print("{} of {} equal\n", outcome.results.size() - static_cast<std::size_t>(different_count) - (error ? 1U : 0U), outcome.results.size());
+  return error ? kExitError : different_count > 0 ? kExitNotGreen : kExitGreen;
+}
+
+}  // namespace tiltproof::harness

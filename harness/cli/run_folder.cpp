@@ -1,0 +1,66 @@
+#include "harness/cli/run_folder.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "harness/cli/commands.h"
+#include "harness/cli/suite.h"
+#include "harness/report/files.h"
+#include "harness/report/flight_files.h"
+
+namespace tiltproof::harness {
+namespace {
+
+constexpr const char* kScenarioFile = "scenario.resolved.yaml";
+
+}  // namespace
+
+OldRun OpenRun(const std::filesystem::path& path) {
+  namespace fs = std::filesystem;
+  const fs::path folder = fs::exists(path) ? fs::canonical(path) : path;
+  OldRun run;
+  try {
+    if (fs::exists(folder / kScenarioFile)) {
+      run.info = ReadRunInfo(folder.parent_path());
+      run.scenario_folders = {folder};
+      return run;
+    }
+    run.info = ReadRunInfo(folder);
+  } catch (const std::runtime_error& error) {
+    throw UsageError(fmt::format("{} is neither a run's results folder nor a scenario's in it: {}", path.string(), error.what()));
+  }
+  for (const auto& entry : fs::directory_iterator(folder))
+    if (entry.is_directory() && fs::exists(entry.path() / kScenarioFile)) run.scenario_folders.push_back(entry.path());
+  std::sort(run.scenario_folders.begin(), run.scenario_folders.end());
+  if (run.scenario_folders.empty()) throw UsageError(fmt::format("{}: no scenario was flown in this run", path.string()));
+  return run;
+}
+
+Scenario ReadFlownScenario(const std::filesystem::path& scenario_folder) {
+  try {
+    return ReadScenario(scenario_folder / kScenarioFile, MakeReadOptions());
+  } catch (const ScenarioError& error) {
+    throw UsageError(error.what());
+  }
+}
+
+void WriteRunEvents(const std::filesystem::path& folder, const std::vector<ScenarioResult>& results) {
+  std::string lines;
+  for (const auto& result : results) {
+    const auto file = folder / result.name / "flight.json";
+    if (!std::filesystem::exists(file)) continue;
+    for (const auto& event : ReadFlight(folder / result.name).events) {
+      nlohmann::ordered_json line;
+      line["scenario"] = result.name;
+      line["time_s"] = ToSeconds(event.time_ns);
+      line["kind"] = event.kind;
+      line["text"] = event.text;
+      lines += line.dump() + "\n";
+    }
+  }
+  WriteFile(folder / "events.jsonl", lines);
+}
+
+}  // namespace tiltproof::harness

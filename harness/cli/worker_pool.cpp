@@ -1,0 +1,273 @@
+#include "harness/cli/worker_pool.h"
+
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+#include <optional>
+
+#include "harness/client/firmware_guard.h"
+#include "harness/client/library_client.h"
+#include "harness/report/files.h"
+#include "harness/report/flight_files.h"
+#include "harness/report/trace_csv.h"
+#include "harness/run/flight.h"
+#include "harness/scenario/reader.h"
+#include "harness/score/score.h"
+
+namespace tiltproof::harness {
+namespace {
+
+using SteadyClock = std::chrono::steady_clock;
+
+// A worker whose simulation time has stood still for this long is stuck in our own code: its firmware is guarded (FirmwareGuard).
+constexpr auto kStuckAfter = std::chrono::seconds(60);
+constexpr int kRefresh_ms = 100;
+// Exit code of a worker that could not leave a verdict.
+constexpr int kExitWithoutVerdict = 77;
+
+std::atomic<bool> interrupted{false};
+
+void OnInterrupt(int) { interrupted.store(true, std::memory_order_relaxed); }
+
+// Puts our handlers in place for as long as it lives.
+class InterruptScope {
+ public:
+  InterruptScope() {
+    interrupted = false;
+    struct sigaction action {};
+    action.sa_handler = OnInterrupt;
+    sigemptyset(&action.sa_mask);
+    sigaction(SIGINT, &action, &old_int_);
+    sigaction(SIGTERM, &action, &old_term_);
+  }
+  ~InterruptScope() {
+    sigaction(SIGINT, &old_int_, nullptr);
+    sigaction(SIGTERM, &old_term_, nullptr);
+  }
+  InterruptScope(const InterruptScope&) = delete;
+  InterruptScope& operator=(const InterruptScope&) = delete;
+
+ private:
+  struct sigaction old_int_ {};
+  struct sigaction old_term_ {};
+};
+
+ScenarioResult ErrorResult(const FlightJob& job, const std::string& reason) {
+  ScenarioResult result;
+  result.name = job.folder.filename();
+  result.expected = job.scenario.expect;
+  result.seed = job.scenario.seed;
+  result.replay = job.replay;
+  result.score.verdict = Verdict::kError;
+  result.score.reason = reason;
+  return result;
+}
+
+ScenarioResult FlyJob(const FlightJob& job, std::atomic<std::int64_t>* progress_ns) {
+  const Scenario& scenario = job.scenario;
+  FlightOptions options;
+  options.make_client = [&](ClientHost host) {
+    return LoadLibraryClient(job.firmware_library, scenario.firmware, scenario.link.dialect, std::move(host));
+  };
+  options.progress_ns = progress_ns;
+  options.interrupted = &interrupted;
+  const RunLog log = Fly(scenario, *job.model, options);
+  ScenarioResult result;
+  result.name = job.folder.filename();
+  result.expected = scenario.expect;
+  result.seed = scenario.seed;
+  result.trace_hash = TraceHash(log.trace);
+  result.wall_s = log.wall_s;
+  result.real_time_factor = log.wall_s > 0 ? ToSeconds(log.end_ns) / log.wall_s : 0.0;
+  result.replay = job.replay;
+  result.score = ScoreRun(scenario, log);
+  WriteFlight(job.folder, scenario, WriteResolved(scenario), log);
+  return result;
+}
+
+// In the worker: flies, writes the scenario's folder, exits. Never returns.
+[[noreturn]] void Work(const FlightJob& job, std::atomic<std::int64_t>* progress_ns) {
+  // Whatever the firmware prints must not mix with the results on standard output.
+  dup2(STDERR_FILENO, STDOUT_FILENO);
+  FirmwareGuard::Install();
+  ScenarioResult result;
+  try {
+    std::filesystem::create_directories(job.folder);
+    try {
+      result = FlyJob(job, progress_ns);
+    } catch (const FileError&) {
+      throw;
+    } catch (const FirmwareTrouble& trouble) {
+      // While it was being loaded; in flight the conductor keeps what was flown.
+      result = ErrorResult(job, trouble.what());
+      result.score.verdict = Verdict::kFail;
+    } catch (const std::exception& error) {
+      result = ErrorResult(job, error.what());
+    }
+    WriteFile(job.folder / "verdict.json", ToJsonText(result));
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "tiltproof: %s: %s\n", job.scenario.name.c_str(), error.what());
+    _exit(kExitWithoutVerdict);
+  }
+  // No destructors or exit handlers: they may be the firmware library's.
+  _exit(0);
+}
+
+struct Worker {
+  std::size_t job = 0;
+  pid_t pid = -1;
+  int pidfd = -1;
+  std::atomic<std::int64_t>* progress_ns = nullptr;
+  std::int64_t seen_progress_ns = 0;
+  SteadyClock::time_point seen_at;
+};
+
+class Pool {
+ public:
+  Pool(const std::vector<FlightJob>& jobs, const PoolOptions& options, const std::function<void(const ScenarioResult&)>& on_finished)
+      : jobs_(jobs), options_(options), on_finished_(on_finished), results_(jobs.size()) {}
+
+  PoolOutcome Run() {
+    const InterruptScope scope;
+    std::size_t next = 0;
+    bool stop = false;
+    while (true) {
+      while (!stop && !interrupted && next < jobs_.size() && workers_.size() < static_cast<std::size_t>(options_.jobs_count)) Start(next++);
+      if (workers_.empty()) break;
+      Wait();
+      for (std::size_t i = 0; i < workers_.size();) {
+        if (!Finished(workers_[i])) {
+          ++i;
+          continue;
+        }
+        const std::size_t job = workers_[i].job;
+        workers_.erase(workers_.begin() + static_cast<std::ptrdiff_t>(i));
+        ClearProgress();
+        on_finished_(*results_[job]);
+        if (options_.fail_fast && !results_[job]->green()) stop = true;
+      }
+      ShowProgress();
+    }
+    ClearProgress();
+    PoolOutcome outcome;
+    outcome.interrupted = interrupted;
+    for (std::size_t i = 0; i < jobs_.size(); ++i) {
+      if (results_[i]) {
+        outcome.results.push_back(std::move(*results_[i]));
+      } else {
+        outcome.not_flown.push_back(jobs_[i].folder.filename());
+      }
+    }
+    return outcome;
+  }
+
+ private:
+  void Start(std::size_t job) {
+    void* shared = mmap(nullptr, sizeof(std::atomic<std::int64_t>), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    if (shared == MAP_FAILED) throw std::runtime_error(fmt::format("cannot share memory with a worker: {}", std::strerror(errno)));
+    Worker worker;
+    worker.job = job;
+    worker.progress_ns = new (shared) std::atomic<std::int64_t>(0);
+    worker.seen_at = SteadyClock::now();
+    std::fflush(nullptr);
+    const pid_t parent = getpid();
+    worker.pid = fork();
+    if (worker.pid < 0) throw std::runtime_error(fmt::format("cannot start a worker: {}", std::strerror(errno)));
+    if (worker.pid == 0) {
+      // A worker never outlives the run, not even when the parent is killed.
+      prctl(PR_SET_PDEATHSIG, SIGKILL);
+      if (getppid() != parent) _exit(1);
+      Work(jobs_[job], worker.progress_ns);
+    }
+    worker.pidfd = static_cast<int>(syscall(SYS_pidfd_open, worker.pid, 0));
+    workers_.push_back(worker);
+  }
+
+  // Until a worker ends, or the time to refresh the display.
+  void Wait() {
+    std::vector<pollfd> polled;
+    for (const auto& worker : workers_) polled.push_back({worker.pidfd, POLLIN, 0});
+    poll(polled.data(), polled.size(), kRefresh_ms);
+    if (interrupted && !forwarded_) {
+      // Ctrl-C on a terminal reaches them anyway; a signal to this process alone does not.
+      for (const auto& worker : workers_) kill(worker.pid, SIGINT);
+      forwarded_ = true;
+    }
+  }
+
+  bool Finished(Worker& worker) {
+    int status = 0;
+    if (waitpid(worker.pid, &status, WNOHANG) != worker.pid) {
+      const std::int64_t progress = worker.progress_ns->load(std::memory_order_relaxed);
+      const auto now = SteadyClock::now();
+      if (progress != worker.seen_progress_ns) {
+        worker.seen_progress_ns = progress;
+        worker.seen_at = now;
+      } else if (now - worker.seen_at > kStuckAfter) {
+        kill(worker.pid, SIGKILL);
+      }
+      return false;
+    }
+    results_[worker.job] = Collect(jobs_[worker.job], status);
+    close(worker.pidfd);
+    munmap(static_cast<void*>(worker.progress_ns), sizeof(std::atomic<std::int64_t>));
+    return true;
+  }
+
+  static ScenarioResult Collect(const FlightJob& job, int status) {
+    if (WIFEXITED(status) && WEXITSTATUS(status) == 0) {
+      try {
+        return ResultFromJsonText(ReadFile(job.folder / "verdict.json"));
+      } catch (const std::exception& error) {
+        return ErrorResult(job, error.what());
+      }
+    }
+    if (WIFSIGNALED(status))
+      return ErrorResult(job, fmt::format("the worker process was killed by signal {} ({})", WTERMSIG(status), strsignal(WTERMSIG(status))));
+    if (WIFEXITED(status) && WEXITSTATUS(status) == kExitWithoutVerdict)
+      return ErrorResult(job, "the worker process could not write the results; its message stands above");
+    return ErrorResult(job, fmt::format("the worker process ended with exit code {}: did the firmware call exit()?", WEXITSTATUS(status)));
+  }
+
+  void ShowProgress() {
+    if (!options_.progress || workers_.empty()) return;
+    std::string line = "\r\033[K";
+    for (const auto& worker : workers_)
+      line += fmt::format("  {} {:.0f}/{:.0f} s", jobs_[worker.job].folder.filename().string(),
+                          ToSeconds(worker.progress_ns->load(std::memory_order_relaxed)), ToSeconds(jobs_[worker.job].scenario.duration_ns));
+    std::fputs(line.substr(0, 110).c_str(), stderr);
+    std::fflush(stderr);
+    shown_ = true;
+  }
+  void ClearProgress() {
+    if (shown_) std::fputs("\r\033[K", stderr);
+    shown_ = false;
+  }
+
+  const std::vector<FlightJob>& jobs_;
+  const PoolOptions& options_;
+  const std::function<void(const ScenarioResult&)>& on_finished_;
+  std::vector<std::optional<ScenarioResult>> results_;
+  std::vector<Worker> workers_;
+  bool forwarded_ = false;
+  bool shown_ = false;
+};
+
+}  // namespace
+
+PoolOutcome FlyAll(const std::vector<FlightJob>& jobs, const PoolOptions& options, const std::function<void(const ScenarioResult&)>& on_finished) {
+  return Pool(jobs, options, on_finished).Run();
+}
+
+}  // namespace tiltproof::harness

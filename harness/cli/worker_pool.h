@@ -1,0 +1,40 @@
+// Flies scenarios in worker processes, one process a flight: a firmware library always gets a fresh one, a crash of the firmware or of ours
+// costs one scenario, and -j changes nothing but the wall-clock time.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "harness/report/results.h"
+#include "harness/scenario/scenario.h"
+#include "plant/vehicle_model.h"
+
+namespace tiltproof::harness {
+
+struct FlightJob {
+  Scenario scenario;
+  std::shared_ptr<const plant::VehicleModel> model;
+  std::filesystem::path firmware_library;
+  std::filesystem::path folder;  // created by the worker; the scenario's own
+  std::string replay;            // the exact command that flies it again
+};
+
+struct PoolOptions {
+  int jobs_count = 1;
+  bool fail_fast = false;
+  bool progress = false;  // one updating line on standard error
+};
+
+struct PoolOutcome {
+  std::vector<ScenarioResult> results;  // in the order of the jobs; those not flown are missing
+  std::vector<std::string> not_flown;   // after an interrupt or --fail-fast
+  bool interrupted = false;
+};
+
+// `on_finished` is called for each result as it comes. SIGINT and SIGTERM end the flights under way, whose partial results are kept.
+PoolOutcome FlyAll(const std::vector<FlightJob>& jobs, const PoolOptions& options, const std::function<void(const ScenarioResult&)>& on_finished);
+
+}  // namespace tiltproof::harness

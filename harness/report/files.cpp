@@ -1,0 +1,100 @@
+#include "harness/report/files.h"
+
+#include <fcntl.h>
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+
+namespace tiltproof::harness {
+namespace {
+
+[[noreturn]] void Fail(std::string_view doing, const std::filesystem::path& path, int error) {
+  throw FileError(fmt::format("cannot {} {}: {}", doing, path.string(), std::strerror(error)));
+}
+
+std::chrono::sys_time<std::chrono::milliseconds> Now() {
+  return std::chrono::floor<std::chrono::milliseconds>(std::chrono::system_clock::now());
+}
+
+}  // namespace
+
+void WriteFile(const std::filesystem::path& path, std::string_view content) {
+  const std::filesystem::path temporary = path.string() + ".part";
+  const int file = open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  if (file < 0) Fail("create", path, errno);
+  const auto give_up = [&](std::string_view doing, int error) {
+    close(file);
+    unlink(temporary.c_str());
+    Fail(doing, path, error);
+  };
+  while (!content.empty()) {
+    const ssize_t written = write(file, content.data(), content.size());
+    if (written < 0) {
+      if (errno == EINTR) continue;
+      give_up("write", errno);
+    }
+    content.remove_prefix(static_cast<std::size_t>(written));
+  }
+  if (close(file) != 0) {
+    const int error = errno;
+    unlink(temporary.c_str());
+    Fail("write", path, error);
+  }
+  if (rename(temporary.c_str(), path.c_str()) != 0) {
+    const int error = errno;
+    unlink(temporary.c_str());
+    Fail("rename to", path, error);
+  }
+}
+
+std::string ReadFile(const std::filesystem::path& path) {
+  const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (file < 0) Fail("open", path, errno);
+  std::string content;
+  char buffer[65536];
+  for (;;) {
+    const ssize_t got = read(file, buffer, sizeof buffer);
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) {
+      const int error = errno;
+      close(file);
+      Fail("read", path, error);
+    }
+    if (got == 0) break;
+    content.append(buffer, static_cast<std::size_t>(got));
+  }
+  close(file);
+  return content;
+}
+
+std::filesystem::path CreateRunFolder(const std::filesystem::path& parent, const std::string& suite, std::uint64_t seed) {
+  std::error_code error;
+  std::filesystem::create_directories(parent, error);
+  if (error) throw FileError(fmt::format("cannot create {}: {}", parent.string(), error.message()));
+  const auto now = Now();
+  const std::string name = fmt::format("{:%Y%m%dT%H%M%S}.{:03d}Z-{}-{}", std::chrono::floor<std::chrono::seconds>(now),
+                                       now.time_since_epoch().count() % 1000, suite, seed);
+  for (int n = 1;; ++n) {
+    const std::string unique = n == 1 ? name : fmt::format("{}-{}", name, n);
+    const std::filesystem::path folder = parent / unique;
+    if (mkdir(folder.c_str(), 0755) == 0) {
+      // A link beside it, then a rename: `latest` never misses, whoever else is writing. Not worth failing a run for.
+      const std::filesystem::path link = parent / fmt::format(".latest-{}", unique);
+      if (symlink(unique.c_str(), link.c_str()) == 0 && rename(link.c_str(), (parent / "latest").c_str()) != 0) unlink(link.c_str());
+      return folder;
+    }
+    if (errno != EEXIST) Fail("create", folder, errno);
+  }
+}
+
+std::string UtcNow() {
+  const auto now = Now();
+  return fmt::format("{:%Y-%m-%dT%H:%M:%S}.{:03d}Z", std::chrono::floor<std::chrono::seconds>(now), now.time_since_epoch().count() % 1000);
+}
+
+}  // namespace tiltproof::harness

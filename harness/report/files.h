@@ -1,0 +1,27 @@
+// Files of a run: written whole or not at all, and a clear error when the disk says no.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+
+namespace tiltproof::harness {
+
+// Trouble with a file; the text names it and the system's reason.
+struct FileError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+// Writes a temporary beside `path` and renames it, so that readers never see half a file.
+void WriteFile(const std::filesystem::path& path, std::string_view content);
+std::string ReadFile(const std::filesystem::path& path);
+
+// Creates <parent>/<UTC to the ms>-<suite>-<seed>[-n] exclusively, n = 2, 3, ... when it exists already, and points <parent>/latest at it.
+std::filesystem::path CreateRunFolder(const std::filesystem::path& parent, const std::string& suite, std::uint64_t seed);
+
+// The present UTC time, ISO 8601 to the millisecond.
+std::string UtcNow();
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,127 @@
+#include "harness/report/flight_files.h"
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "harness/report/files.h"
+#include "harness/report/trace_csv.h"
+
+namespace tiltproof::harness {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json ToJson(const std::vector<link::Chunk>& chunks) {
+  Json array = Json::array();
+  for (const auto& chunk : chunks)
+    array.push_back({{"begin_s", ToSeconds(chunk.begin_ns)}, {"bytes", fmt::format("{:02x}", fmt::join(chunk.bytes, ""))}});
+  return array;
+}
+
+Json FlightJson(const RunLog& log) {
+  Json json;
+  json["end_reason"] = Name(log.end_reason);
+  json["end_text"] = log.end_text;
+  json["end_ns"] = log.end_ns;
+  json["wall_s"] = log.wall_s;
+  json["hover_input"] = log.hover_input;
+  json["input_min"] = log.input_min;
+  json["input_max"] = log.input_max;
+  for (std::size_t d = 0; d < link::kDirectionCount; ++d) {
+    const DirectionCounts& counts = log.counts[d];
+    json["counts"][std::string(Name(static_cast<link::Direction>(d)))] = {{"frames_sent", counts.frames_sent},
+                                                                         {"frames_accepted", counts.frames_accepted},
+                                                                         {"frames_rejected", counts.frames_rejected},
+                                                                         {"bytes_corrupted", counts.bytes_corrupted}};
+  }
+  json["accepted_wrong_count"] = log.accepted_wrong_count;
+  json["accepted_stale_count"] = log.accepted_stale_count;
+  json["resync_max_ns"] = log.resync_max_ns;
+  json["starts_accepted_count"] = log.starts_accepted_count;
+  if (log.failsafe_entered_count) json["failsafe_entered_count"] = *log.failsafe_entered_count;
+  json["fault_activation_counts"] = log.fault_activation_counts;
+  json["request_times_ns"] = log.request_times_ns;
+  json["reply_latency_ns"] = log.reply_latency_ns;
+  json["actuator_times_ns"] = log.actuator_times_ns;
+  json["events"] = Json::array();
+  for (const auto& event : log.events)
+    json["events"].push_back({{"time_s", ToSeconds(event.time_ns)}, {"kind", event.kind}, {"text", event.text}});
+  return json;
+}
+
+EndReason EndReasonNamed(const std::string& name) {
+  for (int i = 0; i <= static_cast<int>(EndReason::kHarnessError); ++i)
+    if (Name(static_cast<EndReason>(i)) == name) return static_cast<EndReason>(i);
+  throw std::runtime_error("unknown end_reason '" + name + "'");
+}
+
+}  // namespace
+
+void WriteFlight(const std::filesystem::path& folder, const Scenario& scenario, const std::string& resolved_scenario, const RunLog& log) {
+  WriteFile(folder / "scenario.resolved.yaml", resolved_scenario);
+  WriteFile(folder / "trace.csv", WriteTraceCsv(log.trace));
+  std::string faults;
+  for (const auto& activation : log.activations) {
+    Json line;
+    line["time_s"] = ToSeconds(activation.time_ns);
+    line["fault"] = scenario.faults.at(activation.fault).id;
+    line["type"] = scenario.faults.at(activation.fault).type;
+    line["what"] = activation.what;
+    line["before"] = ToJson(activation.before);
+    line["after"] = ToJson(activation.after);
+    faults += line.dump() + "\n";
+  }
+  WriteFile(folder / "faults.jsonl", faults);
+  const auto& bytes = log.link.content();
+  WriteFile(folder / "link.bin", {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  WriteFile(folder / "firmware.log", log.firmware_log);
+  WriteFile(folder / "flight.json", FlightJson(log).dump() + "\n");
+}
+
+RunLog ReadFlight(const std::filesystem::path& folder) {
+  RunLog log;
+  const auto trace_file = folder / "trace.csv";
+  try {
+    log.trace = ReadTraceCsv(ReadFile(trace_file));
+  } catch (const FileError&) {
+    throw;
+  } catch (const std::exception& error) {
+    throw std::runtime_error(trace_file.string() + ": " + error.what());
+  }
+  const auto flight_file = folder / "flight.json";
+  const std::string text = ReadFile(flight_file);
+  try {
+    const Json json = Json::parse(text);
+    log.end_reason = EndReasonNamed(json.at("end_reason").get<std::string>());
+    json.at("end_text").get_to(log.end_text);
+    json.at("end_ns").get_to(log.end_ns);
+    json.at("wall_s").get_to(log.wall_s);
+    json.at("hover_input").get_to(log.hover_input);
+    json.at("input_min").get_to(log.input_min);
+    json.at("input_max").get_to(log.input_max);
+    for (std::size_t d = 0; d < link::kDirectionCount; ++d) {
+      const Json& counts = json.at("counts").at(std::string(Name(static_cast<link::Direction>(d))));
+      counts.at("frames_sent").get_to(log.counts[d].frames_sent);
+      counts.at("frames_accepted").get_to(log.counts[d].frames_accepted);
+      counts.at("frames_rejected").get_to(log.counts[d].frames_rejected);
+      counts.at("bytes_corrupted").get_to(log.counts[d].bytes_corrupted);
+    }
+    json.at("accepted_wrong_count").get_to(log.accepted_wrong_count);
+    json.at("accepted_stale_count").get_to(log.accepted_stale_count);
+    json.at("resync_max_ns").get_to(log.resync_max_ns);
+    json.at("starts_accepted_count").get_to(log.starts_accepted_count);
+    if (json.contains("failsafe_entered_count")) log.failsafe_entered_count = json.at("failsafe_entered_count").get<std::int64_t>();
+    json.at("fault_activation_counts").get_to(log.fault_activation_counts);
+    json.at("request_times_ns").get_to(log.request_times_ns);
+    json.at("reply_latency_ns").get_to(log.reply_latency_ns);
+    json.at("actuator_times_ns").get_to(log.actuator_times_ns);
+    for (const auto& event : json.at("events"))
+      log.events.push_back({FromSeconds(event.at("time_s").get<double>()), event.at("kind").get<std::string>(), event.at("text").get<std::string>()});
+  } catch (const std::exception& error) {
+    throw std::runtime_error(flight_file.string() + ": " + error.what());
+  }
+  return log;
+}
+
+}  // namespace tiltproof::harness

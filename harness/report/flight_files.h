@@ -1,0 +1,27 @@
+// The folder of one scenario: everything its flight left behind, and reading it back for scoring offline.
+//
+//   scenario.resolved.yaml  the scenario with every default explicit
+//   trace.csv               one row every 12 ms
+//   faults.jsonl            every kept activation of a fault: time, what, chunks before and after
+//   link.bin                raw bytes with times (harness/run/link_log.h)
+//   firmware.log            what the firmware logged, times in nanoseconds since power-on
+//   flight.json             how the flight ended, counters, request times: the rest of what scoring needs
+//   verdict.json            the scenario's entry in results.json
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "harness/run/run_log.h"
+#include "harness/scenario/scenario.h"
+
+namespace tiltproof::harness {
+
+// Throws FileError. `resolved_scenario` is the text of scenario.resolved.yaml.
+void WriteFlight(const std::filesystem::path& folder, const Scenario& scenario, const std::string& resolved_scenario, const RunLog& log);
+
+// What scoring needs: the trace and flight.json; raw bytes and activations are not read. Throws FileError or std::runtime_error naming the
+// file and the place.
+RunLog ReadFlight(const std::filesystem::path& folder);
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,191 @@
+#include "harness/report/results.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <pugixml.hpp>
+#include <sstream>
+
+#include "harness/report/files.h"
+
+namespace tiltproof::harness {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// JSON has no infinity: robustness of a trace that holds NaN is minus infinity.
+Json Number(double value) {
+  if (std::isfinite(value)) return value;
+  return std::isnan(value) ? "NaN" : value > 0 ? "Infinity" : "-Infinity";
+}
+double NumberFrom(const Json& json) {
+  if (json.is_number()) return json.get<double>();
+  const auto text = json.get<std::string>();
+  if (text == "Infinity") return HUGE_VAL;
+  if (text == "-Infinity") return -HUGE_VAL;
+  return std::nan("");
+}
+Json OptionalNumber(const std::optional<double>& value) { return value ? Number(*value) : Json(nullptr); }
+std::optional<double> OptionalFrom(const Json& json) {
+  if (json.is_null()) return std::nullopt;
+  return NumberFrom(json);
+}
+
+Verdict VerdictNamed(const std::string& name) {
+  for (const Verdict verdict : {Verdict::kPass, Verdict::kInconclusive, Verdict::kFail, Verdict::kError})
+    if (Name(verdict) == name) return verdict;
+  throw std::runtime_error("unknown verdict '" + name + "'");
+}
+
+Json ToJson(const ScenarioResult& result) {
+  Json json;
+  json["name"] = result.name;
+  json["verdict"] = Name(result.score.verdict);
+  json["expected"] = Name(result.expected);
+  json["green"] = result.green();
+  json["reason"] = result.score.reason;
+  json["seed"] = result.seed;
+  json["trace_hash"] = result.trace_hash;
+  json["wall_s"] = result.wall_s;
+  json["real_time_factor"] = result.real_time_factor;
+  json["metrics"] = Json::object();
+  for (const auto& [name, value] : result.score.metrics) json["metrics"][name] = Number(value);
+  json["criteria"] = Json::array();
+  for (const auto& criterion : result.score.criteria)
+    json["criteria"].push_back({{"name", criterion.name},
+                                {"verdict", Name(criterion.verdict)},
+                                {"robustness", OptionalNumber(criterion.robustness)},
+                                {"time_s", OptionalNumber(criterion.time_s)},
+                                {"explanation", criterion.explanation}});
+  json["faults"] = Json::array();
+  for (const auto& fault : result.score.faults)
+    json["faults"].push_back({{"id", fault.id}, {"type", fault.type}, {"activations", fault.activations}});
+  json["replay"] = result.replay;
+  return json;
+}
+
+// XML 1.0 forbids most control characters, even escaped.
+std::string XmlSafe(std::string text) {
+  for (char& c : text)
+    if (static_cast<unsigned char>(c) < 0x20 && c != '\t' && c != '\n') c = '?';
+  return text;
+}
+
+std::string JunitXml(const RunInfo& info, const std::vector<ScenarioResult>& results) {
+  pugi::xml_document document;
+  auto suite = document.append_child("testsuites").append_child("testsuite");
+  suite.append_attribute("name") = XmlSafe(info.suite).c_str();
+  suite.append_attribute("tests") = static_cast<unsigned>(results.size());
+  unsigned failures = 0, errors = 0;
+  double time_s = 0;
+  for (const auto& result : results) {
+    if (!result.green()) ++(result.score.verdict == Verdict::kError ? errors : failures);
+    time_s += result.wall_s;
+  }
+  suite.append_attribute("failures") = failures;
+  suite.append_attribute("errors") = errors;
+  suite.append_attribute("time") = fmt::format("{:.3f}", time_s).c_str();
+  suite.append_attribute("timestamp") = info.started.c_str();
+  for (const auto& result : results) {
+    auto test = suite.append_child("testcase");
+    test.append_attribute("classname") = XmlSafe(info.suite).c_str();
+    test.append_attribute("name") = XmlSafe(result.name).c_str();
+    test.append_attribute("time") = fmt::format("{:.3f}", result.wall_s).c_str();
+    if (result.green()) continue;
+    auto failure = test.append_child(result.score.verdict == Verdict::kError ? "error" : "failure");
+    failure.append_attribute("message") =
+        XmlSafe(fmt::format("{}, expected {}: {}", Name(result.score.verdict), Name(result.expected), result.score.reason)).c_str();
+    std::string text = fmt::format("seed {}\nreplay: {}\n", result.seed, result.replay);
+    for (const auto& criterion : result.score.criteria)
+      text += fmt::format("{} {}: {}\n", Name(criterion.verdict), criterion.name, criterion.explanation);
+    failure.append_child(pugi::node_pcdata).set_value(XmlSafe(text).c_str());
+  }
+  std::ostringstream out;
+  document.save(out, "  ");
+  return out.str();
+}
+
+}  // namespace
+
+std::string ToJsonText(const ScenarioResult& result) { return ToJson(result).dump(2) + "\n"; }
+
+ScenarioResult ResultFromJsonText(const std::string& text) {
+  const Json json = Json::parse(text);
+  ScenarioResult result;
+  json.at("name").get_to(result.name);
+  result.expected = VerdictNamed(json.at("expected").get<std::string>());
+  json.at("seed").get_to(result.seed);
+  json.at("trace_hash").get_to(result.trace_hash);
+  json.at("wall_s").get_to(result.wall_s);
+  json.at("real_time_factor").get_to(result.real_time_factor);
+  json.at("replay").get_to(result.replay);
+  result.score.verdict = VerdictNamed(json.at("verdict").get<std::string>());
+  json.at("reason").get_to(result.score.reason);
+  for (const auto& [name, value] : json.at("metrics").items()) result.score.metrics[name] = NumberFrom(value);
+  for (const auto& c : json.at("criteria"))
+    result.score.criteria.push_back({c.at("name").get<std::string>(), VerdictNamed(c.at("verdict").get<std::string>()),
+                                     OptionalFrom(c.at("robustness")), OptionalFrom(c.at("time_s")), c.at("explanation").get<std::string>()});
+  for (const auto& f : json.at("faults"))
+    result.score.faults.push_back({f.at("id").get<std::string>(), f.at("type").get<std::string>(), f.at("activations").get<std::int64_t>()});
+  return result;
+}
+
+void WriteRunInfo(const std::filesystem::path& folder, const RunInfo& info) {
+  Json json;
+  json["suite"] = info.suite;
+  json["started"] = info.started;
+  json["version"] = Version();
+  json["seed"] = info.seed;
+  json["mode"] = "lockstep";
+  json["client"] = info.client;
+  json["command"] = info.command;
+  json["interrupted"] = info.interrupted;
+  WriteFile(folder / "run.json", json.dump(2) + "\n");
+}
+
+RunInfo ReadRunInfo(const std::filesystem::path& folder) {
+  const auto file = folder / "run.json";
+  const std::string text = ReadFile(file);
+  try {
+    const Json json = Json::parse(text);
+    RunInfo info;
+    json.at("suite").get_to(info.suite);
+    json.at("started").get_to(info.started);
+    json.at("seed").get_to(info.seed);
+    json.at("client").get_to(info.client);
+    json.at("command").get_to(info.command);
+    json.at("interrupted").get_to(info.interrupted);
+    return info;
+  } catch (const std::exception& error) {
+    throw std::runtime_error(file.string() + ": " + error.what());
+  }
+}
+
+void WriteResults(const std::filesystem::path& folder, const RunInfo& info, const std::vector<ScenarioResult>& results) {
+  Json json;
+  json["suite"] = info.suite;
+  json["started"] = info.started;
+  json["version"] = Version();
+  json["seed"] = info.seed;
+  json["interrupted"] = info.interrupted;
+  json["scenarios"] = Json::array();
+  for (const auto& result : results) json["scenarios"].push_back(ToJson(result));
+  WriteFile(folder / "results.json", json.dump(2) + "\n");
+  WriteFile(folder / "junit.xml", JunitXml(info, results));
+}
+
+int ExitCode(const std::vector<ScenarioResult>& results) {
+  bool error = false, decided = false, undecided = false;
+  for (const auto& result : results) {
+    if (result.green()) continue;
+    error |= result.score.verdict == Verdict::kError;
+    decided |= result.score.verdict == Verdict::kPass || result.score.verdict == Verdict::kFail;
+    undecided |= result.score.verdict == Verdict::kInconclusive;
+  }
+  return error ? 3 : decided ? 1 : undecided ? 4 : 0;
+}
+
+std::string_view Version() { return TILTPROOF_VERSION; }
+
+}  // namespace tiltproof::harness

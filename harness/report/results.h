@@ -1,0 +1,51 @@
+// The results of a run: one entry a scenario, gathered in results.json, junit.xml and run.json.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "harness/score/score.h"
+
+namespace tiltproof::harness {
+
+struct ScenarioResult {
+  std::string name;    // also the folder's
+  Verdict expected = Verdict::kPass;
+  std::uint64_t seed = 0;
+  std::string trace_hash;
+  double wall_s = 0.0;
+  double real_time_factor = 0.0;
+  Score score;
+  std::string replay;  // the exact command
+
+  bool green() const { return score.verdict == expected; }
+};
+
+// The JSON text of one entry (verdict.json), and back; throws std::runtime_error.
+std::string ToJsonText(const ScenarioResult& result);
+ScenarioResult ResultFromJsonText(const std::string& text);
+
+struct RunInfo {
+  std::string suite;
+  std::string started;  // ISO 8601 UTC
+  std::uint64_t seed = 0;
+  std::string client;   // --client as given
+  std::vector<std::string> command;
+  bool interrupted = false;
+};
+
+// run.json: what is needed to do the run again. Written before the first flight.
+void WriteRunInfo(const std::filesystem::path& folder, const RunInfo& info);
+RunInfo ReadRunInfo(const std::filesystem::path& folder);
+
+// results.json and junit.xml.
+void WriteResults(const std::filesystem::path& folder, const RunInfo& info, const std::vector<ScenarioResult>& results);
+
+// Exit code of a set of results: 3 harness or target error, 1 not green by pass or fail, 4 unexpectedly inconclusive, 0 all green.
+int ExitCode(const std::vector<ScenarioResult>& results);
+
+std::string_view Version();
+
+}  // namespace tiltproof::harness

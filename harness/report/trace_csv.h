@@ -1,0 +1,20 @@
+// trace.csv: the trace with doubles in shortest round-trip form, so that an old run scores to the same numbers again.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "harness/run/trace.h"
+
+namespace tiltproof::harness {
+
+// Header line, then one line a row; "nan" where a value does not exist yet.
+std::string WriteTraceCsv(const Trace& trace);
+
+// Throws std::runtime_error with the line of what is wrong.
+Trace ReadTraceCsv(std::string_view csv);
+
+// 16 hexadecimal digits: FNV-1a over the column names and the bits of every value.
+std::string TraceHash(const Trace& trace);
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,94 @@
+#include "harness/run/receiving_end.h"
+
+#include <algorithm>
+
+#include "harness/run/hash.h"
+#include "link/messages.h"
+
+namespace tiltproof::harness {
+
+ReceivingEnd::ReceivingEnd(link::Direction direction, link::Dialect dialect, bool faulty)
+    : direction_(direction), dialect_(dialect), faulty_(faulty) {}
+
+void ReceivingEnd::OnSent(const link::Chunk& chunk) {
+  ++counts_.frames_sent;
+  if (!faulty_) return;
+  recent_[static_cast<std::size_t>(counts_.frames_sent) % recent_.size()] = chunk.bytes;
+  link::FrameDecoder decoder;
+  // A sender may rely on the flag that closed its last frame.
+  static constexpr std::uint8_t kOpening[] = {link::kFlag};
+  std::span<const std::uint8_t> opening = kOpening;
+  decoder.Next(opening);
+  std::span<const std::uint8_t> bytes = chunk.bytes;
+  while (const auto event = decoder.Next(bytes))
+    if (event->status == link::FrameStatus::kOk) sent_[Fnv1a(event->payload)].push_back(next_number_++);
+}
+
+void ReceivingEnd::OnDelivered(const link::Chunk& chunk) {
+  if (!faulty_ || std::find(recent_.begin(), recent_.end(), chunk.bytes) != recent_.end()) return;
+  const auto& sent = recent_[static_cast<std::size_t>(counts_.frames_sent) % recent_.size()];
+  const std::size_t common = std::min(sent.size(), chunk.bytes.size());
+  auto corrupted = static_cast<std::int64_t>(std::max(sent.size(), chunk.bytes.size()) - common);
+  for (std::size_t i = 0; i < common; ++i) corrupted += sent[i] != chunk.bytes[i] ? 1 : 0;
+  counts_.bytes_corrupted += corrupted;
+}
+
+void ReceivingEnd::Receive(TimeNs arrival, std::span<const std::uint8_t> bytes, const OnAccepted& on_accepted,
+                           const OnRejected& on_rejected) {
+  while (const auto event = decoder_.Next(bytes)) {
+    std::string_view reason;
+    if (event->status != link::FrameStatus::kOk) {
+      reason = Name(event->status);
+    } else if (const link::MessageStatus status = Check(event->payload); status != link::MessageStatus::kOk) {
+      reason = Name(status);
+    }
+    if (!reason.empty()) {
+      ++counts_.frames_rejected;
+      rejected_since_ns_ = std::min(rejected_since_ns_, arrival);
+      if (on_rejected) on_rejected(arrival, reason);
+      continue;
+    }
+    ++counts_.frames_accepted;
+    if (rejected_since_ns_ != kNever) {
+      resync_max_ns_ = std::max(resync_max_ns_, arrival - rejected_since_ns_);
+      rejected_since_ns_ = kNever;
+    }
+    if (faulty_) AuditAccepted(event->payload);
+    if (on_accepted) on_accepted(arrival, event->payload);
+  }
+}
+
+link::MessageStatus ReceivingEnd::Check(std::span<const std::uint8_t> payload) const {
+  switch (direction_) {
+    case link::Direction::kToPlant: {
+      link::ClientMessage message;
+      return DecodeClientMessage(dialect_, payload, message);
+    }
+    case link::Direction::kToClient: {
+      Sensors sensors;
+      return link::DecodeSensors(payload, sensors);
+    }
+    case link::Direction::kReference: {
+      Reference reference;
+      return link::DecodeReference(payload, reference);
+    }
+  }
+  return link::MessageStatus::kUnknownId;
+}
+
+void ReceivingEnd::AuditAccepted(std::span<const std::uint8_t> payload) {
+  const auto found = sent_.find(Fnv1a(payload));
+  if (found == sent_.end()) {
+    ++wrong_count_;
+    return;
+  }
+  const auto& numbers = found->second;
+  const auto next = std::upper_bound(numbers.begin(), numbers.end(), last_accepted_number_);
+  if (next == numbers.end()) {
+    ++stale_count_;
+  } else {
+    last_accepted_number_ = *next;
+  }
+}
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,64 @@
+// The end of one direction of the line: decodes what arrives, checks the messages, and audits it against what was sent.
+//
+// For to_plant it is the server itself. For to_client and reference it is a shadow of the client's receiver, with all checks of the
+// protocol, so that the counters measure the protocol and not one firmware.
+//
+// The audit numbers the frames as sent. An accepted payload is
+//   wrong  when it equals no payload sent so far in this direction: corruption that every check let through;
+//   stale  when it equals only payloads sent at or before the last one accepted: a repeat, or older than what came already.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <unordered_map>
+#include <vector>
+
+#include "harness/run/run_log.h"
+#include "link/chunk.h"
+#include "link/frame.h"
+
+namespace tiltproof::harness {
+
+class ReceivingEnd {
+ public:
+  // `faulty`: something stands in this direction that may edit bytes; without it nothing accepted can be wrong, and the audit rests.
+  ReceivingEnd(link::Direction direction, link::Dialect dialect, bool faulty);
+
+  // Taps of the wire.
+  void OnSent(const link::Chunk& chunk);
+  void OnDelivered(const link::Chunk& chunk);
+
+  using OnAccepted = std::function<void(TimeNs arrival, std::span<const std::uint8_t> payload)>;
+  // `reason` is a Name() of link::FrameStatus or link::MessageStatus.
+  using OnRejected = std::function<void(TimeNs arrival, std::string_view reason)>;
+  // Bytes that have arrived, the last of them at `arrival` (see link::Wire::Take).
+  void Receive(TimeNs arrival, std::span<const std::uint8_t> bytes, const OnAccepted& on_accepted, const OnRejected& on_rejected);
+
+  const DirectionCounts& counts() const { return counts_; }
+  std::int64_t wrong_count() const { return wrong_count_; }
+  std::int64_t stale_count() const { return stale_count_; }
+  // Longest time from a rejection to the next accepted frame.
+  TimeNs resync_max_ns() const { return resync_max_ns_; }
+
+ private:
+  link::MessageStatus Check(std::span<const std::uint8_t> payload) const;
+  void AuditAccepted(std::span<const std::uint8_t> payload);
+
+  link::Direction direction_;
+  link::Dialect dialect_;
+  bool faulty_;
+  link::FrameDecoder decoder_;
+  DirectionCounts counts_;
+  std::int64_t wrong_count_ = 0, stale_count_ = 0;
+  TimeNs rejected_since_ns_ = kNever;
+  TimeNs resync_max_ns_ = 0;
+
+  // Numbers of the frames that carried a payload, ascending, by the payload's 64-bit FNV-1a.
+  std::unordered_map<std::uint64_t, std::vector<std::int64_t>> sent_;
+  std::int64_t next_number_ = 0;
+  std::int64_t last_accepted_number_ = -1;
+  std::array<std::vector<std::uint8_t>, 16> recent_;  // frames as sent, to tell a late or repeated one from a corrupted one
+};
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,93 @@
+#!/usr/bin/env python3
+"""Checks the rules that keep the house in order: who may include what, and what no file may hold.
+
+Usage: check_layers.py SOURCE_DIR    exit 0 when every rule holds, else 1 and one line a violation.
+"""
+import pathlib
+import re
+import sys
+
+# Folder (longest prefix wins) -> folders whose headers it may include. Arrows point downward only, so there are no circles.
+LINK_CODEC = {"link/time.h", "link/signals.h", "link/fletcher16.h", "link/frame.h", "link/messages.h", "link/chunk.h"}
+MAY_INCLUDE = {
+    "link": ["link"],
+    "plant": ["plant", "link/time.h", "link/signals.h"],
+    "faults": ["faults", "link"],
+    "firmware": ["firmware", *sorted(LINK_CODEC)],
+    "harness/scenario": ["harness/scenario", "faults", "link"],
+    "harness/reference": ["harness/reference", "harness/scenario/scenario.h", "link"],
+    "harness/client": ["harness/client", "firmware/tiltproof_client.h", "link"],
+    "harness/run": ["harness/run", "harness/client", "harness/reference", "harness/scenario", "plant", "faults", "link"],
+    "harness/score": ["harness/score", "harness/run", "harness/scenario", "faults", "link"],
+    "harness/report": ["harness/report", "harness/score", "harness/run", "harness/scenario", "faults", "link"],
+    "harness/cli": ["harness", "plant", "faults", "link"],
+}
+# External header prefix -> the only files (or folders, ending in /) that may see it.
+ONLY_IN = {
+    "yaml-cpp/": ["harness/scenario/yaml_tree.cpp"],
+    "CLI/": ["harness/cli/main.cpp"],
+    "dds/": ["harness/dds/"],
+    "ode/": ["plant/"],
+    "sdf/": ["plant/"],
+    "tinyxml2": ["plant/"],
+    "Eigen/": ["plant/"],
+    "boost/asio/serial_port": ["link/serial_port.cpp"],
+    "boost/random": ["faults/"],
+    "dlfcn.h": ["harness/client/"],
+}
+# What would make a replay differ, or tie the product to one machine.
+FORBIDDEN = {
+    r"\bstd::random_device\b": "unseeded randomness",
+    r"\bs?rand\(\)": "global randomness",
+    r"\bstd::(normal|uniform_\w+|bernoulli|geometric|poisson|exponential)_distribution\b": "a distribution that differs between libraries",
+    r"\bsystem_clock::now\b": "the wall clock",
+    r"\b(sleep_for|usleep|nanosleep)\b": "a sleep",
+    r"/home/|/root/|/tmp/[a-z]": "a path of one machine",
+}
+MAY_HOLD = {"the wall clock": {"harness/report/files.cpp"}}
+LINES_MAX = 500
+
+
+def owner(path):
+    return max((p for p in MAY_INCLUDE if path.startswith(p + "/")), key=len, default=None)
+
+
+def allowed(path, header, prefixes):
+    return any(header == p or header.startswith(p + "/") for p in prefixes)
+
+
+def main():
+    root = pathlib.Path(sys.argv[1])
+    problems = []
+    files = [p for top in ("link", "plant", "faults", "firmware", "harness", "tests")
+             for p in sorted((root / top).rglob("*")) if p.suffix in (".h", ".cpp", ".c")]
+    if len(files) < 40:
+        sys.exit(f"only {len(files)} source files below {root}: wrong folder?")
+    for file in files:
+        path = file.relative_to(root).as_posix()
+        text = file.read_text()
+        if text.count("\n") > LINES_MAX:
+            problems.append(f"{path}: more than {LINES_MAX} lines: several rooms in one?")
+        folder = owner(path)
+        for number, line in enumerate(text.splitlines(), 1):
+            place = f"{path}:{number}"
+            include = re.match(r'\s*#\s*include\s*([<"])([^>"]+)[>"]', line)
+            if include:
+                header = include.group(2)
+                if include.group(1) == '"' and folder and "/" in header and not allowed(path, header, MAY_INCLUDE[folder]):
+                    problems.append(f"{place}: {folder} may not include {header}")
+                if include.group(1) == '"' and folder and "/" not in header and not path.startswith("firmware/examples/"):
+                    problems.append(f"{place}: include by the path from the top folder, not {header}")
+                for prefix, homes in ONLY_IN.items():
+                    if header.startswith(prefix) and not path.startswith("tests/") and \
+                            not any(path == h or (h.endswith("/") and path.startswith(h)) for h in homes):
+                        problems.append(f"{place}: only {', '.join(homes)} may see {header}")
+            for pattern, what in FORBIDDEN.items():
+                if re.search(pattern, line) and path not in MAY_HOLD.get(what, ()):
+                    problems.append(f"{place}: holds {what}")
+    print("\n".join(problems) if problems else f"{len(files)} files keep the rules")
+    return 1 if problems else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
