@@ -1,0 +1,77 @@
+// The keys of a scenario file, each written once: name, type, unit, range, default and meaning.
+//
+// DescribeScenario() walks over a Scenario's fields and tells a KeyVisitor about each; what a visitor does with it is its own affair:
+// the reader fills the field from YAML, the writer prints it, the schema notes type and default. So the three cannot drift apart.
+//
+//   void DescribeLink(KeyVisitor& v, LinkSpec& link) {
+//     v.Number({"adapter_latency_ms", "Buffering of a USB-serial adapter"}, link.adapter_latency_ms, {0, 100});
+//   }
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "harness/scenario/scenario.h"
+
+namespace tiltproof::harness {
+
+struct Key {
+  std::string_view name;
+  std::string_view doc;  // one line for a person
+  bool required = false;
+};
+
+// Inclusive, or without the lower bound itself.
+struct Range {
+  double min = 0.0, max = 0.0;
+  bool above_min = false;
+};
+
+// What a text may be; an empty regex allows all but control characters.
+struct TextRule {
+  std::string_view regex;  // ECMAScript, of the whole text
+  std::string_view meaning;  // "must be ..."
+  std::size_t length_max = 4096;
+};
+
+class KeyVisitor {
+ public:
+  using Body = std::function<void(KeyVisitor&)>;
+  using NumberedBody = std::function<void(KeyVisitor&, std::size_t)>;
+
+  virtual ~KeyVisitor() = default;
+
+  // The value passed in is the default.
+  virtual void Bool(const Key& key, bool& value) = 0;
+  virtual void Number(const Key& key, double& value, Range range) = 0;
+  virtual void MaybeNumber(const Key& key, std::optional<double>& value, Range range) = 0;
+  virtual void Integer(const Key& key, std::int64_t& value, Range range) = 0;
+  // Written in seconds. kPowerOn and kNever stand for a key that is absent.
+  virtual void Seconds(const Key& key, TimeNs& value_ns, Range range_s) = 0;
+  // An empty text stands for a key that is absent.
+  virtual void Text(const Key& key, std::string& value, const TextRule& rule) = 0;
+  virtual void Texts(const Key& key, std::vector<std::string>& value, const TextRule& rule) = 0;
+  virtual void Point(const Key& key, std::array<double, 3>& value, Range range) = 0;
+  virtual void Points(const Key& key, std::vector<std::array<double, 3>>& value, Range range) = 0;
+  // One of some words; nullopt stands for a key that is absent.
+  virtual void Choice(const Key& key, std::span<const std::string_view> words, std::optional<std::size_t>& index) = 0;
+  // A mapping in the mapping.
+  virtual void Section(const Key& key, const Body& body) = 0;
+  // A list of mappings. `resize` is called before the bodies.
+  virtual void List(const Key& key, std::size_t count, const std::function<void(std::size_t)>& resize, const NumberedBody& body) = 0;
+  // A word that decides which other keys this mapping has.
+  virtual void Alternatives(const Key& key, std::span<const std::string_view> words, std::optional<std::size_t> index, const NumberedBody& body) = 0;
+};
+
+void DescribeScenario(KeyVisitor& visitor, Scenario& scenario);
+
+inline constexpr std::size_t kListItemsMax = 1000;
+
+}  // namespace tiltproof::harness

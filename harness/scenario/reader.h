@@ -1,0 +1,72 @@
+// From a scenario file to a Scenario: strict, with the place of everything that is wrong.
+//
+//   ReadOptions options;
+//   options.models_folder = "plant/models";
+//   const Scenario scenario = ReadScenario("scenarios/paper/hover.yaml", options);  // throws ScenarioError
+//
+// docs/scenario.md describes the file.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "harness/scenario/scenario.h"
+
+namespace tiltproof::harness {
+
+struct Diagnostic {
+  std::filesystem::path file;
+  int line = 0, column = 0;  // 1-based, in characters; line 0: about the file as a whole
+  std::string message;
+};
+// "file:line:column: message".
+std::string ToString(const Diagnostic& diagnostic);
+
+// Everything found wrong, by file and place, at most kDiagnosticsMax a file; what() has one line each.
+class ScenarioError : public std::runtime_error {
+ public:
+  explicit ScenarioError(std::vector<Diagnostic> diagnostics);
+  const std::vector<Diagnostic>& diagnostics() const { return diagnostics_; }
+
+ private:
+  std::vector<Diagnostic> diagnostics_;
+};
+inline constexpr std::size_t kDiagnosticsMax = 20;
+
+// What is wrong with a formula. `column` is 1-based, in bytes of its text.
+struct FormulaProblem {
+  std::size_t column = 1;
+  std::string message;
+};
+
+// What the reader must ask others, who stand above it.
+struct ReadOptions {
+  // Where `model: name` finds name.sdf.
+  std::filesystem::path models_folder;
+  // Builds of the firmware that exist; empty: any name will do.
+  std::vector<std::string> firmware_names;
+  // Names a criterion may use as `metric`; empty: any.
+  std::vector<std::string> metric_names;
+  // Checks `stl: formula`, which may name the faults' ids; none: not checked.
+  std::function<std::optional<FormulaProblem>(std::string_view formula, std::span<const std::string> fault_ids)> check_formula;
+  // Checks that the model file can be flown, returns what is wrong; none: it need only exist.
+  std::function<std::optional<std::string>(const std::filesystem::path& model_file, bool allow_invalid_inertia)> check_model;
+};
+
+// Fills in every default and resolves the model's and a recorded reference's file (absolute). Throws ScenarioError.
+Scenario ReadScenario(const std::filesystem::path& file, const ReadOptions& options);
+
+// All of them, or a ScenarioError with the problems of all; two scenarios of one name are a problem.
+std::vector<Scenario> ReadScenarios(const std::vector<std::filesystem::path>& files, const ReadOptions& options);
+
+// YAML that reads back to an equal scenario, every default written out and every file absolute.
+std::string WriteResolved(const Scenario& scenario);
+
+}  // namespace tiltproof::harness
