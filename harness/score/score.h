@@ -1,6 +1,13 @@
-// Scoring: from a scenario and the log of its flight to metrics, criteria and a verdict. Pure: no clock, no client, no files.
+// Scoring: from a scenario and the log of its flight to metrics, criteria and a verdict. Pure: no clock, no
+// client, no files.
+//
+//   for (const auto& p : CheckCriteria(scenario)) ...   // before a flight: formulas that do not parse,
+//   unknown metrics const Score score = ScoreRun(scenario, log);        // after it, or from its files years
+//   later
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <map>
 #include <optional>
 #include <string>
@@ -8,15 +15,20 @@
 
 #include "harness/run/run_log.h"
 #include "harness/scenario/scenario.h"
+#include "harness/score/metrics.h"
 
 namespace tiltproof::harness {
 
 struct CriterionResult {
   std::string name;
   Verdict verdict = Verdict::kInconclusive;
-  std::optional<double> robustness;  // > 0 holds; in scaled units (stl) or in the metric's own (min/max bound)
-  std::optional<double> time_s;      // when it was decided: of the violation, or of the worst margin
-  std::string explanation;           // one line for a person: formula or bound, value, time
+  // > 0 holds. Of a formula in scaled units, of a metric its distance to the nearer bound in its own unit.
+  // None: nothing to measure (survival, a metric that is absent). Infinite for a formula that no number
+  // bounds (docs/criteria.md).
+  std::optional<double> robustness;
+  // Of the row that decided: the first violation or witness, else the smallest margin. Metrics have none.
+  std::optional<double> time_s;
+  std::string explanation;  // one line for a person: formula or bound, value, time
 };
 
 struct FaultResult {
@@ -26,15 +38,21 @@ struct FaultResult {
 
 struct Score {
   Verdict verdict = Verdict::kInconclusive;
-  std::string reason;  // one line: which criterion, fault or trouble decided
-  std::map<std::string, double> metrics;  // dotted names; absent when the client cannot supply it
-  std::vector<CriterionResult> criteria;  // `survival` first
-  std::vector<FaultResult> faults;
+  std::string reason;  // one line: which criterion, fault or trouble decided; empty when passed
+  std::map<std::string, double> metrics;  // dotted names, finite; absent when the client cannot supply it
+  std::vector<CriterionResult> criteria;  // `survival` first, then in the scenario's order
+  std::vector<FaultResult> faults;        // in the scenario's order
 };
 
+// Never throws: a log that cannot be scored (a trace without its columns) is Verdict::kError with the reason.
 Score ScoreRun(const Scenario& scenario, const RunLog& log);
 
-// Names a criterion may use as `metric`.
-const std::vector<std::string>& MetricNames();
+// What is wrong with a criterion, for whoever knows where it stands in a file.
+struct CriterionProblem {
+  std::size_t criterion = 0;  // index in the scenario's list
+  std::size_t column = 0;     // 1-based in the formula's text; 0: in the name of the metric
+  std::string message;        // "unknown signal 'position_eror_m'; did you mean 'position_error_m'?"
+};
+std::vector<CriterionProblem> CheckCriteria(const Scenario& scenario);
 
 }  // namespace tiltproof::harness

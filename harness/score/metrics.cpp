@@ -1,0 +1,259 @@
+#include "harness/score/metrics.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string_view>
+
+#include "harness/score/signals.h"
+#include "link/signals.h"
+
+namespace tiltproof::harness {
+namespace {
+
+constexpr double kSettledError_m = 0.25;
+// Where the start from rest is over, in the paper's spiral.
+constexpr TimeNs kTransientNs = 10 * kNsPerS;
+
+double Milliseconds(TimeNs t) { return static_cast<double>(t) * 1e-6; }
+
+class Calculator {
+ public:
+  Calculator(const Scenario& scenario, const RunLog& log)
+      : scenario_(scenario), log_(log), times_(RowTimes(log.trace)), error_(Signal("position_error_m")) {}
+
+  Metrics Compute() {
+    Tracking();
+    Settling();
+    Attitude();
+    Control();
+    Timing();
+    Link();
+    Set("survival.time_s",
+        log_.starts_accepted_count > 0 ? ToSeconds(std::max<TimeNs>(log_.end_ns, 0)) : 0.0);
+    return std::move(metrics_);
+  }
+
+ private:
+  void Set(const std::string& name, double value) {
+    if (std::isfinite(value)) metrics_.values[name] = value;
+  }
+  void SetCount(const std::string& name, std::int64_t value) { Set(name, static_cast<double>(value)); }
+
+  std::vector<double> Signal(std::string_view name) const { return ReadSignal(log_.trace, name); }
+
+  // Root of the mean square of what is finite from `from_ns` on; NaN of nothing.
+  double RootMeanSquare(const std::vector<double>& values, TimeNs from_ns = 0) const {
+    double sum = 0.0;
+    std::int64_t count = 0;
+    for (std::size_t r = 0; r < values.size(); ++r) {
+      if (!std::isfinite(values[r]) || times_[r] < from_ns) continue;
+      sum += values[r] * values[r];
+      ++count;
+    }
+    return std::sqrt(sum / static_cast<double>(count));
+  }
+
+  // Largest magnitude of what is finite; NaN of nothing.
+  static double MaxMagnitude(const std::vector<double>& values) {
+    double largest = std::nan("");
+    for (const double value : values)
+      if (std::isfinite(value)) largest = std::fmax(largest, std::abs(value));
+    return largest;
+  }
+
+  void Tracking() {
+    Set("tracking.rmse_m", RootMeanSquare(error_));
+    Set("tracking.rmse_after_10s_m", RootMeanSquare(error_, kTransientNs));
+    Set("tracking.max_error_m", MaxMagnitude(error_));
+    for (const std::string axis : {"x", "y", "z"}) {
+      std::vector<double> difference = Signal(axis + "_m");
+      const std::vector<double> reference = Signal(axis + "_ref_m");
+      for (std::size_t r = 0; r < difference.size(); ++r) difference[r] -= reference[r];
+      Set("tracking.rmse_" + axis + "_m", RootMeanSquare(difference));
+    }
+    if (times_.empty()) return;
+    TimeNs onset_ns = scenario_.faults.empty() ? 0 : kNever;
+    for (const auto& fault : scenario_.faults)
+      onset_ns = std::min(onset_ns, std::max<TimeNs>(fault.start_ns, 0));
+    double iae = 0.0, itae = 0.0;
+    for (std::size_t r = 1; r < times_.size(); ++r) {
+      if (!std::isfinite(error_[r - 1]) || !std::isfinite(error_[r])) continue;
+      const double dt_s = ToSeconds(times_[r] - times_[r - 1]);
+      const auto weighted = [&](std::size_t i) {
+        return times_[i] > onset_ns ? ToSeconds(times_[i] - onset_ns) * error_[i] : 0.0;
+      };
+      iae += 0.5 * (error_[r - 1] + error_[r]) * dt_s;
+      itae += 0.5 * (weighted(r - 1) + weighted(r)) * dt_s;
+    }
+    Set("tracking.iae_m_s", iae);
+    Set("tracking.itae_m_s2", itae);
+  }
+
+  // Only where there is something to recover from, and time to do so.
+  void Settling() {
+    if (scenario_.faults.empty() || times_.empty()) return;
+    TimeNs end_ns = 0;
+    for (const auto& fault : scenario_.faults) end_ns = std::max(end_ns, fault.end_ns);
+    if (end_ns >= times_.back()) return;
+    std::size_t settled = times_.size();
+    while (settled > 0 && error_[settled - 1] <= kSettledError_m) --settled;
+    if (settled == times_.size()) {
+      metrics_.settling_at_least_s = ToSeconds(times_.back() - end_ns);
+      return;
+    }
+    // The row in force at the fault's end may lie a little before it.
+    const auto after = std::upper_bound(times_.begin(), times_.end(), end_ns);
+    const auto at_end = static_cast<std::size_t>(after - times_.begin() - (after == times_.begin() ? 0 : 1));
+    Set("tracking.settling_s", settled <= at_end ? 0.0 : ToSeconds(times_[settled] - end_ns));
+  }
+
+  void Attitude() {
+    for (const std::string angle : {"roll", "pitch", "yaw"})
+      Set("attitude.max_" + angle + "_rad", MaxMagnitude(Signal(angle + "_rad")));
+  }
+
+  // The input is held from row to row, so its integral is a sum of rectangles.
+  void Control() {
+    const std::size_t rows = times_.size();
+    if (rows == 0) return;
+    std::vector<bool> saturated(rows, false);
+    bool has_limits = true;
+    double effort = 0.0;
+    for (std::size_t i = 0; i < kActuatorCount; ++i) {
+      has_limits = has_limits && log_.input_min[i] < log_.input_max[i];
+      const std::vector<double> input = Signal(kActuatorFields[i].column);
+      for (std::size_t r = 0; r < rows; ++r) {
+        if (input[r] <= log_.input_min[i] || input[r] >= log_.input_max[i]) saturated[r] = true;
+        if (r + 1 == rows || !std::isfinite(input[r])) continue;
+        const double deviation = input[r] - log_.hover_input[i];
+        effort += deviation * deviation * ToSeconds(times_[r + 1] - times_[r]);
+      }
+    }
+    Set("control.effort", effort);
+    if (has_limits)
+      Set("control.saturation_ratio",
+          static_cast<double>(std::count(saturated.begin(), saturated.end(), true)) /
+              static_cast<double>(rows));
+  }
+
+  void Timing() {
+    struct Quantile {
+      const char* name;
+      std::size_t numerator, denominator;
+    };
+    const auto set_quantiles = [&](const std::string& group, std::vector<double>& values,
+                                   const auto& quantiles) {
+      if (values.empty()) return;
+      std::sort(values.begin(), values.end());
+      for (const Quantile& q : quantiles)
+        Set(group + "_" + q.name + "_ms", NearestRank(values, q.numerator, q.denominator));
+    };
+    std::vector<double> periods_ms, latencies_ms;
+    for (std::size_t i = 1; i < log_.request_times_ns.size(); ++i)
+      periods_ms.push_back(Milliseconds(log_.request_times_ns[i] - log_.request_times_ns[i - 1]));
+    for (const TimeNs latency : log_.reply_latency_ns) latencies_ms.push_back(Milliseconds(latency));
+    if (!periods_ms.empty()) {
+      const TimeNs span_ns = log_.request_times_ns.back() - log_.request_times_ns.front();
+      Set("timing.request_period_mean_ms", Milliseconds(span_ns) / static_cast<double>(periods_ms.size()));
+    }
+    set_quantiles(
+        "timing.request_period", periods_ms,
+        std::array<Quantile, 4>{{{"p50", 50, 100}, {"p99", 99, 100}, {"p999", 999, 1000}, {"max", 1, 1}}});
+    set_quantiles("timing.reply_latency", latencies_ms,
+                  std::array<Quantile, 3>{{{"p50", 50, 100}, {"p99", 99, 100}, {"max", 1, 1}}});
+    if (log_.starts_accepted_count > 0) SetCount("timing.firmware_missed_count", MissedPeriods());
+  }
+
+  // Control periods without an actuator message, from the gaps between those that came: the client's clock
+  // need not be the server's, so there is no grid to count on.
+  std::int64_t MissedPeriods() const {
+    std::int64_t missed = 0;
+    TimeNs last_ns = 0;
+    bool first = true;
+    for (const TimeNs time_ns : log_.actuator_times_ns) {
+      const TimeNs gap_ns = time_ns - last_ns;
+      // The first follows the start in the same period; of the others each should follow the one before in
+      // the next.
+      const std::int64_t periods =
+          first ? gap_ns / kControlPeriodNs : (gap_ns + kControlPeriodNs / 2) / kControlPeriodNs - 1;
+      missed += std::max<std::int64_t>(periods, 0);
+      last_ns = time_ns;
+      first = false;
+    }
+    return missed + std::max<std::int64_t>((log_.end_ns - last_ns) / kControlPeriodNs, 0);
+  }
+
+  void Link() {
+    for (std::size_t i = 0; i < link::kDirectionCount; ++i) {
+      const std::string group = "link." + std::string(link::Name(static_cast<link::Direction>(i))) + ".";
+      const DirectionCounts& counts = log_.counts[i];
+      SetCount(group + "frames_sent_count", counts.frames_sent);
+      SetCount(group + "frames_accepted_count", counts.frames_accepted);
+      SetCount(group + "frames_rejected_count", counts.frames_rejected);
+      SetCount(group + "bytes_corrupted_count", counts.bytes_corrupted);
+    }
+    SetCount("link.accepted_wrong_count", log_.accepted_wrong_count);
+    SetCount("link.accepted_stale_count", log_.accepted_stale_count);
+    Set("link.resync_max_ms", Milliseconds(log_.resync_max_ns));
+    if (log_.failsafe_entered_count)
+      SetCount("firmware.failsafe_entered_count", *log_.failsafe_entered_count);
+    SetCount("firmware.restarts_count", std::max<std::int64_t>(log_.starts_accepted_count - 1, 0));
+  }
+
+  const Scenario& scenario_;
+  const RunLog& log_;
+  const std::vector<TimeNs> times_;
+  const std::vector<double> error_;
+  Metrics metrics_;
+};
+
+}  // namespace
+
+Metrics ComputeMetrics(const Scenario& scenario, const RunLog& log) {
+  return Calculator(scenario, log).Compute();
+}
+
+double NearestRank(const std::vector<double>& sorted, std::size_t numerator, std::size_t denominator) {
+  const std::size_t rank = (sorted.size() * numerator + denominator - 1) / denominator;
+  return sorted[rank - 1];
+}
+
+const std::vector<std::string>& MetricNames() {
+  static const std::vector<std::string> names = [] {
+    std::vector<std::string> all = {"tracking.rmse_m",
+                                    "tracking.rmse_after_10s_m",
+                                    "tracking.rmse_x_m",
+                                    "tracking.rmse_y_m",
+                                    "tracking.rmse_z_m",
+                                    "tracking.max_error_m",
+                                    "tracking.iae_m_s",
+                                    "tracking.itae_m_s2",
+                                    "tracking.settling_s",
+                                    "attitude.max_roll_rad",
+                                    "attitude.max_pitch_rad",
+                                    "attitude.max_yaw_rad",
+                                    "control.saturation_ratio",
+                                    "control.effort",
+                                    "timing.request_period_mean_ms",
+                                    "timing.request_period_p50_ms",
+                                    "timing.request_period_p99_ms",
+                                    "timing.request_period_p999_ms",
+                                    "timing.request_period_max_ms",
+                                    "timing.reply_latency_p50_ms",
+                                    "timing.reply_latency_p99_ms",
+                                    "timing.reply_latency_max_ms",
+                                    "timing.firmware_missed_count",
+                                    "timing.harness_overrun_count"};
+    for (const std::string direction : {"to_client", "to_plant", "reference"})
+      for (const std::string counter :
+           {"frames_sent", "frames_accepted", "frames_rejected", "bytes_corrupted"})
+        all.push_back("link." + direction + "." + counter + "_count");
+    all.insert(all.end(), {"link.accepted_wrong_count", "link.accepted_stale_count", "link.resync_max_ms",
+                           "firmware.failsafe_entered_count", "firmware.restarts_count", "survival.time_s"});
+    return all;
+  }();
+  return names;
+}
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,38 @@
+// Distance from points to a long polyline, in about the logarithm of its length each: the path that a flight
+// should have traced.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+namespace tiltproof::harness {
+
+using Point = std::array<double, 3>;  // world frame, m
+
+// Euclidean; NaN when a coordinate is.
+double Distance(const Point& a, const Point& b);
+
+class ReferencePath {
+ public:
+  // The polyline through `points` in order. Points that are not finite are left out, and so are repeats of
+  // their predecessor.
+  explicit ReferencePath(std::span<const Point> points);
+
+  // Smallest distance from p to the polyline (m): NaN when p is not finite or there is no path.
+  double DistanceTo(const Point& p) const;
+
+ private:
+  struct Box {
+    Point low, high;
+  };
+  double SegmentDistanceSquared(std::size_t segment, const Point& p) const;
+  void Search(std::size_t node, std::size_t first, std::size_t last, const Point& p, double& best) const;
+  Box Build(std::size_t node, std::size_t first, std::size_t last);
+
+  std::vector<Point> points_;
+  std::vector<Box> boxes_;  // a binary tree over ranges of segments: children of node i are 2i + 1 and 2i + 2
+};
+
+}  // namespace tiltproof::harness

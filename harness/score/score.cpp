@@ -1,0 +1,246 @@
+#include "harness/score/score.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <limits>
+#include <stdexcept>
+
+#include "harness/score/nearest_name.h"
+#include "harness/score/stl.h"
+
+namespace tiltproof::harness {
+namespace {
+
+std::string Number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", value);
+  return text;
+}
+
+// To the millisecond: rows lie on a grid of 12 ms.
+std::string AtTime(double time_s) {
+  char text[32];
+  std::snprintf(text, sizeof text, " at %.3f s", time_s);
+  return text;
+}
+
+// A formula may be written over several lines of YAML.
+std::string OneLine(const std::string& text) {
+  std::string line;
+  for (const char c : text) {
+    const bool space = c == ' ' || c == '\n' || c == '\t' || c == '\r';
+    if (!space)
+      line += c;
+    else if (!line.empty() && line.back() != ' ')
+      line += ' ';
+  }
+  if (line.ends_with(' ')) line.pop_back();
+  return line;
+}
+
+std::vector<std::string> FaultIds(const Scenario& scenario) {
+  std::vector<std::string> ids;
+  for (const auto& fault : scenario.faults) ids.push_back(fault.id);
+  return ids;
+}
+
+CriterionResult Survival(const RunLog& log) {
+  CriterionResult result;
+  result.name = "survival";
+  result.time_s = ToSeconds(log.end_ns);
+  std::string what;
+  switch (log.end_reason) {
+    case EndReason::kCompleted:
+      result.verdict = Verdict::kPass;
+      result.explanation = "flew to the end" + AtTime(*result.time_s);
+      return result;
+    case EndReason::kDiverged:
+      what = "diverged";
+      break;
+    case EndReason::kGroundStrike:
+      what = "ground strike";
+      break;
+    case EndReason::kNeverStarted:
+      what = "never started";
+      break;
+    case EndReason::kFirmwareHung:
+      what = "firmware hung";
+      break;
+    case EndReason::kFirmwareCrashed:
+      what = "firmware crashed";
+      break;
+    case EndReason::kInterrupted:
+      what = "interrupted";
+      break;
+    case EndReason::kHarnessError:
+      what = "harness error";
+      break;
+  }
+  result.verdict = log.end_reason == EndReason::kInterrupted    ? Verdict::kInconclusive
+                   : log.end_reason == EndReason::kHarnessError ? Verdict::kError
+                                                                : Verdict::kFail;
+  result.explanation =
+      what + AtTime(*result.time_s) + (log.end_text.empty() ? "" : ": " + OneLine(log.end_text));
+  return result;
+}
+
+Verdict FromTruth(stl::Truth truth) {
+  switch (truth) {
+    case stl::Truth::kFalse:
+      return Verdict::kFail;
+    case stl::Truth::kUnknown:
+      return Verdict::kInconclusive;
+    case stl::Truth::kTrue:
+      return Verdict::kPass;
+  }
+  return Verdict::kError;
+}
+
+void JudgeFormula(const CriterionSpec& spec, const Scenario& scenario, const RunLog& log,
+                  CriterionResult& result) {
+  const stl::Formula formula = stl::Parse(spec.stl, FaultIds(scenario));
+  const stl::Result answer = stl::Evaluate(formula, log.trace, scenario.duration_ns);
+  result.verdict = FromTruth(answer.truth);
+  result.robustness = answer.robustness;
+  if (answer.time_ns) result.time_s = ToSeconds(*answer.time_ns);
+  std::string& text = result.explanation = OneLine(spec.stl) + ": ";
+  if (answer.truth == stl::Truth::kUnknown) {
+    text += log.end_ns < scenario.duration_ns
+                ? "undecided, the flight ended" + AtTime(ToSeconds(log.end_ns)) + " of " +
+                      Number(ToSeconds(scenario.duration_ns)) + " s"
+                : "undecided, a window reaches past the end" + AtTime(ToSeconds(log.end_ns));
+    if (!answer.evidence.empty()) text += "; so far ";
+  } else if (answer.evidence.empty()) {
+    text += answer.truth == stl::Truth::kTrue ? "holds" : "does not hold";
+  }
+  text += answer.evidence;
+  if (result.time_s) text += AtTime(*result.time_s);
+}
+
+std::string Bounds(const CriterionSpec& spec) {
+  std::string text;
+  if (spec.min) text += ", min " + Number(*spec.min);
+  if (spec.max) text += ", max " + Number(*spec.max);
+  return text;
+}
+
+void JudgeMetric(const CriterionSpec& spec, const Metrics& metrics, const RunLog& log,
+                 CriterionResult& result) {
+  const auto& names = MetricNames();
+  if (std::find(names.begin(), names.end(), spec.metric) == names.end())
+    throw std::invalid_argument("unknown metric '" + spec.metric + "'");
+  const auto found = metrics.values.find(spec.metric);
+  if (found == metrics.values.end()) {
+    if (spec.metric == "tracking.settling_s" && metrics.settling_at_least_s) {
+      const double at_least_s = *metrics.settling_at_least_s;
+      result.explanation = "tracking.settling_s > " + Number(at_least_s) +
+                           " (not settled when the flight ended)" + Bounds(spec);
+      if (spec.max && at_least_s >= *spec.max) {
+        result.verdict = Verdict::kFail;
+        result.robustness = *spec.max - at_least_s;
+      }
+      return;
+    }
+    result.explanation = spec.metric + " is not available in this flight" + Bounds(spec);
+    return;
+  }
+  const double value = found->second;
+  const double robustness = std::min(spec.min ? value - *spec.min : std::numeric_limits<double>::infinity(),
+                                     spec.max ? *spec.max - value : std::numeric_limits<double>::infinity());
+  result.explanation = spec.metric + " = " + Number(value) + Bounds(spec);
+  result.robustness = robustness;
+  result.verdict = robustness >= 0.0 ? Verdict::kPass : Verdict::kFail;
+  // What a flight cut short from outside would have come to, nobody knows.
+  if (log.end_reason == EndReason::kInterrupted || log.end_reason == EndReason::kHarnessError) {
+    result.verdict = Verdict::kInconclusive;
+    result.explanation += ": the flight was cut short";
+  }
+}
+
+// The verdict, and of all criteria that gave it the one that did so first.
+void Conclude(Score& score) {
+  score.verdict = Verdict::kPass;
+  for (const auto& criterion : score.criteria) score.verdict = std::max(score.verdict, criterion.verdict);
+  for (const auto& fault : score.faults)
+    if (fault.activations == 0) score.verdict = std::max(score.verdict, Verdict::kInconclusive);
+  if (score.verdict == Verdict::kPass) return;
+  const CriterionResult* first = nullptr;
+  for (const auto& criterion : score.criteria) {
+    if (criterion.verdict != score.verdict) continue;
+    constexpr double kLast_s = std::numeric_limits<double>::infinity();
+    if (first == nullptr || criterion.time_s.value_or(kLast_s) < first->time_s.value_or(kLast_s))
+      first = &criterion;
+  }
+  if (first != nullptr) {
+    score.reason = first->name + ": " + first->explanation;
+    return;
+  }
+  for (const auto& fault : score.faults)
+    if (fault.activations == 0) {
+      score.reason = "fault '" + fault.id + "' never activated";
+      return;
+    }
+}
+
+}  // namespace
+
+Score ScoreRun(const Scenario& scenario, const RunLog& log) {
+  Score score;
+  score.criteria.push_back(Survival(log));
+  for (std::size_t i = 0; i < scenario.faults.size(); ++i) {
+    const auto& counts = log.fault_activation_counts;
+    score.faults.push_back(
+        {scenario.faults[i].id, scenario.faults[i].type, i < counts.size() ? counts[i] : 0});
+  }
+  Metrics metrics;
+  try {
+    metrics = ComputeMetrics(scenario, log);
+  } catch (const std::invalid_argument& e) {
+    score.criteria.push_back({"metrics", Verdict::kError, std::nullopt, std::nullopt, e.what()});
+  }
+  score.metrics = metrics.values;
+  for (const CriterionSpec& spec : scenario.criteria) {
+    CriterionResult result;
+    result.name = spec.name;
+    try {
+      if (spec.stl.empty())
+        JudgeMetric(spec, metrics, log, result);
+      else
+        JudgeFormula(spec, scenario, log, result);
+    } catch (const stl::ParseError& e) {
+      result.verdict = Verdict::kError;
+      result.explanation = OneLine(spec.stl) + ": column " + std::to_string(e.column) + ": " + e.what();
+    } catch (const std::invalid_argument& e) {
+      result.verdict = Verdict::kError;
+      result.explanation = e.what();
+    }
+    score.criteria.push_back(std::move(result));
+  }
+  Conclude(score);
+  return score;
+}
+
+std::vector<CriterionProblem> CheckCriteria(const Scenario& scenario) {
+  const std::vector<std::string> fault_ids = FaultIds(scenario);
+  std::vector<CriterionProblem> problems;
+  for (std::size_t i = 0; i < scenario.criteria.size(); ++i) {
+    const CriterionSpec& spec = scenario.criteria[i];
+    if (!spec.stl.empty()) {
+      try {
+        stl::Parse(spec.stl, fault_ids);
+      } catch (const stl::ParseError& e) {
+        problems.push_back({i, e.column, e.what()});
+      }
+      continue;
+    }
+    const auto& names = MetricNames();
+    if (std::find(names.begin(), names.end(), spec.metric) != names.end()) continue;
+    const auto nearest = NearestName(spec.metric, names);
+    problems.push_back(
+        {i, 0,
+         "unknown metric '" + spec.metric + "'" + (nearest ? "; did you mean '" + *nearest + "'?" : "")});
+  }
+  return problems;
+}
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,61 @@
+// The fold of an associative operation over windows that only move forward: one pass for minimum, maximum,
+// "until" and the like.
+//
+//   SlidingFold<double, Min> fold(values, infinity);
+//   for (i = 0; ...) lowest[i] = fold.Over(first(i), last(i));   // values[first, last), both never
+//   decreasing
+//
+// Two stacks: what entered since the last turn is folded into one value; what entered before lies as partial
+// folds, one for each place where the window may begin. Each value is folded at most twice whatever the width
+// of the windows, plus once for each answer; the operation need neither commute nor have an inverse.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <utility>
+#include <vector>
+
+namespace tiltproof::harness {
+
+template <class Value, class Operation>
+class SlidingFold {
+ public:
+  // `neutral` is the fold of an empty window. The values must outlive this object.
+  SlidingFold(std::span<const Value> values, Value neutral, Operation operation = {})
+      : values_(values),
+        neutral_(neutral),
+        front_(values.size()),
+        back_(neutral),
+        operation_(std::move(operation)) {}
+
+  // Fold of values[first, last); neutral when first >= last. Neither bound may be less than in the call
+  // before.
+  Value Over(std::size_t first, std::size_t last) {
+    for (; last_ < last; ++last_) back_ = operation_(back_, values_[last_]);
+    if (first >= turn_) Turn(first);
+    if (first >= last_) return neutral_;
+    return operation_(front_[first], back_);
+  }
+
+ private:
+  // All that is in the window becomes partial folds from the end.
+  void Turn(std::size_t first) {
+    Value fold = neutral_;
+    for (std::size_t i = last_; i > first; --i) {
+      fold = operation_(values_[i - 1], fold);
+      front_[i - 1] = fold;
+    }
+    turn_ = last_;
+    back_ = neutral_;
+  }
+
+  std::span<const Value> values_;
+  Value neutral_;
+  std::vector<Value> front_;  // [i], i < turn_: the fold of values[i, turn_)
+  Value back_;                // the fold of values[turn_, last_)
+  std::size_t turn_ = 0;
+  std::size_t last_ = 0;
+  Operation operation_;
+};
+
+}  // namespace tiltproof::harness

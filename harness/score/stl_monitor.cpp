@@ -1,0 +1,426 @@
+// Bottom up, each formula becomes two columns over the rows of the trace: bounds of its robustness whatever
+// the rest of the flight.
+//
+// Behind the last row stands one more, "the future": all that was not seen. There a comparison of signals
+// lies anywhere between minus and plus infinity, and every window that reaches past the last row includes it.
+// So the three-valued logic needs no cases of its own: bounds of a minimum are the minimum of bounds.
+//
+// The sign of a zero says whether it holds: +0 does (x <= 1 at x = 1), -0 does not (x < 1). With -0 ordered
+// before +0, minimum, maximum and negation carry this through, and "holds" is the sign bit alone. A NaN never
+// gets past a comparison.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <map>
+#include <utility>
+#include <vector>
+
+#include "harness/score/signals.h"
+#include "harness/score/sliding_fold.h"
+#include "harness/score/stl.h"
+
+namespace tiltproof::harness::stl {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+bool Holds(double robustness) { return !std::signbit(robustness); }
+bool Less(double a, double b) { return a < b || (a == b && std::signbit(a) && !std::signbit(b)); }
+
+struct Lowest {
+  double operator()(double a, double b) const { return Less(b, a) ? b : a; }
+};
+struct Highest {
+  double operator()(double a, double b) const { return Less(a, b) ? b : a; }
+};
+
+// "stay until reach" over a run of rows: the worst of stay in it, and the best that reach attains with stay
+// holding before.
+struct Until {
+  double stay = kInfinity;
+  double reach = -kInfinity;
+};
+struct ThenUntil {
+  Until operator()(const Until& a, const Until& b) const {
+    return {Lowest()(a.stay, b.stay), Highest()(a.reach, Lowest()(a.stay, b.reach))};
+  }
+};
+
+double Apply(Op op, double left, double right) {
+  switch (op) {
+    case Op::kNegate:
+      return -left;
+    case Op::kAbs:
+      return std::abs(left);
+    // Not std::min and std::max: a NaN on either side must come out.
+    case Op::kMin:
+      return std::isnan(left) || left < right ? left : right;
+    case Op::kMax:
+      return std::isnan(left) || left > right ? left : right;
+    case Op::kAdd:
+      return left + right;
+    case Op::kSubtract:
+      return left - right;
+    case Op::kMultiply:
+      return left * right;
+    case Op::kDivide:
+      return left / right;
+    default:
+      return std::numeric_limits<double>::quiet_NaN();
+  }
+}
+
+// How large a number of this expression is "a lot"; without a signal in it, its value.
+struct Scale {
+  bool has_signal = false;
+  double value = 1.0;
+};
+
+Scale ScaleOf(const Node& node) {
+  if (node.op == Op::kNumber) return {false, node.number};
+  if (node.op == Op::kSignal) return {true, SignalScale(node.name)};
+  const Scale left = ScaleOf(*node.left);
+  const Scale right = node.right ? ScaleOf(*node.right) : Scale{false, 0.0};
+  if (!left.has_signal && !right.has_signal) return {false, Apply(node.op, left.value, right.value)};
+  if (node.op == Op::kMultiply || node.op == Op::kDivide) {
+    // A constant factor stretches the scale with the signal; any other product is of no unit that the table
+    // knows.
+    double scale = 1.0;
+    if (!right.has_signal)
+      scale = std::abs(Apply(node.op, left.value, right.value));
+    else if (!left.has_signal && node.op == Op::kMultiply)
+      scale = std::abs(left.value * right.value);
+    return {true, std::isfinite(scale) && scale > 0.0 ? scale : 1.0};
+  }
+  return {true, std::max(left.has_signal ? left.value : 0.0, right.has_signal ? right.value : 0.0)};
+}
+
+bool IsComparison(Op op) {
+  return op == Op::kLessEqual || op == Op::kLess || op == Op::kGreaterEqual || op == Op::kGreater;
+}
+
+// Of a formula's robustness, whatever the part of the flight that was not seen.
+struct Bounds {
+  std::vector<double> lower, upper;  // one a row, then one for the future
+  const std::vector<double>& Of(bool upper_side) const { return upper_side ? upper : lower; }
+};
+
+struct Evaluation {
+  const Node& node;
+  Bounds bounds;
+  std::vector<Evaluation> operands;
+};
+
+// Rows [first, last) that a window looks at.
+struct Rows {
+  std::size_t first = 0, last = 0;
+};
+
+// The row, and the part of the formula without operators, that an answer rests on.
+struct Decider {
+  std::size_t row;
+  const Node* leaf;
+};
+
+class Monitor {
+ public:
+  Monitor(const Trace& trace, std::optional<TimeNs> planned_end_ns)
+      : trace_(trace), times_(RowTimes(trace)), future_(times_.size()) {
+    more_to_come_ = times_.empty() || (planned_end_ns && *planned_end_ns > times_.back());
+  }
+
+  Result Run(const Node& formula) {
+    const Evaluation evaluation = Evaluate(formula, false);
+    const double lower = evaluation.bounds.lower.front(), upper = evaluation.bounds.upper.front();
+    Result result;
+    result.lower = lower + 0.0;  // no minus zero in a report
+    result.upper = upper + 0.0;
+    bool upper_side = false;
+    if (Holds(lower)) {
+      result.truth = Truth::kTrue;
+      result.robustness = result.lower;
+    } else if (!Holds(upper)) {
+      result.truth = Truth::kFalse;
+      result.robustness = result.upper;
+      upper_side = true;
+    } else {
+      if (!std::isfinite(lower) && !std::isfinite(upper)) return result;
+      upper_side = std::abs(upper) < std::abs(lower);
+      result.robustness = upper_side ? result.upper : result.lower;
+    }
+    const Decider decider = Decide(evaluation, 0, upper_side);
+    if (decider.row == future_) return result;
+    result.time_ns = times_[decider.row];
+    result.evidence = Evidence(*decider.leaf, decider.row);
+    return result;
+  }
+
+ private:
+  // `negated`: under an odd number of negations, where what must not help the formula is a comparison that
+  // holds.
+  Evaluation Evaluate(const Node& node, bool negated) {
+    Evaluation result{node, {}, {}};
+    if (IsComparison(node.op)) {
+      result.bounds = Compare(node, negated);
+      return result;
+    }
+    if (node.op == Op::kTrue) result.bounds = Constant(kInfinity);
+    if (node.op == Op::kFalse) result.bounds = Constant(-kInfinity);
+    if (node.op == Op::kFaultActive) result.bounds = FaultActive(node, negated);
+    if (node.left) {
+      const bool flips = node.op == Op::kNot || node.op == Op::kImplies;
+      result.operands.push_back(Evaluate(*node.left, negated != flips));
+    }
+    if (node.right) result.operands.push_back(Evaluate(*node.right, negated));
+    for (const bool upper_side : {false, true}) {
+      if (result.operands.empty()) break;
+      (upper_side ? result.bounds.upper : result.bounds.lower) = Combine(result, upper_side);
+    }
+    return result;
+  }
+
+  Bounds Constant(double value) const {
+    const std::vector<double> column(future_ + 1, value);
+    return {column, column};
+  }
+
+  // One bound of an operator from the bounds of its operands.
+  std::vector<double> Combine(const Evaluation& parent, bool upper_side) const {
+    const Node& node = parent.node;
+    std::vector<double> left = Side(parent, 0, upper_side);
+    switch (node.op) {
+      case Op::kNot:
+        return left;
+      case Op::kAnd:
+        return Each<Lowest>(std::move(left), parent.operands[1].bounds.Of(upper_side));
+      case Op::kOr:
+      case Op::kImplies:
+        return Each<Highest>(std::move(left), parent.operands[1].bounds.Of(upper_side));
+      case Op::kAlways:
+        return Slide<Lowest>(node, left, kInfinity);
+      case Op::kEventually:
+        return Slide<Highest>(node, left, -kInfinity);
+      default:
+        return SlideUntil(node, left, parent.operands[1].bounds.Of(upper_side));
+    }
+  }
+
+  // An operand's bound as its parent uses it: negation swaps the sides.
+  std::vector<double> Side(const Evaluation& parent, std::size_t operand, bool upper_side) const {
+    const bool negate = operand == 0 && (parent.node.op == Op::kNot || parent.node.op == Op::kImplies);
+    std::vector<double> values = parent.operands[operand].bounds.Of(upper_side != negate);
+    if (negate)
+      for (double& value : values) value = -value;
+    return values;
+  }
+
+  template <class Operation>
+  static std::vector<double> Each(std::vector<double> left, const std::vector<double>& right) {
+    for (std::size_t r = 0; r < left.size(); ++r) left[r] = Operation()(left[r], right[r]);
+    return left;
+  }
+
+  template <class Operation>
+  std::vector<double> Slide(const Node& node, const std::vector<double>& values, double neutral) const {
+    SlidingFold<double, Operation> fold(values, neutral);
+    std::vector<double> result(values.size());
+    for (std::size_t r = 0; r < result.size(); ++r) {
+      const Rows rows = RowsOf(node, r);
+      result[r] = fold.Over(rows.first, rows.last);
+    }
+    return result;
+  }
+
+  std::vector<double> SlideUntil(const Node& node, const std::vector<double>& stay,
+                                 const std::vector<double>& reach) const {
+    std::vector<Until> steps(stay.size());
+    for (std::size_t r = 0; r < steps.size(); ++r) steps[r] = {stay[r], reach[r]};
+    SlidingFold<double, Lowest> before(stay, kInfinity);
+    SlidingFold<Until, ThenUntil> within(steps, Until{});
+    std::vector<double> result(stay.size());
+    for (std::size_t r = 0; r < result.size(); ++r) {
+      const Rows rows = RowsOf(node, r);
+      const double worst_before = before.Over(r, StayEnd(node, r, rows));
+      result[r] = Lowest()(worst_before, within.Over(rows.first, rows.last).reach);
+    }
+    return result;
+  }
+
+  // "stay" must hold on rows [r, StayEnd) wherever in the window "reach" does: up to the window's first row,
+  // and on that one too when it begins before the window does.
+  std::size_t StayEnd(const Node& node, std::size_t r, const Rows& rows) const {
+    const TimeNs begin_ns = node.window->begin_ns;
+    const bool begins_before =
+        rows.first == future_ ? begin_ns > 0 : times_[rows.first] < times_[r] + begin_ns;
+    return rows.first + (begins_before ? 1 : 0);
+  }
+
+  // First and last never decrease from row to row, as the sliding folds need.
+  Rows RowsOf(const Node& node, std::size_t r) const {
+    if (r == future_) return {future_, future_ + 1};
+    if (!node.window) return {r, future_ + (more_to_come_ ? 1 : 0)};
+    const TimeNs begin_ns = times_[r] + node.window->begin_ns, end_ns = times_[r] + node.window->end_ns;
+    const auto index = [&](auto it) { return static_cast<std::size_t>(it - times_.begin()); };
+    const std::size_t first = index(std::lower_bound(times_.begin(), times_.end(), begin_ns));
+    const std::size_t last = index(std::upper_bound(times_.begin(), times_.end(), end_ns));
+    if (end_ns > times_.back()) return {first, future_ + 1};
+    if (first == last) return {last - 1, last};  // between two rows: the one before, which still holds
+    return {first, last};
+  }
+
+  Bounds Compare(const Node& node, bool negated) {
+    const Scale left_scale = ScaleOf(*node.left), right_scale = ScaleOf(*node.right);
+    const bool has_signal = left_scale.has_signal || right_scale.has_signal;
+    double scale = 1.0;
+    if (has_signal)
+      scale = std::max(left_scale.has_signal ? left_scale.value : 0.0,
+                       right_scale.has_signal ? right_scale.value : 0.0);
+    const bool less = node.op == Op::kLess || node.op == Op::kLessEqual;
+    const double at_zero = node.op == Op::kLessEqual || node.op == Op::kGreaterEqual ? 0.0 : -0.0;
+    const std::vector<double> left = Numbers(*node.left), right = Numbers(*node.right);
+    Bounds bounds = Constant(0.0);
+    for (std::size_t r = 0; r <= future_; ++r) {
+      const double margin = less ? right[r] - left[r] : left[r] - right[r];
+      double robustness = margin == 0.0 ? at_zero : margin / scale;
+      if (std::isnan(margin)) robustness = negated ? kInfinity : -kInfinity;
+      bounds.lower[r] = bounds.upper[r] = robustness;
+    }
+    if (has_signal) {
+      bounds.lower[future_] = -kInfinity;
+      bounds.upper[future_] = kInfinity;
+    }
+    return bounds;
+  }
+
+  Bounds FaultActive(const Node& node, bool negated) {
+    const std::vector<double>& active = Signal(std::string(kActivePrefix) + node.name);
+    Bounds bounds = Constant(kInfinity);
+    for (std::size_t r = 0; r < future_; ++r) {
+      const bool holds = std::isnan(active[r]) ? negated : active[r] != 0.0;
+      bounds.lower[r] = bounds.upper[r] = holds ? kInfinity : -kInfinity;
+    }
+    bounds.lower[future_] = -kInfinity;
+    return bounds;
+  }
+
+  // Of an expression in each row; in the future only constants mean anything.
+  std::vector<double> Numbers(const Node& node) {
+    if (node.op == Op::kNumber) return std::vector<double>(future_ + 1, node.number);
+    if (node.op == Op::kSignal) return Signal(node.name);
+    std::vector<double> left = Numbers(*node.left);
+    const std::vector<double> right = node.right ? Numbers(*node.right) : left;
+    for (std::size_t r = 0; r < left.size(); ++r) left[r] = Apply(node.op, left[r], right[r]);
+    return left;
+  }
+
+  const std::vector<double>& Signal(const std::string& name) {
+    const auto it = signals_.find(name);
+    if (it != signals_.end()) return it->second;
+    std::vector<double> values = ReadSignal(trace_, name);
+    values.push_back(std::numeric_limits<double>::quiet_NaN());
+    return signals_.emplace(name, std::move(values)).first->second;
+  }
+
+  // Walks down from a value to where it comes from. What one operand alone decides (a broken "always", a
+  // fulfilled "eventually") rests on the earliest that does; what all had to agree on rests on the one that
+  // came nearest to not agreeing.
+  Decider Decide(const Evaluation& at, std::size_t row, bool upper_side) const {
+    const bool holds = Holds(at.bounds.Of(upper_side)[row]);
+    switch (at.node.op) {
+      case Op::kNot:
+        return Decide(at.operands[0], row, !upper_side);
+      case Op::kAnd:
+      case Op::kOr:
+      case Op::kImplies:
+        return DecideBinary(at, row, upper_side, holds);
+      case Op::kAlways:
+      case Op::kEventually: {
+        const Rows rows = RowsOf(at.node, row);
+        const auto& values = at.operands[0].bounds.Of(upper_side);
+        return Decide(at.operands[0], Pick(values, rows, at.node.op == Op::kAlways, holds), upper_side);
+      }
+      case Op::kUntil:
+        return DecideUntil(at, row, upper_side, holds);
+      default:
+        return {row, &at.node};
+    }
+  }
+
+  Decider DecideBinary(const Evaluation& at, std::size_t row, bool upper_side, bool holds) const {
+    const bool flips = at.node.op == Op::kImplies;
+    const double sign = flips ? -1.0 : 1.0;
+    const double left = sign * at.operands[0].bounds.Of(upper_side != flips)[row];
+    const double right = at.operands[1].bounds.Of(upper_side)[row];
+    const auto decide_left = [&] { return Decide(at.operands[0], row, upper_side != flips); };
+    const auto decide_right = [&] { return Decide(at.operands[1], row, upper_side); };
+    const bool is_and = at.node.op == Op::kAnd;
+    if (is_and != holds && Holds(left) == holds && Holds(right) == holds) {  // either alone decides
+      const Decider by_left = decide_left(), by_right = decide_right();
+      return by_right.row < by_left.row ? by_right : by_left;
+    }
+    return (is_and ? Less(right, left) : Less(left, right)) ? decide_right() : decide_left();
+  }
+
+  Decider DecideUntil(const Evaluation& at, std::size_t row, bool upper_side, bool holds) const {
+    const auto& stay = at.operands[0].bounds.Of(upper_side);
+    const auto& reach = at.operands[1].bounds.Of(upper_side);
+    const Rows rows = RowsOf(at.node, row);
+    const std::size_t stay_end = std::max(StayEnd(at.node, row, rows), rows.last - 1);
+    if (!holds)
+      for (std::size_t r = row; r < stay_end; ++r)
+        if (!Holds(stay[r])) return Decide(at.operands[0], r, upper_side);
+    return Decide(at.operands[1], Pick(reach, rows, false, holds), upper_side);
+  }
+
+  // Of the rows' values, the earliest that alone decides, else the lowest or highest.
+  static std::size_t Pick(const std::vector<double>& values, const Rows& rows, bool lowest, bool holds) {
+    std::size_t best = rows.first;
+    for (std::size_t r = rows.first; r < rows.last; ++r) {
+      if (lowest != holds && Holds(values[r]) == holds) return r;
+      if (lowest ? Less(values[r], values[best]) : Less(values[best], values[r])) best = r;
+    }
+    return best;
+  }
+
+  // The signals of a leaf with their values in a row.
+  std::string Evidence(const Node& leaf, std::size_t row) const {
+    std::string text;
+    if (leaf.op == Op::kFaultActive) {
+      const double active = signals_.at(std::string(kActivePrefix) + leaf.name)[row];
+      return "fault_active(\"" + leaf.name + "\") is " +
+             (std::isnan(active) ? "unknown"
+              : active != 0.0    ? "true"
+                                 : "false");
+    }
+    std::vector<std::string> names;
+    CollectSignals(leaf, names);
+    for (const std::string& name : names) {
+      char value[32];
+      std::snprintf(value, sizeof value, "%.6g", signals_.at(name)[row]);
+      text += (text.empty() ? "" : ", ") + name + " = " + value;
+    }
+    return text;
+  }
+
+  static void CollectSignals(const Node& node, std::vector<std::string>& names) {
+    if (node.op == Op::kSignal && std::find(names.begin(), names.end(), node.name) == names.end())
+      names.push_back(node.name);
+    if (node.left) CollectSignals(*node.left, names);
+    if (node.right) CollectSignals(*node.right, names);
+  }
+
+  const Trace& trace_;
+  std::vector<TimeNs> times_;
+  std::size_t future_;         // index of the row behind the last
+  bool more_to_come_ = false;  // the flight was planned to go on after the last row
+  std::map<std::string, std::vector<double>> signals_;
+};
+
+}  // namespace
+
+Result Evaluate(const Formula& formula, const Trace& trace, std::optional<TimeNs> planned_end_ns) {
+  return Monitor(trace, planned_end_ns).Run(*formula);
+}
+
+}  // namespace tiltproof::harness::stl
