@@ -26,8 +26,9 @@ int ListCommand(const CheckOptions& options) {
   for (const auto& [scenario, model] : suite.scenarios) {
     std::string faults;
     for (const auto& fault : scenario.faults) faults += (faults.empty() ? "" : ", ") + fault.type;
-    fmt::print("{:<34} {:>5.0f} s  {:<14} {:<16} expect {:<5} [{}]{}{}\n", scenario.name, ToSeconds(scenario.duration_ns), scenario.model,
-               scenario.firmware, Name(scenario.expect), fmt::join(scenario.tags, ", "), faults.empty() ? "" : "  ", faults);
+    fmt::print("{:<34} {:>5.0f} s  {:<14} {:<16} expect {:<5} [{}]{}{}\n", scenario.name,
+               ToSeconds(scenario.duration_ns), scenario.model, scenario.firmware, Name(scenario.expect),
+               fmt::join(scenario.tags, ", "), faults.empty() ? "" : "  ", faults);
   }
   return suite.scenarios.empty() ? kExitUndecided : kExitGreen;
 }

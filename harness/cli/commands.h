@@ -1,6 +1,6 @@
 // One function a command; each returns the process's exit code:
-// 0 all green; 1 not green by pass or fail, or a difference found; 2 usage or invalid file; 3 harness or target error; 4 nothing selected or
-// unexpectedly inconclusive; 130 interrupted.
+// 0 all green; 1 not green by pass or fail, or a difference found; 2 usage or invalid file; 3 harness or
+// target error; 4 nothing selected or unexpectedly inconclusive; 130 interrupted.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,14 @@
 
 namespace tiltproof::harness {
 
-enum Exit : int { kExitGreen = 0, kExitNotGreen = 1, kExitUsage = 2, kExitError = 3, kExitUndecided = 4, kExitInterrupted = 130 };
+enum Exit : int {
+  kExitGreen = 0,
+  kExitNotGreen = 1,
+  kExitUsage = 2,
+  kExitError = 3,
+  kExitUndecided = 4,
+  kExitInterrupted = 130
+};
 
 // The user's mistake in a flag or file: printed as it is, exit 2.
 struct UsageError : std::runtime_error {

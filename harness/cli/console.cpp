@@ -14,13 +14,15 @@ namespace {
 
 std::string Upper(std::string_view text) {
   std::string upper(text);
-  std::transform(upper.begin(), upper.end(), upper.begin(), [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
+  std::transform(upper.begin(), upper.end(), upper.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
   return upper;
 }
 
 }  // namespace
 
-Console::Console(bool jsonl) : jsonl_(jsonl), colours_(isatty(STDOUT_FILENO) != 0 && std::getenv("NO_COLOR") == nullptr) {}
+Console::Console(bool jsonl)
+    : jsonl_(jsonl), colours_(isatty(STDOUT_FILENO) != 0 && std::getenv("NO_COLOR") == nullptr) {}
 
 std::string Console::Paint(const char* colour, const std::string& text) const {
   return colours_ ? fmt::format("\033[{}m{}\033[0m", colour, text) : text;
@@ -53,15 +55,18 @@ void Console::Finished(const ScenarioResult& result) const {
   if (score.verdict != Verdict::kPass || !result.green()) {
     fmt::print("                 {}\n", score.reason);
     if (!result.green()) {
-      fmt::print("                 expected {}; seed {}; again: {}\n", Name(result.expected), result.seed, result.replay);
+      fmt::print("                 expected {}; seed {}; again: {}\n", Name(result.expected), result.seed,
+                 result.replay);
     }
   }
   std::fflush(stdout);
 }
 
-void Console::Summary(const std::vector<ScenarioResult>& results, const std::vector<std::string>& not_flown, bool interrupted) const {
+void Console::Summary(const std::vector<ScenarioResult>& results, const std::vector<std::string>& not_flown,
+                      bool interrupted) const {
   if (jsonl_) return;
-  const auto green = std::count_if(results.begin(), results.end(), [](const auto& result) { return result.green(); });
+  const auto green =
+      std::count_if(results.begin(), results.end(), [](const auto& result) { return result.green(); });
   std::string text = fmt::format("{} of {} green", green, results.size() + not_flown.size());
   if (!not_flown.empty()) text += fmt::format(", {} not flown", not_flown.size());
   if (interrupted) text += " (interrupted)";

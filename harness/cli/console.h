@@ -15,10 +15,11 @@ class Console {
   explicit Console(bool jsonl);
 
   void Line(const std::string& text) const;  // human format only
-  // One finished scenario: a line, and for every one that did not simply pass: what gave way, when, by how much; when it is not green also
-  // the seed and the command that flies it again.
+  // One finished scenario: a line, and for every one that did not simply pass: what gave way, when, by how
+  // much; when it is not green also the seed and the command that flies it again.
   void Finished(const ScenarioResult& result) const;
-  void Summary(const std::vector<ScenarioResult>& results, const std::vector<std::string>& not_flown, bool interrupted) const;
+  void Summary(const std::vector<ScenarioResult>& results, const std::vector<std::string>& not_flown,
+               bool interrupted) const;
 
  private:
   std::string Paint(const char* colour, const std::string& text) const;

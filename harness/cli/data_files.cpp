@@ -7,13 +7,16 @@
 namespace tiltproof::harness {
 namespace {
 
-std::filesystem::path ProgramFolder() { return std::filesystem::read_symlink("/proc/self/exe").parent_path(); }
+std::filesystem::path ProgramFolder() {
+  return std::filesystem::read_symlink("/proc/self/exe").parent_path();
+}
 
 }  // namespace
 
 std::filesystem::path ModelsFolder() {
   const auto installed = ProgramFolder().parent_path() / "share/tiltproof/models";
-  return std::filesystem::exists(installed) ? installed : std::filesystem::path(TILTPROOF_SOURCE_DIR) / "plant/models";
+  return std::filesystem::exists(installed) ? installed
+                                            : std::filesystem::path(TILTPROOF_SOURCE_DIR) / "plant/models";
 }
 
 std::filesystem::path HostFirmwareLibrary() {
@@ -29,11 +32,15 @@ std::filesystem::path FirmwareLibrary(const std::string& client) {
   } else if (client.starts_with(kLibrary)) {
     library = std::filesystem::absolute(client.substr(kLibrary.size()));
   } else if (client.starts_with("process:") || client.starts_with("serial:")) {
-    throw UsageError(fmt::format("--client {}: such a client knows no virtual time and cannot fly in lockstep; use host or library:FILE", client));
+    throw UsageError(
+        fmt::format("--client {}: such a client knows no virtual time and cannot fly in lockstep; use host "
+                    "or library:FILE",
+                    client));
   } else {
     throw UsageError(fmt::format("--client {}: unknown kind of client; use host or library:FILE", client));
   }
-  if (!std::filesystem::is_regular_file(library)) throw UsageError(fmt::format("--client {}: no library at {}", client, library.string()));
+  if (!std::filesystem::is_regular_file(library))
+    throw UsageError(fmt::format("--client {}: no library at {}", client, library.string()));
   return library;
 }
 

@@ -6,7 +6,8 @@
 
 namespace tiltproof::harness {
 
-// Holds <name>.sdf: share/tiltproof/models of an installed program, else plant/models of the source tree it was built from.
+// Holds <name>.sdf: share/tiltproof/models of an installed program, else plant/models of the source tree it
+// was built from.
 std::filesystem::path ModelsFolder();
 
 // The firmware's host library: lib/tiltproof beside an installed program's bin, else lib of the build folder.

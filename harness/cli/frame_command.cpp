@@ -1,9 +1,9 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <cerrno>
 #include <charconv>
 #include <cstdio>
-#include <cerrno>
 #include <cstring>
 #include <memory>
 
@@ -27,7 +27,8 @@ std::vector<std::uint8_t> FromHex(std::string_view hex) {
 }
 
 void PrintEvent(const link::FrameEvent& event) {
-  fmt::print("{{\"offset\": {}, \"status\": \"{}\", \"payload\": \"{:02x}\"}}\n", event.begin, Name(event.status), fmt::join(event.payload, ""));
+  fmt::print("{{\"offset\": {}, \"status\": \"{}\", \"payload\": \"{:02x}\"}}\n", event.begin,
+             Name(event.status), fmt::join(event.payload, ""));
 }
 
 }  // namespace
@@ -35,15 +36,18 @@ void PrintEvent(const link::FrameEvent& event) {
 int FrameEncodeCommand(const std::string& hex) {
   const auto payload = FromHex(hex);
   if (payload.size() > link::kPayloadBytesMax)
-    throw UsageError(fmt::format("HEX: {} bytes; a payload has at most {}", payload.size(), link::kPayloadBytesMax));
+    throw UsageError(
+        fmt::format("HEX: {} bytes; a payload has at most {}", payload.size(), link::kPayloadBytesMax));
   std::array<std::uint8_t, link::FrameBytesMax(link::kPayloadBytesMax)> wire;
   fmt::print("{:02x}\n", fmt::join(link::EncodeFrame(payload, wire).bytes, ""));
   return kExitGreen;
 }
 
 int FrameDecodeCommand(const std::filesystem::path& file) {
-  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> opened(file.empty() ? nullptr : std::fopen(file.c_str(), "rb"), std::fclose);
-  if (!file.empty() && !opened) throw UsageError(fmt::format("cannot open {}: {}", file.string(), std::strerror(errno)));
+  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> opened(
+      file.empty() ? nullptr : std::fopen(file.c_str(), "rb"), std::fclose);
+  if (!file.empty() && !opened)
+    throw UsageError(fmt::format("cannot open {}: {}", file.string(), std::strerror(errno)));
   std::FILE* input = file.empty() ? stdin : opened.get();
 
   link::FrameDecoder decoder;
@@ -57,7 +61,9 @@ int FrameDecodeCommand(const std::filesystem::path& file) {
     std::span<const std::uint8_t> bytes(&byte, 1);
     while (const auto event = decoder.Next(bytes)) report(*event);
   }
-  if (std::ferror(input)) throw std::runtime_error(fmt::format("cannot read {}: {}", file.empty() ? "standard input" : file.string(), std::strerror(errno)));
+  if (std::ferror(input))
+    throw std::runtime_error(fmt::format(
+        "cannot read {}: {}", file.empty() ? "standard input" : file.string(), std::strerror(errno)));
   if (const auto event = decoder.Finish()) report(*event);
   return rejected ? kExitNotGreen : kExitGreen;
 }

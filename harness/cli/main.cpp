@@ -23,15 +23,21 @@ int Main(int argc, char** argv) {
   run.command.assign(argv, argv + argc);
   auto* run_app = app.add_subcommand("run", "Fly scenarios and score them");
   run_app->add_option("PATH", run.paths, "Scenario files, or folders of them")->required();
-  run_app->add_option("--client", run.client, "Firmware under test: host, or library:FILE (firmware/tiltproof_client.h)")->capture_default_str();
+  run_app
+      ->add_option("--client", run.client,
+                   "Firmware under test: host, or library:FILE (firmware/tiltproof_client.h)")
+      ->capture_default_str();
   run_app->add_option("--mode", run.mode, "How time passes: lockstep (virtual time)")->capture_default_str();
-  run_app->add_option("-k", run.expression, "Only scenarios whose name or tags match, for example 'delay and not reference'");
+  run_app->add_option("-k", run.expression,
+                      "Only scenarios whose name or tags match, for example 'delay and not reference'");
   run_app->add_option("--tag", run.tag, "Only scenarios with this tag");
   run_app->add_option("--seed", run.seed, "Overrides every scenario's seed");
-  run_app->add_option("--repeat", run.repeat_count, "Fly each scenario N times, with seeds seed, seed+1, ...")->check(CLI::Range(1, 1'000'000));
+  run_app->add_option("--repeat", run.repeat_count, "Fly each scenario N times, with seeds seed, seed+1, ...")
+      ->check(CLI::Range(1, 1'000'000));
   run_app->add_option("-j", run.jobs_count, "Worker processes")->check(CLI::Range(1, 1024));
   run_app->add_option("--out", run.out, "Parent of the run's own results folder")->capture_default_str();
-  run_app->add_flag("--fail-fast", run.fail_fast, "Start no further scenario after the first that is not green");
+  run_app->add_flag("--fail-fast", run.fail_fast,
+                    "Start no further scenario after the first that is not green");
   run_app->add_flag("--dry-run", run.dry_run, "Check and list what would be flown, and stop");
   run_app->add_option("--format", run.format, "human, or jsonl: one JSON object a finished scenario")
       ->check(CLI::IsMember({"human", "jsonl"}))
@@ -40,40 +46,54 @@ int Main(int argc, char** argv) {
   run_app->callback([&] { command = [&] { return RunCommand(run); }; });
 
   CheckOptions check;
-  auto* check_app = app.add_subcommand("check", "Check scenario files, their models, formulas and faults, without flying");
+  auto* check_app =
+      app.add_subcommand("check", "Check scenario files, their models, formulas and faults, without flying");
   check_app->add_option("PATH", check.paths, "Scenario files, or folders of them")->required();
   check_app->callback([&] { command = [&] { return CheckCommand(check); }; });
   auto* list_app = app.add_subcommand("list", "List scenarios");
   list_app->add_option("PATH", check.paths, "Scenario files, or folders of them")->required();
   list_app->callback([&] { command = [&] { return ListCommand(check); }; });
-  app.add_subcommand("schema", "Print the JSON Schema of scenario files, for editors")->callback([&] { command = SchemaCommand; });
-  app.add_subcommand("faults", "Print the catalogue of faults (Markdown)")->callback([&] { command = FaultsCommand; });
+  app.add_subcommand("schema", "Print the JSON Schema of scenario files, for editors")->callback([&] {
+    command = SchemaCommand;
+  });
+  app.add_subcommand("faults", "Print the catalogue of faults (Markdown)")->callback([&] {
+    command = FaultsCommand;
+  });
 
   ReplayOptions replay;
   auto* replay_app = app.add_subcommand("replay", "Fly an old run again and compare the trace hashes");
-  replay_app->add_option("RUN", replay.run, "A run's results folder, or one scenario's folder in it")->required();
+  replay_app->add_option("RUN", replay.run, "A run's results folder, or one scenario's folder in it")
+      ->required();
   replay_app->callback([&] { command = [&] { return ReplayCommand(replay); }; });
   auto* score_app = app.add_subcommand("score", "Score an old run again from its files");
-  score_app->add_option("RUN", replay.run, "A run's results folder, or one scenario's folder in it")->required();
-  score_app->add_option("--format", replay.format, "human or jsonl")->check(CLI::IsMember({"human", "jsonl"}))->capture_default_str();
+  score_app->add_option("RUN", replay.run, "A run's results folder, or one scenario's folder in it")
+      ->required();
+  score_app->add_option("--format", replay.format, "human or jsonl")
+      ->check(CLI::IsMember({"human", "jsonl"}))
+      ->capture_default_str();
   score_app->callback([&] { command = [&] { return ScoreCommand(replay); }; });
 
   DesignLqrOptions design;
-  auto* design_app = app.add_subcommand("design-lqr", "Design the DLQR of a model: equilibrium, gain, spectral radius, delay margin");
+  auto* design_app = app.add_subcommand(
+      "design-lqr", "Design the DLQR of a model: equilibrium, gain, spectral radius, delay margin");
   design_app->add_option("MODEL", design.model, "A model's name, or a path ending in .sdf")->required();
   design_app->add_option("--csv", design.csv, "Write the 4x20 gain: rows f_R f_L tau_R tau_L, no header");
-  design_app->add_option("--firmware-table", design.firmware_table, "Print the gain as a binary32 table of that name for firmware/gain_tables.h");
-  design_app->add_flag("--allow-invalid-inertia", design.allow_invalid_inertia, "Go on with a physically impossible inertia");
+  design_app->add_option("--firmware-table", design.firmware_table,
+                         "Print the gain as a binary32 table of that name for firmware/gain_tables.h");
+  design_app->add_flag("--allow-invalid-inertia", design.allow_invalid_inertia,
+                       "Go on with a physically impossible inertia");
   design_app->callback([&] { command = [&] { return DesignLqrCommand(design); }; });
 
   std::string hex;
   std::filesystem::path file;
   auto* frame_app = app.add_subcommand("frame", "Encode and decode frames of the serial line");
   frame_app->require_subcommand(1);
-  auto* encode_app = frame_app->add_subcommand("encode", "Print the frame that carries a payload, in hexadecimal");
+  auto* encode_app =
+      frame_app->add_subcommand("encode", "Print the frame that carries a payload, in hexadecimal");
   encode_app->add_option("HEX", hex, "The payload in hexadecimal")->required();
   encode_app->callback([&] { command = [&] { return FrameEncodeCommand(hex); }; });
-  auto* decode_app = frame_app->add_subcommand("decode", "Decode raw bytes: one JSON line a frame or rejection");
+  auto* decode_app =
+      frame_app->add_subcommand("decode", "Decode raw bytes: one JSON line a frame or rejection");
   decode_app->add_option("FILE", file, "Raw bytes (default: standard input)");
   decode_app->callback([&] { command = [&] { return FrameDecodeCommand(file); }; });
   auto* dump_app = app.add_subcommand("link-dump", "Print a link.bin as decoded frames");

@@ -16,7 +16,8 @@ namespace {
 
 std::filesystem::path MakeTemporaryFolder() {
   std::string name = (std::filesystem::temp_directory_path() / "tiltproof-replay-XXXXXX").string();
-  if (mkdtemp(name.data()) == nullptr) throw FileError(fmt::format("cannot create {}: {}", name, std::strerror(errno)));
+  if (mkdtemp(name.data()) == nullptr)
+    throw FileError(fmt::format("cannot create {}: {}", name, std::strerror(errno)));
   return name;
 }
 
@@ -35,10 +36,9 @@ int ReplayCommand(const ReplayOptions& options) {
     } catch (const std::exception& error) {
       throw UsageError(fmt::format("{}: {}", (scenario_folder / "verdict.json").string(), error.what()));
     }
-    FlightJob job{ReadFlownScenario(scenario_folder), nullptr, library, folder / scenario_folder.filename(), {}};
-    job.model = LoadModel(job.scenario);
-    job.replay = fmt::format("tiltproof replay {}", scenario_folder.string());
-    jobs.push_back(std::move(job));
+    auto [scenario, model] = LoadFlown(scenario_folder);
+    jobs.push_back({std::move(scenario), std::move(model), library, folder / scenario_folder.filename(),
+                    fmt::format("tiltproof replay {}", scenario_folder.string())});
   }
   const PoolOutcome outcome = FlyAll(jobs, {}, [](const ScenarioResult&) {});
   if (outcome.interrupted) {
@@ -61,7 +61,9 @@ int ReplayCommand(const ReplayOptions& options) {
                equal ? "" : fmt::format(" then, {} now: {}", now.trace_hash, (folder / now.name).string()));
   }
   if (different_count == 0) std::filesystem::remove_all(folder);
-  fmt::print("{} of {} equal\n", outcome.results.size() - static_cast<std::size_t>(different_count) - (error ? 1U : 0U), outcome.results.size());
+  fmt::print("{} of {} equal\n",
+             outcome.results.size() - static_cast<std::size_t>(different_count) - (error ? 1U : 0U),
+             outcome.results.size());
   return error ? kExitError : different_count > 0 ? kExitNotGreen : kExitGreen;
 }
 

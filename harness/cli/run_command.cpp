@@ -36,13 +36,14 @@ std::vector<SuiteScenario> Select(std::vector<SuiteScenario> scenarios, const Ru
 int RunCommand(const RunOptions& options) {
   CheckMode(options);
   const std::filesystem::path library = FirmwareLibrary(options.client);
-  Suite suite = LoadSuite(options.paths);
+  Suite suite = LoadSuite(options.paths, options.client);
   const std::size_t found = suite.scenarios.size();
   suite.scenarios = Select(std::move(suite.scenarios), options);
   const Console console(options.format == "jsonl");
   for (const auto& warning : suite.warnings) fmt::print(stderr, "warning: {}\n", warning);
   if (suite.scenarios.empty()) {
-    fmt::print(stderr, "tiltproof: nothing selected: {} scenario{} found, none matches\n", found, found == 1 ? "" : "s");
+    fmt::print(stderr, "tiltproof: nothing selected: {} scenario{} found, none matches\n", found,
+               found == 1 ? "" : "s");
     return kExitUndecided;
   }
   if (options.dry_run) {
@@ -64,17 +65,21 @@ int RunCommand(const RunOptions& options) {
     for (int repeat = 0; repeat < options.repeat_count; ++repeat) {
       FlightJob job{scenario, model, library, {}, {}};
       job.scenario.seed = options.seed.value_or(scenario.seed) + static_cast<std::uint64_t>(repeat);
-      job.folder = folder / (options.repeat_count == 1 ? scenario.name : fmt::format("{}-seed{}", scenario.name, job.scenario.seed));
+      job.folder =
+          folder / (options.repeat_count == 1 ? scenario.name
+                                              : fmt::format("{}-seed{}", scenario.name, job.scenario.seed));
       job.replay = fmt::format("tiltproof replay {}", job.folder.string());
       jobs.push_back(std::move(job));
     }
   }
 
-  console.Line(fmt::format("tiltproof {}: suite {}, {} flight{}, client {}, results in {}", Version(), suite.name, jobs.size(),
-                           jobs.size() == 1 ? "" : "s", info.client, folder.string()));
+  console.Line(fmt::format("tiltproof {}: suite {}, {} flight{}, client {}, results in {}", Version(),
+                           suite.name, jobs.size(), jobs.size() == 1 ? "" : "s", info.client,
+                           folder.string()));
   const bool progress = !options.no_progress && isatty(STDERR_FILENO) != 0;
-  const PoolOutcome outcome = FlyAll(jobs, {.jobs_count = options.jobs_count, .fail_fast = options.fail_fast, .progress = progress},
-                                     [&](const ScenarioResult& result) { console.Finished(result); });
+  const PoolOutcome outcome =
+      FlyAll(jobs, {.jobs_count = options.jobs_count, .fail_fast = options.fail_fast, .progress = progress},
+             [&](const ScenarioResult& result) { console.Finished(result); });
   info.interrupted = outcome.interrupted;
   WriteRunInfo(folder, info);
   WriteResults(folder, info, outcome.results);

@@ -6,7 +6,6 @@
 #include <nlohmann/json.hpp>
 
 #include "harness/cli/commands.h"
-#include "harness/cli/suite.h"
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"
 
@@ -29,21 +28,16 @@ OldRun OpenRun(const std::filesystem::path& path) {
     }
     run.info = ReadRunInfo(folder);
   } catch (const std::runtime_error& error) {
-    throw UsageError(fmt::format("{} is neither a run's results folder nor a scenario's in it: {}", path.string(), error.what()));
+    throw UsageError(fmt::format("{} is neither a run's results folder nor a scenario's in it: {}",
+                                 path.string(), error.what()));
   }
   for (const auto& entry : fs::directory_iterator(folder))
-    if (entry.is_directory() && fs::exists(entry.path() / kScenarioFile)) run.scenario_folders.push_back(entry.path());
+    if (entry.is_directory() && fs::exists(entry.path() / kScenarioFile))
+      run.scenario_folders.push_back(entry.path());
   std::sort(run.scenario_folders.begin(), run.scenario_folders.end());
-  if (run.scenario_folders.empty()) throw UsageError(fmt::format("{}: no scenario was flown in this run", path.string()));
+  if (run.scenario_folders.empty())
+    throw UsageError(fmt::format("{}: no scenario was flown in this run", path.string()));
   return run;
-}
-
-Scenario ReadFlownScenario(const std::filesystem::path& scenario_folder) {
-  try {
-    return ReadScenario(scenario_folder / kScenarioFile, MakeReadOptions());
-  } catch (const ScenarioError& error) {
-    throw UsageError(error.what());
-  }
 }
 
 void WriteRunEvents(const std::filesystem::path& folder, const std::vector<ScenarioResult>& results) {

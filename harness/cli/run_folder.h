@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "harness/report/results.h"
-#include "harness/scenario/scenario.h"
 
 namespace tiltproof::harness {
 
@@ -16,9 +15,6 @@ struct OldRun {
 };
 // `path` is a run's folder or the folder of one scenario in it. Throws UsageError when it is neither.
 OldRun OpenRun(const std::filesystem::path& path);
-
-// The scenario that an old folder flew, with its seed.
-Scenario ReadFlownScenario(const std::filesystem::path& scenario_folder);
 
 // Gathers the scenarios' events in events.jsonl, one JSON object a line.
 void WriteRunEvents(const std::filesystem::path& folder, const std::vector<ScenarioResult>& results);

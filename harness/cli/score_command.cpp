@@ -3,18 +3,20 @@
 #include "harness/cli/commands.h"
 #include "harness/cli/console.h"
 #include "harness/cli/run_folder.h"
+#include "harness/cli/suite.h"
 #include "harness/report/flight_files.h"
 #include "harness/report/trace_csv.h"
 
 namespace tiltproof::harness {
 
-// Pure: reads the files of the flights and writes none. Criteria are those of scenario.resolved.yaml as it stands now.
+// Pure: reads the files of the flights and writes none. Criteria are those of scenario.resolved.yaml as it
+// stands now.
 int ScoreCommand(const ReplayOptions& options) {
   const OldRun run = OpenRun(options.run);
   const Console console(options.format == "jsonl");
   std::vector<ScenarioResult> results;
   for (const auto& folder : run.scenario_folders) {
-    const Scenario scenario = ReadFlownScenario(folder);
+    const Scenario scenario = LoadFlown(folder).scenario;
     RunLog log;
     try {
       log = ReadFlight(folder);

@@ -1,4 +1,4 @@
-// From paths on the command line to scenarios that are ready to fly: found, read, selected, their models loaded.
+// From paths on the command line to scenarios that are ready to fly: found, read, their models loaded.
 #pragma once
 
 #include <filesystem>
@@ -12,6 +12,25 @@
 
 namespace tiltproof::harness {
 
+// Loads each vehicle file once, however many scenarios fly it.
+class ModelCache {
+ public:
+  // Throws what plant::LoadVehicle throws.
+  std::shared_ptr<const plant::VehicleModel> Load(const std::filesystem::path& file,
+                                                  bool allow_invalid_inertia);
+  // What was warned about while loading, each once.
+  const std::vector<std::string>& warnings() const { return warnings_; }
+
+ private:
+  struct Entry {
+    std::filesystem::path file;
+    bool allow_invalid_inertia;
+    std::shared_ptr<const plant::VehicleModel> model;
+  };
+  std::vector<Entry> entries_;
+  std::vector<std::string> warnings_;
+};
+
 struct SuiteScenario {
   Scenario scenario;
   std::shared_ptr<const plant::VehicleModel> model;
@@ -20,16 +39,17 @@ struct SuiteScenario {
 struct Suite {
   std::string name;  // of the folder, or of the file without its ending
   std::vector<SuiteScenario> scenarios;
-  std::vector<std::string> warnings;  // about models, each once
+  std::vector<std::string> warnings;
 };
 
-// Throws UsageError with every problem of every file, one a line.
-Suite LoadSuite(const std::vector<std::filesystem::path>& paths);
+// Throws UsageError with every problem of every file, one a line. `client` as in --client: the host's
+// firmware builds are known by name.
+Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const std::string& client = "host");
 
-// How scenario files are read here: models folder, formula and metric checks.
-ReadOptions MakeReadOptions();
+// A scenario that was flown before, from its folder. Throws UsageError.
+SuiteScenario LoadFlown(const std::filesystem::path& scenario_folder);
 
-// MODEL of design-lqr and `model:` alike: a name in the models folder, or a path ending in .sdf. Throws UsageError.
+// MODEL of design-lqr: a name in the models folder, or a path ending in .sdf. Throws UsageError.
 std::filesystem::path ResolveModel(const std::string& model);
 
 }  // namespace tiltproof::harness

@@ -30,7 +30,8 @@ namespace {
 
 using SteadyClock = std::chrono::steady_clock;
 
-// A worker whose simulation time has stood still for this long is stuck in our own code: its firmware is guarded (FirmwareGuard).
+// A worker whose simulation time has stood still for this long is stuck in our own code: its firmware is
+// guarded (FirmwareGuard).
 constexpr auto kStuckAfter = std::chrono::seconds(60);
 constexpr int kRefresh_ms = 100;
 // Exit code of a worker that could not leave a verdict.
@@ -135,7 +136,8 @@ struct Worker {
 
 class Pool {
  public:
-  Pool(const std::vector<FlightJob>& jobs, const PoolOptions& options, const std::function<void(const ScenarioResult&)>& on_finished)
+  Pool(const std::vector<FlightJob>& jobs, const PoolOptions& options,
+       const std::function<void(const ScenarioResult&)>& on_finished)
       : jobs_(jobs), options_(options), on_finished_(on_finished), results_(jobs.size()) {}
 
   PoolOutcome Run() {
@@ -143,7 +145,9 @@ class Pool {
     std::size_t next = 0;
     bool stop = false;
     while (true) {
-      while (!stop && !interrupted && next < jobs_.size() && workers_.size() < static_cast<std::size_t>(options_.jobs_count)) Start(next++);
+      while (!stop && !interrupted && next < jobs_.size() &&
+             workers_.size() < static_cast<std::size_t>(options_.jobs_count))
+        Start(next++);
       if (workers_.empty()) break;
       Wait();
       for (std::size_t i = 0; i < workers_.size();) {
@@ -174,8 +178,10 @@ class Pool {
 
  private:
   void Start(std::size_t job) {
-    void* shared = mmap(nullptr, sizeof(std::atomic<std::int64_t>), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
-    if (shared == MAP_FAILED) throw std::runtime_error(fmt::format("cannot share memory with a worker: {}", std::strerror(errno)));
+    void* shared = mmap(nullptr, sizeof(std::atomic<std::int64_t>), PROT_READ | PROT_WRITE,
+                        MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    if (shared == MAP_FAILED)
+      throw std::runtime_error(fmt::format("cannot share memory with a worker: {}", std::strerror(errno)));
     Worker worker;
     worker.job = job;
     worker.progress_ns = new (shared) std::atomic<std::int64_t>(0);
@@ -183,7 +189,8 @@ class Pool {
     std::fflush(nullptr);
     const pid_t parent = getpid();
     worker.pid = fork();
-    if (worker.pid < 0) throw std::runtime_error(fmt::format("cannot start a worker: {}", std::strerror(errno)));
+    if (worker.pid < 0)
+      throw std::runtime_error(fmt::format("cannot start a worker: {}", std::strerror(errno)));
     if (worker.pid == 0) {
       // A worker never outlives the run, not even when the parent is killed.
       prctl(PR_SET_PDEATHSIG, SIGKILL);
@@ -234,10 +241,13 @@ class Pool {
       }
     }
     if (WIFSIGNALED(status))
-      return ErrorResult(job, fmt::format("the worker process was killed by signal {} ({})", WTERMSIG(status), strsignal(WTERMSIG(status))));
+      return ErrorResult(job, fmt::format("the worker process was killed by signal {} ({})", WTERMSIG(status),
+                                          strsignal(WTERMSIG(status))));
     if (WIFEXITED(status) && WEXITSTATUS(status) == kExitWithoutVerdict)
       return ErrorResult(job, "the worker process could not write the results; its message stands above");
-    return ErrorResult(job, fmt::format("the worker process ended with exit code {}: did the firmware call exit()?", WEXITSTATUS(status)));
+    return ErrorResult(
+        job, fmt::format("the worker process ended with exit code {}: did the firmware call exit()?",
+                         WEXITSTATUS(status)));
   }
 
   void ShowProgress() {
@@ -245,7 +255,8 @@ class Pool {
     std::string line = "\r\033[K";
     for (const auto& worker : workers_)
       line += fmt::format("  {} {:.0f}/{:.0f} s", jobs_[worker.job].folder.filename().string(),
-                          ToSeconds(worker.progress_ns->load(std::memory_order_relaxed)), ToSeconds(jobs_[worker.job].scenario.duration_ns));
+                          ToSeconds(worker.progress_ns->load(std::memory_order_relaxed)),
+                          ToSeconds(jobs_[worker.job].scenario.duration_ns));
     std::fputs(line.substr(0, 110).c_str(), stderr);
     std::fflush(stderr);
     shown_ = true;
@@ -266,7 +277,8 @@ class Pool {
 
 }  // namespace
 
-PoolOutcome FlyAll(const std::vector<FlightJob>& jobs, const PoolOptions& options, const std::function<void(const ScenarioResult&)>& on_finished) {
+PoolOutcome FlyAll(const std::vector<FlightJob>& jobs, const PoolOptions& options,
+                   const std::function<void(const ScenarioResult&)>& on_finished) {
   return Pool(jobs, options, on_finished).Run();
 }
 

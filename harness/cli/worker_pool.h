@@ -1,5 +1,5 @@
-// Flies scenarios in worker processes, one process a flight: a firmware library always gets a fresh one, a crash of the firmware or of ours
-// costs one scenario, and -j changes nothing but the wall-clock time.
+// Flies scenarios in worker processes, one process a flight: a firmware library always gets a fresh one, a
+// crash of the firmware or of ours costs one scenario, and -j changes nothing but the wall-clock time.
 #pragma once
 
 #include <filesystem>
@@ -34,7 +34,9 @@ struct PoolOutcome {
   bool interrupted = false;
 };
 
-// `on_finished` is called for each result as it comes. SIGINT and SIGTERM end the flights under way, whose partial results are kept.
-PoolOutcome FlyAll(const std::vector<FlightJob>& jobs, const PoolOptions& options, const std::function<void(const ScenarioResult&)>& on_finished);
+// `on_finished` is called for each result as it comes. SIGINT and SIGTERM end the flights under way, whose
+// partial results are kept.
+PoolOutcome FlyAll(const std::vector<FlightJob>& jobs, const PoolOptions& options,
+                   const std::function<void(const ScenarioResult&)>& on_finished);
 
 }  // namespace tiltproof::harness

@@ -24,8 +24,8 @@ struct ClientHost {
   std::function<void(TimeNs now, std::string_view text)> log;
 };
 
-// Lockstep (see firmware/tiltproof_client.h for the rules): each of Start and Grant runs the client at one instant and returns the time
-// until which it waits.
+// Lockstep (see firmware/tiltproof_client.h for the rules): each of Start and Grant runs the client at one
+// instant and returns the time until which it waits.
 class Client {
  public:
   virtual ~Client() = default;

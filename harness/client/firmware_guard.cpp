@@ -52,7 +52,8 @@ void FirmwareGuard::OnSignal(int signal_number) {
 void FirmwareGuard::Throw() {
   const int signal_number = caught_signal_;
   if (signal_number == SIGALRM)
-    throw FirmwareTrouble(true, "the firmware did not return from a call within " + std::to_string(kHungAfter_s) + " s of wall-clock time");
+    throw FirmwareTrouble(true, "the firmware did not return from a call within " +
+                                    std::to_string(kHungAfter_s) + " s of wall-clock time");
   throw FirmwareTrouble(false, "the firmware crashed: " + std::string(strsignal(signal_number)));
 }
 

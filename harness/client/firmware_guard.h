@@ -1,8 +1,9 @@
 // Calls into code under test that may crash or never return, without dying with it.
 //
-// A worker process flies one scenario and then exits, so its guard may do what a long-lived process must not: a fatal signal raised
-// while the firmware runs, or a firmware call that lasts longer than the limit, jumps back here and becomes an exception; the flight so
-// far is kept and scored. Signals raised outside guarded code keep their default action.
+// A worker process flies one scenario and then exits, so its guard may do what a long-lived process must not:
+// a fatal signal raised while the firmware runs, or a firmware call that lasts longer than the limit, jumps
+// back here and becomes an exception; the flight so far is kept and scored. Signals raised outside guarded
+// code keep their default action.
 //
 //   FirmwareGuard::Install();                                   // once a process
 //   TimeNs wake = FirmwareGuard::Call([&] { return grant(now); });   // may throw FirmwareTrouble
@@ -27,7 +28,8 @@ class FirmwareGuard {
   // Wall-clock time after which a call counts as hung.
   static constexpr int kHungAfter_s = 5;
 
-  // Handlers on a stack of their own for SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, and a one-second interval timer (SIGALRM).
+  // Handlers on a stack of their own for SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, and a one-second interval
+  // timer (SIGALRM).
   static void Install();
 
   template <class Function>

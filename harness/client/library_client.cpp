@@ -3,6 +3,7 @@
 #include <dlfcn.h>
 
 #include <stdexcept>
+#include <type_traits>
 #include <utility>
 
 #include "firmware/tiltproof_client.h"
@@ -13,7 +14,8 @@ namespace {
 
 class LibraryClient final : public Client {
  public:
-  LibraryClient(const std::filesystem::path& library, const std::string& firmware, link::Dialect dialect, ClientHost host)
+  LibraryClient(const std::filesystem::path& library, const std::string& firmware, link::Dialect dialect,
+                ClientHost host)
       : host_(std::move(host)), firmware_(firmware), dialect_(Name(dialect)) {
     // An absolute path, or dlopen would search the system's folders for a bare name.
     const std::string path = std::filesystem::absolute(library).string();
@@ -21,7 +23,8 @@ class LibraryClient final : public Client {
     handle_.reset(dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL));
     if (!handle_) throw std::runtime_error("cannot load firmware library: " + std::string(dlerror()));
 
-    const auto version = Symbol<decltype(&tiltproof_client_abi_version)>(path, "tiltproof_client_abi_version");
+    const auto version =
+        Symbol<decltype(&tiltproof_client_abi_version)>(path, "tiltproof_client_abi_version");
     create_ = Symbol<decltype(create_)>(path, "tiltproof_client_create");
     destroy_ = Symbol<decltype(destroy_)>(path, "tiltproof_client_destroy");
     start_ = Symbol<decltype(start_)>(path, "tiltproof_client_start");
@@ -29,18 +32,23 @@ class LibraryClient final : public Client {
     grant_ = Symbol<decltype(grant_)>(path, "tiltproof_client_grant");
     reset_ = Symbol<decltype(reset_)>(path, "tiltproof_client_reset");
     status_ = reinterpret_cast<decltype(status_)>(dlsym(handle_.get(), "tiltproof_client_status"));
-    if (const auto found = FirmwareGuard::Call([&] { return version(); }); found != TILTPROOF_CLIENT_ABI_VERSION)
-      throw std::runtime_error(path + ": built for client interface version " + std::to_string(found) + ", this tiltproof has version " +
-                               std::to_string(TILTPROOF_CLIENT_ABI_VERSION) + "; rebuild it against firmware/tiltproof_client.h");
+    if (const auto found = FirmwareGuard::Call([&] { return version(); });
+        found != TILTPROOF_CLIENT_ABI_VERSION)
+      throw std::runtime_error(path + ": built for client interface version " + std::to_string(found) +
+                               ", this tiltproof has version " +
+                               std::to_string(TILTPROOF_CLIENT_ABI_VERSION) +
+                               "; rebuild it against firmware/tiltproof_client.h");
 
     interface_.abi_version = TILTPROOF_CLIENT_ABI_VERSION;
     interface_.firmware = firmware_.c_str();
     interface_.dialect = dialect_.c_str();
     interface_.context = this;
-    interface_.transmit = [](void* context, int uart, std::int64_t now_ns, const std::uint8_t* bytes, std::size_t count) {
+    interface_.transmit = [](void* context, int uart, std::int64_t now_ns, const std::uint8_t* bytes,
+                             std::size_t count) {
       const FirmwareGuard::Outside outside;
       if (uart != TILTPROOF_UART_MAIN && uart != TILTPROOF_UART_REFERENCE) return now_ns;
-      return static_cast<LibraryClient*>(context)->host_.transmit(static_cast<Uart>(uart), now_ns, {bytes, count});
+      return static_cast<LibraryClient*>(context)->host_.transmit(static_cast<Uart>(uart), now_ns,
+                                                                  {bytes, count});
     };
     interface_.log = [](void* context, std::int64_t now_ns, const char* text) {
       const FirmwareGuard::Outside outside;
@@ -96,7 +104,7 @@ class LibraryClient final : public Client {
 
   // After trouble the client's state is unknown: it is not called again.
   template <class Function>
-  auto Guarded(const Function& function) {
+  std::invoke_result_t<const Function&> Guarded(const Function& function) {
     try {
       return FirmwareGuard::Call(function);
     } catch (const FirmwareTrouble&) {
@@ -122,8 +130,8 @@ class LibraryClient final : public Client {
 
 }  // namespace
 
-std::unique_ptr<Client> LoadLibraryClient(const std::filesystem::path& library, const std::string& firmware, link::Dialect dialect,
-                                          ClientHost host) {
+std::unique_ptr<Client> LoadLibraryClient(const std::filesystem::path& library, const std::string& firmware,
+                                          link::Dialect dialect, ClientHost host) {
   return std::make_unique<LibraryClient>(library, firmware, dialect, std::move(host));
 }
 

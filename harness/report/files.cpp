@@ -72,20 +72,25 @@ std::string ReadFile(const std::filesystem::path& path) {
   return content;
 }
 
-std::filesystem::path CreateRunFolder(const std::filesystem::path& parent, const std::string& suite, std::uint64_t seed) {
+std::filesystem::path CreateRunFolder(const std::filesystem::path& parent, const std::string& suite,
+                                      std::uint64_t seed) {
   std::error_code error;
   std::filesystem::create_directories(parent, error);
   if (error) throw FileError(fmt::format("cannot create {}: {}", parent.string(), error.message()));
   const auto now = Now();
-  const std::string name = fmt::format("{:%Y%m%dT%H%M%S}.{:03d}Z-{}-{}", std::chrono::floor<std::chrono::seconds>(now),
-                                       now.time_since_epoch().count() % 1000, suite, seed);
+  const std::string name =
+      fmt::format("{:%Y%m%dT%H%M%S}.{:03d}Z-{}-{}", std::chrono::floor<std::chrono::seconds>(now),
+                  now.time_since_epoch().count() % 1000, suite, seed);
   for (int n = 1;; ++n) {
     const std::string unique = n == 1 ? name : fmt::format("{}-{}", name, n);
     const std::filesystem::path folder = parent / unique;
     if (mkdir(folder.c_str(), 0755) == 0) {
-      // A link beside it, then a rename: `latest` never misses, whoever else is writing. Not worth failing a run for.
+      // A link beside it, then a rename: `latest` never misses, whoever else is writing. Not worth failing a
+      // run for.
       const std::filesystem::path link = parent / fmt::format(".latest-{}", unique);
-      if (symlink(unique.c_str(), link.c_str()) == 0 && rename(link.c_str(), (parent / "latest").c_str()) != 0) unlink(link.c_str());
+      if (symlink(unique.c_str(), link.c_str()) == 0 &&
+          rename(link.c_str(), (parent / "latest").c_str()) != 0)
+        unlink(link.c_str());
       return folder;
     }
     if (errno != EEXIST) Fail("create", folder, errno);
@@ -94,7 +99,8 @@ std::filesystem::path CreateRunFolder(const std::filesystem::path& parent, const
 
 std::string UtcNow() {
   const auto now = Now();
-  return fmt::format("{:%Y-%m-%dT%H:%M:%S}.{:03d}Z", std::chrono::floor<std::chrono::seconds>(now), now.time_since_epoch().count() % 1000);
+  return fmt::format("{:%Y-%m-%dT%H:%M:%S}.{:03d}Z", std::chrono::floor<std::chrono::seconds>(now),
+                     now.time_since_epoch().count() % 1000);
 }
 
 }  // namespace tiltproof::harness

@@ -18,8 +18,10 @@ struct FileError : std::runtime_error {
 void WriteFile(const std::filesystem::path& path, std::string_view content);
 std::string ReadFile(const std::filesystem::path& path);
 
-// Creates <parent>/<UTC to the ms>-<suite>-<seed>[-n] exclusively, n = 2, 3, ... when it exists already, and points <parent>/latest at it.
-std::filesystem::path CreateRunFolder(const std::filesystem::path& parent, const std::string& suite, std::uint64_t seed);
+// Creates <parent>/<UTC to the ms>-<suite>-<seed>[-n] exclusively, n = 2, 3, ... when it exists already, and
+// points <parent>/latest at it.
+std::filesystem::path CreateRunFolder(const std::filesystem::path& parent, const std::string& suite,
+                                      std::uint64_t seed);
 
 // The present UTC time, ISO 8601 to the millisecond.
 std::string UtcNow();

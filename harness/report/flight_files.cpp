@@ -15,7 +15,8 @@ using Json = nlohmann::ordered_json;
 Json ToJson(const std::vector<link::Chunk>& chunks) {
   Json array = Json::array();
   for (const auto& chunk : chunks)
-    array.push_back({{"begin_s", ToSeconds(chunk.begin_ns)}, {"bytes", fmt::format("{:02x}", fmt::join(chunk.bytes, ""))}});
+    array.push_back({{"begin_s", ToSeconds(chunk.begin_ns)},
+                     {"bytes", fmt::format("{:02x}", fmt::join(chunk.bytes, ""))}});
   return array;
 }
 
@@ -30,10 +31,11 @@ Json FlightJson(const RunLog& log) {
   json["input_max"] = log.input_max;
   for (std::size_t d = 0; d < link::kDirectionCount; ++d) {
     const DirectionCounts& counts = log.counts[d];
-    json["counts"][std::string(Name(static_cast<link::Direction>(d)))] = {{"frames_sent", counts.frames_sent},
-                                                                         {"frames_accepted", counts.frames_accepted},
-                                                                         {"frames_rejected", counts.frames_rejected},
-                                                                         {"bytes_corrupted", counts.bytes_corrupted}};
+    json["counts"][std::string(Name(static_cast<link::Direction>(d)))] = {
+        {"frames_sent", counts.frames_sent},
+        {"frames_accepted", counts.frames_accepted},
+        {"frames_rejected", counts.frames_rejected},
+        {"bytes_corrupted", counts.bytes_corrupted}};
   }
   json["accepted_wrong_count"] = log.accepted_wrong_count;
   json["accepted_stale_count"] = log.accepted_stale_count;
@@ -46,7 +48,8 @@ Json FlightJson(const RunLog& log) {
   json["actuator_times_ns"] = log.actuator_times_ns;
   json["events"] = Json::array();
   for (const auto& event : log.events)
-    json["events"].push_back({{"time_s", ToSeconds(event.time_ns)}, {"kind", event.kind}, {"text", event.text}});
+    json["events"].push_back(
+        {{"time_s", ToSeconds(event.time_ns)}, {"kind", event.kind}, {"text", event.text}});
   return json;
 }
 
@@ -58,7 +61,8 @@ EndReason EndReasonNamed(const std::string& name) {
 
 }  // namespace
 
-void WriteFlight(const std::filesystem::path& folder, const Scenario& scenario, const std::string& resolved_scenario, const RunLog& log) {
+void WriteFlight(const std::filesystem::path& folder, const Scenario& scenario,
+                 const std::string& resolved_scenario, const RunLog& log) {
   WriteFile(folder / "scenario.resolved.yaml", resolved_scenario);
   WriteFile(folder / "trace.csv", WriteTraceCsv(log.trace));
   std::string faults;
@@ -111,13 +115,15 @@ RunLog ReadFlight(const std::filesystem::path& folder) {
     json.at("accepted_stale_count").get_to(log.accepted_stale_count);
     json.at("resync_max_ns").get_to(log.resync_max_ns);
     json.at("starts_accepted_count").get_to(log.starts_accepted_count);
-    if (json.contains("failsafe_entered_count")) log.failsafe_entered_count = json.at("failsafe_entered_count").get<std::int64_t>();
+    if (json.contains("failsafe_entered_count"))
+      log.failsafe_entered_count = json.at("failsafe_entered_count").get<std::int64_t>();
     json.at("fault_activation_counts").get_to(log.fault_activation_counts);
     json.at("request_times_ns").get_to(log.request_times_ns);
     json.at("reply_latency_ns").get_to(log.reply_latency_ns);
     json.at("actuator_times_ns").get_to(log.actuator_times_ns);
     for (const auto& event : json.at("events"))
-      log.events.push_back({FromSeconds(event.at("time_s").get<double>()), event.at("kind").get<std::string>(), event.at("text").get<std::string>()});
+      log.events.push_back({FromSeconds(event.at("time_s").get<double>()),
+                            event.at("kind").get<std::string>(), event.at("text").get<std::string>()});
   } catch (const std::exception& error) {
     throw std::runtime_error(flight_file.string() + ": " + error.what());
   }

@@ -18,10 +18,11 @@
 namespace tiltproof::harness {
 
 // Throws FileError. `resolved_scenario` is the text of scenario.resolved.yaml.
-void WriteFlight(const std::filesystem::path& folder, const Scenario& scenario, const std::string& resolved_scenario, const RunLog& log);
+void WriteFlight(const std::filesystem::path& folder, const Scenario& scenario,
+                 const std::string& resolved_scenario, const RunLog& log);
 
-// What scoring needs: the trace and flight.json; raw bytes and activations are not read. Throws FileError or std::runtime_error naming the
-// file and the place.
+// What scoring needs: the trace and flight.json; raw bytes and activations are not read. Throws FileError or
+// std::runtime_error naming the file and the place.
 RunLog ReadFlight(const std::filesystem::path& folder);
 
 }  // namespace tiltproof::harness

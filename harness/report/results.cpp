@@ -95,7 +95,9 @@ std::string JunitXml(const RunInfo& info, const std::vector<ScenarioResult>& res
     if (result.green()) continue;
     auto failure = test.append_child(result.score.verdict == Verdict::kError ? "error" : "failure");
     failure.append_attribute("message") =
-        XmlSafe(fmt::format("{}, expected {}: {}", Name(result.score.verdict), Name(result.expected), result.score.reason)).c_str();
+        XmlSafe(fmt::format("{}, expected {}: {}", Name(result.score.verdict), Name(result.expected),
+                            result.score.reason))
+            .c_str();
     std::string text = fmt::format("seed {}\nreplay: {}\n", result.seed, result.replay);
     for (const auto& criterion : result.score.criteria)
       text += fmt::format("{} {}: {}\n", Name(criterion.verdict), criterion.name, criterion.explanation);
@@ -124,10 +126,13 @@ ScenarioResult ResultFromJsonText(const std::string& text) {
   json.at("reason").get_to(result.score.reason);
   for (const auto& [name, value] : json.at("metrics").items()) result.score.metrics[name] = NumberFrom(value);
   for (const auto& c : json.at("criteria"))
-    result.score.criteria.push_back({c.at("name").get<std::string>(), VerdictNamed(c.at("verdict").get<std::string>()),
-                                     OptionalFrom(c.at("robustness")), OptionalFrom(c.at("time_s")), c.at("explanation").get<std::string>()});
+    result.score.criteria.push_back({c.at("name").get<std::string>(),
+                                     VerdictNamed(c.at("verdict").get<std::string>()),
+                                     OptionalFrom(c.at("robustness")), OptionalFrom(c.at("time_s")),
+                                     c.at("explanation").get<std::string>()});
   for (const auto& f : json.at("faults"))
-    result.score.faults.push_back({f.at("id").get<std::string>(), f.at("type").get<std::string>(), f.at("activations").get<std::int64_t>()});
+    result.score.faults.push_back({f.at("id").get<std::string>(), f.at("type").get<std::string>(),
+                                   f.at("activations").get<std::int64_t>()});
   return result;
 }
 
@@ -162,7 +167,8 @@ RunInfo ReadRunInfo(const std::filesystem::path& folder) {
   }
 }
 
-void WriteResults(const std::filesystem::path& folder, const RunInfo& info, const std::vector<ScenarioResult>& results) {
+void WriteResults(const std::filesystem::path& folder, const RunInfo& info,
+                  const std::vector<ScenarioResult>& results) {
   Json json;
   json["suite"] = info.suite;
   json["started"] = info.started;

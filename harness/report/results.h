@@ -11,7 +11,7 @@
 namespace tiltproof::harness {
 
 struct ScenarioResult {
-  std::string name;    // also the folder's
+  std::string name;  // also the folder's
   Verdict expected = Verdict::kPass;
   std::uint64_t seed = 0;
   std::string trace_hash;
@@ -31,7 +31,7 @@ struct RunInfo {
   std::string suite;
   std::string started;  // ISO 8601 UTC
   std::uint64_t seed = 0;
-  std::string client;   // --client as given
+  std::string client;  // --client as given
   std::vector<std::string> command;
   bool interrupted = false;
 };
@@ -41,9 +41,11 @@ void WriteRunInfo(const std::filesystem::path& folder, const RunInfo& info);
 RunInfo ReadRunInfo(const std::filesystem::path& folder);
 
 // results.json and junit.xml.
-void WriteResults(const std::filesystem::path& folder, const RunInfo& info, const std::vector<ScenarioResult>& results);
+void WriteResults(const std::filesystem::path& folder, const RunInfo& info,
+                  const std::vector<ScenarioResult>& results);
 
-// Exit code of a set of results: 3 harness or target error, 1 not green by pass or fail, 4 unexpectedly inconclusive, 0 all green.
+// Exit code of a set of results: 3 harness or target error, 1 not green by pass or fail, 4 unexpectedly
+// inconclusive, 0 all green.
 int ExitCode(const std::vector<ScenarioResult>& results);
 
 std::string_view Version();

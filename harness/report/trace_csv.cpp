@@ -39,7 +39,8 @@ Trace ReadTraceCsv(std::string_view csv) {
   const auto next_line = [&]() -> std::string_view {
     ++line_number;
     const std::size_t end = csv.find('\n');
-    if (end == std::string_view::npos) throw std::runtime_error(fmt::format("line {}: cut before its end", line_number));
+    if (end == std::string_view::npos)
+      throw std::runtime_error(fmt::format("line {}: cut before its end", line_number));
     const std::string_view line = csv.substr(0, end);
     csv.remove_prefix(end + 1);
     return line;
@@ -59,13 +60,15 @@ Trace ReadTraceCsv(std::string_view csv) {
   while (!csv.empty()) {
     const auto cells = split(next_line());
     if (cells.size() != trace.columns().size())
-      throw std::runtime_error(fmt::format("line {}: {} values for {} columns", line_number, cells.size(), trace.columns().size()));
+      throw std::runtime_error(fmt::format("line {}: {} values for {} columns", line_number, cells.size(),
+                                           trace.columns().size()));
     const std::span<double> row = trace.AppendRow();
     for (std::size_t c = 0; c < cells.size(); ++c) {
       if (cells[c] == "nan") continue;
       const auto [end, error] = std::from_chars(cells[c].data(), cells[c].data() + cells[c].size(), row[c]);
       if (error != std::errc{} || end != cells[c].data() + cells[c].size())
-        throw std::runtime_error(fmt::format("line {}: '{}' is not a number (column {})", line_number, cells[c], trace.columns()[c]));
+        throw std::runtime_error(fmt::format("line {}: '{}' is not a number (column {})", line_number,
+                                             cells[c], trace.columns()[c]));
     }
   }
   return trace;
@@ -80,7 +83,8 @@ std::string TraceHash(const Trace& trace) {
   for (std::size_t r = 0; r < trace.row_count(); ++r) {
     for (const double value : trace.row(r)) {
       // All NaN are one: the file keeps no payload.
-      const auto bits = std::bit_cast<std::uint64_t>(std::isnan(value) ? std::numeric_limits<double>::quiet_NaN() : value);
+      const auto bits =
+          std::bit_cast<std::uint64_t>(std::isnan(value) ? std::numeric_limits<double>::quiet_NaN() : value);
       add(&bits, sizeof bits);
     }
   }

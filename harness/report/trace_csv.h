@@ -1,4 +1,5 @@
-// trace.csv: the trace with doubles in shortest round-trip form, so that an old run scores to the same numbers again.
+// trace.csv: the trace with doubles in shortest round-trip form, so that an old run scores to the same
+// numbers again.
 #pragma once
 
 #include <string>

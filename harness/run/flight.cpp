@@ -30,9 +30,12 @@ constexpr std::size_t Index(Direction direction) { return static_cast<std::size_
 
 plant::RatesFrame FrameOf(AngularRates rates) {
   switch (rates) {
-    case AngularRates::kWorld: return plant::RatesFrame::kWorld;
-    case AngularRates::kBody: return plant::RatesFrame::kBody;
-    case AngularRates::kEuler: return plant::RatesFrame::kEuler;
+    case AngularRates::kWorld:
+      return plant::RatesFrame::kWorld;
+    case AngularRates::kBody:
+      return plant::RatesFrame::kBody;
+    case AngularRates::kEuler:
+      return plant::RatesFrame::kEuler;
   }
   return plant::RatesFrame::kWorld;
 }
@@ -43,7 +46,8 @@ std::vector<std::string> ColumnsOf(const Scenario& scenario) {
   return columns;
 }
 
-// Times inside are boot time (nanoseconds since the client's power-on); what goes to the log is turned into simulation time.
+// Times inside are boot time (nanoseconds since the client's power-on); what goes to the log is turned into
+// simulation time.
 class Flight {
  public:
   Flight(const Scenario& scenario, const plant::VehicleModel& model, const FlightOptions& options);
@@ -87,13 +91,13 @@ class Flight {
   // The plant stands at this step boundary; `row_done_` when nothing more can happen at it.
   TimeNs boundary_ns_ = kNever;
   bool row_done_ = false;
-  ActuatorsTruth commanded_;          // last accepted, or the hover input
+  ActuatorsTruth commanded_;           // last accepted, or the hover input
   TimeNs commanded_from_ns_ = kNever;  // boundary at which it takes force; kNever when it has
   TimeNs next_fault_edge_ns_ = kPowerOn;
-  ActuatorsTruth in_force_;           // commanded_ after the actuator faults
+  ActuatorsTruth in_force_;  // commanded_ after the actuator faults
   std::optional<Sensors> sensed_;
   std::optional<Actuators> asked_;
-  std::optional<TimeNs> reply_due_;   // arrival of the request that the reply under way answers
+  std::optional<TimeNs> reply_due_;  // arrival of the request that the reply under way answers
 };
 
 Flight::Flight(const Scenario& scenario, const plant::VehicleModel& model, const FlightOptions& options)
@@ -105,15 +109,20 @@ Flight::Flight(const Scenario& scenario, const plant::VehicleModel& model, const
       wires_{[&] {
         const std::int64_t baud = scenario.link.ideal ? 0 : scenario.link.baud;
         const auto wire = [&](Direction direction, TimeNs latency) {
-          return link::Wire({.baud = baud, .adapter_latency_ns = latency}, direction, scenario.link.dialect, faults_.Stage(direction));
+          return link::Wire({.baud = baud, .adapter_latency_ns = latency}, direction, scenario.link.dialect,
+                            faults_.Stage(direction));
         };
-        // The adapter's receive buffer stands between the firmware and the server; the other way it sends at once.
-        return std::array{wire(Direction::kToPlant, FromSeconds(scenario.link.adapter_latency_ms * 1e-3)), wire(Direction::kToClient, 0),
-                          wire(Direction::kReference, 0)};
+        // The adapter's receive buffer stands between the firmware and the server; the other way it sends at
+        // once.
+        return std::array{wire(Direction::kToPlant, FromSeconds(scenario.link.adapter_latency_ms * 1e-3)),
+                          wire(Direction::kToClient, 0), wire(Direction::kReference, 0)};
       }()},
-      ends_{ReceivingEnd(Direction::kToPlant, scenario.link.dialect, faults_.Stage(Direction::kToPlant) != nullptr),
-            ReceivingEnd(Direction::kToClient, scenario.link.dialect, faults_.Stage(Direction::kToClient) != nullptr),
-            ReceivingEnd(Direction::kReference, scenario.link.dialect, faults_.Stage(Direction::kReference) != nullptr)} {
+      ends_{ReceivingEnd(Direction::kToPlant, scenario.link.dialect,
+                         faults_.Stage(Direction::kToPlant) != nullptr),
+            ReceivingEnd(Direction::kToClient, scenario.link.dialect,
+                         faults_.Stage(Direction::kToClient) != nullptr),
+            ReceivingEnd(Direction::kReference, scenario.link.dialect,
+                         faults_.Stage(Direction::kReference) != nullptr)} {
   log_.trace = Trace(ColumnsOf(scenario));
   log_.trace.Reserve(static_cast<std::size_t>(scenario.duration_ns / kControlPeriodNs) + 1);
   plant_.Reset(scenario.initial_position_m, scenario.initial_attitude_rad);
@@ -180,14 +189,16 @@ void Flight::Conduct() {
         if (!over_) LogRow();
       } else {
         log_.end_reason = EndReason::kNeverStarted;
-        log_.end_text = "the server accepted no `start` message within " + std::to_string(ToSeconds(scenario_.duration_ns)) + " s of power-on";
+        log_.end_text = "the server accepted no `start` message within " +
+                        std::to_string(ToSeconds(scenario_.duration_ns)) + " s of power-on";
       }
       return;
     }
     turns = now == last ? turns + 1 : 0;
     last = now;
     if (turns > kTurnsAtOneInstantMax)
-      throw FirmwareTrouble(true, "the firmware lets no time pass: it wants to be woken at " + std::to_string(now) + " ns again and again");
+      throw FirmwareTrouble(true, "the firmware lets no time pass: it wants to be woken at " +
+                                      std::to_string(now) + " ns again and again");
     if (options_.interrupted != nullptr && options_.interrupted->load(std::memory_order_relaxed)) {
       log_.end_reason = EndReason::kInterrupted;
       log_.end_text = "interrupted";
@@ -206,7 +217,8 @@ void Flight::ServePlantEnd(TimeNs now) {
   if (wire.NextArrival() > now) return;
   wire.Take(now, [this](TimeNs arrival, std::span<const std::uint8_t> bytes) {
     ends_[Index(Direction::kToPlant)].Receive(
-        arrival, bytes, [this](TimeNs at, std::span<const std::uint8_t> payload) { OnClientMessage(at, payload); },
+        arrival, bytes,
+        [this](TimeNs at, std::span<const std::uint8_t> payload) { OnClientMessage(at, payload); },
         [this](TimeNs at, std::string_view reason) { LogRejection(at, Direction::kToPlant, reason); });
   });
 }
@@ -283,14 +295,16 @@ void Flight::AnswerSensorRequest(TimeNs arrival) {
 
 // The base station follows the simulation's clock (paper, section 2.2, Figure 6).
 void Flight::SendReference(TimeNs now) {
-  const link::MessageBytes message = link::EncodeReference(ToFloat(trajectory_.At(SimTime(now)), kReferenceFields));
+  const link::MessageBytes message =
+      link::EncodeReference(ToFloat(trajectory_.At(SimTime(now)), kReferenceFields));
   std::array<std::uint8_t, link::FrameBytesMax(link::kMessageBytesMax)> frame;
   wires_[Index(Direction::kReference)].Transmit(now, link::EncodeFrame(message.span(), frame).bytes);
   next_reference_ns_ = now + kControlPeriodNs;
   if (options_.progress_ns != nullptr) options_.progress_ns->store(SimTime(now), std::memory_order_relaxed);
 }
 
-// Steps to the last boundary at or before `to`. A boundary is left, and its row logged, only when time has passed it.
+// Steps to the last boundary at or before `to`. A boundary is left, and its row logged, only when time has
+// passed it.
 void Flight::AdvancePlant(TimeNs to) {
   while (to > boundary_ns_ && !over_) {
     if (!row_done_) LogRow();
@@ -300,7 +314,8 @@ void Flight::AdvancePlant(TimeNs to) {
     row_done_ = false;
     if (const plant::FlightEvent event = plant_.Event(); event != plant::FlightEvent::kNone) {
       over_ = true;
-      log_.end_reason = event == plant::FlightEvent::kGroundStrike ? EndReason::kGroundStrike : EndReason::kDiverged;
+      log_.end_reason =
+          event == plant::FlightEvent::kGroundStrike ? EndReason::kGroundStrike : EndReason::kDiverged;
       log_.end_text = plant_.EventText();
       LogEvent(boundary_ns_, std::string(Name(log_.end_reason)), log_.end_text);
     }

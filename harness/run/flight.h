@@ -1,14 +1,16 @@
 // The lockstep conductor: flies one scenario in virtual time, deterministic to the bit.
 //
-// The client leads: it says out of band until when it waits, and the conductor advances to the earlier of that time and the next byte
-// worth waking somebody for. One control period, in the order of the code:
+// The client leads: it says out of band until when it waits, and the conductor advances to the earlier of
+// that time and the next byte worth waking somebody for. One control period, in the order of the code:
 //
-//   request arrives -> plant state -> sensor faults -> message -> frame -> wire (faults) -> firmware -> message -> frame -> wire (faults) ->
-//   decode -> actuator faults -> input in force from the next step boundary -> log
+//   request arrives -> plant state -> sensor faults -> message -> frame -> wire (faults) -> firmware ->
+//   message -> frame -> wire (faults) -> decode -> actuator faults -> input in force from the next step
+//   boundary -> log
 //
-// Sensors are the state at the last step boundary at or before the arrival of the request's last byte. An accepted actuator message takes
-// effect at the first step boundary at or after its last byte's arrival and holds; before the first one the model's hover input holds. The
-// plant stands still until the server accepts `start` (provant: the first id 3): that is t = 0.
+// Sensors are the state at the last step boundary at or before the arrival of the request's last byte. An
+// accepted actuator message takes effect at the first step boundary at or after its last byte's arrival and
+// holds; before the first one the model's hover input holds. The plant stands still until the server accepts
+// `start` (provant: the first id 3): that is t = 0.
 #pragma once
 
 #include <atomic>
@@ -32,8 +34,8 @@ struct FlightOptions {
   const std::atomic<bool>* interrupted = nullptr;
 };
 
-// Flies to the end, or to what ends it early (RunLog::end_reason): divergence, ground strike, a hung or crashed firmware, an interrupt.
-// Throws std::runtime_error when the client cannot be made.
+// Flies to the end, or to what ends it early (RunLog::end_reason): divergence, ground strike, a hung or
+// crashed firmware, an interrupt. Throws std::runtime_error when the client cannot be made.
 RunLog Fly(const Scenario& scenario, const plant::VehicleModel& model, const FlightOptions& options);
 
 }  // namespace tiltproof::harness

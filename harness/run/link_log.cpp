@@ -8,7 +8,8 @@
 namespace tiltproof::harness {
 namespace {
 
-static_assert(std::endian::native == std::endian::little, "link.bin is written in host order on little-endian hosts only");
+static_assert(std::endian::native == std::endian::little,
+              "link.bin is written in host order on little-endian hosts only");
 
 constexpr std::size_t kHeaderBytes = 12;
 constexpr std::size_t kRecordBytesMax = 0xFFFF;

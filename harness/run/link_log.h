@@ -1,4 +1,5 @@
-// The raw bytes of a flight with their times, both directions and the reference line, as they are kept in link.bin.
+// The raw bytes of a flight with their times, both directions and the reference line, as they are kept in
+// link.bin.
 //
 // File format, little endian: the 8 bytes "TPLINK1\n", then records:
 //   int64  begin_ns   simulation time at which the first byte's start bit enters the wire
@@ -38,7 +39,8 @@ class LinkLog {
 
   void Append(const link::Chunk& chunk, link::Direction direction, bool delivered);
 
-  // Subtracts the boot time of t = 0 from every record: a flight logs in boot time, readers want simulation time.
+  // Subtracts the boot time of t = 0 from every record: a flight logs in boot time, readers want simulation
+  // time.
   void ShiftOrigin(TimeNs origin_ns);
 
   // The file's content.

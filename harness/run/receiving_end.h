@@ -1,11 +1,13 @@
-// The end of one direction of the line: decodes what arrives, checks the messages, and audits it against what was sent.
+// The end of one direction of the line: decodes what arrives, checks the messages, and audits it against what
+// was sent.
 //
-// For to_plant it is the server itself. For to_client and reference it is a shadow of the client's receiver, with all checks of the
-// protocol, so that the counters measure the protocol and not one firmware.
+// For to_plant it is the server itself. For to_client and reference it is a shadow of the client's receiver,
+// with all checks of the protocol, so that the counters measure the protocol and not one firmware.
 //
 // The audit numbers the frames as sent. An accepted payload is
 //   wrong  when it equals no payload sent so far in this direction: corruption that every check let through;
-//   stale  when it equals only payloads sent at or before the last one accepted: a repeat, or older than what came already.
+//   stale  when it equals only payloads sent at or before the last one accepted: a repeat, or older than what
+//   came already.
 #pragma once
 
 #include <array>
@@ -22,7 +24,8 @@ namespace tiltproof::harness {
 
 class ReceivingEnd {
  public:
-  // `faulty`: something stands in this direction that may edit bytes; without it nothing accepted can be wrong, and the audit rests.
+  // `faulty`: something stands in this direction that may edit bytes; without it nothing accepted can be
+  // wrong, and the audit rests.
   ReceivingEnd(link::Direction direction, link::Dialect dialect, bool faulty);
 
   // Taps of the wire.
@@ -33,7 +36,8 @@ class ReceivingEnd {
   // `reason` is a Name() of link::FrameStatus or link::MessageStatus.
   using OnRejected = std::function<void(TimeNs arrival, std::string_view reason)>;
   // Bytes that have arrived, the last of them at `arrival` (see link::Wire::Take).
-  void Receive(TimeNs arrival, std::span<const std::uint8_t> bytes, const OnAccepted& on_accepted, const OnRejected& on_rejected);
+  void Receive(TimeNs arrival, std::span<const std::uint8_t> bytes, const OnAccepted& on_accepted,
+               const OnRejected& on_rejected);
 
   const DirectionCounts& counts() const { return counts_; }
   std::int64_t wrong_count() const { return wrong_count_; }
@@ -58,7 +62,8 @@ class ReceivingEnd {
   std::unordered_map<std::uint64_t, std::vector<std::int64_t>> sent_;
   std::int64_t next_number_ = 0;
   std::int64_t last_accepted_number_ = -1;
-  std::array<std::vector<std::uint8_t>, 16> recent_;  // frames as sent, to tell a late or repeated one from a corrupted one
+  std::array<std::vector<std::uint8_t>, 16>
+      recent_;  // frames as sent, to tell a late or repeated one from a corrupted one
 };
 
 }  // namespace tiltproof::harness

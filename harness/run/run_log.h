@@ -41,9 +41,9 @@ struct DirectionCounts {
 struct RunLog {
   Trace trace{TraceColumns()};
   EndReason end_reason = EndReason::kCompleted;
-  std::string end_text;   // what a person should read, for everything but kCompleted
-  TimeNs end_ns = 0;      // simulation time reached
-  std::array<double, 4> hover_input{};  // f_R f_L tau_R tau_L of the model (N, N m)
+  std::string end_text;                            // what a person should read, for everything but kCompleted
+  TimeNs end_ns = 0;                               // simulation time reached
+  std::array<double, 4> hover_input{};             // f_R f_L tau_R tau_L of the model (N, N m)
   std::array<double, 4> input_min{}, input_max{};  // the model's limits
 
   std::array<DirectionCounts, link::kDirectionCount> counts{};
@@ -52,9 +52,10 @@ struct RunLog {
   TimeNs resync_max_ns = 0;
   std::int64_t starts_accepted_count = 0;
   std::optional<std::int64_t> failsafe_entered_count;  // absent when the client cannot say
-  std::vector<TimeNs> request_times_ns;    // arrival at the server of each accepted sensor request
-  std::vector<TimeNs> reply_latency_ns;    // from the last byte of a request to the last byte of its reply at the client
-  std::vector<TimeNs> actuator_times_ns;   // arrival at the server of each accepted actuator message
+  std::vector<TimeNs> request_times_ns;  // arrival at the server of each accepted sensor request
+  std::vector<TimeNs>
+      reply_latency_ns;  // from the last byte of a request to the last byte of its reply at the client
+  std::vector<TimeNs> actuator_times_ns;  // arrival at the server of each accepted actuator message
 
   std::vector<std::int64_t> fault_activation_counts;  // one per fault of the scenario
   std::vector<faults::Activation> activations;        // first kActivationsMax of each fault, in time order

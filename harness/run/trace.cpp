@@ -40,14 +40,22 @@ std::span<double> Trace::AppendRow() {
 
 std::string_view Name(EndReason reason) {
   switch (reason) {
-    case EndReason::kCompleted: return "completed";
-    case EndReason::kDiverged: return "diverged";
-    case EndReason::kGroundStrike: return "ground_strike";
-    case EndReason::kNeverStarted: return "never_started";
-    case EndReason::kFirmwareHung: return "firmware_hung";
-    case EndReason::kFirmwareCrashed: return "firmware_crashed";
-    case EndReason::kInterrupted: return "interrupted";
-    case EndReason::kHarnessError: return "harness_error";
+    case EndReason::kCompleted:
+      return "completed";
+    case EndReason::kDiverged:
+      return "diverged";
+    case EndReason::kGroundStrike:
+      return "ground_strike";
+    case EndReason::kNeverStarted:
+      return "never_started";
+    case EndReason::kFirmwareHung:
+      return "firmware_hung";
+    case EndReason::kFirmwareCrashed:
+      return "firmware_crashed";
+    case EndReason::kInterrupted:
+      return "interrupted";
+    case EndReason::kHarnessError:
+      return "harness_error";
   }
   return "unknown";
 }

@@ -1,0 +1,100 @@
+#include "harness/cli/suite.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "harness/cli/commands.h"
+#include "harness/cli/data_files.h"
+#include "harness/scenario/selection.h"
+#include "harness/score/score.h"
+#include "harness/score/stl.h"
+
+namespace tiltproof::harness {
+namespace {
+
+ReadOptions MakeReadOptions(ModelCache& models) {
+  ReadOptions options;
+  options.models_folder = ModelsFolder();
+  options.metric_names = MetricNames();
+  options.check_formula = [](std::string_view formula,
+                             std::span<const std::string> fault_ids) -> std::optional<FormulaProblem> {
+    try {
+      stl::Parse(formula, fault_ids);
+      return std::nullopt;
+    } catch (const stl::ParseError& error) {
+      return FormulaProblem{error.column, error.what()};
+    }
+  };
+  options.check_model = [&models](const std::filesystem::path& file,
+                                  bool allow_invalid_inertia) -> std::optional<std::string> {
+    try {
+      models.Load(file, allow_invalid_inertia);
+      return std::nullopt;
+    } catch (const std::exception& error) {
+      return error.what();
+    }
+  };
+  return options;
+}
+
+}  // namespace
+
+std::shared_ptr<const plant::VehicleModel> ModelCache::Load(const std::filesystem::path& file,
+                                                            bool allow_invalid_inertia) {
+  for (const auto& entry : entries_)
+    if (entry.file == file && entry.allow_invalid_inertia == allow_invalid_inertia) return entry.model;
+  std::vector<std::string> warnings;
+  auto model = std::make_shared<const plant::VehicleModel>(
+      plant::LoadVehicle(file, {.allow_invalid_inertia = allow_invalid_inertia}, warnings));
+  for (auto& warning : warnings)
+    if (std::find(warnings_.begin(), warnings_.end(), warning) == warnings_.end())
+      warnings_.push_back(std::move(warning));
+  entries_.push_back({file, allow_invalid_inertia, model});
+  return model;
+}
+
+Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const std::string& client) {
+  ModelCache models;
+  ReadOptions options = MakeReadOptions(models);
+  if (client == "host") options.firmware_names = {"paper", "paper_published", "tolerant"};
+  Suite suite;
+  try {
+    for (auto& scenario : ReadScenarios(FindScenarios(paths), options)) {
+      auto model = models.Load(scenario.model_file, scenario.allow_invalid_inertia);
+      suite.scenarios.push_back({std::move(scenario), std::move(model)});
+    }
+  } catch (const ScenarioError& error) {
+    throw UsageError(error.what());
+  } catch (const std::invalid_argument& error) {
+    throw UsageError(error.what());
+  }
+  suite.name = SuiteName(paths);
+  suite.warnings = models.warnings();
+  return suite;
+}
+
+SuiteScenario LoadFlown(const std::filesystem::path& scenario_folder) {
+  ModelCache models;
+  try {
+    Scenario scenario = ReadScenario(scenario_folder / "scenario.resolved.yaml", MakeReadOptions(models));
+    auto model = models.Load(scenario.model_file, scenario.allow_invalid_inertia);
+    return {std::move(scenario), std::move(model)};
+  } catch (const ScenarioError& error) {
+    throw UsageError(error.what());
+  }
+}
+
+std::filesystem::path ResolveModel(const std::string& model) {
+  const std::filesystem::path file =
+      model.ends_with(".sdf") ? std::filesystem::path(model) : ModelsFolder() / (model + ".sdf");
+  if (std::filesystem::is_regular_file(file)) return std::filesystem::absolute(file);
+  std::vector<std::string> names;
+  for (const auto& entry : std::filesystem::directory_iterator(ModelsFolder()))
+    if (entry.path().extension() == ".sdf") names.push_back(entry.path().stem());
+  std::sort(names.begin(), names.end());
+  throw UsageError(fmt::format("MODEL {}: no file {}; give a path ending in .sdf, or one of: {}", model,
+                               file.string(), fmt::join(names, ", ")));
+}
+
+}  // namespace tiltproof::harness

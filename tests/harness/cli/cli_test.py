@@ -1,0 +1,280 @@
+#!/usr/bin/env python3
+"""The program as a user runs it. Usage: cli_test.py TILTPROOF SOURCE_DIR CLIENTS_DIR"""
+import json
+import os
+import pathlib
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+import xml.etree.ElementTree
+
+PROGRAM, SOURCE, CLIENTS = (pathlib.Path(a) for a in sys.argv[1:4])
+
+SHORT_HOVER = """\
+name: NAME
+duration_s: 0.6
+seed: 3
+reference: {type: hover, at_m: [0, 0, 2]}
+criteria:
+  - {name: near, stl: "always(position_error_m <= 0.5)"}
+"""
+
+
+class CliTest(unittest.TestCase):
+    def setUp(self):
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="tiltproof-cli-"))
+        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
+
+    def tiltproof(self, *arguments, stdin=b"", timeout=120):
+        done = subprocess.run([PROGRAM, *map(str, arguments)], input=stdin, capture_output=True, cwd=self.folder, timeout=timeout, check=False)
+        return done.returncode, done.stdout.decode(), done.stderr.decode()
+
+    def scenario(self, name, text=SHORT_HOVER, **changes):
+        text = text.replace("NAME", name)
+        for old, new in changes.items():
+            text = text.replace(old, new)
+        path = self.folder / f"{name}.yaml"
+        path.write_text(text)
+        return path
+
+    def latest(self):
+        return (self.folder / "results" / "latest").resolve()
+
+    def results(self):
+        return json.loads((self.latest() / "results.json").read_text())
+
+    # frame encode, frame decode
+
+    def test_frame_encode_and_decode(self):
+        self.assertEqual(self.tiltproof("frame", "encode", "7e7d01"), (0, "7e7d5e7d5d01fc777e\n", ""))
+        code, out, _ = self.tiltproof("frame", "decode", stdin=bytes.fromhex("7e7d5e7d5d01fc777e" "557e" "7e7e" "010203"))
+        self.assertEqual([json.loads(line) for line in out.splitlines()],
+                         [{"offset": 0, "status": "ok", "payload": "7e7d01"},
+                          {"offset": 8, "status": "too_short", "payload": "55"},
+                          {"offset": 12, "status": "aborted", "payload": "010203"}])
+        self.assertEqual(code, 1)
+
+    def test_frame_decode_of_good_frames_is_green(self):
+        self.assertEqual(self.tiltproof("frame", "decode", stdin=bytes.fromhex("7e7d5e7d5d01fc777e"))[0], 0)
+
+    def test_frame_mistakes_are_usage(self):
+        for arguments in (["frame", "encode", "7"], ["frame", "encode", "zz"], ["frame", "encode", "00" * 300], ["frame", "decode", "missing.bin"],
+                          ["frame"], ["nonsense"], []):
+            self.assertEqual(self.tiltproof(*arguments)[0], 2, arguments)
+
+    # run
+
+    def test_run_writes_every_file(self):
+        code, out, err = self.tiltproof("run", self.scenario("hover"))
+        self.assertEqual((code, err), (0, ""), out)
+        self.assertIn("PASS", out)
+        self.assertIn("1 of 1 green", out)
+        for file in ("run.json", "results.json", "junit.xml", "events.jsonl", "hover/scenario.resolved.yaml", "hover/verdict.json", "hover/trace.csv",
+                     "hover/faults.jsonl", "hover/link.bin", "hover/firmware.log", "hover/flight.json"):
+            self.assertTrue((self.latest() / file).is_file(), file)
+        entry = self.results()["scenarios"][0]
+        for key in ("name", "verdict", "expected", "green", "seed", "trace_hash", "wall_s", "real_time_factor", "metrics", "criteria", "faults", "replay"):
+            self.assertIn(key, entry)
+        self.assertEqual(xml.etree.ElementTree.parse(self.latest() / "junit.xml").getroot()[0].get("tests"), "1")
+        rows = (self.latest() / "hover/trace.csv").read_text().splitlines()
+        self.assertEqual(len(rows), 1 + 51)
+        self.assertEqual(rows[0].split(",")[0], "t_s")
+        self.assertFalse(list(self.latest().rglob("*.part")))
+
+    def test_verdicts_become_exit_codes(self):
+        impossible = {"position_error_m <= 0.5": "position_error_m < 0"}
+        undecided = {"always(position": "always[0,9](position"}
+        self.scenario("good")
+        self.assertEqual(self.tiltproof("run", "good.yaml")[0], 0)
+        self.scenario("bad", **impossible)
+        code, out, _ = self.tiltproof("run", "bad.yaml")
+        self.assertEqual(code, 1)
+        self.assertRegex(out, r"FAIL +bad")
+        self.assertIn("near", out)
+        self.assertIn("tiltproof replay", out)
+        self.scenario("expected", **impossible, **{"seed: 3": "seed: 3\nexpect: fail"})
+        self.assertEqual(self.tiltproof("run", "expected.yaml")[0], 0)
+        self.scenario("short", **undecided)
+        self.assertEqual(self.tiltproof("run", "short.yaml")[0], 4)
+        code, out, _ = self.tiltproof("run", ".", "--format", "jsonl")
+        self.assertEqual(code, 1)
+        self.assertEqual({e["name"]: e["verdict"] for e in map(json.loads, out.splitlines())},
+                         {"good": "pass", "bad": "fail", "expected": "fail", "short": "inconclusive"})
+
+    def test_nothing_selected(self):
+        self.scenario("hover")
+        self.assertEqual(self.tiltproof("run", ".", "-k", "nothing")[0], 4)
+        self.assertEqual(self.tiltproof("run", ".", "--tag", "nothing")[0], 4)
+
+    def test_usage_mistakes(self):
+        self.scenario("hover")
+        for arguments in (["--client", "nonsense"], ["--client", "library:missing.so"], ["--client", "serial:/dev/ttyUSB0"],
+                          ["--client", "process:./a"], ["--mode", "realtime"], ["--mode", "x"], ["-k", "and and"], ["-j", "0"], ["--repeat", "0"]):
+            code, out, err = self.tiltproof("run", ".", *arguments)
+            self.assertEqual(code, 2, arguments)
+            self.assertEqual(out, "", arguments)
+            self.assertTrue(err, arguments)
+        self.assertEqual(self.tiltproof("run", "missing.yaml")[0], 2)
+        self.assertFalse((self.folder / "results").exists())
+
+    def test_a_file_that_is_no_library_is_an_error_of_the_run(self):
+        path = self.scenario("hover")
+        code, out, _ = self.tiltproof("run", path, "--client", f"library:{path}")
+        self.assertEqual(code, 3)
+        self.assertIn("cannot load firmware library", out)
+
+    def test_check_names_the_place(self):
+        path = self.scenario("hover", duration_s="duraton_s")
+        code, _, err = self.tiltproof("check", path)
+        self.assertEqual(code, 2)
+        self.assertRegex(err, r"hover\.yaml:2:1: .*duraton_s.*duration_s")
+        path = self.scenario("formula", position_error_m="positon_error_m")
+        code, _, err = self.tiltproof("check", path)
+        self.assertEqual(code, 2)
+        self.assertRegex(err, r"formula\.yaml:6:\d+: .*position_error_m")
+
+    def test_hashes_do_not_depend_on_workers_or_repetition(self):
+        for i in range(3):
+            self.scenario(f"s{i}", **{"seed: 3": "seed: 3\nfaults:\n  - {id: noise, type: wire.bit_error, target: both, parameters: {ber: 0.001}}"})
+        hashes = set()
+        for arguments in (["-j", "1"], ["-j", "2"], ["-j", "3"], ["-j", "1"]):
+            self.tiltproof("run", ".", *arguments)
+            hashes.add(tuple(e["trace_hash"] for e in self.results()["scenarios"]))
+        self.assertEqual(len(hashes), 1)
+
+    def test_repeat_flies_seeds_in_a_row(self):
+        self.tiltproof("run", self.scenario("hover"), "--repeat", "3", "--seed", "10")
+        self.assertEqual([e["seed"] for e in self.results()["scenarios"]], [10, 11, 12])
+
+    def test_replay_and_score(self):
+        self.tiltproof("run", self.scenario("hover"))
+        run = self.latest()
+        code, out, err = self.tiltproof("replay", run)
+        self.assertEqual(code, 0, out + err)
+        self.assertIn("1 of 1 equal", out)
+        self.assertEqual(self.tiltproof("replay", run / "hover")[0], 0)
+        before = json.loads((run / "hover/verdict.json").read_text())
+        code, out, err = self.tiltproof("score", run, "--format", "jsonl")
+        self.assertEqual(code, 0, err)
+        self.assertEqual(json.loads(out)["metrics"], before["metrics"])
+        self.assertEqual(json.loads(out)["trace_hash"], before["trace_hash"])
+        # A changed file is noticed.
+        verdict = run / "hover/verdict.json"
+        verdict.write_text(verdict.read_text().replace(before["trace_hash"], "0" * 16))
+        code, out, _ = self.tiltproof("replay", run)
+        self.assertEqual(code, 1)
+        self.assertIn("DIFFERENT", out)
+        self.assertEqual(self.tiltproof("replay", self.folder)[0], 2)
+        self.assertEqual(self.tiltproof("score", "nowhere")[0], 2)
+
+    def test_link_dump(self):
+        self.tiltproof("run", self.scenario("hover"))
+        code, out, _ = self.tiltproof("link-dump", self.latest() / "hover/link.bin")
+        self.assertEqual(code, 0)
+        lines = out.splitlines()
+        self.assertRegex(lines[1], r"^ *-0\.0000868\d+ to_plant +sent +ok +4 0000803f +=? ?1$")
+        self.assertTrue(any("to_client" in line and " ok " in line and " 64 " in line for line in lines))
+        damaged = self.folder / "damaged.bin"
+        damaged.write_bytes((self.latest() / "hover/link.bin").read_bytes()[:-1])
+        self.assertEqual(self.tiltproof("link-dump", damaged)[0], 2)
+
+    # firmware that misbehaves
+
+    def misbehaving(self, how):
+        code, out, err = self.tiltproof("run", self.scenario(how, **{"seed: 3": f"seed: 3\nfirmware: {how}"}), "--client",
+                                        f"library:{CLIENTS / 'libmisbehaving_client.so'}")
+        return code, out, err, self.results()["scenarios"][0]
+
+    def test_a_crashing_firmware_fails_its_run(self):
+        code, out, err, entry = self.misbehaving("crash")
+        self.assertEqual((code, entry["verdict"]), (1, "fail"), out + err)
+        self.assertIn("crashed", entry["reason"])
+        self.assertGreater(len((self.latest() / "crash/trace.csv").read_text().splitlines()), 10)
+
+    def test_a_hung_firmware_fails_its_run(self):
+        began = time.monotonic()
+        code, out, err, entry = self.misbehaving("hang")
+        self.assertEqual((code, entry["verdict"]), (1, "fail"), out + err)
+        self.assertIn("did not return", entry["reason"])
+        self.assertLess(time.monotonic() - began, 60)
+
+    def test_a_firmware_that_exits_is_a_target_error(self):
+        code, _, _, entry = self.misbehaving("exit")
+        self.assertEqual((code, entry["verdict"]), (3, "error"))
+
+    def test_chatter_of_the_firmware_stays_off_standard_output(self):
+        _, out, err, _ = self.misbehaving("chatter")
+        self.assertNotIn("chatter-on-stdout", out)
+        self.assertIn("chatter-on-stdout", err)
+
+    # trouble
+
+    def test_interrupt_leaves_valid_partial_results(self):
+        self.scenario("long1", duration_s="duration_s: 3000 #")
+        self.scenario("long2", duration_s="duration_s: 3000 #")
+        with subprocess.Popen([PROGRAM, "run", "."], cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+            deadline = time.monotonic() + 30
+            while not list(self.folder.glob("results/*/run.json")) and time.monotonic() < deadline:
+                time.sleep(0.02)
+            time.sleep(0.5)
+            process.send_signal(signal.SIGINT)
+            out, _ = process.communicate(timeout=60)
+        self.assertEqual(process.returncode, 130, out)
+        results = self.results()
+        self.assertTrue(results["interrupted"])
+        self.assertEqual([e["name"] for e in results["scenarios"]], ["long1"])
+        self.assertEqual(results["scenarios"][0]["verdict"], "inconclusive")
+        self.assertGreater(len((self.latest() / "long1/trace.csv").read_text().splitlines()), 10)
+        xml.etree.ElementTree.parse(self.latest() / "junit.xml")
+
+    def test_a_results_folder_that_cannot_be_made_is_an_error(self):
+        (self.folder / "results").write_text("a file")
+        code, _, err = self.tiltproof("run", self.scenario("hover"))
+        self.assertEqual(code, 3)
+        self.assertIn("results", err)
+
+    def test_two_runs_at_once_keep_apart(self):
+        path = self.scenario("hover")
+        processes = [subprocess.Popen([PROGRAM, "run", path], cwd=self.folder, stdout=subprocess.DEVNULL) for _ in range(4)]
+        self.assertEqual([p.wait(timeout=60) for p in processes], [0] * 4)
+        self.assertEqual(len(list(self.folder.glob("results/*/results.json"))), 4 + 1, "four runs, and latest")
+
+    # the rest
+
+    def test_list_faults_schema(self):
+        self.scenario("hover")
+        self.assertIn("hover", self.tiltproof("list", ".")[1])
+        code, out, _ = self.tiltproof("faults")
+        self.assertEqual(code, 0)
+        for fault in ("wire.gilbert_elliott", "frame.delay", "sensor.freeze", "actuator.loss_of_effectiveness", "harness.canary"):
+            self.assertIn(fault, out)
+        self.assertEqual(json.loads(self.tiltproof("schema")[1])["type"], "object")
+
+    def test_design_lqr(self):
+        code, out, err = self.tiltproof("design-lqr", "tiltrotor", "--csv", "gain.csv")
+        self.assertEqual((code, err), (0, ""))
+        self.assertIn("spectral radius", out)
+        self.assertIn("delay margin", out)
+        ours = [[float(v) for v in line.split(",")] for line in (self.folder / "gain.csv").read_text().splitlines()]
+        published = [[float(v) for v in line.split(",")] for line in (SOURCE / "tests/golden/dlqr_gain_published.csv").read_text().splitlines()]
+        self.assertEqual([len(row) for row in ours], [20] * 4)
+        for mine, theirs in zip(ours, published):
+            for a, b in zip(mine, theirs):
+                self.assertLessEqual(abs(a - b), 2e-3 * abs(b))
+        code, _, err = self.tiltproof("design-lqr", SOURCE / "tests/golden/vant_2.sdf")
+        self.assertEqual(code, 2)
+        self.assertIn("servodir", err)
+        self.assertEqual(self.tiltproof("design-lqr", "nonsense")[0], 2)
+
+    def test_the_example_firmware_in_c_flies(self):
+        library = next(CLIENTS.parent.rglob("minimal_firmware.so"))
+        code, out, err = self.tiltproof("run", SOURCE / "scenarios/paper", "-k", "hover", "--client", f"library:{library}")
+        self.assertEqual(code, 0, out + err)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=[sys.argv[0], *sys.argv[4:]], verbosity=1)

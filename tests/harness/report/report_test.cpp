@@ -1,0 +1,182 @@
+// The files of a run: written whole, read back equal, damage named with its place.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+
+#include "harness/report/files.h"
+#include "harness/report/flight_files.h"
+#include "harness/report/results.h"
+#include "harness/report/trace_csv.h"
+
+namespace tiltproof::harness {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+class ReportTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::temp_directory_path() / (std::string("tiltproof-report-") +
+                                           ::testing::UnitTest::GetInstance()->current_test_info()->name());
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+  fs::path folder_;
+};
+
+template <class Function>
+std::string ErrorOf(Function&& function) {
+  try {
+    function();
+  } catch (const std::exception& error) {
+    return error.what();
+  }
+  return "no error";
+}
+
+Trace OddTrace() {
+  Trace trace({"t_s", "x_m", "y_m"});
+  const double odd[][3] = {
+      {0.0, -0.0, 1e-310},
+      {0.012, 0.1 + 0.2, std::numeric_limits<double>::quiet_NaN()},
+      {0.024, std::numeric_limits<double>::max(), std::numeric_limits<double>::infinity()}};
+  for (const auto& values : odd) {
+    const auto row = trace.AppendRow();
+    for (std::size_t i = 0; i < 3; ++i) row[i] = values[i];
+  }
+  return trace;
+}
+
+TEST_F(ReportTest, TraceSurvivesItsFileToTheBit) {
+  const Trace trace = OddTrace();
+  const Trace again = ReadTraceCsv(WriteTraceCsv(trace));
+  ASSERT_EQ(again.columns(), trace.columns());
+  ASSERT_EQ(again.row_count(), trace.row_count());
+  EXPECT_EQ(TraceHash(again), TraceHash(trace));
+  EXPECT_TRUE(std::signbit(again.at(0, 1)));
+  EXPECT_EQ(again.at(1, 1), 0.1 + 0.2);
+  EXPECT_TRUE(std::isnan(again.at(1, 2)));
+}
+
+TEST_F(ReportTest, TraceHashSeesEveryBitAndEveryName) {
+  const Trace trace = OddTrace();
+  Trace other_name({"t_s", "x_m", "z_m"});
+  Trace other_value({"t_s", "x_m", "y_m"});
+  for (std::size_t r = 0; r < trace.row_count(); ++r) {
+    const auto a = other_name.AppendRow();
+    const auto b = other_value.AppendRow();
+    for (std::size_t c = 0; c < 3; ++c) a[c] = b[c] = trace.at(r, c);
+    if (r == 0) b[1] = 0.0;  // was -0.0
+  }
+  EXPECT_NE(TraceHash(other_name), TraceHash(trace));
+  EXPECT_NE(TraceHash(other_value), TraceHash(trace));
+}
+
+TEST_F(ReportTest, DamagedTraceIsNamedByLine) {
+  EXPECT_THAT(ErrorOf([] { ReadTraceCsv("t_s,x_m\n0,1\n0.012\n"); }),
+              HasSubstr("line 3: 1 values for 2 columns"));
+  EXPECT_THAT(ErrorOf([] { ReadTraceCsv("t_s,x_m\n0,one\n"); }),
+              HasSubstr("line 2: 'one' is not a number (column x_m)"));
+  EXPECT_THAT(ErrorOf([] { ReadTraceCsv("t_s,x_m\n0,1"); }), HasSubstr("line 2: cut"));
+}
+
+TEST_F(ReportTest, RunFoldersAreNeverShared) {
+  const fs::path first = CreateRunFolder(folder_, "paper", 7);
+  const fs::path second = CreateRunFolder(folder_, "paper", 7);
+  EXPECT_NE(first, second);
+  EXPECT_THAT(first.filename().string(), ::testing::MatchesRegex("[0-9]+T[0-9]+\\.[0-9]+Z-paper-7"));
+  EXPECT_EQ(fs::canonical(folder_ / "latest"), fs::canonical(second));
+}
+
+TEST_F(ReportTest, FileErrorsNameTheFileAndTheReason) {
+  EXPECT_THAT(ErrorOf([&] { WriteFile(folder_ / "none" / "file", "x"); }),
+              HasSubstr("none/file: No such file or directory"));
+  EXPECT_THAT(ErrorOf([&] { ReadFile(folder_ / "missing"); }),
+              HasSubstr("missing: No such file or directory"));
+  // A full disk: /dev/full takes no byte. The half-written temporary must not stay.
+  fs::create_symlink("/dev/full", folder_ / "full.part");
+  EXPECT_THAT(ErrorOf([&] { WriteFile(folder_ / "full", "x"); }), HasSubstr("full: No space left on device"));
+  EXPECT_FALSE(fs::exists(folder_ / "full"));
+  EXPECT_FALSE(fs::is_symlink(folder_ / "full.part"));
+}
+
+ScenarioResult Result(Verdict verdict, Verdict expected) {
+  ScenarioResult result;
+  result.name = "name";
+  result.expected = expected;
+  result.seed = 18446744073709551615ULL;
+  result.trace_hash = "0123456789abcdef";
+  result.score.verdict = verdict;
+  result.score.reason = "because <of> \x01 this";
+  result.score.metrics["tracking.rmse_m"] = 0.1;
+  result.score.criteria.push_back(
+      {"c", verdict, -std::numeric_limits<double>::infinity(), std::nullopt, "x_m = nan"});
+  result.score.faults.push_back({"f", "frame.drop", 3});
+  return result;
+}
+
+TEST_F(ReportTest, ResultSurvivesItsJson) {
+  const ScenarioResult result = Result(Verdict::kFail, Verdict::kPass);
+  const std::string text = ToJsonText(result);
+  EXPECT_EQ(ToJsonText(ResultFromJsonText(text)), text);
+  EXPECT_THAT(text, HasSubstr("\"robustness\": \"-Infinity\""));
+}
+
+TEST_F(ReportTest, ExitCodesFollowTheirPrecedence) {
+  const auto pass = Result(Verdict::kPass, Verdict::kPass), fail = Result(Verdict::kFail, Verdict::kPass),
+             expected_fail = Result(Verdict::kFail, Verdict::kFail),
+             surprise = Result(Verdict::kPass, Verdict::kFail),
+             undecided = Result(Verdict::kInconclusive, Verdict::kPass),
+             error = Result(Verdict::kError, Verdict::kPass);
+  EXPECT_EQ(ExitCode({pass, expected_fail}), 0);
+  EXPECT_EQ(ExitCode({pass, fail}), 1);
+  EXPECT_EQ(ExitCode({surprise}), 1);
+  EXPECT_EQ(ExitCode({pass, undecided}), 4);
+  EXPECT_EQ(ExitCode({undecided, fail}), 1);
+  EXPECT_EQ(ExitCode({fail, error, undecided}), 3);
+  EXPECT_EQ(ExitCode({Result(Verdict::kInconclusive, Verdict::kInconclusive)}), 0);
+}
+
+TEST_F(ReportTest, JunitKeepsItsXmlWellFormed) {
+  RunInfo info;
+  info.suite = "s";
+  info.started = UtcNow();
+  WriteResults(folder_, info,
+               {Result(Verdict::kFail, Verdict::kPass), Result(Verdict::kPass, Verdict::kPass)});
+  const std::string xml = ReadFile(folder_ / "junit.xml");
+  EXPECT_THAT(xml, HasSubstr("because &lt;of"));
+  EXPECT_THAT(xml, HasSubstr("tests=\"2\" failures=\"1\" errors=\"0\""));
+  EXPECT_EQ(xml.find('\x01'), std::string::npos);
+}
+
+TEST_F(ReportTest, FlightSurvivesItsFolder) {
+  RunLog log;
+  log.end_reason = EndReason::kGroundStrike;
+  log.end_text = "struck";
+  log.end_ns = 123456789012345;
+  log.counts[1].frames_rejected = 5;
+  log.failsafe_entered_count = 2;
+  log.request_times_ns = {86806, 12086806};
+  log.fault_activation_counts = {};
+  log.events.push_back({-86806, "kind", "text"});
+  WriteFlight(folder_, Scenario{}, "name: x\n", log);
+  const RunLog again = ReadFlight(folder_);
+  EXPECT_EQ(again.end_reason, log.end_reason);
+  EXPECT_EQ(again.end_ns, log.end_ns);
+  EXPECT_EQ(again.counts[1].frames_rejected, 5);
+  EXPECT_EQ(again.failsafe_entered_count, log.failsafe_entered_count);
+  EXPECT_EQ(again.request_times_ns, log.request_times_ns);
+  EXPECT_EQ(again.events.at(0).time_ns, -86806);
+  WriteFile(folder_ / "flight.json", "{\"end_reason\": \"completed\"");
+  EXPECT_THAT(ErrorOf([&] { ReadFlight(folder_); }), HasSubstr("flight.json: "));
+}
+
+}  // namespace
+}  // namespace tiltproof::harness

@@ -1,0 +1,269 @@
+// The rules of time of a flight, byte by byte, with firmware that does just what a test needs.
+
+#include "harness/run/flight.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <functional>
+
+#include "harness/client/firmware_guard.h"
+#include "link/frame.h"
+#include "link/messages.h"
+
+namespace tiltproof::harness {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr TimeNs kStep = 4 * kNsPerMs;
+// 4 bytes of id, 2 of check, 2 flags; nothing to escape in either message.
+constexpr TimeNs kRequestTime = 8 * 10 * kNsPerS / 921'600;
+
+const plant::VehicleModel& Model() {
+  static const plant::VehicleModel model = [] {
+    std::vector<std::string> warnings;
+    return plant::LoadVehicle(std::string(TILTPROOF_SOURCE_DIR) + "/plant/models/tiltrotor.sdf", {},
+                              warnings);
+  }();
+  return model;
+}
+
+std::vector<std::uint8_t> Framed(const link::MessageBytes& message) {
+  std::array<std::uint8_t, link::FrameBytesMax(link::kMessageBytesMax)> wire;
+  const auto frame = link::EncodeFrame(message.span(), wire).bytes;
+  return {frame.begin(), frame.end()};
+}
+
+// Sends `start`, then a request every period, and answers each reply with what `control` returns.
+struct TestClient : Client {
+  explicit TestClient(ClientHost host_in, link::Dialect dialect_in = link::Dialect::kPaper)
+      : host(std::move(host_in)), dialect(dialect_in) {}
+
+  TimeNs Start(TimeNs now) override {
+    if (silent) return kNever;
+    next_request = host.transmit(Uart::kMain, now, Framed(link::EncodeStart(dialect, {10, 10, 0, 0})));
+    return Grant(next_request > now ? now : next_request);
+  }
+  void Receive(Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) override {
+    if (uart == Uart::kReference) {
+      reference_arrivals.push_back(now);
+      return;
+    }
+    while (const auto event = decoder.Next(bytes)) {
+      if (event->status != link::FrameStatus::kOk) continue;
+      if (DecodeSensors(event->payload, sensors) == link::MessageStatus::kOk)
+        replies.emplace_back(now, sensors);
+      if (control) host.transmit(Uart::kMain, now, Framed(link::EncodeActuators(dialect, control(sensors))));
+    }
+  }
+  TimeNs Grant(TimeNs now) override {
+    if (on_grant) on_grant(now);
+    if (now >= next_request) {
+      host.transmit(Uart::kMain, now, Framed(link::EncodeReadSensors(dialect)));
+      next_request += kControlPeriodNs;
+    }
+    return next_request;
+  }
+  TimeNs Reset(TimeNs now) override { return Start(now); }
+  std::optional<ClientStatus> Status() override { return ClientStatus{0, 3}; }
+
+  ClientHost host;
+  link::Dialect dialect;
+  bool silent = false;
+  TimeNs next_request = 0;
+  link::FrameDecoder decoder;
+  Sensors sensors;
+  std::function<Actuators(const Sensors&)> control;
+  std::function<void(TimeNs)> on_grant;
+  std::vector<std::pair<TimeNs, Sensors>> replies;
+  std::vector<TimeNs> reference_arrivals;
+};
+
+Scenario Hover(double duration_s) {
+  Scenario scenario;
+  scenario.name = "test";
+  scenario.duration_ns = FromSeconds(duration_s);
+  scenario.reference.path = HoverReference{{0, 0, 5}, 0};
+  scenario.initial_position_m = {0, 0, 5};
+  return scenario;
+}
+
+RunLog FlyWith(const Scenario& scenario, const std::function<void(TestClient&)>& prepare,
+               FlightOptions options = {}) {
+  options.make_client = [&](ClientHost host) {
+    auto client = std::make_unique<TestClient>(std::move(host), scenario.link.dialect);
+    prepare(*client);
+    return client;
+  };
+  return Fly(scenario, Model(), options);
+}
+
+std::vector<double> Column(const RunLog& log, std::string_view name) {
+  const auto column = log.trace.Find(name);
+  EXPECT_TRUE(column) << name;
+  std::vector<double> values;
+  for (std::size_t r = 0; r < log.trace.row_count(); ++r) values.push_back(log.trace.at(r, *column));
+  return values;
+}
+
+TEST(Flight, LogsOneRowAPeriodUpToAndWithTheLast) {
+  const RunLog log = FlyWith(Hover(0.12), [](TestClient& client) {
+    client.control = [](const Sensors&) { return Actuators{10.27F, 10.28F, 0, 0}; };
+  });
+  EXPECT_EQ(log.end_reason, EndReason::kCompleted);
+  const auto t = Column(log, "t_s");
+  ASSERT_EQ(t.size(), 11U);
+  for (std::size_t k = 0; k < t.size(); ++k) EXPECT_DOUBLE_EQ(t[k], 0.012 * static_cast<double>(k));
+  EXPECT_EQ(log.failsafe_entered_count, 3);
+}
+
+TEST(Flight, TimeZeroIsTheArrivalOfStartAndRequestsFollowJustAfterTheGrid) {
+  std::vector<TimeNs> arrivals;
+  const RunLog log = FlyWith(Hover(0.06), [](TestClient&) {});
+  ASSERT_GE(log.request_times_ns.size(), 5U);
+  for (std::size_t k = 0; k < 5; ++k)
+    EXPECT_NEAR(static_cast<double>(log.request_times_ns[k]),
+                static_cast<double>(kRequestTime + static_cast<TimeNs>(k) * kControlPeriodNs), 1.0);
+  std::size_t offset = 0;
+  EXPECT_EQ(log.link.Next(offset)->begin_ns, -kRequestTime) << "the start frame itself has negative time";
+}
+
+TEST(Flight, OnTheWireAnInputTakesForceAtTheNextStepBoundary) {
+  // Step duration 4 ms: u(0) is accepted some 1.1 ms after t = 0 and holds from 4 ms; the row at 12 ms shows
+  // it, the row at 0 does not.
+  int call = 0;
+  const RunLog log = FlyWith(Hover(0.048), [&](TestClient& client) {
+    client.control = [&](const Sensors&) { return Actuators{11.0F + static_cast<float>(call++), 10, 0, 0}; };
+  });
+  const auto f = Column(log, "f_r_n");
+  EXPECT_NEAR(f[0], Model().HoverInput().f_r_n, 1e-12);
+  EXPECT_EQ(f[1], 11.0);
+  EXPECT_EQ(f[2], 12.0);
+  ASSERT_FALSE(log.actuator_times_ns.empty());
+  EXPECT_LT(log.actuator_times_ns[0], kStep);
+}
+
+TEST(Flight, OnTheIdealLinkAnInputIsInForceFromItsOwnSample) {
+  Scenario scenario = Hover(0.048);
+  scenario.link.ideal = true;
+  int call = 0;
+  const RunLog log = FlyWith(scenario, [&](TestClient& client) {
+    client.control = [&](const Sensors&) { return Actuators{11.0F + static_cast<float>(call++), 10, 0, 0}; };
+  });
+  const auto f = Column(log, "f_r_n");
+  for (std::size_t k = 0; k < f.size(); ++k) EXPECT_EQ(f[k], 11.0 + static_cast<double>(k)) << k;
+  for (std::size_t k = 0; k < log.request_times_ns.size(); ++k)
+    EXPECT_EQ(log.request_times_ns[k], static_cast<TimeNs>(k) * kControlPeriodNs);
+}
+
+TEST(Flight, SensorsAreTheStateAtTheLastBoundaryBeforeTheRequest) {
+  // Free fall: z(t) tells the time of the sample. Requests arrive 0.087 ms after the grid.
+  std::vector<std::pair<TimeNs, Sensors>> replies;
+  TestClient* client_seen = nullptr;
+  Scenario scenario = Hover(0.12);
+  const RunLog log = FlyWith(scenario, [&](TestClient& client) {
+    client_seen = &client;
+    client.control = [&](const Sensors& sensors) {
+      replies = client_seen->replies;
+      (void)sensors;
+      return Actuators{0, 0, 0, 0};
+    };
+  });
+  const auto z = Column(log, "z_m");
+  ASSERT_GE(replies.size(), 8U);
+  for (std::size_t k = 0; k < replies.size(); ++k)
+    EXPECT_EQ(replies[k].second.z_m, static_cast<float>(z[k])) << k;
+}
+
+TEST(Flight, TheReferenceArrivesBeforeTheSensorReplyOfItsPeriod) {
+  for (const bool ideal : {false, true}) {
+    Scenario scenario = Hover(0.12);
+    scenario.link.ideal = ideal;
+    std::vector<std::pair<std::size_t, std::size_t>> counts;
+    FlyWith(scenario, [&](TestClient& client) {
+      client.control = [&](const Sensors&) {
+        counts.emplace_back(client.replies.size(), client.reference_arrivals.size());
+        return Actuators{10, 10, 0, 0};
+      };
+    });
+    ASSERT_GE(counts.size(), 9U);
+    for (const auto& [replies, references] : counts) EXPECT_GE(references, replies) << "ideal " << ideal;
+  }
+}
+
+TEST(Flight, AFirmwareThatNeverStartsFails) {
+  const RunLog log = FlyWith(Hover(1), [](TestClient& client) { client.silent = true; });
+  EXPECT_EQ(log.end_reason, EndReason::kNeverStarted);
+  EXPECT_EQ(log.trace.row_count(), 0U);
+}
+
+TEST(Flight, AFirmwareThatLetsNoTimePassIsHung) {
+  const RunLog log = FlyWith(
+      Hover(1), [](TestClient& client) { client.on_grant = [&](TimeNs now) { client.next_request = now; }; });
+  EXPECT_EQ(log.end_reason, EndReason::kFirmwareHung);
+  EXPECT_THAT(log.end_text, HasSubstr("lets no time pass"));
+}
+
+TEST(Flight, TroubleInTheFirmwareKeepsWhatWasFlown) {
+  const RunLog log = FlyWith(Hover(1), [](TestClient& client) {
+    client.on_grant = [](TimeNs now) {
+      if (now > 500 * kNsPerMs) throw FirmwareTrouble(false, "the firmware crashed: test");
+    };
+  });
+  EXPECT_EQ(log.end_reason, EndReason::kFirmwareCrashed);
+  EXPECT_GT(log.trace.row_count(), 40U);
+}
+
+TEST(Flight, ARepeatedStartIsARestartInThePapersDialectOnly) {
+  for (const auto dialect : {link::Dialect::kPaper, link::Dialect::kProvant}) {
+    Scenario scenario = Hover(0.12);
+    scenario.link.dialect = dialect;
+    const RunLog log = FlyWith(scenario, [&](TestClient& client) {
+      client.on_grant = [&](TimeNs now) {
+        if (now > 50 * kNsPerMs && now < 62 * kNsPerMs)
+          client.host.transmit(Uart::kMain, now, Framed(link::EncodeStart(dialect, {10, 10, 0, 0})));
+      };
+    });
+    EXPECT_EQ(log.starts_accepted_count, dialect == link::Dialect::kPaper ? 2 : 1);
+  }
+}
+
+TEST(Flight, LosingThrustEndsOnTheGround) {
+  const RunLog log = FlyWith(Hover(5), [](TestClient& client) {
+    client.control = [](const Sensors&) { return Actuators{0, 0, 0, 0}; };
+  });
+  EXPECT_EQ(log.end_reason, EndReason::kGroundStrike);
+  // From 5 m: sqrt(2 h / g) is 1.01 s, less the body's own extent.
+  EXPECT_GT(ToSeconds(log.end_ns), 0.9);
+  EXPECT_LT(ToSeconds(log.end_ns), 1.05);
+}
+
+TEST(Flight, AnInterruptKeepsWhatWasFlown) {
+  std::atomic<bool> interrupted{false};
+  FlightOptions options;
+  options.interrupted = &interrupted;
+  const RunLog log = FlyWith(
+      Hover(10),
+      [&](TestClient& client) { client.on_grant = [&](TimeNs now) { interrupted = now > kNsPerS; }; },
+      options);
+  EXPECT_EQ(log.end_reason, EndReason::kInterrupted);
+  EXPECT_NEAR(ToSeconds(log.end_ns), 1.0, 0.02);
+}
+
+TEST(Flight, AdapterLatencyDelaysOnlyWhatTheFirmwareSends) {
+  Scenario scenario = Hover(0.06);
+  scenario.link.adapter_latency_ms = 2;
+  const RunLog log = FlyWith(scenario, [](TestClient&) {});
+  // t = 0 is itself the delayed arrival of start, so requests stay where they were; but the client sees its
+  // first reply 4 ms after it began.
+  ASSERT_FALSE(log.request_times_ns.empty());
+  EXPECT_NEAR(static_cast<double>(log.request_times_ns[0]), static_cast<double>(kRequestTime), 1.0);
+  std::size_t offset = 0;
+  EXPECT_EQ(log.link.Next(offset)->begin_ns, -kRequestTime - 2 * kNsPerMs);
+}
+
+}  // namespace
+}  // namespace tiltproof::harness

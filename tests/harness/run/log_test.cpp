@@ -1,0 +1,129 @@
+// The link log and the audit of a receiving end.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+
+#include "harness/run/link_log.h"
+#include "harness/run/receiving_end.h"
+#include "link/frame.h"
+#include "link/messages.h"
+
+namespace tiltproof::harness {
+namespace {
+
+using link::Chunk;
+using link::Direction;
+
+Chunk Framed(const link::MessageBytes& message, TimeNs begin_ns = 0) {
+  std::array<std::uint8_t, link::FrameBytesMax(link::kMessageBytesMax)> wire;
+  const auto frame = link::EncodeFrame(message.span(), wire);
+  return {begin_ns, {frame.bytes.begin(), frame.bytes.end()}, link::MessageKind::kUnknown};
+}
+
+Chunk SensorFrame(float x_m) {
+  Sensors sensors;
+  sensors.x_m = x_m;
+  return Framed(link::EncodeSensors(sensors));
+}
+
+TEST(LinkLog, SurvivesItsFile) {
+  LinkLog log;
+  log.Append({100, {0x7E, 1, 2}, {}}, Direction::kReference, true);
+  log.Append({200, {}, {}}, Direction::kToPlant, false);
+  log.Append({300, std::vector<std::uint8_t>(70'000, 9), {}}, Direction::kToClient, true);
+  log.ShiftOrigin(150);
+  const LinkLog again(log.content());
+  std::size_t offset = 0;
+  const auto first = again.Next(offset);
+  ASSERT_TRUE(first);
+  EXPECT_EQ(first->begin_ns, -50);
+  EXPECT_EQ(first->direction, Direction::kReference);
+  EXPECT_TRUE(first->delivered);
+  EXPECT_THAT(first->bytes, ::testing::ElementsAre(0x7E, 1, 2));
+  EXPECT_TRUE(again.Next(offset)->bytes.empty());
+  std::size_t long_bytes = 0;
+  while (const auto record = again.Next(offset)) long_bytes += record->bytes.size();
+  EXPECT_EQ(long_bytes, 70'000U);
+}
+
+TEST(LinkLog, RefusesDamagedFilesWithThePlace) {
+  LinkLog log;
+  log.Append({100, {0x7E, 1, 2}, {}}, Direction::kReference, true);
+  for (std::size_t size = 0; size < log.content().size(); ++size) {
+    if (size == kLinkLogMagic.size()) continue;  // an empty log
+    EXPECT_THROW(LinkLog({log.content().begin(), log.content().begin() + static_cast<std::ptrdiff_t>(size)}),
+                 std::runtime_error)
+        << size;
+  }
+  auto content = log.content();
+  content[16] = 3;
+  EXPECT_THROW(LinkLog{content}, std::runtime_error);
+}
+
+class AuditTest : public ::testing::Test {
+ protected:
+  void Deliver(const Chunk& chunk, TimeNs arrival = 0) {
+    end_.OnDelivered(chunk);
+    end_.Receive(arrival, chunk.bytes, {}, {});
+  }
+  ReceivingEnd end_{Direction::kToClient, link::Dialect::kPaper, true};
+};
+
+TEST_F(AuditTest, InOrderFramesAreNeitherWrongNorStale) {
+  for (const float x : {1.0F, 2.0F, 2.0F, 3.0F}) {
+    end_.OnSent(SensorFrame(x));
+    Deliver(SensorFrame(x));
+  }
+  EXPECT_EQ(end_.counts().frames_sent, 4);
+  EXPECT_EQ(end_.counts().frames_accepted, 4);
+  EXPECT_EQ(end_.wrong_count(), 0);
+  EXPECT_EQ(end_.stale_count(), 0);
+  EXPECT_EQ(end_.counts().bytes_corrupted, 0);
+}
+
+TEST_F(AuditTest, LateInOrderFramesAreNotStale) {
+  end_.OnSent(SensorFrame(1));
+  end_.OnSent(SensorFrame(2));
+  Deliver(SensorFrame(1));
+  Deliver(SensorFrame(2));
+  EXPECT_EQ(end_.stale_count(), 0);
+}
+
+TEST_F(AuditTest, RepeatsAndOvertakenFramesAreStale) {
+  end_.OnSent(SensorFrame(1));
+  end_.OnSent(SensorFrame(2));
+  Deliver(SensorFrame(2));
+  Deliver(SensorFrame(2));
+  Deliver(SensorFrame(1));
+  EXPECT_EQ(end_.stale_count(), 2);
+  EXPECT_EQ(end_.wrong_count(), 0);
+}
+
+TEST_F(AuditTest, AnAcceptedPayloadThatNobodySentIsWrong) {
+  end_.OnSent(SensorFrame(1));
+  Deliver(SensorFrame(7));
+  EXPECT_EQ(end_.wrong_count(), 1);
+  EXPECT_GT(end_.counts().bytes_corrupted, 0);
+}
+
+TEST_F(AuditTest, ResyncLastsFromTheRejectionToTheNextAcceptedFrame) {
+  const auto broken = [](float x_m) {
+    Chunk chunk = SensorFrame(x_m);
+    chunk.bytes[10] ^= 0x01;
+    return chunk;
+  };
+  end_.OnSent(SensorFrame(1));
+  Deliver(broken(1), 1000);
+  end_.OnSent(SensorFrame(2));
+  Deliver(broken(2), 2000);
+  end_.OnSent(SensorFrame(3));
+  Deliver(SensorFrame(3), 5000);
+  EXPECT_EQ(end_.counts().frames_rejected, 2);
+  EXPECT_EQ(end_.resync_max_ns(), 4000);
+  EXPECT_EQ(end_.counts().bytes_corrupted, 2);
+}
+
+}  // namespace
+}  // namespace tiltproof::harness
