@@ -1,10 +1,12 @@
 // What a fault is: data in a scenario, and one small class in faults/models/<layer>/ that edits what passes.
 //
-// A fault on the wire edits a list of timed chunks, so drop, duplicate, delay, reorder, flip and truncate share one shape. A fault on
-// sensors or actuators edits the values. It knows neither the plant nor the harness. Randomness comes from a stream that belongs to
-// this fault alone (faults/random.h): adding or removing a fault never shifts another's draws.
+// A fault on the wire edits a list of timed chunks, so drop, duplicate, delay, reorder, flip and truncate
+// share one shape. A fault on sensors or actuators edits the values. It knows neither the plant nor the
+// harness. Randomness comes from a stream that belongs to this fault alone (faults/random.h): adding or
+// removing a fault never shifts another's draws.
 //
-// Order on the wire: frame faults (on frames as sent), then byte and bit faults, then timing faults; within a stage in file order.
+// Order on the wire: frame faults (on frames as sent), then byte and bit faults, then timing faults; within a
+// stage in file order.
 #pragma once
 
 #include <cstdint>
@@ -25,16 +27,17 @@ namespace tiltproof::faults {
 enum class Target : std::uint8_t { kNone, kToClient, kToPlant, kBoth, kReference };
 std::string_view Name(Target target);
 
-// A fault as the scenario states it. All checks (known type, parameters in range, target that the type accepts) are the registry's
-// Validate(); the scenario reader adds places in the file.
+// A fault as the scenario states it. All checks (known type, parameters in range, target that the type
+// accepts) are the registry's Validate(); the scenario reader adds places in the file.
 struct FaultSpec {
   std::string id;    // unique in the scenario; names the random stream
   std::string type;  // "wire.bit_error"
   Target target = Target::kNone;
-  TimeNs start_ns = kPowerOn;  // [start, end): by when a frame's first byte enters the wire; others by the sample's time
+  TimeNs start_ns =
+      kPowerOn;  // [start, end): by when a frame's first byte enters the wire; others by the sample's time
   TimeNs end_ns = kNever;
-  std::int64_t every_nth_count = 1;  // of the frames or samples in the window, the nth, 2nth, ...
-  double probability = 1.0;          // then with this probability
+  std::int64_t every_nth_count = 1;          // of the frames or samples in the window, the nth, 2nth, ...
+  double probability = 1.0;                  // then with this probability
   std::optional<link::MessageKind> message;  // the fault sees frames of this kind only
   // By name; numbers as double, choices (`signal`, `actuator`, `distribution`) as text.
   std::map<std::string, std::variant<double, std::string>> parameters;

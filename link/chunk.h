@@ -11,19 +11,29 @@
 
 namespace tiltproof::link {
 
-// Which line, and which way. The main line carries sensors and actuators, the reference line only base station -> client.
+// Which line, and which way. The main line carries sensors and actuators, the reference line only base
+// station -> client.
 enum class Direction : std::uint8_t { kToPlant, kToClient, kReference };
 inline constexpr std::size_t kDirectionCount = 3;
 std::string_view Name(Direction direction);  // "to_plant", "to_client", "reference"
 
 struct Chunk {
-  TimeNs begin_ns = 0;              // when the first byte's start bit enters the wire
-  std::vector<std::uint8_t> bytes;  // back to back from there
+  TimeNs begin_ns = 0;                       // when the first byte's start bit enters the wire
+  std::vector<std::uint8_t> bytes;           // back to back from there
   MessageKind kind = MessageKind::kUnknown;  // of the frame as sent
+  // Of the frame as sent, from 0 in its direction; given by the fault stage, kept by copies and fragments.
+  std::uint64_t number = 0;
 };
 
-// What stands in the wire: gets each frame as sent (one chunk), leaves any number of chunks in the order in which they shall go on.
-// The wire keeps that order and never lets two chunks overlap: a chunk that would begin before its predecessor ends is moved back.
+// Time that a number of bytes takes on a line, 8N1 (ten bits a byte), rounded down to nanoseconds; baud 0 is
+// an ideal line, where bytes take none.
+constexpr TimeNs BytesTime(std::int64_t baud, std::int64_t byte_count) {
+  return baud == 0 ? 0 : byte_count * 10 * kNsPerS / baud;
+}
+
+// What stands in the wire: gets each frame as sent (one chunk), leaves any number of chunks in the order in
+// which they shall go on. The wire keeps that order and never lets two chunks overlap: a chunk that would
+// begin before its predecessor ends is moved back.
 class ChunkStage {
  public:
   virtual ~ChunkStage() = default;

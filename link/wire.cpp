@@ -1,1 +1,200 @@
 #include "link/wire.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "link/frame.h"
+
+namespace tiltproof::link {
+namespace {
+
+constexpr std::int64_t kIdealIdleBaud = 921'600;
+constexpr std::size_t kSpareBuffersMax = 16;
+constexpr std::size_t kUsualFrameBytes = FrameBytesMax(kMessageBytesMax);
+
+// Index of the first flag at or after `from`; the size when there is none.
+std::size_t FindFlag(std::span<const std::uint8_t> bytes, std::size_t from) {
+  if (from >= bytes.size()) return bytes.size();
+  const void* flag = std::memchr(bytes.data() + from, kFlag, bytes.size() - from);
+  if (flag == nullptr) return bytes.size();
+  return static_cast<std::size_t>(static_cast<const std::uint8_t*>(flag) - bytes.data());
+}
+
+MessageKind KindOfPayload(Direction direction, Dialect dialect, std::span<const std::uint8_t> payload) {
+  switch (direction) {
+    case Direction::kToPlant:
+      return ClassifyClientPayload(dialect, payload);
+    case Direction::kToClient:
+      return payload.size() == kSensorMessageBytes ? MessageKind::kReply : MessageKind::kUnknown;
+    case Direction::kReference:
+      return payload.size() == kReferenceMessageBytes ? MessageKind::kReference : MessageKind::kUnknown;
+  }
+  return MessageKind::kUnknown;
+}
+
+// What a frame as sent carries. Its opening flag may be the closing one of the frame before.
+MessageKind KindOfFrame(Direction direction, Dialect dialect, std::span<const std::uint8_t> frame) {
+  FrameDecoder decoder;
+  if (frame.front() != kFlag) {
+    std::span<const std::uint8_t> opening(&kFlag, 1);
+    decoder.Next(opening);
+  }
+  while (const auto event = decoder.Next(frame)) {
+    if (event->status == FrameStatus::kOk) return KindOfPayload(direction, dialect, event->payload);
+  }
+  return MessageKind::kUnknown;
+}
+
+}  // namespace
+
+Wire::Wire(const WireConfig& config, Direction direction, Dialect dialect, ChunkStage* stage)
+    : config_(config), direction_(direction), dialect_(dialect), stage_(stage) {}
+
+TimeNs Wire::IdleTime() const {
+  return link::BytesTime(config_.baud == 0 ? kIdealIdleBaud : config_.baud, kIdleBytes);
+}
+
+TimeNs Wire::Transmit(TimeNs now, std::span<const std::uint8_t> bytes) {
+  FlushIfIdle(now);
+  if (now > transmitter_free_ns_) {
+    if (bytes.empty()) return now;
+    busy_begin_ns_ = now;
+    busy_bytes_ = 0;
+    transmitter_free_ns_ = now;
+  }
+  while (!bytes.empty()) {
+    const TimeNs begin = transmitter_free_ns_;
+    bool closed = false;
+    const std::size_t size = BytesOfOpenChunk(bytes, closed);
+    busy_bytes_ += static_cast<std::int64_t>(size);
+    transmitter_free_ns_ = busy_begin_ns_ + BytesTime(busy_bytes_);
+    // `baud` bytes take ten seconds exactly: the count stays small however long the line is busy.
+    if (config_.baud != 0 && busy_bytes_ >= config_.baud) {
+      busy_begin_ns_ += 10 * kNsPerS;
+      busy_bytes_ -= config_.baud;
+    }
+
+    if (open_.bytes.empty()) {
+      open_.begin_ns = begin;
+    } else {
+      open_.begin_ns += begin - open_end_ns_;
+    }
+    open_.bytes.insert(open_.bytes.end(), bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(size));
+    open_end_ns_ = transmitter_free_ns_;
+    if (closed) SendOpenChunk(now);
+    bytes = bytes.subspan(size);
+  }
+  return transmitter_free_ns_;
+}
+
+std::size_t Wire::BytesOfOpenChunk(std::span<const std::uint8_t> bytes, bool& closed) {
+  const std::size_t room = kChunkBytesMax - open_.bytes.size();
+  if (bytes.size() > room) bytes = bytes.first(room);
+  std::size_t from = 0;
+  if (!open_has_content_) {
+    while (from < bytes.size() && bytes[from] == kFlag) ++from;
+    open_has_content_ = from < bytes.size();
+  }
+  const std::size_t flag = FindFlag(bytes, from);
+  closed = flag < bytes.size() || bytes.size() == room;
+  return flag < bytes.size() ? flag + 1 : bytes.size();
+}
+
+void Wire::FlushIfIdle(TimeNs now) {
+  if (open_.bytes.empty()) return;
+  const TimeNs flush = open_end_ns_ + IdleTime();
+  if (now >= flush) SendOpenChunk(flush);
+}
+
+void Wire::SendOpenChunk(TimeNs known_ns) {
+  Chunk chunk = std::move(open_);
+  open_ = Chunk{};
+  if (!spare_.empty()) {
+    open_.bytes = std::move(spare_.back());
+    spare_.pop_back();
+  } else {
+    open_.bytes.reserve(kUsualFrameBytes);
+  }
+  open_has_content_ = false;
+
+  if (stage_ == nullptr) {
+    if (taps_.sent) taps_.sent(chunk);
+    Enqueue(std::move(chunk), known_ns);
+    return;
+  }
+  chunk.kind = KindOfFrame(direction_, dialect_, chunk.bytes);
+  if (taps_.sent) taps_.sent(chunk);
+  scratch_.clear();
+  scratch_.push_back(std::move(chunk));
+  stage_->Apply(scratch_);
+  for (Chunk& after : scratch_) Enqueue(std::move(after), known_ns);
+}
+
+void Wire::Enqueue(Chunk&& chunk, TimeNs known_ns) {
+  if (chunk.bytes.empty()) {
+    Recycle(std::move(chunk));
+    return;
+  }
+  const TimeNs duration = BytesTime(static_cast<std::int64_t>(chunk.bytes.size()));
+  chunk.begin_ns = std::max({chunk.begin_ns, queue_end_ns_, known_ns - duration});
+  queue_end_ns_ = chunk.begin_ns + duration;
+  if (taps_.delivered) taps_.delivered(chunk);
+  queue_.push_back(std::move(chunk));
+  if (queue_.size() == 1) piece_end_ = FindPieceEnd();
+}
+
+void Wire::Recycle(Chunk&& chunk) {
+  if (spare_.size() >= kSpareBuffersMax || chunk.bytes.capacity() == 0) return;
+  chunk.bytes.clear();
+  spare_.push_back(std::move(chunk.bytes));
+}
+
+std::size_t Wire::FindPieceEnd() const {
+  const std::vector<std::uint8_t>& bytes = queue_.front().bytes;
+  std::size_t flag = FindFlag(bytes, front_taken_);
+  while (flag < bytes.size()) {
+    const bool after_flag = flag == front_taken_ ? taken_flag_ : bytes[flag - 1] == kFlag;
+    if (!after_flag) return flag + 1;
+    flag = FindFlag(bytes, flag + 1);
+  }
+  return bytes.size();
+}
+
+TimeNs Wire::NextArrival() const {
+  TimeNs next = kNever;
+  if (!queue_.empty()) next = FrontArrival(piece_end_);
+  if (!open_.bytes.empty()) next = std::min(next, open_end_ns_ + IdleTime() + config_.adapter_latency_ns);
+  return next;
+}
+
+std::optional<Wire::Piece> Wire::TakePiece(TimeNs until) {
+  FlushIfIdle(until);
+  if (queue_.empty()) return std::nullopt;
+
+  std::size_t end = piece_end_;
+  TimeNs arrival = FrontArrival(end);
+  if (arrival > until) {
+    // Few pieces are taken before they are whole: count on from what was taken.
+    end = front_taken_;
+    while (FrontArrival(end + 1) <= until) ++end;
+    if (end == front_taken_) return std::nullopt;
+    arrival = FrontArrival(end);
+  }
+
+  Chunk& front = queue_.front();
+  const Piece piece{arrival, std::span(front.bytes).subspan(front_taken_, end - front_taken_)};
+  taken_flag_ = piece.bytes.back() == kFlag;
+  front_taken_ = end;
+  if (front_taken_ == front.bytes.size()) {
+    Recycle(std::move(taken_));
+    taken_ = std::move(front);
+    queue_.pop_front();
+    front_taken_ = 0;
+    if (!queue_.empty()) piece_end_ = FindPieceEnd();
+  } else if (front_taken_ == piece_end_) {
+    piece_end_ = FindPieceEnd();
+  }
+  return piece;
+}
+
+}  // namespace tiltproof::link

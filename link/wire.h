@@ -1,20 +1,32 @@
-// One direction of a serial line, byte-accurate: baud rate, 8N1 byte time, the sender's busy transmitter, fault stages, arrivals.
+// One direction of a serial line, byte-accurate: baud rate, 8N1 byte time, the sender's busy transmitter,
+// fault stages, arrivals.
 //
-// The same code runs in lockstep (times are virtual) and in real time (times are the clock's). Bytes travel as chunks with times:
-// what is sent is cut into frames at the flags, each frame goes through the stage as one chunk when it is complete, and byte i of
-// the chunk arrives at begin + (i + 1) byte times. Bytes that no flag closes go on as a chunk of their own once the line has been
-// idle for kIdleBytes byte times.
+// The same code runs in lockstep (times are virtual) and in real time (times are the clock's). Bytes travel
+// as chunks with times: what is sent is cut into frames at the flags, each frame goes through the stage as
+// one chunk when it is complete, and byte i of the chunk arrives at begin + (i + 1) byte times.
 //
 //   Wire wire({.baud = 921600}, Direction::kToPlant, Dialect::kPaper, stage);
 //   TimeNs sent = wire.Transmit(now, frame);          // when the last stop bit leaves the sender
-//   TimeNs next = wire.NextArrival();                 // of the next byte worth waking for: a flag, or a chunk's last byte
+//   TimeNs next = wire.NextArrival();                 // of the next byte worth waking for
 //   wire.Take(next, [](TimeNs arrival, std::span<const std::uint8_t> bytes) { ... });
+//
+// Where frames are cut: a flag closes a frame when something other than flags came before it. So a flag
+// shared by two frames belongs to the first of them, and idle flags to the frame that follows. Bytes that no
+// flag closes go on as a chunk of their own once the sender has been silent for IdleTime(), or when there are
+// kChunkBytesMax of them. Times do not depend on how the sent bytes are spread over calls of Transmit(); a
+// sender that pauses within a frame delays the whole of it, so that its last byte is on time.
+//
+// Nothing arrives before the wire could know of it: what a chunk becomes in the stage ends, at the earliest,
+// when the closing flag was handed over (or the idle time was over).
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "link/chunk.h"
@@ -29,22 +41,36 @@ struct WireConfig {
 class Wire {
  public:
   static constexpr std::int64_t kIdleBytes = 20;
+  // More than any frame of the codec has.
+  static constexpr std::size_t kChunkBytesMax = 1024;
 
   // `stage` may be null (no faults) and must outlive the wire.
   Wire(const WireConfig& config, Direction direction, Dialect dialect, ChunkStage* stage);
 
-  // The sender puts bytes in its transmitter at `now` (not decreasing); they follow what it is still sending. Returns when the last
-  // stop bit has left.
+  // The sender puts bytes in its transmitter at `now` (not decreasing); they follow what it is still sending.
+  // Returns when the last stop bit has left.
   TimeNs Transmit(TimeNs now, std::span<const std::uint8_t> bytes);
 
-  // Earliest time at which Take() has something that its receiver should be woken for: the arrival of a flag or of a chunk's last
-  // byte, or the end of the idle time of bytes that no flag closed. kNever when the wire is empty.
+  // Earliest time at which Take() has something that its receiver should be woken for: the end of a piece
+  // (see TakePiece()), or the end of the idle time of bytes that no flag closed. kNever when the wire is
+  // empty.
   TimeNs NextArrival() const;
 
-  // Delivers every byte that has arrived by `until`, oldest first, in pieces: a piece ends at a flag, at its chunk's end, or at the
-  // last byte arrived by `until`; `arrival` is that of the piece's last byte.
-  using Receiver = std::function<void(TimeNs arrival, std::span<const std::uint8_t> bytes)>;
-  void Take(TimeNs until, const Receiver& receiver);
+  struct Piece {
+    TimeNs arrival_ns;  // of the last byte
+    std::span<const std::uint8_t> bytes;
+  };
+  // The oldest bytes that have arrived by `until` and were not taken yet: up to a flag that may end a frame
+  // (one that does not follow another flag), the end of their chunk, or the last byte arrived by `until`;
+  // nullopt when there are none. The bytes stay valid until the next call.
+  std::optional<Piece> TakePiece(TimeNs until);
+
+  // All of them: calls receiver(TimeNs arrival, std::span<const std::uint8_t> bytes) for each piece. The
+  // receiver may transmit, on this wire too.
+  template <class Receiver>
+  void Take(TimeNs until, Receiver&& receiver) {
+    while (const std::optional<Piece> piece = TakePiece(until)) receiver(piece->arrival_ns, piece->bytes);
+  }
 
   // Called with every chunk as sent, and with every chunk that goes on after the stages (for logs).
   struct Taps {
@@ -54,24 +80,52 @@ class Wire {
   void SetTaps(Taps taps) { taps_ = std::move(taps); }
 
   // Time from begin to the arrival of the n-th byte, rounded down to nanoseconds.
-  TimeNs BytesTime(std::int64_t byte_count) const {
-    return config_.baud == 0 ? 0 : byte_count * 10 * kNsPerS / config_.baud;
-  }
+  TimeNs BytesTime(std::int64_t byte_count) const { return link::BytesTime(config_.baud, byte_count); }
+
+  // Silence of the sender after which bytes without a closing flag go on: kIdleBytes byte times; on an ideal
+  // line those of 921600 baud.
+  TimeNs IdleTime() const;
 
  private:
-  void SendChunk(Chunk chunk);  // through the stage, into the queue
+  // How many of the bytes belong to the open chunk; `closed` when the last of them closes it.
+  std::size_t BytesOfOpenChunk(std::span<const std::uint8_t> bytes, bool& closed);
+  void FlushIfIdle(TimeNs now);
+  // The open chunk goes through the stage, into the queue; the wire knows of all of it at `known_ns`.
+  void SendOpenChunk(TimeNs known_ns);
+  void Enqueue(Chunk&& chunk, TimeNs known_ns);
+  void Recycle(Chunk&& chunk);
+  // Index one past the next piece of the queue's front.
+  std::size_t FindPieceEnd() const;
+  TimeNs FrontArrival(std::size_t byte_count) const {
+    return queue_.front().begin_ns + BytesTime(static_cast<std::int64_t>(byte_count)) +
+           config_.adapter_latency_ns;
+  }
 
   WireConfig config_;
   Direction direction_;
   Dialect dialect_;
   ChunkStage* stage_;
   Taps taps_;
-  TimeNs transmitter_free_ns_ = kPowerOn;  // when the sender's transmitter has sent all it was given
-  Chunk open_;                             // sent bytes that no flag has closed yet
-  TimeNs queue_end_ns_ = kPowerOn;         // end of the last chunk in the queue
+
+  // The transmitter has been busy without pause since busy_begin_ns_, and has sent all at
+  // transmitter_free_ns_.
+  TimeNs busy_begin_ns_ = kPowerOn;
+  std::int64_t busy_bytes_ = 0;
+  TimeNs transmitter_free_ns_ = kPowerOn;
+
+  Chunk open_;                     // sent bytes that no flag has closed yet
+  TimeNs open_end_ns_ = kPowerOn;  // when the last of them has left
+  bool open_has_content_ = false;  // not only flags
+
   std::deque<Chunk> queue_;
-  std::size_t front_taken_ = 0;  // bytes of queue_.front() already delivered
+  TimeNs queue_end_ns_ = kPowerOn;  // end of the last chunk that went in
+  std::size_t front_taken_ = 0;     // bytes of queue_.front() already taken
+  std::size_t piece_end_ = 0;       // FindPieceEnd(), when the queue is not empty
+  bool taken_flag_ = true;          // the last byte taken was a flag; so is an idle line
+  Chunk taken_;                     // keeps the last piece's bytes alive
+
   std::vector<Chunk> scratch_;
+  std::vector<std::vector<std::uint8_t>> spare_;  // buffers to use again
 };
 
 }  // namespace tiltproof::link

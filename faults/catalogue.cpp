@@ -1,0 +1,84 @@
+// The fault catalogue: what CatalogueMarkdown() in faults/registry.h prints.
+#include "faults/registry.h"
+#include "faults/text.h"
+
+namespace tiltproof::faults {
+namespace {
+
+std::string ValueText(const ParameterValue& value) {
+  if (const auto* number = std::get_if<double>(&value)) return NumberText(*number);
+  return std::get<std::string>(value);
+}
+
+std::string AllowedText(const ParameterInfo& info) {
+  if (info.kind == ParameterKind::kChoice) return Joined(info.choices);
+  const std::string_view whole = info.kind == ParameterKind::kInteger ? ", whole" : "";
+  return Concat({NumberText(info.min), " to ", NumberText(info.max), whole});
+}
+
+std::string TargetMarkdown(const FaultType& type) {
+  if (!type.on_wire()) return Concat({"No target. Edits ", Name(type.stage), " values.\n\n"});
+  std::vector<std::string_view> names;
+  for (const Target target : AcceptedTargets(type)) {
+    if (target != Target::kNone) names.push_back(Name(target));
+  }
+  const std::string without =
+      type.default_target ? Concat({"; ", Name(*type.default_target), " when not stated"}) : "";
+  return Concat({"Target: ", Joined(names), without, ". Stage: ", Name(type.stage), ".\n\n"});
+}
+
+std::string ParametersMarkdown(const FaultType& type) {
+  if (type.parameters.empty()) return "No parameters.\n\n";
+  std::string text = "| parameter | unit | allowed | default | meaning |\n|---|---|---|---|---|\n";
+  std::string zeros;
+  for (const ParameterInfo& info : type.parameters) {
+    text += Concat({"| `", info.name, "` | ", info.unit.empty() ? "-" : info.unit, " | ", AllowedText(info),
+                    " | ", info.default_value ? ValueText(*info.default_value) : "required", " | ", info.doc,
+                    " |\n"});
+    if (info.zero)
+      zeros += Concat({zeros.empty() ? "" : ", ", "`", info.name, ": ", ValueText(*info.zero), "`"});
+  }
+  text += "\n";
+  if (!zeros.empty()) text += Concat({"Changes nothing with ", zeros, ".\n\n"});
+  return text;
+}
+
+std::string ExampleYaml(const FaultType& type) {
+  std::string text = Concat({"- {id: example, type: ", type.name});
+  if (type.on_wire()) text += ", target: to_client";
+  text += ", start_s: 20, end_s: 25";
+  std::string parameters;
+  for (const ParameterInfo& info : type.parameters) {
+    parameters += Concat({parameters.empty() ? "" : ", ", info.name, ": ", ValueText(info.example)});
+  }
+  return parameters.empty() ? Concat({text, "}"}) : Concat({text, ", parameters: {", parameters, "}}"});
+}
+
+}  // namespace
+
+std::string CatalogueMarkdown() {
+  std::string text =
+      "# The fault catalogue\n\n"
+      "Written by `tiltproof faults`.\n\n"
+      "A fault acts in its window `[start_s, end_s)`: a fault on the wire on the frames whose first byte "
+      "enters "
+      "the wire in it, one on sensors or actuators on the samples in it. Of what it sees there (only frames "
+      "of its "
+      "`message`, when it has one) the trigger picks every `every_nth_count`-th, and that one with "
+      "`probability`. "
+      "On the wire faults act in the order of their stages, frame, byte, timing, and within a stage in the "
+      "order of "
+      "the file. Which frames a fault picks, and its random draws for each of them, follow from the frames "
+      "as they "
+      "were sent, so a fault that is added or removed shifts nothing in the others. What changed nothing is "
+      "no "
+      "activation.\n";
+  for (const FaultType& type : FaultTypes()) {
+    text +=
+        Concat({"\n## ", type.name, "\n\n", type.summary, " ", type.semantics, "\n\n", TargetMarkdown(type),
+                ParametersMarkdown(type), "```yaml\n", ExampleYaml(type), "\n```\n"});
+  }
+  return text;
+}
+
+}  // namespace tiltproof::faults

@@ -1,0 +1,164 @@
+// What a fault model implements: one class in faults/models/<layer>/<name>.cpp, and a FaultType that
+// describes it.
+//
+// A wire model is asked about one chunk at a time, by the fault stage of one direction (faults/schedule.h). A
+// sensor or actuator model edits values. When it is asked (window, every nth, probability, message) and how
+// it is recorded is not its business.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "faults/fault.h"
+#include "faults/random.h"
+#include "link/chunk.h"
+#include "link/signals.h"
+#include "link/time.h"
+
+namespace tiltproof::faults {
+
+using ParameterValue = std::variant<double, std::string>;
+
+// The parameters of one fault, checked, defaults filled in.
+class Parameters {
+ public:
+  explicit Parameters(std::map<std::string, ParameterValue, std::less<>> values)
+      : values_(std::move(values)) {}
+  double Number(std::string_view name) const { return std::get<double>(values_.find(name)->second); }
+  std::int64_t Integer(std::string_view name) const { return static_cast<std::int64_t>(Number(name)); }
+  const std::string& Choice(std::string_view name) const {
+    return std::get<std::string>(values_.find(name)->second);
+  }
+
+ private:
+  std::map<std::string, ParameterValue, std::less<>> values_;
+};
+
+// [begin, end)
+struct Window {
+  TimeNs begin_ns = kPowerOn;
+  TimeNs end_ns = kNever;
+  bool Contains(TimeNs t) const { return begin_ns <= t && t < end_ns; }
+};
+
+// What a wire model may know beside the chunk.
+struct WireContext {
+  Random& random;        // of this fault and this frame alone
+  const Window& window;  // in the chunks' time
+  std::string* what;     // where to say what was done, for a person; null when nobody will read it
+  void Say(std::string_view text) const {
+    if (what != nullptr) what->append(what->empty() ? "" : ", ").append(text);
+  }
+};
+
+class WireModel {
+ public:
+  virtual ~WireModel() = default;
+  // A chunk that the trigger picked. Appends to `out` what goes on in its place.
+  virtual void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) = 0;
+
+  // For models that remember frames (FaultType::remembers): every chunk with the fault's `message` that the
+  // trigger did not pick, outside the window too ...
+  virtual void Pass(link::Chunk&& chunk, std::vector<link::Chunk>& out) { out.push_back(std::move(chunk)); }
+  // ... and, after each Act or Pass, the chance to add what was held back.
+  virtual void Release(std::vector<link::Chunk>& /*out*/) {}
+};
+
+class SensorModel {
+ public:
+  virtual ~SensorModel() = default;
+  // A sample that the trigger picked.
+  virtual void Act(Sensors& sensors) = 0;
+};
+
+class ActuatorModel {
+ public:
+  virtual ~ActuatorModel() = default;
+  // Without memory: the same command is edited again whenever it is applied anew.
+  virtual void Act(ActuatorsTruth& actuators) const = 0;
+};
+
+// The line a wire model stands in.
+struct Line {
+  std::int64_t baud = 921'600;  // 0: ideal, bytes take no time
+  TimeNs BytesTime(std::int64_t byte_count) const { return link::BytesTime(baud, byte_count); }
+  // Where the time of a byte within its frame matters, an ideal line has the paper's.
+  std::int64_t clock_baud() const { return baud == 0 ? 921'600 : baud; }
+};
+
+// What a model's factory is given.
+struct WireSetup {
+  const Parameters& parameters;
+  Line line;
+  std::uint64_t stream;  // key of the random stream, for what does not belong to one frame
+};
+
+enum class ParameterKind : std::uint8_t { kNumber, kInteger, kChoice };
+
+struct ParameterInfo {
+  std::string_view name;
+  std::string_view unit;  // "s", "Hz", "1" for a ratio or probability; empty for a choice
+  ParameterKind kind = ParameterKind::kNumber;
+  double min = 0.0, max = 0.0;  // both allowed; numbers and integers
+  std::string_view doc;
+  ParameterValue example;                            // in an example that acts
+  std::optional<ParameterValue> default_value = {};  // required when there is none
+  std::optional<ParameterValue> zero =
+      {};  // this value (with the others' zeros) makes the fault change nothing
+  std::vector<std::string_view> choices = {};  // kChoice
+};
+
+// Which faults act first on the wire; sensors and actuators are edited at their own places.
+enum class Stage : std::uint8_t { kFrame, kByte, kTiming, kSensor, kActuator };
+std::string_view Name(Stage stage);
+
+struct FaultType {
+  std::string_view name;  // "<layer>.<what>"
+  Stage stage{};
+  std::string_view summary;    // one sentence
+  std::string_view semantics;  // what exactly happens
+  std::vector<ParameterInfo> parameters = {};
+
+  // Exactly one of the three.
+  std::unique_ptr<WireModel> (*make_wire)(const WireSetup&) = nullptr;
+  std::unique_ptr<SensorModel> (*make_sensor)(const Parameters&) = nullptr;
+  std::unique_ptr<ActuatorModel> (*make_actuator)(const Parameters&) = nullptr;
+
+  std::optional<Target> default_target = {};  // wire faults without one must state their target
+  bool remembers = false;                     // a wire model with Pass() and Release()
+  bool acts_on_overlap = false;  // picked when any of the frame's time lies in the window, not its first byte
+  bool always_counts = false;    // an activation is recorded although nothing changed
+
+  std::string_view layer() const { return name.substr(0, name.find('.')); }
+  bool on_wire() const { return make_wire != nullptr; }
+};
+
+// Probability parameter shared by many faults.
+inline ParameterInfo ProbabilityParameter(std::string_view doc, double example) {
+  return {.name = "probability",
+          .unit = "1",
+          .min = 0.0,
+          .max = 1.0,
+          .doc = doc,
+          .example = example,
+          .zero = 0.0};
+}
+
+// 10 kHz: a thousand times the rate at which nothing gets through any more, and still cheap.
+inline ParameterInfo RateParameter(std::string_view doc, double example) {
+  return {.name = "rate_hz",
+          .unit = "Hz",
+          .min = 0.0,
+          .max = 10'000.0,
+          .doc = doc,
+          .example = example,
+          .zero = 0.0};
+}
+
+}  // namespace tiltproof::faults

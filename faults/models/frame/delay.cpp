@@ -1,0 +1,109 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "faults/model.h"
+
+namespace tiltproof::faults {
+namespace {
+
+// No draw of a heavy tail is longer than this.
+constexpr double kDelayMaxMs = 60'000.0;
+
+class Delay : public WireModel {
+ public:
+  explicit Delay(const Parameters& parameters)
+      : mean_ms_(parameters.Number("mean_ms")),
+        jitter_ms_(parameters.Number("jitter_ms")),
+        distribution_(FromName(parameters.Choice("distribution"))) {}
+
+  void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
+    const double delay_ms = std::clamp(Draw(context.random), 0.0, kDelayMaxMs);
+    chunk.begin_ns += FromSeconds(delay_ms * 1e-3);
+    if (context.what != nullptr && delay_ms > 0.0) {
+      char text[48];
+      std::snprintf(text, sizeof text, "delayed by %.6g ms", delay_ms);
+      context.Say(text);
+    }
+    out.push_back(std::move(chunk));
+  }
+
+ private:
+  enum class Distribution : std::uint8_t { kConstant, kUniform, kNormal, kPareto };
+
+  static Distribution FromName(std::string_view name) {
+    if (name == "uniform") return Distribution::kUniform;
+    if (name == "normal") return Distribution::kNormal;
+    if (name == "pareto") return Distribution::kPareto;
+    return Distribution::kConstant;
+  }
+
+  double Draw(Random& random) const {
+    switch (distribution_) {
+      case Distribution::kConstant:
+        return mean_ms_;
+      case Distribution::kUniform:
+        return mean_ms_ + jitter_ms_ * (2.0 * random.Uniform() - 1.0);
+      case Distribution::kNormal:
+        return mean_ms_ + jitter_ms_ * random.StandardNormal();
+      case Distribution::kPareto: {
+        if (mean_ms_ <= 0.0 || jitter_ms_ <= 0.0) return mean_ms_;
+        // P(delay > d) = (least / d)^shape has mean least shape / (shape - 1) and standard deviation
+        // mean / sqrt(shape (shape - 2)).
+        const double ratio = mean_ms_ / jitter_ms_;
+        const double shape = 1.0 + std::sqrt(1.0 + ratio * ratio);
+        const double least_ms = mean_ms_ * (shape - 1.0) / shape;
+        return least_ms * std::pow(1.0 - random.Uniform(), -1.0 / shape);
+      }
+    }
+    return mean_ms_;
+  }
+
+  double mean_ms_;
+  double jitter_ms_;
+  Distribution distribution_;
+};
+
+}  // namespace
+
+FaultType FrameDelay() {
+  return {
+      .name = "frame.delay",
+      .stage = Stage::kTiming,
+      .summary = "Holds frames back for a fixed or random time.",
+      .semantics =
+          "Every frame that the trigger picked enters the line later by a draw of its own. Frames keep their "
+          "order: one that would overtake waits behind its predecessor. The draw is `mean_ms` (constant); "
+          "within "
+          "`jitter_ms` of it, every value alike (uniform); or of mean `mean_ms` and standard deviation "
+          "`jitter_ms` (normal, pareto). A negative draw counts as 0, one beyond 60 s as 60 s. A Pareto "
+          "delay is "
+          "never shorter than a least value that follows from the two, and has a heavy tail.",
+      .parameters = {{.name = "mean_ms",
+                      .unit = "ms",
+                      .min = 0.0,
+                      .max = 10'000.0,
+                      .doc = "mean delay",
+                      .example = 3.0,
+                      .zero = 0.0},
+                     {.name = "jitter_ms",
+                      .unit = "ms",
+                      .min = 0.0,
+                      .max = 10'000.0,
+                      .doc = "spread of the delay; not used by `constant`",
+                      .example = 1.0,
+                      .default_value = 0.0,
+                      .zero = 0.0},
+                     {.name = "distribution",
+                      .unit = "",
+                      .kind = ParameterKind::kChoice,
+                      .doc = "of the draws",
+                      .example = "uniform",
+                      .default_value = "constant",
+                      .choices = {"constant", "uniform", "normal", "pareto"}}},
+      .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+        return std::make_unique<Delay>(setup.parameters);
+      }};
+}
+
+}  // namespace tiltproof::faults

@@ -1,0 +1,36 @@
+#include "faults/model.h"
+
+namespace tiltproof::faults {
+namespace {
+
+class Drop : public WireModel {
+ public:
+  explicit Drop(const WireSetup& setup) : probability_(setup.parameters.Number("probability")) {}
+
+  void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
+    if (context.random.Bernoulli(probability_)) {
+      context.Say("dropped");
+    } else {
+      out.push_back(std::move(chunk));
+    }
+  }
+
+ private:
+  double probability_;
+};
+
+}  // namespace
+
+FaultType FrameDrop() {
+  return {.name = "frame.drop",
+          .stage = Stage::kFrame,
+          .summary = "Loses whole frames.",
+          .semantics =
+              "A frame that the trigger picked is lost with the given probability; the line is idle instead.",
+          .parameters = {ProbabilityParameter("probability, per frame, that it is lost", 0.5)},
+          .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+            return std::make_unique<Drop>(setup);
+          }};
+}
+
+}  // namespace tiltproof::faults

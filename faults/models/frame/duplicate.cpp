@@ -1,0 +1,44 @@
+#include "faults/model.h"
+
+namespace tiltproof::faults {
+namespace {
+
+class Duplicate : public WireModel {
+ public:
+  explicit Duplicate(const WireSetup& setup)
+      : probability_(setup.parameters.Number("probability")), line_(setup.line) {}
+
+  void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
+    if (!context.random.Bernoulli(probability_)) {
+      out.push_back(std::move(chunk));
+      return;
+    }
+    link::Chunk copy = chunk;
+    copy.begin_ns += line_.BytesTime(static_cast<std::int64_t>(chunk.bytes.size()));
+    out.push_back(std::move(chunk));
+    out.push_back(std::move(copy));
+    context.Say("duplicated");
+  }
+
+ private:
+  double probability_;
+  Line line_;
+};
+
+}  // namespace
+
+FaultType FrameDuplicate() {
+  return {
+      .name = "frame.duplicate",
+      .stage = Stage::kFrame,
+      .summary = "Sends whole frames twice.",
+      .semantics =
+          "A frame that the trigger picked is followed by a copy of itself with the given probability. Later "
+          "faults treat the copy as a frame of its own; what is sent next waits until the line is free.",
+      .parameters = {ProbabilityParameter("probability, per frame, that it is sent twice", 0.5)},
+      .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+        return std::make_unique<Duplicate>(setup);
+      }};
+}
+
+}  // namespace tiltproof::faults

@@ -1,0 +1,86 @@
+#include <array>
+#include <deque>
+
+#include "faults/model.h"
+
+namespace tiltproof::faults {
+namespace {
+
+class ReplayStale : public WireModel {
+ public:
+  explicit ReplayStale(const Parameters& parameters)
+      : probability_(parameters.Number("probability")),
+        age_count_(static_cast<std::size_t>(parameters.Integer("age_count"))) {}
+
+  void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
+    History& history = HistoryOf(chunk);
+    const bool replay = context.random.Bernoulli(probability_);
+    if (!replay || history.size() < age_count_) {
+      Pass(std::move(chunk), out);
+      return;
+    }
+    link::Chunk stale = chunk;
+    stale.bytes = history.front();
+    Remember(history, chunk);
+    out.push_back(std::move(stale));
+    if (context.what != nullptr) {
+      context.Say("replaced by the " + std::string(link::Name(chunk.kind)) + " frame " +
+                  std::to_string(age_count_) + " before it");
+    }
+  }
+
+  void Pass(link::Chunk&& chunk, std::vector<link::Chunk>& out) override {
+    Remember(HistoryOf(chunk), chunk);
+    out.push_back(std::move(chunk));
+  }
+
+ private:
+  using History =
+      std::deque<std::vector<std::uint8_t>>;  // the latest frames, oldest first, at most age_count_
+
+  History& HistoryOf(const link::Chunk& chunk) { return histories_[static_cast<std::size_t>(chunk.kind)]; }
+
+  void Remember(History& history, const link::Chunk& chunk) const {
+    std::vector<std::uint8_t> buffer;
+    if (history.size() == age_count_) {
+      buffer = std::move(history.front());
+      history.pop_front();
+    }
+    buffer.assign(chunk.bytes.begin(), chunk.bytes.end());
+    history.push_back(std::move(buffer));
+  }
+
+  double probability_;
+  std::size_t age_count_;
+  std::array<History, static_cast<std::size_t>(link::MessageKind::kUnknown) + 1> histories_;
+};
+
+}  // namespace
+
+FaultType FrameReplayStale() {
+  return {
+      .name = "frame.replay_stale",
+      .stage = Stage::kFrame,
+      .summary = "Puts an older frame in the place of a new one.",
+      .semantics =
+          "A frame that the trigger picked is replaced, with the given probability, by what was sent "
+          "`age_count` "
+          "frames of the same message before it: a well-formed frame with old content. Frames before the "
+          "window "
+          "are remembered too; while there is none so old, nothing happens. Equal content (a sensor request) "
+          "counts as no change.",
+      .parameters = {ProbabilityParameter("probability, per frame, that it is replaced", 0.3),
+                     {.name = "age_count",
+                      .unit = "frame",
+                      .kind = ParameterKind::kInteger,
+                      .min = 1,
+                      .max = 10'000,
+                      .doc = "how many frames of the same message lie back",
+                      .example = 3.0}},
+      .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+        return std::make_unique<ReplayStale>(setup.parameters);
+      },
+      .remembers = true};
+}
+
+}  // namespace tiltproof::faults

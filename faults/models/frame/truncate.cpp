@@ -1,0 +1,41 @@
+#include "faults/model.h"
+
+namespace tiltproof::faults {
+namespace {
+
+class Truncate : public WireModel {
+ public:
+  explicit Truncate(const WireSetup& setup) : probability_(setup.parameters.Number("probability")) {}
+
+  void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
+    if (context.random.Bernoulli(probability_) && chunk.bytes.size() > 1) {
+      const std::size_t size = chunk.bytes.size();
+      const auto kept = static_cast<std::size_t>(1 + context.random.Below(size - 1));
+      chunk.bytes.resize(kept);
+      if (context.what != nullptr)
+        context.Say("cut after byte " + std::to_string(kept - 1) + " of " + std::to_string(size));
+    }
+    out.push_back(std::move(chunk));
+  }
+
+ private:
+  double probability_;
+};
+
+}  // namespace
+
+FaultType FrameTruncate() {
+  return {.name = "frame.truncate",
+          .stage = Stage::kFrame,
+          .summary = "Cuts frames short.",
+          .semantics =
+              "Of a frame that the trigger picked only the first bytes go on, with the given probability: at "
+              "least one, and at least one is lost, every length alike. Its closing flag is always lost; a "
+              "frame of a single byte stays as it is.",
+          .parameters = {ProbabilityParameter("probability, per frame, that it is cut", 0.5)},
+          .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+            return std::make_unique<Truncate>(setup);
+          }};
+}
+
+}  // namespace tiltproof::faults

@@ -1,0 +1,28 @@
+#include "faults/model.h"
+
+namespace tiltproof::faults {
+namespace {
+
+class Silence : public WireModel {
+ public:
+  void Act(link::Chunk&& /*chunk*/, const WireContext& context, std::vector<link::Chunk>& /*out*/) override {
+    context.Say("not sent");
+  }
+};
+
+}  // namespace
+
+FaultType LinkSilence() {
+  return {
+      .name = "link.silence",
+      .stage = Stage::kFrame,
+      .summary = "A sender stops sending.",
+      .semantics =
+          "Every frame whose first byte would enter the line within the window is not sent, whole; a frame "
+          "begun "
+          "before the window ends as usual. Without a target both directions of the main line are silent.",
+      .make_wire = [](const WireSetup&) -> std::unique_ptr<WireModel> { return std::make_unique<Silence>(); },
+      .default_target = Target::kBoth};
+}
+
+}  // namespace tiltproof::faults

@@ -1,0 +1,47 @@
+#include "faults/bits.h"
+#include "faults/model.h"
+
+namespace tiltproof::faults {
+namespace {
+
+class BitError : public WireModel {
+ public:
+  explicit BitError(double ber) : ber_(ber) {}
+
+  void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
+    {
+      BitFlipper bits(chunk, context);
+      for (std::uint64_t bit = context.random.FailuresBefore(ber_); bit < bits.BitCount();
+           bit += 1 + context.random.FailuresBefore(ber_)) {
+        bits.Flip(bit);
+      }
+    }
+    out.push_back(std::move(chunk));
+  }
+
+ private:
+  double ber_;
+};
+
+}  // namespace
+
+FaultType WireBitError() {
+  return {.name = "wire.bit_error",
+          .stage = Stage::kByte,
+          .summary = "Flips bits independently of each other.",
+          .semantics =
+              "Every data bit of a frame, flags and escapes included, is flipped with probability `ber`. "
+              "Start and stop bits are spared: the receiver's byte clock stays right.",
+          .parameters = {{.name = "ber",
+                          .unit = "1",
+                          .min = 0.0,
+                          .max = 1.0,
+                          .doc = "bit error ratio: probability that a data bit is flipped",
+                          .example = 1e-3,
+                          .zero = 0.0}},
+          .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+            return std::make_unique<BitError>(setup.parameters.Number("ber"));
+          }};
+}
+
+}  // namespace tiltproof::faults

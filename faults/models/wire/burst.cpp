@@ -1,0 +1,90 @@
+#include <algorithm>
+
+#include "faults/bits.h"
+#include "faults/model.h"
+#include "faults/poisson.h"
+
+namespace tiltproof::faults {
+namespace {
+
+constexpr std::int64_t kBitsPerByte = 8;
+
+class Burst : public WireModel {
+ public:
+  explicit Burst(const WireSetup& setup)
+      : length_bits_(setup.parameters.Integer("length_bits")),
+        density_(setup.parameters.Number("density")),
+        baud_(setup.line.clock_baud()),
+        events_(setup.parameters.Number("rate_hz"), setup.stream) {}
+
+  void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
+    {
+      BitFlipper bits(chunk, context);
+      const auto bit_count = static_cast<std::int64_t>(bits.BitCount());
+      found_.clear();
+      events_.In(chunk.begin_ns - BitsTime(length_bits_), chunk.begin_ns + BitsTime(bit_count), found_);
+      for (const PoissonEvents::Event& event : found_) {
+        const std::int64_t first = FirstBitFrom(event.time_ns - chunk.begin_ns);
+        const std::int64_t end = std::min(first + length_bits_, bit_count);
+        // One draw for each bit of the burst, hit or not: which bits flip depends on the burst alone.
+        Random random(event.key);
+        for (std::int64_t bit = first; bit < end; ++bit) {
+          if (random.Bernoulli(density_) && bit >= 0) bits.Flip(static_cast<std::size_t>(bit));
+        }
+      }
+    }
+    out.push_back(std::move(chunk));
+  }
+
+ private:
+  // A byte's data bits share its time on the wire evenly. Rounded up: no burst is missed.
+  TimeNs BitsTime(std::int64_t bit_count) const {
+    return link::BytesTime(baud_, (bit_count + kBitsPerByte - 1) / kBitsPerByte) + 1;
+  }
+  // The first bit that begins at or after that time, which is relative to the chunk's begin.
+  std::int64_t FirstBitFrom(TimeNs t) const {
+    const std::int64_t divisor = 10 * kNsPerS;
+    const std::int64_t scaled = t * kBitsPerByte * baud_;
+    return scaled >= 0 ? (scaled + divisor - 1) / divisor : -(-scaled / divisor);
+  }
+
+  std::int64_t length_bits_;
+  double density_;
+  std::int64_t baud_;
+  PoissonEvents events_;
+  std::vector<PoissonEvents::Event> found_;
+};
+
+}  // namespace
+
+FaultType WireBurst() {
+  return {.name = "wire.burst",
+          .stage = Stage::kByte,
+          .summary = "Short disturbances at random times flip runs of bits.",
+          .semantics =
+              "Disturbances come as a Poisson process in time, whether or not something is sent; one that "
+              "falls on an idle line hits nothing. Each lasts `length_bits` data bits (a byte's eight data "
+              "bits share its time evenly) and flips each bit that begins meanwhile with probability "
+              "`density`. A disturbance may begin before a frame and end after it. On an ideal link bits "
+              "are placed as at 921600 baud.",
+          .parameters = {{.name = "length_bits",
+                          .unit = "bit",
+                          .kind = ParameterKind::kInteger,
+                          .min = 1,
+                          .max = 10'000,
+                          .doc = "length of a disturbance in data bits",
+                          .example = 12.0},
+                         {.name = "density",
+                          .unit = "1",
+                          .min = 0.0,
+                          .max = 1.0,
+                          .doc = "probability that a bit of a disturbance is flipped",
+                          .example = 0.5,
+                          .zero = 0.0},
+                         RateParameter("disturbances per second of time", 100.0)},
+          .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+            return std::make_unique<Burst>(setup);
+          }};
+}
+
+}  // namespace tiltproof::faults

@@ -1,0 +1,45 @@
+#include "faults/bits.h"
+#include "faults/model.h"
+
+namespace tiltproof::faults {
+namespace {
+
+class ByteDrop : public WireModel {
+ public:
+  explicit ByteDrop(double probability) : probability_(probability) {}
+
+  void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < chunk.bytes.size(); ++i) {
+      if (context.random.Bernoulli(probability_)) {
+        if (context.what != nullptr)
+          context.Say("byte " + std::to_string(i) + " " + Hex(chunk.bytes[i]) + " lost");
+      } else {
+        chunk.bytes[kept++] = chunk.bytes[i];
+      }
+    }
+    chunk.bytes.resize(kept);
+    if (kept > 0) out.push_back(std::move(chunk));
+  }
+
+ private:
+  double probability_;
+};
+
+}  // namespace
+
+FaultType WireByteDrop() {
+  return {.name = "wire.byte_drop",
+          .stage = Stage::kByte,
+          .summary = "Loses single bytes.",
+          .semantics =
+              "Every byte of a frame, flags included, is lost with the given probability, independently. The "
+              "bytes after it close up: they arrive one byte time earlier. A frame that loses all its bytes "
+              "vanishes.",
+          .parameters = {ProbabilityParameter("probability, per byte, that it is lost", 0.01)},
+          .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+            return std::make_unique<ByteDrop>(setup.parameters.Number("probability"));
+          }};
+}
+
+}  // namespace tiltproof::faults

@@ -1,0 +1,44 @@
+#include "faults/bits.h"
+#include "faults/model.h"
+
+namespace tiltproof::faults {
+namespace {
+
+class ByteDuplicate : public WireModel {
+ public:
+  explicit ByteDuplicate(double probability) : probability_(probability) {}
+
+  void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
+    edited_.clear();
+    for (std::size_t i = 0; i < chunk.bytes.size(); ++i) {
+      edited_.push_back(chunk.bytes[i]);
+      if (!context.random.Bernoulli(probability_)) continue;
+      edited_.push_back(chunk.bytes[i]);
+      if (context.what != nullptr)
+        context.Say("byte " + std::to_string(i) + " " + Hex(chunk.bytes[i]) + " repeated");
+    }
+    chunk.bytes.assign(edited_.begin(), edited_.end());
+    out.push_back(std::move(chunk));
+  }
+
+ private:
+  double probability_;
+  std::vector<std::uint8_t> edited_;
+};
+
+}  // namespace
+
+FaultType WireByteDuplicate() {
+  return {.name = "wire.byte_duplicate",
+          .stage = Stage::kByte,
+          .summary = "Sends single bytes twice.",
+          .semantics =
+              "Every byte of a frame, flags included, is repeated once with the given probability, "
+              "independently. What follows moves back by a byte time.",
+          .parameters = {ProbabilityParameter("probability, per byte, that it is repeated", 0.01)},
+          .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+            return std::make_unique<ByteDuplicate>(setup.parameters.Number("probability"));
+          }};
+}
+
+}  // namespace tiltproof::faults

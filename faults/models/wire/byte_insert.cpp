@@ -1,0 +1,46 @@
+#include "faults/bits.h"
+#include "faults/model.h"
+
+namespace tiltproof::faults {
+namespace {
+
+class ByteInsert : public WireModel {
+ public:
+  explicit ByteInsert(double probability) : probability_(probability) {}
+
+  void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
+    edited_.clear();
+    for (std::size_t i = 0; i < chunk.bytes.size(); ++i) {
+      if (context.random.Bernoulli(probability_)) {
+        edited_.push_back(static_cast<std::uint8_t>(context.random.Below(256)));
+        if (context.what != nullptr)
+          context.Say(Hex(edited_.back()) + " inserted before byte " + std::to_string(i));
+      }
+      edited_.push_back(chunk.bytes[i]);
+    }
+    chunk.bytes.assign(edited_.begin(), edited_.end());
+    out.push_back(std::move(chunk));
+  }
+
+ private:
+  double probability_;
+  std::vector<std::uint8_t> edited_;
+};
+
+}  // namespace
+
+FaultType WireByteInsert() {
+  return {
+      .name = "wire.byte_insert",
+      .stage = Stage::kByte,
+      .summary = "Adds random bytes.",
+      .semantics =
+          "Before every byte of a frame a byte of uniformly random value is inserted with the given "
+          "probability, independently. What follows moves back by a byte time.",
+      .parameters = {ProbabilityParameter("probability, per byte, that another is inserted before it", 0.01)},
+      .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+        return std::make_unique<ByteInsert>(setup.parameters.Number("probability"));
+      }};
+}
+
+}  // namespace tiltproof::faults

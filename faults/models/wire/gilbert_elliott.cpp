@@ -1,0 +1,76 @@
+#include "faults/bits.h"
+#include "faults/model.h"
+
+namespace tiltproof::faults {
+namespace {
+
+// E. N. Gilbert, "Capacity of a burst-noise channel" (1960), with errors in both states as E. O. Elliott
+// (1963).
+class GilbertElliott : public WireModel {
+ public:
+  explicit GilbertElliott(const Parameters& parameters)
+      : good_{parameters.Number("p_bad"), parameters.Number("ber_good")},
+        bad_{parameters.Number("p_good"), parameters.Number("ber_bad")} {}
+
+  void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
+    {
+      BitFlipper bits(chunk, context);
+      Random& random = context.random;
+      // A state ends after the first bit that draws its end, so it lasts 1 + FailuresBefore bits. What is
+      // left of it at the end of a frame is drawn anew at the next: the number of failures has no memory.
+      for (std::uint64_t begin = 0; begin < bits.BitCount();) {
+        const State& state = in_bad_ ? bad_ : good_;
+        const std::uint64_t last = begin + random.FailuresBefore(state.p_leave);
+        const std::uint64_t end = last < bits.BitCount() ? last + 1 : bits.BitCount();
+        for (std::uint64_t bit = begin + random.FailuresBefore(state.ber); bit < end;
+             bit += 1 + random.FailuresBefore(state.ber)) {
+          bits.Flip(bit);
+        }
+        if (last < bits.BitCount()) in_bad_ = !in_bad_;
+        begin = end;
+      }
+    }
+    out.push_back(std::move(chunk));
+  }
+
+ private:
+  struct State {
+    double p_leave;
+    double ber;
+  };
+  State good_, bad_;
+  bool in_bad_ = false;
+};
+
+ParameterInfo Probability(std::string_view name, std::string_view doc, double example,
+                          std::optional<ParameterValue> zero = std::nullopt) {
+  return {.name = name,
+          .unit = "1",
+          .min = 0.0,
+          .max = 1.0,
+          .doc = doc,
+          .example = example,
+          .zero = std::move(zero)};
+}
+
+}  // namespace
+
+FaultType WireGilbertElliott() {
+  return {.name = "wire.gilbert_elliott",
+          .stage = Stage::kByte,
+          .summary = "Flips bits in bursts: a channel with a good and a bad state.",
+          .semantics =
+              "A Markov chain with one step a data bit. In each state a bit is flipped with that state's "
+              "error ratio; after each bit the chain leaves good with `p_bad`, bad with `p_good`, so a bad "
+              "stretch lasts 1/p_good bits on average. It begins good and keeps its state from one frame to "
+              "the next; idle time and frames that the trigger leaves out do not move it.",
+          .parameters = {Probability("p_bad", "probability, per bit, of entering the bad state", 1e-3),
+                         Probability("p_good", "probability, per bit, of leaving the bad state", 0.1),
+                         Probability("ber_good", "bit error ratio in the good state", 0.0, 0.0),
+                         Probability("ber_bad", "bit error ratio in the bad state", 0.5, 0.0)},
+          .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+            return std::make_unique<GilbertElliott>(setup.parameters);
+          }};
+}
+
+}  // namespace tiltproof::faults

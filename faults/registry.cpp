@@ -1,0 +1,211 @@
+#include "faults/registry.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "faults/nearest_name.h"
+#include "faults/text.h"
+
+namespace tiltproof::faults {
+
+// One line a type: the function that describes it, defined in faults/models/<layer>/<name>.cpp.
+#define TILTPROOF_FAULT_TYPES(FAULT) \
+  FAULT(WireBitError)                \
+  FAULT(WireGilbertElliott)          \
+  FAULT(WireBurst)                   \
+  FAULT(WireStuckByte)               \
+  FAULT(WireByteDrop)                \
+  FAULT(WireByteInsert)              \
+  FAULT(WireByteDuplicate)           \
+  FAULT(FrameDrop)                   \
+  FAULT(FrameDuplicate)              \
+  FAULT(FrameTruncate)               \
+  FAULT(FrameDelay)                  \
+  FAULT(FrameReorder)                \
+  FAULT(FrameReplayStale)            \
+  FAULT(LinkSilence)                 \
+  FAULT(LinkDisconnect)              \
+  FAULT(SensorBias)                  \
+  FAULT(SensorFreeze)                \
+  FAULT(ActuatorLossOfEffectiveness) \
+  FAULT(HarnessNull)                 \
+  FAULT(HarnessCanary)
+
+#define TILTPROOF_DECLARE(function) FaultType function();
+#define TILTPROOF_CALL(function) function(),
+TILTPROOF_FAULT_TYPES(TILTPROOF_DECLARE)
+
+namespace {
+
+// "; did you mean 'x'?", or all names when none is near.
+std::string Suggestion(std::string_view name, const std::vector<std::string_view>& candidates) {
+  const std::string_view nearest = NearestName(name, candidates);
+  if (!nearest.empty()) return Concat({"; did you mean '", nearest, "'?"});
+  return Concat({"; known: ", Joined(candidates)});
+}
+
+std::vector<link::MessageKind> MessagesOf(Target target) {
+  using link::MessageKind;
+  switch (target) {
+    case Target::kToClient:
+      return {MessageKind::kReply};
+    case Target::kToPlant:
+      return {MessageKind::kStart, MessageKind::kSensors, MessageKind::kActuators};
+    case Target::kBoth:
+      return {MessageKind::kStart, MessageKind::kSensors, MessageKind::kActuators, MessageKind::kReply};
+    case Target::kReference:
+      return {MessageKind::kReference};
+    case Target::kNone:
+      return {};
+  }
+  return {};
+}
+
+class Validator {
+ public:
+  explicit Validator(const FaultSpec& spec) : spec_(spec) {}
+
+  std::vector<Problem> Run() {
+    CheckWindowAndTrigger();
+    const FaultType* type = FindFaultType(spec_.type);
+    if (type == nullptr) {
+      std::vector<std::string_view> names;
+      for (const FaultType& known : FaultTypes()) names.push_back(known.name);
+      Add("type", {"unknown fault type '", spec_.type, "'", Suggestion(spec_.type, names)});
+      return std::move(problems_);
+    }
+    CheckTarget(*type);
+    CheckMessage(*type);
+    CheckParameters(*type);
+    return std::move(problems_);
+  }
+
+ private:
+  void Add(std::string_view key, std::initializer_list<std::string_view> message) {
+    problems_.push_back({std::string(key), Concat(message)});
+  }
+
+  void CheckWindowAndTrigger() {
+    if (spec_.id.empty()) Add("id", {"must not be empty"});
+    if (spec_.end_ns <= spec_.start_ns) Add("end_s", {"the window must end after it begins"});
+    if (spec_.every_nth_count < 1) Add("every_nth_count", {"must be at least 1"});
+    if (!(spec_.probability >= 0.0 && spec_.probability <= 1.0))
+      Add("probability", {"must be between 0 and 1"});
+  }
+
+  void CheckTarget(const FaultType& type) {
+    const std::vector<Target> accepted = AcceptedTargets(type);
+    if (std::find(accepted.begin(), accepted.end(), spec_.target) != accepted.end()) return;
+    if (!type.on_wire()) {
+      Add("target", {type.name, " takes no target"});
+      return;
+    }
+    std::vector<std::string_view> names;
+    for (const Target target : accepted) names.push_back(Name(target));
+    Add("target", {type.name, " needs a target: ", Joined(names)});
+  }
+
+  void CheckMessage(const FaultType& type) {
+    if (!spec_.message) return;
+    if (!type.on_wire()) {
+      Add("message", {type.name, " acts on no frames: it takes no message"});
+      return;
+    }
+    const Target target = ResolvedTarget(spec_, type);
+    const std::vector<link::MessageKind> messages = MessagesOf(target);
+    if (std::find(messages.begin(), messages.end(), *spec_.message) != messages.end()) return;
+    std::vector<std::string_view> names;
+    for (const link::MessageKind message : messages) names.push_back(link::Name(message));
+    Add("message", {"'", link::Name(*spec_.message), "' does not travel there (target ", Name(target),
+                    "); what does: ", Joined(names)});
+  }
+
+  void CheckParameters(const FaultType& type) {
+    std::vector<std::string_view> names;
+    for (const ParameterInfo& info : type.parameters) names.push_back(info.name);
+    for (const auto& [name, value] : spec_.parameters) {
+      const auto info =
+          std::find_if(type.parameters.begin(), type.parameters.end(),
+                       [&name](const ParameterInfo& candidate) { return candidate.name == name; });
+      if (info == type.parameters.end()) {
+        Add("parameters." + name, {"unknown parameter '", name, "' of ", type.name,
+                                   names.empty() ? ", which takes none" : Suggestion(name, names)});
+      } else {
+        CheckValue(*info, value);
+      }
+    }
+    for (const ParameterInfo& info : type.parameters) {
+      if (info.default_value || spec_.parameters.contains(std::string(info.name))) continue;
+      Add("parameters", {type.name, " needs the parameter '", info.name, "' (", info.doc, ")"});
+    }
+  }
+
+  void CheckValue(const ParameterInfo& info, const ParameterValue& value) {
+    const std::string key = Concat({"parameters.", info.name});
+    if (info.kind == ParameterKind::kChoice) {
+      const auto* text = std::get_if<std::string>(&value);
+      if (text == nullptr) {
+        Add(key, {"'", info.name, "' must be one of ", Joined(info.choices)});
+      } else if (std::find(info.choices.begin(), info.choices.end(), *text) == info.choices.end()) {
+        Add(key, {"unknown ", info.name, " '", *text, "'", Suggestion(*text, info.choices)});
+      }
+      return;
+    }
+    const auto* number = std::get_if<double>(&value);
+    if (number == nullptr || !std::isfinite(*number)) {
+      Add(key, {"'", info.name, "' must be a finite number"});
+    } else if (info.kind == ParameterKind::kInteger && *number != std::floor(*number)) {
+      Add(key, {"'", info.name, "' must be a whole number"});
+    } else if (*number < info.min || *number > info.max) {
+      Add(key, {"'", info.name, "' must be between ", NumberText(info.min), " and ", NumberText(info.max)});
+    }
+  }
+
+  const FaultSpec& spec_;
+  std::vector<Problem> problems_;
+};
+
+}  // namespace
+
+std::string_view Name(Stage stage) {
+  switch (stage) {
+    case Stage::kFrame:
+      return "frame";
+    case Stage::kByte:
+      return "byte";
+    case Stage::kTiming:
+      return "timing";
+    case Stage::kSensor:
+      return "sensor";
+    case Stage::kActuator:
+      return "actuator";
+  }
+  return "unknown";
+}
+
+const std::vector<FaultType>& FaultTypes() {
+  static const std::vector<FaultType> types = {TILTPROOF_FAULT_TYPES(TILTPROOF_CALL)};
+  return types;
+}
+
+const FaultType* FindFaultType(std::string_view name) {
+  for (const FaultType& type : FaultTypes()) {
+    if (type.name == name) return &type;
+  }
+  return nullptr;
+}
+
+std::vector<Target> AcceptedTargets(const FaultType& type) {
+  if (!type.on_wire()) return {Target::kNone};
+  std::vector<Target> targets = {Target::kToClient, Target::kToPlant, Target::kBoth, Target::kReference};
+  if (type.default_target) targets.push_back(Target::kNone);
+  return targets;
+}
+
+Target ResolvedTarget(const FaultSpec& spec, const FaultType& type) {
+  return spec.target == Target::kNone ? type.default_target.value_or(Target::kNone) : spec.target;
+}
+
+std::vector<Problem> Validate(const FaultSpec& spec) { return Validator(spec).Run(); }
+
+}  // namespace tiltproof::faults

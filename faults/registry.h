@@ -1,0 +1,41 @@
+// Every fault type there is: what a scenario may ask for, and what the catalogue prints.
+//
+// To add one: a file faults/models/<layer>/<name>.cpp that defines a function returning its FaultType, and
+// one line in registry.cpp that names that function. The conformance test runs over all of them.
+//
+//   for (const Problem& problem : Validate(spec)) Report(problem.key, problem.message);
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "faults/fault.h"
+#include "faults/model.h"
+
+namespace tiltproof::faults {
+
+// In the order of the catalogue.
+const std::vector<FaultType>& FaultTypes();
+// Null when there is none of that name.
+const FaultType* FindFaultType(std::string_view name);
+
+// What a fault may be aimed at, Target::kNone being "no target": the main line or the reference line for
+// faults on the wire, nothing for others.
+std::vector<Target> AcceptedTargets(const FaultType& type);
+// The target of a fault on the wire, the type's default if it states none.
+Target ResolvedTarget(const FaultSpec& spec, const FaultType& type);
+
+struct Problem {
+  // Which key of the fault in the scenario file: "type", "target", "end_s", "message", ..., "parameters" for
+  // what is missing there, "parameters.<name>" for one parameter.
+  std::string key;
+  std::string message;
+};
+// Everything wrong with a fault; empty when it can be scheduled.
+std::vector<Problem> Validate(const FaultSpec& spec);
+
+// All types as a page in Markdown.
+std::string CatalogueMarkdown();
+
+}  // namespace tiltproof::faults

@@ -1,0 +1,69 @@
+// The faults of a scenario, ready to act: made from data and a seed alone.
+//
+//   FaultSchedule faults(scenario.faults, scenario.seed, {.baud = 921600});
+//   Wire wire(config, Direction::kToClient, dialect, faults.Stage(Direction::kToClient));
+//   faults.SetOrigin(boot_time_of_t0);
+//   faults.EditSensors(t, sensors);        // each sample that is sent
+//   faults.EditActuators(t, input);        // each new command, and at NextEdge()
+//
+// Stages work in the wires' time (boot time), everything else in simulation time.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "faults/fault.h"
+#include "link/chunk.h"
+#include "link/signals.h"
+
+namespace tiltproof::faults {
+
+class FaultSchedule {
+ public:
+  struct Lines {
+    std::int64_t baud = 921'600;            // of the main line; 0 = ideal
+    std::int64_t reference_baud = 921'600;  // of the reference line
+  };
+
+  // Throws std::invalid_argument, naming fault and key, when Validate() finds anything.
+  FaultSchedule(const std::vector<FaultSpec>& specs, std::uint64_t seed, const Lines& lines);
+  FaultSchedule(const std::vector<FaultSpec>& specs, std::uint64_t seed)
+      : FaultSchedule(specs, seed, Lines{}) {}
+  ~FaultSchedule();
+  FaultSchedule(FaultSchedule&&) noexcept;
+  FaultSchedule& operator=(FaultSchedule&&) noexcept;
+
+  // What stands in one direction; null when no fault does. Lives as long as the schedule, moved or not.
+  link::ChunkStage* Stage(link::Direction direction);
+
+  // The boot time of t = 0. Until it is known, frames are inside windows without a start only.
+  void SetOrigin(TimeNs boot_time_of_t0);
+
+  // A sample that is about to be sent. `t` may be kPowerOn, for before t = 0.
+  void EditSensors(TimeNs t, Sensors& sensors);
+
+  // The command in force from `t`. `new_command` false: the same command as last time, at the edge of a
+  // window; it is neither counted nor drawn for again.
+  void EditActuators(TimeNs t, ActuatorsTruth& actuators, bool new_command = true);
+
+  // The first begin or end of an actuator fault's window after `t`, when the command in force must be edited
+  // anew; kNever when there is none.
+  TimeNs NextEdge(TimeNs t) const;
+
+  // Whether `t` is inside the window of the fault (its index in the scenario).
+  bool IsActive(std::size_t fault, TimeNs t) const;
+
+  // How often each fault changed something (harness.null: was picked).
+  const std::vector<std::int64_t>& ActivationCounts() const;
+  // The first kActivationsMax (faults/recorder.h) of each fault in order of time, in simulation time;
+  // `origin_ns` is the boot time of t = 0. Leaves none.
+  std::vector<Activation> TakeActivations(TimeNs origin_ns);
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace tiltproof::faults

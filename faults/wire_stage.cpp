@@ -1,0 +1,108 @@
+#include "faults/wire_stage.h"
+
+#include <algorithm>
+
+namespace tiltproof::faults {
+namespace {
+
+Window InBootTime(const Window& window, TimeNs origin_ns) {
+  return {window.begin_ns == kPowerOn ? kPowerOn : window.begin_ns + origin_ns,
+          window.end_ns == kNever ? kNever : window.end_ns + origin_ns};
+}
+
+bool SameBytesAndTime(const link::Chunk& a, const link::Chunk& b) {
+  return a.begin_ns == b.begin_ns && a.bytes == b.bytes;
+}
+
+}  // namespace
+
+void WireStage::Add(std::size_t fault, const FaultSpec& spec, const FaultType& type,
+                    const Parameters& parameters, std::uint64_t seed, link::Direction direction,
+                    const Line& line) {
+  const std::string_view way = link::Name(direction);
+  const std::uint64_t stream = StreamKey(seed, {spec.id, "model", way});
+  const Window window{spec.start_ns, spec.end_ns};
+  const bool open_from_power_on = spec.start_ns == kPowerOn;
+  injectors_.push_back(
+      {.fault = fault,
+       .scenario_window = window,
+       .window = open_from_power_on ? Window{} : Window{kNever, kNever},
+       .trigger = Trigger(spec, StreamKey(seed, {spec.id, "trigger", way})),
+       .stream = stream,
+       .line = line,
+       .remembers = type.remembers,
+       .acts_on_overlap = type.acts_on_overlap,
+       .model = type.make_wire({parameters, line, StreamKey(seed, {spec.id, "events", way})}),
+       .picked = {}});
+}
+
+void WireStage::SetOrigin(TimeNs origin_ns) {
+  for (Injector& injector : injectors_) injector.window = InBootTime(injector.scenario_window, origin_ns);
+}
+
+void WireStage::Apply(std::vector<link::Chunk>& chunks) {
+  for (link::Chunk& chunk : chunks) {
+    chunk.number = next_number_++;
+    for (Injector& injector : injectors_) Decide(injector, chunk);
+  }
+  for (Injector& injector : injectors_) Run(injector, chunks);
+}
+
+void WireStage::Decide(Injector& injector, const link::Chunk& sent) {
+  const Window& window = injector.window;
+  bool inside = window.Contains(sent.begin_ns);
+  if (!inside && injector.acts_on_overlap && sent.begin_ns < window.begin_ns) {
+    const TimeNs end = sent.begin_ns + injector.line.BytesTime(static_cast<std::int64_t>(sent.bytes.size()));
+    inside = end > window.begin_ns;
+  }
+  injector.picked[sent.number % kDecisions] =
+      inside && injector.trigger.Sees(sent.kind) && injector.trigger.Picks(sent.number);
+}
+
+void WireStage::Run(Injector& injector, std::vector<link::Chunk>& chunks) {
+  const auto picked = [&injector](const link::Chunk& chunk) {
+    return injector.picked[chunk.number % kDecisions];
+  };
+  if (!injector.remembers && std::none_of(chunks.begin(), chunks.end(), picked)) return;
+
+  out_.clear();
+  Random random(0);
+  std::optional<std::uint64_t> random_number;  // of the frame that `random` belongs to
+  for (link::Chunk& chunk : chunks) {
+    if (!picked(chunk)) {
+      if (injector.remembers && injector.trigger.Sees(chunk.kind)) {
+        injector.model->Pass(std::move(chunk), out_);
+        injector.model->Release(out_);
+      } else {
+        out_.push_back(std::move(chunk));
+      }
+      continue;
+    }
+    // Copies and fragments go on with their frame's draws.
+    if (random_number != chunk.number) {
+      random_number = chunk.number;
+      random = Random(KeyOf(injector.stream, chunk.number));
+    }
+    ActAndRecord(injector, std::move(chunk), random);
+    if (injector.remembers) injector.model->Release(out_);
+  }
+  chunks.swap(out_);
+}
+
+void WireStage::ActAndRecord(Injector& injector, link::Chunk&& chunk, Random& random) {
+  before_ = chunk;
+  const std::size_t out_begin = out_.size();
+  std::string what;
+  const bool keeps = recorder_->Keeps(injector.fault);
+  injector.model->Act(std::move(chunk), {random, injector.window, keeps ? &what : nullptr}, out_);
+  if (out_.size() == out_begin + 1 && SameBytesAndTime(out_.back(), before_)) return;
+  recorder_->Count(injector.fault, true, [&]() -> Activation {
+    return {.time_ns = before_.begin_ns,
+            .fault = injector.fault,
+            .what = std::move(what),
+            .before = {before_},
+            .after = {out_.begin() + static_cast<std::ptrdiff_t>(out_begin), out_.end()}};
+  });
+}
+
+}  // namespace tiltproof::faults

@@ -1,0 +1,64 @@
+// The faults that stand in one direction of the line, one after the other: what link::Wire gives its frames
+// to.
+//
+// Each frame as sent gets a number, and every fault decides at once whether its trigger picks that number:
+// what an earlier fault does to the frame (drops it, holds it back) changes neither what a later one counts
+// nor what it draws. Copies and fragments share their frame's number and so its fate at the trigger.
+#pragma once
+
+#include <bitset>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "faults/model.h"
+#include "faults/recorder.h"
+#include "faults/trigger.h"
+#include "link/chunk.h"
+
+namespace tiltproof::faults {
+
+class WireStage final : public link::ChunkStage {
+ public:
+  // A fault, in the order in which they shall act.
+  void Add(std::size_t fault, const FaultSpec& spec, const FaultType& type, const Parameters& parameters,
+           std::uint64_t seed, link::Direction direction, const Line& line);
+  bool empty() const { return injectors_.empty(); }
+
+  // `recorder` must outlive the stage's last Apply().
+  void SetRecorder(Recorder* recorder) { recorder_ = recorder; }
+  // The boot time of t = 0. Before this only windows without a start are open.
+  void SetOrigin(TimeNs origin_ns);
+
+  // Chunks' times are boot times.
+  void Apply(std::vector<link::Chunk>& chunks) override;
+
+ private:
+  // Decisions are kept for this many frames: more than any chain of faults holds one back.
+  static constexpr std::size_t kDecisions = 1024;
+
+  struct Injector {
+    std::size_t fault;
+    Window scenario_window;  // in simulation time
+    Window window;           // in boot time
+    Trigger trigger;
+    std::uint64_t stream;  // of the model's draws, one generator a frame
+    Line line;
+    bool remembers;
+    bool acts_on_overlap;
+    std::unique_ptr<WireModel> model;
+    std::bitset<kDecisions> picked;
+  };
+
+  static void Decide(Injector& injector, const link::Chunk& sent);
+  void Run(Injector& injector, std::vector<link::Chunk>& chunks);
+  void ActAndRecord(Injector& injector, link::Chunk&& chunk, Random& random);
+
+  std::vector<Injector> injectors_;
+  Recorder* recorder_ = nullptr;
+  std::uint64_t next_number_ = 0;
+  std::vector<link::Chunk> out_;
+  link::Chunk before_;
+};
+
+}  // namespace tiltproof::faults
