@@ -1,10 +1,12 @@
 // The keys of a scenario file, each written once: name, type, unit, range, default and meaning.
 //
-// DescribeScenario() walks over a Scenario's fields and tells a KeyVisitor about each; what a visitor does with it is its own affair:
-// the reader fills the field from YAML, the writer prints it, the schema notes type and default. So the three cannot drift apart.
+// DescribeScenario() walks over a Scenario's fields and tells a KeyVisitor about each; what a visitor does
+// with it is its own affair: the reader fills the field from YAML, the writer prints it, the schema notes
+// type and default. So the three cannot drift apart.
 //
 //   void DescribeLink(KeyVisitor& v, LinkSpec& link) {
-//     v.Number({"adapter_latency_ms", "Buffering of a USB-serial adapter"}, link.adapter_latency_ms, {0, 100});
+//     v.Number({"adapter_latency_ms", "Buffering of a USB-serial adapter"}, link.adapter_latency_ms, {0,
+//     100});
 //   }
 #pragma once
 
@@ -22,24 +24,30 @@
 
 namespace tiltproof::harness {
 
+// kDerived: may be left out, and then follows from other keys.
+enum class Presence : std::uint8_t { kOptional, kRequired, kDerived };
+
 struct Key {
   std::string_view name;
   std::string_view doc;  // one line for a person
-  bool required = false;
+  Presence presence = Presence::kOptional;
 };
 
-// Inclusive, or without the lower bound itself.
+// Both ends included.
 struct Range {
   double min = 0.0, max = 0.0;
-  bool above_min = false;
 };
 
 // What a text may be; an empty regex allows all but control characters.
 struct TextRule {
-  std::string_view regex;  // ECMAScript, of the whole text
+  std::string_view regex;    // ECMAScript, of the whole text
   std::string_view meaning;  // "must be ..."
   std::size_t length_max = 4096;
 };
+
+// Names of scenarios, faults, criteria, tags.
+inline constexpr TextRule kNameRule = {
+    "[A-Za-z0-9][A-Za-z0-9_.-]*", "letters, digits, '_', '.', '-', beginning with a letter or digit", 100};
 
 class KeyVisitor {
  public:
@@ -61,13 +69,16 @@ class KeyVisitor {
   virtual void Point(const Key& key, std::array<double, 3>& value, Range range) = 0;
   virtual void Points(const Key& key, std::vector<std::array<double, 3>>& value, Range range) = 0;
   // One of some words; nullopt stands for a key that is absent.
-  virtual void Choice(const Key& key, std::span<const std::string_view> words, std::optional<std::size_t>& index) = 0;
+  virtual void Choice(const Key& key, std::span<const std::string_view> words,
+                      std::optional<std::size_t>& index) = 0;
   // A mapping in the mapping.
   virtual void Section(const Key& key, const Body& body) = 0;
   // A list of mappings. `resize` is called before the bodies.
-  virtual void List(const Key& key, std::size_t count, const std::function<void(std::size_t)>& resize, const NumberedBody& body) = 0;
+  virtual void List(const Key& key, std::size_t count, const std::function<void(std::size_t)>& resize,
+                    const NumberedBody& body) = 0;
   // A word that decides which other keys this mapping has.
-  virtual void Alternatives(const Key& key, std::span<const std::string_view> words, std::optional<std::size_t> index, const NumberedBody& body) = 0;
+  virtual void Alternatives(const Key& key, std::span<const std::string_view> words,
+                            std::optional<std::size_t> index, const NumberedBody& body) = 0;
 };
 
 void DescribeScenario(KeyVisitor& visitor, Scenario& scenario);

@@ -55,16 +55,22 @@ struct ReadOptions {
   // Names a criterion may use as `metric`; empty: any.
   std::vector<std::string> metric_names;
   // Checks `stl: formula`, which may name the faults' ids; none: not checked.
-  std::function<std::optional<FormulaProblem>(std::string_view formula, std::span<const std::string> fault_ids)> check_formula;
+  std::function<std::optional<FormulaProblem>(std::string_view formula,
+                                              std::span<const std::string> fault_ids)>
+      check_formula;
   // Checks that the model file can be flown, returns what is wrong; none: it need only exist.
-  std::function<std::optional<std::string>(const std::filesystem::path& model_file, bool allow_invalid_inertia)> check_model;
+  std::function<std::optional<std::string>(const std::filesystem::path& model_file,
+                                           bool allow_invalid_inertia)>
+      check_model;
 };
 
-// Fills in every default and resolves the model's and a recorded reference's file (absolute). Throws ScenarioError.
+// Fills in every default and resolves the model's and a recorded reference's file (absolute). Throws
+// ScenarioError.
 Scenario ReadScenario(const std::filesystem::path& file, const ReadOptions& options);
 
 // All of them, or a ScenarioError with the problems of all; two scenarios of one name are a problem.
-std::vector<Scenario> ReadScenarios(const std::vector<std::filesystem::path>& files, const ReadOptions& options);
+std::vector<Scenario> ReadScenarios(const std::vector<std::filesystem::path>& files,
+                                    const ReadOptions& options);
 
 // YAML that reads back to an equal scenario, every default written out and every file absolute.
 std::string WriteResolved(const Scenario& scenario);

@@ -1,4 +1,5 @@
-// A scenario: what is flown, through which line, with which faults, and what counts as success. Plain data, no YAML here.
+// A scenario: what is flown, through which line, with which faults, and what counts as success. Plain data,
+// no YAML here.
 #pragma once
 
 #include <array>
@@ -30,20 +31,38 @@ struct LinkSpec {
 };
 
 // The references of the base station. All positions in the world frame; yaw 0 unless stated.
-struct HoverReference { std::array<double, 3> at_m; double yaw_rad = 0.0; };
+struct HoverReference {
+  std::array<double, 3> at_m;
+  double yaw_rad = 0.0;
+};
 // Paper, eq. (1).
 struct SpiralReference {
   double turns_count = 3, radius_m = 5, height_m = 10;
   std::array<double, 3> start_m = {2, 0, 0.5};
   double time_s = 60;  // T_f; afterwards the end point is held
 };
-struct WaypointsReference { std::vector<std::array<double, 3>> points_m; double speed_m_s = 1.0; };
-struct CircleReference { double radius_m = 5, period_s = 20; std::array<double, 3> start_m = {0, 0, 1}; };
-struct EightReference { double width_m = 5, period_s = 20; std::array<double, 3> start_m = {0, 0, 1}; };
-struct LineReference { std::array<double, 3> from_m, to_m; double time_s = 60; };
-struct RecordedReference { std::filesystem::path file; };  // CSV: t_s,x_m,y_m,z_m,yaw_rad[,vx_m_s,vy_m_s,vz_m_s]
+struct WaypointsReference {
+  std::vector<std::array<double, 3>> points_m;
+  double speed_m_s = 1.0;
+};
+struct CircleReference {
+  double radius_m = 5, period_s = 20;
+  std::array<double, 3> start_m = {0, 0, 1};
+};
+struct EightReference {
+  double width_m = 5, period_s = 20;
+  std::array<double, 3> start_m = {0, 0, 1};
+};
+struct LineReference {
+  std::array<double, 3> from_m, to_m;
+  double time_s = 60;
+};
+struct RecordedReference {
+  std::filesystem::path file;
+};  // CSV: t_s,x_m,y_m,z_m,yaw_rad[,vx_m_s,vy_m_s,vz_m_s]
 struct ReferenceSpec {
-  std::variant<HoverReference, SpiralReference, WaypointsReference, CircleReference, EightReference, LineReference, RecordedReference>
+  std::variant<HoverReference, SpiralReference, WaypointsReference, CircleReference, EightReference,
+               LineReference, RecordedReference>
       path = SpiralReference{};
   bool velocity = true;  // false: the velocity components are sent as 0
 };
@@ -62,14 +81,15 @@ struct Scenario {
   std::string name;
   std::string description;
   std::vector<std::string> tags;
-  std::string model = "tiltrotor";      // as written
-  std::filesystem::path model_file;     // resolved
+  std::string model = "tiltrotor";   // as written
+  std::filesystem::path model_file;  // resolved
   std::string firmware = "paper";
   Verdict expect = Verdict::kPass;
   std::uint64_t seed = 1;
   TimeNs duration_ns = 0;
   TimeNs step_ns = 4 * kNsPerMs;
-  AngularRates angular_rates = AngularRates::kWorld;  // of the sensors sent; the trace's are always world rates
+  AngularRates angular_rates =
+      AngularRates::kWorld;  // of the sensors sent; the trace's are always world rates
   bool allow_invalid_inertia = false;
   std::array<double, 3> initial_position_m{};  // default: the reference's start
   std::array<double, 3> initial_attitude_rad{};

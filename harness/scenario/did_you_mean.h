@@ -1,0 +1,16 @@
+// The end of an "unknown name" message: the valid name that was probably meant.
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace tiltproof::harness {
+
+// The valid name that was probably meant; empty when none is near.
+std::string_view ClosestName(std::string_view name, std::span<const std::string_view> valid);
+
+// "; did you mean 'seed'?", or "; valid: a, b, c" when nothing is near and the list is short, or nothing.
+std::string DidYouMean(std::string_view name, std::span<const std::string_view> valid);
+
+}  // namespace tiltproof::harness

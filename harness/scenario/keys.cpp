@@ -1,0 +1,163 @@
+#include "harness/scenario/keys.h"
+
+#include <limits>
+#include <type_traits>
+#include <utility>
+#include <variant>
+
+#include "harness/scenario/fault_keys.h"
+
+namespace tiltproof::harness {
+namespace {
+
+constexpr auto kRequired = Presence::kRequired;
+
+constexpr Range kPosition_m = {-1000, 1000};  // beyond it a flight counts as diverged
+constexpr Range kSize_m = {0, 1000};
+constexpr Range kPeriod_s = {0.1, 86400};
+constexpr double kMax = 1e9;
+
+constexpr TextRule kWord = {"[a-z0-9_]+", "lower-case letters, digits and '_'", 100};
+constexpr TextRule kMetric = {"[a-z0-9_]+(\\.[a-z0-9_]+)+", "a dotted name such as tracking.rmse_m", 100};
+constexpr TextRule kAnyText = {};
+
+// An enumeration whose values count from 0 and have names.
+template <class Enum, std::size_t n>
+void Enumeration(KeyVisitor& v, const Key& key, const std::array<Enum, n>& values, Enum& value) {
+  std::array<std::string_view, n> words;
+  std::optional<std::size_t> index;
+  for (std::size_t i = 0; i < n; ++i) {
+    words[i] = Name(values[i]);
+    if (values[i] == value) index = i;
+  }
+  v.Choice(key, words, index);
+  if (index) value = values[*index];
+}
+
+void DescribeInitial(KeyVisitor& v, Scenario& s) {
+  v.Point({"position_m", "World position of the main body's origin; absent: the reference's start",
+           Presence::kDerived},
+          s.initial_position_m, kPosition_m);
+  v.Point({"attitude_rad", "Roll, pitch, yaw (Z-Y-X Euler angles)"}, s.initial_attitude_rad, {-3.2, 3.2});
+}
+
+void DescribeLink(KeyVisitor& v, LinkSpec& link) {
+  v.Bool({"ideal", "Bytes take no time: an input computed from a sample is in force at once"}, link.ideal);
+  v.Integer({"baud", "Bits per second of every line, 8N1: ten bits a byte"}, link.baud, {1200, 10e6});
+  Enumeration(v, {"dialect", "Message set: the paper's, or that of the authors' published server"},
+              std::array{link::Dialect::kPaper, link::Dialect::kProvant}, link.dialect);
+  v.Number({"adapter_latency_ms", "Buffering of a USB-serial adapter, on frames towards the plant"},
+           link.adapter_latency_ms, {0, 1000});
+}
+
+constexpr Key kStart = {"start_m", "Position at t = 0"};
+
+void DescribePath(KeyVisitor& v, HoverReference& r) {
+  v.Point({"at_m", "Where to stay", kRequired}, r.at_m, kPosition_m);
+  v.Number({"yaw_rad", "Heading"}, r.yaw_rad, {-100, 100});
+}
+void DescribePath(KeyVisitor& v, SpiralReference& r) {
+  v.Number({"turns_count", "n of eq. (1); a negative one turns clockwise"}, r.turns_count, {-1000, 1000});
+  v.Number({"radius_m", "d of eq. (1)"}, r.radius_m, kSize_m);
+  v.Number({"height_m", "h of eq. (1), the climb"}, r.height_m, kPosition_m);
+  v.Point(kStart, r.start_m, kPosition_m);
+  v.Number({"time_s", "T_f of eq. (1), whatever duration_s is; afterwards the end point is held"}, r.time_s,
+           kPeriod_s);
+}
+void DescribePath(KeyVisitor& v, WaypointsReference& r) {
+  v.Points({"points_m", "Corners, the first at t = 0; the last is held", kRequired}, r.points_m, kPosition_m);
+  v.Number({"speed_m_s", "Speed along the straight lines"}, r.speed_m_s, {0.001, 100});
+}
+void DescribePath(KeyVisitor& v, CircleReference& r) {
+  v.Number({"radius_m", "The centre lies this far from the start, towards -x"}, r.radius_m, kSize_m);
+  v.Number({"period_s", "Time of one turn"}, r.period_s, kPeriod_s);
+  v.Point(kStart, r.start_m, kPosition_m);
+}
+void DescribePath(KeyVisitor& v, EightReference& r) {
+  v.Number({"width_m", "Extent along x; along y it is half of this"}, r.width_m, kSize_m);
+  v.Number({"period_s", "Time of one figure"}, r.period_s, kPeriod_s);
+  v.Point({"start_m", "The crossing, where it begins"}, r.start_m, kPosition_m);
+}
+void DescribePath(KeyVisitor& v, LineReference& r) {
+  v.Point({"from_m", "Position at t = 0", kRequired}, r.from_m, kPosition_m);
+  v.Point({"to_m", "Position at time_s, then held", kRequired}, r.to_m, kPosition_m);
+  v.Number({"time_s", "Time from end to end"}, r.time_s, kPeriod_s);
+}
+void DescribePath(KeyVisitor& v, RecordedReference& r) {
+  std::string file = r.file.string();
+  v.Text(
+      {"file",
+       "CSV with the columns t_s,x_m,y_m,z_m,yaw_rad[,vx_m_s,vy_m_s,vz_m_s], relative to the scenario's file",
+       kRequired},
+      file, kAnyText);
+  r.file = file;
+}
+
+using Path = decltype(ReferenceSpec::path);
+constexpr std::array<std::string_view, std::variant_size_v<Path>> kPathWords = {
+    "hover", "spiral", "waypoints", "circle", "eight", "line", "recorded"};
+
+template <std::size_t... i>
+void SetAlternative(Path& path, std::size_t index, std::index_sequence<i...>) {
+  ((index == i ? void(path.emplace<i>()) : void()), ...);
+}
+
+void DescribeReference(KeyVisitor& v, ReferenceSpec& reference) {
+  v.Alternatives({"type", "Shape of the path", kRequired}, kPathWords, reference.path.index(),
+                 [&](KeyVisitor& w, std::size_t index) {
+                   if (reference.path.index() != index)
+                     SetAlternative(reference.path, index, std::make_index_sequence<kPathWords.size()>());
+                   std::visit([&](auto& path) { DescribePath(w, path); }, reference.path);
+                 });
+  v.Bool({"velocity", "Send the path's velocity along; false: it is sent as 0"}, reference.velocity);
+}
+
+void DescribeCriterion(KeyVisitor& v, CriterionSpec& criterion) {
+  v.Text({"name", "Unique in the scenario", kRequired}, criterion.name, kNameRule);
+  v.Text({"stl", "A formula of signal temporal logic; either this or metric"}, criterion.stl, kAnyText);
+  v.Text({"metric", "A metric with a bound"}, criterion.metric, kMetric);
+  v.MaybeNumber({"min", "Least value of the metric that passes"}, criterion.min, {-kMax, kMax});
+  v.MaybeNumber({"max", "Largest value of the metric that passes"}, criterion.max, {-kMax, kMax});
+}
+
+template <class Item, class Describe>
+void ListOf(KeyVisitor& v, const Key& key, std::vector<Item>& items, Describe describe) {
+  v.List(
+      key, items.size(), [&](std::size_t count) { items.resize(count); },
+      [&](KeyVisitor& w, std::size_t i) { describe(w, items[i]); });
+}
+
+}  // namespace
+
+void DescribeScenario(KeyVisitor& v, Scenario& s) {
+  v.Text({"name", "Unique within a run; names the result folder", kRequired}, s.name, kNameRule);
+  v.Text({"description", "What it is about, for people"}, s.description, kAnyText);
+  v.Texts({"tags", "Words to select by"}, s.tags, kNameRule);
+  v.Text(
+      {"model",
+       "The vehicle: a name that tiltproof ships, or a path ending in .sdf, relative to the scenario's file"},
+      s.model, kAnyText);
+  v.Bool({"allow_invalid_inertia", "Fly a model whose inertia no body can have"}, s.allow_invalid_inertia);
+  v.Text({"firmware", "Build of the firmware: paper, tolerant, paper_published"}, s.firmware, kWord);
+  Enumeration(v, {"expect", "The verdict that makes the run green"},
+              std::array{Verdict::kPass, Verdict::kFail, Verdict::kInconclusive, Verdict::kError}, s.expect);
+  // JSON and JavaScript hold integers exactly up to 2^53 - 1.
+  auto seed = static_cast<std::int64_t>(s.seed);
+  v.Integer({"seed", "Every random draw derives from it"}, seed, {0, 9007199254740991});
+  s.seed = static_cast<std::uint64_t>(seed);
+  v.Seconds({"duration_s", "Length of the flight from the accepted start", kRequired}, s.duration_ns,
+            {0.012, 86400});
+  v.Seconds({"step_s", "Step of the plant's integration; divides 0.012"}, s.step_ns, {0.00001, 0.012});
+  Enumeration(v,
+              {"angular_rates",
+               "The rates that the sensors give: of the world's axes, of the body's, or of the Euler angles"},
+              std::array{AngularRates::kWorld, AngularRates::kBody, AngularRates::kEuler}, s.angular_rates);
+  v.Section({"initial", "The vehicle before the start"}, [&](KeyVisitor& w) { DescribeInitial(w, s); });
+  v.Section({"link", "The serial lines"}, [&](KeyVisitor& w) { DescribeLink(w, s.link); });
+  v.Section({"reference", "The path that the base station asks for", kRequired},
+            [&](KeyVisitor& w) { DescribeReference(w, s.reference); });
+  ListOf(v, {"faults", "What goes wrong"}, s.faults, DescribeFault);
+  ListOf(v, {"criteria", "What counts as success"}, s.criteria, DescribeCriterion);
+}
+
+}  // namespace tiltproof::harness

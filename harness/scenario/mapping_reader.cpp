@@ -1,0 +1,268 @@
+#include "harness/scenario/mapping_reader.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <regex>
+#include <utility>
+
+#include "harness/scenario/did_you_mean.h"
+
+namespace tiltproof::harness {
+namespace {
+
+std::string OutOfRange(std::string_view key, const YamlNode& node, Range range) {
+  return fmt::format("{}: {} is out of range; must be from {} to {}", key, node.text, range.min, range.max);
+}
+
+bool Within(double value, Range range) { return value >= range.min && value <= range.max; }
+
+bool HasControlCharacter(std::string_view text) {
+  return std::any_of(text.begin(), text.end(), [](char c) {
+    return (static_cast<unsigned char>(c) < 0x20 && c != '\n' && c != '\t') || c == 0x7F;
+  });
+}
+
+}  // namespace
+
+void MappingReader::Finish() {
+  for (const YamlEntry& entry : mapping_.entries) {
+    if (keys_unknowable_ || std::find(known_.begin(), known_.end(), entry.key) != known_.end()) continue;
+    Complain(entry.key_mark, fmt::format("unknown key '{}'{}", entry.key, DidYouMean(entry.key, known_)));
+    // The mistyped one is not missing as well.
+    std::erase(missing_, ClosestName(entry.key, known_));
+  }
+  for (const std::string_view key : missing_) Complain(mapping_.mark, fmt::format("missing key '{}'", key));
+}
+
+const YamlNode* MappingReader::Take(const Key& key) {
+  known_.push_back(key.name);
+  const YamlEntry* entry = mapping_.Find(key.name);
+  if (entry == nullptr) {
+    if (key.presence == Presence::kRequired) missing_.push_back(key.name);
+    return nullptr;
+  }
+  if (entry->value.kind == YamlNode::Kind::kNull) {
+    Complain(entry->key_mark, fmt::format("{}: the value is missing", key.name));
+    return nullptr;
+  }
+  return &entry->value;
+}
+
+void MappingReader::ComplainKind(std::string_view key, const YamlNode& node, std::string_view expected) {
+  if (node.kind == YamlNode::Kind::kAmbiguous) {
+    Complain(node.mark, fmt::format("{}: {}: {}", key, Describe(node), node.complaint));
+  } else {
+    Complain(node.mark, fmt::format("{}: expected {}, found {}", key, expected, Describe(node)));
+  }
+}
+
+std::optional<double> MappingReader::ReadNumber(std::string_view key, const YamlNode& node, Range range) {
+  if (node.kind != YamlNode::Kind::kNumber) {
+    ComplainKind(key, node, "a number");
+    return std::nullopt;
+  }
+  const std::optional<double> value = node.Number();
+  if (!value || !Within(*value, range)) {
+    Complain(node.mark, OutOfRange(key, node, range));
+    return std::nullopt;
+  }
+  return value;
+}
+
+std::optional<std::string> MappingReader::ReadText(std::string_view key, const YamlNode& node,
+                                                   const TextRule& rule) {
+  switch (node.kind) {
+    case YamlNode::Kind::kText:
+      break;
+    case YamlNode::Kind::kBool:
+    case YamlNode::Kind::kNumber:
+      Complain(node.mark, fmt::format("{}: expected text, found {}; put quotes around it if text is meant",
+                                      key, Describe(node)));
+      return std::nullopt;
+    case YamlNode::Kind::kAmbiguous:
+      Complain(node.mark, fmt::format("{}: {}: {}; put quotes around it if text is meant", key,
+                                      Describe(node), node.complaint));
+      return std::nullopt;
+    default:
+      ComplainKind(key, node, "text");
+      return std::nullopt;
+  }
+  if (node.text.empty()) {
+    Complain(node.mark, fmt::format("{}: the text is empty", key));
+  } else if (node.text.size() > rule.length_max) {
+    Complain(node.mark, fmt::format("{}: longer than {} bytes", key, rule.length_max));
+  } else if (HasControlCharacter(node.text)) {
+    Complain(node.mark, fmt::format("{}: contains a control character", key));
+  } else if (!rule.regex.empty() && !std::regex_match(node.text, std::regex(std::string(rule.regex)))) {
+    Complain(node.mark, fmt::format("{}: {} must be {}", key, Describe(node), rule.meaning));
+  } else {
+    return node.text;
+  }
+  return std::nullopt;
+}
+
+const std::vector<YamlNode>* MappingReader::ReadItems(std::string_view key, const YamlNode& node) {
+  if (node.kind != YamlNode::Kind::kSequence) {
+    ComplainKind(key, node, "a list");
+    return nullptr;
+  }
+  if (node.items.size() > kListItemsMax) {
+    Complain(node.mark, fmt::format("{}: more than {} items", key, kListItemsMax));
+    return nullptr;
+  }
+  return &node.items;
+}
+
+std::optional<std::array<double, 3>> MappingReader::ReadPoint(std::string_view key, const YamlNode& node,
+                                                              Range range) {
+  std::array<double, 3> value{};
+  if (node.kind != YamlNode::Kind::kSequence || node.items.size() != value.size()) {
+    const std::string found = node.kind == YamlNode::Kind::kSequence
+                                  ? fmt::format("a list of {}", node.items.size())
+                                  : Describe(node);
+    Complain(node.mark, fmt::format("{}: expected a list of three numbers, found {}", key, found));
+    return std::nullopt;
+  }
+  bool good = true;
+  for (std::size_t i = 0; i < value.size(); ++i) {
+    const auto number = ReadNumber(key, node.items[i], range);
+    good = good && number.has_value();
+    value[i] = number.value_or(0.0);
+  }
+  return good ? std::optional(value) : std::nullopt;
+}
+
+void MappingReader::ReadBody(std::string_view key, const YamlNode& node, const Body& body) {
+  if (node.kind != YamlNode::Kind::kMapping) {
+    ComplainKind(key, node, "a mapping");
+    return;
+  }
+  MappingReader reader(node, problems_);
+  body(reader);
+  reader.Finish();
+}
+
+void MappingReader::Bool(const Key& key, bool& value) {
+  const YamlNode* node = Take(key);
+  if (node == nullptr) return;
+  if (node->kind == YamlNode::Kind::kBool) {
+    value = node->boolean();
+  } else {
+    ComplainKind(key.name, *node, "true or false");
+  }
+}
+
+void MappingReader::Number(const Key& key, double& value, Range range) {
+  const YamlNode* node = Take(key);
+  if (node != nullptr) value = ReadNumber(key.name, *node, range).value_or(value);
+}
+
+void MappingReader::MaybeNumber(const Key& key, std::optional<double>& value, Range range) {
+  const YamlNode* node = Take(key);
+  if (node == nullptr) return;
+  if (const auto number = ReadNumber(key.name, *node, range)) value = number;
+}
+
+void MappingReader::Integer(const Key& key, std::int64_t& value, Range range) {
+  const YamlNode* node = Take(key);
+  if (node == nullptr || !ReadNumber(key.name, *node, range)) return;
+  if (const auto integer = node->Integer()) {
+    value = *integer;
+  } else {
+    Complain(node->mark, fmt::format("{}: expected a whole number without point and exponent, found {}",
+                                     key.name, node->text));
+  }
+}
+
+void MappingReader::Seconds(const Key& key, TimeNs& value_ns, Range range_s) {
+  const YamlNode* node = Take(key);
+  if (node == nullptr) return;
+  if (const auto seconds = ReadNumber(key.name, *node, range_s)) value_ns = FromSeconds(*seconds);
+}
+
+void MappingReader::Text(const Key& key, std::string& value, const TextRule& rule) {
+  const YamlNode* node = Take(key);
+  if (node != nullptr) value = ReadText(key.name, *node, rule).value_or(value);
+}
+
+void MappingReader::Texts(const Key& key, std::vector<std::string>& value, const TextRule& rule) {
+  const YamlNode* node = Take(key);
+  const std::vector<YamlNode>* items = node == nullptr ? nullptr : ReadItems(key.name, *node);
+  if (items == nullptr) return;
+  value.clear();
+  for (const YamlNode& item : *items) {
+    if (auto text = ReadText(key.name, item, rule)) value.push_back(*std::move(text));
+  }
+}
+
+void MappingReader::Point(const Key& key, std::array<double, 3>& value, Range range) {
+  const YamlNode* node = Take(key);
+  if (node != nullptr) value = ReadPoint(key.name, *node, range).value_or(value);
+}
+
+void MappingReader::Points(const Key& key, std::vector<std::array<double, 3>>& value, Range range) {
+  const YamlNode* node = Take(key);
+  const std::vector<YamlNode>* items = node == nullptr ? nullptr : ReadItems(key.name, *node);
+  if (items == nullptr) return;
+  if (items->empty()) Complain(node->mark, fmt::format("{}: the list is empty", key.name));
+  value.clear();
+  for (const YamlNode& item : *items) {
+    if (const auto point = ReadPoint(key.name, item, range)) value.push_back(*point);
+  }
+}
+
+void MappingReader::Choice(const Key& key, std::span<const std::string_view> words,
+                           std::optional<std::size_t>& index) {
+  const YamlNode* node = Take(key);
+  if (node == nullptr) return;
+  if (node->kind != YamlNode::Kind::kText) {
+    Complain(node->mark, fmt::format("{}: expected one of {}, found {}", key.name, fmt::join(words, ", "),
+                                     Describe(*node)));
+    return;
+  }
+  const auto found = std::find(words.begin(), words.end(), node->text);
+  if (found == words.end()) {
+    Complain(node->mark,
+             fmt::format("{}: unknown value {}{}", key.name, Describe(*node), DidYouMean(node->text, words)));
+    return;
+  }
+  index = static_cast<std::size_t>(found - words.begin());
+}
+
+void MappingReader::Section(const Key& key, const Body& body) {
+  const YamlNode* node = Take(key);
+  if (node != nullptr) {
+    ReadBody(key.name, *node, body);
+  } else if (key.presence == Presence::kOptional) {
+    // Keys inside may be required all the same.
+    YamlNode empty;
+    empty.kind = YamlNode::Kind::kMapping;
+    empty.mark = mapping_.mark;
+    ReadBody(key.name, empty, body);
+  }
+}
+
+void MappingReader::List(const Key& key, std::size_t, const std::function<void(std::size_t)>& resize,
+                         const NumberedBody& body) {
+  const YamlNode* node = Take(key);
+  const std::vector<YamlNode>* items = node == nullptr ? nullptr : ReadItems(key.name, *node);
+  if (items == nullptr) return;
+  resize(items->size());
+  for (std::size_t i = 0; i < items->size(); ++i) {
+    ReadBody(key.name, (*items)[i], [&](KeyVisitor& reader) { body(reader, i); });
+  }
+}
+
+void MappingReader::Alternatives(const Key& key, std::span<const std::string_view> words,
+                                 std::optional<std::size_t>, const NumberedBody& body) {
+  std::optional<std::size_t> index;
+  Choice(key, words, index);
+  if (index) {
+    body(*this, *index);
+  } else {
+    keys_unknowable_ = true;
+  }
+}
+
+}  // namespace tiltproof::harness

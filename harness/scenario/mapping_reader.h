@@ -1,0 +1,57 @@
+// Fills described keys from a YAML mapping, and notes everything that is wrong with its place.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "harness/scenario/keys.h"
+#include "harness/scenario/yaml_tree.h"
+
+namespace tiltproof::harness {
+
+class MappingReader : public KeyVisitor {
+ public:
+  MappingReader(const YamlNode& mapping, std::vector<YamlProblem>& problems)
+      : mapping_(mapping), problems_(problems) {}
+
+  // After all keys were described: complains about those that nobody asked for, and those that are missing.
+  void Finish();
+
+  void Bool(const Key& key, bool& value) override;
+  void Number(const Key& key, double& value, Range range) override;
+  void MaybeNumber(const Key& key, std::optional<double>& value, Range range) override;
+  void Integer(const Key& key, std::int64_t& value, Range range) override;
+  void Seconds(const Key& key, TimeNs& value_ns, Range range_s) override;
+  void Text(const Key& key, std::string& value, const TextRule& rule) override;
+  void Texts(const Key& key, std::vector<std::string>& value, const TextRule& rule) override;
+  void Point(const Key& key, std::array<double, 3>& value, Range range) override;
+  void Points(const Key& key, std::vector<std::array<double, 3>>& value, Range range) override;
+  void Choice(const Key& key, std::span<const std::string_view> words,
+              std::optional<std::size_t>& index) override;
+  void Section(const Key& key, const Body& body) override;
+  void List(const Key& key, std::size_t count, const std::function<void(std::size_t)>& resize,
+            const NumberedBody& body) override;
+  void Alternatives(const Key& key, std::span<const std::string_view> words, std::optional<std::size_t> index,
+                    const NumberedBody& body) override;
+
+ private:
+  // The value of a key that is there and not empty.
+  const YamlNode* Take(const Key& key);
+  void Complain(YamlMark mark, std::string message) { problems_.push_back({mark, std::move(message)}); }
+  void ComplainKind(std::string_view key, const YamlNode& node, std::string_view expected);
+
+  std::optional<double> ReadNumber(std::string_view key, const YamlNode& node, Range range);
+  std::optional<std::string> ReadText(std::string_view key, const YamlNode& node, const TextRule& rule);
+  std::optional<std::array<double, 3>> ReadPoint(std::string_view key, const YamlNode& node, Range range);
+  const std::vector<YamlNode>* ReadItems(std::string_view key, const YamlNode& node);
+  void ReadBody(std::string_view key, const YamlNode& node, const Body& body);
+
+  const YamlNode& mapping_;
+  std::vector<YamlProblem>& problems_;
+  std::vector<std::string_view> known_;
+  std::vector<std::string_view> missing_;
+  bool keys_unknowable_ = false;  // the word that decides them is wrong
+};
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,116 @@
+#include "harness/scenario/reader.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <fstream>
+#include <map>
+#include <set>
+#include <system_error>
+#include <utility>
+
+#include "harness/scenario/mapping_reader.h"
+#include "harness/scenario/scenario_checks.h"
+#include "harness/scenario/yaml_tree.h"
+
+namespace tiltproof::harness {
+namespace {
+
+std::string JoinLines(const std::vector<Diagnostic>& diagnostics) {
+  std::string text;
+  for (const Diagnostic& diagnostic : diagnostics) {
+    if (!text.empty()) text += '\n';
+    text += ToString(diagnostic);
+  }
+  return text;
+}
+
+std::string ReadText(const std::filesystem::path& file) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(file, error)) throw ScenarioError({{file, 0, 0, "no such file"}});
+  std::ifstream in(file, std::ios::binary);
+  // One byte more than allowed is enough to see that it is too large.
+  std::string text(kYamlBytesMax + 1, '\0');
+  in.read(text.data(), static_cast<std::streamsize>(text.size()));
+  if (!in.is_open() || in.bad()) throw ScenarioError({{file, 0, 0, "cannot be read"}});
+  text.resize(static_cast<std::size_t>(in.gcount()));
+  return text;
+}
+
+[[noreturn]] void Throw(const std::filesystem::path& file, std::vector<YamlProblem> problems) {
+  std::stable_sort(problems.begin(), problems.end(),
+                   [](const auto& a, const auto& b) { return a.mark < b.mark; });
+  std::vector<Diagnostic> diagnostics;
+  for (YamlProblem& problem : problems) {
+    if (diagnostics.size() == kDiagnosticsMax) {
+      diagnostics.push_back(
+          {file, 0, 0, fmt::format("and {} more problems", problems.size() - kDiagnosticsMax)});
+      break;
+    }
+    diagnostics.push_back({file, problem.mark.line, problem.mark.column, std::move(problem.message)});
+  }
+  throw ScenarioError(std::move(diagnostics));
+}
+
+// The scenario, and where its name stands.
+std::pair<Scenario, YamlMark> Read(const std::filesystem::path& file, const ReadOptions& options) {
+  std::vector<YamlProblem> problems;
+  const std::string text = ReadText(file);
+  const std::optional<YamlNode> root = ParseYaml(text, problems);
+  if (!root) Throw(file, std::move(problems));
+  if (root->kind != YamlNode::Kind::kMapping) {
+    problems.push_back(
+        {root->mark, fmt::format("expected a mapping of keys to values, found {}", Describe(*root))});
+    Throw(file, std::move(problems));
+  }
+
+  Scenario scenario;
+  scenario.file = file;
+  MappingReader reader(*root, problems);
+  DescribeScenario(reader, scenario);
+  reader.Finish();
+  CheckScenario(*root, options, scenario, problems);
+  if (!problems.empty()) Throw(file, std::move(problems));
+  return {std::move(scenario), root->Find("name")->value.mark};
+}
+
+}  // namespace
+
+std::string ToString(const Diagnostic& diagnostic) {
+  if (diagnostic.line == 0) return fmt::format("{}: {}", diagnostic.file.string(), diagnostic.message);
+  return fmt::format("{}:{}:{}: {}", diagnostic.file.string(), diagnostic.line, diagnostic.column,
+                     diagnostic.message);
+}
+
+ScenarioError::ScenarioError(std::vector<Diagnostic> diagnostics)
+    : std::runtime_error(JoinLines(diagnostics)), diagnostics_(std::move(diagnostics)) {}
+
+Scenario ReadScenario(const std::filesystem::path& file, const ReadOptions& options) {
+  return Read(file, options).first;
+}
+
+std::vector<Scenario> ReadScenarios(const std::vector<std::filesystem::path>& files,
+                                    const ReadOptions& options) {
+  std::vector<Scenario> scenarios;
+  std::vector<Diagnostic> diagnostics;
+  std::map<std::string, std::string> places;  // of each name, "file:line:column"
+  for (const auto& file : files) {
+    try {
+      auto [scenario, mark] = Read(file, options);
+      const auto [first, is_new] =
+          places.try_emplace(scenario.name, fmt::format("{}:{}:{}", file.string(), mark.line, mark.column));
+      if (!is_new) {
+        diagnostics.push_back(
+            {file, mark.line, mark.column,
+             fmt::format("the name '{}' is taken already at {}", scenario.name, first->second)});
+      }
+      scenarios.push_back(std::move(scenario));
+    } catch (const ScenarioError& error) {
+      diagnostics.insert(diagnostics.end(), error.diagnostics().begin(), error.diagnostics().end());
+    }
+  }
+  if (!diagnostics.empty()) throw ScenarioError(std::move(diagnostics));
+  return scenarios;
+}
+
+}  // namespace tiltproof::harness

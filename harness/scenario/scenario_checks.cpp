@@ -1,0 +1,263 @@
+#include "harness/scenario/scenario_checks.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <system_error>
+#include <utility>
+#include <variant>
+
+#include "faults/registry.h"
+#include "harness/reference/trajectory.h"
+#include "harness/scenario/did_you_mean.h"
+
+namespace tiltproof::harness {
+namespace {
+
+namespace fs = std::filesystem;
+
+const YamlNode* ValueOf(const YamlNode* mapping, std::string_view key) {
+  const YamlEntry* entry = mapping == nullptr ? nullptr : mapping->Find(key);
+  return entry == nullptr ? nullptr : &entry->value;
+}
+
+// The place of a value deep down, keys separated by dots; of the deepest mapping on the way when it is
+// absent.
+YamlMark PlaceOf(const YamlNode& mapping, std::string_view path) {
+  const YamlNode* node = &mapping;
+  while (!path.empty()) {
+    const std::size_t dot = path.find('.');
+    const YamlNode* next = ValueOf(node, path.substr(0, dot));
+    if (next == nullptr) break;
+    node = next;
+    path = dot == std::string_view::npos ? std::string_view() : path.substr(dot + 1);
+  }
+  return node->mark;
+}
+
+std::string DidYouMeanOf(std::string_view name, const std::vector<std::string>& valid) {
+  const std::vector<std::string_view> views(valid.begin(), valid.end());
+  return DidYouMean(name, views);
+}
+
+std::vector<std::string> ModelNames(const fs::path& folder) {
+  std::vector<std::string> names;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    if (entry.path().extension() == ".sdf") names.push_back(entry.path().stem().string());
+  }
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+class Checker {
+ public:
+  Checker(const YamlNode& root, const ReadOptions& options, Scenario& scenario,
+          std::vector<YamlProblem>& problems)
+      : root_(root), options_(options), scenario_(scenario), problems_(problems) {}
+
+  void Run() {
+    CheckStep();
+    CheckModel();
+    CheckFirmware();
+    CheckReference();
+    CheckFaults();
+    CheckCriteria();
+  }
+
+ private:
+  void Complain(YamlMark mark, std::string message) { problems_.push_back({mark, std::move(message)}); }
+  void Complain(const YamlNode& mapping, std::string_view path, std::string message) {
+    Complain(PlaceOf(mapping, path), std::move(message));
+  }
+
+  // The reader could make nothing of this value and said so.
+  bool Troubled(const YamlNode& node) const {
+    return std::any_of(problems_.begin(), problems_.end(),
+                       [&](const YamlProblem& p) { return p.mark == node.mark; });
+  }
+  // A value that is there and good.
+  const YamlNode* Good(const YamlNode& mapping, std::string_view key) const {
+    const YamlNode* node = ValueOf(&mapping, key);
+    return node == nullptr || Troubled(*node) ? nullptr : node;
+  }
+
+  void CheckStep() {
+    // Rounding to nanoseconds must not turn a step that does not divide the period into one that does.
+    const YamlNode* step = Good(root_, "step_s");
+    if (step == nullptr) return;
+    const std::int64_t count = scenario_.step_ns > 0 ? kControlPeriodNs / scenario_.step_ns : 0;
+    const double seconds = step->Number().value_or(0.0);
+    if (count == 0 || count * scenario_.step_ns != kControlPeriodNs ||
+        std::abs(ToSeconds(scenario_.step_ns) - seconds) > 1e-12) {
+      Complain(step->mark,
+               fmt::format("step_s: {} does not divide the control period of 0.012 s", step->text));
+    }
+  }
+
+  fs::path RelativeToScenario(const fs::path& file) const {
+    return fs::absolute(scenario_.file.parent_path() / file).lexically_normal();
+  }
+
+  void CheckModel() {
+    const YamlNode* node = ValueOf(&root_, "model");
+    if (node != nullptr && Troubled(*node)) return;
+    const YamlMark mark = PlaceOf(root_, "model");
+    const std::string& model = scenario_.model;
+    std::error_code error;
+    if (model.ends_with(".sdf")) {
+      scenario_.model_file = RelativeToScenario(model);
+      if (!fs::is_regular_file(scenario_.model_file, error)) {
+        Complain(mark, fmt::format("model: there is no file {}", scenario_.model_file.string()));
+        return;
+      }
+    } else {
+      const std::vector<std::string> names = ModelNames(options_.models_folder);
+      if (std::find(names.begin(), names.end(), model) == names.end()) {
+        Complain(mark, fmt::format("model: unknown model '{}'{}", model, DidYouMeanOf(model, names)));
+        return;
+      }
+      scenario_.model_file = fs::absolute(options_.models_folder / (model + ".sdf")).lexically_normal();
+    }
+    if (!options_.check_model) return;
+    if (const auto trouble = options_.check_model(scenario_.model_file, scenario_.allow_invalid_inertia)) {
+      Complain(mark, fmt::format("model: {}", *trouble));
+    }
+  }
+
+  void CheckFirmware() {
+    const auto& names = options_.firmware_names;
+    const std::string& firmware = scenario_.firmware;
+    if (names.empty() || std::find(names.begin(), names.end(), firmware) != names.end()) return;
+    Complain(root_, "firmware",
+             fmt::format("firmware: unknown build '{}'{}", firmware, DidYouMeanOf(firmware, names)));
+  }
+
+  void CheckReference() {
+    const YamlNode* node = ValueOf(&root_, "reference");
+    if (node == nullptr || node->kind != YamlNode::Kind::kMapping) return;
+    for (const char* key : {"type", "file", "points_m", "speed_m_s"}) {
+      if (const YamlNode* value = ValueOf(node, key); value != nullptr && Troubled(*value)) return;
+    }
+    if (auto* recorded = std::get_if<RecordedReference>(&scenario_.reference.path)) {
+      if (recorded->file.empty()) return;  // missing, and said so
+      recorded->file = RelativeToScenario(recorded->file);
+    }
+    if (const auto* waypoints = std::get_if<WaypointsReference>(&scenario_.reference.path)) {
+      if (waypoints->points_m.empty()) return;
+    }
+    try {
+      const Trajectory trajectory(scenario_.reference);
+      const YamlNode* initial = ValueOf(&root_, "initial");
+      if (ValueOf(initial, "position_m") == nullptr) scenario_.initial_position_m = trajectory.Start();
+    } catch (const ReferenceError& error) {
+      Complain(*node, "file", fmt::format("file: {}", error.what()));
+    }
+  }
+
+  void CheckFaults() {
+    const YamlNode* list = ValueOf(&root_, "faults");
+    std::map<std::string_view, YamlMark> ids;
+    for (std::size_t i = 0; i < scenario_.faults.size(); ++i) {
+      const faults::FaultSpec& fault = scenario_.faults[i];
+      const YamlNode& node = list->items[i];
+      if (!fault.id.empty()) {
+        const auto [first, is_new] = ids.try_emplace(fault.id, PlaceOf(node, "id"));
+        if (!is_new)
+          Complain(node, "id",
+                   fmt::format("id: '{}' is taken already on line {}", fault.id, first->second.line));
+      }
+      if (scenario_.duration_ns > 0 && fault.start_ns != kPowerOn &&
+          fault.start_ns >= scenario_.duration_ns) {
+        Complain(node, "start_s", "start_s: the flight is over by then (duration_s)");
+      }
+      if (fault.type.empty()) continue;  // unknown, and said so
+      for (const faults::Problem& problem : faults::Validate(fault)) {
+        Complain(node, problem.key, fmt::format("{}: {}", problem.key, problem.message));
+      }
+    }
+  }
+
+  void CheckCriteria() {
+    const YamlNode* list = ValueOf(&root_, "criteria");
+    std::vector<std::string> fault_ids;
+    for (const auto& fault : scenario_.faults) fault_ids.push_back(fault.id);
+    std::map<std::string_view, YamlMark> names;
+    for (std::size_t i = 0; i < scenario_.criteria.size(); ++i) {
+      const CriterionSpec& criterion = scenario_.criteria[i];
+      const YamlNode& node = list->items[i];
+      if (node.kind != YamlNode::Kind::kMapping) continue;
+      if (!criterion.name.empty()) {
+        const auto [first, is_new] = names.try_emplace(criterion.name, PlaceOf(node, "name"));
+        if (!is_new) {
+          Complain(node, "name",
+                   fmt::format("name: '{}' is taken already on line {}", criterion.name, first->second.line));
+        }
+      }
+      if (criterion.name == "survival") {
+        Complain(node, "name", "name: 'survival' is the criterion that every scenario has; choose another");
+      }
+      CheckBounds(node, criterion);
+      if (const YamlNode* formula = Good(node, "stl")) CheckFormula(*formula, fault_ids);
+      if (const YamlNode* metric = Good(node, "metric")) CheckMetric(*metric);
+    }
+  }
+
+  void CheckBounds(const YamlNode& node, const CriterionSpec& criterion) {
+    const bool has_stl = node.Find("stl") != nullptr;
+    const bool has_metric = node.Find("metric") != nullptr;
+    const bool has_bound = node.Find("min") != nullptr || node.Find("max") != nullptr;
+    if (has_stl == has_metric) {
+      Complain(node.mark, has_stl ? "a criterion has either 'stl' or 'metric', not both"
+                                  : "a criterion needs 'stl' or 'metric'");
+    } else if (has_metric && !has_bound) {
+      Complain(node, "metric", "metric: needs 'min', 'max' or both");
+    } else if (has_stl && has_bound) {
+      Complain(node, node.Find("min") != nullptr ? "min" : "max",
+               "bounds belong to a 'metric'; write them into the formula");
+    } else if (criterion.min && criterion.max && *criterion.min > *criterion.max) {
+      Complain(node, "max", fmt::format("max: {} is less than min, {}", *criterion.max, *criterion.min));
+    }
+  }
+
+  void CheckFormula(const YamlNode& node, const std::vector<std::string>& fault_ids) {
+    if (!options_.check_formula) return;
+    const auto problem = options_.check_formula(node.text, fault_ids);
+    if (!problem) return;
+    YamlMark mark = node.text_begin.value_or(node.mark);
+    if (node.text_begin) {
+      const std::string_view before = std::string_view(node.text).substr(0, problem->column - 1);
+      mark.column += static_cast<int>(CharacterCount(before));
+      Complain(mark, fmt::format("stl: {}", problem->message));
+    } else {
+      Complain(mark, fmt::format("stl: column {} of the formula: {}", problem->column, problem->message));
+    }
+  }
+
+  void CheckMetric(const YamlNode& node) {
+    const auto& names = options_.metric_names;
+    if (names.empty() || std::find(names.begin(), names.end(), node.text) != names.end()) return;
+    Complain(node.mark,
+             fmt::format("metric: unknown metric '{}'{}", node.text, DidYouMeanOf(node.text, names)));
+  }
+
+  const YamlNode& root_;
+  const ReadOptions& options_;
+  Scenario& scenario_;
+  std::vector<YamlProblem>& problems_;
+};
+
+}  // namespace
+
+void CheckScenario(const YamlNode& root, const ReadOptions& options, Scenario& scenario,
+                   std::vector<YamlProblem>& problems) {
+  Checker(root, options, scenario, problems).Run();
+}
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,18 @@
+// What a scenario's keys must fulfil together, and with the world: files, models, formulas.
+#pragma once
+
+#include <vector>
+
+#include "harness/scenario/reader.h"
+#include "harness/scenario/scenario.h"
+#include "harness/scenario/yaml_tree.h"
+
+namespace tiltproof::harness {
+
+// `root` is what the scenario was read from, keys with problems left at their defaults. Fills in what follows
+// from other keys: model file, absolute path of a recorded reference, initial position. Appends to
+// `problems`.
+void CheckScenario(const YamlNode& root, const ReadOptions& options, Scenario& scenario,
+                   std::vector<YamlProblem>& problems);
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,216 @@
+#include "harness/scenario/schema.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <utility>
+#include <vector>
+
+#include "harness/scenario/keys.h"
+
+namespace tiltproof::harness {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// Whole numbers without a decimal point.
+Json NumberJson(double value) {
+  const auto whole = static_cast<std::int64_t>(value);
+  if (static_cast<double>(whole) == value) return whole;
+  return value;
+}
+
+Json NumberSchema(Range range) {
+  return {{"type", "number"}, {"minimum", NumberJson(range.min)}, {"maximum", NumberJson(range.max)}};
+}
+
+Json PointSchema(Range range) {
+  return {{"type", "array"}, {"items", NumberSchema(range)}, {"minItems", 3}, {"maxItems", 3}};
+}
+
+Json TextSchema(const TextRule& rule) {
+  Json schema = {{"type", "string"}, {"minLength", 1}, {"maxLength", rule.length_max}};
+  if (!rule.regex.empty()) schema["pattern"] = fmt::format("^({})$", rule.regex);
+  return schema;
+}
+
+// One mapping. Values passed in are the defaults.
+class SchemaBuilder : public KeyVisitor {
+ public:
+  // The object of the keys described so far, or one object for each alternative.
+  Json Take() const {
+    if (alternatives_.empty()) return Object(properties_, required_);
+    Json choices = Json::array();
+    for (const SchemaBuilder& alternative : alternatives_) {
+      Json properties = properties_;
+      Json required = required_;
+      for (const auto& [name, schema] : alternative.properties_.items()) properties[name] = schema;
+      for (const auto& name : alternative.required_) required.push_back(name);
+      choices.push_back(Object(properties, required));
+    }
+    return {{"oneOf", choices}};
+  }
+
+  void Bool(const Key& key, bool& value) override { Add(key, {{"type", "boolean"}}, value); }
+  void Number(const Key& key, double& value, Range range) override {
+    Add(key, NumberSchema(range), NumberJson(value));
+  }
+  void MaybeNumber(const Key& key, std::optional<double>&, Range range) override {
+    Add(key, NumberSchema(range));
+  }
+  void Integer(const Key& key, std::int64_t& value, Range range) override {
+    Json schema = NumberSchema(range);
+    schema["type"] = "integer";
+    Add(key, std::move(schema), value);
+  }
+  void Seconds(const Key& key, TimeNs& value_ns, Range range_s) override {
+    if (value_ns == kPowerOn || value_ns == kNever) {
+      Add(key, NumberSchema(range_s));
+    } else {
+      Add(key, NumberSchema(range_s), ToSeconds(value_ns));
+    }
+  }
+  void Text(const Key& key, std::string& value, const TextRule& rule) override {
+    value.empty() ? Add(key, TextSchema(rule)) : Add(key, TextSchema(rule), value);
+  }
+  void Texts(const Key& key, std::vector<std::string>& value, const TextRule& rule) override {
+    Add(key, {{"type", "array"}, {"items", TextSchema(rule)}, {"maxItems", kListItemsMax}}, value);
+  }
+  void Point(const Key& key, std::array<double, 3>& value, Range range) override {
+    Json point = Json::array();
+    for (const double number : value) point.push_back(NumberJson(number));
+    Add(key, PointSchema(range), point);
+  }
+  void Points(const Key& key, std::vector<std::array<double, 3>>&, Range range) override {
+    Add(key,
+        {{"type", "array"}, {"items", PointSchema(range)}, {"minItems", 1}, {"maxItems", kListItemsMax}});
+  }
+  void Choice(const Key& key, std::span<const std::string_view> words,
+              std::optional<std::size_t>& index) override {
+    const Json schema = {{"enum", words}};
+    index ? Add(key, schema, std::string(words[*index])) : Add(key, schema);
+  }
+  void Section(const Key& key, const Body& body) override {
+    SchemaBuilder inner;
+    body(inner);
+    Add(key, inner.Take());
+  }
+  void List(const Key& key, std::size_t, const std::function<void(std::size_t)>& resize,
+            const NumberedBody& body) override {
+    resize(1);
+    SchemaBuilder item;
+    body(item, 0);
+    Add(key, {{"type", "array"}, {"items", item.Take()}, {"maxItems", kListItemsMax}});
+  }
+  void Alternatives(const Key& key, std::span<const std::string_view> words, std::optional<std::size_t>,
+                    const NumberedBody& body) override {
+    for (std::size_t i = 0; i < words.size(); ++i) {
+      SchemaBuilder alternative;
+      alternative.Add(key, {{"const", words[i]}});
+      body(alternative, i);
+      alternatives_.push_back(std::move(alternative));
+    }
+  }
+
+ private:
+  static Json Object(const Json& properties, const Json& required) {
+    Json object = {{"type", "object"}, {"properties", properties}, {"additionalProperties", false}};
+    if (!required.empty()) object["required"] = required;
+    return object;
+  }
+
+  void Add(const Key& key, Json schema, const Json& default_value = nullptr) {
+    schema["description"] = key.doc;
+    if (key.presence == Presence::kOptional && !default_value.is_null()) schema["default"] = default_value;
+    if (key.presence == Presence::kRequired) required_.push_back(key.name);
+    properties_[std::string(key.name)] = std::move(schema);
+  }
+
+  Json properties_ = Json::object();
+  Json required_ = Json::array();
+  std::vector<SchemaBuilder> alternatives_;
+};
+
+Json BuildSchema() {
+  Scenario defaults;
+  SchemaBuilder builder;
+  DescribeScenario(builder, defaults);
+  return builder.Take();
+}
+
+// What may stand there, in a few words.
+std::string AllowedText(const Json& schema) {
+  if (schema.contains("const")) return fmt::format("`{}`", schema["const"].get<std::string>());
+  if (schema.contains("enum")) {
+    std::vector<std::string> words;
+    for (const auto& word : schema["enum"]) words.push_back(fmt::format("`{}`", word.get<std::string>()));
+    return fmt::format("{}", fmt::join(words, ", "));
+  }
+  if (schema.contains("oneOf")) return "mapping";
+  const std::string type = schema["type"];
+  if (type == "number") return fmt::format("{} to {}", schema["minimum"].dump(), schema["maximum"].dump());
+  if (type == "integer")
+    return fmt::format("{} to {}, whole", schema["minimum"].dump(), schema["maximum"].dump());
+  if (type == "boolean") return "`true`, `false`";
+  if (type == "string") return "text";
+  if (type == "object") return "mapping";
+  const Json& items = schema["items"];
+  if (items.contains("oneOf") || items["type"] == "object") return "list of mappings";
+  if (items["type"] == "array") return fmt::format("list of points, each {}", AllowedText(items));
+  if (items["type"] == "string") return "list of texts";
+  return fmt::format("three numbers, {}", AllowedText(items));
+}
+
+// The rows of one object's keys, `except` those of another table.
+std::string Rows(const Json& object, const std::vector<std::string>& except = {}) {
+  std::string text;
+  const Json required = object.value("required", Json::array());
+  for (const auto& [name, schema] : object["properties"].items()) {
+    if (std::find(except.begin(), except.end(), name) != except.end()) continue;
+    const bool is_required = std::find(required.begin(), required.end(), name) != required.end();
+    const std::string fallback =
+        schema.contains("default") ? fmt::format("`{}`", schema["default"].dump()) : "-";
+    text += fmt::format("| `{}` | {} | {} | {} |\n", name, AllowedText(schema),
+                        is_required ? "required" : fallback, schema["description"].get<std::string>());
+  }
+  return text;
+}
+
+std::string Table(const std::string& title, const std::string& rows) {
+  return fmt::format("### {}\n\n| key | allowed | default | meaning |\n|---|---|---|---|\n{}\n", title, rows);
+}
+
+}  // namespace
+
+std::string ScenarioJsonSchema() {
+  Json schema = {{"$schema", "https://json-schema.org/draft/2020-12/schema"},
+                 {"title", "tiltproof scenario"}};
+  const Json body = BuildSchema();
+  schema.update(body);
+  return schema.dump(2);
+}
+
+std::string ScenarioKeysMarkdown() {
+  const Json schema = BuildSchema();
+  const Json& keys = schema["properties"];
+  std::string text = Table("The file", Rows(schema));
+  text += Table("`initial`", Rows(keys["initial"]));
+  text += Table("`link`", Rows(keys["link"]));
+  for (const Json& kind : keys["reference"]["oneOf"]) {
+    text +=
+        Table(fmt::format("`reference` of type {}", kind["properties"]["type"]["const"].get<std::string>()),
+              Rows(kind, {"type"}));
+  }
+  // The kinds of faults differ in their parameters alone, which have their own page.
+  const Json& kinds = keys["faults"]["items"]["oneOf"];
+  Json fault = kinds.front();
+  fault["properties"]["type"] = {{"type", "string"},
+                                 {"description", kinds.front()["properties"]["type"]["description"]}};
+  text += Table("An item of `faults`", Rows(fault));
+  text += Table("An item of `criteria`", Rows(keys["criteria"]["items"]));
+  text.pop_back();
+  return text;
+}
+
+}  // namespace tiltproof::harness
