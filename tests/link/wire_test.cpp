@@ -1,0 +1,425 @@
+// The wire's times: exact byte times, where frames are cut, when bytes can be taken, and in which order.
+
+#include "link/wire.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <rapidcheck/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "link/frame.h"
+
+namespace tiltproof::link {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+
+using Bytes = std::vector<std::uint8_t>;
+
+constexpr TimeNs kStart = 5 * kNsPerMs;
+
+// 10 bits at 921600 baud are 10850.694444... ns.
+constexpr TimeNs kByteTimes[] = {0, 10850, 21701, 32552, 43402, 54253, 65104, 75954, 86805, 97656, 108506};
+
+Bytes Framed(const MessageBytes& message) {
+  std::array<std::uint8_t, FrameBytesMax(kMessageBytesMax)> wire;
+  const auto frame = EncodeFrame(message.span(), wire).bytes;
+  return {frame.begin(), frame.end()};
+}
+
+// A stage made of a function.
+struct TestStage : ChunkStage {
+  std::function<void(std::vector<Chunk>&)> apply;
+  void Apply(std::vector<Chunk>& chunks) override { apply(chunks); }
+};
+
+struct Taken {
+  TimeNs arrival;
+  Bytes bytes;
+  friend bool operator==(const Taken&, const Taken&) = default;
+};
+
+std::vector<Taken> TakeAll(Wire& wire, TimeNs until = kNever) {
+  std::vector<Taken> all;
+  wire.Take(until, [&all](TimeNs arrival, std::span<const std::uint8_t> bytes) {
+    all.push_back({arrival, {bytes.begin(), bytes.end()}});
+  });
+  return all;
+}
+
+// Chunks as sent, as the taps saw them.
+struct SentFrames {
+  std::vector<TimeNs> begins;
+  std::vector<Bytes> frames;
+  explicit SentFrames(Wire& wire) {
+    wire.SetTaps({.sent =
+                      [this](const Chunk& chunk) {
+                        begins.push_back(chunk.begin_ns);
+                        frames.push_back(chunk.bytes);
+                      },
+                  .delivered = {}});
+  }
+};
+
+TEST(WireTest, ByteTimesAt921600BaudAreRoundedDownFromTheBeginning) {
+  Wire wire({}, Direction::kToPlant, Dialect::kPaper, nullptr);
+  const Bytes frame = {0x7E, 1, 2, 3, 4, 5, 6, 7, 8, 0x7E};
+  EXPECT_EQ(wire.Transmit(kStart, frame), kStart + 108506);
+  for (std::size_t i = 1; i <= frame.size(); ++i) {
+    EXPECT_THAT(TakeAll(wire, kStart + kByteTimes[i] - 1), IsEmpty()) << i;
+    EXPECT_THAT(TakeAll(wire, kStart + kByteTimes[i]),
+                ElementsAre(Taken{kStart + kByteTimes[i], {frame[i - 1]}}))
+        << i;
+  }
+  EXPECT_EQ(wire.NextArrival(), kNever);
+}
+
+TEST(WireTest, OneMillionBytesTakeExactlyTheirTime) {
+  Wire wire({}, Direction::kToPlant, Dialect::kPaper, nullptr);
+  const Bytes bytes(1000, 0x55);
+  TimeNs end = 0;
+  for (int i = 0; i < 1000; ++i) end = wire.Transmit(end, bytes);
+  EXPECT_EQ(end, 1'000'000LL * 10 * kNsPerS / 921'600);
+}
+
+TEST(WireTest, AnIdealLineTakesNoTime) {
+  Wire wire({.baud = 0}, Direction::kToPlant, Dialect::kPaper, nullptr);
+  const Bytes frame = {0x7E, 1, 2, 0x7E};
+  EXPECT_EQ(wire.Transmit(kStart, frame), kStart);
+  EXPECT_EQ(wire.NextArrival(), kStart);
+  EXPECT_THAT(TakeAll(wire, kStart), ElementsAre(Taken{kStart, frame}));
+}
+
+TEST(WireTest, TheAdapterDelaysEveryArrival) {
+  Wire wire({.baud = 921'600, .adapter_latency_ns = kNsPerMs}, Direction::kToPlant, Dialect::kPaper, nullptr);
+  const Bytes frame = {0x7E, 1, 0x7E};
+  EXPECT_EQ(wire.Transmit(kStart, frame), kStart + kByteTimes[3]);
+  EXPECT_EQ(wire.NextArrival(), kStart + kByteTimes[3] + kNsPerMs);
+  EXPECT_THAT(TakeAll(wire, kStart + kNsPerMs), IsEmpty());
+  EXPECT_THAT(TakeAll(wire), ElementsAre(Taken{kStart + kByteTimes[3] + kNsPerMs, frame}));
+}
+
+TEST(WireTest, AFrameWaitsForTheTransmitter) {
+  Wire wire({}, Direction::kToPlant, Dialect::kPaper, nullptr);
+  const Bytes first = {0x7E, 1, 2, 0x7E};
+  const Bytes second = {0x7E, 3, 0x7E};
+  wire.Transmit(kStart, first);
+  EXPECT_EQ(wire.Transmit(kStart + 1, second), kStart + kByteTimes[7]);
+  EXPECT_THAT(TakeAll(wire),
+              ElementsAre(Taken{kStart + kByteTimes[4], first}, Taken{kStart + kByteTimes[7], second}));
+}
+
+TEST(WireTest, CutsAtSeparateAndSharedFlags) {
+  Wire wire({}, Direction::kToPlant, Dialect::kPaper, nullptr);
+  const SentFrames sent(wire);
+  const Bytes bytes = {0x7E, 1, 0x7E, 0x7E, 2, 0x7E, 3, 0x7E, 0x7E, 0x7E, 4, 0x7E};
+  wire.Transmit(kStart, bytes);
+  EXPECT_THAT(sent.frames, ElementsAre(Bytes{0x7E, 1, 0x7E}, Bytes{0x7E, 2, 0x7E}, Bytes{3, 0x7E},
+                                       Bytes{0x7E, 0x7E, 4, 0x7E}));
+  EXPECT_THAT(sent.begins,
+              ElementsAre(kStart, kStart + kByteTimes[3], kStart + kByteTimes[6], kStart + kByteTimes[8]));
+}
+
+TEST(WireTest, AFrameSentByteByByteIsTheSameFrame) {
+  const Bytes frame = Framed(EncodeSensors({}));
+  Wire whole({}, Direction::kToClient, Dialect::kPaper, nullptr);
+  Wire single({}, Direction::kToClient, Dialect::kPaper, nullptr);
+  const TimeNs end = whole.Transmit(kStart, frame);
+  TimeNs now = kStart;
+  for (const std::uint8_t byte : frame) now = single.Transmit(now, std::span(&byte, 1));
+  EXPECT_EQ(now, end);
+  EXPECT_EQ(TakeAll(single), TakeAll(whole));
+}
+
+TEST(WireTest, APauseWithinAFrameDelaysTheWholeOfIt) {
+  Wire wire({}, Direction::kToPlant, Dialect::kPaper, nullptr);
+  const SentFrames sent(wire);
+  wire.Transmit(kStart, Bytes{0x7E, 1});
+  wire.Transmit(kStart + 100'000, Bytes{2, 0x7E});
+  EXPECT_THAT(sent.begins, ElementsAre(kStart + 100'000 - kByteTimes[2]));
+  EXPECT_EQ(TakeAll(wire).back().arrival, kStart + 100'000 - kByteTimes[2] + kByteTimes[4]);
+}
+
+TEST(WireTest, BytesWithoutAClosingFlagGoOnAfterTheIdleTime) {
+  Wire wire({}, Direction::kToPlant, Dialect::kPaper, nullptr);
+  EXPECT_EQ(wire.IdleTime(), 217'013);
+  wire.Transmit(kStart, Bytes{0x7E, 1, 2});
+  const TimeNs flush = kStart + kByteTimes[3] + wire.IdleTime();
+  EXPECT_EQ(wire.NextArrival(), flush);
+  EXPECT_THAT(TakeAll(wire, flush - 1), IsEmpty());
+  EXPECT_THAT(TakeAll(wire, flush), ElementsAre(Taken{flush, {0x7E, 1, 2}}));
+  EXPECT_EQ(wire.NextArrival(), kNever);
+}
+
+TEST(WireTest, TheNextBytesFindAnIdleLineFlushed) {
+  Wire wire({}, Direction::kToPlant, Dialect::kPaper, nullptr);
+  const SentFrames sent(wire);
+  wire.Transmit(kStart, Bytes{0x7E, 1});
+  wire.Transmit(kStart + kNsPerMs, Bytes{2, 0x7E});
+  EXPECT_THAT(sent.frames, ElementsAre(Bytes{0x7E, 1}, Bytes{2, 0x7E}));
+}
+
+TEST(WireTest, AnIdealLineWaitsBetweenTheBytesOfAFrame) {
+  Wire wire({.baud = 0}, Direction::kToPlant, Dialect::kPaper, nullptr);
+  const SentFrames sent(wire);
+  for (int i = 0; i < 4; ++i) {
+    wire.Transmit(kStart + i * 1000, Bytes{static_cast<std::uint8_t>(i % 3 == 0 ? 0x7E : i)});
+    TakeAll(wire, kStart + i * 1000);
+  }
+  EXPECT_THAT(sent.frames, ElementsAre(Bytes{0x7E, 1, 2, 0x7E}));
+}
+
+TEST(WireTest, AChunkHasALimit) {
+  Wire wire({}, Direction::kToPlant, Dialect::kPaper, nullptr);
+  const SentFrames sent(wire);
+  wire.Transmit(kStart, Bytes(2 * Wire::kChunkBytesMax + 5, 0x55));
+  ASSERT_EQ(sent.frames.size(), 2U);
+  EXPECT_EQ(sent.frames[0].size(), Wire::kChunkBytesMax);
+  EXPECT_EQ(sent.frames[1].size(), Wire::kChunkBytesMax);
+}
+
+TEST(WireTest, WhoTakesInTheMiddleGetsThePartThatHasArrived) {
+  Wire wire({}, Direction::kToPlant, Dialect::kPaper, nullptr);
+  wire.Transmit(kStart, Bytes{0x7E, 1, 2, 3, 0x7E});
+  EXPECT_THAT(TakeAll(wire, kStart + kByteTimes[3] + 5),
+              ElementsAre(Taken{kStart + kByteTimes[3], {0x7E, 1, 2}}));
+  EXPECT_EQ(wire.NextArrival(), kStart + kByteTimes[5]);
+  EXPECT_THAT(TakeAll(wire), ElementsAre(Taken{kStart + kByteTimes[5], {3, 0x7E}}));
+}
+
+TEST(WireTest, APieceEndsAtAFlagThatMayEndAFrame) {
+  TestStage stage;
+  stage.apply = [](std::vector<Chunk>& chunks) {
+    chunks.front().bytes = {0x7E, 1, 0x7E, 2, 0x7D, 0x7E, 0x7E, 3};
+  };
+  Wire wire({}, Direction::kToPlant, Dialect::kPaper, &stage);
+  wire.Transmit(kStart, Bytes{0x7E, 1, 1, 1, 1, 1, 1, 0x7E});
+  EXPECT_EQ(wire.NextArrival(), kStart + kByteTimes[3]);
+  EXPECT_THAT(TakeAll(wire), ElementsAre(Taken{kStart + kByteTimes[3], {0x7E, 1, 0x7E}},
+                                         Taken{kStart + kByteTimes[6], {2, 0x7D, 0x7E}},
+                                         Taken{kStart + kByteTimes[8], {0x7E, 3}}));
+  // The line ended without a flag: the next frame's opening flag ends what was open.
+  stage.apply = [](std::vector<Chunk>&) {};
+  wire.Transmit(kStart + kNsPerMs, Bytes{0x7E, 4, 0x7E});
+  EXPECT_EQ(wire.NextArrival(), kStart + kNsPerMs + kByteTimes[1]);
+}
+
+TEST(WireTest, AStageSeesEachFrameWithItsMessage) {
+  std::vector<MessageKind> kinds;
+  TestStage stage;
+  stage.apply = [&kinds](std::vector<Chunk>& chunks) {
+    ASSERT_EQ(chunks.size(), 1U);
+    kinds.push_back(chunks.front().kind);
+  };
+  // 0x7D and 0x7E in the floats: the frames are escaped.
+  Actuators actuators;
+  const std::array<std::uint8_t, 4> awkward = {0x7E, 0x7D, 0x7E, 0x41};
+  std::memcpy(&actuators.f_r_n, awkward.data(), awkward.size());
+  for (const Dialect dialect : {Dialect::kPaper, Dialect::kProvant}) {
+    Wire wire({}, Direction::kToPlant, dialect, &stage);
+    Bytes bytes = Framed(EncodeStart(dialect, {}));
+    const Bytes request = Framed(EncodeReadSensors(dialect));
+    const Bytes command = Framed(EncodeActuators(dialect, actuators));
+    EXPECT_GT(command.size(), 24U);
+    bytes.insert(bytes.end(), request.begin() + 1, request.end());  // shares the flag before it
+    bytes.insert(bytes.end(), command.begin(), command.end());
+    bytes.insert(bytes.end(), {0x7E, 1, 2, 3, 0x7E});
+    kinds.clear();
+    wire.Transmit(0, bytes);
+    EXPECT_THAT(kinds, ElementsAre(MessageKind::kStart, MessageKind::kSensors, MessageKind::kActuators,
+                                   MessageKind::kUnknown));
+  }
+  kinds.clear();
+  Wire to_client({}, Direction::kToClient, Dialect::kPaper, &stage);
+  to_client.Transmit(0, Framed(EncodeSensors({})));
+  to_client.Transmit(0, Framed(EncodeReference({})));
+  Wire reference({}, Direction::kReference, Dialect::kPaper, &stage);
+  reference.Transmit(0, Framed(EncodeReference({})));
+  EXPECT_THAT(kinds, ElementsAre(MessageKind::kReply, MessageKind::kUnknown, MessageKind::kReference));
+}
+
+TEST(WireTest, ChunksKeepTheStagesOrderAndNeverOverlap) {
+  TestStage stage;
+  stage.apply = [](std::vector<Chunk>& chunks) {
+    // Late, then on time, then nothing at all.
+    Chunk copy = chunks.front();
+    chunks.front().begin_ns += kNsPerMs;
+    copy.bytes[1] = 9;
+    chunks.push_back(copy);
+    chunks.push_back(Chunk{});
+  };
+  Wire wire({}, Direction::kToPlant, Dialect::kPaper, &stage);
+  std::vector<TimeNs> delivered;
+  wire.SetTaps(
+      {.sent = {}, .delivered = [&delivered](const Chunk& chunk) { delivered.push_back(chunk.begin_ns); }});
+  wire.Transmit(kStart, Bytes{0x7E, 1, 0x7E});
+  const TimeNs first = kStart + kNsPerMs;
+  EXPECT_THAT(delivered, ElementsAre(first, first + kByteTimes[3]));
+  EXPECT_THAT(TakeAll(wire), ElementsAre(Taken{first + kByteTimes[3], {0x7E, 1, 0x7E}},
+                                         Taken{first + 2 * kByteTimes[3], {0x7E, 9, 0x7E}}));
+}
+
+TEST(WireTest, NothingArrivesBeforeTheWireKnowsOfIt) {
+  TestStage stage;
+  stage.apply = [](std::vector<Chunk>& chunks) { chunks.front().bytes.resize(1); };
+  Wire wire({}, Direction::kToPlant, Dialect::kPaper, &stage);
+  TimeNs now = kStart;
+  TimeNs last = now;
+  for (const std::uint8_t byte : Bytes{0x7E, 1, 2, 3, 4, 0x7E}) {
+    last = now;
+    now = wire.Transmit(now, std::span(&byte, 1));
+  }
+  EXPECT_EQ(wire.NextArrival(), last);
+}
+
+TEST(WireTest, TheReceiverMayTransmitOnTheSameWire) {
+  Wire wire({.baud = 0}, Direction::kToPlant, Dialect::kPaper, nullptr);
+  wire.Transmit(0, Bytes{0x7E, 1, 0x7E});
+  int count = 0;
+  wire.Take(0, [&](TimeNs, std::span<const std::uint8_t> bytes) {
+    if (++count < 40) wire.Transmit(0, bytes);
+  });
+  EXPECT_EQ(count, 40);
+}
+
+// One entry a byte, everything recomputed from the beginning at every question.
+class NaiveWire {
+ public:
+  NaiveWire(WireConfig config) : config_(config) {}
+
+  TimeNs Transmit(TimeNs now, const Bytes& bytes) {
+    for (const std::uint8_t byte : bytes) {
+      if (sent_.empty() || now > sent_.back().end) base_ = now, count_ = 0;
+      const TimeNs begin = base_ + Span(count_++);
+      sent_.push_back({byte, now, begin, base_ + Span(count_)});
+    }
+    return std::max(now, sent_.empty() ? now : sent_.back().end);
+  }
+
+  struct Arrival {
+    std::uint8_t byte;
+    TimeNs time;
+    bool chunk_ends;
+  };
+  // Of all bytes that the wire knows at `now`, and when it will flush what is open.
+  std::vector<Arrival> Arrivals(TimeNs now, TimeNs& flush) const {
+    std::vector<Arrival> arrivals;
+    TimeNs line_free = kPowerOn;
+    Bytes open;
+    bool content = false;
+    const auto close = [&](TimeNs end, TimeNs known) {
+      const auto n = static_cast<std::int64_t>(open.size());
+      const TimeNs begin =
+          std::max({end, known, line_free == kPowerOn ? end : line_free + Span(n)}) - Span(n);
+      for (std::int64_t i = 0; i < n; ++i) {
+        arrivals.push_back({open[static_cast<std::size_t>(i)],
+                            begin + Span(i + 1) + config_.adapter_latency_ns, i + 1 == n});
+      }
+      line_free = begin + Span(n);
+      open.clear();
+      content = false;
+    };
+    // The chunk's end as its bytes' times add up: begin of the first, the pauses, and its length.
+    TimeNs chunk_begin = 0;
+    const TimeNs idle = 20LL * 10 * kNsPerS / (config_.baud == 0 ? 921'600 : config_.baud);
+    for (std::size_t i = 0; i < sent_.size(); ++i) {
+      const Byte& byte = sent_[i];
+      if (!open.empty() && byte.now >= sent_[i - 1].end + idle) {
+        close(chunk_begin + Span(static_cast<std::int64_t>(open.size())), sent_[i - 1].end + idle);
+      }
+      chunk_begin = open.empty() ? byte.begin : chunk_begin + byte.begin - sent_[i - 1].end;
+      open.push_back(byte.value);
+      if (byte.value == 0x7E && content) {
+        close(chunk_begin + Span(static_cast<std::int64_t>(open.size())), byte.now);
+      } else {
+        content = content || byte.value != 0x7E;
+      }
+    }
+    flush = open.empty() ? kNever : sent_.back().end + idle;
+    if (now >= flush) {
+      close(chunk_begin + Span(static_cast<std::int64_t>(open.size())), flush);
+      flush = kNever;
+    }
+    return arrivals;
+  }
+
+ private:
+  struct Byte {
+    std::uint8_t value;
+    TimeNs now, begin, end;
+  };
+  TimeNs Span(std::int64_t n) const { return config_.baud == 0 ? 0 : n * 10'000'000'000 / config_.baud; }
+
+  WireConfig config_;
+  TimeNs base_ = 0;
+  std::int64_t count_ = 0;
+  std::vector<Byte> sent_;
+};
+
+RC_GTEST_PROP(WirePropertyTest, EqualsTheByteByByteModel, ()) {
+  const WireConfig config{.baud = *rc::gen::element<std::int64_t>(921'600, 921'600, 115'200, 300, 0),
+                          .adapter_latency_ns = *rc::gen::element<TimeNs>(0, 0, 1'000'000)};
+  Wire wire(config, Direction::kToPlant, Dialect::kPaper, nullptr);
+  NaiveWire naive(config);
+  const TimeNs byte_time = config.baud == 0 ? 10'851 : 10 * kNsPerS / config.baud;
+  TimeNs now = 0;
+  std::size_t taken = 0;
+  bool taken_flag = true;
+
+  const int op_count = *rc::gen::inRange(1, 30);
+  for (int op = 0; op < op_count; ++op) {
+    now += *rc::gen::weightedOneOf<TimeNs>(
+        {{3, rc::gen::just<TimeNs>(0)},
+         {3, rc::gen::inRange<TimeNs>(0, 3 * byte_time)},
+         {1, rc::gen::map(rc::gen::inRange<TimeNs>(-1, 2), [&](TimeNs d) { return wire.IdleTime() + d; })},
+         {1, rc::gen::inRange<TimeNs>(0, 60 * byte_time)}});
+    if (*rc::gen::arbitrary<bool>()) {
+      const auto bytes = *rc::gen::container<Bytes>(rc::gen::element<std::uint8_t>(0x7E, 0x7E, 0x7D, 1, 2));
+      RC_ASSERT(wire.Transmit(now, bytes) == naive.Transmit(now, bytes));
+    } else {
+      const std::size_t first = taken;
+      TimeNs flush = kNever;
+      const auto arrivals = naive.Arrivals(now, flush);
+      wire.Take(now, [&](TimeNs arrival, std::span<const std::uint8_t> piece) {
+        RC_ASSERT(!piece.empty());
+        for (std::size_t i = 0; i < piece.size(); ++i) {
+          RC_ASSERT(arrivals.at(taken).byte == piece[i]);
+          const bool may_end_frame = piece[i] == 0x7E && !taken_flag;
+          if (i + 1 < piece.size()) RC_ASSERT(!may_end_frame && !arrivals[taken].chunk_ends);
+          taken_flag = piece[i] == 0x7E;
+          ++taken;
+        }
+        RC_ASSERT(arrivals[taken - 1].time == arrival);
+      });
+      std::size_t arrived = first;
+      while (arrived < arrivals.size() && arrivals[arrived].time <= now) ++arrived;
+      RC_ASSERT(taken == arrived);
+    }
+
+    TimeNs next = kNever;
+    TimeNs flush = kNever;
+    const auto arrivals = naive.Arrivals(now, flush);
+    if (flush != kNever) next = flush + config.adapter_latency_ns;
+    bool flag_before = taken_flag;
+    for (std::size_t i = taken; i < arrivals.size(); ++i) {
+      const bool flag = arrivals[i].byte == 0x7E;
+      if (arrivals[i].chunk_ends || (flag && !flag_before)) {
+        next = std::min(next, arrivals[i].time);
+        break;
+      }
+      flag_before = flag;
+    }
+    RC_ASSERT(wire.NextArrival() == next);
+  }
+}
+
+}  // namespace
+}  // namespace tiltproof::link
