@@ -1,17 +1,19 @@
-// The flying vehicle: rigid bodies, hinges and ground in ODE, stepped on a fixed grid (paper, section 2.2: 4 ms).
+// The flying vehicle: rigid bodies, hinges and ground in ODE, stepped on a fixed grid (paper, section 2.2: 4
+// ms).
 //
 //   VehicleModel model = LoadVehicle("plant/models/tiltrotor.sdf", {}, warnings);
-//   Plant plant(model, {.step_ns = 4'000'000});
+//   Plant plant(model, {.step_ns = 4 * kNsPerMs});
 //   plant.Reset({2, 0, 0.5}, {0, 0, 0});
 //   plant.Step(input);                  // one step with the input held
 //   SensorsTruth state = plant.State(); // 16 sensors, world rates
 //
-// Knows no byte and no fault. Two plants with the same model and the same calls give the same bits.
+// Knows no byte and no fault. Two plants with the same model and the same calls give the same bits. A plant
+// is used by one thread at a time.
 #pragma once
 
 #include <array>
 #include <memory>
-#include <optional>
+#include <stdexcept>
 #include <string>
 
 #include "link/signals.h"
@@ -21,39 +23,57 @@
 namespace tiltproof::plant {
 
 struct PlantOptions {
-  TimeNs step_ns = 4 * kNsPerMs;
+  TimeNs step_ns = 4 * kNsPerMs;  // > 0
+  // What is there besides the vehicle. Without ground and gravity energy and momentum are conserved: for
+  // checks.
+  double gravity_m_s2 = kGravity_m_s2;
+  bool ground = true;  // the plane z = 0
 };
 
-// How the main body's angular velocity is expressed.
-enum class RatesFrame { kWorld, kBody, kEuler };
+// The physics engine refuses the model (an inertia it cannot integrate), or the options are out of range.
+struct PlantError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
 
 enum class FlightEvent { kNone, kNotFinite, kTooFar, kTilted, kGroundStrike };
 
+inline constexpr double kPositionMax_m = 1e3;
+
 class Plant {
  public:
+  // Stands as after Reset({0, 0, 1}, {0, 0, 0}). Throws PlantError.
   Plant(const VehicleModel& model, const PlantOptions& options);
   ~Plant();
   Plant(const Plant&) = delete;
   Plant& operator=(const Plant&) = delete;
 
-  // Places the main body's frame origin (m, world) with Z-Y-X Euler angles roll, pitch, yaw (rad), servos at their angles of hover,
-  // everything at rest.
+  // Places the main body's frame origin (m, world) with Z-Y-X Euler angles roll, pitch, yaw (rad), servos at
+  // their angles of hover, everything at rest. All finite, or PlantError.
   void Reset(const std::array<double, 3>& position_m, const std::array<double, 3>& attitude_rad);
+  // Everything placed and moving as given, angular rates along the world's axes. Angles of the servos within
+  // their stops.
+  void Reset(const SensorsTruth& state);
 
-  // One step; inputs are saturated to the model's limits. Returns the saturated inputs, those in force.
+  // One step; inputs are saturated to the model's limits. Returns the saturated inputs, those in force. After
+  // the event kNotFinite (also: an input that is not a number) the plant stands still.
   ActuatorsTruth Step(const ActuatorsTruth& input);
   // What Step would apply for this input.
   ActuatorsTruth Saturate(const ActuatorsTruth& input) const;
 
-  // 16 sensors; angular rates in the frame asked for. Yaw is in (-pi, pi].
+  // The true state: 16 sensors; angular rates in the frame asked for. Yaw is in (-pi, pi].
   SensorsTruth State(RatesFrame frame = RatesFrame::kWorld) const;
+  // The state when the sensors last sampled (model.sensor_rate_hz, from Reset on): State() of the first step
+  // boundary at or after their sampling time. The same as State() for sensors that sample at every step.
+  SensorsTruth ReadSensors(RatesFrame frame = RatesFrame::kWorld) const;
 
-  // First of: not finite; |position| > 1 km; tilt beyond 90 deg; main body touching the ground. Sticky until Reset.
+  // First of: not finite; |position| > kPositionMax_m; tilt beyond 90 deg; main body touching the ground.
+  // Sticky until Reset.
   FlightEvent Event() const;
   // Which body and value, for a person; empty for kNone.
   std::string EventText() const;
 
-  // Sum of kinetic and potential energy (J), linear momentum (kg m/s) and angular momentum about the world origin (kg m^2/s): for checks.
+  // Sum of kinetic and potential energy (J), linear momentum (kg m/s) and angular momentum about the world
+  // origin (kg m^2/s): for checks.
   double Energy() const;
   std::array<double, 6> Momentum() const;
   // Largest distance between a hinge's two anchor points (m).

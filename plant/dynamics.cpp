@@ -1,0 +1,213 @@
+#include "plant/dynamics.h"
+
+#include <Eigen/Geometry>
+#include <string>
+
+namespace tiltproof::plant {
+namespace {
+
+template <class Scalar>
+using Vector3 = Eigen::Matrix<Scalar, 3, 1>;
+template <class Scalar>
+using Matrix3 = Eigen::Matrix<Scalar, 3, 3>;
+template <class Scalar>
+using Jacobian = Eigen::Matrix<Scalar, 3, kCoordinateCount>;
+
+// Eigen's own cross() conjugates complex numbers, which would spoil a complex step.
+template <class Scalar>
+Vector3<Scalar> Cross(const Vector3<Scalar>& a, const Vector3<Scalar>& b) {
+  return {a.y() * b.z() - a.z() * b.y(), a.z() * b.x() - a.x() * b.z(), a.x() * b.y() - a.y() * b.x()};
+}
+
+template <class Scalar>
+Matrix3<Scalar> Rotation(const Eigen::Vector3d& axis, const Scalar& angle) {
+  Eigen::Matrix3d cross;
+  cross << 0, -axis.z(), axis.y(), axis.z(), 0, -axis.x(), -axis.y(), axis.x(), 0;
+  using std::cos, std::sin;
+  return Matrix3<Scalar>::Identity() + sin(angle) * cross.cast<Scalar>() +
+         (Scalar(1) - cos(angle)) * (cross * cross).cast<Scalar>();
+}
+
+// The motion of a point or frame: velocity v = j q', acceleration j q'' + bias.
+template <class Scalar>
+struct Motion {
+  Jacobian<Scalar> j = Jacobian<Scalar>::Zero();
+  Vector3<Scalar> bias = Vector3<Scalar>::Zero();
+};
+
+// A frame that turns with `angular` (velocity `w`): the motion of a point of it at `r` from a point of it
+// that moves with `origin`.
+template <class Scalar>
+Motion<Scalar> MotionOfPoint(const Motion<Scalar>& origin, const Motion<Scalar>& angular,
+                             const Vector3<Scalar>& w, const Vector3<Scalar>& r) {
+  Motion<Scalar> point = origin;
+  for (int i = 0; i < kCoordinateCount; ++i) point.j.col(i) += Cross<Scalar>(angular.j.col(i), r);
+  point.bias += Cross<Scalar>(angular.bias, r) + Cross<Scalar>(w, Cross<Scalar>(w, r));
+  return point;
+}
+
+template <class Scalar>
+void AddBody(const RigidBody& body, const Matrix3<Scalar>& R_WL, const Vector3<Scalar>& w,
+             const Motion<Scalar>& angular, const Motion<Scalar>& com, EquationsOfMotion<Scalar>& equations) {
+  const Scalar mass(body.mass_kg);
+  const Matrix3<Scalar> inertia = R_WL * body.inertia_kg_m2.template cast<Scalar>() * R_WL.transpose();
+  const Vector3<Scalar> gravity(Scalar(0), Scalar(0), Scalar(-kGravity_m_s2));
+  equations.mass += mass * com.j.transpose() * com.j + angular.j.transpose() * inertia * angular.j;
+  equations.force += mass * com.j.transpose() * (gravity - com.bias) -
+                     angular.j.transpose() * (inertia * angular.bias + Cross<Scalar>(w, inertia * w));
+}
+
+}  // namespace
+
+template <class Scalar>
+EquationsOfMotion<Scalar> ComputeEquationsOfMotion(const VehicleModel& model, const Coordinates<Scalar>& q,
+                                                   const Coordinates<Scalar>& q_dot,
+                                                   const Inputs<Scalar>& u) {
+  EquationsOfMotion<Scalar> equations;
+  equations.mass.setZero();
+  equations.force.setZero();
+
+  // Z-Y-X Euler angles: each rate turns about its own axis, which the angles after it in the chain carry
+  // along.
+  const Matrix3<Scalar> R_z = Rotation<Scalar>(Eigen::Vector3d::UnitZ(), q[5]);
+  const Matrix3<Scalar> R_zy = R_z * Rotation<Scalar>(Eigen::Vector3d::UnitY(), q[4]);
+  const Matrix3<Scalar> R_WB = R_zy * Rotation<Scalar>(Eigen::Vector3d::UnitX(), q[3]);
+  const Vector3<Scalar> roll_axis = R_zy.col(0), pitch_axis = R_z.col(1), yaw_axis = Vector3<Scalar>::UnitZ();
+  const Vector3<Scalar> w_yaw = yaw_axis * q_dot[5];
+  const Vector3<Scalar> w_pitch = w_yaw + pitch_axis * q_dot[4];
+  const Vector3<Scalar> w_base = w_pitch + roll_axis * q_dot[3];
+
+  Motion<Scalar> origin;
+  origin.j.template leftCols<3>().setIdentity();
+  Motion<Scalar> base;
+  base.j.col(3) = roll_axis;
+  base.j.col(4) = pitch_axis;
+  base.j.col(5) = yaw_axis;
+  base.bias = Cross<Scalar>(w_pitch, roll_axis) * q_dot[3] + Cross<Scalar>(w_yaw, pitch_axis) * q_dot[4];
+  const Vector3<Scalar> base_com = R_WB * model.base.p_com_m.template cast<Scalar>();
+  AddBody(model.base, R_WB, w_base, base, MotionOfPoint(origin, base, w_base, base_com), equations);
+
+  for (std::size_t side = 0; side < model.thrusters.size(); ++side) {
+    const TiltingThruster& thruster = model.thrusters[side];
+    const int alpha = 6 + static_cast<int>(side);
+    const Matrix3<Scalar> R_WB_turned = R_WB * Rotation<Scalar>(thruster.axis_B, q[alpha]);
+    const Matrix3<Scalar> R_WT = R_WB_turned * thruster.R_BT.template cast<Scalar>();
+    const Vector3<Scalar> hinge_axis = R_WB * thruster.axis_B.template cast<Scalar>();
+    const Vector3<Scalar> w = w_base + hinge_axis * q_dot[alpha];
+    Motion<Scalar> angular = base;
+    angular.j.col(alpha) = hinge_axis;
+    angular.bias += Cross<Scalar>(w_base, hinge_axis) * q_dot[alpha];
+
+    const Vector3<Scalar> to_hinge = R_WB * thruster.p_BH_m.template cast<Scalar>();
+    const Eigen::Vector3d p_HC_B = thruster.p_BT_m + thruster.R_BT * thruster.body.p_com_m - thruster.p_BH_m;
+    const Vector3<Scalar> to_com = R_WB_turned * p_HC_B.cast<Scalar>();
+    const Motion<Scalar> hinge = MotionOfPoint(origin, base, w_base, to_hinge);
+    const Motion<Scalar> com = MotionOfPoint(hinge, angular, w, to_com);
+    AddBody(thruster.body, R_WT, w, angular, com, equations);
+
+    const Vector3<Scalar> thrust_axis = R_WT * thruster.thrust_axis_T.template cast<Scalar>();
+    const Scalar force = u[static_cast<int>(side)];
+    equations.force += com.j.transpose() * thrust_axis * force;
+    equations.force +=
+        angular.j.transpose() * thrust_axis * (force * Scalar(thruster.direction * thruster.drag_ratio_m));
+    equations.force[alpha] += u[2 + static_cast<int>(side)];
+  }
+  return equations;
+}
+
+template EquationsOfMotion<double> ComputeEquationsOfMotion(const VehicleModel&, const Coordinates<double>&,
+                                                            const Coordinates<double>&,
+                                                            const Inputs<double>&);
+template EquationsOfMotion<std::complex<double>> ComputeEquationsOfMotion(
+    const VehicleModel&, const Coordinates<std::complex<double>>&, const Coordinates<std::complex<double>>&,
+    const Inputs<std::complex<double>>&);
+
+namespace {
+
+using Complex = std::complex<double>;
+constexpr double kComplexStep = 1e-30;
+
+}  // namespace
+
+Hover SolveHover(const VehicleModel& model) {
+  // At rest the mass matrix drops out: what is sought is generalised force zero, eight equations in
+  // roll, pitch, alpha_r, alpha_l and the four inputs.
+  using Vector = Eigen::Matrix<double, 8, 1>;
+  const auto residual = [&model](const Eigen::Matrix<Complex, 8, 1>& unknowns) {
+    Coordinates<Complex> q = Coordinates<Complex>::Zero();
+    q[3] = unknowns[0];
+    q[4] = unknowns[1];
+    q[6] = unknowns[2];
+    q[7] = unknowns[3];
+    const Inputs<Complex> u = unknowns.tail<4>();
+    return ComputeEquationsOfMotion<Complex>(model, q, Coordinates<Complex>::Zero(), u).force;
+  };
+  Vector unknowns = Vector::Zero();
+  unknowns[4] = unknowns[5] = 0.5 * model.MassTotal() * kGravity_m_s2;
+
+  constexpr int kIterationsMax = 50;
+  for (int iteration = 0; iteration < kIterationsMax; ++iteration) {
+    const Vector value = residual(unknowns.cast<Complex>()).real();
+    Eigen::Matrix<double, 8, 8> jacobian;
+    for (int i = 0; i < 8; ++i) {
+      Eigen::Matrix<Complex, 8, 1> moved = unknowns.cast<Complex>();
+      moved[i] += Complex(0, kComplexStep);
+      jacobian.col(i) = residual(moved).imag() / kComplexStep;
+    }
+    const Eigen::FullPivLU<Eigen::Matrix<double, 8, 8>> lu(jacobian);
+    if (!lu.isInvertible()) break;
+    const Vector step = lu.solve(value);
+    unknowns -= step;
+    if (!unknowns.allFinite()) break;
+    if (step.cwiseAbs().maxCoeff() < 1e-14 * (1 + unknowns.cwiseAbs().maxCoeff())) {
+      return {
+          .roll_rad = unknowns[0],
+          .pitch_rad = unknowns[1],
+          .alpha_r_rad = unknowns[2],
+          .alpha_l_rad = unknowns[3],
+          .input = {
+              .f_r_n = unknowns[4], .f_l_n = unknowns[5], .tau_r_nm = unknowns[6], .tau_l_nm = unknowns[7]}};
+    }
+  }
+  throw DesignError("vehicle '" + model.name +
+                    "' has no hover: its thrusters cannot hold it still in the air");
+}
+
+Coordinates<double> HoverCoordinates(const Hover& hover) {
+  Coordinates<double> q;
+  q << 0, 0, 0, hover.roll_rad, hover.pitch_rad, 0, hover.alpha_r_rad, hover.alpha_l_rad;
+  return q;
+}
+
+Inputs<double> HoverInputs(const Hover& hover) {
+  return {hover.input.f_r_n, hover.input.f_l_n, hover.input.tau_r_nm, hover.input.tau_l_nm};
+}
+
+LinearModel Linearise(const VehicleModel& model, const Hover& hover) {
+  const Coordinates<Complex> q = HoverCoordinates(hover).cast<Complex>();
+  const Coordinates<Complex> q_dot = Coordinates<Complex>::Zero();
+  const Inputs<Complex> u = HoverInputs(hover).cast<Complex>();
+  const Complex step(0, kComplexStep);
+
+  LinearModel linear;
+  linear.a.setZero();
+  linear.b.setZero();
+  linear.a.topRightCorner<kCoordinateCount, kCoordinateCount>().setIdentity();
+  for (int i = 0; i < kCoordinateCount; ++i) {
+    Coordinates<Complex> moved = q;
+    moved[i] += step;
+    linear.a.col(i).tail<kCoordinateCount>() = Acceleration(model, moved, q_dot, u).imag() / kComplexStep;
+    moved = q_dot;
+    moved[i] += step;
+    linear.a.col(kCoordinateCount + i).tail<kCoordinateCount>() =
+        Acceleration(model, q, moved, u).imag() / kComplexStep;
+  }
+  for (int i = 0; i < kInputCount; ++i) {
+    Inputs<Complex> moved = u;
+    moved[i] += step;
+    linear.b.col(i).tail<kCoordinateCount>() = Acceleration(model, q, q_dot, moved).imag() / kComplexStep;
+  }
+  return linear;
+}
+
+}  // namespace tiltproof::plant

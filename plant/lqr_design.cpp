@@ -1,0 +1,233 @@
+#include "plant/lqr_design.h"
+
+#include <fmt/core.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <cmath>
+#include <fstream>
+#include <numbers>
+#include <unsupported/Eigen/MatrixFunctions>
+
+namespace tiltproof::plant {
+namespace {
+
+using PlantMatrix = Eigen::Matrix<double, kPlantStateCount, kPlantStateCount>;
+using PlantInput = Eigen::Matrix<double, kPlantStateCount, kInputCount>;
+using DesignMatrix = Eigen::Matrix<double, kDesignStateCount, kDesignStateCount>;
+using DesignInput = Eigen::Matrix<double, kDesignStateCount, kInputCount>;
+
+struct Transition {
+  PlantMatrix a;  // e^{A t}
+  PlantInput b;   // integral of e^{A s} B over [0, t]
+};
+
+Transition Integrate(const LinearModel& model, double time_s) {
+  // Van Loan: the exponential of [A B; 0 0] t holds both.
+  constexpr int n = kPlantStateCount + kInputCount;
+  Eigen::Matrix<double, n, n> generator = Eigen::Matrix<double, n, n>::Zero();
+  generator.topLeftCorner<kPlantStateCount, kPlantStateCount>() = model.a * time_s;
+  generator.topRightCorner<kPlantStateCount, kInputCount>() = model.b * time_s;
+  const Eigen::Matrix<double, n, n> exponential = generator.exp();
+  return {exponential.topLeftCorner<kPlantStateCount, kPlantStateCount>(),
+          exponential.topRightCorner<kPlantStateCount, kInputCount>()};
+}
+
+// Picks x, y, z and yaw.
+Eigen::Matrix<double, kIntegralCount, kPlantStateCount> IntegratedStates() {
+  Eigen::Matrix<double, kIntegralCount, kPlantStateCount> pick;
+  pick.setZero();
+  pick(0, 0) = pick(1, 1) = pick(2, 2) = pick(3, 5) = 1;
+  return pick;
+}
+
+// The plant's step with the trapezoidal integrals appended: s(k+1) = s(k) + T/2 (e(k) + e(k+1)).
+struct Augmented {
+  DesignMatrix a;
+  DesignInput b;
+};
+Augmented Augment(const SampledModel& model) {
+  const auto pick = IntegratedStates();
+  Augmented augmented;
+  augmented.a.setZero();
+  augmented.a.topLeftCorner<kPlantStateCount, kPlantStateCount>() = model.a;
+  augmented.a.bottomLeftCorner<kIntegralCount, kPlantStateCount>() =
+      0.5 * model.period_s * pick * (model.a + PlantMatrix::Identity());
+  augmented.a.bottomRightCorner<kIntegralCount, kIntegralCount>().setIdentity();
+  augmented.b << model.b, 0.5 * model.period_s * pick * model.b;
+  return augmented;
+}
+
+struct Riccati {
+  DesignMatrix x;
+  double residual = 0;
+  int iterations = 0;
+};
+
+// X = A'XA - A'XB (R + B'XB)^-1 B'XA + Q by the structure-preserving doubling algorithm (Chu, Fan, Lin, Wang,
+// 2004), which converges quadratically when the pair is stabilisable.
+Riccati SolveRiccati(const Augmented& model, const LqrWeights& weights) {
+  const DesignMatrix identity = DesignMatrix::Identity();
+  const DesignMatrix q = weights.q.asDiagonal();
+  const Eigen::Matrix<double, kInputCount, kInputCount> r = weights.r.asDiagonal();
+  DesignMatrix a = model.a;
+  DesignMatrix g = model.b * weights.r.cwiseInverse().asDiagonal() * model.b.transpose();
+  DesignMatrix h = q;
+
+  constexpr int kIterationsMax = 60;
+  for (int iteration = 1; iteration <= kIterationsMax; ++iteration) {
+    const Eigen::PartialPivLU<DesignMatrix> w(identity + g * h);
+    const DesignMatrix w_a = w.solve(a);
+    const DesignMatrix w_g = w.solve(g);
+    const DesignMatrix h_step = a.transpose() * h * w_a;
+    g += a * w_g * a.transpose();
+    h += 0.5 * (h_step + h_step.transpose());
+    a = (a * w_a).eval();
+    if (!h.allFinite()) break;
+    const double scale = h.cwiseAbs().maxCoeff();
+    if (h_step.cwiseAbs().maxCoeff() > 1e-15 * scale) continue;
+
+    const DesignMatrix xa = h * model.a;
+    const DesignInput xb = h * model.b;
+    const Eigen::Matrix<double, kInputCount, kInputCount> s = r + model.b.transpose() * xb;
+    const DesignMatrix error = model.a.transpose() * xa -
+                               (model.a.transpose() * xb) * s.ldlt().solve(model.b.transpose() * xa) + q - h;
+    return {h, error.cwiseAbs().maxCoeff() / scale, iteration};
+  }
+  throw DesignError("the Riccati equation has no stabilising solution: the vehicle cannot be controlled");
+}
+
+}  // namespace
+
+SampledModel Sample(const LinearModel& model, double period_s) {
+  const Transition step = Integrate(model, period_s);
+  return {.period_s = period_s, .continuous = model, .a = step.a, .b = step.b};
+}
+
+LqrWeights PaperWeights() {
+  constexpr double pi2 = std::numbers::pi * std::numbers::pi;
+  LqrWeights weights;
+  weights.q << 5, 5, 5, 4 / pi2, 4 / pi2, 15 / pi2, 40 / pi2, 40 / pi2,              //
+      0.25, 0.25, 0.25, 9 / pi2, 9 / pi2, 16 / pi2, 5 / (81 * pi2), 5 / (81 * pi2),  //
+      50, 50, 50, 1;
+  weights.r << 25, 25, 400, 400;
+  return weights;
+}
+
+LqrDesign DesignLqr(const VehicleModel& model, const LqrOptions& options) {
+  LqrDesign design;
+  design.hover = SolveHover(model);
+  design.model = Sample(Linearise(model, design.hover), options.period_s);
+  const Augmented augmented = Augment(design.model);
+  const Riccati riccati = SolveRiccati(augmented, options.weights);
+  const Eigen::Matrix<double, kInputCount, kDesignStateCount> xb_transposed =
+      augmented.b.transpose() * riccati.x;
+  const Eigen::Matrix<double, kInputCount, kInputCount> r = options.weights.r.asDiagonal();
+  const Eigen::Matrix<double, kInputCount, kInputCount> s = r + xb_transposed * augmented.b;
+  design.gain = s.ldlt().solve(xb_transposed * augmented.a);
+  design.dare_residual = riccati.residual;
+  design.dare_iterations = riccati.iterations;
+  design.spectral_radius = ClosedLoopSpectralRadius(design.model, design.gain);
+  if (!(design.spectral_radius < 1)) {
+    throw DesignError(
+        fmt::format("the designed closed loop is unstable: spectral radius {}", design.spectral_radius));
+  }
+  design.delay_margin_s = DelayMargin(design.model, design.gain);
+  return design;
+}
+
+double ClosedLoopSpectralRadius(const SampledModel& model, const GainMatrix& gain, double delay_s) {
+  // With delay = (n + d) T, 0 <= d < 1, the period k begins with the rest of u(k-n-1) and goes on with
+  // u(k-n):
+  //   x(k+1) = a x(k) + e^{A (1-d) T} G(d T) u(k-n-1) + G((1-d) T) u(k-n),   G(t) = integral of e^{A s} B
+  //   over [0, t].
+  const double periods = std::floor(delay_s / model.period_s);
+  const auto whole = static_cast<Eigen::Index>(periods);
+  const double rest_s = delay_s - periods * model.period_s;
+  const Transition before = Integrate(model.continuous, rest_s);
+  const Transition after = Integrate(model.continuous, model.period_s - rest_s);
+  const PlantInput b_old = after.a * before.b;
+  const auto pick = IntegratedStates();
+
+  // States: x, integrals, u(k-1), u(k-2), ..., u(k-n-1).
+  const Eigen::Index n = kDesignStateCount + kInputCount * (whole + 1);
+  Eigen::MatrixXd a = Eigen::MatrixXd::Zero(n, n);
+  Eigen::MatrixXd b = Eigen::MatrixXd::Zero(n, kInputCount);  // what u(k) does at once
+  a.topLeftCorner<kPlantStateCount, kPlantStateCount>() = model.a;
+  const auto past = [](Eigen::Index age) { return kDesignStateCount + kInputCount * (age - 1); };
+  a.block<kPlantStateCount, kInputCount>(0, past(whole + 1)) = b_old;
+  if (whole == 0) {
+    b.topRows<kPlantStateCount>() = after.b;
+  } else {
+    a.block<kPlantStateCount, kInputCount>(0, past(whole)) = after.b;
+  }
+  b.middleRows<kInputCount>(past(1)).setIdentity();
+  for (Eigen::Index age = 2; age <= whole + 1; ++age) {
+    a.block<kInputCount, kInputCount>(past(age), past(age - 1)).setIdentity();
+  }
+  // Integrals: T/2 (e(k) + e(k+1)) on top of the present ones.
+  auto integrals = a.middleRows<kIntegralCount>(kPlantStateCount);
+  integrals = 0.5 * model.period_s * pick * a.topRows<kPlantStateCount>();
+  integrals.leftCols<kPlantStateCount>() += 0.5 * model.period_s * pick;
+  integrals.middleCols<kIntegralCount>(kPlantStateCount).setIdentity();
+  b.middleRows<kIntegralCount>(kPlantStateCount) =
+      0.5 * model.period_s * pick * b.topRows<kPlantStateCount>();
+
+  a.leftCols<kDesignStateCount>() -= b * gain;
+  return Eigen::EigenSolver<Eigen::MatrixXd>(a, false).eigenvalues().cwiseAbs().maxCoeff();
+}
+
+double DelayMargin(const SampledModel& model, const GainMatrix& gain) {
+  const auto stable = [&](double delay_s) { return ClosedLoopSpectralRadius(model, gain, delay_s) < 1; };
+  if (!stable(0)) return -1;
+  // A loop can become unstable and stable again: walk in steps much shorter than its time constants, then
+  // bisect.
+  constexpr double kStep_s = 0.5e-3, kResolution_s = 1e-6;
+  double low = 0, high = 0;
+  do {
+    low = high;
+    high = low + kStep_s;
+    if (high > kDelayMax_s) return kDelayMax_s;
+  } while (stable(high));
+  while (high - low > kResolution_s) {
+    const double middle = 0.5 * (low + high);
+    (stable(middle) ? low : high) = middle;
+  }
+  return low;
+}
+
+std::string GainCsv(const GainMatrix& gain) {
+  std::string text;
+  for (Eigen::Index row = 0; row < gain.rows(); ++row) {
+    for (Eigen::Index column = 0; column < gain.cols(); ++column) {
+      text += fmt::format("{}{}", column == 0 ? "" : ",", gain(row, column));
+    }
+    text += '\n';
+  }
+  return text;
+}
+
+void WriteGainCsv(const std::filesystem::path& file, const GainMatrix& gain) {
+  std::ofstream out(file, std::ios::binary);
+  out << GainCsv(gain);
+  out.close();
+  if (!out) throw std::runtime_error(file.string() + ": cannot be written");
+}
+
+std::string FirmwareGainTable(const GainMatrix& gain, std::string_view name) {
+  std::string text = fmt::format("inline constexpr Gain {} = {{{{\n", name);
+  for (Eigen::Index row = 0; row < gain.rows(); ++row) {
+    text += "    {{";
+    for (Eigen::Index column = 0; column < gain.cols(); ++column) {
+      // Nine digits determine a binary32. A whole number needs a point to be a floating literal.
+      std::string number = fmt::format("{:.9g}", static_cast<double>(static_cast<float>(gain(row, column))));
+      if (number.find_first_of(".e") == std::string::npos) number += ".0";
+      text += fmt::format("{}{}F", column == 0 ? "" : ", ", number);
+    }
+    text += "}},\n";
+  }
+  return text + "}};\n";
+}
+
+}  // namespace tiltproof::plant

@@ -1,0 +1,87 @@
+// The paper's controller, designed on a vehicle: discrete linear-quadratic regulator with integral action
+// (section 3).
+//
+//   LqrDesign design = DesignLqr(LoadVehicle(file, {}, warnings));
+//   std::cout << GainCsv(design.gain);
+//   design.delay_margin_s;  // 0.009 for the design plant
+//
+// The vehicle's exact hover is found, the equations of motion linearised there and discretised with a
+// zero-order hold of 12 ms. The 20 states are
+//   q (8), q_dot (8), integrals of the errors of x, y, z, yaw (4)    q = x y z roll pitch yaw alpha_r alpha_l
+// with trapezoidal integrals that include the present error, and the law is u = u_eq - K (x - x_ref).
+#pragma once
+
+#include <Eigen/Core>
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+#include "plant/dynamics.h"
+#include "plant/vehicle_model.h"
+
+namespace tiltproof::plant {
+
+inline constexpr int kPlantStateCount = 2 * kCoordinateCount;
+inline constexpr int kIntegralCount = 4;
+inline constexpr int kDesignStateCount = kPlantStateCount + kIntegralCount;
+
+// Rows f_r (N), f_l (N), tau_r (N m), tau_l (N m); columns in the order of the 20 states.
+using GainMatrix = Eigen::Matrix<double, kInputCount, kDesignStateCount>;
+
+// x(k+1) = a x(k) + b u(k), and the continuous model it came from.
+struct SampledModel {
+  double period_s = 0;
+  LinearModel continuous;
+  Eigen::Matrix<double, kPlantStateCount, kPlantStateCount> a;
+  Eigen::Matrix<double, kPlantStateCount, kInputCount> b;
+};
+SampledModel Sample(const LinearModel& model, double period_s);
+
+// Diagonals of the cost sum x'Qx + u'Ru, all positive.
+struct LqrWeights {
+  Eigen::Matrix<double, kDesignStateCount, 1> q;
+  Eigen::Matrix<double, kInputCount, 1> r;
+};
+// Those that give the authors' published gain. The paper prints two of them otherwise: for R it has
+// sqrt(0.2), sqrt(0.05) where 1/0.2^2, 1/0.05^2 are meant, and for the rates of alpha 5/(9 pi^2) where 5/(9
+// pi)^2 is meant.
+LqrWeights PaperWeights();
+
+struct LqrOptions {
+  double period_s = 0.012;
+  LqrWeights weights = PaperWeights();
+};
+
+struct LqrDesign {
+  Hover hover;
+  SampledModel model;
+  GainMatrix gain;
+  double spectral_radius = 0;  // of the closed loop without delay; < 1
+  double dare_residual =
+      0;  // largest element of the Riccati equation's residual, relative to the solution's largest
+  int dare_iterations = 0;
+  double delay_margin_s = 0;
+};
+
+// Throws DesignError when the vehicle has no hover or no gain stabilises it.
+LqrDesign DesignLqr(const VehicleModel& model, const LqrOptions& options = {});
+
+// Largest eigenvalue magnitude of the closed loop where u(k), computed from the state at k T, is in force
+// from k T + delay until the next takes over. delay_s in [0, kDelayMax_s].
+double ClosedLoopSpectralRadius(const SampledModel& model, const GainMatrix& gain, double delay_s = 0);
+
+// The largest delay_s such that the closed loop is stable with it and with every smaller one; to 1 us.
+// Negative when it is unstable without delay, kDelayMax_s when it stays stable up to there.
+inline constexpr double kDelayMax_s = 0.1;
+double DelayMargin(const SampledModel& model, const GainMatrix& gain);
+
+// Four lines of 20 numbers, comma separated, no header, each the shortest text that reads back as the same
+// double.
+std::string GainCsv(const GainMatrix& gain);
+// Throws std::runtime_error when the file cannot be written.
+void WriteGainCsv(const std::filesystem::path& file, const GainMatrix& gain);
+
+// The definition `inline constexpr Gain <name> = {{...}};` of firmware/gain_tables.h in binary32.
+std::string FirmwareGainTable(const GainMatrix& gain, std::string_view name);
+
+}  // namespace tiltproof::plant

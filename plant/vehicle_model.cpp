@@ -1,0 +1,332 @@
+#include "plant/vehicle_model.h"
+
+#include <fmt/core.h>
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+#include <mutex>
+#include <sdf/Box.hh>
+#include <sdf/Collision.hh>
+#include <sdf/Cylinder.hh>
+#include <sdf/Geometry.hh>
+#include <sdf/Joint.hh>
+#include <sdf/JointAxis.hh>
+#include <sdf/Link.hh>
+#include <sdf/Model.hh>
+#include <sdf/Root.hh>
+#include <sdf/Sphere.hh>
+#include <sstream>
+#include <utility>
+
+#include "plant/dynamics.h"
+#include "plant/vehicle_xml.h"
+
+namespace tiltproof::plant {
+namespace {
+
+using ignition::math::Pose3d;
+
+Eigen::Vector3d ToEigen(const ignition::math::Vector3d& v) { return {v.X(), v.Y(), v.Z()}; }
+Eigen::Matrix3d ToEigen(const ignition::math::Quaterniond& q) {
+  const ignition::math::Matrix3d in(q);
+  Eigen::Matrix3d out;
+  for (Eigen::Index row = 0; row < 3; ++row) {
+    for (Eigen::Index column = 0; column < 3; ++column) {
+      out(row, column) = in(static_cast<std::size_t>(row), static_cast<std::size_t>(column));
+    }
+  }
+  return out;
+}
+
+// libsdformat, and the URDF reader that it falls back to, print to std::cerr besides returning errors. While
+// one of these lives that text goes here.
+class StderrCapture {
+ public:
+  StderrCapture() : lock_(Mutex()), previous_(std::cerr.rdbuf(text_.rdbuf())) {}
+  ~StderrCapture() { std::cerr.rdbuf(previous_); }
+  StderrCapture(const StderrCapture&) = delete;
+  StderrCapture& operator=(const StderrCapture&) = delete;
+
+ private:
+  static std::mutex& Mutex() {
+    static std::mutex mutex;
+    return mutex;
+  }
+  std::lock_guard<std::mutex> lock_;
+  std::ostringstream text_;
+  std::streambuf* previous_;
+};
+
+// Loads one file with the names given by its tiltproof elements.
+class Loader {
+ public:
+  Loader(const std::filesystem::path& file, const LoadOptions& options, std::vector<std::string>& warnings)
+      : file_(file), options_(options), warnings_(warnings), xml_(file) {}
+
+  VehicleModel Load();
+
+ private:
+  void LoadSdf();
+  RigidBody ReadBody(const std::string& link_name) const;
+  TiltingThruster ReadThruster(const ThrusterElement& element) const;
+  CollisionShape ReadCollision(const RigidBody& base) const;
+  void CheckCounts() const;
+  void CheckInertia(const RigidBody& body) const;
+  const sdf::Link& Link(const std::string& name, int line, const char* role) const;
+  // Pose of a link or joint in the base frame.
+  Pose3d PoseInBase(const sdf::SemanticPose& pose, const std::string& what, int line) const;
+  [[noreturn]] void Fail(int line, const std::string& message) const {
+    throw VehicleError(file_, line, message);
+  }
+  // For what stands in the tiltproof elements, which may be in another file.
+  [[noreturn]] void FailElement(int line, const std::string& message) const {
+    throw VehicleError(elements_.file, line, message);
+  }
+
+  std::filesystem::path file_;
+  const LoadOptions& options_;
+  std::vector<std::string>& warnings_;
+  VehicleXml xml_;
+  VehicleElements elements_;
+  sdf::Root root_;
+  const sdf::Model* model_ = nullptr;
+};
+
+VehicleModel Loader::Load() {
+  xml_.CheckNames();
+  LoadSdf();
+  for (std::uint64_t i = 0; i < model_->LinkCount(); ++i)
+    CheckInertia(ReadBody(model_->LinkByIndex(i)->Name()));
+  elements_ = xml_.ReadElements(options_.mapping, warnings_);
+  xml_.WarnUnsupported(elements_, warnings_);
+
+  VehicleModel vehicle;
+  vehicle.name = model_->Name();
+  vehicle.file = file_;
+  Link(elements_.base_link, elements_.line, "base");
+  for (const ThrusterElement& element : elements_.thrusters) Link(element.link, element.line, "thruster");
+  CheckCounts();
+  vehicle.base = ReadBody(elements_.base_link);
+  for (std::size_t side = 0; side < vehicle.thrusters.size(); ++side) {
+    vehicle.thrusters[side] = ReadThruster(elements_.thrusters[side]);
+  }
+  vehicle.collision = ReadCollision(vehicle.base);
+  vehicle.sensor_rate_hz = elements_.sensor_rate_hz;
+  try {
+    vehicle.hover = SolveHover(vehicle);
+  } catch (const DesignError& error) {
+    Fail(xml_.Line("model", ""), error.what());
+  }
+  return vehicle;
+}
+
+void Loader::LoadSdf() {
+  sdf::Errors errors;
+  {
+    const StderrCapture capture;
+    // A name without a folder could resolve to a file of libsdformat's own.
+    errors = root_.Load(std::filesystem::absolute(file_).string());
+  }
+  for (const sdf::Error& error : errors) {
+    // Ours names the reason and the line, and can be waived.
+    if (error.Code() == sdf::ErrorCode::LINK_INERTIA_INVALID) continue;
+    Fail(std::max(error.LineNumber().value_or(0), 0), error.Message());
+  }
+  model_ = root_.Model();
+  if (model_ == nullptr) Fail(0, "holds no <model>");
+  if (model_->Static()) Fail(xml_.Line("model", ""), "a <static> model cannot fly");
+}
+
+const sdf::Link& Loader::Link(const std::string& name, int line, const char* role) const {
+  const sdf::Link* link = model_->LinkByName(name);
+  if (link == nullptr) FailElement(line, fmt::format("{} link '{}' does not exist in the model", role, name));
+  return *link;
+}
+
+void Loader::CheckCounts() const {
+  for (const ThrusterElement& element : elements_.thrusters) {
+    if (element.link == elements_.base_link) FailElement(element.line, "the base cannot be a thruster");
+  }
+  for (std::uint64_t i = 0; i < model_->LinkCount(); ++i) {
+    const std::string name = model_->LinkByIndex(i)->Name();
+    if (name != elements_.base_link && name != elements_.thrusters[0].link &&
+        name != elements_.thrusters[1].link) {
+      Fail(xml_.Line("link", name), fmt::format("link '{}' is neither the base nor a thruster", name));
+    }
+  }
+  for (const ServoElement& servo : elements_.servos) {
+    if (model_->JointByName(servo.joint) == nullptr) {
+      FailElement(servo.line, fmt::format("servo joint '{}' does not exist in the model", servo.joint));
+    }
+  }
+  if (model_->JointCount() != 2) {
+    Fail(xml_.Line("model", ""), fmt::format("a vehicle has two joints; found {}", model_->JointCount()));
+  }
+}
+
+RigidBody Loader::ReadBody(const std::string& link_name) const {
+  const ignition::math::Inertiald& inertial = model_->LinkByName(link_name)->Inertial();
+  const ignition::math::MassMatrix3d& mass = inertial.MassMatrix();
+  const ignition::math::Vector3d d = mass.DiagonalMoments(), o = mass.OffDiagonalMoments();
+  Eigen::Matrix3d inertia;
+  inertia << d.X(), o.X(), o.Y(), o.X(), d.Y(), o.Z(), o.Y(), o.Z(), d.Z();
+  const Eigen::Matrix3d R_LI = ToEigen(inertial.Pose().Rot());
+  return {.link = link_name,
+          .mass_kg = mass.Mass(),
+          .p_com_m = ToEigen(inertial.Pose().Pos()),
+          .inertia_kg_m2 = R_LI * inertia * R_LI.transpose()};
+}
+
+void Loader::CheckInertia(const RigidBody& body) const {
+  if (!(body.mass_kg > 0) || !std::isfinite(body.mass_kg)) {
+    Fail(xml_.Line("link", body.link, "mass"),
+         fmt::format("link '{}': the mass must be positive, is {} kg", body.link, body.mass_kg));
+  }
+  const std::string fault = InertiaFault(body.inertia_kg_m2);
+  if (fault.empty()) return;
+  const int line = xml_.Line("link", body.link, "inertia");
+  const std::string message = fmt::format("link '{}': impossible inertia: {}", body.link, fault);
+  if (!options_.allow_invalid_inertia || !body.inertia_kg_m2.allFinite()) Fail(line, message);
+  warnings_.push_back(fmt::format("{}:{}: {}", file_.string(), line, message));
+}
+
+Pose3d Loader::PoseInBase(const sdf::SemanticPose& pose, const std::string& what, int line) const {
+  Pose3d resolved;
+  const sdf::Errors errors = pose.Resolve(resolved, elements_.base_link);
+  if (!errors.empty()) Fail(line, fmt::format("{}: {}", what, errors.front().Message()));
+  return resolved;
+}
+
+TiltingThruster Loader::ReadThruster(const ThrusterElement& element) const {
+  TiltingThruster thruster;
+  thruster.body = ReadBody(element.link);
+  const auto servo =
+      std::find_if(elements_.servos.begin(), elements_.servos.end(), [&](const ServoElement& candidate) {
+        return model_->JointByName(candidate.joint)->ChildLinkName() == element.link;
+      });
+  if (servo == elements_.servos.end()) {
+    FailElement(element.line,
+                fmt::format("no servo's joint has thruster link '{}' as its child", element.link));
+  }
+  const sdf::Joint& joint = *model_->JointByName(servo->joint);
+  const int line = xml_.Line("joint", servo->joint);
+  const std::string what = fmt::format("joint '{}'", servo->joint);
+  if (joint.Type() != sdf::JointType::REVOLUTE || joint.Axis() == nullptr) {
+    Fail(line, what + " must be of type revolute");
+  }
+  if (joint.ParentLinkName() != elements_.base_link) {
+    Fail(line, fmt::format("{}: its parent must be the base '{}', is '{}'", what, elements_.base_link,
+                           joint.ParentLinkName()));
+  }
+  thruster.joint = servo->joint;
+  const Pose3d link_pose =
+      PoseInBase(model_->LinkByName(element.link)->SemanticPose(), "link '" + element.link + "'", line);
+  thruster.p_BT_m = ToEigen(link_pose.Pos());
+  thruster.R_BT = ToEigen(link_pose.Rot());
+  thruster.p_BH_m = ToEigen(PoseInBase(joint.SemanticPose(), what, line).Pos());
+  ignition::math::Vector3d axis;
+  const sdf::Errors errors = joint.Axis()->ResolveXyz(axis, elements_.base_link);
+  if (!errors.empty()) Fail(line, fmt::format("{}: {}", what, errors.front().Message()));
+  thruster.axis_B = ToEigen(axis).normalized();
+  thruster.angle_min_rad = joint.Axis()->Lower();
+  thruster.angle_max_rad = joint.Axis()->Upper();
+  // ODE holds a stop within half a turn only.
+  if (!(thruster.angle_min_rad < 0 && thruster.angle_max_rad > 0 && thruster.angle_min_rad > -3.1 &&
+        thruster.angle_max_rad < 3.1)) {
+    Fail(xml_.Line("joint", servo->joint, "axis"),
+         fmt::format("{}: the stops must be <lower> in (-3.1, 0) and <upper> in (0, 3.1) rad, are {} and {}",
+                     what, thruster.angle_min_rad, thruster.angle_max_rad));
+  }
+  thruster.thrust_axis_T = element.axis;
+  thruster.direction = element.direction;
+  thruster.drag_ratio_m = element.drag_ratio_m;
+  thruster.force_min_n = element.force_min_n;
+  thruster.force_max_n = element.force_max_n;
+  thruster.torque_max_nm = servo->torque_max_nm.value_or(joint.Axis()->Effort());
+  if (!(thruster.torque_max_nm > 0 && thruster.torque_max_nm < 1e3)) {
+    FailElement(servo->line,
+                fmt::format("servo of {} has no limit: give torque_max_nm here or <effort> there", what));
+  }
+  return thruster;
+}
+
+CollisionShape Loader::ReadCollision(const RigidBody& base) const {
+  CollisionShape shape;
+  const sdf::Link& link = *model_->LinkByName(elements_.base_link);
+  for (std::uint64_t i = 0; i < link.CollisionCount(); ++i) {
+    const sdf::Collision& collision = *link.CollisionByIndex(i);
+    const sdf::Geometry& geometry = *collision.Geom();
+    if (geometry.Type() == sdf::GeometryType::BOX) {
+      shape.kind = CollisionShape::Kind::kBox;
+      shape.size_m = ToEigen(geometry.BoxShape()->Size());
+    } else if (geometry.Type() == sdf::GeometryType::SPHERE) {
+      shape.kind = CollisionShape::Kind::kSphere;
+      shape.size_m = {geometry.SphereShape()->Radius(), 0, 0};
+    } else if (geometry.Type() == sdf::GeometryType::CYLINDER) {
+      shape.kind = CollisionShape::Kind::kCylinder;
+      shape.size_m = {geometry.CylinderShape()->Radius(), geometry.CylinderShape()->Length(), 0};
+    } else {
+      continue;
+    }
+    const Pose3d pose = PoseInBase(collision.SemanticPose(), "collision '" + collision.Name() + "'",
+                                   xml_.Line("link", base.link, "collision"));
+    shape.p_BS_m = ToEigen(pose.Pos());
+    shape.R_BS = ToEigen(pose.Rot());
+    return shape;
+  }
+  // I_1 = m (b^2 + c^2) / 12 and so on, solved for the edges a, b, c of a box along the principal axes.
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> principal(base.inertia_kg_m2);
+  const Eigen::Vector3d moments = principal.eigenvalues();
+  constexpr double kEdgeMin_m = 0.01;
+  for (Eigen::Index i = 0; i < 3; ++i) {
+    const double edge_squared = 6 * (moments.sum() - 2 * moments[i]) / base.mass_kg;
+    shape.size_m[i] = std::sqrt(std::max(edge_squared, kEdgeMin_m * kEdgeMin_m));
+  }
+  shape.p_BS_m = base.p_com_m;
+  shape.R_BS = principal.eigenvectors();
+  if (shape.R_BS.determinant() < 0) shape.R_BS.col(0) *= -1;
+  return shape;
+}
+
+}  // namespace
+
+VehicleError::VehicleError(std::filesystem::path file, int line, std::string message)
+    : std::runtime_error(line > 0 ? fmt::format("{}:{}: {}", file.string(), line, message)
+                                  : fmt::format("{}: {}", file.string(), message)),
+      file_(std::move(file)),
+      line_(line),
+      message_(std::move(message)) {}
+
+ActuatorsTruth VehicleModel::InputMin() const {
+  const TiltingThruster &right = thrusters[kRight], &left = thrusters[kLeft];
+  return {right.force_min_n, left.force_min_n, -right.torque_max_nm, -left.torque_max_nm};
+}
+
+ActuatorsTruth VehicleModel::InputMax() const {
+  const TiltingThruster &right = thrusters[kRight], &left = thrusters[kLeft];
+  return {right.force_max_n, left.force_max_n, right.torque_max_nm, left.torque_max_nm};
+}
+
+VehicleModel LoadVehicle(const std::filesystem::path& file, const LoadOptions& options,
+                         std::vector<std::string>& warnings) {
+  return Loader(file, options, warnings).Load();
+}
+
+std::string InertiaFault(const Eigen::Matrix3d& inertia_kg_m2) {
+  if (!inertia_kg_m2.allFinite()) return "not finite";
+  const Eigen::Vector3d moments =
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(inertia_kg_m2, Eigen::EigenvaluesOnly).eigenvalues();
+  const std::string values =
+      fmt::format("principal moments {:.4g}, {:.4g}, {:.4g} kg m^2", moments[0], moments[1], moments[2]);
+  if (!(moments[0] > 0)) return "not positive definite, " + values;
+  // Flat plates lie on the border: leave room for rounding in the file.
+  constexpr double kTolerance = 1e-6;
+  if (moments[0] + moments[1] < moments[2] * (1 - kTolerance)) {
+    return "violates the triangle inequality (the two smaller must add up to the largest or more), " + values;
+  }
+  return {};
+}
+
+}  // namespace tiltproof::plant

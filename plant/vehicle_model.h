@@ -1,0 +1,145 @@
+// A vehicle: a main body and two thrusters that tilt about hinges, read from an SDF file.
+//
+//   std::vector<std::string> warnings;
+//   VehicleModel model = LoadVehicle("plant/models/tiltrotor.sdf", {}, warnings);
+//   model.HoverInput().f_r_n;  // 10.27
+//
+// SDF has no words for thrusters and servos; the elements below add them. They stand in the <model>, or alone
+// in a file
+// `<stem>.tiltproof.xml` beside the SDF file, which then needs no change:
+//
+//   <tiltproof:vehicle xmlns:tiltproof="urn:tiltproof:vehicle:1">
+//     <tiltproof:base link="body"/>
+//     <tiltproof:thruster name="right" link="thruster_right" axis="0 0 1" direction="1"
+//     drag_ratio_m="0.0178947368"
+//                         force_min_n="0" force_max_n="30"/>
+//     <tiltproof:thruster name="left" .../>
+//     <tiltproof:servo joint="hinge_right" torque_max_nm="2"/>
+//     <tiltproof:servo joint="hinge_left"/>
+//     <tiltproof:sensors rate_hz="250"/>
+//   </tiltproof:vehicle>
+//
+//   base      link: the main body, whose frame origin and attitude are the vehicle's.
+//   thruster  name: right or left; two thrusters without such names are right, left in the order of the file.
+//             link: pushed at its centre of mass along `axis` (link frame, default 0 0 1) with the thrust f
+//             >= force_min_n (default 0), f <= force_max_n. Propeller drag: a torque direction * drag_ratio_m
+//             * f about the same axis; direction is 1 or -1 (lambda of the paper's Table 1), drag_ratio_m is
+//             k_tau / b.
+//   servo     joint: the revolute joint between base and thruster. torque_max_nm: default the joint's
+//   <effort>. sensors   optional. rate_hz: how often the sensors sample (Plant::ReadSensors); default: at
+//   every step.
+//
+// An SDF file has three links (base, thrusters) and two revolute joints with the base as parent. Of the rest
+// <collision> of the base counts (box, sphere or cylinder; otherwise the box of uniform density with the
+// base's mass and inertia touches the ground). What has no effect on the flight (meshes, plugins, sensors,
+// joint speed limits, ...) is warned about by name and line.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstddef>
+#include <filesystem>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "link/signals.h"
+
+namespace tiltproof::plant {
+
+inline constexpr double kGravity_m_s2 = 9.81;  // along -z of the world (paper, Table 1)
+
+// A vehicle file that cannot be used. what() is "file:line: message", without ":line" where line is 0.
+class VehicleError : public std::runtime_error {
+ public:
+  VehicleError(std::filesystem::path file, int line, std::string message);
+  const std::filesystem::path& file() const { return file_; }
+  int line() const { return line_; }  // from 1; 0: unknown
+  const std::string& message() const { return message_; }
+
+ private:
+  std::filesystem::path file_;
+  int line_;
+  std::string message_;
+};
+
+struct RigidBody {
+  std::string link;
+  double mass_kg = 0;
+  Eigen::Vector3d p_com_m = Eigen::Vector3d::Zero();  // centre of mass in the link frame
+  Eigen::Matrix3d inertia_kg_m2 =
+      Eigen::Matrix3d::Identity();  // about the centre of mass, axes of the link frame
+};
+
+// What touches the ground.
+struct CollisionShape {
+  enum class Kind { kBox, kSphere, kCylinder };
+  Kind kind = Kind::kBox;
+  Eigen::Vector3d size_m =
+      Eigen::Vector3d::Ones();  // box: edges; sphere: radius, -, -; cylinder: radius, length, -
+  Eigen::Vector3d p_BS_m = Eigen::Vector3d::Zero();  // pose in the base frame
+  Eigen::Matrix3d R_BS = Eigen::Matrix3d::Identity();
+};
+
+// A thruster T on its hinge H. The hinge angle alpha turns it about axis_B: R_BT(alpha) = Rot(axis_B, alpha)
+// R_BT.
+struct TiltingThruster {
+  RigidBody body;
+  std::string joint;
+  Eigen::Vector3d p_BT_m = Eigen::Vector3d::Zero();  // link frame in the base frame at alpha = 0
+  Eigen::Matrix3d R_BT = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d p_BH_m = Eigen::Vector3d::Zero();          // a point of the hinge
+  Eigen::Vector3d axis_B = Eigen::Vector3d::UnitY();         // unit
+  double angle_min_rad = 0, angle_max_rad = 0;               // stops
+  Eigen::Vector3d thrust_axis_T = Eigen::Vector3d::UnitZ();  // unit, link frame
+  double direction = 1;                                      // 1 or -1
+  double drag_ratio_m = 0;
+  double force_min_n = 0, force_max_n = 0;
+  double torque_max_nm = 0;  // of the servo, either sign
+};
+
+// Rest in the air: yaw 0, all rates 0.
+struct Hover {
+  double roll_rad = 0, pitch_rad = 0;
+  double alpha_r_rad = 0, alpha_l_rad = 0;
+  ActuatorsTruth input;
+};
+
+struct VehicleModel {
+  static constexpr std::size_t kRight = 0, kLeft = 1;
+
+  std::string name;
+  std::filesystem::path file;
+  RigidBody base;
+  CollisionShape collision;
+  std::array<TiltingThruster, 2> thrusters;  // kRight, kLeft
+  double sensor_rate_hz = 0;                 // 0: at every step
+  Hover hover;                               // of plant/dynamics.h, SolveHover
+
+  double MassTotal() const { return base.mass_kg + thrusters[0].body.mass_kg + thrusters[1].body.mass_kg; }
+  ActuatorsTruth HoverInput() const { return hover.input; }
+  ActuatorsTruth InputMin() const;
+  ActuatorsTruth InputMax() const;
+};
+
+// How the main body's angular velocity is expressed: along the world's axes, along its own, or as derivatives
+// of roll, pitch, yaw.
+enum class RatesFrame { kWorld, kBody, kEuler };
+
+struct LoadOptions {
+  // A physically impossible inertia (not positive definite, or violating the triangle inequality) is a
+  // warning, not an error.
+  bool allow_invalid_inertia = false;
+  // The file with the tiltproof elements; empty: `<stem>.tiltproof.xml` beside the model if it exists, else
+  // those in the model.
+  std::filesystem::path mapping;
+};
+
+// Appends to `warnings` one line "file:line: text" each. Throws VehicleError.
+VehicleModel LoadVehicle(const std::filesystem::path& file, const LoadOptions& options,
+                         std::vector<std::string>& warnings);
+
+// Why no rigid body can have this inertia (about its centre of mass); empty when one can.
+std::string InertiaFault(const Eigen::Matrix3d& inertia_kg_m2);
+
+}  // namespace tiltproof::plant

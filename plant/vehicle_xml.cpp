@@ -1,0 +1,391 @@
+#include "plant/vehicle_xml.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <initializer_list>
+#include <set>
+
+#include "plant/vehicle_model.h"
+
+namespace tiltproof::plant {
+namespace {
+
+using tinyxml2::XMLElement;
+
+// A vehicle description is some kilobytes; anything huge is a mistake.
+constexpr std::uintmax_t kFileBytesMax = 16U << 20U;
+
+std::string Attribute(const XMLElement& element, const char* name) {
+  const char* value = element.Attribute(name);
+  return value == nullptr ? std::string() : std::string(value);
+}
+
+// `<plugin name="x">` as a person would write it.
+std::string Describe(const XMLElement& element) {
+  const std::string name = Attribute(element, "name");
+  return name.empty() ? fmt::format("<{}>", element.Name())
+                      : fmt::format("<{} name=\"{}\">", element.Name(), name);
+}
+
+bool IsOneOf(const XMLElement& element, std::initializer_list<std::string_view> names) {
+  return std::find(names.begin(), names.end(), std::string_view(element.Name())) != names.end();
+}
+
+void Load(const std::filesystem::path& file, tinyxml2::XMLDocument& document) {
+  std::error_code error;
+  if (!std::filesystem::exists(file, error)) throw VehicleError(file, 0, "no such file");
+  if (!std::filesystem::is_regular_file(file, error)) throw VehicleError(file, 0, "not a file");
+  if (std::filesystem::file_size(file, error) > kFileBytesMax)
+    throw VehicleError(file, 0, "larger than 16 MiB");
+  if (document.LoadFile(file.c_str()) != tinyxml2::XML_SUCCESS) {
+    throw VehicleError(
+        file, document.ErrorLineNum(),
+        fmt::format("not well-formed XML ({})", tinyxml2::XMLDocument::ErrorIDToName(document.ErrorID())));
+  }
+}
+
+// Reads the attributes of one tiltproof element, and nothing but the ones asked for.
+class Attributes {
+ public:
+  Attributes(const std::filesystem::path& file, const XMLElement& element,
+             std::initializer_list<std::string_view> known)
+      : file_(file), element_(element) {
+    for (const auto* attribute = element.FirstAttribute(); attribute != nullptr;
+         attribute = attribute->Next()) {
+      if (std::find(known.begin(), known.end(), std::string_view(attribute->Name())) == known.end()) {
+        Fail(fmt::format("<{}> has no attribute '{}'", element.Name(), attribute->Name()));
+      }
+    }
+    if (element.FirstChildElement() != nullptr) Fail(fmt::format("<{}> has no children", element.Name()));
+  }
+
+  std::string Text(const char* name) const {
+    const std::string value = Attribute(element_, name);
+    if (value.empty()) Fail(fmt::format("<{}> needs the attribute '{}'", element_.Name(), name));
+    return value;
+  }
+  std::optional<double> OptionalNumber(const char* name, double min, double max) const {
+    if (element_.Attribute(name) == nullptr) return std::nullopt;
+    return Number(name, min, max);
+  }
+  double Number(const char* name, double min, double max) const {
+    const double value = Parse(name, Text(name));
+    if (value < min || value > max)
+      Fail(fmt::format("'{}' must be in [{}, {}], is {}", name, min, max, value));
+    return value;
+  }
+  Eigen::Vector3d UnitVector(const char* name, const Eigen::Vector3d& otherwise) const {
+    if (element_.Attribute(name) == nullptr) return otherwise;
+    const std::string text = Text(name);
+    Eigen::Vector3d vector;
+    std::size_t at = 0;
+    for (int i = 0; i < 3; ++i) {
+      at = text.find_first_not_of(' ', at);
+      if (at == std::string::npos) Fail(fmt::format("'{}' must be three numbers, is '{}'", name, text));
+      const std::size_t end = std::min(text.find(' ', at), text.size());
+      vector[i] = Parse(name, text.substr(at, end - at));
+      at = end;
+    }
+    if (text.find_first_not_of(' ', at) != std::string::npos || !(vector.norm() > 1e-9)) {
+      Fail(fmt::format("'{}' must be three numbers, not all zero, is '{}'", name, text));
+    }
+    return vector.normalized();
+  }
+  [[noreturn]] void Fail(const std::string& message) const {
+    throw VehicleError(file_, element_.GetLineNum(), message);
+  }
+
+ private:
+  double Parse(const char* name, const std::string& text) const {
+    double value = 0;
+    const char* end = text.data() + text.size();
+    const auto [rest, error] = std::from_chars(text.data(), end, value);
+    if (error != std::errc() || rest != end || !std::isfinite(value)) {
+      Fail(fmt::format("'{}' must be a number, is '{}'", name, text));
+    }
+    return value;
+  }
+
+  const std::filesystem::path& file_;
+  const XMLElement& element_;
+};
+
+ThrusterElement ReadThruster(const std::filesystem::path& file, const XMLElement& element) {
+  const Attributes attributes(
+      file, element, {"name", "link", "axis", "direction", "drag_ratio_m", "force_min_n", "force_max_n"});
+  ThrusterElement thruster;
+  thruster.line = element.GetLineNum();
+  thruster.name = Attribute(element, "name");
+  thruster.link = attributes.Text("link");
+  thruster.axis = attributes.UnitVector("axis", thruster.axis);
+  thruster.direction = attributes.Number("direction", -1, 1);
+  if (std::abs(thruster.direction) != 1.0) attributes.Fail("'direction' must be 1 or -1");
+  thruster.drag_ratio_m = attributes.Number("drag_ratio_m", 0, 10);
+  thruster.force_min_n = attributes.OptionalNumber("force_min_n", -1e3, 1e3).value_or(0);
+  thruster.force_max_n = attributes.Number("force_max_n", -1e3, 1e3);
+  if (!(thruster.force_min_n < thruster.force_max_n))
+    attributes.Fail("'force_min_n' must be less than 'force_max_n'");
+  return thruster;
+}
+
+// Right first, by name, or in the order of the file when neither has a role for a name.
+void OrderThrusters(const std::filesystem::path& file, VehicleElements& elements) {
+  auto& thrusters = elements.thrusters;
+  if (thrusters.size() != 2) {
+    throw VehicleError(
+        file, elements.line,
+        fmt::format("a vehicle has two <tiltproof:thruster>, right and left; found {}", thrusters.size()));
+  }
+  const auto is_role = [](const std::string& name) { return name == "right" || name == "left"; };
+  const bool first = is_role(thrusters[0].name), second = is_role(thrusters[1].name);
+  if (first != second || (first && thrusters[0].name == thrusters[1].name)) {
+    throw VehicleError(
+        file, thrusters[second ? 0 : 1].line,
+        "one thruster must be named 'right', the other 'left' (or both otherwise: right, left in order)");
+  }
+  if (first && thrusters[0].name == "left") std::swap(thrusters[0], thrusters[1]);
+  if (thrusters[0].link == thrusters[1].link) {
+    throw VehicleError(file, thrusters[1].line, "both thrusters have link '" + thrusters[0].link + "'");
+  }
+}
+
+VehicleElements ReadVehicleElement(const std::filesystem::path& file, const XMLElement& vehicle) {
+  VehicleElements elements;
+  elements.file = file;
+  elements.line = vehicle.GetLineNum();
+  bool has_base = false, has_sensors = false;
+  for (const auto* child = vehicle.FirstChildElement(); child != nullptr;
+       child = child->NextSiblingElement()) {
+    const std::string_view tag = child->Name();
+    if (tag == "tiltproof:base") {
+      const Attributes attributes(file, *child, {"link"});
+      if (has_base) attributes.Fail("a vehicle has one <tiltproof:base>");
+      has_base = true;
+      elements.base_link = attributes.Text("link");
+    } else if (tag == "tiltproof:thruster") {
+      elements.thrusters.push_back(ReadThruster(file, *child));
+    } else if (tag == "tiltproof:servo") {
+      const Attributes attributes(file, *child, {"joint", "torque_max_nm"});
+      elements.servos.push_back({.line = child->GetLineNum(),
+                                 .joint = attributes.Text("joint"),
+                                 .torque_max_nm = attributes.OptionalNumber("torque_max_nm", 0, 1e3)});
+    } else if (tag == "tiltproof:sensors") {
+      const Attributes attributes(file, *child, {"rate_hz"});
+      if (has_sensors) attributes.Fail("a vehicle has one <tiltproof:sensors>");
+      has_sensors = true;
+      elements.sensor_rate_hz = attributes.OptionalNumber("rate_hz", 1, 1e6).value_or(0);
+    } else {
+      throw VehicleError(
+          file, child->GetLineNum(),
+          fmt::format("unknown element <{}>; known are tiltproof:base, tiltproof:thruster, tiltproof:servo, "
+                      "tiltproof:sensors",
+                      tag));
+    }
+  }
+  if (!has_base) throw VehicleError(file, elements.line, "<tiltproof:base link=\"...\"/> is missing");
+  OrderThrusters(file, elements);
+  if (elements.servos.size() != 2) {
+    throw VehicleError(file, elements.line,
+                       fmt::format("a vehicle has two <tiltproof:servo>; found {}", elements.servos.size()));
+  }
+  return elements;
+}
+
+}  // namespace
+
+VehicleXml::VehicleXml(std::filesystem::path file) : file_(std::move(file)) {
+  Load(file_, document_);
+  const XMLElement* root = document_.RootElement();
+  if (root == nullptr || std::string_view(root->Name()) != "sdf") {
+    throw VehicleError(file_, root == nullptr ? 0 : root->GetLineNum(),
+                       "not an SDF file: the root is not <sdf>");
+  }
+  model_ = root->FirstChildElement("model");
+  if (model_ == nullptr) throw VehicleError(file_, root->GetLineNum(), "holds no <model>");
+  if (const auto* second = model_->NextSiblingElement("model")) {
+    throw VehicleError(file_, second->GetLineNum(), "holds a second <model>");
+  }
+}
+
+VehicleElements VehicleXml::ReadElements(const std::filesystem::path& mapping,
+                                         std::vector<std::string>& warnings) const {
+  const XMLElement* embedded = model_->FirstChildElement("tiltproof:vehicle");
+  std::filesystem::path beside = file_;
+  beside.replace_extension(".tiltproof.xml");
+  std::error_code error;
+  const std::filesystem::path chosen =
+      !mapping.empty() ? mapping
+                       : (std::filesystem::exists(beside, error) ? beside : std::filesystem::path());
+  if (chosen.empty()) {
+    if (embedded == nullptr) {
+      throw VehicleError(
+          file_, model_->GetLineNum(),
+          fmt::format("nothing says which links and joints are the base, the thrusters and the servos: "
+                      "<tiltproof:vehicle> is missing, and so is {}",
+                      beside.filename().string()));
+    }
+    return ReadVehicleElement(file_, *embedded);
+  }
+  if (embedded != nullptr) Warn(*embedded, "overridden by " + chosen.string(), warnings);
+  tinyxml2::XMLDocument document;
+  Load(chosen, document);
+  const XMLElement* root = document.RootElement();
+  if (root == nullptr || std::string_view(root->Name()) != "tiltproof:vehicle") {
+    throw VehicleError(chosen, root == nullptr ? 0 : root->GetLineNum(),
+                       "the root is not <tiltproof:vehicle>");
+  }
+  return ReadVehicleElement(chosen, *root);
+}
+
+void VehicleXml::CheckNames() const {
+  std::set<std::string> links, joints;
+  const auto unique = [this](const XMLElement& element, std::set<std::string>& names) {
+    const std::string name = Attribute(element, "name");
+    if (name.empty())
+      throw VehicleError(file_, element.GetLineNum(), fmt::format("<{}> has no name", element.Name()));
+    if (!names.insert(name).second) {
+      throw VehicleError(file_, element.GetLineNum(), fmt::format("a second {} '{}'", element.Name(), name));
+    }
+  };
+  for (const auto* e = model_->FirstChildElement("link"); e != nullptr; e = e->NextSiblingElement("link")) {
+    unique(*e, links);
+  }
+  for (const auto* e = model_->FirstChildElement("joint"); e != nullptr; e = e->NextSiblingElement("joint")) {
+    unique(*e, joints);
+    for (const char* end : {"parent", "child"}) {
+      const XMLElement* reference = e->FirstChildElement(end);
+      const char* text = reference == nullptr ? nullptr : reference->GetText();
+      const std::string joint = Attribute(*e, "name");
+      if (text == nullptr) {
+        throw VehicleError(file_, e->GetLineNum(), fmt::format("joint '{}' has no <{}>", joint, end));
+      }
+      if (!links.contains(text)) {
+        throw VehicleError(file_, reference->GetLineNum(),
+                           fmt::format("joint '{}': {} link '{}' does not exist", joint, end, text));
+      }
+    }
+  }
+}
+
+void VehicleXml::Warn(const XMLElement& element, const std::string& text,
+                      std::vector<std::string>& warnings) const {
+  warnings.push_back(
+      fmt::format("{}:{}: {}: {}", file_.string(), element.GetLineNum(), Describe(element), text));
+}
+
+void VehicleXml::WarnLink(const XMLElement& link, bool is_base, std::vector<std::string>& warnings) const {
+  const std::string where = fmt::format(" of link '{}'", Attribute(link, "name"));
+  bool has_shape = false;
+  for (const auto* child = link.FirstChildElement(); child != nullptr; child = child->NextSiblingElement()) {
+    if (IsOneOf(*child, {"inertial", "pose"})) continue;
+    if (IsOneOf(*child, {"collision", "visual"})) {
+      const bool is_collision = IsOneOf(*child, {"collision"});
+      const XMLElement* geometry = child->FirstChildElement("geometry");
+      const XMLElement* shape = geometry == nullptr ? nullptr : geometry->FirstChildElement();
+      if (shape != nullptr && IsOneOf(*shape, {"mesh"})) {
+        const XMLElement* uri = shape->FirstChildElement("uri");
+        const char* text = uri == nullptr ? nullptr : uri->GetText();
+        Warn(*shape,
+             fmt::format("meshes are not supported, ignored: {} in {}{}", text == nullptr ? "(no uri)" : text,
+                         Describe(*child), where),
+             warnings);
+      } else if (is_collision && !is_base) {
+        Warn(*child, "ignored" + where + ": only the base touches the ground", warnings);
+      } else if (is_collision && (shape == nullptr || !IsOneOf(*shape, {"box", "sphere", "cylinder"}))) {
+        Warn(*child, "ignored" + where + ": the shapes supported are box, sphere and cylinder", warnings);
+      } else if (is_collision && has_shape) {
+        Warn(*child, "ignored" + where + ": the first collision shape counts", warnings);
+      } else if (is_collision) {
+        has_shape = true;
+      }
+      continue;  // a primitive visual is for viewers
+    }
+    if (IsOneOf(*child, {"sensor"})) {
+      Warn(*child,
+           fmt::format("sensors of type '{}' are not supported, ignored{}", Attribute(*child, "type"), where),
+           warnings);
+      for (const auto* plugin = child->FirstChildElement("plugin"); plugin != nullptr;
+           plugin = plugin->NextSiblingElement("plugin")) {
+        Warn(*plugin, "plugins are not supported, ignored", warnings);
+      }
+      continue;
+    }
+    Warn(*child, "not supported, ignored" + where, warnings);
+  }
+  if (is_base && !has_shape) {
+    Warn(link,
+         "has no usable collision shape: the box of uniform density with its mass and inertia touches the "
+         "ground",
+         warnings);
+  }
+}
+
+void VehicleXml::WarnJoint(const XMLElement& joint, std::vector<std::string>& warnings) const {
+  const std::string where = fmt::format(" of joint '{}'", Attribute(joint, "name"));
+  for (const auto* child = joint.FirstChildElement(); child != nullptr; child = child->NextSiblingElement()) {
+    if (IsOneOf(*child, {"parent", "child", "pose"})) continue;
+    if (!IsOneOf(*child, {"axis"})) {
+      Warn(*child, "not supported, ignored" + where, warnings);
+      continue;
+    }
+    for (const auto* part = child->FirstChildElement(); part != nullptr; part = part->NextSiblingElement()) {
+      if (IsOneOf(*part, {"xyz", "use_parent_model_frame"})) continue;
+      if (!IsOneOf(*part, {"limit", "dynamics"})) {
+        Warn(*part, "not supported, ignored" + where, warnings);
+        continue;
+      }
+      for (const auto* value = part->FirstChildElement(); value != nullptr;
+           value = value->NextSiblingElement()) {
+        if (IsOneOf(*value, {"lower", "upper", "effort"})) continue;
+        if (IsOneOf(*value, {"velocity"})) {
+          Warn(*value,
+               fmt::format("the speed limit {}{} is not enforced", value->GetText() ? value->GetText() : "",
+                           where),
+               warnings);
+        } else if (value->DoubleText(1) != 0) {
+          Warn(*value, "not supported, ignored" + where, warnings);
+        }
+      }
+    }
+  }
+}
+
+void VehicleXml::WarnUnsupported(const VehicleElements& elements, std::vector<std::string>& warnings) const {
+  for (const auto* e = document_.RootElement()->FirstChildElement(); e != nullptr;
+       e = e->NextSiblingElement()) {
+    if (e != model_) Warn(*e, "not supported, ignored", warnings);
+  }
+  for (const auto* e = model_->FirstChildElement(); e != nullptr; e = e->NextSiblingElement()) {
+    if (IsOneOf(*e, {"link"})) {
+      WarnLink(*e, Attribute(*e, "name") == elements.base_link, warnings);
+    } else if (IsOneOf(*e, {"joint"})) {
+      WarnJoint(*e, warnings);
+    } else if (IsOneOf(*e, {"plugin"})) {
+      Warn(*e, "plugins are not supported, ignored", warnings);
+    } else if (IsOneOf(*e, {"pose"})) {
+      Warn(*e, "of the model is ignored: the scenario says where the vehicle starts", warnings);
+    } else if (!IsOneOf(*e, {"frame", "tiltproof:vehicle"})) {
+      Warn(*e, "not supported, ignored", warnings);
+    }
+  }
+}
+
+int VehicleXml::Line(std::string_view tag, std::string_view name, const char* child) const {
+  for (const auto* e = model_->FirstChildElement(); e != nullptr; e = e->NextSiblingElement()) {
+    if (tag != e->Name() || Attribute(*e, "name") != name) continue;
+    if (child == nullptr) return e->GetLineNum();
+    // A child, or a grandchild such as inertial/inertia.
+    for (const auto* c = e->FirstChildElement(); c != nullptr; c = c->NextSiblingElement()) {
+      if (std::string_view(c->Name()) == child) return c->GetLineNum();
+      if (const auto* g = c->FirstChildElement(child)) return g->GetLineNum();
+    }
+    return e->GetLineNum();
+  }
+  return model_->GetLineNum();
+}
+
+}  // namespace tiltproof::plant

@@ -1,0 +1,71 @@
+// The text of a vehicle file: what libsdformat does not keep. Line numbers, the tiltproof elements, and what
+// has no effect here. Internal to LoadVehicle.
+#pragma once
+
+#include <tinyxml2.h>
+
+#include <Eigen/Core>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace tiltproof::plant {
+
+struct ThrusterElement {
+  int line = 0;
+  std::string name;  // right, left or empty
+  std::string link;
+  Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();
+  double direction = 1, drag_ratio_m = 0;
+  double force_min_n = 0, force_max_n = 0;
+};
+
+struct ServoElement {
+  int line = 0;
+  std::string joint;
+  std::optional<double> torque_max_nm;
+};
+
+struct VehicleElements {
+  std::filesystem::path file;  // the one they stand in
+  int line = 0;
+  std::string base_link;
+  std::vector<ThrusterElement> thrusters;  // right, left
+  std::vector<ServoElement> servos;
+  double sensor_rate_hz = 0;
+};
+
+class VehicleXml {
+ public:
+  // Throws VehicleError when the file cannot be read, is not XML, or holds no single <model>.
+  explicit VehicleXml(std::filesystem::path file);
+
+  // The tiltproof elements from the mapping file if there is one, else from the model. Throws VehicleError.
+  VehicleElements ReadElements(const std::filesystem::path& mapping,
+                               std::vector<std::string>& warnings) const;
+
+  // Checks names: that links and joints have one each, and that joints join links there are. Throws
+  // VehicleError.
+  void CheckNames() const;
+
+  // One line for every element without effect on the flight.
+  void WarnUnsupported(const VehicleElements& elements, std::vector<std::string>& warnings) const;
+
+  // Line of <link name=...> or <joint name=...> (`tag`), or of a child of it; of the model when there is none
+  // such.
+  int Line(std::string_view tag, std::string_view name, const char* child = nullptr) const;
+
+ private:
+  void WarnLink(const tinyxml2::XMLElement& link, bool is_base, std::vector<std::string>& warnings) const;
+  void WarnJoint(const tinyxml2::XMLElement& joint, std::vector<std::string>& warnings) const;
+  void Warn(const tinyxml2::XMLElement& element, const std::string& text,
+            std::vector<std::string>& warnings) const;
+
+  std::filesystem::path file_;
+  tinyxml2::XMLDocument document_;
+  const tinyxml2::XMLElement* model_ = nullptr;
+};
+
+}  // namespace tiltproof::plant
