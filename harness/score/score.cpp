@@ -5,7 +5,6 @@
 #include <limits>
 #include <stdexcept>
 
-#include "harness/score/nearest_name.h"
 #include "harness/score/stl.h"
 
 namespace tiltproof::harness {
@@ -218,29 +217,6 @@ Score ScoreRun(const Scenario& scenario, const RunLog& log) {
   }
   Conclude(score);
   return score;
-}
-
-std::vector<CriterionProblem> CheckCriteria(const Scenario& scenario) {
-  const std::vector<std::string> fault_ids = FaultIds(scenario);
-  std::vector<CriterionProblem> problems;
-  for (std::size_t i = 0; i < scenario.criteria.size(); ++i) {
-    const CriterionSpec& spec = scenario.criteria[i];
-    if (!spec.stl.empty()) {
-      try {
-        stl::Parse(spec.stl, fault_ids);
-      } catch (const stl::ParseError& e) {
-        problems.push_back({i, e.column, e.what()});
-      }
-      continue;
-    }
-    const auto& names = MetricNames();
-    if (std::find(names.begin(), names.end(), spec.metric) != names.end()) continue;
-    const auto nearest = NearestName(spec.metric, names);
-    problems.push_back(
-        {i, 0,
-         "unknown metric '" + spec.metric + "'" + (nearest ? "; did you mean '" + *nearest + "'?" : "")});
-  }
-  return problems;
 }
 
 }  // namespace tiltproof::harness

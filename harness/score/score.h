@@ -1,12 +1,9 @@
 // Scoring: from a scenario and the log of its flight to metrics, criteria and a verdict. Pure: no clock, no
 // client, no files.
 //
-//   for (const auto& p : CheckCriteria(scenario)) ...   // before a flight: formulas that do not parse,
-//   unknown metrics const Score score = ScoreRun(scenario, log);        // after it, or from its files years
-//   later
+//   const Score score = ScoreRun(scenario, log);  // after the flight, or from its files years later
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -46,13 +43,5 @@ struct Score {
 
 // Never throws: a log that cannot be scored (a trace without its columns) is Verdict::kError with the reason.
 Score ScoreRun(const Scenario& scenario, const RunLog& log);
-
-// What is wrong with a criterion, for whoever knows where it stands in a file.
-struct CriterionProblem {
-  std::size_t criterion = 0;  // index in the scenario's list
-  std::size_t column = 0;     // 1-based in the formula's text; 0: in the name of the metric
-  std::string message;        // "unknown signal 'position_eror_m'; did you mean 'position_error_m'?"
-};
-std::vector<CriterionProblem> CheckCriteria(const Scenario& scenario);
 
 }  // namespace tiltproof::harness

@@ -86,6 +86,9 @@ class Printer {
     out_.append(text.data(), result.ptr);
   }
 
+  // Divided, not multiplied by 1e-9, which is no binary64 number: 60 s must not become 60.00000000000001.
+  void Seconds(TimeNs time_ns) { Number(static_cast<double>(time_ns) / 1e9); }
+
   void Operands(const char* sign, const Node& node) {
     Print(*node.left);
     out_ += sign;
@@ -117,9 +120,9 @@ class Printer {
 
   void Range(const Window& window) {
     out_ += '[';
-    Number(ToSeconds(window.begin_ns));
+    Seconds(window.begin_ns);
     out_ += ',';
-    Number(ToSeconds(window.end_ns));
+    Seconds(window.end_ns);
     out_ += ']';
   }
 

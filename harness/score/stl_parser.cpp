@@ -121,6 +121,7 @@ class Parser {
     std::optional<Window> window;
     SkipSpace();
     if (Peek() == '[') window = ParseWindow();
+    SkipSpace();
     if (Peek() != '(') FailExpected(window ? "'('" : "'[' or '('");
     return MakeFormula(op, column, ParseBracketed().node, nullptr, window);
   }

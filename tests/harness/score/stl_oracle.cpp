@@ -1,0 +1,203 @@
+#include "tests/harness/score/stl_oracle.h"
+
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <stdexcept>
+
+namespace tiltproof::testing {
+namespace {
+
+using harness::stl::Node;
+using harness::stl::Op;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+bool Below(const SlowValue& a, const SlowValue& b) {
+  if (a.number != b.number) return a.number < b.number;
+  return !a.holds && b.holds;
+}
+SlowValue Minimum(const SlowValue& a, const SlowValue& b) { return Below(b, a) ? b : a; }
+SlowValue Maximum(const SlowValue& a, const SlowValue& b) { return Below(a, b) ? b : a; }
+SlowBounds Minimum(const SlowBounds& a, const SlowBounds& b) {
+  return {Minimum(a.lower, b.lower), Minimum(a.upper, b.upper)};
+}
+SlowBounds Maximum(const SlowBounds& a, const SlowBounds& b) {
+  return {Maximum(a.lower, b.lower), Maximum(a.upper, b.upper)};
+}
+SlowBounds Negated(const SlowBounds& a) {
+  return {{-a.upper.number, !a.upper.holds}, {-a.lower.number, !a.lower.holds}};
+}
+SlowBounds Certain(bool holds) {
+  const SlowValue value{holds ? kInfinity : -kInfinity, holds};
+  return {value, value};
+}
+SlowBounds Anything() { return {{-kInfinity, false}, {kInfinity, true}}; }
+
+class Oracle {
+ public:
+  explicit Oracle(const SlowTrace& trace) : trace_(trace), rows_(trace.times_ns.size()) {}
+
+  // At a row, or at "later than all rows" when row == rows_.
+  SlowBounds At(const Node& node, std::size_t row, bool negated) const {
+    switch (node.op) {
+      case Op::kTrue:
+        return Certain(true);
+      case Op::kFalse:
+        return Certain(false);
+      case Op::kFaultActive: {
+        if (row == rows_) return Anything();
+        const double active = trace_.active_a[row];
+        return std::isnan(active) ? Certain(negated) : Certain(active != 0.0);
+      }
+      case Op::kNot:
+        return Negated(At(*node.left, row, !negated));
+      case Op::kAnd:
+        return Minimum(At(*node.left, row, negated), At(*node.right, row, negated));
+      case Op::kOr:
+        return Maximum(At(*node.left, row, negated), At(*node.right, row, negated));
+      case Op::kImplies:
+        return Maximum(Negated(At(*node.left, row, !negated)), At(*node.right, row, negated));
+      case Op::kAlways:
+      case Op::kEventually: {
+        std::optional<SlowBounds> best;
+        for (const std::size_t r : Window(node, row)) {
+          const SlowBounds inside = At(*node.left, r, negated);
+          if (!best)
+            best = inside;
+          else
+            best = node.op == Op::kAlways ? Minimum(*best, inside) : Maximum(*best, inside);
+        }
+        return best.value();
+      }
+      case Op::kUntil: {
+        std::optional<SlowBounds> best;
+        for (const std::size_t reach : Window(node, row)) {
+          SlowBounds value = At(*node.right, reach, negated);
+          for (std::size_t r = row; r < rows_ + 1; ++r)
+            if (StaysBefore(node, row, r, reach)) value = Minimum(value, At(*node.left, r, negated));
+          best = best ? Maximum(*best, value) : value;
+        }
+        return best.value();
+      }
+      default:
+        return Compare(node, row, negated);
+    }
+  }
+
+ private:
+  // "left" must hold in row r when "right" is to do so in row `reach`, seen from `row`. In time, that is in
+  // [t, t'), where t' is the time of `reach`, or the begin of the window if `reach` is the row before it.
+  bool StaysBefore(const Node& node, std::size_t row, std::size_t r, std::size_t reach) const {
+    if (r < reach) return true;
+    if (r > reach) return false;
+    const TimeNs begin_ns = node.window->begin_ns;
+    if (row == rows_) return begin_ns > 0;
+    // Wholly in the unseen: more of it may lie before the window.
+    if (reach == rows_) return trace_.times_ns[row] + begin_ns > trace_.times_ns.back();
+    return trace_.times_ns[reach] < trace_.times_ns[row] + begin_ns;
+  }
+
+  std::vector<std::size_t> Window(const Node& node, std::size_t row) const {
+    if (row == rows_) return {rows_};
+    const TimeNs now_ns = trace_.times_ns[row], last_ns = trace_.times_ns.back();
+    std::vector<std::size_t> inside;
+    if (!node.window) {
+      for (std::size_t r = row; r < rows_; ++r) inside.push_back(r);
+      if (trace_.planned_end_ns > last_ns) inside.push_back(rows_);
+      return inside;
+    }
+    const TimeNs begin_ns = now_ns + node.window->begin_ns, end_ns = now_ns + node.window->end_ns;
+    for (std::size_t r = 0; r < rows_; ++r)
+      if (begin_ns <= trace_.times_ns[r] && trace_.times_ns[r] <= end_ns) inside.push_back(r);
+    if (end_ns > last_ns) inside.push_back(rows_);
+    if (!inside.empty()) return inside;
+    std::size_t before = 0;
+    for (std::size_t r = 0; r < rows_; ++r)
+      if (trace_.times_ns[r] <= begin_ns) before = r;
+    return {before};
+  }
+
+  SlowBounds Compare(const Node& node, std::size_t row, bool negated) const {
+    const double scale = std::max(Scale(*node.left), Scale(*node.right));
+    if (row == rows_ && scale > 0.0) return Anything();
+    const double left = Number(*node.left, row), right = Number(*node.right, row);
+    if (std::isnan(left) || std::isnan(right)) return Certain(negated);
+    const double divisor = scale > 0.0 ? scale : 1.0;
+    SlowValue value;
+    switch (node.op) {
+      case Op::kLessEqual:
+        value = {(right - left) / divisor, left <= right};
+        break;
+      case Op::kLess:
+        value = {(right - left) / divisor, left < right};
+        break;
+      case Op::kGreaterEqual:
+        value = {(left - right) / divisor, left >= right};
+        break;
+      case Op::kGreater:
+        value = {(left - right) / divisor, left > right};
+        break;
+      default:
+        throw std::logic_error("not a comparison");
+    }
+    return {value, value};
+  }
+
+  // The table of scales, for sums and the like of the two signals; 0 without one.
+  double Scale(const Node& node) const {
+    if (node.op == Op::kSignal) return node.name == "roll_rad" ? 0.5 : 1.0;
+    double scale = 0.0;
+    if (node.left) scale = std::max(scale, Scale(*node.left));
+    if (node.right) scale = std::max(scale, Scale(*node.right));
+    return scale;
+  }
+
+  double Number(const Node& node, std::size_t row) const {
+    switch (node.op) {
+      case Op::kNumber:
+        return node.number;
+      case Op::kSignal:
+        return node.name == "x_m" ? trace_.x_m[row] : trace_.roll_rad[row];
+      case Op::kNegate:
+        return -Number(*node.left, row);
+      case Op::kAbs:
+        return std::abs(Number(*node.left, row));
+      case Op::kAdd:
+        return Number(*node.left, row) + Number(*node.right, row);
+      case Op::kSubtract:
+        return Number(*node.left, row) - Number(*node.right, row);
+      case Op::kMin:
+      case Op::kMax: {
+        const double a = Number(*node.left, row), b = Number(*node.right, row);
+        if (std::isnan(a) || std::isnan(b)) return a + b;
+        return node.op == Op::kMin ? std::min(a, b) : std::max(a, b);
+      }
+      default:
+        throw std::logic_error("not a number of this oracle");
+    }
+  }
+
+  const SlowTrace& trace_;
+  std::size_t rows_;
+};
+
+}  // namespace
+
+harness::Trace SlowTrace::ToTrace() const {
+  harness::Trace trace({"t_s", "x_m", "roll_rad", "active_a"});
+  for (std::size_t r = 0; r < times_ns.size(); ++r) {
+    const auto row = trace.AppendRow();
+    row[0] = ToSeconds(times_ns[r]);
+    row[1] = x_m[r];
+    row[2] = roll_rad[r];
+    row[3] = active_a[r];
+  }
+  return trace;
+}
+
+SlowBounds SlowEvaluate(const harness::stl::Formula& formula, const SlowTrace& trace) {
+  return Oracle(trace).At(*formula, 0, false);
+}
+
+}  // namespace tiltproof::testing
