@@ -278,7 +278,7 @@ void VehicleXml::Warn(const XMLElement& element, const std::string& text,
 }
 
 void VehicleXml::WarnLink(const XMLElement& link, bool is_base, std::vector<std::string>& warnings) const {
-  const std::string where = fmt::format(" of link '{}'", Attribute(link, "name"));
+  const std::string where = fmt::format(" (link '{}')", Attribute(link, "name"));
   bool has_shape = false;
   for (const auto* child = link.FirstChildElement(); child != nullptr; child = child->NextSiblingElement()) {
     if (IsOneOf(*child, {"inertial", "pose"})) continue;
@@ -294,11 +294,11 @@ void VehicleXml::WarnLink(const XMLElement& link, bool is_base, std::vector<std:
                          Describe(*child), where),
              warnings);
       } else if (is_collision && !is_base) {
-        Warn(*child, "ignored" + where + ": only the base touches the ground", warnings);
+        Warn(*child, "ignored: only the base touches the ground" + where, warnings);
       } else if (is_collision && (shape == nullptr || !IsOneOf(*shape, {"box", "sphere", "cylinder"}))) {
-        Warn(*child, "ignored" + where + ": the shapes supported are box, sphere and cylinder", warnings);
+        Warn(*child, "ignored: the shapes supported are box, sphere and cylinder" + where, warnings);
       } else if (is_collision && has_shape) {
-        Warn(*child, "ignored" + where + ": the first collision shape counts", warnings);
+        Warn(*child, "ignored: the first collision shape counts" + where, warnings);
       } else if (is_collision) {
         has_shape = true;
       }
@@ -310,7 +310,7 @@ void VehicleXml::WarnLink(const XMLElement& link, bool is_base, std::vector<std:
            warnings);
       for (const auto* plugin = child->FirstChildElement("plugin"); plugin != nullptr;
            plugin = plugin->NextSiblingElement("plugin")) {
-        Warn(*plugin, "plugins are not supported, ignored", warnings);
+        Warn(*plugin, "plugins are not supported, ignored" + where, warnings);
       }
       continue;
     }
@@ -325,7 +325,7 @@ void VehicleXml::WarnLink(const XMLElement& link, bool is_base, std::vector<std:
 }
 
 void VehicleXml::WarnJoint(const XMLElement& joint, std::vector<std::string>& warnings) const {
-  const std::string where = fmt::format(" of joint '{}'", Attribute(joint, "name"));
+  const std::string where = fmt::format(" (joint '{}')", Attribute(joint, "name"));
   for (const auto* child = joint.FirstChildElement(); child != nullptr; child = child->NextSiblingElement()) {
     if (IsOneOf(*child, {"parent", "child", "pose"})) continue;
     if (!IsOneOf(*child, {"axis"})) {
@@ -343,7 +343,7 @@ void VehicleXml::WarnJoint(const XMLElement& joint, std::vector<std::string>& wa
         if (IsOneOf(*value, {"lower", "upper", "effort"})) continue;
         if (IsOneOf(*value, {"velocity"})) {
           Warn(*value,
-               fmt::format("the speed limit {}{} is not enforced", value->GetText() ? value->GetText() : "",
+               fmt::format("the speed limit {} is not enforced{}", value->GetText() ? value->GetText() : "",
                            where),
                warnings);
         } else if (value->DoubleText(1) != 0) {
