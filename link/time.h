@@ -29,6 +29,6 @@ constexpr TimeNs FromSeconds(double s) {
   const double ns = s * 1e9;
   return static_cast<TimeNs>(ns < 0 ? ns - 0.5 : ns + 0.5);
 }
-constexpr double ToSeconds(TimeNs t) { return static_cast<double>(t) * 1e-9; }
+constexpr double ToSeconds(TimeNs t) { return static_cast<double>(t) / 1e9; }
 
 }  // namespace tiltproof

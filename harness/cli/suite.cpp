@@ -45,8 +45,9 @@ std::shared_ptr<const plant::VehicleModel> ModelCache::Load(const std::filesyste
   for (const auto& entry : entries_)
     if (entry.file == file && entry.allow_invalid_inertia == allow_invalid_inertia) return entry.model;
   std::vector<std::string> warnings;
-  auto model = std::make_shared<const plant::VehicleModel>(
-      plant::LoadVehicle(file, {.allow_invalid_inertia = allow_invalid_inertia}, warnings));
+  plant::LoadOptions options;
+  options.allow_invalid_inertia = allow_invalid_inertia;
+  auto model = std::make_shared<const plant::VehicleModel>(plant::LoadVehicle(file, options, warnings));
   for (auto& warning : warnings)
     if (std::find(warnings_.begin(), warnings_.end(), warning) == warnings_.end())
       warnings_.push_back(std::move(warning));

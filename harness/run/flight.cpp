@@ -105,7 +105,7 @@ Flight::Flight(const Scenario& scenario, const plant::VehicleModel& model, const
       options_(options),
       trajectory_(scenario.reference),
       plant_(model, {.step_ns = scenario.step_ns}),
-      faults_(scenario.faults, scenario.seed),
+      faults_(scenario.faults, scenario.seed, {.baud = scenario.link.ideal ? 0 : scenario.link.baud}),
       wires_{[&] {
         const std::int64_t baud = scenario.link.ideal ? 0 : scenario.link.baud;
         const auto wire = [&](Direction direction, TimeNs latency) {
@@ -328,7 +328,7 @@ void Flight::PutInputInForce() {
   if (!new_command && t < next_fault_edge_ns_) return;
   if (new_command) commanded_from_ns_ = kNever;
   ActuatorsTruth input = commanded_;
-  faults_.EditActuators(t, input);
+  faults_.EditActuators(t, input, new_command);
   in_force_ = plant_.Saturate(input);
   next_fault_edge_ns_ = faults_.NextEdge(t);
 }
