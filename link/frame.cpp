@@ -122,19 +122,28 @@ std::optional<FrameEvent> FrameDecoder::ReadFrame(std::span<const std::uint8_t>&
     state_ = state;
   };
 
+  const auto append = [&](std::uint8_t byte) {
+    *out++ = byte;
+    sum1 += byte;
+    sum2 += sum1;
+  };
+
   while (in != last) {
     std::uint8_t byte = *in;
     if (!escaped) {
       // Plain bytes: one bound for the end of the input and of the buffer.
       const std::uint8_t* const plain_end = last - in < out_end - out ? last : in + (out_end - out);
       while (in != plain_end && !MustEscape(byte = *in)) {
-        *out++ = byte;
-        sum1 += byte;
-        sum2 += sum1;
+        append(byte);
         ++in;
       }
       if (in == last) break;
       byte = *in;
+      if (byte == kEscape) {
+        escaped = true;
+        if (++in == last) break;
+        byte = *in;
+      }
     }
     ++in;
     if (byte == kFlag) {
@@ -143,26 +152,15 @@ std::optional<FrameEvent> FrameDecoder::ReadFrame(std::span<const std::uint8_t>&
         continue;
       }
       leave(State::kInFrame);
-      const FrameStatus status = escaped ? FrameStatus::kDanglingEscape : Judge();
-      const bool has_check =
-          status == FrameStatus::kOk || status == FrameStatus::kEmpty || status == FrameStatus::kBadChecksum;
-      const FrameEvent event = MakeEvent(status, has_check ? size_ - kCheckBytes : size_);
-      OpenFrame();
-      return event;
-    }
-    if (byte == kEscape && !escaped) {
-      escaped = true;
-      continue;
+      return CloseFrame(escaped ? FrameStatus::kDanglingEscape : Judge());
     }
     if (out == out_end) {
       leave(State::kSkipping);
       return MakeEvent(FrameStatus::kTooLong, size_);
     }
-    if (escaped) byte ^= kEscapeXor;
+    // Plain bytes end at a flag, an escape or a full buffer: this one was escaped.
+    append(byte ^ kEscapeXor);
     escaped = false;
-    *out++ = byte;
-    sum1 += byte;
-    sum2 += sum1;
   }
   leave(escaped ? State::kEscaped : State::kInFrame);
   return std::nullopt;
@@ -178,6 +176,14 @@ FrameStatus FrameDecoder::Judge() const {
   const std::uint32_t sum2 = sum2_ - sum1_ - (sum1_ - check2);
   if (Low(sum1) != check1 || Low(sum2) != check2) return FrameStatus::kBadChecksum;
   return size_ == kCheckBytes ? FrameStatus::kEmpty : FrameStatus::kOk;
+}
+
+FrameEvent FrameDecoder::CloseFrame(FrameStatus status) {
+  const bool has_check =
+      status == FrameStatus::kOk || status == FrameStatus::kEmpty || status == FrameStatus::kBadChecksum;
+  const FrameEvent event = MakeEvent(status, has_check ? size_ - kCheckBytes : size_);
+  OpenFrame();
+  return event;
 }
 
 FrameEvent FrameDecoder::MakeEvent(FrameStatus status, std::size_t payload_bytes) {

@@ -94,7 +94,9 @@ class FrameDecoder {
   std::optional<FrameEvent> ReadFrame(std::span<const std::uint8_t>& bytes);
   // What the size_ bytes between two flags are; size_ > 0.
   FrameStatus Judge() const;
-  // The event of the frame that ends before offset_, counted.
+  // The event of the frame that the flag before offset_ closes; the flag opens the next one.
+  FrameEvent CloseFrame(FrameStatus status);
+  // An event that ends before offset_, counted.
   FrameEvent MakeEvent(FrameStatus status, std::size_t payload_bytes);
   // The flag before offset_ opens a frame.
   void OpenFrame();
