@@ -1,0 +1,112 @@
+// Frames on a line with faults, without a wire: what the tests of fault models have in common.
+#pragma once
+
+#include <cstdint>
+#include <initializer_list>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "faults/registry.h"
+#include "faults/schedule.h"
+#include "link/chunk.h"
+
+namespace tiltproof::faults {
+
+using Bytes = std::vector<std::uint8_t>;
+
+// A fault on to_client (if it is one for the wire) without window.
+inline FaultSpec Spec(const std::string& type, std::map<std::string, ParameterValue> parameters = {},
+                      const std::string& id = "fault") {
+  FaultSpec spec;
+  spec.id = id;
+  spec.type = type;
+  spec.parameters = std::move(parameters);
+  const FaultType* found = FindFaultType(type);
+  if (found != nullptr && found->on_wire()) spec.target = Target::kToClient;
+  return spec;
+}
+
+// The type's example, of which the registry says that it acts.
+inline FaultSpec ExampleSpec(const FaultType& type) {
+  FaultSpec spec = Spec(std::string(type.name));
+  for (const ParameterInfo& info : type.parameters) spec.parameters[std::string(info.name)] = info.example;
+  return spec;
+}
+
+// Frame n of a line that sends one every 12 ms; no two are alike. Interior bytes are never flags.
+inline link::Chunk Frame(std::int64_t n, std::size_t size = 68) {
+  link::Chunk chunk;
+  chunk.begin_ns = n * 12 * kNsPerMs;
+  chunk.number = static_cast<std::uint64_t>(n);
+  chunk.kind = link::MessageKind::kReply;
+  chunk.bytes.assign(size, 0x7E);
+  for (std::size_t i = 1; i + 1 < size; ++i) {
+    const auto byte = static_cast<std::uint8_t>(static_cast<std::size_t>(n) * 31 + i * 7 + (n >> 8));
+    chunk.bytes[i] = byte == 0x7E || byte == 0x7D ? 0 : byte;
+  }
+  // The number itself, in base 64.
+  for (std::size_t i = 1; i < 5 && i + 1 < size; ++i) {
+    chunk.bytes[i] = static_cast<std::uint8_t>(n >> (6 * (i - 1)) & 0x3F);
+  }
+  return chunk;
+}
+
+// What a schedule makes of frames 0 to count - 1 on to_client: the chunks that came out at each of them. Time
+// 0 of the line is t = 0.
+inline std::vector<std::vector<link::Chunk>> Send(FaultSchedule& schedule, std::int64_t count,
+                                                  std::size_t size = 68,
+                                                  link::Direction direction = link::Direction::kToClient) {
+  schedule.SetOrigin(0);
+  link::ChunkStage* stage = schedule.Stage(direction);
+  std::vector<std::vector<link::Chunk>> out;
+  for (std::int64_t n = 0; n < count; ++n) {
+    out.push_back({Frame(n, size)});
+    if (stage != nullptr) stage->Apply(out.back());
+  }
+  return out;
+}
+
+// The same with one fault.
+inline std::vector<std::vector<link::Chunk>> Send(const FaultSpec& spec, std::int64_t count,
+                                                  std::size_t size = 68, std::uint64_t seed = 1) {
+  FaultSchedule schedule({spec}, seed);
+  return Send(schedule, count, size);
+}
+
+inline bool Same(const link::Chunk& a, const link::Chunk& b) {
+  return a.begin_ns == b.begin_ns && a.bytes == b.bytes;
+}
+
+inline bool Same(const std::vector<link::Chunk>& a, const std::vector<link::Chunk>& b) {
+  if (a.size() != b.size()) return false;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    if (!Same(a[i], b[i])) return false;
+  }
+  return true;
+}
+
+inline bool Unchanged(const std::vector<link::Chunk>& out, std::int64_t n, std::size_t size = 68) {
+  return out.size() == 1 && Same(out[0], Frame(n, size));
+}
+
+// Whether frame `n` went on, whole and as it was.
+inline int CountUnchanged(const std::vector<std::vector<link::Chunk>>& out, std::size_t size = 68) {
+  int count = 0;
+  for (std::size_t n = 0; n < out.size(); ++n) {
+    if (Unchanged(out[n], static_cast<std::int64_t>(n), size)) ++count;
+  }
+  return count;
+}
+
+// Which data bits differ between a frame and what came of it, both of the same size.
+inline std::vector<std::size_t> FlippedBits(const link::Chunk& before, const link::Chunk& after) {
+  std::vector<std::size_t> bits;
+  for (std::size_t bit = 0; bit < 8 * before.bytes.size(); ++bit) {
+    if (((before.bytes[bit / 8] ^ after.bytes.at(bit / 8)) >> (bit % 8) & 1) != 0) bits.push_back(bit);
+  }
+  return bits;
+}
+
+}  // namespace tiltproof::faults

@@ -1,0 +1,413 @@
+// What every fault type must keep, whatever it does. Runs over the whole registry.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <ostream>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "faults/registry.h"
+#include "faults/schedule.h"
+#include "tests/faults/faulty_line.h"
+
+namespace tiltproof::faults {
+
+// What GoogleTest prints for a parameter.
+void PrintTo(const FaultType& type, std::ostream* os) { *os << type.name; }
+
+namespace {
+
+using ::testing::Contains;
+using ::testing::Field;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+
+constexpr std::int64_t kFrames = 1000;
+constexpr TimeNs kPeriod = 12 * kNsPerMs;
+
+// Sample n of a flight: every sensor moves. Of no use to a frozen sensor is one that stands still.
+Sensors Sample(std::int64_t n) {
+  Sensors sensors;
+  float value = static_cast<float>(n);
+  for (const auto& field : kSensorFields) sensors.*field.in_float = value += 0.25F;
+  return sensors;
+}
+
+ActuatorsTruth Command(std::int64_t n) {
+  return {.f_r_n = 10 + 0.01 * static_cast<double>(n), .f_l_n = 10.5, .tau_r_nm = 0.1, .tau_l_nm = -0.1};
+}
+
+// Everything that a fault can change, over kFrames periods of 12 ms.
+struct Outcome {
+  std::vector<std::vector<link::Chunk>> frames;
+  std::vector<Sensors> sensors;
+  std::vector<ActuatorsTruth> actuators;
+  std::vector<std::int64_t> counts;
+  std::vector<Activation> activations;
+};
+
+Outcome Fly(const std::vector<FaultSpec>& specs, std::uint64_t seed = 1) {
+  FaultSchedule schedule(specs, seed);
+  Outcome outcome;
+  outcome.frames = Send(schedule, kFrames);
+  for (std::int64_t n = 0; n < kFrames; ++n) {
+    outcome.sensors.push_back(Sample(n));
+    schedule.EditSensors(n * kPeriod, outcome.sensors.back());
+    outcome.actuators.push_back(Command(n));
+    schedule.EditActuators(n * kPeriod, outcome.actuators.back());
+  }
+  outcome.counts = schedule.ActivationCounts();
+  outcome.activations = schedule.TakeActivations(0);
+  return outcome;
+}
+
+bool SameFrames(const Outcome& a, const Outcome& b) {
+  return std::equal(a.frames.begin(), a.frames.end(), b.frames.begin(), b.frames.end(),
+                    [](const auto& x, const auto& y) { return Same(x, y); });
+}
+
+bool SameOutcome(const Outcome& a, const Outcome& b) {
+  return SameFrames(a, b) && a.sensors == b.sensors && a.actuators == b.actuators;
+}
+
+// What came of frame n, wherever it came out.
+std::vector<link::Chunk> Descendants(const Outcome& outcome, std::int64_t n) {
+  std::vector<link::Chunk> all;
+  for (const auto& out : outcome.frames) {
+    for (const auto& chunk : out) {
+      if (chunk.number == static_cast<std::uint64_t>(n)) all.push_back(chunk);
+    }
+  }
+  return all;
+}
+
+class RegistryConformanceTest : public ::testing::TestWithParam<FaultType> {
+ protected:
+  const FaultType& type() const { return GetParam(); }
+};
+
+// Types with a value that changes nothing, and types that stand in the line.
+class ZeroConformanceTest : public RegistryConformanceTest {};
+class WireConformanceTest : public RegistryConformanceTest {};
+
+bool HasZero(const FaultType& type) {
+  return std::any_of(type.parameters.begin(), type.parameters.end(),
+                     [](const ParameterInfo& info) { return info.zero.has_value(); });
+}
+
+bool OnWire(const FaultType& type) { return type.on_wire(); }
+
+std::vector<FaultType> TypesThat(bool (*predicate)(const FaultType&)) {
+  std::vector<FaultType> types;
+  for (const FaultType& type : FaultTypes()) {
+    if (predicate(type)) types.push_back(type);
+  }
+  return types;
+}
+
+TEST_P(RegistryConformanceTest, IsDocumented) {
+  EXPECT_THAT(std::string(type().name), ::testing::MatchesRegex("[a-z]+\\.[a-z_]+"));
+  EXPECT_THAT((std::set<std::string_view>{"wire", "frame", "link", "sensor", "actuator", "harness"}),
+              Contains(type().layer()));
+  EXPECT_TRUE(type().summary.ends_with('.'));
+  EXPECT_TRUE(type().semantics.ends_with('.'));
+  const std::string catalogue = CatalogueMarkdown();
+  EXPECT_THAT(catalogue, HasSubstr("## " + std::string(type().name) + "\n"));
+  std::set<std::string_view> names;
+  for (const ParameterInfo& info : type().parameters) {
+    EXPECT_TRUE(names.insert(info.name).second) << info.name;
+    EXPECT_FALSE(info.doc.empty()) << info.name;
+    EXPECT_EQ(info.unit.empty(), info.kind == ParameterKind::kChoice) << info.name;
+    EXPECT_EQ(info.choices.empty(), info.kind != ParameterKind::kChoice) << info.name;
+    EXPECT_THAT(catalogue, HasSubstr("| `" + std::string(info.name) + "` |"));
+  }
+  EXPECT_EQ(
+      1, (type().make_wire != nullptr) + (type().make_sensor != nullptr) + (type().make_actuator != nullptr));
+  EXPECT_EQ(type().stage == Stage::kSensor, type().make_sensor != nullptr);
+  EXPECT_EQ(type().stage == Stage::kActuator, type().make_actuator != nullptr);
+}
+
+TEST_P(RegistryConformanceTest, ItsExampleIsValidAndActs) {
+  const FaultSpec spec = ExampleSpec(type());
+  EXPECT_THAT(Validate(spec), IsEmpty());
+  EXPECT_GT(Fly({spec}).counts.at(0), 0);
+}
+
+TEST_P(RegistryConformanceTest, RefusesWrongParameters) {
+  FaultSpec spec = ExampleSpec(type());
+  spec.parameters["gremlins"] = 1.0;
+  EXPECT_THAT(Validate(spec), Contains(Field(&Problem::key, "parameters.gremlins")));
+
+  for (const ParameterInfo& info : type().parameters) {
+    const std::string name(info.name);
+    const std::string key = "parameters." + name;
+    const auto problems_with = [&](const ParameterValue& value) {
+      FaultSpec changed = ExampleSpec(type());
+      changed.parameters[name] = value;
+      return Validate(changed);
+    };
+
+    spec = ExampleSpec(type());
+    spec.parameters.erase(name);
+    if (info.default_value) {
+      EXPECT_THAT(Validate(spec), IsEmpty()) << name;
+      EXPECT_THAT(problems_with(*info.default_value), IsEmpty()) << name;
+    } else {
+      EXPECT_THAT(Validate(spec), Contains(Field(&Problem::message, HasSubstr("'" + name + "'")))) << name;
+    }
+    if (info.zero) {
+      EXPECT_THAT(problems_with(*info.zero), IsEmpty()) << name;
+    }
+
+    const auto refused = Contains(Field(&Problem::key, key));
+    EXPECT_THAT(problems_with("no such choice"), refused);
+    if (info.kind == ParameterKind::kChoice) {
+      EXPECT_THAT(problems_with(1.0), refused);
+      for (const std::string_view choice : info.choices) {
+        EXPECT_THAT(problems_with(std::string(choice)), IsEmpty()) << choice;
+      }
+      continue;
+    }
+    EXPECT_LT(info.min, info.max);
+    EXPECT_THAT(problems_with(info.min), IsEmpty()) << name;
+    EXPECT_THAT(problems_with(info.max), IsEmpty()) << name;
+    EXPECT_THAT(problems_with(std::nextafter(info.min, -1e300)), refused);
+    EXPECT_THAT(problems_with(std::nextafter(info.max, 1e300)), refused);
+    EXPECT_THAT(problems_with(std::numeric_limits<double>::quiet_NaN()), refused);
+    EXPECT_THAT(problems_with(std::numeric_limits<double>::infinity()), refused);
+    if (info.kind == ParameterKind::kInteger) {
+      EXPECT_THAT(problems_with(info.min + 0.5), refused);
+    }
+  }
+}
+
+TEST_P(RegistryConformanceTest, RefusesWrongTargets) {
+  for (const Target target :
+       {Target::kNone, Target::kToClient, Target::kToPlant, Target::kBoth, Target::kReference}) {
+    FaultSpec spec = ExampleSpec(type());
+    spec.target = target;
+    const bool allowed = (target != Target::kNone) == type().on_wire() ||
+                         (target == Target::kNone && type().default_target.has_value());
+    if (allowed) {
+      EXPECT_THAT(Validate(spec), IsEmpty()) << Name(target);
+      EXPECT_NO_THROW(FaultSchedule({spec}, 1));
+    } else {
+      EXPECT_THAT(Validate(spec), Contains(Field(&Problem::key, "target"))) << Name(target);
+      EXPECT_THROW(FaultSchedule({spec}, 1), std::invalid_argument);
+    }
+  }
+}
+
+TEST_P(RegistryConformanceTest, SameSeedSameOutcome) {
+  FaultSpec spec = ExampleSpec(type());
+  spec.probability = 0.7;
+  const Outcome first = Fly({spec}, 5);
+  const Outcome second = Fly({spec}, 5);
+  EXPECT_TRUE(SameOutcome(first, second));
+  EXPECT_EQ(first.counts, second.counts);
+  // The trigger's probability alone makes another seed another outcome, for every type that changes anything.
+  if (!type().always_counts) {
+    EXPECT_FALSE(SameOutcome(first, Fly({spec}, 6)));
+  }
+}
+
+TEST_P(ZeroConformanceTest, ZeroIntensityChangesNothing) {
+  FaultSpec spec = ExampleSpec(type());
+  for (const ParameterInfo& info : type().parameters) {
+    if (info.zero) spec.parameters[std::string(info.name)] = *info.zero;
+  }
+  const Outcome outcome = Fly({spec});
+  EXPECT_TRUE(SameOutcome(outcome, Fly({})));
+  EXPECT_EQ(outcome.counts.at(0), 0);
+  EXPECT_THAT(outcome.activations, IsEmpty());
+}
+
+TEST_P(RegistryConformanceTest, ActsOnlyInItsWindow) {
+  FaultSpec spec = ExampleSpec(type());
+  // Borders between the grid points and on them.
+  spec.start_ns = 300 * kPeriod;
+  spec.end_ns = 600 * kPeriod + 1;
+  const Outcome outcome = Fly({spec});
+  EXPECT_GT(outcome.counts.at(0), 0);
+  for (std::int64_t n = 0; n < kFrames; ++n) {
+    if (n >= 300 && n <= 600) continue;
+    const auto index = static_cast<std::size_t>(n);
+    ASSERT_TRUE(Unchanged(Descendants(outcome, n), n)) << n;
+    ASSERT_EQ(outcome.sensors[index], Sample(n)) << n;
+    ASSERT_EQ(outcome.actuators[index], Command(n)) << n;
+  }
+  for (const Activation& activation : outcome.activations) {
+    EXPECT_GE(activation.time_ns, spec.start_ns);
+    EXPECT_LT(activation.time_ns, spec.end_ns);
+  }
+}
+
+TEST_P(WireConformanceTest, WaitsForTheOriginUnlessOpenFromPowerOn) {
+  const auto activations = [&](TimeNs start_ns) {
+    FaultSpec spec = ExampleSpec(type());
+    spec.start_ns = start_ns;
+    FaultSchedule schedule({spec}, 1);
+    for (std::int64_t n = 0; n < kFrames; ++n) {
+      std::vector<link::Chunk> chunks = {Frame(n)};
+      schedule.Stage(link::Direction::kToClient)->Apply(chunks);
+    }
+    return schedule.ActivationCounts().at(0);
+  };
+  EXPECT_EQ(activations(-kNsPerS), 0);
+  EXPECT_GT(activations(kPowerOn), 0);
+}
+
+TEST_P(WireConformanceTest, WindowsAreInSimulationTimeAndRecordsToo) {
+  FaultSpec spec = ExampleSpec(type());
+  spec.start_ns = 300 * kPeriod;
+  spec.end_ns = 600 * kPeriod;
+  FaultSchedule schedule({spec}, 1);
+  schedule.SetOrigin(100 * kPeriod);
+  for (std::int64_t n = 0; n < kFrames; ++n) {
+    std::vector<link::Chunk> chunks = {Frame(n)};
+    schedule.Stage(link::Direction::kToClient)->Apply(chunks);
+    if (n < 400 || n >= 700) {
+      ASSERT_TRUE(type().remembers || Unchanged(chunks, n)) << n;
+    }
+  }
+  EXPECT_GT(schedule.ActivationCounts().at(0), 0);
+  for (const Activation& activation : schedule.TakeActivations(100 * kPeriod)) {
+    EXPECT_GE(activation.time_ns, spec.start_ns);
+    EXPECT_LT(activation.time_ns, spec.end_ns);
+    EXPECT_EQ(activation.time_ns, activation.before.at(0).begin_ns);
+  }
+}
+
+// A frame counts as acted on when what it became at once is not just itself.
+TEST_P(RegistryConformanceTest, RecordsWhatChangedAndNothingElse) {
+  FaultSpec spec = ExampleSpec(type());
+  spec.probability = 0.6;
+  spec.every_nth_count = 2;
+  const Outcome outcome = Fly({spec});
+  ASSERT_THAT(outcome.activations, SizeIs(static_cast<std::size_t>(outcome.counts.at(0))));
+  std::size_t record = 0;
+  for (std::int64_t n = 0; n < kFrames; ++n) {
+    const auto index = static_cast<std::size_t>(n);
+    std::vector<link::Chunk> now;
+    for (const auto& chunk : outcome.frames[index]) {
+      if (chunk.number == static_cast<std::uint64_t>(n)) now.push_back(chunk);
+    }
+    const bool changed =
+        !Unchanged(now, n) || outcome.sensors[index] != Sample(n) || outcome.actuators[index] != Command(n);
+    const bool recorded =
+        record < outcome.activations.size() && outcome.activations[record].time_ns == n * kPeriod;
+    if (!type().always_counts) {
+      ASSERT_EQ(recorded, changed) << n;
+    }
+    if (!recorded) continue;
+    const Activation& activation = outcome.activations[record++];
+    EXPECT_EQ(activation.fault, 0U);
+    EXPECT_FALSE(activation.what.empty());
+    if (type().on_wire()) {
+      ASSERT_THAT(activation.before, SizeIs(1));
+      EXPECT_TRUE(Same(activation.before[0], Frame(n)));
+      EXPECT_TRUE(Same(activation.after, now));
+    }
+  }
+  EXPECT_EQ(record, outcome.activations.size());
+}
+
+TEST_P(RegistryConformanceTest, AnotherFaultDoesNotShiftItsDraws) {
+  FaultSpec spec = ExampleSpec(type());
+  spec.probability = 0.6;
+  // Removes every second frame before this one sees it; what acts on the frame's content or on its place
+  // among the others then meets another line, so such types get a neighbour that leaves frames alone.
+  FaultSpec other = Spec("frame.drop", {{"probability", 0.5}}, "other");
+  const bool has_memory = type().remembers || type().name == "wire.gilbert_elliott";
+  if (has_memory) other = Spec("frame.delay", {{"mean_ms", 0.0}}, "other");
+  FaultSpec more = Spec("sensor.bias", {{"signal", "x_m"}, {"offset", 0.0}}, "more");
+
+  const Outcome alone = Fly({spec});
+  const Outcome with_others = Fly({other, more, spec});
+  int compared = 0;
+  for (std::int64_t n = 0; n < kFrames; ++n) {
+    const auto index = static_cast<std::size_t>(n);
+    ASSERT_EQ(alone.sensors[index], with_others.sensors[index]);
+    ASSERT_EQ(alone.actuators[index], with_others.actuators[index]);
+    const auto expected = Descendants(alone, n);
+    const auto actual = Descendants(with_others, n);
+    if (actual.empty() && !has_memory) continue;  // dropped before, or by this one too
+    ASSERT_TRUE(Same(expected, actual)) << n;
+    ++compared;
+  }
+  EXPECT_GT(compared, 100);
+}
+
+TEST_P(WireConformanceTest, DirectionsAreIndependent) {
+  FaultSpec spec = ExampleSpec(type());
+  spec.target = Target::kBoth;
+  spec.probability = 0.6;
+  FaultSchedule both({spec}, 1);
+  const auto to_client = Send(both, kFrames);
+  const auto to_plant = Send(both, kFrames, 68, link::Direction::kToPlant);
+  EXPECT_EQ(both.Stage(link::Direction::kReference), nullptr);
+  bool equal = true;
+  for (std::size_t n = 0; n < to_client.size(); ++n) equal = equal && Same(to_client[n], to_plant[n]);
+  EXPECT_FALSE(equal);
+
+  spec.target = Target::kToClient;
+  FaultSchedule one({spec}, 1);
+  const auto alone = Send(one, kFrames);
+  for (std::size_t n = 0; n < alone.size(); ++n) ASSERT_TRUE(Same(alone[n], to_client[n])) << n;
+}
+
+TEST_P(WireConformanceTest, NothingTravelsBackInTime) {
+  const Outcome outcome = Fly({ExampleSpec(type())});
+  std::set<std::uint64_t> numbers;
+  for (const auto& out : outcome.frames) {
+    for (const auto& chunk : out) {
+      EXPECT_FALSE(chunk.bytes.empty());
+      EXPECT_GE(chunk.begin_ns, Frame(static_cast<std::int64_t>(chunk.number)).begin_ns);
+      EXPECT_LT(chunk.number, static_cast<std::uint64_t>(kFrames));
+    }
+  }
+}
+
+TEST_P(WireConformanceTest, ActsOnAnIdealLineToo) {
+  FaultSchedule schedule({ExampleSpec(type())}, 1, {.baud = 0, .reference_baud = 0});
+  Send(schedule, kFrames);
+  EXPECT_GT(schedule.ActivationCounts().at(0), 0);
+}
+
+TEST_P(WireConformanceTest, SurvivesTheShortestAndTheLongestChunks) {
+  for (const std::size_t size : {1U, 2U, 1024U}) {
+    FaultSchedule schedule({ExampleSpec(type())}, 1);
+    for (const auto& out : Send(schedule, 200, size)) {
+      for (const auto& chunk : out) ASSERT_FALSE(chunk.bytes.empty());
+    }
+  }
+}
+
+std::string TestName(const ::testing::TestParamInfo<FaultType>& info) {
+  std::string name(info.param.name);
+  std::replace(name.begin(), name.end(), '.', '_');
+  return name;
+}
+
+INSTANTIATE_TEST_SUITE_P(All, RegistryConformanceTest, ::testing::ValuesIn(FaultTypes()), TestName);
+INSTANTIATE_TEST_SUITE_P(All, ZeroConformanceTest, ::testing::ValuesIn(TypesThat(HasZero)), TestName);
+INSTANTIATE_TEST_SUITE_P(All, WireConformanceTest, ::testing::ValuesIn(TypesThat(OnWire)), TestName);
+
+TEST(RegistryTest, NamesAreUniqueAndFound) {
+  std::set<std::string_view> names;
+  for (const FaultType& type : FaultTypes()) {
+    EXPECT_TRUE(names.insert(type.name).second) << type.name;
+    EXPECT_EQ(FindFaultType(type.name), &type);
+  }
+  EXPECT_EQ(FindFaultType("wire.gremlins"), nullptr);
+}
+
+}  // namespace
+
+}  // namespace tiltproof::faults

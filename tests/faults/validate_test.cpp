@@ -1,0 +1,95 @@
+// What the scenario reader gets to tell.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+
+#include "faults/registry.h"
+#include "tests/faults/faulty_line.h"
+
+namespace tiltproof::faults {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::Field;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+auto Says(const std::string& key, const std::string& message) {
+  return ElementsAre(AllOf(Field(&Problem::key, key), Field(&Problem::message, HasSubstr(message))));
+}
+
+FaultSpec Valid() { return Spec("wire.bit_error", {{"ber", 0.001}}); }
+
+TEST(ValidateTest, SuggestsTheNearestName) {
+  EXPECT_THAT(Validate(Valid()), IsEmpty());
+  EXPECT_THAT(Validate(Spec("wire.bit_eror")), Says("type", "did you mean 'wire.bit_error'?"));
+  EXPECT_THAT(Validate(Spec("gremlin")), Says("type", "known: wire.bit_error, "));
+  FaultSpec spec =
+      Spec("wire.burst", {{"lenght_bits", 8.0}, {"length_bits", 8.0}, {"density", 1.0}, {"rate_hz", 1.0}});
+  EXPECT_THAT(Validate(spec), Says("parameters.lenght_bits", "did you mean 'length_bits'?"));
+  EXPECT_THAT(Validate(Spec("sensor.freeze", {{"signal", "rol_rad"}})),
+              Says("parameters.signal", "did you mean 'roll_rad'?"));
+  EXPECT_THAT(Validate(Spec("harness.null", {{"level", 1.0}})), Says("parameters.level", "takes none"));
+}
+
+TEST(ValidateTest, NamesWhatIsMissingAndTheRange) {
+  EXPECT_THAT(Validate(Spec("wire.bit_error")), Says("parameters", "'ber' (bit error ratio"));
+  EXPECT_THAT(Validate(Spec("wire.bit_error", {{"ber", 2.0}})), Says("parameters.ber", "between 0 and 1"));
+  EXPECT_THAT(Validate(Spec("wire.bit_error", {{"ber", "much"}})), Says("parameters.ber", "number"));
+  EXPECT_THAT(Validate(Spec("frame.reorder", {{"probability", 1.0}, {"depth_count", 1.5}})),
+              Says("parameters.depth_count", "whole"));
+}
+
+TEST(ValidateTest, ChecksWindowAndTrigger) {
+  FaultSpec spec = Valid();
+  spec.start_ns = 5;
+  spec.end_ns = 5;
+  EXPECT_THAT(Validate(spec), Says("end_s", "after"));
+  spec = Valid();
+  spec.every_nth_count = 0;
+  EXPECT_THAT(Validate(spec), Says("every_nth_count", "at least 1"));
+  spec = Valid();
+  spec.probability = 1.5;
+  EXPECT_THAT(Validate(spec), Says("probability", "between 0 and 1"));
+  spec.probability = std::nan("");
+  EXPECT_THAT(Validate(spec), Says("probability", "between 0 and 1"));
+  spec = Valid();
+  spec.id.clear();
+  EXPECT_THAT(Validate(spec), Says("id", "empty"));
+}
+
+TEST(ValidateTest, AMessageMustTravelOnTheTarget) {
+  using link::MessageKind;
+  FaultSpec spec = Valid();
+  spec.message = MessageKind::kReply;
+  EXPECT_THAT(Validate(spec), IsEmpty());
+  spec.message = MessageKind::kActuators;
+  EXPECT_THAT(Validate(spec), Says("message", "'actuators' does not travel there (target to_client)"));
+  spec.target = Target::kBoth;
+  EXPECT_THAT(Validate(spec), IsEmpty());
+  spec.message = MessageKind::kUnknown;
+  EXPECT_THAT(Validate(spec), Says("message", "start, sensors, actuators, reply"));
+  spec = Spec("link.silence");
+  spec.target = Target::kNone;  // both by default
+  spec.message = MessageKind::kStart;
+  EXPECT_THAT(Validate(spec), IsEmpty());
+  spec = Spec("sensor.freeze", {{"signal", "x_m"}});
+  spec.message = MessageKind::kReply;
+  EXPECT_THAT(Validate(spec), Says("message", "takes no message"));
+}
+
+TEST(ValidateTest, ATargetIsStatedWhereThereIsNoDefault) {
+  FaultSpec spec = Valid();
+  spec.target = Target::kNone;
+  EXPECT_THAT(Validate(spec), Says("target", "to_client, to_plant, both, reference"));
+  spec = Spec("sensor.freeze", {{"signal", "x_m"}});
+  spec.target = Target::kToClient;
+  EXPECT_THAT(Validate(spec), Says("target", "takes no target"));
+}
+
+}  // namespace
+}  // namespace tiltproof::faults
