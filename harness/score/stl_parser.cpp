@@ -4,11 +4,13 @@
 // one chain of levels, each operand knows its kind, and each operator checks it: no backtracking, linear
 // time.
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cmath>
 #include <utility>
+#include <vector>
 
-#include "harness/score/nearest_name.h"
+#include "faults/nearest_name.h"
 #include "harness/score/signals.h"
 #include "harness/score/stl.h"
 
@@ -34,9 +36,12 @@ struct Operand {
 
 std::string Quoted(std::string_view text) { return std::string("'").append(text).append("'"); }
 
-std::string DidYouMean(std::string_view name, std::span<const std::string> candidates) {
-  const auto nearest = NearestName(name, candidates);
-  return nearest ? "; did you mean " + Quoted(*nearest) + "?" : "";
+// The end of a message about an unknown name.
+template <class Names>
+std::string DidYouMean(std::string_view name, const Names& valid) {
+  const std::vector<std::string_view> candidates(valid.begin(), valid.end());
+  const std::string_view nearest = faults::NearestName(name, candidates);
+  return nearest.empty() ? "" : "; did you mean " + Quoted(nearest) + "?";
 }
 
 class Parser {
@@ -272,8 +277,8 @@ class Parser {
     if (IsSignal(word)) return MakeNumber({.op = Op::kSignal, .name = std::string(word)}, column);
     SkipSpace();
     if (Peek() == '(' || Peek() == '[') {
-      const std::vector<std::string> functions = {"always", "eventually", "not",         "abs",
-                                                  "min",    "max",        "fault_active"};
+      constexpr std::array<std::string_view, 7> functions = {"always", "eventually", "not",         "abs",
+                                                             "min",    "max",        "fault_active"};
       throw ParseError(column, "unknown operator " + Quoted(word) + DidYouMean(word, functions));
     }
     throw ParseError(column, "unknown signal " + Quoted(word) + DidYouMean(word, SignalNames()));

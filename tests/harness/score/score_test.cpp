@@ -98,6 +98,8 @@ TEST(Metrics, TrackingByHand) {
   Scenario scenario = ScenarioOf(log);
   scenario.faults = {Fault("late", 20 * kNsPerMs, kNever), Fault("early", 12 * kNsPerMs, kNever)};
   EXPECT_DOUBLE_EQ(MetricsOf(scenario, log).at("tracking.itae_m_s2"), 0.012 * 0.012);
+  Set(log, 0, "x_m", 1.0);  // what was before the onset weighs nothing
+  EXPECT_DOUBLE_EQ(MetricsOf(scenario, log).at("tracking.itae_m_s2"), 0.012 * 0.012);
   scenario.faults = {Fault("always", kPowerOn, kNever)};
   EXPECT_EQ(MetricsOf(scenario, log).at("tracking.itae_m_s2"), metrics.at("tracking.itae_m_s2"));
 }
@@ -128,6 +130,9 @@ TEST(Metrics, SettlingIsFromTheLastFaultsEndUntilTheErrorStaysSmall) {
   EXPECT_EQ(MetricsOf(scenario, log).at("tracking.settling_s"), 0.0);
   Set(log, 9, "x_m", 1.0);  // before the end
   EXPECT_EQ(MetricsOf(scenario, log).at("tracking.settling_s"), 0.0);
+  scenario.faults[1].end_ns = 125 * kNsPerMs;  // off the grid: the row before is in force
+  EXPECT_EQ(MetricsOf(scenario, log).at("tracking.settling_s"), 0.0);
+  scenario.faults[1].end_ns = 120 * kNsPerMs;
   Set(log, 20, "x_m", 0.2501);
   EXPECT_DOUBLE_EQ(MetricsOf(scenario, log).at("tracking.settling_s"), 0.252 - 0.120);
   Set(log, 40, "x_m", -0.25);

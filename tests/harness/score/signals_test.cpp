@@ -10,7 +10,6 @@
 #include <numbers>
 
 #include "harness/run/run_log.h"
-#include "harness/score/nearest_name.h"
 #include "harness/score/reference_path.h"
 
 namespace tiltproof::harness {
@@ -131,24 +130,6 @@ RC_GTEST_PROP(ReferencePath, AgreesWithLookingAtEverySegment, ()) {
     const Point p = point();
     RC_ASSERT(std::abs(path.DistanceTo(p) - SlowDistance(points, p)) <= 1e-12);
   }
-}
-
-TEST(NearestName, CountsInsertionsDeletionsAndReplacements) {
-  EXPECT_EQ(EditDistance("", ""), 0u);
-  EXPECT_EQ(EditDistance("", "abc"), 3u);
-  EXPECT_EQ(EditDistance("abc", ""), 3u);
-  EXPECT_EQ(EditDistance("kitten", "sitting"), 3u);
-  EXPECT_EQ(EditDistance("flaw", "lawn"), 2u);
-  EXPECT_EQ(EditDistance("same", "same"), 0u);
-}
-
-TEST(NearestName, IsTheFirstOfTheClosestOrNone) {
-  const std::vector<std::string> names = {"start_s", "end_s", "seed"};
-  EXPECT_EQ(NearestName("stat_s", names), "start_s");
-  EXPECT_EQ(NearestName("sed", names), "seed");
-  EXPECT_EQ(NearestName("wholly_different", names), std::nullopt);
-  EXPECT_EQ(NearestName("b", std::vector<std::string>{"a", "c"}), "a");
-  EXPECT_EQ(NearestName("x", {}), std::nullopt);
 }
 
 }  // namespace
