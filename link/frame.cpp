@@ -7,6 +7,9 @@
 namespace tiltproof::link {
 namespace {
 
+// "..."sv knows its length; a plain literal needs strlen() where nothing is optimised.
+using namespace std::string_view_literals;
+
 constexpr std::size_t kCheckBytes = 2;
 constexpr std::uint32_t kModulus = 255;
 
@@ -47,23 +50,23 @@ std::size_t FrameBytes(std::span<const std::uint8_t> payload) {
 std::string_view Name(FrameStatus status) {
   switch (status) {
     case FrameStatus::kOk:
-      return "ok";
+      return "ok"sv;
     case FrameStatus::kBadChecksum:
-      return "bad_checksum";
+      return "bad_checksum"sv;
     case FrameStatus::kTooShort:
-      return "too_short";
+      return "too_short"sv;
     case FrameStatus::kTooLong:
-      return "too_long";
+      return "too_long"sv;
     case FrameStatus::kDanglingEscape:
-      return "dangling_escape";
+      return "dangling_escape"sv;
     case FrameStatus::kEmpty:
-      return "empty";
+      return "empty"sv;
     case FrameStatus::kAborted:
-      return "aborted";
+      return "aborted"sv;
     case FrameStatus::kNoOpeningFlag:
-      return "no_opening_flag";
+      return "no_opening_flag"sv;
   }
-  return "unknown";
+  return "unknown"sv;
 }
 
 std::optional<FrameEvent> FrameDecoder::Next(std::span<const std::uint8_t>& bytes) {

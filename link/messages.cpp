@@ -6,6 +6,9 @@
 namespace tiltproof::link {
 namespace {
 
+// "..."sv knows its length; a plain literal needs strlen() where nothing is optimised.
+using namespace std::string_view_literals;
+
 static_assert(std::numeric_limits<float>::is_iec559 && sizeof(float) == 4);
 
 // --- Floats on the wire: independent of the host's byte order, and of its floating point: limits are
@@ -138,45 +141,45 @@ MessageStatus FindService(Dialect dialect, std::span<const std::uint8_t> payload
 std::string_view Name(Dialect dialect) {
   switch (dialect) {
     case Dialect::kPaper:
-      return "paper";
+      return "paper"sv;
     case Dialect::kProvant:
-      return "provant";
+      return "provant"sv;
   }
-  return "unknown";
+  return "unknown"sv;
 }
 
 std::string_view Name(MessageKind kind) {
   switch (kind) {
     case MessageKind::kStart:
-      return "start";
+      return "start"sv;
     case MessageKind::kSensors:
-      return "sensors";
+      return "sensors"sv;
     case MessageKind::kActuators:
-      return "actuators";
+      return "actuators"sv;
     case MessageKind::kReply:
-      return "reply";
+      return "reply"sv;
     case MessageKind::kReference:
-      return "reference";
+      return "reference"sv;
     case MessageKind::kUnknown:
-      return "unknown";
+      return "unknown"sv;
   }
-  return "unknown";
+  return "unknown"sv;
 }
 
 std::string_view Name(MessageStatus status) {
   switch (status) {
     case MessageStatus::kOk:
-      return "ok";
+      return "ok"sv;
     case MessageStatus::kBadLength:
-      return "bad_length";
+      return "bad_length"sv;
     case MessageStatus::kUnknownId:
-      return "unknown_id";
+      return "unknown_id"sv;
     case MessageStatus::kNotFinite:
-      return "not_finite";
+      return "not_finite"sv;
     case MessageStatus::kOutOfRange:
-      return "out_of_range";
+      return "out_of_range"sv;
   }
-  return "unknown";
+  return "unknown"sv;
 }
 
 MessageBytes EncodeStart(Dialect dialect, const Actuators& hover) {
