@@ -12,7 +12,7 @@ import time
 import unittest
 import xml.etree.ElementTree
 
-PROGRAM, SOURCE, CLIENTS = (pathlib.Path(a) for a in sys.argv[1:4])
+PROGRAM, SOURCE, CLIENTS = (pathlib.Path(a).resolve() for a in sys.argv[1:4])
 
 SHORT_HOVER = """\
 name: NAME
@@ -271,7 +271,7 @@ class CliTest(unittest.TestCase):
         self.assertEqual(self.tiltproof("design-lqr", "nonsense")[0], 2)
 
     def test_the_example_firmware_in_c_flies(self):
-        library = next(CLIENTS.parent.rglob("minimal_firmware.so"))
+        library = CLIENTS.parent.parent / "lib/minimal_firmware.so"
         code, out, err = self.tiltproof("run", SOURCE / "scenarios/paper", "-k", "hover", "--client", f"library:{library}")
         self.assertEqual(code, 0, out + err)
 
