@@ -1,0 +1,47 @@
+#include <gtest/gtest.h>
+
+#include "tests/faults/faulty_line.h"
+
+namespace tiltproof::faults {
+namespace {
+
+TEST(ReplayStaleTest, PutsTheFrameOfThatAgeInPlace) {
+  const auto out = Send(Spec("frame.replay_stale", {{"probability", 0.4}, {"age_count", 3.0}}), 5000);
+  int replayed = 0;
+  for (std::int64_t n = 0; n < 5000; ++n) {
+    const auto& chunks = out[static_cast<std::size_t>(n)];
+    ASSERT_EQ(chunks.size(), 1U);
+    EXPECT_EQ(chunks[0].begin_ns, Frame(n).begin_ns);
+    if (chunks[0].bytes == Frame(n).bytes) continue;
+    ASSERT_GE(n, 3);
+    // What was sent then, though it may have been replaced itself.
+    ASSERT_EQ(chunks[0].bytes, Frame(n - 3).bytes);
+    ++replayed;
+  }
+  EXPECT_NEAR(replayed, 2000, 180);
+}
+
+TEST(ReplayStaleTest, RemembersFramesBeforeTheWindow) {
+  FaultSpec spec = Spec("frame.replay_stale", {{"probability", 1.0}, {"age_count", 10.0}});
+  spec.start_ns = Frame(50).begin_ns;
+  spec.end_ns = Frame(51).begin_ns;
+  const auto out = Send(spec, 60);
+  EXPECT_EQ(CountUnchanged(out), 59);
+  EXPECT_EQ(out[50].at(0).bytes, Frame(40).bytes);
+}
+
+TEST(ReplayStaleTest, ReplaysTheSameMessage) {
+  FaultSpec spec = Spec("frame.replay_stale", {{"probability", 1.0}, {"age_count", 1.0}});
+  spec.target = Target::kToPlant;
+  FaultSchedule schedule({spec}, 1);
+  schedule.SetOrigin(0);
+  for (std::int64_t n = 0; n < 20; ++n) {
+    std::vector<link::Chunk> chunks = {Frame(n)};
+    chunks[0].kind = n % 2 == 0 ? link::MessageKind::kSensors : link::MessageKind::kActuators;
+    schedule.Stage(link::Direction::kToPlant)->Apply(chunks);
+    EXPECT_EQ(chunks.at(0).bytes, Frame(n < 2 ? n : n - 2).bytes) << n;
+  }
+}
+
+}  // namespace
+}  // namespace tiltproof::faults

@@ -1,0 +1,21 @@
+#include <gtest/gtest.h>
+
+#include "tests/faults/faulty_line.h"
+
+namespace tiltproof::faults {
+namespace {
+
+TEST(NullTest, CountsEverySampleAndChangesNone) {
+  FaultSchedule schedule({Spec("harness.null")}, 1);
+  for (TimeNs t = 0; t < 5; ++t) {
+    Sensors sensors{.x_m = 1.0F};
+    const Sensors before = sensors;
+    schedule.EditSensors(t, sensors);
+    EXPECT_EQ(sensors, before);
+  }
+  EXPECT_EQ(schedule.ActivationCounts().at(0), 5);
+  EXPECT_EQ(schedule.TakeActivations(0).at(0).what, "nothing changed");
+}
+
+}  // namespace
+}  // namespace tiltproof::faults

@@ -1,0 +1,255 @@
+// Triggers, order, records and edges.
+
+#include "faults/schedule.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+
+#include "faults/recorder.h"
+#include "link/wire.h"
+#include "tests/faults/faulty_line.h"
+
+namespace tiltproof::faults {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::SizeIs;
+
+constexpr TimeNs kPeriod = 12 * kNsPerMs;
+
+std::vector<std::int64_t> Dropped(const FaultSpec& spec, std::int64_t count) {
+  std::vector<std::int64_t> dropped;
+  const auto out = Send(spec, count);
+  for (std::int64_t n = 0; n < count; ++n) {
+    if (out[static_cast<std::size_t>(n)].empty()) dropped.push_back(n);
+  }
+  return dropped;
+}
+
+FaultSpec Drop() { return Spec("frame.drop", {{"probability", 1.0}}); }
+
+TEST(ScheduleTest, NoFaultNoStage) {
+  FaultSchedule schedule({Spec("sensor.freeze", {{"signal", "x_m"}})}, 1);
+  EXPECT_EQ(schedule.Stage(link::Direction::kToClient), nullptr);
+  EXPECT_EQ(schedule.Stage(link::Direction::kToPlant), nullptr);
+  EXPECT_EQ(schedule.Stage(link::Direction::kReference), nullptr);
+  EXPECT_EQ(schedule.NextEdge(kPowerOn), kNever);
+}
+
+TEST(ScheduleTest, TheWindowHasItsBeginButNotItsEnd) {
+  FaultSpec spec = Drop();
+  spec.start_ns = 3 * kPeriod;
+  spec.end_ns = 5 * kPeriod;
+  EXPECT_THAT(Dropped(spec, 10), ElementsAre(3, 4));
+  FaultSchedule schedule({spec}, 1);
+  EXPECT_FALSE(schedule.IsActive(0, 3 * kPeriod - 1));
+  EXPECT_TRUE(schedule.IsActive(0, 3 * kPeriod));
+  EXPECT_TRUE(schedule.IsActive(0, 5 * kPeriod - 1));
+  EXPECT_FALSE(schedule.IsActive(0, 5 * kPeriod));
+}
+
+TEST(ScheduleTest, EveryNthCountsFramesInTheWindow) {
+  FaultSpec spec = Drop();
+  spec.start_ns = 2 * kPeriod;
+  spec.every_nth_count = 3;
+  EXPECT_THAT(Dropped(spec, 12), ElementsAre(4, 7, 10));
+}
+
+TEST(ScheduleTest, ProbabilityHasItsFrequency) {
+  FaultSpec spec = Drop();
+  spec.probability = 0.25;
+  EXPECT_NEAR(static_cast<double>(Dropped(spec, 20'000).size()), 5000.0, 300.0);
+}
+
+TEST(ScheduleTest, OtherMessagesAreNeitherSeenNorCounted) {
+  FaultSpec spec = Drop();
+  spec.target = Target::kToPlant;
+  spec.message = link::MessageKind::kActuators;
+  spec.every_nth_count = 2;
+  FaultSchedule schedule({spec}, 1);
+  schedule.SetOrigin(0);
+  std::vector<std::int64_t> dropped;
+  for (std::int64_t n = 0; n < 12; ++n) {
+    std::vector<link::Chunk> chunks = {Frame(n)};
+    chunks[0].kind = n % 3 == 0 ? link::MessageKind::kSensors : link::MessageKind::kActuators;
+    schedule.Stage(link::Direction::kToPlant)->Apply(chunks);
+    if (chunks.empty()) dropped.push_back(n);
+  }
+  EXPECT_THAT(dropped, ElementsAre(2, 5, 8, 11));
+}
+
+TEST(ScheduleTest, FrameThenByteThenTimingFaultsThenFileOrder) {
+  // In the file the other way round: the byte fault must see both copies, the delay must move both.
+  const std::vector<FaultSpec> specs = {Spec("frame.delay", {{"mean_ms", 2.0}}, "delay"),
+                                        Spec("wire.bit_error", {{"ber", 1.0}}, "errors"),
+                                        Spec("frame.truncate", {{"probability", 1.0}}, "cut"),
+                                        Spec("frame.duplicate", {{"probability", 1.0}}, "twice")};
+  FaultSchedule schedule(specs, 1);
+  const auto out = Send(schedule, 1).at(0);
+  ASSERT_THAT(out, SizeIs(2));
+  // Cut before it was doubled.
+  EXPECT_EQ(out[0].bytes, out[1].bytes);
+  EXPECT_LT(out[0].bytes.size(), 68U);
+  EXPECT_EQ(out[0].bytes[0], 0x81);
+  EXPECT_EQ(out[0].begin_ns, 2 * kNsPerMs);
+  EXPECT_EQ(out[1].begin_ns,
+            2 * kNsPerMs + link::BytesTime(921'600, static_cast<std::int64_t>(out[0].bytes.size())));
+  EXPECT_THAT(schedule.ActivationCounts(), ElementsAre(2, 2, 1, 1));
+}
+
+TEST(ScheduleTest, BothDirectionsAddUpInOneCount) {
+  FaultSpec spec = Drop();
+  spec.target = Target::kBoth;
+  FaultSchedule schedule({spec}, 1);
+  Send(schedule, 3, 68, link::Direction::kToClient);
+  Send(schedule, 4, 68, link::Direction::kToPlant);
+  EXPECT_THAT(schedule.ActivationCounts(), ElementsAre(7));
+}
+
+TEST(ScheduleTest, KeepsTheFirstRecordsAndCountsAll) {
+  FaultSchedule schedule({Drop()}, 1);
+  Send(schedule, kActivationsMax + 5);
+  EXPECT_THAT(schedule.ActivationCounts(), ElementsAre(kActivationsMax + 5));
+  EXPECT_THAT(schedule.TakeActivations(0), SizeIs(kActivationsMax));
+  EXPECT_THAT(schedule.TakeActivations(0), SizeIs(0));
+}
+
+TEST(ScheduleTest, RecordsAreInOrderOfTime) {
+  FaultSpec bias = Spec("sensor.bias", {{"signal", "x_m"}, {"offset", 0.5}}, "bias");
+  FaultSchedule schedule({bias, Spec("frame.drop", {{"probability", 1.0}}, "drop")}, 1);
+  schedule.SetOrigin(kNsPerS);
+  for (std::int64_t n = 0; n < 3; ++n) {
+    std::vector<link::Chunk> chunks = {Frame(n)};
+    chunks[0].begin_ns += kNsPerS;
+    schedule.Stage(link::Direction::kToClient)->Apply(chunks);
+  }
+  for (std::int64_t n = 0; n < 3; ++n) {
+    Sensors sensors{.x_m = 1.25F};
+    schedule.EditSensors(n * kPeriod + 1, sensors);
+  }
+  std::vector<std::pair<TimeNs, std::string>> records;
+  for (const Activation& activation : schedule.TakeActivations(kNsPerS)) {
+    records.emplace_back(activation.time_ns, activation.what);
+  }
+  using Record = std::pair<TimeNs, std::string>;
+  EXPECT_THAT(records,
+              ElementsAre(Record{0, "dropped"}, Record{1, "x_m 1.25 -> 1.75"}, Record{kPeriod, "dropped"},
+                          Record{kPeriod + 1, "x_m 1.25 -> 1.75"}, Record{2 * kPeriod, "dropped"},
+                          Record{2 * kPeriod + 1, "x_m 1.25 -> 1.75"}));
+}
+
+TEST(ScheduleTest, InvalidFaultsAreRefusedByName) {
+  try {
+    FaultSchedule schedule({Spec("wire.bit_error", {{"ber", 2.0}}, "loud")}, 1);
+    FAIL();
+  } catch (const std::invalid_argument& error) {
+    EXPECT_THAT(error.what(), HasSubstr("fault 'loud', parameters.ber: "));
+  }
+}
+
+FaultSpec Loss(TimeNs start_ns, TimeNs end_ns, double factor, const std::string& id = "loss") {
+  FaultSpec spec = Spec("actuator.loss_of_effectiveness", {{"actuator", "f_r"}, {"factor", factor}}, id);
+  spec.start_ns = start_ns;
+  spec.end_ns = end_ns;
+  return spec;
+}
+
+TEST(ScheduleTest, EdgesAreThoseOfActuatorFaults) {
+  FaultSpec freeze = Spec("sensor.freeze", {{"signal", "x_m"}}, "freeze");
+  freeze.start_ns = 5;
+  const FaultSchedule schedule({freeze, Loss(10, 30, 0.5), Loss(20, kNever, 0.5, "more")}, 1);
+  EXPECT_EQ(schedule.NextEdge(kPowerOn), 10);
+  EXPECT_EQ(schedule.NextEdge(9), 10);
+  EXPECT_EQ(schedule.NextEdge(10), 20);
+  EXPECT_EQ(schedule.NextEdge(20), 30);
+  EXPECT_EQ(schedule.NextEdge(30), kNever);
+}
+
+TEST(ScheduleTest, ACommandInForceIsEditedAtTheEdges) {
+  FaultSchedule schedule({Loss(10, 30, 0.5)}, 1);
+  const ActuatorsTruth command{.f_r_n = 8.0};
+  const auto edited = [&](TimeNs t, bool new_command) {
+    ActuatorsTruth input = command;
+    schedule.EditActuators(t, input, new_command);
+    return input.f_r_n;
+  };
+  EXPECT_EQ(edited(0, true), 8.0);
+  EXPECT_EQ(edited(10, false), 4.0);
+  EXPECT_EQ(edited(12, false), 4.0);  // another fault's edge
+  EXPECT_EQ(edited(30, false), 8.0);
+  // One command, one activation, however often it is applied.
+  EXPECT_THAT(schedule.ActivationCounts(), ElementsAre(1));
+}
+
+TEST(ScheduleTest, ApplyingACommandAgainIsNotAnotherDraw) {
+  FaultSpec spec = Loss(kPowerOn, kNever, 0.5);
+  spec.every_nth_count = 2;
+  FaultSchedule schedule({spec}, 1);
+  std::vector<double> thrusts;
+  for (TimeNs t = 0; t < 8; ++t) {
+    ActuatorsTruth input{.f_r_n = 8.0};
+    schedule.EditActuators(t, input, t % 2 == 0);
+    thrusts.push_back(input.f_r_n);
+  }
+  EXPECT_THAT(thrusts, ElementsAre(8, 8, 4, 4, 8, 8, 4, 4));
+  EXPECT_THAT(schedule.ActivationCounts(), ElementsAre(2));
+}
+
+TEST(ScheduleTest, SamplesBeforeTheStartAreInWindowsWithoutABegin) {
+  FaultSpec from_power_on = Spec("sensor.bias", {{"signal", "x_m"}, {"offset", 1.0}}, "a");
+  FaultSpec from_zero = Spec("sensor.bias", {{"signal", "y_m"}, {"offset", 1.0}}, "b");
+  from_zero.start_ns = 0;
+  FaultSchedule schedule({from_power_on, from_zero}, 1);
+  Sensors sensors;
+  schedule.EditSensors(kPowerOn, sensors);
+  EXPECT_EQ(sensors.x_m, 1.0F);
+  EXPECT_EQ(sensors.y_m, 0.0F);
+}
+
+// All faults of the line at once, through a wire: what arrives is in order, and the same again.
+TEST(ScheduleTest, AWireKeepsOrderUnderEveryFault) {
+  std::vector<FaultSpec> specs;
+  for (const FaultType& type : FaultTypes()) {
+    if (!type.on_wire()) continue;
+    FaultSpec spec = ExampleSpec(type);
+    spec.id = type.name;
+    spec.probability = 0.3;
+    specs.push_back(spec);
+  }
+  const auto fly = [&specs] {
+    FaultSchedule schedule(specs, 3);
+    schedule.SetOrigin(0);
+    link::Wire wire({}, link::Direction::kToClient, link::Dialect::kPaper,
+                    schedule.Stage(link::Direction::kToClient));
+    TimeNs free = kPowerOn;
+    wire.SetTaps({.sent = {}, .delivered = [&free](const link::Chunk& chunk) {
+                    EXPECT_GE(chunk.begin_ns, free);
+                    free = chunk.begin_ns +
+                           link::BytesTime(921'600, static_cast<std::int64_t>(chunk.bytes.size()));
+                  }});
+    std::vector<std::pair<TimeNs, std::uint8_t>> arrived;
+    TimeNs last = 0;
+    for (std::int64_t n = 0; n < 2000; ++n) {
+      const link::Chunk frame = Frame(n);
+      wire.Transmit(frame.begin_ns, frame.bytes);
+      while (wire.NextArrival() < (n + 1) * kPeriod) {
+        const TimeNs next = wire.NextArrival();
+        EXPECT_GE(next, last);
+        last = next;
+        wire.Take(next, [&arrived](TimeNs arrival, std::span<const std::uint8_t> bytes) {
+          for (const std::uint8_t byte : bytes) arrived.emplace_back(arrival, byte);
+        });
+      }
+    }
+    return arrived;
+  };
+  const auto first = fly();
+  EXPECT_GT(first.size(), 20'000U);
+  EXPECT_EQ(first, fly());
+}
+
+}  // namespace
+}  // namespace tiltproof::faults
