@@ -1,0 +1,26 @@
+// Where the tests' vehicles are.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "plant/vehicle_model.h"
+
+namespace tiltproof::plant {
+
+inline std::filesystem::path SourceFile(const std::string& path) {
+  return std::filesystem::path(TILTPROOF_SOURCE_DIR) / path;
+}
+
+// A vehicle that ships: loads without a warning.
+inline VehicleModel LoadShipped(const std::string& name) {
+  std::vector<std::string> warnings;
+  VehicleModel model = LoadVehicle(SourceFile("plant/models/" + name + ".sdf"), {}, warnings);
+  EXPECT_EQ(warnings, std::vector<std::string>());
+  return model;
+}
+
+}  // namespace tiltproof::plant
