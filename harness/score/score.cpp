@@ -98,7 +98,7 @@ Verdict FromTruth(stl::Truth truth) {
 void JudgeFormula(const CriterionSpec& spec, const Scenario& scenario, const RunLog& log,
                   CriterionResult& result) {
   const stl::Formula formula = stl::Parse(spec.stl, FaultIds(scenario));
-  const stl::Result answer = stl::Evaluate(formula, log.trace, scenario.duration_ns);
+  const stl::Result answer = stl::Evaluate(formula, log.trace, stl::Extent{log.end_ns, scenario.duration_ns});
   result.verdict = FromTruth(answer.truth);
   result.robustness = answer.robustness;
   if (answer.time_ns) result.time_s = ToSeconds(*answer.time_ns);

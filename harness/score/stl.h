@@ -89,10 +89,14 @@ struct Result {
   std::string evidence;
 };
 
-// At the first row of the trace. `planned_end_ns`: when the flight should have ended (none: at the last row);
-// operators without a window look that far. Throws std::invalid_argument when the trace lacks a column or its
-// times are broken.
-Result Evaluate(const Formula& formula, const Trace& trace,
-                std::optional<TimeNs> planned_end_ns = std::nullopt);
+// How far the trace goes: rows lie on a grid, flights end where they end.
+struct Extent {
+  TimeNs seen_until_ns = 0;   // the last row still tells up to here; what is before it counts as it
+  TimeNs planned_end_ns = 0;  // when the flight should have ended: operators without a window look that far
+};
+
+// At the first row of the trace. Without an extent, the flight ended with the last row, as planned. Throws
+// std::invalid_argument when the trace lacks a column or its times are broken.
+Result Evaluate(const Formula& formula, const Trace& trace, std::optional<Extent> extent = std::nullopt);
 
 }  // namespace tiltproof::harness::stl

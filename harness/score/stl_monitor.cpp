@@ -125,9 +125,12 @@ struct Decider {
 
 class Monitor {
  public:
-  Monitor(const Trace& trace, std::optional<TimeNs> planned_end_ns)
+  Monitor(const Trace& trace, const std::optional<Extent>& extent)
       : trace_(trace), times_(RowTimes(trace)), future_(times_.size()) {
-    more_to_come_ = times_.empty() || (planned_end_ns && *planned_end_ns > times_.back());
+    more_to_come_ = times_.empty();
+    if (times_.empty()) return;
+    seen_until_ns_ = std::max(times_.back(), extent ? extent->seen_until_ns : times_.back());
+    more_to_come_ = extent && extent->planned_end_ns > seen_until_ns_;
   }
 
   Result Run(const Node& formula) {
@@ -264,7 +267,7 @@ class Monitor {
     const auto index = [&](auto it) { return static_cast<std::size_t>(it - times_.begin()); };
     const std::size_t first = index(std::lower_bound(times_.begin(), times_.end(), begin_ns));
     const std::size_t last = index(std::upper_bound(times_.begin(), times_.end(), end_ns));
-    if (end_ns > times_.back()) return {first, future_ + 1};
+    if (end_ns > seen_until_ns_) return {first, future_ + 1};
     if (first == last) return {last - 1, last};  // between two rows: the one before, which still holds
     return {first, last};
   }
@@ -413,14 +416,15 @@ class Monitor {
   const Trace& trace_;
   std::vector<TimeNs> times_;
   std::size_t future_;         // index of the row behind the last
-  bool more_to_come_ = false;  // the flight was planned to go on after the last row
+  TimeNs seen_until_ns_ = 0;   // windows that reach further reach into the future
+  bool more_to_come_ = false;  // the flight was planned to go on after that
   std::map<std::string, std::vector<double>> signals_;
 };
 
 }  // namespace
 
-Result Evaluate(const Formula& formula, const Trace& trace, std::optional<TimeNs> planned_end_ns) {
-  return Monitor(trace, planned_end_ns).Run(*formula);
+Result Evaluate(const Formula& formula, const Trace& trace, std::optional<Extent> extent) {
+  return Monitor(trace, extent).Run(*formula);
 }
 
 }  // namespace tiltproof::harness::stl

@@ -334,6 +334,15 @@ TEST(Score, AnUndecidedWindowIsInconclusive) {
   EXPECT_THAT(cut.criteria[1].explanation, HasSubstr("undecided, the flight ended at 0.120 s of 1 s"));
 }
 
+TEST(Score, AFlightNeedNotEndOnARow) {
+  RunLog log = StillFlight(11);
+  log.end_ns = 124 * kNsPerMs;
+  Scenario scenario = ScenarioOf(log);
+  scenario.criteria = {Stl("near", "always(position_error_m <= 1)"),
+                       Stl("all", "always[0,0.124](tilt_rad <= 1)")};
+  EXPECT_EQ(ScoreRun(scenario, log).verdict, Verdict::kPass);
+}
+
 TEST(Score, AFaultThatNeverActsIsInconclusiveUnlessTheRunFailed) {
   RunLog log = StillFlight(11);
   Scenario scenario = ScenarioOf(log);

@@ -32,7 +32,8 @@ Trace MakeTrace(const std::vector<double>& x_m, const std::vector<double>& roll_
 
 Result Judge(const std::string& text, const Trace& trace,
              std::optional<TimeNs> planned_end_ns = std::nullopt) {
-  return Evaluate(Parse(text, kFaults), trace, planned_end_ns);
+  if (!planned_end_ns) return Evaluate(Parse(text, kFaults), trace);
+  return Evaluate(Parse(text, kFaults), trace, Extent{0, *planned_end_ns});
 }
 Truth TruthOf(const std::string& text, const Trace& trace,
               std::optional<TimeNs> planned_end_ns = std::nullopt) {
@@ -117,6 +118,17 @@ TEST(StlMonitor, WhatWasSeenDecidesEvenWhenTheFlightEndsEarly) {
   EXPECT_EQ(open.lower, -kInfinity);
   EXPECT_EQ(open.upper, 1.0);
   EXPECT_EQ(open.time_ns, 24 * kNsPerMs);
+}
+
+TEST(StlMonitor, TheLastRowTellsUpToTheFlightsEnd) {
+  const Trace trace = MakeTrace({0, 1, 2});  // to 24 ms
+  const auto truth = [&](const char* text) {
+    return Evaluate(Parse(text, kFaults), trace, Extent{30 * kNsPerMs, 30 * kNsPerMs}).truth;
+  };
+  EXPECT_EQ(truth("always(x_m < 3)"), Truth::kTrue);
+  EXPECT_EQ(truth("always[0,0.03](x_m < 3)"), Truth::kTrue);
+  EXPECT_EQ(truth("always[0.025,0.03](x_m > 1)"), Truth::kTrue);
+  EXPECT_EQ(truth("always[0,0.031](x_m < 3)"), Truth::kUnknown);
 }
 
 TEST(StlMonitor, AnEmptyTraceDecidesOnlyWhatNeedsNoRow) {

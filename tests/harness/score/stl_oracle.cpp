@@ -93,24 +93,24 @@ class Oracle {
     if (r > reach) return false;
     const TimeNs begin_ns = node.window->begin_ns;
     if (row == rows_) return begin_ns > 0;
-    // Wholly in the unseen: more of it may lie before the window.
+    // No row in the window: more of the unseen may lie before it.
     if (reach == rows_) return trace_.times_ns[row] + begin_ns > trace_.times_ns.back();
     return trace_.times_ns[reach] < trace_.times_ns[row] + begin_ns;
   }
 
   std::vector<std::size_t> Window(const Node& node, std::size_t row) const {
     if (row == rows_) return {rows_};
-    const TimeNs now_ns = trace_.times_ns[row], last_ns = trace_.times_ns.back();
+    const TimeNs now_ns = trace_.times_ns[row];
     std::vector<std::size_t> inside;
     if (!node.window) {
       for (std::size_t r = row; r < rows_; ++r) inside.push_back(r);
-      if (trace_.planned_end_ns > last_ns) inside.push_back(rows_);
+      if (trace_.planned_end_ns > trace_.seen_until_ns) inside.push_back(rows_);
       return inside;
     }
     const TimeNs begin_ns = now_ns + node.window->begin_ns, end_ns = now_ns + node.window->end_ns;
     for (std::size_t r = 0; r < rows_; ++r)
       if (begin_ns <= trace_.times_ns[r] && trace_.times_ns[r] <= end_ns) inside.push_back(r);
-    if (end_ns > last_ns) inside.push_back(rows_);
+    if (end_ns > trace_.seen_until_ns) inside.push_back(rows_);
     if (!inside.empty()) return inside;
     std::size_t before = 0;
     for (std::size_t r = 0; r < rows_; ++r)

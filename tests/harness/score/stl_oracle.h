@@ -24,7 +24,7 @@ struct SlowBounds {
 struct SlowTrace {
   std::vector<TimeNs> times_ns;
   std::vector<double> x_m, roll_rad, active_a;
-  TimeNs planned_end_ns = 0;
+  TimeNs seen_until_ns = 0, planned_end_ns = 0;
 
   harness::Trace ToTrace() const;
 };

@@ -107,8 +107,13 @@ SlowTrace RandomTrace() {
   SlowTrace trace;
   AppendRows(trace, 1 + Choose(8));
   if (trace.times_ns.size() > 1) trace.times_ns.back() -= *rc::gen::element(0, 0, 5) * kNsPerMs;
-  trace.planned_end_ns = trace.times_ns.back() + *rc::gen::element(0, 0, 7, 12, 60) * kNsPerMs;
+  trace.seen_until_ns = trace.times_ns.back() + *rc::gen::element(0, 0, 0, 4, 11) * kNsPerMs;
+  trace.planned_end_ns = trace.seen_until_ns + *rc::gen::element(0, 0, 7, 12, 60) * kNsPerMs;
   return trace;
+}
+
+stl::Result Judge(const stl::Formula& formula, const SlowTrace& trace) {
+  return stl::Evaluate(formula, trace.ToTrace(), stl::Extent{trace.seen_until_ns, trace.planned_end_ns});
 }
 
 stl::Truth TruthOf(const SlowBounds& bounds) {
@@ -122,7 +127,7 @@ RC_GTEST_PROP(StlMonitor, AgreesWithTheDefinitions, ()) {
   RC_LOG() << text << "\n";
   const stl::Formula formula = stl::Parse(text, kFaults);
   const SlowBounds expected = SlowEvaluate(formula, trace);
-  const stl::Result result = stl::Evaluate(formula, trace.ToTrace(), trace.planned_end_ns);
+  const stl::Result result = Judge(formula, trace);
   RC_CLASSIFY(result.truth == stl::Truth::kTrue, "true");
   RC_CLASSIFY(result.truth == stl::Truth::kFalse, "false");
   RC_CLASSIFY(result.truth == stl::Truth::kUnknown, "unknown");
@@ -140,11 +145,13 @@ RC_GTEST_PROP(StlMonitor, WhatIsDecidedNoContinuationChanges, ()) {
   SlowTrace trace;
   AppendRows(trace, 1 + Choose(5));
   const int rest = 1 + Choose(5);
-  const TimeNs planned_end_ns = trace.times_ns.back() + rest * kControlPeriodNs;
-  stl::Result seen = stl::Evaluate(formula, trace.ToTrace(), planned_end_ns);
+  trace.seen_until_ns = trace.times_ns.back() + *rc::gen::element(0, 5) * kNsPerMs;
+  trace.planned_end_ns = trace.times_ns.back() + rest * kControlPeriodNs;
+  stl::Result seen = Judge(formula, trace);
   for (int i = 0; i < rest; ++i) {
     AppendRows(trace, 1);
-    const stl::Result more = stl::Evaluate(formula, trace.ToTrace(), planned_end_ns);
+    trace.seen_until_ns = trace.times_ns.back();
+    const stl::Result more = Judge(formula, trace);
     RC_ASSERT(more.lower >= seen.lower);
     RC_ASSERT(more.upper <= seen.upper);
     if (seen.truth != stl::Truth::kUnknown) RC_ASSERT(more.truth == seen.truth);
@@ -159,11 +166,11 @@ RC_GTEST_PROP(StlMonitor, ANanNeverHelps, ()) {
   RC_LOG() << text << "\n";
   const stl::Formula formula = stl::Parse(text, kFaults);
   SlowTrace trace = RandomTrace();
-  const stl::Result with_nan = stl::Evaluate(formula, trace.ToTrace(), trace.planned_end_ns);
+  const stl::Result with_nan = Judge(formula, trace);
   for (auto* values : {&trace.x_m, &trace.roll_rad, &trace.active_a})
     for (double& value : *values)
       if (std::isnan(value)) value = *rc::gen::element(-2.0, 0.0, 1.0, 5.0);
-  const stl::Result without = stl::Evaluate(formula, trace.ToTrace(), trace.planned_end_ns);
+  const stl::Result without = Judge(formula, trace);
   RC_ASSERT(with_nan.lower <= without.lower);
   RC_ASSERT(with_nan.upper <= without.upper);
   if (with_nan.truth == stl::Truth::kTrue) RC_ASSERT(without.truth == stl::Truth::kTrue);
