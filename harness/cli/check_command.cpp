@@ -1,5 +1,9 @@
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <string_view>
+#include <vector>
+
 #include "faults/registry.h"
 #include "harness/cli/commands.h"
 #include "harness/cli/suite.h"
@@ -23,12 +27,19 @@ int CheckCommand(const CheckOptions& options) {
 
 int ListCommand(const CheckOptions& options) {
   const Suite suite = LoadSuite(options.paths);
+  std::size_t name_width = 0, model_width = 0, firmware_width = 0;
   for (const auto& [scenario, model] : suite.scenarios) {
-    std::string faults;
-    for (const auto& fault : scenario.faults) faults += (faults.empty() ? "" : ", ") + fault.type;
-    fmt::print("{:<34} {:>5.0f} s  {:<14} {:<16} expect {:<5} [{}]{}{}\n", scenario.name,
-               ToSeconds(scenario.duration_ns), scenario.model, scenario.firmware, Name(scenario.expect),
-               fmt::join(scenario.tags, ", "), faults.empty() ? "" : "  ", faults);
+    name_width = std::max(name_width, scenario.name.size());
+    model_width = std::max(model_width, scenario.model.size());
+    firmware_width = std::max(firmware_width, scenario.firmware.size());
+  }
+  for (const auto& [scenario, model] : suite.scenarios) {
+    std::vector<std::string_view> faults;
+    for (const auto& fault : scenario.faults) faults.push_back(fault.type);
+    fmt::print("{:<{}}  {:>5.0f} s  {:<{}}  {:<{}}  expect {:<12}  [{}]  {}\n", scenario.name, name_width,
+               ToSeconds(scenario.duration_ns), scenario.model, model_width, scenario.firmware,
+               firmware_width, Name(scenario.expect), fmt::join(scenario.tags, ", "),
+               fmt::join(faults, ", "));
   }
   return suite.scenarios.empty() ? kExitUndecided : kExitGreen;
 }

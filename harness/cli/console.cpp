@@ -51,7 +51,7 @@ void Console::Finished(const ScenarioResult& result) const {
   if (result.real_time_factor > 0) numbers += fmt::format("  {:.0f}x real time", result.real_time_factor);
   std::string word = Upper(Name(score.verdict));
   if (score.verdict != Verdict::kPass && result.green()) word += " (expected)";
-  fmt::print("{} {:<34}{}\n", Paint(colour, fmt::format("{:<16}", word)), result.name, numbers);
+  fmt::print("{} {:<36}{}\n", Paint(colour, fmt::format("{:<16}", word)), result.name, numbers);
   if (score.verdict != Verdict::kPass || !result.green()) {
     fmt::print("                 {}\n", score.reason);
     if (!result.green()) {

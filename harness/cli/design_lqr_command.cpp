@@ -26,15 +26,16 @@ int DesignLqrCommand(const DesignLqrOptions& options) {
   }
   const plant::Hover& hover = design.hover;
   fmt::print("model            {} ({:.4f} kg)\n", model->name, model->MassTotal());
-  fmt::print("hover            roll {:.6f}  pitch {:.6f}  alpha_r {:.6f}  alpha_l {:.6f} rad\n", hover.roll_rad, hover.pitch_rad,
-             hover.alpha_r_rad, hover.alpha_l_rad);
-  fmt::print("                 f_r {:.5f}  f_l {:.5f} N  tau_r {:.5f}  tau_l {:.5f} N m\n", hover.input.f_r_n, hover.input.f_l_n,
-             hover.input.tau_r_nm, hover.input.tau_l_nm);
+  fmt::print("hover            roll {:.6f}  pitch {:.6f}  alpha_r {:.6f}  alpha_l {:.6f} rad\n",
+             hover.roll_rad, hover.pitch_rad, hover.alpha_r_rad, hover.alpha_l_rad);
+  fmt::print("                 f_r {:.5f}  f_l {:.5f} N  tau_r {:.5f}  tau_l {:.5f} N m\n", hover.input.f_r_n,
+             hover.input.f_l_n, hover.input.tau_r_nm, hover.input.tau_l_nm);
   fmt::print("sampling period  {:.3f} ms\n", design.model.period_s * 1e3);
   fmt::print("spectral radius  {:.6f} of the closed loop\n", design.spectral_radius);
   fmt::print("delay margin     {:.2f} ms of input delay\n", design.delay_margin_s * 1e3);
   fmt::print("Riccati residual {:.1e} after {} iterations\n", design.dare_residual, design.dare_iterations);
-  fmt::print("gain             u = u_eq - K (x - x_ref), rows f_r f_l tau_r tau_l\n{}", plant::GainCsv(design.gain));
+  fmt::print("gain             u = u_eq - K (x - x_ref), rows f_r f_l tau_r tau_l\n{}",
+             plant::GainCsv(design.gain));
   if (!options.csv.empty()) plant::WriteGainCsv(options.csv, design.gain);
   return kExitGreen;
 }

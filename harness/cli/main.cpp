@@ -112,7 +112,8 @@ int Main(int argc, char** argv) {
     if (!std::cout) throw std::runtime_error("cannot write to standard output");
     return code;
   } catch (const UsageError& error) {
-    std::cerr << "tiltproof: " << error.what() << "\n";
+    // It names its place itself: file:line:col, or the flag.
+    std::cerr << error.what() << "\n";
     return kExitUsage;
   } catch (const std::exception& error) {
     std::cerr << "tiltproof: error: " << error.what() << "\n";

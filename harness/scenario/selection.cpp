@@ -38,8 +38,12 @@ std::vector<fs::path> FindScenarios(const std::vector<fs::path>& paths) {
     std::error_code error;
     if (fs::is_directory(path, error)) {
       std::vector<fs::path> inside;
-      for (const auto& entry : fs::recursive_directory_iterator(path)) {
-        if (entry.is_regular_file() && IsScenarioFile(entry.path())) inside.push_back(entry.path());
+      for (auto entry = fs::recursive_directory_iterator(path); entry != fs::recursive_directory_iterator();
+           ++entry) {
+        // A run's results hold resolved scenarios; they are not the user's.
+        if (entry->is_directory() && fs::exists(entry->path() / "run.json"))
+          entry.disable_recursion_pending();
+        if (entry->is_regular_file() && IsScenarioFile(entry->path())) inside.push_back(entry->path());
       }
       std::sort(inside.begin(), inside.end());
       std::for_each(inside.begin(), inside.end(), add);
