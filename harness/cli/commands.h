@@ -54,6 +54,7 @@ int FaultsCommand();
 
 struct ReplayOptions {
   std::filesystem::path run;
+  std::string program = "tiltproof";  // as it was called, for the commands that are printed
   std::string format = "human";
 };
 int ReplayCommand(const ReplayOptions& options);

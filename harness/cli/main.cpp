@@ -61,6 +61,7 @@ int Main(int argc, char** argv) {
   });
 
   ReplayOptions replay;
+  replay.program = argv[0];
   auto* replay_app = app.add_subcommand("replay", "Fly an old run again and compare the trace hashes");
   replay_app->add_option("RUN", replay.run, "A run's results folder, or one scenario's folder in it")
       ->required();

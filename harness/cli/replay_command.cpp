@@ -38,7 +38,7 @@ int ReplayCommand(const ReplayOptions& options) {
     }
     auto [scenario, model] = LoadFlown(scenario_folder);
     jobs.push_back({std::move(scenario), std::move(model), library, folder / scenario_folder.filename(),
-                    fmt::format("tiltproof replay {}", scenario_folder.string())});
+                    fmt::format("{} replay {}", options.program, scenario_folder.string())});
   }
   const PoolOutcome outcome = FlyAll(jobs, {}, [](const ScenarioResult&) {});
   if (outcome.interrupted) {

@@ -68,7 +68,7 @@ int RunCommand(const RunOptions& options) {
       job.folder =
           folder / (options.repeat_count == 1 ? scenario.name
                                               : fmt::format("{}-seed{}", scenario.name, job.scenario.seed));
-      job.replay = fmt::format("tiltproof replay {}", job.folder.string());
+      job.replay = fmt::format("{} replay {}", options.command.front(), job.folder.string());
       jobs.push_back(std::move(job));
     }
   }

@@ -30,7 +30,7 @@ int ScoreCommand(const ReplayOptions& options) {
     result.trace_hash = TraceHash(log.trace);
     result.wall_s = log.wall_s;
     result.real_time_factor = log.wall_s > 0 ? ToSeconds(log.end_ns) / log.wall_s : 0.0;
-    result.replay = fmt::format("tiltproof replay {}", folder.string());
+    result.replay = fmt::format("{} replay {}", options.program, folder.string());
     result.score = ScoreRun(scenario, log);
     console.Finished(result);
     results.push_back(std::move(result));

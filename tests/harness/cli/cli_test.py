@@ -95,7 +95,7 @@ class CliTest(unittest.TestCase):
         self.assertEqual(code, 1)
         self.assertRegex(out, r"FAIL +bad")
         self.assertIn("near", out)
-        self.assertIn("tiltproof replay", out)
+        self.assertRegex(out, r"again: \S*tiltproof replay results/")
         self.scenario("expected", **impossible, **{"seed: 3": "seed: 3\nexpect: fail"})
         self.assertEqual(self.tiltproof("run", "expected.yaml")[0], 0)
         self.scenario("short", **undecided)
