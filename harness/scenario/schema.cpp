@@ -43,10 +43,10 @@ class SchemaBuilder : public KeyVisitor {
     if (alternatives_.empty()) return Object(properties_, required_);
     Json choices = Json::array();
     for (const SchemaBuilder& alternative : alternatives_) {
-      Json properties = properties_;
-      Json required = required_;
-      for (const auto& [name, schema] : alternative.properties_.items()) properties[name] = schema;
-      for (const auto& name : alternative.required_) required.push_back(name);
+      Json properties = alternative.properties_;
+      Json required = alternative.required_;
+      for (const auto& [name, schema] : properties_.items()) properties[name] = schema;
+      for (const auto& name : required_) required.push_back(name);
       choices.push_back(Object(properties, required));
     }
     return {{"oneOf", choices}};

@@ -136,7 +136,7 @@ std::size_t FindBadByte(std::string_view s) {
 // place.
 class SourceText {
  public:
-  explicit SourceText(std::string_view text) {
+  explicit SourceText(std::string_view text) : text_(text) {
     std::size_t begin = 0;
     while (true) {
       const std::size_t end = text.find('\n', begin);
@@ -155,16 +155,34 @@ class SourceText {
     if (mark.line < 0 || mark.column < 0) return {};
     return At(static_cast<std::size_t>(mark.line), static_cast<std::size_t>(mark.column));
   }
-  // What stands on the line from there on.
+  // What stands there and after it, to the end of the text.
   std::string_view From(const YAML::Mark& mark) const {
     if (mark.line < 0 || mark.column < 0 || static_cast<std::size_t>(mark.line) >= lines_.size()) return {};
     const std::string_view line = lines_[static_cast<std::size_t>(mark.line)];
-    return line.substr(std::min(line.size(), static_cast<std::size_t>(mark.column)));
+    const auto line_begin = static_cast<std::size_t>(line.data() - text_.data());
+    return text_.substr(line_begin + std::min(line.size(), static_cast<std::size_t>(mark.column)));
   }
 
  private:
+  std::string_view text_;
   std::vector<std::string_view> lines_;
 };
+
+// Whether the quoted scalar that begins here has its closing quote: the library takes the end of the file for
+// one.
+bool QuoteIsClosed(std::string_view text) {
+  const char quote = text.front();
+  for (std::size_t i = 1; i < text.size(); ++i) {
+    if (quote == '"' && text[i] == '\\') {
+      ++i;
+    } else if (quote == '\'' && text.substr(i).starts_with("''")) {
+      ++i;
+    } else if (text[i] == quote) {
+      return true;
+    }
+  }
+  return false;
+}
 
 // Thrown out of the parser where reading on would be pointless.
 struct Stop : std::runtime_error {
@@ -206,6 +224,8 @@ class TreeBuilder : public YAML::EventHandler {
     const std::string_view there = source_.From(mark);
     const bool quoted = tag == "!";
     const std::size_t skip = quoted ? 1 : 0;
+    if ((there.starts_with('"') || there.starts_with('\'')) && !QuoteIsClosed(there))
+      Halt(mark, "the quote is never closed");
     if (there.substr(std::min(skip, there.size())).starts_with(value)) {
       node.text_begin = YamlMark{node.mark.line, node.mark.column + static_cast<int>(skip)};
     }
