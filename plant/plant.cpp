@@ -110,6 +110,8 @@ struct Plant::World {
   double step_s = 0;
 
   dWorldID world = nullptr;
+  dThreadingImplementationID threading = nullptr;  // runs the step in the caller's thread
+  bool broken = false;                             // an error left the step in the middle
   dJointGroupID contact_joints = nullptr;
   dGeomID ground = nullptr, shape = nullptr;
   double shape_radius_m = 0;  // no point of the shape is farther from its centre
@@ -144,6 +146,9 @@ Plant::World::~World() { Destroy(); }
 
 void Plant::World::Create() {
   world = dWorldCreate();
+  // The default is shared by all worlds of the process; an error in one must not touch another.
+  threading = dThreadingAllocateSelfThreadedImplementation();
+  dWorldSetStepThreadingImplementation(world, dThreadingImplementationGetFunctions(threading), threading);
   dWorldSetGravity(world, 0, 0, -options.gravity_m_s2);
   base = CreateBody(model.base, Vector3d::Zero(), Matrix3d::Identity());
   for (std::size_t side = 0; side < thrusters.size(); ++side) {
@@ -168,6 +173,14 @@ void Plant::World::Destroy() {
   if (ground != nullptr) dGeomDestroy(ground);
   if (contact_joints != nullptr) dJointGroupDestroy(contact_joints);
   if (world != nullptr) dWorldDestroy(world);
+  // ODE insists that no job is left when the threading goes; after an error some are, so it stays: some
+  // kilobytes.
+  if (threading != nullptr && !broken) dThreadingFreeImplementation(threading);
+  shape = ground = nullptr;
+  contact_joints = nullptr;
+  world = nullptr;
+  threading = nullptr;
+  broken = false;
 }
 
 Plant::World::Body Plant::World::CreateBody(const RigidBody& body, const Vector3d& p_BL,
@@ -218,6 +231,10 @@ void Plant::World::Place(const SensorsTruth& state) {
     if (!std::isfinite(state.*field.in_double)) {
       throw PlantError(fmt::format("cannot start at {} = {}", field.column, state.*field.in_double));
     }
+  }
+  if (broken) {
+    Destroy();
+    Create();
   }
   dRandSetSeed(0);  // ODE's generator is the process's: every flight begins with the same
   event = FlightEvent::kNone;
@@ -391,6 +408,7 @@ ActuatorsTruth Plant::Step(const ActuatorsTruth& input) {
   try {
     world_->StepOnce(in_force);
   } catch (const PlantError& error) {
+    world_->broken = true;
     world_->SetEvent(FlightEvent::kNotFinite, error.what());
     return in_force;
   }

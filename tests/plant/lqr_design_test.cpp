@@ -9,8 +9,7 @@
 #include <Eigen/Eigenvalues>
 #include <cmath>
 #include <fstream>
-#include <iomanip>
-#include <limits>
+#include <numbers>
 #include <sstream>
 
 #include "tests/plant/models.h"
@@ -47,7 +46,7 @@ TEST(LqrDesign, ReproducesThePublishedGain) {
 TEST(LqrDesign, WeightsAsPrintedGiveAnotherGain) {
   LqrOptions options;
   options.weights.r << std::sqrt(0.2), std::sqrt(0.2), std::sqrt(0.05), std::sqrt(0.05);
-  options.weights.q[14] = options.weights.q[15] = 5 / (9 * M_PI * M_PI);
+  options.weights.q[14] = options.weights.q[15] = 5 / (9 * std::numbers::pi * std::numbers::pi);
   EXPECT_GT(RelativeErrorMax(DesignLqr(LoadShipped("tiltrotor"), options).gain, Published()), 5);
 }
 

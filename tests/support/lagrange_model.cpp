@@ -234,4 +234,12 @@ SensorsTruth ToSensors(const LagrangeModel::State& state) {
   return s;
 }
 
+SensorsTruth ToSensorsWithEulerRates(const LagrangeModel::State& state) {
+  SensorsTruth s = ToSensors(state);
+  s.wx_rad_s = state.q_dot[3];
+  s.wy_rad_s = state.q_dot[4];
+  s.wz_rad_s = state.q_dot[5];
+  return s;
+}
+
 }  // namespace tiltproof::testing

@@ -57,7 +57,8 @@ class LagrangeModel {
   std::array<Eigen::Matrix4d, 3> pseudo_inertia_;  // base, right, left
 };
 
-// Angular rates along the world's axes, yaw in (-pi, pi].
+// Yaw in (-pi, pi]. Angular rates along the world's axes, or the derivatives of roll, pitch, yaw.
 SensorsTruth ToSensors(const LagrangeModel::State& state);
+SensorsTruth ToSensorsWithEulerRates(const LagrangeModel::State& state);
 
 }  // namespace tiltproof::testing
