@@ -15,7 +15,7 @@ constexpr double kSettledError_m = 0.25;
 // Where the start from rest is over, in the paper's spiral.
 constexpr TimeNs kTransientNs = 10 * kNsPerS;
 
-double Milliseconds(TimeNs t) { return static_cast<double>(t) * 1e-6; }
+double Milliseconds(TimeNs t) { return static_cast<double>(t) / 1e6; }
 
 class Calculator {
  public:
