@@ -1,5 +1,6 @@
-// Distance from points to a long polyline: the path that a flight should have traced. One query costs about the
-// logarithm of the path's length; where the path passes the same place in many laps, that for each of them.
+// Distance from points to a long polyline: the path that a flight should have traced. One query costs about
+// the logarithm of the path's length; where the path passes the same place in many laps, that for each of
+// them.
 #pragma once
 
 #include <array>
