@@ -5,6 +5,26 @@
 namespace tiltproof::faults {
 namespace {
 
+// What is true of all types.
+constexpr const char* kPreamble = R"(# The fault catalogue
+
+Written by `tiltproof faults`.
+
+A fault acts in its window `[start_s, end_s)`: a fault on the wire on the frames whose first byte
+enters the wire in it, one on sensors or actuators on the samples in it. Frames that the sender hands
+over before the server has accepted `start` (the first sensor request is among them) are only in
+windows without `start_s`.
+
+Of what it sees in its window (only frames of its `message`, when it has one) the trigger picks every
+`every_nth_count`-th, and that one with `probability`. On the wire faults act in the order of their
+stages, frame, byte, timing, and within a stage in the order of the file.
+
+Which frames a fault picks, and what it draws for each of them, follow from the frames as they were
+sent, so adding or removing a fault shifts no other's draws; only what a fault remembers (the state of
+wire.gilbert_elliott, the frames of frame.reorder and frame.replay_stale) comes from the frames that
+reach it. What changed nothing is no activation.
+)";
+
 std::string ValueText(const ParameterValue& value) {
   if (const auto* number = std::get_if<double>(&value)) return NumberText(*number);
   return std::get<std::string>(value);
@@ -57,22 +77,7 @@ std::string ExampleYaml(const FaultType& type) {
 }  // namespace
 
 std::string CatalogueMarkdown() {
-  std::string text =
-      "# The fault catalogue\n\n"
-      "Written by `tiltproof faults`.\n\n"
-      "A fault acts in its window `[start_s, end_s)`: a fault on the wire on the frames whose first byte "
-      "enters "
-      "the wire in it, one on sensors or actuators on the samples in it. Of what it sees there (only frames "
-      "of its "
-      "`message`, when it has one) the trigger picks every `every_nth_count`-th, and that one with "
-      "`probability`. "
-      "On the wire faults act in the order of their stages, frame, byte, timing, and within a stage in the "
-      "order of "
-      "the file. Which frames a fault picks, and its random draws for each of them, follow from the frames "
-      "as they "
-      "were sent, so a fault that is added or removed shifts nothing in the others. What changed nothing is "
-      "no "
-      "activation.\n";
+  std::string text = kPreamble;
   for (const FaultType& type : FaultTypes()) {
     text +=
         Concat({"\n## ", type.name, "\n\n", type.summary, " ", type.semantics, "\n\n", TargetMarkdown(type),

@@ -23,8 +23,9 @@ FaultType ActuatorLossOfEffectiveness() {
           .stage = Stage::kActuator,
           .summary = "An actuator yields only a part of what is commanded.",
           .semantics =
-              "The actuator's force or torque is `factor` times the command: 1 is a healthy actuator, 0 a "
-              "dead one. In force throughout the window, also on a command that was given before it.",
+              "The actuator's force or torque is `factor` times the command: 1 is a healthy "
+              "actuator, 0 a dead one. In force throughout the window, also on a command that was "
+              "given before it.",
           .parameters = {ActuatorParameter(),
                          {.name = "factor",
                           .unit = "1",

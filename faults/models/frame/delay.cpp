@@ -67,43 +67,41 @@ class Delay : public WireModel {
 }  // namespace
 
 FaultType FrameDelay() {
-  return {
-      .name = "frame.delay",
-      .stage = Stage::kTiming,
-      .summary = "Holds frames back for a fixed or random time.",
-      .semantics =
-          "Every frame that the trigger picked enters the line later by a draw of its own. Frames keep their "
-          "order: one that would overtake waits behind its predecessor. The draw is `mean_ms` (constant); "
-          "within "
-          "`jitter_ms` of it, every value alike (uniform); or of mean `mean_ms` and standard deviation "
-          "`jitter_ms` (normal, pareto). A negative draw counts as 0, one beyond 60 s as 60 s. A Pareto "
-          "delay is "
-          "never shorter than a least value that follows from the two, and has a heavy tail.",
-      .parameters = {{.name = "mean_ms",
-                      .unit = "ms",
-                      .min = 0.0,
-                      .max = 10'000.0,
-                      .doc = "mean delay",
-                      .example = 3.0,
-                      .zero = 0.0},
-                     {.name = "jitter_ms",
-                      .unit = "ms",
-                      .min = 0.0,
-                      .max = 10'000.0,
-                      .doc = "spread of the delay; not used by `constant`",
-                      .example = 1.0,
-                      .default_value = 0.0,
-                      .zero = 0.0},
-                     {.name = "distribution",
-                      .unit = "",
-                      .kind = ParameterKind::kChoice,
-                      .doc = "of the draws",
-                      .example = "uniform",
-                      .default_value = "constant",
-                      .choices = {"constant", "uniform", "normal", "pareto"}}},
-      .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-        return std::make_unique<Delay>(setup.parameters);
-      }};
+  return {.name = "frame.delay",
+          .stage = Stage::kTiming,
+          .summary = "Holds frames back for a fixed or random time.",
+          .semantics =
+              "Every frame that the trigger picked enters the line later by a draw of its own. "
+              "Frames keep their order: one that would overtake waits behind its predecessor. The "
+              "draw is `mean_ms` (constant); within `jitter_ms` of it, every value alike (uniform); "
+              "or of mean `mean_ms` and standard deviation `jitter_ms` (normal, pareto). A negative "
+              "draw counts as 0, one beyond 60 s as 60 s. A Pareto delay is never shorter than a "
+              "least value that follows from the two, and has a heavy tail.",
+          .parameters = {{.name = "mean_ms",
+                          .unit = "ms",
+                          .min = 0.0,
+                          .max = 10'000.0,
+                          .doc = "mean delay",
+                          .example = 3.0,
+                          .zero = 0.0},
+                         {.name = "jitter_ms",
+                          .unit = "ms",
+                          .min = 0.0,
+                          .max = 10'000.0,
+                          .doc = "spread of the delay; not used by `constant`",
+                          .example = 1.0,
+                          .default_value = 0.0,
+                          .zero = 0.0},
+                         {.name = "distribution",
+                          .unit = "",
+                          .kind = ParameterKind::kChoice,
+                          .doc = "of the draws",
+                          .example = "uniform",
+                          .default_value = "constant",
+                          .choices = {"constant", "uniform", "normal", "pareto"}}},
+          .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+            return std::make_unique<Delay>(setup.parameters);
+          }};
 }
 
 }  // namespace tiltproof::faults

@@ -57,11 +57,10 @@ FaultType FrameReorder() {
           .stage = Stage::kFrame,
           .summary = "Lets later frames overtake.",
           .semantics =
-              "A frame that the trigger picked is held back with the given probability and goes on directly "
-              "after the "
-              "`depth_count`-th later frame of its direction (of those with the fault's `message`, when it "
-              "has one), "
-              "held back or not, in the window or after it. Without such a frame it never goes on.",
+              "A frame that the trigger picked is held back with the given probability and goes on "
+              "directly after the `depth_count`-th later frame of its direction (of those with the "
+              "fault's `message`, when it has one), held back or not, in the window or after it. "
+              "Without such a frame it never goes on.",
           .parameters = {ProbabilityParameter("probability, per frame, that it is held back", 0.3),
                          {.name = "depth_count",
                           .unit = "frame",

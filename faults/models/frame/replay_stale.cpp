@@ -58,29 +58,26 @@ class ReplayStale : public WireModel {
 }  // namespace
 
 FaultType FrameReplayStale() {
-  return {
-      .name = "frame.replay_stale",
-      .stage = Stage::kFrame,
-      .summary = "Puts an older frame in the place of a new one.",
-      .semantics =
-          "A frame that the trigger picked is replaced, with the given probability, by what was sent "
-          "`age_count` "
-          "frames of the same message before it: a well-formed frame with old content. Frames before the "
-          "window "
-          "are remembered too; while there is none so old, nothing happens. Equal content (a sensor request) "
-          "counts as no change.",
-      .parameters = {ProbabilityParameter("probability, per frame, that it is replaced", 0.3),
-                     {.name = "age_count",
-                      .unit = "frame",
-                      .kind = ParameterKind::kInteger,
-                      .min = 1,
-                      .max = 10'000,
-                      .doc = "how many frames of the same message lie back",
-                      .example = 3.0}},
-      .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-        return std::make_unique<ReplayStale>(setup.parameters);
-      },
-      .remembers = true};
+  return {.name = "frame.replay_stale",
+          .stage = Stage::kFrame,
+          .summary = "Puts an older frame in the place of a new one.",
+          .semantics =
+              "A frame that the trigger picked is replaced, with the given probability, by what was "
+              "sent `age_count` frames of the same message before it: a well-formed frame with old "
+              "content. Frames before the window are remembered too; while there is none so old, "
+              "nothing happens. Equal content (a sensor request) counts as no change.",
+          .parameters = {ProbabilityParameter("probability, per frame, that it is replaced", 0.3),
+                         {.name = "age_count",
+                          .unit = "frame",
+                          .kind = ParameterKind::kInteger,
+                          .min = 1,
+                          .max = 10'000,
+                          .doc = "how many frames of the same message lie back",
+                          .example = 3.0}},
+          .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+            return std::make_unique<ReplayStale>(setup.parameters);
+          },
+          .remembers = true};
 }
 
 }  // namespace tiltproof::faults

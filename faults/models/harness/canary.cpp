@@ -18,8 +18,8 @@ FaultType HarnessCanary() {
           .stage = Stage::kActuator,
           .summary = "Cuts both thrusts: no flight may survive it.",
           .semantics =
-              "Both thrusts are 0 throughout the window, whatever is commanded. A verdict other than fail "
-              "shows that faults or scoring do not work.",
+              "Both thrusts are 0 throughout the window, whatever is commanded. A verdict other "
+              "than fail shows that faults or scoring do not work.",
           .make_actuator = [](const Parameters&) -> std::unique_ptr<ActuatorModel> {
             return std::make_unique<Canary>();
           }};

@@ -48,21 +48,19 @@ class Disconnect : public WireModel {
 }  // namespace
 
 FaultType LinkDisconnect() {
-  return {
-      .name = "link.disconnect",
-      .stage = Stage::kByte,
-      .summary = "The plug is pulled.",
-      .semantics =
-          "Every byte that is on the line during any part of the window is lost, so a frame under way at its "
-          "beginning or end is cut in the middle. `every_nth_count` and `probability` choose among the "
-          "frames "
-          "that are on the line during the window. Without a target both directions of the main line are "
-          "cut.",
-      .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-        return std::make_unique<Disconnect>(setup.line);
-      },
-      .default_target = Target::kBoth,
-      .acts_on_overlap = true};
+  return {.name = "link.disconnect",
+          .stage = Stage::kByte,
+          .summary = "The plug is pulled.",
+          .semantics =
+              "Every byte that is on the line during any part of the window is lost, so a frame "
+              "under way at its beginning or end is cut in the middle. `every_nth_count` and "
+              "`probability` choose among the frames that are on the line during the window. "
+              "Without a target both directions of the main line are cut.",
+          .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+            return std::make_unique<Disconnect>(setup.line);
+          },
+          .default_target = Target::kBoth,
+          .acts_on_overlap = true};
 }
 
 }  // namespace tiltproof::faults

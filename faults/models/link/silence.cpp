@@ -18,9 +18,9 @@ FaultType LinkSilence() {
       .stage = Stage::kFrame,
       .summary = "A sender stops sending.",
       .semantics =
-          "Every frame whose first byte would enter the line within the window is not sent, whole; a frame "
-          "begun "
-          "before the window ends as usual. Without a target both directions of the main line are silent.",
+          "Every frame whose first byte would enter the line within the window is not sent, "
+          "whole; a frame begun before the window ends as usual. Without a target both "
+          "directions of the main line are silent.",
       .make_wire = [](const WireSetup&) -> std::unique_ptr<WireModel> { return std::make_unique<Silence>(); },
       .default_target = Target::kBoth};
 }

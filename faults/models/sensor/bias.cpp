@@ -26,8 +26,8 @@ FaultType SensorBias() {
           .stage = Stage::kSensor,
           .summary = "Adds a constant to a sensor.",
           .semantics =
-              "`offset` is added to the signal in every sample that the trigger picked, before it is sent; "
-              "the sum is rounded to the line's 32 bits.",
+              "`offset` is added to the signal in every sample that the trigger picked, before it "
+              "is sent; the sum is rounded to the line's 32 bits.",
           .parameters = {SensorParameter(),
                          {.name = "offset",
                           .unit = "of the signal",

@@ -25,8 +25,8 @@ FaultType SensorFreeze() {
           .stage = Stage::kSensor,
           .summary = "A sensor keeps its value.",
           .semantics =
-              "The signal keeps the value that it had in the first sample that the trigger picked. That "
-              "sample itself is unchanged, and so counts as no activation.",
+              "The signal keeps the value that it had in the first sample that the trigger picked. "
+              "That sample itself is unchanged, and so counts as no activation.",
           .parameters = {SensorParameter()},
           .make_sensor = [](const Parameters& parameters) -> std::unique_ptr<SensorModel> {
             return std::make_unique<Freeze>(parameters);

@@ -30,8 +30,8 @@ FaultType WireBitError() {
           .stage = Stage::kByte,
           .summary = "Flips bits independently of each other.",
           .semantics =
-              "Every data bit of a frame, flags and escapes included, is flipped with probability `ber`. "
-              "Start and stop bits are spared: the receiver's byte clock stays right.",
+              "Every data bit of a frame, flags and escapes included, is flipped with probability "
+              "`ber`. Start and stop bits are spared: the receiver's byte clock stays right.",
           .parameters = {{.name = "ber",
                           .unit = "1",
                           .min = 0.0,

@@ -33,9 +33,9 @@ FaultType WireByteDrop() {
           .stage = Stage::kByte,
           .summary = "Loses single bytes.",
           .semantics =
-              "Every byte of a frame, flags included, is lost with the given probability, independently. The "
-              "bytes after it close up: they arrive one byte time earlier. A frame that loses all its bytes "
-              "vanishes.",
+              "Every byte of a frame, flags included, is lost with the given probability, "
+              "independently. The bytes after it close up: they arrive one byte time earlier. A "
+              "frame that loses all its bytes vanishes.",
           .parameters = {ProbabilityParameter("probability, per byte, that it is lost", 0.01)},
           .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
             return std::make_unique<ByteDrop>(setup.parameters.Number("probability"));

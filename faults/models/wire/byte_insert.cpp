@@ -35,8 +35,8 @@ FaultType WireByteInsert() {
       .stage = Stage::kByte,
       .summary = "Adds random bytes.",
       .semantics =
-          "Before every byte of a frame a byte of uniformly random value is inserted with the given "
-          "probability, independently. What follows moves back by a byte time.",
+          "Before every byte of a frame a byte of uniformly random value is inserted with the "
+          "given probability, independently. What follows moves back by a byte time.",
       .parameters = {ProbabilityParameter("probability, per byte, that another is inserted before it", 0.01)},
       .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
         return std::make_unique<ByteInsert>(setup.parameters.Number("probability"));

@@ -55,9 +55,10 @@ FaultType WireStuckByte() {
           .stage = Stage::kByte,
           .summary = "At random times the line reads the same value for a number of bytes.",
           .semantics =
-              "Events come as a Poisson process in time, whether or not something is sent; one that falls on "
-              "an idle line hits nothing. The bytes that begin within `length_bytes` byte times of an event "
-              "are replaced by `value`. On an ideal link bytes are placed as at 921600 baud.",
+              "Events come as a Poisson process in time, whether or not something is sent; one that "
+              "falls on an idle line hits nothing. The bytes that begin within `length_bytes` byte "
+              "times of an event are replaced by `value`. On an ideal link bytes are placed as at "
+              "921600 baud.",
           .parameters = {{.name = "value",
                           .unit = "1",
                           .kind = ParameterKind::kInteger,
