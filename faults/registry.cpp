@@ -124,14 +124,12 @@ class Validator {
     std::vector<std::string_view> names;
     for (const ParameterInfo& info : type.parameters) names.push_back(info.name);
     for (const auto& [name, value] : spec_.parameters) {
-      const auto info =
-          std::find_if(type.parameters.begin(), type.parameters.end(),
-                       [&name](const ParameterInfo& candidate) { return candidate.name == name; });
-      if (info == type.parameters.end()) {
+      const auto known = std::find(names.begin(), names.end(), name);
+      if (known == names.end()) {
         Add("parameters." + name, {"unknown parameter '", name, "' of ", type.name,
                                    names.empty() ? ", which takes none" : Suggestion(name, names)});
       } else {
-        CheckValue(*info, value);
+        CheckValue(type.parameters[static_cast<std::size_t>(known - names.begin())], value);
       }
     }
     for (const ParameterInfo& info : type.parameters) {
