@@ -96,7 +96,7 @@ void DescribeFault(KeyVisitor& v, FaultSpec& fault) {
   std::optional<std::size_t> index;
   if (found != TypeNames().end()) index = static_cast<std::size_t>(found - TypeNames().begin());
   v.Alternatives(
-      {"type", "What kind of fault; docs/faults.md lists them", Presence::kRequired}, TypeNames(), index,
+      {"type", "What kind of fault; `tiltproof faults` lists them", Presence::kRequired}, TypeNames(), index,
       [&](KeyVisitor& w, std::size_t chosen) {
         const FaultType& type = faults::FaultTypes()[chosen];
         if (fault.type != type.name) fault.parameters.clear();

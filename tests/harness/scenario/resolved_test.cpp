@@ -1,0 +1,237 @@
+// WriteResolved(): what it writes reads back to an equal scenario, whatever the scenario.
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "faults/registry.h"
+#include "harness/scenario/keys.h"
+#include "harness/scenario/reader.h"
+
+namespace tiltproof::harness {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Gives every described key a random value within its bounds.
+class RandomFiller : public KeyVisitor {
+ public:
+  void Bool(const Key&, bool& value) override { value = *rc::gen::arbitrary<bool>(); }
+  void Number(const Key&, double& value, Range range) override { value = AnyNumber(range); }
+  void MaybeNumber(const Key&, std::optional<double>& value, Range range) override {
+    value = AnyNumber(range);
+  }
+  void Integer(const Key&, std::int64_t& value, Range range) override {
+    value = *rc::gen::inRange(static_cast<std::int64_t>(range.min), static_cast<std::int64_t>(range.max));
+  }
+  void Seconds(const Key&, TimeNs& value_ns, Range range_s) override {
+    value_ns = *rc::gen::inRange(FromSeconds(range_s.min), FromSeconds(range_s.max));
+  }
+  void Text(const Key&, std::string& value, const TextRule& rule) override { value = AnyText(rule); }
+  void Texts(const Key&, std::vector<std::string>& value, const TextRule& rule) override {
+    value.resize(*rc::gen::inRange<std::size_t>(0, 4));
+    for (auto& text : value) text = AnyText(rule);
+  }
+  void Point(const Key&, std::array<double, 3>& value, Range range) override {
+    for (double& number : value) number = AnyNumber(range);
+  }
+  void Points(const Key& key, std::vector<std::array<double, 3>>& value, Range range) override {
+    value.resize(*rc::gen::inRange<std::size_t>(1, 5));
+    for (auto& point : value) Point(key, point, range);
+  }
+  void Choice(const Key&, std::span<const std::string_view> words,
+              std::optional<std::size_t>& index) override {
+    index = *rc::gen::inRange<std::size_t>(0, words.size());
+  }
+  void Section(const Key&, const Body& body) override { body(*this); }
+  void List(const Key&, std::size_t, const std::function<void(std::size_t)>& resize,
+            const NumberedBody& body) override {
+    const auto count = *rc::gen::inRange<std::size_t>(0, 4);
+    resize(count);
+    for (std::size_t i = 0; i < count; ++i) body(*this, i);
+  }
+  void Alternatives(const Key&, std::span<const std::string_view> words, std::optional<std::size_t>,
+                    const NumberedBody& body) override {
+    body(*this, *rc::gen::inRange<std::size_t>(0, words.size()));
+  }
+
+ private:
+  static double AnyNumber(Range range) {
+    const double part = static_cast<double>(*rc::gen::arbitrary<std::uint32_t>()) / 4294967295.0;
+    const double between = std::clamp(range.min + part * (range.max - range.min), range.min, range.max);
+    // Round numbers and tiny ones too.
+    const double round = std::clamp(std::round(between), range.min, range.max);
+    const double tiny = std::clamp(between * 1e-9, range.min, range.max);
+    return *rc::gen::element(between, round, tiny, range.min, range.max);
+  }
+  static std::string AnyText(const TextRule& rule) {
+    const bool free = rule.regex.empty();
+    const std::vector<std::string> pieces =
+        free ? std::vector<std::string>{"a", "Z", "0", " ", ":", "#", "\"", "'", "\\", "\n", "\t", "-", "{",
+                                        "}", "[", "]", "&", "*", "!", "%",  "@", "é",  "€",  "𝄞",  "no"}
+             : std::vector<std::string>{"a", "b", "0", "1", "_"};
+    std::string text = "x";
+    const auto count = *rc::gen::inRange(0, 12);
+    for (int i = 0; i < count; ++i) text += *rc::gen::elementOf(pieces);
+    return text;
+  }
+};
+
+// Random as far as the keys by themselves go; this makes them agree with each other and with the world.
+void MakeConsistent(Scenario& s, const fs::path& folder) {
+  s.step_ns =
+      *rc::gen::elementOf(std::vector<TimeNs>{kNsPerMs, 3 * kNsPerMs, 4 * kNsPerMs, 12 * kNsPerMs, 10'000});
+  s.model = *rc::gen::elementOf(
+      std::vector<std::string>{"tiltrotor", "tiltrotor_published", (folder / "own.sdf").string()});
+  s.model_file = s.model.ends_with(".sdf") ? fs::path(s.model) : folder / "models" / (s.model + ".sdf");
+  if (auto* recorded = std::get_if<RecordedReference>(&s.reference.path))
+    recorded->file = folder / "path.csv";
+  for (std::size_t i = 0; i < s.faults.size(); ++i) {
+    faults::FaultSpec& fault = s.faults[i];
+    fault.id.append("-").append(std::to_string(i));
+    if (*rc::gen::arbitrary<bool>()) fault.start_ns = kPowerOn;
+    if (fault.start_ns >= s.duration_ns) fault.start_ns = s.duration_ns - 1;
+    if (*rc::gen::arbitrary<bool>()) fault.end_ns = kNever;
+    if (fault.end_ns <= fault.start_ns) fault.end_ns = fault.start_ns + 1;
+    for (const auto& problem : faults::Validate(fault)) {
+      if (problem.key == "message") fault.message.reset();
+    }
+  }
+  for (std::size_t i = 0; i < s.criteria.size(); ++i) {
+    CriterionSpec& criterion = s.criteria[i];
+    criterion.name.append("-").append(std::to_string(i));
+    if (*rc::gen::arbitrary<bool>()) {
+      criterion.metric.clear();
+      criterion.min.reset();
+      criterion.max.reset();
+    } else {
+      criterion.stl.clear();
+      criterion.metric = "tracking.rmse_m";
+      if (*criterion.min > *criterion.max) std::swap(criterion.min, criterion.max);
+      const int bounds = *rc::gen::inRange(0, 3);
+      if (bounds == 0) criterion.min.reset();
+      if (bounds == 1) criterion.max.reset();
+    }
+  }
+}
+
+void ExpectSame(const Scenario& a, const Scenario& b) {
+  RC_ASSERT(a.name == b.name);
+  RC_ASSERT(a.description == b.description);
+  RC_ASSERT(a.tags == b.tags);
+  RC_ASSERT(a.model == b.model);
+  RC_ASSERT(a.model_file == b.model_file);
+  RC_ASSERT(a.firmware == b.firmware);
+  RC_ASSERT(a.expect == b.expect);
+  RC_ASSERT(a.seed == b.seed);
+  RC_ASSERT(a.duration_ns == b.duration_ns);
+  RC_ASSERT(a.step_ns == b.step_ns);
+  RC_ASSERT(a.angular_rates == b.angular_rates);
+  RC_ASSERT(a.allow_invalid_inertia == b.allow_invalid_inertia);
+  RC_ASSERT(a.initial_position_m == b.initial_position_m);
+  RC_ASSERT(a.initial_attitude_rad == b.initial_attitude_rad);
+  RC_ASSERT(a.link == b.link);
+  RC_ASSERT(a.reference == b.reference);
+  RC_ASSERT(a.criteria == b.criteria);
+  RC_ASSERT(a.faults.size() == b.faults.size());
+  for (std::size_t i = 0; i < a.faults.size(); ++i) {
+    const faults::FaultSpec &x = a.faults[i], &y = b.faults[i];
+    RC_ASSERT(x.id == y.id);
+    RC_ASSERT(x.type == y.type);
+    RC_ASSERT(x.target == y.target);
+    RC_ASSERT(x.start_ns == y.start_ns);
+    RC_ASSERT(x.end_ns == y.end_ns);
+    RC_ASSERT(x.every_nth_count == y.every_nth_count);
+    RC_ASSERT(x.probability == y.probability);
+    RC_ASSERT(x.message == y.message);
+    RC_ASSERT(x.parameters == y.parameters);
+  }
+}
+
+class ResolvedTest : public testing::Test {
+ protected:
+  ResolvedTest()
+      : folder_(fs::path(testing::TempDir()) /
+                (std::string("tiltproof_resolved_") +
+                 testing::UnitTest::GetInstance()->current_test_info()->name())) {
+    fs::create_directories(folder_ / "models");
+    for (const char* name : {"models/tiltrotor.sdf", "models/tiltrotor_published.sdf", "own.sdf"}) {
+      std::ofstream(folder_ / name) << "<sdf/>";
+    }
+    std::ofstream(folder_ / "path.csv") << "t_s,x_m,y_m,z_m,yaw_rad\n0,1,2,3,0\n";
+    options_.models_folder = folder_ / "models";
+  }
+  Scenario ReadBack(const std::string& yaml) {
+    const fs::path file = folder_ / "scenario.resolved.yaml";
+    std::ofstream(file, std::ios::binary) << yaml;
+    return ReadScenario(file, options_);
+  }
+
+  fs::path folder_;
+  ReadOptions options_;
+};
+
+RC_GTEST_FIXTURE_PROP(ResolvedTest, ReadsBackToAnEqualScenario, ()) {
+  Scenario scenario;
+  RandomFiller filler;
+  DescribeScenario(filler, scenario);
+  MakeConsistent(scenario, folder_);
+  const std::string yaml = WriteResolved(scenario);
+  RC_LOG() << yaml;
+  try {
+    const Scenario again = ReadBack(yaml);
+    ExpectSame(scenario, again);
+    RC_ASSERT(WriteResolved(again) == yaml);
+  } catch (const ScenarioError& error) {
+    RC_FAIL(error.what());
+  }
+}
+
+TEST_F(ResolvedTest, WritesEveryDefault) {
+  const Scenario scenario =
+      ReadBack("name: x\nduration_s: 24\nreference: {type: hover, at_m: [0, 0.1, 2]}\n");
+  EXPECT_EQ(WriteResolved(scenario), R"(name: "x"
+tags: []
+model: "tiltrotor"
+allow_invalid_inertia: false
+firmware: "paper"
+expect: pass
+seed: 1
+duration_s: 24
+step_s: 0.004
+angular_rates: world
+initial:
+  position_m: [0, 0.1, 2]
+  attitude_rad: [0, 0, 0]
+link:
+  ideal: false
+  baud: 921600
+  dialect: paper
+  adapter_latency_ms: 0
+reference:
+  type: hover
+  at_m: [0, 0.1, 2]
+  yaw_rad: 0
+  velocity: true
+faults: []
+criteria: []
+)");
+}
+
+TEST_F(ResolvedTest, MakesFilesAbsolute) {
+  const Scenario scenario =
+      ReadBack("name: x\nmodel: own.sdf\nduration_s: 24\nreference: {type: recorded, file: path.csv}\n");
+  const Scenario again = ReadBack(WriteResolved(scenario));
+  EXPECT_EQ(again.model, (folder_ / "own.sdf").string());
+  EXPECT_EQ(std::get<RecordedReference>(again.reference.path).file, folder_ / "path.csv");
+}
+
+}  // namespace
+}  // namespace tiltproof::harness
