@@ -64,7 +64,8 @@ class Flight {
 
   void AdvancePlant(TimeNs to);
   void PutInputInForce();
-  void LogRow();
+  void LeaveBoundary();
+  void LogRow(TimeNs at);
   void Finish();
 
   bool started() const { return origin_ns_ != kNever; }
@@ -88,9 +89,9 @@ class Flight {
   TimeNs next_reference_ns_ = kNever;
   bool over_ = false;
 
-  // The plant stands at this step boundary; `row_done_` when nothing more can happen at it.
+  // The plant stands at this step boundary; `boundary_left_` when nothing more can happen at it.
   TimeNs boundary_ns_ = kNever;
-  bool row_done_ = false;
+  bool boundary_left_ = false;
   ActuatorsTruth commanded_;           // last accepted, or the hover input
   TimeNs commanded_from_ns_ = kNever;  // boundary at which it takes force; kNever when it has
   TimeNs next_fault_edge_ns_ = kPowerOn;
@@ -186,7 +187,8 @@ void Flight::Conduct() {
     if (now > end) {
       if (started()) {
         AdvancePlant(end);
-        if (!over_) LogRow();
+        // The last row is at duration_s, on the grid or not.
+        if (!over_) LogRow(end);
       } else {
         log_.end_reason = EndReason::kNeverStarted;
         log_.end_text = "the server accepted no `start` message within " +
@@ -307,11 +309,11 @@ void Flight::SendReference(TimeNs now) {
 // passed it.
 void Flight::AdvancePlant(TimeNs to) {
   while (to > boundary_ns_ && !over_) {
-    if (!row_done_) LogRow();
+    if (!boundary_left_) LeaveBoundary();
     if (boundary_ns_ + scenario_.step_ns > to) return;
     plant_.Step(in_force_);
     boundary_ns_ += scenario_.step_ns;
-    row_done_ = false;
+    boundary_left_ = false;
     if (const plant::FlightEvent event = plant_.Event(); event != plant::FlightEvent::kNone) {
       over_ = true;
       log_.end_reason =
@@ -333,11 +335,18 @@ void Flight::PutInputInForce() {
   next_fault_edge_ns_ = faults_.NextEdge(t);
 }
 
-void Flight::LogRow() {
+void Flight::LeaveBoundary() {
+  boundary_left_ = true;
+  if (SimTime(boundary_ns_) % kControlPeriodNs == 0) {
+    LogRow(boundary_ns_);
+  } else {
+    PutInputInForce();
+  }
+}
+
+void Flight::LogRow(TimeNs at) {
   PutInputInForce();
-  row_done_ = true;
-  const TimeNs t = SimTime(boundary_ns_);
-  if (t % kControlPeriodNs != 0) return;
+  const TimeNs t = SimTime(at);
   const std::span<double> row = log_.trace.AppendRow();
   std::size_t column = 0;
   const auto put = [&](double value) { row[column++] = value; };
@@ -375,7 +384,9 @@ void Flight::LogRow() {
 void Flight::Finish() {
   // Without t = 0 there is no simulation time: boot time is shown as if power-on were the origin.
   const TimeNs origin = started() ? origin_ns_ : 0;
-  log_.end_ns = started() ? SimTime(boundary_ns_) : 0;
+  log_.end_ns = !started()                                 ? 0
+                : log_.end_reason == EndReason::kCompleted ? scenario_.duration_ns
+                                                           : SimTime(boundary_ns_);
   log_.link.ShiftOrigin(origin);
   for (auto& event : log_.events) event.time_ns -= origin;
   for (std::size_t d = 0; d < link::kDirectionCount; ++d) {

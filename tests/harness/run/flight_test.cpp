@@ -121,6 +121,16 @@ TEST(Flight, LogsOneRowAPeriodUpToAndWithTheLast) {
   EXPECT_EQ(log.failsafe_entered_count, 3);
 }
 
+TEST(Flight, TheLastRowIsAtDurationOnTheGridOrNot) {
+  for (const double duration_s : {0.048, 0.05, 0.052}) {
+    const RunLog log = FlyWith(Hover(duration_s), [](TestClient&) {});
+    const auto t = Column(log, "t_s");
+    ASSERT_EQ(t.size(), duration_s > 0.049 ? 6U : 5U);
+    EXPECT_DOUBLE_EQ(t.back(), duration_s);
+    EXPECT_EQ(log.end_ns, FromSeconds(duration_s));
+  }
+}
+
 TEST(Flight, TimeZeroIsTheArrivalOfStartAndRequestsFollowJustAfterTheGrid) {
   std::vector<TimeNs> arrivals;
   const RunLog log = FlyWith(Hover(0.06), [](TestClient&) {});
