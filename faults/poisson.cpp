@@ -11,9 +11,11 @@ const PoissonEvents::Second& PoissonEvents::Load(std::int64_t number) {
   second.events.clear();
   const std::uint64_t key = KeyOf(stream_, static_cast<std::uint64_t>(number));
   Random random(key);
-  for (double t_s = random.Exponential() / rate_hz_; t_s < 1.0; t_s += random.Exponential() / rate_hz_) {
+  double t_s = random.Exponential() / rate_hz_;
+  while (t_s < 1.0) {
     second.events.push_back(
         {number * kNsPerS + static_cast<TimeNs>(t_s * 1e9), KeyOf(key, second.events.size())});
+    t_s += random.Exponential() / rate_hz_;
   }
   return second;
 }

@@ -101,6 +101,7 @@ class Validator {
       return;
     }
     std::vector<std::string_view> names;
+    names.reserve(accepted.size());
     for (const Target target : accepted) names.push_back(Name(target));
     Add("target", {type.name, " needs a target: ", Joined(names)});
   }
@@ -115,6 +116,7 @@ class Validator {
     const std::vector<link::MessageKind> messages = MessagesOf(target);
     if (std::find(messages.begin(), messages.end(), *spec_.message) != messages.end()) return;
     std::vector<std::string_view> names;
+    names.reserve(messages.size());
     for (const link::MessageKind message : messages) names.push_back(link::Name(message));
     Add("message", {"'", link::Name(*spec_.message), "' does not travel there (target ", Name(target),
                     "); what does: ", Joined(names)});
