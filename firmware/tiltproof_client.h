@@ -1,21 +1,23 @@
 /* C interface of a firmware build that tiltproof flies as a shared library (`--client library:FILE`).
  *
- * The library is one board: two UARTs, a clock, no operating system. It never reads the machine's clock and never sleeps; the
- * harness owns time. A run is:
+ * The library is one board: two UARTs, a clock, no operating system. It never reads the machine's clock and
+ * never sleeps; the harness owns time. A run is:
  *
  *   c = tiltproof_client_create(&host);
  *   wake = tiltproof_client_start(c, 0);                      power-on, client time 0
  *   repeat:
  *     t = earlier of wake and the arrival of bytes for the client
- *     tiltproof_client_receive(c, uart, t, bytes, count);     as a receive interrupt would: bytes in order, any number of calls
- *     wake = tiltproof_client_grant(c, t);                    run at time t until it waits again; returns "waiting until"
- *   tiltproof_client_destroy(c);
+ *     tiltproof_client_receive(c, uart, t, bytes, count);     as a receive interrupt would: bytes in order,
+ * any number of calls wake = tiltproof_client_grant(c, t);                    run at time t until it waits
+ * again; returns "waiting until" tiltproof_client_destroy(c);
  *
- * All times are nanoseconds of the client's own clock since power-on. Within receive, grant, start and reset the client may call
- * host->transmit. A call must return: one that computes for more than 5 s of wall-clock time is a hung firmware and fails the run.
- * Every call comes from one thread; several boards may exist at once, so keep state in the TiltproofClient.
+ * All times are nanoseconds of the client's own clock since power-on. Within receive, grant, start and reset
+ * the client may call host->transmit. A call must return: one that computes for more than 5 s of wall-clock
+ * time is a hung firmware and fails the run. Every call comes from one thread; several boards may exist at
+ * once, so keep state in the TiltproofClient.
  *
- * UART 0 is the main line (sensors and actuators), UART 1 brings references. Frames and messages: link/frame.h, link/messages.h.
+ * UART 0 is the main line (sensors and actuators), UART 1 brings references. Frames and messages:
+ * link/frame.h, link/messages.h.
  */
 #ifndef TILTPROOF_CLIENT_H
 #define TILTPROOF_CLIENT_H
@@ -43,8 +45,9 @@ typedef struct {
   const char* firmware; /* the scenario's `firmware` key: which build to be; ignore it if there is only one */
   const char* dialect;  /* "paper" or "provant" */
   void* context;        /* pass back to the functions below */
-  /* Gives bytes to the UART's transmitter at client time now_ns (that of the call in progress, or later within it). They are sent
-   * back to back after what it still holds. Returns the client time at which the last stop bit leaves. */
+  /* Gives bytes to the UART's transmitter at client time now_ns (that of the call in progress, or later
+   * within it). They are sent back to back after what it still holds. Returns the client time at which the
+   * last stop bit leaves. */
   int64_t (*transmit)(void* context, int uart, int64_t now_ns, const uint8_t* bytes, size_t count);
   /* One line of text for the run's firmware.log. NULL when nobody listens. */
   void (*log)(void* context, int64_t now_ns, const char* text);
@@ -57,16 +60,18 @@ typedef struct {
 
 /* Must return TILTPROOF_CLIENT_ABI_VERSION. */
 TILTPROOF_CLIENT_API uint32_t tiltproof_client_abi_version(void);
-/* NULL when it cannot be the build asked for, or does not speak the dialect or this ABI version. `host` and its strings stay valid until
- * destroy. The place for a library's allocations: on a board there are none later. */
+/* NULL when it cannot be the build asked for, or does not speak the dialect or this ABI version. `host` and
+ * its strings stay valid until destroy. The place for a library's allocations: on a board there are none
+ * later. */
 TILTPROOF_CLIENT_API TiltproofClient* tiltproof_client_create(const TiltproofHost* host);
 TILTPROOF_CLIENT_API void tiltproof_client_destroy(TiltproofClient* client);
 TILTPROOF_CLIENT_API int64_t tiltproof_client_start(TiltproofClient* client, int64_t now_ns);
-TILTPROOF_CLIENT_API void tiltproof_client_receive(TiltproofClient* client, int uart, int64_t now_ns, const uint8_t* bytes,
-                                                   size_t count);
+TILTPROOF_CLIENT_API void tiltproof_client_receive(TiltproofClient* client, int uart, int64_t now_ns,
+                                                   const uint8_t* bytes, size_t count);
 TILTPROOF_CLIENT_API int64_t tiltproof_client_grant(TiltproofClient* client, int64_t now_ns);
 /* Optional (may be missing from the library): metrics that need it are then absent. */
-TILTPROOF_CLIENT_API void tiltproof_client_status(const TiltproofClient* client, TiltproofClientStatus* status);
+TILTPROOF_CLIENT_API void tiltproof_client_status(const TiltproofClient* client,
+                                                  TiltproofClientStatus* status);
 /* A reset of the board at now_ns: all state but the clock is lost. Returns the next wake-up. */
 TILTPROOF_CLIENT_API int64_t tiltproof_client_reset(TiltproofClient* client, int64_t now_ns);
 

@@ -1,14 +1,17 @@
-// The signals that cross the line, as named fields in SI units: 16 sensors, 4 actuators, 7 reference components.
+// The signals that cross the line, as named fields in SI units: 16 sensors, 4 actuators, 7 reference
+// components.
 //
-// They exist in two precisions: BasicSensors<double> is the plant's truth, BasicSensors<float> (`Sensors`) is what the
-// wire carries (binary32). Code that must walk over all fields uses the tables at the bottom, never offsets.
+// They exist in two precisions: BasicSensors<double> is the plant's truth, BasicSensors<float> (`Sensors`) is
+// what the wire carries (binary32). Code that must walk over all fields uses the tables at the bottom, never
+// offsets.
 //
 //   Sensors s = ...;
 //   for (const auto& f : kSensorFields) s.*f.in_float ...
 //
-// Frames: position of the main body's frame origin in the world frame (z up); attitude as Z-Y-X Euler angles of the main body
-// relative to the world (paper, section 3); servo angles about their hinges; rates are time derivatives, angular rates of the
-// main body in the world frame unless the scenario asks for body or Euler rates.
+// Frames: position of the main body's frame origin in the world frame (z up); attitude as Z-Y-X Euler angles
+// of the main body relative to the world (paper, section 3); servo angles about their hinges; rates are time
+// derivatives, angular rates of the main body in the world frame unless the scenario asks for body or Euler
+// rates.
 #pragma once
 
 #include <array>
@@ -35,7 +38,8 @@ struct BasicActuators {
   friend bool operator==(const BasicActuators&, const BasicActuators&) = default;
 };
 
-// What the base station sends on the second line: where to be, and how fast (x_ref = (x y z 0 0 yaw 0 0 vx vy vz 0 ...)).
+// What the base station sends on the second line: where to be, and how fast (x_ref = (x y z 0 0 yaw 0 0 vx vy
+// vz 0 ...)).
 template <class Scalar>
 struct BasicReference {
   Scalar x_m{}, y_m{}, z_m{}, yaw_rad{};
@@ -61,8 +65,9 @@ struct SignalField {
   double Group<double>::*in_double;
 };
 
+// NOLINTNEXTLINE(bugprone-macro-parentheses): the arguments are names.
 #define TILTPROOF_FIELD(group, name) \
-  SignalField<group> { #name, &group<float>::name, &group<double>::name }
+  SignalField<group> { #name, &group < float> ::name, &group < double> ::name }
 
 // In wire order (paper, section 2.1; order of the authors' server).
 inline constexpr std::array<SignalField<BasicSensors>, kSensorCount> kSensorFields = {

@@ -1,8 +1,9 @@
-// Time is an int64 count of nanoseconds, and is always passed in: nothing below the real-time adapters reads a clock.
+// Time is an int64 count of nanoseconds, and is always passed in: nothing below the real-time adapters reads
+// a clock.
 //
-// Simulation time t = 0 is when the server accepts the client's `start` (arrival of its last byte); what happened before
-// has negative time. The lockstep conductor counts from the client's power-on instead (boot time) and subtracts the offset
-// when it logs.
+// Simulation time t = 0 is when the server accepts the client's `start` (arrival of its last byte); what
+// happened before has negative time. The lockstep conductor counts from the client's power-on instead (boot
+// time) and subtracts the offset when it logs.
 #pragma once
 
 #include <cstdint>

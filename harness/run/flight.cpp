@@ -40,6 +40,10 @@ plant::RatesFrame FrameOf(AngularRates rates) {
   return plant::RatesFrame::kWorld;
 }
 
+std::int64_t MainBaud(const LinkSpec& link) { return link.ideal ? 0 : link.baud; }
+// The second serial line keeps the paper's rate whatever the first one's is.
+std::int64_t ReferenceBaud(const LinkSpec& link) { return link.ideal ? 0 : 921'600; }
+
 std::vector<std::string> ColumnsOf(const Scenario& scenario) {
   std::vector<std::string> columns = TraceColumns();
   for (const auto& fault : scenario.faults) columns.push_back("active_" + fault.id);
@@ -106,12 +110,14 @@ Flight::Flight(const Scenario& scenario, const plant::VehicleModel& model, const
       options_(options),
       trajectory_(scenario.reference),
       plant_(model, {.step_ns = scenario.step_ns}),
-      faults_(scenario.faults, scenario.seed, {.baud = scenario.link.ideal ? 0 : scenario.link.baud}),
+      faults_(scenario.faults, scenario.seed,
+              {.baud = MainBaud(scenario.link), .reference_baud = ReferenceBaud(scenario.link)}),
       wires_{[&] {
-        const std::int64_t baud = scenario.link.ideal ? 0 : scenario.link.baud;
         const auto wire = [&](Direction direction, TimeNs latency) {
-          return link::Wire({.baud = baud, .adapter_latency_ns = latency}, direction, scenario.link.dialect,
-                            faults_.Stage(direction));
+          const bool main = direction != Direction::kReference;
+          return link::Wire({.baud = main ? MainBaud(scenario.link) : ReferenceBaud(scenario.link),
+                             .adapter_latency_ns = latency},
+                            direction, scenario.link.dialect, faults_.Stage(direction));
         };
         // The adapter's receive buffer stands between the firmware and the server; the other way it sends at
         // once.
@@ -284,7 +290,7 @@ void Flight::OnStart(TimeNs arrival) {
 
 void Flight::AnswerSensorRequest(TimeNs arrival) {
   const TimeNs sampled = started() ? SimTime(boundary_ns_) : kPowerOn;
-  Sensors sensors = ToFloat(plant_.State(FrameOf(scenario_.angular_rates)), kSensorFields);
+  Sensors sensors = ToFloat(plant_.ReadSensors(FrameOf(scenario_.angular_rates)), kSensorFields);
   faults_.EditSensors(sampled, sensors);
   sensed_ = sensors;
   const link::MessageBytes message = link::EncodeSensors(sensors);
