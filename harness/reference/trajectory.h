@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "harness/scenario/scenario.h"
+#include "harness/reference/reference_spec.h"
 #include "link/signals.h"
 #include "link/time.h"
 
