@@ -146,12 +146,17 @@ class SourceText {
     }
   }
 
-  YamlMark At(std::size_t line, std::size_t column_bytes) const {
+  YamlMark At(std::size_t line, std::size_t column_bytes) {
     if (line >= lines_.size()) return {static_cast<int>(lines_.size()), 1};
+    // Places mostly ascend: counting on from the last one keeps a long line from costing quadratic time.
+    if (line != counted_line_ || column_bytes < counted_bytes_) counted_bytes_ = counted_characters_ = 0;
     const std::string_view before = lines_[line].substr(0, column_bytes);
-    return {static_cast<int>(line) + 1, static_cast<int>(CharacterCount(before)) + 1};
+    counted_characters_ += CharacterCount(before.substr(std::min(counted_bytes_, before.size())));
+    counted_bytes_ = before.size();
+    counted_line_ = line;
+    return {static_cast<int>(line) + 1, static_cast<int>(counted_characters_) + 1};
   }
-  YamlMark At(const YAML::Mark& mark) const {
+  YamlMark At(const YAML::Mark& mark) {
     if (mark.line < 0 || mark.column < 0) return {};
     return At(static_cast<std::size_t>(mark.line), static_cast<std::size_t>(mark.column));
   }
@@ -166,6 +171,7 @@ class SourceText {
  private:
   std::string_view text_;
   std::vector<std::string_view> lines_;
+  std::size_t counted_line_ = 0, counted_bytes_ = 0, counted_characters_ = 0;
 };
 
 // Whether the quoted scalar that begins here has its closing quote: the library takes the end of the file for
@@ -191,7 +197,7 @@ struct Stop : std::runtime_error {
 
 class TreeBuilder : public YAML::EventHandler {
  public:
-  TreeBuilder(const SourceText& source, std::vector<YamlProblem>& problems)
+  TreeBuilder(SourceText& source, std::vector<YamlProblem>& problems)
       : source_(source), problems_(problems) {}
 
   YamlNode TakeRoot() { return std::move(root_); }
@@ -305,6 +311,8 @@ class TreeBuilder : public YAML::EventHandler {
     }
     if (!parent.key_pending) {
       if (node.kind == YamlNode::Kind::kNull) Halt(mark, "a key is missing");
+      if (parent.node.entries.size() == kYamlKeysMax)
+        Halt(mark, fmt::format("more than {} keys", kYamlKeysMax));
       parent.key_pending = true;
       parent.key = std::move(node.text);
       parent.key_mark = node.mark;
@@ -322,7 +330,7 @@ class TreeBuilder : public YAML::EventHandler {
     parent.node.entries.push_back({std::move(parent.key), parent.key_mark, std::move(node)});
   }
 
-  const SourceText& source_;
+  SourceText& source_;
   std::vector<YamlProblem>& problems_;
   YamlNode root_;
   std::vector<Frame> open_;
@@ -359,7 +367,7 @@ std::optional<YamlNode> ParseYaml(std::string_view text, std::vector<YamlProblem
     return std::nullopt;
   }
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);  // some editors' byte-order mark
-  const SourceText source(text);
+  SourceText source(text);
   if (const std::size_t bad = FindBadByte(text); bad != std::string_view::npos) {
     const std::size_t line_begin = bad == 0 ? 0 : text.rfind('\n', bad - 1) + 1;  // npos + 1 is 0
     const auto line = static_cast<std::size_t>(

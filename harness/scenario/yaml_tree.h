@@ -63,6 +63,7 @@ struct YamlEntry {
 
 inline constexpr std::size_t kYamlBytesMax = 1 << 20;
 inline constexpr int kYamlDepthMax = 16;
+inline constexpr std::size_t kYamlKeysMax = 1000;  // of one mapping
 
 // Appends what is wrong to `problems`. Returns the tree when the text could be read at all; with problems it
 // lacks what they name.

@@ -150,6 +150,9 @@ TEST(YamlTree, RefusesWhatAScenarioNeverNeeds) {
   EXPECT_EQ(FirstProblemOf(std::string(17, '[') + std::string(17, ']')),
             "1:17: nested deeper than 16 levels");
   EXPECT_EQ(FirstProblemOf(std::string(kYamlBytesMax + 1, ' ')), "1:1: larger than 1024 KiB");
+  std::string keys;
+  for (std::size_t i = 0; i <= kYamlKeysMax; ++i) keys.append("k").append(std::to_string(i)).append(": 1\n");
+  EXPECT_EQ(FirstProblemOf(keys), "1001:1: more than 1000 keys");
 }
 
 TEST(YamlTree, BrokenYamlIsLocated) {
