@@ -65,9 +65,10 @@ struct SignalField {
   double Group<double>::*in_double;
 };
 
-// NOLINTNEXTLINE(bugprone-macro-parentheses): the arguments are names.
-#define TILTPROOF_FIELD(group, name) \
-  SignalField<group> { #name, &group < float> ::name, &group < double> ::name }
+// The formatter takes the templates for comparisons.
+// clang-format off
+#define TILTPROOF_FIELD(group, name) SignalField<group>{#name, &group<float>::name, &group<double>::name}
+// clang-format on
 
 // In wire order (paper, section 2.1; order of the authors' server).
 inline constexpr std::array<SignalField<BasicSensors>, kSensorCount> kSensorFields = {

@@ -278,7 +278,7 @@ CollisionShape Loader::ReadCollision(const RigidBody& base) const {
   }
   // I_1 = m (b^2 + c^2) / 12 and so on, solved for the edges a, b, c of a box along the principal axes.
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> principal(base.inertia_kg_m2);
-  const Eigen::Vector3d moments = principal.eigenvalues();
+  const Eigen::Vector3d& moments = principal.eigenvalues();
   constexpr double kEdgeMin_m = 0.01;
   for (Eigen::Index i = 0; i < 3; ++i) {
     const double edge_squared = 6 * (moments.sum() - 2 * moments[i]) / base.mass_kg;
@@ -316,7 +316,7 @@ VehicleModel LoadVehicle(const std::filesystem::path& file, const LoadOptions& o
 
 std::string InertiaFault(const Eigen::Matrix3d& inertia_kg_m2) {
   if (!inertia_kg_m2.allFinite()) return "not finite";
-  const Eigen::Vector3d moments =
+  const Eigen::Vector3d& moments =
       Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(inertia_kg_m2, Eigen::EigenvaluesOnly).eigenvalues();
   const std::string values =
       fmt::format("principal moments {:.4g}, {:.4g}, {:.4g} kg m^2", moments[0], moments[1], moments[2]);

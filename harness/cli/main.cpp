@@ -125,4 +125,5 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace tiltproof::harness
 
+// NOLINTNEXTLINE(bugprone-exception-escape): out of memory while the options are set up; nothing to tidy up.
 int main(int argc, char** argv) { return tiltproof::harness::Main(argc, argv); }

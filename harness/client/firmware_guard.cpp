@@ -14,7 +14,7 @@ volatile sig_atomic_t FirmwareGuard::caught_signal_ = 0;
 
 void FirmwareGuard::Install() {
   // A crash may be a stack overflow: the handler needs a stack of its own.
-  static std::array<char, 64 * 1024> handler_stack;
+  static std::array<char, 65536> handler_stack;
   stack_t stack{};
   stack.ss_sp = handler_stack.data();
   stack.ss_size = handler_stack.size();

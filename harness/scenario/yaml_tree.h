@@ -22,6 +22,7 @@ namespace tiltproof::harness {
 struct YamlMark {
   int line = 1;
   int column = 1;
+  // NOLINTNEXTLINE(modernize-use-nullptr): the 0 that the compiler writes is not ours.
   friend auto operator<=>(const YamlMark&, const YamlMark&) = default;
 };
 

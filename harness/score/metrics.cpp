@@ -248,7 +248,7 @@ const std::vector<std::string>& MetricNames() {
     for (const std::string direction : {"to_client", "to_plant", "reference"})
       for (const std::string counter :
            {"frames_sent", "frames_accepted", "frames_rejected", "bytes_corrupted"})
-        all.push_back("link." + direction + "." + counter + "_count");
+        all.push_back(std::string("link.").append(direction).append(".").append(counter).append("_count"));
     all.insert(all.end(), {"link.accepted_wrong_count", "link.accepted_stale_count", "link.resync_max_ms",
                            "firmware.failsafe_entered_count", "firmware.restarts_count", "survival.time_s"});
     return all;
