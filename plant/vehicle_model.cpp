@@ -316,7 +316,7 @@ VehicleModel LoadVehicle(const std::filesystem::path& file, const LoadOptions& o
 
 std::string InertiaFault(const Eigen::Matrix3d& inertia_kg_m2) {
   if (!inertia_kg_m2.allFinite()) return "not finite";
-  const Eigen::Vector3d& moments =
+  const Eigen::Vector3d moments =
       Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(inertia_kg_m2, Eigen::EigenvaluesOnly).eigenvalues();
   const std::string values =
       fmt::format("principal moments {:.4g}, {:.4g}, {:.4g} kg m^2", moments[0], moments[1], moments[2]);
