@@ -32,7 +32,7 @@ using SteadyClock = std::chrono::steady_clock;
 
 // A worker whose simulation time has stood still for this long is stuck in our own code: its firmware is
 // guarded (FirmwareGuard).
-constexpr auto kStuckAfter = std::chrono::seconds(60);
+constexpr auto kStuckAfter = std::chrono::minutes(5);
 constexpr int kRefresh_ms = 100;
 // Exit code of a worker that could not leave a verdict.
 constexpr int kExitWithoutVerdict = 77;

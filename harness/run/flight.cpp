@@ -185,7 +185,7 @@ void Flight::Conduct() {
   TimeNs last = kPowerOn;
   int turns = 0;
   wake_ns_ = client_->Start(0);
-  while (!over_) {
+  for (;;) {
     const TimeNs end = (started() ? origin_ns_ : 0) + scenario_.duration_ns;
     TimeNs now = std::min(wake_ns_, next_reference_ns_);
     for (const auto& wire : wires_) now = std::min(now, wire.NextArrival());
@@ -213,6 +213,9 @@ void Flight::Conduct() {
       return;
     }
 
+    // First of all, so that rows of the past show nothing of what happens now.
+    if (started()) AdvancePlant(now);
+    if (over_) return;
     if (now == next_reference_ns_) SendReference(now);
     ServePlantEnd(now);
     if (DeliverToClient(now) || now >= wake_ns_) wake_ns_ = client_->Grant(now);
@@ -259,13 +262,11 @@ void Flight::OnClientMessage(TimeNs arrival, std::span<const std::uint8_t> paylo
   if (message.start) OnStart(arrival);
   // The paper's server answers nothing before `start`; the authors' one shows its standing vehicle.
   if (!started() && scenario_.link.dialect == link::Dialect::kPaper) return;
-  if (started()) AdvancePlant(arrival);
-  if (over_) return;
   if (message.read_sensors) AnswerSensorRequest(arrival);
   if (message.has_actuators && started()) {
     asked_ = message.actuators;
     commanded_ = ToDouble(message.actuators, kActuatorFields);
-    commanded_from_ns_ = arrival == boundary_ns_ ? boundary_ns_ : boundary_ns_ + scenario_.step_ns;
+    commanded_from_ns_ = arrival <= boundary_ns_ ? boundary_ns_ : boundary_ns_ + scenario_.step_ns;
     log_.actuator_times_ns.push_back(SimTime(arrival));
   }
 }

@@ -121,6 +121,12 @@ TEST(Flight, LogsOneRowAPeriodUpToAndWithTheLast) {
   EXPECT_EQ(log.failsafe_entered_count, 3);
 }
 
+TEST(Flight, ARowShowsNothingOfWhatCameAfterIt) {
+  // At t = 0 the server has accepted `start` alone; the request arrives 87 us later.
+  const RunLog log = FlyWith(Hover(0.048), [](TestClient&) {});
+  EXPECT_EQ(Column(log, "to_plant_frames_accepted_count"), (std::vector<double>{1, 2, 3, 4, 5}));
+}
+
 TEST(Flight, TheLastRowIsAtDurationOnTheGridOrNot) {
   for (const double duration_s : {0.048, 0.05, 0.052}) {
     const RunLog log = FlyWith(Hover(duration_s), [](TestClient&) {});
