@@ -2,8 +2,8 @@
 //
 //   paper            does what the paper says and no more
 //   paper_published  the same with gain and feed-forward designed on the as-published model
-//   (plant/models/tiltrotor_published.sdf) tolerant         takes no value on trust and rides out missing
-//   replies
+//                    (plant/models/tiltrotor_published.sdf)
+//   tolerant         takes no value on trust and rides out missing replies
 #pragma once
 
 #include <cstdint>

@@ -4,12 +4,12 @@
  * never sleeps; the harness owns time. A run is:
  *
  *   c = tiltproof_client_create(&host);
- *   wake = tiltproof_client_start(c, 0);                      power-on, client time 0
+ *   wake = tiltproof_client_start(c, 0);                   power-on, client time 0
  *   repeat:
  *     t = earlier of wake and the arrival of bytes for the client
- *     tiltproof_client_receive(c, uart, t, bytes, count);     as a receive interrupt would: bytes in order,
- * any number of calls wake = tiltproof_client_grant(c, t);                    run at time t until it waits
- * again; returns "waiting until" tiltproof_client_destroy(c);
+ *     tiltproof_client_receive(c, uart, t, bytes, count);  as a receive interrupt would; any number of calls
+ *     wake = tiltproof_client_grant(c, t);                 run at t until it waits; returns "waiting until"
+ *   tiltproof_client_destroy(c);
  *
  * All times are nanoseconds of the client's own clock since power-on. Within receive, grant, start and reset
  * the client may call host->transmit. A call must return: one that computes for more than 5 s of wall-clock

@@ -10,6 +10,7 @@
 #include "harness/cli/suite.h"
 #include "harness/cli/worker_pool.h"
 #include "harness/report/files.h"
+#include "harness/report/flight_files.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -21,6 +22,12 @@ std::filesystem::path MakeTemporaryFolder() {
   return name;
 }
 
+// Why a flight has no trace that another one could equal; empty when it has.
+std::string NotComparable(const std::filesystem::path& scenario_folder, const ScenarioResult& then) {
+  if (then.trace_hash.empty()) return "no flight then: " + then.score.reason;
+  return ReadFlight(scenario_folder).end_reason == EndReason::kInterrupted ? "interrupted then" : "";
+}
+
 }  // namespace
 
 // 0 when every trace hash is equal, whatever the verdicts. The flights are kept only when they differ.
@@ -30,11 +37,18 @@ int ReplayCommand(const ReplayOptions& options) {
   const std::filesystem::path folder = MakeTemporaryFolder();
   std::vector<FlightJob> jobs;
   std::vector<ScenarioResult> old_results;
+  std::size_t not_comparable_count = 0;
   for (const auto& scenario_folder : run.scenario_folders) {
     try {
       old_results.push_back(ResultFromJsonText(ReadFile(scenario_folder / "verdict.json")));
     } catch (const std::exception& error) {
       throw UsageError(fmt::format("{}: {}", (scenario_folder / "verdict.json").string(), error.what()));
+    }
+    if (const std::string why = NotComparable(scenario_folder, old_results.back()); !why.empty()) {
+      fmt::print("{:<10} {:<34} {}\n", "NO HASH", scenario_folder.filename().string(), why);
+      old_results.pop_back();
+      ++not_comparable_count;
+      continue;
     }
     auto [scenario, model] = LoadFlown(scenario_folder);
     jobs.push_back({std::move(scenario), std::move(model), library, folder / scenario_folder.filename(),
@@ -64,7 +78,9 @@ int ReplayCommand(const ReplayOptions& options) {
   fmt::print("{} of {} equal\n",
              outcome.results.size() - static_cast<std::size_t>(different_count) - (error ? 1U : 0U),
              outcome.results.size());
-  return error ? kExitError : different_count > 0 ? kExitNotGreen : kExitGreen;
+  if (error) return kExitError;
+  if (different_count > 0) return kExitNotGreen;
+  return not_comparable_count > 0 ? kExitUndecided : kExitGreen;
 }
 
 }  // namespace tiltproof::harness

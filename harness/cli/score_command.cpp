@@ -5,7 +5,6 @@
 #include "harness/cli/run_folder.h"
 #include "harness/cli/suite.h"
 #include "harness/report/flight_files.h"
-#include "harness/report/trace_csv.h"
 
 namespace tiltproof::harness {
 
@@ -17,21 +16,15 @@ int ScoreCommand(const ReplayOptions& options) {
   std::vector<ScenarioResult> results;
   for (const auto& folder : run.scenario_folders) {
     const Scenario scenario = LoadFlown(folder).scenario;
-    RunLog log;
-    try {
-      log = ReadFlight(folder);
-    } catch (const std::exception& error) {
-      throw UsageError(error.what());
-    }
+    const std::string name = folder.filename();
+    const std::string replay = fmt::format("{} replay {}", options.program, folder.string());
     ScenarioResult result;
-    result.name = folder.filename();
-    result.expected = scenario.expect;
-    result.seed = scenario.seed;
-    result.trace_hash = TraceHash(log.trace);
-    result.wall_s = log.wall_s;
-    result.real_time_factor = log.wall_s > 0 ? ToSeconds(log.end_ns) / log.wall_s : 0.0;
-    result.replay = fmt::format("{} replay {}", options.program, folder.string());
-    result.score = ScoreRun(scenario, log);
+    try {
+      result = MakeResult(name, scenario, ReadFlight(folder), replay);
+    } catch (const std::exception& error) {
+      // It ended in an error then, or its files are damaged now: either way it must not pass unseen.
+      result = MakeErrorResult(name, scenario, error.what(), replay);
+    }
     console.Finished(result);
     results.push_back(std::move(result));
   }

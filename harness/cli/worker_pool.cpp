@@ -20,10 +20,8 @@
 #include "harness/client/library_client.h"
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"
-#include "harness/report/trace_csv.h"
 #include "harness/run/flight.h"
 #include "harness/scenario/reader.h"
-#include "harness/score/score.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -51,10 +49,14 @@ class InterruptScope {
     sigemptyset(&action.sa_mask);
     sigaction(SIGINT, &action, &old_int_);
     sigaction(SIGTERM, &action, &old_term_);
+    // Inherited as ignored, it would let the kernel reap our workers before we have seen how they ended.
+    action.sa_handler = SIG_DFL;
+    sigaction(SIGCHLD, &action, &old_child_);
   }
   ~InterruptScope() {
     sigaction(SIGINT, &old_int_, nullptr);
     sigaction(SIGTERM, &old_term_, nullptr);
+    sigaction(SIGCHLD, &old_child_, nullptr);
   }
   InterruptScope(const InterruptScope&) = delete;
   InterruptScope& operator=(const InterruptScope&) = delete;
@@ -62,17 +64,11 @@ class InterruptScope {
  private:
   struct sigaction old_int_ {};
   struct sigaction old_term_ {};
+  struct sigaction old_child_ {};
 };
 
 ScenarioResult ErrorResult(const FlightJob& job, const std::string& reason) {
-  ScenarioResult result;
-  result.name = job.folder.filename();
-  result.expected = job.scenario.expect;
-  result.seed = job.scenario.seed;
-  result.replay = job.replay;
-  result.score.verdict = Verdict::kError;
-  result.score.reason = reason;
-  return result;
+  return MakeErrorResult(job.folder.filename(), job.scenario, reason, job.replay);
 }
 
 ScenarioResult FlyJob(const FlightJob& job, std::atomic<std::int64_t>* progress_ns) {
@@ -84,16 +80,11 @@ ScenarioResult FlyJob(const FlightJob& job, std::atomic<std::int64_t>* progress_
   options.progress_ns = progress_ns;
   options.interrupted = &interrupted;
   const RunLog log = Fly(scenario, *job.model, options);
-  ScenarioResult result;
-  result.name = job.folder.filename();
-  result.expected = scenario.expect;
-  result.seed = scenario.seed;
-  result.trace_hash = TraceHash(log.trace);
-  result.wall_s = log.wall_s;
-  result.real_time_factor = log.wall_s > 0 ? ToSeconds(log.end_ns) / log.wall_s : 0.0;
-  result.replay = job.replay;
-  result.score = ScoreRun(scenario, log);
-  WriteFlight(job.folder, scenario, WriteResolved(scenario), log);
+  // Scoring and writing are progress too, for whoever watches.
+  progress_ns->fetch_add(1, std::memory_order_relaxed);
+  ScenarioResult result = MakeResult(job.folder.filename(), scenario, log, job.replay);
+  progress_ns->fetch_add(1, std::memory_order_relaxed);
+  WriteFlight(job.folder, scenario, log);
   return result;
 }
 
@@ -105,6 +96,7 @@ ScenarioResult FlyJob(const FlightJob& job, std::atomic<std::int64_t>* progress_
   ScenarioResult result;
   try {
     std::filesystem::create_directories(job.folder);
+    WriteFile(job.folder / "scenario.resolved.yaml", WriteResolved(job.scenario));
     try {
       result = FlyJob(job, progress_ns);
     } catch (const FileError&) {
@@ -146,8 +138,13 @@ class Pool {
     bool stop = false;
     while (true) {
       while (!stop && !interrupted && next < jobs_.size() &&
-             workers_.size() < static_cast<std::size_t>(options_.jobs_count))
-        Start(next++);
+             workers_.size() < static_cast<std::size_t>(options_.jobs_count)) {
+        const std::size_t job = next++;
+        if (const std::string trouble = Start(job); !trouble.empty()) {
+          results_[job] = ErrorResult(jobs_[job], trouble);
+          Report(job, stop);
+        }
+      }
       if (workers_.empty()) break;
       Wait();
       for (std::size_t i = 0; i < workers_.size();) {
@@ -157,9 +154,7 @@ class Pool {
         }
         const std::size_t job = workers_[i].job;
         workers_.erase(workers_.begin() + static_cast<std::ptrdiff_t>(i));
-        ClearProgress();
-        on_finished_(*results_[job]);
-        if (options_.fail_fast && !results_[job]->green()) stop = true;
+        Report(job, stop);
       }
       ShowProgress();
     }
@@ -177,11 +172,18 @@ class Pool {
   }
 
  private:
-  void Start(std::size_t job) {
+  void Report(std::size_t job, bool& stop) {
+    ClearProgress();
+    on_finished_(*results_[job]);
+    if (options_.fail_fast && !results_[job]->green()) stop = true;
+  }
+
+  // Empty, or why there is no worker.
+  std::string Start(std::size_t job) {
     void* shared = mmap(nullptr, sizeof(std::atomic<std::int64_t>), PROT_READ | PROT_WRITE,
                         MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     if (shared == MAP_FAILED)
-      throw std::runtime_error(fmt::format("cannot share memory with a worker: {}", std::strerror(errno)));
+      return fmt::format("cannot share memory with a worker: {}", std::strerror(errno));
     Worker worker;
     worker.job = job;
     worker.progress_ns = new (shared) std::atomic<std::int64_t>(0);
@@ -189,8 +191,11 @@ class Pool {
     std::fflush(nullptr);
     const pid_t parent = getpid();
     worker.pid = fork();
-    if (worker.pid < 0)
-      throw std::runtime_error(fmt::format("cannot start a worker: {}", std::strerror(errno)));
+    if (worker.pid < 0) {
+      const int error = errno;
+      munmap(shared, sizeof(std::atomic<std::int64_t>));
+      return fmt::format("cannot start a worker: {}", std::strerror(error));
+    }
     if (worker.pid == 0) {
       // A worker never outlives the run, not even when the parent is killed.
       prctl(PR_SET_PDEATHSIG, SIGKILL);
@@ -199,6 +204,7 @@ class Pool {
     }
     worker.pidfd = static_cast<int>(syscall(SYS_pidfd_open, worker.pid, 0));
     workers_.push_back(worker);
+    return {};
   }
 
   // Until a worker ends, or the time to refresh the display.
@@ -215,7 +221,8 @@ class Pool {
 
   bool Finished(Worker& worker) {
     int status = 0;
-    if (waitpid(worker.pid, &status, WNOHANG) != worker.pid) {
+    const pid_t ended = waitpid(worker.pid, &status, WNOHANG);
+    if (ended == 0 || (ended < 0 && errno == EINTR)) {
       const std::int64_t progress = worker.progress_ns->load(std::memory_order_relaxed);
       const auto now = SteadyClock::now();
       if (progress != worker.seen_progress_ns) {
@@ -226,28 +233,32 @@ class Pool {
       }
       return false;
     }
-    results_[worker.job] = Collect(jobs_[worker.job], status);
+    results_[worker.job] =
+        ended < 0
+            ? ErrorResult(jobs_[worker.job], "the worker process is gone, and how it ended is not known")
+            : Collect(jobs_[worker.job], status);
     close(worker.pidfd);
     munmap(static_cast<void*>(worker.progress_ns), sizeof(std::atomic<std::int64_t>));
     return true;
   }
 
   static ScenarioResult Collect(const FlightJob& job, int status) {
-    if (WIFEXITED(status) && WEXITSTATUS(status) == 0) {
-      try {
-        return ResultFromJsonText(ReadFile(job.folder / "verdict.json"));
-      } catch (const std::exception& error) {
-        return ErrorResult(job, error.what());
-      }
-    }
     if (WIFSIGNALED(status))
       return ErrorResult(job, fmt::format("the worker process was killed by signal {} ({})", WTERMSIG(status),
                                           strsignal(WTERMSIG(status))));
     if (WIFEXITED(status) && WEXITSTATUS(status) == kExitWithoutVerdict)
       return ErrorResult(job, "the worker process could not write the results; its message stands above");
-    return ErrorResult(
-        job, fmt::format("the worker process ended with exit code {}: did the firmware call exit()?",
-                         WEXITSTATUS(status)));
+    const auto file = job.folder / "verdict.json";
+    if (!std::filesystem::exists(file))
+      return ErrorResult(
+          job, fmt::format(
+                   "the worker process ended with exit code {} and no verdict: did the firmware call exit()?",
+                   WEXITSTATUS(status)));
+    try {
+      return ResultFromJsonText(ReadFile(file));
+    } catch (const std::exception& error) {
+      return ErrorResult(job, error.what());
+    }
   }
 
   void ShowProgress() {

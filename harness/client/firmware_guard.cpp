@@ -34,10 +34,10 @@ void FirmwareGuard::Install() {
 
 void FirmwareGuard::OnSignal(int signal_number) {
   if (signal_number == SIGALRM) {
-    if (inside_ == 0) return;
     ticks_ = ticks_ + 1;
-    // The first tick may come at once after the call began.
-    if (ticks_ <= kHungAfter_s) return;
+    // The first tick may come at once after the call began. Between calls the count means nothing: Enter()
+    // clears it.
+    if (inside_ == 0 || ticks_ <= kHungAfter_s) return;
   } else if (inside_ == 0) {
     // The harness's own crash: die of it.
     signal(signal_number, SIG_DFL);

@@ -51,7 +51,12 @@ class FirmwareGuard {
   class Outside {
    public:
     Outside() : was_inside_(inside_) { inside_ = 0; }
-    ~Outside() { inside_ = was_inside_; }
+    // A firmware that calls back without end spends most of its time in here, and is over its limit all the
+    // same.
+    ~Outside() {
+      inside_ = was_inside_;
+      if (inside_ != 0 && ticks_ > kHungAfter_s) OnSignal(SIGALRM);
+    }
     Outside(const Outside&) = delete;
     Outside& operator=(const Outside&) = delete;
 

@@ -20,8 +20,9 @@ class LibraryClient final : public Client {
     // An absolute path, or dlopen would search the system's folders for a bare name.
     const std::string path = std::filesystem::absolute(library).string();
     if (!std::filesystem::exists(path)) throw std::runtime_error("no firmware library at " + path);
-    handle_.reset(dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL));
-    if (!handle_) throw std::runtime_error("cannot load firmware library: " + std::string(dlerror()));
+    handle_ = FirmwareGuard::Call([&] { return dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL); });
+    if (handle_ == nullptr)
+      throw std::runtime_error("cannot load firmware library: " + std::string(dlerror()));
 
     const auto version =
         Symbol<decltype(&tiltproof_client_abi_version)>(path, "tiltproof_client_abi_version");
@@ -31,7 +32,7 @@ class LibraryClient final : public Client {
     receive_ = Symbol<decltype(receive_)>(path, "tiltproof_client_receive");
     grant_ = Symbol<decltype(grant_)>(path, "tiltproof_client_grant");
     reset_ = Symbol<decltype(reset_)>(path, "tiltproof_client_reset");
-    status_ = reinterpret_cast<decltype(status_)>(dlsym(handle_.get(), "tiltproof_client_status"));
+    status_ = reinterpret_cast<decltype(status_)>(dlsym(handle_, "tiltproof_client_status"));
     if (const auto found = FirmwareGuard::Call([&] { return version(); });
         found != TILTPROOF_CLIENT_ABI_VERSION)
       throw std::runtime_error(path + ": built for client interface version " + std::to_string(found) +
@@ -46,7 +47,8 @@ class LibraryClient final : public Client {
     interface_.transmit = [](void* context, int uart, std::int64_t now_ns, const std::uint8_t* bytes,
                              std::size_t count) {
       const FirmwareGuard::Outside outside;
-      if (uart != TILTPROOF_UART_MAIN && uart != TILTPROOF_UART_REFERENCE) return now_ns;
+      if ((uart != TILTPROOF_UART_MAIN && uart != TILTPROOF_UART_REFERENCE) || bytes == nullptr || count == 0)
+        return now_ns;
       return static_cast<LibraryClient*>(context)->host_.transmit(static_cast<Uart>(uart), now_ns,
                                                                   {bytes, count});
     };
@@ -89,13 +91,9 @@ class LibraryClient final : public Client {
   }
 
  private:
-  struct CloseLibrary {
-    void operator()(void* handle) const { dlclose(handle); }
-  };
-
   template <class Function>
   Function Symbol(const std::string& path, const char* name) {
-    void* symbol = dlsym(handle_.get(), name);
+    void* symbol = dlsym(handle_, name);
     if (symbol == nullptr)
       throw std::runtime_error(path + " is no firmware library: it does not export " + name +
                                " (see firmware/tiltproof_client.h)");
@@ -115,7 +113,8 @@ class LibraryClient final : public Client {
 
   ClientHost host_;
   std::string firmware_, dialect_;
-  std::unique_ptr<void, CloseLibrary> handle_;
+  // Never closed: the worker process ends soon, and unloading would run the firmware's exit code unguarded.
+  void* handle_ = nullptr;
   TiltproofHost interface_{};
   TiltproofClient* client_ = nullptr;
   bool lost_ = false;

@@ -61,9 +61,7 @@ EndReason EndReasonNamed(const std::string& name) {
 
 }  // namespace
 
-void WriteFlight(const std::filesystem::path& folder, const Scenario& scenario,
-                 const std::string& resolved_scenario, const RunLog& log) {
-  WriteFile(folder / "scenario.resolved.yaml", resolved_scenario);
+void WriteFlight(const std::filesystem::path& folder, const Scenario& scenario, const RunLog& log) {
   WriteFile(folder / "trace.csv", WriteTraceCsv(log.trace));
   std::string faults;
   for (const auto& activation : log.activations) {

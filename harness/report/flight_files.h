@@ -4,7 +4,7 @@
 //   trace.csv               one row every 12 ms
 //   faults.jsonl            every kept activation of a fault: time, what, chunks before and after
 //   link.bin                raw bytes with times (harness/run/link_log.h)
-//   firmware.log            what the firmware logged, times in nanoseconds since power-on
+//   firmware.log            what the firmware logged, with simulation times in seconds
 //   flight.json             how the flight ended, counters, request times: the rest of what scoring needs
 //   verdict.json            the scenario's entry in results.json
 #pragma once
@@ -17,9 +17,9 @@
 
 namespace tiltproof::harness {
 
-// Throws FileError. `resolved_scenario` is the text of scenario.resolved.yaml.
-void WriteFlight(const std::filesystem::path& folder, const Scenario& scenario,
-                 const std::string& resolved_scenario, const RunLog& log);
+// Writes what the flight left: all of the above but scenario.resolved.yaml, which is there before the flight, and verdict.json.
+// Throws FileError.
+void WriteFlight(const std::filesystem::path& folder, const Scenario& scenario, const RunLog& log);
 
 // What scoring needs: the trace and flight.json; raw bytes and activations are not read. Throws FileError or
 // std::runtime_error naming the file and the place.

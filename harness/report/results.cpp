@@ -8,28 +8,20 @@
 #include <sstream>
 
 #include "harness/report/files.h"
+#include "harness/report/trace_csv.h"
 
 namespace tiltproof::harness {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
-// JSON has no infinity: robustness of a trace that holds NaN is minus infinity.
-Json Number(double value) {
-  if (std::isfinite(value)) return value;
-  return std::isnan(value) ? "NaN" : value > 0 ? "Infinity" : "-Infinity";
+// JSON has no infinity: the robustness of a formula that no number bounds is null, like one that there is none of.
+Json OptionalNumber(const std::optional<double>& value) {
+  return value && std::isfinite(*value) ? Json(*value) : Json(nullptr);
 }
-double NumberFrom(const Json& json) {
-  if (json.is_number()) return json.get<double>();
-  const auto text = json.get<std::string>();
-  if (text == "Infinity") return HUGE_VAL;
-  if (text == "-Infinity") return -HUGE_VAL;
-  return std::nan("");
-}
-Json OptionalNumber(const std::optional<double>& value) { return value ? Number(*value) : Json(nullptr); }
 std::optional<double> OptionalFrom(const Json& json) {
   if (json.is_null()) return std::nullopt;
-  return NumberFrom(json);
+  return json.get<double>();
 }
 
 Verdict VerdictNamed(const std::string& name) {
@@ -50,7 +42,7 @@ Json ToJson(const ScenarioResult& result) {
   json["wall_s"] = result.wall_s;
   json["real_time_factor"] = result.real_time_factor;
   json["metrics"] = Json::object();
-  for (const auto& [name, value] : result.score.metrics) json["metrics"][name] = Number(value);
+  for (const auto& [name, value] : result.score.metrics) json["metrics"][name] = value;
   json["criteria"] = Json::array();
   for (const auto& criterion : result.score.criteria)
     json["criteria"].push_back({{"name", criterion.name},
@@ -110,6 +102,32 @@ std::string JunitXml(const RunInfo& info, const std::vector<ScenarioResult>& res
 
 }  // namespace
 
+ScenarioResult MakeResult(const std::string& name, const Scenario& scenario, const RunLog& log,
+                          const std::string& replay) {
+  ScenarioResult result;
+  result.name = name;
+  result.expected = scenario.expect;
+  result.seed = scenario.seed;
+  result.trace_hash = TraceHash(log.trace);
+  result.wall_s = log.wall_s;
+  result.real_time_factor = log.wall_s > 0 ? ToSeconds(log.end_ns) / log.wall_s : 0.0;
+  result.replay = replay;
+  result.score = ScoreRun(scenario, log);
+  return result;
+}
+
+ScenarioResult MakeErrorResult(const std::string& name, const Scenario& scenario, const std::string& reason,
+                               const std::string& replay) {
+  ScenarioResult result;
+  result.name = name;
+  result.expected = scenario.expect;
+  result.seed = scenario.seed;
+  result.replay = replay;
+  result.score.verdict = Verdict::kError;
+  result.score.reason = reason;
+  return result;
+}
+
 std::string ToJsonText(const ScenarioResult& result) { return ToJson(result).dump(2) + "\n"; }
 
 ScenarioResult ResultFromJsonText(const std::string& text) {
@@ -124,7 +142,8 @@ ScenarioResult ResultFromJsonText(const std::string& text) {
   json.at("replay").get_to(result.replay);
   result.score.verdict = VerdictNamed(json.at("verdict").get<std::string>());
   json.at("reason").get_to(result.score.reason);
-  for (const auto& [name, value] : json.at("metrics").items()) result.score.metrics[name] = NumberFrom(value);
+  for (const auto& [name, value] : json.at("metrics").items())
+    result.score.metrics[name] = value.get<double>();
   for (const auto& c : json.at("criteria"))
     result.score.criteria.push_back({c.at("name").get<std::string>(),
                                      VerdictNamed(c.at("verdict").get<std::string>()),

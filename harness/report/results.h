@@ -23,6 +23,13 @@ struct ScenarioResult {
   bool green() const { return score.verdict == expected; }
 };
 
+// Scores a flight. `name` is that of its folder.
+ScenarioResult MakeResult(const std::string& name, const Scenario& scenario, const RunLog& log,
+                          const std::string& replay);
+// For a scenario that left no flight to score.
+ScenarioResult MakeErrorResult(const std::string& name, const Scenario& scenario, const std::string& reason,
+                               const std::string& replay);
+
 // The JSON text of one entry (verdict.json), and back; throws std::runtime_error.
 std::string ToJsonText(const ScenarioResult& result);
 ScenarioResult ResultFromJsonText(const std::string& text);

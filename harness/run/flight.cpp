@@ -1,8 +1,12 @@
 #include "harness/run/flight.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <deque>
+#include <iterator>
 #include <optional>
 #include <string>
 #include <utility>
@@ -10,6 +14,7 @@
 #include "faults/schedule.h"
 #include "harness/client/firmware_guard.h"
 #include "harness/reference/trajectory.h"
+#include "harness/run/hash.h"
 #include "harness/run/receiving_end.h"
 #include "link/frame.h"
 #include "link/messages.h"
@@ -23,6 +28,9 @@ using link::Direction;
 
 constexpr std::size_t kEventsMax = 10'000;
 constexpr std::size_t kFirmwareLogBytesMax = 1 << 20;
+constexpr std::size_t kRepliesMax = 256;
+// A client may say that it transmits later within its call, but not by more than this.
+constexpr TimeNs kTransmitAheadMax = kNsPerS;
 // A client that asks to be woken at the present instant this often in a row will never let time pass.
 constexpr int kTurnsAtOneInstantMax = 1000;
 
@@ -64,6 +72,7 @@ class Flight {
   void OnClientMessage(TimeNs arrival, std::span<const std::uint8_t> payload);
   void OnStart(TimeNs arrival);
   void AnswerSensorRequest(TimeNs arrival);
+  void LogReplyLatency(TimeNs arrival, std::span<const std::uint8_t> payload);
   void SendReference(TimeNs now);
 
   void AdvancePlant(TimeNs to);
@@ -102,7 +111,15 @@ class Flight {
   ActuatorsTruth in_force_;  // commanded_ after the actuator faults
   std::optional<Sensors> sensed_;
   std::optional<Actuators> asked_;
-  std::optional<TimeNs> reply_due_;  // arrival of the request that the reply under way answers
+  // Payloads of the replies on their way, by hash, with the arrival of the request that each answers.
+  struct Reply {
+    std::uint64_t payload_hash;
+    TimeNs requested_ns;
+  };
+  std::deque<Reply> replies_;
+  std::vector<std::pair<TimeNs, std::string>> firmware_lines_;  // what the firmware logged, in boot time
+  std::size_t firmware_log_bytes_ = 0;
+  TimeNs now_ns_ = 0;  // of the turn under way
 };
 
 Flight::Flight(const Scenario& scenario, const plant::VehicleModel& model, const FlightOptions& options)
@@ -159,12 +176,14 @@ Flight::Flight(const Scenario& scenario, const plant::VehicleModel& model, const
       {.transmit = [this](Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) -> TimeNs {
          // The reference line has no way back: what the client sends there ends at its pin.
          if (uart != Uart::kMain) return now;
-         return wires_[Index(Direction::kToPlant)].Transmit(now, bytes);
+         return wires_[Index(Direction::kToPlant)].Transmit(
+             std::clamp(now, now_ns_, now_ns_ + kTransmitAheadMax), bytes);
        },
        .log =
            [this](TimeNs now, std::string_view text) {
-             if (log_.firmware_log.size() > kFirmwareLogBytesMax) return;
-             log_.firmware_log += std::to_string(now) + " " + std::string(text) + "\n";
+             if (firmware_log_bytes_ > kFirmwareLogBytesMax) return;
+             firmware_log_bytes_ += text.size();
+             firmware_lines_.emplace_back(now, text);
            }});
 }
 
@@ -175,6 +194,9 @@ RunLog Flight::Run() {
   } catch (const FirmwareTrouble& trouble) {
     log_.end_reason = trouble.hung ? EndReason::kFirmwareHung : EndReason::kFirmwareCrashed;
     log_.end_text = trouble.what();
+  } catch (const std::exception& error) {
+    log_.end_reason = EndReason::kHarnessError;
+    log_.end_text = error.what();
   }
   log_.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
   Finish();
@@ -203,7 +225,7 @@ void Flight::Conduct() {
       return;
     }
     turns = now == last ? turns + 1 : 0;
-    last = now;
+    last = now_ns_ = now;
     if (turns > kTurnsAtOneInstantMax)
       throw FirmwareTrouble(true, "the firmware lets no time pass: it wants to be woken at " +
                                       std::to_string(now) + " ns again and again");
@@ -245,15 +267,23 @@ bool Flight::DeliverToClient(TimeNs now) {
       client_->Receive(uart, arrival, bytes);
       ends_[Index(direction)].Receive(
           arrival, bytes,
-          [&](TimeNs at, std::span<const std::uint8_t>) {
-            if (direction != Direction::kToClient || !reply_due_) return;
-            log_.reply_latency_ns.push_back(at - *reply_due_);
-            reply_due_.reset();
+          [&](TimeNs at, std::span<const std::uint8_t> payload) {
+            if (direction == Direction::kToClient) LogReplyLatency(at, payload);
           },
           [&](TimeNs at, std::string_view reason) { LogRejection(at, direction, reason); });
     });
   }
   return delivered;
+}
+
+// Late, repeated and lost replies are told apart by what they say; the newest that says it is the one meant.
+void Flight::LogReplyLatency(TimeNs arrival, std::span<const std::uint8_t> payload) {
+  const std::uint64_t hash = Fnv1a(payload);
+  const auto found = std::find_if(replies_.rbegin(), replies_.rend(),
+                                  [&](const Reply& reply) { return reply.payload_hash == hash; });
+  if (found == replies_.rend()) return;
+  log_.reply_latency_ns.push_back(arrival - found->requested_ns);
+  replies_.erase(std::next(found).base());
 }
 
 void Flight::OnClientMessage(TimeNs arrival, std::span<const std::uint8_t> payload) {
@@ -283,7 +313,6 @@ void Flight::OnStart(TimeNs arrival) {
   ++log_.starts_accepted_count;
   origin_ns_ = arrival;
   boundary_ns_ = arrival;
-  next_reference_ns_ = arrival;
   faults_.SetOrigin(arrival);
   LogEvent(arrival, "start_accepted", "t = 0");
   SendReference(arrival);
@@ -299,7 +328,8 @@ void Flight::AnswerSensorRequest(TimeNs arrival) {
   wires_[Index(Direction::kToClient)].Transmit(arrival, link::EncodeFrame(message.span(), frame).bytes);
   if (!started()) return;
   log_.request_times_ns.push_back(SimTime(arrival));
-  reply_due_ = arrival;
+  if (replies_.size() == kRepliesMax) replies_.pop_front();
+  replies_.push_back({Fnv1a(message.span()), arrival});
 }
 
 // The base station follows the simulation's clock (paper, section 2.2, Figure 6).
@@ -396,9 +426,11 @@ void Flight::Finish() {
                                                            : SimTime(boundary_ns_);
   log_.link.ShiftOrigin(origin);
   for (auto& event : log_.events) event.time_ns -= origin;
+  for (const auto& [time_ns, text] : firmware_lines_)
+    log_.firmware_log += fmt::format("{:.6f} {}\n", ToSeconds(time_ns - origin), text);
   for (std::size_t d = 0; d < link::kDirectionCount; ++d) {
     log_.counts[d] = ends_[d].counts();
-    log_.resync_max_ns = std::max(log_.resync_max_ns, ends_[d].resync_max_ns());
+    log_.resync_max_ns = std::max(log_.resync_max_ns, ends_[d].ResyncMax(origin + log_.end_ns));
     log_.accepted_wrong_count += ends_[d].wrong_count();
     log_.accepted_stale_count += ends_[d].stale_count();
   }

@@ -11,26 +11,34 @@ ReceivingEnd::ReceivingEnd(link::Direction direction, link::Dialect dialect, boo
     : direction_(direction), dialect_(dialect), faulty_(faulty) {}
 
 void ReceivingEnd::OnSent(const link::Chunk& chunk) {
-  ++counts_.frames_sent;
+  const auto number = static_cast<std::size_t>(counts_.frames_sent++);
   if (!faulty_) return;
-  recent_[static_cast<std::size_t>(counts_.frames_sent) % recent_.size()] = chunk.bytes;
-  link::FrameDecoder decoder;
-  // A sender may rely on the flag that closed its last frame.
-  static constexpr std::uint8_t kOpening[] = {link::kFlag};
-  std::span<const std::uint8_t> opening = kOpening;
-  decoder.Next(opening);
+  recent_[number % recent_.size()] = chunk.bytes;
   std::span<const std::uint8_t> bytes = chunk.bytes;
-  while (const auto event = decoder.Next(bytes))
+  while (const auto event = sent_decoder_.Next(bytes))
     if (event->status == link::FrameStatus::kOk) sent_[Fnv1a(event->payload)].push_back(next_number_++);
 }
 
 void ReceivingEnd::OnDelivered(const link::Chunk& chunk) {
-  if (!faulty_ || std::find(recent_.begin(), recent_.end(), chunk.bytes) != recent_.end()) return;
-  const auto& sent = recent_[static_cast<std::size_t>(counts_.frames_sent) % recent_.size()];
-  const std::size_t common = std::min(sent.size(), chunk.bytes.size());
-  auto corrupted = static_cast<std::int64_t>(std::max(sent.size(), chunk.bytes.size()) - common);
-  for (std::size_t i = 0; i < common; ++i) corrupted += sent[i] != chunk.bytes[i] ? 1 : 0;
-  counts_.bytes_corrupted += corrupted;
+  if (!faulty_ || chunk.number + recent_.size() < static_cast<std::uint64_t>(counts_.frames_sent)) return;
+  const auto& sent = recent_[chunk.number % recent_.size()];
+  if (sent == chunk.bytes) return;
+  // Length of the longest common subsequence, row by row: what is left of the delivered bytes was changed or
+  // inserted.
+  std::vector<std::int64_t> row(sent.size() + 1, 0);
+  for (const std::uint8_t byte : chunk.bytes) {
+    std::int64_t diagonal = 0;
+    for (std::size_t i = 0; i < sent.size(); ++i) {
+      const std::int64_t above = row[i + 1];
+      row[i + 1] = sent[i] == byte ? diagonal + 1 : std::max(above, row[i]);
+      diagonal = above;
+    }
+  }
+  counts_.bytes_corrupted += static_cast<std::int64_t>(chunk.bytes.size()) - row.back();
+}
+
+TimeNs ReceivingEnd::ResyncMax(TimeNs end) const {
+  return rejected_since_ns_ == kNever ? resync_max_ns_ : std::max(resync_max_ns_, end - rejected_since_ns_);
 }
 
 void ReceivingEnd::Receive(TimeNs arrival, std::span<const std::uint8_t> bytes, const OnAccepted& on_accepted,

@@ -42,8 +42,8 @@ class ReceivingEnd {
   const DirectionCounts& counts() const { return counts_; }
   std::int64_t wrong_count() const { return wrong_count_; }
   std::int64_t stale_count() const { return stale_count_; }
-  // Longest time from a rejection to the next accepted frame.
-  TimeNs resync_max_ns() const { return resync_max_ns_; }
+  // Longest time from a rejection to the next accepted frame, or to `end` if none came.
+  TimeNs ResyncMax(TimeNs end) const;
 
  private:
   link::MessageStatus Check(std::span<const std::uint8_t> payload) const;
@@ -62,8 +62,8 @@ class ReceivingEnd {
   std::unordered_map<std::uint64_t, std::vector<std::int64_t>> sent_;
   std::int64_t next_number_ = 0;
   std::int64_t last_accepted_number_ = -1;
-  std::array<std::vector<std::uint8_t>, 16>
-      recent_;  // frames as sent, to tell a late or repeated one from a corrupted one
+  link::FrameDecoder sent_decoder_;  // a sender may pause within a frame: its chunks are one stream
+  std::array<std::vector<std::uint8_t>, 1024> recent_;  // frames as sent, by Chunk::number
 };
 
 }  // namespace tiltproof::harness

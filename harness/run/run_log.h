@@ -34,6 +34,9 @@ struct RunEvent {
   std::string text;
 };
 
+// bytes_corrupted: delivered bytes that were changed or inserted on the way (those outside the longest common
+// subsequence with the frame as sent); lost bytes are not delivered, and repeated frames are as they were
+// sent.
 struct DirectionCounts {
   std::int64_t frames_sent = 0, frames_accepted = 0, frames_rejected = 0, bytes_corrupted = 0;
 };

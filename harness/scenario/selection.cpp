@@ -66,7 +66,11 @@ std::string SuiteName(const std::vector<fs::path>& paths) {
     names.push_back(is_folder ? whole.filename().string() : whole.stem().string());
     if (names.back().empty()) names.back() = "root";  // of "/"
   }
-  return fmt::format("{}", fmt::join(names, "+"));
+  // It becomes part of a folder's name.
+  constexpr std::size_t kSuiteNameMax = 80;
+  const std::string joined = fmt::format("{}", fmt::join(names, "+"));
+  if (joined.size() <= kSuiteNameMax) return joined;
+  return fmt::format("{}-and-{}-more", names.front().substr(0, kSuiteNameMax), names.size() - 1);
 }
 
 // A word, or an operator on the nodes below it: `not` has one, `and` and `or` have two or more.

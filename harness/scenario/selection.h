@@ -16,7 +16,8 @@ namespace tiltproof::harness {
 // exist.
 std::vector<std::filesystem::path> FindScenarios(const std::vector<std::filesystem::path>& paths);
 
-// Name of the folder, or of the file without its ending; of several paths, joined by '+'.
+// Name of the folder, or of the file without its ending; of several paths, joined by '+', or the
+// first and how many more when that is long.
 std::string SuiteName(const std::vector<std::filesystem::path>& paths);
 
 // -k EXPR --tag TAG. EXPR is words joined by `and`, `or`, `not` and parentheses; a word holds when the

@@ -3,8 +3,9 @@
 //
 //   position_error_m     distance from the vehicle to the reference of the same row
 //   cross_track_error_m  smallest distance from the vehicle to the path: the polyline through the reference
-//   points of all rows speed_m_s            magnitude of the velocity tilt_rad             angle between the
-//   body's z axis and the world's, [0, pi]
+//                        points of all rows
+//   speed_m_s            magnitude of the velocity
+//   tilt_rad             angle between the body's z axis and the world's, [0, pi]
 #pragma once
 
 #include <string>

@@ -182,6 +182,26 @@ class CliTest(unittest.TestCase):
         damaged.write_bytes((self.latest() / "hover/link.bin").read_bytes()[:-1])
         self.assertEqual(self.tiltproof("link-dump", damaged)[0], 2)
 
+    def test_a_null_fault_changes_nothing(self):
+        null = {"seed: 3": "seed: 3\nfaults:\n  - {id: nothing, type: harness.null}"}
+        self.scenario("with", **null)
+        self.scenario("without")
+        self.tiltproof("run", ".")
+        rows = {name: [line.split(",") for line in (self.latest() / name / "trace.csv").read_text().splitlines()] for name in ("with", "without")}
+        count = rows["without"][0].index("faults_active_count")
+        for a, b in zip(rows["with"], rows["without"], strict=True):
+            self.assertEqual(a[:count] + a[count + 1:len(b)], b[:count] + b[count + 1:])
+        self.assertEqual((self.latest() / "with/link.bin").read_bytes(), (self.latest() / "without/link.bin").read_bytes())
+
+    def test_many_paths_make_a_short_folder_name(self):
+        paths = [self.scenario(f"a-rather-long-name-{i}") for i in range(20)]
+        self.assertEqual(self.tiltproof("run", *paths)[0], 0)
+
+    def test_an_ignored_sigchld_does_not_hang_the_pool(self):
+        done = subprocess.run(["sh", "-c", "trap '' CHLD; exec \"$0\" run hover.yaml", PROGRAM], cwd=self.scenario("hover").parent,
+                              capture_output=True, timeout=60, check=False)
+        self.assertEqual(done.returncode, 0, done.stderr)
+
     # firmware that misbehaves
 
     def misbehaving(self, how):
@@ -205,6 +225,9 @@ class CliTest(unittest.TestCase):
     def test_a_firmware_that_exits_is_a_target_error(self):
         code, _, _, entry = self.misbehaving("exit")
         self.assertEqual((code, entry["verdict"]), (3, "error"))
+        self.assertIn("exit()", entry["reason"])
+        # An error then is an error now: it must not drop out of the score.
+        self.assertEqual(self.tiltproof("score", self.latest())[0], 3)
 
     def test_chatter_of_the_firmware_stays_off_standard_output(self):
         _, out, err, _ = self.misbehaving("chatter")
@@ -230,6 +253,9 @@ class CliTest(unittest.TestCase):
         self.assertEqual(results["scenarios"][0]["verdict"], "inconclusive")
         self.assertGreater(len((self.latest() / "long1/trace.csv").read_text().splitlines()), 10)
         xml.etree.ElementTree.parse(self.latest() / "junit.xml")
+        code, out, _ = self.tiltproof("replay", self.latest())
+        self.assertEqual(code, 4)
+        self.assertIn("interrupted", out)
 
     def test_a_results_folder_that_cannot_be_made_is_an_error(self):
         (self.folder / "results").write_text("a file")

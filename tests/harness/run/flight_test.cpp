@@ -211,6 +211,25 @@ TEST(Flight, TheReferenceArrivesBeforeTheSensorReplyOfItsPeriod) {
   }
 }
 
+TEST(Flight, LateRepliesHaveTheirOwnLatency) {
+  Scenario scenario = Hover(0.5);
+  faults::FaultSpec late;
+  late.id = "late";
+  late.type = "frame.delay";
+  late.target = faults::Target::kToClient;
+  late.parameters = {{"mean_ms", 30.0}};
+  scenario.faults.push_back(late);
+  // Falling, so that no two replies say the same.
+  const RunLog log = FlyWith(scenario, [](TestClient& client) {
+    client.control = [](const Sensors&) { return Actuators{5, 5, 0, 0}; };
+  });
+  ASSERT_GT(log.reply_latency_ns.size(), 30U);
+  for (const TimeNs latency : log.reply_latency_ns) {
+    EXPECT_GT(latency, 30 * kNsPerMs);
+    EXPECT_LT(latency, 32 * kNsPerMs);
+  }
+}
+
 TEST(Flight, AFirmwareThatNeverStartsFails) {
   const RunLog log = FlyWith(Hover(1), [](TestClient& client) { client.silent = true; });
   EXPECT_EQ(log.end_reason, EndReason::kNeverStarted);

@@ -64,16 +64,23 @@ TEST(LinkLog, RefusesDamagedFilesWithThePlace) {
 
 class AuditTest : public ::testing::Test {
  protected:
-  void Deliver(const Chunk& chunk, TimeNs arrival = 0) {
+  void Send(const Chunk& chunk) {
+    end_.OnSent(chunk);
+    ++sent_count_;
+  }
+  // What became of the frame sent last.
+  void Deliver(Chunk chunk, TimeNs arrival = 0) {
+    chunk.number = sent_count_ - 1;
     end_.OnDelivered(chunk);
     end_.Receive(arrival, chunk.bytes, {}, {});
   }
   ReceivingEnd end_{Direction::kToClient, link::Dialect::kPaper, true};
+  std::uint64_t sent_count_ = 0;
 };
 
 TEST_F(AuditTest, InOrderFramesAreNeitherWrongNorStale) {
   for (const float x : {1.0F, 2.0F, 2.0F, 3.0F}) {
-    end_.OnSent(SensorFrame(x));
+    Send(SensorFrame(x));
     Deliver(SensorFrame(x));
   }
   EXPECT_EQ(end_.counts().frames_sent, 4);
@@ -84,16 +91,16 @@ TEST_F(AuditTest, InOrderFramesAreNeitherWrongNorStale) {
 }
 
 TEST_F(AuditTest, LateInOrderFramesAreNotStale) {
-  end_.OnSent(SensorFrame(1));
-  end_.OnSent(SensorFrame(2));
+  Send(SensorFrame(1));
+  Send(SensorFrame(2));
   Deliver(SensorFrame(1));
   Deliver(SensorFrame(2));
   EXPECT_EQ(end_.stale_count(), 0);
 }
 
 TEST_F(AuditTest, RepeatsAndOvertakenFramesAreStale) {
-  end_.OnSent(SensorFrame(1));
-  end_.OnSent(SensorFrame(2));
+  Send(SensorFrame(1));
+  Send(SensorFrame(2));
   Deliver(SensorFrame(2));
   Deliver(SensorFrame(2));
   Deliver(SensorFrame(1));
@@ -102,7 +109,7 @@ TEST_F(AuditTest, RepeatsAndOvertakenFramesAreStale) {
 }
 
 TEST_F(AuditTest, AnAcceptedPayloadThatNobodySentIsWrong) {
-  end_.OnSent(SensorFrame(1));
+  Send(SensorFrame(1));
   Deliver(SensorFrame(7));
   EXPECT_EQ(end_.wrong_count(), 1);
   EXPECT_GT(end_.counts().bytes_corrupted, 0);
@@ -114,15 +121,50 @@ TEST_F(AuditTest, ResyncLastsFromTheRejectionToTheNextAcceptedFrame) {
     chunk.bytes[10] ^= 0x01;
     return chunk;
   };
-  end_.OnSent(SensorFrame(1));
+  Send(SensorFrame(1));
   Deliver(broken(1), 1000);
-  end_.OnSent(SensorFrame(2));
+  Send(SensorFrame(2));
   Deliver(broken(2), 2000);
-  end_.OnSent(SensorFrame(3));
+  Send(SensorFrame(3));
   Deliver(SensorFrame(3), 5000);
   EXPECT_EQ(end_.counts().frames_rejected, 2);
-  EXPECT_EQ(end_.resync_max_ns(), 4000);
+  EXPECT_EQ(end_.ResyncMax(9000), 4000);
   EXPECT_EQ(end_.counts().bytes_corrupted, 2);
+}
+
+TEST_F(AuditTest, ALinkThatNeverResynchronisesIsOpenToTheEnd) {
+  Send(SensorFrame(1));
+  Chunk broken = SensorFrame(1);
+  broken.bytes[10] ^= 0x01;
+  Deliver(broken, 1000);
+  EXPECT_EQ(end_.ResyncMax(50'000), 49'000);
+}
+
+TEST_F(AuditTest, LostBytesAreNotCorruptedAndInsertedOnesAre) {
+  const Chunk whole = SensorFrame(1);
+  Chunk head = whole, tail = whole, longer = whole;
+  head.bytes.resize(30);
+  tail.bytes.erase(tail.bytes.begin(), tail.bytes.begin() + 50);
+  longer.bytes.insert(longer.bytes.begin() + 20, {0xAA, 0xAB});
+  Send(whole);
+  Deliver(head);
+  Deliver(tail);
+  EXPECT_EQ(end_.counts().bytes_corrupted, 0);
+  Deliver(longer);
+  EXPECT_EQ(end_.counts().bytes_corrupted, 2);
+}
+
+TEST_F(AuditTest, AFrameSentWithAPauseInItIsNotWrong) {
+  const Chunk whole = SensorFrame(1);
+  Chunk head = whole, tail = whole;
+  head.bytes.resize(30);
+  tail.bytes.erase(tail.bytes.begin(), tail.bytes.begin() + 30);
+  for (const Chunk& part : {head, tail}) {
+    Send(part);
+    Deliver(part);
+  }
+  EXPECT_EQ(end_.counts().frames_accepted, 1);
+  EXPECT_EQ(end_.wrong_count(), 0);
 }
 
 }  // namespace
