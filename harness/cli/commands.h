@@ -26,6 +26,9 @@ struct UsageError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+// As in scenario files: every JSON reader can hold it.
+inline constexpr std::uint64_t kSeedMax = (std::uint64_t{1} << 53) - 1;
+
 struct RunOptions {
   std::vector<std::filesystem::path> paths;
   std::string client = "host";

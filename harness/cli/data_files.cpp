@@ -30,6 +30,7 @@ std::filesystem::path FirmwareLibrary(const std::string& client) {
   if (client == "host") {
     library = HostFirmwareLibrary();
   } else if (client.starts_with(kLibrary)) {
+    if (client.size() == kLibrary.size()) throw UsageError("--client library: names no file");
     library = std::filesystem::absolute(client.substr(kLibrary.size()));
   } else if (client.starts_with("process:") || client.starts_with("serial:")) {
     throw UsageError(

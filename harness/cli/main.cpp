@@ -1,6 +1,7 @@
 // The command line. CLI11 is slow to compile: only this file sees it.
 
 #include <CLI/CLI.hpp>
+#include <cstdint>
 #include <cstdio>
 #include <exception>
 #include <functional>
@@ -31,7 +32,8 @@ int Main(int argc, char** argv) {
   run_app->add_option("-k", run.expression,
                       "Only scenarios whose name or tags match, for example 'delay and not reference'");
   run_app->add_option("--tag", run.tag, "Only scenarios with this tag");
-  run_app->add_option("--seed", run.seed, "Overrides every scenario's seed");
+  run_app->add_option("--seed", run.seed, "Overrides every scenario's seed")
+      ->check(CLI::Range(std::uint64_t{0}, kSeedMax));
   run_app->add_option("--repeat", run.repeat_count, "Fly each scenario N times, with seeds seed, seed+1, ...")
       ->check(CLI::Range(1, 1'000'000));
   run_app->add_option("-j", run.jobs_count, "Worker processes")->check(CLI::Range(1, 1024));

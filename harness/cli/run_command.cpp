@@ -46,6 +46,12 @@ int RunCommand(const RunOptions& options) {
                found == 1 ? "" : "s");
     return kExitUndecided;
   }
+  for (const auto& entry : suite.scenarios) {
+    const std::uint64_t first = options.seed.value_or(entry.scenario.seed);
+    if (kSeedMax - first < static_cast<std::uint64_t>(options.repeat_count) - 1)
+      throw UsageError(fmt::format("--repeat {}: from seed {} on the seeds exceed {}", options.repeat_count,
+                                   first, kSeedMax));
+  }
   if (options.dry_run) {
     for (const auto& entry : suite.scenarios) console.Line(entry.scenario.name);
     return kExitGreen;

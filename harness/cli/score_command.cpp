@@ -4,6 +4,7 @@
 #include "harness/cli/console.h"
 #include "harness/cli/run_folder.h"
 #include "harness/cli/suite.h"
+#include "harness/report/files.h"
 #include "harness/report/flight_files.h"
 
 namespace tiltproof::harness {
@@ -21,6 +22,11 @@ int ScoreCommand(const ReplayOptions& options) {
     ScenarioResult result;
     try {
       result = MakeResult(name, scenario, ReadFlight(folder), replay);
+      const ScenarioResult then = ResultFromJsonText(ReadFile(folder / "verdict.json"));
+      if (then.trace_hash != result.trace_hash)
+        throw std::runtime_error(
+            fmt::format("{} is not the trace that was flown: its hash is {}, in verdict.json {}",
+                        (folder / "trace.csv").string(), result.trace_hash, then.trace_hash));
     } catch (const std::exception& error) {
       // It ended in an error then, or its files are damaged now: either way it must not pass unseen.
       result = MakeErrorResult(name, scenario, error.what(), replay);

@@ -49,6 +49,7 @@ class InterruptScope {
     sigemptyset(&action.sa_mask);
     sigaction(SIGINT, &action, &old_int_);
     sigaction(SIGTERM, &action, &old_term_);
+    sigaction(SIGHUP, &action, &old_hangup_);
     // Inherited as ignored, it would let the kernel reap our workers before we have seen how they ended.
     action.sa_handler = SIG_DFL;
     sigaction(SIGCHLD, &action, &old_child_);
@@ -56,6 +57,7 @@ class InterruptScope {
   ~InterruptScope() {
     sigaction(SIGINT, &old_int_, nullptr);
     sigaction(SIGTERM, &old_term_, nullptr);
+    sigaction(SIGHUP, &old_hangup_, nullptr);
     sigaction(SIGCHLD, &old_child_, nullptr);
   }
   InterruptScope(const InterruptScope&) = delete;
@@ -64,6 +66,7 @@ class InterruptScope {
  private:
   struct sigaction old_int_ {};
   struct sigaction old_term_ {};
+  struct sigaction old_hangup_ {};
   struct sigaction old_child_ {};
 };
 

@@ -202,6 +202,32 @@ class CliTest(unittest.TestCase):
                               capture_output=True, timeout=60, check=False)
         self.assertEqual(done.returncode, 0, done.stderr)
 
+    def test_seeds_that_no_file_can_hold_are_refused(self):
+        self.scenario("hover")
+        for arguments in (["--seed", "-1"], ["--seed", str(2**53)], ["--seed", str(2**53 - 1), "--repeat", "2"], ["--client", "library:"]):
+            self.assertEqual(self.tiltproof("run", "hover.yaml", *arguments)[0], 2, arguments)
+
+    def test_a_cut_trace_is_not_scored(self):
+        self.tiltproof("run", self.scenario("hover"))
+        trace = self.latest() / "hover/trace.csv"
+        trace.write_text("".join(trace.read_text().splitlines(keepends=True)[:20]))
+        code, out, _ = self.tiltproof("score", self.latest())
+        self.assertEqual(code, 3)
+        self.assertIn("not the trace that was flown", out)
+
+    def test_a_flight_without_verdict_does_not_block_the_replay_of_others(self):
+        self.scenario("one")
+        self.scenario("two")
+        self.tiltproof("run", ".")
+        (self.latest() / "one/verdict.json").unlink()
+        code, out, _ = self.tiltproof("replay", self.latest())
+        self.assertEqual(code, 4)
+        self.assertIn("1 of 1 equal", out)
+
+    def test_names_of_results_files_are_taken(self):
+        path = self.scenario("taken", **{"name: taken": "name: run.json"})
+        self.assertEqual(self.tiltproof("check", path)[0], 2)
+
     # firmware that misbehaves
 
     def misbehaving(self, how):
