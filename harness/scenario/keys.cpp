@@ -145,8 +145,10 @@ void DescribeScenario(KeyVisitor& v, Scenario& s) {
   auto seed = static_cast<std::int64_t>(s.seed);
   v.Integer({"seed", "Every random draw derives from it"}, seed, {0, 9007199254740991});
   s.seed = static_cast<std::uint64_t>(seed);
-  v.Seconds({"duration_s", "Length of the flight from the accepted start", kRequired}, s.duration_ns,
-            {0.012, 86400});
+  v.Seconds({"duration_s",
+             "Length of the flight from the accepted start; its log takes about 8 MiB of memory a minute",
+             kRequired},
+            s.duration_ns, {0.012, 14400});
   v.Seconds({"step_s", "Step of the plant's integration; divides 0.012"}, s.step_ns, {0.00001, 0.012});
   Enumeration(v,
               {"angular_rates",

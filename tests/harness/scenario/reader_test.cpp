@@ -313,7 +313,7 @@ TEST_F(ReaderTest, RangesAndNames) {
   EXPECT_THAT(Errors("name: " + std::string(101, 'a') + "\nduration_s: 24\nreference: {type: spiral}\n"),
               ElementsAre("1:7: name: longer than 100 bytes"));
   EXPECT_THAT(Errors("name: x\nduration_s: 0\nreference: {type: spiral}\n"),
-              ElementsAre("2:13: duration_s: 0 is out of range; must be from 0.012 to 86400"));
+              ElementsAre("2:13: duration_s: 0 is out of range; must be from 0.012 to 14400"));
   EXPECT_THAT(Errors("name: x\nduration_s: 24\nreference: {type: waypoints, points_m: []}\n"),
               ElementsAre("3:40: points_m: the list is empty"));
   for (const std::string step : {"0.001", "0.002", "0.003", "0.004", "0.006", "0.012", "0.0005", "0.00025"}) {
