@@ -267,8 +267,9 @@ class CliTest(unittest.TestCase):
         self.scenario("long2", duration_s="duration_s: 3000 #")
         with subprocess.Popen([PROGRAM, "run", "."], cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
             deadline = time.monotonic() + 30
-            while not list(self.folder.glob("results/*/run.json")) and time.monotonic() < deadline:
+            while not list(self.folder.glob("results/*/long1/scenario.resolved.yaml")) and time.monotonic() < deadline:
                 time.sleep(0.02)
+            # Written just before take-off; the partial trace needs some flight. The whole flight takes seconds.
             time.sleep(0.5)
             process.send_signal(signal.SIGINT)
             out, _ = process.communicate(timeout=60)
