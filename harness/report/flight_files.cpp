@@ -46,6 +46,9 @@ Json FlightJson(const RunLog& log) {
   json["request_times_ns"] = log.request_times_ns;
   json["reply_latency_ns"] = log.reply_latency_ns;
   json["actuator_times_ns"] = log.actuator_times_ns;
+  json["client_round_trip_ns"] = log.client_round_trip_ns;
+  if (log.harness_overrun_count) json["harness_overrun_count"] = *log.harness_overrun_count;
+  if (log.harness_late_max_ns) json["harness_late_max_ns"] = *log.harness_late_max_ns;
   json["events"] = Json::array();
   for (const auto& event : log.events)
     json["events"].push_back(
@@ -119,6 +122,12 @@ RunLog ReadFlight(const std::filesystem::path& folder) {
     json.at("request_times_ns").get_to(log.request_times_ns);
     json.at("reply_latency_ns").get_to(log.reply_latency_ns);
     json.at("actuator_times_ns").get_to(log.actuator_times_ns);
+    // Absent from the files of older versions.
+    if (json.contains("client_round_trip_ns")) json["client_round_trip_ns"].get_to(log.client_round_trip_ns);
+    if (json.contains("harness_overrun_count"))
+      log.harness_overrun_count = json["harness_overrun_count"].get<std::int64_t>();
+    if (json.contains("harness_late_max_ns"))
+      log.harness_late_max_ns = json["harness_late_max_ns"].get<std::int64_t>();
     for (const auto& event : json.at("events"))
       log.events.push_back({FromSeconds(event.at("time_s").get<double>()),
                             event.at("kind").get<std::string>(), event.at("text").get<std::string>()});

@@ -23,6 +23,8 @@ enum class EndReason : std::uint8_t {
   kFirmwareHung,     // a call into the client did not return
   kFirmwareCrashed,  // the client raised a fatal signal
   kInterrupted,      // Ctrl-C
+  kNodeLost,         // a node of the harness's own was killed, hung or left
+  kFirmwareLost,     // the firmware's process or port went away: killed, exited, unplugged, or its node hung
   kHarnessError,     // ours
 };
 std::string_view Name(EndReason reason);
@@ -59,6 +61,12 @@ struct RunLog {
   std::vector<TimeNs>
       reply_latency_ns;  // from the last byte of a request to the last byte of its reply at the client
   std::vector<TimeNs> actuator_times_ns;  // arrival at the server of each accepted actuator message
+  // From the last byte of a reply, as the server sent it, to the arrival there of the actuator message that
+  // answers it.
+  std::vector<TimeNs> client_round_trip_ns;
+  // Real time only: control periods in which the harness's own nodes were later than allowed, and by how much
+  // at most.
+  std::optional<std::int64_t> harness_overrun_count, harness_late_max_ns;
 
   std::vector<std::int64_t> fault_activation_counts;  // one per fault of the scenario
   std::vector<faults::Activation> activations;        // first kActivationsMax of each fault, in time order

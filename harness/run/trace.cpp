@@ -54,6 +54,10 @@ std::string_view Name(EndReason reason) {
       return "firmware_crashed";
     case EndReason::kInterrupted:
       return "interrupted";
+    case EndReason::kNodeLost:
+      return "node_lost";
+    case EndReason::kFirmwareLost:
+      return "firmware_lost";
     case EndReason::kHarnessError:
       return "harness_error";
   }

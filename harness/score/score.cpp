@@ -43,6 +43,9 @@ std::vector<std::string> FaultIds(const Scenario& scenario) {
   return ids;
 }
 
+// Trouble of the harness, never blamed on the firmware.
+bool IsOurs(EndReason reason) { return reason == EndReason::kHarnessError || reason == EndReason::kNodeLost; }
+
 CriterionResult Survival(const RunLog& log) {
   CriterionResult result;
   result.name = "survival";
@@ -68,6 +71,12 @@ CriterionResult Survival(const RunLog& log) {
     case EndReason::kFirmwareCrashed:
       what = "firmware crashed";
       break;
+    case EndReason::kNodeLost:
+      what = "a node of the harness was lost";
+      break;
+    case EndReason::kFirmwareLost:
+      what = "firmware lost";
+      break;
     case EndReason::kInterrupted:
       what = "interrupted";
       break;
@@ -75,9 +84,9 @@ CriterionResult Survival(const RunLog& log) {
       what = "harness error";
       break;
   }
-  result.verdict = log.end_reason == EndReason::kInterrupted    ? Verdict::kInconclusive
-                   : log.end_reason == EndReason::kHarnessError ? Verdict::kError
-                                                                : Verdict::kFail;
+  result.verdict = log.end_reason == EndReason::kInterrupted ? Verdict::kInconclusive
+                   : IsOurs(log.end_reason)                  ? Verdict::kError
+                                                             : Verdict::kFail;
   result.explanation =
       what + AtTime(*result.time_s) + (log.end_text.empty() ? "" : ": " + OneLine(log.end_text));
   return result;
@@ -150,7 +159,7 @@ void JudgeMetric(const CriterionSpec& spec, const Metrics& metrics, const RunLog
   result.robustness = robustness;
   result.verdict = robustness >= 0.0 ? Verdict::kPass : Verdict::kFail;
   // What a flight cut short from outside would have come to, nobody knows.
-  if (log.end_reason == EndReason::kInterrupted || log.end_reason == EndReason::kHarnessError) {
+  if (log.end_reason == EndReason::kInterrupted || IsOurs(log.end_reason)) {
     result.verdict = Verdict::kInconclusive;
     result.explanation += ": the flight was cut short";
   }

@@ -156,6 +156,20 @@ TEST_F(ReportTest, JunitKeepsItsXmlWellFormed) {
   EXPECT_EQ(xml.find('\x01'), std::string::npos);
 }
 
+TEST_F(ReportTest, EveryEndOfAFlightSurvivesItsFolder) {
+  for (int i = 0; i <= static_cast<int>(EndReason::kHarnessError); ++i) {
+    RunLog log;
+    log.end_reason = static_cast<EndReason>(i);
+    EXPECT_NE(Name(log.end_reason), "unknown") << i;
+    WriteFlight(folder_, Scenario{}, log);
+    const RunLog again = ReadFlight(folder_);
+    EXPECT_EQ(again.end_reason, log.end_reason);
+    // Lockstep: nothing can be late, which is not the same as 0 times late.
+    EXPECT_EQ(again.harness_overrun_count, std::nullopt);
+    EXPECT_EQ(again.harness_late_max_ns, std::nullopt);
+  }
+}
+
 TEST_F(ReportTest, FlightSurvivesItsFolder) {
   RunLog log;
   log.end_reason = EndReason::kGroundStrike;
@@ -164,6 +178,9 @@ TEST_F(ReportTest, FlightSurvivesItsFolder) {
   log.counts[1].frames_rejected = 5;
   log.failsafe_entered_count = 2;
   log.request_times_ns = {86806, 12086806};
+  log.client_round_trip_ns = {5, 1234567890123};
+  log.harness_overrun_count = 3;
+  log.harness_late_max_ns = 40'000'001;
   log.fault_activation_counts = {};
   log.events.push_back({-86806, "kind", "text"});
   WriteFlight(folder_, Scenario{}, log);
@@ -173,6 +190,9 @@ TEST_F(ReportTest, FlightSurvivesItsFolder) {
   EXPECT_EQ(again.counts[1].frames_rejected, 5);
   EXPECT_EQ(again.failsafe_entered_count, log.failsafe_entered_count);
   EXPECT_EQ(again.request_times_ns, log.request_times_ns);
+  EXPECT_EQ(again.client_round_trip_ns, log.client_round_trip_ns);
+  EXPECT_EQ(again.harness_overrun_count, log.harness_overrun_count);
+  EXPECT_EQ(again.harness_late_max_ns, log.harness_late_max_ns);
   EXPECT_EQ(again.events.at(0).time_ns, -86806);
   WriteFile(folder_ / "flight.json", "{\"end_reason\": \"completed\"");
   EXPECT_THAT(ErrorOf([&] { ReadFlight(folder_); }), HasSubstr("flight.json: "));
