@@ -3,22 +3,20 @@
 // The client leads: it says out of band until when it waits, and the conductor advances to the earlier of
 // that time and the next byte worth waking somebody for. One control period, in the order of the code:
 //
-//   request arrives -> plant state -> sensor faults -> message -> frame -> wire (faults) -> firmware ->
-//   message -> frame -> wire (faults) -> decode -> actuator faults -> input in force from the next step
-//   boundary -> log
+//   request arrives -> PlantServer -> Line (faults) -> firmware -> Line (faults) -> PlantServer
 //
-// Sensors are the state at the last step boundary at or before the arrival of the request's last byte. An
-// accepted actuator message takes effect at the first step boundary at or after its last byte's arrival and
-// holds; before the first one the model's hover input holds. The plant stands still until the server accepts
-// `start` (provant: the first id 3): that is t = 0.
+// It knows three parts, Line, PlantServer and Client, and each may be in a process of its own.
 #pragma once
 
 #include <atomic>
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <string>
 
 #include "harness/client/client.h"
+#include "harness/run/line.h"
+#include "harness/run/plant_server.h"
 #include "harness/run/run_log.h"
 #include "harness/scenario/scenario.h"
 #include "plant/vehicle_model.h"
@@ -37,5 +35,11 @@ struct FlightOptions {
 // Flies to the end, or to what ends it early (RunLog::end_reason): divergence, ground strike, a hung or
 // crashed firmware, an interrupt. Throws std::runtime_error when the client cannot be made.
 RunLog Fly(const Scenario& scenario, const plant::VehicleModel& model, const FlightOptions& options);
+
+// The same with the line and the plant where the caller has them, in this process or in others.
+RunLog Conduct(const Scenario& scenario, Line& line, PlantServer& server, const FlightOptions& options);
+
+// What a person reads when the flight never began.
+std::string NeverStartedText(const Scenario& scenario);
 
 }  // namespace tiltproof::harness

@@ -52,6 +52,16 @@ void LinkLog::Append(const link::Chunk& chunk, link::Direction direction, bool d
   } while (!rest.empty());
 }
 
+void LinkLog::Append(LinkLog&& other) {
+  if (content_.size() == kLinkLogMagic.size()) {
+    content_ = std::move(other.content_);
+    other = {};
+    return;
+  }
+  content_.insert(content_.end(), other.content_.begin() + static_cast<std::ptrdiff_t>(kLinkLogMagic.size()),
+                  other.content_.end());
+}
+
 void LinkLog::ShiftOrigin(TimeNs origin_ns) {
   for (std::size_t at = kLinkLogMagic.size(); at < content_.size();) {
     TimeNs begin;

@@ -38,6 +38,8 @@ class LinkLog {
   explicit LinkLog(std::vector<std::uint8_t> content);
 
   void Append(const link::Chunk& chunk, link::Direction direction, bool delivered);
+  // The records of another log, after its own.
+  void Append(LinkLog&& other);
 
   // Subtracts the boot time of t = 0 from every record: a flight logs in boot time, readers want simulation
   // time.

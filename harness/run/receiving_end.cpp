@@ -12,11 +12,14 @@ ReceivingEnd::ReceivingEnd(link::Direction direction, link::Dialect dialect, boo
 
 void ReceivingEnd::OnSent(const link::Chunk& chunk) {
   const auto number = static_cast<std::size_t>(counts_.frames_sent++);
-  if (!faulty_) return;
-  recent_[number % recent_.size()] = chunk.bytes;
+  if (faulty_) recent_[number % recent_.size()] = chunk.bytes;
+  if (!faulty_ && !on_sent_payload_) return;
   std::span<const std::uint8_t> bytes = chunk.bytes;
-  while (const auto event = sent_decoder_.Next(bytes))
-    if (event->status == link::FrameStatus::kOk) sent_[Fnv1a(event->payload)].push_back(next_number_++);
+  while (const auto event = sent_decoder_.Next(bytes)) {
+    if (event->status != link::FrameStatus::kOk) continue;
+    if (faulty_) sent_[Fnv1a(event->payload)].push_back(next_number_++);
+    if (on_sent_payload_) on_sent_payload_(event->payload);
+  }
 }
 
 void ReceivingEnd::OnDelivered(const link::Chunk& chunk) {

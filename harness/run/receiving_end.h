@@ -1,8 +1,8 @@
 // The end of one direction of the line: decodes what arrives, checks the messages, and audits it against what
 // was sent.
 //
-// For to_plant it is the server itself. For to_client and reference it is a shadow of the client's receiver,
-// with all checks of the protocol, so that the counters measure the protocol and not one firmware.
+// It is a shadow of the real receiver (the server, the client) with all checks of the protocol, so that the
+// counters measure the protocol and not one firmware.
 //
 // The audit numbers the frames as sent. An accepted payload is
 //   wrong  when it equals no payload sent so far in this direction: corruption that every check let through;
@@ -14,6 +14,7 @@
 #include <cstdint>
 #include <functional>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "harness/run/run_log.h"
@@ -27,6 +28,10 @@ class ReceivingEnd {
   // `faulty`: something stands in this direction that may edit bytes; without it nothing accepted can be
   // wrong, and the audit rests.
   ReceivingEnd(link::Direction direction, link::Dialect dialect, bool faulty);
+
+  // Called with the payload of every frame as sent.
+  using OnSentPayload = std::function<void(std::span<const std::uint8_t> payload)>;
+  void SetOnSentPayload(OnSentPayload on_sent_payload) { on_sent_payload_ = std::move(on_sent_payload); }
 
   // Taps of the wire.
   void OnSent(const link::Chunk& chunk);
@@ -52,6 +57,7 @@ class ReceivingEnd {
   link::Direction direction_;
   link::Dialect dialect_;
   bool faulty_;
+  OnSentPayload on_sent_payload_;
   link::FrameDecoder decoder_;
   DirectionCounts counts_;
   std::int64_t wrong_count_ = 0, stale_count_ = 0;

@@ -33,6 +33,14 @@ std::optional<std::size_t> Trace::Find(std::string_view column) const {
   return static_cast<std::size_t>(it - columns_.begin());
 }
 
+void Trace::AppendRows(std::vector<double>&& rows) {
+  if (values_.empty()) {
+    values_ = std::move(rows);
+  } else {
+    values_.insert(values_.end(), rows.begin(), rows.end());
+  }
+}
+
 std::span<double> Trace::AppendRow() {
   values_.resize(values_.size() + columns_.size(), std::numeric_limits<double>::quiet_NaN());
   return std::span(values_).last(columns_.size());

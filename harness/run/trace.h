@@ -32,6 +32,8 @@ class Trace {
   void Reserve(std::size_t rows) { values_.reserve(rows * columns_.size()); }
   // Appends a row of NaN-free or NaN values, one a column; the span stays valid until the next call.
   std::span<double> AppendRow();
+  // Appends whole rows, one after the other.
+  void AppendRows(std::vector<double>&& rows);
 
  private:
   std::vector<std::string> columns_;

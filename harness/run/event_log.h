@@ -1,0 +1,34 @@
+// What happened during a flight, as far as a person will read it: the rest is counted in the metrics only.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "harness/run/run_log.h"
+
+namespace tiltproof::harness {
+
+class EventLog {
+ public:
+  static constexpr std::size_t kEventsMax = 10'000;
+
+  void Add(TimeNs time_ns, std::string kind, std::string text) {
+    if (count_ > kEventsMax) return;
+    if (count_++ == kEventsMax) {
+      kind = "events_suppressed";
+      text = "more than " + std::to_string(kEventsMax) + " events: the rest is counted in the metrics only";
+    }
+    events_.push_back({time_ns, std::move(kind), std::move(text)});
+  }
+
+  // Those added since the last call.
+  std::vector<RunEvent> Take() { return std::exchange(events_, {}); }
+
+ private:
+  std::vector<RunEvent> events_;
+  std::size_t count_ = 0;
+};
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,138 @@
+#include "harness/run/line.h"
+
+#include <algorithm>
+#include <iterator>
+#include <string>
+#include <utility>
+
+#include "harness/run/hash.h"
+#include "link/messages.h"
+
+namespace tiltproof::harness {
+namespace {
+
+using link::Direction;
+
+constexpr std::size_t kRepliesMax = 256;
+constexpr std::array kDirections = {Direction::kToPlant, Direction::kToClient, Direction::kReference};
+
+std::int64_t MainBaud(const LinkSpec& link) { return link.ideal ? 0 : link.baud; }
+// The second serial line keeps the paper's rate whatever the first one's is.
+std::int64_t ReferenceBaud(const LinkSpec& link) { return link.ideal ? 0 : 921'600; }
+
+}  // namespace
+
+LocalLine::LocalLine(const Scenario& scenario, bool paced)
+    : dialect_(scenario.link.dialect),
+      faults_(scenario.faults, scenario.seed,
+              {.baud = MainBaud(scenario.link), .reference_baud = ReferenceBaud(scenario.link)}),
+      wires_{[&] {
+        const auto wire = [&](Direction direction, double latency_ms) {
+          const std::int64_t baud =
+              direction == Direction::kReference ? ReferenceBaud(scenario.link) : MainBaud(scenario.link);
+          return link::Wire({.baud = paced ? baud : 0, .adapter_latency_ns = FromSeconds(latency_ms * 1e-3)},
+                            direction, scenario.link.dialect, faults_.Stage(direction));
+        };
+        // The adapter's receive buffer stands between the firmware and the server; the other way it sends at
+        // once.
+        return std::array{wire(Direction::kToPlant, scenario.link.adapter_latency_ms),
+                          wire(Direction::kToClient, 0), wire(Direction::kReference, 0)};
+      }()},
+      ends_{[&] {
+        const auto end = [&](Direction direction) {
+          return ReceivingEnd(direction, scenario.link.dialect, faults_.Stage(direction) != nullptr);
+        };
+        return std::array{end(Direction::kToPlant), end(Direction::kToClient), end(Direction::kReference)};
+      }()} {
+  for (const Direction direction : kDirections) {
+    ReceivingEnd& end = At(ends_, direction);
+    At(wires_, direction)
+        .SetTaps({.sent =
+                      [this, &end, direction](const link::Chunk& chunk) {
+                        link_log_.Append(chunk, direction, false);
+                        end.OnSent(chunk);
+                      },
+                  .delivered =
+                      [this, &end, direction](const link::Chunk& chunk) {
+                        link_log_.Append(chunk, direction, true);
+                        end.OnDelivered(chunk);
+                      }});
+  }
+  At(ends_, Direction::kToClient).SetOnSentPayload([this](std::span<const std::uint8_t> payload) {
+    // The authors' server answers before t = 0 too; nobody times that.
+    if (origin_ns_ == kNever || requested_ns_ == kNever) return;
+    if (replies_.size() == kRepliesMax) replies_.pop_front();
+    replies_.push_back({Fnv1a(payload), requested_ns_});
+  });
+}
+
+TimeNs LocalLine::Transmit(Direction direction, TimeNs now, std::span<const std::uint8_t> bytes) {
+  return At(wires_, direction).Transmit(now, bytes);
+}
+
+TimeNs LocalLine::NextArrival(Direction direction) const { return At(wires_, direction).NextArrival(); }
+
+std::optional<Line::Piece> LocalLine::TakePiece(Direction direction, TimeNs until) {
+  const auto piece = At(wires_, direction).TakePiece(until);
+  if (!piece) return piece;
+  At(ends_, direction)
+      .Receive(
+          piece->arrival_ns, piece->bytes,
+          [&](TimeNs arrival, std::span<const std::uint8_t> payload) {
+            if (direction == Direction::kToPlant) OnClientMessage(arrival, payload);
+            if (direction == Direction::kToClient) OnReply(arrival, payload);
+          },
+          [&](TimeNs arrival, std::string_view reason) {
+            events_.Add(arrival, "rejected", std::string(Name(direction)) + ": " + std::string(reason));
+          });
+  return piece;
+}
+
+void LocalLine::OnClientMessage(TimeNs arrival, std::span<const std::uint8_t> payload) {
+  link::ClientMessage message;
+  if (link::DecodeClientMessage(dialect_, payload, message) != link::MessageStatus::kOk) return;
+  if (message.start && origin_ns_ == kNever) {
+    origin_ns_ = arrival;
+    faults_.SetOrigin(arrival);
+  }
+  if (message.read_sensors) requested_ns_ = arrival;
+  if (message.has_actuators && replied_ns_ != kNever) {
+    client_round_trip_ns_.push_back(arrival - replied_ns_);
+    replied_ns_ = kNever;
+  }
+}
+
+// Late, repeated and lost replies are told apart by what they say; the newest that says it is the one meant.
+void LocalLine::OnReply(TimeNs arrival, std::span<const std::uint8_t> payload) {
+  const std::uint64_t hash = Fnv1a(payload);
+  const auto found = std::find_if(replies_.rbegin(), replies_.rend(),
+                                  [&](const Reply& reply) { return reply.payload_hash == hash; });
+  if (found == replies_.rend()) return;
+  reply_latency_ns_.push_back(arrival - found->requested_ns);
+  replied_ns_ = arrival;
+  replies_.erase(std::next(found).base());
+}
+
+const LineCounts& LocalLine::counts() const {
+  for (const Direction direction : kDirections) At(counts_, direction) = At(ends_, direction).counts();
+  return counts_;
+}
+
+LineLog LocalLine::TakeLog(TimeNs end) {
+  LineLog log;
+  log.link = std::exchange(link_log_, {});
+  log.reply_latency_ns = std::exchange(reply_latency_ns_, {});
+  log.client_round_trip_ns = std::exchange(client_round_trip_ns_, {});
+  log.events = events_.Take();
+  log.activations = faults_.TakeActivations(origin_ns_ == kNever ? 0 : origin_ns_);
+  log.activation_counts = faults_.ActivationCounts();
+  log.counts = counts();
+  for (const ReceivingEnd& receiving : ends_) {
+    log.resync_max_ns = std::max(log.resync_max_ns, receiving.ResyncMax(end));
+    log.accepted_wrong_count += receiving.wrong_count();
+    log.accepted_stale_count += receiving.stale_count();
+  }
+  return log;
+}
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,18 @@
+// One RunLog from what the parts of a flight recorded, each in its own process or not.
+#pragma once
+
+#include "harness/run/line.h"
+#include "harness/run/plant_server.h"
+#include "harness/run/run_log.h"
+
+namespace tiltproof::harness {
+
+// Appends the records of a part and takes over its totals; may be called again with later records. `origin`
+// is the line's time of t = 0, or 0 when there was none.
+void Append(RunLog& log, PlantLog&& part);
+void Append(RunLog& log, LineLog&& part, TimeNs origin);
+
+// After the last Append: in order of time, each kind of record.
+void SortByTime(RunLog& log);
+
+}  // namespace tiltproof::harness
