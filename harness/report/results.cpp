@@ -43,6 +43,9 @@ Json ToJson(const ScenarioResult& result) {
   json["real_time_factor"] = result.real_time_factor;
   json["metrics"] = Json::object();
   for (const auto& [name, value] : result.score.metrics) json["metrics"][name] = value;
+  json["histograms"] = Json::object();
+  for (const auto& [name, histogram] : result.score.histograms)
+    json["histograms"][name] = {{"edges", histogram.edges_ms}, {"counts", histogram.counts}};
   json["criteria"] = Json::array();
   for (const auto& criterion : result.score.criteria)
     json["criteria"].push_back({{"name", criterion.name},
@@ -144,6 +147,11 @@ ScenarioResult ResultFromJsonText(const std::string& text) {
   json.at("reason").get_to(result.score.reason);
   for (const auto& [name, value] : json.at("metrics").items())
     result.score.metrics[name] = value.get<double>();
+  // Absent from the files of older versions.
+  if (json.contains("histograms"))
+    for (const auto& [name, histogram] : json["histograms"].items())
+      result.score.histograms[name] = {histogram.at("edges").get<std::vector<double>>(),
+                                       histogram.at("counts").get<std::vector<std::int64_t>>()};
   for (const auto& c : json.at("criteria"))
     result.score.criteria.push_back({c.at("name").get<std::string>(),
                                      VerdictNamed(c.at("verdict").get<std::string>()),

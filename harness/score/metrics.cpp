@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdlib>
 #include <string_view>
 
 #include "harness/score/signals.h"
@@ -149,19 +150,27 @@ class Calculator {
       for (const Quantile& q : quantiles)
         Set(group + "_" + q.name + "_ms", NearestRank(values, q.numerator, q.denominator));
     };
-    std::vector<double> periods_ms, latencies_ms;
-    for (std::size_t i = 1; i < log_.request_times_ns.size(); ++i)
-      periods_ms.push_back(Milliseconds(log_.request_times_ns[i] - log_.request_times_ns[i - 1]));
+    std::vector<double> periods_ms, jitters_ms, latencies_ms, round_trips_ms;
+    for (std::size_t i = 1; i < log_.request_times_ns.size(); ++i) {
+      const TimeNs period_ns = log_.request_times_ns[i] - log_.request_times_ns[i - 1];
+      periods_ms.push_back(Milliseconds(period_ns));
+      jitters_ms.push_back(Milliseconds(std::abs(period_ns - kControlPeriodNs)));
+    }
     for (const TimeNs latency : log_.reply_latency_ns) latencies_ms.push_back(Milliseconds(latency));
+    for (const TimeNs trip : log_.client_round_trip_ns) round_trips_ms.push_back(Milliseconds(trip));
     if (!periods_ms.empty()) {
       const TimeNs span_ns = log_.request_times_ns.back() - log_.request_times_ns.front();
       Set("timing.request_period_mean_ms", Milliseconds(span_ns) / static_cast<double>(periods_ms.size()));
     }
-    set_quantiles(
-        "timing.request_period", periods_ms,
-        std::array<Quantile, 4>{{{"p50", 50, 100}, {"p99", 99, 100}, {"p999", 999, 1000}, {"max", 1, 1}}});
-    set_quantiles("timing.reply_latency", latencies_ms,
-                  std::array<Quantile, 3>{{{"p50", 50, 100}, {"p99", 99, 100}, {"max", 1, 1}}});
+    constexpr std::array<Quantile, 4> kToTheTail = {
+        {{"p50", 50, 100}, {"p99", 99, 100}, {"p999", 999, 1000}, {"max", 1, 1}}};
+    constexpr std::array<Quantile, 3> kUsual = {{{"p50", 50, 100}, {"p99", 99, 100}, {"max", 1, 1}}};
+    set_quantiles("timing.request_period", periods_ms, kToTheTail);
+    set_quantiles("timing.request_jitter", jitters_ms, kToTheTail);
+    set_quantiles("timing.reply_latency", latencies_ms, kUsual);
+    set_quantiles("timing.client_round_trip", round_trips_ms, kUsual);
+    if (log_.harness_overrun_count) SetCount("timing.harness_overrun_count", *log_.harness_overrun_count);
+    if (log_.harness_late_max_ns) Set("timing.harness_late_max_ms", Milliseconds(*log_.harness_late_max_ns));
     if (log_.starts_accepted_count > 0) SetCount("timing.firmware_missed_count", MissedPeriods());
   }
 
@@ -240,11 +249,19 @@ const std::vector<std::string>& MetricNames() {
                                     "timing.request_period_p99_ms",
                                     "timing.request_period_p999_ms",
                                     "timing.request_period_max_ms",
+                                    "timing.request_jitter_p50_ms",
+                                    "timing.request_jitter_p99_ms",
+                                    "timing.request_jitter_p999_ms",
+                                    "timing.request_jitter_max_ms",
                                     "timing.reply_latency_p50_ms",
                                     "timing.reply_latency_p99_ms",
                                     "timing.reply_latency_max_ms",
+                                    "timing.client_round_trip_p50_ms",
+                                    "timing.client_round_trip_p99_ms",
+                                    "timing.client_round_trip_max_ms",
                                     "timing.firmware_missed_count",
-                                    "timing.harness_overrun_count"};
+                                    "timing.harness_overrun_count",
+                                    "timing.harness_late_max_ms"};
     for (const std::string direction : {"to_client", "to_plant", "reference"})
       for (const std::string counter :
            {"frames_sent", "frames_accepted", "frames_rejected", "bytes_corrupted"})

@@ -190,6 +190,22 @@ void Conclude(Score& score) {
     }
 }
 
+// Why a flight in real time says nothing about the firmware; empty when it does. A firmware that went away
+// did so by itself, however late the harness was.
+std::string TooLateToJudge(const RunLog& log) {
+  if (log.end_reason == EndReason::kFirmwareLost || log.end_reason == EndReason::kFirmwareCrashed) return "";
+  const std::int64_t overruns = log.harness_overrun_count.value_or(0);
+  if (overruns == 0) return "";
+  const std::int64_t periods = std::max<std::int64_t>(log.end_ns / kControlPeriodNs, 1);
+  const TimeNs late_ns = log.harness_late_max_ns.value_or(0);
+  const bool often = overruns > kOverrunCountMax &&
+                     static_cast<double>(overruns) > kOverrunRatioMax * static_cast<double>(periods);
+  if (!often && late_ns <= kLateMaxNs) return "";
+  return "the harness itself was late in " + std::to_string(overruns) + " of " + std::to_string(periods) +
+         " periods (at most " + Number(static_cast<double>(late_ns) / 1e6) +
+         " ms): this machine was too busy to judge a firmware";
+}
+
 }  // namespace
 
 Score ScoreRun(const Scenario& scenario, const RunLog& log) {
@@ -224,7 +240,15 @@ Score ScoreRun(const Scenario& scenario, const RunLog& log) {
     }
     score.criteria.push_back(std::move(result));
   }
+  score.histograms = {{"request_period_ms", RequestPeriodHistogram(log.request_times_ns)},
+                      {"reply_latency_ms", ReplyLatencyHistogram(log.reply_latency_ns)}};
   Conclude(score);
+  if (score.verdict == Verdict::kPass || score.verdict == Verdict::kFail) {
+    if (std::string why = TooLateToJudge(log); !why.empty()) {
+      score.verdict = Verdict::kInconclusive;
+      score.reason = std::move(why);
+    }
+  }
   return score;
 }
 

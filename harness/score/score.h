@@ -12,6 +12,7 @@
 
 #include "harness/run/run_log.h"
 #include "harness/scenario/scenario.h"
+#include "harness/score/histogram.h"
 #include "harness/score/metrics.h"
 
 namespace tiltproof::harness {
@@ -28,6 +29,12 @@ struct CriterionResult {
   std::string explanation;  // one line for a person: formula or bound, value, time
 };
 
+// In real time: a flight is not judged when the harness itself was late in more than this share of its
+// control periods and more than kOverrunCountMax times, or once by more than kLateMaxNs (three periods).
+inline constexpr double kOverrunRatioMax = 0.01;
+inline constexpr std::int64_t kOverrunCountMax = 3;
+inline constexpr TimeNs kLateMaxNs = 36 * kNsPerMs;
+
 struct FaultResult {
   std::string id, type;
   std::int64_t activations = 0;
@@ -37,8 +44,9 @@ struct Score {
   Verdict verdict = Verdict::kInconclusive;
   std::string reason;  // one line: which criterion, fault or trouble decided; empty when passed
   std::map<std::string, double> metrics;  // dotted names, finite; absent when the client cannot supply it
-  std::vector<CriterionResult> criteria;  // `survival` first, then in the scenario's order
-  std::vector<FaultResult> faults;        // in the scenario's order
+  std::map<std::string, Histogram> histograms;  // request_period_ms, reply_latency_ms; of a flight always
+  std::vector<CriterionResult> criteria;        // `survival` first, then in the scenario's order
+  std::vector<FaultResult> faults;              // in the scenario's order
 };
 
 // Never throws: a log that cannot be scored (a trace without its columns) is Verdict::kError with the reason.

@@ -119,6 +119,7 @@ ScenarioResult Result(Verdict verdict, Verdict expected) {
   result.score.criteria.push_back(
       {"c", verdict, -std::numeric_limits<double>::infinity(), std::nullopt, "x_m = nan"});
   result.score.faults.push_back({"f", "frame.drop", 3});
+  result.score.histograms["request_period_ms"] = {{10.0, 10.1, 14.0}, {0, 1, 2, 3}};
   return result;
 }
 
@@ -127,6 +128,7 @@ TEST_F(ReportTest, ResultSurvivesItsJson) {
   const std::string text = ToJsonText(result);
   EXPECT_EQ(ToJsonText(ResultFromJsonText(text)), text);
   EXPECT_THAT(text, HasSubstr("\"robustness\": null"));
+  EXPECT_EQ(ResultFromJsonText(text).score.histograms, result.score.histograms);
 }
 
 TEST_F(ReportTest, ExitCodesFollowTheirPrecedence) {

@@ -70,12 +70,14 @@ TEST(Metrics, EveryNameGivenIsListedAndNoneTwice) {
   log.failsafe_entered_count = 0;
   log.request_times_ns = {0, 12, 24};
   log.reply_latency_ns = {1};
+  log.client_round_trip_ns = {1};
+  log.harness_overrun_count = 0;
+  log.harness_late_max_ns = 0;
   Scenario scenario = ScenarioOf(log);
   scenario.faults.push_back(Fault("a", 0, kNsPerS));
   auto names = MetricNames();
   for (const auto& [name, value] : MetricsOf(scenario, log)) EXPECT_THAT(names, Contains(name));
-  // Only a real-time conductor can overrun.
-  EXPECT_EQ(MetricsOf(scenario, log).size() + 1, names.size());
+  EXPECT_EQ(MetricsOf(scenario, log).size(), names.size());
   std::sort(names.begin(), names.end());
   EXPECT_EQ(std::adjacent_find(names.begin(), names.end()), names.end());
 }
@@ -178,6 +180,33 @@ TEST(Metrics, QuantilesAreByNearestRank) {
   EXPECT_EQ(metrics.at("timing.request_period_p999_ms"), 13.0);
   log.request_times_ns = {0};
   EXPECT_THAT(MetricsOf(ScenarioOf(log), log), Not(Contains(Key("timing.request_period_max_ms"))));
+}
+
+TEST(Metrics, JitterIsTheDistanceFromTheControlPeriod) {
+  RunLog log = StillFlight(2);
+  log.request_times_ns = {0, 12'000'000, 25'000'000, 35'500'000};
+  const auto metrics = MetricsOf(ScenarioOf(log), log);
+  EXPECT_EQ(metrics.at("timing.request_jitter_p50_ms"), 1.0);
+  EXPECT_EQ(metrics.at("timing.request_jitter_p99_ms"), 1.5);
+  EXPECT_EQ(metrics.at("timing.request_jitter_p999_ms"), 1.5);
+  EXPECT_EQ(metrics.at("timing.request_jitter_max_ms"), 1.5);
+}
+
+TEST(Metrics, OnlyRealTimeKnowsItsOwnLatenessAndRoundTrips) {
+  RunLog log = StillFlight(2);
+  for (const auto& [name, value] : MetricsOf(ScenarioOf(log), log)) {
+    EXPECT_THAT(name, Not(HasSubstr("harness_")));
+    EXPECT_THAT(name, Not(HasSubstr("round_trip")));
+  }
+  log.harness_overrun_count = 0;
+  log.harness_late_max_ns = 1'250'000;
+  log.client_round_trip_ns = {900'000, 700'000, 800'000};
+  const auto metrics = MetricsOf(ScenarioOf(log), log);
+  EXPECT_EQ(metrics.at("timing.harness_overrun_count"), 0.0);
+  EXPECT_EQ(metrics.at("timing.harness_late_max_ms"), 1.25);
+  EXPECT_EQ(metrics.at("timing.client_round_trip_p50_ms"), 0.8);
+  EXPECT_EQ(metrics.at("timing.client_round_trip_p99_ms"), 0.9);
+  EXPECT_EQ(metrics.at("timing.client_round_trip_max_ms"), 0.9);
 }
 
 TEST(Metrics, MissedPeriodsAreGapsBetweenActuatorMessages) {
@@ -314,6 +343,9 @@ INSTANTIATE_TEST_SUITE_P(
         End{EndReason::kNeverStarted, Verdict::kFail, "never started at 0.120 s: as it happened"},
         End{EndReason::kFirmwareHung, Verdict::kFail, "firmware hung at 0.120 s: as it happened"},
         End{EndReason::kFirmwareCrashed, Verdict::kFail, "firmware crashed at 0.120 s: as it happened"},
+        End{EndReason::kFirmwareLost, Verdict::kFail, "firmware lost at 0.120 s: as it happened"},
+        End{EndReason::kNodeLost, Verdict::kError,
+            "a node of the harness was lost at 0.120 s: as it happened"},
         End{EndReason::kInterrupted, Verdict::kInconclusive, "interrupted at 0.120 s: as it happened"},
         End{EndReason::kHarnessError, Verdict::kError, "harness error at 0.120 s: as it happened"}));
 

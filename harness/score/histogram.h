@@ -1,0 +1,30 @@
+// How often a time lay where: the period of the firmware's requests and the latency of the replies, as in the
+// paper's Figure 14. Bins are fixed, so that the histograms of two flights can be laid over each other.
+//
+//   const Histogram periods = RequestPeriodHistogram(log.request_times_ns);
+//   periods.counts.front();  // shorter than periods.edges_ms.front()
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "link/time.h"
+
+namespace tiltproof::harness {
+
+// counts has one entry more than edges_ms: below the first edge, then from each edge up to before the next
+// one, then from the last edge on.
+struct Histogram {
+  std::vector<double> edges_ms;
+  std::vector<std::int64_t> counts;
+  bool operator==(const Histogram&) const = default;
+};
+
+// Of the times between one request and the next, in bins of 0.1 ms from 10 ms to 14 ms.
+Histogram RequestPeriodHistogram(std::span<const TimeNs> request_times_ns);
+
+// In bins of 0.25 ms from 0 ms to 12 ms, the control period.
+Histogram ReplyLatencyHistogram(std::span<const TimeNs> reply_latency_ns);
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,76 @@
+// A harness that was late itself must not blame the firmware.
+#include <gtest/gtest.h>
+
+#include <optional>
+
+#include "harness/score/score.h"
+
+namespace tiltproof::harness {
+namespace {
+
+// A flight in real time, of which nothing is known but how late the harness was.
+RunLog LateFlight(std::int64_t period_count, std::optional<std::int64_t> overrun_count, TimeNs late_max_ns) {
+  RunLog log;
+  log.starts_accepted_count = 1;
+  log.end_ns = period_count * kControlPeriodNs;
+  log.harness_overrun_count = overrun_count;
+  log.harness_late_max_ns = late_max_ns;
+  return log;
+}
+
+Score ScoreOf(const RunLog& log) {
+  Scenario scenario;
+  scenario.duration_ns = log.end_ns;
+  return ScoreRun(scenario, log);
+}
+
+TEST(Lateness, TooOftenIsInconclusive) {
+  const auto verdict = [](std::int64_t period_count, std::int64_t overrun_count) {
+    return ScoreOf(LateFlight(period_count, overrun_count, 13 * kNsPerMs)).verdict;
+  };
+  EXPECT_EQ(verdict(1000, 0), Verdict::kPass);
+  EXPECT_EQ(verdict(1000, 10), Verdict::kPass);
+  EXPECT_EQ(verdict(1000, 11), Verdict::kInconclusive);
+  // A short flight has its three.
+  EXPECT_EQ(verdict(10, 3), Verdict::kPass);
+  EXPECT_EQ(verdict(10, 4), Verdict::kInconclusive);
+  EXPECT_EQ(verdict(0, 4), Verdict::kInconclusive);
+}
+
+TEST(Lateness, OnceByMuchIsInconclusive) {
+  const auto verdict = [](std::optional<std::int64_t> overrun_count, TimeNs late_max_ns) {
+    return ScoreOf(LateFlight(1000, overrun_count, late_max_ns)).verdict;
+  };
+  EXPECT_EQ(verdict(1, 36 * kNsPerMs), Verdict::kPass);
+  EXPECT_EQ(verdict(1, 36 * kNsPerMs + 1), Verdict::kInconclusive);
+  // Never later than allowed: judged as ever.
+  EXPECT_EQ(verdict(0, 40 * kNsPerMs), Verdict::kPass);
+  EXPECT_EQ(verdict(std::nullopt, 40 * kNsPerMs), Verdict::kPass);
+}
+
+TEST(Lateness, SaysHowLateAndStillShowsWhatWasSeen) {
+  RunLog log = LateFlight(1000, 50, 13'500'000);
+  log.end_reason = EndReason::kDiverged;
+  const Score score = ScoreOf(log);
+  EXPECT_EQ(score.verdict, Verdict::kInconclusive);
+  EXPECT_EQ(score.reason,
+            "the harness itself was late in 50 of 1000 periods (at most 13.5 ms): this machine was too busy "
+            "to judge a firmware");
+  EXPECT_EQ(score.criteria.at(0).verdict, Verdict::kFail);
+}
+
+TEST(Lateness, ExcusesNoErrorAndNoFirmwareThatWentAway) {
+  RunLog log = LateFlight(1000, 500, 100 * kNsPerMs);
+  const auto verdict = [&](EndReason reason) {
+    log.end_reason = reason;
+    return ScoreOf(log).verdict;
+  };
+  EXPECT_EQ(verdict(EndReason::kFirmwareLost), Verdict::kFail);
+  EXPECT_EQ(verdict(EndReason::kFirmwareCrashed), Verdict::kFail);
+  EXPECT_EQ(verdict(EndReason::kNodeLost), Verdict::kError);
+  EXPECT_EQ(verdict(EndReason::kHarnessError), Verdict::kError);
+  EXPECT_EQ(verdict(EndReason::kNeverStarted), Verdict::kInconclusive);
+}
+
+}  // namespace
+}  // namespace tiltproof::harness
