@@ -1,0 +1,141 @@
+// Publish and subscribe between nodes of a distributed run: typed, without DDS showing.
+//
+// A thin adapter over Cyclone DDS. A Bus is this process on one DDS domain; a Publisher or Subscriber is one
+// message type on it. QoS is fixed per type (qos.h). Nothing is configured outside: no file, no environment
+// variable, and by default nothing leaves this machine.
+//
+//   dds::Bus bus({.domain = 7, .tag = "3f2a"});
+//   dds::Publisher<dds::Heartbeat> heartbeat(bus);
+//   dds::Subscriber<dds::RunCommand> commands(bus, [&] { loop.Post([&] { Handle(commands.Take()); }); });
+//   heartbeat.Write({.node_id = "plant", .kind = dds::NodeKind::kPlant});
+//
+// Discovery takes a few milliseconds: wait until MatchedCount() says that the other side is there before the
+// first message that must arrive, for most topics keep nothing for latecomers (qos.h). Every class here may be
+// used from any thread. A Bus must outlive what was made on it, and a process that forks does so before it
+// makes its first Bus.
+#pragma once
+
+#include <concepts>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "harness/dds/messages.h"
+#include "link/time.h"
+
+namespace tiltproof::dds {
+
+struct BusConfig {
+  // 0 to 230. A process can be on a domain only once. Ports are 7400 + 250 * domain and up; domains 1 to 100
+  // stay below the ports that the system hands out (harness/dds/domain_slot.h finds a free one).
+  int domain = 1;
+  // Who has another tag on the same domain is neither seen nor heard. At most 64 of A-Z a-z 0-9 _ . -
+  std::string tag;
+  // Name of a network interface, or empty: this machine alone, over loopback.
+  std::string interface;
+  // Host names or addresses to look for besides those that multicast finds; only with an interface.
+  std::vector<std::string> peers;
+  // Fault injection: the share of this process's packets that is lost on the way out, 0 to 1.
+  double xmit_loss = 0;
+};
+
+class Bus {
+ public:
+  // Throws std::runtime_error that says what is wrong with the configuration, and what to do.
+  explicit Bus(const BusConfig& config);
+  ~Bus();
+  Bus(const Bus&) = delete;
+  Bus& operator=(const Bus&) = delete;
+
+  // Fault injection: for `duration_ns` this process receives nothing (deaf) or sends nothing (mute). Returns at
+  // once. A new call replaces the former.
+  void Partition(bool deaf, bool mute, std::int64_t duration_ns);
+
+  struct Impl;
+  Impl& impl() { return *impl_; }
+
+ private:
+  std::unique_ptr<Impl> impl_;
+};
+
+template <class T>
+class Publisher {
+ public:
+  // `on_match` is called, in a thread of DDS, when MatchedCount() changed; it should only post to an event loop.
+  explicit Publisher(Bus& bus, std::function<void()> on_match = {});
+  // May wait up to a second for readers to acknowledge what they still miss.
+  ~Publisher();
+  Publisher(const Publisher&) = delete;
+  Publisher& operator=(const Publisher&) = delete;
+
+  // Hands the message over and returns without waiting for anybody. False: a reader fell so far behind that
+  // nothing more fits (64 MB of this topic); nothing was sent, and the same message may be tried again later.
+  // Throws std::invalid_argument, naming the member, when the message exceeds a limit of messages.h.
+  bool Write(const T& message);
+  // How many subscribers listen now. One that died without a word counts for up to 10 s more.
+  int MatchedCount() const;
+  // Says that this publisher is alive, without a message. Once it was late, only a message revives it.
+  void AssertLiveliness();
+  // Waits until every subscriber has everything: a node does so before it leaves. False after `limit_ns`.
+  bool WaitForAcks(std::int64_t limit_ns);
+  // Ends the instance named by the keys of `message`: who comes late gets nothing of it any more, and its
+  // memory is free. For topics that keep messages for latecomers, when their run is over.
+  void Retire(const T& message);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+// A log topic: every message counts, none arrives twice, and a missing one is noticed.
+template <class T>
+concept Log = std::same_as<T, SerialTap> || std::same_as<T, FaultActivation> || std::same_as<T, RunEvent> ||
+    std::same_as<T, TraceRows>;
+
+// Messages first to last (inclusive) of a log that were skipped so far.
+struct SequenceGap {
+  std::string run_id;
+  std::string node_id;
+  std::int64_t first = 0;
+  std::int64_t last = 0;
+  bool operator==(const SequenceGap&) const = default;
+};
+
+struct NodeLife {
+  Heartbeat last;      // the node's last word
+  bool alive = false;  // else it missed its lease of 200 ms, or left
+};
+
+template <class T>
+class Subscriber {
+ public:
+  // Both are called in a thread of DDS, should only post to an event loop, and may be called before the
+  // constructor returns. `on_data`: Take() has something. `on_liveliness`: MatchedCount() or Nodes() changed.
+  // Neither runs any more once the destructor returns; neither may destroy this.
+  explicit Subscriber(Bus& bus, std::function<void()> on_data = {}, std::function<void()> on_liveliness = {});
+  ~Subscriber();
+  Subscriber(const Subscriber&) = delete;
+  Subscriber& operator=(const Subscriber&) = delete;
+
+  // All messages that came since the last call, in the order in which each publisher wrote them. Logs: each
+  // sequence once.
+  std::vector<T> Take();
+  int MatchedCount() const;
+
+  // Every node whose heartbeat was ever received, by node id.
+  std::vector<NodeLife> Nodes() const requires std::same_as<T, Heartbeat>;
+
+  // The holes in what Take() returned so far.
+  std::vector<SequenceGap> Gaps() const requires Log<T>;
+  // The highest s such that Take() returned all of 1 to s of this log. Equal to the node's last sequence
+  // (NodeReport): nothing is missing.
+  std::int64_t CompleteUpTo(const std::string& run_id, const std::string& node_id) const requires Log<T>;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace tiltproof::dds

@@ -1,0 +1,61 @@
+#include "harness/dds/messages.h"
+
+#include <cstdlib>
+
+namespace tiltproof::dds {
+
+std::string_view Name(NodeKind kind) {
+  switch (kind) {
+    case NodeKind::kHarness:
+      return "harness";
+    case NodeKind::kPlant:
+      return "plant";
+    case NodeKind::kLink:
+      return "link";
+    case NodeKind::kClient:
+      return "client";
+    case NodeKind::kBaseStation:
+      return "base_station";
+    case NodeKind::kJoystick:
+      return "joystick";
+    case NodeKind::kMonitor:
+      return "monitor";
+  }
+  std::abort();
+}
+
+std::string_view Name(Verb verb) {
+  switch (verb) {
+    case Verb::kPrepare:
+      return "prepare";
+    case Verb::kArm:
+      return "arm";
+    case Verb::kStart:
+      return "start";
+    case Verb::kStop:
+      return "stop";
+    case Verb::kRelease:
+      return "release";
+  }
+  std::abort();
+}
+
+std::string_view Name(Phase phase) {
+  switch (phase) {
+    case Phase::kIdle:
+      return "idle";
+    case Phase::kPrepared:
+      return "prepared";
+    case Phase::kArmed:
+      return "armed";
+    case Phase::kRunning:
+      return "running";
+    case Phase::kFinished:
+      return "finished";
+    case Phase::kFailed:
+      return "failed";
+  }
+  std::abort();
+}
+
+}  // namespace tiltproof::dds

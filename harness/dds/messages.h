@@ -1,0 +1,251 @@
+// What the nodes of a distributed run say to each other, as plain structs.
+//
+// Each struct here is one topic of tiltproof.idl, under the same names; bus.h sends and receives them. Nothing
+// here knows DDS, so whoever only builds or reads a message needs no more than this header.
+//
+//   dds::RunEvent event{.run_id = run, .node_id = "plant", .sequence = ++last, .time_ns = t, .kind = "started"};
+//   publisher.Write(event);
+//
+// Conventions. A "key" member names the instance: QoS such as "the last one is kept" counts within it. A
+// sequence starts at 1 and grows by 1 within its (run_id, node_id). time_ns is simulation time (link/time.h).
+// Strings hold no NUL byte. Limits stand beside the members; Publisher::Write refuses what exceeds them.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "link/time.h"
+
+namespace tiltproof::dds {
+
+// Limits, in bytes of a string or elements of a list; the same numbers stand in tiltproof.idl.
+inline constexpr std::size_t kIdBytesMax = 128;     // identifiers, names, kinds, host names, versions
+inline constexpr std::size_t kPathBytesMax = 1024;  // paths of devices and sockets
+inline constexpr std::size_t kTextBytesMax = 4096;  // texts for people
+inline constexpr std::size_t kDocumentBytesMax = 256 * 1024;  // a scenario file, all metrics of a score
+inline constexpr std::size_t kPayloadBytesMax = 1024 * 1024;  // opaque octets
+inline constexpr std::size_t kChunkBytesMax = 64 * 1024;     // bytes of one chunk or frame on the serial line
+inline constexpr std::size_t kNamesCountMax = 128;           // lists of names, ports or parameters
+inline constexpr std::size_t kChunksCountMax = 4096;         // frames or chunks in one message
+inline constexpr std::size_t kNumbersCountMax = 128 * 1024;  // numbers in one message (1 MiB)
+
+enum class NodeKind : std::uint8_t { kHarness, kPlant, kLink, kClient, kBaseStation, kJoystick, kMonitor };
+enum class Verb : std::uint8_t { kPrepare, kArm, kStart, kStop, kRelease };
+enum class Phase : std::uint8_t { kIdle, kPrepared, kArmed, kRunning, kFinished, kFailed };
+
+// Lower-case names, as in the command line and in files: "base_station", "prepare", "running".
+std::string_view Name(NodeKind kind);
+std::string_view Name(Verb verb);
+std::string_view Name(Phase phase);
+
+// "I am here and not hung": written every 50 ms by the thread that does the node's work. Who misses it for
+// 200 ms is seen as dead (Subscriber<Heartbeat>::Nodes).
+struct Heartbeat {
+  std::string node_id;  // key
+  NodeKind kind = NodeKind::kHarness;
+  std::string host;
+  std::int64_t pid = 0;
+  std::int64_t sequence = 0;
+  std::string run_id;  // "" = idle
+  std::vector<std::string> capabilities;
+  std::string version;
+  bool operator==(const Heartbeat&) const = default;
+};
+
+// What is to be flown. A node that comes late gets it, too.
+struct RunScenario {
+  std::string run_id;         // key
+  std::string scenario_yaml;  // at most kDocumentBytesMax
+  std::string model_hash;
+  std::vector<std::string> nodes;  // node ids that take part
+  bool operator==(const RunScenario&) const = default;
+};
+
+// Where a node's serial line is reached: a device, a socket.
+struct Port {
+  std::string name;
+  std::string path;  // at most kPathBytesMax
+  bool operator==(const Port&) const = default;
+};
+
+// The harness to all nodes of a run. One at a time: the next only after every RunAck. A node that comes late
+// gets the last one, and after a long partition a node may get it again: compare the sequence.
+struct RunCommand {
+  std::string run_id;  // key
+  std::int64_t sequence = 0;
+  Verb verb = Verb::kPrepare;
+  std::vector<Port> ports;
+  bool operator==(const RunCommand&) const = default;
+};
+
+struct RunAck {
+  std::string run_id;         // key
+  std::string node_id;        // key
+  std::int64_t sequence = 0;  // of the command
+  bool ok = false;
+  std::string text;  // why not
+  std::vector<Port> ports;
+  bool operator==(const RunAck&) const = default;
+};
+
+// Where a node stands in a run.
+struct RunState {
+  std::string run_id;   // key
+  std::string node_id;  // key
+  Phase phase = Phase::kIdle;
+  TimeNs time_ns = 0;
+  TimeNs origin_ns = 0;  // the node's monotonic clock at simulation time 0
+  std::string end_reason;
+  std::string text;
+  bool operator==(const RunState&) const = default;
+};
+
+// Real time, the latest counts: sensors' truth and input in force. Order and units as in link/signals.h.
+struct PlantState {
+  std::string run_id;  // key
+  std::int64_t sequence = 0;
+  TimeNs time_ns = 0;
+  std::array<double, 16> state{};
+  std::array<double, 4> in_force{};
+  bool operator==(const PlantState&) const = default;
+};
+
+struct Actuation {
+  std::string run_id;  // key
+  std::int64_t sequence = 0;
+  TimeNs time_ns = 0;
+  std::array<double, 4> commanded{};
+  std::array<double, 4> in_force{};
+  bool operator==(const Actuation&) const = default;
+};
+
+// The reference as the base station or the joystick asks for it: x y z (m) yaw (rad) vx vy vz (m/s) in W.
+struct Reference {
+  std::string run_id;  // key
+  std::string node_id;
+  std::int64_t sequence = 0;
+  TimeNs time_ns = 0;
+  std::array<double, 7> values{};
+  bool operator==(const Reference&) const = default;
+};
+
+// One frame as it passed the line.
+struct TapFrame {
+  TimeNs begin_ns = 0;
+  std::uint8_t direction = 0;
+  bool delivered = false;
+  std::vector<std::uint8_t> bytes;     // at most kChunkBytesMax
+  std::vector<std::string> fault_ids;  // what touched it
+  bool operator==(const TapFrame&) const = default;
+};
+
+// Log of the serial line.
+struct SerialTap {
+  std::string run_id;   // key
+  std::string node_id;  // key
+  std::int64_t sequence = 0;
+  std::vector<TapFrame> frames;                // at most kChunksCountMax
+  std::vector<std::int64_t> reply_latency_ns;  // at most kNumbersCountMax
+  bool operator==(const SerialTap&) const = default;
+};
+
+// Asks the node to activate a fault now. Ids as in the scenario, parameters as in the fault catalogue.
+struct FaultCommand {
+  std::string run_id;   // key
+  std::string node_id;  // key: the node that is to obey
+  std::int64_t sequence = 0;
+  std::string fault_id;
+  std::string type;
+  std::vector<std::pair<std::string, double>> parameters;  // at most kNamesCountMax
+  std::int64_t duration_ns = 0;
+  bool operator==(const FaultCommand&) const = default;
+};
+
+// Bytes on the serial line from simulation time begin_ns on.
+struct Chunk {
+  TimeNs begin_ns = 0;
+  std::vector<std::uint8_t> bytes;  // at most kChunkBytesMax
+  bool operator==(const Chunk&) const = default;
+};
+
+// Log of what faults did.
+struct FaultActivation {
+  std::string run_id;   // key
+  std::string node_id;  // key
+  std::int64_t sequence = 0;
+  std::string fault_id;
+  TimeNs time_ns = 0;
+  std::string what;           // at most kTextBytesMax
+  std::vector<Chunk> before;  // at most kChunksCountMax
+  std::vector<Chunk> after;
+  bool operator==(const FaultActivation&) const = default;
+};
+
+// Log of what happened to the run.
+struct RunEvent {
+  std::string run_id;   // key
+  std::string node_id;  // key
+  std::int64_t sequence = 0;
+  TimeNs time_ns = 0;
+  std::string kind;
+  std::string text;
+  bool operator==(const RunEvent&) const = default;
+};
+
+// The plant node's trace without loss. values: rows of column_count numbers, row by row.
+struct TraceRows {
+  std::string run_id;   // key
+  std::string node_id;  // key
+  std::int64_t sequence = 0;
+  std::int64_t column_count = 0;
+  std::vector<double> values;                  // at most kNumbersCountMax
+  std::vector<std::int64_t> request_times_ns;  // arrivals of sensor requests, likewise
+  std::vector<std::int64_t> actuator_times_ns;
+  bool operator==(const TraceRows&) const = default;
+};
+
+// The closing word of a node: with it the harness knows whether it has everything. The sequences are those of
+// the node's last message on each log, 0 when it sent none.
+struct NodeReport {
+  std::string run_id;                 // key
+  std::string node_id;                // key
+  std::vector<std::uint8_t> payload;  // at most kPayloadBytesMax
+  std::int64_t serial_tap = 0;
+  std::int64_t fault_activation = 0;
+  std::int64_t run_event = 0;
+  std::int64_t trace_rows = 0;
+  bool operator==(const NodeReport&) const = default;
+};
+
+struct Score {
+  std::string run_id;  // key
+  std::string scenario;
+  std::string verdict;
+  std::string reason;        // at most kTextBytesMax
+  std::string metrics_json;  // at most kDocumentBytesMax
+  bool operator==(const Score&) const = default;
+};
+
+// A lockstep exchange with a node: one request at a time, one response each.
+struct StepRequest {
+  std::string run_id;   // key
+  std::string node_id;  // key
+  std::int64_t sequence = 0;
+  std::vector<std::uint8_t> payload;  // at most kPayloadBytesMax
+  bool operator==(const StepRequest&) const = default;
+};
+
+struct StepResponse {
+  std::string run_id;   // key
+  std::string node_id;  // key
+  std::int64_t sequence = 0;
+  std::vector<std::uint8_t> payload;
+  bool operator==(const StepResponse&) const = default;
+};
+
+}  // namespace tiltproof::dds
