@@ -1,0 +1,94 @@
+#include "link/serial_devices.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <fstream>
+#include <string_view>
+#include <system_error>
+
+namespace tiltproof::link {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Calls visit(entry) for every entry of a folder that can be read; processes and devices come and go meanwhile.
+template <class Visit>
+void ForEachEntry(const fs::path& folder, Visit&& visit) {
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error); !error && entry != fs::directory_iterator();
+       entry.increment(error))
+    visit(*entry);
+}
+
+std::optional<int> ToNumber(std::string_view text) {
+  int value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
+}  // namespace
+
+std::vector<std::string> ListSerialDevices(const fs::path& root) {
+  constexpr std::array<std::string_view, 3> kPrefixes = {"ttyUSB", "ttyACM", "ttyAMA"};
+  std::vector<std::string> devices;
+  ForEachEntry(root / "dev", [&](const fs::directory_entry& entry) {
+    const std::string name = entry.path().filename();
+    if (std::any_of(kPrefixes.begin(), kPrefixes.end(),
+                    [&](std::string_view prefix) { return name.starts_with(prefix); }))
+      devices.push_back(entry.path());
+  });
+  std::vector<std::string> by_id;
+  ForEachEntry(root / "dev/serial/by-id",
+               [&](const fs::directory_entry& entry) { by_id.push_back(entry.path()); });
+  std::sort(devices.begin(), devices.end());
+  std::sort(by_id.begin(), by_id.end());
+  devices.insert(devices.end(), by_id.begin(), by_id.end());
+  return devices;
+}
+
+std::vector<Holder> ProcessesHolding(const fs::path& device) {
+  std::error_code error;
+  const fs::path wanted = fs::canonical(device, error);
+  std::vector<Holder> holders;
+  if (error) return holders;
+  ForEachEntry("/proc", [&](const fs::directory_entry& process) {
+    const auto pid = ToNumber(process.path().filename().native());
+    if (!pid) return;
+    bool holds = false;
+    ForEachEntry(process.path() / "fd", [&](const fs::directory_entry& descriptor) {
+      std::error_code gone;
+      holds = holds || fs::read_symlink(descriptor.path(), gone) == wanted;
+    });
+    if (!holds) return;
+    Holder holder{*pid, "?"};
+    std::ifstream(process.path() / "comm") >> holder.name;
+    holders.push_back(std::move(holder));
+  });
+  std::sort(holders.begin(), holders.end(), [](const auto& a, const auto& b) { return a.pid < b.pid; });
+  return holders;
+}
+
+std::string Text(const std::vector<Holder>& holders) {
+  std::string text;
+  for (const auto& holder : holders)
+    text += (text.empty() ? "" : ", ") + std::to_string(holder.pid) + " (" + holder.name + ")";
+  return text;
+}
+
+fs::path LatencyTimerFile(const fs::path& device, const fs::path& root) {
+  std::error_code error;
+  fs::path target = fs::canonical(device, error);
+  if (error) target = device;
+  return root / "sys/class/tty" / target.filename() / "device/latency_timer";
+}
+
+std::optional<int> ReadLatencyTimer(const fs::path& device, const fs::path& root) {
+  std::ifstream file(LatencyTimerFile(device, root));
+  std::string text;
+  if (!(file >> text)) return std::nullopt;
+  return ToNumber(text);
+}
+
+}  // namespace tiltproof::link
