@@ -182,21 +182,29 @@ void Conductor::Finish() {
     log_.end_ns = log_.end_reason == EndReason::kCompleted ? scenario_.duration_ns : state.reached_ns;
   for (const auto& [time_ns, text] : firmware_lines_)
     log_.firmware_log += fmt::format("{:.6f} {}\n", ToSeconds(time_ns - origin), text);
-  try {
-    Append(log_, server_.TakeLog());
-    Append(log_, line_.TakeLog(origin + log_.end_ns), origin);
-  } catch (const std::exception& error) {
-    // A part in another process is gone, and its records with it.
-    log_.end_reason = EndReason::kHarnessError;
-    log_.end_text = error.what();
-  }
+  // A part in another process may be gone, and its records with it; the others' are kept.
+  const auto keep_going = [&](const auto& append) {
+    try {
+      append();
+    } catch (const std::exception& error) {
+      if (log_.end_reason == EndReason::kHarnessError) return;
+      log_.end_reason = EndReason::kHarnessError;
+      log_.end_text = error.what();
+    }
+  };
+  keep_going([&] { Append(log_, server_.TakeLog()); });
+  keep_going([&] { Append(log_, line_.TakeLog(origin + log_.end_ns), origin); });
   SortByTime(log_);
-  if (log_.end_reason != EndReason::kFirmwareHung && log_.end_reason != EndReason::kFirmwareCrashed) {
+  // After trouble the client may be in the middle of a call.
+  const bool trouble = log_.end_reason == EndReason::kFirmwareHung ||
+                       log_.end_reason == EndReason::kFirmwareCrashed ||
+                       log_.end_reason == EndReason::kHarnessError;
+  if (!trouble) {
     try {
       if (const auto status = client_->Status()) log_.failsafe_entered_count = status->failsafe_count;
-    } catch (const FirmwareTrouble& trouble) {
-      log_.end_reason = trouble.hung ? EndReason::kFirmwareHung : EndReason::kFirmwareCrashed;
-      log_.end_text = trouble.what();
+    } catch (const FirmwareTrouble& late) {
+      log_.end_reason = late.hung ? EndReason::kFirmwareHung : EndReason::kFirmwareCrashed;
+      log_.end_text = late.what();
     }
   }
 }

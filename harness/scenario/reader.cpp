@@ -53,9 +53,9 @@ std::string ReadText(const std::filesystem::path& file) {
 }
 
 // The scenario, and where its name stands.
-std::pair<Scenario, YamlMark> Read(const std::filesystem::path& file, const ReadOptions& options) {
+std::pair<Scenario, YamlMark> Read(const std::filesystem::path& file, const std::string& text,
+                                   const ReadOptions& options) {
   std::vector<YamlProblem> problems;
-  const std::string text = ReadText(file);
   const std::optional<YamlNode> root = ParseYaml(text, problems);
   if (!root) Throw(file, std::move(problems));
   if (root->kind != YamlNode::Kind::kMapping) {
@@ -86,7 +86,12 @@ ScenarioError::ScenarioError(std::vector<Diagnostic> diagnostics)
     : std::runtime_error(JoinLines(diagnostics)), diagnostics_(std::move(diagnostics)) {}
 
 Scenario ReadScenario(const std::filesystem::path& file, const ReadOptions& options) {
-  return Read(file, options).first;
+  return Read(file, ReadText(file), options).first;
+}
+
+Scenario ParseScenario(const std::string& text, const std::filesystem::path& file,
+                       const ReadOptions& options) {
+  return Read(file, text, options).first;
 }
 
 std::vector<Scenario> ReadScenarios(const std::vector<std::filesystem::path>& files,
@@ -96,7 +101,7 @@ std::vector<Scenario> ReadScenarios(const std::vector<std::filesystem::path>& fi
   std::map<std::string, std::string> places;  // of each name, "file:line:column"
   for (const auto& file : files) {
     try {
-      auto [scenario, mark] = Read(file, options);
+      auto [scenario, mark] = Read(file, ReadText(file), options);
       const auto [first, is_new] =
           places.try_emplace(scenario.name, fmt::format("{}:{}:{}", file.string(), mark.line, mark.column));
       if (!is_new) {

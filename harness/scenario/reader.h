@@ -67,6 +67,9 @@ struct ReadOptions {
 // Fills in every default and resolves the model's and a recorded reference's file (absolute). Throws
 // ScenarioError.
 Scenario ReadScenario(const std::filesystem::path& file, const ReadOptions& options);
+// The same of a text that came another way; `file` names it in messages.
+Scenario ParseScenario(const std::string& text, const std::filesystem::path& file,
+                       const ReadOptions& options);
 
 // All of them, or a ScenarioError with the problems of all; two scenarios of one name are a problem.
 std::vector<Scenario> ReadScenarios(const std::vector<std::filesystem::path>& files,

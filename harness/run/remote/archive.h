@@ -1,0 +1,138 @@
+// Plain structs to bytes and back, for messages between processes of one build of this program.
+//
+// A struct takes part by a function that names its members once, for both directions:
+//
+//   template <class Archive> void Fields(Archive& archive, RunEvent& e) { archive(e.time_ns, e.kind, e.text); }
+//
+//   Packer packer;  packer(event);  Send(packer.bytes());
+//   Unpacker unpacker(bytes);  unpacker(event);   // throws std::runtime_error on bytes that are no such struct
+//
+// Not a file format: both ends have the same byte order and the same structs.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <cstring>
+#include <optional>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+namespace tiltproof::harness {
+
+template <class T>
+concept Scalar = std::is_arithmetic_v<T> || std::is_enum_v<T>;
+
+class Packer {
+ public:
+  template <class... Ts>
+  void operator()(const Ts&... values) {
+    (Put(values), ...);
+  }
+  std::span<const std::uint8_t> bytes() const {
+    return {reinterpret_cast<const std::uint8_t*>(bytes_.data()), bytes_.size()};
+  }
+
+ private:
+  void Append(const void* data, std::size_t size) { bytes_.append(static_cast<const char*>(data), size); }
+  template <Scalar T>
+  void Put(const T& value) {
+    Append(&value, sizeof value);
+  }
+  void Put(const std::string& text) {
+    Put(text.size());
+    Append(text.data(), text.size());
+  }
+  template <class T>
+  void Put(const std::vector<T>& values) {
+    Put(values.size());
+    if constexpr (Scalar<T>) {
+      Append(values.data(), values.size() * sizeof(T));
+    } else {
+      for (const T& value : values) Put(value);
+    }
+  }
+  template <class T, std::size_t n>
+  void Put(const std::array<T, n>& values) {
+    for (const T& value : values) Put(value);
+  }
+  template <class T>
+  void Put(const std::optional<T>& value) {
+    Put(value.has_value());
+    if (value) Put(*value);
+  }
+  template <class T>
+  requires std::is_class_v<T>
+  void Put(const T& value) {
+    Fields(*this, const_cast<T&>(value));  // reads only
+  }
+
+  std::string bytes_;
+};
+
+class Unpacker {
+ public:
+  explicit Unpacker(std::span<const std::uint8_t> bytes) : rest_(bytes) {}
+  template <class... Ts>
+  void operator()(Ts&... values) {
+    (Get(values), ...);
+  }
+  template <class T>
+  T Next() {
+    T value{};
+    Get(value);
+    return value;
+  }
+
+ private:
+  const std::uint8_t* Take(std::size_t size) {
+    if (size > rest_.size()) throw std::runtime_error("a message from another process is cut short");
+    const std::uint8_t* at = rest_.data();
+    rest_ = rest_.subspan(size);
+    return at;
+  }
+  std::size_t TakeCount(std::size_t bytes_each) {
+    const auto count = Next<std::size_t>();
+    if (count > rest_.size() / bytes_each)
+      throw std::runtime_error("a message from another process is damaged");
+    return count;
+  }
+  template <Scalar T>
+  void Get(T& value) {
+    std::memcpy(&value, Take(sizeof value), sizeof value);
+  }
+  void Get(std::string& text) {
+    const std::size_t size = TakeCount(1);
+    const std::uint8_t* at = Take(size);
+    text.assign(at, at + size);
+  }
+  template <class T>
+  void Get(std::vector<T>& values) {
+    if constexpr (Scalar<T>) {
+      values.resize(TakeCount(sizeof(T)));
+      const std::uint8_t* at = Take(values.size() * sizeof(T));
+      if (!values.empty()) std::memcpy(values.data(), at, values.size() * sizeof(T));
+    } else {
+      values.resize(TakeCount(1));
+      for (T& value : values) Get(value);
+    }
+  }
+  template <class T, std::size_t n>
+  void Get(std::array<T, n>& values) {
+    for (T& value : values) Get(value);
+  }
+  template <class T>
+  void Get(std::optional<T>& value) {
+    value.reset();
+    if (Next<bool>()) Get(value.emplace());
+  }
+  template <class T>
+  requires std::is_class_v<T>
+  void Get(T& value) { Fields(*this, value); }
+
+  std::span<const std::uint8_t> rest_;
+};
+
+}  // namespace tiltproof::harness

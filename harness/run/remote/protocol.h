@@ -1,0 +1,103 @@
+// What the harness and its processes say to each other in a lockstep flight: a request, then any number of
+// upcalls (the firmware transmits, the firmware logs), then one answer.
+#pragma once
+
+#include <cstdint>
+
+#include "harness/client/client.h"
+#include "harness/run/line.h"
+#include "harness/run/plant_server.h"
+#include "harness/run/remote/archive.h"
+
+namespace tiltproof::harness {
+
+enum class Message : std::uint8_t {
+  // Requests.
+  kSetup,
+  kTakeLog,
+  kQuit,
+  kTransmit,
+  kTakePiece,
+  kAdvance,
+  kServe,
+  kFinish,
+  kStart,
+  kReceive,
+  kGrant,
+  kReset,
+  kStatus,
+  // Upcalls of the client.
+  kClientTransmits,
+  kClientLogs,
+  // Answers.
+  kDone,
+  kFailed,          // text
+  kFirmwareFailed,  // hung, text: FirmwareTrouble
+};
+
+// What a process is told before the flight.
+struct Setup {
+  std::string scenario_yaml;
+  std::string firmware_library;  // of the client
+};
+
+// What the line's process answers beside the result, so that the harness need not ask.
+struct LineView {
+  std::array<TimeNs, link::kDirectionCount> next_arrival_ns{kNever, kNever, kNever};
+  LineCounts counts{};
+};
+
+template <class Archive>
+void Fields(Archive& archive, Setup& s) {
+  archive(s.scenario_yaml, s.firmware_library);
+}
+template <class Archive>
+void Fields(Archive& archive, DirectionCounts& c) {
+  archive(c.frames_sent, c.frames_accepted, c.frames_rejected, c.bytes_corrupted);
+}
+template <class Archive>
+void Fields(Archive& archive, LineView& v) {
+  archive(v.next_arrival_ns, v.counts);
+}
+template <class Archive>
+void Fields(Archive& archive, ClientStatus& s) {
+  archive(s.supervisor_state, s.failsafe_count);
+}
+template <class Archive>
+void Fields(Archive& archive, RunEvent& e) {
+  archive(e.time_ns, e.kind, e.text);
+}
+template <class Archive>
+void Fields(Archive& archive, PlantServer::State& s) {
+  archive(s.origin_ns, s.reached_ns, s.over, s.end_reason, s.end_text);
+}
+template <class Archive>
+void Fields(Archive& archive, PlantLog& l) {
+  archive(l.rows, l.hover_input, l.input_min, l.input_max, l.starts_accepted_count, l.request_times_ns,
+          l.actuator_times_ns, l.events, l.activations, l.activation_counts);
+}
+inline void Fields(Packer& packer, LinkLog& l) { packer(l.content()); }
+inline void Fields(Unpacker& unpacker, LinkLog& l) {
+  l = LinkLog(unpacker.Next<std::vector<std::uint8_t>>());
+}
+template <class Archive>
+void Fields(Archive& archive, LineLog& l) {
+  archive(l.link, l.reply_latency_ns, l.client_round_trip_ns, l.events, l.activations, l.activation_counts,
+          l.counts, l.accepted_wrong_count, l.accepted_stale_count, l.resync_max_ns);
+}
+
+}  // namespace tiltproof::harness
+
+// In the namespaces of their structs, where the archives find them.
+namespace tiltproof::link {
+template <class Archive>
+void Fields(Archive& archive, Chunk& c) {
+  archive(c.begin_ns, c.bytes, c.kind, c.number);
+}
+}  // namespace tiltproof::link
+namespace tiltproof::faults {
+template <class Archive>
+void Fields(Archive& archive, Activation& a) {
+  archive(a.time_ns, a.fault, a.what, a.before, a.after);
+}
+}  // namespace tiltproof::faults

@@ -1,0 +1,159 @@
+#include "harness/run/remote/remote_parts.h"
+
+#include <utility>
+
+#include "harness/client/firmware_guard.h"
+
+namespace tiltproof::harness {
+namespace {
+
+// The guard in the firmware's process speaks first.
+constexpr TimeNs kClientHungAfterNs = (FirmwareGuard::kHungAfter_s + 3) * kNsPerS;
+
+class RemoteClient final : public Client {
+ public:
+  RemoteClient(Channel& channel, const Setup& setup, ClientHost host)
+      : channel_(channel), host_(std::move(host)) {
+    Ask(RemotePart::Request(Message::kSetup, setup));
+  }
+
+  TimeNs Start(TimeNs now) override { return AskTime(Message::kStart, now); }
+  void Receive(Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) override {
+    Ask(RemotePart::Request(Message::kReceive, uart, now,
+                            std::vector<std::uint8_t>(bytes.begin(), bytes.end())));
+  }
+  TimeNs Grant(TimeNs now) override { return AskTime(Message::kGrant, now); }
+  TimeNs Reset(TimeNs now) override { return AskTime(Message::kReset, now); }
+  std::optional<ClientStatus> Status() override {
+    const auto answer = Ask(RemotePart::Request(Message::kStatus));
+    return Unpacker(answer).Next<std::optional<ClientStatus>>();
+  }
+
+ private:
+  TimeNs AskTime(Message kind, TimeNs now) {
+    const auto answer = Ask(RemotePart::Request(kind, now));
+    return Unpacker(answer).Next<TimeNs>();
+  }
+
+  std::vector<std::uint8_t> Ask(const Packer& request) {
+    try {
+      channel_.Send(request.bytes());
+      for (;;) {
+        const auto message = channel_.Receive(kClientHungAfterNs);
+        Unpacker unpacker(message);
+        switch (unpacker.Next<Message>()) {
+          case Message::kClientTransmits: {
+            const auto uart = unpacker.Next<Uart>();
+            const auto now = unpacker.Next<TimeNs>();
+            const auto bytes = unpacker.Next<std::vector<std::uint8_t>>();
+            Packer answer;
+            answer(Message::kDone, host_.transmit(uart, now, bytes));
+            channel_.Send(answer.bytes());
+            continue;
+          }
+          case Message::kClientLogs: {
+            const auto now = unpacker.Next<TimeNs>();
+            host_.log(now, unpacker.Next<std::string>());
+            continue;
+          }
+          case Message::kDone:
+            return {message.begin() + 1, message.end()};
+          case Message::kFirmwareFailed: {
+            const bool hung = unpacker.Next<bool>();
+            throw FirmwareTrouble(hung, unpacker.Next<std::string>());
+          }
+          case Message::kFailed:
+            throw std::runtime_error(unpacker.Next<std::string>());
+          default:
+            throw ChannelLost(false, "the firmware's process sent a damaged message");
+        }
+      }
+    } catch (const ChannelLost& lost) {
+      throw FirmwareTrouble(lost.silent, "the firmware's process: " + std::string(lost.what()));
+    }
+  }
+
+  Channel& channel_;
+  ClientHost host_;
+};
+
+}  // namespace
+
+RemotePart::RemotePart(std::string name, Channel& channel, const Setup& setup)
+    : name_(std::move(name)), channel_(channel) {
+  Ask(Request(Message::kSetup, setup));
+}
+
+std::vector<std::uint8_t> RemotePart::Ask(const Packer& request) {
+  try {
+    channel_.Send(request.bytes());
+    auto message = channel_.Receive(kPartHungAfterNs);
+    Unpacker unpacker(message);
+    const auto kind = unpacker.Next<Message>();
+    if (kind == Message::kFailed) throw std::runtime_error(unpacker.Next<std::string>());
+    if (kind != Message::kDone) throw std::runtime_error("it sent a damaged message");
+    message.erase(message.begin());
+    return message;
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error("the " + name_ + " process: " + error.what());
+  }
+}
+
+RemoteLine::RemoteLine(Channel& channel, const Setup& setup) : part_("link", channel, setup) {}
+
+TimeNs RemoteLine::Transmit(link::Direction direction, TimeNs now, std::span<const std::uint8_t> bytes) {
+  const auto answer = part_.Ask(RemotePart::Request(Message::kTransmit, direction, now,
+                                                    std::vector<std::uint8_t>(bytes.begin(), bytes.end())));
+  Unpacker unpacker(answer);
+  unpacker(view_);
+  return unpacker.Next<TimeNs>();
+}
+
+std::optional<Line::Piece> RemoteLine::TakePiece(link::Direction direction, TimeNs until) {
+  // The line knows of nothing before that.
+  if (NextArrival(direction) == kNever) return std::nullopt;
+  const auto answer = part_.Ask(RemotePart::Request(Message::kTakePiece, direction, until));
+  Unpacker unpacker(answer);
+  unpacker(view_);
+  if (!unpacker.Next<bool>()) return std::nullopt;
+  const auto arrival = unpacker.Next<TimeNs>();
+  unpacker(piece_);
+  return Piece{arrival, piece_};
+}
+
+LineLog RemoteLine::TakeLog(TimeNs end) {
+  const auto answer = part_.Ask(RemotePart::Request(Message::kTakeLog, end));
+  return Unpacker(answer).Next<LineLog>();
+}
+
+RemotePlantServer::RemotePlantServer(Channel& channel, const Setup& setup) : part_("plant", channel, setup) {}
+
+void RemotePlantServer::Advance(TimeNs to, const LineCounts& counts) {
+  if (!state_.started() || state_.over) return;
+  const auto answer = part_.Ask(RemotePart::Request(Message::kAdvance, to, counts));
+  Unpacker(answer).operator()(state_);
+}
+
+void RemotePlantServer::Receive(TimeNs arrival, std::span<const std::uint8_t> bytes, const Reply& reply) {
+  const auto answer = part_.Ask(
+      RemotePart::Request(Message::kServe, arrival, std::vector<std::uint8_t>(bytes.begin(), bytes.end())));
+  Unpacker unpacker(answer);
+  unpacker(state_);
+  for (const auto& frame : unpacker.Next<std::vector<std::vector<std::uint8_t>>>()) reply(frame);
+}
+
+void RemotePlantServer::Finish(TimeNs end, const LineCounts& counts) {
+  const auto answer = part_.Ask(RemotePart::Request(Message::kFinish, end, counts));
+  Unpacker(answer).operator()(state_);
+}
+
+PlantLog RemotePlantServer::TakeLog() {
+  const auto answer = part_.Ask(RemotePart::Request(Message::kTakeLog));
+  return Unpacker(answer).Next<PlantLog>();
+}
+
+std::unique_ptr<Client> MakeRemoteClient(Channel& channel, const Setup& setup, ClientHost host) {
+  return std::make_unique<RemoteClient>(channel, setup, std::move(host));
+}
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,198 @@
+#include "harness/run/remote/serve.h"
+
+#include <cstdlib>
+#include <optional>
+#include <utility>
+
+#include "harness/client/firmware_guard.h"
+#include "harness/client/library_client.h"
+#include "harness/run/remote/protocol.h"
+
+namespace tiltproof::harness {
+namespace {
+
+// A harness may stand at a debugger's breakpoint: that it is gone is seen by the channel.
+constexpr TimeNs kHarnessSilentAfterNs = 3600 * kNsPerS;
+
+// Answers requests until kQuit: `handle(kind, request, answer)` puts what follows kDone.
+template <class Handle>
+void ServeRequests(Channel& channel, const Handle& handle) {
+  try {
+    for (;;) {
+      const auto message = channel.Receive(kHarnessSilentAfterNs);
+      Packer answer;
+      try {
+        Unpacker request(message);
+        const auto kind = request.Next<Message>();
+        if (kind == Message::kQuit) return;
+        answer(Message::kDone);
+        handle(kind, request, answer);
+      } catch (const ChannelLost&) {
+        throw;
+      } catch (const FirmwareTrouble& trouble) {
+        answer = {};
+        answer(Message::kFirmwareFailed, trouble.hung, std::string(trouble.what()));
+      } catch (const std::exception& error) {
+        answer = {};
+        answer(Message::kFailed, std::string(error.what()));
+      }
+      channel.Send(answer.bytes());
+    }
+  } catch (const ChannelLost&) {
+    // The harness is gone: nobody is left to tell.
+  }
+}
+
+// The firmware's frames lie between its upcall and us, and no exception may pass through them. Without the
+// harness this process has nobody to tell and nothing to do.
+template <class Function>
+auto OrExit(const Function& function) {
+  try {
+    return function();
+  } catch (const std::exception&) {
+    std::_Exit(0);
+  }
+}
+
+[[noreturn]] void ThrowUnexpected() { throw std::runtime_error("a request that this process does not know"); }
+
+}  // namespace
+
+void ServeLine(Channel& channel, const ScenarioLoader& load) {
+  std::optional<LocalLine> line;
+  const auto view = [&] {
+    LineView now;
+    for (std::size_t d = 0; d < link::kDirectionCount; ++d)
+      now.next_arrival_ns[d] = line->NextArrival(static_cast<link::Direction>(d));
+    now.counts = line->counts();
+    return now;
+  };
+  ServeRequests(channel, [&](Message kind, Unpacker& request, Packer& answer) {
+    if (kind == Message::kSetup) {
+      line.emplace(load(request.Next<Setup>().scenario_yaml).scenario);
+      return;
+    }
+    if (!line) ThrowUnexpected();
+    switch (kind) {
+      case Message::kTransmit: {
+        const auto direction = request.Next<link::Direction>();
+        const auto now = request.Next<TimeNs>();
+        const TimeNs sent = line->Transmit(direction, now, request.Next<std::vector<std::uint8_t>>());
+        answer(view(), sent);
+        return;
+      }
+      case Message::kTakePiece: {
+        const auto direction = request.Next<link::Direction>();
+        const auto piece = line->TakePiece(direction, request.Next<TimeNs>());
+        answer(view(), piece.has_value());
+        if (piece)
+          answer(piece->arrival_ns, std::vector<std::uint8_t>(piece->bytes.begin(), piece->bytes.end()));
+        return;
+      }
+      case Message::kTakeLog:
+        answer(line->TakeLog(request.Next<TimeNs>()));
+        return;
+      default:
+        ThrowUnexpected();
+    }
+  });
+}
+
+void ServePlant(Channel& channel, const ScenarioLoader& load) {
+  std::optional<LoadedScenario> loaded;
+  std::optional<LocalPlantServer> server;
+  ServeRequests(channel, [&](Message kind, Unpacker& request, Packer& answer) {
+    if (kind == Message::kSetup) {
+      loaded = load(request.Next<Setup>().scenario_yaml);
+      server.emplace(loaded->scenario, *loaded->model);
+      return;
+    }
+    if (!server) ThrowUnexpected();
+    switch (kind) {
+      case Message::kAdvance:
+      case Message::kFinish: {
+        const auto time = request.Next<TimeNs>();
+        const auto counts = request.Next<LineCounts>();
+        if (kind == Message::kAdvance) {
+          server->Advance(time, counts);
+        } else {
+          server->Finish(time, counts);
+        }
+        answer(server->state());
+        return;
+      }
+      case Message::kServe: {
+        const auto arrival = request.Next<TimeNs>();
+        std::vector<std::vector<std::uint8_t>> frames;
+        server->Receive(
+            arrival, request.Next<std::vector<std::uint8_t>>(),
+            [&](std::span<const std::uint8_t> frame) { frames.emplace_back(frame.begin(), frame.end()); });
+        answer(server->state(), frames);
+        return;
+      }
+      case Message::kTakeLog:
+        answer(server->TakeLog());
+        return;
+      default:
+        ThrowUnexpected();
+    }
+  });
+}
+
+void ServeClient(Channel& channel, const ScenarioLoader& load) {
+  FirmwareGuard::Install();
+  std::unique_ptr<Client> client;
+  const ClientHost host = {
+      .transmit = [&](Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) -> TimeNs {
+        return OrExit([&] {
+          Packer upcall;
+          upcall(Message::kClientTransmits, uart, now, std::vector<std::uint8_t>(bytes.begin(), bytes.end()));
+          channel.Send(upcall.bytes());
+          const auto answer = channel.Receive(kHarnessSilentAfterNs);
+          Unpacker unpacker(answer);
+          unpacker.Next<Message>();
+          return unpacker.Next<TimeNs>();
+        });
+      },
+      .log =
+          [&](TimeNs now, std::string_view text) {
+            OrExit([&] {
+              Packer upcall;
+              upcall(Message::kClientLogs, now, std::string(text));
+              channel.Send(upcall.bytes());
+            });
+          }};
+  ServeRequests(channel, [&](Message kind, Unpacker& request, Packer& answer) {
+    if (kind == Message::kSetup) {
+      const auto setup = request.Next<Setup>();
+      const Scenario scenario = load(setup.scenario_yaml).scenario;
+      client = LoadLibraryClient(setup.firmware_library, scenario.firmware, scenario.link.dialect, host);
+      return;
+    }
+    if (!client) ThrowUnexpected();
+    switch (kind) {
+      case Message::kStart:
+        answer(client->Start(request.Next<TimeNs>()));
+        return;
+      case Message::kReceive: {
+        const auto uart = request.Next<Uart>();
+        const auto now = request.Next<TimeNs>();
+        client->Receive(uart, now, request.Next<std::vector<std::uint8_t>>());
+        return;
+      }
+      case Message::kGrant:
+        answer(client->Grant(request.Next<TimeNs>()));
+        return;
+      case Message::kReset:
+        answer(client->Reset(request.Next<TimeNs>()));
+        return;
+      case Message::kStatus:
+        answer(client->Status());
+        return;
+      default:
+        ThrowUnexpected();
+    }
+  });
+}
+
+}  // namespace tiltproof::harness

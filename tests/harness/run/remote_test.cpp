@@ -1,0 +1,175 @@
+// A flight whose parts are in processes of their own is the same flight, to the bit.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <functional>
+#include <memory>
+
+#include "harness/client/library_client.h"
+#include "harness/report/trace_csv.h"
+#include "harness/run/flight.h"
+#include "harness/run/remote/remote_parts.h"
+#include "harness/run/remote/serve.h"
+#include "harness/scenario/reader.h"
+
+namespace tiltproof::harness {
+namespace {
+
+using ::testing::HasSubstr;
+
+const std::string kRoot = TILTPROOF_SOURCE_DIR;
+
+LoadedScenario Load(const std::string& yaml) {
+  ReadOptions options;
+  options.models_folder = kRoot + "/plant/models";
+  LoadedScenario loaded;
+  loaded.scenario = ParseScenario(yaml, "setup", options);
+  std::vector<std::string> warnings;
+  loaded.model = std::make_shared<const plant::VehicleModel>(
+      plant::LoadVehicle(loaded.scenario.model_file, {}, warnings));
+  return loaded;
+}
+
+// A child that serves one part; killed and reaped at the end.
+class Served {
+ public:
+  explicit Served(const std::function<void(Channel&)>& serve) {
+    std::array<int, 2> sockets{};
+    if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, sockets.data()) != 0)
+      throw std::runtime_error("socketpair");
+    pid_ = fork();
+    if (pid_ == 0) {
+      close(sockets[0]);
+      serve(*MakeUnixChannel(sockets[1]));
+      _exit(0);
+    }
+    close(sockets[1]);
+    channel_ = MakeUnixChannel(sockets[0]);
+  }
+  ~Served() {
+    kill(pid_, SIGKILL);
+    waitpid(pid_, nullptr, 0);
+  }
+  Served(const Served&) = delete;
+  Served& operator=(const Served&) = delete;
+  Channel& channel() { return *channel_; }
+  pid_t pid() const { return pid_; }
+
+ private:
+  pid_t pid_ = -1;
+  std::unique_ptr<Channel> channel_;
+};
+
+struct Parts {
+  Served line{[](Channel& channel) { ServeLine(channel, Load); }};
+  Served plant{[](Channel& channel) { ServePlant(channel, Load); }};
+  Served client{[](Channel& channel) { ServeClient(channel, Load); }};
+};
+
+RunLog FlyApart(Parts& parts, const std::string& yaml, const std::function<void(TimeNs)>& at = {}) {
+  const Setup setup{yaml, TILTPROOF_FIRMWARE_LIBRARY};
+  const LoadedScenario loaded = Load(yaml);
+  RemoteLine line(parts.line.channel(), setup);
+  RemotePlantServer plant(parts.plant.channel(), setup);
+  FlightOptions options;
+  options.make_client = [&](ClientHost host) {
+    if (at) {
+      host.transmit = [&at, transmit = host.transmit](Uart uart, TimeNs now,
+                                                      std::span<const std::uint8_t> bytes) {
+        at(now);
+        return transmit(uart, now, bytes);
+      };
+    }
+    return MakeRemoteClient(parts.client.channel(), setup, std::move(host));
+  };
+  return Conduct(loaded.scenario, line, plant, options);
+}
+
+RunLog FlyTogether(const std::string& yaml) {
+  const LoadedScenario loaded = Load(yaml);
+  FlightOptions options;
+  options.make_client = [&](ClientHost host) {
+    return LoadLibraryClient(TILTPROOF_FIRMWARE_LIBRARY, loaded.scenario.firmware,
+                             loaded.scenario.link.dialect, std::move(host));
+  };
+  return Fly(loaded.scenario, *loaded.model, options);
+}
+
+const char* const kFaulty = R"yaml(
+name: remote
+model: tiltrotor
+firmware: tolerant
+seed: 11
+duration_s: 6
+reference: {type: spiral}
+faults:
+  - {id: bits, type: wire.bit_error, target: both, start_s: 1, end_s: 4, parameters: {ber: 0.0002}}
+  - {id: late, type: frame.delay, target: to_plant, start_s: 2, parameters: {mean_ms: 1, jitter_ms: 0.5, distribution: normal}}
+  - {id: skewed, type: sensor.bias, start_s: 3, parameters: {signal: x_m, offset: 0.05}}
+  - {id: weak, type: actuator.loss_of_effectiveness, start_s: 4, parameters: {actuator: f_r, factor: 0.98}}
+criteria:
+  - {name: near, stl: "always(position_error_m <= 5.0)"}
+)yaml";
+
+TEST(Remote, FlightInFourProcessesEqualsFlightInOne) {
+  const RunLog together = FlyTogether(kFaulty);
+  Parts parts;
+  const RunLog apart = FlyApart(parts, kFaulty);
+  ASSERT_EQ(apart.end_reason, EndReason::kCompleted) << apart.end_text;
+  EXPECT_EQ(TraceHash(apart.trace), TraceHash(together.trace));
+  EXPECT_EQ(apart.link.content(), together.link.content());
+  EXPECT_EQ(apart.firmware_log, together.firmware_log);
+  EXPECT_EQ(apart.fault_activation_counts, together.fault_activation_counts);
+  EXPECT_EQ(apart.reply_latency_ns, together.reply_latency_ns);
+  EXPECT_EQ(apart.events.size(), together.events.size());
+  EXPECT_EQ(apart.activations.size(), together.activations.size());
+  EXPECT_EQ(apart.failsafe_entered_count, together.failsafe_entered_count);
+  EXPECT_GT(apart.fault_activation_counts.at(0), 0);
+}
+
+// Kills the process `pid` once the flight has reached two seconds.
+std::function<void(TimeNs)> KillAtTwoSeconds(pid_t pid) {
+  return [pid](TimeNs now) {
+    if (now >= 2 * kNsPerS) kill(pid, SIGKILL);
+  };
+}
+
+TEST(Remote, FirmwareProcessKilledIsTheFirmwaresFailure) {
+  Parts parts;
+  const RunLog log = FlyApart(parts, kFaulty, KillAtTwoSeconds(parts.client.pid()));
+  EXPECT_EQ(log.end_reason, EndReason::kFirmwareCrashed);
+  EXPECT_THAT(log.end_text, HasSubstr("firmware"));
+  EXPECT_GE(log.trace.row_count(), 160U);  // what was flown is kept
+}
+
+TEST(Remote, PlantOrLineProcessKilledIsAnErrorThatNamesIt) {
+  {
+    Parts parts;
+    const RunLog log = FlyApart(parts, kFaulty, KillAtTwoSeconds(parts.plant.pid()));
+    EXPECT_EQ(log.end_reason, EndReason::kHarnessError);
+    EXPECT_THAT(log.end_text, HasSubstr("plant"));
+  }
+  Parts parts;
+  const RunLog log = FlyApart(parts, kFaulty, KillAtTwoSeconds(parts.line.pid()));
+  EXPECT_EQ(log.end_reason, EndReason::kHarnessError);
+  EXPECT_THAT(log.end_text, HasSubstr("link"));
+  EXPECT_GE(log.trace.row_count(), 160U);
+}
+
+TEST(Remote, ScenarioThatTheOtherProcessCannotReadIsSaid) {
+  Parts parts;
+  const harness::Setup setup{"name: [", ""};
+  try {
+    RemoteLine line(parts.line.channel(), setup);
+    FAIL() << "accepted";
+  } catch (const std::runtime_error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("the link process: setup:1"));
+  }
+}
+
+}  // namespace
+}  // namespace tiltproof::harness
