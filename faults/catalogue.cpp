@@ -13,7 +13,8 @@ Written by `tiltproof faults`.
 A fault acts in its window `[start_s, end_s)`: a fault on the wire on the frames whose first byte
 enters the wire in it, one on sensors or actuators on the samples in it. Frames that the sender hands
 over before the server has accepted `start` (the first sensor request is among them) are only in
-windows without `start_s`.
+windows without `start_s`. A fault on a node is a command, given at `start_s` and taken back at
+`end_s`; it needs nodes that are processes, so real time, and has no target and no trigger.
 
 Of what it sees in its window (only frames of its `message`, when it has one) the trigger picks every
 `every_nth_count`-th, and that one with `probability`. On the wire faults act in the order of their
@@ -36,7 +37,17 @@ std::string AllowedText(const ParameterInfo& info) {
   return Concat({NumberText(info.min), " to ", NumberText(info.max), whole});
 }
 
+std::string WindowText(const FaultType& type) {
+  const auto bound = [](std::string_view key, Bound how) {
+    return how == Bound::kRequired  ? Concat({"`", key, "` required"})
+           : how == Bound::kRefused ? Concat({"no `", key, "`"})
+                                    : Concat({"`", key, "` optional"});
+  };
+  return Concat({"Window: ", bound("start_s", type.start), ", ", bound("end_s", type.end), "."});
+}
+
 std::string TargetMarkdown(const FaultType& type) {
+  if (type.on_node) return Concat({"No target, no trigger. In real time only. ", WindowText(type), "\n\n"});
   if (!type.on_wire()) return Concat({"No target. Edits ", Name(type.stage), " values.\n\n"});
   std::vector<std::string_view> names;
   for (const Target target : AcceptedTargets(type)) {
@@ -66,7 +77,8 @@ std::string ParametersMarkdown(const FaultType& type) {
 std::string ExampleYaml(const FaultType& type) {
   std::string text = Concat({"- {id: example, type: ", type.name});
   if (type.on_wire()) text += ", target: to_client";
-  text += ", start_s: 20, end_s: 25";
+  if (type.start != Bound::kRefused) text += ", start_s: 20";
+  if (type.end != Bound::kRefused) text += ", end_s: 25";
   std::string parameters;
   for (const ParameterInfo& info : type.parameters) {
     parameters += Concat({parameters.empty() ? "" : ", ", info.name, ": ", ValueText(info.example)});

@@ -1,9 +1,10 @@
 // What a fault is: data in a scenario, and one small class in faults/models/<layer>/ that edits what passes.
 //
 // A fault on the wire edits a list of timed chunks, so drop, duplicate, delay, reorder, flip and truncate
-// share one shape. A fault on sensors or actuators edits the values. It knows neither the plant nor the
-// harness. Randomness comes from a stream that belongs to this fault alone (faults/random.h): adding or
-// removing a fault never shifts another's draws.
+// share one shape. A fault on sensors or actuators edits the values. A fault on a node edits nothing: it is a
+// command that the harness carries out (faults/node_command.h). None knows the plant or the harness.
+// Randomness comes from a stream that belongs to the fault alone (faults/random.h): adding or removing a
+// fault never shifts another's draws.
 //
 // Order on the wire: frame faults (on frames as sent), then byte and bit faults, then timing faults; within a
 // stage in file order.

@@ -3,7 +3,8 @@
 //
 // A wire model is asked about one chunk at a time, by the fault stage of one direction (faults/schedule.h). A
 // sensor or actuator model edits values. When it is asked (window, every nth, probability, message) and how
-// it is recorded is not its business.
+// it is recorded is not its business. A fault on a node is data alone, without a class: the harness carries
+// it out (faults/node_command.h).
 #pragma once
 
 #include <cstdint>
@@ -12,6 +13,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -114,9 +116,13 @@ struct ParameterInfo {
   std::vector<std::string_view> choices = {};  // kChoice
 };
 
-// Which faults act first on the wire; sensors and actuators are edited at their own places.
-enum class Stage : std::uint8_t { kFrame, kByte, kTiming, kSensor, kActuator };
+// Which faults act first on the wire; sensors and actuators are edited at their own places, and nodes are
+// commanded.
+enum class Stage : std::uint8_t { kFrame, kByte, kTiming, kSensor, kActuator, kNode };
 std::string_view Name(Stage stage);
+
+// Whether a fault's window has this end.
+enum class Bound : std::uint8_t { kOptional, kRequired, kRefused };
 
 struct FaultType {
   std::string_view name;  // "<layer>.<what>"
@@ -125,10 +131,16 @@ struct FaultType {
   std::string_view semantics;  // what exactly happens
   std::vector<ParameterInfo> parameters = {};
 
-  // Exactly one of the three.
+  // Exactly one of the three, or on_node.
   std::unique_ptr<WireModel> (*make_wire)(const WireSetup&) = nullptr;
   std::unique_ptr<SensorModel> (*make_sensor)(const Parameters&) = nullptr;
   std::unique_ptr<ActuatorModel> (*make_actuator)(const Parameters&) = nullptr;
+  // Edits nothing: a command that the harness carries out on a node, in real time only. Its window is not
+  // before t = 0, and it has no trigger.
+  bool on_node = false;
+
+  Bound start = Bound::kOptional, end = Bound::kOptional;
+  std::string_view duration_ms = {};  // the parameter that ends the window, where `end` is refused
 
   std::optional<Target> default_target = {};  // wire faults without one must state their target
   bool remembers = false;                     // a wire model with Pass() and Release()
@@ -148,6 +160,16 @@ inline ParameterInfo ProbabilityParameter(std::string_view doc, double example) 
           .doc = doc,
           .example = example,
           .zero = 0.0};
+}
+
+// Which node of the harness: "plant", "link", "client" (the firmware's), "base_station".
+inline ParameterInfo NodeParameter(std::vector<std::string_view> nodes) {
+  return {.name = "node",
+          .unit = "",
+          .kind = ParameterKind::kChoice,
+          .doc = "which node",
+          .example = std::string(nodes.front()),
+          .choices = std::move(nodes)};
 }
 
 // 10 kHz: a thousand times the rate at which nothing gets through any more, and still cheap.

@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <stdexcept>
+#include <utility>
 
 #include "faults/nearest_name.h"
 #include "faults/text.h"
@@ -28,6 +31,12 @@ namespace tiltproof::faults {
   FAULT(SensorBias)                  \
   FAULT(SensorFreeze)                \
   FAULT(ActuatorLossOfEffectiveness) \
+  FAULT(NodeKill)                    \
+  FAULT(NodePause)                   \
+  FAULT(NodeRestart)                 \
+  FAULT(DdsPartition)                \
+  FAULT(DdsLoss)                     \
+  FAULT(ClockSkew)                   \
   FAULT(HarnessNull)                 \
   FAULT(HarnessCanary)
 
@@ -74,6 +83,9 @@ class Validator {
       Add("type", {"unknown fault type '", spec_.type, "'", Suggestion(spec_.type, names)});
       return std::move(problems_);
     }
+    CheckBound(*type, "start_s", type->start, spec_.start_ns != kPowerOn);
+    CheckBound(*type, "end_s", type->end, spec_.end_ns != kNever);
+    if (type->on_node) CheckNode(*type);
     CheckTarget(*type);
     CheckMessage(*type);
     CheckParameters(*type);
@@ -91,6 +103,19 @@ class Validator {
     if (spec_.every_nth_count < 1) Add("every_nth_count", {"must be at least 1"});
     if (!(spec_.probability >= 0.0 && spec_.probability <= 1.0))
       Add("probability", {"must be between 0 and 1"});
+  }
+
+  void CheckBound(const FaultType& type, std::string_view key, Bound bound, bool stated) {
+    if (bound == Bound::kRequired && !stated) Add(key, {type.name, " needs ", key});
+    if (bound == Bound::kRefused && stated) Add(key, {type.name, " takes no ", key});
+  }
+
+  // A command is given once, at a time.
+  void CheckNode(const FaultType& type) {
+    if (spec_.start_ns != kPowerOn && spec_.start_ns < 0) Add("start_s", {"must be at least 0"});
+    if (spec_.every_nth_count != 1) Add("every_nth_count", {type.name, " takes no every_nth_count"});
+    if (spec_.probability != 1.0)
+      Add("probability", {type.name, " takes no probability beside its parameters"});
   }
 
   void CheckTarget(const FaultType& type) {
@@ -179,6 +204,8 @@ std::string_view Name(Stage stage) {
       return "sensor";
     case Stage::kActuator:
       return "actuator";
+    case Stage::kNode:
+      return "node";
   }
   return "unknown";
 }
@@ -206,6 +233,31 @@ Target ResolvedTarget(const FaultSpec& spec, const FaultType& type) {
   return spec.target == Target::kNone ? type.default_target.value_or(Target::kNone) : spec.target;
 }
 
+Parameters ResolvedParameters(const FaultSpec& spec, const FaultType& type) {
+  std::map<std::string, ParameterValue, std::less<>> values(spec.parameters.begin(), spec.parameters.end());
+  for (const ParameterInfo& info : type.parameters) {
+    if (info.default_value) values.try_emplace(std::string(info.name), *info.default_value);
+  }
+  return Parameters(std::move(values));
+}
+
+Window WindowOf(const FaultSpec& spec) {
+  Window window{spec.start_ns, spec.end_ns};
+  const FaultType* type = FindFaultType(spec.type);
+  if (type != nullptr && !type->duration_ms.empty())
+    window.end_ns =
+        spec.start_ns + FromSeconds(ResolvedParameters(spec, *type).Number(type->duration_ms) * 1e-3);
+  return window;
+}
+
 std::vector<Problem> Validate(const FaultSpec& spec) { return Validator(spec).Run(); }
+
+const FaultType& ValidType(const FaultSpec& spec) {
+  const std::vector<Problem> problems = Validate(spec);
+  if (!problems.empty())
+    throw std::invalid_argument(
+        Concat({"fault '", spec.id, "', ", problems[0].key, ": ", problems[0].message}));
+  return *FindFaultType(spec.type);
+}
 
 }  // namespace tiltproof::faults

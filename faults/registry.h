@@ -26,6 +26,11 @@ std::vector<Target> AcceptedTargets(const FaultType& type);
 // The target of a fault on the wire, the type's default if it states none.
 Target ResolvedTarget(const FaultSpec& spec, const FaultType& type);
 
+// The parameters of a valid fault, the type's defaults filled in.
+Parameters ResolvedParameters(const FaultSpec& spec, const FaultType& type);
+// When a valid fault is active: as stated, or from its start for as long as a parameter of it says.
+Window WindowOf(const FaultSpec& spec);
+
 struct Problem {
   // Which key of the fault in the scenario file: "type", "target", "end_s", "message", ..., "parameters" for
   // what is missing there, "parameters.<name>" for one parameter.
@@ -34,6 +39,8 @@ struct Problem {
 };
 // Everything wrong with a fault; empty when it can be scheduled.
 std::vector<Problem> Validate(const FaultSpec& spec);
+// The type of a valid fault; throws std::invalid_argument, naming fault and key, when it is none.
+const FaultType& ValidType(const FaultSpec& spec);
 
 // All types as a page in Markdown.
 std::string CatalogueMarkdown();

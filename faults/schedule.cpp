@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
-#include <stdexcept>
+#include <utility>
 
 #include "faults/recorder.h"
 #include "faults/registry.h"
@@ -29,14 +29,6 @@ std::vector<Direction> DirectionsOf(Target target) {
       return {};
   }
   return {};
-}
-
-Parameters WithDefaults(const FaultSpec& spec, const FaultType& type) {
-  std::map<std::string, ParameterValue, std::less<>> values(spec.parameters.begin(), spec.parameters.end());
-  for (const ParameterInfo& info : type.parameters) {
-    if (info.default_value) values.try_emplace(std::string(info.name), *info.default_value);
-  }
-  return Parameters(std::move(values));
 }
 
 // "x_m 1.25 -> 1.75, ...": the fields that differ.
@@ -95,23 +87,20 @@ struct FaultSchedule::State {
 FaultSchedule::FaultSchedule(const std::vector<FaultSpec>& specs, std::uint64_t seed, const Lines& lines)
     : state_(std::make_unique<State>(specs.size())) {
   std::vector<std::size_t> order;
+  std::vector<const FaultType*> types;
   for (std::size_t fault = 0; fault < specs.size(); ++fault) {
-    const std::vector<Problem> problems = Validate(specs[fault]);
-    if (!problems.empty()) {
-      throw std::invalid_argument("fault '" + specs[fault].id + "', " + problems[0].key + ": " +
-                                  problems[0].message);
-    }
+    types.push_back(&ValidType(specs[fault]));
     order.push_back(fault);
-    state_->windows.push_back({specs[fault].start_ns, specs[fault].end_ns});
+    state_->windows.push_back(WindowOf(specs[fault]));
   }
-  std::stable_sort(order.begin(), order.end(), [&specs](std::size_t a, std::size_t b) {
-    return FindFaultType(specs[a].type)->stage < FindFaultType(specs[b].type)->stage;
-  });
+  std::stable_sort(order.begin(), order.end(),
+                   [&types](std::size_t a, std::size_t b) { return types[a]->stage < types[b]->stage; });
 
   for (const std::size_t fault : order) {
     const FaultSpec& spec = specs[fault];
-    const FaultType& type = *FindFaultType(spec.type);
-    const Parameters parameters = WithDefaults(spec, type);
+    const FaultType& type = *types[fault];
+    if (type.on_node) continue;  // a command, not an edit
+    const Parameters parameters = ResolvedParameters(spec, type);
     const Window& window = state_->windows[fault];
     const Trigger trigger(spec, StreamKey(seed, {spec.id, "trigger"}));
     if (type.make_sensor != nullptr) {
@@ -141,15 +130,16 @@ void FaultSchedule::SetOrigin(TimeNs boot_time_of_t0) {
   for (WireStage& stage : state_->stages) stage.SetOrigin(boot_time_of_t0);
 }
 
-void FaultSchedule::EditSensors(TimeNs t, Sensors& sensors) {
+void FaultSchedule::EditSensors(TimeNs t, Sensors& sensors, TimeNs boot_time) {
+  const bool before_origin = t == kPowerOn;
   const std::uint64_t number = state_->sample_count++;
   for (SensorInjector& injector : state_->sensors) {
     if (!injector.window.Contains(t) || !injector.trigger.Picks(number)) continue;
     const Sensors before = sensors;
     injector.model->Act(sensors);
     if (sensors == before && !injector.always_counts) continue;
-    state_->recorder.Count(injector.fault, false, [&]() -> Activation {
-      return {.time_ns = t,
+    state_->recorder.Count(injector.fault, before_origin, [&]() -> Activation {
+      return {.time_ns = before_origin ? boot_time : t,
               .fault = injector.fault,
               .what = Changes(before, sensors, kSensorFields, &SignalField<BasicSensors>::in_float),
               .before = {},
@@ -190,6 +180,12 @@ TimeNs FaultSchedule::NextEdge(TimeNs t) const {
     }
   }
   return next;
+}
+
+void FaultSchedule::Count(std::size_t fault, TimeNs t, std::string what) {
+  state_->recorder.Count(fault, false, [&]() -> Activation {
+    return {.time_ns = t, .fault = fault, .what = std::move(what), .before = {}, .after = {}};
+  });
 }
 
 bool FaultSchedule::IsActive(std::size_t fault, TimeNs t) const { return state_->windows[fault].Contains(t); }

@@ -6,12 +6,15 @@
 //   faults.EditSensors(t, sensors);        // each sample that is sent
 //   faults.EditActuators(t, input);        // each new command, and at NextEdge()
 //
+// Faults on nodes have windows and counts here, and act elsewhere (faults/node_command.h).
+//
 // Stages work in the wires' time (boot time), everything else in simulation time.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "faults/fault.h"
@@ -41,8 +44,9 @@ class FaultSchedule {
   // The boot time of t = 0. Until it is known, frames are inside windows without a start only.
   void SetOrigin(TimeNs boot_time_of_t0);
 
-  // A sample that is about to be sent. `t` may be kPowerOn, for before t = 0.
-  void EditSensors(TimeNs t, Sensors& sensors);
+  // A sample that is about to be sent. `t` may be kPowerOn, for before t = 0: the record then has the time of
+  // `boot_time`, which matters for nothing else.
+  void EditSensors(TimeNs t, Sensors& sensors, TimeNs boot_time = 0);
 
   // The command in force from `t`. `new_command` false: the same command as last time, at the edge of a
   // window; it is neither counted nor drawn for again.
@@ -51,6 +55,9 @@ class FaultSchedule {
   // The first begin or end of an actuator fault's window after `t`, when the command in force must be edited
   // anew; kNever when there is none.
   TimeNs NextEdge(TimeNs t) const;
+
+  // A command of faults/node_command.h was carried out at `t`, in simulation time; `what` says how.
+  void Count(std::size_t fault, TimeNs t, std::string what);
 
   // Whether `t` is inside the window of the fault (its index in the scenario).
   bool IsActive(std::size_t fault, TimeNs t) const;

@@ -9,6 +9,7 @@
 namespace tiltproof::harness {
 namespace {
 
+using faults::Bound;
 using faults::FaultSpec;
 using faults::FaultType;
 using faults::ParameterInfo;
@@ -88,6 +89,40 @@ void DescribeParameter(KeyVisitor& v, const ParameterInfo& info, FaultSpec& faul
   }
 }
 
+constexpr double kWindowMax_s = 86400;
+
+// The ends of the window, as far as the type has them.
+void DescribeWindow(KeyVisitor& v, const FaultType& type, FaultSpec& fault) {
+  const double min_s = type.on_node ? 0 : -1000;
+  const auto describe = [&](Key key, Bound bound, std::string_view why_not, TimeNs& time_ns) {
+    if (bound == Bound::kRefused) {
+      key.doc = why_not;
+      v.Refuse(key);
+    } else {
+      key.presence = bound == Bound::kRequired ? Presence::kRequired : Presence::kOptional;
+      v.Seconds(key, time_ns, {min_s, kWindowMax_s});
+    }
+  };
+  describe({"start_s", "The window begins; absent: at power-on"}, type.start,
+           "a fault of this type lasts the whole flight", fault.start_ns);
+  describe({"end_s", "The window ends, itself outside; absent: never"}, type.end,
+           type.start == Bound::kRefused ? "a fault of this type lasts the whole flight"
+                                         : "a fault of this type has a begin only",
+           fault.end_ns);
+}
+
+// A command to a node is given once, whatever passes.
+void RefuseTrigger(KeyVisitor& v) {
+  for (const std::string_view key : {"target", "message", "every_nth_count", "probability"})
+    v.Refuse({key, "a fault on a node has no target and no trigger"});
+}
+
+void DescribeTrigger(KeyVisitor& v, FaultSpec& fault) {
+  v.Integer({"every_nth_count", "Of the frames or samples in the window, only every so many"},
+            fault.every_nth_count, {1, 1e9});
+  v.Number({"probability", "Then with this probability"}, fault.probability, {0, 1});
+}
+
 }  // namespace
 
 void DescribeFault(KeyVisitor& v, FaultSpec& fault) {
@@ -112,12 +147,9 @@ void DescribeFault(KeyVisitor& v, FaultSpec& fault) {
             [&](KeyVisitor& p) {
               for (const ParameterInfo& info : type.parameters) DescribeParameter(p, info, fault);
             });
+        DescribeWindow(w, type, fault);
+        type.on_node ? RefuseTrigger(w) : DescribeTrigger(w, fault);
       });
-  v.Seconds({"start_s", "The window begins; absent: at power-on"}, fault.start_ns, {-1000, 86400});
-  v.Seconds({"end_s", "The window ends, itself outside; absent: never"}, fault.end_ns, {-1000, 86400});
-  v.Integer({"every_nth_count", "Of the frames or samples in the window, only every so many"},
-            fault.every_nth_count, {1, 1e9});
-  v.Number({"probability", "Then with this probability"}, fault.probability, {0, 1});
 }
 
 }  // namespace tiltproof::harness

@@ -56,6 +56,9 @@ class KeyVisitor {
 
   virtual ~KeyVisitor() = default;
 
+  // A key that others of this mapping's kind have; `key.doc` says why it has none.
+  virtual void Refuse(const Key& /*key*/) {}
+
   // The value passed in is the default.
   virtual void Bool(const Key& key, bool& value) = 0;
   virtual void Number(const Key& key, double& value, Range range) = 0;

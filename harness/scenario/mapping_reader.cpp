@@ -143,6 +143,13 @@ void MappingReader::ReadBody(std::string_view key, const YamlNode& node, const B
   reader.Finish();
 }
 
+void MappingReader::Refuse(const Key& key) {
+  const YamlEntry* entry = mapping_.Find(key.name);
+  if (entry == nullptr) return;
+  known_.push_back(key.name);  // and said so
+  Complain(entry->key_mark, fmt::format("{}: {}", key.name, key.doc));
+}
+
 void MappingReader::Bool(const Key& key, bool& value) {
   const YamlNode* node = Take(key);
   if (node == nullptr) return;

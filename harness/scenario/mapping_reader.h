@@ -18,6 +18,7 @@ class MappingReader : public KeyVisitor {
   // After all keys were described: complains about those that nobody asked for, and those that are missing.
   void Finish();
 
+  void Refuse(const Key& key) override;
   void Bool(const Key& key, bool& value) override;
   void Number(const Key& key, double& value, Range range) override;
   void MaybeNumber(const Key& key, std::optional<double>& value, Range range) override;

@@ -61,7 +61,12 @@ struct Scenario {
   LinkSpec link;
   ReferenceSpec reference;
   std::vector<faults::FaultSpec> faults;
+  std::vector<std::string> fault_places;  // "file:line:column" of each fault's type, when read from a file
   std::vector<CriterionSpec> criteria;
 };
+
+// What keeps a scenario from being flown in lockstep, with the place in its file: the first fault on a node,
+// which in lockstep is no process. None when nothing does.
+std::optional<std::string> NeedsRealtime(const Scenario& scenario);
 
 }  // namespace tiltproof::harness

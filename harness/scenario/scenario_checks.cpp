@@ -164,9 +164,13 @@ class Checker {
   void CheckFaults() {
     const YamlNode* list = ValueOf(&root_, "faults");
     std::map<std::string_view, YamlMark> ids;
+    scenario_.fault_places.clear();
     for (std::size_t i = 0; i < scenario_.faults.size(); ++i) {
       const faults::FaultSpec& fault = scenario_.faults[i];
       const YamlNode& node = list->items[i];
+      const YamlMark place = PlaceOf(node, "type");
+      scenario_.fault_places.push_back(
+          fmt::format("{}:{}:{}", scenario_.file.string(), place.line, place.column));
       if (!fault.id.empty()) {
         const auto [first, is_new] = ids.try_emplace(fault.id, PlaceOf(node, "id"));
         if (!is_new)
@@ -179,7 +183,9 @@ class Checker {
       }
       if (fault.type.empty()) continue;  // unknown, and said so
       for (const faults::Problem& problem : faults::Validate(fault)) {
-        if (problem.key == "parameters") continue;  // one is missing, and the reader said so
+        // What is missing or unreadable, the reader said so.
+        const bool is_bound = problem.key == "start_s" || problem.key == "end_s";
+        if (problem.key == "parameters" || (is_bound && Good(node, problem.key) == nullptr)) continue;
         Complain(node, problem.key, fmt::format("{}: {}", problem.key, problem.message));
       }
     }

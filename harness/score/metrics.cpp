@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <string_view>
 
+#include "faults/registry.h"
 #include "harness/score/signals.h"
 #include "link/signals.h"
 
@@ -95,7 +96,7 @@ class Calculator {
   void Settling() {
     if (scenario_.faults.empty() || times_.empty()) return;
     TimeNs end_ns = 0;
-    for (const auto& fault : scenario_.faults) end_ns = std::max(end_ns, fault.end_ns);
+    for (const auto& fault : scenario_.faults) end_ns = std::max(end_ns, faults::WindowOf(fault).end_ns);
     if (end_ns >= times_.back()) return;
     std::size_t settled = times_.size();
     while (settled > 0 && error_[settled - 1] <= kSettledError_m) --settled;

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <initializer_list>
 #include <map>
+#include <ostream>
 #include <string>
 #include <utility>
 #include <vector>
@@ -13,6 +14,9 @@
 #include "link/chunk.h"
 
 namespace tiltproof::faults {
+
+// What GoogleTest prints for a parameter.
+inline void PrintTo(const FaultType& type, std::ostream* os) { *os << type.name; }
 
 using Bytes = std::vector<std::uint8_t>;
 
@@ -28,10 +32,12 @@ inline FaultSpec Spec(const std::string& type, std::map<std::string, ParameterVa
   return spec;
 }
 
-// The type's example, of which the registry says that it acts.
+// The type's example with as little of a window as it needs, of which the registry says that it acts.
 inline FaultSpec ExampleSpec(const FaultType& type) {
   FaultSpec spec = Spec(std::string(type.name));
   for (const ParameterInfo& info : type.parameters) spec.parameters[std::string(info.name)] = info.example;
+  if (type.start == Bound::kRequired) spec.start_ns = 2 * kNsPerS;
+  if (type.end == Bound::kRequired) spec.end_ns = 5 * kNsPerS;
   return spec;
 }
 

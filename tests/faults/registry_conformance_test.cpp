@@ -8,19 +8,16 @@
 #include <bit>
 #include <cmath>
 #include <limits>
-#include <ostream>
 #include <set>
 #include <string>
 #include <vector>
 
+#include "faults/node_command.h"
 #include "faults/registry.h"
 #include "faults/schedule.h"
 #include "tests/faults/faulty_line.h"
 
 namespace tiltproof::faults {
-
-// What GoogleTest prints for a parameter.
-void PrintTo(const FaultType& type, std::ostream* os) { *os << type.name; }
 
 namespace {
 
@@ -94,13 +91,17 @@ class RegistryConformanceTest : public ::testing::TestWithParam<FaultType> {
   const FaultType& type() const { return GetParam(); }
 };
 
-// Types with a value that changes nothing, and types that stand in the line.
+// Types that edit what passes; of these the ones with a value that changes nothing, and the ones that stand in
+// the line. The rest are commands to nodes (node_command_test.cpp).
+class EditConformanceTest : public RegistryConformanceTest {};
 class ZeroConformanceTest : public RegistryConformanceTest {};
 class WireConformanceTest : public RegistryConformanceTest {};
 
+bool Edits(const FaultType& type) { return !type.on_node; }
+
 bool HasZero(const FaultType& type) {
-  return std::any_of(type.parameters.begin(), type.parameters.end(),
-                     [](const ParameterInfo& info) { return info.zero.has_value(); });
+  return Edits(type) && std::any_of(type.parameters.begin(), type.parameters.end(),
+                                    [](const ParameterInfo& info) { return info.zero.has_value(); });
 }
 
 bool OnWire(const FaultType& type) { return type.on_wire(); }
@@ -115,7 +116,8 @@ std::vector<FaultType> TypesThat(bool (*predicate)(const FaultType&)) {
 
 TEST_P(RegistryConformanceTest, IsDocumented) {
   EXPECT_THAT(std::string(type().name), ::testing::MatchesRegex("[a-z]+\\.[a-z_]+"));
-  EXPECT_THAT((std::set<std::string_view>{"wire", "frame", "link", "sensor", "actuator", "harness"}),
+  EXPECT_THAT((std::set<std::string_view>{"wire", "frame", "link", "sensor", "actuator", "node", "dds",
+                                          "clock", "harness"}),
               Contains(type().layer()));
   EXPECT_TRUE(type().summary.ends_with('.'));
   EXPECT_TRUE(type().semantics.ends_with('.'));
@@ -129,16 +131,34 @@ TEST_P(RegistryConformanceTest, IsDocumented) {
     EXPECT_EQ(info.choices.empty(), info.kind != ParameterKind::kChoice) << info.name;
     EXPECT_THAT(catalogue, HasSubstr("| `" + std::string(info.name) + "` |"));
   }
-  EXPECT_EQ(
-      1, (type().make_wire != nullptr) + (type().make_sensor != nullptr) + (type().make_actuator != nullptr));
+  EXPECT_EQ(1, (type().make_wire != nullptr) + (type().make_sensor != nullptr) +
+                   (type().make_actuator != nullptr) + (type().on_node ? 1 : 0));
+  EXPECT_EQ(type().stage == Stage::kNode, type().on_node);
   EXPECT_EQ(type().stage == Stage::kSensor, type().make_sensor != nullptr);
   EXPECT_EQ(type().stage == Stage::kActuator, type().make_actuator != nullptr);
 }
 
-TEST_P(RegistryConformanceTest, ItsExampleIsValidAndActs) {
-  const FaultSpec spec = ExampleSpec(type());
-  EXPECT_THAT(Validate(spec), IsEmpty());
-  EXPECT_GT(Fly({spec}).counts.at(0), 0);
+TEST_P(RegistryConformanceTest, ItsExampleIsValid) { EXPECT_THAT(Validate(ExampleSpec(type())), IsEmpty()); }
+
+TEST_P(EditConformanceTest, ItsExampleActs) { EXPECT_GT(Fly({ExampleSpec(type())}).counts.at(0), 0); }
+
+TEST_P(EditConformanceTest, IsNoCommand) { EXPECT_THAT(NodeCommands({ExampleSpec(type())}), IsEmpty()); }
+
+TEST_P(RegistryConformanceTest, KeepsToTheWindowItDeclares) {
+  const auto complains = [&](const std::string& key, const FaultSpec& spec) {
+    const std::vector<Problem> problems = Validate(spec);
+    return std::any_of(problems.begin(), problems.end(), [&](const Problem& p) { return p.key == key; });
+  };
+  FaultSpec without = ExampleSpec(type());
+  without.start_ns = kPowerOn;
+  without.end_ns = kNever;
+  EXPECT_EQ(complains("start_s", without), type().start == Bound::kRequired);
+  EXPECT_EQ(complains("end_s", without), type().end == Bound::kRequired);
+  FaultSpec with = ExampleSpec(type());
+  with.start_ns = 0;
+  with.end_ns = kNsPerS;
+  EXPECT_EQ(complains("start_s", with), type().start == Bound::kRefused);
+  EXPECT_EQ(complains("end_s", with), type().end == Bound::kRefused);
 }
 
 TEST_P(RegistryConformanceTest, RefusesWrongParameters) {
@@ -206,7 +226,7 @@ TEST_P(RegistryConformanceTest, RefusesWrongTargets) {
   }
 }
 
-TEST_P(RegistryConformanceTest, SameSeedSameOutcome) {
+TEST_P(EditConformanceTest, SameSeedSameOutcome) {
   FaultSpec spec = ExampleSpec(type());
   spec.probability = 0.7;
   const Outcome first = Fly({spec}, 5);
@@ -230,7 +250,7 @@ TEST_P(ZeroConformanceTest, ZeroIntensityChangesNothing) {
   EXPECT_THAT(outcome.activations, IsEmpty());
 }
 
-TEST_P(RegistryConformanceTest, ActsOnlyInItsWindow) {
+TEST_P(EditConformanceTest, ActsOnlyInItsWindow) {
   FaultSpec spec = ExampleSpec(type());
   // Borders between the grid points and on them.
   spec.start_ns = 300 * kPeriod;
@@ -287,7 +307,7 @@ TEST_P(WireConformanceTest, WindowsAreInSimulationTimeAndRecordsToo) {
 }
 
 // A frame counts as acted on when what it became at once is not just itself.
-TEST_P(RegistryConformanceTest, RecordsWhatChangedAndNothingElse) {
+TEST_P(EditConformanceTest, RecordsWhatChangedAndNothingElse) {
   FaultSpec spec = ExampleSpec(type());
   spec.probability = 0.6;
   spec.every_nth_count = 2;
@@ -320,7 +340,7 @@ TEST_P(RegistryConformanceTest, RecordsWhatChangedAndNothingElse) {
   EXPECT_EQ(record, outcome.activations.size());
 }
 
-TEST_P(RegistryConformanceTest, AnotherFaultDoesNotShiftItsDraws) {
+TEST_P(EditConformanceTest, AnotherFaultDoesNotShiftItsDraws) {
   FaultSpec spec = ExampleSpec(type());
   spec.probability = 0.6;
   // Removes every second frame before this one sees it; what acts on the frame's content or on its place
@@ -406,7 +426,7 @@ TEST(EveryBuild, DrawsTheSameBits) {
     for (const auto byte : std::bit_cast<std::array<std::uint8_t, sizeof value>>(value))
       digest = (digest ^ byte) * 0x100000001b3ULL;
   };
-  for (const FaultType& type : FaultTypes()) {
+  for (const FaultType& type : TypesThat(Edits)) {
     const Outcome outcome = Fly({ExampleSpec(type)}, 20);
     for (const auto& chunks : outcome.frames) {
       for (const auto& chunk : chunks) {
@@ -424,6 +444,7 @@ TEST(EveryBuild, DrawsTheSameBits) {
 }
 
 INSTANTIATE_TEST_SUITE_P(All, RegistryConformanceTest, ::testing::ValuesIn(FaultTypes()), TestName);
+INSTANTIATE_TEST_SUITE_P(All, EditConformanceTest, ::testing::ValuesIn(TypesThat(Edits)), TestName);
 INSTANTIATE_TEST_SUITE_P(All, ZeroConformanceTest, ::testing::ValuesIn(TypesThat(HasZero)), TestName);
 INSTANTIATE_TEST_SUITE_P(All, WireConformanceTest, ::testing::ValuesIn(TypesThat(OnWire)), TestName);
 

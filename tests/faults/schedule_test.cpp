@@ -209,6 +209,18 @@ TEST(ScheduleTest, SamplesBeforeTheStartAreInWindowsWithoutABegin) {
   EXPECT_EQ(sensors.y_m, 0.0F);
 }
 
+// Boot time is what there is before the start; the log has it relative to t = 0 like everything else.
+TEST(ScheduleTest, RecordsBeforeTheStartHaveNegativeTimes) {
+  FaultSchedule schedule({Spec("sensor.bias", {{"signal", "x_m"}, {"offset", 1.0}})}, 1);
+  Sensors sensors;
+  schedule.EditSensors(kPowerOn, sensors, 30 * kNsPerMs);
+  schedule.EditSensors(5, sensors, 100 * kNsPerMs + 5);
+  const std::vector<Activation> activations = schedule.TakeActivations(100 * kNsPerMs);
+  ASSERT_THAT(activations, SizeIs(2));
+  EXPECT_EQ(activations[0].time_ns, -70 * kNsPerMs);
+  EXPECT_EQ(activations[1].time_ns, 5);
+}
+
 // All faults of the line at once, through a wire: what arrives is in order, and the same again.
 TEST(ScheduleTest, AWireKeepsOrderUnderEveryFault) {
   std::vector<FaultSpec> specs;

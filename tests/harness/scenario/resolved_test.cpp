@@ -99,7 +99,11 @@ void MakeConsistent(Scenario& s, const fs::path& folder) {
     if (*rc::gen::arbitrary<bool>()) fault.start_ns = kPowerOn;
     if (fault.start_ns >= s.duration_ns) fault.start_ns = s.duration_ns - 1;
     if (*rc::gen::arbitrary<bool>()) fault.end_ns = kNever;
-    if (fault.end_ns <= fault.start_ns) fault.end_ns = fault.start_ns + 1;
+    const faults::FaultType& type = *faults::FindFaultType(fault.type);
+    if (type.start == faults::Bound::kRefused) fault.start_ns = kPowerOn;
+    if (type.start == faults::Bound::kRequired && fault.start_ns == kPowerOn) fault.start_ns = 0;
+    if (type.end == faults::Bound::kRefused || fault.end_ns <= fault.start_ns) fault.end_ns = kNever;
+    if (type.end == faults::Bound::kRequired && fault.end_ns == kNever) fault.end_ns = fault.start_ns + 1;
     for (const auto& problem : faults::Validate(fault)) {
       if (problem.key == "message") fault.message.reset();
     }

@@ -174,6 +174,14 @@ TEST_F(SchemaTest, BrokenScenariosAreRefusedByBoth) {
       good + "faults: [{id: a, type: sensor.freeze, parameters: {signal: height}}]\n",
       good + "faults: [{id: a, type: harness.null, probability: 2}]\n",
       good + "faults: [{id: a, type: harness.null, every_nth_count: 0}]\n",
+      good + "faults: [{id: a, type: node.kill, parameters: {node: plant}}]\n",
+      good + "faults: [{id: a, type: node.kill, start_s: -1, parameters: {node: plant}}]\n",
+      good + "faults: [{id: a, type: node.kill, start_s: 1, end_s: 2, parameters: {node: plant}}]\n",
+      good + "faults: [{id: a, type: node.kill, start_s: 1, target: both, parameters: {node: plant}}]\n",
+      good + "faults: [{id: a, type: node.kill, start_s: 1, probability: 1, parameters: {node: plant}}]\n",
+      good + "faults: [{id: a, type: node.pause, start_s: 1, parameters: {node: plant}}]\n",
+      good + "faults: [{id: a, type: node.restart, start_s: 1, parameters: {node: plant, down_ms: 1}}]\n",
+      good + "faults: [{id: a, type: dds.loss, start_s: 1, parameters: {node: all, probability: 0.1}}]\n",
       good + "criteria: [{stl: \"true\"}]\n",
       good + "criteria: [{name: a, stl: 5}]\n",
       good + "criteria: [{name: a, metric: Rmse, max: 1}]\n",
@@ -203,6 +211,8 @@ TEST_F(SchemaTest, EveryFaultTypeIsKnownToBoth) {
     }
     Json fault = {{"id", "a"}, {"type", type.name}, {"parameters", parameters}};
     if (type.on_wire()) fault["target"] = "to_client";
+    if (type.start == faults::Bound::kRequired) fault["start_s"] = 2;
+    if (type.end == faults::Bound::kRequired) fault["end_s"] = 3;
     const Json scenario = {{"name", "x"},
                            {"duration_s", 24},
                            {"reference", {{"type", "spiral"}}},

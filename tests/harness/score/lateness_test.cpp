@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <optional>
+#include <string>
 
 #include "harness/score/score.h"
 
@@ -22,6 +23,20 @@ Score ScoreOf(const RunLog& log) {
   Scenario scenario;
   scenario.duration_ns = log.end_ns;
   return ScoreRun(scenario, log);
+}
+
+TEST(Lateness, IsAMetricInRealTimeAlone) {
+  RunLog log = LateFlight(1000, 0, 1'250'000);
+  log.client_round_trip_ns = {900'000, 700'000, 800'000};
+  const auto metrics = ScoreOf(log).metrics;
+  EXPECT_EQ(metrics.at("timing.harness_overrun_count"), 0.0);
+  EXPECT_EQ(metrics.at("timing.harness_late_max_ms"), 1.25);
+  EXPECT_EQ(metrics.at("timing.client_round_trip_p50_ms"), 0.8);
+  EXPECT_EQ(metrics.at("timing.client_round_trip_p99_ms"), 0.9);
+  EXPECT_EQ(metrics.at("timing.client_round_trip_max_ms"), 0.9);
+  log.harness_overrun_count.reset();
+  log.harness_late_max_ns.reset();
+  for (const auto& [name, value] : ScoreOf(log).metrics) EXPECT_EQ(name.find("harness_"), std::string::npos);
 }
 
 TEST(Lateness, TooOftenIsInconclusive) {

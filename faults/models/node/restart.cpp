@@ -1,0 +1,26 @@
+#include "faults/model.h"
+
+namespace tiltproof::faults {
+
+FaultType NodeRestart() {
+  return {.name = "node.restart",
+          .stage = Stage::kNode,
+          .summary = "Kills a node and starts it again.",
+          .semantics =
+              "At `start_s` the node is killed (SIGKILL), `down_ms` later it is started anew, with nothing "
+              "of what it "
+              "knew: a firmware begins with `start`. The fault is active while the node is down.",
+          .parameters = {NodeParameter({"client", "base_station"}),
+                         {.name = "down_ms",
+                          .unit = "ms",
+                          .min = 0.0,
+                          .max = 600'000.0,
+                          .doc = "from the kill to the new start",
+                          .example = 500.0}},
+          .on_node = true,
+          .start = Bound::kRequired,
+          .end = Bound::kRefused,
+          .duration_ms = "down_ms"};
+}
+
+}  // namespace tiltproof::faults

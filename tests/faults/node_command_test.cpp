@@ -1,0 +1,193 @@
+// What the harness is told to do to its nodes, and when.
+
+#include "faults/node_command.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <stdexcept>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "tests/faults/faulty_line.h"
+
+namespace tiltproof::faults {
+namespace {
+
+using ::testing::Contains;
+using ::testing::ElementsAre;
+using ::testing::Field;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+
+FaultSpec At(FaultSpec spec, TimeNs start_ns, TimeNs end_ns = kNever) {
+  spec.start_ns = start_ns;
+  spec.end_ns = end_ns;
+  return spec;
+}
+
+TEST(NodeCommandTest, NoFaultOnANodeNoCommand) {
+  EXPECT_THAT(NodeCommands({}), IsEmpty());
+  EXPECT_THAT(NodeCommands({Spec("sensor.freeze", {{"signal", "x_m"}}), Spec("link.silence")}), IsEmpty());
+}
+
+TEST(NodeCommandTest, AreInOrderOfTimeThenOfTheFile) {
+  const std::vector<FaultSpec> specs = {
+      At(Spec("node.kill", {{"node", "plant"}}), 9 * kNsPerS),
+      Spec("sensor.freeze", {{"signal", "x_m"}}),
+      At(Spec("node.pause", {{"node", "client"}}), 4 * kNsPerS, 5 * kNsPerS),
+      At(Spec("dds.partition", {{"node", "all"}}), 4 * kNsPerS, 6 * kNsPerS),
+      Spec("dds.loss", {{"node", "link"}, {"probability", 0.1}}),
+      At(Spec("clock.skew", {{"node", "client"}, {"ppm", -500.0}}), 0)};
+  std::vector<std::size_t> order;
+  for (const NodeCommand& command : NodeCommands(specs)) order.push_back(command.fault);
+  EXPECT_THAT(order, ElementsAre(4, 5, 2, 3, 0));
+}
+
+TEST(NodeCommandTest, EachTypeSaysWhenItIsTakenBack) {
+  const auto only = [](const FaultSpec& spec) { return NodeCommands({spec}).at(0); };
+  const NodeCommand kill = only(At(Spec("node.kill", {{"node", "link"}}), 3));
+  EXPECT_EQ(kill.at_ns, 3);
+  EXPECT_EQ(kill.until_ns, kNever);
+  EXPECT_EQ(kill.node, "link");
+  const NodeCommand pause = only(At(Spec("node.pause", {{"node", "client"}}), 3, 8));
+  EXPECT_EQ(pause.until_ns, 8);
+  const NodeCommand restart =
+      only(At(Spec("node.restart", {{"node", "client"}, {"down_ms", 250.5}}), kNsPerS));
+  EXPECT_EQ(restart.until_ns, kNsPerS + 250'500'000);
+  const NodeCommand loss = only(Spec("dds.loss", {{"node", "all"}, {"probability", 0.25}}));
+  EXPECT_EQ(loss.at_ns, kPowerOn);
+  EXPECT_EQ(loss.until_ns, kNever);
+  EXPECT_EQ(loss.parameters.Number("probability"), 0.25);
+  const NodeCommand skew = only(Spec("clock.skew", {{"node", "plant"}, {"ppm", 50.0}}));
+  EXPECT_EQ(skew.at_ns, kPowerOn);
+  EXPECT_EQ(skew.parameters.Number("offset_ms"), 0.0);  // the default
+}
+
+TEST(NodeCommandTest, ARestartIsOverWhenTheNodeIsStartedAgain) {
+  const FaultSpec restart =
+      At(Spec("node.restart", {{"node", "base_station"}, {"down_ms", 2000.0}}), 3 * kNsPerS);
+  EXPECT_EQ(WindowOf(restart).begin_ns, 3 * kNsPerS);
+  EXPECT_EQ(WindowOf(restart).end_ns, 5 * kNsPerS);
+  const FaultSchedule schedule({restart}, 1);
+  EXPECT_TRUE(schedule.IsActive(0, 5 * kNsPerS - 1));
+  EXPECT_FALSE(schedule.IsActive(0, 5 * kNsPerS));
+}
+
+TEST(NodeCommandTest, OnlyNodesThatCanBeAimedAt) {
+  const auto valid = [](const std::string& type, const std::string& node) {
+    FaultSpec spec = ExampleSpec(*FindFaultType(type));
+    spec.parameters["node"] = node;
+    return Validate(spec).empty();
+  };
+  for (const char* type : {"node.kill", "node.pause", "dds.partition", "dds.loss"})
+    for (const char* node : {"plant", "link", "client", "base_station"})
+      EXPECT_TRUE(valid(type, node)) << type << ' ' << node;
+  for (const char* type : {"dds.partition", "dds.loss"}) EXPECT_TRUE(valid(type, "all"));
+  for (const char* type : {"node.kill", "node.pause", "node.restart", "clock.skew"})
+    EXPECT_FALSE(valid(type, "all"));
+  for (const char* node : {"plant", "link"}) EXPECT_FALSE(valid("node.restart", node));
+  EXPECT_FALSE(valid("clock.skew", "link"));
+}
+
+TEST(NodeCommandTest, AnInvalidFaultIsRefusedByName) {
+  FaultSpec kill = Spec("node.kill", {{"node", "plant"}}, "end-of-all");
+  try {
+    NodeCommands({kill});
+    FAIL();
+  } catch (const std::invalid_argument& error) {
+    EXPECT_THAT(error.what(), HasSubstr("fault 'end-of-all', start_s: node.kill needs start_s"));
+  }
+}
+
+// What every such type must keep.
+class NodeConformanceTest : public ::testing::TestWithParam<FaultType> {
+ protected:
+  const FaultType& type() const { return GetParam(); }
+};
+
+TEST_P(NodeConformanceTest, EditsNothing) {
+  FaultSchedule schedule({ExampleSpec(type())}, 1);
+  schedule.SetOrigin(0);
+  for (const auto direction :
+       {link::Direction::kToClient, link::Direction::kToPlant, link::Direction::kReference})
+    EXPECT_EQ(schedule.Stage(direction), nullptr);
+  EXPECT_EQ(schedule.NextEdge(kPowerOn), kNever);
+  for (TimeNs t = 0; t < 12 * kNsPerS; t += 12 * kNsPerMs) {
+    Sensors sensors{.x_m = 1.25F};
+    ActuatorsTruth command{.f_r_n = 8.0};
+    schedule.EditSensors(t, sensors);
+    schedule.EditActuators(t, command);
+    ASSERT_EQ(sensors, Sensors{.x_m = 1.25F});
+    ASSERT_EQ(command, ActuatorsTruth{.f_r_n = 8.0});
+  }
+  EXPECT_THAT(schedule.ActivationCounts(), ElementsAre(0));
+}
+
+TEST_P(NodeConformanceTest, IsOneCommandInForceWhileItIsActive) {
+  const FaultSpec spec = ExampleSpec(type());
+  const FaultSpec other = Spec("sensor.bias", {{"signal", "x_m"}, {"offset", 0.0}}, "other");
+  const std::vector<NodeCommand> commands = NodeCommands({other, spec});
+  ASSERT_THAT(commands, SizeIs(1));
+  EXPECT_EQ(commands[0].fault, 1U);
+  EXPECT_EQ(commands[0].type, type().name);
+  EXPECT_EQ(commands[0].at_ns, spec.start_ns);
+  for (const ParameterInfo& info : type().parameters) {
+    if (info.kind == ParameterKind::kChoice) {
+      EXPECT_EQ(commands[0].parameters.Choice(info.name), std::get<std::string>(info.example));
+    } else {
+      EXPECT_EQ(commands[0].parameters.Number(info.name), std::get<double>(info.example));
+    }
+  }
+  EXPECT_EQ(commands[0].node, commands[0].parameters.Choice("node"));
+  const FaultSchedule schedule({other, spec}, 1);
+  for (TimeNs t = -kNsPerS; t < 12 * kNsPerS; t += 100 * kNsPerMs)
+    ASSERT_EQ(schedule.IsActive(1, t), commands[0].at_ns <= t && t < commands[0].until_ns) << t;
+}
+
+TEST_P(NodeConformanceTest, IsCountedByWhoCarriesItOut) {
+  FaultSchedule schedule({ExampleSpec(type())}, 1);
+  schedule.Count(0, 3 * kNsPerS, "done");
+  schedule.Count(0, kNsPerS, "done before");
+  EXPECT_THAT(schedule.ActivationCounts(), ElementsAre(2));
+  const std::vector<Activation> activations = schedule.TakeActivations(7 * kNsPerS);
+  ASSERT_THAT(activations, SizeIs(2));
+  EXPECT_EQ(activations[0].time_ns, kNsPerS);  // in simulation time, whatever the origin
+  EXPECT_EQ(activations[0].what, "done before");
+  EXPECT_EQ(activations[1].fault, 0U);
+}
+
+TEST_P(NodeConformanceTest, HasNoTriggerAndNothingBeforeTheStart) {
+  const auto refused = [&](const std::string& key, auto&& change) {
+    FaultSpec spec = ExampleSpec(type());
+    change(spec);
+    EXPECT_THAT(Validate(spec), Contains(Field(&Problem::key, key))) << key;
+    EXPECT_THROW(FaultSchedule({spec}, 1), std::invalid_argument);
+    EXPECT_THROW(NodeCommands({spec}), std::invalid_argument);
+  };
+  refused("every_nth_count", [](FaultSpec& spec) { spec.every_nth_count = 2; });
+  refused("probability", [](FaultSpec& spec) { spec.probability = 0.5; });
+  refused("message", [](FaultSpec& spec) { spec.message = link::MessageKind::kReply; });
+  refused("start_s", [](FaultSpec& spec) { spec.start_ns = -1; });
+}
+
+std::vector<FaultType> TypesOnNodes() {
+  std::vector<FaultType> types;
+  for (const FaultType& type : FaultTypes())
+    if (type.on_node) types.push_back(type);
+  return types;
+}
+
+std::string TestName(const ::testing::TestParamInfo<FaultType>& info) {
+  std::string name(info.param.name);
+  std::replace(name.begin(), name.end(), '.', '_');
+  return name;
+}
+
+INSTANTIATE_TEST_SUITE_P(All, NodeConformanceTest, ::testing::ValuesIn(TypesOnNodes()), TestName);
+
+}  // namespace
+}  // namespace tiltproof::faults
