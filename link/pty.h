@@ -1,14 +1,14 @@
-// A pseudo-terminal pair: a serial line without hardware. Firmware that runs as a process opens the slave path like a
-// serial port; this end is the other end of its cable.
+// A pseudo-terminal pair: a serial line without hardware. Firmware that runs as a process opens the slave
+// path like a serial port; this end is the other end of its cable.
 //
 //   Pty pty(loop);
 //   pty.master().Start(received, closed);
 //   Spawn({"firmware", "--port", pty.slave_path()});
 //
-// Raw on both sides from the start. The peer may open the slave late, close it and open it again: this end stays
-// open, as a UART does. As on a pseudo-terminal nobody reads, bytes wait for the peer (some 64 KiB in the kernel,
-// then in the master's queue); a peer that opens it as link::SerialPort discards what the kernel kept. The pair
-// vanishes with this object.
+// Raw on both sides from the start. The peer may open the slave late, close it and open it again: this end
+// stays open, as a UART does. As on a pseudo-terminal nobody reads, bytes wait for the peer (some 64 KiB in
+// the kernel, then in the master's queue); a peer that opens it as link::SerialPort discards what the kernel
+// kept. The pair vanishes with this object.
 #pragma once
 
 #include <string>

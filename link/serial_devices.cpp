@@ -12,7 +12,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Calls visit(entry) for every entry of a folder that can be read; processes and devices come and go meanwhile.
+// Calls visit(entry) for every entry of a folder that can be read; processes and devices come and go
+// meanwhile.
 template <class Visit>
 void ForEachEntry(const fs::path& folder, Visit&& visit) {
   std::error_code error;

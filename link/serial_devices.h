@@ -1,5 +1,6 @@
-// What the machine says about its serial devices without opening them: opening one raises DTR, which resets many a
-// board. For the messages of a port that cannot be opened, and for a check of the machine before a flight.
+// What the machine says about its serial devices without opening them: opening one raises DTR, which resets
+// many a board. For the messages of a port that cannot be opened, and for a check of the machine before a
+// flight.
 //
 //   for (const auto& device : ListSerialDevices()) ... // "/dev/ttyUSB0", "/dev/serial/by-id/usb-FTDI_..."
 //   for (const auto& holder : ProcessesHolding("/dev/ttyUSB0")) ... // {1234, "picocom"}
@@ -28,8 +29,8 @@ std::vector<Holder> ProcessesHolding(const std::filesystem::path& device);
 // "1234 (picocom), 99 (cat)"; empty for none.
 std::string Text(const std::vector<Holder>& holders);
 
-// How long an FTDI adapter holds received bytes back before it hands them over, in ms (16 by default, 1 to 255):
-// sysfs file `latency_timer`. `device` may be a link to it. nullopt: the adapter has no such file.
+// How long an FTDI adapter holds received bytes back before it hands them over, in ms (16 by default, 1 to
+// 255): sysfs file `latency_timer`. `device` may be a link to it. nullopt: the adapter has no such file.
 std::filesystem::path LatencyTimerFile(const std::filesystem::path& device,
                                        const std::filesystem::path& root = "/");
 std::optional<int> ReadLatencyTimer(const std::filesystem::path& device,

@@ -125,8 +125,8 @@ Descriptor OpenDevice(const std::string& device) {
   }
 
   if (flock(descriptor.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) RefuseBusy(device);
-  // A pseudo-terminal is always open in the process that made it, and would stay marked as exclusive when its user
-  // is killed; the lock alone guards it.
+  // A pseudo-terminal is always open in the process that made it, and would stay marked as exclusive when its
+  // user is killed; the lock alone guards it.
   if (!IsPseudoTerminal(status)) {
     // Root may open what others hold exclusively, and nobody asks those who open without any lock.
     int exclusive = 0;

@@ -1,5 +1,5 @@
-// A serial port (or any other terminal-like descriptor) in an event loop: 8N1, raw, exclusive, no flow control. For
-// firmware on a board, and for both ends of a pseudo-terminal (link/pty.h).
+// A serial port (or any other terminal-like descriptor) in an event loop: 8N1, raw, exclusive, no flow
+// control. For firmware on a board, and for both ends of a pseudo-terminal (link/pty.h).
 //
 //   boost::asio::io_context loop;
 //   SerialPort port(loop, "/dev/ttyUSB0", 921'600);
@@ -8,8 +8,8 @@
 //   port.Write(frame);
 //   loop.run();
 //
-// All calls come from the thread that runs the loop; the callbacks are called by the loop, never from within a call
-// of ours, and may destroy the port. The loop must outlive it. Nothing here blocks.
+// All calls come from the thread that runs the loop; the callbacks are called by the loop, never from within
+// a call of ours, and may destroy the port. The loop must outlive it. Nothing here blocks.
 #pragma once
 
 #include <cstddef>
@@ -37,27 +37,28 @@ class SerialPort {
   using Received = std::function<void(std::span<const std::uint8_t>)>;
   using Closed = std::function<void(const std::string& reason)>;
 
-  // Opens a serial device, or the slave side of a pseudo-terminal. What had arrived before is discarded, as it
-  // would be by a UART that nobody reads. Throws std::runtime_error that says what is wrong (no such device, held
-  // by another process, no permission, not a serial device, a baud rate it cannot do) and what to do about it.
+  // Opens a serial device, or the slave side of a pseudo-terminal. What had arrived before is discarded, as
+  // it would be by a UART that nobody reads. Throws std::runtime_error that says what is wrong (no such
+  // device, held by another process, no permission, not a serial device, a baud rate it cannot do) and what
+  // to do about it.
   SerialPort(boost::asio::io_context& loop, const std::string& device, std::int64_t baud);
 
   // Takes over an open descriptor (read and write) as it is; `name` stands for it in messages.
   SerialPort(boost::asio::io_context& loop, int descriptor, std::string name);
 
-  // Closes. Bytes of Write() that have not left yet are dropped (see UnsentBytes()): a device that takes none would
-  // hold a close up for half a minute.
+  // Closes. Bytes of Write() that have not left yet are dropped (see UnsentBytes()): a device that takes none
+  // would hold a close up for half a minute.
   ~SerialPort();
   SerialPort(const SerialPort&) = delete;
   SerialPort& operator=(const SerialPort&) = delete;
 
-  // Reads from now on. `closed` is called once, with a reason fit for a person, when no byte will come any more: the
-  // device was unplugged, the other end of the pseudo-terminal is gone, an I/O error; nothing is called afterwards.
-  // Call it once.
+  // Reads from now on. `closed` is called once, with a reason fit for a person, when no byte will come any
+  // more: the device was unplugged, the other end of the pseudo-terminal is gone, an I/O error; nothing is
+  // called afterwards. Call it once.
   void Start(Received received, Closed closed);
 
-  // Sends the bytes after those before. True: all of them are on their way or queued. False: none is, since the queue
-  // would grow beyond kQueueBytesMax or the port is closed.
+  // Sends the bytes after those before. True: all of them are on their way or queued. False: none is, since
+  // the queue would grow beyond kQueueBytesMax or the port is closed.
   bool Write(std::span<const std::uint8_t> bytes);
 
   // Bytes of Write() that have not left this machine yet, as far as the device tells; 0 once it is closed.

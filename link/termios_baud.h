@@ -1,5 +1,5 @@
-// Baud rates that are no POSIX constant (153600, 1843200, ...): Linux takes any integer through termios2, whose header
-// cannot stand beside <termios.h>, so this has a file of its own.
+// Baud rates that are no POSIX constant (153600, 1843200, ...): Linux takes any integer through termios2,
+// whose header cannot stand beside <termios.h>, so this has a file of its own.
 //
 //   SetAnyBaud(descriptor, 153'600);
 //   if (const auto actual = ActualBaud(descriptor)) ...   // what the device made of it
