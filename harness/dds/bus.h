@@ -10,9 +10,9 @@
 //   heartbeat.Write({.node_id = "plant", .kind = dds::NodeKind::kPlant});
 //
 // Discovery takes a few milliseconds: wait until MatchedCount() says that the other side is there before the
-// first message that must arrive, for most topics keep nothing for latecomers (qos.h). Every class here may be
-// used from any thread. A Bus must outlive what was made on it, and a process that forks does so before it
-// makes its first Bus.
+// first message that must arrive, for most topics keep nothing for latecomers (qos.h). Every class here may
+// be used from any thread. A Bus must outlive what was made on it, and a process that forks does so before
+// it makes its first Bus.
 #pragma once
 
 #include <concepts>
@@ -49,8 +49,8 @@ class Bus {
   Bus(const Bus&) = delete;
   Bus& operator=(const Bus&) = delete;
 
-  // Fault injection: for `duration_ns` this process receives nothing (deaf) or sends nothing (mute). Returns at
-  // once. A new call replaces the former.
+  // Fault injection: for `duration_ns` this process receives nothing (deaf) or sends nothing (mute). Returns
+  // at once. A new call replaces the former.
   void Partition(bool deaf, bool mute, std::int64_t duration_ns);
 
   struct Impl;
@@ -63,7 +63,8 @@ class Bus {
 template <class T>
 class Publisher {
  public:
-  // `on_match` is called, in a thread of DDS, when MatchedCount() changed; it should only post to an event loop.
+  // `on_match` is called, in a thread of DDS, when MatchedCount() changed; it should only post to an event
+  // loop.
   explicit Publisher(Bus& bus, std::function<void()> on_match = {});
   // May wait up to a second for readers to acknowledge what they still miss.
   ~Publisher();
@@ -81,7 +82,8 @@ class Publisher {
   // Waits until every subscriber has everything: a node does so before it leaves. False after `limit_ns`.
   bool WaitForAcks(std::int64_t limit_ns);
   // Ends the instance named by the keys of `message`: who comes late gets nothing of it any more, and its
-  // memory is free. For topics that keep messages for latecomers, when their run is over.
+  // memory is free. For topics that keep messages for latecomers, when their run is over; RunEvent, which
+  // keeps all, forgets only with the publisher: make one for each run.
   void Retire(const T& message);
 
  private:
@@ -93,6 +95,10 @@ class Publisher {
 template <class T>
 concept Log = std::same_as<T, SerialTap> || std::same_as<T, FaultActivation> || std::same_as<T, RunEvent> ||
     std::same_as<T, TraceRows>;
+
+// A topic with a deadline: two control periods.
+template <class T>
+concept RealTime = std::same_as<T, PlantState> || std::same_as<T, Actuation>;
 
 // Messages first to last (inclusive) of a log that were skipped so far.
 struct SequenceGap {
@@ -120,7 +126,8 @@ class Subscriber {
   Subscriber& operator=(const Subscriber&) = delete;
 
   // All messages that came since the last call, in the order in which each publisher wrote them. Logs: each
-  // sequence once.
+  // sequence once. Other topics that keep something for latecomers may bring it again after a cut of the
+  // network of 10 s and more.
   std::vector<T> Take();
   int MatchedCount() const;
 
@@ -132,6 +139,9 @@ class Subscriber {
   // The highest s such that Take() returned all of 1 to s of this log. Equal to the node's last sequence
   // (NodeReport): nothing is missing.
   std::int64_t CompleteUpTo(const std::string& run_id, const std::string& node_id) const requires Log<T>;
+
+  // How often a run's next message came later than the deadline, in wall-clock time.
+  std::int64_t MissedDeadlinesCount() const requires RealTime<T>;
 
  private:
   struct Impl;

@@ -1,10 +1,9 @@
 // What the nodes of a distributed run say to each other, as plain structs.
 //
-// Each struct here is one topic of tiltproof.idl, under the same names; bus.h sends and receives them. Nothing
-// here knows DDS, so whoever only builds or reads a message needs no more than this header.
+// Each struct here is one topic of tiltproof.idl, under the same names; bus.h sends and receives them.
+// Nothing here knows DDS, so whoever only builds or reads a message needs no more than this header.
 //
-//   dds::RunEvent event{.run_id = run, .node_id = "plant", .sequence = ++last, .time_ns = t, .kind = "started"};
-//   publisher.Write(event);
+//   publisher.Write({.run_id = run, .node_id = "plant", .sequence = ++last, .time_ns = t, .kind = "started"});
 //
 // Conventions. A "key" member names the instance: QoS such as "the last one is kept" counts within it. A
 // sequence starts at 1 and grows by 1 within its (run_id, node_id). time_ns is simulation time (link/time.h).
@@ -137,7 +136,7 @@ struct Reference {
 // One frame as it passed the line.
 struct TapFrame {
   TimeNs begin_ns = 0;
-  std::uint8_t direction = 0;
+  std::uint8_t direction = 0;  // link's Direction: 0 to the plant, 1 to the client, 2 reference line
   bool delivered = false;
   std::vector<std::uint8_t> bytes;     // at most kChunkBytesMax
   std::vector<std::string> fault_ids;  // what touched it
