@@ -44,6 +44,8 @@ int FrameEncodeCommand(const std::string& hex) {
 }
 
 int FrameDecodeCommand(const std::filesystem::path& file) {
+  if (std::filesystem::is_directory(file))
+    throw UsageError(fmt::format("FILE: {} is a folder; give a file of raw bytes", file.string()));
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> opened(
       file.empty() ? nullptr : std::fopen(file.c_str(), "rb"), std::fclose);
   if (!file.empty() && !opened)

@@ -9,18 +9,40 @@
 #include "harness/cli/run_folder.h"
 #include "harness/cli/suite.h"
 #include "harness/cli/worker_pool.h"
+#include "harness/report/build_id.h"
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"
 
 namespace tiltproof::harness {
 namespace {
 
-std::filesystem::path MakeTemporaryFolder() {
-  std::string name = (std::filesystem::temp_directory_path() / "tiltproof-replay-XXXXXX").string();
-  if (mkdtemp(name.data()) == nullptr)
-    throw FileError(fmt::format("cannot create {}: {}", name, std::strerror(errno)));
-  return name;
-}
+// Where the flights of a replay go. Gone again at the end, however that comes, unless somebody was told of it.
+class TemporaryFolder {
+ public:
+  TemporaryFolder() {
+    std::string name = (std::filesystem::temp_directory_path() / "tiltproof-replay-XXXXXX").string();
+    if (mkdtemp(name.data()) == nullptr)
+      throw FileError(fmt::format("cannot create {}: {}", name, std::strerror(errno)));
+    path_ = name;
+  }
+  ~TemporaryFolder() {
+    std::error_code error;
+    if (!kept_) std::filesystem::remove_all(path_, error);
+  }
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+
+  const std::filesystem::path& path() const { return path_; }
+  // The folder of one flight, for a message.
+  std::string Keep(const std::string& flight) {
+    kept_ = true;
+    return (path_ / flight).string();
+  }
+
+ private:
+  std::filesystem::path path_;
+  bool kept_ = false;
+};
 
 // Why a flight has no trace that another one could equal; empty when it has.
 std::string NotComparable(const std::filesystem::path& scenario_folder, const ScenarioResult& then) {
@@ -30,11 +52,17 @@ std::string NotComparable(const std::filesystem::path& scenario_folder, const Sc
 
 }  // namespace
 
-// 0 when every trace hash is equal, whatever the verdicts. The flights are kept only when they differ.
+// 0 when every trace hash is equal, whatever the verdicts. The flights are kept only when they differ or ended
+// in an error.
 int ReplayCommand(const ReplayOptions& options) {
   const OldRun run = OpenRun(options.run);
   const auto library = FirmwareLibrary(run.info.client);
-  const std::filesystem::path folder = MakeTemporaryFolder();
+  const std::string build = BuildId(library);
+  if (!run.info.build.empty() && run.info.build != build)
+    fmt::print(
+        "another build: {} then, {} now; the program or the firmware has changed, and flights may differ\n",
+        run.info.build, build);
+  TemporaryFolder folder;
   std::vector<FlightJob> jobs;
   std::vector<ScenarioResult> old_results;
   std::size_t not_comparable_count = 0;
@@ -54,34 +82,29 @@ int ReplayCommand(const ReplayOptions& options) {
       continue;
     }
     auto [scenario, model] = LoadFlown(scenario_folder);
-    jobs.push_back({std::move(scenario), std::move(model), library, folder / scenario_folder.filename(),
+    jobs.push_back({std::move(scenario), std::move(model), library,
+                    folder.path() / scenario_folder.filename(),
                     fmt::format("{} replay {}", options.program, scenario_folder.string())});
   }
   const PoolOutcome outcome = FlyAll(jobs, {}, [](const ScenarioResult&) {});
-  if (outcome.interrupted) {
-    std::filesystem::remove_all(folder);
-    return kExitInterrupted;
-  }
-  int different_count = 0;
-  bool error = false;
+  if (outcome.interrupted) return kExitInterrupted;
+  std::size_t different_count = 0, error_count = 0;
   for (std::size_t i = 0; i < outcome.results.size(); ++i) {
     const ScenarioResult& now = outcome.results[i];
     const ScenarioResult& then = old_results[i];
     if (now.score.verdict == Verdict::kError && then.score.verdict != Verdict::kError) {
-      error = true;
-      fmt::print("ERROR      {:<34} {}\n", now.name, now.score.reason);
+      ++error_count;
+      fmt::print("ERROR      {:<34} {}: {}\n", now.name, now.score.reason, folder.Keep(now.name));
       continue;
     }
     const bool equal = now.trace_hash == then.trace_hash;
     different_count += equal ? 0 : 1;
     fmt::print("{:<10} {:<34} {}{}\n", equal ? "equal" : "DIFFERENT", now.name, then.trace_hash,
-               equal ? "" : fmt::format(" then, {} now: {}", now.trace_hash, (folder / now.name).string()));
+               equal ? "" : fmt::format(" then, {} now: {}", now.trace_hash, folder.Keep(now.name)));
   }
-  if (different_count == 0) std::filesystem::remove_all(folder);
-  fmt::print("{} of {} equal\n",
-             outcome.results.size() - static_cast<std::size_t>(different_count) - (error ? 1U : 0U),
+  fmt::print("{} of {} equal\n", outcome.results.size() - different_count - error_count,
              outcome.results.size());
-  if (error) return kExitError;
+  if (error_count > 0) return kExitError;
   if (different_count > 0) return kExitNotGreen;
   return not_comparable_count > 0 ? kExitUndecided : kExitGreen;
 }

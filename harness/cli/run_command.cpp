@@ -1,12 +1,15 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <nlohmann/json.hpp>
+
 #include "harness/cli/commands.h"
 #include "harness/cli/console.h"
 #include "harness/cli/data_files.h"
 #include "harness/cli/run_folder.h"
 #include "harness/cli/suite.h"
 #include "harness/cli/worker_pool.h"
+#include "harness/report/build_id.h"
 #include "harness/report/files.h"
 #include "harness/report/results.h"
 #include "harness/scenario/selection.h"
@@ -31,6 +34,30 @@ std::vector<SuiteScenario> Select(std::vector<SuiteScenario> scenarios, const Ru
   return scenarios;
 }
 
+// Of one flight, unique in the run: names its folder.
+std::string FlightName(const RunOptions& options, const Scenario& scenario, std::uint64_t seed) {
+  return options.repeat_count == 1 ? scenario.name : fmt::format("{}-seed{}", scenario.name, seed);
+}
+
+// What would be flown, one a line.
+void List(const RunOptions& options, const std::vector<SuiteScenario>& scenarios) {
+  for (const auto& entry : scenarios) {
+    const std::uint64_t first = options.seed.value_or(entry.scenario.seed);
+    for (int repeat = 0; repeat < options.repeat_count; ++repeat) {
+      const std::uint64_t seed = first + static_cast<std::uint64_t>(repeat);
+      const std::string name = FlightName(options, entry.scenario, seed);
+      if (options.format == "jsonl") {
+        nlohmann::ordered_json line = {{"name", name}, {"scenario", entry.scenario.name}, {"seed", seed}};
+        line["expected"] = Name(entry.scenario.expect);
+        line["duration_s"] = ToSeconds(entry.scenario.duration_ns);
+        fmt::print("{}\n", line.dump());
+      } else {
+        fmt::print("{}\n", name);
+      }
+    }
+  }
+}
+
 }  // namespace
 
 int RunCommand(const RunOptions& options) {
@@ -53,7 +80,7 @@ int RunCommand(const RunOptions& options) {
                                    first, kSeedMax));
   }
   if (options.dry_run) {
-    for (const auto& entry : suite.scenarios) console.Line(entry.scenario.name);
+    List(options, suite.scenarios);
     return kExitGreen;
   }
 
@@ -62,18 +89,20 @@ int RunCommand(const RunOptions& options) {
   info.started = UtcNow();
   info.seed = options.seed.value_or(suite.scenarios.front().scenario.seed);
   info.client = library == HostFirmwareLibrary() ? "host" : "library:" + library.string();
+  info.build = BuildId(library);
   info.command = options.command;
   const std::filesystem::path folder = CreateRunFolder(options.out, suite.name, info.seed);
   WriteRunInfo(folder, info);
+  if (LatestIsTaken(options.out))
+    fmt::print(stderr, "warning: {} is no link and stays as it is; this run is in {}\n",
+               (options.out / "latest").string(), folder.string());
 
   std::vector<FlightJob> jobs;
   for (const auto& [scenario, model] : suite.scenarios) {
     for (int repeat = 0; repeat < options.repeat_count; ++repeat) {
       FlightJob job{scenario, model, library, {}, {}};
       job.scenario.seed = options.seed.value_or(scenario.seed) + static_cast<std::uint64_t>(repeat);
-      job.folder =
-          folder / (options.repeat_count == 1 ? scenario.name
-                                              : fmt::format("{}-seed{}", scenario.name, job.scenario.seed));
+      job.folder = folder / FlightName(options, scenario, job.scenario.seed);
       job.replay = fmt::format("{} replay {}", options.command.front(), job.folder.string());
       jobs.push_back(std::move(job));
     }

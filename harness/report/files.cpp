@@ -85,6 +85,7 @@ std::filesystem::path CreateRunFolder(const std::filesystem::path& parent, const
     const std::string unique = n == 1 ? name : fmt::format("{}-{}", name, n);
     const std::filesystem::path folder = parent / unique;
     if (mkdir(folder.c_str(), 0755) == 0) {
+      if (LatestIsTaken(parent)) return folder;
       // A link beside it, then a rename: `latest` never misses, whoever else is writing. Not worth failing a
       // run for.
       const std::filesystem::path link = parent / fmt::format(".latest-{}", unique);
@@ -95,6 +96,12 @@ std::filesystem::path CreateRunFolder(const std::filesystem::path& parent, const
     }
     if (errno != EEXIST) Fail("create", folder, errno);
   }
+}
+
+bool LatestIsTaken(const std::filesystem::path& parent) {
+  std::error_code error;
+  const auto status = std::filesystem::symlink_status(parent / "latest", error);
+  return std::filesystem::exists(status) && !std::filesystem::is_symlink(status);
 }
 
 std::string UtcNow() {

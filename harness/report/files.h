@@ -19,9 +19,12 @@ void WriteFile(const std::filesystem::path& path, std::string_view content);
 std::string ReadFile(const std::filesystem::path& path);
 
 // Creates <parent>/<UTC to the ms>-<suite>-<seed>[-n] exclusively, n = 2, 3, ... when it exists already, and
-// points <parent>/latest at it.
+// points <parent>/latest at it, unless that is no link but somebody's file or folder.
 std::filesystem::path CreateRunFolder(const std::filesystem::path& parent, const std::string& suite,
                                       std::uint64_t seed);
+
+// Whether <parent>/latest is something else than a link, and therefore not touched.
+bool LatestIsTaken(const std::filesystem::path& parent);
 
 // The present UTC time, ISO 8601 to the millisecond.
 std::string UtcNow();

@@ -168,6 +168,7 @@ void WriteRunInfo(const std::filesystem::path& folder, const RunInfo& info) {
   json["suite"] = info.suite;
   json["started"] = info.started;
   json["version"] = Version();
+  json["build"] = info.build;
   json["seed"] = info.seed;
   json["mode"] = "lockstep";
   json["client"] = info.client;
@@ -186,6 +187,7 @@ RunInfo ReadRunInfo(const std::filesystem::path& folder) {
     json.at("started").get_to(info.started);
     json.at("seed").get_to(info.seed);
     json.at("client").get_to(info.client);
+    info.build = json.value("build", "");
     json.at("command").get_to(info.command);
     json.at("interrupted").get_to(info.interrupted);
     return info;

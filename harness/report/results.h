@@ -39,6 +39,7 @@ struct RunInfo {
   std::string started;  // ISO 8601 UTC
   std::uint64_t seed = 0;
   std::string client;  // --client as given
+  std::string build;   // harness/report/build_id.h; empty in the files of older versions
   std::vector<std::string> command;
   bool interrupted = false;
 };

@@ -65,6 +65,9 @@ class CliTest(unittest.TestCase):
         for arguments in (["frame", "encode", "7"], ["frame", "encode", "zz"], ["frame", "encode", "00" * 300], ["frame", "decode", "missing.bin"],
                           ["frame"], ["nonsense"], []):
             self.assertEqual(self.tiltproof(*arguments)[0], 2, arguments)
+        code, out, err = self.tiltproof("frame", "decode", self.folder)
+        self.assertEqual((code, out), (2, ""))
+        self.assertIn("is a folder", err)
 
     # run
 
@@ -149,6 +152,80 @@ class CliTest(unittest.TestCase):
     def test_repeat_flies_seeds_in_a_row(self):
         self.tiltproof("run", self.scenario("hover"), "--repeat", "3", "--seed", "10")
         self.assertEqual([e["seed"] for e in self.results()["scenarios"]], [10, 11, 12])
+
+    def test_dry_run_lists_the_flights_as_they_would_be(self):
+        self.scenario("a")
+        self.scenario("b")
+        self.assertEqual(self.tiltproof("run", ".", "--dry-run"), (0, "a\nb\n", ""))
+        code, out, err = self.tiltproof("run", ".", "--dry-run", "--repeat", "2", "-k", "a")
+        self.assertEqual((code, out, err), (0, "a-seed3\na-seed4\n", ""))
+        code, out, err = self.tiltproof("run", ".", "--dry-run", "--format", "jsonl", "--repeat", "2", "--seed", "8")
+        self.assertEqual((code, err), (0, ""))
+        self.assertEqual([(e["name"], e["scenario"], e["seed"]) for e in map(json.loads, out.splitlines())],
+                         [(f"{name}-seed{seed}", name, seed) for name in "ab" for seed in (8, 9)])
+        self.assertFalse((self.folder / "results").exists())
+        # The names are those of the folders.
+        self.tiltproof("run", "a.yaml", "--repeat", "2")
+        self.assertTrue((self.latest() / "a-seed3").is_dir() and (self.latest() / "a-seed4").is_dir())
+
+    def test_a_latest_that_is_no_link_is_left_alone(self):
+        path = self.scenario("hover")
+        (self.folder / "results").mkdir()
+        latest = self.folder / "results/latest"
+        latest.write_text("mine")
+        code, out, err = self.tiltproof("run", path)
+        self.assertEqual(code, 0, out + err)
+        self.assertRegex(err, r"warning: results/latest is no link.* results/\d+T")
+        self.assertEqual(latest.read_text(), "mine")
+        latest.unlink()
+        latest.mkdir()
+        self.assertIn("warning: results/latest is no link", self.tiltproof("run", path)[2])
+        self.assertEqual(list(latest.iterdir()), [])
+
+    def test_a_replay_by_another_build_says_so(self):
+        self.tiltproof("run", self.scenario("hover"))
+        info = self.latest() / "run.json"
+        build = json.loads(info.read_text())["build"]
+        self.assertRegex(build, "^[0-9a-f]{16}$")
+        self.assertNotIn("another build", self.tiltproof("replay", self.latest())[1])
+        info.write_text(info.read_text().replace(build, "0" * 16))
+        code, out, _ = self.tiltproof("replay", self.latest())
+        self.assertEqual(code, 0, out)
+        self.assertIn(f"another build: {'0' * 16} then, {build} now", out)
+        # An older version's run does not say by which build it was flown.
+        info.write_text(info.read_text().replace(f'"build": "{"0" * 16}",', ""))
+        code, out, _ = self.tiltproof("replay", self.latest())
+        self.assertEqual(code, 0, out)
+        self.assertNotIn("another build", out)
+
+    def test_a_replay_leaves_nothing_that_it_does_not_name(self):
+        temporary = self.folder / "tmp"
+        temporary.mkdir()
+
+        def replay(run):
+            done = subprocess.run([PROGRAM, "replay", run], capture_output=True, cwd=self.folder, timeout=120, check=False, text=True,
+                                  env={**os.environ, "TMPDIR": str(temporary)})
+            return done.returncode, done.stdout, done.stderr
+
+        self.tiltproof("run", self.scenario("hover"))
+        run = self.latest()
+        self.assertEqual(replay(run)[0], 0)
+        self.assertEqual(list(temporary.iterdir()), [])
+        # A scenario that can no longer be read.
+        resolved = run / "hover/scenario.resolved.yaml"
+        text = resolved.read_text()
+        resolved.write_text("name: [")
+        self.assertEqual(replay(run)[0], 2)
+        self.assertEqual(list(temporary.iterdir()), [])
+        # A firmware that can no longer be loaded: the flight's folder is kept and named.
+        resolved.write_text(text)
+        info = run / "run.json"
+        info.write_text(info.read_text().replace('"client": "host"', f'"client": "library:{info}"'))
+        code, out, _ = replay(run)
+        self.assertEqual(code, 3, out)
+        self.assertIn("0 of 1 equal", out)
+        kept, = temporary.iterdir()
+        self.assertIn(f"{kept}/hover", out)
 
     def test_replay_and_score(self):
         self.tiltproof("run", self.scenario("hover"))

@@ -8,6 +8,7 @@
 #include <fstream>
 #include <limits>
 
+#include "harness/report/build_id.h"
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"
 #include "harness/report/results.h"
@@ -156,6 +157,39 @@ TEST_F(ReportTest, JunitKeepsItsXmlWellFormed) {
   EXPECT_THAT(xml, HasSubstr("because &lt;of"));
   EXPECT_THAT(xml, HasSubstr("tests=\"2\" failures=\"1\" errors=\"0\""));
   EXPECT_EQ(xml.find('\x01'), std::string::npos);
+}
+
+TEST_F(ReportTest, BuildIdFollowsTheFirmware) {
+  WriteFile(folder_ / "a.so", "one");
+  WriteFile(folder_ / "b.so", "one");
+  const std::string build = BuildId(folder_ / "a.so");
+  EXPECT_THAT(build, ::testing::MatchesRegex("[0-9a-f]+"));
+  EXPECT_EQ(build.size(), 16u);
+  EXPECT_EQ(BuildId(folder_ / "b.so"), build);
+  WriteFile(folder_ / "b.so", "onf");
+  EXPECT_NE(BuildId(folder_ / "b.so"), build);
+  EXPECT_THAT(ErrorOf([&] { BuildId(folder_ / "missing.so"); }), HasSubstr("missing.so: No such file"));
+}
+
+TEST_F(ReportTest, RunInfoKeepsItsBuild) {
+  RunInfo info;
+  info.build = "0123456789abcdef";
+  WriteRunInfo(folder_, info);
+  EXPECT_EQ(ReadRunInfo(folder_).build, info.build);
+}
+
+TEST_F(ReportTest, LatestIsOnlyEverALink) {
+  EXPECT_FALSE(LatestIsTaken(folder_));
+  CreateRunFolder(folder_, "paper", 7);
+  EXPECT_FALSE(LatestIsTaken(folder_));
+  // A link to nowhere is a link.
+  fs::remove_all(fs::canonical(folder_ / "latest"));
+  EXPECT_FALSE(LatestIsTaken(folder_));
+  fs::remove(folder_ / "latest");
+  WriteFile(folder_ / "latest", "mine");
+  EXPECT_TRUE(LatestIsTaken(folder_));
+  CreateRunFolder(folder_, "paper", 7);
+  EXPECT_EQ(ReadFile(folder_ / "latest"), "mine");
 }
 
 TEST_F(ReportTest, EveryEndOfAFlightSurvivesItsFolder) {
