@@ -45,68 +45,68 @@ std::string_view Name(Phase phase);
 // "I am here and not hung": written every 50 ms by the thread that does the node's work. Who misses it for
 // 200 ms is seen as dead (Subscriber<Heartbeat>::Nodes).
 struct Heartbeat {
-  std::string node_id;  // key
+  std::string node_id{};  // key
   NodeKind kind = NodeKind::kHarness;
-  std::string host;
+  std::string host{};
   std::int64_t pid = 0;
   std::int64_t sequence = 0;
-  std::string run_id;  // "" = idle
-  std::vector<std::string> capabilities;
-  std::string version;
+  std::string run_id{};  // "" = idle
+  std::vector<std::string> capabilities{};
+  std::string version{};
   bool operator==(const Heartbeat&) const = default;
 };
 
 // What is to be flown. A node that comes late gets it, too.
 struct RunScenario {
-  std::string run_id;         // key
-  std::string scenario_yaml;  // at most kDocumentBytesMax
-  std::string model_hash;
-  std::vector<std::string> nodes;  // node ids that take part
+  std::string run_id{};         // key
+  std::string scenario_yaml{};  // at most kDocumentBytesMax
+  std::string model_hash{};
+  std::vector<std::string> nodes{};  // node ids that take part
   bool operator==(const RunScenario&) const = default;
 };
 
 // Where a node's serial line is reached: a device, a socket.
 struct Port {
-  std::string name;
-  std::string path;  // at most kPathBytesMax
+  std::string name{};
+  std::string path{};  // at most kPathBytesMax
   bool operator==(const Port&) const = default;
 };
 
 // The harness to all nodes of a run. One at a time: the next only after every RunAck. A node that comes late
 // gets the last one, and after a long partition a node may get it again: compare the sequence.
 struct RunCommand {
-  std::string run_id;  // key
+  std::string run_id{};  // key
   std::int64_t sequence = 0;
   Verb verb = Verb::kPrepare;
-  std::vector<Port> ports;
+  std::vector<Port> ports{};
   bool operator==(const RunCommand&) const = default;
 };
 
 struct RunAck {
-  std::string run_id;         // key
-  std::string node_id;        // key
+  std::string run_id{};       // key
+  std::string node_id{};      // key
   std::int64_t sequence = 0;  // of the command
   bool ok = false;
-  std::string text;  // why not
-  std::vector<Port> ports;
+  std::string text{};  // why not
+  std::vector<Port> ports{};
   bool operator==(const RunAck&) const = default;
 };
 
 // Where a node stands in a run.
 struct RunState {
-  std::string run_id;   // key
-  std::string node_id;  // key
+  std::string run_id{};   // key
+  std::string node_id{};  // key
   Phase phase = Phase::kIdle;
   TimeNs time_ns = 0;
   TimeNs origin_ns = 0;  // the node's monotonic clock at simulation time 0
-  std::string end_reason;
-  std::string text;
+  std::string end_reason{};
+  std::string text{};
   bool operator==(const RunState&) const = default;
 };
 
 // Real time, the latest counts: sensors' truth and input in force. Order and units as in link/signals.h.
 struct PlantState {
-  std::string run_id;  // key
+  std::string run_id{};  // key
   std::int64_t sequence = 0;
   TimeNs time_ns = 0;
   std::array<double, 16> state{};
@@ -115,7 +115,7 @@ struct PlantState {
 };
 
 struct Actuation {
-  std::string run_id;  // key
+  std::string run_id{};  // key
   std::int64_t sequence = 0;
   TimeNs time_ns = 0;
   std::array<double, 4> commanded{};
@@ -125,8 +125,8 @@ struct Actuation {
 
 // The reference as the base station or the joystick asks for it: x y z (m) yaw (rad) vx vy vz (m/s) in W.
 struct Reference {
-  std::string run_id;  // key
-  std::string node_id;
+  std::string run_id{};  // key
+  std::string node_id{};
   std::int64_t sequence = 0;
   TimeNs time_ns = 0;
   std::array<double, 7> values{};
@@ -138,29 +138,29 @@ struct TapFrame {
   TimeNs begin_ns = 0;
   std::uint8_t direction = 0;  // link's Direction: 0 to the plant, 1 to the client, 2 reference line
   bool delivered = false;
-  std::vector<std::uint8_t> bytes;     // at most kChunkBytesMax
-  std::vector<std::string> fault_ids;  // what touched it
+  std::vector<std::uint8_t> bytes{};     // at most kChunkBytesMax
+  std::vector<std::string> fault_ids{};  // what touched it
   bool operator==(const TapFrame&) const = default;
 };
 
 // Log of the serial line.
 struct SerialTap {
-  std::string run_id;   // key
-  std::string node_id;  // key
+  std::string run_id{};   // key
+  std::string node_id{};  // key
   std::int64_t sequence = 0;
-  std::vector<TapFrame> frames;                // at most kChunksCountMax
-  std::vector<std::int64_t> reply_latency_ns;  // at most kNumbersCountMax
+  std::vector<TapFrame> frames{};                // at most kChunksCountMax
+  std::vector<std::int64_t> reply_latency_ns{};  // at most kNumbersCountMax
   bool operator==(const SerialTap&) const = default;
 };
 
 // Asks the node to activate a fault now. Ids as in the scenario, parameters as in the fault catalogue.
 struct FaultCommand {
-  std::string run_id;   // key
-  std::string node_id;  // key: the node that is to obey
+  std::string run_id{};   // key
+  std::string node_id{};  // key: the node that is to obey
   std::int64_t sequence = 0;
-  std::string fault_id;
-  std::string type;
-  std::vector<std::pair<std::string, double>> parameters;  // at most kNamesCountMax
+  std::string fault_id{};
+  std::string type{};
+  std::vector<std::pair<std::string, double>> parameters{};  // at most kNamesCountMax
   std::int64_t duration_ns = 0;
   bool operator==(const FaultCommand&) const = default;
 };
@@ -168,52 +168,52 @@ struct FaultCommand {
 // Bytes on the serial line from simulation time begin_ns on.
 struct Chunk {
   TimeNs begin_ns = 0;
-  std::vector<std::uint8_t> bytes;  // at most kChunkBytesMax
+  std::vector<std::uint8_t> bytes{};  // at most kChunkBytesMax
   bool operator==(const Chunk&) const = default;
 };
 
 // Log of what faults did.
 struct FaultActivation {
-  std::string run_id;   // key
-  std::string node_id;  // key
+  std::string run_id{};   // key
+  std::string node_id{};  // key
   std::int64_t sequence = 0;
-  std::string fault_id;
+  std::string fault_id{};
   TimeNs time_ns = 0;
-  std::string what;           // at most kTextBytesMax
-  std::vector<Chunk> before;  // at most kChunksCountMax
-  std::vector<Chunk> after;
+  std::string what{};           // at most kTextBytesMax
+  std::vector<Chunk> before{};  // at most kChunksCountMax
+  std::vector<Chunk> after{};
   bool operator==(const FaultActivation&) const = default;
 };
 
 // Log of what happened to the run.
 struct RunEvent {
-  std::string run_id;   // key
-  std::string node_id;  // key
+  std::string run_id{};   // key
+  std::string node_id{};  // key
   std::int64_t sequence = 0;
   TimeNs time_ns = 0;
-  std::string kind;
-  std::string text;
+  std::string kind{};
+  std::string text{};
   bool operator==(const RunEvent&) const = default;
 };
 
 // The plant node's trace without loss. values: rows of column_count numbers, row by row.
 struct TraceRows {
-  std::string run_id;   // key
-  std::string node_id;  // key
+  std::string run_id{};   // key
+  std::string node_id{};  // key
   std::int64_t sequence = 0;
   std::int64_t column_count = 0;
-  std::vector<double> values;                  // at most kNumbersCountMax
-  std::vector<std::int64_t> request_times_ns;  // arrivals of sensor requests, likewise
-  std::vector<std::int64_t> actuator_times_ns;
+  std::vector<double> values{};                  // at most kNumbersCountMax
+  std::vector<std::int64_t> request_times_ns{};  // arrivals of sensor requests, likewise
+  std::vector<std::int64_t> actuator_times_ns{};
   bool operator==(const TraceRows&) const = default;
 };
 
 // The closing word of a node: with it the harness knows whether it has everything. The sequences are those of
 // the node's last message on each log, 0 when it sent none.
 struct NodeReport {
-  std::string run_id;                 // key
-  std::string node_id;                // key
-  std::vector<std::uint8_t> payload;  // at most kPayloadBytesMax
+  std::string run_id{};                 // key
+  std::string node_id{};                // key
+  std::vector<std::uint8_t> payload{};  // at most kPayloadBytesMax
   std::int64_t serial_tap = 0;
   std::int64_t fault_activation = 0;
   std::int64_t run_event = 0;
@@ -222,28 +222,28 @@ struct NodeReport {
 };
 
 struct Score {
-  std::string run_id;  // key
-  std::string scenario;
-  std::string verdict;
-  std::string reason;        // at most kTextBytesMax
-  std::string metrics_json;  // at most kDocumentBytesMax
+  std::string run_id{};  // key
+  std::string scenario{};
+  std::string verdict{};
+  std::string reason{};        // at most kTextBytesMax
+  std::string metrics_json{};  // at most kDocumentBytesMax
   bool operator==(const Score&) const = default;
 };
 
 // A lockstep exchange with a node: one request at a time, one response each.
 struct StepRequest {
-  std::string run_id;   // key
-  std::string node_id;  // key
+  std::string run_id{};   // key
+  std::string node_id{};  // key
   std::int64_t sequence = 0;
-  std::vector<std::uint8_t> payload;  // at most kPayloadBytesMax
+  std::vector<std::uint8_t> payload{};  // at most kPayloadBytesMax
   bool operator==(const StepRequest&) const = default;
 };
 
 struct StepResponse {
-  std::string run_id;   // key
-  std::string node_id;  // key
+  std::string run_id{};   // key
+  std::string node_id{};  // key
   std::int64_t sequence = 0;
-  std::vector<std::uint8_t> payload;
+  std::vector<std::uint8_t> payload{};
   bool operator==(const StepResponse&) const = default;
 };
 

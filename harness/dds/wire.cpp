@@ -62,7 +62,8 @@ void Members(auto& v, Is<TapFrame> auto& m, auto& c) {
 }
 void Members(auto& v, Is<SerialTap> auto& m, auto& c) {
   ONE(run_id), ONE(node_id), ONE(sequence);
-  LIST(frames, kChunksCountMax), LIST(reply_latency_ns, kNumbersCountMax);
+  LIST(frames, kChunksCountMax), LIST(reply_latency_ns, kNumbersCountMax),
+      LIST(client_round_trip_ns, kNumbersCountMax);
 }
 void Members(auto& v, Is<NamedValue> auto& m, auto& c) {
   v("name", m.first, c.name), v("value", m.second, c.value);
