@@ -1,0 +1,51 @@
+// From stick positions to the reference that the base station sends: magnitude and scale (paper,
+// section 2.2), then the way covered. Pure: the same sticks and steps give the same references.
+//
+//   JoystickReference reference(start, {.speed_m_s_max = 1.0});
+//   ReferenceTruth r = reference.Step(axes, kControlPeriodNs);   // every period
+#pragma once
+
+#include <array>
+
+#include "harness/node/joystick_input.h"
+#include "link/signals.h"
+#include "link/time.h"
+
+namespace tiltproof::harness {
+
+// 0 within `dead_zone` of the centre (0 <= dead_zone < 1), the full way outside of it: continuous, odd, 1
+// at 1. Values beyond -1..1 count as the end points, NaN as the centre.
+double ApplyDeadZone(double value, double dead_zone);
+
+struct JoystickLimits {
+  double speed_m_s_max = 1.0;       // of each of vx, vy, vz at full deflection
+  double yaw_rate_rad_s_max = 0.5;  // at full deflection
+  double dead_zone = 0.05;          // of each axis
+  // Where the reference may be, in the world frame; a start outside widens the box.
+  std::array<double, 3> position_m_min = {-50.0, -50.0, 0.5};
+  std::array<double, 3> position_m_max = {50.0, 50.0, 50.0};
+  // To both sides. Short of pi: the vehicle's sensed yaw jumps there, and the control law does not wrap.
+  double yaw_rad_max = 3.0;
+};
+
+class JoystickReference {
+ public:
+  // A step covers no more than this: a base station that was held up does not send the vehicle jumping.
+  static constexpr TimeNs kStepMax = 100 * kNsPerMs;
+
+  // At rest at `start`. Throws std::invalid_argument for limits that are not finite, negative or reversed.
+  JoystickReference(const ReferenceTruth& start, const JoystickLimits& limits);
+
+  // The reference after `dt` with the sticks like this: position moved by the velocity commanded, along the
+  // axes of the world frame, and that velocity. At a wall of the box it stands, with velocity 0 along that
+  // axis.
+  ReferenceTruth Step(const JoystickAxes& axes, TimeNs dt);
+
+  const ReferenceTruth& value() const { return value_; }
+
+ private:
+  JoystickLimits limits_;
+  ReferenceTruth value_;
+};
+
+}  // namespace tiltproof::harness
