@@ -75,7 +75,8 @@ struct Port {
 // The harness to all nodes of a run. One at a time: the next only after every RunAck. A node that comes late
 // gets the last one, and after a long partition a node may get it again: compare the sequence.
 struct RunCommand {
-  std::string run_id{};  // key
+  std::string run_id{};   // key
+  std::string node_id{};  // the one it is for; "" = all of the run
   std::int64_t sequence = 0;
   Verb verb = Verb::kPrepare;
   std::vector<Port> ports{};
@@ -148,8 +149,9 @@ struct SerialTap {
   std::string run_id{};   // key
   std::string node_id{};  // key
   std::int64_t sequence = 0;
-  std::vector<TapFrame> frames{};                // at most kChunksCountMax
-  std::vector<std::int64_t> reply_latency_ns{};  // at most kNumbersCountMax
+  std::vector<TapFrame> frames{};                    // at most kChunksCountMax
+  std::vector<std::int64_t> reply_latency_ns{};      // at most kNumbersCountMax
+  std::vector<std::int64_t> client_round_trip_ns{};  // reply to the actuators that answer it, likewise
   bool operator==(const SerialTap&) const = default;
 };
 

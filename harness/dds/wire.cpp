@@ -37,7 +37,7 @@ void Members(auto& v, Is<RunScenario> auto& m, auto& c) {
 }
 void Members(auto& v, Is<Port> auto& m, auto& c) { ONE(name), ONE(path); }
 void Members(auto& v, Is<RunCommand> auto& m, auto& c) {
-  ONE(run_id), ONE(sequence), ONE(verb);
+  ONE(run_id), ONE(node_id), ONE(sequence), ONE(verb);
   LIST(ports, kNamesCountMax);
 }
 void Members(auto& v, Is<RunAck> auto& m, auto& c) {
