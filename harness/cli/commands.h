@@ -71,6 +71,14 @@ struct DesignLqrOptions {
 };
 int DesignLqrCommand(const DesignLqrOptions& options);
 
+struct DoctorOptions {
+  std::string client;     // serial:DEV[,REFDEV], or empty
+  std::string interface;  // for nodes on several machines; or empty
+  std::string format = "human";
+  std::filesystem::path root = "/";  // before /dev and /sys: another folder is a made-up machine
+};
+int DoctorCommand(const DoctorOptions& options);
+
 int FrameEncodeCommand(const std::string& hex);
 // An empty path is standard input.
 int FrameDecodeCommand(const std::filesystem::path& file);

@@ -87,6 +87,17 @@ int Main(int argc, char** argv) {
                        "Go on with a physically impossible inertia");
   design_app->callback([&] { command = [&] { return DesignLqrCommand(design); }; });
 
+  DoctorOptions doctor;
+  auto* doctor_app = app.add_subcommand("doctor", "Check this machine: one line a check, with what to do");
+  doctor_app->add_option("--client", doctor.client,
+                         "Open these ports as a flight would: serial:DEV[,REFDEV]");
+  doctor_app->add_option("--interface", doctor.interface, "Network interface to other machines' nodes");
+  doctor_app->add_option("--format", doctor.format, "human, or jsonl: one JSON object a check")
+      ->check(CLI::IsMember({"human", "jsonl"}))
+      ->capture_default_str();
+  doctor_app->add_option("--root", doctor.root, "Folder that holds dev and sys")->group("");
+  doctor_app->callback([&] { command = [&] { return DoctorCommand(doctor); }; });
+
   std::string hex;
   std::filesystem::path file;
   auto* frame_app = app.add_subcommand("frame", "Encode and decode frames of the serial line");

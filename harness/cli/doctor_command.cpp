@@ -1,0 +1,305 @@
+// Boost 1.74's Asio uses std::exchange without its header.
+#include <utility>
+//
+#include <arpa/inet.h>
+#include <fmt/format.h>
+#include <ifaddrs.h>
+#include <net/if.h>
+#include <sched.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <boost/asio/io_context.hpp>
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <stdexcept>
+#include <vector>
+
+#include "harness/cli/commands.h"
+#include "link/pty.h"
+#include "link/serial_devices.h"
+#include "link/serial_port.h"
+
+namespace tiltproof::harness {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::int64_t kBaud = 921'600;
+// What an adapter may hold bytes back: the vehicle's delay margin is about 9 ms in all.
+constexpr int kLatencyTimerMax_ms = 1;
+// The nodes' real-time priority.
+constexpr int kPriority = 20;
+
+enum class Status { kOk, kWarn, kFail };
+
+struct Check {
+  std::string name;
+  Status status = Status::kOk;
+  std::string text;    // what is
+  std::string advice;  // what to do about it; empty when nothing
+};
+using Checks = std::vector<Check>;
+
+std::string_view Name(Status status) {
+  return status == Status::kOk ? "ok" : status == Status::kWarn ? "warn" : "FAIL";
+}
+
+// Devices by what they are, each with the lasting names that link to it.
+std::map<fs::path, std::vector<std::string>> DevicesByTarget(const fs::path& root) {
+  std::map<fs::path, std::vector<std::string>> devices;
+  for (const auto& device : link::ListSerialDevices(root)) {
+    std::error_code error;
+    const fs::path target = fs::canonical(device, error);
+    if (error) continue;
+    auto& names = devices[target];
+    if (fs::path(device) != target) names.push_back(device);
+  }
+  return devices;
+}
+
+Check CheckLatencyTimer(const fs::path& device, int latency_ms, const fs::path& root) {
+  Check check{
+      .name = "latency timer of " + device.string(), .text = fmt::format("{} ms", latency_ms), .advice = {}};
+  if (latency_ms <= kLatencyTimerMax_ms) return check;
+  check.status = Status::kWarn;
+  check.text +=
+      ": the adapter holds received bytes back that long; the vehicle's delay margin is about 9 ms in all";
+  check.advice = fmt::format(
+      "`echo 1 | sudo tee {}`; for good, a line in /etc/udev/rules.d/99-ftdi.rules: ACTION==\"add\", "
+      "SUBSYSTEM==\"usb-serial\", DRIVER==\"ftdi_sio\", ATTR{{latency_timer}}=\"1\"",
+      link::LatencyTimerFile(device, root).string());
+  return check;
+}
+
+// Without opening them: that resets many a board.
+void CheckSerialDevices(const fs::path& root, Checks& checks) {
+  const auto devices = DevicesByTarget(root);
+  if (devices.empty())
+    checks.push_back({.name = "serial devices",
+                      .text = "none found (only `--client serial:DEV` needs one)",
+                      .advice = {}});
+  for (const auto& [device, names] : devices) {
+    Check check{.name = "serial device " + device.string(), .text = "may be opened", .advice = {}};
+    const auto holders = link::ProcessesHolding(device);
+    if (access(device.c_str(), R_OK | W_OK) != 0) {
+      check.status = Status::kWarn;
+      check.text = "no permission to open it";
+      check.advice = "`sudo usermod -aG dialout $USER`, then log out and in again";
+    } else if (!holders.empty()) {
+      check.status = Status::kWarn;
+      check.text = "held by process " + Text(holders);
+      check.advice = "end it before flying with this device";
+    }
+    if (!names.empty()) check.text += fmt::format("; also {}", fmt::join(names, ", "));
+    checks.push_back(std::move(check));
+    if (const auto latency_ms = link::ReadLatencyTimer(device, root))
+      checks.push_back(CheckLatencyTimer(device, *latency_ms, root));
+  }
+}
+
+// DEV[,REFDEV] of --client serial:...
+std::vector<std::string> ClientDevices(const std::string& client) {
+  constexpr std::string_view kPrefix = "serial:";
+  if (!client.starts_with(kPrefix))
+    throw UsageError(fmt::format("--client {}: doctor looks at serial:DEV[,REFDEV] alone", client));
+  const std::string devices = client.substr(kPrefix.size());
+  const auto comma = devices.find(',');
+  std::vector<std::string> parts = {devices.substr(0, comma)};
+  if (comma != std::string::npos) parts.push_back(devices.substr(comma + 1));
+  for (const auto& part : parts)
+    if (part.empty() || part.find(',') != std::string::npos)
+      throw UsageError(fmt::format("--client {}: expected serial:DEV or serial:DEV,REFDEV", client));
+  return parts;
+}
+
+// As a flight would open them: both at once.
+void CheckClientDevices(const std::vector<std::string>& devices, Checks& checks) {
+  boost::asio::io_context loop;
+  std::vector<std::unique_ptr<link::SerialPort>> ports;
+  for (const auto& device : devices) {
+    Check check{.name = "client's " + device, .text = fmt::format("opens at {} baud", kBaud), .advice = {}};
+    try {
+      ports.push_back(std::make_unique<link::SerialPort>(loop, device, kBaud));
+    } catch (const std::runtime_error& error) {
+      check.status = Status::kFail;
+      check.text = error.what();
+    }
+    checks.push_back(std::move(check));
+  }
+}
+
+// Tried in a child, so that this process stays as it is.
+bool MayRunInRealTime() {
+  const pid_t child = fork();
+  if (child < 0) return false;
+  if (child == 0) {
+    sched_param parameters{};
+    parameters.sched_priority = kPriority;
+    _exit(sched_setscheduler(0, SCHED_FIFO, &parameters) == 0 ? 0 : 1);
+  }
+  int status = 0;
+  pid_t ended = 0;
+  do ended = waitpid(child, &status, 0);
+  while (ended < 0 && errno == EINTR);
+  return ended == child && WIFEXITED(status) && WEXITSTATUS(status) == 0;
+}
+
+Check CheckRealTime() {
+  if (MayRunInRealTime())
+    return {
+        .name = "real-time priority", .text = fmt::format("SCHED_FIFO {} granted", kPriority), .advice = {}};
+  return {
+      .name = "real-time priority",
+      .status = Status::kWarn,
+      .text = "not granted: flights in real time will be less punctual",
+      .advice = fmt::format("a line `@dialout - rtprio {}` in /etc/security/limits.conf, then log out and in "
+                            "again",
+                            kPriority)};
+}
+
+Check CheckLockedMemory() {
+  rlimit limit{};
+  getrlimit(RLIMIT_MEMLOCK, &limit);
+  if (geteuid() == 0 || limit.rlim_cur == RLIM_INFINITY)
+    return {.name = "locked memory", .text = "unlimited", .advice = {}};
+  return {
+      .name = "locked memory",
+      .status = Status::kWarn,
+      .text = fmt::format("limited to {} KiB: a page fault may delay a flight in real time",
+                          limit.rlim_cur / 1024),
+      .advice =
+          "a line `@dialout - memlock unlimited` in /etc/security/limits.conf, then log out and in again"};
+}
+
+Check CheckProcessors() {
+  cpu_set_t usable;
+  CPU_ZERO(&usable);
+  const int count = sched_getaffinity(0, sizeof usable, &usable) == 0 ? CPU_COUNT(&usable) : 1;
+  if (count >= 2) return {.name = "processors", .text = std::to_string(count), .advice = {}};
+  return {.name = "processors",
+          .status = Status::kWarn,
+          .text = "one: plant, line and firmware wait for each other in real time",
+          .advice = "fly in real time on a machine with 2 or more; lockstep does not mind"};
+}
+
+Check CheckGovernor(const fs::path& root) {
+  std::set<std::string> governors;
+  std::error_code error;
+  for (fs::directory_iterator cpu(root / "sys/devices/system/cpu", error);
+       !error && cpu != fs::directory_iterator(); cpu.increment(error)) {
+    std::string governor;
+    if (std::ifstream(cpu->path() / "cpufreq/scaling_governor") >> governor) governors.insert(governor);
+  }
+  if (governors.empty()) return {.name = "frequency governor", .text = "none to be seen here", .advice = {}};
+  Check check{
+      .name = "frequency governor", .text = fmt::format("{}", fmt::join(governors, ", ")), .advice = {}};
+  if (governors == std::set<std::string>{"performance"}) return check;
+  check.status = Status::kWarn;
+  check.text += ": processors that sleep between periods wake late";
+  check.advice = "`sudo cpupower frequency-set -g performance`";
+  return check;
+}
+
+Check CheckInterface(const std::string& name) {
+  Check check{.name = "network interface " + name, .status = Status::kFail, .text = {}, .advice = {}};
+  ifaddrs* list = nullptr;
+  if (getifaddrs(&list) != 0) {
+    check.text = fmt::format("cannot be asked for: {}", std::strerror(errno));
+    return check;
+  }
+  const std::unique_ptr<ifaddrs, decltype(&freeifaddrs)> owner(list, freeifaddrs);
+  std::set<std::string> names;
+  unsigned flags = 0;
+  std::string address;
+  for (const ifaddrs* entry = list; entry != nullptr; entry = entry->ifa_next) {
+    names.insert(entry->ifa_name);
+    if (entry->ifa_name != name) continue;
+    flags |= entry->ifa_flags;
+    if (entry->ifa_addr == nullptr || entry->ifa_addr->sa_family != AF_INET) continue;
+    sockaddr_in ip{};
+    std::memcpy(&ip, entry->ifa_addr, sizeof ip);
+    char text[INET_ADDRSTRLEN] = {};
+    if (inet_ntop(AF_INET, &ip.sin_addr, text, sizeof text) != nullptr) address = text;
+  }
+  if (!names.contains(name)) {
+    check.text = "there is none of that name";
+    check.advice = fmt::format("this machine has {}", fmt::join(names, ", "));
+  } else if ((flags & IFF_UP) == 0) {
+    check.text = "it is down";
+    check.advice = fmt::format("`sudo ip link set {} up`", name);
+  } else if (address.empty()) {
+    check.text = "it has no IPv4 address";
+    check.advice = fmt::format(
+        "`sudo ip address add 192.168.10.1/24 dev {}`, or set it up with your network manager", name);
+  } else if ((flags & IFF_RUNNING) == 0) {
+    check.status = Status::kWarn;
+    check.text = fmt::format("up at {}, but nothing is connected to it", address);
+    check.advice = "check the cable";
+  } else if ((flags & (IFF_MULTICAST | IFF_LOOPBACK)) == 0) {
+    check.status = Status::kWarn;
+    check.text =
+        fmt::format("up at {}, without multicast: other machines are not found by themselves", address);
+    check.advice =
+        fmt::format("`sudo ip link set {} multicast on`, or name them with --peers HOST,...", name);
+  } else {
+    check.status = Status::kOk;
+    check.text = fmt::format("up at {}", address);
+  }
+  return check;
+}
+
+Check CheckPseudoTerminals() {
+  try {
+    boost::asio::io_context loop;
+    const link::Pty pty(loop);
+    return {.name = "pseudo-terminals", .text = "available", .advice = {}};
+  } catch (const std::runtime_error& error) {
+    return {.name = "pseudo-terminals", .status = Status::kFail, .text = error.what(), .advice = {}};
+  }
+}
+
+void Print(const Check& check, bool jsonl) {
+  if (jsonl) {
+    const nlohmann::ordered_json line = {{"check", check.name},
+                                         {"status", Name(check.status)},
+                                         {"text", check.text},
+                                         {"advice", check.advice}};
+    // Names of devices need not be UTF-8.
+    fmt::print("{}\n", line.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+  } else {
+    fmt::print("{:<4}  {}: {}{}{}\n", Name(check.status), check.name, check.text,
+               check.advice.empty() ? "" : "; do: ", check.advice);
+  }
+}
+
+}  // namespace
+
+int DoctorCommand(const DoctorOptions& options) {
+  Checks checks;
+  const auto client_devices =
+      options.client.empty() ? std::vector<std::string>{} : ClientDevices(options.client);
+  checks.push_back(CheckProcessors());
+  checks.push_back(CheckGovernor(options.root));
+  checks.push_back(CheckRealTime());
+  checks.push_back(CheckLockedMemory());
+  checks.push_back(CheckPseudoTerminals());
+  checks.push_back(CheckInterface("lo"));
+  if (!options.interface.empty() && options.interface != "lo")
+    checks.push_back(CheckInterface(options.interface));
+  CheckSerialDevices(options.root, checks);
+  CheckClientDevices(client_devices, checks);
+  for (const auto& check : checks) Print(check, options.format == "jsonl");
+  const bool failed = std::any_of(checks.begin(), checks.end(),
+                                  [](const Check& check) { return check.status == Status::kFail; });
+  return failed ? kExitError : kExitGreen;
+}
+
+}  // namespace tiltproof::harness
