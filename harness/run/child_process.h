@@ -8,10 +8,10 @@
 //   (Killed)" node.Stop(500ms);                                      // SIGTERM, then SIGKILL; the destructor
 //   does it too
 //
-// Started by fork and execve, not posix_spawn: only so can every child ask the kernel to die with its parent
-// (PR_SET_PDEATHSIG) without the help of a program in between. Between the two only async-signal-safe calls
-// are made, so threads do no harm. One trap of the kernel's: the "parent" is the *thread* that started the
-// child; start children from one that lives as long as they should.
+// Started by vfork and execve, not posix_spawn: only so can every child ask the kernel to die with its parent
+// (PR_SET_PDEATHSIG) without the help of a program in between. Between the two only system calls are made, so
+// threads do no harm. One trap of the kernel's: the "parent" is the *thread* that started the child; start
+// children from one that lives as long as they should.
 #pragma once
 
 #include <sys/types.h>
