@@ -2,6 +2,7 @@
 
 #include <ifaddrs.h>
 #include <net/if.h>
+#include <netdb.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 
@@ -55,6 +56,21 @@ void CheckInterface(const std::string& name) {
   if (!has_ipv4) throw std::runtime_error("network interface '" + name + "' has no IPv4 address" + choose);
 }
 
+void CheckPeer(const std::string& peer) {
+  if (peer.empty() || peer.size() > 253 || !IsPlain(peer, ".-_")) {
+    throw std::runtime_error("'" + peer + "' is not a host name or IPv4 address of a peer");
+  }
+  addrinfo hints{};
+  hints.ai_family = AF_INET;
+  addrinfo* found = nullptr;
+  const int code = getaddrinfo(peer.c_str(), nullptr, &hints, &found);
+  if (code != 0) {
+    throw std::runtime_error("cannot find the peer '" + peer + "': " + gai_strerror(code) +
+                             "; check the name, or give its IPv4 address");
+  }
+  freeaddrinfo(found);
+}
+
 void Check(const BusConfig& config) {
   if (config.domain < 0 || config.domain > kDomainMax) {
     throw std::runtime_error("DDS domain " + std::to_string(config.domain) + " is out of range: 0 to " +
@@ -73,12 +89,8 @@ void Check(const BusConfig& config) {
   if (config.peers.size() > kPeersCountMax) {
     throw std::runtime_error("at most " + std::to_string(kPeersCountMax) + " peers");
   }
-  for (const auto& peer : config.peers) {
-    if (peer.empty() || peer.size() > 253 || !IsPlain(peer, ".-_")) {
-      throw std::runtime_error("'" + peer + "' is not a host name or IPv4 address of a peer");
-    }
-  }
   CheckInterface(config.interface.empty() ? std::string(kLoopback) : config.interface);
+  for (const auto& peer : config.peers) CheckPeer(peer);
 }
 
 // Discovery and data of one machine go over loopback, by unicast to every participant index, since loopback
@@ -89,6 +101,7 @@ std::string Xml(const BusConfig& config) {
   std::string peers = local ? R"(<Peer address="127.0.0.1"/>)" : "";
   for (const auto& peer : config.peers) peers += R"(<Peer address=")" + peer + R"("/>)";
   const auto interface = local ? std::string(kLoopback) : config.interface;
+  const auto unacked_max = std::to_string(kUnackedBytesMax) + " B";
   return R"(<CycloneDDS><Domain id="any">)"
          "<General><Interfaces><NetworkInterface name=\"" +
          interface + "\"" + (local ? R"( multicast="false")" : "") + "/></Interfaces><AllowMulticast>" +
@@ -101,8 +114,8 @@ std::string Xml(const BusConfig& config) {
          std::to_string(kParticipantLeaseNs / kNsPerMs) +
          " ms</LeaseDuration></Discovery>"
          "<Internal><Watermarks><WhcAdaptive>false</WhcAdaptive><WhcHigh>" +
-         std::to_string(kUnackedBytesMax) +
-         " B</WhcHigh></Watermarks>"
+         unacked_max + "</WhcHigh><WhcHighInit>" + unacked_max +
+         "</WhcHighInit></Watermarks>"
          // The defaults repeat a lost acknowledgement after 3 s, and a writer's question after up to 8 s.
          R"(<HeartbeatInterval max="200 ms">100 ms</HeartbeatInterval>)"
          "<NackDelay>10 ms</NackDelay><AutoReschedNackDelay>200 ms</AutoReschedNackDelay>"

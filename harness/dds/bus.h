@@ -9,8 +9,10 @@
 //   dds::Subscriber<dds::RunCommand> commands(bus, [&] { loop.Post([&] { Handle(commands.Take()); }); });
 //   heartbeat.Write({.node_id = "plant", .kind = dds::NodeKind::kPlant});
 //
-// Discovery takes a few milliseconds: wait until MatchedCount() says that the other side is there before the
-// first message that must arrive, for most topics keep nothing for latecomers (qos.h). Every class here may
+// Discovery takes a few milliseconds, and each side knows of the other at another moment: wait until
+// MatchedCount() says that somebody listens before the first message that must arrive, for most topics keep
+// nothing for latecomers (qos.h). Who asks and expects an answer needs the other side to have waited, too:
+// let it say on a topic that keeps (RunAck, RunState) when its publishers are matched. Every class here may
 // be used from any thread. A Bus must outlive what was made on it, and a process that forks does so before
 // it makes its first Bus.
 #pragma once
@@ -32,11 +34,11 @@ struct BusConfig {
   // stay below the ports that the system hands out (harness/dds/domain_slot.h finds a free one).
   int domain = 1;
   // Who has another tag on the same domain is neither seen nor heard. At most 64 of A-Z a-z 0-9 _ . -
-  std::string tag;
+  std::string tag{};
   // Name of a network interface, or empty: this machine alone, over loopback.
-  std::string interface;
+  std::string interface = "";
   // Host names or addresses to look for besides those that multicast finds; only with an interface.
-  std::vector<std::string> peers;
+  std::vector<std::string> peers{};
   // Fault injection: the share of this process's packets that is lost on the way out, 0 to 1.
   double xmit_loss = 0;
 };
@@ -102,8 +104,8 @@ concept RealTime = std::same_as<T, PlantState> || std::same_as<T, Actuation>;
 
 // Messages first to last (inclusive) of a log that were skipped so far.
 struct SequenceGap {
-  std::string run_id;
-  std::string node_id;
+  std::string run_id{};
+  std::string node_id{};
   std::int64_t first = 0;
   std::int64_t last = 0;
   bool operator==(const SequenceGap&) const = default;

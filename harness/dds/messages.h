@@ -232,7 +232,7 @@ struct Score {
   bool operator==(const Score&) const = default;
 };
 
-// A lockstep exchange with a node: one request at a time, one response each.
+// A lockstep exchange with a node. None is lost, and none is kept for latecomers.
 struct StepRequest {
   std::string run_id{};   // key
   std::string node_id{};  // key

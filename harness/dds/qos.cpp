@@ -70,8 +70,14 @@ constexpr auto kTopics = std::to_array<TopicQos>({
      .type = "Score",
      .for_latecomers = true,
      .why = "one message an instance, so the last one is all of them"},
-    {.topic = "tiltproof/step_request", .type = "StepRequest", .why = "one exchange at a time"},
-    {.topic = "tiltproof/step_response", .type = "StepResponse", .why = "one exchange at a time"},
+    {.topic = "tiltproof/step_request",
+     .type = "StepRequest",
+     .keep_all = true,
+     .why = "one exchange at a time, in several messages when it is long"},
+    {.topic = "tiltproof/step_response",
+     .type = "StepResponse",
+     .keep_all = true,
+     .why = "one exchange at a time; upcalls of the firmware come before the answer"},
 });
 
 constexpr const TopicQos& Find(std::string_view type) {
@@ -80,6 +86,43 @@ constexpr const TopicQos& Find(std::string_view type) {
   }
   throw "no such type";  // at compile time: does not compile
 }
+
+template <class T>
+constexpr const TopicQos* kQosOf = nullptr;
+template <>
+constexpr const TopicQos* kQosOf<Heartbeat> = &Find("Heartbeat");
+template <>
+constexpr const TopicQos* kQosOf<RunScenario> = &Find("RunScenario");
+template <>
+constexpr const TopicQos* kQosOf<RunCommand> = &Find("RunCommand");
+template <>
+constexpr const TopicQos* kQosOf<RunAck> = &Find("RunAck");
+template <>
+constexpr const TopicQos* kQosOf<RunState> = &Find("RunState");
+template <>
+constexpr const TopicQos* kQosOf<PlantState> = &Find("PlantState");
+template <>
+constexpr const TopicQos* kQosOf<Actuation> = &Find("Actuation");
+template <>
+constexpr const TopicQos* kQosOf<Reference> = &Find("Reference");
+template <>
+constexpr const TopicQos* kQosOf<SerialTap> = &Find("SerialTap");
+template <>
+constexpr const TopicQos* kQosOf<FaultCommand> = &Find("FaultCommand");
+template <>
+constexpr const TopicQos* kQosOf<FaultActivation> = &Find("FaultActivation");
+template <>
+constexpr const TopicQos* kQosOf<RunEvent> = &Find("RunEvent");
+template <>
+constexpr const TopicQos* kQosOf<TraceRows> = &Find("TraceRows");
+template <>
+constexpr const TopicQos* kQosOf<NodeReport> = &Find("NodeReport");
+template <>
+constexpr const TopicQos* kQosOf<Score> = &Find("Score");
+template <>
+constexpr const TopicQos* kQosOf<StepRequest> = &Find("StepRequest");
+template <>
+constexpr const TopicQos* kQosOf<StepResponse> = &Find("StepResponse");
 
 std::string InWords(const TopicQos& t) {
   std::string text = "RELIABLE";
@@ -93,30 +136,28 @@ std::string InWords(const TopicQos& t) {
 
 }  // namespace
 
-#define TILTPROOF_QOS(T)                              \
-  template <>                                         \
-  const TopicQos& QosOf<T>() {                        \
-    static constexpr const TopicQos& kQos = Find(#T); \
-    return kQos;                                      \
-  }
-TILTPROOF_QOS(Heartbeat)
-TILTPROOF_QOS(RunScenario)
-TILTPROOF_QOS(RunCommand)
-TILTPROOF_QOS(RunAck)
-TILTPROOF_QOS(RunState)
-TILTPROOF_QOS(PlantState)
-TILTPROOF_QOS(Actuation)
-TILTPROOF_QOS(Reference)
-TILTPROOF_QOS(SerialTap)
-TILTPROOF_QOS(FaultCommand)
-TILTPROOF_QOS(FaultActivation)
-TILTPROOF_QOS(RunEvent)
-TILTPROOF_QOS(TraceRows)
-TILTPROOF_QOS(NodeReport)
-TILTPROOF_QOS(Score)
-TILTPROOF_QOS(StepRequest)
-TILTPROOF_QOS(StepResponse)
-#undef TILTPROOF_QOS
+template <class T>
+const TopicQos& QosOf() {
+  static_assert(kQosOf<T> != nullptr);
+  return *kQosOf<T>;
+}
+template const TopicQos& QosOf<Heartbeat>();
+template const TopicQos& QosOf<RunScenario>();
+template const TopicQos& QosOf<RunCommand>();
+template const TopicQos& QosOf<RunAck>();
+template const TopicQos& QosOf<RunState>();
+template const TopicQos& QosOf<PlantState>();
+template const TopicQos& QosOf<Actuation>();
+template const TopicQos& QosOf<Reference>();
+template const TopicQos& QosOf<SerialTap>();
+template const TopicQos& QosOf<FaultCommand>();
+template const TopicQos& QosOf<FaultActivation>();
+template const TopicQos& QosOf<RunEvent>();
+template const TopicQos& QosOf<TraceRows>();
+template const TopicQos& QosOf<NodeReport>();
+template const TopicQos& QosOf<Score>();
+template const TopicQos& QosOf<StepRequest>();
+template const TopicQos& QosOf<StepResponse>();
 
 std::vector<TopicRow> TopicTable() {
   std::vector<TopicRow> rows;

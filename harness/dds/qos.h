@@ -33,10 +33,10 @@ const TopicQos& QosOf();
 
 // One row a topic, in words.
 struct TopicRow {
-  std::string topic;
-  std::string type;
-  std::string qos;
-  std::string why;
+  std::string topic{};
+  std::string type{};
+  std::string qos{};
+  std::string why{};
 };
 std::vector<TopicRow> TopicTable();
 

@@ -1,5 +1,5 @@
 // Between the plain structs of messages.h and the C structs that idlc makes of tiltproof.idl. Internal to
-// this folder: the only header that shows DDS.
+// this folder; with bus_impl.h the only header that shows DDS.
 #pragma once
 
 #include <dds/dds.h>

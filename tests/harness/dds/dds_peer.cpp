@@ -1,0 +1,303 @@
+// The other process in the tests of the bus: dds_peer MODE DOMAIN TAG [ARGUMENT...]. Speaks in lines.
+#include <fcntl.h>
+#include <net/if.h>
+#include <poll.h>
+#include <sched.h>
+#include <sys/ioctl.h>
+#include <sys/prctl.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <map>
+
+#include "harness/dds/bus.h"
+#include "harness/dds/domain_slot.h"
+#include "harness/dds/qos.h"
+#include "tests/harness/dds/condition.h"
+#include "tests/harness/dds/peer_process.h"
+#include "tests/harness/dds/random_messages.h"
+
+namespace tiltproof::dds {
+namespace {
+
+struct Arguments {
+  std::vector<std::string> all;
+  const std::string& operator[](std::size_t i) const { return all.at(i); }
+  int Number(std::size_t i) const { return std::atoi(all.at(i).c_str()); }
+  BusConfig Config(double xmit_loss = 0) const {
+    BusConfig config;
+    config.domain = Number(1);
+    config.tag = all.at(2);
+    config.xmit_loss = xmit_loss;
+    return config;
+  }
+};
+
+template <class... Values>
+void Say(const char* format, Values... values) {
+  std::printf(format, values...);
+  std::printf("\n");
+  std::fflush(stdout);
+}
+void Say(const char* text) { Say("%s", text); }
+
+// Whether a line (or the end) of input comes within the time.
+bool InputWithin(int limit_ms) {
+  pollfd readable{.fd = STDIN_FILENO, .events = POLLIN, .revents = 0};
+  return poll(&readable, 1, limit_ms) > 0;
+}
+std::string ReadLine() {
+  std::string line;
+  for (char c = 0; read(STDIN_FILENO, &c, 1) == 1 && c != '\n';) line += c;
+  return line;
+}
+
+// SEED COUNT: COUNT random messages of each type and then the largest, until everybody has them.
+int SendRandom(const Arguments& a) {
+  Bus bus(a.Config());
+  Random random(static_cast<std::uint64_t>(a.Number(3)));
+  bool ok = true;
+  const auto send = [&]<class T>() {
+    Condition condition;
+    Publisher<T> publisher(bus, condition.Waker());
+    ok = condition.Wait([&] { return publisher.MatchedCount() == 1; }) && ok;
+    for (int i = 0; i < a.Number(4); ++i) ok = publisher.Write(RandomMessage<T>(random, i)) && ok;
+    ok = publisher.Write(T{}) && ok;
+    ok = publisher.Write(LargestMessage<T>()) && ok;
+    ok = publisher.WaitForAcks(20 * kNsPerS) && ok;
+  };
+#define TILTPROOF_SEND(T) send.template operator()<T>();
+  TILTPROOF_EVERY_MESSAGE(TILTPROOF_SEND)
+#undef TILTPROOF_SEND
+  Say(ok ? "done" : "failed");
+  ReadLine();
+  return 0;
+}
+
+// NODE: a heartbeat every 50 ms; on a line of input it hangs until the next.
+int SendHeartbeats(const Arguments& a) {
+  Bus bus(a.Config());
+  Publisher<Heartbeat> publisher(bus);
+  Heartbeat heartbeat;
+  heartbeat.node_id = a[3];
+  heartbeat.kind = NodeKind::kClient;
+  heartbeat.pid = getpid();
+  Say("ready");
+  for (;;) {
+    ++heartbeat.sequence;
+    publisher.Write(heartbeat);
+    if (!InputWithin(50)) continue;
+    if (ReadLine() == "leave") return 0;
+    Say("hanging");
+    ReadLine();
+    Say("going on");
+  }
+}
+
+// RUN: says which scenario is to be flown, and on a line of input that it is over.
+int SendScenario(const Arguments& a) {
+  Bus bus(a.Config());
+  Publisher<RunScenario> publisher(bus);
+  RunScenario scenario;
+  scenario.run_id = a[3];
+  scenario.scenario_yaml = std::string(kDocumentBytesMax, 'y');
+  if (!publisher.Write(scenario)) return 1;
+  Say("ready");
+  ReadLine();
+  publisher.Retire(scenario);
+  Say("retired");
+  ReadLine();
+  return 0;
+}
+
+// COUNT: prints the run of each scenario it gets, until it has COUNT.
+int TakeScenarios(const Arguments& a) {
+  Bus bus(a.Config());
+  Condition condition;
+  Subscriber<RunScenario> subscriber(bus, condition.Waker());
+  int count = 0;
+  return condition.Wait([&] {
+    for (const auto& scenario : subscriber.Take()) {
+      Say("%s", scenario.run_id.c_str());
+      ++count;
+    }
+    return count >= a.Number(3);
+  })
+             ? 0
+             : 1;
+}
+
+// COUNT LOSS_PERCENT CUT_MS: all four logs, each COUNT long, with a cut of the network amid.
+int SendLogs(const Arguments& a) {
+  const int count = a.Number(3);
+  Bus bus(a.Config(a.Number(4) / 100.0));
+  Condition condition;
+  Publisher<SerialTap> taps(bus, condition.Waker());
+  Publisher<FaultActivation> activations(bus, condition.Waker());
+  Publisher<RunEvent> events(bus, condition.Waker());
+  Publisher<TraceRows> rows(bus, condition.Waker());
+  Publisher<NodeReport> reports(bus, condition.Waker());
+  const bool matched = condition.Wait([&] {
+    return taps.MatchedCount() == 1 && activations.MatchedCount() == 1 && events.MatchedCount() == 1 &&
+           rows.MatchedCount() == 1 && reports.MatchedCount() == 1;
+  });
+  int refused = 0;
+  std::int64_t slowest_us = 0;
+  const auto write = [&](auto& publisher, const auto& message) {
+    const auto begin = std::chrono::steady_clock::now();
+    if (!publisher.Write(message)) ++refused;
+    const auto took = std::chrono::steady_clock::now() - begin;
+    slowest_us = std::max(slowest_us, std::chrono::duration_cast<std::chrono::microseconds>(took).count());
+  };
+  for (int i = 1; i <= count; ++i) {
+    if (i == count / 2 && a.Number(5) > 0) bus.Partition(true, true, a.Number(5) * kNsPerMs);
+    SerialTap tap{"run", "plant", i, std::vector<TapFrame>(5), {1, 2, 3}, {}};
+    for (auto& frame : tap.frames) frame.bytes.assign(150, 0x55);
+    write(taps, tap);
+    write(activations,
+          FaultActivation{"run", "plant", i, "bursts", i, "flipped", {{i, {1, 2}}}, {{i, {1, 3}}}});
+    write(events, RunEvent{"run", "plant", i, i, "kind", "text"});
+    write(rows, TraceRows{"run", "plant", i, 25, std::vector<double>(250, 1.5), {}, {}});
+    InputWithin(2);  // paced: nothing comes
+  }
+  write(reports,
+        NodeReport{"run", "plant", std::vector<std::uint8_t>(200'000, 9), count, count, count, count});
+  bool acked = matched;
+  acked = taps.WaitForAcks(20 * kNsPerS) && acked;
+  acked = activations.WaitForAcks(20 * kNsPerS) && acked;
+  acked = events.WaitForAcks(20 * kNsPerS) && acked;
+  acked = rows.WaitForAcks(20 * kNsPerS) && acked;
+  acked = reports.WaitForAcks(20 * kNsPerS) && acked;
+  Say("refused %d acked %d", refused, acked ? 1 : 0);
+  Say("slowest write %lld us", static_cast<long long>(slowest_us));
+  ReadLine();
+  return 0;
+}
+
+// Takes tap messages until its input ends; at "?" it says up to which it has all, and how many came.
+int TakeTaps(const Arguments& a) {
+  Bus bus(a.Config());
+  std::atomic<std::int64_t> count = 0;
+  std::atomic<Subscriber<SerialTap>*> taps = nullptr;
+  Subscriber<SerialTap> subscriber(bus, [&] {
+    if (auto* s = taps.load()) count += static_cast<std::int64_t>(s->Take().size());
+  });
+  taps = &subscriber;
+  count += static_cast<std::int64_t>(subscriber.Take().size());
+  Say("ready");
+  while (ReadLine() == "?") {
+    Say("%lld of %lld", static_cast<long long>(count.load()),
+        static_cast<long long>(subscriber.CompleteUpTo("run", "plant")));
+  }
+  return 0;
+}
+
+// Answers each step within the callback, the fastest way there is.
+int EchoSteps(const Arguments& a) {
+  Bus bus(a.Config());
+  Condition condition;
+  Publisher<StepResponse> responses(bus, condition.Waker());
+  std::atomic<Subscriber<StepRequest>*> requests = nullptr;
+  Subscriber<StepRequest> subscriber(bus, [&] {
+    if (auto* s = requests.load()) {
+      for (auto& r : s->Take()) responses.Write({r.run_id, r.node_id, r.sequence, std::move(r.payload)});
+    }
+  });
+  requests = &subscriber;
+  // An answer that goes out before the asker's subscriber is known here would reach nobody.
+  if (!condition.Wait([&] { return responses.MatchedCount() == 1; })) return 1;
+  Say("ready");
+  ReadLine();
+  return 0;
+}
+
+// PERIOD_MS COUNT: plant states at that pace.
+int SendStates(const Arguments& a) {
+  Bus bus(a.Config());
+  Condition condition;
+  Publisher<PlantState> states(bus, condition.Waker());
+  condition.Wait([&] { return states.MatchedCount() == 1; });
+  PlantState state;
+  state.run_id = "run";
+  for (int i = 0; i < a.Number(4); ++i) {
+    ++state.sequence;
+    states.Write(state);
+    InputWithin(a.Number(3));
+  }
+  states.Retire(state);
+  Say("done");
+  ReadLine();
+  return 0;
+}
+
+// RunEvents without pause, for tests of coming and going.
+int SendEvents(const Arguments& a) {
+  Bus bus(a.Config());
+  Publisher<RunEvent> events(bus);
+  Publisher<PlantState> states(bus);
+  Say("ready");
+  for (std::int64_t i = 1; !InputWithin(0); ++i) {
+    PlantState state;
+    state.run_id = "run";
+    state.sequence = i;
+    states.Write(state);
+    if (i < 2000) events.Write({"run", "plant", i, i, "kind", "text"});
+  }
+  return 0;
+}
+
+int TakeSlot(const Arguments&) {
+  const DomainSlot slot;
+  Say("%d", slot.domain());
+  ReadLine();
+  return 0;
+}
+
+// A machine with nothing but loopback: first down, then up.
+int LoopbackOnly(const Arguments& a) {
+  if (unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) {
+    Say("not permitted");
+    return 0;
+  }
+  try {
+    const Bus bus(a.Config());
+    Say("came up without a network");
+  } catch (const std::runtime_error& error) {
+    Say("%s", error.what());
+  }
+  const int control = socket(AF_INET, SOCK_DGRAM, 0);
+  ifreq request{};
+  std::snprintf(request.ifr_name, sizeof request.ifr_name, "lo");
+  request.ifr_flags = IFF_UP | IFF_RUNNING;
+  if (ioctl(control, SIOCSIFFLAGS, &request) != 0) return 1;
+  PeerProcess other({"send_scenario", a[1], a[2], "lonely"});
+  return TakeScenarios({{a[0], a[1], a[2], "1"}});
+}
+
+int Main(const Arguments& arguments) {
+  const std::map<std::string, int (*)(const Arguments&)> modes{
+      {"send_random", SendRandom},       {"heartbeat", SendHeartbeats},  {"send_scenario", SendScenario},
+      {"take_scenarios", TakeScenarios}, {"send_logs", SendLogs},        {"take_taps", TakeTaps},
+      {"echo_steps", EchoSteps},         {"send_states", SendStates},    {"send_events", SendEvents},
+      {"take_slot", TakeSlot},           {"loopback_only", LoopbackOnly}};
+  return modes.at(arguments[0])(arguments);
+}
+
+}  // namespace
+}  // namespace tiltproof::dds
+
+int main(int argc, char** argv) {
+  prctl(PR_SET_PDEATHSIG, SIGKILL);
+  alarm(120);
+  try {
+    return tiltproof::dds::Main({std::vector<std::string>(argv + 1, argv + argc)});
+  } catch (const std::exception& error) {
+    std::printf("%s\n", error.what());
+    return 1;
+  }
+}

@@ -1,0 +1,129 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cstdio>
+
+#include "harness/dds/bus.h"
+#include "harness/dds/domain_slot.h"
+#include "harness/dds/qos.h"
+#include "tests/harness/dds/condition.h"
+#include "tests/harness/dds/peer_process.h"
+
+namespace tiltproof::dds {
+namespace {
+
+struct Trouble {
+  int loss_percent;
+  int cut_ms;
+};
+
+class LogTopicsTest : public testing::TestWithParam<Trouble> {};
+
+// Everything of every log, in order, once.
+template <class T>
+struct Received {
+  explicit Received(Bus& bus, Condition& condition) : subscriber(bus, condition.Waker()) {}
+  std::int64_t Last() {
+    for (const auto& message : subscriber.Take()) sequences.push_back(message.sequence);
+    return sequences.empty() ? 0 : sequences.back();
+  }
+  void ExpectComplete(std::int64_t count) {
+    std::vector<std::int64_t> expected;
+    for (std::int64_t i = 1; i <= count; ++i) expected.push_back(i);
+    EXPECT_EQ(sequences, expected) << QosOf<T>().type;
+    EXPECT_TRUE(subscriber.Gaps().empty());
+    EXPECT_EQ(subscriber.CompleteUpTo("run", "plant"), count);
+  }
+  Subscriber<T> subscriber;
+  std::vector<std::int64_t> sequences;
+};
+
+TEST_P(LogTopicsTest, NothingIsLostAndNothingComesTwice) {
+  constexpr int kCount = 400;
+  const DomainSlot slot;
+  BusConfig config;
+  config.domain = slot.domain();
+  config.tag = "test";
+  config.xmit_loss = GetParam().loss_percent / 100.0;  // acknowledgements get lost as well
+  Bus bus(config);
+  Condition condition;
+  Received<SerialTap> taps(bus, condition);
+  Received<FaultActivation> activations(bus, condition);
+  Received<RunEvent> events(bus, condition);
+  Received<TraceRows> rows(bus, condition);
+  Subscriber<NodeReport> reports(bus, condition.Waker());
+  PeerProcess peer({"send_logs", std::to_string(slot.domain()), "test", std::to_string(kCount),
+                    std::to_string(GetParam().loss_percent), std::to_string(GetParam().cut_ms)});
+  const auto begin = std::chrono::steady_clock::now();
+  std::vector<NodeReport> report;
+  EXPECT_TRUE(condition.Wait(
+      [&] {
+        for (auto& r : reports.Take()) report.push_back(std::move(r));
+        const bool all = taps.Last() >= kCount && activations.Last() >= kCount && events.Last() >= kCount &&
+                         rows.Last() >= kCount;
+        return all && !report.empty();
+      },
+      std::chrono::seconds(40)));
+  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
+  taps.ExpectComplete(kCount);
+  activations.ExpectComplete(kCount);
+  events.ExpectComplete(kCount);
+  rows.ExpectComplete(kCount);
+  ASSERT_EQ(report.size(), 1u);
+  EXPECT_EQ(report[0].trace_rows, kCount);
+  EXPECT_EQ(peer.ReadLine(), "refused 0 acked 1");
+  std::printf("loss %d %%, cut %d ms: all there after %.1f s, %s\n", GetParam().loss_percent,
+              GetParam().cut_ms, took.count(), peer.ReadLine().c_str());
+}
+
+INSTANTIATE_TEST_SUITE_P(Troubles, LogTopicsTest,
+                         testing::Values(Trouble{0, 0}, Trouble{10, 0}, Trouble{10, 1500}, Trouble{0, 3000}),
+                         [](const auto& trouble) {
+                           return "Loss" + std::to_string(trouble.param.loss_percent) + "Cut" +
+                                  std::to_string(trouble.param.cut_ms);
+                         });
+
+TEST(LogTopicsTest, AWriterRefusesRatherThanWaitsForAStuckReader) {
+  const DomainSlot slot;
+  BusConfig config;
+  config.domain = slot.domain();
+  config.tag = "test";
+  Bus bus(config);
+  Condition condition;
+  Publisher<SerialTap> taps(bus, condition.Waker());
+  PeerProcess peer({"take_taps", std::to_string(slot.domain()), "test"});
+  ASSERT_EQ(peer.ReadLine(), "ready");
+  ASSERT_TRUE(condition.Wait([&] { return taps.MatchedCount() == 1; }));
+  peer.Signal(SIGSTOP);
+
+  SerialTap tap{"run", "plant", 1, std::vector<TapFrame>(1), {}, {}};
+  tap.frames[0].bytes.assign(60'000, 7);
+  std::chrono::duration<double, std::milli> slowest{0};
+  const auto write = [&] {
+    const auto begin = std::chrono::steady_clock::now();
+    const bool written = taps.Write(tap);
+    slowest = std::max<std::chrono::duration<double, std::milli>>(slowest,
+                                                                  std::chrono::steady_clock::now() - begin);
+    return written;
+  };
+  while (tap.sequence < 3000 && write()) ++tap.sequence;
+  std::printf("refused after %.0f MB, slowest write %.1f ms\n", static_cast<double>(tap.sequence) * 0.06,
+              slowest.count());
+  EXPECT_GT(tap.sequence, 1000);
+  EXPECT_LT(tap.sequence, 1500);
+  EXPECT_LT(slowest.count(), 500);
+
+  // What was refused may be tried again, and nothing is missing in the end.
+  peer.Signal(SIGCONT);
+  ASSERT_TRUE(condition.Wait([&] { return taps.Write(tap); }));
+  ASSERT_TRUE(taps.WaitForAcks(30 * kNsPerS));
+  const auto expected = std::to_string(tap.sequence) + " of " + std::to_string(tap.sequence);
+  EXPECT_TRUE(condition.Wait([&] {
+    peer.WriteLine("?");
+    return peer.ReadLine() == expected;
+  }));
+}
+
+}  // namespace
+}  // namespace tiltproof::dds
