@@ -33,6 +33,11 @@ struct RunOptions {
   std::vector<std::filesystem::path> paths;
   std::string client = "host";
   std::string mode = "lockstep";
+  std::string distributed;  // "", "dds" or "socket"
+  bool attach = false;
+  int domain = 0;
+  std::string interface;
+  std::vector<std::string> peers;
   std::string expression;  // -k
   std::string tag;
   std::optional<std::uint64_t> seed;
@@ -46,6 +51,21 @@ struct RunOptions {
   std::vector<std::string> command;  // as typed, for run.json
 };
 int RunCommand(const RunOptions& options);
+
+struct NodeCommandOptions {
+  std::string kind;
+  std::string name;
+  std::string client;  // of client and link nodes
+  std::string input;   // of joystick nodes
+  int domain = 0;
+  std::string tag;
+  std::string interface;
+  std::vector<std::string> peers;
+  double xmit_loss = 0;
+  bool child = false;
+  std::string lockstep;  // "", "dds" or "socket": one part of a distributed lockstep flight
+};
+int NodeCommand(const NodeCommandOptions& options);
 
 struct CheckOptions {
   std::vector<std::filesystem::path> paths;

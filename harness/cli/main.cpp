@@ -20,15 +20,36 @@ int Main(int argc, char** argv) {
   app.failure_message(CLI::FailureMessage::simple);
   std::function<int()> command;
 
+  const auto add_bus_options = [](CLI::App* to, int& domain, std::string& interface,
+                                  std::vector<std::string>& peers) {
+    to->add_option("--domain", domain, "DDS domain (default: the first free one; attached nodes: 1)")
+        ->check(CLI::Range(1, 230));
+    to->add_option("--interface", interface,
+                   "Network interface to other hosts (default: this machine alone)");
+    to->add_option("--peers", peers, "Hosts to look for where multicast does not reach")->delimiter(',');
+  };
+
   RunOptions run;
   run.command.assign(argv, argv + argc);
   auto* run_app = app.add_subcommand("run", "Fly scenarios and score them");
   run_app->add_option("PATH", run.paths, "Scenario files, or folders of them")->required();
   run_app
       ->add_option("--client", run.client,
-                   "Firmware under test: host, or library:FILE (firmware/tiltproof_client.h)")
+                   "Firmware under test: host, library:FILE (firmware/tiltproof_client.h), or, in real time, "
+                   "process:CMD, serial:DEV[,REFDEV]")
       ->capture_default_str();
-  run_app->add_option("--mode", run.mode, "How time passes: lockstep (virtual time)")->capture_default_str();
+  run_app
+      ->add_option("--mode", run.mode, "How time passes: lockstep (virtual) or realtime (nodes, real ports)")
+      ->check(CLI::IsMember({"lockstep", "realtime"}))
+      ->capture_default_str();
+  run_app
+      ->add_option("--distributed", run.distributed,
+                   "Lockstep with plant, link and firmware in processes of their own, over dds or socket")
+      ->expected(0, 1)
+      ->default_str("dds")
+      ->check(CLI::IsMember({"dds", "socket"}));
+  run_app->add_flag("--attach", run.attach, "Real time with nodes that run already (tiltproof node ...)");
+  add_bus_options(run_app, run.domain, run.interface, run.peers);
   run_app->add_option("-k", run.expression,
                       "Only scenarios whose name or tags match, for example 'delay and not reference'");
   run_app->add_option("--tag", run.tag, "Only scenarios with this tag");
@@ -86,6 +107,24 @@ int Main(int argc, char** argv) {
   design_app->add_flag("--allow-invalid-inertia", design.allow_invalid_inertia,
                        "Go on with a physically impossible inertia");
   design_app->callback([&] { command = [&] { return DesignLqrCommand(design); }; });
+
+  NodeCommandOptions node;
+  auto* node_app = app.add_subcommand("node", "Be one node of a distributed run, on this host");
+  node_app->add_option("KIND", node.kind, "plant, link, client, base-station, joystick or monitor")
+      ->required()
+      ->check(CLI::IsMember({"plant", "link", "client", "base-station", "joystick", "monitor"}));
+  node_app->add_option("--client", node.client,
+                       "client: host, library:FILE or process:CMD; link: serial:DEV[,REFDEV] of a board");
+  node_app->add_option("--input", node.input, "joystick: /dev/input/js0, an event device, or a recording");
+  node_app->add_option("--name", node.name, "Name on the bus (default: kind, host and process)");
+  add_bus_options(node_app, node.domain, node.interface, node.peers);
+  node_app->add_option("--xmit-loss", node.xmit_loss, "Lose this share of what is sent on the bus, 0 to 1")
+      ->check(CLI::Range(0.0, 1.0));
+  // How a harness starts its own nodes.
+  node_app->add_option("--tag", node.tag)->group("");
+  node_app->add_flag("--child", node.child)->group("");
+  node_app->add_option("--lockstep", node.lockstep)->check(CLI::IsMember({"dds", "socket"}))->group("");
+  node_app->callback([&] { command = [&] { return NodeCommand(node); }; });
 
   DoctorOptions doctor;
   auto* doctor_app = app.add_subcommand("doctor", "Check this machine: one line a check, with what to do");

@@ -56,8 +56,13 @@ std::string NotComparable(const std::filesystem::path& scenario_folder, const Sc
 // in an error.
 int ReplayCommand(const ReplayOptions& options) {
   const OldRun run = OpenRun(options.run);
-  const auto library = FirmwareLibrary(run.info.client);
-  const std::string build = BuildId(library);
+  if (run.info.mode == "realtime")
+    throw UsageError(
+        fmt::format("{}: flown in real time, where no two flights are equal to the bit; `run` flies it again",
+                    options.run.string()));
+  FlightMeans means;
+  means.client = ChooseClient(run.info.client);
+  const std::string build = BuildId(means.client.library);
   if (!run.info.build.empty() && run.info.build != build)
     fmt::print(
         "another build: {} then, {} now; the program or the firmware has changed, and flights may differ\n",
@@ -82,8 +87,7 @@ int ReplayCommand(const ReplayOptions& options) {
       continue;
     }
     auto [scenario, model] = LoadFlown(scenario_folder);
-    jobs.push_back({std::move(scenario), std::move(model), library,
-                    folder.path() / scenario_folder.filename(),
+    jobs.push_back({std::move(scenario), std::move(model), means, folder.path() / scenario_folder.filename(),
                     fmt::format("{} replay {}", options.program, scenario_folder.string())});
   }
   const PoolOutcome outcome = FlyAll(jobs, {}, [](const ScenarioResult&) {});

@@ -9,6 +9,7 @@
 #include "harness/cli/run_folder.h"
 #include "harness/cli/suite.h"
 #include "harness/cli/worker_pool.h"
+#include "harness/node/realtime_rights.h"
 #include "harness/report/build_id.h"
 #include "harness/report/files.h"
 #include "harness/report/results.h"
@@ -17,10 +18,37 @@
 namespace tiltproof::harness {
 namespace {
 
-void CheckMode(const RunOptions& options) {
-  if (options.mode == "lockstep") return;
-  if (options.mode == "realtime") throw UsageError("--mode realtime: this version flies in lockstep only");
-  throw UsageError(fmt::format("--mode {}: must be lockstep", options.mode));
+FlightMeans ChooseMeans(const RunOptions& options) {
+  FlightMeans means;
+  means.client = ChooseClient(options.client);
+  means.realtime = options.mode == "realtime";
+  if (!options.distributed.empty())
+    means.distributed = options.distributed == "socket" ? Transport::kSocket : Transport::kDds;
+  means.attach = options.attach;
+  means.domain = options.domain;
+  means.interface = options.interface;
+  means.peers = options.peers;
+  if (!means.realtime && !means.client.knows_virtual_time())
+    throw UsageError(
+        fmt::format("--client {}: it knows no virtual time and cannot fly in lockstep; add --mode realtime",
+                    options.client));
+  if (means.realtime && means.distributed)
+    throw UsageError("--distributed is for lockstep: in real time every part is a process of its own anyway");
+  if (!means.realtime && (means.attach || !means.interface.empty() || !means.peers.empty()))
+    throw UsageError("--attach, --interface and --peers need --mode realtime");
+  if (means.attach && options.client != "host")
+    throw UsageError(
+        "--attach: the firmware is that of the attached nodes; give --client to them, not to `run`");
+  if (means.attach && options.jobs_count > 1)
+    throw UsageError("--attach: the nodes fly one scenario at a time; drop -j");
+  return means;
+}
+
+// Lockstep has no processes that a fault could kill.
+void CheckFaults(const FlightMeans& means, const std::vector<SuiteScenario>& scenarios) {
+  if (means.realtime) return;
+  for (const auto& entry : scenarios)
+    if (const auto problem = NeedsRealtime(entry.scenario)) throw UsageError(*problem);
 }
 
 // Throws UsageError when -k or --tag is no valid selection.
@@ -61,8 +89,7 @@ void List(const RunOptions& options, const std::vector<SuiteScenario>& scenarios
 }  // namespace
 
 int RunCommand(const RunOptions& options) {
-  CheckMode(options);
-  const std::filesystem::path library = FirmwareLibrary(options.client);
+  const FlightMeans means = ChooseMeans(options);
   Suite suite = LoadSuite(options.paths, options.client);
   const std::size_t found = suite.scenarios.size();
   suite.scenarios = Select(std::move(suite.scenarios), options);
@@ -79,6 +106,7 @@ int RunCommand(const RunOptions& options) {
       throw UsageError(fmt::format("--repeat {}: from seed {} on the seeds exceed {}", options.repeat_count,
                                    first, kSeedMax));
   }
+  CheckFaults(means, suite.scenarios);
   if (options.dry_run) {
     List(options, suite.scenarios);
     return kExitGreen;
@@ -88,8 +116,10 @@ int RunCommand(const RunOptions& options) {
   info.suite = suite.name;
   info.started = UtcNow();
   info.seed = options.seed.value_or(suite.scenarios.front().scenario.seed);
-  info.client = library == HostFirmwareLibrary() ? "host" : "library:" + library.string();
-  info.build = BuildId(library);
+  info.mode = options.mode;
+  info.client = means.client.text;
+  info.build = BuildId(means.client.library);
+  if (means.realtime && !means.attach) info.realtime_rights = ProbeRealtimeRights().Text();
   info.command = options.command;
   const std::filesystem::path folder = CreateRunFolder(options.out, suite.name, info.seed);
   WriteRunInfo(folder, info);
@@ -100,10 +130,14 @@ int RunCommand(const RunOptions& options) {
   std::vector<FlightJob> jobs;
   for (const auto& [scenario, model] : suite.scenarios) {
     for (int repeat = 0; repeat < options.repeat_count; ++repeat) {
-      FlightJob job{scenario, model, library, {}, {}};
+      FlightJob job{scenario, model, means, {}, {}};
       job.scenario.seed = options.seed.value_or(scenario.seed) + static_cast<std::uint64_t>(repeat);
       job.folder = folder / FlightName(options, scenario, job.scenario.seed);
-      job.replay = fmt::format("{} replay {}", options.command.front(), job.folder.string());
+      job.replay = means.realtime ? fmt::format("{} run {} --mode realtime --client '{}' --seed {}",
+                                                options.command.front(),
+                                                (job.folder / "scenario.resolved.yaml").string(),
+                                                means.client.text, job.scenario.seed)
+                                  : fmt::format("{} replay {}", options.command.front(), job.folder.string());
       jobs.push_back(std::move(job));
     }
   }

@@ -91,6 +91,13 @@ SuiteScenario LoadFlown(const std::filesystem::path& scenario_folder) {
   }
 }
 
+LoadedScenario LoadAnnounced(const std::string& yaml) {
+  ModelCache models;
+  Scenario scenario = ParseScenario(yaml, "announced scenario", MakeReadOptions(models));
+  auto model = models.Load(scenario.model_file, scenario.allow_invalid_inertia);
+  return {std::move(scenario), std::move(model)};
+}
+
 std::filesystem::path ResolveModel(const std::string& model) {
   const std::filesystem::path file =
       model.ends_with(".sdf") ? std::filesystem::path(model) : ModelsFolder() / (model + ".sdf");

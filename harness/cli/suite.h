@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "harness/run/remote/serve.h"
 #include "harness/scenario/reader.h"
 #include "harness/scenario/scenario.h"
 #include "plant/vehicle_model.h"
@@ -48,6 +49,9 @@ Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const std::stri
 
 // A scenario that was flown before, from its folder. Throws UsageError.
 SuiteScenario LoadFlown(const std::filesystem::path& scenario_folder);
+
+// What a harness announces to its nodes: a resolved scenario's text. Throws std::exception.
+LoadedScenario LoadAnnounced(const std::string& yaml);
 
 // MODEL of design-lqr: a name in the models folder, or a path ending in .sdf. Throws UsageError.
 std::filesystem::path ResolveModel(const std::string& model);

@@ -21,6 +21,7 @@
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"
 #include "harness/run/flight.h"
+#include "harness/run/realtime/realtime_flight.h"
 #include "harness/scenario/reader.h"
 
 namespace tiltproof::harness {
@@ -74,15 +75,42 @@ ScenarioResult ErrorResult(const FlightJob& job, const std::string& reason) {
   return MakeErrorResult(job.folder.filename(), job.scenario, reason, job.replay);
 }
 
-ScenarioResult FlyJob(const FlightJob& job, std::atomic<std::int64_t>* progress_ns) {
+RunLog FlyByMeans(const FlightJob& job, std::atomic<std::int64_t>* progress_ns) {
   const Scenario& scenario = job.scenario;
+  const FlightMeans& means = job.means;
+  if (means.realtime)
+    return FlyRealtime(scenario, *job.model,
+                       {.program = ProgramFile(),
+                        .scenario_yaml = WriteResolved(scenario),
+                        .client = means.client.text,
+                        .board = !means.client.device.empty(),
+                        .attach = means.attach,
+                        .domain = means.domain,
+                        .interface = means.interface,
+                        .peers = means.peers,
+                        .progress_ns = progress_ns,
+                        .interrupted = &interrupted});
+  if (means.distributed)
+    return FlyDistributed(scenario, {.transport = *means.distributed,
+                                     .program = ProgramFile(),
+                                     .scenario_yaml = WriteResolved(scenario),
+                                     .firmware_library = means.client.library,
+                                     .domain = means.domain,
+                                     .progress_ns = progress_ns,
+                                     .interrupted = &interrupted});
+  FirmwareGuard::Install();
   FlightOptions options;
   options.make_client = [&](ClientHost host) {
-    return LoadLibraryClient(job.firmware_library, scenario.firmware, scenario.link.dialect, std::move(host));
+    return LoadLibraryClient(means.client.library, scenario.firmware, scenario.link.dialect, std::move(host));
   };
   options.progress_ns = progress_ns;
   options.interrupted = &interrupted;
-  const RunLog log = Fly(scenario, *job.model, options);
+  return Fly(scenario, *job.model, options);
+}
+
+ScenarioResult FlyJob(const FlightJob& job, std::atomic<std::int64_t>* progress_ns) {
+  const Scenario& scenario = job.scenario;
+  const RunLog log = FlyByMeans(job, progress_ns);
   // Scoring and writing are progress too, for whoever watches.
   progress_ns->fetch_add(1, std::memory_order_relaxed);
   ScenarioResult result = MakeResult(job.folder.filename(), scenario, log, job.replay);
@@ -95,7 +123,6 @@ ScenarioResult FlyJob(const FlightJob& job, std::atomic<std::int64_t>* progress_
 [[noreturn]] void Work(const FlightJob& job, std::atomic<std::int64_t>* progress_ns) {
   // Whatever the firmware prints must not mix with the results on standard output.
   dup2(STDERR_FILENO, STDOUT_FILENO);
-  FirmwareGuard::Install();
   ScenarioResult result;
   try {
     std::filesystem::create_directories(job.folder);

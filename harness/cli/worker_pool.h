@@ -5,19 +5,33 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "harness/cli/data_files.h"
 #include "harness/report/results.h"
+#include "harness/run/remote/distributed_flight.h"
 #include "harness/scenario/scenario.h"
 #include "plant/vehicle_model.h"
 
 namespace tiltproof::harness {
 
+// How flights of a run are flown.
+struct FlightMeans {
+  ClientChoice client;
+  bool realtime = false;
+  std::optional<Transport> distributed;  // lockstep with every part in a process of its own
+  bool attach = false;                   // realtime: with nodes that run already
+  int domain = 0;                        // 0: the first free one
+  std::string interface;
+  std::vector<std::string> peers;
+};
+
 struct FlightJob {
   Scenario scenario;
   std::shared_ptr<const plant::VehicleModel> model;
-  std::filesystem::path firmware_library;
+  FlightMeans means;
   std::filesystem::path folder;  // created by the worker; the scenario's own
   std::string replay;            // the exact command that flies it again
 };

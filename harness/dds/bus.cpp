@@ -105,8 +105,10 @@ std::string Xml(const BusConfig& config) {
   return R"(<CycloneDDS><Domain id="any">)"
          "<General><Interfaces><NetworkInterface name=\"" +
          interface + "\"" + (local ? R"( multicast="false")" : "") + "/></Interfaces><AllowMulticast>" +
-         (local ? "false" : "spdp") +
-         "</AllowMulticast></General>"
+         (local ? "false" : "spdp") + "</AllowMulticast>" +
+         // Loopback takes datagrams of 64 KB: hardly any message then needs fragments, which are slow to repair.
+         (local ? "<MaxMessageSize>65000 B</MaxMessageSize><FragmentSize>60000 B</FragmentSize>" : "") +
+         "</General>"
          "<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>" +
          std::to_string(kParticipantIndexMax) + "</MaxAutoParticipantIndex>" +
          (peers.empty() ? "" : "<Peers>" + peers + "</Peers>") + "<Tag>" + config.tag +
@@ -116,8 +118,9 @@ std::string Xml(const BusConfig& config) {
          "<Internal><Watermarks><WhcAdaptive>false</WhcAdaptive><WhcHigh>" +
          unacked_max + "</WhcHigh><WhcHighInit>" + unacked_max +
          "</WhcHighInit></Watermarks>"
-         // The defaults repeat a lost acknowledgement after 3 s, and a writer's question after up to 8 s.
-         R"(<HeartbeatInterval max="200 ms">100 ms</HeartbeatInterval>)"
+         // The defaults repeat a question about what is missing after 100 ms and more, and in lists of fragments
+         // each repeats only a few: a backlog after a cut would take seconds.
+         R"(<HeartbeatInterval min="5 ms" minsched="10 ms" max="100 ms">20 ms</HeartbeatInterval>)"
          "<NackDelay>10 ms</NackDelay><AutoReschedNackDelay>200 ms</AutoReschedNackDelay>"
          "<Test><XmitLossiness>" +
          std::to_string(std::lround(config.xmit_loss * 1000)) +

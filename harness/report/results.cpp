@@ -170,10 +170,11 @@ void WriteRunInfo(const std::filesystem::path& folder, const RunInfo& info) {
   json["version"] = Version();
   json["build"] = info.build;
   json["seed"] = info.seed;
-  json["mode"] = "lockstep";
+  json["mode"] = info.mode;
   json["client"] = info.client;
   json["command"] = info.command;
   json["interrupted"] = info.interrupted;
+  if (!info.realtime_rights.empty()) json["realtime_rights"] = info.realtime_rights;
   WriteFile(folder / "run.json", json.dump(2) + "\n");
 }
 
@@ -186,6 +187,7 @@ RunInfo ReadRunInfo(const std::filesystem::path& folder) {
     json.at("suite").get_to(info.suite);
     json.at("started").get_to(info.started);
     json.at("seed").get_to(info.seed);
+    info.mode = json.value("mode", "lockstep");
     json.at("client").get_to(info.client);
     info.build = json.value("build", "");
     json.at("command").get_to(info.command);

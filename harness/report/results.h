@@ -38,10 +38,12 @@ struct RunInfo {
   std::string suite;
   std::string started;  // ISO 8601 UTC
   std::uint64_t seed = 0;
-  std::string client;  // --client as given
+  std::string mode = "lockstep";  // or "realtime"
+  std::string client;             // --client as given
   std::string build;   // harness/report/build_id.h; empty in the files of older versions
   std::vector<std::string> command;
   bool interrupted = false;
+  std::string realtime_rights;  // in real time: the scheduling and memory that the nodes got
 };
 
 // run.json: what is needed to do the run again. Written before the first flight.

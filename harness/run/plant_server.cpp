@@ -87,7 +87,7 @@ void LocalPlantServer::OnStart(TimeNs arrival) {
 void LocalPlantServer::AnswerSensorRequest(TimeNs arrival, const Reply& reply) {
   const TimeNs sampled = state_.started() ? SimTime(boundary_ns_) : kPowerOn;
   Sensors sensors = ToFloat(plant_.ReadSensors(FrameOf(scenario_.angular_rates)), kSensorFields);
-  faults_.EditSensors(sampled, sensors);
+  faults_.EditSensors(sampled, sensors, arrival);
   sensed_ = sensors;
   const link::MessageBytes message = link::EncodeSensors(sensors);
   std::array<std::uint8_t, link::FrameBytesMax(link::kMessageBytesMax)> frame;

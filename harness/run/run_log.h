@@ -61,7 +61,7 @@ struct RunLog {
   std::vector<TimeNs>
       reply_latency_ns;  // from the last byte of a request to the last byte of its reply at the client
   std::vector<TimeNs> actuator_times_ns;  // arrival at the server of each accepted actuator message
-  // From the last byte of a reply, as the server sent it, to the arrival there of the actuator message that
+  // From the last byte of a reply, at the client, to the arrival there of the actuator message that
   // answers it.
   std::vector<TimeNs> client_round_trip_ns;
   // Real time only: control periods in which the harness's own nodes were later than allowed, and by how much

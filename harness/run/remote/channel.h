@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "harness/dds/bus.h"
 #include "link/time.h"
 
 namespace tiltproof::harness {
@@ -32,16 +33,15 @@ class Channel {
 // Over one end of a connected stream socket, which it owns.
 std::unique_ptr<Channel> MakeUnixChannel(int socket);
 
-// Which side of a channel over DDS this process is.
-enum class ChannelSide : std::uint8_t { kHarness, kNode };
-struct DdsChannelConfig {
-  int domain = 0;
-  std::string run_id;   // also the tag that isolates the run
-  std::string node_id;  // the node's, on both sides
-  ChannelSide side = ChannelSide::kHarness;
-  int peer_pidfd = -1;  // readable when the other process has ended; -1: unknown. Not owned
+// Over the bus, in a node: to the harness of that run.
+std::unique_ptr<Channel> MakeDdsChannel(dds::Bus& bus, const std::string& run_id, const std::string& node_id);
+
+// Over the bus, in the harness: to all of the run's nodes, once they are there. Throws ChannelLost.
+struct DdsPeer {
+  std::string node_id;
+  int pidfd = -1;  // readable when its process has ended; -1: unknown. Not owned
 };
-// Returns when both directions are matched, or throws ChannelLost.
-std::unique_ptr<Channel> MakeDdsChannel(const DdsChannelConfig& config);
+std::vector<std::unique_ptr<Channel>> MakeDdsChannels(dds::Bus& bus, const std::string& run_id,
+                                                      const std::vector<DdsPeer>& peers);
 
 }  // namespace tiltproof::harness

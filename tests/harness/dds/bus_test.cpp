@@ -145,6 +145,16 @@ TEST(BusTest, NeedsNothingButLoopback) {
   EXPECT_EQ(peer.ReadLine(), "lonely");
 }
 
+TEST(BusTest, HostsFindEachOtherByMulticastOrByName) {
+  for (const std::string way : {"multicast", "peers"}) {
+    PeerProcess hosts({"two_hosts", "1", "test", way, "run-over-" + way});
+    auto line = hosts.ReadLine();
+    if (line == "not permitted") GTEST_SKIP() << "no network namespaces here";
+    if (line == "ready") line = hosts.ReadLine();  // said by the host that sends
+    EXPECT_EQ(line, "run-over-" + way);
+  }
+}
+
 TEST(BusTest, ComingAndGoingAmidTraffic) {
   const DomainSlot slot;
   PeerProcess peer({"send_events", std::to_string(slot.domain()), "test"});

@@ -9,10 +9,12 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
+#include <fstream>
 #include <map>
 
 #include "harness/dds/bus.h"
@@ -100,11 +102,11 @@ int SendHeartbeats(const Arguments& a) {
 }
 
 // RUN: says which scenario is to be flown, and on a line of input that it is over.
-int SendScenario(const Arguments& a) {
-  Bus bus(a.Config());
+int SendScenario(const BusConfig& config, const std::string& run) {
+  Bus bus(config);
   Publisher<RunScenario> publisher(bus);
   RunScenario scenario;
-  scenario.run_id = a[3];
+  scenario.run_id = run;
   scenario.scenario_yaml = std::string(kDocumentBytesMax, 'y');
   if (!publisher.Write(scenario)) return 1;
   Say("ready");
@@ -116,8 +118,8 @@ int SendScenario(const Arguments& a) {
 }
 
 // COUNT: prints the run of each scenario it gets, until it has COUNT.
-int TakeScenarios(const Arguments& a) {
-  Bus bus(a.Config());
+int TakeScenarios(const BusConfig& config, int count_max) {
+  Bus bus(config);
   Condition condition;
   Subscriber<RunScenario> subscriber(bus, condition.Waker());
   int count = 0;
@@ -126,7 +128,7 @@ int TakeScenarios(const Arguments& a) {
       Say("%s", scenario.run_id.c_str());
       ++count;
     }
-    return count >= a.Number(3);
+    return count >= count_max;
   })
              ? 0
              : 1;
@@ -178,6 +180,9 @@ int SendLogs(const Arguments& a) {
   ReadLine();
   return 0;
 }
+
+int SendScenarioMode(const Arguments& a) { return SendScenario(a.Config(), a[3]); }
+int TakeScenariosMode(const Arguments& a) { return TakeScenarios(a.Config(), a.Number(3)); }
 
 // Takes tap messages until its input ends; at "?" it says up to which it has all, and how many came.
 int TakeTaps(const Arguments& a) {
@@ -258,9 +263,20 @@ int TakeSlot(const Arguments&) {
   return 0;
 }
 
+// Whether this process now has a network of its own, and may configure it.
+bool EnterNetworkOfItsOwn() {
+  const auto user = std::to_string(getuid());
+  const auto group = std::to_string(getgid());
+  if (unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) return false;
+  std::ofstream("/proc/self/setgroups") << "deny";
+  std::ofstream("/proc/self/uid_map") << "0 " << user << " 1";
+  std::ofstream("/proc/self/gid_map") << "0 " << group << " 1";
+  return true;
+}
+
 // A machine with nothing but loopback: first down, then up.
 int LoopbackOnly(const Arguments& a) {
-  if (unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) {
+  if (!EnterNetworkOfItsOwn()) {
     Say("not permitted");
     return 0;
   }
@@ -276,15 +292,62 @@ int LoopbackOnly(const Arguments& a) {
   request.ifr_flags = IFF_UP | IFF_RUNNING;
   if (ioctl(control, SIOCSIFFLAGS, &request) != 0) return 1;
   PeerProcess other({"send_scenario", a[1], a[2], "lonely"});
-  return TakeScenarios({{a[0], a[1], a[2], "1"}});
+  return TakeScenarios(a.Config(), 1);
+}
+
+// multicast|peers: two hosts with a cable between them. Without multicast they know each other by address.
+int TwoHosts(const Arguments& a) {
+  const bool multicast = a[3] == "multicast";
+  const auto configure = [multicast](const std::string& name, const std::string& address) {
+    return std::system(("ip addr add " + address + "/24 dev " + name + " && ip link set " + name +
+                        " multicast " + (multicast ? "on" : "off") + " up")
+                           .c_str()) == 0;
+  };
+  const auto config = [&](const std::string& interface, const std::string& other) {
+    auto result = a.Config();
+    result.interface = interface;
+    if (!multicast) result.peers = {other};
+    return result;
+  };
+  std::array<int, 2> to_parent{};
+  std::array<int, 2> to_child{};
+  if (!EnterNetworkOfItsOwn() || std::system("command -v ip >/dev/null") != 0 ||
+      pipe(to_parent.data()) != 0 || pipe(to_child.data()) != 0) {
+    Say("not permitted");
+    return 0;
+  }
+  char byte = 0;
+  const auto child = fork();
+  if (child == 0) {
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    if (unshare(CLONE_NEWNET) != 0 || write(to_parent[1], &byte, 1) != 1 ||
+        read(to_child[0], &byte, 1) != 1 || !configure("right", "10.77.0.2"))
+      _exit(1);
+    _exit(TakeScenarios(config("right", "10.77.0.1"), 1));
+  }
+  if (read(to_parent[0], &byte, 1) != 1 ||
+      std::system(("ip link add left type veth peer name right netns " + std::to_string(child)).c_str()) !=
+          0) {
+    Say("not permitted");
+    return 0;
+  }
+  if (!configure("left", "10.77.0.1") || write(to_child[1], &byte, 1) != 1) return 1;
+  return SendScenario(config("left", "10.77.0.2"), a[4]);
 }
 
 int Main(const Arguments& arguments) {
-  const std::map<std::string, int (*)(const Arguments&)> modes{
-      {"send_random", SendRandom},       {"heartbeat", SendHeartbeats},  {"send_scenario", SendScenario},
-      {"take_scenarios", TakeScenarios}, {"send_logs", SendLogs},        {"take_taps", TakeTaps},
-      {"echo_steps", EchoSteps},         {"send_states", SendStates},    {"send_events", SendEvents},
-      {"take_slot", TakeSlot},           {"loopback_only", LoopbackOnly}};
+  const std::map<std::string, int (*)(const Arguments&)> modes{{"send_random", SendRandom},
+                                                               {"heartbeat", SendHeartbeats},
+                                                               {"send_scenario", SendScenarioMode},
+                                                               {"take_scenarios", TakeScenariosMode},
+                                                               {"send_logs", SendLogs},
+                                                               {"take_taps", TakeTaps},
+                                                               {"echo_steps", EchoSteps},
+                                                               {"send_states", SendStates},
+                                                               {"send_events", SendEvents},
+                                                               {"take_slot", TakeSlot},
+                                                               {"two_hosts", TwoHosts},
+                                                               {"loopback_only", LoopbackOnly}};
   return modes.at(arguments[0])(arguments);
 }
 

@@ -1,0 +1,116 @@
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+
+#include "harness/cli/commands.h"
+#include "harness/cli/data_files.h"
+#include "harness/cli/suite.h"
+#include "harness/node/roles.h"
+#include "harness/run/realtime/realtime_flight.h"
+#include "harness/run/remote/serve.h"
+#include "harness/run/run_id.h"
+
+namespace tiltproof::harness {
+namespace {
+
+// The descriptor that a harness passes to the processes of a distributed lockstep flight.
+constexpr int kLockstepSocket = 3;
+
+dds::NodeKind KindNamed(const std::string& kind) {
+  using dds::NodeKind;
+  for (const NodeKind node : {NodeKind::kPlant, NodeKind::kLink, NodeKind::kClient, NodeKind::kBaseStation,
+                              NodeKind::kJoystick, NodeKind::kMonitor}) {
+    std::string name(Name(node));
+    std::replace(name.begin(), name.end(), '_', '-');
+    if (name == kind) return node;
+  }
+  throw UsageError(fmt::format("KIND {}: no such node", kind));
+}
+
+int ServeLockstep(const NodeCommandOptions& options) {
+  std::optional<dds::Bus> bus;
+  std::unique_ptr<Channel> channel;
+  if (options.lockstep == "socket") {
+    channel = MakeUnixChannel(kLockstepSocket);
+  } else {
+    bus.emplace(dds::BusConfig{
+        .domain = options.domain, .tag = options.tag, .interface = {}, .peers = {}, .xmit_loss = 0});
+    channel = MakeDdsChannel(*bus, options.tag, options.kind);
+  }
+  if (options.kind == "plant") {
+    ServePlant(*channel, LoadAnnounced);
+  } else if (options.kind == "link") {
+    ServeLine(*channel, LoadAnnounced);
+  } else {
+    ServeClient(*channel, LoadAnnounced);
+  }
+  return kExitGreen;
+}
+
+}  // namespace
+
+int NodeCommand(const NodeCommandOptions& options) {
+  if (!options.lockstep.empty()) return ServeLockstep(options);
+  NodeOptions node;
+  node.kind = KindNamed(options.kind);
+  node.name =
+      options.name.empty() ? fmt::format("{}-{}-{}", options.kind, HostName(), getpid()) : options.name;
+  node.bus = {.domain = options.domain == 0 ? kAttachDomain : options.domain,
+              .tag = options.tag.empty() ? kAttachTag : options.tag,
+              .interface = options.interface,
+              .peers = options.peers,
+              .xmit_loss = options.xmit_loss};
+  node.child = options.child;
+  node.load = LoadAnnounced;
+
+  const bool takes_client = options.kind == "client" || options.kind == "link";
+  if (!options.client.empty() && !takes_client)
+    throw UsageError(fmt::format("--client: a {} node has none", options.kind));
+  if (!options.input.empty() && options.kind != "joystick")
+    throw UsageError(fmt::format("--input: a {} node has none", options.kind));
+
+  MakeRole make_role;
+  switch (node.kind) {
+    case dds::NodeKind::kPlant:
+      make_role = MakePlantRole;
+      break;
+    case dds::NodeKind::kLink:
+      make_role = MakeLinkRole;
+      if (!options.client.empty()) {
+        const ClientChoice client = ChooseClient(options.client);
+        if (client.device.empty())
+          throw UsageError(
+              fmt::format("--client {}: a link node takes serial:DEV[,REFDEV], the cables to a board; "
+                          "other clients are nodes of their own",
+                          options.client));
+        node.client_port = client.device;
+        node.client_reference_port = client.reference_device;
+      }
+      break;
+    case dds::NodeKind::kClient: {
+      const ClientChoice client = ChooseClient(options.client.empty() ? "host" : options.client);
+      if (!client.device.empty())
+        throw UsageError(fmt::format("--client {}: a board has no client node; give this to the link node",
+                                     options.client));
+      node.firmware_library = client.library;
+      node.firmware_command = client.command;
+      make_role = client.command.empty() ? MakeLibraryRole : MakeCommandRole;
+      break;
+    }
+    case dds::NodeKind::kBaseStation:
+      make_role = MakeBaseStationRole;
+      break;
+    case dds::NodeKind::kJoystick:
+      if (options.input.empty())
+        throw UsageError("--input is missing: the joystick's device (/dev/input/js0), or a recording");
+      node.joystick_source = options.input;
+      make_role = MakeJoystickRole;
+      break;
+    default:
+      return RunMonitor(node);
+  }
+  return RunNode(node, make_role);
+}
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,93 @@
+#include <algorithm>
+#include <boost/asio/post.hpp>
+#include <cstdlib>
+
+#include "harness/node/reference_sender.h"
+#include "harness/node/roles.h"
+#include "harness/reference/trajectory.h"
+
+namespace tiltproof::harness {
+namespace {
+
+constexpr TimeNs kOriginTolerance = 100 * kNsPerUs;
+
+// Follows the simulation's clock, which the plant node publishes once a period: r(t) goes out at every
+// boundary of the 12 ms grid, by this node's own clock set to the simulation's.
+class BaseStationRole final : public Role {
+ public:
+  explicit BaseStationRole(NodeServices& services)
+      : services_(services),
+        sender_(services),
+        states_(services.bus(), [this, &loop = services.loop(), alive = std::weak_ptr(alive_)] {
+          boost::asio::post(loop, [this, alive] {
+            if (!alive.expired()) OnStates();
+          });
+        }) {}
+
+  Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
+    trajectory_.emplace(loaded.scenario.reference);
+    return {};
+  }
+  void Arm(const Ports& ports) override { sender_.Open(ports); }
+  void Start() override {}
+  void Flush() override {}
+  NodeTotals Stop() override {
+    timer_.reset();
+    stopped_ = true;
+    sender_.Close();
+    return {};
+  }
+
+ private:
+  void OnStates() {
+    const TimeNs now = services_.clock().Now();
+    for (const auto& state : states_.Take()) {
+      if (stopped_ || state.run_id != services_.run_id()) continue;
+      Follow(now, now - state.time_ns);
+    }
+  }
+
+  // Messages are late, never early: the earliest origin of the last second or two is the best, and a clock that
+  // drifts is followed.
+  void Follow(TimeNs now, TimeNs origin) {
+    if (now >= window_end_ns_) {
+      last_window_ns_ = window_ns_;
+      window_ns_ = kNever;
+      window_end_ns_ = now + kNsPerS;
+    }
+    window_ns_ = std::min(window_ns_, origin);
+    const TimeNs best = std::min(window_ns_, last_window_ns_);
+    if (timer_ && std::abs(best - origin_ns_) < kOriginTolerance) return;
+    origin_ns_ = best;
+    if (!timer_) SendAt(now - origin_ns_);
+    SetTimer(now);
+  }
+
+  void SetTimer(TimeNs now) {
+    const TimeNs next = origin_ns_ + ((now - origin_ns_) / kControlPeriodNs + 1) * kControlPeriodNs;
+    timer_.emplace(services_, next, kControlPeriodNs, [this](TimeNs due) {
+      // Of the boundary just reached, however late the timer.
+      SendAt((due - origin_ns_) / kControlPeriodNs * kControlPeriodNs);
+    });
+  }
+
+  void SendAt(TimeNs time_ns) { sender_.Send(time_ns, trajectory_->At(time_ns)); }
+
+  NodeServices& services_;
+  ReferenceSender sender_;
+  std::optional<Trajectory> trajectory_;
+  std::optional<PeriodicTimer> timer_;
+  TimeNs origin_ns_ = kNever;  // this node's clock at t = 0
+  TimeNs window_ns_ = kNever, last_window_ns_ = kNever, window_end_ns_ = kPowerOn;
+  bool stopped_ = false;
+  std::shared_ptr<char> alive_ = std::make_shared<char>();
+  dds::Subscriber<dds::PlantState> states_;
+};
+
+}  // namespace
+
+std::unique_ptr<Role> MakeBaseStationRole(NodeServices& services, const NodeOptions& /*options*/) {
+  return std::make_unique<BaseStationRole>(services);
+}
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,79 @@
+#include <fmt/format.h>
+#include <boost/asio/post.hpp>
+
+#include "harness/node/joystick_input.h"
+#include "harness/node/joystick_reference.h"
+#include "harness/node/reference_sender.h"
+#include "harness/node/roles.h"
+#include "harness/reference/trajectory.h"
+
+namespace tiltproof::harness {
+namespace {
+
+// A person flies: from the start of the scenario's reference, as the sticks say. It begins with the flight.
+class JoystickRole final : public Role {
+ public:
+  JoystickRole(NodeServices& services, const NodeOptions& options)
+      : services_(services),
+        source_(options.joystick_source),
+        sender_(services),
+        states_(services.bus(), [this, &loop = services.loop(), alive = std::weak_ptr(alive_)] {
+          boost::asio::post(loop, [this, alive] {
+            if (!alive.expired()) OnStates();
+          });
+        }) {}
+
+  Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
+    input_ = OpenJoystick(source_);
+    reference_.emplace(Trajectory(loaded.scenario.reference).At(kPowerOn), JoystickLimits{});
+    return {};
+  }
+  void Arm(const Ports& ports) override { sender_.Open(ports); }
+  void Start() override {}
+  void Flush() override {}
+  NodeTotals Stop() override {
+    timer_.reset();
+    stopped_ = true;
+    sender_.Close();
+    return {};
+  }
+
+ private:
+  void OnStates() {
+    for (const auto& state : states_.Take()) {
+      if (stopped_ || timer_ || state.run_id != services_.run_id()) continue;
+      const TimeNs now = services_.clock().Now();
+      began_ns_ = last_ns_ = now - state.time_ns;
+      timer_.emplace(services_, now, kControlPeriodNs, [this](TimeNs due) { Send(due); });
+    }
+  }
+
+  void Send(TimeNs now) {
+    const JoystickAxes axes = input_->Read(now - began_ns_);
+    if (!input_->lost().empty() && !told_lost_) {
+      told_lost_ = true;
+      services_.log().Write(RunEvent{now - began_ns_, "joystick_lost", input_->lost()});
+    }
+    sender_.Send(now - began_ns_, reference_->Step(axes, now - last_ns_));
+    last_ns_ = now;
+  }
+
+  NodeServices& services_;
+  std::string source_;
+  ReferenceSender sender_;
+  std::unique_ptr<JoystickInput> input_;
+  std::optional<JoystickReference> reference_;
+  std::optional<PeriodicTimer> timer_;
+  TimeNs began_ns_ = 0, last_ns_ = 0;
+  bool stopped_ = false, told_lost_ = false;
+  std::shared_ptr<char> alive_ = std::make_shared<char>();
+  dds::Subscriber<dds::PlantState> states_;
+};
+
+}  // namespace
+
+std::unique_ptr<Role> MakeJoystickRole(NodeServices& services, const NodeOptions& options) {
+  return std::make_unique<JoystickRole>(services, options);
+}
+
+}  // namespace tiltproof::harness

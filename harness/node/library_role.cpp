@@ -1,0 +1,148 @@
+#include <algorithm>
+#include <array>
+#include <boost/asio/post.hpp>
+#include <functional>
+#include <utility>
+
+#include "harness/client/firmware_guard.h"
+#include "harness/client/library_client.h"
+#include "harness/node/roles.h"
+#include "link/chunk.h"
+#include "link/serial_port.h"
+
+namespace tiltproof::harness {
+namespace {
+
+// A firmware library as a board: its clock is this node's, its UARTs are two serial ports.
+class LibraryRole final : public Role {
+ public:
+  LibraryRole(NodeServices& services, const NodeOptions& options)
+      : services_(services),
+        library_(options.firmware_library),
+        timer_(services.loop()),
+        states_(services.bus(), [this, &loop = services.loop(), alive = std::weak_ptr(alive_)] {
+          boost::asio::post(loop, [this, alive] {
+            if (!alive.expired()) OnStates();
+          });
+        }) {}
+
+  Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
+    scenario_ = loaded.scenario;
+    baud_ = scenario_.link.ideal ? 0 : scenario_.link.baud;
+    client_ = LoadLibraryClient(
+        library_, scenario_.firmware, scenario_.link.dialect,
+        {.transmit = [this](Uart uart, TimeNs now,
+                            std::span<const std::uint8_t> bytes) { return Transmit(uart, now, bytes); },
+         .log = [this](TimeNs now, std::string_view text) { lines_.emplace_back(now, text); }});
+    return {};
+  }
+
+  void Arm(const Ports& ports) override {
+    Open(Uart::kMain, FindPort(ports, "client"), scenario_.link.ideal ? 921'600 : scenario_.link.baud);
+    Open(Uart::kReference, FindPort(ports, "client_reference"), 921'600);
+  }
+
+  void Start() override {
+    power_on_ns_ = services_.clock().Now();
+    Run([this] { return client_->Start(0); });
+  }
+
+  void Flush() override {
+    if (origin_ns_ == kNever) return;
+    for (auto& [time_ns, text] : std::exchange(lines_, {}))
+      services_.log().Write(RunEvent{power_on_ns_ + time_ns - origin_ns_, "firmware_log", text});
+  }
+
+  NodeTotals Stop() override {
+    timer_.cancel();
+    stopped_ = true;
+    ports_ = {};
+    // Without t = 0 the times are those since power-on.
+    if (origin_ns_ == kNever) origin_ns_ = power_on_ns_;
+    Flush();
+    NodeTotals totals;
+    if (!lost_) totals.client = client_->Status();
+    return totals;
+  }
+
+ private:
+  void Open(Uart uart, const std::string& path, std::int64_t baud) {
+    auto& port = ports_[static_cast<std::size_t>(uart)];
+    port = std::make_unique<link::SerialPort>(services_.loop(), path, baud);
+    port->Start(
+        [this, uart](std::span<const std::uint8_t> bytes) {
+          if (stopped_ || power_on_ns_ == kNever) return;
+          const TimeNs now = Now();
+          Run([&] {
+            client_->Receive(uart, now, bytes);
+            return client_->Grant(now);
+          });
+        },
+        [this](const std::string& reason) {
+          if (!stopped_) services_.Fail(EndReason::kNodeLost, "the client's port is gone: " + reason);
+        });
+  }
+
+  TimeNs Now() const { return services_.clock().Now() - power_on_ns_; }
+
+  // The bytes leave at once, and the line takes their time; the firmware is told when its UART would be done.
+  TimeNs Transmit(Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) {
+    if (uart != Uart::kMain || stopped_) return now;
+    ports_[static_cast<std::size_t>(uart)]->Write(bytes);
+    transmitter_free_ns_ =
+        std::max(transmitter_free_ns_, now) + link::BytesTime(baud_, static_cast<std::int64_t>(bytes.size()));
+    return transmitter_free_ns_;
+  }
+
+  // Lets the firmware run, and comes back when it wants to be woken.
+  void Run(const std::function<TimeNs()>& call) {
+    if (stopped_) return;
+    try {
+      TimeNs wake = call();
+      timer_.cancel();
+      if (wake == kNever) return;
+      wake = std::max(wake, Now());
+      timer_.expires_at(services_.clock().ToSteady(power_on_ns_ + wake));
+      timer_.async_wait([this, wake, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
+        if (error || alive.expired() || stopped_) return;
+        const TimeNs now = Now();
+        // This machine's lateness, not the firmware's.
+        NoteLateness(services_.lateness(), now - wake);
+        Run([&] { return client_->Grant(now); });
+      });
+    } catch (const FirmwareTrouble& trouble) {
+      stopped_ = lost_ = true;
+      services_.Fail(trouble.hung ? EndReason::kFirmwareHung : EndReason::kFirmwareCrashed, trouble.what());
+    }
+  }
+
+  void OnStates() {
+    for (const auto& state : states_.Take())
+      if (state.run_id == services_.run_id() && state.phase == dds::Phase::kRunning)
+        origin_ns_ = state.origin_ns;
+  }
+
+  NodeServices& services_;
+  std::string library_;
+  Scenario scenario_;
+  std::int64_t baud_ = 0;
+  std::unique_ptr<Client> client_;
+  std::array<std::unique_ptr<link::SerialPort>, 2> ports_;
+  boost::asio::steady_timer timer_;
+  TimeNs power_on_ns_ = kNever;
+  TimeNs transmitter_free_ns_ = 0;
+  TimeNs origin_ns_ = kNever;  // of t = 0, in the plant's clock: that of this machine
+  std::vector<std::pair<TimeNs, std::string>> lines_;
+  bool stopped_ = false, lost_ = false;
+  std::shared_ptr<char> alive_ = std::make_shared<char>();
+  dds::Subscriber<dds::RunState> states_;
+};
+
+}  // namespace
+
+std::unique_ptr<Role> MakeLibraryRole(NodeServices& services, const NodeOptions& options) {
+  FirmwareGuard::Install();
+  return std::make_unique<LibraryRole>(services, options);
+}
+
+}  // namespace tiltproof::harness

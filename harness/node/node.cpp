@@ -1,0 +1,298 @@
+#include "harness/node/node.h"
+
+#include <fmt/format.h>
+#include <pthread.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <boost/asio/post.hpp>
+#include <boost/asio/signal_set.hpp>
+#include <chrono>
+#include <csignal>
+#include <utility>
+
+#include "harness/node/realtime_rights.h"
+#include "harness/run/run_id.h"
+
+namespace tiltproof::harness {
+namespace {
+
+namespace asio = boost::asio;
+using std::chrono::milliseconds;
+
+constexpr milliseconds kHeartbeatPeriod{50};
+// A harness that is not heard for so long is gone for good; a partition of the network heals sooner.
+constexpr milliseconds kHarnessLostAfter{6000};
+// Later than this is late: a third of what the vehicle can bear (its delay margin is 9 ms).
+constexpr TimeNs kLateAfterNs = 3 * kNsPerMs;
+
+class Node final : public NodeServices {
+ public:
+  Node(const NodeOptions& options, const MakeRole& make_role);
+  int Run();
+
+  asio::io_context& loop() override { return loop_; }
+  dds::Bus& bus() override { return *bus_; }
+  NodeClock& clock() override { return clock_; }
+  const std::string& run_id() const override { return run_id_; }
+  LogPublisher& log() override { return *log_; }
+  Lateness& lateness() override { return lateness_; }
+  void SetPhase(dds::Phase phase, TimeNs time_ns, TimeNs origin_ns, EndReason reason,
+                const std::string& text) override;
+
+ private:
+  // Something arrived: look in the loop's thread.
+  std::function<void()> Posted(void (Node::*look)()) {
+    return [this, look] { asio::post(loop_, [this, look] { (this->*look)(); }); };
+  }
+  void Beat();
+  void OnScenario();
+  void OnCommand();
+  void OnFault();
+  void Obey(const dds::RunCommand& command);
+  Ports Do(const dds::RunCommand& command);
+  void WatchHarness();
+  void Release();
+
+  NodeOptions options_;
+  MakeRole make_role_;
+  asio::io_context loop_{1};
+  NodeClock clock_;
+  RealtimeRights rights_;
+  std::unique_ptr<dds::Bus> bus_;
+  std::unique_ptr<dds::Publisher<dds::Heartbeat>> heartbeats_;
+  std::unique_ptr<dds::Publisher<dds::RunState>> states_;
+  std::unique_ptr<dds::Publisher<dds::RunAck>> acks_;
+  std::unique_ptr<dds::Subscriber<dds::Heartbeat>> others_;
+  std::unique_ptr<dds::Subscriber<dds::RunScenario>> scenarios_;
+  std::unique_ptr<dds::Subscriber<dds::RunCommand>> commands_;
+  std::unique_ptr<dds::Subscriber<dds::FaultCommand>> faults_;
+  asio::steady_timer beat_timer_{loop_};
+  dds::Heartbeat heartbeat_;
+
+  // Of the present run.
+  std::string run_id_;
+  std::string released_run_id_;  // the last one: what of it still comes is old
+  dds::RunScenario scenario_;
+  std::optional<LoadedScenario> loaded_;
+  std::unique_ptr<LogPublisher> log_;
+  std::unique_ptr<Role> role_;
+  Lateness lateness_;
+  std::int64_t last_command_ = 0;
+  std::int64_t last_fault_ = 0;
+  bool flying_ = false;
+  std::chrono::steady_clock::time_point harness_heard_;
+};
+
+Node::Node(const NodeOptions& options, const MakeRole& make_role) : options_(options), make_role_(make_role) {
+  // The threads of DDS inherit the mask: signals of the firmware's guard and of the loop are this thread's.
+  sigset_t all, old;
+  sigfillset(&all);
+  pthread_sigmask(SIG_SETMASK, &all, &old);
+  bus_ = std::make_unique<dds::Bus>(options.bus);
+  heartbeats_ = std::make_unique<dds::Publisher<dds::Heartbeat>>(*bus_);
+  states_ = std::make_unique<dds::Publisher<dds::RunState>>(*bus_);
+  acks_ = std::make_unique<dds::Publisher<dds::RunAck>>(*bus_);
+  others_ = std::make_unique<dds::Subscriber<dds::Heartbeat>>(*bus_);
+  scenarios_ = std::make_unique<dds::Subscriber<dds::RunScenario>>(*bus_, Posted(&Node::OnScenario));
+  commands_ = std::make_unique<dds::Subscriber<dds::RunCommand>>(*bus_, Posted(&Node::OnCommand));
+  faults_ = std::make_unique<dds::Subscriber<dds::FaultCommand>>(*bus_, Posted(&Node::OnFault));
+  pthread_sigmask(SIG_SETMASK, &old, nullptr);
+  // After the threads of DDS: they need not be punctual. A user's command is no part of the harness.
+  if (options.firmware_command.empty()) rights_ = AcquireRealtimeRights();
+
+  heartbeat_.node_id = options.name;
+  heartbeat_.kind = options.kind;
+  heartbeat_.host = HostName();
+  heartbeat_.pid = getpid();
+  heartbeat_.version = TILTPROOF_VERSION;
+  heartbeat_.capabilities = {fmt::format("scheduling={}", rights_.fifo ? "fifo" : "other"),
+                             fmt::format("memory={}", rights_.locked_memory ? "locked" : "unlocked")};
+  if (!options.client_port.empty()) heartbeat_.capabilities.push_back("client_port=" + options.client_port);
+}
+
+int Node::Run() {
+  asio::signal_set signals(loop_, SIGTERM, SIGINT, SIGHUP);
+  signals.async_wait([this](const boost::system::error_code& error, int) {
+    if (!error) loop_.stop();
+  });
+  Beat();
+  loop_.run();
+  // A node that leaves in the middle of a run takes its ports with it; the harness sees it go.
+  role_.reset();
+  return 0;
+}
+
+void Node::Beat() {
+  ++heartbeat_.sequence;
+  heartbeat_.run_id = run_id_;
+  heartbeats_->Write(heartbeat_);
+  if (flying_) role_->Flush();
+  if (log_) log_->Retry();
+  if (!run_id_.empty()) WatchHarness();
+  beat_timer_.expires_after(kHeartbeatPeriod);
+  beat_timer_.async_wait([this](const boost::system::error_code& error) {
+    if (!error) Beat();
+  });
+}
+
+void Node::WatchHarness() {
+  const auto now = std::chrono::steady_clock::now();
+  others_->Take();
+  for (const auto& node : others_->Nodes())
+    if (node.alive && node.last.kind == dds::NodeKind::kHarness && node.last.run_id == run_id_)
+      harness_heard_ = now;
+  if (now - harness_heard_ < kHarnessLostAfter) return;
+  fmt::print(stderr, "tiltproof node {}: the harness of run {} is gone; the run is given up\n", options_.name,
+             run_id_);
+  Release();
+}
+
+void Node::OnScenario() {
+  for (auto& scenario : scenarios_->Take()) {
+    const bool mine =
+        std::find(scenario.nodes.begin(), scenario.nodes.end(), options_.name) != scenario.nodes.end();
+    if (!mine || scenario.run_id == run_id_ || scenario.run_id == released_run_id_) continue;
+    if (!run_id_.empty()) Release();
+    run_id_ = scenario.run_id;
+    scenario_ = std::move(scenario);
+    last_command_ = last_fault_ = 0;
+    harness_heard_ = std::chrono::steady_clock::now();
+  }
+  OnCommand();
+}
+
+void Node::OnCommand() {
+  for (const auto& command : commands_->Take()) {
+    const bool mine = command.node_id.empty() || command.node_id == options_.name;
+    if (mine && command.run_id == run_id_ && command.sequence > last_command_) Obey(command);
+  }
+}
+
+void Node::Obey(const dds::RunCommand& command) {
+  last_command_ = command.sequence;
+  dds::RunAck ack;
+  ack.run_id = run_id_;
+  ack.node_id = options_.name;
+  ack.sequence = command.sequence;
+  try {
+    ack.ports = Do(command);
+    ack.ok = true;
+  } catch (const std::exception& error) {
+    ack.text = std::string(error.what()).substr(0, dds::kTextBytesMax);
+  }
+  acks_->Write(ack);
+  if (command.verb == dds::Verb::kRelease) Release();
+}
+
+Ports Node::Do(const dds::RunCommand& command) {
+  if (command.verb != dds::Verb::kPrepare && command.verb != dds::Verb::kRelease && !role_)
+    throw std::runtime_error("the node is not prepared");
+  switch (command.verb) {
+    case dds::Verb::kPrepare:
+      loaded_ = options_.load(scenario_.scenario_yaml);
+      log_ = std::make_unique<LogPublisher>(*bus_, loaded_->scenario, run_id_, options_.name);
+      lateness_ = {};
+      role_ = make_role_(*this, options_);
+      return role_->Prepare(*loaded_, command.ports);
+    case dds::Verb::kArm:
+      role_->Arm(command.ports);
+      return {};
+    case dds::Verb::kStart:
+      flying_ = true;
+      role_->Start();
+      return {};
+    case dds::Verb::kStop: {
+      flying_ = false;
+      NodeTotals totals = role_->Stop();
+      totals.lateness = lateness_;
+      log_->Close(totals);
+      return {};
+    }
+    case dds::Verb::kRelease:
+      return {};
+  }
+  return {};
+}
+
+void Node::Release() {
+  flying_ = false;
+  role_.reset();
+  log_.reset();
+  loaded_.reset();
+  clock_ = {};
+  released_run_id_ = std::exchange(run_id_, {});
+  if (options_.child) loop_.stop();
+}
+
+void Node::OnFault() {
+  for (const auto& fault : faults_->Take()) {
+    if (fault.run_id != run_id_ || fault.node_id != options_.name || fault.sequence <= last_fault_) continue;
+    last_fault_ = fault.sequence;
+    const auto parameter = [&](std::string_view name) {
+      for (const auto& [key, value] : fault.parameters)
+        if (key == name) return value;
+      return 0.0;
+    };
+    if (fault.type == "dds.partition") bus_->Partition(true, true, fault.duration_ns);
+    if (fault.type == "clock.skew") clock_.Skew(parameter("ppm"), FromSeconds(parameter("offset_ms") * 1e-3));
+  }
+}
+
+void Node::SetPhase(dds::Phase phase, TimeNs time_ns, TimeNs origin_ns, EndReason reason,
+                    const std::string& text) {
+  dds::RunState state;
+  state.run_id = run_id_;
+  state.node_id = options_.name;
+  state.phase = phase;
+  state.time_ns = time_ns;
+  state.origin_ns = origin_ns;
+  state.end_reason = Name(reason);
+  state.text = text.substr(0, dds::kTextBytesMax);
+  states_->Write(state);
+}
+
+}  // namespace
+
+std::string FindPort(const Ports& ports, std::string_view name) {
+  for (const auto& port : ports)
+    if (port.name == name) return port.path;
+  return {};
+}
+
+void NoteLateness(Lateness& lateness, TimeNs late_ns) {
+  lateness.max_ns = std::max(lateness.max_ns, late_ns);
+  if (late_ns <= kLateAfterNs) return;
+  // A long stall spoils every period that it lasts.
+  lateness.late_periods_count += 1 + late_ns / kControlPeriodNs;
+}
+
+PeriodicTimer::PeriodicTimer(NodeServices& services, TimeNs first, TimeNs period,
+                             std::function<void(TimeNs)> due)
+    : services_(services),
+      next_ns_(first),
+      period_ns_(period),
+      due_(std::move(due)),
+      timer_(services.loop()) {
+  Arm();
+}
+
+void PeriodicTimer::Arm() {
+  timer_.expires_at(services_.clock().ToSteady(next_ns_));
+  timer_.async_wait([this, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
+    if (error || alive.expired()) return;
+    const TimeNs now = services_.clock().Now();
+    NoteLateness(services_.lateness(), now - next_ns_);
+    do {
+      next_ns_ += period_ns_;
+    } while (next_ns_ <= now);
+    // It may destroy this timer.
+    const auto due = due_;
+    Arm();
+    due(now);
+  });
+}
+
+int RunNode(const NodeOptions& options, const MakeRole& make_role) { return Node(options, make_role).Run(); }
+
+}  // namespace tiltproof::harness

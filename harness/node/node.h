@@ -1,0 +1,103 @@
+// A node: one process of a run in real time, found and led by the harness over the bus.
+//
+// Every node lives the same life, and only its Role differs: it says every 50 ms that it is there, loads the
+// scenario that it is told, opens its ports, runs, hands in its log, and is free again.
+//
+//   prepare -> what it needs exists      arm -> its ports are open      start -> it runs
+//   stop    -> its log is handed in      release -> it is free (a child of the harness ends)
+//
+// One thread does all of the node's work, in an event loop; DDS has threads of its own that only post to it. So
+// the heartbeat stops when the work hangs, and that is what it is for.
+#pragma once
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "harness/dds/bus.h"
+#include "harness/node/node_clock.h"
+#include "harness/run/realtime/log_messages.h"
+#include "harness/run/remote/serve.h"
+#include "harness/run/run_log.h"
+
+namespace tiltproof::harness {
+
+struct NodeOptions {
+  dds::NodeKind kind = dds::NodeKind::kPlant;
+  std::string name;  // node id
+  dds::BusConfig bus;
+  // Started by a harness: it ends after its run. Else by a person, for any number of runs.
+  bool child = false;
+  ScenarioLoader load;
+  // Link: the devices that its cables to the client's two ports are plugged into; empty: pseudo-terminals.
+  std::string client_port, client_reference_port;
+  // Client: the firmware, one of the two.
+  std::string firmware_library, firmware_command;
+  // Joystick: a device, or a recording.
+  std::string joystick_source;
+};
+
+using Ports = std::vector<dds::Port>;
+// The path of a port; empty when there is none of that name.
+std::string FindPort(const Ports& ports, std::string_view name);
+
+// What a node does for its role.
+class NodeServices {
+ public:
+  virtual ~NodeServices() = default;
+  virtual boost::asio::io_context& loop() = 0;
+  virtual dds::Bus& bus() = 0;
+  virtual NodeClock& clock() = 0;
+  virtual const std::string& run_id() const = 0;
+  virtual LogPublisher& log() = 0;
+  virtual Lateness& lateness() = 0;
+  // Tells the harness where the node stands; kFailed ends the run.
+  virtual void SetPhase(dds::Phase phase, TimeNs time_ns, TimeNs origin_ns, EndReason reason,
+                        const std::string& text) = 0;
+  // The same for trouble of the node's own, named by `reason`.
+  void Fail(EndReason reason, const std::string& text) { SetPhase(dds::Phase::kFailed, 0, 0, reason, text); }
+};
+
+// The work of one kind of node, during one run. Any call may throw std::exception: the harness gets the text.
+class Role {
+ public:
+  virtual ~Role() = default;
+  // Returns the ports that it offers to others.
+  virtual Ports Prepare(const LoadedScenario& loaded, const Ports& given) = 0;
+  virtual void Arm(const Ports& ports) = 0;
+  virtual void Start() = 0;
+  // Every 50 ms from Start on: time to send the log so far.
+  virtual void Flush() = 0;
+  // Sends the rest of the log, returns its totals.
+  virtual NodeTotals Stop() = 0;
+};
+using MakeRole = std::function<std::unique_ptr<Role>(NodeServices&, const NodeOptions&)>;
+
+// Lives until it is told to end (SIGTERM, SIGINT, the harness that started it is done). Returns the process's
+// exit code.
+int RunNode(const NodeOptions& options, const MakeRole& make_role);
+
+// Calls `due(now)` every `period` of the node's clock from `first` on, in the loop, and keeps account of how
+// late that was. Until it is destroyed.
+class PeriodicTimer {
+ public:
+  PeriodicTimer(NodeServices& services, TimeNs first, TimeNs period, std::function<void(TimeNs)> due);
+
+ private:
+  void Arm();
+  NodeServices& services_;
+  TimeNs next_ns_, period_ns_;
+  std::function<void(TimeNs)> due_;
+  boost::asio::steady_timer timer_;
+  // A wait that is over already calls back even when this is destroyed before.
+  std::shared_ptr<char> alive_ = std::make_shared<char>();
+};
+
+// Counts work that was done `late_ns` after it was due.
+void NoteLateness(Lateness& lateness, TimeNs late_ns);
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,41 @@
+// The clock of a node: the machine's monotonic clock, which a fault may make wrong (clock.skew).
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+
+#include "link/time.h"
+
+namespace tiltproof::harness {
+
+class NodeClock {
+ public:
+  using Steady = std::chrono::steady_clock;
+
+  TimeNs Now() const { return FromSteady(Steady::now()); }
+  // When the true clock shows, this one shows `time`.
+  Steady::time_point ToSteady(TimeNs time) const {
+    const double since_base = static_cast<double>(time - base_ns_) / rate_;
+    return Steady::time_point(std::chrono::nanoseconds(true_base_ns_ + static_cast<TimeNs>(since_base)));
+  }
+
+  // From now on it runs `ppm` faster, after a jump by `offset_ns`. Zeros: at the true rate again, without
+  // taking the jump back.
+  void Skew(double ppm, TimeNs offset_ns) {
+    const auto now = Steady::now();
+    base_ns_ = FromSteady(now) + offset_ns;
+    true_base_ns_ = now.time_since_epoch().count();
+    rate_ = 1.0 + ppm * 1e-6;
+  }
+
+ private:
+  TimeNs FromSteady(Steady::time_point t) const {
+    const TimeNs since = t.time_since_epoch().count() - true_base_ns_;
+    return base_ns_ + static_cast<TimeNs>(static_cast<double>(since) * rate_);
+  }
+
+  TimeNs true_base_ns_ = 0, base_ns_ = 0;
+  double rate_ = 1.0;
+};
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,135 @@
+#include "harness/node/roles.h"
+#include "link/serial_port.h"
+
+namespace tiltproof::harness {
+namespace {
+
+// The plant is stepped between two requests of the client, which come just after a boundary of the 12 ms grid.
+constexpr TimeNs kTickPeriodNs = 4 * kNsPerMs;
+constexpr TimeNs kTickOffsetNs = 2 * kNsPerMs;
+
+template <template <class> class Group, std::size_t n>
+std::array<double, n> Values(const Group<double>& group, const std::array<SignalField<Group>, n>& fields) {
+  std::array<double, n> values{};
+  for (std::size_t i = 0; i < n; ++i) values[i] = group.*fields[i].in_double;
+  return values;
+}
+
+class PlantRole final : public Role {
+ public:
+  explicit PlantRole(NodeServices& services)
+      : services_(services), states_(services.bus()), actuations_(services.bus()) {}
+
+  Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
+    loaded_ = loaded;
+    server_.emplace(loaded_.scenario, *loaded_.model);
+    return {};
+  }
+
+  void Arm(const Ports& ports) override {
+    port_ = std::make_unique<link::SerialPort>(
+        services_.loop(), FindPort(ports, "plant"),
+        loaded_.scenario.link.ideal ? 921'600 : loaded_.scenario.link.baud);
+    port_->Start([this](std::span<const std::uint8_t> bytes) { OnBytes(bytes); },
+                 [this](const std::string& reason) {
+                   services_.Fail(EndReason::kNodeLost, "the plant's port is gone: " + reason);
+                 });
+  }
+
+  void Start() override {}
+  void Flush() override {
+    if (server_->state().started()) services_.log().Write(server_->TakeLog());
+  }
+
+  NodeTotals Stop() override {
+    timer_.reset();
+    port_.reset();
+    PlantLog log = server_->TakeLog();
+    services_.log().Write(log);
+    log.rows.clear();
+    log.request_times_ns.clear();
+    log.actuator_times_ns.clear();
+    log.events.clear();
+    log.activations.clear();
+    NodeTotals totals;
+    totals.plant = std::move(log);
+    return totals;
+  }
+
+ private:
+  // The link counters of a row are the link node's to tell.
+  static const LineCounts& NoCounts() {
+    static const LineCounts none{};
+    return none;
+  }
+
+  void OnBytes(std::span<const std::uint8_t> bytes) {
+    if (finished_) return;
+    const TimeNs now = services_.clock().Now();
+    Advance(now);
+    if (finished_) return;
+    const bool was_started = server_->state().started();
+    server_->Receive(now, bytes, [this](std::span<const std::uint8_t> frame) { port_->Write(frame); });
+    if (was_started || !server_->state().started()) return;
+    const TimeNs origin = server_->state().origin_ns;
+    services_.SetPhase(dds::Phase::kRunning, 0, origin, EndReason::kCompleted, "");
+    timer_.emplace(services_, origin + kTickOffsetNs, kTickPeriodNs, [this](TimeNs due) { Tick(due); });
+    Publish(origin);
+  }
+
+  void Tick(TimeNs now) {
+    Advance(now);
+    if (++tick_count_ % (kControlPeriodNs / kTickPeriodNs) == 1) Publish(now);
+  }
+
+  void Advance(TimeNs now) {
+    const PlantServer::State& state = server_->state();
+    if (finished_ || !state.started()) return;
+    const TimeNs end = state.origin_ns + loaded_.scenario.duration_ns;
+    server_->Advance(std::min(now, end), NoCounts());
+    if (now < end && !state.over) return;
+    if (!state.over) server_->Finish(end, NoCounts());
+    finished_ = true;
+    timer_.reset();
+    Publish(std::min(now, end));
+    services_.SetPhase(dds::Phase::kFinished, state.over ? state.reached_ns : loaded_.scenario.duration_ns,
+                       state.origin_ns, state.end_reason, state.end_text);
+  }
+
+  void Publish(TimeNs now) {
+    const TimeNs time_ns = now - server_->state().origin_ns;
+    dds::PlantState state;
+    state.run_id = services_.run_id();
+    state.sequence = ++sequence_;
+    state.time_ns = time_ns;
+    state.state = Values(server_->Truth(), kSensorFields);
+    state.in_force = Values(server_->in_force(), kActuatorFields);
+    states_.Write(state);
+    dds::Actuation actuation;
+    actuation.run_id = services_.run_id();
+    actuation.sequence = sequence_;
+    actuation.time_ns = time_ns;
+    actuation.commanded = Values(server_->commanded(), kActuatorFields);
+    actuation.in_force = state.in_force;
+    actuations_.Write(actuation);
+  }
+
+  NodeServices& services_;
+  dds::Publisher<dds::PlantState> states_;
+  dds::Publisher<dds::Actuation> actuations_;
+  LoadedScenario loaded_;
+  std::optional<LocalPlantServer> server_;
+  std::unique_ptr<link::SerialPort> port_;
+  std::optional<PeriodicTimer> timer_;
+  std::int64_t tick_count_ = 0;
+  std::int64_t sequence_ = 0;
+  bool finished_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<Role> MakePlantRole(NodeServices& services, const NodeOptions& /*options*/) {
+  return std::make_unique<PlantRole>(services);
+}
+
+}  // namespace tiltproof::harness

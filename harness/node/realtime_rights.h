@@ -1,0 +1,22 @@
+// What the operating system grants a node for punctuality: a real-time scheduling policy and locked memory.
+// Without them everything works, less evenly.
+#pragma once
+
+#include <string>
+
+namespace tiltproof::harness {
+
+struct RealtimeRights {
+  bool fifo = false;           // SCHED_FIFO for the calling thread
+  bool locked_memory = false;  // no page of this process leaves memory
+  // "SCHED_FIFO, memory locked", and what is missing and how to get it.
+  std::string Text() const;
+};
+
+// Takes what is permitted, for the calling thread and this process; children inherit neither.
+RealtimeRights AcquireRealtimeRights();
+
+// What a node would get, tried in a child process.
+RealtimeRights ProbeRealtimeRights();
+
+}  // namespace tiltproof::harness

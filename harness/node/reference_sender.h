@@ -1,0 +1,56 @@
+// How a reference gets to the firmware: framed onto the second serial line when this node shares a host with
+// the link node, else over the bus to the link node, which has the cable.
+#pragma once
+
+#include <array>
+#include <memory>
+
+#include "harness/node/node.h"
+#include "link/frame.h"
+#include "link/messages.h"
+#include "link/serial_port.h"
+
+namespace tiltproof::harness {
+
+class ReferenceSender {
+ public:
+  explicit ReferenceSender(NodeServices& services) : services_(services), references_(services.bus()) {}
+
+  // `ports` without "base_station": over the bus.
+  void Open(const Ports& ports) {
+    const std::string path = FindPort(ports, "base_station");
+    if (path.empty()) return;
+    port_ = std::make_unique<link::SerialPort>(services_.loop(), path, 921'600);
+    port_->Start([](std::span<const std::uint8_t>) {},
+                 [this](const std::string& reason) {
+                   services_.Fail(EndReason::kNodeLost, "the reference line is gone: " + reason);
+                 });
+  }
+
+  void Send(TimeNs time_ns, const ReferenceTruth& reference) {
+    if (port_) {
+      const link::MessageBytes message = link::EncodeReference(ToFloat(reference, kReferenceFields));
+      std::array<std::uint8_t, link::FrameBytesMax(link::kMessageBytesMax)> frame;
+      port_->Write(link::EncodeFrame(message.span(), frame).bytes);
+      return;
+    }
+    dds::Reference out;
+    out.run_id = services_.run_id();
+    out.node_id = "base_station";
+    out.sequence = ++sequence_;
+    out.time_ns = time_ns;
+    for (std::size_t i = 0; i < kReferenceCount; ++i)
+      out.values[i] = reference.*kReferenceFields[i].in_double;
+    references_.Write(out);
+  }
+
+  void Close() { port_.reset(); }
+
+ private:
+  NodeServices& services_;
+  dds::Publisher<dds::Reference> references_;
+  std::unique_ptr<link::SerialPort> port_;
+  std::int64_t sequence_ = 0;
+};
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,316 @@
+#include "harness/run/realtime/log_messages.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "harness/run/merge_logs.h"
+#include "harness/run/remote/protocol.h"
+
+namespace tiltproof::harness {
+
+template <class Archive>
+void Fields(Archive& archive, Lateness& l) {
+  archive(l.late_periods_count, l.max_ns);
+}
+template <class Archive>
+void Fields(Archive& archive, NodeTotals& t) {
+  archive(t.lateness, t.line, t.plant, t.client);
+}
+
+namespace {
+
+using link::Direction;
+
+// Kinds of RunEvent that are not events of the flight.
+constexpr std::string_view kFirmwareLogKind = "firmware_log";
+
+// t_s and the link counters of a row, in the order of TraceColumns().
+constexpr std::size_t kLinkColumnCount = 1 + 3 * link::kDirectionCount;
+
+std::size_t FirstLinkColumn() {
+  const auto& columns = TraceColumns();
+  return static_cast<std::size_t>(std::find(columns.begin(), columns.end(), "faults_active_count") -
+                                  columns.begin()) +
+         1;
+}
+
+std::vector<dds::Chunk> ToMessage(const std::vector<link::Chunk>& chunks) {
+  std::vector<dds::Chunk> out;
+  for (const auto& chunk : chunks) out.push_back({chunk.begin_ns, chunk.bytes});
+  return out;
+}
+std::vector<link::Chunk> FromMessage(std::vector<dds::Chunk>&& chunks) {
+  std::vector<link::Chunk> out;
+  for (auto& chunk : chunks) {
+    link::Chunk& to = out.emplace_back();
+    to.begin_ns = chunk.begin_ns;
+    to.bytes = std::move(chunk.bytes);
+  }
+  return out;
+}
+
+// The faults that had a hand in a chunk.
+std::vector<std::string> FaultsOf(const LinkRecord& record, TimeNs begin_ns, const Scenario& scenario,
+                                  const std::vector<faults::Activation>& activations) {
+  std::vector<std::string> ids;
+  for (const auto& activation : activations) {
+    const auto& chunks = record.delivered ? activation.after : activation.before;
+    const bool touched = std::any_of(chunks.begin(), chunks.end(), [&](const link::Chunk& chunk) {
+      return chunk.begin_ns == begin_ns && std::ranges::equal(chunk.bytes, record.bytes);
+    });
+    const std::string& id = scenario.faults[activation.fault].id;
+    if (touched && std::find(ids.begin(), ids.end(), id) == ids.end()) ids.push_back(id);
+  }
+  return ids;
+}
+
+}  // namespace
+
+LogPublisher::LogPublisher(dds::Bus& bus, const Scenario& scenario, std::string run_id, std::string node_id)
+    : scenario_(scenario),
+      run_id_(std::move(run_id)),
+      node_id_(std::move(node_id)),
+      taps_(bus),
+      activations_(bus),
+      events_(bus),
+      rows_(bus),
+      reports_(bus) {
+  last_.run_id = run_id_;
+  last_.node_id = node_id_;
+}
+
+int LogPublisher::MatchedCount() const {
+  return std::min({taps_.MatchedCount(), activations_.MatchedCount(), events_.MatchedCount(),
+                   rows_.MatchedCount(), reports_.MatchedCount()});
+}
+
+void LogPublisher::Write(const LineLog& log, TimeNs origin, const std::vector<CountsSample>& counts) {
+  auto tap = Begin<dds::SerialTap>(last_.serial_tap);
+  const auto flush = [&] { Send(std::exchange(tap, Begin<dds::SerialTap>(last_.serial_tap))); };
+  std::size_t offset = 0;
+  while (const auto record = log.link.Next(offset)) {
+    const TimeNs begin_ns = record->begin_ns - origin;
+    tap.frames.push_back({.begin_ns = begin_ns,
+                          .direction = static_cast<std::uint8_t>(record->direction),
+                          .delivered = record->delivered,
+                          .bytes = {record->bytes.begin(), record->bytes.end()},
+                          .fault_ids = FaultsOf(*record, begin_ns, scenario_, log.activations)});
+    if (tap.frames.size() == dds::kChunksCountMax) flush();
+  }
+  tap.reply_latency_ns = log.reply_latency_ns;
+  tap.client_round_trip_ns = log.client_round_trip_ns;
+  if (tap.frames.empty() && tap.reply_latency_ns.empty() && tap.client_round_trip_ns.empty()) {
+    --last_.serial_tap;
+  } else {
+    Send(std::move(tap));
+  }
+  WriteActivations(log.activations);
+  for (RunEvent event : log.events) {
+    event.time_ns -= origin;
+    Write(event);
+  }
+  if (counts.empty()) return;
+  auto rows = Begin<dds::TraceRows>(last_.trace_rows);
+  rows.column_count = kLinkColumnCount;
+  for (const auto& sample : counts) {
+    rows.values.push_back(ToSeconds(sample.time_ns));
+    for (const auto& count : sample.counts) {
+      rows.values.push_back(static_cast<double>(count.frames_sent));
+      rows.values.push_back(static_cast<double>(count.frames_accepted));
+      rows.values.push_back(static_cast<double>(count.frames_rejected));
+    }
+  }
+  Send(std::move(rows));
+}
+
+void LogPublisher::Write(const PlantLog& log) {
+  if (!log.rows.empty() || !log.request_times_ns.empty() || !log.actuator_times_ns.empty()) {
+    auto rows = Begin<dds::TraceRows>(last_.trace_rows);
+    rows.column_count = static_cast<std::uint32_t>(FlightColumns(scenario_).size());
+    rows.values = log.rows;
+    rows.request_times_ns = log.request_times_ns;
+    rows.actuator_times_ns = log.actuator_times_ns;
+    Send(std::move(rows));
+  }
+  WriteActivations(log.activations);
+  for (const auto& event : log.events) Write(event);
+}
+
+void LogPublisher::Write(const RunEvent& event) {
+  auto message = Begin<dds::RunEvent>(last_.run_event);
+  message.time_ns = event.time_ns;
+  message.kind = event.kind;
+  message.text = event.text.substr(0, dds::kTextBytesMax);
+  Send(std::move(message));
+}
+
+void LogPublisher::WriteActivations(const std::vector<faults::Activation>& activations) {
+  for (const auto& activation : activations) {
+    auto message = Begin<dds::FaultActivation>(last_.fault_activation);
+    message.fault_id = scenario_.faults[activation.fault].id;
+    message.time_ns = activation.time_ns;
+    message.what = activation.what.substr(0, dds::kTextBytesMax);
+    message.before = ToMessage(activation.before);
+    message.after = ToMessage(activation.after);
+    Send(std::move(message));
+  }
+}
+
+void LogPublisher::Send(AnyMessage message) {
+  waiting_.push_back(std::move(message));
+  Retry();
+}
+
+bool LogPublisher::TrySend(const AnyMessage& message) {
+  struct {
+    LogPublisher& self;
+    bool operator()(const dds::SerialTap& m) const { return self.taps_.Write(m); }
+    bool operator()(const dds::FaultActivation& m) const { return self.activations_.Write(m); }
+    bool operator()(const dds::RunEvent& m) const { return self.events_.Write(m); }
+    bool operator()(const dds::TraceRows& m) const { return self.rows_.Write(m); }
+  } write{*this};
+  return std::visit(write, message);
+}
+
+void LogPublisher::Retry() {
+  // Most topics keep nothing for a harness that is not there yet.
+  listened_ = listened_ || MatchedCount() > 0;
+  while (listened_ && !waiting_.empty() && TrySend(waiting_.front())) waiting_.pop_front();
+}
+
+void LogPublisher::Close(const NodeTotals& totals) {
+  Retry();
+  Packer packer;
+  packer(totals);
+  last_.payload.assign(packer.bytes().begin(), packer.bytes().end());
+  reports_.Write(last_);
+}
+
+LogCollector::LogCollector(dds::Bus& bus, const Scenario& scenario, std::string run_id,
+                           const std::function<void()>& on_data)
+    : scenario_(scenario),
+      run_id_(std::move(run_id)),
+      taps_(bus, on_data),
+      activations_(bus, on_data),
+      events_(bus, on_data),
+      rows_(bus, on_data),
+      report_messages_(bus, on_data) {
+  log_.trace = Trace(FlightColumns(scenario));
+}
+
+std::vector<RunEvent> LogCollector::Drain() {
+  const auto ours = [&](const auto& message) { return message.run_id == run_id_; };
+  std::vector<RunEvent> fresh;
+  for (auto& tap : taps_.Take()) {
+    if (!ours(tap)) continue;
+    for (auto& frame : tap.frames) {
+      if (frame.direction >= link::kDirectionCount) continue;
+      link::Chunk chunk;
+      chunk.begin_ns = frame.begin_ns;
+      chunk.bytes = std::move(frame.bytes);
+      log_.link.Append(chunk, static_cast<Direction>(frame.direction), frame.delivered);
+    }
+    log_.reply_latency_ns.insert(log_.reply_latency_ns.end(), tap.reply_latency_ns.begin(),
+                                 tap.reply_latency_ns.end());
+    log_.client_round_trip_ns.insert(log_.client_round_trip_ns.end(), tap.client_round_trip_ns.begin(),
+                                     tap.client_round_trip_ns.end());
+  }
+  for (auto& activation : activations_.Take())
+    if (ours(activation)) log_.activations.push_back(FromMessage(std::move(activation)));
+  for (auto& event : events_.Take()) {
+    if (!ours(event)) continue;
+    if (event.kind == kFirmwareLogKind) {
+      log_.firmware_log += fmt::format("{:.6f} {}\n", ToSeconds(event.time_ns), event.text);
+    } else {
+      fresh.push_back({event.time_ns, std::move(event.kind), std::move(event.text)});
+    }
+  }
+  log_.events.insert(log_.events.end(), fresh.begin(), fresh.end());
+  for (auto& rows : rows_.Take()) {
+    const std::size_t columns = rows.column_count;
+    const bool of_plant = columns == log_.trace.columns().size();
+    if (!ours(rows) || (!of_plant && columns != kLinkColumnCount)) continue;
+    for (std::size_t at = 0; at + columns <= rows.values.size(); at += columns) {
+      const auto begin = rows.values.begin() + static_cast<std::ptrdiff_t>(at);
+      Row& row = rows_by_time_[*begin];
+      (of_plant ? row.plant : row.link).assign(begin, begin + static_cast<std::ptrdiff_t>(columns));
+    }
+    log_.request_times_ns.insert(log_.request_times_ns.end(), rows.request_times_ns.begin(),
+                                 rows.request_times_ns.end());
+    log_.actuator_times_ns.insert(log_.actuator_times_ns.end(), rows.actuator_times_ns.begin(),
+                                  rows.actuator_times_ns.end());
+  }
+  for (auto& message : report_messages_.Take()) {
+    if (!ours(message) || reports_.contains(message.node_id)) continue;
+    Report report{message, {}};
+    Unpacker(message.payload).operator()(report.totals);
+    reports_.emplace(message.node_id, std::move(report));
+  }
+  return fresh;
+}
+
+faults::Activation LogCollector::FromMessage(dds::FaultActivation&& message) const {
+  const auto found = std::find_if(scenario_.faults.begin(), scenario_.faults.end(),
+                                  [&](const auto& fault) { return fault.id == message.fault_id; });
+  faults::Activation activation;
+  activation.time_ns = message.time_ns;
+  activation.fault = static_cast<std::size_t>(
+      (found == scenario_.faults.end() ? scenario_.faults.begin() : found) - scenario_.faults.begin());
+  activation.what = std::move(message.what);
+  activation.before = harness::FromMessage(std::move(message.before));
+  activation.after = harness::FromMessage(std::move(message.after));
+  return activation;
+}
+
+std::string LogCollector::Missing(const std::string& node_id) const {
+  const auto found = reports_.find(node_id);
+  if (found == reports_.end()) return "its closing report";
+  const dds::NodeReport& report = found->second.report;
+  std::string text;
+  const auto check = [&](const char* name, std::int64_t have, std::int64_t want) {
+    if (have < want) text += fmt::format("{}{} {} to {}", text.empty() ? "" : ", ", name, have + 1, want);
+  };
+  check("serial taps", taps_.CompleteUpTo(run_id_, node_id), report.serial_tap);
+  check("fault activations", activations_.CompleteUpTo(run_id_, node_id), report.fault_activation);
+  check("events", events_.CompleteUpTo(run_id_, node_id), report.run_event);
+  check("trace rows", rows_.CompleteUpTo(run_id_, node_id), report.trace_rows);
+  return text;
+}
+
+bool LogCollector::Complete(const std::string& node_id) const { return Missing(node_id).empty(); }
+
+RunLog LogCollector::Take(TimeNs end_ns) {
+  Drain();
+  const std::size_t first_link = FirstLinkColumn();
+  std::vector<double> values;
+  std::vector<double> counts(kLinkColumnCount, 0.0);  // as last heard
+  for (auto& [time_s, row] : rows_by_time_) {
+    if (!row.link.empty()) counts = row.link;
+    if (row.plant.empty()) continue;
+    std::copy(counts.begin() + 1, counts.end(), row.plant.begin() + static_cast<std::ptrdiff_t>(first_link));
+    values.insert(values.end(), row.plant.begin(), row.plant.end());
+  }
+  log_.trace.AppendRows(std::move(values));
+  rows_by_time_.clear();
+  log_.end_ns = end_ns;
+
+  log_.fault_activation_counts.resize(scenario_.faults.size(), 0);
+  Lateness lateness;
+  for (auto& [node_id, report] : reports_) {
+    NodeTotals& totals = report.totals;
+    // Several nodes late in the same period count twice: rather too strict with ourselves than with a firmware.
+    lateness.late_periods_count += totals.lateness.late_periods_count;
+    lateness.max_ns = std::max(lateness.max_ns, totals.lateness.max_ns);
+    if (totals.plant) Append(log_, std::move(*totals.plant));
+    if (totals.line) Append(log_, std::move(*totals.line), 0);
+    if (totals.client) log_.failsafe_entered_count = totals.client->failsafe_count;
+  }
+  log_.harness_overrun_count = lateness.late_periods_count;
+  log_.harness_late_max_ns = lateness.max_ns;
+  SortByTime(log_);
+  return std::move(log_);
+}
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,134 @@
+// What a flight in real time records, on its way from the nodes to the harness: LineLog and PlantLog as log
+// messages on the bus, and RunLog from them.
+//
+//   LogPublisher logs(bus, scenario, run_id, "link");      // in the node, every 50 ms:
+//   logs.Write(line.TakeLog(now), line.origin());
+//   logs.Close(...);                                       // its last word
+//
+//   LogCollector collector(bus, scenario, run_id, on_data);  // in the harness
+//   collector.Drain();  ...  if (collector.Complete("link")) ...
+//   RunLog log = collector.Take();
+//
+// Nothing is lost on the way: messages are numbered, and the node's closing report says how many there are.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "harness/client/client.h"
+#include "harness/dds/bus.h"
+#include "harness/run/line.h"
+#include "harness/run/plant_server.h"
+#include "harness/run/run_log.h"
+#include "harness/scenario/scenario.h"
+
+namespace tiltproof::harness {
+
+// How late this node's own work was, by control period.
+struct Lateness {
+  std::int64_t late_periods_count = 0;
+  TimeNs max_ns = 0;
+};
+
+// What a node knows only at its end.
+struct NodeTotals {
+  Lateness lateness;
+  std::optional<LineLog> line;    // totals alone
+  std::optional<PlantLog> plant;  // totals alone
+  std::optional<ClientStatus> client;
+};
+
+// The link counters of a flight at one instant of its 12 ms grid; the link node knows them, the plant's rows
+// show them.
+struct CountsSample {
+  TimeNs time_ns = 0;
+  LineCounts counts{};
+};
+
+class LogPublisher {
+ public:
+  LogPublisher(dds::Bus& bus, const Scenario& scenario, std::string run_id, std::string node_id);
+
+  // Records alone; `origin` as in LineLog.
+  void Write(const LineLog& log, TimeNs origin, const std::vector<CountsSample>& counts);
+  void Write(const PlantLog& log);
+  void Write(const RunEvent& event);
+  // Sends again what did not fit the bus. Called now and then.
+  void Retry();
+  // The node's last word. What is still waiting is given up after a while.
+  void Close(const NodeTotals& totals);
+
+ private:
+  int MatchedCount() const;
+  using AnyMessage = std::variant<dds::SerialTap, dds::FaultActivation, dds::RunEvent, dds::TraceRows>;
+  void Send(AnyMessage message);
+  bool TrySend(const AnyMessage& message);
+  void WriteActivations(const std::vector<faults::Activation>& activations);
+  template <class T>
+  T Begin(std::int64_t& sequence) const {
+    T message;
+    message.run_id = run_id_;
+    message.node_id = node_id_;
+    message.sequence = ++sequence;
+    return message;
+  }
+
+  const Scenario& scenario_;
+  std::string run_id_, node_id_;
+  dds::Publisher<dds::SerialTap> taps_;
+  dds::Publisher<dds::FaultActivation> activations_;
+  dds::Publisher<dds::RunEvent> events_;
+  dds::Publisher<dds::TraceRows> rows_;
+  dds::Publisher<dds::NodeReport> reports_;
+  dds::NodeReport last_;            // the sequences so far
+  std::deque<AnyMessage> waiting_;  // in order
+  bool listened_ = false;
+};
+
+class LogCollector {
+ public:
+  LogCollector(dds::Bus& bus, const Scenario& scenario, std::string run_id,
+               const std::function<void()>& on_data);
+
+  // Takes what has arrived. Returns the events among it, for display.
+  std::vector<RunEvent> Drain();
+  // The node's report is here, and every message that it counts.
+  bool Complete(const std::string& node_id) const;
+  // What is missing of a node's log, for a person; empty when nothing is.
+  std::string Missing(const std::string& node_id) const;
+  bool HasReport(const std::string& node_id) const { return reports_.contains(node_id); }
+  // The flight as far as it is known: end_reason and what only the harness knows are the caller's.
+  RunLog Take(TimeNs end_ns);
+
+ private:
+  struct Report {
+    dds::NodeReport report;
+    NodeTotals totals;
+  };
+  // Rows that belong to one instant may come in either order.
+  struct Row {
+    std::vector<double> plant, link;
+  };
+  faults::Activation FromMessage(dds::FaultActivation&& message) const;
+
+  const Scenario& scenario_;
+  std::string run_id_;
+  dds::Subscriber<dds::SerialTap> taps_;
+  dds::Subscriber<dds::FaultActivation> activations_;
+  dds::Subscriber<dds::RunEvent> events_;
+  dds::Subscriber<dds::TraceRows> rows_;
+  dds::Subscriber<dds::NodeReport> report_messages_;
+
+  RunLog log_;
+  std::map<double, Row> rows_by_time_;
+  std::map<std::string, Report> reports_;
+};
+
+}  // namespace tiltproof::harness

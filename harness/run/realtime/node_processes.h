@@ -1,0 +1,40 @@
+// The nodes that a run in real time starts itself: `tiltproof node KIND` as child processes, one of each kind.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "harness/run/child_process.h"
+#include "harness/run/realtime/realtime_flight.h"
+
+namespace tiltproof::harness {
+
+class NodeProcesses {
+ public:
+  // `loss` by node: the share of its packets that a fault lets the network lose.
+  NodeProcesses(const RealtimeOptions& options, int domain, const std::string& tag,
+                std::map<std::string, double> loss);
+
+  // Starts `plant`, `link`, `client` or `base_station` as node `id`. Throws std::runtime_error.
+  void Start(const std::string& role, const std::string& id);
+  void StartAll();
+  const std::vector<std::string>& names() const { return names_; }
+
+  // Null when it was never started.
+  ChildProcess* Find(const std::string& role);
+  // Asks all to end, kills what does not, reaps.
+  void StopAll();
+
+ private:
+  const RealtimeOptions& options_;
+  int domain_;
+  std::string tag_;
+  std::map<std::string, double> loss_;
+  std::vector<std::string> names_;
+  std::map<std::string, std::unique_ptr<ChildProcess>> processes_;
+};
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,631 @@
+#include "harness/run/realtime/realtime_flight.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
+#include <chrono>
+#include <csignal>
+#include <cstdlib>
+#include <functional>
+#include <map>
+#include <set>
+#include <utility>
+
+#include "faults/node_command.h"
+#include "faults/schedule.h"
+#include "harness/dds/bus.h"
+#include "harness/dds/domain_slot.h"
+#include "harness/run/flight.h"
+#include "harness/run/realtime/log_messages.h"
+#include "harness/run/realtime/node_processes.h"
+#include "harness/run/run_id.h"
+
+namespace tiltproof::harness {
+namespace {
+
+namespace asio = boost::asio;
+using SteadyClock = std::chrono::steady_clock;
+using dds::NodeKind;
+using std::chrono::milliseconds;
+
+constexpr milliseconds kTurn{5};
+constexpr milliseconds kHeartbeatPeriod{50};
+constexpr milliseconds kFindLimit{10'000};
+constexpr milliseconds kCommandLimit{10'000};
+// After the end: time for what a partition of the network held up.
+constexpr milliseconds kLogLimit{8'000};
+// An attached node on another host may only be cut off for a moment: it is lost when it stays away.
+constexpr milliseconds kPartitionLimit{5'000};
+// A flight on the plant's clock that is so much longer than it should be has come to a stop.
+constexpr milliseconds kOverdueLimit{5'000};
+
+struct Interrupted {};
+
+class RealtimeConductor {
+ public:
+  RealtimeConductor(const Scenario& scenario, const plant::VehicleModel& model,
+                    const RealtimeOptions& options);
+  RunLog Run();
+
+ private:
+  struct Member {
+    std::string id;    // node id
+    std::string role;  // of a process of ours: its name there
+    NodeKind kind{};
+    std::string host;
+    std::optional<SteadyClock::time_point> away_since;
+    bool lost = false;
+  };
+
+  void Conduct();
+  void FindNodes();
+  bool Adopt(const std::vector<dds::NodeLife>& nodes, std::string& missing);
+  void Announce();
+  bool HasTakenScenario(const Member& member) const;
+  void Prepare();
+  void FlyToTheEnd();
+  void GatherLogs();
+
+  // One command to all members, and all their answers.
+  std::map<std::string, dds::RunAck> Command(dds::Verb verb, const std::vector<dds::Port>& ports,
+                                             bool tolerate_lost, const std::string& only = {});
+  // Turns the loop until `done`; false when the limit is over first. Checks on every turn that everybody lives.
+  bool Await(milliseconds limit, const std::function<bool()>& done);
+  void Turn();
+  void Beat();
+  void CheckMembers();
+  void OnLost(Member& member, const std::string& how);
+  void OnStates();
+  void CarryOutFaults();
+  void CarryOut(const faults::NodeCommand& command, bool begin);
+  void SendFault(const faults::NodeCommand& command, const std::string& node, bool begin);
+  void Restart(const std::string& role);
+
+  void End(EndReason reason, const std::string& text);
+  void Note(const std::string& kind, const std::string& text) {
+    log_events_.push_back({SimTime(), kind, text});
+  }
+  TimeNs SimTime() const { return sim_ns_; }
+  Member* Find(NodeKind kind);
+  Member* FindRole(const std::string& role);
+  bool Faulted(const std::string& node) const { return excused_.contains(node) || excused_.contains("all"); }
+
+  const Scenario& scenario_;
+  const plant::VehicleModel& model_;
+  const RealtimeOptions& options_;
+  std::string run_id_;
+  std::optional<dds::DomainSlot> slot_;
+  asio::io_context loop_{1};
+  std::optional<dds::Bus> bus_;
+  std::optional<dds::Publisher<dds::Heartbeat>> heartbeats_;
+  std::optional<dds::Publisher<dds::RunScenario>> scenarios_;
+  std::optional<dds::Publisher<dds::RunCommand>> commands_;
+  std::optional<dds::Publisher<dds::FaultCommand>> fault_commands_;
+  std::optional<dds::Subscriber<dds::Heartbeat>> nodes_;
+  std::optional<dds::Subscriber<dds::RunAck>> acks_;
+  std::optional<dds::Subscriber<dds::RunState>> states_;
+  std::optional<dds::Subscriber<dds::PlantState>> plant_states_;
+  std::optional<LogCollector> collector_;
+  std::optional<NodeProcesses> processes_;
+
+  std::vector<faults::NodeCommand> node_commands_;
+  std::vector<bool> begun_, ended_;
+  faults::FaultSchedule faults_;   // counts what the harness did itself
+  std::set<std::string> excused_;  // nodes that a fault keeps away
+  std::vector<Member> members_;
+  std::map<std::string, std::map<std::int64_t, dds::RunAck>> answers_;
+  dds::Heartbeat heartbeat_;
+  SteadyClock::time_point next_beat_;
+  std::int64_t command_sequence_ = 0, fault_sequence_ = 0;
+  int restart_count_ = 0;
+  std::vector<dds::Port> ports_;  // that the link offers
+
+  bool running_ = false;
+  TimeNs sim_ns_ = 0;
+  SteadyClock::time_point sim_seen_;
+  SteadyClock::time_point started_;
+  std::optional<EndReason> end_reason_;
+  std::string end_text_;
+  TimeNs end_ns_ = 0;
+  std::vector<RunEvent> log_events_;
+};
+
+RealtimeConductor::RealtimeConductor(const Scenario& scenario, const plant::VehicleModel& model,
+                                     const RealtimeOptions& options)
+    : scenario_(scenario),
+      model_(model),
+      options_(options),
+      run_id_(NewRunId()),
+      node_commands_(faults::NodeCommands(scenario.faults)),
+      begun_(node_commands_.size(), false),
+      ended_(node_commands_.size(), false),
+      faults_(scenario.faults, scenario.seed) {
+  std::map<std::string, double> loss;
+  for (std::size_t i = 0; i < node_commands_.size(); ++i) {
+    const auto& command = node_commands_[i];
+    if (command.type == "dds.loss") {
+      // It is set when the node joins, once and for all.
+      begun_[i] = ended_[i] = true;
+      if (options.attach)
+        throw std::runtime_error("dds.loss: attached nodes have joined already; start them with --xmit-loss");
+      loss[command.node] = command.parameters.Number("probability");
+    } else if (options.attach && command.type.starts_with("node.")) {
+      throw std::runtime_error(
+          fmt::format("fault '{}': {} needs nodes that the harness starts itself, not attached ones",
+                      scenario.faults[command.fault].id, command.type));
+    }
+  }
+  int domain = options.domain;
+  if (domain == 0 && !options.attach) domain = slot_.emplace().domain();
+  const std::string tag = options.attach ? kAttachTag : run_id_;
+  bus_.emplace(dds::BusConfig{.domain = domain == 0 ? kAttachDomain : domain,
+                              .tag = tag,
+                              .interface = options.interface,
+                              .peers = options.peers,
+                              .xmit_loss = 0});
+  const auto wake = [this] { asio::post(loop_, [] {}); };
+  heartbeats_.emplace(*bus_);
+  scenarios_.emplace(*bus_);
+  commands_.emplace(*bus_);
+  fault_commands_.emplace(*bus_);
+  nodes_.emplace(*bus_, wake, wake);
+  acks_.emplace(*bus_, wake);
+  states_.emplace(*bus_, wake);
+  plant_states_.emplace(*bus_, wake);
+  collector_.emplace(*bus_, scenario_, run_id_, wake);
+  heartbeat_.node_id = "harness-" + run_id_;
+  heartbeat_.kind = NodeKind::kHarness;
+  heartbeat_.host = HostName();
+  heartbeat_.pid = getpid();
+  heartbeat_.run_id = run_id_;
+  heartbeat_.version = TILTPROOF_VERSION;
+  if (!options.attach) processes_.emplace(options_, domain, tag, std::move(loss));
+}
+
+RunLog RealtimeConductor::Run() {
+  const auto began = SteadyClock::now();
+  auto flown = began;
+  try {
+    Conduct();
+    flown = SteadyClock::now();
+    GatherLogs();
+  } catch (const Interrupted&) {
+    flown = SteadyClock::now();
+    end_reason_ = EndReason::kInterrupted;
+    end_text_ = "interrupted";
+    try {
+      GatherLogs();
+    } catch (const Interrupted&) {
+      // Twice: what has come is kept.
+    }
+  } catch (const std::exception& error) {
+    End(EndReason::kHarnessError, error.what());
+  }
+  if (processes_) processes_->StopAll();
+
+  RunLog log = collector_->Take(end_ns_);
+  log.end_reason = end_reason_.value_or(EndReason::kHarnessError);
+  log.end_text = end_text_;
+  if (log.end_reason == EndReason::kCompleted) log.end_ns = scenario_.duration_ns;
+  log.wall_s = std::chrono::duration<double>(flown - (running_ ? started_ : began)).count();
+  for (std::size_t i = 0; i < kActuatorCount; ++i) {
+    const auto field = kActuatorFields[i].in_double;
+    log.hover_input[i] = model_.HoverInput().*field;
+    log.input_min[i] = model_.InputMin().*field;
+    log.input_max[i] = model_.InputMax().*field;
+  }
+  log.events.insert(log.events.end(), log_events_.begin(), log_events_.end());
+  for (auto& activation : faults_.TakeActivations(0)) log.activations.push_back(std::move(activation));
+  const auto& counts = faults_.ActivationCounts();
+  for (std::size_t i = 0; i < counts.size(); ++i) log.fault_activation_counts[i] += counts[i];
+  for (const auto& command : node_commands_)
+    if (command.type == "dds.loss") ++log.fault_activation_counts[command.fault];
+  const auto earlier = [](const auto& a, const auto& b) { return a.time_ns < b.time_ns; };
+  std::stable_sort(log.events.begin(), log.events.end(), earlier);
+  std::stable_sort(log.activations.begin(), log.activations.end(), earlier);
+  return log;
+}
+
+void RealtimeConductor::Conduct() {
+  if (processes_) processes_->StartAll();
+  FindNodes();
+  Prepare();
+  Command(dds::Verb::kArm, ports_, false);
+  if (end_reason_) return;
+  started_ = sim_seen_ = SteadyClock::now();
+  Command(dds::Verb::kStart, {}, false);
+  FlyToTheEnd();
+}
+
+// Every node that a run needs, by what it says of itself.
+void RealtimeConductor::FindNodes() {
+  std::string missing;
+  const bool found = Await(kFindLimit, [&] {
+    // One that ended while it began has printed why.
+    return end_reason_ || Adopt(nodes_->Nodes(), missing);
+  });
+  if (end_reason_) throw std::runtime_error(end_text_);
+  if (!found)
+    throw std::runtime_error(fmt::format(
+        "no {} was heard within {} s{}", missing, kFindLimit.count() / 1000,
+        options_.attach ? fmt::format("; start it with `tiltproof node ...` on domain {} and look at "
+                                      "`tiltproof doctor`, --interface and --peers",
+                                      options_.domain == 0 ? kAttachDomain : options_.domain)
+                        : ""));
+  if (const Member* link = Find(NodeKind::kLink); link->host != Find(NodeKind::kPlant)->host)
+    throw std::runtime_error(fmt::format(
+        "the plant node runs on {} and the link node on {}: they share a serial line, so both must "
+        "run on one host",
+        Find(NodeKind::kPlant)->host, link->host));
+}
+
+bool RealtimeConductor::Adopt(const std::vector<dds::NodeLife>& nodes, std::string& missing) {
+  members_.clear();
+  bool board = options_.board;
+  std::string several;
+  for (const auto& node : nodes) {
+    if (!node.alive || node.last.kind == NodeKind::kHarness || node.last.kind == NodeKind::kMonitor) continue;
+    if (!node.last.run_id.empty() && node.last.run_id != run_id_) {
+      several = fmt::format("free node: {} is in another run", node.last.node_id);
+      continue;
+    }
+    for (const auto& capability : node.last.capabilities) board |= capability.starts_with("client_port=");
+    members_.push_back({node.last.node_id, node.last.node_id, node.last.kind, node.last.host, {}, false});
+  }
+  std::sort(members_.begin(), members_.end(), [](const Member& a, const Member& b) { return a.id < b.id; });
+  const auto count = [&](NodeKind kind) {
+    return std::count_if(members_.begin(), members_.end(), [&](const Member& m) { return m.kind == kind; });
+  };
+  missing.clear();
+  const auto need = [&](std::ptrdiff_t have, const char* what) {
+    if (have == 1) return;
+    missing += fmt::format("{}{}", missing.empty() ? "" : " and no ", what);
+    if (have > 1) several = fmt::format("single {}: {} are there", what, have);
+  };
+  need(count(NodeKind::kPlant), "plant node");
+  need(count(NodeKind::kLink), "link node");
+  if (!board) need(count(NodeKind::kClient), "client node");
+  need(count(NodeKind::kBaseStation) + count(NodeKind::kJoystick), "base-station or joystick node");
+  if (!several.empty() && !missing.empty()) missing = several;
+  return missing.empty();
+}
+
+void RealtimeConductor::Announce() {
+  dds::RunScenario announcement;
+  announcement.run_id = run_id_;
+  announcement.scenario_yaml = options_.scenario_yaml;
+  for (const auto& member : members_) announcement.nodes.push_back(member.id);
+  scenarios_->Write(announcement);
+}
+
+bool RealtimeConductor::HasTakenScenario(const Member& member) const {
+  const auto nodes = nodes_->Nodes();
+  return std::any_of(nodes.begin(), nodes.end(), [&](const dds::NodeLife& node) {
+    return node.last.node_id == member.id && node.last.run_id == run_id_;
+  });
+}
+
+void RealtimeConductor::Prepare() {
+  Announce();
+  const bool taken = Await(kCommandLimit, [&] {
+    return std::all_of(members_.begin(), members_.end(),
+                       [&](const Member& member) { return HasTakenScenario(member); });
+  });
+  if (!taken) throw std::runtime_error("a node did not take the scenario within 10 s");
+  const auto answers = Command(dds::Verb::kPrepare, {}, false);
+  const Member& link = *Find(NodeKind::kLink);
+  for (const auto& [node, ack] : answers)
+    if (node == link.id) ports_ = ack.ports;
+  // On another host the paths of pseudo-terminals mean nothing: then references go over the bus.
+  const Member* sender =
+      Find(NodeKind::kBaseStation) ? Find(NodeKind::kBaseStation) : Find(NodeKind::kJoystick);
+  if (sender->host != link.host)
+    std::erase_if(ports_, [](const dds::Port& port) { return port.name == "base_station"; });
+  const Member* client = Find(NodeKind::kClient);
+  if (client != nullptr && client->host != link.host)
+    throw std::runtime_error(fmt::format(
+        "the client node runs on {} and the link node on {}: they share a serial line, so both must "
+        "run on one host",
+        client->host, link.host));
+}
+
+std::map<std::string, dds::RunAck> RealtimeConductor::Command(dds::Verb verb,
+                                                              const std::vector<dds::Port>& ports,
+                                                              bool tolerate_lost, const std::string& only) {
+  dds::RunCommand command;
+  command.run_id = run_id_;
+  command.sequence = ++command_sequence_;
+  command.verb = verb;
+  command.ports = ports;
+  command.node_id = only;
+  commands_->Write(command);
+  const auto answered = [&](const Member& member) {
+    return (!only.empty() && member.id != only) || (tolerate_lost && member.lost) ||
+           answers_[member.id].contains(command.sequence);
+  };
+  const bool all = Await(kCommandLimit, [&] {
+    return (end_reason_ && !tolerate_lost) || std::all_of(members_.begin(), members_.end(), answered);
+  });
+  std::map<std::string, dds::RunAck> answers;
+  for (const auto& member : members_) {
+    if (!only.empty() && member.id != only) continue;
+    const auto found = answers_[member.id].find(command.sequence);
+    if (found == answers_[member.id].end()) {
+      if (!all && !member.lost && !end_reason_)
+        End(EndReason::kNodeLost, fmt::format("the {} node did not answer `{}` within {} s", member.id,
+                                              Name(verb), kCommandLimit.count() / 1000));
+      continue;
+    }
+    if (!found->second.ok && !end_reason_) {
+      // What the firmware's library or program says no to is its own affair; the rest is ours.
+      End(EndReason::kHarnessError,
+          fmt::format("the {} node cannot {}: {}", member.id, Name(verb), found->second.text));
+    }
+    answers.emplace(member.id, found->second);
+  }
+  if (end_reason_ && !tolerate_lost) throw std::runtime_error(end_text_);
+  return answers;
+}
+
+bool RealtimeConductor::Await(milliseconds limit, const std::function<bool()>& done) {
+  const auto until = SteadyClock::now() + limit;
+  while (!done()) {
+    if (SteadyClock::now() >= until) return false;
+    Turn();
+  }
+  return true;
+}
+
+void RealtimeConductor::Turn() {
+  if (options_.interrupted != nullptr && options_.interrupted->load(std::memory_order_relaxed) &&
+      end_reason_ != EndReason::kInterrupted)
+    throw Interrupted{};
+  Beat();
+  loop_.restart();
+  loop_.run_one_for(kTurn);
+  loop_.poll();
+  nodes_->Take();
+  for (auto& ack : acks_->Take())
+    if (ack.run_id == run_id_) answers_[ack.node_id][ack.sequence] = std::move(ack);
+  for (const auto& state : plant_states_->Take()) {
+    if (state.run_id != run_id_) continue;
+    sim_ns_ = std::max(sim_ns_, state.time_ns);
+    sim_seen_ = SteadyClock::now();
+  }
+  if (options_.progress_ns != nullptr) options_.progress_ns->store(sim_ns_, std::memory_order_relaxed);
+  collector_->Drain();
+  OnStates();
+  CheckMembers();
+}
+
+void RealtimeConductor::Beat() {
+  const auto now = SteadyClock::now();
+  if (now < next_beat_) return;
+  next_beat_ = now + kHeartbeatPeriod;
+  ++heartbeat_.sequence;
+  heartbeats_->Write(heartbeat_);
+}
+
+void RealtimeConductor::OnStates() {
+  for (const auto& state : states_->Take()) {
+    if (state.run_id != run_id_) continue;
+    if (state.phase == dds::Phase::kRunning) running_ = true;
+    if (state.phase == dds::Phase::kFinished) {
+      end_ns_ = state.time_ns;
+      for (const EndReason reason : {EndReason::kCompleted, EndReason::kDiverged, EndReason::kGroundStrike})
+        if (Name(reason) == state.end_reason) End(reason, state.text);
+    }
+    if (state.phase == dds::Phase::kFailed) {
+      for (const EndReason reason : {EndReason::kFirmwareHung, EndReason::kFirmwareCrashed,
+                                     EndReason::kFirmwareLost, EndReason::kNodeLost})
+        if (Name(reason) == state.end_reason)
+          End(reason, fmt::format("{} (at {:.3f} s)", state.text, ToSeconds(sim_ns_)));
+    }
+  }
+}
+
+// A node is lost when its process has ended, when it was not heard for its lease (200 ms), or, being attached
+// and perhaps only cut off, when it stays away.
+void RealtimeConductor::CheckMembers() {
+  const auto now = SteadyClock::now();
+  if (processes_) {
+    for (const auto& name : processes_->names()) {
+      ChildProcess* process = processes_->Find(name);
+      if (process == nullptr || process->Alive() || Faulted(name)) continue;
+      Member unknown{name, name, NodeKind::kPlant, {}, {}, false};
+      Member* member = FindRole(name);
+      OnLost(member != nullptr ? *member : unknown, process->ExitText().value_or("has ended"));
+    }
+  }
+  const auto nodes = nodes_->Nodes();
+  for (Member& member : members_) {
+    if (member.lost || Faulted(member.role)) {
+      member.away_since.reset();
+      continue;
+    }
+    const auto found = std::find_if(nodes.begin(), nodes.end(), [&](const dds::NodeLife& node) {
+      return node.last.node_id == member.id;
+    });
+    if (found == nodes.end() || found->alive) {
+      if (member.away_since)
+        Note("node_back",
+             fmt::format("the {} node is heard again after {} ms", member.id,
+                         std::chrono::duration_cast<milliseconds>(now - *member.away_since).count()));
+      member.away_since.reset();
+      continue;
+    }
+    if (!member.away_since) {
+      member.away_since = now;
+      Note("node_silent", fmt::format("the {} node missed its lease of 200 ms", member.id));
+    }
+    if (!options_.attach) OnLost(member, "does not answer: it hangs or is stopped");
+    if (options_.attach && now - *member.away_since > kPartitionLimit)
+      OnLost(member, fmt::format("was not heard for {} s: it ended, hangs or is cut off",
+                                 kPartitionLimit.count() / 1000));
+  }
+}
+
+void RealtimeConductor::OnLost(Member& member, const std::string& how) {
+  if (member.lost) return;
+  member.lost = true;
+  const bool firmware = member.kind == NodeKind::kClient;
+  const std::string text =
+      firmware ? fmt::format("the firmware under test is lost: its node {} {} (at {:.3f} s)", member.id, how,
+                             ToSeconds(sim_ns_))
+               : fmt::format("the {} node {} (at {:.3f} s)", member.id, how, ToSeconds(sim_ns_));
+  Note("node_lost", text);
+  End(firmware ? EndReason::kFirmwareLost : EndReason::kNodeLost, text);
+}
+
+void RealtimeConductor::FlyToTheEnd() {
+  const auto duration = std::chrono::nanoseconds(scenario_.duration_ns);
+  while (!end_reason_) {
+    Turn();
+    CarryOutFaults();
+    const auto now = SteadyClock::now();
+    if (end_reason_) break;
+    if (!running_ && now - started_ > duration) {
+      End(EndReason::kNeverStarted, NeverStartedText(scenario_));
+    } else if (running_ && now - started_ > 2 * duration + kOverdueLimit) {
+      End(EndReason::kNodeLost, fmt::format("the flight came to a stop at {:.3f} s", ToSeconds(sim_ns_)));
+    }
+  }
+  if (end_ns_ == 0) end_ns_ = sim_ns_;
+}
+
+void RealtimeConductor::CarryOutFaults() {
+  if (!running_) return;
+  // The plant's word is up to a period old: by this clock it is exact.
+  const TimeNs now =
+      sim_ns_ + std::min<TimeNs>(std::chrono::nanoseconds(SteadyClock::now() - sim_seen_).count(), kNsPerS);
+  for (std::size_t i = 0; i < node_commands_.size(); ++i) {
+    if (!begun_[i] && now >= node_commands_[i].at_ns) {
+      begun_[i] = true;
+      CarryOut(node_commands_[i], true);
+    }
+    if (begun_[i] && !ended_[i] && now >= node_commands_[i].until_ns) {
+      ended_[i] = true;
+      CarryOut(node_commands_[i], false);
+    }
+  }
+}
+
+void RealtimeConductor::CarryOut(const faults::NodeCommand& command, bool begin) {
+  const std::string& node = command.node;
+  std::string what;
+  ChildProcess* process = processes_ ? processes_->Find(node) : nullptr;
+  if (command.type == "node.kill") {
+    if (process != nullptr) process->Signal(SIGKILL);
+    what = "killed";
+  } else if (command.type == "node.pause") {
+    if (process != nullptr) process->Signal(begin ? SIGSTOP : SIGCONT);
+    what = begin ? "stopped" : "continued";
+  } else if (command.type == "node.restart") {
+    if (begin) {
+      excused_.insert(node);
+      if (process != nullptr) process->Signal(SIGKILL);
+      what = "killed, to be started again";
+    } else {
+      Restart(node);
+      what = "started again";
+    }
+  } else if (command.type == "dds.partition") {
+    if (begin) excused_.insert(node);
+    if (!begin) excused_.erase(node);
+    for (const Member& member : members_)
+      if (begin && (node == "all" || Name(member.kind) == node)) SendFault(command, member.id, begin);
+    what = begin ? "cut off" : "joined again";
+  } else if (command.type == "clock.skew") {
+    for (const Member& member : members_)
+      if (Name(member.kind) == node) SendFault(command, member.id, begin);
+    what = begin ? "clock skewed" : "clock at its true rate";
+  }
+  Note(command.type, fmt::format("{}: {} {}", scenario_.faults[command.fault].id, node, what));
+  if (begin) faults_.Count(command.fault, sim_ns_, node + " " + what);
+}
+
+void RealtimeConductor::SendFault(const faults::NodeCommand& command, const std::string& node, bool begin) {
+  dds::FaultCommand out;
+  out.run_id = run_id_;
+  out.node_id = node;
+  out.sequence = ++fault_sequence_;
+  out.fault_id = scenario_.faults[command.fault].id;
+  out.type = command.type;
+  if (command.type == "dds.partition") out.duration_ns = command.until_ns - command.at_ns;
+  if (command.type == "clock.skew" && begin)
+    out.parameters = {{"ppm", command.parameters.Number("ppm")},
+                      {"offset_ms", command.parameters.Number("offset_ms")}};
+  fault_commands_->Write(out);
+}
+
+// The new process joins the run as the old one did: told the scenario, prepared, armed, started. It has a name
+// of its own, and so a log of its own.
+void RealtimeConductor::Restart(const std::string& role) {
+  Member& member = *FindRole(role);
+  member.id = fmt::format("{}-{}", role, ++restart_count_ + 1);
+  processes_->Start(role, member.id);
+  Announce();
+  const bool back = Await(kCommandLimit, [&] { return end_reason_ || HasTakenScenario(member); });
+  if (!back) End(EndReason::kNodeLost, fmt::format("the {} node did not come back", role));
+  for (const dds::Verb verb : {dds::Verb::kPrepare, dds::Verb::kArm, dds::Verb::kStart}) {
+    if (end_reason_) return;
+    Command(verb, verb == dds::Verb::kArm ? ports_ : std::vector<dds::Port>{}, true, member.id);
+  }
+  excused_.erase(role);
+}
+
+// Everybody hands in his log; what a partition held up comes when it heals.
+void RealtimeConductor::GatherLogs() {
+  if (command_sequence_ < 3) {
+    // Not even started: there is no log.
+    if (command_sequence_ > 0) Command(dds::Verb::kRelease, {}, true);
+    return;
+  }
+  Command(dds::Verb::kStop, {}, true);
+  const auto complete = [&] {
+    return std::all_of(members_.begin(), members_.end(),
+                       [&](const Member& m) { return m.lost || collector_->Complete(m.id); });
+  };
+  if (!Await(kLogLimit, complete)) {
+    for (const Member& member : members_)
+      if (!member.lost && !collector_->Complete(member.id))
+        End(EndReason::kNodeLost, fmt::format("the log of the {} node is not whole: {} missing", member.id,
+                                              collector_->Missing(member.id)));
+  }
+  Command(dds::Verb::kRelease, {}, true);
+}
+
+// The first reason counts, but for trouble of ours that shows only afterwards.
+void RealtimeConductor::End(EndReason reason, const std::string& text) {
+  const bool ended_well = end_reason_ == EndReason::kCompleted || end_reason_ == EndReason::kDiverged ||
+                          end_reason_ == EndReason::kGroundStrike;
+  const bool trouble = reason == EndReason::kHarnessError || reason == EndReason::kNodeLost;
+  if (end_reason_ && !(ended_well && trouble)) return;
+  end_reason_ = reason;
+  end_text_ = text;
+  if (end_ns_ == 0) end_ns_ = sim_ns_;
+}
+
+RealtimeConductor::Member* RealtimeConductor::Find(NodeKind kind) {
+  for (Member& member : members_)
+    if (member.kind == kind) return &member;
+  return nullptr;
+}
+
+RealtimeConductor::Member* RealtimeConductor::FindRole(const std::string& role) {
+  for (Member& member : members_)
+    if (member.role == role) return &member;
+  return nullptr;
+}
+
+}  // namespace
+
+RunLog FlyRealtime(const Scenario& scenario, const plant::VehicleModel& model,
+                   const RealtimeOptions& options) {
+  return RealtimeConductor(scenario, model, options).Run();
+}
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,50 @@
+// The real-time conductor: flies one scenario by the clock on the wall, its parts in nodes, on real serial
+// ports.
+//
+// It leads the nodes through a run (prepare, arm, start, stop, release), carries out faults on nodes, watches
+// that all of them live, and gathers their logs into the same RunLog as the lockstep conductor's. It is never in
+// the control loop: that runs through the ports, between plant, link and firmware.
+//
+// Nodes are child processes that it starts itself, on a domain slot and tag of their own; or, attached, nodes
+// that run already, here or on other hosts.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "harness/run/run_log.h"
+#include "harness/scenario/scenario.h"
+#include "plant/vehicle_model.h"
+
+namespace tiltproof::harness {
+
+struct RealtimeOptions {
+  std::string program;        // this program, to start nodes with
+  std::string scenario_yaml;  // the resolved scenario
+  // The firmware as --client has it: library:FILE, process:CMD, or serial:DEV[,REFDEV] (a board: no client
+  // node). With `attach` that is the attached nodes' business.
+  std::string client;
+  bool board = false;
+
+  bool attach = false;
+  // Attached: where the nodes are. Else the domain may be 0: the first free slot of this machine.
+  int domain = 0;
+  std::string interface;
+  std::vector<std::string> peers;
+
+  std::atomic<std::int64_t>* progress_ns = nullptr;
+  const std::atomic<bool>* interrupted = nullptr;
+};
+
+// The domain and tag on which nodes that a person starts find each other.
+inline constexpr int kAttachDomain = 1;
+inline constexpr const char* kAttachTag = "tiltproof";
+
+// Flies to the end, or to what ends it early. Throws std::runtime_error when it cannot even begin: the text
+// says why, and it is the harness's trouble, not the firmware's.
+RunLog FlyRealtime(const Scenario& scenario, const plant::VehicleModel& model,
+                   const RealtimeOptions& options);
+
+}  // namespace tiltproof::harness

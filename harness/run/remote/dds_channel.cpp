@@ -1,0 +1,196 @@
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <chrono>
+#include <deque>
+#include <map>
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "harness/dds/bus.h"
+#include "harness/run/remote/channel.h"
+
+namespace tiltproof::harness {
+namespace {
+
+using SteadyClock = std::chrono::steady_clock;
+
+// One message on the bus carries at most so much; longer ones go in pieces. The first byte says whether more
+// follows.
+constexpr std::size_t kPieceBytesMax = 512 * 1024;
+constexpr std::uint8_t kLastPiece = 0, kMorePieces = 1;
+constexpr auto kLimit = std::chrono::seconds(10);
+
+// Wakes a poll from the threads of DDS.
+class Bell {
+ public:
+  Bell() : fd_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {}
+  ~Bell() { close(fd_); }
+  Bell(const Bell&) = delete;
+  Bell& operator=(const Bell&) = delete;
+  void Ring() const {
+    const std::uint64_t one = 1;
+    [[maybe_unused]] const ssize_t written = write(fd_, &one, sizeof one);
+  }
+  void Silence() const {
+    std::uint64_t count;
+    [[maybe_unused]] const ssize_t got = read(fd_, &count, sizeof count);
+  }
+  int fd() const { return fd_; }
+
+ private:
+  int fd_;
+};
+
+// What the channels of one process share: the harness writes requests and reads responses, a node the other
+// way round.
+template <class Out, class In>
+class Exchange {
+ public:
+  Exchange(dds::Bus& bus, std::string run_id)
+      : run_id_(std::move(run_id)),
+        in_(
+            bus, [this] { bell_.Ring(); }, [this] { bell_.Ring(); }),
+        out_(bus, [this] { bell_.Ring(); }) {}
+
+  bool Matched(std::size_t peers) const {
+    return static_cast<std::size_t>(in_.MatchedCount()) >= peers &&
+           static_cast<std::size_t>(out_.MatchedCount()) >= peers;
+  }
+  bool Write(const std::string& node_id, std::int64_t sequence, std::vector<std::uint8_t> payload) {
+    Out out;
+    out.run_id = run_id_;
+    out.node_id = node_id;
+    out.sequence = sequence;
+    out.payload = std::move(payload);
+    return out_.Write(out);
+  }
+  // The next message of that node, or for it.
+  std::optional<In> Next(const std::string& node_id) {
+    std::deque<In>& queue = arrived_[node_id];
+    if (queue.empty())
+      for (auto& in : in_.Take())
+        if (in.run_id == run_id_) arrived_[in.node_id].push_back(std::move(in));
+    if (queue.empty()) return std::nullopt;
+    In in = std::move(queue.front());
+    queue.pop_front();
+    return in;
+  }
+  // Until the bell rings; false when `until` is over. Throws when the other process has ended and said nothing.
+  bool Wait(SteadyClock::time_point until, int pidfd) {
+    const auto left =
+        std::chrono::duration_cast<std::chrono::milliseconds>(until - SteadyClock::now()).count();
+    if (left < 0) return false;
+    std::array<pollfd, 2> polled{{{bell_.fd(), POLLIN, 0}, {pidfd, POLLIN, 0}}};
+    const int ready =
+        poll(polled.data(), polled.size(), static_cast<int>(std::min<long>(left, 3'600'000)) + 1);
+    if (ready < 0 && errno != EINTR) throw ChannelLost(false, "waiting failed");
+    if (ready == 0) return false;
+    bell_.Silence();
+    if (ready > 0 && (polled[1].revents & POLLIN) != 0 && (polled[0].revents & POLLIN) == 0)
+      throw ChannelLost(false, "the other process has ended");
+    return true;
+  }
+
+ private:
+  std::string run_id_;
+  Bell bell_;
+  dds::Subscriber<In> in_;
+  dds::Publisher<Out> out_;
+  std::map<std::string, std::deque<In>> arrived_;
+};
+
+template <class Out, class In>
+class DdsChannel final : public Channel {
+ public:
+  DdsChannel(std::shared_ptr<Exchange<Out, In>> exchange, DdsPeer peer, bool leaves_with_peer)
+      : exchange_(std::move(exchange)), peer_(std::move(peer)), leaves_with_peer_(leaves_with_peer) {}
+
+  void Send(std::span<const std::uint8_t> message) override {
+    do {
+      const auto piece = message.first(std::min(message.size(), kPieceBytesMax));
+      message = message.subspan(piece.size());
+      std::vector<std::uint8_t> payload = {message.empty() ? kLastPiece : kMorePieces};
+      payload.insert(payload.end(), piece.begin(), piece.end());
+      ++sent_;
+      // Full only while the other side takes in a long log.
+      const auto until = SteadyClock::now() + kLimit;
+      while (!exchange_->Write(peer_.node_id, sent_, payload)) {
+        exchange_->Wait(SteadyClock::now() + std::chrono::milliseconds(10), peer_.pidfd);
+        if (SteadyClock::now() >= until) throw ChannelLost(true, "the other process takes no more messages");
+      }
+    } while (!message.empty());
+  }
+
+  std::vector<std::uint8_t> Receive(TimeNs limit_ns) override {
+    const auto until = SteadyClock::now() + std::chrono::nanoseconds(limit_ns);
+    std::vector<std::uint8_t> message;
+    for (;;) {
+      const auto in = exchange_->Next(peer_.node_id);
+      if (!in) {
+        if (leaves_with_peer_ && !exchange_->Matched(1))
+          throw ChannelLost(false, "the harness has left the bus");
+        if (!exchange_->Wait(until, peer_.pidfd))
+          throw ChannelLost(true, "the other process does not answer");
+        continue;
+      }
+      if (in->payload.empty() || in->sequence != ++received_)
+        throw ChannelLost(false, fmt::format("message {} of the other process was lost", received_));
+      message.insert(message.end(), in->payload.begin() + 1, in->payload.end());
+      if (in->payload.front() == kLastPiece) return message;
+    }
+  }
+
+ private:
+  std::shared_ptr<Exchange<Out, In>> exchange_;
+  DdsPeer peer_;
+  bool leaves_with_peer_;
+  std::int64_t sent_ = 0, received_ = 0;
+};
+
+template <class Out, class In>
+void AwaitMatch(Exchange<Out, In>& exchange, const std::vector<DdsPeer>& peers) {
+  const auto until = SteadyClock::now() + kLimit;
+  while (!exchange.Matched(peers.size())) {
+    // One peer's end is enough to give up.
+    for (const DdsPeer& peer : peers) {
+      exchange.Wait(SteadyClock::now() + std::chrono::milliseconds(2), peer.pidfd);
+      if (SteadyClock::now() >= until)
+        throw ChannelLost(true, "not all processes were found on the bus within 10 s");
+    }
+  }
+}
+
+}  // namespace
+
+std::unique_ptr<Channel> MakeDdsChannel(dds::Bus& bus, const std::string& run_id,
+                                        const std::string& node_id) {
+  auto exchange = std::make_shared<Exchange<dds::StepResponse, dds::StepRequest>>(bus, run_id);
+  AwaitMatch(*exchange, {{node_id, -1}});
+  auto channel =
+      std::make_unique<DdsChannel<dds::StepResponse, dds::StepRequest>>(exchange, DdsPeer{node_id, -1}, true);
+  // The harness may speak when it has heard from everybody: then everybody hears it.
+  channel->Send({});
+  return channel;
+}
+
+std::vector<std::unique_ptr<Channel>> MakeDdsChannels(dds::Bus& bus, const std::string& run_id,
+                                                      const std::vector<DdsPeer>& peers) {
+  auto exchange = std::make_shared<Exchange<dds::StepRequest, dds::StepResponse>>(bus, run_id);
+  AwaitMatch(*exchange, peers);
+  std::vector<std::unique_ptr<Channel>> channels;
+  for (const DdsPeer& peer : peers) {
+    channels.push_back(
+        std::make_unique<DdsChannel<dds::StepRequest, dds::StepResponse>>(exchange, peer, false));
+    channels.back()->Receive(std::chrono::nanoseconds(kLimit).count());
+  }
+  return channels;
+}
+
+}  // namespace tiltproof::harness
