@@ -7,19 +7,17 @@
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
 #include <chrono>
-#include <csignal>
-#include <cstdlib>
 #include <functional>
 #include <map>
-#include <set>
 #include <utility>
 
-#include "faults/node_command.h"
-#include "faults/schedule.h"
 #include "harness/dds/bus.h"
 #include "harness/dds/domain_slot.h"
 #include "harness/run/flight.h"
+#include "harness/run/merge_logs.h"
 #include "harness/run/realtime/log_messages.h"
+#include "harness/run/realtime/members.h"
+#include "harness/run/realtime/node_faults.h"
 #include "harness/run/realtime/node_processes.h"
 #include "harness/run/run_id.h"
 
@@ -51,18 +49,8 @@ class RealtimeConductor {
   RunLog Run();
 
  private:
-  struct Member {
-    std::string id;    // node id
-    std::string role;  // of a process of ours: its name there
-    NodeKind kind{};
-    std::string host;
-    std::optional<SteadyClock::time_point> away_since;
-    bool lost = false;
-  };
-
   void Conduct();
   void FindNodes();
-  bool Adopt(const std::vector<dds::NodeLife>& nodes, std::string& missing);
   void Announce();
   bool HasTakenScenario(const Member& member) const;
   void Prepare();
@@ -76,23 +64,13 @@ class RealtimeConductor {
   bool Await(milliseconds limit, const std::function<bool()>& done);
   void Turn();
   void Beat();
-  void CheckMembers();
-  void OnLost(Member& member, const std::string& how);
+  void WatchMembers();
   void OnStates();
   void CarryOutFaults();
-  void CarryOut(const faults::NodeCommand& command, bool begin);
-  void SendFault(const faults::NodeCommand& command, const std::string& node, bool begin);
   void Restart(const std::string& role);
 
   void End(EndReason reason, const std::string& text);
-  void Note(const std::string& kind, const std::string& text) {
-    log_events_.push_back({SimTime(), kind, text});
-  }
-  TimeNs SimTime() const { return sim_ns_; }
-  Member* Find(NodeKind kind);
-  Member* FindRole(const std::string& role);
-  bool Faulted(const std::string& node) const { return excused_.contains(node) || excused_.contains("all"); }
-
+  void Note(const std::string& kind, const std::string& text) { events_.push_back({sim_ns_, kind, text}); }
   const Scenario& scenario_;
   const plant::VehicleModel& model_;
   const RealtimeOptions& options_;
@@ -111,15 +89,12 @@ class RealtimeConductor {
   std::optional<LogCollector> collector_;
   std::optional<NodeProcesses> processes_;
 
-  std::vector<faults::NodeCommand> node_commands_;
-  std::vector<bool> begun_, ended_;
-  faults::FaultSchedule faults_;   // counts what the harness did itself
-  std::set<std::string> excused_;  // nodes that a fault keeps away
-  std::vector<Member> members_;
+  NodeFaults node_faults_;
+  Members members_;
   std::map<std::string, std::map<std::int64_t, dds::RunAck>> answers_;
   dds::Heartbeat heartbeat_;
   SteadyClock::time_point next_beat_;
-  std::int64_t command_sequence_ = 0, fault_sequence_ = 0;
+  std::int64_t command_sequence_ = 0;
   int restart_count_ = 0;
   std::vector<dds::Port> ports_;  // that the link offers
 
@@ -130,7 +105,7 @@ class RealtimeConductor {
   std::optional<EndReason> end_reason_;
   std::string end_text_;
   TimeNs end_ns_ = 0;
-  std::vector<RunEvent> log_events_;
+  std::vector<RunEvent> events_;
 };
 
 RealtimeConductor::RealtimeConductor(const Scenario& scenario, const plant::VehicleModel& model,
@@ -139,25 +114,7 @@ RealtimeConductor::RealtimeConductor(const Scenario& scenario, const plant::Vehi
       model_(model),
       options_(options),
       run_id_(NewRunId()),
-      node_commands_(faults::NodeCommands(scenario.faults)),
-      begun_(node_commands_.size(), false),
-      ended_(node_commands_.size(), false),
-      faults_(scenario.faults, scenario.seed) {
-  std::map<std::string, double> loss;
-  for (std::size_t i = 0; i < node_commands_.size(); ++i) {
-    const auto& command = node_commands_[i];
-    if (command.type == "dds.loss") {
-      // It is set when the node joins, once and for all.
-      begun_[i] = ended_[i] = true;
-      if (options.attach)
-        throw std::runtime_error("dds.loss: attached nodes have joined already; start them with --xmit-loss");
-      loss[command.node] = command.parameters.Number("probability");
-    } else if (options.attach && command.type.starts_with("node.")) {
-      throw std::runtime_error(
-          fmt::format("fault '{}': {} needs nodes that the harness starts itself, not attached ones",
-                      scenario.faults[command.fault].id, command.type));
-    }
-  }
+      node_faults_(scenario, options.attach) {
   int domain = options.domain;
   if (domain == 0 && !options.attach) domain = slot_.emplace().domain();
   const std::string tag = options.attach ? kAttachTag : run_id_;
@@ -182,7 +139,7 @@ RealtimeConductor::RealtimeConductor(const Scenario& scenario, const plant::Vehi
   heartbeat_.pid = getpid();
   heartbeat_.run_id = run_id_;
   heartbeat_.version = TILTPROOF_VERSION;
-  if (!options.attach) processes_.emplace(options_, domain, tag, std::move(loss));
+  if (!options.attach) processes_.emplace(options_, domain, tag, node_faults_.loss());
 }
 
 RunLog RealtimeConductor::Run() {
@@ -217,15 +174,9 @@ RunLog RealtimeConductor::Run() {
     log.input_min[i] = model_.InputMin().*field;
     log.input_max[i] = model_.InputMax().*field;
   }
-  log.events.insert(log.events.end(), log_events_.begin(), log_events_.end());
-  for (auto& activation : faults_.TakeActivations(0)) log.activations.push_back(std::move(activation));
-  const auto& counts = faults_.ActivationCounts();
-  for (std::size_t i = 0; i < counts.size(); ++i) log.fault_activation_counts[i] += counts[i];
-  for (const auto& command : node_commands_)
-    if (command.type == "dds.loss") ++log.fault_activation_counts[command.fault];
-  const auto earlier = [](const auto& a, const auto& b) { return a.time_ns < b.time_ns; };
-  std::stable_sort(log.events.begin(), log.events.end(), earlier);
-  std::stable_sort(log.activations.begin(), log.activations.end(), earlier);
+  log.events.insert(log.events.end(), events_.begin(), events_.end());
+  node_faults_.AppendTo(log);
+  SortByTime(log);
   return log;
 }
 
@@ -245,7 +196,7 @@ void RealtimeConductor::FindNodes() {
   std::string missing;
   const bool found = Await(kFindLimit, [&] {
     // One that ended while it began has printed why.
-    return end_reason_ || Adopt(nodes_->Nodes(), missing);
+    return end_reason_ || members_.Adopt(nodes_->Nodes(), options_.board, run_id_, missing);
   });
   if (end_reason_) throw std::runtime_error(end_text_);
   if (!found)
@@ -255,49 +206,14 @@ void RealtimeConductor::FindNodes() {
                                       "`tiltproof doctor`, --interface and --peers",
                                       options_.domain == 0 ? kAttachDomain : options_.domain)
                         : ""));
-  if (const Member* link = Find(NodeKind::kLink); link->host != Find(NodeKind::kPlant)->host)
-    throw std::runtime_error(fmt::format(
-        "the plant node runs on {} and the link node on {}: they share a serial line, so both must "
-        "run on one host",
-        Find(NodeKind::kPlant)->host, link->host));
-}
-
-bool RealtimeConductor::Adopt(const std::vector<dds::NodeLife>& nodes, std::string& missing) {
-  members_.clear();
-  bool board = options_.board;
-  std::string several;
-  for (const auto& node : nodes) {
-    if (!node.alive || node.last.kind == NodeKind::kHarness || node.last.kind == NodeKind::kMonitor) continue;
-    if (!node.last.run_id.empty() && node.last.run_id != run_id_) {
-      several = fmt::format("free node: {} is in another run", node.last.node_id);
-      continue;
-    }
-    for (const auto& capability : node.last.capabilities) board |= capability.starts_with("client_port=");
-    members_.push_back({node.last.node_id, node.last.node_id, node.last.kind, node.last.host, {}, false});
-  }
-  std::sort(members_.begin(), members_.end(), [](const Member& a, const Member& b) { return a.id < b.id; });
-  const auto count = [&](NodeKind kind) {
-    return std::count_if(members_.begin(), members_.end(), [&](const Member& m) { return m.kind == kind; });
-  };
-  missing.clear();
-  const auto need = [&](std::ptrdiff_t have, const char* what) {
-    if (have == 1) return;
-    missing += fmt::format("{}{}", missing.empty() ? "" : " and no ", what);
-    if (have > 1) several = fmt::format("single {}: {} are there", what, have);
-  };
-  need(count(NodeKind::kPlant), "plant node");
-  need(count(NodeKind::kLink), "link node");
-  if (!board) need(count(NodeKind::kClient), "client node");
-  need(count(NodeKind::kBaseStation) + count(NodeKind::kJoystick), "base-station or joystick node");
-  if (!several.empty() && !missing.empty()) missing = several;
-  return missing.empty();
+  members_.CheckHosts();
 }
 
 void RealtimeConductor::Announce() {
   dds::RunScenario announcement;
   announcement.run_id = run_id_;
   announcement.scenario_yaml = options_.scenario_yaml;
-  for (const auto& member : members_) announcement.nodes.push_back(member.id);
+  for (const Member& member : members_.all()) announcement.nodes.push_back(member.id);
   scenarios_->Write(announcement);
 }
 
@@ -311,25 +227,17 @@ bool RealtimeConductor::HasTakenScenario(const Member& member) const {
 void RealtimeConductor::Prepare() {
   Announce();
   const bool taken = Await(kCommandLimit, [&] {
-    return std::all_of(members_.begin(), members_.end(),
+    return std::all_of(members_.all().begin(), members_.all().end(),
                        [&](const Member& member) { return HasTakenScenario(member); });
   });
   if (!taken) throw std::runtime_error("a node did not take the scenario within 10 s");
   const auto answers = Command(dds::Verb::kPrepare, {}, false);
-  const Member& link = *Find(NodeKind::kLink);
+  const Member& link = *members_.Find(NodeKind::kLink);
   for (const auto& [node, ack] : answers)
     if (node == link.id) ports_ = ack.ports;
   // On another host the paths of pseudo-terminals mean nothing: then references go over the bus.
-  const Member* sender =
-      Find(NodeKind::kBaseStation) ? Find(NodeKind::kBaseStation) : Find(NodeKind::kJoystick);
-  if (sender->host != link.host)
+  if (members_.reference_sender().host != link.host)
     std::erase_if(ports_, [](const dds::Port& port) { return port.name == "base_station"; });
-  const Member* client = Find(NodeKind::kClient);
-  if (client != nullptr && client->host != link.host)
-    throw std::runtime_error(fmt::format(
-        "the client node runs on {} and the link node on {}: they share a serial line, so both must "
-        "run on one host",
-        client->host, link.host));
 }
 
 std::map<std::string, dds::RunAck> RealtimeConductor::Command(dds::Verb verb,
@@ -347,10 +255,11 @@ std::map<std::string, dds::RunAck> RealtimeConductor::Command(dds::Verb verb,
            answers_[member.id].contains(command.sequence);
   };
   const bool all = Await(kCommandLimit, [&] {
-    return (end_reason_ && !tolerate_lost) || std::all_of(members_.begin(), members_.end(), answered);
+    return (end_reason_ && !tolerate_lost) ||
+           std::all_of(members_.all().begin(), members_.all().end(), answered);
   });
   std::map<std::string, dds::RunAck> answers;
-  for (const auto& member : members_) {
+  for (const Member& member : members_.all()) {
     if (!only.empty() && member.id != only) continue;
     const auto found = answers_[member.id].find(command.sequence);
     if (found == answers_[member.id].end()) {
@@ -398,7 +307,7 @@ void RealtimeConductor::Turn() {
   if (options_.progress_ns != nullptr) options_.progress_ns->store(sim_ns_, std::memory_order_relaxed);
   collector_->Drain();
   OnStates();
-  CheckMembers();
+  WatchMembers();
 }
 
 void RealtimeConductor::Beat() {
@@ -427,57 +336,24 @@ void RealtimeConductor::OnStates() {
   }
 }
 
-// A node is lost when its process has ended, when it was not heard for its lease (200 ms), or, being attached
-// and perhaps only cut off, when it stays away.
-void RealtimeConductor::CheckMembers() {
-  const auto now = SteadyClock::now();
-  if (processes_) {
-    for (const auto& name : processes_->names()) {
-      ChildProcess* process = processes_->Find(name);
-      if (process == nullptr || process->Alive() || Faulted(name)) continue;
-      Member unknown{name, name, NodeKind::kPlant, {}, {}, false};
-      Member* member = FindRole(name);
-      OnLost(member != nullptr ? *member : unknown, process->ExitText().value_or("has ended"));
+void RealtimeConductor::WatchMembers() {
+  for (const MemberNews& news :
+       members_.Watch(nodes_->Nodes(), processes_ ? &*processes_ : nullptr, node_faults_.excused())) {
+    switch (news.kind) {
+      case MemberNews::Kind::kSilent:
+        Note("node_silent", news.text);
+        break;
+      case MemberNews::Kind::kBack:
+        Note("node_back", news.text);
+        break;
+      case MemberNews::Kind::kLost: {
+        const std::string text = fmt::format("{} (at {:.3f} s)", news.text, ToSeconds(sim_ns_));
+        Note("node_lost", text);
+        End(news.firmware ? EndReason::kFirmwareLost : EndReason::kNodeLost, text);
+        break;
+      }
     }
   }
-  const auto nodes = nodes_->Nodes();
-  for (Member& member : members_) {
-    if (member.lost || Faulted(member.role)) {
-      member.away_since.reset();
-      continue;
-    }
-    const auto found = std::find_if(nodes.begin(), nodes.end(), [&](const dds::NodeLife& node) {
-      return node.last.node_id == member.id;
-    });
-    if (found == nodes.end() || found->alive) {
-      if (member.away_since)
-        Note("node_back",
-             fmt::format("the {} node is heard again after {} ms", member.id,
-                         std::chrono::duration_cast<milliseconds>(now - *member.away_since).count()));
-      member.away_since.reset();
-      continue;
-    }
-    if (!member.away_since) {
-      member.away_since = now;
-      Note("node_silent", fmt::format("the {} node missed its lease of 200 ms", member.id));
-    }
-    if (!options_.attach) OnLost(member, "does not answer: it hangs or is stopped");
-    if (options_.attach && now - *member.away_since > kPartitionLimit)
-      OnLost(member, fmt::format("was not heard for {} s: it ended, hangs or is cut off",
-                                 kPartitionLimit.count() / 1000));
-  }
-}
-
-void RealtimeConductor::OnLost(Member& member, const std::string& how) {
-  if (member.lost) return;
-  member.lost = true;
-  const bool firmware = member.kind == NodeKind::kClient;
-  const std::string text =
-      firmware ? fmt::format("the firmware under test is lost: its node {} {} (at {:.3f} s)", member.id, how,
-                             ToSeconds(sim_ns_))
-               : fmt::format("the {} node {} (at {:.3f} s)", member.id, how, ToSeconds(sim_ns_));
-  Note("node_lost", text);
-  End(firmware ? EndReason::kFirmwareLost : EndReason::kNodeLost, text);
 }
 
 void RealtimeConductor::FlyToTheEnd() {
@@ -501,70 +377,18 @@ void RealtimeConductor::CarryOutFaults() {
   // The plant's word is up to a period old: by this clock it is exact.
   const TimeNs now =
       sim_ns_ + std::min<TimeNs>(std::chrono::nanoseconds(SteadyClock::now() - sim_seen_).count(), kNsPerS);
-  for (std::size_t i = 0; i < node_commands_.size(); ++i) {
-    if (!begun_[i] && now >= node_commands_[i].at_ns) {
-      begun_[i] = true;
-      CarryOut(node_commands_[i], true);
-    }
-    if (begun_[i] && !ended_[i] && now >= node_commands_[i].until_ns) {
-      ended_[i] = true;
-      CarryOut(node_commands_[i], false);
-    }
-  }
-}
-
-void RealtimeConductor::CarryOut(const faults::NodeCommand& command, bool begin) {
-  const std::string& node = command.node;
-  std::string what;
-  ChildProcess* process = processes_ ? processes_->Find(node) : nullptr;
-  if (command.type == "node.kill") {
-    if (process != nullptr) process->Signal(SIGKILL);
-    what = "killed";
-  } else if (command.type == "node.pause") {
-    if (process != nullptr) process->Signal(begin ? SIGSTOP : SIGCONT);
-    what = begin ? "stopped" : "continued";
-  } else if (command.type == "node.restart") {
-    if (begin) {
-      excused_.insert(node);
-      if (process != nullptr) process->Signal(SIGKILL);
-      what = "killed, to be started again";
-    } else {
-      Restart(node);
-      what = "started again";
-    }
-  } else if (command.type == "dds.partition") {
-    if (begin) excused_.insert(node);
-    if (!begin) excused_.erase(node);
-    for (const Member& member : members_)
-      if (begin && (node == "all" || Name(member.kind) == node)) SendFault(command, member.id, begin);
-    what = begin ? "cut off" : "joined again";
-  } else if (command.type == "clock.skew") {
-    for (const Member& member : members_)
-      if (Name(member.kind) == node) SendFault(command, member.id, begin);
-    what = begin ? "clock skewed" : "clock at its true rate";
-  }
-  Note(command.type, fmt::format("{}: {} {}", scenario_.faults[command.fault].id, node, what));
-  if (begin) faults_.Count(command.fault, sim_ns_, node + " " + what);
-}
-
-void RealtimeConductor::SendFault(const faults::NodeCommand& command, const std::string& node, bool begin) {
-  dds::FaultCommand out;
-  out.run_id = run_id_;
-  out.node_id = node;
-  out.sequence = ++fault_sequence_;
-  out.fault_id = scenario_.faults[command.fault].id;
-  out.type = command.type;
-  if (command.type == "dds.partition") out.duration_ns = command.until_ns - command.at_ns;
-  if (command.type == "clock.skew" && begin)
-    out.parameters = {{"ppm", command.parameters.Number("ppm")},
-                      {"offset_ms", command.parameters.Number("offset_ms")}};
-  fault_commands_->Write(out);
+  node_faults_.CarryOut(now, {.run_id = run_id_,
+                              .processes = processes_ ? &*processes_ : nullptr,
+                              .members = members_,
+                              .commands = *fault_commands_,
+                              .restart = [this](const std::string& role) { Restart(role); },
+                              .note = [this](std::string kind, std::string text) { Note(kind, text); }});
 }
 
 // The new process joins the run as the old one did: told the scenario, prepared, armed, started. It has a name
 // of its own, and so a log of its own.
 void RealtimeConductor::Restart(const std::string& role) {
-  Member& member = *FindRole(role);
+  Member& member = *members_.FindRole(role);
   member.id = fmt::format("{}-{}", role, ++restart_count_ + 1);
   processes_->Start(role, member.id);
   Announce();
@@ -574,7 +398,6 @@ void RealtimeConductor::Restart(const std::string& role) {
     if (end_reason_) return;
     Command(verb, verb == dds::Verb::kArm ? ports_ : std::vector<dds::Port>{}, true, member.id);
   }
-  excused_.erase(role);
 }
 
 // Everybody hands in his log; what a partition held up comes when it heals.
@@ -584,13 +407,14 @@ void RealtimeConductor::GatherLogs() {
     if (command_sequence_ > 0) Command(dds::Verb::kRelease, {}, true);
     return;
   }
+  if (processes_) node_faults_.ContinueAll(*processes_);
   Command(dds::Verb::kStop, {}, true);
   const auto complete = [&] {
-    return std::all_of(members_.begin(), members_.end(),
+    return std::all_of(members_.all().begin(), members_.all().end(),
                        [&](const Member& m) { return m.lost || collector_->Complete(m.id); });
   };
   if (!Await(kLogLimit, complete)) {
-    for (const Member& member : members_)
+    for (const Member& member : members_.all())
       if (!member.lost && !collector_->Complete(member.id))
         End(EndReason::kNodeLost, fmt::format("the log of the {} node is not whole: {} missing", member.id,
                                               collector_->Missing(member.id)));
@@ -607,18 +431,6 @@ void RealtimeConductor::End(EndReason reason, const std::string& text) {
   end_reason_ = reason;
   end_text_ = text;
   if (end_ns_ == 0) end_ns_ = sim_ns_;
-}
-
-RealtimeConductor::Member* RealtimeConductor::Find(NodeKind kind) {
-  for (Member& member : members_)
-    if (member.kind == kind) return &member;
-  return nullptr;
-}
-
-RealtimeConductor::Member* RealtimeConductor::FindRole(const std::string& role) {
-  for (Member& member : members_)
-    if (member.role == role) return &member;
-  return nullptr;
 }
 
 }  // namespace

@@ -1,0 +1,136 @@
+#include "harness/run/realtime/members.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <stdexcept>
+
+namespace tiltproof::harness {
+namespace {
+
+using dds::NodeKind;
+using std::chrono::duration_cast;
+using std::chrono::milliseconds;
+using SteadyClock = std::chrono::steady_clock;
+
+}  // namespace
+
+bool Members::Adopt(const std::vector<dds::NodeLife>& nodes, bool board, const std::string& run_id,
+                    std::string& missing) {
+  members_.clear();
+  std::string instead;
+  for (const auto& node : nodes) {
+    if (!node.alive || node.last.kind == NodeKind::kHarness || node.last.kind == NodeKind::kMonitor) continue;
+    if (!node.last.run_id.empty() && node.last.run_id != run_id) {
+      instead = fmt::format("free node: {} is in another run", node.last.node_id);
+      continue;
+    }
+    for (const auto& capability : node.last.capabilities) board |= capability.starts_with("client_port=");
+    members_.push_back({node.last.node_id, node.last.node_id, node.last.kind, node.last.host, false, {}});
+  }
+  std::sort(members_.begin(), members_.end(), [](const Member& a, const Member& b) { return a.id < b.id; });
+  const auto count = [&](NodeKind kind) {
+    return std::count_if(members_.begin(), members_.end(), [&](const Member& m) { return m.kind == kind; });
+  };
+  missing.clear();
+  const auto need = [&](std::ptrdiff_t have, const char* what) {
+    if (have == 1) return;
+    missing += fmt::format("{}{}", missing.empty() ? "" : " and no ", what);
+    if (have > 1) instead = fmt::format("single {}: {} are there", what, have);
+  };
+  need(count(NodeKind::kPlant), "plant node");
+  need(count(NodeKind::kLink), "link node");
+  if (!board) need(count(NodeKind::kClient), "client node");
+  need(count(NodeKind::kBaseStation) + count(NodeKind::kJoystick), "base-station or joystick node");
+  if (!instead.empty() && !missing.empty()) missing = instead;
+  return missing.empty();
+}
+
+void Members::CheckHosts() const {
+  const Member& link = *Find(NodeKind::kLink);
+  for (const NodeKind kind : {NodeKind::kPlant, NodeKind::kClient}) {
+    const Member* member = Find(kind);
+    if (member != nullptr && member->host != link.host)
+      throw std::runtime_error(fmt::format(
+          "the {} node runs on {} and the link node on {}: they share a serial line, so both must run "
+          "on one host",
+          Name(kind), member->host, link.host));
+  }
+}
+
+std::vector<MemberNews> Members::Watch(const std::vector<dds::NodeLife>& nodes, NodeProcesses* processes,
+                                       const std::set<std::string>& excused) {
+  std::vector<MemberNews> news;
+  const auto now = SteadyClock::now();
+  const auto is_excused = [&](const std::string& role) {
+    return excused.contains(role) || excused.contains("all");
+  };
+  if (processes != nullptr) {
+    for (const auto& name : processes->names()) {
+      ChildProcess* process = processes->Find(name);
+      if (process == nullptr || process->Alive() || is_excused(name)) continue;
+      // Not yet a member when it ends while it begins.
+      Member unknown{name, name, NodeKind::kPlant, {}, false, {}};
+      Member* member = FindRole(name);
+      Lose(member != nullptr ? *member : unknown, process->ExitText().value_or("has ended"), news);
+    }
+  }
+  for (Member& member : members_) {
+    if (member.lost) continue;
+    const auto found = std::find_if(nodes.begin(), nodes.end(), [&](const dds::NodeLife& node) {
+      return node.last.node_id == member.id;
+    });
+    const bool heard = found == nodes.end() || found->alive;
+    if (heard) {
+      if (member.silent_since)
+        news.push_back({MemberNews::Kind::kBack, member.role, false,
+                        fmt::format("the {} node is heard again after {} ms", member.id,
+                                    duration_cast<milliseconds>(now - *member.silent_since).count())});
+      member.silent_since.reset();
+      continue;
+    }
+    if (!member.silent_since) {
+      member.silent_since = now;
+      news.push_back({MemberNews::Kind::kSilent, member.role, false,
+                      fmt::format("the {} node missed its lease of 200 ms", member.id)});
+    }
+    if (is_excused(member.role)) continue;
+    if (processes != nullptr) {
+      Lose(member, "does not answer: it hangs or is stopped", news);
+    } else if (now - *member.silent_since > kPartitionLimit) {
+      Lose(member,
+           fmt::format("was not heard for {} s: it ended, hangs or is cut off",
+                       kPartitionLimit.count() / 1000),
+           news);
+    }
+  }
+  return news;
+}
+
+void Members::Lose(Member& member, const std::string& how, std::vector<MemberNews>& news) {
+  if (member.lost) return;
+  member.lost = true;
+  const bool firmware = member.kind == NodeKind::kClient;
+  news.push_back({MemberNews::Kind::kLost, member.role, firmware,
+                  firmware ? fmt::format("the firmware under test is lost: its node {} {}", member.id, how)
+                           : fmt::format("the {} node {}", member.id, how)});
+}
+
+const Member* Members::Find(NodeKind kind) const {
+  for (const Member& member : members_)
+    if (member.kind == kind) return &member;
+  return nullptr;
+}
+
+Member* Members::FindRole(const std::string& role) {
+  for (Member& member : members_)
+    if (member.role == role) return &member;
+  return nullptr;
+}
+
+const Member& Members::reference_sender() const {
+  const Member* base_station = Find(NodeKind::kBaseStation);
+  return base_station != nullptr ? *base_station : *Find(NodeKind::kJoystick);
+}
+
+}  // namespace tiltproof::harness

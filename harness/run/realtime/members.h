@@ -1,0 +1,65 @@
+// The nodes that take part in a run: who they are, and whether each is still there.
+#pragma once
+
+#include <chrono>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "harness/dds/bus.h"
+#include "harness/dds/messages.h"
+#include "harness/run/realtime/node_processes.h"
+
+namespace tiltproof::harness {
+
+struct Member {
+  std::string id;    // node id
+  std::string role;  // of a process of ours: its name there
+  dds::NodeKind kind{};
+  std::string host;
+  bool lost = false;
+  std::optional<std::chrono::steady_clock::time_point> silent_since;
+};
+
+// What Watch() saw.
+struct MemberNews {
+  enum class Kind { kSilent, kBack, kLost } kind;
+  std::string role;
+  bool firmware = false;  // it is the node of the firmware under test
+  std::string text;
+};
+
+class Members {
+ public:
+  // An attached node may only be cut off for a moment: it is lost when it stays away so long.
+  static constexpr std::chrono::milliseconds kPartitionLimit{5'000};
+
+  // Takes the nodes that a run needs, one of each, out of those that are heard. False, and `missing` says what
+  // is not there ("plant node and no link node", "single plant node: 2 are there"), when they are not complete.
+  // `board`: the firmware is on the link's port and has no node.
+  bool Adopt(const std::vector<dds::NodeLife>& nodes, bool board, const std::string& run_id,
+             std::string& missing);
+  // Who must share a host does, or std::runtime_error says who does not.
+  void CheckHosts() const;
+
+  // News since the last call. A process of ours is lost when it has ended, or missed its lease (200 ms); an
+  // attached node (`processes` null) when it stays away. Roles in `excused` are kept away by a fault.
+  std::vector<MemberNews> Watch(const std::vector<dds::NodeLife>& nodes, NodeProcesses* processes,
+                                const std::set<std::string>& excused);
+
+  std::vector<Member>& all() { return members_; }
+  const std::vector<Member>& all() const { return members_; }
+  // Null when there is none.
+  const Member* Find(dds::NodeKind kind) const;
+  Member* FindRole(const std::string& role);
+  // The base station or the joystick.
+  const Member& reference_sender() const;
+
+ private:
+  void Lose(Member& member, const std::string& how, std::vector<MemberNews>& news);
+
+  std::vector<Member> members_;
+};
+
+}  // namespace tiltproof::harness

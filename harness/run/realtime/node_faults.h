@@ -1,0 +1,62 @@
+// Carries out the faults on nodes (faults/node_command.h): kills, pauses and restarts processes, cuts nodes off
+// the bus, sets their clocks wrong - each at its time, and takes it back at its end.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "faults/node_command.h"
+#include "faults/schedule.h"
+#include "harness/dds/bus.h"
+#include "harness/run/realtime/members.h"
+#include "harness/run/realtime/node_processes.h"
+#include "harness/run/run_log.h"
+#include "harness/scenario/scenario.h"
+
+namespace tiltproof::harness {
+
+class NodeFaults {
+ public:
+  // Throws std::runtime_error for a fault that attached nodes cannot suffer.
+  NodeFaults(const Scenario& scenario, bool attached);
+
+  // What a process is started with: the share of its packets that the network loses, by role.
+  const std::map<std::string, double>& loss() const { return loss_; }
+
+  struct Means {
+    const std::string& run_id;
+    NodeProcesses* processes;  // null: attached
+    const Members& members;
+    dds::Publisher<dds::FaultCommand>& commands;
+    // Starts a killed node again and takes it into the run.
+    std::function<void(const std::string& role)> restart;
+    std::function<void(std::string kind, std::string text)> note;
+  };
+  // Everything that is due at simulation time `now_ns`.
+  void CarryOut(TimeNs now_ns, const Means& means);
+
+  // Roles that a fault keeps away just now: their silence is no loss.
+  const std::set<std::string>& excused() const { return excused_; }
+  // Nothing is expected of the run any more: processes that were stopped must not stay so.
+  void ContinueAll(NodeProcesses& processes);
+
+  // Adds what was done to the log.
+  void AppendTo(RunLog& log);
+
+ private:
+  void Apply(const faults::NodeCommand& command, bool begin, TimeNs now_ns, const Means& means);
+  void Send(const faults::NodeCommand& command, bool begin, const Means& means);
+
+  const Scenario& scenario_;
+  std::vector<faults::NodeCommand> commands_;
+  std::vector<bool> begun_, ended_;
+  faults::FaultSchedule counts_;
+  std::map<std::string, double> loss_;
+  std::set<std::string> excused_;
+  std::int64_t sequence_ = 0;
+};
+
+}  // namespace tiltproof::harness
