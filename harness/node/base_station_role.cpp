@@ -58,7 +58,7 @@ class BaseStationRole final : public Role {
     window_ns_ = std::min(window_ns_, origin);
     const TimeNs best = std::min(window_ns_, last_window_ns_);
     if (timer_ && std::abs(best - origin_ns_) < kOriginTolerance) return;
-    origin_ns_ = best;
+    origin_ns_ = services_.lateness().origin_ns = best;
     if (!timer_) SendAt(now - origin_ns_);
     SetTimer(now);
   }

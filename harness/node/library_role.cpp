@@ -107,7 +107,7 @@ class LibraryRole final : public Role {
         if (error || alive.expired() || stopped_) return;
         const TimeNs now = Now();
         // This machine's lateness, not the firmware's.
-        NoteLateness(services_.lateness(), now - wake);
+        services_.lateness().Note(power_on_ns_ + wake, power_on_ns_ + now);
         Run([&] { return client_->Grant(now); });
       });
     } catch (const FirmwareTrouble& trouble) {
@@ -119,7 +119,7 @@ class LibraryRole final : public Role {
   void OnStates() {
     for (const auto& state : states_.Take())
       if (state.run_id == services_.run_id() && state.phase == dds::Phase::kRunning)
-        origin_ns_ = state.origin_ns;
+        origin_ns_ = services_.lateness().origin_ns = state.origin_ns;
   }
 
   NodeServices& services_;

@@ -4,6 +4,7 @@
 #include <boost/asio/post.hpp>
 #include <utility>
 
+#include "harness/node/pty_canary.h"
 #include "harness/node/roles.h"
 #include "link/messages.h"
 #include "link/pty.h"
@@ -52,7 +53,15 @@ class LinkRole final : public Role {
   }
 
   void Arm(const Ports& /*ports*/) override {
-    Read(plant_->master(), Direction::kToClient, "plant");
+    plant_->master().Start(
+        [this](std::span<const std::uint8_t> bytes) {
+          // The server answers at once: what it takes longer is this machine's doing.
+          if (asked_plant_ns_ != kNever) services_.lateness().Note(asked_plant_ns_, services_.clock().Now());
+          asked_plant_ns_ = kNever;
+          Transmit(Direction::kToClient, bytes);
+        },
+        Lost("plant's port"));
+    canary_ = std::make_unique<PtyCanary>(services_);
     Read(base_station_->master(), Direction::kReference, "base station");
     Read(*ClientPort(), Direction::kToPlant, "client");
     // The client sends nothing there, but its going is seen.
@@ -65,6 +74,7 @@ class LinkRole final : public Role {
 
   void Flush() override {
     if (line_->origin() == kNever) return;
+    services_.lateness().origin_ns = line_->origin();
     LineLog log = line_->TakeLog(services_.clock().Now());
     JudgeRoundTrip(log.client_round_trip_ns);
     SampleCounts(services_.clock().Now());
@@ -74,6 +84,7 @@ class LinkRole final : public Role {
   NodeTotals Stop() override {
     armed_ = false;
     timer_.cancel();
+    canary_.reset();
     const TimeNs now = services_.clock().Now();
     const TimeNs origin = line_->origin() == kNever ? now : line_->origin();
     SampleCounts(now);
@@ -153,8 +164,9 @@ class LinkRole final : public Role {
                                : direction == Direction::kToClient ? ClientPort()
                                                                    : ReferencePort();
       while (const auto piece = line_->TakePiece(direction, now)) {
-        NoteLateness(services_.lateness(), now - piece->arrival_ns);
+        services_.lateness().Note(piece->arrival_ns, now);
         if (port != nullptr) port->Write(piece->bytes);
+        if (direction == Direction::kToPlant) asked_plant_ns_ = now;
       }
       next = std::min(next, line_->NextArrival(direction));
     }
@@ -201,7 +213,9 @@ class LinkRole final : public Role {
   std::unique_ptr<link::Pty> plant_, base_station_, client_pty_, reference_pty_;
   std::unique_ptr<link::SerialPort> client_serial_, reference_serial_;
   boost::asio::steady_timer timer_;
+  std::unique_ptr<PtyCanary> canary_;
   bool armed_ = false;
+  TimeNs asked_plant_ns_ = kNever;  // when the plant got the last bytes that it has not answered yet
   TimeNs next_sample_ns_ = 0;
   std::vector<CountsSample> samples_;
   std::vector<TimeNs> first_round_trips_;

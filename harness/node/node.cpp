@@ -23,9 +23,6 @@ using std::chrono::milliseconds;
 constexpr milliseconds kHeartbeatPeriod{50};
 // A harness that is not heard for so long is gone for good; a partition of the network heals sooner.
 constexpr milliseconds kHarnessLostAfter{6000};
-// Later than this is late: a third of what the vehicle can bear (its delay margin is 9 ms).
-constexpr TimeNs kLateAfterNs = 3 * kNsPerMs;
-
 class Node final : public NodeServices {
  public:
   Node(const NodeOptions& options, const MakeRole& make_role);
@@ -260,13 +257,6 @@ std::string FindPort(const Ports& ports, std::string_view name) {
   return {};
 }
 
-void NoteLateness(Lateness& lateness, TimeNs late_ns) {
-  lateness.max_ns = std::max(lateness.max_ns, late_ns);
-  if (late_ns <= kLateAfterNs) return;
-  // A long stall spoils every period that it lasts.
-  lateness.late_periods_count += 1 + late_ns / kControlPeriodNs;
-}
-
 PeriodicTimer::PeriodicTimer(NodeServices& services, TimeNs first, TimeNs period,
                              std::function<void(TimeNs)> due)
     : services_(services),
@@ -282,7 +272,7 @@ void PeriodicTimer::Arm() {
   timer_.async_wait([this, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
     if (error || alive.expired()) return;
     const TimeNs now = services_.clock().Now();
-    NoteLateness(services_.lateness(), now - next_ns_);
+    services_.lateness().Note(next_ns_, now);
     do {
       next_ns_ += period_ns_;
     } while (next_ns_ <= now);

@@ -97,7 +97,4 @@ class PeriodicTimer {
   std::shared_ptr<char> alive_ = std::make_shared<char>();
 };
 
-// Counts work that was done `late_ns` after it was due.
-void NoteLateness(Lateness& lateness, TimeNs late_ns);
-
 }  // namespace tiltproof::harness

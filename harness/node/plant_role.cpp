@@ -72,6 +72,7 @@ class PlantRole final : public Role {
     server_->Receive(now, bytes, [this](std::span<const std::uint8_t> frame) { port_->Write(frame); });
     if (was_started || !server_->state().started()) return;
     const TimeNs origin = server_->state().origin_ns;
+    services_.lateness().origin_ns = origin;
     services_.SetPhase(dds::Phase::kRunning, 0, origin, EndReason::kCompleted, "");
     timer_.emplace(services_, origin + kTickOffsetNs, kTickPeriodNs, [this](TimeNs due) { Tick(due); });
     Publish(origin);

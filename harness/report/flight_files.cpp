@@ -49,6 +49,10 @@ Json FlightJson(const RunLog& log) {
   json["client_round_trip_ns"] = log.client_round_trip_ns;
   if (log.harness_overrun_count) json["harness_overrun_count"] = *log.harness_overrun_count;
   if (log.harness_late_max_ns) json["harness_late_max_ns"] = *log.harness_late_max_ns;
+  if (!log.harness_late.empty()) {
+    json["harness_late_ns"] = Json::array();
+    for (const auto& span : log.harness_late) json["harness_late_ns"].push_back({span.begin_ns, span.end_ns});
+  }
   json["events"] = Json::array();
   for (const auto& event : log.events)
     json["events"].push_back(
@@ -128,6 +132,9 @@ RunLog ReadFlight(const std::filesystem::path& folder) {
       log.harness_overrun_count = json["harness_overrun_count"].get<std::int64_t>();
     if (json.contains("harness_late_max_ns"))
       log.harness_late_max_ns = json["harness_late_max_ns"].get<std::int64_t>();
+    if (json.contains("harness_late_ns"))
+      for (const auto& span : json["harness_late_ns"])
+        log.harness_late.push_back({span.at(0).get<TimeNs>(), span.at(1).get<TimeNs>()});
     for (const auto& event : json.at("events"))
       log.events.push_back({FromSeconds(event.at("time_s").get<double>()),
                             event.at("kind").get<std::string>(), event.at("text").get<std::string>()});

@@ -36,6 +36,12 @@ struct RunEvent {
   std::string text;
 };
 
+// Work of the harness's own that was due at the begin and done at the end.
+struct LateSpan {
+  TimeNs begin_ns = 0, end_ns = 0;
+  friend bool operator==(const LateSpan&, const LateSpan&) = default;
+};
+
 // bytes_corrupted: delivered bytes that were changed or inserted on the way (those outside the longest common
 // subsequence with the frame as sent); lost bytes are not delivered, and repeated frames are as they were
 // sent.
@@ -67,6 +73,8 @@ struct RunLog {
   // Real time only: control periods in which the harness's own nodes were later than allowed, and by how much
   // at most.
   std::optional<std::int64_t> harness_overrun_count, harness_late_max_ns;
+  // When that was, in order; may overlap. What the firmware missed there is not its fault.
+  std::vector<LateSpan> harness_late;
 
   std::vector<std::int64_t> fault_activation_counts;  // one per fault of the scenario
   std::vector<faults::Activation> activations;        // first kActivationsMax of each fault, in time order

@@ -187,11 +187,27 @@ class Calculator {
       // the next.
       const std::int64_t periods =
           first ? gap_ns / kControlPeriodNs : (gap_ns + kControlPeriodNs / 2) / kControlPeriodNs - 1;
-      missed += std::max<std::int64_t>(periods, 0);
+      missed += Blamable(last_ns, periods);
       last_ns = time_ns;
       first = false;
     }
-    return missed + std::max<std::int64_t>((log_.end_ns - last_ns) / kControlPeriodNs, 0);
+    return missed + Blamable(last_ns, (log_.end_ns - last_ns) / kControlPeriodNs);
+  }
+
+  // Of `periods` missed in a row after `last_ns`, those in which the harness was not late itself, nor in the one
+  // before.
+  std::int64_t Blamable(TimeNs last_ns, std::int64_t periods) const {
+    std::int64_t blamable = 0;
+    for (std::int64_t i = 1; i <= periods; ++i) {
+      const TimeNs begin_ns = last_ns + (i - 1) * kControlPeriodNs;
+      const TimeNs end_ns = begin_ns + 2 * kControlPeriodNs;
+      const bool excused =
+          std::any_of(log_.harness_late.begin(), log_.harness_late.end(), [&](const LateSpan& late) {
+            return late.begin_ns < end_ns && late.end_ns > begin_ns - kControlPeriodNs;
+          });
+      blamable += excused ? 0 : 1;
+    }
+    return blamable;
   }
 
   void Link() {

@@ -11,8 +11,12 @@
 namespace tiltproof::harness {
 
 template <class Archive>
+void Fields(Archive& archive, LateSpan& s) {
+  archive(s.begin_ns, s.end_ns);
+}
+template <class Archive>
 void Fields(Archive& archive, Lateness& l) {
-  archive(l.late_periods_count, l.max_ns);
+  archive(l.spans, l.origin_ns);
 }
 template <class Archive>
 void Fields(Archive& archive, NodeTotals& t) {
@@ -297,20 +301,38 @@ RunLog LogCollector::Take(TimeNs end_ns) {
   log_.end_ns = end_ns;
 
   log_.fault_activation_counts.resize(scenario_.faults.size(), 0);
-  Lateness lateness;
   for (auto& [node_id, report] : reports_) {
     NodeTotals& totals = report.totals;
-    // Several nodes late in the same period count twice: rather too strict with ourselves than with a firmware.
-    lateness.late_periods_count += totals.lateness.late_periods_count;
-    lateness.max_ns = std::max(lateness.max_ns, totals.lateness.max_ns);
+    const TimeNs origin = totals.lateness.origin_ns;
+    for (const LateSpan& span : totals.lateness.spans)
+      if (origin != kNever && span.end_ns > origin)
+        log_.harness_late.push_back({span.begin_ns - origin, span.end_ns - origin});
     if (totals.plant) Append(log_, std::move(*totals.plant));
     if (totals.line) Append(log_, std::move(*totals.line), 0);
     if (totals.client) log_.failsafe_entered_count = totals.client->failsafe_count;
   }
-  log_.harness_overrun_count = lateness.late_periods_count;
-  log_.harness_late_max_ns = lateness.max_ns;
+  std::sort(log_.harness_late.begin(), log_.harness_late.end(), [](const LateSpan& a, const LateSpan& b) {
+    return std::pair(a.begin_ns, a.end_ns) < std::pair(b.begin_ns, b.end_ns);
+  });
   SortByTime(log_);
   return std::move(log_);
+}
+
+void CountLateness(RunLog& log) {
+  std::int64_t count = 0;
+  TimeNs max_ns = 0;
+  std::int64_t counted_to = -1;  // the last period counted
+  for (const LateSpan& span : log.harness_late) {
+    max_ns = std::max(max_ns, span.end_ns - span.begin_ns);
+    const std::int64_t first =
+        std::max(std::max<TimeNs>(span.begin_ns, 0) / kControlPeriodNs, counted_to + 1);
+    const std::int64_t last = span.end_ns / kControlPeriodNs;
+    if (last < first) continue;
+    count += last - first + 1;
+    counted_to = last;
+  }
+  log.harness_overrun_count = count;
+  log.harness_late_max_ns = max_ns;
 }
 
 }  // namespace tiltproof::harness

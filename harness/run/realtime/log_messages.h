@@ -31,10 +31,18 @@
 
 namespace tiltproof::harness {
 
-// How late this node's own work was, by control period.
+// When this node's own work was later than it may be.
 struct Lateness {
-  std::int64_t late_periods_count = 0;
-  TimeNs max_ns = 0;
+  // A third of what the vehicle can bear (its delay margin is 9 ms).
+  static constexpr TimeNs kLateAfterNs = 3 * kNsPerMs;
+  static constexpr std::size_t kSpansMax = 10'000;
+
+  void Note(TimeNs due_ns, TimeNs done_ns) {
+    if (done_ns - due_ns > kLateAfterNs && spans.size() < kSpansMax) spans.push_back({due_ns, done_ns});
+  }
+
+  std::vector<LateSpan> spans;  // in the node's clock
+  TimeNs origin_ns = kNever;    // the node's clock at t = 0, once it is known
 };
 
 // What a node knows only at its end.
@@ -130,5 +138,8 @@ class LogCollector {
   std::map<double, Row> rows_by_time_;
   std::map<std::string, Report> reports_;
 };
+
+// Sets the counts of lateness from log.harness_late.
+void CountLateness(RunLog& log);
 
 }  // namespace tiltproof::harness

@@ -8,6 +8,13 @@
 #include <utility>
 
 namespace tiltproof::harness {
+namespace {
+
+// The plant's word on the time is up to a period old.
+constexpr TimeNs kBeforeNs = 50 * kNsPerMs;
+constexpr TimeNs kRecoveryNs = kNsPerS;
+
+}  // namespace
 
 NodeFaults::NodeFaults(const Scenario& scenario, bool attached)
     : scenario_(scenario),
@@ -81,6 +88,8 @@ void NodeFaults::Apply(const faults::NodeCommand& command, bool begin, TimeNs no
   }
   means.note(command.type, fmt::format("{}: {} {}", scenario_.faults[command.fault].id, node, what));
   if (begin) counts_.Count(command.fault, now_ns, node + " " + what);
+  disturbed_.push_back({now_ns - kBeforeNs, now_ns + kRecoveryNs});
+  if (!begin) disturbed_.back().begin_ns = command.at_ns - kBeforeNs;
 }
 
 void NodeFaults::Send(const faults::NodeCommand& command, bool begin, const Means& means) {
@@ -110,6 +119,11 @@ void NodeFaults::ContinueAll(NodeProcesses& processes) {
 }
 
 void NodeFaults::AppendTo(RunLog& log) {
+  std::erase_if(log.harness_late, [&](const LateSpan& late) {
+    return std::any_of(disturbed_.begin(), disturbed_.end(), [&](const LateSpan& disturbed) {
+      return late.begin_ns < disturbed.end_ns && late.end_ns > disturbed.begin_ns;
+    });
+  });
   const auto& counts = counts_.ActivationCounts();
   log.fault_activation_counts.resize(counts.size(), 0);
   for (std::size_t i = 0; i < counts.size(); ++i) log.fault_activation_counts[i] += counts[i];

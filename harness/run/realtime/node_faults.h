@@ -43,7 +43,7 @@ class NodeFaults {
   // Nothing is expected of the run any more: processes that were stopped must not stay so.
   void ContinueAll(NodeProcesses& processes);
 
-  // Adds what was done to the log.
+  // Adds what was done to the log, and drops the lateness that faults caused.
   void AppendTo(RunLog& log);
 
  private:
@@ -56,6 +56,7 @@ class NodeFaults {
   faults::FaultSchedule counts_;
   std::map<std::string, double> loss_;
   std::set<std::string> excused_;
+  std::vector<LateSpan> disturbed_;  // while a fault acted, and a second to recover
   std::int64_t sequence_ = 0;
 };
 

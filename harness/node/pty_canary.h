@@ -1,0 +1,48 @@
+// Watches how late this machine's pseudo-terminals are. What is written at one end reaches the other by a thread of
+// the kernel with ordinary priority: on a busy machine that takes milliseconds, which no clock of our own would show
+// and a firmware would be blamed for.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <string>
+
+#include "harness/node/node.h"
+#include "link/pty.h"
+
+namespace tiltproof::harness {
+
+class PtyCanary {
+ public:
+  explicit PtyCanary(NodeServices& services)
+      : services_(services),
+        pty_(services.loop()),
+        far_(services.loop(), pty_.slave_path(), 921'600),
+        timer_(services, services.clock().Now() + kPeriodNs, kPeriodNs, [this](TimeNs now) { Send(now); }) {
+    far_.Start([this](std::span<const std::uint8_t>) { Arrive(); }, [](const std::string&) {});
+    pty_.master().Start([](std::span<const std::uint8_t>) {}, [](const std::string&) {});
+  }
+
+ private:
+  static constexpr TimeNs kPeriodNs = 4 * kNsPerMs;
+
+  void Send(TimeNs now) {
+    if (sent_ns_ != kNever) return;
+    sent_ns_ = now;
+    constexpr std::array<std::uint8_t, 1> kByte = {0x55};
+    pty_.master().Write(kByte);
+  }
+  void Arrive() {
+    if (sent_ns_ != kNever) services_.lateness().Note(sent_ns_, services_.clock().Now());
+    sent_ns_ = kNever;
+  }
+
+  NodeServices& services_;
+  link::Pty pty_;
+  link::SerialPort far_;
+  TimeNs sent_ns_ = kNever;
+  PeriodicTimer timer_;
+};
+
+}  // namespace tiltproof::harness
