@@ -67,7 +67,7 @@ class Publisher {
  public:
   // `on_match` is called, in a thread of DDS, when MatchedCount() changed; it should only post to an event
   // loop.
-  explicit Publisher(Bus& bus, std::function<void()> on_match = {});
+  explicit Publisher(Bus& bus, const std::function<void()>& on_match = {});
   // May wait up to a second for readers to acknowledge what they still miss.
   ~Publisher();
   Publisher(const Publisher&) = delete;
@@ -122,7 +122,8 @@ class Subscriber {
   // Both are called in a thread of DDS, should only post to an event loop, and may be called before the
   // constructor returns. `on_data`: Take() has something. `on_liveliness`: MatchedCount() or Nodes() changed.
   // Neither runs any more once the destructor returns; neither may destroy this.
-  explicit Subscriber(Bus& bus, std::function<void()> on_data = {}, std::function<void()> on_liveliness = {});
+  explicit Subscriber(Bus& bus, const std::function<void()>& on_data = {},
+                      const std::function<void()>& on_liveliness = {});
   ~Subscriber();
   Subscriber(const Subscriber&) = delete;
   Subscriber& operator=(const Subscriber&) = delete;

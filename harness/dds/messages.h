@@ -23,15 +23,15 @@
 namespace tiltproof::dds {
 
 // Limits, in bytes of a string or elements of a list; the same numbers stand in tiltproof.idl.
-inline constexpr std::size_t kIdBytesMax = 128;     // identifiers, names, kinds, host names, versions
-inline constexpr std::size_t kPathBytesMax = 1024;  // paths of devices and sockets
-inline constexpr std::size_t kTextBytesMax = 4096;  // texts for people
-inline constexpr std::size_t kDocumentBytesMax = 256 * 1024;  // a scenario file, all metrics of a score
-inline constexpr std::size_t kPayloadBytesMax = 1024 * 1024;  // opaque octets
-inline constexpr std::size_t kChunkBytesMax = 64 * 1024;     // bytes of one chunk or frame on the serial line
-inline constexpr std::size_t kNamesCountMax = 128;           // lists of names, ports or parameters
-inline constexpr std::size_t kChunksCountMax = 4096;         // frames or chunks in one message
-inline constexpr std::size_t kNumbersCountMax = 128 * 1024;  // numbers in one message (1 MiB)
+inline constexpr std::size_t kIdBytesMax = 128;             // identifiers, names, kinds, host names, versions
+inline constexpr std::size_t kPathBytesMax = 1024;          // paths of devices and sockets
+inline constexpr std::size_t kTextBytesMax = 4096;          // texts for people
+inline constexpr std::size_t kDocumentBytesMax = 262'144;   // a scenario file, all metrics of a score
+inline constexpr std::size_t kPayloadBytesMax = 1'048'576;  // opaque octets
+inline constexpr std::size_t kChunkBytesMax = 65'536;       // bytes of one chunk or frame on the serial line
+inline constexpr std::size_t kNamesCountMax = 128;          // lists of names, ports or parameters
+inline constexpr std::size_t kChunksCountMax = 4096;        // frames or chunks in one message
+inline constexpr std::size_t kNumbersCountMax = 131'072;    // numbers in one message (1 MiB)
 
 enum class NodeKind : std::uint8_t { kHarness, kPlant, kLink, kClient, kBaseStation, kJoystick, kMonitor };
 enum class Verb : std::uint8_t { kPrepare, kArm, kStart, kStop, kRelease };

@@ -34,8 +34,8 @@ struct Publisher<T>::Impl {
 };
 
 template <class T>
-Publisher<T>::Publisher(Bus& bus, std::function<void()> on_match) : impl_(std::make_unique<Impl>()) {
-  impl_->on_match = std::move(on_match);
+Publisher<T>::Publisher(Bus& bus, const std::function<void()>& on_match) : impl_(std::make_unique<Impl>()) {
+  impl_->on_match = on_match;
   impl_->topic = bus.impl().CreateTopic(QosOf<T>(), WireOf<T>::Descriptor());
   const ListenerPtr listener(dds_create_listener(impl_.get()));
   if (impl_->on_match) {

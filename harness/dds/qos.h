@@ -41,7 +41,7 @@ struct TopicRow {
 std::vector<TopicRow> TopicTable();
 
 // A writer never waits for a slow reader: beyond this much unacknowledged data of one topic it refuses.
-inline constexpr std::int64_t kUnackedBytesMax = 64 * 1024 * 1024;
+inline constexpr std::int64_t kUnackedBytesMax = 67'108'864;
 // Who is silent for so long is taken off the list of participants. Longer than any cut of the network that
 // volatile logs must survive.
 inline constexpr TimeNs kParticipantLeaseNs = 10 * kNsPerS;

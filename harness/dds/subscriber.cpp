@@ -12,7 +12,7 @@ template <class T>
 struct Subscriber<T>::Impl {
   using Wire = typename WireOf<T>::Type;
   // Samples lent by DDS at a time: their memory is set aside at once, and some are large.
-  static constexpr std::size_t kBatch = std::clamp<std::size_t>(256 * 1024 / sizeof(Wire), 1, 64);
+  static constexpr std::size_t kBatch = std::clamp<std::size_t>(262'144 / sizeof(Wire), 1, 64);
 
   // Beyond so many nodes, dead ones are forgotten.
   static constexpr std::size_t kNodesCountMax = 1024;
@@ -65,30 +65,33 @@ struct Subscriber<T>::Impl {
   }
 
   // A writer whose lease ran out leaves its instance without writers; a message brings it back.
-  void DrainHeartbeats() requires std::same_as<T, Heartbeat> {
-    Drain([&](const Wire& wire, const dds_sample_info_t& info) {
-      Heartbeat message;
-      if (info.valid_data) {
-        Unpack(wire, message);
-        fresh[message.node_id] = message;
-      } else {
-        message.node_id = wire.node_id;  // only the key is there
+  void DrainHeartbeats() {
+    if constexpr (std::same_as<T, Heartbeat>) {
+      Drain([&](const Wire& wire, const dds_sample_info_t& info) {
+        Heartbeat message;
+        if (info.valid_data) {
+          Unpack(wire, message);
+          fresh[message.node_id] = message;
+        } else {
+          message.node_id = wire.node_id;  // only the key is there
+        }
+        auto& node = nodes[message.node_id];
+        node.alive = info.instance_state == DDS_IST_ALIVE;
+        if (info.valid_data || node.last.node_id.empty()) node.last = std::move(message);
+      });
+      for (auto node = nodes.begin(); nodes.size() > kNodesCountMax && node != nodes.end();) {
+        node = node->second.alive ? std::next(node) : nodes.erase(node);
       }
-      auto& node = nodes[message.node_id];
-      node.alive = info.instance_state == DDS_IST_ALIVE;
-      if (info.valid_data || node.last.node_id.empty()) node.last = std::move(message);
-    });
-    for (auto node = nodes.begin(); nodes.size() > kNodesCountMax && node != nodes.end();) {
-      node = node->second.alive ? std::next(node) : nodes.erase(node);
     }
   }
 };
 
 template <class T>
-Subscriber<T>::Subscriber(Bus& bus, std::function<void()> on_data, std::function<void()> on_liveliness)
+Subscriber<T>::Subscriber(Bus& bus, const std::function<void()>& on_data,
+                          const std::function<void()>& on_liveliness)
     : impl_(std::make_unique<Impl>()) {
-  impl_->on_data = std::move(on_data);
-  impl_->on_liveliness = std::move(on_liveliness);
+  impl_->on_data = on_data;
+  impl_->on_liveliness = on_liveliness;
   impl_->topic = bus.impl().CreateTopic(QosOf<T>(), WireOf<T>::Descriptor());
   const ListenerPtr listener(dds_create_listener(impl_.get()));
   if (impl_->on_data) {

@@ -19,7 +19,6 @@ namespace tiltproof::dds {
 namespace {
 
 using testing::HasSubstr;
-using testing::StartsWith;
 
 BusConfig OnDomain(int domain, const std::string& tag = "test") {
   BusConfig config;
@@ -182,15 +181,16 @@ TEST(BusTest, ManyThreadsMayUseOnePublisherAndSubscriber) {
   Condition condition;
   Subscriber<RunEvent> events(bus, condition.Waker());
   Publisher<RunEvent> publisher(bus);
-  constexpr int kThreads = 4;
-  constexpr int kEach = 500;
+  constexpr std::size_t kThreads = 4;
+  constexpr std::size_t kEach = 500;
   std::vector<std::future<void>> writers;
-  for (int thread = 0; thread < kThreads; ++thread) {
+  for (std::size_t thread = 0; thread < kThreads; ++thread) {
     writers.push_back(std::async(std::launch::async, [&, thread] {
       RunEvent event;
       event.run_id = "run";
       event.node_id = "node" + std::to_string(thread);
-      for (event.sequence = 1; event.sequence <= kEach; ++event.sequence) publisher.Write(event);
+      for (event.sequence = 1; event.sequence <= static_cast<std::int64_t>(kEach); ++event.sequence)
+        publisher.Write(event);
     }));
   }
   std::size_t count = 0;
@@ -198,7 +198,7 @@ TEST(BusTest, ManyThreadsMayUseOnePublisherAndSubscriber) {
     count += events.Take().size();
     return count >= kThreads * kEach;
   }));
-  EXPECT_EQ(count, static_cast<std::size_t>(kThreads * kEach));
+  EXPECT_EQ(count, kThreads * kEach);
   EXPECT_TRUE(events.Gaps().empty());
   for (auto& writer : writers) writer.get();
 }
@@ -210,10 +210,15 @@ TEST(BusTest, StatesThatComeTooLateAreCounted) {
     Condition condition;
     Subscriber<PlantState> states(bus, condition.Waker());
     PeerProcess peer({"send_states", std::to_string(slot.domain()), "test", period_ms, "20"});
-    ASSERT_EQ(peer.ReadLine(), "done");
+    const auto took_ms = std::stoll(peer.ReadLine());
     const auto missed = states.MissedDeadlinesCount();
     std::printf("period %s ms: %lld deadlines missed\n", period_ms, static_cast<long long>(missed));
-    EXPECT_EQ(missed >= 10, late) << missed;  // on a quiet machine none at 2 ms
+    // The deadline is 24 ms: 20 states 60 ms apart miss it every time, 2 ms apart only what the machine delays.
+    if (late) {
+      EXPECT_GE(missed, 15);
+    } else {
+      EXPECT_LE(missed, took_ms / 24 + 1);
+    }
   }
 }
 

@@ -221,7 +221,7 @@ int EchoSteps(const Arguments& a) {
   return 0;
 }
 
-// PERIOD_MS COUNT: plant states at that pace.
+// PERIOD_MS COUNT: plant states at that pace; prints how many milliseconds that took.
 int SendStates(const Arguments& a) {
   Bus bus(a.Config());
   Condition condition;
@@ -229,13 +229,15 @@ int SendStates(const Arguments& a) {
   condition.Wait([&] { return states.MatchedCount() == 1; });
   PlantState state;
   state.run_id = "run";
+  const auto begin = std::chrono::steady_clock::now();
   for (int i = 0; i < a.Number(4); ++i) {
     ++state.sequence;
     states.Write(state);
     InputWithin(a.Number(3));
   }
   states.Retire(state);
-  Say("done");
+  const auto took = std::chrono::steady_clock::now() - begin;
+  Say("%lld", static_cast<long long>(std::chrono::duration_cast<std::chrono::milliseconds>(took).count()));
   ReadLine();
   return 0;
 }

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 
@@ -59,7 +60,7 @@ TEST_F(LivelinessTest, AKilledNodeIsSeen) {
   ASSERT_TRUE(Becomes("link", "alive"));
   plant.Signal(SIGKILL);
   ExpectSeenDead("plant", "kill -9");
-  EXPECT_EQ(State("link"), "alive");
+  EXPECT_TRUE(Becomes("link", "alive"));  // it never left, unless the machine kept it from running
   EXPECT_EQ(heartbeats_.Nodes().size(), 2u);
 }
 
@@ -113,12 +114,20 @@ TEST_F(LivelinessTest, LivelinessCanBeShownWithoutAMessage) {
   heartbeat.node_id = "self";
   ASSERT_TRUE(publisher.Write(heartbeat));
   ASSERT_TRUE(Becomes("self", "alive"));
-  const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(600);
+  const auto begin = std::chrono::steady_clock::now();
+  auto last = begin;
+  std::chrono::steady_clock::duration longest_pause{0};
   EXPECT_TRUE(condition_.Wait([&] {
     publisher.AssertLiveliness();
-    return std::chrono::steady_clock::now() > end;
+    const auto now = std::chrono::steady_clock::now();
+    longest_pause = std::max(longest_pause, now - last);
+    last = now;
+    return now > begin + std::chrono::milliseconds(600);
   }));
-  EXPECT_EQ(State("self"), "alive");
+  // On a busy machine this thread itself may have been late.
+  if (longest_pause < std::chrono::milliseconds(150)) {
+    EXPECT_EQ(State("self"), "alive");
+  }
   EXPECT_TRUE(Becomes("self", "dead"));
 }
 

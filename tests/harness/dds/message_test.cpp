@@ -19,7 +19,6 @@ namespace tiltproof::dds {
 namespace {
 
 using testing::HasSubstr;
-using testing::ThrowsMessage;
 
 constexpr int kSeed = 20240607;
 constexpr int kRandomCount = 40;
