@@ -37,12 +37,24 @@ template <class T>
 T LargestMessage();
 
 // Calls X(T) for each message type.
-#define TILTPROOF_EVERY_MESSAGE(X)                                                           \
-  X(Heartbeat)                                                                               \
-  X(RunScenario)                                                                             \
-  X(RunCommand)                                                                              \
-  X(RunAck) X(RunState) X(PlantState) X(Actuation) X(Reference) X(SerialTap) X(FaultCommand) \
-      X(FaultActivation) X(RunEvent) X(TraceRows) X(NodeReport) X(Score) X(StepRequest) X(StepResponse)
+#define TILTPROOF_EVERY_MESSAGE(X) \
+  X(Heartbeat)                     \
+  X(RunScenario)                   \
+  X(RunCommand)                    \
+  X(RunAck)                        \
+  X(RunState)                      \
+  X(PlantState)                    \
+  X(Actuation)                     \
+  X(Reference)                     \
+  X(SerialTap)                     \
+  X(FaultCommand)                  \
+  X(FaultActivation)               \
+  X(RunEvent)                      \
+  X(TraceRows)                     \
+  X(NodeReport)                    \
+  X(Score)                         \
+  X(StepRequest)                   \
+  X(StepResponse)
 
 #define TILTPROOF_DECLARE(T)        \
   template <>                       \
