@@ -1,6 +1,10 @@
+// Boost 1.74's Asio uses std::exchange without its header.
+#include <utility>
+//
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <boost/asio/io_context.hpp>
 #include <nlohmann/json.hpp>
 
 #include "harness/cli/commands.h"
@@ -14,9 +18,12 @@
 #include "harness/report/files.h"
 #include "harness/report/results.h"
 #include "harness/scenario/selection.h"
+#include "link/serial_port.h"
 
 namespace tiltproof::harness {
 namespace {
+
+constexpr std::int64_t kReferenceBaud = 921'600;
 
 FlightMeans ChooseMeans(const RunOptions& options) {
   FlightMeans means;
@@ -49,6 +56,25 @@ void CheckFaults(const FlightMeans& means, const std::vector<SuiteScenario>& sce
   if (means.realtime) return;
   for (const auto& entry : scenarios)
     if (const auto problem = NeedsRealtime(entry.scenario)) throw UsageError(*problem);
+}
+
+// That the board's ports can be had, before anything is flown: a flag that names no device is a mistake of the
+// command line, a device that is busy or not permitted is trouble with the target.
+void CheckPorts(const ClientChoice& client, const LinkSpec& link) {
+  boost::asio::io_context loop;
+  std::vector<std::unique_ptr<link::SerialPort>> ports;  // both at once, as in flight
+  for (const std::string& device : {client.device, client.reference_device}) {
+    if (device.empty()) continue;
+    try {
+      ports.push_back(std::make_unique<link::SerialPort>(
+          loop, device, ports.empty() && !link.ideal ? link.baud : kReferenceBaud));
+    } catch (const std::runtime_error& error) {
+      const std::string text = fmt::format("--client {}: {}", client.text, error.what());
+      std::error_code ignored;
+      if (!std::filesystem::exists(device, ignored)) throw UsageError(text);
+      throw std::runtime_error(text);
+    }
+  }
 }
 
 // Throws UsageError when -k or --tag is no valid selection.
@@ -111,6 +137,7 @@ int RunCommand(const RunOptions& options) {
     List(options, suite.scenarios);
     return kExitGreen;
   }
+  CheckPorts(means.client, suite.scenarios.front().scenario.link);
 
   RunInfo info;
   info.suite = suite.name;
@@ -122,7 +149,11 @@ int RunCommand(const RunOptions& options) {
   if (means.realtime && !means.attach) info.realtime_rights = ProbeRealtimeRights().Text();
   info.command = options.command;
   const std::filesystem::path folder = CreateRunFolder(options.out, suite.name, info.seed);
+  // As it is to stand there when this process is killed.
+  info.interrupted = true;
   WriteRunInfo(folder, info);
+  WriteResults(folder, info, {});
+  WriteRunEvents(folder, {});
   if (LatestIsTaken(options.out))
     fmt::print(stderr, "warning: {} is no link and stays as it is; this run is in {}\n",
                (options.out / "latest").string(), folder.string());

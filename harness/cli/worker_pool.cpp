@@ -32,9 +32,14 @@ using SteadyClock = std::chrono::steady_clock;
 // A worker whose simulation time has stood still for this long is stuck in our own code: its firmware is
 // guarded (FirmwareGuard).
 constexpr auto kStuckAfter = std::chrono::minutes(5);
+// A conductor in real time makes progress on every turn of its loop, so that only scoring and writing, which
+// grow with the flight, can take a while.
+constexpr auto kRealtimeStuckAfter = std::chrono::seconds(10);
 constexpr int kRefresh_ms = 100;
 // Exit code of a worker that could not leave a verdict.
 constexpr int kExitWithoutVerdict = 77;
+// Of one whose flight was ended by a signal.
+constexpr int kExitWorkerInterrupted = 78;
 
 std::atomic<bool> interrupted{false};
 
@@ -108,9 +113,11 @@ RunLog FlyByMeans(const FlightJob& job, std::atomic<std::int64_t>* progress_ns) 
   return Fly(scenario, *job.model, options);
 }
 
-ScenarioResult FlyJob(const FlightJob& job, std::atomic<std::int64_t>* progress_ns) {
+// `cut_short`: set when a signal ended the flight.
+ScenarioResult FlyJob(const FlightJob& job, std::atomic<std::int64_t>* progress_ns, bool& cut_short) {
   const Scenario& scenario = job.scenario;
   const RunLog log = FlyByMeans(job, progress_ns);
+  cut_short = log.end_reason == EndReason::kInterrupted;
   // Scoring and writing are progress too, for whoever watches.
   progress_ns->fetch_add(1, std::memory_order_relaxed);
   ScenarioResult result = MakeResult(job.folder.filename(), scenario, log, job.replay);
@@ -124,11 +131,12 @@ ScenarioResult FlyJob(const FlightJob& job, std::atomic<std::int64_t>* progress_
   // Whatever the firmware prints must not mix with the results on standard output.
   dup2(STDERR_FILENO, STDOUT_FILENO);
   ScenarioResult result;
+  bool cut_short = false;
   try {
     std::filesystem::create_directories(job.folder);
     WriteFile(job.folder / "scenario.resolved.yaml", WriteResolved(job.scenario));
     try {
-      result = FlyJob(job, progress_ns);
+      result = FlyJob(job, progress_ns, cut_short);
     } catch (const FileError&) {
       throw;
     } catch (const FirmwareTrouble& trouble) {
@@ -144,7 +152,7 @@ ScenarioResult FlyJob(const FlightJob& job, std::atomic<std::int64_t>* progress_
     _exit(kExitWithoutVerdict);
   }
   // No destructors or exit handlers: they may be the firmware library's.
-  _exit(0);
+  _exit(cut_short ? kExitWorkerInterrupted : 0);
 }
 
 struct Worker {
@@ -154,6 +162,7 @@ struct Worker {
   std::atomic<std::int64_t>* progress_ns = nullptr;
   std::int64_t seen_progress_ns = 0;
   SteadyClock::time_point seen_at;
+  bool stuck = false;  // and therefore killed
 };
 
 class Pool {
@@ -258,7 +267,8 @@ class Pool {
       if (progress != worker.seen_progress_ns) {
         worker.seen_progress_ns = progress;
         worker.seen_at = now;
-      } else if (now - worker.seen_at > kStuckAfter) {
+      } else if (!worker.stuck && now - worker.seen_at > StuckAfter(jobs_[worker.job])) {
+        worker.stuck = true;
         kill(worker.pid, SIGKILL);
       }
       return false;
@@ -266,16 +276,41 @@ class Pool {
     results_[worker.job] =
         ended < 0
             ? ErrorResult(jobs_[worker.job], "the worker process is gone, and how it ended is not known")
-            : Collect(jobs_[worker.job], status);
+            : Collect(worker, status);
+    KeepVerdict(jobs_[worker.job], *results_[worker.job]);
     close(worker.pidfd);
     munmap(static_cast<void*>(worker.progress_ns), sizeof(std::atomic<std::int64_t>));
     return true;
   }
 
-  static ScenarioResult Collect(const FlightJob& job, int status) {
+  // In place of a worker that could not, or could not know better.
+  static void KeepVerdict(const FlightJob& job, const ScenarioResult& result) {
+    const auto file = job.folder / "verdict.json";
+    if (std::filesystem::exists(file)) return;
+    try {
+      WriteFile(file, ToJsonText(result));
+    } catch (const FileError&) {
+      // results.json says the same, or fails for the same reason and tells.
+    }
+  }
+
+  static std::chrono::nanoseconds StuckAfter(const FlightJob& job) {
+    if (!job.means.realtime) return kStuckAfter;
+    return kRealtimeStuckAfter + std::chrono::nanoseconds(job.scenario.duration_ns);
+  }
+
+  ScenarioResult Collect(const Worker& worker, int status) const {
+    const FlightJob& job = jobs_[worker.job];
+    if (worker.stuck && WIFSIGNALED(status))
+      return ErrorResult(job, fmt::format("the worker process stood still for {:.0f} s at {:.3f} s of the "
+                                          "flight and was killed: it hung or was stopped",
+                                          std::chrono::duration<double>(StuckAfter(job)).count(),
+                                          ToSeconds(worker.seen_progress_ns)));
     if (WIFSIGNALED(status))
-      return ErrorResult(job, fmt::format("the worker process was killed by signal {} ({})", WTERMSIG(status),
-                                          strsignal(WTERMSIG(status))));
+      return ErrorResult(
+          job, fmt::format("the worker process was killed by signal {} ({}) at {:.3f} s of the flight",
+                           WTERMSIG(status), strsignal(WTERMSIG(status)),
+                           ToSeconds(worker.progress_ns->load(std::memory_order_relaxed))));
     if (WIFEXITED(status) && WEXITSTATUS(status) == kExitWithoutVerdict)
       return ErrorResult(job, "the worker process could not write the results; its message stands above");
     const auto file = job.folder / "verdict.json";
@@ -285,7 +320,14 @@ class Pool {
                    "the worker process ended with exit code {} and no verdict: did the firmware call exit()?",
                    WEXITSTATUS(status)));
     try {
-      return ResultFromJsonText(ReadFile(file));
+      ScenarioResult result = ResultFromJsonText(ReadFile(file));
+      // Nobody asked this run to end, only its worker: that is trouble, not a wish.
+      if (WIFEXITED(status) && WEXITSTATUS(status) == kExitWorkerInterrupted && !interrupted) {
+        result.score.verdict = Verdict::kError;
+        result.score.reason = fmt::format("a signal ended the worker process alone: {}", result.score.reason);
+        std::filesystem::remove(file);
+      }
+      return result;
     } catch (const std::exception& error) {
       return ErrorResult(job, error.what());
     }
