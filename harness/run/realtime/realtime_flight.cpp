@@ -177,6 +177,7 @@ RunLog RealtimeConductor::Run() {
   }
   log.events.insert(log.events.end(), events_.begin(), events_.end());
   node_faults_.AppendTo(log);
+  CountLateness(log);
   SortByTime(log);
   return log;
 }
