@@ -80,6 +80,17 @@ ScenarioResult ErrorResult(const FlightJob& job, const std::string& reason) {
   return MakeErrorResult(job.folder.filename(), job.scenario, reason, job.replay);
 }
 
+// What the monitors of a flight in real time are told of its score.
+dds::Score Announced(const FlightJob& job, const RunLog& log) {
+  const ScenarioResult result = MakeResult(job.folder.filename(), job.scenario, log, job.replay);
+  dds::Score score;
+  score.scenario = result.name;
+  score.verdict = Name(result.score.verdict);
+  score.reason = result.score.reason.substr(0, dds::kTextBytesMax);
+  score.metrics_json = MetricsJsonText(result);
+  return score;
+}
+
 RunLog FlyByMeans(const FlightJob& job, std::atomic<std::int64_t>* progress_ns) {
   const Scenario& scenario = job.scenario;
   const FlightMeans& means = job.means;
@@ -93,6 +104,7 @@ RunLog FlyByMeans(const FlightJob& job, std::atomic<std::int64_t>* progress_ns) 
                         .domain = means.domain,
                         .interface = means.interface,
                         .peers = means.peers,
+                        .score = [&](const RunLog& log) { return Announced(job, log); },
                         .progress_ns = progress_ns,
                         .interrupted = &interrupted});
   if (means.distributed)

@@ -21,6 +21,8 @@ namespace asio = boost::asio;
 using std::chrono::milliseconds;
 
 constexpr milliseconds kHeartbeatPeriod{50};
+// Time in which a node that runs already is heard.
+constexpr milliseconds kListenFirst{1'000};
 // A harness that is not heard for so long is gone for good; a partition of the network heals sooner.
 constexpr milliseconds kHarnessLostAfter{6000};
 class Node final : public NodeServices {
@@ -42,6 +44,8 @@ class Node final : public NodeServices {
   std::function<void()> Posted(void (Node::*look)()) {
     return [this, look] { asio::post(loop_, [this, look] { (this->*look)(); }); };
   }
+  std::string OtherSender();
+  bool StandsBack();
   void Beat();
   void OnScenario();
   void OnCommand();
@@ -78,6 +82,7 @@ class Node final : public NodeServices {
   std::int64_t last_command_ = 0;
   std::int64_t last_fault_ = 0;
   bool flying_ = false;
+  int exit_code_ = 0;
   std::chrono::steady_clock::time_point harness_heard_;
 };
 
@@ -113,14 +118,56 @@ int Node::Run() {
   signals.async_wait([this](const boost::system::error_code& error, int) {
     if (!error) loop_.stop();
   });
+  if (StandsBack()) return 3;
   Beat();
   loop_.run();
   // A node that leaves in the middle of a run takes its ports with it; the harness sees it go.
   role_.reset();
-  return 0;
+  return exit_code_;
+}
+
+// Another node that sends references, which must be off when this one is on (paper, section 2.2); empty when
+// there is none.
+std::string Node::OtherSender() {
+  const auto sends = [](dds::NodeKind kind) {
+    return kind == dds::NodeKind::kBaseStation || kind == dds::NodeKind::kJoystick;
+  };
+  if (options_.child || !sends(options_.kind)) return {};
+  others_->Take();
+  for (const auto& node : others_->Nodes())
+    if (node.alive && sends(node.last.kind) && node.last.node_id != options_.name)
+      // Of two that began at the same moment, one stays.
+      if (heartbeat_.sequence == 0 || !node.last.run_id.empty() || node.last.node_id < options_.name)
+        return fmt::format("{} ({} on {}, process {})", node.last.node_id, Name(node.last.kind),
+                           node.last.host, node.last.pid);
+  return {};
+}
+
+// Before it says that it is there, and from then on.
+bool Node::StandsBack() {
+  std::string other = OtherSender();
+  if (heartbeat_.sequence == 0 && !options_.child) {
+    const auto until = std::chrono::steady_clock::now() + kListenFirst;
+    while (other.empty() && std::chrono::steady_clock::now() < until) {
+      loop_.run_one_for(kHeartbeatPeriod);
+      other = OtherSender();
+    }
+    loop_.restart();
+  }
+  if (other.empty()) return false;
+  fmt::print(
+      stderr,
+      "tiltproof node {}: refused: {} sends references already, and only one node may; end that one first\n",
+      options_.name, other);
+  return true;
 }
 
 void Node::Beat() {
+  if (!flying_ && StandsBack()) {
+    exit_code_ = 3;
+    loop_.stop();
+    return;
+  }
   ++heartbeat_.sequence;
   heartbeat_.run_id = run_id_;
   heartbeats_->Write(heartbeat_);

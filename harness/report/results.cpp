@@ -133,6 +133,8 @@ ScenarioResult MakeErrorResult(const std::string& name, const Scenario& scenario
 
 std::string ToJsonText(const ScenarioResult& result) { return ToJson(result).dump(2) + "\n"; }
 
+std::string MetricsJsonText(const ScenarioResult& result) { return Json(result.score.metrics).dump(); }
+
 ScenarioResult ResultFromJsonText(const std::string& text) {
   const Json json = Json::parse(text);
   ScenarioResult result;

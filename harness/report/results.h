@@ -32,6 +32,8 @@ ScenarioResult MakeErrorResult(const std::string& name, const Scenario& scenario
 
 // The JSON text of one entry (verdict.json), and back; throws std::runtime_error.
 std::string ToJsonText(const ScenarioResult& result);
+// Its metrics alone: {"dotted.name": number}.
+std::string MetricsJsonText(const ScenarioResult& result);
 ScenarioResult ResultFromJsonText(const std::string& text);
 
 struct RunInfo {

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <fstream>
 #include <stdexcept>
 
 namespace tiltproof::harness {
@@ -12,6 +13,16 @@ using dds::NodeKind;
 using std::chrono::duration_cast;
 using std::chrono::milliseconds;
 using SteadyClock = std::chrono::steady_clock;
+
+// By the state that the kernel shows: T, stopped by a signal or a debugger.
+bool IsStopped(pid_t pid) {
+  std::ifstream file(fmt::format("/proc/{}/stat", pid));
+  std::string text;
+  std::getline(file, text);
+  const std::size_t name_end = text.rfind(')');
+  return name_end != std::string::npos && name_end + 2 < text.size() &&
+         (text[name_end + 2] == 'T' || text[name_end + 2] == 't');
+}
 
 }  // namespace
 
@@ -96,7 +107,13 @@ std::vector<MemberNews> Members::Watch(const std::vector<dds::NodeLife>& nodes, 
     }
     if (is_excused(member.role)) continue;
     if (processes != nullptr) {
-      Lose(member, "does not answer: it hangs or is stopped", news);
+      // A busy machine makes a living node look dead for a moment; a stopped one is told apart at once.
+      ChildProcess* process = processes->Find(member.role);
+      if (process != nullptr && IsStopped(process->pid())) {
+        Lose(member, "does not answer: its process is stopped", news);
+      } else if (now - *member.silent_since > kHangLimit) {
+        Lose(member, "does not answer: it hangs", news);
+      }
     } else if (now - *member.silent_since > kPartitionLimit) {
       Lose(member,
            fmt::format("was not heard for {} s: it ended, hangs or is cut off",

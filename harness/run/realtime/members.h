@@ -34,6 +34,8 @@ class Members {
  public:
   // An attached node may only be cut off for a moment: it is lost when it stays away so long.
   static constexpr std::chrono::milliseconds kPartitionLimit{5'000};
+  // A process of ours that lives is hung when it is silent for so long after its lease.
+  static constexpr std::chrono::milliseconds kHangLimit{800};
 
   // Takes the nodes that a run needs, one of each, out of those that are heard. False, and `missing` says what
   // is not there ("plant node and no link node", "single plant node: 2 are there"), when they are not complete.
@@ -43,8 +45,8 @@ class Members {
   // Who must share a host does, or std::runtime_error says who does not.
   void CheckHosts() const;
 
-  // News since the last call. A process of ours is lost when it has ended, or missed its lease (200 ms); an
-  // attached node (`processes` null) when it stays away. Roles in `excused` are kept away by a fault.
+  // News since the last call. A process of ours is lost when it has ended, or missed its lease (200 ms) and
+  // is stopped, or stays silent; an attached node (`processes` null) when it stays away. Roles in `excused` are kept away by a fault.
   std::vector<MemberNews> Watch(const std::vector<dds::NodeLife>& nodes, NodeProcesses* processes,
                                 const std::set<std::string>& excused);
 

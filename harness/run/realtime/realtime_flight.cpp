@@ -37,6 +37,7 @@ constexpr milliseconds kCommandLimit{10'000};
 constexpr milliseconds kLogLimit{8'000};
 // An attached node on another host may only be cut off for a moment: it is lost when it stays away.
 constexpr milliseconds kPartitionLimit{5'000};
+constexpr milliseconds kScoreLimit{200};
 // A flight on the plant's clock that is so much longer than it should be has come to a stop.
 constexpr milliseconds kOverdueLimit{5'000};
 
@@ -178,6 +179,13 @@ RunLog RealtimeConductor::Run() {
   log.events.insert(log.events.end(), events_.begin(), events_.end());
   node_faults_.AppendTo(log);
   CountLateness(log);
+  if (options_.score) {
+    dds::Score score = options_.score(log);
+    score.run_id = run_id_;
+    dds::Publisher<dds::Score> scores(*bus_);
+    scores.Write(score);
+    scores.WaitForAcks(kScoreLimit.count() * kNsPerMs);
+  }
   SortByTime(log);
   return log;
 }

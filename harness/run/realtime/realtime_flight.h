@@ -11,9 +11,11 @@
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
+#include "harness/dds/messages.h"
 #include "harness/run/run_log.h"
 #include "harness/scenario/scenario.h"
 #include "plant/vehicle_model.h"
@@ -34,6 +36,8 @@ struct RealtimeOptions {
   std::string interface;
   std::vector<std::string> peers;
 
+  // Scores the flight; the harness tells the bus what it says, but for the run's id.
+  std::function<dds::Score(const RunLog&)> score;
   std::atomic<std::int64_t>* progress_ns = nullptr;
   const std::atomic<bool>* interrupted = nullptr;
 };
