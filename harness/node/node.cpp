@@ -115,8 +115,14 @@ Node::Node(const NodeOptions& options, const MakeRole& make_role) : options_(opt
 
 int Node::Run() {
   asio::signal_set signals(loop_, SIGTERM, SIGINT, SIGHUP);
-  signals.async_wait([this](const boost::system::error_code& error, int) {
-    if (!error) loop_.stop();
+  signals.async_wait([this](const boost::system::error_code& error, int number) {
+    if (error) return;
+    // Said before it is seen.
+    if (!run_id_.empty())
+      Fail(options_.kind == dds::NodeKind::kClient ? EndReason::kFirmwareLost : EndReason::kNodeLost,
+           fmt::format("the {} node was told to end (signal {}, {})", options_.name, number,
+                       sigdescr_np(number)));
+    loop_.stop();
   });
   if (StandsBack()) return 3;
   Beat();

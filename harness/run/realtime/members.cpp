@@ -133,6 +133,11 @@ void Members::Lose(Member& member, const std::string& how, std::vector<MemberNew
                            : fmt::format("the {} node {}", member.id, how)});
 }
 
+bool Members::AnySilent() const {
+  return std::any_of(members_.begin(), members_.end(),
+                     [](const Member& member) { return !member.lost && member.silent_since; });
+}
+
 const Member* Members::Find(NodeKind kind) const {
   for (const Member& member : members_)
     if (member.kind == kind) return &member;

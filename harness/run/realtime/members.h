@@ -52,6 +52,8 @@ class Members {
 
   std::vector<Member>& all() { return members_; }
   const std::vector<Member>& all() const { return members_; }
+  // Whether one is not heard, and not yet given up.
+  bool AnySilent() const;
   // Null when there is none.
   const Member* Find(dds::NodeKind kind) const;
   Member* FindRole(const std::string& role);

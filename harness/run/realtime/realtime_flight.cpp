@@ -40,6 +40,9 @@ constexpr milliseconds kPartitionLimit{5'000};
 constexpr milliseconds kScoreLimit{200};
 // A flight on the plant's clock that is so much longer than it should be has come to a stop.
 constexpr milliseconds kOverdueLimit{5'000};
+// Before a node is believed that something went away from it: when a node dies, others see its ports close a
+// moment before we see its end, or miss its heartbeat.
+constexpr milliseconds kHearsayLimit{250};
 
 struct Interrupted {};
 
@@ -67,6 +70,7 @@ class RealtimeConductor {
   void Beat();
   void WatchMembers();
   void OnStates();
+  void EndByFailure(bool now);
   void CarryOutFaults();
   void Restart(const std::string& role);
 
@@ -104,6 +108,13 @@ class RealtimeConductor {
   TimeNs sim_ns_ = 0;
   SteadyClock::time_point sim_seen_;
   SteadyClock::time_point started_;
+  struct Failure {
+    EndReason reason;
+    std::string text;
+    TimeNs sim_ns;
+    SteadyClock::time_point heard;
+  };
+  std::optional<Failure> failure_;  // the first that a node told
   std::optional<EndReason> end_reason_;
   std::string end_text_;
   TimeNs end_ns_ = 0;
@@ -155,6 +166,7 @@ RunLog RealtimeConductor::Run() {
     flown = SteadyClock::now();
     end_reason_ = EndReason::kInterrupted;
     end_text_ = "interrupted";
+    if (end_ns_ == 0) end_ns_ = sim_ns_;
     try {
       GatherLogs();
     } catch (const Interrupted&) {
@@ -321,6 +333,7 @@ void RealtimeConductor::Turn() {
   collector_->Drain();
   OnStates();
   WatchMembers();
+  EndByFailure(false);
 }
 
 void RealtimeConductor::Beat() {
@@ -336,17 +349,27 @@ void RealtimeConductor::OnStates() {
     if (state.run_id != run_id_) continue;
     if (state.phase == dds::Phase::kRunning) running_ = true;
     if (state.phase == dds::Phase::kFinished) {
-      end_ns_ = state.time_ns;
+      EndByFailure(true);
+      if (!end_reason_) end_ns_ = state.time_ns;
       for (const EndReason reason : {EndReason::kCompleted, EndReason::kDiverged, EndReason::kGroundStrike})
         if (Name(reason) == state.end_reason) End(reason, state.text);
     }
     if (state.phase == dds::Phase::kFailed) {
       for (const EndReason reason : {EndReason::kFirmwareHung, EndReason::kFirmwareCrashed,
                                      EndReason::kFirmwareLost, EndReason::kNodeLost})
-        if (Name(reason) == state.end_reason)
-          End(reason, fmt::format("{} (at {:.3f} s)", state.text, ToSeconds(sim_ns_)));
+        if (Name(reason) == state.end_reason && !failure_)
+          failure_ = {reason, fmt::format("{} (at {:.3f} s)", state.text, ToSeconds(sim_ns_)), sim_ns_,
+                      SteadyClock::now()};
     }
   }
+}
+
+void RealtimeConductor::EndByFailure(bool now) {
+  if (!failure_ || end_reason_) return;
+  // A node that is silent may be what the others suffer from: that shows before long.
+  if (!now && (SteadyClock::now() < failure_->heard + kHearsayLimit || members_.AnySilent())) return;
+  end_ns_ = failure_->sim_ns;
+  End(failure_->reason, failure_->text);
 }
 
 void RealtimeConductor::WatchMembers() {
