@@ -79,7 +79,7 @@ void LocalPlantServer::OnStart(TimeNs arrival) {
   }
   ++log_.starts_accepted_count;
   state_.origin_ns = arrival;
-  boundary_ns_ = arrival;
+  boundary_ns_ = state_.quiet_until_ns = arrival;
   faults_.SetOrigin(arrival);
   events_.Add(0, "start_accepted", "t = 0");
 }
@@ -99,10 +99,12 @@ void LocalPlantServer::Advance(TimeNs to, const LineCounts& counts) {
   if (!state_.started()) return;
   while (to > boundary_ns_ && !state_.over) {
     if (!boundary_left_) LeaveBoundary(counts);
+    state_.quiet_until_ns = boundary_ns_ + scenario_.step_ns - 1;
     if (boundary_ns_ + scenario_.step_ns > to) return;
     plant_.Step(in_force_);
     boundary_ns_ += scenario_.step_ns;
     boundary_left_ = false;
+    state_.quiet_until_ns = boundary_ns_;
     state_.reached_ns = SimTime(boundary_ns_);
     if (const plant::FlightEvent event = plant_.Event(); event != plant::FlightEvent::kNone) {
       state_.over = true;

@@ -56,6 +56,7 @@ class PlantServer {
   struct State {
     TimeNs origin_ns = kNever;                     // the line's time of t = 0; kNever before
     TimeNs reached_ns = 0;                         // simulation time of the last step boundary
+    TimeNs quiet_until_ns = kNever;                // the line time up to which Advance() has nothing to do
     bool over = false;                             // the vehicle is lost: it diverged or struck the ground
     EndReason end_reason = EndReason::kCompleted;  // why it is over
     std::string end_text;

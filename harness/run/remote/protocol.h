@@ -69,7 +69,7 @@ void Fields(Archive& archive, RunEvent& e) {
 }
 template <class Archive>
 void Fields(Archive& archive, PlantServer::State& s) {
-  archive(s.origin_ns, s.reached_ns, s.over, s.end_reason, s.end_text);
+  archive(s.origin_ns, s.reached_ns, s.quiet_until_ns, s.over, s.end_reason, s.end_text);
 }
 template <class Archive>
 void Fields(Archive& archive, PlantLog& l) {

@@ -129,7 +129,7 @@ LineLog RemoteLine::TakeLog(TimeNs end) {
 RemotePlantServer::RemotePlantServer(Channel& channel, const Setup& setup) : part_("plant", channel, setup) {}
 
 void RemotePlantServer::Advance(TimeNs to, const LineCounts& counts) {
-  if (!state_.started() || state_.over) return;
+  if (to <= state_.quiet_until_ns || state_.over) return;
   const auto answer = part_.Ask(RemotePart::Request(Message::kAdvance, to, counts));
   Unpacker(answer).operator()(state_);
 }
