@@ -20,6 +20,7 @@ from fleet import END_LIMIT_S, Fleet, wait_until
 
 PROGRAM = pathlib.Path(sys.argv[1]).resolve()
 EXIT_NOT_RUN = 77
+EXIT_INTERRUPTED = 130
 PERIOD_S = 0.012
 ATTEMPTS_MAX = 3
 # To find all nodes, and to hand in and score everything in the end.
@@ -200,14 +201,20 @@ class UnicastTest(FleetTest):
 
 
 def main():
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         network.isolate()
         network.Network(["probe"], seed=0).close()
     except network.Unavailable as reason:
         print(f"not run: {reason}")
         sys.exit(EXIT_NOT_RUN)
-    program = unittest.main(argv=[sys.argv[0], *sys.argv[2:]], verbosity=2, exit=False, failfast=False)
+    try:
+        program = unittest.main(argv=[sys.argv[0], *sys.argv[2:]], verbosity=2, exit=False)
+    except KeyboardInterrupt:
+        # It goes past unittest, which then cleans up nothing.
+        for test in (MulticastTest, UnicastTest):
+            test.doClassCleanups()
+        sys.exit(EXIT_INTERRUPTED)
     if program.result.skipped and program.result.wasSuccessful():
         print(f"not run: {program.result.skipped[0][1]}")
         sys.exit(EXIT_NOT_RUN)
