@@ -13,6 +13,7 @@ namespace tiltproof::harness {
 std::string BuildId(const std::filesystem::path& firmware_library) {
   std::uint64_t hash = kFnvOffset;
   for (const auto& file : {std::filesystem::path("/proc/self/exe"), firmware_library}) {
+    if (file.empty()) continue;
     const std::string content = ReadFile(file);
     hash = Fnv1a(std::span(reinterpret_cast<const std::uint8_t*>(content.data()), content.size()), hash);
   }

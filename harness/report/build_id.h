@@ -8,8 +8,9 @@
 
 namespace tiltproof::harness {
 
-// A hash of the running program's file and of the firmware library, 16 hexadecimal digits. The compiler's
-// build id would not do: not every linker writes one. Throws FileError when a file cannot be read.
+// A hash of the running program's file and of the firmware library (empty: the firmware is none, but a
+// program or a board), 16 hexadecimal digits. The compiler's build id would not do: not every linker writes
+// one. Throws FileError when a file cannot be read.
 std::string BuildId(const std::filesystem::path& firmware_library);
 
 }  // namespace tiltproof::harness
