@@ -37,7 +37,7 @@ bool Members::Adopt(const std::vector<dds::NodeLife>& nodes, bool board, const s
       continue;
     }
     for (const auto& capability : node.last.capabilities) board |= capability.starts_with("client_port=");
-    members_.push_back({node.last.node_id, node.last.node_id, node.last.kind, node.last.host, false, {}});
+    members_.push_back({node.last.node_id, node.last.node_id, node.last.kind, node.last.host, false, {}, {}});
   }
   std::sort(members_.begin(), members_.end(), [](const Member& a, const Member& b) { return a.id < b.id; });
   const auto count = [&](NodeKind kind) {
@@ -81,7 +81,7 @@ std::vector<MemberNews> Members::Watch(const std::vector<dds::NodeLife>& nodes, 
       ChildProcess* process = processes->Find(name);
       if (process == nullptr || process->Alive() || is_excused(name)) continue;
       // Not yet a member when it ends while it begins.
-      Member unknown{name, name, NodeKind::kPlant, {}, false, {}};
+      Member unknown{name, name, NodeKind::kPlant, {}, false, {}, {}};
       Member* member = FindRole(name);
       Lose(member != nullptr ? *member : unknown, process->ExitText().value_or("has ended"), news);
     }
@@ -105,13 +105,16 @@ std::vector<MemberNews> Members::Watch(const std::vector<dds::NodeLife>& nodes, 
       news.push_back({MemberNews::Kind::kSilent, member.role, false,
                       fmt::format("the {} node missed its lease of 200 ms", member.id)});
     }
-    if (is_excused(member.role)) continue;
-    if (processes != nullptr) {
+    const bool kept_away = is_excused(member.role);
+    if (kept_away) member.excused_until = now;
+    ChildProcess* process = processes != nullptr ? processes->Find(member.role) : nullptr;
+    // While it is down, to be started again, it has all the time it needs.
+    if (kept_away && process != nullptr && !process->Alive()) continue;
+    if (process != nullptr && !kept_away) {
       // A busy machine makes a living node look dead for a moment; a stopped one is told apart at once.
-      ChildProcess* process = processes->Find(member.role);
-      if (process != nullptr && IsStopped(process->pid())) {
+      if (IsStopped(process->pid())) {
         Lose(member, "does not answer: its process is stopped", news);
-      } else if (now - *member.silent_since > kHangLimit) {
+      } else if (now - std::max(*member.silent_since, member.excused_until) > kHangLimit) {
         Lose(member, "does not answer: it hangs", news);
       }
     } else if (now - *member.silent_since > kPartitionLimit) {

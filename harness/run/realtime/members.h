@@ -20,6 +20,8 @@ struct Member {
   std::string host;
   bool lost = false;
   std::optional<std::chrono::steady_clock::time_point> silent_since;
+  // A fault kept it away until then: it has to be heard again before long, not at once.
+  std::chrono::steady_clock::time_point excused_until{};
 };
 
 // What Watch() saw.
@@ -45,8 +47,9 @@ class Members {
   // Who must share a host does, or std::runtime_error says who does not.
   void CheckHosts() const;
 
-  // News since the last call. A process of ours is lost when it has ended, or missed its lease (200 ms) and
-  // is stopped, or stays silent; an attached node (`processes` null) when it stays away. Roles in `excused` are kept away by a fault.
+  // News since the last call. A process of ours is lost when it has ended, or missed its lease (200 ms) and is
+  // stopped, or stays silent; an attached node (`processes` null), and one that is cut off by a fault, when it
+  // stays away for kPartitionLimit. Roles in `excused` are kept away by a fault.
   std::vector<MemberNews> Watch(const std::vector<dds::NodeLife>& nodes, NodeProcesses* processes,
                                 const std::set<std::string>& excused);
 

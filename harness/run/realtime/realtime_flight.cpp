@@ -105,6 +105,7 @@ class RealtimeConductor {
   std::int64_t turn_count_ = 0;
 
   bool running_ = false;
+  bool releasing_ = false;
   TimeNs sim_ns_ = 0;
   SteadyClock::time_point sim_seen_;
   SteadyClock::time_point started_;
@@ -375,6 +376,8 @@ void RealtimeConductor::EndByFailure(bool now) {
 void RealtimeConductor::WatchMembers() {
   for (const MemberNews& news :
        members_.Watch(nodes_->Nodes(), processes_ ? &*processes_ : nullptr, node_faults_.excused())) {
+    // Released, they go.
+    if (releasing_) continue;
     switch (news.kind) {
       case MemberNews::Kind::kSilent:
         Note("node_silent", news.text);
@@ -455,6 +458,7 @@ void RealtimeConductor::GatherLogs() {
         End(EndReason::kNodeLost, fmt::format("the log of the {} node is not whole: {} missing", member.id,
                                               collector_->Missing(member.id)));
   }
+  releasing_ = true;
   Command(dds::Verb::kRelease, {}, true);
 }
 
