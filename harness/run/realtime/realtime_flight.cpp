@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <boost/asio/executor_work_guard.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
 #include <chrono>
@@ -82,6 +83,8 @@ class RealtimeConductor {
   std::string run_id_;
   std::optional<dds::DomainSlot> slot_;
   asio::io_context loop_{1};
+  // Without work the loop would return at once, and a turn take all of a core.
+  asio::executor_work_guard<asio::io_context::executor_type> work_ = asio::make_work_guard(loop_);
   std::optional<dds::Bus> bus_;
   std::optional<dds::Publisher<dds::Heartbeat>> heartbeats_;
   std::optional<dds::Publisher<dds::RunScenario>> scenarios_;
@@ -316,7 +319,6 @@ void RealtimeConductor::Turn() {
       end_reason_ != EndReason::kInterrupted)
     throw Interrupted{};
   Beat();
-  loop_.restart();
   loop_.run_one_for(kTurn);
   loop_.poll();
   nodes_->Take();
