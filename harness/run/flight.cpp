@@ -19,7 +19,6 @@ namespace {
 
 using link::Direction;
 
-constexpr std::size_t kFirmwareLogBytesMax = 1 << 20;
 // A client may say that it transmits later within its call, but not by more than this.
 constexpr TimeNs kTransmitAheadMax = kNsPerS;
 // A client that asks to be woken at the present instant this often in a row will never let time pass.

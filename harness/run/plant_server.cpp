@@ -1,5 +1,6 @@
 #include "harness/run/plant_server.h"
 
+#include <algorithm>
 #include <limits>
 #include <string>
 #include <utility>
@@ -8,6 +9,8 @@
 
 namespace tiltproof::harness {
 namespace {
+
+constexpr std::size_t kReservedRowsMax = 10'000;  // two minutes
 
 plant::RatesFrame FrameOf(AngularRates rates) {
   switch (rates) {
@@ -43,7 +46,9 @@ LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::Vehicl
     log_.input_min[i] = model.InputMin().*field;
     log_.input_max[i] = model.InputMax().*field;
   }
-  log_.rows.reserve((static_cast<std::size_t>(scenario.duration_ns / kControlPeriodNs) + 2) * column_count_);
+  // In real time the log goes out every 50 ms, and giving back what a long flight might fill would take long.
+  const auto row_count = static_cast<std::size_t>(scenario.duration_ns / kControlPeriodNs) + 2;
+  log_.rows.reserve(std::min(row_count, kReservedRowsMax) * column_count_);
 }
 
 // Every accepted message of the client in order of arrival.

@@ -49,6 +49,9 @@ struct DirectionCounts {
   std::int64_t frames_sent = 0, frames_accepted = 0, frames_rejected = 0, bytes_corrupted = 0;
 };
 
+// What is kept of what the firmware says; the rest is dropped.
+inline constexpr std::size_t kFirmwareLogBytesMax = 1 << 20;
+
 struct RunLog {
   Trace trace{TraceColumns()};
   EndReason end_reason = EndReason::kCompleted;

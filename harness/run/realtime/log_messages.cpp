@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <exception>
 #include <utility>
 
 #include "harness/run/merge_logs.h"
@@ -29,6 +31,8 @@ using link::Direction;
 
 // Kinds of RunEvent that are not events of the flight.
 constexpr std::string_view kFirmwareLogKind = "firmware_log";
+// Of a line in firmware.log beside its text.
+constexpr std::size_t kTimeBytes = 16;
 
 // t_s and the link counters of a row, in the order of TraceColumns().
 constexpr std::size_t kLinkColumnCount = 1 + 3 * link::kDirectionCount;
@@ -76,6 +80,7 @@ LogPublisher::LogPublisher(dds::Bus& bus, const Scenario& scenario, std::string 
     : scenario_(scenario),
       run_id_(std::move(run_id)),
       node_id_(std::move(node_id)),
+      column_count_(FlightColumns(scenario).size()),
       taps_(bus),
       activations_(bus),
       events_(bus),
@@ -116,24 +121,34 @@ void LogPublisher::Write(const LineLog& log, TimeNs origin, const std::vector<Co
     Write(event);
   }
   if (counts.empty()) return;
-  auto rows = Begin<dds::TraceRows>(last_.trace_rows);
-  rows.column_count = kLinkColumnCount;
+  std::vector<double> values;
   for (const auto& sample : counts) {
-    rows.values.push_back(ToSeconds(sample.time_ns));
+    values.push_back(ToSeconds(sample.time_ns));
     for (const auto& count : sample.counts) {
-      rows.values.push_back(static_cast<double>(count.frames_sent));
-      rows.values.push_back(static_cast<double>(count.frames_accepted));
-      rows.values.push_back(static_cast<double>(count.frames_rejected));
+      values.push_back(static_cast<double>(count.frames_sent));
+      values.push_back(static_cast<double>(count.frames_accepted));
+      values.push_back(static_cast<double>(count.frames_rejected));
     }
   }
-  Send(std::move(rows));
+  Send(SendRows(values, kLinkColumnCount));
+}
+
+dds::TraceRows LogPublisher::SendRows(std::span<const double> values, std::size_t column_count) {
+  const std::size_t most = dds::kNumbersCountMax / column_count * column_count;
+  for (;;) {
+    const auto part = values.first(std::min(values.size(), most));
+    values = values.subspan(part.size());
+    auto rows = Begin<dds::TraceRows>(last_.trace_rows);
+    rows.column_count = static_cast<std::uint32_t>(column_count);
+    rows.values.assign(part.begin(), part.end());
+    if (values.empty()) return rows;
+    Send(std::move(rows));
+  }
 }
 
 void LogPublisher::Write(const PlantLog& log) {
   if (!log.rows.empty() || !log.request_times_ns.empty() || !log.actuator_times_ns.empty()) {
-    auto rows = Begin<dds::TraceRows>(last_.trace_rows);
-    rows.column_count = static_cast<std::uint32_t>(FlightColumns(scenario_).size());
-    rows.values = log.rows;
+    dds::TraceRows rows = SendRows(log.rows, column_count_);
     rows.request_times_ns = log.request_times_ns;
     rows.actuator_times_ns = log.actuator_times_ns;
     Send(std::move(rows));
@@ -143,10 +158,15 @@ void LogPublisher::Write(const PlantLog& log) {
 }
 
 void LogPublisher::Write(const RunEvent& event) {
+  if (event.kind == kFirmwareLogKind) {
+    if (firmware_log_bytes_ > kFirmwareLogBytesMax) return;
+    firmware_log_bytes_ += event.text.size() + kTimeBytes;
+  }
   auto message = Begin<dds::RunEvent>(last_.run_event);
   message.time_ns = event.time_ns;
   message.kind = event.kind;
   message.text = event.text.substr(0, dds::kTextBytesMax);
+  std::replace(message.text.begin(), message.text.end(), '\0', '?');  // which the bus does not carry
   Send(std::move(message));
 }
 
@@ -221,8 +241,10 @@ std::vector<RunEvent> LogCollector::Drain() {
     log_.client_round_trip_ns.insert(log_.client_round_trip_ns.end(), tap.client_round_trip_ns.begin(),
                                      tap.client_round_trip_ns.end());
   }
-  for (auto& activation : activations_.Take())
-    if (ours(activation)) log_.activations.push_back(FromMessage(std::move(activation)));
+  for (auto& message : activations_.Take()) {
+    if (!ours(message)) continue;
+    if (auto activation = FromMessage(std::move(message))) log_.activations.push_back(std::move(*activation));
+  }
   for (auto& event : events_.Take()) {
     if (!ours(event)) continue;
     if (event.kind == kFirmwareLogKind) {
@@ -238,6 +260,7 @@ std::vector<RunEvent> LogCollector::Drain() {
     if (!ours(rows) || (!of_plant && columns != kLinkColumnCount)) continue;
     for (std::size_t at = 0; at + columns <= rows.values.size(); at += columns) {
       const auto begin = rows.values.begin() + static_cast<std::ptrdiff_t>(at);
+      if (!std::isfinite(*begin)) continue;
       Row& row = rows_by_time_[*begin];
       (of_plant ? row.plant : row.link).assign(begin, begin + static_cast<std::ptrdiff_t>(columns));
     }
@@ -248,20 +271,27 @@ std::vector<RunEvent> LogCollector::Drain() {
   }
   for (auto& message : report_messages_.Take()) {
     if (!ours(message) || reports_.contains(message.node_id)) continue;
-    Report report{message, {}};
-    Unpacker(message.payload).operator()(report.totals);
-    reports_.emplace(message.node_id, std::move(report));
+    Report report{std::move(message), {}};
+    try {
+      Unpacker(report.report.payload).operator()(report.totals);
+    } catch (const std::exception&) {
+      // By another build, or damaged: as if it had not come, and the log is not whole.
+      continue;
+    }
+    report.report.payload = {};
+    const std::string node_id = report.report.node_id;
+    reports_.emplace(node_id, std::move(report));
   }
   return fresh;
 }
 
-faults::Activation LogCollector::FromMessage(dds::FaultActivation&& message) const {
+std::optional<faults::Activation> LogCollector::FromMessage(dds::FaultActivation&& message) const {
   const auto found = std::find_if(scenario_.faults.begin(), scenario_.faults.end(),
                                   [&](const auto& fault) { return fault.id == message.fault_id; });
+  if (found == scenario_.faults.end()) return std::nullopt;
   faults::Activation activation;
   activation.time_ns = message.time_ns;
-  activation.fault = static_cast<std::size_t>(
-      (found == scenario_.faults.end() ? scenario_.faults.begin() : found) - scenario_.faults.begin());
+  activation.fault = static_cast<std::size_t>(found - scenario_.faults.begin());
   activation.what = std::move(message.what);
   activation.before = harness::FromMessage(std::move(message.before));
   activation.after = harness::FromMessage(std::move(message.after));
@@ -289,12 +319,14 @@ RunLog LogCollector::Take(TimeNs end_ns) {
   Drain();
   const std::size_t first_link = FirstLinkColumn();
   std::vector<double> values;
+  values.reserve(rows_by_time_.size() * log_.trace.columns().size());
   std::vector<double> counts(kLinkColumnCount, 0.0);  // as last heard
   for (auto& [time_s, row] : rows_by_time_) {
     if (!row.link.empty()) counts = row.link;
     if (row.plant.empty()) continue;
     std::copy(counts.begin() + 1, counts.end(), row.plant.begin() + static_cast<std::ptrdiff_t>(first_link));
     values.insert(values.end(), row.plant.begin(), row.plant.end());
+    row.plant = {};  // a long flight would not fit twice
   }
   log_.trace.AppendRows(std::move(values));
   rows_by_time_.clear();
@@ -323,10 +355,12 @@ void CountLateness(RunLog& log) {
   TimeNs max_ns = 0;
   std::int64_t counted_to = -1;  // the last period counted
   for (const LateSpan& span : log.harness_late) {
+    // Nobody flies any more while the logs are gathered.
+    if (span.begin_ns >= log.end_ns) continue;
     max_ns = std::max(max_ns, span.end_ns - span.begin_ns);
     const std::int64_t first =
         std::max(std::max<TimeNs>(span.begin_ns, 0) / kControlPeriodNs, counted_to + 1);
-    const std::int64_t last = span.end_ns / kControlPeriodNs;
+    const std::int64_t last = std::min(span.end_ns, log.end_ns - 1) / kControlPeriodNs;
     if (last < first) continue;
     count += last - first + 1;
     counted_to = last;

@@ -12,12 +12,14 @@
 // Nothing is lost on the way: messages are numbered, and the node's closing report says how many there are.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <deque>
 #include <functional>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <variant>
 #include <vector>
@@ -38,7 +40,13 @@ struct Lateness {
   static constexpr std::size_t kSpansMax = 10'000;
 
   void Note(TimeNs due_ns, TimeNs done_ns) {
-    if (done_ns - due_ns > kLateAfterNs && spans.size() < kSpansMax) spans.push_back({due_ns, done_ns});
+    if (done_ns - due_ns <= kLateAfterNs) return;
+    // What is not counted any more is one long lateness: nobody is blamed for what happens then.
+    if (spans.size() == kSpansMax) {
+      spans.back().end_ns = std::max(spans.back().end_ns, done_ns);
+    } else {
+      spans.push_back({due_ns, done_ns});
+    }
   }
 
   std::vector<LateSpan> spans;  // in the node's clock
@@ -64,9 +72,10 @@ class LogPublisher {
  public:
   LogPublisher(dds::Bus& bus, const Scenario& scenario, std::string run_id, std::string node_id);
 
-  // Records alone; `origin` as in LineLog.
+  // Records alone. `origin` is the line's time of t = 0.
   void Write(const LineLog& log, TimeNs origin, const std::vector<CountsSample>& counts);
   void Write(const PlantLog& log);
+  // Of the kind "firmware_log" the first kFirmwareLogBytesMax.
   void Write(const RunEvent& event);
   // Sends again what did not fit the bus. Called now and then.
   void Retry();
@@ -78,6 +87,8 @@ class LogPublisher {
   using AnyMessage = std::variant<dds::SerialTap, dds::FaultActivation, dds::RunEvent, dds::TraceRows>;
   void Send(AnyMessage message);
   bool TrySend(const AnyMessage& message);
+  // Whole rows in as many messages as it takes; returns the last, not sent yet.
+  dds::TraceRows SendRows(std::span<const double> values, std::size_t column_count);
   void WriteActivations(const std::vector<faults::Activation>& activations);
   template <class T>
   T Begin(std::int64_t& sequence) const {
@@ -90,6 +101,8 @@ class LogPublisher {
 
   const Scenario& scenario_;
   std::string run_id_, node_id_;
+  std::size_t column_count_;  // of a row of the plant's
+  std::size_t firmware_log_bytes_ = 0;
   dds::Publisher<dds::SerialTap> taps_;
   dds::Publisher<dds::FaultActivation> activations_;
   dds::Publisher<dds::RunEvent> events_;
@@ -124,7 +137,8 @@ class LogCollector {
   struct Row {
     std::vector<double> plant, link;
   };
-  faults::Activation FromMessage(dds::FaultActivation&& message) const;
+  // Nullopt for a fault that the scenario does not have.
+  std::optional<faults::Activation> FromMessage(dds::FaultActivation&& message) const;
 
   const Scenario& scenario_;
   std::string run_id_;
@@ -139,7 +153,7 @@ class LogCollector {
   std::map<std::string, Report> reports_;
 };
 
-// Sets the counts of lateness from log.harness_late.
+// Sets the counts of lateness from log.harness_late, up to log.end_ns.
 void CountLateness(RunLog& log);
 
 }  // namespace tiltproof::harness

@@ -103,6 +103,12 @@ class Unpacker {
   void Get(T& value) {
     std::memcpy(&value, Take(sizeof value), sizeof value);
   }
+  void Get(bool& value) {
+    // Another byte would be no bool at all.
+    const std::uint8_t byte = *Take(1);
+    if (byte > 1) throw std::runtime_error("a message from another process is damaged");
+    value = byte == 1;
+  }
   void Get(std::string& text) {
     const std::size_t size = TakeCount(1);
     const std::uint8_t* at = Take(size);
@@ -115,8 +121,9 @@ class Unpacker {
       const std::uint8_t* at = Take(values.size() * sizeof(T));
       if (!values.empty()) std::memcpy(values.data(), at, values.size() * sizeof(T));
     } else {
-      values.resize(TakeCount(1));
-      for (T& value : values) Get(value);
+      // One by one: a damaged count takes no more memory than there are bytes to fill it.
+      values.clear();
+      for (std::size_t left = TakeCount(1); left > 0; --left) Get(values.emplace_back());
     }
   }
   template <class T, std::size_t n>

@@ -38,7 +38,7 @@ class Parts {
     for (const auto& channel : channels_) {
       try {
         channel->Send(RemotePart::Request(Message::kQuit).bytes());
-      } catch (const ChannelLost&) {
+      } catch (const std::exception&) {
         // It is gone, as it should be.
       }
     }

@@ -87,5 +87,32 @@ TEST(Lateness, ExcusesNoErrorAndNoFirmwareThatWentAway) {
   EXPECT_EQ(verdict(EndReason::kNeverStarted), Verdict::kInconclusive);
 }
 
+// A period without actuators counts unless the harness was late in it or in the one before.
+TEST(Lateness, ExcusesMissedPeriods) {
+  const auto missed = [](const std::vector<LateSpan>& late, TimeNs end_ns = 20 * kControlPeriodNs) {
+    RunLog log = LateFlight(20, 0, 0);
+    log.end_ns = end_ns;
+    log.harness_late = late;
+    for (TimeNs period = 0; period < 20; ++period)
+      if (period != 5 && period != 6 && period != 14 && period * kControlPeriodNs < end_ns)
+        log.actuator_times_ns.push_back(period * kControlPeriodNs + 2 * kNsPerMs);
+    return ScoreOf(log).metrics.at("timing.firmware_missed_count");
+  };
+  const auto in_period = [](TimeNs period) {
+    return LateSpan{period * kControlPeriodNs + 3 * kNsPerMs, period * kControlPeriodNs + 8 * kNsPerMs};
+  };
+  EXPECT_EQ(missed({}), 3);
+  EXPECT_EQ(missed({in_period(14)}), 2);
+  EXPECT_EQ(missed({in_period(13)}), 2);
+  EXPECT_EQ(missed({in_period(5), in_period(14)}), 0);
+  EXPECT_EQ(missed({in_period(6)}), 1);
+  // One span over all of them.
+  EXPECT_EQ(missed({{5 * kControlPeriodNs, 15 * kControlPeriodNs}}), 0);
+  // Late where nothing was missed excuses nothing.
+  EXPECT_EQ(missed({in_period(1), in_period(9), in_period(18)}), 3);
+  // Nor is what comes after the end missed.
+  EXPECT_EQ(missed({}, 14 * kControlPeriodNs), 2);
+}
+
 }  // namespace
 }  // namespace tiltproof::harness

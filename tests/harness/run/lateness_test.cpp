@@ -1,0 +1,93 @@
+// How late the harness itself was, and how much it tells of what happened.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+
+#include "harness/run/event_log.h"
+#include "harness/run/realtime/log_messages.h"
+
+namespace tiltproof::harness {
+namespace {
+
+// Period by period.
+std::int64_t SlowOverrunCount(const RunLog& log) {
+  std::int64_t count = 0;
+  for (TimeNs begin_ns = 0; begin_ns < log.end_ns; begin_ns += kControlPeriodNs) {
+    const TimeNs end_ns = std::min(begin_ns + kControlPeriodNs, log.end_ns);
+    count += std::any_of(log.harness_late.begin(), log.harness_late.end(), [&](const LateSpan& late) {
+      return late.begin_ns < end_ns && late.end_ns >= begin_ns;
+    });
+  }
+  return count;
+}
+
+TEST(CountLateness, AgreesWithACountPeriodByPeriod) {
+  std::mt19937_64 random(3);
+  const auto below = [&](TimeNs limit) {
+    return static_cast<TimeNs>(random() % static_cast<std::uint64_t>(limit));
+  };
+  for (int turn = 0; turn < 500; ++turn) {
+    RunLog log;
+    log.end_ns = kNsPerS + below(kNsPerS);
+    TimeNs longest = 0;
+    for (TimeNs i = below(30); i > 0; --i) {
+      const TimeNs begin_ns = below(2500 * kNsPerMs) - 100 * kNsPerMs;
+      const TimeNs end_ns = std::max<TimeNs>(begin_ns, 0) + 3 * kNsPerMs + below(60 * kNsPerMs);
+      log.harness_late.push_back({begin_ns, end_ns});
+      if (begin_ns < log.end_ns) longest = std::max(longest, end_ns - begin_ns);
+    }
+    std::sort(log.harness_late.begin(), log.harness_late.end(),
+              [](const LateSpan& a, const LateSpan& b) { return a.begin_ns < b.begin_ns; });
+    CountLateness(log);
+    EXPECT_EQ(log.harness_overrun_count, SlowOverrunCount(log));
+    EXPECT_EQ(log.harness_late_max_ns, longest);
+  }
+}
+
+TEST(CountLateness, WhatIsLateWhileTheLogsAreGatheredIsNoOverrun) {
+  RunLog log;
+  log.end_ns = kNsPerS;
+  log.harness_late = {{kNsPerS, 2 * kNsPerS}};
+  CountLateness(log);
+  EXPECT_EQ(log.harness_overrun_count, 0);
+  EXPECT_EQ(log.harness_late_max_ns, 0);
+}
+
+TEST(Lateness, NotesWhatIsTooLate) {
+  Lateness lateness;
+  lateness.Note(100, 100 + Lateness::kLateAfterNs);
+  EXPECT_TRUE(lateness.spans.empty());
+  lateness.Note(100, 101 + Lateness::kLateAfterNs);
+  EXPECT_EQ(lateness.spans, (std::vector<LateSpan>{{100, 101 + Lateness::kLateAfterNs}}));
+}
+
+// A firmware must not be blamed for what the machine did after the account was full.
+TEST(Lateness, WhenTheAccountIsFullTheRestIsOneLongLateness) {
+  Lateness lateness;
+  const auto count = static_cast<TimeNs>(Lateness::kSpansMax);
+  for (TimeNs i = 0; i < count; ++i) lateness.Note(i * kNsPerS, i * kNsPerS + 4 * kNsPerMs);
+  lateness.Note((count + 10) * kNsPerS, (count + 10) * kNsPerS + 5 * kNsPerMs);
+  ASSERT_EQ(lateness.spans.size(), Lateness::kSpansMax);
+  EXPECT_EQ(lateness.spans.back(), (LateSpan{(count - 1) * kNsPerS, (count + 10) * kNsPerS + 5 * kNsPerMs}));
+}
+
+TEST(EventLog, SaysOnceThatItSaysNoMore) {
+  EventLog log;
+  const auto max = static_cast<TimeNs>(EventLog::kEventsMax);
+  for (TimeNs i = 0; i < max; ++i) log.Add(i, "rejected", "to_plant");
+  const auto first = log.Take();
+  ASSERT_EQ(first.size(), EventLog::kEventsMax);
+  EXPECT_EQ(first.back().kind, "rejected");
+  // The limit is of the whole flight, not of what waits to be taken.
+  for (TimeNs i = 0; i < 3; ++i) log.Add(max + i, "rejected", "to_plant");
+  const auto rest = log.Take();
+  ASSERT_EQ(rest.size(), 1u);
+  EXPECT_EQ(rest[0].kind, "events_suppressed");
+  EXPECT_EQ(rest[0].time_ns, max);
+  log.Add(0, "rejected", "");
+  EXPECT_TRUE(log.Take().empty());
+}
+
+}  // namespace
+}  // namespace tiltproof::harness

@@ -1,0 +1,164 @@
+// Who takes part in a run, and who is lost, by what is heard of them.
+#include "harness/run/realtime/members.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace tiltproof::harness {
+namespace {
+
+using dds::NodeKind;
+using dds::NodeLife;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+NodeLife Node(const std::string& id, NodeKind kind) {
+  NodeLife node;
+  node.last.node_id = id;
+  node.last.kind = kind;
+  node.last.host = "here";
+  node.alive = true;
+  return node;
+}
+
+std::vector<NodeLife> Fleet() {
+  return {Node("base_station", NodeKind::kBaseStation), Node("client", NodeKind::kClient),
+          Node("harness", NodeKind::kHarness),          Node("link", NodeKind::kLink),
+          Node("monitor", NodeKind::kMonitor),          Node("plant", NodeKind::kPlant)};
+}
+NodeLife& Of(std::vector<NodeLife>& nodes, NodeKind kind) {
+  return *std::find_if(nodes.begin(), nodes.end(),
+                       [&](const NodeLife& node) { return node.last.kind == kind; });
+}
+
+std::string Missing(const std::vector<NodeLife>& nodes, bool board = false) {
+  Members members;
+  std::string missing;
+  const bool complete = members.Adopt(nodes, board, "run", missing);
+  EXPECT_EQ(complete, missing.empty());
+  return missing;
+}
+
+TEST(Adopt, TakesOneOfEachAndNoOnlookers) {
+  Members members;
+  std::string missing;
+  ASSERT_TRUE(members.Adopt(Fleet(), false, "run", missing));
+  std::vector<std::string> ids;
+  for (const Member& member : members.all()) ids.push_back(member.id);
+  EXPECT_THAT(ids, ElementsAre("base_station", "client", "link", "plant"));
+  EXPECT_EQ(members.Find(NodeKind::kLink)->id, "link");
+  EXPECT_EQ(members.Find(NodeKind::kJoystick), nullptr);
+  EXPECT_EQ(members.reference_sender().id, "base_station");
+  EXPECT_NO_THROW(members.CheckHosts());
+}
+
+TEST(Adopt, SaysWhatIsNotThere) {
+  EXPECT_EQ(Missing({}),
+            "plant node and no link node and no client node and no base-station or joystick node");
+  auto nodes = Fleet();
+  Of(nodes, NodeKind::kClient).alive = false;
+  EXPECT_EQ(Missing(nodes), "client node");
+  // A board hangs on the link's port: told by the harness, or by the link.
+  EXPECT_EQ(Missing(nodes, true), "");
+  Of(nodes, NodeKind::kLink).last.capabilities = {"scheduling=fifo", "client_port=/dev/ttyUSB0"};
+  EXPECT_EQ(Missing(nodes), "");
+}
+
+TEST(Adopt, WantsNoneTwiceAndNoneOfAnotherRun) {
+  auto nodes = Fleet();
+  nodes.push_back(Node("plant-2", NodeKind::kPlant));
+  EXPECT_EQ(Missing(nodes), "single plant node: 2 are there");
+  nodes.back() = Node("joystick", NodeKind::kJoystick);
+  EXPECT_EQ(Missing(nodes), "single base-station or joystick node: 2 are there");
+  nodes = Fleet();
+  Of(nodes, NodeKind::kPlant).last.run_id = "other";
+  EXPECT_EQ(Missing(nodes), "free node: plant is in another run");
+  Of(nodes, NodeKind::kPlant).last.run_id = "run";
+  EXPECT_EQ(Missing(nodes), "");
+  // A second one in another run does not matter.
+  nodes.push_back(Node("plant-2", NodeKind::kPlant));
+  nodes.back().last.run_id = "other";
+  EXPECT_EQ(Missing(nodes), "");
+}
+
+TEST(CheckHosts, ThoseOnOneSerialLineShareAHost) {
+  auto nodes = Fleet();
+  Of(nodes, NodeKind::kBaseStation).last.host = "there";
+  Members members;
+  std::string missing;
+  ASSERT_TRUE(members.Adopt(nodes, false, "run", missing));
+  EXPECT_NO_THROW(members.CheckHosts());
+  Of(nodes, NodeKind::kClient).last.host = "there";
+  ASSERT_TRUE(members.Adopt(nodes, false, "run", missing));
+  try {
+    members.CheckHosts();
+    ADD_FAILURE();
+  } catch (const std::runtime_error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("client node runs on there and the link node on here"));
+  }
+}
+
+// Attached nodes: no process to look at.
+class WatchTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string missing;
+    ASSERT_TRUE(members_.Adopt(nodes_, false, "run", missing));
+  }
+  std::vector<MemberNews> Watch(const std::set<std::string>& excused = {}) {
+    return members_.Watch(nodes_, nullptr, excused);
+  }
+  // As if it had begun to be silent that much earlier.
+  void Age(NodeKind kind, std::chrono::milliseconds by) {
+    for (Member& member : members_.all())
+      if (member.kind == kind) *member.silent_since -= by;
+  }
+  std::vector<NodeLife> nodes_ = Fleet();
+  Members members_;
+};
+
+TEST_F(WatchTest, ACutOffNodeIsSilentThenBack) {
+  EXPECT_THAT(Watch(), IsEmpty());
+  EXPECT_FALSE(members_.AnySilent());
+  Of(nodes_, NodeKind::kPlant).alive = false;
+  auto news = Watch();
+  ASSERT_EQ(news.size(), 1u);
+  EXPECT_EQ(news[0].kind, MemberNews::Kind::kSilent);
+  EXPECT_EQ(news[0].role, "plant");
+  EXPECT_TRUE(members_.AnySilent());
+  EXPECT_THAT(Watch(), IsEmpty());
+  Age(NodeKind::kPlant, Members::kPartitionLimit - std::chrono::milliseconds(1000));
+  EXPECT_THAT(Watch(), IsEmpty());
+  Of(nodes_, NodeKind::kPlant).alive = true;
+  news = Watch();
+  ASSERT_EQ(news.size(), 1u);
+  EXPECT_EQ(news[0].kind, MemberNews::Kind::kBack);
+  EXPECT_FALSE(members_.AnySilent());
+  EXPECT_THAT(Watch(), IsEmpty());
+}
+
+TEST_F(WatchTest, OneThatStaysAwayIsLostOnceAndForAll) {
+  for (const NodeKind kind : {NodeKind::kLink, NodeKind::kClient}) Of(nodes_, kind).alive = false;
+  EXPECT_EQ(Watch().size(), 2u);
+  for (const NodeKind kind : {NodeKind::kLink, NodeKind::kClient}) Age(kind, Members::kPartitionLimit * 2);
+  const auto news = Watch();
+  ASSERT_EQ(news.size(), 2u);
+  // In order of their ids. Only the firmware's own node is the firmware's affair.
+  EXPECT_EQ(news[0].kind, MemberNews::Kind::kLost);
+  EXPECT_TRUE(news[0].firmware);
+  EXPECT_THAT(news[0].text, HasSubstr("the firmware under test is lost: its node client was not heard"));
+  EXPECT_EQ(news[1].role, "link");
+  EXPECT_FALSE(news[1].firmware);
+  EXPECT_FALSE(members_.AnySilent());
+  for (NodeLife& node : nodes_) node.alive = true;
+  EXPECT_THAT(Watch(), IsEmpty());
+}
+
+TEST_F(WatchTest, WhoIsNoMemberDoesNotMatter) {
+  for (const NodeKind kind : {NodeKind::kMonitor, NodeKind::kHarness}) Of(nodes_, kind).alive = false;
+  EXPECT_THAT(Watch(), IsEmpty());
+}
+
+}  // namespace
+}  // namespace tiltproof::harness
