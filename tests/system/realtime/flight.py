@@ -162,8 +162,11 @@ class Flight:
     def run_folder(self):
         return (self.results / "latest").resolve()
 
-    def result(self, index=0):
-        return json.loads(read(self.run_folder / "results.json"))["scenarios"][index]
+    def run_results(self):
+        return json.loads(read(self.run_folder / "results.json"))["scenarios"]
+
+    def result(self):
+        return self.run_results()[0]
 
     def events(self, kind=None):
         lines = map(json.loads, read(self.run_folder / "events.jsonl").splitlines())

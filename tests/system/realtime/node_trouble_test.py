@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Every part of a run in real time is killed, stopped and told to end, from outside and in mid-flight.
-Usage: node_trouble_test.py TILTPROOF"""
+Usage: node_trouble_test.py TILTPROOF PTY_FIRMWARE FIRMWARE_LIBRARY MINIMAL_LIBRARY"""
 import os
 import pathlib
 import shutil
@@ -12,7 +12,7 @@ import unittest
 
 from flight import Flight, become_subreaper, wait_until, write_hover
 
-PROGRAM = pathlib.Path(sys.argv.pop(1)).resolve()
+PROGRAM, *_ = (pathlib.Path(sys.argv.pop(1)).resolve() for _ in range(4))
 
 # The flight is on its way for so long when it happens.
 EVENT_S = 1.2

@@ -1,0 +1,234 @@
+#!/usr/bin/env python3
+"""Firmware of users in real time: programs on pseudo-terminals, boards behind serial ports, libraries.
+Usage: client_test.py TILTPROOF PTY_FIRMWARE FIRMWARE_LIBRARY MINIMAL_LIBRARY"""
+import fcntl
+import os
+import pathlib
+import pty
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import tty
+import unittest
+
+from flight import Flight, become_subreaper, read, wait_until, write_hover
+
+PROGRAM, FIRMWARE, LIBRARY, MINIMAL = (pathlib.Path(sys.argv.pop(1)).resolve() for _ in range(4))
+
+# A flight that the machine itself disturbed says nothing: it is flown again.
+ATTEMPTS_COUNT = 2
+
+
+class ClientTest(unittest.TestCase):
+    def setUp(self):
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="tiltproof-client-"))
+        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
+        self.attempt = 0
+
+    def start(self, client, duration_s=3, **options):
+        self.attempt += 1
+        folder = self.folder / str(self.attempt)
+        folder.mkdir()
+        flight = Flight(PROGRAM, folder, write_hover(folder, duration_s=duration_s), "--client", client, **options)
+        self.addCleanup(flight.end)
+        return flight
+
+    def fly(self, client, code, duration_s=3, timeout_s=30, **options):
+        """To its end; again while the machine was too busy to judge, and in the end by what was flown."""
+        for _ in range(ATTEMPTS_COUNT):
+            flight = self.start(client, duration_s, **options)
+            got = flight.wait(timeout_s)
+            if got != 4 or code == 4:
+                break
+        self.assert_flown(flight, got, code)
+        return flight
+
+    def assert_flown(self, flight, got, code):
+        if got == 4 and code == 0 and "too busy to judge" in flight.text():
+            self.assertEqual({criterion["verdict"] for criterion in flight.result()["criteria"]}, {"pass"}, flight.text())
+        else:
+            self.assertEqual(got, code, flight.text())
+
+    def report(self, flight):
+        for event in flight.events("client_round_trip"):
+            print(f"{self.id().split('.')[-1]}: {event['text']}", file=sys.stderr, flush=True)
+
+    def check(self, flight):
+        flight.check_results(self)
+        flight.check_nothing_left(self)
+
+    def log(self, flight):
+        return read(flight.run_folder / "hover/firmware.log")
+
+    # process:
+
+    def test_process_finds_its_ports_in_the_environment(self):
+        flight = self.fly(f"process:exec {FIRMWARE} {LIBRARY}", 0)
+        self.assertIn(b"pty_firmware: up", self.log(flight))
+        self.report(flight)
+        self.check(flight)
+
+    def test_process_finds_its_ports_in_its_arguments(self):
+        flight = self.fly(f"process:env -u TILTPROOF_PORT -u TILTPROOF_REFERENCE_PORT {FIRMWARE} {LIBRARY} {{port}} {{reference_port}}", 0)
+        self.assertEqual(flight.result()["metrics"]["link.reference.frames_rejected_count"], 0)
+        self.check(flight)
+
+    def test_process_that_exits_has_failed(self):
+        flight = self.fly(f"process:{FIRMWARE} {LIBRARY} --exit-after 1", 1)
+        self.assertEqual(flight.result()["verdict"], "fail")
+        self.assertIn("the firmware's process exited with code 3", flight.result()["reason"])
+        self.assertIn(b"the watchdog has bitten", self.log(flight))
+        self.assertIn(b"last words without end of line", self.log(flight))
+        self.check(flight)
+
+    def test_process_that_opens_no_port_never_started(self):
+        flight = self.fly("process:sleep 100", 1, duration_s=2)
+        self.assertEqual(flight.result()["verdict"], "fail")
+        self.assertIn("never started", flight.result()["reason"])
+        self.check(flight)
+
+    def test_command_that_is_not_found(self):
+        flight = self.fly("process:no-such-firmware --fly", 1)
+        self.assertEqual(flight.result()["verdict"], "fail")
+        self.assertIn("exited with code 127", flight.result()["reason"])
+        self.assertIn("no-such-firmware --fly", flight.result()["reason"])
+        self.assertIn(b"not found", self.log(flight))
+        self.check(flight)
+
+    def test_process_with_grandchildren(self):
+        flight = self.fly(f"process:sleep 1000 & {FIRMWARE} {LIBRARY} --grandchild", 0, duration_s=2)
+        self.check(flight)
+
+    def test_killed_node_takes_the_firmware_along(self):
+        flight = self.start(f"process:sleep 1000 & {FIRMWARE} {LIBRARY} --grandchild", duration_s=6)
+        os.kill(flight.wait_flying()["client"], signal.SIGKILL)
+        self.assertEqual(flight.wait(20), 1, flight.text())
+        self.check(flight)
+
+    def test_killed_run_takes_the_firmware_along(self):
+        flight = self.start(f"process:sleep 1000 & {FIRMWARE} {LIBRARY} --grandchild", duration_s=6)
+        flight.wait_flying()
+        flight.process.kill()
+        flight.wait(5)
+        flight.check_nothing_left(self)
+
+    def test_process_that_prints_garbage(self):
+        flight = self.fly(f"process:{FIRMWARE} {LIBRARY} --garbage", 0, duration_s=2)
+        self.assertGreater(len(self.log(flight)), 20000)
+        self.check(flight)
+
+    # serial:
+
+    def cables(self, count):
+        """Pseudo-terminals in place of cables: the board has their masters, the devices are their slaves."""
+        cables = [pty.openpty() for _ in range(count)]
+        for ends in cables:
+            for end in ends:
+                tty.setraw(end)
+
+        def unplug():
+            for ends in cables:
+                for end in ends:
+                    os.close(end)
+            cables.clear()
+        self.addCleanup(unplug)
+        return [os.ttyname(slave) for _, slave in cables], [master for master, _ in cables], [slave for _, slave in cables], unplug
+
+    def fly_board(self, count, duration_s=3):
+        """Until the board flies. It is switched on when the harness listens: a board sends `start` once."""
+        devices, masters, _, unplug_cables = self.cables(count)
+        flight = self.start("serial:" + ",".join(devices), duration_s)
+        flight.wait_flying(count=5)
+        with open(flight.folder / "board.log", "wb") as output:
+            board = subprocess.Popen([FIRMWARE, LIBRARY, *(f"fd:{master}" for master in masters)], pass_fds=masters, stdout=output, stderr=output)
+
+        def unplug():
+            board.kill()
+            board.wait()
+            unplug_cables()
+        self.addCleanup(unplug)
+        return flight, unplug
+
+    def fly_board_to_the_end(self, count):
+        for _ in range(ATTEMPTS_COUNT):
+            flight, unplug = self.fly_board(count)
+            code = flight.wait(30)
+            unplug()
+            if code != 4:
+                break
+        self.assert_flown(flight, code, 0)
+        self.report(flight)
+        self.check(flight)
+        return flight
+
+    def test_board_with_both_ports(self):
+        flight = self.fly_board_to_the_end(2)
+        self.assertGreater(flight.result()["metrics"]["link.reference.frames_sent_count"], 200)
+
+    def test_board_with_its_main_port_alone(self):
+        self.fly_board_to_the_end(1)
+
+    def refused(self, client, code, *texts, **options):
+        flight = self.start(client, **options)
+        self.assertEqual(flight.wait(10), code, flight.text())
+        for text in texts:
+            self.assertIn(text, flight.text())
+        self.assertFalse(flight.results.exists())
+        flight.check_nothing_left(self)
+
+    def test_device_that_does_not_exist(self):
+        self.refused("serial:/dev/ttyNONE7", 2, "/dev/ttyNONE7: no such device")
+        self.refused("serial:/dev/null,/dev/ttyNONE7", 3, "/dev/null: not a serial device")
+
+    def test_device_that_is_busy(self):
+
+        devices, _, slaves, _ = self.cables(2)
+        fcntl.flock(slaves[1], fcntl.LOCK_EX)
+        self.refused("serial:" + ",".join(devices), 3, f"{devices[1]}: busy", "end it first")
+        self.refused(f"serial:{devices[0]},{devices[0]}", 3, f"{devices[0]}: busy")
+
+    def test_device_that_is_not_permitted(self):
+        devices, _, _, _ = self.cables(1)
+        options = {}
+        if os.getuid() == 0:
+            # Nobody must be able to read the program and to write results.
+            options["user"] = 65534
+            self.folder.chmod(0o777)
+            if subprocess.run([PROGRAM, "--version"], user=65534, capture_output=True, check=False).returncode != 0:
+                self.skipTest("no other user may run the program")
+        os.chmod(devices[0], 0o000)
+        old = os.umask(0)
+        try:
+            self.refused(f"serial:{devices[0]}", 3, f"{devices[0]}: no permission", "usermod", **options)
+        finally:
+            os.umask(old)
+
+    def test_board_that_is_unplugged(self):
+        flight, unplug = self.fly_board(2, duration_s=6)
+        self.assertIsNotNone(flight.wait_fly_for(1.0), flight.text())
+        unplugged = time.monotonic()
+        unplug()
+        self.assertEqual(flight.wait(10), 3, flight.text())
+        print(f"unplugged: ended after {time.monotonic() - unplugged:.2f} s; {flight.result()['reason']}", file=sys.stderr, flush=True)
+        self.assertEqual(flight.result()["verdict"], "error")
+        self.assertRegex(flight.result()["reason"], r"the client's (reference )?port is gone: .*unplugged.*\(at (0\.[1-9]|1\.)\d* s\)")
+        self.assertTrue(flight.events("port_lost"))
+        self.check(flight)
+
+    # library:
+
+    def test_library_of_a_user(self):
+        flight = self.fly(f"library:{MINIMAL}", 0)
+        self.report(flight)
+        self.check(flight)
+
+    def test_host_library(self):
+        self.report(self.fly("host", 0, duration_s=2))
+
+
+if __name__ == "__main__":
+    become_subreaper()
+    unittest.main(verbosity=2)
