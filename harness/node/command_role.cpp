@@ -13,6 +13,8 @@ namespace tiltproof::harness {
 namespace {
 
 constexpr std::size_t kLineBytesMax = 1000;
+// At a time: a program that prints without end must not keep this node from its heartbeat.
+constexpr int kReadsMax = 16;
 
 // Replaces every `{name}`.
 std::string Filled(std::string command, const std::vector<std::pair<std::string, std::string>>& values) {
@@ -106,7 +108,7 @@ class CommandRole final : public Role {
   // False at the end of the stream.
   bool Drain(std::size_t i) {
     std::array<char, 4096> buffer;
-    for (;;) {
+    for (int reads = 0; reads < kReadsMax; ++reads) {
       const ssize_t got = read(streams_[i]->native_handle(), buffer.data(), buffer.size());
       if (got == 0) return false;
       if (got < 0) return errno == EAGAIN || errno == EINTR;
@@ -116,6 +118,7 @@ class CommandRole final : public Role {
         if (c == '\n' || text.size() == kLineBytesMax) AddLine(std::exchange(text, {}));
       }
     }
+    return true;
   }
 
   void ReadAll() {
@@ -128,6 +131,8 @@ class CommandRole final : public Role {
   }
 
   void AddLine(std::string text) {
+    if (printed_bytes_ > kFirmwareLogBytesMax) return;
+    printed_bytes_ += text.size() + 1;
     lines_.push_back({services_.clock().Now() - power_on_ns_, "firmware_log", std::move(text)});
   }
 
@@ -140,6 +145,7 @@ class CommandRole final : public Role {
   std::optional<boost::asio::posix::stream_descriptor> ends_;
   std::array<std::string, 2> partial_;
   std::vector<RunEvent> lines_;
+  std::size_t printed_bytes_ = 0;
   TimeNs power_on_ns_ = 0;
   bool stopped_ = false;
   std::shared_ptr<char> alive_ = std::make_shared<char>();

@@ -43,7 +43,7 @@ class JoystickRole final : public Role {
     for (const auto& state : states_.Take()) {
       if (stopped_ || timer_ || state.run_id != services_.run_id()) continue;
       const TimeNs now = services_.clock().Now();
-      began_ns_ = last_ns_ = now - state.time_ns;
+      began_ns_ = last_ns_ = services_.lateness().origin_ns = now - state.time_ns;
       timer_.emplace(services_, now, kControlPeriodNs, [this](TimeNs due) { Send(due); });
     }
   }

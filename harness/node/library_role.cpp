@@ -2,6 +2,7 @@
 #include <array>
 #include <boost/asio/post.hpp>
 #include <functional>
+#include <optional>
 #include <utility>
 
 #include "harness/client/firmware_guard.h"
@@ -12,6 +13,9 @@
 
 namespace tiltproof::harness {
 namespace {
+
+// As good as never, and far from where times overflow: what a firmware may ask for is any number.
+constexpr TimeNs kNeverInFlight = kNever / 4;
 
 // A firmware library as a board: its clock is this node's, its UARTs are two serial ports.
 class LibraryRole final : public Role {
@@ -29,11 +33,17 @@ class LibraryRole final : public Role {
   Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
     scenario_ = loaded.scenario;
     baud_ = scenario_.link.ideal ? 0 : scenario_.link.baud;
-    client_ = LoadLibraryClient(
-        library_, scenario_.firmware, scenario_.link.dialect,
-        {.transmit = [this](Uart uart, TimeNs now,
-                            std::span<const std::uint8_t> bytes) { return Transmit(uart, now, bytes); },
-         .log = [this](TimeNs now, std::string_view text) { lines_.emplace_back(now, text); }});
+    const ClientHost host = {.transmit =
+                                 [this](Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) {
+                                   return Transmit(uart, Plausible(now), bytes);
+                                 },
+                             .log = [this](TimeNs now, std::string_view text) { Log(Plausible(now), text); }};
+    try {
+      client_ = LoadLibraryClient(library_, scenario_.firmware, scenario_.link.dialect, host);
+    } catch (const FirmwareTrouble& trouble) {
+      // The firmware's doing, not this node's: told like a crash in flight, once that has begun.
+      trouble_ = trouble;
+    }
     return {};
   }
 
@@ -44,6 +54,7 @@ class LibraryRole final : public Role {
 
   void Start() override {
     power_on_ns_ = services_.clock().Now();
+    if (trouble_) return Tell(*trouble_);
     Run([this] { return client_->Start(0); });
   }
 
@@ -61,7 +72,12 @@ class LibraryRole final : public Role {
     if (origin_ns_ == kNever) origin_ns_ = power_on_ns_;
     Flush();
     NodeTotals totals;
-    if (!lost_) totals.client = client_->Status();
+    if (client_ == nullptr || lost_) return totals;
+    try {
+      totals.client = client_->Status();
+    } catch (const FirmwareTrouble& trouble) {
+      Tell(trouble);
+    }
     return totals;
   }
 
@@ -84,11 +100,27 @@ class LibraryRole final : public Role {
   }
 
   TimeNs Now() const { return services_.clock().Now() - power_on_ns_; }
+  // What the firmware says of the time, within reason.
+  TimeNs Plausible(TimeNs now) const {
+    return power_on_ns_ == kNever ? 0 : std::clamp<TimeNs>(now, 0, std::max<TimeNs>(Now(), 0) + kNsPerS);
+  }
+
+  void Log(TimeNs now, std::string_view text) {
+    if (logged_bytes_ > kFirmwareLogBytesMax) return;
+    logged_bytes_ += text.size() + 1;
+    lines_.emplace_back(now, text);
+  }
+
+  void Tell(const FirmwareTrouble& trouble) {
+    stopped_ = lost_ = true;
+    services_.Fail(trouble.hung ? EndReason::kFirmwareHung : EndReason::kFirmwareCrashed, trouble.what());
+  }
 
   // The bytes leave at once, and the line takes their time; the firmware is told when its UART would be done.
   TimeNs Transmit(Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) {
-    if (uart != Uart::kMain || stopped_) return now;
-    ports_[static_cast<std::size_t>(uart)]->Write(bytes);
+    const auto& port = ports_[static_cast<std::size_t>(uart)];
+    if (uart != Uart::kMain || stopped_ || !port) return now;
+    port->Write(bytes);
     transmitter_free_ns_ =
         std::max(transmitter_free_ns_, now) + link::BytesTime(baud_, static_cast<std::int64_t>(bytes.size()));
     return transmitter_free_ns_;
@@ -100,7 +132,7 @@ class LibraryRole final : public Role {
     try {
       TimeNs wake = call();
       timer_.cancel();
-      if (wake == kNever) return;
+      if (wake > kNeverInFlight) return;
       wake = std::max(wake, Now());
       timer_.expires_at(services_.clock().ToSteady(power_on_ns_ + wake));
       timer_.async_wait([this, wake, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
@@ -111,14 +143,15 @@ class LibraryRole final : public Role {
         Run([&] { return client_->Grant(now); });
       });
     } catch (const FirmwareTrouble& trouble) {
-      stopped_ = lost_ = true;
-      services_.Fail(trouble.hung ? EndReason::kFirmwareHung : EndReason::kFirmwareCrashed, trouble.what());
+      Tell(trouble);
     }
   }
 
   void OnStates() {
     for (const auto& state : states_.Take())
-      if (state.run_id == services_.run_id() && state.phase == dds::Phase::kRunning)
+      // Of the plant's; the last one alone may have come.
+      if (state.run_id == services_.run_id() &&
+          (state.phase == dds::Phase::kRunning || state.phase == dds::Phase::kFinished))
         origin_ns_ = services_.lateness().origin_ns = state.origin_ns;
   }
 
@@ -133,6 +166,8 @@ class LibraryRole final : public Role {
   TimeNs transmitter_free_ns_ = 0;
   TimeNs origin_ns_ = kNever;  // of t = 0, in the plant's clock: that of this machine
   std::vector<std::pair<TimeNs, std::string>> lines_;
+  std::size_t logged_bytes_ = 0;
+  std::optional<FirmwareTrouble> trouble_;  // while it was loaded
   bool stopped_ = false, lost_ = false;
   std::shared_ptr<char> alive_ = std::make_shared<char>();
   dds::Subscriber<dds::RunState> states_;

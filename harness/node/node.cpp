@@ -8,6 +8,7 @@
 #include <boost/asio/post.hpp>
 #include <boost/asio/signal_set.hpp>
 #include <chrono>
+#include <cmath>
 #include <csignal>
 #include <utility>
 
@@ -25,6 +26,9 @@ constexpr milliseconds kHeartbeatPeriod{50};
 constexpr milliseconds kListenFirst{1'000};
 // A harness that is not heard for so long is gone for good; a partition of the network heals sooner.
 constexpr milliseconds kHarnessLostAfter{6000};
+// Beyond what the fault clock.skew allows; a clock that stands still or overflows is of no use to anybody.
+constexpr double kSkewMax_ppm = 500'000, kSkewMax_ms = 1e6;
+
 class Node final : public NodeServices {
  public:
   Node(const NodeOptions& options, const MakeRole& make_role);
@@ -54,6 +58,7 @@ class Node final : public NodeServices {
   Ports Do(const dds::RunCommand& command);
   void WatchHarness();
   void Release();
+  bool flying() const { return phase_ == dds::Phase::kRunning; }
 
   NodeOptions options_;
   MakeRole make_role_;
@@ -81,7 +86,8 @@ class Node final : public NodeServices {
   Lateness lateness_;
   std::int64_t last_command_ = 0;
   std::int64_t last_fault_ = 0;
-  bool flying_ = false;
+  // What it was told, and did: idle, prepared, armed, running (until it is told to stop), finished.
+  dds::Phase phase_ = dds::Phase::kIdle;
   int exit_code_ = 0;
   std::chrono::steady_clock::time_point harness_heard_;
 };
@@ -154,11 +160,11 @@ bool Node::StandsBack() {
   std::string other = OtherSender();
   if (heartbeat_.sequence == 0 && !options_.child) {
     const auto until = std::chrono::steady_clock::now() + kListenFirst;
-    while (other.empty() && std::chrono::steady_clock::now() < until) {
+    // Told to end meanwhile, it stays stopped.
+    while (other.empty() && !loop_.stopped() && std::chrono::steady_clock::now() < until) {
       loop_.run_one_for(kHeartbeatPeriod);
       other = OtherSender();
     }
-    loop_.restart();
   }
   if (other.empty()) return false;
   fmt::print(
@@ -169,7 +175,7 @@ bool Node::StandsBack() {
 }
 
 void Node::Beat() {
-  if (!flying_ && StandsBack()) {
+  if (!flying() && StandsBack()) {
     exit_code_ = 3;
     loop_.stop();
     return;
@@ -177,7 +183,7 @@ void Node::Beat() {
   ++heartbeat_.sequence;
   heartbeat_.run_id = run_id_;
   heartbeats_->Write(heartbeat_);
-  if (flying_) role_->Flush();
+  if (flying()) role_->Flush();
   if (log_) log_->Retry();
   if (!run_id_.empty()) WatchHarness();
   beat_timer_.expires_after(kHeartbeatPeriod);
@@ -202,8 +208,8 @@ void Node::OnScenario() {
   for (auto& scenario : scenarios_->Take()) {
     const bool mine =
         std::find(scenario.nodes.begin(), scenario.nodes.end(), options_.name) != scenario.nodes.end();
-    if (!mine || scenario.run_id == run_id_ || scenario.run_id == released_run_id_) continue;
-    if (!run_id_.empty()) Release();
+    // In a run already, it stays there until that is over or its harness gone: another one has to wait.
+    if (!mine || !run_id_.empty() || scenario.run_id == released_run_id_) continue;
     run_id_ = scenario.run_id;
     scenario_ = std::move(scenario);
     last_command_ = last_fault_ = 0;
@@ -236,24 +242,34 @@ void Node::Obey(const dds::RunCommand& command) {
 }
 
 Ports Node::Do(const dds::RunCommand& command) {
-  if (command.verb != dds::Verb::kPrepare && command.verb != dds::Verb::kRelease && !role_)
-    throw std::runtime_error("the node is not prepared");
+  // Each verb needs what the one before has made.
+  const auto need = [&](bool there) {
+    if (!there) throw std::runtime_error(fmt::format("it is {}", Name(phase_)));
+  };
   switch (command.verb) {
-    case dds::Verb::kPrepare:
+    case dds::Verb::kPrepare: {
+      need(phase_ == dds::Phase::kIdle);
       loaded_ = options_.load(scenario_.scenario_yaml);
       log_ = std::make_unique<LogPublisher>(*bus_, loaded_->scenario, run_id_, options_.name);
       lateness_ = {};
       role_ = make_role_(*this, options_);
-      return role_->Prepare(*loaded_, command.ports);
+      Ports ports = role_->Prepare(*loaded_, command.ports);
+      phase_ = dds::Phase::kPrepared;
+      return ports;
+    }
     case dds::Verb::kArm:
+      need(phase_ == dds::Phase::kPrepared);
       role_->Arm(command.ports);
+      phase_ = dds::Phase::kArmed;
       return {};
     case dds::Verb::kStart:
-      flying_ = true;
+      need(phase_ == dds::Phase::kArmed);
+      phase_ = dds::Phase::kRunning;
       role_->Start();
       return {};
     case dds::Verb::kStop: {
-      flying_ = false;
+      need(phase_ != dds::Phase::kIdle && phase_ != dds::Phase::kFinished);
+      phase_ = dds::Phase::kFinished;
       NodeTotals totals = role_->Stop();
       totals.lateness = lateness_;
       log_->Close(totals);
@@ -266,7 +282,7 @@ Ports Node::Do(const dds::RunCommand& command) {
 }
 
 void Node::Release() {
-  flying_ = false;
+  phase_ = dds::Phase::kIdle;
   role_.reset();
   log_.reset();
   loaded_.reset();
@@ -285,7 +301,10 @@ void Node::OnFault() {
       return 0.0;
     };
     if (fault.type == "dds.partition") bus_->Partition(true, true, fault.duration_ns);
-    if (fault.type == "clock.skew") clock_.Skew(parameter("ppm"), FromSeconds(parameter("offset_ms") * 1e-3));
+    if (fault.type != "clock.skew") continue;
+    const double ppm = parameter("ppm"), offset_ms = parameter("offset_ms");
+    if (std::abs(ppm) <= kSkewMax_ppm && std::abs(offset_ms) <= kSkewMax_ms)
+      clock_.Skew(ppm, FromSeconds(offset_ms * 1e-3));
   }
 }
 
