@@ -163,8 +163,13 @@ RunLog RealtimeConductor::Run() {
   const auto began = SteadyClock::now();
   auto flown = began;
   try {
-    Conduct();
+    try {
+      Conduct();
+    } catch (const std::exception& error) {
+      End(EndReason::kHarnessError, error.what());
+    }
     flown = SteadyClock::now();
+    // After trouble too: attached nodes are to be free again, and what there is tells what went wrong.
     GatherLogs();
   } catch (const Interrupted&) {
     flown = SteadyClock::now();
@@ -173,8 +178,8 @@ RunLog RealtimeConductor::Run() {
     if (end_ns_ == 0) end_ns_ = sim_ns_;
     try {
       GatherLogs();
-    } catch (const Interrupted&) {
-      // Twice: what has come is kept.
+    } catch (const std::exception&) {
+      // What has come is kept.
     }
   } catch (const std::exception& error) {
     End(EndReason::kHarnessError, error.what());
