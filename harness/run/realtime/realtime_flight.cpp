@@ -453,7 +453,13 @@ void RealtimeConductor::GatherLogs() {
     if (command_sequence_ > 0) Command(dds::Verb::kRelease, {}, true);
     return;
   }
-  if (processes_) node_faults_.ContinueAll(*processes_);
+  if (processes_) {
+    node_faults_.ContinueAll(*processes_);
+    // Of one that a fault has just killed, to start it again, nothing comes any more.
+    for (Member& member : members_.all())
+      if (ChildProcess* process = processes_->Find(member.role); process != nullptr && !process->Alive())
+        member.lost = true;
+  }
   Command(dds::Verb::kStop, {}, true);
   const auto complete = [&] {
     return std::all_of(members_.all().begin(), members_.all().end(),
