@@ -115,22 +115,28 @@ std::vector<MemberNews> Members::Watch(const std::vector<dds::NodeLife>& nodes, 
       if (IsStopped(process->pid())) {
         Lose(member, "does not answer: its process is stopped", news);
       } else if (now - std::max(*member.silent_since, member.excused_until) > kHangLimit) {
-        Lose(member, "does not answer: it hangs", news);
+        Lose(member, "does not answer: it hangs", news, !HostIsSilent(member));
       }
     } else if (now - *member.silent_since > kPartitionLimit) {
       Lose(member,
            fmt::format("was not heard for {} s: it ended, hangs or is cut off",
                        kPartitionLimit.count() / 1000),
-           news);
+           news, !HostIsSilent(member));
     }
   }
   return news;
 }
 
-void Members::Lose(Member& member, const std::string& how, std::vector<MemberNews>& news) {
+bool Members::HostIsSilent(const Member& member) const {
+  return std::any_of(members_.begin(), members_.end(), [&](const Member& other) {
+    return &other != &member && other.host == member.host && other.silent_since;
+  });
+}
+
+void Members::Lose(Member& member, const std::string& how, std::vector<MemberNews>& news, bool blame) {
   if (member.lost) return;
   member.lost = true;
-  const bool firmware = member.kind == NodeKind::kClient;
+  const bool firmware = blame && member.kind == NodeKind::kClient;
   news.push_back({MemberNews::Kind::kLost, member.role, firmware,
                   firmware ? fmt::format("the firmware under test is lost: its node {} {}", member.id, how)
                            : fmt::format("the {} node {}", member.id, how)});

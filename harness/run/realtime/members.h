@@ -49,7 +49,8 @@ class Members {
 
   // News since the last call. A process of ours is lost when it has ended, or missed its lease (200 ms) and is
   // stopped, or stays silent; an attached node (`processes` null), and one that is cut off by a fault, when it
-  // stays away for kPartitionLimit. Roles in `excused` are kept away by a fault.
+  // stays away for kPartitionLimit. A client that falls silent together with others of its host is no fault of
+  // the firmware. Roles in `excused` are kept away by a fault.
   std::vector<MemberNews> Watch(const std::vector<dds::NodeLife>& nodes, NodeProcesses* processes,
                                 const std::set<std::string>& excused);
 
@@ -64,7 +65,10 @@ class Members {
   const Member& reference_sender() const;
 
  private:
-  void Lose(Member& member, const std::string& how, std::vector<MemberNews>& news);
+  // `blame`: whether the firmware is to answer for it when it is the client's node.
+  void Lose(Member& member, const std::string& how, std::vector<MemberNews>& news, bool blame = true);
+  // Another node of its host is silent too: then it is the host or the network, not this node.
+  bool HostIsSilent(const Member& member) const;
 
   std::vector<Member> members_;
 };
