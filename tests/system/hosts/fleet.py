@@ -114,8 +114,11 @@ class Flight:
 
     def wait_for_sim_time(self, time_s, limit_s=20):
         """Until the monitor has printed a state of the vehicle at that time of the simulation or later."""
+        self.wait_for("running", limit_s)
+
         def seen():
-            lines = [line.split() for line in self.seen().splitlines() if line.startswith("plant ")]
+            # The monitor shows the vehicle once a second: what comes first may still be that of the flight before.
+            lines = [line.split() for line in self.seen().partition("running")[2].splitlines() if line.startswith("plant ")]
             return any(float(line[1]) >= time_s for line in lines if len(line) > 1)
         self._await(seen, limit_s, f"the monitor sees the vehicle at {time_s} s")
 
