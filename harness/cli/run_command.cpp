@@ -88,6 +88,24 @@ std::vector<SuiteScenario> Select(std::vector<SuiteScenario> scenarios, const Ru
   return scenarios;
 }
 
+// For a shell.
+std::string Quoted(const std::string& text) {
+  std::string quoted = "'";
+  for (const char c : text) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return quoted + "'";
+}
+
+// The command that flies a flight in real time again.
+std::string FlyAgain(const RunOptions& options, const FlightMeans& means, const FlightJob& job) {
+  std::string command = fmt::format("{} run {} --mode realtime", options.command.front(),
+                                    (job.folder / "scenario.resolved.yaml").string());
+  command += means.attach ? " --attach" : " --client " + Quoted(means.client.text);
+  if (means.domain != 0) command += fmt::format(" --domain {}", means.domain);
+  if (!means.interface.empty()) command += " --interface " + means.interface;
+  if (!means.peers.empty()) command += fmt::format(" --peers {}", fmt::join(means.peers, ","));
+  return command + fmt::format(" --seed {}", job.scenario.seed);
+}
+
 // Of one flight, unique in the run: names its folder.
 std::string FlightName(const RunOptions& options, const Scenario& scenario, std::uint64_t seed) {
   return options.repeat_count == 1 ? scenario.name : fmt::format("{}-seed{}", scenario.name, seed);
@@ -164,10 +182,7 @@ int RunCommand(const RunOptions& options) {
       FlightJob job{scenario, model, means, {}, {}};
       job.scenario.seed = options.seed.value_or(scenario.seed) + static_cast<std::uint64_t>(repeat);
       job.folder = folder / FlightName(options, scenario, job.scenario.seed);
-      job.replay = means.realtime ? fmt::format("{} run {} --mode realtime --client '{}' --seed {}",
-                                                options.command.front(),
-                                                (job.folder / "scenario.resolved.yaml").string(),
-                                                means.client.text, job.scenario.seed)
+      job.replay = means.realtime ? FlyAgain(options, means, job)
                                   : fmt::format("{} replay {}", options.command.front(), job.folder.string());
       jobs.push_back(std::move(job));
     }

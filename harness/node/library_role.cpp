@@ -14,6 +14,8 @@
 namespace tiltproof::harness {
 namespace {
 
+constexpr TimeNs kWakePauseMin = 20 * kNsPerUs;
+
 // As good as never, and far from where times overflow: what a firmware may ask for is any number.
 constexpr TimeNs kNeverInFlight = kNever / 4;
 
@@ -133,7 +135,8 @@ class LibraryRole final : public Role {
       TimeNs wake = call();
       timer_.cancel();
       if (wake > kNeverInFlight) return;
-      wake = std::max(wake, Now());
+      // A firmware that always wants to be woken now must not keep this thread, which has real-time priority.
+      wake = std::max(wake, Now() + kWakePauseMin);
       timer_.expires_at(services_.clock().ToSteady(power_on_ns_ + wake));
       timer_.async_wait([this, wake, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
         if (error || alive.expired() || stopped_) return;

@@ -13,6 +13,19 @@
 namespace tiltproof::harness {
 namespace {
 
+// Spans that touch or overlap become one. `spans` are in order of their begin.
+std::vector<LateSpan> Merged(const std::vector<LateSpan>& spans) {
+  std::vector<LateSpan> merged;
+  for (const LateSpan& span : spans) {
+    if (!merged.empty() && span.begin_ns <= merged.back().end_ns) {
+      merged.back().end_ns = std::max(merged.back().end_ns, span.end_ns);
+    } else {
+      merged.push_back(span);
+    }
+  }
+  return merged;
+}
+
 constexpr double kSettledError_m = 0.25;
 // Where the start from rest is over, in the paper's spiral.
 constexpr TimeNs kTransientNs = 10 * kNsPerS;
@@ -201,10 +214,9 @@ class Calculator {
     for (std::int64_t i = 1; i <= periods; ++i) {
       const TimeNs begin_ns = last_ns + (i - 1) * kControlPeriodNs;
       const TimeNs end_ns = begin_ns + 2 * kControlPeriodNs;
-      const bool excused =
-          std::any_of(log_.harness_late.begin(), log_.harness_late.end(), [&](const LateSpan& late) {
-            return late.begin_ns < end_ns && late.end_ns > begin_ns - kControlPeriodNs;
-          });
+      const auto late = std::upper_bound(late_.begin(), late_.end(), begin_ns - kControlPeriodNs,
+                                         [](TimeNs t, const LateSpan& span) { return t < span.end_ns; });
+      const bool excused = late != late_.end() && late->begin_ns < end_ns;
       blamable += excused ? 0 : 1;
     }
     return blamable;
@@ -229,6 +241,7 @@ class Calculator {
 
   const Scenario& scenario_;
   const RunLog& log_;
+  const std::vector<LateSpan> late_ = Merged(log_.harness_late);  // apart, in order
   const std::vector<TimeNs> times_;
   const std::vector<double> error_;
   Metrics metrics_;

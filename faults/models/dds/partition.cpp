@@ -3,17 +3,18 @@
 namespace tiltproof::faults {
 
 FaultType DdsPartition() {
-  return {.name = "dds.partition",
-          .stage = Stage::kNode,
-          .summary = "Cuts a node off from the others' bus.",
-          .semantics =
-              "From `start_s` to `end_s` nothing that the node publishes on DDS reaches another, and nothing "
-              "reaches it; `all` parts each from each. The serial line is not DDS and carries on. Without "
-              "`end_s` the "
-              "node stays cut off.",
-          .parameters = {NodeParameter({"base_station", "client", "plant", "link", "all"})},
-          .on_node = true,
-          .start = Bound::kRequired};
+  return {
+      .name = "dds.partition",
+      .stage = Stage::kNode,
+      .summary = "Cuts a node off from the others' bus.",
+      .semantics =
+          "From `start_s` to `end_s` nothing that the node publishes on DDS reaches another, and nothing "
+          "reaches it; `all` parts each from each. The serial line is not DDS and carries on. Without "
+          "`end_s` the "
+          "node stays cut off. A node that is away for more than 5 s is given up, and the verdict is error.",
+      .parameters = {NodeParameter({"base_station", "client", "plant", "link", "all"})},
+      .on_node = true,
+      .start = Bound::kRequired};
 }
 
 }  // namespace tiltproof::faults

@@ -32,12 +32,18 @@ bool Members::Adopt(const std::vector<dds::NodeLife>& nodes, bool board, const s
   std::string instead;
   for (const auto& node : nodes) {
     if (!node.alive || node.last.kind == NodeKind::kHarness || node.last.kind == NodeKind::kMonitor) continue;
+    if (node.last.version != TILTPROOF_VERSION) {
+      instead = fmt::format("node of this version {}: {} has version {}", TILTPROOF_VERSION,
+                            node.last.node_id, node.last.version);
+      continue;
+    }
     if (!node.last.run_id.empty() && node.last.run_id != run_id) {
       instead = fmt::format("free node: {} is in another run", node.last.node_id);
       continue;
     }
     for (const auto& capability : node.last.capabilities) board |= capability.starts_with("client_port=");
-    members_.push_back({node.last.node_id, node.last.node_id, node.last.kind, node.last.host, false, {}, {}});
+    members_.push_back(
+        {node.last.node_id, node.last.node_id, node.last.kind, node.last.host, false, false, {}, {}});
   }
   std::sort(members_.begin(), members_.end(), [](const Member& a, const Member& b) { return a.id < b.id; });
   const auto count = [&](NodeKind kind) {
@@ -81,11 +87,12 @@ std::vector<MemberNews> Members::Watch(const std::vector<dds::NodeLife>& nodes, 
       ChildProcess* process = processes->Find(name);
       if (process == nullptr || process->Alive() || is_excused(name)) continue;
       // Not yet a member when it ends while it begins.
-      Member unknown{name, name, NodeKind::kPlant, {}, false, {}, {}};
+      Member unknown{name, name, NodeKind::kPlant, {}, false, false, {}, {}};
       Member* member = FindRole(name);
       Lose(member != nullptr ? *member : unknown, process->ExitText().value_or("has ended"), news);
     }
   }
+  for (Member& member : members_) member.kept_away = is_excused(member.role);
   for (Member& member : members_) {
     if (member.lost) continue;
     const auto found = std::find_if(nodes.begin(), nodes.end(), [&](const dds::NodeLife& node) {
@@ -105,7 +112,7 @@ std::vector<MemberNews> Members::Watch(const std::vector<dds::NodeLife>& nodes, 
       news.push_back({MemberNews::Kind::kSilent, member.role, false,
                       fmt::format("the {} node missed its lease of 200 ms", member.id)});
     }
-    const bool kept_away = is_excused(member.role);
+    const bool kept_away = member.kept_away;
     if (kept_away) member.excused_until = now;
     ChildProcess* process = processes != nullptr ? processes->Find(member.role) : nullptr;
     // While it is down, to be started again, it has all the time it needs.
@@ -129,7 +136,7 @@ std::vector<MemberNews> Members::Watch(const std::vector<dds::NodeLife>& nodes, 
 
 bool Members::HostIsSilent(const Member& member) const {
   return std::any_of(members_.begin(), members_.end(), [&](const Member& other) {
-    return &other != &member && other.host == member.host && other.silent_since;
+    return &other != &member && other.host == member.host && other.silent_since && !other.kept_away;
   });
 }
 
@@ -143,8 +150,9 @@ void Members::Lose(Member& member, const std::string& how, std::vector<MemberNew
 }
 
 bool Members::AnySilent() const {
-  return std::any_of(members_.begin(), members_.end(),
-                     [](const Member& member) { return !member.lost && member.silent_since; });
+  return std::any_of(members_.begin(), members_.end(), [](const Member& member) {
+    return !member.lost && member.silent_since && !member.kept_away;
+  });
 }
 
 const Member* Members::Find(NodeKind kind) const {

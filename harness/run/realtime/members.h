@@ -19,6 +19,7 @@ struct Member {
   dds::NodeKind kind{};
   std::string host;
   bool lost = false;
+  bool kept_away = false;  // by a fault, just now
   std::optional<std::chrono::steady_clock::time_point> silent_since;
   // A fault kept it away until then: it has to be heard again before long, not at once.
   std::chrono::steady_clock::time_point excused_until{};

@@ -475,11 +475,12 @@ void RealtimeConductor::GatherLogs() {
   Command(dds::Verb::kRelease, {}, true);
 }
 
-// The first reason counts, but for trouble of ours that shows only afterwards.
+// The first reason counts, but for trouble that shows only afterwards.
 void RealtimeConductor::End(EndReason reason, const std::string& text) {
   const bool ended_well = end_reason_ == EndReason::kCompleted || end_reason_ == EndReason::kDiverged ||
                           end_reason_ == EndReason::kGroundStrike;
-  const bool trouble = reason == EndReason::kHarnessError || reason == EndReason::kNodeLost;
+  const bool trouble = reason != EndReason::kCompleted && reason != EndReason::kDiverged &&
+                       reason != EndReason::kGroundStrike && reason != EndReason::kNeverStarted;
   if (end_reason_ && !(ended_well && trouble)) return;
   end_reason_ = reason;
   end_text_ = text;

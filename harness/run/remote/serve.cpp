@@ -54,6 +54,13 @@ auto OrExit(const Function& function) {
   }
 }
 
+link::Direction NextDirection(Unpacker& request) {
+  const auto direction = request.Next<link::Direction>();
+  if (static_cast<std::size_t>(direction) >= link::kDirectionCount)
+    throw std::runtime_error("a request with a direction that no line has");
+  return direction;
+}
+
 [[noreturn]] void ThrowUnexpected() { throw std::runtime_error("a request that this process does not know"); }
 
 }  // namespace
@@ -75,14 +82,14 @@ void ServeLine(Channel& channel, const ScenarioLoader& load) {
     if (!line) ThrowUnexpected();
     switch (kind) {
       case Message::kTransmit: {
-        const auto direction = request.Next<link::Direction>();
+        const auto direction = NextDirection(request);
         const auto now = request.Next<TimeNs>();
         const TimeNs sent = line->Transmit(direction, now, request.Next<std::vector<std::uint8_t>>());
         answer(view(), sent);
         return;
       }
       case Message::kTakePiece: {
-        const auto direction = request.Next<link::Direction>();
+        const auto direction = NextDirection(request);
         const auto piece = line->TakePiece(direction, request.Next<TimeNs>());
         answer(view(), piece.has_value());
         if (piece)

@@ -15,6 +15,7 @@ using ::testing::IsEmpty;
 
 NodeLife Node(const std::string& id, NodeKind kind) {
   NodeLife node;
+  node.last.version = TILTPROOF_VERSION;
   node.last.node_id = id;
   node.last.kind = kind;
   node.last.host = "here";
@@ -63,6 +64,12 @@ TEST(Adopt, SaysWhatIsNotThere) {
   EXPECT_EQ(Missing(nodes, true), "");
   Of(nodes, NodeKind::kLink).last.capabilities = {"scheduling=fifo", "client_port=/dev/ttyUSB0"};
   EXPECT_EQ(Missing(nodes), "");
+}
+
+TEST(Adopt, TakesNoNodeOfAnotherVersion) {
+  auto nodes = Fleet();
+  Of(nodes, NodeKind::kLink).last.version = "0.0.7";
+  EXPECT_EQ(Missing(nodes), "node of this version " TILTPROOF_VERSION ": link has version 0.0.7");
 }
 
 TEST(Adopt, WantsNoneTwiceAndNoneOfAnotherRun) {
