@@ -163,13 +163,13 @@ inline ParameterInfo ProbabilityParameter(std::string_view doc, double example) 
 }
 
 // Which node of the harness: "plant", "link", "client" (the firmware's), "base_station".
-inline ParameterInfo NodeParameter(std::vector<std::string_view> nodes) {
+inline ParameterInfo NodeParameter(const std::vector<std::string_view>& nodes) {
   return {.name = "node",
           .unit = "",
           .kind = ParameterKind::kChoice,
           .doc = "which node",
           .example = std::string(nodes.front()),
-          .choices = std::move(nodes)};
+          .choices = nodes};
 }
 
 // 10 kHz: a thousand times the rate at which nothing gets through any more, and still cheap.

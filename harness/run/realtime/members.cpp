@@ -169,7 +169,10 @@ Member* Members::FindRole(const std::string& role) {
 
 const Member& Members::reference_sender() const {
   const Member* base_station = Find(NodeKind::kBaseStation);
-  return base_station != nullptr ? *base_station : *Find(NodeKind::kJoystick);
+  if (base_station != nullptr) return *base_station;
+  const Member* joystick = Find(NodeKind::kJoystick);
+  if (joystick == nullptr) throw std::logic_error("a run without a node that sends references");
+  return *joystick;
 }
 
 }  // namespace tiltproof::harness

@@ -33,7 +33,7 @@ class NodeFaults {
     dds::Publisher<dds::FaultCommand>& commands;
     // Starts a killed node again and takes it into the run.
     std::function<void(const std::string& role)> restart;
-    std::function<void(std::string kind, std::string text)> note;
+    std::function<void(const std::string& kind, const std::string& text)> note;
   };
   // Everything that is due at simulation time `now_ns`.
   void CarryOut(TimeNs now_ns, const Means& means);

@@ -423,12 +423,13 @@ void RealtimeConductor::CarryOutFaults() {
   // The plant's word is up to a period old: by this clock it is exact.
   const TimeNs now =
       sim_ns_ + std::min<TimeNs>(std::chrono::nanoseconds(SteadyClock::now() - sim_seen_).count(), kNsPerS);
-  node_faults_.CarryOut(now, {.run_id = run_id_,
-                              .processes = processes_ ? &*processes_ : nullptr,
-                              .members = members_,
-                              .commands = *fault_commands_,
-                              .restart = [this](const std::string& role) { Restart(role); },
-                              .note = [this](std::string kind, std::string text) { Note(kind, text); }});
+  node_faults_.CarryOut(
+      now, {.run_id = run_id_,
+            .processes = processes_ ? &*processes_ : nullptr,
+            .members = members_,
+            .commands = *fault_commands_,
+            .restart = [this](const std::string& role) { Restart(role); },
+            .note = [this](const std::string& kind, const std::string& text) { Note(kind, text); }});
 }
 
 // The new process joins the run as the old one did: told the scenario, prepared, armed, started. It has a name

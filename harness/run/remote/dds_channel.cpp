@@ -23,7 +23,7 @@ using SteadyClock = std::chrono::steady_clock;
 
 // One message on the bus carries at most so much; longer ones go in pieces. The first byte says whether more
 // follows.
-constexpr std::size_t kPieceBytesMax = 512 * 1024;
+constexpr std::size_t kPieceBytesMax = std::size_t{512} * 1024;
 constexpr std::uint8_t kLastPiece = 0, kMorePieces = 1;
 constexpr auto kLimit = std::chrono::seconds(10);
 
@@ -63,12 +63,12 @@ class Exchange {
     return static_cast<std::size_t>(in_.MatchedCount()) >= peers &&
            static_cast<std::size_t>(out_.MatchedCount()) >= peers;
   }
-  bool Write(const std::string& node_id, std::int64_t sequence, std::vector<std::uint8_t> payload) {
+  bool Write(const std::string& node_id, std::int64_t sequence, const std::vector<std::uint8_t>& payload) {
     Out out;
     out.run_id = run_id_;
     out.node_id = node_id;
     out.sequence = sequence;
-    out.payload = std::move(payload);
+    out.payload = payload;
     return out_.Write(out);
   }
   // The next message of that node, or for it.
