@@ -220,10 +220,16 @@ class Flight:
             for pid in self.zombies():
                 if pid != self.process.pid:
                     os.waitpid(pid, 0)
-            return not self.processes()
-        wait_until(gone, timeout_s, lambda: f"left running: {self.processes()}")
-        for path, born in self.terminals.items():
-            # Gone, or by now somebody else's.
-            test.assertTrue(not os.path.exists(path) or os.stat(path).st_ctime > born, f"{path} is left")
+            # A process that ends loses its environment a moment before its descriptors.
+            return not self.processes() and not any(map(still_there, self.terminals))
+
+        def still_there(path):
+            try:
+                # A later one of that name is somebody else's.
+                return os.stat(path).st_ctime <= self.terminals[path]
+            except OSError:
+                return False
+        wait_until(gone, timeout_s,
+                   lambda: f"left running: {self.processes()}, left open: {[path for path in self.terminals if still_there(path)]}")
         test.assertLessEqual(set(os.listdir("/dev/shm")), self.shared_before)
         test.assertEqual(list(self.temporary.iterdir()), [])
