@@ -37,6 +37,7 @@ class LinkRole final : public Role {
   Ports Prepare(const LoadedScenario& loaded, const Ports& given) override {
     if (const std::string path = FindPort(given, "client"); !path.empty()) client_device_ = path;
     if (const std::string path = FindPort(given, "client_reference"); !path.empty()) reference_device_ = path;
+    client_is_library_ = FindPort(given, "client_kind") == "library";
     const LinkSpec& link = loaded.scenario.link;
     // At a real port the hardware takes the bytes' time, and its adapter its own.
     scenario_ = loaded.scenario;
@@ -150,7 +151,12 @@ class LinkRole final : public Role {
 
   void Transmit(Direction direction, std::span<const std::uint8_t> bytes) {
     if (!armed_) return;
-    line_->Transmit(direction, services_.clock().Now(), bytes);
+    const TimeNs now = services_.clock().Now();
+    // A firmware library answers within microseconds: what it takes longer is this machine's doing.
+    if (direction == Direction::kToPlant && client_is_library_ &&
+        bytes.size() >= link::kActuatorMessageBytes && line_->unanswered_reply() != kNever)
+      services_.lateness().Note(line_->unanswered_reply(), now);
+    line_->Transmit(direction, now, bytes);
     Pump();
   }
 
@@ -218,6 +224,7 @@ class LinkRole final : public Role {
   TimeNs asked_plant_ns_ = kNever;  // when the plant got the last bytes that it has not answered yet
   TimeNs next_sample_ns_ = 0;
   std::vector<CountsSample> samples_;
+  bool client_is_library_ = false;
   std::vector<TimeNs> first_round_trips_;
   bool judged_ = false;
   std::shared_ptr<char> alive_ = std::make_shared<char>();

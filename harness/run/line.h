@@ -75,6 +75,8 @@ class LocalLine final : public Line {
   const LineCounts& counts() const override;
   LineLog TakeLog(TimeNs end) override;
 
+  // Arrival at the client of the latest valid reply, as long as no actuators have come back; else kNever.
+  TimeNs unanswered_reply() const { return replied_ns_; }
   // The line's time of t = 0; kNever before.
   TimeNs origin() const { return origin_ns_; }
 

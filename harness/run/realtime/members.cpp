@@ -41,9 +41,20 @@ bool Members::Adopt(const std::vector<dds::NodeLife>& nodes, bool board, const s
       instead = fmt::format("free node: {} is in another run", node.last.node_id);
       continue;
     }
-    for (const auto& capability : node.last.capabilities) board |= capability.starts_with("client_port=");
-    members_.push_back(
-        {node.last.node_id, node.last.node_id, node.last.kind, node.last.host, false, false, {}, {}});
+    bool is_library = false;
+    for (const auto& capability : node.last.capabilities) {
+      board |= capability.starts_with("client_port=");
+      is_library |= capability == "firmware=library";
+    }
+    members_.push_back({node.last.node_id,
+                        node.last.node_id,
+                        node.last.kind,
+                        node.last.host,
+                        is_library,
+                        false,
+                        false,
+                        {},
+                        {}});
   }
   std::sort(members_.begin(), members_.end(), [](const Member& a, const Member& b) { return a.id < b.id; });
   const auto count = [&](NodeKind kind) {
@@ -87,7 +98,7 @@ std::vector<MemberNews> Members::Watch(const std::vector<dds::NodeLife>& nodes, 
       ChildProcess* process = processes->Find(name);
       if (process == nullptr || process->Alive() || is_excused(name)) continue;
       // Not yet a member when it ends while it begins.
-      Member unknown{name, name, NodeKind::kPlant, {}, false, false, {}, {}};
+      Member unknown{name, name, NodeKind::kPlant, {}, false, false, false, {}, {}};
       Member* member = FindRole(name);
       Lose(member != nullptr ? *member : unknown, process->ExitText().value_or("has ended"), news);
     }

@@ -20,6 +20,7 @@
 #include "harness/run/realtime/members.h"
 #include "harness/run/realtime/node_faults.h"
 #include "harness/run/realtime/node_processes.h"
+#include "harness/run/realtime/outcome.h"
 #include "harness/run/run_id.h"
 
 namespace tiltproof::harness {
@@ -41,10 +42,6 @@ constexpr milliseconds kPartitionLimit{5'000};
 constexpr milliseconds kScoreLimit{200};
 // A flight on the plant's clock that is so much longer than it should be has come to a stop.
 constexpr milliseconds kOverdueLimit{5'000};
-// Before a node is believed that something went away from it: when a node dies, others see its ports close a
-// moment before we see its end, or miss its heartbeat.
-constexpr milliseconds kHearsayLimit{250};
-
 struct Interrupted {};
 
 class RealtimeConductor {
@@ -71,11 +68,10 @@ class RealtimeConductor {
   void Beat();
   void WatchMembers();
   void OnStates();
-  void EndByFailure(bool now);
   void CarryOutFaults();
   void Restart(const std::string& role);
 
-  void End(EndReason reason, const std::string& text);
+  void End(EndReason reason, const std::string& text) { outcome_.End(reason, text, sim_ns_); }
   void Note(const std::string& kind, const std::string& text) { events_.push_back({sim_ns_, kind, text}); }
   const Scenario& scenario_;
   const plant::VehicleModel& model_;
@@ -112,16 +108,7 @@ class RealtimeConductor {
   TimeNs sim_ns_ = 0;
   SteadyClock::time_point sim_seen_;
   SteadyClock::time_point started_;
-  struct Failure {
-    EndReason reason;
-    std::string text;
-    TimeNs sim_ns;
-    SteadyClock::time_point heard;
-  };
-  std::optional<Failure> failure_;  // the first that a node told
-  std::optional<EndReason> end_reason_;
-  std::string end_text_;
-  TimeNs end_ns_ = 0;
+  Outcome outcome_;
   std::vector<RunEvent> events_;
 };
 
@@ -173,9 +160,7 @@ RunLog RealtimeConductor::Run() {
     GatherLogs();
   } catch (const Interrupted&) {
     flown = SteadyClock::now();
-    end_reason_ = EndReason::kInterrupted;
-    end_text_ = "interrupted";
-    if (end_ns_ == 0) end_ns_ = sim_ns_;
+    outcome_.Interrupt(sim_ns_);
     try {
       GatherLogs();
     } catch (const std::exception&) {
@@ -186,9 +171,9 @@ RunLog RealtimeConductor::Run() {
   }
   if (processes_) processes_->StopAll();
 
-  RunLog log = collector_->Take(end_ns_);
-  log.end_reason = end_reason_.value_or(EndReason::kHarnessError);
-  log.end_text = end_text_;
+  RunLog log = collector_->Take(outcome_.end_ns());
+  log.end_reason = outcome_.reason();
+  log.end_text = outcome_.text();
   if (log.end_reason == EndReason::kCompleted) log.end_ns = scenario_.duration_ns;
   log.wall_s = std::chrono::duration<double>(flown - (running_ ? started_ : began)).count();
   for (std::size_t i = 0; i < kActuatorCount; ++i) {
@@ -216,8 +201,11 @@ void RealtimeConductor::Conduct() {
   FindNodes();
   Prepare();
   Command(dds::Verb::kArm, ports_, false);
-  if (end_reason_) return;
+  if (outcome_.ended()) return;
   started_ = sim_seen_ = SteadyClock::now();
+  // Bytes from before do not count, and a board says `start` but once.
+  if (options_.board)
+    fmt::print(stderr, "tiltproof: listening to the board: switch it on, or reset it, now\n");
   Command(dds::Verb::kStart, {}, false);
   FlyToTheEnd();
 }
@@ -227,9 +215,9 @@ void RealtimeConductor::FindNodes() {
   std::string missing;
   const bool found = Await(kFindLimit, [&] {
     // One that ended while it began has printed why.
-    return end_reason_ || members_.Adopt(nodes_->Nodes(), options_.board, run_id_, missing);
+    return outcome_.ended() || members_.Adopt(nodes_->Nodes(), options_.board, run_id_, missing);
   });
-  if (end_reason_) throw std::runtime_error(end_text_);
+  if (outcome_.ended()) throw std::runtime_error(outcome_.text());
   if (!found)
     throw std::runtime_error(fmt::format(
         "no {} was heard within {} s{}", missing, kFindLimit.count() / 1000,
@@ -262,7 +250,10 @@ void RealtimeConductor::Prepare() {
                        [&](const Member& member) { return HasTakenScenario(member); });
   });
   if (!taken) throw std::runtime_error("a node did not take the scenario within 10 s");
-  const auto answers = Command(dds::Verb::kPrepare, {}, false);
+  std::vector<dds::Port> given;
+  if (const Member* client = members_.Find(NodeKind::kClient); client != nullptr && client->is_library)
+    given.push_back({"client_kind", "library"});
+  const auto answers = Command(dds::Verb::kPrepare, given, false);
   const Member& link = *members_.Find(NodeKind::kLink);
   for (const auto& [node, ack] : answers)
     if (node == link.id) ports_ = ack.ports;
@@ -286,7 +277,7 @@ std::map<std::string, dds::RunAck> RealtimeConductor::Command(dds::Verb verb,
            answers_[member.id].contains(command.sequence);
   };
   const bool all = Await(kCommandLimit, [&] {
-    return (end_reason_ && !tolerate_lost) ||
+    return (outcome_.ended() && !tolerate_lost) ||
            std::all_of(members_.all().begin(), members_.all().end(), answered);
   });
   std::map<std::string, dds::RunAck> answers;
@@ -294,19 +285,19 @@ std::map<std::string, dds::RunAck> RealtimeConductor::Command(dds::Verb verb,
     if (!only.empty() && member.id != only) continue;
     const auto found = answers_[member.id].find(command.sequence);
     if (found == answers_[member.id].end()) {
-      if (!all && !member.lost && !end_reason_)
+      if (!all && !member.lost && !outcome_.ended())
         End(EndReason::kNodeLost, fmt::format("the {} node did not answer `{}` within {} s", member.id,
                                               Name(verb), kCommandLimit.count() / 1000));
       continue;
     }
-    if (!found->second.ok && !end_reason_) {
+    if (!found->second.ok && !outcome_.ended()) {
       // What the firmware's library or program says no to is its own affair; the rest is ours.
       End(EndReason::kHarnessError,
           fmt::format("the {} node cannot {}: {}", member.id, Name(verb), found->second.text));
     }
     answers.emplace(member.id, found->second);
   }
-  if (end_reason_ && !tolerate_lost) throw std::runtime_error(end_text_);
+  if (outcome_.ended() && !tolerate_lost) throw std::runtime_error(outcome_.text());
   return answers;
 }
 
@@ -321,7 +312,7 @@ bool RealtimeConductor::Await(milliseconds limit, const std::function<bool()>& d
 
 void RealtimeConductor::Turn() {
   if (options_.interrupted != nullptr && options_.interrupted->load(std::memory_order_relaxed) &&
-      end_reason_ != EndReason::kInterrupted)
+      (!outcome_.ended() || outcome_.reason() != EndReason::kInterrupted))
     throw Interrupted{};
   Beat();
   loop_.run_one_for(kTurn);
@@ -341,7 +332,7 @@ void RealtimeConductor::Turn() {
   collector_->Drain();
   OnStates();
   WatchMembers();
-  EndByFailure(false);
+  outcome_.Settle(SteadyClock::now(), members_.AnySilent());
 }
 
 void RealtimeConductor::Beat() {
@@ -357,32 +348,25 @@ void RealtimeConductor::OnStates() {
     if (state.run_id != run_id_) continue;
     if (state.phase == dds::Phase::kRunning) running_ = true;
     if (state.phase == dds::Phase::kFinished) {
-      EndByFailure(true);
-      if (!end_reason_) end_ns_ = state.time_ns;
+      outcome_.Believe();
       for (const EndReason reason : {EndReason::kCompleted, EndReason::kDiverged, EndReason::kGroundStrike})
-        if (Name(reason) == state.end_reason) End(reason, state.text);
+        if (Name(reason) == state.end_reason) outcome_.End(reason, state.text, state.time_ns);
     }
     if (state.phase == dds::Phase::kFailed) {
       for (const EndReason reason : {EndReason::kFirmwareHung, EndReason::kFirmwareCrashed,
                                      EndReason::kFirmwareLost, EndReason::kNodeLost})
-        if (Name(reason) == state.end_reason && !failure_)
-          failure_ = {reason, fmt::format("{} (at {:.3f} s)", state.text, ToSeconds(sim_ns_)), sim_ns_,
-                      SteadyClock::now()};
+        if (Name(reason) == state.end_reason)
+          outcome_.Hear(reason, fmt::format("{} (at {:.3f} s)", state.text, ToSeconds(sim_ns_)), sim_ns_,
+                        SteadyClock::now());
     }
   }
 }
 
-void RealtimeConductor::EndByFailure(bool now) {
-  if (!failure_ || end_reason_) return;
-  // A node that is silent may be what the others suffer from: that shows before long.
-  if (!now && (SteadyClock::now() < failure_->heard + kHearsayLimit || members_.AnySilent())) return;
-  end_ns_ = failure_->sim_ns;
-  End(failure_->reason, failure_->text);
-}
-
 void RealtimeConductor::WatchMembers() {
-  for (const MemberNews& news :
-       members_.Watch(nodes_->Nodes(), processes_ ? &*processes_ : nullptr, node_faults_.excused())) {
+  // While they load a scenario and open ports, nodes may be silent: the limit of a command is theirs.
+  const bool flying = started_ != SteadyClock::time_point{};
+  for (const MemberNews& news : members_.Watch(flying ? nodes_->Nodes() : std::vector<dds::NodeLife>{},
+                                               processes_ ? &*processes_ : nullptr, node_faults_.excused())) {
     // Released, they go.
     if (releasing_) continue;
     switch (news.kind) {
@@ -404,18 +388,17 @@ void RealtimeConductor::WatchMembers() {
 
 void RealtimeConductor::FlyToTheEnd() {
   const auto duration = std::chrono::nanoseconds(scenario_.duration_ns);
-  while (!end_reason_) {
+  while (!outcome_.ended()) {
     Turn();
     CarryOutFaults();
     const auto now = SteadyClock::now();
-    if (end_reason_) break;
+    if (outcome_.ended()) break;
     if (!running_ && now - started_ > duration) {
       End(EndReason::kNeverStarted, NeverStartedText(scenario_));
     } else if (running_ && now - started_ > 2 * duration + kOverdueLimit) {
       End(EndReason::kNodeLost, fmt::format("the flight came to a stop at {:.3f} s", ToSeconds(sim_ns_)));
     }
   }
-  if (end_ns_ == 0) end_ns_ = sim_ns_;
 }
 
 void RealtimeConductor::CarryOutFaults() {
@@ -439,10 +422,10 @@ void RealtimeConductor::Restart(const std::string& role) {
   member.id = fmt::format("{}-{}", role, ++restart_count_ + 1);
   processes_->Start(role, member.id);
   Announce();
-  const bool back = Await(kCommandLimit, [&] { return end_reason_ || HasTakenScenario(member); });
+  const bool back = Await(kCommandLimit, [&] { return outcome_.ended() || HasTakenScenario(member); });
   if (!back) End(EndReason::kNodeLost, fmt::format("the {} node did not come back", role));
   for (const dds::Verb verb : {dds::Verb::kPrepare, dds::Verb::kArm, dds::Verb::kStart}) {
-    if (end_reason_) return;
+    if (outcome_.ended()) return;
     Command(verb, verb == dds::Verb::kArm ? ports_ : std::vector<dds::Port>{}, true, member.id);
   }
 }
@@ -474,18 +457,6 @@ void RealtimeConductor::GatherLogs() {
   }
   releasing_ = true;
   Command(dds::Verb::kRelease, {}, true);
-}
-
-// The first reason counts, but for trouble that shows only afterwards.
-void RealtimeConductor::End(EndReason reason, const std::string& text) {
-  const bool ended_well = end_reason_ == EndReason::kCompleted || end_reason_ == EndReason::kDiverged ||
-                          end_reason_ == EndReason::kGroundStrike;
-  const bool trouble = reason != EndReason::kCompleted && reason != EndReason::kDiverged &&
-                       reason != EndReason::kGroundStrike && reason != EndReason::kNeverStarted;
-  if (end_reason_ && !(ended_well && trouble)) return;
-  end_reason_ = reason;
-  end_text_ = text;
-  if (end_ns_ == 0) end_ns_ = sim_ns_;
 }
 
 }  // namespace

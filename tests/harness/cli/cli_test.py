@@ -116,7 +116,7 @@ class CliTest(unittest.TestCase):
     def test_usage_mistakes(self):
         self.scenario("hover")
         for arguments in (["--client", "nonsense"], ["--client", "library:missing.so"], ["--client", "serial:/dev/ttyUSB0"],
-                          ["--client", "process:./a"], ["--mode", "realtime"], ["--mode", "x"], ["-k", "and and"], ["-j", "0"], ["--repeat", "0"]):
+                          ["--client", "process:./a"], ["--mode", "x"], ["-k", "and and"], ["-j", "0"], ["--repeat", "0"]):
             code, out, err = self.tiltproof("run", ".", *arguments)
             self.assertEqual(code, 2, arguments)
             self.assertEqual(out, "", arguments)
