@@ -46,6 +46,7 @@ FlightMeans ChooseMeans(const RunOptions& options) {
   if (means.attach && options.client != "host")
     throw UsageError(
         "--attach: the firmware is that of the attached nodes; give --client to them, not to `run`");
+  if (means.attach) means.client.text = "attached";
   if (means.attach && options.jobs_count > 1)
     throw UsageError("--attach: the nodes fly one scenario at a time; drop -j");
   return means;
