@@ -42,7 +42,7 @@ struct RunInfo {
   std::uint64_t seed = 0;
   std::string mode = "lockstep";  // or "realtime"
   std::string client;             // --client as given
-  std::string build;   // harness/report/build_id.h; empty in the files of older versions
+  std::string build;              // harness/report/build_id.h; empty in the files of older versions
   std::vector<std::string> command;
   bool interrupted = false;
   std::string realtime_rights;  // in real time: the scheduling and memory that the nodes got
