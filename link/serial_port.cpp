@@ -325,7 +325,8 @@ SerialPort::LowLatency SerialPort::SetLowLatency(const std::filesystem::path& ro
   if (ioctl(descriptor, TIOCGSERIAL, &driver) == 0) {
     driver.flags |= ASYNC_LOW_LATENCY;
     ioctl(descriptor, TIOCSSERIAL, &driver);
-    achieved.driver = ioctl(descriptor, TIOCGSERIAL, &driver) == 0 && (driver.flags & ASYNC_LOW_LATENCY) != 0;
+    achieved.driver = ioctl(descriptor, TIOCGSERIAL, &driver) == 0 &&
+                      (static_cast<unsigned>(driver.flags) & ASYNC_LOW_LATENCY) != 0;
   }
   const std::filesystem::path file = LatencyTimerFile(state_->name(), root);
   achieved.latency_timer_ms = ReadLatencyTimer(state_->name(), root);
