@@ -44,7 +44,8 @@ ClientChoice ChooseClient(const std::string& client) {
     const std::size_t comma = devices->find(',');
     choice.device = devices->substr(0, comma);
     if (comma != std::string::npos) choice.reference_device = devices->substr(comma + 1);
-    if (choice.device.empty() || (comma != std::string::npos && choice.reference_device.empty()))
+    if (choice.device.empty() || (comma != std::string::npos && choice.reference_device.empty()) ||
+        choice.reference_device.find(',') != std::string::npos)
       throw UsageError(fmt::format("--client {}: must be serial:DEVICE or serial:DEVICE,DEVICE", client));
     return choice;
   }

@@ -7,7 +7,6 @@
 #include <net/if.h>
 #include <sched.h>
 #include <sys/resource.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -23,6 +22,9 @@
 #include <vector>
 
 #include "harness/cli/commands.h"
+#include "harness/cli/data_files.h"
+#include "harness/node/realtime_rights.h"
+#include "harness/scenario/scenario.h"
 #include "link/pty.h"
 #include "link/serial_devices.h"
 #include "link/serial_port.h"
@@ -32,11 +34,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::int64_t kBaud = 921'600;
+constexpr std::int64_t kBaud = LinkSpec::kReferenceBaud;  // the default of the main line, too
 // What an adapter may hold bytes back: the vehicle's delay margin is about 9 ms in all.
 constexpr int kLatencyTimerMax_ms = 1;
-// The nodes' real-time priority.
-constexpr int kPriority = 20;
 
 enum class Status { kOk, kWarn, kFail };
 
@@ -105,19 +105,13 @@ void CheckSerialDevices(const fs::path& root, Checks& checks) {
   }
 }
 
-// DEV[,REFDEV] of --client serial:...
 std::vector<std::string> ClientDevices(const std::string& client) {
-  constexpr std::string_view kPrefix = "serial:";
-  if (!client.starts_with(kPrefix))
+  const ClientChoice choice = ChooseClient(client);
+  if (choice.device.empty())
     throw UsageError(fmt::format("--client {}: doctor looks at serial:DEV[,REFDEV] alone", client));
-  const std::string devices = client.substr(kPrefix.size());
-  const auto comma = devices.find(',');
-  std::vector<std::string> parts = {devices.substr(0, comma)};
-  if (comma != std::string::npos) parts.push_back(devices.substr(comma + 1));
-  for (const auto& part : parts)
-    if (part.empty() || part.find(',') != std::string::npos)
-      throw UsageError(fmt::format("--client {}: expected serial:DEV or serial:DEV,REFDEV", client));
-  return parts;
+  std::vector<std::string> devices = {choice.device};
+  if (!choice.reference_device.empty()) devices.push_back(choice.reference_device);
+  return devices;
 }
 
 // As a flight would open them: both at once.
@@ -136,40 +130,24 @@ void CheckClientDevices(const std::vector<std::string>& devices, Checks& checks)
   }
 }
 
-// Tried in a child, so that this process stays as it is.
-bool MayRunInRealTime() {
-  const pid_t child = fork();
-  if (child < 0) return false;
-  if (child == 0) {
-    sched_param parameters{};
-    parameters.sched_priority = kPriority;
-    _exit(sched_setscheduler(0, SCHED_FIFO, &parameters) == 0 ? 0 : 1);
-  }
-  int status = 0;
-  pid_t ended = 0;
-  do ended = waitpid(child, &status, 0);
-  while (ended < 0 && errno == EINTR);
-  return ended == child && WIFEXITED(status) && WEXITSTATUS(status) == 0;
-}
-
-Check CheckRealTime() {
-  if (MayRunInRealTime())
-    return {
-        .name = "real-time priority", .text = fmt::format("SCHED_FIFO {} granted", kPriority), .advice = {}};
+Check CheckRealTime(const RealtimeRights& rights) {
+  if (rights.fifo)
+    return {.name = "real-time priority",
+            .text = fmt::format("SCHED_FIFO {} granted", kRealtimePriority),
+            .advice = {}};
   return {
       .name = "real-time priority",
       .status = Status::kWarn,
       .text = "not granted: flights in real time will be less punctual",
       .advice = fmt::format("a line `@dialout - rtprio {}` in /etc/security/limits.conf, then log out and in "
                             "again",
-                            kPriority)};
+                            kRealtimePriority)};
 }
 
-Check CheckLockedMemory() {
+Check CheckLockedMemory(const RealtimeRights& rights) {
+  if (rights.locked_memory) return {.name = "locked memory", .text = "unlimited", .advice = {}};
   rlimit limit{};
   getrlimit(RLIMIT_MEMLOCK, &limit);
-  if (geteuid() == 0 || limit.rlim_cur == RLIM_INFINITY)
-    return {.name = "locked memory", .text = "unlimited", .advice = {}};
   return {
       .name = "locked memory",
       .status = Status::kWarn,
@@ -288,8 +266,9 @@ int DoctorCommand(const DoctorOptions& options) {
       options.client.empty() ? std::vector<std::string>{} : ClientDevices(options.client);
   checks.push_back(CheckProcessors());
   checks.push_back(CheckGovernor(options.root));
-  checks.push_back(CheckRealTime());
-  checks.push_back(CheckLockedMemory());
+  const RealtimeRights rights = ProbeRealtimeRights();
+  checks.push_back(CheckRealTime(rights));
+  checks.push_back(CheckLockedMemory(rights));
   checks.push_back(CheckPseudoTerminals());
   checks.push_back(CheckInterface("lo"));
   if (!options.interface.empty() && options.interface != "lo")

@@ -23,8 +23,6 @@
 namespace tiltproof::harness {
 namespace {
 
-constexpr std::int64_t kReferenceBaud = 921'600;
-
 FlightMeans ChooseMeans(const RunOptions& options) {
   FlightMeans means;
   means.client = ChooseClient(options.client);
@@ -68,7 +66,7 @@ void CheckPorts(const ClientChoice& client, const LinkSpec& link) {
     if (device.empty()) continue;
     try {
       ports.push_back(std::make_unique<link::SerialPort>(
-          loop, device, ports.empty() && !link.ideal ? link.baud : kReferenceBaud));
+          loop, device, ports.empty() ? link.port_baud() : LinkSpec::kReferenceBaud));
     } catch (const std::runtime_error& error) {
       const std::string text = fmt::format("--client {}: {}", client.text, error.what());
       std::error_code ignored;

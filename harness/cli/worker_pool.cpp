@@ -14,6 +14,7 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
+#include <functional>
 #include <optional>
 
 #include "harness/client/firmware_guard.h"
@@ -81,8 +82,7 @@ ScenarioResult ErrorResult(const FlightJob& job, const std::string& reason) {
 }
 
 // What the monitors of a flight in real time are told of its score.
-dds::Score Announced(const FlightJob& job, const RunLog& log) {
-  const ScenarioResult result = MakeResult(job.folder.filename(), job.scenario, log, job.replay);
+dds::Score Announced(const ScenarioResult& result) {
   dds::Score score;
   score.scenario = result.name;
   score.verdict = Name(result.score.verdict);
@@ -91,7 +91,9 @@ dds::Score Announced(const FlightJob& job, const RunLog& log) {
   return score;
 }
 
-RunLog FlyByMeans(const FlightJob& job, std::atomic<std::int64_t>* progress_ns) {
+// `score` makes the result, which a flight in real time announces before it leaves the bus.
+RunLog FlyByMeans(const FlightJob& job, std::atomic<std::int64_t>* progress_ns,
+                  const std::function<const ScenarioResult&(const RunLog&)>& score) {
   const Scenario& scenario = job.scenario;
   const FlightMeans& means = job.means;
   if (means.realtime)
@@ -104,7 +106,7 @@ RunLog FlyByMeans(const FlightJob& job, std::atomic<std::int64_t>* progress_ns) 
                         .domain = means.domain,
                         .interface = means.interface,
                         .peers = means.peers,
-                        .score = [&](const RunLog& log) { return Announced(job, log); },
+                        .score = [&](const RunLog& log) { return Announced(score(log)); },
                         .progress_ns = progress_ns,
                         .interrupted = &interrupted});
   if (means.distributed)
@@ -128,14 +130,19 @@ RunLog FlyByMeans(const FlightJob& job, std::atomic<std::int64_t>* progress_ns) 
 // `cut_short`: set when a signal ended the flight.
 ScenarioResult FlyJob(const FlightJob& job, std::atomic<std::int64_t>* progress_ns, bool& cut_short) {
   const Scenario& scenario = job.scenario;
-  const RunLog log = FlyByMeans(job, progress_ns);
+  std::optional<ScenarioResult> result;
+  const auto score = [&](const RunLog& log) -> const ScenarioResult& {
+    if (!result) result = MakeResult(job.folder.filename(), scenario, log, job.replay);
+    return *result;
+  };
+  const RunLog log = FlyByMeans(job, progress_ns, score);
   cut_short = log.end_reason == EndReason::kInterrupted;
   // Scoring and writing are progress too, for whoever watches.
   progress_ns->fetch_add(1, std::memory_order_relaxed);
-  ScenarioResult result = MakeResult(job.folder.filename(), scenario, log, job.replay);
+  score(log);
   progress_ns->fetch_add(1, std::memory_order_relaxed);
   WriteFlight(job.folder, scenario, log);
-  return result;
+  return std::move(*result);
 }
 
 // In the worker: flies, writes the scenario's folder, exits. Never returns.

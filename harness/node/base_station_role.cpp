@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <boost/asio/post.hpp>
 #include <cstdlib>
 
 #include "harness/node/reference_sender.h"
@@ -18,11 +17,7 @@ class BaseStationRole final : public Role {
   explicit BaseStationRole(NodeServices& services)
       : services_(services),
         sender_(services),
-        states_(services.bus(), [this, &loop = services.loop(), alive = std::weak_ptr(alive_)] {
-          boost::asio::post(loop, [this, alive] {
-            if (!alive.expired()) OnStates();
-          });
-        }) {}
+        states_(services.bus(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {}
 
   Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
     trajectory_.emplace(loaded.scenario.reference);

@@ -45,7 +45,7 @@ class CommandRole final : public Role {
 
   void Start() override {
     power_on_ns_ = services_.clock().Now();
-    const std::string baud = std::to_string(scenario_.link.ideal ? 921'600 : scenario_.link.baud);
+    const std::string baud = std::to_string(scenario_.link.port_baud());
     ChildSpec spec;
     spec.command = {"/bin/sh", "-c",
                     Filled(command_, {{"port", port_}, {"reference_port", reference_port_}, {"baud", baud}})};

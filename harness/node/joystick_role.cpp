@@ -1,5 +1,4 @@
 #include <fmt/format.h>
-#include <boost/asio/post.hpp>
 
 #include "harness/node/joystick_input.h"
 #include "harness/node/joystick_reference.h"
@@ -17,11 +16,7 @@ class JoystickRole final : public Role {
       : services_(services),
         source_(options.joystick_source),
         sender_(services),
-        states_(services.bus(), [this, &loop = services.loop(), alive = std::weak_ptr(alive_)] {
-          boost::asio::post(loop, [this, alive] {
-            if (!alive.expired()) OnStates();
-          });
-        }) {}
+        states_(services.bus(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {}
 
   Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
     input_ = OpenJoystick(source_);

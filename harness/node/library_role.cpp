@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <array>
-#include <boost/asio/post.hpp>
 #include <functional>
 #include <optional>
 #include <utility>
@@ -26,11 +25,7 @@ class LibraryRole final : public Role {
       : services_(services),
         library_(options.firmware_library),
         timer_(services.loop()),
-        states_(services.bus(), [this, &loop = services.loop(), alive = std::weak_ptr(alive_)] {
-          boost::asio::post(loop, [this, alive] {
-            if (!alive.expired()) OnStates();
-          });
-        }) {}
+        states_(services.bus(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {}
 
   Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
     scenario_ = loaded.scenario;
@@ -50,8 +45,8 @@ class LibraryRole final : public Role {
   }
 
   void Arm(const Ports& ports) override {
-    Open(Uart::kMain, FindPort(ports, "client"), scenario_.link.ideal ? 921'600 : scenario_.link.baud);
-    Open(Uart::kReference, FindPort(ports, "client_reference"), 921'600);
+    Open(Uart::kMain, FindPort(ports, "client"), scenario_.link.port_baud());
+    Open(Uart::kReference, FindPort(ports, "client_reference"), LinkSpec::kReferenceBaud);
   }
 
   void Start() override {
@@ -101,9 +96,10 @@ class LibraryRole final : public Role {
         });
   }
 
-  TimeNs Now() const { return services_.clock().Now() - power_on_ns_; }
+  // The client's clock never goes back, not even when a fault sets it.
+  TimeNs Now() { return now_ns_ = std::max(now_ns_, services_.clock().Now() - power_on_ns_); }
   // What the firmware says of the time, within reason.
-  TimeNs Plausible(TimeNs now) const {
+  TimeNs Plausible(TimeNs now) {
     return power_on_ns_ == kNever ? 0 : std::clamp<TimeNs>(now, 0, std::max<TimeNs>(Now(), 0) + kNsPerS);
   }
 
@@ -166,6 +162,7 @@ class LibraryRole final : public Role {
   std::array<std::unique_ptr<link::SerialPort>, 2> ports_;
   boost::asio::steady_timer timer_;
   TimeNs power_on_ns_ = kNever;
+  TimeNs now_ns_ = 0;  // the latest told
   TimeNs transmitter_free_ns_ = 0;
   TimeNs origin_ns_ = kNever;  // of t = 0, in the plant's clock: that of this machine
   std::vector<std::pair<TimeNs, std::string>> lines_;

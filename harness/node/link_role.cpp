@@ -1,11 +1,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <boost/asio/post.hpp>
 #include <utility>
 
 #include "harness/node/pty_canary.h"
 #include "harness/node/roles.h"
+#include "harness/run/framed.h"
 #include "link/messages.h"
 #include "link/pty.h"
 #include "link/serial_port.h"
@@ -28,17 +28,10 @@ class LinkRole final : public Role {
         client_device_(options.client_port),
         reference_device_(options.client_reference_port),
         timer_(services.loop()),
-        references_(services.bus(), [this, &loop = services.loop(), alive = std::weak_ptr(alive_)] {
-          boost::asio::post(loop, [this, alive] {
-            if (!alive.expired()) OnReferences();
-          });
-        }) {}
+        references_(services.bus(), InLoop(services.loop(), alive_, [this] { OnReferences(); })) {}
 
   Ports Prepare(const LoadedScenario& loaded, const Ports& given) override {
-    if (const std::string path = FindPort(given, "client"); !path.empty()) client_device_ = path;
-    if (const std::string path = FindPort(given, "client_reference"); !path.empty()) reference_device_ = path;
     client_is_library_ = FindPort(given, "client_kind") == "library";
-    const LinkSpec& link = loaded.scenario.link;
     // At a real port the hardware takes the bytes' time, and its adapter its own.
     scenario_ = loaded.scenario;
     if (!client_device_.empty()) scenario_.link.adapter_latency_ms = 0;
@@ -46,10 +39,10 @@ class LinkRole final : public Role {
     plant_ = std::make_unique<link::Pty>(services_.loop());
     base_station_ = std::make_unique<link::Pty>(services_.loop());
     Ports ports = {{"plant", plant_->slave_path()}, {"base_station", base_station_->slave_path()}};
-    const std::int64_t baud = link.ideal ? 921'600 : link.baud;
-    Open(client_device_, baud, client_pty_, client_serial_, "client", ports);
+    Open(client_device_, scenario_.link.port_baud(), client_pty_, client_serial_, "client", ports);
     if (client_device_.empty() || !reference_device_.empty())
-      Open(reference_device_, 921'600, reference_pty_, reference_serial_, "client_reference", ports);
+      Open(reference_device_, LinkSpec::kReferenceBaud, reference_pty_, reference_serial_, "client_reference",
+           ports);
     return ports;
   }
 
@@ -91,11 +84,6 @@ class LinkRole final : public Role {
     SampleCounts(now);
     LineLog log = line_->TakeLog(std::min(now, origin + scenario_.duration_ns));
     services_.log().Write(log, origin, std::exchange(samples_, {}));
-    log.link = {};
-    log.reply_latency_ns.clear();
-    log.client_round_trip_ns.clear();
-    log.events.clear();
-    log.activations.clear();
     NodeTotals totals;
     totals.line = std::move(log);
     return totals;
@@ -143,9 +131,8 @@ class LinkRole final : public Role {
       ReferenceTruth truth;
       for (std::size_t i = 0; i < kReferenceCount; ++i)
         truth.*kReferenceFields[i].in_double = reference.values[i];
-      const link::MessageBytes message = link::EncodeReference(ToFloat(truth, kReferenceFields));
-      std::array<std::uint8_t, link::FrameBytesMax(link::kMessageBytesMax)> frame;
-      Transmit(Direction::kReference, link::EncodeFrame(message.span(), frame).bytes);
+      Transmit(Direction::kReference,
+               Framed(link::EncodeReference(ToFloat(truth, kReferenceFields))).bytes());
     }
   }
 

@@ -12,6 +12,7 @@
 #include <csignal>
 #include <utility>
 
+#include "harness/dds/qos.h"
 #include "harness/node/realtime_rights.h"
 #include "harness/run/run_id.h"
 
@@ -21,7 +22,7 @@ namespace {
 namespace asio = boost::asio;
 using std::chrono::milliseconds;
 
-constexpr milliseconds kHeartbeatPeriod{50};
+constexpr std::chrono::nanoseconds kHeartbeatPeriod{dds::kHeartbeatPeriodNs};
 // Time in which a node that runs already is heard.
 constexpr milliseconds kListenFirst{1'000};
 // A harness that is not heard for so long is gone for good; a partition of the network heals sooner.
@@ -328,6 +329,15 @@ std::string FindPort(const Ports& ports, std::string_view name) {
   for (const auto& port : ports)
     if (port.name == name) return port.path;
   return {};
+}
+
+std::function<void()> InLoop(asio::io_context& loop, const std::shared_ptr<char>& alive,
+                             std::function<void()> look) {
+  return [&loop, weak = std::weak_ptr(alive), look = std::move(look)] {
+    asio::post(loop, [weak, look] {
+      if (!weak.expired()) look();
+    });
+  };
 }
 
 PeriodicTimer::PeriodicTimer(NodeServices& services, TimeNs first, TimeNs period,

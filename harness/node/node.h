@@ -45,6 +45,11 @@ using Ports = std::vector<dds::Port>;
 // The path of a port; empty when there is none of that name.
 std::string FindPort(const Ports& ports, std::string_view name);
 
+// A callback for subscribers, which are called in threads of DDS: has the loop call `look`, as long as `alive`
+// exists.
+std::function<void()> InLoop(boost::asio::io_context& loop, const std::shared_ptr<char>& alive,
+                             std::function<void()> look);
+
 // What a node does for its role.
 class NodeServices {
  public:

@@ -27,9 +27,8 @@ class PlantRole final : public Role {
   }
 
   void Arm(const Ports& ports) override {
-    port_ = std::make_unique<link::SerialPort>(
-        services_.loop(), FindPort(ports, "plant"),
-        loaded_.scenario.link.ideal ? 921'600 : loaded_.scenario.link.baud);
+    port_ = std::make_unique<link::SerialPort>(services_.loop(), FindPort(ports, "plant"),
+                                               loaded_.scenario.link.port_baud());
     port_->Start([this](std::span<const std::uint8_t> bytes) { OnBytes(bytes); },
                  [this](const std::string& reason) {
                    services_.Fail(EndReason::kNodeLost, "the plant's port is gone: " + reason);
@@ -46,11 +45,6 @@ class PlantRole final : public Role {
     port_.reset();
     PlantLog log = server_->TakeLog();
     services_.log().Write(log);
-    log.rows.clear();
-    log.request_times_ns.clear();
-    log.actuator_times_ns.clear();
-    log.events.clear();
-    log.activations.clear();
     NodeTotals totals;
     totals.plant = std::move(log);
     return totals;

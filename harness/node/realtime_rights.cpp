@@ -6,11 +6,10 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <cerrno>
+
 namespace tiltproof::harness {
 namespace {
-
-// In the middle of what user programs take: above everything ordinary, below the kernel's own threads.
-constexpr int kPriority = 20;
 
 // With a limit, a later allocation beyond it would fail and end the node: then rather not at all.
 bool MayLockMemory() {
@@ -23,7 +22,7 @@ bool MayLockMemory() {
 RealtimeRights AcquireRealtimeRights() {
   RealtimeRights rights;
   sched_param parameters{};
-  parameters.sched_priority = kPriority;
+  parameters.sched_priority = kRealtimePriority;
   rights.fifo = sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &parameters) == 0;
   rights.locked_memory = MayLockMemory() && mlockall(MCL_CURRENT | MCL_FUTURE) == 0;
   return rights;
@@ -38,7 +37,7 @@ RealtimeRights ProbeRealtimeRights() {
     _exit((got.fifo ? 1 : 0) | (got.locked_memory ? 2 : 0));
   }
   int status = 0;
-  while (waitpid(pid, &status, 0) < 0) {
+  while (waitpid(pid, &status, 0) < 0 && errno == EINTR) {
   }
   if (WIFEXITED(status)) {
     rights.fifo = (WEXITSTATUS(status) & 1) != 0;

@@ -6,6 +6,9 @@
 
 namespace tiltproof::harness {
 
+// In the middle of what user programs take: above everything ordinary, below the kernel's own threads.
+inline constexpr int kRealtimePriority = 20;
+
 struct RealtimeRights {
   bool fifo = false;           // SCHED_FIFO for the calling thread
   bool locked_memory = false;  // no page of this process leaves memory

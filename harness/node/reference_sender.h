@@ -2,11 +2,10 @@
 // the link node, else over the bus to the link node, which has the cable.
 #pragma once
 
-#include <array>
 #include <memory>
 
 #include "harness/node/node.h"
-#include "link/frame.h"
+#include "harness/run/framed.h"
 #include "link/messages.h"
 #include "link/serial_port.h"
 
@@ -20,7 +19,7 @@ class ReferenceSender {
   void Open(const Ports& ports) {
     const std::string path = FindPort(ports, "base_station");
     if (path.empty()) return;
-    port_ = std::make_unique<link::SerialPort>(services_.loop(), path, 921'600);
+    port_ = std::make_unique<link::SerialPort>(services_.loop(), path, LinkSpec::kReferenceBaud);
     port_->Start([](std::span<const std::uint8_t>) {},
                  [this](const std::string& reason) {
                    services_.Fail(EndReason::kNodeLost, "the reference line is gone: " + reason);
@@ -29,9 +28,7 @@ class ReferenceSender {
 
   void Send(TimeNs time_ns, const ReferenceTruth& reference) {
     if (port_) {
-      const link::MessageBytes message = link::EncodeReference(ToFloat(reference, kReferenceFields));
-      std::array<std::uint8_t, link::FrameBytesMax(link::kMessageBytesMax)> frame;
-      port_->Write(link::EncodeFrame(message.span(), frame).bytes);
+      port_->Write(Framed(link::EncodeReference(ToFloat(reference, kReferenceFields))).bytes());
       return;
     }
     dds::Reference out;

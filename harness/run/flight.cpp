@@ -10,8 +10,8 @@
 
 #include "harness/client/firmware_guard.h"
 #include "harness/reference/trajectory.h"
+#include "harness/run/framed.h"
 #include "harness/run/merge_logs.h"
-#include "link/frame.h"
 #include "link/messages.h"
 
 namespace tiltproof::harness {
@@ -161,10 +161,8 @@ bool Conductor::DeliverToClient(TimeNs now) {
 
 // The base station follows the simulation's clock (paper, section 2.2, Figure 6).
 void Conductor::SendReference(TimeNs now) {
-  const link::MessageBytes message =
-      link::EncodeReference(ToFloat(trajectory_.At(SimTime(now)), kReferenceFields));
-  std::array<std::uint8_t, link::FrameBytesMax(link::kMessageBytesMax)> frame;
-  line_.Transmit(Direction::kReference, now, link::EncodeFrame(message.span(), frame).bytes);
+  const Framed frame(link::EncodeReference(ToFloat(trajectory_.At(SimTime(now)), kReferenceFields)));
+  line_.Transmit(Direction::kReference, now, frame.bytes());
   next_reference_ns_ = now + kControlPeriodNs;
   if (options_.progress_ns != nullptr) options_.progress_ns->store(SimTime(now), std::memory_order_relaxed);
 }

@@ -17,8 +17,7 @@ constexpr std::size_t kRepliesMax = 256;
 constexpr std::array kDirections = {Direction::kToPlant, Direction::kToClient, Direction::kReference};
 
 std::int64_t MainBaud(const LinkSpec& link) { return link.ideal ? 0 : link.baud; }
-// The second serial line keeps the paper's rate whatever the first one's is.
-std::int64_t ReferenceBaud(const LinkSpec& link) { return link.ideal ? 0 : 921'600; }
+std::int64_t ReferenceBaud(const LinkSpec& link) { return link.ideal ? 0 : LinkSpec::kReferenceBaud; }
 
 }  // namespace
 

@@ -52,6 +52,22 @@ void Append(RunLog& log, LineLog&& part, TimeNs origin) {
   log.resync_max_ns = part.resync_max_ns;
 }
 
+void DropRecords(PlantLog& part) {
+  part.rows.clear();
+  part.request_times_ns.clear();
+  part.actuator_times_ns.clear();
+  part.events.clear();
+  part.activations.clear();
+}
+
+void DropRecords(LineLog& part) {
+  part.link = {};
+  part.reply_latency_ns.clear();
+  part.client_round_trip_ns.clear();
+  part.events.clear();
+  part.activations.clear();
+}
+
 void SortByTime(RunLog& log) {
   const auto earlier = [](const auto& a, const auto& b) { return a.time_ns < b.time_ns; };
   std::stable_sort(log.events.begin(), log.events.end(), earlier);

@@ -12,6 +12,10 @@ namespace tiltproof::harness {
 void Append(RunLog& log, PlantLog&& part);
 void Append(RunLog& log, LineLog&& part, TimeNs origin);
 
+// Leaves the totals of a part.
+void DropRecords(PlantLog& part);
+void DropRecords(LineLog& part);
+
 // After the last Append: in order of time, each kind of record.
 void SortByTime(RunLog& log);
 

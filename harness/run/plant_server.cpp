@@ -5,6 +5,7 @@
 #include <string>
 #include <utility>
 
+#include "harness/run/framed.h"
 #include "link/messages.h"
 
 namespace tiltproof::harness {
@@ -94,9 +95,7 @@ void LocalPlantServer::AnswerSensorRequest(TimeNs arrival, const Reply& reply) {
   Sensors sensors = ToFloat(plant_.ReadSensors(FrameOf(scenario_.angular_rates)), kSensorFields);
   faults_.EditSensors(sampled, sensors, arrival);
   sensed_ = sensors;
-  const link::MessageBytes message = link::EncodeSensors(sensors);
-  std::array<std::uint8_t, link::FrameBytesMax(link::kMessageBytesMax)> frame;
-  reply(link::EncodeFrame(message.span(), frame).bytes);
+  reply(Framed(link::EncodeSensors(sensors)).bytes());
   if (state_.started()) log_.request_times_ns.push_back(SimTime(arrival));
 }
 

@@ -29,6 +29,11 @@ struct LinkSpec {
   std::int64_t baud = 921'600;
   link::Dialect dialect = link::Dialect::kPaper;
   double adapter_latency_ms = 0.0;
+
+  // The second serial line keeps the paper's rate whatever the first one's is.
+  static constexpr std::int64_t kReferenceBaud = 921'600;
+  // What a serial port is set to; on an ideal line the port's rate does not matter.
+  std::int64_t port_baud() const { return ideal ? 921'600 : baud; }
   friend bool operator==(const LinkSpec&, const LinkSpec&) = default;
 };
 

@@ -204,8 +204,10 @@ void LogPublisher::Retry() {
   while (listened_ && !waiting_.empty() && TrySend(waiting_.front())) waiting_.pop_front();
 }
 
-void LogPublisher::Close(const NodeTotals& totals) {
+void LogPublisher::Close(NodeTotals totals) {
   Retry();
+  if (totals.line) DropRecords(*totals.line);
+  if (totals.plant) DropRecords(*totals.plant);
   Packer packer;
   packer(totals);
   last_.payload.assign(packer.bytes().begin(), packer.bytes().end());
@@ -224,9 +226,8 @@ LogCollector::LogCollector(dds::Bus& bus, const Scenario& scenario, std::string 
   log_.trace = Trace(FlightColumns(scenario));
 }
 
-std::vector<RunEvent> LogCollector::Drain() {
+void LogCollector::Drain() {
   const auto ours = [&](const auto& message) { return message.run_id == run_id_; };
-  std::vector<RunEvent> fresh;
   for (auto& tap : taps_.Take()) {
     if (!ours(tap)) continue;
     for (auto& frame : tap.frames) {
@@ -250,10 +251,9 @@ std::vector<RunEvent> LogCollector::Drain() {
     if (event.kind == kFirmwareLogKind) {
       log_.firmware_log += fmt::format("{:.6f} {}\n", ToSeconds(event.time_ns), event.text);
     } else {
-      fresh.push_back({event.time_ns, std::move(event.kind), std::move(event.text)});
+      log_.events.push_back({event.time_ns, std::move(event.kind), std::move(event.text)});
     }
   }
-  log_.events.insert(log_.events.end(), fresh.begin(), fresh.end());
   for (auto& rows : rows_.Take()) {
     const std::size_t columns = rows.column_count;
     const bool of_plant = columns == log_.trace.columns().size();
@@ -282,7 +282,6 @@ std::vector<RunEvent> LogCollector::Drain() {
     const std::string node_id = report.report.node_id;
     reports_.emplace(node_id, std::move(report));
   }
-  return fresh;
 }
 
 std::optional<faults::Activation> LogCollector::FromMessage(dds::FaultActivation&& message) const {

@@ -56,8 +56,8 @@ struct Lateness {
 // What a node knows only at its end.
 struct NodeTotals {
   Lateness lateness;
-  std::optional<LineLog> line;    // totals alone
-  std::optional<PlantLog> plant;  // totals alone
+  std::optional<LineLog> line;  // of the logs the totals alone cross the bus
+  std::optional<PlantLog> plant;
   std::optional<ClientStatus> client;
 };
 
@@ -79,8 +79,8 @@ class LogPublisher {
   void Write(const RunEvent& event);
   // Sends again what did not fit the bus. Called now and then.
   void Retry();
-  // The node's last word. What is still waiting is given up after a while.
-  void Close(const NodeTotals& totals);
+  // The node's last word. Records in its logs are dropped: they have been written.
+  void Close(NodeTotals totals);
 
  private:
   int MatchedCount() const;
@@ -118,13 +118,12 @@ class LogCollector {
   LogCollector(dds::Bus& bus, const Scenario& scenario, std::string run_id,
                const std::function<void()>& on_data);
 
-  // Takes what has arrived. Returns the events among it, for display.
-  std::vector<RunEvent> Drain();
+  // Takes what has arrived.
+  void Drain();
   // The node's report is here, and every message that it counts.
   bool Complete(const std::string& node_id) const;
   // What is missing of a node's log, for a person; empty when nothing is.
   std::string Missing(const std::string& node_id) const;
-  bool HasReport(const std::string& node_id) const { return reports_.contains(node_id); }
   // The flight as far as it is known: end_reason and what only the harness knows are the caller's.
   RunLog Take(TimeNs end_ns);
 

@@ -41,20 +41,14 @@ bool Members::Adopt(const std::vector<dds::NodeLife>& nodes, bool board, const s
       instead = fmt::format("free node: {} is in another run", node.last.node_id);
       continue;
     }
-    bool is_library = false;
+    Member& member = members_.emplace_back();
+    member.id = member.role = node.last.node_id;
+    member.kind = node.last.kind;
+    member.host = node.last.host;
     for (const auto& capability : node.last.capabilities) {
       board |= capability.starts_with("client_port=");
-      is_library |= capability == "firmware=library";
+      member.is_library |= capability == "firmware=library";
     }
-    members_.push_back({node.last.node_id,
-                        node.last.node_id,
-                        node.last.kind,
-                        node.last.host,
-                        is_library,
-                        false,
-                        false,
-                        {},
-                        {}});
   }
   std::sort(members_.begin(), members_.end(), [](const Member& a, const Member& b) { return a.id < b.id; });
   const auto count = [&](NodeKind kind) {
@@ -87,9 +81,8 @@ void Members::CheckHosts() const {
 }
 
 std::vector<MemberNews> Members::Watch(const std::vector<dds::NodeLife>& nodes, NodeProcesses* processes,
-                                       const std::set<std::string>& excused) {
+                                       const std::set<std::string>& excused, SteadyClock::time_point now) {
   std::vector<MemberNews> news;
-  const auto now = SteadyClock::now();
   const auto is_excused = [&](const std::string& role) {
     return excused.contains(role) || excused.contains("all");
   };
@@ -98,7 +91,8 @@ std::vector<MemberNews> Members::Watch(const std::vector<dds::NodeLife>& nodes, 
       ChildProcess* process = processes->Find(name);
       if (process == nullptr || process->Alive() || is_excused(name)) continue;
       // Not yet a member when it ends while it begins.
-      Member unknown{name, name, NodeKind::kPlant, {}, false, false, false, {}, {}};
+      Member unknown;
+      unknown.id = name;
       Member* member = FindRole(name);
       Lose(member != nullptr ? *member : unknown, process->ExitText().value_or("has ended"), news);
     }

@@ -54,7 +54,8 @@ class Members {
   // stays away for kPartitionLimit. A client that falls silent together with others of its host is no fault of
   // the firmware. Roles in `excused` are kept away by a fault.
   std::vector<MemberNews> Watch(const std::vector<dds::NodeLife>& nodes, NodeProcesses* processes,
-                                const std::set<std::string>& excused);
+                                const std::set<std::string>& excused,
+                                std::chrono::steady_clock::time_point now);
 
   std::vector<Member>& all() { return members_; }
   const std::vector<Member>& all() const { return members_; }

@@ -14,6 +14,7 @@
 
 #include "harness/dds/bus.h"
 #include "harness/dds/domain_slot.h"
+#include "harness/dds/qos.h"
 #include "harness/run/flight.h"
 #include "harness/run/merge_logs.h"
 #include "harness/run/realtime/log_messages.h"
@@ -32,16 +33,15 @@ using dds::NodeKind;
 using std::chrono::milliseconds;
 
 constexpr milliseconds kTurn{5};
-constexpr milliseconds kHeartbeatPeriod{50};
+constexpr std::chrono::nanoseconds kHeartbeatPeriod{dds::kHeartbeatPeriodNs};
 constexpr milliseconds kFindLimit{10'000};
 constexpr milliseconds kCommandLimit{10'000};
 // After the end: time for what a partition of the network held up.
 constexpr milliseconds kLogLimit{8'000};
-// An attached node on another host may only be cut off for a moment: it is lost when it stays away.
-constexpr milliseconds kPartitionLimit{5'000};
 constexpr milliseconds kScoreLimit{200};
 // A flight on the plant's clock that is so much longer than it should be has come to a stop.
 constexpr milliseconds kOverdueLimit{5'000};
+
 struct Interrupted {};
 
 class RealtimeConductor {
@@ -185,6 +185,7 @@ RunLog RealtimeConductor::Run() {
   log.events.insert(log.events.end(), events_.begin(), events_.end());
   node_faults_.AppendTo(log);
   CountLateness(log);
+  SortByTime(log);
   if (options_.score) {
     dds::Score score = options_.score(log);
     score.run_id = run_id_;
@@ -192,7 +193,6 @@ RunLog RealtimeConductor::Run() {
     scores.Write(score);
     scores.WaitForAcks(kScoreLimit.count() * kNsPerMs);
   }
-  SortByTime(log);
   return log;
 }
 
@@ -290,11 +290,10 @@ std::map<std::string, dds::RunAck> RealtimeConductor::Command(dds::Verb verb,
                                               Name(verb), kCommandLimit.count() / 1000));
       continue;
     }
-    if (!found->second.ok && !outcome_.ended()) {
-      // What the firmware's library or program says no to is its own affair; the rest is ours.
+    // A firmware that crashes while it is loaded tells so itself, once the flight has begun; this is ours.
+    if (!found->second.ok && !outcome_.ended())
       End(EndReason::kHarnessError,
           fmt::format("the {} node cannot {}: {}", member.id, Name(verb), found->second.text));
-    }
     answers.emplace(member.id, found->second);
   }
   if (outcome_.ended() && !tolerate_lost) throw std::runtime_error(outcome_.text());
@@ -365,8 +364,9 @@ void RealtimeConductor::OnStates() {
 void RealtimeConductor::WatchMembers() {
   // While they load a scenario and open ports, nodes may be silent: the limit of a command is theirs.
   const bool flying = started_ != SteadyClock::time_point{};
-  for (const MemberNews& news : members_.Watch(flying ? nodes_->Nodes() : std::vector<dds::NodeLife>{},
-                                               processes_ ? &*processes_ : nullptr, node_faults_.excused())) {
+  for (const MemberNews& news :
+       members_.Watch(flying ? nodes_->Nodes() : std::vector<dds::NodeLife>{},
+                      processes_ ? &*processes_ : nullptr, node_faults_.excused(), SteadyClock::now())) {
     // Released, they go.
     if (releasing_) continue;
     switch (news.kind) {

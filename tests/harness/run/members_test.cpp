@@ -114,13 +114,9 @@ class WatchTest : public ::testing::Test {
     ASSERT_TRUE(members_.Adopt(nodes_, false, "run", missing));
   }
   std::vector<MemberNews> Watch(const std::set<std::string>& excused = {}) {
-    return members_.Watch(nodes_, nullptr, excused);
+    return members_.Watch(nodes_, nullptr, excused, now_);
   }
-  // As if it had begun to be silent that much earlier.
-  void Age(NodeKind kind, std::chrono::milliseconds by) {
-    for (Member& member : members_.all())
-      if (member.kind == kind) *member.silent_since -= by;
-  }
+  std::chrono::steady_clock::time_point now_{std::chrono::hours(1)};
   std::vector<NodeLife> nodes_ = Fleet();
   Members members_;
 };
@@ -135,7 +131,7 @@ TEST_F(WatchTest, ACutOffNodeIsSilentThenBack) {
   EXPECT_EQ(news[0].role, "plant");
   EXPECT_TRUE(members_.AnySilent());
   EXPECT_THAT(Watch(), IsEmpty());
-  Age(NodeKind::kPlant, Members::kPartitionLimit - std::chrono::milliseconds(1000));
+  now_ += Members::kPartitionLimit;
   EXPECT_THAT(Watch(), IsEmpty());
   Of(nodes_, NodeKind::kPlant).alive = true;
   news = Watch();
@@ -148,7 +144,7 @@ TEST_F(WatchTest, ACutOffNodeIsSilentThenBack) {
 TEST_F(WatchTest, AFirmwaresNodeThatStaysAwayIsLostOnceAndForAll) {
   Of(nodes_, NodeKind::kClient).alive = false;
   EXPECT_EQ(Watch().size(), 1u);
-  Age(NodeKind::kClient, Members::kPartitionLimit * 2);
+  now_ += Members::kPartitionLimit + std::chrono::milliseconds(1);
   const auto news = Watch();
   ASSERT_EQ(news.size(), 1u);
   EXPECT_EQ(news[0].kind, MemberNews::Kind::kLost);
@@ -163,11 +159,22 @@ TEST_F(WatchTest, AFirmwaresNodeThatStaysAwayIsLostOnceAndForAll) {
 TEST_F(WatchTest, NoFirmwareIsBlamedWhenOthersAreSilentToo) {
   for (const NodeKind kind : {NodeKind::kLink, NodeKind::kClient}) Of(nodes_, kind).alive = false;
   EXPECT_EQ(Watch().size(), 2u);
-  for (const NodeKind kind : {NodeKind::kLink, NodeKind::kClient}) Age(kind, Members::kPartitionLimit * 2);
+  now_ += Members::kPartitionLimit + std::chrono::milliseconds(1);
   for (const MemberNews& news : Watch()) {
     EXPECT_EQ(news.kind, MemberNews::Kind::kLost);
     EXPECT_FALSE(news.firmware) << news.text;
   }
+}
+
+// What a fault keeps silent says nothing about the others of its host.
+TEST_F(WatchTest, AFirmwareIsBlamedWhileAFaultKeepsAnotherNodeAway) {
+  for (const NodeKind kind : {NodeKind::kBaseStation, NodeKind::kClient}) Of(nodes_, kind).alive = false;
+  EXPECT_EQ(Watch({"base_station"}).size(), 2u);
+  now_ += Members::kPartitionLimit + std::chrono::milliseconds(1);
+  bool blamed = false;
+  for (const MemberNews& news : Watch({"base_station"})) blamed |= news.firmware;
+  EXPECT_TRUE(blamed);
+  EXPECT_FALSE(members_.AnySilent());
 }
 
 TEST_F(WatchTest, WhoIsNoMemberDoesNotMatter) {
