@@ -79,8 +79,6 @@ class Publisher {
   bool Write(const T& message);
   // How many subscribers listen now. One that died without a word counts for up to 10 s more.
   int MatchedCount() const;
-  // Says that this publisher is alive, without a message. Once it was late, only a message revives it.
-  void AssertLiveliness();
   // Waits until every subscriber has everything: a node does so before it leaves. False after `limit_ns`.
   bool WaitForAcks(std::int64_t limit_ns);
   // Ends the instance named by the keys of `message`: who comes late gets nothing of it any more, and its

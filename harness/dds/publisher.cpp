@@ -69,11 +69,6 @@ int Publisher<T>::MatchedCount() const {
 }
 
 template <class T>
-void Publisher<T>::AssertLiveliness() {
-  if (const auto code = dds_assert_liveliness(impl_->writer); code < 0) Fail("cannot show life", code);
-}
-
-template <class T>
 bool Publisher<T>::WaitForAcks(std::int64_t limit_ns) {
   const auto code = dds_wait_for_acks(impl_->writer, std::max<std::int64_t>(0, limit_ns));
   if (code == DDS_RETCODE_TIMEOUT) return false;

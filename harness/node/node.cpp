@@ -53,6 +53,7 @@ class Node final : public NodeServices {
   bool StandsBack();
   void Beat();
   void OnScenario();
+  void ForgetReleasedRun();
   void OnCommand();
   void OnFault();
   void Obey(const dds::RunCommand& command);
@@ -212,12 +213,24 @@ void Node::OnScenario() {
         std::find(scenario.nodes.begin(), scenario.nodes.end(), options_.name) != scenario.nodes.end();
     // In a run already, it stays there until that is over or its harness gone: another one has to wait.
     if (!mine || !run_id_.empty() || scenario.run_id == released_run_id_) continue;
+    ForgetReleasedRun();
     run_id_ = scenario.run_id;
     scenario_ = std::move(scenario);
     last_command_ = last_fault_ = 0;
     harness_heard_ = std::chrono::steady_clock::now();
   }
   OnCommand();
+}
+
+// What it said in a run stays for latecomers, until the next one: an attached node serves many.
+void Node::ForgetReleasedRun() {
+  if (released_run_id_.empty()) return;
+  dds::RunAck ack;
+  dds::RunState state;
+  ack.run_id = state.run_id = released_run_id_;
+  ack.node_id = state.node_id = options_.name;
+  acks_->Retire(ack);
+  states_->Retire(state);
 }
 
 void Node::OnCommand() {
