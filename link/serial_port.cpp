@@ -6,6 +6,7 @@
 #include <linux/serial.h>
 #include <sys/file.h>
 #include <sys/ioctl.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/sysmacros.h>
 #include <termios.h>
@@ -15,6 +16,7 @@
 #include <array>
 #include <boost/asio/buffer.hpp>
 #include <boost/asio/io_context.hpp>
+#include <boost/asio/posix/stream_descriptor.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/serial_port.hpp>
 #include <cerrno>
@@ -28,6 +30,7 @@
 #include "link/serial_devices.h"
 #include "link/serial_port.h"
 #include "link/termios_baud.h"
+#include "link/unix_socket.h"
 
 namespace tiltproof::link {
 namespace {
@@ -38,23 +41,6 @@ using boost::system::error_code;
 constexpr std::size_t kReadBytesMax = 4096;
 // Further off, 8N1 receivers sample the wrong bit.
 constexpr double kBaudErrorMax = 0.02;
-
-// Closes what was opened when opening goes wrong half way.
-class Descriptor {
- public:
-  explicit Descriptor(int value) : value_(value) {}
-  ~Descriptor() {
-    if (value_ >= 0) close(value_);
-  }
-  Descriptor(Descriptor&& other) noexcept : value_(other.Release()) {}
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  int get() const { return value_; }
-  int Release() { return std::exchange(value_, -1); }
-
- private:
-  int value_;
-};
 
 // /dev/ptmx.
 const dev_t kPseudoTerminalMaster = makedev(5, 2);
@@ -95,7 +81,7 @@ std::string DevicesText() {
 }
 
 // An open, locked, non-blocking descriptor of a terminal.
-Descriptor OpenDevice(const std::string& device) {
+OwnedDescriptor OpenDevice(const std::string& device) {
   struct stat status {};
   // Asked before opening: that has side effects on some devices.
   if (stat(device.c_str(), &status) != 0) {
@@ -106,7 +92,7 @@ Descriptor OpenDevice(const std::string& device) {
   }
   if (!S_ISCHR(status.st_mode)) Refuse(device, "not a serial device; " + DevicesText());
 
-  Descriptor descriptor(open(device.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+  OwnedDescriptor descriptor(open(device.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
   if (descriptor.get() < 0) {
     const int error = errno;
     if (error == EACCES || error == EPERM) RefusePermission(device, status);
@@ -155,13 +141,20 @@ void MakeRaw(const std::string& device, int descriptor) {
   if (tcsetattr(descriptor, TCSANOW, &settings) != 0) Refuse(device, std::strerror(errno));
 }
 
-void SetBaud(const std::string& device, asio::serial_port& port, std::int64_t baud) {
+// By the constant of a standard rate, which every driver knows; false for any other.
+bool SetStandardBaud(asio::io_context& loop, int descriptor, std::int64_t baud) {
+  // The rate belongs to the device, so that any descriptor of it will do.
+  asio::serial_port port(loop);
   error_code error;
-  port.set_option(asio::serial_port_base::baud_rate(static_cast<unsigned>(baud)), error);
-  // Not one of the standard rates, or not one that this driver knows by its constant.
-  if (error && !SetAnyBaud(port.native_handle(), static_cast<std::uint32_t>(baud)))
+  port.assign(fcntl(descriptor, F_DUPFD_CLOEXEC, 0), error);
+  if (!error) port.set_option(asio::serial_port_base::baud_rate(static_cast<unsigned>(baud)), error);
+  return !error;
+}
+
+void SetBaud(asio::io_context& loop, const std::string& device, int descriptor, std::int64_t baud) {
+  if (!SetStandardBaud(loop, descriptor, baud) && !SetAnyBaud(descriptor, static_cast<std::uint32_t>(baud)))
     Refuse(device, "it refuses " + std::to_string(baud) + " baud (" + std::strerror(errno) + ")");
-  const auto actual = ActualBaud(port.native_handle());
+  const auto actual = ActualBaud(descriptor);
   if (actual && std::abs(static_cast<double>(*actual) - static_cast<double>(baud)) >
                     kBaudErrorMax * static_cast<double>(baud))
     Refuse(device, "it cannot do " + std::to_string(baud) + " baud; nearest: " + std::to_string(*actual));
@@ -169,7 +162,7 @@ void SetBaud(const std::string& device, asio::serial_port& port, std::int64_t ba
 
 std::string Reason(const std::string& name, const error_code& error) {
   if (error == asio::error::eof || error.value() == EIO || error.value() == ENXIO ||
-      error.value() == ENODEV || error.value() == EPIPE)
+      error.value() == ENODEV || error.value() == EPIPE || error.value() == ECONNRESET)
     return name + " was closed: the device was unplugged, or the other end is gone (" +
            (error == asio::error::eof ? "end of file" : std::strerror(error.value())) + ")";
   return name + " failed: " + error.message();
@@ -182,15 +175,19 @@ class SerialPort::State : public std::enable_shared_from_this<State> {
  public:
   State(asio::io_context& loop, std::string name) : port_(loop), name_(std::move(name)) {}
 
-  asio::serial_port& port() { return port_; }
+  int descriptor() { return port_.native_handle(); }
   const std::string& name() const { return name_; }
   bool IsOpen() const { return port_.is_open(); }
+  bool IsSocket() const { return socket_; }
+  bool IsHardware() const { return !pseudo_terminal_ && !socket_; }
 
   // The descriptor is ours from here on, whatever happens.
-  void Adopt(Descriptor descriptor) {
+  void Adopt(OwnedDescriptor descriptor) {
     struct stat status {};
-    pseudo_terminal_ = fstat(descriptor.get(), &status) == 0 &&
-                       (IsPseudoTerminal(status) || status.st_rdev == kPseudoTerminalMaster);
+    if (fstat(descriptor.get(), &status) == 0) {
+      pseudo_terminal_ = IsPseudoTerminal(status) || status.st_rdev == kPseudoTerminalMaster;
+      socket_ = S_ISSOCK(status.st_mode);
+    }
     port_.assign(descriptor.get());
     descriptor.Release();
   }
@@ -208,7 +205,7 @@ class SerialPort::State : public std::enable_shared_from_this<State> {
     if (sending_.empty()) {
       // At once, instead of after a turn of the loop.
       while (!bytes.empty()) {
-        const ssize_t written = ::write(port_.native_handle(), bytes.data(), bytes.size());
+        const ssize_t written = WriteSome(bytes);
         if (written < 0 && errno == EINTR) continue;
         if (written < 0 && errno != EAGAIN) {
           write_failed_ = true;
@@ -230,13 +227,14 @@ class SerialPort::State : public std::enable_shared_from_this<State> {
   std::size_t UnsentBytes() {
     if (!IsOpen()) return 0;
     int in_driver = 0;
-    if (ioctl(port_.native_handle(), TIOCOUTQ, &in_driver) != 0 || in_driver < 0) in_driver = 0;
+    // What a socket has taken is at its other end.
+    if (socket_ || ioctl(port_.native_handle(), TIOCOUTQ, &in_driver) != 0 || in_driver < 0) in_driver = 0;
     return sending_.size() - sent_ + waiting_.size() + static_cast<std::size_t>(in_driver);
   }
 
   void Close() {
     if (!IsOpen()) return;
-    if (!pseudo_terminal_) {
+    if (IsHardware()) {
       tcflush(port_.native_handle(), TCIOFLUSH);
       ioctl(port_.native_handle(), TIOCNXCL);
     }
@@ -245,6 +243,12 @@ class SerialPort::State : public std::enable_shared_from_this<State> {
   }
 
  private:
+  // As write(2), but that a socket's peer who has left is an error and no signal.
+  ssize_t WriteSome(std::span<const std::uint8_t> bytes) {
+    if (socket_) return ::send(port_.native_handle(), bytes.data(), bytes.size(), MSG_NOSIGNAL);
+    return ::write(port_.native_handle(), bytes.data(), bytes.size());
+  }
+
   void Read() {
     port_.async_read_some(asio::buffer(buffer_),
                           [self = shared_from_this()](const error_code& error, std::size_t count) {
@@ -262,13 +266,16 @@ class SerialPort::State : public std::enable_shared_from_this<State> {
       std::swap(sending_, waiting_);
     }
     if (sending_.empty()) return;
-    port_.async_write_some(asio::buffer(sending_.data() + sent_, sending_.size() - sent_),
-                           [self = shared_from_this()](const error_code& error, std::size_t count) {
-                             if (!self->IsOpen()) return;
-                             if (error) return self->Fail(error);
-                             self->sent_ += count;
-                             self->Send();
-                           });
+    port_.async_wait(
+        asio::posix::stream_descriptor::wait_write, [self = shared_from_this()](const error_code& error) {
+          if (!self->IsOpen()) return;
+          if (error) return self->Fail(error);
+          const ssize_t written = self->WriteSome(std::span(self->sending_).subspan(self->sent_));
+          if (written < 0 && errno != EAGAIN && errno != EINTR)
+            return self->Fail({errno, boost::system::system_category()});
+          self->sent_ += static_cast<std::size_t>(std::max<ssize_t>(written, 0));
+          self->Send();
+        });
   }
 
   void Fail(const error_code& error) {
@@ -277,9 +284,9 @@ class SerialPort::State : public std::enable_shared_from_this<State> {
     if (closed_) closed_(Reason(name_, error));
   }
 
-  asio::serial_port port_;
+  asio::posix::stream_descriptor port_;
   std::string name_;
-  bool pseudo_terminal_ = false;
+  bool pseudo_terminal_ = false, socket_ = false;
   Received received_;
   Closed closed_;
   bool write_failed_ = false;
@@ -294,18 +301,22 @@ SerialPort::SerialPort(asio::io_context& loop, const std::string& device, std::i
   if (baud < kBaudMin || baud > kBaudMax)
     Refuse(device, "baud rate " + std::to_string(baud) + " is not within " + std::to_string(kBaudMin) +
                        " to " + std::to_string(kBaudMax));
-  Descriptor descriptor = OpenDevice(device);
+  if (IsSocketName(device)) {
+    state_->Adopt(ConnectSocket(device));
+    return;
+  }
+  OwnedDescriptor descriptor = OpenDevice(device);
   MakeRaw(device, descriptor.get());
   state_->Adopt(std::move(descriptor));
-  SetBaud(device, state_->port(), baud);
-  tcflush(state_->port().native_handle(), TCIFLUSH);
+  SetBaud(loop, device, state_->descriptor(), baud);
+  tcflush(state_->descriptor(), TCIFLUSH);
 }
 
 SerialPort::SerialPort(asio::io_context& loop, int descriptor, std::string name)
     : state_(std::make_shared<State>(loop, std::move(name))) {
   const int flags = fcntl(descriptor, F_GETFL);
   if (flags >= 0) fcntl(descriptor, F_SETFL, flags | O_NONBLOCK);
-  state_->Adopt(Descriptor(descriptor));
+  state_->Adopt(OwnedDescriptor(descriptor));
 }
 
 SerialPort::~SerialPort() { state_->Close(); }
@@ -316,12 +327,13 @@ void SerialPort::Start(Received received, Closed closed) {
 bool SerialPort::Write(std::span<const std::uint8_t> bytes) { return state_->Write(bytes); }
 std::size_t SerialPort::UnsentBytes() const { return state_->UnsentBytes(); }
 bool SerialPort::IsOpen() const { return state_->IsOpen(); }
+bool SerialPort::TakesByteTime() const { return state_->IsHardware(); }
 
 SerialPort::LowLatency SerialPort::SetLowLatency(const std::filesystem::path& root) {
   LowLatency achieved;
-  if (!IsOpen()) return achieved;
+  if (!IsOpen() || state_->IsSocket()) return achieved;
   struct serial_struct driver {};
-  const int descriptor = state_->port().native_handle();
+  const int descriptor = state_->descriptor();
   if (ioctl(descriptor, TIOCGSERIAL, &driver) == 0) {
     driver.flags |= ASYNC_LOW_LATENCY;
     ioctl(descriptor, TIOCSSERIAL, &driver);

@@ -1,5 +1,6 @@
-// A serial port (or any other terminal-like descriptor) in an event loop: 8N1, raw, exclusive, no flow
-// control. For firmware on a board, and for both ends of a pseudo-terminal (link/pty.h).
+// A serial port (or any other descriptor of bytes both ways) in an event loop: 8N1, raw, exclusive, no flow
+// control. For firmware on a board, for both ends of a pseudo-terminal (link/pty.h), and for an emulator's port behind
+// a unix socket (link/unix_socket.h).
 //
 //   boost::asio::io_context loop;
 //   SerialPort port(loop, "/dev/ttyUSB0", 921'600);
@@ -15,11 +16,12 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
 #include <string>
+
+#include "link/byte_line.h"
 
 namespace boost::asio {
 class io_context;
@@ -27,20 +29,15 @@ class io_context;
 
 namespace tiltproof::link {
 
-class SerialPort {
+class SerialPort final : public ByteLine {
  public:
-  // What Write() holds at most when the device takes bytes more slowly than they come: 11 s at 921600 baud.
-  static constexpr std::size_t kQueueBytesMax = std::size_t{1} << 20;
   static constexpr std::int64_t kBaudMin = 50;
   static constexpr std::int64_t kBaudMax = 20'000'000;
 
-  using Received = std::function<void(std::span<const std::uint8_t>)>;
-  using Closed = std::function<void(const std::string& reason)>;
-
-  // Opens a serial device, or the slave side of a pseudo-terminal. What had arrived before is discarded, as
-  // it would be by a UART that nobody reads. Throws std::runtime_error that says what is wrong (no such
-  // device, held by another process, no permission, not a serial device, a baud rate it cannot do) and what
-  // to do about it.
+  // Opens a serial device, or the slave side of a pseudo-terminal: what had arrived before is discarded, as it
+  // would be by a UART that nobody reads. Or connects to a socket, `unix:PATH` or `unix:@NAME`, which keeps every
+  // byte and knows no baud rate. Throws std::runtime_error that says what is wrong (no such device, held by another
+  // process, no permission, not a serial device, a baud rate it cannot do, nobody listens) and what to do about it.
   SerialPort(boost::asio::io_context& loop, const std::string& device, std::int64_t baud);
 
   // Takes over an open descriptor (read and write) as it is; `name` stands for it in messages.
@@ -48,23 +45,20 @@ class SerialPort {
 
   // Closes. Bytes of Write() that have not left yet are dropped (see UnsentBytes()): a device that takes none
   // would hold a close up for half a minute.
-  ~SerialPort();
-  SerialPort(const SerialPort&) = delete;
-  SerialPort& operator=(const SerialPort&) = delete;
+  ~SerialPort() override;
 
-  // Reads from now on. `closed` is called once, with a reason fit for a person, when no byte will come any
-  // more: the device was unplugged, the other end of the pseudo-terminal is gone, an I/O error; nothing is
-  // called afterwards. Call it once.
-  void Start(Received received, Closed closed);
-
-  // Sends the bytes after those before. True: all of them are on their way or queued. False: none is, since
-  // the queue would grow beyond kQueueBytesMax or the port is closed.
-  bool Write(std::span<const std::uint8_t> bytes);
+  // It is closed when the device was unplugged, the other end of the pseudo-terminal or socket is gone, or I/O
+  // fails.
+  void Start(Received received, Closed closed) override;
+  bool Write(std::span<const std::uint8_t> bytes) override;
 
   // Bytes of Write() that have not left this machine yet, as far as the device tells; 0 once it is closed.
   std::size_t UnsentBytes() const;
 
   bool IsOpen() const;
+
+  // Whether a byte takes its time at the baud rate. On a pseudo-terminal or a socket it takes none.
+  bool TakesByteTime() const;
 
   // What the operating system agreed to.
   struct LowLatency {
