@@ -1,0 +1,28 @@
+# The firmware images for the STM32F4 (firmware/ports/stm32f4), built along with everything else where the cross compiler is
+# installed. Output: ${PROJECT_BINARY_DIR}/firmware/stm32f4/*.elf
+option(TILTPROOF_STM32F4 "Build the STM32F4 images (needs arm-none-eabi-g++)" ON)
+if(NOT TILTPROOF_STM32F4)
+  return()
+endif()
+
+find_program(TILTPROOF_ARM_CXX arm-none-eabi-g++ DOC "Cross compiler of the STM32F4 images")
+if(NOT TILTPROOF_ARM_CXX)
+  message(STATUS "STM32F4 images: not built, there is no arm-none-eabi-g++ (./setup --packages installs it)")
+  return()
+endif()
+message(STATUS "STM32F4 images: firmware/stm32f4/executive-<firmware>[-provant].elf")
+
+include(ExternalProject)
+set(TILTPROOF_STM32F4_DIR ${PROJECT_BINARY_DIR}/firmware/stm32f4)
+ExternalProject_Add(stm32f4_images
+  SOURCE_DIR ${PROJECT_SOURCE_DIR}/firmware/ports/stm32f4
+  BINARY_DIR ${TILTPROOF_STM32F4_DIR}
+  PREFIX ${PROJECT_BINARY_DIR}/CMakeFiles/stm32f4_images
+  CMAKE_ARGS --toolchain ${PROJECT_SOURCE_DIR}/cmake/arm-none-eabi.cmake
+  BUILD_COMMAND ${CMAKE_COMMAND} --build <BINARY_DIR>
+  BUILD_ALWAYS TRUE
+  INSTALL_COMMAND ""
+  EXCLUDE_FROM_ALL FALSE)
+
+install(DIRECTORY ${TILTPROOF_STM32F4_DIR}/ DESTINATION lib/tiltproof/stm32f4
+  FILES_MATCHING PATTERN "*.elf" PATTERN CMakeFiles EXCLUDE)

@@ -1,0 +1,56 @@
+// The board: STM32F407 Discovery (MB997), or its emulation.
+//
+//   const ResetReason reason = StartBoard();   // clock, pins, faults; once, first thing in main()
+//   StartTicks();                              // 1 kHz (with FreeRTOS the kernel does it)
+//   StartWatchdog();                           // from now on FeedWatchdog() at least every 68 ms
+//   const TimeNs now = Now();
+//
+// The emulator has no clock control, no pins and no debug unit: what waits for their answer, or would fault,
+// is skipped when Emulated(). All else runs there as on the board.
+#pragma once
+
+#include <cstdint>
+
+#include "link/time.h"
+
+namespace tiltproof::stm32f4 {
+
+inline constexpr std::uint32_t kCoreHz = 168'000'000;
+inline constexpr std::uint32_t kApb1Hz = kCoreHz / 4;
+inline constexpr std::uint32_t kApb2Hz = kCoreHz / 2;
+inline constexpr std::uint32_t kTickHz = 1000;
+inline constexpr TimeNs kTickNs = kNsPerS / kTickHz;
+
+// Priorities of interrupts, 0 the most urgent (FreeRTOS masks from 5 on). The ticks wait for bytes: a byte is lost
+// after 11 us, a tick after 1 ms.
+inline constexpr unsigned kUsartPriority = 6;
+inline constexpr unsigned kTickPriority = 15;
+
+enum class ResetReason : std::uint8_t { kPowerOn, kPin, kWatchdog, kSoftware };
+
+// True in QEMU, whose clock control register reads 0: on the chip the internal oscillator's bits are never
+// all 0 (RM0090, section 7.3.1, reset value 0x0000xx83).
+bool Emulated();
+
+ResetReason StartBoard();
+
+// False when the 8 MHz crystal did not start and the core runs from the internal oscillator (1 % off).
+bool CrystalRuns();
+
+// --- Time since StartTicks(). CountTick() belongs into SysTick_Handler, and nowhere else.
+void StartTicks();
+void CountTick();
+// Of the last tick: a multiple of 1 ms. What the application gets as its time: a period begins at a tick, and
+// a time-out of n ms ends n ticks later.
+TimeNs TickTime();
+// To the cycle.
+TimeNs Now();
+
+// --- Independent watchdog (RM0090, section 21): resets the chip when it is not fed for 100 ms (68 to 188 ms,
+// for its clock is only good for 17 to 47 kHz). Once started nothing but a reset stops it.
+void StartWatchdog();
+void FeedWatchdog();
+
+[[noreturn]] void ResetBoard();
+
+}  // namespace tiltproof::stm32f4

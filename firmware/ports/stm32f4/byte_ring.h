@@ -1,0 +1,53 @@
+// Bytes from one writer to one reader, one of them an interrupt: each side moves its own index only.
+//
+//   constinit ByteRing<256> ring;
+//   ring.Put(byte);                                  // writer
+//   while (auto bytes = ring.Front(); !bytes.empty()) { Use(bytes); ring.Drop(bytes.size()); }  // reader
+//
+// Indices are masked at every use, so that a damaged one loses bytes but never writes elsewhere.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+namespace tiltproof::stm32f4 {
+
+template <std::uint32_t size>
+class ByteRing {
+  static_assert((size & (size - 1)) == 0, "a power of two");
+
+ public:
+  std::uint32_t Count() const { return written_ - read_; }
+  std::uint32_t Room() const { return Count() < size ? size - Count() : 0; }
+
+  // Writer. False when it is full.
+  bool Put(std::uint8_t byte) {
+    if (Count() >= size) return false;
+    bytes_[written_ % size] = byte;
+    std::atomic_signal_fence(std::memory_order_release);
+    written_ = written_ + 1;
+    return true;
+  }
+
+  // Reader: the oldest bytes that lie side by side; Drop() releases them.
+  std::span<const std::uint8_t> Front() const {
+    const std::uint32_t begin = read_ % size;
+    const std::uint32_t count = Count();
+    std::atomic_signal_fence(std::memory_order_acquire);
+    return {bytes_.data() + begin, count < size - begin ? count : size - begin};
+  }
+  void Drop(std::size_t count) {
+    std::atomic_signal_fence(std::memory_order_release);
+    read_ = read_ + static_cast<std::uint32_t>(count);
+  }
+
+ private:
+  volatile std::uint32_t written_ = 0;  // modulo 2^32
+  volatile std::uint32_t read_ = 0;
+  std::array<std::uint8_t, size> bytes_{};
+};
+
+}  // namespace tiltproof::stm32f4

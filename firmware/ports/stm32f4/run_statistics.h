@@ -1,0 +1,27 @@
+// How much of the processor and of the stacks a flight has needed at worst: `tiltproof_run_statistics`
+// (symbols.h), and a few lines on the console a second after the start and then every 10 s.
+//
+//   AddStack("main", main_stack);          // before the start; painted with kStackPaint
+//   BeginBusy(); ... EndBusy();            // around what runs between two sleeps, interrupts off
+//   PrintRunStatistics();                  // in idle time; does nothing until it is time
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string_view>
+
+namespace tiltproof::stm32f4 {
+
+// FreeRTOS paints its tasks' stacks with the same bytes.
+inline constexpr std::uint32_t kStackPaint = 0xA5A5'A5A5;
+
+void AddStack(std::string_view name, std::span<const std::uint32_t> words);
+// The stack of [_sstack, _estack), painted by the start-up.
+void AddMainStack();
+
+void BeginBusy();
+void EndBusy();
+
+void PrintRunStatistics();
+
+}  // namespace tiltproof::stm32f4

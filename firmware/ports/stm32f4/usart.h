@@ -1,0 +1,57 @@
+// The three lines, 8N1:
+//   main       USART2, 921600 baud, both ways: sensors and actuators
+//   reference  USART3, 921600 baud, receives: references from the base station or the joystick reader
+//   console    USART1, 115200 baud, sends: log lines for a person
+//
+// Receivers put each byte into a ring from the interrupt, and wake the application only at a frame's flag (or
+// when the ring fills): a wake-up for each byte would cost it ten times its work. Transmitters send from a ring, by
+// interrupt; the emulator has no transmit interrupt, and takes a byte at once, so there the writer pumps the ring
+// itself.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "firmware/port.h"
+#include "firmware/ports/stm32f4/board.h"
+#include "firmware/ports/stm32f4/byte_ring.h"
+
+inline constexpr std::uint32_t kReceiveRingBytes = 256;   // 2.8 ms of line: two replies, one after the other
+inline constexpr std::uint32_t kTransmitRingBytes = 128;  // two of the longest frames sent
+inline constexpr std::uint32_t kConsoleRingBytes = 1024;  // what a start-up after a fault has to say
+
+// Global, under these names: whoever looks into the image finds them.
+extern tiltproof::stm32f4::ByteRing<kReceiveRingBytes> main_receive_ring;
+extern tiltproof::stm32f4::ByteRing<kTransmitRingBytes> main_transmit_ring;
+extern tiltproof::stm32f4::ByteRing<kReceiveRingBytes> reference_receive_ring;
+extern tiltproof::stm32f4::ByteRing<kConsoleRingBytes> console_transmit_ring;
+
+namespace tiltproof::stm32f4 {
+
+inline constexpr std::uint32_t kLineBaud = 921'600;
+inline constexpr std::uint32_t kConsoleBaud = 115'200;
+
+// With 16 samples a bit the divider is the clock by the baud rate, in sixteenths included (RM0090, section
+// 30.3.4): rounded.
+constexpr std::uint32_t BaudDivider(std::uint32_t clock_hz, std::uint32_t baud) {
+  return (clock_hz + baud / 2) / baud;
+}
+// One byte of 10 bits at what the divider makes of the baud rate.
+constexpr TimeNs ByteTimeNs(std::uint32_t clock_hz, std::uint32_t baud) {
+  return 10 * kNsPerS * BaudDivider(clock_hz, baud) / clock_hz;
+}
+
+void StartUsarts();
+
+// Hands bytes to the main line's transmitter, whole or, when there is no room for all of them, not at all.
+// Returns when the last stop bit will have left. From any task.
+TimeNs SendMain(std::span<const std::uint8_t> bytes);
+
+// The same for the console, without the time.
+void SendConsole(std::span<const std::uint8_t> bytes);
+
+// Called from the interrupt when a receiver got a flag or its ring is three quarters full. Each image has its
+// own.
+void OnReceived(firmware::Uart uart);
+
+}  // namespace tiltproof::stm32f4
