@@ -6,12 +6,8 @@ namespace tiltproof::firmware {
 
 ActuatorWriter::ActuatorWriter(link::Dialect dialect, Port& port) : dialect_(dialect), port_(port) {}
 
-void ActuatorWriter::Write(TimeNs now, const Actuators& actuators) {
-  last_ = actuators;
-  SendFrame(port_, now, link::EncodeActuators(dialect_, actuators));
-}
-
-void ActuatorWriter::Repeat(TimeNs now) {
+void ActuatorWriter::Send(TimeNs now, const ActuatorCommand& command) {
+  if (!command.repeats) last_ = command.actuators;
   if (last_) SendFrame(port_, now, link::EncodeActuators(dialect_, *last_));
 }
 

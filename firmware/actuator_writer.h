@@ -9,16 +9,18 @@
 
 namespace tiltproof::firmware {
 
+struct ActuatorCommand {
+  bool repeats = false;  // the last command once more
+  Actuators actuators;   // of one that does not repeat
+};
+
 class ActuatorWriter {
  public:
   // `port` must outlive the writer.
   ActuatorWriter(link::Dialect dialect, Port& port);
 
-  void Write(TimeNs now, const Actuators& actuators);
-
-  // Sends the last command once more; nothing when there has been none, for the server then holds the inputs
-  // of hover.
-  void Repeat(TimeNs now);
+  // Repeating before a first command sends nothing, for the server then holds the inputs of hover.
+  void Send(TimeNs now, const ActuatorCommand& command);
 
  private:
   link::Dialect dialect_;

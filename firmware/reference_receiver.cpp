@@ -1,6 +1,7 @@
 #include "firmware/reference_receiver.h"
 
 #include <bit>
+#include <utility>
 
 #include "link/messages.h"
 
@@ -35,20 +36,9 @@ void ReferenceReceiver::Accept(std::span<const std::uint8_t> payload) {
   Reference received;
   const link::MessageStatus status = checks_ == ValueChecks::kNone ? ParseReference(payload, received)
                                                                    : link::DecodeReference(payload, received);
-  if (status == link::MessageStatus::kOk) reference_ = received;
+  if (status == link::MessageStatus::kOk) received_ = received;
 }
 
-const Reference& ReferenceReceiver::Current(const Sensors& sensed) {
-  if (!reference_) {
-    reference_ = Reference{.x_m = sensed.x_m,
-                           .y_m = sensed.y_m,
-                           .z_m = sensed.z_m,
-                           .yaw_rad = sensed.yaw_rad,
-                           .vx_m_s = 0,
-                           .vy_m_s = 0,
-                           .vz_m_s = 0};
-  }
-  return *reference_;
-}
+std::optional<Reference> ReferenceReceiver::TakeReference() { return std::exchange(received_, std::nullopt); }
 
 }  // namespace tiltproof::firmware

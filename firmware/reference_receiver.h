@@ -15,19 +15,17 @@ class ReferenceReceiver {
  public:
   explicit ReferenceReceiver(ValueChecks checks) : checks_(checks) {}
 
-  // The last valid frame wins; others are dropped and the reference before them holds.
   void Receive(std::span<const std::uint8_t> bytes);
 
-  // The reference to follow now. Until a first one arrives: to stay, at rest, at the position and yaw sensed
-  // at the first call.
-  const Reference& Current(const Sensors& sensed);
+  // The last valid one that came since the last call.
+  std::optional<Reference> TakeReference();
 
  private:
   void Accept(std::span<const std::uint8_t> payload);
 
   ValueChecks checks_;
   link::FrameDecoder decoder_;
-  std::optional<Reference> reference_;
+  std::optional<Reference> received_;
 };
 
 }  // namespace tiltproof::firmware

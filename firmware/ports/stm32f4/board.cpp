@@ -8,7 +8,7 @@ namespace {
 bool crystal_runs = true;
 std::int64_t tick_count = 0;
 
-constexpr std::uint32_t kReload = kCoreHz / kTickHz - 1;
+constexpr std::uint32_t kCyclesPerTick = kCoreHz / kTickHz;
 
 // Some 50 ms on the internal oscillator at 16 MHz; the crystal starts within 2 ms (data sheet DS8626, table
 // 40).
@@ -103,7 +103,7 @@ bool CrystalRuns() { return crystal_runs; }
 
 void StartTicks() {
   Scb().SHPR[kExceptionSysTick - 4] = Priority(kTickPriority);
-  SysTick().LOAD = kReload;
+  SysTick().LOAD = kCyclesPerTick - 1;
   SysTick().VAL = 0;
   SysTick().CTRL = kSysTickCoreClock | kSysTickInterrupt | kSysTickEnable;
 }
@@ -120,15 +120,16 @@ TimeNs TickTime() {
 
 TimeNs Now() {
   const InterruptLock lock;
-  std::uint32_t down_count = SysTick().VAL;
+  std::uint32_t left = SysTick().VAL;  // cycles to the next tick; 0 at a tick, and before the first cycle
   std::int64_t ticks = tick_count;
   if ((Scb().ICSR & kScbIcsrSysTickPending) != 0) {
-    // The counter has begun anew, perhaps after it was read, and nobody has counted that yet.
-    down_count = SysTick().VAL;
+    // The tick has come, perhaps after the counter was read, and nobody has counted it yet.
+    left = SysTick().VAL;
     ++ticks;
   }
   constexpr std::uint32_t kCyclesPerUs = kCoreHz / 1'000'000;
-  return ticks * kTickNs + (kReload - down_count) * 1000 / kCyclesPerUs;
+  const std::uint32_t cycles = left == 0 ? 0 : kCyclesPerTick - left;
+  return ticks * kTickNs + cycles * 1000 / kCyclesPerUs;
 }
 
 void StartWatchdog() {

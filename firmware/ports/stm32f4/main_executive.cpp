@@ -60,6 +60,7 @@ int main() {
   // Power-on for the application is the first tick: from here on all it does stands on the ticks' grid.
   SleepUntil(kTickNs);
   TimeNs wake = flight_application.Start(TickTime());
+  std::uint32_t control_count = 0;
   for (;;) {
     SleepUntil(wake);
     Drain(main_receive_ring, [](auto bytes) { flight_application.Receive(firmware::Uart::kMain, bytes); });
@@ -70,7 +71,10 @@ int main() {
     const firmware::Status& status = flight_application.status();
     tiltproof_status.supervisor_state = static_cast<std::uint32_t>(status.state);
     tiltproof_status.failsafe_count = status.failsafe_count;
-    FeedWatchdog();
+    if (control_count != flight_application.control_count()) {
+      control_count = flight_application.control_count();
+      FeedWatchdog();
+    }
     PrintRunStatistics();
   }
 }

@@ -1,0 +1,34 @@
+// Activity 2 of 4: makes of each reply, and of the reference to follow, a command for the actuators.
+//
+//   ControlActivity control(build);
+//   control.Follow(reference);                                // when one has come
+//   if (const auto command = control.Do(item)) writer.Send(now, *command);
+#pragma once
+
+#include <optional>
+
+#include "firmware/actuator_writer.h"
+#include "firmware/builds.h"
+#include "firmware/control_law.h"
+#include "firmware/sensor_cycle.h"
+#include "link/signals.h"
+
+namespace tiltproof::firmware {
+
+class ControlActivity {
+ public:
+  // `build` must outlive it.
+  explicit ControlActivity(const Build& build) : law_(*build.gain, build.feed_forward) {}
+
+  // The reference from now on. Before the first: to stay, at rest, at the position and yaw of the first reply.
+  void Follow(const Reference& reference) { reference_ = reference; }
+
+  // nullopt when the item asks for no command.
+  std::optional<ActuatorCommand> Do(const ControlItem& item);
+
+ private:
+  ControlLaw law_;
+  std::optional<Reference> reference_;
+};
+
+}  // namespace tiltproof::firmware

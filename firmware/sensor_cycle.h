@@ -1,0 +1,88 @@
+// Activity 1 of 4 over time: leads the paper's periodic cycle (section 2.1, Figure 4). It decides when to ask the
+// server, and tells the control activity what came of it.
+//
+//   SensorCycle cycle(build, dialect, port);
+//   cycle.Start(now);                                        // power-on
+//   for (;;) {                                               // at cycle.wake_ns(), or when bytes have come
+//     cycle.Receive(bytes);
+//     while (const auto item = cycle.Next(now)) Control(*item);
+//   }
+//
+// Timing. The firmware leads. It sends `start`; when that frame's last bit has left, it sends the first
+// request; then it sends one request every 12 ms, counted from that first one (a period that could not begin
+// in time begins late, and the grid stays). A valid reply is handed on at once. When none has arrived by the next
+// tick, `paper` asks again and no more; `tolerant` has its last command repeated at the time-out within the
+// period, and still uses a reply that comes later.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+
+#include "firmware/builds.h"
+#include "firmware/port.h"
+#include "firmware/sensor_reader.h"
+
+namespace tiltproof::firmware {
+
+enum class SupervisorState : std::uint32_t {
+  kNormal = 0,
+  kBlind = 1,  // fail-safe: no valid reply for several periods, the last command is held
+};
+
+struct Status {
+  SupervisorState state = SupervisorState::kNormal;
+  std::uint32_t failsafe_count = 0;  // entries of a state other than kNormal since power-on
+};
+
+// What the control activity is given: each period at least one.
+struct ControlItem {
+  enum class Kind : std::uint8_t {
+    kSensors,   // a valid reply: a control step is due
+    kTimeout,   // none in time: the last command is to be repeated
+    kNoSensors  // the period has ended without one: nothing to do but to be alive
+  };
+  Kind kind = Kind::kNoSensors;
+  Sensors sensors;  // of kSensors
+};
+
+class SensorCycle {
+ public:
+  // `build` and `port` must outlive the cycle.
+  SensorCycle(const Build& build, link::Dialect dialect, Port& port);
+
+  // Power-on, once.
+  void Start(TimeNs now);
+
+  // Bytes from the main line's receiver, in order, in any pieces. Decodes only; Next acts on what has arrived.
+  void Receive(std::span<const std::uint8_t> bytes) { sensor_reader_.Receive(bytes); }
+
+  // Does what is due at `now`, which does not decrease, up to the next thing that concerns the control activity, and
+  // returns that; nullopt when all is done until wake_ns().
+  std::optional<ControlItem> Next(TimeNs now);
+
+  // When to call Next at the latest.
+  TimeNs wake_ns() const { return next_request_ns_ < timeout_ns_ ? next_request_ns_ : timeout_ns_; }
+
+  const Status& status() const { return status_; }
+
+ private:
+  void SendStart(TimeNs now);
+  void BeginPeriod(TimeNs now);
+  void NoteReply(TimeNs now);
+  void NoteMissingReply(TimeNs now);
+
+  const Build& build_;
+  link::Dialect dialect_;
+  Port& port_;
+  SensorReader sensor_reader_;
+
+  TimeNs next_request_ns_ = kNever;
+  TimeNs timeout_ns_ = kNever;       // when the present period's runs out
+  bool start_is_fresh_ = false;      // `start` has been sent and no request since
+  bool heard_server_ = false;        // a valid reply has arrived
+  std::uint32_t blind_periods_ = 0;  // in a row, up to now
+  Status status_;
+};
+
+}  // namespace tiltproof::firmware
