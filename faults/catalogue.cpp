@@ -13,15 +13,17 @@ Written by `tiltproof faults`.
 A fault acts in its window `[start_s, end_s)`: a fault on the wire on the frames whose first byte
 enters the wire in it, one on sensors or actuators on the samples in it. Frames that the sender hands
 over before the server has accepted `start` (the first sensor request is among them) are only in
-windows without `start_s`. A fault on a node is a command, given at `start_s` and taken back at
-`end_s`; it needs nodes that are processes, so real time, and has no target and no trigger.
+windows without `start_s`. A fault on a node or on the device is a command, given at `start_s` and
+taken back at `end_s`, without target and trigger; nodes are processes in real time only. A fault of
+the firmware's receiver acts on the bytes that arrive there in the window, each for itself. What a
+fault asks of the client it says under "Needs"; a client that cannot do it refuses the scenario.
 
 Of what it sees in its window (only frames of its `message`, when it has one) the trigger picks every
 `every_nth_count`-th, and that one with `probability`. On the wire faults act in the order of their
 stages, frame, byte, timing, and within a stage in the order of the file.
 
 Which frames a fault picks, and what it draws for each of them, follow from the frames as they were
-sent, so adding or removing a fault shifts no other's draws; only what a fault remembers (the state of
+sent (for the receiver, from the bytes as they arrived), so adding or removing a fault shifts no other's draws; only what a fault remembers (the state of
 wire.gilbert_elliott, the frames of frame.reorder and frame.replay_stale) comes from the frames that
 reach it. What changed nothing is no activation.
 )";
@@ -33,6 +35,8 @@ std::string ValueText(const ParameterValue& value) {
 
 std::string AllowedText(const ParameterInfo& info) {
   if (info.kind == ParameterKind::kChoice) return Joined(info.choices);
+  if (info.kind == ParameterKind::kText)
+    return Concat({"text of 1 to ", std::to_string(kParameterTextMax), " printable characters"});
   const std::string_view whole = info.kind == ParameterKind::kInteger ? ", whole" : "";
   return Concat({NumberText(info.min), " to ", NumberText(info.max), whole});
 }
@@ -46,16 +50,36 @@ std::string WindowText(const FaultType& type) {
   return Concat({"Window: ", bound("start_s", type.start), ", ", bound("end_s", type.end), "."});
 }
 
+std::string NeedsText(Needs needs) {
+  switch (needs) {
+    case Needs::kNothing:
+      return "";
+    case Needs::kNodes:
+      return " Needs real time.";
+    case Needs::kReset:
+      return " Needs a client that can be reset: an emulated board or, in lockstep, a library.";
+    case Needs::kProcessor:
+      return " Needs an emulated board.";
+    case Needs::kEmulation:
+      return " Needs an emulated board in lockstep.";
+    case Needs::kParityLine:
+      return " Needs a line with parity, which there is none of.";
+  }
+  return "";
+}
+
 std::string TargetMarkdown(const FaultType& type) {
-  if (type.on_node) return Concat({"No target, no trigger. In real time only. ", WindowText(type), "\n\n"});
-  if (!type.on_wire()) return Concat({"No target. Edits ", Name(type.stage), " values.\n\n"});
+  if (type.is_command())
+    return Concat({"No target, no trigger. ", WindowText(type), NeedsText(type.needs), "\n\n"});
+  if (!type.has_target()) return Concat({"No target. Edits ", Name(type.stage), " values.\n\n"});
   std::vector<std::string_view> names;
   for (const Target target : AcceptedTargets(type)) {
     if (target != Target::kNone) names.push_back(Name(target));
   }
   const std::string without =
       type.default_target ? Concat({"; ", Name(*type.default_target), " when not stated"}) : "";
-  return Concat({"Target: ", Joined(names), without, ". Stage: ", Name(type.stage), ".\n\n"});
+  return Concat({"Target: ", Joined(names), without, ". Stage: ", Name(type.stage), ".",
+                 NeedsText(type.needs), "\n\n"});
 }
 
 std::string ParametersMarkdown(const FaultType& type) {
@@ -76,7 +100,7 @@ std::string ParametersMarkdown(const FaultType& type) {
 
 std::string ExampleYaml(const FaultType& type) {
   std::string text = Concat({"- {id: example, type: ", type.name});
-  if (type.on_wire()) text += ", target: to_client";
+  if (type.has_target()) text += ", target: to_client";
   if (type.start != Bound::kRefused) text += ", start_s: 20";
   if (type.end != Bound::kRefused) text += ", end_s: 25";
   std::string parameters;

@@ -1,8 +1,9 @@
 // What a fault is: data in a scenario, and one small class in faults/models/<layer>/ that edits what passes.
 //
 // A fault on the wire edits a list of timed chunks, so drop, duplicate, delay, reorder, flip and truncate
-// share one shape. A fault on sensors or actuators edits the values. A fault on a node edits nothing: it is a
-// command that the harness carries out (faults/node_command.h). None knows the plant or the harness.
+// share one shape. A fault on sensors or actuators edits the values. A fault of the firmware's receiver marks
+// bytes. A fault on a node or on the device edits nothing: it is a command that others carry out
+// (faults/node_command.h, faults/device_command.h). None knows the plant or the harness.
 // Randomness comes from a stream that belongs to the fault alone (faults/random.h): adding or removing a
 // fault never shifts another's draws.
 //

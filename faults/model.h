@@ -3,8 +3,9 @@
 //
 // A wire model is asked about one chunk at a time, by the fault stage of one direction (faults/schedule.h). A
 // sensor or actuator model edits values. When it is asked (window, every nth, probability, message) and how
-// it is recorded is not its business. A fault on a node is data alone, without a class: the harness carries
-// it out (faults/node_command.h).
+// it is recorded is not its business. Data alone, without a class, are faults on a node and on the device,
+// which others carry out (faults/node_command.h, faults/device_command.h), and those of the firmware's
+// receiver, which mark the bytes that arrive there (FaultSchedule::MarkReceived).
 #pragma once
 
 #include <cstdint>
@@ -34,7 +35,8 @@ class Parameters {
       : values_(std::move(values)) {}
   double Number(std::string_view name) const { return std::get<double>(values_.find(name)->second); }
   std::int64_t Integer(std::string_view name) const { return static_cast<std::int64_t>(Number(name)); }
-  const std::string& Choice(std::string_view name) const {
+  const std::string& Choice(std::string_view name) const { return Text(name); }
+  const std::string& Text(std::string_view name) const {
     return std::get<std::string>(values_.find(name)->second);
   }
 
@@ -47,6 +49,11 @@ struct Window {
   TimeNs begin_ns = kPowerOn;
   TimeNs end_ns = kNever;
   bool Contains(TimeNs t) const { return begin_ns <= t && t < end_ns; }
+  // The same in another clock, which shows `origin_ns` at this one's 0. Open ends stay open.
+  Window At(TimeNs origin_ns) const {
+    return {begin_ns == kPowerOn ? kPowerOn : begin_ns + origin_ns,
+            end_ns == kNever ? kNever : end_ns + origin_ns};
+  }
 };
 
 // What a wire model may know beside the chunk.
@@ -86,6 +93,11 @@ class ActuatorModel {
   virtual void Act(ActuatorsTruth& actuators) const = 0;
 };
 
+// What becomes of a byte at the firmware's receiver. A byte that is not lost is delivered as it is, with the
+// flag set that the USART then shows (RM0090, section 30.3.3).
+enum class ReceiveMark : std::uint8_t { kNone, kOverrun, kFraming, kNoise, kParity };
+std::string_view Name(ReceiveMark mark);  // "none", "overrun", ...
+
 // The line a wire model stands in.
 struct Line {
   std::int64_t baud = 921'600;  // 0: ideal, bytes take no time
@@ -101,11 +113,14 @@ struct WireSetup {
   std::uint64_t stream;  // key of the random stream, for what does not belong to one frame
 };
 
-enum class ParameterKind : std::uint8_t { kNumber, kInteger, kChoice };
+enum class ParameterKind : std::uint8_t { kNumber, kInteger, kChoice, kText };
+
+// A kText parameter: printable ASCII, no blank at its ends, 1 to this many characters.
+inline constexpr std::size_t kParameterTextMax = 200;
 
 struct ParameterInfo {
   std::string_view name;
-  std::string_view unit;  // "s", "Hz", "1" for a ratio or probability; empty for a choice
+  std::string_view unit;  // "s", "Hz", "1" for a ratio or probability; empty for a choice or text
   ParameterKind kind = ParameterKind::kNumber;
   double min = 0.0, max = 0.0;  // both allowed; numbers and integers
   std::string_view doc;
@@ -116,13 +131,24 @@ struct ParameterInfo {
   std::vector<std::string_view> choices = {};  // kChoice
 };
 
-// Which faults act first on the wire; sensors and actuators are edited at their own places, and nodes are
-// commanded.
-enum class Stage : std::uint8_t { kFrame, kByte, kTiming, kSensor, kActuator, kNode };
+// Which faults act first on the wire; sensors, actuators and received bytes are edited at their own places,
+// and nodes and the device are commanded.
+enum class Stage : std::uint8_t { kFrame, kByte, kTiming, kSensor, kActuator, kReceiver, kNode, kDevice };
 std::string_view Name(Stage stage);
 
 // Whether a fault's window has this end.
 enum class Bound : std::uint8_t { kOptional, kRequired, kRefused };
+
+// What a fault asks of the firmware's side, for the harness to refuse it before the flight where nobody could
+// carry it out.
+enum class Needs : std::uint8_t {
+  kNothing,     // the harness does it alone, whatever the client
+  kNodes,       // processes of the harness's own: real time
+  kReset,       // a client that can be reset
+  kProcessor,   // a processor to stop, and its memory to write to
+  kEmulation,   // the board's clock, reset cause, watchdog and receiver, at exact virtual times
+  kParityLine,  // a line with a parity bit; all of ours are 8N1
+};
 
 struct FaultType {
   std::string_view name;  // "<layer>.<what>"
@@ -131,16 +157,23 @@ struct FaultType {
   std::string_view semantics;  // what exactly happens
   std::vector<ParameterInfo> parameters = {};
 
-  // Exactly one of the three, or on_node.
+  // Exactly one of these three, mark, on_node and on_device.
   std::unique_ptr<WireModel> (*make_wire)(const WireSetup&) = nullptr;
   std::unique_ptr<SensorModel> (*make_sensor)(const Parameters&) = nullptr;
   std::unique_ptr<ActuatorModel> (*make_actuator)(const Parameters&) = nullptr;
   // Edits nothing: a command that the harness carries out on a node, in real time only. Its window is not
   // before t = 0, and it has no trigger.
   bool on_node = false;
+  // The same for the firmware's processor, its memory or its clock.
+  bool on_device = false;
+  bool at_an_instant = false;  // a window is no more than where the instant is drawn from
+  // What becomes of bytes at the firmware's receiver, each with the parameter `probability`.
+  ReceiveMark mark = ReceiveMark::kNone;
 
   Bound start = Bound::kOptional, end = Bound::kOptional;
   std::string_view duration_ms = {};  // the parameter that ends the window, where `end` is refused
+
+  Needs needs = Needs::kNothing;
 
   std::optional<Target> default_target = {};  // wire faults without one must state their target
   bool remembers = false;                     // a wire model with Pass() and Release()
@@ -149,6 +182,9 @@ struct FaultType {
 
   std::string_view layer() const { return name.substr(0, name.find('.')); }
   bool on_wire() const { return make_wire != nullptr; }
+  bool on_receiver() const { return mark != ReceiveMark::kNone; }
+  bool is_command() const { return on_node || on_device; }
+  bool has_target() const { return on_wire() || on_receiver(); }
 };
 
 // Probability parameter shared by many faults.
@@ -170,6 +206,16 @@ inline ParameterInfo NodeParameter(const std::vector<std::string_view>& nodes) {
           .doc = "which node",
           .example = std::string(nodes.front()),
           .choices = nodes};
+}
+
+// How long the device is held in reset.
+inline ParameterInfo BootParameter() {
+  return {.name = "boot_ms",
+          .unit = "ms",
+          .min = 0.0,
+          .max = 600'000.0,
+          .doc = "from the reset until the processor runs again",
+          .example = 20.0};
 }
 
 // 10 kHz: a thousand times the rate at which nothing gets through any more, and still cheap.

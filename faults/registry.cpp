@@ -37,6 +37,16 @@ namespace tiltproof::faults {
   FAULT(DdsPartition)                \
   FAULT(DdsLoss)                     \
   FAULT(ClockSkew)                   \
+  FAULT(DeviceReset)                 \
+  FAULT(DeviceWatchdogReset)         \
+  FAULT(DeviceHang)                  \
+  FAULT(DeviceStall)                 \
+  FAULT(DeviceBitFlip)               \
+  FAULT(DeviceClockDrift)            \
+  FAULT(UartOverrun)                 \
+  FAULT(UartFramingError)            \
+  FAULT(UartNoiseError)              \
+  FAULT(UartParityError)             \
   FAULT(HarnessNull)                 \
   FAULT(HarnessCanary)
 
@@ -70,6 +80,12 @@ std::vector<link::MessageKind> MessagesOf(Target target) {
   return {};
 }
 
+bool IsParameterText(std::string_view text) {
+  const auto is_printable = [](char c) { return c >= ' ' && c <= '~'; };
+  return !text.empty() && text.size() <= kParameterTextMax && text.front() != ' ' && text.back() != ' ' &&
+         std::all_of(text.begin(), text.end(), is_printable);
+}
+
 class Validator {
  public:
   explicit Validator(const FaultSpec& spec) : spec_(spec) {}
@@ -85,7 +101,7 @@ class Validator {
     }
     CheckBound(*type, "start_s", type->start, spec_.start_ns != kPowerOn);
     CheckBound(*type, "end_s", type->end, spec_.end_ns != kNever);
-    if (type->on_node) CheckNode(*type);
+    if (type->is_command()) CheckCommand(*type);
     CheckTarget(*type);
     CheckMessage(*type);
     CheckParameters(*type);
@@ -111,7 +127,7 @@ class Validator {
   }
 
   // A command is given once, at a time.
-  void CheckNode(const FaultType& type) {
+  void CheckCommand(const FaultType& type) {
     if (spec_.start_ns != kPowerOn && spec_.start_ns < 0) Add("start_s", {"must be at least 0"});
     if (spec_.every_nth_count != 1) Add("every_nth_count", {type.name, " takes no every_nth_count"});
     if (spec_.probability != 1.0)
@@ -121,7 +137,7 @@ class Validator {
   void CheckTarget(const FaultType& type) {
     const std::vector<Target> accepted = AcceptedTargets(type);
     if (std::find(accepted.begin(), accepted.end(), spec_.target) != accepted.end()) return;
-    if (!type.on_wire()) {
+    if (!type.has_target()) {
       Add("target", {type.name, " takes no target"});
       return;
     }
@@ -176,6 +192,13 @@ class Validator {
       }
       return;
     }
+    if (info.kind == ParameterKind::kText) {
+      const auto* text = std::get_if<std::string>(&value);
+      if (text == nullptr || !IsParameterText(*text))
+        Add(key, {"'", info.name, "' must be a text of 1 to ", std::to_string(kParameterTextMax),
+                  " printable ASCII characters, without blanks at its ends"});
+      return;
+    }
     const auto* number = std::get_if<double>(&value);
     if (number == nullptr || !std::isfinite(*number)) {
       Add(key, {"'", info.name, "' must be a finite number"});
@@ -204,8 +227,28 @@ std::string_view Name(Stage stage) {
       return "sensor";
     case Stage::kActuator:
       return "actuator";
+    case Stage::kReceiver:
+      return "receiver";
     case Stage::kNode:
       return "node";
+    case Stage::kDevice:
+      return "device";
+  }
+  return "unknown";
+}
+
+std::string_view Name(ReceiveMark mark) {
+  switch (mark) {
+    case ReceiveMark::kNone:
+      return "none";
+    case ReceiveMark::kOverrun:
+      return "overrun";
+    case ReceiveMark::kFraming:
+      return "framing error";
+    case ReceiveMark::kNoise:
+      return "noise error";
+    case ReceiveMark::kParity:
+      return "parity error";
   }
   return "unknown";
 }
@@ -223,8 +266,10 @@ const FaultType* FindFaultType(std::string_view name) {
 }
 
 std::vector<Target> AcceptedTargets(const FaultType& type) {
-  if (!type.on_wire()) return {Target::kNone};
+  if (!type.has_target()) return {Target::kNone};
   std::vector<Target> targets = {Target::kToClient, Target::kToPlant, Target::kBoth, Target::kReference};
+  // The lines that end at the firmware.
+  if (type.on_receiver()) targets = {Target::kToClient, Target::kReference};
   if (type.default_target) targets.push_back(Target::kNone);
   return targets;
 }

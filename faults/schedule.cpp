@@ -5,8 +5,10 @@
 #include <cstdio>
 #include <utility>
 
+#include "faults/bits.h"
 #include "faults/recorder.h"
 #include "faults/registry.h"
+#include "faults/text.h"
 #include "faults/trigger.h"
 #include "faults/wire_stage.h"
 
@@ -56,6 +58,17 @@ struct SensorInjector {
   std::unique_ptr<SensorModel> model;
 };
 
+struct ReceiverInjector {
+  std::size_t fault;
+  link::Direction direction;
+  Window scenario_window;  // in simulation time
+  Window window;           // in boot time
+  Trigger trigger;
+  ReceiveMark mark;
+  double probability;
+  std::uint64_t stream;  // one generator a byte
+};
+
 struct ActuatorInjector {
   std::size_t fault;
   Window window;
@@ -79,13 +92,18 @@ struct FaultSchedule::State {
   std::array<WireStage, link::kDirectionCount> stages;
   std::vector<SensorInjector> sensors;
   std::vector<ActuatorInjector> actuators;
+  std::vector<ReceiverInjector> receivers;
+  std::array<Line, link::kDirectionCount> lines;
   std::vector<Window> windows;  // by fault
   std::uint64_t sample_count = 0;
   std::uint64_t command_count = 0;
+  std::array<std::uint64_t, link::kDirectionCount> received_count{};
 };
 
 FaultSchedule::FaultSchedule(const std::vector<FaultSpec>& specs, std::uint64_t seed, const Lines& lines)
     : state_(std::make_unique<State>(specs.size())) {
+  for (Line& line : state_->lines) line.baud = lines.baud;
+  state_->lines[static_cast<std::size_t>(Direction::kReference)].baud = lines.reference_baud;
   std::vector<std::size_t> order;
   std::vector<const FaultType*> types;
   for (std::size_t fault = 0; fault < specs.size(); ++fault) {
@@ -99,19 +117,27 @@ FaultSchedule::FaultSchedule(const std::vector<FaultSpec>& specs, std::uint64_t 
   for (const std::size_t fault : order) {
     const FaultSpec& spec = specs[fault];
     const FaultType& type = *types[fault];
-    if (type.on_node) continue;  // a command, not an edit
+    if (type.is_command()) continue;  // not an edit
     const Parameters parameters = ResolvedParameters(spec, type);
     const Window& window = state_->windows[fault];
     const Trigger trigger(spec, StreamKey(seed, {spec.id, "trigger"}));
-    if (type.make_sensor != nullptr) {
+    if (type.on_receiver()) {
+      state_->receivers.push_back({.fault = fault,
+                                   .direction = DirectionsOf(ResolvedTarget(spec, type)).front(),
+                                   .scenario_window = window,
+                                   .window = spec.start_ns == kPowerOn ? Window{} : Window{kNever, kNever},
+                                   .trigger = trigger,
+                                   .mark = type.mark,
+                                   .probability = parameters.Number("probability"),
+                                   .stream = StreamKey(seed, {spec.id, "model"})});
+    } else if (type.make_sensor != nullptr) {
       state_->sensors.push_back({fault, window, trigger, type.always_counts, type.make_sensor(parameters)});
     } else if (type.make_actuator != nullptr) {
       state_->actuators.push_back({fault, window, trigger, type.make_actuator(parameters)});
     } else {
       for (const Direction direction : DirectionsOf(ResolvedTarget(spec, type))) {
-        const Line line{direction == Direction::kReference ? lines.reference_baud : lines.baud};
-        state_->stages[static_cast<std::size_t>(direction)].Add(fault, spec, type, parameters, seed,
-                                                                direction, line);
+        const auto index = static_cast<std::size_t>(direction);
+        state_->stages[index].Add(fault, spec, type, parameters, seed, direction, state_->lines[index]);
       }
     }
   }
@@ -128,6 +154,8 @@ link::ChunkStage* FaultSchedule::Stage(link::Direction direction) {
 
 void FaultSchedule::SetOrigin(TimeNs boot_time_of_t0) {
   for (WireStage& stage : state_->stages) stage.SetOrigin(boot_time_of_t0);
+  for (ReceiverInjector& injector : state_->receivers)
+    injector.window = injector.scenario_window.At(boot_time_of_t0);
 }
 
 void FaultSchedule::EditSensors(TimeNs t, Sensors& sensors, TimeNs boot_time) {
@@ -169,6 +197,33 @@ void FaultSchedule::EditActuators(TimeNs t, ActuatorsTruth& actuators, bool new_
               .before = {},
               .after = {}};
     });
+  }
+}
+
+void FaultSchedule::MarkReceived(Direction direction, TimeNs last_arrival,
+                                 std::span<const std::uint8_t> bytes, std::vector<ReceiveMark>& marks) {
+  marks.assign(bytes.size(), ReceiveMark::kNone);
+  const Line& line = state_->lines[static_cast<std::size_t>(direction)];
+  std::uint64_t& number = state_->received_count[static_cast<std::size_t>(direction)];
+  for (std::size_t i = 0; i < bytes.size(); ++i, ++number) {
+    const TimeNs arrival = last_arrival - line.BytesTime(static_cast<std::int64_t>(bytes.size() - 1 - i));
+    for (ReceiverInjector& injector : state_->receivers) {
+      if (injector.direction != direction || !injector.window.Contains(arrival) ||
+          !injector.trigger.Picks(number) ||
+          !Random(KeyOf(injector.stream, number)).Bernoulli(injector.probability) ||
+          marks[i] != ReceiveMark::kNone)
+        continue;
+      marks[i] = injector.mark;
+      state_->recorder.Count(injector.fault, true, [&]() -> Activation {
+        const link::Chunk byte{.begin_ns = arrival, .bytes = {bytes[i]}};
+        const bool is_lost = injector.mark == ReceiveMark::kOverrun;
+        return {.time_ns = arrival,
+                .fault = injector.fault,
+                .what = Concat({Name(injector.mark), ": ", Hex(bytes[i]), is_lost ? " lost" : " flagged"}),
+                .before = {byte},
+                .after = is_lost ? std::vector<link::Chunk>{} : std::vector{byte}};
+      });
+    }
   }
 }
 

@@ -5,19 +5,23 @@
 //   faults.SetOrigin(boot_time_of_t0);
 //   faults.EditSensors(t, sensors);        // each sample that is sent
 //   faults.EditActuators(t, input);        // each new command, and at NextEdge()
+//   faults.MarkReceived(Direction::kToClient, arrival, bytes, marks);  // what reaches the firmware's receiver
 //
-// Faults on nodes have windows and counts here, and act elsewhere (faults/node_command.h).
+// Faults on nodes and on the device have windows and counts here, and act elsewhere (faults/node_command.h,
+// faults/device_command.h).
 //
-// Stages work in the wires' time (boot time), everything else in simulation time.
+// Stages and the receiver work in the wires' time (boot time), everything else in simulation time.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "faults/fault.h"
+#include "faults/model.h"
 #include "link/chunk.h"
 #include "link/signals.h"
 
@@ -41,7 +45,8 @@ class FaultSchedule {
   // What stands in one direction; null when no fault does. Lives as long as the schedule, moved or not.
   link::ChunkStage* Stage(link::Direction direction);
 
-  // The boot time of t = 0. Until it is known, frames are inside windows without a start only.
+  // The boot time of t = 0. Until it is known, frames and received bytes are inside windows without a start
+  // only.
   void SetOrigin(TimeNs boot_time_of_t0);
 
   // A sample that is about to be sent. `t` may be kPowerOn, for before t = 0: the record then has the time of
@@ -56,7 +61,14 @@ class FaultSchedule {
   // anew; kNever when there is none.
   TimeNs NextEdge(TimeNs t) const;
 
-  // A command of faults/node_command.h was carried out at `t`, in simulation time; `what` says how.
+  // Bytes that arrive back to back at the firmware's receiver, the last of them at `last_arrival` (boot time):
+  // what becomes of each, `marks` of the same size. To be called with every byte of the main line to the
+  // client and of the reference line, in order; how they are spread over calls matters not. A byte bears one
+  // mark: of several faults that pick it, that of the first in the file.
+  void MarkReceived(link::Direction direction, TimeNs last_arrival, std::span<const std::uint8_t> bytes,
+                    std::vector<ReceiveMark>& marks);
+
+  // A command of faults/node_command.h or faults/device_command.h was carried out at `t`, in simulation time; `what` says how.
   void Count(std::size_t fault, TimeNs t, std::string what);
 
   // Whether `t` is inside the window of the fault (its index in the scenario).

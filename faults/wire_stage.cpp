@@ -5,11 +5,6 @@
 namespace tiltproof::faults {
 namespace {
 
-Window InBootTime(const Window& window, TimeNs origin_ns) {
-  return {window.begin_ns == kPowerOn ? kPowerOn : window.begin_ns + origin_ns,
-          window.end_ns == kNever ? kNever : window.end_ns + origin_ns};
-}
-
 bool SameBytesAndTime(const link::Chunk& a, const link::Chunk& b) {
   return a.begin_ns == b.begin_ns && a.bytes == b.bytes;
 }
@@ -37,7 +32,7 @@ void WireStage::Add(std::size_t fault, const FaultSpec& spec, const FaultType& t
 }
 
 void WireStage::SetOrigin(TimeNs origin_ns) {
-  for (Injector& injector : injectors_) injector.window = InBootTime(injector.scenario_window, origin_ns);
+  for (Injector& injector : injectors_) injector.window = injector.scenario_window.At(origin_ns);
 }
 
 void WireStage::Apply(std::vector<link::Chunk>& chunks) {

@@ -17,6 +17,7 @@
 #include "harness/report/build_id.h"
 #include "harness/report/files.h"
 #include "harness/report/results.h"
+#include "harness/scenario/fault_support.h"
 #include "harness/scenario/selection.h"
 #include "link/serial_port.h"
 
@@ -50,11 +51,15 @@ FlightMeans ChooseMeans(const RunOptions& options) {
   return means;
 }
 
-// Lockstep has no processes that a fault could kill.
+// That the client can suffer the faults, in this mode.
 void CheckFaults(const FlightMeans& means, const std::vector<SuiteScenario>& scenarios) {
-  if (means.realtime) return;
+  ClientAbilities abilities{ClientKind::kLibrary, means.realtime};
+  if (!means.client.command.empty()) abilities.client = ClientKind::kProcess;
+  if (!means.client.device.empty()) abilities.client = ClientKind::kSerial;
+  std::vector<std::string> problems;
   for (const auto& entry : scenarios)
-    if (const auto problem = NeedsRealtime(entry.scenario)) throw UsageError(*problem);
+    for (auto& problem : UnsupportedFaults(entry.scenario, abilities)) problems.push_back(std::move(problem));
+  if (!problems.empty()) throw UsageError(fmt::format("{}", fmt::join(problems, "\n")));
 }
 
 // That the board's ports can be had, before anything is flown: a flag that names no device is a mistake of the

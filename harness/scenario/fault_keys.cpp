@@ -30,7 +30,11 @@ const std::vector<std::string_view>& TypeNames() {
   return names;
 }
 
-// For faults on the wire alone.
+// A text as the registry takes it.
+constexpr TextRule kParameterText = {"[!-~]([ -~]*[!-~])?", "printable ASCII, without blanks at its ends",
+                                     faults::kParameterTextMax};
+
+// For faults on the wire and at the receiver.
 void DescribeTarget(KeyVisitor& v, const FaultType& type, FaultSpec& fault) {
   std::vector<Target> targets = faults::AcceptedTargets(type);
   std::erase(targets, Target::kNone);
@@ -86,6 +90,10 @@ void DescribeParameter(KeyVisitor& v, const ParameterInfo& info, FaultSpec& faul
       if (index) *word = info.choices[*index];
       break;
     }
+    case ParameterKind::kText: {
+      if (auto* text = std::get_if<std::string>(&value)) v.Text(key, *text, kParameterText);
+      break;
+    }
   }
 }
 
@@ -93,7 +101,7 @@ constexpr double kWindowMax_s = 86400;
 
 // The ends of the window, as far as the type has them.
 void DescribeWindow(KeyVisitor& v, const FaultType& type, FaultSpec& fault) {
-  const double min_s = type.on_node ? 0 : -1000;
+  const double min_s = type.is_command() ? 0 : -1000;
   const auto describe = [&](Key key, Bound bound, std::string_view why_not, TimeNs& time_ns) {
     if (bound == Bound::kRefused) {
       key.doc = why_not;
@@ -111,14 +119,15 @@ void DescribeWindow(KeyVisitor& v, const FaultType& type, FaultSpec& fault) {
            fault.end_ns);
 }
 
-// A command to a node is given once, whatever passes.
-void RefuseTrigger(KeyVisitor& v) {
+// A command is given once, whatever passes.
+void RefuseTrigger(KeyVisitor& v, const FaultType& type) {
   for (const std::string_view key : {"target", "message", "every_nth_count", "probability"})
-    v.Refuse({key, "a fault on a node has no target and no trigger"});
+    v.Refuse({key, type.on_node ? "a fault on a node has no target and no trigger"
+                                : "a fault on the device has no target and no trigger"});
 }
 
 void DescribeTrigger(KeyVisitor& v, FaultSpec& fault) {
-  v.Integer({"every_nth_count", "Of the frames or samples in the window, only every so many"},
+  v.Integer({"every_nth_count", "Of the frames, samples or bytes in the window, only every so many"},
             fault.every_nth_count, {1, 1e9});
   v.Number({"probability", "Then with this probability"}, fault.probability, {0, 1});
 }
@@ -136,10 +145,8 @@ void DescribeFault(KeyVisitor& v, FaultSpec& fault) {
         const FaultType& type = faults::FaultTypes()[chosen];
         if (fault.type != type.name) fault.parameters.clear();
         fault.type = type.name;
-        if (type.on_wire()) {
-          DescribeTarget(w, type, fault);
-          DescribeMessage(w, fault);
-        }
+        if (type.has_target()) DescribeTarget(w, type, fault);
+        if (type.on_wire()) DescribeMessage(w, fault);
         const bool some_required = std::any_of(type.parameters.begin(), type.parameters.end(),
                                                [](const ParameterInfo& info) { return !info.default_value; });
         w.Section(
@@ -148,7 +155,7 @@ void DescribeFault(KeyVisitor& v, FaultSpec& fault) {
               for (const ParameterInfo& info : type.parameters) DescribeParameter(p, info, fault);
             });
         DescribeWindow(w, type, fault);
-        type.on_node ? RefuseTrigger(w) : DescribeTrigger(w, fault);
+        type.is_command() ? RefuseTrigger(w, type) : DescribeTrigger(w, fault);
       });
 }
 

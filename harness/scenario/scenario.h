@@ -70,8 +70,4 @@ struct Scenario {
   std::vector<CriterionSpec> criteria;
 };
 
-// What keeps a scenario from being flown in lockstep, with the place in its file: the first fault on a node,
-// which in lockstep is no process. None when nothing does.
-std::optional<std::string> NeedsRealtime(const Scenario& scenario);
-
 }  // namespace tiltproof::harness

@@ -20,7 +20,7 @@ inline void PrintTo(const FaultType& type, std::ostream* os) { *os << type.name;
 
 using Bytes = std::vector<std::uint8_t>;
 
-// A fault on to_client (if it is one for the wire) without window.
+// A fault on to_client (if it is one for a line) without window.
 inline FaultSpec Spec(const std::string& type, std::map<std::string, ParameterValue> parameters = {},
                       const std::string& id = "fault") {
   FaultSpec spec;
@@ -28,7 +28,7 @@ inline FaultSpec Spec(const std::string& type, std::map<std::string, ParameterVa
   spec.type = type;
   spec.parameters = std::move(parameters);
   const FaultType* found = FindFaultType(type);
-  if (found != nullptr && found->on_wire()) spec.target = Target::kToClient;
+  if (found != nullptr && found->has_target()) spec.target = Target::kToClient;
   return spec;
 }
 

@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "faults/device_command.h"
 #include "faults/node_command.h"
 #include "faults/registry.h"
 #include "faults/schedule.h"
@@ -92,12 +93,13 @@ class RegistryConformanceTest : public ::testing::TestWithParam<FaultType> {
 };
 
 // Types that edit what passes; of these the ones with a value that changes nothing, and the ones that stand in
-// the line. The rest are commands to nodes (node_command_test.cpp).
+// the line. The rest are commands to nodes (node_command_test.cpp), commands to the device
+// (device_command_test.cpp), and marks on received bytes (receiver_test.cpp).
 class EditConformanceTest : public RegistryConformanceTest {};
 class ZeroConformanceTest : public RegistryConformanceTest {};
 class WireConformanceTest : public RegistryConformanceTest {};
 
-bool Edits(const FaultType& type) { return !type.on_node; }
+bool Edits(const FaultType& type) { return !type.is_command() && !type.on_receiver(); }
 
 bool HasZero(const FaultType& type) {
   return Edits(type) && std::any_of(type.parameters.begin(), type.parameters.end(),
@@ -117,7 +119,7 @@ std::vector<FaultType> TypesThat(bool (*predicate)(const FaultType&)) {
 TEST_P(RegistryConformanceTest, IsDocumented) {
   EXPECT_THAT(std::string(type().name), ::testing::MatchesRegex("[a-z]+\\.[a-z_]+"));
   EXPECT_THAT((std::set<std::string_view>{"wire", "frame", "link", "sensor", "actuator", "node", "dds",
-                                          "clock", "harness"}),
+                                          "clock", "device", "uart", "harness"}),
               Contains(type().layer()));
   EXPECT_TRUE(type().summary.ends_with('.'));
   EXPECT_TRUE(type().semantics.ends_with('.'));
@@ -127,13 +129,20 @@ TEST_P(RegistryConformanceTest, IsDocumented) {
   for (const ParameterInfo& info : type().parameters) {
     EXPECT_TRUE(names.insert(info.name).second) << info.name;
     EXPECT_FALSE(info.doc.empty()) << info.name;
-    EXPECT_EQ(info.unit.empty(), info.kind == ParameterKind::kChoice) << info.name;
+    EXPECT_EQ(info.unit.empty(), info.kind == ParameterKind::kChoice || info.kind == ParameterKind::kText)
+        << info.name;
     EXPECT_EQ(info.choices.empty(), info.kind != ParameterKind::kChoice) << info.name;
     EXPECT_THAT(catalogue, HasSubstr("| `" + std::string(info.name) + "` |"));
   }
   EXPECT_EQ(1, (type().make_wire != nullptr) + (type().make_sensor != nullptr) +
-                   (type().make_actuator != nullptr) + (type().on_node ? 1 : 0));
+                   (type().make_actuator != nullptr) + (type().on_node ? 1 : 0) + (type().on_device ? 1 : 0) +
+                   (type().on_receiver() ? 1 : 0));
   EXPECT_EQ(type().stage == Stage::kNode, type().on_node);
+  EXPECT_EQ(type().stage == Stage::kDevice, type().on_device);
+  EXPECT_EQ(type().stage == Stage::kReceiver, type().on_receiver());
+  // Who edits the wire, sensors or actuators is the harness itself.
+  EXPECT_EQ(type().needs == Needs::kNothing, Edits(type()));
+  EXPECT_EQ(type().needs == Needs::kNodes, type().on_node);
   EXPECT_EQ(type().stage == Stage::kSensor, type().make_sensor != nullptr);
   EXPECT_EQ(type().stage == Stage::kActuator, type().make_actuator != nullptr);
 }
@@ -142,7 +151,10 @@ TEST_P(RegistryConformanceTest, ItsExampleIsValid) { EXPECT_THAT(Validate(Exampl
 
 TEST_P(EditConformanceTest, ItsExampleActs) { EXPECT_GT(Fly({ExampleSpec(type())}).counts.at(0), 0); }
 
-TEST_P(EditConformanceTest, IsNoCommand) { EXPECT_THAT(NodeCommands({ExampleSpec(type())}), IsEmpty()); }
+TEST_P(EditConformanceTest, IsNoCommand) {
+  EXPECT_THAT(NodeCommands({ExampleSpec(type())}), IsEmpty());
+  EXPECT_THAT(DeviceCommands({ExampleSpec(type())}, 1), IsEmpty());
+}
 
 TEST_P(RegistryConformanceTest, KeepsToTheWindowItDeclares) {
   const auto complains = [&](const std::string& key, const FaultSpec& spec) {
@@ -188,6 +200,16 @@ TEST_P(RegistryConformanceTest, RefusesWrongParameters) {
     }
 
     const auto refused = Contains(Field(&Problem::key, key));
+    if (info.kind == ParameterKind::kText) {
+      EXPECT_THAT(problems_with(1.0), refused);
+      for (const std::string text : {"", " a", "a ", "a\tb", "\x7F", "r\xC3\xA4m"})
+        EXPECT_THAT(problems_with(text), refused) << text;
+      for (const std::string text : {"a", "a b", "Controller::gain_[4]"})
+        EXPECT_THAT(problems_with(text), IsEmpty()) << text;
+      EXPECT_THAT(problems_with(std::string(kParameterTextMax, 'x')), IsEmpty());
+      EXPECT_THAT(problems_with(std::string(kParameterTextMax + 1, 'x')), refused);
+      continue;
+    }
     EXPECT_THAT(problems_with("no such choice"), refused);
     if (info.kind == ParameterKind::kChoice) {
       EXPECT_THAT(problems_with(1.0), refused);
@@ -214,8 +236,11 @@ TEST_P(RegistryConformanceTest, RefusesWrongTargets) {
        {Target::kNone, Target::kToClient, Target::kToPlant, Target::kBoth, Target::kReference}) {
     FaultSpec spec = ExampleSpec(type());
     spec.target = target;
-    const bool allowed = (target != Target::kNone) == type().on_wire() ||
-                         (target == Target::kNone && type().default_target.has_value());
+    const bool is_line = target == Target::kToClient || target == Target::kReference ||
+                         (target != Target::kNone && type().on_wire());
+    const bool allowed = target == Target::kNone
+                             ? !(type().on_wire() || type().on_receiver()) || type().default_target
+                             : is_line && (type().on_wire() || type().on_receiver());
     if (allowed) {
       EXPECT_THAT(Validate(spec), IsEmpty()) << Name(target);
       EXPECT_NO_THROW(FaultSchedule({spec}, 1));

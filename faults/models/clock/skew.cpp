@@ -28,7 +28,8 @@ FaultType ClockSkew() {
                           .example = 5.0,
                           .default_value = 0.0,
                           .zero = 0.0}},
-          .on_node = true};
+          .on_node = true,
+          .needs = Needs::kNodes};
 }
 
 }  // namespace tiltproof::faults

@@ -14,7 +14,8 @@ FaultType DdsLoss() {
                          ProbabilityParameter("of losing a packet", 0.1)},
           .on_node = true,
           .start = Bound::kRefused,
-          .end = Bound::kRefused};
+          .end = Bound::kRefused,
+          .needs = Needs::kNodes};
 }
 
 }  // namespace tiltproof::faults

@@ -14,7 +14,8 @@ FaultType DdsPartition() {
           "node stays cut off. A node that is away for more than 5 s is given up, and the verdict is error.",
       .parameters = {NodeParameter({"base_station", "client", "plant", "link", "all"})},
       .on_node = true,
-      .start = Bound::kRequired};
+      .start = Bound::kRequired,
+      .needs = Needs::kNodes};
 }
 
 }  // namespace tiltproof::faults

@@ -15,7 +15,8 @@ FaultType NodeKill() {
       .parameters = {NodeParameter({"client", "plant", "link", "base_station"})},
       .on_node = true,
       .start = Bound::kRequired,
-      .end = Bound::kRefused};
+      .end = Bound::kRefused,
+      .needs = Needs::kNodes};
 }
 
 }  // namespace tiltproof::faults

@@ -13,7 +13,8 @@ FaultType NodePause() {
           .parameters = {NodeParameter({"client", "plant", "link", "base_station"})},
           .on_node = true,
           .start = Bound::kRequired,
-          .end = Bound::kRequired};
+          .end = Bound::kRequired,
+          .needs = Needs::kNodes};
 }
 
 }  // namespace tiltproof::faults

@@ -20,7 +20,8 @@ FaultType NodeRestart() {
           .on_node = true,
           .start = Bound::kRequired,
           .end = Bound::kRefused,
-          .duration_ms = "down_ms"};
+          .duration_ms = "down_ms",
+          .needs = Needs::kNodes};
 }
 
 }  // namespace tiltproof::faults

@@ -182,6 +182,14 @@ TEST_F(SchemaTest, BrokenScenariosAreRefusedByBoth) {
       good + "faults: [{id: a, type: node.pause, start_s: 1, parameters: {node: plant}}]\n",
       good + "faults: [{id: a, type: node.restart, start_s: 1, parameters: {node: plant, down_ms: 1}}]\n",
       good + "faults: [{id: a, type: dds.loss, start_s: 1, parameters: {node: all, probability: 0.1}}]\n",
+      good + "faults: [{id: a, type: device.hang}]\n",
+      good + "faults: [{id: a, type: device.reset, start_s: 1}]\n",
+      good + "faults: [{id: a, type: device.bit_flip, start_s: 1, parameters: {region: \"\"}}]\n",
+      good + "faults: [{id: a, type: device.bit_flip, start_s: 1, parameters: {region: \"ram \"}}]\n",
+      good + "faults: [{id: a, type: device.bit_flip, start_s: 1, parameters: {region: 5}}]\n",
+      good + "faults: [{id: a, type: device.bit_flip, start_s: 1, parameters: {region: a, bit_count: 65}}]\n",
+      good + "faults: [{id: a, type: device.clock_drift, target: both, parameters: {ppm: 1}}]\n",
+      good + "faults: [{id: a, type: uart.overrun, target: both, parameters: {probability: 1}}]\n",
       good + "criteria: [{stl: \"true\"}]\n",
       good + "criteria: [{name: a, stl: 5}]\n",
       good + "criteria: [{name: a, metric: Rmse, max: 1}]\n",
@@ -210,7 +218,7 @@ TEST_F(SchemaTest, EveryFaultTypeIsKnownToBoth) {
       }
     }
     Json fault = {{"id", "a"}, {"type", type.name}, {"parameters", parameters}};
-    if (type.on_wire()) fault["target"] = "to_client";
+    if (type.has_target()) fault["target"] = "to_client";
     if (type.start == faults::Bound::kRequired) fault["start_s"] = 2;
     if (type.end == faults::Bound::kRequired) fault["end_s"] = 3;
     const Json scenario = {{"name", "x"},

@@ -1,0 +1,34 @@
+#include "faults/model.h"
+
+namespace tiltproof::faults {
+
+FaultType DeviceBitFlip() {
+  return {.name = "device.bit_flip",
+          .stage = Stage::kDevice,
+          .summary = "Flips bits of the firmware's memory, as radiation does.",
+          .semantics =
+              "At one instant `bit_count` different bits of the region are flipped, every choice of them "
+              "alike; they stay so until the firmware writes there. The instant is `start_s` or, with "
+              "`end_s`, drawn from the window, every nanosecond alike: flights with many seeds "
+              "(`--repeat`) then sample memory and time. A region is one of `ram` (all of it), `data`, "
+              "`bss`, `stack`, or an object of the firmware by its name in the ELF file.",
+          .parameters = {{.name = "region",
+                          .unit = "",
+                          .kind = ParameterKind::kText,
+                          .doc = "ram, data, bss, stack, or the name of an object in the ELF file",
+                          .example = "ram"},
+                         {.name = "bit_count",
+                          .unit = "1",
+                          .kind = ParameterKind::kInteger,
+                          .min = 1.0,
+                          .max = 64.0,
+                          .doc = "how many bits at once",
+                          .example = 1.0,
+                          .default_value = 1.0}},
+          .on_device = true,
+          .at_an_instant = true,
+          .start = Bound::kRequired,
+          .needs = Needs::kProcessor};
+}
+
+}  // namespace tiltproof::faults

@@ -1,0 +1,20 @@
+#include "faults/model.h"
+
+namespace tiltproof::faults {
+
+FaultType DeviceHang() {
+  return {.name = "device.hang",
+          .stage = Stage::kDevice,
+          .summary = "The firmware hangs: only its watchdog can help.",
+          .semantics =
+              "From `start_s` on the processor executes nothing, as in an endless loop with interrupts "
+              "masked, while time and peripherals go on. The independent watchdog, if the firmware has "
+              "started it, resets the processor when it runs out, and the firmware starts again; otherwise "
+              "the processor stands still to the end of the flight.",
+          .on_device = true,
+          .start = Bound::kRequired,
+          .end = Bound::kRefused,
+          .needs = Needs::kEmulation};
+}
+
+}  // namespace tiltproof::faults
