@@ -106,6 +106,8 @@ void StartTicks() {
   SysTick().LOAD = kCyclesPerTick - 1;
   SysTick().VAL = 0;
   SysTick().CTRL = kSysTickCoreClock | kSysTickInterrupt | kSysTickEnable;
+  while (SysTick().VAL == 0) {  // it counts from the next cycle on
+  }
 }
 
 void CountTick() {
@@ -120,15 +122,16 @@ TimeNs TickTime() {
 
 TimeNs Now() {
   const InterruptLock lock;
-  std::uint32_t left = SysTick().VAL;  // cycles to the next tick; 0 at a tick, and before the first cycle
+  if ((SysTick().CTRL & kSysTickEnable) == 0) return 0;
   std::int64_t ticks = tick_count;
+  std::uint32_t cycles = kCyclesPerTick - SysTick().VAL;
   if ((Scb().ICSR & kScbIcsrSysTickPending) != 0) {
-    // The tick has come, perhaps after the counter was read, and nobody has counted it yet.
-    left = SysTick().VAL;
+    // The tick has come, perhaps after the counter was read, and nobody has counted it yet. At the tick itself the
+    // counter is 0.
     ++ticks;
+    cycles = (kCyclesPerTick - SysTick().VAL) % kCyclesPerTick;
   }
   constexpr std::uint32_t kCyclesPerUs = kCoreHz / 1'000'000;
-  const std::uint32_t cycles = left == 0 ? 0 : kCyclesPerTick - left;
   return ticks * kTickNs + cycles * 1000 / kCyclesPerUs;
 }
 

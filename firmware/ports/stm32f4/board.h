@@ -43,7 +43,7 @@ void CountTick();
 // Of the last tick: a multiple of 1 ms. What the application gets as its time: a period begins at a tick, and
 // a time-out of n ms ends n ticks later.
 TimeNs TickTime();
-// To the cycle.
+// To the cycle. Not from an interrupt.
 TimeNs Now();
 
 // --- Independent watchdog (RM0090, section 21): resets the chip when it is not fed for 100 ms (68 to 188 ms,

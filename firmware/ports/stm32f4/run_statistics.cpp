@@ -47,13 +47,16 @@ void BeginBusy() {
 }
 
 void EndBusy() {
-  const auto busy_ns = static_cast<std::uint32_t>(Now() - busy_since_ns);
-  tiltproof_run_statistics.busy_ns_max = std::max(tiltproof_run_statistics.busy_ns_max, busy_ns);
+  // Signed: an emulator that has fallen behind the wall clock loses ticks, and time may step back.
+  const TimeNs busy_ns = Now() - busy_since_ns;
+  std::uint32_t& busy_ns_max = tiltproof_run_statistics.busy_ns_max;
+  if (busy_ns > static_cast<TimeNs>(busy_ns_max)) busy_ns_max = static_cast<std::uint32_t>(busy_ns);
 }
 
 void PrintRunStatistics() {
   if (Now() < print_ns) return;
   print_ns += kPrintPeriodNs;
+  EndBusy();  // this is not the flight's work
   for (std::uint32_t i = 0; i < stack_count; ++i) {
     TiltproofStackStatistics& statistics = tiltproof_run_statistics.stacks[i];
     statistics.used_bytes_max = UsedBytesMax(stacks[i]);
@@ -63,6 +66,7 @@ void PrintRunStatistics() {
   }
   ConsoleLine line("busy for ");
   line.Number(tiltproof_run_statistics.busy_ns_max).Text(" ns at most").Send();
+  BeginBusy();
 }
 
 }  // namespace tiltproof::stm32f4
