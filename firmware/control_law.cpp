@@ -44,16 +44,20 @@ Actuators ControlLaw::Step(const Sensors& sensors, const Reference& reference) {
 
   // The four rows side by side: their sums do not wait for each other, and the order within each is that of
   // the columns.
-  std::array<float, kActuatorCount> correction{};
+  float f_r_n = 0;
+  float f_l_n = 0;
+  float tau_r_nm = 0;
+  float tau_l_nm = 0;
   for (std::size_t column = 0; column < kStateCount; ++column) {
-    for (std::size_t row = 0; row < kActuatorCount; ++row) {
-      correction[row] += gain_[row][column] * state_error[column];
-    }
+    f_r_n += gain_[0][column] * state_error[column];
+    f_l_n += gain_[1][column] * state_error[column];
+    tau_r_nm += gain_[2][column] * state_error[column];
+    tau_l_nm += gain_[3][column] * state_error[column];
   }
-  return {.f_r_n = feed_forward_.f_r_n - correction[0],
-          .f_l_n = feed_forward_.f_l_n - correction[1],
-          .tau_r_nm = feed_forward_.tau_r_nm - correction[2],
-          .tau_l_nm = feed_forward_.tau_l_nm - correction[3]};
+  return {.f_r_n = feed_forward_.f_r_n - f_r_n,
+          .f_l_n = feed_forward_.f_l_n - f_l_n,
+          .tau_r_nm = feed_forward_.tau_r_nm - tau_r_nm,
+          .tau_l_nm = feed_forward_.tau_l_nm - tau_l_nm};
 }
 
 }  // namespace tiltproof::firmware
