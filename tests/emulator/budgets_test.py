@@ -1,0 +1,108 @@
+#!/usr/bin/env python3
+"""What the firmware needs of an STM32F4, against limits: instructions, memory, stacks.
+
+Usage: budgets_test.py FOLDER-OF-IMAGES    prints the table of docs/measurements.md, "Budgets"; exit 1 when a limit is broken.
+"""
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+
+from emulator import Emulator, floats
+
+# Executed instructions, counted by budgets.elf. Limits leave some tenths for another compiler.
+INSTRUCTIONS = {
+    "control_step": (600, "control step"),
+    "decode_plain": (900, "decode a 64-byte payload, nothing escaped"),
+    "decode_escaped": (2400, "decode a 64-byte payload, everything escaped"),
+    "encode_plain": (1150, "encode a 64-byte payload, nothing escaped"),
+    "encode_escaped": (1150, "encode a 64-byte payload, everything escaped"),
+    "cycle_plain": (30_000, "whole period, byte by byte, nothing escaped"),
+    "cycle_escaped": (45_000, "whole period, byte by byte, everything escaped"),
+}
+# Bytes of flash and of RAM (stacks included).
+MEMORY = {
+    "executive": (20 * 1024, 10 * 1024),
+    "freertos": (28 * 1024, 18 * 1024),
+}
+STACK_USE_MAX = 0.75  # of its size
+
+MUTE = range(20, 40)  # requests without reply: the fail-safe and its log lines are the deepest calls
+
+
+def count_instructions(image):
+    """Lines `name value` of the image, with one nanosecond an instruction."""
+    with tempfile.TemporaryDirectory() as folder:
+        console = pathlib.Path(folder, "console")
+        qemu = subprocess.Popen(["qemu-system-arm", "-M", "netduinoplus2", "-display", "none", "-monitor", "none",
+                                 "-icount", "shift=0", "-serial", f"file:{console}", "-kernel", str(image)],
+                                stdin=subprocess.DEVNULL)
+        try:
+            for _ in range(600):
+                try:
+                    qemu.wait(0.1)
+                except subprocess.TimeoutExpired:
+                    pass
+                text = console.read_text() if console.exists() else ""
+                if "done" in text or qemu.returncode is not None:
+                    break
+        finally:
+            qemu.kill()
+            qemu.wait()
+    if "done" not in text:
+        sys.exit(f"{image.name} did not come to its end; it said:\n{text}")
+    return {name: int(value) for name, value in re.findall(r"^(\w+) (\d+)\r?$", text, re.MULTILINE)}
+
+
+def sizes(image):
+    text, data, bss = subprocess.check_output(["arm-none-eabi-size", image], text=True).splitlines()[1].split()[:3]
+    return int(text) + int(data), int(data) + int(bss)
+
+
+def stack_uses(image):
+    """{stack: (used, size)} after a second of traffic with all that makes the firmware call deep."""
+    reply = floats(2, 0, 0.5, *[0] * 13)
+    with Emulator(image, answers=lambda n: None if n in MUTE else reply) as board:
+        for _ in board.messages(until=lambda board: "busy for" in board.console and board.request_count > MUTE.stop + 20):
+            board.send_reference(2, 0, 0.5, 0, 0, 0, 0)
+        lines = re.findall(r"stack (\w+) (\d+) of (\d+) bytes", board.console)
+    return {name: (int(used), int(size)) for name, used, size in lines}
+
+
+def main():
+    folder = pathlib.Path(sys.argv[1])
+    broken = []
+    rows = []
+
+    def check(what, value, limit, unit):
+        rows.append(f"| {what} | {value} {unit} | {limit} {unit} |")
+        if value > limit:
+            broken.append(f"{what}: {value} {unit}, limit {limit}")
+
+    counts = count_instructions(folder / "budgets.elf")
+    for name, (limit, what) in INSTRUCTIONS.items():
+        if name not in counts:
+            sys.exit(f"budgets.elf does not measure {name}")
+        check(what, counts[name], limit, "instructions")
+    for prefix, (flash_max, ram_max) in MEMORY.items():
+        images = sorted(folder.glob(f"{prefix}-*.elf"))
+        if not images:
+            print(f"not measured: there are no images {prefix}-*.elf", file=sys.stderr)
+            continue
+        flash, ram = (max(column) for column in zip(*map(sizes, images)))
+        check(f"{prefix}: flash", flash, flash_max, "bytes")
+        check(f"{prefix}: RAM", ram, ram_max, "bytes")
+        uses = stack_uses(folder / f"{prefix}-tolerant.elf")
+        if "main" not in uses:
+            sys.exit(f"{prefix}-tolerant.elf reported no stack")
+        for stack, (used, size) in uses.items():
+            check(f"{prefix}: stack {stack}, of {size} bytes", used, int(STACK_USE_MAX * size), "bytes")
+
+    print("| what | measured | limit |", "|---|---|---|", *rows, sep="\n")
+    if broken:
+        sys.exit("over the limit:\n" + "\n".join(broken))
+
+
+if __name__ == "__main__":
+    main()
