@@ -4,6 +4,10 @@
 #include <filesystem>
 #include <string>
 
+#include "harness/client/make_client.h"
+#include "harness/scenario/scenario.h"
+#include "link/messages.h"
+
 namespace tiltproof::harness {
 
 // Holds <name>.sdf: share/tiltproof/models of an installed program, else plant/models of the source tree it
@@ -16,14 +20,33 @@ std::filesystem::path HostFirmwareLibrary();
 // This program itself, to start nodes with.
 std::filesystem::path ProgramFile();
 
-// What --client names; one of the three kinds.
+// The lockstep plug-in of the emulator.
+std::filesystem::path LockstepPlugin();
+
+// Our firmware as an image for the emulated board: `scheduler` is "executive" or "freertos".
+std::filesystem::path FirmwareImage(const std::string& scheduler, const std::string& firmware,
+                                    link::Dialect dialect);
+
+// What --client names; one of the four kinds.
 struct ClientChoice {
   std::string text;                      // as run.json keeps it: with the library's absolute path
   std::filesystem::path library;         // host, library:FILE
   std::string command;                   // process:CMD
   std::string device, reference_device;  // serial:DEV[,REFDEV]
+  // qemu[:...]: an image, or (`image` empty) the scenario's firmware under this scheduler.
+  bool emulator = false;
+  std::filesystem::path image;
+  std::string scheduler = "executive";
+  int main_usart = 2, reference_usart = 3, console_usart = 1;
+
   // Whether it can fly in virtual time.
-  bool knows_virtual_time() const { return !library.empty(); }
+  bool knows_virtual_time() const { return !library.empty() || emulator; }
+  // The firmware's file of a flight: library or image.
+  std::filesystem::path FirmwareFile(const Scenario& scenario) const;
+  // One file that tells builds of the firmware apart, whatever the scenario; empty when there is none.
+  std::filesystem::path BuiltFile() const;
+  // Of a client that knows virtual time.
+  ClientSource SourceFor(const Scenario& scenario) const;
 };
 // Throws UsageError naming what is wrong with the flag.
 ClientChoice ChooseClient(const std::string& client);

@@ -62,7 +62,7 @@ int ReplayCommand(const ReplayOptions& options) {
                     options.run.string()));
   FlightMeans means;
   means.client = ChooseClient(run.info.client);
-  const std::string build = BuildId(means.client.library);
+  const std::string build = BuildId(means.client.BuiltFile());
   if (!run.info.build.empty() && run.info.build != build)
     fmt::print(
         "another build: {} then, {} now; the program or the firmware has changed, and flights may differ\n",

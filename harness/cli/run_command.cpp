@@ -56,10 +56,26 @@ void CheckFaults(const FlightMeans& means, const std::vector<SuiteScenario>& sce
   ClientAbilities abilities{ClientKind::kLibrary, means.realtime};
   if (!means.client.command.empty()) abilities.client = ClientKind::kProcess;
   if (!means.client.device.empty()) abilities.client = ClientKind::kSerial;
+  if (means.client.emulator) abilities.client = ClientKind::kEmulator;
   std::vector<std::string> problems;
   for (const auto& entry : scenarios)
     for (auto& problem : UnsupportedFaults(entry.scenario, abilities)) problems.push_back(std::move(problem));
   if (!problems.empty()) throw UsageError(fmt::format("{}", fmt::join(problems, "\n")));
+}
+
+// That there is an image for every scenario, and what takes it.
+void CheckImages(const FlightMeans& means, const std::vector<SuiteScenario>& scenarios) {
+  if (!means.client.emulator) return;
+  for (const auto& entry : scenarios) {
+    const auto image = means.client.FirmwareFile(entry.scenario);
+    if (std::filesystem::is_regular_file(image)) continue;
+    throw UsageError(fmt::format("--client {}: no image at {}{}", means.client.text, image.string(),
+                                 !means.client.image.empty() ? ""
+                                 : means.client.scheduler == "freertos"
+                                     ? ": it is built where FREERTOS_KERNEL_PATH names a FreeRTOS kernel, or "
+                                       "`./setup --freertos` has fetched one"
+                                     : ": it is built where gcc-arm-none-eabi is installed; run ./setup"));
+  }
 }
 
 // That the board's ports can be had, before anything is flown: a flag that names no device is a mistake of the
@@ -155,6 +171,7 @@ int RunCommand(const RunOptions& options) {
                                    first, kSeedMax));
   }
   CheckFaults(means, suite.scenarios);
+  CheckImages(means, suite.scenarios);
   if (options.dry_run) {
     List(options, suite.scenarios);
     return kExitGreen;
@@ -167,7 +184,7 @@ int RunCommand(const RunOptions& options) {
   info.seed = options.seed.value_or(suite.scenarios.front().scenario.seed);
   info.mode = options.mode;
   info.client = means.client.text;
-  info.build = BuildId(means.client.library);
+  info.build = BuildId(means.client.BuiltFile());
   if (means.realtime && !means.attach) info.realtime_rights = ProbeRealtimeRights().Text();
   info.command = options.command;
   const std::filesystem::path folder = CreateRunFolder(options.out, suite.name, info.seed);

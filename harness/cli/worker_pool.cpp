@@ -113,14 +113,13 @@ RunLog FlyByMeans(const FlightJob& job, std::atomic<std::int64_t>* progress_ns,
     return FlyDistributed(scenario, {.transport = *means.distributed,
                                      .program = ProgramFile(),
                                      .scenario_yaml = WriteResolved(scenario),
-                                     .firmware_library = means.client.library,
+                                     .firmware = means.client.SourceFor(scenario),
                                      .domain = means.domain,
                                      .progress_ns = progress_ns,
                                      .interrupted = &interrupted});
-  FirmwareGuard::Install();
   FlightOptions options;
   options.make_client = [&](ClientHost host) {
-    return LoadLibraryClient(means.client.library, scenario.firmware, scenario.link.dialect, std::move(host));
+    return MakeClient(means.client.SourceFor(scenario), SettingsOf(scenario), std::move(host));
   };
   options.progress_ns = progress_ns;
   options.interrupted = &interrupted;

@@ -1,12 +1,17 @@
 // The firmware under test as the conductor sees it: bytes, times and a status, nothing else.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <optional>
 #include <span>
+#include <string>
 #include <string_view>
+#include <vector>
 
+#include "faults/device_command.h"
+#include "faults/model.h"
 #include "link/time.h"
 
 namespace tiltproof::harness {
@@ -18,21 +23,43 @@ struct ClientStatus {
   std::uint32_t failsafe_count = 0;
 };
 
+// Something that befell the board.
+struct DeviceEvent {
+  TimeNs time_ns = 0;
+  std::optional<std::size_t> fault;  // that did it: its index in the scenario
+  std::string kind;                  // "device_reset", "bit_flipped", "uart_overrun", ...
+  std::string text;
+};
+
 // What a client may call while it runs. Times are nanoseconds since power-on.
 struct ClientHost {
   std::function<TimeNs(Uart uart, TimeNs now, std::span<const std::uint8_t> bytes)> transmit;
   std::function<void(TimeNs now, std::string_view text)> log;
+  std::function<void(const DeviceEvent&)> event = [](const DeviceEvent&) {};
 };
 
-// Lockstep (see firmware/tiltproof_client.h for the rules): each of Start and Grant runs the client at one
-// instant and returns the time until which it waits.
+// Lockstep (see firmware/tiltproof_client.h for the rules).
 class Client {
  public:
   virtual ~Client() = default;
+
+  // A client that acts only when it is called (a library) is called at the instant at which something arrives or
+  // its time has come. One with a processor of its own (an emulator) runs on between its calls: it is given bytes
+  // ahead of time, as soon as their arrival is certain, and so is each at its own time at its pin.
+  virtual bool RunsOn() const { return false; }
+
+  // Power-on. Returns until when the client waits.
   virtual TimeNs Start(TimeNs now) = 0;
-  virtual void Receive(Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) = 0;
-  virtual TimeNs Grant(TimeNs now) = 0;
-  virtual TimeNs Reset(TimeNs now) = 0;
+  // Bytes, back to back, the last of which arrives at `arrival`. `marks` is empty, or says of each what becomes of
+  // it at the receiver.
+  virtual void Receive(Uart uart, TimeNs arrival, std::span<const std::uint8_t> bytes,
+                       std::span<const faults::ReceiveMark> marks) = 0;
+  // Runs the client at `now`; one that runs on, from there to `horizon` at most, or until it has transmitted what
+  // somebody may answer. Returns until when it waits.
+  virtual TimeNs Grant(TimeNs now, TimeNs horizon) = 0;
+  // What shall befall the board, told once when t = 0 is known, at `origin`; a Grant() follows. Throws
+  // std::runtime_error for a command that makes no sense with this firmware (a region that its image does not have).
+  virtual void Command(const std::vector<faults::DeviceCommand>& commands, TimeNs origin) = 0;
   virtual std::optional<ClientStatus> Status() = 0;
 };
 

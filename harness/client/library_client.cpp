@@ -2,6 +2,8 @@
 
 #include <dlfcn.h>
 
+#include <algorithm>
+#include <deque>
 #include <stdexcept>
 #include <type_traits>
 #include <utility>
@@ -74,14 +76,34 @@ class LibraryClient final : public Client {
   TimeNs Start(TimeNs now) override {
     return Guarded([&] { return start_(client_, now); });
   }
-  void Receive(Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) override {
+  void Receive(Uart uart, TimeNs now, std::span<const std::uint8_t> bytes,
+               std::span<const faults::ReceiveMark> /*marks*/) override {
+    if (in_reset_) return;
     Guarded([&] { receive_(client_, static_cast<int>(uart), now, bytes.data(), bytes.size()); });
   }
-  TimeNs Grant(TimeNs now) override {
-    return Guarded([&] { return grant_(client_, now); });
+  TimeNs Grant(TimeNs now, TimeNs /*horizon*/) override {
+    if (resets_.empty() || now < resets_.front().begin) {
+      wake_ns_ = Guarded([&] { return grant_(client_, now); });
+    } else if (now < resets_.front().end) {
+      if (!std::exchange(in_reset_, true))
+        host_.event({.time_ns = now,
+                     .fault = resets_.front().fault,
+                     .kind = "device_reset",
+                     .text = "reset, and held until it has booted"});
+      return resets_.front().end;
+    } else {
+      in_reset_ = false;
+      resets_.pop_front();
+      host_.event({.time_ns = now, .fault = std::nullopt, .kind = "device_runs", .text = "it has booted"});
+      wake_ns_ = Guarded([&] { return reset_(client_, now); });
+    }
+    return resets_.empty() ? wake_ns_ : std::min(wake_ns_, resets_.front().begin);
   }
-  TimeNs Reset(TimeNs now) override {
-    return Guarded([&] { return reset_(client_, now); });
+  // A library can be reset and nothing else; all other faults of a device are refused before the flight.
+  void Command(const std::vector<faults::DeviceCommand>& commands, TimeNs origin) override {
+    for (const faults::DeviceCommand& command : commands)
+      if (command.type == "device.reset")
+        resets_.push_back({origin + command.at_ns, origin + command.until_ns, command.fault});
   }
   std::optional<ClientStatus> Status() override {
     if (status_ == nullptr || lost_) return std::nullopt;
@@ -117,6 +139,13 @@ class LibraryClient final : public Client {
   void* handle_ = nullptr;
   TiltproofHost interface_{};
   TiltproofClient* client_ = nullptr;
+  struct Reset {
+    TimeNs begin, end;
+    std::size_t fault;
+  };
+  std::deque<Reset> resets_;  // to come, by begin; the first may be under way
+  bool in_reset_ = false;
+  TimeNs wake_ns_ = kNever;
   bool lost_ = false;
   decltype(&tiltproof_client_create) create_ = nullptr;
   decltype(&tiltproof_client_destroy) destroy_ = nullptr;

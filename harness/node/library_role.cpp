@@ -87,8 +87,8 @@ class LibraryRole final : public Role {
           if (stopped_ || power_on_ns_ == kNever) return;
           const TimeNs now = Now();
           Run([&] {
-            client_->Receive(uart, now, bytes);
-            return client_->Grant(now);
+            client_->Receive(uart, now, bytes, {});
+            return client_->Grant(now, kNever);
           });
         },
         [this](const std::string& reason) {
@@ -139,7 +139,7 @@ class LibraryRole final : public Role {
         const TimeNs now = Now();
         // This machine's lateness, not the firmware's.
         services_.lateness().Note(power_on_ns_ + wake, power_on_ns_ + now);
-        Run([&] { return client_->Grant(now); });
+        Run([&] { return client_->Grant(now, kNever); });
       });
     } catch (const FirmwareTrouble& trouble) {
       Tell(trouble);

@@ -21,6 +21,8 @@ using link::Direction;
 
 // A client may say that it transmits later within its call, but not by more than this.
 constexpr TimeNs kTransmitAheadMax = kNsPerS;
+// A client with a processor of its own comes back at least so often.
+constexpr TimeNs kRunOnMax = kControlPeriodNs;
 // A client that asks to be woken at the present instant this often in a row will never let time pass.
 constexpr int kTurnsAtOneInstantMax = 1000;
 
@@ -36,7 +38,9 @@ class Conductor {
  private:
   void Conduct();
   void ServePlantEnd(TimeNs now);
-  bool DeliverToClient(TimeNs now);
+  bool DeliverToClient(TimeNs until);
+  void CommandDevice();
+  void OnDeviceEvent(const DeviceEvent& event);
   void SendReference(TimeNs now);
   void Finish();
 
@@ -52,6 +56,11 @@ class Conductor {
   std::unique_ptr<Client> client_;
   RunLog log_;
 
+  // Faults at the client's receiver, and what was carried out of those on its board.
+  faults::FaultSchedule client_faults_;
+  std::vector<faults::ReceiveMark> marks_;
+  std::vector<DeviceEvent> device_events_;  // in boot time
+
   TimeNs wake_ns_ = 0;  // until when the client waits
   TimeNs next_reference_ns_ = kNever;
   TimeNs now_ns_ = 0;                                           // of the turn under way
@@ -60,7 +69,14 @@ class Conductor {
 };
 
 Conductor::Conductor(const Scenario& scenario, Line& line, PlantServer& server, const FlightOptions& options)
-    : scenario_(scenario), options_(options), line_(line), server_(server), trajectory_(scenario.reference) {
+    : scenario_(scenario),
+      options_(options),
+      line_(line),
+      server_(server),
+      trajectory_(scenario.reference),
+      client_faults_(scenario.faults, scenario.seed,
+                     {.baud = scenario.link.ideal ? 0 : scenario.link.baud,
+                      .reference_baud = LinkSpec::kReferenceBaud}) {
   log_.trace = Trace(FlightColumns(scenario));
   client_ = options.make_client(
       {.transmit = [this](Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) -> TimeNs {
@@ -74,7 +90,8 @@ Conductor::Conductor(const Scenario& scenario, Line& line, PlantServer& server, 
              if (firmware_log_bytes_ > kFirmwareLogBytesMax) return;
              firmware_log_bytes_ += text.size();
              firmware_lines_.emplace_back(now, text);
-           }});
+           },
+       .event = [this](const DeviceEvent& event) { OnDeviceEvent(event); }});
 }
 
 RunLog Conductor::Run() {
@@ -97,6 +114,7 @@ void Conductor::Conduct() {
   TimeNs last = kPowerOn;
   int turns = 0;
   wake_ns_ = client_->Start(0);
+  const bool runs_on = client_->RunsOn();
   for (;;) {
     const TimeNs end = (started() ? server_.state().origin_ns : 0) + scenario_.duration_ns;
     TimeNs now = std::min(wake_ns_, next_reference_ns_);
@@ -128,8 +146,15 @@ void Conductor::Conduct() {
     server_.Advance(now, line_.counts());
     if (over()) return;
     if (now == next_reference_ns_) SendReference(now);
+    const bool was_started = started();
     ServePlantEnd(now);
-    if (DeliverToClient(now) || now >= wake_ns_) wake_ns_ = client_->Grant(now);
+    const bool starts_now = started() && !was_started;
+    if (starts_now) CommandDevice();
+    // Nothing that is not on its way yet can reach the client before that.
+    const TimeNs horizon = std::min({next_reference_ns_, line_.NextArrival(Direction::kToPlant),
+                                     now + kRunOnMax, std::max(end, now) + 1});
+    const bool delivered = DeliverToClient(runs_on ? horizon : now);
+    if (runs_on || delivered || starts_now || now >= wake_ns_) wake_ns_ = client_->Grant(now, horizon);
   }
 }
 
@@ -146,17 +171,30 @@ void Conductor::ServePlantEnd(TimeNs now) {
 }
 
 // The client gets every byte that has arrived, whole frame or not: it may flush what it holds at any tick.
-bool Conductor::DeliverToClient(TimeNs now) {
+bool Conductor::DeliverToClient(TimeNs until) {
   bool delivered = false;
   // References first: r(t_k) is there before the sensor reply of the same period.
   for (const Direction direction : {Direction::kReference, Direction::kToClient}) {
     const Uart uart = direction == Direction::kReference ? Uart::kReference : Uart::kMain;
-    while (const auto piece = line_.TakePiece(direction, now)) {
+    while (const auto piece = line_.TakePiece(direction, until)) {
       delivered = true;
-      client_->Receive(uart, piece->arrival_ns, piece->bytes);
+      client_faults_.MarkReceived(direction, piece->arrival_ns, piece->bytes, marks_);
+      client_->Receive(uart, piece->arrival_ns, piece->bytes, marks_);
     }
   }
   return delivered;
+}
+
+void Conductor::CommandDevice() {
+  const TimeNs origin = server_.state().origin_ns;
+  client_faults_.SetOrigin(origin);
+  client_->Command(faults::DeviceCommands(scenario_.faults, scenario_.seed), origin);
+}
+
+void Conductor::OnDeviceEvent(const DeviceEvent& event) {
+  device_events_.push_back(event);
+  if (event.fault && *event.fault < scenario_.faults.size())
+    client_faults_.Count(*event.fault, SimTime(event.time_ns), event.text);
 }
 
 // The base station follows the simulation's clock (paper, section 2.2, Figure 6).
@@ -179,6 +217,9 @@ void Conductor::Finish() {
     log_.end_ns = log_.end_reason == EndReason::kCompleted ? scenario_.duration_ns : state.reached_ns;
   for (const auto& [time_ns, text] : firmware_lines_)
     log_.firmware_log += fmt::format("{:.6f} {}\n", ToSeconds(time_ns - origin), text);
+  for (DeviceEvent& event : device_events_)
+    log_.events.push_back({event.time_ns - origin, std::move(event.kind), std::move(event.text)});
+  Append(log_, client_faults_, origin);
   // A part in another process may be gone, and its records with it; the others' are kept.
   const auto keep_going = [&](const auto& append) {
     try {
@@ -207,6 +248,13 @@ void Conductor::Finish() {
 }
 
 }  // namespace
+
+ClientSettings SettingsOf(const Scenario& scenario) {
+  return {.firmware = scenario.firmware,
+          .dialect = scenario.link.dialect,
+          .lines = {.main_baud = scenario.link.ideal ? 0 : scenario.link.baud,
+                    .reference_baud = scenario.link.ideal ? 0 : LinkSpec::kReferenceBaud}};
+}
 
 std::string NeverStartedText(const Scenario& scenario) {
   return "the server accepted no `start` message within " + std::to_string(ToSeconds(scenario.duration_ns)) +

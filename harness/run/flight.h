@@ -14,7 +14,7 @@
 #include <memory>
 #include <string>
 
-#include "harness/client/client.h"
+#include "harness/client/make_client.h"
 #include "harness/run/line.h"
 #include "harness/run/plant_server.h"
 #include "harness/run/run_log.h"
@@ -38,6 +38,9 @@ RunLog Fly(const Scenario& scenario, const plant::VehicleModel& model, const Fli
 
 // The same with the line and the plant where the caller has them, in this process or in others.
 RunLog Conduct(const Scenario& scenario, Line& line, PlantServer& server, const FlightOptions& options);
+
+// What the scenario asks of its client.
+ClientSettings SettingsOf(const Scenario& scenario);
 
 // What a person reads when the flight never began.
 std::string NeverStartedText(const Scenario& scenario);

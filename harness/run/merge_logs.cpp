@@ -52,6 +52,11 @@ void Append(RunLog& log, LineLog&& part, TimeNs origin) {
   log.resync_max_ns = part.resync_max_ns;
 }
 
+void Append(RunLog& log, faults::FaultSchedule& counts, TimeNs origin) {
+  TakeOverCounts(log.fault_activation_counts, counts.ActivationCounts());
+  MoveTo(log.activations, counts.TakeActivations(origin));
+}
+
 void DropRecords(PlantLog& part) {
   part.rows.clear();
   part.request_times_ns.clear();

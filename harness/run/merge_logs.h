@@ -1,6 +1,7 @@
 // One RunLog from what the parts of a flight recorded, each in its own process or not.
 #pragma once
 
+#include "faults/schedule.h"
 #include "harness/run/line.h"
 #include "harness/run/plant_server.h"
 #include "harness/run/run_log.h"
@@ -11,6 +12,9 @@ namespace tiltproof::harness {
 // is the line's time of t = 0, or 0 when there was none.
 void Append(RunLog& log, PlantLog&& part);
 void Append(RunLog& log, LineLog&& part, TimeNs origin);
+
+// And what a schedule has counted and recorded, whose origin is the flight's.
+void Append(RunLog& log, faults::FaultSchedule& counts, TimeNs origin);
 
 // Leaves the totals of a part.
 void DropRecords(PlantLog& part);

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "harness/run/child_process.h"
+#include "harness/process/child_process.h"
 #include "harness/run/realtime/realtime_flight.h"
 
 namespace tiltproof::harness {

@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "harness/dds/domain_slot.h"
-#include "harness/run/child_process.h"
+#include "harness/process/child_process.h"
 #include "harness/run/flight.h"
 #include "harness/run/remote/remote_parts.h"
 #include "harness/run/run_id.h"
@@ -94,7 +94,7 @@ class Parts {
 
 RunLog FlyDistributed(const Scenario& scenario, const DistributedOptions& options) {
   Parts parts(options);
-  const Setup setup{options.scenario_yaml, options.firmware_library};
+  const Setup setup{options.scenario_yaml, options.firmware};
   RemoteLine line(parts.link(), setup);
   RemotePlantServer plant(parts.plant(), setup);
   FlightOptions flight;

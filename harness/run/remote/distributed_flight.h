@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <string>
 
+#include "harness/client/make_client.h"
 #include "harness/run/run_log.h"
 #include "harness/scenario/scenario.h"
 
@@ -17,7 +18,7 @@ struct DistributedOptions {
   Transport transport = Transport::kDds;
   std::string program;        // this program, to start the processes with
   std::string scenario_yaml;  // the resolved scenario
-  std::string firmware_library;
+  ClientSource firmware;
   int domain = 0;  // DDS; 0: the first free slot
   std::atomic<std::int64_t>* progress_ns = nullptr;
   const std::atomic<bool>* interrupted = nullptr;

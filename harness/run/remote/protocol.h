@@ -4,7 +4,7 @@
 
 #include <cstdint>
 
-#include "harness/client/client.h"
+#include "harness/client/make_client.h"
 #include "harness/run/line.h"
 #include "harness/run/plant_server.h"
 #include "harness/run/remote/archive.h"
@@ -24,11 +24,12 @@ enum class Message : std::uint8_t {
   kStart,
   kReceive,
   kGrant,
-  kReset,
+  kCommand,
   kStatus,
   // Upcalls of the client.
   kClientTransmits,
   kClientLogs,
+  kClientEvent,
   // Answers.
   kDone,
   kFailed,          // text
@@ -38,7 +39,7 @@ enum class Message : std::uint8_t {
 // What a process is told before the flight.
 struct Setup {
   std::string scenario_yaml;
-  std::string firmware_library;  // of the client
+  ClientSource firmware;  // of the client
 };
 
 // What the line's process answers beside the result, so that the harness need not ask.
@@ -48,8 +49,20 @@ struct LineView {
 };
 
 template <class Archive>
+void Fields(Archive& archive, EmulatorSpec& e) {
+  archive(e.image, e.plugin, e.main_usart, e.reference_usart, e.console_usart);
+}
+template <class Archive>
+void Fields(Archive& archive, ClientSource& s) {
+  archive(s.library, s.emulator);
+}
+template <class Archive>
 void Fields(Archive& archive, Setup& s) {
-  archive(s.scenario_yaml, s.firmware_library);
+  archive(s.scenario_yaml, s.firmware);
+}
+template <class Archive>
+void Fields(Archive& archive, DeviceEvent& e) {
+  archive(e.time_ns, e.fault, e.kind, e.text);
 }
 template <class Archive>
 void Fields(Archive& archive, DirectionCounts& c) {

@@ -14,24 +14,33 @@ class RemoteClient final : public Client {
  public:
   RemoteClient(Channel& channel, const Setup& setup, ClientHost host)
       : channel_(channel), host_(std::move(host)) {
-    Ask(RemotePart::Request(Message::kSetup, setup));
+    const auto answer = Ask(RemotePart::Request(Message::kSetup, setup));
+    runs_on_ = Unpacker(answer).Next<bool>();
   }
 
-  TimeNs Start(TimeNs now) override { return AskTime(Message::kStart, now); }
-  void Receive(Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) override {
-    Ask(RemotePart::Request(Message::kReceive, uart, now,
-                            std::vector<std::uint8_t>(bytes.begin(), bytes.end())));
+  bool RunsOn() const override { return runs_on_; }
+  TimeNs Start(TimeNs now) override { return AskTime(RemotePart::Request(Message::kStart, now)); }
+  void Receive(Uart uart, TimeNs arrival, std::span<const std::uint8_t> bytes,
+               std::span<const faults::ReceiveMark> marks) override {
+    Ask(RemotePart::Request(Message::kReceive, uart, arrival,
+                            std::vector<std::uint8_t>(bytes.begin(), bytes.end()),
+                            std::vector<faults::ReceiveMark>(marks.begin(), marks.end())));
   }
-  TimeNs Grant(TimeNs now) override { return AskTime(Message::kGrant, now); }
-  TimeNs Reset(TimeNs now) override { return AskTime(Message::kReset, now); }
+  TimeNs Grant(TimeNs now, TimeNs horizon) override {
+    return AskTime(RemotePart::Request(Message::kGrant, now, horizon));
+  }
+  // Its process has the scenario, and so the commands.
+  void Command(const std::vector<faults::DeviceCommand>& /*commands*/, TimeNs origin) override {
+    Ask(RemotePart::Request(Message::kCommand, origin));
+  }
   std::optional<ClientStatus> Status() override {
     const auto answer = Ask(RemotePart::Request(Message::kStatus));
     return Unpacker(answer).Next<std::optional<ClientStatus>>();
   }
 
  private:
-  TimeNs AskTime(Message kind, TimeNs now) {
-    const auto answer = Ask(RemotePart::Request(kind, now));
+  TimeNs AskTime(const Packer& request) {
+    const auto answer = Ask(request);
     return Unpacker(answer).Next<TimeNs>();
   }
 
@@ -56,6 +65,9 @@ class RemoteClient final : public Client {
             host_.log(now, unpacker.Next<std::string>());
             continue;
           }
+          case Message::kClientEvent:
+            host_.event(unpacker.Next<DeviceEvent>());
+            continue;
           case Message::kDone:
             return {message.begin() + 1, message.end()};
           case Message::kFirmwareFailed: {
@@ -75,6 +87,7 @@ class RemoteClient final : public Client {
 
   Channel& channel_;
   ClientHost host_;
+  bool runs_on_ = false;
 };
 
 }  // namespace

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "harness/client/firmware_guard.h"
-#include "harness/client/library_client.h"
+#include "harness/run/flight.h"
 #include "harness/run/remote/protocol.h"
 
 namespace tiltproof::harness {
@@ -149,6 +149,7 @@ void ServePlant(Channel& channel, const ScenarioLoader& load) {
 void ServeClient(Channel& channel, const ScenarioLoader& load) {
   FirmwareGuard::Install();
   std::unique_ptr<Client> client;
+  std::vector<faults::DeviceCommand> commands;
   const ClientHost host = {
       .transmit = [&](Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) -> TimeNs {
         return OrExit([&] {
@@ -168,12 +169,22 @@ void ServeClient(Channel& channel, const ScenarioLoader& load) {
               upcall(Message::kClientLogs, now, std::string(text));
               channel.Send(upcall.bytes());
             });
+          },
+      .event =
+          [&](const DeviceEvent& event) {
+            OrExit([&] {
+              Packer upcall;
+              upcall(Message::kClientEvent, event);
+              channel.Send(upcall.bytes());
+            });
           }};
   ServeRequests(channel, [&](Message kind, Unpacker& request, Packer& answer) {
     if (kind == Message::kSetup) {
       const auto setup = request.Next<Setup>();
       const Scenario scenario = load(setup.scenario_yaml).scenario;
-      client = LoadLibraryClient(setup.firmware_library, scenario.firmware, scenario.link.dialect, host);
+      commands = faults::DeviceCommands(scenario.faults, scenario.seed);
+      client = MakeClient(setup.firmware, SettingsOf(scenario), host);
+      answer(client->RunsOn());
       return;
     }
     if (!client) ThrowUnexpected();
@@ -183,15 +194,18 @@ void ServeClient(Channel& channel, const ScenarioLoader& load) {
         return;
       case Message::kReceive: {
         const auto uart = request.Next<Uart>();
-        const auto now = request.Next<TimeNs>();
-        client->Receive(uart, now, request.Next<std::vector<std::uint8_t>>());
+        const auto arrival = request.Next<TimeNs>();
+        const auto bytes = request.Next<std::vector<std::uint8_t>>();
+        client->Receive(uart, arrival, bytes, request.Next<std::vector<faults::ReceiveMark>>());
         return;
       }
-      case Message::kGrant:
-        answer(client->Grant(request.Next<TimeNs>()));
+      case Message::kGrant: {
+        const auto now = request.Next<TimeNs>();
+        answer(client->Grant(now, request.Next<TimeNs>()));
         return;
-      case Message::kReset:
-        answer(client->Reset(request.Next<TimeNs>()));
+      }
+      case Message::kCommand:
+        client->Command(commands, request.Next<TimeNs>());
         return;
       case Message::kStatus:
         answer(client->Status());

@@ -45,9 +45,10 @@ struct TestClient : Client {
   TimeNs Start(TimeNs now) override {
     if (silent) return kNever;
     next_request = host.transmit(Uart::kMain, now, Framed(link::EncodeStart(dialect, {10, 10, 0, 0})));
-    return Grant(next_request > now ? now : next_request);
+    return Grant(next_request > now ? now : next_request, kNever);
   }
-  void Receive(Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) override {
+  void Receive(Uart uart, TimeNs now, std::span<const std::uint8_t> bytes,
+               std::span<const faults::ReceiveMark> /*marks*/) override {
     if (uart == Uart::kReference) {
       reference_arrivals.push_back(now);
       return;
@@ -59,7 +60,7 @@ struct TestClient : Client {
       if (control) host.transmit(Uart::kMain, now, Framed(link::EncodeActuators(dialect, control(sensors))));
     }
   }
-  TimeNs Grant(TimeNs now) override {
+  TimeNs Grant(TimeNs now, TimeNs /*horizon*/) override {
     if (on_grant) on_grant(now);
     if (now >= next_request) {
       host.transmit(Uart::kMain, now, Framed(link::EncodeReadSensors(dialect)));
@@ -67,7 +68,7 @@ struct TestClient : Client {
     }
     return wake_always ? now : next_request;
   }
-  TimeNs Reset(TimeNs now) override { return Start(now); }
+  void Command(const std::vector<faults::DeviceCommand>& /*commands*/, TimeNs /*origin*/) override {}
   std::optional<ClientStatus> Status() override { return ClientStatus{0, 3}; }
 
   ClientHost host;

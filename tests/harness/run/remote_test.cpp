@@ -71,7 +71,7 @@ struct Parts {
 };
 
 RunLog FlyApart(Parts& parts, const std::string& yaml, const std::function<void(TimeNs)>& at = {}) {
-  const Setup setup{yaml, TILTPROOF_FIRMWARE_LIBRARY};
+  const Setup setup{yaml, {.library = TILTPROOF_FIRMWARE_LIBRARY}};
   const LoadedScenario loaded = Load(yaml);
   RemoteLine line(parts.line.channel(), setup);
   RemotePlantServer plant(parts.plant.channel(), setup);
@@ -162,7 +162,7 @@ TEST(Remote, PlantOrLineProcessKilledIsAnErrorThatNamesIt) {
 
 TEST(Remote, ScenarioThatTheOtherProcessCannotReadIsSaid) {
   Parts parts;
-  const harness::Setup setup{"name: [", ""};
+  const harness::Setup setup{"name: [", {}};
   try {
     RemoteLine line(parts.line.channel(), setup);
     FAIL() << "accepted";

@@ -1,0 +1,257 @@
+#include "harness/client/emulator_client.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstring>
+#include <filesystem>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "firmware/tiltproof_client.h"
+#include "harness/client/device_clock.h"
+#include "harness/client/firmware_guard.h"
+#include "harness/emulator/elf_symbols.h"
+#include "link/chunk.h"
+
+namespace tiltproof::harness {
+namespace {
+
+// A processor that has neither slept nor sent anything for so long (virtual time) is caught in a loop.
+constexpr TimeNs kBusyMax = 2 * kNsPerS;
+// Nor may it fill the log with one line.
+constexpr std::size_t kLineBytesMax = 1000;
+// An image may have a TiltproofClientStatus of this name, which is read when the flight ends.
+constexpr const char* kStatusSymbol = "tiltproof_status";
+
+// The first line of what QEMU printed, of use to a person: "Lockup: can't escalate 3 to HardFault ...".
+std::string FatalLine(std::string_view errors) {
+  constexpr std::string_view kFatal = "qemu: fatal: ";
+  const std::size_t fatal = errors.find(kFatal);
+  if (fatal != errors.npos) errors.remove_prefix(fatal + kFatal.size());
+  return std::string(errors.substr(0, errors.find('\n')));
+}
+
+lockstep::Mark ToMark(faults::ReceiveMark mark) {
+  switch (mark) {
+    case faults::ReceiveMark::kOverrun:
+      return lockstep::Mark::kOverrun;
+    case faults::ReceiveMark::kFraming:
+      return lockstep::Mark::kFraming;
+    case faults::ReceiveMark::kNoise:
+      return lockstep::Mark::kNoise;
+    case faults::ReceiveMark::kNone:
+    case faults::ReceiveMark::kParity:  // refused before the flight
+      break;
+  }
+  return lockstep::Mark::kNone;
+}
+
+std::string_view Name(lockstep::ResetCause cause) {
+  switch (cause) {
+    case lockstep::ResetCause::kPin:
+      return "pin";
+    case lockstep::ResetCause::kWatchdog:
+      return "watchdog";
+    case lockstep::ResetCause::kSoftware:
+      return "the firmware itself";
+    case lockstep::ResetCause::kNone:
+      break;
+  }
+  return "unknown";
+}
+
+class EmulatorClient final : public Client {
+ public:
+  EmulatorClient(const EmulatorSpec& spec, const EmulatorLines& lines, ClientHost host)
+      : spec_(spec), lines_(lines), host_(std::move(host)) {
+    for (const auto& file : {spec.image, spec.plugin})
+      if (!std::filesystem::is_regular_file(file))
+        throw std::runtime_error(fmt::format("no such file: {}", file));
+    symbols_.emplace(spec.image);
+    board_.emplace(spec);
+  }
+
+  bool RunsOn() const override { return true; }
+
+  // Nothing has been executed yet: the first Grant() begins.
+  TimeNs Start(TimeNs now) override { return now; }
+
+  void Receive(Uart uart, TimeNs arrival, std::span<const std::uint8_t> bytes,
+               std::span<const faults::ReceiveMark> marks) override {
+    const std::int64_t baud = uart == Uart::kMain ? lines_.main_baud : lines_.reference_baud;
+    const auto line = uart == Uart::kMain ? lockstep::Line::kMain : lockstep::Line::kReference;
+    received_.clear();
+    for (std::size_t i = 0; i < bytes.size(); ++i) {
+      const TimeNs before_last = link::BytesTime(baud, static_cast<std::int64_t>(bytes.size() - 1 - i));
+      received_.push_back({.arrival_ns = clock_.At(arrival - before_last),
+                           .line = line,
+                           .byte = bytes[i],
+                           .mark = marks.empty() ? lockstep::Mark::kNone : ToMark(marks[i]),
+                           .waits = baud == 0});
+    }
+    board_->Send(lockstep::Kind::kReceive, std::span<const lockstep::ReceivedByte>(received_));
+  }
+
+  TimeNs Grant(TimeNs now, TimeNs horizon) override {
+    try {
+      const TimeNs until = clock_.At(horizon);
+      const lockstep::Stopped stopped =
+          board_->Run(until, [this](const EmulatorMessage& message) { OnMessage(message); });
+      last_active_ = std::max(last_active_, stopped.last_slept_ns);
+      if (stopped.at_ns - last_active_ > kBusyMax) {
+        Log(stopped.at_ns, board_->Registers());
+        throw FirmwareTrouble(true,
+                              fmt::format("the firmware hangs: for {} s it has neither slept nor sent a byte "
+                                          "(registers in firmware.log)",
+                                          ToSeconds(kBusyMax)));
+      }
+      return std::clamp(stopped.at_ns >= until ? horizon : clock_.When(stopped.at_ns), now, horizon);
+    } catch (const EmulatorTrouble& trouble) {
+      lost_ = true;
+      Log(last_active_, trouble.what());
+      throw FirmwareTrouble(trouble.hung, fmt::format("the emulated board is gone: {}", Summary(trouble)));
+    }
+  }
+
+  void Command(const std::vector<faults::DeviceCommand>& commands, TimeNs origin) override {
+    // First of all the clock, by which all other times are told.
+    for (const faults::DeviceCommand& command : commands)
+      if (command.type == "device.clock_drift") {
+        clock_.Drift(origin + command.at_ns, command.until_ns == kNever ? kNever : origin + command.until_ns,
+                     command.parameters.Number("ppm"));
+        host_.event({.time_ns = origin + command.at_ns,
+                     .fault = command.fault,
+                     .kind = "clock_drift",
+                     .text = fmt::format("the clock runs fast by {} ppm", command.parameters.Number("ppm"))});
+      }
+    for (const faults::DeviceCommand& command : commands) Send(command, origin);
+  }
+
+  std::optional<ClientStatus> Status() override {
+    if (lost_) return std::nullopt;
+    const auto region = symbols_->FindRegion(kStatusSymbol);
+    TiltproofClientStatus status{};
+    if (!region || region->size_bytes < sizeof(status)) return std::nullopt;
+    const auto bytes = board_->ReadMemory(region->address, sizeof(status));
+    if (bytes.size() < sizeof(status)) return std::nullopt;
+    std::memcpy(&status, bytes.data(), sizeof(status));
+    return ClientStatus{status.supervisor_state, status.failsafe_count};
+  }
+
+ private:
+  void Send(const faults::DeviceCommand& command, TimeNs origin) {
+    const TimeNs begin = clock_.At(origin + command.at_ns);
+    const TimeNs end = command.until_ns == kNever ? kNever : clock_.At(origin + command.until_ns);
+    const auto fault = static_cast<std::uint32_t>(command.fault);
+    const auto stall = [&](lockstep::ResetCause reset) {
+      board_->Send(lockstep::Kind::kStall, lockstep::Stall{begin, end, reset, fault});
+    };
+    if (command.type == "device.reset") return stall(lockstep::ResetCause::kPin);
+    if (command.type == "device.watchdog_reset") return stall(lockstep::ResetCause::kWatchdog);
+    if (command.type == "device.hang" || command.type == "device.stall")
+      return stall(lockstep::ResetCause::kNone);
+    if (command.type != "device.bit_flip") return;
+    const MemoryRegion region = symbols_->Region(command.parameters.Text("region"));
+    lockstep::FlipBits flips{.at_ns = begin, .fault = fault, .count = 0, .bits = {}};
+    for (const faults::BitFlip& flip : faults::DrawBitFlips(command.bits_stream, region.size_bytes,
+                                                            command.parameters.Integer("bit_count")))
+      flips.bits[flips.count++] = {region.address + flip.byte_offset, static_cast<std::uint32_t>(flip.bit)};
+    board_->Send(lockstep::Kind::kFlipBits, flips);
+  }
+
+  void OnMessage(const EmulatorMessage& message) {
+    if (message.kind == lockstep::Kind::kTransmit) {
+      const auto transmitted = message.As<lockstep::Transmitted>();
+      const auto bytes = std::span(message.body).subspan(sizeof(transmitted));
+      last_active_ = std::max(last_active_, transmitted.at_ns);
+      switch (transmitted.line) {
+        case lockstep::Line::kMain:
+          host_.transmit(Uart::kMain, clock_.When(transmitted.at_ns), bytes);
+          break;
+        case lockstep::Line::kReference:
+          host_.transmit(Uart::kReference, clock_.When(transmitted.at_ns), bytes);
+          break;
+        case lockstep::Line::kConsole:
+          OnConsole(transmitted.at_ns, bytes);
+          break;
+      }
+    } else if (message.kind == lockstep::Kind::kEvent) {
+      OnEvent(message.As<lockstep::Event>());
+    }
+  }
+
+  void OnConsole(TimeNs at, std::span<const std::uint8_t> bytes) {
+    for (const std::uint8_t byte : bytes) {
+      const bool line_end = byte == '\n';
+      if (!line_end && byte != '\r')
+        console_.push_back(byte >= 0x20 && byte < 0x7F ? static_cast<char>(byte) : '?');
+      if (line_end || console_.size() == kLineBytesMax)
+        host_.log(clock_.When(at), std::exchange(console_, {}));
+    }
+  }
+
+  void OnEvent(const lockstep::Event& event) {
+    DeviceEvent out{.time_ns = clock_.When(event.at_ns), .fault = std::nullopt, .kind = {}, .text = {}};
+    switch (event.kind) {
+      case lockstep::EventKind::kReset:
+        out.kind = "device_reset";
+        out.text = fmt::format("reset by {}", Name(static_cast<lockstep::ResetCause>(event.value)));
+        break;
+      case lockstep::EventKind::kStallBegins:
+        out.fault = event.value;
+        out.kind = "device_stopped";
+        out.text = "the processor executes nothing";
+        break;
+      case lockstep::EventKind::kStallEnds:
+        out.kind = "device_runs";
+        out.text = "the processor runs again";
+        break;
+      case lockstep::EventKind::kBitFlipped:
+        out.fault = event.value;
+        out.kind = "bit_flipped";
+        out.text = fmt::format("0x{:08x}: 0x{:02x} -> 0x{:02x}", event.address, event.before, event.after);
+        break;
+      case lockstep::EventKind::kOverrun:
+        out.kind = "uart_overrun";
+        out.text =
+            event.value == static_cast<std::uint32_t>(lockstep::Line::kMain) ? "main line" : "reference line";
+        break;
+    }
+    host_.event(out);
+  }
+
+  void Log(TimeNs at, std::string_view text) {
+    while (!text.empty()) {
+      const std::size_t end = text.find('\n');
+      if (end != 0) host_.log(clock_.When(at), text.substr(0, end));
+      text.remove_prefix(end == text.npos ? text.size() : end + 1);
+    }
+  }
+
+  std::string Summary(const EmulatorTrouble& trouble) {
+    return trouble.hung ? trouble.what()
+                        : FatalLine(board_->Errors().empty() ? trouble.what() : board_->Errors());
+  }
+
+  EmulatorSpec spec_;
+  EmulatorLines lines_;
+  ClientHost host_;
+  std::optional<ElfSymbols> symbols_;
+  std::optional<EmulatorProcess> board_;
+  DeviceClock clock_;
+  std::vector<lockstep::ReceivedByte> received_;
+  std::string console_;
+  TimeNs last_active_ = 0;  // virtual time at which it last slept or sent
+  bool lost_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<Client> StartEmulatorClient(const EmulatorSpec& spec, const EmulatorLines& lines,
+                                            ClientHost host) {
+  return std::make_unique<EmulatorClient>(spec, lines, std::move(host));
+}
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,22 @@
+// The firmware as an unmodified image on an emulated board, in lockstep: `--client qemu`.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "harness/client/client.h"
+#include "harness/emulator/emulator_process.h"
+
+namespace tiltproof::harness {
+
+struct EmulatorLines {
+  std::int64_t main_baud = 921'600;  // 0: ideal
+  std::int64_t reference_baud = 921'600;
+};
+
+// Throws std::runtime_error when there is no such image or plug-in or the emulator does not start. While it flies,
+// a board that crashes or never rests is FirmwareTrouble.
+std::unique_ptr<Client> StartEmulatorClient(const EmulatorSpec& spec, const EmulatorLines& lines,
+                                            ClientHost host);
+
+}  // namespace tiltproof::harness

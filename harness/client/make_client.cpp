@@ -1,0 +1,17 @@
+#include "harness/client/make_client.h"
+
+#include <utility>
+
+#include "harness/client/firmware_guard.h"
+#include "harness/client/library_client.h"
+
+namespace tiltproof::harness {
+
+std::unique_ptr<Client> MakeClient(const ClientSource& source, const ClientSettings& settings,
+                                   ClientHost host) {
+  if (source.emulator) return StartEmulatorClient(*source.emulator, settings.lines, std::move(host));
+  FirmwareGuard::Install();
+  return LoadLibraryClient(source.library, settings.firmware, settings.dialect, std::move(host));
+}
+
+}  // namespace tiltproof::harness

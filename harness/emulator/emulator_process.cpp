@@ -1,0 +1,168 @@
+#include "harness/emulator/emulator_process.h"
+
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+
+#include "harness/process/child_process.h"
+
+namespace tiltproof::harness {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::steady_clock;
+
+constexpr std::size_t kErrorBytesMax = 64 * 1024;
+constexpr std::size_t kReadBytes = 64 * 1024;
+
+std::vector<std::string> CommandLine(const EmulatorSpec& spec) {
+  // shift=3: every instruction takes 8 ns, as on a chip that executes 125 million a second. A chip at 168 MHz comes
+  // near that, with its wait states and its instructions of more than one cycle.
+  std::vector<std::string> command = {
+      "qemu-system-arm", "-M",   "netduinoplus2", "-display", "none",
+      "-monitor",        "none", "-nodefaults",   "-icount",  "shift=3,sleep=off"};
+  for (int usart = 1; usart <= 6; ++usart) {
+    const std::string id = "usart" + std::to_string(usart);
+    command.insert(command.end(), {"-chardev", "null,id=" + id, "-serial", "chardev:" + id});
+  }
+  command.insert(command.end(),
+                 {"-plugin", spec.plugin + ",socket=3,main=" + std::to_string(spec.main_usart) +
+                                 ",reference=" + std::to_string(spec.reference_usart) +
+                                 ",console=" + std::to_string(spec.console_usart)});
+  command.insert(command.end(), {"-kernel", spec.image});
+  return command;
+}
+
+}  // namespace
+
+EmulatorProcess::EmulatorProcess(const EmulatorSpec& spec) : image_(spec.image) {
+  std::array<int, 2> ends{};
+  if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends.data()) != 0)
+    throw EmulatorTrouble(false, std::string("no socket for the emulator: ") + std::strerror(errno));
+  socket_ = ends[0];
+  try {
+    ChildSpec child;
+    child.command = CommandLine(spec);
+    child.output = ChildSpec::kNull;
+    child.error = ChildSpec::kPipe;
+    child.descriptors = {ends[1]};
+    process_ = std::make_unique<ChildProcess>(child);
+    close(ends[1]);
+    ends[1] = -1;
+    const EmulatorMessage hello = Next();
+    if (hello.kind != lockstep::Kind::kHello ||
+        hello.As<lockstep::Hello>().protocol_version != lockstep::kProtocolVersion)
+      throw EmulatorTrouble(false, "the plug-in " + spec.plugin + " is of another build of tiltproof");
+  } catch (...) {
+    if (ends[1] >= 0) close(ends[1]);
+    close(socket_);
+    throw;
+  }
+}
+
+EmulatorProcess::~EmulatorProcess() {
+  close(socket_);
+  // It leaves at the end of its socket; while it computes, it would not hear SIGTERM.
+  process_->Stop(milliseconds(0));
+}
+
+void EmulatorProcess::Append(lockstep::Kind kind, std::span<const std::byte> body) {
+  const lockstep::Header header{kind, static_cast<std::uint32_t>(body.size())};
+  const auto bytes = std::as_bytes(std::span(&header, 1));
+  out_.insert(out_.end(), bytes.begin(), bytes.end());
+  out_.insert(out_.end(), body.begin(), body.end());
+}
+
+void EmulatorProcess::Flush() {
+  for (std::size_t sent = 0; sent < out_.size();) {
+    const ssize_t n = send(socket_, out_.data() + sent, out_.size() - sent, MSG_NOSIGNAL);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) ThrowEnded();
+    sent += static_cast<std::size_t>(n);
+  }
+  out_.clear();
+}
+
+void EmulatorProcess::Read(std::span<std::uint8_t> into, steady_clock::time_point until) {
+  while (!into.empty()) {
+    if (in_taken_ < in_.size()) {
+      const std::size_t n = std::min(into.size(), in_.size() - in_taken_);
+      std::copy_n(in_.begin() + static_cast<std::ptrdiff_t>(in_taken_), n, into.begin());
+      in_taken_ += n;
+      into = into.subspan(n);
+      continue;
+    }
+    pollfd waiting{socket_, POLLIN, 0};
+    const auto left = std::chrono::ceil<milliseconds>(until - steady_clock::now());
+    const int ready = poll(&waiting, 1, static_cast<int>(std::max<std::int64_t>(left.count(), 0)));
+    if (ready < 0 && errno == EINTR) continue;
+    if (ready == 0)
+      throw EmulatorTrouble(true, "the emulator has not come to the end of its turn within " +
+                                      std::to_string(kHungAfter.count()) + " s");
+    in_.resize(kReadBytes);
+    in_taken_ = 0;
+    const ssize_t n = recv(socket_, in_.data(), in_.size(), 0);
+    in_.resize(n > 0 ? static_cast<std::size_t>(n) : 0);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) ThrowEnded();
+  }
+}
+
+EmulatorMessage EmulatorProcess::Next() {
+  const auto until = steady_clock::now() + kHungAfter;
+  lockstep::Header header{};
+  Read({reinterpret_cast<std::uint8_t*>(&header), sizeof(header)}, until);
+  if (header.body_bytes > lockstep::kBodyBytesMax)
+    throw EmulatorTrouble(false, "the emulator's plug-in sent a damaged message");
+  EmulatorMessage message{header.kind, std::vector<std::uint8_t>(header.body_bytes)};
+  Read(message.body, until);
+  return message;
+}
+
+lockstep::Stopped EmulatorProcess::Run(std::int64_t until_ns,
+                                       const std::function<void(const EmulatorMessage&)>& on_message) {
+  Send(lockstep::Kind::kRun, lockstep::Run{until_ns});
+  Flush();
+  for (;;) {
+    const EmulatorMessage message = Next();
+    if (message.kind == lockstep::Kind::kStopped) return message.As<lockstep::Stopped>();
+    on_message(message);
+  }
+}
+
+std::vector<std::uint8_t> EmulatorProcess::ReadMemory(std::uint32_t address, std::uint32_t size) {
+  Send(lockstep::Kind::kReadMemory, lockstep::ReadMemory{address, size});
+  Flush();
+  return Next().body;
+}
+
+std::string EmulatorProcess::Registers() {
+  Append(lockstep::Kind::kDumpState, {});
+  Flush();
+  const EmulatorMessage state = Next();
+  return {state.body.begin(), state.body.end()};
+}
+
+const std::string& EmulatorProcess::Errors() {
+  std::array<char, 4096> buffer;
+  for (ssize_t n;
+       errors_.size() < kErrorBytesMax && (n = read(process_->error(), buffer.data(), buffer.size())) > 0;)
+    errors_.append(buffer.data(), static_cast<std::size_t>(n));
+  return errors_;
+}
+
+void EmulatorProcess::ThrowEnded() {
+  // Its last words are there once it is gone.
+  pollfd ended{process_->pidfd(), POLLIN, 0};
+  poll(&ended, 1, 1000);
+  const std::string errors = Errors();
+  const std::string how = process_->ExitText().value_or("has closed its socket");
+  throw EmulatorTrouble(false, "the emulator " + how + (errors.empty() ? "" : ": " + errors));
+}
+
+}  // namespace tiltproof::harness

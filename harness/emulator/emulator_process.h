@@ -1,0 +1,105 @@
+// QEMU with the lockstep plug-in as a child process: an emulated STM32F405 that runs when and as far as it is told.
+//
+//   EmulatorProcess board({.image = "executive-paper.elf", .plugin = "tiltproof_lockstep.so"});
+//   board.Send(lockstep::Kind::kReceive, bytes);
+//   const lockstep::Stopped stopped = board.Run(12'000'000, [](const EmulatorMessage& message) { ... });
+//
+// Every call returns within kHungAfter: what takes longer, or ends by itself, is EmulatorTrouble, with what QEMU
+// said last. Times are virtual (harness/emulator/lockstep_protocol.h).
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include "harness/emulator/lockstep_protocol.h"
+
+namespace tiltproof::harness {
+
+class ChildProcess;
+
+struct EmulatorSpec {
+  std::string image;   // an ELF file for the machine, or a raw image for address 0
+  std::string plugin;  // the lockstep plug-in
+  // Numbers of the USARTs (1 to 6); 0: none.
+  int main_usart = 2, reference_usart = 3, console_usart = 1;
+};
+
+// The emulated board or its emulator failed.
+struct EmulatorTrouble : std::runtime_error {
+  EmulatorTrouble(bool hung_in, const std::string& text) : std::runtime_error(text), hung(hung_in) {}
+  bool hung;
+};
+
+struct EmulatorMessage {
+  lockstep::Kind kind{};
+  std::vector<std::uint8_t> body;
+
+  // Throws EmulatorTrouble when the body is too short for it.
+  template <class Body>
+  Body As() const;
+};
+
+class EmulatorProcess {
+ public:
+  static constexpr std::chrono::seconds kHungAfter{5};
+
+  // Starts it and waits for the plug-in's word, before the first instruction. Throws EmulatorTrouble.
+  explicit EmulatorProcess(const EmulatorSpec& spec);
+  ~EmulatorProcess();
+  EmulatorProcess(const EmulatorProcess&) = delete;
+  EmulatorProcess& operator=(const EmulatorProcess&) = delete;
+
+  // A command; it leaves with the next Run().
+  template <class Body>
+  void Send(lockstep::Kind kind, std::span<const Body> bodies) {
+    Append(kind, std::as_bytes(bodies));
+  }
+  template <class Body>
+  requires std::is_trivially_copyable_v<Body>
+  void Send(lockstep::Kind kind, const Body& body) { Send(kind, std::span<const Body>(&body, 1)); }
+
+  // Lets it run until it stops, and hands over what it says before that.
+  lockstep::Stopped Run(std::int64_t until_ns, const std::function<void(const EmulatorMessage&)>& on_message);
+
+  // While it stands still.
+  std::vector<std::uint8_t> ReadMemory(std::uint32_t address, std::uint32_t size);
+  std::string Registers();
+
+  // What QEMU has printed so far: nothing, as long as all is well.
+  const std::string& Errors();
+
+ private:
+  void Append(lockstep::Kind kind, std::span<const std::byte> body);
+  void Flush();
+  EmulatorMessage Next();
+  void Read(std::span<std::uint8_t> into, std::chrono::steady_clock::time_point until);
+  [[noreturn]] void ThrowEnded();
+
+  std::string image_;
+  int socket_ = -1;
+  std::unique_ptr<ChildProcess> process_;
+  std::vector<std::byte> out_;
+  std::vector<std::uint8_t> in_;
+  std::size_t in_taken_ = 0;
+  std::string errors_;
+};
+
+template <class Body>
+Body EmulatorMessage::As() const {
+  static_assert(std::is_trivially_copyable_v<Body>);
+  if (body.size() < sizeof(Body))
+    throw EmulatorTrouble(false, "the emulator's plug-in sent a damaged message");
+  Body value;
+  std::copy_n(body.begin(), sizeof(Body), reinterpret_cast<std::uint8_t*>(&value));
+  return value;
+}
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,111 @@
+// What the harness and the plug-in inside the emulator say to each other over a unix stream socket: messages of
+// a header and a body, both plain structs in this machine's byte order (both ends are on it).
+//
+// The plug-in speaks first (kHello), then they take turns: the harness sends any number of commands and then
+// kRun; the virtual processor runs until a flag byte has been transmitted or the granted time is reached; the
+// plug-in sends what happened meanwhile and then kStopped, and virtual time stands still until the next kRun.
+// Times are nanoseconds of the emulator's virtual clock, which begins at power-on.
+#pragma once
+
+#include <cstdint>
+
+namespace tiltproof::harness::lockstep {
+
+inline constexpr std::uint32_t kProtocolVersion = 1;
+inline constexpr std::uint32_t kBodyBytesMax = 1 << 20;
+
+enum class Kind : std::uint32_t {
+  // To the plug-in.
+  kReceive,     // ReceivedByte[]
+  kStall,       // Stall
+  kFlipBits,    // FlipBits
+  kReadMemory,  // ReadMemory; answered with kMemory
+  kDumpState,   // answered with kState
+  kRun,         // Run
+  // From the plug-in.
+  kHello,     // Hello
+  kTransmit,  // Transmitted, then the bytes
+  kEvent,     // Event
+  kMemory,    // the bytes
+  kState,     // text: the processor's registers
+  kStopped,   // Stopped
+};
+
+struct Header {
+  Kind kind;
+  std::uint32_t body_bytes;
+};
+
+enum class Line : std::uint8_t { kMain, kReference, kConsole };
+inline constexpr int kLineCount = 3;
+
+// How the receiver gets a byte.
+enum class Mark : std::uint8_t { kNone, kOverrun, kFraming, kNoise };
+
+struct ReceivedByte {
+  std::int64_t arrival_ns;  // of its stop bit; not decreasing on a line
+  Line line;
+  std::uint8_t byte;
+  Mark mark;
+  // Of a line without byte time: the byte waits until the one before has been read.
+  bool waits;
+};
+
+enum class ResetCause : std::uint32_t { kNone, kPin, kWatchdog, kSoftware };
+
+// From `begin_ns` to `end_ns` the processor executes nothing while time and peripherals go on; then it is reset,
+// unless `reset` is kNone. A reset takes place at the begin, and the processor is held until the end.
+struct Stall {
+  std::int64_t begin_ns, end_ns;
+  ResetCause reset;
+  std::uint32_t fault;  // given back with its event
+};
+
+struct FlipBits {
+  static constexpr std::uint32_t kBitsMax = 64;
+  std::int64_t at_ns;
+  std::uint32_t fault;
+  std::uint32_t count;
+  struct Bit {
+    std::uint32_t address, bit;
+  } bits[kBitsMax];
+};
+
+struct ReadMemory {
+  std::uint32_t address, size;
+};
+
+struct Run {
+  std::int64_t until_ns;
+};
+
+struct Hello {
+  std::uint32_t protocol_version;
+};
+
+struct Transmitted {
+  std::int64_t at_ns;  // when the processor wrote the last of them
+  Line line;
+};
+
+enum class EventKind : std::uint32_t {
+  kReset,        // value: ResetCause
+  kStallBegins,  // value: the fault
+  kStallEnds,    // value: the fault
+  kBitFlipped,   // value: the fault; address, before, after
+  kOverrun,      // value: the line; a byte came while the one before was not read
+};
+
+struct Event {
+  std::int64_t at_ns;
+  EventKind kind;
+  std::uint32_t value, address;
+  std::uint8_t before, after;
+};
+
+struct Stopped {
+  std::int64_t at_ns;
+  std::int64_t last_slept_ns;  // when the processor last slept (WFI)
+};
+
+}  // namespace tiltproof::harness::lockstep

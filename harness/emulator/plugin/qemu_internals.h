@@ -1,0 +1,108 @@
+// What the plug-in uses of QEMU 7.2: its public plug-in interface (version 1), and functions and layouts of its
+// insides, which Debian's qemu-system-arm exports but no interface promises. The harness therefore starts the
+// plug-in in 7.2.x only and tries it out first (harness/emulator/lockstep_self_test.h).
+//
+// Names and signatures are QEMU's: include/qemu/qemu-plugin.h, include/qemu/timer.h, include/chardev/char.h,
+// include/exec/memory.h, include/hw/core/cpu.h, softmmu/timers-state.h of the release 7.2.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+
+extern "C" {
+
+// The public interface.
+using qemu_plugin_id_t = std::uint64_t;
+struct qemu_info_t;
+struct qemu_plugin_tb;
+struct qemu_plugin_insn;
+void qemu_plugin_register_vcpu_init_cb(qemu_plugin_id_t, void (*)(qemu_plugin_id_t, unsigned));
+void qemu_plugin_register_vcpu_tb_trans_cb(qemu_plugin_id_t, void (*)(qemu_plugin_id_t, qemu_plugin_tb*));
+void qemu_plugin_register_vcpu_insn_exec_cb(qemu_plugin_insn*, void (*)(unsigned, void*), int flags, void*);
+std::size_t qemu_plugin_tb_n_insns(const qemu_plugin_tb*);
+qemu_plugin_insn* qemu_plugin_tb_get_insn(const qemu_plugin_tb*, std::size_t);
+const void* qemu_plugin_insn_data(const qemu_plugin_insn*);
+std::size_t qemu_plugin_insn_size(const qemu_plugin_insn*);
+
+// Objects and devices.
+void* object_get_class(void* object);
+const char* object_class_get_name(void* object_class);
+void* object_resolve_path(const char* path, bool* ambiguous);
+void* sysbus_mmio_get_region(void* device, int number);
+void qemu_register_reset(void (*)(void*), void*);
+void qemu_system_reset(int cause);
+
+// Character devices.
+void* qemu_chr_find(const char* id);
+void qemu_chr_be_write(void* chardev, const std::uint8_t* bytes, int count);
+int qemu_chr_be_can_write(void* chardev);
+
+// Clocks.
+void timer_init_full(void* timer, void* list_group, int clock, int scale, int attributes, void (*)(void*),
+                     void*);
+void timer_mod(void* timer, std::int64_t expire_ns);
+void timer_del(void* timer);
+std::int64_t qemu_clock_get_ns(int clock);
+std::int64_t qemu_clock_deadline_ns_all(int clock, int attribute_mask);
+bool qemu_clock_run_timers(int clock);
+extern std::uint8_t timers_state[];
+
+// The processor.
+void* qemu_get_cpu(int index);
+bool all_cpu_threads_idle(void);
+union RunOnCpuData {  // run_on_cpu_data
+  std::uint64_t target_ptr;
+  void* host_ptr;
+};
+void async_run_on_cpu(void* cpu, void (*)(void* cpu, RunOnCpuData), RunOnCpuData);
+void cpu_dump_state(void* cpu, std::FILE*, int flags);
+
+// Memory.
+void* get_system_memory(void);
+void cpu_physical_memory_rw(std::uint64_t address, void* buffer, std::uint64_t size, bool is_write);
+void memory_region_init_io(void* region, void* owner, const void* ops, void* opaque, const char* name,
+                           std::uint64_t size);
+void memory_region_add_subregion_overlap(void* region, std::uint64_t offset, void* subregion, int priority);
+int memory_region_dispatch_write(void* region, std::uint64_t address, std::uint64_t value, int mem_op,
+                                 std::uint32_t attributes);
+}
+
+namespace tiltproof::qemu {
+
+inline constexpr int kClockVirtual = 1;         // QEMU_CLOCK_VIRTUAL
+inline constexpr int kScaleNs = 1;              // SCALE_NS
+inline constexpr int kAnyAttribute = ~0;        // QEMU_TIMER_ATTR_ALL
+inline constexpr int kCauseSystemReset = 3;     // SHUTDOWN_CAUSE_HOST_QMP_SYSTEM_RESET
+inline constexpr int kMemOp32LittleEndian = 2;  // MO_32 | MO_LE
+
+// ChardevClass::chr_write, a pointer to int (*)(Chardev*, const uint8_t*, int), at this offset of the class.
+inline constexpr std::size_t kChrWriteOffset = 120;
+
+// struct TimersState.
+inline constexpr std::size_t kIcountShiftOffset = 26;  // icount_time_shift, int16
+inline constexpr std::size_t kIcountBiasOffset = 40;   // qemu_icount_bias, int64 ns
+
+// More than QEMUTimer (56 bytes) and MemoryRegion (272 bytes) take.
+inline constexpr std::size_t kTimerBytes = 256;
+inline constexpr std::size_t kMemoryRegionBytes = 4096;
+
+// struct MemoryRegionOps.
+struct MemoryRegionOps {
+  std::uint64_t (*read)(void* opaque, std::uint64_t address, unsigned size);
+  void (*write)(void* opaque, std::uint64_t address, std::uint64_t value, unsigned size);
+  void* read_with_attrs = nullptr;
+  void* write_with_attrs = nullptr;
+  int endianness = 2;  // DEVICE_LITTLE_ENDIAN
+  struct {
+    unsigned min_access_size = 0, max_access_size = 0;
+    bool unaligned = false;
+    void* accepts = nullptr;
+  } valid;
+  struct {
+    unsigned min_access_size = 4, max_access_size = 4;
+    bool unaligned = false;
+  } impl;
+};
+
+}  // namespace tiltproof::qemu
