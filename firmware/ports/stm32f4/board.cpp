@@ -10,8 +10,7 @@ std::int64_t tick_count = 0;
 
 constexpr std::uint32_t kCyclesPerTick = kCoreHz / kTickHz;
 
-// Some 50 ms on the internal oscillator at 16 MHz; the crystal starts within 2 ms (data sheet DS8626, table
-// 40).
+// Some 50 ms on the internal oscillator at 16 MHz; a crystal starts within a few.
 constexpr std::uint32_t kCrystalTries = 100'000;
 
 // RM0090, section 7.2: main PLL from 8 MHz (crystal) or 16 MHz (internal), either divided to 1 MHz, times
@@ -31,7 +30,7 @@ void StartClock() {
   Set(rcc.CR, kRccCrPllOn);
   while ((rcc.CR & kRccCrPllReady) == 0) {
   }
-  // 5 wait states at 168 MHz and 2.7 V to 3.6 V (section 3.5.1, table 10), before the clock rises.
+  // 5 wait states at 168 MHz and 2.7 V to 3.6 V (section 3.5.1), before the clock rises.
   constexpr std::uint32_t kWaitStates = 5;
   Flash().ACR = kWaitStates | kFlashAcrPrefetch | kFlashAcrInstructionCache | kFlashAcrDataCache;
   while ((Flash().ACR & 7) != kWaitStates) {
@@ -51,7 +50,7 @@ void SetPin(GpioRegisters& port, unsigned pin, PinMode mode, unsigned function, 
   Modify(port.MODER, 3U << 2 * pin, static_cast<std::uint32_t>(mode) << 2 * pin);
 }
 
-// Alternate function 7 is the USARTs 1 to 3 (data sheet DS8626, table 9). A receiver without adapter idles high
+// Alternate function 7 is the USARTs 1 to 3 (data sheet DS8626, alternate functions). A receiver without adapter idles high
 // instead of receiving noise.
 void StartPins() {
   Set(Rcc().AHB1ENR, kRccAhb1GpioA | kRccAhb1GpioB | kRccAhb1GpioD);
