@@ -1,7 +1,7 @@
 # The firmware images for the STM32F4 (firmware/ports/stm32f4), built along with everything else where the cross compiler is
 # installed. Output: ${PROJECT_BINARY_DIR}/firmware/stm32f4/*.elf
 option(TILTPROOF_STM32F4 "Build the STM32F4 images (needs arm-none-eabi-g++)" ON)
-if(NOT TILTPROOF_STM32F4)
+if(NOT TILTPROOF_STM32F4 OR TILTPROOF_SANITIZE) # no sanitizer runs on the board
   return()
 endif()
 
