@@ -96,6 +96,10 @@ int NodeCommand(const NodeCommandOptions& options) {
       node.firmware_library = client.library;
       node.firmware_command = client.command;
       make_role = client.command.empty() ? MakeLibraryRole : MakeCommandRole;
+      if (client.emulator) {
+        node.emulator = [client](const Scenario& scenario) { return *client.SourceFor(scenario).emulator; };
+        make_role = MakeEmulatorRole;
+      }
       break;
     }
     case dds::NodeKind::kBaseStation:

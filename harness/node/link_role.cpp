@@ -3,12 +3,15 @@
 #include <algorithm>
 #include <utility>
 
+#include "faults/device_command.h"
 #include "harness/node/pty_canary.h"
 #include "harness/node/roles.h"
 #include "harness/run/framed.h"
 #include "link/messages.h"
 #include "link/pty.h"
 #include "link/serial_port.h"
+#include "link/socket_line.h"
+#include "link/unix_socket.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -21,6 +24,35 @@ constexpr std::array kDirections = {Direction::kToPlant, Direction::kToClient, D
 constexpr TimeNs kSlowRoundTripNs = 4 * kNsPerMs;
 constexpr std::size_t kRoundTripSampleCount = 50;
 
+// While an emulated board's processor stands still, its receivers keep the first byte that comes and lose the others, as
+// they would on the chip; held in reset, they lose all. The emulator itself would hand over everything afterwards.
+class DeafReceiver {
+ public:
+  DeafReceiver() = default;
+  explicit DeafReceiver(const Scenario& scenario) {
+    for (const faults::DeviceCommand& command : faults::DeviceCommands(scenario.faults, scenario.seed))
+      if (command.type == "device.stall" || command.type == "device.reset")
+        spans_.push_back({command.at_ns, command.until_ns, command.type == "device.stall"});
+  }
+
+  // How many of the bytes that arrive at `time_ns` (simulation time) the firmware gets.
+  std::size_t Keeps(TimeNs time_ns, std::size_t size) {
+    std::size_t kept = size;
+    for (Span& span : spans_) {
+      if (time_ns < span.begin_ns || time_ns >= span.end_ns) continue;
+      kept = std::min(kept, std::exchange(span.register_free, false) ? std::size_t{1} : 0);
+    }
+    return kept;
+  }
+
+ private:
+  struct Span {
+    TimeNs begin_ns, end_ns;
+    bool register_free;
+  };
+  std::vector<Span> spans_;
+};
+
 class LinkRole final : public Role {
  public:
   LinkRole(NodeServices& services, const NodeOptions& options)
@@ -32,17 +64,21 @@ class LinkRole final : public Role {
 
   Ports Prepare(const LoadedScenario& loaded, const Ports& given) override {
     client_is_library_ = FindPort(given, "client_kind") == "library";
-    // At a real port the hardware takes the bytes' time, and its adapter its own.
+    client_is_emulator_ = FindPort(given, "client_kind") == "emulator";
     scenario_ = loaded.scenario;
-    if (!client_device_.empty()) scenario_.link.adapter_latency_ms = 0;
-    line_.emplace(scenario_, client_device_.empty());
+    if (client_is_emulator_)
+      for (const Direction direction : {Direction::kToClient, Direction::kReference})
+        deaf_[static_cast<std::size_t>(direction)] = DeafReceiver(scenario_);
     plant_ = std::make_unique<link::Pty>(services_.loop());
     base_station_ = std::make_unique<link::Pty>(services_.loop());
     Ports ports = {{"plant", plant_->slave_path()}, {"base_station", base_station_->slave_path()}};
-    Open(client_device_, scenario_.link.port_baud(), client_pty_, client_serial_, "client", ports);
+    Open(client_, client_device_, scenario_.link.port_baud(), "client", ports);
     if (client_device_.empty() || !reference_device_.empty())
-      Open(reference_device_, LinkSpec::kReferenceBaud, reference_pty_, reference_serial_, "client_reference",
-           ports);
+      Open(reference_, reference_device_, LinkSpec::kReferenceBaud, "client_reference", ports);
+    // At a real port the hardware takes the bytes' time, and its adapter its own.
+    const bool hardware = client_.serial && client_.serial->TakesByteTime();
+    if (hardware) scenario_.link.adapter_latency_ms = 0;
+    line_.emplace(scenario_, !hardware);
     return ports;
   }
 
@@ -57,14 +93,21 @@ class LinkRole final : public Role {
         Lost("plant's port"));
     canary_ = std::make_unique<PtyCanary>(services_);
     Read(base_station_->master(), Direction::kReference, "base station");
-    Read(*ClientPort(), Direction::kToPlant, "client");
-    // The client sends nothing there, but its going is seen.
-    if (link::SerialPort* port = ReferencePort(); port != nullptr && reference_serial_)
-      port->Start([](std::span<const std::uint8_t>) {}, Lost("client's reference port"));
     armed_ = true;
+    if (!link::IsSocketName(client_device_)) Listen();
   }
 
-  void Start() override {}
+  // An emulator may begin as soon as its sockets are taken: then everybody has to be ready.
+  void Start() override {
+    if (!link::IsSocketName(client_device_)) return;
+    for (End* end : {&client_, &reference_})
+      if (!end->socket_name.empty()) {
+        end->serial =
+            std::make_unique<link::SerialPort>(services_.loop(), end->socket_name, LinkSpec::kReferenceBaud);
+        end->line = end->serial.get();
+      }
+    Listen();
+  }
 
   void Flush() override {
     if (line_->origin() == kNever) return;
@@ -90,24 +133,44 @@ class LinkRole final : public Role {
   }
 
  private:
-  void Open(const std::string& device, std::int64_t baud, std::unique_ptr<link::Pty>& pty,
-            std::unique_ptr<link::SerialPort>& serial, const char* name, Ports& ports) {
-    if (device.empty()) {
-      pty = std::make_unique<link::Pty>(services_.loop());
-      ports.push_back({name, pty->slave_path()});
-      return;
+  // Our end of a line to the client: one of the three.
+  struct End {
+    std::unique_ptr<link::Pty> pty;            // for a program
+    std::unique_ptr<link::SocketLine> socket;  // for an emulator of ours
+    std::unique_ptr<link::SerialPort> serial;  // of a board, or of an emulator that the user has started
+    std::string socket_name;                   // of the latter
+    link::ByteLine* line = nullptr;            // it; null while nothing is connected
+  };
+
+  void Open(End& end, const std::string& device, std::int64_t baud, const char* name, Ports& ports) {
+    if (link::IsSocketName(device)) {
+      if (const auto trouble = link::SocketTrouble(device)) throw std::runtime_error(*trouble);
+      end.socket_name = device;
+      ports.push_back({name, device});
+    } else if (!device.empty()) {
+      end.serial = std::make_unique<link::SerialPort>(services_.loop(), device, baud);
+      end.line = end.serial.get();
+      ports.push_back({name, device});
+      const auto latency = end.serial->SetLowLatency();
+      if (!latency.advice.empty())
+        services_.log().Write(RunEvent{0, "adapter", fmt::format("{}: {}", device, latency.advice)});
+    } else if (client_is_emulator_) {
+      end.socket = std::make_unique<link::SocketLine>(services_.loop());
+      end.line = end.socket.get();
+      ports.push_back({name, end.socket->name()});
+    } else {
+      end.pty = std::make_unique<link::Pty>(services_.loop());
+      end.line = &end.pty->master();
+      ports.push_back({name, end.pty->slave_path()});
     }
-    serial = std::make_unique<link::SerialPort>(services_.loop(), device, baud);
-    ports.push_back({name, device});
-    const auto latency = serial->SetLowLatency();
-    if (!latency.advice.empty())
-      services_.log().Write(RunEvent{0, "adapter", fmt::format("{}: {}", device, latency.advice)});
   }
 
-  link::SerialPort* ClientPort() { return client_serial_ ? client_serial_.get() : &client_pty_->master(); }
-  link::SerialPort* ReferencePort() {
-    if (reference_serial_) return reference_serial_.get();
-    return reference_pty_ ? &reference_pty_->master() : nullptr;
+  void Listen() {
+    Read(*client_.line, Direction::kToPlant, "client");
+    // The client sends nothing there, but its going is seen. A pseudo-terminal that nobody has opened has nothing to
+    // tell.
+    if (reference_.line != nullptr && !reference_.pty)
+      reference_.line->Start([](std::span<const std::uint8_t>) {}, Lost("client's reference port"));
   }
 
   link::SerialPort::Closed Lost(std::string name) {
@@ -120,7 +183,7 @@ class LinkRole final : public Role {
     };
   }
 
-  void Read(link::SerialPort& port, Direction direction, const char* name) {
+  void Read(link::ByteLine& port, Direction direction, const char* name) {
     port.Start([this, direction](std::span<const std::uint8_t> bytes) { Transmit(direction, bytes); },
                Lost(std::string(name) + "'s port"));
   }
@@ -153,12 +216,16 @@ class LinkRole final : public Role {
     SampleCounts(now);
     TimeNs next = kNever;
     for (const Direction direction : kDirections) {
-      link::SerialPort* port = direction == Direction::kToPlant    ? &plant_->master()
-                               : direction == Direction::kToClient ? ClientPort()
-                                                                   : ReferencePort();
+      link::ByteLine* port = direction == Direction::kToPlant    ? &plant_->master()
+                             : direction == Direction::kToClient ? client_.line
+                                                                 : reference_.line;
       while (const auto piece = line_->TakePiece(direction, now)) {
         services_.lateness().Note(piece->arrival_ns, now);
-        if (port != nullptr) port->Write(piece->bytes);
+        std::span<const std::uint8_t> bytes = piece->bytes;
+        if (line_->origin() != kNever)
+          bytes = bytes.first(deaf_[static_cast<std::size_t>(direction)].Keeps(
+              piece->arrival_ns - line_->origin(), bytes.size()));
+        if (port != nullptr && !bytes.empty()) port->Write(bytes);
         if (direction == Direction::kToPlant) asked_plant_ns_ = now;
       }
       next = std::min(next, line_->NextArrival(direction));
@@ -203,15 +270,16 @@ class LinkRole final : public Role {
   std::string client_device_, reference_device_;
   Scenario scenario_;
   std::optional<LocalLine> line_;
-  std::unique_ptr<link::Pty> plant_, base_station_, client_pty_, reference_pty_;
-  std::unique_ptr<link::SerialPort> client_serial_, reference_serial_;
+  std::unique_ptr<link::Pty> plant_, base_station_;
+  End client_, reference_;
+  std::array<DeafReceiver, link::kDirectionCount> deaf_;  // that of kToPlant hears everything
   boost::asio::steady_timer timer_;
   std::unique_ptr<PtyCanary> canary_;
   bool armed_ = false;
   TimeNs asked_plant_ns_ = kNever;  // when the plant got the last bytes that it has not answered yet
   TimeNs next_sample_ns_ = 0;
   std::vector<CountsSample> samples_;
-  bool client_is_library_ = false;
+  bool client_is_library_ = false, client_is_emulator_ = false;
   std::vector<TimeNs> first_round_trips_;
   bool judged_ = false;
   std::shared_ptr<char> alive_ = std::make_shared<char>();

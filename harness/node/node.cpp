@@ -119,6 +119,7 @@ Node::Node(const NodeOptions& options, const MakeRole& make_role) : options_(opt
   heartbeat_.capabilities = {fmt::format("scheduling={}", rights_.fifo ? "fifo" : "other"),
                              fmt::format("memory={}", rights_.locked_memory ? "locked" : "unlocked")};
   if (!options.firmware_library.empty()) heartbeat_.capabilities.push_back("firmware=library");
+  if (options.emulator) heartbeat_.capabilities.push_back("firmware=emulator");
   if (!options.client_port.empty()) heartbeat_.capabilities.push_back("client_port=" + options.client_port);
 }
 

@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "harness/dds/bus.h"
+#include "harness/emulator/emulator_process.h"
 #include "harness/node/node_clock.h"
 #include "harness/run/realtime/log_messages.h"
 #include "harness/run/remote/serve.h"
@@ -35,8 +36,9 @@ struct NodeOptions {
   ScenarioLoader load;
   // Link: the devices that its cables to the client's two ports are plugged into; empty: pseudo-terminals.
   std::string client_port, client_reference_port;
-  // Client: the firmware, one of the two.
+  // Client: the firmware, one of the three; for an emulator, the image of a scenario.
   std::string firmware_library, firmware_command;
+  std::function<EmulatorSpec(const Scenario&)> emulator;
   // Joystick: a device, or a recording.
   std::string joystick_source;
 };

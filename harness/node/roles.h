@@ -12,9 +12,11 @@ std::unique_ptr<Role> MakePlantRole(NodeServices& services, const NodeOptions& o
 // faults, logs every frame (harness/run/line.h). Makes the pseudo-terminals that others plug into.
 std::unique_ptr<Role> MakeLinkRole(NodeServices& services, const NodeOptions& options);
 
-// The firmware as a process: a firmware library with the machine's clock, or a command of the user's.
+// The firmware as a process: a firmware library with the machine's clock, a command of the user's, or an image in an
+// emulator.
 std::unique_ptr<Role> MakeLibraryRole(NodeServices& services, const NodeOptions& options);
 std::unique_ptr<Role> MakeCommandRole(NodeServices& services, const NodeOptions& options);
+std::unique_ptr<Role> MakeEmulatorRole(NodeServices& services, const NodeOptions& options);
 
 // Who sends references over the second line (paper, section 2.2, Figure 6): the scenario's trajectory after
 // the simulation's clock, or a person's joystick.

@@ -22,7 +22,7 @@ void Fields(Archive& archive, Lateness& l) {
 }
 template <class Archive>
 void Fields(Archive& archive, NodeTotals& t) {
-  archive(t.lateness, t.line, t.plant, t.client);
+  archive(t.lateness, t.line, t.plant, t.client, t.activation_counts);
 }
 
 namespace {
@@ -115,7 +115,7 @@ void LogPublisher::Write(const LineLog& log, TimeNs origin, const std::vector<Co
   } else {
     Send(std::move(tap));
   }
-  WriteActivations(log.activations);
+  Write(log.activations);
   for (RunEvent event : log.events) {
     event.time_ns -= origin;
     Write(event);
@@ -153,7 +153,7 @@ void LogPublisher::Write(const PlantLog& log) {
     rows.actuator_times_ns = log.actuator_times_ns;
     Send(std::move(rows));
   }
-  WriteActivations(log.activations);
+  Write(log.activations);
   for (const auto& event : log.events) Write(event);
 }
 
@@ -170,7 +170,7 @@ void LogPublisher::Write(const RunEvent& event) {
   Send(std::move(message));
 }
 
-void LogPublisher::WriteActivations(const std::vector<faults::Activation>& activations) {
+void LogPublisher::Write(const std::vector<faults::Activation>& activations) {
   for (const auto& activation : activations) {
     auto message = Begin<dds::FaultActivation>(last_.fault_activation);
     message.fault_id = scenario_.faults[activation.fault].id;
@@ -340,6 +340,10 @@ RunLog LogCollector::Take(TimeNs end_ns) {
         log_.harness_late.push_back({span.begin_ns - origin, span.end_ns - origin});
     if (totals.plant) Append(log_, std::move(*totals.plant));
     if (totals.line) Append(log_, std::move(*totals.line), 0);
+    // Of another build, or damaged, it may have any length.
+    for (std::size_t i = 0;
+         i < std::min(totals.activation_counts.size(), log_.fault_activation_counts.size()); ++i)
+      log_.fault_activation_counts[i] += totals.activation_counts[i];
     if (totals.client) log_.failsafe_entered_count = totals.client->failsafe_count;
   }
   std::sort(log_.harness_late.begin(), log_.harness_late.end(), [](const LateSpan& a, const LateSpan& b) {

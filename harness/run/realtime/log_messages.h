@@ -59,6 +59,8 @@ struct NodeTotals {
   std::optional<LineLog> line;  // of the logs the totals alone cross the bus
   std::optional<PlantLog> plant;
   std::optional<ClientStatus> client;
+  // One per fault of the scenario, of those that this node carried out itself; empty when there is none.
+  std::vector<std::int64_t> activation_counts;
 };
 
 // The link counters of a flight at one instant of its 12 ms grid; the link node knows them, the plant's rows
@@ -75,6 +77,7 @@ class LogPublisher {
   // Records alone. `origin` is the line's time of t = 0.
   void Write(const LineLog& log, TimeNs origin, const std::vector<CountsSample>& counts);
   void Write(const PlantLog& log);
+  void Write(const std::vector<faults::Activation>& activations);  // in simulation time
   // Of the kind "firmware_log" the first kFirmwareLogBytesMax.
   void Write(const RunEvent& event);
   // Sends again what did not fit the bus. Called now and then.
@@ -89,7 +92,6 @@ class LogPublisher {
   bool TrySend(const AnyMessage& message);
   // Whole rows in as many messages as it takes; returns the last, not sent yet.
   dds::TraceRows SendRows(std::span<const double> values, std::size_t column_count);
-  void WriteActivations(const std::vector<faults::Activation>& activations);
   template <class T>
   T Begin(std::int64_t& sequence) const {
     T message;

@@ -47,7 +47,8 @@ bool Members::Adopt(const std::vector<dds::NodeLife>& nodes, bool board, const s
     member.host = node.last.host;
     for (const auto& capability : node.last.capabilities) {
       board |= capability.starts_with("client_port=");
-      member.is_library |= capability == "firmware=library";
+      if (constexpr std::string_view kFirmware = "firmware="; capability.starts_with(kFirmware))
+        member.firmware = capability.substr(kFirmware.size());
     }
   }
   std::sort(members_.begin(), members_.end(), [](const Member& a, const Member& b) { return a.id < b.id; });

@@ -18,7 +18,8 @@ struct Member {
   std::string role;  // of a process of ours: its name there
   dds::NodeKind kind{};
   std::string host;
-  bool is_library = false;  // the firmware's node runs a library, and takes no time of its own
+  // Of the firmware's node: "library", which takes no time of its own, "emulator", or empty.
+  std::string firmware;
   bool lost = false;
   bool kept_away = false;  // by a fault, just now
   std::optional<std::chrono::steady_clock::time_point> silent_since;

@@ -251,8 +251,8 @@ void RealtimeConductor::Prepare() {
   });
   if (!taken) throw std::runtime_error("a node did not take the scenario within 10 s");
   std::vector<dds::Port> given;
-  if (const Member* client = members_.Find(NodeKind::kClient); client != nullptr && client->is_library)
-    given.push_back({"client_kind", "library"});
+  if (const Member* client = members_.Find(NodeKind::kClient); client != nullptr && !client->firmware.empty())
+    given.push_back({"client_kind", client->firmware});
   const auto answers = Command(dds::Verb::kPrepare, given, false);
   const Member& link = *members_.Find(NodeKind::kLink);
   for (const auto& [node, ack] : answers)

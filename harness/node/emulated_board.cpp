@@ -1,0 +1,190 @@
+#include "harness/node/emulated_board.h"
+
+#include <fmt/format.h>
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <chrono>
+#include <csignal>
+#include <cstring>
+#include <string_view>
+#include <utility>
+
+#include "link/unix_socket.h"
+
+namespace tiltproof::harness {
+namespace {
+
+using link::OwnedDescriptor;
+using std::chrono::steady_clock;
+
+constexpr int kUsartCount = 6;
+// QEMU answers within a millisecond; on a machine that is much too busy, within a second.
+constexpr std::chrono::seconds kAnswerLimit{5};
+constexpr std::string_view kFatal = "qemu: fatal: ";
+
+// Ours, and the one that QEMU inherits.
+std::pair<OwnedDescriptor, OwnedDescriptor> SocketPair() {
+  std::array<int, 2> ends{-1, -1};
+  if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends.data()) != 0)
+    throw std::runtime_error(fmt::format("no socket for the emulator: {}", std::strerror(errno)));
+  return {OwnedDescriptor(ends[0]), OwnedDescriptor(ends[1])};
+}
+
+// QEMU's options separate by commas; one in a value is doubled.
+std::string Escaped(std::string_view value) {
+  std::string text;
+  for (const char c : value) text += c == ',' ? ",," : std::string(1, c);
+  return text;
+}
+
+std::string Connected(const std::string& port) {
+  constexpr std::string_view kAbstract = "unix:@", kPath = "unix:";
+  if (port.starts_with(kAbstract))
+    return fmt::format("socket,path={},abstract=on", Escaped(port.substr(kAbstract.size())));
+  if (port.starts_with(kPath)) return fmt::format("socket,path={}", Escaped(port.substr(kPath.size())));
+  throw std::runtime_error(fmt::format("the link node offers the emulator no socket but '{}'", port));
+}
+
+// Control sockets are descriptors 3 and 4.
+std::vector<std::string> CommandLine(const EmulatorSpec& spec, const BoardWiring& wiring) {
+  std::vector<std::string> command = {"qemu-system-arm", "-M",   "netduinoplus2", "-display",        "none",
+                                      "-monitor",        "none", "-nodefaults",   "-no-user-config", "-S"};
+  const auto add = [&](std::initializer_list<std::string> words) { command.insert(command.end(), words); };
+  for (int usart = 1; usart <= kUsartCount; ++usart) {
+    std::string what = "null";
+    if (usart == spec.console_usart) what = "stdio,signal=off";
+    if (usart == spec.main_usart) what = Connected(wiring.main_port);
+    if (usart == spec.reference_usart && !wiring.reference_port.empty())
+      what = Connected(wiring.reference_port);
+    add({"-chardev", fmt::format("{},id=usart{}", what, usart), "-serial",
+         fmt::format("chardev:usart{}", usart)});
+  }
+  add({"-chardev", "socket,id=control,fd=3", "-mon", "chardev=control,mode=control"});
+  if (wiring.debugger) add({"-chardev", "socket,id=debugger,fd=4", "-gdb", "chardev:debugger"});
+  add({"-kernel", spec.image});
+  return command;
+}
+
+}  // namespace
+
+EmulatedBoard::EmulatedBoard(NodeServices& services, const EmulatorSpec& spec, const BoardWiring& wiring,
+                             Callbacks callbacks)
+    : services_(services), callbacks_(std::move(callbacks)) {
+  auto [control, control_far] = SocketPair();
+  auto [debugger, debugger_far] = SocketPair();
+  ChildSpec child;
+  child.command = CommandLine(spec, wiring);
+  child.descriptors = {control_far.get(), debugger_far.get()};
+  process_.emplace(services, child, [this](const std::string& how) { OnEnded(how); });
+  const auto lost = [this](const std::string& why) { socket_trouble_ = why; };
+  qmp_.emplace(services.loop(), control.Release(),
+               QmpClient::Callbacks{.event =
+                                        [this](const std::string& name, const std::string& data) {
+                                          if (name == "RESET" && callbacks_.reset)
+                                            callbacks_.reset(data.find("\"guest\":true") != data.npos);
+                                        },
+                                    .lost = lost});
+  if (wiring.debugger) debugger_.emplace(services.loop(), debugger.Release(), lost);
+}
+
+void EmulatedBoard::PowerOn() { qmp_->Execute("cont"); }
+
+// The whole of QEMU is stopped by a signal, not the processor by a command: that would stop the board's clock, too,
+// and its timers would not know that time has passed.
+void EmulatedBoard::BeginStall() {
+  if (++stalls_count_ > 1 || halted_) return;
+  paused_ = true;
+  process_->child().Signal(SIGSTOP);
+}
+
+void EmulatedBoard::EndStall() {
+  --stalls_count_;
+  Resume();
+}
+
+// In reset no clock counts: the processor may be stopped by a command. QEMU itself goes on, and its USARTs, off after
+// the reset, lose what arrives.
+void EmulatedBoard::BeginReset() {
+  ++resets_count_;
+  if (std::exchange(paused_, false)) process_->child().Signal(SIGCONT);
+  if (!std::exchange(halted_, true)) qmp_->Execute("stop");
+  qmp_->Execute("system_reset");
+}
+
+void EmulatedBoard::EndReset() {
+  --resets_count_;
+  Resume();
+}
+
+// Once nothing holds it any more: what was reset in a stall stays halted to the stall's end.
+void EmulatedBoard::Resume() {
+  if (stalls_count_ > 0 || resets_count_ > 0) return;
+  if (std::exchange(paused_, false)) process_->child().Signal(SIGCONT);
+  if (std::exchange(halted_, false)) qmp_->Execute("cont");
+  silent_for_good_reason_ = steady_clock::now();
+}
+
+void EmulatedBoard::Flip(std::vector<MemoryBit> bits, GdbClient::Done done) {
+  debugger_->Flip(std::move(bits), std::move(done));
+}
+
+void EmulatedBoard::ReadWords(std::uint32_t address, int count,
+                              std::function<void(const std::vector<std::uint32_t>&)> done) {
+  if (paused_ || lost_ || qmp_->Waiting().count() > 0) return;
+  const std::string arguments = fmt::format(R"({{"command-line": "xp /{}xw 0x{:x}"}})", count, address);
+  // "0000000020000100: 0x00000001 0x00000002\r\n", as a JSON string.
+  qmp_->Execute(
+      "human-monitor-command", arguments,
+      [count, done = std::move(done)](const std::string& error, const std::string& value) {
+        std::vector<std::uint32_t> words;
+        for (std::size_t at = 0; error.empty() && (at = value.find("0x", at)) != value.npos; at += 2)
+          words.push_back(static_cast<std::uint32_t>(std::strtoul(value.c_str() + at, nullptr, 16)));
+        if (words.size() == static_cast<std::size_t>(count)) done(words);
+      });
+}
+
+void EmulatedBoard::Watch() {
+  if (lost_) return;
+  if (paused_) silent_for_good_reason_ = steady_clock::now();
+  // When QEMU ends, that is told by its end.
+  if (!socket_trouble_.empty() && process_->child().Alive())
+    return Lose(EndReason::kNodeLost,
+                fmt::format("the emulator cannot be told anything any more: {}", socket_trouble_));
+  const auto waiting =
+      std::max(qmp_->Waiting(), debugger_ ? debugger_->Waiting() : std::chrono::nanoseconds(0));
+  if (waiting > kAnswerLimit && steady_clock::now() - silent_for_good_reason_ > kAnswerLimit)
+    Lose(EndReason::kNodeLost, fmt::format("the emulator has not answered for {} s: it hangs or was stopped",
+                                           kAnswerLimit.count()));
+}
+
+std::vector<FirmwareProcess::Line> EmulatedBoard::TakeLines(bool last) {
+  if (last) process_->ReadAll();
+  for (auto& line : process_->TakeLines()) {
+    if (line.error && !line.text.empty()) {
+      if (fatal_.empty() && line.text.starts_with(kFatal)) fatal_ = line.text.substr(kFatal.size());
+      last_error_ = line.text;
+    }
+    lines_.push_back(std::move(line));
+  }
+  return std::exchange(lines_, {});
+}
+
+void EmulatedBoard::OnEnded(const std::string& how) {
+  lines_ = TakeLines(true);
+  if (!fatal_.empty())
+    return Lose(
+        EndReason::kFirmwareCrashed,
+        fmt::format("the firmware brought the emulated board down: {} (registers in firmware.log)", fatal_));
+  Lose(EndReason::kNodeLost,
+       fmt::format("the emulator {}{}{}", how, last_error_.empty() ? "" : ": ", last_error_));
+}
+
+void EmulatedBoard::Lose(EndReason reason, const std::string& text) {
+  if (std::exchange(lost_, true)) return;
+  callbacks_.lost(reason, text);
+}
+
+}  // namespace tiltproof::harness

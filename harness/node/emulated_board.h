@@ -1,0 +1,83 @@
+// Stock QEMU as a board in real time: started, watched, stopped for a while, reset, its memory changed.
+//
+//   EmulatedBoard board(services, {.image = "executive-paper.elf", ...}, callbacks);   // stands still
+//   board.PowerOn();
+//   board.Stall(); ... board.GoOn();
+//
+// Its USARTs are connected to the link node's sockets; what its console prints and what QEMU says is kept. It runs by
+// the machine's clock and is given no more priority than any other program.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "harness/emulator/emulator_process.h"
+#include "harness/emulator/gdb_client.h"
+#include "harness/emulator/qmp_client.h"
+#include "harness/node/firmware_process.h"
+
+namespace tiltproof::harness {
+
+struct BoardWiring {
+  std::string main_port, reference_port;  // as the link node names them: unix:@NAME
+  bool debugger = false;                  // needed by Flip()
+};
+
+class EmulatedBoard {
+ public:
+  struct Callbacks {
+    // The processor was reset: by the firmware itself, or by Reset().
+    std::function<void(bool by_firmware)> reset;
+    // It is gone, and why; once. kFirmwareCrashed when the firmware's doing, else kNodeLost.
+    std::function<void(EndReason reason, const std::string& text)> lost;
+  };
+
+  // Starts QEMU, with the processor held. Throws std::runtime_error when there is none.
+  EmulatedBoard(NodeServices& services, const EmulatorSpec& spec, const BoardWiring& wiring,
+                Callbacks callbacks);
+  EmulatedBoard(const EmulatedBoard&) = delete;
+  EmulatedBoard& operator=(const EmulatedBoard&) = delete;
+
+  void PowerOn();
+
+  // The processor executes nothing, while its clock and what is counted by it go on.
+  void BeginStall();
+  void EndStall();
+  // The processor and its peripherals are reset, and stay so until the hold's end.
+  void BeginReset();
+  void EndReset();
+  void Flip(std::vector<MemoryBit> bits, GdbClient::Done done);
+  // Words of memory, while it runs; not called when they cannot be had.
+  void ReadWords(std::uint32_t address, int count,
+                 std::function<void(const std::vector<std::uint32_t>&)> done);
+
+  // Looks for an emulator that does not answer. Every now and then.
+  void Watch();
+  // What was printed since the last call; the last of it once `last`.
+  std::vector<FirmwareProcess::Line> TakeLines(bool last = false);
+
+ private:
+  void OnEnded(const std::string& how);
+  void Lose(EndReason reason, const std::string& text);
+  void Resume();
+
+  NodeServices& services_;
+  Callbacks callbacks_;
+  std::optional<FirmwareProcess> process_;
+  std::optional<QmpClient> qmp_;
+  std::optional<GdbClient> debugger_;
+  std::vector<FirmwareProcess::Line> lines_;
+  std::string fatal_, last_error_;           // what QEMU said before its end
+  int stalls_count_ = 0, resets_count_ = 0;  // that last
+  bool paused_ = false;                      // the whole of QEMU, by a signal
+  bool halted_ = false;                      // the processor and its clock, by QEMU
+  std::chrono::steady_clock::time_point silent_for_good_reason_;
+  std::string socket_trouble_;
+  bool lost_ = false;
+};
+
+}  // namespace tiltproof::harness

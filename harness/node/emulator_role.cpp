@@ -1,0 +1,221 @@
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <utility>
+
+#include "faults/device_command.h"
+#include "faults/schedule.h"
+#include "harness/emulator/elf_symbols.h"
+#include "harness/node/emulated_board.h"
+#include "harness/node/roles.h"
+
+namespace tiltproof::harness {
+namespace {
+
+// An image may have a TiltproofClientStatus of this name (firmware/tiltproof_client.h).
+constexpr std::string_view kStatusSymbol = "tiltproof_status";
+constexpr int kStatusWords = 2;
+
+// An image for a board as the firmware, in stock QEMU: its USARTs are the link node's sockets, and the faults on the
+// device are carried out here.
+class EmulatorRole final : public Role {
+ public:
+  EmulatorRole(NodeServices& services, const NodeOptions& options)
+      : services_(services),
+        choose_(options.emulator),
+        timer_(services.loop()),
+        states_(services.bus(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {}
+
+  Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
+    scenario_ = loaded.scenario;
+    spec_ = choose_(scenario_);
+    const ElfSymbols symbols(spec_.image);
+    if (const auto region = symbols.FindRegion(kStatusSymbol)) status_address_ = region->address;
+    counts_.emplace(scenario_.faults, scenario_.seed);
+    for (faults::DeviceCommand& command : faults::DeviceCommands(scenario_.faults, scenario_.seed)) {
+      std::vector<MemoryBit> bits;
+      if (command.type == "device.bit_flip") bits = DrawBits(command, symbols);
+      commands_.push_back({std::move(command), std::move(bits)});
+    }
+    return {};
+  }
+
+  void Arm(const Ports& ports) override {
+    BoardWiring wiring{.main_port = FindPort(ports, "client"),
+                       .reference_port = FindPort(ports, "client_reference")};
+    for (const auto& planned : commands_) wiring.debugger |= !planned.bits.empty();
+    board_.emplace(services_, spec_, wiring,
+                   EmulatedBoard::Callbacks{.reset = [this](bool by_firmware) { OnReset(by_firmware); },
+                                            .lost =
+                                                [this](EndReason reason, const std::string& text) {
+                                                  if (!stopped_) services_.Fail(reason, text);
+                                                }});
+  }
+
+  void Start() override {
+    power_on_ns_ = services_.clock().Now();
+    board_->PowerOn();
+  }
+
+  void Flush() override {
+    if (!board_) return;
+    board_->Watch();
+    if (origin_ns_ == kNever) return;
+    WriteLines(false);
+    services_.log().Write(counts_->TakeActivations(0));
+    if (status_address_)
+      board_->ReadWords(*status_address_, kStatusWords, [this](const std::vector<std::uint32_t>& words) {
+        status_ = ClientStatus{.supervisor_state = words[0], .failsafe_count = words[1]};
+      });
+  }
+
+  NodeTotals Stop() override {
+    stopped_ = true;
+    timer_.cancel();
+    agenda_.clear();
+    // Without t = 0 the times are those since power-on.
+    if (origin_ns_ == kNever) origin_ns_ = power_on_ns_;
+    NodeTotals totals;
+    if (board_) {
+      WriteLines(true);
+      services_.log().Write(counts_->TakeActivations(0));
+      totals.activation_counts = counts_->ActivationCounts();
+      totals.client = status_;
+    }
+    board_.reset();
+    return totals;
+  }
+
+ private:
+  struct PlannedCommand {
+    faults::DeviceCommand command;
+    std::vector<MemoryBit> bits;
+  };
+
+  static std::vector<MemoryBit> DrawBits(const faults::DeviceCommand& command, const ElfSymbols& symbols) {
+    const MemoryRegion region = symbols.Region(command.parameters.Text("region"));
+    std::vector<MemoryBit> bits;
+    for (const faults::BitFlip& flip : faults::DrawBitFlips(command.bits_stream, region.size_bytes,
+                                                            command.parameters.Integer("bit_count")))
+      bits.push_back({region.address + flip.byte_offset, flip.bit});
+    return bits;
+  }
+
+  TimeNs SimNow() { return services_.clock().Now() - origin_ns_; }
+
+  void Note(std::string kind, std::string text) {
+    const TimeNs time_ns = origin_ns_ == kNever ? 0 : SimNow();
+    services_.log().Write(RunEvent{time_ns, std::move(kind), std::move(text)});
+  }
+
+  void WriteLines(bool last) {
+    for (auto& line : board_->TakeLines(last))
+      services_.log().Write(RunEvent{line.time_ns - origin_ns_, "firmware_log", std::move(line.text)});
+  }
+
+  void OnReset(bool by_firmware) {
+    if (!stopped_) Note("device_reset", by_firmware ? "reset by the firmware itself" : "reset by pin");
+  }
+
+  // t = 0 is known: what shall befall the board has its time.
+  void OnStates() {
+    for (const auto& state : states_.Take()) {
+      // Of the plant's; the last one alone may have come.
+      if (state.run_id != services_.run_id() || origin_ns_ != kNever ||
+          (state.phase != dds::Phase::kRunning && state.phase != dds::Phase::kFinished))
+        continue;
+      origin_ns_ = services_.lateness().origin_ns = state.origin_ns;
+      // A node that was started again in flight has missed what was before.
+      for (const PlannedCommand& planned : commands_)
+        if (origin_ns_ + planned.command.at_ns >= power_on_ns_) Plan(planned);
+      Wake();
+    }
+  }
+
+  void Plan(const PlannedCommand& planned) {
+    const faults::DeviceCommand& command = planned.command;
+    const auto at = [&](TimeNs time_ns, std::function<void()> act) {
+      if (time_ns != kNever) agenda_.emplace(origin_ns_ + time_ns, std::move(act));
+    };
+    if (command.type == "device.reset") {
+      at(command.at_ns, [this, &command] {
+        board_->BeginReset();
+        counts_->Count(command.fault, SimNow(), "reset by pin");
+      });
+      at(command.until_ns, [this] { board_->EndReset(); });
+    } else if (command.type == "device.stall") {
+      at(command.at_ns, [this, &command] {
+        board_->BeginStall();
+        const std::string what = "the processor executes nothing";
+        counts_->Count(command.fault, SimNow(), what);
+        Note("device_stopped", what);
+      });
+      at(command.until_ns, [this] {
+        board_->EndStall();
+        Note("device_runs", "the processor runs again");
+      });
+    } else if (command.type == "device.bit_flip") {
+      at(command.at_ns, [this, &planned] { Flip(planned); });
+    } else {
+      services_.Fail(EndReason::kNodeLost, fmt::format("fault '{}': {} cannot be had in real time",
+                                                       scenario_.faults[command.fault].id, command.type));
+    }
+  }
+
+  void Flip(const PlannedCommand& planned) {
+    board_->Flip(
+        planned.bits, [this, &planned](const std::string& error, const std::vector<FlippedByte>& flipped) {
+          if (stopped_) return;
+          for (const FlippedByte& byte : flipped) {
+            const std::string what =
+                fmt::format("0x{:08x}: 0x{:02x} -> 0x{:02x}", byte.address, byte.before, byte.after);
+            counts_->Count(planned.command.fault, SimNow(), what);
+            Note("bit_flipped", what);
+          }
+          if (!error.empty())
+            services_.Fail(EndReason::kNodeLost,
+                           fmt::format("fault '{}': {}", scenario_.faults[planned.command.fault].id, error));
+        });
+  }
+
+  // Does what is due, and comes back for the rest.
+  void Wake() {
+    const TimeNs now = services_.clock().Now();
+    while (!agenda_.empty() && agenda_.begin()->first <= now) {
+      const auto due = agenda_.extract(agenda_.begin());
+      due.mapped()();
+    }
+    if (agenda_.empty()) return;
+    timer_.expires_at(services_.clock().ToSteady(agenda_.begin()->first));
+    timer_.async_wait([this, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
+      if (!error && !alive.expired() && !stopped_) Wake();
+    });
+  }
+
+  NodeServices& services_;
+  std::function<EmulatorSpec(const Scenario&)> choose_;
+  Scenario scenario_;
+  EmulatorSpec spec_;
+  std::optional<std::uint32_t> status_address_;
+  std::optional<ClientStatus> status_;
+  std::vector<PlannedCommand> commands_;
+  std::optional<faults::FaultSchedule> counts_;
+  std::multimap<TimeNs, std::function<void()>> agenda_;  // by the node's clock
+  boost::asio::steady_timer timer_;
+  std::optional<EmulatedBoard> board_;
+  TimeNs power_on_ns_ = 0;
+  TimeNs origin_ns_ = kNever;  // of t = 0, in the plant's clock: that of this machine
+  bool stopped_ = false;
+  std::shared_ptr<char> alive_ = std::make_shared<char>();
+  dds::Subscriber<dds::RunState> states_;
+};
+
+}  // namespace
+
+std::unique_ptr<Role> MakeEmulatorRole(NodeServices& services, const NodeOptions& options) {
+  return std::make_unique<EmulatorRole>(services, options);
+}
+
+}  // namespace tiltproof::harness

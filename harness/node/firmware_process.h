@@ -1,0 +1,61 @@
+// A program of the firmware's - a user's command, or an emulator - as a child of this node: it is watched, what it
+// prints is kept, and it is gone when this is.
+//
+//   FirmwareProcess process(services, spec, [&](const std::string& how) { Fail(how); });   // "exited with code 3"
+//   for (auto& line : process.TakeLines()) ...
+#pragma once
+
+#include <array>
+#include <boost/asio/posix/stream_descriptor.hpp>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "harness/node/node.h"
+#include "harness/process/child_process.h"
+
+namespace tiltproof::harness {
+
+class FirmwareProcess {
+ public:
+  struct Line {
+    TimeNs time_ns = 0;  // of the node's clock
+    std::string text;
+    bool error = false;  // on standard error
+  };
+  using Ended = std::function<void(const std::string& how)>;
+
+  // Starts it, its output and error to us. Throws std::runtime_error. `ended` is called by the loop, after its last
+  // words have been read, when it ends by itself; it may destroy this.
+  FirmwareProcess(NodeServices& services, ChildSpec spec, Ended ended);
+  ~FirmwareProcess();
+  FirmwareProcess(const FirmwareProcess&) = delete;
+  FirmwareProcess& operator=(const FirmwareProcess&) = delete;
+
+  ChildProcess& child() { return *child_; }
+  // Those since the last call; the first kFirmwareLogBytesMax of all.
+  std::vector<Line> TakeLines() { return std::exchange(lines_, {}); }
+  // What it has printed and nobody has read yet, to the last byte.
+  void ReadAll();
+
+ private:
+  // The ends that we read: what it prints, and its errors.
+  static constexpr std::size_t kOutput = 0, kError = 1;
+  void Read(std::size_t i);
+  bool Drain(std::size_t i);
+  void AddLine(std::size_t i);
+
+  NodeServices& services_;
+  Ended ended_;
+  std::unique_ptr<ChildProcess> child_;
+  std::array<std::optional<boost::asio::posix::stream_descriptor>, 2> streams_;
+  std::optional<boost::asio::posix::stream_descriptor> end_;
+  std::array<std::string, 2> partial_;
+  std::vector<Line> lines_;
+  std::size_t printed_bytes_ = 0;
+  std::shared_ptr<char> alive_ = std::make_shared<char>();
+};
+
+}  // namespace tiltproof::harness
