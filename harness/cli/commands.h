@@ -83,6 +83,13 @@ struct ReplayOptions {
 int ReplayCommand(const ReplayOptions& options);
 int ScoreCommand(const ReplayOptions& options);
 
+struct CompareOptions {
+  std::filesystem::path a, b;
+  double tolerance = 1e-3;
+  std::string format = "human";
+};
+int CompareCommand(const CompareOptions& options);
+
 struct DesignLqrOptions {
   std::string model;
   std::filesystem::path csv;

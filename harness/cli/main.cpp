@@ -97,6 +97,22 @@ int Main(int argc, char** argv) {
       ->capture_default_str();
   score_app->callback([&] { command = [&] { return ScoreCommand(replay); }; });
 
+  CompareOptions compare;
+  auto* compare_app = app.add_subcommand(
+      "compare", "Compare the flights of two runs: traces, timing, verdicts (0 equal, 1 different)");
+  compare_app->add_option("A", compare.a, "A run's results folder, or one scenario's folder in it")
+      ->required();
+  compare_app->add_option("B", compare.b, "Another one")->required();
+  compare_app
+      ->add_option("--tolerance", compare.tolerance,
+                   "By how much the vehicle's states may differ, in each one's unit (m, rad, m/s, rad/s)")
+      ->check(CLI::Range(0.0, 1e9))
+      ->capture_default_str();
+  compare_app->add_option("--format", compare.format, "human or jsonl")
+      ->check(CLI::IsMember({"human", "jsonl"}))
+      ->capture_default_str();
+  compare_app->callback([&] { command = [&] { return CompareCommand(compare); }; });
+
   DesignLqrOptions design;
   auto* design_app = app.add_subcommand(
       "design-lqr", "Design the DLQR of a model: equilibrium, gain, spectral radius, delay margin");

@@ -1,0 +1,91 @@
+#include "harness/scenario/differing_key.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <stdexcept>
+#include <vector>
+
+#include "harness/scenario/yaml_tree.h"
+
+namespace tiltproof::harness {
+namespace {
+
+constexpr std::array<std::string_view, 6> kMayDiffer = {"name",   "description", "tags",
+                                                        "expect", "criteria",    "firmware"};
+
+YamlNode Parse(std::string_view yaml) {
+  std::vector<YamlProblem> problems;
+  auto root = ParseYaml(yaml, problems);
+  if (!problems.empty())
+    throw std::runtime_error(
+        fmt::format("{}:{}: {}", problems[0].mark.line, problems[0].mark.column, problems[0].message));
+  if (!root || root->kind != YamlNode::Kind::kMapping)
+    throw std::runtime_error("no mapping of keys to values");
+  return *std::move(root);
+}
+
+std::string ValueText(const YamlNode* node) {
+  if (node == nullptr) return "absent";
+  switch (node->kind) {
+    case YamlNode::Kind::kSequence: {
+      std::vector<std::string> items;
+      for (const YamlNode& item : node->items) items.push_back(ValueText(&item));
+      return fmt::format("[{}]", fmt::join(items, ", "));
+    }
+    case YamlNode::Kind::kMapping:
+      return fmt::format("{} keys", node->entries.size());
+    default:
+      return node->text;
+  }
+}
+
+bool IsListOfMappings(const YamlNode& node) {
+  return node.kind == YamlNode::Kind::kSequence && !node.items.empty() &&
+         node.items.front().kind == YamlNode::Kind::kMapping;
+}
+
+std::optional<std::string> Difference(const std::string& path, const YamlNode* a, const YamlNode* b);
+
+// Keys of either, in the order of the first.
+std::optional<std::string> DifferenceOfMappings(const std::string& path, const YamlNode& a,
+                                                const YamlNode& b) {
+  std::vector<std::string_view> keys;
+  for (const YamlNode* node : {&a, &b})
+    for (const YamlEntry& entry : node->entries)
+      if (std::find(keys.begin(), keys.end(), entry.key) == keys.end()) keys.push_back(entry.key);
+  for (const std::string_view key : keys) {
+    if (path.empty() && std::find(kMayDiffer.begin(), kMayDiffer.end(), key) != kMayDiffer.end()) continue;
+    const YamlEntry* in_a = a.Find(key);
+    const YamlEntry* in_b = b.Find(key);
+    if (auto found =
+            Difference(path.empty() ? std::string(key) : fmt::format("{}.{}", path, key),
+                       in_a == nullptr ? nullptr : &in_a->value, in_b == nullptr ? nullptr : &in_b->value))
+      return found;
+  }
+  return std::nullopt;
+}
+
+std::optional<std::string> Difference(const std::string& path, const YamlNode* a, const YamlNode* b) {
+  if (a != nullptr && b != nullptr && a->kind == b->kind) {
+    if (a->kind == YamlNode::Kind::kMapping) return DifferenceOfMappings(path, *a, *b);
+    if (IsListOfMappings(*a) && IsListOfMappings(*b)) {
+      for (std::size_t i = 0; i < std::min(a->items.size(), b->items.size()); ++i)
+        if (auto found = Difference(fmt::format("{}[{}]", path, i), &a->items[i], &b->items[i])) return found;
+      if (a->items.size() != b->items.size())
+        return fmt::format("{}: {} and {} items", path, a->items.size(), b->items.size());
+      return std::nullopt;
+    }
+    if (ValueText(a) == ValueText(b)) return std::nullopt;
+  }
+  return fmt::format("{}: {} and {}", path, ValueText(a), ValueText(b));
+}
+
+}  // namespace
+
+std::optional<std::string> DifferingKey(std::string_view yaml_a, std::string_view yaml_b) {
+  return DifferenceOfMappings("", Parse(yaml_a), Parse(yaml_b));
+}
+
+}  // namespace tiltproof::harness
