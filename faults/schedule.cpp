@@ -203,6 +203,7 @@ void FaultSchedule::EditActuators(TimeNs t, ActuatorsTruth& actuators, bool new_
 void FaultSchedule::MarkReceived(Direction direction, TimeNs last_arrival,
                                  std::span<const std::uint8_t> bytes, std::vector<ReceiveMark>& marks) {
   marks.assign(bytes.size(), ReceiveMark::kNone);
+  if (state_->receivers.empty()) return;
   const Line& line = state_->lines[static_cast<std::size_t>(direction)];
   std::uint64_t& number = state_->received_count[static_cast<std::size_t>(direction)];
   for (std::size_t i = 0; i < bytes.size(); ++i, ++number) {
