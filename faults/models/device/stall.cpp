@@ -3,17 +3,18 @@
 namespace tiltproof::faults {
 
 FaultType DeviceStall() {
-  return {.name = "device.stall",
-          .stage = Stage::kDevice,
-          .summary = "The processor stands still for a while.",
-          .semantics =
-              "From `start_s` to `end_s` the processor executes nothing, interrupts included, while time and "
-              "peripherals go on: its timers count, its receiver overruns, an independent watchdog that runs "
-              "out resets it. Then it goes on where it was.",
-          .on_device = true,
-          .start = Bound::kRequired,
-          .end = Bound::kRequired,
-          .needs = Needs::kProcessor};
+  return {
+      .name = "device.stall",
+      .stage = Stage::kDevice,
+      .summary = "The processor stands still for a while.",
+      .semantics =
+          "From `start_s` to `end_s` the processor executes nothing, interrupts included, while time and "
+          "peripherals go on: its timers count, its receiver overruns. Then it goes on where it was; or, if "
+          "an independent watchdog ran out meanwhile, from its reset vector.",
+      .on_device = true,
+      .start = Bound::kRequired,
+      .end = Bound::kRequired,
+      .needs = Needs::kProcessor};
 }
 
 }  // namespace tiltproof::faults
