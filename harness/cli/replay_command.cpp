@@ -9,6 +9,7 @@
 #include "harness/cli/run_folder.h"
 #include "harness/cli/suite.h"
 #include "harness/cli/worker_pool.h"
+#include "harness/emulator/lockstep_self_test.h"
 #include "harness/report/build_id.h"
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"
@@ -67,6 +68,7 @@ int ReplayCommand(const ReplayOptions& options) {
     fmt::print(
         "another build: {} then, {} now; the program or the firmware has changed, and flights may differ\n",
         run.info.build, build);
+  if (means.client.emulator) TestLockstep(LockstepPlugin());
   TemporaryFolder folder;
   std::vector<FlightJob> jobs;
   std::vector<ScenarioResult> old_results;

@@ -13,6 +13,7 @@
 #include "harness/cli/run_folder.h"
 #include "harness/cli/suite.h"
 #include "harness/cli/worker_pool.h"
+#include "harness/emulator/lockstep_self_test.h"
 #include "harness/node/realtime_rights.h"
 #include "harness/report/build_id.h"
 #include "harness/report/files.h"
@@ -20,6 +21,7 @@
 #include "harness/scenario/fault_support.h"
 #include "harness/scenario/selection.h"
 #include "link/serial_port.h"
+#include "link/unix_socket.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -85,13 +87,19 @@ void CheckPorts(const ClientChoice& client, const LinkSpec& link) {
   std::vector<std::unique_ptr<link::SerialPort>> ports;  // both at once, as in flight
   for (const std::string& device : {client.device, client.reference_device}) {
     if (device.empty()) continue;
+    const bool is_socket = link::IsSocketName(device);
     try {
+      // An emulator may begin as soon as it is connected, so that a socket is only looked for.
+      if (const auto trouble = is_socket ? link::SocketTrouble(device) : std::nullopt)
+        throw std::runtime_error(*trouble);
+      if (is_socket) continue;
       ports.push_back(std::make_unique<link::SerialPort>(
           loop, device, ports.empty() ? link.port_baud() : LinkSpec::kReferenceBaud));
     } catch (const std::runtime_error& error) {
       const std::string text = fmt::format("--client {}: {}", client.text, error.what());
       std::error_code ignored;
-      if (!std::filesystem::exists(device, ignored)) throw UsageError(text);
+      const std::string file = is_socket ? device.substr(device.find(':') + 1) : device;
+      if (!std::filesystem::exists(file, ignored)) throw UsageError(text);
       throw std::runtime_error(text);
     }
   }
@@ -176,6 +184,7 @@ int RunCommand(const RunOptions& options) {
     List(options, suite.scenarios);
     return kExitGreen;
   }
+  if (means.client.emulator && !means.realtime) TestLockstep(LockstepPlugin());
   CheckPorts(means.client, suite.scenarios.front().scenario.link);
 
   RunInfo info;

@@ -8,6 +8,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 
 namespace tiltproof::harness::lockstep {
 
@@ -53,9 +54,10 @@ struct ReceivedByte {
 
 enum class ResetCause : std::uint32_t { kNone, kPin, kWatchdog, kSoftware };
 
-// From `begin_ns` to `end_ns` the processor executes nothing while time and peripherals go on; then it is reset,
-// unless `reset` is kNone. A reset takes place at the begin, and the processor is held until the end.
+// From `begin_ns` to `end_ns` the processor executes nothing while time and peripherals go on. Unless `reset` is kNone
+// it is reset at the begin, and held until the end. One without end, kNever, ends when the watchdog bites.
 struct Stall {
+  static constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
   std::int64_t begin_ns, end_ns;
   ResetCause reset;
   std::uint32_t fault;  // given back with its event
@@ -105,7 +107,7 @@ struct Event {
 
 struct Stopped {
   std::int64_t at_ns;
-  std::int64_t last_slept_ns;  // when the processor last slept (WFI)
+  std::int64_t last_slept_ns;  // when the processor last slept (WFI) or was made to stand still
 };
 
 }  // namespace tiltproof::harness::lockstep

@@ -73,7 +73,7 @@ struct Plugin {
   Stall stall{};  // under way, or the last
   std::deque<FlipBits> flips;
   Timer flip_timer;
-  std::int64_t last_slept_ns = 0;
+  std::int64_t last_slept_ns = 0;                // or was made to stand still
   ResetCause pending_cause = ResetCause::kNone;  // of the reset that was asked for
   Watchdog watchdog;
   ResetFlags reset_flags;
@@ -189,7 +189,7 @@ void Advance(std::int64_t step) {
 
 // Time passes, and the processor does nothing: the counter is moved on from timer to timer, until the stall ends.
 void StallWork(void* cpu, RunOnCpuData data) {
-  const std::int64_t now = Now();
+  const std::int64_t now = plugin.last_slept_ns = Now();
   if (now >= plugin.stalled_until) {
     SendEvent(EventKind::kStallEnds, plugin.stall.fault);
     return;
@@ -231,8 +231,7 @@ void Reset(ResetCause cause) {
 }
 
 void OnWatchdog() {
-  // It ends a hang; a processor that is held in reset has no watchdog running.
-  plugin.stalled_until = 0;
+  if (plugin.stall.end_ns == Stall::kNever) plugin.stalled_until = 0;
   Reset(ResetCause::kWatchdog);
 }
 
