@@ -1,0 +1,82 @@
+#!/usr/bin/env python3
+"""One firmware in three shapes: library on the host, cyclic executive and FreeRTOS's tasks on the emulated board. In lockstep, on a line that loses
+frames and bytes and falls silent, all three must fly the vehicle and command it alike, to the bit; and the two images must leave the same trace.
+
+Usage: equality_test.py TILTPROOF FOLDER-OF-IMAGES SOURCE-FOLDER
+"""
+import csv
+import json
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+TILTPROOF, IMAGES, SOURCE = (pathlib.Path(argument) for argument in sys.argv[1:4])
+del sys.argv[1:4]
+
+# Their faults act on frames by number, so that some microseconds of computing change nothing. Between them the firmware misses replies, repeats
+# commands, goes blind and comes back.
+SCENARIOS = ["wire-byte-drop-survive", "wire-frame-drop-survive", "wire-link-silence-survive"]
+
+
+def fly(folder, client):
+    """{scenario: (its entry in results.json, rows of its trace)}"""
+    command = [TILTPROOF, "run", SOURCE / "scenarios/wire", "-k", " or ".join(SCENARIOS), "--client", client, "--out", folder,
+               "--no-progress"]
+    done = subprocess.run([str(part) for part in command], capture_output=True, text=True)
+    if done.returncode not in (0, 1):  # a firmware may fail a scenario that was written for another
+        raise RuntimeError(f"{client}: exit code {done.returncode}\n{done.stdout}{done.stderr}")
+    results = {s["name"]: s for s in json.loads((folder / "latest/results.json").read_text())["scenarios"]}
+    if sorted(results) != sorted(SCENARIOS):
+        raise RuntimeError(f"flown: {sorted(results)}")
+    flights = {}
+    for name, result in results.items():
+        with open(folder / "latest" / name / "trace.csv", newline="") as file:
+            flights[name] = (result, list(csv.DictReader(file)))
+    return flights
+
+
+class Equality(unittest.TestCase):
+    maxDiff = None
+
+    def check(self, firmware):
+        tasks = IMAGES / f"freertos-{firmware}.elf"
+        clients = {"executive": f"qemu:{IMAGES / f'executive-{firmware}.elf'}"}
+        if tasks.exists():
+            clients["tasks"] = f"qemu:{tasks}"
+        with tempfile.TemporaryDirectory() as folder:
+            # The library is told its build by the scenario.
+            library = fly(pathlib.Path(folder, "library"), "host") if firmware == "paper" else None
+            flights = {name: fly(pathlib.Path(folder, name), client) for name, client in clients.items()}
+        if library:
+            flights["library"] = library
+        executive = flights.pop("executive")
+        self.assertTrue(flights, "nothing to compare with: no FreeRTOS, and the library flies as paper alone")
+        for other, flown in flights.items():
+            for name, (result, rows) in flown.items():
+                with self.subTest(f"{firmware}: executive and {other}", scenario=name):
+                    self.assertEqual(len(rows), len(executive[name][1]))
+                    self.assertGreater(len(rows), 1900)  # 24 s
+                    # Counters of frames on their way depend on when in a period they are sent.
+                    for mine, theirs in zip(executive[name][1], rows):
+                        flight = [{k: v for k, v in row.items() if not k.endswith("_count")} for row in (mine, theirs)]
+                        self.assertEqual(*flight)
+                    for metric in ("firmware.failsafe_entered_count", "timing.firmware_missed_count"):
+                        self.assertEqual(result["metrics"].get(metric), executive[name][0]["metrics"].get(metric), metric)
+                    if other == "tasks":
+                        self.assertEqual(result["trace_hash"], executive[name][0]["trace_hash"])
+        return executive
+
+    def test_paper(self):
+        self.check("paper")
+
+    def test_tolerant(self):
+        if not (IMAGES / "freertos-tolerant.elf").exists():
+            self.skipTest("no image with FreeRTOS")
+        executive = self.check("tolerant")
+        self.assertGreater(executive["wire-link-silence-survive"][0]["metrics"]["firmware.failsafe_entered_count"], 0)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
