@@ -23,11 +23,13 @@
 
 #include "harness/cli/commands.h"
 #include "harness/cli/data_files.h"
+#include "harness/emulator/lockstep_self_test.h"
 #include "harness/node/realtime_rights.h"
 #include "harness/scenario/scenario.h"
 #include "link/pty.h"
 #include "link/serial_devices.h"
 #include "link/serial_port.h"
+#include "link/unix_socket.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -114,13 +116,20 @@ std::vector<std::string> ClientDevices(const std::string& client) {
   return devices;
 }
 
-// As a flight would open them: both at once.
+// As a flight would open them: both at once. An emulator behind a socket may begin as soon as it is connected, so that
+// it is only looked for.
 void CheckClientDevices(const std::vector<std::string>& devices, Checks& checks) {
   boost::asio::io_context loop;
   std::vector<std::unique_ptr<link::SerialPort>> ports;
   for (const auto& device : devices) {
     Check check{.name = "client's " + device, .text = fmt::format("opens at {} baud", kBaud), .advice = {}};
     try {
+      if (link::IsSocketName(device)) {
+        if (const auto trouble = link::SocketTrouble(device)) throw std::runtime_error(*trouble);
+        check.text = "a socket that somebody listens at";
+        checks.push_back(std::move(check));
+        continue;
+      }
       ports.push_back(std::make_unique<link::SerialPort>(loop, device, kBaud));
     } catch (const std::runtime_error& error) {
       check.status = Status::kFail;
@@ -244,6 +253,61 @@ Check CheckPseudoTerminals() {
   }
 }
 
+Check CheckEmulator() {
+  Check check{.name = "emulator", .text = {}, .advice = {}};
+  try {
+    const std::string version = QemuVersion();
+    check.text = fmt::format("qemu-system-arm {}", version);
+    if (version.starts_with(std::string(kLockstepQemuRelease) + ".")) return check;
+    check.status = Status::kWarn;
+    check.text += fmt::format(": `--client qemu` flies with it in real time; lockstep needs {}.x",
+                              kLockstepQemuRelease);
+    check.advice = "fly with --mode realtime, or use the qemu-system-arm of Debian 12";
+  } catch (const std::runtime_error& error) {
+    check.status = Status::kWarn;
+    check.text = fmt::format("{} (only `--client qemu` needs it)", error.what());
+    check.advice = "`sudo apt-get install --no-install-recommends qemu-system-arm`";
+  }
+  return check;
+}
+
+Check CheckLockstep() {
+  Check check{.name = "emulator in lockstep", .text = "works", .advice = {}};
+  try {
+    TestLockstep(LockstepPlugin());
+  } catch (const std::runtime_error& error) {
+    check.status = Status::kWarn;
+    check.text = error.what();
+    check.advice = "fly `--client qemu` with --mode realtime";
+  }
+  return check;
+}
+
+// What `--client qemu` flies when it names no image.
+Check CheckImages() {
+  Check check{.name = "firmware images", .text = {}, .advice = {}};
+  const fs::path folder = FirmwareImage("executive", "paper", link::Dialect::kPaper).parent_path();
+  std::map<std::string, int> counts;
+  std::error_code error;
+  for (fs::directory_iterator file(folder, error); !error && file != fs::directory_iterator();
+       file.increment(error))
+    if (const std::string name = file->path().filename(); file->path().extension() == ".elf")
+      ++counts[name.substr(0, name.find('-'))];
+  if (counts.contains("executive")) {
+    check.text = fmt::format("executive: {}, freertos: {}, in {}", counts["executive"], counts["freertos"],
+                             folder.string());
+    if (counts["freertos"] == 0)
+      check.text += "; those with FreeRTOS need a checkout of its kernel: ./setup --freertos";
+    return check;
+  }
+  check.status = Status::kWarn;
+  check.text = fmt::format("none in {} (only `--client qemu` without an image needs them)", folder.string());
+  check.advice =
+      "`sudo apt-get install --no-install-recommends gcc-arm-none-eabi libnewlib-arm-none-eabi "
+      "libstdc++-arm-none-eabi-dev`, then configure and build again (./setup)";
+  return check;
+}
+
 void Print(const Check& check, bool jsonl) {
   if (jsonl) {
     const nlohmann::ordered_json line = {{"check", check.name},
@@ -273,6 +337,9 @@ int DoctorCommand(const DoctorOptions& options) {
   checks.push_back(CheckInterface("lo"));
   if (!options.interface.empty() && options.interface != "lo")
     checks.push_back(CheckInterface(options.interface));
+  checks.push_back(CheckEmulator());
+  if (checks.back().status == Status::kOk) checks.push_back(CheckLockstep());
+  checks.push_back(CheckImages());
   CheckSerialDevices(options.root, checks);
   CheckClientDevices(client_devices, checks);
   for (const auto& check : checks) Print(check, options.format == "jsonl");

@@ -203,8 +203,9 @@ void RealtimeConductor::Conduct() {
   Command(dds::Verb::kArm, ports_, false);
   if (outcome_.ended()) return;
   started_ = sim_seen_ = SteadyClock::now();
-  // Bytes from before do not count, and a board says `start` but once.
-  if (options_.board)
+  // Bytes from before do not count, and a board says `start` but once. An emulator behind a socket is connected only
+  // now.
+  if (options_.board && !options_.client.starts_with("serial:unix:"))
     fmt::print(stderr, "tiltproof: listening to the board: switch it on, or reset it, now\n");
   Command(dds::Verb::kStart, {}, false);
   FlyToTheEnd();

@@ -7,6 +7,7 @@ import pathlib
 import pty
 import resource
 import shutil
+import socket
 import subprocess
 import sys
 import tempfile
@@ -23,9 +24,9 @@ class DoctorTest(unittest.TestCase):
         self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
         (self.folder / "dev").mkdir()
 
-    def doctor(self, *arguments, before=None, program=(PROGRAM,)):
+    def doctor(self, *arguments, before=None, program=(PROGRAM,), path=None):
         done = subprocess.run([*program, "doctor", "--root", self.folder, *arguments], capture_output=True, timeout=60, check=False,
-                              preexec_fn=before)
+                              preexec_fn=before, env={**os.environ, **({"PATH": str(path)} if path else {})})
         return done.returncode, done.stdout.decode(), done.stderr.decode()
 
     def checks(self, *arguments, **how):
@@ -73,7 +74,7 @@ class DoctorTest(unittest.TestCase):
             self.assertRegex(line, r"^(ok|warn|FAIL) +[a-z].*: .")
         names = set(self.checks())
         self.assertLessEqual({"processors", "real-time priority", "locked memory", "frequency governor", "network interface lo",
-                              "pseudo-terminals", "serial devices"}, names)
+                              "pseudo-terminals", "serial devices", "emulator", "firmware images"}, names)
 
     def test_serial_devices_are_listed_once_and_not_opened(self):
         self.write("dev/ttyUSB0")
@@ -140,6 +141,57 @@ class DoctorTest(unittest.TestCase):
         self.assertEqual(check["status"], "FAIL")
         self.assertIn("no such device", check["text"])
         self.assertEqual(self.checks("--client", "serial:/dev/null")["client's /dev/null"]["status"], "FAIL")
+
+    def test_client_sockets_are_looked_for_and_not_called(self):
+        listener = socket.socket(socket.AF_UNIX)
+        self.addCleanup(listener.close)
+        path = self.folder / "uart"
+        listener.bind(str(path))
+        listener.listen(1)
+        listener.setblocking(False)
+        name = f"unix:{path}"
+        self.assertEqual(self.checks("--client", f"serial:{name}")[f"client's {name}"]["status"], "ok")
+        self.assertRaises(BlockingIOError, listener.accept)
+        check = self.checks("--client", f"serial:{name}x")[f"client's {name}x"]
+        self.assertEqual(check["status"], "FAIL")
+        self.assertIn("start the emulator first", check["text"])
+
+    def emulator(self, text):
+        """The checks where qemu-system-arm, if `text` is not empty, is a program that prints it."""
+        folder = self.folder / "bin"
+        folder.mkdir(exist_ok=True)
+        (folder / "qemu-system-arm").unlink(missing_ok=True)
+        if text:
+            (folder / "qemu-system-arm").write_text(f"#!/bin/sh\necho '{text}'\n")
+            (folder / "qemu-system-arm").chmod(0o755)
+        return self.checks(path=folder)
+
+    def test_emulator(self):
+        checks = self.emulator("")
+        self.assertEqual(checks["emulator"]["status"], "warn")
+        self.assertIn("apt-get install --no-install-recommends qemu-system-arm", checks["emulator"]["advice"])
+        self.assertNotIn("emulator in lockstep", checks)
+        checks = self.emulator("QEMU emulator version 9.1.0 (made up)")
+        self.assertEqual(checks["emulator"]["status"], "warn")
+        self.assertIn("9.1.0", checks["emulator"]["text"])
+        self.assertIn("lockstep needs 7.2", checks["emulator"]["text"])
+        self.assertNotIn("emulator in lockstep", checks)
+        checks = self.emulator("QEMU emulator version 7.2.99 (made up)")
+        self.assertEqual(checks["emulator"]["status"], "ok")
+        # It is only said to be one.
+        self.assertEqual(checks["emulator in lockstep"]["status"], "warn")
+
+    def test_firmware_images(self):
+        check = self.checks()["firmware images"]
+        built = list((PROGRAM.parent / "firmware/stm32f4").glob("executive-*.elf"))
+        self.assertEqual(check["status"], "ok" if built else "warn")
+        self.assertIn(f"executive: {len(built)}," if built else "none in", check["text"])
+        copy = self.folder / "elsewhere/tiltproof"
+        copy.parent.mkdir()
+        shutil.copy(PROGRAM, copy)
+        check = self.checks(program=(copy,))["firmware images"]
+        self.assertEqual(check["status"], "warn")
+        self.assertIn("gcc-arm-none-eabi", check["advice"])
 
     def test_interface(self):
         self.assertEqual(self.checks("--interface", "lo")["network interface lo"]["status"], "ok")
