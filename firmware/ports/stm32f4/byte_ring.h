@@ -4,7 +4,8 @@
 //   ring.Put(byte);                                  // writer
 //   while (auto bytes = ring.Front(); !bytes.empty()) { Use(bytes); ring.Drop(bytes.size()); }  // reader
 //
-// Indices are masked at every use, so that a damaged one loses bytes but never writes elsewhere.
+// Indices are masked at every use, so that a damaged one never leads elsewhere; the reader notices a count that
+// cannot be, and begins anew.
 #pragma once
 
 #include <array>
@@ -32,8 +33,14 @@ class ByteRing {
     return true;
   }
 
+  // Reader, or nobody else at it: forgets everything when the indices make no sense.
+  void MendIndices() {
+    if (Count() > size) read_ = written_;
+  }
+
   // Reader: the oldest bytes that lie side by side; Drop() releases them.
-  std::span<const std::uint8_t> Front() const {
+  std::span<const std::uint8_t> Front() {
+    MendIndices();
     const std::uint32_t begin = read_ % size;
     const std::uint32_t count = Count();
     std::atomic_signal_fence(std::memory_order_acquire);

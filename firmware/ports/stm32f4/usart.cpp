@@ -66,6 +66,7 @@ bool Send(UsartRegisters& usart, ByteRing<size>& ring, std::span<const std::uint
   {
     // Several tasks may send: a frame goes in as one.
     const InterruptLock lock;
+    ring.MendIndices();
     if (ring.Room() < bytes.size()) return false;
     for (const std::uint8_t byte : bytes) ring.Put(byte);
     if (!Emulated()) Set(usart.CR1, kUsartCr1TransmitEmptyInterrupt);
