@@ -23,12 +23,16 @@ struct ClientStatus {
   std::uint32_t failsafe_count = 0;
 };
 
+// Bytes that came while the one before had not been read.
+inline constexpr const char* kOverrunEvent = "uart_overrun";
+
 // Something that befell the board.
 struct DeviceEvent {
   TimeNs time_ns = 0;
   std::optional<std::size_t> fault;  // that did it: its index in the scenario
-  std::string kind;                  // "device_reset", "bit_flipped", "uart_overrun", ...
+  std::string kind;                  // "device_reset", "bit_flipped", kOverrunEvent, ...
   std::string text;
+  std::int64_t overruns_count = 0;  // of a kOverrunEvent: bytes lost
 };
 
 // What a client may call while it runs. Times are nanoseconds since power-on.

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cstring>
 #include <filesystem>
 #include <optional>
@@ -22,14 +23,18 @@ namespace {
 constexpr TimeNs kBusyMax = 2 * kNsPerS;
 // Nor may it fill the log with one line.
 constexpr std::size_t kLineBytesMax = 1000;
+// Bytes lost further apart than this are different stories.
+constexpr TimeNs kOverrunGap = 2 * kControlPeriodNs;
 // An image may have a TiltproofClientStatus of this name, which is read when the flight ends.
 constexpr const char* kStatusSymbol = "tiltproof_status";
 
-// The first line of what QEMU printed, of use to a person: "Lockup: can't escalate 3 to HardFault ...".
+// Why QEMU gave the processor up, of what it printed: "Lockup: can't escalate 3 to HardFault ..."; empty when it did
+// not.
 std::string FatalLine(std::string_view errors) {
   constexpr std::string_view kFatal = "qemu: fatal: ";
   const std::size_t fatal = errors.find(kFatal);
-  if (fatal != errors.npos) errors.remove_prefix(fatal + kFatal.size());
+  if (fatal == errors.npos) return {};
+  errors.remove_prefix(fatal + kFatal.size());
   return std::string(errors.substr(0, errors.find('\n')));
 }
 
@@ -111,7 +116,12 @@ class EmulatorClient final : public Client {
     } catch (const EmulatorTrouble& trouble) {
       lost_ = true;
       Log(last_active_, trouble.what());
-      throw FirmwareTrouble(trouble.hung, fmt::format("the emulated board is gone: {}", Summary(trouble)));
+      // QEMU gives up when the processor is past all help: that is the firmware's doing. Its own end is not.
+      const std::string fatal = FatalLine(board_->Errors());
+      if (!fatal.empty())
+        throw FirmwareTrouble(false, "the firmware crashed: " + fatal + " (registers in firmware.log)");
+      if (trouble.hung) throw FirmwareTrouble(true, trouble.what());
+      throw std::runtime_error(trouble.what());
     }
   }
 
@@ -130,11 +140,17 @@ class EmulatorClient final : public Client {
   }
 
   std::optional<ClientStatus> Status() override {
+    for (const std::size_t line : {0U, 1U}) TellOverruns(line);
     if (lost_) return std::nullopt;
     const auto region = symbols_->FindRegion(kStatusSymbol);
     TiltproofClientStatus status{};
     if (!region || region->size_bytes < sizeof(status)) return std::nullopt;
-    const auto bytes = board_->ReadMemory(region->address, sizeof(status));
+    std::vector<std::uint8_t> bytes;
+    try {
+      bytes = board_->ReadMemory(region->address, sizeof(status));
+    } catch (const EmulatorTrouble&) {
+      // The flight has been flown; only this word is missing.
+    }
     if (bytes.size() < sizeof(status)) return std::nullopt;
     std::memcpy(&status, bytes.data(), sizeof(status));
     return ClientStatus{status.supervisor_state, status.failsafe_count};
@@ -214,12 +230,30 @@ class EmulatorClient final : public Client {
         out.text = fmt::format("0x{:08x}: 0x{:02x} -> 0x{:02x}", event.address, event.before, event.after);
         break;
       case lockstep::EventKind::kOverrun:
-        out.kind = "uart_overrun";
-        out.text =
-            event.value == static_cast<std::uint32_t>(lockstep::Line::kMain) ? "main line" : "reference line";
-        break;
+        OnOverrun(event.value == static_cast<std::uint32_t>(lockstep::Line::kMain) ? 0 : 1, out.time_ns);
+        return;
     }
     host_.event(out);
+  }
+
+  // One event for what is lost in a row, not one for each byte.
+  void OnOverrun(std::size_t line, TimeNs at) {
+    Overruns& overruns = overruns_[line];
+    if (overruns.count > 0 && at - overruns.last > kOverrunGap) TellOverruns(line);
+    if (overruns.count++ == 0) overruns.first = at;
+    overruns.last = at;
+  }
+  void TellOverruns(std::size_t line) {
+    const Overruns overruns = std::exchange(overruns_[line], {});
+    if (overruns.count == 0) return;
+    host_.event(
+        {.time_ns = overruns.first,
+         .fault = std::nullopt,
+         .kind = kOverrunEvent,
+         .text = fmt::format("{} line: {} byte{} lost within {:.3f} ms", line == 0 ? "main" : "reference",
+                             overruns.count, overruns.count == 1 ? "" : "s",
+                             ToSeconds(overruns.last - overruns.first) * 1e3),
+         .overruns_count = overruns.count});
   }
 
   void Log(TimeNs at, std::string_view text) {
@@ -230,11 +264,6 @@ class EmulatorClient final : public Client {
     }
   }
 
-  std::string Summary(const EmulatorTrouble& trouble) {
-    return trouble.hung ? trouble.what()
-                        : FatalLine(board_->Errors().empty() ? trouble.what() : board_->Errors());
-  }
-
   EmulatorSpec spec_;
   EmulatorLines lines_;
   ClientHost host_;
@@ -242,6 +271,11 @@ class EmulatorClient final : public Client {
   std::optional<EmulatorProcess> board_;
   DeviceClock clock_;
   std::vector<lockstep::ReceivedByte> received_;
+  struct Overruns {
+    std::int64_t count = 0;
+    TimeNs first = 0, last = 0;
+  };
+  std::array<Overruns, 2> overruns_;  // of main and reference line, not told yet
   std::string console_;
   TimeNs last_active_ = 0;  // virtual time at which it last slept or sent
   bool lost_ = false;

@@ -107,7 +107,6 @@ ElfSymbols::ElfSymbols(const std::filesystem::path& file) : file_(file) {
       }
     }
   }
-  if (symbols_.empty()) Refuse(file, "it has no symbols: was it stripped?");
 }
 
 const ElfSymbols::Symbol* ElfSymbols::Find(std::string_view name) const {
@@ -132,6 +131,9 @@ std::optional<MemoryRegion> ElfSymbols::FindRegion(std::string_view name) const 
 
 MemoryRegion ElfSymbols::Region(std::string_view name) const {
   if (const auto region = FindRegion(name)) return *region;
+  if (symbols_.empty())
+    Refuse(file_,
+           fmt::format("no region '{}': it has no symbols; was it stripped? Only `ram` is known", name));
   for (const Section& section : kSections)
     if (section.name == name)
       Refuse(file_,

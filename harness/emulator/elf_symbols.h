@@ -22,8 +22,8 @@ struct MemoryRegion {
 
 class ElfSymbols {
  public:
-  // Reads the symbols of an executable for 32-bit ARM, little-endian. Throws std::runtime_error that says what
-  // the file is instead.
+  // Reads the symbols of an executable for 32-bit ARM, little-endian; a stripped one has none. Throws
+  // std::runtime_error that says what the file is instead.
   explicit ElfSymbols(const std::filesystem::path& file);
 
   // `ram`: the main SRAM of an STM32F405, 128 KiB from 0x20000000 (RM0090, section 2.3.1).

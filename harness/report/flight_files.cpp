@@ -42,6 +42,7 @@ Json FlightJson(const RunLog& log) {
   json["resync_max_ns"] = log.resync_max_ns;
   json["starts_accepted_count"] = log.starts_accepted_count;
   if (log.failsafe_entered_count) json["failsafe_entered_count"] = *log.failsafe_entered_count;
+  if (log.receive_overruns_count) json["receive_overruns_count"] = *log.receive_overruns_count;
   json["fault_activation_counts"] = log.fault_activation_counts;
   json["request_times_ns"] = log.request_times_ns;
   json["reply_latency_ns"] = log.reply_latency_ns;
@@ -122,6 +123,8 @@ RunLog ReadFlight(const std::filesystem::path& folder) {
     json.at("starts_accepted_count").get_to(log.starts_accepted_count);
     if (json.contains("failsafe_entered_count"))
       log.failsafe_entered_count = json.at("failsafe_entered_count").get<std::int64_t>();
+    if (json.contains("receive_overruns_count"))
+      log.receive_overruns_count = json.at("receive_overruns_count").get<std::int64_t>();
     json.at("fault_activation_counts").get_to(log.fault_activation_counts);
     json.at("request_times_ns").get_to(log.request_times_ns);
     json.at("reply_latency_ns").get_to(log.reply_latency_ns);

@@ -60,6 +60,7 @@ class Conductor {
   faults::FaultSchedule client_faults_;
   std::vector<faults::ReceiveMark> marks_;
   std::vector<DeviceEvent> device_events_;  // in boot time
+  std::int64_t receive_overruns_count_ = 0;
 
   TimeNs wake_ns_ = 0;  // until when the client waits
   TimeNs next_reference_ns_ = kNever;
@@ -193,6 +194,7 @@ void Conductor::CommandDevice() {
 
 void Conductor::OnDeviceEvent(const DeviceEvent& event) {
   device_events_.push_back(event);
+  receive_overruns_count_ += event.overruns_count;
   if (event.fault && *event.fault < scenario_.faults.size())
     client_faults_.Count(*event.fault, SimTime(event.time_ns), event.text);
 }
@@ -215,8 +217,21 @@ void Conductor::Finish() {
   const TimeNs origin = state.started() ? state.origin_ns : 0;
   if (state.started())
     log_.end_ns = log_.end_reason == EndReason::kCompleted ? scenario_.duration_ns : state.reached_ns;
+  // After trouble the client may be in the middle of a call.
+  const bool trouble = log_.end_reason == EndReason::kFirmwareHung ||
+                       log_.end_reason == EndReason::kFirmwareCrashed ||
+                       log_.end_reason == EndReason::kHarnessError;
+  if (!trouble) {
+    try {
+      if (const auto status = client_->Status()) log_.failsafe_entered_count = status->failsafe_count;
+    } catch (const FirmwareTrouble& late) {
+      log_.end_reason = late.hung ? EndReason::kFirmwareHung : EndReason::kFirmwareCrashed;
+      log_.end_text = late.what();
+    }
+  }
   for (const auto& [time_ns, text] : firmware_lines_)
     log_.firmware_log += fmt::format("{:.6f} {}\n", ToSeconds(time_ns - origin), text);
+  if (client_->RunsOn()) log_.receive_overruns_count = receive_overruns_count_;
   for (DeviceEvent& event : device_events_)
     log_.events.push_back({event.time_ns - origin, std::move(event.kind), std::move(event.text)});
   Append(log_, client_faults_, origin);
@@ -233,18 +248,6 @@ void Conductor::Finish() {
   keep_going([&] { Append(log_, server_.TakeLog()); });
   keep_going([&] { Append(log_, line_.TakeLog(origin + log_.end_ns), origin); });
   SortByTime(log_);
-  // After trouble the client may be in the middle of a call.
-  const bool trouble = log_.end_reason == EndReason::kFirmwareHung ||
-                       log_.end_reason == EndReason::kFirmwareCrashed ||
-                       log_.end_reason == EndReason::kHarnessError;
-  if (!trouble) {
-    try {
-      if (const auto status = client_->Status()) log_.failsafe_entered_count = status->failsafe_count;
-    } catch (const FirmwareTrouble& late) {
-      log_.end_reason = late.hung ? EndReason::kFirmwareHung : EndReason::kFirmwareCrashed;
-      log_.end_text = late.what();
-    }
-  }
 }
 
 }  // namespace

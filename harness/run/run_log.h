@@ -66,6 +66,7 @@ struct RunLog {
   TimeNs resync_max_ns = 0;
   std::int64_t starts_accepted_count = 0;
   std::optional<std::int64_t> failsafe_entered_count;  // absent when the client cannot say
+  std::optional<std::int64_t> receive_overruns_count;  // bytes that the firmware's receiver lost; likewise
   std::vector<TimeNs> request_times_ns;  // arrival at the server of each accepted sensor request
   std::vector<TimeNs>
       reply_latency_ns;  // from the last byte of a request to the last byte of its reply at the client

@@ -236,6 +236,8 @@ class Calculator {
     Set("link.resync_max_ms", Milliseconds(log_.resync_max_ns));
     if (log_.failsafe_entered_count)
       SetCount("firmware.failsafe_entered_count", *log_.failsafe_entered_count);
+    if (log_.receive_overruns_count)
+      SetCount("firmware.receive_overruns_count", *log_.receive_overruns_count);
     SetCount("firmware.restarts_count", std::max<std::int64_t>(log_.starts_accepted_count - 1, 0));
   }
 
@@ -297,7 +299,8 @@ const std::vector<std::string>& MetricNames() {
            {"frames_sent", "frames_accepted", "frames_rejected", "bytes_corrupted"})
         all.push_back(std::string("link.").append(direction).append(".").append(counter).append("_count"));
     all.insert(all.end(), {"link.accepted_wrong_count", "link.accepted_stale_count", "link.resync_max_ms",
-                           "firmware.failsafe_entered_count", "firmware.restarts_count", "survival.time_s"});
+                           "firmware.failsafe_entered_count", "firmware.receive_overruns_count",
+                           "firmware.restarts_count", "survival.time_s"});
     return all;
   }();
   return names;

@@ -362,7 +362,7 @@ void SleepWork(void* cpu, RunOnCpuData data) {
   qemu_clock_run_timers(kClockVirtual);
 }
 
-void OnWfi(unsigned /*vcpu*/, void* /*opaque*/) { async_run_on_cpu(plugin.cpu, SleepWork, {}); }
+void OnWfi(unsigned /*vcpu*/, void* /*opaque*/) { async_run_on_cpu(qemu_get_cpu(0), SleepWork, {}); }
 
 // Before the first instruction. The clocks do not run yet when the processor is made, and virtual time may not be
 // read in an instruction's callback: hence as work of the processor's thread.

@@ -62,7 +62,7 @@ void Fields(Archive& archive, Setup& s) {
 }
 template <class Archive>
 void Fields(Archive& archive, DeviceEvent& e) {
-  archive(e.time_ns, e.fault, e.kind, e.text);
+  archive(e.time_ns, e.fault, e.kind, e.text, e.overruns_count);
 }
 template <class Archive>
 void Fields(Archive& archive, DirectionCounts& c) {

@@ -171,7 +171,19 @@ TEST_F(ElfSymbolsTest, SaysWhatAFileIsInstead) {
   TinyImage object;
   object.header.e_type = ET_REL;
   EXPECT_THAT(Refusal(Write(object.Bytes())), HasSubstr("was it linked?"));
-  EXPECT_THAT(Refusal(Write(TinyImage().Bytes())), HasSubstr("was it stripped?"));
+}
+
+// It can be flown; only its memory has no names.
+TEST_F(ElfSymbolsTest, AStrippedImageHasRamAlone) {
+  const ElfSymbols image(Write(TinyImage().Bytes()));
+  EXPECT_TRUE(image.FindRegion("ram"));
+  EXPECT_FALSE(image.FindRegion("gain_table"));
+  try {
+    image.Region("gain_table");
+    FAIL() << "found";
+  } catch (const std::runtime_error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("was it stripped?"));
+  }
 }
 
 // Any prefix is refused or read, and never crashes.

@@ -79,7 +79,7 @@ void ForEachStruct(const Visit& visit) {
   view.counts[2] = {4, 5, 6, 7};
   visit(Setup{"name: x\n", {.library = "/lib/firmware.so"}});
   visit(Setup{"name: x\n", {.emulator = EmulatorSpec{"fw.elf", "plugin.so", 1, 4, 6}}});
-  visit(DeviceEvent{12, 3, "bit_flipped", "0x20000000: 0x00 -> 0x01"});
+  visit(DeviceEvent{12, 3, "bit_flipped", "0x20000000: 0x00 -> 0x01", 2});
   visit(view);
   visit(ClientStatus{1, 2});
   visit(std::optional<ClientStatus>{});

@@ -1,0 +1,328 @@
+#!/usr/bin/env python3
+"""The emulated board in lockstep, as a user flies it: the same flight to the bit, the host's trajectory, device faults at their virtual times, and firmware
+that misbehaves in every way known to us.
+
+Usage: lockstep_test.py TILTPROOF FOLDER-OF-IMAGES SOURCE-FOLDER
+"""
+import csv
+import json
+import os
+import pathlib
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+TILTPROOF, IMAGES, SOURCE = (pathlib.Path(argument) for argument in sys.argv[1:4])
+del sys.argv[1:4]
+
+SCENARIO = """\
+name: {name}
+firmware: {firmware}
+duration_s: {duration_s}
+expect: {expect}
+reference: {{type: {reference}}}
+faults: [{faults}]
+criteria:
+  - {{name: near, stl: "always(position_error_m <= 1)"}}
+"""
+HOVER = "hover, at_m: [0, 0, 2]"
+FLASH, RAM = 0x08000000, 0x20000000
+
+
+def image(code, reset=FLASH + 65):
+    """An ELF file for the board: a vector table, all of whose handlers are `reset`, and Thumb code behind it."""
+    content = struct.pack("<16I", RAM + 0x10000, *[reset] * 15) + b"".join(struct.pack("<H", half) for half in code)
+    header = struct.pack("<16sHHIIIIIHHHHHH", b"\x7fELF\x01\x01\x01", 2, 40, 1, reset, 52, 0, 0, 52, 32, 1, 40, 0, 0)
+    segment = struct.pack("<8I", 1, 84, FLASH, FLASH, len(content), len(content), 5, 4)
+    return header + segment + content
+
+
+def alive(marker):
+    """Processes whose command line holds the marker."""
+    found = []
+    for folder in pathlib.Path("/proc").iterdir():
+        if folder.name.isdigit():
+            try:
+                if marker in (folder / "cmdline").read_bytes().decode(errors="replace"):
+                    found.append(int(folder.name))
+            except OSError:
+                pass
+    return [pid for pid in found if pid != os.getpid()]
+
+
+class Lockstep(unittest.TestCase):
+    def setUp(self):
+        self._folder = tempfile.TemporaryDirectory()
+        self.root = pathlib.Path(self._folder.name)
+        self.runs = 0
+
+    def tearDown(self):
+        self._folder.cleanup()
+
+    def scenario(self, name="flight", firmware="paper", duration_s=3, reference=HOVER, faults="", expect="pass"):
+        file = self.root / f"{name}.yaml"
+        file.write_text(SCENARIO.format(name=name, firmware=firmware, duration_s=duration_s, reference=reference, faults=faults, expect=expect))
+        return file
+
+    def run_tiltproof(self, *arguments, environment=None):
+        return subprocess.run([str(TILTPROOF), *map(str, arguments)], capture_output=True, text=True, timeout=120, env=environment)
+
+    def fly(self, *arguments, code=0):
+        self.runs += 1
+        out = self.root / f"out{self.runs}"
+        done = self.run_tiltproof("run", *arguments, "--out", out, "--no-progress")
+        self.assertEqual(done.returncode, code, done.stdout + done.stderr)
+        results = json.loads((out / "latest/results.json").read_text())
+        return out / "latest", results["scenarios"]
+
+    def events(self, folder, kind):
+        lines = [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
+        return [(line["time_s"], line["text"]) for line in lines if line["kind"] == kind]
+
+    def rows(self, folder, name="flight"):
+        with open(folder / name / "trace.csv", newline="") as file:
+            return list(csv.DictReader(file))
+
+    def write_image(self, name, code, **options):
+        file = self.root / name
+        file.write_bytes(image(code, **options))
+        return f"qemu:{file}"
+
+    # --- the same flight ---
+
+    def test_flights_are_equal_to_the_bit_alone_in_parallel_and_distributed(self):
+        # Noise on the line, a reset and a flipped bit: all of it at its time, every time.
+        faults = ("{id: noise, type: wire.bit_error, target: both, parameters: {ber: 0.0005}}, "
+                  "{id: reset, type: device.reset, start_s: 1.5, parameters: {boot_ms: 30}}, "
+                  "{id: flip, type: device.bit_flip, start_s: 0.5, end_s: 2.5, parameters: {region: ram, bit_count: 3}}")
+        scenarios = [self.scenario(name, "tolerant", faults=faults) for name in ("a", "b")]
+        hashes = set()
+        for flags in ([], ["-j", "2"], ["--distributed=socket"]):
+            _, results = self.fly(*scenarios, "--client", "qemu", *flags)
+            hashes |= {result["trace_hash"] for result in results}
+            for result in results:
+                self.assertEqual([fault["activations"] for fault in result["faults"]][1:], [1, 3])
+        self.assertEqual(len(hashes), 1, hashes)
+
+    def test_flight_is_the_same_on_a_loaded_machine_and_can_be_replayed(self):
+        file = self.scenario(duration_s=2)
+        folder, [quiet] = self.fly(file, "--client", "qemu")
+        load = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(3)]
+        try:
+            _, [loaded] = self.fly(file, "--client", "qemu")
+            replayed = self.run_tiltproof("replay", folder)
+        finally:
+            for process in load:
+                process.kill()
+                process.wait()
+        self.assertEqual(quiet["trace_hash"], loaded["trace_hash"])
+        self.assertEqual((replayed.returncode, "1 of 1 equal" in replayed.stdout), (0, True), replayed.stdout)
+
+    def test_spiral_is_within_a_millimetre_of_the_hosts(self):
+        spiral = SOURCE / "scenarios/paper/spiral-velocity.yaml"
+        host, _ = self.fly(spiral)
+        emulated, _ = self.fly(spiral, "--client", "qemu")
+        compared = self.run_tiltproof("compare", host, emulated, "--tolerance", "0.001")
+        self.assertEqual(compared.returncode, 0, compared.stdout)
+        rows = list(zip(self.rows(host, "paper-spiral-velocity"), self.rows(emulated, "paper-spiral-velocity")))
+        self.assertEqual(len(rows), 5001)
+        for column in ("x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad"):
+            self.assertLessEqual(max(abs(float(a[column]) - float(b[column])) for a, b in rows), 1e-3, column)
+
+    def test_an_independent_image_flies(self):
+        folder, [result] = self.fly(self.scenario(duration_s=6), "--client", f"qemu:{IMAGES / 'minimal_c.elf'}")
+        self.assertEqual(result["verdict"], "pass")
+        # It has no `tiltproof_status`: what it cannot say is absent.
+        self.assertNotIn("firmware.failsafe_entered_count", result["metrics"])
+        self.assertEqual(result["metrics"]["firmware.receive_overruns_count"], 0)
+
+    def test_an_ideal_line_loses_no_byte(self):
+        file = self.scenario()
+        file.write_text(file.read_text() + "link: {ideal: true}\n")
+        _, [result] = self.fly(file, "--client", "qemu")
+        self.assertEqual((result["verdict"], result["metrics"]["firmware.receive_overruns_count"]), ("pass", 0))
+
+    # --- device faults ---
+
+    def test_reset_comes_at_its_time_and_lasts_its_boot(self):
+        file = self.scenario(faults="{id: r, type: device.reset, start_s: 1.0001, parameters: {boot_ms: 20}}")
+        folder, [result] = self.fly(file, "--client", "qemu")
+        self.assertEqual(self.events(folder, "device_reset"), [(1.0001, "reset by pin")])
+        [(runs_s, _)] = self.events(folder, "device_runs")
+        self.assertAlmostEqual(runs_s, 1.0201, delta=1e-6)
+        self.assertEqual(result["metrics"]["firmware.restarts_count"], 1)
+
+    def test_a_hang_is_ended_by_the_firmwares_watchdog(self):
+        file = self.scenario(faults="{id: h, type: device.hang, start_s: 1}")
+        folder, [result] = self.fly(file, "--client", "qemu")
+        [(reset_s, text)] = self.events(folder, "device_reset")
+        self.assertEqual(text, "reset by watchdog")
+        # Some 100 ms after it was last fed: at most one period before the hang.
+        self.assertTrue(1.05 < reset_s < 1.15, reset_s)
+        self.assertIn("watchdog", (folder / "flight/firmware.log").read_text())
+        self.assertEqual(result["metrics"]["firmware.restarts_count"], 1)
+
+    def test_a_stalled_processor_overruns(self):
+        # Within a reference, 32 bytes or more from the grid point 1.2 s on.
+        file = self.scenario(faults="{id: s, type: device.stall, start_s: 1.2001, end_s: 1.2009}")
+        folder, [result] = self.fly(file, "--client", "qemu")
+        lost = self.events(folder, "uart_overrun")
+        self.assertTrue(lost, "no overrun")
+        self.assertTrue(all(1.2 < at < 1.201 for at, _ in lost), lost)
+        self.assertGreater(result["metrics"]["firmware.receive_overruns_count"], 10)
+
+    def test_a_fast_crystal_shortens_the_period(self):
+        file = self.scenario(duration_s=4, faults="{id: d, type: device.clock_drift, start_s: 0, parameters: {ppm: 5000}}")
+        _, [result] = self.fly(file, "--client", "qemu")
+        _, [exact] = self.fly(self.scenario(duration_s=4), "--client", "qemu")
+        ratio = exact["metrics"]["timing.request_period_mean_ms"] / result["metrics"]["timing.request_period_mean_ms"]
+        self.assertAlmostEqual(ratio, 1.005, delta=2e-5)
+
+    def test_errors_at_the_receiver_are_seen_by_the_firmware(self):
+        for fault in ("framing_error", "noise_error", "overrun"):
+            file = self.scenario(firmware="tolerant", faults=f"{{id: e, type: uart.{fault}, start_s: 1, end_s: 2, parameters: {{probability: 0.002}}}}")
+            _, [result] = self.fly(file, "--client", "qemu")
+            self.assertGreater(result["faults"][0]["activations"], 0, fault)
+            self.assertEqual(result["verdict"], "pass", fault)
+
+    def test_flipped_bits_are_where_the_region_is(self):
+        file = self.scenario(faults="{id: f, type: device.bit_flip, start_s: 1, parameters: {region: stack, bit_count: 8}}", expect="fail")
+        folder, [result] = self.fly(file, "--client", "qemu", code=0 if self.survives(file) else 1)
+        flips = self.events(folder, "bit_flipped")
+        self.assertEqual(len(flips), 8)
+        for at, text in flips:
+            self.assertEqual(at, 1.0)
+            before, after = (int(value, 16) for value in text.split(": ")[1].split(" -> "))
+            self.assertEqual(bin(before ^ after).count("1"), 1)
+
+    def survives(self, file):
+        # Whether the flips are fatal is the firmware's business, not this test's.
+        self.runs += 1
+        done = self.run_tiltproof("run", file, "--client", "qemu", "--out", self.root / f"out{self.runs}", "--no-progress")
+        return done.returncode == 0
+
+    def test_what_cannot_be_raised_is_refused_with_its_place(self):
+        for fault, client in (("uart.parity_error", "qemu"), ("uart.framing_error", "host"), ("device.stall", "host")):
+            window = "start_s: 1, end_s: 2" + (", parameters: {probability: 0.1}" if fault.startswith("uart") else "")
+            file = self.scenario(faults=f"{{id: x, type: {fault}, {window}}}")
+            done = self.run_tiltproof("run", file, "--client", client, "--out", self.root / "out")
+            self.assertEqual(done.returncode, 2, fault)
+            self.assertIn(f"{file}:6:", done.stderr)
+        file = self.scenario(faults="{id: f, type: device.bit_flip, start_s: 1, parameters: {region: flight_aplication}}")
+        folder, [result] = self.fly(file, "--client", "qemu", code=3)
+        self.assertIn("flight_application", json.dumps(result))  # the nearest name
+
+    # --- firmware that misbehaves ---
+
+    def test_a_firmware_that_locks_up_is_a_crash_with_its_registers(self):
+        client = self.write_image("lockup.elf", [0xE7FE], reset=FLASH + 64)  # no Thumb bit: a fault whose handler faults
+        folder, [result] = self.fly(self.scenario(), "--client", client, code=1)
+        self.assertEqual(result["verdict"], "fail")
+        self.assertIn("the firmware crashed: Lockup", json.dumps(result))
+        self.assertRegex((folder / "flight/firmware.log").read_text(), r"R00=[0-9a-f]{8}")
+
+    def test_a_firmware_in_an_endless_loop_is_hung_within_seconds(self):
+        client = self.write_image("loop.elf", [0xE7FE])  # b .
+        began = time.monotonic()
+        folder, [result] = self.fly(self.scenario(duration_s=3600), "--client", client, code=1)
+        self.assertLess(time.monotonic() - began, 60)
+        self.assertIn("the firmware hangs", json.dumps(result))
+        self.assertRegex((folder / "flight/firmware.log").read_text(), r"R15=08000040")
+
+    def test_a_firmware_that_sleeps_for_ever_never_starts(self):
+        client = self.write_image("sleep.elf", [0xBF30, 0xE7FD])  # wfi; b .-2
+        _, [result] = self.fly(self.scenario(), "--client", client, code=1)
+        self.assertIn("accepted no `start`", json.dumps(result))
+
+    def test_files_that_are_no_image(self):
+        for name, content in (("none.elf", None), ("text.elf", b"hello"), ("host.elf", pathlib.Path(sys.executable).read_bytes()[:4096])):
+            file = self.root / name
+            if content is not None:
+                file.write_bytes(content)
+            done = self.run_tiltproof("run", self.scenario(), "--client", f"qemu:{file}", "--out", self.root / "out")
+            self.assertIn(done.returncode, (2, 3), done.stdout + done.stderr)
+            self.assertIn(name, done.stdout + done.stderr)
+        for client in ("qemu:", "qemu:x.elf,main=usart9", "qemu:x.elf,main=usart3", "qemu:x.elf,speed=1"):
+            done = self.run_tiltproof("run", self.scenario(), "--client", client, "--out", self.root / "out")
+            self.assertEqual(done.returncode, 2, client)
+            self.assertIn("--client", done.stderr)
+
+    # --- the emulator itself ---
+
+    def start(self, *arguments):
+        marker = str(self.root)
+        run = subprocess.Popen([str(TILTPROOF), "run", str(self.scenario(duration_s=3600)), "--client", "qemu", "--out", str(self.root / "out"),
+                                "--no-progress", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        end = time.monotonic() + 60
+        while time.monotonic() < end:
+            # The self-test's emulators fly no image of ours.
+            emulators = [pid for pid in self.descendants(run.pid) if b"executive-paper" in self.command_line(pid)]
+            if emulators:
+                return run, emulators[0]
+            time.sleep(0.05)
+        self.fail("the emulator did not start")
+
+    def command_line(self, pid):
+        try:
+            line = pathlib.Path(f"/proc/{pid}/cmdline").read_bytes()
+            return line if line.startswith(b"qemu-system-arm") else b""
+        except OSError:
+            return b""
+
+    def descendants(self, pid):
+        found = []
+        for task in pathlib.Path(f"/proc/{pid}/task").glob("*/children"):
+            try:
+                for child in task.read_text().split():
+                    found += [int(child), *self.descendants(int(child))]
+            except OSError:
+                pass
+        return found
+
+    def test_an_emulator_that_is_killed_is_trouble_of_the_harness(self):
+        run, emulator = self.start()
+        os.kill(emulator, signal.SIGKILL)
+        output, _ = run.communicate(timeout=60)
+        self.assertEqual(run.returncode, 3, output)
+        self.assertIn("killed by signal 9", output)
+
+    def test_an_emulator_that_is_stopped_is_given_up(self):
+        run, emulator = self.start()
+        os.kill(emulator, signal.SIGSTOP)
+        began = time.monotonic()
+        output, _ = run.communicate(timeout=60)
+        self.assertLess(time.monotonic() - began, 30)
+        self.assertNotEqual(run.returncode, 0, output)
+
+    def test_nothing_is_left_behind(self):
+        for end in (signal.SIGINT, signal.SIGKILL):
+            run, emulator = self.start()
+            run.send_signal(end)
+            run.communicate(timeout=60)
+            limit = time.monotonic() + 10
+            while self.command_line(emulator) and time.monotonic() < limit:
+                time.sleep(0.05)
+            self.assertFalse(self.command_line(emulator), f"after {end.name}")
+
+    def test_another_release_of_the_emulator_is_refused_with_the_way_out(self):
+        fake = self.root / "bin/qemu-system-arm"
+        fake.parent.mkdir()
+        for script, words in (("echo QEMU emulator version 8.2.0", ["8.2.0", "7.2", "--mode realtime"]), ("exit 0", ["names no version"])):
+            fake.write_text(f"#!/bin/sh\n{script}\n")
+            fake.chmod(0o755)
+            done = self.run_tiltproof("run", self.scenario(), "--client", "qemu", "--out", self.root / "out",
+                                      environment={**os.environ, "PATH": f"{fake.parent}:{os.environ['PATH']}"})
+            self.assertEqual(done.returncode, 3, done.stderr)
+            for word in words:
+                self.assertIn(word, done.stderr)
+        done = self.run_tiltproof("run", self.scenario(), "--client", "qemu", "--out", self.root / "out", environment={"PATH": "/nowhere"})
+        self.assertEqual(done.returncode, 3, done.stderr)
+        self.assertIn("qemu-system-arm", done.stderr)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
