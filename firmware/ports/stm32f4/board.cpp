@@ -134,6 +134,11 @@ TimeNs Now() {
   return ticks * kTickNs + cycles * 1000 / kCyclesPerUs;
 }
 
+void AwaitMiddleOfTick() {
+  while (Now() % kTickNs < kTickNs / 2) {
+  }
+}
+
 void StartWatchdog() {
   // 32 kHz / 4, 800 counts. The status says when a new value has crossed into the watchdog's clock.
   IwdgRegisters& iwdg = Iwdg();

@@ -45,6 +45,10 @@ void CountTick();
 TimeNs TickTime();
 // To the cycle. Not from an interrupt.
 TimeNs Now();
+// Spins until half of the present tick is over. `start` is sent then and requests at ticks, so requests keep half a
+// tick away from the plant's grid, which counts from the arrival of `start`: this board's clock may gain or lose that
+// much before a request falls into the step before or after.
+void AwaitMiddleOfTick();
 
 // --- Independent watchdog (RM0090, section 21): resets the chip when it is not fed for 100 ms (68 to 188 ms,
 // for its clock is only good for 17 to 47 kHz). Once started nothing but a reset stops it.

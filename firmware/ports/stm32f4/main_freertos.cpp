@@ -97,6 +97,7 @@ void SleepUntil(TimeNs wake) {
 void GetSensors(void*) {
   // Power-on for the application is the first tick: from here on all it does stands on the ticks' grid.
   while (TickTime() < kTickNs) SleepUntil(kTickNs);
+  AwaitMiddleOfTick();
   sensor_cycle.Start(TickTime());
   for (;;) {
     while (const auto item = sensor_cycle.Next(TickTime())) control_queue.Send(*item);
