@@ -168,7 +168,7 @@ void PrintMetrics(const FlightComparison& c) {
     if (a == b) continue;
     if (std::exchange(first, false))
       fmt::print("    {:<34} {:>14} {:>10} {:>12}\n", "metric", "A", "B", "B - A");
-    const auto text = [](std::optional<double> value) { return value ? fmt::format("{:.4g}", *value) : "-"; };
+    const auto text = [](std::optional<double> value) { return value ? fmt::format("{:.7g}", *value) : "-"; };
     fmt::print("    {:<34} {:>14} {:>10} {:>12}\n", name, text(a), text(b),
                a && b ? fmt::format("{:+.3g}", *b - *a) : "");
   }
