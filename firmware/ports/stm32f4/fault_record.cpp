@@ -118,6 +118,7 @@ extern "C" {
 
 // What the compiler and the library call when there is no way on.
 [[noreturn]] void abort() { tiltproof::stm32f4::Fail(TILTPROOF_CAUSE_ASSERT); }
+// NOLINTNEXTLINE: its name is the compiler's
 [[noreturn]] void __cxa_pure_virtual() { tiltproof::stm32f4::Fail(TILTPROOF_CAUSE_ASSERT); }
 
 }  // extern "C"

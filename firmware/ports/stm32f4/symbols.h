@@ -21,16 +21,14 @@ extern TiltproofClientStatus tiltproof_status;
 
 #define TILTPROOF_FAULT_MAGIC 0x54504652u /* "TPFR" */
 
-enum {
-  TILTPROOF_CAUSE_NONE = 0,
-  TILTPROOF_CAUSE_HARD_FAULT = 1,
-  TILTPROOF_CAUSE_MEMORY_FAULT = 2,
-  TILTPROOF_CAUSE_BUS_FAULT = 3,
-  TILTPROOF_CAUSE_USAGE_FAULT = 4,
-  TILTPROOF_CAUSE_ASSERT = 5,         /* pc: who called */
-  TILTPROOF_CAUSE_STACK_OVERFLOW = 6, /* pc: who found it */
-  TILTPROOF_CAUSE_UNEXPECTED_INTERRUPT = 7
-};
+#define TILTPROOF_CAUSE_NONE 0u
+#define TILTPROOF_CAUSE_HARD_FAULT 1u
+#define TILTPROOF_CAUSE_MEMORY_FAULT 2u
+#define TILTPROOF_CAUSE_BUS_FAULT 3u
+#define TILTPROOF_CAUSE_USAGE_FAULT 4u
+#define TILTPROOF_CAUSE_ASSERT 5u         /* pc: who called */
+#define TILTPROOF_CAUSE_STACK_OVERFLOW 6u /* pc: who found it */
+#define TILTPROOF_CAUSE_UNEXPECTED_INTERRUPT 7u
 
 /* In RAM that a reset leaves alone; valid while `magic` is TILTPROOF_FAULT_MAGIC. */
 typedef struct {
