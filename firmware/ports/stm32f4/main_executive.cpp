@@ -60,6 +60,7 @@ int main() {
   // Power-on for the application is the first tick: from here on all it does stands on the ticks' grid.
   SleepUntil(kTickNs);
   AwaitMiddleOfTick();
+  BeginBusy();  // that was no work
   TimeNs wake = flight_application.Start(TickTime());
   std::uint32_t control_count = 0;
   for (;;) {

@@ -98,6 +98,7 @@ void GetSensors(void*) {
   // Power-on for the application is the first tick: from here on all it does stands on the ticks' grid.
   while (TickTime() < kTickNs) SleepUntil(kTickNs);
   AwaitMiddleOfTick();
+  BeginBusy();  // that was no work
   sensor_cycle.Start(TickTime());
   for (;;) {
     while (const auto item = sensor_cycle.Next(TickTime())) control_queue.Send(*item);
