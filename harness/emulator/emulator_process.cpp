@@ -17,8 +17,8 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::steady_clock;
 
-constexpr std::size_t kErrorBytesMax = 64 * 1024;
-constexpr std::size_t kReadBytes = 64 * 1024;
+constexpr std::size_t kErrorBytesMax = 65536;
+constexpr std::size_t kReadBytes = 65536;
 
 std::vector<std::string> CommandLine(const EmulatorSpec& spec) {
   // shift=3: every instruction takes 8 ns, as on a chip that executes 125 million a second. A chip at 168 MHz comes

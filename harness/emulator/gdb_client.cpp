@@ -64,7 +64,7 @@ void GdbClient::Ask(Step step, const std::string& packet) {
 void GdbClient::AskNextBit() {
   const auto& bits = jobs_.front().bits;
   if (!error_.empty() || flipped_.size() == bits.size()) {
-    if (!was_running_) return Finish(error_);
+    if (!was_running_) return Finish();
     return Ask(Step::kContinue, "c");
   }
   Ask(Step::kRead, fmt::format("m{:x},1", bits[flipped_.size()].address));
@@ -98,7 +98,7 @@ void GdbClient::OnBytes(std::span<const std::uint8_t> bytes) {
 void GdbClient::OnAcknowledged() {
   if (step_ == Step::kIdle) return;
   acknowledged_ = true;
-  if (step_ == Step::kContinue) Finish(error_);
+  if (step_ == Step::kContinue) Finish();
 }
 
 void GdbClient::OnPacket(const std::string& packet) {
@@ -129,16 +129,16 @@ void GdbClient::OnPacket(const std::string& packet) {
   }
 }
 
-void GdbClient::Finish(const std::string& error) {
+void GdbClient::Finish() {
   const Job job = std::move(jobs_.front());
   jobs_.pop_front();
   step_ = Step::kIdle;
   acknowledged_ = false;
   asked_at_.reset();
   const auto flipped = std::exchange(flipped_, {});
-  const std::string text = error;  // which is a member's
+  const std::string error = std::exchange(error_, {});
   if (!jobs_.empty()) Begin();
-  if (job.done) job.done(text, flipped);
+  if (job.done) job.done(error, flipped);
 }
 
 void GdbClient::Lose(const std::string& why) {

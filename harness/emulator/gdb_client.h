@@ -62,7 +62,7 @@ class GdbClient {
   void OnBytes(std::span<const std::uint8_t> bytes);
   void OnAcknowledged();
   void OnPacket(const std::string& packet);
-  void Finish(const std::string& error);
+  void Finish();
   void Lose(const std::string& why);
 
   link::SerialPort port_;
