@@ -45,8 +45,10 @@ void ReadEmulator(const std::string& client, ClientChoice& choice) {
                         : line == "console"   ? &choice.console_usart
                                               : nullptr;
     if (number == nullptr || !valid)
-      wrong(fmt::format("'{}' is none of main=usartN, reference=usartN, console=usartN with N from 1 to 6",
-                        option));
+      wrong(
+          fmt::format("'{}' is none of main=usartN, reference=usartN, console=usartN with N from 1 to 6 (a "
+                      "path with a comma cannot be given)",
+                      option));
     *number = usart[5] - '0';
   }
   if (choice.main_usart == choice.reference_usart || choice.main_usart == choice.console_usart ||
@@ -126,6 +128,9 @@ ClientChoice ChooseClient(const std::string& client) {
       throw UsageError(fmt::format("--client {}: must be serial:DEVICE or serial:DEVICE,DEVICE", client));
     return choice;
   }
+  if (client.starts_with("qemu,"))
+    throw UsageError(
+        fmt::format("--client {}: USARTs follow an image: qemu:executive{}", client, client.substr(4)));
   if (client == "qemu" || client.starts_with("qemu:")) {
     ReadEmulator(client, choice);
     return choice;
@@ -137,7 +142,8 @@ ClientChoice ChooseClient(const std::string& client) {
     choice.text = "library:" + choice.library.string();
   } else {
     throw UsageError(
-        fmt::format("--client {}: unknown kind of client; use host, library:FILE, qemu[:ELF], process:CMD or "
+        fmt::format("--client {}: unknown kind of client; use host, library:FILE, "
+                    "qemu[:executive|:freertos|:ELF], process:CMD or "
                     "serial:DEV[,REFDEV]",
                     client));
   }

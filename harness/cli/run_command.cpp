@@ -5,14 +5,18 @@
 #include <unistd.h>
 
 #include <boost/asio/io_context.hpp>
+#include <map>
 #include <nlohmann/json.hpp>
 
+#include "faults/device_command.h"
+#include "faults/registry.h"
 #include "harness/cli/commands.h"
 #include "harness/cli/console.h"
 #include "harness/cli/data_files.h"
 #include "harness/cli/run_folder.h"
 #include "harness/cli/suite.h"
 #include "harness/cli/worker_pool.h"
+#include "harness/emulator/elf_symbols.h"
 #include "harness/emulator/lockstep_self_test.h"
 #include "harness/node/realtime_rights.h"
 #include "harness/report/build_id.h"
@@ -65,19 +69,42 @@ void CheckFaults(const FlightMeans& means, const std::vector<SuiteScenario>& sce
   if (!problems.empty()) throw UsageError(fmt::format("{}", fmt::join(problems, "\n")));
 }
 
-// That there is an image for every scenario, and what takes it.
+// That the image has the memory that the scenario's faults flip.
+void CheckRegions(const ElfSymbols& image, const Scenario& scenario, std::vector<std::string>& problems) {
+  for (std::size_t i = 0; i < scenario.faults.size(); ++i) {
+    const faults::FaultSpec& fault = scenario.faults[i];
+    if (fault.type != "device.bit_flip") continue;
+    const faults::Parameters parameters = ResolvedParameters(fault, faults::ValidType(fault));
+    try {
+      const MemoryRegion region = image.Region(parameters.Text("region"));
+      faults::DrawBitFlips(0, region.size_bytes, parameters.Integer("bit_count"));
+    } catch (const std::exception& error) {
+      problems.push_back(fmt::format("{}: {}", FaultPlace(scenario, i), error.what()));
+    }
+  }
+}
+
+// That there is an image for every scenario, and what its faults need is in it.
 void CheckImages(const FlightMeans& means, const std::vector<SuiteScenario>& scenarios) {
   if (!means.client.emulator) return;
+  std::map<std::filesystem::path, ElfSymbols> images;
+  std::vector<std::string> problems;
   for (const auto& entry : scenarios) {
-    const auto image = means.client.FirmwareFile(entry.scenario);
-    if (std::filesystem::is_regular_file(image)) continue;
-    throw UsageError(fmt::format("--client {}: no image at {}{}", means.client.text, image.string(),
-                                 !means.client.image.empty() ? ""
-                                 : means.client.scheduler == "freertos"
-                                     ? ": it is built where FREERTOS_KERNEL_PATH names a FreeRTOS kernel, or "
-                                       "`./setup --freertos` has fetched one"
-                                     : ": it is built where gcc-arm-none-eabi is installed; run ./setup"));
+    const auto file = means.client.FirmwareFile(entry.scenario);
+    if (!std::filesystem::is_regular_file(file))
+      throw UsageError(fmt::format("--client {}: no image at {}{}", means.client.text, file.string(),
+                                   !means.client.image.empty() ? ""
+                                   : means.client.scheduler == "freertos"
+                                       ? ": it is built where FREERTOS_KERNEL_PATH names a FreeRTOS kernel, "
+                                         "or `./setup --freertos` has fetched one"
+                                       : ": it is built where gcc-arm-none-eabi is installed; run ./setup"));
+    try {
+      CheckRegions(images.try_emplace(file, file).first->second, entry.scenario, problems);
+    } catch (const std::runtime_error& error) {
+      throw UsageError(fmt::format("--client {}: {}", means.client.text, error.what()));
+    }
   }
+  if (!problems.empty()) throw UsageError(fmt::format("{}", fmt::join(problems, "\n")));
 }
 
 // That the board's ports can be had, before anything is flown: a flag that names no device is a mistake of the

@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstring>
+#include <deque>
 #include <filesystem>
 #include <optional>
 #include <utility>
@@ -100,6 +102,10 @@ class EmulatorClient final : public Client {
   }
 
   TimeNs Grant(TimeNs now, TimeNs horizon) override {
+    while (!drifts_.empty() && now >= drifts_.front().time_ns) {
+      host_.event(drifts_.front());
+      drifts_.pop_front();
+    }
     try {
       const TimeNs until = clock_.At(horizon);
       const lockstep::Stopped stopped =
@@ -120,7 +126,6 @@ class EmulatorClient final : public Client {
       const std::string fatal = FatalLine(board_->Errors());
       if (!fatal.empty())
         throw FirmwareTrouble(false, "the firmware crashed: " + fatal + " (registers in firmware.log)");
-      if (trouble.hung) throw FirmwareTrouble(true, trouble.what());
       throw std::runtime_error(trouble.what());
     }
   }
@@ -129,12 +134,14 @@ class EmulatorClient final : public Client {
     // First of all the clock, by which all other times are told.
     for (const faults::DeviceCommand& command : commands)
       if (command.type == "device.clock_drift") {
+        const double ppm = command.parameters.Number("ppm");
         clock_.Drift(origin + command.at_ns, command.until_ns == kNever ? kNever : origin + command.until_ns,
-                     command.parameters.Number("ppm"));
-        host_.event({.time_ns = origin + command.at_ns,
-                     .fault = command.fault,
-                     .kind = "clock_drift",
-                     .text = fmt::format("the clock runs fast by {} ppm", command.parameters.Number("ppm"))});
+                     ppm);
+        drifts_.push_back(
+            {.time_ns = origin + command.at_ns,
+             .fault = command.fault,
+             .kind = "clock_drift",
+             .text = fmt::format("the clock runs {} by {} ppm", ppm < 0 ? "slow" : "fast", std::abs(ppm))});
       }
     for (const faults::DeviceCommand& command : commands) Send(command, origin);
   }
@@ -270,6 +277,7 @@ class EmulatorClient final : public Client {
   std::optional<ElfSymbols> symbols_;
   std::optional<EmulatorProcess> board_;
   DeviceClock clock_;
+  std::deque<DeviceEvent> drifts_;  // to be told when they begin, in order
   std::vector<lockstep::ReceivedByte> received_;
   struct Overruns {
     std::int64_t count = 0;

@@ -82,18 +82,21 @@ class LibraryClient final : public Client {
     Guarded([&] { receive_(client_, static_cast<int>(uart), now, bytes.data(), bytes.size()); });
   }
   TimeNs Grant(TimeNs now, TimeNs /*horizon*/) override {
-    if (resets_.empty() || now < resets_.front().begin) {
+    // Resets that begin while it is held hold it until the last has ended.
+    for (; !resets_.empty() && now >= resets_.front().begin; resets_.pop_front()) {
+      in_reset_ = true;
+      held_until_ = std::max(held_until_, resets_.front().end);
+      host_.event({.time_ns = now,
+                   .fault = resets_.front().fault,
+                   .kind = "device_reset",
+                   .text = "reset, and held until it has booted"});
+    }
+    if (!in_reset_) {
       wake_ns_ = Guarded([&] { return grant_(client_, now); });
-    } else if (now < resets_.front().end) {
-      if (!std::exchange(in_reset_, true))
-        host_.event({.time_ns = now,
-                     .fault = resets_.front().fault,
-                     .kind = "device_reset",
-                     .text = "reset, and held until it has booted"});
-      return resets_.front().end;
+    } else if (now < held_until_) {
+      wake_ns_ = held_until_;
     } else {
       in_reset_ = false;
-      resets_.pop_front();
       host_.event({.time_ns = now, .fault = std::nullopt, .kind = "device_runs", .text = "it has booted"});
       wake_ns_ = Guarded([&] { return reset_(client_, now); });
     }
@@ -143,8 +146,9 @@ class LibraryClient final : public Client {
     TimeNs begin, end;
     std::size_t fault;
   };
-  std::deque<Reset> resets_;  // to come, by begin; the first may be under way
+  std::deque<Reset> resets_;  // to come, by begin
   bool in_reset_ = false;
+  TimeNs held_until_ = 0;
   TimeNs wake_ns_ = kNever;
   bool lost_ = false;
   decltype(&tiltproof_client_create) create_ = nullptr;

@@ -126,6 +126,9 @@ std::optional<MemoryRegion> ElfSymbols::FindRegion(std::string_view name) const 
   }
   const Symbol* symbol = Find(name);
   if (symbol == nullptr || !symbol->is_variable) return std::nullopt;
+  // Constants lie in flash, where nothing flips.
+  if (symbol->address < kRam.address || symbol->address - kRam.address > kRam.size_bytes - symbol->size_bytes)
+    return std::nullopt;
   return MemoryRegion{symbol->address, symbol->size_bytes};
 }
 

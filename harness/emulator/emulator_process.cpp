@@ -40,10 +40,10 @@ std::vector<std::string> CommandLine(const EmulatorSpec& spec) {
 
 }  // namespace
 
-EmulatorProcess::EmulatorProcess(const EmulatorSpec& spec) : image_(spec.image) {
+EmulatorProcess::EmulatorProcess(const EmulatorSpec& spec) {
   std::array<int, 2> ends{};
   if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends.data()) != 0)
-    throw EmulatorTrouble(false, std::string("no socket for the emulator: ") + std::strerror(errno));
+    throw EmulatorTrouble(std::string("no socket for the emulator: ") + std::strerror(errno));
   socket_ = ends[0];
   try {
     ChildSpec child;
@@ -57,7 +57,7 @@ EmulatorProcess::EmulatorProcess(const EmulatorSpec& spec) : image_(spec.image) 
     const EmulatorMessage hello = Next();
     if (hello.kind != lockstep::Kind::kHello ||
         hello.As<lockstep::Hello>().protocol_version != lockstep::kProtocolVersion)
-      throw EmulatorTrouble(false, "the plug-in " + spec.plugin + " is of another build of tiltproof");
+      throw EmulatorTrouble("the plug-in " + spec.plugin + " is of another build of tiltproof");
   } catch (...) {
     if (ends[1] >= 0) close(ends[1]);
     close(socket_);
@@ -102,8 +102,8 @@ void EmulatorProcess::Read(std::span<std::uint8_t> into, steady_clock::time_poin
     const int ready = poll(&waiting, 1, static_cast<int>(std::max<std::int64_t>(left.count(), 0)));
     if (ready < 0 && errno == EINTR) continue;
     if (ready == 0)
-      throw EmulatorTrouble(true, "the emulator has not come to the end of its turn within " +
-                                      std::to_string(kHungAfter.count()) + " s");
+      throw EmulatorTrouble("the emulator has not come to the end of its turn within " +
+                            std::to_string(kHungAfter.count()) + " s");
     in_.resize(kReadBytes);
     in_taken_ = 0;
     const ssize_t n = recv(socket_, in_.data(), in_.size(), 0);
@@ -118,7 +118,7 @@ EmulatorMessage EmulatorProcess::Next() {
   lockstep::Header header{};
   Read({reinterpret_cast<std::uint8_t*>(&header), sizeof(header)}, until);
   if (header.body_bytes > lockstep::kBodyBytesMax)
-    throw EmulatorTrouble(false, "the emulator's plug-in sent a damaged message");
+    throw EmulatorTrouble("the emulator's plug-in sent a damaged message");
   EmulatorMessage message{header.kind, std::vector<std::uint8_t>(header.body_bytes)};
   Read(message.body, until);
   return message;
@@ -162,7 +162,7 @@ void EmulatorProcess::ThrowEnded() {
   poll(&ended, 1, 1000);
   const std::string errors = Errors();
   const std::string how = process_->ExitText().value_or("has closed its socket");
-  throw EmulatorTrouble(false, "the emulator " + how + (errors.empty() ? "" : ": " + errors));
+  throw EmulatorTrouble("the emulator " + how + (errors.empty() ? "" : ": " + errors));
 }
 
 }  // namespace tiltproof::harness

@@ -34,8 +34,7 @@ struct EmulatorSpec {
 
 // The emulated board or its emulator failed.
 struct EmulatorTrouble : std::runtime_error {
-  EmulatorTrouble(bool hung_in, const std::string& text) : std::runtime_error(text), hung(hung_in) {}
-  bool hung;
+  using std::runtime_error::runtime_error;
 };
 
 struct EmulatorMessage {
@@ -83,7 +82,6 @@ class EmulatorProcess {
   void Read(std::span<std::uint8_t> into, std::chrono::steady_clock::time_point until);
   [[noreturn]] void ThrowEnded();
 
-  std::string image_;
   int socket_ = -1;
   std::unique_ptr<ChildProcess> process_;
   std::vector<std::byte> out_;
@@ -95,8 +93,7 @@ class EmulatorProcess {
 template <class Body>
 Body EmulatorMessage::As() const {
   static_assert(std::is_trivially_copyable_v<Body>);
-  if (body.size() < sizeof(Body))
-    throw EmulatorTrouble(false, "the emulator's plug-in sent a damaged message");
+  if (body.size() < sizeof(Body)) throw EmulatorTrouble("the emulator's plug-in sent a damaged message");
   Body value;
   std::copy_n(body.begin(), sizeof(Body), reinterpret_cast<std::uint8_t*>(&value));
   return value;

@@ -55,7 +55,8 @@ struct ReceivedByte {
 enum class ResetCause : std::uint32_t { kNone, kPin, kWatchdog, kSoftware };
 
 // From `begin_ns` to `end_ns` the processor executes nothing while time and peripherals go on. Unless `reset` is kNone
-// it is reset at the begin, and held until the end. One without end, kNever, ends when the watchdog bites.
+// it is reset at the begin, and held until the end. One without end, kNever, ends with the next reset: the watchdog's,
+// most likely.
 struct Stall {
   static constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
   std::int64_t begin_ns, end_ns;
@@ -93,7 +94,7 @@ struct Transmitted {
 enum class EventKind : std::uint32_t {
   kReset,        // value: ResetCause
   kStallBegins,  // value: the fault
-  kStallEnds,    // value: the fault
+  kStallEnds,    // the processor runs again
   kBitFlipped,   // value: the fault; address, before, after
   kOverrun,      // value: the line; a byte came while the one before was not read
 };

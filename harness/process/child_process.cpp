@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <linux/close_range.h>
 #include <poll.h>
+#include <sched.h>
 #include <sys/prctl.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
@@ -173,6 +174,21 @@ std::string ExecTrouble(const std::string& program, int error) {
   return std::strerror(error);
 }
 
+// Without real-time priority. The kernel clears the process's entries in /proc away, and spins as long as somebody
+// else is reading them: at real-time priority it may keep him from the processor that he needs to come to an end, and
+// spin for ever.
+void Reap(pid_t pid, int flags) {
+  const int policy = sched_getscheduler(0);
+  sched_param parameters{}, ordinary{};
+  sched_getparam(0, &parameters);
+  const int plain = policy & ~SCHED_RESET_ON_FORK;
+  const bool realtime = plain == SCHED_FIFO || plain == SCHED_RR;
+  if (realtime) sched_setscheduler(0, SCHED_OTHER, &ordinary);
+  while (waitpid(pid, nullptr, flags) < 0 && errno == EINTR) {
+  }
+  if (realtime) sched_setscheduler(0, policy, &parameters);
+}
+
 }  // namespace
 
 void DieWithParent(pid_t parent) {
@@ -222,8 +238,7 @@ ChildProcess::ChildProcess(const ChildSpec& spec, bool outlives_us) {
   trouble_copy = Descriptor();
   trouble.write = Descriptor();
   if (const int failed = ReadTrouble(trouble.read.get()); failed != 0) {
-    while (waitpid(pid_, nullptr, 0) < 0 && errno == EINTR) {
-    }
+    Reap(pid_, 0);
     Refuse(spec, ExecTrouble(program, failed));
   }
   pidfd_ = static_cast<int>(syscall(SYS_pidfd_open, pid_, 0));
@@ -313,8 +328,7 @@ void ChildProcess::Stop(milliseconds grace) {
     SignalGroup(SIGKILL);
     if (!WaitEnd(kKillWait)) exit_text_ = "does not end, not even when killed";
     Alive();
-    while (waitpid(pid_, nullptr, WNOHANG) < 0 && errno == EINTR) {
-    }
+    Reap(pid_, WNOHANG);
     reaped_ = true;
   }
   if (guard_) {

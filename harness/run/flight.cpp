@@ -76,8 +76,7 @@ Conductor::Conductor(const Scenario& scenario, Line& line, PlantServer& server, 
       server_(server),
       trajectory_(scenario.reference),
       client_faults_(scenario.faults, scenario.seed,
-                     {.baud = scenario.link.ideal ? 0 : scenario.link.baud,
-                      .reference_baud = LinkSpec::kReferenceBaud}) {
+                     {.baud = MainBaud(scenario.link), .reference_baud = ReferenceBaud(scenario.link)}) {
   log_.trace = Trace(FlightColumns(scenario));
   client_ = options.make_client(
       {.transmit = [this](Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) -> TimeNs {
@@ -255,8 +254,7 @@ void Conductor::Finish() {
 ClientSettings SettingsOf(const Scenario& scenario) {
   return {.firmware = scenario.firmware,
           .dialect = scenario.link.dialect,
-          .lines = {.main_baud = scenario.link.ideal ? 0 : scenario.link.baud,
-                    .reference_baud = scenario.link.ideal ? 0 : LinkSpec::kReferenceBaud}};
+          .lines = {.main_baud = MainBaud(scenario.link), .reference_baud = ReferenceBaud(scenario.link)}};
 }
 
 std::string NeverStartedText(const Scenario& scenario) {

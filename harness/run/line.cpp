@@ -16,10 +16,10 @@ using link::Direction;
 constexpr std::size_t kRepliesMax = 256;
 constexpr std::array kDirections = {Direction::kToPlant, Direction::kToClient, Direction::kReference};
 
+}  // namespace
+
 std::int64_t MainBaud(const LinkSpec& link) { return link.ideal ? 0 : link.baud; }
 std::int64_t ReferenceBaud(const LinkSpec& link) { return link.ideal ? 0 : LinkSpec::kReferenceBaud; }
-
-}  // namespace
 
 LocalLine::LocalLine(const Scenario& scenario, bool paced)
     : dialect_(scenario.link.dialect),

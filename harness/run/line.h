@@ -48,6 +48,10 @@ struct LineLog {
   TimeNs resync_max_ns = 0;
 };
 
+// Of the two lines; 0: ideal, bytes take no time.
+std::int64_t MainBaud(const LinkSpec& link);
+std::int64_t ReferenceBaud(const LinkSpec& link);
+
 class Line {
  public:
   using Piece = link::Wire::Piece;

@@ -27,21 +27,39 @@ std::optional<std::string> Unsupported(const faults::FaultType& type, const Clie
       return "needs an emulated board: fly it with --client qemu, in lockstep";
     case Needs::kParityLine:
       return "needs a line with a parity bit: all lines are 8N1, where no receiver checks parity, so no "
-             "client "
-             "can have this fault";
+             "client can have this fault";
   }
   return std::nullopt;
+}
+
+namespace {
+
+// A board has one clock: two drifts at once would add up to more than a drift may be.
+std::optional<std::string> DriftsWithAnother(const std::vector<faults::FaultSpec>& all, std::size_t i) {
+  constexpr std::string_view kDrift = "device.clock_drift";
+  if (all[i].type != kDrift) return std::nullopt;
+  for (std::size_t other = 0; other < i; ++other)
+    if (all[other].type == kDrift && all[other].start_ns < all[i].end_ns &&
+        all[i].start_ns < all[other].end_ns)
+      return "drifts at the same time as fault '" + all[other].id + "': let their windows not overlap";
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::string FaultPlace(const Scenario& scenario, std::size_t fault) {
+  const faults::FaultSpec& spec = scenario.faults[fault];
+  const std::string place = fault < scenario.fault_places.size() ? scenario.fault_places[fault] + ": " : "";
+  return place + "fault '" + spec.id + "' (" + spec.type + ")";
 }
 
 std::vector<std::string> UnsupportedFaults(const Scenario& scenario, const ClientAbilities& abilities) {
   std::vector<std::string> problems;
   for (std::size_t i = 0; i < scenario.faults.size(); ++i) {
-    const faults::FaultSpec& fault = scenario.faults[i];
-    const faults::FaultType* type = faults::FindFaultType(fault.type);
-    const auto problem = type == nullptr ? std::nullopt : Unsupported(*type, abilities);
-    if (!problem) continue;
-    const std::string place = i < scenario.fault_places.size() ? scenario.fault_places[i] + ": " : "";
-    problems.push_back(place + "fault '" + fault.id + "' (" + fault.type + ") " + *problem);
+    const faults::FaultType* type = faults::FindFaultType(scenario.faults[i].type);
+    auto problem = type == nullptr ? std::nullopt : Unsupported(*type, abilities);
+    if (!problem) problem = DriftsWithAnother(scenario.faults, i);
+    if (problem) problems.push_back(FaultPlace(scenario, i) + " " + *problem);
   }
   return problems;
 }

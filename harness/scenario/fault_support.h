@@ -26,6 +26,9 @@ struct ClientAbilities {
 // Why a fault of this type cannot be had, and what to do; none when it can. Follows "fault 'x' (type) ".
 std::optional<std::string> Unsupported(const faults::FaultType& type, const ClientAbilities& abilities);
 
+// "s.yaml:6:20: fault 'x' (device.stall)"; without the place when the scenario was not read from a file.
+std::string FaultPlace(const Scenario& scenario, std::size_t fault);
+
 // One line for each fault of the scenario that cannot be had, in the order of the file; with the place of the
 // fault's type when the scenario was read from a file.
 std::vector<std::string> UnsupportedFaults(const Scenario& scenario, const ClientAbilities& abilities);

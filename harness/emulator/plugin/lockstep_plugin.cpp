@@ -31,6 +31,7 @@
 #include <deque>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "harness/emulator/lockstep_protocol.h"
@@ -70,7 +71,9 @@ struct Plugin {
   std::deque<Stall> stalls;  // by begin
   Timer stall_timer;
   std::int64_t stalled_until = 0;
-  Stall stall{};  // under way, or the last
+  bool hangs = false;    // until a reset
+  bool holding = false;  // StallWork is under way
+  Stall stall{};         // under way, or the last
   std::deque<FlipBits> flips;
   Timer flip_timer;
   std::int64_t last_slept_ns = 0;                // or was made to stand still
@@ -187,15 +190,21 @@ void Advance(std::int64_t step) {
 
 // --- device faults ---
 
+void SleepWork(void* cpu, RunOnCpuData data);
+
 // Time passes, and the processor does nothing: the counter is moved on from timer to timer, until the stall ends.
 void StallWork(void* cpu, RunOnCpuData data) {
+  // A reset that has been asked for comes first, at this very instant.
+  if (plugin.pending_cause != ResetCause::kNone) return async_run_on_cpu(cpu, StallWork, data);
   const std::int64_t now = plugin.last_slept_ns = Now();
-  if (now >= plugin.stalled_until) {
-    SendEvent(EventKind::kStallEnds, plugin.stall.fault);
-    return;
+  if (!plugin.hangs && now >= plugin.stalled_until) {
+    plugin.holding = false;
+    SendEvent(EventKind::kStallEnds, 0);
+    // It may have slept before.
+    return async_run_on_cpu(cpu, SleepWork, {});
   }
   std::int64_t step = qemu_clock_deadline_ns_all(kClockVirtual, kAnyAttribute);
-  if (step < 0 || step > plugin.stalled_until - now) step = plugin.stalled_until - now;
+  if (!plugin.hangs && (step < 0 || step > plugin.stalled_until - now)) step = plugin.stalled_until - now;
   Advance(step);
   // Before the timers: one of them may reset the processor and begin a stall of its own.
   async_run_on_cpu(cpu, StallWork, data);
@@ -203,17 +212,18 @@ void StallWork(void* cpu, RunOnCpuData data) {
 }
 
 void HoldUntil(std::int64_t until) {
-  const bool stalled = plugin.stalled_until > Now();
-  plugin.stalled_until = std::max(plugin.stalled_until, until);
-  if (!stalled) async_run_on_cpu(plugin.cpu, StallWork, {});
+  if (until == Stall::kNever) {
+    plugin.hangs = true;
+  } else {
+    plugin.stalled_until = std::max(plugin.stalled_until, until);
+  }
+  if (!std::exchange(plugin.holding, true)) async_run_on_cpu(plugin.cpu, StallWork, {});
 }
 
 // The machine is being reset.
 void OnReset(void* /*opaque*/) {
-  // One that nobody here asked for is the firmware's own, by SYSRESETREQ.
-  const ResetCause cause =
-      plugin.pending_cause == ResetCause::kNone ? ResetCause::kSoftware : plugin.pending_cause;
-  plugin.pending_cause = ResetCause::kNone;
+  const ResetCause cause = std::exchange(plugin.pending_cause, ResetCause::kNone);
+  plugin.hangs = false;
   plugin.watchdog.Reset();
   plugin.reset_flags.Add(cause);
   for (Uart& uart : plugin.uarts)
@@ -221,18 +231,20 @@ void OnReset(void* /*opaque*/) {
   SendEvent(EventKind::kReset, static_cast<std::uint32_t>(cause));
 }
 
-// On the processor's own thread: it has executed nothing since the reset was asked for, which a request to QEMU's
-// main thread could not promise.
+// On the processor's own thread: it has executed nothing since the reset was asked for. QEMU's main thread, whose
+// business it is otherwise, comes some time later, and how much later in virtual time depends on the machine.
 void ResetWork(void* /*cpu*/, RunOnCpuData /*data*/) { qemu_system_reset(kCauseSystemReset); }
 
 void Reset(ResetCause cause) {
-  plugin.pending_cause = cause;
-  async_run_on_cpu(plugin.cpu, ResetWork, {});
+  if (std::exchange(plugin.pending_cause, cause) == ResetCause::kNone)
+    async_run_on_cpu(plugin.cpu, ResetWork, {});
 }
 
-void OnWatchdog() {
-  if (plugin.stall.end_ns == Stall::kNever) plugin.stalled_until = 0;
-  Reset(ResetCause::kWatchdog);
+void OnWatchdog() { Reset(ResetCause::kWatchdog); }
+
+// The firmware has set SYSRESETREQ (PM0214, section 4.4.5).
+void OnResetRequest(void* /*opaque*/, int /*line*/, int level) {
+  if (level != 0 && plugin.pending_cause == ResetCause::kNone) Reset(ResetCause::kSoftware);
 }
 
 void OnStallTimer(void* /*opaque*/) {
@@ -378,6 +390,9 @@ void Begin(void* cpu, RunOnCpuData /*data*/) {
   plugin.watchdog.Init(OnWatchdog);
   plugin.reset_flags.Init();
   qemu_register_reset(OnReset, nullptr);
+  void* nvic = object_resolve_path("nvic", nullptr);
+  if (nvic == nullptr) Die("the machine has no NVIC where one should be");
+  qdev_connect_gpio_out_named(nvic, "SYSRESETREQ", 0, qemu_allocate_irq(OnResetRequest, nullptr, 0));
   for (std::size_t i = 0; i < plugin.uarts.size(); ++i) {
     if (plugin.usarts[i] == 0) continue;
     Uart& uart = plugin.uarts[i];

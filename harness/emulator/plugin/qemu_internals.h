@@ -17,7 +17,6 @@ using qemu_plugin_id_t = std::uint64_t;
 struct qemu_info_t;
 struct qemu_plugin_tb;
 struct qemu_plugin_insn;
-void qemu_plugin_register_vcpu_init_cb(qemu_plugin_id_t, void (*)(qemu_plugin_id_t, unsigned));
 void qemu_plugin_register_vcpu_tb_trans_cb(qemu_plugin_id_t, void (*)(qemu_plugin_id_t, qemu_plugin_tb*));
 void qemu_plugin_register_vcpu_insn_exec_cb(qemu_plugin_insn*, void (*)(unsigned, void*), int flags, void*);
 std::size_t qemu_plugin_tb_n_insns(const qemu_plugin_tb*);
@@ -32,6 +31,8 @@ void* object_resolve_path(const char* path, bool* ambiguous);
 void* sysbus_mmio_get_region(void* device, int number);
 void qemu_register_reset(void (*)(void*), void*);
 void qemu_system_reset(int cause);
+void* qemu_allocate_irq(void (*handler)(void*, int line, int level), void*, int line);
+void qdev_connect_gpio_out_named(void* device, const char* name, int line, void* irq);
 
 // Character devices.
 void* qemu_chr_find(const char* id);
