@@ -44,6 +44,9 @@ struct EmulatorMessage {
   // Throws EmulatorTrouble when the body is too short for it.
   template <class Body>
   Body As() const;
+  // All that fit.
+  template <class Body>
+  std::vector<Body> All() const;
 };
 
 class EmulatorProcess {
@@ -97,6 +100,14 @@ Body EmulatorMessage::As() const {
   Body value;
   std::copy_n(body.begin(), sizeof(Body), reinterpret_cast<std::uint8_t*>(&value));
   return value;
+}
+
+template <class Body>
+std::vector<Body> EmulatorMessage::All() const {
+  static_assert(std::is_trivially_copyable_v<Body>);
+  std::vector<Body> values(body.size() / sizeof(Body));
+  std::copy_n(body.begin(), values.size() * sizeof(Body), reinterpret_cast<std::uint8_t*>(values.data()));
+  return values;
 }
 
 }  // namespace tiltproof::harness

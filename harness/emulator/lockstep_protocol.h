@@ -12,7 +12,7 @@
 
 namespace tiltproof::harness::lockstep {
 
-inline constexpr std::uint32_t kProtocolVersion = 1;
+inline constexpr std::uint32_t kProtocolVersion = 2;
 inline constexpr std::uint32_t kBodyBytesMax = 1 << 20;
 
 enum class Kind : std::uint32_t {
@@ -25,7 +25,7 @@ enum class Kind : std::uint32_t {
   kRun,         // Run
   // From the plug-in.
   kHello,     // Hello
-  kTransmit,  // Transmitted, then the bytes
+  kTransmit,  // TransmittedByte[]
   kEvent,     // Event
   kMemory,    // the bytes
   kState,     // text: the processor's registers
@@ -86,9 +86,10 @@ struct Hello {
   std::uint32_t protocol_version;
 };
 
-struct Transmitted {
-  std::int64_t at_ns;  // when the processor wrote the last of them
+struct TransmittedByte {
+  std::int64_t at_ns;  // when the processor gave it to the transmitter
   Line line;
+  std::uint8_t byte;
 };
 
 enum class EventKind : std::uint32_t {

@@ -83,9 +83,11 @@ std::vector<Sent> Fly(const std::string& plugin, const std::string& image) {
              .Run(20 * kTickNs,
                   [&](const EmulatorMessage& message) {
                     if (message.kind != lockstep::Kind::kTransmit) return;
-                    const auto transmitted = message.As<lockstep::Transmitted>();
-                    sent.push_back({transmitted.at_ns,
-                                    {message.body.begin() + sizeof(transmitted), message.body.end()}});
+                    Sent& now = sent.emplace_back();
+                    for (const auto& byte : message.All<lockstep::TransmittedByte>()) {
+                      now.at_ns = byte.at_ns;
+                      now.bytes.push_back(byte.byte);
+                    }
                   })
              .at_ns;
   return sent;

@@ -58,7 +58,7 @@ struct Uart {
   UsartReceiver* receiver = nullptr;
   std::deque<ReceivedByte> queue;  // on their way to the firmware
   Timer timer;
-  std::vector<std::uint8_t> unsent;  // transmitted, not yet told
+  std::vector<TransmittedByte> unsent;  // not yet told
 };
 
 struct Plugin {
@@ -96,12 +96,10 @@ void Append(const void* bytes, std::size_t size) {
   plugin.out.insert(plugin.out.end(), first, first + size);
 }
 
-void Send(Kind kind, const void* body, std::size_t size, const void* more = nullptr,
-          std::size_t more_size = 0) {
-  const Header header{kind, static_cast<std::uint32_t>(size + more_size)};
+void Send(Kind kind, const void* body, std::size_t size) {
+  const Header header{kind, static_cast<std::uint32_t>(size)};
   Append(&header, sizeof(header));
   Append(body, size);
-  Append(more, more_size);
 }
 
 void Flush() {
@@ -133,9 +131,8 @@ void SendEvent(EventKind kind, std::uint32_t value, std::uint32_t address = 0, s
 
 // What the firmware has transmitted; of the console, sent at each line, so that its last words are not lost.
 void SendUnsent(Uart& uart) {
-  if (uart.unsent.empty()) return;
-  const Transmitted transmitted{Now(), uart.line};
-  Send(Kind::kTransmit, &transmitted, sizeof(transmitted), uart.unsent.data(), uart.unsent.size());
+  if (!uart.unsent.empty())
+    Send(Kind::kTransmit, uart.unsent.data(), uart.unsent.size() * sizeof(TransmittedByte));
   uart.unsent.clear();
 }
 
@@ -348,7 +345,7 @@ void OnHorizon(void* /*opaque*/) { Stop(); }
 int OnTransmit(void* chardev, const std::uint8_t* bytes, int count) {
   for (Uart& uart : plugin.uarts) {
     if (uart.chardev != chardev || !plugin.begun) continue;
-    uart.unsent.insert(uart.unsent.end(), bytes, bytes + count);
+    for (int i = 0; i < count; ++i) uart.unsent.push_back({Now(), uart.line, bytes[i]});
     const bool flag = uart.line == Line::kMain && std::find(bytes, bytes + count, kFlag) != bytes + count;
     const bool line_end = uart.line == Line::kConsole && bytes[count - 1] == '\n';
     if (flag) {
