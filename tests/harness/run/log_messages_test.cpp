@@ -324,7 +324,7 @@ TEST_F(LogMessagesTest, BadMessagesDoNoHarm) {
   reports.Write(report);
   report.node_id = "link";
   Packer packer;
-  packer(std::size_t{0}, kNever, false, false, false);  // NodeTotals without anything
+  packer(std::size_t{0}, kNever, false, false, false, std::size_t{0});  // NodeTotals without anything
   report.payload.assign(packer.bytes().begin(), packer.bytes().end());
   report.fault_activation = 2;
   reports.Write(report);

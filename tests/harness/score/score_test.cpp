@@ -68,6 +68,7 @@ std::map<std::string, double> MetricsOf(const Scenario& scenario, const RunLog& 
 TEST(Metrics, EveryNameGivenIsListedAndNoneTwice) {
   RunLog log = StillFlight(1000);
   log.failsafe_entered_count = 0;
+  log.receive_overruns_count = 0;
   log.request_times_ns = {0, 12, 24};
   log.reply_latency_ns = {1};
   log.client_round_trip_ns = {1};
