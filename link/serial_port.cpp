@@ -327,6 +327,14 @@ void SerialPort::Start(Received received, Closed closed) {
 bool SerialPort::Write(std::span<const std::uint8_t> bytes) { return state_->Write(bytes); }
 std::size_t SerialPort::UnsentBytes() const { return state_->UnsentBytes(); }
 bool SerialPort::IsOpen() const { return state_->IsOpen(); }
+std::optional<pid_t> SerialPort::PeerProcess() const {
+  ucred peer{};
+  socklen_t size = sizeof peer;
+  if (!IsOpen() || getsockopt(state_->descriptor(), SOL_SOCKET, SO_PEERCRED, &peer, &size) != 0 ||
+      peer.pid <= 0)
+    return std::nullopt;
+  return peer.pid;
+}
 bool SerialPort::TakesByteTime() const { return state_->IsHardware(); }
 
 SerialPort::LowLatency SerialPort::SetLowLatency(const std::filesystem::path& root) {

@@ -13,6 +13,8 @@
 // a call of ours, and may destroy the port. The loop must outlive it. Nothing here blocks.
 #pragma once
 
+#include <sys/types.h>
+
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -59,6 +61,9 @@ class SerialPort final : public ByteLine {
 
   // Whether a byte takes its time at the baud rate. On a pseudo-terminal or a socket it takes none.
   bool TakesByteTime() const;
+
+  // Who is at the other end of a socket of ours: a process of this machine; nullopt when nobody can tell.
+  std::optional<pid_t> PeerProcess() const;
 
   // What the operating system agreed to.
   struct LowLatency {

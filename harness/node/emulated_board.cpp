@@ -1,6 +1,7 @@
 #include "harness/node/emulated_board.h"
 
 #include <fmt/format.h>
+#include <sched.h>
 #include <sys/socket.h>
 
 #include <algorithm>
@@ -9,6 +10,8 @@
 #include <chrono>
 #include <csignal>
 #include <cstring>
+#include <filesystem>
+#include <fstream>
 #include <string_view>
 #include <utility>
 
@@ -50,8 +53,18 @@ std::string Connected(const std::string& port) {
 
 // Control sockets are descriptors 3 and 4.
 std::vector<std::string> CommandLine(const EmulatorSpec& spec, const BoardWiring& wiring) {
-  std::vector<std::string> command = {"qemu-system-arm", "-M",   "netduinoplus2", "-display",        "none",
-                                      "-monitor",        "none", "-nodefaults",   "-no-user-config", "-S"};
+  std::vector<std::string> command = {"qemu-system-arm",
+                                      "-M",
+                                      "netduinoplus2",
+                                      "-display",
+                                      "none",
+                                      "-monitor",
+                                      "none",
+                                      "-nodefaults",
+                                      "-no-user-config",
+                                      "-S",
+                                      "-name",
+                                      "tiltproof,debug-threads=on"};
   const auto add = [&](std::initializer_list<std::string> words) { command.insert(command.end(), words); };
   for (int usart = 1; usart <= kUsartCount; ++usart) {
     std::string what = "null";
@@ -66,6 +79,34 @@ std::vector<std::string> CommandLine(const EmulatorSpec& spec, const BoardWiring
   if (wiring.debugger) add({"-chardev", "socket,id=debugger,fd=4", "-gdb", "chardev:debugger"});
   add({"-kernel", spec.image});
   return command;
+}
+
+// The thread of the processor and that of the devices hand each byte to one another: each gets a processor of ours for
+// itself. A scheduler that packs them on one makes a byte several times slower. Several boards begin at different ones.
+void Spread(pid_t pid) {
+  cpu_set_t usable;
+  CPU_ZERO(&usable);
+  if (sched_getaffinity(0, sizeof usable, &usable) != 0 || CPU_COUNT(&usable) < 2) return;
+  std::vector<int> processors;
+  for (int i = 0; i < CPU_SETSIZE; ++i)
+    if (CPU_ISSET(i, &usable)) processors.push_back(i);
+  const auto pin = [&](pid_t thread, std::size_t which) {
+    cpu_set_t one;
+    CPU_ZERO(&one);
+    CPU_SET(processors[which % processors.size()], &one);
+    sched_setaffinity(thread, sizeof one, &one);
+  };
+  const auto first = static_cast<std::size_t>(pid);
+  pin(pid, first);
+  std::error_code error;
+  const std::filesystem::path tasks = fmt::format("/proc/{}/task", pid);
+  for (std::filesystem::directory_iterator task(tasks, error);
+       !error && task != std::filesystem::directory_iterator(); task.increment(error)) {
+    std::ifstream file(task->path() / "comm");
+    std::string name;
+    std::getline(file, name);
+    if (name.starts_with("CPU ")) pin(std::stoi(task->path().filename()), first + 1);
+  }
 }
 
 }  // namespace
@@ -90,7 +131,13 @@ EmulatedBoard::EmulatedBoard(NodeServices& services, const EmulatorSpec& spec, c
   if (wiring.debugger) debugger_.emplace(services.loop(), debugger.Release(), lost);
 }
 
-void EmulatedBoard::PowerOn() { qmp_->Execute("cont"); }
+void EmulatedBoard::PowerOn() {
+  // By its answer, all of its threads are there.
+  qmp_->Execute("cont", "{}", [this](const std::string&, const std::string&) {
+    Spread(process_->child().pid());
+    wait_watch_.emplace(services_, process_->child().pid());
+  });
+}
 
 // The whole of QEMU is stopped by a signal, not the processor by a command: that would stop the board's clock, too,
 // and its timers would not know that time has passed.

@@ -5,7 +5,8 @@
 //   board.Stall(); ... board.GoOn();
 //
 // Its USARTs are connected to the link node's sockets; what its console prints and what QEMU says is kept. It runs by
-// the machine's clock and is given no more priority than any other program.
+// the machine's clock, with no more priority than any other program: when the machine is busy with others, that is
+// noted as this node's lateness.
 #pragma once
 
 #include <cstdint>
@@ -18,6 +19,7 @@
 #include "harness/emulator/emulator_process.h"
 #include "harness/emulator/gdb_client.h"
 #include "harness/emulator/qmp_client.h"
+#include "harness/node/cpu_wait_watch.h"
 #include "harness/node/firmware_process.h"
 
 namespace tiltproof::harness {
@@ -78,6 +80,7 @@ class EmulatedBoard {
   std::chrono::steady_clock::time_point silent_for_good_reason_;
   std::string socket_trouble_;
   bool lost_ = false;
+  std::optional<CpuWaitWatch> wait_watch_;
 };
 
 }  // namespace tiltproof::harness

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "faults/device_command.h"
+#include "harness/node/cpu_wait_watch.h"
 #include "harness/node/pty_canary.h"
 #include "harness/node/roles.h"
 #include "harness/run/framed.h"
@@ -23,6 +24,12 @@ constexpr std::array kDirections = {Direction::kToPlant, Direction::kToClient, D
 // eats the vehicle's delay margin of 9 ms.
 constexpr TimeNs kSlowRoundTripNs = 4 * kNsPerMs;
 constexpr std::size_t kRoundTripSampleCount = 50;
+// How often bytes on their way are handed to an emulator: every ten or so at 921600 baud. Before the end of a frame there
+// are none for longer than this.
+constexpr TimeNs kHandOverPeriodNs = 100 * kNsPerUs;
+constexpr TimeNs kFrameTimeMax = 2 * kNsPerMs;
+// What an emulated board may take for its answer before it counts as late.
+constexpr TimeNs kEmulationNs = 2 * kNsPerMs;
 
 // While an emulated board's processor stands still, its receivers keep the first byte that comes and lose the others, as
 // they would on the chip; held in reset, they lose all. The emulator itself would hand over everything afterwards.
@@ -66,6 +73,7 @@ class LinkRole final : public Role {
     client_is_library_ = FindPort(given, "client_kind") == "library";
     client_is_emulator_ = FindPort(given, "client_kind") == "emulator";
     scenario_ = loaded.scenario;
+    client_takes_bytes_ = client_is_emulator_ || link::IsSocketName(client_device_);
     if (client_is_emulator_)
       for (const Direction direction : {Direction::kToClient, Direction::kReference})
         deaf_[static_cast<std::size_t>(direction)] = DeafReceiver(scenario_);
@@ -106,6 +114,7 @@ class LinkRole final : public Role {
             std::make_unique<link::SerialPort>(services_.loop(), end->socket_name, LinkSpec::kReferenceBaud);
         end->line = end->serial.get();
       }
+    if (const auto emulator = client_.serial->PeerProcess()) emulator_watch_.emplace(services_, *emulator);
     Listen();
   }
 
@@ -122,6 +131,7 @@ class LinkRole final : public Role {
     armed_ = false;
     timer_.cancel();
     canary_.reset();
+    emulator_watch_.reset();
     const TimeNs now = services_.clock().Now();
     const TimeNs origin = line_->origin() == kNever ? now : line_->origin();
     SampleCounts(now);
@@ -206,6 +216,9 @@ class LinkRole final : public Role {
     if (direction == Direction::kToPlant && client_is_library_ &&
         bytes.size() >= link::kActuatorMessageBytes && line_->unanswered_reply() != kNever)
       services_.lateness().Note(line_->unanswered_reply(), now);
+    // How fast an emulated processor is, is this machine's doing too.
+    if (direction == Direction::kToPlant && client_takes_bytes_ && line_->unanswered_reply() != kNever)
+      services_.lateness().Note(line_->unanswered_reply() + kEmulationNs, now);
     line_->Transmit(direction, now, bytes);
     Pump();
   }
@@ -228,7 +241,7 @@ class LinkRole final : public Role {
         if (port != nullptr && !bytes.empty()) port->Write(bytes);
         if (direction == Direction::kToPlant) asked_plant_ns_ = now;
       }
-      next = std::min(next, line_->NextArrival(direction));
+      next = std::min(next, NextHandOver(direction, now));
     }
     timer_.cancel();
     if (next == kNever) return;
@@ -236,6 +249,14 @@ class LinkRole final : public Role {
     timer_.async_wait([this, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
       if (!error && !alive.expired() && armed_) Pump();
     });
+  }
+
+  // An emulated USART takes bytes one at a time, and each some time: like a true one it gets them as they come, not a
+  // frame at once. Others are woken for whole frames alone.
+  TimeNs NextHandOver(Direction direction, TimeNs now) {
+    const TimeNs arrival = line_->NextArrival(direction);
+    if (arrival == kNever || direction == Direction::kToPlant || !client_takes_bytes_) return arrival;
+    return std::min(arrival, std::max(now + kHandOverPeriodNs, arrival - kFrameTimeMax));
   }
 
   // The counters as they stood on the 12 ms grid, for the trace.
@@ -275,11 +296,13 @@ class LinkRole final : public Role {
   std::array<DeafReceiver, link::kDirectionCount> deaf_;  // that of kToPlant hears everything
   boost::asio::steady_timer timer_;
   std::unique_ptr<PtyCanary> canary_;
+  std::optional<CpuWaitWatch> emulator_watch_;  // of the user's
   bool armed_ = false;
   TimeNs asked_plant_ns_ = kNever;  // when the plant got the last bytes that it has not answered yet
   TimeNs next_sample_ns_ = 0;
   std::vector<CountsSample> samples_;
   bool client_is_library_ = false, client_is_emulator_ = false;
+  bool client_takes_bytes_ = false;  // one at a time
   std::vector<TimeNs> first_round_trips_;
   bool judged_ = false;
   std::shared_ptr<char> alive_ = std::make_shared<char>();

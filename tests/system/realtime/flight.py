@@ -61,7 +61,7 @@ def write_hover(folder, name="hover", duration_s=6):
 
 
 class Flight:
-    def __init__(self, program, folder, *arguments, stdin=subprocess.DEVNULL, user=None, pass_fds=()):
+    def __init__(self, program, folder, *arguments, stdin=subprocess.DEVNULL, user=None, pass_fds=(), environment=None):
         self.folder = pathlib.Path(folder)
         self.program = program
         self.mark = f"{MARK}={uuid.uuid4()}".encode()
@@ -76,7 +76,7 @@ class Flight:
             self.process = subprocess.Popen(
                 [program, "run", *map(str, arguments), "--mode", "realtime", "--no-progress", "--out", self.results],
                 stdin=stdin, stdout=out, stderr=err, cwd=self.folder, user=user, pass_fds=pass_fds,
-                env={**os.environ, name: value, "TMPDIR": str(self.temporary), "NO_COLOR": "1"})
+                env={**os.environ, name: value, "TMPDIR": str(self.temporary), "NO_COLOR": "1", **(environment or {})})
 
     # its processes
 

@@ -1,0 +1,48 @@
+// How long a program has been ready to run while others had the processor: what a busy machine does to it, and what it
+// is not to be blamed for. An emulator has no real-time priority, so that watching our own nodes would not show it.
+//
+// Its own threads wait for each other, too, briefly and often: so much (kOwnWaitNs) is left out of every wait.
+//
+//   CpuWait wait(pid);
+//   if (const TimeNs waited = wait.Take(); waited > 3 * kNsPerMs) NoteLateness(now - waited, now);
+#pragma once
+
+#include <sys/types.h>
+
+#include <map>
+#include <string>
+
+#include "link/time.h"
+#include "link/unix_socket.h"
+
+namespace tiltproof::harness {
+
+class CpuWait {
+ public:
+  explicit CpuWait(pid_t pid);
+
+  static constexpr TimeNs kOwnWaitNs = 50 * kNsPerUs;
+
+  // Since the last call, of all threads together; 0 where the kernel does not tell (/proc/PID/task/TID/schedstat). A
+  // wait counts when it is over. New threads are looked for on every kCallsPerLook-th call.
+  TimeNs Take();
+  static constexpr int kCallsPerLook = 32;
+
+ private:
+  struct Waits {
+    TimeNs total_ns = 0;
+    std::int64_t count = 0;
+  };
+  struct Thread {
+    link::OwnedDescriptor file;
+    Waits seen;
+  };
+  static Waits Read(int descriptor);
+  void Look();
+
+  pid_t pid_;
+  std::map<std::string, Thread> threads_;  // by id
+  int calls_count_ = 0;
+};
+
+}  // namespace tiltproof::harness

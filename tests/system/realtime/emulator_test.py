@@ -1,0 +1,247 @@
+#!/usr/bin/env python3
+"""Firmware images on an emulated board in real time: flights, faults on the device, and everything that may be wrong.
+Usage: emulator_test.py TILTPROOF IMAGES_FOLDER"""
+import os
+import pathlib
+import re
+import shutil
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import tempfile
+import unittest
+
+from flight import Flight, become_subreaper, read, wait_until, write_hover
+
+PROGRAM, IMAGES = (pathlib.Path(sys.argv.pop(1)).resolve() for _ in range(2))
+IMAGE = IMAGES / "executive-tolerant.elf"
+NOT_RUN = 77
+
+# A flight that the machine itself disturbed says nothing: it is flown again.
+ATTEMPTS_COUNT = 3
+
+FAULTS = """\
+name: faults
+duration_s: 5
+firmware: tolerant
+reference: {type: hover, at_m: [0, 0, 2]}
+faults:
+  - {id: reset, type: device.reset, start_s: 1, parameters: {boot_ms: 10}}
+  - {id: stall, type: device.stall, start_s: 2.5, end_s: 2.53}
+  - {id: flip, type: device.bit_flip, start_s: 4, parameters: {region: tiltproof_run_statistics, bit_count: 2}}
+criteria:
+  - {name: near, stl: "always(position_error_m <= 1)"}
+"""
+
+
+def write_image(path, reset):
+    """An executable of a vector table and an endless loop. An even address is no Thumb code: the processor locks up at once."""
+    flash, loop = 0x08000000, b"\xfe\xe7"
+    vectors = struct.pack("<16I", 0x20020000, reset, *[0] * 14)
+    header = b"\x7fELF\x01\x01\x01" + bytes(9) + struct.pack("<HHIIIIIHHHHHH", 2, 40, 1, reset, 52, 0, 0x05000000, 52, 32, 1, 40, 0, 0)
+    segment = struct.pack("<8I", 1, 84, flash, flash, len(vectors + loop), len(vectors + loop), 5, 4)
+    path.write_bytes(header + segment + vectors + loop)
+    return path
+
+
+class EmulatorTest(unittest.TestCase):
+    def setUp(self):
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="tiltproof-emulator-"))
+        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
+        self.attempt = 0
+
+    def start(self, client, scenario=None, duration_s=3, **options):
+        self.attempt += 1
+        folder = self.folder / str(self.attempt)
+        folder.mkdir()
+        path = write_hover(folder, duration_s=duration_s)
+        if scenario:
+            path.write_text(scenario)
+        flight = Flight(PROGRAM, folder, path, "--client", client, **options)
+        self.addCleanup(flight.end)
+        return flight
+
+    def fly(self, client, scenario=None, **options):
+        """To its end; again while the machine was too busy to judge."""
+        for _ in range(ATTEMPTS_COUNT):
+            flight = self.start(client, scenario, **options)
+            code = flight.wait(40)
+            if code != 4:
+                break
+        if code == 4:
+            self.assertIn("too busy to judge", flight.text())
+            print(f"{self.id().split('.')[-1]}: this machine was too busy, {ATTEMPTS_COUNT} times over", file=sys.stderr, flush=True)
+        return flight, code
+
+    def check(self, flight):
+        flight.check_results(self)
+        flight.check_nothing_left(self)
+
+    def emulators(self, flight):
+        return [pid for pid, command in flight.processes().items() if "qemu-system-arm" in command[0]]
+
+    def log(self, flight):
+        return read(next(flight.run_folder.glob("*/firmware.log"))).decode()
+
+    def trouble(self, flight, verdict, reason):
+        self.assertEqual(flight.wait(30), {"error": 3, "fail": 1}[verdict], flight.text())
+        self.assertEqual(flight.result()["verdict"], verdict, flight.text())
+        self.assertRegex(flight.result()["reason"], reason)
+        self.check(flight)
+
+    # flights
+
+    def test_hover(self):
+        flight, code = self.fly("qemu")
+        self.assertRegex(self.log(flight), r"(?m)^-?0\.\d+ +0\.\d+ tiltproof executive, firmware paper, .*emulated$")
+        self.check(flight)
+        if code == 4:
+            return
+        self.assertEqual(code, 0, flight.text())
+        metrics = flight.result()["metrics"]
+        # The board's own clock makes the period.
+        self.assertAlmostEqual(metrics["timing.request_period_p50_ms"], 12.0, delta=0.2)
+        self.assertEqual(metrics["link.reference.frames_rejected_count"], 0)
+        # Read from the board's memory.
+        self.assertEqual(metrics["firmware.failsafe_entered_count"], 0)
+        print(f"hover: {flight.events('client_round_trip')[0]['text']}", file=sys.stderr, flush=True)
+
+    def test_image_of_the_users_and_other_usarts(self):
+        # The same firmware's console in place of its main line: it never says anything that is a message.
+        flight = self.start(f"qemu:{IMAGE},main=usart1,console=usart2", duration_s=1)
+        self.assertEqual(flight.wait(30), 1, flight.text())
+        self.assertIn("never started", flight.result()["reason"])
+        self.check(flight)
+
+    def test_faults_on_the_device(self):
+        flight, code = self.fly("qemu", FAULTS)
+        self.check(flight)
+        if code == 4:
+            return
+        self.assertEqual(code, 0, flight.text())
+        result = flight.result()
+        self.assertEqual({fault["id"]: fault["activations"] for fault in result["faults"]}, {"reset": 1, "stall": 1, "flip": 2})
+        self.assertEqual(result["metrics"]["firmware.restarts_count"], 1)
+        self.assertEqual(len(re.findall("tiltproof executive", self.log(flight))), 2)
+        times = {kind: [event["time_s"] for event in flight.events(kind)]
+                 for kind in ("device_reset", "device_stopped", "device_runs", "bit_flipped")}
+        for kind, expected in (("device_reset", [1]), ("device_stopped", [2.5]), ("device_runs", [2.53]), ("bit_flipped", [4, 4])):
+            self.assertEqual(len(times[kind]), len(expected), flight.events())
+            for time_s, expected_s in zip(times[kind], expected):
+                self.assertAlmostEqual(time_s, expected_s, delta=0.1)
+        for event in flight.events("bit_flipped"):
+            before, after = (int(word, 16) for word in re.findall("0x..(?= |$)", event["text"]))
+            self.assertEqual((before ^ after).bit_count(), 1, event)
+
+    def test_two_at_once(self):
+        one, other = (self.start("qemu", duration_s=2) for _ in range(2))
+        for flight in (one, other):
+            self.assertIn(flight.wait(40), (0, 4), flight.text())
+        for flight in (one, other):
+            self.check(flight)
+
+    def test_emulator_of_the_users_behind_sockets(self):
+        for _ in range(ATTEMPTS_COUNT):
+            sockets = [self.folder / name for name in ("main", "reference")]
+            for path in sockets:
+                path.unlink(missing_ok=True)
+            with open(self.folder / "console", "wb") as console:
+                # The image starts when both are taken.
+                emulator = subprocess.Popen(
+                    ["qemu-system-arm", "-M", "netduinoplus2", "-display", "none", "-monitor", "none", "-nodefaults",
+                     "-serial", "stdio", "-chardev", f"socket,id=main,path={sockets[0]},server=on,wait=off", "-serial", "chardev:main",
+                     "-chardev", f"socket,id=reference,path={sockets[1]},server=on,wait=on", "-serial", "chardev:reference",
+                     "-kernel", IMAGES / "executive-paper.elf"], stdin=subprocess.DEVNULL, stdout=console, stderr=console)
+            self.addCleanup(emulator.wait)
+            self.addCleanup(emulator.kill)
+            wait_until(lambda: all(path.exists() for path in sockets), 10, "QEMU made no sockets")
+            flight = self.start("serial:" + ",".join(f"unix:{path}" for path in sockets))
+            code = flight.wait(40)
+            self.check(flight)
+            emulator.kill()
+            if code != 4:
+                break
+        self.assertIn(b"first valid reply", read(self.folder / "console"))
+        if code == 4:
+            self.assertIn("too busy to judge", flight.text())
+        else:
+            self.assertEqual(code, 0, flight.text())
+            self.assertGreater(flight.result()["metrics"]["link.reference.frames_sent_count"], 200)
+
+    # what may go wrong
+
+    def test_emulator_that_is_killed(self):
+        flight = self.start("qemu", duration_s=10)
+        emulator = wait_until(lambda: flight.process.poll() is None and flight.events() is not None and self.emulators(flight), 20,
+                              lambda: f"no emulator: {flight.text()}")[0]
+        flight.wait_flying()
+        os.kill(emulator, signal.SIGKILL)
+        # Nothing that the firmware has done.
+        self.trouble(flight, "error", r"the emulator killed by signal 9 \(Killed\)")
+
+    def test_emulator_goes_with_its_node_and_its_run(self):
+        flight = self.start("qemu", duration_s=10)
+        os.kill(flight.wait_flying()["client"], signal.SIGKILL)
+        self.assertEqual(flight.wait(20), 1, flight.text())
+        self.check(flight)
+        flight = self.start("qemu", duration_s=10)
+        flight.wait_flying()
+        flight.process.kill()
+        flight.wait(5)
+        flight.check_nothing_left(self)
+
+    def test_firmware_that_locks_up(self):
+        flight = self.start(f"qemu:{write_image(self.folder / 'lockup.elf', 0x08000040)}")
+        self.trouble(flight, "fail", r"the firmware brought the emulated board down: Lockup: can't escalate 3 to HardFault")
+        self.assertRegex(self.log(flight), r"R00=[0-9a-f]{8} R01=")
+
+    def test_firmware_that_says_nothing(self):
+        flight = self.start(f"qemu:{write_image(self.folder / 'silent.elf', 0x08000041)}", duration_s=1)
+        self.assertEqual(flight.wait(30), 1, flight.text())
+        self.assertIn("never started", flight.result()["reason"])
+        self.check(flight)
+
+    def refused(self, code, text, client, scenario=None, **options):
+        flight = self.start(client, scenario, **options)
+        self.assertEqual(flight.wait(30), code, flight.text())
+        self.assertRegex(flight.text(), text)
+        flight.check_nothing_left(self)
+
+    def test_images_that_are_none(self):
+        self.refused(2, "nowhere.elf", f"qemu:{self.folder}/nowhere.elf")
+        (self.folder / "text.elf").write_text("no image\n")
+        self.refused(2, r"text\.elf: not an ELF file", f"qemu:{self.folder}/text.elf")
+        self.refused(3, "an ELF file for another processor", f"qemu:{PROGRAM}")
+
+    def test_region_that_the_image_does_not_have(self):
+        self.refused(2, r"no memory region or variable 'tiltproof_run_statistic'; did you mean 'tiltproof_run_statistics'\?", "qemu",
+                     FAULTS.replace("tiltproof_run_statistics", "tiltproof_run_statistic"))
+
+    def test_emulator_that_is_not_there_or_knows_no_such_board(self):
+        path = self.folder / "bin"
+        path.mkdir()
+        for program in ("sh",):
+            (path / program).symlink_to(shutil.which(program))
+        self.refused(3, "qemu-system-arm.*no such program in PATH", "qemu", environment={"PATH": str(path)})
+        (path / "qemu-system-arm").write_text("#!/bin/sh\necho 'qemu-system-arm: unsupported machine type' >&2\nexit 1\n")
+        (path / "qemu-system-arm").chmod(0o755)
+        self.refused(3, "the emulator exited with code 1: qemu-system-arm: unsupported machine type", "qemu",
+                     environment={"PATH": str(path)})
+
+    def test_sockets_that_nobody_listens_at(self):
+        missing = self.folder / "missing"
+        self.refused(2, "no such socket; nobody listens there: start the emulator first", f"serial:unix:{missing}")
+        left = self.folder / "left"
+        with socket.socket(socket.AF_UNIX) as listener:
+            listener.bind(str(left))
+        self.refused(3, "nobody listens there", f"serial:unix:{left}")
+
+
+if __name__ == "__main__":
+    if shutil.which("qemu-system-arm") is None or not IMAGE.exists():
+        print("no qemu-system-arm, or no images for it", file=sys.stderr)
+        sys.exit(NOT_RUN)
+    become_subreaper()
+    unittest.main(verbosity=2)
