@@ -213,7 +213,7 @@ class EmulatorTest(unittest.TestCase):
         self.refused(2, "nowhere.elf", f"qemu:{self.folder}/nowhere.elf")
         (self.folder / "text.elf").write_text("no image\n")
         self.refused(2, r"text\.elf: not an ELF file", f"qemu:{self.folder}/text.elf")
-        self.refused(3, "an ELF file for another processor", f"qemu:{PROGRAM}")
+        self.refused(2, "an ELF file for another processor", f"qemu:{PROGRAM}")
 
     def test_region_that_the_image_does_not_have(self):
         self.refused(2, r"no memory region or variable 'tiltproof_run_statistic'; did you mean 'tiltproof_run_statistics'\?", "qemu",
