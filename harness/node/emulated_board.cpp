@@ -1,7 +1,6 @@
 #include "harness/node/emulated_board.h"
 
 #include <fmt/format.h>
-#include <sched.h>
 #include <sys/socket.h>
 
 #include <algorithm>
@@ -10,8 +9,6 @@
 #include <chrono>
 #include <csignal>
 #include <cstring>
-#include <filesystem>
-#include <fstream>
 #include <string_view>
 #include <utility>
 
@@ -53,18 +50,8 @@ std::string Connected(const std::string& port) {
 
 // Control sockets are descriptors 3 and 4.
 std::vector<std::string> CommandLine(const EmulatorSpec& spec, const BoardWiring& wiring) {
-  std::vector<std::string> command = {"qemu-system-arm",
-                                      "-M",
-                                      "netduinoplus2",
-                                      "-display",
-                                      "none",
-                                      "-monitor",
-                                      "none",
-                                      "-nodefaults",
-                                      "-no-user-config",
-                                      "-S",
-                                      "-name",
-                                      "tiltproof,debug-threads=on"};
+  std::vector<std::string> command = {"qemu-system-arm", "-M",   "netduinoplus2", "-display",        "none",
+                                      "-monitor",        "none", "-nodefaults",   "-no-user-config", "-S"};
   const auto add = [&](std::initializer_list<std::string> words) { command.insert(command.end(), words); };
   for (int usart = 1; usart <= kUsartCount; ++usart) {
     std::string what = "null";
@@ -79,34 +66,6 @@ std::vector<std::string> CommandLine(const EmulatorSpec& spec, const BoardWiring
   if (wiring.debugger) add({"-chardev", "socket,id=debugger,fd=4", "-gdb", "chardev:debugger"});
   add({"-kernel", spec.image});
   return command;
-}
-
-// The thread of the processor and that of the devices hand each byte to one another: each gets a processor of ours for
-// itself. A scheduler that packs them on one makes a byte several times slower. Several boards begin at different ones.
-void Spread(pid_t pid) {
-  cpu_set_t usable;
-  CPU_ZERO(&usable);
-  if (sched_getaffinity(0, sizeof usable, &usable) != 0 || CPU_COUNT(&usable) < 2) return;
-  std::vector<int> processors;
-  for (int i = 0; i < CPU_SETSIZE; ++i)
-    if (CPU_ISSET(i, &usable)) processors.push_back(i);
-  const auto pin = [&](pid_t thread, std::size_t which) {
-    cpu_set_t one;
-    CPU_ZERO(&one);
-    CPU_SET(processors[which % processors.size()], &one);
-    sched_setaffinity(thread, sizeof one, &one);
-  };
-  const auto first = static_cast<std::size_t>(pid);
-  pin(pid, first);
-  std::error_code error;
-  const std::filesystem::path tasks = fmt::format("/proc/{}/task", pid);
-  for (std::filesystem::directory_iterator task(tasks, error);
-       !error && task != std::filesystem::directory_iterator(); task.increment(error)) {
-    std::ifstream file(task->path() / "comm");
-    std::string name;
-    std::getline(file, name);
-    if (name.starts_with("CPU ")) pin(std::stoi(task->path().filename()), first + 1);
-  }
 }
 
 }  // namespace
@@ -134,7 +93,7 @@ EmulatedBoard::EmulatedBoard(NodeServices& services, const EmulatorSpec& spec, c
 void EmulatedBoard::PowerOn() {
   // By its answer, all of its threads are there.
   qmp_->Execute("cont", "{}", [this](const std::string&, const std::string&) {
-    Spread(process_->child().pid());
+    processor_.emplace(process_->child().pid());
     wait_watch_.emplace(services_, process_->child().pid());
   });
 }
@@ -195,6 +154,7 @@ void EmulatedBoard::ReadWords(std::uint32_t address, int count,
 
 void EmulatedBoard::Watch() {
   if (lost_) return;
+  if (processor_) processor_->Watch();
   if (paused_) silent_for_good_reason_ = steady_clock::now();
   // When QEMU ends, that is told by its end.
   if (!socket_trouble_.empty() && process_->child().Alive())

@@ -21,6 +21,7 @@
 #include "harness/emulator/qmp_client.h"
 #include "harness/node/cpu_wait_watch.h"
 #include "harness/node/firmware_process.h"
+#include "harness/node/one_processor.h"
 
 namespace tiltproof::harness {
 
@@ -80,6 +81,7 @@ class EmulatedBoard {
   std::chrono::steady_clock::time_point silent_for_good_reason_;
   std::string socket_trouble_;
   bool lost_ = false;
+  std::optional<OneProcessor> processor_;
   std::optional<CpuWaitWatch> wait_watch_;
 };
 

@@ -170,6 +170,24 @@ class EmulatorTest(unittest.TestCase):
             self.assertEqual(code, 0, flight.text())
             self.assertGreater(flight.result()["metrics"]["link.reference.frames_sent_count"], 200)
 
+    def processors(self, pid):
+        return {read(f"/proc/{pid}/task/{task}/status").split(b"Cpus_allowed_list:\t")[1].split(b"\n")[0].decode()
+                for task in os.listdir(f"/proc/{pid}/task")}
+
+    def test_emulator_keeps_to_one_processor_while_its_firmware_sleeps(self):
+        if len(os.sched_getaffinity(0)) < 2:
+            self.skipTest("this machine has but one")
+        flight = self.start("qemu", duration_s=10)
+        flight.wait_flying()
+        emulator = self.emulators(flight)[0]
+        wait_until(lambda: len(one := self.processors(emulator)) == 1 and one.pop().isdigit(), 5, lambda: self.processors(emulator))
+        flight.end()
+        # One that never sleeps would have its devices wait.
+        flight = self.start(f"qemu:{write_image(self.folder / 'busy.elf', 0x08000041)}", duration_s=10)
+        flight.wait_flying()
+        emulator = self.emulators(flight)[0]
+        wait_until(lambda: not any(one.isdigit() for one in self.processors(emulator)), 8, lambda: self.processors(emulator))
+
     # what may go wrong
 
     def test_emulator_that_is_killed(self):
