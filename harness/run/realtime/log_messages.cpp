@@ -255,7 +255,7 @@ void LogCollector::Drain() {
     }
   }
   for (auto& rows : rows_.Take()) {
-    const std::size_t columns = rows.column_count;
+    const auto columns = static_cast<std::size_t>(rows.column_count);
     const bool of_plant = columns == log_.trace.columns().size();
     if (!ours(rows) || (!of_plant && columns != kLinkColumnCount)) continue;
     for (std::size_t at = 0; at + columns <= rows.values.size(); at += columns) {
