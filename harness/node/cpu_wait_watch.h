@@ -2,6 +2,8 @@
 // than a node may be late.
 #pragma once
 
+#include <algorithm>
+
 #include "harness/node/cpu_wait.h"
 #include "harness/node/node.h"
 
@@ -10,11 +12,20 @@ namespace tiltproof::harness {
 class CpuWaitWatch {
  public:
   CpuWaitWatch(NodeServices& services, pid_t pid)
-      : wait_(pid),
+      : services_(services),
+        wait_(pid),
         timer_(services, services.clock().Now() + kControlPeriodNs, kControlPeriodNs,
-               [this, &services](TimeNs now) { services.lateness().Note(now - wait_.Take(), now); }) {}
+               [this](TimeNs now) { Look(now); }) {}
 
  private:
+  // When in the period it waited is not known.
+  void Look(TimeNs now) {
+    const TimeNs waited_ns = wait_.Take();
+    if (waited_ns > Lateness::kLateAfterNs)
+      services_.lateness().Note(now - std::max(waited_ns, kControlPeriodNs), now);
+  }
+
+  NodeServices& services_;
   CpuWait wait_;
   PeriodicTimer timer_;
 };

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <utility>
 
-#include "faults/device_command.h"
 #include "harness/node/cpu_wait_watch.h"
+#include "harness/node/deaf_receiver.h"
 #include "harness/node/pty_canary.h"
 #include "harness/node/roles.h"
 #include "harness/run/framed.h"
@@ -29,36 +29,7 @@ constexpr std::size_t kRoundTripSampleCount = 50;
 constexpr TimeNs kHandOverPeriodNs = 100 * kNsPerUs;
 constexpr TimeNs kFrameTimeMax = 2 * kNsPerMs;
 // What an emulated board may take for its answer before it counts as late.
-constexpr TimeNs kEmulationNs = 2 * kNsPerMs;
-
-// While an emulated board's processor stands still, its receivers keep the first byte that comes and lose the others, as
-// they would on the chip; held in reset, they lose all. The emulator itself would hand over everything afterwards.
-class DeafReceiver {
- public:
-  DeafReceiver() = default;
-  explicit DeafReceiver(const Scenario& scenario) {
-    for (const faults::DeviceCommand& command : faults::DeviceCommands(scenario.faults, scenario.seed))
-      if (command.type == "device.stall" || command.type == "device.reset")
-        spans_.push_back({command.at_ns, command.until_ns, command.type == "device.stall"});
-  }
-
-  // How many of the bytes that arrive at `time_ns` (simulation time) the firmware gets.
-  std::size_t Keeps(TimeNs time_ns, std::size_t size) {
-    std::size_t kept = size;
-    for (Span& span : spans_) {
-      if (time_ns < span.begin_ns || time_ns >= span.end_ns) continue;
-      kept = std::min(kept, std::exchange(span.register_free, false) ? std::size_t{1} : 0);
-    }
-    return kept;
-  }
-
- private:
-  struct Span {
-    TimeNs begin_ns, end_ns;
-    bool register_free;
-  };
-  std::vector<Span> spans_;
-};
+constexpr TimeNs kEmulationNs = 3 * kNsPerMs;
 
 class LinkRole final : public Role {
  public:

@@ -1,0 +1,47 @@
+// What a receiver of an emulated board gets in real time while faults hold the processor: standing still, it keeps the
+// first byte that comes and loses the others, as on the chip (an overrun); held in reset, it loses all. QEMU by itself
+// would hand everything over afterwards.
+//
+//   DeafReceiver receiver(scenario);                       // one for each line
+//   bytes = bytes.first(receiver.Keeps(now, bytes.size()));
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+#include "faults/device_command.h"
+#include "harness/scenario/scenario.h"
+
+namespace tiltproof::harness {
+
+class DeafReceiver {
+ public:
+  // Hears everything.
+  DeafReceiver() = default;
+  explicit DeafReceiver(const Scenario& scenario) {
+    for (const faults::DeviceCommand& command : faults::DeviceCommands(scenario.faults, scenario.seed))
+      if (command.type == "device.stall" || command.type == "device.reset")
+        spans_.push_back({command.at_ns, command.until_ns, command.type == "device.stall"});
+  }
+
+  // How many of the bytes that arrive at `time_ns` (simulation time) the firmware gets, the first of them.
+  std::size_t Keeps(TimeNs time_ns, std::size_t size) {
+    std::size_t kept = size;
+    for (Span& span : spans_) {
+      if (time_ns < span.begin_ns || time_ns >= span.end_ns) continue;
+      kept = std::min<std::size_t>(kept, std::exchange(span.register_free, false) ? 1 : 0);
+    }
+    return kept;
+  }
+
+ private:
+  struct Span {
+    TimeNs begin_ns, end_ns;
+    bool register_free;
+  };
+  std::vector<Span> spans_;
+};
+
+}  // namespace tiltproof::harness
