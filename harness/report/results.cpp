@@ -1,6 +1,7 @@
 #include "harness/report/results.h"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -67,37 +68,65 @@ std::string XmlSafe(std::string text) {
   return text;
 }
 
+std::string HostName() {
+  char name[256] = {};
+  return gethostname(name, sizeof name - 1) == 0 && name[0] != 0 ? name : "localhost";
+}
+
+std::string Decimal(double time_s) { return fmt::format("{:.3f}", time_s); }
+
+void AddTestCase(pugi::xml_node suite, const std::string& suite_name, const ScenarioResult& result) {
+  auto test = suite.append_child("testcase");
+  test.append_attribute("classname") = suite_name.c_str();
+  test.append_attribute("name") = XmlSafe(result.name).c_str();
+  test.append_attribute("time") = Decimal(result.wall_s).c_str();
+  if (result.green()) return;
+  const std::string verdict(Name(result.score.verdict));
+  auto failure = test.append_child(result.score.verdict == Verdict::kError ? "error" : "failure");
+  failure.append_attribute("message") =
+      XmlSafe(fmt::format("{}, expected {}: {}", verdict, Name(result.expected), result.score.reason))
+          .c_str();
+  failure.append_attribute("type") = verdict.c_str();
+  std::string text = fmt::format("seed {}\nreplay: {}\n", result.seed, result.replay);
+  for (const auto& criterion : result.score.criteria)
+    text += fmt::format("{} {}: {}\n", Name(criterion.verdict), criterion.name, criterion.explanation);
+  failure.append_child(pugi::node_pcdata).set_value(XmlSafe(text).c_str());
+}
+
+// Elements, attributes and their order are what the schemas of Ant and Jenkins both know; a test holds that.
 std::string JunitXml(const RunInfo& info, const std::vector<ScenarioResult>& results) {
   pugi::xml_document document;
   auto suite = document.append_child("testsuites").append_child("testsuite");
-  suite.append_attribute("name") = XmlSafe(info.suite).c_str();
-  suite.append_attribute("tests") = static_cast<unsigned>(results.size());
+  const std::string name = XmlSafe(info.suite);
   unsigned failures = 0, errors = 0;
   double time_s = 0;
   for (const auto& result : results) {
     if (!result.green()) ++(result.score.verdict == Verdict::kError ? errors : failures);
     time_s += result.wall_s;
   }
+  suite.append_attribute("name") = name.c_str();
+  suite.append_attribute("package") = name.c_str();
+  suite.append_attribute("id") = 0;
+  suite.append_attribute("hostname") = HostName().c_str();
+  // UTC. Ant's schema knows neither zone nor fractions of a second.
+  suite.append_attribute("timestamp") = info.started.substr(0, 19).c_str();
+  suite.append_attribute("tests") = static_cast<unsigned>(results.size());
   suite.append_attribute("failures") = failures;
   suite.append_attribute("errors") = errors;
-  suite.append_attribute("time") = fmt::format("{:.3f}", time_s).c_str();
-  suite.append_attribute("timestamp") = info.started.c_str();
-  for (const auto& result : results) {
-    auto test = suite.append_child("testcase");
-    test.append_attribute("classname") = XmlSafe(info.suite).c_str();
-    test.append_attribute("name") = XmlSafe(result.name).c_str();
-    test.append_attribute("time") = fmt::format("{:.3f}", result.wall_s).c_str();
-    if (result.green()) continue;
-    auto failure = test.append_child(result.score.verdict == Verdict::kError ? "error" : "failure");
-    failure.append_attribute("message") =
-        XmlSafe(fmt::format("{}, expected {}: {}", Name(result.score.verdict), Name(result.expected),
-                            result.score.reason))
-            .c_str();
-    std::string text = fmt::format("seed {}\nreplay: {}\n", result.seed, result.replay);
-    for (const auto& criterion : result.score.criteria)
-      text += fmt::format("{} {}: {}\n", Name(criterion.verdict), criterion.name, criterion.explanation);
-    failure.append_child(pugi::node_pcdata).set_value(XmlSafe(text).c_str());
-  }
+  suite.append_attribute("time") = Decimal(time_s).c_str();
+  auto properties = suite.append_child("properties");
+  const auto add_property = [&properties](const char* key, const std::string& value) {
+    auto property = properties.append_child("property");
+    property.append_attribute("name") = key;
+    property.append_attribute("value") = XmlSafe(value).c_str();
+  };
+  add_property("version", std::string(Version()));
+  add_property("seed", std::to_string(info.seed));
+  add_property("mode", info.mode);
+  add_property("client", info.client);
+  for (const auto& result : results) AddTestCase(suite, name, result);
+  suite.append_child("system-out");
+  suite.append_child("system-err");
   std::ostringstream out;
   document.save(out, "  ");
   return out.str();

@@ -1,5 +1,6 @@
 // The files of a run: written whole, read back equal, damage named with its place.
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -7,6 +8,8 @@
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <map>
+#include <pugixml.hpp>
 
 #include "harness/report/build_id.h"
 #include "harness/report/files.h"
@@ -157,6 +160,59 @@ TEST_F(ReportTest, JunitKeepsItsXmlWellFormed) {
   EXPECT_THAT(xml, HasSubstr("because &lt;of"));
   EXPECT_THAT(xml, HasSubstr("tests=\"2\" failures=\"1\" errors=\"0\""));
   EXPECT_EQ(xml.find('\x01'), std::string::npos);
+}
+
+std::vector<std::string> ChildNames(const pugi::xml_node& node) {
+  std::vector<std::string> names;
+  for (const auto& child : node.children()) names.emplace_back(child.name());
+  return names;
+}
+
+void ExpectAttributes(const pugi::xml_node& node, const std::map<std::string, std::string>& patterns) {
+  for (const auto& [name, pattern] : patterns)
+    EXPECT_THAT(node.attribute(name.c_str()).value(), ::testing::MatchesRegex(pattern))
+        << node.name() << " " << name;
+  for (const auto& attribute : node.attributes())
+    EXPECT_TRUE(patterns.contains(attribute.name())) << node.name() << " " << attribute.name();
+}
+
+// What the schemas of Ant and of Jenkins both ask for, and nothing that one of them does not know.
+TEST_F(ReportTest, JunitHasTheFormThatAntAndJenkinsKnow) {
+  RunInfo info;
+  info.suite = "s";
+  info.started = UtcNow();
+  WriteResults(folder_, info,
+               {Result(Verdict::kFail, Verdict::kPass), Result(Verdict::kPass, Verdict::kPass),
+                Result(Verdict::kError, Verdict::kPass), Result(Verdict::kInconclusive, Verdict::kPass)});
+  pugi::xml_document document;
+  ASSERT_TRUE(document.load_file((folder_ / "junit.xml").c_str()));
+  const auto root = document.document_element();
+  EXPECT_STREQ(root.name(), "testsuites");
+  ExpectAttributes(root, {});
+  const auto suite = root.child("testsuite");
+  ExpectAttributes(suite, {{"name", "s"},
+                           {"package", "s"},
+                           {"id", "0"},
+                           {"hostname", ".+"},
+                           {"timestamp", "20..-..-..T..:..:.."},
+                           {"tests", "4"},
+                           {"failures", "2"},
+                           {"errors", "1"},
+                           {"time", "[0-9]+\\.[0-9]+"}});
+  EXPECT_THAT(ChildNames(suite), ::testing::ElementsAre("properties", "testcase", "testcase", "testcase",
+                                                        "testcase", "system-out", "system-err"));
+  EXPECT_NE(suite.child("properties").first_child(), nullptr);
+  for (const auto& property : suite.child("properties").children())
+    ExpectAttributes(property, {{"name", ".+"}, {"value", ".*"}});
+  std::vector<std::string> outcomes;
+  for (const auto& test : suite.children("testcase")) {
+    ExpectAttributes(test, {{"name", ".+"}, {"classname", "s"}, {"time", "[0-9]+\\.[0-9]+"}});
+    for (const auto& outcome : test.children()) {
+      ExpectAttributes(outcome, {{"message", ".+"}, {"type", "fail|error|inconclusive"}});
+      outcomes.push_back(fmt::format("{} {}", outcome.name(), outcome.attribute("type").value()));
+    }
+  }
+  EXPECT_THAT(outcomes, ::testing::ElementsAre("failure fail", "error error", "failure inconclusive"));
 }
 
 TEST_F(ReportTest, BuildIdFollowsTheFirmware) {
