@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>
+#include <vector>
 
 #include "harness/report/files.h"
 #include "harness/report/trace_csv.h"
@@ -61,6 +62,35 @@ Json FlightJson(const RunLog& log) {
   return json;
 }
 
+std::string FaultsJsonl(const Scenario& scenario, const RunLog& log) {
+  std::string lines;
+  const auto begin = [&scenario](std::size_t fault) {
+    Json line;
+    line["fault"] = scenario.faults.at(fault).id;
+    line["type"] = scenario.faults.at(fault).type;
+    return line;
+  };
+  std::vector<std::int64_t> left_out = log.fault_activation_counts;
+  left_out.resize(scenario.faults.size(), 0);
+  for (const auto& activation : log.activations) {
+    Json line;
+    line["time_s"] = ToSeconds(activation.time_ns);
+    line.update(begin(activation.fault));
+    line["what"] = activation.what;
+    line["before"] = ToJson(activation.before);
+    line["after"] = ToJson(activation.after);
+    lines += line.dump() + "\n";
+    --left_out[activation.fault];
+  }
+  for (std::size_t fault = 0; fault < left_out.size(); ++fault) {
+    if (left_out[fault] <= 0) continue;
+    Json line = begin(fault);
+    line["left_out_count"] = left_out[fault];
+    lines += line.dump() + "\n";
+  }
+  return lines;
+}
+
 EndReason EndReasonNamed(const std::string& name) {
   for (int i = 0; i <= static_cast<int>(EndReason::kHarnessError); ++i)
     if (Name(static_cast<EndReason>(i)) == name) return static_cast<EndReason>(i);
@@ -71,18 +101,7 @@ EndReason EndReasonNamed(const std::string& name) {
 
 void WriteFlight(const std::filesystem::path& folder, const Scenario& scenario, const RunLog& log) {
   WriteFile(folder / "trace.csv", WriteTraceCsv(log.trace));
-  std::string faults;
-  for (const auto& activation : log.activations) {
-    Json line;
-    line["time_s"] = ToSeconds(activation.time_ns);
-    line["fault"] = scenario.faults.at(activation.fault).id;
-    line["type"] = scenario.faults.at(activation.fault).type;
-    line["what"] = activation.what;
-    line["before"] = ToJson(activation.before);
-    line["after"] = ToJson(activation.after);
-    faults += line.dump() + "\n";
-  }
-  WriteFile(folder / "faults.jsonl", faults);
+  WriteFile(folder / "faults.jsonl", FaultsJsonl(scenario, log));
   const auto& bytes = log.link.content();
   WriteFile(folder / "link.bin", {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
   WriteFile(folder / "firmware.log", log.firmware_log);

@@ -2,7 +2,8 @@
 //
 //   scenario.resolved.yaml  the scenario with every default explicit
 //   trace.csv               one row every 12 ms
-//   faults.jsonl            every kept activation of a fault: time, what, chunks before and after
+//   faults.jsonl            every kept activation of a fault: time, what, chunks before and after; at the end,
+//                           for each fault of which some were not kept, how many: left_out_count
 //   link.bin                raw bytes with times (harness/run/link_log.h)
 //   firmware.log            what the firmware logged, with simulation times in seconds
 //   flight.json             how the flight ended, counters, request times: the rest of what scoring needs

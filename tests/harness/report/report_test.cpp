@@ -9,7 +9,9 @@
 #include <fstream>
 #include <limits>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <pugixml.hpp>
+#include <sstream>
 
 #include "harness/report/build_id.h"
 #include "harness/report/files.h"
@@ -213,6 +215,45 @@ TEST_F(ReportTest, JunitHasTheFormThatAntAndJenkinsKnow) {
     }
   }
   EXPECT_THAT(outcomes, ::testing::ElementsAre("failure fail", "error error", "failure inconclusive"));
+}
+
+// Lines of a file, each a JSON object.
+std::vector<nlohmann::json> LinesOf(const fs::path& file) {
+  std::vector<nlohmann::json> lines;
+  std::istringstream text(ReadFile(file));
+  for (std::string line; std::getline(text, line);) lines.push_back(nlohmann::json::parse(line));
+  return lines;
+}
+
+TEST_F(ReportTest, TheFaultsLogSaysHowManyActivationsItLeavesOut) {
+  Scenario scenario;
+  scenario.faults.resize(4);
+  for (std::size_t i = 0; i < scenario.faults.size(); ++i) {
+    scenario.faults[i].id = std::string(1, static_cast<char>('a' + i));
+    scenario.faults[i].type = "frame.drop";
+  }
+  RunLog log;
+  // Of the second all are kept, the third never acted, of the fourth no record came.
+  log.fault_activation_counts = {1005, 1, 0, 7};
+  log.activations = {{.time_ns = 1, .fault = 0, .what = "dropped", .before = {}, .after = {}},
+                     {.time_ns = 2, .fault = 1, .what = "dropped", .before = {}, .after = {}},
+                     {.time_ns = 3, .fault = 0, .what = "dropped", .before = {}, .after = {}}};
+  WriteFlight(folder_, scenario, log);
+  const auto lines = LinesOf(folder_ / "faults.jsonl");
+  ASSERT_EQ(lines.size(), 5U);
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(lines[i].at("what"), "dropped");
+  EXPECT_EQ(lines[3], (nlohmann::json{{"fault", "a"}, {"type", "frame.drop"}, {"left_out_count", 1003}}));
+  EXPECT_EQ(lines[4], (nlohmann::json{{"fault", "d"}, {"type", "frame.drop"}, {"left_out_count", 7}}));
+}
+
+TEST_F(ReportTest, AFaultsLogWithoutTotalsLeavesNothingOut) {
+  Scenario scenario;
+  scenario.faults.resize(1);
+  scenario.faults[0].id = "a";
+  RunLog log;  // of a flight whose nodes were lost: no counts came, a record did
+  log.activations = {{.time_ns = 1, .fault = 0, .what = "dropped", .before = {}, .after = {}}};
+  WriteFlight(folder_, scenario, log);
+  EXPECT_EQ(LinesOf(folder_ / "faults.jsonl").size(), 1U);
 }
 
 TEST_F(ReportTest, BuildIdFollowsTheFirmware) {
