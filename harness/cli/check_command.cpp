@@ -8,6 +8,7 @@
 #include "harness/cli/commands.h"
 #include "harness/cli/suite.h"
 #include "harness/scenario/schema.h"
+#include "harness/score/score.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -45,7 +46,7 @@ int ListCommand(const CheckOptions& options) {
 }
 
 int SchemaCommand() {
-  fmt::print("{}\n", ScenarioJsonSchema());
+  fmt::print("{}\n", ScenarioJsonSchema(MetricNames()));
   return kExitGreen;
 }
 

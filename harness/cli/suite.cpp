@@ -62,11 +62,6 @@ Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const std::stri
   Suite suite;
   try {
     for (auto& scenario : ReadScenarios(FindScenarios(paths), options)) {
-      for (const std::string_view taken :
-           {"run.json", "results.json", "events.jsonl", "junit.xml", "report.html"})
-        if (scenario.name == taken)
-          throw UsageError(
-              fmt::format("{}: name '{}' is that of a file of the results", scenario.file.string(), taken));
       auto model = models.Load(scenario.model_file, scenario.allow_invalid_inertia);
       suite.scenarios.push_back({std::move(scenario), std::move(model)});
     }

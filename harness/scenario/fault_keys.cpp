@@ -21,13 +21,13 @@ using link::MessageKind;
 constexpr std::array kMessages = {MessageKind::kStart, MessageKind::kSensors, MessageKind::kActuators,
                                   MessageKind::kReply, MessageKind::kReference};
 
-const std::vector<std::string_view>& TypeNames() {
-  static const std::vector<std::string_view> names = [] {
-    std::vector<std::string_view> all;
-    for (const FaultType& type : faults::FaultTypes()) all.push_back(type.name);
+const std::vector<Alternative>& Types() {
+  static const std::vector<Alternative> types = [] {
+    std::vector<Alternative> all;
+    for (const FaultType& type : faults::FaultTypes()) all.push_back({type.name, type.summary});
     return all;
   }();
-  return names;
+  return types;
 }
 
 // A text as the registry takes it.
@@ -136,11 +136,12 @@ void DescribeTrigger(KeyVisitor& v, FaultSpec& fault) {
 
 void DescribeFault(KeyVisitor& v, FaultSpec& fault) {
   v.Text({"id", "Unique in the scenario; names its random stream", Presence::kRequired}, fault.id, kNameRule);
-  const auto found = std::find(TypeNames().begin(), TypeNames().end(), fault.type);
+  const auto found = std::find_if(Types().begin(), Types().end(),
+                                  [&](const Alternative& type) { return type.word == fault.type; });
   std::optional<std::size_t> index;
-  if (found != TypeNames().end()) index = static_cast<std::size_t>(found - TypeNames().begin());
+  if (found != Types().end()) index = static_cast<std::size_t>(found - Types().begin());
   v.Alternatives(
-      {"type", "What kind of fault; `tiltproof faults` lists them", Presence::kRequired}, TypeNames(), index,
+      {"type", "What kind of fault; `tiltproof faults` lists them", Presence::kRequired}, Types(), index,
       [&](KeyVisitor& w, std::size_t chosen) {
         const FaultType& type = faults::FaultTypes()[chosen];
         if (fault.type != type.name) fault.parameters.clear();

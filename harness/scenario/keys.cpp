@@ -17,6 +17,16 @@ constexpr Range kSize_m = {0, 1000};
 constexpr Range kPeriod_s = {0.1, 86400};
 constexpr double kMax = 1e9;
 
+// A name that is taken already.
+constexpr TextRule NameExcept(std::span<const std::string_view> reserved, std::string_view reserved_for) {
+  TextRule rule = kNameRule;
+  rule.reserved = reserved;
+  rule.reserved_for = reserved_for;
+  return rule;
+}
+
+constexpr TextRule kScenarioName = NameExcept(kRunFiles, "the name of a file of the results");
+constexpr TextRule kCriterionName = NameExcept(kImplicitCriteria, "a criterion that every scenario has");
 constexpr TextRule kWord = {"[a-z0-9_]+", "lower-case letters, digits and '_'", 100};
 constexpr TextRule kMetric = {"[a-z0-9_]+(\\.[a-z0-9_]+)+", "a dotted name such as tracking.rmse_m", 100};
 constexpr TextRule kAnyText = {};
@@ -94,8 +104,15 @@ void DescribePath(KeyVisitor& v, RecordedReference& r) {
 }
 
 using Path = decltype(ReferenceSpec::path);
-constexpr std::array<std::string_view, std::variant_size_v<Path>> kPathWords = {
-    "hover", "spiral", "waypoints", "circle", "eight", "line", "recorded"};
+constexpr std::array<Alternative, std::variant_size_v<Path>> kPaths = {{
+    {"hover", "Stay at one point"},
+    {"spiral", "The paper's climbing spiral, eq. (1)"},
+    {"waypoints", "Straight lines from point to point"},
+    {"circle", "A level circle"},
+    {"eight", "A level figure of eight"},
+    {"line", "One straight line"},
+    {"recorded", "A path from a CSV file"},
+}};
 
 template <std::size_t... i>
 void SetAlternative(Path& path, std::size_t index, std::index_sequence<i...>) {
@@ -103,21 +120,26 @@ void SetAlternative(Path& path, std::size_t index, std::index_sequence<i...>) {
 }
 
 void DescribeReference(KeyVisitor& v, ReferenceSpec& reference) {
-  v.Alternatives({"type", "Shape of the path", kRequired}, kPathWords, reference.path.index(),
+  v.Alternatives({"type", "Shape of the path", kRequired}, kPaths, reference.path.index(),
                  [&](KeyVisitor& w, std::size_t index) {
                    if (reference.path.index() != index)
-                     SetAlternative(reference.path, index, std::make_index_sequence<kPathWords.size()>());
+                     SetAlternative(reference.path, index, std::make_index_sequence<kPaths.size()>());
                    std::visit([&](auto& path) { DescribePath(w, path); }, reference.path);
                  });
   v.Bool({"velocity", "Send the path's velocity along; false: it is sent as 0"}, reference.velocity);
 }
 
 void DescribeCriterion(KeyVisitor& v, CriterionSpec& criterion) {
-  v.Text({"name", "Unique in the scenario", kRequired}, criterion.name, kNameRule);
+  v.Text({"name", "Unique in the scenario", kRequired}, criterion.name, kCriterionName);
   v.Text({"stl", "A formula of signal temporal logic; either this or metric"}, criterion.stl, kAnyText);
   v.Text({"metric", "A metric with a bound"}, criterion.metric, kMetric);
   v.MaybeNumber({"min", "Least value of the metric that passes"}, criterion.min, {-kMax, kMax});
   v.MaybeNumber({"max", "Largest value of the metric that passes"}, criterion.max, {-kMax, kMax});
+  v.ExactlyOne(
+      "a criterion",
+      std::array{
+          KeyGroup{"stl"},
+          KeyGroup{"metric", {"min", "max"}, "bounds belong to a 'metric'; write them into the formula"}});
 }
 
 template <class Item, class Describe>
@@ -130,7 +152,7 @@ void ListOf(KeyVisitor& v, const Key& key, std::vector<Item>& items, Describe de
 }  // namespace
 
 void DescribeScenario(KeyVisitor& v, Scenario& s) {
-  v.Text({"name", "Unique within a run; names the result folder", kRequired}, s.name, kNameRule);
+  v.Text({"name", "Unique within a run; names the result folder", kRequired}, s.name, kScenarioName);
   v.Text({"description", "What it is about, for people"}, s.description, kAnyText);
   v.Texts({"tags", "Words to select by"}, s.tags, kNameRule);
   v.Text(

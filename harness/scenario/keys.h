@@ -43,11 +43,26 @@ struct TextRule {
   std::string_view regex;    // ECMAScript, of the whole text
   std::string_view meaning;  // "must be ..."
   std::size_t length_max = 4096;
+  std::span<const std::string_view> reserved = {};  // texts that are refused ...
+  std::string_view reserved_for = {};               // ... since each "is ..."
 };
 
 // Names of scenarios, faults, criteria, tags.
 inline constexpr TextRule kNameRule = {
     "[A-Za-z0-9][A-Za-z0-9_.-]*", "letters, digits, '_', '.', '-', beginning with a letter or digit", 100};
+
+// A key that excludes others, and those that may only stand beside it.
+struct KeyGroup {
+  std::string_view key;
+  std::vector<std::string_view> companions = {};  // it needs one of these; none: it needs no other
+  std::string_view companions_refused = {};       // what is wrong with them beside another key
+};
+
+// A word that decides which other keys a mapping has.
+struct Alternative {
+  std::string_view word;
+  std::string_view doc;  // one line for a person
+};
 
 class KeyVisitor {
  public:
@@ -58,6 +73,9 @@ class KeyVisitor {
 
   // A key that others of this mapping's kind have; `key.doc` says why it has none.
   virtual void Refuse(const Key& /*key*/) {}
+
+  // Of these keys, described as optional, the mapping has exactly one. `mapping` names it: "a criterion".
+  virtual void ExactlyOne(std::string_view /*mapping*/, std::span<const KeyGroup> /*groups*/) {}
 
   // The value passed in is the default.
   virtual void Bool(const Key& key, bool& value) = 0;
@@ -79,8 +97,8 @@ class KeyVisitor {
   // A list of mappings. `resize` is called before the bodies.
   virtual void List(const Key& key, std::size_t count, const std::function<void(std::size_t)>& resize,
                     const NumberedBody& body) = 0;
-  // A word that decides which other keys this mapping has.
-  virtual void Alternatives(const Key& key, std::span<const std::string_view> words,
+  // Which other keys this mapping has depends on a word.
+  virtual void Alternatives(const Key& key, std::span<const Alternative> alternatives,
                             std::optional<std::size_t> index, const NumberedBody& body) = 0;
 };
 

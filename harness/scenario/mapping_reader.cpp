@@ -96,6 +96,8 @@ std::optional<std::string> MappingReader::ReadText(std::string_view key, const Y
     Complain(node.mark, fmt::format("{}: contains a control character", key));
   } else if (!rule.regex.empty() && !std::regex_match(node.text, std::regex(std::string(rule.regex)))) {
     Complain(node.mark, fmt::format("{}: {} must be {}", key, Describe(node), rule.meaning));
+  } else if (std::find(rule.reserved.begin(), rule.reserved.end(), node.text) != rule.reserved.end()) {
+    Complain(node.mark, fmt::format("{}: {} is {}; choose another", key, Describe(node), rule.reserved_for));
   } else {
     return node.text;
   }
@@ -148,6 +150,43 @@ void MappingReader::Refuse(const Key& key) {
   if (entry == nullptr) return;
   known_.push_back(key.name);  // and said so
   Complain(entry->key_mark, fmt::format("{}: {}", key.name, key.doc));
+}
+
+void MappingReader::ExactlyOne(std::string_view mapping, std::span<const KeyGroup> groups) {
+  std::vector<std::string> keys;
+  const KeyGroup* chosen = nullptr;
+  std::size_t count = 0;
+  for (const KeyGroup& group : groups) {
+    keys.push_back(fmt::format("'{}'", group.key));
+    if (mapping_.Find(group.key) == nullptr) continue;
+    chosen = &group;
+    ++count;
+  }
+  if (count == 0) {
+    Complain(mapping_.mark, fmt::format("{} needs {}", mapping, fmt::join(keys, " or ")));
+  } else if (count > 1) {
+    Complain(mapping_.mark, fmt::format("{} has either {}, not both", mapping, fmt::join(keys, " or ")));
+  } else {
+    for (const KeyGroup& group : groups) &group == chosen ? RequireCompanion(group) : RefuseCompanions(group);
+  }
+}
+
+void MappingReader::RequireCompanion(const KeyGroup& group) {
+  const auto has = [this](std::string_view key) { return mapping_.Find(key) != nullptr; };
+  if (group.companions.empty() || std::any_of(group.companions.begin(), group.companions.end(), has)) return;
+  std::vector<std::string> keys;
+  for (const std::string_view key : group.companions) keys.push_back(fmt::format("'{}'", key));
+  Complain(mapping_.Find(group.key)->value.mark,
+           fmt::format("{}: needs {} or both", group.key, fmt::join(keys, ", ")));
+}
+
+void MappingReader::RefuseCompanions(const KeyGroup& group) {
+  for (const std::string_view key : group.companions) {
+    const YamlEntry* entry = mapping_.Find(key);
+    if (entry == nullptr) continue;
+    Complain(entry->value.mark, std::string(group.companions_refused));
+    return;
+  }
 }
 
 void MappingReader::Bool(const Key& key, bool& value) {
@@ -261,8 +300,10 @@ void MappingReader::List(const Key& key, std::size_t, const std::function<void(s
   }
 }
 
-void MappingReader::Alternatives(const Key& key, std::span<const std::string_view> words,
+void MappingReader::Alternatives(const Key& key, std::span<const Alternative> alternatives,
                                  std::optional<std::size_t>, const NumberedBody& body) {
+  std::vector<std::string_view> words;
+  for (const Alternative& alternative : alternatives) words.push_back(alternative.word);
   std::optional<std::size_t> index;
   Choice(key, words, index);
   if (index) {

@@ -19,6 +19,7 @@ class MappingReader : public KeyVisitor {
   void Finish();
 
   void Refuse(const Key& key) override;
+  void ExactlyOne(std::string_view mapping, std::span<const KeyGroup> groups) override;
   void Bool(const Key& key, bool& value) override;
   void Number(const Key& key, double& value, Range range) override;
   void MaybeNumber(const Key& key, std::optional<double>& value, Range range) override;
@@ -33,8 +34,8 @@ class MappingReader : public KeyVisitor {
   void Section(const Key& key, const Body& body) override;
   void List(const Key& key, std::size_t count, const std::function<void(std::size_t)>& resize,
             const NumberedBody& body) override;
-  void Alternatives(const Key& key, std::span<const std::string_view> words, std::optional<std::size_t> index,
-                    const NumberedBody& body) override;
+  void Alternatives(const Key& key, std::span<const Alternative> alternatives,
+                    std::optional<std::size_t> index, const NumberedBody& body) override;
 
  private:
   // The value of a key that is there and not empty.
@@ -46,6 +47,8 @@ class MappingReader : public KeyVisitor {
   std::optional<std::string> ReadText(std::string_view key, const YamlNode& node, const TextRule& rule);
   std::optional<std::array<double, 3>> ReadPoint(std::string_view key, const YamlNode& node, Range range);
   const std::vector<YamlNode>* ReadItems(std::string_view key, const YamlNode& node);
+  void RequireCompanion(const KeyGroup& group);
+  void RefuseCompanions(const KeyGroup& group);
   void ReadBody(std::string_view key, const YamlNode& node, const Body& body);
 
   const YamlNode& mapping_;

@@ -37,6 +37,15 @@ struct LinkSpec {
   friend bool operator==(const LinkSpec&, const LinkSpec&) = default;
 };
 
+// Criteria that every scenario has without listing them; no other criterion takes these names.
+inline constexpr std::string_view kSurvivalCriterion = "survival";
+inline constexpr std::string_view kControlPeriodCriterion = "control_period";
+inline constexpr std::array kImplicitCriteria = {kSurvivalCriterion, kControlPeriodCriterion};
+
+// Files that lie beside the scenarios' folders in that of a run; no scenario takes these names.
+inline constexpr std::array<std::string_view, 5> kRunFiles = {"run.json", "results.json", "events.jsonl",
+                                                              "junit.xml", "report.html"};
+
 struct CriterionSpec {
   std::string name;
   // Either a formula...

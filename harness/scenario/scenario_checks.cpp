@@ -207,29 +207,10 @@ class Checker {
                    fmt::format("name: '{}' is taken already on line {}", criterion.name, first->second.line));
         }
       }
-      if (criterion.name == "survival") {
-        Complain(node, "name", "name: 'survival' is the criterion that every scenario has; choose another");
-      }
-      CheckBounds(node, criterion);
+      if (criterion.min && criterion.max && *criterion.min > *criterion.max)
+        Complain(node, "max", fmt::format("max: {} is less than min, {}", *criterion.max, *criterion.min));
       if (const YamlNode* formula = Good(node, "stl")) CheckFormula(*formula, fault_ids);
       if (const YamlNode* metric = Good(node, "metric")) CheckMetric(*metric);
-    }
-  }
-
-  void CheckBounds(const YamlNode& node, const CriterionSpec& criterion) {
-    const bool has_stl = node.Find("stl") != nullptr;
-    const bool has_metric = node.Find("metric") != nullptr;
-    const bool has_bound = node.Find("min") != nullptr || node.Find("max") != nullptr;
-    if (has_stl == has_metric) {
-      Complain(node.mark, has_stl ? "a criterion has either 'stl' or 'metric', not both"
-                                  : "a criterion needs 'stl' or 'metric'");
-    } else if (has_metric && !has_bound) {
-      Complain(node, "metric", "metric: needs 'min', 'max' or both");
-    } else if (has_stl && has_bound) {
-      Complain(node, node.Find("min") != nullptr ? "min" : "max",
-               "bounds belong to a 'metric'; write them into the formula");
-    } else if (criterion.min && criterion.max && *criterion.min > *criterion.max) {
-      Complain(node, "max", fmt::format("max: {} is less than min, {}", *criterion.max, *criterion.min));
     }
   }
 

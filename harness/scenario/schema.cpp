@@ -32,24 +32,34 @@ Json PointSchema(Range range) {
 Json TextSchema(const TextRule& rule) {
   Json schema = {{"type", "string"}, {"minLength", 1}, {"maxLength", rule.length_max}};
   if (!rule.regex.empty()) schema["pattern"] = fmt::format("^({})$", rule.regex);
+  if (!rule.reserved.empty()) schema["not"] = {{"enum", rule.reserved}};
   return schema;
 }
 
 // One mapping. Values passed in are the defaults.
 class SchemaBuilder : public KeyVisitor {
  public:
-  // The object of the keys described so far, or one object for each alternative.
+  // The object of the keys described so far.
+  //
+  // Where a word decides about keys, one branch each applies when the word is there. (With `oneOf`, editors
+  // would offer only the words that fit what is written already, and a mistake in one key would refuse all
+  // alternatives at once.)
   Json Take() const {
-    if (alternatives_.empty()) return Object(properties_, required_);
-    Json choices = Json::array();
+    Json object = Object(properties_, required_);
+    object.update(rules_);
+    if (alternatives_.empty()) return object;
+    object.erase("additionalProperties");  // which ones there may be, the branches say
     for (const SchemaBuilder& alternative : alternatives_) {
       Json properties = alternative.properties_;
       Json required = alternative.required_;
-      for (const auto& [name, schema] : properties_.items()) properties[name] = schema;
+      for (const auto& [name, schema] : properties_.items())
+        if (name != deciding_key_) properties[name] = schema;
       for (const auto& name : required_) required.push_back(name);
-      choices.push_back(Object(properties, required));
+      const Json word = {{deciding_key_, {{"const", alternative.word_}}}};
+      object["allOf"].push_back({{"if", {{"properties", word}, {"required", {deciding_key_}}}},
+                                 {"then", Object(properties, required)}});
     }
-    return {{"oneOf", choices}};
+    return object;
   }
 
   void Bool(const Key& key, bool& value) override { Add(key, {{"type", "boolean"}}, value); }
@@ -103,13 +113,32 @@ class SchemaBuilder : public KeyVisitor {
     body(item, 0);
     Add(key, {{"type", "array"}, {"items", item.Take()}, {"maxItems", kListItemsMax}});
   }
-  void Alternatives(const Key& key, std::span<const std::string_view> words, std::optional<std::size_t>,
+  void Alternatives(const Key& key, std::span<const Alternative> alternatives, std::optional<std::size_t>,
                     const NumberedBody& body) override {
-    for (std::size_t i = 0; i < words.size(); ++i) {
+    deciding_key_ = key.name;
+    Json words = Json::array();
+    for (std::size_t i = 0; i < alternatives.size(); ++i) {
+      const Json word = {{"const", alternatives[i].word}, {"description", alternatives[i].doc}};
+      words.push_back(word);
       SchemaBuilder alternative;
-      alternative.Add(key, {{"const", words[i]}});
+      alternative.word_ = alternatives[i].word;
+      alternative.properties_[deciding_key_] = word;
       body(alternative, i);
       alternatives_.push_back(std::move(alternative));
+    }
+    Add(key, {{"oneOf", words}});
+  }
+  void ExactlyOne(std::string_view, std::span<const KeyGroup> groups) override {
+    for (const KeyGroup& group : groups) {
+      Json beside_it = Json::object();
+      for (const KeyGroup& other : groups) {
+        if (&other == &group) continue;
+        beside_it["properties"][std::string(other.key)] = false;
+        for (const std::string_view key : other.companions) beside_it["properties"][std::string(key)] = false;
+      }
+      for (const std::string_view key : group.companions) beside_it["anyOf"].push_back({{"required", {key}}});
+      rules_["anyOf"].push_back({{"required", {group.key}}});
+      rules_["allOf"].push_back({{"if", {{"required", {group.key}}}}, {"then", beside_it}});
     }
   }
 
@@ -129,7 +158,10 @@ class SchemaBuilder : public KeyVisitor {
 
   Json properties_ = Json::object();
   Json required_ = Json::array();
+  Json rules_ = Json::object();  // that compare keys with each other
+  std::string deciding_key_;
   std::vector<SchemaBuilder> alternatives_;
+  std::string word_;  // of an alternative: which one it is
 };
 
 Json BuildSchema() {
@@ -147,7 +179,6 @@ std::string AllowedText(const Json& schema) {
     for (const auto& word : schema["enum"]) words.push_back(fmt::format("`{}`", word.get<std::string>()));
     return fmt::format("{}", fmt::join(words, ", "));
   }
-  if (schema.contains("oneOf")) return "mapping";
   const std::string type = schema["type"];
   if (type == "number") return fmt::format("{} to {}", schema["minimum"].dump(), schema["maximum"].dump());
   if (type == "integer")
@@ -156,7 +187,7 @@ std::string AllowedText(const Json& schema) {
   if (type == "string") return "text";
   if (type == "object") return "mapping";
   const Json& items = schema["items"];
-  if (items.contains("oneOf") || items["type"] == "object") return "list of mappings";
+  if (items["type"] == "object") return "list of mappings";
   if (items["type"] == "array") return fmt::format("list of points, each {}", AllowedText(items));
   if (items["type"] == "string") return "list of texts";
   return fmt::format("three numbers, {}", AllowedText(items));
@@ -183,11 +214,12 @@ std::string Table(const std::string& title, const std::string& rows) {
 
 }  // namespace
 
-std::string ScenarioJsonSchema() {
+std::string ScenarioJsonSchema(const std::vector<std::string>& metric_names) {
   Json schema = {{"$schema", "https://json-schema.org/draft/2020-12/schema"},
                  {"title", "tiltproof scenario"}};
-  const Json body = BuildSchema();
-  schema.update(body);
+  schema.update(BuildSchema());
+  // The metrics are known to those who score.
+  schema["properties"]["criteria"]["items"]["properties"]["metric"]["enum"] = metric_names;
   return schema.dump(2);
 }
 
@@ -197,16 +229,17 @@ std::string ScenarioKeysMarkdown() {
   std::string text = Table("The file", Rows(schema));
   text += Table("`initial`", Rows(keys["initial"]));
   text += Table("`link`", Rows(keys["link"]));
-  for (const Json& kind : keys["reference"]["oneOf"]) {
+  for (const Json& branch : keys["reference"]["allOf"]) {
+    const Json& kind = branch["then"];
     text +=
         Table(fmt::format("`reference` of type {}", kind["properties"]["type"]["const"].get<std::string>()),
               Rows(kind, {"type"}));
   }
   // The kinds of faults differ in their parameters alone, which have their own page.
-  const Json& kinds = keys["faults"]["items"]["oneOf"];
-  Json fault = kinds.front();
+  const Json& kinds = keys["faults"]["items"];
+  Json fault = kinds["allOf"].front()["then"];
   fault["properties"]["type"] = {{"type", "string"},
-                                 {"description", kinds.front()["properties"]["type"]["description"]}};
+                                 {"description", kinds["properties"]["type"]["description"]}};
   text += Table("An item of `faults`", Rows(fault));
   text += Table("An item of `criteria`", Rows(keys["criteria"]["items"]));
   text.pop_back();

@@ -2,12 +2,14 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 namespace tiltproof::harness {
 
-// JSON Schema, draft 2020-12. It knows keys, types, ranges and words; what needs other files (models,
-// formulas, recordings) or compares keys with each other is the reader's alone.
-std::string ScenarioJsonSchema();
+// JSON Schema, draft 2020-12. It knows keys, types, ranges, words and which keys exclude each other; what
+// needs other files (models, recordings), a formula's text, and names that must differ are the reader's
+// alone. `metric_names` are those that a criterion may use.
+std::string ScenarioJsonSchema(const std::vector<std::string>& metric_names);
 
 // The same as Markdown tables: one for each mapping.
 std::string ScenarioKeysMarkdown();

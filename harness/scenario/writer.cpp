@@ -83,10 +83,11 @@ class Writer : public KeyVisitor {
       text_ += inner.text_;
     }
   }
-  void Alternatives(const Key& key, std::span<const std::string_view> words, std::optional<std::size_t> index,
-                    const NumberedBody& body) override {
-    Choice(key, words, index);
-    if (index) body(*this, *index);
+  void Alternatives(const Key& key, std::span<const Alternative> alternatives,
+                    std::optional<std::size_t> index, const NumberedBody& body) override {
+    if (!index) return;
+    Line(key, std::string(alternatives[*index].word));
+    body(*this, *index);
   }
 
  private:

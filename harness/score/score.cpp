@@ -48,7 +48,7 @@ bool IsOurs(EndReason reason) { return reason == EndReason::kHarnessError || rea
 
 CriterionResult Survival(const RunLog& log) {
   CriterionResult result;
-  result.name = "survival";
+  result.name = kSurvivalCriterion;
   result.time_s = ToSeconds(log.end_ns);
   std::string what;
   switch (log.end_reason) {

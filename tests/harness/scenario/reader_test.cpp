@@ -357,7 +357,10 @@ TEST_F(ReaderTest, Criteria) {
   EXPECT_THAT(ErrorsWith("criteria:\n  - {name: a, stl: x}\n  - {name: a, stl: z}\n"),
               ElementsAre("6:12: name: 'a' is taken already on line 5"));
   EXPECT_THAT(ErrorsWith("criteria: [{name: survival, stl: x}]\n"),
-              ElementsAre(HasSubstr("4:19: name: 'survival' is ")));
+              ElementsAre("4:19: name: 'survival' is a criterion that every scenario has; choose another"));
+  EXPECT_THAT(
+      ErrorsWith("criteria: [{name: control_period, stl: x}]\n"),
+      ElementsAre("4:19: name: 'control_period' is a criterion that every scenario has; choose another"));
   EXPECT_THAT(ErrorsWith("criteria: [{name: a}]\n"),
               ElementsAre("4:12: a criterion needs 'stl' or 'metric'"));
   EXPECT_THAT(ErrorsWith("criteria: [{name: a, stl: x, metric: tracking.rmse_m, max: 1}]\n"),
@@ -368,6 +371,8 @@ TEST_F(ReaderTest, Criteria) {
               ElementsAre("4:60: max: 1 is less than min, 2"));
   EXPECT_THAT(ErrorsWith("criteria: [{name: a, stl: x, max: 1}]\n"),
               ElementsAre("4:35: bounds belong to a 'metric'; write them into the formula"));
+  EXPECT_THAT(ErrorsWith("criteria: [{name: a, max: 1}]\n"),
+              ElementsAre("4:12: a criterion needs 'stl' or 'metric'"));
   EXPECT_THAT(ErrorsWith("criteria: [{name: a, metric: Rmse, max: 1}]\n"),
               ElementsAre("4:30: metric: 'Rmse' must be a dotted name such as tracking.rmse_m"));
 }

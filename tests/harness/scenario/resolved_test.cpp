@@ -57,9 +57,9 @@ class RandomFiller : public KeyVisitor {
     resize(count);
     for (std::size_t i = 0; i < count; ++i) body(*this, i);
   }
-  void Alternatives(const Key&, std::span<const std::string_view> words, std::optional<std::size_t>,
+  void Alternatives(const Key&, std::span<const Alternative> alternatives, std::optional<std::size_t>,
                     const NumberedBody& body) override {
-    body(*this, *rc::gen::inRange<std::size_t>(0, words.size()));
+    body(*this, *rc::gen::inRange<std::size_t>(0, alternatives.size()));
   }
 
  private:

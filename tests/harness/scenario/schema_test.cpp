@@ -16,6 +16,7 @@
 #include "harness/scenario/reader.h"
 #include "harness/scenario/selection.h"
 #include "harness/scenario/yaml_tree.h"
+#include "harness/score/metrics.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -67,9 +68,10 @@ class SchemaTest : public testing::Test {
     fs::create_directories(folder_);
     options_.models_folder = kSource / "plant/models";
     options_.firmware_names = {"paper", "paper_published", "tolerant"};
+    options_.metric_names = MetricNames();
   }
 
-  // The reader's judgement. Models are searched, metrics and formulas not looked at, as the schema cannot.
+  // The reader's judgement. Models are searched, formulas not looked at, as the schema cannot.
   bool Reads(const fs::path& file) {
     try {
       ReadScenario(file, options_);
@@ -89,7 +91,7 @@ class SchemaTest : public testing::Test {
 
   // Runs the validator over the cases; its output is shown when it disagrees.
   void ExpectAgreement() {
-    std::ofstream(folder_ / "schema.json") << ScenarioJsonSchema();
+    std::ofstream(folder_ / "schema.json") << ScenarioJsonSchema(options_.metric_names);
     std::ofstream(folder_ / "cases.json") << cases_.dump();
     const std::string command = std::string(TILTPROOF_PYTHON) + " " +
                                 (kSource / "tests/harness/scenario/check_schema.py").string() + " " +
@@ -194,6 +196,15 @@ TEST_F(SchemaTest, BrokenScenariosAreRefusedByBoth) {
       good + "criteria: [{name: a, stl: 5}]\n",
       good + "criteria: [{name: a, metric: Rmse, max: 1}]\n",
       good + "criteria: [{name: a, metric: tracking.rmse_m, max: one}]\n",
+      good + "criteria: [{name: a}]\n",
+      good + "criteria: [{name: a, max: 1}]\n",
+      good + "criteria: [{name: a, metric: tracking.rmse_m}]\n",
+      good + "criteria: [{name: a, metric: tracking.rmse, max: 1}]\n",
+      good + "criteria: [{name: a, stl: \"true\", max: 1}]\n",
+      good + "criteria: [{name: a, stl: \"true\", metric: tracking.rmse_m, max: 1}]\n",
+      good + "criteria: [{name: survival, stl: \"true\"}]\n",
+      good + "criteria: [{name: control_period, stl: \"true\"}]\n",
+      "name: results.json\nduration_s: 24\nreference: {type: spiral}\n",
   };
   std::ofstream(folder_ / "good.yaml") << good;
   EXPECT_TRUE(Reads(folder_ / "good.yaml")) << message_;
@@ -230,6 +241,28 @@ TEST_F(SchemaTest, EveryFaultTypeIsKnownToBoth) {
     AddCase(std::string(type.name), scenario.dump(), true);
   }
   ExpectAgreement();
+}
+
+// What an editor offers and shows does not depend on what else is written already.
+TEST_F(SchemaTest, EditorsCompleteEveryFaultType) {
+  const Json schema = Json::parse(ScenarioJsonSchema(options_.metric_names));
+  const Json& fault = schema["properties"]["faults"]["items"];
+  EXPECT_FALSE(fault.contains("oneOf"));
+  const Json& offered = fault["properties"]["type"]["oneOf"];
+  ASSERT_EQ(offered.size(), faults::FaultTypes().size());
+  ASSERT_EQ(fault["allOf"].size(), faults::FaultTypes().size());
+  for (std::size_t i = 0; i < offered.size(); ++i) {
+    const faults::FaultType& type = faults::FaultTypes()[i];
+    EXPECT_EQ(offered[i], Json({{"const", type.name}, {"description", type.summary}}));
+    const Json& branch = fault["allOf"][i];
+    EXPECT_EQ(branch["if"]["properties"]["type"]["const"], type.name);
+    const Json& keys = branch["then"]["properties"];
+    EXPECT_TRUE(keys.contains("id")) << type.name;
+    EXPECT_EQ(keys["type"]["description"], type.summary);
+    ASSERT_EQ(keys["parameters"]["properties"].size(), type.parameters.size()) << type.name;
+    for (const auto& parameter : type.parameters)
+      EXPECT_EQ(keys["parameters"]["properties"][std::string(parameter.name)]["description"], parameter.doc);
+  }
 }
 
 TEST_F(SchemaTest, DocumentationHasTheTables) {
