@@ -114,12 +114,13 @@ std::string ExampleYaml(const FaultType& type) {
 
 std::string CatalogueMarkdown() {
   std::string text = kPreamble;
-  for (const FaultType& type : FaultTypes()) {
-    text +=
-        Concat({"\n## ", type.name, "\n\n", type.summary, " ", type.semantics, "\n\n", TargetMarkdown(type),
-                ParametersMarkdown(type), "```yaml\n", ExampleYaml(type), "\n```\n"});
-  }
+  for (const FaultType& type : FaultTypes()) text += Concat({"\n", Markdown(type)});
   return text;
+}
+
+std::string Markdown(const FaultType& type) {
+  return Concat({"## ", type.name, "\n\n", type.summary, " ", type.semantics, "\n\n", TargetMarkdown(type),
+                 ParametersMarkdown(type), "```yaml\n", ExampleYaml(type), "\n```\n"});
 }
 
 }  // namespace tiltproof::faults

@@ -44,5 +44,7 @@ const FaultType& ValidType(const FaultSpec& spec);
 
 // All types as a page in Markdown.
 std::string CatalogueMarkdown();
+// The section of one type in it.
+std::string Markdown(const FaultType& type);
 
 }  // namespace tiltproof::faults

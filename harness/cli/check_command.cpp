@@ -7,6 +7,7 @@
 #include "faults/registry.h"
 #include "harness/cli/commands.h"
 #include "harness/cli/suite.h"
+#include "harness/scenario/did_you_mean.h"
 #include "harness/scenario/schema.h"
 #include "harness/score/score.h"
 
@@ -50,8 +51,20 @@ int SchemaCommand() {
   return kExitGreen;
 }
 
-int FaultsCommand() {
-  fmt::print("{}", faults::CatalogueMarkdown());
+int FaultsCommand(const std::string& name) {
+  if (name.empty()) {
+    fmt::print("{}", faults::CatalogueMarkdown());
+    return kExitGreen;
+  }
+  const faults::FaultType* type = faults::FindFaultType(name);
+  if (type == nullptr) {
+    std::vector<std::string_view> names;
+    for (const auto& known : faults::FaultTypes()) names.push_back(known.name);
+    const std::string meant = DidYouMean(name, names);
+    throw UsageError(fmt::format("faults: unknown fault '{}'{}", name,
+                                 meant.empty() ? "; `tiltproof faults` prints them all" : meant));
+  }
+  fmt::print("{}", faults::Markdown(*type));
   return kExitGreen;
 }
 

@@ -73,7 +73,8 @@ struct CheckOptions {
 int CheckCommand(const CheckOptions& options);
 int ListCommand(const CheckOptions& options);
 int SchemaCommand();
-int FaultsCommand();
+// An empty name is the whole catalogue.
+int FaultsCommand(const std::string& name);
 
 struct ReplayOptions {
   std::filesystem::path run;

@@ -1,6 +1,7 @@
 // The command line. CLI11 is slow to compile: only this file sees it.
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdint>
 #include <cstdio>
 #include <exception>
@@ -9,9 +10,28 @@
 
 #include "harness/cli/commands.h"
 #include "harness/report/results.h"
+#include "harness/scenario/did_you_mean.h"
 
 namespace tiltproof::harness {
 namespace {
+
+// The command line begins with the names of a command and, if it has any, of one of its own. A message when one
+// of them is unknown, else empty.
+std::string UnknownCommand(const CLI::App& app, int argc, char** argv) {
+  const CLI::App* at = &app;
+  for (int i = 1; i < argc && *argv[i] != '-'; ++i) {
+    const auto commands = at->get_subcommands([](const CLI::App*) { return true; });
+    if (commands.empty()) break;
+    std::vector<std::string> names;
+    for (const auto* command : commands) names.push_back(command->get_name());
+    const auto found = std::find(names.begin(), names.end(), argv[i]);
+    if (found == names.end())
+      return "tiltproof: unknown command '" + std::string(argv[i]) + "'" +
+             DidYouMean(argv[i], std::vector<std::string_view>(names.begin(), names.end()));
+    at = commands[static_cast<std::size_t>(found - names.begin())];
+  }
+  return "";
+}
 
 int Main(int argc, char** argv) {
   CLI::App app{"tiltproof: a fault-injection test harness for flight-control firmware"};
@@ -79,9 +99,10 @@ int Main(int argc, char** argv) {
   app.add_subcommand("schema", "Print the JSON Schema of scenario files, for editors")->callback([&] {
     command = SchemaCommand;
   });
-  app.add_subcommand("faults", "Print the catalogue of faults (Markdown)")->callback([&] {
-    command = FaultsCommand;
-  });
+  std::string fault;
+  auto* faults_app = app.add_subcommand("faults", "Print the catalogue of faults (Markdown)");
+  faults_app->add_option("NAME", fault, "Print this fault alone");
+  faults_app->callback([&] { command = [&] { return FaultsCommand(fault); }; });
 
   ReplayOptions replay;
   replay.program = argv[0];
@@ -169,6 +190,10 @@ int Main(int argc, char** argv) {
   dump_app->add_option("FILE", file, "link.bin of a scenario")->required();
   dump_app->callback([&] { command = [&] { return LinkDumpCommand(file); }; });
 
+  if (const std::string trouble = UnknownCommand(app, argc, argv); !trouble.empty()) {
+    std::cerr << trouble << "\n";
+    return kExitUsage;
+  }
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
