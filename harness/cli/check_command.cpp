@@ -29,13 +29,14 @@ int CheckCommand(const CheckOptions& options) {
 
 int ListCommand(const CheckOptions& options) {
   const Suite suite = LoadSuite(options.paths);
+  PrintWarnings(suite);
   std::size_t name_width = 0, model_width = 0, firmware_width = 0;
-  for (const auto& [scenario, model] : suite.scenarios) {
+  for (const auto& [scenario, model, named] : suite.scenarios) {
     name_width = std::max(name_width, scenario.name.size());
     model_width = std::max(model_width, scenario.model.size());
     firmware_width = std::max(firmware_width, scenario.firmware.size());
   }
-  for (const auto& [scenario, model] : suite.scenarios) {
+  for (const auto& [scenario, model, named] : suite.scenarios) {
     std::vector<std::string_view> faults;
     for (const auto& fault : scenario.faults) faults.push_back(fault.type);
     fmt::print("{:<{}}  {:>5.0f} s  {:<{}}  {:<{}}  expect {:<12}  [{}]  {}\n", scenario.name, name_width,

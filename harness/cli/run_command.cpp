@@ -234,7 +234,7 @@ int RunCommand(const RunOptions& options) {
                (options.out / "latest").string(), folder.string());
 
   std::vector<FlightJob> jobs;
-  for (const auto& [scenario, model] : suite.scenarios) {
+  for (const auto& [scenario, model, named] : suite.scenarios) {
     for (int repeat = 0; repeat < options.repeat_count; ++repeat) {
       FlightJob job{scenario, model, means, {}, {}};
       job.scenario.seed = options.seed.value_or(scenario.seed) + static_cast<std::uint64_t>(repeat);

@@ -59,23 +59,27 @@ Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const std::stri
   ModelCache models;
   ReadOptions options = MakeReadOptions(models);
   if (client == "host") options.firmware_names = {"paper", "paper_published", "tolerant"};
-  Suite suite;
+  const FoundScenarios found = FindScenarios(paths);
+  std::vector<std::string> problems = found.problems;
+  std::vector<Scenario> scenarios;
   try {
-    for (auto& scenario : ReadScenarios(FindScenarios(paths), options)) {
-      auto model = models.Load(scenario.model_file, scenario.allow_invalid_inertia);
-      suite.scenarios.push_back({std::move(scenario), std::move(model)});
-    }
+    scenarios = ReadScenarios(found.Paths(), options);
   } catch (const ScenarioError& error) {
-    throw UsageError(error.what());
-  } catch (const std::invalid_argument& error) {
-    throw UsageError(error.what());
+    problems.emplace_back(error.what());
+  }
+  if (!problems.empty()) throw UsageError(fmt::format("{}", fmt::join(problems, "\n")));
+  Suite suite;
+  for (std::size_t i = 0; i < scenarios.size(); ++i) {
+    auto model = models.Load(scenarios[i].model_file, scenarios[i].allow_invalid_inertia);
+    suite.scenarios.push_back({std::move(scenarios[i]), std::move(model), found.files[i].named});
   }
   suite.name = SuiteName(paths);
-  suite.warnings = models.warnings();
+  suite.warnings = found.warnings;
+  suite.warnings.insert(suite.warnings.end(), models.warnings().begin(), models.warnings().end());
   return suite;
 }
 
-SuiteScenario LoadFlown(const std::filesystem::path& scenario_folder) {
+LoadedScenario LoadFlown(const std::filesystem::path& scenario_folder) {
   ModelCache models;
   try {
     Scenario scenario = ReadScenario(scenario_folder / "scenario.resolved.yaml", MakeReadOptions(models));

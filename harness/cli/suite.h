@@ -35,6 +35,7 @@ class ModelCache {
 struct SuiteScenario {
   Scenario scenario;
   std::shared_ptr<const plant::VehicleModel> model;
+  bool named = false;  // its file, on the command line; else found in a folder
 };
 
 struct Suite {
@@ -48,7 +49,7 @@ struct Suite {
 Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const std::string& client = "host");
 
 // A scenario that was flown before, from its folder. Throws UsageError.
-SuiteScenario LoadFlown(const std::filesystem::path& scenario_folder);
+LoadedScenario LoadFlown(const std::filesystem::path& scenario_folder);
 
 // What a harness announces to its nodes: a resolved scenario's text. Throws std::exception.
 LoadedScenario LoadAnnounced(const std::string& yaml);

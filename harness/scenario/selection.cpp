@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <map>
 #include <set>
 #include <stdexcept>
 #include <system_error>
@@ -26,34 +27,121 @@ bool IsScenarioFile(const fs::path& path) {
   return path.extension() == ".yaml" || path.extension() == ".yml";
 }
 
-}  // namespace
+// Emacs marks a file that is being edited by a link of such a name, which leads nowhere.
+bool IsEditorsLock(const fs::path& path) { return path.filename().string().starts_with(".#"); }
 
-std::vector<fs::path> FindScenarios(const std::vector<fs::path>& paths) {
-  std::vector<fs::path> found;
-  std::set<fs::path> seen;
-  const auto add = [&](const fs::path& file) {
-    if (seen.insert(fs::weakly_canonical(file)).second) found.push_back(file);
-  };
-  for (const fs::path& path : paths) {
+// What stands at a path that is neither file nor folder.
+std::string WhatItIs(const fs::path& path, fs::file_status status, std::error_code error) {
+  std::error_code ignored;
+  const bool is_link = fs::is_symlink(fs::symlink_status(path, ignored));
+  if (error == std::errc::too_many_symbolic_link_levels) return "a link that leads back to itself";
+  if (status.type() == fs::file_type::not_found && is_link)
+    return fmt::format("a link to {}, which does not exist", fs::read_symlink(path, ignored).string());
+  if (status.type() == fs::file_type::not_found) return "no such file or folder";
+  if (error) return fmt::format("cannot be read: {}", error.message());
+  if (fs::is_fifo(status)) return "a FIFO, not a file";
+  if (fs::is_socket(status)) return "a socket, not a file";
+  return "a device, not a file";
+}
+
+bool IsWithin(const fs::path& inner, const fs::path& outer) {
+  return std::mismatch(outer.begin(), outer.end(), inner.begin(), inner.end()).first == outer.end();
+}
+
+class Finder {
+ public:
+  FoundScenarios found;
+
+  // A path of the command line.
+  void Take(const fs::path& path) {
     std::error_code error;
-    if (fs::is_directory(path, error)) {
-      std::vector<fs::path> inside;
-      for (auto entry = fs::recursive_directory_iterator(path); entry != fs::recursive_directory_iterator();
-           ++entry) {
-        // A run's results hold resolved scenarios; they are not the user's.
-        if (entry->is_directory() && fs::exists(entry->path() / "run.json"))
-          entry.disable_recursion_pending();
-        if (entry->is_regular_file() && IsScenarioFile(entry->path())) inside.push_back(entry->path());
-      }
-      std::sort(inside.begin(), inside.end());
-      std::for_each(inside.begin(), inside.end(), add);
-    } else if (fs::is_regular_file(path, error)) {
-      add(path);
+    const fs::file_status status = fs::status(path, error);
+    if (fs::is_regular_file(status)) {
+      Add(path, true);
+    } else if (fs::is_directory(status)) {
+      TakeFolder(path);
     } else {
-      throw std::invalid_argument(fmt::format("{}: no such file or folder", path.string()));
+      found.problems.push_back(fmt::format("{}: {}", path.string(), WhatItIs(path, status, error)));
     }
   }
-  return found;
+
+ private:
+  void Add(const fs::path& file, bool named) {
+    const auto [entry, is_new] = places_.try_emplace(fs::weakly_canonical(file), found.files.size());
+    if (is_new)
+      found.files.push_back({file, named});
+    else
+      found.files[entry->second].named |= named;
+  }
+
+  // Links after the tree that they are in, so that a file goes by its own name when both lead to it.
+  void TakeFolder(const fs::path& folder) {
+    std::vector<fs::path> files, links;
+    Search(folder, files, links);
+    for (std::size_t i = 0; i < links.size(); ++i) Follow(fs::path(links[i]), files, links);
+    std::sort(files.begin(), files.end());
+    for (const fs::path& file : files) Add(file, false);
+    searched_.clear();
+  }
+
+  void Follow(const fs::path& link, std::vector<fs::path>& files, std::vector<fs::path>& links) {
+    if (IsWithin(fs::weakly_canonical(link.parent_path()), fs::weakly_canonical(link)))
+      found.warnings.push_back(
+          fmt::format("{}: not followed: a link to a folder that it is in", link.string()));
+    else
+      Search(link, files, links);
+  }
+
+  // Sorted, so that links are always followed in the same order.
+  void Search(const fs::path& folder, std::vector<fs::path>& files, std::vector<fs::path>& links) {
+    if (!searched_.insert(fs::weakly_canonical(folder)).second) return;
+    std::error_code error;
+    std::vector<fs::path> entries;
+    for (auto entry = fs::directory_iterator(folder, error); !error && entry != fs::directory_iterator();
+         entry.increment(error))
+      entries.push_back(entry->path());
+    if (error)
+      found.problems.push_back(fmt::format("{}: cannot be read: {}", folder.string(), error.message()));
+    std::sort(entries.begin(), entries.end());
+    for (const fs::path& entry : entries) Sort(entry, files, links);
+  }
+
+  void Sort(const fs::path& entry, std::vector<fs::path>& files, std::vector<fs::path>& links) {
+    std::error_code error, ignored;
+    const fs::file_status status = fs::status(entry, error);
+    const bool is_link = fs::is_symlink(fs::symlink_status(entry, ignored));
+    if (fs::is_directory(status)) {
+      if (fs::exists(entry / "run.json", ignored)) return;
+      if (is_link)
+        links.push_back(entry);
+      else
+        Search(entry, files, links);
+    } else if (IsScenarioFile(entry) && fs::is_regular_file(status)) {
+      files.push_back(entry);
+    } else if (IsScenarioFile(entry) && !IsEditorsLock(entry)) {
+      found.problems.push_back(fmt::format("{}: {}", entry.string(), WhatItIs(entry, status, error)));
+    } else if (is_link && !fs::exists(status) && !IsEditorsLock(entry)) {
+      found.warnings.push_back(
+          fmt::format("{}: not followed: {}", entry.string(), WhatItIs(entry, status, error)));
+    }
+  }
+
+  std::map<fs::path, std::size_t> places_;  // where each file stands in found.files, by its canonical path
+  std::set<fs::path> searched_;             // folders below the present path
+};
+
+}  // namespace
+
+std::vector<fs::path> FoundScenarios::Paths() const {
+  std::vector<fs::path> paths;
+  for (const File& file : files) paths.push_back(file.path);
+  return paths;
+}
+
+FoundScenarios FindScenarios(const std::vector<fs::path>& paths) {
+  Finder finder;
+  for (const fs::path& path : paths) finder.Take(path);
+  return std::move(finder.found);
 }
 
 std::string SuiteName(const std::vector<fs::path>& paths) {

@@ -11,10 +11,23 @@
 
 namespace tiltproof::harness {
 
-// Scenario files behind PATHs: a file stands for itself, a folder for every *.yaml and *.yml below it,
-// sorted. A file that two paths lead to is listed once. Throws std::invalid_argument when a path does not
-// exist.
-std::vector<std::filesystem::path> FindScenarios(const std::vector<std::filesystem::path>& paths);
+struct FoundScenarios {
+  struct File {
+    std::filesystem::path path;
+    bool named = false;  // on the command line, else found in a folder
+  };
+  std::vector<File> files;  // each once, however many paths lead to it
+  std::vector<std::string>
+      problems;  // what was asked for and is no file: it would be a test that never flies
+  std::vector<std::string> warnings;  // links that were not followed
+
+  std::vector<std::filesystem::path> Paths() const;
+};
+
+// Scenario files behind PATHs: a file stands for itself, a folder for every *.yaml and *.yml below it, sorted.
+// Links are followed, but not in circles. Results of runs hold resolved scenarios, which are not the user's:
+// their folders are left out.
+FoundScenarios FindScenarios(const std::vector<std::filesystem::path>& paths);
 
 // Name of the folder, or of the file without its ending; of several paths, joined by '+', or the
 // first and how many more when that is long.

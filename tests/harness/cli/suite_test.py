@@ -61,6 +61,41 @@ class SuiteTest(unittest.TestCase):
         self.assertEqual((code, out), (2, ""))
         self.assertIn("'frame.dealy'; did you mean 'frame.delay'?", err)
 
+    # what stands in a suite's folder
+
+    def test_what_is_named_like_a_scenario_and_is_no_file_is_a_mistake(self):
+        self.scenario("good", "suite")
+        self.scenario("bad", "suite", seed="sead")
+        (self.folder / "suite/gone.yaml").symlink_to("nowhere.yaml")
+        os.mkfifo(self.folder / "suite/pipe.yml")
+        with socket.socket(socket.AF_UNIX) as listener:
+            listener.bind(str(self.folder / "suite/ear.yaml"))
+        (self.folder / "suite/turn.yaml").symlink_to("turn.yaml")
+        (self.folder / "suite/.#good.yaml").symlink_to("somebody@somewhere.1234")  # Emacs at work
+        for command in (["check"], ["list"], ["run"], ["run", "--dry-run"]):
+            code, out, err = self.tiltproof(*command, "suite")
+            self.assertEqual((code, out), (2, ""), err)
+            self.assertEqual(sorted(err.splitlines()), [
+                "suite/bad.yaml:3:1: unknown key 'sead'; did you mean 'seed'?",
+                "suite/ear.yaml: a socket, not a file",
+                "suite/gone.yaml: a link to nowhere.yaml, which does not exist",
+                "suite/pipe.yml: a FIFO, not a file",
+                "suite/turn.yaml: a link that leads back to itself"])
+        self.assertEqual(self.tiltproof("check", "suite/gone.yaml")[2], "suite/gone.yaml: a link to nowhere.yaml, which does not exist\n")
+
+    def test_a_circle_of_links_is_left_alone_with_one_warning(self):
+        self.scenario("good", "suite")
+        (self.folder / "suite/here").symlink_to(".")
+        (self.folder / "suite/there").symlink_to("back")
+        (self.folder / "suite/back").symlink_to("there")
+        code, out, err = self.tiltproof("run", "suite")
+        self.assertEqual(code, 0, err)
+        self.assertIn("1 of 1 green", out)
+        self.assertEqual(sorted(err.splitlines()), [
+            "warning: suite/back: not followed: a link that leads back to itself",
+            "warning: suite/here: not followed: a link to a folder that it is in",
+            "warning: suite/there: not followed: a link that leads back to itself"])
+
 
 if __name__ == "__main__":
     unittest.main(argv=[sys.argv[0], *sys.argv[4:]], verbosity=1)

@@ -106,7 +106,7 @@ class SchemaTest : public testing::Test {
 };
 
 TEST_F(SchemaTest, ShippedScenariosAreValidForBoth) {
-  const auto files = FindScenarios({kSource / "scenarios"});
+  const auto files = FindScenarios({kSource / "scenarios"}).Paths();
   ASSERT_GE(files.size(), 40U);
   for (const fs::path& file : files) {
     EXPECT_TRUE(Reads(file)) << message_;
@@ -117,7 +117,7 @@ TEST_F(SchemaTest, ShippedScenariosAreValidForBoth) {
 }
 
 TEST_F(SchemaTest, ResolvedScenariosAreValidForBoth) {
-  for (const fs::path& file : FindScenarios({kSource / "scenarios"})) {
+  for (const fs::path& file : FindScenarios({kSource / "scenarios"}).Paths()) {
     const std::string resolved = WriteResolved(ReadScenario(file, options_));
     std::ofstream(folder_ / "resolved.yaml") << resolved;
     EXPECT_TRUE(Reads(folder_ / "resolved.yaml")) << message_;

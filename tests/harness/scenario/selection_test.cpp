@@ -98,23 +98,43 @@ class FindTest : public testing::Test {
 };
 
 TEST_F(FindTest, FoldersAreSearchedAndSorted) {
-  EXPECT_THAT(FindScenarios({folder_ / "suite"}),
+  EXPECT_THAT(FindScenarios({folder_ / "suite"}).Paths(),
               ElementsAre(folder_ / "suite/a.yml", folder_ / "suite/b.yaml", folder_ / "suite/deep/c.yaml"));
-  EXPECT_THAT(FindScenarios({folder_ / "other.yaml", folder_ / "suite/deep"}),
+  EXPECT_THAT(FindScenarios({folder_ / "other.yaml", folder_ / "suite/deep"}).Paths(),
               ElementsAre(folder_ / "other.yaml", folder_ / "suite/deep/c.yaml"));
-  EXPECT_THAT(FindScenarios({folder_ / "suite/notes.txt"}), ElementsAre(folder_ / "suite/notes.txt"));
-  EXPECT_THAT(FindScenarios({folder_ / "suite/b.yaml", folder_ / "suite" / "deep" / ".." / "b.yaml"}),
+  EXPECT_THAT(FindScenarios({folder_ / "suite/notes.txt"}).Paths(), ElementsAre(folder_ / "suite/notes.txt"));
+  EXPECT_THAT(FindScenarios({folder_ / "suite/b.yaml", folder_ / "suite" / "deep" / ".." / "b.yaml"}).Paths(),
               ElementsAre(folder_ / "suite/b.yaml"));
-  EXPECT_TRUE(FindScenarios({}).empty());
+  EXPECT_TRUE(FindScenarios({}).files.empty());
 }
 
-TEST_F(FindTest, MissingPathsAreErrors) {
-  try {
-    FindScenarios({folder_ / "suite", folder_ / "none"});
-    ADD_FAILURE();
-  } catch (const std::invalid_argument& error) {
-    EXPECT_EQ(std::string(error.what()), (folder_ / "none").string() + ": no such file or folder");
-  }
+TEST_F(FindTest, AFileIsNamedWhenAPathIsItsOwn) {
+  const FoundScenarios found = FindScenarios({folder_ / "suite", folder_ / "suite/b.yaml"});
+  ASSERT_EQ(found.files.size(), 3U);
+  EXPECT_FALSE(found.files[0].named);
+  EXPECT_TRUE(found.files[1].named);
+}
+
+TEST_F(FindTest, EveryPathThatIsMissingIsAProblem) {
+  const FoundScenarios found = FindScenarios({folder_ / "none", folder_ / "suite", folder_ / "no.yaml"});
+  EXPECT_THAT(found.problems, ElementsAre((folder_ / "none").string() + ": no such file or folder",
+                                          (folder_ / "no.yaml").string() + ": no such file or folder"));
+  EXPECT_EQ(found.files.size(), 3U);
+}
+
+TEST_F(FindTest, LinksAreFollowedButNotInCircles) {
+  fs::create_directory_symlink(folder_ / "suite", folder_ / "suite/deep/again");
+  fs::create_directory_symlink(folder_ / "suite/deep", folder_ / "suite/alias");
+  fs::create_directories(folder_ / "elsewhere");
+  fs::rename(folder_ / "other.yaml", folder_ / "elsewhere/other.yaml");
+  fs::create_directory_symlink("../elsewhere", folder_ / "suite/linked");
+  fs::create_symlink("../elsewhere/other.yaml", folder_ / "suite/z.yaml");
+  const FoundScenarios found = FindScenarios({folder_ / "suite"});
+  EXPECT_THAT(found.Paths(), ElementsAre(folder_ / "suite/a.yml", folder_ / "suite/b.yaml",
+                                         folder_ / "suite/deep/c.yaml", folder_ / "suite/linked/other.yaml"));
+  EXPECT_TRUE(found.problems.empty());
+  EXPECT_THAT(found.warnings, ElementsAre((folder_ / "suite/deep/again").string() +
+                                          ": not followed: a link to a folder that it is in"));
 }
 
 TEST_F(FindTest, SuiteIsNamedAfterFolderOrFile) {
