@@ -54,9 +54,10 @@ int Main(int argc, char** argv) {
   auto* run_app = app.add_subcommand("run", "Fly scenarios and score them");
   run_app->add_option("PATH", run.paths, "Scenario files, or folders of them")->required();
   run_app
-      ->add_option("--client", run.client,
-                   "Firmware under test: host, library:FILE (firmware/tiltproof_client.h), or, in real time, "
-                   "process:CMD, serial:DEV[,REFDEV]")
+      ->add_option(
+          "--client", run.client,
+          "Firmware under test: host, library:FILE (firmware/tiltproof_client.h), qemu[:ELF] (an image for "
+          "the STM32F4), or, in real time, process:CMD, serial:DEV[,REFDEV]")
       ->capture_default_str();
   run_app
       ->add_option("--mode", run.mode, "How time passes: lockstep (virtual) or realtime (nodes, real ports)")
@@ -150,8 +151,9 @@ int Main(int argc, char** argv) {
   node_app->add_option("KIND", node.kind, "plant, link, client, base-station, joystick or monitor")
       ->required()
       ->check(CLI::IsMember({"plant", "link", "client", "base-station", "joystick", "monitor"}));
-  node_app->add_option("--client", node.client,
-                       "client: host, library:FILE or process:CMD; link: serial:DEV[,REFDEV] of a board");
+  node_app->add_option(
+      "--client", node.client,
+      "client: host, library:FILE, qemu[:ELF] or process:CMD; link: serial:DEV[,REFDEV] of a board");
   node_app->add_option("--input", node.input, "joystick: /dev/input/js0, an event device, or a recording");
   node_app->add_option("--name", node.name, "Name on the bus (default: kind, host and process)");
   add_bus_options(node_app, node.domain, node.interface, node.peers);

@@ -1,5 +1,5 @@
 // The raw bytes of a flight with their times, both directions and the reference line, as they are kept in
-// link.bin.
+// link.bin (docs/wire.md).
 //
 // File format, little endian: the 8 bytes "TPLINK1\n", then records:
 //   int64  begin_ns   simulation time at which the first byte's start bit enters the wire

@@ -53,7 +53,9 @@ void DescribeInitial(KeyVisitor& v, Scenario& s) {
 
 void DescribeLink(KeyVisitor& v, LinkSpec& link) {
   v.Bool({"ideal", "Bytes take no time: an input computed from a sample is in force at once"}, link.ideal);
-  v.Integer({"baud", "Bits per second of every line, 8N1: ten bits a byte"}, link.baud, {1200, 10e6});
+  v.Integer(
+      {"baud", "Bits per second of the main line, 8N1: ten bits a byte; the reference line keeps 921600"},
+      link.baud, {1200, 10e6});
   Enumeration(v, {"dialect", "Message set: the paper's, or that of the authors' published server"},
               std::array{link::Dialect::kPaper, link::Dialect::kProvant}, link.dialect);
   v.Number({"adapter_latency_ms", "Buffering of a USB-serial adapter, on frames towards the plant"},

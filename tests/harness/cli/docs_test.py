@@ -1,0 +1,170 @@
+#!/usr/bin/env python3
+"""The docs say what the program does: docs/wire.md by its examples and a flight's link.bin, and what other pages show to type.
+
+Usage: docs_test.py TILTPROOF SOURCE_DIR
+"""
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+PROGRAM, SOURCE = (pathlib.Path(a).resolve() for a in sys.argv[1:3])
+PAGE = (SOURCE / "docs/wire.md").read_text()
+
+FAULTY_FLIGHT = """\
+name: faulty
+duration_s: 6
+reference: {type: hover, at_m: [0, 0, 2]}
+faults:
+  - {id: bits, type: wire.bit_error, target: both, start_s: 1, end_s: 1.1, parameters: {ber: 0.001}}
+  - {id: lost, type: wire.byte_drop, target: reference, start_s: 1, end_s: 3, parameters: {probability: 0.05}}
+  - {id: flags, type: wire.stuck_byte, target: reference, start_s: 2, end_s: 4, parameters: {value: 126, length_bytes: 2, rate_hz: 200}}
+  - {id: escapes, type: wire.stuck_byte, target: reference, start_s: 3, end_s: 5, parameters: {value: 125, length_bytes: 4, rate_hz: 300}}
+  - {id: twice, type: frame.duplicate, target: reference, start_s: 5, end_s: 5.5, parameters: {probability: 0.5}}
+  - {id: gone, type: frame.drop, target: reference, start_s: 5.5, end_s: 6, parameters: {probability: 0.5}}
+"""
+
+
+def blocks(language):
+    return re.findall(rf"^```{language}\n(.*?)^```$", PAGE, re.M | re.S)
+
+
+def hex_bytes(block):
+    """The bytes at the beginning of each line; a remark stands behind two blanks and more."""
+    return b"".join(bytes.fromhex(re.match(r"(?:[0-9A-F]{2}(?: {1,2}|$))*", line).group()) for line in block.splitlines())
+
+
+def run(*arguments, **more):
+    return subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, timeout=120, check=False, **more)
+
+
+class Decoder:
+    """The frames in a stream of bytes, as the page describes them."""
+
+    def __init__(self):
+        self.opened, self.body = False, bytearray()
+
+    def feed(self, content):
+        for byte in content:
+            if byte != 0x7E:
+                self.body.append(byte)
+                continue
+            if self.body:
+                yield self.judge()
+            self.opened, self.body = True, bytearray()
+
+    def finish(self):
+        if self.body:
+            yield ("aborted", self.unescaped()[0]) if self.opened else ("no_opening_flag", b"")
+
+    def unescaped(self):
+        out, escaped = bytearray(), False
+        for byte in self.body:
+            if escaped:
+                out.append(byte ^ 0x20)
+            elif byte != 0x7D:
+                out.append(byte)
+            escaped = not escaped and byte == 0x7D
+        return bytes(out), escaped
+
+    def judge(self):
+        if not self.opened:
+            return "no_opening_flag", b""
+        content, escaped = self.unescaped()
+        if escaped:
+            return "dangling_escape", content
+        if len(content) == 1:
+            return "too_short", content
+        payload, check = content[:-2], content[-2:]
+        first = second = 0
+        for byte in payload:
+            first = (first + byte) % 255
+            second = (second + first) % 255
+        if check != bytes([first, second]):
+            return "bad_checksum", payload
+        return ("ok", payload) if payload else ("empty", payload)
+
+
+class WireDocTest(unittest.TestCase):
+    def setUp(self):
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="tiltproof-wire-"))
+        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
+
+    def records(self, content):
+        names = {}
+        exec(blocks("python")[0], names)  # pylint: disable=exec-used
+        return list(names["records"](content))
+
+    def test_the_example_of_frames(self):
+        done = run("frame", "decode", input=hex_bytes(blocks("hex")[0]))
+        self.assertEqual(done.stdout.decode(), blocks("json")[0])
+        frame = hex_bytes(blocks("hex")[0].splitlines()[0])
+        self.assertEqual(run("frame", "encode", "7e7d01").stdout.decode().strip(), frame.hex())
+
+    def test_the_examples_of_messages(self):
+        rows = re.findall(r"^\| `(7E [0-9A-F ]+7E)` \| (.*) \|$", PAGE, re.M)
+        self.assertEqual(len(rows), 3)
+        for row, meaning in rows:
+            self.assertEqual([status for status, _ in Decoder().feed(bytes.fromhex(row))], ["ok"], meaning)
+
+    def test_the_example_of_link_bin(self):
+        file = self.folder / "link.bin"
+        file.write_bytes(hex_bytes(blocks("hex")[1]))
+        self.assertEqual([record[:3] for record in self.records(file.read_bytes())],
+                         [(-86805, "to_plant", "sent"), (-86805, "to_plant", "delivered"), (0, "to_plant", "sent"), (0, "to_plant", "delivered")])
+        done = run("link-dump", file)
+        self.assertEqual((done.returncode, done.stdout.decode()), (0, blocks("text")[0]))
+
+    def test_a_flight_read_by_the_page_alone(self):
+        (self.folder / "faulty.yaml").write_text(FAULTY_FLIGHT)
+        run("run", "faulty.yaml", cwd=self.folder)
+        file = self.folder / "results/latest/faulty/link.bin"
+        decoders, expected, last_ns = {}, [], 0
+        for begin_ns, direction, side, content in self.records(file.read_bytes()):
+            last_ns = begin_ns
+            for status, payload in decoders.setdefault((direction, side), Decoder()).feed(content):
+                expected.append((begin_ns, direction, side, status, payload.hex()))
+        for direction in ("to_plant", "to_client", "reference"):
+            for side in ("sent", "delivered"):
+                for status, payload in decoders[direction, side].finish():
+                    expected.append((last_ns, direction, side, status, payload.hex()))
+        found = []
+        for line in run("link-dump", file).stdout.decode().splitlines()[1:]:
+            begin_s, direction, side, status, size, *rest = line.split()
+            payload = rest[0] if int(size) else ""
+            found.append((round(float(begin_s) * 1e9), direction, side, status, payload))
+        self.assertEqual(found, expected)
+        # The flight had something to find.
+        self.assertLessEqual({"ok", "bad_checksum", "dangling_escape", "too_short"}, {row[3] for row in found})
+        self.assertEqual(sum(row[1:4] == ("reference", "sent", "ok") for row in found), 501)
+
+
+def pages():
+    return [page for page in SOURCE.rglob("*.md") if "build" not in page.relative_to(SOURCE).parts]
+
+
+class DocsTest(unittest.TestCase):
+    def test_clients_on_real_ports_are_shown_in_real_time(self):
+        for page in pages():
+            text = page.read_text().replace("\\\n", " ")
+            for command in re.findall(r"tiltproof run .*--client '?(?:serial|process):.*", text):
+                self.assertIn("--mode realtime", command, page)
+
+    def test_help_names_every_client(self):
+        shown = run("run", "--help").stdout.decode()
+        for client in ("host", "library:FILE", "qemu[:ELF]", "process:CMD", "serial:DEV[,REFDEV]"):
+            self.assertIn(client, shown)
+
+    def test_libraries_in_the_docs_are_built_by_setup(self):
+        setup = (SOURCE / "setup").read_text()
+        targets = re.search(r"^cmake --build --preset release --target (.*)$", setup, re.M).group(1).split()
+        shown = {name for page in pages() for name in re.findall(r"build/release/lib/(\w+)\.so", page.read_text())}
+        self.assertIn("minimal_firmware", shown)
+        self.assertLessEqual(shown, set(targets))
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])
