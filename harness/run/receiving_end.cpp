@@ -25,7 +25,11 @@ void ReceivingEnd::OnSent(const link::Chunk& chunk) {
 void ReceivingEnd::OnDelivered(const link::Chunk& chunk) {
   if (!faulty_ || chunk.number + recent_.size() < static_cast<std::uint64_t>(counts_.frames_sent)) return;
   const auto& sent = recent_[chunk.number % recent_.size()];
-  if (sent == chunk.bytes) return;
+  if (sent.size() == chunk.bytes.size()) {
+    for (std::size_t i = 0; i < sent.size(); ++i)
+      counts_.bytes_corrupted += sent[i] != chunk.bytes[i] ? 1 : 0;
+    return;
+  }
   // Length of the longest common subsequence, row by row: what is left of the delivered bytes was changed or
   // inserted.
   std::vector<std::int64_t> row(sent.size() + 1, 0);

@@ -42,9 +42,9 @@ struct LateSpan {
   friend bool operator==(const LateSpan&, const LateSpan&) = default;
 };
 
-// bytes_corrupted: delivered bytes that were changed or inserted on the way (those outside the longest common
-// subsequence with the frame as sent); lost bytes are not delivered, and repeated frames are as they were
-// sent.
+// bytes_corrupted: delivered bytes that were changed or inserted on the way. Of a frame that kept its length, those that
+// differ from the byte sent in their place; of another, those outside the longest common subsequence with the frame as
+// sent. Lost bytes are not delivered, and repeated frames are as they were sent.
 struct DirectionCounts {
   std::int64_t frames_sent = 0, frames_accepted = 0, frames_rejected = 0, bytes_corrupted = 0;
 };

@@ -99,7 +99,9 @@ class Calculator {
         return times_[i] > onset_ns ? ToSeconds(times_[i] - onset_ns) * error_[i] : 0.0;
       };
       iae += 0.5 * (error_[r - 1] + error_[r]) * dt_s;
-      itae += 0.5 * (weighted(r - 1) + weighted(r)) * dt_s;
+      // Between two rows, the onset begins a narrower trapezoid, with a weight of 0.
+      const double weighted_s = ToSeconds(std::max<TimeNs>(times_[r] - std::max(times_[r - 1], onset_ns), 0));
+      itae += 0.5 * (weighted(r - 1) + weighted(r)) * weighted_s;
     }
     Set("tracking.iae_m_s", iae);
     Set("tracking.itae_m_s2", itae);

@@ -154,6 +154,23 @@ TEST_F(AuditTest, LostBytesAreNotCorruptedAndInsertedOnesAre) {
   EXPECT_EQ(end_.counts().bytes_corrupted, 2);
 }
 
+TEST_F(AuditTest, BytesChangedInPlaceAreAllCounted) {
+  // A swap of neighbours changes two bytes; the longest common subsequence misses but one of them.
+  Chunk sent = SensorFrame(1);
+  for (std::size_t i = 0; i < sent.bytes.size(); ++i) sent.bytes[i] = static_cast<std::uint8_t>(i % 2);
+  Chunk swapped = sent;
+  std::swap(swapped.bytes[10], swapped.bytes[11]);
+  Send(sent);
+  Deliver(swapped);
+  EXPECT_EQ(end_.counts().bytes_corrupted, 2);
+  // A value that stands elsewhere in the frame too is still a changed byte.
+  Chunk inverted = sent;
+  for (std::uint8_t& byte : inverted.bytes) byte ^= 1;
+  Send(sent);
+  Deliver(inverted);
+  EXPECT_EQ(end_.counts().bytes_corrupted, 2 + static_cast<std::int64_t>(sent.bytes.size()));
+}
+
 TEST_F(AuditTest, AFrameSentWithAPauseInItIsNotWrong) {
   const Chunk whole = SensorFrame(1);
   Chunk head = whole, tail = whole;
