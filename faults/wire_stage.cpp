@@ -36,10 +36,8 @@ void WireStage::SetOrigin(TimeNs origin_ns) {
 }
 
 void WireStage::Apply(std::vector<link::Chunk>& chunks) {
-  for (link::Chunk& chunk : chunks) {
-    chunk.number = next_number_++;
+  for (const link::Chunk& chunk : chunks)
     for (Injector& injector : injectors_) Decide(injector, chunk);
-  }
   for (Injector& injector : injectors_) Run(injector, chunks);
 }
 

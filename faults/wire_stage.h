@@ -1,7 +1,7 @@
 // The faults that stand in one direction of the line, one after the other: what link::Wire gives its frames
 // to.
 //
-// Each frame as sent gets a number, and every fault decides at once whether its trigger picks that number:
+// Each frame as sent has a number, and every fault decides at once whether its trigger picks that number:
 // what an earlier fault does to the frame (drops it, holds it back) changes neither what a later one counts
 // nor what it draws. Copies and fragments share their frame's number and so its fate at the trigger.
 #pragma once
@@ -56,7 +56,6 @@ class WireStage final : public link::ChunkStage {
 
   std::vector<Injector> injectors_;
   Recorder* recorder_ = nullptr;
-  std::uint64_t next_number_ = 0;
   std::vector<link::Chunk> out_;
   link::Chunk before_;
 };

@@ -21,7 +21,7 @@ struct Chunk {
   TimeNs begin_ns = 0;                       // when the first byte's start bit enters the wire
   std::vector<std::uint8_t> bytes;           // back to back from there
   MessageKind kind = MessageKind::kUnknown;  // of the frame as sent
-  // Of the frame as sent, from 0 in its direction; given by the fault stage, kept by copies and fragments.
+  // Of the frame as sent, from 0 in its direction; given by the wire, kept by copies and fragments.
   std::uint64_t number = 0;
 };
 

@@ -108,6 +108,7 @@ void Wire::FlushIfIdle(TimeNs now) {
 
 void Wire::SendOpenChunk(TimeNs known_ns) {
   Chunk chunk = std::move(open_);
+  chunk.number = next_number_++;
   open_ = Chunk{};
   if (!spare_.empty()) {
     open_.bytes = std::move(spare_.back());
@@ -182,7 +183,7 @@ std::optional<Wire::Piece> Wire::TakePiece(TimeNs until) {
   }
 
   Chunk& front = queue_.front();
-  const Piece piece{arrival, std::span(front.bytes).subspan(front_taken_, end - front_taken_)};
+  const Piece piece{arrival, std::span(front.bytes).subspan(front_taken_, end - front_taken_), front.number};
   taken_flag_ = piece.bytes.back() == kFlag;
   front_taken_ = end;
   if (front_taken_ == front.bytes.size()) {

@@ -59,6 +59,7 @@ class Wire {
   struct Piece {
     TimeNs arrival_ns;  // of the last byte
     std::span<const std::uint8_t> bytes;
+    std::uint64_t number;  // Chunk::number of the frame, as sent, that they come from
   };
   // The oldest bytes that have arrived by `until` and were not taken yet: up to a flag that may end a frame
   // (one that does not follow another flag), the end of their chunk, or the last byte arrived by `until`;
@@ -113,6 +114,7 @@ class Wire {
   std::int64_t busy_bytes_ = 0;
   TimeNs transmitter_free_ns_ = kPowerOn;
 
+  std::uint64_t next_number_ = 0;  // of the open chunk
   Chunk open_;                     // sent bytes that no flag has closed yet
   TimeNs open_end_ns_ = kPowerOn;  // when the last of them has left
   bool open_has_content_ = false;  // not only flags

@@ -1,7 +1,6 @@
 #include "harness/run/line.h"
 
 #include <algorithm>
-#include <iterator>
 #include <string>
 #include <utility>
 
@@ -13,7 +12,8 @@ namespace {
 
 using link::Direction;
 
-constexpr std::size_t kRepliesMax = 256;
+// Ten minutes of them: more than any line holds back.
+constexpr std::size_t kRepliesMax = 50'000;
 constexpr std::array kDirections = {Direction::kToPlant, Direction::kToClient, Direction::kReference};
 
 }  // namespace
@@ -57,12 +57,13 @@ LocalLine::LocalLine(const Scenario& scenario, bool paced)
                         end.OnDelivered(chunk);
                       }});
   }
-  At(ends_, Direction::kToClient).SetOnSentPayload([this](std::span<const std::uint8_t> payload) {
-    // The authors' server answers before t = 0 too; nobody times that.
-    if (origin_ns_ == kNever || requested_ns_ == kNever) return;
-    if (replies_.size() == kRepliesMax) replies_.pop_front();
-    replies_.push_back({Fnv1a(payload), requested_ns_});
-  });
+  At(ends_, Direction::kToClient)
+      .SetOnSentPayload([this](std::uint64_t number, std::span<const std::uint8_t> payload) {
+        // The authors' server answers before t = 0 too; that is not timed.
+        if (origin_ns_ == kNever || requested_ns_ == kNever) return;
+        if (replies_.size() == kRepliesMax) replies_.pop_front();
+        replies_.push_back({number, Fnv1a(payload), requested_ns_});
+      });
 }
 
 TimeNs LocalLine::Transmit(Direction direction, TimeNs now, std::span<const std::uint8_t> bytes) {
@@ -76,10 +77,10 @@ std::optional<Line::Piece> LocalLine::TakePiece(Direction direction, TimeNs unti
   if (!piece) return piece;
   At(ends_, direction)
       .Receive(
-          piece->arrival_ns, piece->bytes,
-          [&](TimeNs arrival, std::span<const std::uint8_t> payload) {
+          *piece,
+          [&](TimeNs arrival, std::uint64_t number, std::span<const std::uint8_t> payload) {
             if (direction == Direction::kToPlant) OnClientMessage(arrival, payload);
-            if (direction == Direction::kToClient) OnReply(arrival, payload);
+            if (direction == Direction::kToClient) OnReply(arrival, number, payload);
           },
           [&](TimeNs arrival, std::string_view reason) {
             events_.Add(arrival, "rejected", std::string(Name(direction)) + ": " + std::string(reason));
@@ -101,15 +102,18 @@ void LocalLine::OnClientMessage(TimeNs arrival, std::span<const std::uint8_t> pa
   }
 }
 
-// Late, repeated and lost replies are told apart by what they say; the newest that says it is the one meant.
-void LocalLine::OnReply(TimeNs arrival, std::span<const std::uint8_t> payload) {
-  const std::uint64_t hash = Fnv1a(payload);
-  const auto found = std::find_if(replies_.rbegin(), replies_.rend(),
-                                  [&](const Reply& reply) { return reply.payload_hash == hash; });
-  if (found == replies_.rend()) return;
+// Late, repeated and lost replies are told apart by the number of their frame, whatever they say. One that says something
+// else than was sent under its number is none.
+void LocalLine::OnReply(TimeNs arrival, std::uint64_t number, std::span<const std::uint8_t> payload) {
+  const auto found = std::lower_bound(replies_.begin(), replies_.end(), number,
+                                      [](const Reply& reply, std::uint64_t n) { return reply.number < n; });
+  if (found == replies_.end() || found->number != number || found->requested_ns == kNever ||
+      found->payload_hash != Fnv1a(payload))
+    return;
   reply_latency_ns_.push_back(arrival - found->requested_ns);
   replied_ns_ = arrival;
-  replies_.erase(std::next(found).base());
+  found->requested_ns = kNever;
+  while (!replies_.empty() && replies_.front().requested_ns == kNever) replies_.pop_front();
 }
 
 const LineCounts& LocalLine::counts() const {

@@ -90,7 +90,7 @@ class LocalLine final : public Line {
     return array[static_cast<std::size_t>(direction)];
   }
   void OnClientMessage(TimeNs arrival, std::span<const std::uint8_t> payload);
-  void OnReply(TimeNs arrival, std::span<const std::uint8_t> payload);
+  void OnReply(TimeNs arrival, std::uint64_t number, std::span<const std::uint8_t> payload);
 
   link::Dialect dialect_;
   faults::FaultSchedule faults_;
@@ -99,11 +99,12 @@ class LocalLine final : public Line {
   mutable LineCounts counts_{};
   TimeNs origin_ns_ = kNever;
 
-  // The latest request; payloads of the replies on their way, by hash, with the arrival of the request that
-  // each answers.
+  // The latest request; the replies on their way or lost, in order of their numbers, with the arrival of the request
+  // that each answers.
   struct Reply {
+    std::uint64_t number;
     std::uint64_t payload_hash;
-    TimeNs requested_ns;
+    TimeNs requested_ns;  // kNever: it has arrived
   };
   TimeNs requested_ns_ = kNever;
   std::deque<Reply> replies_;

@@ -14,12 +14,11 @@ void ReceivingEnd::OnSent(const link::Chunk& chunk) {
   const auto number = static_cast<std::size_t>(counts_.frames_sent++);
   if (faulty_) recent_[number % recent_.size()] = chunk.bytes;
   if (!faulty_ && !on_sent_payload_) return;
-  std::span<const std::uint8_t> bytes = chunk.bytes;
-  while (const auto event = sent_decoder_.Next(bytes)) {
-    if (event->status != link::FrameStatus::kOk) continue;
-    if (faulty_) sent_[Fnv1a(event->payload)].push_back(next_number_++);
-    if (on_sent_payload_) on_sent_payload_(event->payload);
-  }
+  sent_decoder_.Decode(chunk.number, chunk.bytes, [this](const link::FrameEvent& event, std::uint64_t frame) {
+    if (event.status != link::FrameStatus::kOk) return;
+    if (faulty_) sent_[Fnv1a(event.payload)].push_back(next_number_++);
+    if (on_sent_payload_) on_sent_payload_(frame, event.payload);
+  });
 }
 
 void ReceivingEnd::OnDelivered(const link::Chunk& chunk) {
@@ -48,29 +47,30 @@ TimeNs ReceivingEnd::ResyncMax(TimeNs end) const {
   return rejected_since_ns_ == kNever ? resync_max_ns_ : std::max(resync_max_ns_, end - rejected_since_ns_);
 }
 
-void ReceivingEnd::Receive(TimeNs arrival, std::span<const std::uint8_t> bytes, const OnAccepted& on_accepted,
+void ReceivingEnd::Receive(const link::Wire::Piece& piece, const OnAccepted& on_accepted,
                            const OnRejected& on_rejected) {
-  while (const auto event = decoder_.Next(bytes)) {
+  const TimeNs arrival = piece.arrival_ns;
+  decoder_.Decode(piece.number, piece.bytes, [&](const link::FrameEvent& event, std::uint64_t frame) {
     std::string_view reason;
-    if (event->status != link::FrameStatus::kOk) {
-      reason = Name(event->status);
-    } else if (const link::MessageStatus status = Check(event->payload); status != link::MessageStatus::kOk) {
+    if (event.status != link::FrameStatus::kOk) {
+      reason = Name(event.status);
+    } else if (const link::MessageStatus status = Check(event.payload); status != link::MessageStatus::kOk) {
       reason = Name(status);
     }
     if (!reason.empty()) {
       ++counts_.frames_rejected;
       rejected_since_ns_ = std::min(rejected_since_ns_, arrival);
       if (on_rejected) on_rejected(arrival, reason);
-      continue;
+      return;
     }
     ++counts_.frames_accepted;
     if (rejected_since_ns_ != kNever) {
       resync_max_ns_ = std::max(resync_max_ns_, arrival - rejected_since_ns_);
       rejected_since_ns_ = kNever;
     }
-    if (faulty_) AuditAccepted(event->payload);
-    if (on_accepted) on_accepted(arrival, event->payload);
-  }
+    if (faulty_) AuditAccepted(event.payload);
+    if (on_accepted) on_accepted(arrival, frame, event.payload);
+  });
 }
 
 link::MessageStatus ReceivingEnd::Check(std::span<const std::uint8_t> payload) const {

@@ -131,7 +131,7 @@ std::optional<Line::Piece> RemoteLine::TakePiece(link::Direction direction, Time
   if (!unpacker.Next<bool>()) return std::nullopt;
   const auto arrival = unpacker.Next<TimeNs>();
   unpacker(piece_);
-  return Piece{arrival, piece_};
+  return Piece{arrival, piece_, unpacker.Next<std::uint64_t>()};
 }
 
 LineLog RemoteLine::TakeLog(TimeNs end) {

@@ -93,7 +93,8 @@ void ServeLine(Channel& channel, const ScenarioLoader& load) {
         const auto piece = line->TakePiece(direction, request.Next<TimeNs>());
         answer(view(), piece.has_value());
         if (piece)
-          answer(piece->arrival_ns, std::vector<std::uint8_t>(piece->bytes.begin(), piece->bytes.end()));
+          answer(piece->arrival_ns, std::vector<std::uint8_t>(piece->bytes.begin(), piece->bytes.end()),
+                 piece->number);
         return;
       }
       case Message::kTakeLog:

@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <map>
 
 #include "harness/client/firmware_guard.h"
 #include "link/frame.h"
@@ -229,6 +230,168 @@ TEST(Flight, LateRepliesHaveTheirOwnLatency) {
     EXPECT_GT(latency, 30 * kNsPerMs);
     EXPECT_LT(latency, 32 * kNsPerMs);
   }
+}
+
+// Arrivals of the frames of a direction that went on, in order, from what the log says of their bytes.
+std::vector<TimeNs> DeliveredArrivals(const RunLog& log, link::Direction direction) {
+  std::vector<TimeNs> arrivals;
+  std::size_t offset = 0;
+  while (const auto record = log.link.Next(offset))
+    if (record->delivered && record->direction == direction)
+      arrivals.push_back(record->begin_ns +
+                         link::BytesTime(921'600, static_cast<std::int64_t>(record->bytes.size())));
+  return arrivals;
+}
+
+TEST(Flight, EqualRepliesInFlightHaveEachItsOwnLatency) {
+  // All sensors are frozen, so that all replies say the same, and three are on their way at any time.
+  Scenario scenario = Hover(0.5);
+  faults::FaultSpec late;
+  late.id = "late";
+  late.type = "frame.delay";
+  late.target = faults::Target::kToClient;
+  late.parameters = {{"mean_ms", 30.0}};
+  scenario.faults.push_back(late);
+  for (const auto& field : kSensorFields) {
+    faults::FaultSpec frozen;
+    frozen.id = field.column;
+    frozen.type = "sensor.freeze";
+    frozen.parameters = {{"signal", std::string(field.column)}};
+    scenario.faults.push_back(frozen);
+  }
+  std::vector<Sensors> replies;
+  const RunLog log = FlyWith(scenario, [&](TestClient& client) {
+    client.control = [&](const Sensors& sensors) {
+      replies.push_back(sensors);
+      return Actuators{std::nanf(""), 0, 0, 0};  // which the server does not accept
+    };
+  });
+  ASSERT_GT(replies.size(), 30U);
+  for (const Sensors& reply : replies) ASSERT_EQ(reply, replies.front());
+  ASSERT_EQ(log.reply_latency_ns.size(), replies.size());
+  const auto arrivals = DeliveredArrivals(log, link::Direction::kToClient);
+  for (std::size_t i = 0; i < replies.size(); ++i)
+    EXPECT_EQ(log.reply_latency_ns[i], arrivals[i] - log.request_times_ns[i]);
+}
+
+TEST(Flight, ARepeatedRequestHasARepliesLatencyOfItsOwn) {
+  Scenario scenario = Hover(0.12);
+  faults::FaultSpec twice;
+  twice.id = "twice";
+  twice.type = "frame.duplicate";
+  twice.target = faults::Target::kToPlant;
+  twice.message = link::MessageKind::kSensors;
+  twice.parameters = {{"probability", 1.0}};
+  scenario.faults.push_back(twice);
+  const RunLog log = FlyWith(scenario, [](TestClient&) {});
+  const auto arrivals = DeliveredArrivals(log, link::Direction::kToClient);
+  ASSERT_GE(log.reply_latency_ns.size(), 18U);
+  // The second of two equal replies waits until the line has carried the first.
+  for (std::size_t i = 0; i < log.reply_latency_ns.size(); ++i)
+    EXPECT_EQ(log.reply_latency_ns[i], arrivals[i] - log.request_times_ns[i]) << i;
+}
+
+faults::FaultSpec OnReplies(const std::string& type, double probability) {
+  faults::FaultSpec fault;
+  fault.id = "fault";
+  fault.type = type;
+  fault.target = faults::Target::kToClient;
+  fault.start_ns = 100 * kNsPerMs;  // when the vehicle has begun to move
+  fault.parameters = {{"probability", probability}};
+  return fault;
+}
+
+TEST(Flight, LostRepeatedAndOvertakenRepliesChangeNoOthersLatency) {
+  for (const char* type : {"frame.drop", "frame.duplicate", "frame.reorder"}) {
+    Scenario scenario = Hover(2.0);
+    scenario.faults = {OnReplies(type, 0.3)};
+    if (scenario.faults[0].type == "frame.reorder") scenario.faults[0].parameters["depth_count"] = 2.0;
+    // Falling a little, so that no two replies say the same: what one says tells which request it answers.
+    std::vector<std::pair<TimeNs, float>> heard;
+    const RunLog log = FlyWith(scenario, [&](TestClient& client) {
+      client.control = [&](const Sensors& sensors) {
+        heard.emplace_back(client.replies.back().first, sensors.z_m);
+        return Actuators{9.5, 9.5, 0, 0};
+      };
+    });
+    std::map<float, TimeNs> requested;  // by what the reply says
+    std::size_t offset = 0;
+    while (const auto record = log.link.Next(offset)) {
+      if (record->delivered || record->direction != link::Direction::kToClient) continue;
+      link::FrameDecoder decoder;
+      std::span<const std::uint8_t> bytes = record->bytes;
+      Sensors sensors;
+      while (const auto event = decoder.Next(bytes)) link::DecodeSensors(event->payload, sensors);
+      requested.emplace(sensors.z_m, log.request_times_ns.at(requested.size()));
+    }
+    ASSERT_EQ(requested.size(), log.request_times_ns.size()) << type;
+    // Of a repeated reply the first to come. The client counts from its power-on.
+    const TimeNs origin =
+        heard.front().first - requested.at(heard.front().second) - log.reply_latency_ns.front();
+    std::vector<TimeNs> latencies;
+    for (const auto& [now, z_m] : heard) {
+      const auto request = requested.find(z_m);
+      if (request == requested.end()) continue;
+      latencies.push_back(now - origin - request->second);
+      requested.erase(request);
+    }
+    EXPECT_EQ(log.reply_latency_ns, latencies) << type;
+  }
+}
+
+TEST(Flight, AnOlderReplyInThePlaceOfANewOneIsNotTheNewOnesAnswer) {
+  Scenario scenario = Hover(2.0);
+  scenario.faults = {OnReplies("frame.replay_stale", 0.3)};
+  scenario.faults[0].parameters["age_count"] = 2.0;
+  const RunLog log = FlyWith(scenario, [](TestClient& client) {
+    client.control = [](const Sensors&) { return Actuators{9.5, 9.5, 0, 0}; };
+  });
+  std::array<std::vector<std::vector<std::uint8_t>>, 2> frames;  // as sent, as they went on
+  std::size_t offset = 0;
+  while (const auto record = log.link.Next(offset))
+    if (record->direction == link::Direction::kToClient)
+      frames[record->delivered ? 1 : 0].emplace_back(record->bytes.begin(), record->bytes.end());
+  const auto arrivals = DeliveredArrivals(log, link::Direction::kToClient);
+  std::vector<TimeNs> latencies;
+  for (std::size_t i = 0; i < frames[0].size(); ++i)
+    if (frames[0][i] == frames[1][i]) latencies.push_back(arrivals[i] - log.request_times_ns[i]);
+  EXPECT_LT(latencies.size(), frames[0].size());
+  EXPECT_EQ(log.reply_latency_ns, latencies);
+}
+
+TEST(Flight, AReplyThatTheNextFramesFlagClosesHasItsLatencyToThere) {
+  // Cut short by its closing flag alone, a reply is whole when the next one begins.
+  Scenario scenario = Hover(2.0);
+  scenario.faults = {OnReplies("wire.byte_drop", 0.01)};
+  const RunLog log = FlyWith(scenario, [](TestClient& client) {
+    client.control = [](const Sensors&) { return Actuators{9.5, 9.5, 0, 0}; };
+  });
+  std::vector<std::vector<std::uint8_t>> sent;
+  std::size_t offset = 0, closed_late_count = 0, at = 0;
+  std::vector<TimeNs> latencies;
+  while (const auto record = log.link.Next(offset)) {
+    if (record->direction != link::Direction::kToClient) continue;
+    if (!record->delivered) {
+      sent.emplace_back(record->bytes.begin(), record->bytes.end());
+      continue;
+    }
+    ASSERT_EQ(++at, sent.size()) << "no reply vanished: the test needs other probabilities";
+    const std::vector<std::uint8_t> bytes(record->bytes.begin(), record->bytes.end());
+    if (bytes.size() + 1 == sent.back().size() &&
+        std::equal(bytes.begin(), bytes.end(), sent.back().begin())) {
+      const TimeNs next_flag = log.request_times_ns.at(at) + link::BytesTime(921'600, 1);
+      latencies.push_back(next_flag - log.request_times_ns[at - 1]);
+      ++closed_late_count;
+    } else if (bytes.size() >= sent.back().size() - 1 &&
+               std::equal(bytes.rbegin(), bytes.rbegin() + 66, sent.back().rbegin())) {
+      // Whole, or without its opening flag: the line is idle before it.
+      latencies.push_back(record->begin_ns +
+                          link::BytesTime(921'600, static_cast<std::int64_t>(bytes.size())) -
+                          log.request_times_ns[at - 1]);
+    }
+  }
+  EXPECT_GT(closed_late_count, 0U);
+  EXPECT_EQ(log.reply_latency_ns, latencies);
 }
 
 TEST(Flight, AFirmwareThatNeverStartsFails) {

@@ -72,7 +72,7 @@ class AuditTest : public ::testing::Test {
   void Deliver(Chunk chunk, TimeNs arrival = 0) {
     chunk.number = sent_count_ - 1;
     end_.OnDelivered(chunk);
-    end_.Receive(arrival, chunk.bytes, {}, {});
+    end_.Receive({arrival, chunk.bytes, chunk.number}, {}, {});
   }
   ReceivingEnd end_{Direction::kToClient, link::Dialect::kPaper, true};
   std::uint64_t sent_count_ = 0;
