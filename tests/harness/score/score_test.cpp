@@ -107,33 +107,6 @@ TEST(Metrics, TrackingByHand) {
   EXPECT_EQ(MetricsOf(scenario, log).at("tracking.itae_m_s2"), metrics.at("tracking.itae_m_s2"));
 }
 
-// With an error of e_0 + e_1 t the integral of (t - onset) error from the onset to the end is a polynomial. A trapezoid of
-// width h is too large by the second derivative, 2 e_1, times h^3 / 12.
-TEST(Metrics, ItaeIsItsClosedFormWhereverTheOnsetLies) {
-  constexpr std::size_t kRows = 501;  // 6 s
-  constexpr double kAtStart_m = 0.5, kPerSecond_m_s = 0.25;
-  RunLog log = StillFlight(kRows);
-  Trace ramp(log.trace.columns());
-  for (std::size_t r = 0; r < kRows; ++r) {
-    const auto row = ramp.AppendRow();
-    std::copy(log.trace.row(r).begin(), log.trace.row(r).end(), row.begin());
-    row[*ramp.Find("x_m")] = kAtStart_m + kPerSecond_m_s * row[0];
-  }
-  log.trace = std::move(ramp);
-  // On a row, just after one, between two, just before one, in the last period, at and after the end.
-  for (const double onset_s : {0.0, 2.4, 2.401, 2.406, 2.4119, 5.9999, 6.0, 7.0}) {
-    Scenario scenario = ScenarioOf(log);
-    scenario.faults = {Fault("a", FromSeconds(onset_s), kNever)};
-    const double length_s = std::max(6.0 - onset_s, 0.0);
-    const double integral = (kAtStart_m + kPerSecond_m_s * onset_s) * std::pow(length_s, 2) / 2 +
-                            kPerSecond_m_s * std::pow(length_s, 3) / 3;
-    const double whole_rows = std::floor(length_s / 0.012 + 1e-6);
-    const double rest_s = length_s - 0.012 * whole_rows;
-    const double too_large = kPerSecond_m_s / 6 * (whole_rows * std::pow(0.012, 3) + std::pow(rest_s, 3));
-    EXPECT_NEAR(MetricsOf(scenario, log).at("tracking.itae_m_s2"), integral + too_large, 1e-12) << onset_s;
-  }
-}
-
 TEST(Metrics, TheFirstTenSecondsCanBeLeftOut) {
   RunLog log = StillFlight(836);  // row 834 is the first at or after 10 s
   Set(log, 833, "x_m", 100.0);
