@@ -47,12 +47,8 @@ struct Pairing {
   std::vector<std::string> only_a, only_b;
 };
 
-bool IsOneScenario(const OldRun& run, const fs::path& path) {
-  return run.scenario_folders.size() == 1 && fs::equivalent(run.scenario_folders.front(), path);
-}
-
 Pairing Pair(const CompareOptions& options, const OldRun& a, const OldRun& b) {
-  const bool one_a = IsOneScenario(a, options.a), one_b = IsOneScenario(b, options.b);
+  const bool one_a = !a.whole, one_b = !b.whole;
   Pairing pairing;
   // Two scenarios' folders are a pair whatever they are called.
   if (one_a && one_b) {

@@ -55,8 +55,8 @@ void Console::Finished(const ScenarioResult& result) const {
   if (score.verdict != Verdict::kPass || !result.green()) {
     fmt::print("                 {}\n", score.reason);
     if (!result.green()) {
-      fmt::print("                 expected {}; seed {}; again: {}\n", Name(result.expected), result.seed,
-                 result.replay);
+      fmt::print("                 expected {}; seed {}{}{}\n", Name(result.expected), result.seed,
+                 result.replay.empty() ? "" : "; again: ", result.replay);
     }
   }
   std::fflush(stdout);

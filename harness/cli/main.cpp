@@ -111,7 +111,8 @@ int Main(int argc, char** argv) {
   replay_app->add_option("RUN", replay.run, "A run's results folder, or one scenario's folder in it")
       ->required();
   replay_app->callback([&] { command = [&] { return ReplayCommand(replay); }; });
-  auto* score_app = app.add_subcommand("score", "Score an old run again from its files");
+  auto* score_app = app.add_subcommand(
+      "score", "Score an old run again from its files, and write its results.json and junit.xml anew");
   score_app->add_option("RUN", replay.run, "A run's results folder, or one scenario's folder in it")
       ->required();
   score_app->add_option("--format", replay.format, "human or jsonl")

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 #include <stdlib.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 
@@ -73,11 +74,24 @@ int ReplayCommand(const ReplayOptions& options) {
   std::vector<FlightJob> jobs;
   std::vector<ScenarioResult> old_results;
   std::size_t not_comparable_count = 0;
+  const bool unfinished = run.whole && run.info.interrupted;
+  if (unfinished) {
+    const auto ended = std::count_if(run.scenario_folders.begin(), run.scenario_folders.end(), HasEnded);
+    fmt::print(
+        "an unfinished run: {}{} flights came to a verdict; it was interrupted or killed, or is still under "
+        "way\n",
+        ended, run.info.flights.empty() ? "" : fmt::format(" of {}", run.info.flights.size()));
+  }
   for (const auto& scenario_folder : run.scenario_folders) {
+    if (!HasEnded(scenario_folder)) {
+      fmt::print("{:<10} {:<34} {}\n", "NO HASH", scenario_folder.filename().string(), kNotFlown);
+      ++not_comparable_count;
+      continue;
+    }
     try {
       old_results.push_back(ResultFromJsonText(ReadFile(scenario_folder / "verdict.json")));
     } catch (const std::exception& error) {
-      // Its worker was killed, or the disk was full: the others can be compared all the same.
+      // The others can be compared all the same.
       fmt::print("{:<10} {:<34} {}\n", "NO HASH", scenario_folder.filename().string(), error.what());
       ++not_comparable_count;
       continue;
@@ -112,7 +126,7 @@ int ReplayCommand(const ReplayOptions& options) {
              outcome.results.size());
   if (error_count > 0) return kExitError;
   if (different_count > 0) return kExitNotGreen;
-  return not_comparable_count > 0 ? kExitUndecided : kExitGreen;
+  return unfinished || not_comparable_count > 0 ? kExitUndecided : kExitGreen;
 }
 
 }  // namespace tiltproof::harness

@@ -13,7 +13,7 @@
 #include "harness/cli/commands.h"
 #include "harness/cli/console.h"
 #include "harness/cli/data_files.h"
-#include "harness/cli/run_folder.h"
+#include "harness/cli/run_record.h"
 #include "harness/cli/suite.h"
 #include "harness/cli/worker_pool.h"
 #include "harness/emulator/elf_symbols.h"
@@ -224,11 +224,6 @@ int RunCommand(const RunOptions& options) {
   if (means.realtime && !means.attach) info.realtime_rights = ProbeRealtimeRights().Text();
   info.command = options.command;
   const std::filesystem::path folder = CreateRunFolder(options.out, suite.name, info.seed);
-  // As it is to stand there when this process is killed.
-  info.interrupted = true;
-  WriteRunInfo(folder, info);
-  WriteResults(folder, info, {});
-  WriteRunEvents(folder, {});
   if (LatestIsTaken(options.out))
     fmt::print(stderr, "warning: {} is no link and stays as it is; this run is in {}\n",
                (options.out / "latest").string(), folder.string());
@@ -248,14 +243,17 @@ int RunCommand(const RunOptions& options) {
   console.Line(fmt::format("tiltproof {}: suite {}, {} flight{}, client {}, results in {}", Version(),
                            suite.name, jobs.size(), jobs.size() == 1 ? "" : "s", info.client,
                            folder.string()));
+  RunRecord record(folder, info, jobs);
   const bool progress = !options.no_progress && isatty(STDERR_FILENO) != 0;
-  const PoolOutcome outcome =
-      FlyAll(jobs, {.jobs_count = options.jobs_count, .fail_fast = options.fail_fast, .progress = progress},
-             [&](const ScenarioResult& result) { console.Finished(result); });
-  info.interrupted = outcome.interrupted;
-  WriteRunInfo(folder, info);
-  WriteResults(folder, info, outcome.results);
-  WriteRunEvents(folder, outcome.results);
+  const PoolOutcome outcome = FlyAll(
+      jobs, {.jobs_count = options.jobs_count, .fail_fast = options.fail_fast, .progress = progress},
+      [&](const ScenarioResult& result) {
+        record.Take(result);
+        console.Finished(result);
+      },
+      [&] { record.Refresh(); });
+  record.Finish(outcome.interrupted, outcome.interrupted ? "not flown: the run was interrupted"
+                                                         : "not flown: --fail-fast ended the run");
   console.Summary(outcome.results, outcome.not_flown, outcome.interrupted);
   return outcome.interrupted ? static_cast<int>(kExitInterrupted) : ExitCode(outcome.results);
 }

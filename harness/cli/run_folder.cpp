@@ -21,23 +21,33 @@ OldRun OpenRun(const std::filesystem::path& path) {
   const fs::path folder = fs::exists(path) ? fs::canonical(path) : path;
   OldRun run;
   try {
-    if (fs::exists(folder / kScenarioFile)) {
-      run.info = ReadRunInfo(folder.parent_path());
+    if (HasBegun(folder)) {
+      run.folder = folder.parent_path();
+      run.info = ReadRunInfo(run.folder);
+      run.whole = false;
       run.scenario_folders = {folder};
       return run;
     }
+    run.folder = folder;
     run.info = ReadRunInfo(folder);
   } catch (const std::runtime_error& error) {
     throw UsageError(fmt::format("{} is neither a run's results folder nor a scenario's in it: {}",
                                  path.string(), error.what()));
   }
   for (const auto& entry : fs::directory_iterator(folder))
-    if (entry.is_directory() && fs::exists(entry.path() / kScenarioFile))
-      run.scenario_folders.push_back(entry.path());
+    if (entry.is_directory() && HasBegun(entry.path())) run.scenario_folders.push_back(entry.path());
   std::sort(run.scenario_folders.begin(), run.scenario_folders.end());
-  if (run.scenario_folders.empty())
+  if (run.scenario_folders.empty() && run.info.flights.empty())
     throw UsageError(fmt::format("{}: no scenario was flown in this run", path.string()));
   return run;
+}
+
+bool HasBegun(const std::filesystem::path& scenario_folder) {
+  return std::filesystem::exists(scenario_folder / kScenarioFile);
+}
+
+bool HasEnded(const std::filesystem::path& scenario_folder) {
+  return std::filesystem::exists(scenario_folder / "verdict.json");
 }
 
 void WriteRunEvents(const std::filesystem::path& folder, const std::vector<ScenarioResult>& results) {

@@ -11,10 +11,17 @@ namespace tiltproof::harness {
 
 struct OldRun {
   RunInfo info;
-  std::vector<std::filesystem::path> scenario_folders;
+  std::filesystem::path folder;                         // the run's
+  bool whole = true;                                    // else one scenario of it was asked for
+  std::vector<std::filesystem::path> scenario_folders;  // those that are there
 };
-// `path` is a run's folder or the folder of one scenario in it. Throws UsageError when it is neither.
+// `path` is a run's folder or the folder of one scenario in it. Throws UsageError when it is neither, or when
+// nothing was to be flown.
 OldRun OpenRun(const std::filesystem::path& path);
+
+// Whether a flight took off, and whether it came to a verdict.
+bool HasBegun(const std::filesystem::path& scenario_folder);
+bool HasEnded(const std::filesystem::path& scenario_folder);
 
 // Gathers the scenarios' events in events.jsonl, one JSON object a line.
 void WriteRunEvents(const std::filesystem::path& folder, const std::vector<ScenarioResult>& results);

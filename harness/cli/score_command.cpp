@@ -8,31 +8,55 @@
 #include "harness/report/flight_files.h"
 
 namespace tiltproof::harness {
+namespace {
 
-// Pure: reads the files of the flights and writes none. Criteria are those of scenario.resolved.yaml as it
-// stands now.
+// From the flight's files; criteria are those of scenario.resolved.yaml as it stands now.
+ScenarioResult ScoreAgain(const std::filesystem::path& folder, const std::string& program) {
+  const Scenario scenario = LoadFlown(folder).scenario;
+  const std::string name = folder.filename();
+  const std::string replay = fmt::format("{} replay {}", program, folder.string());
+  if (!HasEnded(folder)) return NotFlown({name, scenario.expect, scenario.seed});
+  try {
+    const ScenarioResult then = ResultFromJsonText(ReadFile(folder / "verdict.json"));
+    if (then.trace_hash.empty()) return then;  // it left no flight to score
+    const ScenarioResult result = MakeResult(name, scenario, ReadFlight(folder), then.replay);
+    if (then.trace_hash != result.trace_hash)
+      throw std::runtime_error(
+          fmt::format("{} is not the trace that was flown: its hash is {}, in verdict.json {}",
+                      (folder / "trace.csv").string(), result.trace_hash, then.trace_hash));
+    return result;
+  } catch (const std::exception& error) {
+    // Its files are damaged, which must not pass unseen.
+    return MakeErrorResult(name, scenario, error.what(), replay);
+  }
+}
+
+// Of the whole run: in the order of the plan, with the flights that never began.
+std::vector<ScenarioResult> ScoreAll(const OldRun& run, const std::string& program) {
+  std::vector<ScenarioResult> results;
+  if (!run.whole || run.info.flights.empty()) {
+    for (const auto& folder : run.scenario_folders) results.push_back(ScoreAgain(folder, program));
+    return results;
+  }
+  for (const PlannedFlight& flight : run.info.flights) {
+    const auto folder = run.folder / flight.name;
+    results.push_back(HasBegun(folder) ? ScoreAgain(folder, program) : NotFlown(flight));
+  }
+  return results;
+}
+
+}  // namespace
+
+// Writes the results of the run anew: they may be older than its last flights (when its process was killed), or
+// than its criteria.
 int ScoreCommand(const ReplayOptions& options) {
   const OldRun run = OpenRun(options.run);
   const Console console(options.format == "jsonl");
-  std::vector<ScenarioResult> results;
-  for (const auto& folder : run.scenario_folders) {
-    const Scenario scenario = LoadFlown(folder).scenario;
-    const std::string name = folder.filename();
-    const std::string replay = fmt::format("{} replay {}", options.program, folder.string());
-    ScenarioResult result;
-    try {
-      result = MakeResult(name, scenario, ReadFlight(folder), replay);
-      const ScenarioResult then = ResultFromJsonText(ReadFile(folder / "verdict.json"));
-      if (then.trace_hash != result.trace_hash)
-        throw std::runtime_error(
-            fmt::format("{} is not the trace that was flown: its hash is {}, in verdict.json {}",
-                        (folder / "trace.csv").string(), result.trace_hash, then.trace_hash));
-    } catch (const std::exception& error) {
-      // It ended in an error then, or its files are damaged now: either way it must not pass unseen.
-      result = MakeErrorResult(name, scenario, error.what(), replay);
-    }
-    console.Finished(result);
-    results.push_back(std::move(result));
+  const std::vector<ScenarioResult> results = ScoreAll(run, options.program);
+  for (const auto& result : results) console.Finished(result);
+  if (run.whole) {
+    WriteResults(run.folder, run.info, results);
+    WriteRunEvents(run.folder, results);
   }
   console.Summary(results, {}, false);
   return ExitCode(results);

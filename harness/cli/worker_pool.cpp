@@ -186,8 +186,8 @@ struct Worker {
 class Pool {
  public:
   Pool(const std::vector<FlightJob>& jobs, const PoolOptions& options,
-       const std::function<void(const ScenarioResult&)>& on_finished)
-      : jobs_(jobs), options_(options), on_finished_(on_finished), results_(jobs.size()) {}
+       const std::function<void(const ScenarioResult&)>& on_finished, const std::function<void()>& on_turn)
+      : jobs_(jobs), options_(options), on_finished_(on_finished), on_turn_(on_turn), results_(jobs.size()) {}
 
   PoolOutcome Run() {
     const InterruptScope scope;
@@ -213,6 +213,7 @@ class Pool {
         workers_.erase(workers_.begin() + static_cast<std::ptrdiff_t>(i));
         Report(job, stop);
       }
+      on_turn_();
       ShowProgress();
     }
     ClearProgress();
@@ -370,6 +371,7 @@ class Pool {
   const std::vector<FlightJob>& jobs_;
   const PoolOptions& options_;
   const std::function<void(const ScenarioResult&)>& on_finished_;
+  const std::function<void()>& on_turn_;
   std::vector<std::optional<ScenarioResult>> results_;
   std::vector<Worker> workers_;
   bool forwarded_ = false;
@@ -379,8 +381,9 @@ class Pool {
 }  // namespace
 
 PoolOutcome FlyAll(const std::vector<FlightJob>& jobs, const PoolOptions& options,
-                   const std::function<void(const ScenarioResult&)>& on_finished) {
-  return Pool(jobs, options, on_finished).Run();
+                   const std::function<void(const ScenarioResult&)>& on_finished,
+                   const std::function<void()>& on_turn) {
+  return Pool(jobs, options, on_finished, on_turn).Run();
 }
 
 }  // namespace tiltproof::harness

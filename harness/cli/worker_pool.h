@@ -48,9 +48,11 @@ struct PoolOutcome {
   bool interrupted = false;
 };
 
-// `on_finished` is called for each result as it comes. SIGINT and SIGTERM end the flights under way, whose
+// `on_finished` is called for each result as it comes, `on_turn` some ten times a second. SIGINT and SIGTERM end the flights under way, whose
 // partial results are kept.
-PoolOutcome FlyAll(const std::vector<FlightJob>& jobs, const PoolOptions& options,
-                   const std::function<void(const ScenarioResult&)>& on_finished);
+PoolOutcome FlyAll(
+    const std::vector<FlightJob>& jobs, const PoolOptions& options,
+    const std::function<void(const ScenarioResult&)>& on_finished,
+    const std::function<void()>& on_turn = [] {});
 
 }  // namespace tiltproof::harness

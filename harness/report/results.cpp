@@ -61,6 +61,13 @@ Json ToJson(const ScenarioResult& result) {
   return json;
 }
 
+Json ToJson(const std::vector<NotApplicable>& scenarios) {
+  Json json = Json::array();
+  for (const auto& scenario : scenarios)
+    json.push_back({{"name", scenario.name}, {"reason", scenario.reason}});
+  return json;
+}
+
 // XML 1.0 forbids most control characters, even escaped.
 std::string XmlSafe(std::string text) {
   for (char& c : text)
@@ -93,6 +100,14 @@ void AddTestCase(pugi::xml_node suite, const std::string& suite_name, const Scen
   failure.append_child(pugi::node_pcdata).set_value(XmlSafe(text).c_str());
 }
 
+void AddSkipped(pugi::xml_node suite, const std::string& suite_name, const NotApplicable& scenario) {
+  auto test = suite.append_child("testcase");
+  test.append_attribute("classname") = suite_name.c_str();
+  test.append_attribute("name") = XmlSafe(scenario.name).c_str();
+  test.append_attribute("time") = Decimal(0.0).c_str();
+  test.append_child("skipped").append_attribute("message") = XmlSafe(scenario.reason).c_str();
+}
+
 // Elements, attributes and their order are what the schemas of Ant and Jenkins both know; a test holds that.
 std::string JunitXml(const RunInfo& info, const std::vector<ScenarioResult>& results) {
   pugi::xml_document document;
@@ -110,9 +125,10 @@ std::string JunitXml(const RunInfo& info, const std::vector<ScenarioResult>& res
   suite.append_attribute("hostname") = HostName().c_str();
   // UTC. Ant's schema knows neither zone nor fractions of a second.
   suite.append_attribute("timestamp") = info.started.substr(0, 19).c_str();
-  suite.append_attribute("tests") = static_cast<unsigned>(results.size());
+  suite.append_attribute("tests") = static_cast<unsigned>(results.size() + info.not_applicable.size());
   suite.append_attribute("failures") = failures;
   suite.append_attribute("errors") = errors;
+  suite.append_attribute("skipped") = static_cast<unsigned>(info.not_applicable.size());
   suite.append_attribute("time") = Decimal(time_s).c_str();
   auto properties = suite.append_child("properties");
   const auto add_property = [&properties](const char* key, const std::string& value) {
@@ -125,6 +141,7 @@ std::string JunitXml(const RunInfo& info, const std::vector<ScenarioResult>& res
   add_property("mode", info.mode);
   add_property("client", info.client);
   for (const auto& result : results) AddTestCase(suite, name, result);
+  for (const auto& scenario : info.not_applicable) AddSkipped(suite, name, scenario);
   suite.append_child("system-out");
   suite.append_child("system-err");
   std::ostringstream out;
@@ -155,6 +172,16 @@ ScenarioResult MakeErrorResult(const std::string& name, const Scenario& scenario
   result.expected = scenario.expect;
   result.seed = scenario.seed;
   result.replay = replay;
+  result.score.verdict = Verdict::kError;
+  result.score.reason = reason;
+  return result;
+}
+
+ScenarioResult NotFlown(const PlannedFlight& flight, const std::string& reason) {
+  ScenarioResult result;
+  result.name = flight.name;
+  result.expected = flight.expected;
+  result.seed = flight.seed;
   result.score.verdict = Verdict::kError;
   result.score.reason = reason;
   return result;
@@ -205,6 +232,11 @@ void WriteRunInfo(const std::filesystem::path& folder, const RunInfo& info) {
   json["client"] = info.client;
   json["command"] = info.command;
   json["interrupted"] = info.interrupted;
+  json["flights"] = Json::array();
+  for (const auto& flight : info.flights)
+    json["flights"].push_back(
+        {{"name", flight.name}, {"expected", Name(flight.expected)}, {"seed", flight.seed}});
+  json["not_applicable"] = ToJson(info.not_applicable);
   if (!info.realtime_rights.empty()) json["realtime_rights"] = info.realtime_rights;
   WriteFile(folder / "run.json", json.dump(2) + "\n");
 }
@@ -223,6 +255,14 @@ RunInfo ReadRunInfo(const std::filesystem::path& folder) {
     info.build = json.value("build", "");
     json.at("command").get_to(info.command);
     json.at("interrupted").get_to(info.interrupted);
+    // Absent from the files of older versions.
+    for (const Json& flight : json.value("flights", Json::array()))
+      info.flights.push_back({flight.at("name").get<std::string>(),
+                              VerdictNamed(flight.at("expected").get<std::string>()),
+                              flight.at("seed").get<std::uint64_t>()});
+    for (const Json& scenario : json.value("not_applicable", Json::array()))
+      info.not_applicable.push_back(
+          {scenario.at("name").get<std::string>(), scenario.at("reason").get<std::string>()});
     return info;
   } catch (const std::exception& error) {
     throw std::runtime_error(file.string() + ": " + error.what());
@@ -239,6 +279,7 @@ void WriteResults(const std::filesystem::path& folder, const RunInfo& info,
   json["interrupted"] = info.interrupted;
   json["scenarios"] = Json::array();
   for (const auto& result : results) json["scenarios"].push_back(ToJson(result));
+  json["not_applicable"] = ToJson(info.not_applicable);
   WriteFile(folder / "results.json", json.dump(2) + "\n");
   WriteFile(folder / "junit.xml", JunitXml(info, results));
 }

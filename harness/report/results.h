@@ -18,7 +18,7 @@ struct ScenarioResult {
   double wall_s = 0.0;
   double real_time_factor = 0.0;
   Score score;
-  std::string replay;  // the exact command
+  std::string replay;  // the exact command; empty when it was not flown
 
   bool green() const { return score.verdict == expected; }
 };
@@ -30,11 +30,27 @@ ScenarioResult MakeResult(const std::string& name, const Scenario& scenario, con
 ScenarioResult MakeErrorResult(const std::string& name, const Scenario& scenario, const std::string& reason,
                                const std::string& replay);
 
+// One flight of a run, before it is flown.
+struct PlannedFlight {
+  std::string name;
+  Verdict expected = Verdict::kPass;
+  std::uint64_t seed = 0;
+};
+// Its result for as long as it has no other: an error for this reason.
+inline constexpr const char* kNotFlown = "not flown to the end: the run ended before, or is still under way";
+ScenarioResult NotFlown(const PlannedFlight& flight, const std::string& reason = kNotFlown);
+
 // The JSON text of one entry (verdict.json), and back; throws std::runtime_error.
 std::string ToJsonText(const ScenarioResult& result);
 // Its metrics alone: {"dotted.name": number}.
 std::string MetricsJsonText(const ScenarioResult& result);
 ScenarioResult ResultFromJsonText(const std::string& text);
+
+// A scenario that cannot be flown with the run's client or in its mode.
+struct NotApplicable {
+  std::string name;
+  std::string reason;
+};
 
 struct RunInfo {
   std::string suite;
@@ -44,15 +60,17 @@ struct RunInfo {
   std::string client;             // --client as given
   std::string build;              // harness/report/build_id.h; empty in the files of older versions
   std::vector<std::string> command;
-  bool interrupted = false;
-  std::string realtime_rights;  // in real time: the scheduling and memory that the nodes got
+  bool interrupted = false;            // by a signal, or killed: unfinished
+  std::vector<PlannedFlight> flights;  // in the order of the results; empty in the files of older versions
+  std::vector<NotApplicable> not_applicable;  // found in a folder, and left out
+  std::string realtime_rights;                // in real time: the scheduling and memory that the nodes got
 };
 
 // run.json: what is needed to do the run again. Written before the first flight.
 void WriteRunInfo(const std::filesystem::path& folder, const RunInfo& info);
 RunInfo ReadRunInfo(const std::filesystem::path& folder);
 
-// results.json and junit.xml.
+// results.json and junit.xml, with what is not applicable as `info` has it.
 void WriteResults(const std::filesystem::path& folder, const RunInfo& info,
                   const std::vector<ScenarioResult>& results);
 

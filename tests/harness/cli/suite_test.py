@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """Suites as a user keeps them: what is found, what applies, what is left of a run. Usage: suite_test.py TILTPROOF SOURCE_DIR CLIENTS_DIR"""
+import json
 import os
 import pathlib
 import shutil
@@ -7,7 +8,9 @@ import socket
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
+import xml.etree.ElementTree
 
 PROGRAM, SOURCE, CLIENTS = (pathlib.Path(a).resolve() for a in sys.argv[1:4])
 
@@ -38,6 +41,15 @@ class SuiteTest(unittest.TestCase):
         path.parent.mkdir(exist_ok=True)
         path.write_text(text)
         return path
+
+    def latest(self):
+        return (self.folder / "results/latest").resolve()
+
+    def results(self):
+        return json.loads((self.latest() / "results.json").read_text())
+
+    def junit(self):
+        return xml.etree.ElementTree.parse(self.latest() / "junit.xml").getroot()[0]
 
     # names that were mistyped
 
@@ -95,6 +107,91 @@ class SuiteTest(unittest.TestCase):
             "warning: suite/back: not followed: a link that leads back to itself",
             "warning: suite/here: not followed: a link to a folder that it is in",
             "warning: suite/there: not followed: a link that leads back to itself"])
+
+    # a run that does not come to its end
+
+    def start(self, *arguments):
+        process = subprocess.Popen([PROGRAM, *map(str, arguments)], cwd=self.folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.addCleanup(process.wait)
+        self.addCleanup(process.kill)
+        return process
+
+    def wait_for(self, condition):
+        deadline = time.monotonic() + 60
+        while not condition():
+            self.assertLess(time.monotonic(), deadline)
+            time.sleep(0.02)
+
+    def verdicts(self):
+        return [(e["name"], e["verdict"]) for e in self.results()["scenarios"]]
+
+    def test_a_killed_run_is_an_error_for_every_flight_that_did_not_end(self):
+        self.scenario("a")
+        self.scenario("b", duration_s="duration_s: 9000 #")
+        self.scenario("c")
+        process = self.start("run", ".")
+        # The results follow the flights while others are under way.
+        self.wait_for(lambda: (self.folder / "results/latest/results.json").exists() and self.verdicts()[0] == ("a", "pass"))
+        self.wait_for((self.latest() / "b/scenario.resolved.yaml").exists)
+        process.kill()
+        process.wait()
+        self.assertEqual(self.verdicts(), [("a", "pass"), ("b", "error"), ("c", "error")])
+        self.assertEqual({e["reason"] for e in self.results()["scenarios"][1:]}, {"not flown to the end: the run ended before, or is still under way"})
+        junit = self.junit()
+        self.assertEqual((junit.get("tests"), junit.get("errors"), junit.get("failures")), ("3", "2", "0"))
+        code, out, _ = self.tiltproof("replay", self.latest())
+        self.assertEqual(code, 4, out)
+        self.assertIn("an unfinished run: 1 of 3 flights came to a verdict", out)
+        self.assertIn("1 of 1 equal", out)
+        # All of it can be made anew from what the flights left.
+        whole = {name: (self.latest() / name).read_text() for name in ("results.json", "junit.xml")}
+        for name in whole:
+            (self.latest() / name).unlink()
+        code, out, err = self.tiltproof("score", self.latest())
+        self.assertEqual((code, err), (3, ""), out)
+        self.assertIn("1 of 3 green", out)
+        for name, text in whole.items():
+            self.assertEqual((self.latest() / name).read_text(), text)
+
+    def test_a_run_killed_at_once_has_every_flight_as_an_error(self):
+        self.scenario("a", duration_s="duration_s: 9000 #")
+        self.scenario("b")
+        process = self.start("run", ".", "--repeat", "2")
+        self.wait_for((self.folder / "results/latest/junit.xml").exists)
+        process.kill()
+        process.wait()
+        self.assertEqual(self.verdicts(), [(name, "error") for name in ("a-seed3", "a-seed4", "b-seed3", "b-seed4")])
+        self.assertEqual(self.junit().get("errors"), "4")
+        code, out, _ = self.tiltproof("replay", self.latest())
+        self.assertEqual(code, 4, out)
+        self.assertIn("an unfinished run: 0 of 4 flights", out)
+        self.assertEqual(self.tiltproof("score", self.latest())[0], 3)
+
+    def test_scoring_again_writes_the_same_results(self):
+        self.scenario("a")
+        self.scenario("b", **{"position_error_m <= 0.5": "position_error_m < 0"})
+        self.tiltproof("run", ".")
+        before = (self.latest() / "results.json").read_text()
+        events = (self.latest() / "events.jsonl").read_text()
+        self.assertEqual(self.tiltproof("score", self.latest())[0], 1)
+        self.assertEqual((self.latest() / "results.json").read_text(), before)
+        self.assertEqual((self.latest() / "events.jsonl").read_text(), events)
+        # New criteria, new results; but of the whole run only.
+        resolved = self.latest() / "b/scenario.resolved.yaml"
+        resolved.write_text(resolved.read_text().replace("position_error_m < 0", "position_error_m < 1"))
+        self.assertEqual(self.tiltproof("score", self.latest() / "b")[0], 0)
+        self.assertEqual((self.latest() / "results.json").read_text(), before)
+        self.assertEqual(self.tiltproof("score", self.latest())[0], 0)
+        self.assertEqual(self.verdicts(), [("a", "pass"), ("b", "pass")])
+
+    def test_flights_after_the_first_failure_are_errors_of_a_run_that_stops_there(self):
+        self.scenario("a", **{"position_error_m <= 0.5": "position_error_m < 0"})
+        self.scenario("b")
+        code, out, _ = self.tiltproof("run", ".", "--fail-fast")
+        self.assertEqual(code, 1, out)
+        self.assertIn("0 of 2 green, 1 not flown", out)
+        self.assertEqual(self.verdicts(), [("a", "fail"), ("b", "error")])
+        self.assertEqual(self.results()["scenarios"][1]["reason"], "not flown: --fail-fast ended the run")
 
 
 if __name__ == "__main__":

@@ -183,6 +183,7 @@ TEST_F(ReportTest, JunitHasTheFormThatAntAndJenkinsKnow) {
   RunInfo info;
   info.suite = "s";
   info.started = UtcNow();
+  info.not_applicable = {{"n", "why <not>"}};
   WriteResults(folder_, info,
                {Result(Verdict::kFail, Verdict::kPass), Result(Verdict::kPass, Verdict::kPass),
                 Result(Verdict::kError, Verdict::kPass), Result(Verdict::kInconclusive, Verdict::kPass)});
@@ -197,12 +198,13 @@ TEST_F(ReportTest, JunitHasTheFormThatAntAndJenkinsKnow) {
                            {"id", "0"},
                            {"hostname", ".+"},
                            {"timestamp", "20..-..-..T..:..:.."},
-                           {"tests", "4"},
+                           {"tests", "5"},
+                           {"skipped", "1"},
                            {"failures", "2"},
                            {"errors", "1"},
                            {"time", "[0-9]+\\.[0-9]+"}});
   EXPECT_THAT(ChildNames(suite), ::testing::ElementsAre("properties", "testcase", "testcase", "testcase",
-                                                        "testcase", "system-out", "system-err"));
+                                                        "testcase", "testcase", "system-out", "system-err"));
   EXPECT_NE(suite.child("properties").first_child(), nullptr);
   for (const auto& property : suite.child("properties").children())
     ExpectAttributes(property, {{"name", ".+"}, {"value", ".*"}});
@@ -210,11 +212,17 @@ TEST_F(ReportTest, JunitHasTheFormThatAntAndJenkinsKnow) {
   for (const auto& test : suite.children("testcase")) {
     ExpectAttributes(test, {{"name", ".+"}, {"classname", "s"}, {"time", "[0-9]+\\.[0-9]+"}});
     for (const auto& outcome : test.children()) {
+      if (outcome.name() == std::string("skipped")) {
+        ExpectAttributes(outcome, {{"message", "why <not>"}});
+        outcomes.emplace_back(outcome.name());
+        continue;
+      }
       ExpectAttributes(outcome, {{"message", ".+"}, {"type", "fail|error|inconclusive"}});
       outcomes.push_back(fmt::format("{} {}", outcome.name(), outcome.attribute("type").value()));
     }
   }
-  EXPECT_THAT(outcomes, ::testing::ElementsAre("failure fail", "error error", "failure inconclusive"));
+  EXPECT_THAT(outcomes,
+              ::testing::ElementsAre("failure fail", "error error", "failure inconclusive", "skipped"));
 }
 
 // Lines of a file, each a JSON object.
@@ -266,6 +274,21 @@ TEST_F(ReportTest, BuildIdFollowsTheFirmware) {
   WriteFile(folder_ / "b.so", "onf");
   EXPECT_NE(BuildId(folder_ / "b.so"), build);
   EXPECT_THAT(ErrorOf([&] { BuildId(folder_ / "missing.so"); }), HasSubstr("missing.so: No such file"));
+}
+
+TEST_F(ReportTest, RunInfoKeepsItsPlan) {
+  RunInfo info;
+  info.flights = {{"a", Verdict::kFail, 7}, {"b", Verdict::kPass, 8}};
+  info.not_applicable = {{"c", "needs a board"}};
+  WriteRunInfo(folder_, info);
+  const RunInfo again = ReadRunInfo(folder_);
+  ASSERT_EQ(again.flights.size(), 2U);
+  EXPECT_EQ(again.flights[0].name, "a");
+  EXPECT_EQ(again.flights[0].expected, Verdict::kFail);
+  EXPECT_EQ(again.flights[1].seed, 8U);
+  ASSERT_EQ(again.not_applicable.size(), 1U);
+  EXPECT_EQ(again.not_applicable[0].name, "c");
+  EXPECT_EQ(again.not_applicable[0].reason, "needs a board");
 }
 
 TEST_F(ReportTest, RunInfoKeepsItsBuild) {

@@ -1,0 +1,58 @@
+#include "harness/cli/run_record.h"
+
+#include <algorithm>
+
+#include "harness/cli/run_folder.h"
+#include "harness/report/files.h"
+
+namespace tiltproof::harness {
+namespace {
+
+using SteadyClock = std::chrono::steady_clock;
+
+constexpr SteadyClock::duration kRefreshEvery = std::chrono::seconds(1);
+// Writing takes at most this share of the time.
+constexpr int kWritingShare = 20;
+
+}  // namespace
+
+RunRecord::RunRecord(std::filesystem::path folder, RunInfo info, const std::vector<FlightJob>& jobs)
+    : folder_(std::move(folder)), info_(std::move(info)), due_(SteadyClock::now() + kRefreshEvery) {
+  info_.interrupted = true;  // as it is to stand there when this process is killed
+  for (const FlightJob& job : jobs) {
+    info_.flights.push_back({job.folder.filename(), job.scenario.expect, job.scenario.seed});
+    open_[info_.flights.back().name] = results_.size();
+    results_.push_back(NotFlown(info_.flights.back()));
+  }
+  WriteRunInfo(folder_, info_);
+  WriteResults(folder_, info_, results_);
+  WriteRunEvents(folder_, {});
+}
+
+void RunRecord::Take(const ScenarioResult& result) {
+  results_[open_.at(result.name)] = result;
+  open_.erase(result.name);
+  taken_ = true;
+}
+
+void RunRecord::Refresh() {
+  const auto now = SteadyClock::now();
+  if (!taken_ || now < due_) return;
+  try {
+    WriteResults(folder_, info_, results_);
+    taken_ = false;
+  } catch (const FileError&) {
+  }
+  const auto end = SteadyClock::now();
+  due_ = end + std::max(kRefreshEvery, kWritingShare * (end - now));
+}
+
+void RunRecord::Finish(bool interrupted, const std::string& why_not) {
+  info_.interrupted = interrupted;
+  for (const auto& [name, place] : open_) results_[place] = NotFlown(info_.flights[place], why_not);
+  WriteRunInfo(folder_, info_);
+  WriteResults(folder_, info_, results_);
+  WriteRunEvents(folder_, results_);
+}
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,42 @@
+// The results of a run while it is flown: whole on the disk at any moment, and an error for every flight that
+// has not ended, so that a run whose process was killed never looks green.
+//
+//   RunRecord record(folder, info, jobs);
+//   FlyAll(jobs, options, [&](const auto& result) { record.Take(result); }, [&] { record.Refresh(); });
+//   record.Finish(interrupted, "not flown: the run was interrupted");
+#pragma once
+
+#include <chrono>
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "harness/cli/worker_pool.h"
+#include "harness/report/results.h"
+
+namespace tiltproof::harness {
+
+class RunRecord {
+ public:
+  // Writes run.json, results.json, junit.xml and an empty events.jsonl. Throws FileError, as Finish does.
+  RunRecord(std::filesystem::path folder, RunInfo info, const std::vector<FlightJob>& jobs);
+
+  // A flight has ended.
+  void Take(const ScenarioResult& result);
+  // Writes what was taken, if that was not done within the last second. Of a run so large that writing takes long,
+  // less often. A disk that says no is left for Finish to tell.
+  void Refresh();
+  // The flights that have not ended remain errors, for this reason.
+  void Finish(bool interrupted, const std::string& why_not);
+
+ private:
+  std::filesystem::path folder_;
+  RunInfo info_;
+  std::vector<ScenarioResult> results_;      // one for each flight that was planned
+  std::map<std::string, std::size_t> open_;  // those that have not ended: where in results_
+  bool taken_ = false;                       // since the last writing
+  std::chrono::steady_clock::time_point due_;
+};
+
+}  // namespace tiltproof::harness
