@@ -6,6 +6,7 @@
 
 #include "faults/registry.h"
 #include "harness/cli/commands.h"
+#include "harness/cli/data_files.h"
 #include "harness/cli/suite.h"
 #include "harness/scenario/did_you_mean.h"
 #include "harness/scenario/schema.h"
@@ -21,14 +22,14 @@ void PrintWarnings(const Suite& suite) {
 }  // namespace
 
 int CheckCommand(const CheckOptions& options) {
-  const Suite suite = LoadSuite(options.paths);
+  const Suite suite = LoadSuite(options.paths, ChooseClient(options.client));
   PrintWarnings(suite);
   fmt::print("{} scenario{} in order\n", suite.scenarios.size(), suite.scenarios.size() == 1 ? "" : "s");
   return suite.scenarios.empty() ? kExitUndecided : kExitGreen;
 }
 
 int ListCommand(const CheckOptions& options) {
-  const Suite suite = LoadSuite(options.paths);
+  const Suite suite = LoadSuite(options.paths, ChooseClient(options.client));
   PrintWarnings(suite);
   std::size_t name_width = 0, model_width = 0, firmware_width = 0;
   for (const auto& [scenario, model, named] : suite.scenarios) {

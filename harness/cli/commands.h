@@ -46,6 +46,7 @@ struct RunOptions {
   std::filesystem::path out = "results";
   bool fail_fast = false;
   bool dry_run = false;
+  bool strict = false;  // what cannot be flown is a mistake also when it was found in a folder
   std::string format = "human";
   bool no_progress = false;
   std::vector<std::string> command;  // as typed, for run.json
@@ -69,6 +70,7 @@ int NodeCommand(const NodeCommandOptions& options);
 
 struct CheckOptions {
   std::vector<std::filesystem::path> paths;
+  std::string client = "host";
 };
 int CheckCommand(const CheckOptions& options);
 int ListCommand(const CheckOptions& options);

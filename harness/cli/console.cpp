@@ -62,15 +62,20 @@ void Console::Finished(const ScenarioResult& result) const {
   std::fflush(stdout);
 }
 
-void Console::Summary(const std::vector<ScenarioResult>& results, const std::vector<std::string>& not_flown,
-                      bool interrupted) const {
+void Console::LeftOut(const NotApplicable& scenario) const {
+  fmt::print(jsonl_ ? stderr : stdout, "not applicable: {}: {}\n", scenario.name, scenario.reason);
+}
+
+void Console::Summary(const std::vector<ScenarioResult>& results, std::size_t not_flown_count,
+                      std::size_t not_applicable_count, bool interrupted) const {
   if (jsonl_) return;
   const auto green =
       std::count_if(results.begin(), results.end(), [](const auto& result) { return result.green(); });
-  std::string text = fmt::format("{} of {} green", green, results.size() + not_flown.size());
-  if (!not_flown.empty()) text += fmt::format(", {} not flown", not_flown.size());
+  std::string text = fmt::format("{} of {} green", green, results.size() + not_flown_count);
+  if (not_flown_count > 0) text += fmt::format(", {} not flown", not_flown_count);
+  if (not_applicable_count > 0) text += fmt::format(", {} not applicable", not_applicable_count);
   if (interrupted) text += " (interrupted)";
-  const bool all = not_flown.empty() && !interrupted && static_cast<std::size_t>(green) == results.size();
+  const bool all = not_flown_count == 0 && !interrupted && static_cast<std::size_t>(green) == results.size();
   fmt::print("{}\n", Paint(all ? "32" : "31", text));
 }
 

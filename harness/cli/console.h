@@ -18,8 +18,10 @@ class Console {
   // One finished scenario: a line, and for every one that did not simply pass: what gave way, when, by how
   // much; when it is not green also the seed and the command that flies it again.
   void Finished(const ScenarioResult& result) const;
-  void Summary(const std::vector<ScenarioResult>& results, const std::vector<std::string>& not_flown,
-               bool interrupted) const;
+  // One scenario that cannot be flown: among the results for a person, beside them (on standard error) for a script.
+  void LeftOut(const NotApplicable& scenario) const;
+  void Summary(const std::vector<ScenarioResult>& results, std::size_t not_flown_count,
+               std::size_t not_applicable_count, bool interrupted) const;
 
  private:
   std::string Paint(const char* colour, const std::string& text) const;

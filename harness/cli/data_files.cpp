@@ -133,10 +133,12 @@ ClientChoice ChooseClient(const std::string& client) {
         fmt::format("--client {}: USARTs follow an image: qemu:executive{}", client, client.substr(4)));
   if (client == "qemu" || client.starts_with("qemu:")) {
     ReadEmulator(client, choice);
+    choice.has_our_builds = choice.image.empty();
     return choice;
   }
   if (client == "host") {
     choice.library = HostFirmwareLibrary();
+    choice.has_our_builds = true;
   } else if (const auto file = rest_of("library:")) {
     choice.library = std::filesystem::absolute(*file);
     choice.text = "library:" + choice.library.string();

@@ -33,6 +33,7 @@ struct ClientChoice {
   std::filesystem::path library;         // host, library:FILE
   std::string command;                   // process:CMD
   std::string device, reference_device;  // serial:DEV[,REFDEV]
+  bool has_our_builds = false;           // it flies what the scenario's `firmware` names
   // qemu[:...]: an image, or (`image` empty) the scenario's firmware under this scheduler.
   bool emulator = false;
   std::filesystem::path image;

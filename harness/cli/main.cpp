@@ -83,6 +83,8 @@ int Main(int argc, char** argv) {
   run_app->add_flag("--fail-fast", run.fail_fast,
                     "Start no further scenario after the first that is not green");
   run_app->add_flag("--dry-run", run.dry_run, "Check and list what would be flown, and stop");
+  run_app->add_flag("--strict", run.strict,
+                    "Refuse everything when a scenario of a folder cannot be flown with this client");
   run_app->add_option("--format", run.format, "human, or jsonl: one JSON object a finished scenario")
       ->check(CLI::IsMember({"human", "jsonl"}))
       ->capture_default_str();
@@ -93,9 +95,15 @@ int Main(int argc, char** argv) {
   auto* check_app =
       app.add_subcommand("check", "Check scenario files, their models, formulas and faults, without flying");
   check_app->add_option("PATH", check.paths, "Scenario files, or folders of them")->required();
+  const auto add_client = [&](CLI::App* to) {
+    to->add_option("--client", check.client, "Firmware under test, as for `run`: says what `firmware` may be")
+        ->capture_default_str();
+  };
+  add_client(check_app);
   check_app->callback([&] { command = [&] { return CheckCommand(check); }; });
   auto* list_app = app.add_subcommand("list", "List scenarios");
   list_app->add_option("PATH", check.paths, "Scenario files, or folders of them")->required();
+  add_client(list_app);
   list_app->callback([&] { command = [&] { return ListCommand(check); }; });
   app.add_subcommand("schema", "Print the JSON Schema of scenario files, for editors")->callback([&] {
     command = SchemaCommand;

@@ -5,24 +5,20 @@
 #include <unistd.h>
 
 #include <boost/asio/io_context.hpp>
-#include <map>
 #include <nlohmann/json.hpp>
 
-#include "faults/device_command.h"
-#include "faults/registry.h"
+#include "harness/cli/applicability.h"
 #include "harness/cli/commands.h"
 #include "harness/cli/console.h"
 #include "harness/cli/data_files.h"
 #include "harness/cli/run_record.h"
 #include "harness/cli/suite.h"
 #include "harness/cli/worker_pool.h"
-#include "harness/emulator/elf_symbols.h"
 #include "harness/emulator/lockstep_self_test.h"
 #include "harness/node/realtime_rights.h"
 #include "harness/report/build_id.h"
 #include "harness/report/files.h"
 #include "harness/report/results.h"
-#include "harness/scenario/fault_support.h"
 #include "harness/scenario/selection.h"
 #include "link/serial_port.h"
 #include "link/unix_socket.h"
@@ -55,56 +51,6 @@ FlightMeans ChooseMeans(const RunOptions& options) {
   if (means.attach && options.jobs_count > 1)
     throw UsageError("--attach: the nodes fly one scenario at a time; drop -j");
   return means;
-}
-
-// That the client can suffer the faults, in this mode.
-void CheckFaults(const FlightMeans& means, const std::vector<SuiteScenario>& scenarios) {
-  ClientAbilities abilities{ClientKind::kLibrary, means.realtime};
-  if (!means.client.command.empty()) abilities.client = ClientKind::kProcess;
-  if (!means.client.device.empty()) abilities.client = ClientKind::kSerial;
-  if (means.client.emulator) abilities.client = ClientKind::kEmulator;
-  std::vector<std::string> problems;
-  for (const auto& entry : scenarios)
-    for (auto& problem : UnsupportedFaults(entry.scenario, abilities)) problems.push_back(std::move(problem));
-  if (!problems.empty()) throw UsageError(fmt::format("{}", fmt::join(problems, "\n")));
-}
-
-// That the image has the memory that the scenario's faults flip.
-void CheckRegions(const ElfSymbols& image, const Scenario& scenario, std::vector<std::string>& problems) {
-  for (std::size_t i = 0; i < scenario.faults.size(); ++i) {
-    const faults::FaultSpec& fault = scenario.faults[i];
-    if (fault.type != "device.bit_flip") continue;
-    const faults::Parameters parameters = ResolvedParameters(fault, faults::ValidType(fault));
-    try {
-      const MemoryRegion region = image.Region(parameters.Text("region"));
-      faults::DrawBitFlips(0, region.size_bytes, parameters.Integer("bit_count"));
-    } catch (const std::exception& error) {
-      problems.push_back(fmt::format("{}: {}", FaultPlace(scenario, i), error.what()));
-    }
-  }
-}
-
-// That there is an image for every scenario, and what its faults need is in it.
-void CheckImages(const FlightMeans& means, const std::vector<SuiteScenario>& scenarios) {
-  if (!means.client.emulator) return;
-  std::map<std::filesystem::path, ElfSymbols> images;
-  std::vector<std::string> problems;
-  for (const auto& entry : scenarios) {
-    const auto file = means.client.FirmwareFile(entry.scenario);
-    if (!std::filesystem::is_regular_file(file))
-      throw UsageError(fmt::format("--client {}: no image at {}{}", means.client.text, file.string(),
-                                   !means.client.image.empty() ? ""
-                                   : means.client.scheduler == "freertos"
-                                       ? ": it is built where FREERTOS_KERNEL_PATH names a FreeRTOS kernel, "
-                                         "or `./setup --freertos` has fetched one"
-                                       : ": it is built where gcc-arm-none-eabi is installed; run ./setup"));
-    try {
-      CheckRegions(images.try_emplace(file, file).first->second, entry.scenario, problems);
-    } catch (const std::runtime_error& error) {
-      throw UsageError(fmt::format("--client {}: {}", means.client.text, error.what()));
-    }
-  }
-  if (!problems.empty()) throw UsageError(fmt::format("{}", fmt::join(problems, "\n")));
 }
 
 // That the board's ports can be had, before anything is flown: a flag that names no device is a mistake of the
@@ -189,7 +135,7 @@ void List(const RunOptions& options, const std::vector<SuiteScenario>& scenarios
 
 int RunCommand(const RunOptions& options) {
   const FlightMeans means = ChooseMeans(options);
-  Suite suite = LoadSuite(options.paths, options.client);
+  Suite suite = LoadSuite(options.paths, means.client);
   const std::size_t found = suite.scenarios.size();
   suite.scenarios = Select(std::move(suite.scenarios), options);
   const Console console(options.format == "jsonl");
@@ -205,11 +151,13 @@ int RunCommand(const RunOptions& options) {
       throw UsageError(fmt::format("--repeat {}: from seed {} on the seeds exceed {}", options.repeat_count,
                                    first, kSeedMax));
   }
-  CheckFaults(means, suite.scenarios);
-  CheckImages(means, suite.scenarios);
-  if (options.dry_run) {
+  const std::vector<NotApplicable> not_applicable = TakeNotApplicable(means, options.strict, suite);
+  if (options.dry_run || suite.scenarios.empty()) {
     List(options, suite.scenarios);
-    return kExitGreen;
+    for (const auto& [name, reason] : not_applicable)
+      fmt::print(stderr, "not applicable: {}: {}\n", name, reason);
+    if (suite.scenarios.empty()) fmt::print(stderr, "tiltproof: nothing is left to fly with this client\n");
+    return suite.scenarios.empty() ? kExitUndecided : kExitGreen;
   }
   if (means.client.emulator && !means.realtime) TestLockstep(LockstepPlugin());
   CheckPorts(means.client, suite.scenarios.front().scenario.link);
@@ -223,6 +171,7 @@ int RunCommand(const RunOptions& options) {
   info.build = BuildId(means.client.BuiltFile());
   if (means.realtime && !means.attach) info.realtime_rights = ProbeRealtimeRights().Text();
   info.command = options.command;
+  info.not_applicable = not_applicable;
   const std::filesystem::path folder = CreateRunFolder(options.out, suite.name, info.seed);
   if (LatestIsTaken(options.out))
     fmt::print(stderr, "warning: {} is no link and stays as it is; this run is in {}\n",
@@ -243,6 +192,7 @@ int RunCommand(const RunOptions& options) {
   console.Line(fmt::format("tiltproof {}: suite {}, {} flight{}, client {}, results in {}", Version(),
                            suite.name, jobs.size(), jobs.size() == 1 ? "" : "s", info.client,
                            folder.string()));
+  for (const auto& scenario : not_applicable) console.LeftOut(scenario);
   RunRecord record(folder, info, jobs);
   const bool progress = !options.no_progress && isatty(STDERR_FILENO) != 0;
   const PoolOutcome outcome = FlyAll(
@@ -254,7 +204,7 @@ int RunCommand(const RunOptions& options) {
       [&] { record.Refresh(); });
   record.Finish(outcome.interrupted, outcome.interrupted ? "not flown: the run was interrupted"
                                                          : "not flown: --fail-fast ended the run");
-  console.Summary(outcome.results, outcome.not_flown, outcome.interrupted);
+  console.Summary(outcome.results, outcome.not_flown.size(), not_applicable.size(), outcome.interrupted);
   return outcome.interrupted ? static_cast<int>(kExitInterrupted) : ExitCode(outcome.results);
 }
 

@@ -58,7 +58,7 @@ int ScoreCommand(const ReplayOptions& options) {
     WriteResults(run.folder, run.info, results);
     WriteRunEvents(run.folder, results);
   }
-  console.Summary(results, {}, false);
+  console.Summary(results, 0, run.whole ? run.info.not_applicable.size() : 0, false);
   return ExitCode(results);
 }
 

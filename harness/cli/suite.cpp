@@ -55,10 +55,10 @@ std::shared_ptr<const plant::VehicleModel> ModelCache::Load(const std::filesyste
   return model;
 }
 
-Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const std::string& client) {
+Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const ClientChoice& client) {
   ModelCache models;
   ReadOptions options = MakeReadOptions(models);
-  if (client == "host") options.firmware_names = {"paper", "paper_published", "tolerant"};
+  if (client.has_our_builds) options.firmware_names = {"paper", "paper_published", "tolerant"};
   const FoundScenarios found = FindScenarios(paths);
   std::vector<std::string> problems = found.problems;
   std::vector<Scenario> scenarios;

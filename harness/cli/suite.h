@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "harness/cli/data_files.h"
 #include "harness/run/remote/serve.h"
 #include "harness/scenario/reader.h"
 #include "harness/scenario/scenario.h"
@@ -44,9 +45,9 @@ struct Suite {
   std::vector<std::string> warnings;
 };
 
-// Throws UsageError with every problem of every file, one a line. `client` as in --client: the host's
-// firmware builds are known by name.
-Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const std::string& client = "host");
+// Throws UsageError with every problem of every file, one per line. A client of our own knows what `firmware` may
+// be; to another it is any word.
+Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const ClientChoice& client);
 
 // A scenario that was flown before, from its folder. Throws UsageError.
 LoadedScenario LoadFlown(const std::filesystem::path& scenario_folder);

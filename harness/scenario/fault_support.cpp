@@ -32,21 +32,6 @@ std::optional<std::string> Unsupported(const faults::FaultType& type, const Clie
   return std::nullopt;
 }
 
-namespace {
-
-// A board has one clock: two drifts at once would add up to more than a drift may be.
-std::optional<std::string> DriftsWithAnother(const std::vector<faults::FaultSpec>& all, std::size_t i) {
-  constexpr std::string_view kDrift = "device.clock_drift";
-  if (all[i].type != kDrift) return std::nullopt;
-  for (std::size_t other = 0; other < i; ++other)
-    if (all[other].type == kDrift && all[other].start_ns < all[i].end_ns &&
-        all[i].start_ns < all[other].end_ns)
-      return "drifts at the same time as fault '" + all[other].id + "': let their windows not overlap";
-  return std::nullopt;
-}
-
-}  // namespace
-
 std::string FaultPlace(const Scenario& scenario, std::size_t fault) {
   const faults::FaultSpec& spec = scenario.faults[fault];
   const std::string place = fault < scenario.fault_places.size() ? scenario.fault_places[fault] + ": " : "";
@@ -57,8 +42,7 @@ std::vector<std::string> UnsupportedFaults(const Scenario& scenario, const Clien
   std::vector<std::string> problems;
   for (std::size_t i = 0; i < scenario.faults.size(); ++i) {
     const faults::FaultType* type = faults::FindFaultType(scenario.faults[i].type);
-    auto problem = type == nullptr ? std::nullopt : Unsupported(*type, abilities);
-    if (!problem) problem = DriftsWithAnother(scenario.faults, i);
+    const auto problem = type == nullptr ? std::nullopt : Unsupported(*type, abilities);
     if (problem) problems.push_back(FaultPlace(scenario, i) + " " + *problem);
   }
   return problems;

@@ -181,6 +181,10 @@ class Checker {
           fault.start_ns >= scenario_.duration_ns) {
         Complain(node, "start_s", "start_s: the flight is over by then (duration_s)");
       }
+      if (const auto* other = DriftsWith(i))
+        Complain(place,
+                 fmt::format("type: drifts at the same time as fault '{}': let their windows not overlap",
+                             other->id));
       if (fault.type.empty()) continue;  // unknown, and said so
       for (const faults::Problem& problem : faults::Validate(fault)) {
         // What is missing or unreadable, the reader said so.
@@ -189,6 +193,17 @@ class Checker {
         Complain(node, problem.key, fmt::format("{}: {}", problem.key, problem.message));
       }
     }
+  }
+
+  // A board has one clock: two drifts at once would add up to more than a drift may be.
+  const faults::FaultSpec* DriftsWith(std::size_t i) const {
+    constexpr std::string_view kDrift = "device.clock_drift";
+    const auto& all = scenario_.faults;
+    for (std::size_t other = 0; other < i; ++other)
+      if (all[i].type == kDrift && all[other].type == kDrift && all[other].start_ns < all[i].end_ns &&
+          all[i].start_ns < all[other].end_ns)
+        return &all[other];
+    return nullptr;
   }
 
   void CheckCriteria() {

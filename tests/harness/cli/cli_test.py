@@ -270,7 +270,7 @@ class CliTest(unittest.TestCase):
             self.assertEqual(a[:count] + a[count + 1:len(b)], b[:count] + b[count + 1:])
         self.assertEqual((self.latest() / "with/link.bin").read_bytes(), (self.latest() / "without/link.bin").read_bytes())
 
-    def test_faults_that_the_client_cannot_suffer_are_refused_with_their_place(self):
+    def test_faults_that_the_client_cannot_have_are_refused_with_their_place(self):
         faults = ("  - {id: still, type: device.stall, start_s: 0.1, end_s: 0.2}\n"
                   "  - {id: again, type: device.reset, start_s: 0.3, parameters: {boot_ms: 1}}\n"
                   "  - {id: odd, type: uart.parity_error, parameters: {probability: 1}}\n")

@@ -108,6 +108,71 @@ class SuiteTest(unittest.TestCase):
             "warning: suite/here: not followed: a link to a folder that it is in",
             "warning: suite/there: not followed: a link that leads back to itself"])
 
+    # what applies to a client
+
+    def mixed_suite(self):
+        self.scenario("flies", "suite")
+        board = "faults:\n  - {id: still, type: device.stall, start_s: 0.1, end_s: 0.2}\n"
+        self.scenario("board", "suite", criteria=board + "criteria")
+        self.scenario("nodes", "suite", criteria=board.replace("device.stall", "node.pause, parameters: {node: client}") + "criteria")
+
+    def test_what_does_not_apply_is_listed_and_the_rest_flies(self):
+        self.mixed_suite()
+        code, out, err = self.tiltproof("run", "suite")
+        self.assertEqual((code, err), (0, ""), out)
+        self.assertIn("not applicable: board: suite/board.yaml:6:23: fault 'still' (device.stall) needs an emulated board: fly it with --client qemu\n", out)
+        self.assertRegex(out, r"not applicable: nodes: .*needs --mode realtime")
+        self.assertEqual(out.splitlines()[-1], "1 of 1 green, 2 not applicable")
+        self.assertEqual([e["name"] for e in self.results()["scenarios"]], ["flies"])
+        left_out = self.results()["not_applicable"]
+        self.assertEqual([e["name"] for e in left_out], ["board", "nodes"])
+        self.assertIn("needs an emulated board", left_out[0]["reason"])
+        junit = self.junit()
+        self.assertEqual((junit.get("tests"), junit.get("skipped"), junit.get("errors")), ("3", "2", "0"))
+        self.assertEqual([t.get("name") for t in junit.iter("testcase") if t.find("skipped") is not None], ["board", "nodes"])
+        # A script reads one object per flight, as ever; scoring again forgets nothing.
+        code, out, err = self.tiltproof("run", "suite", "--format", "jsonl")
+        self.assertEqual((code, [json.loads(line)["name"] for line in out.splitlines()]), (0, ["flies"]))
+        self.assertEqual(err.count("not applicable: "), 2)
+        code, out, _ = self.tiltproof("score", self.latest())
+        self.assertEqual((code, out.splitlines()[-1]), (0, "1 of 1 green, 2 not applicable"))
+        self.assertEqual(self.junit().get("skipped"), "2")
+
+    def test_what_was_asked_for_and_does_not_apply_is_a_mistake(self):
+        self.mixed_suite()
+        code, out, err = self.tiltproof("run", "suite", "suite/board.yaml")
+        self.assertEqual((code, out), (2, ""))
+        self.assertEqual(err, "suite/board.yaml:6:23: fault 'still' (device.stall) needs an emulated board: fly it with --client qemu\n")
+        code, out, err = self.tiltproof("run", "suite", "--strict")
+        self.assertEqual((code, out, len(err.splitlines())), (2, "", 2))
+        self.assertFalse((self.folder / "results").exists())
+
+    def test_when_nothing_applies_nothing_is_green(self):
+        self.mixed_suite()
+        code, out, err = self.tiltproof("run", "suite", "-k", "not flies")
+        self.assertEqual((code, out), (4, ""))
+        self.assertEqual(err.count("not applicable: "), 2)
+        self.assertIn("nothing is left to fly", err)
+        self.assertFalse((self.folder / "results").exists())
+        code, out, err = self.tiltproof("run", "suite", "--dry-run")
+        self.assertEqual((code, out, err.count("not applicable: ")), (0, "flies\n", 2))
+
+    def test_check_and_list_judge_a_firmware_as_run_does(self):
+        self.scenario("mine", **{"seed: 3": "firmware: mine"})
+        library = f"library:{CLIENTS / 'libmisbehaving_client.so'}"
+        for command in ("check", "list"):
+            code, _, err = self.tiltproof(command, "mine.yaml")
+            self.assertEqual(code, 2)
+            self.assertIn("unknown build 'mine'", err)
+            self.assertEqual(self.tiltproof(command, "mine.yaml", "--client", library)[0], 0)
+            self.assertEqual(self.tiltproof(command, "mine.yaml", "--client", "serial:/dev/ttyUSB0")[0], 0)
+            code, _, err = self.tiltproof(command, "mine.yaml", "--client", "qemu")
+            self.assertEqual(code, 2)
+            self.assertIn("unknown build 'mine'", err)
+            code, _, err = self.tiltproof(command, "mine.yaml", "--client", "nonsense")
+            self.assertEqual(code, 2)
+            self.assertIn("--client nonsense", err)
+
     # a run that does not come to its end
 
     def start(self, *arguments):

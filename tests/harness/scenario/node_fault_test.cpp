@@ -116,6 +116,17 @@ TEST_F(NodeFaultTest, NeedRealTimeAndSayWhere) {
   EXPECT_THAT(UnsupportedFaults(made, lockstep), ElementsAre(StartsWith("fault 'gone' (clock.skew) ")));
 }
 
+TEST_F(NodeFaultTest, ABoardsClockDriftsByOneFaultAtATime) {
+  const auto drifts = [](const std::string& window) {
+    return "- {id: a, type: device.clock_drift, start_s: 1, end_s: 3, parameters: {ppm: 100}}\n"
+           "- {id: b, type: device.clock_drift, " +
+           window + ", parameters: {ppm: 100}}\n";
+  };
+  EXPECT_EQ(Error(drifts("start_s: 2, end_s: 4")),
+            "s.yaml:6:17: type: drifts at the same time as fault 'a': let their windows not overlap");
+  EXPECT_EQ(Read(drifts("start_s: 3, end_s: 4")).faults.size(), 2U);
+}
+
 TEST_F(NodeFaultTest, DeviceFaultsAreReadAndWrittenBack) {
   const Scenario scenario = Read(
       "- {id: a, type: device.reset, start_s: 3, parameters: {boot_ms: 20}}\n"
