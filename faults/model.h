@@ -167,6 +167,7 @@ struct FaultType {
   // The same for the firmware's processor, its memory or its clock.
   bool on_device = false;
   bool at_an_instant = false;  // a window is no more than where the instant is drawn from
+  bool asks_restart = false;   // each makes the firmware boot anew once, at its start or some time later
   // What becomes of bytes at the firmware's receiver, each with the parameter `probability`.
   ReceiveMark mark = ReceiveMark::kNone;
 

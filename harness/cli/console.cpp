@@ -48,6 +48,8 @@ void Console::Finished(const ScenarioResult& result) const {
   metric("survival.time_s", "flew", "s");
   metric("tracking.rmse_m", "rmse", "m");
   metric("tracking.max_error_m", "max", "m");
+  if (score.restarts_count > 0)
+    numbers += fmt::format("  {} restart{}", score.restarts_count, score.restarts_count == 1 ? "" : "s");
   if (result.real_time_factor > 0) numbers += fmt::format("  {:.0f}x real time", result.real_time_factor);
   std::string word = Upper(Name(score.verdict));
   if (score.verdict != Verdict::kPass && result.green()) word += " (expected)";

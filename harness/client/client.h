@@ -23,6 +23,8 @@ struct ClientStatus {
   std::uint32_t failsafe_count = 0;
 };
 
+// Kinds of DeviceEvent. The firmware boots anew: its processor was reset, or its process started again.
+inline constexpr const char* kResetEvent = "device_reset";
 // Bytes that came while the one before had not been read.
 inline constexpr const char* kOverrunEvent = "uart_overrun";
 
@@ -30,7 +32,7 @@ inline constexpr const char* kOverrunEvent = "uart_overrun";
 struct DeviceEvent {
   TimeNs time_ns = 0;
   std::optional<std::size_t> fault;  // that did it: its index in the scenario
-  std::string kind;                  // "device_reset", "bit_flipped", kOverrunEvent, ...
+  std::string kind;                  // kResetEvent, "bit_flipped", kOverrunEvent, ...
   std::string text;
   std::int64_t overruns_count = 0;  // of a kOverrunEvent: bytes lost
 };

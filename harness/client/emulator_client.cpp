@@ -225,7 +225,7 @@ class EmulatorClient final : public Client {
     DeviceEvent out{.time_ns = clock_.When(event.at_ns), .fault = std::nullopt, .kind = {}, .text = {}};
     switch (event.kind) {
       case lockstep::EventKind::kReset:
-        out.kind = "device_reset";
+        out.kind = kResetEvent;
         out.text = fmt::format("reset by {}", Name(static_cast<lockstep::ResetCause>(event.value)));
         break;
       case lockstep::EventKind::kStallBegins:

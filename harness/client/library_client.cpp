@@ -88,7 +88,7 @@ class LibraryClient final : public Client {
       held_until_ = std::max(held_until_, resets_.front().end);
       host_.event({.time_ns = now,
                    .fault = resets_.front().fault,
-                   .kind = "device_reset",
+                   .kind = kResetEvent,
                    .text = "reset, and held until it has booted"});
     }
     if (!in_reset_) {

@@ -116,7 +116,7 @@ class EmulatorRole final : public Role {
   }
 
   void OnReset(bool by_firmware) {
-    if (!stopped_) Note("device_reset", by_firmware ? "reset by the firmware itself" : "reset by pin");
+    if (!stopped_) Note(kResetEvent, by_firmware ? "reset by the firmware itself" : "reset by pin");
   }
 
   // t = 0 is known: what shall befall the board has its time.

@@ -45,7 +45,11 @@ Json FlightJson(const RunLog& log) {
   if (log.failsafe_entered_count) json["failsafe_entered_count"] = *log.failsafe_entered_count;
   if (log.receive_overruns_count) json["receive_overruns_count"] = *log.receive_overruns_count;
   json["fault_activation_counts"] = log.fault_activation_counts;
+  json["restarts"] = Json::array();
+  for (const auto& restart : log.restarts)
+    json["restarts"].push_back({{"time_ns", restart.time_ns}, {"cause", restart.cause}});
   json["request_times_ns"] = log.request_times_ns;
+  json["sent_request_times_ns"] = log.sent_request_times_ns;
   json["reply_latency_ns"] = log.reply_latency_ns;
   json["actuator_times_ns"] = log.actuator_times_ns;
   json["client_round_trip_ns"] = log.client_round_trip_ns;
@@ -149,6 +153,10 @@ RunLog ReadFlight(const std::filesystem::path& folder) {
     json.at("reply_latency_ns").get_to(log.reply_latency_ns);
     json.at("actuator_times_ns").get_to(log.actuator_times_ns);
     // Absent from the files of older versions.
+    for (const auto& restart : json.value("restarts", Json::array()))
+      log.restarts.push_back({restart.at("time_ns").get<TimeNs>(), restart.at("cause").get<std::string>()});
+    if (json.contains("sent_request_times_ns"))
+      json["sent_request_times_ns"].get_to(log.sent_request_times_ns);
     if (json.contains("client_round_trip_ns")) json["client_round_trip_ns"].get_to(log.client_round_trip_ns);
     if (json.contains("harness_overrun_count"))
       log.harness_overrun_count = json["harness_overrun_count"].get<std::int64_t>();

@@ -57,6 +57,7 @@ Json ToJson(const ScenarioResult& result) {
   json["faults"] = Json::array();
   for (const auto& fault : result.score.faults)
     json["faults"].push_back({{"id", fault.id}, {"type", fault.type}, {"activations", fault.activations}});
+  json["restarts"] = result.score.restarts_count;
   json["replay"] = result.replay;
   return json;
 }
@@ -210,6 +211,7 @@ ScenarioResult ResultFromJsonText(const std::string& text) {
     for (const auto& [name, histogram] : json["histograms"].items())
       result.score.histograms[name] = {histogram.at("edges").get<std::vector<double>>(),
                                        histogram.at("counts").get<std::vector<std::int64_t>>()};
+  result.score.restarts_count = json.value("restarts", std::int64_t{0});
   for (const auto& c : json.at("criteria"))
     result.score.criteria.push_back({c.at("name").get<std::string>(),
                                      VerdictNamed(c.at("verdict").get<std::string>()),

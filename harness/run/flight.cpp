@@ -10,6 +10,7 @@
 
 #include "harness/client/firmware_guard.h"
 #include "harness/reference/trajectory.h"
+#include "harness/run/client_history.h"
 #include "harness/run/framed.h"
 #include "harness/run/merge_logs.h"
 #include "link/messages.h"
@@ -247,6 +248,7 @@ void Conductor::Finish() {
   keep_going([&] { Append(log_, server_.TakeLog()); });
   keep_going([&] { Append(log_, line_.TakeLog(origin + log_.end_ns), origin); });
   SortByTime(log_);
+  AddClientHistory(log_, scenario_.link.dialect, BootSign::kReset);
 }
 
 }  // namespace

@@ -36,6 +36,13 @@ struct RunEvent {
   std::string text;
 };
 
+// A new boot of the firmware.
+struct Restart {
+  TimeNs time_ns = 0;
+  std::string cause;  // for a person: "reset by watchdog"
+  friend bool operator==(const Restart&, const Restart&) = default;
+};
+
 // Work of the harness's own that was due at the begin and done at the end.
 struct LateSpan {
   TimeNs begin_ns = 0, end_ns = 0;
@@ -65,9 +72,11 @@ struct RunLog {
   std::int64_t accepted_stale_count = 0;
   TimeNs resync_max_ns = 0;
   std::int64_t starts_accepted_count = 0;
+  std::vector<Restart> restarts;                       // after t = 0, in order
   std::optional<std::int64_t> failsafe_entered_count;  // absent when the client cannot say
   std::optional<std::int64_t> receive_overruns_count;  // bytes that the firmware's receiver lost; likewise
-  std::vector<TimeNs> request_times_ns;  // arrival at the server of each accepted sensor request
+  std::vector<TimeNs> request_times_ns;       // arrival at the server of each accepted sensor request
+  std::vector<TimeNs> sent_request_times_ns;  // when the client sent each, before any fault on the line
   std::vector<TimeNs>
       reply_latency_ns;  // from the last byte of a request to the last byte of its reply at the client
   std::vector<TimeNs> actuator_times_ns;  // arrival at the server of each accepted actuator message

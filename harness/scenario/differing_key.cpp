@@ -12,8 +12,8 @@
 namespace tiltproof::harness {
 namespace {
 
-constexpr std::array<std::string_view, 6> kMayDiffer = {"name",   "description", "tags",
-                                                        "expect", "criteria",    "firmware"};
+constexpr std::array<std::string_view, 8> kMayDiffer = {
+    "name", "description", "tags", "expect", "criteria", "firmware", "allow_restarts", "control_period"};
 
 YamlNode Parse(std::string_view yaml) {
   std::vector<YamlProblem> problems;

@@ -165,6 +165,15 @@ void DescribeScenario(KeyVisitor& v, Scenario& s) {
   v.Text({"firmware", "Build of the firmware: paper, tolerant, paper_published"}, s.firmware, kWord);
   Enumeration(v, {"expect", "The verdict that makes the run green"},
               std::array{Verdict::kPass, Verdict::kFail, Verdict::kInconclusive, Verdict::kError}, s.expect);
+  v.Bool({"allow_restarts",
+          "Restarts of the firmware that no fault asked for are no failure; false: they fail `survival`"},
+         s.allow_restarts);
+  v.Section({"control_period", "The criterion of that name, which every scenario has"}, [&](KeyVisitor& w) {
+    w.Number(
+        {"tolerance_percent",
+         "How far the median interval between the firmware's requests may be from the protocol's period"},
+        s.control_period_tolerance_percent, {0.001, 1000});
+  });
   // JSON and JavaScript hold integers exactly up to 2^53 - 1.
   auto seed = static_cast<std::int64_t>(s.seed);
   v.Integer({"seed", "Every random draw derives from it"}, seed, {0, 9007199254740991});

@@ -227,6 +227,7 @@ std::string ScenarioKeysMarkdown() {
   const Json schema = BuildSchema();
   const Json& keys = schema["properties"];
   std::string text = Table("The file", Rows(schema));
+  text += Table("`control_period`", Rows(keys["control_period"]));
   text += Table("`initial`", Rows(keys["initial"]));
   text += Table("`link`", Rows(keys["link"]));
   for (const Json& branch : keys["reference"]["allOf"]) {

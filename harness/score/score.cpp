@@ -1,10 +1,12 @@
 #include "harness/score/score.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <limits>
 #include <stdexcept>
 
+#include "harness/score/client_behaviour.h"
 #include "harness/score/stl.h"
 
 namespace tiltproof::harness {
@@ -14,6 +16,10 @@ std::string Number(double value) {
   char text[32];
   std::snprintf(text, sizeof text, "%.6g", value);
   return text;
+}
+
+std::string Counted(std::size_t count, const std::string& noun) {
+  return std::to_string(count) + " " + noun + (count == 1 ? "" : "s");
 }
 
 // To the millisecond: rows lie on a grid of 12 ms.
@@ -46,7 +52,8 @@ std::vector<std::string> FaultIds(const Scenario& scenario) {
 // Trouble of the harness, never blamed on the firmware.
 bool IsOurs(EndReason reason) { return reason == EndReason::kHarnessError || reason == EndReason::kNodeLost; }
 
-CriterionResult Survival(const RunLog& log) {
+// How the flight ended.
+CriterionResult Ending(const RunLog& log) {
   CriterionResult result;
   result.name = kSurvivalCriterion;
   result.time_s = ToSeconds(log.end_ns);
@@ -89,6 +96,37 @@ CriterionResult Survival(const RunLog& log) {
                                                              : Verdict::kFail;
   result.explanation =
       what + AtTime(*result.time_s) + (log.end_text.empty() ? "" : ": " + OneLine(log.end_text));
+  return result;
+}
+
+CriterionResult Survival(const Scenario& scenario, const RunLog& log) {
+  CriterionResult result = Ending(log);
+  if (scenario.allow_restarts || result.verdict == Verdict::kError) return result;
+  const Restart* first = FirstUnaskedRestart(scenario.faults, log.restarts);
+  if (first == nullptr) return result;
+  const std::string later = log.end_reason == EndReason::kCompleted ? "" : "; then " + result.explanation;
+  result.verdict = Verdict::kFail;
+  result.time_s = ToSeconds(first->time_ns);
+  result.explanation = "restarted" + AtTime(*result.time_s) + " (" + OneLine(first->cause) +
+                       "), which no fault asked for; " + Counted(log.restarts.size(), "restart") + " in all" +
+                       later;
+  return result;
+}
+
+// None when there is too little to judge by.
+std::optional<CriterionResult> ControlPeriod(const Scenario& scenario, const RunLog& log) {
+  const std::vector<TimeNs> intervals = UndisturbedIntervals(scenario.faults, log.sent_request_times_ns);
+  if (intervals.size() < kIntervalsMin) return std::nullopt;
+  const double period_ms = static_cast<double>(kControlPeriodNs) / 1e6;
+  const double median_ms = static_cast<double>(intervals[(intervals.size() - 1) / 2]) / 1e6;
+  const double deviation_percent = std::abs(median_ms - period_ms) / period_ms * 100;
+  const bool right = deviation_percent <= scenario.control_period_tolerance_percent;
+  char text[96];
+  std::snprintf(text, sizeof text, "asks every %.3f ms, the protocol says %.6g ms", median_ms, period_ms);
+  CriterionResult result;
+  result.name = kControlPeriodCriterion;
+  result.verdict = right ? Verdict::kPass : Verdict::kFail;
+  result.explanation = right ? std::string(text) : std::string(text) + ": is the core clock right?";
   return result;
 }
 
@@ -210,7 +248,10 @@ std::string TooLateToJudge(const RunLog& log) {
 
 Score ScoreRun(const Scenario& scenario, const RunLog& log) {
   Score score;
-  score.criteria.push_back(Survival(log));
+  score.restarts_count = static_cast<std::int64_t>(log.restarts.size());
+  score.criteria.push_back(Survival(scenario, log));
+  if (auto control_period = ControlPeriod(scenario, log))
+    score.criteria.push_back(std::move(*control_period));
   for (std::size_t i = 0; i < scenario.faults.size(); ++i) {
     const auto& counts = log.fault_activation_counts;
     score.faults.push_back(

@@ -21,7 +21,7 @@ struct CriterionResult {
   std::string name;
   Verdict verdict = Verdict::kInconclusive;
   // > 0 holds. Of a formula in scaled units, of a metric its distance to the nearer bound in its own unit.
-  // None: nothing to measure (survival, a metric that is absent). Infinite for a formula that no number
+  // None: nothing to measure (the implicit criteria, a metric that is absent). Infinite for a formula that no number
   // bounds (docs/criteria.md).
   std::optional<double> robustness;
   // Of the row that decided: the first violation or witness, else the smallest margin. Metrics have none.
@@ -45,8 +45,10 @@ struct Score {
   std::string reason;  // one line: which criterion, fault or trouble decided; empty when passed
   std::map<std::string, double> metrics;  // dotted names, finite; absent when the client cannot supply it
   std::map<std::string, Histogram> histograms;  // request_period_ms, reply_latency_ms; of a flight always
-  std::vector<CriterionResult> criteria;        // `survival` first, then in the scenario's order
-  std::vector<FaultResult> faults;              // in the scenario's order
+  // `survival`, `control_period` where it can be judged, then in the scenario's order.
+  std::vector<CriterionResult> criteria;
+  std::vector<FaultResult> faults;  // in the scenario's order
+  std::int64_t restarts_count = 0;  // of the firmware, asked for or not
 };
 
 // Never throws: a log that cannot be scored (a trace without its columns) is Verdict::kError with the reason.

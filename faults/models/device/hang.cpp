@@ -12,6 +12,7 @@ FaultType DeviceHang() {
               "started it, resets the processor when it runs out, and the firmware starts again; otherwise "
               "the processor stands still to the end of the flight.",
           .on_device = true,
+          .asks_restart = true,
           .start = Bound::kRequired,
           .end = Bound::kRefused,
           .needs = Needs::kEmulation};

@@ -12,6 +12,7 @@ FaultType DeviceReset() {
               "sending is cut off. The fault is active while the processor is held.",
           .parameters = {BootParameter()},
           .on_device = true,
+          .asks_restart = true,
           .start = Bound::kRequired,
           .end = Bound::kRefused,
           .duration_ms = "boot_ms",

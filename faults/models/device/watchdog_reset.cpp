@@ -11,6 +11,7 @@ FaultType DeviceWatchdogReset() {
               "(IWDGRSTF in RCC_CSR; RM0090, RCC). What it does on such a start is tested without a hang.",
           .parameters = {BootParameter()},
           .on_device = true,
+          .asks_restart = true,
           .start = Bound::kRequired,
           .end = Bound::kRefused,
           .duration_ms = "boot_ms",

@@ -18,6 +18,7 @@ FaultType NodeRestart() {
                           .doc = "from the kill to the new start",
                           .example = 500.0}},
           .on_node = true,
+          .asks_restart = true,
           .start = Bound::kRequired,
           .end = Bound::kRefused,
           .duration_ms = "down_ms",

@@ -15,6 +15,7 @@
 #include "harness/dds/bus.h"
 #include "harness/dds/domain_slot.h"
 #include "harness/dds/qos.h"
+#include "harness/run/client_history.h"
 #include "harness/run/flight.h"
 #include "harness/run/merge_logs.h"
 #include "harness/run/realtime/log_messages.h"
@@ -186,6 +187,9 @@ RunLog RealtimeConductor::Run() {
   node_faults_.AppendTo(log);
   CountLateness(log);
   SortByTime(log);
+  const Member* client = members_.Find(NodeKind::kClient);
+  const bool tells_resets = client != nullptr && !client->firmware.empty();
+  AddClientHistory(log, scenario_.link.dialect, tells_resets ? BootSign::kReset : BootSign::kStart);
   if (options_.score) {
     dds::Score score = options_.score(log);
     score.run_id = run_id_;
@@ -422,6 +426,7 @@ void RealtimeConductor::Restart(const std::string& role) {
   Member& member = *members_.FindRole(role);
   member.id = fmt::format("{}-{}", role, ++restart_count_ + 1);
   processes_->Start(role, member.id);
+  if (member.kind == NodeKind::kClient) Note(kResetEvent, "started again as a new process");
   Announce();
   const bool back = Await(kCommandLimit, [&] { return outcome_.ended() || HasTakenScenario(member); });
   if (!back) End(EndReason::kNodeLost, fmt::format("the {} node did not come back", role));

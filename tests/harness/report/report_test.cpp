@@ -334,6 +334,8 @@ TEST_F(ReportTest, FlightSurvivesItsFolder) {
   log.counts[1].frames_rejected = 5;
   log.failsafe_entered_count = 2;
   log.request_times_ns = {86806, 12086806};
+  log.sent_request_times_ns = {6, 12000006};
+  log.restarts = {{1234567890123, "reset by \"pin\""}};
   log.client_round_trip_ns = {5, 1234567890123};
   log.harness_overrun_count = 3;
   log.harness_late_max_ns = 40'000'001;
@@ -346,6 +348,8 @@ TEST_F(ReportTest, FlightSurvivesItsFolder) {
   EXPECT_EQ(again.counts[1].frames_rejected, 5);
   EXPECT_EQ(again.failsafe_entered_count, log.failsafe_entered_count);
   EXPECT_EQ(again.request_times_ns, log.request_times_ns);
+  EXPECT_EQ(again.sent_request_times_ns, log.sent_request_times_ns);
+  EXPECT_EQ(again.restarts, log.restarts);
   EXPECT_EQ(again.client_round_trip_ns, log.client_round_trip_ns);
   EXPECT_EQ(again.harness_overrun_count, log.harness_overrun_count);
   EXPECT_EQ(again.harness_late_max_ns, log.harness_late_max_ns);

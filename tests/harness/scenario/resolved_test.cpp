@@ -134,6 +134,8 @@ void ExpectSame(const Scenario& a, const Scenario& b) {
   RC_ASSERT(a.model_file == b.model_file);
   RC_ASSERT(a.firmware == b.firmware);
   RC_ASSERT(a.expect == b.expect);
+  RC_ASSERT(a.allow_restarts == b.allow_restarts);
+  RC_ASSERT(a.control_period_tolerance_percent == b.control_period_tolerance_percent);
   RC_ASSERT(a.seed == b.seed);
   RC_ASSERT(a.duration_ns == b.duration_ns);
   RC_ASSERT(a.step_ns == b.step_ns);
@@ -207,6 +209,9 @@ model: "tiltrotor"
 allow_invalid_inertia: false
 firmware: "paper"
 expect: pass
+allow_restarts: false
+control_period:
+  tolerance_percent: 1
 seed: 1
 duration_s: 24
 step_s: 0.004

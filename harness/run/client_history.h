@@ -1,0 +1,23 @@
+// When the client booted anew and when it asked for sensors, from what the flight's log holds of its line and its
+// device.
+//
+//   AddClientHistory(log, scenario.link.dialect, BootSign::kReset);   // once log is whole and in order of time
+#pragma once
+
+#include "harness/run/run_log.h"
+#include "link/messages.h"
+
+namespace tiltproof::harness {
+
+// How a new boot of the client shows.
+enum class BootSign : std::uint8_t {
+  kReset,  // who runs the client tells it (harness/client/client.h)
+  // By a `start` that it sends after its first accepted actuator message; before that one it may only be repeating
+  // itself. A `start` that a fault copied on the line does not count: the client did not send it.
+  kStart,
+};
+
+// Sets log.restarts and log.sent_request_times_ns.
+void AddClientHistory(RunLog& log, link::Dialect dialect, BootSign sign);
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,58 @@
+#include "harness/score/client_behaviour.h"
+
+#include <algorithm>
+
+#include "faults/registry.h"
+
+namespace tiltproof::harness {
+namespace {
+
+// In real time, what is told of a restart may be stamped with a time that is some periods old.
+constexpr TimeNs kStaleMax = 50 * kNsPerMs;
+
+// Of a fault on a node: one that stands on its side of the line is not the client's.
+bool ActsOnClient(const faults::FaultSpec& spec, const faults::FaultType& type) {
+  if (type.on_device) return true;
+  if (!type.on_node) return false;
+  const std::string node = faults::ResolvedParameters(spec, type).Choice("node");
+  return node == "client" || node == "all";
+}
+
+}  // namespace
+
+const Restart* FirstUnaskedRestart(const std::vector<faults::FaultSpec>& faults,
+                                   std::span<const Restart> restarts) {
+  std::vector<TimeNs> asked_ns;
+  for (const auto& spec : faults) {
+    const faults::FaultType* type = faults::FindFaultType(spec.type);
+    if (type != nullptr && type->asks_restart && ActsOnClient(spec, *type)) asked_ns.push_back(spec.start_ns);
+  }
+  std::sort(asked_ns.begin(), asked_ns.end());
+  std::size_t answered = 0;
+  for (const Restart& restart : restarts) {
+    if (answered == asked_ns.size() || restart.time_ns + kStaleMax < asked_ns[answered]) return &restart;
+    ++answered;
+  }
+  return nullptr;
+}
+
+std::vector<TimeNs> UndisturbedIntervals(const std::vector<faults::FaultSpec>& faults,
+                                         std::span<const TimeNs> request_times_ns) {
+  std::vector<faults::Window> windows;
+  for (const auto& spec : faults) {
+    const faults::FaultType* type = faults::FindFaultType(spec.type);
+    if (type != nullptr && ActsOnClient(spec, *type)) windows.push_back(faults::WindowOf(spec));
+  }
+  std::vector<TimeNs> intervals;
+  for (std::size_t i = 1; i < request_times_ns.size(); ++i) {
+    const TimeNs begin_ns = request_times_ns[i - 1], end_ns = request_times_ns[i];
+    const bool disturbed = std::any_of(windows.begin(), windows.end(), [&](const faults::Window& window) {
+      return window.begin_ns <= end_ns && begin_ns < window.end_ns;
+    });
+    if (!disturbed) intervals.push_back(end_ns - begin_ns);
+  }
+  std::sort(intervals.begin(), intervals.end());
+  return intervals;
+}
+
+}  // namespace tiltproof::harness

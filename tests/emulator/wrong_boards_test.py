@@ -1,0 +1,143 @@
+#!/usr/bin/env python3
+"""Images whose board is set up wrongly - they restart for ever, ask at the wrong rate, send at the wrong baud rate, have their USARTs exchanged - must not pass,
+and the harness must say what is wrong. Each is firmware/examples/minimal_c with one mistake.
+
+Usage: wrong_boards_test.py TILTPROOF FOLDER-OF-IMAGES SOURCE-FOLDER
+"""
+import json
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+TILTPROOF, IMAGES, SOURCE = (pathlib.Path(argument) for argument in sys.argv[1:4])
+del sys.argv[1:4]
+EXAMPLE = SOURCE / "firmware/examples/minimal_c"
+
+SCENARIO = """\
+name: flight
+duration_s: {duration_s}
+reference: {{type: hover, at_m: [0, 0, 2]}}
+criteria:
+  - {{name: near, stl: "always(position_error_m <= 1)"}}
+"""
+# Runs for a while, then into a bus fault, whose handler waits for the independent watchdog.
+CRASH_LOOP = [
+    ("static void Reset(void) {\n", "static void Reset(void) {\n  for (;;) {\n  }\n"),
+    ("  StartUsartsAndTicks();\n  while", "  StartUsartsAndTicks();\n  REGISTER(0x40003000) = 0xCCCC;\n  while"),
+    ("    wake_ns = ", "    REGISTER(0x40003000) = 0xAAAA;\n    if (tick_count > 700) (void)REGISTER(0x60000000);\n    wake_ns = "),
+]
+
+
+class WrongBoards(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls._folder = tempfile.TemporaryDirectory()
+        cls.root = pathlib.Path(cls._folder.name)
+        cls.runs = 0
+
+    @classmethod
+    def tearDownClass(cls):
+        cls._folder.cleanup()
+
+    def image(self, name, replacements):
+        """The example with these mistakes."""
+        folder = self.root / name
+        folder.mkdir()
+        for file in ("stm32f4.c", "minimal_firmware.c"):
+            text = (EXAMPLE / file).read_text()
+            for old, new in replacements:
+                text = text.replace(old, new)
+            (folder / file).write_text(text)
+        changed = [file for file in folder.iterdir() if file.read_text() != (EXAMPLE / file.name).read_text()]
+        self.assertTrue(changed or not replacements, "no replacement fits the example any more")
+        elf = folder / "image.elf"
+        subprocess.run(["arm-none-eabi-gcc", "-std=c11", "-O2", "-ffp-contract=off", "-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16",
+                        "-mfloat-abi=hard", "-I", SOURCE, "--specs=nano.specs", "-nostartfiles", "-T", EXAMPLE / "stm32f4.ld",
+                        *sorted(folder.glob("*.c")), "-o", elf], check=True)
+        return f"qemu:{elf}"
+
+    def run_tiltproof(self, *arguments):
+        return subprocess.run([str(TILTPROOF), *map(str, arguments)], capture_output=True, text=True, timeout=120)
+
+    def fly(self, client, *flags, duration_s=3, more=""):
+        WrongBoards.runs += 1
+        file, out = self.root / f"scenario{self.runs}.yaml", self.root / f"out{self.runs}"
+        file.write_text(SCENARIO.format(duration_s=duration_s) + more)
+        done = self.run_tiltproof("run", file, "--client", client, "--out", out, "--no-progress", *flags)
+        self.assertTrue((out / "latest").exists(), done.stdout + done.stderr)
+        [result] = json.loads((out / "latest/results.json").read_text())["scenarios"]
+        return out / "latest", result, done.stdout
+
+    def criterion(self, result, name):
+        return next((criterion for criterion in result["criteria"] if criterion["name"] == name), None)
+
+    def score(self, folder):
+        return json.loads(self.run_tiltproof("score", folder, "--format", "jsonl").stdout.splitlines()[0])
+
+    # --- restarts ---
+
+    def test_a_crash_loop_fails_survival(self):
+        client = self.image("loop", CRASH_LOOP)
+        for flags in ([], ["--distributed=socket"]):
+            folder, result, output = self.fly(client, *flags, duration_s=5)
+            self.assertEqual(result["verdict"], "fail", output)
+            survival = self.criterion(result, "survival")
+            self.assertEqual(survival["verdict"], "fail")
+            self.assertTrue(1.1 < survival["time_s"] < 1.3, survival)  # the crash at 0.7 s, the watchdog 512 ms later
+            self.assertIn("no fault asked for", survival["explanation"])
+            self.assertIn("watchdog", survival["explanation"])
+            self.assertGreaterEqual(result["restarts"], 3)
+            self.assertIn(f"{result['restarts']} restarts", output)
+            # The same from the files.
+            again = self.score(folder)
+            self.assertEqual((again["verdict"], again["reason"]), (result["verdict"], result["reason"]))
+
+    def test_restarts_can_be_allowed(self):
+        _, result, output = self.fly(self.image("allowed", CRASH_LOOP), duration_s=5, more="allow_restarts: true\n")
+        self.assertEqual(self.criterion(result, "survival")["verdict"], "pass", output)
+        self.assertGreaterEqual(result["restarts"], 3)
+        self.assertIn(f"{result['restarts']} restarts", output)
+
+    def test_a_fault_asks_for_one_restart_and_no_more(self):
+        fault = "faults: [{{id: r, type: device.reset, start_s: {}, parameters: {{boot_ms: 5}}}}]\n"
+        _, result, output = self.fly(f"qemu:{IMAGES / 'minimal_c.elf'}", duration_s=2, more=fault.format(1))
+        self.assertEqual((result["verdict"], result["restarts"]), ("pass", 1), output)
+        _, result, _ = self.fly(self.image("looping", CRASH_LOOP), more=fault.format(0.3))
+        self.assertEqual(self.criterion(result, "survival")["verdict"], "fail")
+        self.assertGreater(self.criterion(result, "survival")["time_s"], 0.9)
+
+    # --- the core clock ---
+
+    def test_a_period_of_6_ms_fails_control_period(self):
+        client = self.image("fast", [("kPeriodNs = 12000000", "kPeriodNs = 6000000")])
+        for flags in ([], ["--distributed=socket"]):
+            folder, result, output = self.fly(client, *flags)
+            self.assertEqual(result["verdict"], "fail", output)
+            control_period = self.criterion(result, "control_period")
+            self.assertEqual(control_period["verdict"], "fail")
+            self.assertIn("asks every 6.000 ms, the protocol says 12 ms: is the core clock right?", control_period["explanation"])
+            self.assertIn("asks every 6.000 ms", output)
+            self.assertEqual(self.score(folder)["verdict"], "fail")
+        _, result, _ = self.fly(client, more="control_period: {tolerance_percent: 60}\n")
+        self.assertEqual(self.criterion(result, "control_period")["verdict"], "pass")
+
+    def test_a_right_period_passes(self):
+        _, result, _ = self.fly(f"qemu:{IMAGES / 'minimal_c.elf'}")
+        self.assertEqual(self.criterion(result, "control_period")["verdict"], "pass")
+        self.assertEqual(result["verdict"], "pass")
+        _, result, _ = self.fly(f"qemu:{IMAGES / 'minimal_c.elf'}", duration_s=0.5)
+        self.assertIsNone(self.criterion(result, "control_period"), "too short to judge")
+
+    def test_in_real_time_too(self):
+        _, result, output = self.fly(self.image("fast-by-the-wall", [("kPeriodNs = 12000000", "kPeriodNs = 6000000")]), "--mode", "realtime")
+        self.assertIn("the protocol says 12 ms", self.criterion(result, "control_period")["explanation"], output)
+        crash = [("    wake_ns = ", "    if (tick_count > 700) (void)REGISTER(0x60000000);\n    wake_ns = ")]
+        _, result, output = self.fly(self.image("loop-by-the-wall", crash), "--mode", "realtime")
+        self.assertIn("no fault asked for", self.criterion(result, "survival")["explanation"], output)
+        self.assertGreaterEqual(result["restarts"], 2)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

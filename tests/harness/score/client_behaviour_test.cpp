@@ -1,0 +1,177 @@
+// What the firmware's restarts and requests come to in the verdict.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "harness/score/score.h"
+
+namespace tiltproof::harness {
+namespace {
+
+// A flight of `rows` rows that hangs still where it should, every input at hover.
+RunLog StillFlight(std::size_t rows) {
+  RunLog log;
+  log.hover_input = {10, 10, 0, 0};
+  log.input_min = {0, 0, -2, -2};
+  log.input_max = {30, 30, 2, 2};
+  log.starts_accepted_count = 1;
+  for (std::size_t r = 0; r < rows; ++r) {
+    const auto row = log.trace.AppendRow();
+    std::fill(row.begin(), row.end(), 0.0);
+    log.end_ns = static_cast<TimeNs>(r) * kControlPeriodNs;
+    row[0] = ToSeconds(log.end_ns);
+    row[*log.trace.Find("f_r_n")] = row[*log.trace.Find("f_l_n")] = 10.0;
+  }
+  return log;
+}
+
+Scenario ScenarioOf(const RunLog& log) {
+  Scenario scenario;
+  scenario.duration_ns = log.end_ns;
+  return scenario;
+}
+
+faults::FaultSpec Fault(const std::string& id, TimeNs start_ns, TimeNs end_ns) {
+  faults::FaultSpec fault;
+  fault.id = id;
+  fault.type = "wire.bit_error";
+  fault.start_ns = start_ns;
+  fault.end_ns = end_ns;
+  return fault;
+}
+
+faults::FaultSpec ResetAt(TimeNs start_ns) {
+  faults::FaultSpec fault = Fault("reset", start_ns, kNever);
+  fault.type = "device.reset";
+  fault.parameters = {{"boot_ms", 20.0}};
+  return fault;
+}
+
+faults::FaultSpec NodeFault(const std::string& type, const std::string& node, TimeNs start_ns) {
+  faults::FaultSpec fault = Fault("node", start_ns, kNever);
+  fault.type = type;
+  fault.parameters = {{"node", node}, {"down_ms", 100.0}};
+  return fault;
+}
+
+TEST(Score, ARestartThatNoFaultAskedForFailsSurvival) {
+  RunLog log = StillFlight(101);
+  log.restarts = {{300 * kNsPerMs, "reset by watchdog"}, {700 * kNsPerMs, "reset by pin"}};
+  Scenario scenario = ScenarioOf(log);
+  const Score score = ScoreRun(scenario, log);
+  EXPECT_EQ(score.verdict, Verdict::kFail);
+  EXPECT_EQ(score.restarts_count, 2);
+  EXPECT_EQ(
+      score.reason,
+      "survival: restarted at 0.300 s (reset by watchdog), which no fault asked for; 2 restarts in all");
+  EXPECT_DOUBLE_EQ(score.criteria[0].time_s.value(), 0.3);
+  scenario.allow_restarts = true;
+  EXPECT_EQ(ScoreRun(scenario, log).verdict, Verdict::kPass);
+  EXPECT_EQ(ScoreRun(scenario, log).restarts_count, 2);
+}
+
+TEST(Score, EachFaultAsksForOneRestartFromItsStartOn) {
+  RunLog log = StillFlight(101);
+  Scenario scenario = ScenarioOf(log);
+  const auto survives = [&](const std::vector<faults::FaultSpec>& faults,
+                            const std::vector<TimeNs>& restarts_ms) {
+    scenario.faults = faults;
+    log.fault_activation_counts.assign(faults.size(), 1);
+    log.restarts.clear();
+    for (const TimeNs ms : restarts_ms) log.restarts.push_back({ms * kNsPerMs, "reset"});
+    return ScoreRun(scenario, log).verdict == Verdict::kPass;
+  };
+  const TimeNs half = 500 * kNsPerMs;
+  EXPECT_TRUE(survives({ResetAt(half)}, {500}));
+  EXPECT_TRUE(survives({ResetAt(half)}, {620}));  // a hang's comes with the watchdog
+  EXPECT_TRUE(survives({ResetAt(half)}, {}));
+  EXPECT_TRUE(survives({ResetAt(half)}, {460}));  // in real time, its time is not exact
+  EXPECT_FALSE(survives({ResetAt(half)}, {449}));
+  EXPECT_FALSE(survives({ResetAt(half)}, {460, 500}));
+  EXPECT_FALSE(survives({ResetAt(half)}, {500, 800}));
+  EXPECT_TRUE(survives({ResetAt(half), ResetAt(half)}, {500, 800}));
+  EXPECT_FALSE(survives({ResetAt(half), ResetAt(900 * kNsPerMs)}, {500, 800}));
+  EXPECT_TRUE(survives({NodeFault("node.restart", "client", half)}, {600}));
+  EXPECT_FALSE(survives({NodeFault("node.restart", "base_station", half)}, {600}));
+  EXPECT_FALSE(survives({Fault("noise", 0, kNever)}, {600}));
+}
+
+TEST(Score, ARestartComesBeforeTheEndThatItLedTo) {
+  RunLog log = StillFlight(101);
+  log.restarts = {{300 * kNsPerMs, "reset by watchdog"}};
+  log.end_reason = EndReason::kGroundStrike;
+  log.end_text = "down";
+  EXPECT_EQ(
+      ScoreRun(ScenarioOf(log), log).reason,
+      "survival: restarted at 0.300 s (reset by watchdog), which no fault asked for; 1 restart in all; then "
+      "ground strike at 1.200 s: down");
+  log.end_reason = EndReason::kHarnessError;
+  EXPECT_EQ(ScoreRun(ScenarioOf(log), log).verdict, Verdict::kError);
+}
+
+// Requests as sent, `count` of them.
+RunLog FlightThatAsksEvery(double period_ms, std::size_t count) {
+  RunLog log = StillFlight(101);
+  for (std::size_t i = 0; i < count; ++i)
+    log.sent_request_times_ns.push_back(FromSeconds(static_cast<double>(i) * period_ms / 1000));
+  return log;
+}
+
+const CriterionResult* ControlPeriodOf(const Score& score) {
+  for (const auto& criterion : score.criteria)
+    if (criterion.name == "control_period") return &criterion;
+  return nullptr;
+}
+
+TEST(Score, AWrongPeriodFailsControlPeriodWithBothFigures) {
+  RunLog log = FlightThatAsksEvery(6, 51);
+  Scenario scenario = ScenarioOf(log);
+  const Score score = ScoreRun(scenario, log);
+  EXPECT_EQ(score.verdict, Verdict::kFail);
+  EXPECT_EQ(score.reason,
+            "control_period: asks every 6.000 ms, the protocol says 12 ms: is the core clock right?");
+  EXPECT_EQ(score.criteria[1].name, "control_period");
+  scenario.control_period_tolerance_percent = 50;
+  EXPECT_EQ(ScoreRun(scenario, log).verdict, Verdict::kPass);
+  const auto passes = [](double period_ms) {
+    const RunLog flight = FlightThatAsksEvery(period_ms, 60);
+    return ScoreRun(ScenarioOf(flight), flight).verdict == Verdict::kPass;
+  };
+  EXPECT_TRUE(passes(12));
+  EXPECT_TRUE(passes(11.88));
+  EXPECT_TRUE(passes(12.12));
+  EXPECT_FALSE(passes(11.87));
+  EXPECT_FALSE(passes(12.13));
+}
+
+TEST(Score, FewerThan50IntervalsAreNotJudged) {
+  const RunLog enough = FlightThatAsksEvery(6, 51), few = FlightThatAsksEvery(6, 50);
+  EXPECT_NE(ControlPeriodOf(ScoreRun(ScenarioOf(enough), enough)), nullptr);
+  EXPECT_EQ(ControlPeriodOf(ScoreRun(ScenarioOf(few), few)), nullptr);
+  EXPECT_EQ(ScoreRun(ScenarioOf(few), few).verdict, Verdict::kPass);
+}
+
+TEST(Score, IntervalsInFaultsOnTheClientDoNotCount) {
+  // Wrong in the first 0.6 s, right for 0.72 s after it.
+  RunLog log = FlightThatAsksEvery(6, 101);
+  for (int i = 1; i <= 60; ++i) log.sent_request_times_ns.push_back(600 * kNsPerMs + i * kControlPeriodNs);
+  const auto judged = [&](const std::string& type,
+                          std::map<std::string, std::variant<double, std::string>> parameters) {
+    Scenario scenario = ScenarioOf(log);
+    scenario.faults = {Fault("f", 0, 600 * kNsPerMs)};
+    scenario.faults[0].type = type;
+    scenario.faults[0].parameters = std::move(parameters);
+    log.fault_activation_counts = {1};
+    return ControlPeriodOf(ScoreRun(scenario, log))->verdict;
+  };
+  EXPECT_EQ(judged("wire.bit_error", {{"ber", 1e-5}}), Verdict::kFail);
+  EXPECT_EQ(judged("device.stall", {}), Verdict::kPass);
+  EXPECT_EQ(judged("device.clock_drift", {{"ppm", 10'000.0}}), Verdict::kPass);
+  EXPECT_EQ(judged("clock.skew", {{"node", "client"}, {"ppm", 10'000.0}}), Verdict::kPass);
+  EXPECT_EQ(judged("node.pause", {{"node", "client"}}), Verdict::kPass);
+  EXPECT_EQ(judged("node.pause", {{"node", "plant"}}), Verdict::kFail);
+}
+
+}  // namespace
+}  // namespace tiltproof::harness
