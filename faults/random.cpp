@@ -1,6 +1,5 @@
 #include "faults/random.h"
 
-#include <boost/random/normal_distribution.hpp>
 #include <cmath>
 
 namespace tiltproof::faults {
@@ -40,11 +39,5 @@ std::uint64_t Random::FailuresBefore(double probability) {
 }
 
 double Random::Exponential() { return -std::log1p(-Uniform()); }
-
-double Random::StandardNormal() {
-  // Made anew for each draw: it may keep a value, which would tie draws together.
-  boost::random::normal_distribution<double> normal;
-  return normal(*this);
-}
 
 }  // namespace tiltproof::faults

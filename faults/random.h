@@ -36,7 +36,7 @@ constexpr std::uint64_t KeyOf(std::uint64_t stream, std::uint64_t n) {
   return Mix(stream + Mix(n + 0x9e3779b97f4a7c15ULL));
 }
 
-// Meets the standard's uniform random bit generator, so that Boost.Random's distributions take it.
+// Meets the standard's uniform random bit generator.
 class Random {
  public:
   using result_type = std::uint64_t;
@@ -59,6 +59,7 @@ class Random {
   std::uint64_t FailuresBefore(double probability);
   // Time to the next event of a Poisson process of that rate, in units of 1/rate.
   double Exponential();
+  // Of mean 0 and standard deviation 1; one draw or several (faults/standard_normal.cpp).
   double StandardNormal();
 
  private:

@@ -13,6 +13,16 @@ using Matrix3 = Eigen::Matrix<Scalar, 3, 3>;
 template <class Scalar>
 using Jacobian = Eigen::Matrix<Scalar, 3, kCoordinateCount>;
 
+// The complex ones written out: those of the C library would differ between processors.
+double Sin(double angle) { return std::sin(angle); }
+double Cos(double angle) { return std::cos(angle); }
+std::complex<double> Sin(const std::complex<double>& z) {
+  return {std::sin(z.real()) * std::cosh(z.imag()), std::cos(z.real()) * std::sinh(z.imag())};
+}
+std::complex<double> Cos(const std::complex<double>& z) {
+  return {std::cos(z.real()) * std::cosh(z.imag()), -std::sin(z.real()) * std::sinh(z.imag())};
+}
+
 // Eigen's own cross() conjugates complex numbers, which would spoil a complex step.
 template <class Scalar>
 Vector3<Scalar> Cross(const Vector3<Scalar>& a, const Vector3<Scalar>& b) {
@@ -23,9 +33,8 @@ template <class Scalar>
 Matrix3<Scalar> Rotation(const Eigen::Vector3d& axis, const Scalar& angle) {
   Eigen::Matrix3d cross;
   cross << 0, -axis.z(), axis.y(), axis.z(), 0, -axis.x(), -axis.y(), axis.x(), 0;
-  using std::cos, std::sin;
-  return Matrix3<Scalar>::Identity() + sin(angle) * cross.cast<Scalar>() +
-         (Scalar(1) - cos(angle)) * (cross * cross).cast<Scalar>();
+  return Matrix3<Scalar>::Identity() + Sin(angle) * cross.cast<Scalar>() +
+         (Scalar(1) - Cos(angle)) * (cross * cross).cast<Scalar>();
 }
 
 // The motion of a point or frame: velocity v = j q', acceleration j q'' + bias.

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <boost/random/normal_distribution.hpp>
 #include <cmath>
 #include <vector>
 
@@ -102,6 +103,19 @@ TEST(RandomTest, NormalAndExponentialHaveTheirMoments) {
   EXPECT_THAT(sum / 2e5, DoubleNear(0.0, 0.015));
   EXPECT_THAT(squares / 2e5, DoubleNear(1.0, 0.02));
   EXPECT_THAT(exponential / 2e5, DoubleNear(1.0, 0.015));
+}
+
+// Two million draws: several hundred of them from the tail, tens of thousands beside a layer's edge.
+TEST(RandomTest, NormalIsThatOfBoost) {
+  int beyond_layers = 0;
+  for (std::uint64_t n = 0; n < 2'000'000; ++n) {
+    Random ours(KeyOf(10, n)), theirs = ours;
+    const double x = ours.StandardNormal();
+    ASSERT_EQ(x, boost::random::normal_distribution<double>()(theirs)) << n;
+    ASSERT_EQ(ours(), theirs()) << n << ": took another number of draws";
+    if (std::abs(x) > 3.4426198558966521214) ++beyond_layers;
+  }
+  EXPECT_NEAR(beyond_layers, 2e6 * std::erfc(3.4426198558966521214 / std::sqrt(2.0)), 120);
 }
 
 std::vector<TimeNs> Times(PoissonEvents& process, TimeNs from, TimeNs to) {

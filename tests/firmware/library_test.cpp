@@ -5,6 +5,8 @@
 
 #include <array>
 #include <cstdio>
+#include <fstream>
+#include <iterator>
 #include <set>
 #include <sstream>
 
@@ -170,6 +172,19 @@ TEST(CoreTest, NeedsNoRunTimeSystem) {
       EXPECT_NE(name.rfind(forbidden, 0), 0U) << name;
     }
   }
+}
+
+// The elementary functions differ between C libraries and processors: with one of them, the firmware would not compute
+// the same bits on every board.
+TEST(CoreTest, CallsNoFunctionOfMath) {
+  std::ifstream list(TILTPROOF_SOURCE_DIR "/link/deterministic_math.list");
+  const std::string text{std::istreambuf_iterator<char>(list), {}};
+  std::set<std::string> functions;
+  for (std::size_t end = 0; (end = text.find(";\n", end)) != std::string::npos; ++end)
+    functions.insert(text.substr(text.rfind(' ', end) + 1, end - text.rfind(' ', end) - 1));
+  ASSERT_TRUE(functions.contains("sin") && functions.contains("atan2f") && functions.contains("pow"));
+  for (const std::string& name : Symbols("-u " FIRMWARE_CORE_ARCHIVE))
+    EXPECT_FALSE(functions.contains(name)) << name;
 }
 
 TEST(HostLibraryTest, KnowsItsBuilds) {

@@ -1,0 +1,93 @@
+#!/usr/bin/env python3
+"""The same bits on every processor. Usage: processors_test.py TILTPROOF SOURCE_DIR [--write-golden]
+
+glibc chooses its elementary functions by the processor, and GLIBC_TUNABLES makes it believe in a lesser one. The flights of the paper and
+wire suites must have the trace hashes of tests/golden/trace_hashes.json, whatever it believes.
+--write-golden writes that file anew, for a change that is meant to change the flights.
+"""
+import json
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+PROGRAM, SOURCE = (pathlib.Path(a).resolve() for a in sys.argv[1:3])
+GOLDEN = SOURCE / "tests/golden/trace_hashes.json"
+SUITES = [SOURCE / "scenarios/paper", SOURCE / "scenarios/wire"]
+# On a processor without these features the flights are the same by themselves, and the golden hashes remain a test.
+LESSER_PROCESSORS = {"without FMA": "-FMA,-FMA4", "without AVX2 and FMA": "-AVX2,-FMA,-FMA4", "with SSE2 alone": "-AVX,-AVX2,-FMA,-FMA4,-SSE4_1,-SSE4_2"}
+# What IEEE 754 or C define to the last bit, and what deals with the environment and the parts of a number.
+EXACT = re.compile(r"(fabs|floor|ceil|trunc|l?l?round|roundeven|l?l?rint|nearbyint|fmod|remainder|remquo|fma|fmin|fmax|fdim|copysign|ldexp|scalbl?n|frexp|"
+                   r"modf|nextafter|nexttoward|ilogb|logb|sqrt)[fl]?|fe\w+|__(isnan|isinf|finite|signbit|fpclassify)\w*|matherr|signgam")
+
+
+def environment(hwcaps=None, **more):
+    result = {name: value for name, value in os.environ.items() if name != "GLIBC_TUNABLES"}
+    if hwcaps:
+        result["GLIBC_TUNABLES"] = "glibc.cpu.hwcaps=" + hwcaps
+    return result | more
+
+
+def run(*arguments, cwd, env):
+    return subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, env=env, timeout=240, check=False)
+
+
+def fly(folder, env):
+    """Trace hash by name."""
+    done = run("run", *SUITES, "-j", os.cpu_count(), "--no-progress", cwd=folder, env=env)
+    if done.returncode != 0:
+        raise AssertionError(done.stdout + done.stderr)
+    results = json.loads((folder / "results/latest/results.json").read_text())
+    return {flight["name"]: flight["trace_hash"] for flight in results["scenarios"]}
+
+
+class ProcessorsTest(unittest.TestCase):
+    maxDiff = None
+
+    def setUp(self):
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="tiltproof-processors-"))
+        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
+
+    def test_flights_have_the_golden_hashes_on_every_processor(self):
+        golden = json.loads(GOLDEN.read_text())
+        for name, hwcaps in {"as it is": None, **LESSER_PROCESSORS}.items():
+            with self.subTest(processor=name):
+                flown = fly(self.folder, environment(hwcaps))
+                self.assertEqual(flown, golden)
+
+    def test_designs_are_the_same(self):
+        model = SOURCE / "plant/models/tiltrotor.sdf"
+        designs = set()
+        for hwcaps in [None, *LESSER_PROCESSORS.values()]:
+            done = run("design-lqr", model, "--csv", "gain.csv", cwd=self.folder, env=environment(hwcaps))
+            self.assertEqual(done.returncode, 0, done.stderr)
+            designs.add(done.stdout + (self.folder / "gain.csv").read_text())
+        self.assertEqual(len(designs), 1, designs)
+
+    def test_no_library_takes_an_inexact_function_from_libm(self):
+        """Every function that any part of the process could call: of the program, of ODE, of the firmware that it loads."""
+        done = run("run", SOURCE / "scenarios/paper", "-k", "paper-hover", "-j1", cwd=self.folder,
+                   env=environment(LD_BIND_NOW="1", LD_DEBUG="bindings", LD_DEBUG_OUTPUT=str(self.folder / "bindings")))
+        self.assertEqual(done.returncode, 0, done.stderr)
+        text = "".join(path.read_text() for path in self.folder.glob("bindings.*"))
+        bindings = set(re.findall(r"binding file (\S+) \[\d+\] to (\S+) \[\d+\]: normal symbol `(\w+)'", text))
+        self.assertTrue(any("tiltproof_firmware" in user for user, _, _ in bindings))
+        from_libm = {(user, function) for user, giver, function in bindings if "/libm.so" in giver and "/libm.so" not in user}
+        self.assertEqual({entry for entry in from_libm if not EXACT.fullmatch(entry[1])}, set(),
+                         "these depend on the processor: give them a fixed one in link/deterministic_math.c")
+        # And what ODE calls for its rotations is ours.
+        of_ode = {function: giver for user, giver, function in bindings if "/libode.so" in user}
+        for function in ("sincos", "asin", "acos", "atan2"):
+            self.assertEqual(pathlib.Path(of_ode[function]).name, PROGRAM.name, function)
+
+
+if __name__ == "__main__":
+    if "--write-golden" in sys.argv:
+        with tempfile.TemporaryDirectory() as name:
+            GOLDEN.write_text(json.dumps(fly(pathlib.Path(name), environment()), indent=2) + "\n")
+        sys.exit(0)
+    unittest.main(argv=sys.argv[:1])
