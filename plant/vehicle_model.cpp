@@ -21,6 +21,7 @@
 #include <utility>
 
 #include "plant/dynamics.h"
+#include "plant/missing_elements.h"
 #include "plant/vehicle_xml.h"
 
 namespace tiltproof::plant {
@@ -59,7 +60,24 @@ class StderrCapture {
   std::streambuf* previous_;
 };
 
-// Loads one file with the names given by its tiltproof elements.
+// Sorted by their lines, those of the mapping file last; one line each, then the advice.
+std::string Text(std::vector<VehicleProblem>& problems, const std::string& advice) {
+  const std::filesystem::path first = problems.front().file;
+  std::stable_sort(problems.begin(), problems.end(), [&](const VehicleProblem& a, const VehicleProblem& b) {
+    return std::pair(a.file != first, a.line) < std::pair(b.file != first, b.line);
+  });
+  std::string text;
+  for (const VehicleProblem& problem : problems) {
+    if (!text.empty()) text += '\n';
+    text += problem.file.string();
+    if (problem.line > 0) text += fmt::format(":{}", problem.line);
+    text += fmt::format(": {}", problem.message);
+  }
+  return advice.empty() ? text : text + '\n' + advice;
+}
+
+// Loads one file with the names given by its tiltproof elements. First everything is checked, and what is
+// wrong gathered; only a file in order is read.
 class Loader {
  public:
   Loader(const std::filesystem::path& file, const LoadOptions& options, std::vector<std::string>& warnings)
@@ -69,20 +87,26 @@ class Loader {
 
  private:
   void LoadSdf();
+  void CheckLinks();
+  void CheckRoles();
+  void CheckServos();
+  void CheckHinges();
+  void CheckInertia(const RigidBody& body);
   RigidBody ReadBody(const std::string& link_name) const;
   TiltingThruster ReadThruster(const ThrusterElement& element) const;
   CollisionShape ReadCollision(const RigidBody& base) const;
-  void CheckCounts() const;
-  void CheckInertia(const RigidBody& body) const;
-  const sdf::Link& Link(const std::string& name, int line, const char* role) const;
+  // The servo whose joint carries the thruster; null when there is none.
+  const ServoElement* ServoOf(const ThrusterElement& element) const;
   // Pose of a link or joint in the base frame.
   Pose3d PoseInBase(const sdf::SemanticPose& pose, const std::string& what, int line) const;
+
+  void Complain(int line, std::string message) { problems_.push_back({file_, line, std::move(message)}); }
+  // For what stands in the tiltproof elements, which may be in another file.
+  void ComplainElement(int line, std::string message) {
+    problems_.push_back({elements_.file, line, std::move(message)});
+  }
   [[noreturn]] void Fail(int line, const std::string& message) const {
     throw VehicleError(file_, line, message);
-  }
-  // For what stands in the tiltproof elements, which may be in another file.
-  [[noreturn]] void FailElement(int line, const std::string& message) const {
-    throw VehicleError(elements_.file, line, message);
   }
 
   std::filesystem::path file_;
@@ -92,22 +116,23 @@ class Loader {
   VehicleElements elements_;
   sdf::Root root_;
   const sdf::Model* model_ = nullptr;
+  std::vector<VehicleProblem> problems_;
 };
 
 VehicleModel Loader::Load() {
-  xml_.CheckNames();
+  xml_.CheckNames(problems_);
   LoadSdf();
-  for (std::uint64_t i = 0; i < model_->LinkCount(); ++i)
-    CheckInertia(ReadBody(model_->LinkByIndex(i)->Name()));
-  elements_ = xml_.ReadElements(options_.mapping, warnings_);
+  CheckLinks();
+  elements_ = xml_.ReadElements(options_.mapping, warnings_, problems_);
+  CheckRoles();
+  CheckServos();
+  CheckHinges();
+  if (!problems_.empty()) throw VehicleError(problems_, MissingElements(xml_.model(), elements_));
   xml_.WarnUnsupported(elements_, warnings_);
 
   VehicleModel vehicle;
   vehicle.name = model_->Name();
   vehicle.file = file_;
-  Link(elements_.base_link, elements_.line, "base");
-  for (const ThrusterElement& element : elements_.thrusters) Link(element.link, element.line, "thruster");
-  CheckCounts();
   vehicle.base = ReadBody(elements_.base_link);
   for (std::size_t side = 0; side < vehicle.thrusters.size(); ++side) {
     vehicle.thrusters[side] = ReadThruster(elements_.thrusters[side]);
@@ -124,46 +149,137 @@ VehicleModel Loader::Load() {
 
 void Loader::LoadSdf() {
   sdf::Errors errors;
+  std::string trouble;
   {
     const StderrCapture capture;
-    // A name without a folder could resolve to a file of libsdformat's own.
-    errors = root_.Load(std::filesystem::absolute(file_).string());
+    try {
+      // A name without a folder could resolve to a file of libsdformat's own.
+      errors = root_.Load(std::filesystem::absolute(file_).string());
+    } catch (const std::exception& error) {
+      trouble = error.what();
+    }
   }
-  for (const sdf::Error& error : errors) {
-    // Ours names the reason and the line, and can be waived.
-    if (error.Code() == sdf::ErrorCode::LINK_INERTIA_INVALID) continue;
-    Fail(std::max(error.LineNumber().value_or(0), 0), error.Message());
+  const auto is_told = [this](int line) {
+    return std::any_of(problems_.begin(), problems_.end(),
+                       [line](const VehicleProblem& problem) { return problem.line == line; });
+  };
+  if (!trouble.empty() && problems_.empty())
+    Complain(0, fmt::format("libsdformat cannot read it ({})", trouble));
+  // It stops at the first element that it cannot read, and then names all those around it too.
+  const auto is_around = [](const sdf::Error& a, const sdf::Error& b) {
+    constexpr std::string_view kReading = "Error reading element";
+    return a.Message().starts_with(kReading) && b.Message().starts_with(kReading);
+  };
+  errors.erase(std::unique(errors.begin(), errors.end(), is_around), errors.end());
+  for (const bool has_line : {true, false}) {
+    // What has no line follows from something else, if there is anything else.
+    if (!has_line && !problems_.empty()) break;
+    for (const sdf::Error& error : errors) {
+      // Ours names the reason and the line, and can be waived.
+      if (error.Code() == sdf::ErrorCode::LINK_INERTIA_INVALID) continue;
+      const int line = std::max(error.LineNumber().value_or(0), 0);
+      if ((line > 0) == has_line && !is_told(line)) Complain(line, error.Message());
+    }
   }
   model_ = root_.Model();
-  if (model_ == nullptr) Fail(0, "holds no <model>");
-  if (model_->Static()) Fail(xml_.Line("model", ""), "a <static> model cannot fly");
+  if (model_ == nullptr && problems_.empty()) Complain(0, "holds no <model>");
+  if (model_ != nullptr && model_->Static()) Complain(xml_.Line("model", ""), "a <static> model cannot fly");
 }
 
-const sdf::Link& Loader::Link(const std::string& name, int line, const char* role) const {
-  const sdf::Link* link = model_->LinkByName(name);
-  if (link == nullptr) FailElement(line, fmt::format("{} link '{}' does not exist in the model", role, name));
-  return *link;
+void Loader::CheckLinks() {
+  if (model_ == nullptr) return;
+  for (std::uint64_t i = 0; i < model_->LinkCount(); ++i)
+    CheckInertia(ReadBody(model_->LinkByIndex(i)->Name()));
 }
 
-void Loader::CheckCounts() const {
+void Loader::CheckRoles() {
+  if (model_ == nullptr) return;
+  bool all_exist = elements_.thrusters.size() == 2;
+  const auto check_link = [&](const std::string& name, int line, const char* role) {
+    const bool exists = !name.empty() && model_->LinkByName(name) != nullptr;
+    all_exist = all_exist && exists;
+    if (!exists && !name.empty())
+      ComplainElement(line, fmt::format("{} link '{}' does not exist in the model", role, name));
+  };
+  check_link(elements_.base_link, elements_.line, "base");
   for (const ThrusterElement& element : elements_.thrusters) {
-    if (element.link == elements_.base_link) FailElement(element.line, "the base cannot be a thruster");
+    check_link(element.link, element.line, "thruster");
+    if (!element.link.empty() && element.link == elements_.base_link)
+      ComplainElement(element.line, "the base cannot be a thruster");
   }
+  // Where a role is missing or mistyped, a link without one is no news.
+  if (!all_exist) return;
   for (std::uint64_t i = 0; i < model_->LinkCount(); ++i) {
     const std::string name = model_->LinkByIndex(i)->Name();
     if (name != elements_.base_link && name != elements_.thrusters[0].link &&
         name != elements_.thrusters[1].link) {
-      Fail(xml_.Line("link", name), fmt::format("link '{}' is neither the base nor a thruster", name));
+      Complain(xml_.Line("link", name), fmt::format("link '{}' is neither the base nor a thruster", name));
     }
   }
+}
+
+void Loader::CheckServos() {
+  if (model_ == nullptr) return;
+  bool all_exist = elements_.servos.size() == 2;
   for (const ServoElement& servo : elements_.servos) {
-    if (model_->JointByName(servo.joint) == nullptr) {
-      FailElement(servo.line, fmt::format("servo joint '{}' does not exist in the model", servo.joint));
+    const sdf::Joint* joint = servo.joint.empty() ? nullptr : model_->JointByName(servo.joint);
+    all_exist = all_exist && joint != nullptr;
+    if (servo.joint.empty()) continue;
+    if (joint == nullptr) {
+      ComplainElement(servo.line, fmt::format("servo joint '{}' does not exist in the model", servo.joint));
+    } else if (const double torque_max_nm =
+                   servo.torque_max_nm.value_or(joint->Axis() == nullptr ? 0 : joint->Axis()->Effort());
+               !(torque_max_nm > 0 && torque_max_nm < 1e3)) {
+      ComplainElement(
+          servo.line,
+          fmt::format("servo of joint '{}' has no limit: give torque_max_nm here or <effort> there",
+                      servo.joint));
+    }
+  }
+  if (!all_exist) return;
+  for (const ThrusterElement& element : elements_.thrusters) {
+    if (!element.link.empty() && ServoOf(element) == nullptr)
+      ComplainElement(element.line,
+                      fmt::format("no servo's joint has thruster link '{}' as its child", element.link));
+  }
+}
+
+void Loader::CheckHinges() {
+  if (model_ == nullptr) return;
+  for (std::uint64_t i = 0; i < model_->JointCount(); ++i) {
+    const sdf::Joint& joint = *model_->JointByIndex(i);
+    const std::string what = fmt::format("joint '{}'", joint.Name());
+    const int line = xml_.Line("joint", joint.Name());
+    if (!elements_.base_link.empty() && joint.ParentLinkName() != elements_.base_link) {
+      Complain(line, fmt::format("{}: its parent must be the base '{}', is '{}'", what, elements_.base_link,
+                                 joint.ParentLinkName()));
+    }
+    if (joint.Type() != sdf::JointType::REVOLUTE) {
+      Complain(line, what + " must be of type revolute");
+      continue;
+    }
+    if (joint.Axis() == nullptr) {
+      Complain(line, what + " has no <axis>");
+      continue;
+    }
+    const double lower_rad = joint.Axis()->Lower(), upper_rad = joint.Axis()->Upper();
+    // ODE holds a stop within half a turn only.
+    if (!(lower_rad < 0 && upper_rad > 0 && lower_rad > -3.1 && upper_rad < 3.1)) {
+      Complain(
+          xml_.Line("joint", joint.Name(), "axis"),
+          fmt::format("{}: the stops must be <lower> in (-3.1, 0) and <upper> in (0, 3.1) rad, are {} and {}",
+                      what, lower_rad, upper_rad));
     }
   }
   if (model_->JointCount() != 2) {
-    Fail(xml_.Line("model", ""), fmt::format("a vehicle has two joints; found {}", model_->JointCount()));
+    Complain(xml_.Line("model", ""), fmt::format("a vehicle has two joints; found {}", model_->JointCount()));
   }
+}
+
+const ServoElement* Loader::ServoOf(const ThrusterElement& element) const {
+  for (const ServoElement& servo : elements_.servos)
+    if (model_->JointByName(servo.joint)->ChildLinkName() == element.link) return &servo;
+  return nullptr;
 }
 
 RigidBody Loader::ReadBody(const std::string& link_name) const {
@@ -179,17 +295,24 @@ RigidBody Loader::ReadBody(const std::string& link_name) const {
           .inertia_kg_m2 = R_LI * inertia * R_LI.transpose()};
 }
 
-void Loader::CheckInertia(const RigidBody& body) const {
+void Loader::CheckInertia(const RigidBody& body) {
   if (!(body.mass_kg > 0) || !std::isfinite(body.mass_kg)) {
-    Fail(xml_.Line("link", body.link, "mass"),
-         fmt::format("link '{}': the mass must be positive, is {} kg", body.link, body.mass_kg));
+    Complain(xml_.Line("link", body.link, "mass"),
+             fmt::format("link '{}': the mass must be positive, is {} kg", body.link, body.mass_kg));
   }
   const std::string fault = InertiaFault(body.inertia_kg_m2);
   if (fault.empty()) return;
   const int line = xml_.Line("link", body.link, "inertia");
   const std::string message = fmt::format("link '{}': impossible inertia: {}", body.link, fault);
-  if (!options_.allow_invalid_inertia || !body.inertia_kg_m2.allFinite()) Fail(line, message);
-  warnings_.push_back(fmt::format("{}:{}: {}", file_.string(), line, message));
+  if (!body.inertia_kg_m2.allFinite()) {
+    Complain(line, message);
+  } else if (!options_.allow_invalid_inertia) {
+    Complain(
+        line,
+        message + "; to go on with it: --allow-invalid-inertia, in a scenario `allow_invalid_inertia: true`");
+  } else {
+    warnings_.push_back(fmt::format("{}:{}: {}", file_.string(), line, message));
+  }
 }
 
 Pose3d Loader::PoseInBase(const sdf::SemanticPose& pose, const std::string& what, int line) const {
@@ -202,25 +325,11 @@ Pose3d Loader::PoseInBase(const sdf::SemanticPose& pose, const std::string& what
 TiltingThruster Loader::ReadThruster(const ThrusterElement& element) const {
   TiltingThruster thruster;
   thruster.body = ReadBody(element.link);
-  const auto servo =
-      std::find_if(elements_.servos.begin(), elements_.servos.end(), [&](const ServoElement& candidate) {
-        return model_->JointByName(candidate.joint)->ChildLinkName() == element.link;
-      });
-  if (servo == elements_.servos.end()) {
-    FailElement(element.line,
-                fmt::format("no servo's joint has thruster link '{}' as its child", element.link));
-  }
-  const sdf::Joint& joint = *model_->JointByName(servo->joint);
-  const int line = xml_.Line("joint", servo->joint);
-  const std::string what = fmt::format("joint '{}'", servo->joint);
-  if (joint.Type() != sdf::JointType::REVOLUTE || joint.Axis() == nullptr) {
-    Fail(line, what + " must be of type revolute");
-  }
-  if (joint.ParentLinkName() != elements_.base_link) {
-    Fail(line, fmt::format("{}: its parent must be the base '{}', is '{}'", what, elements_.base_link,
-                           joint.ParentLinkName()));
-  }
-  thruster.joint = servo->joint;
+  const ServoElement& servo = *ServoOf(element);
+  const sdf::Joint& joint = *model_->JointByName(servo.joint);
+  const int line = xml_.Line("joint", servo.joint);
+  const std::string what = fmt::format("joint '{}'", servo.joint);
+  thruster.joint = servo.joint;
   const Pose3d link_pose =
       PoseInBase(model_->LinkByName(element.link)->SemanticPose(), "link '" + element.link + "'", line);
   thruster.p_BT_m = ToEigen(link_pose.Pos());
@@ -232,23 +341,12 @@ TiltingThruster Loader::ReadThruster(const ThrusterElement& element) const {
   thruster.axis_B = ToEigen(axis).normalized();
   thruster.angle_min_rad = joint.Axis()->Lower();
   thruster.angle_max_rad = joint.Axis()->Upper();
-  // ODE holds a stop within half a turn only.
-  if (!(thruster.angle_min_rad < 0 && thruster.angle_max_rad > 0 && thruster.angle_min_rad > -3.1 &&
-        thruster.angle_max_rad < 3.1)) {
-    Fail(xml_.Line("joint", servo->joint, "axis"),
-         fmt::format("{}: the stops must be <lower> in (-3.1, 0) and <upper> in (0, 3.1) rad, are {} and {}",
-                     what, thruster.angle_min_rad, thruster.angle_max_rad));
-  }
   thruster.thrust_axis_T = element.axis;
   thruster.direction = element.direction;
   thruster.drag_ratio_m = element.drag_ratio_m;
   thruster.force_min_n = element.force_min_n;
   thruster.force_max_n = element.force_max_n;
-  thruster.torque_max_nm = servo->torque_max_nm.value_or(joint.Axis()->Effort());
-  if (!(thruster.torque_max_nm > 0 && thruster.torque_max_nm < 1e3)) {
-    FailElement(servo->line,
-                fmt::format("servo of {} has no limit: give torque_max_nm here or <effort> there", what));
-  }
+  thruster.torque_max_nm = servo.torque_max_nm.value_or(joint.Axis()->Effort());
   return thruster;
 }
 
@@ -292,12 +390,11 @@ CollisionShape Loader::ReadCollision(const RigidBody& base) const {
 
 }  // namespace
 
+VehicleError::VehicleError(std::vector<VehicleProblem> problems, const std::string& advice)
+    : std::runtime_error(Text(problems, advice)), problems_(std::move(problems)) {}
+
 VehicleError::VehicleError(std::filesystem::path file, int line, std::string message)
-    : std::runtime_error(line > 0 ? fmt::format("{}:{}: {}", file.string(), line, message)
-                                  : fmt::format("{}: {}", file.string(), message)),
-      file_(std::move(file)),
-      line_(line),
-      message_(std::move(message)) {}
+    : VehicleError(std::vector<VehicleProblem>{{std::move(file), line, std::move(message)}}) {}
 
 ActuatorsTruth VehicleModel::InputMin() const {
   const TiltingThruster &right = thrusters[kRight], &left = thrusters[kLeft];

@@ -49,18 +49,22 @@ namespace tiltproof::plant {
 
 inline constexpr double kGravity_m_s2 = 9.81;  // along -z of the world (paper, Table 1)
 
-// A vehicle file that cannot be used. what() is "file:line: message", without ":line" where line is 0.
+struct VehicleProblem {
+  std::filesystem::path file;
+  int line = 0;  // from 1; 0: unknown
+  std::string message;
+};
+
+// A vehicle file that cannot be used: everything that is wrong with it, in the order of its lines. what() has
+// one line "file:line: message" for each, without ":line" where line is 0, and then the advice, if any.
 class VehicleError : public std::runtime_error {
  public:
+  explicit VehicleError(std::vector<VehicleProblem> problems, const std::string& advice = {});
   VehicleError(std::filesystem::path file, int line, std::string message);
-  const std::filesystem::path& file() const { return file_; }
-  int line() const { return line_; }  // from 1; 0: unknown
-  const std::string& message() const { return message_; }
+  const std::vector<VehicleProblem>& problems() const { return problems_; }
 
  private:
-  std::filesystem::path file_;
-  int line_;
-  std::string message_;
+  std::vector<VehicleProblem> problems_;
 };
 
 struct RigidBody {

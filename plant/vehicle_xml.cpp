@@ -48,112 +48,121 @@ void Load(const std::filesystem::path& file, tinyxml2::XMLDocument& document) {
   }
 }
 
-// Reads the attributes of one tiltproof element, and nothing but the ones asked for.
+// Reads the attributes of one tiltproof element, and nothing but the ones asked for. One that cannot be read
+// is a problem and nullopt.
 class Attributes {
  public:
   Attributes(const std::filesystem::path& file, const XMLElement& element,
-             std::initializer_list<std::string_view> known)
-      : file_(file), element_(element) {
+             std::initializer_list<std::string_view> known, std::vector<VehicleProblem>& problems)
+      : file_(file), element_(element), problems_(problems) {
     for (const auto* attribute = element.FirstAttribute(); attribute != nullptr;
          attribute = attribute->Next()) {
       if (std::find(known.begin(), known.end(), std::string_view(attribute->Name())) == known.end()) {
-        Fail(fmt::format("<{}> has no attribute '{}'", element.Name(), attribute->Name()));
+        Complain(fmt::format("<{}> has no attribute '{}'", element.Name(), attribute->Name()));
       }
     }
-    if (element.FirstChildElement() != nullptr) Fail(fmt::format("<{}> has no children", element.Name()));
+    if (element.FirstChildElement() != nullptr) Complain(fmt::format("<{}> has no children", element.Name()));
   }
 
   std::string Text(const char* name) const {
-    const std::string value = Attribute(element_, name);
-    if (value.empty()) Fail(fmt::format("<{}> needs the attribute '{}'", element_.Name(), name));
+    std::string value = Attribute(element_, name);
+    if (value.empty()) Complain(fmt::format("<{}> needs the attribute '{}'", element_.Name(), name));
     return value;
   }
   std::optional<double> OptionalNumber(const char* name, double min, double max) const {
     if (element_.Attribute(name) == nullptr) return std::nullopt;
     return Number(name, min, max);
   }
-  double Number(const char* name, double min, double max) const {
-    const double value = Parse(name, Text(name));
-    if (value < min || value > max)
-      Fail(fmt::format("'{}' must be in [{}, {}], is {}", name, min, max, value));
-    return value;
-  }
-  Eigen::Vector3d UnitVector(const char* name, const Eigen::Vector3d& otherwise) const {
-    if (element_.Attribute(name) == nullptr) return otherwise;
+  std::optional<double> Number(const char* name, double min, double max) const {
     const std::string text = Text(name);
-    Eigen::Vector3d vector;
-    std::size_t at = 0;
-    for (int i = 0; i < 3; ++i) {
-      at = text.find_first_not_of(' ', at);
-      if (at == std::string::npos) Fail(fmt::format("'{}' must be three numbers, is '{}'", name, text));
-      const std::size_t end = std::min(text.find(' ', at), text.size());
-      vector[i] = Parse(name, text.substr(at, end - at));
-      at = end;
-    }
-    if (text.find_first_not_of(' ', at) != std::string::npos || !(vector.norm() > 1e-9)) {
-      Fail(fmt::format("'{}' must be three numbers, not all zero, is '{}'", name, text));
-    }
-    return vector.normalized();
+    if (text.empty()) return std::nullopt;
+    const std::optional<double> value = Parse(name, text);
+    if (!value || (*value >= min && *value <= max)) return value;
+    Complain(fmt::format("'{}' must be in [{}, {}], is {}", name, min, max, *value));
+    return std::nullopt;
   }
-  [[noreturn]] void Fail(const std::string& message) const {
-    throw VehicleError(file_, element_.GetLineNum(), message);
+  std::optional<Eigen::Vector3d> UnitVector(const char* name) const {
+    if (element_.Attribute(name) == nullptr) return std::nullopt;
+    const std::string text = Text(name);
+    Eigen::Vector3d vector = Eigen::Vector3d::Zero();
+    std::size_t at = text.find_first_not_of(' ');
+    Eigen::Index count = 0;
+    for (; at != std::string::npos && count < 3; ++count) {
+      const std::size_t end = std::min(text.find(' ', at), text.size());
+      const std::optional<double> value = Parse(name, text.substr(at, end - at));
+      if (!value) return std::nullopt;
+      vector[count] = *value;
+      at = text.find_first_not_of(' ', end);
+    }
+    if (count == 3 && at == std::string::npos && vector.norm() > 1e-9) return vector.normalized();
+    Complain(fmt::format("'{}' must be three numbers, not all zero, is '{}'", name, text));
+    return std::nullopt;
+  }
+  void Complain(const std::string& message) const {
+    problems_.push_back({file_, element_.GetLineNum(), message});
   }
 
  private:
-  double Parse(const char* name, const std::string& text) const {
+  std::optional<double> Parse(const char* name, const std::string& text) const {
     double value = 0;
     const char* end = text.data() + text.size();
     const auto [rest, error] = std::from_chars(text.data(), end, value);
-    if (error != std::errc() || rest != end || !std::isfinite(value)) {
-      Fail(fmt::format("'{}' must be a number, is '{}'", name, text));
-    }
-    return value;
+    if (error == std::errc() && rest == end && std::isfinite(value)) return value;
+    Complain(fmt::format("'{}' must be a number, is '{}'", name, text));
+    return std::nullopt;
   }
 
   const std::filesystem::path& file_;
   const XMLElement& element_;
+  std::vector<VehicleProblem>& problems_;
 };
 
-ThrusterElement ReadThruster(const std::filesystem::path& file, const XMLElement& element) {
+ThrusterElement ReadThruster(const std::filesystem::path& file, const XMLElement& element,
+                             std::vector<VehicleProblem>& problems) {
   const Attributes attributes(
-      file, element, {"name", "link", "axis", "direction", "drag_ratio_m", "force_min_n", "force_max_n"});
+      file, element, {"name", "link", "axis", "direction", "drag_ratio_m", "force_min_n", "force_max_n"},
+      problems);
   ThrusterElement thruster;
   thruster.line = element.GetLineNum();
   thruster.name = Attribute(element, "name");
   thruster.link = attributes.Text("link");
-  thruster.axis = attributes.UnitVector("axis", thruster.axis);
-  thruster.direction = attributes.Number("direction", -1, 1);
-  if (std::abs(thruster.direction) != 1.0) attributes.Fail("'direction' must be 1 or -1");
-  thruster.drag_ratio_m = attributes.Number("drag_ratio_m", 0, 10);
+  thruster.axis = attributes.UnitVector("axis").value_or(thruster.axis);
+  thruster.direction = attributes.Number("direction", -1, 1).value_or(thruster.direction);
+  if (std::abs(thruster.direction) != 1.0) attributes.Complain("'direction' must be 1 or -1");
+  thruster.drag_ratio_m = attributes.Number("drag_ratio_m", 0, 10).value_or(0);
   thruster.force_min_n = attributes.OptionalNumber("force_min_n", -1e3, 1e3).value_or(0);
-  thruster.force_max_n = attributes.Number("force_max_n", -1e3, 1e3);
-  if (!(thruster.force_min_n < thruster.force_max_n))
-    attributes.Fail("'force_min_n' must be less than 'force_max_n'");
+  const std::optional<double> force_max_n = attributes.Number("force_max_n", -1e3, 1e3);
+  thruster.force_max_n = force_max_n.value_or(0);
+  if (force_max_n && !(thruster.force_min_n < *force_max_n))
+    attributes.Complain("'force_min_n' must be less than 'force_max_n'");
   return thruster;
 }
 
 // Right first, by name, or in the order of the file when neither has a role for a name.
-void OrderThrusters(const std::filesystem::path& file, VehicleElements& elements) {
+void OrderThrusters(VehicleElements& elements, std::vector<VehicleProblem>& problems) {
   auto& thrusters = elements.thrusters;
   if (thrusters.size() != 2) {
-    throw VehicleError(
-        file, elements.line,
-        fmt::format("a vehicle has two <tiltproof:thruster>, right and left; found {}", thrusters.size()));
+    problems.push_back(
+        {elements.file, elements.line,
+         fmt::format("a vehicle has two <tiltproof:thruster>, right and left; found {}", thrusters.size())});
+    return;
   }
   const auto is_role = [](const std::string& name) { return name == "right" || name == "left"; };
   const bool first = is_role(thrusters[0].name), second = is_role(thrusters[1].name);
   if (first != second || (first && thrusters[0].name == thrusters[1].name)) {
-    throw VehicleError(
-        file, thrusters[second ? 0 : 1].line,
-        "one thruster must be named 'right', the other 'left' (or both otherwise: right, left in order)");
+    problems.push_back(
+        {elements.file, thrusters[second ? 0 : 1].line,
+         "one thruster must be named 'right', the other 'left' (or both otherwise: right, left in order)"});
+  }
+  if (!thrusters[0].link.empty() && thrusters[0].link == thrusters[1].link) {
+    problems.push_back(
+        {elements.file, thrusters[1].line, "both thrusters have link '" + thrusters[0].link + "'"});
   }
   if (first && thrusters[0].name == "left") std::swap(thrusters[0], thrusters[1]);
-  if (thrusters[0].link == thrusters[1].link) {
-    throw VehicleError(file, thrusters[1].line, "both thrusters have link '" + thrusters[0].link + "'");
-  }
 }
 
-VehicleElements ReadVehicleElement(const std::filesystem::path& file, const XMLElement& vehicle) {
+VehicleElements ReadVehicleElement(const std::filesystem::path& file, const XMLElement& vehicle,
+                                   std::vector<VehicleProblem>& problems) {
   VehicleElements elements;
   elements.file = file;
   elements.line = vehicle.GetLineNum();
@@ -162,37 +171,49 @@ VehicleElements ReadVehicleElement(const std::filesystem::path& file, const XMLE
        child = child->NextSiblingElement()) {
     const std::string_view tag = child->Name();
     if (tag == "tiltproof:base") {
-      const Attributes attributes(file, *child, {"link"});
-      if (has_base) attributes.Fail("a vehicle has one <tiltproof:base>");
+      const Attributes attributes(file, *child, {"link"}, problems);
+      if (has_base) attributes.Complain("a vehicle has one <tiltproof:base>");
       has_base = true;
       elements.base_link = attributes.Text("link");
     } else if (tag == "tiltproof:thruster") {
-      elements.thrusters.push_back(ReadThruster(file, *child));
+      elements.thrusters.push_back(ReadThruster(file, *child, problems));
     } else if (tag == "tiltproof:servo") {
-      const Attributes attributes(file, *child, {"joint", "torque_max_nm"});
+      const Attributes attributes(file, *child, {"joint", "torque_max_nm"}, problems);
       elements.servos.push_back({.line = child->GetLineNum(),
                                  .joint = attributes.Text("joint"),
                                  .torque_max_nm = attributes.OptionalNumber("torque_max_nm", 0, 1e3)});
     } else if (tag == "tiltproof:sensors") {
-      const Attributes attributes(file, *child, {"rate_hz"});
-      if (has_sensors) attributes.Fail("a vehicle has one <tiltproof:sensors>");
+      const Attributes attributes(file, *child, {"rate_hz"}, problems);
+      if (has_sensors) attributes.Complain("a vehicle has one <tiltproof:sensors>");
       has_sensors = true;
       elements.sensor_rate_hz = attributes.OptionalNumber("rate_hz", 1, 1e6).value_or(0);
     } else {
-      throw VehicleError(
-          file, child->GetLineNum(),
-          fmt::format("unknown element <{}>; known are tiltproof:base, tiltproof:thruster, tiltproof:servo, "
-                      "tiltproof:sensors",
-                      tag));
+      problems.push_back(
+          {file, child->GetLineNum(),
+           fmt::format("unknown element <{}>; known are tiltproof:base, tiltproof:thruster, tiltproof:servo, "
+                       "tiltproof:sensors",
+                       tag)});
     }
   }
-  if (!has_base) throw VehicleError(file, elements.line, "<tiltproof:base link=\"...\"/> is missing");
-  OrderThrusters(file, elements);
+  if (!has_base) problems.push_back({file, elements.line, "<tiltproof:base link=\"...\"/> is missing"});
+  OrderThrusters(elements, problems);
   if (elements.servos.size() != 2) {
-    throw VehicleError(file, elements.line,
-                       fmt::format("a vehicle has two <tiltproof:servo>; found {}", elements.servos.size()));
+    problems.push_back(
+        {file, elements.line,
+         fmt::format("a vehicle has two <tiltproof:servo>; found {}", elements.servos.size())});
   }
   return elements;
+}
+
+// "1.9"
+bool IsVersion(std::string_view text) {
+  const std::size_t point = text.find('.');
+  if (point == std::string_view::npos) return false;
+  const auto is_number = [](std::string_view part) {
+    return !part.empty() && part.size() < 4 &&
+           std::all_of(part.begin(), part.end(), [](char c) { return c >= '0' && c <= '9'; });
+  };
+  return is_number(text.substr(0, point)) && is_number(text.substr(point + 1));
 }
 
 }  // namespace
@@ -212,7 +233,8 @@ VehicleXml::VehicleXml(std::filesystem::path file) : file_(std::move(file)) {
 }
 
 VehicleElements VehicleXml::ReadElements(const std::filesystem::path& mapping,
-                                         std::vector<std::string>& warnings) const {
+                                         std::vector<std::string>& warnings,
+                                         std::vector<VehicleProblem>& problems) const {
   const XMLElement* embedded = model_->FirstChildElement("tiltproof:vehicle");
   std::filesystem::path beside = file_;
   beside.replace_extension(".tiltproof.xml");
@@ -221,14 +243,13 @@ VehicleElements VehicleXml::ReadElements(const std::filesystem::path& mapping,
       !mapping.empty() ? mapping
                        : (std::filesystem::exists(beside, error) ? beside : std::filesystem::path());
   if (chosen.empty()) {
-    if (embedded == nullptr) {
-      throw VehicleError(
-          file_, model_->GetLineNum(),
-          fmt::format("nothing says which links and joints are the base, the thrusters and the servos: "
-                      "<tiltproof:vehicle> is missing, and so is {}",
-                      beside.filename().string()));
-    }
-    return ReadVehicleElement(file_, *embedded);
+    if (embedded != nullptr) return ReadVehicleElement(file_, *embedded, problems);
+    problems.push_back(
+        {file_, model_->GetLineNum(),
+         fmt::format("nothing says which links and joints are the base, the thrusters and the servos: "
+                     "<tiltproof:vehicle> is missing, and so is {}",
+                     beside.filename().string())});
+    return {};
   }
   if (embedded != nullptr) Warn(*embedded, "overridden by " + chosen.string(), warnings);
   tinyxml2::XMLDocument document;
@@ -238,17 +259,24 @@ VehicleElements VehicleXml::ReadElements(const std::filesystem::path& mapping,
     throw VehicleError(chosen, root == nullptr ? 0 : root->GetLineNum(),
                        "the root is not <tiltproof:vehicle>");
   }
-  return ReadVehicleElement(chosen, *root);
+  return ReadVehicleElement(chosen, *root, problems);
 }
 
-void VehicleXml::CheckNames() const {
+void VehicleXml::CheckNames(std::vector<VehicleProblem>& problems) const {
+  const auto complain = [&](const XMLElement& element, std::string message) {
+    problems.push_back({file_, element.GetLineNum(), std::move(message)});
+  };
+  const XMLElement& root = *document_.RootElement();
+  if (const std::string version = Attribute(root, "version"); !IsVersion(version))
+    complain(root, fmt::format("<sdf version=\"{}\">: a version is two numbers, such as 1.9", version));
+
   std::set<std::string> links, joints;
-  const auto unique = [this](const XMLElement& element, std::set<std::string>& names) {
+  const auto unique = [&](const XMLElement& element, std::set<std::string>& names) {
     const std::string name = Attribute(element, "name");
-    if (name.empty())
-      throw VehicleError(file_, element.GetLineNum(), fmt::format("<{}> has no name", element.Name()));
-    if (!names.insert(name).second) {
-      throw VehicleError(file_, element.GetLineNum(), fmt::format("a second {} '{}'", element.Name(), name));
+    if (name.empty()) {
+      complain(element, fmt::format("<{}> has no name", element.Name()));
+    } else if (!names.insert(name).second) {
+      complain(element, fmt::format("a second {} '{}'", element.Name(), name));
     }
   };
   for (const auto* e = model_->FirstChildElement("link"); e != nullptr; e = e->NextSiblingElement("link")) {
@@ -261,11 +289,9 @@ void VehicleXml::CheckNames() const {
       const char* text = reference == nullptr ? nullptr : reference->GetText();
       const std::string joint = Attribute(*e, "name");
       if (text == nullptr) {
-        throw VehicleError(file_, e->GetLineNum(), fmt::format("joint '{}' has no <{}>", joint, end));
-      }
-      if (!links.contains(text)) {
-        throw VehicleError(file_, reference->GetLineNum(),
-                           fmt::format("joint '{}': {} link '{}' does not exist", joint, end, text));
+        complain(*e, fmt::format("joint '{}' has no <{}>", joint, end));
+      } else if (!links.contains(text)) {
+        complain(*reference, fmt::format("joint '{}': {} link '{}' does not exist", joint, end, text));
       }
     }
   }

@@ -11,6 +11,8 @@
 #include <string_view>
 #include <vector>
 
+#include "plant/vehicle_model.h"
+
 namespace tiltproof::plant {
 
 struct ThrusterElement {
@@ -37,21 +39,24 @@ struct VehicleElements {
   double sensor_rate_hz = 0;
 };
 
+// Whatever is wrong is added to `problems`; what cannot be read then has its default.
 class VehicleXml {
  public:
   // Throws VehicleError when the file cannot be read, is not XML, or holds no single <model>.
   explicit VehicleXml(std::filesystem::path file);
 
-  // The tiltproof elements from the mapping file if there is one, else from the model. Throws VehicleError.
-  VehicleElements ReadElements(const std::filesystem::path& mapping,
-                               std::vector<std::string>& warnings) const;
+  // The tiltproof elements from the mapping file if there is one, else from the model. Throws VehicleError
+  // when the mapping file cannot be read.
+  VehicleElements ReadElements(const std::filesystem::path& mapping, std::vector<std::string>& warnings,
+                               std::vector<VehicleProblem>& problems) const;
 
-  // Checks names: that links and joints have one each, and that joints join links there are. Throws
-  // VehicleError.
-  void CheckNames() const;
+  // The version of SDF, and names: that links and joints have one each, and that joints join links there are.
+  void CheckNames(std::vector<VehicleProblem>& problems) const;
 
   // One line for every element without effect on the flight.
   void WarnUnsupported(const VehicleElements& elements, std::vector<std::string>& warnings) const;
+
+  const tinyxml2::XMLElement& model() const { return *model_; }
 
   // Line of <link name=...> or <joint name=...> (`tag`), or of a child of it; of the model when there is none
   // such.

@@ -19,6 +19,7 @@ using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 
 constexpr double kBeta_rad = 5 * 3.14159265358979323846 / 180;
 
@@ -68,10 +69,13 @@ TEST(VehicleModel, RefusesTheAuthorsFileForItsInertiaAndSaysWhere) {
     LoadVehicle(file, {}, warnings);
     FAIL() << "loaded";
   } catch (const VehicleError& error) {
-    EXPECT_EQ(error.file(), file);
-    EXPECT_EQ(error.line(), 14);
-    EXPECT_THAT(error.message(), AllOf(HasSubstr("'servodir'"), HasSubstr("triangle inequality")));
-    EXPECT_EQ(error.what(), file.string() + ":14: " + error.message());
+    ASSERT_EQ(error.problems().size(), 1U);
+    const VehicleProblem& problem = error.problems()[0];
+    EXPECT_EQ(problem.file, file);
+    EXPECT_EQ(problem.line, 14);
+    EXPECT_THAT(problem.message, AllOf(HasSubstr("'servodir'"), HasSubstr("triangle inequality"),
+                                       HasSubstr("--allow-invalid-inertia")));
+    EXPECT_EQ(error.what(), file.string() + ":14: " + problem.message);
   }
 }
 
@@ -143,7 +147,7 @@ class ChangedVehicle : public ::testing::Test {
     std::ofstream(file_) << text_;
     return LoadVehicle(file_, options, warnings_);
   }
-  // The error's message; fails when there is none, when it has no file, or when anything is printed.
+  // The error's messages; fails when there is none, when one has no file, or when anything is printed.
   std::string Error(const LoadOptions& options = {}) {
     ::testing::internal::CaptureStderr();
     std::string message;
@@ -151,9 +155,12 @@ class ChangedVehicle : public ::testing::Test {
       Load(options);
       ADD_FAILURE() << "loaded";
     } catch (const VehicleError& error) {
-      message = error.message();
-      line_ = error.line();
-      EXPECT_FALSE(error.file().empty());
+      line_ = error.problems().front().line;
+      for (const VehicleProblem& problem : error.problems()) {
+        EXPECT_FALSE(problem.file.empty());
+        message += problem.message + "\n";
+      }
+      what_ = error.what();
     }
     EXPECT_EQ(::testing::internal::GetCapturedStderr(), "");
     return message;
@@ -162,6 +169,7 @@ class ChangedVehicle : public ::testing::Test {
   std::string text_;
   std::filesystem::path folder_, file_;
   std::vector<std::string> warnings_;
+  std::string what_;
   int line_ = -1, changed_line_ = -1;
 };
 
@@ -248,6 +256,71 @@ TEST_F(ChangedVehicle, ThirdJointAndFourthLink) {
 TEST_F(ChangedVehicle, TwoLinksOfOneName) {
   Replace("<link name=\"thruster_left\">", "<link name=\"thruster_right\">");
   EXPECT_THAT(Error(), HasSubstr("a second link 'thruster_right'"));
+}
+
+TEST_F(ChangedVehicle, VersionThatIsNone) {
+  const std::string original = text_;
+  for (const std::string version : {"abc", "", "1", "1.", "1.9.1", "99999999999999999999.1", "-1.9"}) {
+    text_ = original;
+    Replace("version=\"1.9\"", "version=\"" + version + "\"");
+    // Of the XML declaration that holds a version, too, the line is not this one.
+    EXPECT_THAT(Error(), AllOf(HasSubstr("<sdf version=\"" + version + "\">"), Not(HasSubstr("stoi"))));
+    EXPECT_EQ(line_, changed_line_);
+  }
+}
+
+TEST_F(ChangedVehicle, EverythingWrongIsToldAtOnceInTheOrderOfTheFile) {
+  Replace("<iyy>0.00792827006001647</iyy>", "<iyy>-0.00792827006001647</iyy>");
+  Replace("<mass>0.080943968597</mass>", "<mass>-0.1</mass>");
+  Replace("<child>thruster_left</child>", "<child>thruster_lfet</child>");
+  Replace("<tiltproof:base link=\"body\"/>", "<tiltproof:base/>");
+  Replace("direction=\"1\"", "direction=\"0.5\"");
+  Replace("drag_ratio_m=\"0.0178947368\"", "drag_ratio=\"0.0178947368\"");
+  Replace("joint=\"hinge_right\"", "joint=\"hinge_rihgt\"");
+  Error();
+  std::vector<std::string> lines;
+  std::istringstream text(what_);
+  for (std::string line; std::getline(text, line);) lines.push_back(line);
+  const auto place = [&](int line, const std::string& message) {
+    return AllOf(::testing::StartsWith(file_.string() + ":" + std::to_string(line) + ": "),
+                 HasSubstr(message));
+  };
+  EXPECT_THAT(
+      lines,
+      ElementsAre(place(15, "'body': impossible inertia"), place(44, "the mass must be positive"),
+                  place(63, "'thruster_lfet' does not exist"), place(71, "needs the attribute 'link'"),
+                  place(72, "no attribute 'drag_ratio'"), place(72, "'direction' must be 1 or -1"),
+                  place(72, "needs the attribute 'drag_ratio_m'"), place(76, "'hinge_rihgt' does not exist"),
+                  "to copy into <tiltproof:vehicle>, with the numbers of your vehicle:",
+                  "    <tiltproof:base link=\"body\"/>"));
+}
+
+// The elements that the error offers make the file complete.
+TEST_F(ChangedVehicle, MissingElementsCanBeCopied) {
+  const std::string original = text_;
+  const auto copied_from_error = [&] {
+    Error();
+    const std::size_t begin = what_.find('<', what_.find(", with the numbers of your vehicle:\n"));
+    EXPECT_NE(begin, std::string::npos) << what_;
+    return begin == std::string::npos ? "" : what_.substr(begin);
+  };
+  const std::size_t begin = text_.find("<tiltproof:vehicle"), end = text_.find("</model>");
+  text_.erase(begin, end - begin);
+  const std::string vehicle = copied_from_error();
+  text_.insert(begin, vehicle);
+  EXPECT_EQ(Load().thrusters[VehicleModel::kRight].body.link, "thruster_right");
+
+  for (const std::string gone :
+       {"<tiltproof:base ", "<tiltproof:thruster name=\"right\"", "<tiltproof:thruster name=\"left\"",
+        "<tiltproof:servo joint=\"hinge_right\"", "<tiltproof:servo joint=\"hinge_left\""}) {
+    text_ = original;
+    const std::size_t from = text_.find(gone);
+    text_.erase(from, text_.find("/>", from) + 2 - from);
+    const std::string element = copied_from_error();
+    EXPECT_EQ(element.substr(0, gone.size()), gone);
+    text_.insert(from, element);
+    EXPECT_EQ(Load().thrusters[VehicleModel::kRight].body.link, "thruster_right") << gone;
+  }
 }
 
 TEST_F(ChangedVehicle, NoRoles) {
