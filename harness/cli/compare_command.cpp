@@ -10,6 +10,7 @@
 #include "harness/cli/run_folder.h"
 #include "harness/report/compare.h"
 #include "harness/report/files.h"
+#include "harness/report/machine.h"
 #include "harness/scenario/differing_key.h"
 #include "link/time.h"
 
@@ -245,7 +246,9 @@ int CompareCommand(const CompareOptions& options) {
             : fmt::print("{:<10} {:<34} only in {}\n", "UNMATCHED", name,
                          letter == std::string("a") ? 'A' : 'B');
   }
+  const std::string machines = MachineDifference(a.info.machine, b.info.machine, "in A", "in B");
   if (!jsonl) {
+    if (different > 0 && !machines.empty()) fmt::print("another machine: {}\n", machines);
     std::string text =
         fmt::format("{} of {} flights identical, {} within {:g} (m, rad, m/s, rad/s), {} different",
                     identical, pairing.pairs.size(), close, options.tolerance, different);

@@ -14,6 +14,7 @@
 #include "harness/report/build_id.h"
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"
+#include "harness/report/machine.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -122,6 +123,8 @@ int ReplayCommand(const ReplayOptions& options) {
     fmt::print("{:<10} {:<34} {}{}\n", equal ? "equal" : "DIFFERENT", now.name, then.trace_hash,
                equal ? "" : fmt::format(" then, {} now: {}", now.trace_hash, folder.Keep(now.name)));
   }
+  const std::string machines = MachineDifference(run.info.machine, ThisMachine(), "then", "now");
+  if (different_count > 0 && !machines.empty()) fmt::print("another machine: {}\n", machines);
   fmt::print("{} of {} equal\n", outcome.results.size() - different_count - error_count,
              outcome.results.size());
   if (error_count > 0) return kExitError;

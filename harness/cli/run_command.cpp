@@ -169,6 +169,7 @@ int RunCommand(const RunOptions& options) {
   info.mode = options.mode;
   info.client = means.client.text;
   info.build = BuildId(means.client.BuiltFile());
+  info.machine = ThisMachine();
   if (means.realtime && !means.attach) info.realtime_rights = ProbeRealtimeRights().Text();
   info.command = options.command;
   info.not_applicable = not_applicable;

@@ -229,6 +229,7 @@ void WriteRunInfo(const std::filesystem::path& folder, const RunInfo& info) {
   json["started"] = info.started;
   json["version"] = Version();
   json["build"] = info.build;
+  json["machine"] = info.machine;
   json["seed"] = info.seed;
   json["mode"] = info.mode;
   json["client"] = info.client;
@@ -255,6 +256,7 @@ RunInfo ReadRunInfo(const std::filesystem::path& folder) {
     info.mode = json.value("mode", "lockstep");
     json.at("client").get_to(info.client);
     info.build = json.value("build", "");
+    info.machine = json.value("machine", Machine());
     json.at("command").get_to(info.command);
     json.at("interrupted").get_to(info.interrupted);
     // Absent from the files of older versions.

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "harness/report/machine.h"
 #include "harness/score/score.h"
 
 namespace tiltproof::harness {
@@ -58,6 +59,7 @@ struct RunInfo {
   std::uint64_t seed = 0;
   std::string mode = "lockstep";  // or "realtime"
   std::string client;             // --client as given
+  Machine machine;                // empty in the files of older versions
   std::string build;              // harness/report/build_id.h; empty in the files of older versions
   std::vector<std::string> command;
   bool interrupted = false;            // by a signal, or killed: unfinished

@@ -68,6 +68,33 @@ class ProcessorsTest(unittest.TestCase):
             designs.add(done.stdout + (self.folder / "gain.csv").read_text())
         self.assertEqual(len(designs), 1, designs)
 
+    def test_a_difference_names_the_machine(self):
+        scenarios = [SOURCE / "scenarios/paper", "-k", "paper-hover", "--no-progress"]
+        for out, env in (("a", environment()), ("b", environment("-AVX,-AVX2,-FMA,-FMA4"))):
+            self.assertEqual(run("run", *scenarios, "--out", out, cwd=self.folder, env=env).returncode, 0)
+        machine, lesser = (json.loads((self.folder / out / "latest/run.json").read_text())["machine"] for out in "ab")
+        self.assertRegex(machine["compiler"], r"^(GCC|Clang) \d+\.")
+        self.assertRegex(machine["libc"], r"^glibc 2\.\d+$")
+        self.assertTrue(machine["processor"])
+        self.assertEqual({**machine, "processor_features": ""}, {**lesser, "processor_features": ""})
+        self.assertNotIn("AVX", lesser["processor_features"])
+
+        def edit(file, old, new):
+            path = self.folder / "a/latest" / file
+            path.write_text(path.read_text().replace(old, new, 1))
+
+        edit("run.json", '"libc": "glibc 2', '"libc": "glibc 1')
+        edit("paper-hover/verdict.json", '"verdict": "pass"', '"verdict": "fail"')
+        done = run("compare", "a/latest", "b/latest", cwd=self.folder, env=environment())
+        self.assertEqual(done.returncode, 1, done.stdout + done.stderr)
+        self.assertRegex(done.stdout, r"another machine: libc 'glibc 1\.\d+' in A, 'glibc 2\.\d+' in B; processor_features ")
+        edit("paper-hover/verdict.json", '"trace_hash": "', '"trace_hash": "x')
+        done = run("replay", "a/latest", cwd=self.folder, env=environment())
+        self.assertEqual(done.returncode, 1, done.stdout + done.stderr)
+        self.assertIn("DIFFERENT", done.stdout)
+        self.assertRegex(done.stdout, r"another machine: libc 'glibc 1\.\d+' then, 'glibc 2\.\d+' now\n")
+        self.assertNotIn("another machine", run("replay", "b/latest", cwd=self.folder, env=environment()).stdout)
+
     def test_no_library_takes_an_inexact_function_from_libm(self):
         """Every function that any part of the process could call: of the program, of ODE, of the firmware that it loads."""
         done = run("run", SOURCE / "scenarios/paper", "-k", "paper-hover", "-j1", cwd=self.folder,

@@ -294,8 +294,10 @@ TEST_F(ReportTest, RunInfoKeepsItsPlan) {
 TEST_F(ReportTest, RunInfoKeepsItsBuild) {
   RunInfo info;
   info.build = "0123456789abcdef";
+  info.machine = {{"compiler", "GCC 12.2.0"}, {"libc", "glibc 2.36"}};
   WriteRunInfo(folder_, info);
   EXPECT_EQ(ReadRunInfo(folder_).build, info.build);
+  EXPECT_EQ(ReadRunInfo(folder_).machine, info.machine);
 }
 
 TEST_F(ReportTest, LatestIsOnlyEverALink) {

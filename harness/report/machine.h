@@ -1,0 +1,24 @@
+// What a flight was computed with, as far as two flights of one program could differ by it.
+//
+//   info.machine = ThisMachine();
+//   const std::string what = MachineDifference(info.machine, ThisMachine(), "then", "now");
+//   // "libc 'glibc 2.36' then, 'glibc 2.41' now"
+#pragma once
+
+#include <map>
+#include <string>
+#include <string_view>
+
+namespace tiltproof::harness {
+
+// By name: compiler (of this program), libc, processor (its model), processor_features (those by which glibc
+// chooses its mathematics, as glibc believes in them; absent where it chooses nothing).
+using Machine = std::map<std::string, std::string>;
+
+Machine ThisMachine();
+
+// Empty when the two are alike, or one is unknown (the files of older versions).
+std::string MachineDifference(const Machine& a, const Machine& b, std::string_view in_a,
+                              std::string_view in_b);
+
+}  // namespace tiltproof::harness
