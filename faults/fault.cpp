@@ -1,5 +1,7 @@
 #include "faults/fault.h"
 
+#include "faults/model.h"
+
 namespace tiltproof::faults {
 
 std::string_view Name(Target target) {
@@ -16,6 +18,16 @@ std::string_view Name(Target target) {
       return "reference";
   }
   return "unknown";
+}
+
+void WireContext::Say(std::string_view text) const {
+  constexpr std::string_view kRest = ", ...";
+  if (what == nullptr || what->ends_with(kRest)) return;
+  if (what->size() + text.size() > kWhatBytesMax) {
+    what->append(kRest);
+  } else {
+    what->append(what->empty() ? "" : ", ").append(text);
+  }
 }
 
 }  // namespace tiltproof::faults

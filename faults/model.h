@@ -56,14 +56,16 @@ struct Window {
   }
 };
 
+// Of what is said of one activation.
+inline constexpr std::size_t kWhatBytesMax = 4000;
+
 // What a wire model may know beside the chunk.
 struct WireContext {
   Random& random;        // of this fault and this frame alone
   const Window& window;  // in the chunks' time
   std::string* what;     // where to say what was done, for a person; null when nobody will read it
-  void Say(std::string_view text) const {
-    if (what != nullptr) what->append(what->empty() ? "" : ", ").append(text);
-  }
+  // Beyond kWhatBytesMax the rest is "...".
+  void Say(std::string_view text) const;
 };
 
 class WireModel {
@@ -77,6 +79,8 @@ class WireModel {
   virtual void Pass(link::Chunk&& chunk, std::vector<link::Chunk>& out) { out.push_back(std::move(chunk)); }
   // ... and, after each Act or Pass, the chance to add what was held back.
   virtual void Release(std::vector<link::Chunk>& /*out*/) {}
+  // What it keeps, by link::WeightOf().
+  virtual std::size_t held_bytes() const { return 0; }
 };
 
 class SensorModel {
@@ -136,6 +140,13 @@ struct ParameterInfo {
 enum class Stage : std::uint8_t { kFrame, kByte, kTiming, kSensor, kActuator, kReceiver, kNode, kDevice };
 std::string_view Name(Stage stage);
 
+// What a fault on the wire does to the number of bytes.
+enum class Volume : std::uint8_t {
+  kKeeps,    // as many go on, or more
+  kMayLose,  // fewer may go on, or later
+  kDoubles,  // with its parameter `probability` at 1, exactly twice as many go on
+};
+
 // Whether a fault's window has this end.
 enum class Bound : std::uint8_t { kOptional, kRequired, kRefused };
 
@@ -177,7 +188,8 @@ struct FaultType {
   Needs needs = Needs::kNothing;
 
   std::optional<Target> default_target = {};  // wire faults without one must state their target
-  bool remembers = false;                     // a wire model with Pass() and Release()
+  Volume volume = Volume::kKeeps;
+  bool remembers = false;        // a wire model with Pass() and Release()
   bool acts_on_overlap = false;  // picked when any of the frame's time lies in the window, not its first byte
   bool always_counts = false;    // an activation is recorded although nothing changed
 

@@ -13,18 +13,30 @@ namespace tiltproof::faults {
 
 // Activations of one fault that are kept whole; later ones are only counted.
 inline constexpr std::int64_t kActivationsMax = 1000;
+// So are those of more bytes, by link::WeightOf(), and those beyond a fault's share of what all of them may take.
+inline constexpr std::size_t kActivationBytesMax = std::size_t{64} << 10;
+inline constexpr std::size_t kActivationsBytesMax = std::size_t{32} << 20;
 
 class Recorder {
  public:
-  explicit Recorder(std::size_t fault_count) : counts_(fault_count, 0) {}
+  explicit Recorder(std::size_t fault_count) : counts_(fault_count, 0), bytes_(fault_count, 0) {}
 
   bool Keeps(std::size_t fault) const { return counts_[fault] < kActivationsMax; }
-  // Counts one. `make` gives the record and is called only if it is kept; `in_line_time`: its times are those
-  // of the line (boot time), not simulation time.
+  // Counts one of that many bytes. `make` gives the record and is called only if it is kept; `in_line_time`: its times
+  // are those of the line (boot time), not simulation time.
+  template <class Make>
+  void Count(std::size_t fault, bool in_line_time, std::size_t bytes, Make&& make) {
+    if (Keeps(fault) && bytes <= kActivationBytesMax &&
+        bytes_[fault] + bytes <= kActivationsBytesMax / counts_.size()) {
+      kept_.push_back({make(), in_line_time});
+      bytes_[fault] += bytes;
+    }
+    ++counts_[fault];
+  }
+  // The same for a record without chunks.
   template <class Make>
   void Count(std::size_t fault, bool in_line_time, Make&& make) {
-    if (Keeps(fault)) kept_.push_back({make(), in_line_time});
-    ++counts_[fault];
+    Count(fault, in_line_time, 0, std::forward<Make>(make));
   }
 
   const std::vector<std::int64_t>& counts() const { return counts_; }
@@ -37,6 +49,7 @@ class Recorder {
     bool in_line_time;
   };
   std::vector<std::int64_t> counts_;
+  std::vector<std::size_t> bytes_;  // of what was kept
   std::vector<Kept> kept_;
 };
 

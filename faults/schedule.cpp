@@ -152,6 +152,11 @@ link::ChunkStage* FaultSchedule::Stage(link::Direction direction) {
   return stage.empty() ? nullptr : &stage;
 }
 
+FaultSchedule::Crowd FaultSchedule::CrowdOf(Direction direction) const {
+  const WireStage& stage = state_->stages[static_cast<std::size_t>(direction)];
+  return {stage.Multipliers(), stage.Holders()};
+}
+
 void FaultSchedule::SetOrigin(TimeNs boot_time_of_t0) {
   for (WireStage& stage : state_->stages) stage.SetOrigin(boot_time_of_t0);
   for (ReceiverInjector& injector : state_->receivers)

@@ -45,6 +45,13 @@ class FaultSchedule {
   // What stands in one direction; null when no fault does. Lives as long as the schedule, moved or not.
   link::ChunkStage* Stage(link::Direction direction);
 
+  // When more is to wait in a direction than link::kLineBytesMax: the faults that have put more bytes there than were
+  // sent, and those that have kept some for later.
+  struct Crowd {
+    std::vector<std::size_t> multipliers, holders;
+  };
+  Crowd CrowdOf(link::Direction direction) const;
+
   // The boot time of t = 0. Until it is known, frames and received bytes are inside windows without a start
   // only.
   void SetOrigin(TimeNs boot_time_of_t0);
@@ -76,7 +83,7 @@ class FaultSchedule {
 
   // How often each fault changed something (harness.null: was picked).
   const std::vector<std::int64_t>& ActivationCounts() const;
-  // The first kActivationsMax (faults/recorder.h) of each fault in order of time, in simulation time;
+  // Those kept (faults/recorder.h) of each fault, the first kActivationsMax at most, in order of time, in simulation time;
   // `origin_ns` is the boot time of t = 0. Leaves none.
   std::vector<Activation> TakeActivations(TimeNs origin_ns);
 

@@ -1,12 +1,19 @@
 #include "faults/wire_stage.h"
 
 #include <algorithm>
+#include <span>
 
 namespace tiltproof::faults {
 namespace {
 
 bool SameBytesAndTime(const link::Chunk& a, const link::Chunk& b) {
   return a.begin_ns == b.begin_ns && a.bytes == b.bytes;
+}
+
+std::size_t Weight(std::span<const link::Chunk> chunks) {
+  std::size_t bytes = 0;
+  for (const link::Chunk& chunk : chunks) bytes += link::WeightOf(chunk);
+  return bytes;
 }
 
 }  // namespace
@@ -38,7 +45,30 @@ void WireStage::SetOrigin(TimeNs origin_ns) {
 void WireStage::Apply(std::vector<link::Chunk>& chunks) {
   for (const link::Chunk& chunk : chunks)
     for (Injector& injector : injectors_) Decide(injector, chunk);
-  for (Injector& injector : injectors_) Run(injector, chunks);
+  for (Injector& injector : injectors_) {
+    Run(injector, chunks);
+    if (Weight(chunks) > link::kLineBytesMax) return;
+  }
+}
+
+std::size_t WireStage::held_bytes() const {
+  std::size_t bytes = 0;
+  for (const Injector& injector : injectors_) bytes += injector.model->held_bytes();
+  return bytes;
+}
+
+std::vector<std::size_t> WireStage::Multipliers() const {
+  std::vector<std::size_t> faults;
+  for (const Injector& injector : injectors_)
+    if (injector.multiplied) faults.push_back(injector.fault);
+  return faults;
+}
+
+std::vector<std::size_t> WireStage::Holders() const {
+  std::vector<std::size_t> faults;
+  for (const Injector& injector : injectors_)
+    if (injector.delayed || injector.model->held_bytes() > 0) faults.push_back(injector.fault);
+  return faults;
 }
 
 void WireStage::Decide(Injector& injector, const link::Chunk& sent) {
@@ -86,15 +116,20 @@ void WireStage::ActAndRecord(Injector& injector, link::Chunk&& chunk, Random& ra
   before_ = chunk;
   const std::size_t out_begin = out_.size();
   std::string what;
-  const bool keeps = recorder_->Keeps(injector.fault);
+  const bool keeps = recorder_->Keeps(injector.fault) &&
+                     link::WeightOf(before_) <= kActivationBytesMax;  // else no text either
   injector.model->Act(std::move(chunk), {random, injector.window, keeps ? &what : nullptr}, out_);
-  if (out_.size() == out_begin + 1 && SameBytesAndTime(out_.back(), before_)) return;
-  recorder_->Count(injector.fault, true, [&]() -> Activation {
+  const auto after = std::span<const link::Chunk>(out_).subspan(out_begin);
+  if (after.size() == 1 && SameBytesAndTime(after[0], before_)) return;
+  const std::size_t weight = Weight(after);
+  injector.multiplied = injector.multiplied || weight > link::WeightOf(before_);
+  injector.delayed = injector.delayed || (after.size() == 1 && after[0].begin_ns > before_.begin_ns);
+  recorder_->Count(injector.fault, true, link::WeightOf(before_) + weight + what.size(), [&]() -> Activation {
     return {.time_ns = before_.begin_ns,
             .fault = injector.fault,
             .what = std::move(what),
             .before = {before_},
-            .after = {out_.begin() + static_cast<std::ptrdiff_t>(out_begin), out_.end()}};
+            .after = {after.begin(), after.end()}};
   });
 }
 

@@ -32,6 +32,11 @@ class WireStage final : public link::ChunkStage {
 
   // Chunks' times are boot times.
   void Apply(std::vector<link::Chunk>& chunks) override;
+  std::size_t held_bytes() const override;
+
+  // The faults that have put more bytes on the line than were sent, and those that have kept some for later.
+  std::vector<std::size_t> Multipliers() const;
+  std::vector<std::size_t> Holders() const;
 
  private:
   // Decisions are kept for this many frames: more than any chain of faults holds one back.
@@ -47,6 +52,7 @@ class WireStage final : public link::ChunkStage {
     bool remembers;
     bool acts_on_overlap;
     std::unique_ptr<WireModel> model;
+    bool multiplied = false, delayed = false;
     std::bitset<kDecisions> picked;
   };
 

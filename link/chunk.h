@@ -25,6 +25,13 @@ struct Chunk {
   std::uint64_t number = 0;
 };
 
+// What may wait in one direction of a line, on the wire and held back by faults, counted as WeightOf(): a minute of
+// everything that the usual messages say, ten times over.
+inline constexpr std::size_t kLineBytesMax = std::size_t{8} << 20;
+// A chunk counts for its bytes and for what it takes to keep them.
+inline constexpr std::size_t kChunkOverheadBytes = 64;
+inline std::size_t WeightOf(const Chunk& chunk) { return chunk.bytes.size() + kChunkOverheadBytes; }
+
 // Time that a number of bytes takes on a line, 8N1 (ten bits a byte), rounded down to nanoseconds; baud 0 is
 // an ideal line, where bytes take none.
 constexpr TimeNs BytesTime(std::int64_t baud, std::int64_t byte_count) {
@@ -37,7 +44,11 @@ constexpr TimeNs BytesTime(std::int64_t baud, std::int64_t byte_count) {
 class ChunkStage {
  public:
   virtual ~ChunkStage() = default;
+  // Where it makes more of a frame than kLineBytesMax, it may stop at once and leave what it has so far: twice as much at
+  // most. The wire then sends none of it.
   virtual void Apply(std::vector<Chunk>& chunks) = 0;
+  // What it keeps for later, by WeightOf().
+  virtual std::size_t held_bytes() const { return 0; }
 };
 
 }  // namespace tiltproof::link

@@ -56,6 +56,7 @@ TimeNs Wire::IdleTime() const {
 
 TimeNs Wire::Transmit(TimeNs now, std::span<const std::uint8_t> bytes) {
   FlushIfIdle(now);
+  if (overfull_) return std::max(now, transmitter_free_ns_);
   if (now > transmitter_free_ns_) {
     if (bytes.empty()) return now;
     busy_begin_ns_ = now;
@@ -120,7 +121,7 @@ void Wire::SendOpenChunk(TimeNs known_ns) {
 
   if (stage_ == nullptr) {
     if (taps_.sent) taps_.sent(chunk);
-    Enqueue(std::move(chunk), known_ns);
+    if (HasRoomFor(WeightOf(chunk))) Enqueue(std::move(chunk), known_ns);
     return;
   }
   chunk.kind = KindOfFrame(direction_, dialect_, chunk.bytes);
@@ -128,7 +129,18 @@ void Wire::SendOpenChunk(TimeNs known_ns) {
   scratch_.clear();
   scratch_.push_back(std::move(chunk));
   stage_->Apply(scratch_);
+  std::size_t bytes = stage_->held_bytes();
+  for (const Chunk& after : scratch_) bytes += WeightOf(after);
+  if (!HasRoomFor(bytes)) {
+    scratch_ = {};
+    return;
+  }
   for (Chunk& after : scratch_) Enqueue(std::move(after), known_ns);
+}
+
+bool Wire::HasRoomFor(std::size_t bytes) {
+  overfull_ = overfull_ || queue_bytes_ + bytes > kLineBytesMax;
+  return !overfull_;
 }
 
 void Wire::Enqueue(Chunk&& chunk, TimeNs known_ns) {
@@ -140,12 +152,14 @@ void Wire::Enqueue(Chunk&& chunk, TimeNs known_ns) {
   chunk.begin_ns = std::max({chunk.begin_ns, queue_end_ns_, known_ns - duration});
   queue_end_ns_ = chunk.begin_ns + duration;
   if (taps_.delivered) taps_.delivered(chunk);
+  queue_bytes_ += WeightOf(chunk);
   queue_.push_back(std::move(chunk));
   if (queue_.size() == 1) piece_end_ = FindPieceEnd();
 }
 
 void Wire::Recycle(Chunk&& chunk) {
-  if (spare_.size() >= kSpareBuffersMax || chunk.bytes.capacity() == 0) return;
+  const std::size_t capacity = chunk.bytes.capacity();
+  if (spare_.size() >= kSpareBuffersMax || capacity == 0 || capacity > kChunkBytesMax) return;
   chunk.bytes.clear();
   spare_.push_back(std::move(chunk.bytes));
 }
@@ -187,6 +201,7 @@ std::optional<Wire::Piece> Wire::TakePiece(TimeNs until) {
   taken_flag_ = piece.bytes.back() == kFlag;
   front_taken_ = end;
   if (front_taken_ == front.bytes.size()) {
+    queue_bytes_ -= WeightOf(front);
     Recycle(std::move(taken_));
     taken_ = std::move(front);
     queue_.pop_front();

@@ -51,6 +51,9 @@ class Wire {
   // Returns when the last stop bit has left.
   TimeNs Transmit(TimeNs now, std::span<const std::uint8_t> bytes);
 
+  // More was to wait here than kLineBytesMax. From then on nothing is sent.
+  bool overfull() const { return overfull_; }
+
   // Earliest time at which Take() has something that its receiver should be woken for: the end of a piece
   // (see TakePiece()), or the end of the idle time of bytes that no flag closed. kNever when the wire is
   // empty.
@@ -93,6 +96,8 @@ class Wire {
   void FlushIfIdle(TimeNs now);
   // The open chunk goes through the stage, into the queue; the wire knows of all of it at `known_ns`.
   void SendOpenChunk(TimeNs known_ns);
+  // Whether there is room for that much; else the wire is overfull.
+  bool HasRoomFor(std::size_t bytes);
   void Enqueue(Chunk&& chunk, TimeNs known_ns);
   void Recycle(Chunk&& chunk);
   // Index one past the next piece of the queue's front.
@@ -120,6 +125,8 @@ class Wire {
   bool open_has_content_ = false;  // not only flags
 
   std::deque<Chunk> queue_;
+  std::size_t queue_bytes_ = 0;  // by WeightOf()
+  bool overfull_ = false;
   TimeNs queue_end_ns_ = kPowerOn;  // end of the last chunk that went in
   std::size_t front_taken_ = 0;     // bytes of queue_.front() already taken
   std::size_t piece_end_ = 0;       // FindPieceEnd(), when the queue is not empty

@@ -192,6 +192,12 @@ class LinkRole final : public Role {
       services_.lateness().Note(line_->unanswered_reply() + kEmulationNs, now);
     line_->Transmit(direction, now, bytes);
     Pump();
+    const auto& overfull = line_->overfull();
+    if (!overfull) return;
+    armed_ = false;  // nothing passes any more
+    const EndReason of_sender =
+        direction == Direction::kReference ? EndReason::kNodeLost : EndReason::kFirmwareHung;
+    services_.Fail(overfull->by_faults ? EndReason::kLineOverfull : of_sender, overfull->text);
   }
 
   // Hands over what has arrived, and comes back for the rest.

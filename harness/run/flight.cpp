@@ -143,6 +143,14 @@ void Conductor::Conduct() {
       return;
     }
 
+    if (const auto& overfull = line_.overfull()) {
+      // Without faults it is the firmware that sends, or asks for, more than the line carries.
+      if (!overfull->by_faults) throw FirmwareTrouble(true, overfull->text);
+      log_.end_reason = EndReason::kLineOverfull;
+      log_.end_text = overfull->text;
+      return;
+    }
+
     // First of all, so that rows of the past show nothing of what happens now.
     server_.Advance(now, line_.counts());
     if (over()) return;

@@ -23,6 +23,11 @@ std::int64_t ReferenceBaud(const LinkSpec& link) { return link.ideal ? 0 : LinkS
 
 LocalLine::LocalLine(const Scenario& scenario, bool paced)
     : dialect_(scenario.link.dialect),
+      fault_ids_([&] {
+        std::vector<std::string> ids;
+        for (const auto& fault : scenario.faults) ids.push_back(fault.id);
+        return ids;
+      }()),
       faults_(scenario.faults, scenario.seed,
               {.baud = MainBaud(scenario.link), .reference_baud = ReferenceBaud(scenario.link)}),
       wires_{[&] {
@@ -67,13 +72,34 @@ LocalLine::LocalLine(const Scenario& scenario, bool paced)
 }
 
 TimeNs LocalLine::Transmit(Direction direction, TimeNs now, std::span<const std::uint8_t> bytes) {
-  return At(wires_, direction).Transmit(now, bytes);
+  const TimeNs sent = At(wires_, direction).Transmit(now, bytes);
+  NoteOverfull(direction);
+  return sent;
+}
+
+void LocalLine::NoteOverfull(Direction direction) {
+  if (overfull_ || !At(wires_, direction).overfull()) return;
+  Overfull& overfull = overfull_.emplace();
+  overfull.text = "more than " + std::to_string(link::kLineBytesMax >> 20) + " MiB wait on the line " +
+                  std::string(Name(direction));
+  const auto name = [&](std::string_view deed, const std::vector<std::size_t>& faults) {
+    for (std::size_t i = 0; i < faults.size(); ++i)
+      overfull.text.append(i > 0 ? ", '" : (overfull.by_faults ? "; " : ": ") + std::string(deed) + " '")
+          .append(fault_ids_[faults[i]])
+          .append("'");
+    overfull.by_faults = overfull.by_faults || !faults.empty();
+  };
+  const auto crowd = faults_.CrowdOf(direction);
+  name("multiplied by", crowd.multipliers);
+  name("held back by", crowd.holders);
+  if (!overfull.by_faults) overfull.text += ": more is sent than it carries";
 }
 
 TimeNs LocalLine::NextArrival(Direction direction) const { return At(wires_, direction).NextArrival(); }
 
 std::optional<Line::Piece> LocalLine::TakePiece(Direction direction, TimeNs until) {
   const auto piece = At(wires_, direction).TakePiece(until);
+  NoteOverfull(direction);  // by bytes that no flag closed
   if (!piece) return piece;
   At(ends_, direction)
       .Receive(

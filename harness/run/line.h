@@ -17,6 +17,7 @@
 #include <deque>
 #include <optional>
 #include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -48,6 +49,12 @@ struct LineLog {
   TimeNs resync_max_ns = 0;
 };
 
+// More was to wait in a direction than link::kLineBytesMax: it carries nothing any more.
+struct Overfull {
+  bool by_faults = false;  // else by what was sent
+  std::string text;
+};
+
 // Of the two lines; 0: ideal, bytes take no time.
 std::int64_t MainBaud(const LinkSpec& link);
 std::int64_t ReferenceBaud(const LinkSpec& link);
@@ -63,6 +70,8 @@ class Line {
   virtual std::optional<Piece> TakePiece(link::Direction direction, TimeNs until) = 0;
 
   virtual const LineCounts& counts() const = 0;
+  // Once it is, for good.
+  virtual const std::optional<Overfull>& overfull() const = 0;
   // `end`: when the flight ended, in the line's time; a frame still awaited then counts as lost.
   virtual LineLog TakeLog(TimeNs end) = 0;
 };
@@ -77,6 +86,7 @@ class LocalLine final : public Line {
   TimeNs NextArrival(link::Direction direction) const override;
   std::optional<Piece> TakePiece(link::Direction direction, TimeNs until) override;
   const LineCounts& counts() const override;
+  const std::optional<Overfull>& overfull() const override { return overfull_; }
   LineLog TakeLog(TimeNs end) override;
 
   // Arrival at the client of the latest valid reply, as long as no actuators have come back; else kNever.
@@ -89,14 +99,17 @@ class LocalLine final : public Line {
   static auto& At(Array& array, link::Direction direction) {
     return array[static_cast<std::size_t>(direction)];
   }
+  void NoteOverfull(link::Direction direction);
   void OnClientMessage(TimeNs arrival, std::span<const std::uint8_t> payload);
   void OnReply(TimeNs arrival, std::uint64_t number, std::span<const std::uint8_t> payload);
 
   link::Dialect dialect_;
+  std::vector<std::string> fault_ids_;
   faults::FaultSchedule faults_;
   std::array<link::Wire, link::kDirectionCount> wires_;
   std::array<ReceivingEnd, link::kDirectionCount> ends_;
   mutable LineCounts counts_{};
+  std::optional<Overfull> overfull_;
   TimeNs origin_ns_ = kNever;
 
   // The latest request; the replies on their way or lost, in order of their numbers, with the arrival of the request

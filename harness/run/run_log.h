@@ -25,6 +25,7 @@ enum class EndReason : std::uint8_t {
   kInterrupted,      // Ctrl-C
   kNodeLost,         // a node of the harness's own was killed, hung or left
   kFirmwareLost,     // the firmware's process or port went away: killed, exited, unplugged, or its node hung
+  kLineOverfull,     // the scenario's faults put more on a line than link::kLineBytesMax
   kHarnessError,     // ours
 };
 std::string_view Name(EndReason reason);

@@ -66,6 +66,8 @@ std::string_view Name(EndReason reason) {
       return "node_lost";
     case EndReason::kFirmwareLost:
       return "firmware_lost";
+    case EndReason::kLineOverfull:
+      return "line_overfull";
     case EndReason::kHarnessError:
       return "harness_error";
   }

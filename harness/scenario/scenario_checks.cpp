@@ -1,6 +1,7 @@
 #include "harness/scenario/scenario_checks.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -14,6 +15,7 @@
 #include <variant>
 
 #include "faults/registry.h"
+#include "faults/volume.h"
 #include "harness/reference/trajectory.h"
 #include "harness/scenario/did_you_mean.h"
 
@@ -193,6 +195,21 @@ class Checker {
         Complain(node, problem.key, fmt::format("{}: {}", problem.key, problem.message));
       }
     }
+    if (list != nullptr) CheckVolume(*list);
+  }
+
+  void CheckVolume(const YamlNode& list) {
+    const auto& faults = scenario_.faults;
+    const auto is_valid = [](const faults::FaultSpec& fault) { return faults::Validate(fault).empty(); };
+    if (!std::all_of(faults.begin(), faults.end(), is_valid)) return;
+    const auto too_much = faults::CertainOverfull(faults, scenario_.duration_ns);
+    if (!too_much) return;
+    std::vector<std::string> ids;
+    for (const std::size_t fault : too_much->faults) ids.push_back(fmt::format("'{}'", faults[fault].id));
+    Complain(
+        list.items[too_much->faults.back()], "id",
+        fmt::format("id: together {} make more than {} MiB of each frame {}, which is all that a line holds",
+                    fmt::join(ids, ", "), link::kLineBytesMax >> 20, link::Name(too_much->direction)));
   }
 
   // A board has one clock: two drifts at once would add up to more than a drift may be.

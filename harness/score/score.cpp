@@ -49,8 +49,11 @@ std::vector<std::string> FaultIds(const Scenario& scenario) {
   return ids;
 }
 
-// Trouble of the harness, never blamed on the firmware.
-bool IsOurs(EndReason reason) { return reason == EndReason::kHarnessError || reason == EndReason::kNodeLost; }
+// Trouble of the harness, or of the scenario, never blamed on the firmware.
+bool IsOurs(EndReason reason) {
+  return reason == EndReason::kHarnessError || reason == EndReason::kNodeLost ||
+         reason == EndReason::kLineOverfull;
+}
 
 // How the flight ended.
 CriterionResult Ending(const RunLog& log) {
@@ -86,6 +89,9 @@ CriterionResult Ending(const RunLog& log) {
       break;
     case EndReason::kInterrupted:
       what = "interrupted";
+      break;
+    case EndReason::kLineOverfull:
+      what = "a line was overfull";
       break;
     case EndReason::kHarnessError:
       what = "harness error";

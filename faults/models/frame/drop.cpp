@@ -30,7 +30,8 @@ FaultType FrameDrop() {
           .parameters = {ProbabilityParameter("probability, per frame, that it is lost", 0.5)},
           .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
             return std::make_unique<Drop>(setup);
-          }};
+          },
+          .volume = Volume::kMayLose};
 }
 
 }  // namespace tiltproof::faults

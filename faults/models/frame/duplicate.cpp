@@ -38,7 +38,8 @@ FaultType FrameDuplicate() {
           .parameters = {ProbabilityParameter("probability, per frame, that it is sent twice", 0.5)},
           .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
             return std::make_unique<Duplicate>(setup);
-          }};
+          },
+          .volume = Volume::kDoubles};
 }
 
 }  // namespace tiltproof::faults

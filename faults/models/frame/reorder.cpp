@@ -28,6 +28,12 @@ class Reorder : public WireModel {
     out.push_back(std::move(chunk));
   }
 
+  std::size_t held_bytes() const override {
+    std::size_t bytes = 0;
+    for (const Held& held : held_) bytes += link::WeightOf(held.chunk);
+    return bytes;
+  }
+
   void Release(std::vector<link::Chunk>& out) override {
     const auto due = [](const Held& held) { return held.wait_count > 0; };
     const auto first_waiting = std::find_if(held_.begin(), held_.end(), due);
@@ -72,6 +78,7 @@ FaultType FrameReorder() {
           .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
             return std::make_unique<Reorder>(setup.parameters);
           },
+          .volume = Volume::kMayLose,
           .remembers = true};
 }
 

@@ -34,24 +34,29 @@ class ReplayStale : public WireModel {
     out.push_back(std::move(chunk));
   }
 
+  std::size_t held_bytes() const override { return held_bytes_; }
+
  private:
   using History =
       std::deque<std::vector<std::uint8_t>>;  // the latest frames, oldest first, at most age_count_
 
   History& HistoryOf(const link::Chunk& chunk) { return histories_[static_cast<std::size_t>(chunk.kind)]; }
 
-  void Remember(History& history, const link::Chunk& chunk) const {
+  void Remember(History& history, const link::Chunk& chunk) {
     std::vector<std::uint8_t> buffer;
     if (history.size() == age_count_) {
       buffer = std::move(history.front());
       history.pop_front();
+      held_bytes_ -= buffer.size() + link::kChunkOverheadBytes;
     }
     buffer.assign(chunk.bytes.begin(), chunk.bytes.end());
+    held_bytes_ += buffer.size() + link::kChunkOverheadBytes;
     history.push_back(std::move(buffer));
   }
 
   double probability_;
   std::size_t age_count_;
+  std::size_t held_bytes_ = 0;
   std::array<History, static_cast<std::size_t>(link::MessageKind::kUnknown) + 1> histories_;
 };
 

@@ -35,7 +35,8 @@ FaultType FrameTruncate() {
           .parameters = {ProbabilityParameter("probability, per frame, that it is cut", 0.5)},
           .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
             return std::make_unique<Truncate>(setup);
-          }};
+          },
+          .volume = Volume::kMayLose};
 }
 
 }  // namespace tiltproof::faults

@@ -60,6 +60,7 @@ FaultType LinkDisconnect() {
             return std::make_unique<Disconnect>(setup.line);
           },
           .default_target = Target::kBoth,
+          .volume = Volume::kMayLose,
           .acts_on_overlap = true};
 }
 

@@ -22,7 +22,8 @@ FaultType LinkSilence() {
           "whole; a frame begun before the window ends as usual. Without a target both "
           "directions of the main line are silent.",
       .make_wire = [](const WireSetup&) -> std::unique_ptr<WireModel> { return std::make_unique<Silence>(); },
-      .default_target = Target::kBoth};
+      .default_target = Target::kBoth,
+      .volume = Volume::kMayLose};
 }
 
 }  // namespace tiltproof::faults

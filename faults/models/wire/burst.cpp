@@ -21,9 +21,9 @@ class Burst : public WireModel {
     {
       BitFlipper bits(chunk, context);
       const auto bit_count = static_cast<std::int64_t>(bits.BitCount());
-      found_.clear();
-      events_.In(chunk.begin_ns - BitsTime(length_bits_), chunk.begin_ns + BitsTime(bit_count), found_);
-      for (const PoissonEvents::Event& event : found_) {
+      std::vector<PoissonEvents::Event> found;
+      events_.In(chunk.begin_ns - BitsTime(length_bits_), chunk.begin_ns + BitsTime(bit_count), found);
+      for (const PoissonEvents::Event& event : found) {
         const std::int64_t first = FirstBitFrom(event.time_ns - chunk.begin_ns);
         const std::int64_t end = std::min(first + length_bits_, bit_count);
         // One draw for each bit of the burst, hit or not: which bits flip depends on the burst alone.
@@ -52,7 +52,6 @@ class Burst : public WireModel {
   double density_;
   std::int64_t baud_;
   PoissonEvents events_;
-  std::vector<PoissonEvents::Event> found_;
 };
 
 }  // namespace

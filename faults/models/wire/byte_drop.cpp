@@ -39,7 +39,8 @@ FaultType WireByteDrop() {
           .parameters = {ProbabilityParameter("probability, per byte, that it is lost", 0.01)},
           .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
             return std::make_unique<ByteDrop>(setup.parameters.Number("probability"));
-          }};
+          },
+          .volume = Volume::kMayLose};
 }
 
 }  // namespace tiltproof::faults

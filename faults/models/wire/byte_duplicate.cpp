@@ -9,21 +9,21 @@ class ByteDuplicate : public WireModel {
   explicit ByteDuplicate(double probability) : probability_(probability) {}
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
-    edited_.clear();
+    std::vector<std::uint8_t> edited;
+    edited.reserve(chunk.bytes.size() + chunk.bytes.size() / 2);
     for (std::size_t i = 0; i < chunk.bytes.size(); ++i) {
-      edited_.push_back(chunk.bytes[i]);
+      edited.push_back(chunk.bytes[i]);
       if (!context.random.Bernoulli(probability_)) continue;
-      edited_.push_back(chunk.bytes[i]);
+      edited.push_back(chunk.bytes[i]);
       if (context.what != nullptr)
         context.Say("byte " + std::to_string(i) + " " + Hex(chunk.bytes[i]) + " repeated");
     }
-    chunk.bytes.assign(edited_.begin(), edited_.end());
+    chunk.bytes = std::move(edited);
     out.push_back(std::move(chunk));
   }
 
  private:
   double probability_;
-  std::vector<std::uint8_t> edited_;
 };
 
 }  // namespace
@@ -38,7 +38,8 @@ FaultType WireByteDuplicate() {
           .parameters = {ProbabilityParameter("probability, per byte, that it is repeated", 0.01)},
           .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
             return std::make_unique<ByteDuplicate>(setup.parameters.Number("probability"));
-          }};
+          },
+          .volume = Volume::kDoubles};
 }
 
 }  // namespace tiltproof::faults

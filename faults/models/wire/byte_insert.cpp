@@ -9,22 +9,22 @@ class ByteInsert : public WireModel {
   explicit ByteInsert(double probability) : probability_(probability) {}
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
-    edited_.clear();
+    std::vector<std::uint8_t> edited;
+    edited.reserve(chunk.bytes.size() + chunk.bytes.size() / 2);
     for (std::size_t i = 0; i < chunk.bytes.size(); ++i) {
       if (context.random.Bernoulli(probability_)) {
-        edited_.push_back(static_cast<std::uint8_t>(context.random.Below(256)));
+        edited.push_back(static_cast<std::uint8_t>(context.random.Below(256)));
         if (context.what != nullptr)
-          context.Say(Hex(edited_.back()) + " inserted before byte " + std::to_string(i));
+          context.Say(Hex(edited.back()) + " inserted before byte " + std::to_string(i));
       }
-      edited_.push_back(chunk.bytes[i]);
+      edited.push_back(chunk.bytes[i]);
     }
-    chunk.bytes.assign(edited_.begin(), edited_.end());
+    chunk.bytes = std::move(edited);
     out.push_back(std::move(chunk));
   }
 
  private:
   double probability_;
-  std::vector<std::uint8_t> edited_;
 };
 
 }  // namespace
@@ -40,7 +40,8 @@ FaultType WireByteInsert() {
       .parameters = {ProbabilityParameter("probability, per byte, that another is inserted before it", 0.01)},
       .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
         return std::make_unique<ByteInsert>(setup.parameters.Number("probability"));
-      }};
+      },
+      .volume = Volume::kDoubles};
 }
 
 }  // namespace tiltproof::faults

@@ -17,10 +17,10 @@ class StuckByte : public WireModel {
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
     const auto byte_count = static_cast<std::int64_t>(chunk.bytes.size());
-    found_.clear();
+    std::vector<PoissonEvents::Event> found;
     events_.In(chunk.begin_ns - link::BytesTime(baud_, length_bytes_) - 1,
-               chunk.begin_ns + link::BytesTime(baud_, byte_count) + 1, found_);
-    for (const PoissonEvents::Event& event : found_) {
+               chunk.begin_ns + link::BytesTime(baud_, byte_count) + 1, found);
+    for (const PoissonEvents::Event& event : found) {
       const std::int64_t first = FirstByteFrom(event.time_ns - chunk.begin_ns);
       const std::int64_t end = std::min(first + length_bytes_, byte_count);
       for (std::int64_t i = std::max<std::int64_t>(first, 0); i < end; ++i) {
@@ -45,7 +45,6 @@ class StuckByte : public WireModel {
   std::int64_t length_bytes_;
   std::int64_t baud_;
   PoissonEvents events_;
-  std::vector<PoissonEvents::Event> found_;
 };
 
 }  // namespace

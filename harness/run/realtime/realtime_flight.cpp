@@ -357,8 +357,9 @@ void RealtimeConductor::OnStates() {
         if (Name(reason) == state.end_reason) outcome_.End(reason, state.text, state.time_ns);
     }
     if (state.phase == dds::Phase::kFailed) {
-      for (const EndReason reason : {EndReason::kFirmwareHung, EndReason::kFirmwareCrashed,
-                                     EndReason::kFirmwareLost, EndReason::kNodeLost})
+      for (const EndReason reason :
+           {EndReason::kFirmwareHung, EndReason::kFirmwareCrashed, EndReason::kFirmwareLost,
+            EndReason::kNodeLost, EndReason::kLineOverfull})
         if (Name(reason) == state.end_reason)
           outcome_.Hear(reason, fmt::format("{} (at {:.3f} s)", state.text, ToSeconds(sim_ns_)), sim_ns_,
                         SteadyClock::now());

@@ -46,6 +46,7 @@ struct Setup {
 struct LineView {
   std::array<TimeNs, link::kDirectionCount> next_arrival_ns{kNever, kNever, kNever};
   LineCounts counts{};
+  std::optional<Overfull> overfull;
 };
 
 template <class Archive>
@@ -69,8 +70,12 @@ void Fields(Archive& archive, DirectionCounts& c) {
   archive(c.frames_sent, c.frames_accepted, c.frames_rejected, c.bytes_corrupted);
 }
 template <class Archive>
+void Fields(Archive& archive, Overfull& o) {
+  archive(o.by_faults, o.text);
+}
+template <class Archive>
 void Fields(Archive& archive, LineView& v) {
-  archive(v.next_arrival_ns, v.counts);
+  archive(v.next_arrival_ns, v.counts, v.overfull);
 }
 template <class Archive>
 void Fields(Archive& archive, ClientStatus& s) {

@@ -46,6 +46,7 @@ class RemoteLine final : public Line {
   }
   std::optional<Piece> TakePiece(link::Direction direction, TimeNs until) override;
   const LineCounts& counts() const override { return view_.counts; }
+  const std::optional<Overfull>& overfull() const override { return view_.overfull; }
   LineLog TakeLog(TimeNs end) override;
 
  private:

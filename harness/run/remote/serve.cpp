@@ -72,6 +72,7 @@ void ServeLine(Channel& channel, const ScenarioLoader& load) {
     for (std::size_t d = 0; d < link::kDirectionCount; ++d)
       now.next_arrival_ns[d] = line->NextArrival(static_cast<link::Direction>(d));
     now.counts = line->counts();
+    now.overfull = line->overfull();
     return now;
   };
   ServeRequests(channel, [&](Message kind, Unpacker& request, Packer& answer) {

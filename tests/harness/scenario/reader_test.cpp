@@ -321,6 +321,17 @@ TEST_F(ReaderTest, RangesAndNames) {
   }
 }
 
+TEST_F(ReaderTest, FaultsThatMakeTooManyBytesTogether) {
+  std::string faults = "faults:\n";
+  for (int i = 0; i < 24; ++i)
+    faults.append("  - {id: d")
+        .append(std::to_string(i))
+        .append(", type: wire.byte_duplicate, target: reference, parameters: {probability: 1}}\n");
+  EXPECT_THAT(ErrorsWith(faults),
+              ElementsAre(testing::AllOf(testing::StartsWith("23:10: id: together 'd0', 'd1', "),
+                                         HasSubstr("'d18' make more than 8 MiB of each frame reference"))));
+}
+
 TEST_F(ReaderTest, FaultsInThemselvesAndTogether) {
   const std::string wire = "type: wire.bit_error, target: to_client, parameters: {ber: 0.1}";
   EXPECT_THAT(ErrorsWith("faults:\n  - {id: a, " + wire + "}\n  - {id: a, " + wire + "}\n"),

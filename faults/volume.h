@@ -1,0 +1,25 @@
+// Faults that are certain to make more of a frame than a line holds, told before anything is flown.
+//
+//   if (const auto too_much = CertainOverfull(scenario.faults, scenario.duration_ns)) Refuse(*too_much);
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include "faults/fault.h"
+#include "link/chunk.h"
+
+namespace tiltproof::faults {
+
+// The faults, in the order in which they act; the last is the one too many.
+struct TooMuch {
+  link::Direction direction{};
+  std::vector<std::size_t> faults;
+};
+
+// Counts what is certain alone: faults that double the bytes of every frame they see (FaultType::volume), active
+// together for two control periods at least, with none beside them that may lose bytes. Valid faults only.
+std::optional<TooMuch> CertainOverfull(const std::vector<FaultSpec>& specs, TimeNs duration_ns);
+
+}  // namespace tiltproof::faults
