@@ -8,6 +8,8 @@
 #include <cstdio>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
+#include <string_view>
+#include <vector>
 
 namespace tiltproof::harness {
 namespace {
@@ -19,10 +21,59 @@ std::string Upper(std::string_view text) {
   return upper;
 }
 
+constexpr std::size_t kTerminalColumns = 80;
+constexpr std::size_t kWordMin = 5;  // PASS, FAIL and ERROR in one column
+constexpr std::size_t kNameMin = 16;
+
+// In the middle: both the beginning and the end of a name tell scenarios apart.
+std::string Shortened(const std::string& name, std::size_t width) {
+  constexpr std::string_view kGap = "..";
+  if (name.size() <= width) return name;
+  if (width <= kGap.size()) return name.substr(0, width);
+  const std::size_t kept = width - kGap.size(), head = (kept + 1) / 2;
+  return name.substr(0, head) + std::string(kGap) + name.substr(name.size() - (kept - head));
+}
+
+std::string Counted(std::int64_t count, std::string_view noun) {
+  return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
+}
+
+// What a flight's line says after its name; those that it has.
+std::vector<std::string> Figures(const Score& score, bool is_short) {
+  std::vector<std::string> figures;
+  const auto end = score.metrics.end();
+  if (const auto flown = score.metrics.find("survival.time_s"); flown != end)
+    figures.push_back(fmt::format("{:.1f} s", flown->second));
+  if (const auto rmse = score.metrics.find("tracking.rmse_m"); rmse != end)
+    figures.push_back(fmt::format("rmse {:.3f} m", rmse->second));
+  if (const auto margin = LeastMargin(score)) figures.push_back(fmt::format("margin {:.3g}", *margin));
+  std::int64_t activations = 0;
+  for (const auto& fault : score.faults) activations += fault.activations;
+  if (!score.faults.empty())
+    figures.push_back(is_short ? fmt::format("{} act.", activations) : Counted(activations, "activation"));
+  if (score.restarts_count > 0) figures.push_back(Counted(score.restarts_count, "restart"));
+  return figures;
+}
+
+// All that kept a flight from passing: first what decided.
+std::vector<std::string> Reasons(const Score& score) {
+  std::vector<std::string> lines = {score.reason};
+  const auto add = [&](const std::string& line) {
+    if (line != score.reason) lines.push_back(line);
+  };
+  for (const auto& criterion : score.criteria)
+    if (criterion.verdict != Verdict::kPass) add(criterion.name + ": " + criterion.explanation);
+  for (const auto& fault : score.faults)
+    if (fault.activations == 0) add("fault '" + fault.id + "' never activated");
+  return lines;
+}
+
 }  // namespace
 
 Console::Console(bool jsonl)
-    : jsonl_(jsonl), colours_(isatty(STDOUT_FILENO) != 0 && std::getenv("NO_COLOR") == nullptr) {}
+    : jsonl_(jsonl),
+      terminal_(isatty(STDOUT_FILENO) != 0),
+      colours_(terminal_ && std::getenv("NO_COLOR") == nullptr) {}
 
 std::string Console::Paint(const char* colour, const std::string& text) const {
   return colours_ ? fmt::format("\033[{}m{}\033[0m", colour, text) : text;
@@ -32,34 +83,39 @@ void Console::Line(const std::string& text) const {
   if (!jsonl_) fmt::print("{}\n", text);
 }
 
+std::string Console::FlightLine(const ScenarioResult& result) const {
+  const Score& score = result.score;
+  const char* colour = result.green() ? "32" : score.verdict == Verdict::kInconclusive ? "33" : "31";
+  std::string word = Upper(Name(score.verdict));
+  if (score.verdict != Verdict::kPass && result.green()) word += " (expected)";
+  std::vector<std::string> figures = Figures(score, terminal_);
+  if (!terminal_) return fmt::format("{:<16} {:<36}  {}", word, result.name, fmt::join(figures, "  "));
+  const auto room_for_name = [&] {
+    std::size_t taken = std::max(word.size(), kWordMin) + 1;
+    for (const auto& figure : figures) taken += 2 + figure.size();
+    return taken < kTerminalColumns ? kTerminalColumns - taken : 0;
+  };
+  // rmse goes before the name can no longer be read.
+  if (room_for_name() < std::min(kNameMin, result.name.size()))
+    std::erase_if(figures, [](const auto& figure) { return figure.starts_with("rmse"); });
+  const std::size_t room = room_for_name();
+  return fmt::format("{} {:<{}}  {}", Paint(colour, fmt::format("{:<{}}", word, kWordMin)),
+                     Shortened(result.name, room), room, fmt::join(figures, "  "));
+}
+
 void Console::Finished(const ScenarioResult& result) const {
   if (jsonl_) {
     fmt::print("{}\n", nlohmann::ordered_json::parse(ToJsonText(result)).dump());
     std::fflush(stdout);
     return;
   }
-  const Score& score = result.score;
-  const char* colour = result.green() ? "32" : score.verdict == Verdict::kInconclusive ? "33" : "31";
-  std::string numbers;
-  const auto metric = [&](const char* name, const char* label, const char* unit) {
-    if (const auto found = score.metrics.find(name); found != score.metrics.end())
-      numbers += fmt::format("  {} {:.3f} {}", label, found->second, unit);
-  };
-  metric("survival.time_s", "flew", "s");
-  metric("tracking.rmse_m", "rmse", "m");
-  metric("tracking.max_error_m", "max", "m");
-  if (score.restarts_count > 0)
-    numbers += fmt::format("  {} restart{}", score.restarts_count, score.restarts_count == 1 ? "" : "s");
-  if (result.real_time_factor > 0) numbers += fmt::format("  {:.0f}x real time", result.real_time_factor);
-  std::string word = Upper(Name(score.verdict));
-  if (score.verdict != Verdict::kPass && result.green()) word += " (expected)";
-  fmt::print("{} {:<36}{}\n", Paint(colour, fmt::format("{:<16}", word)), result.name, numbers);
-  if (score.verdict != Verdict::kPass || !result.green()) {
-    fmt::print("                 {}\n", score.reason);
-    if (!result.green()) {
-      fmt::print("                 expected {}; seed {}{}{}\n", Name(result.expected), result.seed,
-                 result.replay.empty() ? "" : "; again: ", result.replay);
-    }
+  fmt::print("{}\n", FlightLine(result));
+  if (result.green()) {
+    if (result.score.verdict != Verdict::kPass) fmt::print("{:17}{}\n", "", result.score.reason);
+  } else {
+    for (const auto& line : Reasons(result.score)) fmt::print("{:17}{}\n", "", line);
+    fmt::print("{:17}expected {}; seed {}{}{}\n", "", Name(result.expected), result.seed,
+               result.replay.empty() ? "" : "; again: ", result.replay);
   }
   std::fflush(stdout);
 }

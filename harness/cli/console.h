@@ -15,8 +15,9 @@ class Console {
   explicit Console(bool jsonl);
 
   void Line(const std::string& text) const;  // human format only
-  // One finished scenario: a line, and for every one that did not simply pass: what gave way, when, by how
-  // much; when it is not green also the seed and the command that flies it again.
+  // One finished scenario: a line, on a terminal of at most 80 columns. For every one that did not simply pass: what
+  // gave way, when, by how much; when it is not green all that gave way, the seed, and the command that flies it
+  // again.
   void Finished(const ScenarioResult& result) const;
   // One scenario that cannot be flown: among the results for a person, beside them (on standard error) for a script.
   void LeftOut(const NotApplicable& scenario) const;
@@ -25,7 +26,9 @@ class Console {
 
  private:
   std::string Paint(const char* colour, const std::string& text) const;
+  std::string FlightLine(const ScenarioResult& result) const;
   bool jsonl_;
+  bool terminal_;
   bool colours_;
 };
 

@@ -52,6 +52,7 @@ Json ToJson(const ScenarioResult& result) {
     json["criteria"].push_back({{"name", criterion.name},
                                 {"verdict", Name(criterion.verdict)},
                                 {"robustness", OptionalNumber(criterion.robustness)},
+                                {"margin", OptionalNumber(criterion.margin)},
                                 {"time_s", OptionalNumber(criterion.time_s)},
                                 {"explanation", criterion.explanation}});
   json["faults"] = Json::array();
@@ -213,10 +214,10 @@ ScenarioResult ResultFromJsonText(const std::string& text) {
                                        histogram.at("counts").get<std::vector<std::int64_t>>()};
   result.score.restarts_count = json.value("restarts", std::int64_t{0});
   for (const auto& c : json.at("criteria"))
-    result.score.criteria.push_back({c.at("name").get<std::string>(),
-                                     VerdictNamed(c.at("verdict").get<std::string>()),
-                                     OptionalFrom(c.at("robustness")), OptionalFrom(c.at("time_s")),
-                                     c.at("explanation").get<std::string>()});
+    result.score.criteria.push_back(
+        {c.at("name").get<std::string>(), VerdictNamed(c.at("verdict").get<std::string>()),
+         OptionalFrom(c.at("robustness")), OptionalFrom(c.at("time_s")),
+         c.at("explanation").get<std::string>(), OptionalFrom(c.value("margin", Json()))});
   for (const auto& f : json.at("faults"))
     result.score.faults.push_back({f.at("id").get<std::string>(), f.at("type").get<std::string>(),
                                    f.at("activations").get<std::int64_t>()});

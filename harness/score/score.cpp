@@ -154,6 +154,7 @@ void JudgeFormula(const CriterionSpec& spec, const Scenario& scenario, const Run
   const stl::Result answer = stl::Evaluate(formula, log.trace, stl::Extent{log.end_ns, scenario.duration_ns});
   result.verdict = FromTruth(answer.truth);
   result.robustness = answer.robustness;
+  if (answer.robustness && std::isfinite(*answer.robustness)) result.margin = answer.robustness;
   if (answer.time_ns) result.time_s = ToSeconds(*answer.time_ns);
   std::string& text = result.explanation = OneLine(spec.stl) + ": ";
   if (answer.truth == stl::Truth::kUnknown) {
@@ -176,6 +177,18 @@ std::string Bounds(const CriterionSpec& spec) {
   return text;
 }
 
+// Of a metric's value, or of what is known of it.
+std::optional<double> MetricMargin(std::optional<double> min, std::optional<double> max, double value) {
+  std::optional<double> least;
+  const auto consider = [&](double distance, double bound) {
+    const double margin = distance / std::abs(bound);
+    if (std::isfinite(margin) && (!least || margin < *least)) least = margin;
+  };
+  if (min) consider(value - *min, *min);
+  if (max) consider(*max - value, *max);
+  return least;
+}
+
 void JudgeMetric(const CriterionSpec& spec, const Metrics& metrics, const RunLog& log,
                  CriterionResult& result) {
   const auto& names = MetricNames();
@@ -190,6 +203,7 @@ void JudgeMetric(const CriterionSpec& spec, const Metrics& metrics, const RunLog
       if (spec.max && at_least_s >= *spec.max) {
         result.verdict = Verdict::kFail;
         result.robustness = *spec.max - at_least_s;
+        result.margin = MetricMargin(std::nullopt, spec.max, at_least_s);
       }
       return;
     }
@@ -201,6 +215,7 @@ void JudgeMetric(const CriterionSpec& spec, const Metrics& metrics, const RunLog
                                      spec.max ? *spec.max - value : std::numeric_limits<double>::infinity());
   result.explanation = spec.metric + " = " + Number(value) + Bounds(spec);
   result.robustness = robustness;
+  result.margin = MetricMargin(spec.min, spec.max, value);
   result.verdict = robustness >= 0.0 ? Verdict::kPass : Verdict::kFail;
   // What a flight cut short from outside would have come to, nobody knows.
   if (log.end_reason == EndReason::kInterrupted || IsOurs(log.end_reason)) {
@@ -209,13 +224,23 @@ void JudgeMetric(const CriterionSpec& spec, const Metrics& metrics, const RunLog
   }
 }
 
+// Of a flight that should not have passed.
+std::string Expectation(Verdict expected) {
+  return expected == Verdict::kFail           ? "the flight was expected to fail"
+         : expected == Verdict::kInconclusive ? "the flight was expected to be inconclusive"
+                                              : "the flight was expected to end in an error";
+}
+
 // The verdict, and of all criteria that gave it the one that did so first.
-void Conclude(Score& score) {
+void Conclude(Score& score, Verdict expected) {
   score.verdict = Verdict::kPass;
   for (const auto& criterion : score.criteria) score.verdict = std::max(score.verdict, criterion.verdict);
   for (const auto& fault : score.faults)
     if (fault.activations == 0) score.verdict = std::max(score.verdict, Verdict::kInconclusive);
-  if (score.verdict == Verdict::kPass) return;
+  if (score.verdict == Verdict::kPass) {
+    if (expected != Verdict::kPass) score.reason = "every criterion holds, but " + Expectation(expected);
+    return;
+  }
   const CriterionResult* first = nullptr;
   for (const auto& criterion : score.criteria) {
     if (criterion.verdict != score.verdict) continue;
@@ -251,6 +276,13 @@ std::string TooLateToJudge(const RunLog& log) {
 }
 
 }  // namespace
+
+std::optional<double> LeastMargin(const Score& score) {
+  std::optional<double> least;
+  for (const auto& criterion : score.criteria)
+    if (criterion.margin && (!least || *criterion.margin < *least)) least = criterion.margin;
+  return least;
+}
 
 Score ScoreRun(const Scenario& scenario, const RunLog& log) {
   Score score;
@@ -289,7 +321,7 @@ Score ScoreRun(const Scenario& scenario, const RunLog& log) {
   }
   score.histograms = {{"request_period_ms", RequestPeriodHistogram(log.request_times_ns)},
                       {"reply_latency_ms", ReplyLatencyHistogram(log.reply_latency_ns)}};
-  Conclude(score);
+  Conclude(score, scenario.expect);
   if (score.verdict == Verdict::kPass || score.verdict == Verdict::kFail) {
     if (std::string why = TooLateToJudge(log); !why.empty()) {
       score.verdict = Verdict::kInconclusive;

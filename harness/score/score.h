@@ -27,6 +27,9 @@ struct CriterionResult {
   // Of the row that decided: the first violation or witness, else the smallest margin. Metrics have none.
   std::optional<double> time_s;
   std::string explanation;  // one line for a person: formula or bound, value, time
+  // What can be laid beside the margins of other criteria: a formula's robustness as it is, a metric's distance to
+  // each bound divided by that bound's magnitude, the least of two. A bound of 0 and what is infinite have none.
+  std::optional<double> margin{};
 };
 
 // In real time: a flight is not judged when the harness itself was late in more than this share of its
@@ -50,6 +53,9 @@ struct Score {
   std::vector<FaultResult> faults;  // in the scenario's order
   std::int64_t restarts_count = 0;  // of the firmware, asked for or not
 };
+
+// The least margin of the criteria that have one.
+std::optional<double> LeastMargin(const Score& score);
 
 // Never throws: a log that cannot be scored (a trace without its columns) is Verdict::kError with the reason.
 Score ScoreRun(const Scenario& scenario, const RunLog& log);

@@ -3,6 +3,8 @@
 import json
 import os
 import pathlib
+import pty
+import re
 import shutil
 import socket
 import subprocess
@@ -107,6 +109,73 @@ class SuiteTest(unittest.TestCase):
             "warning: suite/back: not followed: a link that leads back to itself",
             "warning: suite/here: not followed: a link to a folder that it is in",
             "warning: suite/there: not followed: a link that leads back to itself"])
+
+    # what is printed of a flight
+
+    def on_a_terminal(self, *arguments):
+        """What stands on the terminal, without colours."""
+        ours, theirs = pty.openpty()
+        with subprocess.Popen([PROGRAM, *map(str, arguments)], cwd=self.folder, stdout=theirs, stderr=subprocess.DEVNULL) as process:
+            os.close(theirs)
+            text = b""
+            try:
+                while part := os.read(ours, 65536):
+                    text += part
+            except OSError:  # the other end was closed
+                pass
+            os.close(ours)
+            process.wait(60)
+        return re.sub(r"\033\[\d*m", "", text.decode()).splitlines()
+
+    def test_every_criterion_that_does_not_hold_is_printed(self):
+        self.scenario("bad", criteria="faults:\n  - {id: late, type: frame.drop, target: both, start_s: 0.5, end_s: 0.501, parameters: {probability: 0}}\ncriteria",
+                      **{"position_error_m <= 0.5": "position_error_m < 0"})
+        with open(self.folder / "bad.yaml", "a") as file:
+            file.write('  - {name: upright, stl: "always(tilt_rad < 0)"}\n  - {name: fine, stl: "always(tilt_rad < 9)"}\n'
+                       '  - {name: later, stl: "eventually[0,9](tilt_rad < 0)"}\n  - {name: calm, metric: tracking.rmse_m, max: 1.0e-9}\n')
+        code, out, _ = self.tiltproof("run", "bad.yaml")
+        self.assertEqual(code, 1)
+        for line in ("near: always(position_error_m < 0): ", "upright: always(tilt_rad < 0): ", "later: .* undecided", "calm: tracking.rmse_m = ",
+                     "fault 'late' never activated", "expected pass; seed 3; again: "):
+            self.assertEqual(len(re.findall("^ +" + line.replace("(", r"\(").replace(")", r"\)"), out, re.MULTILINE)), 1, (line, out))
+        self.assertNotIn("fine", out)
+
+    def test_a_pass_that_was_not_expected_says_so(self):
+        self.scenario("good", **{"seed: 3": "seed: 3\nexpect: fail"})
+        code, out, _ = self.tiltproof("run", "good.yaml")
+        self.assertEqual(code, 1)
+        self.assertIn("every criterion holds, but the flight was expected to fail", out)
+        self.assertIn("expected to fail", self.results()["scenarios"][0]["reason"])
+        self.assertIn("expected to fail", self.junit().find("testcase/failure").get("message"))
+
+    def test_a_flights_line_says_how_near_it_was(self):
+        noise = "faults:\n  - {id: noise, type: wire.bit_error, target: both, parameters: {ber: 0.001}}\ncriteria"
+        self.scenario("hover", criteria=noise)
+        with open(self.folder / "hover.yaml", "a") as file:
+            file.write("  - {name: calm, metric: tracking.max_error_m, min: 0, max: 2}\n")
+        code, out, _ = self.tiltproof("run", "hover.yaml")
+        self.assertEqual(code, 0, out)
+        entry = self.results()["scenarios"][0]
+        margins = [c["margin"] for c in entry["criteria"]]
+        self.assertEqual(margins[:-1], [c["robustness"] for c in entry["criteria"]][:-1])
+        self.assertAlmostEqual(margins[-1], (2 - entry["metrics"]["tracking.max_error_m"]) / 2, places=12)
+        activations = entry["faults"][0]["activations"]
+        self.assertGreater(activations, 1)
+        least = min(m for m in margins if m is not None)
+        self.assertRegex(out, rf"PASS +hover +0\.6 s  rmse \d\.\d+ m  margin {least:.3g}  {activations} activations\n")
+
+    def test_a_flights_line_fits_a_terminal(self):
+        noise = "faults:\n  - {id: noise, type: wire.bit_error, target: both, parameters: {ber: 0.001}}\ncriteria"
+        long = "a-scenario-with-quite-some-words-in-its-name-and-more-to-come-after-them-until-here"
+        self.scenario(long, criteria=noise)
+        self.scenario(long + "-fail", criteria=noise, **{"position_error_m <= 0.5": "position_error_m < 0", "seed: 3": "seed: 3\nexpect: fail"})
+        self.scenario("short")
+        lines = [line for line in self.on_a_terminal("run", ".") if line.startswith(("PASS", "FAIL"))]
+        self.assertEqual(len(lines), 3, lines)
+        self.assertLessEqual(max(map(len, lines)), 80, lines)
+        self.assertRegex(lines[1], r"^PASS +a-scenario-w.*\.\..*-until-here  0\.6 s  rmse .* m  margin .*  \d+ act\.$")
+        self.assertRegex(lines[0], r"^FAIL \(expected\) a-scen.*\.\..*-fail  0\.6 s  ")
+        self.assertRegex(lines[2], r"^PASS +short  +0\.6 s ")
 
     # what applies to a client
 
