@@ -113,7 +113,7 @@ std::string Xml(const BusConfig& config) {
          std::to_string(kParticipantIndexMax) + "</MaxAutoParticipantIndex>" +
          (peers.empty() ? "" : "<Peers>" + peers + "</Peers>") + "<Tag>" + config.tag +
          "</Tag><SPDPInterval>500 ms</SPDPInterval><LeaseDuration>" +
-         std::to_string(kParticipantLeaseNs / kNsPerMs) +
+         std::to_string(config.lease_ns / kNsPerMs) +
          " ms</LeaseDuration></Discovery>"
          "<Internal><Watermarks><WhcAdaptive>false</WhcAdaptive><WhcHigh>" +
          unacked_max + "</WhcHigh><WhcHighInit>" + unacked_max +

@@ -25,6 +25,7 @@
 #include <vector>
 
 #include "harness/dds/messages.h"
+#include "harness/dds/qos.h"
 #include "link/time.h"
 
 namespace tiltproof::dds {
@@ -41,6 +42,8 @@ struct BusConfig {
   std::vector<std::string> peers{};
   // Fault injection: the share of this process's packets that is lost on the way out, 0 to 1.
   double xmit_loss = 0;
+  // For how long a process that is not heard stays on the bus.
+  TimeNs lease_ns = kParticipantLeaseNs;
 };
 
 class Bus {

@@ -10,12 +10,12 @@
 #include <cstring>
 
 #include "harness/process/child_process.h"
+#include "harness/process/own_time.h"
 
 namespace tiltproof::harness {
 namespace {
 
 using std::chrono::milliseconds;
-using std::chrono::steady_clock;
 
 constexpr std::size_t kErrorBytesMax = 65536;
 constexpr std::size_t kReadBytes = 65536;
@@ -88,7 +88,7 @@ void EmulatorProcess::Flush() {
   out_.clear();
 }
 
-void EmulatorProcess::Read(std::span<std::uint8_t> into, steady_clock::time_point until) {
+void EmulatorProcess::Read(std::span<std::uint8_t> into) {
   while (!into.empty()) {
     if (in_taken_ < in_.size()) {
       const std::size_t n = std::min(into.size(), in_.size() - in_taken_);
@@ -97,13 +97,9 @@ void EmulatorProcess::Read(std::span<std::uint8_t> into, steady_clock::time_poin
       into = into.subspan(n);
       continue;
     }
-    pollfd waiting{socket_, POLLIN, 0};
-    const auto left = std::chrono::ceil<milliseconds>(until - steady_clock::now());
-    const int ready = poll(&waiting, 1, static_cast<int>(std::max<std::int64_t>(left.count(), 0)));
-    if (ready < 0 && errno == EINTR) continue;
-    if (ready == 0)
+    if (AwaitInput(socket_, process_->pid(), kHungAfterNs) != Input::kReady)
       throw EmulatorTrouble("the emulator has not come to the end of its turn within " +
-                            std::to_string(kHungAfter.count()) + " s");
+                            std::to_string(kHungAfterNs / kNsPerS) + " s of its own time");
     in_.resize(kReadBytes);
     in_taken_ = 0;
     const ssize_t n = recv(socket_, in_.data(), in_.size(), 0);
@@ -114,13 +110,12 @@ void EmulatorProcess::Read(std::span<std::uint8_t> into, steady_clock::time_poin
 }
 
 EmulatorMessage EmulatorProcess::Next() {
-  const auto until = steady_clock::now() + kHungAfter;
   lockstep::Header header{};
-  Read({reinterpret_cast<std::uint8_t*>(&header), sizeof(header)}, until);
+  Read({reinterpret_cast<std::uint8_t*>(&header), sizeof(header)});
   if (header.body_bytes > lockstep::kBodyBytesMax)
     throw EmulatorTrouble("the emulator's plug-in sent a damaged message");
   EmulatorMessage message{header.kind, std::vector<std::uint8_t>(header.body_bytes)};
-  Read(message.body, until);
+  Read(message.body);
   return message;
 }
 

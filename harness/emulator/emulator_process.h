@@ -4,11 +4,10 @@
 //   board.Send(lockstep::Kind::kReceive, bytes);
 //   const lockstep::Stopped stopped = board.Run(12'000'000, [](const EmulatorMessage& message) { ... });
 //
-// Every call returns within kHungAfter: what takes longer, or ends by itself, is EmulatorTrouble, with what QEMU
-// said last. Times are virtual (harness/emulator/lockstep_protocol.h).
+// An emulator that does not come back within kHungAfterNs of its own time (harness/process/own_time.h), or ends by
+// itself, is EmulatorTrouble, with what QEMU said last. Times are virtual (harness/emulator/lockstep_protocol.h).
 #pragma once
 
-#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -20,6 +19,7 @@
 #include <vector>
 
 #include "harness/emulator/lockstep_protocol.h"
+#include "link/time.h"
 
 namespace tiltproof::harness {
 
@@ -51,7 +51,7 @@ struct EmulatorMessage {
 
 class EmulatorProcess {
  public:
-  static constexpr std::chrono::seconds kHungAfter{5};
+  static constexpr TimeNs kHungAfterNs = 5 * kNsPerS;
 
   // Starts it and waits for the plug-in's word, before the first instruction. Throws EmulatorTrouble.
   explicit EmulatorProcess(const EmulatorSpec& spec);
@@ -82,7 +82,7 @@ class EmulatorProcess {
   void Append(lockstep::Kind kind, std::span<const std::byte> body);
   void Flush();
   EmulatorMessage Next();
-  void Read(std::span<std::uint8_t> into, std::chrono::steady_clock::time_point until);
+  void Read(std::span<std::uint8_t> into);
   [[noreturn]] void ThrowEnded();
 
   int socket_ = -1;

@@ -4,6 +4,8 @@
 // speaks at a time, so neither needs flow control.
 #pragma once
 
+#include <sys/types.h>
+
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -16,22 +18,32 @@
 
 namespace tiltproof::harness {
 
-// The other side is gone, or silent for too long.
+// The other side is gone, or has been silent for too much time of its own (harness/process/own_time.h).
 struct ChannelLost : std::runtime_error {
   ChannelLost(bool silent_in, const std::string& text) : std::runtime_error(text), silent(silent_in) {}
   bool silent;  // it may still be there
 };
 
+// For want of an answer.
+inline ChannelLost Silent(bool stopped_itself) {
+  return {true,
+          stopped_itself ? "the other process has stopped itself" : "the other process does not answer"};
+}
+
 class Channel {
  public:
   virtual ~Channel() = default;
   virtual void Send(std::span<const std::uint8_t> message) = 0;
-  // Waits for the next message, at most `limit_ns` of wall-clock time. Throws ChannelLost.
+  // Waits for the next message, at most `limit_ns` of the other side's own time. Throws ChannelLost.
   virtual std::vector<std::uint8_t> Receive(TimeNs limit_ns) = 0;
 };
 
-// Over one end of a connected stream socket, which it owns.
-std::unique_ptr<Channel> MakeUnixChannel(int socket);
+// Over one end of a connected stream socket, which it owns. `peer`: the process at the other; -1: unknown.
+std::unique_ptr<Channel> MakeUnixChannel(int socket, pid_t peer = -1);
+
+// The bus of a lockstep flight. A process that is stopped stays a member for an hour: that one has ended is seen by other
+// means.
+dds::BusConfig LockstepBus(int domain, const std::string& run_id);
 
 // Over the bus, in a node: to the harness of that run.
 std::unique_ptr<Channel> MakeDdsChannel(dds::Bus& bus, const std::string& run_id, const std::string& node_id);
@@ -39,7 +51,8 @@ std::unique_ptr<Channel> MakeDdsChannel(dds::Bus& bus, const std::string& run_id
 // Over the bus, in the harness: to all of the run's nodes, once they are there. Throws ChannelLost.
 struct DdsPeer {
   std::string node_id;
-  int pidfd = -1;  // readable when its process has ended; -1: unknown. Not owned
+  pid_t pid = -1;
+  int pidfd = -1;  // readable when its process has ended. Not owned
 };
 std::vector<std::unique_ptr<Channel>> MakeDdsChannels(dds::Bus& bus, const std::string& run_id,
                                                       const std::vector<DdsPeer>& peers);

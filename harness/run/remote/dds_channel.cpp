@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "harness/dds/bus.h"
+#include "harness/process/own_time.h"
 #include "harness/run/remote/channel.h"
 
 namespace tiltproof::harness {
@@ -25,7 +26,9 @@ using SteadyClock = std::chrono::steady_clock;
 // follows.
 constexpr std::size_t kPieceBytesMax = std::size_t{512} * 1024;
 constexpr std::uint8_t kLastPiece = 0, kMorePieces = 1;
-constexpr auto kLimit = std::chrono::seconds(10);
+constexpr TimeNs kLimitNs = 10 * kNsPerS;
+// What a node grants the harness: that it is gone, it sees.
+constexpr TimeNs kHarnessLimitNs = 3600 * kNsPerS;
 
 // Wakes a poll from the threads of DDS.
 class Bell {
@@ -82,20 +85,15 @@ class Exchange {
     queue.pop_front();
     return in;
   }
-  // Until the bell rings; false when `until` is over. Throws when the other process has ended and said nothing.
-  bool Wait(SteadyClock::time_point until, int pidfd) {
-    const auto left =
-        std::chrono::duration_cast<std::chrono::milliseconds>(until - SteadyClock::now()).count();
-    if (left < 0) return false;
+  // Until the bell rings, for `limit` at most. Throws when the other process has ended and said nothing.
+  void Wait(std::chrono::milliseconds limit, int pidfd) {
     std::array<pollfd, 2> polled{{{bell_.fd(), POLLIN, 0}, {pidfd, POLLIN, 0}}};
-    const int ready =
-        poll(polled.data(), polled.size(), static_cast<int>(std::min<long>(left, 3'600'000)) + 1);
+    const int ready = poll(polled.data(), polled.size(), static_cast<int>(limit.count()));
     if (ready < 0 && errno != EINTR) throw ChannelLost(false, "waiting failed");
-    if (ready == 0) return false;
+    if (ready == 0) return;
     bell_.Silence();
     if (ready > 0 && (polled[1].revents & POLLIN) != 0 && (polled[0].revents & POLLIN) == 0)
       throw ChannelLost(false, "the other process has ended");
-    return true;
   }
 
  private:
@@ -120,24 +118,26 @@ class DdsChannel final : public Channel {
       payload.insert(payload.end(), piece.begin(), piece.end());
       ++sent_;
       // Full only while the other side takes in a long log.
-      const auto until = SteadyClock::now() + kLimit;
+      OwnTime own(peer_.pid);
       while (!exchange_->Write(peer_.node_id, sent_, payload)) {
-        exchange_->Wait(SteadyClock::now() + std::chrono::milliseconds(10), peer_.pidfd);
-        if (SteadyClock::now() >= until) throw ChannelLost(true, "the other process takes no more messages");
+        exchange_->Wait(std::chrono::milliseconds(10), peer_.pidfd);
+        if (own.Look(SteadyClock::now()) > kLimitNs)
+          throw ChannelLost(true, "the other process takes no more messages");
       }
     } while (!message.empty());
   }
 
   std::vector<std::uint8_t> Receive(TimeNs limit_ns) override {
-    const auto until = SteadyClock::now() + std::chrono::nanoseconds(limit_ns);
+    OwnTime own(peer_.pid);
     std::vector<std::uint8_t> message;
     for (;;) {
+      const bool over = own.Look(SteadyClock::now()) >= limit_ns;
       const auto in = exchange_->Next(peer_.node_id);
       if (!in) {
         if (leaves_with_peer_ && !exchange_->Matched(1))
           throw ChannelLost(false, "the harness has left the bus");
-        if (!exchange_->Wait(until, peer_.pidfd))
-          throw ChannelLost(true, "the other process does not answer");
+        if (over) throw Silent(own.stopped_itself());
+        exchange_->Wait(OwnTime::kLook, peer_.pidfd);
         continue;
       }
       if (in->payload.empty() || in->sequence != ++received_)
@@ -155,26 +155,33 @@ class DdsChannel final : public Channel {
 };
 
 template <class Out, class In>
-void AwaitMatch(Exchange<Out, In>& exchange, const std::vector<DdsPeer>& peers) {
-  const auto until = SteadyClock::now() + kLimit;
+void AwaitMatch(Exchange<Out, In>& exchange, const std::vector<DdsPeer>& peers, TimeNs limit_ns) {
+  std::vector<OwnTime> own;
+  for (const DdsPeer& peer : peers) own.emplace_back(peer.pid);
   while (!exchange.Matched(peers.size())) {
     // One peer's end is enough to give up.
-    for (const DdsPeer& peer : peers) {
-      exchange.Wait(SteadyClock::now() + std::chrono::milliseconds(2), peer.pidfd);
-      if (SteadyClock::now() >= until)
-        throw ChannelLost(true, "not all processes were found on the bus within 10 s");
+    for (std::size_t i = 0; i < peers.size(); ++i) {
+      exchange.Wait(std::chrono::milliseconds(2), peers[i].pidfd);
+      if (own[i].Look(SteadyClock::now()) > limit_ns)
+        throw ChannelLost(
+            true, fmt::format("not all processes were found on the bus within {} s", limit_ns / kNsPerS));
     }
   }
 }
 
 }  // namespace
 
+dds::BusConfig LockstepBus(int domain, const std::string& run_id) {
+  // The longest that there is.
+  return {.domain = domain, .tag = run_id, .lease_ns = 3600 * kNsPerS};
+}
+
 std::unique_ptr<Channel> MakeDdsChannel(dds::Bus& bus, const std::string& run_id,
                                         const std::string& node_id) {
   auto exchange = std::make_shared<Exchange<dds::StepResponse, dds::StepRequest>>(bus, run_id);
-  AwaitMatch(*exchange, {{node_id, -1}});
-  auto channel =
-      std::make_unique<DdsChannel<dds::StepResponse, dds::StepRequest>>(exchange, DdsPeer{node_id, -1}, true);
+  AwaitMatch(*exchange, {{.node_id = node_id}}, kHarnessLimitNs);
+  auto channel = std::make_unique<DdsChannel<dds::StepResponse, dds::StepRequest>>(
+      exchange, DdsPeer{.node_id = node_id}, true);
   // The harness may speak when it has heard from everybody: then everybody hears it.
   channel->Send({});
   return channel;
@@ -183,12 +190,12 @@ std::unique_ptr<Channel> MakeDdsChannel(dds::Bus& bus, const std::string& run_id
 std::vector<std::unique_ptr<Channel>> MakeDdsChannels(dds::Bus& bus, const std::string& run_id,
                                                       const std::vector<DdsPeer>& peers) {
   auto exchange = std::make_shared<Exchange<dds::StepRequest, dds::StepResponse>>(bus, run_id);
-  AwaitMatch(*exchange, peers);
+  AwaitMatch(*exchange, peers, kLimitNs);
   std::vector<std::unique_ptr<Channel>> channels;
   for (const DdsPeer& peer : peers) {
     channels.push_back(
         std::make_unique<DdsChannel<dds::StepRequest, dds::StepResponse>>(exchange, peer, false));
-    channels.back()->Receive(std::chrono::nanoseconds(kLimit).count());
+    channels.back()->Receive(kLimitNs);
   }
   return channels;
 }

@@ -55,17 +55,17 @@ class Parts {
     std::array<int, 2> ends{};
     if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends.data()) != 0)
       throw std::runtime_error(fmt::format("cannot make a socket pair: {}", std::strerror(errno)));
-    channels_.push_back(MakeUnixChannel(ends[0]));
     ChildSpec spec;
     spec.command = {options.program, "node", part, "--lockstep", "socket"};
     spec.descriptors = {ends[1]};
     try {
       processes_.push_back(std::make_unique<ChildProcess>(spec));
     } catch (...) {
-      close(ends[1]);
+      for (const int end : ends) close(end);
       throw;
     }
     close(ends[1]);
+    channels_.push_back(MakeUnixChannel(ends[0], processes_.back()->pid()));
   }
 
   void StartOnBus(const DistributedOptions& options) {
@@ -77,10 +77,9 @@ class Parts {
       spec.command = {options.program,        "node",  part,  "--lockstep", "dds", "--domain",
                       std::to_string(domain), "--tag", run_id};
       processes_.push_back(std::make_unique<ChildProcess>(spec));
-      peers.push_back({part, processes_.back()->pidfd()});
+      peers.push_back({part, processes_.back()->pid(), processes_.back()->pidfd()});
     }
-    bus_.emplace(
-        dds::BusConfig{.domain = domain, .tag = run_id, .interface = {}, .peers = {}, .xmit_loss = 0});
+    bus_.emplace(LockstepBus(domain, run_id));
     channels_ = MakeDdsChannels(*bus_, run_id, peers);
   }
 

@@ -1,25 +1,22 @@
 #include <fmt/format.h>
-#include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
 #include <cerrno>
-#include <chrono>
 #include <cstring>
 
+#include "harness/process/own_time.h"
 #include "harness/run/remote/channel.h"
 
 namespace tiltproof::harness {
 namespace {
-
-using SteadyClock = std::chrono::steady_clock;
 
 // Above any log of a flight that fits in memory; a size beyond it is not a size.
 constexpr std::uint64_t kMessageBytesMax = std::uint64_t{1} << 33;
 
 class UnixChannel final : public Channel {
  public:
-  explicit UnixChannel(int socket) : socket_(socket) {}
+  UnixChannel(int socket, pid_t peer) : socket_(socket), peer_(peer) {}
   ~UnixChannel() override { close(socket_); }
   UnixChannel(const UnixChannel&) = delete;
   UnixChannel& operator=(const UnixChannel&) = delete;
@@ -41,26 +38,19 @@ class UnixChannel final : public Channel {
   }
 
   std::vector<std::uint8_t> Receive(TimeNs limit_ns) override {
-    const auto until = SteadyClock::now() + std::chrono::nanoseconds(limit_ns);
     std::uint64_t size = 0;
-    ReadWhole({reinterpret_cast<std::uint8_t*>(&size), sizeof size}, until);
+    ReadWhole({reinterpret_cast<std::uint8_t*>(&size), sizeof size}, limit_ns);
     if (size > kMessageBytesMax) throw ChannelLost(false, "the other process sent a damaged message");
     std::vector<std::uint8_t> message(size);
-    ReadWhole(message, until);
+    ReadWhole(message, limit_ns);
     return message;
   }
 
  private:
-  void ReadWhole(std::span<std::uint8_t> into, SteadyClock::time_point until) {
+  void ReadWhole(std::span<std::uint8_t> into, TimeNs limit_ns) {
     while (!into.empty()) {
-      pollfd polled{socket_, POLLIN, 0};
-      const auto left =
-          std::chrono::duration_cast<std::chrono::milliseconds>(until - SteadyClock::now()).count();
-      const int ready = left < 0 ? 0 : poll(&polled, 1, static_cast<int>(left) + 1);
-      if (ready == 0) throw ChannelLost(true, "the other process does not answer");
-      if (ready < 0 && errno != EINTR)
-        throw ChannelLost(false, fmt::format("waiting failed: {}", std::strerror(errno)));
-      if (ready < 0) continue;
+      if (const Input input = AwaitInput(socket_, peer_, limit_ns); input != Input::kReady)
+        throw Silent(input == Input::kStoppedItself);
       const ssize_t got = recv(socket_, into.data(), into.size(), 0);
       if (got == 0) throw ChannelLost(false, "the other process has closed the connection");
       if (got < 0) {
@@ -72,11 +62,14 @@ class UnixChannel final : public Channel {
   }
 
   int socket_;
+  pid_t peer_;
   std::vector<std::uint8_t> out_;
 };
 
 }  // namespace
 
-std::unique_ptr<Channel> MakeUnixChannel(int socket) { return std::make_unique<UnixChannel>(socket); }
+std::unique_ptr<Channel> MakeUnixChannel(int socket, pid_t peer) {
+  return std::make_unique<UnixChannel>(socket, peer);
+}
 
 }  // namespace tiltproof::harness

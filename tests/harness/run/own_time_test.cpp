@@ -1,0 +1,152 @@
+// Whose time it is: of processes that sleep, run, are stopped, and stop themselves. The one who looks has a clock of its
+// own here.
+#include "harness/process/own_time.h"
+
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <csignal>
+#include <functional>
+#include <thread>
+
+namespace tiltproof::harness {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+// Killed and reaped at the end.
+class Child {
+ public:
+  explicit Child(const std::function<void()>& work) : pid_(fork()) {
+    if (pid_ != 0) return;
+    work();
+    _exit(0);
+  }
+  ~Child() {
+    kill(pid_, SIGKILL);
+    waitpid(pid_, nullptr, 0);
+  }
+  Child(const Child&) = delete;
+  Child& operator=(const Child&) = delete;
+  pid_t pid() const { return pid_; }
+  // Until it is stopped.
+  void AwaitStop() const { waitid(P_PID, static_cast<id_t>(pid_), nullptr, WSTOPPED | WNOWAIT); }
+  void Stop() const {
+    kill(pid_, SIGSTOP);
+    AwaitStop();
+  }
+
+ private:
+  pid_t pid_;
+};
+
+void Sleep() {
+  for (;;) pause();
+}
+
+// A process, looked at every 100 ms of a clock that stands still meanwhile.
+struct Looks {
+  explicit Looks(pid_t pid) : own(pid) {
+    own.Look(now);
+    Look();  // the baseline
+  }
+  TimeNs Look(OwnTime::SteadyClock::duration later = OwnTime::kLook) { return own.Look(now += later); }
+  OwnTime own;
+  OwnTime::SteadyClock::time_point now{std::chrono::hours(1)};
+};
+
+TEST(OwnTime, AProcessThatSleepsIsChargedWithAllOfIt) {
+  const Child child(Sleep);
+  // It sleeps by now, or soon.
+  Looks looks(child.pid());
+  while (looks.Look() == 0) std::this_thread::yield();
+  const TimeNs before = looks.Look();
+  for (int i = 0; i < 10; ++i) looks.Look();
+  EXPECT_EQ(looks.own.Look(looks.now), before + kNsPerS);
+  EXPECT_EQ(looks.own.excuse(), OwnTime::Excuse::kNone);
+}
+
+TEST(OwnTime, AProcessThatIsStoppedIsNotCharged) {
+  const Child child(Sleep);
+  child.Stop();
+  Looks looks(child.pid());
+  for (int i = 0; i < 250; ++i) EXPECT_EQ(looks.Look(), 0);
+  EXPECT_EQ(looks.own.excuse(), OwnTime::Excuse::kStopped);
+  EXPECT_EQ(looks.own.stopped_pid(), child.pid());
+  EXPECT_FALSE(looks.own.stopped_itself());
+}
+
+TEST(OwnTime, AProcessThatWaitsForAStoppedOneIsNotCharged) {
+  std::array<int, 2> ends{};
+  ASSERT_EQ(pipe(ends.data()), 0);
+  const Child child([&] {
+    const Child grandchild(Sleep);
+    grandchild.Stop();
+    [[maybe_unused]] const ssize_t written = write(ends[1], "", 1);
+    Sleep();
+  });
+  char byte;
+  ASSERT_EQ(read(ends[0], &byte, 1), 1);
+  Looks looks(child.pid());
+  for (int i = 0; i < 20; ++i) EXPECT_EQ(looks.Look(), 0);
+  kill(looks.own.stopped_pid(), SIGKILL);
+}
+
+TEST(OwnTime, AProcessThatStopsItselfIsCharged) {
+  const Child child([] { raise(SIGSTOP); });
+  child.AwaitStop();
+  EXPECT_TRUE(HasStoppedItself(child.pid()));
+  Looks looks(child.pid());
+  for (int i = 1; i <= 20; ++i) EXPECT_EQ(looks.Look(), i * 100 * kNsPerMs);
+  EXPECT_TRUE(looks.own.stopped_itself());
+}
+
+TEST(OwnTime, TimeInWhichTheOneWhoLooksWasStoppedIsNotCharged) {
+  const Child child(Sleep);
+  Looks looks(child.pid());
+  while (looks.Look() == 0) std::this_thread::yield();
+  const TimeNs before = looks.Look();
+  EXPECT_LE(looks.Look(seconds(25)) - before, 200 * kNsPerMs);
+}
+
+// By this clock it had no processor for most of the time.
+TEST(OwnTime, AProcessThatRunsIsChargedWithWhatItRan) {
+  const Child child([] {
+    for (volatile bool forever = true; forever;) {
+    }
+  });
+  Looks looks(child.pid());
+  TimeNs own_ns = 0;
+  for (int i = 0; i < 100; ++i) own_ns = looks.Look();
+  EXPECT_LT(own_ns, 5 * kNsPerS);
+  EXPECT_EQ(looks.own.excuse(), OwnTime::Excuse::kNoProcessor);
+}
+
+TEST(AwaitInput, SeesWhatComesAndWhoIsSilent) {
+  std::array<int, 2> ends{};
+  ASSERT_EQ(pipe(ends.data()), 0);
+  const Child child(Sleep);
+  EXPECT_EQ(AwaitInput(ends[0], child.pid(), 100 * kNsPerMs), Input::kSilent);
+  ASSERT_EQ(write(ends[1], "", 1), 1);
+  EXPECT_EQ(AwaitInput(ends[0], child.pid(), 0), Input::kReady);
+}
+
+// It outlives a stop that is longer than the limit.
+TEST(AwaitInput, WaitsForAStoppedProcess) {
+  std::array<int, 2> ends{};
+  ASSERT_EQ(pipe(ends.data()), 0);
+  const Child child([&] { Sleep(); });
+  child.Stop();
+  std::thread later([&] {
+    std::this_thread::sleep_for(milliseconds(900));
+    [[maybe_unused]] const ssize_t written = write(ends[1], "", 1);
+  });
+  EXPECT_EQ(AwaitInput(ends[0], child.pid(), 300 * kNsPerMs), Input::kReady);
+  later.join();
+}
+
+}  // namespace
+}  // namespace tiltproof::harness
