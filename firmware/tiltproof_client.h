@@ -12,9 +12,11 @@
  *   tiltproof_client_destroy(c);
  *
  * All times are nanoseconds of the client's own clock since power-on. Within receive, grant, start and reset
- * the client may call host->transmit. A call must return: one that computes for more than 5 s of wall-clock
- * time is a hung firmware and fails the run. Every call comes from one thread; several boards may exist at
- * once, so keep state in the TiltproofClient.
+ * the client may call host->transmit. A call must return: one that runs or sleeps for more than 5 s is a hung
+ * firmware and fails the run (time without a processor does not count). So does one that crashes, calls exit or
+ * exec, or lets an exception out, and a client that wants to be woken more than 20000 times within 12 ms. What the
+ * library prints on standard output and error goes to the run's firmware.log. Every call comes from one thread;
+ * several boards may exist at once, so keep state in the TiltproofClient.
  *
  * UART 0 is the main line (sensors and actuators), UART 1 brings references. Frames and messages:
  * link/frame.h, link/messages.h.

@@ -1,3 +1,4 @@
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -6,6 +7,7 @@
 #include "harness/cli/commands.h"
 #include "harness/cli/data_files.h"
 #include "harness/cli/suite.h"
+#include "harness/client/library_client.h"
 #include "harness/node/roles.h"
 #include "harness/run/realtime/realtime_flight.h"
 #include "harness/run/remote/serve.h"
@@ -32,10 +34,11 @@ int ServeLockstep(const NodeCommandOptions& options) {
   std::optional<dds::Bus> bus;
   std::unique_ptr<Channel> channel;
   if (options.lockstep == "socket") {
+    // Another program in this process's place would keep it open.
+    fcntl(kLockstepSocket, F_SETFD, FD_CLOEXEC);
     channel = MakeUnixChannel(kLockstepSocket);
   } else {
-    bus.emplace(dds::BusConfig{
-        .domain = options.domain, .tag = options.tag, .interface = {}, .peers = {}, .xmit_loss = 0});
+    bus.emplace(LockstepBus(options.domain, options.tag));
     channel = MakeDdsChannel(*bus, options.tag, options.kind);
   }
   if (options.kind == "plant") {
@@ -93,6 +96,9 @@ int NodeCommand(const NodeCommandOptions& options) {
       if (!client.device.empty())
         throw UsageError(fmt::format("--client {}: a board has no client node; give this to the link node",
                                      options.client));
+      if (!client.library.empty())
+        if (const auto mistake = LibraryMistake(client.library))
+          throw UsageError(fmt::format("--client {}: {}", client.text, *mistake));
       node.firmware_library = client.library;
       node.firmware_command = client.command;
       make_role = client.command.empty() ? MakeLibraryRole : MakeCommandRole;

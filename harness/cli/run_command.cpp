@@ -14,6 +14,7 @@
 #include "harness/cli/run_record.h"
 #include "harness/cli/suite.h"
 #include "harness/cli/worker_pool.h"
+#include "harness/client/library_client.h"
 #include "harness/emulator/lockstep_self_test.h"
 #include "harness/node/realtime_rights.h"
 #include "harness/report/build_id.h"
@@ -51,6 +52,13 @@ FlightMeans ChooseMeans(const RunOptions& options) {
   if (means.attach && options.jobs_count > 1)
     throw UsageError("--attach: the nodes fly one scenario at a time; drop -j");
   return means;
+}
+
+// That the library is one, before anything is flown.
+void CheckLibrary(const ClientChoice& client) {
+  if (client.library.empty()) return;
+  if (const auto mistake = LibraryMistake(client.library))
+    throw UsageError(fmt::format("--client {}: {}", client.text, *mistake));
 }
 
 // That the board's ports can be had, before anything is flown: a flag that names no device is a mistake of the
@@ -151,6 +159,7 @@ int RunCommand(const RunOptions& options) {
       throw UsageError(fmt::format("--repeat {}: from seed {} on the seeds exceed {}", options.repeat_count,
                                    first, kSeedMax));
   }
+  CheckLibrary(means.client);
   const std::vector<NotApplicable> not_applicable = TakeNotApplicable(means, options.strict, suite);
   if (options.dry_run || suite.scenarios.empty()) {
     List(options, suite.scenarios);

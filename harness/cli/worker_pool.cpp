@@ -8,6 +8,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <atomic>
 #include <cerrno>
 #include <chrono>
@@ -16,9 +18,11 @@
 #include <cstring>
 #include <functional>
 #include <optional>
+#include <utility>
 
 #include "harness/client/firmware_guard.h"
 #include "harness/client/library_client.h"
+#include "harness/process/own_time.h"
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"
 #include "harness/run/flight.h"
@@ -30,12 +34,16 @@ namespace {
 
 using SteadyClock = std::chrono::steady_clock;
 
-// A worker whose simulation time has stood still for this long is stuck in our own code: its firmware is
+// A worker whose simulation time has stood still for so much time of its own is stuck in our code: its firmware is
 // guarded (FirmwareGuard).
-constexpr auto kStuckAfter = std::chrono::minutes(5);
+constexpr TimeNs kStuckAfterNs = 300 * kNsPerS;
+// One that has been stopped by its firmware is given so long to leave the call, once it goes on.
+constexpr TimeNs kLastChanceNs = kNsPerS;
+// When a flight has stood still for so long for a reason that counts against nobody, that is said.
+constexpr TimeNs kToldAfterNs = 5 * kNsPerS;
 // A conductor in real time makes progress on every turn of its loop, so that only scoring and writing, which
 // grow with the flight, can take a while.
-constexpr auto kRealtimeStuckAfter = std::chrono::seconds(10);
+constexpr TimeNs kRealtimeStuckAfterNs = 10 * kNsPerS;
 constexpr int kRefresh_ms = 100;
 // Exit code of a worker that could not leave a verdict.
 constexpr int kExitWithoutVerdict = 77;
@@ -81,6 +89,24 @@ ScenarioResult ErrorResult(const FlightJob& job, const std::string& reason) {
   return MakeErrorResult(job.folder.filename(), job.scenario, reason, job.replay);
 }
 
+// Of a firmware that took its flight with it.
+ScenarioResult FirmwareFailed(const FlightJob& job, const std::string& reason) {
+  ScenarioResult result = ErrorResult(job, reason);
+  result.score.verdict = Verdict::kFail;
+  return result;
+}
+
+// Whether the worker process has the firmware in it.
+bool FliesLibrary(const FlightMeans& means) {
+  return !means.realtime && !means.distributed && !means.client.library.empty();
+}
+
+// What a worker and its parent share.
+struct Shared {
+  std::atomic<std::int64_t> progress_ns{0};
+  FirmwareGuard::Watched firmware;
+};
+
 // What the monitors of a flight in real time are told of its score.
 dds::Score Announced(const ScenarioResult& result) {
   dds::Score score;
@@ -92,8 +118,11 @@ dds::Score Announced(const ScenarioResult& result) {
 }
 
 // `score` makes the result, which a flight in real time announces before it leaves the bus.
-RunLog FlyByMeans(const FlightJob& job, std::atomic<std::int64_t>* progress_ns,
-                  const std::function<const ScenarioResult&(const RunLog&)>& score) {
+// `client`: what must not end before the flight is judged.
+RunLog FlyByMeans(const FlightJob& job, Shared& shared,
+                  const std::function<const ScenarioResult&(const RunLog&)>& score,
+                  std::unique_ptr<Client>& client) {
+  std::atomic<std::int64_t>* const progress_ns = &shared.progress_ns;
   const Scenario& scenario = job.scenario;
   const FlightMeans& means = job.means;
   if (means.realtime)
@@ -117,7 +146,9 @@ RunLog FlyByMeans(const FlightJob& job, std::atomic<std::int64_t>* progress_ns,
                                      .domain = means.domain,
                                      .progress_ns = progress_ns,
                                      .interrupted = &interrupted});
+  if (FliesLibrary(means)) FirmwareGuard::Install(&shared.firmware);
   FlightOptions options;
+  options.retire = [&](std::unique_ptr<Client> retired) { client = std::move(retired); };
   options.make_client = [&](ClientHost host) {
     return MakeClient(means.client.SourceFor(scenario), SettingsOf(scenario), std::move(host));
   };
@@ -127,40 +158,38 @@ RunLog FlyByMeans(const FlightJob& job, std::atomic<std::int64_t>* progress_ns,
 }
 
 // `cut_short`: set when a signal ended the flight.
-ScenarioResult FlyJob(const FlightJob& job, std::atomic<std::int64_t>* progress_ns, bool& cut_short) {
+ScenarioResult FlyJob(const FlightJob& job, Shared& shared, std::unique_ptr<Client>& client,
+                      bool& cut_short) {
   const Scenario& scenario = job.scenario;
   std::optional<ScenarioResult> result;
   const auto score = [&](const RunLog& log) -> const ScenarioResult& {
     if (!result) result = MakeResult(job.folder.filename(), scenario, log, job.replay);
     return *result;
   };
-  const RunLog log = FlyByMeans(job, progress_ns, score);
+  const RunLog log = FlyByMeans(job, shared, score, client);
   cut_short = log.end_reason == EndReason::kInterrupted;
   // Scoring and writing are progress too, for whoever watches.
-  progress_ns->fetch_add(1, std::memory_order_relaxed);
+  shared.progress_ns.fetch_add(1, std::memory_order_relaxed);
   score(log);
-  progress_ns->fetch_add(1, std::memory_order_relaxed);
+  shared.progress_ns.fetch_add(1, std::memory_order_relaxed);
   WriteFlight(job.folder, scenario, log);
   return std::move(*result);
 }
 
 // In the worker: flies, writes the scenario's folder, exits. Never returns.
-[[noreturn]] void Work(const FlightJob& job, std::atomic<std::int64_t>* progress_ns) {
-  // Whatever the firmware prints must not mix with the results on standard output.
+[[noreturn]] void Work(const FlightJob& job, Shared& shared) {
+  // Nothing must mix with the results on standard output.
   dup2(STDERR_FILENO, STDOUT_FILENO);
   ScenarioResult result;
+  std::unique_ptr<Client> client;
   bool cut_short = false;
   try {
     std::filesystem::create_directories(job.folder);
     WriteFile(job.folder / "scenario.resolved.yaml", WriteResolved(job.scenario));
     try {
-      result = FlyJob(job, progress_ns, cut_short);
+      result = FlyJob(job, shared, client, cut_short);
     } catch (const FileError&) {
       throw;
-    } catch (const FirmwareTrouble& trouble) {
-      // While it was being loaded; in flight the conductor keeps what was flown.
-      result = ErrorResult(job, trouble.what());
-      result.score.verdict = Verdict::kFail;
     } catch (const std::exception& error) {
       result = ErrorResult(job, error.what());
     }
@@ -169,6 +198,8 @@ ScenarioResult FlyJob(const FlightJob& job, std::atomic<std::int64_t>* progress_
     std::fprintf(stderr, "tiltproof: %s: %s\n", job.scenario.name.c_str(), error.what());
     _exit(kExitWithoutVerdict);
   }
+  // Whatever it does now, its flight is judged.
+  client.reset();
   // No destructors or exit handlers: they may be the firmware library's.
   _exit(cut_short ? kExitWorkerInterrupted : 0);
 }
@@ -177,10 +208,17 @@ struct Worker {
   std::size_t job = 0;
   pid_t pid = -1;
   int pidfd = -1;
-  std::atomic<std::int64_t>* progress_ns = nullptr;
+  Shared* shared = nullptr;
+  // Last seen to get on, and how much time of its own it has had since.
   std::int64_t seen_progress_ns = 0;
+  std::uint64_t seen_calls_count = 0;
   SteadyClock::time_point seen_at;
-  bool stuck = false;  // and therefore killed
+  OwnTime own;
+  bool told = false;
+  FirmwareCall stopped_itself_in = FirmwareCall::kNone;
+  // Killed for standing still; and in which of the firmware's calls, if any.
+  bool stuck = false;
+  FirmwareCall stuck_in = FirmwareCall::kNone;
 };
 
 class Pool {
@@ -238,29 +276,28 @@ class Pool {
 
   // Empty, or why there is no worker.
   std::string Start(std::size_t job) {
-    void* shared = mmap(nullptr, sizeof(std::atomic<std::int64_t>), PROT_READ | PROT_WRITE,
-                        MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    void* shared = mmap(nullptr, sizeof(Shared), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     if (shared == MAP_FAILED)
       return fmt::format("cannot share memory with a worker: {}", std::strerror(errno));
     Worker worker;
     worker.job = job;
-    worker.progress_ns = new (shared) std::atomic<std::int64_t>(0);
-    worker.seen_at = SteadyClock::now();
+    worker.shared = new (shared) Shared();
     std::fflush(nullptr);
     const pid_t parent = getpid();
     worker.pid = fork();
     if (worker.pid < 0) {
       const int error = errno;
-      munmap(shared, sizeof(std::atomic<std::int64_t>));
+      munmap(shared, sizeof(Shared));
       return fmt::format("cannot start a worker: {}", std::strerror(error));
     }
     if (worker.pid == 0) {
       // A worker never outlives the run, not even when the parent is killed.
       prctl(PR_SET_PDEATHSIG, SIGKILL);
       if (getppid() != parent) _exit(1);
-      Work(jobs_[job], worker.progress_ns);
+      Work(jobs_[job], *worker.shared);
     }
     worker.pidfd = static_cast<int>(syscall(SYS_pidfd_open, worker.pid, 0));
+    GetsOn(worker, SteadyClock::now());
     workers_.push_back(worker);
     return {};
   }
@@ -269,7 +306,14 @@ class Pool {
   void Wait() {
     std::vector<pollfd> polled;
     for (const auto& worker : workers_) polled.push_back({worker.pidfd, POLLIN, 0});
+    const auto began = SteadyClock::now();
     poll(polled.data(), polled.size(), kRefresh_ms);
+    const TimeNs waited_ns = std::chrono::nanoseconds(SteadyClock::now() - began).count();
+    if (waited_ns > kToldAfterNs) {
+      for (Worker& worker : workers_) worker.told = true;
+      Tell(fmt::format("this program stood still for {:.0f} s: it was stopped, or had no processor",
+                       ToSeconds(waited_ns)));
+    }
     if (interrupted && !forwarded_) {
       // Ctrl-C on a terminal reaches them anyway; a signal to this process alone does not.
       for (const auto& worker : workers_) kill(worker.pid, SIGINT);
@@ -281,15 +325,7 @@ class Pool {
     int status = 0;
     const pid_t ended = waitpid(worker.pid, &status, WNOHANG);
     if (ended == 0 || (ended < 0 && errno == EINTR)) {
-      const std::int64_t progress = worker.progress_ns->load(std::memory_order_relaxed);
-      const auto now = SteadyClock::now();
-      if (progress != worker.seen_progress_ns) {
-        worker.seen_progress_ns = progress;
-        worker.seen_at = now;
-      } else if (!worker.stuck && now - worker.seen_at > StuckAfter(jobs_[worker.job])) {
-        worker.stuck = true;
-        kill(worker.pid, SIGKILL);
-      }
+      Watch(worker);
       return false;
     }
     results_[worker.job] =
@@ -298,8 +334,62 @@ class Pool {
             : Collect(worker, status);
     KeepVerdict(jobs_[worker.job], *results_[worker.job]);
     close(worker.pidfd);
-    munmap(static_cast<void*>(worker.progress_ns), sizeof(std::atomic<std::int64_t>));
+    munmap(static_cast<void*>(worker.shared), sizeof(Shared));
     return true;
+  }
+
+  // A flight by the clock on the wall that is stopped cannot be judged: its time goes on.
+  void GetsOn(Worker& worker, SteadyClock::time_point now) {
+    worker.seen_at = now;
+    worker.own = OwnTime(jobs_[worker.job].means.realtime ? -1 : worker.pid);
+  }
+
+  void Watch(Worker& worker) {
+    const auto now = SteadyClock::now();
+    const std::int64_t progress = worker.shared->progress_ns.load(std::memory_order_relaxed);
+    const std::uint64_t calls = worker.shared->firmware.calls_count.load(std::memory_order_relaxed);
+    if (std::exchange(worker.seen_progress_ns, progress) != progress ||
+        std::exchange(worker.seen_calls_count, calls) != calls)
+      GetsOn(worker, now);
+    const TimeNs own_ns = worker.own.Look(now);
+    const TimeNs excused_ns = std::chrono::nanoseconds(now - worker.seen_at).count() - own_ns;
+    if (!worker.told && excused_ns > kToldAfterNs && worker.own.excuse() != OwnTime::Excuse::kNone) {
+      worker.told = true;
+      Tell(fmt::format("{} stands still: {}", jobs_[worker.job].folder.filename().string(),
+                       worker.own.excuse() == OwnTime::Excuse::kStopped
+                           ? fmt::format("process {} is stopped (`kill -CONT {}` lets it go on)",
+                                         worker.own.stopped_pid(), worker.own.stopped_pid())
+                           : "this machine has no processor for it"));
+    }
+    const FirmwareCall inside = worker.shared->firmware.inside.load(std::memory_order_relaxed);
+    if (worker.stuck || own_ns <= Limit(worker, inside)) return;
+    if (inside != FirmwareCall::kNone && worker.own.stopped_itself() &&
+        worker.stopped_itself_in == FirmwareCall::kNone) {
+      // Its flight is kept when it leaves the call by our word.
+      worker.stopped_itself_in = inside;
+      worker.shared->firmware.stopped_itself = true;
+      kill(worker.pid, SIGALRM);
+      kill(worker.pid, SIGCONT);
+      GetsOn(worker, now);
+      return;
+    }
+    worker.stuck = true;
+    worker.stuck_in = inside;
+    kill(worker.pid, SIGKILL);
+  }
+
+  TimeNs Limit(const Worker& worker, FirmwareCall inside) const {
+    const FlightJob& job = jobs_[worker.job];
+    if (job.means.realtime) return kRealtimeStuckAfterNs + job.scenario.duration_ns;
+    if (inside == FirmwareCall::kNone) return kStuckAfterNs;
+    return worker.stopped_itself_in == FirmwareCall::kNone ? FirmwareGuard::kUnreachableAfterNs
+                                                           : kLastChanceNs;
+  }
+
+  // Why a flight stands still, to the user: that time counts against nobody.
+  void Tell(const std::string& text) {
+    ClearProgress();
+    fmt::print(stderr, "tiltproof: {}; that time does not count\n", text);
   }
 
   // In place of a worker that could not, or could not know better.
@@ -313,32 +403,58 @@ class Pool {
     }
   }
 
-  static std::chrono::nanoseconds StuckAfter(const FlightJob& job) {
-    if (!job.means.realtime) return kStuckAfter;
-    return kRealtimeStuckAfter + std::chrono::nanoseconds(job.scenario.duration_ns);
-  }
-
-  ScenarioResult Collect(const Worker& worker, int status) const {
+  // Of a worker that has left no verdict.
+  ScenarioResult WithoutVerdict(const Worker& worker, int status) const {
     const FlightJob& job = jobs_[worker.job];
-    if (worker.stuck && WIFSIGNALED(status))
-      return ErrorResult(job, fmt::format("the worker process stood still for {:.0f} s at {:.3f} s of the "
-                                          "flight and was killed: it hung or was stopped",
-                                          std::chrono::duration<double>(StuckAfter(job)).count(),
-                                          ToSeconds(worker.seen_progress_ns)));
-    if (WIFSIGNALED(status))
-      return ErrorResult(
-          job, fmt::format("the worker process was killed by signal {} ({}) at {:.3f} s of the flight",
-                           WTERMSIG(status), strsignal(WTERMSIG(status)),
-                           ToSeconds(worker.progress_ns->load(std::memory_order_relaxed))));
+    const std::string at = fmt::format("at {:.3f} s of the flight",
+                                       ToSeconds(worker.shared->progress_ns.load(std::memory_order_relaxed)));
+    const FirmwareCall inside = worker.shared->firmware.inside.load(std::memory_order_relaxed);
+    if (worker.stuck && worker.stopped_itself_in != FirmwareCall::kNone)
+      return FirmwareFailed(
+          job, fmt::format("the firmware stopped itself in {} {}", Name(worker.stopped_itself_in), at));
+    if (worker.stuck && worker.stuck_in != FirmwareCall::kNone)
+      return FirmwareFailed(
+          job, fmt::format("the firmware did not return from {} within {} s of its own time, {}, "
+                           "and holds off what would end the call: its flight is lost",
+                           Name(worker.stuck_in), ToSeconds(FirmwareGuard::kUnreachableAfterNs), at));
+    if (worker.stuck)
+      return ErrorResult(job, fmt::format("the worker process stood still for {:.0f} s {} and was killed: it "
+                                          "hung or was stopped",
+                                          ToSeconds(Limit(worker, FirmwareCall::kNone)), at));
     if (WIFEXITED(status) && WEXITSTATUS(status) == kExitWithoutVerdict)
       return ErrorResult(job, "the worker process could not write the results; its message stands above");
+    const std::string how = WIFSIGNALED(status) ? fmt::format("was killed by signal {} ({})",
+                                                              WTERMSIG(status), strsignal(WTERMSIG(status)))
+                                                : fmt::format("ended with exit code {}", WEXITSTATUS(status));
+    // These others send, too; all else is of the firmware's making while it runs. The worker itself does not exit
+    // without a verdict.
+    const std::array others = {SIGKILL, SIGTERM, SIGINT, SIGHUP, SIGQUIT};
+    const bool by_others =
+        WIFSIGNALED(status) && (inside == FirmwareCall::kNone ||
+                                std::find(others.begin(), others.end(), WTERMSIG(status)) != others.end());
+    if (FliesLibrary(job.means) && !by_others)
+      return FirmwareFailed(job,
+                            fmt::format("the firmware ended its process in {}: the process {} {}, and the "
+                                        "flight is lost",
+                                        Name(inside), how, at));
+    return ErrorResult(job, fmt::format("the worker process {} {}", how, at));
+  }
+
+  ScenarioResult Collect(const Worker& worker, int status) {
+    const FlightJob& job = jobs_[worker.job];
     const auto file = job.folder / "verdict.json";
-    if (!std::filesystem::exists(file))
-      return ErrorResult(
-          job, fmt::format(
-                   "the worker process ended with exit code {} and no verdict: did the firmware call exit()?",
-                   WEXITSTATUS(status)));
+    if (!std::filesystem::exists(file)) return WithoutVerdict(worker, status);
     try {
+      if (!WIFEXITED(status) || (WEXITSTATUS(status) != 0 && WEXITSTATUS(status) != kExitWorkerInterrupted)) {
+        ClearProgress();
+        fmt::print(
+            stderr,
+            "tiltproof: warning: {}: after the flight, which counts as it was, its process did not end "
+            "in order{}\n",
+            job.folder.filename().string(),
+            worker.stuck_in == FirmwareCall::kNone ? ""
+                                                   : fmt::format(": it hung in {}", Name(worker.stuck_in)));
+      }
       ScenarioResult result = ResultFromJsonText(ReadFile(file));
       // Nobody asked this run to end, only its worker: that is trouble, not a wish.
       if (WIFEXITED(status) && WEXITSTATUS(status) == kExitWorkerInterrupted && !interrupted) {
@@ -357,7 +473,7 @@ class Pool {
     std::string line = "\r\033[K";
     for (const auto& worker : workers_)
       line += fmt::format("  {} {:.0f}/{:.0f} s", jobs_[worker.job].folder.filename().string(),
-                          ToSeconds(worker.progress_ns->load(std::memory_order_relaxed)),
+                          ToSeconds(worker.shared->progress_ns.load(std::memory_order_relaxed)),
                           ToSeconds(jobs_[worker.job].scenario.duration_ns));
     std::fputs(line.substr(0, 110).c_str(), stderr);
     std::fflush(stderr);

@@ -1,18 +1,127 @@
 #include "harness/client/firmware_guard.h"
 
-#include <sys/time.h>
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <pthread.h>
+#include <sys/syscall.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <array>
+#include <cerrno>
+#include <cstdio>
+#include <cstdlib>
 #include <cstring>
+#include <ctime>
+#include <utility>
+
+#ifndef sigev_notify_thread_id
+#define sigev_notify_thread_id _sigev_un._tid
+#endif
 
 namespace tiltproof::harness {
+namespace {
+
+constexpr TimeNs kLookNs = 200 * kNsPerMs;
+
+FirmwareGuard::Watched own_watched;
+FirmwareGuard::Watched* watched = &own_watched;
+pthread_t guarded_thread{};
+pid_t guarded_process = -1;
+TimeNs hung_after_ns = FirmwareGuard::kHungAfterNs;
+timer_t timer{};
+
+volatile sig_atomic_t inside = 0;
+// In the harness, which the call under way has called back.
+volatile sig_atomic_t called_back = 0;
+FirmwareCall present_call = FirmwareCall::kNone;
+std::array<char, 512> ended_by{};
+volatile sig_atomic_t caught_signal = 0;
+volatile sig_atomic_t caught_cause = 0;
+// In a process that the firmware has forked from within a call.
+bool forked = false;
+
+// How long the present call has lasted; all by the timer's handler.
+struct OwnTimeOfCall {
+  std::uint64_t call = 0;
+  TimeNs looked_ns = 0, run_ns = 0, waited_ns = 0;  // by then
+  TimeNs own_ns = 0;
+} own_time;
+int waits_file = -1;
+
+TimeNs Clock(clockid_t clock) {
+  timespec time{};
+  clock_gettime(clock, &time);
+  return time.tv_sec * kNsPerS + time.tv_nsec;
+}
+
+// Time that this thread has waited for a processor: the second number (Documentation/scheduler/sched-stats.rst of
+// Linux). 0 where the kernel does not tell. Async-signal-safe.
+TimeNs Waited() {
+  std::array<char, 64> text;
+  const ssize_t size = waits_file < 0 ? -1 : pread(waits_file, text.data(), text.size(), 0);
+  const char* const end = text.data() + std::max<ssize_t>(size, 0);
+  const char* at = std::find(static_cast<const char*>(text.data()), end, ' ');
+  TimeNs waited_ns = 0;
+  for (at = at == end ? end : at + 1; at != end && *at >= '0' && *at <= '9'; ++at)
+    waited_ns = 10 * waited_ns + (*at - '0');
+  return waited_ns;
+}
+
+void StartTimer() {
+  struct sigevent event {};
+  event.sigev_notify = SIGEV_THREAD_ID;
+  event.sigev_signo = SIGALRM;
+  event.sigev_notify_thread_id = static_cast<pid_t>(syscall(SYS_gettid));
+  if (timer_create(CLOCK_MONOTONIC, &event, &timer) != 0)
+    throw std::runtime_error(fmt::format("no timer to guard the firmware's calls: {}", std::strerror(errno)));
+  const timespec period{0, kLookNs};
+  const itimerspec every{period, period};
+  timer_settime(timer, 0, &every, nullptr);
+}
+
+}  // namespace
+
+std::string_view Name(FirmwareCall call) {
+  switch (call) {
+    case FirmwareCall::kNone:
+      break;
+    case FirmwareCall::kLoad:
+      return "dlopen";
+    case FirmwareCall::kVersion:
+      return "tiltproof_client_abi_version";
+    case FirmwareCall::kCreate:
+      return "tiltproof_client_create";
+    case FirmwareCall::kStart:
+      return "tiltproof_client_start";
+    case FirmwareCall::kReceive:
+      return "tiltproof_client_receive";
+    case FirmwareCall::kGrant:
+      return "tiltproof_client_grant";
+    case FirmwareCall::kReset:
+      return "tiltproof_client_reset";
+    case FirmwareCall::kStatus:
+      return "tiltproof_client_status";
+    case FirmwareCall::kDestroy:
+      return "tiltproof_client_destroy";
+  }
+  return "no call";
+}
 
 sigjmp_buf FirmwareGuard::jump_;
-volatile sig_atomic_t FirmwareGuard::inside_ = 0;
-volatile sig_atomic_t FirmwareGuard::ticks_ = 0;
-volatile sig_atomic_t FirmwareGuard::caught_signal_ = 0;
+FloatingPointModes FirmwareGuard::modes_;
+std::exception_ptr FirmwareGuard::error_;
 
-void FirmwareGuard::Install() {
+void FirmwareGuard::Install(Watched* shared, TimeNs limit_ns) {
+  if (guarded_process == getpid()) timer_delete(timer);
+  watched = shared != nullptr ? shared : &own_watched;
+  hung_after_ns = limit_ns;
+  guarded_thread = pthread_self();
+  guarded_process = getpid();
+  forked = false;
+  static const int registered = pthread_atfork(nullptr, nullptr, [] { forked = true; });
+  static_cast<void>(registered);
+
   // A crash may be a stack overflow: the handler needs a stack of its own.
   static std::array<char, 65536> handler_stack;
   stack_t stack{};
@@ -21,40 +130,137 @@ void FirmwareGuard::Install() {
   sigaltstack(&stack, nullptr);
 
   struct sigaction action {};
-  action.sa_handler = OnSignal;
   // NODEFER: the handler is left by a jump, which would otherwise keep the signal blocked.
   action.sa_flags = SA_ONSTACK | SA_NODEFER | SA_RESTART;
   sigemptyset(&action.sa_mask);
-  for (const int signal_number : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGALRM})
-    sigaction(signal_number, &action, nullptr);
+  action.sa_handler = OnCrash;
+  for (const int number : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGTRAP, SIGSYS})
+    sigaction(number, &action, nullptr);
+  action.sa_handler = OnTimer;
+  sigaction(SIGALRM, &action, nullptr);
 
-  const itimerval every_second{{1, 0}, {1, 0}};
-  setitimer(ITIMER_REAL, &every_second, nullptr);
+  if (waits_file >= 0) close(waits_file);
+  waits_file = open("/proc/thread-self/schedstat", O_RDONLY | O_CLOEXEC);
+  StartTimer();
 }
 
-void FirmwareGuard::OnSignal(int signal_number) {
-  if (signal_number == SIGALRM) {
-    ticks_ = ticks_ + 1;
-    // The first tick may come at once after the call began. Between calls the count means nothing: Enter()
-    // clears it.
-    if (inside_ == 0 || ticks_ <= kHungAfter_s) return;
-  } else if (inside_ == 0) {
-    // The harness's own crash: die of it.
+bool FirmwareGuard::IsInside() { return inside != 0 && pthread_equal(pthread_self(), guarded_thread) != 0; }
+
+void FirmwareGuard::Enter(FirmwareCall call) {
+  modes_ = FloatingPointModes();
+  present_call = call;
+  watched->calls_count.store(watched->calls_count.load(std::memory_order_relaxed) + 1,
+                             std::memory_order_relaxed);
+  watched->inside.store(call, std::memory_order_relaxed);
+  inside = 1;
+}
+
+void FirmwareGuard::Leave() {
+  // There is one flight only, and it is not this one's.
+  if (forked) _Exit(0);
+  inside = 0;
+  watched->inside.store(FirmwareCall::kNone, std::memory_order_relaxed);
+  modes_.Restore();
+}
+
+FloatingPointModes FirmwareGuard::LeaveForCallBack() {
+  const FloatingPointModes firmwares;
+  modes_.Restore();
+  called_back = 1;
+  inside = 0;
+  return firmwares;
+}
+
+// A firmware that calls back without end spends most of its time in there, and is over its limit all the same.
+void FirmwareGuard::ReturnToFirmware() {
+  called_back = 0;
+  inside = 1;
+  if (own_time.call == watched->calls_count.load(std::memory_order_relaxed) &&
+      own_time.own_ns > hung_after_ns)
+    Jump(kHung);
+}
+
+void FirmwareGuard::ThrowFromCallBack() {
+  called_back = 0;
+  Jump(kHarnessError);
+}
+
+void FirmwareGuard::EndCall(const char* what) {
+  if (!IsInside() || guarded_process != getpid()) return;
+  std::snprintf(ended_by.data(), ended_by.size(), "%s", what);
+  Jump(kEnded);
+}
+
+void FirmwareGuard::OnCrash(int signal_number) {
+  if (!IsInside() || guarded_process != getpid()) {
+    // The harness's own crash, or that of a thread that the firmware has started: die of it.
     signal(signal_number, SIG_DFL);
     raise(signal_number);
     return;
   }
-  inside_ = 0;
-  caught_signal_ = signal_number;
+  caught_signal = signal_number;
+  Jump(kCrashed);
+}
+
+void FirmwareGuard::OnTimer(int /*signal_number*/) {
+  const int error = errno;
+  CountOwnTime();
+  if (IsInside()) {
+    if (watched->stopped_itself.load(std::memory_order_relaxed)) Jump(kStoppedItself);
+    if (own_time.own_ns > hung_after_ns) Jump(kHung);
+  }
+  errno = error;
+}
+
+void FirmwareGuard::CountOwnTime() {
+  const std::uint64_t call = watched->calls_count.load(std::memory_order_relaxed);
+  const OwnTimeOfCall before = own_time;
+  own_time.call = call;
+  own_time.looked_ns = Clock(CLOCK_MONOTONIC);
+  own_time.run_ns = Clock(CLOCK_THREAD_CPUTIME_ID);
+  own_time.waited_ns = Waited();
+  if (call != before.call || (inside == 0 && called_back == 0)) {
+    own_time.own_ns = 0;
+    return;
+  }
+  // The timer does not go on while the process is stopped: what is more than that was not its own.
+  const TimeNs elapsed_ns = std::min(own_time.looked_ns - before.looked_ns, 2 * kLookNs);
+  const TimeNs waited_ns = own_time.waited_ns - before.waited_ns;
+  // The harness may wait, too: for other processes.
+  own_time.own_ns += called_back != 0 ? std::min(own_time.run_ns - before.run_ns, elapsed_ns)
+                                      : std::max<TimeNs>(elapsed_ns - waited_ns, 0);
+}
+
+void FirmwareGuard::NoteException(const char* what) {
+  std::snprintf(ended_by.data(), ended_by.size(), "threw an exception: %s", what);
+  caught_cause = kEnded;
+}
+
+void FirmwareGuard::Jump(Cause cause) {
+  caught_cause = cause;
   siglongjmp(jump_, 1);
 }
 
 void FirmwareGuard::Throw() {
-  const int signal_number = caught_signal_;
-  if (signal_number == SIGALRM)
-    throw FirmwareTrouble(true, "the firmware did not return from a call within " +
-                                    std::to_string(kHungAfter_s) + " s of wall-clock time");
-  throw FirmwareTrouble(false, "the firmware crashed: " + std::string(strsignal(signal_number)));
+  inside = 0;
+  watched->inside.store(FirmwareCall::kNone, std::memory_order_relaxed);
+  modes_.RestoreAll();
+  switch (static_cast<Cause>(caught_cause)) {
+    case kHung:
+      throw FirmwareTrouble(true,
+                            fmt::format("the firmware did not return from {} within {} s of its own time",
+                                        Name(present_call), ToSeconds(hung_after_ns)));
+    case kStoppedItself:
+      throw FirmwareTrouble(true, fmt::format("the firmware stopped itself in {}", Name(present_call)));
+    case kEnded:
+      throw FirmwareTrouble(false, fmt::format("the firmware {} in {}", ended_by.data(), Name(present_call)));
+    case kHarnessError:
+      std::rethrow_exception(std::exchange(error_, nullptr));
+    case kCrashed:
+      break;
+  }
+  throw FirmwareTrouble(
+      false, fmt::format("the firmware crashed in {}: {}", Name(present_call), strsignal(caught_signal)));
 }
 
 }  // namespace tiltproof::harness

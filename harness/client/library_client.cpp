@@ -1,8 +1,16 @@
 #include "harness/client/library_client.h"
 
 #include <dlfcn.h>
+#include <fcntl.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <array>
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
 #include <deque>
 #include <stdexcept>
 #include <type_traits>
@@ -10,76 +18,126 @@
 
 #include "firmware/tiltproof_client.h"
 #include "harness/client/firmware_guard.h"
+#include "harness/process/child_process.h"
+#include "harness/process/own_time.h"
 
 namespace tiltproof::harness {
 namespace {
 
-class LibraryClient final : public Client {
+// A loaded library. Never closed: its process ends soon, and unloading would run the firmware's exit code unguarded.
+class Library {
  public:
-  LibraryClient(const std::filesystem::path& library, const std::string& firmware, link::Dialect dialect,
-                ClientHost host)
-      : host_(std::move(host)), firmware_(firmware), dialect_(Name(dialect)) {
-    // An absolute path, or dlopen would search the system's folders for a bare name.
-    const std::string path = std::filesystem::absolute(library).string();
-    if (!std::filesystem::exists(path)) throw std::runtime_error("no firmware library at " + path);
-    handle_ = FirmwareGuard::Call([&] { return dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL); });
+  // Throws std::runtime_error.
+  explicit Library(const std::filesystem::path& file)
+      // An absolute path, or dlopen would search the system's folders for a bare name.
+      : path_(std::filesystem::absolute(file).string()) {
+    if (!std::filesystem::exists(path_)) throw std::runtime_error("no firmware library at " + path_);
+    handle_ = FirmwareGuard::Call(FirmwareCall::kLoad,
+                                  [&] { return dlopen(path_.c_str(), RTLD_NOW | RTLD_LOCAL); });
     if (handle_ == nullptr)
       throw std::runtime_error("cannot load firmware library: " + std::string(dlerror()));
 
-    const auto version =
-        Symbol<decltype(&tiltproof_client_abi_version)>(path, "tiltproof_client_abi_version");
-    create_ = Symbol<decltype(create_)>(path, "tiltproof_client_create");
-    destroy_ = Symbol<decltype(destroy_)>(path, "tiltproof_client_destroy");
-    start_ = Symbol<decltype(start_)>(path, "tiltproof_client_start");
-    receive_ = Symbol<decltype(receive_)>(path, "tiltproof_client_receive");
-    grant_ = Symbol<decltype(grant_)>(path, "tiltproof_client_grant");
-    reset_ = Symbol<decltype(reset_)>(path, "tiltproof_client_reset");
-    status_ = reinterpret_cast<decltype(status_)>(dlsym(handle_, "tiltproof_client_status"));
-    if (const auto found = FirmwareGuard::Call([&] { return version(); });
+    const auto version = Symbol<decltype(&tiltproof_client_abi_version)>("tiltproof_client_abi_version");
+    create = Symbol<decltype(create)>("tiltproof_client_create");
+    destroy = Symbol<decltype(destroy)>("tiltproof_client_destroy");
+    start = Symbol<decltype(start)>("tiltproof_client_start");
+    receive = Symbol<decltype(receive)>("tiltproof_client_receive");
+    grant = Symbol<decltype(grant)>("tiltproof_client_grant");
+    reset = Symbol<decltype(reset)>("tiltproof_client_reset");
+    status = reinterpret_cast<decltype(status)>(dlsym(handle_, "tiltproof_client_status"));
+    if (const auto found = FirmwareGuard::Call(FirmwareCall::kVersion, [&] { return version(); });
         found != TILTPROOF_CLIENT_ABI_VERSION)
-      throw std::runtime_error(path + ": built for client interface version " + std::to_string(found) +
+      throw std::runtime_error(path_ + ": built for client interface version " + std::to_string(found) +
                                ", this tiltproof has version " +
                                std::to_string(TILTPROOF_CLIENT_ABI_VERSION) +
                                "; rebuild it against firmware/tiltproof_client.h");
+  }
 
+  const std::string& path() const { return path_; }
+
+  decltype(&tiltproof_client_create) create = nullptr;
+  decltype(&tiltproof_client_destroy) destroy = nullptr;
+  decltype(&tiltproof_client_start) start = nullptr;
+  decltype(&tiltproof_client_receive) receive = nullptr;
+  decltype(&tiltproof_client_grant) grant = nullptr;
+  decltype(&tiltproof_client_status) status = nullptr;  // may be missing
+  decltype(&tiltproof_client_reset) reset = nullptr;
+
+ private:
+  template <class Function>
+  Function Symbol(const char* name) {
+    void* symbol = dlsym(handle_, name);
+    if (symbol == nullptr)
+      throw std::runtime_error(path_ + " is no firmware library: it does not export " + name +
+                               " (see firmware/tiltproof_client.h)");
+    return reinterpret_cast<Function>(symbol);
+  }
+
+  std::string path_;
+  void* handle_ = nullptr;
+};
+
+class LibraryClient final : public Client {
+ public:
+  LibraryClient(const std::filesystem::path& library, const std::string& firmware, link::Dialect dialect,
+                ClientHost host, std::unique_ptr<CapturedOutput> output)
+      : host_(std::move(host)),
+        output_(std::move(output)),
+        library_(library),
+        firmware_(firmware),
+        dialect_(Name(dialect)) {
     interface_.abi_version = TILTPROOF_CLIENT_ABI_VERSION;
     interface_.firmware = firmware_.c_str();
     interface_.dialect = dialect_.c_str();
     interface_.context = this;
     interface_.transmit = [](void* context, int uart, std::int64_t now_ns, const std::uint8_t* bytes,
                              std::size_t count) {
-      const FirmwareGuard::Outside outside;
       if ((uart != TILTPROOF_UART_MAIN && uart != TILTPROOF_UART_REFERENCE) || bytes == nullptr || count == 0)
         return now_ns;
-      return static_cast<LibraryClient*>(context)->host_.transmit(static_cast<Uart>(uart), now_ns,
-                                                                  {bytes, count});
+      return FirmwareGuard::CallBack([&] {
+        return static_cast<LibraryClient*>(context)->Transmit(static_cast<Uart>(uart), now_ns,
+                                                              {bytes, count});
+      });
     };
     interface_.log = [](void* context, std::int64_t now_ns, const char* text) {
-      const FirmwareGuard::Outside outside;
-      static_cast<LibraryClient*>(context)->host_.log(now_ns, text == nullptr ? "" : text);
+      FirmwareGuard::CallBack(
+          [&] { return static_cast<LibraryClient*>(context)->Log(now_ns, text == nullptr ? "" : text); });
     };
-    client_ = FirmwareGuard::Call([&] { return create_(&interface_); });
-    if (client_ == nullptr)
-      throw std::runtime_error(path + " cannot be firmware '" + firmware_ + "' with dialect '" + dialect_ +
-                               "' (tiltproof_client_create returned NULL)");
-  }
-
-  ~LibraryClient() override {
-    if (client_ == nullptr || lost_) return;
-    try {
-      FirmwareGuard::Call([&] { destroy_(client_); });
-    } catch (const FirmwareTrouble&) {
-      // The flight is over and scored without it; the process ends soon.
+    client_ = Guarded(FirmwareCall::kCreate, [&] { return library_.create(&interface_); });
+    if (client_ == nullptr) {
+      std::string text = library_.path() + " cannot be firmware '" + firmware_ + "' with dialect '" +
+                         dialect_ + "' (tiltproof_client_create returned NULL)";
+      if (output_) output_->TakeAll([&](const std::string& line) { text += ": " + line; });
+      throw std::runtime_error(text);
     }
   }
 
+  // The flight is over, and judged: nobody hears the firmware any more.
+  ~LibraryClient() override {
+    over_ = true;
+    std::string trouble;
+    try {
+      if (client_ != nullptr && !lost_)
+        FirmwareGuard::Call(FirmwareCall::kDestroy, [&] { library_.destroy(client_); });
+    } catch (const std::exception& error) {
+      trouble = error.what();
+    }
+    output_.reset();
+    if (!trouble.empty())
+      std::fprintf(stderr, "tiltproof: warning: after the flight, which counts as it was, %s\n",
+                   trouble.c_str());
+  }
+
   TimeNs Start(TimeNs now) override {
-    return Guarded([&] { return start_(client_, now); });
+    const TimeNs wake = Guarded(FirmwareCall::kStart, [&] { return library_.start(client_, now); });
+    LogOutput(now);
+    return wake;
   }
   void Receive(Uart uart, TimeNs now, std::span<const std::uint8_t> bytes,
                std::span<const faults::ReceiveMark> /*marks*/) override {
     if (in_reset_) return;
-    Guarded([&] { receive_(client_, static_cast<int>(uart), now, bytes.data(), bytes.size()); });
+    Guarded(FirmwareCall::kReceive,
+            [&] { library_.receive(client_, static_cast<int>(uart), now, bytes.data(), bytes.size()); });
   }
   TimeNs Grant(TimeNs now, TimeNs /*horizon*/) override {
     // Resets that begin while it is held hold it until the last has ended.
@@ -92,14 +150,15 @@ class LibraryClient final : public Client {
                    .text = "reset, and held until it has booted"});
     }
     if (!in_reset_) {
-      wake_ns_ = Guarded([&] { return grant_(client_, now); });
+      wake_ns_ = Guarded(FirmwareCall::kGrant, [&] { return library_.grant(client_, now); });
     } else if (now < held_until_) {
       wake_ns_ = held_until_;
     } else {
       in_reset_ = false;
       host_.event({.time_ns = now, .fault = std::nullopt, .kind = "device_runs", .text = "it has booted"});
-      wake_ns_ = Guarded([&] { return reset_(client_, now); });
+      wake_ns_ = Guarded(FirmwareCall::kReset, [&] { return library_.reset(client_, now); });
     }
+    if (now - logged_ns_ >= kLogPeriod) LogOutput(now);
     return resets_.empty() ? wake_ns_ : std::min(wake_ns_, resets_.front().begin);
   }
   // A library can be reset and nothing else; all other faults of a device are refused before the flight.
@@ -109,37 +168,52 @@ class LibraryClient final : public Client {
         resets_.push_back({origin + command.at_ns, origin + command.until_ns, command.fault});
   }
   std::optional<ClientStatus> Status() override {
-    if (status_ == nullptr || lost_) return std::nullopt;
+    LogAllOutput();
+    if (library_.status == nullptr || lost_) return std::nullopt;
     TiltproofClientStatus status{};
-    Guarded([&] { status_(client_, &status); });
+    Guarded(FirmwareCall::kStatus, [&] { library_.status(client_, &status); });
     return ClientStatus{status.supervisor_state, status.failsafe_count};
   }
 
  private:
-  template <class Function>
-  Function Symbol(const std::string& path, const char* name) {
-    void* symbol = dlsym(handle_, name);
-    if (symbol == nullptr)
-      throw std::runtime_error(path + " is no firmware library: it does not export " + name +
-                               " (see firmware/tiltproof_client.h)");
-    return reinterpret_cast<Function>(symbol);
-  }
-
   // After trouble the client's state is unknown: it is not called again.
   template <class Function>
-  std::invoke_result_t<const Function&> Guarded(const Function& function) {
+  std::invoke_result_t<const Function&> Guarded(FirmwareCall call, const Function& function) {
     try {
-      return FirmwareGuard::Call(function);
-    } catch (const FirmwareTrouble&) {
+      return FirmwareGuard::Call(call, function);
+    } catch (...) {
       lost_ = true;
+      LogAllOutput();
       throw;
     }
   }
 
+  TimeNs Transmit(Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) {
+    return over_ ? now : host_.transmit(uart, now, bytes);
+  }
+  bool Log(TimeNs now, std::string_view text) {
+    if (over_) return false;
+    // What was printed before comes first.
+    LogOutput(now);
+    host_.log(now, text);
+    return true;
+  }
+
+  void LogOutput(TimeNs now) {
+    logged_ns_ = now;
+    if (output_) output_->TakeLines([&](const std::string& line) { host_.log(now, line); });
+  }
+  void LogAllOutput() {
+    if (output_) output_->TakeAll([&](const std::string& line) { host_.log(logged_ns_, line); });
+  }
+
+  // Looking for output takes a while.
+  static constexpr TimeNs kLogPeriod = kControlPeriodNs;
+
   ClientHost host_;
+  std::unique_ptr<CapturedOutput> output_;
+  Library library_;
   std::string firmware_, dialect_;
-  // Never closed: the worker process ends soon, and unloading would run the firmware's exit code unguarded.
-  void* handle_ = nullptr;
   TiltproofHost interface_{};
   TiltproofClient* client_ = nullptr;
   struct Reset {
@@ -150,21 +224,55 @@ class LibraryClient final : public Client {
   bool in_reset_ = false;
   TimeNs held_until_ = 0;
   TimeNs wake_ns_ = kNever;
+  TimeNs logged_ns_ = 0;
   bool lost_ = false;
-  decltype(&tiltproof_client_create) create_ = nullptr;
-  decltype(&tiltproof_client_destroy) destroy_ = nullptr;
-  decltype(&tiltproof_client_start) start_ = nullptr;
-  decltype(&tiltproof_client_receive) receive_ = nullptr;
-  decltype(&tiltproof_client_grant) grant_ = nullptr;
-  decltype(&tiltproof_client_status) status_ = nullptr;
-  decltype(&tiltproof_client_reset) reset_ = nullptr;
+  bool over_ = false;
 };
 
 }  // namespace
 
 std::unique_ptr<Client> LoadLibraryClient(const std::filesystem::path& library, const std::string& firmware,
-                                          link::Dialect dialect, ClientHost host) {
-  return std::make_unique<LibraryClient>(library, firmware, dialect, std::move(host));
+                                          link::Dialect dialect, ClientHost host,
+                                          std::unique_ptr<CapturedOutput> output) {
+  return std::make_unique<LibraryClient>(library, firmware, dialect, std::move(host), std::move(output));
+}
+
+std::optional<std::string> LibraryMistake(const std::filesystem::path& library) {
+  std::array<int, 2> ends{};
+  if (pipe2(ends.data(), O_CLOEXEC) != 0)
+    throw std::runtime_error(std::string("no pipe to try a library: ") + std::strerror(errno));
+  const link::OwnedDescriptor read_end(ends[0]);
+  link::OwnedDescriptor write_end(ends[1]);
+  std::fflush(nullptr);
+  const pid_t parent = getpid();
+  const pid_t pid = fork();
+  if (pid < 0) throw std::runtime_error(std::string("no process to try a library: ") + std::strerror(errno));
+  if (pid == 0) {
+    DieWithParent(parent);
+    FirmwareGuard::Install();
+    const CapturedOutput unheard;
+    try {
+      const Library loaded(library);
+    } catch (const FirmwareTrouble&) {
+      // It is one. What it does wrong, its flight will show.
+    } catch (const std::exception& error) {
+      const std::string text = error.what();
+      [[maybe_unused]] const ssize_t written = write(write_end.get(), text.data(), text.size());
+    }
+    _exit(0);
+  }
+  write_end = link::OwnedDescriptor();
+  std::string text;
+  std::array<char, 4096> buffer;
+  while (AwaitInput(read_end.get(), pid, FirmwareGuard::kUnreachableAfterNs) == Input::kReady) {
+    const ssize_t got = read(read_end.get(), buffer.data(), buffer.size());
+    if (got == 0) break;
+    if (got > 0) text.append(buffer.data(), static_cast<std::size_t>(got));
+  }
+  kill(pid, SIGKILL);
+  waitpid(pid, nullptr, 0);
+  if (text.empty()) return std::nullopt;
+  return text;
 }
 
 }  // namespace tiltproof::harness

@@ -2,7 +2,6 @@
 
 #include <utility>
 
-#include "harness/client/firmware_guard.h"
 #include "harness/client/library_client.h"
 
 namespace tiltproof::harness {
@@ -10,8 +9,8 @@ namespace tiltproof::harness {
 std::unique_ptr<Client> MakeClient(const ClientSource& source, const ClientSettings& settings,
                                    ClientHost host) {
   if (source.emulator) return StartEmulatorClient(*source.emulator, settings.lines, std::move(host));
-  FirmwareGuard::Install();
-  return LoadLibraryClient(source.library, settings.firmware, settings.dialect, std::move(host));
+  return LoadLibraryClient(source.library, settings.firmware, settings.dialect, std::move(host),
+                           std::make_unique<CapturedOutput>());
 }
 
 }  // namespace tiltproof::harness

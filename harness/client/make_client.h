@@ -24,7 +24,8 @@ struct ClientSettings {
   EmulatorLines lines;
 };
 
-// Throws std::runtime_error that says what is wrong with the file.
+// Throws std::runtime_error that says what is wrong with the file. For a library, a FirmwareGuard is installed in this
+// process, whose output is the firmware's as long as the client exists.
 std::unique_ptr<Client> MakeClient(const ClientSource& source, const ClientSettings& settings,
                                    ClientHost host);
 

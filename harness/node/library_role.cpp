@@ -36,7 +36,8 @@ class LibraryRole final : public Role {
                                  },
                              .log = [this](TimeNs now, std::string_view text) { Log(Plausible(now), text); }};
     try {
-      client_ = LoadLibraryClient(library_, scenario_.firmware, scenario_.link.dialect, host);
+      client_ = LoadLibraryClient(library_, scenario_.firmware, scenario_.link.dialect, host,
+                                  std::make_unique<CapturedOutput>());
     } catch (const FirmwareTrouble& trouble) {
       // The firmware's doing, not this node's: told like a crash in flight, once that has begun.
       trouble_ = trouble;

@@ -203,9 +203,9 @@ void Node::WatchHarness() {
     if (node.alive && node.last.kind == dds::NodeKind::kHarness && node.last.run_id == run_id_)
       harness_heard_ = now;
   if (now - harness_heard_ < kHarnessLostAfter) return;
-  fmt::print(stderr, "tiltproof node {}: the harness of run {} is gone; the run is given up\n", options_.name,
-             run_id_);
   Release();
+  fmt::print(stderr, "tiltproof node {}: the harness of run {} is gone; the run is given up\n", options_.name,
+             released_run_id_);
 }
 
 void Node::OnScenario() {

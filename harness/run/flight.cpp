@@ -24,8 +24,8 @@ using link::Direction;
 constexpr TimeNs kTransmitAheadMax = kNsPerS;
 // A client with a processor of its own comes back at least so often.
 constexpr TimeNs kRunOnMax = kControlPeriodNs;
-// A client that asks to be woken at the present instant this often in a row will never let time pass.
-constexpr int kTurnsAtOneInstantMax = 1000;
+// A client that asks to be woken more often than this within a control period lets no time pass: that is every 0.6 us.
+constexpr int kWakesPerPeriodMax = 20'000;
 
 constexpr std::array kDirections = {Direction::kToPlant, Direction::kToClient, Direction::kReference};
 
@@ -37,6 +37,7 @@ class Conductor {
   RunLog Run();
 
  private:
+  void MakeClient();
   void Conduct();
   void ServePlantEnd(TimeNs now);
   bool DeliverToClient(TimeNs until);
@@ -79,7 +80,10 @@ Conductor::Conductor(const Scenario& scenario, Line& line, PlantServer& server, 
       client_faults_(scenario.faults, scenario.seed,
                      {.baud = MainBaud(scenario.link), .reference_baud = ReferenceBaud(scenario.link)}) {
   log_.trace = Trace(FlightColumns(scenario));
-  client_ = options.make_client(
+}
+
+void Conductor::MakeClient() {
+  client_ = options_.make_client(
       {.transmit = [this](Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) -> TimeNs {
          // The reference line has no way back: what the client sends there ends at its pin.
          if (uart != Uart::kMain) return now;
@@ -98,22 +102,25 @@ Conductor::Conductor(const Scenario& scenario, Line& line, PlantServer& server, 
 RunLog Conductor::Run() {
   const auto began = std::chrono::steady_clock::now();
   try {
+    MakeClient();
     Conduct();
   } catch (const FirmwareTrouble& trouble) {
     log_.end_reason = trouble.hung ? EndReason::kFirmwareHung : EndReason::kFirmwareCrashed;
     log_.end_text = trouble.what();
   } catch (const std::exception& error) {
+    if (client_ == nullptr) throw;
     log_.end_reason = EndReason::kHarnessError;
     log_.end_text = error.what();
   }
   log_.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
   Finish();
+  if (options_.retire) options_.retire(std::move(client_));
   return std::move(log_);
 }
 
 void Conductor::Conduct() {
-  TimeNs last = kPowerOn;
-  int turns = 0;
+  TimeNs last = kPowerOn, period_begin = 0;
+  int wakes = 0;
   wake_ns_ = client_->Start(0);
   const bool runs_on = client_->RunsOn();
   for (;;) {
@@ -132,11 +139,17 @@ void Conductor::Conduct() {
       }
       return;
     }
-    turns = now == last ? turns + 1 : 0;
     last = now_ns_ = now;
-    if (turns > kTurnsAtOneInstantMax)
-      throw FirmwareTrouble(true, "the firmware lets no time pass: it wants to be woken at " +
-                                      std::to_string(now) + " ns again and again");
+    if (now - period_begin >= kControlPeriodNs) {
+      period_begin = now;
+      wakes = 0;
+    }
+    if (now >= wake_ns_ && ++wakes > kWakesPerPeriodMax)
+      throw FirmwareTrouble(
+          true,
+          fmt::format("the firmware lets no time pass: it wants to be woken again and again, {} times from "
+                      "{:.9f} s to {:.9f} s after power-on",
+                      wakes, ToSeconds(period_begin), ToSeconds(now)));
     if (options_.interrupted != nullptr && options_.interrupted->load(std::memory_order_relaxed)) {
       log_.end_reason = EndReason::kInterrupted;
       log_.end_text = "interrupted";
@@ -239,7 +252,7 @@ void Conductor::Finish() {
   }
   for (const auto& [time_ns, text] : firmware_lines_)
     log_.firmware_log += fmt::format("{:.6f} {}\n", ToSeconds(time_ns - origin), text);
-  if (client_->RunsOn()) log_.receive_overruns_count = receive_overruns_count_;
+  if (client_ != nullptr && client_->RunsOn()) log_.receive_overruns_count = receive_overruns_count_;
   for (DeviceEvent& event : device_events_)
     log_.events.push_back({event.time_ns - origin, std::move(event.kind), std::move(event.text)});
   Append(log_, client_faults_, origin);

@@ -28,6 +28,8 @@ struct FlightOptions {
   std::function<std::unique_ptr<Client>(ClientHost)> make_client;
   // Simulation time reached, for a progress display; may be null. Written once a period.
   std::atomic<std::int64_t>* progress_ns = nullptr;
+  // Takes the client when the flight is over; without it the client ends then.
+  std::function<void(std::unique_ptr<Client>)> retire = {};
   // Set by somebody else to end the flight early (Ctrl-C); may be null.
   const std::atomic<bool>* interrupted = nullptr;
 };

@@ -13,8 +13,8 @@
 
 namespace tiltproof::harness {
 
-// Wall-clock time after which a process of ours counts as hung; for the firmware's, its guard's and a little
-// more.
+// Own time (harness/process/own_time.h) after which a process of ours counts as hung; for the firmware's, its guard's
+// and a little more.
 inline constexpr TimeNs kPartHungAfterNs = 10 * kNsPerS;
 
 // One part of the flight in another process. Throws std::runtime_error "the <name> process ..." when it fails.

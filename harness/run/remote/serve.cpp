@@ -1,6 +1,5 @@
 #include "harness/run/remote/serve.h"
 
-#include <cstdlib>
 #include <optional>
 #include <utility>
 
@@ -40,17 +39,6 @@ void ServeRequests(Channel& channel, const Handle& handle) {
     }
   } catch (const ChannelLost&) {
     // The harness is gone: nobody is left to tell.
-  }
-}
-
-// The firmware's frames lie between its upcall and us, and no exception may pass through them. Without the
-// harness this process has nobody to tell and nothing to do.
-template <class Function>
-auto OrExit(const Function& function) {
-  try {
-    return function();
-  } catch (const std::exception&) {
-    std::_Exit(0);
   }
 }
 
@@ -154,31 +142,25 @@ void ServeClient(Channel& channel, const ScenarioLoader& load) {
   std::vector<faults::DeviceCommand> commands;
   const ClientHost host = {
       .transmit = [&](Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) -> TimeNs {
-        return OrExit([&] {
-          Packer upcall;
-          upcall(Message::kClientTransmits, uart, now, std::vector<std::uint8_t>(bytes.begin(), bytes.end()));
-          channel.Send(upcall.bytes());
-          const auto answer = channel.Receive(kHarnessSilentAfterNs);
-          Unpacker unpacker(answer);
-          unpacker.Next<Message>();
-          return unpacker.Next<TimeNs>();
-        });
+        Packer upcall;
+        upcall(Message::kClientTransmits, uart, now, std::vector<std::uint8_t>(bytes.begin(), bytes.end()));
+        channel.Send(upcall.bytes());
+        const auto answer = channel.Receive(kHarnessSilentAfterNs);
+        Unpacker unpacker(answer);
+        unpacker.Next<Message>();
+        return unpacker.Next<TimeNs>();
       },
       .log =
           [&](TimeNs now, std::string_view text) {
-            OrExit([&] {
-              Packer upcall;
-              upcall(Message::kClientLogs, now, std::string(text));
-              channel.Send(upcall.bytes());
-            });
+            Packer upcall;
+            upcall(Message::kClientLogs, now, std::string(text));
+            channel.Send(upcall.bytes());
           },
       .event =
           [&](const DeviceEvent& event) {
-            OrExit([&] {
-              Packer upcall;
-              upcall(Message::kClientEvent, event);
-              channel.Send(upcall.bytes());
-            });
+            Packer upcall;
+            upcall(Message::kClientEvent, event);
+            channel.Send(upcall.bytes());
           }};
   ServeRequests(channel, [&](Message kind, Unpacker& request, Packer& answer) {
     if (kind == Message::kSetup) {

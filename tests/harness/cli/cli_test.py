@@ -29,8 +29,9 @@ class CliTest(unittest.TestCase):
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix="tiltproof-cli-"))
         self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
 
-    def tiltproof(self, *arguments, stdin=b"", timeout=120):
-        done = subprocess.run([PROGRAM, *map(str, arguments)], input=stdin, capture_output=True, cwd=self.folder, timeout=timeout, check=False)
+    def tiltproof(self, *arguments, stdin=b"", timeout=120, environment=None):
+        done = subprocess.run([PROGRAM, *map(str, arguments)], input=stdin, capture_output=True, cwd=self.folder, timeout=timeout, check=False,
+                              env={**os.environ, **(environment or {})})
         return done.returncode, done.stdout.decode(), done.stderr.decode()
 
     def scenario(self, name, text=SHORT_HOVER, **changes):
@@ -320,35 +321,94 @@ class CliTest(unittest.TestCase):
 
     # firmware that misbehaves
 
-    def misbehaving(self, how):
-        code, out, err = self.tiltproof("run", self.scenario(how, **{"seed: 3": f"seed: 3\nfirmware: {how}"}), "--client",
-                                        f"library:{CLIENTS / 'libmisbehaving_client.so'}")
-        return code, out, err, self.results()["scenarios"][0]
+    def misbehaving(self, *ways, flags=(), environment=None):
+        """A flight for each, all at once: exit code, what was printed, results by name."""
+        for how in ways:
+            self.scenario(how, **{"seed: 3": f"seed: 3\nfirmware: {how}"})
+        code, out, err = self.tiltproof("run", *(f"{how}.yaml" for how in ways), "-j", len(ways), "--client",
+                                        f"library:{CLIENTS / 'libmisbehaving_client.so'}", *flags, environment=environment)
+        return code, out + err, {entry["name"]: entry for entry in self.results()["scenarios"]}
 
-    def test_a_crashing_firmware_fails_its_run(self):
-        code, out, err, entry = self.misbehaving("crash")
-        self.assertEqual((code, entry["verdict"]), (1, "fail"), out + err)
-        self.assertIn("crashed", entry["reason"])
-        self.assertGreater(len((self.latest() / "crash/trace.csv").read_text().splitlines()), 10)
+    def rows_count(self, name):
+        trace = self.latest() / name / "trace.csv"
+        return len(trace.read_text().splitlines()) if trace.exists() else 0
 
-    def test_a_hung_firmware_fails_its_run(self):
-        began = time.monotonic()
-        code, out, err, entry = self.misbehaving("hang")
-        self.assertEqual((code, entry["verdict"]), (1, "fail"), out + err)
-        self.assertIn("did not return", entry["reason"])
-        self.assertLess(time.monotonic() - began, 60)
+    # How a firmware may break its flight, and what is said of it. What was flown is kept.
+    FATAL = {"crash": "crashed in tiltproof_client_grant: Segmentation fault", "abort": "crashed in tiltproof_client_grant: Aborted",
+             "exit": r"called exit\(3\) in tiltproof_client_grant", "quick_exit": r"called quick_exit\(3\)", "underscore_exit": r"called _exit\(0\)",
+             "exec": r"called exec \(true\)", "pthread_exit": "called pthread_exit", "throw": "threw an exception: beyond the last sensor",
+             "nanoseconds": "lets no time pass", "hang": "did not return from tiltproof_client_grant within 5 s of its own time",
+             "stop": "stopped itself in tiltproof_client_grant"}
+    # What nothing in its process can prevent: the flight is lost, the verdict is not.
+    FATAL_AND_LOST = {"raw_exit": "ended its process in tiltproof_client_grant.*exit code 0", "raw_exec": "ended its process in tiltproof_client_grant",
+                      "hang_blocked": "did not return from tiltproof_client_grant"}
 
-    def test_a_firmware_that_exits_is_a_target_error(self):
-        code, _, _, entry = self.misbehaving("exit")
-        self.assertEqual((code, entry["verdict"]), (3, "error"))
-        self.assertIn("exit()", entry["reason"])
-        # An error then is an error now: it must not drop out of the score.
-        self.assertEqual(self.tiltproof("score", self.latest())[0], 3)
+    def test_a_firmware_that_breaks_its_flight_has_failed(self):
+        for ways, kept, score in ((self.FATAL, True, 1), (self.FATAL_AND_LOST, False, 3)):
+            code, text, results = self.misbehaving(*ways)
+            self.assertEqual(code, 1, text)
+            for how, reason in ways.items():
+                self.assertEqual(results[how]["verdict"], "fail", (how, text))
+                self.assertRegex(results[how]["reason"], reason)
+                self.assertEqual(self.rows_count(how) > 10, kept, how)
+            # None drops out of the score later on, be there a flight or not.
+            self.assertEqual(self.tiltproof("score", self.latest())[0], score)
 
-    def test_chatter_of_the_firmware_stays_off_standard_output(self):
-        _, out, err, _ = self.misbehaving("chatter")
-        self.assertNotIn("chatter-on-stdout", out)
-        self.assertIn("chatter-on-stdout", err)
+    def test_in_a_process_of_its_own_too(self):
+        ways = {how: reason for how, reason in self.FATAL.items() if how not in ("hang", "stop")}
+        code, text, results = self.misbehaving(*ways, "raw_exit", "raw_exec", flags=["--distributed=socket"])
+        self.assertEqual(code, 1, text)
+        for how, entry in results.items():
+            self.assertEqual(entry["verdict"], "fail", (how, text))
+            self.assertRegex(entry["reason"], ways.get(how, "the firmware's process"))
+            self.assertGreater(self.rows_count(how), 10, how)
+
+    def test_while_it_is_loaded(self):
+        for how, reason in (("crash", "crashed in dlopen"), ("exit", r"called exit\(3\) in dlopen"), ("throw", "crashed|threw")):
+            code, text, results = self.misbehaving("calm", environment={"MISBEHAVE_AT_LOAD": how})
+            self.assertEqual((code, results["calm"]["verdict"]), (1, "fail"), text)
+            self.assertRegex(results["calm"]["reason"], reason)
+
+    def test_what_it_does_after_the_flight_changes_no_verdict(self):
+        ways = [f"destroy_{how}" for how in ("abort", "exit", "raw_exit", "hang_blocked")]
+        code, text, results = self.misbehaving("calm", *ways)
+        self.assertEqual(code, 0, text)
+        hashes = {entry["trace_hash"] for entry in results.values()}
+        self.assertEqual(len(hashes), 1, results)
+        self.assertIn("called exit(3) in tiltproof_client_destroy", text)
+        self.assertIn("crashed in tiltproof_client_destroy: Aborted", text)
+        self.assertIn("hung in tiltproof_client_destroy", text)
+
+    def test_its_floating_point_modes_are_its_own(self):
+        _, _, results = self.misbehaving("calm", "round")
+        _, _, at_load = self.misbehaving("calm", environment={"MISBEHAVE_AT_LOAD": "round"})
+        hashes = {entry["trace_hash"] for entry in [*results.values(), *at_load.values()]}
+        self.assertEqual(len(hashes), 1)
+
+    def test_a_process_that_it_forks_flies_nothing(self):
+        code, text, results = self.misbehaving("fork")
+        self.assertEqual((code, text.count("fork ")), (0, 1), text)
+
+    def test_what_it_prints_is_in_its_log_and_nowhere_else(self):
+        for flags in ((), ("--distributed=socket",)):
+            _, text, _ = self.misbehaving("chatter", flags=flags)
+            self.assertNotIn("chatter-on", text)
+            log = (self.latest() / "chatter/firmware.log").read_text()
+            self.assertRegex(log, r"(?m)^0\.\d+ chatter-on-stdout$")
+            self.assertRegex(log, r"(?m)^0\.\d+ chatter-on-stderr$")
+            self.assertIn("?[2J", log)
+
+    def test_a_file_that_is_no_firmware_library(self):
+        path = self.scenario("calm")
+        (self.folder / "text.so").write_text("hello")
+        (self.folder / "none.c").write_text("int nothing;")
+        subprocess.run(["cc", "-shared", "-fPIC", "-o", "none.so", "none.c"], cwd=self.folder, check=True)
+        for library, words in (("text.so", "cannot load"), ("none.so", "does not export tiltproof_client_abi_version")):
+            code, out, err = self.tiltproof("run", path, "--client", f"library:{library}")
+            self.assertEqual((code, out), (2, ""), err)
+            self.assertIn(words, err)
+            self.assertIn(library, err)
+        self.assertFalse((self.folder / "results").exists())
 
     # trouble
 

@@ -89,10 +89,11 @@ class Distributed(unittest.TestCase):
         self.assertEqual({n: s["trace_hash"] for n, s in together.items()},
                          {n: s["trace_hash"] for n, s in apart.items()})
 
-    def killed(self, part, transport):
+    def start(self, part, transport, duration_s):
+        """A run, the process of this part, and its results' folder."""
         (self.root / "long.yaml").write_text(
-            SCENARIO.format(name="long", firmware="tolerant").replace("duration_s: 4", "duration_s: 3600"))
-        out = self.root / f"killed-{part}-{transport}"
+            SCENARIO.format(name="long", firmware="tolerant").replace("duration_s: 4", f"duration_s: {duration_s}"))
+        out = self.root / f"{part}-{transport}"
         run = subprocess.Popen([PROGRAM, "run", self.root / "long.yaml", "--out", out, f"--distributed={transport}"],
                                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         end = time.monotonic() + 30
@@ -102,6 +103,19 @@ class Distributed(unittest.TestCase):
                 if command_line(pid)[1:3] == ["node", part]:
                     victim = pid
         self.assertIsNotNone(victim, f"no {part} process appeared")
+        return run, victim, out
+
+    def test_a_flight_waits_for_a_process_that_is_stopped_and_says_so(self):
+        for part, transport in (("client", "socket"), ("plant", "dds")):
+            run, stopped, _ = self.start(part, transport, 10)
+            os.kill(stopped, signal.SIGSTOP)
+            self.assertIn(f"process {stopped} is stopped", run.stderr.readline())
+            os.kill(stopped, signal.SIGCONT)
+            output, errors = run.communicate(timeout=60)
+            self.assertEqual((run.returncode, errors), (0, ""), output)
+
+    def killed(self, part, transport):
+        run, victim, out = self.start(part, transport, 3600)
         nodes = children(run.pid)
         os.kill(victim, signal.SIGKILL)
         output, errors = run.communicate(timeout=60)

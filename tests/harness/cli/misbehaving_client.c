@@ -1,10 +1,20 @@
 /* Firmware that does what firmware must not, 0.3 s after power-on: which, is the name of the build it is
- * asked to be. */
+ * asked to be. One that begins with "destroy_" does it at its end. MISBEHAVE_AT_LOAD names what it does while it is
+ * loaded. */
+#define _GNU_SOURCE
+#include <fenv.h>
+#include <pthread.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/syscall.h>
+#include <unistd.h>
 
 #include "firmware/tiltproof_client.h"
+
+/* Of misbehaving_throw.cpp. */
+void throw_exception(void);
 
 #define PERIOD_NS 12000000
 
@@ -12,6 +22,13 @@ struct TiltproofClient {
   const TiltproofHost* host;
   int64_t next_request_ns;
 };
+
+static void misbehave(const char* how);
+
+__attribute__((constructor)) static void at_load(void) {
+  const char* how = getenv("MISBEHAVE_AT_LOAD");
+  if (how != NULL) misbehave(how);
+}
 
 /* 7E, the float id, Fletcher-16, 7E: start (1) and read sensors (2) of the paper's dialect. */
 static const uint8_t kStart[] = {0x7E, 0x00, 0x00, 0x80, 0x3F, 0xBF, 0x40, 0x7E};
@@ -25,29 +42,59 @@ TiltproofClient* tiltproof_client_create(const TiltproofHost* host) {
   return client;
 }
 
-void tiltproof_client_destroy(TiltproofClient* client) { free(client); }
+static int at_end(const TiltproofClient* client) {
+  return strncmp(client->host->firmware, "destroy_", 8) == 0;
+}
+
+void tiltproof_client_destroy(TiltproofClient* client) {
+  client->host->log(client->host->context, 0, "too late for the log");
+  if (at_end(client)) misbehave(client->host->firmware + 8);
+  free(client);
+}
+
+static void block_signals(void) {
+  sigset_t all;
+  sigfillset(&all);
+  pthread_sigmask(SIG_BLOCK, &all, NULL);
+}
 
 static void misbehave(const char* how) {
   if (strcmp(how, "crash") == 0) {
     volatile int* nowhere = NULL;
     *nowhere = 1;
   }
-  if (strcmp(how, "hang") == 0)
+  if (strcmp(how, "hang_blocked") == 0) block_signals();
+  if (strcmp(how, "hang") == 0 || strcmp(how, "hang_blocked") == 0)
     for (volatile int forever = 1; forever;) {
     }
-  if (strcmp(how, "exit") == 0) exit(0);
+  if (strcmp(how, "abort") == 0) abort();
+  if (strcmp(how, "exit") == 0) exit(3);
+  if (strcmp(how, "quick_exit") == 0) quick_exit(3);
+  if (strcmp(how, "underscore_exit") == 0) _exit(0);
+  if (strcmp(how, "raw_exit") == 0) syscall(SYS_exit_group, 0);
+  if (strcmp(how, "exec") == 0) execlp("true", "true", (char*)NULL);
+  if (strcmp(how, "raw_exec") == 0) {
+    char* arguments[] = {"true", NULL};
+    syscall(SYS_execve, "/bin/true", arguments, environ);
+  }
+  if (strcmp(how, "pthread_exit") == 0) pthread_exit(NULL);
+  if (strcmp(how, "throw") == 0) throw_exception();
+  if (strcmp(how, "stop") == 0) raise(SIGSTOP);
+  if (strcmp(how, "fork") == 0) fork();
+  if (strcmp(how, "round") == 0) fesetround(FE_UPWARD);
   if (strcmp(how, "chatter") == 0) {
     puts("chatter-on-stdout");
-    fflush(stdout);
+    fputs("chatter-on-stderr\r\n\033[2J", stderr);
   }
 }
 
 int64_t tiltproof_client_grant(TiltproofClient* client, int64_t now_ns) {
-  if (now_ns > 300000000) misbehave(client->host->firmware);
+  if (now_ns > 300000000 && !at_end(client)) misbehave(client->host->firmware);
   if (now_ns >= client->next_request_ns) {
     client->host->transmit(client->host->context, TILTPROOF_UART_MAIN, now_ns, kRead, sizeof kRead);
     client->next_request_ns += PERIOD_NS;
   }
+  if (now_ns > 300000000 && strcmp(client->host->firmware, "nanoseconds") == 0) return now_ns + 1;
   return client->next_request_ns;
 }
 

@@ -1,0 +1,35 @@
+// What this process prints, on standard output and error, from now on: for the code of others that runs in it.
+//
+//   CapturedOutput output;  CallFirmware();  output.TakeLines([&](std::string line) { log(line); });
+//
+// Nothing that is printed blocks: what does not fit the buffer (1 MiB between two looks) is lost.
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include "harness/client/lines.h"
+#include "link/unix_socket.h"
+
+namespace tiltproof::harness {
+
+class CapturedOutput {
+ public:
+  CapturedOutput();
+  // The streams are what they were before.
+  ~CapturedOutput();
+  CapturedOutput(const CapturedOutput&) = delete;
+  CapturedOutput& operator=(const CapturedOutput&) = delete;
+
+  using OnLine = std::function<void(std::string)>;
+  void TakeLines(const OnLine& on_line);
+  // With the last, even if it has no end.
+  void TakeAll(const OnLine& on_line);
+
+ private:
+  link::OwnedDescriptor output_, error_;  // as they were
+  link::OwnedDescriptor pipe_;
+  Lines lines_;
+};
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,118 @@
+// Ways for code in this process to end it or to put another program in its place. Functions of a program bind before
+// those of its libraries: a firmware library that calls them ends the call that it is in, and the flight is kept. For
+// everybody else, and in processes that the firmware starts, they are what they always were.
+#include <dlfcn.h>
+#include <fcntl.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <cstdarg>
+#include <cstdio>
+#include <cstdlib>
+#include <vector>
+
+#include "harness/client/firmware_guard.h"
+
+using tiltproof::harness::FirmwareGuard;
+
+namespace {
+
+constexpr std::size_t kTextBytes = 300;
+
+void EndCallWithCode(const char* function, int code) {
+  char text[kTextBytes];
+  std::snprintf(text, sizeof text, "called %s(%d)", function, code);
+  FirmwareGuard::EndCall(text);
+}
+
+void EndCallWithProgram(const char* program) {
+  char text[kTextBytes];
+  std::snprintf(text, sizeof text, "called exec (%.200s)", program == nullptr ? "" : program);
+  FirmwareGuard::EndCall(text);
+}
+
+// The function of this name in the libraries that follow.
+template <class Function>
+Function* Next(const char* name) {
+  return reinterpret_cast<Function*>(dlsym(RTLD_NEXT, name));
+}
+
+// A list of arguments that ends with a null pointer.
+std::vector<char*> Collect(const char* first, va_list& rest) {
+  std::vector<char*> arguments;
+  for (const char* word = first; word != nullptr; word = va_arg(rest, const char*))
+    arguments.push_back(const_cast<char*>(word));
+  arguments.push_back(nullptr);
+  return arguments;
+}
+
+}  // namespace
+
+extern "C" {
+
+// NOLINTBEGIN(bugprone-reserved-identifier, cert-dcl37-c, cert-dcl50-cpp, cert-dcl51-cpp): the C library's names
+
+[[noreturn]] void exit(int code) noexcept {
+  EndCallWithCode("exit", code);
+  Next<void(int)>("exit")(code);
+  abort();
+}
+[[noreturn]] void quick_exit(int code) noexcept {
+  EndCallWithCode("quick_exit", code);
+  Next<void(int)>("quick_exit")(code);
+  abort();
+}
+[[noreturn]] void _exit(int code) {
+  EndCallWithCode("_exit", code);
+  for (;;) syscall(SYS_exit_group, code);
+}
+[[noreturn]] void _Exit(int code) noexcept {
+  EndCallWithCode("_Exit", code);
+  for (;;) syscall(SYS_exit_group, code);
+}
+[[noreturn]] void pthread_exit(void* value) {
+  FirmwareGuard::EndCall("called pthread_exit");
+  Next<void(void*)>("pthread_exit")(value);
+  abort();
+}
+
+int execve(const char* path, char* const arguments[], char* const environment[]) noexcept {
+  EndCallWithProgram(path);
+  return static_cast<int>(syscall(SYS_execve, path, arguments, environment));
+}
+int execv(const char* path, char* const arguments[]) noexcept { return execve(path, arguments, environ); }
+int fexecve(int descriptor, char* const arguments[], char* const environment[]) noexcept {
+  EndCallWithProgram("fexecve");
+  return static_cast<int>(syscall(SYS_execveat, descriptor, "", arguments, environment, AT_EMPTY_PATH));
+}
+int execvpe(const char* file, char* const arguments[], char* const environment[]) noexcept {
+  EndCallWithProgram(file);
+  return Next<int(const char*, char* const*, char* const*)>("execvpe")(file, arguments, environment);
+}
+int execvp(const char* file, char* const arguments[]) noexcept { return execvpe(file, arguments, environ); }
+int execl(const char* path, const char* first, ...) noexcept {
+  va_list rest;
+  va_start(rest, first);
+  const std::vector<char*> arguments = Collect(first, rest);
+  va_end(rest);
+  return execve(path, arguments.data(), environ);
+}
+int execlp(const char* file, const char* first, ...) noexcept {
+  va_list rest;
+  va_start(rest, first);
+  const std::vector<char*> arguments = Collect(first, rest);
+  va_end(rest);
+  return execvpe(file, arguments.data(), environ);
+}
+int execle(const char* path, const char* first, ...) noexcept {
+  va_list rest;
+  va_start(rest, first);
+  const std::vector<char*> arguments = Collect(first, rest);
+  char* const* const environment = va_arg(rest, char* const*);
+  va_end(rest);
+  return execve(path, arguments.data(), environment);
+}
+
+// NOLINTEND(bugprone-reserved-identifier, cert-dcl37-c, cert-dcl50-cpp, cert-dcl51-cpp)
+
+}  // extern "C"
