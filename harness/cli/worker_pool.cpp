@@ -20,14 +20,9 @@
 #include <optional>
 #include <utility>
 
-#include "harness/client/firmware_guard.h"
-#include "harness/client/library_client.h"
+#include "harness/cli/flight_worker.h"
 #include "harness/process/own_time.h"
 #include "harness/report/files.h"
-#include "harness/report/flight_files.h"
-#include "harness/run/flight.h"
-#include "harness/run/realtime/realtime_flight.h"
-#include "harness/scenario/reader.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -45,10 +40,6 @@ constexpr TimeNs kToldAfterNs = 5 * kNsPerS;
 // grow with the flight, can take a while.
 constexpr TimeNs kRealtimeStuckAfterNs = 10 * kNsPerS;
 constexpr int kRefresh_ms = 100;
-// Exit code of a worker that could not leave a verdict.
-constexpr int kExitWithoutVerdict = 77;
-// Of one whose flight was ended by a signal.
-constexpr int kExitWorkerInterrupted = 78;
 
 std::atomic<bool> interrupted{false};
 
@@ -85,10 +76,6 @@ class InterruptScope {
   struct sigaction old_child_ {};
 };
 
-ScenarioResult ErrorResult(const FlightJob& job, const std::string& reason) {
-  return MakeErrorResult(job.folder.filename(), job.scenario, reason, job.replay);
-}
-
 // Of a firmware that took its flight with it.
 ScenarioResult FirmwareFailed(const FlightJob& job, const std::string& reason) {
   ScenarioResult result = ErrorResult(job, reason);
@@ -96,119 +83,11 @@ ScenarioResult FirmwareFailed(const FlightJob& job, const std::string& reason) {
   return result;
 }
 
-// Whether the worker process has the firmware in it.
-bool FliesLibrary(const FlightMeans& means) {
-  return !means.realtime && !means.distributed && !means.client.library.empty();
-}
-
-// What a worker and its parent share.
-struct Shared {
-  std::atomic<std::int64_t> progress_ns{0};
-  FirmwareGuard::Watched firmware;
-};
-
-// What the monitors of a flight in real time are told of its score.
-dds::Score Announced(const ScenarioResult& result) {
-  dds::Score score;
-  score.scenario = result.name;
-  score.verdict = Name(result.score.verdict);
-  score.reason = result.score.reason.substr(0, dds::kTextBytesMax);
-  score.metrics_json = MetricsJsonText(result);
-  return score;
-}
-
-// `score` makes the result, which a flight in real time announces before it leaves the bus.
-// `client`: what must not end before the flight is judged.
-RunLog FlyByMeans(const FlightJob& job, Shared& shared,
-                  const std::function<const ScenarioResult&(const RunLog&)>& score,
-                  std::unique_ptr<Client>& client) {
-  std::atomic<std::int64_t>* const progress_ns = &shared.progress_ns;
-  const Scenario& scenario = job.scenario;
-  const FlightMeans& means = job.means;
-  if (means.realtime)
-    return FlyRealtime(scenario, *job.model,
-                       {.program = ProgramFile(),
-                        .scenario_yaml = WriteResolved(scenario),
-                        .client = means.client.text,
-                        .board = !means.client.device.empty(),
-                        .attach = means.attach,
-                        .domain = means.domain,
-                        .interface = means.interface,
-                        .peers = means.peers,
-                        .score = [&](const RunLog& log) { return Announced(score(log)); },
-                        .progress_ns = progress_ns,
-                        .interrupted = &interrupted});
-  if (means.distributed)
-    return FlyDistributed(scenario, {.transport = *means.distributed,
-                                     .program = ProgramFile(),
-                                     .scenario_yaml = WriteResolved(scenario),
-                                     .firmware = means.client.SourceFor(scenario),
-                                     .domain = means.domain,
-                                     .progress_ns = progress_ns,
-                                     .interrupted = &interrupted});
-  if (FliesLibrary(means)) FirmwareGuard::Install(&shared.firmware);
-  FlightOptions options;
-  options.retire = [&](std::unique_ptr<Client> retired) { client = std::move(retired); };
-  options.make_client = [&](ClientHost host) {
-    return MakeClient(means.client.SourceFor(scenario), SettingsOf(scenario), std::move(host));
-  };
-  options.progress_ns = progress_ns;
-  options.interrupted = &interrupted;
-  return Fly(scenario, *job.model, options);
-}
-
-// `cut_short`: set when a signal ended the flight.
-ScenarioResult FlyJob(const FlightJob& job, Shared& shared, std::unique_ptr<Client>& client,
-                      bool& cut_short) {
-  const Scenario& scenario = job.scenario;
-  std::optional<ScenarioResult> result;
-  const auto score = [&](const RunLog& log) -> const ScenarioResult& {
-    if (!result) result = MakeResult(job.folder.filename(), scenario, log, job.replay);
-    return *result;
-  };
-  const RunLog log = FlyByMeans(job, shared, score, client);
-  cut_short = log.end_reason == EndReason::kInterrupted;
-  // Scoring and writing are progress too, for whoever watches.
-  shared.progress_ns.fetch_add(1, std::memory_order_relaxed);
-  score(log);
-  shared.progress_ns.fetch_add(1, std::memory_order_relaxed);
-  WriteFlight(job.folder, scenario, log);
-  return std::move(*result);
-}
-
-// In the worker: flies, writes the scenario's folder, exits. Never returns.
-[[noreturn]] void Work(const FlightJob& job, Shared& shared) {
-  // Nothing must mix with the results on standard output.
-  dup2(STDERR_FILENO, STDOUT_FILENO);
-  ScenarioResult result;
-  std::unique_ptr<Client> client;
-  bool cut_short = false;
-  try {
-    std::filesystem::create_directories(job.folder);
-    WriteFile(job.folder / "scenario.resolved.yaml", WriteResolved(job.scenario));
-    try {
-      result = FlyJob(job, shared, client, cut_short);
-    } catch (const FileError&) {
-      throw;
-    } catch (const std::exception& error) {
-      result = ErrorResult(job, error.what());
-    }
-    WriteFile(job.folder / "verdict.json", ToJsonText(result));
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "tiltproof: %s: %s\n", job.scenario.name.c_str(), error.what());
-    _exit(kExitWithoutVerdict);
-  }
-  // Whatever it does now, its flight is judged.
-  client.reset();
-  // No destructors or exit handlers: they may be the firmware library's.
-  _exit(cut_short ? kExitWorkerInterrupted : 0);
-}
-
 struct Worker {
   std::size_t job = 0;
   pid_t pid = -1;
   int pidfd = -1;
-  Shared* shared = nullptr;
+  WorkerReport* report = nullptr;
   // Last seen to get on, and how much time of its own it has had since.
   std::int64_t seen_progress_ns = 0;
   std::uint64_t seen_calls_count = 0;
@@ -276,25 +155,26 @@ class Pool {
 
   // Empty, or why there is no worker.
   std::string Start(std::size_t job) {
-    void* shared = mmap(nullptr, sizeof(Shared), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    void* shared =
+        mmap(nullptr, sizeof(WorkerReport), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     if (shared == MAP_FAILED)
       return fmt::format("cannot share memory with a worker: {}", std::strerror(errno));
     Worker worker;
     worker.job = job;
-    worker.shared = new (shared) Shared();
+    worker.report = new (shared) WorkerReport();
     std::fflush(nullptr);
     const pid_t parent = getpid();
     worker.pid = fork();
     if (worker.pid < 0) {
       const int error = errno;
-      munmap(shared, sizeof(Shared));
+      munmap(shared, sizeof(WorkerReport));
       return fmt::format("cannot start a worker: {}", std::strerror(error));
     }
     if (worker.pid == 0) {
       // A worker never outlives the run, not even when the parent is killed.
       prctl(PR_SET_PDEATHSIG, SIGKILL);
       if (getppid() != parent) _exit(1);
-      Work(jobs_[job], *worker.shared);
+      Work(jobs_[job], *worker.report, &interrupted);
     }
     worker.pidfd = static_cast<int>(syscall(SYS_pidfd_open, worker.pid, 0));
     GetsOn(worker, SteadyClock::now());
@@ -334,7 +214,7 @@ class Pool {
             : Collect(worker, status);
     KeepVerdict(jobs_[worker.job], *results_[worker.job]);
     close(worker.pidfd);
-    munmap(static_cast<void*>(worker.shared), sizeof(Shared));
+    munmap(static_cast<void*>(worker.report), sizeof(WorkerReport));
     return true;
   }
 
@@ -346,8 +226,8 @@ class Pool {
 
   void Watch(Worker& worker) {
     const auto now = SteadyClock::now();
-    const std::int64_t progress = worker.shared->progress_ns.load(std::memory_order_relaxed);
-    const std::uint64_t calls = worker.shared->firmware.calls_count.load(std::memory_order_relaxed);
+    const std::int64_t progress = worker.report->progress_ns.load(std::memory_order_relaxed);
+    const std::uint64_t calls = worker.report->firmware.calls_count.load(std::memory_order_relaxed);
     if (std::exchange(worker.seen_progress_ns, progress) != progress ||
         std::exchange(worker.seen_calls_count, calls) != calls)
       GetsOn(worker, now);
@@ -361,13 +241,13 @@ class Pool {
                                          worker.own.stopped_pid(), worker.own.stopped_pid())
                            : "this machine has no processor for it"));
     }
-    const FirmwareCall inside = worker.shared->firmware.inside.load(std::memory_order_relaxed);
+    const FirmwareCall inside = worker.report->firmware.inside.load(std::memory_order_relaxed);
     if (worker.stuck || own_ns <= Limit(worker, inside)) return;
     if (inside != FirmwareCall::kNone && worker.own.stopped_itself() &&
         worker.stopped_itself_in == FirmwareCall::kNone) {
       // Its flight is kept when it leaves the call by our word.
       worker.stopped_itself_in = inside;
-      worker.shared->firmware.stopped_itself = true;
+      worker.report->firmware.stopped_itself = true;
       kill(worker.pid, SIGALRM);
       kill(worker.pid, SIGCONT);
       GetsOn(worker, now);
@@ -407,8 +287,8 @@ class Pool {
   ScenarioResult WithoutVerdict(const Worker& worker, int status) const {
     const FlightJob& job = jobs_[worker.job];
     const std::string at = fmt::format("at {:.3f} s of the flight",
-                                       ToSeconds(worker.shared->progress_ns.load(std::memory_order_relaxed)));
-    const FirmwareCall inside = worker.shared->firmware.inside.load(std::memory_order_relaxed);
+                                       ToSeconds(worker.report->progress_ns.load(std::memory_order_relaxed)));
+    const FirmwareCall inside = worker.report->firmware.inside.load(std::memory_order_relaxed);
     if (worker.stuck && worker.stopped_itself_in != FirmwareCall::kNone)
       return FirmwareFailed(
           job, fmt::format("the firmware stopped itself in {} {}", Name(worker.stopped_itself_in), at));
@@ -473,7 +353,7 @@ class Pool {
     std::string line = "\r\033[K";
     for (const auto& worker : workers_)
       line += fmt::format("  {} {:.0f}/{:.0f} s", jobs_[worker.job].folder.filename().string(),
-                          ToSeconds(worker.shared->progress_ns.load(std::memory_order_relaxed)),
+                          ToSeconds(worker.report->progress_ns.load(std::memory_order_relaxed)),
                           ToSeconds(jobs_[worker.job].scenario.duration_ns));
     std::fputs(line.substr(0, 110).c_str(), stderr);
     std::fflush(stderr);

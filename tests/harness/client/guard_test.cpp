@@ -5,12 +5,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <pthread.h>
+#include <sys/timerfd.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cfenv>
 #include <csignal>
+#include <cstdint>
 #include <cstdlib>
 #include <ctime>
 #include <functional>
@@ -136,11 +138,12 @@ TEST(FirmwareGuard, WaitingForTheHarnessIsNotTheFirmwares) {
   FirmwareGuard::Install(nullptr, kShortLimit);
   EXPECT_EQ(TroubleOf([] {
               FirmwareGuard::CallBack([] {
-                const timespec long_enough{0, 900'000'000};
-                timespec left = long_enough;
-                while (nanosleep(&left, &left) != 0) {
-                }
-                return 0;
+                const int timer = timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC);
+                const itimerspec once{{}, {0, 900'000'000}};
+                timerfd_settime(timer, 0, &once, nullptr);
+                std::uint64_t expirations = 0;
+                [[maybe_unused]] const ssize_t got = read(timer, &expirations, sizeof expirations);
+                return close(timer);
               });
             }),
             "");

@@ -1,0 +1,128 @@
+#include "harness/cli/flight_worker.h"
+
+#include <unistd.h>
+
+#include <cstdio>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "harness/report/files.h"
+#include "harness/report/flight_files.h"
+#include "harness/run/flight.h"
+#include "harness/run/realtime/realtime_flight.h"
+#include "harness/scenario/reader.h"
+
+namespace tiltproof::harness {
+namespace {
+
+// What the monitors of a flight in real time are told of its score.
+dds::Score Announced(const ScenarioResult& result) {
+  dds::Score score;
+  score.scenario = result.name;
+  score.verdict = Name(result.score.verdict);
+  score.reason = result.score.reason.substr(0, dds::kTextBytesMax);
+  score.metrics_json = MetricsJsonText(result);
+  return score;
+}
+
+// `score` makes the result, which a flight in real time announces before it leaves the bus.
+// `client`: what must not end before the flight is judged.
+RunLog FlyByMeans(const FlightJob& job, WorkerReport& report, const std::atomic<bool>* interrupted,
+                  const std::function<const ScenarioResult&(const RunLog&)>& score,
+                  std::unique_ptr<Client>& client) {
+  std::atomic<std::int64_t>* const progress_ns = &report.progress_ns;
+  const Scenario& scenario = job.scenario;
+  const FlightMeans& means = job.means;
+  if (means.realtime)
+    return FlyRealtime(scenario, *job.model,
+                       {.program = ProgramFile(),
+                        .scenario_yaml = WriteResolved(scenario),
+                        .client = means.client.text,
+                        .board = !means.client.device.empty(),
+                        .attach = means.attach,
+                        .domain = means.domain,
+                        .interface = means.interface,
+                        .peers = means.peers,
+                        .score = [&](const RunLog& log) { return Announced(score(log)); },
+                        .progress_ns = progress_ns,
+                        .interrupted = interrupted});
+  if (means.distributed)
+    return FlyDistributed(scenario, {.transport = *means.distributed,
+                                     .program = ProgramFile(),
+                                     .scenario_yaml = WriteResolved(scenario),
+                                     .firmware = means.client.SourceFor(scenario),
+                                     .domain = means.domain,
+                                     .progress_ns = progress_ns,
+                                     .interrupted = interrupted});
+  if (FliesLibrary(means)) FirmwareGuard::Install(&report.firmware);
+  FlightOptions options;
+  options.retire = [&](std::unique_ptr<Client> retired) { client = std::move(retired); };
+  options.make_client = [&](ClientHost host) {
+    return MakeClient(means.client.SourceFor(scenario), SettingsOf(scenario), std::move(host));
+  };
+  options.progress_ns = progress_ns;
+  options.interrupted = interrupted;
+  return Fly(scenario, *job.model, options);
+}
+
+// `cut_short`: set when a signal ended the flight.
+ScenarioResult FlyJob(const FlightJob& job, WorkerReport& report, const std::atomic<bool>* interrupted,
+                      std::unique_ptr<Client>& client, bool& cut_short) {
+  const Scenario& scenario = job.scenario;
+  std::optional<ScenarioResult> result;
+  const auto score = [&](const RunLog& log) -> const ScenarioResult& {
+    if (!result) result = MakeResult(job.folder.filename(), scenario, log, job.replay);
+    return *result;
+  };
+  const RunLog log = FlyByMeans(job, report, interrupted, score, client);
+  cut_short = log.end_reason == EndReason::kInterrupted;
+  // Scoring and writing are progress too, for whoever watches.
+  report.progress_ns.fetch_add(1, std::memory_order_relaxed);
+  score(log);
+  report.progress_ns.fetch_add(1, std::memory_order_relaxed);
+  WriteFlight(job.folder, scenario, log);
+  return std::move(*result);
+}
+
+}  // namespace
+
+bool FliesLibrary(const FlightMeans& means) {
+  return !means.realtime && !means.distributed && !means.client.library.empty();
+}
+
+ScenarioResult ErrorResult(const FlightJob& job, const std::string& reason) {
+  return MakeErrorResult(job.folder.filename(), job.scenario, reason, job.replay);
+}
+
+void Work(const FlightJob& job, WorkerReport& report, const std::atomic<bool>* interrupted) {
+  // Nothing must mix with the results on standard output.
+  dup2(STDERR_FILENO, STDOUT_FILENO);
+  ScenarioResult result;
+  std::unique_ptr<Client> client;
+  bool cut_short = false;
+  try {
+    std::filesystem::create_directories(job.folder);
+    WriteFile(job.folder / "scenario.resolved.yaml", WriteResolved(job.scenario));
+    try {
+      result = FlyJob(job, report, interrupted, client, cut_short);
+    } catch (const FileError&) {
+      throw;
+    } catch (const std::exception& error) {
+      result = ErrorResult(job, error.what());
+    }
+    WriteFile(job.folder / "verdict.json", ToJsonText(result));
+  } catch (const std::exception& error) {
+    // Then what is printed is heard again.
+    client.reset();
+    std::fprintf(stderr, "tiltproof: %s: %s\n", job.scenario.name.c_str(), error.what());
+    _exit(kExitWithoutVerdict);
+  }
+  // Whatever it does now, its flight is judged.
+  client.reset();
+  // No destructors or exit handlers: they may be the firmware library's.
+  _exit(cut_short ? kExitWorkerInterrupted : 0);
+}
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,34 @@
+// The worker process of one flight: flies it, scores it, writes its folder, and reports to its parent meanwhile.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <string>
+
+#include "harness/cli/worker_pool.h"
+#include "harness/client/firmware_guard.h"
+#include "harness/report/results.h"
+
+namespace tiltproof::harness {
+
+// In memory that the worker and its parent share.
+struct WorkerReport {
+  std::atomic<std::int64_t> progress_ns{
+      0};  // simulation time reached, and a little more while the results are made
+  FirmwareGuard::Watched firmware;
+};
+
+// Exit code of a worker that could not leave a verdict.
+inline constexpr int kExitWithoutVerdict = 77;
+// Of one whose flight was ended by a signal.
+inline constexpr int kExitWorkerInterrupted = 78;
+
+// Never returns. `interrupted`: set by a signal, to end the flight.
+[[noreturn]] void Work(const FlightJob& job, WorkerReport& report, const std::atomic<bool>* interrupted);
+
+// Whether the worker process has the firmware in it.
+bool FliesLibrary(const FlightMeans& means);
+
+ScenarioResult ErrorResult(const FlightJob& job, const std::string& reason);
+
+}  // namespace tiltproof::harness
