@@ -13,19 +13,25 @@
 namespace tiltproof::harness {
 namespace {
 
+std::optional<FormulaProblem> CheckFormula(std::string_view text, std::span<const std::string> fault_ids,
+                                           TimeNs duration_ns) {
+  try {
+    const TimeNs decided_ns = stl::EarliestDecision(stl::Parse(text, fault_ids), duration_ns);
+    if (duration_ns == 0 || decided_ns <= duration_ns) return std::nullopt;
+    return FormulaProblem{
+        1, fmt::format("can be decided at {:g} s at the earliest, and the flight ends at {:g} s "
+                       "(duration_s)",
+                       ToSeconds(decided_ns), ToSeconds(duration_ns))};
+  } catch (const stl::ParseError& error) {
+    return FormulaProblem{error.column, error.what()};
+  }
+}
+
 ReadOptions MakeReadOptions(ModelCache& models) {
   ReadOptions options;
   options.models_folder = ModelsFolder();
   options.metric_names = MetricNames();
-  options.check_formula = [](std::string_view formula,
-                             std::span<const std::string> fault_ids) -> std::optional<FormulaProblem> {
-    try {
-      stl::Parse(formula, fault_ids);
-      return std::nullopt;
-    } catch (const stl::ParseError& error) {
-      return FormulaProblem{error.column, error.what()};
-    }
-  };
+  options.check_formula = CheckFormula;
   options.check_model = [&models](const std::filesystem::path& file,
                                   bool allow_invalid_inertia) -> std::optional<std::string> {
     try {

@@ -54,9 +54,9 @@ struct ReadOptions {
   std::vector<std::string> firmware_names;
   // Names a criterion may use as `metric`; empty: any.
   std::vector<std::string> metric_names;
-  // Checks `stl: formula`, which may name the faults' ids; none: not checked.
+  // Checks `stl: formula`, which may name the faults' ids, for a flight that long (0: not known); none: not checked.
   std::function<std::optional<FormulaProblem>(std::string_view formula,
-                                              std::span<const std::string> fault_ids)>
+                                              std::span<const std::string> fault_ids, TimeNs duration_ns)>
       check_formula;
   // Checks that the model file can be flown, returns what is wrong; none: it need only exist.
   std::function<std::optional<std::string>(const std::filesystem::path& model_file,

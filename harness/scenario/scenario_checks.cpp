@@ -248,7 +248,7 @@ class Checker {
 
   void CheckFormula(const YamlNode& node, const std::vector<std::string>& fault_ids) {
     if (!options_.check_formula) return;
-    const auto problem = options_.check_formula(node.text, fault_ids);
+    const auto problem = options_.check_formula(node.text, fault_ids, scenario_.duration_ns);
     if (!problem) return;
     YamlMark mark = node.text_begin.value_or(node.mark);
     if (node.text_begin) {

@@ -69,6 +69,10 @@ Formula Parse(std::string_view text, std::span<const std::string> fault_ids);
 // Canonical text, with all parentheses: Parse(ToString(f)) has the same text.
 std::string ToString(const Formula& formula);
 
+// When the formula can be decided at the earliest, whatever the flight does: nested windows add up. Operators
+// without a window look to the planned end. It is never decided when that is after the end.
+TimeNs EarliestDecision(const Formula& formula, TimeNs planned_end_ns);
+
 enum class Truth : std::uint8_t { kFalse, kUnknown, kTrue };
 
 struct Result {

@@ -110,6 +110,18 @@ class SuiteTest(unittest.TestCase):
             "warning: suite/here: not followed: a link to a folder that it is in",
             "warning: suite/there: not followed: a link that leads back to itself"])
 
+    # what no flight can decide
+
+    def test_a_formula_that_no_flight_can_decide_is_a_mistake(self):
+        late = "eventually[0.3,0.4](eventually[0.4,0.5](position_error_m <= 0.5))"
+        self.scenario("late", **{"always(position_error_m <= 0.5)": late})
+        for command in ("check", "run"):
+            code, out, err = self.tiltproof(command, "late.yaml")
+            self.assertEqual((code, out), (2, ""))
+            self.assertEqual(err, "late.yaml:6:24: stl: can be decided at 0.7 s at the earliest, and the flight ends at 0.6 s (duration_s)\n")
+        self.scenario("late", **{"always(position_error_m <= 0.5)": late, "duration_s: 0.6": "duration_s: 0.7"})
+        self.assertEqual(self.tiltproof("check", "late.yaml")[0], 0)
+
     # what is printed of a flight
 
     def on_a_terminal(self, *arguments):

@@ -31,8 +31,8 @@ class ReaderTest : public testing::Test {
     options_.models_folder = folder_ / "models";
     options_.firmware_names = {"paper", "paper_published", "tolerant"};
     options_.metric_names = {"tracking.rmse_m", "tracking.max_error_m", "link.accepted_wrong_count"};
-    options_.check_formula = [](std::string_view formula,
-                                std::span<const std::string> fault_ids) -> std::optional<FormulaProblem> {
+    options_.check_formula = [](std::string_view formula, std::span<const std::string> fault_ids,
+                                TimeNs) -> std::optional<FormulaProblem> {
       // A language of two sentences, enough to see places and fault ids handed through.
       if (const auto at = formula.find("wrong"); at != std::string_view::npos)
         return FormulaProblem{at + 1, "wrong"};

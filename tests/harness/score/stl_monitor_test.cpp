@@ -40,6 +40,26 @@ Truth TruthOf(const std::string& text, const Trace& trace,
   return Judge(text, trace, planned_end_ns).truth;
 }
 
+double EarliestDecision_s(const std::string& text) {
+  return ToSeconds(EarliestDecision(Parse(text, kFaults), FromSeconds(60)));
+}
+
+TEST(StlHorizon, NestedWindowsAddUp) {
+  EXPECT_EQ(EarliestDecision_s("x_m < 1"), 0);
+  EXPECT_EQ(EarliestDecision_s("always[5,90](x_m < 1)"), 5) << "the first row may violate it";
+  EXPECT_EQ(EarliestDecision_s("eventually[70,90](x_m < 1)"), 70) << "the first row may be a witness";
+  EXPECT_EQ(EarliestDecision_s("always[0,30](eventually[40,50](x_m < 1))"), 50)
+      << "a violation, before 30 + 40";
+  EXPECT_EQ(EarliestDecision_s("always[40,50](always[30,35](x_m < 1))"), 70);
+  EXPECT_EQ(EarliestDecision_s("eventually[40,50](not always[30,35](x_m < 1))"), 70);
+  EXPECT_EQ(EarliestDecision_s("always(x_m < 1)"), 0);
+  EXPECT_EQ(EarliestDecision_s("always(true)"), 60);
+  EXPECT_EQ(EarliestDecision_s("eventually[70,71](x_m < 1) and x_m < 1"), 0);
+  EXPECT_EQ(EarliestDecision_s("eventually[70,71](x_m < 1) and always[80,81](x_m < 1)"), 70);
+  EXPECT_EQ(EarliestDecision_s("eventually[70,71](x_m < 1) implies always[80,81](x_m < 1)"), 71);
+  EXPECT_EQ(EarliestDecision_s("(x_m < 1) until[70,80] (x_m > 2)"), 0);
+}
+
 TEST(StlMonitor, ComparisonsAtTheirEdge) {
   const Trace trace = MakeTrace({1.0});
   EXPECT_EQ(TruthOf("x_m <= 1", trace), Truth::kTrue);

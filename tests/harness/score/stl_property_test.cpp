@@ -159,6 +159,17 @@ RC_GTEST_PROP(StlMonitor, WhatIsDecidedNoContinuationChanges, ()) {
   }
 }
 
+// What was decided was decided no earlier than a formula of its form can be.
+RC_GTEST_PROP(StlHorizon, NothingIsDecidedBeforeItCanBe, ()) {
+  const std::string text = RandomFormula(Choose(4));
+  RC_LOG() << text << "\n";
+  const stl::Formula formula = stl::Parse(text, kFaults);
+  const SlowTrace trace = RandomTrace();
+  const bool decided = Judge(formula, trace).truth != stl::Truth::kUnknown;
+  RC_CLASSIFY(decided, "decided");
+  if (decided) RC_ASSERT(stl::EarliestDecision(formula, trace.planned_end_ns) <= trace.seen_until_ns);
+}
+
 // A NaN may break a criterion or leave it undecided, never help it: whatever number stood in its place could
 // only do better.
 RC_GTEST_PROP(StlMonitor, ANanNeverHelps, ()) {
