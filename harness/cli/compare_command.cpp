@@ -236,8 +236,8 @@ int CompareCommand(const CompareOptions& options) {
             : PrintFlight(name, comparison, options.tolerance);
     } catch (const std::exception& error) {
       ++unreadable;
-      jsonl ? fmt::print("{}\n", Json({{"scenario", name}, {"error", error.what()}}).dump())
-            : fmt::print("{:<10} {:<34} {}\n", "UNREADABLE", name, error.what());
+      if (jsonl) fmt::print("{}\n", Json({{"scenario", name}, {"error", error.what()}}).dump());
+      fmt::print(stderr, "{:<10} {:<34} {}\n", "UNREADABLE", name, error.what());
     }
   }
   for (const auto& [letter, names] : {std::pair("a", &pairing.only_a), std::pair("b", &pairing.only_b)}) {

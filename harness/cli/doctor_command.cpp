@@ -25,6 +25,7 @@
 #include "harness/cli/data_files.h"
 #include "harness/emulator/lockstep_self_test.h"
 #include "harness/node/realtime_rights.h"
+#include "harness/process/child_process.h"
 #include "harness/scenario/scenario.h"
 #include "link/pty.h"
 #include "link/serial_devices.h"
@@ -263,10 +264,13 @@ Check CheckEmulator() {
     check.text += fmt::format(": `--client qemu` flies with it in real time; lockstep needs {}.x",
                               kLockstepQemuRelease);
     check.advice = "fly with --mode realtime, or use the qemu-system-arm of Debian 12";
-  } catch (const std::runtime_error& error) {
+  } catch (const NoSuchProgram& error) {
     check.status = Status::kWarn;
     check.text = fmt::format("{} (only `--client qemu` needs it)", error.what());
     check.advice = "`sudo apt-get install --no-install-recommends qemu-system-arm`";
+  } catch (const std::runtime_error& error) {
+    check.status = Status::kWarn;
+    check.text = fmt::format("{} (only `--client qemu` needs it)", error.what());
   }
   return check;
 }

@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <cstring>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -117,6 +118,7 @@ void Work(const FlightJob& job, WorkerReport& report, const std::atomic<bool>* i
     // Then what is printed is heard again.
     client.reset();
     std::fprintf(stderr, "tiltproof: %s: %s\n", job.scenario.name.c_str(), error.what());
+    std::strncpy(report.no_verdict_because.data(), error.what(), report.no_verdict_because.size() - 1);
     _exit(kExitWithoutVerdict);
   }
   // Whatever it does now, its flight is judged.

@@ -1,6 +1,7 @@
 // The worker process of one flight: flies it, scores it, writes its folder, and reports to its parent meanwhile.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <string>
@@ -13,9 +14,10 @@ namespace tiltproof::harness {
 
 // In memory that the worker and its parent share.
 struct WorkerReport {
-  std::atomic<std::int64_t> progress_ns{
-      0};  // simulation time reached, and a little more while the results are made
+  // Simulation time reached, and a little more while the results are made.
+  std::atomic<std::int64_t> progress_ns{0};
   FirmwareGuard::Watched firmware;
+  std::array<char, 1024> no_verdict_because{};  // of one that exits with kExitWithoutVerdict
 };
 
 // Exit code of a worker that could not leave a verdict.

@@ -8,6 +8,7 @@
 #include "harness/cli/data_files.h"
 #include "harness/cli/suite.h"
 #include "harness/client/library_client.h"
+#include "harness/node/joystick_input.h"
 #include "harness/node/roles.h"
 #include "harness/run/realtime/realtime_flight.h"
 #include "harness/run/remote/serve.h"
@@ -114,6 +115,12 @@ int NodeCommand(const NodeCommandOptions& options) {
     case dds::NodeKind::kJoystick:
       if (options.input.empty())
         throw UsageError("--input is missing: the joystick's device (/dev/input/js0), or a recording");
+      // A node may wait long for its first flight; what is wrong with the device is told now.
+      try {
+        OpenJoystick(options.input);
+      } catch (const std::runtime_error& error) {
+        throw UsageError(fmt::format("--input: {}", error.what()));
+      }
       node.joystick_source = options.input;
       make_role = MakeJoystickRole;
       break;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
 
 #include "harness/cli/commands.h"
@@ -23,9 +24,16 @@ namespace {
 class TemporaryFolder {
  public:
   TemporaryFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "tiltproof-replay-XXXXXX").string();
+    std::error_code error;
+    const auto parent = std::filesystem::temp_directory_path(error);
+    const char* tmpdir = std::getenv("TMPDIR");
+    if (error)
+      throw FileError(fmt::format("no folder for the flights of a replay: TMPDIR is '{}', which is no folder",
+                                  tmpdir == nullptr ? "/tmp" : tmpdir));
+    std::string name = (parent / "tiltproof-replay-XXXXXX").string();
     if (mkdtemp(name.data()) == nullptr)
-      throw FileError(fmt::format("cannot create {}: {}", name, std::strerror(errno)));
+      throw FileError(fmt::format("cannot create {}: {}; TMPDIR names another folder for it", name,
+                                  std::strerror(errno)));
     path_ = name;
   }
   ~TemporaryFolder() {

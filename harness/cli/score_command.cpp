@@ -27,6 +27,7 @@ ScenarioResult ScoreAgain(const std::filesystem::path& folder, const std::string
     return result;
   } catch (const std::exception& error) {
     // Its files are damaged, which must not pass unseen.
+    fmt::print(stderr, "tiltproof: {}: {}\n", name, error.what());
     return MakeErrorResult(name, scenario, error.what(), replay);
   }
 }

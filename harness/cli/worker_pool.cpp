@@ -302,7 +302,8 @@ class Pool {
                                           "hung or was stopped",
                                           ToSeconds(Limit(worker, FirmwareCall::kNone)), at));
     if (WIFEXITED(status) && WEXITSTATUS(status) == kExitWithoutVerdict)
-      return ErrorResult(job, "the worker process could not write the results; its message stands above");
+      return ErrorResult(
+          job, fmt::format("the flight's results are missing: {}", worker.report->no_verdict_because.data()));
     const std::string how = WIFSIGNALED(status) ? fmt::format("was killed by signal {} ({})",
                                                               WTERMSIG(status), strsignal(WTERMSIG(status)))
                                                 : fmt::format("ended with exit code {}", WEXITSTATUS(status));

@@ -48,8 +48,8 @@ struct PoolOutcome {
   bool interrupted = false;
 };
 
-// `on_finished` is called for each result as it comes, `on_turn` some ten times a second. SIGINT and SIGTERM end the flights under way, whose
-// partial results are kept.
+// `on_finished` is called for each result as it comes, `on_turn` some ten times a second. SIGINT and SIGTERM end
+// the flights under way, whose partial results are kept.
 PoolOutcome FlyAll(
     const std::vector<FlightJob>& jobs, const PoolOptions& options,
     const std::function<void(const ScenarioResult&)>& on_finished,

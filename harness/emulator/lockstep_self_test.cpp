@@ -108,8 +108,8 @@ std::string QemuVersion() {
     std::array<char, 4096> buffer;
     for (ssize_t n; (n = read(process.output(), buffer.data(), buffer.size())) > 0;)
       text.append(buffer.data(), static_cast<std::size_t>(n));
-  } catch (const std::runtime_error&) {
-    throw std::runtime_error("there is no qemu-system-arm: install Debian's package of that name");
+  } catch (const NoSuchProgram&) {
+    throw NoSuchProgram("there is no qemu-system-arm: install Debian's package of that name");
   }
   constexpr std::string_view kBefore = "version ";
   const std::size_t at = text.find(kBefore);

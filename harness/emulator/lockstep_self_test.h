@@ -13,7 +13,8 @@ namespace tiltproof::harness {
 // The release that the plug-in is written for.
 inline constexpr const char* kLockstepQemuRelease = "7.2";
 
-// "7.2.22" of the qemu-system-arm in PATH. Throws std::runtime_error when there is none.
+// "7.2.22" of the qemu-system-arm in PATH. Throws NoSuchProgram when there is none,
+// std::runtime_error when it cannot be started or says something else.
 std::string QemuVersion();
 
 // Takes a few tenths of a second. Throws std::runtime_error that says what is wrong and what to do instead.

@@ -77,7 +77,7 @@ std::string FindProgram(const ChildSpec& spec) {
     if (colon == std::string_view::npos) break;
     rest.remove_prefix(colon + 1);
   }
-  Refuse(spec, "no such program in PATH");
+  throw NoSuchProgram(fmt::format("cannot start '{}': no such program in PATH", name));
 }
 
 std::vector<std::string> Environment(const ChildSpec& spec) {

@@ -19,11 +19,17 @@
 #include <chrono>
 #include <memory>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
 
 namespace tiltproof::harness {
+
+// There is no such program, here or in PATH.
+struct NoSuchProgram : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
 
 struct ChildSpec {
   // Where a stream goes, when it is no descriptor of ours.

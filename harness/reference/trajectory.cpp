@@ -21,6 +21,8 @@ constexpr std::size_t kRecordedLineBytesMax = 4096;
 constexpr double kMagnitudeMax = 1e3;
 constexpr double kYawMax_rad = 100.0;
 
+// Spreadsheets put it before a file in UTF-8.
+constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
 constexpr std::string_view kColumns = "t_s,x_m,y_m,z_m,yaw_rad";
 constexpr std::string_view kColumnsWithVelocity = "t_s,x_m,y_m,z_m,yaw_rad,vx_m_s,vy_m_s,vz_m_s";
 
@@ -191,6 +193,7 @@ Trajectory::Polyline Trajectory::ReadRecorded(const std::filesystem::path& file)
   line_number = 1;
   std::getline(in, line);
   StripCarriageReturn(line);
+  if (line.starts_with(kByteOrderMark)) line.erase(0, kByteOrderMark.size());
   if (line != kColumns && line != kColumnsWithVelocity) {
     fail(fmt::format("the first line must be '{}[,vx_m_s,vy_m_s,vz_m_s]'", kColumns));
   }

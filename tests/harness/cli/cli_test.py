@@ -302,9 +302,9 @@ class CliTest(unittest.TestCase):
         self.tiltproof("run", self.scenario("hover"))
         trace = self.latest() / "hover/trace.csv"
         trace.write_text("".join(trace.read_text().splitlines(keepends=True)[:20]))
-        code, out, _ = self.tiltproof("score", self.latest())
+        code, _, err = self.tiltproof("score", self.latest())
         self.assertEqual(code, 3)
-        self.assertIn("not the trace that was flown", out)
+        self.assertIn("not the trace that was flown", err)
 
     def test_a_flight_without_verdict_does_not_block_the_replay_of_others(self):
         self.scenario("one")

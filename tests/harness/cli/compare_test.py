@@ -136,9 +136,10 @@ class CompareTest(unittest.TestCase):
         a, b = self.fly(), self.fly()
         trace = b / "hover/trace.csv"
         trace.write_text("".join(trace.read_text().splitlines(keepends=True)[:51]))
-        code, out, _ = self.tiltproof("compare", a, b)
+        code, out, err = self.tiltproof("compare", a, b)
         self.assertEqual(code, 3)
-        self.assertRegex(out, r"UNREADABLE +hover +\S*trace.csv: not the trace that was flown")
+        self.assertRegex(err, r"UNREADABLE +hover +\S*trace.csv: not the trace that was flown")
+        self.assertNotIn("UNREADABLE", out)
         crash = "harness.canary, start_s: 0.1"
         c = self.fly(text=HOVER + f"faults:\n  - {{id: f, type: {crash}}}\n", **{"duration_s: 1.2": "duration_s: 3"})
         d = self.fly(text=HOVER + f"faults:\n  - {{id: f, type: {crash}}}\n", **{"duration_s: 1.2": "duration_s: 3", "seed: 3": "initial: {position_m: [0, 0, 2]}\nseed: 3"})
@@ -149,9 +150,9 @@ class CompareTest(unittest.TestCase):
     def test_what_cannot_be_read(self):
         a, b = self.fly(("hover", "other")), self.fly(("hover", "other"))
         (b / "hover/verdict.json").unlink()
-        code, out, _ = self.tiltproof("compare", a, b)
+        code, out, err = self.tiltproof("compare", a, b)
         self.assertEqual(code, 3)
-        self.assertRegex(out, r"UNREADABLE +hover +.*verdict.json")
+        self.assertRegex(err, r"UNREADABLE +hover +.*verdict.json")
         self.assertRegex(out, r"IDENTICAL +other")  # the others are compared all the same
         self.assertIn("1 unreadable", out)
         (b / "other/trace.csv").write_text("t_s,x_m\n0,zero\n")

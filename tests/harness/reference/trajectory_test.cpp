@@ -160,6 +160,11 @@ TEST(Trajectory, CircleAndEightStartWhereTheyAreTold) {
   EXPECT_NEAR(eight.At(FromSeconds(2.5)).y_m, 2 + 2, 1e-12);
 }
 
+TEST(Trajectory, RecordedMayBeginWithAByteOrderMark) {
+  const auto file = WriteCsv("\xEF\xBB\xBFt_s,x_m,y_m,z_m,yaw_rad\r\n0,1,2,3,0\r\n");
+  EXPECT_EQ(Trajectory(Spec(RecordedReference{file})).Start(), (std::array{1.0, 2.0, 3.0}));
+}
+
 TEST(Trajectory, RecordedIsInterpolated) {
   const auto file = WriteCsv(
       "t_s,x_m,y_m,z_m,yaw_rad,vx_m_s,vy_m_s,vz_m_s\r\n"
