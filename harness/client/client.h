@@ -25,6 +25,8 @@ struct ClientStatus {
 
 // Kinds of DeviceEvent. The firmware boots anew: its processor was reset, or its process started again.
 inline constexpr const char* kResetEvent = "device_reset";
+// A line cannot work as it is set up: what a person should read when the flight never starts.
+inline constexpr const char* kLineTroubleEvent = "line_trouble";
 // Bytes that came while the one before had not been read.
 inline constexpr const char* kOverrunEvent = "uart_overrun";
 

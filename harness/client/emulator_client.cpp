@@ -15,6 +15,7 @@
 #include "firmware/tiltproof_client.h"
 #include "harness/client/device_clock.h"
 #include "harness/client/firmware_guard.h"
+#include "harness/client/rated_line.h"
 #include "harness/emulator/elf_symbols.h"
 #include "link/chunk.h"
 
@@ -72,7 +73,9 @@ std::string_view Name(lockstep::ResetCause cause) {
 class EmulatorClient final : public Client {
  public:
   EmulatorClient(const EmulatorSpec& spec, const EmulatorLines& lines, ClientHost host)
-      : spec_(spec), lines_(lines), host_(std::move(host)) {
+      : spec_(spec),
+        host_(std::move(host)),
+        rated_{RatedLine(lines.main_baud), RatedLine(lines.reference_baud)} {
     for (const auto& file : {spec.image, spec.plugin})
       if (!std::filesystem::is_regular_file(file))
         throw std::runtime_error(fmt::format("no such file: {}", file));
@@ -87,8 +90,16 @@ class EmulatorClient final : public Client {
 
   void Receive(Uart uart, TimeNs arrival, std::span<const std::uint8_t> bytes,
                std::span<const faults::ReceiveMark> marks) override {
-    const std::int64_t baud = uart == Uart::kMain ? lines_.main_baud : lines_.reference_baud;
+    RatedLine& rated = rated_[static_cast<std::size_t>(uart)];
+    const std::int64_t baud = rated.baud();
     const auto line = uart == Uart::kMain ? lockstep::Line::kMain : lockstep::Line::kReference;
+    if (rated.DamagesReceived()) {
+      for (std::size_t i = 0; i < bytes.size(); ++i) {
+        const auto left = static_cast<std::int64_t>(bytes.size() - i);
+        rated.Receive(clock_.At(arrival - link::BytesTime(baud, left)), bytes[i]);
+      }
+      return;
+    }
     received_.clear();
     for (std::size_t i = 0; i < bytes.size(); ++i) {
       const TimeNs before_last = link::BytesTime(baud, static_cast<std::int64_t>(bytes.size() - 1 - i));
@@ -108,9 +119,11 @@ class EmulatorClient final : public Client {
     }
     try {
       const TimeNs until = clock_.At(horizon);
+      DeliverDamaged(until);
       const lockstep::Stopped stopped =
           board_->Run(until, [this](const EmulatorMessage& message) { OnMessage(message); });
       last_active_ = std::max(last_active_, stopped.last_slept_ns);
+      TransmitDamaged(stopped.at_ns);
       if (stopped.at_ns - last_active_ > kBusyMax) {
         Log(stopped.at_ns, board_->Registers());
         throw FirmwareTrouble(true,
@@ -185,7 +198,9 @@ class EmulatorClient final : public Client {
   }
 
   void OnMessage(const EmulatorMessage& message) {
-    if (message.kind == lockstep::Kind::kTransmit) {
+    if (message.kind == lockstep::Kind::kUsart) {
+      OnUsart(message.As<lockstep::Usart>());
+    } else if (message.kind == lockstep::Kind::kTransmit) {
       OnTransmitted(message.All<lockstep::TransmittedByte>());
     } else if (message.kind == lockstep::Kind::kEvent) {
       OnEvent(message.As<lockstep::Event>());
@@ -197,17 +212,62 @@ class EmulatorClient final : public Client {
     last_active_ = std::max(last_active_, bytes.back().at_ns);
     if (bytes.front().line == lockstep::Line::kConsole) return OnConsole(bytes);
     const bool main = bytes.front().line == lockstep::Line::kMain;
-    const std::int64_t baud = main ? lines_.main_baud : lines_.reference_baud;
+    const Uart uart = main ? Uart::kMain : Uart::kReference;
+    RatedLine& rated = rated_[static_cast<std::size_t>(uart)];
     // A byte that is written while the transmitter is busy with those before it leaves right after them: one call for
     // all of these says the same as one for each.
     for (std::size_t first = 0, end = 0; first < bytes.size(); first = end) {
       transmitted_.clear();
       for (; end < bytes.size(); ++end) {
-        const TimeNs busy = link::BytesTime(baud, static_cast<std::int64_t>(end - first));
-        if (end > first && bytes[end].at_ns > bytes[first].at_ns + busy) break;
+        if (end > first && bytes[end].at_ns > bytes[first].at_ns + rated.TransmitTime(end - first)) break;
         transmitted_.push_back(bytes[end].byte);
       }
-      host_.transmit(main ? Uart::kMain : Uart::kReference, clock_.When(bytes[first].at_ns), transmitted_);
+      if (const auto begin = rated.Transmit(bytes[first].at_ns, transmitted_))
+        host_.transmit(uart, clock_.When(*begin), transmitted_);
+    }
+  }
+
+  void OnUsart(const lockstep::Usart& usart) {
+    if (usart.line == lockstep::Line::kConsole) return;
+    const bool main = usart.line == lockstep::Line::kMain;
+    const int number = main ? spec_.main_usart : spec_.reference_usart;
+    RatedLine& rated = rated_[main ? 0 : 1];
+    rated.Program(RateOf(number, usart.brr, usart.cr1, usart.cr3));
+    constexpr std::uint32_t kOn = 1U << 13;
+    if ((usart.cr1 & kOn) == 0) return;
+    const std::string trouble = rated.Trouble();
+    if (!trouble.empty() && std::exchange(troubles_[main ? 0 : 1], trouble) != trouble)
+      host_.event({.time_ns = clock_.When(last_active_),
+                   .fault = std::nullopt,
+                   .kind = kLineTroubleEvent,
+                   .text = fmt::format("USART{} {}, the {} line at {}", number, trouble,
+                                       main ? "main" : "reference", rated.baud())});
+  }
+
+  // What other rates make of bytes, once it is certain.
+  void TransmitDamaged(TimeNs until) {
+    for (const Uart uart : {Uart::kMain, Uart::kReference})
+      for (const auto& [begin_ns, end_ns, byte, framing_error] :
+           rated_[static_cast<std::size_t>(uart)].TakeTransmitted(until)) {
+        // As a terminal hands over a byte whose stop bit is missing (termios(3), without IGNPAR and PARMRK).
+        const std::uint8_t seen = framing_error ? 0 : byte;
+        host_.transmit(uart, clock_.When(begin_ns), std::span(&seen, 1));
+      }
+  }
+  void DeliverDamaged(TimeNs until) {
+    for (const auto line : {lockstep::Line::kMain, lockstep::Line::kReference}) {
+      received_.clear();
+      RatedLine& rated = rated_[static_cast<std::size_t>(line)];
+      const TimeNs byte_ns = link::BytesTime(rated.baud(), 1);
+      // A byte that is still on its way is not known: all is seen one byte time later.
+      for (const auto& [begin_ns, end_ns, byte, framing_error] : rated.TakeReceived(until - byte_ns))
+        received_.push_back({.arrival_ns = end_ns + byte_ns,
+                             .line = line,
+                             .byte = byte,
+                             .mark = framing_error ? lockstep::Mark::kFraming : lockstep::Mark::kNone,
+                             .waits = false});
+      if (!received_.empty())
+        board_->Send(lockstep::Kind::kReceive, std::span<const lockstep::ReceivedByte>(received_));
     }
   }
 
@@ -278,8 +338,9 @@ class EmulatorClient final : public Client {
   }
 
   EmulatorSpec spec_;
-  EmulatorLines lines_;
   ClientHost host_;
+  std::array<RatedLine, 2> rated_;       // by Uart
+  std::array<std::string, 2> troubles_;  // told of them
   std::optional<ElfSymbols> symbols_;
   std::optional<EmulatorProcess> board_;
   DeviceClock clock_;

@@ -12,7 +12,7 @@
 
 namespace tiltproof::harness::lockstep {
 
-inline constexpr std::uint32_t kProtocolVersion = 2;
+inline constexpr std::uint32_t kProtocolVersion = 3;
 inline constexpr std::uint32_t kBodyBytesMax = 1 << 20;
 
 enum class Kind : std::uint32_t {
@@ -26,6 +26,7 @@ enum class Kind : std::uint32_t {
   // From the plug-in.
   kHello,     // Hello
   kTransmit,  // TransmittedByte[]
+  kUsart,     // Usart
   kEvent,     // Event
   kMemory,    // the bytes
   kState,     // text: the processor's registers
@@ -90,6 +91,14 @@ struct TransmittedByte {
   std::int64_t at_ns;  // when the processor gave it to the transmitter
   Line line;
   std::uint8_t byte;
+};
+
+// The registers of a line's USART that its rate follows from: once they have changed, before the bytes that it then
+// sends, at the latest when the processor stops.
+struct Usart {
+  Line line;
+  std::uint32_t brr, cr1, cr3;
+  friend bool operator==(const Usart&, const Usart&) = default;
 };
 
 enum class EventKind : std::uint32_t {

@@ -8,6 +8,7 @@
 #include "harness/node/pty_canary.h"
 #include "harness/node/roles.h"
 #include "harness/run/framed.h"
+#include "harness/run/reference_talk.h"
 #include "link/messages.h"
 #include "link/pty.h"
 #include "link/serial_port.h"
@@ -58,6 +59,7 @@ class LinkRole final : public Role {
     const bool hardware = client_.serial && client_.serial->TakesByteTime();
     if (hardware) scenario_.link.adapter_latency_ms = 0;
     line_.emplace(scenario_, !hardware);
+    reference_talk_.emplace(scenario_.link.dialect);
     return ports;
   }
 
@@ -105,6 +107,8 @@ class LinkRole final : public Role {
     emulator_watch_.reset();
     const TimeNs now = services_.clock().Now();
     const TimeNs origin = line_->origin() == kNever ? now : line_->origin();
+    if (const std::string trouble = reference_talk_->Trouble(); !trouble.empty() && line_->origin() == kNever)
+      services_.log().Write(RunEvent{0, kLineTroubleEvent, trouble});
     SampleCounts(now);
     LineLog log = line_->TakeLog(std::min(now, origin + scenario_.duration_ns));
     services_.log().Write(log, origin, std::exchange(samples_, {}));
@@ -148,10 +152,14 @@ class LinkRole final : public Role {
 
   void Listen() {
     Read(*client_.line, Direction::kToPlant, "client");
-    // The client sends nothing there, but its going is seen. A pseudo-terminal that nobody has opened has nothing to
+    // The client should send nothing there, and its going is seen. A pseudo-terminal that nobody has opened has nothing to
     // tell.
     if (reference_.line != nullptr && !reference_.pty)
-      reference_.line->Start([](std::span<const std::uint8_t>) {}, Lost("client's reference port"));
+      reference_.line->Start(
+          [this](std::span<const std::uint8_t> bytes) {
+            if (armed_ && line_->origin() == kNever) reference_talk_->Hear(bytes);
+          },
+          Lost("client's reference port"));
   }
 
   link::SerialPort::Closed Lost(std::string name) {
@@ -268,6 +276,7 @@ class LinkRole final : public Role {
   std::string client_device_, reference_device_;
   Scenario scenario_;
   std::optional<LocalLine> line_;
+  std::optional<ReferenceTalk> reference_talk_;
   std::unique_ptr<link::Pty> plant_, base_station_;
   End client_, reference_;
   std::array<DeafReceiver, link::kDirectionCount> deaf_;  // that of kToPlant hears everything

@@ -41,4 +41,10 @@ void AddClientHistory(RunLog& log, link::Dialect dialect, BootSign sign) {
     if (event.kind == kResetEvent && event.time_ns > 0) log.restarts.push_back({event.time_ns, event.text});
 }
 
+void ExplainNeverStarted(RunLog& log) {
+  if (log.end_reason != EndReason::kNeverStarted) return;
+  for (const RunEvent& event : log.events)
+    if (event.kind == kLineTroubleEvent) log.end_text += "; " + event.text;
+}
+
 }  // namespace tiltproof::harness

@@ -20,4 +20,7 @@ enum class BootSign : std::uint8_t {
 // Sets log.restarts and log.sent_request_times_ns.
 void AddClientHistory(RunLog& log, link::Dialect dialect, BootSign sign);
 
+// What is wrong with the client's lines, as far as the events tell, goes into the reason of a flight that never started.
+void ExplainNeverStarted(RunLog& log);
+
 }  // namespace tiltproof::harness

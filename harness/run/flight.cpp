@@ -13,6 +13,7 @@
 #include "harness/run/client_history.h"
 #include "harness/run/framed.h"
 #include "harness/run/merge_logs.h"
+#include "harness/run/reference_talk.h"
 #include "link/messages.h"
 
 namespace tiltproof::harness {
@@ -69,6 +70,7 @@ class Conductor {
   TimeNs now_ns_ = 0;                                           // of the turn under way
   std::vector<std::pair<TimeNs, std::string>> firmware_lines_;  // what the firmware logged, in boot time
   std::size_t firmware_log_bytes_ = 0;
+  ReferenceTalk reference_talk_;
 };
 
 Conductor::Conductor(const Scenario& scenario, Line& line, PlantServer& server, const FlightOptions& options)
@@ -78,7 +80,8 @@ Conductor::Conductor(const Scenario& scenario, Line& line, PlantServer& server, 
       server_(server),
       trajectory_(scenario.reference),
       client_faults_(scenario.faults, scenario.seed,
-                     {.baud = MainBaud(scenario.link), .reference_baud = ReferenceBaud(scenario.link)}) {
+                     {.baud = MainBaud(scenario.link), .reference_baud = ReferenceBaud(scenario.link)}),
+      reference_talk_(scenario.link.dialect) {
   log_.trace = Trace(FlightColumns(scenario));
 }
 
@@ -86,7 +89,10 @@ void Conductor::MakeClient() {
   client_ = options_.make_client(
       {.transmit = [this](Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) -> TimeNs {
          // The reference line has no way back: what the client sends there ends at its pin.
-         if (uart != Uart::kMain) return now;
+         if (uart != Uart::kMain) {
+           reference_talk_.Hear(bytes);
+           return now;
+         }
          return line_.Transmit(Direction::kToPlant, std::clamp(now, now_ns_, now_ns_ + kTransmitAheadMax),
                                bytes);
        },
@@ -255,6 +261,8 @@ void Conductor::Finish() {
   if (client_ != nullptr && client_->RunsOn()) log_.receive_overruns_count = receive_overruns_count_;
   for (DeviceEvent& event : device_events_)
     log_.events.push_back({event.time_ns - origin, std::move(event.kind), std::move(event.text)});
+  if (const std::string talk = reference_talk_.Trouble(); !talk.empty() && !state.started())
+    log_.events.push_back({0, kLineTroubleEvent, talk});
   Append(log_, client_faults_, origin);
   // A part in another process may be gone, and its records with it; the others' are kept.
   const auto keep_going = [&](const auto& append) {
@@ -270,6 +278,7 @@ void Conductor::Finish() {
   keep_going([&] { Append(log_, line_.TakeLog(origin + log_.end_ns), origin); });
   SortByTime(log_);
   AddClientHistory(log_, scenario_.link.dialect, BootSign::kReset);
+  ExplainNeverStarted(log_);
 }
 
 }  // namespace

@@ -73,6 +73,10 @@ class WrongBoards(unittest.TestCase):
     def criterion(self, result, name):
         return next((criterion for criterion in result["criteria"] if criterion["name"] == name), None)
 
+    def events(self, folder, kind):
+        lines = [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
+        return " ".join(line["text"] for line in lines if line["kind"] == kind)
+
     def score(self, folder):
         return json.loads(self.run_tiltproof("score", folder, "--format", "jsonl").stdout.splitlines()[0])
 
@@ -137,6 +141,59 @@ class WrongBoards(unittest.TestCase):
         _, result, output = self.fly(self.image("loop-by-the-wall", crash), "--mode", "realtime")
         self.assertIn("no fault asked for", self.criterion(result, "survival")["explanation"], output)
         self.assertGreaterEqual(result["restarts"], 2)
+
+    # --- the baud rate ---
+
+    def test_a_wrong_baud_rate_never_starts_and_says_both_rates(self):
+        client = self.image("slow-line", [("kLineBaud = 921600", "kLineBaud = 460800")])
+        for flags in ([], ["--distributed=socket"]):
+            _, result, output = self.fly(client, *flags)
+            self.assertEqual(result["verdict"], "fail", output)
+            # 42 MHz / 91
+            for words in ("never started", "USART2", "461538", "921600"):
+                self.assertIn(words, result["reason"])
+        folder, result, output = self.fly(client, more="link: {baud: 460800}\n")
+        self.assertIn("USART3 runs at 461538 baud", self.events(folder, "line_trouble"), "the reference line keeps its rate")
+        self.assertGreater(result["metrics"]["link.to_plant.frames_accepted_count"], 0, output)
+
+    def test_within_the_receivers_tolerance_nothing_is_damaged(self):
+        for divider in (45, 47):  # 1.3 % fast, 3.0 % slow; 44 is 3.6 % fast
+            client = self.image(f"divider-{divider}", [("(kApb1Hz + kLineBaud / 2) / kLineBaud", str(divider))])
+            folder, result, output = self.fly(client)
+            self.assertEqual((result["verdict"], self.events(folder, "line_trouble")), ("pass", ""), output)
+
+    def test_beyond_it_bytes_are_damaged_both_ways(self):
+        # Only what the board receives: its main line's receiver is right, its reference line's is not.
+        client = self.image("reference-line", [("USART_BRR(USART3) = (kApb1Hz + kLineBaud / 2) / kLineBaud", "USART_BRR(USART3) = 42")])
+        folder, result, output = self.fly(client)
+        self.assertIn("USART3 runs at 1000000 baud", self.events(folder, "line_trouble"))
+        # And both ways: nothing of what it sends is accepted.
+        _, result, output = self.fly(self.image("main-line", [("USART_BRR(USART2) = (kApb1Hz + kLineBaud / 2) / kLineBaud", "USART_BRR(USART2) = 42")]))
+        self.assertIn("never started", result["reason"])
+        self.assertEqual(result["metrics"]["link.to_plant.frames_accepted_count"], 0)
+
+    def test_a_usart_without_a_rate_sends_nothing(self):
+        _, result, _ = self.fly(self.image("no-rate", [("USART_BRR(USART2) = (kApb1Hz + kLineBaud / 2) / kLineBaud", "USART_BRR(USART2) = 0")]))
+        self.assertIn("USART2 has no baud rate (BRR is 0)", result["reason"])
+
+    def test_oversampling_by_8_is_known(self):
+        over8 = [("(kApb1Hz + kLineBaud / 2) / kLineBaud", "0x56"), ("BIT(13) |", "BIT(15) | BIT(13) |")]
+        _, result, output = self.fly(self.image("over8", over8))
+        self.assertEqual(result["verdict"], "pass", output)
+
+    # --- the wiring ---
+
+    def test_exchanged_usarts_are_told(self):
+        swapped = [("#define USART2 0x40004400", "#define USART2 0x40004800"), ("#define USART3 0x40004800", "#define USART3 0x40004400"),
+                   ("[16 + 38] = USART2_IRQHandler", "[16 + 38] = USART3_IRQHandler"), ("[16 + 39] = USART3_IRQHandler", "[16 + 39] = USART2_IRQHandler")]
+        client = self.image("exchanged", swapped)
+        for flags in ([], ["--distributed=socket"], ["--mode", "realtime"]):
+            _, result, output = self.fly(client, *flags)
+            self.assertIn("never started", result["reason"])
+            self.assertIn("the client talks on the reference line", result["reason"], output)
+            self.assertIn("exchanged", result["reason"])
+        _, result, output = self.fly(client + ",main=usart3,reference=usart2")
+        self.assertEqual(result["verdict"], "pass", output)
 
 
 if __name__ == "__main__":

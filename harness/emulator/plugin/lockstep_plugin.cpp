@@ -59,6 +59,7 @@ struct Uart {
   std::deque<ReceivedByte> queue;  // on their way to the firmware
   Timer timer;
   std::vector<TransmittedByte> unsent;  // not yet told
+  Usart told{};                         // of its registers
 };
 
 struct Plugin {
@@ -134,6 +135,14 @@ void SendUnsent(Uart& uart) {
   if (!uart.unsent.empty())
     Send(Kind::kTransmit, uart.unsent.data(), uart.unsent.size() * sizeof(TransmittedByte));
   uart.unsent.clear();
+}
+
+void SendRegisters(Uart& uart) {
+  const Usart now = uart.receiver->Registers(uart.line);
+  if (now == uart.told) return;
+  SendUnsent(uart);
+  Send(Kind::kUsart, &now, sizeof(now));
+  uart.told = now;
 }
 
 // --- bytes to the firmware ---
@@ -333,7 +342,10 @@ void TakeCommands() {
 }
 
 void Stop() {
-  for (Uart& uart : plugin.uarts) SendUnsent(uart);
+  for (Uart& uart : plugin.uarts) {
+    SendUnsent(uart);
+    if (uart.receiver != nullptr) SendRegisters(uart);
+  }
   const Stopped stopped{Now(), plugin.last_slept_ns};
   Send(Kind::kStopped, &stopped, sizeof(stopped));
   TakeCommands();
@@ -345,6 +357,7 @@ void OnHorizon(void* /*opaque*/) { Stop(); }
 int OnTransmit(void* chardev, const std::uint8_t* bytes, int count) {
   for (Uart& uart : plugin.uarts) {
     if (uart.chardev != chardev || !plugin.begun) continue;
+    SendRegisters(uart);
     for (int i = 0; i < count; ++i) uart.unsent.push_back({Now(), uart.line, bytes[i]});
     const bool flag = uart.line == Line::kMain && std::find(bytes, bytes + count, kFlag) != bytes + count;
     const bool line_end = uart.line == Line::kConsole && bytes[count - 1] == '\n';

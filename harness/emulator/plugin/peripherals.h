@@ -119,7 +119,7 @@ class ResetFlags {
 
 // The receiving half of a USART, its SR and DR (RM0090, section 30.6), in front of the emulated one, for two
 // reasons: that one never raises an error flag, and each read of its registers wakes QEMU's main thread, which costs
-// more than everything else in a flight.
+// more than everything else in a flight. The other registers are passed on, and known here.
 class UsartReceiver {
  public:
   static constexpr std::uint32_t kFraming = 1u << 1, kNoise = 1u << 2, kOverrun = 1u << 3;
@@ -135,8 +135,8 @@ class UsartReceiver {
     if (device == nullptr) return false;
     usart_ = sysbus_mmio_get_region(device, 0);
     chardev_ = chardev;
-    overlay_.Init("usart-receiver", kAddresses[static_cast<std::size_t>(number - 1)], 8, ReadRegister,
-                  WriteRegister, this);
+    overlay_.Init("usart-receiver", kAddresses[static_cast<std::size_t>(number - 1)], 4 * kRegisterCount,
+                  ReadRegister, WriteRegister, this);
     return true;
   }
 
@@ -151,13 +151,18 @@ class UsartReceiver {
   }
   // A byte has arrived and is lost: the old one stays (section 30.3.3).
   void Overrun() { flags_ |= kOverrun; }
+  harness::lockstep::Usart Registers(harness::lockstep::Line line) const {
+    return {line, registers_[kBaudRate / 4], registers_[kControl1 / 4], registers_[kControl3 / 4]};
+  }
   void Reset() {
     flags_ = seen_flags_ = 0;
     complete_ = kComplete;
+    registers_ = {};
   }
 
  private:
-  static constexpr std::uint64_t kStatus = 0, kData = 4;
+  static constexpr std::uint64_t kStatus = 0, kData = 4, kBaudRate = 8, kControl1 = 0xC, kControl3 = 0x14;
+  static constexpr std::size_t kRegisterCount = 7;
   static constexpr std::uint32_t kNotEmpty = 1u << 5, kComplete = 1u << 6, kTransmitterEmpty = 1u << 7;
 
   std::uint32_t Status() const { return kTransmitterEmpty | complete_ | flags_ | (Free() ? 0 : kNotEmpty); }
@@ -170,6 +175,7 @@ class UsartReceiver {
       self.seen_flags_ = self.flags_;
       return self.Status();
     }
+    if (offset != kData) return self.registers_[offset / 4];
     // The flags go when SR and then DR have been read.
     self.flags_ &= ~self.seen_flags_;
     self.seen_flags_ = 0;
@@ -181,6 +187,7 @@ class UsartReceiver {
     auto& self = *static_cast<UsartReceiver*>(opaque);
     // Sent at once; and SR's bits can only be cleared.
     if (offset == kData) self.complete_ = kComplete;
+    if (offset > kData) self.registers_[offset / 4] = static_cast<std::uint32_t>(value);
     if (offset == kStatus) {
       self.complete_ &= static_cast<std::uint32_t>(value);
       value &= self.Status();
@@ -192,8 +199,9 @@ class UsartReceiver {
   void* chardev_ = nullptr;
   Overlay overlay_;
   std::uint32_t data_ = 0;
-  std::uint32_t flags_ = 0, seen_flags_ = 0;  // errors
-  std::uint32_t complete_ = kComplete;        // TC
+  std::array<std::uint32_t, kRegisterCount> registers_{};  // of SR and DR nothing
+  std::uint32_t flags_ = 0, seen_flags_ = 0;               // errors
+  std::uint32_t complete_ = kComplete;                     // TC
 };
 
 }  // namespace tiltproof::qemu

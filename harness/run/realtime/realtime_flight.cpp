@@ -190,6 +190,7 @@ RunLog RealtimeConductor::Run() {
   const Member* client = members_.Find(NodeKind::kClient);
   const bool tells_resets = client != nullptr && !client->firmware.empty();
   AddClientHistory(log, scenario_.link.dialect, tells_resets ? BootSign::kReset : BootSign::kStart);
+  ExplainNeverStarted(log);
   if (options_.score) {
     dds::Score score = options_.score(log);
     score.run_id = run_id_;

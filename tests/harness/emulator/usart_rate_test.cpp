@@ -1,0 +1,93 @@
+// Baud rates from registers, and what a receiver makes of a sender at another rate.
+#include "harness/emulator/usart_rate.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "harness/emulator/line_sampler.h"
+
+namespace tiltproof::harness {
+namespace {
+
+constexpr std::uint32_t kOver8 = 1U << 15, kOneBit = 1U << 11;
+constexpr double kLineBitNs = 1e9 / 921'600;
+
+TEST(UsartRate, FollowsBrrAndOver8) {
+  // RM0090, table 139: 42 MHz, 921.6 kBps: USARTDIV 2.875 by 16, 5.75 by 8; the rate is 913.043 kBps by both.
+  EXPECT_NEAR(RateOf(2, 0x2E, 0, 0).Baud(), 913'043.5, 0.1);
+  EXPECT_NEAR(RateOf(2, 0x56, kOver8, 0).Baud(), 913'043.5, 0.1);
+  EXPECT_NEAR(RateOf(1, 0x2D9, 0, 0).Baud(), 115'226.3, 0.1);
+  EXPECT_NEAR(RateOf(6, 0x5B, 0, 0).Baud(), 2 * RateOf(3, 0x5B, 0, 0).Baud(), 1e-6);
+  // The highest bit of the fraction is kept cleared when OVER8 is set, and does not count.
+  EXPECT_EQ(RateOf(2, 0x5E, kOver8, 0).clocks_per_bit, 46);
+  EXPECT_FALSE(RateOf(2, 0, 0, 0).Runs());
+}
+
+TEST(UsartRate, TolerancesAreThoseOfTheManual) {
+  EXPECT_EQ(RateOf(2, 0x20, 0, 0).tolerance, 0.0375);
+  EXPECT_EQ(RateOf(2, 0x2E, 0, 0).tolerance, 0.0333);
+  EXPECT_EQ(RateOf(2, 0x50, kOver8, 0).tolerance, 0.025);
+  EXPECT_EQ(RateOf(2, 0x56, kOver8, 0).tolerance, 0.02);
+  EXPECT_EQ(RateOf(2, 0x2E, 0, kOneBit).tolerance, 0.0388);
+}
+
+// All bytes, back to back, through a receiver; -1 for each framing error.
+std::vector<int> Sampled(double sender_bit_ns, double receiver_bit_ns, double tolerance,
+                         const std::vector<std::uint8_t>& bytes) {
+  LineSampler sampler;
+  std::vector<int> seen;
+  double begin_ns = 1000;
+  const auto take = [&](double until_ns) {
+    for (const auto& received : sampler.Take(static_cast<TimeNs>(until_ns), receiver_bit_ns, tolerance))
+      seen.push_back(received.framing_error ? -1 : received.byte);
+  };
+  for (const std::uint8_t byte : bytes) {
+    sampler.Put(static_cast<TimeNs>(begin_ns), byte, sender_bit_ns);
+    begin_ns += 10 * sender_bit_ns;
+    take(begin_ns);
+  }
+  take(begin_ns + 100 * receiver_bit_ns);
+  return seen;
+}
+
+std::vector<std::uint8_t> AllBytes() {
+  std::vector<std::uint8_t> bytes;
+  for (int byte = 0; byte < 256; ++byte) bytes.push_back(static_cast<std::uint8_t>(byte));
+  return bytes;
+}
+
+TEST(LineSampler, ASenderWithinTheToleranceIsUnderstood) {
+  const auto bytes = AllBytes();
+  const std::vector<int> whole(bytes.begin(), bytes.end());
+  for (const double tolerance : {0.02, 0.0333, 0.0375})
+    for (const double deviation : {-0.98, 0.0, 0.98}) {
+      const double sender_bit_ns = kLineBitNs * (1 + deviation * tolerance);
+      EXPECT_TRUE(Understands(kLineBitNs, tolerance, sender_bit_ns));
+      EXPECT_EQ(Sampled(sender_bit_ns, kLineBitNs, tolerance, bytes), whole) << tolerance << " " << deviation;
+    }
+}
+
+TEST(LineSampler, ASenderJustBeyondItIsNot) {
+  for (const double tolerance : {0.02, 0.0333, 0.0375}) {
+    // Too slow: the stop bit is taken for the last data bit, so bytes below 0x80 are hurt.
+    EXPECT_EQ(Sampled(kLineBitNs * (1 + 1.01 * tolerance), kLineBitNs, tolerance, {0x7E}),
+              std::vector<int>{-1});
+    EXPECT_EQ(Sampled(kLineBitNs * (1 + 1.01 * tolerance), kLineBitNs, tolerance, {0xFE}),
+              std::vector<int>{0xFE});
+    // Too fast: for the next byte's start bit.
+    EXPECT_EQ(Sampled(kLineBitNs * (1 - 1.01 * tolerance), kLineBitNs, tolerance, {0xFE, 0xFE}).front(), -1);
+    EXPECT_FALSE(Understands(kLineBitNs, tolerance, kLineBitNs * (1 + 1.01 * tolerance)));
+  }
+}
+
+TEST(LineSampler, HalfTheRateIsTwoBitsForEach) {
+  // 0x7E at half the rate: 0 | 0 1 1 1 1 1 1 0 | 1, each twice. The receiver sees 0 | 0 0 0 1 1 1 1 1 | 1 and then, at
+  // the last data bit, 0 | 0 1 1 ...
+  EXPECT_EQ(Sampled(2 * kLineBitNs, kLineBitNs, kUsualTolerance, {0x7E}), (std::vector<int>{0xF8, 0xFE}));
+  // The other way round each sample takes every second bit.
+  EXPECT_EQ(Sampled(kLineBitNs, 2 * kLineBitNs, kUsualTolerance, {0xFF}).size(), 0U)
+      << "too short for a start bit";
+}
+
+}  // namespace
+}  // namespace tiltproof::harness
