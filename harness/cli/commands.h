@@ -63,7 +63,7 @@ struct NodeCommandOptions {
   std::string interface;
   std::vector<std::string> peers;
   double xmit_loss = 0;
-  bool child = false;
+  std::string child;     // of a harness: the participant that it is; or empty
   std::string lockstep;  // "", "dds" or "socket": one part of a distributed lockstep flight
 };
 int NodeCommand(const NodeCommandOptions& options);

@@ -170,7 +170,7 @@ int Main(int argc, char** argv) {
       ->check(CLI::Range(0.0, 1.0));
   // How a harness starts its own nodes.
   node_app->add_option("--tag", node.tag)->group("");
-  node_app->add_flag("--child", node.child)->group("");
+  node_app->add_option("--child", node.child)->group("");
   node_app->add_option("--lockstep", node.lockstep)->check(CLI::IsMember({"dds", "socket"}))->group("");
   node_app->callback([&] { command = [&] { return NodeCommand(node); }; });
 

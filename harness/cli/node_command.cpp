@@ -10,6 +10,7 @@
 #include "harness/client/library_client.h"
 #include "harness/node/joystick_input.h"
 #include "harness/node/roles.h"
+#include "harness/run/introduction.h"
 #include "harness/run/realtime/realtime_flight.h"
 #include "harness/run/remote/serve.h"
 #include "harness/run/run_id.h"
@@ -31,6 +32,13 @@ dds::NodeKind KindNamed(const std::string& kind) {
   throw UsageError(fmt::format("KIND {}: no such node", kind));
 }
 
+// Of the harness that started this node.
+dds::Participant HarnessOf(const NodeCommandOptions& options) {
+  const auto harness = dds::ParticipantNamed(options.child);
+  if (!harness) throw UsageError(fmt::format("--child {}: no participant of DDS", options.child));
+  return *harness;
+}
+
 int ServeLockstep(const NodeCommandOptions& options) {
   std::optional<dds::Bus> bus;
   std::unique_ptr<Channel> channel;
@@ -40,7 +48,8 @@ int ServeLockstep(const NodeCommandOptions& options) {
     channel = MakeUnixChannel(kLockstepSocket);
   } else {
     bus.emplace(LockstepBus(options.domain, options.tag));
-    channel = MakeDdsChannel(*bus, options.tag, options.kind);
+    Introduce(bus->participant());
+    channel = MakeDdsChannel(*bus, options.tag, options.kind, HarnessOf(options));
   }
   if (options.kind == "plant") {
     ServePlant(*channel, LoadAnnounced);
@@ -65,7 +74,7 @@ int NodeCommand(const NodeCommandOptions& options) {
               .interface = options.interface,
               .peers = options.peers,
               .xmit_loss = options.xmit_loss};
-  node.child = options.child;
+  if (!options.child.empty()) node.harness = HarnessOf(options);
   node.load = LoadAnnounced;
 
   const bool takes_client = options.kind == "client" || options.kind == "link";

@@ -187,6 +187,22 @@ Bus::Bus(const BusConfig& config) : impl_(std::make_unique<Impl>()) {
 
 Bus::~Bus() { dds_delete(impl_->domain); }
 
+Participant Bus::participant() const {
+  dds_guid_t guid;
+  if (const auto code = dds_get_guid(impl_->participant, &guid); code < 0)
+    Fail("cannot tell who we are", code);
+  Participant participant;
+  std::copy(std::begin(guid.v), std::end(guid.v), participant.guid.begin());
+  return participant;
+}
+
+Participant ParticipantOf(const dds_builtintopic_endpoint_t& endpoint) {
+  Participant participant;
+  const auto& guid = endpoint.participant_key.v;
+  std::copy(std::begin(guid), std::end(guid), participant.guid.begin());
+  return participant;
+}
+
 void Bus::Partition(bool deaf, bool mute, std::int64_t duration_ns) {
   if (const auto code =
           dds_domain_set_deafmute(impl_->participant, deaf, mute, std::max<std::int64_t>(0, duration_ns));

@@ -25,6 +25,7 @@
 #include <vector>
 
 #include "harness/dds/messages.h"
+#include "harness/dds/participant.h"
 #include "harness/dds/qos.h"
 #include "link/time.h"
 
@@ -58,6 +59,9 @@ class Bus {
   // at once. A new call replaces the former.
   void Partition(bool deaf, bool mute, std::int64_t duration_ns);
 
+  // Who this process is to the others.
+  Participant participant() const;
+
   struct Impl;
   Impl& impl() { return *impl_; }
 
@@ -82,6 +86,8 @@ class Publisher {
   bool Write(const T& message);
   // How many subscribers listen now. One that died without a word counts for up to 10 s more.
   int MatchedCount() const;
+  // Whether a subscriber of that participant listens now.
+  bool IsHeardBy(const Participant& participant) const;
   // Waits until every subscriber has everything: a node does so before it leaves. False after `limit_ns`.
   bool WaitForAcks(std::int64_t limit_ns);
   // Ends the instance named by the keys of `message`: who comes late gets nothing of it any more, and its
@@ -99,6 +105,11 @@ template <class T>
 concept Log = std::same_as<T, SerialTap> || std::same_as<T, FaultActivation> || std::same_as<T, RunEvent> ||
     std::same_as<T, TraceRows>;
 
+// What a node says of itself: its node_id is the speaker's.
+template <class T>
+concept OfSpeaker = Log<T> || std::same_as<T, RunAck> || std::same_as<T, RunState> ||
+    std::same_as<T, NodeReport> || std::same_as<T, StepResponse>;
+
 // A topic with a deadline: two control periods.
 template <class T>
 concept RealTime = std::same_as<T, PlantState> || std::same_as<T, Actuation>;
@@ -113,8 +124,16 @@ struct SequenceGap {
 };
 
 struct NodeLife {
-  Heartbeat last;      // the node's last word
-  bool alive = false;  // else it missed its lease of 200 ms, or left
+  Heartbeat last;           // the node's last word
+  bool alive = false;       // else it missed its lease of 200 ms, or left
+  Participant participant;  // who it is
+};
+
+// A message, and who sent it.
+template <class T>
+struct From {
+  Participant sender;
+  T message;
 };
 
 template <class T>
@@ -125,17 +144,27 @@ class Subscriber {
   // Neither runs any more once the destructor returns; neither may destroy this.
   explicit Subscriber(Bus& bus, const std::function<void()>& on_data = {},
                       const std::function<void()>& on_liveliness = {});
+  // Hears only those in `circle`, which must outlive this: what comes from others while they are outside is lost.
+  // And what a node says of itself (OfSpeaker) only under the node id that it has there.
+  Subscriber(Bus& bus, const Circle& circle, const std::function<void()>& on_data = {},
+             const std::function<void()>& on_liveliness = {});
   ~Subscriber();
   Subscriber(const Subscriber&) = delete;
   Subscriber& operator=(const Subscriber&) = delete;
 
   // All messages that came since the last call, in the order in which each publisher wrote them. Logs: each
   // sequence once. Other topics that keep something for latecomers may bring it again after a cut of the
-  // network of 10 s and more.
+  // network of 10 s and more. When a great many are waiting, it returns the first kTakeCountMax of them, and
+  // `on_data` is called for the others.
   std::vector<T> Take();
+  std::vector<From<T>> TakeWithSenders() requires(!std::same_as<T, Heartbeat>);
+  static constexpr std::size_t kTakeCountMax = 4096;
   int MatchedCount() const;
+  // Whether a publisher of that participant is there now.
+  bool Hears(const Participant& participant) const;
 
-  // Every node whose heartbeat was ever received, by node id.
+  // Every node whose heartbeat was ever received, in the order of node ids. Each participant is one node: two of
+  // the same name are two.
   std::vector<NodeLife> Nodes() const requires std::same_as<T, Heartbeat>;
 
   // The holes in what Take() returned so far.

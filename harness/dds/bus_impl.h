@@ -15,6 +15,9 @@ struct Bus::Impl {
   dds_entity_t CreateTopic(const TopicQos& qos, const dds_topic_descriptor_t& descriptor) const;
 };
 
+// Of a publisher or subscriber, as DDS describes it.
+Participant ParticipantOf(const dds_builtintopic_endpoint_t& endpoint);
+
 // QoS of the writers and readers of a topic.
 QosPtr MakeQos(const TopicQos& topic);
 

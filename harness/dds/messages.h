@@ -61,7 +61,8 @@ struct RunScenario {
   std::string run_id{};         // key
   std::string scenario_yaml{};  // at most kDocumentBytesMax
   std::string model_hash{};
-  std::vector<std::string> nodes{};  // node ids that take part
+  std::vector<std::string> nodes{};         // node ids that take part
+  std::vector<std::string> participants{};  // which participant each of them is (participant.h)
   bool operator==(const RunScenario&) const = default;
 };
 
@@ -99,7 +100,7 @@ struct RunState {
   std::string node_id{};  // key
   Phase phase = Phase::kIdle;
   TimeNs time_ns = 0;
-  TimeNs origin_ns = 0;  // the node's monotonic clock at simulation time 0
+  TimeNs origin_ns = 0;  // of the plant: its monotonic clock at simulation time 0, 0 until that is known
   std::string end_reason{};
   std::string text{};
   bool operator==(const RunState&) const = default;

@@ -1,8 +1,16 @@
+#include <algorithm>
+#include <array>
 #include <mutex>
 
 #include "harness/dds/bus_impl.h"
 
 namespace tiltproof::dds {
+namespace {
+
+// Of one topic, that are looked at.
+constexpr std::size_t kSubscribersCountMax = 1024;
+
+}  // namespace
 
 template <class T>
 struct Publisher<T>::Impl {
@@ -66,6 +74,21 @@ int Publisher<T>::MatchedCount() const {
     Fail("cannot count subscribers", code);
   }
   return static_cast<int>(status.current_count);
+}
+
+template <class T>
+bool Publisher<T>::IsHeardBy(const Participant& participant) const {
+  std::array<dds_instance_handle_t, kSubscribersCountMax> handles{};
+  const auto count = dds_get_matched_subscriptions(impl_->writer, handles.data(), handles.size());
+  if (count < 0) Fail("cannot list subscribers", count);
+  for (std::size_t i = 0; i < std::min(static_cast<std::size_t>(count), handles.size()); ++i) {
+    auto* endpoint = dds_get_matched_subscription_data(impl_->writer, handles[i]);
+    if (endpoint == nullptr) continue;  // it has just left
+    const bool is_it = ParticipantOf(*endpoint) == participant;
+    dds_builtintopic_free_endpoint(endpoint);
+    if (is_it) return true;
+  }
+  return false;
 }
 
 template <class T>

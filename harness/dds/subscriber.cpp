@@ -1,7 +1,10 @@
 #include <algorithm>
 #include <array>
+#include <iterator>
 #include <map>
 #include <mutex>
+#include <optional>
+#include <utility>
 
 #include "harness/dds/bus_impl.h"
 #include "harness/dds/sequence_filter.h"
@@ -14,17 +17,33 @@ struct Subscriber<T>::Impl {
   // Samples lent by DDS at a time: their memory is set aside at once, and some are large.
   static constexpr std::size_t kBatch = std::clamp<std::size_t>(262'144 / sizeof(Wire), 1, 64);
 
-  // Beyond so many nodes, dead ones are forgotten.
-  static constexpr std::size_t kNodesCountMax = 1024;
+  // Beyond so many nodes, dead ones are forgotten, and beyond so many publishers those that left.
+  static constexpr std::size_t kNodesCountMax = 1024, kWritersCountMax = 4096;
+
+  // A publisher, from the match on. One that left may still have messages here.
+  struct Writer {
+    Participant participant;
+    bool matched = false;
+    bool alive = false;  // keeps its lease
+  };
+  struct Node {
+    NodeLife life;
+    dds_instance_handle_t writer = 0;
+  };
 
   std::function<void()> on_data;
   std::function<void()> on_liveliness;
+  const Circle* circle = nullptr;
   dds_entity_t topic = 0;
   dds_entity_t reader = 0;
   std::mutex mutex;
-  SequenceFilter filter;                   // logs
-  std::map<std::string, NodeLife> nodes;   // heartbeats, by node id
-  std::map<std::string, Heartbeat> fresh;  // heartbeats that Take() has not returned, by node id
+  SequenceFilter filter;              // logs
+  std::map<Participant, Node> nodes;  // heartbeats
+  // Heartbeats that Take() has not returned, by sender and node id.
+  std::map<std::pair<Participant, std::string>, Heartbeat> fresh;
+  // By DDS's handle. No call into DDS under this mutex: DDS calls IsAdmitted() under locks of its own.
+  mutable std::mutex writers_mutex;
+  std::map<dds_instance_handle_t, Writer> writers;
 
   ~Impl() {
     if (reader > 0) {
@@ -34,55 +53,146 @@ struct Subscriber<T>::Impl {
     if (topic > 0) dds_delete(topic);
   }
 
-  // Takes all that the reader holds, changes of an instance's state (without data) included.
+  // In threads of DDS
+
+  void OnMatch(dds_entity_t self, const dds_subscription_matched_status_t& status) {
+    const auto handle = status.last_publication_handle;
+    if (status.current_count_change > 0) {
+      Learn(self, handle);
+    } else {
+      const std::lock_guard lock(writers_mutex);
+      if (const auto found = writers.find(handle); found != writers.end()) found->second.matched = false;
+    }
+    if (on_liveliness) on_liveliness();
+  }
+  void OnLiveliness(const dds_liveliness_changed_status_t& status) {
+    {
+      const std::lock_guard lock(writers_mutex);
+      if (const auto found = writers.find(status.last_publication_handle); found != writers.end())
+        found->second.alive = status.alive_count_change > 0;
+    }
+    if (on_liveliness) on_liveliness();
+  }
+  // Before a message is kept: what comes from others must not take the place of what counts, nor memory. One that is
+  // not known yet is judged when its message is taken.
+  bool IsAdmitted(dds_instance_handle_t handle) const {
+    const std::lock_guard lock(writers_mutex);
+    const auto found = writers.find(handle);
+    return found == writers.end() || circle->NodeId(found->second.participant).has_value();
+  }
+
+  // A publisher that is there.
+  std::optional<Participant> Learn(dds_entity_t self, dds_instance_handle_t handle) {
+    auto* endpoint = dds_get_matched_publication_data(self, handle);
+    if (endpoint == nullptr) return std::nullopt;
+    const Participant participant = ParticipantOf(*endpoint);
+    dds_builtintopic_free_endpoint(endpoint);
+    const std::lock_guard lock(writers_mutex);
+    for (auto writer = writers.begin(); writers.size() >= kWritersCountMax && writer != writers.end();)
+      writer = writer->second.matched ? std::next(writer) : writers.erase(writer);
+    writers[handle] = {participant, true, true};
+    return participant;
+  }
+  std::optional<Participant> Sender(dds_instance_handle_t handle) {
+    {
+      const std::lock_guard lock(writers_mutex);
+      if (const auto found = writers.find(handle); found != writers.end()) return found->second.participant;
+    }
+    return Learn(reader, handle);
+  }
+  bool IsAlive(dds_instance_handle_t handle) const {
+    const std::lock_guard lock(writers_mutex);
+    const auto found = writers.find(handle);
+    return found != writers.end() && found->second.matched && found->second.alive;
+  }
+
+  // Takes what the reader holds, but not much more than `count_max`. False when there may be more.
   template <class Visit>
-  void Drain(const Visit& visit) {
-    for (;;) {
+  bool Drain(std::size_t count_max, const Visit& visit) {
+    for (std::size_t taken = 0; taken < count_max;) {
       std::array<void*, kBatch> samples{};
       std::array<dds_sample_info_t, kBatch> infos;
       const auto count = dds_take(reader, samples.data(), infos.data(), kBatch, kBatch);
       if (count < 0) Fail("cannot receive", count);
-      if (count == 0) return;
+      if (count == 0) return true;
       for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
-        visit(*static_cast<const Wire*>(samples[i]), infos[i]);
+        // Changes of an instance's state come without data.
+        if (infos[i].valid_data) visit(*static_cast<const Wire*>(samples[i]), infos[i]);
       }
       dds_return_loan(reader, samples.data(), count);
+      taken += static_cast<std::size_t>(count);
     }
+    return false;
   }
 
-  std::vector<T> Take() {
-    std::vector<T> messages;
-    Drain([&](const Wire& wire, const dds_sample_info_t& info) {
-      if (!info.valid_data) return;
+  std::vector<From<T>> Take() {
+    std::vector<From<T>> messages;
+    const bool all = Drain(kTakeCountMax, [&](const Wire& wire, const dds_sample_info_t& info) {
+      const auto sender = Sender(info.publication_handle);
+      if (!sender) return;  // it left before we could learn who it was
+      const auto node_id = circle != nullptr ? circle->NodeId(*sender) : std::nullopt;
+      if (circle != nullptr && !node_id) return;
       T message;
       Unpack(wire, message);
+      if constexpr (OfSpeaker<T>) {
+        if (node_id && !node_id->empty() && message.node_id != *node_id) return;
+      }
       if constexpr (Log<T>) {
         if (!filter.Pass(message.run_id, message.node_id, message.sequence)) return;
       }
-      messages.push_back(std::move(message));
+      messages.push_back({*sender, std::move(message)});
     });
+    if (!all && on_data) on_data();
     return messages;
   }
 
-  // A writer whose lease ran out leaves its instance without writers; a message brings it back.
+  // By each writer of its own, not by the instance: anybody can write to one, and dispose of it.
   void DrainHeartbeats() {
     if constexpr (std::same_as<T, Heartbeat>) {
-      Drain([&](const Wire& wire, const dds_sample_info_t& info) {
+      Drain(kTakeCountMax, [&](const Wire& wire, const dds_sample_info_t& info) {
+        const auto sender = Sender(info.publication_handle);
+        if (!sender) return;
         Heartbeat message;
-        if (info.valid_data) {
-          Unpack(wire, message);
-          fresh[message.node_id] = message;
-        } else {
-          message.node_id = wire.node_id;  // only the key is there
-        }
-        auto& node = nodes[message.node_id];
-        node.alive = info.instance_state == DDS_IST_ALIVE;
-        if (info.valid_data || node.last.node_id.empty()) node.last = std::move(message);
+        Unpack(wire, message);
+        if (fresh.size() < kNodesCountMax) fresh[{*sender, message.node_id}] = message;
+        nodes[*sender] = {{std::move(message), true, *sender}, info.publication_handle};
       });
+      for (auto& [participant, node] : nodes) node.life.alive = IsAlive(node.writer);
       for (auto node = nodes.begin(); nodes.size() > kNodesCountMax && node != nodes.end();) {
-        node = node->second.alive ? std::next(node) : nodes.erase(node);
+        node = node->second.life.alive ? std::next(node) : nodes.erase(node);
       }
     }
+  }
+
+  void Begin(Bus& bus) {
+    topic = bus.impl().CreateTopic(QosOf<T>(), WireOf<T>::Descriptor());
+    if (circle != nullptr) {
+      dds_topic_filter filter_by_sender{};
+      filter_by_sender.mode = DDS_TOPIC_FILTER_SAMPLEINFO_ARG;
+      filter_by_sender.f.sampleinfo_arg = [](const dds_sample_info_t* info, void* impl) {
+        return static_cast<Impl*>(impl)->IsAdmitted(info->publication_handle);
+      };
+      filter_by_sender.arg = this;
+      if (const auto code = dds_set_topic_filter_extended(topic, &filter_by_sender); code < 0)
+        Fail("cannot choose whom to hear", code);
+    }
+    const ListenerPtr listener(dds_create_listener(this));
+    if (on_data) {
+      dds_lset_data_available(listener.get(),
+                              [](dds_entity_t, void* impl) { static_cast<Impl*>(impl)->on_data(); });
+    }
+    dds_lset_subscription_matched(
+        listener.get(), [](dds_entity_t self, const dds_subscription_matched_status_t status, void* impl) {
+          static_cast<Impl*>(impl)->OnMatch(self, status);
+        });
+    dds_lset_liveliness_changed(listener.get(),
+                                [](dds_entity_t, const dds_liveliness_changed_status_t status, void* impl) {
+                                  static_cast<Impl*>(impl)->OnLiveliness(status);
+                                });
+    const auto qos = MakeQos(QosOf<T>());
+    if (!QosOf<T>().keep_all) dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, QosOf<T>().heard_depth);
+    reader = dds_create_reader(bus.impl().participant, topic, qos.get(), listener.get());
+    if (reader < 0) Fail("cannot create a subscriber", reader);
   }
 };
 
@@ -92,25 +202,17 @@ Subscriber<T>::Subscriber(Bus& bus, const std::function<void()>& on_data,
     : impl_(std::make_unique<Impl>()) {
   impl_->on_data = on_data;
   impl_->on_liveliness = on_liveliness;
-  impl_->topic = bus.impl().CreateTopic(QosOf<T>(), WireOf<T>::Descriptor());
-  const ListenerPtr listener(dds_create_listener(impl_.get()));
-  if (impl_->on_data) {
-    dds_lset_data_available(listener.get(),
-                            [](dds_entity_t, void* impl) { static_cast<Impl*>(impl)->on_data(); });
-  }
-  if (impl_->on_liveliness) {
-    dds_lset_subscription_matched(listener.get(),
-                                  [](dds_entity_t, const dds_subscription_matched_status_t, void* impl) {
-                                    static_cast<Impl*>(impl)->on_liveliness();
-                                  });
-    dds_lset_liveliness_changed(listener.get(),
-                                [](dds_entity_t, const dds_liveliness_changed_status_t, void* impl) {
-                                  static_cast<Impl*>(impl)->on_liveliness();
-                                });
-  }
-  const auto qos = MakeQos(QosOf<T>());
-  impl_->reader = dds_create_reader(bus.impl().participant, impl_->topic, qos.get(), listener.get());
-  if (impl_->reader < 0) Fail("cannot create a subscriber", impl_->reader);
+  impl_->Begin(bus);
+}
+
+template <class T>
+Subscriber<T>::Subscriber(Bus& bus, const Circle& circle, const std::function<void()>& on_data,
+                          const std::function<void()>& on_liveliness)
+    : impl_(std::make_unique<Impl>()) {
+  impl_->on_data = on_data;
+  impl_->on_liveliness = on_liveliness;
+  impl_->circle = &circle;
+  impl_->Begin(bus);
 }
 
 template <class T>
@@ -119,15 +221,29 @@ Subscriber<T>::~Subscriber() = default;
 template <class T>
 std::vector<T> Subscriber<T>::Take() {
   const std::lock_guard lock(impl_->mutex);
+  std::vector<T> messages;
   if constexpr (std::same_as<T, Heartbeat>) {
     impl_->DrainHeartbeats();
-    std::vector<T> messages;
-    for (auto& [node_id, heartbeat] : impl_->fresh) messages.push_back(std::move(heartbeat));
+    for (auto& [sender, heartbeat] : impl_->fresh) messages.push_back(std::move(heartbeat));
     impl_->fresh.clear();
-    return messages;
   } else {
-    return impl_->Take();
+    for (auto& [sender, message] : impl_->Take()) messages.push_back(std::move(message));
   }
+  return messages;
+}
+
+template <class T>
+std::vector<From<T>> Subscriber<T>::TakeWithSenders() requires(!std::same_as<T, Heartbeat>) {
+  const std::lock_guard lock(impl_->mutex);
+  return impl_->Take();
+}
+
+template <class T>
+bool Subscriber<T>::Hears(const Participant& participant) const {
+  const std::lock_guard lock(impl_->writers_mutex);
+  return std::any_of(impl_->writers.begin(), impl_->writers.end(), [&](const auto& writer) {
+    return writer.second.matched && writer.second.participant == participant;
+  });
 }
 
 template <class T>
@@ -144,7 +260,9 @@ std::vector<NodeLife> Subscriber<T>::Nodes() const requires std::same_as<T, Hear
   const std::lock_guard lock(impl_->mutex);
   impl_->DrainHeartbeats();
   std::vector<NodeLife> nodes;
-  for (const auto& [node_id, node] : impl_->nodes) nodes.push_back(node);
+  for (const auto& [participant, node] : impl_->nodes) nodes.push_back(node.life);
+  std::stable_sort(nodes.begin(), nodes.end(),
+                   [](const NodeLife& a, const NodeLife& b) { return a.last.node_id < b.last.node_id; });
   return nodes;
 }
 

@@ -33,7 +33,7 @@ void Members(auto& v, Is<Heartbeat> auto& m, auto& c) {
 }
 void Members(auto& v, Is<RunScenario> auto& m, auto& c) {
   ONE(run_id), ONE(scenario_yaml), ONE(model_hash);
-  LIST(nodes, kNamesCountMax);
+  LIST(nodes, kNamesCountMax), LIST(participants, kNamesCountMax);
 }
 void Members(auto& v, Is<Port> auto& m, auto& c) { ONE(name), ONE(path); }
 void Members(auto& v, Is<RunCommand> auto& m, auto& c) {

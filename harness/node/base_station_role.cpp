@@ -17,7 +17,8 @@ class BaseStationRole final : public Role {
   explicit BaseStationRole(NodeServices& services)
       : services_(services),
         sender_(services),
-        states_(services.bus(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {}
+        states_(services.bus(), services.members(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {
+  }
 
   Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
     trajectory_.emplace(loaded.scenario.reference);

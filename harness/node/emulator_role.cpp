@@ -26,7 +26,8 @@ class EmulatorRole final : public Role {
       : services_(services),
         choose_(options.emulator),
         timer_(services.loop()),
-        states_(services.bus(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {}
+        states_(services.bus(), services.members(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {
+  }
 
   Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
     scenario_ = loaded.scenario;
@@ -122,10 +123,8 @@ class EmulatorRole final : public Role {
   // t = 0 is known: what shall befall the board has its time.
   void OnStates() {
     for (const auto& state : states_.Take()) {
-      // Of the plant's; the last one alone may have come.
-      if (state.run_id != services_.run_id() || origin_ns_ != kNever ||
-          (state.phase != dds::Phase::kRunning && state.phase != dds::Phase::kFinished))
-        continue;
+      // The plant's alone has it; the last one alone may have come.
+      if (state.run_id != services_.run_id() || origin_ns_ != kNever || state.origin_ns == 0) continue;
       origin_ns_ = services_.lateness().origin_ns = state.origin_ns;
       // A node that was started again in flight has missed what was before.
       for (const PlannedCommand& planned : commands_)

@@ -16,7 +16,8 @@ class JoystickRole final : public Role {
       : services_(services),
         source_(options.joystick_source),
         sender_(services),
-        states_(services.bus(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {}
+        states_(services.bus(), services.members(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {
+  }
 
   Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
     input_ = OpenJoystick(source_);

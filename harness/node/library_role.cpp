@@ -25,7 +25,8 @@ class LibraryRole final : public Role {
       : services_(services),
         library_(options.firmware_library),
         timer_(services.loop()),
-        states_(services.bus(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {}
+        states_(services.bus(), services.members(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {
+  }
 
   Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
     scenario_ = loaded.scenario;
@@ -149,9 +150,8 @@ class LibraryRole final : public Role {
 
   void OnStates() {
     for (const auto& state : states_.Take())
-      // Of the plant's; the last one alone may have come.
-      if (state.run_id == services_.run_id() &&
-          (state.phase == dds::Phase::kRunning || state.phase == dds::Phase::kFinished))
+      // The plant's alone has it; the last one alone may have come.
+      if (state.run_id == services_.run_id() && state.origin_ns != 0)
         origin_ns_ = services_.lateness().origin_ns = state.origin_ns;
   }
 

@@ -39,7 +39,8 @@ class LinkRole final : public Role {
         client_device_(options.client_port),
         reference_device_(options.client_reference_port),
         timer_(services.loop()),
-        references_(services.bus(), InLoop(services.loop(), alive_, [this] { OnReferences(); })) {}
+        references_(services.bus(), services.members(),
+                    InLoop(services.loop(), alive_, [this] { OnReferences(); })) {}
 
   Ports Prepare(const LoadedScenario& loaded, const Ports& given) override {
     client_is_library_ = FindPort(given, "client_kind") == "library";

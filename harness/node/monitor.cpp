@@ -51,7 +51,7 @@ class Monitor {
   void Look() {
     nodes_.Take();
     for (const auto& node : nodes_.Nodes()) {
-      const auto [known, is_new] = alive_.try_emplace(node.last.node_id, false);
+      const auto [known, is_new] = alive_.try_emplace(node.participant, false);
       if (known->second == node.alive) continue;
       known->second = node.alive;
       Print("node   {} {} on {}, process {}\n", node.alive ? "here" : "gone", node.last.node_id,
@@ -81,7 +81,7 @@ class Monitor {
 
   boost::asio::io_context loop_{1};
   boost::asio::steady_timer timer_{loop_};
-  std::map<std::string, bool> alive_;
+  std::map<dds::Participant, bool> alive_;
   dds::Bus bus_;
   dds::Subscriber<dds::Heartbeat> nodes_;
   dds::Subscriber<dds::RunState> states_;

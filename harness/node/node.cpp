@@ -10,10 +10,12 @@
 #include <chrono>
 #include <cmath>
 #include <csignal>
+#include <tuple>
 #include <utility>
 
 #include "harness/dds/qos.h"
 #include "harness/node/realtime_rights.h"
+#include "harness/run/introduction.h"
 #include "harness/run/run_id.h"
 
 namespace tiltproof::harness {
@@ -39,6 +41,7 @@ class Node final : public NodeServices {
   dds::Bus& bus() override { return *bus_; }
   NodeClock& clock() override { return clock_; }
   const std::string& run_id() const override { return run_id_; }
+  const dds::Circle& members() const override { return members_; }
   LogPublisher& log() override { return *log_; }
   Lateness& lateness() override { return lateness_; }
   void SetPhase(dds::Phase phase, TimeNs time_ns, TimeNs origin_ns, EndReason reason,
@@ -53,6 +56,9 @@ class Node final : public NodeServices {
   bool StandsBack();
   void Beat();
   void OnScenario();
+  // The scenario names this very process.
+  bool NamesUs(const dds::RunScenario& scenario) const;
+  void MeetMembers(const dds::RunScenario& scenario);
   void ForgetReleasedRun();
   void OnCommand();
   void OnFault();
@@ -60,6 +66,8 @@ class Node final : public NodeServices {
   Ports Do(const dds::RunCommand& command);
   void WatchHarness();
   void Release();
+  // Tells the bus where this node stands.
+  void Tell(dds::Phase phase);
   bool flying() const { return phase_ == dds::Phase::kRunning; }
 
   NodeOptions options_;
@@ -68,6 +76,7 @@ class Node final : public NodeServices {
   NodeClock clock_;
   RealtimeRights rights_;
   std::unique_ptr<dds::Bus> bus_;
+  dds::Circle members_, commanders_;  // of the present run: its nodes, and its harness
   std::unique_ptr<dds::Publisher<dds::Heartbeat>> heartbeats_;
   std::unique_ptr<dds::Publisher<dds::RunState>> states_;
   std::unique_ptr<dds::Publisher<dds::RunAck>> acks_;
@@ -80,9 +89,11 @@ class Node final : public NodeServices {
 
   // Of the present run.
   std::string run_id_;
+  dds::Participant harness_;
   std::string released_run_id_;  // the last one: what of it still comes is old
   dds::RunScenario scenario_;
   std::optional<LoadedScenario> loaded_;
+  dds::RunState state_;  // as it was told last
   std::unique_ptr<LogPublisher> log_;
   std::unique_ptr<Role> role_;
   Lateness lateness_;
@@ -105,9 +116,11 @@ Node::Node(const NodeOptions& options, const MakeRole& make_role) : options_(opt
   acks_ = std::make_unique<dds::Publisher<dds::RunAck>>(*bus_);
   others_ = std::make_unique<dds::Subscriber<dds::Heartbeat>>(*bus_);
   scenarios_ = std::make_unique<dds::Subscriber<dds::RunScenario>>(*bus_, Posted(&Node::OnScenario));
-  commands_ = std::make_unique<dds::Subscriber<dds::RunCommand>>(*bus_, Posted(&Node::OnCommand));
-  faults_ = std::make_unique<dds::Subscriber<dds::FaultCommand>>(*bus_, Posted(&Node::OnFault));
+  commands_ =
+      std::make_unique<dds::Subscriber<dds::RunCommand>>(*bus_, commanders_, Posted(&Node::OnCommand));
+  faults_ = std::make_unique<dds::Subscriber<dds::FaultCommand>>(*bus_, commanders_, Posted(&Node::OnFault));
   pthread_sigmask(SIG_SETMASK, &old, nullptr);
+  if (options.harness) Introduce(bus_->participant());
   // After the threads of DDS: they need not be punctual. A user's command is no part of the harness.
   if (options.firmware_command.empty()) rights_ = AcquireRealtimeRights();
 
@@ -148,12 +161,13 @@ std::string Node::OtherSender() {
   const auto sends = [](dds::NodeKind kind) {
     return kind == dds::NodeKind::kBaseStation || kind == dds::NodeKind::kJoystick;
   };
-  if (options_.child || !sends(options_.kind)) return {};
+  if (options_.harness || !sends(options_.kind)) return {};
   others_->Take();
   for (const auto& node : others_->Nodes())
-    if (node.alive && sends(node.last.kind) && node.last.node_id != options_.name)
+    if (node.alive && sends(node.last.kind) && node.participant != bus_->participant())
       // Of two that began at the same moment, one stays.
-      if (heartbeat_.sequence == 0 || !node.last.run_id.empty() || node.last.node_id < options_.name)
+      if (heartbeat_.sequence == 0 || !node.last.run_id.empty() ||
+          std::tie(node.last.node_id, node.participant) < std::make_tuple(options_.name, bus_->participant()))
         return fmt::format("{} ({} on {}, process {})", node.last.node_id, Name(node.last.kind),
                            node.last.host, node.last.pid);
   return {};
@@ -162,7 +176,7 @@ std::string Node::OtherSender() {
 // Before it says that it is there, and from then on.
 bool Node::StandsBack() {
   std::string other = OtherSender();
-  if (heartbeat_.sequence == 0 && !options_.child) {
+  if (heartbeat_.sequence == 0 && !options_.harness) {
     const auto until = std::chrono::steady_clock::now() + kListenFirst;
     // Told to end meanwhile, it stays stopped.
     while (other.empty() && !loop_.stopped() && std::chrono::steady_clock::now() < until) {
@@ -200,8 +214,7 @@ void Node::WatchHarness() {
   const auto now = std::chrono::steady_clock::now();
   others_->Take();
   for (const auto& node : others_->Nodes())
-    if (node.alive && node.last.kind == dds::NodeKind::kHarness && node.last.run_id == run_id_)
-      harness_heard_ = now;
+    if (node.alive && node.participant == harness_ && node.last.run_id == run_id_) harness_heard_ = now;
   if (now - harness_heard_ < kHarnessLostAfter) return;
   Release();
   fmt::print(stderr, "tiltproof node {}: the harness of run {} is gone; the run is given up\n", options_.name,
@@ -209,18 +222,37 @@ void Node::WatchHarness() {
 }
 
 void Node::OnScenario() {
-  for (auto& scenario : scenarios_->Take()) {
-    const bool mine =
-        std::find(scenario.nodes.begin(), scenario.nodes.end(), options_.name) != scenario.nodes.end();
+  for (auto& [sender, scenario] : scenarios_->TakeWithSenders()) {
+    if (options_.harness && sender != *options_.harness) continue;
+    if (scenario.run_id == run_id_ && sender == harness_) MeetMembers(scenario);
     // In a run already, it stays there until that is over or its harness gone: another one has to wait.
-    if (!mine || !run_id_.empty() || scenario.run_id == released_run_id_) continue;
+    if (!NamesUs(scenario) || !run_id_.empty() || scenario.run_id == released_run_id_) continue;
     ForgetReleasedRun();
     run_id_ = scenario.run_id;
+    harness_ = sender;
+    commanders_.Admit(harness_, {});
+    MeetMembers(scenario);
     scenario_ = std::move(scenario);
     last_command_ = last_fault_ = 0;
     harness_heard_ = std::chrono::steady_clock::now();
+    state_ = {};
+    Tell(dds::Phase::kIdle);
   }
   OnCommand();
+}
+
+bool Node::NamesUs(const dds::RunScenario& scenario) const {
+  const std::string us = ToText(bus_->participant());
+  for (std::size_t i = 0; i < std::min(scenario.nodes.size(), scenario.participants.size()); ++i)
+    if (scenario.nodes[i] == options_.name && scenario.participants[i] == us) return true;
+  return false;
+}
+
+// It may be told again: a node that was started again in flight is another participant.
+void Node::MeetMembers(const dds::RunScenario& scenario) {
+  for (std::size_t i = 0; i < std::min(scenario.nodes.size(), scenario.participants.size()); ++i)
+    if (const auto participant = dds::ParticipantNamed(scenario.participants[i]))
+      members_.Admit(*participant, scenario.nodes[i]);
 }
 
 // What it said in a run stays for latecomers, until the next one: an attached node serves many.
@@ -254,6 +286,7 @@ void Node::Obey(const dds::RunCommand& command) {
     ack.text = std::string(error.what()).substr(0, dds::kTextBytesMax);
   }
   acks_->Write(ack);
+  if (ack.ok && command.verb != dds::Verb::kRelease) Tell(phase_);
   if (command.verb == dds::Verb::kRelease) Release();
 }
 
@@ -266,7 +299,7 @@ Ports Node::Do(const dds::RunCommand& command) {
     case dds::Verb::kPrepare: {
       need(phase_ == dds::Phase::kIdle);
       loaded_ = options_.load(scenario_.scenario_yaml);
-      log_ = std::make_unique<LogPublisher>(*bus_, loaded_->scenario, run_id_, options_.name);
+      log_ = std::make_unique<LogPublisher>(*bus_, loaded_->scenario, run_id_, options_.name, harness_);
       lateness_ = {};
       role_ = make_role_(*this, options_);
       Ports ports = role_->Prepare(*loaded_, command.ports);
@@ -299,12 +332,15 @@ Ports Node::Do(const dds::RunCommand& command) {
 
 void Node::Release() {
   phase_ = dds::Phase::kIdle;
+  Tell(phase_);
+  members_.Clear();
+  commanders_.Clear();
   role_.reset();
   log_.reset();
   loaded_.reset();
   clock_ = {};
   released_run_id_ = std::exchange(run_id_, {});
-  if (options_.child) loop_.stop();
+  if (options_.harness) loop_.stop();
 }
 
 void Node::OnFault() {
@@ -326,15 +362,19 @@ void Node::OnFault() {
 
 void Node::SetPhase(dds::Phase phase, TimeNs time_ns, TimeNs origin_ns, EndReason reason,
                     const std::string& text) {
-  dds::RunState state;
-  state.run_id = run_id_;
-  state.node_id = options_.name;
-  state.phase = phase;
-  state.time_ns = time_ns;
-  state.origin_ns = origin_ns;
-  state.end_reason = Name(reason);
-  state.text = text.substr(0, dds::kTextBytesMax);
-  states_->Write(state);
+  state_.time_ns = time_ns;
+  state_.origin_ns = origin_ns;
+  state_.end_reason = Name(reason);
+  state_.text = text.substr(0, dds::kTextBytesMax);
+  Tell(phase);
+}
+
+// What the role has said of the flight stays true: a node that failed has not finished when it is told to stop.
+void Node::Tell(dds::Phase phase) {
+  state_.run_id = run_id_;
+  state_.node_id = options_.name;
+  if (phase != dds::Phase::kFinished || state_.phase != dds::Phase::kFailed) state_.phase = phase;
+  states_->Write(state_);
 }
 
 }  // namespace

@@ -31,8 +31,9 @@ struct NodeOptions {
   dds::NodeKind kind = dds::NodeKind::kPlant;
   std::string name;  // node id
   dds::BusConfig bus;
-  // Started by a harness: it ends after its run. Else by a person, for any number of runs.
-  bool child = false;
+  // Started by a harness, which is that participant: it obeys no other, and ends after its run. Else by a person, for
+  // any number of runs.
+  std::optional<dds::Participant> harness;
   ScenarioLoader load;
   // Link: the devices that its cables to the client's two ports are plugged into; empty: pseudo-terminals.
   std::string client_port, client_reference_port;
@@ -60,6 +61,8 @@ class NodeServices {
   virtual dds::Bus& bus() = 0;
   virtual NodeClock& clock() = 0;
   virtual const std::string& run_id() const = 0;
+  // The nodes of the present run.
+  virtual const dds::Circle& members() const = 0;
   virtual LogPublisher& log() = 0;
   virtual Lateness& lateness() = 0;
   // Tells the harness where the node stands; kFailed ends the run.

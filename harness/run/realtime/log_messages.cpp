@@ -76,10 +76,12 @@ std::vector<std::string> FaultsOf(const LinkRecord& record, TimeNs begin_ns, con
 
 }  // namespace
 
-LogPublisher::LogPublisher(dds::Bus& bus, const Scenario& scenario, std::string run_id, std::string node_id)
+LogPublisher::LogPublisher(dds::Bus& bus, const Scenario& scenario, std::string run_id, std::string node_id,
+                           const dds::Participant& harness)
     : scenario_(scenario),
       run_id_(std::move(run_id)),
       node_id_(std::move(node_id)),
+      harness_(harness),
       column_count_(FlightColumns(scenario).size()),
       taps_(bus),
       activations_(bus),
@@ -90,9 +92,9 @@ LogPublisher::LogPublisher(dds::Bus& bus, const Scenario& scenario, std::string 
   last_.node_id = node_id_;
 }
 
-int LogPublisher::MatchedCount() const {
-  return std::min({taps_.MatchedCount(), activations_.MatchedCount(), events_.MatchedCount(),
-                   rows_.MatchedCount(), reports_.MatchedCount()});
+bool LogPublisher::IsHeard() const {
+  return taps_.IsHeardBy(harness_) && activations_.IsHeardBy(harness_) && events_.IsHeardBy(harness_) &&
+         rows_.IsHeardBy(harness_) && reports_.IsHeardBy(harness_);
 }
 
 void LogPublisher::Write(const LineLog& log, TimeNs origin, const std::vector<CountsSample>& counts) {
@@ -199,8 +201,8 @@ bool LogPublisher::TrySend(const AnyMessage& message) {
 }
 
 void LogPublisher::Retry() {
-  // Most topics keep nothing for a harness that is not there yet.
-  listened_ = listened_ || MatchedCount() > 0;
+  // Most topics keep nothing for a harness that is not there yet, and others may be there before.
+  listened_ = listened_ || IsHeard();
   while (listened_ && !waiting_.empty() && TrySend(waiting_.front())) waiting_.pop_front();
 }
 
@@ -214,15 +216,15 @@ void LogPublisher::Close(NodeTotals totals) {
   reports_.Write(last_);
 }
 
-LogCollector::LogCollector(dds::Bus& bus, const Scenario& scenario, std::string run_id,
-                           const std::function<void()>& on_data)
+LogCollector::LogCollector(dds::Bus& bus, const dds::Circle& members, const Scenario& scenario,
+                           std::string run_id, const std::function<void()>& on_data)
     : scenario_(scenario),
       run_id_(std::move(run_id)),
-      taps_(bus, on_data),
-      activations_(bus, on_data),
-      events_(bus, on_data),
-      rows_(bus, on_data),
-      report_messages_(bus, on_data) {
+      taps_(bus, members, on_data),
+      activations_(bus, members, on_data),
+      events_(bus, members, on_data),
+      rows_(bus, members, on_data),
+      report_messages_(bus, members, on_data) {
   log_.trace = Trace(FlightColumns(scenario));
 }
 

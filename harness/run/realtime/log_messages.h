@@ -72,7 +72,9 @@ struct CountsSample {
 
 class LogPublisher {
  public:
-  LogPublisher(dds::Bus& bus, const Scenario& scenario, std::string run_id, std::string node_id);
+  // `harness`: who gathers the log. Nothing is sent before it listens.
+  LogPublisher(dds::Bus& bus, const Scenario& scenario, std::string run_id, std::string node_id,
+               const dds::Participant& harness);
 
   // Records alone. `origin` is the line's time of t = 0.
   void Write(const LineLog& log, TimeNs origin, const std::vector<CountsSample>& counts);
@@ -86,7 +88,7 @@ class LogPublisher {
   void Close(NodeTotals totals);
 
  private:
-  int MatchedCount() const;
+  bool IsHeard() const;
   using AnyMessage = std::variant<dds::SerialTap, dds::FaultActivation, dds::RunEvent, dds::TraceRows>;
   void Send(AnyMessage message);
   bool TrySend(const AnyMessage& message);
@@ -103,6 +105,7 @@ class LogPublisher {
 
   const Scenario& scenario_;
   std::string run_id_, node_id_;
+  dds::Participant harness_;
   std::size_t column_count_;  // of a row of the plant's
   std::size_t firmware_log_bytes_ = 0;
   dds::Publisher<dds::SerialTap> taps_;
@@ -117,7 +120,8 @@ class LogPublisher {
 
 class LogCollector {
  public:
-  LogCollector(dds::Bus& bus, const Scenario& scenario, std::string run_id,
+  // Of the nodes in `members`.
+  LogCollector(dds::Bus& bus, const dds::Circle& members, const Scenario& scenario, std::string run_id,
                const std::function<void()>& on_data);
 
   // Takes what has arrived.

@@ -26,12 +26,15 @@ bool IsStopped(pid_t pid) {
 
 }  // namespace
 
-bool Members::Adopt(const std::vector<dds::NodeLife>& nodes, bool board, const std::string& run_id,
-                    std::string& missing) {
+bool Members::Adopt(const std::vector<dds::NodeLife>& nodes, NodeProcesses* processes, bool board,
+                    const std::string& run_id, std::string& missing) {
   members_.clear();
   std::string instead;
+  // In the order of node ids.
   for (const auto& node : nodes) {
     if (!node.alive || node.last.kind == NodeKind::kHarness || node.last.kind == NodeKind::kMonitor) continue;
+    if (processes != nullptr && processes->ParticipantOf(node.last.node_id) != node.participant) continue;
+    if (FindPlaceOf(node.last.kind) != nullptr) continue;
     if (node.last.version != TILTPROOF_VERSION) {
       instead = fmt::format("node of this version {}: {} has version {}", TILTPROOF_VERSION,
                             node.last.node_id, node.last.version);
@@ -43,6 +46,7 @@ bool Members::Adopt(const std::vector<dds::NodeLife>& nodes, bool board, const s
     }
     Member& member = members_.emplace_back();
     member.id = member.role = node.last.node_id;
+    member.participant = node.participant;
     member.kind = node.last.kind;
     member.host = node.last.host;
     for (const auto& capability : node.last.capabilities) {
@@ -51,22 +55,47 @@ bool Members::Adopt(const std::vector<dds::NodeLife>& nodes, bool board, const s
         member.firmware = capability.substr(kFirmware.size());
     }
   }
-  std::sort(members_.begin(), members_.end(), [](const Member& a, const Member& b) { return a.id < b.id; });
-  const auto count = [&](NodeKind kind) {
-    return std::count_if(members_.begin(), members_.end(), [&](const Member& m) { return m.kind == kind; });
-  };
   missing.clear();
-  const auto need = [&](std::ptrdiff_t have, const char* what) {
-    if (have == 1) return;
-    missing += fmt::format("{}{}", missing.empty() ? "" : " and no ", what);
-    if (have > 1) instead = fmt::format("single {}: {} are there", what, have);
+  const auto need = [&](NodeKind kind, const char* what) {
+    if (FindPlaceOf(kind) == nullptr) missing += fmt::format("{}{}", missing.empty() ? "" : " and no ", what);
   };
-  need(count(NodeKind::kPlant), "plant node");
-  need(count(NodeKind::kLink), "link node");
-  if (!board) need(count(NodeKind::kClient), "client node");
-  need(count(NodeKind::kBaseStation) + count(NodeKind::kJoystick), "base-station or joystick node");
+  need(NodeKind::kPlant, "plant node");
+  need(NodeKind::kLink, "link node");
+  if (!board) need(NodeKind::kClient, "client node");
+  need(NodeKind::kBaseStation, "base-station or joystick node");
   if (!instead.empty() && !missing.empty()) missing = instead;
   return missing.empty();
+}
+
+// Base station and joystick have one place: that of who sends references.
+const Member* Members::FindPlaceOf(NodeKind kind) const {
+  const auto place = [](NodeKind k) { return k == NodeKind::kJoystick ? NodeKind::kBaseStation : k; };
+  for (const Member& member : members_)
+    if (place(member.kind) == place(kind)) return &member;
+  return nullptr;
+}
+
+void Members::Replace(Member& member, const std::string& id, const dds::Participant& participant) {
+  strangers_.insert(member.participant);  // the dead one may be heard for a moment, and is no news
+  member.id = id;
+  member.participant = participant;
+}
+
+std::vector<std::string> Members::NewStrangers(const std::vector<dds::NodeLife>& nodes,
+                                               const std::string& run_id) {
+  std::vector<std::string> strangers;
+  for (const auto& node : nodes) {
+    const dds::Heartbeat& said = node.last;
+    const Member* member = FindPlaceOf(said.kind);
+    const bool of_another_run = !said.run_id.empty() && said.run_id != run_id;
+    if (!node.alive || member == nullptr || of_another_run || strangers_.size() >= kStrangersMax) continue;
+    const bool is_member = std::any_of(members_.begin(), members_.end(),
+                                       [&](const Member& m) { return m.participant == node.participant; });
+    if (is_member || !strangers_.insert(node.participant).second) continue;
+    strangers.push_back(fmt::format("the {} node {} on {} (process {}) is ignored: this flight has {}",
+                                    Name(said.kind), said.node_id, said.host, said.pid, member->id));
+  }
+  return strangers;
 }
 
 void Members::CheckHosts() const {
@@ -102,7 +131,7 @@ std::vector<MemberNews> Members::Watch(const std::vector<dds::NodeLife>& nodes, 
   for (Member& member : members_) {
     if (member.lost) continue;
     const auto found = std::find_if(nodes.begin(), nodes.end(), [&](const dds::NodeLife& node) {
-      return node.last.node_id == member.id;
+      return node.participant == member.participant;
     });
     const bool heard = found == nodes.end() || found->alive;
     if (heard) {

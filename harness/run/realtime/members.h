@@ -14,7 +14,8 @@
 namespace tiltproof::harness {
 
 struct Member {
-  std::string id;    // node id
+  std::string id;  // node id
+  dds::Participant participant;
   std::string role;  // of a process of ours: its name there
   dds::NodeKind kind{};
   std::string host;
@@ -41,12 +42,17 @@ class Members {
   static constexpr std::chrono::milliseconds kPartitionLimit{5'000};
   // A process of ours that lives is hung when it is silent for so long after its lease.
   static constexpr std::chrono::milliseconds kHangLimit{800};
+  // So many strangers are named in a run.
+  static constexpr std::size_t kStrangersMax = 8;
 
-  // Takes the nodes that a run needs, one of each, out of those that are heard. False, and `missing` says what
-  // is not there ("plant node and no link node", "single plant node: 2 are there"), when they are not complete.
-  // `board`: the firmware is on the link's port and has no node.
-  bool Adopt(const std::vector<dds::NodeLife>& nodes, bool board, const std::string& run_id,
-             std::string& missing);
+  // Takes the nodes that a run needs, one of each, out of those that are heard; of several of one kind the first by
+  // node id. With `processes`, those alone that are our processes. False, and `missing` says what is not there
+  // ("plant node and no link node"), when they are not complete. `board`: the firmware is on the link's port and has
+  // no node.
+  bool Adopt(const std::vector<dds::NodeLife>& nodes, NodeProcesses* processes, bool board,
+             const std::string& run_id, std::string& missing);
+  // Nodes that could be taken for members, by kind or by name, and are not: each once, and the first few alone.
+  std::vector<std::string> NewStrangers(const std::vector<dds::NodeLife>& nodes, const std::string& run_id);
   // Who must share a host does, or std::runtime_error says who does not.
   void CheckHosts() const;
 
@@ -57,6 +63,9 @@ class Members {
   std::vector<MemberNews> Watch(const std::vector<dds::NodeLife>& nodes, NodeProcesses* processes,
                                 const std::set<std::string>& excused,
                                 std::chrono::steady_clock::time_point now);
+
+  // A new process has taken the member's place.
+  void Replace(Member& member, const std::string& id, const dds::Participant& participant);
 
   std::vector<Member>& all() { return members_; }
   const std::vector<Member>& all() const { return members_; }
@@ -73,8 +82,10 @@ class Members {
   void Lose(Member& member, const std::string& how, std::vector<MemberNews>& news, bool blame = true);
   // Another node of its host is silent too: then it is the host or the network, not this node.
   bool HostIsSilent(const Member& member) const;
+  const Member* FindPlaceOf(dds::NodeKind kind) const;
 
   std::vector<Member> members_;
+  std::set<dds::Participant> strangers_;
 };
 
 }  // namespace tiltproof::harness

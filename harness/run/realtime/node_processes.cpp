@@ -8,8 +8,8 @@
 namespace tiltproof::harness {
 
 NodeProcesses::NodeProcesses(const RealtimeOptions& options, int domain, const std::string& tag,
-                             std::map<std::string, double> loss)
-    : options_(options), domain_(domain), tag_(tag), loss_(std::move(loss)) {
+                             const dds::Participant& harness, std::map<std::string, double> loss)
+    : options_(options), domain_(domain), tag_(tag), harness_(harness), loss_(std::move(loss)) {
   names_ = {"plant", "link", "base_station"};
   // A board is its own node: it hangs on the link's port.
   if (!options.board) names_.push_back("client");
@@ -18,8 +18,9 @@ NodeProcesses::NodeProcesses(const RealtimeOptions& options, int domain, const s
 void NodeProcesses::Start(const std::string& role, const std::string& id) {
   ChildSpec spec;
   const std::string kind = role == "base_station" ? "base-station" : role;
-  spec.command = {options_.program,        "node",  kind, "--name", id, "--domain",
-                  std::to_string(domain_), "--tag", tag_, "--child"};
+  spec.command = {
+      options_.program, "node", kind,      "--name",        id, "--domain", std::to_string(domain_),
+      "--tag",          tag_,   "--child", ToText(harness_)};
   const auto add = [&](const char* flag, const std::string& value) {
     if (value.empty()) return;
     spec.command.emplace_back(flag);
@@ -28,7 +29,11 @@ void NodeProcesses::Start(const std::string& role, const std::string& id) {
   if (role == (options_.board ? "link" : "client")) add("--client", options_.client);
   if (const auto loss = loss_.find(role); loss != loss_.end())
     add("--xmit-loss", fmt::format("{}", loss->second));
+  auto introduction = std::make_unique<Introduction>();
+  spec.descriptors = {introduction->child_end()};
   processes_[role] = std::make_unique<ChildProcess>(spec);
+  introduction->Started();
+  introductions_[role] = std::move(introduction);
 }
 
 void NodeProcesses::StartAll() {
@@ -38,6 +43,11 @@ void NodeProcesses::StartAll() {
 ChildProcess* NodeProcesses::Find(const std::string& role) {
   const auto found = processes_.find(role);
   return found == processes_.end() ? nullptr : found->second.get();
+}
+
+std::optional<dds::Participant> NodeProcesses::ParticipantOf(const std::string& role) {
+  const auto found = introductions_.find(role);
+  return found == introductions_.end() ? std::nullopt : found->second->Participant();
 }
 
 void NodeProcesses::StopAll() {

@@ -8,15 +8,17 @@
 #include <vector>
 
 #include "harness/process/child_process.h"
+#include "harness/run/introduction.h"
 #include "harness/run/realtime/realtime_flight.h"
 
 namespace tiltproof::harness {
 
 class NodeProcesses {
  public:
-  // `loss` by node: the share of its packets that a fault lets the network lose.
+  // `harness`: ourselves, whom alone they obey. `loss` by node: the share of its packets that a fault lets the
+  // network lose.
   NodeProcesses(const RealtimeOptions& options, int domain, const std::string& tag,
-                std::map<std::string, double> loss);
+                const dds::Participant& harness, std::map<std::string, double> loss);
 
   // Starts `plant`, `link`, `client` or `base_station` as node `id`. Throws std::runtime_error.
   void Start(const std::string& role, const std::string& id);
@@ -25,6 +27,8 @@ class NodeProcesses {
 
   // Null when it was never started.
   ChildProcess* Find(const std::string& role);
+  // Who the process that was last started for the role is on the bus, once it has said it.
+  std::optional<dds::Participant> ParticipantOf(const std::string& role);
   // Asks all to end, kills what does not, reaps.
   void StopAll();
 
@@ -32,9 +36,11 @@ class NodeProcesses {
   const RealtimeOptions& options_;
   int domain_;
   std::string tag_;
+  dds::Participant harness_;
   std::map<std::string, double> loss_;
   std::vector<std::string> names_;
   std::map<std::string, std::unique_ptr<ChildProcess>> processes_;
+  std::map<std::string, std::unique_ptr<Introduction>> introductions_;
 };
 
 }  // namespace tiltproof::harness

@@ -71,6 +71,7 @@ class RealtimeConductor {
   void OnStates();
   void CarryOutFaults();
   void Restart(const std::string& role);
+  void Join(Member& member, const std::string& id, const dds::Participant& participant);
 
   void End(EndReason reason, const std::string& text) { outcome_.End(reason, text, sim_ns_); }
   void Note(const std::string& kind, const std::string& text) { events_.push_back({sim_ns_, kind, text}); }
@@ -83,6 +84,7 @@ class RealtimeConductor {
   // Without work the loop would return at once, and a turn take all of a core.
   asio::executor_work_guard<asio::io_context::executor_type> work_ = asio::make_work_guard(loop_);
   std::optional<dds::Bus> bus_;
+  dds::Circle circle_;  // the members, once they are adopted: nobody else has a say in the run
   std::optional<dds::Publisher<dds::Heartbeat>> heartbeats_;
   std::optional<dds::Publisher<dds::RunScenario>> scenarios_;
   std::optional<dds::Publisher<dds::RunCommand>> commands_;
@@ -134,17 +136,17 @@ RealtimeConductor::RealtimeConductor(const Scenario& scenario, const plant::Vehi
   commands_.emplace(*bus_);
   fault_commands_.emplace(*bus_);
   nodes_.emplace(*bus_, wake, wake);
-  acks_.emplace(*bus_, wake);
-  states_.emplace(*bus_, wake);
-  plant_states_.emplace(*bus_, wake);
-  collector_.emplace(*bus_, scenario_, run_id_, wake);
+  acks_.emplace(*bus_, circle_, wake);
+  states_.emplace(*bus_, circle_, wake);
+  plant_states_.emplace(*bus_, circle_, wake);
+  collector_.emplace(*bus_, circle_, scenario_, run_id_, wake);
   heartbeat_.node_id = "harness-" + run_id_;
   heartbeat_.kind = NodeKind::kHarness;
   heartbeat_.host = HostName();
   heartbeat_.pid = getpid();
   heartbeat_.run_id = run_id_;
   heartbeat_.version = TILTPROOF_VERSION;
-  if (!options.attach) processes_.emplace(options_, domain, tag, node_faults_.loss());
+  if (!options.attach) processes_.emplace(options_, domain, tag, bus_->participant(), node_faults_.loss());
 }
 
 RunLog RealtimeConductor::Run() {
@@ -221,7 +223,8 @@ void RealtimeConductor::FindNodes() {
   std::string missing;
   const bool found = Await(kFindLimit, [&] {
     // One that ended while it began has printed why.
-    return outcome_.ended() || members_.Adopt(nodes_->Nodes(), options_.board, run_id_, missing);
+    return outcome_.ended() || members_.Adopt(nodes_->Nodes(), processes_ ? &*processes_ : nullptr,
+                                              options_.board, run_id_, missing);
   });
   if (outcome_.ended()) throw std::runtime_error(outcome_.text());
   if (!found)
@@ -232,20 +235,24 @@ void RealtimeConductor::FindNodes() {
                                       options_.domain == 0 ? kAttachDomain : options_.domain)
                         : ""));
   members_.CheckHosts();
+  for (const Member& member : members_.all()) circle_.Admit(member.participant, member.id);
 }
 
 void RealtimeConductor::Announce() {
   dds::RunScenario announcement;
   announcement.run_id = run_id_;
   announcement.scenario_yaml = options_.scenario_yaml;
-  for (const Member& member : members_.all()) announcement.nodes.push_back(member.id);
+  for (const Member& member : members_.all()) {
+    announcement.nodes.push_back(member.id);
+    announcement.participants.push_back(ToText(member.participant));
+  }
   scenarios_->Write(announcement);
 }
 
 bool RealtimeConductor::HasTakenScenario(const Member& member) const {
   const auto nodes = nodes_->Nodes();
   return std::any_of(nodes.begin(), nodes.end(), [&](const dds::NodeLife& node) {
-    return node.last.node_id == member.id && node.last.run_id == run_id_;
+    return node.participant == member.participant && node.last.run_id == run_id_;
   });
 }
 
@@ -351,8 +358,9 @@ void RealtimeConductor::Beat() {
 void RealtimeConductor::OnStates() {
   for (const auto& state : states_->Take()) {
     if (state.run_id != run_id_) continue;
-    if (state.phase == dds::Phase::kRunning) running_ = true;
-    if (state.phase == dds::Phase::kFinished) {
+    const bool of_plant = state.node_id == members_.Find(NodeKind::kPlant)->id;
+    if (of_plant && state.origin_ns != 0) running_ = true;
+    if (of_plant && state.phase == dds::Phase::kFinished && state.origin_ns != 0) {
       outcome_.Believe();
       for (const EndReason reason : {EndReason::kCompleted, EndReason::kDiverged, EndReason::kGroundStrike})
         if (Name(reason) == state.end_reason) outcome_.End(reason, state.text, state.time_ns);
@@ -369,6 +377,10 @@ void RealtimeConductor::OnStates() {
 }
 
 void RealtimeConductor::WatchMembers() {
+  for (const std::string& stranger : members_.NewStrangers(nodes_->Nodes(), run_id_)) {
+    fmt::print(stderr, "warning: {}\n", stranger);
+    Note("node_ignored", stranger);
+  }
   // While they load a scenario and open ports, nodes may be silent: the limit of a command is theirs.
   const bool flying = started_ != SteadyClock::time_point{};
   for (const MemberNews& news :
@@ -422,20 +434,31 @@ void RealtimeConductor::CarryOutFaults() {
             .note = [this](const std::string& kind, const std::string& text) { Note(kind, text); }});
 }
 
-// The new process joins the run as the old one did: told the scenario, prepared, armed, started. It has a name
-// of its own, and so a log of its own.
+// The new process joins the run as the old one did: told the scenario, prepared, armed, started. It is another
+// participant, with a name of its own, and so a log of its own.
 void RealtimeConductor::Restart(const std::string& role) {
   Member& member = *members_.FindRole(role);
-  member.id = fmt::format("{}-{}", role, ++restart_count_ + 1);
-  processes_->Start(role, member.id);
+  const std::string id = fmt::format("{}-{}", role, ++restart_count_ + 1);
+  processes_->Start(role, id);
   if (member.kind == NodeKind::kClient) Note(kResetEvent, "started again as a new process");
-  Announce();
-  const bool back = Await(kCommandLimit, [&] { return outcome_.ended() || HasTakenScenario(member); });
+  bool joined = false;
+  const bool back = Await(kCommandLimit, [&] {
+    const auto participant = processes_->ParticipantOf(role);
+    if (participant && !joined) Join(member, id, *participant);
+    joined = participant.has_value();
+    return outcome_.ended() || (joined && HasTakenScenario(member));
+  });
   if (!back) End(EndReason::kNodeLost, fmt::format("the {} node did not come back", role));
   for (const dds::Verb verb : {dds::Verb::kPrepare, dds::Verb::kArm, dds::Verb::kStart}) {
     if (outcome_.ended()) return;
     Command(verb, verb == dds::Verb::kArm ? ports_ : std::vector<dds::Port>{}, true, member.id);
   }
+}
+
+void RealtimeConductor::Join(Member& member, const std::string& id, const dds::Participant& participant) {
+  members_.Replace(member, id, participant);
+  circle_.Admit(participant, id);
+  Announce();
 }
 
 // Everybody hands in his log; what a partition held up comes when it heals.

@@ -45,14 +45,16 @@ std::unique_ptr<Channel> MakeUnixChannel(int socket, pid_t peer = -1);
 // means.
 dds::BusConfig LockstepBus(int domain, const std::string& run_id);
 
-// Over the bus, in a node: to the harness of that run.
-std::unique_ptr<Channel> MakeDdsChannel(dds::Bus& bus, const std::string& run_id, const std::string& node_id);
+// Over the bus, in a node: to the harness of that run, which is that participant.
+std::unique_ptr<Channel> MakeDdsChannel(dds::Bus& bus, const std::string& run_id, const std::string& node_id,
+                                        const dds::Participant& harness);
 
 // Over the bus, in the harness: to all of the run's nodes, once they are there. Throws ChannelLost.
 struct DdsPeer {
   std::string node_id;
   pid_t pid = -1;
   int pidfd = -1;  // readable when its process has ended. Not owned
+  dds::Participant participant{};
 };
 std::vector<std::unique_ptr<Channel>> MakeDdsChannels(dds::Bus& bus, const std::string& run_id,
                                                       const std::vector<DdsPeer>& peers);

@@ -56,16 +56,19 @@ class Bell {
 template <class Out, class In>
 class Exchange {
  public:
-  Exchange(dds::Bus& bus, std::string run_id)
+  // Hears these peers alone, from the first message on.
+  Exchange(dds::Bus& bus, std::string run_id, const std::vector<DdsPeer>& peers)
       : run_id_(std::move(run_id)),
+        peers_(peers),
         in_(
-            bus, [this] { bell_.Ring(); }, [this] { bell_.Ring(); }),
+            bus, peers_.circle, [this] { bell_.Ring(); }, [this] { bell_.Ring(); }),
         out_(bus, [this] { bell_.Ring(); }) {}
 
-  bool Matched(std::size_t peers) const {
-    return static_cast<std::size_t>(in_.MatchedCount()) >= peers &&
-           static_cast<std::size_t>(out_.MatchedCount()) >= peers;
+  // Both ways.
+  bool Reaches(const dds::Participant& participant) const {
+    return in_.Hears(participant) && out_.IsHeardBy(participant);
   }
+  bool Hears(const dds::Participant& participant) const { return in_.Hears(participant); }
   bool Write(const std::string& node_id, std::int64_t sequence, const std::vector<std::uint8_t>& payload) {
     Out out;
     out.run_id = run_id_;
@@ -99,6 +102,12 @@ class Exchange {
  private:
   std::string run_id_;
   Bell bell_;
+  struct Peers {
+    explicit Peers(const std::vector<DdsPeer>& peers) {
+      for (const DdsPeer& peer : peers) circle.Admit(peer.participant, peer.node_id);
+    }
+    dds::Circle circle;
+  } peers_;
   dds::Subscriber<In> in_;
   dds::Publisher<Out> out_;
   std::map<std::string, std::deque<In>> arrived_;
@@ -134,7 +143,7 @@ class DdsChannel final : public Channel {
       const bool over = own.Look(SteadyClock::now()) >= limit_ns;
       const auto in = exchange_->Next(peer_.node_id);
       if (!in) {
-        if (leaves_with_peer_ && !exchange_->Matched(1))
+        if (leaves_with_peer_ && !exchange_->Hears(peer_.participant))
           throw ChannelLost(false, "the harness has left the bus");
         if (over) throw Silent(own.stopped_itself());
         exchange_->Wait(OwnTime::kLook, peer_.pidfd);
@@ -154,21 +163,6 @@ class DdsChannel final : public Channel {
   std::int64_t sent_ = 0, received_ = 0;
 };
 
-template <class Out, class In>
-void AwaitMatch(Exchange<Out, In>& exchange, const std::vector<DdsPeer>& peers, TimeNs limit_ns) {
-  std::vector<OwnTime> own;
-  for (const DdsPeer& peer : peers) own.emplace_back(peer.pid);
-  while (!exchange.Matched(peers.size())) {
-    // One peer's end is enough to give up.
-    for (std::size_t i = 0; i < peers.size(); ++i) {
-      exchange.Wait(std::chrono::milliseconds(2), peers[i].pidfd);
-      if (own[i].Look(SteadyClock::now()) > limit_ns)
-        throw ChannelLost(
-            true, fmt::format("not all processes were found on the bus within {} s", limit_ns / kNsPerS));
-    }
-  }
-}
-
 }  // namespace
 
 dds::BusConfig LockstepBus(int domain, const std::string& run_id) {
@@ -176,12 +170,19 @@ dds::BusConfig LockstepBus(int domain, const std::string& run_id) {
   return {.domain = domain, .tag = run_id, .lease_ns = 3600 * kNsPerS};
 }
 
-std::unique_ptr<Channel> MakeDdsChannel(dds::Bus& bus, const std::string& run_id,
-                                        const std::string& node_id) {
-  auto exchange = std::make_shared<Exchange<dds::StepResponse, dds::StepRequest>>(bus, run_id);
-  AwaitMatch(*exchange, {{.node_id = node_id}}, kHarnessLimitNs);
-  auto channel = std::make_unique<DdsChannel<dds::StepResponse, dds::StepRequest>>(
-      exchange, DdsPeer{.node_id = node_id}, true);
+std::unique_ptr<Channel> MakeDdsChannel(dds::Bus& bus, const std::string& run_id, const std::string& node_id,
+                                        const dds::Participant& harness) {
+  const DdsPeer peer{.node_id = node_id, .participant = harness};
+  auto exchange =
+      std::make_shared<Exchange<dds::StepResponse, dds::StepRequest>>(bus, run_id, std::vector{peer});
+  OwnTime own;
+  while (!exchange->Reaches(harness)) {
+    exchange->Wait(std::chrono::milliseconds(2), -1);
+    if (own.Look(SteadyClock::now()) > kHarnessLimitNs)
+      throw ChannelLost(
+          true, fmt::format("the harness was not found on the bus within {} s", kHarnessLimitNs / kNsPerS));
+  }
+  auto channel = std::make_unique<DdsChannel<dds::StepResponse, dds::StepRequest>>(exchange, peer, true);
   // The harness may speak when it has heard from everybody: then everybody hears it.
   channel->Send({});
   return channel;
@@ -189,8 +190,7 @@ std::unique_ptr<Channel> MakeDdsChannel(dds::Bus& bus, const std::string& run_id
 
 std::vector<std::unique_ptr<Channel>> MakeDdsChannels(dds::Bus& bus, const std::string& run_id,
                                                       const std::vector<DdsPeer>& peers) {
-  auto exchange = std::make_shared<Exchange<dds::StepRequest, dds::StepResponse>>(bus, run_id);
-  AwaitMatch(*exchange, peers, kLimitNs);
+  auto exchange = std::make_shared<Exchange<dds::StepRequest, dds::StepResponse>>(bus, run_id, peers);
   std::vector<std::unique_ptr<Channel>> channels;
   for (const DdsPeer& peer : peers) {
     channels.push_back(

@@ -16,6 +16,7 @@
 #include "harness/dds/domain_slot.h"
 #include "harness/process/child_process.h"
 #include "harness/run/flight.h"
+#include "harness/run/introduction.h"
 #include "harness/run/remote/remote_parts.h"
 #include "harness/run/run_id.h"
 
@@ -71,15 +72,30 @@ class Parts {
   void StartOnBus(const DistributedOptions& options) {
     const int domain = options.domain != 0 ? options.domain : slot_.emplace().domain();
     const std::string run_id = NewRunId();
+    bus_.emplace(LockstepBus(domain, run_id));
+    std::vector<Introduction> introductions(kParts.size());
     std::vector<DdsPeer> peers;
     for (const char* part : kParts) {
       ChildSpec spec;
-      spec.command = {options.program,        "node",  part,  "--lockstep", "dds", "--domain",
-                      std::to_string(domain), "--tag", run_id};
+      Introduction& introduction = introductions[peers.size()];
+      spec.command = {options.program,
+                      "node",
+                      part,
+                      "--lockstep",
+                      "dds",
+                      "--domain",
+                      std::to_string(domain),
+                      "--tag",
+                      run_id,
+                      "--child",
+                      ToText(bus_->participant())};
+      spec.descriptors = {introduction.child_end()};
       processes_.push_back(std::make_unique<ChildProcess>(spec));
-      peers.push_back({part, processes_.back()->pid(), processes_.back()->pidfd()});
+      introduction.Started();
+      peers.push_back({part, processes_.back()->pid(), processes_.back()->pidfd(), {}});
     }
-    bus_.emplace(LockstepBus(domain, run_id));
+    for (std::size_t i = 0; i < peers.size(); ++i)
+      peers[i].participant = introductions[i].Await(peers[i].pid, peers[i].pidfd);
     channels_ = MakeDdsChannels(*bus_, run_id, peers);
   }
 

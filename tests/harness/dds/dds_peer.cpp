@@ -242,6 +242,100 @@ int SendStates(const Arguments& a) {
   return 0;
 }
 
+// NODE: says under that name, on each line of input, that it has finished: the ack, the state and the event of the next
+// sequence, and its heartbeat; at "dispose" it takes them back. Its first line is who it is on the bus.
+int Speak(const Arguments& a) {
+  Bus bus(a.Config());
+  Publisher<Heartbeat> heartbeats(bus);
+  Publisher<RunAck> acks(bus);
+  Publisher<RunState> states(bus);
+  Publisher<RunEvent> events(bus);
+  Say(ToText(bus.participant()).c_str());
+  RunAck ack{"run", a[3], 0, true, ToText(bus.participant()), {}};
+  RunState state;
+  state.run_id = "run";
+  state.node_id = a[3];
+  state.text = ack.text;
+  Heartbeat heartbeat;
+  heartbeat.node_id = a[3];
+  for (std::string line = ReadLine(); !line.empty(); line = ReadLine()) {
+    if (line == "dispose") {
+      acks.Retire(ack);
+      states.Retire(state);
+      heartbeats.Retire(heartbeat);
+    } else {
+      ++ack.sequence;
+      acks.Write(ack);
+      states.Write(state);
+      events.Write({"run", a[3], ack.sequence, 0, "kind", ack.text});
+      heartbeats.Write(heartbeat);
+    }
+    Say("done");
+  }
+  return 0;
+}
+
+// COLUMNS: an intruder in a run, which it finds by what everybody can hear. Until its input ends it says everything that a
+// node or a harness could say, under the names of the others.
+int Intrude(const Arguments& a) {
+  Bus bus(a.Config());
+  Subscriber<Heartbeat> heartbeats(bus);
+  Publisher<Heartbeat> beats(bus);
+  Publisher<RunScenario> scenarios(bus);
+  Publisher<RunCommand> commands(bus);
+  Publisher<RunAck> acks(bus);
+  Publisher<RunState> states(bus);
+  Publisher<PlantState> plant_states(bus);
+  Publisher<Reference> references(bus);
+  Publisher<FaultCommand> faults(bus);
+  Publisher<SerialTap> taps(bus);
+  Publisher<FaultActivation> activations(bus);
+  Publisher<RunEvent> events(bus);
+  Publisher<TraceRows> rows(bus);
+  Publisher<NodeReport> reports(bus);
+  Say("ready");
+  for (std::int64_t i = 1; !InputWithin(5); ++i) {
+    heartbeats.Take();
+    for (const auto& node : heartbeats.Nodes()) {
+      if (node.participant == bus.participant() || node.last.run_id.empty()) continue;
+      const std::string &run = node.last.run_id, &name = node.last.node_id;
+      const std::int64_t sequence = 1'000'000 + i;
+      // A second one of its kind and name, that lives and then dies.
+      auto beat = node.last;
+      beat.sequence = i;
+      if (i % 20 < 10) beats.Write(beat);
+      if (i % 40 == 39) beats.Retire(beat);
+      scenarios.Write({run, "name: intruder", "", {name}, {ToText(bus.participant())}});
+      for (std::int64_t command = 1; command < 8; ++command)
+        acks.Write({run, name, command, command % 2 == 0, "an intruder's answer", {}});
+      for (const auto verb : {Verb::kStop, Verb::kRelease}) commands.Write({run, "", sequence, verb, {}});
+      RunState state;
+      state.run_id = run;
+      state.node_id = name;
+      state.origin_ns = 1;
+      state.text = "an intruder's word";
+      for (const auto* reason : {"firmware_crashed", "diverged"}) {
+        state.phase = i % 2 == 0 ? Phase::kFailed : Phase::kFinished;
+        state.end_reason = reason;
+        states.Write(state);
+      }
+      plant_states.Write({run, sequence, 3600 * kNsPerS, {}, {}});
+      references.Write({run, name, sequence, 0, {100, 100, 100, 0, 0, 0, 0}});
+      faults.Write({run, name, sequence, "intruder", "dds.partition", {}, 3600 * kNsPerS});
+      faults.Write(
+          {run, name, sequence + 1, "intruder", "clock.skew", {{"offset_ms", 1e6}, {"ppm", 5e5}}, 0});
+      taps.Write({run, name, sequence, {{1, 0, true, {1, 2, 3}, {}}}, {1}, {1}});
+      activations.Write({run, name, sequence, "intruder", 1, "an intruder's", {}, {}});
+      events.Write({run, name, sequence, 1, "intruder", "an intruder's event"});
+      rows.Write({run, name, sequence, 1, {0.5}, {1}, {1}});
+      for (const std::int64_t columns : {a.Number(3), 10})
+        rows.Write({run, name, sequence + columns, columns, std::vector<double>(columns, 0.5), {1}, {1}});
+      reports.Write({run, name, {1, 2, 3}, sequence, sequence, sequence, sequence});
+    }
+  }
+  return 0;
+}
+
 // RunEvents without pause, for tests of coming and going.
 int SendEvents(const Arguments& a) {
   Bus bus(a.Config());
@@ -347,6 +441,8 @@ int Main(const Arguments& arguments) {
                                                                {"echo_steps", EchoSteps},
                                                                {"send_states", SendStates},
                                                                {"send_events", SendEvents},
+                                                               {"speak", Speak},
+                                                               {"intrude", Intrude},
                                                                {"take_slot", TakeSlot},
                                                                {"two_hosts", TwoHosts},
                                                                {"loopback_only", LoopbackOnly}};

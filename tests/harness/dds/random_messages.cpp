@@ -106,7 +106,7 @@ Heartbeat RandomMessage(Random& r, int index) {
 }
 template <>
 RunScenario RandomMessage(Random& r, int index) {
-  return {Id(r, index), r.Text(kDocumentBytesMax), r.Text(kIdBytesMax), r.Names()};
+  return {Id(r, index), r.Text(kDocumentBytesMax), r.Text(kIdBytesMax), r.Names(), r.Names()};
 }
 template <>
 RunCommand RandomMessage(Random& r, int index) {
@@ -221,7 +221,7 @@ Heartbeat LargestMessage() {
 }
 template <>
 RunScenario LargestMessage() {
-  return {kId, Full(kDocumentBytesMax), kId, kNames};
+  return {kId, Full(kDocumentBytesMax), kId, kNames, kNames};
 }
 template <>
 RunCommand LargestMessage() {

@@ -110,7 +110,9 @@ struct ByHand {
 // A node's publisher and the harness's collector, on one bus.
 class LogMessagesTest : public ::testing::Test {
  protected:
-  LogMessagesTest() : bus_({.domain = slot_.domain(), .tag = "test"}) {}
+  LogMessagesTest() : bus_({.domain = slot_.domain(), .tag = "test"}) {
+    circle_.Admit(bus_.participant(), {});
+  }
 
   // Until the collector has all of these nodes.
   bool Gather(LogCollector& collector, const std::vector<std::string>& nodes,
@@ -125,6 +127,7 @@ class LogMessagesTest : public ::testing::Test {
 
   dds::DomainSlot slot_;
   dds::Bus bus_;
+  dds::Circle circle_;
   dds::Condition condition_;
 };
 
@@ -163,8 +166,9 @@ TEST_F(LogMessagesTest, AFlightOverTheBusIsTheFlightOfOneProcess) {
   ASSERT_GT(expected.fault_activation_counts.at(1), 3);
   ASSERT_GT(expected.trace.row_count(), 60u);
 
-  LogCollector collector(bus_, scenario, "run", condition_.Waker());
-  LogPublisher plant(bus_, scenario, "run", "plant"), link(bus_, scenario, "run", "link");
+  LogCollector collector(bus_, circle_, scenario, "run", condition_.Waker());
+  LogPublisher plant(bus_, scenario, "run", "plant", bus_.participant()),
+      link(bus_, scenario, "run", "link", bus_.participant());
   ByHand apart(scenario, false);
   apart.Fly([&] {
     plant.Write(apart.server.TakeLog());
@@ -231,8 +235,9 @@ TEST_F(LogMessagesTest, AFlightOverTheBusIsTheFlightOfOneProcess) {
 
 TEST_F(LogMessagesTest, WhatAnotherRunSaysIsNoPartOfThisOne) {
   const Scenario scenario = TroubledScenario();
-  LogCollector collector(bus_, scenario, "run", condition_.Waker());
-  LogPublisher old(bus_, scenario, "old run", "plant"), now(bus_, scenario, "run", "plant");
+  LogCollector collector(bus_, circle_, scenario, "run", condition_.Waker());
+  LogPublisher old(bus_, scenario, "old run", "plant", bus_.participant()),
+      now(bus_, scenario, "run", "plant", bus_.participant());
   old.Write(RunEvent{1, "old", ""});
   now.Write(RunEvent{2, "new", ""});
   old.Close({});
@@ -255,8 +260,8 @@ TEST_F(LogMessagesTest, ALogOfAnyLengthGoesOut) {
     log.rows[row * columns] = ToSeconds(static_cast<TimeNs>(row) * kControlPeriodNs);
   }
   for (TimeNs i = 0; i < 20'000; ++i) samples.push_back({i * kControlPeriodNs, {}});
-  LogCollector collector(bus_, scenario, "run", condition_.Waker());
-  LogPublisher node(bus_, scenario, "run", "node");
+  LogCollector collector(bus_, circle_, scenario, "run", condition_.Waker());
+  LogPublisher node(bus_, scenario, "run", "node", bus_.participant());
   node.Write(log);
   node.Write(LineLog{}, 0, samples);
   node.Close({});
@@ -268,8 +273,8 @@ TEST_F(LogMessagesTest, ALogOfAnyLengthGoesOut) {
 
 TEST_F(LogMessagesTest, WhatAFirmwareSaysCannotStopItsNode) {
   const Scenario scenario = TroubledScenario();
-  LogCollector collector(bus_, scenario, "run", condition_.Waker());
-  LogPublisher client(bus_, scenario, "run", "client");
+  LogCollector collector(bus_, circle_, scenario, "run", condition_.Waker());
+  LogPublisher client(bus_, scenario, "run", "client", bus_.participant());
   client.Write(RunEvent{kNsPerS, "firmware_log", std::string("a\0b", 3)});
   client.Write(RunEvent{0, "node_event", std::string(2 * dds::kTextBytesMax, 'x')});
   for (int i = 0; i < 3000; ++i) client.Write(RunEvent{0, "firmware_log", std::string(1000, 'y')});
@@ -285,7 +290,7 @@ TEST_F(LogMessagesTest, WhatAFirmwareSaysCannotStopItsNode) {
 
 TEST_F(LogMessagesTest, BadMessagesDoNoHarm) {
   const Scenario scenario = TroubledScenario();
-  LogCollector collector(bus_, scenario, "run", condition_.Waker());
+  LogCollector collector(bus_, circle_, scenario, "run", condition_.Waker());
   dds::Publisher<dds::FaultActivation> activations(bus_);
   dds::Publisher<dds::TraceRows> rows(bus_);
   dds::Publisher<dds::SerialTap> taps(bus_);

@@ -20,6 +20,7 @@ NodeLife Node(const std::string& id, NodeKind kind) {
   node.last.kind = kind;
   node.last.host = "here";
   node.alive = true;
+  std::copy(id.begin(), id.end(), node.participant.guid.begin());
   return node;
 }
 
@@ -36,7 +37,7 @@ NodeLife& Of(std::vector<NodeLife>& nodes, NodeKind kind) {
 std::string Missing(const std::vector<NodeLife>& nodes, bool board = false) {
   Members members;
   std::string missing;
-  const bool complete = members.Adopt(nodes, board, "run", missing);
+  const bool complete = members.Adopt(nodes, nullptr, board, "run", missing);
   EXPECT_EQ(complete, missing.empty());
   return missing;
 }
@@ -44,7 +45,7 @@ std::string Missing(const std::vector<NodeLife>& nodes, bool board = false) {
 TEST(Adopt, TakesOneOfEachAndNoOnlookers) {
   Members members;
   std::string missing;
-  ASSERT_TRUE(members.Adopt(Fleet(), false, "run", missing));
+  ASSERT_TRUE(members.Adopt(Fleet(), nullptr, false, "run", missing));
   std::vector<std::string> ids;
   for (const Member& member : members.all()) ids.push_back(member.id);
   EXPECT_THAT(ids, ElementsAre("base_station", "client", "link", "plant"));
@@ -72,21 +73,50 @@ TEST(Adopt, TakesNoNodeOfAnotherVersion) {
   EXPECT_EQ(Missing(nodes), "node of this version " TILTPROOF_VERSION ": link has version 0.0.7");
 }
 
-TEST(Adopt, WantsNoneTwiceAndNoneOfAnotherRun) {
+TEST(Adopt, TakesNoneOfAnotherRun) {
   auto nodes = Fleet();
-  nodes.push_back(Node("plant-2", NodeKind::kPlant));
-  EXPECT_EQ(Missing(nodes), "single plant node: 2 are there");
-  nodes.back() = Node("joystick", NodeKind::kJoystick);
-  EXPECT_EQ(Missing(nodes), "single base-station or joystick node: 2 are there");
-  nodes = Fleet();
   Of(nodes, NodeKind::kPlant).last.run_id = "other";
   EXPECT_EQ(Missing(nodes), "free node: plant is in another run");
   Of(nodes, NodeKind::kPlant).last.run_id = "run";
   EXPECT_EQ(Missing(nodes), "");
-  // A second one in another run does not matter.
+}
+
+// A second one of a kind, or of a name, is ignored, and named once.
+TEST(Adopt, TakesTheFirstOfAKindAndNamesTheOthersOnce) {
+  auto nodes = Fleet();
   nodes.push_back(Node("plant-2", NodeKind::kPlant));
+  nodes.push_back(Node("quad_joystick", NodeKind::kJoystick));
+  nodes.push_back(Node("link", NodeKind::kLink));
+  nodes.back().participant.guid[15] = 1;
+  nodes.push_back(Node("plant-3", NodeKind::kPlant));
   nodes.back().last.run_id = "other";
-  EXPECT_EQ(Missing(nodes), "");
+  Members members;
+  std::string missing;
+  ASSERT_TRUE(members.Adopt(nodes, nullptr, false, "run", missing));
+  EXPECT_EQ(members.Find(NodeKind::kPlant)->id, "plant");
+  EXPECT_EQ(members.reference_sender().id, "base_station");
+  EXPECT_EQ(members.all().size(), 4u);
+  EXPECT_THAT(members.NewStrangers(nodes, "run"),
+              ElementsAre("the plant node plant-2 on here (process 0) is ignored: this flight has plant",
+                          "the joystick node quad_joystick on here (process 0) is ignored: this flight has "
+                          "base_station",
+                          "the link node link on here (process 0) is ignored: this flight has link"));
+  EXPECT_THAT(members.NewStrangers(nodes, "run"), IsEmpty());
+  // One in whose place another process came is no stranger.
+  Member& plant = members.all().back();
+  const auto before = plant.participant;
+  members.Replace(plant, "plant-4", Node("plant-4", NodeKind::kPlant).participant);
+  EXPECT_NE(plant.participant, before);
+  EXPECT_THAT(members.NewStrangers(nodes, "run"), IsEmpty());
+}
+
+TEST(Adopt, NamesAFewStrangersAlone) {
+  auto nodes = Fleet();
+  for (char c = 'a'; c <= 'z'; ++c) nodes.push_back(Node(std::string("x") + c, NodeKind::kPlant));
+  Members members;
+  std::string missing;
+  ASSERT_TRUE(members.Adopt(nodes, nullptr, false, "run", missing));
+  EXPECT_EQ(members.NewStrangers(nodes, "run").size(), Members::kStrangersMax);
 }
 
 TEST(CheckHosts, ThoseOnOneSerialLineShareAHost) {
@@ -94,10 +124,10 @@ TEST(CheckHosts, ThoseOnOneSerialLineShareAHost) {
   Of(nodes, NodeKind::kBaseStation).last.host = "there";
   Members members;
   std::string missing;
-  ASSERT_TRUE(members.Adopt(nodes, false, "run", missing));
+  ASSERT_TRUE(members.Adopt(nodes, nullptr, false, "run", missing));
   EXPECT_NO_THROW(members.CheckHosts());
   Of(nodes, NodeKind::kClient).last.host = "there";
-  ASSERT_TRUE(members.Adopt(nodes, false, "run", missing));
+  ASSERT_TRUE(members.Adopt(nodes, nullptr, false, "run", missing));
   try {
     members.CheckHosts();
     ADD_FAILURE();
@@ -111,7 +141,7 @@ class WatchTest : public ::testing::Test {
  protected:
   void SetUp() override {
     std::string missing;
-    ASSERT_TRUE(members_.Adopt(nodes_, false, "run", missing));
+    ASSERT_TRUE(members_.Adopt(nodes_, nullptr, false, "run", missing));
   }
   std::vector<MemberNews> Watch(const std::set<std::string>& excused = {}) {
     return members_.Watch(nodes_, nullptr, excused, now_);

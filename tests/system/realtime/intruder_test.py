@@ -1,0 +1,72 @@
+#!/usr/bin/env python3
+"""A process on the bus that is no part of the flight says all that nodes and harness say: the flight is as without it.
+Usage: intruder_test.py TILTPROOF DDS_PEER"""
+import csv
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+from flight import Flight, become_subreaper, read, wait_until, write_hover
+
+PROGRAM, PEER = (pathlib.Path(sys.argv.pop(1)).resolve() for _ in range(2))
+DURATION_S = 4
+
+
+class IntruderTest(unittest.TestCase):
+    def setUp(self):
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="tiltproof-bus-"))
+        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
+
+    def fly(self, *arguments):
+        flight = Flight(PROGRAM, self.folder, write_hover(self.folder, duration_s=DURATION_S), *arguments)
+        self.addCleanup(flight.end)
+        return flight
+
+    def place(self, flight):
+        """Domain and tag, as soon as a node has them."""
+        def found():
+            self.assertIsNone(flight.process.poll(), flight.text())
+            for command in flight.processes().values():
+                if "--domain" in command and "--tag" in command:
+                    return [command[command.index(flag) + 1] for flag in ("--domain", "--tag")]
+            return None
+        return wait_until(found, 20, "no node has a domain and a tag")
+
+    def intrude(self, flight, mode="intrude"):
+        peer = subprocess.Popen([PEER, mode, *self.place(flight), "55"], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self.addCleanup(lambda: (peer.kill(), peer.wait(), peer.stdin.close(), peer.stdout.close()))
+        self.assertEqual(peer.stdout.readline(), b"ready\n")
+        return peer
+
+    def assert_as_without(self, flight):
+        self.assertIn(flight.process.returncode, (0, 4), flight.text())
+        result = flight.result()
+        if flight.process.returncode == 4:
+            self.assertIn("too busy to judge", result["reason"])
+        self.assertEqual(result["metrics"]["survival.time_s"], DURATION_S)
+        with open(flight.run_folder / "hover/trace.csv", newline="", encoding="utf-8") as file:
+            times_ms = [round(1000 * float(row["t_s"])) for row in csv.DictReader(file)]
+        self.assertEqual(times_ms, [*range(0, 1000 * DURATION_S, 12), 1000 * DURATION_S])
+        for file in ("events.jsonl", "results.json", "hover/faults.jsonl", "hover/flight.json", "hover/firmware.log"):
+            self.assertNotIn(b"intruder", read(flight.run_folder / file), file)
+
+    def test_real_time_is_as_without(self):
+        flight = self.fly()
+        self.intrude(flight)
+        flight.wait(60)
+        self.assert_as_without(flight)
+        # Each participant that takes a place is named, once.
+        ignored = flight.events("node_ignored")
+        self.assertEqual(len(ignored), 1, ignored)
+        self.assertRegex(ignored[0]["text"], r"the \w+ node \w+ on .* \(process \d+\) is ignored: this flight has \w+")
+        self.assertEqual(flight.text().count("is ignored: this flight has"), 1, flight.text())
+        flight.check_results(self)
+        flight.check_nothing_left(self)
+
+
+if __name__ == "__main__":
+    become_subreaper()
+    unittest.main(verbosity=2)
