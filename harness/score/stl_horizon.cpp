@@ -9,6 +9,12 @@ namespace {
 
 constexpr TimeNs kNeverDecided = std::numeric_limits<TimeNs>::max();
 
+// Else it is known before the flight, as 1 < 2 is.
+bool ReadsTheFlight(const Node& node) {
+  return node.op == Op::kSignal || node.op == Op::kFaultActive || (node.left && ReadsTheFlight(*node.left)) ||
+         (node.right && ReadsTheFlight(*node.right));
+}
+
 // The earliest time at which `formula`, evaluated at `time_ns`, can be known to have the truth `wanted`.
 class Horizon {
  public:
@@ -19,9 +25,9 @@ class Horizon {
     const auto right = [&](bool truth, TimeNs at) { return Earliest(formula->right, truth, at); };
     switch (formula->op) {
       case Op::kTrue:
-        return wanted ? time_ns : kNeverDecided;
+        return wanted ? 0 : kNeverDecided;
       case Op::kFalse:
-        return wanted ? kNeverDecided : time_ns;
+        return wanted ? kNeverDecided : 0;
       case Op::kNot:
         return left(!wanted, time_ns);
       case Op::kAnd:
@@ -38,7 +44,7 @@ class Horizon {
         return wanted ? right(true, Begin(*formula, time_ns))
                       : std::min(left(false, time_ns), right(false, End(*formula, time_ns)));
       default:
-        return time_ns;  // a comparison, or whether a fault is active
+        return ReadsTheFlight(*formula) ? time_ns : 0;  // a comparison, or whether a fault is active
     }
   }
 

@@ -53,9 +53,9 @@ TEST(StlHorizon, NestedWindowsAddUp) {
   EXPECT_EQ(EarliestDecision_s("always[40,50](always[30,35](x_m < 1))"), 70);
   EXPECT_EQ(EarliestDecision_s("eventually[40,50](not always[30,35](x_m < 1))"), 70);
   EXPECT_EQ(EarliestDecision_s("always(x_m < 1)"), 0);
-  EXPECT_EQ(EarliestDecision_s("always(true)"), 60);
+  EXPECT_EQ(EarliestDecision_s("always[70,80](true and 1 < 2)"), 0);
   EXPECT_EQ(EarliestDecision_s("eventually[70,71](x_m < 1) and x_m < 1"), 0);
-  EXPECT_EQ(EarliestDecision_s("eventually[70,71](x_m < 1) and always[80,81](x_m < 1)"), 70);
+  EXPECT_EQ(EarliestDecision_s("eventually[70,71](x_m < 1) and always[80,81](x_m < 1)"), 71);
   EXPECT_EQ(EarliestDecision_s("eventually[70,71](x_m < 1) implies always[80,81](x_m < 1)"), 71);
   EXPECT_EQ(EarliestDecision_s("(x_m < 1) until[70,80] (x_m > 2)"), 0);
 }
