@@ -1,9 +1,13 @@
 #include "link/serial_devices.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
 #include <charconv>
 #include <fstream>
+#include <sstream>
+#include <string>
 #include <string_view>
 #include <system_error>
 
@@ -69,6 +73,28 @@ std::vector<Holder> ProcessesHolding(const fs::path& device) {
   });
   std::sort(holders.begin(), holders.end(), [](const auto& a, const auto& b) { return a.pid < b.pid; });
   return holders;
+}
+
+std::optional<pid_t> ProcessBehind(const fs::path& pseudo_terminal) {
+  std::error_code error;
+  const fs::path slave = fs::canonical(pseudo_terminal, error);
+  const auto index = ToNumber(slave.filename().native());
+  if (error || slave.parent_path() != "/dev/pts" || !index) return std::nullopt;
+  for (const Holder& holder : ProcessesHolding("/dev/ptmx")) {
+    bool behind = false;
+    ForEachEntry(fs::path("/proc") / std::to_string(holder.pid) / "fdinfo",
+                 [&](const fs::directory_entry& entry) {
+                   std::ifstream file(entry.path());
+                   for (std::string line; std::getline(file, line);) {
+                     std::istringstream words(line);
+                     std::string key;
+                     int number = -1;
+                     behind = behind || (words >> key >> number && key == "tty-index:" && number == *index);
+                   }
+                 });
+    if (behind && holder.pid != getpid()) return holder.pid;
+  }
+  return std::nullopt;
 }
 
 std::string Text(const std::vector<Holder>& holders) {

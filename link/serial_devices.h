@@ -26,6 +26,9 @@ struct Holder {
 };
 // Processes that have the device open, by process id, as far as /proc lets us look.
 std::vector<Holder> ProcessesHolding(const std::filesystem::path& device);
+// The process that has made a pseudo-terminal, and stands for what is at its other end; nullopt for other devices, and
+// where /proc does not tell.
+std::optional<pid_t> ProcessBehind(const std::filesystem::path& pseudo_terminal);
 // "1234 (picocom), 99 (cat)"; empty for none.
 std::string Text(const std::vector<Holder>& holders);
 

@@ -1,8 +1,10 @@
 #include <fmt/format.h>
 
+#include <memory>
 #include <optional>
 #include <utility>
 
+#include "harness/node/cpu_wait_watch.h"
 #include "harness/node/firmware_process.h"
 #include "harness/node/roles.h"
 
@@ -24,7 +26,9 @@ std::string Filled(std::string command, const std::vector<std::pair<std::string,
 class CommandRole final : public Role {
  public:
   CommandRole(NodeServices& services, const NodeOptions& options)
-      : services_(services), command_(options.firmware_command) {}
+      : services_(services),
+        command_(options.firmware_command),
+        states_(services.bus(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {}
 
   Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
     scenario_ = loaded.scenario;
@@ -53,6 +57,7 @@ class CommandRole final : public Role {
       services_.Fail(EndReason::kFirmwareLost,
                      fmt::format("the firmware's process {} (command: {})", how, command_));
     });
+    watch_.emplace(services_, process_->child().pid());
   }
 
   void Flush() override {
@@ -64,17 +69,29 @@ class CommandRole final : public Role {
   NodeTotals Stop() override {
     if (process_) process_->ReadAll();
     Flush();
+    watch_.reset();
     process_.reset();
     return {};
   }
 
  private:
+  // By the plant's clock, which is this machine's: for when it was late.
+  void OnStates() {
+    for (const auto& state : states_.Take())
+      if (state.run_id == services_.run_id() &&
+          (state.phase == dds::Phase::kRunning || state.phase == dds::Phase::kFinished))
+        services_.lateness().origin_ns = state.origin_ns;
+  }
+
   NodeServices& services_;
   std::string command_;
   Scenario scenario_;
   std::string port_, reference_port_;
   std::optional<FirmwareProcess> process_;
+  std::optional<CpuWaitWatch> watch_;
   TimeNs power_on_ns_ = 0;
+  std::shared_ptr<char> alive_ = std::make_shared<char>();
+  dds::Subscriber<dds::RunState> states_;
 };
 
 }  // namespace

@@ -1,18 +1,25 @@
-// Notes as lateness of this machine when it lets an emulator wait for a processor, within a control period, for longer
-// than a node may be late.
+// Notes as lateness of this machine when it keeps a program that stands for a board from running: when it lets it wait
+// for a processor, within a control period, for longer than a node may be late, and as long as it is stopped.
 #pragma once
 
 #include <algorithm>
+#include <functional>
+#include <utility>
 
 #include "harness/node/cpu_wait.h"
 #include "harness/node/node.h"
+#include "harness/process/own_time.h"
 
 namespace tiltproof::harness {
 
 class CpuWaitWatch {
  public:
-  CpuWaitWatch(NodeServices& services, pid_t pid)
+  // `held`: whether a fault of the scenario holds it just now.
+  CpuWaitWatch(
+      NodeServices& services, pid_t pid, std::function<bool()> held = [] { return false; })
       : services_(services),
+        pid_(pid),
+        held_(std::move(held)),
         wait_(pid),
         timer_(services, services.clock().Now() + kControlPeriodNs, kControlPeriodNs,
                [this](TimeNs now) { Look(now); }) {}
@@ -23,10 +30,19 @@ class CpuWaitWatch {
     const TimeNs waited_ns = wait_.Take();
     if (waited_ns > Lateness::kLateAfterNs)
       services_.lateness().Note(now - std::max(waited_ns, kControlPeriodNs), now);
+    if (held_() || !IsStoppedByOthers(pid_)) {
+      stopped_ns_ = kNever;
+      return;
+    }
+    if (stopped_ns_ == kNever) stopped_ns_ = now - kControlPeriodNs;
+    services_.lateness().Note(stopped_ns_, now);
   }
 
   NodeServices& services_;
+  pid_t pid_;
+  std::function<bool()> held_;
   CpuWait wait_;
+  TimeNs stopped_ns_ = kNever;  // since when
   PeriodicTimer timer_;
 };
 

@@ -94,7 +94,7 @@ void EmulatedBoard::PowerOn() {
   // By its answer, all of its threads are there.
   qmp_->Execute("cont", "{}", [this](const std::string&, const std::string&) {
     processor_.emplace(process_->child().pid());
-    wait_watch_.emplace(services_, process_->child().pid());
+    wait_watch_.emplace(services_, process_->child().pid(), [this] { return paused_; });
   });
 }
 

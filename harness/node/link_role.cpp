@@ -11,6 +11,7 @@
 #include "harness/run/reference_talk.h"
 #include "link/messages.h"
 #include "link/pty.h"
+#include "link/serial_devices.h"
 #include "link/serial_port.h"
 #include "link/socket_line.h"
 #include "link/unix_socket.h"
@@ -76,7 +77,10 @@ class LinkRole final : public Role {
     canary_ = std::make_unique<PtyCanary>(services_);
     Read(base_station_->master(), Direction::kReference, "base station");
     armed_ = true;
-    if (!link::IsSocketName(client_device_)) Listen();
+    if (link::IsSocketName(client_device_)) return;
+    // A program on a pseudo-terminal may play the board.
+    if (const auto board = link::ProcessBehind(client_device_)) board_watch_.emplace(services_, *board);
+    Listen();
   }
 
   // An emulator may begin as soon as its sockets are taken: then everybody has to be ready.
@@ -88,7 +92,7 @@ class LinkRole final : public Role {
             std::make_unique<link::SerialPort>(services_.loop(), end->socket_name, LinkSpec::kReferenceBaud);
         end->line = end->serial.get();
       }
-    if (const auto emulator = client_.serial->PeerProcess()) emulator_watch_.emplace(services_, *emulator);
+    if (const auto emulator = client_.serial->PeerProcess()) board_watch_.emplace(services_, *emulator);
     Listen();
   }
 
@@ -105,7 +109,7 @@ class LinkRole final : public Role {
     armed_ = false;
     timer_.cancel();
     canary_.reset();
-    emulator_watch_.reset();
+    board_watch_.reset();
     const TimeNs now = services_.clock().Now();
     const TimeNs origin = line_->origin() == kNever ? now : line_->origin();
     if (const std::string trouble = reference_talk_->Trouble(); !trouble.empty() && line_->origin() == kNever)
@@ -283,7 +287,7 @@ class LinkRole final : public Role {
   std::array<DeafReceiver, link::kDirectionCount> deaf_;  // that of kToPlant hears everything
   boost::asio::steady_timer timer_;
   std::unique_ptr<PtyCanary> canary_;
-  std::optional<CpuWaitWatch> emulator_watch_;  // of the user's
+  std::optional<CpuWaitWatch> board_watch_;  // of a program of the user's that plays the board
   bool armed_ = false;
   TimeNs asked_plant_ns_ = kNever;  // when the plant got the last bytes that it has not answered yet
   TimeNs next_sample_ns_ = 0;

@@ -133,6 +133,12 @@ Input AwaitInput(int descriptor, pid_t pid, TimeNs limit_ns) {
 
 bool IsStopped(pid_t pid) { return IsStoppedState(ReadStat(fmt::format("/proc/{}", pid)).state); }
 
+bool IsStoppedByOthers(pid_t pid) {
+  Family family;
+  Look(pid, 0, family);
+  return family.stopped_pid >= 0 && !family.stopped_itself;
+}
+
 bool HasStoppedItself(pid_t pid) {
   bool itself = false;
   ForEachThread(pid, [&](const std::string& folder) {

@@ -60,6 +60,8 @@ Input AwaitInput(int descriptor, pid_t pid, TimeNs limit_ns);
 
 // Stopped by a signal or a debugger, as the kernel shows it.
 bool IsStopped(pid_t pid);
+// It, or one that it has started, is stopped, and has not stopped itself.
+bool IsStoppedByOthers(pid_t pid);
 
 // Stopped, every one of its threads, by a signal that it has sent to itself. (The kernel shows the call in which it
 // stands still.)

@@ -3,8 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <fstream>
 #include <stdexcept>
+
+#include "harness/process/own_time.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -13,16 +14,6 @@ using dds::NodeKind;
 using std::chrono::duration_cast;
 using std::chrono::milliseconds;
 using SteadyClock = std::chrono::steady_clock;
-
-// By the state that the kernel shows: T, stopped by a signal or a debugger.
-bool IsStopped(pid_t pid) {
-  std::ifstream file(fmt::format("/proc/{}/stat", pid));
-  std::string text;
-  std::getline(file, text);
-  const std::size_t name_end = text.rfind(')');
-  return name_end != std::string::npos && name_end + 2 < text.size() &&
-         (text[name_end + 2] == 'T' || text[name_end + 2] == 't');
-}
 
 }  // namespace
 
@@ -155,7 +146,11 @@ std::vector<MemberNews> Members::Watch(const std::vector<dds::NodeLife>& nodes, 
     if (process != nullptr && !kept_away) {
       // A busy machine makes a living node look dead for a moment; a stopped one is told apart at once.
       if (IsStopped(process->pid())) {
-        Lose(member, "does not answer: its process is stopped", news);
+        // By others, most likely: that is the machine's doing.
+        const bool itself = HasStoppedItself(process->pid());
+        Lose(member,
+             itself ? "does not answer: it has stopped itself" : "does not answer: its process is stopped",
+             news, itself);
       } else if (now - std::max(*member.silent_since, member.excused_until) > kHangLimit) {
         Lose(member, "does not answer: it hangs", news, !HostIsSilent(member));
       }

@@ -98,6 +98,18 @@ class ClientTest(unittest.TestCase):
         self.assertIn(b"not found", self.log(flight))
         self.check(flight)
 
+    def test_process_that_this_machine_stops_has_not_failed(self):
+        flight = self.start(f"process:exec {FIRMWARE} {LIBRARY}", duration_s=6)
+        flight.wait_flying()
+        [firmware] = wait_until(lambda: [pid for pid, command in flight.processes().items() if command[0] == str(FIRMWARE)], 10, "no firmware")
+        self.assertIsNotNone(flight.wait_fly_for(1.0), flight.text())
+        os.kill(firmware, signal.SIGSTOP)
+        # The vehicle is lost without it.
+        self.assertEqual(flight.wait(30), 4, flight.text())
+        self.assertEqual(flight.result()["verdict"], "inconclusive")
+        self.assertIn("too busy to judge", flight.text())
+        self.check(flight)
+
     def test_process_with_grandchildren(self):
         flight = self.fly(f"process:sleep 1000 & {FIRMWARE} {LIBRARY} --grandchild", 0, duration_s=2)
         self.check(flight)

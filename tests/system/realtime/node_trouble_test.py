@@ -124,7 +124,10 @@ def add_matrix():
         for how, ended in HOW.items():
             verdict, code = ("fail", 1) if role == "client" else ("error", 3)
             who = f"the {role} node"
-            if role == "client":
+            if role == "client" and how == "stop":
+                # Not by itself: that is this machine's doing.
+                verdict, code = "error", 3
+            elif role == "client":
                 who = "firmware lost at .* node"
 
             def test(self, role=role, how=how, verdict=verdict, code=code, reason=f"{who}.* {ended}"):
