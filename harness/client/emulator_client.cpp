@@ -72,8 +72,10 @@ std::string_view Name(lockstep::ResetCause cause) {
 
 class EmulatorClient final : public Client {
  public:
-  EmulatorClient(const EmulatorSpec& spec, const EmulatorLines& lines, ClientHost host)
+  EmulatorClient(const EmulatorSpec& spec, const EmulatorLines& lines, TimeNs start_within_ns,
+                 ClientHost host)
       : spec_(spec),
+        start_within_ns_(start_within_ns),
         host_(std::move(host)),
         rated_{RatedLine(lines.main_baud), RatedLine(lines.reference_baud)} {
     for (const auto& file : {spec.image, spec.plugin})
@@ -124,12 +126,13 @@ class EmulatorClient final : public Client {
           board_->Run(until, [this](const EmulatorMessage& message) { OnMessage(message); });
       last_active_ = std::max(last_active_, stopped.last_slept_ns);
       TransmitDamaged(stopped.at_ns);
-      if (stopped.at_ns - last_active_ > kBusyMax) {
+      const TimeNs busy_ns = stopped.at_ns - last_active_;
+      if (busy_ns > kBusyMax && (started_ || stopped.at_ns > start_within_ns_)) {
         Log(stopped.at_ns, board_->Registers());
-        throw FirmwareTrouble(true,
-                              fmt::format("the firmware hangs: for {} s it has neither slept nor sent a byte "
-                                          "(registers in firmware.log)",
-                                          ToSeconds(kBusyMax)));
+        throw FirmwareTrouble(
+            true, fmt::format("the firmware hangs: for {:.0f} s it has neither slept nor sent a byte "
+                              "(registers in firmware.log)",
+                              ToSeconds(busy_ns)));
       }
       return std::clamp(stopped.at_ns >= until ? horizon : clock_.When(stopped.at_ns), now, horizon);
     } catch (const EmulatorTrouble& trouble) {
@@ -144,6 +147,7 @@ class EmulatorClient final : public Client {
   }
 
   void Command(const std::vector<faults::DeviceCommand>& commands, TimeNs origin) override {
+    started_ = true;
     // First of all the clock, by which all other times are told.
     for (const faults::DeviceCommand& command : commands)
       if (command.type == "device.clock_drift") {
@@ -338,6 +342,7 @@ class EmulatorClient final : public Client {
   }
 
   EmulatorSpec spec_;
+  TimeNs start_within_ns_;
   ClientHost host_;
   std::array<RatedLine, 2> rated_;       // by Uart
   std::array<std::string, 2> troubles_;  // told of them
@@ -354,14 +359,15 @@ class EmulatorClient final : public Client {
   std::array<Overruns, 2> overruns_;  // of main and reference line, not told yet
   std::string console_;
   TimeNs last_active_ = 0;  // virtual time at which it last slept or sent
+  bool started_ = false;
   bool lost_ = false;
 };
 
 }  // namespace
 
 std::unique_ptr<Client> StartEmulatorClient(const EmulatorSpec& spec, const EmulatorLines& lines,
-                                            ClientHost host) {
-  return std::make_unique<EmulatorClient>(spec, lines, std::move(host));
+                                            TimeNs start_within_ns, ClientHost host) {
+  return std::make_unique<EmulatorClient>(spec, lines, start_within_ns, std::move(host));
 }
 
 }  // namespace tiltproof::harness

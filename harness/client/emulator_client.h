@@ -15,8 +15,8 @@ struct EmulatorLines {
 };
 
 // Throws std::runtime_error when there is no such image or plug-in or the emulator does not start. While it flies,
-// a board that crashes or never rests is FirmwareTrouble.
+// a board that crashes or never rests is FirmwareTrouble; before its `start` it may be busy for `start_within_ns`.
 std::unique_ptr<Client> StartEmulatorClient(const EmulatorSpec& spec, const EmulatorLines& lines,
-                                            ClientHost host);
+                                            TimeNs start_within_ns, ClientHost host);
 
 }  // namespace tiltproof::harness

@@ -22,6 +22,7 @@ struct ClientSettings {
   std::string firmware;  // build; an image is one already
   link::Dialect dialect{};
   EmulatorLines lines;
+  TimeNs start_within_ns = 0;  // until then a busy image has time to start
 };
 
 // Throws std::runtime_error that says what is wrong with the file. For a library, a FirmwareGuard is installed in this

@@ -286,7 +286,8 @@ void Conductor::Finish() {
 ClientSettings SettingsOf(const Scenario& scenario) {
   return {.firmware = scenario.firmware,
           .dialect = scenario.link.dialect,
-          .lines = {.main_baud = MainBaud(scenario.link), .reference_baud = ReferenceBaud(scenario.link)}};
+          .lines = {.main_baud = MainBaud(scenario.link), .reference_baud = ReferenceBaud(scenario.link)},
+          .start_within_ns = scenario.start_within_ns};
 }
 
 std::string NeverStartedText(const Scenario& scenario) {

@@ -174,6 +174,9 @@ void DescribeScenario(KeyVisitor& v, Scenario& s) {
          "How far the median interval between the firmware's requests may be from the protocol's period"},
         s.control_period_tolerance_percent, {0.001, 1000});
   });
+  v.Seconds({"start_within_s",
+             "Until so long after power-on an image that is busy, and has not said `start`, is not hung"},
+            s.start_within_ns, {0.1, 3600});
   // JSON and JavaScript hold integers exactly up to 2^53 - 1.
   auto seed = static_cast<std::int64_t>(s.seed);
   v.Integer({"seed", "Every random draw derives from it"}, seed, {0, 9007199254740991});

@@ -65,7 +65,8 @@ struct Scenario {
   std::filesystem::path model_file;  // resolved
   std::string firmware = "paper";
   Verdict expect = Verdict::kPass;
-  bool allow_restarts = false;  // of the firmware, that no fault asked for
+  TimeNs start_within_ns = 10 * kNsPerS;  // from power-on: no firmware is hung before, unless it has started
+  bool allow_restarts = false;            // of the firmware, that no fault asked for
   double control_period_tolerance_percent = 1.0;
   std::uint64_t seed = 1;
   TimeNs duration_ns = 0;

@@ -283,8 +283,15 @@ class Lockstep(unittest.TestCase):
         began = time.monotonic()
         folder, [result] = self.fly(self.scenario(duration_s=3600), "--client", client, code=1)
         self.assertLess(time.monotonic() - began, 60)
-        self.assertIn("the firmware hangs", json.dumps(result))
+        self.assertIn("the firmware hangs: for 10 s", json.dumps(result))
         self.assertRegex((folder / "flight/firmware.log").read_text(), r"R15=08000040")
+
+    def test_a_firmware_may_be_busy_before_its_start(self):
+        client = self.write_image("loop.elf", [0xE7FE])  # b .
+        file = self.scenario(duration_s=3600)
+        file.write_text(file.read_text() + "start_within_s: 4\n")
+        _, [result] = self.fly(file, "--client", client, code=1)
+        self.assertIn("the firmware hangs: for 4 s", json.dumps(result))
 
     def test_a_firmware_that_sleeps_for_ever_never_starts(self):
         client = self.write_image("sleep.elf", [0xBF30, 0xE7FD])  # wfi; b .-2

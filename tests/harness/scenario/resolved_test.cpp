@@ -136,6 +136,7 @@ void ExpectSame(const Scenario& a, const Scenario& b) {
   RC_ASSERT(a.expect == b.expect);
   RC_ASSERT(a.allow_restarts == b.allow_restarts);
   RC_ASSERT(a.control_period_tolerance_percent == b.control_period_tolerance_percent);
+  RC_ASSERT(a.start_within_ns == b.start_within_ns);
   RC_ASSERT(a.seed == b.seed);
   RC_ASSERT(a.duration_ns == b.duration_ns);
   RC_ASSERT(a.step_ns == b.step_ns);
@@ -212,6 +213,7 @@ expect: pass
 allow_restarts: false
 control_period:
   tolerance_percent: 1
+start_within_s: 10
 seed: 1
 duration_s: 24
 step_s: 0.004
