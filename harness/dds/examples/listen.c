@@ -1,7 +1,8 @@
 /* Listens to a flight of tiltproof on the bus, as any program can: prints phases, events, the score, and the vehicle
  * once a second. It needs Cyclone DDS and tiltproof.idl, nothing else of tiltproof.
  *
- *   listen DOMAIN TAG [INTERFACE]      DOMAIN and TAG: in run.json, under "bus"; of attached nodes 1 and tiltproof
+ *   listen DOMAIN TAG [INTERFACE]      DOMAIN and TAG: 1 and tiltproof of attached nodes; a run that starts its
+ *                                      nodes itself gives them --domain and --tag on their command lines
  *
  * It only reads. A flight neither waits for it nor hears it. */
 #include <dds/dds.h>
@@ -11,7 +12,7 @@
 
 #include <tiltproof.h> /* idlc makes it of tiltproof.idl */
 
-enum { kBatch = 16 };
+enum { kBatch = 16, kDomainMax = 230 };
 
 /* Alone on this machine, over loopback without multicast, or on a network interface. Who has another tag is not seen. */
 static dds_entity_t Join(uint32_t domain, const char* tag, const char* interface) {
@@ -32,7 +33,8 @@ static dds_entity_t Join(uint32_t domain, const char* tag, const char* interface
   } else {
     snprintf(xml, sizeof xml, kNetwork, interface, tag);
   }
-  if (dds_create_domain(domain, xml) < 0) return -1;
+  const dds_entity_t created = dds_create_domain(domain, xml);
+  if (created < 0) return created;
   return dds_create_participant(domain, NULL, NULL);
 }
 
@@ -102,7 +104,13 @@ int main(int argc, char** argv) {
     fprintf(stderr, "usage: listen DOMAIN TAG [INTERFACE]\n");
     return 2;
   }
-  const dds_entity_t us = Join((uint32_t)strtoul(argv[1], NULL, 10), argv[2], argc == 4 ? argv[3] : NULL);
+  char* end;
+  const unsigned long domain = strtoul(argv[1], &end, 10);
+  if (*argv[1] < '0' || *argv[1] > '9' || *end != '\0' || domain > kDomainMax) {
+    fprintf(stderr, "listen: a domain is a number from 0 to %d, not %s\n", kDomainMax, argv[1]);
+    return 2;
+  }
+  const dds_entity_t us = Join((uint32_t)domain, argv[2], argc == 4 ? argv[3] : NULL);
   if (us < 0) {
     fprintf(stderr, "listen: cannot join domain %s: %s\n", argv[1], dds_strretcode(us));
     return 1;

@@ -103,6 +103,17 @@ class Flight:
                 nodes["worker"] = pid
         return nodes
 
+    def place(self):
+        """Domain and tag of its bus, as soon as a node has them."""
+        def found():
+            if self.process.poll() is not None:
+                raise AssertionError(f"ended with code {self.process.returncode} before it was on the bus: {self.text()}")
+            for command in self.processes().values():
+                if "--domain" in command and "--tag" in command:
+                    return [command[command.index(flag) + 1] for flag in ("--domain", "--tag")]
+            return None
+        return wait_until(found, 20, "no node has a domain and a tag")
+
     def _note_terminals(self, pid):
         """Path and birth of the pseudo-terminals that a process has open."""
         held = []

@@ -9,7 +9,7 @@ import sys
 import tempfile
 import unittest
 
-from flight import Flight, become_subreaper, read, wait_until, write_hover
+from flight import Flight, become_subreaper, read, write_hover
 
 PROGRAM, PEER = (pathlib.Path(sys.argv.pop(1)).resolve() for _ in range(2))
 DURATION_S = 4
@@ -25,18 +25,8 @@ class IntruderTest(unittest.TestCase):
         self.addCleanup(flight.end)
         return flight
 
-    def place(self, flight):
-        """Domain and tag, as soon as a node has them."""
-        def found():
-            self.assertIsNone(flight.process.poll(), flight.text())
-            for command in flight.processes().values():
-                if "--domain" in command and "--tag" in command:
-                    return [command[command.index(flag) + 1] for flag in ("--domain", "--tag")]
-            return None
-        return wait_until(found, 20, "no node has a domain and a tag")
-
     def intrude(self, flight, mode="intrude"):
-        peer = subprocess.Popen([PEER, mode, *self.place(flight), "55"], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        peer = subprocess.Popen([PEER, mode, *flight.place(), "55"], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         self.addCleanup(lambda: (peer.kill(), peer.wait(), peer.stdin.close(), peer.stdout.close()))
         self.assertEqual(peer.stdout.readline(), b"ready\n")
         return peer
