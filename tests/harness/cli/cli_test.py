@@ -125,12 +125,6 @@ class CliTest(unittest.TestCase):
         self.assertEqual(self.tiltproof("run", "missing.yaml")[0], 2)
         self.assertFalse((self.folder / "results").exists())
 
-    def test_a_file_that_is_no_library_is_an_error_of_the_run(self):
-        path = self.scenario("hover")
-        code, out, _ = self.tiltproof("run", path, "--client", f"library:{path}")
-        self.assertEqual(code, 3)
-        self.assertIn("cannot load firmware library", out)
-
     def test_check_names_the_place(self):
         path = self.scenario("hover", duration_s="duraton_s")
         code, _, err = self.tiltproof("check", path)

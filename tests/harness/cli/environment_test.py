@@ -41,7 +41,7 @@ class EnvironmentTest(unittest.TestCase):
         self.assertEqual(code, 3)
         entry = json.loads((self.folder / "results/latest/results.json").read_text())["scenarios"][0]
         self.assertEqual((entry["name"], entry["verdict"]), ("hover", "error"))
-        self.assertRegex(entry["reason"], r"cannot write \\S*hover/trace.csv: File too large")
+        self.assertRegex(entry["reason"], r"cannot write \S*hover/trace.csv: File too large")
         self.assertIn(entry["reason"], out)
 
     def test_too_few_descriptors_are_not_a_missing_emulator(self):
