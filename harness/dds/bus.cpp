@@ -8,11 +8,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <mutex>
 #include <stdexcept>
 #include <string_view>
 
 #include "harness/dds/bus_impl.h"
+#include "harness/dds/library_log.h"
 
 namespace tiltproof::dds {
 namespace {
@@ -128,33 +128,9 @@ std::string Xml(const BusConfig& config) {
          "<SharedMemory><Enable>false</Enable></SharedMemory></Domain></CycloneDDS>";
 }
 
-// DDS says on its log why a domain cannot be created: that becomes part of the exception.
-class LogCapture {
- public:
-  LogCapture() : lock_(mutex_) {
-    dds_set_log_sink(
-        [](void* self, const dds_log_data_t* data) { static_cast<LogCapture*>(self)->Add(*data); }, this);
-  }
-  ~LogCapture() { dds_set_log_sink(nullptr, nullptr); }
-  LogCapture(const LogCapture&) = delete;
-  LogCapture& operator=(const LogCapture&) = delete;
-
-  const std::string& text() const { return text_; }
-
- private:
-  void Add(const dds_log_data_t& data) {
-    std::string_view message(data.message, data.size);
-    while (!message.empty() && message.back() == '\n') message.remove_suffix(1);
-    if (text_.size() < 1000) text_ += ": " + std::string(message);
-  }
-  static std::mutex mutex_;
-  const std::lock_guard<std::mutex> lock_;
-  std::string text_;
-};
-std::mutex LogCapture::mutex_;
-
 void Create(const BusConfig& config, Bus::Impl& impl) {
-  const LogCapture log;
+  // The library says on its log why a domain cannot be created: that becomes part of the exception.
+  const LibraryCapture log;
   const auto where = "DDS domain " + std::to_string(config.domain);
   impl.domain = dds_create_domain(static_cast<dds_domainid_t>(config.domain), Xml(config).c_str());
   if (impl.domain == DDS_RETCODE_PRECONDITION_NOT_MET) {
@@ -185,7 +161,10 @@ Bus::Bus(const BusConfig& config) : impl_(std::make_unique<Impl>()) {
   Create(config, *impl_);
 }
 
-Bus::~Bus() { dds_delete(impl_->domain); }
+Bus::~Bus() {
+  dds_delete(impl_->domain);
+  PrintLibraryTotal();
+}
 
 Participant Bus::participant() const {
   dds_guid_t guid;
