@@ -9,10 +9,12 @@
 #include <optional>
 #include <utility>
 
+#include "harness/dds/domain_slot.h"
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"
 #include "harness/run/flight.h"
 #include "harness/run/realtime/realtime_flight.h"
+#include "harness/run/run_id.h"
 #include "harness/scenario/reader.h"
 
 namespace tiltproof::harness {
@@ -28,6 +30,15 @@ dds::Score Announced(const ScenarioResult& result) {
   return score;
 }
 
+// `slot` keeps a free domain for as long as it lives.
+BusPlace ChoosePlace(const FlightMeans& means, std::optional<dds::DomainSlot>& slot) {
+  BusPlace place;
+  place.run_id = NewRunId();
+  place.tag = means.attach ? kAttachTag : place.run_id;
+  place.domain = means.domain != 0 ? means.domain : means.attach ? kAttachDomain : slot.emplace().domain();
+  return place;
+}
+
 // `score` makes the result, which a flight in real time announces before it leaves the bus.
 // `client`: what must not end before the flight is judged.
 RunLog FlyByMeans(const FlightJob& job, WorkerReport& report, const std::atomic<bool>* interrupted,
@@ -36,6 +47,12 @@ RunLog FlyByMeans(const FlightJob& job, WorkerReport& report, const std::atomic<
   std::atomic<std::int64_t>* const progress_ns = &report.progress_ns;
   const Scenario& scenario = job.scenario;
   const FlightMeans& means = job.means;
+  std::optional<dds::DomainSlot> slot;
+  BusPlace place;
+  if (means.realtime || means.distributed == Transport::kDds) {
+    place = ChoosePlace(means, slot);
+    report.SetPlace(place);
+  }
   if (means.realtime)
     return FlyRealtime(scenario, *job.model,
                        {.program = ProgramFile(),
@@ -43,7 +60,7 @@ RunLog FlyByMeans(const FlightJob& job, WorkerReport& report, const std::atomic<
                         .client = means.client.text,
                         .board = !means.client.device.empty(),
                         .attach = means.attach,
-                        .domain = means.domain,
+                        .place = place,
                         .interface = means.interface,
                         .peers = means.peers,
                         .score = [&](const RunLog& log) { return Announced(score(log)); },
@@ -54,7 +71,7 @@ RunLog FlyByMeans(const FlightJob& job, WorkerReport& report, const std::atomic<
                                      .program = ProgramFile(),
                                      .scenario_yaml = WriteResolved(scenario),
                                      .firmware = means.client.SourceFor(scenario),
-                                     .domain = means.domain,
+                                     .place = place,
                                      .progress_ns = progress_ns,
                                      .interrupted = interrupted});
   if (FliesLibrary(means)) FirmwareGuard::Install(&report.firmware);
@@ -88,6 +105,18 @@ ScenarioResult FlyJob(const FlightJob& job, WorkerReport& report, const std::ato
 }
 
 }  // namespace
+
+void WorkerReport::SetPlace(const BusPlace& place) {
+  domain_ = place.domain;
+  std::strncpy(tag_.data(), place.tag.c_str(), tag_.size() - 1);
+  std::strncpy(run_id_.data(), place.run_id.c_str(), run_id_.size() - 1);
+  has_place_.store(true, std::memory_order_release);
+}
+
+std::optional<BusPlace> WorkerReport::Place() const {
+  if (!has_place_.load(std::memory_order_acquire)) return std::nullopt;
+  return BusPlace{domain_, tag_.data(), run_id_.data()};
+}
 
 bool FliesLibrary(const FlightMeans& means) {
   return !means.realtime && !means.distributed && !means.client.library.empty();

@@ -4,11 +4,13 @@
 #include <array>
 #include <atomic>
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "harness/cli/worker_pool.h"
 #include "harness/client/firmware_guard.h"
 #include "harness/report/results.h"
+#include "harness/run/bus_place.h"
 
 namespace tiltproof::harness {
 
@@ -18,6 +20,16 @@ struct WorkerReport {
   std::atomic<std::int64_t> progress_ns{0};
   FirmwareGuard::Watched firmware;
   std::array<char, 1024> no_verdict_because{};  // of one that exits with kExitWithoutVerdict
+
+  // Where the flight is on the bus: set by the worker before it goes there, once.
+  void SetPlace(const BusPlace& place);
+  // Nullopt as long as it is not set.
+  std::optional<BusPlace> Place() const;
+
+ private:
+  std::atomic<bool> has_place_{false};
+  int domain_ = 0;
+  std::array<char, 65> tag_{}, run_id_{};
 };
 
 // Exit code of a worker that could not leave a verdict.

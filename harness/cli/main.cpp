@@ -10,6 +10,7 @@
 
 #include "harness/cli/commands.h"
 #include "harness/report/results.h"
+#include "harness/run/realtime/realtime_flight.h"
 #include "harness/scenario/did_you_mean.h"
 
 namespace tiltproof::harness {
@@ -89,6 +90,10 @@ int Main(int argc, char** argv) {
       ->check(CLI::IsMember({"human", "jsonl"}))
       ->capture_default_str();
   run_app->add_flag("--no-progress", run.no_progress, "No progress line on the terminal");
+  run_app->footer(
+      "Domain, tag and run id of a flight on the bus (in real time, or --distributed=dds) stand in run.json, "
+      "under "
+      "its\n`bus`, while it flies, and in its first event; docs/distributed.md shows how to listen.");
   run_app->callback([&] { command = [&] { return RunCommand(run); }; });
 
   CheckOptions check;
@@ -172,6 +177,10 @@ int Main(int argc, char** argv) {
   node_app->add_option("--tag", node.tag)->group("");
   node_app->add_option("--child", node.child)->group("");
   node_app->add_option("--lockstep", node.lockstep)->check(CLI::IsMember({"dds", "socket"}))->group("");
+  node_app->footer(
+      std::string("A node that you start is on the bus with the tag '") + kAttachTag +
+      "'. Domain, tag and run id of each flight stand in\nrun.json, under its `bus`, while it flies, "
+      "and in its first event; docs/distributed.md shows how to listen.");
   node_app->callback([&] { command = [&] { return NodeCommand(node); }; });
 
   DoctorOptions doctor;

@@ -211,7 +211,8 @@ int RunCommand(const RunOptions& options) {
         record.Take(result);
         console.Finished(result);
       },
-      [&] { record.Refresh(); });
+      [&] { record.Refresh(); },
+      [&](const std::string& flight, const BusPlace& place) { record.TakePlace(flight, place); });
   record.Finish(outcome.interrupted, outcome.interrupted ? "not flown: the run was interrupted"
                                                          : "not flown: --fail-fast ended the run");
   console.Summary(outcome.results, outcome.not_flown.size(), not_applicable.size(), outcome.interrupted);

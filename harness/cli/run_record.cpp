@@ -17,7 +17,7 @@ constexpr int kWritingShare = 20;
 }  // namespace
 
 RunRecord::RunRecord(std::filesystem::path folder, RunInfo info, const std::vector<FlightJob>& jobs)
-    : folder_(std::move(folder)), info_(std::move(info)), due_(SteadyClock::now() + kRefreshEvery) {
+    : folder_(std::move(folder)), info_(std::move(info)), due_(SteadyClock::now()) {
   info_.interrupted = true;  // as it is to stand there when this process is killed
   for (const FlightJob& job : jobs) {
     info_.flights.push_back({job.folder.filename(), job.scenario.expect, job.scenario.seed});
@@ -29,6 +29,11 @@ RunRecord::RunRecord(std::filesystem::path folder, RunInfo info, const std::vect
   WriteRunEvents(folder_, {});
 }
 
+void RunRecord::TakePlace(const std::string& flight, const BusPlace& place) {
+  info_.flights[open_.at(flight)].bus = place;
+  place_taken_ = true;
+}
+
 void RunRecord::Take(const ScenarioResult& result) {
   results_[open_.at(result.name)] = result;
   open_.erase(result.name);
@@ -37,9 +42,12 @@ void RunRecord::Take(const ScenarioResult& result) {
 
 void RunRecord::Refresh() {
   const auto now = SteadyClock::now();
-  if (!taken_ || now < due_) return;
+  if ((!taken_ && !place_taken_) || now < due_) return;
   try {
-    WriteResults(folder_, info_, results_);
+    // First: who wants to listen looks there, and a flight does not wait.
+    if (place_taken_) WriteRunInfo(folder_, info_);
+    place_taken_ = false;
+    if (taken_) WriteResults(folder_, info_, results_);
     taken_ = false;
   } catch (const FileError&) {
   }

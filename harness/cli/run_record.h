@@ -22,6 +22,8 @@ class RunRecord {
   // Writes run.json, results.json, junit.xml and an empty events.jsonl. Throws FileError, as Finish does.
   RunRecord(std::filesystem::path folder, RunInfo info, const std::vector<FlightJob>& jobs);
 
+  // A flight goes on the bus.
+  void TakePlace(const std::string& flight, const BusPlace& place);
   // A flight has ended.
   void Take(const ScenarioResult& result);
   // Writes what was taken, if that was not done within the last second. Of a run so large that writing takes long,
@@ -33,9 +35,9 @@ class RunRecord {
  private:
   std::filesystem::path folder_;
   RunInfo info_;
-  std::vector<ScenarioResult> results_;      // one for each flight that was planned
-  std::map<std::string, std::size_t> open_;  // those that have not ended: where in results_
-  bool taken_ = false;                       // since the last writing
+  std::vector<ScenarioResult> results_;       // one for each flight that was planned
+  std::map<std::string, std::size_t> open_;   // those that have not ended: where in results_
+  bool taken_ = false, place_taken_ = false;  // since the last writing
   std::chrono::steady_clock::time_point due_;
 };
 

@@ -94,6 +94,7 @@ struct Worker {
   SteadyClock::time_point seen_at;
   OwnTime own;
   bool told = false;
+  bool place_known = false;
   FirmwareCall stopped_itself_in = FirmwareCall::kNone;
   // Killed for standing still; and in which of the firmware's calls, if any.
   bool stuck = false;
@@ -103,8 +104,14 @@ struct Worker {
 class Pool {
  public:
   Pool(const std::vector<FlightJob>& jobs, const PoolOptions& options,
-       const std::function<void(const ScenarioResult&)>& on_finished, const std::function<void()>& on_turn)
-      : jobs_(jobs), options_(options), on_finished_(on_finished), on_turn_(on_turn), results_(jobs.size()) {}
+       const std::function<void(const ScenarioResult&)>& on_finished, const std::function<void()>& on_turn,
+       const std::function<void(const std::string&, const BusPlace&)>& on_place)
+      : jobs_(jobs),
+        options_(options),
+        on_finished_(on_finished),
+        on_turn_(on_turn),
+        on_place_(on_place),
+        results_(jobs.size()) {}
 
   PoolOutcome Run() {
     const InterruptScope scope;
@@ -204,6 +211,8 @@ class Pool {
   bool Finished(Worker& worker) {
     int status = 0;
     const pid_t ended = waitpid(worker.pid, &status, WNOHANG);
+    if (const auto place = worker.report->Place(); place && !std::exchange(worker.place_known, true))
+      on_place_(jobs_[worker.job].folder.filename(), *place);
     if (ended == 0 || (ended < 0 && errno == EINTR)) {
       Watch(worker);
       return false;
@@ -369,6 +378,7 @@ class Pool {
   const PoolOptions& options_;
   const std::function<void(const ScenarioResult&)>& on_finished_;
   const std::function<void()>& on_turn_;
+  const std::function<void(const std::string&, const BusPlace&)>& on_place_;
   std::vector<std::optional<ScenarioResult>> results_;
   std::vector<Worker> workers_;
   bool forwarded_ = false;
@@ -379,8 +389,9 @@ class Pool {
 
 PoolOutcome FlyAll(const std::vector<FlightJob>& jobs, const PoolOptions& options,
                    const std::function<void(const ScenarioResult&)>& on_finished,
-                   const std::function<void()>& on_turn) {
-  return Pool(jobs, options, on_finished, on_turn).Run();
+                   const std::function<void()>& on_turn,
+                   const std::function<void(const std::string&, const BusPlace&)>& on_place) {
+  return Pool(jobs, options, on_finished, on_turn, on_place).Run();
 }
 
 }  // namespace tiltproof::harness

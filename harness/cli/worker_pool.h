@@ -11,6 +11,7 @@
 
 #include "harness/cli/data_files.h"
 #include "harness/report/results.h"
+#include "harness/run/bus_place.h"
 #include "harness/run/remote/distributed_flight.h"
 #include "harness/scenario/scenario.h"
 #include "plant/vehicle_model.h"
@@ -48,11 +49,14 @@ struct PoolOutcome {
   bool interrupted = false;
 };
 
-// `on_finished` is called for each result as it comes, `on_turn` some ten times a second. SIGINT and SIGTERM end
+// `on_finished` is called for each result as it comes, `on_turn` some ten times a second, `on_place` when a flight
+// of this name goes on the bus. SIGINT and SIGTERM end
 // the flights under way, whose partial results are kept.
 PoolOutcome FlyAll(
     const std::vector<FlightJob>& jobs, const PoolOptions& options,
     const std::function<void(const ScenarioResult&)>& on_finished,
-    const std::function<void()>& on_turn = [] {});
+    const std::function<void()>& on_turn = [] {},
+    const std::function<void(const std::string&, const BusPlace&)>& on_place = [](const auto&,
+                                                                                  const auto&) {});
 
 }  // namespace tiltproof::harness

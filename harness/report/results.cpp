@@ -237,9 +237,13 @@ void WriteRunInfo(const std::filesystem::path& folder, const RunInfo& info) {
   json["command"] = info.command;
   json["interrupted"] = info.interrupted;
   json["flights"] = Json::array();
-  for (const auto& flight : info.flights)
-    json["flights"].push_back(
-        {{"name", flight.name}, {"expected", Name(flight.expected)}, {"seed", flight.seed}});
+  for (const auto& flight : info.flights) {
+    Json entry = {{"name", flight.name}, {"expected", Name(flight.expected)}, {"seed", flight.seed}};
+    if (flight.bus)
+      entry["bus"] = {
+          {"domain", flight.bus->domain}, {"tag", flight.bus->tag}, {"run_id", flight.bus->run_id}};
+    json["flights"].push_back(std::move(entry));
+  }
   json["not_applicable"] = ToJson(info.not_applicable);
   if (!info.realtime_rights.empty()) json["realtime_rights"] = info.realtime_rights;
   WriteFile(folder / "run.json", json.dump(2) + "\n");

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "harness/report/machine.h"
+#include "harness/run/bus_place.h"
 #include "harness/score/score.h"
 
 namespace tiltproof::harness {
@@ -36,6 +37,7 @@ struct PlannedFlight {
   std::string name;
   Verdict expected = Verdict::kPass;
   std::uint64_t seed = 0;
+  std::optional<BusPlace> bus{};  // once it is there; for those who listen, and not read again
 };
 // Its result for as long as it has no other: an error for this reason.
 inline constexpr const char* kNotFlown = "not flown to the end: the run ended before, or is still under way";
@@ -68,7 +70,8 @@ struct RunInfo {
   std::string realtime_rights;                // in real time: the scheduling and memory that the nodes got
 };
 
-// run.json: what is needed to do the run again. Written before the first flight.
+// run.json: what is needed to do the run again, and to listen to it. Written before the first flight, and again
+// when a flight goes on the bus.
 void WriteRunInfo(const std::filesystem::path& folder, const RunInfo& info);
 RunInfo ReadRunInfo(const std::filesystem::path& folder);
 

@@ -1,8 +1,7 @@
 /* Listens to a flight of tiltproof on the bus, as any program can: prints phases, events, the score, and the vehicle
  * once a second. It needs Cyclone DDS and tiltproof.idl, nothing else of tiltproof.
  *
- *   listen DOMAIN TAG [INTERFACE]      DOMAIN and TAG: 1 and tiltproof of attached nodes; a run that starts its
- *                                      nodes itself gives them --domain and --tag on their command lines
+ *   listen DOMAIN TAG [INTERFACE]      DOMAIN and TAG: in run.json, under "bus" of the flight
  *
  * It only reads. A flight neither waits for it nor hears it. */
 #include <dds/dds.h>

@@ -7,9 +7,9 @@
 
 namespace tiltproof::harness {
 
-NodeProcesses::NodeProcesses(const RealtimeOptions& options, int domain, const std::string& tag,
-                             const dds::Participant& harness, std::map<std::string, double> loss)
-    : options_(options), domain_(domain), tag_(tag), harness_(harness), loss_(std::move(loss)) {
+NodeProcesses::NodeProcesses(const RealtimeOptions& options, const dds::Participant& harness,
+                             std::map<std::string, double> loss)
+    : options_(options), harness_(harness), loss_(std::move(loss)) {
   names_ = {"plant", "link", "base_station"};
   // A board is its own node: it hangs on the link's port.
   if (!options.board) names_.push_back("client");
@@ -18,9 +18,17 @@ NodeProcesses::NodeProcesses(const RealtimeOptions& options, int domain, const s
 void NodeProcesses::Start(const std::string& role, const std::string& id) {
   ChildSpec spec;
   const std::string kind = role == "base_station" ? "base-station" : role;
-  spec.command = {
-      options_.program, "node", kind,      "--name",        id, "--domain", std::to_string(domain_),
-      "--tag",          tag_,   "--child", ToText(harness_)};
+  spec.command = {options_.program,
+                  "node",
+                  kind,
+                  "--name",
+                  id,
+                  "--domain",
+                  std::to_string(options_.place.domain),
+                  "--tag",
+                  options_.place.tag,
+                  "--child",
+                  ToText(harness_)};
   const auto add = [&](const char* flag, const std::string& value) {
     if (value.empty()) return;
     spec.command.emplace_back(flag);

@@ -17,8 +17,8 @@ class NodeProcesses {
  public:
   // `harness`: ourselves, whom alone they obey. `loss` by node: the share of its packets that a fault lets the
   // network lose.
-  NodeProcesses(const RealtimeOptions& options, int domain, const std::string& tag,
-                const dds::Participant& harness, std::map<std::string, double> loss);
+  NodeProcesses(const RealtimeOptions& options, const dds::Participant& harness,
+                std::map<std::string, double> loss);
 
   // Starts `plant`, `link`, `client` or `base_station` as node `id`. Throws std::runtime_error.
   void Start(const std::string& role, const std::string& id);
@@ -34,8 +34,6 @@ class NodeProcesses {
 
  private:
   const RealtimeOptions& options_;
-  int domain_;
-  std::string tag_;
   dds::Participant harness_;
   std::map<std::string, double> loss_;
   std::vector<std::string> names_;

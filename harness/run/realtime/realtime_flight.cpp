@@ -13,7 +13,6 @@
 #include <utility>
 
 #include "harness/dds/bus.h"
-#include "harness/dds/domain_slot.h"
 #include "harness/dds/qos.h"
 #include "harness/run/client_history.h"
 #include "harness/run/flight.h"
@@ -78,8 +77,7 @@ class RealtimeConductor {
   const Scenario& scenario_;
   const plant::VehicleModel& model_;
   const RealtimeOptions& options_;
-  std::string run_id_;
-  std::optional<dds::DomainSlot> slot_;
+  const std::string& run_id_ = options_.place.run_id;
   asio::io_context loop_{1};
   // Without work the loop would return at once, and a turn take all of a core.
   asio::executor_work_guard<asio::io_context::executor_type> work_ = asio::make_work_guard(loop_);
@@ -117,16 +115,9 @@ class RealtimeConductor {
 
 RealtimeConductor::RealtimeConductor(const Scenario& scenario, const plant::VehicleModel& model,
                                      const RealtimeOptions& options)
-    : scenario_(scenario),
-      model_(model),
-      options_(options),
-      run_id_(NewRunId()),
-      node_faults_(scenario, options.attach) {
-  int domain = options.domain;
-  if (domain == 0 && !options.attach) domain = slot_.emplace().domain();
-  const std::string tag = options.attach ? kAttachTag : run_id_;
-  bus_.emplace(dds::BusConfig{.domain = domain == 0 ? kAttachDomain : domain,
-                              .tag = tag,
+    : scenario_(scenario), model_(model), options_(options), node_faults_(scenario, options.attach) {
+  bus_.emplace(dds::BusConfig{.domain = options.place.domain,
+                              .tag = options.place.tag,
                               .interface = options.interface,
                               .peers = options.peers,
                               .xmit_loss = 0});
@@ -146,7 +137,7 @@ RealtimeConductor::RealtimeConductor(const Scenario& scenario, const plant::Vehi
   heartbeat_.pid = getpid();
   heartbeat_.run_id = run_id_;
   heartbeat_.version = TILTPROOF_VERSION;
-  if (!options.attach) processes_.emplace(options_, domain, tag, bus_->participant(), node_faults_.loss());
+  if (!options.attach) processes_.emplace(options_, bus_->participant(), node_faults_.loss());
 }
 
 RunLog RealtimeConductor::Run() {
@@ -189,6 +180,7 @@ RunLog RealtimeConductor::Run() {
   node_faults_.AppendTo(log);
   CountLateness(log);
   SortByTime(log);
+  TellPlace(log, options_.place);
   const Member* client = members_.Find(NodeKind::kClient);
   const bool tells_resets = client != nullptr && !client->firmware.empty();
   AddClientHistory(log, scenario_.link.dialect, tells_resets ? BootSign::kReset : BootSign::kStart);
@@ -232,7 +224,7 @@ void RealtimeConductor::FindNodes() {
         "no {} was heard within {} s{}", missing, kFindLimit.count() / 1000,
         options_.attach ? fmt::format("; start it with `tiltproof node ...` on domain {} and look at "
                                       "`tiltproof doctor`, --interface and --peers",
-                                      options_.domain == 0 ? kAttachDomain : options_.domain)
+                                      options_.place.domain)
                         : ""));
   members_.CheckHosts();
   for (const Member& member : members_.all()) circle_.Admit(member.participant, member.id);

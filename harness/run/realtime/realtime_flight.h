@@ -5,8 +5,8 @@
 // that all of them live, and gathers their logs into the same RunLog as the lockstep conductor's. It is never in
 // the control loop: that runs through the ports, between plant, link and firmware.
 //
-// Nodes are child processes that it starts itself, on a domain slot and tag of their own; or, attached, nodes
-// that run already, here or on other hosts.
+// Nodes are child processes that it starts itself, on a domain and tag of their own; or, attached, nodes that run
+// already, here or on other hosts.
 #pragma once
 
 #include <atomic>
@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "harness/dds/messages.h"
+#include "harness/run/bus_place.h"
 #include "harness/run/run_log.h"
 #include "harness/scenario/scenario.h"
 #include "plant/vehicle_model.h"
@@ -31,8 +32,7 @@ struct RealtimeOptions {
   bool board = false;
 
   bool attach = false;
-  // Attached: where the nodes are. Else the domain may be 0: the first free slot of this machine.
-  int domain = 0;
+  BusPlace place;  // attached: where the nodes are
   std::string interface;
   std::vector<std::string> peers;
 

@@ -13,12 +13,10 @@
 #include <utility>
 #include <vector>
 
-#include "harness/dds/domain_slot.h"
 #include "harness/process/child_process.h"
 #include "harness/run/flight.h"
 #include "harness/run/introduction.h"
 #include "harness/run/remote/remote_parts.h"
-#include "harness/run/run_id.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -70,9 +68,8 @@ class Parts {
   }
 
   void StartOnBus(const DistributedOptions& options) {
-    const int domain = options.domain != 0 ? options.domain : slot_.emplace().domain();
-    const std::string run_id = NewRunId();
-    bus_.emplace(LockstepBus(domain, run_id));
+    const std::string& run_id = options.place.run_id;
+    bus_.emplace(LockstepBus(options.place.domain, options.place.tag));
     std::vector<Introduction> introductions(kParts.size());
     std::vector<DdsPeer> peers;
     for (const char* part : kParts) {
@@ -84,9 +81,9 @@ class Parts {
                       "--lockstep",
                       "dds",
                       "--domain",
-                      std::to_string(domain),
+                      std::to_string(options.place.domain),
                       "--tag",
-                      run_id,
+                      options.place.tag,
                       "--child",
                       ToText(bus_->participant())};
       spec.descriptors = {introduction.child_end()};
@@ -99,7 +96,6 @@ class Parts {
     channels_ = MakeDdsChannels(*bus_, run_id, peers);
   }
 
-  std::optional<dds::DomainSlot> slot_;
   std::vector<std::unique_ptr<ChildProcess>> processes_;
   std::optional<dds::Bus> bus_;
   std::vector<std::unique_ptr<Channel>> channels_;
@@ -118,7 +114,9 @@ RunLog FlyDistributed(const Scenario& scenario, const DistributedOptions& option
   };
   flight.progress_ns = options.progress_ns;
   flight.interrupted = options.interrupted;
-  return Conduct(scenario, line, plant, flight);
+  RunLog log = Conduct(scenario, line, plant, flight);
+  if (options.transport == Transport::kDds) TellPlace(log, options.place);
+  return log;
 }
 
 }  // namespace tiltproof::harness

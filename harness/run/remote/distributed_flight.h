@@ -7,6 +7,7 @@
 #include <string>
 
 #include "harness/client/make_client.h"
+#include "harness/run/bus_place.h"
 #include "harness/run/run_log.h"
 #include "harness/scenario/scenario.h"
 
@@ -19,7 +20,7 @@ struct DistributedOptions {
   std::string program;        // this program, to start the processes with
   std::string scenario_yaml;  // the resolved scenario
   ClientSource firmware;
-  int domain = 0;  // DDS; 0: the first free slot
+  BusPlace place;  // over DDS
   std::atomic<std::int64_t>* progress_ns = nullptr;
   const std::atomic<bool>* interrupted = nullptr;
 };

@@ -75,11 +75,24 @@ class Distributed(unittest.TestCase):
         self.assertEqual(set(together), {"paper", "tolerant"})
         for flag in ("--distributed", "--distributed=dds", "--distributed=socket"):
             apart, four = self.run_suite(flag)
+            self.check_bus(four, over_dds=flag != "--distributed=socket")
             for name, scenario in together.items():
                 self.assertEqual(apart[name]["trace_hash"], scenario["trace_hash"], (flag, name))
                 self.assertEqual(apart[name]["verdict"], scenario["verdict"])
                 self.assertEqual(apart[name]["faults"], scenario["faults"])
                 self.assertEqual((four / name / "link.bin").read_bytes(), (one / name / "link.bin").read_bytes())
+
+    def check_bus(self, run, over_dds):
+        """A flight over DDS says where it was, in run.json and in its first event; over sockets there is no bus."""
+        events = [json.loads(line) for line in (run / "events.jsonl").read_text().splitlines()]
+        for flight in json.loads((run / "run.json").read_text())["flights"]:
+            self.assertEqual("bus" in flight, over_dds)
+            if not over_dds:
+                continue
+            bus = flight["bus"]
+            first = next(event for event in events if event["scenario"] == flight["name"])
+            self.assertEqual(first["kind"], "bus")
+            self.assertIn(f"domain {bus['domain']}, tag {bus['tag']}, run id {bus['run_id']};", first["text"])
 
     def test_shipped_wire_scenarios_over_sockets(self):
         wire = pathlib.Path(SOURCE) / "scenarios/wire"

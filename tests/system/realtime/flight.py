@@ -104,15 +104,9 @@ class Flight:
         return nodes
 
     def place(self):
-        """Domain and tag of its bus, as soon as a node has them."""
-        def found():
-            if self.process.poll() is not None:
-                raise AssertionError(f"ended with code {self.process.returncode} before it was on the bus: {self.text()}")
-            for command in self.processes().values():
-                if "--domain" in command and "--tag" in command:
-                    return [command[command.index(flag) + 1] for flag in ("--domain", "--tag")]
-            return None
-        return wait_until(found, 20, "no node has a domain and a tag")
+        """Domain and tag of its bus, as soon as run.json says them."""
+        bus = self.bus()
+        return [str(bus["domain"]), bus["tag"]]
 
     def _note_terminals(self, pid):
         """Path and birth of the pseudo-terminals that a process has open."""
@@ -178,6 +172,15 @@ class Flight:
 
     def result(self):
         return self.run_results()[0]
+
+    def bus(self, timeout_s=20):
+        """Where run.json says, while it flies, that the first flight is: {"domain": ..., "tag": ..., "run_id": ...}"""
+        def known():
+            if self.process.poll() is not None:
+                raise AssertionError(f"ended with code {self.process.returncode} before it was on the bus: {self.text()}")
+            text = read(self.run_folder / "run.json")
+            return text and json.loads(text)["flights"][0].get("bus")
+        return wait_until(known, timeout_s, lambda: f"run.json names no place on the bus: {self.text()}")
 
     def events(self, kind=None):
         lines = map(json.loads, read(self.run_folder / "events.jsonl").splitlines())

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """Runs in real time as a whole: several at once, interrupted, and with faults on their own nodes.
 Usage: runs_test.py TILTPROOF PTY_FIRMWARE FIRMWARE_LIBRARY MINIMAL_LIBRARY"""
+import json
 import os
 import pathlib
 import shutil
@@ -42,15 +43,31 @@ class RunsTest(unittest.TestCase):
                 busy += 1
         self.assertEqual(flight.process.returncode, 4 if busy else 0)
 
-    def domain(self, flight):
-        domains = {command[command.index("--domain") + 1] for command in flight.processes().values() if "--domain" in command}
-        self.assertEqual(len(domains), 1)
-        return domains.pop()
+    def place_of_nodes(self, flight):
+        """Domain and tag, as the nodes were started with."""
+        places = {tuple(command[command.index(flag) + 1] for flag in ("--domain", "--tag"))
+                  for command in flight.processes().values() if "--domain" in command}
+        self.assertEqual(len(places), 1)
+        return places.pop()
+
+    def test_run_json_and_the_first_event_say_where_a_flight_is_on_the_bus(self):
+        flight = self.start("bus")
+        flight.wait_flying()
+        bus = flight.bus()
+        self.assertIsNone(flight.process.poll(), "it does not fly any more")
+        self.assertEqual((str(bus["domain"]), bus["tag"]), self.place_of_nodes(flight))
+        flight.process.send_signal(signal.SIGINT)
+        flight.wait(5)
+        event = flight.events()[0]
+        self.assertEqual(event["kind"], "bus")
+        self.assertTrue(event["text"].startswith(f"domain {bus['domain']}, tag {bus['tag']}, run id {bus['run_id']};"), event)
+        self.assertEqual(json.loads(read(flight.run_folder / "run.json"))["flights"][0]["bus"], bus)
+        self.check(flight)
 
     def test_two_runs_at_once(self):
         one, other = self.start("one"), self.start("other")
         one.wait_flying(), other.wait_flying()
-        self.assertNotEqual(self.domain(one), self.domain(other))
+        self.assertNotEqual(self.place_of_nodes(one)[0], self.place_of_nodes(other)[0])
         for flight in (one, other):
             flight.wait(30)
         for flight in (one, other):
