@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <exception>
+#include <limits>
 #include <utility>
 
 #include "harness/run/merge_logs.h"
@@ -57,6 +58,29 @@ std::vector<link::Chunk> FromMessage(std::vector<dds::Chunk>&& chunks) {
     to.bytes = std::move(chunk.bytes);
   }
   return out;
+}
+
+// What a message takes of the harness's memory, roughly: of each record the content, and what it costs beside.
+constexpr std::size_t kMessageBytes = 128, kFrameBytes = 16, kChunkBytes = 32;
+// Of a node that sent too much, for good.
+constexpr std::int64_t kOverfull = std::numeric_limits<std::int64_t>::max();
+
+std::size_t BytesOf(const dds::SerialTap& tap) {
+  std::size_t bytes = sizeof(std::int64_t) * (tap.reply_latency_ns.size() + tap.client_round_trip_ns.size());
+  for (const auto& frame : tap.frames) bytes += kFrameBytes + frame.bytes.size();
+  return bytes;
+}
+std::size_t BytesOf(const dds::FaultActivation& activation) {
+  std::size_t bytes = activation.what.size();
+  for (const auto* chunks : {&activation.before, &activation.after})
+    for (const auto& chunk : *chunks) bytes += kChunkBytes + chunk.bytes.size();
+  return bytes;
+}
+std::size_t BytesOf(const dds::RunEvent& event) { return event.kind.size() + event.text.size(); }
+// Rows are kept by their time, which takes about as much again.
+std::size_t BytesOf(const dds::TraceRows& rows) {
+  return 2 * sizeof(double) * rows.values.size() +
+         sizeof(TimeNs) * (rows.request_times_ns.size() + rows.actuator_times_ns.size());
 }
 
 // The faults that had a hand in a chunk.
@@ -228,10 +252,28 @@ LogCollector::LogCollector(dds::Bus& bus, const dds::Circle& members, const Scen
   log_.trace = Trace(FlightColumns(scenario));
 }
 
-void LogCollector::Drain() {
-  const auto ours = [&](const auto& message) { return message.run_id == run_id_; };
+template <class T>
+bool LogCollector::Accepts(const T& message) {
+  std::int64_t& sent = sent_bytes_[message.node_id];
+  if (sent == kOverfull) return false;
+  sent += static_cast<std::int64_t>(kMessageBytes + BytesOf(message));
+  const auto more_bytes = static_cast<double>(kNodeBytesPerS) * ToSeconds(flown_ns_);
+  if (sent > kNodeBytesMax + static_cast<std::int64_t>(more_bytes)) {
+    sent = kOverfull;
+    if (overfull_.empty())
+      overfull_ = fmt::format(
+          "the {} node sends more log than a flight can hold: more than {} MiB and {} MiB for each second "
+          "flown",
+          message.node_id, kNodeBytesMax >> 20, kNodeBytesPerS >> 20);
+    return false;
+  }
+  return message.run_id == run_id_;
+}
+
+void LogCollector::Drain(TimeNs flown_ns) {
+  flown_ns_ = flown_ns;
   for (auto& tap : taps_.Take()) {
-    if (!ours(tap)) continue;
+    if (!Accepts(tap)) continue;
     for (auto& frame : tap.frames) {
       if (frame.direction >= link::kDirectionCount) continue;
       link::Chunk chunk;
@@ -245,11 +287,11 @@ void LogCollector::Drain() {
                                      tap.client_round_trip_ns.end());
   }
   for (auto& message : activations_.Take()) {
-    if (!ours(message)) continue;
+    if (!Accepts(message)) continue;
     if (auto activation = FromMessage(std::move(message))) log_.activations.push_back(std::move(*activation));
   }
   for (auto& event : events_.Take()) {
-    if (!ours(event)) continue;
+    if (!Accepts(event)) continue;
     if (event.kind == kFirmwareLogKind) {
       log_.firmware_log += fmt::format("{:.6f} {}\n", ToSeconds(event.time_ns), event.text);
     } else {
@@ -259,7 +301,7 @@ void LogCollector::Drain() {
   for (auto& rows : rows_.Take()) {
     const auto columns = static_cast<std::size_t>(rows.column_count);
     const bool of_plant = columns == log_.trace.columns().size();
-    if (!ours(rows) || (!of_plant && columns != kLinkColumnCount)) continue;
+    if (!Accepts(rows) || (!of_plant && columns != kLinkColumnCount)) continue;
     for (std::size_t at = 0; at + columns <= rows.values.size(); at += columns) {
       const auto begin = rows.values.begin() + static_cast<std::ptrdiff_t>(at);
       if (!std::isfinite(*begin)) continue;
@@ -272,7 +314,7 @@ void LogCollector::Drain() {
                                   rows.actuator_times_ns.end());
   }
   for (auto& message : report_messages_.Take()) {
-    if (!ours(message) || reports_.contains(message.node_id)) continue;
+    if (message.run_id != run_id_ || reports_.contains(message.node_id)) continue;
     Report report{std::move(message), {}};
     try {
       Unpacker(report.report.payload).operator()(report.totals);
@@ -317,7 +359,7 @@ std::string LogCollector::Missing(const std::string& node_id) const {
 bool LogCollector::Complete(const std::string& node_id) const { return Missing(node_id).empty(); }
 
 RunLog LogCollector::Take(TimeNs end_ns) {
-  Drain();
+  Drain(flown_ns_);
   const std::size_t first_link = FirstLinkColumn();
   std::vector<double> values;
   values.reserve(rows_by_time_.size() * log_.trace.columns().size());

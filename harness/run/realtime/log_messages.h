@@ -6,10 +6,11 @@
 //   logs.Close(...);                                       // its last word
 //
 //   LogCollector collector(bus, scenario, run_id, on_data);  // in the harness
-//   collector.Drain();  ...  if (collector.Complete("link")) ...
+//   collector.Drain(flown_ns);  ...  if (collector.Complete("link")) ...
 //   RunLog log = collector.Take();
 //
-// Nothing is lost on the way: messages are numbered, and the node's closing report says how many there are.
+// Nothing is lost on the way: messages are numbered, and the node's closing report says how many there are. But a
+// node that sends more than a flight can hold is not listened to any more.
 #pragma once
 
 #include <algorithm>
@@ -120,12 +121,20 @@ class LogPublisher {
 
 class LogCollector {
  public:
+  // What is taken of one node: so much, and so much more for each second of the flight. An honest node sends below
+  // 0.2 MiB/s; a firmware that floods a line of 1 Mbaud with the shortest frames makes the link node send 1.5 MiB/s.
+  // The first part is for what a cut network held up, and for a board that speaks long before t = 0.
+  static constexpr std::int64_t kNodeBytesMax = std::int64_t{64} << 20;
+  static constexpr std::int64_t kNodeBytesPerS = std::int64_t{4} << 20;
+
   // Of the nodes in `members`.
   LogCollector(dds::Bus& bus, const dds::Circle& members, const Scenario& scenario, std::string run_id,
                const std::function<void()>& on_data);
 
-  // Takes what has arrived.
-  void Drain();
+  // Takes what has arrived. `flown_ns`: how long the flight has lasted.
+  void Drain(TimeNs flown_ns);
+  // Names the node that sent more than the bound, and the bound; empty when none did.
+  const std::string& overfull() const { return overfull_; }
   // The node's report is here, and every message that it counts.
   bool Complete(const std::string& node_id) const;
   // What is missing of a node's log, for a person; empty when nothing is.
@@ -142,6 +151,9 @@ class LogCollector {
   struct Row {
     std::vector<double> plant, link;
   };
+  // Whether the message is of this run, and what its node sent so far within the bound.
+  template <class T>
+  bool Accepts(const T& message);
   // Nullopt for a fault that the scenario does not have.
   std::optional<faults::Activation> FromMessage(dds::FaultActivation&& message) const;
 
@@ -156,6 +168,9 @@ class LogCollector {
   RunLog log_;
   std::map<double, Row> rows_by_time_;
   std::map<std::string, Report> reports_;
+  TimeNs flown_ns_ = 0;
+  std::map<std::string, std::int64_t> sent_bytes_;  // by node
+  std::string overfull_;
 };
 
 // Sets the counts of lateness from log.harness_late, up to log.end_ns.

@@ -333,7 +333,8 @@ void RealtimeConductor::Turn() {
   // not go on.
   if (options_.progress_ns != nullptr)
     options_.progress_ns->store(sim_ns_ + ++turn_count_ % kNsPerUs, std::memory_order_relaxed);
-  collector_->Drain();
+  collector_->Drain(std::min(sim_ns_, scenario_.duration_ns));
+  if (!collector_->overfull().empty()) End(EndReason::kHarnessError, collector_->overfull());
   OnStates();
   WatchMembers();
   outcome_.Settle(SteadyClock::now(), members_.AnySilent());

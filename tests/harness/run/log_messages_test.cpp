@@ -1,6 +1,7 @@
 // A flight's log over the bus is the log that one process would have kept.
 #include "harness/run/realtime/log_messages.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -119,7 +120,7 @@ class LogMessagesTest : public ::testing::Test {
               const std::vector<LogPublisher*>& publishers) {
     return condition_.Wait([&] {
       for (LogPublisher* publisher : publishers) publisher->Retry();
-      collector.Drain();
+      collector.Drain(flown_ns_);
       return std::all_of(nodes.begin(), nodes.end(),
                          [&](const std::string& node) { return collector.Complete(node); });
     });
@@ -129,6 +130,7 @@ class LogMessagesTest : public ::testing::Test {
   dds::Bus bus_;
   dds::Circle circle_;
   dds::Condition condition_;
+  TimeNs flown_ns_ = 0;
 };
 
 MATCHER(SameActivation, "") {
@@ -174,7 +176,7 @@ TEST_F(LogMessagesTest, AFlightOverTheBusIsTheFlightOfOneProcess) {
     plant.Write(apart.server.TakeLog());
     if (apart.line.origin() == kNever) return;
     link.Write(apart.line.TakeLog(end), apart.line.origin(), std::exchange(apart.samples, {}));
-    collector.Drain();
+    collector.Drain(flown_ns_);
   });
   PlantLog rest = apart.server.TakeLog();
   plant.Write(rest);
@@ -288,6 +290,55 @@ TEST_F(LogMessagesTest, WhatAFirmwareSaysCannotStopItsNode) {
   EXPECT_EQ(log.events[0].text.size(), dds::kTextBytesMax);
 }
 
+// A node's log grows with the flight. What a node sends beyond that is not kept, and the node is named.
+TEST_F(LogMessagesTest, NoNodeCanFillTheHarnesssMemory) {
+  const Scenario scenario = TroubledScenario();
+  const std::size_t columns = FlightColumns(scenario).size();
+  PlantLog much;
+  // Kept, it takes more than a flight that has just begun may hold, and less than one of 60 s.
+  const std::size_t rows = LogCollector::kNodeBytesMax / (sizeof(double) * columns) * 3 / 4;
+  much.rows.resize(rows * columns);
+  for (std::size_t row = 0; row < rows; ++row) much.rows[row * columns] = static_cast<double>(row);
+  for (const TimeNs flown_ns : {TimeNs{0}, 60 * kNsPerS}) {
+    flown_ns_ = flown_ns;
+    const std::string run = fmt::format("run at {}", flown_ns);
+    LogCollector collector(bus_, circle_, scenario, run, condition_.Waker());
+    LogPublisher plant(bus_, scenario, run, "plant", bus_.participant()),
+        link(bus_, scenario, run, "link", bus_.participant());
+    plant.Write(much);
+    if (flown_ns == 0) {
+      ASSERT_TRUE(condition_.Wait([&] {
+        plant.Retry();
+        collector.Drain(flown_ns_);
+        return !collector.overfull().empty();
+      }));
+    }
+    plant.Write(RunEvent{2, "after", ""});
+    plant.Close({});
+    ASSERT_TRUE(Gather(collector, {"plant"}, {&plant})) << collector.Missing("plant");
+    link.Write(RunEvent{1, "of another node", ""});
+    link.Close({});
+    ASSERT_TRUE(Gather(collector, {"link"}, {&link})) << collector.Missing("link");
+    const std::string overfull = collector.overfull();
+    const RunLog log = collector.Take(0);
+    std::vector<std::string> kinds;
+    for (const RunEvent& event : log.events) kinds.push_back(event.kind);
+    if (flown_ns == 0) {
+      EXPECT_EQ(
+          overfull,
+          "the plant node sends more log than a flight can hold: more than 64 MiB and 4 MiB for each second "
+          "flown");
+      EXPECT_LT(log.trace.row_count(), rows);
+      EXPECT_GT(log.trace.row_count(), rows / 3);
+      EXPECT_THAT(kinds, ElementsAre("of another node"));
+    } else {
+      EXPECT_EQ(overfull, "");
+      EXPECT_EQ(log.trace.row_count(), rows);
+      EXPECT_THAT(kinds, ElementsAre("of another node", "after"));
+    }
+  }
+}
+
 TEST_F(LogMessagesTest, BadMessagesDoNoHarm) {
   const Scenario scenario = TroubledScenario();
   LogCollector collector(bus_, circle_, scenario, "run", condition_.Waker());
@@ -334,7 +385,7 @@ TEST_F(LogMessagesTest, BadMessagesDoNoHarm) {
   report.fault_activation = 2;
   reports.Write(report);
   ASSERT_TRUE(condition_.Wait([&] {
-    collector.Drain();
+    collector.Drain(flown_ns_);
     return (collector.Missing("link") != "its closing report");
   }));
   // A damaged report is none, and what is missing is named.
