@@ -11,12 +11,13 @@
 #include "harness/scenario/did_you_mean.h"
 #include "harness/scenario/schema.h"
 #include "harness/score/score.h"
+#include "harness/terminal/terminal.h"
 
 namespace tiltproof::harness {
 namespace {
 
 void PrintWarnings(const Suite& suite) {
-  for (const auto& warning : suite.warnings) fmt::print(stderr, "warning: {}\n", warning);
+  for (const auto& warning : suite.warnings) Print(stderr, "warning: {}\n", warning);
 }
 
 }  // namespace
@@ -24,7 +25,7 @@ void PrintWarnings(const Suite& suite) {
 int CheckCommand(const CheckOptions& options) {
   const Suite suite = LoadSuite(options.paths, ChooseClient(options.client));
   PrintWarnings(suite);
-  fmt::print("{} scenario{} in order\n", suite.scenarios.size(), suite.scenarios.size() == 1 ? "" : "s");
+  Print(stdout, "{} scenario{} in order\n", suite.scenarios.size(), suite.scenarios.size() == 1 ? "" : "s");
   return suite.scenarios.empty() ? kExitUndecided : kExitGreen;
 }
 
@@ -40,22 +41,22 @@ int ListCommand(const CheckOptions& options) {
   for (const auto& [scenario, model, named] : suite.scenarios) {
     std::vector<std::string_view> faults;
     for (const auto& fault : scenario.faults) faults.push_back(fault.type);
-    fmt::print("{:<{}}  {:>5.0f} s  {:<{}}  {:<{}}  expect {:<12}  [{}]  {}\n", scenario.name, name_width,
-               ToSeconds(scenario.duration_ns), scenario.model, model_width, scenario.firmware,
-               firmware_width, Name(scenario.expect), fmt::join(scenario.tags, ", "),
-               fmt::join(faults, ", "));
+    Print(stdout, "{:<{}}  {:>5.0f} s  {:<{}}  {:<{}}  expect {:<12}  [{}]  {}\n", scenario.name, name_width,
+          ToSeconds(scenario.duration_ns), scenario.model, model_width, scenario.firmware, firmware_width,
+          Name(scenario.expect), fmt::format("{}", fmt::join(scenario.tags, ", ")),
+          fmt::format("{}", fmt::join(faults, ", ")));
   }
   return suite.scenarios.empty() ? kExitUndecided : kExitGreen;
 }
 
 int SchemaCommand() {
-  fmt::print("{}\n", ScenarioJsonSchema(MetricNames()));
+  Print(stdout, "{}\n", TextLines(ScenarioJsonSchema(MetricNames())));
   return kExitGreen;
 }
 
 int FaultsCommand(const std::string& name) {
   if (name.empty()) {
-    fmt::print("{}", faults::CatalogueMarkdown());
+    Print(stdout, "{}", TextLines(faults::CatalogueMarkdown()));
     return kExitGreen;
   }
   const faults::FaultType* type = faults::FindFaultType(name);
@@ -66,7 +67,7 @@ int FaultsCommand(const std::string& name) {
     throw UsageError(fmt::format("faults: unknown fault '{}'{}", name,
                                  meant.empty() ? "; `tiltproof faults` prints them all" : meant));
   }
-  fmt::print("{}", faults::Markdown(*type));
+  Print(stdout, "{}", TextLines(faults::Markdown(*type)));
   return kExitGreen;
 }
 

@@ -10,8 +10,10 @@
 #include "harness/cli/run_folder.h"
 #include "harness/report/compare.h"
 #include "harness/report/files.h"
+#include "harness/report/json_text.h"
 #include "harness/report/machine.h"
 #include "harness/scenario/differing_key.h"
+#include "harness/terminal/terminal.h"
 #include "link/time.h"
 
 namespace tiltproof::harness {
@@ -137,7 +139,7 @@ Json JsonOf(const std::string& scenario, const FlightComparison& c) {
 
 // Of the rest the inputs, commands and counters: what the sensors said is the vehicle's state once more.
 void PrintColumns(const TraceComparison& trace) {
-  fmt::print("    {:<34} {:>14} {:>10} {:>12}\n", "column", "max difference", "at (s)", "rms");
+  Print(stdout, "    {:<34} {:>14} {:>10} {:>12}\n", "column", "max difference", "at (s)", "rms");
   std::size_t vehicle = 0, others = 0, more = 0;
   for (const bool is_vehicle : {true, false}) {
     for (const ColumnDifference& column : trace.columns) {
@@ -149,13 +151,13 @@ void PrintColumns(const TraceComparison& trace) {
         continue;
       }
       ++shown;
-      fmt::print("    {:<34} {:>14} {:>10.3f} {:>12.3g}", column.column, WithUnit(column.max, column.column),
-                 column.max_time_s, column.rms);
-      if (column.one_sided_rows > 0) fmt::print("  ({} rows in one flight only)", column.one_sided_rows);
-      fmt::print("\n");
+      Print(stdout, "    {:<34} {:>14} {:>10.3f} {:>12.3g}", column.column,
+            WithUnit(column.max, column.column), column.max_time_s, column.rms);
+      if (column.one_sided_rows > 0) Print(stdout, "  ({} rows in one flight only)", column.one_sided_rows);
+      Print(stdout, "\n");
     }
   }
-  if (more > 0) fmt::print("    ... and {} more that differ; --format jsonl has all\n", more);
+  if (more > 0) Print(stdout, "    ... and {} more that differ; --format jsonl has all\n", more);
 }
 
 void PrintMetrics(const FlightComparison& c) {
@@ -164,10 +166,10 @@ void PrintMetrics(const FlightComparison& c) {
     const auto a = Metric(c.a, name), b = Metric(c.b, name);
     if (a == b) continue;
     if (std::exchange(first, false))
-      fmt::print("    {:<34} {:>14} {:>10} {:>12}\n", "metric", "A", "B", "B - A");
+      Print(stdout, "    {:<34} {:>14} {:>10} {:>12}\n", "metric", "A", "B", "B - A");
     const auto text = [](std::optional<double> value) { return value ? fmt::format("{:.7g}", *value) : "-"; };
-    fmt::print("    {:<34} {:>14} {:>10} {:>12}\n", name, text(a), text(b),
-               a && b ? fmt::format("{:+.3g}", *b - *a) : "");
+    Print(stdout, "    {:<34} {:>14} {:>10} {:>12}\n", name, text(a), text(b),
+          a && b ? fmt::format("{:+.3g}", *b - *a) : "");
   }
 }
 
@@ -196,12 +198,12 @@ std::vector<std::string> Differences(const FlightComparison& c, double tolerance
 
 void PrintFlight(const std::string& name, const FlightComparison& c, double tolerance) {
   const std::vector<std::string> lines = Differences(c, tolerance);
-  fmt::print("{:<10} {:<34} {}\n", DifferenceWord(c), name, lines.front());
-  for (std::size_t i = 1; i < lines.size(); ++i) fmt::print("{:<45} {}\n", "", lines[i]);
+  Print(stdout, "{:<10} {:<34} {}\n", DifferenceWord(c), name, lines.front());
+  for (std::size_t i = 1; i < lines.size(); ++i) Print(stdout, "{:<45} {}\n", "", lines[i]);
   if (c.identical) return;
   PrintColumns(c.trace);
   if (!c.trace.columns_of_one.empty())
-    fmt::print("    in one trace only: {}\n", fmt::join(c.trace.columns_of_one, ", "));
+    Print(stdout, "    in one trace only: {}\n", fmt::format("{}", fmt::join(c.trace.columns_of_one, ", ")));
   PrintMetrics(c);
 }
 
@@ -224,7 +226,7 @@ int CompareCommand(const CompareOptions& options) {
   const Pairing pairing = Pair(options, a, b);
   for (const auto& [folder_a, folder_b] : pairing.pairs) CheckSameFlight(folder_a, folder_b);
   const bool jsonl = options.format == "jsonl";
-  if (!jsonl) fmt::print("{}\n{}\n", RunText("A", options.a, a.info), RunText("B", options.b, b.info));
+  if (!jsonl) Print(stdout, "{}\n{}\n", RunText("A", options.a, a.info), RunText("B", options.b, b.info));
 
   std::size_t identical = 0, close = 0, different = 0, unreadable = 0;
   for (const auto& pair : pairing.pairs) {
@@ -232,30 +234,30 @@ int CompareCommand(const CompareOptions& options) {
     try {
       const FlightComparison comparison = CompareFlights(pair.first, pair.second, options.tolerance);
       ++(comparison.differs() ? different : comparison.identical ? identical : close);
-      jsonl ? fmt::print("{}\n", JsonOf(name, comparison).dump())
+      jsonl ? Print(stdout, "{}\n", JsonLine(JsonOf(name, comparison)))
             : PrintFlight(name, comparison, options.tolerance);
     } catch (const std::exception& error) {
       ++unreadable;
-      if (jsonl) fmt::print("{}\n", Json({{"scenario", name}, {"error", error.what()}}).dump());
-      fmt::print(stderr, "{:<10} {:<34} {}\n", "UNREADABLE", name, error.what());
+      if (jsonl) Print(stdout, "{}\n", JsonLine({{"scenario", name}, {"error", error.what()}}));
+      Print(stderr, "{:<10} {:<34} {}\n", "UNREADABLE", name, error.what());
     }
   }
   for (const auto& [letter, names] : {std::pair("a", &pairing.only_a), std::pair("b", &pairing.only_b)}) {
     for (const std::string& name : *names)
-      jsonl ? fmt::print("{}\n", Json({{"scenario", name}, {"only_in", letter}}).dump())
-            : fmt::print("{:<10} {:<34} only in {}\n", "UNMATCHED", name,
-                         letter == std::string("a") ? 'A' : 'B');
+      jsonl ? Print(stdout, "{}\n", JsonLine({{"scenario", name}, {"only_in", letter}}))
+            : Print(stdout, "{:<10} {:<34} only in {}\n", "UNMATCHED", name,
+                    letter == std::string("a") ? 'A' : 'B');
   }
   const std::string machines = MachineDifference(a.info.machine, b.info.machine, "in A", "in B");
   if (!jsonl) {
-    if (different > 0 && !machines.empty()) fmt::print("another machine: {}\n", machines);
+    if (different > 0 && !machines.empty()) Print(stdout, "another machine: {}\n", machines);
     std::string text =
         fmt::format("{} of {} flights identical, {} within {:g} (m, rad, m/s, rad/s), {} different",
                     identical, pairing.pairs.size(), close, options.tolerance, different);
     if (unreadable > 0) text += fmt::format(", {} unreadable", unreadable);
     if (!pairing.only_a.empty()) text += fmt::format(", {} only in A", pairing.only_a.size());
     if (!pairing.only_b.empty()) text += fmt::format(", {} only in B", pairing.only_b.size());
-    fmt::print("{}\n", text);
+    Print(stdout, "{}\n", text);
   }
   if (unreadable > 0) return kExitError;
   return different > 0 || !pairing.only_a.empty() || !pairing.only_b.empty() ? kExitNotGreen : kExitGreen;

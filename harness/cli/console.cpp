@@ -11,6 +11,9 @@
 #include <string_view>
 #include <vector>
 
+#include "harness/report/json_text.h"
+#include "harness/terminal/terminal.h"
+
 namespace tiltproof::harness {
 namespace {
 
@@ -80,48 +83,49 @@ std::string Console::Paint(const char* colour, const std::string& text) const {
 }
 
 void Console::Line(const std::string& text) const {
-  if (!jsonl_) fmt::print("{}\n", text);
+  if (!jsonl_) Print(stdout, "{}\n", text);
 }
 
 std::string Console::FlightLine(const ScenarioResult& result) const {
   const Score& score = result.score;
+  const std::string name = Plain(result.name);
   const char* colour = result.green() ? "32" : score.verdict == Verdict::kInconclusive ? "33" : "31";
   std::string word = Upper(Name(score.verdict));
   if (score.verdict != Verdict::kPass && result.green()) word += " (expected)";
   std::vector<std::string> figures = Figures(score, terminal_);
-  if (!terminal_) return fmt::format("{:<16} {:<36}  {}", word, result.name, fmt::join(figures, "  "));
+  if (!terminal_) return fmt::format("{:<16} {:<36}  {}", word, name, fmt::join(figures, "  "));
   const auto room_for_name = [&] {
     std::size_t taken = std::max(word.size(), kWordMin) + 1;
     for (const auto& figure : figures) taken += 2 + figure.size();
     return taken < kTerminalColumns ? kTerminalColumns - taken : 0;
   };
   // rmse goes before the name can no longer be read.
-  if (room_for_name() < std::min(kNameMin, result.name.size()))
+  if (room_for_name() < std::min(kNameMin, name.size()))
     std::erase_if(figures, [](const auto& figure) { return figure.starts_with("rmse"); });
   const std::size_t room = room_for_name();
   return fmt::format("{} {:<{}}  {}", Paint(colour, fmt::format("{:<{}}", word, kWordMin)),
-                     Shortened(result.name, room), room, fmt::join(figures, "  "));
+                     Shortened(name, room), room, fmt::join(figures, "  "));
 }
 
 void Console::Finished(const ScenarioResult& result) const {
   if (jsonl_) {
-    fmt::print("{}\n", nlohmann::ordered_json::parse(ToJsonText(result)).dump());
+    Print(stdout, "{}\n", JsonLine(nlohmann::ordered_json::parse(ToJsonText(result))));
     std::fflush(stdout);
     return;
   }
-  fmt::print("{}\n", FlightLine(result));
+  Print(stdout, "{}\n", OfOurs(FlightLine(result)));
   if (result.green()) {
-    if (result.score.verdict != Verdict::kPass) fmt::print("{:17}{}\n", "", result.score.reason);
+    if (result.score.verdict != Verdict::kPass) Print(stdout, "{:17}{}\n", "", result.score.reason);
   } else {
-    for (const auto& line : Reasons(result.score)) fmt::print("{:17}{}\n", "", line);
-    fmt::print("{:17}expected {}; seed {}{}{}\n", "", Name(result.expected), result.seed,
-               result.replay.empty() ? "" : "; again: ", result.replay);
+    for (const auto& line : Reasons(result.score)) Print(stdout, "{:17}{}\n", "", line);
+    Print(stdout, "{:17}expected {}; seed {}{}{}\n", "", Name(result.expected), result.seed,
+          result.replay.empty() ? "" : "; again: ", result.replay);
   }
   std::fflush(stdout);
 }
 
 void Console::LeftOut(const NotApplicable& scenario) const {
-  fmt::print(jsonl_ ? stderr : stdout, "not applicable: {}: {}\n", scenario.name, scenario.reason);
+  Print(jsonl_ ? stderr : stdout, "not applicable: {}: {}\n", scenario.name, scenario.reason);
 }
 
 void Console::Summary(const std::vector<ScenarioResult>& results, std::size_t not_flown_count,
@@ -134,7 +138,7 @@ void Console::Summary(const std::vector<ScenarioResult>& results, std::size_t no
   if (not_applicable_count > 0) text += fmt::format(", {} not applicable", not_applicable_count);
   if (interrupted) text += " (interrupted)";
   const bool all = not_flown_count == 0 && !interrupted && static_cast<std::size_t>(green) == results.size();
-  fmt::print("{}\n", Paint(all ? "32" : "31", text));
+  Print(stdout, "{}\n", OfOurs(Paint(all ? "32" : "31", text)));
 }
 
 }  // namespace tiltproof::harness

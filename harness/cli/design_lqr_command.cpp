@@ -2,6 +2,7 @@
 
 #include "harness/cli/commands.h"
 #include "harness/cli/suite.h"
+#include "harness/terminal/terminal.h"
 #include "plant/lqr_design.h"
 
 namespace tiltproof::harness {
@@ -13,7 +14,7 @@ int DesignLqrCommand(const DesignLqrOptions& options) {
   plant::LqrDesign design;
   try {
     model = models.Load(file, options.allow_invalid_inertia);
-    for (const auto& warning : models.warnings()) fmt::print(stderr, "warning: {}\n", warning);
+    for (const auto& warning : models.warnings()) Print(stderr, "warning: {}\n", warning);
     design = plant::DesignLqr(*model);
   } catch (const plant::VehicleError& error) {
     throw UsageError(error.what());
@@ -21,21 +22,22 @@ int DesignLqrCommand(const DesignLqrOptions& options) {
     throw UsageError(fmt::format("{}: {}", file.string(), error.what()));
   }
   if (!options.firmware_table.empty()) {
-    fmt::print("{}", plant::FirmwareGainTable(design.gain, options.firmware_table));
+    Print(stdout, "{}", TextLines(plant::FirmwareGainTable(design.gain, options.firmware_table)));
     return kExitGreen;
   }
   const plant::Hover& hover = design.hover;
-  fmt::print("model            {} ({:.4f} kg)\n", model->name, model->MassTotal());
-  fmt::print("hover            roll {:.6f}  pitch {:.6f}  alpha_r {:.6f}  alpha_l {:.6f} rad\n",
-             hover.roll_rad, hover.pitch_rad, hover.alpha_r_rad, hover.alpha_l_rad);
-  fmt::print("                 f_r {:.5f}  f_l {:.5f} N  tau_r {:.5f}  tau_l {:.5f} N m\n", hover.input.f_r_n,
-             hover.input.f_l_n, hover.input.tau_r_nm, hover.input.tau_l_nm);
-  fmt::print("sampling period  {:.3f} ms\n", design.model.period_s * 1e3);
-  fmt::print("spectral radius  {:.6f} of the closed loop\n", design.spectral_radius);
-  fmt::print("delay margin     {:.2f} ms of input delay\n", design.delay_margin_s * 1e3);
-  fmt::print("Riccati residual {:.1e} after {} iterations\n", design.dare_residual, design.dare_iterations);
-  fmt::print("gain             u = u_eq - K (x - x_ref), rows f_r f_l tau_r tau_l\n{}",
-             plant::GainCsv(design.gain));
+  Print(stdout, "model            {} ({:.4f} kg)\n", model->name, model->MassTotal());
+  Print(stdout, "hover            roll {:.6f}  pitch {:.6f}  alpha_r {:.6f}  alpha_l {:.6f} rad\n",
+        hover.roll_rad, hover.pitch_rad, hover.alpha_r_rad, hover.alpha_l_rad);
+  Print(stdout, "                 f_r {:.5f}  f_l {:.5f} N  tau_r {:.5f}  tau_l {:.5f} N m\n",
+        hover.input.f_r_n, hover.input.f_l_n, hover.input.tau_r_nm, hover.input.tau_l_nm);
+  Print(stdout, "sampling period  {:.3f} ms\n", design.model.period_s * 1e3);
+  Print(stdout, "spectral radius  {:.6f} of the closed loop\n", design.spectral_radius);
+  Print(stdout, "delay margin     {:.2f} ms of input delay\n", design.delay_margin_s * 1e3);
+  Print(stdout, "Riccati residual {:.1e} after {} iterations\n", design.dare_residual,
+        design.dare_iterations);
+  Print(stdout, "gain             u = u_eq - K (x - x_ref), rows f_r f_l tau_r tau_l\n{}",
+        TextLines(plant::GainCsv(design.gain)));
   if (!options.csv.empty()) plant::WriteGainCsv(options.csv, design.gain);
   return kExitGreen;
 }

@@ -26,7 +26,9 @@
 #include "harness/emulator/lockstep_self_test.h"
 #include "harness/node/realtime_rights.h"
 #include "harness/process/child_process.h"
+#include "harness/report/json_text.h"
 #include "harness/scenario/scenario.h"
+#include "harness/terminal/terminal.h"
 #include "link/pty.h"
 #include "link/serial_devices.h"
 #include "link/serial_port.h"
@@ -312,17 +314,16 @@ Check CheckImages() {
   return check;
 }
 
-void Print(const Check& check, bool jsonl) {
+void PrintCheck(const Check& check, bool jsonl) {
   if (jsonl) {
     const nlohmann::ordered_json line = {{"check", check.name},
                                          {"status", Name(check.status)},
                                          {"text", check.text},
                                          {"advice", check.advice}};
-    // Names of devices need not be UTF-8.
-    fmt::print("{}\n", line.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+    Print(stdout, "{}\n", JsonLine(line));
   } else {
-    fmt::print("{:<4}  {}: {}{}{}\n", Name(check.status), check.name, check.text,
-               check.advice.empty() ? "" : "; do: ", check.advice);
+    Print(stdout, "{:<4}  {}: {}{}{}\n", Name(check.status), check.name, check.text,
+          check.advice.empty() ? "" : "; do: ", check.advice);
   }
 }
 
@@ -346,7 +347,7 @@ int DoctorCommand(const DoctorOptions& options) {
   checks.push_back(CheckImages());
   CheckSerialDevices(options.root, checks);
   CheckClientDevices(client_devices, checks);
-  for (const auto& check : checks) Print(check, options.format == "jsonl");
+  for (const auto& check : checks) PrintCheck(check, options.format == "jsonl");
   const bool failed = std::any_of(checks.begin(), checks.end(),
                                   [](const Check& check) { return check.status == Status::kFail; });
   return failed ? kExitError : kExitGreen;

@@ -16,6 +16,7 @@
 #include "harness/run/realtime/realtime_flight.h"
 #include "harness/run/run_id.h"
 #include "harness/scenario/reader.h"
+#include "harness/terminal/terminal.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -146,7 +147,7 @@ void Work(const FlightJob& job, WorkerReport& report, const std::atomic<bool>* i
   } catch (const std::exception& error) {
     // Then what is printed is heard again.
     client.reset();
-    std::fprintf(stderr, "tiltproof: %s: %s\n", job.scenario.name.c_str(), error.what());
+    Print(stderr, "tiltproof: {}: {}\n", job.scenario.name, error.what());
     std::strncpy(report.no_verdict_because.data(), error.what(), report.no_verdict_because.size() - 1);
     _exit(kExitWithoutVerdict);
   }

@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "harness/cli/commands.h"
+#include "harness/terminal/terminal.h"
 #include "link/frame.h"
 
 namespace tiltproof::harness {
@@ -27,8 +28,8 @@ std::vector<std::uint8_t> FromHex(std::string_view hex) {
 }
 
 void PrintEvent(const link::FrameEvent& event) {
-  fmt::print("{{\"offset\": {}, \"status\": \"{}\", \"payload\": \"{:02x}\"}}\n", event.begin,
-             Name(event.status), fmt::join(event.payload, ""));
+  Print(stdout, "{{\"offset\": {}, \"status\": \"{}\", \"payload\": \"{}\"}}\n", event.begin,
+        Name(event.status), fmt::format("{:02x}", fmt::join(event.payload, "")));
 }
 
 }  // namespace
@@ -39,7 +40,7 @@ int FrameEncodeCommand(const std::string& hex) {
     throw UsageError(
         fmt::format("HEX: {} bytes; a payload has at most {}", payload.size(), link::kPayloadBytesMax));
   std::array<std::uint8_t, link::FrameBytesMax(link::kPayloadBytesMax)> wire;
-  fmt::print("{:02x}\n", fmt::join(link::EncodeFrame(payload, wire).bytes, ""));
+  Print(stdout, "{}\n", fmt::format("{:02x}", fmt::join(link::EncodeFrame(payload, wire).bytes, "")));
   return kExitGreen;
 }
 

@@ -6,6 +6,7 @@
 #include "harness/cli/commands.h"
 #include "harness/report/files.h"
 #include "harness/run/link_log.h"
+#include "harness/terminal/terminal.h"
 #include "link/frame.h"
 #include "link/messages.h"
 
@@ -42,12 +43,12 @@ int LinkDumpCommand(const std::filesystem::path& file) {
         meaning += fmt::format(" {:.9g}", std::bit_cast<float>(bits));
       }
     }
-    fmt::print("{:>14.9f} {:<9} {:<9} {:<16} {:3} {:02x}{}{}\n", ToSeconds(time_ns),
-               Name(static_cast<link::Direction>(direction)), delivered ? "delivered" : "sent",
-               Name(event.status), event.payload.size(), fmt::join(event.payload, ""),
-               meaning.empty() ? "" : "  =", meaning);
+    Print(stdout, "{:>14.9f} {:<9} {:<9} {:<16} {:3} {}{}{}\n", ToSeconds(time_ns),
+          Name(static_cast<link::Direction>(direction)), delivered ? "delivered" : "sent", Name(event.status),
+          event.payload.size(), fmt::format("{:02x}", fmt::join(event.payload, "")),
+          meaning.empty() ? "" : "  =", meaning);
   };
-  fmt::print("# begin_s direction side status bytes payload = floats\n");
+  Print(stdout, "# begin_s direction side status bytes payload = floats\n");
   std::size_t offset = 0;
   TimeNs last_ns = 0;
   while (const auto record = log.Next(offset)) {

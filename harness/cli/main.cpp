@@ -7,11 +7,13 @@
 #include <exception>
 #include <functional>
 #include <iostream>
+#include <sstream>
 
 #include "harness/cli/commands.h"
 #include "harness/report/results.h"
 #include "harness/run/realtime/realtime_flight.h"
 #include "harness/scenario/did_you_mean.h"
+#include "harness/terminal/terminal.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -211,14 +213,18 @@ int Main(int argc, char** argv) {
   dump_app->callback([&] { command = [&] { return LinkDumpCommand(file); }; });
 
   if (const std::string trouble = UnknownCommand(app, argc, argv); !trouble.empty()) {
-    std::cerr << trouble << "\n";
+    Print(stderr, "{}\n", TextLines(trouble));
     return kExitUsage;
   }
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     // CLI11's own codes are 100 and more; a mistake in the command line is 2.
-    return app.exit(error) == 0 ? kExitGreen : kExitUsage;
+    std::ostringstream out, err;
+    const int code = app.exit(error, out, err);
+    Print(stdout, "{}", TextLines(out.str()));
+    Print(stderr, "{}", TextLines(err.str()));
+    return code == 0 ? kExitGreen : kExitUsage;
   }
   try {
     const int code = command();
@@ -227,10 +233,10 @@ int Main(int argc, char** argv) {
     return code;
   } catch (const UsageError& error) {
     // It names its place itself: file:line:col, or the flag.
-    std::cerr << error.what() << "\n";
+    Print(stderr, "{}\n", TextLines(error.what()));
     return kExitUsage;
   } catch (const std::exception& error) {
-    std::cerr << "tiltproof: error: " << error.what() << "\n";
+    Print(stderr, "tiltproof: error: {}\n", TextLines(error.what()));
     return kExitError;
   }
 }

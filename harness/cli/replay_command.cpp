@@ -16,6 +16,7 @@
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"
 #include "harness/report/machine.h"
+#include "harness/terminal/terminal.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -75,9 +76,9 @@ int ReplayCommand(const ReplayOptions& options) {
   means.client = ChooseClient(run.info.client);
   const std::string build = BuildId(means.client.BuiltFile());
   if (!run.info.build.empty() && run.info.build != build)
-    fmt::print(
-        "another build: {} then, {} now; the program or the firmware has changed, and flights may differ\n",
-        run.info.build, build);
+    Print(stdout,
+          "another build: {} then, {} now; the program or the firmware has changed, and flights may differ\n",
+          run.info.build, build);
   if (means.client.emulator) TestLockstep(LockstepPlugin());
   TemporaryFolder folder;
   std::vector<FlightJob> jobs;
@@ -86,14 +87,15 @@ int ReplayCommand(const ReplayOptions& options) {
   const bool unfinished = run.whole && run.info.interrupted;
   if (unfinished) {
     const auto ended = std::count_if(run.scenario_folders.begin(), run.scenario_folders.end(), HasEnded);
-    fmt::print(
+    Print(
+        stdout,
         "an unfinished run: {}{} flights came to a verdict; it was interrupted or killed, or is still under "
         "way\n",
         ended, run.info.flights.empty() ? "" : fmt::format(" of {}", run.info.flights.size()));
   }
   for (const auto& scenario_folder : run.scenario_folders) {
     if (!HasEnded(scenario_folder)) {
-      fmt::print("{:<10} {:<34} {}\n", "NO HASH", scenario_folder.filename().string(), kNotFlown);
+      Print(stdout, "{:<10} {:<34} {}\n", "NO HASH", scenario_folder.filename().string(), kNotFlown);
       ++not_comparable_count;
       continue;
     }
@@ -101,12 +103,12 @@ int ReplayCommand(const ReplayOptions& options) {
       old_results.push_back(ResultFromJsonText(ReadFile(scenario_folder / "verdict.json")));
     } catch (const std::exception& error) {
       // The others can be compared all the same.
-      fmt::print("{:<10} {:<34} {}\n", "NO HASH", scenario_folder.filename().string(), error.what());
+      Print(stdout, "{:<10} {:<34} {}\n", "NO HASH", scenario_folder.filename().string(), error.what());
       ++not_comparable_count;
       continue;
     }
     if (const std::string why = NotComparable(scenario_folder, old_results.back()); !why.empty()) {
-      fmt::print("{:<10} {:<34} {}\n", "NO HASH", scenario_folder.filename().string(), why);
+      Print(stdout, "{:<10} {:<34} {}\n", "NO HASH", scenario_folder.filename().string(), why);
       old_results.pop_back();
       ++not_comparable_count;
       continue;
@@ -123,18 +125,18 @@ int ReplayCommand(const ReplayOptions& options) {
     const ScenarioResult& then = old_results[i];
     if (now.score.verdict == Verdict::kError && then.score.verdict != Verdict::kError) {
       ++error_count;
-      fmt::print("ERROR      {:<34} {}: {}\n", now.name, now.score.reason, folder.Keep(now.name));
+      Print(stdout, "ERROR      {:<34} {}: {}\n", now.name, now.score.reason, folder.Keep(now.name));
       continue;
     }
     const bool equal = now.trace_hash == then.trace_hash;
     different_count += equal ? 0 : 1;
-    fmt::print("{:<10} {:<34} {}{}\n", equal ? "equal" : "DIFFERENT", now.name, then.trace_hash,
-               equal ? "" : fmt::format(" then, {} now: {}", now.trace_hash, folder.Keep(now.name)));
+    Print(stdout, "{:<10} {:<34} {}{}\n", equal ? "equal" : "DIFFERENT", now.name, then.trace_hash,
+          equal ? "" : fmt::format(" then, {} now: {}", now.trace_hash, folder.Keep(now.name)));
   }
   const std::string machines = MachineDifference(run.info.machine, ThisMachine(), "then", "now");
-  if (different_count > 0 && !machines.empty()) fmt::print("another machine: {}\n", machines);
-  fmt::print("{} of {} equal\n", outcome.results.size() - different_count - error_count,
-             outcome.results.size());
+  if (different_count > 0 && !machines.empty()) Print(stdout, "another machine: {}\n", machines);
+  Print(stdout, "{} of {} equal\n", outcome.results.size() - different_count - error_count,
+        outcome.results.size());
   if (error_count > 0) return kExitError;
   if (different_count > 0) return kExitNotGreen;
   return unfinished || not_comparable_count > 0 ? kExitUndecided : kExitGreen;

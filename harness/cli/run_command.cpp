@@ -19,8 +19,10 @@
 #include "harness/node/realtime_rights.h"
 #include "harness/report/build_id.h"
 #include "harness/report/files.h"
+#include "harness/report/json_text.h"
 #include "harness/report/results.h"
 #include "harness/scenario/selection.h"
+#include "harness/terminal/terminal.h"
 #include "link/serial_port.h"
 #include "link/unix_socket.h"
 
@@ -131,9 +133,9 @@ void List(const RunOptions& options, const std::vector<SuiteScenario>& scenarios
         nlohmann::ordered_json line = {{"name", name}, {"scenario", entry.scenario.name}, {"seed", seed}};
         line["expected"] = Name(entry.scenario.expect);
         line["duration_s"] = ToSeconds(entry.scenario.duration_ns);
-        fmt::print("{}\n", line.dump());
+        Print(stdout, "{}\n", JsonLine(line));
       } else {
-        fmt::print("{}\n", name);
+        Print(stdout, "{}\n", name);
       }
     }
   }
@@ -147,10 +149,10 @@ int RunCommand(const RunOptions& options) {
   const std::size_t found = suite.scenarios.size();
   suite.scenarios = Select(std::move(suite.scenarios), options);
   const Console console(options.format == "jsonl");
-  for (const auto& warning : suite.warnings) fmt::print(stderr, "warning: {}\n", warning);
+  for (const auto& warning : suite.warnings) Print(stderr, "warning: {}\n", warning);
   if (suite.scenarios.empty()) {
-    fmt::print(stderr, "tiltproof: nothing selected: {} scenario{} found, none matches\n", found,
-               found == 1 ? "" : "s");
+    Print(stderr, "tiltproof: nothing selected: {} scenario{} found, none matches\n", found,
+          found == 1 ? "" : "s");
     return kExitUndecided;
   }
   for (const auto& entry : suite.scenarios) {
@@ -163,9 +165,8 @@ int RunCommand(const RunOptions& options) {
   const std::vector<NotApplicable> not_applicable = TakeNotApplicable(means, options.strict, suite);
   if (options.dry_run || suite.scenarios.empty()) {
     List(options, suite.scenarios);
-    for (const auto& [name, reason] : not_applicable)
-      fmt::print(stderr, "not applicable: {}: {}\n", name, reason);
-    if (suite.scenarios.empty()) fmt::print(stderr, "tiltproof: nothing is left to fly with this client\n");
+    for (const auto& [name, reason] : not_applicable) Print(stderr, "not applicable: {}: {}\n", name, reason);
+    if (suite.scenarios.empty()) Print(stderr, "tiltproof: nothing is left to fly with this client\n");
     return suite.scenarios.empty() ? kExitUndecided : kExitGreen;
   }
   if (means.client.emulator && !means.realtime) TestLockstep(LockstepPlugin());
@@ -184,8 +185,8 @@ int RunCommand(const RunOptions& options) {
   info.not_applicable = not_applicable;
   const std::filesystem::path folder = CreateRunFolder(options.out, suite.name, info.seed);
   if (LatestIsTaken(options.out))
-    fmt::print(stderr, "warning: {} is no link and stays as it is; this run is in {}\n",
-               (options.out / "latest").string(), folder.string());
+    Print(stderr, "warning: {} is no link and stays as it is; this run is in {}\n",
+          (options.out / "latest").string(), folder.string());
 
   std::vector<FlightJob> jobs;
   for (const auto& [scenario, model, named] : suite.scenarios) {

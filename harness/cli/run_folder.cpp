@@ -8,6 +8,7 @@
 #include "harness/cli/commands.h"
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"
+#include "harness/report/json_text.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -61,7 +62,7 @@ void WriteRunEvents(const std::filesystem::path& folder, const std::vector<Scena
       line["time_s"] = ToSeconds(event.time_ns);
       line["kind"] = event.kind;
       line["text"] = event.text;
-      lines += line.dump() + "\n";
+      lines += JsonText(line) + "\n";
     }
   }
   WriteFile(folder / "events.jsonl", lines);

@@ -6,6 +6,7 @@
 #include "harness/cli/suite.h"
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"
+#include "harness/terminal/terminal.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -27,7 +28,7 @@ ScenarioResult ScoreAgain(const std::filesystem::path& folder, const std::string
     return result;
   } catch (const std::exception& error) {
     // Its files are damaged, which must not pass unseen.
-    fmt::print(stderr, "tiltproof: {}: {}\n", name, error.what());
+    Print(stderr, "tiltproof: {}: {}\n", name, error.what());
     return MakeErrorResult(name, scenario, error.what(), replay);
   }
 }

@@ -23,6 +23,7 @@
 #include "harness/cli/flight_worker.h"
 #include "harness/process/own_time.h"
 #include "harness/report/files.h"
+#include "harness/terminal/terminal.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -278,7 +279,7 @@ class Pool {
   // Why a flight stands still, to the user: that time counts against nobody.
   void Tell(const std::string& text) {
     ClearProgress();
-    fmt::print(stderr, "tiltproof: {}; that time does not count\n", text);
+    Print(stderr, "tiltproof: {}; that time does not count\n", text);
   }
 
   // In place of a worker that could not, or could not know better.
@@ -337,13 +338,12 @@ class Pool {
     try {
       if (!WIFEXITED(status) || (WEXITSTATUS(status) != 0 && WEXITSTATUS(status) != kExitWorkerInterrupted)) {
         ClearProgress();
-        fmt::print(
-            stderr,
-            "tiltproof: warning: {}: after the flight, which counts as it was, its process did not end "
-            "in order{}\n",
-            job.folder.filename().string(),
-            worker.stuck_in == FirmwareCall::kNone ? ""
-                                                   : fmt::format(": it hung in {}", Name(worker.stuck_in)));
+        Print(stderr,
+              "tiltproof: warning: {}: after the flight, which counts as it was, its process did not end "
+              "in order{}\n",
+              job.folder.filename().string(),
+              worker.stuck_in == FirmwareCall::kNone ? ""
+                                                     : fmt::format(": it hung in {}", Name(worker.stuck_in)));
       }
       ScenarioResult result = ResultFromJsonText(ReadFile(file));
       // Nobody asked this run to end, only its worker: that is trouble, not a wish.
@@ -360,17 +360,17 @@ class Pool {
 
   void ShowProgress() {
     if (!options_.progress || workers_.empty()) return;
-    std::string line = "\r\033[K";
+    std::string line;
     for (const auto& worker : workers_)
       line += fmt::format("  {} {:.0f}/{:.0f} s", jobs_[worker.job].folder.filename().string(),
                           ToSeconds(worker.report->progress_ns.load(std::memory_order_relaxed)),
                           ToSeconds(jobs_[worker.job].scenario.duration_ns));
-    std::fputs(line.substr(0, 110).c_str(), stderr);
+    Print(stderr, "\r\033[K{}", line.substr(0, 110));
     std::fflush(stderr);
     shown_ = true;
   }
   void ClearProgress() {
-    if (shown_) std::fputs("\r\033[K", stderr);
+    if (shown_) Print(stderr, "\r\033[K");
     shown_ = false;
   }
 

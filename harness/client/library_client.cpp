@@ -20,6 +20,7 @@
 #include "harness/client/firmware_guard.h"
 #include "harness/process/child_process.h"
 #include "harness/process/own_time.h"
+#include "harness/terminal/terminal.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -124,8 +125,7 @@ class LibraryClient final : public Client {
     }
     output_.reset();
     if (!trouble.empty())
-      std::fprintf(stderr, "tiltproof: warning: after the flight, which counts as it was, %s\n",
-                   trouble.c_str());
+      Print(stderr, "tiltproof: warning: after the flight, which counts as it was, {}\n", trouble);
   }
 
   TimeNs Start(TimeNs now) override {

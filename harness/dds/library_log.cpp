@@ -2,11 +2,12 @@
 
 #include <dds/ddsrt/log.h>
 
-#include <algorithm>
 #include <cstdint>
 #include <cstdio>
 #include <type_traits>
 #include <utility>
+
+#include "harness/terminal/terminal.h"
 
 namespace tiltproof::dds {
 namespace {
@@ -23,13 +24,9 @@ struct Log {
 constinit Log the_log;
 static_assert(std::is_trivially_destructible_v<Log>);
 
-// On one line, and without what could command a terminal.
-std::string Plain(std::string_view message) {
+std::string OneLine(std::string_view message) {
   while (!message.empty() && message.back() == '\n') message.remove_suffix(1);
-  std::string plain(message);
-  std::ranges::replace_if(
-      plain, [](char c) { return c < ' ' || c > '~'; }, '?');
-  return plain;
+  return harness::Plain(message);
 }
 
 }  // namespace
@@ -60,10 +57,10 @@ std::string LibraryCapture::text() const {
 }
 
 void OnLibraryMessage(std::string_view message, bool fatal) {
-  const auto plain = Plain(message);
+  const auto line = OneLine(message);
   const std::lock_guard lock(the_log.mutex);
   if (the_log.captured != nullptr && !fatal) {
-    if (the_log.captured->size() < kCapturedBytesMax) *the_log.captured += ": " + plain;
+    if (the_log.captured->size() < kCapturedBytesMax) *the_log.captured += ": " + line;
     return;
   }
   if (the_log.shown_count == kLibraryLinesShownMax && !fatal) {
@@ -71,7 +68,7 @@ void OnLibraryMessage(std::string_view message, bool fatal) {
     return;
   }
   if (!fatal) ++the_log.shown_count;
-  std::fputs(("tiltproof: the bus library says: " + plain + "\n").c_str(), stderr);
+  harness::Print(stderr, "tiltproof: the bus library says: {}\n", line);
 }
 
 void PrintLibraryTotal() {
@@ -79,10 +76,7 @@ void PrintLibraryTotal() {
   the_log.shown_count = 0;
   const auto count = std::exchange(the_log.more_count, 0);
   if (count == 0) return;
-  std::fputs(("tiltproof: the bus library said " + std::to_string(count) + " more line" +
-              (count == 1 ? "" : "s") + "\n")
-                 .c_str(),
-             stderr);
+  harness::Print(stderr, "tiltproof: the bus library said {} more line{}\n", count, count == 1 ? "" : "s");
 }
 
 }  // namespace tiltproof::dds

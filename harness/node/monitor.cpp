@@ -10,6 +10,7 @@
 #include <map>
 
 #include "harness/node/roles.h"
+#include "harness/terminal/terminal.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -42,37 +43,34 @@ class Monitor {
     return [this] { boost::asio::post(loop_, [this] { Look(); }); };
   }
 
-  template <class... Args>
-  static void Print(fmt::format_string<Args...> text, Args&&... args) {
-    fmt::print(text, std::forward<Args>(args)...);
-    std::fflush(stdout);
-  }
-
   void Look() {
     nodes_.Take();
     for (const auto& node : nodes_.Nodes()) {
       const auto [known, is_new] = alive_.try_emplace(node.participant, false);
       if (known->second == node.alive) continue;
       known->second = node.alive;
-      Print("node   {} {} on {}, process {}\n", node.alive ? "here" : "gone", node.last.node_id,
+      Print(stdout, "node   {} {} on {}, process {}\n", node.alive ? "here" : "gone", node.last.node_id,
             node.last.host, node.last.pid);
     }
     for (const auto& state : states_.Take())
-      Print("state  {:10.3f} s  {} {}{}{}\n", ToSeconds(state.time_ns), state.node_id, Name(state.phase),
-            state.text.empty() ? "" : ": ", state.text);
+      Print(stdout, "state  {:10.3f} s  {} {}{}{}\n", ToSeconds(state.time_ns), state.node_id,
+            Name(state.phase), state.text.empty() ? "" : ": ", state.text);
     for (const auto& event : events_.Take())
-      Print("event  {:10.3f} s  {} {}: {}\n", ToSeconds(event.time_ns), event.node_id, event.kind,
+      Print(stdout, "event  {:10.3f} s  {} {}: {}\n", ToSeconds(event.time_ns), event.node_id, event.kind,
             event.text);
     for (const auto& score : scores_.Take())
-      Print("score  {} {}{}{}\n", score.scenario, score.verdict, score.reason.empty() ? "" : ": ",
+      Print(stdout, "score  {} {}{}{}\n", score.scenario, score.verdict, score.reason.empty() ? "" : ": ",
             score.reason);
+    std::fflush(stdout);
   }
 
   void Tick() {
     for (const auto& plant : plant_.Take())
-      Print("plant  {:10.3f} s  x {:.3f} y {:.3f} z {:.3f} m  roll {:.3f} pitch {:.3f} yaw {:.3f} rad\n",
+      Print(stdout,
+            "plant  {:10.3f} s  x {:.3f} y {:.3f} z {:.3f} m  roll {:.3f} pitch {:.3f} yaw {:.3f} rad\n",
             ToSeconds(plant.time_ns), plant.state[0], plant.state[1], plant.state[2], plant.state[3],
             plant.state[4], plant.state[5]);
+    std::fflush(stdout);
     timer_.expires_after(kStatePeriod);
     timer_.async_wait([this](const boost::system::error_code& error) {
       if (!error) Tick();

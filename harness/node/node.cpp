@@ -17,6 +17,7 @@
 #include "harness/node/realtime_rights.h"
 #include "harness/run/introduction.h"
 #include "harness/run/run_id.h"
+#include "harness/terminal/terminal.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -185,7 +186,7 @@ bool Node::StandsBack() {
     }
   }
   if (other.empty()) return false;
-  fmt::print(
+  Print(
       stderr,
       "tiltproof node {}: refused: {} sends references already, and only one node may; end that one first\n",
       options_.name, other);
@@ -217,8 +218,8 @@ void Node::WatchHarness() {
     if (node.alive && node.participant == harness_ && node.last.run_id == run_id_) harness_heard_ = now;
   if (now - harness_heard_ < kHarnessLostAfter) return;
   Release();
-  fmt::print(stderr, "tiltproof node {}: the harness of run {} is gone; the run is given up\n", options_.name,
-             released_run_id_);
+  Print(stderr, "tiltproof node {}: the harness of run {} is gone; the run is given up\n", options_.name,
+        released_run_id_);
 }
 
 void Node::OnScenario() {

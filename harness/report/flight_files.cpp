@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "harness/report/files.h"
+#include "harness/report/json_text.h"
 #include "harness/report/trace_csv.h"
 
 namespace tiltproof::harness {
@@ -83,14 +84,14 @@ std::string FaultsJsonl(const Scenario& scenario, const RunLog& log) {
     line["what"] = activation.what;
     line["before"] = ToJson(activation.before);
     line["after"] = ToJson(activation.after);
-    lines += line.dump() + "\n";
+    lines += JsonText(line) + "\n";
     --left_out[activation.fault];
   }
   for (std::size_t fault = 0; fault < left_out.size(); ++fault) {
     if (left_out[fault] <= 0) continue;
     Json line = begin(fault);
     line["left_out_count"] = left_out[fault];
-    lines += line.dump() + "\n";
+    lines += JsonText(line) + "\n";
   }
   return lines;
 }
@@ -109,7 +110,7 @@ void WriteFlight(const std::filesystem::path& folder, const Scenario& scenario, 
   const auto& bytes = log.link.content();
   WriteFile(folder / "link.bin", {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
   WriteFile(folder / "firmware.log", log.firmware_log);
-  WriteFile(folder / "flight.json", FlightJson(log).dump() + "\n");
+  WriteFile(folder / "flight.json", JsonText(FlightJson(log)) + "\n");
 }
 
 RunLog ReadFlight(const std::filesystem::path& folder) {

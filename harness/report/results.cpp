@@ -9,6 +9,7 @@
 #include <sstream>
 
 #include "harness/report/files.h"
+#include "harness/report/json_text.h"
 #include "harness/report/trace_csv.h"
 
 namespace tiltproof::harness {
@@ -189,7 +190,7 @@ ScenarioResult NotFlown(const PlannedFlight& flight, const std::string& reason) 
   return result;
 }
 
-std::string ToJsonText(const ScenarioResult& result) { return ToJson(result).dump(2) + "\n"; }
+std::string ToJsonText(const ScenarioResult& result) { return JsonText(ToJson(result), 2) + "\n"; }
 
 std::string MetricsJsonText(const ScenarioResult& result) { return Json(result.score.metrics).dump(); }
 
@@ -246,7 +247,7 @@ void WriteRunInfo(const std::filesystem::path& folder, const RunInfo& info) {
   }
   json["not_applicable"] = ToJson(info.not_applicable);
   if (!info.realtime_rights.empty()) json["realtime_rights"] = info.realtime_rights;
-  WriteFile(folder / "run.json", json.dump(2) + "\n");
+  WriteFile(folder / "run.json", JsonText(json, 2) + "\n");
 }
 
 RunInfo ReadRunInfo(const std::filesystem::path& folder) {
@@ -289,7 +290,7 @@ void WriteResults(const std::filesystem::path& folder, const RunInfo& info,
   json["scenarios"] = Json::array();
   for (const auto& result : results) json["scenarios"].push_back(ToJson(result));
   json["not_applicable"] = ToJson(info.not_applicable);
-  WriteFile(folder / "results.json", json.dump(2) + "\n");
+  WriteFile(folder / "results.json", JsonText(json, 2) + "\n");
   WriteFile(folder / "junit.xml", JunitXml(info, results));
 }
 

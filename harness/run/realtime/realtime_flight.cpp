@@ -23,6 +23,7 @@
 #include "harness/run/realtime/node_processes.h"
 #include "harness/run/realtime/outcome.h"
 #include "harness/run/run_id.h"
+#include "harness/terminal/terminal.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -202,10 +203,9 @@ void RealtimeConductor::Conduct() {
   Command(dds::Verb::kArm, ports_, false);
   if (outcome_.ended()) return;
   started_ = sim_seen_ = SteadyClock::now();
-  // Bytes from before do not count, and a board says `start` but once. An emulator behind a socket is connected only
-  // now.
+  // Bytes from before do not count, and a board says `start` but once. An emulator's socket is connected only now.
   if (options_.board && !options_.client.starts_with("serial:unix:"))
-    fmt::print(stderr, "tiltproof: listening to the board: switch it on, or reset it, now\n");
+    Print(stderr, "tiltproof: listening to the board: switch it on, or reset it, now\n");
   Command(dds::Verb::kStart, {}, false);
   FlyToTheEnd();
 }
@@ -371,7 +371,7 @@ void RealtimeConductor::OnStates() {
 
 void RealtimeConductor::WatchMembers() {
   for (const std::string& stranger : members_.NewStrangers(nodes_->Nodes(), run_id_)) {
-    fmt::print(stderr, "warning: {}\n", stranger);
+    Print(stderr, "warning: {}\n", stranger);
     Note("node_ignored", stranger);
   }
   // While they load a scenario and open ports, nodes may be silent: the limit of a command is theirs.

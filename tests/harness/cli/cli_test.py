@@ -313,6 +313,13 @@ class CliTest(unittest.TestCase):
         path = self.scenario("taken", **{"name: taken": "name: run.json"})
         self.assertEqual(self.tiltproof("check", path)[0], 2)
 
+    def test_texts_of_a_scenario_reach_the_terminal_without_control_characters(self):
+        path = self.scenario("hostile", **{"duration_s": r'"\e[2Jduration\u009b\u202e_s"'})
+        code, out, err = self.tiltproof("check", path)
+        self.assertEqual((code, out), (2, ""))
+        self.assertIn(r"\x1b[2Jduration\xc2\x9b\xe2\x80\xae_s", err)
+        self.assertEqual([c for c in err if not c.isprintable() and c != "\n"], [])
+
     # firmware that misbehaves
 
     def misbehaving(self, *ways, flags=(), environment=None):
@@ -372,6 +379,17 @@ class CliTest(unittest.TestCase):
         self.assertIn("called exit(3) in tiltproof_client_destroy", text)
         self.assertIn("crashed in tiltproof_client_destroy: Aborted", text)
         self.assertIn("hung in tiltproof_client_destroy", text)
+
+    def test_what_it_says_reaches_the_terminal_without_control_characters(self):
+        said = "threw an exception: \\x1b[2J PASS forged\ufffd\\xc2\\x9b\\xe2\\x80\\xae"
+        code, text, results = self.misbehaving("throw_escapes")
+        self.assertEqual((code, results["throw_escapes"]["verdict"]), (1, "fail"), text)
+        self.assertIn(said, text)
+        self.assertEqual([c for c in text if not c.isprintable() and c != "\n"], [])
+        # A script gets what was said, but for the byte that is no UTF-8.
+        code, text, _ = self.misbehaving("throw_escapes", flags=["--format", "jsonl"])
+        self.assertTrue(text.isascii() and text.rstrip("\n").isprintable(), text)
+        self.assertIn("\x1b[2J PASS forged\ufffd\x9b\u202e", json.loads(text)["reason"])
 
     def test_its_floating_point_modes_are_its_own(self):
         _, _, results = self.misbehaving("calm", "round")

@@ -15,6 +15,7 @@
 
 /* Of misbehaving_throw.cpp. */
 void throw_exception(void);
+void throw_escapes(void);
 
 #define PERIOD_NS 12000000
 
@@ -79,6 +80,7 @@ static void misbehave(const char* how) {
   }
   if (strcmp(how, "pthread_exit") == 0) pthread_exit(NULL);
   if (strcmp(how, "throw") == 0) throw_exception();
+  if (strcmp(how, "throw_escapes") == 0) throw_escapes();
   if (strcmp(how, "stop") == 0) raise(SIGSTOP);
   if (strcmp(how, "fork") == 0) fork();
   if (strcmp(how, "round") == 0) fesetround(FE_UPWARD);

@@ -86,7 +86,7 @@ TEST(LibraryLogTest, PrintsNothingThatCouldCommandATerminal) {
   CaptureStderr();
   OnLibraryMessage("red \033[31m\r\n\x9b\x7f two\n", false);
   PrintLibraryTotal();
-  EXPECT_EQ(GetCapturedStderr(), "tiltproof: the bus library says: red ?[31m???? two\n");
+  EXPECT_EQ(GetCapturedStderr(), "tiltproof: the bus library says: red \\x1b[31m\\x0d\\x0a\\x9b\\x7f two\n");
 }
 
 TEST(LibraryLogTest, KeepsWhatIsSaidDuringACapture) {

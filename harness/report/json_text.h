@@ -1,0 +1,20 @@
+// JSON as text, whatever its strings hold: what is no UTF-8 becomes U+FFFD, where nlohmann would throw.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+namespace tiltproof::harness {
+
+// For a file.
+inline std::string JsonText(const nlohmann::ordered_json& json, int indent = -1) {
+  return json.dump(indent, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
+
+// For standard output, which may be a terminal: one line of ASCII, everything else as \uNNNN.
+inline std::string JsonLine(const nlohmann::ordered_json& json) {
+  // Of ASCII, DEL alone is a control character that JSON leaves as it is; nlohmann writes it as \u007f too.
+  return json.dump(-1, ' ', true, nlohmann::ordered_json::error_handler_t::replace);
+}
+
+}  // namespace tiltproof::harness
