@@ -48,29 +48,30 @@ std::vector<char*> Collect(const char* first, va_list& rest) {
 
 }  // namespace
 
+// Of those that do not return, <stdlib.h> and others say so.
 extern "C" {
 
 // NOLINTBEGIN(bugprone-reserved-identifier, cert-dcl37-c, cert-dcl50-cpp, cert-dcl51-cpp): the C library's names
 
-[[noreturn]] void exit(int code) noexcept {
+void exit(int code) noexcept {
   EndCallWithCode("exit", code);
   Next<void(int)>("exit")(code);
   abort();
 }
-[[noreturn]] void quick_exit(int code) noexcept {
+void quick_exit(int code) noexcept {
   EndCallWithCode("quick_exit", code);
   Next<void(int)>("quick_exit")(code);
   abort();
 }
-[[noreturn]] void _exit(int code) {
+void _exit(int code) {
   EndCallWithCode("_exit", code);
   for (;;) syscall(SYS_exit_group, code);
 }
-[[noreturn]] void _Exit(int code) noexcept {
+void _Exit(int code) noexcept {
   EndCallWithCode("_Exit", code);
   for (;;) syscall(SYS_exit_group, code);
 }
-[[noreturn]] void pthread_exit(void* value) {
+void pthread_exit(void* value) {
   FirmwareGuard::EndCall("called pthread_exit");
   Next<void(void*)>("pthread_exit")(value);
   abort();

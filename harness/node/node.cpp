@@ -217,9 +217,10 @@ void Node::WatchHarness() {
   for (const auto& node : others_->Nodes())
     if (node.alive && node.participant == harness_ && node.last.run_id == run_id_) harness_heard_ = now;
   if (now - harness_heard_ < kHarnessLostAfter) return;
-  Release();
+  // First: publishers that still have what the harness missed take a while to close.
   Print(stderr, "tiltproof node {}: the harness of run {} is gone; the run is given up\n", options_.name,
-        released_run_id_);
+        run_id_);
+  Release();
 }
 
 void Node::OnScenario() {

@@ -102,7 +102,8 @@ void Members::CheckHosts() const {
 }
 
 std::vector<MemberNews> Members::Watch(const std::vector<dds::NodeLife>& nodes, NodeProcesses* processes,
-                                       const std::set<std::string>& excused, SteadyClock::time_point now) {
+                                       const std::set<std::string>& excused,
+                                       const std::set<std::string>& paused, SteadyClock::time_point now) {
   std::vector<MemberNews> news;
   const auto is_excused = [&](const std::string& role) {
     return excused.contains(role) || excused.contains("all");
@@ -146,11 +147,11 @@ std::vector<MemberNews> Members::Watch(const std::vector<dds::NodeLife>& nodes, 
     if (process != nullptr && !kept_away) {
       // A busy machine makes a living node look dead for a moment; a stopped one is told apart at once.
       if (IsStopped(process->pid())) {
-        // By others, most likely: that is the machine's doing.
+        // By a fault: a firmware that hangs. By others: the machine's doing.
         const bool itself = HasStoppedItself(process->pid());
         Lose(member,
              itself ? "does not answer: it has stopped itself" : "does not answer: its process is stopped",
-             news, itself);
+             news, itself || paused.contains(member.role));
       } else if (now - std::max(*member.silent_since, member.excused_until) > kHangLimit) {
         Lose(member, "does not answer: it hangs", news, !HostIsSilent(member));
       }

@@ -61,6 +61,10 @@ void NodeFaults::Apply(const faults::NodeCommand& command, bool begin, TimeNs no
     what = "killed";
   } else if (command.type == "node.pause" && process != nullptr) {
     process->Signal(begin ? SIGSTOP : SIGCONT);
+    if (begin)
+      paused_.insert(node);
+    else
+      paused_.erase(node);
     what = begin ? "stopped" : "continued";
   } else if (command.type == "node.restart" && process != nullptr) {
     what = begin ? "killed, to be started again" : "started again";

@@ -40,6 +40,8 @@ class NodeFaults {
 
   // Roles that a fault keeps away just now: their silence is no loss.
   const std::set<std::string>& excused() const { return excused_; }
+  // Roles whose processes a fault has stopped just now.
+  const std::set<std::string>& paused() const { return paused_; }
   // Nothing is expected of the run any more: processes that were stopped must not stay so.
   void ContinueAll(NodeProcesses& processes);
 
@@ -55,7 +57,7 @@ class NodeFaults {
   std::vector<bool> begun_, ended_;
   faults::FaultSchedule counts_;
   std::map<std::string, double> loss_;
-  std::set<std::string> excused_;
+  std::set<std::string> excused_, paused_;
   std::vector<LateSpan> disturbed_;  // while a fault acted, and a second to recover
   std::int64_t sequence_ = 0;
 };

@@ -376,9 +376,9 @@ void RealtimeConductor::WatchMembers() {
   }
   // While they load a scenario and open ports, nodes may be silent: the limit of a command is theirs.
   const bool flying = started_ != SteadyClock::time_point{};
-  for (const MemberNews& news :
-       members_.Watch(flying ? nodes_->Nodes() : std::vector<dds::NodeLife>{},
-                      processes_ ? &*processes_ : nullptr, node_faults_.excused(), SteadyClock::now())) {
+  for (const MemberNews& news : members_.Watch(flying ? nodes_->Nodes() : std::vector<dds::NodeLife>{},
+                                               processes_ ? &*processes_ : nullptr, node_faults_.excused(),
+                                               node_faults_.paused(), SteadyClock::now())) {
     // Released, they go.
     if (releasing_) continue;
     switch (news.kind) {

@@ -144,7 +144,7 @@ class WatchTest : public ::testing::Test {
     ASSERT_TRUE(members_.Adopt(nodes_, nullptr, false, "run", missing));
   }
   std::vector<MemberNews> Watch(const std::set<std::string>& excused = {}) {
-    return members_.Watch(nodes_, nullptr, excused, now_);
+    return members_.Watch(nodes_, nullptr, excused, {}, now_);
   }
   std::chrono::steady_clock::time_point now_{std::chrono::hours(1)};
   std::vector<NodeLife> nodes_ = Fleet();
