@@ -25,7 +25,7 @@ std::optional<Participant> ParticipantNamed(const std::string& text) {
     const auto digit = kDigits.find(text[i]);
     if (digit == std::string_view::npos) return std::nullopt;
     auto& byte = participant.guid[i / 2];
-    byte = static_cast<std::uint8_t>(byte << 4 | digit);
+    byte = static_cast<std::uint8_t>(std::size_t{byte} << 4U | digit);
   }
   return participant;
 }

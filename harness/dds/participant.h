@@ -21,6 +21,7 @@ namespace tiltproof::dds {
 // The identity of a process on the bus: the GUID of its DDS participant. New for each Bus.
 struct Participant {
   std::array<std::uint8_t, 16> guid{};
+  // NOLINTNEXTLINE(modernize-use-nullptr): of clang-tidy 14 on any defaulted comparison
   auto operator<=>(const Participant&) const = default;
 };
 // 32 hexadecimal digits, and back; nullopt for anything else.

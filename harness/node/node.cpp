@@ -217,7 +217,9 @@ void Node::WatchHarness() {
   for (const auto& node : others_->Nodes())
     if (node.alive && node.participant == harness_ && node.last.run_id == run_id_) harness_heard_ = now;
   if (now - harness_heard_ < kHarnessLostAfter) return;
-  // First: publishers that still have what the harness missed take a while to close.
+  // The firmware goes first, since what is printed while it is there is its own; the log last, since publishers that
+  // still have what the harness missed take a while to close.
+  role_.reset();
   Print(stderr, "tiltproof node {}: the harness of run {} is gone; the run is given up\n", options_.name,
         run_id_);
   Release();

@@ -5,6 +5,9 @@
 
 #include <fstream>
 #if __has_include(<sys/platform/x86.h>)
+#ifdef __clang__
+using _Bool = bool;  // NOLINT: the header is written for C; GCC knows the word in C++, too
+#endif
 #include <sys/platform/x86.h>
 #endif
 

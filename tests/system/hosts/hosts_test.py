@@ -29,6 +29,7 @@ OVERHEAD_LIMIT_S = 40
 # What the harness and the nodes promise: a node on another host that is away for 5 s is lost, a harness for 6 s gone.
 NODE_AWAY_LIMIT_S = 5
 HARNESS_AWAY_LIMIT_S = 6
+CLOSING_LIMIT_S = 3  # publishers that still have what the harness missed wait for it, up to a second each
 
 BAD_NETWORK = {"loss": 0.01, "delay_ms": 5, "duplicate": 0, "cut": False}
 VEHICLE_NODES = ("plant", "link", "client")
@@ -124,7 +125,7 @@ class FleetTest(unittest.TestCase):
     def given_up(self, kinds, begin):
         """Waits until these nodes say that their harness is gone. `begin`: where to look in their logs."""
         for kind in kinds:
-            wait_until(lambda k=kind: "is given up" in self.fleet.read(k)[begin[k]:], HARNESS_AWAY_LIMIT_S + 1,
+            wait_until(lambda k=kind: "is given up" in self.fleet.read(k)[begin[k]:], HARNESS_AWAY_LIMIT_S + CLOSING_LIMIT_S,
                        f"the {kind} node gives the run up")
 
     def log_ends(self):
