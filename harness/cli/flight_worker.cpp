@@ -97,7 +97,7 @@ ScenarioResult FlyJob(const FlightJob& job, WorkerReport& report, const std::ato
   };
   const RunLog log = FlyByMeans(job, report, interrupted, score, client);
   cut_short = log.end_reason == EndReason::kInterrupted;
-  // Scoring and writing are progress too, for whoever watches.
+  // Scoring and writing are progress too, for the parent that watches.
   report.progress_ns.fetch_add(1, std::memory_order_relaxed);
   score(log);
   report.progress_ns.fetch_add(1, std::memory_order_relaxed);

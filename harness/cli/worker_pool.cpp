@@ -35,7 +35,7 @@ using SteadyClock = std::chrono::steady_clock;
 constexpr TimeNs kStuckAfterNs = 300 * kNsPerS;
 // One that has been stopped by its firmware is given so long to leave the call, once it goes on.
 constexpr TimeNs kLastChanceNs = kNsPerS;
-// When a flight has stood still for so long for a reason that counts against nobody, that is said.
+// When a flight has stood still for so long for a reason that is not its fault, that is said.
 constexpr TimeNs kToldAfterNs = 5 * kNsPerS;
 // A conductor in real time makes progress on every turn of its loop, so that only scoring and writing, which
 // grow with the flight, can take a while.
@@ -276,7 +276,7 @@ class Pool {
                                                            : kLastChanceNs;
   }
 
-  // Why a flight stands still, to the user: that time counts against nobody.
+  // Why a flight stands still, to the user: that time is not counted.
   void Tell(const std::string& text) {
     ClearProgress();
     Print(stderr, "tiltproof: {}; that time does not count\n", text);
