@@ -13,7 +13,7 @@ Written by `tiltproof faults`.
 A fault acts in its window `[start_s, end_s)`: a fault on the wire on the frames whose first byte
 enters the wire in it, one on sensors or actuators on the samples in it. Frames that the sender hands
 over before the server has accepted `start` (the first sensor request is among them) are only in
-windows without `start_s`. A fault on a node or on the device is a command, given at `start_s` and
+windows without `start_s`. A fault on a node, on the device or on a clock is a command, given at `start_s` and
 taken back at `end_s`, without target and trigger; nodes are processes in real time only. A fault of
 the firmware's receiver acts on the bytes that arrive there in the window, each for itself. What a
 fault asks of the client it says under "Needs"; a client that cannot do it refuses the scenario.
@@ -30,13 +30,19 @@ reach it. What changed nothing is no activation.
 
 std::string ValueText(const ParameterValue& value) {
   if (const auto* number = std::get_if<double>(&value)) return NumberText(*number);
+  if (const auto* v = std::get_if<std::array<double, 3>>(&value))
+    return Concat({"[", NumberText((*v)[0]), ", ", NumberText((*v)[1]), ", ", NumberText((*v)[2]), "]"});
   return std::get<std::string>(value);
 }
 
 std::string AllowedText(const ParameterInfo& info) {
   if (info.kind == ParameterKind::kChoice) return Joined(info.choices);
+  if (info.kind == ParameterKind::kSensor) return "a sensor of the vehicle";
+  if (info.kind == ParameterKind::kInput) return "an input of the vehicle, without its unit";
   if (info.kind == ParameterKind::kText)
     return Concat({"text of 1 to ", std::to_string(kParameterTextMax), " printable characters"});
+  if (info.kind == ParameterKind::kVector)
+    return Concat({"[x, y, z], each ", NumberText(info.min), " to ", NumberText(info.max)});
   const std::string_view whole = info.kind == ParameterKind::kInteger ? ", whole" : "";
   return Concat({NumberText(info.min), " to ", NumberText(info.max), whole});
 }
@@ -62,8 +68,11 @@ std::string NeedsText(Needs needs) {
       return " Needs an emulated board.";
     case Needs::kEmulation:
       return " Needs an emulated board in lockstep.";
-    case Needs::kParityLine:
-      return " Needs a line with parity, which there is none of.";
+    case Needs::kClock:
+      return " Needs, for the client, a library or, in lockstep, an emulated board; for the others real "
+             "time.";
+    case Needs::kClockJump:
+      return " Needs real time; for the client, a library.";
   }
   return "";
 }
@@ -71,15 +80,18 @@ std::string NeedsText(Needs needs) {
 std::string TargetMarkdown(const FaultType& type) {
   if (type.is_command())
     return Concat({"No target, no trigger. ", WindowText(type), NeedsText(type.needs), "\n\n"});
-  if (!type.has_target()) return Concat({"No target. Edits ", Name(type.stage), " values.\n\n"});
+  if (type.IsOneOf<SensorKind>()) return "No target. Edits sensor values.\n\n";
+  if (type.IsOneOf<ActuatorKind>()) return "No target. Edits actuator values.\n\n";
+  if (type.IsOneOf<PlantKind>()) return "No target. Disturbs the vehicle itself.\n\n";
+  const auto* wire = type.As<WireKind>();
   std::vector<std::string_view> names;
   for (const Target target : AcceptedTargets(type)) {
     if (target != Target::kNone) names.push_back(Name(target));
   }
   const std::string without =
-      type.default_target ? Concat({"; ", Name(*type.default_target), " when not stated"}) : "";
-  return Concat({"Target: ", Joined(names), without, ". Stage: ", Name(type.stage), ".",
-                 NeedsText(type.needs), "\n\n"});
+      type.default_target() ? Concat({"; ", Name(*type.default_target()), " when not stated"}) : "";
+  return Concat({"Target: ", Joined(names), without, ". Stage: ",
+                 wire != nullptr ? Name(wire->stage) : "receiver", ".", NeedsText(type.needs), "\n\n"});
 }
 
 std::string ParametersMarkdown(const FaultType& type) {
@@ -95,6 +107,11 @@ std::string ParametersMarkdown(const FaultType& type) {
   }
   text += "\n";
   if (!zeros.empty()) text += Concat({"Changes nothing with ", zeros, ".\n\n"});
+  for (const ParameterInfo& info : type.parameters) {
+    if (!info.severity) continue;
+    text += Concat({"Severity: `", info.name, "`, from the harmless ", ValueText(*info.zero), ", on a ",
+                    *info.severity == Scale::kLinear ? "linear" : "logarithmic", " scale.\n\n"});
+  }
   return text;
 }
 

@@ -1,6 +1,7 @@
 #include "faults/device_command.h"
 
 #include <algorithm>
+#include <optional>
 #include <stdexcept>
 
 #include "faults/random.h"
@@ -17,6 +18,14 @@ TimeNs FlipInstant(const Window& window, std::uint64_t stream) {
   return window.begin_ns + static_cast<TimeNs>(Random(stream).Below(length_ns));
 }
 
+// A clock that jumps is a node's, in real time alone.
+std::optional<DeviceAction> DriftOfClient(const ClockKind& clock, const Parameters& parameters) {
+  if (parameters.Choice("node") != "client") return std::nullopt;
+  const ClockAction action = clock.make(parameters);
+  if (const auto* drift = std::get_if<DriftClock>(&action)) return *drift;
+  return std::nullopt;
+}
+
 }  // namespace
 
 std::vector<DeviceCommand> DeviceCommands(const std::vector<FaultSpec>& specs, std::uint64_t seed) {
@@ -24,32 +33,36 @@ std::vector<DeviceCommand> DeviceCommands(const std::vector<FaultSpec>& specs, s
   for (std::size_t fault = 0; fault < specs.size(); ++fault) {
     const FaultSpec& spec = specs[fault];
     const FaultType& type = ValidType(spec);
-    if (!type.on_device) continue;
-    const Window window = WindowOf(spec);
-    DeviceCommand command{.at_ns = std::max<TimeNs>(window.begin_ns, 0),
-                          .until_ns = window.end_ns,
-                          .fault = fault,
-                          .type = spec.type,
-                          .parameters = ResolvedParameters(spec, type)};
-    if (type.at_an_instant) {
-      command.at_ns = FlipInstant(window, StreamKey(seed, {spec.id, "instant"}));
-      command.until_ns = kNever;
-      command.bits_stream = StreamKey(seed, {spec.id, "bits"});
+    const Parameters parameters = ResolvedParameters(spec, type);
+    const auto* kind = type.As<DeviceKind>();
+    std::optional<DeviceAction> action;
+    if (kind != nullptr) action = kind->make({parameters, StreamKey(seed, {spec.id, "bits"})});
+    if (const auto* clock = type.As<ClockKind>()) action = DriftOfClient(*clock, parameters);
+    if (!action) continue;
+    for (const Window& stretch : Activity(spec, WindowOf(spec)).Stretches()) {
+      DeviceCommand command{.at_ns = std::max<TimeNs>(stretch.begin_ns, 0),
+                            .until_ns = stretch.end_ns,
+                            .fault = fault,
+                            .action = *action};
+      if (kind != nullptr && kind->at_an_instant) {
+        command.at_ns = FlipInstant(stretch, StreamKey(seed, {spec.id, "instant"}));
+        command.until_ns = kNever;
+      }
+      commands.push_back(std::move(command));
     }
-    commands.push_back(std::move(command));
   }
   std::stable_sort(commands.begin(), commands.end(),
                    [](const DeviceCommand& a, const DeviceCommand& b) { return a.at_ns < b.at_ns; });
   return commands;
 }
 
-std::vector<BitFlip> DrawBitFlips(std::uint64_t bits_stream, std::uint32_t size_bytes,
-                                  std::int64_t bit_count) {
+std::vector<BitFlip> DrawBitFlips(const FlipBits& request, std::uint32_t size_bytes) {
+  const std::int64_t bit_count = request.bit_count;
   const std::uint64_t bits = std::uint64_t{8} * size_bytes;
   if (bit_count < 0 || static_cast<std::uint64_t>(bit_count) > bits)
     throw std::invalid_argument(Concat({"cannot flip ", std::to_string(bit_count), " different bits of ",
                                         std::to_string(size_bytes), " bytes"}));
-  Random random(bits_stream);
+  Random random(request.stream);
   std::vector<BitFlip> flips;
   while (flips.size() < static_cast<std::size_t>(bit_count)) {
     const std::uint64_t drawn = random.Below(bits);

@@ -3,38 +3,54 @@
 // Such a fault edits nothing that passes. It is a command, and who runs the device carries it out, at the
 // exact virtual time:
 //
-//   FaultSchedule faults(scenario.faults, scenario.seed);
-//   for (const DeviceCommand& command : DeviceCommands(scenario.faults, scenario.seed)) {
-//     At(command.at_ns, [&] { Reset(...); faults.Count(command.fault, now, "reset"); });
-//   }
+//   for (const DeviceCommand& command : DeviceCommands(scenario.faults, scenario.seed))
+//     std::visit(Overloaded{[&](const ResetProcessor&) { ResetAt(command.at_ns); }, ...}, command.action);
 //
-// Of a bit flip the command has no addresses: who knows the firmware's image knows where the region lies.
+// FlipBits has no addresses: who knows the firmware's image knows where the region lies.
 //
-//   for (const BitFlip& flip : DrawBitFlips(command.bits_stream, region.size, command.parameters.Integer("bit_count")))
+//   for (const BitFlip& flip : DrawBitFlips(flips, region.size_bytes))
 //     memory[region.begin + flip.byte_offset] ^= 1U << flip.bit;
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <string>
+#include <variant>
 #include <vector>
 
+#include "faults/clock_action.h"
 #include "faults/fault.h"
-#include "faults/model.h"
+#include "faults/parameters.h"
 #include "link/time.h"
 
 namespace tiltproof::faults {
+
+struct ResetProcessor {};   // by its pin, and held until the end
+struct ResetByWatchdog {};  // the same, and says that it was the watchdog
+struct HangProcessor {};    // for good, or until a watchdog runs out
+struct StallProcessor {};   // until the end
+struct FlipBits {
+  std::string region;  // "ram", "data", "bss", "stack", or an object of the image
+  std::int64_t bit_count = 0;
+  std::uint64_t stream = 0;  // for DrawBitFlips()
+};
+using DeviceAction =
+    std::variant<ResetProcessor, ResetByWatchdog, HangProcessor, StallProcessor, FlipBits, DriftClock>;
+
+// What an action is made from.
+struct DeviceSetup {
+  const Parameters& parameters;
+  std::uint64_t stream;  // key of the fault's random stream
+};
 
 struct DeviceCommand {
   TimeNs at_ns = 0;          // simulation time, not negative; drawn, where a bit flip has a window
   TimeNs until_ns = kNever;  // the processor runs again, the clock is right again; kNever: not taken back
   std::size_t fault = 0;     // index in the scenario's list
-  std::string type;          // "device.stall"
-  Parameters parameters;     // of the type, defaults filled in
-  std::uint64_t bits_stream = 0;  // device.bit_flip: for DrawBitFlips()
+  DeviceAction action;
 };
 
-// Those of the faults that are on the device, in order of time, at the same time in the order of the file.
+// Those of the faults that are on the device, drifts of the client's clock among them, in order of time, at the same time in the order of the file.
 // Throws std::invalid_argument, naming fault and key, when a fault is not valid.
 std::vector<DeviceCommand> DeviceCommands(const std::vector<FaultSpec>& specs, std::uint64_t seed);
 
@@ -44,9 +60,8 @@ struct BitFlip {
   friend bool operator==(const BitFlip&, const BitFlip&) = default;
 };
 
-// `bit_count` bits of `size_bytes`, all different, every choice alike; a smaller count draws the first of
+// `request.bit_count` bits of `size_bytes`, all different, every choice alike; a smaller count draws the first of
 // these. Throws std::invalid_argument when there are not that many.
-std::vector<BitFlip> DrawBitFlips(std::uint64_t bits_stream, std::uint32_t size_bytes,
-                                  std::int64_t bit_count);
+std::vector<BitFlip> DrawBitFlips(const FlipBits& request, std::uint32_t size_bytes);
 
 }  // namespace tiltproof::faults

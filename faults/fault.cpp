@@ -20,6 +20,8 @@ std::string_view Name(Target target) {
   return "unknown";
 }
 
+std::string_view Name(Edge edge) { return edge == Edge::kRising ? "rising" : "level"; }
+
 void WireContext::Say(std::string_view text) const {
   constexpr std::string_view kRest = ", ...";
   if (what == nullptr || what->ends_with(kRest)) return;

@@ -20,8 +20,8 @@
 #include <variant>
 #include <vector>
 
+#include "faults/parameters.h"
 #include "link/chunk.h"
-#include "link/signals.h"
 #include "link/time.h"
 
 namespace tiltproof::faults {
@@ -29,21 +29,43 @@ namespace tiltproof::faults {
 enum class Target : std::uint8_t { kNone, kToClient, kToPlant, kBoth, kReference };
 std::string_view Name(Target target);
 
+// With `when`: how its condition makes the fault active.
+enum class Edge : std::uint8_t {
+  kLevel,   // while it holds
+  kRising,  // from where it turns true within the window to the window's end
+};
+std::string_view Name(Edge edge);
+
+// The window opens `delay_ns` after another fault's first activation.
+struct After {
+  std::string fault;  // its id
+  TimeNs delay_ns = 0;
+  friend bool operator==(const After&, const After&) = default;
+};
+
 // A fault as the scenario states it. All checks (known type, parameters in range, target that the type
 // accepts) are the registry's Validate(); the scenario reader adds places in the file.
 struct FaultSpec {
   std::string id;    // unique in the scenario; names the random stream
   std::string type;  // "wire.bit_error"
   Target target = Target::kNone;
+  std::string client;  // whose line, samples or board; empty: every client's, each with draws of its own
   TimeNs start_ns =
       kPowerOn;  // [start, end): by when a frame's first byte enters the wire; others by the sample's time
   TimeNs end_ns = kNever;
+  TimeNs period_ns = kNever;   // with `duty`: active in the first part of each period, counted from start_ns;
+  std::optional<double> duty;  // kNever: throughout the window. duty in (0, 1]
+  std::string when;            // a condition on the flight's rows, with `edge`; empty: none
+  Edge edge = Edge::kLevel;
+  std::optional<After> after;
   std::int64_t every_nth_count = 1;          // of the frames or samples in the window, the nth, 2nth, ...
   double probability = 1.0;                  // then with this probability
   std::optional<link::MessageKind> message;  // the fault sees frames of this kind only
-  // By name; numbers as double, choices (`signal`, `actuator`, `distribution`) as text.
-  std::map<std::string, std::variant<double, std::string>> parameters;
+  std::map<std::string, ParameterValue> parameters;  // by name
 };
+
+// Whether it is active when others say so (faults/news.h), not by the clock alone.
+inline bool WaitsForNews(const FaultSpec& spec) { return !spec.when.empty() || spec.after.has_value(); }
 
 // One time that a fault acted.
 struct Activation {

@@ -26,10 +26,15 @@ class Recorder {
   // are those of the line (boot time), not simulation time.
   template <class Make>
   void Count(std::size_t fault, bool in_line_time, std::size_t bytes, Make&& make) {
-    if (Keeps(fault) && bytes <= kActivationBytesMax &&
-        bytes_[fault] + bytes <= kActivationsBytesMax / counts_.size()) {
-      kept_.push_back({make(), in_line_time});
-      bytes_[fault] += bytes;
+    const bool keeps = Keeps(fault) && bytes <= kActivationBytesMax &&
+                       bytes_[fault] + bytes <= kActivationsBytesMax / counts_.size();
+    if (keeps || counts_[fault] == 0) {
+      Kept record{make(), in_line_time};
+      if (counts_[fault] == 0) firsts_.push_back({fault, record.activation.time_ns, in_line_time});
+      if (keeps) {
+        kept_.push_back(std::move(record));
+        bytes_[fault] += bytes;
+      }
     }
     ++counts_[fault];
   }
@@ -38,6 +43,14 @@ class Recorder {
   void Count(std::size_t fault, bool in_line_time, Make&& make) {
     Count(fault, in_line_time, 0, std::forward<Make>(make));
   }
+
+  struct First {
+    std::size_t fault;
+    TimeNs time_ns;
+    bool in_line_time;
+  };
+  // The first activation of each fault that acted since the last call.
+  std::vector<First> TakeFirsts() { return std::exchange(firsts_, {}); }
 
   const std::vector<std::int64_t>& counts() const { return counts_; }
   // What was kept, in order of time, all in simulation time; `origin_ns` is the boot time of t = 0.
@@ -51,6 +64,7 @@ class Recorder {
   std::vector<std::int64_t> counts_;
   std::vector<std::size_t> bytes_;  // of what was kept
   std::vector<Kept> kept_;
+  std::vector<First> firsts_;
 };
 
 }  // namespace tiltproof::faults

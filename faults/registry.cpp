@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "faults/nearest_name.h"
+#include "faults/signal_choice.h"
 #include "faults/text.h"
 
 namespace tiltproof::faults {
@@ -36,17 +37,16 @@ namespace tiltproof::faults {
   FAULT(NodeRestart)                 \
   FAULT(DdsPartition)                \
   FAULT(DdsLoss)                     \
-  FAULT(ClockSkew)                   \
+  FAULT(ClockDrift)                  \
+  FAULT(ClockJump)                   \
   FAULT(DeviceReset)                 \
   FAULT(DeviceWatchdogReset)         \
   FAULT(DeviceHang)                  \
   FAULT(DeviceStall)                 \
   FAULT(DeviceBitFlip)               \
-  FAULT(DeviceClockDrift)            \
   FAULT(UartOverrun)                 \
   FAULT(UartFramingError)            \
   FAULT(UartNoiseError)              \
-  FAULT(UartParityError)             \
   FAULT(HarnessNull)                 \
   FAULT(HarnessCanary)
 
@@ -86,6 +86,18 @@ bool IsParameterText(std::string_view text) {
          std::all_of(text.begin(), text.end(), is_printable);
 }
 
+struct FormerType {
+  std::string_view name, why;
+};
+constexpr FormerType kFormerTypes[] = {
+    {"clock.skew", "was replaced by clock.drift {node, ppm} and clock.jump {node, jump_ms}"},
+    {"device.clock_drift", "was replaced by clock.drift {ppm}"},
+    {"uart.parity_error", "was removed: all lines are 8N1, where no receiver checks parity"},
+};
+
+// Of one fault.
+constexpr TimeNs kCommandsMax = 1000;
+
 class Validator {
  public:
   explicit Validator(const FaultSpec& spec) : spec_(spec) {}
@@ -96,11 +108,16 @@ class Validator {
     if (type == nullptr) {
       std::vector<std::string_view> names;
       for (const FaultType& known : FaultTypes()) names.push_back(known.name);
-      Add("type", {"unknown fault type '", spec_.type, "'", Suggestion(spec_.type, names)});
+      if (const std::string_view why = WhyNoLonger(spec_.type); !why.empty())
+        Add("type", {"'", spec_.type, "' ", why});
+      else
+        Add("type", {"unknown fault type '", spec_.type, "'", Suggestion(spec_.type, names)});
       return std::move(problems_);
     }
     CheckBound(*type, "start_s", type->start, spec_.start_ns != kPowerOn);
     CheckBound(*type, "end_s", type->end, spec_.end_ns != kNever);
+    CheckPeriod(*type);
+    CheckWaiting(*type);
     if (type->is_command()) CheckCommand(*type);
     CheckTarget(*type);
     CheckMessage(*type);
@@ -126,7 +143,44 @@ class Validator {
     if (bound == Bound::kRefused && stated) Add(key, {type.name, " takes no ", key});
   }
 
-  // A command is given once, at a time.
+  void CheckWaiting(const FaultType& type) {
+    if (spec_.when.empty() && spec_.edge != Edge::kLevel) Add("edge", {"needs when, whose edge it is"});
+    if (spec_.after && spec_.after->fault == spec_.id) Add("after.fault", {"a fault cannot wait for itself"});
+    if (spec_.after && spec_.after->delay_ns < 0) Add("after.delay_s", {"must be at least 0"});
+    if (!type.is_command()) return;
+    if (!spec_.when.empty())
+      Add("when", {type.name, " is a command, planned before the flight: it takes no when"});
+    if (spec_.after) Add("after", {type.name, " is a command, planned before the flight: it takes no after"});
+  }
+
+  void CheckPeriod(const FaultType& type) {
+    if (spec_.period_ns == kNever) {
+      if (spec_.duty) Add("duty", {"needs period_s, of which it is a part"});
+      return;
+    }
+    if (spec_.period_ns <= 0) Add("period_s", {"must be more than 0"});
+    if (!spec_.duty)
+      Add("period_s", {"needs duty: the part of each period in which the fault is active"});
+    else if (!(*spec_.duty > 0.0 && *spec_.duty <= 1.0))
+      Add("duty", {"must be more than 0 and at most 1"});
+    if (spec_.start_ns == kPowerOn && !spec_.after)
+      Add("period_s", {"needs start_s, from which the periods are counted"});
+    if (type.is_command()) CheckPeriodOfCommand(type);
+  }
+
+  // It is given anew in every period, so it must be taken back before.
+  void CheckPeriodOfCommand(const FaultType& type) {
+    if (type.happens_once()) {
+      Add("period_s", {type.name, " happens once: add a fault for each further time"});
+    } else if (spec_.end_ns == kNever) {
+      Add("period_s", {"needs end_s: a command is planned for each period before the flight"});
+    } else if (spec_.period_ns > 0 && spec_.end_ns > spec_.start_ns && spec_.start_ns != kPowerOn &&
+               (spec_.end_ns - spec_.start_ns) / spec_.period_ns >= kCommandsMax) {
+      Add("period_s", {"makes more than ", std::to_string(kCommandsMax), " commands"});
+    }
+  }
+
+  // A command is given at a time, whatever passes.
   void CheckCommand(const FaultType& type) {
     if (spec_.start_ns != kPowerOn && spec_.start_ns < 0) Add("start_s", {"must be at least 0"});
     if (spec_.every_nth_count != 1) Add("every_nth_count", {type.name, " takes no every_nth_count"});
@@ -149,7 +203,7 @@ class Validator {
 
   void CheckMessage(const FaultType& type) {
     if (!spec_.message) return;
-    if (!type.on_wire()) {
+    if (!type.IsOneOf<WireKind>()) {
       Add("message", {type.name, " acts on no frames: it takes no message"});
       return;
     }
@@ -192,11 +246,27 @@ class Validator {
       }
       return;
     }
+    if (NamesSignal(info.kind)) {
+      const auto* text = std::get_if<std::string>(&value);
+      if (text == nullptr || !IsSignalName(*text))
+        Add(key, {"'", info.name, "' must be the name of a signal: letters, digits and '_'"});
+      return;
+    }
     if (info.kind == ParameterKind::kText) {
       const auto* text = std::get_if<std::string>(&value);
       if (text == nullptr || !IsParameterText(*text))
         Add(key, {"'", info.name, "' must be a text of 1 to ", std::to_string(kParameterTextMax),
                   " printable ASCII characters, without blanks at its ends"});
+      return;
+    }
+    if (info.kind == ParameterKind::kVector) {
+      const auto* vector = std::get_if<std::array<double, 3>>(&value);
+      const auto in_range = [&](double part) { return part >= info.min && part <= info.max; };
+      if (vector == nullptr || !std::all_of(vector->begin(), vector->end(), in_range))
+        Add(key, {"'", info.name, "' must be three numbers [x, y, z], each between ", NumberText(info.min),
+                  " and ", NumberText(info.max)});
+      else if (*vector == std::array<double, 3>{})
+        Add(key, {"'", info.name, "' must not be all zero: it is a direction"});
       return;
     }
     const auto* number = std::get_if<double>(&value);
@@ -215,28 +285,6 @@ class Validator {
 
 }  // namespace
 
-std::string_view Name(Stage stage) {
-  switch (stage) {
-    case Stage::kFrame:
-      return "frame";
-    case Stage::kByte:
-      return "byte";
-    case Stage::kTiming:
-      return "timing";
-    case Stage::kSensor:
-      return "sensor";
-    case Stage::kActuator:
-      return "actuator";
-    case Stage::kReceiver:
-      return "receiver";
-    case Stage::kNode:
-      return "node";
-    case Stage::kDevice:
-      return "device";
-  }
-  return "unknown";
-}
-
 std::string_view Name(ReceiveMark mark) {
   switch (mark) {
     case ReceiveMark::kNone:
@@ -247,8 +295,6 @@ std::string_view Name(ReceiveMark mark) {
       return "framing error";
     case ReceiveMark::kNoise:
       return "noise error";
-    case ReceiveMark::kParity:
-      return "parity error";
   }
   return "unknown";
 }
@@ -265,17 +311,24 @@ const FaultType* FindFaultType(std::string_view name) {
   return nullptr;
 }
 
+std::string_view WhyNoLonger(std::string_view name) {
+  for (const FormerType& former : kFormerTypes) {
+    if (former.name == name) return former.why;
+  }
+  return {};
+}
+
 std::vector<Target> AcceptedTargets(const FaultType& type) {
   if (!type.has_target()) return {Target::kNone};
   std::vector<Target> targets = {Target::kToClient, Target::kToPlant, Target::kBoth, Target::kReference};
   // The lines that end at the firmware.
-  if (type.on_receiver()) targets = {Target::kToClient, Target::kReference};
-  if (type.default_target) targets.push_back(Target::kNone);
+  if (type.IsOneOf<ReceiverKind>()) targets = {Target::kToClient, Target::kReference};
+  if (type.default_target()) targets.push_back(Target::kNone);
   return targets;
 }
 
 Target ResolvedTarget(const FaultSpec& spec, const FaultType& type) {
-  return spec.target == Target::kNone ? type.default_target.value_or(Target::kNone) : spec.target;
+  return spec.target == Target::kNone ? type.default_target().value_or(Target::kNone) : spec.target;
 }
 
 Parameters ResolvedParameters(const FaultSpec& spec, const FaultType& type) {

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "faults/fault.h"
-#include "faults/model.h"
+#include "faults/fault_type.h"
 
 namespace tiltproof::faults {
 
@@ -19,6 +19,9 @@ namespace tiltproof::faults {
 const std::vector<FaultType>& FaultTypes();
 // Null when there is none of that name.
 const FaultType* FindFaultType(std::string_view name);
+
+// Of a name that was a type once: "was replaced by clock.drift ..."; empty for any other.
+std::string_view WhyNoLonger(std::string_view name);
 
 // What a fault may be aimed at, Target::kNone being "no target": the main line or the reference line for
 // faults on the wire, nothing for others.

@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <array>
-#include <cstdio>
+#include <optional>
+#include <stdexcept>
 #include <utility>
 
 #include "faults/bits.h"
@@ -10,6 +11,7 @@
 #include "faults/registry.h"
 #include "faults/text.h"
 #include "faults/trigger.h"
+#include "faults/vehicle_stage.h"
 #include "faults/wire_stage.h"
 
 namespace tiltproof::faults {
@@ -33,112 +35,138 @@ std::vector<Direction> DirectionsOf(Target target) {
   return {};
 }
 
-// "x_m 1.25 -> 1.75, ...": the fields that differ.
-template <class Group, class Fields, class Member>
-std::string Changes(const Group& before, const Group& after, const Fields& fields, Member member) {
-  std::string text;
-  for (const auto& field : fields) {
-    const auto from = before.*(field.*member);
-    const auto to = after.*(field.*member);
-    if (from == to) continue;
-    std::array<char, 96> change{};
-    std::snprintf(change.data(), change.size(), "%s%.*s %.9g -> %.9g", text.empty() ? "" : ", ",
-                  static_cast<int>(field.column.size()), field.column.data(), static_cast<double>(from),
-                  static_cast<double>(to));
-    text += change.data();
-  }
-  return text.empty() ? "nothing changed" : text;
-}
-
-struct SensorInjector {
-  std::size_t fault;
-  Window window;
-  Trigger trigger;
-  bool always_counts;
-  std::unique_ptr<SensorModel> model;
-};
-
 struct ReceiverInjector {
   std::size_t fault;
   link::Direction direction;
-  Window scenario_window;  // in simulation time
-  Window window;           // in boot time
+  const Activity* activity;
   Trigger trigger;
   ReceiveMark mark;
   double probability;
   std::uint64_t stream;  // one generator a byte
 };
 
-struct ActuatorInjector {
-  std::size_t fault;
-  Window window;
-  Trigger trigger;
-  std::unique_ptr<ActuatorModel> model;
-  // About the latest command: whether the trigger was asked and what it said, and whether a change was
-  // counted.
-  bool decided = false;
-  bool picked = false;
-  bool counted = false;
-};
-
 }  // namespace
 
 struct FaultSchedule::State {
-  explicit State(std::size_t fault_count) : recorder(fault_count) {
+  State(std::size_t fault_count, const Place& place) : recorder(fault_count) {
     for (WireStage& stage : stages) stage.SetRecorder(&recorder);
+    for (Line& line : lines) line.baud = place.baud;
+    lines[static_cast<std::size_t>(Direction::kReference)].baud = place.reference_baud;
+    if (place.signals) {
+      signals = *place.signals;
+      vehicle.emplace(signals, place.step_ns, recorder);
+    }
   }
+
+  // A fault of one kind, where it acts.
+  struct Entry {
+    std::size_t fault;
+    const FaultSpec& spec;
+    const FaultType& type;
+    std::uint64_t seed;
+    Parameters parameters = ResolvedParameters(spec, type);
+    Trigger trigger = Trigger(spec, StreamKey(seed, {spec.id, "trigger"}));
+  };
+  void Add(const WireKind& kind, const Entry& entry) {
+    for (const Direction direction : DirectionsOf(ResolvedTarget(entry.spec, entry.type))) {
+      const auto index = static_cast<std::size_t>(direction);
+      stages[index].Add(entry.fault, entry.spec, kind, activities[entry.fault], entry.parameters, entry.seed,
+                        direction, lines[index]);
+    }
+  }
+  void Add(const ReceiverKind& kind, const Entry& entry) {
+    receivers.push_back({.fault = entry.fault,
+                         .direction = DirectionsOf(ResolvedTarget(entry.spec, entry.type)).front(),
+                         .activity = &activities[entry.fault],
+                         .trigger = entry.trigger,
+                         .mark = kind.mark,
+                         .probability = entry.parameters.Number("probability"),
+                         .stream = StreamKey(entry.seed, {entry.spec.id, "model"})});
+  }
+  template <class Kind>
+  void AddToVehicle(const Kind& kind, const Entry& entry) {
+    if (vehicle)
+      vehicle->Add(kind, {entry.fault, activities[entry.fault], entry.trigger, entry.parameters,
+                          StreamKey(entry.seed, {entry.spec.id, "model"})});
+  }
+  void Add(const SensorKind& kind, const Entry& entry) { AddToVehicle(kind, entry); }
+  void Add(const ActuatorKind& kind, const Entry& entry) { AddToVehicle(kind, entry); }
+  void Add(const PlantKind& kind, const Entry& entry) { AddToVehicle(kind, entry); }
+  // Commands act elsewhere.
+  void Add(const NodeKind& /*kind*/, const Entry& /*entry*/) {}
+  void Add(const DeviceKind& /*kind*/, const Entry& /*entry*/) {}
+  void Add(const ClockKind& /*kind*/, const Entry& /*entry*/) {}
 
   Recorder recorder;
   std::array<WireStage, link::kDirectionCount> stages;
-  std::vector<SensorInjector> sensors;
-  std::vector<ActuatorInjector> actuators;
+  VehicleSignals signals;
+  std::optional<VehicleStage> vehicle;
   std::vector<ReceiverInjector> receivers;
   std::array<Line, link::kDirectionCount> lines;
-  std::vector<Window> windows;  // by fault
-  std::uint64_t sample_count = 0;
-  std::uint64_t command_count = 0;
+  std::vector<Activity> activities;  // by fault
+  // By fault: those that follow it (`after`).
+  std::vector<std::vector<std::size_t>> followers;
+  TimeNs origin_ns = kNever;  // the boot time of t = 0
   std::array<std::uint64_t, link::kDirectionCount> received_count{};
 };
 
-FaultSchedule::FaultSchedule(const std::vector<FaultSpec>& specs, std::uint64_t seed, const Lines& lines)
-    : state_(std::make_unique<State>(specs.size())) {
-  for (Line& line : state_->lines) line.baud = lines.baud;
-  state_->lines[static_cast<std::size_t>(Direction::kReference)].baud = lines.reference_baud;
+FaultSchedule::FaultSchedule(const std::vector<FaultSpec>& specs, std::uint64_t seed, const Place& place)
+    : state_(std::make_unique<State>(specs.size(), place)) {
   std::vector<std::size_t> order;
   std::vector<const FaultType*> types;
+  state_->activities.reserve(specs.size());  // the injectors point there
   for (std::size_t fault = 0; fault < specs.size(); ++fault) {
     types.push_back(&ValidType(specs[fault]));
     order.push_back(fault);
-    state_->windows.push_back(WindowOf(specs[fault]));
+    state_->activities.emplace_back(specs[fault], WindowOf(specs[fault]));
   }
+  state_->followers.resize(specs.size());
+  for (std::size_t fault = 0; fault < specs.size(); ++fault) {
+    const auto& after = specs[fault].after;
+    if (!after) continue;
+    const auto followed = std::find_if(specs.begin(), specs.end(),
+                                       [&](const FaultSpec& other) { return other.id == after->fault; });
+    if (followed == specs.end())
+      throw std::invalid_argument(
+          Concat({"fault '", specs[fault].id, "', after.fault: there is no fault '", after->fault, "'"}));
+    state_->followers[static_cast<std::size_t>(followed - specs.begin())].push_back(fault);
+  }
+  const auto stage = [&types](std::size_t fault) {
+    const auto* wire = types[fault]->As<WireKind>();
+    return wire != nullptr ? wire->stage : faults::Stage{};
+  };
   std::stable_sort(order.begin(), order.end(),
-                   [&types](std::size_t a, std::size_t b) { return types[a]->stage < types[b]->stage; });
-
+                   [&stage](std::size_t a, std::size_t b) { return stage(a) < stage(b); });
   for (const std::size_t fault : order) {
-    const FaultSpec& spec = specs[fault];
-    const FaultType& type = *types[fault];
-    if (type.is_command()) continue;  // not an edit
-    const Parameters parameters = ResolvedParameters(spec, type);
-    const Window& window = state_->windows[fault];
-    const Trigger trigger(spec, StreamKey(seed, {spec.id, "trigger"}));
-    if (type.on_receiver()) {
-      state_->receivers.push_back({.fault = fault,
-                                   .direction = DirectionsOf(ResolvedTarget(spec, type)).front(),
-                                   .scenario_window = window,
-                                   .window = spec.start_ns == kPowerOn ? Window{} : Window{kNever, kNever},
-                                   .trigger = trigger,
-                                   .mark = type.mark,
-                                   .probability = parameters.Number("probability"),
-                                   .stream = StreamKey(seed, {spec.id, "model"})});
-    } else if (type.make_sensor != nullptr) {
-      state_->sensors.push_back({fault, window, trigger, type.always_counts, type.make_sensor(parameters)});
-    } else if (type.make_actuator != nullptr) {
-      state_->actuators.push_back({fault, window, trigger, type.make_actuator(parameters)});
+    const std::string& whose = specs[fault].client;
+    if (!place.client.empty() && !whose.empty() && whose != place.client) continue;
+    std::visit(
+        [&](const auto& kind) {
+          state_->Add(kind, {fault, specs[fault], *types[fault], seed});
+        },
+        types[fault]->kind);
+  }
+}
+
+std::vector<News> FaultSchedule::TakeNews() {
+  std::vector<News> news;
+  if (state_->origin_ns == kNever) return news;
+  for (const Recorder::First& first : state_->recorder.TakeFirsts()) {
+    if (state_->followers[first.fault].empty()) continue;
+    const TimeNs time_ns = first.in_line_time ? first.time_ns - state_->origin_ns : first.time_ns;
+    news.push_back({News::Kind::kFirstActivation, first.fault, time_ns});
+  }
+  Hear(news);
+  return news;
+}
+
+void FaultSchedule::Hear(std::span<const News> news) {
+  for (const News& item : news) {
+    if (item.kind == News::Kind::kFirstActivation) {
+      for (const std::size_t follower : state_->followers[item.fault])
+        state_->activities[follower].OnFollowed(item.time_ns);
     } else {
-      for (const Direction direction : DirectionsOf(ResolvedTarget(spec, type))) {
-        const auto index = static_cast<std::size_t>(direction);
-        state_->stages[index].Add(fault, spec, type, parameters, seed, direction, state_->lines[index]);
-      }
+      state_->activities[item.fault].OnCondition(item.time_ns, item.kind == News::Kind::kConditionHolds);
     }
   }
 }
@@ -159,51 +187,18 @@ FaultSchedule::Crowd FaultSchedule::CrowdOf(Direction direction) const {
 
 void FaultSchedule::SetOrigin(TimeNs boot_time_of_t0) {
   for (WireStage& stage : state_->stages) stage.SetOrigin(boot_time_of_t0);
-  for (ReceiverInjector& injector : state_->receivers)
-    injector.window = injector.scenario_window.At(boot_time_of_t0);
+  state_->origin_ns = boot_time_of_t0;
 }
 
-void FaultSchedule::EditSensors(TimeNs t, Sensors& sensors, TimeNs boot_time) {
-  const bool before_origin = t == kPowerOn;
-  const std::uint64_t number = state_->sample_count++;
-  for (SensorInjector& injector : state_->sensors) {
-    if (!injector.window.Contains(t) || !injector.trigger.Picks(number)) continue;
-    const Sensors before = sensors;
-    injector.model->Act(sensors);
-    if (sensors == before && !injector.always_counts) continue;
-    state_->recorder.Count(injector.fault, before_origin, [&]() -> Activation {
-      return {.time_ns = before_origin ? boot_time : t,
-              .fault = injector.fault,
-              .what = Changes(before, sensors, kSensorFields, &SignalField<BasicSensors>::in_float),
-              .before = {},
-              .after = {}};
-    });
-  }
+void FaultSchedule::EditSensors(TimeNs t, std::span<float> values, TimeNs boot_time) {
+  state_->vehicle->EditSensors(t, values, boot_time);
 }
 
-void FaultSchedule::EditActuators(TimeNs t, ActuatorsTruth& actuators, bool new_command) {
-  if (new_command) ++state_->command_count;
-  for (ActuatorInjector& injector : state_->actuators) {
-    if (new_command) injector.decided = injector.counted = false;
-    if (!injector.window.Contains(t)) continue;
-    if (!injector.decided) {
-      injector.decided = true;
-      injector.picked = injector.trigger.Picks(state_->command_count);
-    }
-    if (!injector.picked) continue;
-    const ActuatorsTruth before = actuators;
-    injector.model->Act(actuators);
-    if (actuators == before || injector.counted) continue;
-    injector.counted = true;
-    state_->recorder.Count(injector.fault, false, [&]() -> Activation {
-      return {.time_ns = t,
-              .fault = injector.fault,
-              .what = Changes(before, actuators, kActuatorFields, &SignalField<BasicActuators>::in_double),
-              .before = {},
-              .after = {}};
-    });
-  }
+void FaultSchedule::EditInput(TimeNs t, std::span<double> input, bool new_command) {
+  state_->vehicle->EditInput(t, input, new_command);
 }
+
+Disturbance FaultSchedule::DisturbanceOf(TimeNs t) { return state_->vehicle->DisturbanceOf(t); }
 
 void FaultSchedule::MarkReceived(Direction direction, TimeNs last_arrival,
                                  std::span<const std::uint8_t> bytes, std::vector<ReceiveMark>& marks) {
@@ -214,7 +209,8 @@ void FaultSchedule::MarkReceived(Direction direction, TimeNs last_arrival,
   for (std::size_t i = 0; i < bytes.size(); ++i, ++number) {
     const TimeNs arrival = last_arrival - line.BytesTime(static_cast<std::int64_t>(bytes.size() - 1 - i));
     for (ReceiverInjector& injector : state_->receivers) {
-      if (injector.direction != direction || !injector.window.Contains(arrival) ||
+      if (injector.direction != direction ||
+          !injector.activity->Contains(SimulationTime(arrival, state_->origin_ns)) ||
           !injector.trigger.Picks(number) ||
           !Random(KeyOf(injector.stream, number)).Bernoulli(injector.probability) ||
           marks[i] != ReceiveMark::kNone)
@@ -233,23 +229,15 @@ void FaultSchedule::MarkReceived(Direction direction, TimeNs last_arrival,
   }
 }
 
-TimeNs FaultSchedule::NextEdge(TimeNs t) const {
-  TimeNs next = kNever;
-  for (const ActuatorInjector& injector : state_->actuators) {
-    for (const TimeNs edge : {injector.window.begin_ns, injector.window.end_ns}) {
-      if (edge > t) next = std::min(next, edge);
-    }
-  }
-  return next;
-}
-
 void FaultSchedule::Count(std::size_t fault, TimeNs t, std::string what) {
   state_->recorder.Count(fault, false, [&]() -> Activation {
     return {.time_ns = t, .fault = fault, .what = std::move(what), .before = {}, .after = {}};
   });
 }
 
-bool FaultSchedule::IsActive(std::size_t fault, TimeNs t) const { return state_->windows[fault].Contains(t); }
+bool FaultSchedule::IsActive(std::size_t fault, TimeNs t) const {
+  return state_->activities[fault].Contains(t);
+}
 
 const std::vector<std::int64_t>& FaultSchedule::ActivationCounts() const { return state_->recorder.counts(); }
 

@@ -1,10 +1,11 @@
 // The faults of a scenario, ready to act: made from data and a seed alone.
 //
 //   FaultSchedule faults(scenario.faults, scenario.seed, {.baud = 921600});
-//   Wire wire(config, Direction::kToClient, dialect, faults.Stage(Direction::kToClient));
+//   Wire wire(config, Direction::kToClient, protocol, faults.Stage(Direction::kToClient));
 //   faults.SetOrigin(boot_time_of_t0);
-//   faults.EditSensors(t, sensors);        // each sample that is sent
-//   faults.EditActuators(t, input);        // each new command, and at NextEdge()
+//   faults.EditSensors(t, values);               // each sample that is sent
+//   faults.EditInput(t, input, new_command);     // each step of the plant
+//   plant.Step(input, faults.DisturbanceOf(t));
 //   faults.MarkReceived(Direction::kToClient, arrival, bytes, marks);  // what reaches the firmware's receiver
 //
 // Faults on nodes and on the device have windows and counts here, and act elsewhere (faults/node_command.h,
@@ -16,28 +17,38 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "faults/fault.h"
 #include "faults/model.h"
+#include "faults/news.h"
 #include "link/chunk.h"
-#include "link/signals.h"
+#include "link/disturbance.h"
+#include "link/signal_table.h"
 
 namespace tiltproof::faults {
 
 class FaultSchedule {
  public:
-  struct Lines {
+  // What the part of the flight has in which these faults act.
+  struct Place {
     std::int64_t baud = 921'600;            // of the main line; 0 = ideal
     std::int64_t reference_baud = 921'600;  // of the reference line
+    // The vehicle's, where the plant is; without them the faults on it are only counted here.
+    std::optional<VehicleSignals> signals = {};
+    TimeNs step_ns = 4 * kNsPerMs;  // of the plant
+    // Whose they are; faults of another client do not act here. Empty: of the flight's only one.
+    std::string_view client = {};
   };
 
   // Throws std::invalid_argument, naming fault and key, when Validate() finds anything.
-  FaultSchedule(const std::vector<FaultSpec>& specs, std::uint64_t seed, const Lines& lines);
+  FaultSchedule(const std::vector<FaultSpec>& specs, std::uint64_t seed, const Place& place);
   FaultSchedule(const std::vector<FaultSpec>& specs, std::uint64_t seed)
-      : FaultSchedule(specs, seed, Lines{}) {}
+      : FaultSchedule(specs, seed, Place{}) {}
   ~FaultSchedule();
   FaultSchedule(FaultSchedule&&) noexcept;
   FaultSchedule& operator=(FaultSchedule&&) noexcept;
@@ -56,17 +67,18 @@ class FaultSchedule {
   // only.
   void SetOrigin(TimeNs boot_time_of_t0);
 
+  // The next three ask for a place with signals; rows are in the order of its tables.
+  //
   // A sample that is about to be sent. `t` may be kPowerOn, for before t = 0: the record then has the time of
   // `boot_time`, which matters for nothing else.
-  void EditSensors(TimeNs t, Sensors& sensors, TimeNs boot_time = 0);
+  void EditSensors(TimeNs t, std::span<float> values, TimeNs boot_time = 0);
 
-  // The command in force from `t`. `new_command` false: the same command as last time, at the edge of a
-  // window; it is neither counted nor drawn for again.
-  void EditActuators(TimeNs t, ActuatorsTruth& actuators, bool new_command = true);
+  // The input of the step that begins at `t`, once for each step. `new_command` false: the command is that of the
+  // step before; it is neither counted nor drawn for again.
+  void EditInput(TimeNs t, std::span<double> input, bool new_command = true);
 
-  // The first begin or end of an actuator fault's window after `t`, when the command in force must be edited
-  // anew; kNever when there is none.
-  TimeNs NextEdge(TimeNs t) const;
+  // What disturbs the vehicle during the step that begins at `t`, once for each step.
+  Disturbance DisturbanceOf(TimeNs t);
 
   // Bytes that arrive back to back at the firmware's receiver, the last of them at `last_arrival` (boot time):
   // what becomes of each, `marks` of the same size. To be called with every byte of the main line to the
@@ -78,7 +90,13 @@ class FaultSchedule {
   // A command of faults/node_command.h or faults/device_command.h was carried out at `t`, in simulation time; `what` says how.
   void Count(std::size_t fault, TimeNs t, std::string what);
 
-  // Whether `t` is inside the window of the fault (its index in the scenario).
+  // What the other parts' schedules must hear of what happened in this one since the last call; this one has heard it. None
+  // before t = 0 is known.
+  std::vector<News> TakeNews();
+  // What was said elsewhere, and conditions.
+  void Hear(std::span<const News> news);
+
+  // Whether the fault (its index in the scenario) is active at `t`.
   bool IsActive(std::size_t fault, TimeNs t) const;
 
   // How often each fault changed something (harness.null: was picked).

@@ -1,50 +1,64 @@
 #include "faults/signal_choice.h"
 
-#include <array>
-#include <cstdlib>
+#include <algorithm>
+#include <stdexcept>
+#include <string>
+
+#include "faults/text.h"
 
 namespace tiltproof::faults {
 namespace {
 
-// "f_r_n" -> "f_r"
-constexpr std::string_view WithoutUnit(std::string_view column) {
-  return column.substr(0, column.rfind('_'));
+std::size_t IndexOf(const SignalSetup& setup, std::string_view parameter, ParameterKind kind) {
+  const std::string& name = setup.parameters.Text(parameter);
+  const std::vector<std::string> names = SignalNames(setup.signals, kind);
+  const auto found = std::find(names.begin(), names.end(), name);
+  if (found == names.end())
+    throw std::invalid_argument(Concat({"the vehicle has no ", parameter, " '", name, "'"}));
+  return static_cast<std::size_t>(found - names.begin());
 }
 
 }  // namespace
 
 ParameterInfo SensorParameter() {
-  ParameterInfo info{.name = "signal",
-                     .unit = "",
-                     .kind = ParameterKind::kChoice,
-                     .doc = "which sensor, by its trace column",
-                     .example = "z_m"};
-  for (const auto& field : kSensorFields) info.choices.push_back(field.column);
-  return info;
+  return {.name = "signal",
+          .unit = "",
+          .kind = ParameterKind::kSensor,
+          .doc = "which sensor, by its trace column; the tilt-rotor's: x_m ... alpha_l_rad_s",
+          .example = "z_m"};
 }
 
 ParameterInfo ActuatorParameter() {
-  ParameterInfo info{.name = "actuator",
-                     .unit = "",
-                     .kind = ParameterKind::kChoice,
-                     .doc = "which thrust or servo torque",
-                     .example = "f_r"};
-  for (const auto& field : kActuatorFields) info.choices.push_back(WithoutUnit(field.column));
-  return info;
+  return {.name = "actuator",
+          .unit = "",
+          .kind = ParameterKind::kInput,
+          .doc = "which thrust or servo torque; the tilt-rotor's: f_r, f_l, tau_r, tau_l",
+          .example = "f_r"};
 }
 
-float Sensors::*SensorNamed(std::string_view name) {
-  for (const auto& field : kSensorFields) {
-    if (field.column == name) return field.in_float;
-  }
-  std::abort();
+bool IsSignalName(std::string_view text) {
+  const auto is_letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
+  const auto fits = [&](char c) { return is_letter(c) || (c >= '0' && c <= '9') || c == '_'; };
+  return !text.empty() && text.size() <= kSignalNameMax && is_letter(text.front()) &&
+         std::all_of(text.begin(), text.end(), fits);
 }
 
-double ActuatorsTruth::*ActuatorNamed(std::string_view name) {
-  for (const auto& field : kActuatorFields) {
-    if (WithoutUnit(field.column) == name) return field.in_double;
-  }
-  std::abort();
+std::vector<std::string> SignalNames(const VehicleSignals& signals, ParameterKind kind) {
+  std::vector<std::string> names;
+  if (kind == ParameterKind::kSensor)
+    for (const Signal& signal : signals.sensors) names.push_back(signal.name);
+  if (kind == ParameterKind::kInput)
+    for (const Signal& signal : signals.inputs)
+      names.push_back(signal.name.substr(0, signal.name.rfind('_')));  // "f_r_n" -> "f_r"
+  return names;
+}
+
+std::size_t SensorIndex(const SignalSetup& setup, std::string_view parameter) {
+  return IndexOf(setup, parameter, ParameterKind::kSensor);
+}
+
+std::size_t ActuatorIndex(const SignalSetup& setup) {
+  return IndexOf(setup, "actuator", ParameterKind::kInput);
 }
 
 }  // namespace tiltproof::faults

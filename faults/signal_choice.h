@@ -1,21 +1,36 @@
-// Sensors and actuators as parameters of a fault. Sensors go by their trace column, actuators without the
-// unit.
+// Sensors and actuators as parameters of a fault. Sensors go by their trace column, actuators by the column of
+// the input without its unit. The registry checks that a parameter looks like a name; whether the vehicle has such a
+// signal is known where the vehicle is:
+//
+//   const std::vector<std::string> names = SignalNames(model.signals(), ParameterKind::kInput);  // f_r, f_l, ...
 #pragma once
 
+#include <cstddef>
+#include <string>
 #include <string_view>
+#include <vector>
 
 #include "faults/model.h"
-#include "link/signals.h"
+#include "faults/parameters.h"
 
 namespace tiltproof::faults {
 
-// `signal`: x_m ... alpha_l_rad_s.
+// `signal`: of the tilt-rotor x_m ... alpha_l_rad_s.
 ParameterInfo SensorParameter();
-// `actuator`: f_r, f_l, tau_r, tau_l.
+// `actuator`: of the tilt-rotor f_r, f_l, tau_r, tau_l.
 ParameterInfo ActuatorParameter();
 
-// The field with a name that the parameter allows; aborts at any other.
-float Sensors::*SensorNamed(std::string_view name);
-double ActuatorsTruth::*ActuatorNamed(std::string_view name);
+// Letters, digits and '_', beginning with a letter; 1 to this many characters.
+inline constexpr std::size_t kSignalNameMax = 100;
+bool IsSignalName(std::string_view text);
+
+// What a parameter of this kind (kSensor or kInput) may be for a vehicle with these signals, in the order of its
+// table.
+std::vector<std::string> SignalNames(const VehicleSignals& signals, ParameterKind kind);
+
+// The place in a row of sensors, or of inputs, of the signal that a parameter names. Throws std::invalid_argument when
+// the vehicle has none such.
+std::size_t SensorIndex(const SignalSetup& setup, std::string_view parameter = "signal");
+std::size_t ActuatorIndex(const SignalSetup& setup);
 
 }  // namespace tiltproof::faults

@@ -1,6 +1,6 @@
 // Faults that are certain to make more of a frame than a line holds, told before anything is flown.
 //
-//   if (const auto too_much = CertainOverfull(scenario.faults, scenario.duration_ns)) Refuse(*too_much);
+//   if (const auto too_much = CertainOverfull(scenario.faults, scenario.duration_ns, *scenario.link.protocol)) Refuse(*too_much);
 #pragma once
 
 #include <cstddef>
@@ -9,6 +9,7 @@
 
 #include "faults/fault.h"
 #include "link/chunk.h"
+#include "link/protocol.h"
 
 namespace tiltproof::faults {
 
@@ -18,8 +19,9 @@ struct TooMuch {
   std::vector<std::size_t> faults;
 };
 
-// Counts what is certain alone: faults that double the bytes of every frame they see (FaultType::volume), active
+// Counts what is certain alone: faults that double the bytes of every frame they see (WireKind::volume), active
 // together for two control periods at least, with none beside them that may lose bytes. Valid faults only.
-std::optional<TooMuch> CertainOverfull(const std::vector<FaultSpec>& specs, TimeNs duration_ns);
+std::optional<TooMuch> CertainOverfull(const std::vector<FaultSpec>& specs, TimeNs duration_ns,
+                                       const link::Protocol& protocol);
 
 }  // namespace tiltproof::faults

@@ -18,28 +18,20 @@ std::size_t Weight(std::span<const link::Chunk> chunks) {
 
 }  // namespace
 
-void WireStage::Add(std::size_t fault, const FaultSpec& spec, const FaultType& type,
+void WireStage::Add(std::size_t fault, const FaultSpec& spec, const WireKind& kind, const Activity& activity,
                     const Parameters& parameters, std::uint64_t seed, link::Direction direction,
                     const Line& line) {
   const std::string_view way = link::Name(direction);
   const std::uint64_t stream = StreamKey(seed, {spec.id, "model", way});
-  const Window window{spec.start_ns, spec.end_ns};
-  const bool open_from_power_on = spec.start_ns == kPowerOn;
-  injectors_.push_back(
-      {.fault = fault,
-       .scenario_window = window,
-       .window = open_from_power_on ? Window{} : Window{kNever, kNever},
-       .trigger = Trigger(spec, StreamKey(seed, {spec.id, "trigger", way})),
-       .stream = stream,
-       .line = line,
-       .remembers = type.remembers,
-       .acts_on_overlap = type.acts_on_overlap,
-       .model = type.make_wire({parameters, line, StreamKey(seed, {spec.id, "events", way})}),
-       .picked = {}});
-}
-
-void WireStage::SetOrigin(TimeNs origin_ns) {
-  for (Injector& injector : injectors_) injector.window = injector.scenario_window.At(origin_ns);
+  injectors_.push_back({.fault = fault,
+                        .activity = &activity,
+                        .trigger = Trigger(spec, StreamKey(seed, {spec.id, "trigger", way})),
+                        .stream = stream,
+                        .line = line,
+                        .remembers = kind.remembers,
+                        .acts_on_overlap = kind.acts_on_overlap,
+                        .model = kind.make({parameters, line, StreamKey(seed, {spec.id, "events", way})}),
+                        .picked = {}});
 }
 
 void WireStage::Apply(std::vector<link::Chunk>& chunks) {
@@ -71,13 +63,11 @@ std::vector<std::size_t> WireStage::Holders() const {
   return faults;
 }
 
-void WireStage::Decide(Injector& injector, const link::Chunk& sent) {
-  const Window& window = injector.window;
-  bool inside = window.Contains(sent.begin_ns);
-  if (!inside && injector.acts_on_overlap && sent.begin_ns < window.begin_ns) {
-    const TimeNs end = sent.begin_ns + injector.line.BytesTime(static_cast<std::int64_t>(sent.bytes.size()));
-    inside = end > window.begin_ns;
-  }
+void WireStage::Decide(Injector& injector, const link::Chunk& sent) const {
+  const auto time = injector.acts_on_overlap ? static_cast<std::int64_t>(sent.bytes.size()) : 0;
+  const TimeNs end_ns = sent.begin_ns + injector.line.BytesTime(time);
+  const bool inside = injector.activity->Touches(SimulationTime(sent.begin_ns, origin_ns_),
+                                                 SimulationTime(end_ns, origin_ns_));
   injector.picked[sent.number % kDecisions] =
       inside && injector.trigger.Sees(sent.kind) && injector.trigger.Picks(sent.number);
 }
@@ -118,7 +108,8 @@ void WireStage::ActAndRecord(Injector& injector, link::Chunk&& chunk, Random& ra
   std::string what;
   const bool keeps = recorder_->Keeps(injector.fault) &&
                      link::WeightOf(before_) <= kActivationBytesMax;  // else no text either
-  injector.model->Act(std::move(chunk), {random, injector.window, keeps ? &what : nullptr}, out_);
+  injector.model->Act(std::move(chunk), {random, *injector.activity, origin_ns_, keeps ? &what : nullptr},
+                      out_);
   const auto after = std::span<const link::Chunk>(out_).subspan(out_begin);
   if (after.size() == 1 && SameBytesAndTime(after[0], before_)) return;
   const std::size_t weight = Weight(after);

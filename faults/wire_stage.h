@@ -11,7 +11,7 @@
 #include <memory>
 #include <vector>
 
-#include "faults/model.h"
+#include "faults/fault_type.h"
 #include "faults/recorder.h"
 #include "faults/trigger.h"
 #include "link/chunk.h"
@@ -21,14 +21,15 @@ namespace tiltproof::faults {
 class WireStage final : public link::ChunkStage {
  public:
   // A fault, in the order in which they shall act.
-  void Add(std::size_t fault, const FaultSpec& spec, const FaultType& type, const Parameters& parameters,
-           std::uint64_t seed, link::Direction direction, const Line& line);
+  // `activity` must outlive it.
+  void Add(std::size_t fault, const FaultSpec& spec, const WireKind& kind, const Activity& activity,
+           const Parameters& parameters, std::uint64_t seed, link::Direction direction, const Line& line);
   bool empty() const { return injectors_.empty(); }
 
   // `recorder` must outlive the stage's last Apply().
   void SetRecorder(Recorder* recorder) { recorder_ = recorder; }
   // The boot time of t = 0. Before this only windows without a start are open.
-  void SetOrigin(TimeNs origin_ns);
+  void SetOrigin(TimeNs origin_ns) { origin_ns_ = origin_ns; }
 
   // Chunks' times are boot times.
   void Apply(std::vector<link::Chunk>& chunks) override;
@@ -44,8 +45,7 @@ class WireStage final : public link::ChunkStage {
 
   struct Injector {
     std::size_t fault;
-    Window scenario_window;  // in simulation time
-    Window window;           // in boot time
+    const Activity* activity;
     Trigger trigger;
     std::uint64_t stream;  // of the model's draws, one generator a frame
     Line line;
@@ -56,12 +56,13 @@ class WireStage final : public link::ChunkStage {
     std::bitset<kDecisions> picked;
   };
 
-  static void Decide(Injector& injector, const link::Chunk& sent);
+  void Decide(Injector& injector, const link::Chunk& sent) const;
   void Run(Injector& injector, std::vector<link::Chunk>& chunks);
   void ActAndRecord(Injector& injector, link::Chunk&& chunk, Random& random);
 
   std::vector<Injector> injectors_;
   Recorder* recorder_ = nullptr;
+  TimeNs origin_ns_ = kNever;
   std::vector<link::Chunk> out_;
   link::Chunk before_;
 };

@@ -4,8 +4,8 @@
 
 #include <optional>
 
+#include "firmware/messages.h"
 #include "firmware/port.h"
-#include "link/messages.h"
 
 namespace tiltproof::firmware {
 

@@ -11,7 +11,7 @@
 #include "firmware/builds.h"
 #include "firmware/control_law.h"
 #include "firmware/sensor_cycle.h"
-#include "link/signals.h"
+#include "firmware/signals.h"
 
 namespace tiltproof::firmware {
 

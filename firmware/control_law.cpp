@@ -1,7 +1,5 @@
 #include "firmware/control_law.h"
 
-#include "link/time.h"
-
 namespace tiltproof::firmware {
 namespace {
 

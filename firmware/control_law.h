@@ -17,9 +17,13 @@
 #include <array>
 #include <cstddef>
 
-#include "link/signals.h"
+#include "firmware/signals.h"
+#include "link/time.h"
 
 namespace tiltproof::firmware {
+
+// The paper's (section 2): one request for sensors every 12 ms of the firmware's own clock.
+inline constexpr TimeNs kControlPeriodNs = 12 * kNsPerMs;
 
 inline constexpr std::size_t kIntegralCount = 4;
 inline constexpr std::size_t kStateCount = kSensorCount + kIntegralCount;

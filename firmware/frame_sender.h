@@ -3,9 +3,9 @@
 
 #include <array>
 
+#include "firmware/messages.h"
 #include "firmware/port.h"
 #include "link/frame.h"
-#include "link/messages.h"
 
 namespace tiltproof::firmware {
 

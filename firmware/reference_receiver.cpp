@@ -3,7 +3,7 @@
 #include <bit>
 #include <utility>
 
-#include "link/messages.h"
+#include "firmware/messages.h"
 
 namespace tiltproof::firmware {
 namespace {

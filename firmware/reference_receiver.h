@@ -6,8 +6,8 @@
 #include <span>
 
 #include "firmware/sensor_reader.h"
+#include "firmware/signals.h"
 #include "link/frame.h"
-#include "link/signals.h"
 
 namespace tiltproof::firmware {
 

@@ -13,16 +13,16 @@
 #include <optional>
 #include <span>
 
+#include "firmware/messages.h"
 #include "firmware/port.h"
 #include "link/frame.h"
-#include "link/messages.h"
 
 namespace tiltproof::firmware {
 
 // What a receiver asks of a payload beyond a right checksum and exact length.
 enum class ValueChecks : std::uint8_t {
   kNone,            // trust the checksum, as the paper does: NaN and absurd values pass
-  kFiniteAndRange,  // every value finite and plausible (ranges in link/messages.h)
+  kFiniteAndRange,  // every value finite and plausible (ranges in firmware/messages.h)
 };
 
 class SensorReader {

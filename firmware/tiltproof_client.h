@@ -19,7 +19,7 @@
  * several boards may exist at once, so keep state in the TiltproofClient.
  *
  * UART 0 is the main line (sensors and actuators), UART 1 brings references. Frames and messages:
- * link/frame.h, link/messages.h.
+ * link/frame.h, firmware/messages.h.
  */
 #ifndef TILTPROOF_CLIENT_H
 #define TILTPROOF_CLIENT_H

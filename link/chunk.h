@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "link/messages.h"
+#include "link/message_kind.h"
 #include "link/time.h"
 
 namespace tiltproof::link {

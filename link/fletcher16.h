@@ -2,7 +2,7 @@
 //
 // sum1 is the sum of the bytes, sum2 the sum of all values that sum1 went through; both start at 0, so the
 // check of nothing is 0. Modulo 255 the bytes 00 and FF are the same number, so a byte that flips between
-// them keeps the checksum: whoever uses this must check length and ranges too (link/messages.h).
+// them keeps the checksum: a user of it must check length and ranges too (firmware/messages.h).
 //
 //   Fletcher16("abcde") == 0xC8F0
 #pragma once

@@ -22,9 +22,6 @@ inline constexpr TimeNs kNever = std::numeric_limits<TimeNs>::max();
 // Earlier than everything, power-on included.
 inline constexpr TimeNs kPowerOn = std::numeric_limits<TimeNs>::min();
 
-// The control period of the paper (section 2): one sensor request every 12 ms of the client's clock.
-inline constexpr TimeNs kControlPeriodNs = 12 * kNsPerMs;
-
 // Nearest nanosecond (half away from zero) of a finite time in seconds, |s| < 9e9.
 constexpr TimeNs FromSeconds(double s) {
   const double ns = s * 1e9;

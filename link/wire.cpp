@@ -10,45 +10,35 @@ namespace {
 
 constexpr std::int64_t kIdealIdleBaud = 921'600;
 constexpr std::size_t kSpareBuffersMax = 16;
-constexpr std::size_t kUsualFrameBytes = FrameBytesMax(kMessageBytesMax);
+constexpr std::size_t kUsualFrameBytes = FrameBytesMax(64);
 
-// Index of the first flag at or after `from`; the size when there is none.
-std::size_t FindFlag(std::span<const std::uint8_t> bytes, std::size_t from) {
+// Index of the first byte of that value at or after `from`; the size when there is none.
+std::size_t FindByte(std::uint8_t byte, std::span<const std::uint8_t> bytes, std::size_t from) {
   if (from >= bytes.size()) return bytes.size();
-  const void* flag = std::memchr(bytes.data() + from, kFlag, bytes.size() - from);
-  if (flag == nullptr) return bytes.size();
-  return static_cast<std::size_t>(static_cast<const std::uint8_t*>(flag) - bytes.data());
-}
-
-MessageKind KindOfPayload(Direction direction, Dialect dialect, std::span<const std::uint8_t> payload) {
-  switch (direction) {
-    case Direction::kToPlant:
-      return ClassifyClientPayload(dialect, payload);
-    case Direction::kToClient:
-      return payload.size() == kSensorMessageBytes ? MessageKind::kReply : MessageKind::kUnknown;
-    case Direction::kReference:
-      return payload.size() == kReferenceMessageBytes ? MessageKind::kReference : MessageKind::kUnknown;
-  }
-  return MessageKind::kUnknown;
+  const void* found = std::memchr(bytes.data() + from, byte, bytes.size() - from);
+  if (found == nullptr) return bytes.size();
+  return static_cast<std::size_t>(static_cast<const std::uint8_t*>(found) - bytes.data());
 }
 
 // What a frame as sent carries. Its opening flag may be the closing one of the frame before.
-MessageKind KindOfFrame(Direction direction, Dialect dialect, std::span<const std::uint8_t> frame) {
+MessageKind KindOfFrame(Direction direction, const Protocol& protocol, std::span<const std::uint8_t> frame) {
   FrameDecoder decoder;
-  if (frame.front() != kFlag) {
-    std::span<const std::uint8_t> opening(&kFlag, 1);
+  if (frame.front() != protocol.framing.flag) {
+    std::span<const std::uint8_t> opening(&protocol.framing.flag, 1);
     decoder.Next(opening);
   }
   while (const auto event = decoder.Next(frame)) {
-    if (event->status == FrameStatus::kOk) return KindOfPayload(direction, dialect, event->payload);
+    if (event->status != FrameStatus::kOk) continue;
+    const MessageType* type = protocol.Classify(direction, event->payload);
+    return type == nullptr ? MessageKind::kUnknown : type->kind;
   }
   return MessageKind::kUnknown;
 }
 
 }  // namespace
 
-Wire::Wire(const WireConfig& config, Direction direction, Dialect dialect, ChunkStage* stage)
-    : config_(config), direction_(direction), dialect_(dialect), stage_(stage) {}
+Wire::Wire(const WireConfig& config, Direction direction, const Protocol& protocol, ChunkStage* stage)
+    : config_(config), direction_(direction), protocol_(&protocol), stage_(stage) {}
 
 TimeNs Wire::IdleTime() const {
   return link::BytesTime(config_.baud == 0 ? kIdealIdleBaud : config_.baud, kIdleBytes);
@@ -93,10 +83,10 @@ std::size_t Wire::BytesOfOpenChunk(std::span<const std::uint8_t> bytes, bool& cl
   if (bytes.size() > room) bytes = bytes.first(room);
   std::size_t from = 0;
   if (!open_has_content_) {
-    while (from < bytes.size() && bytes[from] == kFlag) ++from;
+    while (from < bytes.size() && bytes[from] == flag_byte()) ++from;
     open_has_content_ = from < bytes.size();
   }
-  const std::size_t flag = FindFlag(bytes, from);
+  const std::size_t flag = FindByte(flag_byte(), bytes, from);
   closed = flag < bytes.size() || bytes.size() == room;
   return flag < bytes.size() ? flag + 1 : bytes.size();
 }
@@ -124,7 +114,7 @@ void Wire::SendOpenChunk(TimeNs known_ns) {
     if (HasRoomFor(WeightOf(chunk))) Enqueue(std::move(chunk), known_ns);
     return;
   }
-  chunk.kind = KindOfFrame(direction_, dialect_, chunk.bytes);
+  chunk.kind = KindOfFrame(direction_, *protocol_, chunk.bytes);
   if (taps_.sent) taps_.sent(chunk);
   scratch_.clear();
   scratch_.push_back(std::move(chunk));
@@ -166,11 +156,11 @@ void Wire::Recycle(Chunk&& chunk) {
 
 std::size_t Wire::FindPieceEnd() const {
   const std::vector<std::uint8_t>& bytes = queue_.front().bytes;
-  std::size_t flag = FindFlag(bytes, front_taken_);
+  std::size_t flag = FindByte(flag_byte(), bytes, front_taken_);
   while (flag < bytes.size()) {
-    const bool after_flag = flag == front_taken_ ? taken_flag_ : bytes[flag - 1] == kFlag;
+    const bool after_flag = flag == front_taken_ ? taken_flag_ : bytes[flag - 1] == flag_byte();
     if (!after_flag) return flag + 1;
-    flag = FindFlag(bytes, flag + 1);
+    flag = FindByte(flag_byte(), bytes, flag + 1);
   }
   return bytes.size();
 }
@@ -198,7 +188,7 @@ std::optional<Wire::Piece> Wire::TakePiece(TimeNs until) {
 
   Chunk& front = queue_.front();
   const Piece piece{arrival, std::span(front.bytes).subspan(front_taken_, end - front_taken_), front.number};
-  taken_flag_ = piece.bytes.back() == kFlag;
+  taken_flag_ = piece.bytes.back() == flag_byte();
   front_taken_ = end;
   if (front_taken_ == front.bytes.size()) {
     queue_bytes_ -= WeightOf(front);

@@ -5,7 +5,7 @@
 // as chunks with times: what is sent is cut into frames at the flags, each frame goes through the stage as
 // one chunk when it is complete, and byte i of the chunk arrives at begin + (i + 1) byte times.
 //
-//   Wire wire({.baud = 921600}, Direction::kToPlant, Dialect::kPaper, stage);
+//   Wire wire({.baud = 921600}, Direction::kToPlant, *FindProtocol("paper"), stage);
 //   TimeNs sent = wire.Transmit(now, frame);          // when the last stop bit leaves the sender
 //   TimeNs next = wire.NextArrival();                 // of the next byte worth waking for
 //   wire.Take(next, [](TimeNs arrival, std::span<const std::uint8_t> bytes) { ... });
@@ -30,6 +30,7 @@
 #include <vector>
 
 #include "link/chunk.h"
+#include "link/protocol.h"
 
 namespace tiltproof::link {
 
@@ -44,8 +45,8 @@ class Wire {
   // More than any frame of the codec has.
   static constexpr std::size_t kChunkBytesMax = 1024;
 
-  // `stage` may be null (no faults) and must outlive the wire.
-  Wire(const WireConfig& config, Direction direction, Dialect dialect, ChunkStage* stage);
+  // `stage` may be null (no faults); it and the protocol must outlive the wire.
+  Wire(const WireConfig& config, Direction direction, const Protocol& protocol, ChunkStage* stage);
 
   // The sender puts bytes in its transmitter at `now` (not decreasing); they follow what it is still sending.
   // Returns when the last stop bit has left.
@@ -93,6 +94,7 @@ class Wire {
  private:
   // How many of the bytes belong to the open chunk; `closed` when the last of them closes it.
   std::size_t BytesOfOpenChunk(std::span<const std::uint8_t> bytes, bool& closed);
+  std::uint8_t flag_byte() const { return protocol_->framing.flag; }
   void FlushIfIdle(TimeNs now);
   // The open chunk goes through the stage, into the queue; the wire knows of all of it at `known_ns`.
   void SendOpenChunk(TimeNs known_ns);
@@ -109,7 +111,7 @@ class Wire {
 
   WireConfig config_;
   Direction direction_;
-  Dialect dialect_;
+  const Protocol* protocol_;
   ChunkStage* stage_;
   Taps taps_;
 

@@ -169,13 +169,10 @@ Hover SolveHover(const VehicleModel& model) {
     unknowns -= step;
     if (!unknowns.allFinite()) break;
     if (step.cwiseAbs().maxCoeff() < 1e-14 * (1 + unknowns.cwiseAbs().maxCoeff())) {
-      return {
-          .roll_rad = unknowns[0],
-          .pitch_rad = unknowns[1],
-          .alpha_r_rad = unknowns[2],
-          .alpha_l_rad = unknowns[3],
-          .input = {
-              .f_r_n = unknowns[4], .f_l_n = unknowns[5], .tau_r_nm = unknowns[6], .tau_l_nm = unknowns[7]}};
+      return {.roll_rad = unknowns[0],
+              .pitch_rad = unknowns[1],
+              .hinge_rad = {unknowns[2], unknowns[3]},
+              .input = {unknowns[4], unknowns[5], unknowns[6], unknowns[7]}};
     }
   }
   throw DesignError("vehicle '" + model.name +
@@ -184,12 +181,12 @@ Hover SolveHover(const VehicleModel& model) {
 
 Coordinates<double> HoverCoordinates(const Hover& hover) {
   Coordinates<double> q;
-  q << 0, 0, 0, hover.roll_rad, hover.pitch_rad, 0, hover.alpha_r_rad, hover.alpha_l_rad;
+  q << 0, 0, 0, hover.roll_rad, hover.pitch_rad, 0, hover.hinge_rad.at(0), hover.hinge_rad.at(1);
   return q;
 }
 
 Inputs<double> HoverInputs(const Hover& hover) {
-  return {hover.input.f_r_n, hover.input.f_l_n, hover.input.tau_r_nm, hover.input.tau_l_nm};
+  return {hover.input.at(0), hover.input.at(1), hover.input.at(2), hover.input.at(3)};
 }
 
 LinearModel Linearise(const VehicleModel& model, const Hover& hover) {

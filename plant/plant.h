@@ -4,19 +4,25 @@
 //   VehicleModel model = LoadVehicle("plant/models/tiltrotor.sdf", {}, warnings);
 //   Plant plant(model, {.step_ns = 4 * kNsPerMs});
 //   plant.Reset({2, 0, 0.5}, {0, 0, 0});
-//   plant.Step(input);                  // one step with the input held
-//   SensorsTruth state = plant.State(); // 16 sensors, world rates
+//   plant.Step(model.HoverInput());     // one step with the input held
+//   std::vector<double> state(model.signals().states.size());
+//   plant.State(state);                 // world rates
 //
-// Knows no byte and no fault. Two plants with the same model and the same calls give the same bits. A plant
+// A row of numbers has the order of the vehicle's table (VehicleModel::signals), and its size: another one
+// ends the program. No step takes memory from the heap, but one
+// at which the bodies' masses change.
+//
+// Knows no byte and no fault: what a fault does to the vehicle comes as a Disturbance beside the input. Two plants with the same model and the same calls give the same bits. A plant
 // is used by one thread at a time.
 #pragma once
 
 #include <array>
 #include <memory>
+#include <span>
 #include <stdexcept>
 #include <string>
 
-#include "link/signals.h"
+#include "link/disturbance.h"
 #include "link/time.h"
 #include "plant/vehicle_model.h"
 
@@ -52,19 +58,20 @@ class Plant {
   void Reset(const std::array<double, 3>& position_m, const std::array<double, 3>& attitude_rad);
   // Everything placed and moving as given, angular rates along the world's axes. Angles of the servos within
   // their stops.
-  void Reset(const SensorsTruth& state);
+  void Reset(std::span<const double> state);
 
-  // One step; inputs are saturated to the model's limits. Returns the saturated inputs, those in force. After
-  // the event kNotFinite (also: an input that is not a number) the plant stands still.
-  ActuatorsTruth Step(const ActuatorsTruth& input);
-  // What Step would apply for this input.
-  ActuatorsTruth Saturate(const ActuatorsTruth& input) const;
+  // One step with the inputs saturated to the model's limits. After the event kNotFinite (also: an input or a
+  // disturbance that is not a number) the plant stands still. Disturbance{} changes no bit.
+  void Step(std::span<const double> input, const Disturbance& disturbance = {});
+  // Changes a row of inputs to what Step would apply for it.
+  void Saturate(std::span<double> input) const;
 
-  // The true state: 16 sensors; angular rates in the frame asked for. Yaw is in (-pi, pi].
-  SensorsTruth State(RatesFrame frame = RatesFrame::kWorld) const;
-  // The state when the sensors last sampled (model.sensor_rate_hz, from Reset on): State() of the first step
-  // boundary at or after their sampling time. The same as State() for sensors that sample at every step.
-  SensorsTruth ReadSensors(RatesFrame frame = RatesFrame::kWorld) const;
+  // Fills in the true state; angular rates in the frame asked for. Yaw is in (-pi, pi].
+  void State(std::span<double> state, RatesFrame frame = RatesFrame::kWorld) const;
+  // Fills in the sensors: the state when they last sampled (model.sensor_rate_hz, from Reset on), State() of
+  // the first step boundary at or after their sampling time. The same as State() for sensors that sample at
+  // every step.
+  void ReadSensors(std::span<double> sensors, RatesFrame frame = RatesFrame::kWorld) const;
 
   // First of: not finite; |position| > kPositionMax_m; tilt beyond 90 deg; main body touching the ground.
   // Sticky until Reset.

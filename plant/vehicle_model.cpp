@@ -136,9 +136,11 @@ VehicleModel Loader::Load() {
   vehicle.base = ReadBody(elements_.base_link);
   for (std::size_t side = 0; side < vehicle.thrusters.size(); ++side) {
     vehicle.thrusters[side] = ReadThruster(elements_.thrusters[side]);
+    vehicle.thrusters[side].name = side == VehicleModel::kRight ? "right" : "left";
   }
   vehicle.collision = ReadCollision(vehicle.base);
   vehicle.sensor_rate_hz = elements_.sensor_rate_hz;
+  vehicle.drag = elements_.drag;
   try {
     vehicle.hover = SolveHover(vehicle);
   } catch (const DesignError& error) {
@@ -396,14 +398,43 @@ VehicleError::VehicleError(std::vector<VehicleProblem> problems, const std::stri
 VehicleError::VehicleError(std::filesystem::path file, int line, std::string message)
     : VehicleError(std::vector<VehicleProblem>{{std::move(file), line, std::move(message)}}) {}
 
-ActuatorsTruth VehicleModel::InputMin() const {
-  const TiltingThruster &right = thrusters[kRight], &left = thrusters[kLeft];
-  return {right.force_min_n, left.force_min_n, -right.torque_max_nm, -left.torque_max_nm};
+VehicleSignals VehicleModel::signals() const {
+  std::vector<Signal> states, inputs;
+  const auto add = [](std::vector<Signal>& to, SignalFrame frame, std::initializer_list<const char*> names) {
+    for (const char* each : names) to.push_back(SignalNamed(each, frame));
+  };
+  // One for each thruster.
+  const auto add_each = [this](std::vector<Signal>& to, SignalFrame frame, const char* pattern) {
+    for (const TiltingThruster& thruster : thrusters) {
+      const std::string spelled = thruster.name == "right"  ? "r"
+                                  : thruster.name == "left" ? "l"
+                                                            : thruster.name;
+      to.push_back(SignalNamed(fmt::format(fmt::runtime(pattern), spelled), frame));
+    }
+  };
+  add(states, SignalFrame::kWorld, {"x_m", "y_m", "z_m"});
+  add(states, SignalFrame::kEuler, {"roll_rad", "pitch_rad", "yaw_rad"});
+  add_each(states, SignalFrame::kHinge, "alpha_{}_rad");
+  add(states, SignalFrame::kWorld, {"vx_m_s", "vy_m_s", "vz_m_s", "wx_rad_s", "wy_rad_s", "wz_rad_s"});
+  add_each(states, SignalFrame::kHinge, "alpha_{}_rad_s");
+  add_each(inputs, SignalFrame::kRotor, "f_{}_n");
+  add_each(inputs, SignalFrame::kHinge, "tau_{}_nm");
+  SignalTable table(std::move(states));
+  return {.states = table, .sensors = table, .inputs = SignalTable(std::move(inputs))};
 }
 
-ActuatorsTruth VehicleModel::InputMax() const {
-  const TiltingThruster &right = thrusters[kRight], &left = thrusters[kLeft];
-  return {right.force_max_n, left.force_max_n, right.torque_max_nm, left.torque_max_nm};
+std::vector<double> VehicleModel::InputMin() const {
+  std::vector<double> row;
+  for (const TiltingThruster& thruster : thrusters) row.push_back(thruster.force_min_n);
+  for (const TiltingThruster& thruster : thrusters) row.push_back(-thruster.torque_max_nm);
+  return row;
+}
+
+std::vector<double> VehicleModel::InputMax() const {
+  std::vector<double> row;
+  for (const TiltingThruster& thruster : thrusters) row.push_back(thruster.force_max_n);
+  for (const TiltingThruster& thruster : thrusters) row.push_back(thruster.torque_max_nm);
+  return row;
 }
 
 VehicleModel LoadVehicle(const std::filesystem::path& file, const LoadOptions& options,

@@ -2,7 +2,8 @@
 //
 //   std::vector<std::string> warnings;
 //   VehicleModel model = LoadVehicle("plant/models/tiltrotor.sdf", {}, warnings);
-//   model.HoverInput().f_r_n;  // 10.27
+//   model.signals().inputs[0].name;  // "f_r_n"
+//   model.HoverInput()[0];           // 10.27
 //
 // SDF has no words for thrusters and servos; the elements below add them. They stand in the <model>, or alone
 // in a file
@@ -17,10 +18,12 @@
 //     <tiltproof:servo joint="hinge_right" torque_max_nm="2"/>
 //     <tiltproof:servo joint="hinge_left"/>
 //     <tiltproof:sensors rate_hz="250"/>
+//     <tiltproof:drag quadratic_n_s2_m2="0.02"/>
 //   </tiltproof:vehicle>
 //
 //   base      link: the main body, whose frame origin and attitude are the vehicle's.
-//   thruster  name: right or left; two thrusters without such names are right, left in the order of the file.
+//   thruster  name: right or left, spelled r and l in the names of signals; two thrusters without such names
+//             are right, left in the order of the file.
 //             link: pushed at its centre of mass along `axis` (link frame, default 0 0 1) with the thrust f
 //             >= force_min_n (default 0), f <= force_max_n. Propeller drag: a torque direction * drag_ratio_m
 //             * f about the same axis; direction is 1 or -1 (lambda of the paper's Table 1), drag_ratio_m is
@@ -28,6 +31,8 @@
 //   servo     joint: the revolute joint between base and thruster. torque_max_nm: default the joint's
 //   <effort>. sensors   optional. rate_hz: how often the sensors sample (Plant::ReadSensors); default: at
 //   every step.
+//   drag      optional. linear_n_s_m, quadratic_n_s2_m2 (BodyDrag): what the air does to the main body, so that
+//             wind has something to push. Default: none.
 //
 // An SDF file has three links (base, thrusters) and two revolute joints with the base as parent. Of the rest
 // <collision> of the base counts (box, sphere or cylinder; otherwise the box of uniform density with the
@@ -43,7 +48,7 @@
 #include <string>
 #include <vector>
 
-#include "link/signals.h"
+#include "link/signal_table.h"
 
 namespace tiltproof::plant {
 
@@ -88,6 +93,7 @@ struct CollisionShape {
 // A thruster T on its hinge H. The hinge angle alpha turns it about axis_B: R_BT(alpha) = Rot(axis_B, alpha)
 // R_BT.
 struct TiltingThruster {
+  std::string name;  // of the rotor, and of the hinge that carries it: "right"
   RigidBody body;
   std::string joint;
   Eigen::Vector3d p_BT_m = Eigen::Vector3d::Zero();  // link frame in the base frame at alpha = 0
@@ -102,11 +108,18 @@ struct TiltingThruster {
   double torque_max_nm = 0;  // of the servo, either sign
 };
 
+// Of the air on the main body: the force -(linear + quadratic |v|) v at its centre of mass, v its velocity relative
+// to the air. Alike from all sides, and without a torque.
+struct BodyDrag {
+  double linear_n_s_m = 0, quadratic_n_s2_m2 = 0;
+  friend bool operator==(const BodyDrag&, const BodyDrag&) = default;
+};
+
 // Rest in the air: yaw 0, all rates 0.
 struct Hover {
   double roll_rad = 0, pitch_rad = 0;
-  double alpha_r_rad = 0, alpha_l_rad = 0;
-  ActuatorsTruth input;
+  std::vector<double> hinge_rad;  // of each hinge
+  std::vector<double> input;      // in the order of VehicleSignals::inputs
 };
 
 struct VehicleModel {
@@ -118,12 +131,22 @@ struct VehicleModel {
   CollisionShape collision;
   std::array<TiltingThruster, 2> thrusters;  // kRight, kLeft
   double sensor_rate_hz = 0;                 // 0: at every step
+  BodyDrag drag;                             // none by default; the controller's design leaves it out
   Hover hover;                               // of plant/dynamics.h, SolveHover
 
   double MassTotal() const { return base.mass_kg + thrusters[0].body.mass_kg + thrusters[1].body.mass_kg; }
-  ActuatorsTruth HoverInput() const { return hover.input; }
-  ActuatorsTruth InputMin() const;
-  ActuatorsTruth InputMax() const;
+
+  // Of rotors and hinges i, in the order of the thrusters, `right` and `left` spelled r and l:
+  //   states   x_m y_m z_m roll_rad pitch_rad yaw_rad, alpha_<i>_rad, vx_m_s vy_m_s vz_m_s
+  //            wx_rad_s wy_rad_s wz_rad_s, alpha_<i>_rad_s
+  //   sensors  the same
+  //   inputs   f_<i>_n, tau_<i>_nm
+  VehicleSignals signals() const;
+
+  // Rows in the order of the inputs.
+  const std::vector<double>& HoverInput() const { return hover.input; }
+  std::vector<double> InputMin() const;
+  std::vector<double> InputMax() const;
 };
 
 // How the main body's angular velocity is expressed: along the world's axes, along its own, or as derivatives

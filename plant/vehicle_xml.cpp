@@ -166,7 +166,7 @@ VehicleElements ReadVehicleElement(const std::filesystem::path& file, const XMLE
   VehicleElements elements;
   elements.file = file;
   elements.line = vehicle.GetLineNum();
-  bool has_base = false, has_sensors = false;
+  bool has_base = false, has_sensors = false, has_drag = false;
   for (const auto* child = vehicle.FirstChildElement(); child != nullptr;
        child = child->NextSiblingElement()) {
     const std::string_view tag = child->Name();
@@ -187,11 +187,17 @@ VehicleElements ReadVehicleElement(const std::filesystem::path& file, const XMLE
       if (has_sensors) attributes.Complain("a vehicle has one <tiltproof:sensors>");
       has_sensors = true;
       elements.sensor_rate_hz = attributes.OptionalNumber("rate_hz", 1, 1e6).value_or(0);
+    } else if (tag == "tiltproof:drag") {
+      const Attributes attributes(file, *child, {"linear_n_s_m", "quadratic_n_s2_m2"}, problems);
+      if (has_drag) attributes.Complain("a vehicle has one <tiltproof:drag>");
+      has_drag = true;
+      elements.drag = {attributes.OptionalNumber("linear_n_s_m", 0, 100).value_or(0),
+                       attributes.OptionalNumber("quadratic_n_s2_m2", 0, 100).value_or(0)};
     } else {
       problems.push_back(
           {file, child->GetLineNum(),
            fmt::format("unknown element <{}>; known are tiltproof:base, tiltproof:thruster, tiltproof:servo, "
-                       "tiltproof:sensors",
+                       "tiltproof:sensors, tiltproof:drag",
                        tag)});
     }
   }

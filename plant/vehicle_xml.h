@@ -37,6 +37,7 @@ struct VehicleElements {
   std::vector<ThrusterElement> thrusters;  // right, left
   std::vector<ServoElement> servos;
   double sensor_rate_hz = 0;
+  BodyDrag drag;
 };
 
 // Whatever is wrong is added to `problems`; what cannot be read then has its default.

@@ -6,34 +6,25 @@
 #include <string>
 
 #include "faults/device_command.h"
-#include "faults/registry.h"
 #include "harness/cli/commands.h"
+#include "harness/client/firmware_files.h"
 #include "harness/emulator/elf_symbols.h"
+#include "harness/run/client_channel.h"
 #include "harness/scenario/fault_support.h"
 
 namespace tiltproof::harness {
 namespace {
 
-ClientAbilities AbilitiesOf(const FlightMeans& means) {
-  ClientAbilities abilities{ClientKind::kLibrary, means.realtime};
-  if (!means.client.command.empty()) abilities.client = ClientKind::kProcess;
-  if (!means.client.device.empty()) abilities.client = ClientKind::kSerial;
-  if (means.client.emulator) abilities.client = ClientKind::kEmulator;
-  return abilities;
-}
-
-// The memory that the scenario's faults flip and the image lacks.
-void FindMissingRegions(const ElfSymbols& image, const Scenario& scenario,
+// The memory that the scenario's faults flip and a client's image lacks.
+void FindMissingRegions(const ElfSymbols& image, const Scenario& scenario, std::size_t client,
                         std::vector<std::string>& problems) {
-  for (std::size_t i = 0; i < scenario.faults.size(); ++i) {
-    const faults::FaultSpec& fault = scenario.faults[i];
-    if (fault.type != "device.bit_flip") continue;
-    const faults::Parameters parameters = ResolvedParameters(fault, faults::ValidType(fault));
+  for (const faults::DeviceCommand& command : ClientCommands(scenario, client)) {
+    const auto* flips = std::get_if<faults::FlipBits>(&command.action);
+    if (flips == nullptr) continue;
     try {
-      const MemoryRegion region = image.Region(parameters.Text("region"));
-      faults::DrawBitFlips(0, region.size_bytes, parameters.Integer("bit_count"));
+      faults::DrawBitFlips(*flips, image.Region(flips->region).size_bytes);
     } catch (const std::exception& error) {
-      problems.push_back(fmt::format("{}: {}", FaultPlace(scenario, i), error.what()));
+      problems.push_back(fmt::format("{}: {}", FaultPlace(scenario, command.fault), error.what()));
     }
   }
 }
@@ -41,40 +32,48 @@ void FindMissingRegions(const ElfSymbols& image, const Scenario& scenario,
 // Reads each image once.
 class Images {
  public:
-  explicit Images(const ClientChoice& client) : client_(client) {}
-
   // Throws UsageError when there is none that can be read.
-  const ElfSymbols& For(const Scenario& scenario) {
-    const auto file = client_.FirmwareFile(scenario);
+  const ElfSymbols& Read(const EmulatedImage& image, const std::string& firmware,
+                         const link::Protocol& protocol) {
+    const std::filesystem::path file = BoardOf(image, firmware, protocol).image;
     if (!std::filesystem::is_regular_file(file))
-      throw UsageError(fmt::format("--client {}: no image at {}{}", client_.text, file.string(),
-                                   !client_.image.empty() ? ""
-                                   : client_.scheduler == "freertos"
+      throw UsageError(fmt::format("--client {}: no image at {}{}", ToText(image), file.string(),
+                                   !image.file.empty() ? ""
+                                   : image.scheduler == "freertos"
                                        ? ": it is built where FREERTOS_KERNEL_PATH names a FreeRTOS kernel, "
                                          "or `./setup --freertos` has fetched one"
                                        : ": it is built where gcc-arm-none-eabi is installed; run ./setup"));
     try {
       return images_.try_emplace(file, file).first->second;
     } catch (const std::runtime_error& error) {
-      throw UsageError(fmt::format("--client {}: {}", client_.text, error.what()));
+      throw UsageError(fmt::format("--client {}: {}", ToText(image), error.what()));
     }
   }
 
  private:
-  const ClientChoice& client_;
   std::map<std::filesystem::path, ElfSymbols> images_;
 };
 
 }  // namespace
 
 std::vector<NotApplicable> TakeNotApplicable(const FlightMeans& means, bool strict, Suite& suite) {
-  const ClientAbilities abilities = AbilitiesOf(means);
-  Images images(means.client);
+  Images images;
   std::vector<NotApplicable> left_out;
   std::vector<std::string> refused;
   std::erase_if(suite.scenarios, [&](const SuiteScenario& entry) {
-    std::vector<std::string> problems = UnsupportedFaults(entry.scenario, abilities);
-    if (means.client.emulator) FindMissingRegions(images.For(entry.scenario), entry.scenario, problems);
+    const Scenario& scenario = entry.scenario;
+    const std::vector<ClientSpec> clients = means.ClientsOf(scenario);
+    std::vector<ClientAbilities> abilities;
+    for (const ClientSpec& client : clients) abilities.push_back(AbilitiesOf(client, means.realtime));
+    std::vector<std::string> problems = UnsupportedFaults(scenario, abilities);
+    for (std::size_t i = 0; i < clients.size(); ++i)
+      if (const auto* image = std::get_if<EmulatedImage>(&clients[i]))
+        FindMissingRegions(images.Read(*image, scenario.firmware_of(i), *scenario.link.protocol), scenario, i,
+                           problems);
+    if (means.realtime && scenario.has_several_clients())
+      problems.push_back(fmt::format(
+          "{}: clients: real time has one link node, for one client; fly several with --mode lockstep",
+          scenario.file.string()));
     if (problems.empty()) return false;
     if (entry.named || strict)
       refused.insert(refused.end(), problems.begin(), problems.end());

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "faults/registry.h"
+#include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
-#include "harness/cli/data_files.h"
 #include "harness/cli/suite.h"
 #include "harness/scenario/did_you_mean.h"
 #include "harness/scenario/schema.h"
@@ -23,14 +23,14 @@ void PrintWarnings(const Suite& suite) {
 }  // namespace
 
 int CheckCommand(const CheckOptions& options) {
-  const Suite suite = LoadSuite(options.paths, ChooseClient(options.client));
+  const Suite suite = LoadSuite(options.paths, ReadClientFlags(options.clients));
   PrintWarnings(suite);
   Print(stdout, "{} scenario{} in order\n", suite.scenarios.size(), suite.scenarios.size() == 1 ? "" : "s");
   return suite.scenarios.empty() ? kExitUndecided : kExitGreen;
 }
 
 int ListCommand(const CheckOptions& options) {
-  const Suite suite = LoadSuite(options.paths, ChooseClient(options.client));
+  const Suite suite = LoadSuite(options.paths, ReadClientFlags(options.clients));
   PrintWarnings(suite);
   std::size_t name_width = 0, model_width = 0, firmware_width = 0;
   for (const auto& [scenario, model, named] : suite.scenarios) {

@@ -31,7 +31,7 @@ inline constexpr std::uint64_t kSeedMax = (std::uint64_t{1} << 53) - 1;
 
 struct RunOptions {
   std::vector<std::filesystem::path> paths;
-  std::string client = "host";
+  std::vector<std::string> clients;
   std::string mode = "lockstep";
   std::string distributed;  // "", "dds" or "socket"
   bool attach = false;
@@ -70,7 +70,7 @@ int NodeCommand(const NodeCommandOptions& options);
 
 struct CheckOptions {
   std::vector<std::filesystem::path> paths;
-  std::string client = "host";
+  std::vector<std::string> clients;
 };
 int CheckCommand(const CheckOptions& options);
 int ListCommand(const CheckOptions& options);

@@ -116,7 +116,7 @@ Json JsonOf(const std::string& scenario, const FlightComparison& c) {
                {"first_difference", nullptr}};
   if (const auto& first = c.trace.first)
     json["first_difference"] = {{"time_s", first->time_s},
-                                {"period", std::llround(first->time_s / ToSeconds(kControlPeriodNs))},
+                                {"period", first->row},
                                 {"column", first->column},
                                 {"a", number(first->a)},
                                 {"b", number(first->b)}};
@@ -180,8 +180,7 @@ std::vector<std::string> Differences(const FlightComparison& c, double tolerance
     const auto value = [](double v) { return std::isnan(v) ? "no value" : fmt::format("{:.6g}", v); };
     lines.push_back(
         fmt::format("apart by more than {:g} from {:.3f} s on (period {}): {} is {} in A, {} in B", tolerance,
-                    first->time_s, std::llround(first->time_s / ToSeconds(kControlPeriodNs)), first->column,
-                    value(first->a), value(first->b)));
+                    first->time_s, first->row, first->column, value(first->a), value(first->b)));
   }
   if (c.a.score.verdict != c.b.score.verdict)
     lines.push_back(

@@ -28,9 +28,9 @@ int DesignLqrCommand(const DesignLqrOptions& options) {
   const plant::Hover& hover = design.hover;
   Print(stdout, "model            {} ({:.4f} kg)\n", model->name, model->MassTotal());
   Print(stdout, "hover            roll {:.6f}  pitch {:.6f}  alpha_r {:.6f}  alpha_l {:.6f} rad\n",
-        hover.roll_rad, hover.pitch_rad, hover.alpha_r_rad, hover.alpha_l_rad);
+        hover.roll_rad, hover.pitch_rad, hover.hinge_rad.at(0), hover.hinge_rad.at(1));
   Print(stdout, "                 f_r {:.5f}  f_l {:.5f} N  tau_r {:.5f}  tau_l {:.5f} N m\n",
-        hover.input.f_r_n, hover.input.f_l_n, hover.input.tau_r_nm, hover.input.tau_l_nm);
+        hover.input.at(0), hover.input.at(1), hover.input.at(2), hover.input.at(3));
   Print(stdout, "sampling period  {:.3f} ms\n", design.model.period_s * 1e3);
   Print(stdout, "spectral radius  {:.6f} of the closed loop\n", design.spectral_radius);
   Print(stdout, "delay margin     {:.2f} ms of input delay\n", design.delay_margin_s * 1e3);

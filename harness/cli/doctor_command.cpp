@@ -21,8 +21,9 @@
 #include <stdexcept>
 #include <vector>
 
+#include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
-#include "harness/cli/data_files.h"
+#include "harness/client/firmware_files.h"
 #include "harness/emulator/lockstep_self_test.h"
 #include "harness/node/realtime_rights.h"
 #include "harness/process/child_process.h"
@@ -111,11 +112,12 @@ void CheckSerialDevices(const fs::path& root, Checks& checks) {
 }
 
 std::vector<std::string> ClientDevices(const std::string& client) {
-  const ClientChoice choice = ChooseClient(client);
-  if (choice.device.empty())
+  const ClientSpec spec = ReadClientFlag(client);
+  const auto* board = std::get_if<SerialBoard>(&spec);
+  if (board == nullptr)
     throw UsageError(fmt::format("--client {}: doctor looks at serial:DEV[,REFDEV] alone", client));
-  std::vector<std::string> devices = {choice.device};
-  if (!choice.reference_device.empty()) devices.push_back(choice.reference_device);
+  std::vector<std::string> devices = {board->device};
+  if (!board->reference_device.empty()) devices.push_back(board->reference_device);
   return devices;
 }
 
@@ -292,7 +294,7 @@ Check CheckLockstep() {
 // What `--client qemu` flies when it names no image.
 Check CheckImages() {
   Check check{.name = "firmware images", .text = {}, .advice = {}};
-  const fs::path folder = FirmwareImage("executive", "paper", link::Dialect::kPaper).parent_path();
+  const fs::path folder = FirmwareFile(EmulatedImage{}, "paper", "paper").parent_path();
   std::map<std::string, int> counts;
   std::error_code error;
   for (fs::directory_iterator file(folder, error); !error && file != fs::directory_iterator();

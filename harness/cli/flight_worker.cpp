@@ -9,6 +9,7 @@
 #include <optional>
 #include <utility>
 
+#include "harness/client/firmware_files.h"
 #include "harness/dds/domain_slot.h"
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"
@@ -58,8 +59,7 @@ RunLog FlyByMeans(const FlightJob& job, WorkerReport& report, const std::atomic<
     return FlyRealtime(scenario, *job.model,
                        {.program = ProgramFile(),
                         .scenario_yaml = WriteResolved(scenario),
-                        .client = means.client.text,
-                        .board = !means.client.device.empty(),
+                        .client = means.ClientsOf(scenario).front(),
                         .attach = means.attach,
                         .place = place,
                         .interface = means.interface,
@@ -67,19 +67,20 @@ RunLog FlyByMeans(const FlightJob& job, WorkerReport& report, const std::atomic<
                         .score = [&](const RunLog& log) { return Announced(score(log)); },
                         .progress_ns = progress_ns,
                         .interrupted = interrupted});
-  if (means.distributed)
-    return FlyDistributed(scenario, {.transport = *means.distributed,
+  const DistributedOptions processes{.transport = means.distributed.value_or(Transport::kSocket),
                                      .program = ProgramFile(),
                                      .scenario_yaml = WriteResolved(scenario),
-                                     .firmware = means.client.SourceFor(scenario),
+                                     .clients = means.ClientsOf(scenario),
                                      .place = place,
                                      .progress_ns = progress_ns,
-                                     .interrupted = interrupted});
-  if (FliesLibrary(means)) FirmwareGuard::Install(&report.firmware);
+                                     .interrupted = interrupted};
+  if (means.distributed) return FlyDistributed(scenario, job.model->signals(), processes);
+  if (scenario.has_several_clients()) return FlyClientsApart(scenario, *job.model, processes);
+  if (means.FirmwareInWorker(scenario)) FirmwareGuard::Install(&report.firmware);
   FlightOptions options;
   options.retire = [&](std::unique_ptr<Client> retired) { client = std::move(retired); };
-  options.make_client = [&](ClientHost host) {
-    return MakeClient(means.client.SourceFor(scenario), SettingsOf(scenario), std::move(host));
+  options.make_client = [&](std::size_t /*client*/, ClientHost host) {
+    return MakeClient(processes.clients.front(), SettingsOf(scenario), std::move(host));
   };
   options.progress_ns = progress_ns;
   options.interrupted = interrupted;
@@ -117,10 +118,6 @@ void WorkerReport::SetPlace(const BusPlace& place) {
 std::optional<BusPlace> WorkerReport::Place() const {
   if (!has_place_.load(std::memory_order_acquire)) return std::nullopt;
   return BusPlace{domain_, tag_.data(), run_id_.data()};
-}
-
-bool FliesLibrary(const FlightMeans& means) {
-  return !means.realtime && !means.distributed && !means.client.library.empty();
 }
 
 ScenarioResult ErrorResult(const FlightJob& job, const std::string& reason) {

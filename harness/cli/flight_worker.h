@@ -40,9 +40,6 @@ inline constexpr int kExitWorkerInterrupted = 78;
 // Never returns. `interrupted`: set by a signal, to end the flight.
 [[noreturn]] void Work(const FlightJob& job, WorkerReport& report, const std::atomic<bool>* interrupted);
 
-// Whether the worker process has the firmware in it.
-bool FliesLibrary(const FlightMeans& means);
-
 ScenarioResult ErrorResult(const FlightJob& job, const std::string& reason);
 
 }  // namespace tiltproof::harness

@@ -9,6 +9,7 @@
 #include <iostream>
 #include <sstream>
 
+#include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
 #include "harness/report/results.h"
 #include "harness/run/realtime/realtime_flight.h"
@@ -56,12 +57,7 @@ int Main(int argc, char** argv) {
   run.command.assign(argv, argv + argc);
   auto* run_app = app.add_subcommand("run", "Fly scenarios and score them");
   run_app->add_option("PATH", run.paths, "Scenario files, or folders of them")->required();
-  run_app
-      ->add_option(
-          "--client", run.client,
-          "Firmware under test: host, library:FILE (firmware/tiltproof_client.h), qemu[:ELF] (an image for "
-          "the STM32F4), or, in real time, process:CMD, serial:DEV[,REFDEV]")
-      ->capture_default_str();
+  run_app->add_option("--client", run.clients, ClientHelp())->allow_extra_args(false);
   run_app
       ->add_option("--mode", run.mode, "How time passes: lockstep (virtual) or realtime (nodes, real ports)")
       ->check(CLI::IsMember({"lockstep", "realtime"}))
@@ -103,8 +99,8 @@ int Main(int argc, char** argv) {
       app.add_subcommand("check", "Check scenario files, their models, formulas and faults, without flying");
   check_app->add_option("PATH", check.paths, "Scenario files, or folders of them")->required();
   const auto add_client = [&](CLI::App* to) {
-    to->add_option("--client", check.client, "Firmware under test, as for `run`: says what `firmware` may be")
-        ->capture_default_str();
+    to->add_option("--client", check.clients, ClientHelp() + "\nIt says what `firmware` may be.")
+        ->allow_extra_args(false);
   };
   add_client(check_app);
   check_app->callback([&] { command = [&] { return CheckCommand(check); }; });

@@ -4,10 +4,9 @@
 
 #include <algorithm>
 
+#include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
-#include "harness/cli/data_files.h"
 #include "harness/cli/suite.h"
-#include "harness/client/library_client.h"
 #include "harness/node/joystick_input.h"
 #include "harness/node/roles.h"
 #include "harness/run/introduction.h"
@@ -39,6 +38,15 @@ dds::Participant HarnessOf(const NodeCommandOptions& options) {
   return *harness;
 }
 
+// Of a client node. Throws UsageError.
+MakeRole RoleOf(const ClientSpec& client) {
+  if (std::holds_alternative<HostLibrary>(client)) return MakeLibraryRole;
+  if (std::holds_alternative<Program>(client)) return MakeCommandRole;
+  if (std::holds_alternative<EmulatedImage>(client)) return MakeEmulatorRole;
+  throw UsageError(
+      fmt::format("--client {}: a board has no client node; give this to the link node", ToText(client)));
+}
+
 int ServeLockstep(const NodeCommandOptions& options) {
   std::optional<dds::Bus> bus;
   std::unique_ptr<Channel> channel;
@@ -49,7 +57,7 @@ int ServeLockstep(const NodeCommandOptions& options) {
   } else {
     bus.emplace(LockstepBus(options.domain, options.tag));
     Introduce(bus->participant());
-    channel = MakeDdsChannel(*bus, options.tag, options.kind, HarnessOf(options));
+    channel = MakeDdsChannel(*bus, options.tag, options.name, HarnessOf(options));
   }
   if (options.kind == "plant") {
     ServePlant(*channel, LoadAnnounced);
@@ -91,33 +99,19 @@ int NodeCommand(const NodeCommandOptions& options) {
     case dds::NodeKind::kLink:
       make_role = MakeLinkRole;
       if (!options.client.empty()) {
-        const ClientChoice client = ChooseClient(options.client);
-        if (client.device.empty())
+        node.client = ReadClientFlag(options.client);
+        if (!std::holds_alternative<SerialBoard>(*node.client))
           throw UsageError(
               fmt::format("--client {}: a link node takes serial:DEV[,REFDEV], the cables to a board; "
                           "other clients are nodes of their own",
                           options.client));
-        node.client_port = client.device;
-        node.client_reference_port = client.reference_device;
       }
       break;
-    case dds::NodeKind::kClient: {
-      const ClientChoice client = ChooseClient(options.client.empty() ? "host" : options.client);
-      if (!client.device.empty())
-        throw UsageError(fmt::format("--client {}: a board has no client node; give this to the link node",
-                                     options.client));
-      if (!client.library.empty())
-        if (const auto mistake = LibraryMistake(client.library))
-          throw UsageError(fmt::format("--client {}: {}", client.text, *mistake));
-      node.firmware_library = client.library;
-      node.firmware_command = client.command;
-      make_role = client.command.empty() ? MakeLibraryRole : MakeCommandRole;
-      if (client.emulator) {
-        node.emulator = [client](const Scenario& scenario) { return *client.SourceFor(scenario).emulator; };
-        make_role = MakeEmulatorRole;
-      }
+    case dds::NodeKind::kClient:
+      node.client = ReadClientFlag(options.client.empty() ? "host" : options.client);
+      CheckLibrary(*node.client);
+      make_role = RoleOf(*node.client);
       break;
-    }
     case dds::NodeKind::kBaseStation:
       make_role = MakeBaseStationRole;
       break;

@@ -6,11 +6,12 @@
 #include <cstdlib>
 #include <cstring>
 
+#include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
-#include "harness/cli/data_files.h"
 #include "harness/cli/run_folder.h"
 #include "harness/cli/suite.h"
 #include "harness/cli/worker_pool.h"
+#include "harness/client/firmware_files.h"
 #include "harness/emulator/lockstep_self_test.h"
 #include "harness/report/build_id.h"
 #include "harness/report/files.h"
@@ -73,13 +74,15 @@ int ReplayCommand(const ReplayOptions& options) {
         fmt::format("{}: flown in real time, where no two flights are equal to the bit; `run` flies it again",
                     options.run.string()));
   FlightMeans means;
-  means.client = ChooseClient(run.info.client);
-  const std::string build = BuildId(means.client.BuiltFile());
+  std::vector<std::string> flags = {run.info.client};
+  for (const auto& [id, client] : run.info.clients) flags.push_back(id + "=" + client);
+  means.clients = ReadClientFlags(flags);
+  const std::string build = BuildOf(means.clients);
   if (!run.info.build.empty() && run.info.build != build)
     Print(stdout,
           "another build: {} then, {} now; the program or the firmware has changed, and flights may differ\n",
           run.info.build, build);
-  if (means.client.emulator) TestLockstep(LockstepPlugin());
+  if (Emulates(means.clients.Named())) TestLockstep(LockstepPlugin());
   TemporaryFolder folder;
   std::vector<FlightJob> jobs;
   std::vector<ScenarioResult> old_results;

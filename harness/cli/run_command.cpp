@@ -1,20 +1,16 @@
-// Boost 1.74's Asio uses std::exchange without its header.
-#include <utility>
-//
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <boost/asio/io_context.hpp>
 #include <nlohmann/json.hpp>
 
 #include "harness/cli/applicability.h"
+#include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
 #include "harness/cli/console.h"
-#include "harness/cli/data_files.h"
 #include "harness/cli/run_record.h"
 #include "harness/cli/suite.h"
 #include "harness/cli/worker_pool.h"
-#include "harness/client/library_client.h"
+#include "harness/client/firmware_files.h"
 #include "harness/emulator/lockstep_self_test.h"
 #include "harness/node/realtime_rights.h"
 #include "harness/report/build_id.h"
@@ -23,15 +19,13 @@
 #include "harness/report/results.h"
 #include "harness/scenario/selection.h"
 #include "harness/terminal/terminal.h"
-#include "link/serial_port.h"
-#include "link/unix_socket.h"
 
 namespace tiltproof::harness {
 namespace {
 
 FlightMeans ChooseMeans(const RunOptions& options) {
   FlightMeans means;
-  means.client = ChooseClient(options.client);
+  means.clients = ReadClientFlags(options.clients);
   means.realtime = options.mode == "realtime";
   if (!options.distributed.empty())
     means.distributed = options.distributed == "socket" ? Transport::kSocket : Transport::kDds;
@@ -39,53 +33,21 @@ FlightMeans ChooseMeans(const RunOptions& options) {
   means.domain = options.domain;
   means.interface = options.interface;
   means.peers = options.peers;
-  if (!means.realtime && !means.client.knows_virtual_time())
-    throw UsageError(
-        fmt::format("--client {}: it knows no virtual time and cannot fly in lockstep; add --mode realtime",
-                    options.client));
+  for (const ClientSpec& client : means.clients.Named())
+    if (!means.realtime && !AbilitiesOf(client, false).virtual_time)
+      throw UsageError(
+          fmt::format("--client {}: it knows no virtual time and cannot fly in lockstep; add --mode realtime",
+                      ToText(client)));
   if (means.realtime && means.distributed)
     throw UsageError("--distributed is for lockstep: in real time every part is a process of its own anyway");
   if (!means.realtime && (means.attach || !means.interface.empty() || !means.peers.empty()))
     throw UsageError("--attach, --interface and --peers need --mode realtime");
-  if (means.attach && options.client != "host")
+  if (means.attach && !options.clients.empty() && options.clients != std::vector<std::string>{"host"})
     throw UsageError(
         "--attach: the firmware is that of the attached nodes; give --client to them, not to `run`");
-  if (means.attach) means.client.text = "attached";
   if (means.attach && options.jobs_count > 1)
     throw UsageError("--attach: the nodes fly one scenario at a time; drop -j");
   return means;
-}
-
-// That the library is one, before anything is flown.
-void CheckLibrary(const ClientChoice& client) {
-  if (client.library.empty()) return;
-  if (const auto mistake = LibraryMistake(client.library))
-    throw UsageError(fmt::format("--client {}: {}", client.text, *mistake));
-}
-
-// That the board's ports can be had, before anything is flown: a flag that names no device is a mistake of the
-// command line, a device that is busy or not permitted is trouble with the target.
-void CheckPorts(const ClientChoice& client, const LinkSpec& link) {
-  boost::asio::io_context loop;
-  std::vector<std::unique_ptr<link::SerialPort>> ports;  // both at once, as in flight
-  for (const std::string& device : {client.device, client.reference_device}) {
-    if (device.empty()) continue;
-    const bool is_socket = link::IsSocketName(device);
-    try {
-      // An emulator may begin as soon as it is connected, so that a socket is only looked for.
-      if (const auto trouble = is_socket ? link::SocketTrouble(device) : std::nullopt)
-        throw std::runtime_error(*trouble);
-      if (is_socket) continue;
-      ports.push_back(std::make_unique<link::SerialPort>(
-          loop, device, ports.empty() ? link.port_baud() : LinkSpec::kReferenceBaud));
-    } catch (const std::runtime_error& error) {
-      const std::string text = fmt::format("--client {}: {}", client.text, error.what());
-      std::error_code ignored;
-      const std::string file = is_socket ? device.substr(device.find(':') + 1) : device;
-      if (!std::filesystem::exists(file, ignored)) throw UsageError(text);
-      throw std::runtime_error(text);
-    }
-  }
 }
 
 // Throws UsageError when -k or --tag is no valid selection.
@@ -106,11 +68,17 @@ std::string Quoted(const std::string& text) {
   return quoted + "'";
 }
 
+std::string ClientFlagsOf(const RunClients& clients) {
+  std::string flags = " --client " + Quoted(ToText(clients.all));
+  for (const auto& [id, client] : clients.by_id) flags += " --client " + Quoted(id + "=" + ToText(client));
+  return flags;
+}
+
 // The command that flies a flight in real time again.
 std::string FlyAgain(const RunOptions& options, const FlightMeans& means, const FlightJob& job) {
   std::string command = fmt::format("{} run {} --mode realtime", options.command.front(),
                                     (job.folder / "scenario.resolved.yaml").string());
-  command += means.attach ? " --attach" : " --client " + Quoted(means.client.text);
+  command += means.attach ? " --attach" : ClientFlagsOf(means.clients);
   if (means.domain != 0) command += fmt::format(" --domain {}", means.domain);
   if (!means.interface.empty()) command += " --interface " + means.interface;
   if (!means.peers.empty()) command += fmt::format(" --peers {}", fmt::join(means.peers, ","));
@@ -145,7 +113,7 @@ void List(const RunOptions& options, const std::vector<SuiteScenario>& scenarios
 
 int RunCommand(const RunOptions& options) {
   const FlightMeans means = ChooseMeans(options);
-  Suite suite = LoadSuite(options.paths, means.client);
+  Suite suite = LoadSuite(options.paths, means.clients);
   const std::size_t found = suite.scenarios.size();
   suite.scenarios = Select(std::move(suite.scenarios), options);
   const Console console(options.format == "jsonl");
@@ -161,7 +129,8 @@ int RunCommand(const RunOptions& options) {
       throw UsageError(fmt::format("--repeat {}: from seed {} on the seeds exceed {}", options.repeat_count,
                                    first, kSeedMax));
   }
-  CheckLibrary(means.client);
+  const std::vector<ClientSpec> clients = means.clients.Named();
+  for (const ClientSpec& client : clients) CheckLibrary(client);
   const std::vector<NotApplicable> not_applicable = TakeNotApplicable(means, options.strict, suite);
   if (options.dry_run || suite.scenarios.empty()) {
     List(options, suite.scenarios);
@@ -169,16 +138,17 @@ int RunCommand(const RunOptions& options) {
     if (suite.scenarios.empty()) Print(stderr, "tiltproof: nothing is left to fly with this client\n");
     return suite.scenarios.empty() ? kExitUndecided : kExitGreen;
   }
-  if (means.client.emulator && !means.realtime) TestLockstep(LockstepPlugin());
-  CheckPorts(means.client, suite.scenarios.front().scenario.link);
+  if (Emulates(clients) && !means.realtime) TestLockstep(LockstepPlugin());
+  for (const ClientSpec& client : clients) CheckPorts(client, suite.scenarios.front().scenario.link);
 
   RunInfo info;
   info.suite = suite.name;
   info.started = UtcNow();
   info.seed = options.seed.value_or(suite.scenarios.front().scenario.seed);
   info.mode = options.mode;
-  info.client = means.client.text;
-  info.build = BuildId(means.client.BuiltFile());
+  info.client = means.client_text();
+  for (const auto& [id, client] : means.clients.by_id) info.clients.emplace(id, ToText(client));
+  info.build = BuildOf(means.clients);
   info.machine = ThisMachine();
   if (means.realtime && !means.attach) info.realtime_rights = ProbeRealtimeRights().Text();
   info.command = options.command;

@@ -56,11 +56,13 @@ void WriteRunEvents(const std::filesystem::path& folder, const std::vector<Scena
   for (const auto& result : results) {
     const auto file = folder / result.name / "flight.json";
     if (!std::filesystem::exists(file)) continue;
-    for (const auto& event : ReadFlight(folder / result.name).events) {
+    const RunLog log = ReadFlight(folder / result.name);
+    for (const auto& event : log.events) {
       nlohmann::ordered_json line;
       line["scenario"] = result.name;
       line["time_s"] = ToSeconds(event.time_ns);
       line["kind"] = event.kind;
+      if (const std::string client = ClientOf(log, event); !client.empty()) line["client"] = client;
       line["text"] = event.text;
       lines += JsonText(line) + "\n";
     }

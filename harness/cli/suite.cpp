@@ -4,19 +4,28 @@
 
 #include <algorithm>
 
+#include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
 #include "harness/cli/data_files.h"
+#include "harness/run/fault_conditions.h"
 #include "harness/scenario/selection.h"
 #include "harness/score/score.h"
+#include "harness/score/signals.h"
 #include "harness/score/stl.h"
 
 namespace tiltproof::harness {
 namespace {
 
-std::optional<FormulaProblem> CheckFormula(std::string_view text, std::span<const std::string> fault_ids,
-                                           TimeNs duration_ns) {
+std::optional<FormulaProblem> CheckFormula(std::string_view text, const Scenario& scenario,
+                                           const VehicleSignals& vehicle) {
+  const std::vector<std::string> signals =
+      SignalNames(Trace(TraceLayout(vehicle, scenario).columns).columns());
+  std::vector<std::string> fault_ids;
+  for (const auto& fault : scenario.faults) fault_ids.push_back(fault.id);
+  const TimeNs duration_ns = scenario.duration_ns;
   try {
-    const TimeNs decided_ns = stl::EarliestDecision(stl::Parse(text, fault_ids), duration_ns);
+    const TimeNs decided_ns =
+        stl::EarliestDecision(stl::Parse(text, {.signals = signals, .fault_ids = fault_ids}), duration_ns);
     if (duration_ns == 0 || decided_ns <= duration_ns) return std::nullopt;
     return FormulaProblem{
         1, fmt::format("can be decided at {:g} s at the earliest, and the flight ends at {:g} s "
@@ -27,11 +36,38 @@ std::optional<FormulaProblem> CheckFormula(std::string_view text, std::span<cons
   }
 }
 
+std::optional<FormulaProblem> CheckCondition(std::string_view text, const Scenario& scenario,
+                                             const VehicleSignals& vehicle) {
+  const Trace trace(TraceLayout(vehicle, scenario).columns);
+  try {
+    const stl::Condition condition(text, FaultConditions::SignalNames(trace.columns()));
+    return std::nullopt;
+  } catch (const stl::ParseError& error) {
+    return FormulaProblem{error.column, error.what()};
+  }
+}
+
 ReadOptions MakeReadOptions(ModelCache& models) {
   ReadOptions options;
   options.models_folder = ModelsFolder();
   options.metric_names = MetricNames();
-  options.check_formula = CheckFormula;
+  // A model that cannot be loaded has its own message.
+  options.vehicle_signals = [&models](const Scenario& scenario) -> std::optional<VehicleSignals> {
+    try {
+      return models.Load(scenario.model_file, scenario.allow_invalid_inertia)->signals();
+    } catch (const std::exception&) {
+      return std::nullopt;
+    }
+  };
+  const auto with_vehicle = [signals = options.vehicle_signals](const auto& check) {
+    return
+        [signals, check](std::string_view text, const Scenario& scenario) -> std::optional<FormulaProblem> {
+          const std::optional<VehicleSignals> vehicle = signals(scenario);
+          return vehicle ? check(text, scenario, *vehicle) : std::nullopt;
+        };
+  };
+  options.check_formula = with_vehicle(CheckFormula);
+  options.check_condition = with_vehicle(CheckCondition);
   options.check_model = [&models](const std::filesystem::path& file,
                                   bool allow_invalid_inertia) -> std::optional<std::string> {
     try {
@@ -61,10 +97,14 @@ std::shared_ptr<const plant::VehicleModel> ModelCache::Load(const std::filesyste
   return model;
 }
 
-Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const ClientChoice& client) {
+Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const RunClients& clients) {
   ModelCache models;
   ReadOptions options = MakeReadOptions(models);
-  if (client.has_our_builds) options.firmware_names = {"paper", "paper_published", "tolerant"};
+  const auto named = clients.Named();
+  const bool shipped = std::all_of(named.begin(), named.end(), [](const ClientSpec& client) {
+    return AbilitiesOf(client, false).shipped;
+  });
+  if (shipped) options.firmware_names = {"paper", "paper_published", "tolerant"};
   const FoundScenarios found = FindScenarios(paths);
   std::vector<std::string> problems = found.problems;
   std::vector<Scenario> scenarios;
@@ -79,6 +119,9 @@ Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const ClientCho
     auto model = models.Load(scenarios[i].model_file, scenarios[i].allow_invalid_inertia);
     suite.scenarios.push_back({std::move(scenarios[i]), std::move(model), found.files[i].named});
   }
+  std::vector<const Scenario*> all;
+  for (const auto& entry : suite.scenarios) all.push_back(&entry.scenario);
+  CheckClientIds(clients, all);
   suite.name = SuiteName(paths);
   suite.warnings = found.warnings;
   suite.warnings.insert(suite.warnings.end(), models.warnings().begin(), models.warnings().end());

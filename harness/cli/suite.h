@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "harness/cli/data_files.h"
 #include "harness/run/remote/serve.h"
+#include "harness/scenario/client_spec.h"
 #include "harness/scenario/reader.h"
 #include "harness/scenario/scenario.h"
 #include "plant/vehicle_model.h"
@@ -47,7 +47,7 @@ struct Suite {
 
 // Throws UsageError with every problem of every file, one per line. A client of our own knows what `firmware` may
 // be; to another it is any word.
-Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const ClientChoice& client);
+Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const RunClients& clients);
 
 // A scenario that was flown before, from its folder. Throws UsageError.
 LoadedScenario LoadFlown(const std::filesystem::path& scenario_folder);

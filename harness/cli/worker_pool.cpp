@@ -323,7 +323,7 @@ class Pool {
     const bool by_others =
         WIFSIGNALED(status) && (inside == FirmwareCall::kNone ||
                                 std::find(others.begin(), others.end(), WTERMSIG(status)) != others.end());
-    if (FliesLibrary(job.means) && !by_others)
+    if (job.means.FirmwareInWorker(job.scenario) && !by_others)
       return FirmwareFailed(job,
                             fmt::format("the firmware ended its process in {}: the process {} {}, and the "
                                         "flight is lost",
@@ -386,6 +386,18 @@ class Pool {
 };
 
 }  // namespace
+
+std::vector<ClientSpec> FlightMeans::ClientsOf(const Scenario& scenario) const {
+  std::vector<ClientSpec> specs;
+  for (std::size_t i = 0; i < scenario.client_count(); ++i)
+    specs.push_back(clients.Of(scenario.client_id(i)));
+  return specs;
+}
+
+bool FlightMeans::FirmwareInWorker(const Scenario& scenario) const {
+  return !realtime && !distributed && !scenario.has_several_clients() &&
+         AbilitiesOf(ClientsOf(scenario).front(), realtime).guarded;
+}
 
 PoolOutcome FlyAll(const std::vector<FlightJob>& jobs, const PoolOptions& options,
                    const std::function<void(const ScenarioResult&)>& on_finished,

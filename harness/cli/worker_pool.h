@@ -9,10 +9,10 @@
 #include <string>
 #include <vector>
 
-#include "harness/cli/data_files.h"
 #include "harness/report/results.h"
 #include "harness/run/bus_place.h"
 #include "harness/run/remote/distributed_flight.h"
+#include "harness/scenario/client_spec.h"
 #include "harness/scenario/scenario.h"
 #include "plant/vehicle_model.h"
 
@@ -20,13 +20,20 @@ namespace tiltproof::harness {
 
 // How flights of a run are flown.
 struct FlightMeans {
-  ClientChoice client;
+  RunClients clients;
   bool realtime = false;
   std::optional<Transport> distributed;  // lockstep with every part in a process of its own
   bool attach = false;                   // realtime: with nodes that run already
   int domain = 0;                        // 0: the first free one
   std::string interface;
   std::vector<std::string> peers;
+
+  // Of a scenario's clients, in its order.
+  std::vector<ClientSpec> ClientsOf(const Scenario& scenario) const;
+  // Whether a worker process has the firmware in it.
+  bool FirmwareInWorker(const Scenario& scenario) const;
+  // As run.json keeps it.
+  std::string client_text() const { return attach ? "attached" : ToText(clients.all); }
 };
 
 struct FlightJob {

@@ -1,7 +1,10 @@
 #include "harness/client/device_clock.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
+#include <variant>
 
 namespace tiltproof::harness {
 namespace {
@@ -13,6 +16,23 @@ constexpr TimeNs kFar = kNever / 4;
 
 void DeviceClock::Drift(TimeNs begin, TimeNs end, double ppm) {
   spans_.push_back({begin, end, std::llround(ppm * 1e3)});
+}
+
+std::deque<DeviceEvent> DeviceClock::Follow(const std::vector<faults::DeviceCommand>& commands,
+                                            TimeNs origin) {
+  std::deque<DeviceEvent> begins;
+  for (const faults::DeviceCommand& command : commands) {
+    const auto* drift = std::get_if<faults::DriftClock>(&command.action);
+    if (drift == nullptr) continue;
+    const TimeNs begin = origin + command.at_ns;
+    Drift(begin, command.until_ns == kNever ? kNever : origin + command.until_ns, drift->ppm);
+    begins.push_back({.time_ns = begin,
+                      .fault = command.fault,
+                      .kind = "clock_drift",
+                      .text = fmt::format("the clock runs {} by {} ppm", drift->ppm < 0 ? "slow" : "fast",
+                                          std::abs(drift->ppm))});
+  }
+  return begins;
 }
 
 TimeNs DeviceClock::At(TimeNs time) const {

@@ -1,4 +1,4 @@
-// The clock of a board whose crystal is off: what it shows at each instant, and when it shows that.
+// The clock of a client whose crystal is off (clock.drift): what it shows at each instant, and when it shows that.
 //
 //   DeviceClock clock;
 //   clock.Drift(10 * kNsPerS, 20 * kNsPerS, 100.0);    // runs fast by 100 ppm for ten seconds
@@ -8,8 +8,11 @@
 // Time is the harness's, nanoseconds since power-on; both clocks begin with 0. Drifts may overlap: they add up.
 #pragma once
 
+#include <deque>
 #include <vector>
 
+#include "faults/device_command.h"
+#include "harness/client/client.h"
 #include "link/time.h"
 
 namespace tiltproof::harness {
@@ -18,6 +21,9 @@ class DeviceClock {
  public:
   // `end` may be kNever; |ppm| at most 10 000.
   void Drift(TimeNs begin, TimeNs end, double ppm);
+  // All drifts among the commands, whose times count from `origin`. Returns what is to be told when they begin, in
+  // order of time.
+  std::deque<DeviceEvent> Follow(const std::vector<faults::DeviceCommand>& commands, TimeNs origin);
 
   TimeNs At(TimeNs time) const;
   // The first nanosecond at which the clock shows `shown` or more.

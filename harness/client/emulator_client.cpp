@@ -18,6 +18,7 @@
 #include "harness/client/rated_line.h"
 #include "harness/emulator/elf_symbols.h"
 #include "link/chunk.h"
+#include "link/overloaded.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -27,7 +28,7 @@ constexpr TimeNs kBusyMax = 2 * kNsPerS;
 // Nor may it fill the log with one line.
 constexpr std::size_t kLineBytesMax = 1000;
 // Bytes lost further apart than this are different stories.
-constexpr TimeNs kOverrunGap = 2 * kControlPeriodNs;
+constexpr TimeNs kOverrunGap = 24 * kNsPerMs;
 // An image may have a TiltproofClientStatus of this name, which is read when the flight ends.
 constexpr const char* kStatusSymbol = "tiltproof_status";
 
@@ -50,7 +51,6 @@ lockstep::Mark ToMark(faults::ReceiveMark mark) {
     case faults::ReceiveMark::kNoise:
       return lockstep::Mark::kNoise;
     case faults::ReceiveMark::kNone:
-    case faults::ReceiveMark::kParity:  // refused before the flight
       break;
   }
   return lockstep::Mark::kNone;
@@ -149,17 +149,7 @@ class EmulatorClient final : public Client {
   void Command(const std::vector<faults::DeviceCommand>& commands, TimeNs origin) override {
     started_ = true;
     // First of all the clock, by which all other times are told.
-    for (const faults::DeviceCommand& command : commands)
-      if (command.type == "device.clock_drift") {
-        const double ppm = command.parameters.Number("ppm");
-        clock_.Drift(origin + command.at_ns, command.until_ns == kNever ? kNever : origin + command.until_ns,
-                     ppm);
-        drifts_.push_back(
-            {.time_ns = origin + command.at_ns,
-             .fault = command.fault,
-             .kind = "clock_drift",
-             .text = fmt::format("the clock runs {} by {} ppm", ppm < 0 ? "slow" : "fast", std::abs(ppm))});
-      }
+    drifts_ = clock_.Follow(commands, origin);
     for (const faults::DeviceCommand& command : commands) Send(command, origin);
   }
 
@@ -188,15 +178,20 @@ class EmulatorClient final : public Client {
     const auto stall = [&](lockstep::ResetCause reset) {
       board_->Send(lockstep::Kind::kStall, lockstep::Stall{begin, end, reset, fault});
     };
-    if (command.type == "device.reset") return stall(lockstep::ResetCause::kPin);
-    if (command.type == "device.watchdog_reset") return stall(lockstep::ResetCause::kWatchdog);
-    if (command.type == "device.hang" || command.type == "device.stall")
-      return stall(lockstep::ResetCause::kNone);
-    if (command.type != "device.bit_flip") return;
-    const MemoryRegion region = symbols_->Region(command.parameters.Text("region"));
-    lockstep::FlipBits flips{.at_ns = begin, .fault = fault, .count = 0, .bits = {}};
-    for (const faults::BitFlip& flip : faults::DrawBitFlips(command.bits_stream, region.size_bytes,
-                                                            command.parameters.Integer("bit_count")))
+    std::visit(Overloaded{[&](const faults::ResetProcessor&) { stall(lockstep::ResetCause::kPin); },
+                          [&](const faults::ResetByWatchdog&) { stall(lockstep::ResetCause::kWatchdog); },
+                          [&](const faults::HangProcessor&) { stall(lockstep::ResetCause::kNone); },
+                          [&](const faults::StallProcessor&) { stall(lockstep::ResetCause::kNone); },
+                          [&](const faults::FlipBits& flips) { Flip(flips, begin, fault); },
+                          // In force already: it is in clock_.
+                          [](const faults::DriftClock&) {}},
+               command.action);
+  }
+
+  void Flip(const faults::FlipBits& action, TimeNs at, std::uint32_t fault) {
+    const MemoryRegion region = symbols_->Region(action.region);
+    lockstep::FlipBits flips{.at_ns = at, .fault = fault, .count = 0, .bits = {}};
+    for (const faults::BitFlip& flip : faults::DrawBitFlips(action, region.size_bytes))
       flips.bits[flips.count++] = {region.address + flip.byte_offset, static_cast<std::uint32_t>(flip.bit)};
     board_->Send(lockstep::Kind::kFlipBits, flips);
   }

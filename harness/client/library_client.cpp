@@ -17,10 +17,12 @@
 #include <utility>
 
 #include "firmware/tiltproof_client.h"
+#include "harness/client/device_clock.h"
 #include "harness/client/firmware_guard.h"
 #include "harness/process/child_process.h"
 #include "harness/process/own_time.h"
 #include "harness/terminal/terminal.h"
+#include "link/overloaded.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -80,13 +82,13 @@ class Library {
 
 class LibraryClient final : public Client {
  public:
-  LibraryClient(const std::filesystem::path& library, const std::string& firmware, link::Dialect dialect,
+  LibraryClient(const std::filesystem::path& library, const std::string& firmware, std::string dialect,
                 ClientHost host, std::unique_ptr<CapturedOutput> output)
       : host_(std::move(host)),
         output_(std::move(output)),
         library_(library),
         firmware_(firmware),
-        dialect_(Name(dialect)) {
+        dialect_(std::move(dialect)) {
     interface_.abi_version = TILTPROOF_CLIENT_ABI_VERSION;
     interface_.firmware = firmware_.c_str();
     interface_.dialect = dialect_.c_str();
@@ -96,13 +98,16 @@ class LibraryClient final : public Client {
       if ((uart != TILTPROOF_UART_MAIN && uart != TILTPROOF_UART_REFERENCE) || bytes == nullptr || count == 0)
         return now_ns;
       return FirmwareGuard::CallBack([&] {
-        return static_cast<LibraryClient*>(context)->Transmit(static_cast<Uart>(uart), now_ns,
-                                                              {bytes, count});
+        auto* client = static_cast<LibraryClient*>(context);
+        const DeviceClock& clock = client->clock_;
+        return clock.At(client->Transmit(static_cast<Uart>(uart), clock.When(now_ns), {bytes, count}));
       });
     };
     interface_.log = [](void* context, std::int64_t now_ns, const char* text) {
-      FirmwareGuard::CallBack(
-          [&] { return static_cast<LibraryClient*>(context)->Log(now_ns, text == nullptr ? "" : text); });
+      FirmwareGuard::CallBack([&] {
+        auto* client = static_cast<LibraryClient*>(context);
+        return client->Log(client->clock_.When(now_ns), text == nullptr ? "" : text);
+      });
     };
     client_ = Guarded(FirmwareCall::kCreate, [&] { return library_.create(&interface_); });
     if (client_ == nullptr) {
@@ -136,10 +141,13 @@ class LibraryClient final : public Client {
   void Receive(Uart uart, TimeNs now, std::span<const std::uint8_t> bytes,
                std::span<const faults::ReceiveMark> /*marks*/) override {
     if (in_reset_) return;
-    Guarded(FirmwareCall::kReceive,
-            [&] { library_.receive(client_, static_cast<int>(uart), now, bytes.data(), bytes.size()); });
+    Guarded(FirmwareCall::kReceive, [&] {
+      library_.receive(client_, static_cast<int>(uart), clock_.At(now), bytes.data(), bytes.size());
+    });
   }
   TimeNs Grant(TimeNs now, TimeNs /*horizon*/) override {
+    for (; !drifts_.empty() && now >= drifts_.front().time_ns; drifts_.pop_front())
+      host_.event(drifts_.front());
     // Resets that begin while it is held hold it until the last has ended.
     for (; !resets_.empty() && now >= resets_.front().begin; resets_.pop_front()) {
       in_reset_ = true;
@@ -150,22 +158,37 @@ class LibraryClient final : public Client {
                    .text = "reset, and held until it has booted"});
     }
     if (!in_reset_) {
-      wake_ns_ = Guarded(FirmwareCall::kGrant, [&] { return library_.grant(client_, now); });
+      wake_ns_ =
+          clock_.When(Guarded(FirmwareCall::kGrant, [&] { return library_.grant(client_, clock_.At(now)); }));
     } else if (now < held_until_) {
       wake_ns_ = held_until_;
     } else {
       in_reset_ = false;
       host_.event({.time_ns = now, .fault = std::nullopt, .kind = "device_runs", .text = "it has booted"});
-      wake_ns_ = Guarded(FirmwareCall::kReset, [&] { return library_.reset(client_, now); });
+      wake_ns_ =
+          clock_.When(Guarded(FirmwareCall::kReset, [&] { return library_.reset(client_, clock_.At(now)); }));
     }
     if (now - logged_ns_ >= kLogPeriod) LogOutput(now);
     return resets_.empty() ? wake_ns_ : std::min(wake_ns_, resets_.front().begin);
   }
-  // A library can be reset and nothing else; all other faults of a device are refused before the flight.
+  // A library can be reset and its clock can drift; all other faults of a device are refused before the flight.
   void Command(const std::vector<faults::DeviceCommand>& commands, TimeNs origin) override {
+    const auto refuse = [] {
+      throw std::logic_error("a library was given a command that it cannot carry out");
+    };
+    drifts_ = clock_.Follow(commands, origin);
     for (const faults::DeviceCommand& command : commands)
-      if (command.type == "device.reset")
-        resets_.push_back({origin + command.at_ns, origin + command.until_ns, command.fault});
+      std::visit(
+          Overloaded{[&](const faults::ResetProcessor&) {
+                       resets_.push_back({origin + command.at_ns, origin + command.until_ns, command.fault});
+                     },
+                     [&](const faults::ResetByWatchdog&) { refuse(); },
+                     [&](const faults::HangProcessor&) { refuse(); },
+                     [&](const faults::StallProcessor&) { refuse(); },
+                     [&](const faults::FlipBits&) { refuse(); },
+                     // In force already: it is in clock_.
+                     [](const faults::DriftClock&) {}},
+          command.action);
   }
   std::optional<ClientStatus> Status() override {
     LogAllOutput();
@@ -208,7 +231,7 @@ class LibraryClient final : public Client {
   }
 
   // Looking for output takes a while.
-  static constexpr TimeNs kLogPeriod = kControlPeriodNs;
+  static constexpr TimeNs kLogPeriod = 12 * kNsPerMs;
 
   ClientHost host_;
   std::unique_ptr<CapturedOutput> output_;
@@ -220,7 +243,9 @@ class LibraryClient final : public Client {
     TimeNs begin, end;
     std::size_t fault;
   };
-  std::deque<Reset> resets_;  // to come, by begin
+  std::deque<Reset> resets_;        // to come, by begin
+  DeviceClock clock_;               // by which it lives; all other times here are true
+  std::deque<DeviceEvent> drifts_;  // to be told when they begin, in order
   bool in_reset_ = false;
   TimeNs held_until_ = 0;
   TimeNs wake_ns_ = kNever;
@@ -232,7 +257,7 @@ class LibraryClient final : public Client {
 }  // namespace
 
 std::unique_ptr<Client> LoadLibraryClient(const std::filesystem::path& library, const std::string& firmware,
-                                          link::Dialect dialect, ClientHost host,
+                                          const std::string& dialect, ClientHost host,
                                           std::unique_ptr<CapturedOutput> output) {
   return std::make_unique<LibraryClient>(library, firmware, dialect, std::move(host), std::move(output));
 }

@@ -9,7 +9,6 @@
 
 #include "harness/client/captured_output.h"
 #include "harness/client/client.h"
-#include "link/messages.h"
 
 namespace tiltproof::harness {
 
@@ -18,7 +17,7 @@ namespace tiltproof::harness {
 // dialect that it does not know. What is printed is logged when `output` captures it. Trouble in
 // tiltproof_client_destroy is a warning on standard error: destroy it when the flight is judged.
 std::unique_ptr<Client> LoadLibraryClient(const std::filesystem::path& library, const std::string& firmware,
-                                          link::Dialect dialect, ClientHost host,
+                                          const std::string& dialect, ClientHost host,
                                           std::unique_ptr<CapturedOutput> output = nullptr);
 
 // Why the file is no firmware library, tried in a process of its own; nullopt when it is one.

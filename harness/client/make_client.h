@@ -1,33 +1,28 @@
-// The client of a lockstep flight, from what the command line names.
+// The client of a lockstep flight.
+//
+//   const auto client = MakeClient(HostLibrary{}, SettingsOf(scenario), host);
 #pragma once
 
 #include <memory>
-#include <optional>
 #include <string>
 
 #include "harness/client/client.h"
 #include "harness/client/emulator_client.h"
-#include "link/messages.h"
+#include "harness/scenario/client_spec.h"
+#include "link/protocol.h"
 
 namespace tiltproof::harness {
 
-// One of the two.
-struct ClientSource {
-  std::string library = {};                   // a shared library: firmware/tiltproof_client.h
-  std::optional<EmulatorSpec> emulator = {};  // an image on an emulated board
-};
-
 // What a scenario asks of it.
 struct ClientSettings {
-  std::string firmware;  // build; an image is one already
-  link::Dialect dialect{};
+  std::string firmware;  // build; an image of the user's is one already
+  std::shared_ptr<const link::Protocol> protocol;
   EmulatorLines lines;
   TimeNs start_within_ns = 0;  // until then a busy image has time to start
 };
 
-// Throws std::runtime_error that says what is wrong with the file. For a library, a FirmwareGuard is installed in this
-// process, whose output is the firmware's as long as the client exists.
-std::unique_ptr<Client> MakeClient(const ClientSource& source, const ClientSettings& settings,
-                                   ClientHost host);
+// Throws std::runtime_error that says what is wrong with the client or its file. For a library, a FirmwareGuard is
+// installed in this process, whose output is the firmware's as long as the client exists.
+std::unique_ptr<Client> MakeClient(const ClientSpec& client, const ClientSettings& settings, ClientHost host);
 
 }  // namespace tiltproof::harness

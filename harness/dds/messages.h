@@ -10,7 +10,6 @@
 // Strings hold no NUL byte. Limits stand beside the members; Publisher::Write refuses what exceeds them.
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -31,6 +30,7 @@ inline constexpr std::size_t kPayloadBytesMax = 1'048'576;  // opaque octets
 inline constexpr std::size_t kChunkBytesMax = 65'536;       // bytes of one chunk or frame on the serial line
 inline constexpr std::size_t kNamesCountMax = 128;          // lists of names, ports or parameters
 inline constexpr std::size_t kChunksCountMax = 4096;        // frames or chunks in one message
+inline constexpr std::size_t kSignalsCountMax = 1024;       // signals of one vehicle
 inline constexpr std::size_t kNumbersCountMax = 131'072;    // numbers in one message (1 MiB)
 
 enum class NodeKind : std::uint8_t { kHarness, kPlant, kLink, kClient, kBaseStation, kJoystick, kMonitor };
@@ -106,13 +106,14 @@ struct RunState {
   bool operator==(const RunState&) const = default;
 };
 
-// Real time, the latest counts: sensors' truth and input in force. Order and units as in link/signals.h.
+// Real time, the latest counts: the vehicle's true state and the inputs in force, in the order of its tables
+// (plant/vehicle_model.h), which is that of the columns of trace.csv. Each list has at most kSignalsCountMax.
 struct PlantState {
   std::string run_id{};  // key
   std::int64_t sequence = 0;
   TimeNs time_ns = 0;
-  std::array<double, 16> state{};
-  std::array<double, 4> in_force{};
+  std::vector<double> state{};  // of any vehicle the first six are x y z (m) roll pitch yaw (rad)
+  std::vector<double> in_force{};
   bool operator==(const PlantState&) const = default;
 };
 
@@ -120,18 +121,19 @@ struct Actuation {
   std::string run_id{};  // key
   std::int64_t sequence = 0;
   TimeNs time_ns = 0;
-  std::array<double, 4> commanded{};
-  std::array<double, 4> in_force{};
+  std::vector<double> commanded{};
+  std::vector<double> in_force{};
   bool operator==(const Actuation&) const = default;
 };
 
-// The reference as the base station or the joystick asks for it: x y z (m) yaw (rad) vx vy vz (m/s) in W.
+// The reference as the base station or the joystick asks for it, in the order of ReferenceSignals()
+// (harness/reference): x y z (m) yaw (rad) vx vy vz (m/s) in W.
 struct Reference {
   std::string run_id{};  // key
   std::string node_id{};
   std::int64_t sequence = 0;
   TimeNs time_ns = 0;
-  std::array<double, 7> values{};
+  std::vector<double> values{};  // at most kSignalsCountMax
   bool operator==(const Reference&) const = default;
 };
 

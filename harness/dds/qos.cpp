@@ -5,7 +5,7 @@
 namespace tiltproof::dds {
 namespace {
 
-constexpr TimeNs kRealTimeDeadlineNs = 2 * kControlPeriodNs;
+constexpr TimeNs kRealTimeDeadlineNs = 24 * kNsPerMs;  // two control periods of the built-in protocols
 
 constexpr auto kTopics = std::to_array<TopicQos>({
     {.topic = "tiltproof/heartbeat",

@@ -12,7 +12,7 @@ static_assert(kIdBytesMax == tiltproof_ID_MAX && kPathBytesMax == tiltproof_PATH
               kTextBytesMax == tiltproof_TEXT_MAX && kDocumentBytesMax == tiltproof_DOCUMENT_MAX &&
               kPayloadBytesMax == tiltproof_PAYLOAD_MAX && kChunkBytesMax == tiltproof_CHUNK_BYTES_MAX &&
               kNamesCountMax == tiltproof_NAMES_MAX && kChunksCountMax == tiltproof_CHUNKS_MAX &&
-              kNumbersCountMax == tiltproof_NUMBERS_MAX);
+              kSignalsCountMax == tiltproof_SIGNALS_MAX && kNumbersCountMax == tiltproof_NUMBERS_MAX);
 static_assert(static_cast<int>(NodeKind::kMonitor) == tiltproof_NODE_MONITOR &&
               static_cast<int>(Verb::kRelease) == tiltproof_VERB_RELEASE &&
               static_cast<int>(Phase::kFailed) == tiltproof_PHASE_FAILED);
@@ -48,13 +48,16 @@ void Members(auto& v, Is<RunState> auto& m, auto& c) {
   ONE(run_id), ONE(node_id), ONE(phase), ONE(time_ns), ONE(origin_ns), ONE(end_reason), ONE(text);
 }
 void Members(auto& v, Is<PlantState> auto& m, auto& c) {
-  ONE(run_id), ONE(sequence), ONE(time_ns), ONE(state), ONE(in_force);
+  ONE(run_id), ONE(sequence), ONE(time_ns);
+  LIST(state, kSignalsCountMax), LIST(in_force, kSignalsCountMax);
 }
 void Members(auto& v, Is<Actuation> auto& m, auto& c) {
-  ONE(run_id), ONE(sequence), ONE(time_ns), ONE(commanded), ONE(in_force);
+  ONE(run_id), ONE(sequence), ONE(time_ns);
+  LIST(commanded, kSignalsCountMax), LIST(in_force, kSignalsCountMax);
 }
 void Members(auto& v, Is<Reference> auto& m, auto& c) {
-  ONE(run_id), ONE(node_id), ONE(sequence), ONE(time_ns), ONE(values);
+  ONE(run_id), ONE(node_id), ONE(sequence), ONE(time_ns);
+  LIST(values, kSignalsCountMax);
 }
 void Members(auto& v, Is<TapFrame> auto& m, auto& c) {
   ONE(begin_ns), ONE(direction), ONE(delivered);
@@ -120,10 +123,6 @@ class Packer {
                                                                                To& to) {
     to = static_cast<To>(from);
   }
-  template <std::size_t kSize>
-  void operator()(const char*, const std::array<double, kSize>& from, double (&to)[kSize]) {
-    std::memcpy(to, from.data(), sizeof to);
-  }
 
   template <class From, class To>
   void List(const char* name, std::size_t count_max, const std::vector<From>& from, To& to) {
@@ -168,10 +167,6 @@ class Unpacker {
   requires(std::is_arithmetic_v<To> || std::is_enum_v<To>) void operator()(const char*, To& to,
                                                                            const From& from) {
     to = static_cast<To>(from);
-  }
-  template <std::size_t kSize>
-  void operator()(const char*, std::array<double, kSize>& to, const double (&from)[kSize]) {
-    std::memcpy(to.data(), from, sizeof from);
   }
   template <class To, class From>
   void List(const char*, std::size_t, std::vector<To>& to, const From& from) {

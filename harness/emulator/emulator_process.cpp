@@ -31,7 +31,8 @@ std::vector<std::string> CommandLine(const EmulatorSpec& spec) {
     command.insert(command.end(), {"-chardev", "null,id=" + id, "-serial", "chardev:" + id});
   }
   command.insert(command.end(),
-                 {"-plugin", spec.plugin + ",socket=3,main=" + std::to_string(spec.main_usart) +
+                 {"-plugin", spec.plugin + ",socket=3,barrier=" + std::to_string(spec.barrier) +
+                                 ",main=" + std::to_string(spec.main_usart) +
                                  ",reference=" + std::to_string(spec.reference_usart) +
                                  ",console=" + std::to_string(spec.console_usart)});
   command.insert(command.end(), {"-kernel", spec.image});

@@ -30,6 +30,8 @@ struct EmulatorSpec {
   std::string plugin;  // the lockstep plug-in
   // Numbers of the USARTs (1 to 6); 0: none.
   int main_usart = 2, reference_usart = 3, console_usart = 1;
+  // The processor stops when it has sent this byte on the main line: it ends a frame of the line's protocol.
+  std::uint8_t barrier = 0;
 };
 
 // The emulated board or its emulator failed.

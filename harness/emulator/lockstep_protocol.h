@@ -2,7 +2,7 @@
 // a header and a body, both plain structs in this machine's byte order (both ends are on it).
 //
 // The plug-in speaks first (kHello), then they take turns: the harness sends any number of commands and then
-// kRun; the virtual processor runs until a flag byte has been transmitted or the granted time is reached; the
+// kRun; the virtual processor runs until the barrier byte has been transmitted (the one that ends a frame) or the granted time is reached; the
 // plug-in sends what happened meanwhile and then kStopped, and virtual time stands still until the next kRun.
 // Times are nanoseconds of the emulator's virtual clock, which begins at power-on.
 #pragma once

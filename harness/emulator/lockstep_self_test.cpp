@@ -68,9 +68,11 @@ struct Sent {
   friend bool operator==(const Sent&, const Sent&) = default;
 };
 
+constexpr std::uint8_t kBarrier = 0x7E;  // what the firmware above sends
+
 // 20 ms: a byte arrives at 5.5 ms, and the processor stands still from 7.5 to 12.2 ms.
 std::vector<Sent> Fly(const std::string& plugin, const std::string& image) {
-  EmulatorProcess board({.image = image, .plugin = plugin});
+  EmulatorProcess board({.image = image, .plugin = plugin, .barrier = kBarrier});
   board.Send(lockstep::Kind::kReceive, lockstep::ReceivedByte{.arrival_ns = 5'500'000,
                                                               .line = lockstep::Line::kMain,
                                                               .byte = 'A',
@@ -142,7 +144,8 @@ void TestLockstep(const std::string& plugin) {
     if (sent[i].at_ns < due[i] - kLateMax || sent[i].at_ns > due[i] + kLateMax)
       Refuse(fmt::format("an interrupt that was due at {} ns has come at {} ns", due[i], sent[i].at_ns));
     const bool echo = i == 5;
-    if (sent[i].bytes != (echo ? std::vector<std::uint8_t>{'A', 0x7E} : std::vector<std::uint8_t>{0x7E}))
+    if (sent[i].bytes !=
+        (echo ? std::vector<std::uint8_t>{'A', kBarrier} : std::vector<std::uint8_t>{kBarrier}))
       Refuse("a byte has not arrived at its time");
   }
 }

@@ -11,7 +11,7 @@ namespace {
 constexpr TimeNs kOriginTolerance = 100 * kNsPerUs;
 
 // Follows the simulation's clock, which the plant node publishes once a period: r(t) goes out at every
-// boundary of the 12 ms grid, by this node's own clock set to the simulation's.
+// boundary of the protocol's periods, by this node's own clock set to the simulation's.
 class BaseStationRole final : public Role {
  public:
   explicit BaseStationRole(NodeServices& services)
@@ -22,9 +22,10 @@ class BaseStationRole final : public Role {
 
   Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
     trajectory_.emplace(loaded.scenario.reference);
+    protocol_ = loaded.scenario.link.protocol;
     return {};
   }
-  void Arm(const Ports& ports) override { sender_.Open(ports); }
+  void Arm(const Ports& ports) override { sender_.Open(ports, protocol_); }
   void Start() override {}
   void Flush() override {}
   NodeTotals Stop() override {
@@ -60,10 +61,11 @@ class BaseStationRole final : public Role {
   }
 
   void SetTimer(TimeNs now) {
-    const TimeNs next = origin_ns_ + ((now - origin_ns_) / kControlPeriodNs + 1) * kControlPeriodNs;
-    timer_.emplace(services_, next, kControlPeriodNs, [this](TimeNs due) {
+    const TimeNs period = protocol_->control_period_ns;
+    const TimeNs next = origin_ns_ + ((now - origin_ns_) / period + 1) * period;
+    timer_.emplace(services_, next, period, [this, period](TimeNs due) {
       // Of the boundary just reached, however late the timer.
-      SendAt((due - origin_ns_) / kControlPeriodNs * kControlPeriodNs);
+      SendAt((due - origin_ns_) / period * period);
     });
   }
 
@@ -71,6 +73,7 @@ class BaseStationRole final : public Role {
 
   NodeServices& services_;
   ReferenceSender sender_;
+  std::shared_ptr<const link::Protocol> protocol_;
   std::optional<Trajectory> trajectory_;
   std::optional<PeriodicTimer> timer_;
   TimeNs origin_ns_ = kNever;  // this node's clock at t = 0

@@ -27,7 +27,7 @@ class CommandRole final : public Role {
  public:
   CommandRole(NodeServices& services, const NodeOptions& options)
       : services_(services),
-        command_(options.firmware_command),
+        command_(std::get<Program>(*options.client).command),
         states_(services.bus(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {}
 
   Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
@@ -50,7 +50,7 @@ class CommandRole final : public Role {
                         {"TILTPROOF_REFERENCE_PORT", reference_port_},
                         {"TILTPROOF_BAUD", baud},
                         {"TILTPROOF_FIRMWARE", scenario_.firmware},
-                        {"TILTPROOF_DIALECT", std::string(Name(scenario_.link.dialect))}};
+                        {"TILTPROOF_DIALECT", scenario_.link.protocol->name}};
     spec.guard_group = true;
     process_.emplace(services_, spec, [this](const std::string& how) {
       Flush();

@@ -21,20 +21,22 @@ class CpuWaitWatch {
         pid_(pid),
         held_(std::move(held)),
         wait_(pid),
-        timer_(services, services.clock().Now() + kControlPeriodNs, kControlPeriodNs,
+        timer_(services, services.clock().Now() + kLookEveryNs, kLookEveryNs,
                [this](TimeNs now) { Look(now); }) {}
 
  private:
-  // When in the period it waited is not known.
+  static constexpr TimeNs kLookEveryNs = 12 * kNsPerMs;
+
+  // When in that time it waited is not known.
   void Look(TimeNs now) {
     const TimeNs waited_ns = wait_.Take();
     if (waited_ns > Lateness::kLateAfterNs)
-      services_.lateness().Note(now - std::max(waited_ns, kControlPeriodNs), now);
+      services_.lateness().Note(now - std::max(waited_ns, kLookEveryNs), now);
     if (held_() || !IsStoppedByOthers(pid_)) {
       stopped_ns_ = kNever;
       return;
     }
-    if (stopped_ns_ == kNever) stopped_ns_ = now - kControlPeriodNs;
+    if (stopped_ns_ == kNever) stopped_ns_ = now - kLookEveryNs;
     services_.lateness().Note(stopped_ns_, now);
   }
 

@@ -8,11 +8,13 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "faults/device_command.h"
 #include "harness/scenario/scenario.h"
+#include "link/overloaded.h"
 
 namespace tiltproof::harness {
 
@@ -22,8 +24,8 @@ class DeafReceiver {
   DeafReceiver() = default;
   explicit DeafReceiver(const Scenario& scenario) {
     for (const faults::DeviceCommand& command : faults::DeviceCommands(scenario.faults, scenario.seed))
-      if (command.type == "device.stall" || command.type == "device.reset")
-        spans_.push_back({command.at_ns, command.until_ns, command.type == "device.stall"});
+      if (const auto register_free = HearsNextByte(command.action))
+        spans_.push_back({command.at_ns, command.until_ns, *register_free});
   }
 
   // How many of the bytes that arrive at `time_ns` (simulation time) the firmware gets, the first of them.
@@ -37,6 +39,18 @@ class DeafReceiver {
   }
 
  private:
+  // Whether a processor that the action holds still takes one byte; none when the action does not hold it.
+  static std::optional<bool> HearsNextByte(const faults::DeviceAction& action) {
+    using Answer = std::optional<bool>;
+    return std::visit(Overloaded{[](const faults::StallProcessor&) -> Answer { return true; },
+                                 [](const faults::ResetProcessor&) -> Answer { return false; },
+                                 [](const faults::ResetByWatchdog&) -> Answer { return false; },
+                                 [](const faults::HangProcessor&) -> Answer { return true; },
+                                 [](const faults::FlipBits&) -> Answer { return std::nullopt; },
+                                 [](const faults::DriftClock&) -> Answer { return std::nullopt; }},
+                      action);
+  }
+
   struct Span {
     TimeNs begin_ns, end_ns;
     bool register_free;

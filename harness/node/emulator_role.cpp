@@ -7,9 +7,11 @@
 
 #include "faults/device_command.h"
 #include "faults/schedule.h"
+#include "harness/client/firmware_files.h"
 #include "harness/emulator/elf_symbols.h"
 #include "harness/node/emulated_board.h"
 #include "harness/node/roles.h"
+#include "link/overloaded.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -24,20 +26,21 @@ class EmulatorRole final : public Role {
  public:
   EmulatorRole(NodeServices& services, const NodeOptions& options)
       : services_(services),
-        choose_(options.emulator),
+        image_(std::get<EmulatedImage>(*options.client)),
         timer_(services.loop()),
         states_(services.bus(), services.members(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {
   }
 
   Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
     scenario_ = loaded.scenario;
-    spec_ = choose_(scenario_);
+    spec_ = BoardOf(image_, scenario_.firmware, *scenario_.link.protocol);
     const ElfSymbols symbols(spec_.image);
     if (const auto region = symbols.FindRegion(kStatusSymbol)) status_address_ = region->address;
     counts_.emplace(scenario_.faults, scenario_.seed);
     for (faults::DeviceCommand& command : faults::DeviceCommands(scenario_.faults, scenario_.seed)) {
       std::vector<MemoryBit> bits;
-      if (command.type == "device.bit_flip") bits = DrawBits(command, symbols);
+      if (const auto* flips = std::get_if<faults::FlipBits>(&command.action))
+        bits = DrawBits(*flips, symbols);
       commands_.push_back({std::move(command), std::move(bits)});
     }
     return {};
@@ -95,11 +98,10 @@ class EmulatorRole final : public Role {
     std::vector<MemoryBit> bits;
   };
 
-  static std::vector<MemoryBit> DrawBits(const faults::DeviceCommand& command, const ElfSymbols& symbols) {
-    const MemoryRegion region = symbols.Region(command.parameters.Text("region"));
+  static std::vector<MemoryBit> DrawBits(const faults::FlipBits& flips, const ElfSymbols& symbols) {
+    const MemoryRegion region = symbols.Region(flips.region);
     std::vector<MemoryBit> bits;
-    for (const faults::BitFlip& flip : faults::DrawBitFlips(command.bits_stream, region.size_bytes,
-                                                            command.parameters.Integer("bit_count")))
+    for (const faults::BitFlip& flip : faults::DrawBitFlips(flips, region.size_bytes))
       bits.push_back({region.address + flip.byte_offset, flip.bit});
     return bits;
   }
@@ -138,29 +140,37 @@ class EmulatorRole final : public Role {
     const auto at = [&](TimeNs time_ns, std::function<void()> act) {
       if (time_ns != kNever) agenda_.emplace(origin_ns_ + time_ns, std::move(act));
     };
-    if (command.type == "device.reset") {
-      at(command.at_ns, [this, &command] {
-        board_->BeginReset();
-        counts_->Count(command.fault, SimNow(), "reset by pin");
-      });
-      at(command.until_ns, [this] { board_->EndReset(); });
-    } else if (command.type == "device.stall") {
-      at(command.at_ns, [this, &command] {
-        board_->BeginStall();
-        const std::string what = "the processor executes nothing";
-        counts_->Count(command.fault, SimNow(), what);
-        Note("device_stopped", what);
-      });
-      at(command.until_ns, [this] {
-        board_->EndStall();
-        Note("device_runs", "the processor runs again");
-      });
-    } else if (command.type == "device.bit_flip") {
-      at(command.at_ns, [this, &planned] { Flip(planned); });
-    } else {
-      services_.Fail(EndReason::kNodeLost, fmt::format("fault '{}': {} cannot be had in real time",
-                                                       scenario_.faults[command.fault].id, command.type));
-    }
+    // Refused before the flight (harness/scenario/fault_support.h).
+    const auto refuse = [&] {
+      services_.Fail(EndReason::kNodeLost,
+                     fmt::format("fault '{}': {} cannot be had in real time",
+                                 scenario_.faults[command.fault].id, scenario_.faults[command.fault].type));
+    };
+    std::visit(
+        Overloaded{[&](const faults::ResetProcessor&) {
+                     at(command.at_ns, [this, &command] {
+                       board_->BeginReset();
+                       counts_->Count(command.fault, SimNow(), "reset by pin");
+                     });
+                     at(command.until_ns, [this] { board_->EndReset(); });
+                   },
+                   [&](const faults::StallProcessor&) {
+                     at(command.at_ns, [this, &command] {
+                       board_->BeginStall();
+                       const std::string what = "the processor executes nothing";
+                       counts_->Count(command.fault, SimNow(), what);
+                       Note("device_stopped", what);
+                     });
+                     at(command.until_ns, [this] {
+                       board_->EndStall();
+                       Note("device_runs", "the processor runs again");
+                     });
+                   },
+                   [&](const faults::FlipBits&) { at(command.at_ns, [this, &planned] { Flip(planned); }); },
+                   [&](const faults::ResetByWatchdog&) { refuse(); },
+                   [&](const faults::HangProcessor&) { refuse(); },
+                   [&](const faults::DriftClock&) { refuse(); }},
+        command.action);
   }
 
   void Flip(const PlannedCommand& planned) {
@@ -194,7 +204,7 @@ class EmulatorRole final : public Role {
   }
 
   NodeServices& services_;
-  std::function<EmulatorSpec(const Scenario&)> choose_;
+  EmulatedImage image_;
   Scenario scenario_;
   EmulatorSpec spec_;
   std::optional<std::uint32_t> status_address_;

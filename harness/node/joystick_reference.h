@@ -2,13 +2,13 @@
 // section 2.2), then the way covered. Pure: the same sticks and steps give the same references.
 //
 //   JoystickReference reference(start, {.speed_m_s_max = 1.0});
-//   ReferenceTruth r = reference.Step(axes, kControlPeriodNs);   // every period
+//   ReferencePoint r = reference.Step(axes, period_ns);   // every period
 #pragma once
 
 #include <array>
 
 #include "harness/node/joystick_input.h"
-#include "link/signals.h"
+#include "harness/reference/reference_point.h"
 #include "link/time.h"
 
 namespace tiltproof::harness {
@@ -34,18 +34,18 @@ class JoystickReference {
   static constexpr TimeNs kStepMax = 100 * kNsPerMs;
 
   // At rest at `start`. Throws std::invalid_argument for limits that are not finite, negative or reversed.
-  JoystickReference(const ReferenceTruth& start, const JoystickLimits& limits);
+  JoystickReference(const ReferencePoint& start, const JoystickLimits& limits);
 
   // The reference after `dt` with the sticks like this: position moved by the velocity commanded, along the
   // axes of the world frame, and that velocity. At a wall of the box it stands, with velocity 0 along that
   // axis.
-  ReferenceTruth Step(const JoystickAxes& axes, TimeNs dt);
+  ReferencePoint Step(const JoystickAxes& axes, TimeNs dt);
 
-  const ReferenceTruth& value() const { return value_; }
+  const ReferencePoint& value() const { return value_; }
 
  private:
   JoystickLimits limits_;
-  ReferenceTruth value_;
+  ReferencePoint value_;
 };
 
 }  // namespace tiltproof::harness

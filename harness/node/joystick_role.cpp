@@ -21,10 +21,11 @@ class JoystickRole final : public Role {
 
   Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
     input_ = OpenJoystick(source_);
+    protocol_ = loaded.scenario.link.protocol;
     reference_.emplace(Trajectory(loaded.scenario.reference).At(kPowerOn), JoystickLimits{});
     return {};
   }
-  void Arm(const Ports& ports) override { sender_.Open(ports); }
+  void Arm(const Ports& ports) override { sender_.Open(ports, protocol_); }
   void Start() override {}
   void Flush() override {}
   NodeTotals Stop() override {
@@ -40,7 +41,7 @@ class JoystickRole final : public Role {
       if (stopped_ || timer_ || state.run_id != services_.run_id()) continue;
       const TimeNs now = services_.clock().Now();
       began_ns_ = last_ns_ = services_.lateness().origin_ns = now - state.time_ns;
-      timer_.emplace(services_, now, kControlPeriodNs, [this](TimeNs due) { Send(due); });
+      timer_.emplace(services_, now, protocol_->control_period_ns, [this](TimeNs due) { Send(due); });
     }
   }
 
@@ -57,6 +58,7 @@ class JoystickRole final : public Role {
   NodeServices& services_;
   std::string source_;
   ReferenceSender sender_;
+  std::shared_ptr<const link::Protocol> protocol_;
   std::unique_ptr<JoystickInput> input_;
   std::optional<JoystickReference> reference_;
   std::optional<PeriodicTimer> timer_;

@@ -4,6 +4,7 @@
 #include <optional>
 #include <utility>
 
+#include "harness/client/firmware_files.h"
 #include "harness/client/firmware_guard.h"
 #include "harness/client/library_client.h"
 #include "harness/node/roles.h"
@@ -23,7 +24,7 @@ class LibraryRole final : public Role {
  public:
   LibraryRole(NodeServices& services, const NodeOptions& options)
       : services_(services),
-        library_(options.firmware_library),
+        firmware_(*options.client),
         timer_(services.loop()),
         states_(services.bus(), services.members(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {
   }
@@ -37,7 +38,8 @@ class LibraryRole final : public Role {
                                  },
                              .log = [this](TimeNs now, std::string_view text) { Log(Plausible(now), text); }};
     try {
-      client_ = LoadLibraryClient(library_, scenario_.firmware, scenario_.link.dialect, host,
+      client_ = LoadLibraryClient(FirmwareFile(firmware_, scenario_.firmware, scenario_.link.protocol->name),
+                                  scenario_.firmware, scenario_.link.protocol->name, host,
                                   std::make_unique<CapturedOutput>());
     } catch (const FirmwareTrouble& trouble) {
       // The firmware's doing, not this node's: told like a crash in flight, once that has begun.
@@ -156,7 +158,7 @@ class LibraryRole final : public Role {
   }
 
   NodeServices& services_;
-  std::string library_;
+  ClientSpec firmware_;
   Scenario scenario_;
   std::int64_t baud_ = 0;
   std::unique_ptr<Client> client_;

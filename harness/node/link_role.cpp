@@ -7,9 +7,8 @@
 #include "harness/node/deaf_receiver.h"
 #include "harness/node/pty_canary.h"
 #include "harness/node/roles.h"
-#include "harness/run/framed.h"
+#include "harness/run/reference_frame.h"
 #include "harness/run/reference_talk.h"
-#include "link/messages.h"
 #include "link/pty.h"
 #include "link/serial_devices.h"
 #include "link/serial_port.h"
@@ -37,31 +36,33 @@ class LinkRole final : public Role {
  public:
   LinkRole(NodeServices& services, const NodeOptions& options)
       : services_(services),
-        client_device_(options.client_port),
-        reference_device_(options.client_reference_port),
+        board_(options.client ? std::get<SerialBoard>(*options.client) : SerialBoard{}),
         timer_(services.loop()),
         references_(services.bus(), services.members(),
                     InLoop(services.loop(), alive_, [this] { OnReferences(); })) {}
 
   Ports Prepare(const LoadedScenario& loaded, const Ports& given) override {
-    client_is_library_ = FindPort(given, "client_kind") == "library";
-    client_is_emulator_ = FindPort(given, "client_kind") == "emulator";
+    const auto client = ClientOfKind(FindPort(given, "client_kind"));
+    client_is_library_ = client && std::holds_alternative<HostLibrary>(*client);
+    client_is_emulator_ = client && std::holds_alternative<EmulatedImage>(*client);
     scenario_ = loaded.scenario;
-    client_takes_bytes_ = client_is_emulator_ || link::IsSocketName(client_device_);
+    client_takes_bytes_ = client_is_emulator_ || link::IsSocketName(board_.device);
     if (client_is_emulator_)
       for (const Direction direction : {Direction::kToClient, Direction::kReference})
         deaf_[static_cast<std::size_t>(direction)] = DeafReceiver(scenario_);
     plant_ = std::make_unique<link::Pty>(services_.loop());
     base_station_ = std::make_unique<link::Pty>(services_.loop());
     Ports ports = {{"plant", plant_->slave_path()}, {"base_station", base_station_->slave_path()}};
-    Open(client_, client_device_, scenario_.link.port_baud(), "client", ports);
-    if (client_device_.empty() || !reference_device_.empty())
-      Open(reference_, reference_device_, LinkSpec::kReferenceBaud, "client_reference", ports);
+    Open(client_, board_.device, scenario_.link.port_baud(), "client", ports);
+    if (board_.device.empty() || !board_.reference_device.empty())
+      Open(reference_, board_.reference_device, LinkSpec::kReferenceBaud, "client_reference", ports);
     // At a real port the hardware takes the bytes' time, and its adapter its own.
     const bool hardware = client_.serial && client_.serial->TakesByteTime();
     if (hardware) scenario_.link.adapter_latency_ms = 0;
-    line_.emplace(scenario_, !hardware);
-    reference_talk_.emplace(scenario_.link.dialect);
+    line_.emplace(scenario_, 0, !hardware);
+    reference_talk_.emplace(*scenario_.link.protocol);
+    framer_.emplace(*scenario_.link.protocol);
+    actuators_bytes_ = scenario_.link.protocol->Find(link::MessageKind::kActuators)->payload_bytes();
     return ports;
   }
 
@@ -69,7 +70,7 @@ class LinkRole final : public Role {
     plant_->master().Start(
         [this](std::span<const std::uint8_t> bytes) {
           // The server answers at once: what it takes longer is this machine's doing.
-          if (asked_plant_ns_ != kNever) services_.lateness().Note(asked_plant_ns_, services_.clock().Now());
+          if (asked_plant_ns_ != kNever) services_.lateness().Note(asked_plant_ns_, Now());
           asked_plant_ns_ = kNever;
           Transmit(Direction::kToClient, bytes);
         },
@@ -77,15 +78,15 @@ class LinkRole final : public Role {
     canary_ = std::make_unique<PtyCanary>(services_);
     Read(base_station_->master(), Direction::kReference, "base station");
     armed_ = true;
-    if (link::IsSocketName(client_device_)) return;
+    if (link::IsSocketName(board_.device)) return;
     // A program on a pseudo-terminal may play the board.
-    if (const auto board = link::ProcessBehind(client_device_)) board_watch_.emplace(services_, *board);
+    if (const auto board = link::ProcessBehind(board_.device)) board_watch_.emplace(services_, *board);
     Listen();
   }
 
   // An emulator may begin as soon as its sockets are taken: then everybody has to be ready.
   void Start() override {
-    if (!link::IsSocketName(client_device_)) return;
+    if (!link::IsSocketName(board_.device)) return;
     for (End* end : {&client_, &reference_})
       if (!end->socket_name.empty()) {
         end->serial =
@@ -99,9 +100,9 @@ class LinkRole final : public Role {
   void Flush() override {
     if (line_->origin() == kNever) return;
     services_.lateness().origin_ns = line_->origin();
-    LineLog log = line_->TakeLog(services_.clock().Now());
+    LineLog log = line_->TakeLog(Now());
     JudgeRoundTrip(log.client_round_trip_ns);
-    SampleCounts(services_.clock().Now());
+    SampleCounts(Now());
     services_.log().Write(log, line_->origin(), std::exchange(samples_, {}));
   }
 
@@ -110,7 +111,7 @@ class LinkRole final : public Role {
     timer_.cancel();
     canary_.reset();
     board_watch_.reset();
-    const TimeNs now = services_.clock().Now();
+    const TimeNs now = Now();
     const TimeNs origin = line_->origin() == kNever ? now : line_->origin();
     if (const std::string trouble = reference_talk_->Trouble(); !trouble.empty() && line_->origin() == kNever)
       services_.log().Write(RunEvent{0, kLineTroubleEvent, trouble});
@@ -171,8 +172,7 @@ class LinkRole final : public Role {
     return [this, name = std::move(name)](const std::string& reason) {
       const std::string text = fmt::format("the {} is gone: {}", name, reason);
       const TimeNs origin = line_->origin();
-      services_.log().Write(
-          RunEvent{origin == kNever ? 0 : services_.clock().Now() - origin, "port_lost", text});
+      services_.log().Write(RunEvent{origin == kNever ? 0 : Now() - origin, "port_lost", text});
       services_.Fail(EndReason::kNodeLost, text);
     };
   }
@@ -182,23 +182,23 @@ class LinkRole final : public Role {
                Lost(std::string(name) + "'s port"));
   }
 
+  // Bytes do not arrive before they were sent, not even when a fault sets the clock.
+  TimeNs Now() { return now_ns_ = std::max(now_ns_, services_.clock().Now()); }
+
   void OnReferences() {
     for (const auto& reference : references_.Take()) {
       if (!armed_ || reference.run_id != services_.run_id()) continue;
-      ReferenceTruth truth;
-      for (std::size_t i = 0; i < kReferenceCount; ++i)
-        truth.*kReferenceFields[i].in_double = reference.values[i];
-      Transmit(Direction::kReference,
-               Framed(link::EncodeReference(ToFloat(truth, kReferenceFields))).bytes());
+      if (const auto point = FromRow(reference.values))
+        Transmit(Direction::kReference, framer_->Frame(*point).bytes());
     }
   }
 
   void Transmit(Direction direction, std::span<const std::uint8_t> bytes) {
     if (!armed_) return;
-    const TimeNs now = services_.clock().Now();
+    const TimeNs now = Now();
     // A firmware library answers within microseconds: what it takes longer is this machine's doing.
-    if (direction == Direction::kToPlant && client_is_library_ &&
-        bytes.size() >= link::kActuatorMessageBytes && line_->unanswered_reply() != kNever)
+    if (direction == Direction::kToPlant && client_is_library_ && bytes.size() >= actuators_bytes_ &&
+        line_->unanswered_reply() != kNever)
       services_.lateness().Note(line_->unanswered_reply(), now);
     // How fast an emulated processor is, is this machine's doing too.
     if (direction == Direction::kToPlant && client_takes_bytes_ && line_->unanswered_reply() != kNever)
@@ -215,7 +215,7 @@ class LinkRole final : public Role {
 
   // Hands over what has arrived, and comes back for the rest.
   void Pump() {
-    const TimeNs now = services_.clock().Now();
+    const TimeNs now = Now();
     SampleCounts(now);
     TimeNs next = kNever;
     for (const Direction direction : kDirections) {
@@ -223,6 +223,8 @@ class LinkRole final : public Role {
                              : direction == Direction::kToClient ? client_.line
                                                                  : reference_.line;
       while (const auto piece = line_->TakePiece(direction, now)) {
+        if (piece->message != nullptr && origin_.Note(piece->arrival_ns, *piece->message))
+          line_->SetOrigin(piece->arrival_ns);
         services_.lateness().Note(piece->arrival_ns, now);
         std::span<const std::uint8_t> bytes = piece->bytes;
         if (line_->origin() != kNever)
@@ -253,7 +255,7 @@ class LinkRole final : public Role {
   void SampleCounts(TimeNs now) {
     if (line_->origin() == kNever) return;
     for (; line_->origin() + next_sample_ns_ <= now && next_sample_ns_ <= scenario_.duration_ns;
-         next_sample_ns_ += kControlPeriodNs)
+         next_sample_ns_ += scenario_.link.protocol->control_period_ns)
       samples_.push_back({next_sample_ns_, line_->counts()});
   }
 
@@ -264,24 +266,27 @@ class LinkRole final : public Role {
     judged_ = true;
     const auto middle = first_round_trips_.begin() + kRoundTripSampleCount / 2;
     std::nth_element(first_round_trips_.begin(), middle, first_round_trips_.end());
-    const TimeNs now = services_.clock().Now() - line_->origin();
+    const TimeNs now = Now() - line_->origin();
     const double median_ms = ToSeconds(*middle) * 1e3;
     services_.log().Write(RunEvent{now, "client_round_trip",
                                    fmt::format("a reply is answered after {:.2f} ms (median of the first {})",
                                                median_ms, kRoundTripSampleCount)});
-    if (*middle <= kSlowRoundTripNs || client_device_.empty()) return;
+    if (*middle <= kSlowRoundTripNs || board_.device.empty()) return;
     services_.log().Write(RunEvent{
         now, "slow_adapter",
         fmt::format("{:.1f} ms between reply and actuators: a USB-serial adapter that buffers, most likely. "
                     "It eats the vehicle's delay margin of 9 ms; see `tiltproof doctor --client serial:{}`",
-                    median_ms, client_device_)});
+                    median_ms, board_.device)});
   }
 
   NodeServices& services_;
-  std::string client_device_, reference_device_;
+  TimeNs now_ns_ = 0;  // shown last
+  SerialBoard board_;  // on its cables; names nothing when there is none
   Scenario scenario_;
   std::optional<LocalLine> line_;
+  OriginFinder origin_;
   std::optional<ReferenceTalk> reference_talk_;
+  std::optional<ReferenceFramer> framer_;  // of references that come over the bus
   std::unique_ptr<link::Pty> plant_, base_station_;
   End client_, reference_;
   std::array<DeafReceiver, link::kDirectionCount> deaf_;  // that of kToPlant hears everything
@@ -289,7 +294,8 @@ class LinkRole final : public Role {
   std::unique_ptr<PtyCanary> canary_;
   std::optional<CpuWaitWatch> board_watch_;  // of a program of the user's that plays the board
   bool armed_ = false;
-  TimeNs asked_plant_ns_ = kNever;  // when the plant got the last bytes that it has not answered yet
+  TimeNs asked_plant_ns_ = kNever;   // when the plant got the last bytes that it has not answered yet
+  std::size_t actuators_bytes_ = 0;  // of the message that carries them
   TimeNs next_sample_ns_ = 0;
   std::vector<CountsSample> samples_;
   bool client_is_library_ = false, client_is_emulator_ = false;

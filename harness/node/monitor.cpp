@@ -65,11 +65,13 @@ class Monitor {
   }
 
   void Tick() {
-    for (const auto& plant : plant_.Take())
+    for (const auto& plant : plant_.Take()) {
+      if (plant.state.size() < 6) continue;  // of no vehicle: any process can write it
       Print(stdout,
             "plant  {:10.3f} s  x {:.3f} y {:.3f} z {:.3f} m  roll {:.3f} pitch {:.3f} yaw {:.3f} rad\n",
             ToSeconds(plant.time_ns), plant.state[0], plant.state[1], plant.state[2], plant.state[3],
             plant.state[4], plant.state[5]);
+    }
     std::fflush(stdout);
     timer_.expires_after(kStatePeriod);
     timer_.async_wait([this](const boost::system::error_code& error) {

@@ -8,7 +8,6 @@
 #include <boost/asio/post.hpp>
 #include <boost/asio/signal_set.hpp>
 #include <chrono>
-#include <cmath>
 #include <csignal>
 #include <tuple>
 #include <utility>
@@ -16,8 +15,10 @@
 #include "harness/dds/qos.h"
 #include "harness/node/realtime_rights.h"
 #include "harness/run/introduction.h"
+#include "harness/run/realtime/node_order.h"
 #include "harness/run/run_id.h"
 #include "harness/terminal/terminal.h"
+#include "link/overloaded.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -30,8 +31,6 @@ constexpr std::chrono::nanoseconds kHeartbeatPeriod{dds::kHeartbeatPeriodNs};
 constexpr milliseconds kListenFirst{1'000};
 // A harness that is not heard for so long is gone for good; a partition of the network heals sooner.
 constexpr milliseconds kHarnessLostAfter{6000};
-// Beyond what the fault clock.skew allows; a clock that stands still or overflows is of no use to anybody.
-constexpr double kSkewMax_ppm = 500'000, kSkewMax_ms = 1e6;
 
 class Node final : public NodeServices {
  public:
@@ -123,7 +122,7 @@ Node::Node(const NodeOptions& options, const MakeRole& make_role) : options_(opt
   pthread_sigmask(SIG_SETMASK, &old, nullptr);
   if (options.harness) Introduce(bus_->participant());
   // After the threads of DDS: they need not be punctual. A user's command is no part of the harness.
-  if (options.firmware_command.empty()) rights_ = AcquireRealtimeRights();
+  if (!options.client || !std::holds_alternative<Program>(*options.client)) rights_ = AcquireRealtimeRights();
 
   heartbeat_.node_id = options.name;
   heartbeat_.kind = options.kind;
@@ -132,9 +131,7 @@ Node::Node(const NodeOptions& options, const MakeRole& make_role) : options_(opt
   heartbeat_.version = TILTPROOF_VERSION;
   heartbeat_.capabilities = {fmt::format("scheduling={}", rights_.fifo ? "fifo" : "other"),
                              fmt::format("memory={}", rights_.locked_memory ? "locked" : "unlocked")};
-  if (!options.firmware_library.empty()) heartbeat_.capabilities.push_back("firmware=library");
-  if (options.emulator) heartbeat_.capabilities.push_back("firmware=emulator");
-  if (!options.client_port.empty()) heartbeat_.capabilities.push_back("client_port=" + options.client_port);
+  if (options.client) heartbeat_.capabilities.push_back(fmt::format("client={}", KindOf(*options.client)));
 }
 
 int Node::Run() {
@@ -351,16 +348,12 @@ void Node::OnFault() {
   for (const auto& fault : faults_->Take()) {
     if (fault.run_id != run_id_ || fault.node_id != options_.name || fault.sequence <= last_fault_) continue;
     last_fault_ = fault.sequence;
-    const auto parameter = [&](std::string_view name) {
-      for (const auto& [key, value] : fault.parameters)
-        if (key == name) return value;
-      return 0.0;
-    };
-    if (fault.type == "dds.partition") bus_->Partition(true, true, fault.duration_ns);
-    if (fault.type != "clock.skew") continue;
-    const double ppm = parameter("ppm"), offset_ms = parameter("offset_ms");
-    if (std::abs(ppm) <= kSkewMax_ppm && std::abs(offset_ms) <= kSkewMax_ms)
-      clock_.Skew(ppm, FromSeconds(offset_ms * 1e-3));
+    const auto order = FromMessage(fault);
+    if (!order) continue;
+    std::visit(Overloaded{[&](const LeaveBus& leave) { bus_->Partition(true, true, leave.duration_ns); },
+                          [&](const SetClockRate& rate) { clock_.SetRate(rate.ppm); },
+                          [&](const JumpClock& jump) { clock_.Jump(jump.by_ns); }},
+               *order);
   }
 }
 

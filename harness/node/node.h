@@ -19,11 +19,11 @@
 #include <vector>
 
 #include "harness/dds/bus.h"
-#include "harness/emulator/emulator_process.h"
 #include "harness/node/node_clock.h"
 #include "harness/run/realtime/log_messages.h"
 #include "harness/run/remote/serve.h"
 #include "harness/run/run_log.h"
+#include "harness/scenario/client_spec.h"
 
 namespace tiltproof::harness {
 
@@ -35,11 +35,8 @@ struct NodeOptions {
   // any number of runs.
   std::optional<dds::Participant> harness;
   ScenarioLoader load;
-  // Link: the devices that its cables to the client's two ports are plugged into; empty: pseudo-terminals.
-  std::string client_port, client_reference_port;
-  // Client: the firmware, one of the three; for an emulator, the image of a scenario.
-  std::string firmware_library, firmware_command;
-  std::function<EmulatorSpec(const Scenario&)> emulator;
+  // Client: the firmware that it is. Link: the board on its cables; without one, it makes pseudo-terminals.
+  std::optional<ClientSpec> client;
   // Joystick: a device, or a recording.
   std::string joystick_source;
 };

@@ -1,4 +1,4 @@
-// The clock of a node: the machine's monotonic clock, which a fault may make wrong (clock.skew).
+// The clock of a node: the machine's monotonic clock, which a fault may make wrong (clock.drift, clock.jump).
 #pragma once
 
 #include <chrono>
@@ -19,14 +19,15 @@ class NodeClock {
     return Steady::time_point(std::chrono::nanoseconds(true_base_ns_ + static_cast<TimeNs>(since_base)));
   }
 
-  // From now on it runs `ppm` faster, after a jump by `offset_ns`. Zeros: at the true rate again, without
-  // taking the jump back.
-  void Skew(double ppm, TimeNs offset_ns) {
+  // From now on it runs `ppm` faster than the true one. What it gained before it keeps.
+  void SetRate(double ppm) {
     const auto now = Steady::now();
-    base_ns_ = FromSteady(now) + offset_ns;
+    base_ns_ = FromSteady(now);
     true_base_ns_ = now.time_since_epoch().count();
     rate_ = 1.0 + ppm * 1e-6;
   }
+  // Forward; back, when negative.
+  void Jump(TimeNs by_ns) { base_ns_ += by_ns; }
 
  private:
   TimeNs FromSteady(Steady::time_point t) const {

@@ -8,13 +8,6 @@ namespace {
 constexpr TimeNs kTickPeriodNs = 4 * kNsPerMs;
 constexpr TimeNs kTickOffsetNs = 2 * kNsPerMs;
 
-template <template <class> class Group, std::size_t n>
-std::array<double, n> Values(const Group<double>& group, const std::array<SignalField<Group>, n>& fields) {
-  std::array<double, n> values{};
-  for (std::size_t i = 0; i < n; ++i) values[i] = group.*fields[i].in_double;
-  return values;
-}
-
 class PlantRole final : public Role {
  public:
   explicit PlantRole(NodeServices& services)
@@ -23,6 +16,7 @@ class PlantRole final : public Role {
   Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
     loaded_ = loaded;
     server_.emplace(loaded_.scenario, *loaded_.model);
+    receiver_.emplace(*loaded_.scenario.link.protocol, link::Direction::kToPlant);
     return {};
   }
 
@@ -52,8 +46,8 @@ class PlantRole final : public Role {
 
  private:
   // The link counters of a row are the link node's to tell.
-  static const LineCounts& NoCounts() {
-    static const LineCounts none{};
+  static const AllCounts& NoCounts() {
+    static const AllCounts none(1);
     return none;
   }
 
@@ -63,7 +57,9 @@ class PlantRole final : public Role {
     Advance(now);
     if (finished_) return;
     const bool was_started = server_->state().started();
-    server_->Receive(now, bytes, [this](std::span<const std::uint8_t> frame) { port_->Write(frame); });
+    receiver_->Receive(bytes, [&](const link::Message& message) {
+      server_->Receive(0, now, message, [this](std::span<const std::uint8_t> frame) { port_->Write(frame); });
+    });
     if (was_started || !server_->state().started()) return;
     const TimeNs origin = server_->state().origin_ns;
     services_.lateness().origin_ns = origin;
@@ -74,7 +70,9 @@ class PlantRole final : public Role {
 
   void Tick(TimeNs now) {
     Advance(now);
-    if (++tick_count_ % (kControlPeriodNs / kTickPeriodNs) == 1) Publish(now);
+    server_->TakeNews();  // in real time only the plant's own faults wait, and they have heard it
+    if (++tick_count_ % (loaded_.scenario.link.protocol->control_period_ns / kTickPeriodNs) == 1)
+      Publish(now);
   }
 
   void Advance(TimeNs now) {
@@ -97,14 +95,14 @@ class PlantRole final : public Role {
     state.run_id = services_.run_id();
     state.sequence = ++sequence_;
     state.time_ns = time_ns;
-    state.state = Values(server_->Truth(), kSensorFields);
-    state.in_force = Values(server_->in_force(), kActuatorFields);
+    state.state = server_->Truth();
+    state.in_force = server_->in_force();
     states_.Write(state);
     dds::Actuation actuation;
     actuation.run_id = services_.run_id();
     actuation.sequence = sequence_;
     actuation.time_ns = time_ns;
-    actuation.commanded = Values(server_->commanded(), kActuatorFields);
+    actuation.commanded = server_->commanded();
     actuation.in_force = state.in_force;
     actuations_.Write(actuation);
   }
@@ -114,6 +112,7 @@ class PlantRole final : public Role {
   dds::Publisher<dds::Actuation> actuations_;
   LoadedScenario loaded_;
   std::optional<LocalPlantServer> server_;
+  std::optional<MessageReceiver> receiver_;
   std::unique_ptr<link::SerialPort> port_;
   std::optional<PeriodicTimer> timer_;
   std::int64_t tick_count_ = 0;

@@ -3,10 +3,10 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 
 #include "harness/node/node.h"
-#include "harness/run/framed.h"
-#include "link/messages.h"
+#include "harness/run/reference_frame.h"
 #include "link/serial_port.h"
 
 namespace tiltproof::harness {
@@ -16,7 +16,9 @@ class ReferenceSender {
   explicit ReferenceSender(NodeServices& services) : services_(services), references_(services.bus()) {}
 
   // `ports` without "base_station": over the bus.
-  void Open(const Ports& ports) {
+  void Open(const Ports& ports, std::shared_ptr<const link::Protocol> protocol) {
+    protocol_ = std::move(protocol);
+    framer_.emplace(*protocol_);
     const std::string path = FindPort(ports, "base_station");
     if (path.empty()) return;
     port_ = std::make_unique<link::SerialPort>(services_.loop(), path, LinkSpec::kReferenceBaud);
@@ -26,9 +28,9 @@ class ReferenceSender {
                  });
   }
 
-  void Send(TimeNs time_ns, const ReferenceTruth& reference) {
+  void Send(TimeNs time_ns, const ReferencePoint& reference) {
     if (port_) {
-      port_->Write(Framed(link::EncodeReference(ToFloat(reference, kReferenceFields))).bytes());
+      port_->Write(framer_->Frame(reference).bytes());
       return;
     }
     dds::Reference out;
@@ -36,8 +38,7 @@ class ReferenceSender {
     out.node_id = "base_station";
     out.sequence = ++sequence_;
     out.time_ns = time_ns;
-    for (std::size_t i = 0; i < kReferenceCount; ++i)
-      out.values[i] = reference.*kReferenceFields[i].in_double;
+    out.values = ToRow(reference);
     references_.Write(out);
   }
 
@@ -46,6 +47,8 @@ class ReferenceSender {
  private:
   NodeServices& services_;
   dds::Publisher<dds::Reference> references_;
+  std::shared_ptr<const link::Protocol> protocol_;
+  std::optional<ReferenceFramer> framer_;  // of it
   std::unique_ptr<link::SerialPort> port_;
   std::int64_t sequence_ = 0;
 };

@@ -26,11 +26,9 @@ constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
 constexpr std::string_view kColumns = "t_s,x_m,y_m,z_m,yaw_rad";
 constexpr std::string_view kColumnsWithVelocity = "t_s,x_m,y_m,z_m,yaw_rad,vx_m_s,vy_m_s,vz_m_s";
 
-ReferenceTruth AtRest(const std::array<double, 3>& p_m, double yaw_rad = 0.0) {
-  ReferenceTruth r;
-  r.x_m = p_m[0];
-  r.y_m = p_m[1];
-  r.z_m = p_m[2];
+ReferencePoint AtRest(const std::array<double, 3>& p_m, double yaw_rad = 0.0) {
+  ReferencePoint r;
+  r.position_m = p_m;
   r.yaw_rad = yaw_rad;
   return r;
 }
@@ -47,55 +45,55 @@ void StripCarriageReturn(std::string& line) {
   if (!line.empty() && line.back() == '\r') line.pop_back();
 }
 
-ReferenceTruth Evaluate(const HoverReference& hover, double) { return AtRest(hover.at_m, hover.yaw_rad); }
+ReferencePoint Evaluate(const HoverReference& hover, double) { return AtRest(hover.at_m, hover.yaw_rad); }
 
 // Eq. (1) writes x = d cos wt - x_r(0) + x_0. Its x_r(0), y_r(0), z_r(0) are those of the bare curve (d, 0,
 // 0), so that the reference begins at the start point.
-ReferenceTruth Evaluate(const SpiralReference& spiral, double t_s) {
+ReferencePoint Evaluate(const SpiralReference& spiral, double t_s) {
   const double d = spiral.radius_m;
   const double w = AngularFrequency(spiral.turns_count, spiral.time_s);
   const double climb_m_s = spiral.height_m / spiral.time_s;
   const double t = std::min(t_s, spiral.time_s);
-  ReferenceTruth r;
-  r.x_m = d * std::cos(w * t) - d + spiral.start_m[0];
-  r.y_m = d * std::sin(w * t) + spiral.start_m[1];
-  r.z_m = climb_m_s * t + spiral.start_m[2];
+  ReferencePoint r;
+  r.position_m[0] = d * std::cos(w * t) - d + spiral.start_m[0];
+  r.position_m[1] = d * std::sin(w * t) + spiral.start_m[1];
+  r.position_m[2] = climb_m_s * t + spiral.start_m[2];
   if (t_s < spiral.time_s) {
-    r.vx_m_s = -d * w * std::sin(w * t);
-    r.vy_m_s = d * w * std::cos(w * t);
-    r.vz_m_s = climb_m_s;
+    r.velocity_m_s[0] = -d * w * std::sin(w * t);
+    r.velocity_m_s[1] = d * w * std::cos(w * t);
+    r.velocity_m_s[2] = climb_m_s;
   }
   return r;
 }
 
 // The start point lies at angle zero, so the centre is `radius_m` from it towards -x.
-ReferenceTruth Evaluate(const CircleReference& circle, double t_s) {
+ReferencePoint Evaluate(const CircleReference& circle, double t_s) {
   const double d = circle.radius_m;
   const double w = AngularFrequency(1.0, circle.period_s);
-  ReferenceTruth r;
-  r.x_m = d * std::cos(w * t_s) - d + circle.start_m[0];
-  r.y_m = d * std::sin(w * t_s) + circle.start_m[1];
-  r.z_m = circle.start_m[2];
-  r.vx_m_s = -d * w * std::sin(w * t_s);
-  r.vy_m_s = d * w * std::cos(w * t_s);
+  ReferencePoint r;
+  r.position_m[0] = d * std::cos(w * t_s) - d + circle.start_m[0];
+  r.position_m[1] = d * std::sin(w * t_s) + circle.start_m[1];
+  r.position_m[2] = circle.start_m[2];
+  r.velocity_m_s[0] = -d * w * std::sin(w * t_s);
+  r.velocity_m_s[1] = d * w * std::cos(w * t_s);
   return r;
 }
 
 // The lemniscate of Gerono about the start point: `width_m` wide along x, half of that along y.
-ReferenceTruth Evaluate(const EightReference& eight, double t_s) {
+ReferencePoint Evaluate(const EightReference& eight, double t_s) {
   const double a = eight.width_m / 2;
   const double b = eight.width_m / 4;
   const double w = AngularFrequency(1.0, eight.period_s);
-  ReferenceTruth r;
-  r.x_m = a * std::sin(w * t_s) + eight.start_m[0];
-  r.y_m = b * std::sin(2 * w * t_s) + eight.start_m[1];
-  r.z_m = eight.start_m[2];
-  r.vx_m_s = a * w * std::cos(w * t_s);
-  r.vy_m_s = 2 * b * w * std::cos(2 * w * t_s);
+  ReferencePoint r;
+  r.position_m[0] = a * std::sin(w * t_s) + eight.start_m[0];
+  r.position_m[1] = b * std::sin(2 * w * t_s) + eight.start_m[1];
+  r.position_m[2] = eight.start_m[2];
+  r.velocity_m_s[0] = a * w * std::cos(w * t_s);
+  r.velocity_m_s[1] = 2 * b * w * std::cos(2 * w * t_s);
   return r;
 }
 
-ReferenceTruth Evaluate(const LineReference& line, double t_s) {
+ReferencePoint Evaluate(const LineReference& line, double t_s) {
   if (t_s >= line.time_s) return AtRest(line.to_m);
   const double part = t_s / line.time_s;
   std::array<double, 3> p_m{}, v_m_s{};
@@ -104,10 +102,8 @@ ReferenceTruth Evaluate(const LineReference& line, double t_s) {
     p_m[i] = line.from_m[i] + part * way_m;
     v_m_s[i] = way_m / line.time_s;
   }
-  ReferenceTruth r = AtRest(p_m);
-  r.vx_m_s = v_m_s[0];
-  r.vy_m_s = v_m_s[1];
-  r.vz_m_s = v_m_s[2];
+  ReferencePoint r = AtRest(p_m);
+  r.velocity_m_s = v_m_s;
   return r;
 }
 
@@ -121,9 +117,9 @@ Trajectory::Trajectory(const ReferenceSpec& spec) : spec_(spec) {
   }
 }
 
-ReferenceTruth Trajectory::At(TimeNs time_ns) const {
+ReferencePoint Trajectory::At(TimeNs time_ns) const {
   const double t_s = ToSeconds(std::max<TimeNs>(time_ns, 0));
-  ReferenceTruth r = std::visit(
+  ReferencePoint r = std::visit(
       [&](const auto& path) {
         if constexpr (requires { Evaluate(path, t_s); }) {
           return Evaluate(path, t_s);
@@ -132,13 +128,13 @@ ReferenceTruth Trajectory::At(TimeNs time_ns) const {
         }
       },
       spec_.path);
-  if (!spec_.velocity || time_ns < 0) r.vx_m_s = r.vy_m_s = r.vz_m_s = 0.0;
+  if (!spec_.velocity || time_ns < 0) r.velocity_m_s = {};
   return r;
 }
 
 std::array<double, 3> Trajectory::Start() const {
-  const ReferenceTruth r = At(0);
-  return {r.x_m, r.y_m, r.z_m};
+  const ReferencePoint r = At(0);
+  return r.position_m;
 }
 
 Trajectory::Polyline Trajectory::FromWaypoints(const WaypointsReference& waypoints) {
@@ -154,9 +150,9 @@ Trajectory::Polyline Trajectory::FromWaypoints(const WaypointsReference& waypoin
   return polyline;
 }
 
-ReferenceTruth Trajectory::Polyline::At(double t_s) const {
-  const auto hold = [](ReferenceTruth r) {
-    r.vx_m_s = r.vy_m_s = r.vz_m_s = 0.0;
+ReferencePoint Trajectory::Polyline::At(double t_s) const {
+  const auto hold = [](ReferencePoint r) {
+    r.velocity_m_s = {};
     return r;
   };
   if (t_s < samples.front().t_s) return hold(samples.front().value);
@@ -167,15 +163,14 @@ ReferenceTruth Trajectory::Polyline::At(double t_s) const {
   const Sample& b = *next;
   const double length_s = b.t_s - a.t_s;
   const double part = (t_s - a.t_s) / length_s;
-  ReferenceTruth r;
-  for (const auto& field : kReferenceFields) {
-    const double from = a.value.*field.in_double;
-    r.*field.in_double = from + part * (b.value.*field.in_double - from);
-  }
-  if (!has_velocity) {
-    r.vx_m_s = (b.value.x_m - a.value.x_m) / length_s;
-    r.vy_m_s = (b.value.y_m - a.value.y_m) / length_s;
-    r.vz_m_s = (b.value.z_m - a.value.z_m) / length_s;
+  const auto between = [part](double from, double to) { return from + part * (to - from); };
+  ReferencePoint r;
+  r.yaw_rad = between(a.value.yaw_rad, b.value.yaw_rad);
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double from_m = a.value.position_m[i], to_m = b.value.position_m[i];
+    r.position_m[i] = between(from_m, to_m);
+    r.velocity_m_s[i] =
+        has_velocity ? between(a.value.velocity_m_s[i], b.value.velocity_m_s[i]) : (to_m - from_m) / length_s;
   }
   return r;
 }
@@ -197,7 +192,7 @@ Trajectory::Polyline Trajectory::ReadRecorded(const std::filesystem::path& file)
   if (line != kColumns && line != kColumnsWithVelocity) {
     fail(fmt::format("the first line must be '{}[,vx_m_s,vy_m_s,vz_m_s]'", kColumns));
   }
-  const std::size_t column_count = line == kColumns ? 5 : 1 + kReferenceCount;
+  const std::size_t column_count = line == kColumns ? 5 : 1 + ReferenceSignals().size();
 
   Polyline polyline;
   polyline.has_velocity = column_count > 5;
@@ -232,8 +227,10 @@ Trajectory::Polyline Trajectory::ReadRecorded(const std::filesystem::path& file)
       if (std::abs(numbers[i]) > (is_yaw ? kYawMax_rad : kMagnitudeMax)) {
         fail(is_yaw ? "yaw_rad is beyond +/-100 rad" : "a value is beyond +/-1000 m or m/s");
       }
-      sample.value.*kReferenceFields[i - 1].in_double = numbers[i];
     }
+    std::vector<double> row(numbers.begin() + 1, numbers.end());
+    row.resize(ReferenceSignals().size());  // without velocities they are 0
+    sample.value = *FromRow(row);
     if (!samples.empty() && !(sample.t_s > samples.back().t_s)) fail("t_s must ascend");
     samples.push_back(sample);
   }

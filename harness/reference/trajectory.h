@@ -2,7 +2,7 @@
 // gives the same answer.
 //
 //   Trajectory trajectory(scenario.reference);
-//   ReferenceTruth r = trajectory.At(12 * kNsPerMs);
+//   ReferencePoint r = trajectory.At(12 * kNsPerMs);
 //
 // Before t = 0 the vehicle waits at the start; after its end a reference holds its end point. Both with
 // velocity zero.
@@ -14,8 +14,8 @@
 #include <string>
 #include <vector>
 
+#include "harness/reference/reference_point.h"
 #include "harness/reference/reference_spec.h"
-#include "link/signals.h"
 #include "link/time.h"
 
 namespace tiltproof::harness {
@@ -33,7 +33,7 @@ class Trajectory {
   explicit Trajectory(const ReferenceSpec& spec);
 
   // Velocities are the derivatives of the position, or 0 when the reference has `velocity: false`.
-  ReferenceTruth At(TimeNs time_ns) const;
+  ReferencePoint At(TimeNs time_ns) const;
 
   // Position at t = 0.
   std::array<double, 3> Start() const;
@@ -42,13 +42,13 @@ class Trajectory {
   // Points in time joined by straight lines: a waypoints or a recorded reference.
   struct Sample {
     double t_s = 0.0;
-    ReferenceTruth value;
+    ReferencePoint value;
   };
   struct Polyline {
     std::vector<Sample> samples;  // times do not descend
     bool has_velocity = false;    // recorded along with the position; otherwise the slope of the line
     // Holds both ends, at rest.
-    ReferenceTruth At(double t_s) const;
+    ReferencePoint At(double t_s) const;
   };
   static Polyline FromWaypoints(const WaypointsReference& waypoints);
   static Polyline ReadRecorded(const std::filesystem::path& file);

@@ -12,7 +12,6 @@
 #include "harness/report/files.h"
 #include "harness/report/trace_csv.h"
 #include "harness/score/signals.h"
-#include "link/signals.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -33,11 +32,6 @@ std::vector<RowPair> MatchRows(const Trace& a, const Trace& b) {
   return pairs;
 }
 
-bool IsVehicleState(std::string_view column) {
-  return std::any_of(kSensorFields.begin(), kSensorFields.end(),
-                     [&](const auto& field) { return field.column == column; });
-}
-
 // Infinite when only one has a value, or they are different infinities.
 double Apart(std::string_view column, double a, double b) {
   if (std::isnan(a) && std::isnan(b)) return 0.0;
@@ -51,13 +45,14 @@ double TimeOf(const Trace& trace, std::size_t row) { return trace.at(row, *trace
 struct ColumnPair {
   std::string name;
   std::size_t a, b;
+  bool is_state;  // of the vehicle
 };
 
 ColumnDifference CompareColumn(const Trace& a, const Trace& b, const std::vector<RowPair>& rows,
                                const ColumnPair& column) {
   ColumnDifference difference;
   difference.column = column.name;
-  difference.is_vehicle = IsVehicleState(column.name);
+  difference.is_vehicle = column.is_state;
   double squares = 0.0;
   std::size_t count = 0;
   for (const auto& [i, j] : rows) {
@@ -81,14 +76,14 @@ std::optional<FirstDifference> FindFirst(const Trace& a, const Trace& b, const s
     const ColumnPair* worst = nullptr;
     double worst_distance = tolerance;
     for (const ColumnPair& column : columns) {
-      if (!IsVehicleState(column.name)) continue;
+      if (!column.is_state) continue;
       const double distance = Apart(column.name, a.at(i, column.a), b.at(j, column.b));
       if (distance <= worst_distance) continue;
       worst = &column;
       worst_distance = distance;
     }
     if (worst != nullptr)
-      return FirstDifference{TimeOf(a, i), worst->name, a.at(i, worst->a), b.at(j, worst->b)};
+      return FirstDifference{i, TimeOf(a, i), worst->name, a.at(i, worst->a), b.at(j, worst->b)};
   }
   return std::nullopt;
 }
@@ -135,13 +130,14 @@ TraceComparison CompareTraces(const Trace& a, const Trace& b, double tolerance) 
   if (b.row_count() > 0) comparison.end_b_s = TimeOf(b, b.row_count() - 1);
 
   std::vector<ColumnPair> columns;
+  const std::vector<std::size_t> states = FindVehicleColumns(a).states;
   for (std::size_t c = 0; c < a.columns().size(); ++c) {
     const std::string& name = a.columns()[c];
     const auto in_b = b.Find(name);
     if (!in_b) {
       comparison.columns_of_one.push_back(name);
     } else if (name != "t_s") {
-      columns.push_back({name, c, *in_b});
+      columns.push_back({name, c, *in_b, std::find(states.begin(), states.end(), c) != states.end()});
     }
   }
   for (const std::string& name : b.columns())

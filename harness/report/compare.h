@@ -20,7 +20,7 @@ namespace tiltproof::harness {
 // Rows are matched by their time. Differences of angles (columns in _rad) are taken the short way round.
 struct ColumnDifference {
   std::string column;
-  bool is_vehicle = false;         // one of the 16 states of the vehicle, which decide
+  bool is_vehicle = false;         // one of the states of the vehicle, which decide
   double max = 0.0;                // in the column's unit, over the rows where both have a value
   double max_time_s = 0.0;         // of the first row with that difference
   double rms = 0.0;                // over the same rows
@@ -28,6 +28,7 @@ struct ColumnDifference {
 };
 
 struct FirstDifference {
+  std::size_t row = 0;  // in A, from 0: one row every control period
   double time_s = 0.0;
   std::string column;
   double a = 0.0, b = 0.0;  // NaN: no value

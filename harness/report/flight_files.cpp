@@ -22,15 +22,8 @@ Json ToJson(const std::vector<link::Chunk>& chunks) {
   return array;
 }
 
-Json FlightJson(const RunLog& log) {
+Json ClientJson(const ClientLog& log) {
   Json json;
-  json["end_reason"] = Name(log.end_reason);
-  json["end_text"] = log.end_text;
-  json["end_ns"] = log.end_ns;
-  json["wall_s"] = log.wall_s;
-  json["hover_input"] = log.hover_input;
-  json["input_min"] = log.input_min;
-  json["input_max"] = log.input_max;
   for (std::size_t d = 0; d < link::kDirectionCount; ++d) {
     const DirectionCounts& counts = log.counts[d];
     json["counts"][std::string(Name(static_cast<link::Direction>(d)))] = {
@@ -45,7 +38,6 @@ Json FlightJson(const RunLog& log) {
   json["starts_accepted_count"] = log.starts_accepted_count;
   if (log.failsafe_entered_count) json["failsafe_entered_count"] = *log.failsafe_entered_count;
   if (log.receive_overruns_count) json["receive_overruns_count"] = *log.receive_overruns_count;
-  json["fault_activation_counts"] = log.fault_activation_counts;
   json["restarts"] = Json::array();
   for (const auto& restart : log.restarts)
     json["restarts"].push_back({{"time_ns", restart.time_ns}, {"cause", restart.cause}});
@@ -54,6 +46,74 @@ Json FlightJson(const RunLog& log) {
   json["reply_latency_ns"] = log.reply_latency_ns;
   json["actuator_times_ns"] = log.actuator_times_ns;
   json["client_round_trip_ns"] = log.client_round_trip_ns;
+  return json;
+}
+
+ClientLog ClientFromJson(const Json& json) {
+  ClientLog log;
+  for (std::size_t d = 0; d < link::kDirectionCount; ++d) {
+    const Json& counts = json.at("counts").at(std::string(Name(static_cast<link::Direction>(d))));
+    counts.at("frames_sent").get_to(log.counts[d].frames_sent);
+    counts.at("frames_accepted").get_to(log.counts[d].frames_accepted);
+    counts.at("frames_rejected").get_to(log.counts[d].frames_rejected);
+    counts.at("bytes_corrupted").get_to(log.counts[d].bytes_corrupted);
+  }
+  json.at("accepted_wrong_count").get_to(log.accepted_wrong_count);
+  json.at("accepted_stale_count").get_to(log.accepted_stale_count);
+  json.at("resync_max_ns").get_to(log.resync_max_ns);
+  json.at("starts_accepted_count").get_to(log.starts_accepted_count);
+  if (json.contains("failsafe_entered_count"))
+    log.failsafe_entered_count = json.at("failsafe_entered_count").get<std::int64_t>();
+  if (json.contains("receive_overruns_count"))
+    log.receive_overruns_count = json.at("receive_overruns_count").get<std::int64_t>();
+  json.at("request_times_ns").get_to(log.request_times_ns);
+  json.at("reply_latency_ns").get_to(log.reply_latency_ns);
+  json.at("actuator_times_ns").get_to(log.actuator_times_ns);
+  // Absent from the files of older versions.
+  for (const auto& restart : json.value("restarts", Json::array()))
+    log.restarts.push_back({restart.at("time_ns").get<TimeNs>(), restart.at("cause").get<std::string>()});
+  if (json.contains("sent_request_times_ns"))
+    json.at("sent_request_times_ns").get_to(log.sent_request_times_ns);
+  if (json.contains("client_round_trip_ns")) json.at("client_round_trip_ns").get_to(log.client_round_trip_ns);
+  return log;
+}
+
+Json EventJson(const RunLog& log, const RunEvent& event) {
+  Json json = {{"time_s", ToSeconds(event.time_ns)}, {"kind", event.kind}};
+  const std::string client = ClientOf(log, event);
+  if (!client.empty()) json["client"] = client;
+  json["text"] = event.text;
+  return json;
+}
+
+RunEvent EventFromJson(const RunLog& log, const Json& json) {
+  RunEvent event{FromSeconds(json.at("time_s").get<double>()), json.at("kind").get<std::string>(),
+                 json.at("text").get<std::string>()};
+  if (!json.contains("client")) return event;
+  const auto id = json["client"].get<std::string>();
+  for (std::size_t i = 0; i < log.clients.size(); ++i)
+    if (log.clients[i].id == id) event.client = i;
+  return event;
+}
+
+Json FlightJson(const RunLog& log) {
+  Json json;
+  json["end_reason"] = Name(log.end_reason);
+  json["end_text"] = log.end_text;
+  json["end_ns"] = log.end_ns;
+  json["wall_s"] = log.wall_s;
+  json["hover_input"] = log.hover_input;
+  json["input_min"] = log.input_min;
+  json["input_max"] = log.input_max;
+  json["fault_activation_counts"] = log.fault_activation_counts;
+  if (log.clients.size() == 1) {
+    json.update(ClientJson(log.clients.front()));
+  } else {
+    for (const ClientLog& client : log.clients) {
+      json["clients"].push_back({{"id", client.id}});
+      json["clients"].back().update(ClientJson(client));
+    }
+  }
   if (log.harness_overrun_count) json["harness_overrun_count"] = *log.harness_overrun_count;
   if (log.harness_late_max_ns) json["harness_late_max_ns"] = *log.harness_late_max_ns;
   if (!log.harness_late.empty()) {
@@ -61,9 +121,7 @@ Json FlightJson(const RunLog& log) {
     for (const auto& span : log.harness_late) json["harness_late_ns"].push_back({span.begin_ns, span.end_ns});
   }
   json["events"] = Json::array();
-  for (const auto& event : log.events)
-    json["events"].push_back(
-        {{"time_s", ToSeconds(event.time_ns)}, {"kind", event.kind}, {"text", event.text}});
+  for (const auto& event : log.events) json["events"].push_back(EventJson(log, event));
   return json;
 }
 
@@ -104,12 +162,18 @@ EndReason EndReasonNamed(const std::string& name) {
 
 }  // namespace
 
+std::string ClientOf(const RunLog& log, const RunEvent& event) {
+  return event.client ? log.clients.at(*event.client).id : "";
+}
+
 void WriteFlight(const std::filesystem::path& folder, const Scenario& scenario, const RunLog& log) {
   WriteFile(folder / "trace.csv", WriteTraceCsv(log.trace));
   WriteFile(folder / "faults.jsonl", FaultsJsonl(scenario, log));
   const auto& bytes = log.link.content();
   WriteFile(folder / "link.bin", {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
-  WriteFile(folder / "firmware.log", log.firmware_log);
+  for (const ClientLog& client : log.clients)
+    WriteFile(folder / (client.id.empty() ? "firmware.log" : "firmware." + client.id + ".log"),
+              client.firmware_log);
   WriteFile(folder / "flight.json", JsonText(FlightJson(log)) + "\n");
 }
 
@@ -134,31 +198,13 @@ RunLog ReadFlight(const std::filesystem::path& folder) {
     json.at("hover_input").get_to(log.hover_input);
     json.at("input_min").get_to(log.input_min);
     json.at("input_max").get_to(log.input_max);
-    for (std::size_t d = 0; d < link::kDirectionCount; ++d) {
-      const Json& counts = json.at("counts").at(std::string(Name(static_cast<link::Direction>(d))));
-      counts.at("frames_sent").get_to(log.counts[d].frames_sent);
-      counts.at("frames_accepted").get_to(log.counts[d].frames_accepted);
-      counts.at("frames_rejected").get_to(log.counts[d].frames_rejected);
-      counts.at("bytes_corrupted").get_to(log.counts[d].bytes_corrupted);
-    }
-    json.at("accepted_wrong_count").get_to(log.accepted_wrong_count);
-    json.at("accepted_stale_count").get_to(log.accepted_stale_count);
-    json.at("resync_max_ns").get_to(log.resync_max_ns);
-    json.at("starts_accepted_count").get_to(log.starts_accepted_count);
-    if (json.contains("failsafe_entered_count"))
-      log.failsafe_entered_count = json.at("failsafe_entered_count").get<std::int64_t>();
-    if (json.contains("receive_overruns_count"))
-      log.receive_overruns_count = json.at("receive_overruns_count").get<std::int64_t>();
     json.at("fault_activation_counts").get_to(log.fault_activation_counts);
-    json.at("request_times_ns").get_to(log.request_times_ns);
-    json.at("reply_latency_ns").get_to(log.reply_latency_ns);
-    json.at("actuator_times_ns").get_to(log.actuator_times_ns);
-    // Absent from the files of older versions.
-    for (const auto& restart : json.value("restarts", Json::array()))
-      log.restarts.push_back({restart.at("time_ns").get<TimeNs>(), restart.at("cause").get<std::string>()});
-    if (json.contains("sent_request_times_ns"))
-      json["sent_request_times_ns"].get_to(log.sent_request_times_ns);
-    if (json.contains("client_round_trip_ns")) json["client_round_trip_ns"].get_to(log.client_round_trip_ns);
+    log.clients.clear();
+    for (const Json& client : json.value("clients", Json::array())) {
+      log.clients.push_back(ClientFromJson(client));
+      client.at("id").get_to(log.clients.back().id);
+    }
+    if (log.clients.empty()) log.clients.push_back(ClientFromJson(json));
     if (json.contains("harness_overrun_count"))
       log.harness_overrun_count = json["harness_overrun_count"].get<std::int64_t>();
     if (json.contains("harness_late_max_ns"))
@@ -166,9 +212,7 @@ RunLog ReadFlight(const std::filesystem::path& folder) {
     if (json.contains("harness_late_ns"))
       for (const auto& span : json["harness_late_ns"])
         log.harness_late.push_back({span.at(0).get<TimeNs>(), span.at(1).get<TimeNs>()});
-    for (const auto& event : json.at("events"))
-      log.events.push_back({FromSeconds(event.at("time_s").get<double>()),
-                            event.at("kind").get<std::string>(), event.at("text").get<std::string>()});
+    for (const auto& event : json.at("events")) log.events.push_back(EventFromJson(log, event));
   } catch (const std::exception& error) {
     throw std::runtime_error(flight_file.string() + ": " + error.what());
   }

@@ -5,7 +5,7 @@
 //   faults.jsonl            every kept activation of a fault: time, what, chunks before and after; at the end,
 //                           for each fault of which some were not kept, how many: left_out_count
 //   link.bin                raw bytes with times (harness/run/link_log.h)
-//   firmware.log            what the firmware logged, with simulation times in seconds
+//   firmware.log            what the firmware logged, with simulation times in seconds; of several clients firmware.<id>.log
 //   flight.json             how the flight ended, counters, request times: the rest of what scoring needs
 //   verdict.json            the scenario's entry in results.json
 #pragma once
@@ -25,5 +25,8 @@ void WriteFlight(const std::filesystem::path& folder, const Scenario& scenario, 
 // What scoring needs: the trace and flight.json; raw bytes and activations are not read. Throws FileError or
 // std::runtime_error naming the file and the place.
 RunLog ReadFlight(const std::filesystem::path& folder);
+
+// The id of the client that an event belongs to; empty when it is the flight's, or there is one client alone.
+std::string ClientOf(const RunLog& log, const RunEvent& event);
 
 }  // namespace tiltproof::harness

@@ -235,6 +235,7 @@ void WriteRunInfo(const std::filesystem::path& folder, const RunInfo& info) {
   json["seed"] = info.seed;
   json["mode"] = info.mode;
   json["client"] = info.client;
+  if (!info.clients.empty()) json["clients"] = info.clients;
   json["command"] = info.command;
   json["interrupted"] = info.interrupted;
   json["flights"] = Json::array();
@@ -261,6 +262,7 @@ RunInfo ReadRunInfo(const std::filesystem::path& folder) {
     json.at("seed").get_to(info.seed);
     info.mode = json.value("mode", "lockstep");
     json.at("client").get_to(info.client);
+    if (json.contains("clients")) json["clients"].get_to(info.clients);
     info.build = json.value("build", "");
     info.machine = json.value("machine", Machine());
     json.at("command").get_to(info.command);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -59,10 +60,11 @@ struct RunInfo {
   std::string suite;
   std::string started;  // ISO 8601 UTC
   std::uint64_t seed = 0;
-  std::string mode = "lockstep";  // or "realtime"
-  std::string client;             // --client as given
-  Machine machine;                // empty in the files of older versions
-  std::string build;              // harness/report/build_id.h; empty in the files of older versions
+  std::string mode = "lockstep";               // or "realtime"
+  std::string client;                          // --client as given
+  std::map<std::string, std::string> clients;  // by id, those of --client ID=...
+  Machine machine;                             // empty in the files of older versions
+  std::string build;  // harness/report/build_id.h; empty in the files of older versions
   std::vector<std::string> command;
   bool interrupted = false;            // by a signal, or killed: unfinished
   std::vector<PlannedFlight> flights;  // in the order of the results; empty in the files of older versions

@@ -1,11 +1,11 @@
 // When the client booted anew and when it asked for sensors, from what the flight's log holds of its line and its
 // device.
 //
-//   AddClientHistory(log, scenario.link.dialect, BootSign::kReset);   // once log is whole and in order of time
+//   AddClientHistory(log, 0, *scenario.link.protocol, BootSign::kReset);   // once log is whole and in order of time
 #pragma once
 
 #include "harness/run/run_log.h"
-#include "link/messages.h"
+#include "link/protocol.h"
 
 namespace tiltproof::harness {
 
@@ -17,8 +17,8 @@ enum class BootSign : std::uint8_t {
   kStart,
 };
 
-// Sets log.restarts and log.sent_request_times_ns.
-void AddClientHistory(RunLog& log, link::Dialect dialect, BootSign sign);
+// Sets the restarts and sent_request_times_ns of one client.
+void AddClientHistory(RunLog& log, std::size_t client, const link::Protocol& protocol, BootSign sign);
 
 // What is wrong with the client's lines, as far as the events tell, goes into the reason of a flight that never started.
 void ExplainNeverStarted(RunLog& log);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -14,13 +15,14 @@ class EventLog {
  public:
   static constexpr std::size_t kEventsMax = 10'000;
 
-  void Add(TimeNs time_ns, std::string kind, std::string text) {
+  // `client`: whose it is; none: the flight's.
+  void Add(TimeNs time_ns, std::string kind, std::string text, std::optional<std::size_t> client = {}) {
     if (count_ > kEventsMax) return;
     if (count_++ == kEventsMax) {
       kind = "events_suppressed";
       text = "more than " + std::to_string(kEventsMax) + " events: the rest is counted in the metrics only";
     }
-    events_.push_back({time_ns, std::move(kind), std::move(text)});
+    events_.push_back({time_ns, std::move(kind), std::move(text), client});
   }
 
   // Those added since the last call.

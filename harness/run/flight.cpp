@@ -1,236 +1,221 @@
 #include "harness/run/flight.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
-#include <array>
 #include <chrono>
+#include <deque>
 #include <string>
 #include <utility>
 
 #include "harness/client/firmware_guard.h"
 #include "harness/reference/trajectory.h"
+#include "harness/run/client_channel.h"
 #include "harness/run/client_history.h"
-#include "harness/run/framed.h"
 #include "harness/run/merge_logs.h"
-#include "harness/run/reference_talk.h"
-#include "link/messages.h"
+#include "harness/run/reference_frame.h"
 
 namespace tiltproof::harness {
 namespace {
 
 using link::Direction;
 
-// A client may say that it transmits later within its call, but not by more than this.
-constexpr TimeNs kTransmitAheadMax = kNsPerS;
-// A client with a processor of its own comes back at least so often.
-constexpr TimeNs kRunOnMax = kControlPeriodNs;
-// A client that asks to be woken more often than this within a control period lets no time pass: that is every 0.6 us.
-constexpr int kWakesPerPeriodMax = 20'000;
-
-constexpr std::array kDirections = {Direction::kToPlant, Direction::kToClient, Direction::kReference};
-
-// Times inside are boot time (nanoseconds since the client's power-on); what goes to the log is turned into
+// Times inside are boot time (nanoseconds since the clients' power-on); what goes to the log is turned into
 // simulation time.
 class Conductor {
  public:
-  Conductor(const Scenario& scenario, Line& line, PlantServer& server, const FlightOptions& options);
+  Conductor(const Scenario& scenario, const VehicleSignals& vehicle, std::span<Line* const> lines,
+            PlantServer& server, const FlightOptions& options);
   RunLog Run();
 
  private:
-  void MakeClient();
+  // Of each client, the selected one's first. What goes wrong with one of several names it.
+  template <class Act>
+  void Each(const Act& act) {
+    for (ClientChannel* channel : in_turn_) {
+      try {
+        act(*channel);
+      } catch (const FirmwareTrouble& trouble) {
+        if (!scenario_.has_several_clients()) throw;
+        throw FirmwareTrouble(trouble.hung,
+                              "client " + scenario_.client_id(channel->index()) + ": " + trouble.what());
+      }
+    }
+  }
   void Conduct();
-  void ServePlantEnd(TimeNs now);
-  bool DeliverToClient(TimeNs until);
-  void CommandDevice();
-  void OnDeviceEvent(const DeviceEvent& event);
+  bool EndsBefore(TimeNs now);
+  void AdvancePlant(TimeNs to) { server_.Advance(to, Counts()); }
+  void ServePlantEnd(ClientChannel& channel, TimeNs now);
+  TimeNs Horizon(const ClientChannel& channel, TimeNs now) const;
+  void SpreadNews();
   void SendReference(TimeNs now);
   void Finish();
+  const AllCounts& Counts();
 
   bool started() const { return server_.state().started(); }
   bool over() const { return server_.state().over; }
   TimeNs SimTime(TimeNs boot_time) const { return boot_time - server_.state().origin_ns; }
+  // When the flight ends, as far as it is known.
+  TimeNs End() const { return (started() ? server_.state().origin_ns : 0) + scenario_.duration_ns; }
 
   const Scenario& scenario_;
   const FlightOptions& options_;
-  Line& line_;
   PlantServer& server_;
   Trajectory trajectory_;
-  std::unique_ptr<Client> client_;
+  ReferenceFramer references_;
+  std::deque<ClientChannel> channels_;   // in the scenario's order
+  std::vector<ClientChannel*> in_turn_;  // the selected client's first
+  AllCounts counts_;
   RunLog log_;
-
-  // Faults at the client's receiver, and what was carried out of those on its board.
-  faults::FaultSchedule client_faults_;
-  std::vector<faults::ReceiveMark> marks_;
-  std::vector<DeviceEvent> device_events_;  // in boot time
-  std::int64_t receive_overruns_count_ = 0;
-
-  TimeNs wake_ns_ = 0;  // until when the client waits
+  const bool faults_wait_;                          // for each other, or for conditions
+  std::vector<std::vector<std::uint8_t>> replies_;  // of the plant server, before they are sent
   TimeNs next_reference_ns_ = kNever;
-  TimeNs now_ns_ = 0;                                           // of the turn under way
-  std::vector<std::pair<TimeNs, std::string>> firmware_lines_;  // what the firmware logged, in boot time
-  std::size_t firmware_log_bytes_ = 0;
-  ReferenceTalk reference_talk_;
 };
 
-Conductor::Conductor(const Scenario& scenario, Line& line, PlantServer& server, const FlightOptions& options)
+Conductor::Conductor(const Scenario& scenario, const VehicleSignals& vehicle, std::span<Line* const> lines,
+                     PlantServer& server, const FlightOptions& options)
     : scenario_(scenario),
       options_(options),
-      line_(line),
       server_(server),
       trajectory_(scenario.reference),
-      client_faults_(scenario.faults, scenario.seed,
-                     {.baud = MainBaud(scenario.link), .reference_baud = ReferenceBaud(scenario.link)}),
-      reference_talk_(scenario.link.dialect) {
-  log_.trace = Trace(FlightColumns(scenario));
-}
-
-void Conductor::MakeClient() {
-  client_ = options_.make_client(
-      {.transmit = [this](Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) -> TimeNs {
-         // The reference line has no way back: what the client sends there ends at its pin.
-         if (uart != Uart::kMain) {
-           reference_talk_.Hear(bytes);
-           return now;
-         }
-         return line_.Transmit(Direction::kToPlant, std::clamp(now, now_ns_, now_ns_ + kTransmitAheadMax),
-                               bytes);
-       },
-       .log =
-           [this](TimeNs now, std::string_view text) {
-             if (firmware_log_bytes_ > kFirmwareLogBytesMax) return;
-             firmware_log_bytes_ += text.size();
-             firmware_lines_.emplace_back(now, text);
-           },
-       .event = [this](const DeviceEvent& event) { OnDeviceEvent(event); }});
+      references_(*scenario.link.protocol),
+      counts_(lines.size()),
+      faults_wait_(std::any_of(scenario.faults.begin(), scenario.faults.end(), faults::WaitsForNews)) {
+  for (std::size_t client = 0; client < lines.size(); ++client)
+    in_turn_.push_back(&channels_.emplace_back(scenario, client, *lines[client], [this] { SpreadNews(); }));
+  std::swap(in_turn_.front(), in_turn_[scenario.selected_client()]);
+  log_.trace = Trace(TraceLayout(vehicle, scenario).columns);
+  log_.fault_activation_counts.assign(scenario.faults.size(), 0);
+  log_.clients.resize(lines.size());
+  for (std::size_t client = 0; scenario.has_several_clients() && client < lines.size(); ++client)
+    log_.clients[client].id = scenario.client_id(client);
 }
 
 RunLog Conductor::Run() {
   const auto began = std::chrono::steady_clock::now();
   try {
-    MakeClient();
+    Each([&](ClientChannel& channel) { channel.PowerOn(options_.make_client); });
     Conduct();
   } catch (const FirmwareTrouble& trouble) {
     log_.end_reason = trouble.hung ? EndReason::kFirmwareHung : EndReason::kFirmwareCrashed;
     log_.end_text = trouble.what();
   } catch (const std::exception& error) {
-    if (client_ == nullptr) throw;
+    if (!in_turn_.back()->exists()) throw;
     log_.end_reason = EndReason::kHarnessError;
     log_.end_text = error.what();
   }
   log_.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
   Finish();
-  if (options_.retire) options_.retire(std::move(client_));
+  if (options_.retire)
+    for (ClientChannel& channel : channels_) options_.retire(channel.TakeClient());
   return std::move(log_);
 }
 
 void Conductor::Conduct() {
-  TimeNs last = kPowerOn, period_begin = 0;
-  int wakes = 0;
-  wake_ns_ = client_->Start(0);
-  const bool runs_on = client_->RunsOn();
-  for (;;) {
-    const TimeNs end = (started() ? server_.state().origin_ns : 0) + scenario_.duration_ns;
-    TimeNs now = std::min(wake_ns_, next_reference_ns_);
-    for (const Direction direction : kDirections) now = std::min(now, line_.NextArrival(direction));
-    now = std::max(now, last);
-    if (now > end) {
-      if (started()) {
-        server_.Advance(end, line_.counts());
-        // The last row is at duration_s, on the grid or not.
-        if (!over()) server_.Finish(end, line_.counts());
-      } else {
-        log_.end_reason = EndReason::kNeverStarted;
-        log_.end_text = NeverStartedText(scenario_);
-      }
-      return;
-    }
-    last = now_ns_ = now;
-    if (now - period_begin >= kControlPeriodNs) {
-      period_begin = now;
-      wakes = 0;
-    }
-    if (now >= wake_ns_ && ++wakes > kWakesPerPeriodMax)
-      throw FirmwareTrouble(
-          true,
-          fmt::format("the firmware lets no time pass: it wants to be woken again and again, {} times from "
-                      "{:.9f} s to {:.9f} s after power-on",
-                      wakes, ToSeconds(period_begin), ToSeconds(now)));
-    if (options_.interrupted != nullptr && options_.interrupted->load(std::memory_order_relaxed)) {
-      log_.end_reason = EndReason::kInterrupted;
-      log_.end_text = "interrupted";
-      return;
-    }
-
-    if (const auto& overfull = line_.overfull()) {
-      // Without faults it is the firmware that sends, or asks for, more than the line carries.
-      if (!overfull->by_faults) throw FirmwareTrouble(true, overfull->text);
-      log_.end_reason = EndReason::kLineOverfull;
-      log_.end_text = overfull->text;
-      return;
-    }
+  for (TimeNs now = kPowerOn;;) {
+    TimeNs next = next_reference_ns_;
+    for (const ClientChannel& channel : channels_) next = std::min(next, channel.Next());
+    now = std::max(now, next);
+    if (EndsBefore(now)) return;
 
     // First of all, so that rows of the past show nothing of what happens now.
-    server_.Advance(now, line_.counts());
+    AdvancePlant(now);
     if (over()) return;
+    SpreadNews();
     if (now == next_reference_ns_) SendReference(now);
     const bool was_started = started();
-    ServePlantEnd(now);
-    const bool starts_now = started() && !was_started;
-    if (starts_now) CommandDevice();
-    // Nothing that is not on its way yet can reach the client before that.
-    const TimeNs horizon = std::min({next_reference_ns_, line_.NextArrival(Direction::kToPlant),
-                                     now + kRunOnMax, std::max(end, now) + 1});
-    const bool delivered = DeliverToClient(runs_on ? horizon : now);
-    if (runs_on || delivered || starts_now || now >= wake_ns_) wake_ns_ = client_->Grant(now, horizon);
+    for (ClientChannel* channel : in_turn_) ServePlantEnd(*channel, now);
+    if (started() && !was_started)
+      Each([&](ClientChannel& channel) { channel.Command(server_.state().origin_ns); });
+    Each([&](ClientChannel& channel) { channel.Run(now, Horizon(channel, now)); });
   }
 }
 
-void Conductor::ServePlantEnd(TimeNs now) {
-  if (line_.NextArrival(Direction::kToPlant) > now) return;
-  while (const auto piece = line_.TakePiece(Direction::kToPlant, now)) {
+// Whether the flight is at its end before what would happen at `now`.
+bool Conductor::EndsBefore(TimeNs now) {
+  if (now > End()) {
+    if (started()) {
+      AdvancePlant(End());
+      // The last row is at duration_s, on the grid or not.
+      if (!over()) server_.Finish(End(), Counts());
+    } else {
+      log_.end_reason = EndReason::kNeverStarted;
+      log_.end_text = NeverStartedText(scenario_);
+    }
+    return true;
+  }
+  Each([&](ClientChannel& channel) { channel.BeginTurn(now); });
+  if (options_.interrupted != nullptr && options_.interrupted->load(std::memory_order_relaxed)) {
+    log_.end_reason = EndReason::kInterrupted;
+    log_.end_text = "interrupted";
+    return true;
+  }
+  for (ClientChannel& channel : channels_) {
+    const auto& overfull = channel.line().overfull();
+    if (!overfull) continue;
+    log_.end_reason = EndReason::kLineOverfull;
+    log_.end_text = overfull->text;
+    return true;
+  }
+  return false;
+}
+
+void Conductor::ServePlantEnd(ClientChannel& channel, TimeNs now) {
+  Line& line = channel.line();
+  if (line.NextArrival(Direction::kToPlant) > now) return;
+  while (const auto piece = line.TakePiece(Direction::kToPlant, now)) {
+    if (piece->message == nullptr) continue;
     const bool was_started = started();
     const TimeNs arrival = piece->arrival_ns;
-    server_.Receive(arrival, piece->bytes, [this, arrival](std::span<const std::uint8_t> frame) {
-      line_.Transmit(Direction::kToClient, arrival, frame);
+    replies_.clear();
+    server_.Receive(channel.index(), arrival, *piece->message, [this](std::span<const std::uint8_t> frame) {
+      replies_.emplace_back(frame.begin(), frame.end());
     });
-    if (started() && !was_started) SendReference(arrival);
+    SpreadNews();  // before the replies go
+    for (const auto& reply : replies_) line.Transmit(Direction::kToClient, arrival, reply);
+    SpreadNews();
+    if (was_started || !started()) continue;
+    for (ClientChannel& other : channels_) other.line().SetOrigin(server_.state().origin_ns);
+    SendReference(arrival);
   }
 }
 
-// The client gets every byte that has arrived, whole frame or not: it may flush what it holds at any tick.
-bool Conductor::DeliverToClient(TimeNs until) {
-  bool delivered = false;
-  // References first: r(t_k) is there before the sensor reply of the same period.
-  for (const Direction direction : {Direction::kReference, Direction::kToClient}) {
-    const Uart uart = direction == Direction::kReference ? Uart::kReference : Uart::kMain;
-    while (const auto piece = line_.TakePiece(direction, until)) {
-      delivered = true;
-      client_faults_.MarkReceived(direction, piece->arrival_ns, piece->bytes, marks_);
-      client_->Receive(uart, piece->arrival_ns, piece->bytes, marks_);
+// Nothing that is not on its way yet can reach the client before that. One with a processor of its own comes back every
+// period at least.
+TimeNs Conductor::Horizon(const ClientChannel& channel, TimeNs now) const {
+  TimeNs horizon = std::min({next_reference_ns_, channel.line().NextArrival(Direction::kToPlant),
+                             now + scenario_.link.protocol->control_period_ns, std::max(End(), now) + 1});
+  // References begin with the selected client's `start`: before it, the others stay behind that client.
+  const ClientChannel& selected = *in_turn_.front();
+  if (!started() && &channel != &selected) horizon = std::min(horizon, std::max(selected.Next(), now));
+  return horizon;
+}
+
+// Faults that wait for a condition or for another fault hear of it before anything more passes.
+void Conductor::SpreadNews() {
+  if (!faults_wait_) return;
+  const std::vector<faults::News> of_plant = server_.TakeNews();
+  std::vector<std::pair<ClientChannel*, std::vector<faults::News>>> of_channels;
+  for (ClientChannel& channel : channels_) of_channels.emplace_back(&channel, channel.TakeNews());
+  for (const auto& [channel, news] : of_channels) {
+    server_.Hear(news);
+    for (ClientChannel& other : channels_) {
+      if (&other == channel) continue;
+      other.Hear(news);
     }
   }
-  return delivered;
+  for (ClientChannel& channel : channels_) channel.Hear(of_plant);
 }
 
-void Conductor::CommandDevice() {
-  const TimeNs origin = server_.state().origin_ns;
-  client_faults_.SetOrigin(origin);
-  client_->Command(faults::DeviceCommands(scenario_.faults, scenario_.seed), origin);
-}
-
-void Conductor::OnDeviceEvent(const DeviceEvent& event) {
-  device_events_.push_back(event);
-  receive_overruns_count_ += event.overruns_count;
-  if (event.fault && *event.fault < scenario_.faults.size())
-    client_faults_.Count(*event.fault, SimTime(event.time_ns), event.text);
+const AllCounts& Conductor::Counts() {
+  for (std::size_t i = 0; i < counts_.size(); ++i) counts_[i] = channels_[i].line().counts();
+  return counts_;
 }
 
 // The base station follows the simulation's clock (paper, section 2.2, Figure 6).
 void Conductor::SendReference(TimeNs now) {
-  const Framed frame(link::EncodeReference(ToFloat(trajectory_.At(SimTime(now)), kReferenceFields)));
-  line_.Transmit(Direction::kReference, now, frame.bytes());
-  next_reference_ns_ = now + kControlPeriodNs;
+  const Framed frame = references_.Frame(trajectory_.At(SimTime(now)));
+  for (ClientChannel& channel : channels_) channel.line().Transmit(Direction::kReference, now, frame.bytes());
+  SpreadNews();
+  next_reference_ns_ = now + scenario_.link.protocol->control_period_ns;
   if (options_.progress_ns != nullptr) options_.progress_ns->store(SimTime(now), std::memory_order_relaxed);
 }
 
@@ -244,26 +229,19 @@ void Conductor::Finish() {
   const TimeNs origin = state.started() ? state.origin_ns : 0;
   if (state.started())
     log_.end_ns = log_.end_reason == EndReason::kCompleted ? scenario_.duration_ns : state.reached_ns;
-  // After trouble the client may be in the middle of a call.
+  // After trouble a client may be in the middle of a call.
   const bool trouble = log_.end_reason == EndReason::kFirmwareHung ||
                        log_.end_reason == EndReason::kFirmwareCrashed ||
                        log_.end_reason == EndReason::kHarnessError;
   if (!trouble) {
     try {
-      if (const auto status = client_->Status()) log_.failsafe_entered_count = status->failsafe_count;
+      Each([&](ClientChannel& channel) { channel.AskStatus(log_); });
     } catch (const FirmwareTrouble& late) {
       log_.end_reason = late.hung ? EndReason::kFirmwareHung : EndReason::kFirmwareCrashed;
       log_.end_text = late.what();
     }
   }
-  for (const auto& [time_ns, text] : firmware_lines_)
-    log_.firmware_log += fmt::format("{:.6f} {}\n", ToSeconds(time_ns - origin), text);
-  if (client_ != nullptr && client_->RunsOn()) log_.receive_overruns_count = receive_overruns_count_;
-  for (DeviceEvent& event : device_events_)
-    log_.events.push_back({event.time_ns - origin, std::move(event.kind), std::move(event.text)});
-  if (const std::string talk = reference_talk_.Trouble(); !talk.empty() && !state.started())
-    log_.events.push_back({0, kLineTroubleEvent, talk});
-  Append(log_, client_faults_, origin);
+  for (ClientChannel& channel : channels_) channel.Finish(origin, state.started(), log_);
   // A part in another process may be gone, and its records with it; the others' are kept.
   const auto keep_going = [&](const auto& append) {
     try {
@@ -275,17 +253,19 @@ void Conductor::Finish() {
     }
   };
   keep_going([&] { Append(log_, server_.TakeLog()); });
-  keep_going([&] { Append(log_, line_.TakeLog(origin + log_.end_ns), origin); });
+  for (ClientChannel& channel : channels_)
+    keep_going([&] { Append(log_, channel.line().TakeLog(origin + log_.end_ns), channel.index(), origin); });
   SortByTime(log_);
-  AddClientHistory(log_, scenario_.link.dialect, BootSign::kReset);
+  for (std::size_t client = 0; client < channels_.size(); ++client)
+    AddClientHistory(log_, client, *scenario_.link.protocol, BootSign::kReset);
   ExplainNeverStarted(log_);
 }
 
 }  // namespace
 
-ClientSettings SettingsOf(const Scenario& scenario) {
-  return {.firmware = scenario.firmware,
-          .dialect = scenario.link.dialect,
+ClientSettings SettingsOf(const Scenario& scenario, std::size_t client) {
+  return {.firmware = scenario.firmware_of(client),
+          .protocol = scenario.link.protocol,
           .lines = {.main_baud = MainBaud(scenario.link), .reference_baud = ReferenceBaud(scenario.link)},
           .start_within_ns = scenario.start_within_ns};
 }
@@ -295,14 +275,15 @@ std::string NeverStartedText(const Scenario& scenario) {
          " s of power-on";
 }
 
-RunLog Conduct(const Scenario& scenario, Line& line, PlantServer& server, const FlightOptions& options) {
-  return Conductor(scenario, line, server, options).Run();
+RunLog Conduct(const Scenario& scenario, const VehicleSignals& vehicle, std::span<Line* const> lines,
+               PlantServer& server, const FlightOptions& options) {
+  return Conductor(scenario, vehicle, lines, server, options).Run();
 }
 
 RunLog Fly(const Scenario& scenario, const plant::VehicleModel& model, const FlightOptions& options) {
-  LocalLine line(scenario);
+  LocalLines lines(scenario);
   LocalPlantServer server(scenario, model);
-  return Conduct(scenario, line, server, options);
+  return Conduct(scenario, model.signals(), lines.all(), server, options);
 }
 
 }  // namespace tiltproof::harness

@@ -5,13 +5,15 @@
 //
 //   request arrives -> PlantServer -> Line (faults) -> firmware -> Line (faults) -> PlantServer
 //
-// It knows three parts, Line, PlantServer and Client, and each may be in a process of its own.
+// It knows three parts, Line, PlantServer and Client, and each may be in a process of its own. A line and its client
+// are a channel (harness/run/client_channel.h); a flight has one, or one for each of several clients, and one plant.
 #pragma once
 
 #include <atomic>
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <span>
 #include <string>
 
 #include "harness/client/make_client.h"
@@ -24,11 +26,11 @@
 namespace tiltproof::harness {
 
 struct FlightOptions {
-  // Makes the client once its host functions exist.
-  std::function<std::unique_ptr<Client>(ClientHost)> make_client;
+  // Makes a client, by its place in the scenario, once its host functions exist.
+  std::function<std::unique_ptr<Client>(std::size_t client, ClientHost)> make_client;
   // Simulation time reached, for a progress display; may be null. Written once a period.
   std::atomic<std::int64_t>* progress_ns = nullptr;
-  // Takes the client when the flight is over; without it the client ends then.
+  // Takes each client when the flight is over; without it the client ends then.
   std::function<void(std::unique_ptr<Client>)> retire = {};
   // Set by somebody else to end the flight early (Ctrl-C); may be null.
   const std::atomic<bool>* interrupted = nullptr;
@@ -38,11 +40,12 @@ struct FlightOptions {
 // crashed firmware, an interrupt. Throws std::runtime_error when the client cannot be made.
 RunLog Fly(const Scenario& scenario, const plant::VehicleModel& model, const FlightOptions& options);
 
-// The same with the line and the plant where the caller has them, in this process or in others.
-RunLog Conduct(const Scenario& scenario, Line& line, PlantServer& server, const FlightOptions& options);
+// The same with the lines, one for each client, and the plant where the caller has them, in this process or in others.
+RunLog Conduct(const Scenario& scenario, const VehicleSignals& vehicle, std::span<Line* const> lines,
+               PlantServer& server, const FlightOptions& options);
 
-// What the scenario asks of its client.
-ClientSettings SettingsOf(const Scenario& scenario);
+// What the scenario asks of a client.
+ClientSettings SettingsOf(const Scenario& scenario, std::size_t client = 0);
 
 // What a person reads when the flight never began.
 std::string NeverStartedText(const Scenario& scenario);

@@ -1,6 +1,6 @@
 // A message in its frame, ready for the line.
 //
-//   line.Transmit(direction, now, Framed(link::EncodeReference(reference)).bytes());
+//   line.Transmit(direction, now, Framed(protocol.Encode(type, row).span()).bytes());
 #pragma once
 
 #include <array>
@@ -8,18 +8,17 @@
 #include <span>
 
 #include "link/frame.h"
-#include "link/messages.h"
 
 namespace tiltproof::harness {
 
 class Framed {
  public:
-  explicit Framed(const link::MessageBytes& message)
-      : size_(link::EncodeFrame(message.span(), wire_).bytes.size()) {}
+  explicit Framed(std::span<const std::uint8_t> payload)
+      : size_(link::EncodeFrame(payload, wire_).bytes.size()) {}
   std::span<const std::uint8_t> bytes() const { return {wire_.data(), size_}; }
 
  private:
-  std::array<std::uint8_t, link::FrameBytesMax(link::kMessageBytesMax)> wire_;
+  std::array<std::uint8_t, link::FrameBytesMax(link::kPayloadBytesMax)> wire_;
   std::size_t size_;
 };
 

@@ -4,9 +4,6 @@
 #include <string>
 #include <utility>
 
-#include "harness/run/hash.h"
-#include "link/messages.h"
-
 namespace tiltproof::harness {
 namespace {
 
@@ -21,21 +18,32 @@ constexpr std::array kDirections = {Direction::kToPlant, Direction::kToClient, D
 std::int64_t MainBaud(const LinkSpec& link) { return link.ideal ? 0 : link.baud; }
 std::int64_t ReferenceBaud(const LinkSpec& link) { return link.ideal ? 0 : LinkSpec::kReferenceBaud; }
 
-LocalLine::LocalLine(const Scenario& scenario, bool paced)
-    : dialect_(scenario.link.dialect),
+faults::FaultSchedule ClientFaults(const Scenario& scenario, std::size_t client,
+                                   const VehicleSignals* signals) {
+  const std::string id = scenario.has_several_clients() ? scenario.client_id(client) : "";
+  faults::FaultSchedule::Place place{.baud = MainBaud(scenario.link),
+                                     .reference_baud = ReferenceBaud(scenario.link)};
+  place.step_ns = scenario.step_ns;
+  place.client = id;
+  if (signals != nullptr) place.signals = *signals;
+  return {scenario.faults, scenario.seed_of(client), place};
+}
+
+LocalLine::LocalLine(const Scenario& scenario, std::size_t client, bool paced)
+    : client_(client),
+      protocol_(scenario.link.protocol),
       fault_ids_([&] {
         std::vector<std::string> ids;
         for (const auto& fault : scenario.faults) ids.push_back(fault.id);
         return ids;
       }()),
-      faults_(scenario.faults, scenario.seed,
-              {.baud = MainBaud(scenario.link), .reference_baud = ReferenceBaud(scenario.link)}),
+      faults_(ClientFaults(scenario, client)),
       wires_{[&] {
         const auto wire = [&](Direction direction, double latency_ms) {
           const std::int64_t baud =
               direction == Direction::kReference ? ReferenceBaud(scenario.link) : MainBaud(scenario.link);
           return link::Wire({.baud = paced ? baud : 0, .adapter_latency_ns = FromSeconds(latency_ms * 1e-3)},
-                            direction, scenario.link.dialect, faults_.Stage(direction));
+                            direction, *protocol_, faults_.Stage(direction));
         };
         // The adapter's receive buffer stands between the firmware and the server; the other way it sends at
         // once.
@@ -44,7 +52,7 @@ LocalLine::LocalLine(const Scenario& scenario, bool paced)
       }()},
       ends_{[&] {
         const auto end = [&](Direction direction) {
-          return ReceivingEnd(direction, scenario.link.dialect, faults_.Stage(direction) != nullptr);
+          return ReceivingEnd(*protocol_, direction, faults_.Stage(direction) != nullptr);
         };
         return std::array{end(Direction::kToPlant), end(Direction::kToClient), end(Direction::kReference)};
       }()} {
@@ -53,22 +61,21 @@ LocalLine::LocalLine(const Scenario& scenario, bool paced)
     At(wires_, direction)
         .SetTaps({.sent =
                       [this, &end, direction](const link::Chunk& chunk) {
-                        link_log_.Append(chunk, direction, false);
+                        link_log_.Append(chunk, {client_, direction}, false);
                         end.OnSent(chunk);
                       },
                   .delivered =
                       [this, &end, direction](const link::Chunk& chunk) {
-                        link_log_.Append(chunk, direction, true);
+                        link_log_.Append(chunk, {client_, direction}, true);
                         end.OnDelivered(chunk);
                       }});
   }
-  At(ends_, Direction::kToClient)
-      .SetOnSentPayload([this](std::uint64_t number, std::span<const std::uint8_t> payload) {
-        // The authors' server answers before t = 0 too; that is not timed.
-        if (origin_ns_ == kNever || requested_ns_ == kNever) return;
-        if (replies_.size() == kRepliesMax) replies_.pop_front();
-        replies_.push_back({number, Fnv1a(payload), requested_ns_});
-      });
+  At(ends_, Direction::kToClient).SetOnSentFrame([this](const ReceivingEnd::FrameName& name) {
+    // The authors' server answers before t = 0 too; that is not timed.
+    if (origin_ns_ == kNever || requested_ns_ == kNever) return;
+    if (replies_.size() == kRepliesMax) replies_.pop_front();
+    replies_.push_back({name, requested_ns_});
+  });
 }
 
 TimeNs LocalLine::Transmit(Direction direction, TimeNs now, std::span<const std::uint8_t> bytes) {
@@ -98,31 +105,35 @@ void LocalLine::NoteOverfull(Direction direction) {
 TimeNs LocalLine::NextArrival(Direction direction) const { return At(wires_, direction).NextArrival(); }
 
 std::optional<Line::Piece> LocalLine::TakePiece(Direction direction, TimeNs until) {
-  const auto piece = At(wires_, direction).TakePiece(until);
+  const auto taken = At(wires_, direction).TakePiece(until);
   NoteOverfull(direction);  // by bytes that no flag closed
-  if (!piece) return piece;
+  if (!taken) return std::nullopt;
+  Piece piece{taken->arrival_ns, taken->bytes};
   At(ends_, direction)
       .Receive(
-          *piece,
-          [&](TimeNs arrival, std::uint64_t number, std::span<const std::uint8_t> payload) {
-            if (direction == Direction::kToPlant) OnClientMessage(arrival, payload);
-            if (direction == Direction::kToClient) OnReply(arrival, number, payload);
+          *taken,
+          [&](const ReceivingEnd::FrameName& name, const link::Message& message) {
+            if (direction == Direction::kToPlant) {
+              OnClientMessage(piece.arrival_ns, message);
+              piece.message = &message;
+            }
+            if (direction == Direction::kToClient) OnReply(piece.arrival_ns, name);
           },
-          [&](TimeNs arrival, std::string_view reason) {
-            events_.Add(arrival, "rejected", std::string(Name(direction)) + ": " + std::string(reason));
+          [&](std::string_view reason) {
+            events_.Add(piece.arrival_ns, "rejected",
+                        std::string(Name(direction)) + ": " + std::string(reason));
           });
   return piece;
 }
 
-void LocalLine::OnClientMessage(TimeNs arrival, std::span<const std::uint8_t> payload) {
-  link::ClientMessage message;
-  if (link::DecodeClientMessage(dialect_, payload, message) != link::MessageStatus::kOk) return;
-  if (message.start && origin_ns_ == kNever) {
-    origin_ns_ = arrival;
-    faults_.SetOrigin(arrival);
-  }
-  if (message.read_sensors) requested_ns_ = arrival;
-  if (message.has_actuators && replied_ns_ != kNever) {
+void LocalLine::SetOrigin(TimeNs origin_ns) {
+  origin_ns_ = origin_ns;
+  faults_.SetOrigin(origin_ns);
+}
+
+void LocalLine::OnClientMessage(TimeNs arrival, const link::Message& message) {
+  if (!message.type->reply.empty()) requested_ns_ = arrival;
+  if (!message.values.empty() && replied_ns_ != kNever) {
     client_round_trip_ns_.push_back(arrival - replied_ns_);
     replied_ns_ = kNever;
   }
@@ -130,12 +141,11 @@ void LocalLine::OnClientMessage(TimeNs arrival, std::span<const std::uint8_t> pa
 
 // Late, repeated and lost replies are told apart by the number of their frame, whatever they say. One that says something
 // else than was sent under its number is none.
-void LocalLine::OnReply(TimeNs arrival, std::uint64_t number, std::span<const std::uint8_t> payload) {
-  const auto found = std::lower_bound(replies_.begin(), replies_.end(), number,
-                                      [](const Reply& reply, std::uint64_t n) { return reply.number < n; });
-  if (found == replies_.end() || found->number != number || found->requested_ns == kNever ||
-      found->payload_hash != Fnv1a(payload))
-    return;
+void LocalLine::OnReply(TimeNs arrival, const ReceivingEnd::FrameName& name) {
+  const auto found =
+      std::lower_bound(replies_.begin(), replies_.end(), name.number,
+                       [](const Reply& reply, std::uint64_t number) { return reply.name.number < number; });
+  if (found == replies_.end() || found->requested_ns == kNever || found->name != name) return;
   reply_latency_ns_.push_back(arrival - found->requested_ns);
   replied_ns_ = arrival;
   found->requested_ns = kNever;
@@ -153,6 +163,7 @@ LineLog LocalLine::TakeLog(TimeNs end) {
   log.reply_latency_ns = std::exchange(reply_latency_ns_, {});
   log.client_round_trip_ns = std::exchange(client_round_trip_ns_, {});
   log.events = events_.Take();
+  for (RunEvent& event : log.events) event.client = client_;
   log.activations = faults_.TakeActivations(origin_ns_ == kNever ? 0 : origin_ns_);
   log.activation_counts = faults_.ActivationCounts();
   log.counts = counts();

@@ -1,4 +1,4 @@
-// The serial line of a flight: main line both ways and reference line, byte-accurate, with the wire's faults
+// The serial line of one client: main line both ways and reference line, byte-accurate, with the wire's faults
 // and an audit of what passes.
 //
 // The same code stands in one process with the plant (lockstep), in a process of its own asked over a channel
@@ -7,14 +7,14 @@
 //
 //   LocalLine line(scenario);
 //   line.Transmit(Direction::kToPlant, now, bytes);
-//   while (const auto piece = line.TakePiece(Direction::kToPlant, now)) server.Receive(piece->arrival_ns, ...);
-//
-// t = 0 is the arrival of the first accepted `start` at the plant's end; the line sees it pass.
+//   while (const auto piece = line.TakePiece(Direction::kToPlant, now))
+//     if (piece->message != nullptr) server.Receive(piece->arrival_ns, *piece->message, reply);
 #pragma once
 
 #include <array>
 #include <cstdint>
 #include <deque>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -29,9 +29,6 @@
 #include "link/wire.h"
 
 namespace tiltproof::harness {
-
-// By Direction.
-using LineCounts = std::array<DirectionCounts, link::kDirectionCount>;
 
 // Records since the last TakeLog(); counters are totals.
 struct LineLog {
@@ -59,34 +56,53 @@ struct Overfull {
 std::int64_t MainBaud(const LinkSpec& link);
 std::int64_t ReferenceBaud(const LinkSpec& link);
 
+// The faults on a client's line, receiver and, where there are signals of the vehicle, samples.
+faults::FaultSchedule ClientFaults(const Scenario& scenario, std::size_t client,
+                                   const VehicleSignals* signals = nullptr);
+
 class Line {
  public:
-  using Piece = link::Wire::Piece;
+  // Bytes that have arrived. They and the message are valid until the next call.
+  struct Piece {
+    TimeNs arrival_ns;  // of the last byte
+    std::span<const std::uint8_t> bytes;
+    // Of the direction to_plant: the message that they complete. Null when they complete none that is accepted.
+    const link::Message* message = nullptr;
+  };
 
   virtual ~Line() = default;
-  // See link::Wire for these three.
+  // See link::Wire for these three. A piece ends at the first flag that may end a frame: it completes one at most.
   virtual TimeNs Transmit(link::Direction direction, TimeNs now, std::span<const std::uint8_t> bytes) = 0;
   virtual TimeNs NextArrival(link::Direction direction) const = 0;
   virtual std::optional<Piece> TakePiece(link::Direction direction, TimeNs until) = 0;
 
+  // The line's time of t = 0, once it is known: faults on the line have simulation time.
+  virtual void SetOrigin(TimeNs origin_ns) = 0;
+
   virtual const LineCounts& counts() const = 0;
   // Once it is, for good.
   virtual const std::optional<Overfull>& overfull() const = 0;
+  // Of faults that wait, see faults/news.h.
+  virtual std::vector<faults::News> TakeNews() = 0;
+  virtual void Hear(std::span<const faults::News> news) = 0;
   // `end`: when the flight ended, in the line's time; a frame still awaited then counts as lost.
   virtual LineLog TakeLog(TimeNs end) = 0;
 };
 
 class LocalLine final : public Line {
  public:
-  // `paced`: bytes take their time here. A line to a real serial port is not: there the hardware's bytes
-  // do.
-  explicit LocalLine(const Scenario& scenario, bool paced = true);
+  // `client`: whose line, by its place in the scenario. `paced`: bytes take their time here. A line to a real serial port is not: there the hardware's bytes
+  // do. The line keeps the scenario's protocol.
+  explicit LocalLine(const Scenario& scenario, std::size_t client = 0, bool paced = true);
 
   TimeNs Transmit(link::Direction direction, TimeNs now, std::span<const std::uint8_t> bytes) override;
   TimeNs NextArrival(link::Direction direction) const override;
   std::optional<Piece> TakePiece(link::Direction direction, TimeNs until) override;
+  void SetOrigin(TimeNs origin_ns) override;
   const LineCounts& counts() const override;
   const std::optional<Overfull>& overfull() const override { return overfull_; }
+  std::vector<faults::News> TakeNews() override { return faults_.TakeNews(); }
+  void Hear(std::span<const faults::News> news) override { faults_.Hear(news); }
   LineLog TakeLog(TimeNs end) override;
 
   // Arrival at the client of the latest valid reply, as long as no actuators have come back; else kNever.
@@ -100,10 +116,11 @@ class LocalLine final : public Line {
     return array[static_cast<std::size_t>(direction)];
   }
   void NoteOverfull(link::Direction direction);
-  void OnClientMessage(TimeNs arrival, std::span<const std::uint8_t> payload);
-  void OnReply(TimeNs arrival, std::uint64_t number, std::span<const std::uint8_t> payload);
+  void OnClientMessage(TimeNs arrival, const link::Message& message);
+  void OnReply(TimeNs arrival, const ReceivingEnd::FrameName& name);
 
-  link::Dialect dialect_;
+  std::size_t client_;
+  std::shared_ptr<const link::Protocol> protocol_;
   std::vector<std::string> fault_ids_;
   faults::FaultSchedule faults_;
   std::array<link::Wire, link::kDirectionCount> wires_;
@@ -115,8 +132,7 @@ class LocalLine final : public Line {
   // The latest request; the replies on their way or lost, in order of their numbers, with the arrival of the request
   // that each answers.
   struct Reply {
-    std::uint64_t number;
-    std::uint64_t payload_hash;
+    ReceivingEnd::FrameName name;
     TimeNs requested_ns;  // kNever: it has arrived
   };
   TimeNs requested_ns_ = kNever;
@@ -126,6 +142,20 @@ class LocalLine final : public Line {
   LinkLog link_log_;
   std::vector<TimeNs> reply_latency_ns_, client_round_trip_ns_;
   EventLog events_;
+};
+
+// The lines of a flight's clients.
+class LocalLines {
+ public:
+  explicit LocalLines(const Scenario& scenario) {
+    for (std::size_t client = 0; client < scenario.client_count(); ++client)
+      all_.push_back(&lines_.emplace_back(scenario, client));
+  }
+  std::span<Line* const> all() { return all_; }
+
+ private:
+  std::deque<LocalLine> lines_;
+  std::vector<Line*> all_;
 };
 
 }  // namespace tiltproof::harness

@@ -11,31 +11,54 @@ namespace {
 static_assert(std::endian::native == std::endian::little,
               "link.bin is written in host order on little-endian hosts only");
 
-constexpr std::size_t kHeaderBytes = 12;
+constexpr std::string_view kFirstMagic = "TPLINK1\n";
+constexpr std::size_t kHeaderBytes = 13;
+constexpr std::size_t kClientAt = 8, kDirectionAt = 9, kSideAt = 10, kSizeAt = 11;
 constexpr std::size_t kRecordBytesMax = 0xFFFF;
+
+bool BeginsWith(const std::vector<std::uint8_t>& content, std::string_view magic) {
+  return content.size() >= magic.size() && std::equal(magic.begin(), magic.end(), content.begin());
+}
+
+std::uint16_t SizeAt(const std::vector<std::uint8_t>& content, std::size_t at) {
+  std::uint16_t size;
+  std::memcpy(&size, &content[at], 2);
+  return size;
+}
 
 }  // namespace
 
 LinkLog::LinkLog(std::vector<std::uint8_t> content) : content_(std::move(content)) {
-  if (content_.size() < kLinkLogMagic.size() ||
-      !std::equal(kLinkLogMagic.begin(), kLinkLogMagic.end(), content_.begin()))
-    throw std::runtime_error("not a tiltproof link log: it does not begin with TPLINK1");
+  const bool first_version = BeginsWith(content_, kFirstMagic);
+  if (!first_version && !BeginsWith(content_, kLinkLogMagic))
+    throw std::runtime_error("not a tiltproof link log: it begins with neither TPLINK2 nor TPLINK1");
+  // In the first version a record has all but the client.
+  const std::size_t header_bytes = kHeaderBytes - (first_version ? 1 : 0);
+  std::vector<std::uint8_t> with_clients(kLinkLogMagic.begin(), kLinkLogMagic.end());
   std::size_t at = kLinkLogMagic.size();
   while (at < content_.size()) {
     const auto fail = [&](const char* what) {
       throw std::runtime_error("damaged link log: " + std::string(what) + " at byte " + std::to_string(at));
     };
-    if (content_.size() - at < kHeaderBytes) fail("cut record header");
-    if (content_[at + 8] >= link::kDirectionCount) fail("unknown direction");
-    if (content_[at + 9] > 1) fail("unknown side");
-    std::uint16_t size;
-    std::memcpy(&size, &content_[at + 10], 2);
-    if (content_.size() - at - kHeaderBytes < size) fail("cut record");
-    at += kHeaderBytes + size;
+    if (content_.size() - at < header_bytes) fail("cut record header");
+    const std::size_t direction_at = at + header_bytes - 4;
+    if (content_[direction_at] >= link::kDirectionCount) fail("unknown direction");
+    if (content_[direction_at + 1] > 1) fail("unknown side");
+    const std::uint16_t size = SizeAt(content_, direction_at + 2);
+    if (content_.size() - at - header_bytes < size) fail("cut record");
+    if (first_version) {
+      const auto record = content_.begin() + static_cast<std::ptrdiff_t>(at);
+      with_clients.insert(with_clients.end(), record, record + kClientAt);
+      with_clients.push_back(0);
+      with_clients.insert(with_clients.end(), record + kClientAt,
+                          record + static_cast<std::ptrdiff_t>(header_bytes + size));
+    }
+    at += header_bytes + size;
   }
+  if (first_version) content_ = std::move(with_clients);
 }
 
-void LinkLog::Append(const link::Chunk& chunk, link::Direction direction, bool delivered) {
+void LinkLog::Append(const link::Chunk& chunk, LineId line, bool delivered) {
   // A chunk longer than a record can say goes in several; only a fault that inserts without end makes one.
   std::span<const std::uint8_t> rest = chunk.bytes;
   do {
@@ -44,9 +67,10 @@ void LinkLog::Append(const link::Chunk& chunk, link::Direction direction, bool d
     content_.resize(at + kHeaderBytes + piece.size());
     const auto size = static_cast<std::uint16_t>(piece.size());
     std::memcpy(&content_[at], &chunk.begin_ns, 8);
-    content_[at + 8] = static_cast<std::uint8_t>(direction);
-    content_[at + 9] = delivered ? 1 : 0;
-    std::memcpy(&content_[at + 10], &size, 2);
+    content_[at + kClientAt] = static_cast<std::uint8_t>(line.client);
+    content_[at + kDirectionAt] = static_cast<std::uint8_t>(line.direction);
+    content_[at + kSideAt] = delivered ? 1 : 0;
+    std::memcpy(&content_[at + kSizeAt], &size, 2);
     if (!piece.empty()) std::memcpy(&content_[at + kHeaderBytes], piece.data(), piece.size());
     rest = rest.subspan(piece.size());
   } while (!rest.empty());
@@ -65,12 +89,10 @@ void LinkLog::Append(LinkLog&& other) {
 void LinkLog::ShiftOrigin(TimeNs origin_ns) {
   for (std::size_t at = kLinkLogMagic.size(); at < content_.size();) {
     TimeNs begin;
-    std::uint16_t size;
     std::memcpy(&begin, &content_[at], 8);
-    std::memcpy(&size, &content_[at + 10], 2);
     begin -= origin_ns;
     std::memcpy(&content_[at], &begin, 8);
-    at += kHeaderBytes + size;
+    at += kHeaderBytes + SizeAt(content_, at + kSizeAt);
   }
 }
 
@@ -78,11 +100,10 @@ std::optional<LinkRecord> LinkLog::Next(std::size_t& offset) const {
   const std::size_t at = std::max(offset, kLinkLogMagic.size());
   if (at >= content_.size()) return std::nullopt;
   LinkRecord record;
-  std::uint16_t size;
+  const std::uint16_t size = SizeAt(content_, at + kSizeAt);
   std::memcpy(&record.begin_ns, &content_[at], 8);
-  std::memcpy(&size, &content_[at + 10], 2);
-  record.direction = static_cast<link::Direction>(content_[at + 8]);
-  record.delivered = content_[at + 9] != 0;
+  record.line = {content_[at + kClientAt], static_cast<link::Direction>(content_[at + kDirectionAt])};
+  record.delivered = content_[at + kSideAt] != 0;
   record.bytes = std::span(content_).subspan(at + kHeaderBytes, size);
   offset = at + kHeaderBytes + size;
   return record;

@@ -1,13 +1,15 @@
 // The raw bytes of a flight with their times, both directions and the reference line, as they are kept in
 // link.bin (docs/wire.md).
 //
-// File format, little endian: the 8 bytes "TPLINK1\n", then records:
+// File format, little endian: the 8 bytes "TPLINK2\n", then records:
 //   int64  begin_ns   simulation time at which the first byte's start bit enters the wire
+//   uint8  client     its place among the scenario's clients
 //   uint8  direction  0 to_plant, 1 to_client, 2 reference
 //   uint8  side       0 as sent, 1 as it went on after the faults
 //   uint16 size       number of bytes that follow
 //   bytes
-// Bytes of a record follow each other without gap, at the line's byte time.
+// Bytes of a record follow each other without gap, at the line's byte time. Files that begin with "TPLINK1\n" have no
+// client in their records: it is the flight's only one.
 #pragma once
 
 #include <cstdint>
@@ -21,11 +23,18 @@
 
 namespace tiltproof::harness {
 
-inline constexpr std::string_view kLinkLogMagic = "TPLINK1\n";
+inline constexpr std::string_view kLinkLogMagic = "TPLINK2\n";
+
+// Each client of a flight has three lines.
+struct LineId {
+  std::size_t client = 0;  // its place among the scenario's clients
+  link::Direction direction{};
+  friend bool operator==(const LineId&, const LineId&) = default;
+};
 
 struct LinkRecord {
   TimeNs begin_ns = 0;
-  link::Direction direction{};
+  LineId line;
   bool delivered = false;
   std::span<const std::uint8_t> bytes;
 };
@@ -34,10 +43,10 @@ class LinkLog {
  public:
   LinkLog() = default;
 
-  // Takes the content of a file. Throws std::runtime_error naming the offset of what is wrong.
+  // Takes the content of a file, of this version or the one before. Throws std::runtime_error naming the offset of what is wrong.
   explicit LinkLog(std::vector<std::uint8_t> content);
 
-  void Append(const link::Chunk& chunk, link::Direction direction, bool delivered);
+  void Append(const link::Chunk& chunk, LineId line, bool delivered);
   // The records of another log, after its own.
   void Append(LinkLog&& other);
 

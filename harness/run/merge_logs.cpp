@@ -16,51 +16,57 @@ void MoveTo(std::vector<T>& to, std::vector<T>&& from) {
   }
 }
 
-// A fault acts in one part alone, and each part knows all faults: the larger count is the fault's.
-void TakeOverCounts(std::vector<std::int64_t>& to, const std::vector<std::int64_t>& from) {
-  to.resize(std::max(to.size(), from.size()), 0);
-  for (std::size_t i = 0; i < from.size(); ++i) to[i] = std::max(to[i], from[i]);
-}
-
 }  // namespace
+
+void AddActivations(RunLog& log, std::span<const std::int64_t> counts) {
+  // Of another build, or damaged, a part's may have any length.
+  const std::size_t size = std::min(counts.size(), log.fault_activation_counts.size());
+  for (std::size_t i = 0; i < size; ++i) log.fault_activation_counts[i] += counts[i];
+}
 
 void Append(RunLog& log, PlantLog&& part) {
   log.trace.AppendRows(std::move(part.rows));
   log.hover_input = part.hover_input;
   log.input_min = part.input_min;
   log.input_max = part.input_max;
-  log.starts_accepted_count = part.starts_accepted_count;
-  MoveTo(log.request_times_ns, std::move(part.request_times_ns));
-  MoveTo(log.actuator_times_ns, std::move(part.actuator_times_ns));
+  log.clients.resize(std::max(log.clients.size(), part.clients.size()));
+  for (std::size_t i = 0; i < part.clients.size(); ++i) {
+    log.clients[i].starts_accepted_count = part.clients[i].starts_accepted_count;
+    MoveTo(log.clients[i].request_times_ns, std::move(part.clients[i].request_times_ns));
+    MoveTo(log.clients[i].actuator_times_ns, std::move(part.clients[i].actuator_times_ns));
+  }
   MoveTo(log.events, std::move(part.events));
   MoveTo(log.activations, std::move(part.activations));
-  TakeOverCounts(log.fault_activation_counts, part.activation_counts);
+  AddActivations(log, part.activation_counts);
 }
 
-void Append(RunLog& log, LineLog&& part, TimeNs origin) {
+void Append(RunLog& log, LineLog&& part, std::size_t client, TimeNs origin) {
   part.link.ShiftOrigin(origin);
   log.link.Append(std::move(part.link));
   for (RunEvent& event : part.events) event.time_ns -= origin;
-  MoveTo(log.reply_latency_ns, std::move(part.reply_latency_ns));
-  MoveTo(log.client_round_trip_ns, std::move(part.client_round_trip_ns));
+  ClientLog& own = log.clients.at(client);
+  MoveTo(own.reply_latency_ns, std::move(part.reply_latency_ns));
+  MoveTo(own.client_round_trip_ns, std::move(part.client_round_trip_ns));
   MoveTo(log.events, std::move(part.events));
   MoveTo(log.activations, std::move(part.activations));
-  TakeOverCounts(log.fault_activation_counts, part.activation_counts);
-  log.counts = part.counts;
-  log.accepted_wrong_count = part.accepted_wrong_count;
-  log.accepted_stale_count = part.accepted_stale_count;
-  log.resync_max_ns = part.resync_max_ns;
+  AddActivations(log, part.activation_counts);
+  own.counts = part.counts;
+  own.accepted_wrong_count = part.accepted_wrong_count;
+  own.accepted_stale_count = part.accepted_stale_count;
+  own.resync_max_ns = part.resync_max_ns;
 }
 
 void Append(RunLog& log, faults::FaultSchedule& counts, TimeNs origin) {
-  TakeOverCounts(log.fault_activation_counts, counts.ActivationCounts());
+  AddActivations(log, counts.ActivationCounts());
   MoveTo(log.activations, counts.TakeActivations(origin));
 }
 
 void DropRecords(PlantLog& part) {
   part.rows.clear();
-  part.request_times_ns.clear();
-  part.actuator_times_ns.clear();
+  for (PlantClientLog& client : part.clients) {
+    client.request_times_ns.clear();
+    client.actuator_times_ns.clear();
+  }
   part.events.clear();
   part.activations.clear();
 }

@@ -1,6 +1,9 @@
 // One RunLog from what the parts of a flight recorded, each in its own process or not.
 #pragma once
 
+#include <cstdint>
+#include <span>
+
 #include "faults/schedule.h"
 #include "harness/run/line.h"
 #include "harness/run/plant_server.h"
@@ -8,10 +11,14 @@
 
 namespace tiltproof::harness {
 
-// Appends the records of a part and takes over its totals; may be called again with later records. `origin`
-// is the line's time of t = 0, or 0 when there was none.
+// How often each fault acted in one part of the flight, once for each part: what acts in several adds up. The log has
+// one number for each fault of its scenario from the beginning.
+void AddActivations(RunLog& log, std::span<const std::int64_t> counts);
+
+// Appends the records of a part and its totals, once for each part. `client`: whose line, by its place in the scenario.
+// `origin` is the line's time of t = 0, or 0 when there was none.
 void Append(RunLog& log, PlantLog&& part);
-void Append(RunLog& log, LineLog&& part, TimeNs origin);
+void Append(RunLog& log, LineLog&& part, std::size_t client, TimeNs origin);
 
 // And what a schedule has counted and recorded, whose origin is the flight's.
 void Append(RunLog& log, faults::FaultSchedule& counts, TimeNs origin);

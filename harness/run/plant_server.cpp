@@ -1,12 +1,13 @@
 #include "harness/run/plant_server.h"
 
 #include <algorithm>
+#include <array>
 #include <limits>
 #include <string>
 #include <utility>
 
 #include "harness/run/framed.h"
-#include "link/messages.h"
+#include "harness/run/message_binding.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -25,87 +26,115 @@ plant::RatesFrame FrameOf(AngularRates rates) {
   return plant::RatesFrame::kWorld;
 }
 
-}  // namespace
+constexpr double kNothingYet = std::numeric_limits<double>::quiet_NaN();
 
-std::vector<std::string> FlightColumns(const Scenario& scenario) {
-  std::vector<std::string> columns = TraceColumns();
-  for (const auto& fault : scenario.faults) columns.push_back("active_" + fault.id);
-  return columns;
-}
+std::ptrdiff_t Offset(std::size_t column) { return static_cast<std::ptrdiff_t>(column); }
+
+}  // namespace
 
 LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::VehicleModel& model)
     : scenario_(scenario),
+      signals_(model.signals()),
+      layout_(signals_, scenario),
       trajectory_(scenario.reference),
       plant_(model, {.step_ns = scenario.step_ns}),
-      faults_(scenario.faults, scenario.seed),
-      column_count_(FlightColumns(scenario).size()) {
+      readings_(signals_.sensors.size()),
+      sent_(signals_.sensors.size()),
+      faults_(scenario.faults, scenario.seed, {.signals = signals_, .step_ns = scenario.step_ns}),
+      conditions_(scenario, Trace(layout_.columns).columns()),
+      protocol_(*scenario.link.protocol),
+      arbiter_(scenario) {
+  for (const link::MessageType& type : protocol_.messages) bindings_.emplace_back(type, TableOf(type));
   plant_.Reset(scenario.initial_position_m, scenario.initial_attitude_rad);
-  commanded_ = model.HoverInput();
-  for (std::size_t i = 0; i < kActuatorCount; ++i) {
-    const auto field = kActuatorFields[i].in_double;
-    log_.hover_input[i] = commanded_.*field;
-    log_.input_min[i] = model.InputMin().*field;
-    log_.input_max[i] = model.InputMax().*field;
-  }
+  for (std::size_t client = 0; client < scenario.client_count(); ++client)
+    seats_.push_back({.faults = ClientFaults(scenario, client, &signals_),
+                      .sensed = std::vector<double>(signals_.sensors.size(), kNothingYet),
+                      .asked = std::vector<double>(signals_.inputs.size(), kNothingYet)});
+  log_.clients.resize(seats_.size());
+  commanded_ = in_force_ = log_.hover_input = model.HoverInput();
+  log_.input_min = model.InputMin();
+  log_.input_max = model.InputMax();
+  log_.column_count = layout_.columns.size();
   // In real time the log goes out every 50 ms, and giving back what a long flight might fill would take long.
-  const auto row_count = static_cast<std::size_t>(scenario.duration_ns / kControlPeriodNs) + 2;
-  log_.rows.reserve(std::min(row_count, kReservedRowsMax) * column_count_);
+  const auto row_count = static_cast<std::size_t>(scenario.duration_ns / protocol_.control_period_ns) + 2;
+  log_.rows.reserve(std::min(row_count, kReservedRowsMax) * layout_.columns.size());
 }
 
-// Every accepted message of the client in order of arrival.
-void LocalPlantServer::Receive(TimeNs arrival, std::span<const std::uint8_t> bytes, const Reply& reply) {
-  while (const auto event = decoder_.Next(bytes))
-    if (event->status == link::FrameStatus::kOk) OnClientMessage(arrival, event->payload, reply);
+const SignalTable& LocalPlantServer::TableOf(const link::MessageType& type) const {
+  switch (type.direction) {
+    case link::Direction::kToPlant:
+      return signals_.inputs;
+    case link::Direction::kToClient:
+      return signals_.sensors;
+    case link::Direction::kReference:
+      break;
+  }
+  return ReferenceSignals();
 }
 
-void LocalPlantServer::OnClientMessage(TimeNs arrival, std::span<const std::uint8_t> payload,
-                                       const Reply& reply) {
-  link::ClientMessage message;
-  if (link::DecodeClientMessage(scenario_.link.dialect, payload, message) != link::MessageStatus::kOk) return;
-  if (message.start) OnStart(arrival);
-  // The paper's server answers nothing before `start`; the authors' one shows its standing vehicle.
-  if (!state_.started() && scenario_.link.dialect == link::Dialect::kPaper) return;
-  if (message.read_sensors) AnswerSensorRequest(arrival, reply);
-  if (message.has_actuators && state_.started()) {
-    asked_ = message.actuators;
-    commanded_ = ToDouble(message.actuators, kActuatorFields);
-    commanded_from_ns_ = arrival <= boundary_ns_ ? boundary_ns_ : boundary_ns_ + scenario_.step_ns;
-    log_.actuator_times_ns.push_back(SimTime(arrival));
+const MessageBinding& LocalPlantServer::BindingOf(const link::MessageType& type) const {
+  return bindings_[static_cast<std::size_t>(&type - protocol_.messages.data())];
+}
+
+void LocalPlantServer::Receive(std::size_t client, TimeNs arrival, const link::Message& message,
+                               const Reply& reply) {
+  if (message.type->starts) OnStart(client, arrival, message);
+  if (!state_.started() && !protocol_.answers_before_start) return;
+  if (!message.type->reply.empty())
+    AnswerSensorRequest(client, arrival, *protocol_.Find(message.type->reply), reply);
+  if (!message.values.empty() && state_.started()) TakeInput(client, arrival, message);
+}
+
+void LocalPlantServer::OnStart(std::size_t client, TimeNs arrival, const link::Message& message) {
+  std::int64_t& starts_count = log_.clients.at(client).starts_accepted_count;
+  if (!state_.started() && !arbiter_.Takes(client)) {
+    starts_count = 1;  // it waits for t = 0
+  } else if (origin_.Note(arrival, message)) {
+    ++starts_count;
+    state_.origin_ns = arrival;
+    boundary_ns_ = state_.quiet_until_ns = arrival;
+    faults_.SetOrigin(arrival);
+    for (Seat& seat : seats_) seat.faults.SetOrigin(arrival);
+    events_.Add(0, "start_accepted", "t = 0");
+    NoteActivations();
+    LookAtConditions();
+  } else if (starts_count == 0) {
+    ++starts_count;
+  } else if (protocol_.repeated_start_is_boot) {
+    ++starts_count;
+    events_.Add(SimTime(arrival), "start_repeated", "the client sent `start` again: it began anew", client);
   }
 }
 
-void LocalPlantServer::OnStart(TimeNs arrival) {
-  // In `provant` every id 3 says un-pause; only the paper's `start` again means that the firmware began anew.
-  if (state_.started()) {
-    if (scenario_.link.dialect == link::Dialect::kPaper) {
-      ++log_.starts_accepted_count;
-      events_.Add(SimTime(arrival), "start_repeated", "the client sent `start` again: it began anew");
-    }
-    return;
-  }
-  ++log_.starts_accepted_count;
-  state_.origin_ns = arrival;
-  boundary_ns_ = state_.quiet_until_ns = arrival;
-  faults_.SetOrigin(arrival);
-  events_.Add(0, "start_accepted", "t = 0");
-}
-
-void LocalPlantServer::AnswerSensorRequest(TimeNs arrival, const Reply& reply) {
+void LocalPlantServer::AnswerSensorRequest(std::size_t client, TimeNs arrival,
+                                           const link::MessageType& answer, const Reply& reply) {
   const TimeNs sampled = state_.started() ? SimTime(boundary_ns_) : kPowerOn;
-  Sensors sensors = ToFloat(plant_.ReadSensors(FrameOf(scenario_.angular_rates)), kSensorFields);
-  faults_.EditSensors(sampled, sensors, arrival);
-  sensed_ = sensors;
-  reply(Framed(link::EncodeSensors(sensors)).bytes());
-  if (state_.started()) log_.request_times_ns.push_back(SimTime(arrival));
+  plant_.ReadSensors(readings_, FrameOf(scenario_.angular_rates));
+  std::transform(readings_.begin(), readings_.end(), sent_.begin(),
+                 [](double value) { return static_cast<float>(value); });
+  Seat& seat = seats_[client];
+  seat.faults.EditSensors(sampled, sent_, arrival);
+  NoteActivations();
+  std::copy(sent_.begin(), sent_.end(), seat.sensed.begin());
+  reply(Framed(protocol_.Encode(answer, BindingOf(answer).Values<float>(sent_)).span()).bytes());
+  if (state_.started()) log_.clients[client].request_times_ns.push_back(SimTime(arrival));
 }
 
-void LocalPlantServer::Advance(TimeNs to, const LineCounts& counts) {
+void LocalPlantServer::TakeInput(std::size_t client, TimeNs arrival, const link::Message& message) {
+  log_.clients[client].actuator_times_ns.push_back(SimTime(arrival));
+  BindingOf(*message.type).Put(message.values, seats_[client].asked);
+  if (!arbiter_.Takes(client)) return;
+  BindingOf(*message.type).Put(message.values, commanded_);
+  commanded_from_ns_ = arrival <= boundary_ns_ ? boundary_ns_ : boundary_ns_ + scenario_.step_ns;
+}
+
+void LocalPlantServer::Advance(TimeNs to, const AllCounts& counts) {
   if (!state_.started()) return;
   while (to > boundary_ns_ && !state_.over) {
     if (!boundary_left_) LeaveBoundary(counts);
     state_.quiet_until_ns = boundary_ns_ + scenario_.step_ns - 1;
     if (boundary_ns_ + scenario_.step_ns > to) return;
-    plant_.Step(in_force_);
+    plant_.Step(in_force_, faults_.DisturbanceOf(SimTime(boundary_ns_)));
     boundary_ns_ += scenario_.step_ns;
     boundary_left_ = false;
     state_.quiet_until_ns = boundary_ns_;
@@ -117,68 +146,94 @@ void LocalPlantServer::Advance(TimeNs to, const LineCounts& counts) {
       state_.end_text = plant_.EventText();
       events_.Add(state_.reached_ns, std::string(Name(state_.end_reason)), state_.end_text);
     }
+    NoteActivations();
+    LookAtConditions();
   }
 }
 
-void LocalPlantServer::Finish(TimeNs end, const LineCounts& counts) { LogRow(end, counts); }
+// Before anything else happens at this boundary.
+void LocalPlantServer::LookAtConditions() {
+  if (conditions_.empty() || SimTime(boundary_ns_) % protocol_.control_period_ns != 0) return;
+  std::vector<double> row(layout_.columns.size(), std::numeric_limits<double>::quiet_NaN());
+  FillRow(SimTime(boundary_ns_), AllCounts(seats_.size()), row);
+  std::vector<faults::News> news;
+  conditions_.Look(SimTime(boundary_ns_), row, news);
+  Hear(news);
+  news_.insert(news_.end(), news.begin(), news.end());
+}
+
+void LocalPlantServer::Hear(std::span<const faults::News> news) {
+  faults_.Hear(news);
+  for (Seat& seat : seats_) seat.faults.Hear(news);
+}
+
+void LocalPlantServer::NoteActivations() {
+  const auto note = [this](faults::FaultSchedule& faults) {
+    const std::vector<faults::News> news = faults.TakeNews();
+    news_.insert(news_.end(), news.begin(), news.end());
+  };
+  note(faults_);
+  for (Seat& seat : seats_) note(seat.faults);
+}
+
+void LocalPlantServer::Finish(TimeNs end, const AllCounts& counts) {
+  if (!boundary_left_) PutInputInForce();
+  LogRow(end, counts);
+}
+
+std::vector<double> LocalPlantServer::Truth() const {
+  std::vector<double> state(signals_.states.size());
+  plant_.State(state);
+  return state;
+}
 
 void LocalPlantServer::PutInputInForce() {
   const TimeNs t = SimTime(boundary_ns_);
   const bool new_command = commanded_from_ns_ <= boundary_ns_;
-  if (!new_command && t < next_fault_edge_ns_) return;
   if (new_command) commanded_from_ns_ = kNever;
-  ActuatorsTruth input = commanded_;
-  faults_.EditActuators(t, input, new_command);
-  in_force_ = plant_.Saturate(input);
-  next_fault_edge_ns_ = faults_.NextEdge(t);
+  in_force_ = commanded_;
+  faults_.EditInput(t, in_force_, new_command);
+  plant_.Saturate(in_force_);
+  NoteActivations();
 }
 
-void LocalPlantServer::LeaveBoundary(const LineCounts& counts) {
+void LocalPlantServer::LeaveBoundary(const AllCounts& counts) {
   boundary_left_ = true;
-  if (SimTime(boundary_ns_) % kControlPeriodNs == 0) {
-    LogRow(boundary_ns_, counts);
-  } else {
-    PutInputInForce();
-  }
+  PutInputInForce();
+  if (SimTime(boundary_ns_) % protocol_.control_period_ns == 0) LogRow(boundary_ns_, counts);
 }
 
-void LocalPlantServer::LogRow(TimeNs at, const LineCounts& counts) {
-  PutInputInForce();
+void LocalPlantServer::LogRow(TimeNs at, const AllCounts& counts) {
   const TimeNs t = SimTime(at);
   const std::size_t begin = log_.rows.size();
-  log_.rows.resize(begin + column_count_, std::numeric_limits<double>::quiet_NaN());
-  const std::span<double> row = std::span(log_.rows).subspan(begin);
-  std::size_t column = 0;
-  const auto put = [&](double value) { row[column++] = value; };
-  put(ToSeconds(t));
-  const SensorsTruth truth = plant_.State();
-  for (const auto& field : kSensorFields) put(truth.*field.in_double);
-  for (const auto& field : kActuatorFields) put(in_force_.*field.in_double);
-  const ReferenceTruth reference = trajectory_.At(t);
-  put(reference.x_m), put(reference.y_m), put(reference.z_m), put(reference.yaw_rad);
-  if (sensed_) {
-    for (const auto& field : kSensorFields) put(static_cast<double>((*sensed_).*field.in_float));
-  } else {
-    column += kSensorCount;  // NaN: none sent yet
+  log_.rows.resize(begin + layout_.columns.size(), std::numeric_limits<double>::quiet_NaN());
+  FillRow(t, counts, std::span(log_.rows).subspan(begin));
+}
+
+// `row` holds NaN.
+void LocalPlantServer::FillRow(TimeNs t, const AllCounts& counts, std::span<double> row) const {
+  row[0] = ToSeconds(t);
+  plant_.State(row.subspan(layout_.states, signals_.states.size()));
+  std::copy(in_force_.begin(), in_force_.end(), row.begin() + Offset(layout_.inputs));
+  const ReferencePoint reference = trajectory_.At(t);
+  std::copy_n(reference.position_m.begin(), 3, row.begin() + Offset(layout_.reference));
+  row[layout_.reference + 3] = reference.yaw_rad;
+  for (std::size_t client = 0; client < seats_.size(); ++client) {
+    const auto& [faults, sensed, asked] = seats_[client];
+    std::copy(sensed.begin(), sensed.end(), row.begin() + Offset(layout_.sensed + client * sensed.size()));
+    std::copy(asked.begin(), asked.end(), row.begin() + Offset(layout_.commanded + client * asked.size()));
   }
-  if (asked_) {
-    for (const auto& field : kActuatorFields) put(static_cast<double>((*asked_).*field.in_float));
-  } else {
-    column += kActuatorCount;
-  }
-  const std::size_t active_count_column = column++;
-  for (const auto& count : counts) {
-    put(static_cast<double>(count.frames_sent));
-    put(static_cast<double>(count.frames_accepted));
-    put(static_cast<double>(count.frames_rejected));
-  }
-  double active_count = 0;
+  if (layout_.arbiter_selected) row[*layout_.arbiter_selected] = static_cast<double>(arbiter_.selected());
+  std::size_t column = layout_.link_counters;
+  for (const LineCounts& line : counts)
+    for (const DirectionCounts& count : line)
+      for (const std::int64_t value : {count.frames_sent, count.frames_accepted, count.frames_rejected})
+        row[column++] = static_cast<double>(value);
+  double& active_count = row[layout_.faults_active_count] = 0;
   for (std::size_t i = 0; i < scenario_.faults.size(); ++i) {
-    const double active = faults_.IsActive(i, t) ? 1.0 : 0.0;
+    const double active = row[layout_.active + i] = faults_.IsActive(i, t) ? 1.0 : 0.0;
     active_count += active;
-    put(active);
   }
-  row[active_count_column] = active_count;
 }
 
 PlantLog LocalPlantServer::TakeLog() {
@@ -186,10 +241,20 @@ PlantLog LocalPlantServer::TakeLog() {
   log_.hover_input = log.hover_input;
   log_.input_min = log.input_min;
   log_.input_max = log.input_max;
-  log_.starts_accepted_count = log.starts_accepted_count;
+  log_.column_count = log.column_count;
+  log_.clients.resize(log.clients.size());
+  for (std::size_t i = 0; i < log.clients.size(); ++i)
+    log_.clients[i].starts_accepted_count = log.clients[i].starts_accepted_count;
   log.events = events_.Take();
   log.activations = faults_.TakeActivations(state_.started() ? state_.origin_ns : 0);
   log.activation_counts = faults_.ActivationCounts();
+  const TimeNs origin = state_.started() ? state_.origin_ns : 0;
+  for (Seat& seat : seats_) {
+    const auto& counts = seat.faults.ActivationCounts();
+    for (std::size_t i = 0; i < counts.size(); ++i) log.activation_counts[i] += counts[i];
+    for (auto& activation : seat.faults.TakeActivations(origin))
+      log.activations.push_back(std::move(activation));
+  }
   return log;
 }
 

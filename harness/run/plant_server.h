@@ -1,15 +1,19 @@
 // The server end of the line (paper, Figure 5): the plant, its sensors and actuators with their faults, and
 // the trace.
 //
-// Everything that reads or moves the plant is here, in the order of a control period:
+// It takes messages, checked already (harness/run/message_receiver.h), and sends frames back. Everything that reads
+// or moves the plant is here, in the order of a control period:
 //
 //   request arrives -> plant state -> sensor faults -> message -> frame  (sent back at once)
-//   actuators arrive -> decode -> actuator faults -> input in force from the next step boundary -> row
+//   actuators arrive -> actuator faults -> input in force from the next step boundary -> row
 //
 // Sensors are the state at the last step boundary at or before the arrival of the request's last byte. An
 // accepted actuator message takes effect at the first step boundary at or after its last byte's arrival and
 // holds; before the first one the model's hover input holds. The plant stands still until the server accepts
-// `start` (provant: the first id 3): that is t = 0.
+// the protocol's message that starts: that is t = 0.
+//
+// Of several clients each is asked and answered like an only one; harness/run/arbiter.h says whose actuators move
+// the plant, and whose `start` is t = 0.
 //
 // The same code serves in one process with the line (lockstep), in a process of its own (lockstep,
 // distributed) and behind a real port (the plant node). Times are the line's: see harness/run/line.h.
@@ -21,32 +25,44 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "faults/schedule.h"
 #include "harness/reference/trajectory.h"
+#include "harness/run/arbiter.h"
 #include "harness/run/event_log.h"
+#include "harness/run/fault_conditions.h"
 #include "harness/run/line.h"
+#include "harness/run/message_binding.h"
+#include "harness/run/message_receiver.h"
 #include "harness/run/run_log.h"
+#include "harness/run/trace.h"
 #include "harness/scenario/scenario.h"
-#include "link/frame.h"
+#include "link/protocol.h"
 #include "plant/plant.h"
 
 namespace tiltproof::harness {
 
-// Columns of a flight's trace: TraceColumns(), then active_<id> for each fault of the scenario.
-std::vector<std::string> FlightColumns(const Scenario& scenario);
+// What the server saw of one client.
+struct PlantClientLog {
+  std::int64_t starts_accepted_count = 0;
+  std::vector<TimeNs> request_times_ns, actuator_times_ns;
+};
 
 // Records since the last TakeLog(); counters are totals. Times are simulation time.
 struct PlantLog {
-  std::vector<double> rows;  // whole rows, row by row
-  std::array<double, kActuatorCount> hover_input{}, input_min{}, input_max{};
-  std::int64_t starts_accepted_count = 0;
-  std::vector<TimeNs> request_times_ns, actuator_times_ns;
+  std::vector<double> rows;  // whole rows of so many columns, row by row
+  std::size_t column_count = 0;
+  std::vector<double> hover_input, input_min, input_max;
+  std::vector<PlantClientLog> clients = std::vector<PlantClientLog>(1);  // in the scenario's order
   std::vector<RunEvent> events;
   std::vector<faults::Activation> activations;
   std::vector<std::int64_t> activation_counts;
 };
+
+// Of the lines of each client.
+using AllCounts = std::vector<LineCounts>;
 
 class PlantServer {
  public:
@@ -64,14 +80,18 @@ class PlantServer {
   };
 
   virtual ~PlantServer() = default;
-  // Steps to the last boundary at or before `to`. A boundary is left, and its row logged with `counts`, only
-  // when time has passed it.
-  virtual void Advance(TimeNs to, const LineCounts& counts) = 0;
-  // Bytes that arrived, the last of them at `arrival`, to which the plant has been advanced.
-  virtual void Receive(TimeNs arrival, std::span<const std::uint8_t> bytes, const Reply& reply) = 0;
+  // Steps to the last boundary at or before `to`. A boundary is left, and its row logged with the `counts` of each
+  // client's line, only when time has passed it.
+  virtual void Advance(TimeNs to, const AllCounts& counts) = 0;
+  // A message of a client whose last byte arrived at `arrival`, to which the plant has been advanced.
+  virtual void Receive(std::size_t client, TimeNs arrival, const link::Message& message,
+                       const Reply& reply) = 0;
   // The flight ends at `end`, on the grid or not: the last row. Not after it is over.
-  virtual void Finish(TimeNs end, const LineCounts& counts) = 0;
+  virtual void Finish(TimeNs end, const AllCounts& counts) = 0;
   virtual const State& state() const = 0;
+  // Of faults that wait, see faults/news.h. Up to where the plant has been advanced, conditions included.
+  virtual std::vector<faults::News> TakeNews() = 0;
+  virtual void Hear(std::span<const faults::News> news) = 0;
   virtual PlantLog TakeLog() = 0;
 };
 
@@ -79,45 +99,65 @@ class LocalPlantServer final : public PlantServer {
  public:
   LocalPlantServer(const Scenario& scenario, const plant::VehicleModel& model);
 
-  void Advance(TimeNs to, const LineCounts& counts) override;
-  void Receive(TimeNs arrival, std::span<const std::uint8_t> bytes, const Reply& reply) override;
-  void Finish(TimeNs end, const LineCounts& counts) override;
+  void Advance(TimeNs to, const AllCounts& counts) override;
+  void Receive(std::size_t client, TimeNs arrival, const link::Message& message, const Reply& reply) override;
+  void Finish(TimeNs end, const AllCounts& counts) override;
   const State& state() const override { return state_; }
+  std::vector<faults::News> TakeNews() override { return std::exchange(news_, {}); }
+  void Hear(std::span<const faults::News> news) override;
   PlantLog TakeLog() override;
 
-  // For observers.
-  SensorsTruth Truth() const { return plant_.State(); }
-  const ActuatorsTruth& in_force() const { return in_force_; }
-  const ActuatorsTruth& commanded() const { return commanded_; }
+  // For observers, in the order of the vehicle's tables.
+  std::vector<double> Truth() const;
+  const std::vector<double>& in_force() const { return in_force_; }
+  const std::vector<double>& commanded() const { return commanded_; }
 
  private:
-  void OnClientMessage(TimeNs arrival, std::span<const std::uint8_t> payload, const Reply& reply);
-  void OnStart(TimeNs arrival);
-  void AnswerSensorRequest(TimeNs arrival, const Reply& reply);
+  // What the server keeps of one client.
+  struct Seat {
+    faults::FaultSchedule faults;       // on the samples that it is sent
+    std::vector<double> sensed, asked;  // last sent, and last asked for; NaN before
+  };
+
+  void OnStart(std::size_t client, TimeNs arrival, const link::Message& message);
+  void AnswerSensorRequest(std::size_t client, TimeNs arrival, const link::MessageType& answer,
+                           const Reply& reply);
+  const SignalTable& TableOf(const link::MessageType& type) const;
+  const MessageBinding& BindingOf(const link::MessageType& type) const;
+  void TakeInput(std::size_t client, TimeNs arrival, const link::Message& message);
   void PutInputInForce();
-  void LeaveBoundary(const LineCounts& counts);
-  void LogRow(TimeNs at, const LineCounts& counts);
+  void LeaveBoundary(const AllCounts& counts);
+  void LogRow(TimeNs at, const AllCounts& counts);
+  void FillRow(TimeNs t, const AllCounts& counts, std::span<double> row) const;
+  void LookAtConditions();
+  void NoteActivations();
   TimeNs SimTime(TimeNs line_time) const { return line_time - state_.origin_ns; }
 
   const Scenario& scenario_;
+  VehicleSignals signals_;
+  TraceLayout layout_;
   Trajectory trajectory_;
   plant::Plant plant_;
-  faults::FaultSchedule faults_;
-  link::FrameDecoder decoder_;
+  std::vector<double> readings_;  // of the sensors, before their faults
+  std::vector<float> sent_;       // and after them
+  faults::FaultSchedule faults_;  // on the vehicle and its actuators
+  FaultConditions conditions_;
+  std::vector<faults::News> news_;
+  const link::Protocol& protocol_;
+  std::vector<MessageBinding> bindings_;  // one for each of its messages
+  OriginFinder origin_;
+  Arbiter arbiter_;
+  std::vector<Seat> seats_;  // one for each client
   State state_;
   PlantLog log_;
   EventLog events_;
-  std::size_t column_count_;
 
   // The plant stands at this step boundary; `boundary_left_` when nothing more can happen at it.
   TimeNs boundary_ns_ = kNever;
   bool boundary_left_ = false;
-  ActuatorsTruth commanded_;           // last accepted, or the hover input
+  std::vector<double> commanded_;      // last accepted, or the hover input
   TimeNs commanded_from_ns_ = kNever;  // boundary at which it takes force; kNever when it has
-  TimeNs next_fault_edge_ns_ = kPowerOn;
-  ActuatorsTruth in_force_;  // commanded_ after the actuator faults
-  std::optional<Sensors> sensed_;
-  std::optional<Actuators> asked_;
+  std::vector<double> in_force_;       // commanded_ after the actuator faults
 };
 
 }  // namespace tiltproof::harness

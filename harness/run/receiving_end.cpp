@@ -3,21 +3,24 @@
 #include <algorithm>
 
 #include "harness/run/hash.h"
-#include "link/messages.h"
 
 namespace tiltproof::harness {
 
-ReceivingEnd::ReceivingEnd(link::Direction direction, link::Dialect dialect, bool faulty)
-    : direction_(direction), dialect_(dialect), faulty_(faulty) {}
+ReceivingEnd::ReceivingEnd(const link::Protocol& protocol, link::Direction direction, bool faulty)
+    : faulty_(faulty), receiver_(protocol, direction), sent_receiver_(protocol, direction) {}
 
 void ReceivingEnd::OnSent(const link::Chunk& chunk) {
   const auto number = static_cast<std::size_t>(counts_.frames_sent++);
-  if (faulty_) recent_[number % recent_.size()] = chunk.bytes;
-  if (!faulty_ && !on_sent_payload_) return;
-  sent_decoder_.Decode(chunk.number, chunk.bytes, [this](const link::FrameEvent& event, std::uint64_t frame) {
-    if (event.status != link::FrameStatus::kOk) return;
-    if (faulty_) sent_[Fnv1a(event.payload)].push_back(next_number_++);
-    if (on_sent_payload_) on_sent_payload_(frame, event.payload);
+  if (!faulty_) {
+    if (on_sent_frame_) on_sent_frame_({chunk.number, 0});
+    return;
+  }
+  recent_[number % recent_.size()] = chunk.bytes;
+  sent_receiver_.ReceiveFrames(chunk.number, chunk.bytes, [this](const MessageReceiver::Frame& frame) {
+    if (frame.message == nullptr) return;
+    const std::uint64_t hash = Fnv1a(frame.payload);
+    sent_[hash].push_back(next_number_++);
+    if (on_sent_frame_) on_sent_frame_({frame.number, hash});
   });
 }
 
@@ -47,52 +50,25 @@ TimeNs ReceivingEnd::ResyncMax(TimeNs end) const {
   return rejected_since_ns_ == kNever ? resync_max_ns_ : std::max(resync_max_ns_, end - rejected_since_ns_);
 }
 
-void ReceivingEnd::Receive(const link::Wire::Piece& piece, const OnAccepted& on_accepted,
-                           const OnRejected& on_rejected) {
-  const TimeNs arrival = piece.arrival_ns;
-  decoder_.Decode(piece.number, piece.bytes, [&](const link::FrameEvent& event, std::uint64_t frame) {
-    std::string_view reason;
-    if (event.status != link::FrameStatus::kOk) {
-      reason = Name(event.status);
-    } else if (const link::MessageStatus status = Check(event.payload); status != link::MessageStatus::kOk) {
-      reason = Name(status);
-    }
-    if (!reason.empty()) {
-      ++counts_.frames_rejected;
-      rejected_since_ns_ = std::min(rejected_since_ns_, arrival);
-      if (on_rejected) on_rejected(arrival, reason);
-      return;
-    }
-    ++counts_.frames_accepted;
-    if (rejected_since_ns_ != kNever) {
-      resync_max_ns_ = std::max(resync_max_ns_, arrival - rejected_since_ns_);
-      rejected_since_ns_ = kNever;
-    }
-    if (faulty_) AuditAccepted(event.payload);
-    if (on_accepted) on_accepted(arrival, frame, event.payload);
-  });
+void ReceivingEnd::CountRejected(TimeNs arrival) {
+  ++counts_.frames_rejected;
+  rejected_since_ns_ = std::min(rejected_since_ns_, arrival);
 }
 
-link::MessageStatus ReceivingEnd::Check(std::span<const std::uint8_t> payload) const {
-  switch (direction_) {
-    case link::Direction::kToPlant: {
-      link::ClientMessage message;
-      return DecodeClientMessage(dialect_, payload, message);
-    }
-    case link::Direction::kToClient: {
-      Sensors sensors;
-      return link::DecodeSensors(payload, sensors);
-    }
-    case link::Direction::kReference: {
-      Reference reference;
-      return link::DecodeReference(payload, reference);
-    }
+ReceivingEnd::FrameName ReceivingEnd::CountAccepted(TimeNs arrival, const MessageReceiver::Frame& frame) {
+  ++counts_.frames_accepted;
+  if (rejected_since_ns_ != kNever) {
+    resync_max_ns_ = std::max(resync_max_ns_, arrival - rejected_since_ns_);
+    rejected_since_ns_ = kNever;
   }
-  return link::MessageStatus::kUnknownId;
+  if (!faulty_) return {frame.number, 0};
+  const std::uint64_t hash = Fnv1a(frame.payload);
+  Audit(hash);
+  return {frame.number, hash};
 }
 
-void ReceivingEnd::AuditAccepted(std::span<const std::uint8_t> payload) {
-  const auto found = sent_.find(Fnv1a(payload));
+void ReceivingEnd::Audit(std::uint64_t payload_hash) {
+  const auto found = sent_.find(payload_hash);
   if (found == sent_.end()) {
     ++wrong_count_;
     return;

@@ -10,7 +10,6 @@
 //   came already.
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <functional>
@@ -20,59 +19,47 @@
 #include <utility>
 #include <vector>
 
+#include "harness/run/message_receiver.h"
 #include "harness/run/run_log.h"
 #include "link/chunk.h"
-#include "link/frame.h"
 #include "link/wire.h"
 
 namespace tiltproof::harness {
-
-// Frames with the number of the chunk (link::Chunk::number) that brought their content's last byte. The flag that closes
-// a frame may belong to the next one.
-class NumberedDecoder {
- public:
-  // Calls on_event(const link::FrameEvent&, std::uint64_t number) for each frame that ends in `bytes`, all of one chunk.
-  template <class OnEvent>
-  void Decode(std::uint64_t number, std::span<const std::uint8_t> bytes, const OnEvent& on_event) {
-    const auto is_content = [](std::uint8_t byte) { return byte != link::kFlag; };
-    const auto content = std::find_if(bytes.begin(), bytes.end(), is_content);
-    const auto flag_count = static_cast<std::size_t>(content - bytes.begin());
-    DecodeNext(bytes.first(flag_count), on_event);
-    if (content == bytes.end()) return;
-    number_ = number;
-    DecodeNext(bytes.subspan(flag_count), on_event);
-  }
-
- private:
-  template <class OnEvent>
-  void DecodeNext(std::span<const std::uint8_t> bytes, const OnEvent& on_event) {
-    while (const auto event = decoder_.Next(bytes)) on_event(*event, number_);
-  }
-
-  link::FrameDecoder decoder_;
-  std::uint64_t number_ = 0;
-};
 
 class ReceivingEnd {
  public:
   // `faulty`: something stands in this direction that may edit bytes; without it nothing accepted can be
   // wrong, and the audit rests.
-  ReceivingEnd(link::Direction direction, link::Dialect dialect, bool faulty);
+  ReceivingEnd(const link::Protocol& protocol, link::Direction direction, bool faulty);
 
-  // Called with the payload of every frame as sent and its number (see NumberedDecoder).
-  using OnSentPayload = std::function<void(std::uint64_t number, std::span<const std::uint8_t> payload)>;
-  void SetOnSentPayload(OnSentPayload on_sent_payload) { on_sent_payload_ = std::move(on_sent_payload); }
+  // What tells frames apart: where they come from, and what they say. Where nothing edits bytes the number is enough,
+  // and the hash is 0.
+  struct FrameName {
+    std::uint64_t number;        // MessageReceiver::Frame::number
+    std::uint64_t payload_hash;  // 64-bit FNV-1a
+    friend bool operator==(const FrameName&, const FrameName&) = default;
+  };
+  // Called with every message as sent; where nothing edits bytes, with every chunk.
+  using OnSentFrame = std::function<void(const FrameName& name)>;
+  void SetOnSentFrame(OnSentFrame on_sent_frame) { on_sent_frame_ = std::move(on_sent_frame); }
 
   // Taps of the wire.
   void OnSent(const link::Chunk& chunk);
   void OnDelivered(const link::Chunk& chunk);
 
-  using OnAccepted =
-      std::function<void(TimeNs arrival, std::uint64_t number, std::span<const std::uint8_t> payload)>;
-  // `reason` is a Name() of link::FrameStatus or link::MessageStatus.
-  using OnRejected = std::function<void(TimeNs arrival, std::string_view reason)>;
-  // Bytes that have arrived.
-  void Receive(const link::Wire::Piece& piece, const OnAccepted& on_accepted, const OnRejected& on_rejected);
+  // Bytes that have arrived. Calls on_accepted(const FrameName&, const link::Message&) for each message, and
+  // on_rejected(std::string_view reason) for each frame that is none (MessageReceiver::Frame::rejected).
+  template <class OnAccepted, class OnRejected>
+  void Receive(const link::Wire::Piece& piece, const OnAccepted& on_accepted, const OnRejected& on_rejected) {
+    receiver_.ReceiveFrames(piece.number, piece.bytes, [&](const MessageReceiver::Frame& frame) {
+      if (frame.message == nullptr) {
+        CountRejected(piece.arrival_ns);
+        on_rejected(frame.rejected);
+      } else {
+        on_accepted(CountAccepted(piece.arrival_ns, frame), *frame.message);
+      }
+    });
+  }
 
   const DirectionCounts& counts() const { return counts_; }
   std::int64_t wrong_count() const { return wrong_count_; }
@@ -81,14 +68,13 @@ class ReceivingEnd {
   TimeNs ResyncMax(TimeNs end) const;
 
  private:
-  link::MessageStatus Check(std::span<const std::uint8_t> payload) const;
-  void AuditAccepted(std::span<const std::uint8_t> payload);
+  void CountRejected(TimeNs arrival);
+  FrameName CountAccepted(TimeNs arrival, const MessageReceiver::Frame& frame);
+  void Audit(std::uint64_t payload_hash);
 
-  link::Direction direction_;
-  link::Dialect dialect_;
   bool faulty_;
-  OnSentPayload on_sent_payload_;
-  NumberedDecoder decoder_;
+  OnSentFrame on_sent_frame_;
+  MessageReceiver receiver_;
   DirectionCounts counts_;
   std::int64_t wrong_count_ = 0, stale_count_ = 0;
   TimeNs rejected_since_ns_ = kNever;
@@ -98,7 +84,7 @@ class ReceivingEnd {
   std::unordered_map<std::uint64_t, std::vector<std::int64_t>> sent_;
   std::int64_t next_number_ = 0;
   std::int64_t last_accepted_number_ = -1;
-  NumberedDecoder sent_decoder_;  // a sender may pause within a frame: its chunks are one stream
+  MessageReceiver sent_receiver_;  // a sender may pause within a frame: its chunks are one stream
   std::array<std::vector<std::uint8_t>, 1024> recent_;  // frames as sent, by Chunk::number
 };
 

@@ -7,23 +7,17 @@
 #include <span>
 #include <string>
 
-#include "link/frame.h"
-#include "link/messages.h"
+#include "harness/run/message_receiver.h"
 
 namespace tiltproof::harness {
 
 class ReferenceTalk {
  public:
-  explicit ReferenceTalk(link::Dialect dialect) : dialect_(dialect) {}
+  explicit ReferenceTalk(const link::Protocol& protocol) : receiver_(protocol, link::Direction::kToPlant) {}
 
   void Hear(std::span<const std::uint8_t> bytes) {
     bytes_count_ += static_cast<std::int64_t>(bytes.size());
-    while (const auto event = decoder_.Next(bytes)) {
-      link::ClientMessage message;
-      if (event->status == link::FrameStatus::kOk &&
-          DecodeClientMessage(dialect_, event->payload, message) == link::MessageStatus::kOk)
-        ++messages_count_;
-    }
+    receiver_.Receive(bytes, [this](const link::Message&) { ++messages_count_; });
   }
   // Empty when the client is silent there.
   std::string Trouble() const {
@@ -39,8 +33,7 @@ class ReferenceTalk {
   }
 
  private:
-  link::Dialect dialect_;
-  link::FrameDecoder decoder_;
+  MessageReceiver receiver_;
   std::int64_t bytes_count_ = 0, messages_count_ = 0;
 };
 

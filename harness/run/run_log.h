@@ -35,6 +35,7 @@ struct RunEvent {
   TimeNs time_ns = 0;
   std::string kind;  // "start_accepted", "message_rejected", "ground_strike", ...
   std::string text;
+  std::optional<std::size_t> client = {};  // whose it is, by its place in the scenario; none: the flight's
 };
 
 // A new boot of the firmware.
@@ -60,15 +61,13 @@ struct DirectionCounts {
 // What is kept of what the firmware says; the rest is dropped.
 inline constexpr std::size_t kFirmwareLogBytesMax = 1 << 20;
 
-struct RunLog {
-  Trace trace{TraceColumns()};
-  EndReason end_reason = EndReason::kCompleted;
-  std::string end_text;                            // what a person should read, for everything but kCompleted
-  TimeNs end_ns = 0;                               // simulation time reached
-  std::array<double, 4> hover_input{};             // f_R f_L tau_R tau_L of the model (N, N m)
-  std::array<double, 4> input_min{}, input_max{};  // the model's limits
+// By Direction.
+using LineCounts = std::array<DirectionCounts, link::kDirectionCount>;
 
-  std::array<DirectionCounts, link::kDirectionCount> counts{};
+// What one client and its line leave behind.
+struct ClientLog {
+  std::string id;  // of one of several clients; empty: the only one's
+  LineCounts counts{};
   std::int64_t accepted_wrong_count = 0;
   std::int64_t accepted_stale_count = 0;
   TimeNs resync_max_ns = 0;
@@ -84,6 +83,19 @@ struct RunLog {
   // From the last byte of a reply, at the client, to the arrival there of the actuator message that
   // answers it.
   std::vector<TimeNs> client_round_trip_ns;
+  std::string firmware_log;  // lines "t_s text"
+};
+
+struct RunLog {
+  Trace trace;
+  EndReason end_reason = EndReason::kCompleted;
+  std::string end_text;  // what a person should read, for everything but kCompleted
+  TimeNs end_ns = 0;     // simulation time reached
+  // Of the vehicle, in the order of its inputs.
+  std::vector<double> hover_input, input_min, input_max;
+
+  // One for each client of the scenario, in its order.
+  std::vector<ClientLog> clients = std::vector<ClientLog>(1);
   // Real time only: control periods in which the harness's own nodes were later than allowed, and by how much
   // at most.
   std::optional<std::int64_t> harness_overrun_count, harness_late_max_ns;
@@ -93,7 +105,6 @@ struct RunLog {
   std::vector<std::int64_t> fault_activation_counts;  // one per fault of the scenario
   std::vector<faults::Activation> activations;        // first kActivationsMax of each fault, in time order
   LinkLog link;
-  std::string firmware_log;  // lines "t_s text"
   std::vector<RunEvent> events;
   double wall_s = 0.0;  // of the flight alone
 };

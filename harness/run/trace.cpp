@@ -4,28 +4,84 @@
 #include <limits>
 
 #include "harness/run/run_log.h"
-#include "link/signals.h"
 
 namespace tiltproof::harness {
+namespace {
 
-const std::vector<std::string>& TraceColumns() {
-  static const std::vector<std::string> columns = [] {
-    std::vector<std::string> names = {"t_s"};
-    for (const auto& f : kSensorFields) names.emplace_back(f.column);
-    for (const auto& f : kActuatorFields) names.emplace_back(f.column);
-    names.insert(names.end(), {"x_ref_m", "y_ref_m", "z_ref_m", "yaw_ref_rad"});
-    for (const auto& f : kSensorFields) names.push_back("sensed_" + std::string(f.column));
-    for (const auto& f : kActuatorFields) names.push_back("commanded_" + std::string(f.column));
-    names.emplace_back("faults_active_count");
-    for (const char* direction : {"to_plant", "to_client", "reference"})
-      for (const char* counter : {"frames_sent", "frames_accepted", "frames_rejected"})
-        names.push_back(std::string(direction) + "_" + counter + "_count");
-    return names;
-  }();
-  return columns;
+constexpr std::string_view kSensed = "sensed_", kCommanded = "commanded_";
+constexpr std::string_view kFirstOfReference = "x_ref_m";
+
+}  // namespace
+
+TraceLayout::TraceLayout(const VehicleSignals& vehicle, const Scenario& scenario) {
+  std::vector<Signal> all;
+  const auto add = [&](std::string name, SignalFrame frame = SignalFrame::kNone) {
+    all.push_back(SignalNamed(std::move(name), frame));
+  };
+  const auto add_table = [&](const SignalTable& table, std::string_view prefix = {}) {
+    const std::size_t first = all.size();
+    for (Signal signal : table) {
+      signal.name.insert(0, prefix);
+      all.push_back(std::move(signal));
+    }
+    return first;
+  };
+  const auto add_for_clients = [&](const SignalTable& table, std::string_view prefix) {
+    const std::size_t first = all.size();
+    for (std::size_t client = 0; client < scenario.client_count(); ++client)
+      add_table(table, ClientName(scenario, prefix, client, '_', ""));
+    return first;
+  };
+  add("t_s");
+  states = add_table(vehicle.states);
+  inputs = add_table(vehicle.inputs);
+  reference = all.size();
+  for (const std::string_view position : {kFirstOfReference, {"y_ref_m"}, {"z_ref_m"}})
+    add(std::string(position), SignalFrame::kWorld);
+  add("yaw_ref_rad", SignalFrame::kEuler);
+  sensed = add_for_clients(vehicle.sensors, kSensed);
+  commanded = add_for_clients(vehicle.inputs, kCommanded);
+  if (scenario.has_several_clients()) {
+    arbiter_selected = all.size();
+    add("arbiter_selected");
+  }
+  faults_active_count = all.size();
+  add("faults_active_count");
+  link_counters = all.size();
+  for (std::size_t client = 0; client < scenario.client_count(); ++client)
+    for (const char* direction : {"to_plant_", "to_client_", "reference_"})
+      for (const char* counter : {"frames_sent_count", "frames_accepted_count", "frames_rejected_count"})
+        add(ClientName(scenario, direction, client, '_', counter));
+  active = all.size();
+  for (const auto& fault : scenario.faults) add("active_" + fault.id);
+  columns = SignalTable(std::move(all));
 }
 
-Trace::Trace(std::vector<std::string> columns) : columns_(std::move(columns)) {}
+Trace::Trace(const SignalTable& columns) {
+  for (const Signal& signal : columns) {
+    columns_.push_back(signal.name);
+    scales_.push_back(signal.scale);
+  }
+}
+
+Trace::Trace(std::vector<std::string> columns) : columns_(std::move(columns)) {
+  for (const std::string& name : columns_) scales_.push_back(SignalNamed(name, SignalFrame::kNone).scale);
+}
+
+VehicleColumns FindVehicleColumns(const Trace& trace) {
+  const auto& names = trace.columns();
+  const auto is_commanded = [&](const std::string& name) {
+    return std::any_of(names.begin(), names.end(), [&](const std::string& other) {
+      return other.starts_with(kCommanded) && other.ends_with("_" + name);
+    });
+  };
+  VehicleColumns found;
+  for (std::size_t i = 0; i < names.size() && names[i] != kFirstOfReference; ++i) {
+    if (names[i] == "t_s") continue;
+    (is_commanded(names[i]) ? found.inputs : found.states).push_back(i);
+  }
+  return found;
+}
 
 std::optional<std::size_t> Trace::Find(std::string_view column) const {
   const auto it = std::find(columns_.begin(), columns_.end(), column);

@@ -1,5 +1,8 @@
-// The trace of a flight: one row every 12 ms of simulation time, columns named as in trace.csv, and the
-// signals computed from them.
+// The trace of a flight: one row every 12 ms of simulation time, and what its columns are.
+//
+//   const TraceLayout layout(vehicle, scenario);       // the only place that knows their order
+//   Trace trace(layout.columns);
+//   plant.State(trace.AppendRow().subspan(layout.states, vehicle.states.size()));
 #pragma once
 
 #include <cstddef>
@@ -9,18 +12,38 @@
 #include <string_view>
 #include <vector>
 
+#include "harness/scenario/scenario.h"
+#include "link/signal_table.h"
+
 namespace tiltproof::harness {
 
-// Columns in file order: t_s, truth (16), inputs in force (4), ideal reference (4), sensed_ (16), commanded_
-// (4), faults_active_count, link counters; a flight adds active_<fault id> (0 or 1) for each fault of its
-// scenario.
-const std::vector<std::string>& TraceColumns();
+// The columns of a flight's trace, in file order, and where each group of them begins:
+//
+//   t_s, states, inputs in force, reference (x_ref_m y_ref_m z_ref_m yaw_ref_rad), sensed_<sensor>,
+//   commanded_<input>, faults_active_count, link counters (LineCounts, three each), active_<fault id> (0 or 1)
+//
+// With several clients those of one client come once for each, client by client, and carry its id (sensed_a_x_m,
+// commanded_a_f_r_n, to_plant_a_frames_sent_count); after commanded_... stands arbiter_selected: the place, from 0, of the
+// client whose actuators are in force.
+struct TraceLayout {
+  TraceLayout(const VehicleSignals& vehicle, const Scenario& scenario);
+
+  SignalTable columns;
+  std::size_t states = 0, inputs = 0, reference = 0, sensed = 0, commanded = 0;
+  std::optional<std::size_t> arbiter_selected;
+  std::size_t faults_active_count = 0, link_counters = 0, active = 0;
+};
 
 class Trace {
  public:
+  Trace() = default;
+  explicit Trace(const SignalTable& columns);
+  // Columns by their names alone: of a file.
   explicit Trace(std::vector<std::string> columns);
 
   const std::vector<std::string>& columns() const { return columns_; }
+  // Of margins in this column, see Signal.
+  double scale(std::size_t column) const { return scales_[column]; }
   std::size_t row_count() const { return columns_.empty() ? 0 : values_.size() / columns_.size(); }
   std::span<const double> row(std::size_t r) const {
     return std::span(values_).subspan(r * columns_.size(), columns_.size());
@@ -37,7 +60,15 @@ class Trace {
 
  private:
   std::vector<std::string> columns_;
+  std::vector<double> scales_;
   std::vector<double> values_;
 };
+
+// The vehicle's own columns of a trace, by their indices: what stands before the reference is a state or an
+// input, and of an input there is also what was commanded.
+struct VehicleColumns {
+  std::vector<std::size_t> states, inputs;
+};
+VehicleColumns FindVehicleColumns(const Trace& trace);
 
 }  // namespace tiltproof::harness

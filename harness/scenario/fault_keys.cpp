@@ -5,11 +5,13 @@
 #include <utility>
 
 #include "faults/registry.h"
+#include "faults/signal_choice.h"
 
 namespace tiltproof::harness {
 namespace {
 
 using faults::Bound;
+using faults::Edge;
 using faults::FaultSpec;
 using faults::FaultType;
 using faults::ParameterInfo;
@@ -34,6 +36,10 @@ const std::vector<Alternative>& Types() {
 constexpr TextRule kParameterText = {"[!-~]([ -~]*[!-~])?", "printable ASCII, without blanks at its ends",
                                      faults::kParameterTextMax};
 
+// Likewise the name of a signal; scenario_checks.h looks for it in the vehicle's tables.
+constexpr TextRule kSignalName = {"[A-Za-z][A-Za-z0-9_]*", "letters, digits and '_', beginning with a letter",
+                                  faults::kSignalNameMax};
+
 // For faults on the wire and at the receiver.
 void DescribeTarget(KeyVisitor& v, const FaultType& type, FaultSpec& fault) {
   std::vector<Target> targets = faults::AcceptedTargets(type);
@@ -45,7 +51,7 @@ void DescribeTarget(KeyVisitor& v, const FaultType& type, FaultSpec& fault) {
   std::optional<std::size_t> index;
   if (found != targets.end()) index = static_cast<std::size_t>(found - targets.begin());
   v.Choice({"target", "The line and direction it stands in",
-            type.default_target ? Presence::kOptional : Presence::kRequired},
+            type.default_target() ? Presence::kOptional : Presence::kRequired},
            words, index);
   fault.target = targets[index.value_or(0)];
 }
@@ -59,6 +65,15 @@ void DescribeMessage(KeyVisitor& v, FaultSpec& fault) {
   }
   v.Choice({"message", "Frames of this kind alone; absent: all"}, words, index);
   if (index) fault.message = kMessages[*index];
+}
+
+// Faults that act on one client's line, samples or board.
+void DescribeClientOf(KeyVisitor& v, const FaultType& type, FaultSpec& fault) {
+  const Key key = {"client", "Of several clients: whose; absent: every client's"};
+  if (type.has_target() || type.IsOneOf<faults::SensorKind, faults::DeviceKind, faults::ClockKind>())
+    v.Text(key, fault.client, kClientRule);
+  else
+    v.Refuse({"client", "a fault of this type acts on the vehicle, not on a client"});
 }
 
 // What is not there yet begins as the default, or as the registry's example when there is none.
@@ -90,8 +105,18 @@ void DescribeParameter(KeyVisitor& v, const ParameterInfo& info, FaultSpec& faul
       if (index) *word = info.choices[*index];
       break;
     }
+    case ParameterKind::kVector: {
+      if (auto* vector = std::get_if<std::array<double, 3>>(&value))
+        v.Point(key, *vector, {info.min, info.max});
+      break;
+    }
     case ParameterKind::kText: {
       if (auto* text = std::get_if<std::string>(&value)) v.Text(key, *text, kParameterText);
+      break;
+    }
+    case ParameterKind::kSensor:
+    case ParameterKind::kInput: {
+      if (auto* text = std::get_if<std::string>(&value)) v.Text(key, *text, kSignalName);
       break;
     }
   }
@@ -122,8 +147,57 @@ void DescribeWindow(KeyVisitor& v, const FaultType& type, FaultSpec& fault) {
 // A command is given once, whatever passes.
 void RefuseTrigger(KeyVisitor& v, const FaultType& type) {
   for (const std::string_view key : {"target", "message", "every_nth_count", "probability"})
-    v.Refuse({key, type.on_node ? "a fault on a node has no target and no trigger"
-                                : "a fault on the device has no target and no trigger"});
+    v.Refuse({key, type.IsOneOf<faults::NodeKind>() ? "a fault on a node has no target and no trigger"
+                   : type.IsOneOf<faults::ClockKind>()
+                       ? "a fault on a clock has no target and no trigger"
+                       : "a fault on the device has no target and no trigger"});
+}
+
+// Of the window, so faults that have no begin have no period either.
+void DescribePeriod(KeyVisitor& v, const FaultType& type, FaultSpec& fault) {
+  Key period = {
+      "period_s",
+      "Active in the first part of each period, counted from start_s; absent: throughout the window"};
+  Key duty = {"duty", "How large that part is"};
+  const bool happens_once = type.happens_once();
+  if (type.start == Bound::kRefused || happens_once) {
+    period.doc = duty.doc = type.start == Bound::kRefused
+                                ? "a fault of this type lasts the whole flight"
+                                : "a fault of this type happens once: add a fault for each further time";
+    v.Refuse(period);
+    v.Refuse(duty);
+    return;
+  }
+  v.Seconds(period, fault.period_ns, {1e-6, kWindowMax_s});
+  v.MaybeNumber(duty, fault.duty, {1e-6, 1});
+}
+
+constexpr TextRule kCondition = {};
+
+void DescribeWaiting(KeyVisitor& v, FaultSpec& fault) {
+  v.Text({"when", "Active by a condition on the flight: comparisons of signals with and, or, not"},
+         fault.when, kCondition);
+  constexpr std::array kEdges = {Edge::kLevel, Edge::kRising};
+  constexpr std::array<std::string_view, 2> kWords = {"level", "rising"};
+  std::optional<std::size_t> index;
+  if (!fault.when.empty() || fault.edge != Edge::kLevel) index = fault.edge == Edge::kRising ? 1 : 0;
+  v.Choice({"edge",
+            "While `when` holds (level, also when absent), or from where it turns true to the window's end"},
+           kWords, index);
+  fault.edge = kEdges[index.value_or(0)];
+  v.MaybeSection(
+      {"after", "The window opens some time after another fault's first activation"}, fault.after.has_value(),
+      [&](KeyVisitor& w) {
+        if (!fault.after) fault.after.emplace();
+        w.Text({"fault", "The other fault's id", Presence::kRequired}, fault.after->fault, kNameRule);
+        w.Seconds({"delay_s", "How long after"}, fault.after->delay_ns, {0, kWindowMax_s});
+      });
+}
+
+// A command is planned before the flight.
+void RefuseWaiting(KeyVisitor& v) {
+  for (const std::string_view key : {"when", "edge", "after"})
+    v.Refuse({key, "a fault of this type is a command, planned before the flight"});
 }
 
 void DescribeTrigger(KeyVisitor& v, FaultSpec& fault) {
@@ -141,13 +215,17 @@ void DescribeFault(KeyVisitor& v, FaultSpec& fault) {
   std::optional<std::size_t> index;
   if (found != Types().end()) index = static_cast<std::size_t>(found - Types().begin());
   v.Alternatives(
-      {"type", "What kind of fault; `tiltproof faults` lists them", Presence::kRequired}, Types(), index,
-      [&](KeyVisitor& w, std::size_t chosen) {
+      {.name = "type",
+       .doc = "What kind of fault; `tiltproof faults` lists them",
+       .presence = Presence::kRequired,
+       .why_no_longer = faults::WhyNoLonger},
+      Types(), index, [&](KeyVisitor& w, std::size_t chosen) {
         const FaultType& type = faults::FaultTypes()[chosen];
         if (fault.type != type.name) fault.parameters.clear();
         fault.type = type.name;
         if (type.has_target()) DescribeTarget(w, type, fault);
-        if (type.on_wire()) DescribeMessage(w, fault);
+        DescribeClientOf(w, type, fault);
+        if (type.IsOneOf<faults::WireKind>()) DescribeMessage(w, fault);
         const bool some_required = std::any_of(type.parameters.begin(), type.parameters.end(),
                                                [](const ParameterInfo& info) { return !info.default_value; });
         w.Section(
@@ -156,8 +234,22 @@ void DescribeFault(KeyVisitor& v, FaultSpec& fault) {
               for (const ParameterInfo& info : type.parameters) DescribeParameter(p, info, fault);
             });
         DescribeWindow(w, type, fault);
-        type.is_command() ? RefuseTrigger(w, type) : DescribeTrigger(w, fault);
+        DescribePeriod(w, type, fault);
+        if (type.is_command()) {
+          RefuseWaiting(w);
+          RefuseTrigger(w, type);
+        } else {
+          DescribeWaiting(w, fault);
+          DescribeTrigger(w, fault);
+        }
       });
+}
+
+void DescribeCompound(KeyVisitor& v, Compound& compound) {
+  v.Text({"id", "Unique among the faults' ids, for people", Presence::kRequired}, compound.id, kNameRule);
+  v.Seconds({"start_s", "start_s of each member that states none and can have one"}, compound.start_ns,
+            {-1000, kWindowMax_s});
+  v.Seconds({"end_s", "end_s, likewise"}, compound.end_ns, {-1000, kWindowMax_s});
 }
 
 }  // namespace tiltproof::harness

@@ -6,8 +6,30 @@ namespace tiltproof::harness {
 
 using faults::Needs;
 
-std::optional<std::string> Unsupported(const faults::FaultType& type, const ClientAbilities& abilities) {
-  const bool emulated = abilities.client == ClientKind::kEmulator;
+namespace {
+
+std::optional<std::string> UnsupportedClock(std::string_view node, bool jumps,
+                                            const ClientAbilities& abilities) {
+  if (node != "client") {
+    if (abilities.realtime) return std::nullopt;
+    return "acts on the clock of a node, and in lockstep there is one clock for all but the client: it needs "
+           "--mode realtime";
+  }
+  if (!abilities.clock)
+    return "acts on the client's clock, which in real time is its own: it needs host or library:FILE, or for "
+           "a drift "
+           "an emulated board in lockstep";
+  if (jumps && !abilities.realtime)
+    return "lets the client's clock jump, and in lockstep clocks only drift: fly it with --mode realtime and "
+           "host or "
+           "library:FILE";
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::optional<std::string> Unsupported(const faults::FaultSpec& fault, const faults::FaultType& type,
+                                       const ClientAbilities& abilities) {
   switch (type.needs) {
     case Needs::kNothing:
       return std::nullopt;
@@ -15,22 +37,50 @@ std::optional<std::string> Unsupported(const faults::FaultType& type, const Clie
       if (abilities.realtime) return std::nullopt;
       return "acts on a node, which in lockstep is no process: it needs --mode realtime";
     case Needs::kReset:
-      if (emulated || (abilities.client == ClientKind::kLibrary && !abilities.realtime)) return std::nullopt;
+      if (abilities.reset) return std::nullopt;
       return "needs a client that can be reset: fly it with --client qemu, or in lockstep with host or "
              "library:FILE";
     case Needs::kProcessor:
-      if (emulated) return std::nullopt;
+      if (abilities.processor) return std::nullopt;
       return "needs an emulated board: fly it with --client qemu";
     case Needs::kEmulation:
-      if (emulated && !abilities.realtime) return std::nullopt;
-      if (emulated) return "needs the emulated board at exact virtual times: fly it with --mode lockstep";
+      if (abilities.exact_times) return std::nullopt;
+      if (abilities.processor)
+        return "needs the emulated board at exact virtual times: fly it with --mode lockstep";
       return "needs an emulated board: fly it with --client qemu, in lockstep";
-    case Needs::kParityLine:
-      return "needs a line with a parity bit: all lines are 8N1, where no receiver checks parity, so no "
-             "client can have this fault";
+    case Needs::kClock:
+    case Needs::kClockJump:
+      return UnsupportedClock(faults::ResolvedParameters(fault, type).Choice("node"),
+                              type.needs == Needs::kClockJump, abilities);
   }
   return std::nullopt;
 }
+
+namespace {
+
+// Where the plant is, on samples and inputs: there conditions and activations are known at once in real time too.
+bool ActsAtPlant(const faults::FaultSpec& fault) {
+  const faults::FaultType* type = faults::FindFaultType(fault.type);
+  return type != nullptr && !type->is_command() && !type->has_target();
+}
+
+// Why this fault cannot wait for what it waits for.
+std::optional<std::string> UnsupportedWaiting(const Scenario& scenario, const faults::FaultSpec& fault,
+                                              const ClientAbilities& abilities) {
+  if (!abilities.realtime || !faults::WaitsForNews(fault)) return std::nullopt;
+  if (!ActsAtPlant(fault))
+    return "waits for a condition or another fault, of which only the plant's node knows in time in real "
+           "time: "
+           "faults of sensors and actuators can wait there, others need --mode lockstep";
+  for (const faults::FaultSpec& other : scenario.faults)
+    if (fault.after && other.id == fault.after->fault && !ActsAtPlant(other))
+      return "waits for fault '" + other.id +
+             "', of whose activation the plant's node does not know in time in real time: it needs --mode "
+             "lockstep";
+  return std::nullopt;
+}
+
+}  // namespace
 
 std::string FaultPlace(const Scenario& scenario, std::size_t fault) {
   const faults::FaultSpec& spec = scenario.faults[fault];
@@ -38,12 +88,20 @@ std::string FaultPlace(const Scenario& scenario, std::size_t fault) {
   return place + "fault '" + spec.id + "' (" + spec.type + ")";
 }
 
-std::vector<std::string> UnsupportedFaults(const Scenario& scenario, const ClientAbilities& abilities) {
+std::vector<std::string> UnsupportedFaults(const Scenario& scenario,
+                                           const std::vector<ClientAbilities>& abilities) {
   std::vector<std::string> problems;
   for (std::size_t i = 0; i < scenario.faults.size(); ++i) {
     const faults::FaultType* type = faults::FindFaultType(scenario.faults[i].type);
-    const auto problem = type == nullptr ? std::nullopt : Unsupported(*type, abilities);
-    if (problem) problems.push_back(FaultPlace(scenario, i) + " " + *problem);
+    const std::string& whose = scenario.faults[i].client;
+    for (std::size_t client = 0; type != nullptr && client < abilities.size(); ++client) {
+      if (!whose.empty() && whose != scenario.client_id(client)) continue;
+      auto problem = Unsupported(scenario.faults[i], *type, abilities[client]);
+      if (!problem) problem = UnsupportedWaiting(scenario, scenario.faults[i], abilities[client]);
+      if (!problem) continue;
+      problems.push_back(FaultPlace(scenario, i) + " " + *problem);
+      break;
+    }
   }
   return problems;
 }

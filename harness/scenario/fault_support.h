@@ -2,35 +2,31 @@
 // memory to flip bits in, a process in real time has neither. A scenario that asks for what its client cannot
 // do is refused before the flight, with the fault's place:
 //
-//   for (const std::string& problem : UnsupportedFaults(scenario, {ClientKind::kLibrary, realtime}))
+//   for (const std::string& problem : UnsupportedFaults(scenario, {AbilitiesOf(client, realtime)}))
 //     Report(problem);  // "s.yaml:6:20: fault 'x' (device.stall) needs an emulated board: ..."
 #pragma once
 
-#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "faults/model.h"
+#include "faults/fault_type.h"
+#include "harness/scenario/client_spec.h"
 #include "harness/scenario/scenario.h"
 
 namespace tiltproof::harness {
 
-enum class ClientKind : std::uint8_t { kLibrary, kProcess, kSerial, kEmulator };
-
-struct ClientAbilities {
-  ClientKind client = ClientKind::kLibrary;
-  bool realtime = false;  // else lockstep
-};
-
-// Why a fault of this type cannot be had, and what to do; none when it can. Follows "fault 'x' (type) ".
-std::optional<std::string> Unsupported(const faults::FaultType& type, const ClientAbilities& abilities);
+// Why this fault of this type cannot be had, and what to do; none when it can. Follows "fault 'x' (type) ".
+std::optional<std::string> Unsupported(const faults::FaultSpec& fault, const faults::FaultType& type,
+                                       const ClientAbilities& abilities);
 
 // "s.yaml:6:20: fault 'x' (device.stall)"; without the place when the scenario was not read from a file.
 std::string FaultPlace(const Scenario& scenario, std::size_t fault);
 
 // One line for each fault of the scenario that cannot be had, in the order of the file; with the place of the
 // fault's type when the scenario was read from a file.
-std::vector<std::string> UnsupportedFaults(const Scenario& scenario, const ClientAbilities& abilities);
+// `abilities`: of each of the scenario's clients.
+std::vector<std::string> UnsupportedFaults(const Scenario& scenario,
+                                           const std::vector<ClientAbilities>& abilities);
 
 }  // namespace tiltproof::harness

@@ -1,5 +1,6 @@
 #include "harness/scenario/keys.h"
 
+#include <algorithm>
 #include <limits>
 #include <type_traits>
 #include <utility>
@@ -28,7 +29,8 @@ constexpr TextRule NameExcept(std::span<const std::string_view> reserved, std::s
 constexpr TextRule kScenarioName = NameExcept(kRunFiles, "the name of a file of the results");
 constexpr TextRule kCriterionName = NameExcept(kImplicitCriteria, "a criterion that every scenario has");
 constexpr TextRule kWord = {"[a-z0-9_]+", "lower-case letters, digits and '_'", 100};
-constexpr TextRule kMetric = {"[a-z0-9_]+(\\.[a-z0-9_]+)+", "a dotted name such as tracking.rmse_m", 100};
+constexpr TextRule kMetric = {"[A-Za-z0-9_]+(\\.[A-Za-z0-9_]+)+", "a dotted name such as tracking.rmse_m",
+                              100};
 constexpr TextRule kAnyText = {};
 
 // An enumeration whose values count from 0 and have names.
@@ -51,13 +53,26 @@ void DescribeInitial(KeyVisitor& v, Scenario& s) {
   v.Point({"attitude_rad", "Roll, pitch, yaw (Z-Y-X Euler angles)"}, s.initial_attitude_rad, {-3.2, 3.2});
 }
 
+void DescribeProtocol(KeyVisitor& v, std::shared_ptr<const link::Protocol>& protocol) {
+  const auto protocols = link::Protocols();
+  std::vector<std::string_view> names;
+  for (const auto& known : protocols) names.push_back(known->name);
+  const auto found = std::find(protocols.begin(), protocols.end(), protocol);
+  std::optional<std::size_t> index;
+  if (found != protocols.end()) index = static_cast<std::size_t>(found - protocols.begin());
+  v.Choice({.name = "dialect",
+            .doc = "Protocol: the paper's messages, or those of the authors' published server",
+            .other_name = "protocol"},
+           names, index);
+  if (index) protocol = protocols[*index];
+}
+
 void DescribeLink(KeyVisitor& v, LinkSpec& link) {
   v.Bool({"ideal", "Bytes take no time: an input computed from a sample is in force at once"}, link.ideal);
   v.Integer(
       {"baud", "Bits per second of the main line, 8N1: ten bits a byte; the reference line keeps 921600"},
       link.baud, {1200, 10e6});
-  Enumeration(v, {"dialect", "Message set: the paper's, or that of the authors' published server"},
-              std::array{link::Dialect::kPaper, link::Dialect::kProvant}, link.dialect);
+  DescribeProtocol(v, link.protocol);
   v.Number({"adapter_latency_ms", "Buffering of a USB-serial adapter, on frames towards the plant"},
            link.adapter_latency_ms, {0, 1000});
 }
@@ -144,6 +159,18 @@ void DescribeCriterion(KeyVisitor& v, CriterionSpec& criterion) {
           KeyGroup{"metric", {"min", "max"}, "bounds belong to a 'metric'; write them into the formula"}});
 }
 
+void DescribeClient(KeyVisitor& v, ClientEntry& client) {
+  v.Text({"id", "Unique in the scenario; stands in the names of its columns, metrics and files", kRequired},
+         client.id, kClientRule);
+  v.Text({"firmware", "Build of the firmware; absent: the scenario's `firmware`"}, client.firmware, kWord);
+}
+
+void DescribeArbiter(KeyVisitor& v, ArbiterSpec& arbiter) {
+  Enumeration(v, {"type", "single: the actuators of one client are in force, whatever the others say"},
+              std::array{ArbiterType::kSingle}, arbiter.type);
+  v.Text({"client", "Whose; absent: the first one's. Its `start` is t = 0"}, arbiter.client, kClientRule);
+}
+
 template <class Item, class Describe>
 void ListOf(KeyVisitor& v, const Key& key, std::vector<Item>& items, Describe describe) {
   v.List(
@@ -163,6 +190,10 @@ void DescribeScenario(KeyVisitor& v, Scenario& s) {
       s.model, kAnyText);
   v.Bool({"allow_invalid_inertia", "Fly a model whose inertia no body can have"}, s.allow_invalid_inertia);
   v.Text({"firmware", "Build of the firmware: paper, tolerant, paper_published"}, s.firmware, kWord);
+  ListOf(v, {"clients", "Several clients on the vehicle, each with lines of its own; absent: one, `main`"},
+         s.clients, DescribeClient);
+  v.Section({"arbiter", "Which of several clients moves the vehicle"},
+            [&](KeyVisitor& w) { DescribeArbiter(w, s.arbiter); });
   Enumeration(v, {"expect", "The verdict that makes the run green"},
               std::array{Verdict::kPass, Verdict::kFail, Verdict::kInconclusive, Verdict::kError}, s.expect);
   v.Bool({"allow_restarts",

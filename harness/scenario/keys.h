@@ -31,6 +31,9 @@ struct Key {
   std::string_view name;
   std::string_view doc;  // one line for a person
   Presence presence = Presence::kOptional;
+  std::string_view other_name = {};  // may be written instead of `name`; both at once are an error
+  // Of a word that was allowed once: "was replaced by ..."; empty for any other.
+  std::string_view (*why_no_longer)(std::string_view word) = nullptr;
 };
 
 // Both ends included.
@@ -50,6 +53,9 @@ struct TextRule {
 // Names of scenarios, faults, criteria, tags.
 inline constexpr TextRule kNameRule = {
     "[A-Za-z0-9][A-Za-z0-9_.-]*", "letters, digits, '_', '.', '-', beginning with a letter or digit", 100};
+
+// Ids of clients: they stand in the names of columns and metrics, so that a formula must read them.
+inline constexpr TextRule kClientRule = {"[A-Za-z0-9_]+", "letters, digits and '_'", 32};
 
 // A key that excludes others, and those that may only stand beside it.
 struct KeyGroup {
@@ -94,6 +100,8 @@ class KeyVisitor {
                       std::optional<std::size_t>& index) = 0;
   // A mapping in the mapping.
   virtual void Section(const Key& key, const Body& body) = 0;
+  // The same where its absence means something. `body` is called only when it is there.
+  virtual void MaybeSection(const Key& key, bool is_there, const Body& body) = 0;
   // A list of mappings. `resize` is called before the bodies.
   virtual void List(const Key& key, std::size_t count, const std::function<void(std::size_t)>& resize,
                     const NumberedBody& body) = 0;

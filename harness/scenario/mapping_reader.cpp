@@ -38,6 +38,14 @@ void MappingReader::Finish() {
 const YamlNode* MappingReader::Take(const Key& key) {
   known_.push_back(key.name);
   const YamlEntry* entry = mapping_.Find(key.name);
+  if (!key.other_name.empty()) {
+    known_.push_back(key.other_name);
+    const YamlEntry* other = mapping_.Find(key.other_name);
+    if (entry != nullptr && other != nullptr)
+      Complain(other->key_mark,
+               fmt::format("'{}' and '{}' are two names of one key: give one", key.name, key.other_name));
+    if (entry == nullptr) entry = other;
+  }
   if (entry == nullptr) {
     if (key.presence == Presence::kRequired) missing_.push_back(key.name);
     return nullptr;
@@ -269,8 +277,11 @@ void MappingReader::Choice(const Key& key, std::span<const std::string_view> wor
   }
   const auto found = std::find(words.begin(), words.end(), node->text);
   if (found == words.end()) {
-    Complain(node->mark,
-             fmt::format("{}: unknown value {}{}", key.name, Describe(*node), DidYouMean(node->text, words)));
+    const std::string_view written = mapping_.Find(key.name) == nullptr ? key.other_name : key.name;
+    const std::string_view why = key.why_no_longer == nullptr ? "" : key.why_no_longer(node->text);
+    Complain(node->mark, why.empty() ? fmt::format("{}: unknown value {}{}", written, Describe(*node),
+                                                   DidYouMean(node->text, words))
+                                     : fmt::format("{}: {} {}", written, Describe(*node), why));
     return;
   }
   index = static_cast<std::size_t>(found - words.begin());
@@ -287,6 +298,10 @@ void MappingReader::Section(const Key& key, const Body& body) {
     empty.mark = mapping_.mark;
     ReadBody(key.name, empty, body);
   }
+}
+
+void MappingReader::MaybeSection(const Key& key, bool, const Body& body) {
+  if (const YamlNode* node = Take(key)) ReadBody(key.name, *node, body);
 }
 
 void MappingReader::List(const Key& key, std::size_t, const std::function<void(std::size_t)>& resize,

@@ -32,6 +32,7 @@ class MappingReader : public KeyVisitor {
   void Choice(const Key& key, std::span<const std::string_view> words,
               std::optional<std::size_t>& index) override;
   void Section(const Key& key, const Body& body) override;
+  void MaybeSection(const Key& key, bool is_there, const Body& body) override;
   void List(const Key& key, std::size_t count, const std::function<void(std::size_t)>& resize,
             const NumberedBody& body) override;
   void Alternatives(const Key& key, std::span<const Alternative> alternatives,

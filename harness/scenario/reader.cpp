@@ -9,6 +9,7 @@
 #include <system_error>
 #include <utility>
 
+#include "harness/scenario/compound.h"
 #include "harness/scenario/mapping_reader.h"
 #include "harness/scenario/scenario_checks.h"
 #include "harness/scenario/yaml_tree.h"
@@ -56,7 +57,7 @@ std::string ReadText(const std::filesystem::path& file) {
 std::pair<Scenario, YamlMark> Read(const std::filesystem::path& file, const std::string& text,
                                    const ReadOptions& options) {
   std::vector<YamlProblem> problems;
-  const std::optional<YamlNode> root = ParseYaml(text, problems);
+  std::optional<YamlNode> root = ParseYaml(text, problems);
   if (!root) Throw(file, std::move(problems));
   if (root->kind != YamlNode::Kind::kMapping) {
     problems.push_back(
@@ -64,6 +65,7 @@ std::pair<Scenario, YamlMark> Read(const std::filesystem::path& file, const std:
     Throw(file, std::move(problems));
   }
 
+  ResolveCompounds(*root, problems);
   Scenario scenario;
   scenario.file = file;
   MappingReader reader(*root, problems);

@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "harness/scenario/scenario.h"
+#include "link/signal_table.h"
 
 namespace tiltproof::harness {
 
@@ -52,12 +53,18 @@ struct ReadOptions {
   std::filesystem::path models_folder;
   // Builds of the firmware that exist; empty: any name will do.
   std::vector<std::string> firmware_names;
-  // Names a criterion may use as `metric`; empty: any.
+  // Names a criterion may use as `metric` in a flight with one client; empty: any.
   std::vector<std::string> metric_names;
-  // Checks `stl: formula`, which may name the faults' ids, for a flight that long (0: not known); none: not checked.
-  std::function<std::optional<FormulaProblem>(std::string_view formula,
-                                              std::span<const std::string> fault_ids, TimeNs duration_ns)>
+  // Checks `stl: formula`, which may name signals of the scenario's vehicle and its faults' ids, for its duration (0: not
+  // known); none: not checked.
+  std::function<std::optional<FormulaProblem>(std::string_view formula, const Scenario& scenario)>
       check_formula;
+  // Checks `when: condition` of a fault in this scenario; none: not checked.
+  std::function<std::optional<FormulaProblem>(std::string_view condition, const Scenario& scenario)>
+      check_condition;
+  // The signals of the scenario's vehicle, nullopt when it cannot be loaded; none: names of signals in faults are not
+  // checked.
+  std::function<std::optional<VehicleSignals>(const Scenario& scenario)> vehicle_signals;
   // Checks that the model file can be flown, returns what is wrong; none: it need only exist.
   std::function<std::optional<std::string>(const std::filesystem::path& model_file,
                                            bool allow_invalid_inertia)>

@@ -1,5 +1,7 @@
 #include "harness/scenario/scenario.h"
 
+#include "faults/random.h"
+
 namespace tiltproof::harness {
 
 std::string_view Name(Verdict verdict) {
@@ -26,6 +28,54 @@ std::string_view Name(AngularRates rates) {
       return "euler";
   }
   return "unknown";
+}
+
+std::string_view Name(ArbiterType type) {
+  switch (type) {
+    case ArbiterType::kSingle:
+      return "single";
+  }
+  return "unknown";
+}
+
+std::string Scenario::client_id(std::size_t client) const {
+  return clients.empty() ? std::string(kOnlyClient) : clients.at(client).id;
+}
+
+const std::string& Scenario::firmware_of(std::size_t client) const {
+  return clients.empty() || clients.at(client).firmware.empty() ? firmware : clients[client].firmware;
+}
+
+std::uint64_t Scenario::seed_of(std::size_t client) const {
+  return has_several_clients() ? faults::StreamKey(seed, {"client", client_id(client)}) : seed;
+}
+
+std::size_t Scenario::selected_client() const {
+  for (std::size_t i = 0; i < clients.size(); ++i)
+    if (clients[i].id == arbiter.client) return i;
+  return 0;
+}
+
+std::string ClientName(const Scenario& scenario, std::string_view before, std::size_t client, char separator,
+                       std::string_view after) {
+  std::string name(before);
+  if (scenario.has_several_clients()) name.append(scenario.client_id(client)).append(1, separator);
+  return name.append(after);
+}
+
+std::vector<std::string> MetricNamesOf(const Scenario& scenario,
+                                       const std::vector<std::string>& metric_names) {
+  std::vector<std::string> names;
+  for (const std::string& metric : metric_names) {
+    const std::size_t group = metric.find('.') + 1;
+    const bool of_client = metric.starts_with("link.") || metric.starts_with("firmware.") ||
+                           (metric.starts_with("timing.") && !metric.starts_with("timing.harness_"));
+    for (std::size_t client = 0; client < (of_client ? scenario.client_count() : 1); ++client)
+      names.push_back(of_client
+                          ? ClientName(scenario, metric.substr(0, group), client, '.', metric.substr(group))
+                          : metric);
+  }
+  return names;
 }
 
 }  // namespace tiltproof::harness

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -12,7 +13,7 @@
 
 #include "faults/fault.h"
 #include "harness/reference/reference_spec.h"
-#include "link/messages.h"
+#include "link/protocol.h"
 #include "link/time.h"
 
 namespace tiltproof::harness {
@@ -27,7 +28,7 @@ std::string_view Name(AngularRates rates);
 struct LinkSpec {
   bool ideal = false;  // zero byte time
   std::int64_t baud = 921'600;
-  link::Dialect dialect = link::Dialect::kPaper;
+  std::shared_ptr<const link::Protocol> protocol = link::FindProtocol("paper");  // never null
   double adapter_latency_ms = 0.0;
 
   // The second serial line keeps the paper's rate whatever the first one's is.
@@ -56,6 +57,24 @@ struct CriterionSpec {
   friend bool operator==(const CriterionSpec&, const CriterionSpec&) = default;
 };
 
+// A client with a serial line of its own.
+struct ClientEntry {
+  std::string id;
+  std::string firmware;  // build; empty: the scenario's
+  friend bool operator==(const ClientEntry&, const ClientEntry&) = default;
+};
+inline constexpr std::size_t kClientsMax = 16;
+inline constexpr std::string_view kOnlyClient = "main";  // id of the client of a scenario that names none
+
+// Who of several clients moves the vehicle.
+enum class ArbiterType : std::uint8_t { kSingle };
+std::string_view Name(ArbiterType type);
+struct ArbiterSpec {
+  ArbiterType type = ArbiterType::kSingle;
+  std::string client;  // single: whose actuators are in force; empty: the first one's
+  friend bool operator==(const ArbiterSpec&, const ArbiterSpec&) = default;
+};
+
 struct Scenario {
   std::filesystem::path file;  // where it was read from
   std::string name;
@@ -80,6 +99,29 @@ struct Scenario {
   std::vector<faults::FaultSpec> faults;
   std::vector<std::string> fault_places;  // "file:line:column" of each fault's type, when read from a file
   std::vector<CriterionSpec> criteria;
+
+  // As written; empty: one, whose id is kOnlyClient.
+  std::vector<ClientEntry> clients;
+  ArbiterSpec arbiter;
+
+  std::size_t client_count() const { return clients.empty() ? 1 : clients.size(); }
+  bool has_several_clients() const { return clients.size() > 1; }
+  // By a client's place among them.
+  std::string client_id(std::size_t client) const;
+  const std::string& firmware_of(std::size_t client) const;
+  // Seed of what is drawn on this client's line and board. Of a flight's only client it is the scenario's.
+  std::uint64_t seed_of(std::size_t client) const;
+  // Whose actuators are in force, and whose `start` is t = 0.
+  std::size_t selected_client() const;
 };
+
+// Of a flight with several clients, a name that says whose it is: ("link.", 0, "resync_max_ms") is
+// "link.a.resync_max_ms"; of a flight with one, the name without: "link.resync_max_ms". `separator` follows the id.
+std::string ClientName(const Scenario& scenario, std::string_view before, std::size_t client, char separator,
+                       std::string_view after);
+
+// The metrics that a flight of this scenario has, from those of a flight with one client.
+std::vector<std::string> MetricNamesOf(const Scenario& scenario,
+                                       const std::vector<std::string>& metric_names);
 
 }  // namespace tiltproof::harness

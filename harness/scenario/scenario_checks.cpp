@@ -15,6 +15,7 @@
 #include <variant>
 
 #include "faults/registry.h"
+#include "faults/signal_choice.h"
 #include "faults/volume.h"
 #include "harness/reference/trajectory.h"
 #include "harness/scenario/did_you_mean.h"
@@ -68,6 +69,7 @@ class Checker {
     CheckStep();
     CheckModel();
     CheckFirmware();
+    CheckClients();
     CheckReference();
     CheckFaults();
     CheckCriteria();
@@ -94,12 +96,13 @@ class Checker {
     // Rounding to nanoseconds must not turn a step that does not divide the period into one that does.
     const YamlNode* step = Good(root_, "step_s");
     if (step == nullptr) return;
-    const std::int64_t count = scenario_.step_ns > 0 ? kControlPeriodNs / scenario_.step_ns : 0;
+    const TimeNs period_ns = scenario_.link.protocol->control_period_ns;
+    const std::int64_t count = scenario_.step_ns > 0 ? period_ns / scenario_.step_ns : 0;
     const double seconds = step->Number().value_or(0.0);
-    if (count == 0 || count * scenario_.step_ns != kControlPeriodNs ||
+    if (count == 0 || count * scenario_.step_ns != period_ns ||
         std::abs(ToSeconds(scenario_.step_ns) - seconds) > 1e-15) {
-      Complain(step->mark,
-               fmt::format("step_s: {} does not divide the control period of 0.012 s", step->text));
+      Complain(step->mark, fmt::format("step_s: {} does not divide the control period of {} s", step->text,
+                                       ToSeconds(period_ns)));
     }
   }
 
@@ -139,6 +142,36 @@ class Checker {
     if (names.empty() || std::find(names.begin(), names.end(), firmware) != names.end()) return;
     Complain(root_, "firmware",
              fmt::format("firmware: unknown build '{}'{}", firmware, DidYouMeanOf(firmware, names)));
+  }
+
+  void CheckClients() {
+    const YamlNode* list = ValueOf(&root_, "clients");
+    if (scenario_.clients.size() > kClientsMax)
+      Complain(list->mark, fmt::format("clients: more than {}", kClientsMax));
+    std::map<std::string_view, YamlMark> ids;
+    for (std::size_t i = 0; i < scenario_.clients.size(); ++i) {
+      const ClientEntry& client = scenario_.clients[i];
+      const YamlNode& node = list->items[i];
+      const auto [first, is_new] = ids.try_emplace(client.id, PlaceOf(node, "id"));
+      if (!is_new && !client.id.empty())
+        Complain(node, "id",
+                 fmt::format("id: '{}' is taken already on line {}", client.id, first->second.line));
+      const auto& names = options_.firmware_names;
+      if (!client.firmware.empty() && !names.empty() &&
+          std::find(names.begin(), names.end(), client.firmware) == names.end())
+        Complain(node, "firmware",
+                 fmt::format("firmware: unknown build '{}'{}", client.firmware,
+                             DidYouMeanOf(client.firmware, names)));
+    }
+    CheckClientNamed(root_, "arbiter.client", scenario_.arbiter.client);
+  }
+
+  // An id that names one of the clients; empty: none.
+  void CheckClientNamed(const YamlNode& mapping, std::string_view path, const std::string& id) {
+    std::vector<std::string> ids;
+    for (std::size_t i = 0; i < scenario_.client_count(); ++i) ids.push_back(scenario_.client_id(i));
+    if (id.empty() || std::find(ids.begin(), ids.end(), id) != ids.end()) return;
+    Complain(mapping, path, fmt::format("client: there is no client '{}'{}", id, DidYouMeanOf(id, ids)));
   }
 
   void CheckReference() {
@@ -187,6 +220,7 @@ class Checker {
         Complain(place,
                  fmt::format("type: drifts at the same time as fault '{}': let their windows not overlap",
                              other->id));
+      CheckClientNamed(node, "client", fault.client);
       if (fault.type.empty()) continue;  // unknown, and said so
       for (const faults::Problem& problem : faults::Validate(fault)) {
         // What is missing or unreadable, the reader said so.
@@ -195,14 +229,72 @@ class Checker {
         Complain(node, problem.key, fmt::format("{}: {}", problem.key, problem.message));
       }
     }
-    if (list != nullptr) CheckVolume(*list);
+    if (list == nullptr) return;
+    CheckVolume(*list);
+    for (std::size_t i = 0; i < scenario_.faults.size(); ++i) CheckWaiting(i, list->items[i]);
+    CheckSignals(*list);
+  }
+
+  // The signals that faults name are the vehicle's.
+  void CheckSignals(const YamlNode& list) {
+    if (!options_.vehicle_signals) return;
+    const std::optional<VehicleSignals> vehicle = options_.vehicle_signals(scenario_);
+    if (!vehicle) return;  // its model has its own message
+    for (std::size_t i = 0; i < scenario_.faults.size(); ++i) {
+      const faults::FaultType* type = faults::FindFaultType(scenario_.faults[i].type);
+      const YamlNode* parameters = ValueOf(&list.items[i], "parameters");
+      if (type == nullptr || parameters == nullptr) continue;
+      for (const faults::ParameterInfo& info : type->parameters) {
+        const YamlNode* name = NamesSignal(info.kind) ? Good(*parameters, info.name) : nullptr;
+        if (name == nullptr) continue;
+        const std::vector<std::string> valid = faults::SignalNames(*vehicle, info.kind);
+        if (std::find(valid.begin(), valid.end(), name->text) == valid.end())
+          Complain(name->mark, fmt::format("{}: unknown value '{}'{}", info.name, name->text,
+                                           DidYouMeanOf(name->text, valid)));
+      }
+    }
+  }
+
+  // What a fault waits for.
+  void CheckWaiting(std::size_t i, const YamlNode& node) {
+    const faults::FaultSpec& fault = scenario_.faults[i];
+    if (const YamlNode* condition = Good(node, "when"); condition != nullptr && options_.check_condition)
+      Complain("when", *condition, options_.check_condition(condition->text, scenario_));
+    if (!fault.after || fault.after->fault.empty() || fault.after->fault == fault.id) return;
+    const faults::FaultSpec* followed = FaultNamed(fault.after->fault);
+    if (followed == nullptr) {
+      std::vector<std::string> ids;
+      for (const auto& other : scenario_.faults)
+        if (other.id != fault.id) ids.push_back(other.id);
+      Complain(node, "after.fault",
+               fmt::format("after: there is no fault '{}'{}", fault.after->fault,
+                           DidYouMeanOf(fault.after->fault, ids)));
+      return;
+    }
+    // Each waits for one other at most, so a circle comes back to where it began.
+    std::string chain = fmt::format("'{}'", fault.id);
+    for (std::size_t step = 0; followed != nullptr && step < scenario_.faults.size(); ++step) {
+      chain += fmt::format(" waits for '{}'", followed->id);
+      if (followed == &fault) {
+        Complain(node, "after.fault", fmt::format("after: {}: none of them would ever begin", chain));
+        return;
+      }
+      followed = followed->after ? FaultNamed(followed->after->fault) : nullptr;
+      if (followed != nullptr) chain += ", which";
+    }
+  }
+
+  const faults::FaultSpec* FaultNamed(std::string_view id) const {
+    for (const auto& fault : scenario_.faults)
+      if (fault.id == id) return &fault;
+    return nullptr;
   }
 
   void CheckVolume(const YamlNode& list) {
     const auto& faults = scenario_.faults;
     const auto is_valid = [](const faults::FaultSpec& fault) { return faults::Validate(fault).empty(); };
     if (!std::all_of(faults.begin(), faults.end(), is_valid)) return;
-    const auto too_much = faults::CertainOverfull(faults, scenario_.duration_ns);
+    const auto too_much = faults::CertainOverfull(faults, scenario_.duration_ns, *scenario_.link.protocol);
     if (!too_much) return;
     std::vector<std::string> ids;
     for (const std::size_t fault : too_much->faults) ids.push_back(fmt::format("'{}'", faults[fault].id));
@@ -212,21 +304,28 @@ class Checker {
                     fmt::join(ids, ", "), link::kLineBytesMax >> 20, link::Name(too_much->direction)));
   }
 
-  // A board has one clock: two drifts at once would add up to more than a drift may be.
+  // A node has one clock: two drifts at once would add up to more than a drift may be.
   const faults::FaultSpec* DriftsWith(std::size_t i) const {
-    constexpr std::string_view kDrift = "device.clock_drift";
+    constexpr std::string_view kDrift = "clock.drift";
     const auto& all = scenario_.faults;
     for (std::size_t other = 0; other < i; ++other)
-      if (all[i].type == kDrift && all[other].type == kDrift && all[other].start_ns < all[i].end_ns &&
-          all[i].start_ns < all[other].end_ns)
+      if (all[i].type == kDrift && all[other].type == kDrift && OnOneNode(all[i], all[other]) &&
+          all[other].start_ns < all[i].end_ns && all[i].start_ns < all[other].end_ns)
         return &all[other];
     return nullptr;
   }
 
+  static bool OnOneNode(const faults::FaultSpec& a, const faults::FaultSpec& b) {
+    const auto node = [](const faults::FaultSpec& fault) {
+      const auto found = fault.parameters.find("node");
+      return found == fault.parameters.end() ? faults::ParameterValue("client") : found->second;
+    };
+    if (node(a) != node(b)) return false;
+    return a.client.empty() || b.client.empty() || a.client == b.client;
+  }
+
   void CheckCriteria() {
     const YamlNode* list = ValueOf(&root_, "criteria");
-    std::vector<std::string> fault_ids;
-    for (const auto& fault : scenario_.faults) fault_ids.push_back(fault.id);
     std::map<std::string_view, YamlMark> names;
     for (std::size_t i = 0; i < scenario_.criteria.size(); ++i) {
       const CriterionSpec& criterion = scenario_.criteria[i];
@@ -241,27 +340,30 @@ class Checker {
       }
       if (criterion.min && criterion.max && *criterion.min > *criterion.max)
         Complain(node, "max", fmt::format("max: {} is less than min, {}", *criterion.max, *criterion.min));
-      if (const YamlNode* formula = Good(node, "stl")) CheckFormula(*formula, fault_ids);
+      if (const YamlNode* formula = Good(node, "stl")) CheckFormula(*formula);
       if (const YamlNode* metric = Good(node, "metric")) CheckMetric(*metric);
     }
   }
 
-  void CheckFormula(const YamlNode& node, const std::vector<std::string>& fault_ids) {
+  void CheckFormula(const YamlNode& node) {
     if (!options_.check_formula) return;
-    const auto problem = options_.check_formula(node.text, fault_ids, scenario_.duration_ns);
+    Complain("stl", node, options_.check_formula(node.text, scenario_));
+  }
+
+  void Complain(std::string_view key, const YamlNode& formula, const std::optional<FormulaProblem>& problem) {
     if (!problem) return;
-    YamlMark mark = node.text_begin.value_or(node.mark);
-    if (node.text_begin) {
-      const std::string_view before = std::string_view(node.text).substr(0, problem->column - 1);
+    YamlMark mark = formula.text_begin.value_or(formula.mark);
+    if (formula.text_begin) {
+      const std::string_view before = std::string_view(formula.text).substr(0, problem->column - 1);
       mark.column += static_cast<int>(CharacterCount(before));
-      Complain(mark, fmt::format("stl: {}", problem->message));
+      Complain(mark, fmt::format("{}: {}", key, problem->message));
     } else {
-      Complain(mark, fmt::format("stl: column {} of the formula: {}", problem->column, problem->message));
+      Complain(mark, fmt::format("{}: column {} of the formula: {}", key, problem->column, problem->message));
     }
   }
 
   void CheckMetric(const YamlNode& node) {
-    const auto& names = options_.metric_names;
+    const std::vector<std::string> names = MetricNamesOf(scenario_, options_.metric_names);
     if (names.empty() || std::find(names.begin(), names.end(), node.text) != names.end()) return;
     Complain(node.mark,
              fmt::format("metric: unknown metric '{}'{}", node.text, DidYouMeanOf(node.text, names)));

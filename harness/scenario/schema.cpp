@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "harness/scenario/fault_keys.h"
 #include "harness/scenario/keys.h"
 
 namespace tiltproof::harness {
@@ -106,6 +107,7 @@ class SchemaBuilder : public KeyVisitor {
     body(inner);
     Add(key, inner.Take());
   }
+  void MaybeSection(const Key& key, bool, const Body& body) override { Section(key, body); }
   void List(const Key& key, std::size_t, const std::function<void(std::size_t)>& resize,
             const NumberedBody& body) override {
     resize(1);
@@ -153,7 +155,11 @@ class SchemaBuilder : public KeyVisitor {
     schema["description"] = key.doc;
     if (key.presence == Presence::kOptional && !default_value.is_null()) schema["default"] = default_value;
     if (key.presence == Presence::kRequired) required_.push_back(key.name);
-    properties_[std::string(key.name)] = std::move(schema);
+    properties_[std::string(key.name)] = schema;
+    if (key.other_name.empty()) return;
+    schema["description"] = fmt::format("Another name for `{}`", key.name);
+    properties_[std::string(key.other_name)] = std::move(schema);
+    rules_["not"] = {{"required", {key.name, key.other_name}}};
   }
 
   Json properties_ = Json::object();
@@ -169,6 +175,28 @@ Json BuildSchema() {
   SchemaBuilder builder;
   DescribeScenario(builder, defaults);
   return builder.Take();
+}
+
+// A compound of such faults.
+Json CompoundSchema(const Json& fault) {
+  Json member = fault;
+  for (Json& branch : member["allOf"]) {  // what a member must state, the compound may state for it
+    Json required = Json::array();
+    for (const Json& key : branch["then"]["required"])
+      if (key != "start_s" && key != "end_s") required.push_back(key);
+    branch["then"]["required"] = required;
+  }
+  SchemaBuilder builder;
+  Compound compound;
+  DescribeCompound(builder, compound);
+  Json schema = builder.Take();
+  schema["properties"]["compound"] = {{"type", "array"},
+                                      {"items", member},
+                                      {"minItems", 1},
+                                      {"maxItems", kListItemsMax},
+                                      {"description", "Its members, each with its own id and random stream"}};
+  schema["required"].push_back("compound");
+  return schema;
 }
 
 // What may stand there, in a few words.
@@ -219,7 +247,12 @@ std::string ScenarioJsonSchema(const std::vector<std::string>& metric_names) {
                  {"title", "tiltproof scenario"}};
   schema.update(BuildSchema());
   // The metrics are known to those who score.
-  schema["properties"]["criteria"]["items"]["properties"]["metric"]["enum"] = metric_names;
+  Json& metric = schema["properties"]["criteria"]["items"]["properties"]["metric"];
+  metric["anyOf"] = {{{"enum", metric_names}},
+                     // With several clients the id follows the group.
+                     {{"pattern", "^(link|timing|firmware)\\.[A-Za-z0-9_]+\\.[a-z0-9_.]+$"}}};
+  Json& item = schema["properties"]["faults"]["items"];
+  item = {{"if", {{"required", {"compound"}}}}, {"then", CompoundSchema(item)}, {"else", item}};
   return schema.dump(2);
 }
 
@@ -227,6 +260,8 @@ std::string ScenarioKeysMarkdown() {
   const Json schema = BuildSchema();
   const Json& keys = schema["properties"];
   std::string text = Table("The file", Rows(schema));
+  text += Table("An item of `clients`", Rows(keys["clients"]["items"]));
+  text += Table("`arbiter`", Rows(keys["arbiter"]));
   text += Table("`control_period`", Rows(keys["control_period"]));
   text += Table("`initial`", Rows(keys["initial"]));
   text += Table("`link`", Rows(keys["link"]));
@@ -242,6 +277,8 @@ std::string ScenarioKeysMarkdown() {
   fault["properties"]["type"] = {{"type", "string"},
                                  {"description", kinds["properties"]["type"]["description"]}};
   text += Table("An item of `faults`", Rows(fault));
+  text += Table("`after` of a fault", Rows(fault["properties"]["after"]));
+  text += Table("A compound in `faults`", Rows(CompoundSchema(kinds)));
   text += Table("An item of `criteria`", Rows(keys["criteria"]["items"]));
   text.pop_back();
   return text;

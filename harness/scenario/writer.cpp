@@ -71,6 +71,9 @@ class Writer : public KeyVisitor {
       text_ += inner.text_;
     }
   }
+  void MaybeSection(const Key& key, bool is_there, const Body& body) override {
+    if (is_there) Section(key, body);
+  }
   void List(const Key& key, std::size_t count, const std::function<void(std::size_t)>&,
             const NumberedBody& body) override {
     if (count == 0) return Line(key, "[]");

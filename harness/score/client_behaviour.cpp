@@ -12,8 +12,8 @@ constexpr TimeNs kStaleMax = 50 * kNsPerMs;
 
 // Of a fault on a node: one that stands on its side of the line is not the client's.
 bool ActsOnClient(const faults::FaultSpec& spec, const faults::FaultType& type) {
-  if (type.on_device) return true;
-  if (!type.on_node) return false;
+  if (type.IsOneOf<faults::DeviceKind>()) return true;
+  if (!type.IsOneOf<faults::NodeKind, faults::ClockKind>()) return false;
   const std::string node = faults::ResolvedParameters(spec, type).Choice("node");
   return node == "client" || node == "all";
 }
@@ -25,7 +25,8 @@ const Restart* FirstUnaskedRestart(const std::vector<faults::FaultSpec>& faults,
   std::vector<TimeNs> asked_ns;
   for (const auto& spec : faults) {
     const faults::FaultType* type = faults::FindFaultType(spec.type);
-    if (type != nullptr && type->asks_restart && ActsOnClient(spec, *type)) asked_ns.push_back(spec.start_ns);
+    if (type != nullptr && type->asks_restart() && ActsOnClient(spec, *type))
+      asked_ns.push_back(spec.start_ns);
   }
   std::sort(asked_ns.begin(), asked_ns.end());
   std::size_t answered = 0;

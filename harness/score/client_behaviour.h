@@ -11,7 +11,7 @@
 namespace tiltproof::harness {
 
 // The first that no fault asked for; null when there is none. A fault that asks for a restart
-// (FaultType::asks_restart) does so once: the first restart after its start is its own. `restarts` in order of time.
+// (FaultType::asks_restart()) does so once: the first restart after its start is its own. `restarts` in order of time.
 const Restart* FirstUnaskedRestart(const std::vector<faults::FaultSpec>& faults,
                                    std::span<const Restart> restarts);
 

@@ -1,7 +1,7 @@
 // How often a time lay where: the period of the firmware's requests and the latency of the replies, as in the
 // paper's Figure 14. Bins are fixed, so that the histograms of two flights can be laid over each other.
 //
-//   const Histogram periods = RequestPeriodHistogram(log.request_times_ns);
+//   const Histogram periods = RequestPeriodHistogram(log.clients[0].request_times_ns);
 //   periods.counts.front();  // shorter than periods.edges_ms.front()
 #pragma once
 

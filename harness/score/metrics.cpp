@@ -4,11 +4,12 @@
 #include <array>
 #include <cmath>
 #include <cstdlib>
+#include <stdexcept>
 #include <string_view>
 
 #include "faults/registry.h"
+#include "harness/formula/formula.h"
 #include "harness/score/signals.h"
-#include "link/signals.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -42,10 +43,13 @@ class Calculator {
     Settling();
     Attitude();
     Control();
-    Timing();
-    Link();
-    Set("survival.time_s",
-        log_.starts_accepted_count > 0 ? ToSeconds(std::max<TimeNs>(log_.end_ns, 0)) : 0.0);
+    for (std::size_t client = 0; client < log_.clients.size(); ++client) {
+      Timing(client);
+      Link(client);
+    }
+    if (log_.harness_overrun_count) SetCount("timing.harness_overrun_count", *log_.harness_overrun_count);
+    if (log_.harness_late_max_ns) Set("timing.harness_late_max_ms", Milliseconds(*log_.harness_late_max_ns));
+    Set("survival.time_s", Started() ? ToSeconds(std::max<TimeNs>(log_.end_ns, 0)) : 0.0);
     return std::move(metrics_);
   }
 
@@ -77,6 +81,20 @@ class Calculator {
     return largest;
   }
 
+  // From a fault's onset to where it is active last: as its window and period say, or, when it waits for something, as the
+  // trace does. None when it never was active.
+  std::optional<faults::Window> ActiveSpan(const faults::FaultSpec& fault) const {
+    if (!faults::WaitsForNews(fault)) return faults::Activity(fault, faults::WindowOf(fault)).Span();
+    const std::vector<double> active = Signal(std::string(stl::kActivePrefix) + fault.id);
+    const auto is_active = [](double value) { return value != 0.0; };
+    const auto first = std::find_if(active.begin(), active.end(), is_active);
+    if (first == active.end()) return std::nullopt;
+    const auto last = std::find_if(active.rbegin(), active.rend(), is_active).base();  // the row after it
+    return faults::Window{
+        times_[static_cast<std::size_t>(first - active.begin())],
+        last == active.end() ? kNever : times_[static_cast<std::size_t>(last - active.begin())]};
+  }
+
   void Tracking() {
     Set("tracking.rmse_m", RootMeanSquare(error_));
     Set("tracking.rmse_after_10s_m", RootMeanSquare(error_, kTransientNs));
@@ -90,7 +108,8 @@ class Calculator {
     if (times_.empty()) return;
     TimeNs onset_ns = scenario_.faults.empty() ? 0 : kNever;
     for (const auto& fault : scenario_.faults)
-      onset_ns = std::min(onset_ns, std::max<TimeNs>(fault.start_ns, 0));
+      if (const auto span = ActiveSpan(fault))
+        onset_ns = std::min(onset_ns, std::max<TimeNs>(span->begin_ns, 0));
     double iae = 0.0, itae = 0.0;
     for (std::size_t r = 1; r < times_.size(); ++r) {
       if (!std::isfinite(error_[r - 1]) || !std::isfinite(error_[r])) continue;
@@ -111,8 +130,14 @@ class Calculator {
   void Settling() {
     if (scenario_.faults.empty() || times_.empty()) return;
     TimeNs end_ns = 0;
-    for (const auto& fault : scenario_.faults) end_ns = std::max(end_ns, faults::WindowOf(fault).end_ns);
-    if (end_ns >= times_.back()) return;
+    bool some_fault_began = false;
+    for (const auto& fault : scenario_.faults) {
+      const auto span = ActiveSpan(fault);
+      if (!span) continue;
+      some_fault_began = true;
+      end_ns = std::max(end_ns, span->end_ns);
+    }
+    if (!some_fault_began || end_ns >= times_.back()) return;
     std::size_t settled = times_.size();
     while (settled > 0 && error_[settled - 1] <= kSettledError_m) --settled;
     if (settled == times_.size()) {
@@ -135,13 +160,19 @@ class Calculator {
     const std::size_t rows = times_.size();
     if (rows == 0) return;
     std::vector<bool> saturated(rows, false);
-    bool has_limits = true;
+    const std::vector<std::size_t> inputs = FindVehicleColumns(log_.trace).inputs;
+    const std::size_t count = log_.hover_input.size();
+    if (inputs.size() != count)
+      throw std::invalid_argument("the trace has " + std::to_string(inputs.size()) +
+                                  " inputs, the vehicle's hover " + std::to_string(count));
+    bool has_limits = log_.input_min.size() == count && log_.input_max.size() == count;
     double effort = 0.0;
-    for (std::size_t i = 0; i < kActuatorCount; ++i) {
+    for (std::size_t i = 0; i < count; ++i) {
       has_limits = has_limits && log_.input_min[i] < log_.input_max[i];
-      const std::vector<double> input = Signal(kActuatorFields[i].column);
+      const std::vector<double> input = Signal(log_.trace.columns()[inputs[i]]);
       for (std::size_t r = 0; r < rows; ++r) {
-        if (input[r] <= log_.input_min[i] || input[r] >= log_.input_max[i]) saturated[r] = true;
+        if (has_limits && (input[r] <= log_.input_min[i] || input[r] >= log_.input_max[i]))
+          saturated[r] = true;
         if (r + 1 == rows || !std::isfinite(input[r])) continue;
         const double deviation = input[r] - log_.hover_input[i];
         effort += deviation * deviation * ToSeconds(times_[r + 1] - times_[r]);
@@ -154,7 +185,14 @@ class Calculator {
               static_cast<double>(rows));
   }
 
-  void Timing() {
+  // t = 0 came.
+  bool Started() const { return log_.clients.at(scenario_.selected_client()).starts_accepted_count > 0; }
+
+  void Timing(std::size_t client) {
+    const ClientLog& own = log_.clients[client];
+    const auto name = [&](std::string_view metric) {
+      return ClientName(scenario_, "timing.", client, '.', metric);
+    };
     struct Quantile {
       const char* name;
       std::size_t numerator, denominator;
@@ -167,46 +205,43 @@ class Calculator {
         Set(group + "_" + q.name + "_ms", NearestRank(values, q.numerator, q.denominator));
     };
     std::vector<double> periods_ms, jitters_ms, latencies_ms, round_trips_ms;
-    for (std::size_t i = 1; i < log_.request_times_ns.size(); ++i) {
-      const TimeNs period_ns = log_.request_times_ns[i] - log_.request_times_ns[i - 1];
-      periods_ms.push_back(Milliseconds(period_ns));
-      jitters_ms.push_back(Milliseconds(std::abs(period_ns - kControlPeriodNs)));
+    for (std::size_t i = 1; i < own.request_times_ns.size(); ++i) {
+      const TimeNs interval_ns = own.request_times_ns[i] - own.request_times_ns[i - 1];
+      periods_ms.push_back(Milliseconds(interval_ns));
+      jitters_ms.push_back(Milliseconds(std::abs(interval_ns - period_ns_)));
     }
-    for (const TimeNs latency : log_.reply_latency_ns) latencies_ms.push_back(Milliseconds(latency));
-    for (const TimeNs trip : log_.client_round_trip_ns) round_trips_ms.push_back(Milliseconds(trip));
+    for (const TimeNs latency : own.reply_latency_ns) latencies_ms.push_back(Milliseconds(latency));
+    for (const TimeNs trip : own.client_round_trip_ns) round_trips_ms.push_back(Milliseconds(trip));
     if (!periods_ms.empty()) {
-      const TimeNs span_ns = log_.request_times_ns.back() - log_.request_times_ns.front();
-      Set("timing.request_period_mean_ms", Milliseconds(span_ns) / static_cast<double>(periods_ms.size()));
+      const TimeNs span_ns = own.request_times_ns.back() - own.request_times_ns.front();
+      Set(name("request_period_mean_ms"), Milliseconds(span_ns) / static_cast<double>(periods_ms.size()));
     }
     constexpr std::array<Quantile, 4> kToTheTail = {
         {{"p50", 50, 100}, {"p99", 99, 100}, {"p999", 999, 1000}, {"max", 1, 1}}};
     constexpr std::array<Quantile, 3> kUsual = {{{"p50", 50, 100}, {"p99", 99, 100}, {"max", 1, 1}}};
-    set_quantiles("timing.request_period", periods_ms, kToTheTail);
-    set_quantiles("timing.request_jitter", jitters_ms, kToTheTail);
-    set_quantiles("timing.reply_latency", latencies_ms, kUsual);
-    set_quantiles("timing.client_round_trip", round_trips_ms, kUsual);
-    if (log_.harness_overrun_count) SetCount("timing.harness_overrun_count", *log_.harness_overrun_count);
-    if (log_.harness_late_max_ns) Set("timing.harness_late_max_ms", Milliseconds(*log_.harness_late_max_ns));
-    if (log_.starts_accepted_count > 0) SetCount("timing.firmware_missed_count", MissedPeriods());
+    set_quantiles(name("request_period"), periods_ms, kToTheTail);
+    set_quantiles(name("request_jitter"), jitters_ms, kToTheTail);
+    set_quantiles(name("reply_latency"), latencies_ms, kUsual);
+    set_quantiles(name("client_round_trip"), round_trips_ms, kUsual);
+    if (own.starts_accepted_count > 0) SetCount(name("firmware_missed_count"), MissedPeriods(own));
   }
 
   // Control periods without an actuator message, from the gaps between those that came: the client's clock
   // need not be the server's, so there is no grid to count on.
-  std::int64_t MissedPeriods() const {
+  std::int64_t MissedPeriods(const ClientLog& own) const {
     std::int64_t missed = 0;
     TimeNs last_ns = 0;
     bool first = true;
-    for (const TimeNs time_ns : log_.actuator_times_ns) {
+    for (const TimeNs time_ns : own.actuator_times_ns) {
       const TimeNs gap_ns = time_ns - last_ns;
       // The first follows the start in the same period; of the others each should follow the one before in
       // the next.
-      const std::int64_t periods =
-          first ? gap_ns / kControlPeriodNs : (gap_ns + kControlPeriodNs / 2) / kControlPeriodNs - 1;
+      const std::int64_t periods = first ? gap_ns / period_ns_ : (gap_ns + period_ns_ / 2) / period_ns_ - 1;
       missed += Blamable(last_ns, periods);
       last_ns = time_ns;
       first = false;
     }
-    return missed + Blamable(last_ns, (log_.end_ns - last_ns) / kControlPeriodNs);
+    return missed + Blamable(last_ns, (log_.end_ns - last_ns) / period_ns_);
   }
 
   // Of `periods` missed in a row after `last_ns`, those in which the harness was not late itself, nor in the one
@@ -214,9 +249,9 @@ class Calculator {
   std::int64_t Blamable(TimeNs last_ns, std::int64_t periods) const {
     std::int64_t blamable = 0;
     for (std::int64_t i = 1; i <= periods; ++i) {
-      const TimeNs begin_ns = last_ns + (i - 1) * kControlPeriodNs;
-      const TimeNs end_ns = begin_ns + 2 * kControlPeriodNs;
-      const auto late = std::upper_bound(late_.begin(), late_.end(), begin_ns - kControlPeriodNs,
+      const TimeNs begin_ns = last_ns + (i - 1) * period_ns_;
+      const TimeNs end_ns = begin_ns + 2 * period_ns_;
+      const auto late = std::upper_bound(late_.begin(), late_.end(), begin_ns - period_ns_,
                                          [](TimeNs t, const LateSpan& span) { return t < span.end_ns; });
       const bool excused = late != late_.end() && late->begin_ns < end_ns;
       blamable += excused ? 0 : 1;
@@ -224,27 +259,33 @@ class Calculator {
     return blamable;
   }
 
-  void Link() {
+  void Link(std::size_t client) {
+    const ClientLog& own = log_.clients[client];
+    const auto of_link = [&](std::string_view metric) {
+      return ClientName(scenario_, "link.", client, '.', metric);
+    };
+    const auto firmware = [&](std::string_view metric) {
+      return ClientName(scenario_, "firmware.", client, '.', metric);
+    };
     for (std::size_t i = 0; i < link::kDirectionCount; ++i) {
-      const std::string group = "link." + std::string(link::Name(static_cast<link::Direction>(i))) + ".";
-      const DirectionCounts& counts = log_.counts[i];
+      const std::string group = of_link(std::string(link::Name(static_cast<link::Direction>(i))) + ".");
+      const DirectionCounts& counts = own.counts[i];
       SetCount(group + "frames_sent_count", counts.frames_sent);
       SetCount(group + "frames_accepted_count", counts.frames_accepted);
       SetCount(group + "frames_rejected_count", counts.frames_rejected);
       SetCount(group + "bytes_corrupted_count", counts.bytes_corrupted);
     }
-    SetCount("link.accepted_wrong_count", log_.accepted_wrong_count);
-    SetCount("link.accepted_stale_count", log_.accepted_stale_count);
-    Set("link.resync_max_ms", Milliseconds(log_.resync_max_ns));
-    if (log_.failsafe_entered_count)
-      SetCount("firmware.failsafe_entered_count", *log_.failsafe_entered_count);
-    if (log_.receive_overruns_count)
-      SetCount("firmware.receive_overruns_count", *log_.receive_overruns_count);
-    SetCount("firmware.restarts_count", std::max<std::int64_t>(log_.starts_accepted_count - 1, 0));
+    SetCount(of_link("accepted_wrong_count"), own.accepted_wrong_count);
+    SetCount(of_link("accepted_stale_count"), own.accepted_stale_count);
+    Set(of_link("resync_max_ms"), Milliseconds(own.resync_max_ns));
+    if (own.failsafe_entered_count) SetCount(firmware("failsafe_entered_count"), *own.failsafe_entered_count);
+    if (own.receive_overruns_count) SetCount(firmware("receive_overruns_count"), *own.receive_overruns_count);
+    SetCount(firmware("restarts_count"), std::max<std::int64_t>(own.starts_accepted_count - 1, 0));
   }
 
   const Scenario& scenario_;
   const RunLog& log_;
+  const TimeNs period_ns_ = scenario_.link.protocol->control_period_ns;
   const std::vector<LateSpan> late_ = Merged(log_.harness_late);  // apart, in order
   const std::vector<TimeNs> times_;
   const std::vector<double> error_;

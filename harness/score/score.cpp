@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "harness/score/client_behaviour.h"
+#include "harness/score/signals.h"
 #include "harness/score/stl.h"
 
 namespace tiltproof::harness {
@@ -105,35 +106,60 @@ CriterionResult Ending(const RunLog& log) {
   return result;
 }
 
+// Those that act on this client, for all that a client may be asked.
+std::vector<faults::FaultSpec> FaultsOn(const Scenario& scenario, std::size_t client) {
+  std::vector<faults::FaultSpec> faults = scenario.faults;
+  std::erase_if(faults, [&](const faults::FaultSpec& fault) {
+    return !fault.client.empty() && fault.client != scenario.client_id(client);
+  });
+  return faults;
+}
+
+// The begin of a sentence about one of several clients.
+std::string Whose(const Scenario& scenario, std::size_t client) {
+  return scenario.has_several_clients() ? "client " + scenario.client_id(client) + " " : "";
+}
+
 CriterionResult Survival(const Scenario& scenario, const RunLog& log) {
   CriterionResult result = Ending(log);
   if (scenario.allow_restarts || result.verdict == Verdict::kError) return result;
-  const Restart* first = FirstUnaskedRestart(scenario.faults, log.restarts);
-  if (first == nullptr) return result;
-  const std::string later = log.end_reason == EndReason::kCompleted ? "" : "; then " + result.explanation;
-  result.verdict = Verdict::kFail;
-  result.time_s = ToSeconds(first->time_ns);
-  result.explanation = "restarted" + AtTime(*result.time_s) + " (" + OneLine(first->cause) +
-                       "), which no fault asked for; " + Counted(log.restarts.size(), "restart") + " in all" +
-                       later;
+  for (std::size_t client = 0; client < log.clients.size(); ++client) {
+    const std::vector<Restart>& restarts = log.clients[client].restarts;
+    const Restart* first = FirstUnaskedRestart(FaultsOn(scenario, client), restarts);
+    if (first == nullptr) continue;
+    const std::string later = log.end_reason == EndReason::kCompleted ? "" : "; then " + result.explanation;
+    result.verdict = Verdict::kFail;
+    result.time_s = ToSeconds(first->time_ns);
+    result.explanation = Whose(scenario, client) + "restarted" + AtTime(*result.time_s) + " (" +
+                         OneLine(first->cause) + "), which no fault asked for; " +
+                         Counted(restarts.size(), "restart") + " in all" + later;
+    return result;
+  }
   return result;
 }
 
-// None when there is too little to judge by.
+// Of each client; that of the first which is wrong, or of the first that can be judged. None when there is too little to
+// judge by.
 std::optional<CriterionResult> ControlPeriod(const Scenario& scenario, const RunLog& log) {
-  const std::vector<TimeNs> intervals = UndisturbedIntervals(scenario.faults, log.sent_request_times_ns);
-  if (intervals.size() < kIntervalsMin) return std::nullopt;
-  const double period_ms = static_cast<double>(kControlPeriodNs) / 1e6;
-  const double median_ms = static_cast<double>(intervals[(intervals.size() - 1) / 2]) / 1e6;
-  const double deviation_percent = std::abs(median_ms - period_ms) / period_ms * 100;
-  const bool right = deviation_percent <= scenario.control_period_tolerance_percent;
-  char text[96];
-  std::snprintf(text, sizeof text, "asks every %.3f ms, the protocol says %.6g ms", median_ms, period_ms);
-  CriterionResult result;
-  result.name = kControlPeriodCriterion;
-  result.verdict = right ? Verdict::kPass : Verdict::kFail;
-  result.explanation = right ? std::string(text) : std::string(text) + ": is the core clock right?";
-  return result;
+  std::optional<CriterionResult> found;
+  for (std::size_t client = 0; client < log.clients.size(); ++client) {
+    const std::vector<TimeNs> intervals =
+        UndisturbedIntervals(FaultsOn(scenario, client), log.clients[client].sent_request_times_ns);
+    if (intervals.size() < kIntervalsMin) continue;
+    const double period_ms = static_cast<double>(scenario.link.protocol->control_period_ns) / 1e6;
+    const double median_ms = static_cast<double>(intervals[(intervals.size() - 1) / 2]) / 1e6;
+    const double deviation_percent = std::abs(median_ms - period_ms) / period_ms * 100;
+    const bool right = deviation_percent <= scenario.control_period_tolerance_percent;
+    char text[96];
+    std::snprintf(text, sizeof text, "asks every %.3f ms, the protocol says %.6g ms", median_ms, period_ms);
+    CriterionResult result;
+    result.name = kControlPeriodCriterion;
+    result.verdict = right ? Verdict::kPass : Verdict::kFail;
+    result.explanation = Whose(scenario, client) + text + (right ? "" : ": is the core clock right?");
+    if (!found || !right) found = std::move(result);
+    if (!right) break;
+  }
+  return found;
 }
 
 Verdict FromTruth(stl::Truth truth) {
@@ -150,7 +176,8 @@ Verdict FromTruth(stl::Truth truth) {
 
 void JudgeFormula(const CriterionSpec& spec, const Scenario& scenario, const RunLog& log,
                   CriterionResult& result) {
-  const stl::Formula formula = stl::Parse(spec.stl, FaultIds(scenario));
+  const std::vector<std::string> signals = SignalNames(log.trace.columns()), fault_ids = FaultIds(scenario);
+  const stl::Formula formula = stl::Parse(spec.stl, {.signals = signals, .fault_ids = fault_ids});
   const stl::Result answer = stl::Evaluate(formula, log.trace, stl::Extent{log.end_ns, scenario.duration_ns});
   result.verdict = FromTruth(answer.truth);
   result.robustness = answer.robustness;
@@ -189,9 +216,9 @@ std::optional<double> MetricMargin(std::optional<double> min, std::optional<doub
   return least;
 }
 
-void JudgeMetric(const CriterionSpec& spec, const Metrics& metrics, const RunLog& log,
-                 CriterionResult& result) {
-  const auto& names = MetricNames();
+void JudgeMetric(const CriterionSpec& spec, const Scenario& scenario, const Metrics& metrics,
+                 const RunLog& log, CriterionResult& result) {
+  const auto names = MetricNamesOf(scenario, MetricNames());
   if (std::find(names.begin(), names.end(), spec.metric) == names.end())
     throw std::invalid_argument("unknown metric '" + spec.metric + "'");
   const auto found = metrics.values.find(spec.metric);
@@ -261,11 +288,11 @@ void Conclude(Score& score, Verdict expected) {
 
 // Why a flight in real time says nothing about the firmware; empty when it does. A firmware that went away
 // did so by itself, however late the harness was.
-std::string TooLateToJudge(const RunLog& log) {
+std::string TooLateToJudge(const RunLog& log, TimeNs period_ns) {
   if (log.end_reason == EndReason::kFirmwareLost || log.end_reason == EndReason::kFirmwareCrashed) return "";
   const std::int64_t overruns = log.harness_overrun_count.value_or(0);
   if (overruns == 0) return "";
-  const std::int64_t periods = std::max<std::int64_t>(log.end_ns / kControlPeriodNs, 1);
+  const std::int64_t periods = std::max<std::int64_t>(log.end_ns / period_ns, 1);
   const TimeNs late_ns = log.harness_late_max_ns.value_or(0);
   const bool often = overruns > kOverrunCountMax &&
                      static_cast<double>(overruns) > kOverrunRatioMax * static_cast<double>(periods);
@@ -286,7 +313,8 @@ std::optional<double> LeastMargin(const Score& score) {
 
 Score ScoreRun(const Scenario& scenario, const RunLog& log) {
   Score score;
-  score.restarts_count = static_cast<std::int64_t>(log.restarts.size());
+  for (const ClientLog& client : log.clients)
+    score.restarts_count += static_cast<std::int64_t>(client.restarts.size());
   score.criteria.push_back(Survival(scenario, log));
   if (auto control_period = ControlPeriod(scenario, log))
     score.criteria.push_back(std::move(*control_period));
@@ -307,7 +335,7 @@ Score ScoreRun(const Scenario& scenario, const RunLog& log) {
     result.name = spec.name;
     try {
       if (spec.stl.empty())
-        JudgeMetric(spec, metrics, log, result);
+        JudgeMetric(spec, scenario, metrics, log, result);
       else
         JudgeFormula(spec, scenario, log, result);
     } catch (const stl::ParseError& e) {
@@ -319,11 +347,14 @@ Score ScoreRun(const Scenario& scenario, const RunLog& log) {
     }
     score.criteria.push_back(std::move(result));
   }
-  score.histograms = {{"request_period_ms", RequestPeriodHistogram(log.request_times_ns)},
-                      {"reply_latency_ms", ReplyLatencyHistogram(log.reply_latency_ns)}};
+  for (std::size_t i = 0; i < log.clients.size(); ++i) {
+    const auto name = [&](std::string_view histogram) { return ClientName(scenario, "", i, '.', histogram); };
+    score.histograms[name("request_period_ms")] = RequestPeriodHistogram(log.clients[i].request_times_ns);
+    score.histograms[name("reply_latency_ms")] = ReplyLatencyHistogram(log.clients[i].reply_latency_ns);
+  }
   Conclude(score, scenario.expect);
   if (score.verdict == Verdict::kPass || score.verdict == Verdict::kFail) {
-    if (std::string why = TooLateToJudge(log); !why.empty()) {
+    if (std::string why = TooLateToJudge(log, scenario.link.protocol->control_period_ns); !why.empty()) {
       score.verdict = Verdict::kInconclusive;
       score.reason = std::move(why);
     }

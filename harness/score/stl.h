@@ -7,67 +7,21 @@
 // it); a comparison's margin is divided by the scale of its signals; a comparison that meets NaN counts
 // against the formula.
 //
-//   const stl::Formula f = stl::Parse("always[5,60](position_error_m <= 1.0)", fault_ids);
+//   const auto signals = SignalNames(trace.columns());
+//   const stl::Formula f = stl::Parse("always[5,60](position_error_m <= 1.0)", {signals, fault_ids});
 //   const stl::Result r = stl::Evaluate(f, trace, duration_ns);
 #pragma once
 
 #include <cstdint>
-#include <memory>
 #include <optional>
-#include <span>
-#include <stdexcept>
 #include <string>
 #include <string_view>
 
+#include "harness/formula/formula.h"
 #include "harness/run/trace.h"
 #include "link/time.h"
 
 namespace tiltproof::harness::stl {
-
-// 1-based column in the formula's text, in bytes.
-struct ParseError : std::runtime_error {
-  ParseError(std::size_t column_in, const std::string& message)
-      : std::runtime_error(message), column(column_in) {}
-  std::size_t column;
-};
-
-// clang-format off
-enum class Op : std::uint8_t {
-  // Numbers.
-  kNumber, kSignal, kNegate, kAbs, kMin, kMax, kAdd, kSubtract, kMultiply, kDivide,
-  // Comparisons of numbers.
-  kLessEqual, kLess, kGreaterEqual, kGreater,
-  // Formulas.
-  kTrue, kFalse, kFaultActive, kNot, kAnd, kOr, kImplies, kAlways, kEventually, kUntil,
-};
-// clang-format on
-
-struct Node;
-using Formula = std::shared_ptr<const Node>;
-
-// Closed, relative to the enclosing operator's time, 0 <= begin_ns <= end_ns.
-struct Window {
-  TimeNs begin_ns = 0, end_ns = 0;
-};
-
-struct Node {
-  Op op{};
-  double number = 0.0;  // kNumber
-  std::string name{};   // kSignal: of the signal; kFaultActive: the fault's id
-  // kUntil has one; kAlways and kEventually without look to the end of the flight.
-  std::optional<Window> window{};
-  Formula left{}, right{};  // an operator of one operand has it on the left
-};
-
-inline constexpr std::size_t kFormulaLengthMax_bytes = 4096;
-inline constexpr std::size_t kNestingMax_count = 64;
-inline constexpr double kWindowMax_s = 1e6;
-
-// Throws ParseError. `fault_ids`: what fault_active("...") may name.
-Formula Parse(std::string_view text, std::span<const std::string> fault_ids);
-
-// Canonical text, with all parentheses: Parse(ToString(f)) has the same text.
-std::string ToString(const Formula& formula);
 
 // When the formula can be decided at the earliest, whatever the flight does: nested windows add up. Operators
 // without a window look to the planned end. It is never decided when that is after the end.

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "harness/score/signals.h"
 #include "harness/score/stl.h"
 
 namespace tiltproof::harness::stl {

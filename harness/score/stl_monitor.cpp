@@ -47,41 +47,17 @@ struct ThenUntil {
   }
 };
 
-double Apply(Op op, double left, double right) {
-  switch (op) {
-    case Op::kNegate:
-      return -left;
-    case Op::kAbs:
-      return std::abs(left);
-    // Not std::min and std::max: a NaN on either side must come out.
-    case Op::kMin:
-      return std::isnan(left) || left < right ? left : right;
-    case Op::kMax:
-      return std::isnan(left) || left > right ? left : right;
-    case Op::kAdd:
-      return left + right;
-    case Op::kSubtract:
-      return left - right;
-    case Op::kMultiply:
-      return left * right;
-    case Op::kDivide:
-      return left / right;
-    default:
-      return std::numeric_limits<double>::quiet_NaN();
-  }
-}
-
 // How large a number of this expression is "a lot"; without a signal in it, its value.
 struct Scale {
   bool has_signal = false;
   double value = 1.0;
 };
 
-Scale ScaleOf(const Node& node) {
+Scale ScaleOf(const Trace& trace, const Node& node) {
   if (node.op == Op::kNumber) return {false, node.number};
-  if (node.op == Op::kSignal) return {true, SignalScale(node.name)};
-  const Scale left = ScaleOf(*node.left);
-  const Scale right = node.right ? ScaleOf(*node.right) : Scale{false, 0.0};
+  if (node.op == Op::kSignal) return {true, SignalScale(trace, node.name)};
+  const Scale left = ScaleOf(trace, *node.left);
+  const Scale right = node.right ? ScaleOf(trace, *node.right) : Scale{false, 0.0};
   if (!left.has_signal && !right.has_signal) return {false, Apply(node.op, left.value, right.value)};
   if (node.op == Op::kMultiply || node.op == Op::kDivide) {
     // A constant factor stretches the scale with the signal; any other product is of no unit that the table
@@ -94,10 +70,6 @@ Scale ScaleOf(const Node& node) {
     return {true, std::isfinite(scale) && scale > 0.0 ? scale : 1.0};
   }
   return {true, std::max(left.has_signal ? left.value : 0.0, right.has_signal ? right.value : 0.0)};
-}
-
-bool IsComparison(Op op) {
-  return op == Op::kLessEqual || op == Op::kLess || op == Op::kGreaterEqual || op == Op::kGreater;
 }
 
 // Of a formula's robustness, whatever the part of the flight that was not seen.
@@ -273,7 +245,7 @@ class Monitor {
   }
 
   Bounds Compare(const Node& node, bool negated) {
-    const Scale left_scale = ScaleOf(*node.left), right_scale = ScaleOf(*node.right);
+    const Scale left_scale = ScaleOf(trace_, *node.left), right_scale = ScaleOf(trace_, *node.right);
     const bool has_signal = left_scale.has_signal || right_scale.has_signal;
     double scale = 1.0;
     if (has_signal)

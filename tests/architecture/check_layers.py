@@ -8,24 +8,25 @@ import re
 import sys
 
 # Folder (longest prefix wins) -> folders whose headers it may include. Arrows point downward only, so there are no circles.
-LINK_CODEC = {"link/time.h", "link/signals.h", "link/fletcher16.h", "link/frame.h", "link/messages.h", "link/chunk.h"}
+LINK_CODEC = {"link/time.h", "link/fletcher16.h", "link/frame.h", "link/message_kind.h", "link/chunk.h"}
 MAY_INCLUDE = {
     "link": ["link"],
-    "plant": ["plant", "link/time.h", "link/signals.h"],
+    "plant": ["plant", "link/time.h", "link/signal_table.h", "link/disturbance.h"],
     "faults": ["faults", "link"],
     "firmware": ["firmware", *sorted(LINK_CODEC)],
     "harness/reference": ["harness/reference", "link"],
+    "harness/formula": ["harness/formula", "faults/nearest_name.h", "link/time.h"],
     "harness/scenario": ["harness/scenario", "harness/reference", "faults", "link"],
     "harness/terminal": ["harness/terminal"],
     "harness/process": ["harness/process", "link/time.h"],
     "harness/emulator": ["harness/emulator", "harness/process", "faults", "link"],
-    "harness/client": ["harness/client", "harness/emulator", "harness/process", "harness/terminal", "firmware/tiltproof_client.h", "faults", "link"],
+    "harness/client": ["harness/client", "harness/scenario", "harness/emulator", "harness/process", "harness/terminal", "firmware/tiltproof_client.h", "faults", "link"],
     "harness/dds": ["harness/dds", "harness/terminal", "link"],
-    "harness/run": ["harness/run", "harness/process", "harness/terminal", "harness/client", "harness/emulator", "harness/dds", "harness/reference", "harness/scenario",
+    "harness/run": ["harness/run", "harness/process", "harness/terminal", "harness/client", "harness/emulator", "harness/dds", "harness/reference", "harness/scenario", "harness/formula",
                     "plant", "faults", "link"],
     "harness/node": ["harness/node", "harness/process", "harness/terminal", "harness/run", "harness/client", "harness/emulator", "harness/dds", "harness/scenario",
                      "harness/reference", "plant", "faults", "link"],
-    "harness/score": ["harness/score", "harness/run", "harness/scenario", "faults", "link"],
+    "harness/score": ["harness/score", "harness/run", "harness/scenario", "harness/formula", "harness/reference", "faults", "link"],
     "harness/report": ["harness/report", "harness/score", "harness/run", "harness/scenario", "faults", "link"],
     "harness/cli": ["harness", "plant", "faults", "link"],
 }

@@ -16,9 +16,9 @@
 #include <string>
 #include <vector>
 
+#include "firmware/messages.h"
 #include "link/fletcher16.h"
 #include "link/frame.h"
-#include "link/messages.h"
 
 namespace {
 

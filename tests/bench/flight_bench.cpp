@@ -34,8 +34,8 @@ Scenario Spiral(double duration_s) {
 RunLog FlySpiral(double duration_s) {
   const Scenario scenario = Spiral(duration_s);
   FlightOptions options;
-  options.make_client = [&](ClientHost host) {
-    return LoadLibraryClient(TILTPROOF_FIRMWARE_LIBRARY, scenario.firmware, scenario.link.dialect,
+  options.make_client = [&](std::size_t /*client*/, ClientHost host) {
+    return LoadLibraryClient(TILTPROOF_FIRMWARE_LIBRARY, scenario.firmware, scenario.link.protocol->name,
                              std::move(host));
   };
   return Fly(scenario, Model(), options);
@@ -45,12 +45,12 @@ RunLog FlySpiral(double duration_s) {
 // faults and log.
 void BarePlant(benchmark::State& state) {
   const RunLog log = FlySpiral(kDuration_s);
-  std::vector<ActuatorsTruth> inputs;
+  const VehicleSignals signals = Model().signals();
+  std::vector<std::vector<double>> inputs;
   for (std::size_t r = 0; r < log.trace.row_count(); ++r) {
-    ActuatorsTruth input;
-    for (const auto& field : kActuatorFields)
-      input.*field.in_double = log.trace.at(r, *log.trace.Find(field.column));
-    inputs.push_back(input);
+    std::vector<double>& input = inputs.emplace_back();
+    for (const Signal& signal : signals.inputs)
+      input.push_back(log.trace.at(r, *log.trace.Find(signal.name)));
   }
   for (auto _ : state) {
     plant::Plant plant(Model(), {});
@@ -61,7 +61,10 @@ void BarePlant(benchmark::State& state) {
       plant.Step(inputs[r + 1]);
       plant.Step(inputs[r + 1]);
     }
-    if (plant.State().x_m != log.trace.at(log.trace.row_count() - 1, *log.trace.Find("x_m"))) {
+    std::vector<double> at_end(signals.states.size());
+    plant.State(at_end);
+    if (at_end[*signals.states.Find("x_m")] !=
+        log.trace.at(log.trace.row_count() - 1, *log.trace.Find("x_m"))) {
       state.SkipWithError("not the same flight");
       break;
     }

@@ -9,6 +9,7 @@
 #include "plant/lqr_design.h"
 #include "plant/plant.h"
 #include "tests/support/reference_controller.h"
+#include "tests/support/tiltrotor_plant.h"
 
 namespace tiltproof::plant {
 namespace {
@@ -32,11 +33,11 @@ constexpr int kStepsPerHover = 1000;
 
 void Step(benchmark::State& state) {
   Plant plant(Model(), {});
-  const ActuatorsTruth input = Model().HoverInput();
+  const std::vector<double> input = Model().HoverInput();
   int steps = 0;
   for (auto _ : state) {
     if (steps++ % kStepsPerHover == 0) StartAtHover(plant);
-    benchmark::DoNotOptimize(plant.Step(input));
+    plant.Step(input);
   }
   if (plant.Event() != FlightEvent::kNone) state.SkipWithError("left the hover");
 }
@@ -44,19 +45,21 @@ BENCHMARK(Step);
 
 void StepAndState(benchmark::State& state) {
   Plant plant(Model(), {});
-  const ActuatorsTruth input = Model().HoverInput();
+  const std::vector<double> input = Model().HoverInput();
+  std::vector<double> row(Model().signals().states.size());
   int steps = 0;
   for (auto _ : state) {
     if (steps++ % kStepsPerHover == 0) StartAtHover(plant);
     plant.Step(input);
-    benchmark::DoNotOptimize(plant.State());
+    plant.State(row);
+    benchmark::DoNotOptimize(row.data());
   }
 }
 BENCHMARK(StepAndState);
 
 void SpiralOf60s(benchmark::State& state) {
   const auto gain = testing::ReadGainCsv(Source("tests/golden/dlqr_gain_published.csv"));
-  Plant plant(Model(), {});
+  testing::TiltrotorPlant plant(Model(), {});
   for (auto _ : state) {
     plant.Reset({2, 0, 0.5}, {0, 0, 0});
     testing::ReferenceController controller(gain, {10.2751, 10.2799, 0, 0});

@@ -176,7 +176,7 @@ class Lockstep(unittest.TestCase):
         self.assertGreater(result["metrics"]["firmware.receive_overruns_count"], 10)
 
     def test_a_fast_crystal_shortens_the_period(self):
-        file = self.scenario(duration_s=4, faults="{id: d, type: device.clock_drift, start_s: 0, parameters: {ppm: 5000}}")
+        file = self.scenario(duration_s=4, faults="{id: d, type: clock.drift, start_s: 0, parameters: {ppm: 5000}}")
         _, [result] = self.fly(file, "--client", "qemu")
         _, [exact] = self.fly(self.scenario(duration_s=4), "--client", "qemu")
         ratio = exact["metrics"]["timing.request_period_mean_ms"] / result["metrics"]["timing.request_period_mean_ms"]
@@ -206,7 +206,7 @@ class Lockstep(unittest.TestCase):
         return done.returncode == 0
 
     def test_what_cannot_be_raised_is_refused_with_its_place(self):
-        for fault, client in (("uart.parity_error", "qemu"), ("uart.framing_error", "host"), ("device.stall", "host")):
+        for fault, client in (("clock.jump, parameters: {jump_ms: 5}", "qemu"), ("uart.framing_error", "host"), ("device.stall", "host")):
             window = "start_s: 1, end_s: 2" + (", parameters: {probability: 0.1}" if fault.startswith("uart") else "")
             file = self.scenario(faults=f"{{id: x, type: {fault}, {window}}}")
             done = self.run_tiltproof("run", file, "--client", client, "--out", self.root / "out")
@@ -220,7 +220,7 @@ class Lockstep(unittest.TestCase):
             if words:
                 self.assertIn(f"{file}:6:", done.stderr)
                 self.assertIn(words, done.stderr)
-        drift = "{{id: {}, type: device.clock_drift, start_s: {}, end_s: 3, parameters: {{ppm: 100}}}}"
+        drift = "{{id: {}, type: clock.drift, start_s: {}, end_s: 3, parameters: {{ppm: 100}}}}"
         file = self.scenario(faults=", ".join(drift.format(name, start) for name, start in (("a", 1), ("b", 2))))
         self.assertEqual(self.run_tiltproof("run", file, "--client", "qemu", "--dry-run").returncode, 2)
 

@@ -11,6 +11,7 @@
 
 #include "faults/registry.h"
 #include "faults/schedule.h"
+#include "firmware/signals.h"
 #include "link/chunk.h"
 
 namespace tiltproof::faults {
@@ -39,6 +40,34 @@ inline FaultSpec ExampleSpec(const FaultType& type) {
   if (type.start == Bound::kRequired) spec.start_ns = 2 * kNsPerS;
   if (type.end == Bound::kRequired) spec.end_ns = 5 * kNsPerS;
   return spec;
+}
+
+// The tilt-rotor's tables, and what a schedule does to its named values.
+inline VehicleSignals TiltrotorSignals() {
+  std::vector<Signal> sensors, inputs;
+  for (const auto& field : kSensorFields)
+    sensors.push_back(SignalNamed(std::string(field.column), SignalFrame::kWorld));
+  for (const auto& field : kActuatorFields)
+    inputs.push_back(SignalNamed(std::string(field.column), SignalFrame::kRotor));
+  return {.states = SignalTable(sensors), .sensors = SignalTable(sensors), .inputs = SignalTable(inputs)};
+}
+
+inline FaultSchedule AtThePlant(const std::vector<FaultSpec>& specs, std::uint64_t seed = 1) {
+  return {specs, seed, {.signals = TiltrotorSignals()}};
+}
+
+inline void EditSensors(FaultSchedule& schedule, TimeNs t, Sensors& sensors, TimeNs boot_time = 0) {
+  std::vector<float> row;
+  for (const auto& field : kSensorFields) row.push_back(sensors.*field.in_float);
+  schedule.EditSensors(t, row, boot_time);
+  for (std::size_t i = 0; i < row.size(); ++i) sensors.*kSensorFields[i].in_float = row[i];
+}
+
+inline void EditActuators(FaultSchedule& schedule, TimeNs t, ActuatorsTruth& input, bool new_command = true) {
+  std::vector<double> row;
+  for (const auto& field : kActuatorFields) row.push_back(input.*field.in_double);
+  schedule.EditInput(t, row, new_command);
+  for (std::size_t i = 0; i < row.size(); ++i) input.*kActuatorFields[i].in_double = row[i];
 }
 
 // Frame n of a line that sends one every 12 ms; no two are alike. Interior bytes are never flags.

@@ -41,7 +41,7 @@ TEST(NodeCommandTest, AreInOrderOfTimeThenOfTheFile) {
       At(Spec("node.pause", {{"node", "client"}}), 4 * kNsPerS, 5 * kNsPerS),
       At(Spec("dds.partition", {{"node", "all"}}), 4 * kNsPerS, 6 * kNsPerS),
       Spec("dds.loss", {{"node", "link"}, {"probability", 0.1}}),
-      At(Spec("clock.skew", {{"node", "client"}, {"ppm", -500.0}}), 0)};
+      At(Spec("clock.drift", {{"ppm", -500.0}}), 0)};
   std::vector<std::size_t> order;
   for (const NodeCommand& command : NodeCommands(specs)) order.push_back(command.fault);
   EXPECT_THAT(order, ElementsAre(4, 5, 2, 3, 0));
@@ -61,10 +61,16 @@ TEST(NodeCommandTest, EachTypeSaysWhenItIsTakenBack) {
   const NodeCommand loss = only(Spec("dds.loss", {{"node", "all"}, {"probability", 0.25}}));
   EXPECT_EQ(loss.at_ns, kPowerOn);
   EXPECT_EQ(loss.until_ns, kNever);
-  EXPECT_EQ(loss.parameters.Number("probability"), 0.25);
-  const NodeCommand skew = only(Spec("clock.skew", {{"node", "plant"}, {"ppm", 50.0}}));
-  EXPECT_EQ(skew.at_ns, kPowerOn);
-  EXPECT_EQ(skew.parameters.Number("offset_ms"), 0.0);  // the default
+  EXPECT_EQ(std::get<LosePackets>(loss.action).probability, 0.25);
+  const NodeCommand drift = only(Spec("clock.drift", {{"node", "plant"}, {"ppm", 50.0}}));
+  EXPECT_EQ(drift.at_ns, 0);
+  EXPECT_EQ(drift.until_ns, kNever);
+  EXPECT_EQ(drift.node, "plant");
+  EXPECT_EQ(std::get<DriftClock>(drift.action).ppm, 50.0);
+  const NodeCommand jump = only(At(Spec("clock.jump", {{"jump_ms", -2.5}}), 3, 8));
+  EXPECT_EQ(jump.node, "client");  // the default
+  EXPECT_EQ(jump.until_ns, 8);
+  EXPECT_EQ(std::get<JumpClock>(jump.action).by_ns, -2'500'000);
 }
 
 TEST(NodeCommandTest, ARestartIsOverWhenTheNodeIsStartedAgain) {
@@ -87,10 +93,12 @@ TEST(NodeCommandTest, OnlyNodesThatCanBeAimedAt) {
     for (const char* node : {"plant", "link", "client", "base_station"})
       EXPECT_TRUE(valid(type, node)) << type << ' ' << node;
   for (const char* type : {"dds.partition", "dds.loss"}) EXPECT_TRUE(valid(type, "all"));
-  for (const char* type : {"node.kill", "node.pause", "node.restart", "clock.skew"})
+  for (const char* type : {"node.kill", "node.pause", "node.restart", "clock.drift", "clock.jump"})
     EXPECT_FALSE(valid(type, "all"));
   for (const char* node : {"plant", "link"}) EXPECT_FALSE(valid("node.restart", node));
-  EXPECT_FALSE(valid("clock.skew", "link"));
+  for (const char* type : {"clock.drift", "clock.jump"})
+    for (const char* node : {"plant", "link", "client", "base_station"})
+      EXPECT_TRUE(valid(type, node)) << type << ' ' << node;
 }
 
 TEST(NodeCommandTest, AnInvalidFaultIsRefusedByName) {
@@ -110,17 +118,16 @@ class NodeConformanceTest : public ::testing::TestWithParam<FaultType> {
 };
 
 TEST_P(NodeConformanceTest, EditsNothing) {
-  FaultSchedule schedule({ExampleSpec(type())}, 1);
+  FaultSchedule schedule = AtThePlant({ExampleSpec(type())}, 1);
   schedule.SetOrigin(0);
   for (const auto direction :
        {link::Direction::kToClient, link::Direction::kToPlant, link::Direction::kReference})
     EXPECT_EQ(schedule.Stage(direction), nullptr);
-  EXPECT_EQ(schedule.NextEdge(kPowerOn), kNever);
   for (TimeNs t = 0; t < 12 * kNsPerS; t += 12 * kNsPerMs) {
     Sensors sensors{.x_m = 1.25F};
     ActuatorsTruth command{.f_r_n = 8.0};
-    schedule.EditSensors(t, sensors);
-    schedule.EditActuators(t, command);
+    EditSensors(schedule, t, sensors);
+    EditActuators(schedule, t, command);
     ASSERT_EQ(sensors, Sensors{.x_m = 1.25F});
     ASSERT_EQ(command, ActuatorsTruth{.f_r_n = 8.0});
   }
@@ -133,18 +140,11 @@ TEST_P(NodeConformanceTest, IsOneCommandInForceWhileItIsActive) {
   const std::vector<NodeCommand> commands = NodeCommands({other, spec});
   ASSERT_THAT(commands, SizeIs(1));
   EXPECT_EQ(commands[0].fault, 1U);
-  EXPECT_EQ(commands[0].type, type().name);
-  EXPECT_EQ(commands[0].at_ns, spec.start_ns);
-  for (const ParameterInfo& info : type().parameters) {
-    if (info.kind == ParameterKind::kChoice) {
-      EXPECT_EQ(commands[0].parameters.Choice(info.name), std::get<std::string>(info.example));
-    } else {
-      EXPECT_EQ(commands[0].parameters.Number(info.name), std::get<double>(info.example));
-    }
-  }
-  EXPECT_EQ(commands[0].node, commands[0].parameters.Choice("node"));
+  EXPECT_EQ(commands[0].at_ns,
+            type().IsOneOf<ClockKind>() ? std::max<TimeNs>(spec.start_ns, 0) : spec.start_ns);
+  EXPECT_EQ(commands[0].node, std::get<std::string>(spec.parameters.at("node")));
   const FaultSchedule schedule({other, spec}, 1);
-  for (TimeNs t = -kNsPerS; t < 12 * kNsPerS; t += 100 * kNsPerMs)
+  for (TimeNs t = type().IsOneOf<ClockKind>() ? 0 : -kNsPerS; t < 12 * kNsPerS; t += 100 * kNsPerMs)
     ASSERT_EQ(schedule.IsActive(1, t), commands[0].at_ns <= t && t < commands[0].until_ns) << t;
 }
 
@@ -177,7 +177,7 @@ TEST_P(NodeConformanceTest, HasNoTriggerAndNothingBeforeTheStart) {
 std::vector<FaultType> TypesOnNodes() {
   std::vector<FaultType> types;
   for (const FaultType& type : FaultTypes())
-    if (type.on_node) types.push_back(type);
+    if (type.IsOneOf<NodeKind, ClockKind>()) types.push_back(type);
   return types;
 }
 

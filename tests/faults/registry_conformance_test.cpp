@@ -5,10 +5,12 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
+#include <fstream>
 #include <limits>
+#include <map>
 #include <set>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -16,6 +18,8 @@
 #include "faults/node_command.h"
 #include "faults/registry.h"
 #include "faults/schedule.h"
+#include "faults/signal_choice.h"
+#include "tests/faults/faulty_flight.h"
 #include "tests/faults/faulty_line.h"
 
 namespace tiltproof::faults {
@@ -28,52 +32,14 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
 
-constexpr std::int64_t kFrames = 1000;
-constexpr TimeNs kPeriod = 12 * kNsPerMs;
-
-// Sample n of a flight: every sensor moves. Of no use to a frozen sensor is one that stands still.
-Sensors Sample(std::int64_t n) {
-  Sensors sensors;
-  float value = static_cast<float>(n);
-  for (const auto& field : kSensorFields) sensors.*field.in_float = value += 0.25F;
-  return sensors;
-}
-
-ActuatorsTruth Command(std::int64_t n) {
-  return {.f_r_n = 10 + 0.01 * static_cast<double>(n), .f_l_n = 10.5, .tau_r_nm = 0.1, .tau_l_nm = -0.1};
-}
-
-// Everything that a fault can change, over kFrames periods of 12 ms.
-struct Outcome {
-  std::vector<std::vector<link::Chunk>> frames;
-  std::vector<Sensors> sensors;
-  std::vector<ActuatorsTruth> actuators;
-  std::vector<std::int64_t> counts;
-  std::vector<Activation> activations;
-};
-
-Outcome Fly(const std::vector<FaultSpec>& specs, std::uint64_t seed = 1) {
-  FaultSchedule schedule(specs, seed);
-  Outcome outcome;
-  outcome.frames = Send(schedule, kFrames);
-  for (std::int64_t n = 0; n < kFrames; ++n) {
-    outcome.sensors.push_back(Sample(n));
-    schedule.EditSensors(n * kPeriod, outcome.sensors.back());
-    outcome.actuators.push_back(Command(n));
-    schedule.EditActuators(n * kPeriod, outcome.actuators.back());
-  }
-  outcome.counts = schedule.ActivationCounts();
-  outcome.activations = schedule.TakeActivations(0);
-  return outcome;
-}
-
 bool SameFrames(const Outcome& a, const Outcome& b) {
   return std::equal(a.frames.begin(), a.frames.end(), b.frames.begin(), b.frames.end(),
                     [](const auto& x, const auto& y) { return Same(x, y); });
 }
 
 bool SameOutcome(const Outcome& a, const Outcome& b) {
-  return SameFrames(a, b) && a.sensors == b.sensors && a.actuators == b.actuators;
+  return SameFrames(a, b) && a.sensors == b.sensors && a.actuators == b.actuators &&
+         a.disturbances == b.disturbances;
 }
 
 // What came of frame n, wherever it came out.
@@ -97,16 +63,30 @@ class RegistryConformanceTest : public ::testing::TestWithParam<FaultType> {
 // (device_command_test.cpp), and marks on received bytes (receiver_test.cpp).
 class EditConformanceTest : public RegistryConformanceTest {};
 class ZeroConformanceTest : public RegistryConformanceTest {};
+class SeverityConformanceTest : public RegistryConformanceTest {};
 class WireConformanceTest : public RegistryConformanceTest {};
 
-bool Edits(const FaultType& type) { return !type.is_command() && !type.on_receiver(); }
+bool Edits(const FaultType& type) { return type.IsOneOf<WireKind, SensorKind, ActuatorKind, PlantKind>(); }
 
 bool HasZero(const FaultType& type) {
   return Edits(type) && std::any_of(type.parameters.begin(), type.parameters.end(),
                                     [](const ParameterInfo& info) { return info.zero.has_value(); });
 }
 
-bool OnWire(const FaultType& type) { return type.on_wire(); }
+bool AlwaysCounts(const FaultType& type) {
+  const auto* sensor = type.As<SensorKind>();
+  return sensor != nullptr && sensor->always_counts;
+}
+bool Remembers(const FaultType& type) {
+  const auto* wire = type.As<WireKind>();
+  return wire != nullptr && wire->remembers;
+}
+bool HasSeverity(const FaultType& type) {
+  return Edits(type) && std::any_of(type.parameters.begin(), type.parameters.end(),
+                                    [](const ParameterInfo& info) { return info.severity.has_value(); });
+}
+
+bool OnWire(const FaultType& type) { return type.IsOneOf<WireKind>(); }
 
 std::vector<FaultType> TypesThat(bool (*predicate)(const FaultType&)) {
   std::vector<FaultType> types;
@@ -118,8 +98,8 @@ std::vector<FaultType> TypesThat(bool (*predicate)(const FaultType&)) {
 
 TEST_P(RegistryConformanceTest, IsDocumented) {
   EXPECT_THAT(std::string(type().name), ::testing::MatchesRegex("[a-z]+\\.[a-z_]+"));
-  EXPECT_THAT((std::set<std::string_view>{"wire", "frame", "link", "sensor", "actuator", "node", "dds",
-                                          "clock", "device", "uart", "harness"}),
+  EXPECT_THAT((std::set<std::string_view>{"wire", "frame", "link", "sensor", "actuator", "plant", "node",
+                                          "dds", "clock", "device", "uart", "harness"}),
               Contains(type().layer()));
   EXPECT_TRUE(type().summary.ends_with('.'));
   EXPECT_TRUE(type().semantics.ends_with('.'));
@@ -129,22 +109,15 @@ TEST_P(RegistryConformanceTest, IsDocumented) {
   for (const ParameterInfo& info : type().parameters) {
     EXPECT_TRUE(names.insert(info.name).second) << info.name;
     EXPECT_FALSE(info.doc.empty()) << info.name;
-    EXPECT_EQ(info.unit.empty(), info.kind == ParameterKind::kChoice || info.kind == ParameterKind::kText)
+    EXPECT_EQ(info.unit.empty(), info.kind == ParameterKind::kChoice || info.kind == ParameterKind::kText ||
+                                     NamesSignal(info.kind))
         << info.name;
     EXPECT_EQ(info.choices.empty(), info.kind != ParameterKind::kChoice) << info.name;
     EXPECT_THAT(catalogue, HasSubstr("| `" + std::string(info.name) + "` |"));
   }
-  EXPECT_EQ(1, (type().make_wire != nullptr) + (type().make_sensor != nullptr) +
-                   (type().make_actuator != nullptr) + (type().on_node ? 1 : 0) + (type().on_device ? 1 : 0) +
-                   (type().on_receiver() ? 1 : 0));
-  EXPECT_EQ(type().stage == Stage::kNode, type().on_node);
-  EXPECT_EQ(type().stage == Stage::kDevice, type().on_device);
-  EXPECT_EQ(type().stage == Stage::kReceiver, type().on_receiver());
   // Who edits the wire, sensors or actuators is the harness itself.
   EXPECT_EQ(type().needs == Needs::kNothing, Edits(type()));
-  EXPECT_EQ(type().needs == Needs::kNodes, type().on_node);
-  EXPECT_EQ(type().stage == Stage::kSensor, type().make_sensor != nullptr);
-  EXPECT_EQ(type().stage == Stage::kActuator, type().make_actuator != nullptr);
+  EXPECT_EQ(type().needs == Needs::kNodes, type().IsOneOf<NodeKind>());
 }
 
 TEST_P(RegistryConformanceTest, ItsExampleIsValid) { EXPECT_THAT(Validate(ExampleSpec(type())), IsEmpty()); }
@@ -210,6 +183,30 @@ TEST_P(RegistryConformanceTest, RefusesWrongParameters) {
       EXPECT_THAT(problems_with(std::string(kParameterTextMax + 1, 'x')), refused);
       continue;
     }
+    if (NamesSignal(info.kind)) {
+      EXPECT_THAT(problems_with(1.0), refused);
+      for (const std::string text : {"", "z m", "1_m", "_m", "h\xC3\xB6he_m", "z_m\n"})
+        EXPECT_THAT(problems_with(text), refused) << text;
+      // Whether there is one, the vehicle says; the schedule has it.
+      EXPECT_THAT(problems_with("gremlin_m"), IsEmpty());
+      FaultSpec named = ExampleSpec(type());
+      named.parameters[name] = "gremlin_m";
+      EXPECT_THROW(AtThePlant({named}), std::invalid_argument);
+      for (const std::string& known : SignalNames(TiltrotorSignals(), info.kind)) {
+        named.parameters[name] = known;
+        EXPECT_NO_THROW(AtThePlant({named})) << known;
+      }
+      continue;
+    }
+    if (info.kind == ParameterKind::kVector) {
+      using Vector = std::array<double, 3>;
+      EXPECT_THAT(problems_with(1.0), refused);
+      EXPECT_THAT(problems_with(Vector{}), refused);
+      EXPECT_THAT(problems_with(Vector{0, 0, std::nextafter(info.max, 1e300)}), refused);
+      EXPECT_THAT(problems_with(Vector{0, std::numeric_limits<double>::quiet_NaN(), 1}), refused);
+      EXPECT_THAT(problems_with(Vector{info.min, info.max, 0}), IsEmpty());
+      continue;
+    }
     EXPECT_THAT(problems_with("no such choice"), refused);
     if (info.kind == ParameterKind::kChoice) {
       EXPECT_THAT(problems_with(1.0), refused);
@@ -237,10 +234,9 @@ TEST_P(RegistryConformanceTest, RefusesWrongTargets) {
     FaultSpec spec = ExampleSpec(type());
     spec.target = target;
     const bool is_line = target == Target::kToClient || target == Target::kReference ||
-                         (target != Target::kNone && type().on_wire());
-    const bool allowed = target == Target::kNone
-                             ? !(type().on_wire() || type().on_receiver()) || type().default_target
-                             : is_line && (type().on_wire() || type().on_receiver());
+                         (target != Target::kNone && type().IsOneOf<WireKind>());
+    const bool allowed = target == Target::kNone ? !type().has_target() || type().default_target()
+                                                 : is_line && type().has_target();
     if (allowed) {
       EXPECT_THAT(Validate(spec), IsEmpty()) << Name(target);
       EXPECT_NO_THROW(FaultSchedule({spec}, 1));
@@ -259,7 +255,7 @@ TEST_P(EditConformanceTest, SameSeedSameOutcome) {
   EXPECT_TRUE(SameOutcome(first, second));
   EXPECT_EQ(first.counts, second.counts);
   // The trigger's probability alone makes another seed another outcome, for every type that changes anything.
-  if (!type().always_counts) {
+  if (!AlwaysCounts(type())) {
     EXPECT_FALSE(SameOutcome(first, Fly({spec}, 6)));
   }
 }
@@ -275,6 +271,29 @@ TEST_P(ZeroConformanceTest, ZeroIntensityChangesNothing) {
   EXPECT_THAT(outcome.activations, IsEmpty());
 }
 
+TEST_P(RegistryConformanceTest, HasOneSeverityAtMostAndItsHarmlessValueIsAnEndOfItsRange) {
+  int count = 0;
+  for (const ParameterInfo& info : type().parameters) {
+    if (!info.severity) continue;
+    ++count;
+    ASSERT_TRUE(info.zero) << info.name;
+    const double harmless = std::get<double>(*info.zero);
+    EXPECT_TRUE(harmless == info.min || harmless == info.max || (harmless == 0 && info.min == -info.max))
+        << info.name;
+  }
+  EXPECT_LE(count, 1);
+}
+
+// With all else as in the example, but what need not be stated at its default: the harmless value alone must do.
+TEST_P(SeverityConformanceTest, AtItsHarmlessValueNothingChanges) {
+  FaultSpec spec = ExampleSpec(type());
+  for (const ParameterInfo& info : type().parameters) {
+    if (info.default_value) spec.parameters[std::string(info.name)] = *info.default_value;
+    if (info.severity) spec.parameters[std::string(info.name)] = *info.zero;
+  }
+  EXPECT_TRUE(SameOutcome(Fly({spec}), Fly({})));
+}
+
 TEST_P(EditConformanceTest, ActsOnlyInItsWindow) {
   FaultSpec spec = ExampleSpec(type());
   // Borders between the grid points and on them.
@@ -288,6 +307,7 @@ TEST_P(EditConformanceTest, ActsOnlyInItsWindow) {
     ASSERT_TRUE(Unchanged(Descendants(outcome, n), n)) << n;
     ASSERT_EQ(outcome.sensors[index], Sample(n)) << n;
     ASSERT_EQ(outcome.actuators[index], Command(n)) << n;
+    ASSERT_EQ(outcome.disturbances[index], Disturbance{}) << n;
   }
   for (const Activation& activation : outcome.activations) {
     EXPECT_GE(activation.time_ns, spec.start_ns);
@@ -320,7 +340,7 @@ TEST_P(WireConformanceTest, WindowsAreInSimulationTimeAndRecordsToo) {
     std::vector<link::Chunk> chunks = {Frame(n)};
     schedule.Stage(link::Direction::kToClient)->Apply(chunks);
     if (n < 400 || n >= 700) {
-      ASSERT_TRUE(type().remembers || Unchanged(chunks, n)) << n;
+      ASSERT_TRUE(Remembers(type()) || Unchanged(chunks, n)) << n;
     }
   }
   EXPECT_GT(schedule.ActivationCounts().at(0), 0);
@@ -345,18 +365,21 @@ TEST_P(EditConformanceTest, RecordsWhatChangedAndNothingElse) {
     for (const auto& chunk : outcome.frames[index]) {
       if (chunk.number == static_cast<std::uint64_t>(n)) now.push_back(chunk);
     }
-    const bool changed =
-        !Unchanged(now, n) || outcome.sensors[index] != Sample(n) || outcome.actuators[index] != Command(n);
+    // A disturbance lasts: it is recorded when it begins.
+    const bool disturbed = outcome.disturbances[index] != Disturbance{} &&
+                           (index == 0 || outcome.disturbances[index - 1] == Disturbance{});
+    const bool changed = !Unchanged(now, n) || outcome.sensors[index] != Sample(n) ||
+                         outcome.actuators[index] != Command(n) || disturbed;
     const bool recorded =
         record < outcome.activations.size() && outcome.activations[record].time_ns == n * kPeriod;
-    if (!type().always_counts) {
+    if (!AlwaysCounts(type())) {
       ASSERT_EQ(recorded, changed) << n;
     }
     if (!recorded) continue;
     const Activation& activation = outcome.activations[record++];
     EXPECT_EQ(activation.fault, 0U);
     EXPECT_FALSE(activation.what.empty());
-    if (type().on_wire()) {
+    if (OnWire(type())) {
       ASSERT_THAT(activation.before, SizeIs(1));
       EXPECT_TRUE(Same(activation.before[0], Frame(n)));
       EXPECT_TRUE(Same(activation.after, now));
@@ -371,7 +394,7 @@ TEST_P(EditConformanceTest, AnotherFaultDoesNotShiftItsDraws) {
   // Removes every second frame before this one sees it; what acts on the frame's content or on its place
   // among the others then meets another line, so such types get a neighbour that leaves frames alone.
   FaultSpec other = Spec("frame.drop", {{"probability", 0.5}}, "other");
-  const bool has_memory = type().remembers || type().name == "wire.gilbert_elliott";
+  const bool has_memory = Remembers(type()) || type().name == "wire.gilbert_elliott";
   if (has_memory) other = Spec("frame.delay", {{"mean_ms", 0.0}}, "other");
   FaultSpec more = Spec("sensor.bias", {{"signal", "x_m"}, {"offset", 0.0}}, "more");
 
@@ -442,35 +465,22 @@ std::string TestName(const ::testing::TestParamInfo<FaultType>& info) {
   return name;
 }
 
-// The release and the sanitizer build (other optimisation, other code) must agree on every bit, so the digest
-// is written down. It changes with a fault's semantics: then replays of old seeds change too, and the release
-// notes must say so.
-TEST(EveryBuild, DrawsTheSameBits) {
-  std::uint64_t digest = 0xcbf29ce484222325ULL;  // FNV-1a
-  const auto add = [&](auto value) {
-    for (const auto byte : std::bit_cast<std::array<std::uint8_t, sizeof value>>(value))
-      digest = (digest ^ byte) * 0x100000001b3ULL;
-  };
-  for (const FaultType& type : TypesThat(Edits)) {
-    const Outcome outcome = Fly({ExampleSpec(type)}, 20);
-    for (const auto& chunks : outcome.frames) {
-      for (const auto& chunk : chunks) {
-        add(chunk.begin_ns);
-        for (const std::uint8_t byte : chunk.bytes) add(byte);
-      }
-    }
-    for (const auto& sensors : outcome.sensors)
-      for (const auto& field : kSensorFields) add(sensors.*field.in_float);
-    for (const auto& actuators : outcome.actuators)
-      for (const auto& field : kActuatorFields) add(actuators.*field.in_double);
-    add(outcome.counts.at(0));
-  }
-  EXPECT_EQ(digest, 14857479444622169275ULL);
+// The release and the sanitizer build (other optimisation, other code) must agree on every bit, so a digest of each
+// type is written down: tests/golden/fault_digests.txt, one line "type digest" each. It changes with a fault's
+// semantics: then replays of old seeds change too, and the release notes must say so.
+TEST_P(EditConformanceTest, EveryBuildDrawsTheSameBits) {
+  std::ifstream golden(TILTPROOF_SOURCE_DIR "/tests/golden/fault_digests.txt");
+  std::map<std::string, std::string> expected;
+  for (std::string name, digest; golden >> name >> digest;) expected[name] = digest;
+  std::ostringstream found;
+  found << std::hex << DigestOf(Fly({ExampleSpec(type())}, 20));
+  EXPECT_EQ(found.str(), expected[std::string(type().name)]) << "line: " << type().name << " " << found.str();
 }
 
 INSTANTIATE_TEST_SUITE_P(All, RegistryConformanceTest, ::testing::ValuesIn(FaultTypes()), TestName);
 INSTANTIATE_TEST_SUITE_P(All, EditConformanceTest, ::testing::ValuesIn(TypesThat(Edits)), TestName);
 INSTANTIATE_TEST_SUITE_P(All, ZeroConformanceTest, ::testing::ValuesIn(TypesThat(HasZero)), TestName);
+INSTANTIATE_TEST_SUITE_P(All, SeverityConformanceTest, ::testing::ValuesIn(TypesThat(HasSeverity)), TestName);
 INSTANTIATE_TEST_SUITE_P(All, WireConformanceTest, ::testing::ValuesIn(TypesThat(OnWire)), TestName);
 
 TEST(RegistryTest, NamesAreUniqueAndFound) {

@@ -36,7 +36,6 @@ TEST(ScheduleTest, NoFaultNoStage) {
   EXPECT_EQ(schedule.Stage(link::Direction::kToClient), nullptr);
   EXPECT_EQ(schedule.Stage(link::Direction::kToPlant), nullptr);
   EXPECT_EQ(schedule.Stage(link::Direction::kReference), nullptr);
-  EXPECT_EQ(schedule.NextEdge(kPowerOn), kNever);
 }
 
 TEST(ScheduleTest, TheWindowHasItsBeginButNotItsEnd) {
@@ -119,7 +118,7 @@ TEST(ScheduleTest, KeepsTheFirstRecordsAndCountsAll) {
 
 TEST(ScheduleTest, RecordsAreInOrderOfTime) {
   FaultSpec bias = Spec("sensor.bias", {{"signal", "x_m"}, {"offset", 0.5}}, "bias");
-  FaultSchedule schedule({bias, Spec("frame.drop", {{"probability", 1.0}}, "drop")}, 1);
+  FaultSchedule schedule = AtThePlant({bias, Spec("frame.drop", {{"probability", 1.0}}, "drop")}, 1);
   schedule.SetOrigin(kNsPerS);
   for (std::int64_t n = 0; n < 3; ++n) {
     std::vector<link::Chunk> chunks = {Frame(n)};
@@ -128,7 +127,7 @@ TEST(ScheduleTest, RecordsAreInOrderOfTime) {
   }
   for (std::int64_t n = 0; n < 3; ++n) {
     Sensors sensors{.x_m = 1.25F};
-    schedule.EditSensors(n * kPeriod + 1, sensors);
+    EditSensors(schedule, n * kPeriod + 1, sensors);
   }
   std::vector<std::pair<TimeNs, std::string>> records;
   for (const Activation& activation : schedule.TakeActivations(kNsPerS)) {
@@ -157,28 +156,17 @@ FaultSpec Loss(TimeNs start_ns, TimeNs end_ns, double factor, const std::string&
   return spec;
 }
 
-TEST(ScheduleTest, EdgesAreThoseOfActuatorFaults) {
-  FaultSpec freeze = Spec("sensor.freeze", {{"signal", "x_m"}}, "freeze");
-  freeze.start_ns = 5;
-  const FaultSchedule schedule({freeze, Loss(10, 30, 0.5), Loss(20, kNever, 0.5, "more")}, 1);
-  EXPECT_EQ(schedule.NextEdge(kPowerOn), 10);
-  EXPECT_EQ(schedule.NextEdge(9), 10);
-  EXPECT_EQ(schedule.NextEdge(10), 20);
-  EXPECT_EQ(schedule.NextEdge(20), 30);
-  EXPECT_EQ(schedule.NextEdge(30), kNever);
-}
-
-TEST(ScheduleTest, ACommandInForceIsEditedAtTheEdges) {
-  FaultSchedule schedule({Loss(10, 30, 0.5)}, 1);
+TEST(ScheduleTest, ACommandIsEditedInTheStepsOfTheWindow) {
+  FaultSchedule schedule = AtThePlant({Loss(10, 30, 0.5)}, 1);
   const ActuatorsTruth command{.f_r_n = 8.0};
   const auto edited = [&](TimeNs t, bool new_command) {
     ActuatorsTruth input = command;
-    schedule.EditActuators(t, input, new_command);
+    EditActuators(schedule, t, input, new_command);
     return input.f_r_n;
   };
   EXPECT_EQ(edited(0, true), 8.0);
   EXPECT_EQ(edited(10, false), 4.0);
-  EXPECT_EQ(edited(12, false), 4.0);  // another fault's edge
+  EXPECT_EQ(edited(12, false), 4.0);
   EXPECT_EQ(edited(30, false), 8.0);
   // One command, one activation, however often it is applied.
   EXPECT_THAT(schedule.ActivationCounts(), ElementsAre(1));
@@ -187,11 +175,11 @@ TEST(ScheduleTest, ACommandInForceIsEditedAtTheEdges) {
 TEST(ScheduleTest, ApplyingACommandAgainIsNotAnotherDraw) {
   FaultSpec spec = Loss(kPowerOn, kNever, 0.5);
   spec.every_nth_count = 2;
-  FaultSchedule schedule({spec}, 1);
+  FaultSchedule schedule = AtThePlant({spec}, 1);
   std::vector<double> thrusts;
   for (TimeNs t = 0; t < 8; ++t) {
     ActuatorsTruth input{.f_r_n = 8.0};
-    schedule.EditActuators(t, input, t % 2 == 0);
+    EditActuators(schedule, t, input, t % 2 == 0);
     thrusts.push_back(input.f_r_n);
   }
   EXPECT_THAT(thrusts, ElementsAre(8, 8, 4, 4, 8, 8, 4, 4));
@@ -202,19 +190,19 @@ TEST(ScheduleTest, SamplesBeforeTheStartAreInWindowsWithoutABegin) {
   FaultSpec from_power_on = Spec("sensor.bias", {{"signal", "x_m"}, {"offset", 1.0}}, "a");
   FaultSpec from_zero = Spec("sensor.bias", {{"signal", "y_m"}, {"offset", 1.0}}, "b");
   from_zero.start_ns = 0;
-  FaultSchedule schedule({from_power_on, from_zero}, 1);
+  FaultSchedule schedule = AtThePlant({from_power_on, from_zero}, 1);
   Sensors sensors;
-  schedule.EditSensors(kPowerOn, sensors);
+  EditSensors(schedule, kPowerOn, sensors);
   EXPECT_EQ(sensors.x_m, 1.0F);
   EXPECT_EQ(sensors.y_m, 0.0F);
 }
 
 // Boot time is what there is before the start; the log has it relative to t = 0 like everything else.
 TEST(ScheduleTest, RecordsBeforeTheStartHaveNegativeTimes) {
-  FaultSchedule schedule({Spec("sensor.bias", {{"signal", "x_m"}, {"offset", 1.0}})}, 1);
+  FaultSchedule schedule = AtThePlant({Spec("sensor.bias", {{"signal", "x_m"}, {"offset", 1.0}})}, 1);
   Sensors sensors;
-  schedule.EditSensors(kPowerOn, sensors, 30 * kNsPerMs);
-  schedule.EditSensors(5, sensors, 100 * kNsPerMs + 5);
+  EditSensors(schedule, kPowerOn, sensors, 30 * kNsPerMs);
+  EditSensors(schedule, 5, sensors, 100 * kNsPerMs + 5);
   const std::vector<Activation> activations = schedule.TakeActivations(100 * kNsPerMs);
   ASSERT_THAT(activations, SizeIs(2));
   EXPECT_EQ(activations[0].time_ns, -70 * kNsPerMs);
@@ -225,7 +213,7 @@ TEST(ScheduleTest, RecordsBeforeTheStartHaveNegativeTimes) {
 TEST(ScheduleTest, AWireKeepsOrderUnderEveryFault) {
   std::vector<FaultSpec> specs;
   for (const FaultType& type : FaultTypes()) {
-    if (!type.on_wire()) continue;
+    if (!type.IsOneOf<WireKind>()) continue;
     FaultSpec spec = ExampleSpec(type);
     spec.id = type.name;
     spec.probability = 0.3;
@@ -234,7 +222,7 @@ TEST(ScheduleTest, AWireKeepsOrderUnderEveryFault) {
   const auto fly = [&specs] {
     FaultSchedule schedule(specs, 3);
     schedule.SetOrigin(0);
-    link::Wire wire({}, link::Direction::kToClient, link::Dialect::kPaper,
+    link::Wire wire({}, link::Direction::kToClient, *link::FindProtocol("paper"),
                     schedule.Stage(link::Direction::kToClient));
     TimeNs free = kPowerOn;
     wire.SetTaps({.sent = {}, .delivered = [&free](const link::Chunk& chunk) {

@@ -6,7 +6,6 @@
 
 #include <algorithm>
 
-#include "faults/model.h"
 #include "faults/registry.h"
 #include "faults/schedule.h"
 #include "tests/faults/faulty_line.h"
@@ -19,9 +18,10 @@ using ::testing::ElementsAre;
 // The bound on what a line holds, and `check`, rely on it.
 TEST(VolumeTest, FaultsChangeTheNumberOfBytesAsTheyDeclare) {
   for (const FaultType& type : FaultTypes()) {
-    if (!type.on_wire()) continue;
+    const auto* wire = type.As<WireKind>();
+    if (wire == nullptr) continue;
     FaultSpec spec = ExampleSpec(type);
-    if (type.volume == Volume::kDoubles) spec.parameters["probability"] = 1.0;
+    if (wire->volume == Volume::kDoubles) spec.parameters["probability"] = 1.0;
     std::size_t sent_bytes = 0, bytes = 0, held_bytes_max = 0;
     FaultSchedule schedule({spec}, 1);
     link::ChunkStage* stage = schedule.Stage(link::Direction::kToClient);
@@ -33,12 +33,12 @@ TEST(VolumeTest, FaultsChangeTheNumberOfBytesAsTheyDeclare) {
       for (const link::Chunk& chunk : chunks) bytes += chunk.bytes.size();
       held_bytes_max = std::max(held_bytes_max, stage->held_bytes());
     }
-    if (type.volume == Volume::kDoubles) {
+    if (wire->volume == Volume::kDoubles) {
       EXPECT_EQ(bytes, 2 * sent_bytes) << type.name;
-    } else if (type.volume == Volume::kKeeps) {
+    } else if (wire->volume == Volume::kKeeps) {
       EXPECT_GE(bytes, sent_bytes) << type.name;
     }
-    EXPECT_EQ(held_bytes_max > 0, type.remembers) << type.name;
+    EXPECT_EQ(held_bytes_max > 0, wire->remembers) << type.name;
   }
 }
 
@@ -53,21 +53,21 @@ std::vector<FaultSpec> Doubling(int count) {
 constexpr TimeNs kDurationNs = 60 * kNsPerS;
 
 bool IsTooMuch(const std::vector<FaultSpec>& specs) {
-  return CertainOverfull(specs, kDurationNs).has_value();
+  return CertainOverfull(specs, kDurationNs, *link::FindProtocol("paper")).has_value();
 }
 
 // A reply is 64 bytes and 4 around them: 2^16 times that is less than 8 MiB, 2^17 times more.
 TEST(VolumeTest, TellsTheFaultThatIsOneTooMany) {
   EXPECT_FALSE(IsTooMuch(Doubling(16)));
-  const auto too_much = CertainOverfull(Doubling(20), kDurationNs);
+  const auto too_much = CertainOverfull(Doubling(20), kDurationNs, *link::FindProtocol("paper"));
   ASSERT_TRUE(too_much);
   EXPECT_EQ(too_much->direction, link::Direction::kToClient);
   EXPECT_EQ(too_much->faults.size(), 17U);
   // Frame faults act first, wherever they stand in the file.
   auto specs = Doubling(16);
   specs.push_back(Spec("frame.duplicate", {{"probability", 1.0}}, "frames"));
-  EXPECT_EQ(CertainOverfull(specs, kDurationNs)->faults.front(), 16U);
-  EXPECT_EQ(CertainOverfull(specs, kDurationNs)->faults.back(), 15U);
+  EXPECT_EQ(CertainOverfull(specs, kDurationNs, *link::FindProtocol("paper"))->faults.front(), 16U);
+  EXPECT_EQ(CertainOverfull(specs, kDurationNs, *link::FindProtocol("paper"))->faults.back(), 15U);
 }
 
 TEST(VolumeTest, CountsWhatIsCertainAlone) {

@@ -8,6 +8,7 @@
 
 #include "tests/firmware/fake_board.h"
 #include "tests/firmware/simple_vehicle.h"
+#include "tests/support/control_period.h"
 
 namespace tiltproof::firmware {
 namespace {

@@ -58,8 +58,9 @@ TEST(FeedForwardDriftTest, ThePublishedModelsIsItsHover) {
   const plant::Hover hover = plant::DesignLqr(model).hover;
   const Build* build = FindBuild("paper_published");
   ASSERT_NE(build, nullptr);
-  for (const auto& field : kActuatorFields) {
-    const double expected = hover.input.*field.in_double;
+  for (std::size_t i = 0; i < kActuatorCount; ++i) {
+    const auto& field = kActuatorFields[i];
+    const double expected = hover.input.at(i);
     EXPECT_NEAR(static_cast<double>(build->feed_forward.*field.in_float), expected,
                 kTolerance * std::abs(expected))
         << field.column;

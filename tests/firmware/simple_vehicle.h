@@ -8,7 +8,7 @@
 
 #include <cmath>
 
-#include "link/signals.h"
+#include "firmware/signals.h"
 
 namespace tiltproof::firmware {
 

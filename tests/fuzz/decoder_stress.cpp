@@ -17,7 +17,7 @@
 #include <string>
 #include <vector>
 
-#include "link/messages.h"
+#include "firmware/messages.h"
 #include "tests/fuzz/differential.h"
 
 namespace {

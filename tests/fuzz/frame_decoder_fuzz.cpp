@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "link/messages.h"
+#include "firmware/messages.h"
 #include "tests/fuzz/differential.h"
 
 namespace {

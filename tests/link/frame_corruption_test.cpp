@@ -10,8 +10,8 @@
 #include <cstring>
 #include <set>
 
+#include "firmware/messages.h"
 #include "link/frame.h"
-#include "link/messages.h"
 #include "tests/fuzz/differential.h"
 #include "tests/link/sensor_frame.h"
 

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "link/messages.h"
+#include "firmware/messages.h"
 #include "tests/fuzz/differential.h"
 #include "tests/link/sensor_frame.h"
 

@@ -2,7 +2,7 @@
 // many zeros in it.
 #pragma once
 
-#include "link/signals.h"
+#include "firmware/signals.h"
 #include "tests/support/slow_codec.h"
 
 namespace tiltproof::testing {

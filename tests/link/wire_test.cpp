@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "firmware/messages.h"
 #include "link/frame.h"
 
 namespace tiltproof::link {
@@ -28,6 +29,8 @@ constexpr TimeNs kStart = 5 * kNsPerMs;
 
 // 10 bits at 921600 baud are 10850.694444... ns.
 constexpr TimeNs kByteTimes[] = {0, 10850, 21701, 32552, 43402, 54253, 65104, 75954, 86805, 97656, 108506};
+
+const Protocol& kPaper = *FindProtocol("paper");
 
 Bytes Framed(const MessageBytes& message) {
   std::array<std::uint8_t, FrameBytesMax(kMessageBytesMax)> wire;
@@ -70,7 +73,7 @@ struct SentFrames {
 };
 
 TEST(WireTest, ByteTimesAt921600BaudAreRoundedDownFromTheBeginning) {
-  Wire wire({}, Direction::kToPlant, Dialect::kPaper, nullptr);
+  Wire wire({}, Direction::kToPlant, kPaper, nullptr);
   const Bytes frame = {0x7E, 1, 2, 3, 4, 5, 6, 7, 8, 0x7E};
   EXPECT_EQ(wire.Transmit(kStart, frame), kStart + 108506);
   for (std::size_t i = 1; i <= frame.size(); ++i) {
@@ -83,7 +86,7 @@ TEST(WireTest, ByteTimesAt921600BaudAreRoundedDownFromTheBeginning) {
 }
 
 TEST(WireTest, OneMillionBytesTakeExactlyTheirTime) {
-  Wire wire({}, Direction::kToPlant, Dialect::kPaper, nullptr);
+  Wire wire({}, Direction::kToPlant, kPaper, nullptr);
   const Bytes bytes(1000, 0x55);
   TimeNs end = 0;
   for (int i = 0; i < 1000; ++i) end = wire.Transmit(end, bytes);
@@ -91,7 +94,7 @@ TEST(WireTest, OneMillionBytesTakeExactlyTheirTime) {
 }
 
 TEST(WireTest, AnIdealLineTakesNoTime) {
-  Wire wire({.baud = 0}, Direction::kToPlant, Dialect::kPaper, nullptr);
+  Wire wire({.baud = 0}, Direction::kToPlant, kPaper, nullptr);
   const Bytes frame = {0x7E, 1, 2, 0x7E};
   EXPECT_EQ(wire.Transmit(kStart, frame), kStart);
   EXPECT_EQ(wire.NextArrival(), kStart);
@@ -99,7 +102,7 @@ TEST(WireTest, AnIdealLineTakesNoTime) {
 }
 
 TEST(WireTest, TheAdapterDelaysEveryArrival) {
-  Wire wire({.baud = 921'600, .adapter_latency_ns = kNsPerMs}, Direction::kToPlant, Dialect::kPaper, nullptr);
+  Wire wire({.baud = 921'600, .adapter_latency_ns = kNsPerMs}, Direction::kToPlant, kPaper, nullptr);
   const Bytes frame = {0x7E, 1, 0x7E};
   EXPECT_EQ(wire.Transmit(kStart, frame), kStart + kByteTimes[3]);
   EXPECT_EQ(wire.NextArrival(), kStart + kByteTimes[3] + kNsPerMs);
@@ -108,7 +111,7 @@ TEST(WireTest, TheAdapterDelaysEveryArrival) {
 }
 
 TEST(WireTest, AFrameWaitsForTheTransmitter) {
-  Wire wire({}, Direction::kToPlant, Dialect::kPaper, nullptr);
+  Wire wire({}, Direction::kToPlant, kPaper, nullptr);
   const Bytes first = {0x7E, 1, 2, 0x7E};
   const Bytes second = {0x7E, 3, 0x7E};
   wire.Transmit(kStart, first);
@@ -118,7 +121,7 @@ TEST(WireTest, AFrameWaitsForTheTransmitter) {
 }
 
 TEST(WireTest, CutsAtSeparateAndSharedFlags) {
-  Wire wire({}, Direction::kToPlant, Dialect::kPaper, nullptr);
+  Wire wire({}, Direction::kToPlant, kPaper, nullptr);
   const SentFrames sent(wire);
   const Bytes bytes = {0x7E, 1, 0x7E, 0x7E, 2, 0x7E, 3, 0x7E, 0x7E, 0x7E, 4, 0x7E};
   wire.Transmit(kStart, bytes);
@@ -130,8 +133,8 @@ TEST(WireTest, CutsAtSeparateAndSharedFlags) {
 
 TEST(WireTest, AFrameSentByteByByteIsTheSameFrame) {
   const Bytes frame = Framed(EncodeSensors({}));
-  Wire whole({}, Direction::kToClient, Dialect::kPaper, nullptr);
-  Wire single({}, Direction::kToClient, Dialect::kPaper, nullptr);
+  Wire whole({}, Direction::kToClient, kPaper, nullptr);
+  Wire single({}, Direction::kToClient, kPaper, nullptr);
   const TimeNs end = whole.Transmit(kStart, frame);
   TimeNs now = kStart;
   for (const std::uint8_t byte : frame) now = single.Transmit(now, std::span(&byte, 1));
@@ -140,7 +143,7 @@ TEST(WireTest, AFrameSentByteByByteIsTheSameFrame) {
 }
 
 TEST(WireTest, APauseWithinAFrameDelaysTheWholeOfIt) {
-  Wire wire({}, Direction::kToPlant, Dialect::kPaper, nullptr);
+  Wire wire({}, Direction::kToPlant, kPaper, nullptr);
   const SentFrames sent(wire);
   wire.Transmit(kStart, Bytes{0x7E, 1});
   wire.Transmit(kStart + 100'000, Bytes{2, 0x7E});
@@ -149,7 +152,7 @@ TEST(WireTest, APauseWithinAFrameDelaysTheWholeOfIt) {
 }
 
 TEST(WireTest, BytesWithoutAClosingFlagGoOnAfterTheIdleTime) {
-  Wire wire({}, Direction::kToPlant, Dialect::kPaper, nullptr);
+  Wire wire({}, Direction::kToPlant, kPaper, nullptr);
   EXPECT_EQ(wire.IdleTime(), 217'013);
   wire.Transmit(kStart, Bytes{0x7E, 1, 2});
   const TimeNs flush = kStart + kByteTimes[3] + wire.IdleTime();
@@ -160,7 +163,7 @@ TEST(WireTest, BytesWithoutAClosingFlagGoOnAfterTheIdleTime) {
 }
 
 TEST(WireTest, TheNextBytesFindAnIdleLineFlushed) {
-  Wire wire({}, Direction::kToPlant, Dialect::kPaper, nullptr);
+  Wire wire({}, Direction::kToPlant, kPaper, nullptr);
   const SentFrames sent(wire);
   wire.Transmit(kStart, Bytes{0x7E, 1});
   wire.Transmit(kStart + kNsPerMs, Bytes{2, 0x7E});
@@ -168,7 +171,7 @@ TEST(WireTest, TheNextBytesFindAnIdleLineFlushed) {
 }
 
 TEST(WireTest, AnIdealLineWaitsBetweenTheBytesOfAFrame) {
-  Wire wire({.baud = 0}, Direction::kToPlant, Dialect::kPaper, nullptr);
+  Wire wire({.baud = 0}, Direction::kToPlant, kPaper, nullptr);
   const SentFrames sent(wire);
   for (int i = 0; i < 4; ++i) {
     wire.Transmit(kStart + i * 1000, Bytes{static_cast<std::uint8_t>(i % 3 == 0 ? 0x7E : i)});
@@ -178,7 +181,7 @@ TEST(WireTest, AnIdealLineWaitsBetweenTheBytesOfAFrame) {
 }
 
 TEST(WireTest, AChunkHasALimit) {
-  Wire wire({}, Direction::kToPlant, Dialect::kPaper, nullptr);
+  Wire wire({}, Direction::kToPlant, kPaper, nullptr);
   const SentFrames sent(wire);
   wire.Transmit(kStart, Bytes(2 * Wire::kChunkBytesMax + 5, 0x55));
   ASSERT_EQ(sent.frames.size(), 2U);
@@ -187,7 +190,7 @@ TEST(WireTest, AChunkHasALimit) {
 }
 
 TEST(WireTest, WhoTakesInTheMiddleGetsThePartThatHasArrived) {
-  Wire wire({}, Direction::kToPlant, Dialect::kPaper, nullptr);
+  Wire wire({}, Direction::kToPlant, kPaper, nullptr);
   wire.Transmit(kStart, Bytes{0x7E, 1, 2, 3, 0x7E});
   EXPECT_THAT(TakeAll(wire, kStart + kByteTimes[3] + 5),
               ElementsAre(Taken{kStart + kByteTimes[3], {0x7E, 1, 2}}));
@@ -200,7 +203,7 @@ TEST(WireTest, APieceEndsAtAFlagThatMayEndAFrame) {
   stage.apply = [](std::vector<Chunk>& chunks) {
     chunks.front().bytes = {0x7E, 1, 0x7E, 2, 0x7D, 0x7E, 0x7E, 3};
   };
-  Wire wire({}, Direction::kToPlant, Dialect::kPaper, &stage);
+  Wire wire({}, Direction::kToPlant, kPaper, &stage);
   wire.Transmit(kStart, Bytes{0x7E, 1, 1, 1, 1, 1, 1, 0x7E});
   EXPECT_EQ(wire.NextArrival(), kStart + kByteTimes[3]);
   EXPECT_THAT(TakeAll(wire), ElementsAre(Taken{kStart + kByteTimes[3], {0x7E, 1, 0x7E}},
@@ -224,7 +227,7 @@ TEST(WireTest, AStageSeesEachFrameWithItsMessage) {
   const std::array<std::uint8_t, 4> awkward = {0x7E, 0x7D, 0x7E, 0x41};
   std::memcpy(&actuators.f_r_n, awkward.data(), awkward.size());
   for (const Dialect dialect : {Dialect::kPaper, Dialect::kProvant}) {
-    Wire wire({}, Direction::kToPlant, dialect, &stage);
+    Wire wire({}, Direction::kToPlant, *FindProtocol(Name(dialect)), &stage);
     Bytes bytes = Framed(EncodeStart(dialect, {}));
     const Bytes request = Framed(EncodeReadSensors(dialect));
     const Bytes command = Framed(EncodeActuators(dialect, actuators));
@@ -238,10 +241,10 @@ TEST(WireTest, AStageSeesEachFrameWithItsMessage) {
                                    MessageKind::kUnknown));
   }
   kinds.clear();
-  Wire to_client({}, Direction::kToClient, Dialect::kPaper, &stage);
+  Wire to_client({}, Direction::kToClient, kPaper, &stage);
   to_client.Transmit(0, Framed(EncodeSensors({})));
   to_client.Transmit(0, Framed(EncodeReference({})));
-  Wire reference({}, Direction::kReference, Dialect::kPaper, &stage);
+  Wire reference({}, Direction::kReference, kPaper, &stage);
   reference.Transmit(0, Framed(EncodeReference({})));
   EXPECT_THAT(kinds, ElementsAre(MessageKind::kReply, MessageKind::kUnknown, MessageKind::kReference));
 }
@@ -256,7 +259,7 @@ TEST(WireTest, ChunksKeepTheStagesOrderAndNeverOverlap) {
     chunks.push_back(copy);
     chunks.push_back(Chunk{});
   };
-  Wire wire({}, Direction::kToPlant, Dialect::kPaper, &stage);
+  Wire wire({}, Direction::kToPlant, kPaper, &stage);
   std::vector<TimeNs> delivered;
   wire.SetTaps(
       {.sent = {}, .delivered = [&delivered](const Chunk& chunk) { delivered.push_back(chunk.begin_ns); }});
@@ -270,7 +273,7 @@ TEST(WireTest, ChunksKeepTheStagesOrderAndNeverOverlap) {
 TEST(WireTest, NothingArrivesBeforeTheWireKnowsOfIt) {
   TestStage stage;
   stage.apply = [](std::vector<Chunk>& chunks) { chunks.front().bytes.resize(1); };
-  Wire wire({}, Direction::kToPlant, Dialect::kPaper, &stage);
+  Wire wire({}, Direction::kToPlant, kPaper, &stage);
   TimeNs now = kStart;
   TimeNs last = now;
   for (const std::uint8_t byte : Bytes{0x7E, 1, 2, 3, 4, 0x7E}) {
@@ -281,7 +284,7 @@ TEST(WireTest, NothingArrivesBeforeTheWireKnowsOfIt) {
 }
 
 TEST(WireTest, TheReceiverMayTransmitOnTheSameWire) {
-  Wire wire({.baud = 0}, Direction::kToPlant, Dialect::kPaper, nullptr);
+  Wire wire({.baud = 0}, Direction::kToPlant, kPaper, nullptr);
   wire.Transmit(0, Bytes{0x7E, 1, 0x7E});
   int count = 0;
   wire.Take(0, [&](TimeNs, std::span<const std::uint8_t> bytes) {
@@ -367,7 +370,7 @@ class NaiveWire {
 RC_GTEST_PROP(WirePropertyTest, EqualsTheByteByByteModel, ()) {
   const WireConfig config{.baud = *rc::gen::element<std::int64_t>(921'600, 921'600, 115'200, 300, 0),
                           .adapter_latency_ns = *rc::gen::element<TimeNs>(0, 0, 1'000'000)};
-  Wire wire(config, Direction::kToPlant, Dialect::kPaper, nullptr);
+  Wire wire(config, Direction::kToPlant, kPaper, nullptr);
   NaiveWire naive(config);
   const TimeNs byte_time = config.baud == 0 ? 10'851 : 10 * kNsPerS / config.baud;
   TimeNs now = 0;

@@ -13,8 +13,10 @@
 #include "plant/lqr_design.h"
 #include "plant/plant.h"
 #include "tests/plant/models.h"
+#include "tests/support/control_period.h"
 #include "tests/support/lagrange_model.h"
 #include "tests/support/reference_controller.h"
+#include "tests/support/tiltrotor_plant.h"
 
 namespace tiltproof::plant {
 namespace {
@@ -24,6 +26,7 @@ using testing::LagrangeParameters;
 using testing::ReferenceController;
 using testing::ReferenceGain;
 using testing::Spiral;
+using testing::TiltrotorPlant;
 
 constexpr double kPeriod_s = 0.012;
 constexpr int kSpiralPeriods = 5000;  // 60 s
@@ -44,7 +47,7 @@ ReferenceGain ToRows(const GainMatrix& gain) {
 
 LagrangeModel::State StartOfSpiral(const Hover& hover) {
   LagrangeModel::State state;
-  state.q << 2, 0, 0.5, 0, 0, 0, hover.alpha_r_rad, hover.alpha_l_rad;
+  state.q << 2, 0, 0.5, 0, 0, 0, hover.hinge_rad[0], hover.hinge_rad[1];
   return state;
 }
 
@@ -58,7 +61,7 @@ struct Flight {
 
 Flight FlySpiral(const VehicleModel& model, const ReferenceGain& gain, const ActuatorsTruth& feed_forward,
                  TimeNs step_ns, bool velocity, RatesFrame rates = RatesFrame::kWorld) {
-  Plant plant(model, {.step_ns = step_ns});
+  TiltrotorPlant plant(model, {.step_ns = step_ns});
   plant.Reset({2, 0, 0.5}, {0, 0, 0});
   ReferenceController controller(gain, feed_forward);
   Flight flight;
@@ -235,12 +238,12 @@ TEST(OpenLoop, AgreesWithTheSecondModel) {
     const VehicleModel model = LoadShipped(each.name);
     const LagrangeModel lagrange(each.parameters);
     const auto difference = [&](TimeNs step_ns) {
-      Plant plant(model, {.step_ns = step_ns});
+      TiltrotorPlant plant(model, {.step_ns = step_ns});
       plant.Reset({0, 0, 5}, {0.1, -0.1, 0.3});
       LagrangeModel::State state;
-      state.q << 0, 0, 5, 0.1, -0.1, 0.3, model.hover.alpha_r_rad, model.hover.alpha_l_rad;
+      state.q << 0, 0, 5, 0.1, -0.1, 0.3, model.hover.hinge_rad[0], model.hover.hinge_rad[1];
       for (int k = 0; k < 80; ++k) {  // 0.96 s
-        ActuatorsTruth input = model.HoverInput();
+        ActuatorsTruth input = testing::ActuatorsOf(model.HoverInput());
         input.f_r_n += 0.5 * std::sin(0.3 * k);
         input.f_l_n -= 0.3 * std::cos(0.2 * k);
         input.tau_r_nm += 2e-4 * std::sin(0.4 * k);
@@ -275,12 +278,13 @@ TEST(AsPublishedPlant, PublishedGainLosesIt) {
 TEST(AsPublishedPlant, RedesignFliesIt) {
   const VehicleModel model = LoadShipped("tiltrotor_published");
   const LqrDesign design = DesignLqr(model);
-  const Flight flight = FlySpiral(model, ToRows(design.gain), design.hover.input, 4 * kNsPerMs, true);
+  const Flight flight =
+      FlySpiral(model, ToRows(design.gain), testing::ActuatorsOf(design.hover.input), 4 * kNsPerMs, true);
   ASSERT_EQ(flight.event, FlightEvent::kNone);
   EXPECT_NEAR(Track(flight, 10).rmse_3d_m(), 0.05, 0.005);
   EXPECT_LE(flight.hinge_gap_m, 1e-4);
   const Flight truth = FlySpiralWithSecondModel(testing::PublishedPlant(), model.hover, ToRows(design.gain),
-                                                design.hover.input, true);
+                                                testing::ActuatorsOf(design.hover.input), true);
   EXPECT_LT(PositionDifferenceMax(flight, truth), 8e-3);
 }
 

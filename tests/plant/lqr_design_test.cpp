@@ -15,6 +15,7 @@
 #include "tests/plant/models.h"
 #include "tests/support/lagrange_model.h"
 #include "tests/support/reference_controller.h"
+#include "tests/support/tiltrotor_plant.h"
 
 namespace tiltproof::plant {
 namespace {
@@ -120,19 +121,20 @@ double GrowthWithDelay(double delay_s) {
   const testing::LagrangeModel model(testing::DesignPlant());
   const Hover hover = SolveHover(LoadShipped("tiltrotor"));
   testing::ReferenceController controller(
-      testing::ReadGainCsv(SourceFile("tests/golden/dlqr_gain_published.csv")), hover.input);
+      testing::ReadGainCsv(SourceFile("tests/golden/dlqr_gain_published.csv")),
+      testing::ActuatorsOf(hover.input));
   testing::LagrangeModel::State state;
   state.q = HoverCoordinates(hover);
   state.q[3] += 1e-6;
-  ActuatorsTruth in_force = hover.input;
+  ActuatorsTruth in_force = testing::ActuatorsOf(hover.input);
   double early = 0, late = 0;
   for (int k = 0; k < 500; ++k) {
     SensorsTruth sensed = testing::ToSensors(state);
     // The law regulates to zero attitude; make the hover's its origin.
     sensed.roll_rad -= hover.roll_rad;
     sensed.pitch_rad -= hover.pitch_rad;
-    sensed.alpha_r_rad -= hover.alpha_r_rad;
-    sensed.alpha_l_rad -= hover.alpha_l_rad;
+    sensed.alpha_r_rad -= hover.hinge_rad[0];
+    sensed.alpha_l_rad -= hover.hinge_rad[1];
     const double size = std::abs(sensed.alpha_r_rad) + std::abs(sensed.alpha_l_rad);
     if (k < 50) early = std::max(early, size);
     if (k >= 450) late = std::max(late, size);

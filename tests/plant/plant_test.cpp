@@ -11,11 +11,14 @@
 #include <numbers>
 
 #include "tests/plant/models.h"
+#include "tests/support/tiltrotor_plant.h"
 
 namespace tiltproof::plant {
 namespace {
 
+using testing::ActuatorsOf;
 using ::testing::HasSubstr;
+using testing::TiltrotorPlant;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
@@ -23,6 +26,8 @@ const VehicleModel& Model() {
   static const VehicleModel model = LoadShipped("tiltrotor");
   return model;
 }
+
+ActuatorsTruth Hovering() { return ActuatorsOf(Model().HoverInput()); }
 
 // A state with everything in motion, high up.
 SensorsTruth Tumble() {
@@ -52,7 +57,7 @@ Eigen::Matrix3d Attitude(const SensorsTruth& s) {
 }
 
 TEST(Plant, StateIsWhatResetPlaced) {
-  Plant plant(Model(), {});
+  TiltrotorPlant plant(Model(), {});
   plant.Reset(Tumble());
   const SensorsTruth state = plant.State(), expected = Tumble();
   for (const auto& field : kSensorFields) {
@@ -62,11 +67,11 @@ TEST(Plant, StateIsWhatResetPlaced) {
 }
 
 TEST(Plant, ResetPutsTheServosAtHover) {
-  Plant plant(Model(), {});
+  TiltrotorPlant plant(Model(), {});
   plant.Reset({2, 0, 0.5}, {0.1, 0.2, 0.3});
   const SensorsTruth state = plant.State();
-  EXPECT_NEAR(state.alpha_r_rad, Model().hover.alpha_r_rad, 1e-12);
-  EXPECT_NEAR(state.alpha_l_rad, Model().hover.alpha_l_rad, 1e-12);
+  EXPECT_NEAR(state.alpha_r_rad, Model().hover.hinge_rad[0], 1e-12);
+  EXPECT_NEAR(state.alpha_l_rad, Model().hover.hinge_rad[1], 1e-12);
   EXPECT_NEAR(state.x_m, 2, 1e-12);
   EXPECT_NEAR(state.z_m, 0.5, 1e-12);
   EXPECT_NEAR(state.pitch_rad, 0.2, 1e-12);
@@ -75,24 +80,24 @@ TEST(Plant, ResetPutsTheServosAtHover) {
 }
 
 TEST(Plant, HoverInputHolds) {
-  Plant plant(Model(), {});
+  TiltrotorPlant plant(Model(), {});
   plant.Reset({0, 0, 5}, {Model().hover.roll_rad, Model().hover.pitch_rad, 0});
-  for (int i = 0; i < 250; ++i) plant.Step(Model().HoverInput());
+  for (int i = 0; i < 250; ++i) plant.Step(Hovering());
   const SensorsTruth state = plant.State();
   EXPECT_NEAR(state.x_m, 0, 1e-6);
   EXPECT_NEAR(state.y_m, 0, 1e-6);
   EXPECT_NEAR(state.z_m, 5, 1e-6);
-  EXPECT_NEAR(state.alpha_r_rad, Model().hover.alpha_r_rad, 1e-6);
+  EXPECT_NEAR(state.alpha_r_rad, Model().hover.hinge_rad[0], 1e-6);
 }
 
 TEST(Plant, RatesAreTheDerivativesOfPositionsAndAngles) {
   const PlantOptions options{.step_ns = 10 * kNsPerUs};
-  Plant plant(Model(), options);
+  TiltrotorPlant plant(Model(), options);
   plant.Reset(Tumble());
   const double h = ToSeconds(options.step_ns);
-  for (int i = 0; i < 50; ++i) plant.Step(Model().HoverInput());
+  for (int i = 0; i < 50; ++i) plant.Step(Hovering());
   const SensorsTruth before = plant.State();
-  plant.Step(Model().HoverInput());
+  plant.Step(Hovering());
   const SensorsTruth world = plant.State(), body = plant.State(RatesFrame::kBody),
                      euler = plant.State(RatesFrame::kEuler);
   constexpr double kTolerance = 1e-3;
@@ -119,16 +124,16 @@ TEST(Plant, RatesAreTheDerivativesOfPositionsAndAngles) {
 }
 
 TEST(Plant, ThrustLiftsAndServosTurnTheWayTheySay) {
-  Plant plant(Model(), {});
+  TiltrotorPlant plant(Model(), {});
   plant.Reset({0, 0, 5}, {0, 0, 0});
-  ActuatorsTruth input = Model().HoverInput();
+  ActuatorsTruth input = Hovering();
   input.f_r_n += 1;
   plant.Step(input);
   EXPECT_GT(plant.State().vz_m_s, 1e-4);
   EXPECT_LT(plant.State().wx_rad_s, -1e-3);  // the right thruster is at -y: it lifts that side
 
   plant.Reset({0, 0, 5}, {0, 0, 0});
-  input = Model().HoverInput();
+  input = Hovering();
   input.tau_l_nm = 1e-3;
   plant.Step(input);
   EXPECT_NEAR(plant.State().alpha_l_rad_s, 1e-3 / 1.05e-4 * 0.004, 5e-3);
@@ -137,7 +142,7 @@ TEST(Plant, ThrustLiftsAndServosTurnTheWayTheySay) {
 }
 
 TEST(Plant, WithoutForcesMomentumIsConserved) {
-  Plant plant(Model(), {.step_ns = kNsPerMs, .gravity_m_s2 = 0, .ground = false});
+  TiltrotorPlant plant(Model(), {.step_ns = kNsPerMs, .gravity_m_s2 = 0, .ground = false});
   plant.Reset(Tumble());
   const std::array<double, 6> before = plant.Momentum();
   const double energy = plant.Energy();
@@ -152,7 +157,7 @@ TEST(Plant, WithoutForcesMomentumIsConserved) {
 
 TEST(Plant, EnergyErrorShrinksWithTheStep) {
   const auto error = [](TimeNs step_ns) {
-    Plant plant(Model(), {.step_ns = step_ns, .gravity_m_s2 = 0, .ground = false});
+    TiltrotorPlant plant(Model(), {.step_ns = step_ns, .gravity_m_s2 = 0, .ground = false});
     SensorsTruth state = Tumble();
     state.vx_m_s = state.vy_m_s = state.vz_m_s = 0;
     plant.Reset(state);
@@ -165,7 +170,7 @@ TEST(Plant, EnergyErrorShrinksWithTheStep) {
 }
 
 TEST(Plant, FallsFreely) {
-  Plant plant(Model(), {.step_ns = 4 * kNsPerMs, .gravity_m_s2 = kGravity_m_s2, .ground = false});
+  TiltrotorPlant plant(Model(), {.step_ns = 4 * kNsPerMs, .gravity_m_s2 = kGravity_m_s2, .ground = false});
   plant.Reset({0, 0, 0}, {0, 0, 0});
   const double energy = plant.Energy(), mass = Model().MassTotal();
   for (int i = 0; i < 250; ++i) plant.Step({});
@@ -176,19 +181,20 @@ TEST(Plant, FallsFreely) {
 }
 
 TEST(Plant, SaturatesEveryInputAtItsLimits) {
-  Plant plant(Model(), {});
-  EXPECT_EQ(plant.Step({31, -1, 3, -3}), (ActuatorsTruth{30, 0, 2, -2}));
+  TiltrotorPlant plant(Model(), {});
+  EXPECT_EQ(plant.Saturate({31, -1, 3, -3}), (ActuatorsTruth{30, 0, 2, -2}));
   EXPECT_EQ(plant.Saturate({5, 6, 1, -1}), (ActuatorsTruth{5, 6, 1, -1}));
   constexpr double inf = std::numeric_limits<double>::infinity();
   EXPECT_EQ(plant.Saturate({inf, -inf, inf, -inf}), (ActuatorsTruth{30, 0, 2, -2}));
   // What exceeds a limit moves the vehicle as the limit does.
-  Plant other(Model(), {});
+  plant.Step({31, -1, 3, -3});
+  TiltrotorPlant other(Model(), {});
   other.Step({30, 0, 2, -2});
   EXPECT_EQ(plant.State(), other.State());
 }
 
 TEST(Plant, StopsHoldTheHinges) {
-  Plant plant(Model(), {.gravity_m_s2 = 0, .ground = false});
+  TiltrotorPlant plant(Model(), {.gravity_m_s2 = 0, .ground = false});
   plant.Reset({0, 0, 0}, {0, 0, 0});
   double largest = 0;
   for (int i = 0; i < 250; ++i) {
@@ -202,7 +208,7 @@ TEST(Plant, StopsHoldTheHinges) {
 }
 
 TEST(Plant, GroundStrikeIsSeenAndHolds) {
-  Plant plant(Model(), {});
+  TiltrotorPlant plant(Model(), {});
   plant.Reset({0, 0, 0.5}, {0, 0, 0});
   EXPECT_EQ(plant.Event(), FlightEvent::kNone);
   EXPECT_EQ(plant.EventText(), "");
@@ -226,7 +232,7 @@ TEST(Plant, EveryShapeMeetsTheGroundWhereItIs) {
   VehicleModel model = Model();
   model.collision.p_BS_m = {0, 0, -0.2};
   const auto height_of_contact = [&model] {
-    Plant plant(model, {});
+    TiltrotorPlant plant(model, {});
     double low = 0, high = 2;
     while (high - low > 1e-6) {
       const double middle = 0.5 * (low + high);
@@ -247,7 +253,7 @@ TEST(Plant, EveryShapeMeetsTheGroundWhereItIs) {
 }
 
 TEST(Plant, SurvivesServosAtTheirLimits) {
-  Plant plant(Model(), {.ground = false});
+  TiltrotorPlant plant(Model(), {.ground = false});
   plant.Reset({0, 0, 50}, {0, 0, 0});
   for (int i = 0; i < 500; ++i) {
     const double torque = i / 10 % 2 == 0 ? 2 : -2;
@@ -257,14 +263,14 @@ TEST(Plant, SurvivesServosAtTheirLimits) {
 }
 
 TEST(Plant, NoGroundNoStrike) {
-  Plant plant(Model(), {.ground = false});
+  TiltrotorPlant plant(Model(), {.ground = false});
   plant.Reset({0, 0, -5}, {0, 0, 0});
-  plant.Step(Model().HoverInput());
+  plant.Step(Hovering());
   EXPECT_EQ(plant.Event(), FlightEvent::kNone);
 }
 
 TEST(Plant, TooFarAndTilted) {
-  Plant plant(Model(), {});
+  TiltrotorPlant plant(Model(), {});
   plant.Reset({0, 0, 999}, {0, 0, 0});
   EXPECT_EQ(plant.Event(), FlightEvent::kNone);
   plant.Reset({0, 700, 800}, {0, 0, 0});
@@ -278,20 +284,20 @@ TEST(Plant, TooFarAndTilted) {
 }
 
 TEST(Plant, InputThatIsNotANumberStopsThePlant) {
-  Plant plant(Model(), {});
-  plant.Step(Model().HoverInput());
+  TiltrotorPlant plant(Model(), {});
+  plant.Step(Hovering());
   const SensorsTruth before = plant.State();
   plant.Step({kNaN, 10, 0, 0});
   EXPECT_EQ(plant.Event(), FlightEvent::kNotFinite);
   EXPECT_THAT(plant.EventText(), HasSubstr("f_r_n"));
-  plant.Step(Model().HoverInput());
+  plant.Step(Hovering());
   EXPECT_EQ(plant.State(), before);
   plant.Reset({0, 0, 1}, {0, 0, 0});
   EXPECT_EQ(plant.Event(), FlightEvent::kNone);
 }
 
 TEST(Plant, StartThatIsNotANumberIsRefused) {
-  Plant plant(Model(), {});
+  TiltrotorPlant plant(Model(), {});
   EXPECT_THROW(plant.Reset({kNaN, 0, 1}, {0, 0, 0}), PlantError);
   EXPECT_THROW(plant.Reset({0, 0, 1}, {0, 0, INFINITY}), PlantError);
   EXPECT_THROW(Plant(Model(), {.step_ns = 0}), PlantError);
@@ -303,16 +309,16 @@ TEST(Plant, BlowUpIsAnEventNotACrash) {
     thruster.force_max_n = 1e300;
     thruster.torque_max_nm = 1e300;
   }
-  Plant plant(model, {});
+  TiltrotorPlant plant(model, {});
   plant.Reset({0, 0, 5}, {0, 0, 0});
   for (int i = 0; i < 100; ++i) plant.Step({1e300, 1e299, 1e300, -1e300});
   EXPECT_EQ(plant.Event(), FlightEvent::kNotFinite);
   EXPECT_NE(plant.EventText(), "");
-  Plant other(Model(), {});  // not harmed by its neighbour
-  for (int i = 0; i < 10; ++i) other.Step(Model().HoverInput());
+  TiltrotorPlant other(Model(), {});  // not harmed by its neighbour
+  for (int i = 0; i < 10; ++i) other.Step(Hovering());
   EXPECT_EQ(other.Event(), FlightEvent::kNone);
   plant.Reset({0, 0, 5}, {0, 0, 0});
-  plant.Step(Model().HoverInput());
+  plant.Step(Hovering());
   EXPECT_EQ(plant.Event(), FlightEvent::kNone);
   EXPECT_NEAR(plant.State().z_m, 5, 1e-3);
 }
@@ -321,7 +327,7 @@ TEST(Plant, InertiaThatTheEngineCannotIntegrateIsRefusedByName) {
   VehicleModel model = Model();
   model.thrusters[VehicleModel::kLeft].body.inertia_kg_m2(0, 0) = -1;
   try {
-    const Plant plant(model, {});
+    const TiltrotorPlant plant(model, {});
     FAIL() << "made a plant";
   } catch (const PlantError& error) {
     EXPECT_THAT(error.what(), HasSubstr("'thruster_left'"));
@@ -329,11 +335,11 @@ TEST(Plant, InertiaThatTheEngineCannotIntegrateIsRefusedByName) {
 }
 
 TEST(Plant, SameCallsSameBits) {
-  Plant first(Model(), {});
+  TiltrotorPlant first(Model(), {});
   first.Reset(Tumble());
   for (int i = 0; i < 100; ++i) first.Step({});  // another past
-  Plant second(Model(), {});
-  for (Plant* plant : {&first, &second}) plant->Reset({0, 0, 0.3}, {0.1, 0.05, 0.2});
+  TiltrotorPlant second(Model(), {});
+  for (TiltrotorPlant* plant : {&first, &second}) plant->Reset({0, 0, 0.3}, {0.1, 0.05, 0.2});
   for (int i = 0; i < 2000; ++i) {  // into the ground and beyond
     const ActuatorsTruth input = {10 + std::sin(0.01 * i), 10, 0.001 * std::cos(0.02 * i), 0};
     first.Step(input);
@@ -343,8 +349,15 @@ TEST(Plant, SameCallsSameBits) {
   EXPECT_NE(first.Event(), FlightEvent::kNone);
 }
 
-TEST(Plant, YawIsWrapped) {
+TEST(PlantDeathTest, RowOfAnotherSizeEndsTheProgram) {
   Plant plant(Model(), {});
+  std::vector<double> row(3);
+  EXPECT_DEATH(plant.Step(row), "a row of inputs has 4 numbers, not 3");
+  EXPECT_DEATH(plant.State(row), "a row of states has 16 numbers, not 3");
+}
+
+TEST(Plant, YawIsWrapped) {
+  TiltrotorPlant plant(Model(), {});
   plant.Reset({0, 0, 5}, {0, 0, 3 * std::numbers::pi / 2});
   EXPECT_NEAR(plant.State().yaw_rad, -std::numbers::pi / 2, 1e-12);
   plant.Reset({0, 0, 5}, {0, 0, -std::numbers::pi});
@@ -354,7 +367,7 @@ TEST(Plant, YawIsWrapped) {
 TEST(Plant, SensorsHoldTheirSampleBetweenTwo) {
   VehicleModel model = Model();
   model.sensor_rate_hz = 100;  // every 10 ms: at 0, 12, 20 ms of a 4 ms grid
-  Plant plant(model, {});
+  TiltrotorPlant plant(model, {});
   plant.Reset(Tumble());
   const SensorsTruth at_0 = plant.State(RatesFrame::kBody);
   EXPECT_EQ(plant.ReadSensors(RatesFrame::kBody), at_0);
@@ -369,7 +382,7 @@ TEST(Plant, SensorsHoldTheirSampleBetweenTwo) {
   plant.Step({});
   EXPECT_EQ(plant.ReadSensors(), plant.State());
 
-  Plant every_step(Model(), {});
+  TiltrotorPlant every_step(Model(), {});
   every_step.Step({});
   EXPECT_EQ(every_step.ReadSensors(), every_step.State());
 }

@@ -47,10 +47,39 @@ TEST(VehicleModel, ReadsTheDesignPlant) {
   EXPECT_EQ(right.angle_max_rad, 1.5);
   EXPECT_NEAR(right.drag_ratio_m, 1.7e-7 / 9.5e-6, 1e-10);
 
-  EXPECT_EQ(model.InputMin(), (ActuatorsTruth{0, 0, -2, -2}));
-  EXPECT_EQ(model.InputMax(), (ActuatorsTruth{30, 30, 2, 2}));
-  EXPECT_NEAR(model.HoverInput().f_r_n, 10.27118, 1e-5);
-  EXPECT_NEAR(model.HoverInput().f_l_n, 10.28035, 1e-5);
+  EXPECT_EQ(model.InputMin(), (std::vector<double>{0, 0, -2, -2}));
+  EXPECT_EQ(model.InputMax(), (std::vector<double>{30, 30, 2, 2}));
+  EXPECT_NEAR(model.HoverInput().at(0), 10.27118, 1e-5);
+  EXPECT_NEAR(model.HoverInput().at(1), 10.28035, 1e-5);
+}
+
+// In the order of the columns of trace.csv.
+TEST(VehicleModel, GivesItsSignals) {
+  const VehicleSignals signals = LoadShipped("tiltrotor").signals();
+  const auto names = [](const SignalTable& table) {
+    std::string all;
+    for (const Signal& signal : table) all += signal.name + " ";
+    return all;
+  };
+  EXPECT_EQ(names(signals.states),
+            "x_m y_m z_m roll_rad pitch_rad yaw_rad alpha_r_rad alpha_l_rad vx_m_s vy_m_s vz_m_s "
+            "wx_rad_s wy_rad_s wz_rad_s alpha_r_rad_s alpha_l_rad_s ");
+  EXPECT_EQ(names(signals.inputs), "f_r_n f_l_n tau_r_nm tau_l_nm ");
+  EXPECT_EQ(signals.sensors, signals.states);
+  EXPECT_EQ(signals.states[6], (Signal{"alpha_r_rad", "rad", 0.5, SignalFrame::kHinge}));
+  EXPECT_EQ(signals.states[9], (Signal{"vy_m_s", "m/s", 1.0, SignalFrame::kWorld}));
+  EXPECT_EQ(signals.inputs[1], (Signal{"f_l_n", "N", 1.0, SignalFrame::kRotor}));
+  EXPECT_EQ(signals.inputs[2], (Signal{"tau_r_nm", "N m", 1.0, SignalFrame::kHinge}));
+}
+
+// Only right and left are spelled by a letter.
+TEST(VehicleModel, SignalsAreNamedAfterItsRotors) {
+  VehicleModel model = LoadShipped("tiltrotor");
+  model.thrusters[0].name = "front";
+  const VehicleSignals signals = model.signals();
+  EXPECT_EQ(signals.states[6].name, "alpha_front_rad");
+  EXPECT_EQ(signals.inputs[0].name, "f_front_n");
+  EXPECT_EQ(signals.inputs[3].name, "tau_l_nm");
 }
 
 TEST(VehicleModel, ReadsTheAsPublishedPlant) {
@@ -91,7 +120,7 @@ TEST(VehicleModel, ReadsTheAuthorsFileWithTheMappingBesideItWhenAskedTo) {
   EXPECT_EQ(model.thrusters[VehicleModel::kLeft].joint, "aL");
   // SDF 1.4: a joint's axis is given in the model's frame.
   EXPECT_NEAR((model.thrusters[VehicleModel::kRight].axis_B - Eigen::Vector3d::UnitY()).norm(), 0, 1e-12);
-  EXPECT_EQ(model.InputMax(), (ActuatorsTruth{30, 30, 2, 2}));  // torque: the joints' <effort>
+  EXPECT_EQ(model.InputMax(), (std::vector<double>{30, 30, 2, 2}));  // torque: the joints' <effort>
 
   EXPECT_THAT(warnings, Contains(AllOf(HasSubstr("vant_2.sdf:14:"), HasSubstr("triangle inequality"))));
   EXPECT_THAT(warnings, Contains(AllOf(HasSubstr(":26:"), HasSubstr("servodir.STL"))));
@@ -379,6 +408,12 @@ TEST_F(ChangedVehicle, MistypedAttributesAndNumbers) {
   EXPECT_THAT(error_with("name=\"right\" link", "name=\"middle\" link"), HasSubstr("'right'"));
   EXPECT_THAT(error_with("<tiltproof:sensors/>", "<tiltproof:sensors rate_hz=\"0\"/>"), HasSubstr("rate_hz"));
   EXPECT_THAT(error_with("<tiltproof:sensors/>", "<tiltproof:sensor/>"), HasSubstr("<tiltproof:sensor>"));
+  EXPECT_THAT(error_with("<tiltproof:sensors/>", "<tiltproof:drag linear_n_s_m=\"-0.1\"/>"),
+              HasSubstr("[0, 100]"));
+  EXPECT_THAT(error_with("<tiltproof:sensors/>", "<tiltproof:drag area_m2=\"0.1\"/>"),
+              HasSubstr("'area_m2'"));
+  EXPECT_THAT(error_with("<tiltproof:sensors/>", "<tiltproof:drag/><tiltproof:drag/>"),
+              HasSubstr("one <tiltproof:drag>"));
   EXPECT_THAT(error_with("torque_max_nm=\"2\"", "torque_max_nm=\"0\""), HasSubstr("no limit"));
 }
 
@@ -423,8 +458,8 @@ TEST_F(ChangedVehicle, MappingFileGoesBeforeTheModelsOwnElements) {
          "<tiltproof:servo joint='hinge_right'/>"
          "<tiltproof:sensors rate_hz='100'/></tiltproof:vehicle>";
   const VehicleModel model = Load({.allow_invalid_inertia = false, .mapping = folder_ / "roles.xml"});
-  EXPECT_EQ(model.InputMin(), (ActuatorsTruth{1, 0, -2, -3}));
-  EXPECT_EQ(model.InputMax(), (ActuatorsTruth{20, 21, 2, 3}));
+  EXPECT_EQ(model.InputMin(), (std::vector<double>{1, 0, -2, -3}));
+  EXPECT_EQ(model.InputMax(), (std::vector<double>{20, 21, 2, 3}));
   EXPECT_EQ(model.sensor_rate_hz, 100);
   EXPECT_THAT(warnings_, ElementsAre(HasSubstr("overridden by")));
   EXPECT_THAT(Error({.allow_invalid_inertia = false, .mapping = folder_ / "none.xml"}),

@@ -13,7 +13,7 @@
 #include <Eigen/Core>
 #include <array>
 
-#include "link/signals.h"
+#include "firmware/signals.h"
 
 namespace tiltproof::testing {
 

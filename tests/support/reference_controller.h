@@ -8,7 +8,7 @@
 #include <array>
 #include <filesystem>
 
-#include "link/signals.h"
+#include "firmware/signals.h"
 
 namespace tiltproof::testing {
 

@@ -1,4 +1,4 @@
-#include "faults/model.h"
+#include "faults/fault_type.h"
 #include "faults/signal_choice.h"
 
 namespace tiltproof::faults {
@@ -6,13 +6,13 @@ namespace {
 
 class LossOfEffectiveness : public ActuatorModel {
  public:
-  explicit LossOfEffectiveness(const Parameters& parameters)
-      : actuator_(ActuatorNamed(parameters.Choice("actuator"))), factor_(parameters.Number("factor")) {}
+  explicit LossOfEffectiveness(const SignalSetup& setup)
+      : actuator_(ActuatorIndex(setup)), factor_(setup.parameters.Number("factor")) {}
 
-  void Act(ActuatorsTruth& actuators) const override { actuators.*actuator_ *= factor_; }
+  void Act(std::span<double> input, const StepContext& /*context*/) override { input[actuator_] *= factor_; }
 
  private:
-  double ActuatorsTruth::*actuator_;
+  std::size_t actuator_;
   double factor_;
 };
 
@@ -20,7 +20,6 @@ class LossOfEffectiveness : public ActuatorModel {
 
 FaultType ActuatorLossOfEffectiveness() {
   return {.name = "actuator.loss_of_effectiveness",
-          .stage = Stage::kActuator,
           .summary = "An actuator yields only a part of what is commanded.",
           .semantics =
               "The actuator's force or torque is `factor` times the command: 1 is a healthy "
@@ -33,10 +32,11 @@ FaultType ActuatorLossOfEffectiveness() {
                           .max = 1.0,
                           .doc = "what remains of the command; 1 changes nothing",
                           .example = 0.7,
-                          .zero = 1.0}},
-          .make_actuator = [](const Parameters& parameters) -> std::unique_ptr<ActuatorModel> {
-            return std::make_unique<LossOfEffectiveness>(parameters);
-          }};
+                          .zero = 1.0,
+                          .severity = Scale::kLinear}},
+          .kind = ActuatorKind{.make = [](const SignalSetup& setup) -> std::unique_ptr<ActuatorModel> {
+            return std::make_unique<LossOfEffectiveness>(setup);
+          }}};
 }
 
 }  // namespace tiltproof::faults

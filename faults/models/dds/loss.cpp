@@ -1,10 +1,9 @@
-#include "faults/model.h"
+#include "faults/fault_type.h"
 
 namespace tiltproof::faults {
 
 FaultType DdsLoss() {
   return {.name = "dds.loss",
-          .stage = Stage::kNode,
           .summary = "Loses packets between the nodes.",
           .semantics =
               "Of the packets that the node sends on DDS each is lost with `probability`, by draws of the "
@@ -12,7 +11,9 @@ FaultType DdsLoss() {
               "the node joins.",
           .parameters = {NodeParameter({"base_station", "client", "plant", "link", "all"}),
                          ProbabilityParameter("of losing a packet", 0.1)},
-          .on_node = true,
+          .kind = NodeKind{.make = [](const Parameters& parameters) -> NodeAction {
+            return LosePackets{.probability = parameters.Number("probability")};
+          }},
           .start = Bound::kRefused,
           .end = Bound::kRefused,
           .needs = Needs::kNodes};

@@ -1,11 +1,10 @@
-#include "faults/model.h"
+#include "faults/fault_type.h"
 
 namespace tiltproof::faults {
 
 FaultType DdsPartition() {
   return {
       .name = "dds.partition",
-      .stage = Stage::kNode,
       .summary = "Cuts a node off from the others' bus.",
       .semantics =
           "From `start_s` to `end_s` nothing that the node publishes on DDS reaches another, and nothing "
@@ -13,7 +12,7 @@ FaultType DdsPartition() {
           "`end_s` the "
           "node stays cut off. A node that is away for more than 5 s is given up, and the verdict is error.",
       .parameters = {NodeParameter({"base_station", "client", "plant", "link", "all"})},
-      .on_node = true,
+      .kind = NodeKind{.make = [](const Parameters&) -> NodeAction { return PartitionNode{}; }},
       .start = Bound::kRequired,
       .needs = Needs::kNodes};
 }

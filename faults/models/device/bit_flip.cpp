@@ -1,10 +1,9 @@
-#include "faults/model.h"
+#include "faults/fault_type.h"
 
 namespace tiltproof::faults {
 
 FaultType DeviceBitFlip() {
   return {.name = "device.bit_flip",
-          .stage = Stage::kDevice,
           .summary = "Flips bits of the firmware's memory, as radiation does.",
           .semantics =
               "At one instant `bit_count` different bits of the region are flipped, every choice of them "
@@ -25,8 +24,12 @@ FaultType DeviceBitFlip() {
                           .doc = "how many bits at once",
                           .example = 1.0,
                           .default_value = 1.0}},
-          .on_device = true,
-          .at_an_instant = true,
+          .kind = DeviceKind{.make = [](const DeviceSetup& setup) -> DeviceAction {
+                               return FlipBits{.region = setup.parameters.Text("region"),
+                                               .bit_count = setup.parameters.Integer("bit_count"),
+                                               .stream = setup.stream};
+                             },
+                             .at_an_instant = true},
           .start = Bound::kRequired,
           .needs = Needs::kProcessor};
 }

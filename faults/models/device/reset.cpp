@@ -1,18 +1,17 @@
-#include "faults/model.h"
+#include "faults/fault_type.h"
 
 namespace tiltproof::faults {
 
 FaultType DeviceReset() {
   return {.name = "device.reset",
-          .stage = Stage::kDevice,
           .summary = "Resets the firmware's processor, as its reset pin does.",
           .semantics =
               "At `start_s` the processor and its peripherals are reset and stay so for `boot_ms`; then the "
               "firmware starts from its reset vector. It receives nothing meanwhile, and a byte that it was "
               "sending is cut off. The fault is active while the processor is held.",
           .parameters = {BootParameter()},
-          .on_device = true,
-          .asks_restart = true,
+          .kind = DeviceKind{.make = [](const DeviceSetup&) -> DeviceAction { return ResetProcessor{}; },
+                             .asks_restart = true},
           .start = Bound::kRequired,
           .end = Bound::kRefused,
           .duration_ms = "boot_ms",

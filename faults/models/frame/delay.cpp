@@ -2,7 +2,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "faults/model.h"
+#include "faults/fault_type.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -68,7 +68,6 @@ class Delay : public WireModel {
 
 FaultType FrameDelay() {
   return {.name = "frame.delay",
-          .stage = Stage::kTiming,
           .summary = "Holds frames back for a fixed or random time.",
           .semantics =
               "Every frame that the trigger picked enters the line later by a draw of its own. "
@@ -83,7 +82,8 @@ FaultType FrameDelay() {
                           .max = 10'000.0,
                           .doc = "mean delay",
                           .example = 3.0,
-                          .zero = 0.0},
+                          .zero = 0.0,
+                          .severity = Scale::kLogarithmic},
                          {.name = "jitter_ms",
                           .unit = "ms",
                           .min = 0.0,
@@ -99,9 +99,10 @@ FaultType FrameDelay() {
                           .example = "uniform",
                           .default_value = "constant",
                           .choices = {"constant", "uniform", "normal", "pareto"}}},
-          .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-            return std::make_unique<Delay>(setup.parameters);
-          }};
+          .kind = WireKind{.stage = Stage::kTiming,
+                           .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+                             return std::make_unique<Delay>(setup.parameters);
+                           }}};
 }
 
 }  // namespace tiltproof::faults

@@ -1,4 +1,4 @@
-#include "faults/model.h"
+#include "faults/fault_type.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -23,15 +23,15 @@ class Drop : public WireModel {
 
 FaultType FrameDrop() {
   return {.name = "frame.drop",
-          .stage = Stage::kFrame,
           .summary = "Loses whole frames.",
           .semantics =
               "A frame that the trigger picked is lost with the given probability; the line is idle instead.",
           .parameters = {ProbabilityParameter("probability, per frame, that it is lost", 0.5)},
-          .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-            return std::make_unique<Drop>(setup);
-          },
-          .volume = Volume::kMayLose};
+          .kind = WireKind{.stage = Stage::kFrame,
+                           .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+                             return std::make_unique<Drop>(setup);
+                           },
+                           .volume = Volume::kMayLose}};
 }
 
 }  // namespace tiltproof::faults

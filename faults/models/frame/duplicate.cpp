@@ -1,4 +1,4 @@
-#include "faults/model.h"
+#include "faults/fault_type.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -29,17 +29,17 @@ class Duplicate : public WireModel {
 
 FaultType FrameDuplicate() {
   return {.name = "frame.duplicate",
-          .stage = Stage::kFrame,
           .summary = "Sends whole frames twice.",
           .semantics =
               "A frame that the trigger picked is followed by a copy of itself with the given "
               "probability. Later faults treat the copy as a frame of its own; what is sent next "
               "waits until the line is free.",
           .parameters = {ProbabilityParameter("probability, per frame, that it is sent twice", 0.5)},
-          .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-            return std::make_unique<Duplicate>(setup);
-          },
-          .volume = Volume::kDoubles};
+          .kind = WireKind{.stage = Stage::kFrame,
+                           .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+                             return std::make_unique<Duplicate>(setup);
+                           },
+                           .volume = Volume::kDoubles}};
 }
 
 }  // namespace tiltproof::faults

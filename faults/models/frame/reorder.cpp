@@ -1,6 +1,6 @@
 #include <algorithm>
 
-#include "faults/model.h"
+#include "faults/fault_type.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -60,7 +60,6 @@ class Reorder : public WireModel {
 
 FaultType FrameReorder() {
   return {.name = "frame.reorder",
-          .stage = Stage::kFrame,
           .summary = "Lets later frames overtake.",
           .semantics =
               "A frame that the trigger picked is held back with the given probability and goes on "
@@ -75,11 +74,12 @@ FaultType FrameReorder() {
                           .max = 16,
                           .doc = "how many later frames overtake it",
                           .example = 2.0}},
-          .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-            return std::make_unique<Reorder>(setup.parameters);
-          },
-          .volume = Volume::kMayLose,
-          .remembers = true};
+          .kind = WireKind{.stage = Stage::kFrame,
+                           .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+                             return std::make_unique<Reorder>(setup.parameters);
+                           },
+                           .volume = Volume::kMayLose,
+                           .remembers = true}};
 }
 
 }  // namespace tiltproof::faults

@@ -1,7 +1,7 @@
 #include <array>
 #include <deque>
 
-#include "faults/model.h"
+#include "faults/fault_type.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -64,7 +64,6 @@ class ReplayStale : public WireModel {
 
 FaultType FrameReplayStale() {
   return {.name = "frame.replay_stale",
-          .stage = Stage::kFrame,
           .summary = "Puts an older frame in the place of a new one.",
           .semantics =
               "A frame that the trigger picked is replaced, with the given probability, by what was "
@@ -79,10 +78,11 @@ FaultType FrameReplayStale() {
                           .max = 10'000,
                           .doc = "how many frames of the same message lie back",
                           .example = 3.0}},
-          .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-            return std::make_unique<ReplayStale>(setup.parameters);
-          },
-          .remembers = true};
+          .kind = WireKind{.stage = Stage::kFrame,
+                           .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+                             return std::make_unique<ReplayStale>(setup.parameters);
+                           },
+                           .remembers = true}};
 }
 
 }  // namespace tiltproof::faults

@@ -1,4 +1,4 @@
-#include "faults/model.h"
+#include "faults/fault_type.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -26,17 +26,17 @@ class Truncate : public WireModel {
 
 FaultType FrameTruncate() {
   return {.name = "frame.truncate",
-          .stage = Stage::kFrame,
           .summary = "Cuts frames short.",
           .semantics =
               "Of a frame that the trigger picked only the first bytes go on, with the given "
               "probability: at least one, and at least one is lost, every length alike. Its closing "
               "flag is always lost; a frame of a single byte stays as it is.",
           .parameters = {ProbabilityParameter("probability, per frame, that it is cut", 0.5)},
-          .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-            return std::make_unique<Truncate>(setup);
-          },
-          .volume = Volume::kMayLose};
+          .kind = WireKind{.stage = Stage::kFrame,
+                           .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+                             return std::make_unique<Truncate>(setup);
+                           },
+                           .volume = Volume::kMayLose}};
 }
 
 }  // namespace tiltproof::faults

@@ -1,28 +1,34 @@
-#include "faults/model.h"
+#include "faults/fault_type.h"
 
 namespace tiltproof::faults {
 namespace {
 
 class Canary : public ActuatorModel {
  public:
-  void Act(ActuatorsTruth& actuators) const override {
-    actuators.f_r_n = 0.0;
-    actuators.f_l_n = 0.0;
+  explicit Canary(const SignalTable& inputs) {
+    for (std::size_t i = 0; i < inputs.size(); ++i)
+      if (inputs[i].name.starts_with("f_")) thrusts_.push_back(i);
   }
+
+  void Act(std::span<double> input, const StepContext& /*context*/) override {
+    for (const std::size_t thrust : thrusts_) input[thrust] = 0.0;
+  }
+
+ private:
+  std::vector<std::size_t> thrusts_;
 };
 
 }  // namespace
 
 FaultType HarnessCanary() {
   return {.name = "harness.canary",
-          .stage = Stage::kActuator,
-          .summary = "Cuts both thrusts: no flight may survive it.",
+          .summary = "Cuts all thrusts: no flight may survive it.",
           .semantics =
-              "Both thrusts are 0 throughout the window, whatever is commanded. A verdict other "
+              "All thrusts are 0 throughout the window, whatever is commanded. A verdict other "
               "than fail shows that faults or scoring do not work.",
-          .make_actuator = [](const Parameters&) -> std::unique_ptr<ActuatorModel> {
-            return std::make_unique<Canary>();
-          }};
+          .kind = ActuatorKind{.make = [](const SignalSetup& setup) -> std::unique_ptr<ActuatorModel> {
+            return std::make_unique<Canary>(setup.signals.inputs);
+          }}};
 }
 
 }  // namespace tiltproof::faults

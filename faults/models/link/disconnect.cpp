@@ -1,4 +1,4 @@
-#include "faults/model.h"
+#include "faults/fault_type.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -9,30 +9,29 @@ class Disconnect : public WireModel {
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
     const std::size_t size = chunk.bytes.size();
-    std::size_t head = 0;
-    while (head < size && EndOf(chunk, head) <= context.window.begin_ns &&
-           BeginOf(chunk, head) < context.window.begin_ns)
-      ++head;
-    std::size_t tail = head;
-    while (tail < size && BeginOf(chunk, tail) < context.window.end_ns) ++tail;
-    if (head == tail) {
-      out.push_back(std::move(chunk));
-      return;
-    }
-    if (context.what != nullptr) {
-      context.Say("bytes " + std::to_string(head) + " to " + std::to_string(tail - 1) + " of " +
-                  std::to_string(size) + " lost");
-    }
-    if (tail < size) {
-      link::Chunk rest = chunk;
-      rest.begin_ns = BeginOf(chunk, tail);
-      rest.bytes.erase(rest.bytes.begin(), rest.bytes.begin() + static_cast<std::ptrdiff_t>(tail));
-      chunk.bytes.resize(head);
-      if (head > 0) out.push_back(std::move(chunk));
-      out.push_back(std::move(rest));
-    } else if (head > 0) {
-      chunk.bytes.resize(head);
-      out.push_back(std::move(chunk));
+    const auto lost = [&](std::size_t byte) {
+      return context.ActiveWithin(BeginOf(chunk, byte), BeginOf(chunk, byte + 1));
+    };
+    std::size_t from = 0;
+    while (from < size) {  // runs of bytes that go on, and of lost ones
+      const bool goes_on = !lost(from);
+      std::size_t to = from + 1;
+      while (to < size && lost(to) != goes_on) ++to;
+      if (goes_on && to - from == size) {
+        out.push_back(std::move(chunk));
+        return;
+      }
+      if (goes_on) {
+        link::Chunk run = chunk;
+        run.begin_ns = BeginOf(chunk, from);
+        run.bytes.assign(chunk.bytes.begin() + static_cast<std::ptrdiff_t>(from),
+                         chunk.bytes.begin() + static_cast<std::ptrdiff_t>(to));
+        out.push_back(std::move(run));
+      } else if (context.what != nullptr) {
+        context.Say("bytes " + std::to_string(from) + " to " + std::to_string(to - 1) + " of " +
+                    std::to_string(size) + " lost");
+      }
+      from = to;
     }
   }
 
@@ -40,7 +39,6 @@ class Disconnect : public WireModel {
   TimeNs BeginOf(const link::Chunk& chunk, std::size_t byte) const {
     return chunk.begin_ns + line_.BytesTime(static_cast<std::int64_t>(byte));
   }
-  TimeNs EndOf(const link::Chunk& chunk, std::size_t byte) const { return BeginOf(chunk, byte + 1); }
 
   Line line_;
 };
@@ -49,19 +47,19 @@ class Disconnect : public WireModel {
 
 FaultType LinkDisconnect() {
   return {.name = "link.disconnect",
-          .stage = Stage::kByte,
           .summary = "The plug is pulled.",
           .semantics =
               "Every byte that is on the line during any part of the window is lost, so a frame "
               "under way at its beginning or end is cut in the middle. `every_nth_count` and "
               "`probability` choose among the frames that are on the line during the window. "
               "Without a target both directions of the main line are cut.",
-          .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-            return std::make_unique<Disconnect>(setup.line);
-          },
-          .default_target = Target::kBoth,
-          .volume = Volume::kMayLose,
-          .acts_on_overlap = true};
+          .kind = WireKind{.stage = Stage::kByte,
+                           .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+                             return std::make_unique<Disconnect>(setup.line);
+                           },
+                           .default_target = Target::kBoth,
+                           .volume = Volume::kMayLose,
+                           .acts_on_overlap = true}};
 }
 
 }  // namespace tiltproof::faults

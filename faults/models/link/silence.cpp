@@ -1,4 +1,4 @@
-#include "faults/model.h"
+#include "faults/fault_type.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -13,17 +13,18 @@ class Silence : public WireModel {
 }  // namespace
 
 FaultType LinkSilence() {
-  return {
-      .name = "link.silence",
-      .stage = Stage::kFrame,
-      .summary = "A sender stops sending.",
-      .semantics =
-          "Every frame whose first byte would enter the line within the window is not sent, "
-          "whole; a frame begun before the window ends as usual. Without a target both "
-          "directions of the main line are silent.",
-      .make_wire = [](const WireSetup&) -> std::unique_ptr<WireModel> { return std::make_unique<Silence>(); },
-      .default_target = Target::kBoth,
-      .volume = Volume::kMayLose};
+  return {.name = "link.silence",
+          .summary = "A sender stops sending.",
+          .semantics =
+              "Every frame whose first byte would enter the line within the window is not sent, "
+              "whole; a frame begun before the window ends as usual. Without a target both "
+              "directions of the main line are silent.",
+          .kind = WireKind{.stage = Stage::kFrame,
+                           .make = [](const WireSetup&) -> std::unique_ptr<WireModel> {
+                             return std::make_unique<Silence>();
+                           },
+                           .default_target = Target::kBoth,
+                           .volume = Volume::kMayLose}};
 }
 
 }  // namespace tiltproof::faults

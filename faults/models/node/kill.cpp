@@ -1,11 +1,10 @@
-#include "faults/model.h"
+#include "faults/fault_type.h"
 
 namespace tiltproof::faults {
 
 FaultType NodeKill() {
   return {
       .name = "node.kill",
-      .stage = Stage::kNode,
       .summary = "Kills a node, for good.",
       .semantics =
           "At `start_s` the node and everything that it has started are killed (SIGKILL). The loss of the "
@@ -13,7 +12,7 @@ FaultType NodeKill() {
           "scenario "
           "say `expect: error`.",
       .parameters = {NodeParameter({"client", "plant", "link", "base_station"})},
-      .on_node = true,
+      .kind = NodeKind{.make = [](const Parameters&) -> NodeAction { return KillNode{}; }},
       .start = Bound::kRequired,
       .end = Bound::kRefused,
       .needs = Needs::kNodes};

@@ -1,10 +1,9 @@
-#include "faults/model.h"
+#include "faults/fault_type.h"
 
 namespace tiltproof::faults {
 
 FaultType NodeRestart() {
   return {.name = "node.restart",
-          .stage = Stage::kNode,
           .summary = "Kills a node and starts it again.",
           .semantics =
               "At `start_s` the node is killed (SIGKILL), `down_ms` later it is started anew, with nothing "
@@ -17,8 +16,8 @@ FaultType NodeRestart() {
                           .max = 600'000.0,
                           .doc = "from the kill to the new start",
                           .example = 500.0}},
-          .on_node = true,
-          .asks_restart = true,
+          .kind = NodeKind{.make = [](const Parameters&) -> NodeAction { return RestartNode{}; },
+                           .asks_restart = true},
           .start = Bound::kRequired,
           .end = Bound::kRefused,
           .duration_ms = "down_ms",

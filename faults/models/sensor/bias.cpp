@@ -1,4 +1,4 @@
-#include "faults/model.h"
+#include "faults/fault_type.h"
 #include "faults/signal_choice.h"
 
 namespace tiltproof::faults {
@@ -6,16 +6,16 @@ namespace {
 
 class Bias : public SensorModel {
  public:
-  explicit Bias(const Parameters& parameters)
-      : signal_(SensorNamed(parameters.Choice("signal"))), offset_(parameters.Number("offset")) {}
+  explicit Bias(const SignalSetup& setup)
+      : signal_(SensorIndex(setup)), offset_(setup.parameters.Number("offset")) {}
 
-  void Act(Sensors& sensors) override {
-    float& value = sensors.*signal_;
+  void Act(std::span<float> values, const SampleContext& /*context*/) override {
+    float& value = values[signal_];
     value = static_cast<float>(static_cast<double>(value) + offset_);
   }
 
  private:
-  float Sensors::*signal_;
+  std::size_t signal_;
   double offset_;
 };
 
@@ -23,7 +23,6 @@ class Bias : public SensorModel {
 
 FaultType SensorBias() {
   return {.name = "sensor.bias",
-          .stage = Stage::kSensor,
           .summary = "Adds a constant to a sensor.",
           .semantics =
               "`offset` is added to the signal in every sample that the trigger picked, before it "
@@ -35,10 +34,11 @@ FaultType SensorBias() {
                           .max = 1e6,
                           .doc = "what is added, in the signal's unit",
                           .example = 0.5,
-                          .zero = 0.0}},
-          .make_sensor = [](const Parameters& parameters) -> std::unique_ptr<SensorModel> {
-            return std::make_unique<Bias>(parameters);
-          }};
+                          .zero = 0.0,
+                          .severity = Scale::kLinear}},
+          .kind = SensorKind{.make = [](const SignalSetup& setup) -> std::unique_ptr<SensorModel> {
+            return std::make_unique<Bias>(setup);
+          }}};
 }
 
 }  // namespace tiltproof::faults

@@ -1,4 +1,4 @@
-#include "faults/model.h"
+#include "faults/fault_type.h"
 #include "faults/signal_choice.h"
 
 namespace tiltproof::faults {
@@ -6,15 +6,15 @@ namespace {
 
 class Freeze : public SensorModel {
  public:
-  explicit Freeze(const Parameters& parameters) : signal_(SensorNamed(parameters.Choice("signal"))) {}
+  explicit Freeze(const SignalSetup& setup) : signal_(SensorIndex(setup)) {}
 
-  void Act(Sensors& sensors) override {
-    if (!frozen_) frozen_ = sensors.*signal_;
-    sensors.*signal_ = *frozen_;
+  void Act(std::span<float> values, const SampleContext& /*context*/) override {
+    if (!frozen_) frozen_ = values[signal_];
+    values[signal_] = *frozen_;
   }
 
  private:
-  float Sensors::*signal_;
+  std::size_t signal_;
   std::optional<float> frozen_;
 };
 
@@ -22,15 +22,14 @@ class Freeze : public SensorModel {
 
 FaultType SensorFreeze() {
   return {.name = "sensor.freeze",
-          .stage = Stage::kSensor,
           .summary = "A sensor keeps its value.",
           .semantics =
               "The signal keeps the value that it had in the first sample that the trigger picked. "
               "That sample itself is unchanged, and so counts as no activation.",
           .parameters = {SensorParameter()},
-          .make_sensor = [](const Parameters& parameters) -> std::unique_ptr<SensorModel> {
-            return std::make_unique<Freeze>(parameters);
-          }};
+          .kind = SensorKind{.make = [](const SignalSetup& setup) -> std::unique_ptr<SensorModel> {
+            return std::make_unique<Freeze>(setup);
+          }}};
 }
 
 }  // namespace tiltproof::faults

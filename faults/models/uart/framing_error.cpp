@@ -1,19 +1,17 @@
-#include "faults/model.h"
+#include "faults/fault_type.h"
 
 namespace tiltproof::faults {
 
 FaultType UartFramingError() {
   return {.name = "uart.framing_error",
-          .stage = Stage::kReceiver,
           .summary = "The firmware's receiver misses stop bits.",
           .semantics =
               "A byte that meets this fault is delivered as it is, with the framing error flag (FE) set in "
               "the status register until the firmware reads the status and then the data register (RM0090, "
               "section 30.3.3).",
           .parameters = {ProbabilityParameter("that a byte is delivered with the flag", 0.01)},
-          .mark = ReceiveMark::kFraming,
-          .needs = Needs::kEmulation,
-          .default_target = Target::kToClient};
+          .kind = ReceiverKind{.mark = ReceiveMark::kFraming},
+          .needs = Needs::kEmulation};
 }
 
 }  // namespace tiltproof::faults

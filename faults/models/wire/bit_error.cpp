@@ -1,5 +1,5 @@
 #include "faults/bits.h"
-#include "faults/model.h"
+#include "faults/fault_type.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -27,7 +27,6 @@ class BitError : public WireModel {
 
 FaultType WireBitError() {
   return {.name = "wire.bit_error",
-          .stage = Stage::kByte,
           .summary = "Flips bits independently of each other.",
           .semantics =
               "Every data bit of a frame, flags and escapes included, is flipped with probability "
@@ -38,10 +37,12 @@ FaultType WireBitError() {
                           .max = 1.0,
                           .doc = "bit error ratio: probability that a data bit is flipped",
                           .example = 1e-3,
-                          .zero = 0.0}},
-          .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-            return std::make_unique<BitError>(setup.parameters.Number("ber"));
-          }};
+                          .zero = 0.0,
+                          .severity = Scale::kLogarithmic}},
+          .kind = WireKind{.stage = Stage::kByte,
+                           .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+                             return std::make_unique<BitError>(setup.parameters.Number("ber"));
+                           }}};
 }
 
 }  // namespace tiltproof::faults

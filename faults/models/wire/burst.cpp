@@ -1,7 +1,7 @@
 #include <algorithm>
 
 #include "faults/bits.h"
-#include "faults/model.h"
+#include "faults/fault_type.h"
 #include "faults/poisson.h"
 
 namespace tiltproof::faults {
@@ -58,7 +58,6 @@ class Burst : public WireModel {
 
 FaultType WireBurst() {
   return {.name = "wire.burst",
-          .stage = Stage::kByte,
           .summary = "Short disturbances at random times flip runs of bits.",
           .semantics =
               "Disturbances come as a Poisson process in time, whether or not something is sent; "
@@ -81,9 +80,10 @@ FaultType WireBurst() {
                           .example = 0.5,
                           .zero = 0.0},
                          RateParameter("disturbances per second of time", 100.0)},
-          .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-            return std::make_unique<Burst>(setup);
-          }};
+          .kind = WireKind{.stage = Stage::kByte,
+                           .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+                             return std::make_unique<Burst>(setup);
+                           }}};
 }
 
 }  // namespace tiltproof::faults

@@ -1,5 +1,5 @@
 #include "faults/bits.h"
-#include "faults/model.h"
+#include "faults/fault_type.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -30,17 +30,17 @@ class ByteDrop : public WireModel {
 
 FaultType WireByteDrop() {
   return {.name = "wire.byte_drop",
-          .stage = Stage::kByte,
           .summary = "Loses single bytes.",
           .semantics =
               "Every byte of a frame, flags included, is lost with the given probability, "
               "independently. The bytes after it close up: they arrive one byte time earlier. A "
               "frame that loses all its bytes vanishes.",
           .parameters = {ProbabilityParameter("probability, per byte, that it is lost", 0.01)},
-          .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-            return std::make_unique<ByteDrop>(setup.parameters.Number("probability"));
-          },
-          .volume = Volume::kMayLose};
+          .kind = WireKind{.stage = Stage::kByte,
+                           .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+                             return std::make_unique<ByteDrop>(setup.parameters.Number("probability"));
+                           },
+                           .volume = Volume::kMayLose}};
 }
 
 }  // namespace tiltproof::faults

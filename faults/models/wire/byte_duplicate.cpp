@@ -1,5 +1,5 @@
 #include "faults/bits.h"
-#include "faults/model.h"
+#include "faults/fault_type.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -30,16 +30,16 @@ class ByteDuplicate : public WireModel {
 
 FaultType WireByteDuplicate() {
   return {.name = "wire.byte_duplicate",
-          .stage = Stage::kByte,
           .summary = "Sends single bytes twice.",
           .semantics =
               "Every byte of a frame, flags included, is repeated once with the given probability, "
               "independently. What follows moves back by a byte time.",
           .parameters = {ProbabilityParameter("probability, per byte, that it is repeated", 0.01)},
-          .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-            return std::make_unique<ByteDuplicate>(setup.parameters.Number("probability"));
-          },
-          .volume = Volume::kDoubles};
+          .kind = WireKind{.stage = Stage::kByte,
+                           .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+                             return std::make_unique<ByteDuplicate>(setup.parameters.Number("probability"));
+                           },
+                           .volume = Volume::kDoubles}};
 }
 
 }  // namespace tiltproof::faults

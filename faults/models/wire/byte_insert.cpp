@@ -1,5 +1,5 @@
 #include "faults/bits.h"
-#include "faults/model.h"
+#include "faults/fault_type.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -32,16 +32,16 @@ class ByteInsert : public WireModel {
 FaultType WireByteInsert() {
   return {
       .name = "wire.byte_insert",
-      .stage = Stage::kByte,
       .summary = "Adds random bytes.",
       .semantics =
           "Before every byte of a frame a byte of uniformly random value is inserted with the "
           "given probability, independently. What follows moves back by a byte time.",
       .parameters = {ProbabilityParameter("probability, per byte, that another is inserted before it", 0.01)},
-      .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-        return std::make_unique<ByteInsert>(setup.parameters.Number("probability"));
-      },
-      .volume = Volume::kDoubles};
+      .kind = WireKind{.stage = Stage::kByte,
+                       .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+                         return std::make_unique<ByteInsert>(setup.parameters.Number("probability"));
+                       },
+                       .volume = Volume::kDoubles}};
 }
 
 }  // namespace tiltproof::faults

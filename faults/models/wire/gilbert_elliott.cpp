@@ -1,5 +1,5 @@
 #include "faults/bits.h"
-#include "faults/model.h"
+#include "faults/fault_type.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -43,21 +43,22 @@ class GilbertElliott : public WireModel {
 };
 
 ParameterInfo Probability(std::string_view name, std::string_view doc, double example,
-                          std::optional<ParameterValue> zero = std::nullopt) {
+                          std::optional<ParameterValue> zero = std::nullopt,
+                          std::optional<Scale> severity = std::nullopt) {
   return {.name = name,
           .unit = "1",
           .min = 0.0,
           .max = 1.0,
           .doc = doc,
           .example = example,
-          .zero = std::move(zero)};
+          .zero = std::move(zero),
+          .severity = severity};
 }
 
 }  // namespace
 
 FaultType WireGilbertElliott() {
   return {.name = "wire.gilbert_elliott",
-          .stage = Stage::kByte,
           .summary = "Flips bits in bursts: a channel with a good and a bad state.",
           .semantics =
               "A Markov chain with one step a data bit. In each state a bit is flipped with that "
@@ -68,10 +69,12 @@ FaultType WireGilbertElliott() {
           .parameters = {Probability("p_bad", "probability, per bit, of entering the bad state", 1e-3),
                          Probability("p_good", "probability, per bit, of leaving the bad state", 0.1),
                          Probability("ber_good", "bit error ratio in the good state", 0.0, 0.0),
-                         Probability("ber_bad", "bit error ratio in the bad state", 0.5, 0.0)},
-          .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-            return std::make_unique<GilbertElliott>(setup.parameters);
-          }};
+                         Probability("ber_bad", "bit error ratio in the bad state", 0.5, 0.0,
+                                     Scale::kLogarithmic)},
+          .kind = WireKind{.stage = Stage::kByte,
+                           .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+                             return std::make_unique<GilbertElliott>(setup.parameters);
+                           }}};
 }
 
 }  // namespace tiltproof::faults

@@ -1,7 +1,7 @@
 #include <algorithm>
 
 #include "faults/bits.h"
-#include "faults/model.h"
+#include "faults/fault_type.h"
 #include "faults/poisson.h"
 
 namespace tiltproof::faults {
@@ -51,7 +51,6 @@ class StuckByte : public WireModel {
 
 FaultType WireStuckByte() {
   return {.name = "wire.stuck_byte",
-          .stage = Stage::kByte,
           .summary = "At random times the line reads the same value for a number of bytes.",
           .semantics =
               "Events come as a Poisson process in time, whether or not something is sent; one that "
@@ -73,9 +72,10 @@ FaultType WireStuckByte() {
                           .doc = "for how many byte times the line is stuck",
                           .example = 4.0},
                          RateParameter("events per second of time", 100.0)},
-          .make_wire = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-            return std::make_unique<StuckByte>(setup);
-          }};
+          .kind = WireKind{.stage = Stage::kByte,
+                           .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+                             return std::make_unique<StuckByte>(setup);
+                           }}};
 }
 
 }  // namespace tiltproof::faults

@@ -11,13 +11,13 @@
 #include "firmware/builds.h"
 #include "firmware/control_law.h"
 #include "firmware/flight_application.h"
+#include "firmware/messages.h"
 #include "firmware/ports/stm32f4/board.h"
 #include "firmware/ports/stm32f4/fault_record.h"
 #include "firmware/ports/stm32f4/stm32f4.h"
 #include "firmware/ports/stm32f4/stm32f4_port.h"
 #include "firmware/ports/stm32f4/symbols.h"
 #include "link/frame.h"
-#include "link/messages.h"
 
 using namespace tiltproof;           // NOLINT: the application itself
 using namespace tiltproof::stm32f4;  // NOLINT

@@ -82,8 +82,9 @@ static void PrintPlant(const void* sample) {
   const tiltproof_PlantState* plant = sample;
   if (plant->time_ns < next_ns) return;
   next_ns = plant->time_ns + 1000000000;
-  printf("plant  %10.3f s  x %.3f y %.3f z %.3f m\n", (double)plant->time_ns * 1e-9, plant->state[0],
-         plant->state[1], plant->state[2]);
+  if (plant->state._length < 3) return;
+  printf("plant  %10.3f s  x %.3f y %.3f z %.3f m\n", (double)plant->time_ns * 1e-9, plant->state._buffer[0],
+         plant->state._buffer[1], plant->state._buffer[2]);
 }
 
 static void Take(dds_entity_t reader, void (*print)(const void*)) {

@@ -2,7 +2,7 @@
 //
 // It stands behind the emulated USARTs (in place of the output of "-chardev null") and holds the virtual clock:
 //
-//   - a flag byte that the firmware transmits, and the end of the time granted, stop the virtual processor until
+//   - a barrier byte that the firmware transmits, and the end of the time granted, stop the virtual processor until
 //     the harness grants more. The instruction counter is the clock (-icount), so virtual time stands still too;
 //   - received bytes reach the USART at their virtual times; one that comes while the last was not read is an
 //     overrun (RM0090, section 30.3.3): it is lost, and the flag set;
@@ -13,10 +13,11 @@
 // section 21), the reset flags of RCC_CSR (section 7.3.21), and a USART's error flags (section 30.6.1).
 //
 //   qemu-system-arm ... -icount shift=3,sleep=off -chardev null,id=usart1 -serial chardev:usart1 ...
-//     -plugin tiltproof_lockstep.so,socket=3,main=2,reference=3,console=1
+//     -plugin tiltproof_lockstep.so,socket=3,barrier=126,main=2,reference=3,console=1
 //
 // `socket` is an inherited descriptor, a connected unix stream socket (harness/emulator/lockstep_protocol.h); the
-// lines are given as numbers of USARTs.
+// lines are given as numbers of USARTs. `barrier` is the byte that ends a frame of the line's protocol, as a number from
+// 0 to 255: there may be an answer to it.
 //
 // QEMU is GPL-2, so this file uses nothing but the standard library. It has no static objects with destructors,
 // since QEMU ends by exit() with threads still running.
@@ -26,6 +27,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <charconv>
 #include <cstdlib>
 #include <cstring>
 #include <deque>
@@ -43,7 +45,6 @@ namespace {
 
 using namespace harness::lockstep;  // the protocol's names
 
-constexpr std::uint8_t kFlag = 0x7E;
 // A sender without flags is cut off after so many bytes.
 constexpr std::size_t kUnsentBytesMax = 1024;
 // Where bytes wait for the one before to be read.
@@ -64,6 +65,7 @@ struct Uart {
 
 struct Plugin {
   int socket = -1;
+  int barrier = -1;                      // on the main line
   std::vector<std::uint8_t> out;         // messages that wait for Flush()
   std::array<int, kLineCount> usarts{};  // number of the USART of each line; 0: none
   std::array<Uart, kLineCount> uarts;
@@ -359,9 +361,10 @@ int OnTransmit(void* chardev, const std::uint8_t* bytes, int count) {
     if (uart.chardev != chardev || !plugin.begun) continue;
     SendRegisters(uart);
     for (int i = 0; i < count; ++i) uart.unsent.push_back({Now(), uart.line, bytes[i]});
-    const bool flag = uart.line == Line::kMain && std::find(bytes, bytes + count, kFlag) != bytes + count;
+    const bool barrier =
+        uart.line == Line::kMain && std::find(bytes, bytes + count, plugin.barrier) != bytes + count;
     const bool line_end = uart.line == Line::kConsole && bytes[count - 1] == '\n';
-    if (flag) {
+    if (barrier) {
       Stop();
     } else if (line_end || uart.unsent.size() >= kUnsentBytesMax) {
       SendUnsent(uart);
@@ -462,8 +465,13 @@ __attribute__((visibility("default"))) int qemu_plugin_install(qemu_plugin_id_t 
     const std::string_view value = equals == argument.npos ? "" : argument.substr(equals + 1);
     const auto line = std::find(kLines.begin(), kLines.end(), key);
     const bool digit = value.size() == 1 && value[0] >= '0' && value[0] <= '9';
+    int number = -1;
+    const auto parsed = std::from_chars(value.data(), value.data() + value.size(), number);
+    const bool byte = parsed.ptr == value.data() + value.size() && number >= 0 && number <= 255;
     if (key == "socket" && digit) {
       plugin.socket = value[0] - '0';
+    } else if (key == "barrier" && byte) {
+      plugin.barrier = number;
     } else if (line != kLines.end() && digit) {
       plugin.usarts[static_cast<std::size_t>(line - kLines.begin())] = value[0] - '0';
     } else {
@@ -471,8 +479,8 @@ __attribute__((visibility("default"))) int qemu_plugin_install(qemu_plugin_id_t 
       return 1;
     }
   }
-  if (plugin.socket < 0) {
-    std::fprintf(stderr, "lockstep plug-in: socket=DESCRIPTOR is missing\n");
+  if (plugin.socket < 0 || plugin.barrier < 0) {
+    std::fprintf(stderr, "lockstep plug-in: socket=DESCRIPTOR or barrier=BYTE is missing\n");
     return 1;
   }
   qemu_plugin_register_vcpu_tb_trans_cb(id, OnTranslate);

@@ -35,15 +35,8 @@ constexpr std::string_view kFirmwareLogKind = "firmware_log";
 // Of a line in firmware.log beside its text.
 constexpr std::size_t kTimeBytes = 16;
 
-// t_s and the link counters of a row, in the order of TraceColumns().
+// t_s and the link counters of a row, in the order of TraceLayout.
 constexpr std::size_t kLinkColumnCount = 1 + 3 * link::kDirectionCount;
-
-std::size_t FirstLinkColumn() {
-  const auto& columns = TraceColumns();
-  return static_cast<std::size_t>(std::find(columns.begin(), columns.end(), "faults_active_count") -
-                                  columns.begin()) +
-         1;
-}
 
 std::vector<dds::Chunk> ToMessage(const std::vector<link::Chunk>& chunks) {
   std::vector<dds::Chunk> out;
@@ -106,7 +99,6 @@ LogPublisher::LogPublisher(dds::Bus& bus, const Scenario& scenario, std::string 
       run_id_(std::move(run_id)),
       node_id_(std::move(node_id)),
       harness_(harness),
-      column_count_(FlightColumns(scenario).size()),
       taps_(bus),
       activations_(bus),
       events_(bus),
@@ -128,7 +120,7 @@ void LogPublisher::Write(const LineLog& log, TimeNs origin, const std::vector<Co
   while (const auto record = log.link.Next(offset)) {
     const TimeNs begin_ns = record->begin_ns - origin;
     tap.frames.push_back({.begin_ns = begin_ns,
-                          .direction = static_cast<std::uint8_t>(record->direction),
+                          .direction = static_cast<std::uint8_t>(record->line.direction),
                           .delivered = record->delivered,
                           .bytes = {record->bytes.begin(), record->bytes.end()},
                           .fault_ids = FaultsOf(*record, begin_ns, scenario_, log.activations)});
@@ -173,10 +165,11 @@ dds::TraceRows LogPublisher::SendRows(std::span<const double> values, std::size_
 }
 
 void LogPublisher::Write(const PlantLog& log) {
-  if (!log.rows.empty() || !log.request_times_ns.empty() || !log.actuator_times_ns.empty()) {
-    dds::TraceRows rows = SendRows(log.rows, column_count_);
-    rows.request_times_ns = log.request_times_ns;
-    rows.actuator_times_ns = log.actuator_times_ns;
+  if (!log.rows.empty() || !log.clients[0].request_times_ns.empty() ||
+      !log.clients[0].actuator_times_ns.empty()) {
+    dds::TraceRows rows = SendRows(log.rows, std::max<std::size_t>(log.column_count, 1));
+    rows.request_times_ns = log.clients[0].request_times_ns;
+    rows.actuator_times_ns = log.clients[0].actuator_times_ns;
     Send(std::move(rows));
   }
   Write(log.activations);
@@ -241,15 +234,18 @@ void LogPublisher::Close(NodeTotals totals) {
 }
 
 LogCollector::LogCollector(dds::Bus& bus, const dds::Circle& members, const Scenario& scenario,
-                           std::string run_id, const std::function<void()>& on_data)
+                           const VehicleSignals& vehicle, std::string run_id,
+                           const std::function<void()>& on_data)
     : scenario_(scenario),
+      layout_(vehicle, scenario),
       run_id_(std::move(run_id)),
       taps_(bus, members, on_data),
       activations_(bus, members, on_data),
       events_(bus, members, on_data),
       rows_(bus, members, on_data),
       report_messages_(bus, members, on_data) {
-  log_.trace = Trace(FlightColumns(scenario));
+  log_.trace = Trace(layout_.columns);
+  log_.fault_activation_counts.assign(scenario.faults.size(), 0);
 }
 
 template <class T>
@@ -279,12 +275,13 @@ void LogCollector::Drain(TimeNs flown_ns) {
       link::Chunk chunk;
       chunk.begin_ns = frame.begin_ns;
       chunk.bytes = std::move(frame.bytes);
-      log_.link.Append(chunk, static_cast<Direction>(frame.direction), frame.delivered);
+      log_.link.Append(chunk, {0, static_cast<Direction>(frame.direction)}, frame.delivered);
     }
-    log_.reply_latency_ns.insert(log_.reply_latency_ns.end(), tap.reply_latency_ns.begin(),
-                                 tap.reply_latency_ns.end());
-    log_.client_round_trip_ns.insert(log_.client_round_trip_ns.end(), tap.client_round_trip_ns.begin(),
-                                     tap.client_round_trip_ns.end());
+    log_.clients[0].reply_latency_ns.insert(log_.clients[0].reply_latency_ns.end(),
+                                            tap.reply_latency_ns.begin(), tap.reply_latency_ns.end());
+    log_.clients[0].client_round_trip_ns.insert(log_.clients[0].client_round_trip_ns.end(),
+                                                tap.client_round_trip_ns.begin(),
+                                                tap.client_round_trip_ns.end());
   }
   for (auto& message : activations_.Take()) {
     if (!Accepts(message)) continue;
@@ -293,9 +290,9 @@ void LogCollector::Drain(TimeNs flown_ns) {
   for (auto& event : events_.Take()) {
     if (!Accepts(event)) continue;
     if (event.kind == kFirmwareLogKind) {
-      log_.firmware_log += fmt::format("{:.6f} {}\n", ToSeconds(event.time_ns), event.text);
+      log_.clients[0].firmware_log += fmt::format("{:.6f} {}\n", ToSeconds(event.time_ns), event.text);
     } else {
-      log_.events.push_back({event.time_ns, std::move(event.kind), std::move(event.text)});
+      log_.events.push_back({event.time_ns, std::move(event.kind), std::move(event.text), std::nullopt});
     }
   }
   for (auto& rows : rows_.Take()) {
@@ -308,10 +305,10 @@ void LogCollector::Drain(TimeNs flown_ns) {
       Row& row = rows_by_time_[*begin];
       (of_plant ? row.plant : row.link).assign(begin, begin + static_cast<std::ptrdiff_t>(columns));
     }
-    log_.request_times_ns.insert(log_.request_times_ns.end(), rows.request_times_ns.begin(),
-                                 rows.request_times_ns.end());
-    log_.actuator_times_ns.insert(log_.actuator_times_ns.end(), rows.actuator_times_ns.begin(),
-                                  rows.actuator_times_ns.end());
+    log_.clients[0].request_times_ns.insert(log_.clients[0].request_times_ns.end(),
+                                            rows.request_times_ns.begin(), rows.request_times_ns.end());
+    log_.clients[0].actuator_times_ns.insert(log_.clients[0].actuator_times_ns.end(),
+                                             rows.actuator_times_ns.begin(), rows.actuator_times_ns.end());
   }
   for (auto& message : report_messages_.Take()) {
     if (message.run_id != run_id_ || reports_.contains(message.node_id)) continue;
@@ -360,14 +357,14 @@ bool LogCollector::Complete(const std::string& node_id) const { return Missing(n
 
 RunLog LogCollector::Take(TimeNs end_ns) {
   Drain(flown_ns_);
-  const std::size_t first_link = FirstLinkColumn();
   std::vector<double> values;
   values.reserve(rows_by_time_.size() * log_.trace.columns().size());
   std::vector<double> counts(kLinkColumnCount, 0.0);  // as last heard
   for (auto& [time_s, row] : rows_by_time_) {
     if (!row.link.empty()) counts = row.link;
     if (row.plant.empty()) continue;
-    std::copy(counts.begin() + 1, counts.end(), row.plant.begin() + static_cast<std::ptrdiff_t>(first_link));
+    std::copy(counts.begin() + 1, counts.end(),
+              row.plant.begin() + static_cast<std::ptrdiff_t>(layout_.link_counters));
     values.insert(values.end(), row.plant.begin(), row.plant.end());
     row.plant = {};  // a long flight would not fit twice
   }
@@ -375,7 +372,6 @@ RunLog LogCollector::Take(TimeNs end_ns) {
   rows_by_time_.clear();
   log_.end_ns = end_ns;
 
-  log_.fault_activation_counts.resize(scenario_.faults.size(), 0);
   for (auto& [node_id, report] : reports_) {
     NodeTotals& totals = report.totals;
     const TimeNs origin = totals.lateness.origin_ns;
@@ -383,12 +379,9 @@ RunLog LogCollector::Take(TimeNs end_ns) {
       if (origin != kNever && span.end_ns > origin)
         log_.harness_late.push_back({span.begin_ns - origin, span.end_ns - origin});
     if (totals.plant) Append(log_, std::move(*totals.plant));
-    if (totals.line) Append(log_, std::move(*totals.line), 0);
-    // Of another build, or damaged, it may have any length.
-    for (std::size_t i = 0;
-         i < std::min(totals.activation_counts.size(), log_.fault_activation_counts.size()); ++i)
-      log_.fault_activation_counts[i] += totals.activation_counts[i];
-    if (totals.client) log_.failsafe_entered_count = totals.client->failsafe_count;
+    if (totals.line) Append(log_, std::move(*totals.line), 0, 0);
+    AddActivations(log_, totals.activation_counts);
+    if (totals.client) log_.clients[0].failsafe_entered_count = totals.client->failsafe_count;
   }
   std::sort(log_.harness_late.begin(), log_.harness_late.end(), [](const LateSpan& a, const LateSpan& b) {
     return std::pair(a.begin_ns, a.end_ns) < std::pair(b.begin_ns, b.end_ns);
@@ -397,7 +390,7 @@ RunLog LogCollector::Take(TimeNs end_ns) {
   return std::move(log_);
 }
 
-void CountLateness(RunLog& log) {
+void CountLateness(RunLog& log, TimeNs period_ns) {
   std::int64_t count = 0;
   TimeNs max_ns = 0;
   std::int64_t counted_to = -1;  // the last period counted
@@ -405,9 +398,8 @@ void CountLateness(RunLog& log) {
     // Nobody flies any more while the logs are gathered.
     if (span.begin_ns >= log.end_ns) continue;
     max_ns = std::max(max_ns, span.end_ns - span.begin_ns);
-    const std::int64_t first =
-        std::max(std::max<TimeNs>(span.begin_ns, 0) / kControlPeriodNs, counted_to + 1);
-    const std::int64_t last = std::min(span.end_ns, log.end_ns - 1) / kControlPeriodNs;
+    const std::int64_t first = std::max(std::max<TimeNs>(span.begin_ns, 0) / period_ns, counted_to + 1);
+    const std::int64_t last = std::min(span.end_ns, log.end_ns - 1) / period_ns;
     if (last < first) continue;
     count += last - first + 1;
     counted_to = last;

@@ -107,7 +107,6 @@ class LogPublisher {
   const Scenario& scenario_;
   std::string run_id_, node_id_;
   dds::Participant harness_;
-  std::size_t column_count_;  // of a row of the plant's
   std::size_t firmware_log_bytes_ = 0;
   dds::Publisher<dds::SerialTap> taps_;
   dds::Publisher<dds::FaultActivation> activations_;
@@ -128,8 +127,8 @@ class LogCollector {
   static constexpr std::int64_t kNodeBytesPerS = std::int64_t{4} << 20;
 
   // Of the nodes in `members`.
-  LogCollector(dds::Bus& bus, const dds::Circle& members, const Scenario& scenario, std::string run_id,
-               const std::function<void()>& on_data);
+  LogCollector(dds::Bus& bus, const dds::Circle& members, const Scenario& scenario,
+               const VehicleSignals& vehicle, std::string run_id, const std::function<void()>& on_data);
 
   // Takes what has arrived. `flown_ns`: how long the flight has lasted.
   void Drain(TimeNs flown_ns);
@@ -158,6 +157,7 @@ class LogCollector {
   std::optional<faults::Activation> FromMessage(dds::FaultActivation&& message) const;
 
   const Scenario& scenario_;
+  TraceLayout layout_;
   std::string run_id_;
   dds::Subscriber<dds::SerialTap> taps_;
   dds::Subscriber<dds::FaultActivation> activations_;
@@ -174,6 +174,6 @@ class LogCollector {
 };
 
 // Sets the counts of lateness from log.harness_late, up to log.end_ns.
-void CountLateness(RunLog& log);
+void CountLateness(RunLog& log, TimeNs period_ns);
 
 }  // namespace tiltproof::harness

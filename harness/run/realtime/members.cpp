@@ -40,11 +40,10 @@ bool Members::Adopt(const std::vector<dds::NodeLife>& nodes, NodeProcesses* proc
     member.participant = node.participant;
     member.kind = node.last.kind;
     member.host = node.last.host;
-    for (const auto& capability : node.last.capabilities) {
-      board |= capability.starts_with("client_port=");
-      if (constexpr std::string_view kFirmware = "firmware="; capability.starts_with(kFirmware))
-        member.firmware = capability.substr(kFirmware.size());
-    }
+    for (const std::string_view capability : node.last.capabilities)
+      if (constexpr std::string_view kClient = "client="; capability.starts_with(kClient))
+        member.client = ClientOfKind(capability.substr(kClient.size()));
+    board |= member.client && std::holds_alternative<SerialBoard>(*member.client);
   }
   missing.clear();
   const auto need = [&](NodeKind kind, const char* what) {

@@ -10,6 +10,7 @@
 #include "harness/dds/bus.h"
 #include "harness/dds/messages.h"
 #include "harness/run/realtime/node_processes.h"
+#include "harness/scenario/client_spec.h"
 
 namespace tiltproof::harness {
 
@@ -19,8 +20,8 @@ struct Member {
   std::string role;  // of a process of ours: its name there
   dds::NodeKind kind{};
   std::string host;
-  // Of the firmware's node: "library", which takes no time of its own, "emulator", or empty.
-  std::string firmware;
+  // The firmware that it is, or the link node's board: the kind alone.
+  std::optional<ClientSpec> client;
   bool lost = false;
   bool kept_away = false;  // by a fault, just now
   std::optional<std::chrono::steady_clock::time_point> silent_since;

@@ -7,12 +7,28 @@
 #include <stdexcept>
 #include <utility>
 
+#include "harness/run/merge_logs.h"
+#include "harness/run/realtime/node_order.h"
+#include "link/overloaded.h"
+
 namespace tiltproof::harness {
 namespace {
 
 // The plant's word on the time is up to a period old.
 constexpr TimeNs kBeforeNs = 50 * kNsPerMs;
 constexpr TimeNs kRecoveryNs = kNsPerS;
+// A node that is cut off for good comes back after the longest flight.
+constexpr TimeNs kForGoodNs = 3600 * kNsPerS;
+
+bool ActsOnProcess(const faults::NodeAction& action) {
+  return std::visit(
+      Overloaded{
+          [](const faults::KillNode&) { return true; }, [](const faults::PauseNode&) { return true; },
+          [](const faults::RestartNode&) { return true; }, [](const faults::PartitionNode&) { return false; },
+          [](const faults::LosePackets&) { return false; }, [](const faults::DriftClock&) { return false; },
+          [](const faults::JumpClock&) { return false; }},
+      action);
+}
 
 }  // namespace
 
@@ -25,16 +41,18 @@ NodeFaults::NodeFaults(const Scenario& scenario, bool attached)
   for (std::size_t i = 0; i < commands_.size(); ++i) {
     const faults::NodeCommand& command = commands_[i];
     const std::string& id = scenario.faults[command.fault].id;
-    if (attached && command.type == "dds.loss")
+    const auto* loss = std::get_if<faults::LosePackets>(&command.action);
+    if (attached && loss != nullptr)
       throw std::runtime_error(fmt::format(
           "fault '{}': attached nodes have joined the bus already; start them with --xmit-loss", id));
-    if (attached && command.type.starts_with("node."))
-      throw std::runtime_error(fmt::format(
-          "fault '{}': {} needs nodes that the harness starts itself, not attached ones", id, command.type));
-    if (command.type != "dds.loss") continue;
+    if (attached && ActsOnProcess(command.action))
+      throw std::runtime_error(
+          fmt::format("fault '{}': {} needs nodes that the harness starts itself, not attached ones", id,
+                      scenario.faults[command.fault].type));
+    if (loss == nullptr) continue;
     // It is set when the node joins, once and for all.
     begun_[i] = ended_[i] = true;
-    loss_[command.node] = command.parameters.Number("probability");
+    loss_[command.node] = loss->probability;
     counts_.Count(command.fault, 0, command.node + " loses packets");
   }
 }
@@ -54,69 +72,75 @@ void NodeFaults::CarryOut(TimeNs now_ns, const Means& means) {
 
 void NodeFaults::Apply(const faults::NodeCommand& command, bool begin, TimeNs now_ns, const Means& means) {
   const std::string& node = command.node;
-  ChildProcess* process = means.processes != nullptr ? means.processes->Find(node) : nullptr;
-  std::string what;
-  if (command.type == "node.kill" && process != nullptr) {
-    process->Signal(SIGKILL);
-    what = "killed";
-  } else if (command.type == "node.pause" && process != nullptr) {
-    process->Signal(begin ? SIGSTOP : SIGCONT);
-    if (begin)
-      paused_.insert(node);
-    else
-      paused_.erase(node);
-    what = begin ? "stopped" : "continued";
-  } else if (command.type == "node.restart" && process != nullptr) {
-    what = begin ? "killed, to be started again" : "started again";
-    if (begin) {
-      excused_.insert(node);
-      process->Signal(SIGKILL);
-    } else {
-      means.restart(node);
-      excused_.erase(node);
-    }
-  } else if (command.type == "dds.partition") {
-    what = begin ? "cut off the bus" : "on the bus again";
-    if (begin) {
-      excused_.insert(node);
-      Send(command, begin, means);
-    } else {
-      excused_.erase(node);
-    }
-  } else if (command.type == "clock.skew") {
-    what = begin ? "clock skewed" : "clock at its true rate";
-    Send(command, begin, means);
-  } else {
-    throw std::runtime_error(fmt::format("fault '{}': there is no {} node to suffer {}",
-                                         scenario_.faults[command.fault].id, node, command.type));
-  }
-  means.note(command.type, fmt::format("{}: {} {}", scenario_.faults[command.fault].id, node, what));
+  const faults::FaultSpec& fault = scenario_.faults[command.fault];
+  const auto process = [&]() -> ChildProcess& {
+    ChildProcess* found = means.processes != nullptr ? means.processes->Find(node) : nullptr;
+    if (found != nullptr) return *found;
+    throw std::runtime_error(
+        fmt::format("fault '{}': there is no {} node for {}", fault.id, node, fault.type));
+  };
+  const std::string what = std::visit(
+      Overloaded{[&](const faults::KillNode&) {
+                   process().Signal(SIGKILL);
+                   return "killed";
+                 },
+                 [&](const faults::PauseNode&) {
+                   process().Signal(begin ? SIGSTOP : SIGCONT);
+                   begin ? (void)paused_.insert(node) : (void)paused_.erase(node);
+                   return begin ? "stopped" : "continued";
+                 },
+                 [&](const faults::RestartNode&) {
+                   if (begin) {
+                     process().Signal(SIGKILL);
+                     excused_.insert(node);
+                   } else {
+                     means.restart(node);
+                     excused_.erase(node);
+                   }
+                   return begin ? "killed, to be started again" : "started again";
+                 },
+                 [&](const faults::PartitionNode&) {
+                   if (begin) {
+                     excused_.insert(node);
+                     const bool for_good = command.until_ns == kNever;
+                     Send(command, LeaveBus{for_good ? kForGoodNs : command.until_ns - command.at_ns}, means);
+                   } else {
+                     excused_.erase(node);
+                   }
+                   return begin ? "cut off the bus" : "on the bus again";
+                 },
+                 // Set when the nodes joined.
+                 [](const faults::LosePackets&) { return "loses packets"; },
+                 [&](const faults::DriftClock& drift) {
+                   Send(command, SetClockRate{begin ? drift.ppm : 0.0}, means);
+                   return begin ? "clock at a wrong rate" : "clock at its true rate";
+                 },
+                 [&](const faults::JumpClock& jump) {
+                   Send(command, JumpClock{begin ? jump.by_ns : -jump.by_ns}, means);
+                   return begin ? "clock jumped" : "clock jumped back";
+                 }},
+      command.action);
+  means.note(fault.type, fmt::format("{}: {} {}", fault.id, node, what));
   if (begin) counts_.Count(command.fault, now_ns, node + " " + what);
   disturbed_.push_back({now_ns - kBeforeNs, now_ns + kRecoveryNs});
   if (!begin) disturbed_.back().begin_ns = command.at_ns - kBeforeNs;
 }
 
-void NodeFaults::Send(const faults::NodeCommand& command, bool begin, const Means& means) {
+void NodeFaults::Send(const faults::NodeCommand& command, const NodeOrder& order, const Means& means) {
   for (const Member& member : means.members.all()) {
     if (command.node != "all" && Name(member.kind) != command.node) continue;
-    dds::FaultCommand out;
+    dds::FaultCommand out = ToMessage(order);
     out.run_id = means.run_id;
     out.node_id = member.id;
     out.sequence = ++sequence_;
     out.fault_id = scenario_.faults[command.fault].id;
-    out.type = command.type;
-    if (command.type == "dds.partition")
-      out.duration_ns = command.until_ns == kNever ? 3600 * kNsPerS : command.until_ns - command.at_ns;
-    if (command.type == "clock.skew" && begin)
-      out.parameters = {{"ppm", command.parameters.Number("ppm")},
-                        {"offset_ms", command.parameters.Number("offset_ms")}};
     means.commands.Write(out);
   }
 }
 
 void NodeFaults::ContinueAll(NodeProcesses& processes) {
   for (std::size_t i = 0; i < commands_.size(); ++i) {
-    if (commands_[i].type != "node.pause" || !begun_[i] || ended_[i]) continue;
+    if (!std::holds_alternative<faults::PauseNode>(commands_[i].action) || !begun_[i] || ended_[i]) continue;
     ended_[i] = true;
     if (ChildProcess* process = processes.Find(commands_[i].node)) process->Signal(SIGCONT);
   }
@@ -128,10 +152,7 @@ void NodeFaults::AppendTo(RunLog& log) {
       return late.begin_ns < disturbed.end_ns && late.end_ns > disturbed.begin_ns;
     });
   });
-  const auto& counts = counts_.ActivationCounts();
-  log.fault_activation_counts.resize(counts.size(), 0);
-  for (std::size_t i = 0; i < counts.size(); ++i) log.fault_activation_counts[i] += counts[i];
-  for (auto& activation : counts_.TakeActivations(0)) log.activations.push_back(std::move(activation));
+  Append(log, counts_, 0);
 }
 
 }  // namespace tiltproof::harness

@@ -12,6 +12,7 @@
 #include "faults/schedule.h"
 #include "harness/dds/bus.h"
 #include "harness/run/realtime/members.h"
+#include "harness/run/realtime/node_order.h"
 #include "harness/run/realtime/node_processes.h"
 #include "harness/run/run_log.h"
 #include "harness/scenario/scenario.h"
@@ -20,7 +21,7 @@ namespace tiltproof::harness {
 
 class NodeFaults {
  public:
-  // Throws std::runtime_error for a fault that attached nodes cannot suffer.
+  // Throws std::runtime_error for a fault that cannot be carried out on attached nodes.
   NodeFaults(const Scenario& scenario, bool attached);
 
   // What a process is started with: the share of its packets that the network loses, by role.
@@ -50,7 +51,7 @@ class NodeFaults {
 
  private:
   void Apply(const faults::NodeCommand& command, bool begin, TimeNs now_ns, const Means& means);
-  void Send(const faults::NodeCommand& command, bool begin, const Means& means);
+  void Send(const faults::NodeCommand& command, const NodeOrder& order, const Means& means);
 
   const Scenario& scenario_;
   std::vector<faults::NodeCommand> commands_;

@@ -12,7 +12,7 @@ NodeProcesses::NodeProcesses(const RealtimeOptions& options, const dds::Particip
     : options_(options), harness_(harness), loss_(std::move(loss)) {
   names_ = {"plant", "link", "base_station"};
   // A board is its own node: it hangs on the link's port.
-  if (!options.board) names_.push_back("client");
+  if (AbilitiesOf(options.client, true).node) names_.push_back("client");
 }
 
 void NodeProcesses::Start(const std::string& role, const std::string& id) {
@@ -34,7 +34,8 @@ void NodeProcesses::Start(const std::string& role, const std::string& id) {
     spec.command.emplace_back(flag);
     spec.command.push_back(value);
   };
-  if (role == (options_.board ? "link" : "client")) add("--client", options_.client);
+  if (role == (AbilitiesOf(options_.client, true).node ? "client" : "link"))
+    add("--client", ToText(options_.client));
   if (const auto loss = loss_.find(role); loss != loss_.end())
     add("--xmit-loss", fmt::format("{}", loss->second));
   auto introduction = std::make_unique<Introduction>();

@@ -131,7 +131,7 @@ RealtimeConductor::RealtimeConductor(const Scenario& scenario, const plant::Vehi
   acks_.emplace(*bus_, circle_, wake);
   states_.emplace(*bus_, circle_, wake);
   plant_states_.emplace(*bus_, circle_, wake);
-  collector_.emplace(*bus_, circle_, scenario_, run_id_, wake);
+  collector_.emplace(*bus_, circle_, scenario_, model_.signals(), run_id_, wake);
   heartbeat_.node_id = "harness-" + run_id_;
   heartbeat_.kind = NodeKind::kHarness;
   heartbeat_.host = HostName();
@@ -171,20 +171,18 @@ RunLog RealtimeConductor::Run() {
   log.end_text = outcome_.text();
   if (log.end_reason == EndReason::kCompleted) log.end_ns = scenario_.duration_ns;
   log.wall_s = std::chrono::duration<double>(flown - (running_ ? started_ : began)).count();
-  for (std::size_t i = 0; i < kActuatorCount; ++i) {
-    const auto field = kActuatorFields[i].in_double;
-    log.hover_input[i] = model_.HoverInput().*field;
-    log.input_min[i] = model_.InputMin().*field;
-    log.input_max[i] = model_.InputMax().*field;
-  }
+  log.hover_input = model_.HoverInput();
+  log.input_min = model_.InputMin();
+  log.input_max = model_.InputMax();
   log.events.insert(log.events.end(), events_.begin(), events_.end());
   node_faults_.AppendTo(log);
-  CountLateness(log);
+  CountLateness(log, scenario_.link.protocol->control_period_ns);
   SortByTime(log);
   TellPlace(log, options_.place);
   const Member* client = members_.Find(NodeKind::kClient);
-  const bool tells_resets = client != nullptr && !client->firmware.empty();
-  AddClientHistory(log, scenario_.link.dialect, tells_resets ? BootSign::kReset : BootSign::kStart);
+  const bool tells_resets =
+      client != nullptr && client->client && AbilitiesOf(*client->client, true).tells_resets;
+  AddClientHistory(log, 0, *scenario_.link.protocol, tells_resets ? BootSign::kReset : BootSign::kStart);
   ExplainNeverStarted(log);
   if (options_.score) {
     dds::Score score = options_.score(log);
@@ -204,7 +202,8 @@ void RealtimeConductor::Conduct() {
   if (outcome_.ended()) return;
   started_ = sim_seen_ = SteadyClock::now();
   // Bytes from before do not count, and a board says `start` but once. An emulator's socket is connected only now.
-  if (options_.board && !options_.client.starts_with("serial:unix:"))
+  if (const auto* board = std::get_if<SerialBoard>(&options_.client);
+      !options_.attach && board != nullptr && !board->device.starts_with("unix:"))
     Print(stderr, "tiltproof: listening to the board: switch it on, or reset it, now\n");
   Command(dds::Verb::kStart, {}, false);
   FlyToTheEnd();
@@ -216,7 +215,7 @@ void RealtimeConductor::FindNodes() {
   const bool found = Await(kFindLimit, [&] {
     // One that ended while it began has printed why.
     return outcome_.ended() || members_.Adopt(nodes_->Nodes(), processes_ ? &*processes_ : nullptr,
-                                              options_.board, run_id_, missing);
+                                              !AbilitiesOf(options_.client, true).node, run_id_, missing);
   });
   if (outcome_.ended()) throw std::runtime_error(outcome_.text());
   if (!found)
@@ -256,8 +255,8 @@ void RealtimeConductor::Prepare() {
   });
   if (!taken) throw std::runtime_error("a node did not take the scenario within 10 s");
   std::vector<dds::Port> given;
-  if (const Member* client = members_.Find(NodeKind::kClient); client != nullptr && !client->firmware.empty())
-    given.push_back({"client_kind", client->firmware});
+  if (const Member* client = members_.Find(NodeKind::kClient); client != nullptr && client->client)
+    given.push_back({"client_kind", std::string(KindOf(*client->client))});
   const auto answers = Command(dds::Verb::kPrepare, given, false);
   const Member& link = *members_.Find(NodeKind::kLink);
   for (const auto& [node, ack] : answers)

@@ -18,6 +18,7 @@
 #include "harness/dds/messages.h"
 #include "harness/run/bus_place.h"
 #include "harness/run/run_log.h"
+#include "harness/scenario/client_spec.h"
 #include "harness/scenario/scenario.h"
 #include "plant/vehicle_model.h"
 
@@ -26,10 +27,7 @@ namespace tiltproof::harness {
 struct RealtimeOptions {
   std::string program;        // this program, to start nodes with
   std::string scenario_yaml;  // the resolved scenario
-  // The firmware as --client has it: library:FILE, process:CMD, or serial:DEV[,REFDEV] (a board: no client
-  // node). With `attach` that is the attached nodes' business.
-  std::string client;
-  bool board = false;
+  ClientSpec client;          // with `attach` it is the attached nodes' business
 
   bool attach = false;
   BusPlace place;  // attached: where the nodes are

@@ -7,6 +7,7 @@
 #include <array>
 #include <cerrno>
 #include <cstring>
+#include <deque>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -21,16 +22,26 @@
 namespace tiltproof::harness {
 namespace {
 
-constexpr std::array kParts = {"link", "plant", "client"};
+// One part of a flight in a process of its own: what it is (`tiltproof node KIND`), and its name among the others.
+struct Part {
+  std::string kind, name;
+};
 
-// The three processes and the channels to them, in the order of kParts.
+// The link and the client of each of the scenario's clients: "link" and "client", or of several "link-a", "client-a".
+Part PartOf(const Scenario& scenario, const std::string& kind, std::size_t client) {
+  Part part{kind, kind};
+  if (scenario.has_several_clients()) part.name.append("-").append(scenario.client_id(client));
+  return part;
+}
+
+// The processes and the channels to them.
 class Parts {
  public:
-  explicit Parts(const DistributedOptions& options) {
+  Parts(const DistributedOptions& options, const std::vector<Part>& parts) {
     if (options.transport == Transport::kSocket) {
-      for (const char* part : kParts) StartOnSocket(options, part);
+      for (const Part& part : parts) StartOnSocket(options, part);
     } else {
-      StartOnBus(options);
+      StartOnBus(options, parts);
     }
   }
   ~Parts() {
@@ -45,17 +56,16 @@ class Parts {
   Parts(const Parts&) = delete;
   Parts& operator=(const Parts&) = delete;
 
-  Channel& link() { return *channels_[0]; }
-  Channel& plant() { return *channels_[1]; }
-  Channel& client() { return *channels_[2]; }
+  // In the order of the parts.
+  Channel& operator[](std::size_t part) { return *channels_.at(part); }
 
  private:
-  void StartOnSocket(const DistributedOptions& options, const char* part) {
+  void StartOnSocket(const DistributedOptions& options, const Part& part) {
     std::array<int, 2> ends{};
     if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends.data()) != 0)
       throw std::runtime_error(fmt::format("cannot make a socket pair: {}", std::strerror(errno)));
     ChildSpec spec;
-    spec.command = {options.program, "node", part, "--lockstep", "socket"};
+    spec.command = {options.program, "node", part.kind, "--lockstep", "socket"};
     spec.descriptors = {ends[1]};
     try {
       processes_.push_back(std::make_unique<ChildProcess>(spec));
@@ -67,17 +77,19 @@ class Parts {
     channels_.push_back(MakeUnixChannel(ends[0], processes_.back()->pid()));
   }
 
-  void StartOnBus(const DistributedOptions& options) {
+  void StartOnBus(const DistributedOptions& options, const std::vector<Part>& parts) {
     const std::string& run_id = options.place.run_id;
     bus_.emplace(LockstepBus(options.place.domain, options.place.tag));
-    std::vector<Introduction> introductions(kParts.size());
+    std::vector<Introduction> introductions(parts.size());
     std::vector<DdsPeer> peers;
-    for (const char* part : kParts) {
+    for (const Part& part : parts) {
       ChildSpec spec;
       Introduction& introduction = introductions[peers.size()];
       spec.command = {options.program,
                       "node",
-                      part,
+                      part.kind,
+                      "--name",
+                      part.name,
                       "--lockstep",
                       "dds",
                       "--domain",
@@ -89,7 +101,7 @@ class Parts {
       spec.descriptors = {introduction.child_end()};
       processes_.push_back(std::make_unique<ChildProcess>(spec));
       introduction.Started();
-      peers.push_back({part, processes_.back()->pid(), processes_.back()->pidfd(), {}});
+      peers.push_back({part.name, processes_.back()->pid(), processes_.back()->pidfd(), {}});
     }
     for (std::size_t i = 0; i < peers.size(); ++i)
       peers[i].participant = introductions[i].Await(peers[i].pid, peers[i].pidfd);
@@ -103,20 +115,45 @@ class Parts {
 
 }  // namespace
 
-RunLog FlyDistributed(const Scenario& scenario, const DistributedOptions& options) {
-  Parts parts(options);
-  const Setup setup{options.scenario_yaml, options.firmware};
-  RemoteLine line(parts.link(), setup);
-  RemotePlantServer plant(parts.plant(), setup);
+RunLog FlyDistributed(const Scenario& scenario, const VehicleSignals& vehicle,
+                      const DistributedOptions& options) {
+  std::vector<Part> all = {{"plant", "plant"}};
+  for (std::size_t i = 0; i < scenario.client_count(); ++i)
+    for (const char* kind : {"link", "client"}) all.push_back(PartOf(scenario, kind, i));
+  Parts parts(options, all);
+  const auto setup = [&](std::size_t client) {
+    return Setup{options.scenario_yaml, ToText(options.clients.at(client)), client};
+  };
+  RemotePlantServer plant(parts[0], setup(0));
+  std::deque<RemoteLine> remote_lines;
+  std::vector<Line*> lines;
+  for (std::size_t i = 0; i < scenario.client_count(); ++i)
+    lines.push_back(&remote_lines.emplace_back(parts[1 + 2 * i], setup(i), *scenario.link.protocol));
   FlightOptions flight;
-  flight.make_client = [&](ClientHost host) {
-    return MakeRemoteClient(parts.client(), setup, std::move(host));
+  flight.make_client = [&](std::size_t client, ClientHost host) {
+    return MakeRemoteClient(parts[2 + 2 * client], setup(client), std::move(host));
   };
   flight.progress_ns = options.progress_ns;
   flight.interrupted = options.interrupted;
-  RunLog log = Conduct(scenario, line, plant, flight);
+  RunLog log = Conduct(scenario, vehicle, lines, plant, flight);
   if (options.transport == Transport::kDds) TellPlace(log, options.place);
   return log;
+}
+
+RunLog FlyClientsApart(const Scenario& scenario, const plant::VehicleModel& model,
+                       const DistributedOptions& options) {
+  std::vector<Part> all;
+  for (std::size_t i = 0; i < scenario.client_count(); ++i) all.push_back(PartOf(scenario, "client", i));
+  Parts parts(options, all);
+  FlightOptions flight;
+  flight.make_client = [&](std::size_t client, ClientHost host) {
+    return MakeRemoteClient(parts[client],
+                            Setup{options.scenario_yaml, ToText(options.clients.at(client)), client},
+                            std::move(host));
+  };
+  flight.progress_ns = options.progress_ns;
+  flight.interrupted = options.interrupted;
+  return Fly(scenario, model, flight);
 }
 
 }  // namespace tiltproof::harness

@@ -1,15 +1,17 @@
-// A lockstep flight with the line, the plant and the firmware each in a process of its own: the same conductor,
+// A lockstep flight with each line, the plant and each firmware in a process of its own: the same conductor,
 // the same trace hash, and proof that nothing hides in shared memory.
 #pragma once
 
 #include <atomic>
 #include <cstdint>
 #include <string>
+#include <vector>
 
-#include "harness/client/make_client.h"
 #include "harness/run/bus_place.h"
 #include "harness/run/run_log.h"
+#include "harness/scenario/client_spec.h"
 #include "harness/scenario/scenario.h"
+#include "plant/vehicle_model.h"
 
 namespace tiltproof::harness {
 
@@ -17,15 +19,21 @@ enum class Transport : std::uint8_t { kDds, kSocket };
 
 struct DistributedOptions {
   Transport transport = Transport::kDds;
-  std::string program;        // this program, to start the processes with
-  std::string scenario_yaml;  // the resolved scenario
-  ClientSource firmware;
-  BusPlace place;  // over DDS
+  std::string program;              // this program, to start the processes with
+  std::string scenario_yaml;        // the resolved scenario
+  std::vector<ClientSpec> clients;  // in the scenario's order
+  BusPlace place;                   // over DDS
   std::atomic<std::int64_t>* progress_ns = nullptr;
   const std::atomic<bool>* interrupted = nullptr;
 };
 
 // Throws std::runtime_error when the processes cannot be started.
-RunLog FlyDistributed(const Scenario& scenario, const DistributedOptions& options);
+RunLog FlyDistributed(const Scenario& scenario, const VehicleSignals& vehicle,
+                      const DistributedOptions& options);
+
+// With the firmware alone in other processes, on sockets: of several clients each must have its own, for a firmware may
+// keep its state in static variables.
+RunLog FlyClientsApart(const Scenario& scenario, const plant::VehicleModel& model,
+                       const DistributedOptions& options);
 
 }  // namespace tiltproof::harness

@@ -3,11 +3,15 @@
 #pragma once
 
 #include <cstdint>
+#include <stdexcept>
+#include <string>
+#include <vector>
 
 #include "harness/client/make_client.h"
 #include "harness/run/line.h"
 #include "harness/run/plant_server.h"
 #include "harness/run/remote/archive.h"
+#include "link/protocol.h"
 
 namespace tiltproof::harness {
 
@@ -18,9 +22,11 @@ enum class Message : std::uint8_t {
   kQuit,
   kTransmit,
   kTakePiece,
+  kSetOrigin,
   kAdvance,
   kServe,
   kFinish,
+  kHear,
   kStart,
   kReceive,
   kGrant,
@@ -39,7 +45,8 @@ enum class Message : std::uint8_t {
 // What a process is told before the flight.
 struct Setup {
   std::string scenario_yaml;
-  ClientSource firmware;  // of the client
+  std::string client;     // as --client names it
+  std::size_t place = 0;  // of the client or line that the process is, among the scenario's
 };
 
 // What the line's process answers beside the result, so that the harness need not ask.
@@ -47,19 +54,29 @@ struct LineView {
   std::array<TimeNs, link::kDirectionCount> next_arrival_ns{kNever, kNever, kNever};
   LineCounts counts{};
   std::optional<Overfull> overfull;
+  std::vector<faults::News> news;
 };
 
-template <class Archive>
-void Fields(Archive& archive, EmulatorSpec& e) {
-  archive(e.image, e.plugin, e.main_usart, e.reference_usart, e.console_usart);
+// A link::Message: both processes have the scenario, and so the protocol's table.
+struct PackedMessage {
+  std::string type;
+  std::vector<float> values;
+};
+inline PackedMessage Packed(const link::Message& message) { return {message.type->name, message.values}; }
+inline link::Message Unpacked(const PackedMessage& packed, const link::Protocol& protocol) {
+  const link::MessageType* type = protocol.Find(packed.type);
+  if (type == nullptr || packed.values.size() != type->fields.size())
+    throw std::runtime_error("a message that the protocol does not have");
+  return {type, packed.values};
 }
+
 template <class Archive>
-void Fields(Archive& archive, ClientSource& s) {
-  archive(s.library, s.emulator);
+void Fields(Archive& archive, PackedMessage& m) {
+  archive(m.type, m.values);
 }
 template <class Archive>
 void Fields(Archive& archive, Setup& s) {
-  archive(s.scenario_yaml, s.firmware);
+  archive(s.scenario_yaml, s.client, s.place);
 }
 template <class Archive>
 void Fields(Archive& archive, DeviceEvent& e) {
@@ -75,7 +92,7 @@ void Fields(Archive& archive, Overfull& o) {
 }
 template <class Archive>
 void Fields(Archive& archive, LineView& v) {
-  archive(v.next_arrival_ns, v.counts, v.overfull);
+  archive(v.next_arrival_ns, v.counts, v.overfull, v.news);
 }
 template <class Archive>
 void Fields(Archive& archive, ClientStatus& s) {
@@ -83,16 +100,20 @@ void Fields(Archive& archive, ClientStatus& s) {
 }
 template <class Archive>
 void Fields(Archive& archive, RunEvent& e) {
-  archive(e.time_ns, e.kind, e.text);
+  archive(e.time_ns, e.kind, e.text, e.client);
 }
 template <class Archive>
 void Fields(Archive& archive, PlantServer::State& s) {
   archive(s.origin_ns, s.reached_ns, s.quiet_until_ns, s.over, s.end_reason, s.end_text);
 }
 template <class Archive>
+void Fields(Archive& archive, PlantClientLog& l) {
+  archive(l.starts_accepted_count, l.request_times_ns, l.actuator_times_ns);
+}
+template <class Archive>
 void Fields(Archive& archive, PlantLog& l) {
-  archive(l.rows, l.hover_input, l.input_min, l.input_max, l.starts_accepted_count, l.request_times_ns,
-          l.actuator_times_ns, l.events, l.activations, l.activation_counts);
+  archive(l.rows, l.column_count, l.hover_input, l.input_min, l.input_max, l.clients, l.events, l.activations,
+          l.activation_counts);
 }
 inline void Fields(Packer& packer, LinkLog& l) { packer(l.content()); }
 inline void Fields(Unpacker& unpacker, LinkLog& l) {
@@ -114,6 +135,10 @@ void Fields(Archive& archive, Chunk& c) {
 }
 }  // namespace tiltproof::link
 namespace tiltproof::faults {
+template <class Archive>
+void Fields(Archive& archive, News& n) {
+  archive(n.kind, n.fault, n.time_ns);
+}
 template <class Archive>
 void Fields(Archive& archive, Activation& a) {
   archive(a.time_ns, a.fault, a.what, a.before, a.after);

@@ -112,13 +112,24 @@ std::vector<std::uint8_t> RemotePart::Ask(const Packer& request) {
   }
 }
 
-RemoteLine::RemoteLine(Channel& channel, const Setup& setup) : part_("link", channel, setup) {}
+RemoteLine::RemoteLine(Channel& channel, const Setup& setup, const link::Protocol& protocol)
+    : part_("link", channel, setup), protocol_(protocol) {}
+
+void RemoteLine::TakeView(Unpacker& answer) {
+  answer(view_);
+  news_.insert(news_.end(), view_.news.begin(), view_.news.end());
+}
+
+void RemoteLine::Hear(std::span<const faults::News> news) {
+  if (!news.empty())
+    part_.Ask(RemotePart::Request(Message::kHear, std::vector<faults::News>(news.begin(), news.end())));
+}
 
 TimeNs RemoteLine::Transmit(link::Direction direction, TimeNs now, std::span<const std::uint8_t> bytes) {
   const auto answer = part_.Ask(RemotePart::Request(Message::kTransmit, direction, now,
                                                     std::vector<std::uint8_t>(bytes.begin(), bytes.end())));
   Unpacker unpacker(answer);
-  unpacker(view_);
+  TakeView(unpacker);
   return unpacker.Next<TimeNs>();
 }
 
@@ -127,11 +138,20 @@ std::optional<Line::Piece> RemoteLine::TakePiece(link::Direction direction, Time
   if (NextArrival(direction) == kNever) return std::nullopt;
   const auto answer = part_.Ask(RemotePart::Request(Message::kTakePiece, direction, until));
   Unpacker unpacker(answer);
-  unpacker(view_);
+  TakeView(unpacker);
   if (!unpacker.Next<bool>()) return std::nullopt;
   const auto arrival = unpacker.Next<TimeNs>();
   unpacker(piece_);
-  return Piece{arrival, piece_, unpacker.Next<std::uint64_t>()};
+  Piece piece{arrival, piece_};
+  if (const auto message = unpacker.Next<std::optional<PackedMessage>>()) {
+    message_ = Unpacked(*message, protocol_);
+    piece.message = &message_;
+  }
+  return piece;
+}
+
+void RemoteLine::SetOrigin(TimeNs origin_ns) {
+  part_.Ask(RemotePart::Request(Message::kSetOrigin, origin_ns));
 }
 
 LineLog RemoteLine::TakeLog(TimeNs end) {
@@ -141,23 +161,36 @@ LineLog RemoteLine::TakeLog(TimeNs end) {
 
 RemotePlantServer::RemotePlantServer(Channel& channel, const Setup& setup) : part_("plant", channel, setup) {}
 
-void RemotePlantServer::Advance(TimeNs to, const LineCounts& counts) {
-  if (to <= state_.quiet_until_ns || state_.over) return;
-  const auto answer = part_.Ask(RemotePart::Request(Message::kAdvance, to, counts));
-  Unpacker(answer).operator()(state_);
+void RemotePlantServer::TakeState(Unpacker& answer) {
+  answer(state_);
+  const auto news = answer.Next<std::vector<faults::News>>();
+  news_.insert(news_.end(), news.begin(), news.end());
 }
 
-void RemotePlantServer::Receive(TimeNs arrival, std::span<const std::uint8_t> bytes, const Reply& reply) {
-  const auto answer = part_.Ask(
-      RemotePart::Request(Message::kServe, arrival, std::vector<std::uint8_t>(bytes.begin(), bytes.end())));
+void RemotePlantServer::Hear(std::span<const faults::News> news) {
+  if (!news.empty())
+    part_.Ask(RemotePart::Request(Message::kHear, std::vector<faults::News>(news.begin(), news.end())));
+}
+
+void RemotePlantServer::Advance(TimeNs to, const AllCounts& counts) {
+  if (to <= state_.quiet_until_ns || state_.over) return;
+  const auto answer = part_.Ask(RemotePart::Request(Message::kAdvance, to, counts));
   Unpacker unpacker(answer);
-  unpacker(state_);
+  TakeState(unpacker);
+}
+
+void RemotePlantServer::Receive(std::size_t client, TimeNs arrival, const link::Message& message,
+                                const Reply& reply) {
+  const auto answer = part_.Ask(RemotePart::Request(Message::kServe, client, arrival, Packed(message)));
+  Unpacker unpacker(answer);
+  TakeState(unpacker);
   for (const auto& frame : unpacker.Next<std::vector<std::vector<std::uint8_t>>>()) reply(frame);
 }
 
-void RemotePlantServer::Finish(TimeNs end, const LineCounts& counts) {
+void RemotePlantServer::Finish(TimeNs end, const AllCounts& counts) {
   const auto answer = part_.Ask(RemotePart::Request(Message::kFinish, end, counts));
-  Unpacker(answer).operator()(state_);
+  Unpacker unpacker(answer);
+  TakeState(unpacker);
 }
 
 PlantLog RemotePlantServer::TakeLog() {

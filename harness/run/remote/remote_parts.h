@@ -4,6 +4,8 @@
 
 #include <memory>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "harness/client/client.h"
 #include "harness/run/line.h"
@@ -39,34 +41,48 @@ class RemotePart {
 
 class RemoteLine final : public Line {
  public:
-  RemoteLine(Channel& channel, const Setup& setup);
+  // `protocol` must outlive it.
+  RemoteLine(Channel& channel, const Setup& setup, const link::Protocol& protocol);
   TimeNs Transmit(link::Direction direction, TimeNs now, std::span<const std::uint8_t> bytes) override;
   TimeNs NextArrival(link::Direction direction) const override {
     return view_.next_arrival_ns[static_cast<std::size_t>(direction)];
   }
   std::optional<Piece> TakePiece(link::Direction direction, TimeNs until) override;
+  void SetOrigin(TimeNs origin_ns) override;
   const LineCounts& counts() const override { return view_.counts; }
   const std::optional<Overfull>& overfull() const override { return view_.overfull; }
+  std::vector<faults::News> TakeNews() override { return std::exchange(news_, {}); }
+  void Hear(std::span<const faults::News> news) override;
   LineLog TakeLog(TimeNs end) override;
 
  private:
+  void TakeView(Unpacker& answer);
+
   RemotePart part_;
   LineView view_;
+  const link::Protocol& protocol_;
+  std::vector<faults::News> news_;
   std::vector<std::uint8_t> piece_;
+  link::Message message_;
 };
 
 class RemotePlantServer final : public PlantServer {
  public:
   RemotePlantServer(Channel& channel, const Setup& setup);
-  void Advance(TimeNs to, const LineCounts& counts) override;
-  void Receive(TimeNs arrival, std::span<const std::uint8_t> bytes, const Reply& reply) override;
-  void Finish(TimeNs end, const LineCounts& counts) override;
+  void Advance(TimeNs to, const AllCounts& counts) override;
+  void Receive(std::size_t client, TimeNs arrival, const link::Message& message, const Reply& reply) override;
+  void Finish(TimeNs end, const AllCounts& counts) override;
   const State& state() const override { return state_; }
+  std::vector<faults::News> TakeNews() override { return std::exchange(news_, {}); }
+  void Hear(std::span<const faults::News> news) override;
   PlantLog TakeLog() override;
 
  private:
+  void TakeState(Unpacker& answer);
+
   RemotePart part_;
   State state_;
+  std::vector<faults::News> news_;
 };
 
 // What goes wrong with its process is the firmware's: FirmwareTrouble.

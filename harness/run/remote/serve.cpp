@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "harness/client/firmware_guard.h"
+#include "harness/run/client_channel.h"
 #include "harness/run/flight.h"
 #include "harness/run/remote/protocol.h"
 
@@ -61,11 +62,13 @@ void ServeLine(Channel& channel, const ScenarioLoader& load) {
       now.next_arrival_ns[d] = line->NextArrival(static_cast<link::Direction>(d));
     now.counts = line->counts();
     now.overfull = line->overfull();
+    now.news = line->TakeNews();
     return now;
   };
   ServeRequests(channel, [&](Message kind, Unpacker& request, Packer& answer) {
     if (kind == Message::kSetup) {
-      line.emplace(load(request.Next<Setup>().scenario_yaml).scenario);
+      const auto setup = request.Next<Setup>();
+      line.emplace(load(setup.scenario_yaml).scenario, setup.place);
       return;
     }
     if (!line) ThrowUnexpected();
@@ -81,11 +84,19 @@ void ServeLine(Channel& channel, const ScenarioLoader& load) {
         const auto direction = NextDirection(request);
         const auto piece = line->TakePiece(direction, request.Next<TimeNs>());
         answer(view(), piece.has_value());
-        if (piece)
-          answer(piece->arrival_ns, std::vector<std::uint8_t>(piece->bytes.begin(), piece->bytes.end()),
-                 piece->number);
+        if (!piece) return;
+        std::optional<PackedMessage> message;
+        if (piece->message != nullptr) message = Packed(*piece->message);
+        answer(piece->arrival_ns, std::vector<std::uint8_t>(piece->bytes.begin(), piece->bytes.end()),
+               message);
         return;
       }
+      case Message::kSetOrigin:
+        line->SetOrigin(request.Next<TimeNs>());
+        return;
+      case Message::kHear:
+        line->Hear(request.Next<std::vector<faults::News>>());
+        return;
       case Message::kTakeLog:
         answer(line->TakeLog(request.Next<TimeNs>()));
         return;
@@ -109,24 +120,28 @@ void ServePlant(Channel& channel, const ScenarioLoader& load) {
       case Message::kAdvance:
       case Message::kFinish: {
         const auto time = request.Next<TimeNs>();
-        const auto counts = request.Next<LineCounts>();
+        const auto counts = request.Next<AllCounts>();
         if (kind == Message::kAdvance) {
           server->Advance(time, counts);
         } else {
           server->Finish(time, counts);
         }
-        answer(server->state());
+        answer(server->state(), server->TakeNews());
         return;
       }
       case Message::kServe: {
+        const auto client = request.Next<std::size_t>();
         const auto arrival = request.Next<TimeNs>();
         std::vector<std::vector<std::uint8_t>> frames;
         server->Receive(
-            arrival, request.Next<std::vector<std::uint8_t>>(),
+            client, arrival, Unpacked(request.Next<PackedMessage>(), *loaded->scenario.link.protocol),
             [&](std::span<const std::uint8_t> frame) { frames.emplace_back(frame.begin(), frame.end()); });
-        answer(server->state(), frames);
+        answer(server->state(), server->TakeNews(), frames);
         return;
       }
+      case Message::kHear:
+        server->Hear(request.Next<std::vector<faults::News>>());
+        return;
       case Message::kTakeLog:
         answer(server->TakeLog());
         return;
@@ -166,8 +181,8 @@ void ServeClient(Channel& channel, const ScenarioLoader& load) {
     if (kind == Message::kSetup) {
       const auto setup = request.Next<Setup>();
       const Scenario scenario = load(setup.scenario_yaml).scenario;
-      commands = faults::DeviceCommands(scenario.faults, scenario.seed);
-      client = MakeClient(setup.firmware, SettingsOf(scenario), host);
+      commands = ClientCommands(scenario, setup.place);
+      client = MakeClient(ParseClient(setup.client), SettingsOf(scenario, setup.place), host);
       answer(client->RunsOn());
       return;
     }

@@ -154,9 +154,13 @@ class DocsTest(unittest.TestCase):
                 self.assertIn("--mode realtime", command, page)
 
     def test_help_names_every_client(self):
-        shown = run("run", "--help").stdout.decode()
-        for client in ("host", "library:FILE", "qemu[:ELF]", "process:CMD", "serial:DEV[,REFDEV]"):
-            self.assertIn(client, shown)
+        for command in ("run", "check", "list"):
+            shown = run(command, "--help").stdout.decode()
+            for client in ("host", "library:FILE", "qemu[:ELF]", "main=usartN", "process:CMD", "serial:DEV[,REFDEV]"):
+                self.assertIn(client, shown, command)
+
+    def test_the_page_of_faults_is_what_the_program_prints(self):
+        self.assertEqual((SOURCE / "docs/faults.md").read_text(), run("faults").stdout.decode(), "tiltproof faults > docs/faults.md")
 
     def test_libraries_in_the_docs_are_built_by_setup(self):
         setup = (SOURCE / "setup").read_text()

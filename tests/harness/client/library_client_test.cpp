@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "faults/device_command.h"
+#include "tests/support/control_period.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -15,7 +16,7 @@ using ::testing::ElementsAre;
 
 struct Board {
   Board() {
-    client = LoadLibraryClient(TILTPROOF_FIRMWARE_LIBRARY, "paper", link::Dialect::kPaper,
+    client = LoadLibraryClient(TILTPROOF_FIRMWARE_LIBRARY, "paper", "paper",
                                {.transmit =
                                     [this](Uart, TimeNs now, std::span<const std::uint8_t>) {
                                       sent.push_back(now);
@@ -55,6 +56,33 @@ TEST(LibraryClient, IsSilentInResetAndThenBeginsAnew) {
   EXPECT_EQ(board.events[0].fault, 0U);
   EXPECT_EQ(board.events[0].time_ns, begin);
   EXPECT_EQ(board.events[1].time_ns, end);
+}
+
+TEST(LibraryClient, AFastClockMakesItsPeriodShort) {
+  Board board;
+  faults::FaultSpec drift;
+  drift.id = "d";
+  drift.type = "clock.drift";
+  drift.start_ns = kNsPerS;
+  drift.end_ns = 2 * kNsPerS;
+  drift.parameters = {{"ppm", 10'000.0}};
+  TimeNs wake = board.client->Start(0);
+  board.client->Command(faults::DeviceCommands({drift}, 1), 0);
+  const auto period_at = [&](TimeNs time) {
+    while (wake < time) wake = board.client->Grant(wake, kNever);
+    const TimeNs begin = wake;
+    wake = board.client->Grant(wake, kNever);
+    return wake - begin;
+  };
+  EXPECT_EQ(period_at(kNsPerS / 2), kControlPeriodNs);
+  EXPECT_NEAR(static_cast<double>(period_at(kNsPerS * 3 / 2)), static_cast<double>(kControlPeriodNs) / 1.01,
+              1.0);
+  EXPECT_EQ(period_at(3 * kNsPerS), kControlPeriodNs);
+  // It transmits at the true time: the last request as its last period begins.
+  EXPECT_EQ(board.sent.back(), wake - kControlPeriodNs);
+  ASSERT_EQ(board.events.size(), 1U);
+  EXPECT_EQ(board.events[0].time_ns, kNsPerS);
+  EXPECT_EQ(board.events[0].fault, 0U);
 }
 
 }  // namespace

@@ -322,8 +322,8 @@ int Intrude(const Arguments& a) {
       plant_states.Write({run, sequence, 3600 * kNsPerS, {}, {}});
       references.Write({run, name, sequence, 0, {100, 100, 100, 0, 0, 0, 0}});
       faults.Write({run, name, sequence, "intruder", "dds.partition", {}, 3600 * kNsPerS});
-      faults.Write(
-          {run, name, sequence + 1, "intruder", "clock.skew", {{"offset_ms", 1e6}, {"ppm", 5e5}}, 0});
+      faults.Write({run, name, sequence + 1, "intruder", "clock.jump", {{"jump_ms", 1e6}}, 0});
+      faults.Write({run, name, sequence + 2, "intruder", "clock.drift", {{"ppm", 5e5}}, 0});
       taps.Write({run, name, sequence, {{1, 0, true, {1, 2, 3}, {}}}, {1}, {1}});
       activations.Write({run, name, sequence, "intruder", 1, "an intruder's", {}, {}});
       events.Write({run, name, sequence, 1, "intruder", "an intruder's event"});

@@ -18,11 +18,11 @@ E Any(Random& random, E last) {
   return static_cast<E>(random.Below(static_cast<std::uint64_t>(last) + 1));
 }
 
-template <std::size_t kSize>
-void Fill(Random& random, std::array<double, kSize>& values) {
-  for (auto& value : values) value = random.Number();
+std::vector<double> Numbers(Random& random) {
+  std::vector<double> numbers(random.Count(kSignalsCountMax));
+  for (auto& number : numbers) number = random.Number();
+  return numbers;
 }
-
 std::vector<std::int64_t> Integers(Random& random) {
   std::vector<std::int64_t> values(random.Count(500));
   for (auto& value : values) value = random.Integer();
@@ -131,21 +131,21 @@ RunState RandomMessage(Random& r, int index) {
 template <>
 PlantState RandomMessage(Random& r, int index) {
   PlantState m{Id(r, index), r.Integer(), r.Integer(), {}, {}};
-  Fill(r, m.state);
-  Fill(r, m.in_force);
+  m.state = Numbers(r);
+  m.in_force = Numbers(r);
   return m;
 }
 template <>
 Actuation RandomMessage(Random& r, int index) {
   Actuation m{Id(r, index), r.Integer(), r.Integer(), {}, {}};
-  Fill(r, m.commanded);
-  Fill(r, m.in_force);
+  m.commanded = Numbers(r);
+  m.in_force = Numbers(r);
   return m;
 }
 template <>
 Reference RandomMessage(Random& r, int index) {
   Reference m{Id(r, index), r.Text(kIdBytesMax), r.Integer(), r.Integer(), {}};
-  Fill(r, m.values);
+  m.values = Numbers(r);
   return m;
 }
 template <>
@@ -205,6 +205,7 @@ const std::string kId = Full(kIdBytesMax);
 const std::vector<std::string> kNames(kNamesCountMax, kId);
 const std::vector<Port> kPorts(kNamesCountMax, Port{kId, Full(kPathBytesMax)});
 const std::vector<std::int64_t> kIntegers(kNumbersCountMax, std::numeric_limits<std::int64_t>::min());
+const std::vector<double> kSignals(kSignalsCountMax, 0.1);
 const std::vector<std::uint8_t> kPayload(kPayloadBytesMax, 0x7E);
 const std::vector<std::uint8_t> kChunkBytes(kChunkBytesMax, 0x7E);
 // As many as there may be, the last of them as long as it may be.
@@ -237,15 +238,15 @@ RunState LargestMessage() {
 }
 template <>
 PlantState LargestMessage() {
-  return {kId, -1, -1, {}, {}};
+  return {kId, -1, -1, kSignals, kSignals};
 }
 template <>
 Actuation LargestMessage() {
-  return {kId, -1, -1, {}, {}};
+  return {kId, -1, -1, kSignals, kSignals};
 }
 template <>
 Reference LargestMessage() {
-  return {kId, kId, -1, -1, {}};
+  return {kId, kId, -1, -1, kSignals};
 }
 template <>
 SerialTap LargestMessage() {

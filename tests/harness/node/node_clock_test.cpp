@@ -30,7 +30,8 @@ TEST(NodeClock, IsTheMachinesAtFirst) {
 TEST(NodeClock, JumpsAndRunsFast) {
   NodeClock clock;
   const TimeNs low = Of(Steady::now());
-  clock.Skew(100'000, 5 * kNsPerS);
+  clock.SetRate(100'000);
+  clock.Jump(5 * kNsPerS);
   const TimeNs high = Of(Steady::now());
   // It was set at some instant from low to high.
   const auto shown = [](TimeNs t, TimeNs set) {
@@ -49,7 +50,8 @@ TEST(NodeClock, ToSteadyIsTheInverseOfNow) {
   for (const double ppm : {-100'000.0, -50.0, 0.0, 3.0, 100'000.0}) {
     for (const TimeNs jump : {-10 * kNsPerS, TimeNs{0}, 10 * kNsPerS}) {
       NodeClock clock;
-      clock.Skew(ppm, jump);
+      clock.SetRate(ppm);
+      clock.Jump(jump);
       ExpectShows(clock, [&](Steady::time_point t) {
         // The time that it shows when the true clock shows t, found by halving.
         TimeNs low = Of(t) - 100 * kNsPerS, high = Of(t) + 100 * kNsPerS;
@@ -65,9 +67,11 @@ TEST(NodeClock, ToSteadyIsTheInverseOfNow) {
 
 TEST(NodeClock, KeepsTheJumpWhenItRunsTrueAgain) {
   NodeClock clock;
-  clock.Skew(0, 7 * kNsPerS);
-  clock.Skew(0, 0);
+  clock.Jump(7 * kNsPerS);
+  clock.SetRate(0);
   ExpectShows(clock, [](Steady::time_point t) { return Of(t) + 7 * kNsPerS; });
+  clock.Jump(-7 * kNsPerS);
+  ExpectShows(clock, [](Steady::time_point t) { return Of(t); });
 }
 
 }  // namespace

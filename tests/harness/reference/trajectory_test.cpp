@@ -67,18 +67,18 @@ TEST(Trajectory, SpiralFollowsEquation1) {
        {Point{0, 2, 0, 0.5}, Point{2.5, half - 3, half, 0.5 + 2.5 / 6}, Point{5, -3, 5, 0.5 + 5.0 / 6},
         Point{10, -8, 0, 0.5 + 10.0 / 6}, Point{35, -3, -5, 0.5 + 35.0 / 6}, Point{40, 2, 0, 0.5 + 40.0 / 6},
         Point{60, 2, 0, 10.5}}) {
-    const ReferenceTruth r = trajectory.At(FromSeconds(p.t_s));
-    EXPECT_NEAR(r.x_m, p.x_m, 1e-12) << p.t_s;
-    EXPECT_NEAR(r.y_m, p.y_m, 1e-12) << p.t_s;
-    EXPECT_NEAR(r.z_m, p.z_m, 1e-12) << p.t_s;
+    const ReferencePoint r = trajectory.At(FromSeconds(p.t_s));
+    EXPECT_NEAR(r.position_m[0], p.x_m, 1e-12) << p.t_s;
+    EXPECT_NEAR(r.position_m[1], p.y_m, 1e-12) << p.t_s;
+    EXPECT_NEAR(r.position_m[2], p.z_m, 1e-12) << p.t_s;
     EXPECT_EQ(r.yaw_rad, 0.0);
   }
-  const ReferenceTruth start = trajectory.At(0);
-  EXPECT_EQ(start.x_m, 2.0);
-  EXPECT_EQ(start.y_m, 0.0);
-  EXPECT_EQ(start.z_m, 0.5);
-  EXPECT_NEAR(start.vy_m_s, 5 * 2 * std::numbers::pi * 3 / 60, 1e-12);
-  EXPECT_NEAR(start.vz_m_s, 10.0 / 60, 1e-12);
+  const ReferencePoint start = trajectory.At(0);
+  EXPECT_EQ(start.position_m[0], 2.0);
+  EXPECT_EQ(start.position_m[1], 0.0);
+  EXPECT_EQ(start.position_m[2], 0.5);
+  EXPECT_NEAR(start.velocity_m_s[1], 5 * 2 * std::numbers::pi * 3 / 60, 1e-12);
+  EXPECT_NEAR(start.velocity_m_s[2], 10.0 / 60, 1e-12);
 }
 
 TEST(Trajectory, VelocityIsTheDerivativeOfPosition) {
@@ -87,12 +87,15 @@ TEST(Trajectory, VelocityIsTheDerivativeOfPosition) {
     const TimeNs h = 1'000'000;
     // Times that are no corner of a polyline.
     for (TimeNs t = 11 * kNsPerMs; t < 70 * kNsPerS; t += 137 * kNsPerMs) {
-      const ReferenceTruth before = trajectory.At(t - h), now = trajectory.At(t),
+      const ReferencePoint before = trajectory.At(t - h), now = trajectory.At(t),
                            after = trajectory.At(t + h);
       const double span_s = 2 * ToSeconds(h);
-      EXPECT_NEAR(now.vx_m_s, (after.x_m - before.x_m) / span_s, 1e-6) << spec.path.index() << " at " << t;
-      EXPECT_NEAR(now.vy_m_s, (after.y_m - before.y_m) / span_s, 1e-6) << spec.path.index() << " at " << t;
-      EXPECT_NEAR(now.vz_m_s, (after.z_m - before.z_m) / span_s, 1e-6) << spec.path.index() << " at " << t;
+      EXPECT_NEAR(now.velocity_m_s[0], (after.position_m[0] - before.position_m[0]) / span_s, 1e-6)
+          << spec.path.index() << " at " << t;
+      EXPECT_NEAR(now.velocity_m_s[1], (after.position_m[1] - before.position_m[1]) / span_s, 1e-6)
+          << spec.path.index() << " at " << t;
+      EXPECT_NEAR(now.velocity_m_s[2], (after.position_m[2] - before.position_m[2]) / span_s, 1e-6)
+          << spec.path.index() << " at " << t;
     }
   }
 }
@@ -100,20 +103,20 @@ TEST(Trajectory, VelocityIsTheDerivativeOfPosition) {
 TEST(Trajectory, WaitsAtItsStartAndHoldsItsEnd) {
   for (const auto& [spec, end_s] : MovingSpecs()) {
     const Trajectory trajectory(spec);
-    const auto at_rest = [](ReferenceTruth r) {
-      r.vx_m_s = r.vy_m_s = r.vz_m_s = 0.0;
+    const auto at_rest = [](ReferencePoint r) {
+      r.velocity_m_s = {};
       return r;
     };
     EXPECT_EQ(trajectory.At(-5 * kNsPerMs), at_rest(trajectory.At(0)));
     if (end_s == 0) continue;
-    const ReferenceTruth end = trajectory.At(FromSeconds(end_s));
+    const ReferencePoint end = trajectory.At(FromSeconds(end_s));
     EXPECT_EQ(end, at_rest(end));
     EXPECT_EQ(trajectory.At(FromSeconds(end_s + 1000)), end);
     // Continuous where it stops.
-    const ReferenceTruth just_before = trajectory.At(FromSeconds(end_s) - 1000);
-    EXPECT_NEAR(just_before.x_m, end.x_m, 1e-5);
-    EXPECT_NEAR(just_before.y_m, end.y_m, 1e-5);
-    EXPECT_NEAR(just_before.z_m, end.z_m, 1e-5);
+    const ReferencePoint just_before = trajectory.At(FromSeconds(end_s) - 1000);
+    EXPECT_NEAR(just_before.position_m[0], end.position_m[0], 1e-5);
+    EXPECT_NEAR(just_before.position_m[1], end.position_m[1], 1e-5);
+    EXPECT_NEAR(just_before.position_m[2], end.position_m[2], 1e-5);
     EXPECT_NE(just_before, at_rest(just_before));
   }
 }
@@ -124,8 +127,8 @@ TEST(Trajectory, VelocityCanBeLeftOut) {
     spec.velocity = false;
     const Trajectory without(spec);
     for (TimeNs t = 0; t < 20 * kNsPerS; t += kNsPerS / 3) {
-      ReferenceTruth expected = with.At(t);
-      expected.vx_m_s = expected.vy_m_s = expected.vz_m_s = 0.0;
+      ReferencePoint expected = with.At(t);
+      expected.velocity_m_s = {};
       EXPECT_EQ(without.At(t), expected);
     }
   }
@@ -133,17 +136,17 @@ TEST(Trajectory, VelocityCanBeLeftOut) {
 
 TEST(Trajectory, HoverStaysWithItsYaw) {
   const Trajectory trajectory(Spec(HoverReference{{1, 2, 3}, 0.5}));
-  EXPECT_EQ(trajectory.At(7 * kNsPerS), (ReferenceTruth{1, 2, 3, 0.5, 0, 0, 0}));
+  EXPECT_EQ(trajectory.At(7 * kNsPerS), (ReferencePoint{{1, 2, 3}, 0.5, {0, 0, 0}}));
   EXPECT_EQ(trajectory.Start(), (std::array<double, 3>{1, 2, 3}));
 }
 
 TEST(Trajectory, WaypointsAreFlownAtConstantSpeed) {
   const Trajectory trajectory(Spec(WaypointsReference{{{0, 0, 1}, {3, 4, 1}, {3, 4, 3}}, 2}));
-  EXPECT_EQ(trajectory.At(FromSeconds(1.25)), (ReferenceTruth{1.5, 2, 1, 0, 1.2, 1.6, 0}));
-  EXPECT_EQ(trajectory.At(FromSeconds(3)), (ReferenceTruth{3, 4, 2, 0, 0, 0, 2}));
-  EXPECT_EQ(trajectory.At(FromSeconds(3.5)), (ReferenceTruth{3, 4, 3, 0, 0, 0, 0}));
+  EXPECT_EQ(trajectory.At(FromSeconds(1.25)), (ReferencePoint{{1.5, 2, 1}, 0, {1.2, 1.6, 0}}));
+  EXPECT_EQ(trajectory.At(FromSeconds(3)), (ReferencePoint{{3, 4, 2}, 0, {0, 0, 2}}));
+  EXPECT_EQ(trajectory.At(FromSeconds(3.5)), (ReferencePoint{{3, 4, 3}, 0, {0, 0, 0}}));
   const Trajectory single(Spec(WaypointsReference{{{1, 2, 3}}, 2}));
-  EXPECT_EQ(single.At(kNsPerS), (ReferenceTruth{1, 2, 3, 0, 0, 0, 0}));
+  EXPECT_EQ(single.At(kNsPerS), (ReferencePoint{{1, 2, 3}, 0, {0, 0, 0}}));
   EXPECT_THROW(Trajectory(Spec(WaypointsReference{{}, 1})), ReferenceError);
   EXPECT_THROW(Trajectory(Spec(WaypointsReference{{{1, 2, 3}}, 0})), ReferenceError);
 }
@@ -151,13 +154,13 @@ TEST(Trajectory, WaypointsAreFlownAtConstantSpeed) {
 TEST(Trajectory, CircleAndEightStartWhereTheyAreTold) {
   const Trajectory circle(Spec(CircleReference{5, 20, {1, 2, 3}}));
   EXPECT_EQ(circle.Start(), (std::array<double, 3>{1, 2, 3}));
-  EXPECT_NEAR(circle.At(10 * kNsPerS).x_m, 1 - 10, 1e-12);
-  EXPECT_NEAR(circle.At(20 * kNsPerS).x_m, 1, 1e-12);
+  EXPECT_NEAR(circle.At(10 * kNsPerS).position_m[0], 1 - 10, 1e-12);
+  EXPECT_NEAR(circle.At(20 * kNsPerS).position_m[0], 1, 1e-12);
   const Trajectory eight(Spec(EightReference{8, 20, {1, 2, 3}}));
   EXPECT_EQ(eight.Start(), (std::array<double, 3>{1, 2, 3}));
-  EXPECT_NEAR(eight.At(5 * kNsPerS).x_m, 1 + 4, 1e-12);
-  EXPECT_NEAR(eight.At(5 * kNsPerS).y_m, 2, 1e-12);
-  EXPECT_NEAR(eight.At(FromSeconds(2.5)).y_m, 2 + 2, 1e-12);
+  EXPECT_NEAR(eight.At(5 * kNsPerS).position_m[0], 1 + 4, 1e-12);
+  EXPECT_NEAR(eight.At(5 * kNsPerS).position_m[1], 2, 1e-12);
+  EXPECT_NEAR(eight.At(FromSeconds(2.5)).position_m[1], 2 + 2, 1e-12);
 }
 
 TEST(Trajectory, RecordedMayBeginWithAByteOrderMark) {
@@ -171,9 +174,9 @@ TEST(Trajectory, RecordedIsInterpolated) {
       "1,0,0,1,0,1,2,3\r\n"
       "3,4,2,1,1,3,2,1\r\n");
   const Trajectory trajectory(Spec(RecordedReference{file}));
-  EXPECT_EQ(trajectory.At(0), (ReferenceTruth{0, 0, 1, 0, 0, 0, 0}));
-  EXPECT_EQ(trajectory.At(2 * kNsPerS), (ReferenceTruth{2, 1, 1, 0.5, 2, 2, 2}));
-  EXPECT_EQ(trajectory.At(9 * kNsPerS), (ReferenceTruth{4, 2, 1, 1, 0, 0, 0}));
+  EXPECT_EQ(trajectory.At(0), (ReferencePoint{{0, 0, 1}, 0, {0, 0, 0}}));
+  EXPECT_EQ(trajectory.At(2 * kNsPerS), (ReferencePoint{{2, 1, 1}, 0.5, {2, 2, 2}}));
+  EXPECT_EQ(trajectory.At(9 * kNsPerS), (ReferencePoint{{4, 2, 1}, 1, {0, 0, 0}}));
 }
 
 TEST(Trajectory, BrokenRecordingsAreRefusedWithTheirPlace) {

@@ -23,12 +23,12 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 Trace Climb(
     std::size_t rows, const std::function<double(std::size_t, const std::string&)>& add =
                           [](std::size_t, const auto&) { return 0.0; }) {
-  Trace trace({"t_s", "x_m", "z_m", "yaw_rad", "f_r_n"});
+  Trace trace({"t_s", "x_m", "z_m", "yaw_rad", "f_r_n", "commanded_f_r_n"});
   for (std::size_t r = 0; r < rows; ++r) {
     const auto row = trace.AppendRow();
     const double t = 0.012 * static_cast<double>(r);
-    const double values[] = {t, 1.0, 2.0 + 0.5 * t, 3.0, 10.0};
-    for (std::size_t c = 0; c < 5; ++c) row[c] = values[c] + (c == 0 ? 0.0 : add(r, trace.columns()[c]));
+    const double values[] = {t, 1.0, 2.0 + 0.5 * t, 3.0, 10.0, 10.0};
+    for (std::size_t c = 0; c < 6; ++c) row[c] = values[c] + (c == 0 ? 0.0 : add(r, trace.columns()[c]));
   }
   return trace;
 }
@@ -154,7 +154,8 @@ TEST(CompareTest, ColumnsOfOneTraceAreNamed) {
     row[2] = 1.0;
   }
   const TraceComparison comparison = CompareTraces(a, b, 1e-3);
-  EXPECT_THAT(comparison.columns_of_one, ElementsAre("x_m", "yaw_rad", "f_r_n", "active_bursts"));
+  EXPECT_THAT(comparison.columns_of_one,
+              ElementsAre("x_m", "yaw_rad", "f_r_n", "commanded_f_r_n", "active_bursts"));
   EXPECT_EQ(comparison.columns.size(), 1U);
   EXPECT_THAT(CompareTraces(a, a, 0.0).columns_of_one, IsEmpty());
 }

@@ -31,8 +31,8 @@ faults::Activation SomeActivation() {
 
 LineLog SomeLineLog() {
   LineLog log;
-  log.link.Append(SomeChunk(100), link::Direction::kToClient, false);
-  log.link.Append(SomeChunk(200), link::Direction::kReference, true);
+  log.link.Append(SomeChunk(100), {1, link::Direction::kToClient}, false);
+  log.link.Append(SomeChunk(200), {1, link::Direction::kReference}, true);
   log.reply_latency_ns = {1, kNever};
   log.client_round_trip_ns = {3};
   log.events = {{4, "rejected", "to_plant: bad_checksum"}, {-5, "", ""}};
@@ -51,9 +51,9 @@ PlantLog SomePlantLog() {
   log.hover_input = {1, 2, 3, 4};
   log.input_min = {5, 6, 7, 8};
   log.input_max = {9, 10, 11, 12};
-  log.starts_accepted_count = 13;
-  log.request_times_ns = {14, 15};
-  log.actuator_times_ns = {16};
+  log.clients[0].starts_accepted_count = 13;
+  log.clients[0].request_times_ns = {14, 15};
+  log.clients[0].actuator_times_ns = {16};
   log.events = {{17, "start_accepted", "t = 0"}};
   log.activations = {SomeActivation()};
   log.activation_counts = {18};
@@ -77,8 +77,7 @@ void ForEachStruct(const Visit& visit) {
   LineView view;
   view.next_arrival_ns = {1, kNever, kPowerOn};
   view.counts[2] = {4, 5, 6, 7};
-  visit(Setup{"name: x\n", {.library = "/lib/firmware.so"}});
-  visit(Setup{"name: x\n", {.emulator = EmulatorSpec{"fw.elf", "plugin.so", 1, 4, 6}}});
+  visit(Setup{"name: x\n", "library:/lib/firmware.so"});
   visit(DeviceEvent{12, 3, "bit_flipped", "0x20000000: 0x00 -> 0x01", 2});
   visit(view);
   visit(ClientStatus{1, 2});
@@ -127,9 +126,9 @@ TEST(Archive, EveryMemberOfALogComesBack) {
   EXPECT_EQ(plant.hover_input, SomePlantLog().hover_input);
   EXPECT_EQ(plant.input_min, SomePlantLog().input_min);
   EXPECT_EQ(plant.input_max, SomePlantLog().input_max);
-  EXPECT_EQ(plant.starts_accepted_count, 13);
-  EXPECT_EQ(plant.request_times_ns, (std::vector<TimeNs>{14, 15}));
-  EXPECT_EQ(plant.actuator_times_ns, (std::vector<TimeNs>{16}));
+  EXPECT_EQ(plant.clients[0].starts_accepted_count, 13);
+  EXPECT_EQ(plant.clients[0].request_times_ns, (std::vector<TimeNs>{14, 15}));
+  EXPECT_EQ(plant.clients[0].actuator_times_ns, (std::vector<TimeNs>{16}));
   EXPECT_EQ(plant.events.at(0).kind, "start_accepted");
   EXPECT_EQ(plant.activations.size(), 1u);
   EXPECT_EQ(plant.activation_counts, (std::vector<std::int64_t>{18}));

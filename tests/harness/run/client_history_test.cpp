@@ -4,9 +4,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "firmware/messages.h"
 #include "harness/client/client.h"
 #include "harness/run/framed.h"
-#include "link/messages.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -15,17 +15,19 @@ using link::Direction;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
-constexpr auto kPaper = link::Dialect::kPaper;
+const link::Protocol& kPaper = *link::FindProtocol("paper");
 
 void Sends(RunLog& log, TimeNs begin_ns, std::span<const std::uint8_t> frame,
            Direction direction = Direction::kToPlant, bool delivered = false) {
   link::Chunk chunk;
   chunk.begin_ns = begin_ns;
   chunk.bytes.assign(frame.begin(), frame.end());
-  log.link.Append(chunk, direction, delivered);
+  log.link.Append(chunk, {0, direction}, delivered);
 }
-Framed Start(link::Dialect dialect = kPaper) { return Framed(link::EncodeStart(dialect, {})); }
-Framed Request() { return Framed(link::EncodeReadSensors(kPaper)); }
+Framed Start(link::Dialect dialect = link::Dialect::kPaper) {
+  return Framed(link::EncodeStart(dialect, {}).span());
+}
+Framed Request() { return Framed(link::EncodeReadSensors(link::Dialect::kPaper).span()); }
 
 TEST(ClientHistory, RequestsAreTakenAsTheClientSentThem) {
   RunLog log;
@@ -40,9 +42,9 @@ TEST(ClientHistory, RequestsAreTakenAsTheClientSentThem) {
   Sends(log, 30, request.bytes().subspan(4));
   const std::vector<std::uint8_t> noise = {0x7E, 1, 2, 3, 0x7E};
   Sends(log, 40, noise);
-  AddClientHistory(log, kPaper, BootSign::kReset);
-  EXPECT_THAT(log.sent_request_times_ns, ElementsAre(10, 30));
-  EXPECT_THAT(log.restarts, IsEmpty());
+  AddClientHistory(log, 0, kPaper, BootSign::kReset);
+  EXPECT_THAT(log.clients[0].sent_request_times_ns, ElementsAre(10, 30));
+  EXPECT_THAT(log.clients[0].restarts, IsEmpty());
 }
 
 TEST(ClientHistory, AStartAfterTheFirstActuatorsIsARestart) {
@@ -50,23 +52,23 @@ TEST(ClientHistory, AStartAfterTheFirstActuatorsIsARestart) {
   const Framed start = Start();
   Sends(log, 0, start.bytes());
   Sends(log, 50, start.bytes());  // repeated: it may not know that it was heard
-  log.actuator_times_ns = {100, 200};
+  log.clients[0].actuator_times_ns = {100, 200};
   Sends(log, 150, start.bytes());
   Sends(log, 160, start.bytes(), Direction::kToPlant, true);  // a copy that a fault has made
-  AddClientHistory(log, kPaper, BootSign::kStart);
-  EXPECT_THAT(log.restarts, ElementsAre(Restart{150, "it sent `start` again"}));
+  AddClientHistory(log, 0, kPaper, BootSign::kStart);
+  EXPECT_THAT(log.clients[0].restarts, ElementsAre(Restart{150, "it sent `start` again"}));
   // Who is told of resets does not go by `start`.
-  AddClientHistory(log, kPaper, BootSign::kReset);
-  EXPECT_THAT(log.restarts, IsEmpty());
+  AddClientHistory(log, 0, kPaper, BootSign::kReset);
+  EXPECT_THAT(log.clients[0].restarts, IsEmpty());
 }
 
 TEST(ClientHistory, InTheAuthorsDialectEveryStartIsAnActuatorMessage) {
   RunLog log;
   const Framed start = Start(link::Dialect::kProvant);
-  log.actuator_times_ns = {100};
+  log.clients[0].actuator_times_ns = {100};
   Sends(log, 150, start.bytes());
-  AddClientHistory(log, link::Dialect::kProvant, BootSign::kStart);
-  EXPECT_THAT(log.restarts, IsEmpty());
+  AddClientHistory(log, 0, *link::FindProtocol("provant"), BootSign::kStart);
+  EXPECT_THAT(log.clients[0].restarts, IsEmpty());
 }
 
 TEST(ClientHistory, ResetsCountFromTheStartOfTheFlight) {
@@ -74,11 +76,11 @@ TEST(ClientHistory, ResetsCountFromTheStartOfTheFlight) {
   log.events = {{-5, kResetEvent, "reset by pin"},
                 {10, kResetEvent, "reset by watchdog"},
                 {11, "device_runs", "the processor runs again"}};
-  AddClientHistory(log, kPaper, BootSign::kReset);
-  EXPECT_THAT(log.restarts, IsEmpty()) << "it never started";
-  log.starts_accepted_count = 1;
-  AddClientHistory(log, kPaper, BootSign::kReset);
-  EXPECT_THAT(log.restarts, ElementsAre(Restart{10, "reset by watchdog"}));
+  AddClientHistory(log, 0, kPaper, BootSign::kReset);
+  EXPECT_THAT(log.clients[0].restarts, IsEmpty()) << "it never started";
+  log.clients[0].starts_accepted_count = 1;
+  AddClientHistory(log, 0, kPaper, BootSign::kReset);
+  EXPECT_THAT(log.clients[0].restarts, ElementsAre(Restart{10, "reset by watchdog"}));
 }
 
 }  // namespace

@@ -10,9 +10,10 @@
 #include <functional>
 #include <map>
 
+#include "firmware/messages.h"
 #include "harness/client/firmware_guard.h"
 #include "link/frame.h"
-#include "link/messages.h"
+#include "tests/support/control_period.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -96,8 +97,10 @@ Scenario Hover(double duration_s) {
 
 RunLog FlyWith(const Scenario& scenario, const std::function<void(TestClient&)>& prepare,
                FlightOptions options = {}) {
-  options.make_client = [&](ClientHost host) {
-    auto client = std::make_unique<TestClient>(std::move(host), scenario.link.dialect);
+  options.make_client = [&](std::size_t /*client*/, ClientHost host) {
+    auto client = std::make_unique<TestClient>(std::move(host), scenario.link.protocol->name == "paper"
+                                                                    ? link::Dialect::kPaper
+                                                                    : link::Dialect::kProvant);
     prepare(*client);
     return client;
   };
@@ -120,7 +123,7 @@ TEST(Flight, LogsOneRowAPeriodUpToAndWithTheLast) {
   const auto t = Column(log, "t_s");
   ASSERT_EQ(t.size(), 11U);
   for (std::size_t k = 0; k < t.size(); ++k) EXPECT_DOUBLE_EQ(t[k], 0.012 * static_cast<double>(k));
-  EXPECT_EQ(log.failsafe_entered_count, 3);
+  EXPECT_EQ(log.clients[0].failsafe_entered_count, 3);
 }
 
 TEST(Flight, ARowShowsNothingOfWhatCameAfterIt) {
@@ -142,9 +145,9 @@ TEST(Flight, TheLastRowIsAtDurationOnTheGridOrNot) {
 TEST(Flight, TimeZeroIsTheArrivalOfStartAndRequestsFollowJustAfterTheGrid) {
   std::vector<TimeNs> arrivals;
   const RunLog log = FlyWith(Hover(0.06), [](TestClient&) {});
-  ASSERT_GE(log.request_times_ns.size(), 5U);
+  ASSERT_GE(log.clients[0].request_times_ns.size(), 5U);
   for (std::size_t k = 0; k < 5; ++k)
-    EXPECT_NEAR(static_cast<double>(log.request_times_ns[k]),
+    EXPECT_NEAR(static_cast<double>(log.clients[0].request_times_ns[k]),
                 static_cast<double>(kRequestTime + static_cast<TimeNs>(k) * kControlPeriodNs), 1.0);
   std::size_t offset = 0;
   EXPECT_EQ(log.link.Next(offset)->begin_ns, -kRequestTime) << "the start frame itself has negative time";
@@ -158,11 +161,11 @@ TEST(Flight, OnTheWireAnInputTakesForceAtTheNextStepBoundary) {
     client.control = [&](const Sensors&) { return Actuators{11.0F + static_cast<float>(call++), 10, 0, 0}; };
   });
   const auto f = Column(log, "f_r_n");
-  EXPECT_NEAR(f[0], Model().HoverInput().f_r_n, 1e-12);
+  EXPECT_NEAR(f[0], Model().HoverInput().at(0), 1e-12);
   EXPECT_EQ(f[1], 11.0);
   EXPECT_EQ(f[2], 12.0);
-  ASSERT_FALSE(log.actuator_times_ns.empty());
-  EXPECT_LT(log.actuator_times_ns[0], kStep);
+  ASSERT_FALSE(log.clients[0].actuator_times_ns.empty());
+  EXPECT_LT(log.clients[0].actuator_times_ns[0], kStep);
 }
 
 TEST(Flight, OnTheIdealLinkAnInputIsInForceFromItsOwnSample) {
@@ -174,8 +177,8 @@ TEST(Flight, OnTheIdealLinkAnInputIsInForceFromItsOwnSample) {
   });
   const auto f = Column(log, "f_r_n");
   for (std::size_t k = 0; k < f.size(); ++k) EXPECT_EQ(f[k], 11.0 + static_cast<double>(k)) << k;
-  for (std::size_t k = 0; k < log.request_times_ns.size(); ++k)
-    EXPECT_EQ(log.request_times_ns[k], static_cast<TimeNs>(k) * kControlPeriodNs);
+  for (std::size_t k = 0; k < log.clients[0].request_times_ns.size(); ++k)
+    EXPECT_EQ(log.clients[0].request_times_ns[k], static_cast<TimeNs>(k) * kControlPeriodNs);
 }
 
 TEST(Flight, SensorsAreTheStateAtTheLastBoundaryBeforeTheRequest) {
@@ -225,8 +228,8 @@ TEST(Flight, LateRepliesHaveTheirOwnLatency) {
   const RunLog log = FlyWith(scenario, [](TestClient& client) {
     client.control = [](const Sensors&) { return Actuators{5, 5, 0, 0}; };
   });
-  ASSERT_GT(log.reply_latency_ns.size(), 30U);
-  for (const TimeNs latency : log.reply_latency_ns) {
+  ASSERT_GT(log.clients[0].reply_latency_ns.size(), 30U);
+  for (const TimeNs latency : log.clients[0].reply_latency_ns) {
     EXPECT_GT(latency, 30 * kNsPerMs);
     EXPECT_LT(latency, 32 * kNsPerMs);
   }
@@ -237,7 +240,7 @@ std::vector<TimeNs> DeliveredArrivals(const RunLog& log, link::Direction directi
   std::vector<TimeNs> arrivals;
   std::size_t offset = 0;
   while (const auto record = log.link.Next(offset))
-    if (record->delivered && record->direction == direction)
+    if (record->delivered && record->line.direction == direction)
       arrivals.push_back(record->begin_ns +
                          link::BytesTime(921'600, static_cast<std::int64_t>(record->bytes.size())));
   return arrivals;
@@ -268,10 +271,10 @@ TEST(Flight, EqualRepliesInFlightHaveEachItsOwnLatency) {
   });
   ASSERT_GT(replies.size(), 30U);
   for (const Sensors& reply : replies) ASSERT_EQ(reply, replies.front());
-  ASSERT_EQ(log.reply_latency_ns.size(), replies.size());
+  ASSERT_EQ(log.clients[0].reply_latency_ns.size(), replies.size());
   const auto arrivals = DeliveredArrivals(log, link::Direction::kToClient);
   for (std::size_t i = 0; i < replies.size(); ++i)
-    EXPECT_EQ(log.reply_latency_ns[i], arrivals[i] - log.request_times_ns[i]);
+    EXPECT_EQ(log.clients[0].reply_latency_ns[i], arrivals[i] - log.clients[0].request_times_ns[i]);
 }
 
 TEST(Flight, ARepeatedRequestHasARepliesLatencyOfItsOwn) {
@@ -285,10 +288,10 @@ TEST(Flight, ARepeatedRequestHasARepliesLatencyOfItsOwn) {
   scenario.faults.push_back(twice);
   const RunLog log = FlyWith(scenario, [](TestClient&) {});
   const auto arrivals = DeliveredArrivals(log, link::Direction::kToClient);
-  ASSERT_GE(log.reply_latency_ns.size(), 18U);
+  ASSERT_GE(log.clients[0].reply_latency_ns.size(), 18U);
   // The second of two equal replies waits until the line has carried the first.
-  for (std::size_t i = 0; i < log.reply_latency_ns.size(); ++i)
-    EXPECT_EQ(log.reply_latency_ns[i], arrivals[i] - log.request_times_ns[i]) << i;
+  for (std::size_t i = 0; i < log.clients[0].reply_latency_ns.size(); ++i)
+    EXPECT_EQ(log.clients[0].reply_latency_ns[i], arrivals[i] - log.clients[0].request_times_ns[i]) << i;
 }
 
 faults::FaultSpec OnReplies(const std::string& type, double probability) {
@@ -317,17 +320,17 @@ TEST(Flight, LostRepeatedAndOvertakenRepliesChangeNoOthersLatency) {
     std::map<float, TimeNs> requested;  // by what the reply says
     std::size_t offset = 0;
     while (const auto record = log.link.Next(offset)) {
-      if (record->delivered || record->direction != link::Direction::kToClient) continue;
+      if (record->delivered || record->line.direction != link::Direction::kToClient) continue;
       link::FrameDecoder decoder;
       std::span<const std::uint8_t> bytes = record->bytes;
       Sensors sensors;
       while (const auto event = decoder.Next(bytes)) link::DecodeSensors(event->payload, sensors);
-      requested.emplace(sensors.z_m, log.request_times_ns.at(requested.size()));
+      requested.emplace(sensors.z_m, log.clients[0].request_times_ns.at(requested.size()));
     }
-    ASSERT_EQ(requested.size(), log.request_times_ns.size()) << type;
+    ASSERT_EQ(requested.size(), log.clients[0].request_times_ns.size()) << type;
     // Of a repeated reply the first to come. The client counts from its power-on.
     const TimeNs origin =
-        heard.front().first - requested.at(heard.front().second) - log.reply_latency_ns.front();
+        heard.front().first - requested.at(heard.front().second) - log.clients[0].reply_latency_ns.front();
     std::vector<TimeNs> latencies;
     for (const auto& [now, z_m] : heard) {
       const auto request = requested.find(z_m);
@@ -335,7 +338,7 @@ TEST(Flight, LostRepeatedAndOvertakenRepliesChangeNoOthersLatency) {
       latencies.push_back(now - origin - request->second);
       requested.erase(request);
     }
-    EXPECT_EQ(log.reply_latency_ns, latencies) << type;
+    EXPECT_EQ(log.clients[0].reply_latency_ns, latencies) << type;
   }
 }
 
@@ -349,14 +352,14 @@ TEST(Flight, AnOlderReplyInThePlaceOfANewOneIsNotTheNewOnesAnswer) {
   std::array<std::vector<std::vector<std::uint8_t>>, 2> frames;  // as sent, as they went on
   std::size_t offset = 0;
   while (const auto record = log.link.Next(offset))
-    if (record->direction == link::Direction::kToClient)
+    if (record->line.direction == link::Direction::kToClient)
       frames[record->delivered ? 1 : 0].emplace_back(record->bytes.begin(), record->bytes.end());
   const auto arrivals = DeliveredArrivals(log, link::Direction::kToClient);
   std::vector<TimeNs> latencies;
   for (std::size_t i = 0; i < frames[0].size(); ++i)
-    if (frames[0][i] == frames[1][i]) latencies.push_back(arrivals[i] - log.request_times_ns[i]);
+    if (frames[0][i] == frames[1][i]) latencies.push_back(arrivals[i] - log.clients[0].request_times_ns[i]);
   EXPECT_LT(latencies.size(), frames[0].size());
-  EXPECT_EQ(log.reply_latency_ns, latencies);
+  EXPECT_EQ(log.clients[0].reply_latency_ns, latencies);
 }
 
 TEST(Flight, AReplyThatTheNextFramesFlagClosesHasItsLatencyToThere) {
@@ -370,7 +373,7 @@ TEST(Flight, AReplyThatTheNextFramesFlagClosesHasItsLatencyToThere) {
   std::size_t offset = 0, closed_late_count = 0, at = 0;
   std::vector<TimeNs> latencies;
   while (const auto record = log.link.Next(offset)) {
-    if (record->direction != link::Direction::kToClient) continue;
+    if (record->line.direction != link::Direction::kToClient) continue;
     if (!record->delivered) {
       sent.emplace_back(record->bytes.begin(), record->bytes.end());
       continue;
@@ -379,19 +382,19 @@ TEST(Flight, AReplyThatTheNextFramesFlagClosesHasItsLatencyToThere) {
     const std::vector<std::uint8_t> bytes(record->bytes.begin(), record->bytes.end());
     if (bytes.size() + 1 == sent.back().size() &&
         std::equal(bytes.begin(), bytes.end(), sent.back().begin())) {
-      const TimeNs next_flag = log.request_times_ns.at(at) + link::BytesTime(921'600, 1);
-      latencies.push_back(next_flag - log.request_times_ns[at - 1]);
+      const TimeNs next_flag = log.clients[0].request_times_ns.at(at) + link::BytesTime(921'600, 1);
+      latencies.push_back(next_flag - log.clients[0].request_times_ns[at - 1]);
       ++closed_late_count;
     } else if (bytes.size() >= sent.back().size() - 1 &&
                std::equal(bytes.rbegin(), bytes.rbegin() + 66, sent.back().rbegin())) {
       // Whole, or without its opening flag: the line is idle before it.
       latencies.push_back(record->begin_ns +
                           link::BytesTime(921'600, static_cast<std::int64_t>(bytes.size())) -
-                          log.request_times_ns[at - 1]);
+                          log.clients[0].request_times_ns[at - 1]);
     }
   }
   EXPECT_GT(closed_late_count, 0U);
-  EXPECT_EQ(log.reply_latency_ns, latencies);
+  EXPECT_EQ(log.clients[0].reply_latency_ns, latencies);
 }
 
 TEST(Flight, AFirmwareThatNeverStartsFails) {
@@ -419,7 +422,7 @@ TEST(Flight, TroubleInTheFirmwareKeepsWhatWasFlown) {
 TEST(Flight, ARepeatedStartIsARestartInThePapersDialectOnly) {
   for (const auto dialect : {link::Dialect::kPaper, link::Dialect::kProvant}) {
     Scenario scenario = Hover(0.12);
-    scenario.link.dialect = dialect;
+    scenario.link.protocol = link::FindProtocol(Name(dialect));
     bool repeated = false;
     const RunLog log = FlyWith(scenario, [&](TestClient& client) {
       client.on_grant = [&](TimeNs now) {
@@ -428,7 +431,7 @@ TEST(Flight, ARepeatedStartIsARestartInThePapersDialectOnly) {
         client.host.transmit(Uart::kMain, now, Framed(link::EncodeStart(dialect, {10, 10, 0, 0})));
       };
     });
-    EXPECT_EQ(log.starts_accepted_count, dialect == link::Dialect::kPaper ? 2 : 1);
+    EXPECT_EQ(log.clients[0].starts_accepted_count, dialect == link::Dialect::kPaper ? 2 : 1);
   }
 }
 
@@ -460,8 +463,9 @@ TEST(Flight, AdapterLatencyDelaysOnlyWhatTheFirmwareSends) {
   const RunLog log = FlyWith(scenario, [](TestClient&) {});
   // t = 0 is itself the delayed arrival of start, so requests stay where they were; but the client sees its
   // first reply 4 ms after it began.
-  ASSERT_FALSE(log.request_times_ns.empty());
-  EXPECT_NEAR(static_cast<double>(log.request_times_ns[0]), static_cast<double>(kRequestTime), 1.0);
+  ASSERT_FALSE(log.clients[0].request_times_ns.empty());
+  EXPECT_NEAR(static_cast<double>(log.clients[0].request_times_ns[0]), static_cast<double>(kRequestTime),
+              1.0);
   std::size_t offset = 0;
   EXPECT_EQ(log.link.Next(offset)->begin_ns, -kRequestTime - 2 * kNsPerMs);
 }

@@ -6,6 +6,7 @@
 
 #include "harness/run/event_log.h"
 #include "harness/run/realtime/log_messages.h"
+#include "tests/support/control_period.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -39,7 +40,7 @@ TEST(CountLateness, AgreesWithACountPeriodByPeriod) {
     }
     std::sort(log.harness_late.begin(), log.harness_late.end(),
               [](const LateSpan& a, const LateSpan& b) { return a.begin_ns < b.begin_ns; });
-    CountLateness(log);
+    CountLateness(log, kControlPeriodNs);
     EXPECT_EQ(log.harness_overrun_count, SlowOverrunCount(log));
     EXPECT_EQ(log.harness_late_max_ns, longest);
   }
@@ -49,7 +50,7 @@ TEST(CountLateness, WhatIsLateWhileTheLogsAreGatheredIsNoOverrun) {
   RunLog log;
   log.end_ns = kNsPerS;
   log.harness_late = {{kNsPerS, 2 * kNsPerS}};
-  CountLateness(log);
+  CountLateness(log, kControlPeriodNs);
   EXPECT_EQ(log.harness_overrun_count, 0);
   EXPECT_EQ(log.harness_late_max_ns, 0);
 }

@@ -9,11 +9,13 @@
 #include <functional>
 #include <limits>
 
+#include "firmware/messages.h"
 #include "harness/dds/domain_slot.h"
 #include "harness/run/merge_logs.h"
 #include "harness/run/remote/archive.h"
-#include "link/messages.h"
 #include "tests/harness/dds/condition.h"
+#include "tests/support/control_period.h"
+#include "tests/support/tiltrotor_plant.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -71,10 +73,13 @@ struct ByHand {
       TimeNs next = std::min(line.NextArrival(Direction::kToPlant), line.NextArrival(Direction::kToClient));
       if (next > now) break;
       Advance(next);
-      while (const auto piece = line.TakePiece(Direction::kToPlant, next))
-        server.Receive(piece->arrival_ns, piece->bytes, [&](std::span<const std::uint8_t> frame) {
+      while (const auto piece = line.TakePiece(Direction::kToPlant, next)) {
+        if (piece->message == nullptr) continue;
+        if (origin.Note(piece->arrival_ns, *piece->message)) line.SetOrigin(piece->arrival_ns);
+        server.Receive(0, piece->arrival_ns, *piece->message, [&](std::span<const std::uint8_t> frame) {
           line.Transmit(Direction::kToClient, piece->arrival_ns, frame);
         });
+      }
       while (line.TakePiece(Direction::kToClient, next)) {
       }
     }
@@ -85,16 +90,17 @@ struct ByHand {
            next_sample_ns <= scenario.duration_ns;
          next_sample_ns += kControlPeriodNs)
       samples.push_back({next_sample_ns, line.counts()});
-    server.Advance(now, line_counts ? line.counts() : LineCounts{});
+    server.Advance(now, {line_counts ? line.counts() : LineCounts{}});
   }
   void Fly(const std::function<void()>& every_50_ms) {
     line.Transmit(Direction::kToPlant, kBegin, Framed(link::EncodeStart(link::Dialect::kPaper, {})));
     for (TimeNs t = kBegin; t < kBegin + 800 * kNsPerMs; t += kControlPeriodNs) {
       line.Transmit(Direction::kToPlant, t, Framed(link::EncodeReadSensors(link::Dialect::kPaper)));
       Pump(t + 3 * kNsPerMs);
-      line.Transmit(Direction::kToPlant, t + 3 * kNsPerMs,
-                    Framed(link::EncodeActuators(link::Dialect::kPaper,
-                                                 ToFloat(Model().HoverInput(), kActuatorFields))));
+      line.Transmit(
+          Direction::kToPlant, t + 3 * kNsPerMs,
+          Framed(link::EncodeActuators(
+              link::Dialect::kPaper, ToFloat(testing::ActuatorsOf(Model().HoverInput()), kActuatorFields))));
       Pump(t + 10 * kNsPerMs);
       if ((t - kBegin) / kControlPeriodNs % 4 == 3) every_50_ms();
     }
@@ -103,6 +109,7 @@ struct ByHand {
   const Scenario scenario;
   bool line_counts;
   LocalLine line;
+  OriginFinder origin;
   LocalPlantServer server;
   std::vector<CountsSample> samples;
   TimeNs next_sample_ns = 0;
@@ -157,18 +164,19 @@ TEST_F(LogMessagesTest, AFlightOverTheBusIsTheFlightOfOneProcess) {
   ByHand together(scenario, true);
   together.Fly([] {});
   RunLog expected;
-  expected.trace = Trace(FlightColumns(scenario));
+  expected.trace = Trace(TraceLayout(Model().signals(), scenario).columns);
+  expected.fault_activation_counts.assign(scenario.faults.size(), 0);
   const TimeNs origin = together.line.origin();
   ASSERT_NE(origin, kNever);
   const TimeNs end = origin + 800 * kNsPerMs;
   Append(expected, together.server.TakeLog());
-  Append(expected, together.line.TakeLog(end), origin);
+  Append(expected, together.line.TakeLog(end), 0, origin);
   SortByTime(expected);
   ASSERT_GT(expected.fault_activation_counts.at(0), 3);
   ASSERT_GT(expected.fault_activation_counts.at(1), 3);
   ASSERT_GT(expected.trace.row_count(), 60u);
 
-  LogCollector collector(bus_, circle_, scenario, "run", condition_.Waker());
+  LogCollector collector(bus_, circle_, scenario, Model().signals(), "run", condition_.Waker());
   LogPublisher plant(bus_, scenario, "run", "plant", bus_.participant()),
       link(bus_, scenario, "run", "link", bus_.participant());
   ByHand apart(scenario, false);
@@ -185,7 +193,7 @@ TEST_F(LogMessagesTest, AFlightOverTheBusIsTheFlightOfOneProcess) {
   plant_totals.plant->hover_input = rest.hover_input;
   plant_totals.plant->input_min = rest.input_min;
   plant_totals.plant->input_max = rest.input_max;
-  plant_totals.plant->starts_accepted_count = rest.starts_accepted_count;
+  plant_totals.plant->clients[0].starts_accepted_count = rest.clients[0].starts_accepted_count;
   plant_totals.plant->activation_counts = rest.activation_counts;
   plant_totals.lateness.origin_ns = origin;
   plant_totals.lateness.spans = {
@@ -212,32 +220,32 @@ TEST_F(LogMessagesTest, AFlightOverTheBusIsTheFlightOfOneProcess) {
   for (std::size_t row = 0; row < log.trace.row_count(); ++row)
     EXPECT_THAT(log.trace.row(row), ::testing::Pointwise(SameNumber(), expected.trace.row(row))) << row;
   EXPECT_EQ(log.link.content(), expected.link.content());
-  EXPECT_EQ(log.request_times_ns, expected.request_times_ns);
-  EXPECT_EQ(log.actuator_times_ns, expected.actuator_times_ns);
-  EXPECT_EQ(log.reply_latency_ns, expected.reply_latency_ns);
-  EXPECT_EQ(log.client_round_trip_ns, expected.client_round_trip_ns);
+  EXPECT_EQ(log.clients[0].request_times_ns, expected.clients[0].request_times_ns);
+  EXPECT_EQ(log.clients[0].actuator_times_ns, expected.clients[0].actuator_times_ns);
+  EXPECT_EQ(log.clients[0].reply_latency_ns, expected.clients[0].reply_latency_ns);
+  EXPECT_EQ(log.clients[0].client_round_trip_ns, expected.clients[0].client_round_trip_ns);
   EXPECT_THAT(log.events, ::testing::UnorderedPointwise(SameEvent(), expected.events));
   EXPECT_THAT(log.activations, ::testing::UnorderedPointwise(SameActivation(), expected.activations));
   EXPECT_EQ(log.fault_activation_counts, expected.fault_activation_counts);
   EXPECT_EQ(log.hover_input, expected.hover_input);
   EXPECT_EQ(log.input_min, expected.input_min);
   EXPECT_EQ(log.input_max, expected.input_max);
-  EXPECT_EQ(log.starts_accepted_count, 1);
-  EXPECT_EQ(log.accepted_wrong_count, expected.accepted_wrong_count);
-  EXPECT_EQ(log.accepted_stale_count, expected.accepted_stale_count);
-  EXPECT_EQ(log.resync_max_ns, expected.resync_max_ns);
-  for (std::size_t i = 0; i < log.counts.size(); ++i) {
-    EXPECT_EQ(log.counts[i].frames_sent, expected.counts[i].frames_sent);
-    EXPECT_EQ(log.counts[i].frames_accepted, expected.counts[i].frames_accepted);
-    EXPECT_EQ(log.counts[i].frames_rejected, expected.counts[i].frames_rejected);
-    EXPECT_EQ(log.counts[i].bytes_corrupted, expected.counts[i].bytes_corrupted);
+  EXPECT_EQ(log.clients[0].starts_accepted_count, 1);
+  EXPECT_EQ(log.clients[0].accepted_wrong_count, expected.clients[0].accepted_wrong_count);
+  EXPECT_EQ(log.clients[0].accepted_stale_count, expected.clients[0].accepted_stale_count);
+  EXPECT_EQ(log.clients[0].resync_max_ns, expected.clients[0].resync_max_ns);
+  for (std::size_t i = 0; i < log.clients[0].counts.size(); ++i) {
+    EXPECT_EQ(log.clients[0].counts[i].frames_sent, expected.clients[0].counts[i].frames_sent);
+    EXPECT_EQ(log.clients[0].counts[i].frames_accepted, expected.clients[0].counts[i].frames_accepted);
+    EXPECT_EQ(log.clients[0].counts[i].frames_rejected, expected.clients[0].counts[i].frames_rejected);
+    EXPECT_EQ(log.clients[0].counts[i].bytes_corrupted, expected.clients[0].counts[i].bytes_corrupted);
   }
   EXPECT_THAT(log.harness_late, ElementsAre(LateSpan{-2, 5}, LateSpan{1, 9}));
 }
 
 TEST_F(LogMessagesTest, WhatAnotherRunSaysIsNoPartOfThisOne) {
   const Scenario scenario = TroubledScenario();
-  LogCollector collector(bus_, circle_, scenario, "run", condition_.Waker());
+  LogCollector collector(bus_, circle_, scenario, Model().signals(), "run", condition_.Waker());
   LogPublisher old(bus_, scenario, "old run", "plant", bus_.participant()),
       now(bus_, scenario, "run", "plant", bus_.participant());
   old.Write(RunEvent{1, "old", ""});
@@ -253,16 +261,17 @@ TEST_F(LogMessagesTest, WhatAnotherRunSaysIsNoPartOfThisOne) {
 // A node that was held up has more to say at once than one message can hold.
 TEST_F(LogMessagesTest, ALogOfAnyLengthGoesOut) {
   const Scenario scenario = TroubledScenario();
-  const std::size_t columns = FlightColumns(scenario).size();
+  const std::size_t columns = TraceLayout(Model().signals(), scenario).columns.size();
   const std::size_t rows = 2 * dds::kNumbersCountMax / columns + 1;
   PlantLog log;
+  log.column_count = columns;
   std::vector<CountsSample> samples;
   for (std::size_t row = 0; row < rows; ++row) {
     log.rows.resize(log.rows.size() + columns, static_cast<double>(row));
     log.rows[row * columns] = ToSeconds(static_cast<TimeNs>(row) * kControlPeriodNs);
   }
   for (TimeNs i = 0; i < 20'000; ++i) samples.push_back({i * kControlPeriodNs, {}});
-  LogCollector collector(bus_, circle_, scenario, "run", condition_.Waker());
+  LogCollector collector(bus_, circle_, scenario, Model().signals(), "run", condition_.Waker());
   LogPublisher node(bus_, scenario, "run", "node", bus_.participant());
   node.Write(log);
   node.Write(LineLog{}, 0, samples);
@@ -275,7 +284,7 @@ TEST_F(LogMessagesTest, ALogOfAnyLengthGoesOut) {
 
 TEST_F(LogMessagesTest, WhatAFirmwareSaysCannotStopItsNode) {
   const Scenario scenario = TroubledScenario();
-  LogCollector collector(bus_, circle_, scenario, "run", condition_.Waker());
+  LogCollector collector(bus_, circle_, scenario, Model().signals(), "run", condition_.Waker());
   LogPublisher client(bus_, scenario, "run", "client", bus_.participant());
   client.Write(RunEvent{kNsPerS, "firmware_log", std::string("a\0b", 3)});
   client.Write(RunEvent{0, "node_event", std::string(2 * dds::kTextBytesMax, 'x')});
@@ -283,9 +292,9 @@ TEST_F(LogMessagesTest, WhatAFirmwareSaysCannotStopItsNode) {
   client.Close({});
   ASSERT_TRUE(Gather(collector, {"client"}, {&client})) << collector.Missing("client");
   const RunLog log = collector.Take(0);
-  EXPECT_TRUE(log.firmware_log.starts_with("1.000000 a?b\n0.000000 yyy"));
-  EXPECT_LT(log.firmware_log.size(), kFirmwareLogBytesMax + 2000);
-  EXPECT_GT(log.firmware_log.size(), kFirmwareLogBytesMax / 2);
+  EXPECT_TRUE(log.clients[0].firmware_log.starts_with("1.000000 a?b\n0.000000 yyy"));
+  EXPECT_LT(log.clients[0].firmware_log.size(), kFirmwareLogBytesMax + 2000);
+  EXPECT_GT(log.clients[0].firmware_log.size(), kFirmwareLogBytesMax / 2);
   ASSERT_EQ(log.events.size(), 1u);
   EXPECT_EQ(log.events[0].text.size(), dds::kTextBytesMax);
 }
@@ -293,16 +302,17 @@ TEST_F(LogMessagesTest, WhatAFirmwareSaysCannotStopItsNode) {
 // A node's log grows with the flight. What a node sends beyond that is not kept, and the node is named.
 TEST_F(LogMessagesTest, NoNodeCanFillTheHarnesssMemory) {
   const Scenario scenario = TroubledScenario();
-  const std::size_t columns = FlightColumns(scenario).size();
+  const std::size_t columns = TraceLayout(Model().signals(), scenario).columns.size();
   PlantLog much;
   // Kept, it takes more than a flight that has just begun may hold, and less than one of 60 s.
   const std::size_t rows = LogCollector::kNodeBytesMax / (sizeof(double) * columns) * 3 / 4;
+  much.column_count = columns;
   much.rows.resize(rows * columns);
   for (std::size_t row = 0; row < rows; ++row) much.rows[row * columns] = static_cast<double>(row);
   for (const TimeNs flown_ns : {TimeNs{0}, 60 * kNsPerS}) {
     flown_ns_ = flown_ns;
     const std::string run = fmt::format("run at {}", flown_ns);
-    LogCollector collector(bus_, circle_, scenario, run, condition_.Waker());
+    LogCollector collector(bus_, circle_, scenario, Model().signals(), run, condition_.Waker());
     LogPublisher plant(bus_, scenario, run, "plant", bus_.participant()),
         link(bus_, scenario, run, "link", bus_.participant());
     plant.Write(much);
@@ -341,7 +351,7 @@ TEST_F(LogMessagesTest, NoNodeCanFillTheHarnesssMemory) {
 
 TEST_F(LogMessagesTest, BadMessagesDoNoHarm) {
   const Scenario scenario = TroubledScenario();
-  LogCollector collector(bus_, circle_, scenario, "run", condition_.Waker());
+  LogCollector collector(bus_, circle_, scenario, Model().signals(), "run", condition_.Waker());
   dds::Publisher<dds::FaultActivation> activations(bus_);
   dds::Publisher<dds::TraceRows> rows(bus_);
   dds::Publisher<dds::SerialTap> taps(bus_);
@@ -360,7 +370,7 @@ TEST_F(LogMessagesTest, BadMessagesDoNoHarm) {
   activation.fault_id = "of another scenario";
   activations.Write(activation);
   dds::TraceRows row = named(dds::TraceRows{});
-  row.column_count = static_cast<std::int64_t>(FlightColumns(scenario).size());
+  row.column_count = static_cast<std::int64_t>(TraceLayout(Model().signals(), scenario).columns.size());
   row.values.assign(static_cast<std::size_t>(row.column_count), std::numeric_limits<double>::quiet_NaN());
   row.sequence = 1;
   rows.Write(row);

@@ -5,10 +5,10 @@
 
 #include <array>
 
+#include "firmware/messages.h"
 #include "harness/run/link_log.h"
 #include "harness/run/receiving_end.h"
 #include "link/frame.h"
-#include "link/messages.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -30,16 +30,16 @@ Chunk SensorFrame(float x_m) {
 
 TEST(LinkLog, SurvivesItsFile) {
   LinkLog log;
-  log.Append({100, {0x7E, 1, 2}, {}}, Direction::kReference, true);
-  log.Append({200, {}, {}}, Direction::kToPlant, false);
-  log.Append({300, std::vector<std::uint8_t>(70'000, 9), {}}, Direction::kToClient, true);
+  log.Append({100, {0x7E, 1, 2}, {}}, {0, Direction::kReference}, true);
+  log.Append({200, {}, {}}, {0, Direction::kToPlant}, false);
+  log.Append({300, std::vector<std::uint8_t>(70'000, 9), {}}, {0, Direction::kToClient}, true);
   log.ShiftOrigin(150);
   const LinkLog again(log.content());
   std::size_t offset = 0;
   const auto first = again.Next(offset);
   ASSERT_TRUE(first);
   EXPECT_EQ(first->begin_ns, -50);
-  EXPECT_EQ(first->direction, Direction::kReference);
+  EXPECT_EQ(first->line.direction, Direction::kReference);
   EXPECT_TRUE(first->delivered);
   EXPECT_THAT(first->bytes, ::testing::ElementsAre(0x7E, 1, 2));
   EXPECT_TRUE(again.Next(offset)->bytes.empty());
@@ -50,7 +50,7 @@ TEST(LinkLog, SurvivesItsFile) {
 
 TEST(LinkLog, RefusesDamagedFilesWithThePlace) {
   LinkLog log;
-  log.Append({100, {0x7E, 1, 2}, {}}, Direction::kReference, true);
+  log.Append({100, {0x7E, 1, 2}, {}}, {0, Direction::kReference}, true);
   for (std::size_t size = 0; size < log.content().size(); ++size) {
     if (size == kLinkLogMagic.size()) continue;  // an empty log
     EXPECT_THROW(LinkLog({log.content().begin(), log.content().begin() + static_cast<std::ptrdiff_t>(size)}),
@@ -58,8 +58,45 @@ TEST(LinkLog, RefusesDamagedFilesWithThePlace) {
         << size;
   }
   auto content = log.content();
-  content[16] = 3;
+  content[17] = 3;
   EXPECT_THROW(LinkLog{content}, std::runtime_error);
+}
+
+TEST(LinkLog, RecordsSayWhoseTheyAre) {
+  LinkLog a, b;
+  a.Append({100, {1}, {}}, {0, Direction::kToPlant}, false);
+  b.Append({50, {2}, {}}, {1, Direction::kToClient}, true);
+  a.Append(std::move(b));
+  const LinkLog again(a.content());
+  std::size_t offset = 0;
+  EXPECT_EQ(again.Next(offset)->line, (LineId{0, Direction::kToPlant}));
+  EXPECT_EQ(again.Next(offset)->line, (LineId{1, Direction::kToClient}));
+  EXPECT_FALSE(again.Next(offset));
+}
+
+// As the program wrote it when a flight had one client: begin, direction, side, size, bytes.
+TEST(LinkLog, ReadsFilesOfTheFirstVersion) {
+  std::vector<std::uint8_t> old = {'T', 'P', 'L', 'I', 'N', 'K', '1', '\n'};
+  const std::vector<std::uint8_t> records = {0xEB, 0xAC, 0xFE, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0, 0, 2, 0, 0x7E,
+                                             0x41, 5,    0,    0,    0,    0,    0,    0,    0, 2, 1, 0, 0};
+  old.insert(old.end(), records.begin(), records.end());
+  const LinkLog log(old);
+  std::size_t offset = 0;
+  const auto first = log.Next(offset);
+  ASSERT_TRUE(first);
+  EXPECT_EQ(first->begin_ns, -86'805);
+  EXPECT_EQ(first->line, (LineId{0, Direction::kToPlant}));
+  EXPECT_FALSE(first->delivered);
+  EXPECT_THAT(first->bytes, ::testing::ElementsAre(0x7E, 0x41));
+  const auto second = log.Next(offset);
+  ASSERT_TRUE(second);
+  EXPECT_EQ(second->begin_ns, 5);
+  EXPECT_EQ(second->line.direction, Direction::kReference);
+  EXPECT_TRUE(second->delivered && second->bytes.empty());
+  EXPECT_FALSE(log.Next(offset));
+  for (const std::size_t size : {std::size_t{7}, std::size_t{10}, old.size() - 13, old.size() - 1})
+    EXPECT_THROW(LinkLog({old.begin(), old.begin() + static_cast<std::ptrdiff_t>(size)}), std::runtime_error)
+        << size;
 }
 
 class AuditTest : public ::testing::Test {
@@ -72,9 +109,11 @@ class AuditTest : public ::testing::Test {
   void Deliver(Chunk chunk, TimeNs arrival = 0) {
     chunk.number = sent_count_ - 1;
     end_.OnDelivered(chunk);
-    end_.Receive({arrival, chunk.bytes, chunk.number}, {}, {});
+    end_.Receive(
+        {arrival, chunk.bytes, chunk.number}, [](const auto&, const link::Message&) {},
+        [](std::string_view) {});
   }
-  ReceivingEnd end_{Direction::kToClient, link::Dialect::kPaper, true};
+  ReceivingEnd end_{*link::FindProtocol("paper"), Direction::kToClient, true};
   std::uint64_t sent_count_ = 0;
 };
 

@@ -63,7 +63,7 @@ TEST(Adopt, SaysWhatIsNotThere) {
   EXPECT_EQ(Missing(nodes), "client node");
   // A board hangs on the link's port: told by the harness, or by the link.
   EXPECT_EQ(Missing(nodes, true), "");
-  Of(nodes, NodeKind::kLink).last.capabilities = {"scheduling=fifo", "client_port=/dev/ttyUSB0"};
+  Of(nodes, NodeKind::kLink).last.capabilities = {"scheduling=fifo", "client=serial"};
   EXPECT_EQ(Missing(nodes), "");
 }
 

@@ -9,9 +9,10 @@
 #include <vector>
 
 #include "faults/recorder.h"
+#include "firmware/messages.h"
 #include "harness/run/flight.h"
 #include "link/frame.h"
-#include "link/messages.h"
+#include "tests/support/control_period.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -68,14 +69,14 @@ RunLog FlyAsking(std::vector<faults::FaultSpec> faults, bool ideal = false, int 
   scenario.link.ideal = ideal;
   scenario.faults = std::move(faults);
   FlightOptions options;
-  options.make_client = [&](ClientHost host) {
+  options.make_client = [&](std::size_t /*client*/, ClientHost host) {
     return std::make_unique<AskingClient>(std::move(host), requests_count);
   };
   return Fly(scenario, Model(), options);
 }
 
 faults::FaultSpec Fault(const std::string& id, const std::string& type, Target target,
-                        std::map<std::string, std::variant<double, std::string>> parameters) {
+                        std::map<std::string, faults::ParameterValue> parameters) {
   faults::FaultSpec fault;
   fault.id = id;
   fault.type = type;

@@ -71,12 +71,12 @@ struct Parts {
 };
 
 RunLog FlyApart(Parts& parts, const std::string& yaml, const std::function<void(TimeNs)>& at = {}) {
-  const Setup setup{yaml, {.library = TILTPROOF_FIRMWARE_LIBRARY}};
+  const Setup setup{yaml, std::string("library:") + TILTPROOF_FIRMWARE_LIBRARY};
   const LoadedScenario loaded = Load(yaml);
-  RemoteLine line(parts.line.channel(), setup);
+  RemoteLine line(parts.line.channel(), setup, *link::FindProtocol("paper"));
   RemotePlantServer plant(parts.plant.channel(), setup);
   FlightOptions options;
-  options.make_client = [&](ClientHost host) {
+  options.make_client = [&](std::size_t /*client*/, ClientHost host) {
     if (at) {
       host.transmit = [&at, transmit = host.transmit](Uart uart, TimeNs now,
                                                       std::span<const std::uint8_t> bytes) {
@@ -86,15 +86,16 @@ RunLog FlyApart(Parts& parts, const std::string& yaml, const std::function<void(
     }
     return MakeRemoteClient(parts.client.channel(), setup, std::move(host));
   };
-  return Conduct(loaded.scenario, line, plant, options);
+  Line* lines[] = {&line};
+  return Conduct(loaded.scenario, loaded.model->signals(), lines, plant, options);
 }
 
 RunLog FlyTogether(const std::string& yaml) {
   const LoadedScenario loaded = Load(yaml);
   FlightOptions options;
-  options.make_client = [&](ClientHost host) {
+  options.make_client = [&](std::size_t /*client*/, ClientHost host) {
     return LoadLibraryClient(TILTPROOF_FIRMWARE_LIBRARY, loaded.scenario.firmware,
-                             loaded.scenario.link.dialect, std::move(host));
+                             loaded.scenario.link.protocol->name, std::move(host));
   };
   return Fly(loaded.scenario, *loaded.model, options);
 }
@@ -122,12 +123,12 @@ TEST(Remote, FlightInFourProcessesEqualsFlightInOne) {
   ASSERT_EQ(apart.end_reason, EndReason::kCompleted) << apart.end_text;
   EXPECT_EQ(TraceHash(apart.trace), TraceHash(together.trace));
   EXPECT_EQ(apart.link.content(), together.link.content());
-  EXPECT_EQ(apart.firmware_log, together.firmware_log);
+  EXPECT_EQ(apart.clients[0].firmware_log, together.clients[0].firmware_log);
   EXPECT_EQ(apart.fault_activation_counts, together.fault_activation_counts);
-  EXPECT_EQ(apart.reply_latency_ns, together.reply_latency_ns);
+  EXPECT_EQ(apart.clients[0].reply_latency_ns, together.clients[0].reply_latency_ns);
   EXPECT_EQ(apart.events.size(), together.events.size());
   EXPECT_EQ(apart.activations.size(), together.activations.size());
-  EXPECT_EQ(apart.failsafe_entered_count, together.failsafe_entered_count);
+  EXPECT_EQ(apart.clients[0].failsafe_entered_count, together.clients[0].failsafe_entered_count);
   EXPECT_GT(apart.fault_activation_counts.at(0), 0);
 }
 
@@ -162,9 +163,9 @@ TEST(Remote, PlantOrLineProcessKilledIsAnErrorThatNamesIt) {
 
 TEST(Remote, ScenarioThatTheOtherProcessCannotReadIsSaid) {
   Parts parts;
-  const harness::Setup setup{"name: [", {}};
+  const harness::Setup setup{"name: [", ""};
   try {
-    RemoteLine line(parts.line.channel(), setup);
+    RemoteLine line(parts.line.channel(), setup, *link::FindProtocol("paper"));
     FAIL() << "accepted";
   } catch (const std::runtime_error& error) {
     EXPECT_THAT(error.what(), HasSubstr("the link process: setup:1"));

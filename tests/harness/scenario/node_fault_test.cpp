@@ -2,8 +2,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <filesystem>
-#include <fstream>
 #include <set>
 #include <string>
 #include <vector>
@@ -11,59 +9,28 @@
 #include "faults/registry.h"
 #include "harness/scenario/fault_support.h"
 #include "harness/scenario/reader.h"
+#include "tests/harness/scenario/fault_file.h"
 
 namespace tiltproof::harness {
 namespace {
 
-namespace fs = std::filesystem;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::StartsWith;
 
-class NodeFaultTest : public testing::Test {
- protected:
-  NodeFaultTest()
-      : folder_(fs::path(testing::TempDir()) /
-                (std::string("tiltproof_node_fault_") +
-                 testing::UnitTest::GetInstance()->current_test_info()->name())) {
-    fs::create_directories(folder_ / "models");
-    std::ofstream(folder_ / "models/tiltrotor.sdf") << "<sdf/>";
-    options_.models_folder = folder_ / "models";
-  }
-  ~NodeFaultTest() override { fs::remove_all(folder_); }
-
-  // A scenario whose fifth and later lines are items of `faults`.
-  Scenario Read(const std::string& faults) {
-    const fs::path file = folder_ / "s.yaml";
-    std::ofstream(file) << "name: x\nduration_s: 24\nreference: {type: hover, at_m: [0, 0, 2]}\nfaults:\n"
-                        << faults;
-    return ReadScenario(file, options_);
-  }
-  // What is wrong with it, without the folder.
-  std::string Error(const std::string& faults) {
-    try {
-      Read(faults);
-    } catch (const ScenarioError& error) {
-      return error.what() + folder_.string().size() + 1;
-    }
-    return "no error";
-  }
-
-  fs::path folder_;
-  ReadOptions options_;
-};
+using NodeFaultTest = FaultFile;
 
 TEST_F(NodeFaultTest, AreReadAndWrittenBack) {
   const Scenario scenario = Read(
       "- {id: a, type: node.kill, start_s: 3, parameters: {node: base_station}}\n"
       "- {id: b, type: node.restart, start_s: 0, parameters: {node: client, down_ms: 500}}\n"
-      "- {id: c, type: clock.skew, parameters: {node: client, ppm: -200}}\n");
+      "- {id: c, type: clock.drift, parameters: {ppm: -200}}\n");
   EXPECT_EQ(scenario.faults.at(0).start_ns, 3 * kNsPerS);
   EXPECT_EQ(scenario.faults[0].end_ns, kNever);
   EXPECT_EQ(std::get<double>(scenario.faults[1].parameters.at("down_ms")), 500.0);
   EXPECT_EQ(scenario.faults[2].start_ns, kPowerOn);
-  EXPECT_EQ(std::get<double>(scenario.faults[2].parameters.at("offset_ms")), 0.0);
+  EXPECT_EQ(std::get<std::string>(scenario.faults[2].parameters.at("node")), "client");
   EXPECT_THAT(WriteResolved(scenario), HasSubstr(R"(  - id: "a"
     type: node.kill
     parameters:
@@ -94,7 +61,8 @@ TEST_F(NodeFaultTest, KeysThatTheyDoNotHaveAreRefusedWithTheReason) {
 }
 
 TEST_F(NodeFaultTest, NeedRealTimeAndSayWhere) {
-  const ClientAbilities lockstep{ClientKind::kLibrary, false}, realtime{ClientKind::kLibrary, true};
+  const std::vector lockstep = {AbilitiesOf(HostLibrary{}, false)},
+                    realtime = {AbilitiesOf(HostLibrary{}, true)};
   EXPECT_THAT(UnsupportedFaults(Read("- {id: a, type: harness.null}\n"), lockstep), IsEmpty());
   const Scenario scenario = Read(
       "- {id: a, type: harness.null}\n"
@@ -112,19 +80,31 @@ TEST_F(NodeFaultTest, NeedRealTimeAndSayWhere) {
   Scenario made;
   made.faults.resize(1);
   made.faults[0].id = "gone";
-  made.faults[0].type = "clock.skew";
-  EXPECT_THAT(UnsupportedFaults(made, lockstep), ElementsAre(StartsWith("fault 'gone' (clock.skew) ")));
+  made.faults[0].type = "clock.jump";
+  EXPECT_THAT(UnsupportedFaults(made, lockstep), ElementsAre(StartsWith("fault 'gone' (clock.jump) ")));
 }
 
-TEST_F(NodeFaultTest, ABoardsClockDriftsByOneFaultAtATime) {
-  const auto drifts = [](const std::string& window) {
-    return "- {id: a, type: device.clock_drift, start_s: 1, end_s: 3, parameters: {ppm: 100}}\n"
-           "- {id: b, type: device.clock_drift, " +
-           window + ", parameters: {ppm: 100}}\n";
+TEST_F(NodeFaultTest, AClockDriftsByOneFaultAtATime) {
+  const auto drifts = [](const std::string& window, const std::string& node = "client") {
+    return "- {id: a, type: clock.drift, start_s: 1, end_s: 3, parameters: {ppm: 100}}\n"
+           "- {id: b, type: clock.drift, " +
+           window + ", parameters: {node: " + node + ", ppm: 100}}\n";
   };
   EXPECT_EQ(Error(drifts("start_s: 2, end_s: 4")),
             "s.yaml:6:17: type: drifts at the same time as fault 'a': let their windows not overlap");
   EXPECT_EQ(Read(drifts("start_s: 3, end_s: 4")).faults.size(), 2U);
+  EXPECT_EQ(Read(drifts("start_s: 2, end_s: 4", "link")).faults.size(), 2U);
+}
+
+TEST_F(NodeFaultTest, FormerTypesSayWhatStandsForThem) {
+  EXPECT_EQ(Error("- {id: a, type: clock.skew, parameters: {node: client, ppm: 1}}\n"),
+            "s.yaml:5:17: type: 'clock.skew' was replaced by clock.drift {node, ppm} and clock.jump {node, "
+            "jump_ms}");
+  EXPECT_EQ(Error("- {id: a, type: device.clock_drift, parameters: {ppm: 1}}\n"),
+            "s.yaml:5:17: type: 'device.clock_drift' was replaced by clock.drift {ppm}");
+  EXPECT_EQ(Error("- {id: a, type: uart.parity_error, parameters: {probability: 1}}\n"),
+            "s.yaml:5:17: type: 'uart.parity_error' was removed: all lines are 8N1, where no receiver checks "
+            "parity");
 }
 
 TEST_F(NodeFaultTest, DeviceFaultsAreReadAndWrittenBack) {
@@ -132,7 +112,7 @@ TEST_F(NodeFaultTest, DeviceFaultsAreReadAndWrittenBack) {
       "- {id: a, type: device.reset, start_s: 3, parameters: {boot_ms: 20}}\n"
       "- {id: b, type: device.hang, start_s: 4}\n"
       "- {id: c, type: device.bit_flip, start_s: 0, end_s: 12, parameters: {region: g_controller}}\n"
-      "- {id: d, type: device.clock_drift, parameters: {ppm: -50}}\n"
+      "- {id: d, type: clock.drift, parameters: {ppm: -50}}\n"
       "- {id: e, type: uart.overrun, parameters: {probability: 0.001}}\n");
   EXPECT_EQ(scenario.faults.at(1).end_ns, kNever);
   EXPECT_EQ(std::get<std::string>(scenario.faults[2].parameters.at("region")), "g_controller");
@@ -170,41 +150,73 @@ TEST_F(NodeFaultTest, KeysThatDeviceAndReceiverFaultsDoNotHave) {
               HasSubstr("unknown key 'message'"));
 }
 
-// What each client can suffer, as docs/scenario.md says.
+faults::FaultSpec Example(const faults::FaultType& type) {
+  faults::FaultSpec fault;
+  fault.id = "f";
+  fault.type = type.name;
+  for (const faults::ParameterInfo& info : type.parameters)
+    fault.parameters[std::string(info.name)] = info.example;
+  return fault;
+}
+
+// What each client can take, as docs/scenario.md says.
 TEST(FaultSupportTest, EachClientInEachMode) {
   struct Client {
-    ClientAbilities abilities;
-    std::set<std::string> types;  // of the layers device and uart
+    ClientSpec client;
+    bool realtime;
+    std::set<std::string> types;  // of the layers device, uart and clock, as in their examples
   };
   const std::vector<Client> clients = {
-      {{ClientKind::kEmulator, false},
+      {EmulatedImage{},
+       false,
        {"device.reset", "device.watchdog_reset", "device.hang", "device.stall", "device.bit_flip",
-        "device.clock_drift", "uart.overrun", "uart.framing_error", "uart.noise_error"}},
-      {{ClientKind::kEmulator, true}, {"device.reset", "device.stall", "device.bit_flip"}},
-      {{ClientKind::kLibrary, false}, {"device.reset"}},
-      {{ClientKind::kLibrary, true}, {}},
-      {{ClientKind::kProcess, true}, {}},
-      {{ClientKind::kSerial, true}, {}},
+        "clock.drift", "uart.overrun", "uart.framing_error", "uart.noise_error"}},
+      {EmulatedImage{}, true, {"device.reset", "device.stall", "device.bit_flip"}},
+      {HostLibrary{}, false, {"device.reset", "clock.drift"}},
+      {HostLibrary{}, true, {"clock.drift", "clock.jump"}},
+      {Program{}, true, {}},
+      {SerialBoard{}, true, {}},
   };
   for (const Client& client : clients) {
+    const ClientAbilities abilities = AbilitiesOf(client.client, client.realtime);
     std::set<std::string> found;
     for (const faults::FaultType& type : faults::FaultTypes()) {
-      const bool possible = !Unsupported(type, client.abilities);
-      if (type.layer() == "device" || type.layer() == "uart") {
+      const bool possible = !Unsupported(Example(type), type, abilities);
+      if (type.layer() == "device" || type.layer() == "uart" || type.layer() == "clock") {
         if (possible) found.emplace(type.name);
       } else {
-        EXPECT_EQ(possible, !type.on_node || client.abilities.realtime) << type.name;
+        EXPECT_EQ(possible, !type.IsOneOf<faults::NodeKind>() || client.realtime) << type.name;
       }
     }
-    EXPECT_EQ(found, client.types) << static_cast<int>(client.abilities.client) << client.abilities.realtime;
+    EXPECT_EQ(found, client.types) << KindOf(client.client) << client.realtime;
   }
-  const auto why = [](const char* type, ClientAbilities abilities) {
-    return Unsupported(*faults::FindFaultType(type), abilities).value_or("nothing");
+  const auto why = [](const char* type, const ClientAbilities& abilities) {
+    const faults::FaultType& found = *faults::FindFaultType(type);
+    return Unsupported(Example(found), found, abilities).value_or("nothing");
   };
-  EXPECT_EQ(why("device.stall", {ClientKind::kLibrary, false}),
+  EXPECT_EQ(why("device.stall", AbilitiesOf(HostLibrary{}, false)),
             "needs an emulated board: fly it with --client qemu");
-  EXPECT_THAT(why("device.hang", {ClientKind::kEmulator, true}), HasSubstr("--mode lockstep"));
-  EXPECT_THAT(why("uart.parity_error", {ClientKind::kEmulator, false}), HasSubstr("8N1"));
+  EXPECT_THAT(why("device.hang", AbilitiesOf(EmulatedImage{}, true)), HasSubstr("--mode lockstep"));
+}
+
+TEST(FaultSupportTest, WhoseClockDependsOnTheNode) {
+  const auto why = [](const char* type, const char* node, const ClientSpec& client, bool realtime) {
+    const faults::FaultType& found = *faults::FindFaultType(type);
+    faults::FaultSpec fault = Example(found);
+    fault.parameters["node"] = node;
+    return Unsupported(fault, found, AbilitiesOf(client, realtime)).value_or("nothing");
+  };
+  for (const char* type : {"clock.drift", "clock.jump"})
+    for (const char* node : {"plant", "link", "base_station"}) {
+      EXPECT_THAT(why(type, node, EmulatedImage{}, false), HasSubstr("it needs --mode realtime"));
+      for (const ClientSpec& client :
+           {ClientSpec(EmulatedImage{}), ClientSpec(Program{}), ClientSpec(HostLibrary{})})
+        EXPECT_EQ(why(type, node, client, true), "nothing");
+    }
+  EXPECT_EQ(why("clock.drift", "client", EmulatedImage{}, false), "nothing");
+  EXPECT_THAT(why("clock.drift", "client", EmulatedImage{}, true), HasSubstr("its own"));
+  EXPECT_THAT(why("clock.drift", "client", SerialBoard{}, true), HasSubstr("its own"));
+  EXPECT_THAT(why("clock.jump", "client", HostLibrary{}, false), HasSubstr("in lockstep clocks only drift"));
 }
 
 }  // namespace

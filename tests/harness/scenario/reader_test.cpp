@@ -31,13 +31,13 @@ class ReaderTest : public testing::Test {
     options_.models_folder = folder_ / "models";
     options_.firmware_names = {"paper", "paper_published", "tolerant"};
     options_.metric_names = {"tracking.rmse_m", "tracking.max_error_m", "link.accepted_wrong_count"};
-    options_.check_formula = [](std::string_view formula, std::span<const std::string> fault_ids,
-                                TimeNs) -> std::optional<FormulaProblem> {
+    options_.check_formula = [](std::string_view formula,
+                                const Scenario& scenario) -> std::optional<FormulaProblem> {
       // A language of two sentences, enough to see places and fault ids handed through.
       if (const auto at = formula.find("wrong"); at != std::string_view::npos)
         return FormulaProblem{at + 1, "wrong"};
       if (formula == "first fault")
-        return fault_ids.empty() ? std::optional(FormulaProblem{1, "no fault"}) : std::nullopt;
+        return scenario.faults.empty() ? std::optional(FormulaProblem{1, "no fault"}) : std::nullopt;
       return std::nullopt;
     };
   }
@@ -94,7 +94,7 @@ TEST_F(ReaderTest, FillsInDefaults) {
   EXPECT_THAT(s.initial_attitude_rad, ElementsAre(0, 0, 0));
   EXPECT_FALSE(s.link.ideal);
   EXPECT_EQ(s.link.baud, 921'600);
-  EXPECT_EQ(s.link.dialect, link::Dialect::kPaper);
+  EXPECT_EQ(s.link.protocol->name, "paper");
   EXPECT_EQ(s.link.adapter_latency_ms, 0.0);
   EXPECT_TRUE(s.reference.velocity);
   EXPECT_TRUE(s.faults.empty());
@@ -142,7 +142,7 @@ criteria:
   EXPECT_THAT(s.initial_attitude_rad, ElementsAre(0.1, -0.2, 3));
   EXPECT_TRUE(s.link.ideal);
   EXPECT_EQ(s.link.baud, 115'200);
-  EXPECT_EQ(s.link.dialect, link::Dialect::kProvant);
+  EXPECT_EQ(s.link.protocol->name, "provant");
   EXPECT_EQ(s.link.adapter_latency_ms, 1.5);
   EXPECT_FALSE(s.reference.velocity);
   const auto& spiral = std::get<SpiralReference>(s.reference.path);
@@ -195,6 +195,16 @@ TEST_F(ReaderTest, ReadsEveryReferenceAndStartsThere) {
             folder_ / "path.csv");
 }
 
+TEST_F(ReaderTest, ProtocolHasTwoNames) {
+  const std::string head = "name: x\nduration_s: 24\nreference: {type: spiral}\n";
+  EXPECT_EQ(Read(head + "link: {protocol: provant}\n").link, Read(head + "link: {dialect: provant}\n").link);
+  EXPECT_EQ(Read(head + "link: {protocol: provant}\n").link.protocol->name, "provant");
+  EXPECT_THAT(ErrorsWith("link: {protocol: paper, dialect: provant}\n"),
+              ElementsAre("4:8: 'dialect' and 'protocol' are two names of one key: give one"));
+  EXPECT_THAT(ErrorsWith("link: {protocol: papre}\n"),
+              ElementsAre("4:18: protocol: unknown value 'papre'; did you mean 'paper'?"));
+}
+
 TEST_F(ReaderTest, NamesTheNearestKeyOrValue) {
   EXPECT_THAT(Errors("name: x\nduraton_s: 24\nreference: {type: spiral}\n"),
               ElementsAre("2:1: unknown key 'duraton_s'; did you mean 'duration_s'?"));
@@ -215,8 +225,6 @@ TEST_F(ReaderTest, NamesTheNearestKeyOrValue) {
   EXPECT_THAT(ErrorsWith("faults: [{id: a, type: wire.bit_error, target: to_clint, parameters: {bre: 0}}]\n"),
               ElementsAre("4:48: target: unknown value 'to_clint'; did you mean 'to_client'?",
                           "4:71: unknown key 'bre'; did you mean 'ber'?"));
-  EXPECT_THAT(ErrorsWith("faults: [{id: a, type: sensor.freeze, parameters: {signal: z}}]\n"),
-              ElementsAre(HasSubstr("4:60: signal: unknown value 'z'; did you mean ")));
   EXPECT_THAT(Errors("name: x\nduration_s: 24\nreference: {type: spirl, whatever: 1}\n"),
               ElementsAre("3:19: type: unknown value 'spirl'; did you mean 'spiral'?"));
 }

@@ -51,6 +51,9 @@ class RandomFiller : public KeyVisitor {
     index = *rc::gen::inRange<std::size_t>(0, words.size());
   }
   void Section(const Key&, const Body& body) override { body(*this); }
+  void MaybeSection(const Key&, bool, const Body& body) override {
+    if (*rc::gen::arbitrary<bool>()) body(*this);
+  }
   void List(const Key&, std::size_t, const std::function<void(std::size_t)>& resize,
             const NumberedBody& body) override {
     const auto count = *rc::gen::inRange<std::size_t>(0, 4);
@@ -93,8 +96,15 @@ void MakeConsistent(Scenario& s, const fs::path& folder) {
   s.model_file = s.model.ends_with(".sdf") ? fs::path(s.model) : folder / "models" / (s.model + ".sdf");
   if (auto* recorded = std::get_if<RecordedReference>(&s.reference.path))
     recorded->file = folder / "path.csv";
+  for (std::size_t i = 0; i < s.clients.size(); ++i) s.clients[i].id = "c" + std::to_string(i);
+  const auto any_client = [&]() -> std::string {
+    const auto place = *rc::gen::inRange<std::size_t>(0, s.clients.size() + 1);
+    return place < s.clients.size() ? s.clients[place].id : "";
+  };
+  s.arbiter.client = any_client();
   for (std::size_t i = 0; i < s.faults.size(); ++i) {
     faults::FaultSpec& fault = s.faults[i];
+    if (!fault.client.empty()) fault.client = any_client();
     fault.id.append("-").append(std::to_string(i));
     if (*rc::gen::arbitrary<bool>()) fault.start_ns = kPowerOn;
     if (fault.start_ns >= s.duration_ns) fault.start_ns = s.duration_ns - 1;
@@ -104,8 +114,19 @@ void MakeConsistent(Scenario& s, const fs::path& folder) {
     if (type.start == faults::Bound::kRequired && fault.start_ns == kPowerOn) fault.start_ns = 0;
     if (type.end == faults::Bound::kRefused || fault.end_ns <= fault.start_ns) fault.end_ns = kNever;
     if (type.end == faults::Bound::kRequired && fault.end_ns == kNever) fault.end_ns = fault.start_ns + 1;
+    if (*rc::gen::arbitrary<bool>()) fault.when.clear();
+    if (fault.when.empty()) fault.edge = faults::Edge::kLevel;
+    if (i == 0) fault.after.reset();
+    if (fault.after) fault.after->fault = s.faults[i - 1].id;
+    if (*rc::gen::arbitrary<bool>()) fault.period_ns = kNever;
+    if (fault.period_ns == kNever) fault.duty.reset();
     for (const auto& problem : faults::Validate(fault)) {
       if (problem.key == "message") fault.message.reset();
+      if (problem.key == "parameters.direction") fault.parameters["direction"] = std::array{0.0, 0.0, 1.0};
+      if (problem.key == "period_s") {
+        fault.period_ns = kNever;
+        fault.duty.reset();
+      }
     }
   }
   for (std::size_t i = 0; i < s.criteria.size(); ++i) {
@@ -133,6 +154,8 @@ void ExpectSame(const Scenario& a, const Scenario& b) {
   RC_ASSERT(a.model == b.model);
   RC_ASSERT(a.model_file == b.model_file);
   RC_ASSERT(a.firmware == b.firmware);
+  RC_ASSERT(a.clients == b.clients);
+  RC_ASSERT(a.arbiter == b.arbiter);
   RC_ASSERT(a.expect == b.expect);
   RC_ASSERT(a.allow_restarts == b.allow_restarts);
   RC_ASSERT(a.control_period_tolerance_percent == b.control_period_tolerance_percent);
@@ -155,6 +178,11 @@ void ExpectSame(const Scenario& a, const Scenario& b) {
     RC_ASSERT(x.target == y.target);
     RC_ASSERT(x.start_ns == y.start_ns);
     RC_ASSERT(x.end_ns == y.end_ns);
+    RC_ASSERT(x.period_ns == y.period_ns);
+    RC_ASSERT(x.duty == y.duty);
+    RC_ASSERT(x.when == y.when);
+    RC_ASSERT(x.edge == y.edge);
+    RC_ASSERT(x.after == y.after);
     RC_ASSERT(x.every_nth_count == y.every_nth_count);
     RC_ASSERT(x.probability == y.probability);
     RC_ASSERT(x.message == y.message);
@@ -209,6 +237,9 @@ tags: []
 model: "tiltrotor"
 allow_invalid_inertia: false
 firmware: "paper"
+clients: []
+arbiter:
+  type: single
 expect: pass
 allow_restarts: false
 control_period:

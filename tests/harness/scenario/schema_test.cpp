@@ -160,6 +160,8 @@ TEST_F(SchemaTest, BrokenScenariosAreRefusedByBoth) {
       good + "firmware: Paper!\n",
       good + "link: {baud: 100}\n",
       good + "link: {dialect: klingon}\n",
+      good + "link: {protocol: klingon}\n",
+      good + "link: {dialect: paper, protocol: paper}\n",
       good + "link: {ideal: 1}\n",
       good + "initial: {position_m: [0, 0, 5000]}\n",
       good + "initial: {attitude: [0, 0, 0]}\n",
@@ -173,7 +175,7 @@ TEST_F(SchemaTest, BrokenScenariosAreRefusedByBoth) {
       good + "faults: [{id: a, type: wire.bit_error, target: both, parameters: {ber: 0, len: 1}}]\n",
       good + "faults: [{id: a, type: wire.bit_error, target: both, message: hello, parameters: {ber: 0}}]\n",
       good + "faults: [{id: a, type: sensor.freeze, target: both, parameters: {signal: z_m}}]\n",
-      good + "faults: [{id: a, type: sensor.freeze, parameters: {signal: height}}]\n",
+      good + "faults: [{id: a, type: sensor.freeze, parameters: {signal: \"flight level\"}}]\n",
       good + "faults: [{id: a, type: harness.null, probability: 2}]\n",
       good + "faults: [{id: a, type: harness.null, every_nth_count: 0}]\n",
       good + "faults: [{id: a, type: node.kill, parameters: {node: plant}}]\n",
@@ -190,7 +192,7 @@ TEST_F(SchemaTest, BrokenScenariosAreRefusedByBoth) {
       good + "faults: [{id: a, type: device.bit_flip, start_s: 1, parameters: {region: \"ram \"}}]\n",
       good + "faults: [{id: a, type: device.bit_flip, start_s: 1, parameters: {region: 5}}]\n",
       good + "faults: [{id: a, type: device.bit_flip, start_s: 1, parameters: {region: a, bit_count: 65}}]\n",
-      good + "faults: [{id: a, type: device.clock_drift, target: both, parameters: {ppm: 1}}]\n",
+      good + "faults: [{id: a, type: clock.drift, target: both, parameters: {ppm: 1}}]\n",
       good + "faults: [{id: a, type: uart.overrun, target: both, parameters: {probability: 1}}]\n",
       good + "criteria: [{stl: \"true\"}]\n",
       good + "criteria: [{name: a, stl: 5}]\n",
@@ -246,7 +248,7 @@ TEST_F(SchemaTest, EveryFaultTypeIsKnownToBoth) {
 // What an editor offers and shows does not depend on what else is written already.
 TEST_F(SchemaTest, EditorsCompleteEveryFaultType) {
   const Json schema = Json::parse(ScenarioJsonSchema(options_.metric_names));
-  const Json& fault = schema["properties"]["faults"]["items"];
+  const Json& fault = schema["properties"]["faults"]["items"]["else"];
   EXPECT_FALSE(fault.contains("oneOf"));
   const Json& offered = fault["properties"]["type"]["oneOf"];
   ASSERT_EQ(offered.size(), faults::FaultTypes().size());

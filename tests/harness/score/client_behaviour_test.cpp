@@ -5,6 +5,8 @@
 #include <algorithm>
 
 #include "harness/score/score.h"
+#include "tests/support/control_period.h"
+#include "tests/support/tiltrotor_signals.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -12,10 +14,11 @@ namespace {
 // A flight of `rows` rows that hangs still where it should, every input at hover.
 RunLog StillFlight(std::size_t rows) {
   RunLog log;
+  log.trace = testing::TiltrotorTrace();
   log.hover_input = {10, 10, 0, 0};
   log.input_min = {0, 0, -2, -2};
   log.input_max = {30, 30, 2, 2};
-  log.starts_accepted_count = 1;
+  log.clients[0].starts_accepted_count = 1;
   for (std::size_t r = 0; r < rows; ++r) {
     const auto row = log.trace.AppendRow();
     std::fill(row.begin(), row.end(), 0.0);
@@ -57,7 +60,7 @@ faults::FaultSpec NodeFault(const std::string& type, const std::string& node, Ti
 
 TEST(Score, ARestartThatNoFaultAskedForFailsSurvival) {
   RunLog log = StillFlight(101);
-  log.restarts = {{300 * kNsPerMs, "reset by watchdog"}, {700 * kNsPerMs, "reset by pin"}};
+  log.clients[0].restarts = {{300 * kNsPerMs, "reset by watchdog"}, {700 * kNsPerMs, "reset by pin"}};
   Scenario scenario = ScenarioOf(log);
   const Score score = ScoreRun(scenario, log);
   EXPECT_EQ(score.verdict, Verdict::kFail);
@@ -78,8 +81,8 @@ TEST(Score, EachFaultAsksForOneRestartFromItsStartOn) {
                             const std::vector<TimeNs>& restarts_ms) {
     scenario.faults = faults;
     log.fault_activation_counts.assign(faults.size(), 1);
-    log.restarts.clear();
-    for (const TimeNs ms : restarts_ms) log.restarts.push_back({ms * kNsPerMs, "reset"});
+    log.clients[0].restarts.clear();
+    for (const TimeNs ms : restarts_ms) log.clients[0].restarts.push_back({ms * kNsPerMs, "reset"});
     return ScoreRun(scenario, log).verdict == Verdict::kPass;
   };
   const TimeNs half = 500 * kNsPerMs;
@@ -99,7 +102,7 @@ TEST(Score, EachFaultAsksForOneRestartFromItsStartOn) {
 
 TEST(Score, ARestartComesBeforeTheEndThatItLedTo) {
   RunLog log = StillFlight(101);
-  log.restarts = {{300 * kNsPerMs, "reset by watchdog"}};
+  log.clients[0].restarts = {{300 * kNsPerMs, "reset by watchdog"}};
   log.end_reason = EndReason::kGroundStrike;
   log.end_text = "down";
   EXPECT_EQ(
@@ -114,7 +117,7 @@ TEST(Score, ARestartComesBeforeTheEndThatItLedTo) {
 RunLog FlightThatAsksEvery(double period_ms, std::size_t count) {
   RunLog log = StillFlight(101);
   for (std::size_t i = 0; i < count; ++i)
-    log.sent_request_times_ns.push_back(FromSeconds(static_cast<double>(i) * period_ms / 1000));
+    log.clients[0].sent_request_times_ns.push_back(FromSeconds(static_cast<double>(i) * period_ms / 1000));
   return log;
 }
 
@@ -155,9 +158,9 @@ TEST(Score, FewerThan50IntervalsAreNotJudged) {
 TEST(Score, IntervalsInFaultsOnTheClientDoNotCount) {
   // Wrong in the first 0.6 s, right for 0.72 s after it.
   RunLog log = FlightThatAsksEvery(6, 101);
-  for (int i = 1; i <= 60; ++i) log.sent_request_times_ns.push_back(600 * kNsPerMs + i * kControlPeriodNs);
-  const auto judged = [&](const std::string& type,
-                          std::map<std::string, std::variant<double, std::string>> parameters) {
+  for (int i = 1; i <= 60; ++i)
+    log.clients[0].sent_request_times_ns.push_back(600 * kNsPerMs + i * kControlPeriodNs);
+  const auto judged = [&](const std::string& type, std::map<std::string, faults::ParameterValue> parameters) {
     Scenario scenario = ScenarioOf(log);
     scenario.faults = {Fault("f", 0, 600 * kNsPerMs)};
     scenario.faults[0].type = type;
@@ -167,8 +170,8 @@ TEST(Score, IntervalsInFaultsOnTheClientDoNotCount) {
   };
   EXPECT_EQ(judged("wire.bit_error", {{"ber", 1e-5}}), Verdict::kFail);
   EXPECT_EQ(judged("device.stall", {}), Verdict::kPass);
-  EXPECT_EQ(judged("device.clock_drift", {{"ppm", 10'000.0}}), Verdict::kPass);
-  EXPECT_EQ(judged("clock.skew", {{"node", "client"}, {"ppm", 10'000.0}}), Verdict::kPass);
+  EXPECT_EQ(judged("clock.drift", {{"ppm", 10'000.0}}), Verdict::kPass);
+  EXPECT_EQ(judged("clock.drift", {{"node", "plant"}, {"ppm", 10'000.0}}), Verdict::kFail);
   EXPECT_EQ(judged("node.pause", {{"node", "client"}}), Verdict::kPass);
   EXPECT_EQ(judged("node.pause", {{"node", "plant"}}), Verdict::kFail);
 }

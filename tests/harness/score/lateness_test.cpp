@@ -5,6 +5,8 @@
 #include <string>
 
 #include "harness/score/score.h"
+#include "tests/support/control_period.h"
+#include "tests/support/tiltrotor_signals.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -12,7 +14,9 @@ namespace {
 // A flight in real time, of which nothing is known but how late the harness was.
 RunLog LateFlight(std::int64_t period_count, std::optional<std::int64_t> overrun_count, TimeNs late_max_ns) {
   RunLog log;
-  log.starts_accepted_count = 1;
+  log.trace = testing::TiltrotorTrace();
+  log.hover_input = {0, 0, 0, 0};
+  log.clients[0].starts_accepted_count = 1;
   log.end_ns = period_count * kControlPeriodNs;
   log.harness_overrun_count = overrun_count;
   log.harness_late_max_ns = late_max_ns;
@@ -27,7 +31,7 @@ Score ScoreOf(const RunLog& log) {
 
 TEST(Lateness, IsAMetricInRealTimeAlone) {
   RunLog log = LateFlight(1000, 0, 1'250'000);
-  log.client_round_trip_ns = {900'000, 700'000, 800'000};
+  log.clients[0].client_round_trip_ns = {900'000, 700'000, 800'000};
   const auto metrics = ScoreOf(log).metrics;
   EXPECT_EQ(metrics.at("timing.harness_overrun_count"), 0.0);
   EXPECT_EQ(metrics.at("timing.harness_late_max_ms"), 1.25);
@@ -95,7 +99,7 @@ TEST(Lateness, ExcusesMissedPeriods) {
     log.harness_late = late;
     for (TimeNs period = 0; period < 20; ++period)
       if (period != 5 && period != 6 && period != 14 && period * kControlPeriodNs < end_ns)
-        log.actuator_times_ns.push_back(period * kControlPeriodNs + 2 * kNsPerMs);
+        log.clients[0].actuator_times_ns.push_back(period * kControlPeriodNs + 2 * kNsPerMs);
     return ScoreOf(log).metrics.at("timing.firmware_missed_count");
   };
   const auto in_period = [](TimeNs period) {

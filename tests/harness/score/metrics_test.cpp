@@ -1,5 +1,7 @@
 // Metrics against closed forms.
 #include "harness/score/metrics.h"
+#include "tests/support/control_period.h"
+#include "tests/support/tiltrotor_signals.h"
 
 #include <gtest/gtest.h>
 
@@ -15,6 +17,8 @@ TEST(Metrics, ItaeIsItsClosedFormWhereverTheOnsetLies) {
   constexpr std::size_t kRows = 501;  // 6 s
   constexpr double kAtStart_m = 0.5, kPerSecond_m_s = 0.25;
   RunLog log;
+  log.trace = testing::TiltrotorTrace();
+  log.hover_input = {0, 0, 0, 0};
   for (std::size_t r = 0; r < kRows; ++r) {
     const auto row = log.trace.AppendRow();
     std::fill(row.begin(), row.end(), 0.0);

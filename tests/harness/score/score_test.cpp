@@ -1,5 +1,7 @@
 // Metrics by hand, and how criteria, faults and the flight's end become one verdict.
 #include "harness/score/score.h"
+#include "tests/support/control_period.h"
+#include "tests/support/tiltrotor_signals.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -21,10 +23,11 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 // A flight of `rows` rows that hangs still where it should, every input at hover.
 RunLog StillFlight(std::size_t rows) {
   RunLog log;
+  log.trace = testing::TiltrotorTrace();
   log.hover_input = {10, 10, 0, 0};
   log.input_min = {0, 0, -2, -2};
   log.input_max = {30, 30, 2, 2};
-  log.starts_accepted_count = 1;
+  log.clients[0].starts_accepted_count = 1;
   for (std::size_t r = 0; r < rows; ++r) {
     const auto row = log.trace.AppendRow();
     std::fill(row.begin(), row.end(), 0.0);
@@ -67,11 +70,11 @@ std::map<std::string, double> MetricsOf(const Scenario& scenario, const RunLog& 
 
 TEST(Metrics, EveryNameGivenIsListedAndNoneTwice) {
   RunLog log = StillFlight(1000);
-  log.failsafe_entered_count = 0;
-  log.receive_overruns_count = 0;
-  log.request_times_ns = {0, 12, 24};
-  log.reply_latency_ns = {1};
-  log.client_round_trip_ns = {1};
+  log.clients[0].failsafe_entered_count = 0;
+  log.clients[0].receive_overruns_count = 0;
+  log.clients[0].request_times_ns = {0, 12, 24};
+  log.clients[0].reply_latency_ns = {1};
+  log.clients[0].client_round_trip_ns = {1};
   log.harness_overrun_count = 0;
   log.harness_late_max_ns = 0;
   Scenario scenario = ScenarioOf(log);
@@ -181,21 +184,21 @@ TEST(Metrics, QuantilesAreByNearestRank) {
   EXPECT_EQ(NearestRank(ten, 1, 100), 1.0);
   EXPECT_EQ(NearestRank({7.0}, 999, 1000), 7.0);
   RunLog log = StillFlight(2);
-  log.reply_latency_ns = {3'000'000, 1'000'000, 2'500'000};
-  log.request_times_ns = {0, 12'000'000, 25'000'000, 36'000'000};
+  log.clients[0].reply_latency_ns = {3'000'000, 1'000'000, 2'500'000};
+  log.clients[0].request_times_ns = {0, 12'000'000, 25'000'000, 36'000'000};
   const auto metrics = MetricsOf(ScenarioOf(log), log);
   EXPECT_EQ(metrics.at("timing.reply_latency_p50_ms"), 2.5);
   EXPECT_EQ(metrics.at("timing.reply_latency_p99_ms"), 3.0);
   EXPECT_EQ(metrics.at("timing.request_period_mean_ms"), 12.0);
   EXPECT_EQ(metrics.at("timing.request_period_p50_ms"), 12.0);
   EXPECT_EQ(metrics.at("timing.request_period_p999_ms"), 13.0);
-  log.request_times_ns = {0};
+  log.clients[0].request_times_ns = {0};
   EXPECT_THAT(MetricsOf(ScenarioOf(log), log), Not(Contains(Key("timing.request_period_max_ms"))));
 }
 
 TEST(Metrics, JitterIsTheDistanceFromTheControlPeriod) {
   RunLog log = StillFlight(2);
-  log.request_times_ns = {0, 12'000'000, 25'000'000, 35'500'000};
+  log.clients[0].request_times_ns = {0, 12'000'000, 25'000'000, 35'500'000};
   const auto metrics = MetricsOf(ScenarioOf(log), log);
   EXPECT_EQ(metrics.at("timing.request_jitter_p50_ms"), 1.0);
   EXPECT_EQ(metrics.at("timing.request_jitter_p99_ms"), 1.5);
@@ -206,7 +209,7 @@ TEST(Metrics, JitterIsTheDistanceFromTheControlPeriod) {
 TEST(Metrics, MissedPeriodsAreGapsBetweenActuatorMessages) {
   const auto missed = [](const std::vector<double>& arrivals_ms) {
     RunLog log = StillFlight(11);  // 120 ms
-    for (const double ms : arrivals_ms) log.actuator_times_ns.push_back(FromSeconds(ms / 1000));
+    for (const double ms : arrivals_ms) log.clients[0].actuator_times_ns.push_back(FromSeconds(ms / 1000));
     return MetricsOf(ScenarioOf(log), log).at("timing.firmware_missed_count");
   };
   EXPECT_EQ(missed({6, 18, 30, 42, 54, 66, 78, 90, 102, 114}), 0.0);
@@ -215,17 +218,17 @@ TEST(Metrics, MissedPeriodsAreGapsBetweenActuatorMessages) {
   EXPECT_EQ(missed({30, 42, 54, 66, 78}), 5.0);
   EXPECT_EQ(missed({}), 10.0);
   RunLog never = StillFlight(11);
-  never.starts_accepted_count = 0;
+  never.clients[0].starts_accepted_count = 0;
   EXPECT_THAT(MetricsOf(ScenarioOf(never), never), Not(Contains(Key("timing.firmware_missed_count"))));
 }
 
 TEST(Metrics, CountsAreTakenOver) {
   RunLog log = StillFlight(11);
-  log.counts[static_cast<std::size_t>(link::Direction::kToClient)] = {10, 7, 3, 5};
-  log.accepted_wrong_count = 2;
-  log.accepted_stale_count = 4;
-  log.resync_max_ns = 1'500'000;
-  log.starts_accepted_count = 3;
+  log.clients[0].counts[static_cast<std::size_t>(link::Direction::kToClient)] = {10, 7, 3, 5};
+  log.clients[0].accepted_wrong_count = 2;
+  log.clients[0].accepted_stale_count = 4;
+  log.clients[0].resync_max_ns = 1'500'000;
+  log.clients[0].starts_accepted_count = 3;
   auto metrics = MetricsOf(ScenarioOf(log), log);
   EXPECT_EQ(metrics.at("link.to_client.frames_sent_count"), 10.0);
   EXPECT_EQ(metrics.at("link.to_client.frames_accepted_count"), 7.0);
@@ -238,7 +241,7 @@ TEST(Metrics, CountsAreTakenOver) {
   EXPECT_EQ(metrics.at("firmware.restarts_count"), 2.0);
   EXPECT_DOUBLE_EQ(metrics.at("survival.time_s"), 0.12);
   EXPECT_THAT(metrics, Not(Contains(Key("firmware.failsafe_entered_count"))));
-  log.failsafe_entered_count = 6;
+  log.clients[0].failsafe_entered_count = 6;
   EXPECT_EQ(MetricsOf(ScenarioOf(log), log).at("firmware.failsafe_entered_count"), 6.0);
 }
 
@@ -447,6 +450,7 @@ TEST(Score, ATraceWithoutItsColumnsIsAnErrorNotACrash) {
 
 TEST(Score, AnEmptyTraceIsScored) {
   RunLog log;
+  log.trace = testing::TiltrotorTrace();
   log.end_reason = EndReason::kNeverStarted;
   Scenario scenario;
   scenario.duration_ns = kNsPerS;

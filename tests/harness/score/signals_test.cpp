@@ -9,8 +9,10 @@
 #include <limits>
 #include <numbers>
 
+#include "harness/reference/reference_path.h"
 #include "harness/run/run_log.h"
-#include "harness/score/reference_path.h"
+#include "tests/support/control_period.h"
+#include "tests/support/tiltrotor_signals.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -26,10 +28,10 @@ Trace OneRow(std::vector<std::string> columns, const std::vector<double>& values
 }
 
 TEST(Signals, NamesAreTheTracesAndTheComputedOnes) {
-  const auto& names = SignalNames();
-  ASSERT_EQ(names.size(), TraceColumns().size() + 4);
-  EXPECT_TRUE(std::equal(TraceColumns().begin(), TraceColumns().end(), names.begin()));
-  Trace trace(TraceColumns());
+  Trace trace = testing::TiltrotorTrace();
+  const auto names = SignalNames(trace.columns());
+  ASSERT_EQ(names.size(), trace.columns().size() + 4);
+  EXPECT_TRUE(std::equal(trace.columns().begin(), trace.columns().end(), names.begin()));
   trace.AppendRow();
   for (const std::string& name : names) EXPECT_EQ(ReadSignal(trace, name).size(), 1u) << name;
 }
@@ -73,13 +75,22 @@ TEST(Signals, CrossTrackErrorForgivesBeingLate) {
   EXPECT_EQ(error[4], 7.0);
 }
 
+TEST(Signals, ScalesAreTheTables) {
+  const Trace trace(
+      SignalTable({{"gyro_x_rad_s", "rad/s", 0.25, SignalFrame::kBody}, {"fill_ratio", "", 3.0, {}}}));
+  EXPECT_EQ(SignalScale(trace, "gyro_x_rad_s"), 0.25);
+  EXPECT_EQ(SignalScale(trace, "fill_ratio"), 3.0);
+  EXPECT_EQ(SignalScale(trace, "tilt_rad"), 0.5);  // computed
+}
+
 TEST(Signals, ScalesGoByTheUnit) {
-  EXPECT_EQ(SignalScale("x_m"), 1.0);
-  EXPECT_EQ(SignalScale("roll_rad"), 0.5);
-  EXPECT_EQ(SignalScale("yaw_ref_rad"), 0.5);
-  EXPECT_EQ(SignalScale("wx_rad_s"), 1.0);
-  EXPECT_EQ(SignalScale("tau_r_nm"), 1.0);
-  EXPECT_EQ(SignalScale("faults_active_count"), 1.0);
+  const Trace trace = testing::TiltrotorTrace();
+  EXPECT_EQ(SignalScale(trace, "x_m"), 1.0);
+  EXPECT_EQ(SignalScale(trace, "roll_rad"), 0.5);
+  EXPECT_EQ(SignalScale(trace, "yaw_ref_rad"), 0.5);
+  EXPECT_EQ(SignalScale(trace, "wx_rad_s"), 1.0);
+  EXPECT_EQ(SignalScale(trace, "tau_r_nm"), 1.0);
+  EXPECT_EQ(SignalScale(trace, "faults_active_count"), 1.0);
 }
 
 TEST(Signals, RowTimesAreExactToTheNanosecond) {

@@ -4,6 +4,8 @@
 
 #include "harness/score/signals.h"
 #include "harness/score/stl.h"
+#include "tests/support/control_period.h"
+#include "tests/support/tiltrotor_signals.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -19,7 +21,7 @@ TEST(StlMonitor, AnHourOfNestedWindows) {
     row[1] = static_cast<double>(r % 1000);
   }
   const auto robustness = [&](const char* text) {
-    return stl::Evaluate(stl::Parse(text, {}), trace).robustness;
+    return stl::Evaluate(testing::ParseCriterion(text, {}), trace).robustness;
   };
   EXPECT_EQ(robustness("always[0,3000](eventually[0,600](x_m >= 500))"), 499.0);
   EXPECT_EQ(robustness("always[0,3000]((x_m >= 0) until[0,600] (x_m >= 998))"), 0.0);

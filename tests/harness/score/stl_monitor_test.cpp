@@ -9,6 +9,8 @@
 
 #include "harness/score/sliding_fold.h"
 #include "harness/score/stl.h"
+#include "tests/support/control_period.h"
+#include "tests/support/tiltrotor_signals.h"
 
 namespace tiltproof::harness::stl {
 namespace {
@@ -32,8 +34,8 @@ Trace MakeTrace(const std::vector<double>& x_m, const std::vector<double>& roll_
 
 Result Judge(const std::string& text, const Trace& trace,
              std::optional<TimeNs> planned_end_ns = std::nullopt) {
-  if (!planned_end_ns) return Evaluate(Parse(text, kFaults), trace);
-  return Evaluate(Parse(text, kFaults), trace, Extent{0, *planned_end_ns});
+  if (!planned_end_ns) return Evaluate(testing::ParseCriterion(text, kFaults), trace);
+  return Evaluate(testing::ParseCriterion(text, kFaults), trace, Extent{0, *planned_end_ns});
 }
 Truth TruthOf(const std::string& text, const Trace& trace,
               std::optional<TimeNs> planned_end_ns = std::nullopt) {
@@ -41,7 +43,7 @@ Truth TruthOf(const std::string& text, const Trace& trace,
 }
 
 double EarliestDecision_s(const std::string& text) {
-  return ToSeconds(EarliestDecision(Parse(text, kFaults), FromSeconds(60)));
+  return ToSeconds(EarliestDecision(testing::ParseCriterion(text, kFaults), FromSeconds(60)));
 }
 
 TEST(StlHorizon, NestedWindowsAddUp) {
@@ -143,7 +145,8 @@ TEST(StlMonitor, WhatWasSeenDecidesEvenWhenTheFlightEndsEarly) {
 TEST(StlMonitor, TheLastRowTellsUpToTheFlightsEnd) {
   const Trace trace = MakeTrace({0, 1, 2});  // to 24 ms
   const auto truth = [&](const char* text) {
-    return Evaluate(Parse(text, kFaults), trace, Extent{30 * kNsPerMs, 30 * kNsPerMs}).truth;
+    return Evaluate(testing::ParseCriterion(text, kFaults), trace, Extent{30 * kNsPerMs, 30 * kNsPerMs})
+        .truth;
   };
   EXPECT_EQ(truth("always(x_m < 3)"), Truth::kTrue);
   EXPECT_EQ(truth("always[0,0.03](x_m < 3)"), Truth::kTrue);

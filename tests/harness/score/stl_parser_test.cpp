@@ -4,13 +4,14 @@
 #include <vector>
 
 #include "harness/score/stl.h"
+#include "tests/support/tiltrotor_signals.h"
 
 namespace tiltproof::harness::stl {
 namespace {
 
 const std::vector<std::string> kFaults = {"bursts", "wind-1"};
 
-std::string Canonical(const std::string& text) { return ToString(Parse(text, kFaults)); }
+std::string Canonical(const std::string& text) { return ToString(testing::ParseCriterion(text, kFaults)); }
 
 TEST(StlParser, BindsAsTheGrammarSays) {
   EXPECT_EQ(Canonical("x_m<=1"), "x_m <= 1");
@@ -57,7 +58,7 @@ class StlParserMistake : public ::testing::TestWithParam<Mistake> {};
 TEST_P(StlParserMistake, IsNamedWithItsColumn) {
   const Mistake& mistake = GetParam();
   try {
-    Parse(mistake.text, kFaults);
+    testing::ParseCriterion(mistake.text, kFaults);
     FAIL() << "accepted: " << mistake.text;
   } catch (const ParseError& error) {
     EXPECT_EQ(error.what(), mistake.message);
@@ -129,7 +130,7 @@ TEST(StlParser, LimitsNestingAndLength) {
     std::string text;
     for (std::size_t i = 0; i <= kNestingMax_count; ++i) text += prefix;
     try {
-      Parse(text, kFaults);
+      testing::ParseCriterion(text, kFaults);
       FAIL() << prefix;
     } catch (const ParseError& error) {
       EXPECT_STREQ(error.what(), "nested deeper than 64 levels") << prefix;
@@ -138,9 +139,9 @@ TEST(StlParser, LimitsNestingAndLength) {
   std::string text = "x_m <= 1";
   while (text.size() + 14 <= kFormulaLengthMax_bytes) text += " and x_m <= 1 ";
   text.resize(kFormulaLengthMax_bytes, ' ');
-  EXPECT_NE(Parse(text, kFaults), nullptr);
+  EXPECT_NE(testing::ParseCriterion(text, kFaults), nullptr);
   try {
-    Parse(text + " ", kFaults);
+    testing::ParseCriterion(text + " ", kFaults);
     FAIL();
   } catch (const ParseError& error) {
     EXPECT_STREQ(error.what(), "a formula has at most 4096 bytes");

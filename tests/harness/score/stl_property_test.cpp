@@ -10,6 +10,8 @@
 
 #include "harness/score/stl.h"
 #include "tests/harness/score/stl_oracle.h"
+#include "tests/support/control_period.h"
+#include "tests/support/tiltrotor_signals.h"
 
 namespace tiltproof::testing {
 namespace {
@@ -125,7 +127,7 @@ RC_GTEST_PROP(StlMonitor, AgreesWithTheDefinitions, ()) {
   const std::string text = RandomFormula(Choose(4));
   const SlowTrace trace = RandomTrace();
   RC_LOG() << text << "\n";
-  const stl::Formula formula = stl::Parse(text, kFaults);
+  const stl::Formula formula = testing::ParseCriterion(text, kFaults);
   const SlowBounds expected = SlowEvaluate(formula, trace);
   const stl::Result result = Judge(formula, trace);
   RC_CLASSIFY(result.truth == stl::Truth::kTrue, "true");
@@ -141,7 +143,7 @@ RC_GTEST_PROP(StlMonitor, AgreesWithTheDefinitions, ()) {
 RC_GTEST_PROP(StlMonitor, WhatIsDecidedNoContinuationChanges, ()) {
   const std::string text = RandomFormula(Choose(4));
   RC_LOG() << text << "\n";
-  const stl::Formula formula = stl::Parse(text, kFaults);
+  const stl::Formula formula = testing::ParseCriterion(text, kFaults);
   SlowTrace trace;
   AppendRows(trace, 1 + Choose(5));
   const int rest = 1 + Choose(5);
@@ -163,7 +165,7 @@ RC_GTEST_PROP(StlMonitor, WhatIsDecidedNoContinuationChanges, ()) {
 RC_GTEST_PROP(StlHorizon, NothingIsDecidedBeforeItCanBe, ()) {
   const std::string text = RandomFormula(Choose(4));
   RC_LOG() << text << "\n";
-  const stl::Formula formula = stl::Parse(text, kFaults);
+  const stl::Formula formula = testing::ParseCriterion(text, kFaults);
   const SlowTrace trace = RandomTrace();
   const bool decided = Judge(formula, trace).truth != stl::Truth::kUnknown;
   RC_CLASSIFY(decided, "decided");
@@ -175,7 +177,7 @@ RC_GTEST_PROP(StlHorizon, NothingIsDecidedBeforeItCanBe, ()) {
 RC_GTEST_PROP(StlMonitor, ANanNeverHelps, ()) {
   const std::string text = RandomFormula(Choose(4));
   RC_LOG() << text << "\n";
-  const stl::Formula formula = stl::Parse(text, kFaults);
+  const stl::Formula formula = testing::ParseCriterion(text, kFaults);
   SlowTrace trace = RandomTrace();
   const stl::Result with_nan = Judge(formula, trace);
   for (auto* values : {&trace.x_m, &trace.roll_rad, &trace.active_a})
@@ -189,8 +191,8 @@ RC_GTEST_PROP(StlMonitor, ANanNeverHelps, ()) {
 
 RC_GTEST_PROP(StlParser, PrintedFormulasReadBackTheSame, ()) {
   const std::string text = RandomFormula(Choose(5));
-  const std::string printed = stl::ToString(stl::Parse(text, kFaults));
-  RC_ASSERT(stl::ToString(stl::Parse(printed, kFaults)) == printed);
+  const std::string printed = stl::ToString(testing::ParseCriterion(text, kFaults));
+  RC_ASSERT(stl::ToString(testing::ParseCriterion(printed, kFaults)) == printed);
 }
 
 // Pieces that are nearly a formula reach further into the parser than bytes at random.
@@ -205,7 +207,7 @@ RC_GTEST_PROP(StlParser, NonsenseIsRefusedWithAPlace, ()) {
   std::string text;
   for (const auto& p : pieces) text += p;
   try {
-    RC_ASSERT(stl::Parse(text, kFaults) != nullptr);
+    RC_ASSERT(testing::ParseCriterion(text, kFaults) != nullptr);
   } catch (const stl::ParseError& error) {
     RC_ASSERT(error.column >= 1u);
     RC_ASSERT(error.column <= text.size() + 1);

@@ -170,12 +170,12 @@ class Results:
     def frames(self):
         """The records of link.bin: (begin_ns, direction, delivered, bytes)."""
         content = (self.folder / "link.bin").read_bytes()
-        if content[:8] != b"TPLINK1\n":
+        if content[:8] != b"TPLINK2\n":
             raise AssertionError("link.bin has a wrong beginning")
         offset, frames = 8, []
         while offset < len(content):
-            begin_ns, direction, delivered, size = struct.unpack_from("<qBBH", content, offset)
-            offset += 12
+            begin_ns, _, direction, delivered, size = struct.unpack_from("<qBBBH", content, offset)
+            offset += 13
             frames.append((begin_ns, direction, bool(delivered), content[offset:offset + size]))
             offset += size
         if offset != len(content):

@@ -8,10 +8,10 @@ namespace {
 TEST(LossOfEffectivenessTest, ScalesItsActuatorAlone) {
   const ActuatorsTruth command{.f_r_n = 8, .f_l_n = 6, .tau_r_nm = 0.5, .tau_l_nm = -0.5};
   const auto edited = [&command](const std::string& actuator, double factor) {
-    FaultSchedule schedule(
-        {Spec("actuator.loss_of_effectiveness", {{"actuator", actuator}, {"factor", factor}})}, 1);
+    FaultSchedule schedule =
+        AtThePlant({Spec("actuator.loss_of_effectiveness", {{"actuator", actuator}, {"factor", factor}})}, 1);
     ActuatorsTruth input = command;
-    schedule.EditActuators(0, input);
+    EditActuators(schedule, 0, input);
     return input;
   };
   EXPECT_EQ(edited("f_r", 0.25), (ActuatorsTruth{.f_r_n = 2, .f_l_n = 6, .tau_r_nm = 0.5, .tau_l_nm = -0.5}));

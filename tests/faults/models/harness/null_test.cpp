@@ -6,11 +6,11 @@ namespace tiltproof::faults {
 namespace {
 
 TEST(NullTest, CountsEverySampleAndChangesNone) {
-  FaultSchedule schedule({Spec("harness.null")}, 1);
+  FaultSchedule schedule = AtThePlant({Spec("harness.null")}, 1);
   for (TimeNs t = 0; t < 5; ++t) {
     Sensors sensors{.x_m = 1.0F};
     const Sensors before = sensors;
-    schedule.EditSensors(t, sensors);
+    EditSensors(schedule, t, sensors);
     EXPECT_EQ(sensors, before);
   }
   EXPECT_EQ(schedule.ActivationCounts().at(0), 5);

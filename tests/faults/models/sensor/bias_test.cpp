@@ -6,18 +6,18 @@ namespace tiltproof::faults {
 namespace {
 
 TEST(BiasTest, AddsToItsSignalAlone) {
-  FaultSchedule schedule({Spec("sensor.bias", {{"signal", "pitch_rad"}, {"offset", -0.25}})}, 1);
+  FaultSchedule schedule = AtThePlant({Spec("sensor.bias", {{"signal", "pitch_rad"}, {"offset", -0.25}})}, 1);
   Sensors sensors{.x_m = 3.0F, .pitch_rad = 0.125F};
   Sensors expected = sensors;
   expected.pitch_rad = -0.125F;
-  schedule.EditSensors(0, sensors);
+  EditSensors(schedule, 0, sensors);
   EXPECT_EQ(sensors, expected);
 }
 
 TEST(BiasTest, AnOffsetBelowTheResolutionIsNoActivation) {
-  FaultSchedule schedule({Spec("sensor.bias", {{"signal", "x_m"}, {"offset", 1e-9}})}, 1);
+  FaultSchedule schedule = AtThePlant({Spec("sensor.bias", {{"signal", "x_m"}, {"offset", 1e-9}})}, 1);
   Sensors sensors{.x_m = 100.0F};
-  schedule.EditSensors(0, sensors);
+  EditSensors(schedule, 0, sensors);
   EXPECT_EQ(sensors.x_m, 100.0F);
   EXPECT_EQ(schedule.ActivationCounts().at(0), 0);
 }

@@ -10,11 +10,11 @@ TEST(FreezeTest, KeepsTheFirstValueOfTheWindow) {
   FaultSpec spec = Spec("sensor.freeze", {{"signal", "z_m"}});
   spec.start_ns = 2;
   spec.end_ns = 5;
-  FaultSchedule schedule({spec}, 1);
+  FaultSchedule schedule = AtThePlant({spec}, 1);
   std::vector<float> z;
   for (TimeNs t = 0; t < 7; ++t) {
     Sensors sensors{.x_m = static_cast<float>(t), .z_m = static_cast<float>(10 * t)};
-    schedule.EditSensors(t, sensors);
+    EditSensors(schedule, t, sensors);
     EXPECT_EQ(sensors.x_m, static_cast<float>(t));
     z.push_back(sensors.z_m);
   }

@@ -1,0 +1,141 @@
+// What a fault type is: one function in faults/models/<layer>/<name>.cpp returns it, and one line in
+// faults/registry.cpp names that function.
+//
+// Its kind says where the fault acts, and has the fields that such a fault needs and no others. Whoever applies
+// a fault takes the kinds that it can apply: the compiler refuses the rest.
+//
+//   FaultType SensorBias() {
+//     return {.name = "sensor.bias", ..., .kind = SensorKind{.make = [](const SignalSetup& setup) ... }};
+//   }
+//   if (const auto* wire = type.As<WireKind>()) stage.Add(*wire, ...);
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "faults/clock_action.h"
+#include "faults/device_command.h"
+#include "faults/fault.h"
+#include "faults/model.h"
+#include "faults/node_command.h"
+#include "faults/parameters.h"
+
+namespace tiltproof::faults {
+
+// Which faults act first on the wire.
+enum class Stage : std::uint8_t { kFrame, kByte, kTiming };
+std::string_view Name(Stage stage);
+
+// What a fault on the wire does to the number of bytes.
+enum class Volume : std::uint8_t {
+  kKeeps,    // as many go on, or more
+  kMayLose,  // fewer may go on, or later
+  kDoubles,  // with its parameter `probability` at 1, exactly twice as many go on
+};
+
+// Edits the frames that travel in one direction of a line.
+struct WireKind {
+  Stage stage{};
+  std::unique_ptr<WireModel> (*make)(const WireSetup&) = nullptr;
+  std::optional<Target> default_target = {};  // without one the scenario must state its target
+  Volume volume = Volume::kKeeps;
+  bool remembers = false;        // its model has Pass() and Release()
+  bool acts_on_overlap = false;  // picked when any of the frame's time lies in the window, not its first byte
+};
+
+// Marks bytes at the firmware's receiver, each with the parameter `probability`.
+struct ReceiverKind {
+  ReceiveMark mark{};
+  Target default_target = Target::kToClient;
+};
+
+// Edits samples before they are sent.
+struct SensorKind {
+  std::unique_ptr<SensorModel> (*make)(const SignalSetup&) = nullptr;
+  bool always_counts = false;  // an activation is recorded although nothing changed
+};
+
+// Edits the input in force.
+struct ActuatorKind {
+  std::unique_ptr<ActuatorModel> (*make)(const SignalSetup&) = nullptr;
+};
+
+// Disturbs the vehicle itself.
+struct PlantKind {
+  std::unique_ptr<PlantModel> (*make)(const SignalSetup&) = nullptr;
+};
+
+// Edits nothing: commands a node, in real time only. Its window is not before t = 0, and it has no trigger.
+struct NodeKind {
+  NodeAction (*make)(const Parameters&) = nullptr;
+  bool asks_restart = false;  // each makes the firmware boot anew once, at its start or some time later
+};
+
+// The same for the firmware's processor or its memory.
+struct DeviceKind {
+  DeviceAction (*make)(const DeviceSetup&) = nullptr;
+  bool asks_restart = false;
+  bool at_an_instant = false;  // a window is no more than where the instant is drawn from
+};
+
+// The same for a clock: of the node that the parameter `node` names.
+struct ClockKind {
+  ClockAction (*make)(const Parameters&) = nullptr;
+};
+
+using FaultKind = std::variant<WireKind, ReceiverKind, SensorKind, ActuatorKind, PlantKind, NodeKind,
+                               DeviceKind, ClockKind>;
+
+// Whether a fault's window has this end.
+enum class Bound : std::uint8_t { kOptional, kRequired, kRefused };
+
+// What a fault asks of the firmware's side, for the harness to refuse it before the flight where it could not be
+// carried out.
+enum class Needs : std::uint8_t {
+  kNothing,    // the harness does it alone, whatever the client
+  kNodes,      // processes of the harness's own: real time
+  kReset,      // a client that can be reset
+  kProcessor,  // a processor to stop, and its memory to write to
+  kEmulation,  // the board's reset cause, watchdog and receiver, at exact virtual times
+  kClock,      // by the parameter `node`: real time, or a client whose clock the harness gives
+  kClockJump,  // the same, and real time for the client too
+};
+
+struct FaultType {
+  std::string_view name;       // "<layer>.<what>"
+  std::string_view summary;    // one sentence
+  std::string_view semantics;  // what exactly happens
+  std::vector<ParameterInfo> parameters = {};
+  FaultKind kind;
+
+  Bound start = Bound::kOptional, end = Bound::kOptional;
+  std::string_view duration_ms = {};  // the parameter that ends the window, where `end` is refused
+
+  Needs needs = Needs::kNothing;
+
+  std::string_view layer() const { return name.substr(0, name.find('.')); }
+  // Null when it is of another kind.
+  template <class Kind>
+  const Kind* As() const {
+    return std::get_if<Kind>(&kind);
+  }
+  template <class... Kinds>
+  bool IsOneOf() const {
+    return (std::holds_alternative<Kinds>(kind) || ...);
+  }
+  // Given once, at a time: no target and no trigger.
+  bool is_command() const { return IsOneOf<NodeKind, DeviceKind, ClockKind>(); }
+  bool has_target() const { return IsOneOf<WireKind, ReceiverKind>(); }
+  // What stands for a target that is not stated.
+  std::optional<Target> default_target() const;
+  // A command that is not taken back at an end that the scenario states.
+  bool happens_once() const;
+  // Whether it makes the firmware boot anew once.
+  bool asks_restart() const;
+};
+
+}  // namespace tiltproof::faults

@@ -1,0 +1,26 @@
+// What faults that wait for something must hear: a condition (`when`) that turned true or false, and the first activation
+// of a fault that another one follows (`after`).
+//
+// Each part of a flight has a FaultSchedule of its own. Conditions are known where the plant is, activations where the
+// fault acts. Who conducts the flight hands on what each part says before anything more passes:
+//
+//   const std::vector<News> news = line_faults.TakeNews();
+//   plant_faults.Hear(news);
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "link/time.h"
+
+namespace tiltproof::faults {
+
+struct News {
+  enum class Kind : std::uint8_t { kConditionHolds, kConditionEnds, kFirstActivation };
+  Kind kind{};
+  std::size_t fault = 0;  // index in the scenario's list: whose condition it is, or which acted
+  TimeNs time_ns = 0;     // simulation time from which it is so
+  friend bool operator==(const News&, const News&) = default;
+};
+
+}  // namespace tiltproof::faults

@@ -1,0 +1,120 @@
+// The parameters of a fault type: what a scenario may say about it, checked before a model sees it.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <variant>
+#include <vector>
+
+namespace tiltproof::faults {
+
+// Numbers as double, choices, texts and names of signals as text, directions as [x, y, z].
+using ParameterValue = std::variant<double, std::string, std::array<double, 3>>;
+
+// The parameters of one fault, checked, defaults filled in.
+class Parameters {
+ public:
+  explicit Parameters(std::map<std::string, ParameterValue, std::less<>> values)
+      : values_(std::move(values)) {}
+  double Number(std::string_view name) const { return std::get<double>(values_.find(name)->second); }
+  std::int64_t Integer(std::string_view name) const { return static_cast<std::int64_t>(Number(name)); }
+  const std::array<double, 3>& Vector(std::string_view name) const {
+    return std::get<std::array<double, 3>>(values_.find(name)->second);
+  }
+  const std::string& Choice(std::string_view name) const { return Text(name); }
+  const std::string& Text(std::string_view name) const {
+    return std::get<std::string>(values_.find(name)->second);
+  }
+
+ private:
+  std::map<std::string, ParameterValue, std::less<>> values_;
+};
+
+// kSensor and kInput name a signal of the vehicle (faults/signal_choice.h). Which ones there are, the vehicle says
+// when it is loaded.
+enum class ParameterKind : std::uint8_t { kNumber, kInteger, kChoice, kText, kVector, kSensor, kInput };
+constexpr bool NamesSignal(ParameterKind kind) {
+  return kind == ParameterKind::kSensor || kind == ParameterKind::kInput;
+}
+
+// Over which steps a search for the level at which a flight fails goes from the harmless to the worst.
+enum class Scale : std::uint8_t { kLinear, kLogarithmic };
+
+// A kText parameter: printable ASCII, no blank at its ends, 1 to this many characters.
+inline constexpr std::size_t kParameterTextMax = 200;
+
+struct ParameterInfo {
+  std::string_view name;
+  std::string_view unit;  // "s", "Hz", "1" for a ratio or probability; empty for a choice, text or signal
+  ParameterKind kind = ParameterKind::kNumber;
+  double min = 0.0, max = 0.0;  // both allowed; numbers, integers, and each part of a vector
+  std::string_view doc;
+  ParameterValue example;                            // in an example that acts
+  std::optional<ParameterValue> default_value = {};  // required when there is none
+  std::optional<ParameterValue> zero =
+      {};  // this value (with the others' zeros) makes the fault change nothing
+  std::vector<std::string_view> choices = {};  // kChoice
+  // Set for the one parameter of a type that says how bad it is: from `zero`, which is harmless, to the far end of its
+  // range. Of a type without one the severity is the length of the window.
+  std::optional<Scale> severity = {};
+};
+
+// Probability parameter shared by many faults.
+inline ParameterInfo ProbabilityParameter(std::string_view doc, double example) {
+  return {.name = "probability",
+          .unit = "1",
+          .min = 0.0,
+          .max = 1.0,
+          .doc = doc,
+          .example = example,
+          .zero = 0.0,
+          .severity = Scale::kLogarithmic};
+}
+
+// Which node of the harness: "plant", "link", "client" (the firmware's), "base_station".
+inline ParameterInfo NodeParameter(const std::vector<std::string_view>& nodes) {
+  return {.name = "node",
+          .unit = "",
+          .kind = ParameterKind::kChoice,
+          .doc = "which node",
+          .example = std::string(nodes.front()),
+          .choices = nodes};
+}
+
+// Whose clock.
+inline ParameterInfo ClockNodeParameter() {
+  ParameterInfo node = NodeParameter({"client", "plant", "link", "base_station"});
+  node.doc = "whose clock";
+  node.default_value = "client";
+  return node;
+}
+
+// How long the device is held in reset.
+inline ParameterInfo BootParameter() {
+  return {.name = "boot_ms",
+          .unit = "ms",
+          .min = 0.0,
+          .max = 600'000.0,
+          .doc = "from the reset until the processor runs again",
+          .example = 20.0};
+}
+
+// 10 kHz: a thousand times the rate at which nothing gets through any more, and still cheap.
+inline ParameterInfo RateParameter(std::string_view doc, double example) {
+  return {.name = "rate_hz",
+          .unit = "Hz",
+          .min = 0.0,
+          .max = 10'000.0,
+          .doc = doc,
+          .example = example,
+          .zero = 0.0,
+          .severity = Scale::kLogarithmic};
+}
+
+}  // namespace tiltproof::faults

@@ -1,0 +1,149 @@
+#include "faults/vehicle_stage.h"
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+
+namespace tiltproof::faults {
+namespace {
+
+// "x_m 1.25 -> 1.75, ...": the values that differ.
+template <class Scalar>
+std::string Changes(std::span<const Scalar> before, std::span<const Scalar> after, const SignalTable& table) {
+  std::string text;
+  for (std::size_t i = 0; i < table.size(); ++i) {
+    if (before[i] == after[i]) continue;
+    std::array<char, 96> change{};
+    std::snprintf(change.data(), change.size(), "%s%s %.9g -> %.9g", text.empty() ? "" : ", ",
+                  table[i].name.c_str(), static_cast<double>(before[i]), static_cast<double>(after[i]));
+    text += change.data();
+  }
+  return text.empty() ? "nothing changed" : text;
+}
+
+// "force 3 0 0 N, ...": what it says.
+std::string Text(const Disturbance& disturbance) {
+  const Disturbance none;
+  std::string text;
+  const auto say = [&](const char* format, auto... values) {
+    std::array<char, 128> part{};
+    std::snprintf(part.data(), part.size(), format, values...);
+    text += (text.empty() ? "" : ", ") + std::string(part.data());
+  };
+  const auto vector = [&](const char* format, const Disturbance::Vector& v) {
+    if (v != Disturbance::Vector{}) say(format, v[0], v[1], v[2]);
+  };
+  vector("force %.6g %.6g %.6g N", disturbance.force_n);
+  vector("torque %.6g %.6g %.6g N m", disturbance.torque_nm);
+  vector("wind %.6g %.6g %.6g m/s", disturbance.wind_m_s);
+  vector("centre of mass shifted by %.6g %.6g %.6g m", disturbance.com_shift_m);
+  if (disturbance.mass_factor != none.mass_factor) say("mass times %.6g", disturbance.mass_factor);
+  if (disturbance.inertia_factor != none.inertia_factor)
+    say("inertia times %.6g", disturbance.inertia_factor);
+  for (std::size_t i = 0; i < kRotorsMax; ++i) {
+    if (disturbance.thrust_factor[i] != 1.0)
+      say("thrust of rotor %zu times %.6g", i, disturbance.thrust_factor[i]);
+    if (disturbance.hinges[i].held) say("hinge %zu at %.6g rad/s", i, disturbance.hinges[i].rate_rad_s);
+  }
+  return text;
+}
+
+template <class Scalar>
+bool Same(std::span<const Scalar> a, std::span<const Scalar> b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end());
+}
+
+}  // namespace
+
+void VehicleStage::Add(const SensorKind& kind, const Entry& entry) {
+  sensors_.push_back(
+      {Injector(entry), kind.always_counts, kind.make({entry.parameters, signals_, entry.stream})});
+}
+
+void VehicleStage::Add(const ActuatorKind& kind, const Entry& entry) {
+  actuators_.push_back({Injector(entry), kind.make({entry.parameters, signals_, entry.stream})});
+}
+
+void VehicleStage::Add(const PlantKind& kind, const Entry& entry) {
+  bodies_.push_back({Injector(entry), kind.make({entry.parameters, signals_, entry.stream})});
+}
+
+void VehicleStage::EditSensors(TimeNs t, std::span<float> values, TimeNs boot_time) {
+  const bool before_origin = t == kPowerOn;
+  const std::uint64_t number = sample_count_++;
+  const TimeNs period_ns = before_origin || last_sample_ns_ == kPowerOn ? 0 : t - last_sample_ns_;
+  last_sample_ns_ = t;
+  for (Sensor& sensor : sensors_) {
+    Random random(KeyOf(sensor.stream, number));
+    const SampleContext context{t, number, period_ns, *sensor.activity, random};
+    if (!sensor.activity->Contains(t) || !sensor.trigger.Picks(number)) {
+      sensor.model->Pass(values, context);
+      continue;
+    }
+    values_before_.assign(values.begin(), values.end());
+    const std::span<const float> before = values_before_, after = values;
+    sensor.model->Act(values, context);
+    if (Same(before, after) && !sensor.always_counts) continue;
+    recorder_.Count(sensor.fault, before_origin, [&]() -> Activation {
+      return {.time_ns = before_origin ? boot_time : t,
+              .fault = sensor.fault,
+              .what = Changes(before, after, signals_.sensors),
+              .before = {},
+              .after = {}};
+    });
+  }
+}
+
+void VehicleStage::EditInput(TimeNs t, std::span<double> input, bool new_command) {
+  if (new_command) ++command_count_;
+  const std::uint64_t number = input_count_++;
+  for (Actuator& actuator : actuators_) {
+    if (new_command) actuator.decided = actuator.counted = false;
+    const bool inside = actuator.activity->Contains(t);
+    if (inside && !actuator.decided) {
+      actuator.decided = true;
+      actuator.picked = actuator.trigger.Picks(command_count_);
+    }
+    Random random(KeyOf(actuator.stream, number));
+    const StepContext context = ContextOf(t, number, actuator, random);
+    if (!inside || !actuator.picked) {
+      actuator.model->Pass(input, context);
+      continue;
+    }
+    input_before_.assign(input.begin(), input.end());
+    const std::span<const double> before = input_before_, after = input;
+    actuator.model->Act(input, context);
+    if (actuator.counted || Same(before, after)) continue;
+    actuator.counted = true;
+    recorder_.Count(actuator.fault, false, [&]() -> Activation {
+      return {.time_ns = t,
+              .fault = actuator.fault,
+              .what = Changes(before, after, signals_.inputs),
+              .before = {},
+              .after = {}};
+    });
+  }
+}
+
+Disturbance VehicleStage::DisturbanceOf(TimeNs t) {
+  Disturbance all;
+  const std::uint64_t number = step_count_++;
+  for (Body& body : bodies_) {
+    Disturbance own;
+    if (body.activity->Contains(t) && body.trigger.Picks(number)) {
+      Random random(KeyOf(body.stream, number));
+      own = body.model->Act(ContextOf(t, number, body, random));
+    }
+    const bool begins = own != Disturbance{} && !body.disturbed;
+    body.disturbed = own != Disturbance{};
+    if (!body.disturbed) continue;
+    all = Combined(all, own);
+    if (!begins) continue;
+    recorder_.Count(body.fault, false, [&]() -> Activation {
+      return {.time_ns = t, .fault = body.fault, .what = Text(own), .before = {}, .after = {}};
+    });
+  }
+  return all;
+}
+
+}  // namespace tiltproof::faults

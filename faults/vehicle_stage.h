@@ -1,0 +1,84 @@
+// The faults that act at the plant: on the samples of its sensors, on the input in force, and on the vehicle itself,
+// each in the order of the file.
+//
+// Each sample, each command and each step has a number, and what a fault draws for it follows from the number alone.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "faults/fault_type.h"
+#include "faults/recorder.h"
+#include "faults/trigger.h"
+#include "link/disturbance.h"
+#include "link/signal_table.h"
+
+namespace tiltproof::faults {
+
+class VehicleStage {
+ public:
+  // What a fault of any kind here is made from. All but `parameters` must outlive the stage.
+  struct Entry {
+    std::size_t fault;
+    const Activity& activity;
+    Trigger trigger;
+    const Parameters& parameters;
+    std::uint64_t stream;  // of the model's draws, one generator a sample or step
+  };
+
+  // `signals` and `recorder` must outlive it.
+  VehicleStage(const VehicleSignals& signals, TimeNs step_ns, Recorder& recorder)
+      : signals_(signals), step_ns_(step_ns), recorder_(recorder) {}
+
+  void Add(const SensorKind& kind, const Entry& entry);
+  void Add(const ActuatorKind& kind, const Entry& entry);
+  void Add(const PlantKind& kind, const Entry& entry);
+
+  // As FaultSchedule's functions of these names.
+  void EditSensors(TimeNs t, std::span<float> values, TimeNs boot_time);
+  void EditInput(TimeNs t, std::span<double> input, bool new_command);
+  Disturbance DisturbanceOf(TimeNs t);
+
+ private:
+  struct Injector {
+    explicit Injector(const Entry& entry)
+        : fault(entry.fault), activity(&entry.activity), trigger(entry.trigger), stream(entry.stream) {}
+    std::size_t fault;
+    const Activity* activity;
+    Trigger trigger;
+    std::uint64_t stream;
+  };
+  struct Sensor : Injector {
+    bool always_counts;
+    std::unique_ptr<SensorModel> model;
+  };
+  struct Actuator : Injector {
+    std::unique_ptr<ActuatorModel> model;
+    // About the latest command: whether the trigger was asked and what it said, and whether a change was counted.
+    bool decided = false, picked = false, counted = false;
+  };
+  struct Body : Injector {
+    std::unique_ptr<PlantModel> model;
+    bool disturbed = false;  // in the step before
+  };
+
+  StepContext ContextOf(TimeNs t, std::uint64_t number, const Injector& injector, Random& random) const {
+    return {t, step_ns_, number, *injector.activity, random};
+  }
+
+  const VehicleSignals& signals_;
+  TimeNs step_ns_;
+  Recorder& recorder_;
+  std::vector<Sensor> sensors_;
+  std::vector<Actuator> actuators_;
+  std::vector<Body> bodies_;
+  std::uint64_t sample_count_ = 0, command_count_ = 0, input_count_ = 0, step_count_ = 0;
+  TimeNs last_sample_ns_ = kPowerOn;
+  std::vector<float> values_before_;
+  std::vector<double> input_before_;
+};
+
+}  // namespace tiltproof::faults

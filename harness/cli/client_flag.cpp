@@ -1,0 +1,130 @@
+// Boost 1.74's Asio uses std::exchange without its header.
+#include <utility>
+//
+#include "harness/cli/client_flag.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <boost/asio/io_context.hpp>
+#include <memory>
+#include <set>
+#include <vector>
+
+#include "harness/cli/commands.h"
+#include "harness/client/firmware_files.h"
+#include "harness/client/library_client.h"
+#include "harness/report/build_id.h"
+#include "link/serial_port.h"
+#include "link/unix_socket.h"
+
+namespace tiltproof::harness {
+
+namespace {
+
+// "b=host" has the id "b", "process:./a --b=c" and "qemu:x.elf,main=usart1" have none.
+std::string IdOf(const std::string& text) {
+  const std::size_t end =
+      text.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_");
+  return end == std::string::npos || end == 0 || text[end] != '=' ? "" : text.substr(0, end);
+}
+
+// One file that tells builds of the firmware apart, whatever the scenario; empty when there is none.
+std::filesystem::path BuiltFile(const ClientSpec& client) {
+  const auto file = FirmwareFile(client, "paper", "paper");
+  const auto* image = std::get_if<EmulatedImage>(&client);
+  const bool missing = image != nullptr && !std::filesystem::exists(file);
+  return missing ? std::filesystem::path() : file;
+}
+
+}  // namespace
+
+std::string ClientHelp() {
+  std::string help = "Firmware under test, or ID=... for one of a scenario's clients; may be repeated:";
+  for (const ClientForm& form : ClientForms()) help += fmt::format("\n  {}: {}", form.form, form.text);
+  return help;
+}
+
+ClientSpec ReadClientFlag(const std::string& text) {
+  try {
+    ClientSpec client = ParseClient(text);
+    if (std::holds_alternative<HostLibrary>(client)) {
+      const auto file = BuiltFile(client);
+      if (!std::filesystem::is_regular_file(file))
+        throw ClientMistake(fmt::format("no library at {}", file.string()));
+    }
+    return client;
+  } catch (const ClientMistake& mistake) {
+    throw UsageError(fmt::format("--client {}: {}", text, mistake.what()));
+  }
+}
+
+RunClients ReadClientFlags(const std::vector<std::string>& texts) {
+  RunClients clients;
+  bool has_all = false;
+  for (const std::string& text : texts) {
+    const std::string id = IdOf(text);
+    const ClientSpec client = ReadClientFlag(id.empty() ? text : text.substr(id.size() + 1));
+    const bool is_new = id.empty() ? !std::exchange(has_all, true) : clients.by_id.emplace(id, client).second;
+    if (!is_new)
+      throw UsageError(fmt::format("--client {}: {} has one already", text,
+                                   id.empty() ? "every client" : fmt::format("client '{}'", id)));
+    if (id.empty()) clients.all = client;
+  }
+  return clients;
+}
+
+void CheckClientIds(const RunClients& clients, const std::vector<const Scenario*>& scenarios) {
+  std::set<std::string> known;
+  for (const Scenario* scenario : scenarios)
+    for (std::size_t i = 0; i < scenario->client_count(); ++i) known.insert(scenario->client_id(i));
+  for (const auto& [id, client] : clients.by_id)
+    if (!known.contains(id))
+      throw UsageError(fmt::format("--client {}={}: no scenario has a client '{}'; there are: {}", id,
+                                   ToText(client), id, fmt::join(known, ", ")));
+}
+
+void CheckLibrary(const ClientSpec& client) {
+  if (!std::holds_alternative<HostLibrary>(client)) return;
+  if (const auto mistake = LibraryMistake(BuiltFile(client)))
+    throw UsageError(fmt::format("--client {}: {}", ToText(client), *mistake));
+}
+
+void CheckPorts(const ClientSpec& client, const LinkSpec& link) {
+  const auto* board = std::get_if<SerialBoard>(&client);
+  if (board == nullptr) return;
+  boost::asio::io_context loop;
+  std::vector<std::unique_ptr<link::SerialPort>> ports;  // both at once, as in flight
+  for (const std::string& device : {board->device, board->reference_device}) {
+    if (device.empty()) continue;
+    const bool is_socket = link::IsSocketName(device);
+    try {
+      // An emulator may begin as soon as it is connected, so that a socket is only looked for.
+      if (const auto trouble = is_socket ? link::SocketTrouble(device) : std::nullopt)
+        throw std::runtime_error(*trouble);
+      if (is_socket) continue;
+      ports.push_back(std::make_unique<link::SerialPort>(
+          loop, device, ports.empty() ? link.port_baud() : LinkSpec::kReferenceBaud));
+    } catch (const std::runtime_error& error) {
+      const std::string text = fmt::format("--client {}: {}", ToText(client), error.what());
+      std::error_code ignored;
+      const std::string file = is_socket ? device.substr(device.find(':') + 1) : device;
+      if (!std::filesystem::exists(file, ignored)) throw UsageError(text);
+      throw std::runtime_error(text);
+    }
+  }
+}
+
+std::string BuildOf(const RunClients& clients) {
+  std::vector<std::string> builds;
+  for (const ClientSpec& client : clients.Named()) builds.push_back(BuildId(BuiltFile(client)));
+  return fmt::format("{}", fmt::join(builds, ","));
+}
+
+bool Emulates(const std::vector<ClientSpec>& clients) {
+  return std::any_of(clients.begin(), clients.end(),
+                     [](const ClientSpec& client) { return std::holds_alternative<EmulatedImage>(client); });
+}
+
+}  // namespace tiltproof::harness

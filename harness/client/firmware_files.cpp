@@ -1,0 +1,50 @@
+#include "harness/client/firmware_files.h"
+
+#include <fmt/format.h>
+
+namespace tiltproof::harness {
+namespace {
+
+// A file that an installed program has in lib/tiltproof, and one in a build folder elsewhere.
+std::filesystem::path Shipped(const std::filesystem::path& installed, const std::filesystem::path& built) {
+  const auto there = ProgramFolder().parent_path() / "lib/tiltproof" / installed;
+  return std::filesystem::exists(there) ? there : ProgramFolder() / built;
+}
+
+std::filesystem::path ImageFile(const EmulatedImage& image, const std::string& firmware,
+                                const std::string& dialect) {
+  if (!image.file.empty()) return image.file;
+  return Shipped("stm32f4", "firmware/stm32f4") /
+         fmt::format("{}-{}{}.elf", image.scheduler, firmware, dialect == "paper" ? "" : "-" + dialect);
+}
+
+}  // namespace
+
+std::filesystem::path ProgramFile() { return std::filesystem::read_symlink("/proc/self/exe"); }
+
+std::filesystem::path ProgramFolder() { return ProgramFile().parent_path(); }
+
+std::filesystem::path LockstepPlugin() {
+  return Shipped("tiltproof_lockstep.so", "lib/tiltproof_lockstep.so");
+}
+
+std::filesystem::path FirmwareFile(const ClientSpec& client, const std::string& firmware,
+                                   const std::string& dialect) {
+  if (const auto* image = std::get_if<EmulatedImage>(&client)) return ImageFile(*image, firmware, dialect);
+  const auto* library = std::get_if<HostLibrary>(&client);
+  if (library == nullptr) return {};
+  if (!library->file.empty()) return library->file;
+  return Shipped("libtiltproof_firmware.so", "lib/libtiltproof_firmware.so");
+}
+
+EmulatorSpec BoardOf(const EmulatedImage& image, const std::string& firmware,
+                     const link::Protocol& protocol) {
+  return {.image = ImageFile(image, firmware, protocol.name).string(),
+          .plugin = LockstepPlugin().string(),
+          .main_usart = image.main_usart,
+          .reference_usart = image.reference_usart,
+          .console_usart = image.console_usart,
+          .barrier = protocol.framing.flag};
+}
+
+}  // namespace tiltproof::harness

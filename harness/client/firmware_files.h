@@ -1,0 +1,33 @@
+// Where the program finds the firmware that it ships, and the file of a client's firmware.
+//
+//   FirmwareFile(HostLibrary{}, "paper", dialect);      // <build>/lib/libtiltproof_firmware.so
+//   FirmwareFile(EmulatedImage{}, "paper", dialect);    // <build>/firmware/stm32f4/executive-paper.elf
+//
+// An installed program has its files beside its bin folder, one of a build folder in that folder.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "harness/emulator/emulator_process.h"
+#include "harness/scenario/client_spec.h"
+#include "link/protocol.h"
+
+namespace tiltproof::harness {
+
+// This program itself, and its folder.
+std::filesystem::path ProgramFile();
+std::filesystem::path ProgramFolder();
+
+// The lockstep plug-in of the emulator.
+std::filesystem::path LockstepPlugin();
+
+// The library or image that flies when a scenario names this build of the firmware; empty for a client that is
+// neither.
+std::filesystem::path FirmwareFile(const ClientSpec& client, const std::string& firmware,
+                                   const std::string& dialect);
+
+// An emulated board with the image in it, which speaks this protocol.
+EmulatorSpec BoardOf(const EmulatedImage& image, const std::string& firmware, const link::Protocol& protocol);
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,61 @@
+#include "harness/formula/condition.h"
+
+#include <algorithm>
+
+namespace tiltproof::harness::stl {
+namespace {
+
+double Value(const Node& node, const Condition::ValueOf& value_of) {
+  if (node.op == Op::kNumber) return node.number;
+  if (node.op == Op::kSignal) return value_of(node.name);
+  return Apply(node.op, Value(*node.left, value_of), node.right ? Value(*node.right, value_of) : 0.0);
+}
+
+bool Compare(Op op, double left, double right) {
+  switch (op) {
+    case Op::kLessEqual:
+      return left <= right;
+    case Op::kLess:
+      return left < right;
+    case Op::kGreaterEqual:
+      return left >= right;
+    default:
+      return left > right;
+  }
+}
+
+bool Truth(const Node& node, const Condition::ValueOf& value_of) {
+  if (IsComparison(node.op))
+    return Compare(node.op, Value(*node.left, value_of), Value(*node.right, value_of));
+  switch (node.op) {
+    case Op::kNot:
+      return !Truth(*node.left, value_of);
+    case Op::kAnd:
+      return Truth(*node.left, value_of) && Truth(*node.right, value_of);
+    case Op::kOr:
+      return Truth(*node.left, value_of) || Truth(*node.right, value_of);
+    case Op::kImplies:
+      return !Truth(*node.left, value_of) || Truth(*node.right, value_of);
+    default:
+      return node.op == Op::kTrue;
+  }
+}
+
+void Collect(const Node& node, std::vector<std::string>& signals) {
+  if (node.op == Op::kSignal && std::find(signals.begin(), signals.end(), node.name) == signals.end())
+    signals.push_back(node.name);
+  for (const Formula& operand : {node.left, node.right})
+    if (operand) Collect(*operand, signals);
+}
+
+}  // namespace
+
+std::vector<std::string> Condition::Signals() const {
+  std::vector<std::string> signals;
+  Collect(*formula_, signals);
+  return signals;
+}
+
+bool Condition::Holds(const ValueOf& value_of) const { return Truth(*formula_, value_of); }
+
+}  // namespace tiltproof::harness::stl

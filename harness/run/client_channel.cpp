@@ -1,0 +1,156 @@
+#include "harness/run/client_channel.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+
+#include "harness/client/firmware_guard.h"
+#include "harness/run/merge_logs.h"
+
+namespace tiltproof::harness {
+namespace {
+
+using link::Direction;
+
+// A client may say that it transmits later within its call, but not by more than this.
+constexpr TimeNs kTransmitAheadMax = kNsPerS;
+// A client that asks to be woken more often than this within a control period lets no time pass: that is every 0.6 us.
+constexpr int kWakesPerPeriodMax = 20'000;
+
+}  // namespace
+
+std::vector<faults::DeviceCommand> ClientCommands(const Scenario& scenario, std::size_t client) {
+  auto commands = faults::DeviceCommands(scenario.faults, scenario.seed_of(client));
+  std::erase_if(commands, [&](const faults::DeviceCommand& command) {
+    const std::string& whose = scenario.faults[command.fault].client;
+    return !whose.empty() && whose != scenario.client_id(client);
+  });
+  return commands;
+}
+
+ClientChannel::ClientChannel(const Scenario& scenario, std::size_t client, Line& line,
+                             std::function<void()> on_news)
+    : scenario_(scenario),
+      index_(client),
+      line_(line),
+      on_news_(std::move(on_news)),
+      faults_(ClientFaults(scenario, client)),
+      reference_talk_(*scenario.link.protocol) {}
+
+void ClientChannel::PowerOn(
+    const std::function<std::unique_ptr<Client>(std::size_t client, ClientHost)>& make) {
+  client_ =
+      make(index_, {.transmit = [this](Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) -> TimeNs {
+                      // The reference line has no way back: what the client sends there ends at its pin.
+                      if (uart != Uart::kMain) {
+                        reference_talk_.Hear(bytes);
+                        return now;
+                      }
+                      const TimeNs sent = line_.Transmit(
+                          Direction::kToPlant, std::clamp(now, now_ns_, now_ns_ + kTransmitAheadMax), bytes);
+                      on_news_();
+                      return sent;
+                    },
+                    .log =
+                        [this](TimeNs now, std::string_view text) {
+                          if (firmware_log_bytes_ > kFirmwareLogBytesMax) return;
+                          firmware_log_bytes_ += text.size();
+                          firmware_lines_.emplace_back(now, text);
+                        },
+                    .event = [this](const DeviceEvent& event) { OnEvent(event); }});
+  wake_ns_ = client_->Start(0);
+}
+
+TimeNs ClientChannel::Next() const {
+  TimeNs next = wake_ns_;
+  for (const Direction direction : {Direction::kToPlant, Direction::kToClient, Direction::kReference})
+    next = std::min(next, line_.NextArrival(direction));
+  return next;
+}
+
+void ClientChannel::BeginTurn(TimeNs now) {
+  now_ns_ = now;
+  commanded_ = false;
+  if (now - period_begin_ns_ >= scenario_.link.protocol->control_period_ns) {
+    period_begin_ns_ = now;
+    wakes_count_ = 0;
+  }
+  if (now >= wake_ns_ && ++wakes_count_ > kWakesPerPeriodMax)
+    throw FirmwareTrouble(
+        true,
+        fmt::format("the firmware lets no time pass: it wants to be woken again and again, {} times from "
+                    "{:.9f} s to {:.9f} s after power-on",
+                    wakes_count_, ToSeconds(period_begin_ns_), ToSeconds(now)));
+  // Without faults it is the firmware that sends, or asks for, more than the line carries.
+  if (const auto& overfull = line_.overfull(); overfull && !overfull->by_faults)
+    throw FirmwareTrouble(true, overfull->text);
+}
+
+void ClientChannel::Command(TimeNs origin) {
+  origin_ns_ = origin;
+  faults_.SetOrigin(origin);
+  client_->Command(ClientCommands(scenario_, index_), origin);
+  commanded_ = true;
+}
+
+void ClientChannel::Run(TimeNs now, TimeNs horizon) {
+  const bool runs_on = client_->RunsOn();
+  const bool delivered = Deliver(runs_on ? horizon : now);
+  if (runs_on || delivered || commanded_ || now >= wake_ns_) wake_ns_ = client_->Grant(now, horizon);
+}
+
+// The client gets every byte that has arrived, whole frame or not: it may flush what it holds at any tick.
+bool ClientChannel::Deliver(TimeNs until) {
+  bool delivered = false;
+  // References first: r(t_k) is there before the sensor reply of the same period.
+  for (const Direction direction : {Direction::kReference, Direction::kToClient}) {
+    const Uart uart = direction == Direction::kReference ? Uart::kReference : Uart::kMain;
+    while (const auto piece = line_.TakePiece(direction, until)) {
+      delivered = true;
+      faults_.MarkReceived(direction, piece->arrival_ns, piece->bytes, marks_);
+      client_->Receive(uart, piece->arrival_ns, piece->bytes, marks_);
+    }
+  }
+  on_news_();
+  return delivered;
+}
+
+std::vector<faults::News> ClientChannel::TakeNews() {
+  std::vector<faults::News> of_line = line_.TakeNews(), of_client = faults_.TakeNews();
+  line_.Hear(of_client);
+  faults_.Hear(of_line);
+  of_line.insert(of_line.end(), of_client.begin(), of_client.end());
+  return of_line;
+}
+
+void ClientChannel::Hear(std::span<const faults::News> news) {
+  line_.Hear(news);
+  faults_.Hear(news);
+}
+
+void ClientChannel::OnEvent(const DeviceEvent& event) {
+  events_.push_back(event);
+  receive_overruns_count_ += event.overruns_count;
+  if (event.fault && *event.fault < scenario_.faults.size())
+    faults_.Count(*event.fault, event.time_ns - origin_ns_, event.text);
+}
+
+void ClientChannel::AskStatus(RunLog& log) {
+  if (const auto status = client_->Status())
+    log.clients[index_].failsafe_entered_count = status->failsafe_count;
+}
+
+void ClientChannel::Finish(TimeNs origin, bool started, RunLog& log) {
+  ClientLog& own = log.clients[index_];
+  for (const auto& [time_ns, text] : firmware_lines_)
+    own.firmware_log += fmt::format("{:.6f} {}\n", ToSeconds(time_ns - origin), text);
+  if (client_ != nullptr && client_->RunsOn()) own.receive_overruns_count = receive_overruns_count_;
+  for (DeviceEvent& event : events_)
+    log.events.push_back({event.time_ns - origin, std::move(event.kind), std::move(event.text), index_});
+  if (const std::string talk = reference_talk_.Trouble(); !talk.empty() && !started)
+    log.events.push_back({0, kLineTroubleEvent, talk, index_});
+  Append(log, faults_, origin);
+}
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,86 @@
+// Bytes of one direction become checked messages. Whoever needs to know what was said uses this.
+//
+//   MessageReceiver receiver(protocol, Direction::kToPlant);
+//   receiver.Receive(bytes, [&](const link::Message& message) { server.Receive(now, message, reply); });
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <span>
+#include <string_view>
+
+#include "link/protocol.h"
+
+namespace tiltproof::harness {
+
+class MessageReceiver {
+ public:
+  // `protocol` must outlive it.
+  MessageReceiver(const link::Protocol& protocol, link::Direction direction)
+      : protocol_(&protocol), direction_(direction) {}
+
+  // What became of the bytes between two flags.
+  struct Frame {
+    // Of the chunk (link::Chunk::number) that brought its content's last byte: the flag that closes a frame may
+    // belong to the next one.
+    std::uint64_t number;
+    std::string_view rejected;  // Name() of a link::FrameStatus or link::MessageStatus; empty: accepted
+    std::span<const std::uint8_t> payload;  // of an accepted frame; these two are valid during the call
+    const link::Message* message;           // null when it was rejected
+  };
+  // Calls on_frame(const Frame&) for each frame that ends in `bytes`, all of the chunk with that number.
+  template <class OnFrame>
+  void ReceiveFrames(std::uint64_t number, std::span<const std::uint8_t> bytes, const OnFrame& on_frame) {
+    const std::uint8_t flag = protocol_->framing.flag;
+    const auto content = std::find_if(bytes.begin(), bytes.end(), [&](auto byte) { return byte != flag; });
+    const auto flag_count = static_cast<std::size_t>(content - bytes.begin());
+    Decode(bytes.first(flag_count), on_frame);
+    if (content == bytes.end()) return;
+    number_ = number;
+    Decode(bytes.subspan(flag_count), on_frame);
+  }
+
+  // Calls on_message(const link::Message&) for each message that is accepted.
+  template <class OnMessage>
+  void Receive(std::span<const std::uint8_t> bytes, const OnMessage& on_message) {
+    ReceiveFrames(0, bytes, [&](const Frame& frame) {
+      if (frame.message != nullptr) on_message(*frame.message);
+    });
+  }
+
+ private:
+  template <class OnFrame>
+  void Decode(std::span<const std::uint8_t> bytes, const OnFrame& on_frame) {
+    while (const auto event = decoder_.Next(bytes)) on_frame(Check(*event));
+  }
+  Frame Check(const link::FrameEvent& event) {
+    if (event.status != link::FrameStatus::kOk) return {number_, Name(event.status), {}, nullptr};
+    const link::MessageStatus status = protocol_->Decode(direction_, event.payload, message_);
+    if (status != link::MessageStatus::kOk) return {number_, Name(status), {}, nullptr};
+    return {number_, {}, event.payload, &message_};
+  }
+
+  const link::Protocol* protocol_;
+  link::Direction direction_;
+  link::FrameDecoder decoder_;
+  std::uint64_t number_ = 0;
+  link::Message message_;
+};
+
+// Finds t = 0: the arrival of the first accepted message that starts (of its last byte). The server does, and in
+// real time the link node for the faults of its wires; all others are told.
+class OriginFinder {
+ public:
+  // Whether this message makes t = 0.
+  bool Note(TimeNs arrival, const link::Message& message) {
+    if (origin_ns_ != kNever || !message.type->starts) return false;
+    origin_ns_ = arrival;
+    return true;
+  }
+  TimeNs origin_ns() const { return origin_ns_; }  // kNever before
+
+ private:
+  TimeNs origin_ns_ = kNever;
+};
+
+}  // namespace tiltproof::harness

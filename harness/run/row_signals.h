@@ -1,0 +1,51 @@
+// The signals of a flight, read from one row of its trace: the numeric columns, and four that are computed from them.
+//
+//   position_error_m     distance from the vehicle to the reference of the same row
+//   cross_track_error_m  smallest distance from the vehicle to the path: the polyline through the reference
+//                        points of all rows
+//   speed_m_s            magnitude of the velocity
+//   tilt_rad             angle between the body's z axis and the world's, [0, pi]
+//
+//   const RowSignal tilt(trace.columns(), "tilt_rad");
+//   tilt.At(trace.row(r));
+//
+// Criteria read them from a trace after the flight, conditions of faults from each row during it.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "harness/reference/reference_path.h"
+
+namespace tiltproof::harness {
+
+// What a formula may name of rows with these columns: the columns in file order, but for active_<fault id> (which go
+// with the faults), then the computed signals.
+std::vector<std::string> SignalNames(std::span<const std::string> columns);
+
+inline constexpr std::string_view kCrossTrackError = "cross_track_error_m";
+
+class RowSignal {
+ public:
+  // Of rows with these columns. `path`: of cross_track_error_m alone; must outlive it. Throws std::invalid_argument when a
+  // column is missing.
+  RowSignal(std::span<const std::string> columns, std::string_view name, const ReferencePath* path = nullptr);
+
+  // NaN where the row does not say.
+  double At(std::span<const double> row) const;
+
+ private:
+  using Compute = double (*)(std::span<const double> values);
+  std::vector<std::size_t> columns_;
+  Compute compute_ = nullptr;  // null: the column itself
+  const ReferencePath* path_ = nullptr;
+};
+
+// The indices of these columns. Throws std::invalid_argument when one is missing.
+std::vector<std::size_t> ColumnsNamed(std::span<const std::string> columns,
+                                      std::span<const std::string_view> names);
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,188 @@
+#include "harness/scenario/client_spec.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <vector>
+
+#include "faults/nearest_name.h"
+
+namespace tiltproof::harness {
+namespace {
+
+constexpr std::array<ClientForm, 5> kForms = {{
+    {"host", "the shipped firmware, built for this machine (the default)"},
+    {"library:FILE", "a firmware built as a shared library (firmware/tiltproof_client.h)"},
+    {"qemu[:ELF]",
+     "an image for the STM32F4 on an emulated board; without one, or as qemu:executive or qemu:freertos, the "
+     "shipped one. After an image: ,main=usartN ,reference=usartN ,console=usartN (2, 3 and 1)"},
+    {"process:CMD", "a program with serial ports, {port} and {reference_port} in CMD; --mode realtime"},
+    {"serial:DEV[,REFDEV]",
+     "a board on serial devices, or on sockets (unix:PATH): main line, reference line; --mode realtime"},
+}};
+
+// In the order of ClientSpec.
+constexpr std::array<std::string_view, std::variant_size_v<ClientSpec>> kKinds = {"library", "qemu",
+                                                                                  "process", "serial"};
+
+std::string Absolute(std::string_view file) { return std::filesystem::absolute(file).string(); }
+
+struct Usart {
+  std::string_view line;
+  int EmulatedImage::*number;
+};
+constexpr std::array<Usart, 3> kUsarts = {{{"main", &EmulatedImage::main_usart},
+                                           {"reference", &EmulatedImage::reference_usart},
+                                           {"console", &EmulatedImage::console_usart}}};
+
+void ReadUsart(std::string_view option, EmulatedImage& image) {
+  const std::size_t equals = option.find('=');
+  const std::string_view usart = equals == option.npos ? "" : option.substr(equals + 1);
+  const bool valid = usart.size() == 6 && usart.starts_with("usart") && usart[5] >= '1' && usart[5] <= '6';
+  for (const auto& [line, number] : kUsarts) {
+    if (line != option.substr(0, equals) || !valid) continue;
+    image.*number = usart[5] - '0';
+    return;
+  }
+  throw ClientMistake(
+      fmt::format("'{}' is none of main=usartN, reference=usartN, console=usartN with N from 1 to 6 (a "
+                  "path with a comma cannot be given)",
+                  option));
+}
+
+// What follows "qemu:".
+EmulatedImage ReadImage(std::string_view rest) {
+  const auto next = [&rest] {
+    const std::string_view part = rest.substr(0, rest.find(','));
+    rest.remove_prefix(std::min(rest.size(), part.size() + 1));
+    return part;
+  };
+  EmulatedImage image;
+  const std::string_view what = next();
+  if (what.empty())
+    throw ClientMistake("names no image; use qemu, qemu:executive, qemu:freertos or qemu:FILE.elf");
+  if (what == "executive" || what == "freertos") {
+    image.scheduler = what;
+  } else {
+    image.file = Absolute(what);
+  }
+  while (!rest.empty()) ReadUsart(next(), image);
+  if (image.main_usart == image.reference_usart || image.main_usart == image.console_usart ||
+      image.reference_usart == image.console_usart)
+    throw ClientMistake(
+        fmt::format("main line, reference line and console need a USART each; they are on {}, {} and {}",
+                    image.main_usart, image.reference_usart, image.console_usart));
+  return image;
+}
+
+SerialBoard ReadBoard(const std::string& devices) {
+  const std::size_t comma = devices.find(',');
+  SerialBoard board;
+  board.device = devices.substr(0, comma);
+  if (comma != std::string::npos) board.reference_device = devices.substr(comma + 1);
+  if (board.reference_device.starts_with("reset=") || devices.find(",reset=") != std::string::npos)
+    throw ClientMistake(
+        "reset=: this version cannot reset a board; leave it out, and reset the board when the flight asks "
+        "for it");
+  if (board.device.empty() || (comma != std::string::npos && board.reference_device.empty()) ||
+      board.reference_device.find(',') != std::string::npos)
+    throw ClientMistake("must be serial:DEVICE or serial:DEVICE,DEVICE");
+  return board;
+}
+
+[[noreturn]] void ThrowUnknownKind(std::string_view kind) {
+  std::vector<std::string_view> kinds, forms;
+  for (const ClientForm& form : kForms) {
+    kinds.push_back(form.form.substr(0, form.form.find_first_of("[:")));
+    forms.push_back(form.form);
+  }
+  const std::string_view meant = faults::NearestName(kind, kinds);
+  throw ClientMistake(fmt::format(
+      "unknown kind '{}'{} {}", kind,
+      meant.empty() ? "; use" : fmt::format(", did you mean {}? There are", meant), fmt::join(forms, ", ")));
+}
+
+std::string TextOf(const HostLibrary& library) {
+  return library.file.empty() ? "host" : "library:" + library.file;
+}
+std::string TextOf(const EmulatedImage& image) {
+  std::string text = "qemu:" + (image.file.empty() ? image.scheduler : image.file);
+  for (const auto& [line, number] : kUsarts)
+    if (image.*number != EmulatedImage{}.*number) text += fmt::format(",{}=usart{}", line, image.*number);
+  return text == "qemu:executive" ? "qemu" : text;
+}
+std::string TextOf(const Program& program) { return "process:" + program.command; }
+std::string TextOf(const SerialBoard& board) {
+  return "serial:" + board.device + (board.reference_device.empty() ? "" : ",") + board.reference_device;
+}
+
+void Add(const HostLibrary& library, ClientAbilities& abilities) {
+  abilities.virtual_time = abilities.guarded = abilities.tells_resets = true;
+  abilities.shipped = library.file.empty();
+  abilities.clock = true;
+  abilities.reset = !abilities.realtime;
+}
+void Add(const EmulatedImage& image, ClientAbilities& abilities) {
+  abilities.virtual_time = abilities.tells_resets = true;
+  abilities.shipped = image.file.empty();
+  abilities.reset = abilities.processor = true;
+  abilities.exact_times = abilities.clock = !abilities.realtime;
+}
+void Add(const Program& /*program*/, ClientAbilities& /*abilities*/) {}
+void Add(const SerialBoard& /*board*/, ClientAbilities& abilities) { abilities.node = false; }
+
+}  // namespace
+
+std::span<const ClientForm> ClientForms() { return kForms; }
+
+ClientSpec ParseClient(const std::string& text) {
+  if (text == "host") return HostLibrary{};
+  if (text == "qemu") return EmulatedImage{};
+  if (text.starts_with("qemu,"))
+    throw ClientMistake(fmt::format("USARTs follow an image: qemu:executive{}", text.substr(4)));
+  const std::size_t colon = text.find(':');
+  const std::string kind = text.substr(0, colon);
+  const std::string rest = colon == std::string::npos ? "" : text.substr(colon + 1);
+  if (kind == "host")
+    throw ClientMistake("nothing follows `host`; library:FILE is a firmware library of yours");
+  if (kind == "qemu") return ReadImage(rest);
+  if (kind != "library" && kind != "process" && kind != "serial") ThrowUnknownKind(kind);
+  if (rest.empty()) throw ClientMistake("names nothing");
+  if (kind == "library") return HostLibrary{Absolute(rest)};
+  if (kind == "process") return Program{rest};
+  return ReadBoard(rest);
+}
+
+std::string ToText(const ClientSpec& client) {
+  return std::visit([](const auto& kind) { return TextOf(kind); }, client);
+}
+
+const ClientSpec& RunClients::Of(const std::string& id) const {
+  const auto found = by_id.find(id);
+  return found == by_id.end() ? all : found->second;
+}
+
+std::vector<ClientSpec> RunClients::Named() const {
+  std::vector<ClientSpec> named = {all};
+  for (const auto& [id, client] : by_id) named.push_back(client);
+  return named;
+}
+
+std::string_view KindOf(const ClientSpec& client) { return kKinds[client.index()]; }
+
+std::optional<ClientSpec> ClientOfKind(std::string_view kind) {
+  for (const ClientSpec& client : {ClientSpec(HostLibrary{}), ClientSpec(EmulatedImage{}),
+                                   ClientSpec(Program{}), ClientSpec(SerialBoard{})})
+    if (KindOf(client) == kind) return client;
+  return std::nullopt;
+}
+
+ClientAbilities AbilitiesOf(const ClientSpec& client, bool realtime) {
+  ClientAbilities abilities{.realtime = realtime};
+  std::visit([&](const auto& kind) { Add(kind, abilities); }, client);
+  return abilities;
+}
+
+}  // namespace tiltproof::harness

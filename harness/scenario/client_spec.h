@@ -1,0 +1,99 @@
+// Which firmware flies: what `--client` says. It is read once, here, and written once: the same text goes to the
+// nodes, into run.json, and back in for a replay.
+//
+//   const ClientSpec client = ParseClient("qemu:/fw/fw.elf,main=usart1,console=usart2");
+//   std::get<EmulatedImage>(client).main_usart;           // 1
+//   ToText(client);                                        // "qemu:/fw/fw.elf,main=usart1,console=usart2"
+//   AbilitiesOf(client, realtime).processor;               // true: faults on the processor can be had
+//
+// harness/client makes a client of it, and knows where the shipped firmware lies.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+namespace tiltproof::harness {
+
+// A firmware built as a shared library for this machine (firmware/tiltproof_client.h).
+struct HostLibrary {
+  std::string file;  // absolute; empty: the shipped firmware
+  friend bool operator==(const HostLibrary&, const HostLibrary&) = default;
+};
+
+// An image for the STM32F4, unmodified, on an emulated board.
+struct EmulatedImage {
+  std::string file;                     // absolute; empty: the scenario's build of the shipped firmware,
+  std::string scheduler = "executive";  // under this scheduler: executive or freertos
+  int main_usart = 2, reference_usart = 3, console_usart = 1;  // 1 to 6, all different
+  friend bool operator==(const EmulatedImage&, const EmulatedImage&) = default;
+};
+
+// A program with two serial ports.
+struct Program {
+  std::string command;  // for sh -c
+  friend bool operator==(const Program&, const Program&) = default;
+};
+
+// A board on serial ports of this machine, or on the sockets of an emulator.
+struct SerialBoard {
+  std::string device, reference_device;  // /dev/..., unix:PATH; the second may be empty
+  friend bool operator==(const SerialBoard&, const SerialBoard&) = default;
+};
+
+using ClientSpec = std::variant<HostLibrary, EmulatedImage, Program, SerialBoard>;
+
+// One form of the text, for a help page.
+struct ClientForm {
+  std::string_view form;  // "library:FILE"
+  std::string_view text;
+};
+std::span<const ClientForm> ClientForms();
+
+// A text that names no client. what() says why and what to write instead; it does not repeat the text.
+struct ClientMistake : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+// Paths become absolute; whether there is such a file or device is not looked at. Throws ClientMistake.
+ClientSpec ParseClient(const std::string& text);
+// In the shortest form that ParseClient() reads as the same client.
+std::string ToText(const ClientSpec& client);
+
+// The clients of a run: one for every client of its scenarios, and for those of some ids another.
+struct RunClients {
+  ClientSpec all = HostLibrary{};
+  std::map<std::string, ClientSpec> by_id;
+
+  const ClientSpec& Of(const std::string& id) const;
+  // Each that is named, `all` first.
+  std::vector<ClientSpec> Named() const;
+};
+
+// Its kind alone, for messages between nodes: a node's file or device means nothing to another host. "library",
+// "qemu", "process" or "serial"; back comes a client of that kind that names nothing, or nullopt.
+std::string_view KindOf(const ClientSpec& client);
+std::optional<ClientSpec> ClientOfKind(std::string_view kind);
+
+// What can be done with a client of this kind in a mode.
+struct ClientAbilities {
+  bool realtime = false;      // the mode; else lockstep
+  bool virtual_time = false;  // it can fly in lockstep
+  bool shipped = false;       // it flies the build of ours that the scenario's `firmware` names
+  bool guarded = false;       // its code runs in a process of the harness's own, under a FirmwareGuard
+  bool node = true;           // in real time it has a node; else it hangs on the link node's own ports
+  bool tells_resets = false;  // it says itself when it boots anew
+  // Faults that it can take:
+  bool reset = false;        // it can be reset
+  bool clock = false;        // the harness gives it its time, and can make it wrong
+  bool processor = false;    // its processor can be stopped and its memory changed
+  bool exact_times = false;  // that, and its receiver, at exact virtual times
+};
+ClientAbilities AbilitiesOf(const ClientSpec& client, bool realtime);
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,57 @@
+// What a fault does to the vehicle itself during one step: plain numbers that the plant applies beside its input.
+//
+//   Disturbance gust;
+//   gust.wind_m_s = {3, 0, 0};
+//   plant.Step(input, Combined(gust, push));
+//
+// One that says nothing, Disturbance{}, changes no bit of a step.
+#pragma once
+
+#include <array>
+#include <cstddef>
+
+namespace tiltproof {
+
+// Rotors, and hinges, of any vehicle: more than this are refused when it is loaded.
+inline constexpr std::size_t kRotorsMax = 8;
+
+struct Disturbance {
+  using Vector = std::array<double, 3>;
+  // A hinge that does not follow its servo but turns at this rate, until it meets its stop: 0 is a jam.
+  struct Hinge {
+    bool held = false;
+    double rate_rad_s = 0.0;
+    friend bool operator==(const Hinge&, const Hinge&) = default;
+  };
+
+  Vector force_n{};             // at the main body's centre of mass, along the world's axes
+  Vector torque_nm{};           // on the main body, along the world's axes
+  Vector wind_m_s{};            // velocity of the air, world; it pushes a vehicle that has drag
+  double mass_factor = 1.0;     // of every body; > 0
+  double inertia_factor = 1.0;  // of every body, about its centre of mass; > 0
+  Vector com_shift_m{};         // of the main body's centre of mass, in its frame
+  std::array<double, kRotorsMax> thrust_factor = {1, 1, 1, 1, 1, 1, 1, 1};  // of each rotor
+  std::array<Hinge, kRotorsMax> hinges{};
+  friend bool operator==(const Disturbance&, const Disturbance&) = default;
+};
+
+// Both at once: forces, torques, winds and shifts add up, factors multiply, and of two that hold a hinge the
+// later one does.
+inline Disturbance Combined(const Disturbance& first, const Disturbance& second) {
+  Disturbance both = first;
+  for (std::size_t i = 0; i < 3; ++i) {
+    both.force_n[i] += second.force_n[i];
+    both.torque_nm[i] += second.torque_nm[i];
+    both.wind_m_s[i] += second.wind_m_s[i];
+    both.com_shift_m[i] += second.com_shift_m[i];
+  }
+  both.mass_factor *= second.mass_factor;
+  both.inertia_factor *= second.inertia_factor;
+  for (std::size_t i = 0; i < kRotorsMax; ++i) {
+    both.thrust_factor[i] *= second.thrust_factor[i];
+    if (second.hinges[i].held) both.hinges[i] = second.hinges[i];
+  }
+  return both;
+}
+
+}  // namespace tiltproof

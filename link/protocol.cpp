@@ -1,0 +1,179 @@
+#include "link/protocol.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstdlib>
+#include <limits>
+
+namespace tiltproof::link {
+namespace {
+
+constexpr std::size_t kIdBytes = 4;
+
+std::uint32_t LoadBits(std::span<const std::uint8_t> bytes) {
+  std::uint32_t bits = 0;
+  for (std::size_t i = 4; i-- > 0;) bits = bits << 8 | bytes[i];
+  return bits;
+}
+
+void Append(Payload& payload, float value) {
+  const auto bits = std::bit_cast<std::uint32_t>(value);
+  for (unsigned shift = 0; shift < 32; shift += 8)
+    payload.bytes[payload.size++] = static_cast<std::uint8_t>(bits >> shift & 0xFF);
+}
+
+// Sets `found` when it returns kOk.
+MessageStatus FindType(const Protocol& protocol, Direction direction, std::span<const std::uint8_t> payload,
+                       const MessageType*& found) {
+  for (const MessageType& type : protocol.messages) {
+    if (type.direction != direction) continue;
+    if (type.id) {
+      if (payload.size() < kIdBytes) return MessageStatus::kBadLength;
+      if (std::bit_cast<std::uint32_t>(*type.id) != LoadBits(payload)) continue;
+    }
+    if (payload.size() != type.payload_bytes()) return MessageStatus::kBadLength;
+    found = &type;
+    return MessageStatus::kOk;
+  }
+  return MessageStatus::kUnknownId;
+}
+
+// --- The protocols that are built in.
+
+// Beyond this magnitude a value is not a state of a small aircraft but a damaged message. A signal's name ends in
+// its unit; of two endings that fit, the longer comes first.
+float PlausibleMagnitude(std::string_view signal) {
+  struct Limit {
+    std::string_view suffix;
+    float magnitude;
+  };
+  static constexpr std::array<Limit, 6> kLimits = {{{"_rad_s", 1e3F},
+                                                    {"_rad", 100.F},  // unwrapped yaw included
+                                                    {"_m_s", 1e3F},
+                                                    {"_nm", 1e2F},
+                                                    {"_m", 1e4F},
+                                                    {"_n", 1e3F}}};
+  for (const Limit& limit : kLimits)
+    if (signal.ends_with(limit.suffix)) return limit.magnitude;
+  std::abort();  // every signal has a unit
+}
+
+std::vector<MessageField> Fields(std::initializer_list<std::string_view> signals) {
+  std::vector<MessageField> fields;
+  for (const std::string_view signal : signals) {
+    const float magnitude = PlausibleMagnitude(signal);
+    fields.push_back({std::string(signal), -magnitude, magnitude});
+  }
+  return fields;
+}
+
+// What both protocols share: their client leads and has four actuators, its server answers with 16 sensors.
+Protocol ForTiltRotor(std::string name, float start_id, bool start_has_inputs, float read_id,
+                      float actuators_id) {
+  const auto inputs = Fields({"f_r_n", "f_l_n", "tau_r_nm", "tau_l_nm"});
+  const auto sensors =
+      Fields({"x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad", "alpha_r_rad", "alpha_l_rad", "vx_m_s",
+              "vy_m_s", "vz_m_s", "wx_rad_s", "wy_rad_s", "wz_rad_s", "alpha_r_rad_s", "alpha_l_rad_s"});
+  const auto reference = Fields({"x_m", "y_m", "z_m", "yaw_rad", "vx_m_s", "vy_m_s", "vz_m_s"});
+  return {.name = std::move(name),
+          .control_period_ns = 12 * kNsPerMs,
+          .messages = {{.name = "start",
+                        .kind = MessageKind::kStart,
+                        .direction = Direction::kToPlant,
+                        .id = start_id,
+                        .starts = true,
+                        .fields = start_has_inputs ? inputs : std::vector<MessageField>()},
+                       {.name = "read_sensors",
+                        .kind = MessageKind::kSensors,
+                        .direction = Direction::kToPlant,
+                        .id = read_id,
+                        .reply = "sensors"},
+                       {.name = "actuators",
+                        .kind = MessageKind::kActuators,
+                        .direction = Direction::kToPlant,
+                        .id = actuators_id,
+                        .fields = inputs},
+                       {.name = "sensors",
+                        .kind = MessageKind::kReply,
+                        .direction = Direction::kToClient,
+                        .fields = sensors},
+                       {.name = "reference",
+                        .kind = MessageKind::kReference,
+                        .direction = Direction::kReference,
+                        .fields = reference}}};
+}
+
+Protocol Paper() {
+  Protocol protocol = ForTiltRotor("paper", 1.F, false, 2.F, 3.F);
+  protocol.repeated_start_is_boot = true;
+  return protocol;
+}
+
+// Its `start` is an actuator message that also says "un-pause", each time that it comes.
+Protocol Provant() {
+  Protocol protocol = ForTiltRotor("provant", 3.F, true, 1.F, 0.F);
+  protocol.answers_before_start = true;
+  return protocol;
+}
+
+}  // namespace
+
+const MessageType* Protocol::Find(std::string_view message) const {
+  const auto found = std::find_if(messages.begin(), messages.end(),
+                                  [&](const MessageType& type) { return type.name == message; });
+  return found == messages.end() ? nullptr : &*found;
+}
+
+const MessageType* Protocol::Find(MessageKind kind) const {
+  const auto found = std::find_if(messages.begin(), messages.end(),
+                                  [&](const MessageType& type) { return type.kind == kind; });
+  return found == messages.end() ? nullptr : &*found;
+}
+
+const MessageType* Protocol::Classify(Direction direction, std::span<const std::uint8_t> payload) const {
+  const MessageType* type = nullptr;
+  return FindType(*this, direction, payload, type) == MessageStatus::kOk ? type : nullptr;
+}
+
+MessageStatus Protocol::Decode(Direction direction, std::span<const std::uint8_t> payload,
+                               Message& message) const {
+  const MessageType* type = nullptr;
+  if (const MessageStatus status = FindType(*this, direction, payload, type); status != MessageStatus::kOk)
+    return status;
+  std::array<float, kPayloadBytesMax / 4> values;
+  std::span<const std::uint8_t> bytes = type->id ? payload.subspan(kIdBytes) : payload;
+  bool in_range = true;
+  for (std::size_t i = 0; i < type->fields.size(); ++i, bytes = bytes.subspan(4)) {
+    const MessageField& field = type->fields[i];
+    values[i] = std::bit_cast<float>(LoadBits(bytes));
+    if (!std::isfinite(values[i])) return MessageStatus::kNotFinite;
+    in_range = in_range && field.min <= values[i] && values[i] <= field.max;
+  }
+  if (!in_range) return MessageStatus::kOutOfRange;
+  message.type = type;
+  message.values.assign(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(type->fields.size()));
+  return MessageStatus::kOk;
+}
+
+Payload Protocol::Encode(const MessageType& type, std::span<const float> values) const {
+  if (values.size() != type.fields.size()) std::abort();
+  Payload payload;
+  if (type.id) Append(payload, *type.id);
+  for (const float value : values) Append(payload, value);
+  return payload;
+}
+
+std::span<const std::shared_ptr<const Protocol>> Protocols() {
+  static const std::array<std::shared_ptr<const Protocol>, 2> kProtocols = {
+      std::make_shared<const Protocol>(Paper()), std::make_shared<const Protocol>(Provant())};
+  return kProtocols;
+}
+
+std::shared_ptr<const Protocol> FindProtocol(std::string_view name) {
+  for (const auto& protocol : Protocols())
+    if (protocol->name == name) return protocol;
+  return nullptr;
+}
+
+}  // namespace tiltproof::link

@@ -1,0 +1,107 @@
+// A protocol as data: how payloads are framed, which messages there are, what makes t = 0, how long a control
+// period is.
+//
+// A message is a row of numbers, IEEE-754 binary32, little endian. A client's message begins with its id, also such
+// a number; the others have none and are known by their direction. A payload does not say which protocol it is of,
+// nor which way it travels: the receiver knows both.
+//
+//   const Protocol& protocol = *FindProtocol("paper");
+//   Message message;
+//   if (protocol.Decode(Direction::kToPlant, payload, message) == MessageStatus::kOk)
+//     if (!message.type->reply.empty()) Answer(*protocol.Find(message.type->reply));
+//   const Payload reply = protocol.Encode(*protocol.Find("sensors"), row);
+//
+// A checksum lets some wrong payloads through, so a message is accepted only with its exact length, a known id, and
+// every value finite and within its range. Every violation is a value of MessageStatus.
+//
+// The firmware knows nothing of this: it has structs and encoders of its own (firmware/messages.h). A test holds the
+// two together.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "link/chunk.h"
+#include "link/frame.h"
+#include "link/message_kind.h"
+#include "link/time.h"
+
+namespace tiltproof::link {
+
+// Flag bytes, escapes and Fletcher-16: link/frame.h.
+struct Framing {
+  // Closes a frame. A sender's bytes are cut into frames there. In lockstep an emulated processor stops when it
+  // has sent one, since there may be an answer.
+  std::uint8_t flag = kFlag;
+};
+
+struct MessageField {
+  std::string signal;          // "x_m"
+  float min = 0.F, max = 0.F;  // of a plausible value, both included; beyond them the message is damaged
+};
+
+struct MessageType {
+  std::string name;
+  MessageKind kind = MessageKind::kUnknown;  // its name in a fault's `message`
+  Direction direction{};
+  std::optional<float> id = {};  // compared bit by bit: -0.0 is not 0.0
+  std::string reply = {};        // the message that answers it; empty: none
+  bool starts = false;           // the first one accepted makes t = 0
+  std::vector<MessageField> fields = {};
+
+  std::size_t payload_bytes() const { return 4 * (fields.size() + (id ? 1 : 0)); }
+};
+
+// A message that was accepted: one value for each field of its type.
+struct Message {
+  const MessageType* type = nullptr;  // of the protocol's table
+  std::vector<float> values;
+};
+
+// A fixed buffer with the bytes in use.
+struct Payload {
+  std::array<std::uint8_t, kPayloadBytesMax> bytes{};
+  std::size_t size = 0;
+  std::span<const std::uint8_t> span() const { return {bytes.data(), size}; }
+};
+
+struct Protocol {
+  std::string name;
+  Framing framing = {};
+  TimeNs control_period_ns = 0;  // of the client's requests, the references and the rows of the trace
+  // Whether requests are answered before t = 0: the vehicle stands still then.
+  bool answers_before_start = false;
+  // A message that starts, when it comes again: the client began anew. Else it says nothing new.
+  bool repeated_start_is_boot = false;
+  std::vector<MessageType> messages;
+
+  // Null when there is none. The second finds the only one of its kind.
+  const MessageType* Find(std::string_view message) const;
+  const MessageType* Find(MessageKind kind) const;
+
+  // What a payload in that direction is, judged by length and id alone; null when it is no message.
+  const MessageType* Classify(Direction direction, std::span<const std::uint8_t> payload) const;
+
+  // Sets `message` only when it returns kOk. Of several violations the first of this list is told: kBadLength
+  // (shorter than an id), kUnknownId, kBadLength (of the message), kNotFinite (anywhere), kOutOfRange.
+  MessageStatus Decode(Direction direction, std::span<const std::uint8_t> payload, Message& message) const;
+
+  // `values`: one for each field. They go out as they are, not finite or out of range too: what is sent is the
+  // sender's business.
+  Payload Encode(const MessageType& type, std::span<const float> values) const;
+};
+
+// Those that are built in: "paper" is the paper's (section 2.1, Figure 3), "provant" that of the authors' published
+// server.
+std::span<const std::shared_ptr<const Protocol>> Protocols();
+// Null when there is none of that name.
+std::shared_ptr<const Protocol> FindProtocol(std::string_view name);
+
+}  // namespace tiltproof::link

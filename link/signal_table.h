@@ -1,0 +1,94 @@
+// Signals as data: what a vehicle has is a table that it gives when it is loaded, and values are plain rows of
+// numbers in that table's order.
+//
+//   const SignalTable sensors = model.signals().sensors;
+//   if (const auto z = sensors.Find("z_m")) values[*z] += 0.5F;
+//
+// A name is looked up once, when something is loaded; what runs every step has the index.
+//
+// Structs of named fields are the firmware's alone (firmware/signals.h): it is written for one vehicle.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace tiltproof {
+
+// What a vector's components are measured along.
+enum class SignalFrame : unsigned char {
+  kNone,   // no vector: a time, a count
+  kWorld,  // W, z up
+  kBody,   // the main body's axes
+  kEuler,  // Z-Y-X angles of the body in the world, and their derivatives
+  kHinge,  // about a servo's hinge
+  kRotor,  // along a rotor's thrust
+};
+
+struct Signal {
+  std::string name;    // trace column and scenario name; ends in its unit: "vx_m_s"
+  std::string unit;    // "m", "rad", "m/s", "rad/s", "N", "N m"
+  double scale = 1.0;  // by which the margin of a comparison is divided; > 0
+  SignalFrame frame{};
+  friend bool operator==(const Signal&, const Signal&) = default;
+};
+
+// The signal of that name, whose end says the unit: "vx_m_s" is in m/s. Its scale is what counts as "a lot" in
+// that unit: 0.5 rad, and 1 of everything else. A name without a unit has none, and the scale 1.
+inline Signal SignalNamed(std::string name, SignalFrame frame) {
+  struct Unit {
+    std::string_view suffix, unit;
+    double scale;
+  };
+  // Of two endings that fit, the longer comes first.
+  static constexpr std::array<Unit, 7> kUnits = {{{"_rad_s", "rad/s", 1.0},
+                                                  {"_m_s", "m/s", 1.0},
+                                                  {"_rad", "rad", 0.5},
+                                                  {"_nm", "N m", 1.0},
+                                                  {"_m", "m", 1.0},
+                                                  {"_n", "N", 1.0},
+                                                  {"_s", "s", 1.0}}};
+  for (const Unit& unit : kUnits)
+    if (std::string_view(name).ends_with(unit.suffix))
+      return {std::move(name), std::string(unit.unit), unit.scale, frame};
+  return {std::move(name), "", 1.0, frame};
+}
+
+class SignalTable {
+ public:
+  SignalTable() = default;
+  // Names differ from each other.
+  explicit SignalTable(std::vector<Signal> signals) : signals_(std::move(signals)) {}
+
+  std::size_t size() const { return signals_.size(); }
+  bool empty() const { return signals_.empty(); }
+  const Signal& operator[](std::size_t index) const { return signals_[index]; }
+  auto begin() const { return signals_.begin(); }
+  auto end() const { return signals_.end(); }
+  // Its place in a row of values.
+  std::optional<std::size_t> Find(std::string_view name) const {
+    const auto found =
+        std::find_if(begin(), end(), [&](const Signal& signal) { return signal.name == name; });
+    if (found == end()) return std::nullopt;
+    return static_cast<std::size_t>(found - begin());
+  }
+  friend bool operator==(const SignalTable&, const SignalTable&) = default;
+
+ private:
+  std::vector<Signal> signals_;
+};
+
+// Of one vehicle.
+struct VehicleSignals {
+  SignalTable states;   // the truth, as in the trace
+  SignalTable sensors;  // what may be sent; some may be in another frame than the state of that name
+  SignalTable inputs;   // what actuators ask for
+  friend bool operator==(const VehicleSignals&, const VehicleSignals&) = default;
+};
+
+}  // namespace tiltproof

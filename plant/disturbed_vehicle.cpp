@@ -1,0 +1,39 @@
+#include "plant/disturbed_vehicle.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tiltproof::plant {
+
+VehicleModel WithBodies(const VehicleModel& vehicle, const Disturbance& disturbance) {
+  VehicleModel with = vehicle;
+  for (RigidBody* body : {&with.base, &with.thrusters[0].body, &with.thrusters[1].body}) {
+    body->mass_kg *= disturbance.mass_factor;
+    body->inertia_kg_m2 *= disturbance.inertia_factor;
+  }
+  const Disturbance::Vector& shift = disturbance.com_shift_m;
+  with.base.p_com_m += Eigen::Vector3d(shift[0], shift[1], shift[2]);
+  return with;
+}
+
+Eigen::Vector3d DragForce(const BodyDrag& drag, const Eigen::Vector3d& v_m_s) {
+  return -(drag.linear_n_s_m + drag.quadratic_n_s2_m2 * v_m_s.norm()) * v_m_s;
+}
+
+std::string DisturbanceProblem(const Disturbance& disturbance) {
+  const auto finite = [](const auto& values) {
+    return std::all_of(values.begin(), values.end(), [](double value) { return std::isfinite(value); });
+  };
+  const auto positive = [](double factor) { return std::isfinite(factor) && factor > 0; };
+  if (!positive(disturbance.mass_factor) || !positive(disturbance.inertia_factor))
+    return "a disturbance's factor of mass or inertia is not positive";
+  const bool rates =
+      std::all_of(disturbance.hinges.begin(), disturbance.hinges.end(),
+                  [](const Disturbance::Hinge& hinge) { return std::isfinite(hinge.rate_rad_s); });
+  if (finite(disturbance.force_n) && finite(disturbance.torque_nm) && finite(disturbance.wind_m_s) &&
+      finite(disturbance.com_shift_m) && finite(disturbance.thrust_factor) && rates)
+    return {};
+  return "a disturbance is not a number";
+}
+
+}  // namespace tiltproof::plant

@@ -1,0 +1,349 @@
+#include "plant/plant_world.h"
+
+#include <fmt/core.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <numbers>
+
+#include "plant/disturbed_vehicle.h"
+#include "plant/ode_library.h"
+
+namespace tiltproof::plant {
+namespace {
+
+static_assert(sizeof(dReal) == sizeof(double), "needs ODE built in double precision");
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+Vector3d ToVector(const dReal* v) { return {v[0], v[1], v[2]}; }
+
+Matrix3d ToMatrix(const dReal* r) {
+  Matrix3d matrix;
+  matrix << r[0], r[1], r[2], r[4], r[5], r[6], r[8], r[9], r[10];
+  return matrix;
+}
+
+void SetRotation(dBodyID body, const Matrix3d& r) {
+  const dMatrix3 rows = {r(0, 0), r(0, 1), r(0, 2), 0,       r(1, 0), r(1, 1),
+                         r(1, 2), 0,       r(2, 0), r(2, 1), r(2, 2), 0};
+  dBodySetRotation(body, rows);
+}
+
+}  // namespace
+
+void CheckSize(std::size_t size, const SignalTable& table, const char* what) {
+  if (size == table.size()) return;
+  fmt::print(stderr, "a row of {} has {} numbers, not {}\n", what, table.size(), size);
+  std::abort();
+}
+
+Vector3d Plant::World::Body::Com() const { return ToVector(dBodyGetPosition(id)); }
+Matrix3d Plant::World::Body::Attitude() const { return ToMatrix(dBodyGetRotation(id)); }
+Vector3d Plant::World::Body::Velocity() const { return ToVector(dBodyGetLinearVel(id)); }
+Vector3d Plant::World::Body::AngularVelocity() const { return ToVector(dBodyGetAngularVel(id)); }
+
+Plant::World::World(const VehicleModel& vehicle, const PlantOptions& plant_options)
+    : nominal(vehicle),
+      model(vehicle),
+      options(plant_options),
+      signals(model.signals()),
+      at(model.thrusters.size()),
+      input_min(model.InputMin()),
+      input_max(model.InputMax()),
+      input(signals.inputs.size()),
+      sample(signals.sensors.size()) {
+  if (options.step_ns <= 0) throw PlantError("the step must be positive");
+  step_s = ToSeconds(options.step_ns);
+  if (model.sensor_rate_hz > 0) sensor_period_ns = FromSeconds(1 / model.sensor_rate_hz);
+  InitialiseOde();
+  try {
+    Create();
+  } catch (...) {
+    Destroy();
+    throw;
+  }
+}
+
+Plant::World::~World() { Destroy(); }
+
+void Plant::World::Create() {
+  world = dWorldCreate();
+  // The default is shared by all worlds of the process; an error in one must not touch another.
+  threading = dThreadingAllocateSelfThreadedImplementation();
+  dWorldSetStepThreadingImplementation(world, dThreadingImplementationGetFunctions(threading), threading);
+  dWorldSetGravity(world, 0, 0, -options.gravity_m_s2);
+  base = CreateBody(model.base, Vector3d::Zero(), Matrix3d::Identity());
+  for (std::size_t side = 0; side < thrusters.size(); ++side) {
+    const TiltingThruster& thruster = model.thrusters[side];
+    thrusters[side] = CreateBody(thruster.body, thruster.p_BT_m, thruster.R_BT);
+    // ODE takes the bodies' present pose for the hinge angle 0.
+    const dJointID hinge = hinges[side] = dJointCreateHinge(world, nullptr);
+    dJointAttach(hinge, thrusters[side].id, base.id);
+    dJointSetHingeAnchor(hinge, thruster.p_BH_m.x(), thruster.p_BH_m.y(), thruster.p_BH_m.z());
+    dJointSetHingeAxis(hinge, thruster.axis_B.x(), thruster.axis_B.y(), thruster.axis_B.z());
+    dJointSetHingeParam(hinge, dParamLoStop, thruster.angle_min_rad);
+    dJointSetHingeParam(hinge, dParamHiStop, thruster.angle_max_rad);
+    dJointSetHingeParam(hinge, dParamBounce, 0);
+  }
+  contact_joints = dJointGroupCreate(0);
+  ground = dCreatePlane(nullptr, 0, 0, 1, 0);
+  CreateShape();
+}
+
+void Plant::World::Destroy() {
+  if (shape != nullptr) dGeomDestroy(shape);
+  if (ground != nullptr) dGeomDestroy(ground);
+  if (contact_joints != nullptr) dJointGroupDestroy(contact_joints);
+  if (world != nullptr) dWorldDestroy(world);
+  // ODE insists that no job is left when the threading goes; after an error some are, so it stays: some
+  // kilobytes.
+  if (threading != nullptr && !broken) dThreadingFreeImplementation(threading);
+  shape = ground = nullptr;
+  contact_joints = nullptr;
+  world = nullptr;
+  threading = nullptr;
+  broken = false;
+}
+
+Plant::World::Body Plant::World::CreateBody(const RigidBody& body, const Vector3d& p_BL,
+                                            const Matrix3d& R_BL) const {
+  const Matrix3d& i = body.inertia_kg_m2;
+  dMass mass;
+  dMassSetParameters(&mass, body.mass_kg, 0, 0, 0, i(0, 0), i(1, 1), i(2, 2), i(0, 1), i(0, 2), i(1, 2));
+  // ODE checks this itself in debug builds only.
+  if (dMassCheck(&mass) == 0) {
+    throw PlantError(fmt::format("link '{}': ODE cannot integrate this mass and inertia", body.link));
+  }
+  const dBodyID id = dBodyCreate(world);
+  dBodySetMass(id, &mass);
+  dBodySetGyroscopicMode(id, 1);
+  dBodySetAutoDisableFlag(id, 0);
+  const Vector3d com = p_BL + R_BL * body.p_com_m;
+  dBodySetPosition(id, com.x(), com.y(), com.z());
+  SetRotation(id, R_BL);
+  return {.id = id, .p_com_m = body.p_com_m, .inertia_kg_m2 = i, .mass_kg = body.mass_kg};
+}
+
+void Plant::World::CreateShape() {
+  const CollisionShape& from = model.collision;
+  const Vector3d& size = from.size_m;
+  switch (from.kind) {
+    case CollisionShape::Kind::kBox:
+      shape = dCreateBox(nullptr, size.x(), size.y(), size.z());
+      break;
+    case CollisionShape::Kind::kSphere:
+      shape = dCreateSphere(nullptr, size.x());
+      break;
+    case CollisionShape::Kind::kCylinder:
+      shape = dCreateCylinder(nullptr, size.x(), size.y());
+      break;
+  }
+  const Vector3d p_CS = from.p_BS_m - model.base.p_com_m;
+  const Matrix3d& r = from.R_BS;
+  const dMatrix3 rows = {r(0, 0), r(0, 1), r(0, 2), 0,       r(1, 0), r(1, 1),
+                         r(1, 2), 0,       r(2, 0), r(2, 1), r(2, 2), 0};
+  dGeomSetBody(shape, base.id);
+  dGeomSetOffsetPosition(shape, p_CS.x(), p_CS.y(), p_CS.z());
+  dGeomSetOffsetRotation(shape, rows);
+  shape_radius_m = size.norm();
+}
+
+void Plant::World::Place(std::span<const double> state) {
+  CheckSize(state.size(), signals.states, "states");
+  for (std::size_t i = 0; i < state.size(); ++i) {
+    if (!std::isfinite(state[i]))
+      throw PlantError(fmt::format("cannot start at {} = {}", signals.states[i].name, state[i]));
+  }
+  if (broken || bodies != Disturbance{}) Rebuild(nominal);
+  bodies = {};
+  HoldHinges({});
+  dRandSetSeed(0);  // ODE's generator is the process's: every flight begins with the same
+  event = FlightEvent::kNone;
+  event_text.clear();
+  time_ns = next_sample_ns = 0;
+  PutBodies(state);
+  FindContacts();
+  CheckEvent();
+  Sample();
+}
+
+void Plant::World::PutBodies(std::span<const double> state) {
+  const Vector3d angles = VectorAt(state, at.attitude);
+  const Matrix3d R_WB = FromEuler(angles[0], angles[1], angles[2]);
+  const Vector3d p_WB = VectorAt(state, at.position), v_WB = VectorAt(state, at.velocity);
+  const Vector3d w_WB = VectorAt(state, at.rates);
+  const auto place = [](const Body& body, const Vector3d& com, const Matrix3d& R, const Vector3d& v,
+                        const Vector3d& w) {
+    dBodySetPosition(body.id, com.x(), com.y(), com.z());
+    SetRotation(body.id, R);
+    dBodySetLinearVel(body.id, v.x(), v.y(), v.z());
+    dBodySetAngularVel(body.id, w.x(), w.y(), w.z());
+    dBodySetForce(body.id, 0, 0, 0);
+    dBodySetTorque(body.id, 0, 0, 0);
+  };
+  const Vector3d base_com = R_WB * base.p_com_m;
+  place(base, p_WB + base_com, R_WB, v_WB + w_WB.cross(base_com), w_WB);
+
+  for (std::size_t side = 0; side < thrusters.size(); ++side) {
+    const TiltingThruster& thruster = model.thrusters[side];
+    const Matrix3d turn = Eigen::AngleAxisd(state[at.hinges + side], thruster.axis_B).toRotationMatrix();
+    const Vector3d to_hinge = R_WB * thruster.p_BH_m;
+    const Vector3d to_com =
+        R_WB * turn * (thruster.p_BT_m + thruster.R_BT * thruster.body.p_com_m - thruster.p_BH_m);
+    const Vector3d w = w_WB + R_WB * thruster.axis_B * state[at.hinge_rates + side];
+    place(thrusters[side], p_WB + to_hinge + to_com, R_WB * turn * thruster.R_BT,
+          v_WB + w_WB.cross(to_hinge) + w.cross(to_com), w);
+  }
+}
+
+void Plant::World::Observe(std::span<double> state) const {
+  const Matrix3d R = base.Attitude();
+  const Vector3d to_origin = -(R * base.p_com_m);
+  const Vector3d w = base.AngularVelocity();
+  const double yaw = std::atan2(R(1, 0), R(0, 0));
+  SetVector(state, at.position, base.Com() + to_origin);
+  SetVector(state, at.attitude,
+            {std::atan2(R(2, 1), R(2, 2)), std::asin(std::clamp(-R(2, 0), -1.0, 1.0)),
+             yaw <= -std::numbers::pi ? std::numbers::pi : yaw});
+  SetVector(state, at.velocity, base.Velocity() + w.cross(to_origin));
+  SetVector(state, at.rates, w);
+  for (std::size_t side = 0; side < hinges.size(); ++side) {
+    state[at.hinges + side] = dJointGetHingeAngle(hinges[side]);
+    state[at.hinge_rates + side] = dJointGetHingeAngleRate(hinges[side]);
+  }
+}
+
+void Plant::World::Rebuild(const VehicleModel& as) {
+  Destroy();
+  model = as;
+  held = {};
+  Create();
+}
+
+// ODE has the bodies of a hinge turn about anchors that lie fixed in both: other masses take another world, which
+// goes on from the same state. Rare: when such a disturbance begins, changes or ends.
+void Plant::World::ChangeBodies(const Disturbance& disturbance) {
+  Disturbance wanted;
+  wanted.mass_factor = disturbance.mass_factor;
+  wanted.inertia_factor = disturbance.inertia_factor;
+  wanted.com_shift_m = disturbance.com_shift_m;
+  if (wanted == bodies) return;
+  std::vector<double> state(signals.states.size());
+  Observe(state);
+  Rebuild(WithBodies(nominal, wanted));
+  bodies = wanted;
+  PutBodies(state);
+  FindContacts();
+}
+
+// By a motor that is stronger than the servo. It stops short of the hinge's stops: ODE pushes a motor through them.
+void Plant::World::HoldHinges(const Disturbance& disturbance) {
+  constexpr double kMotorMax_nm = 100, kShort_rad = 1e-4;
+  for (std::size_t side = 0; side < hinges.size(); ++side) {
+    const Disturbance::Hinge& hinge = disturbance.hinges[side];
+    if (!hinge.held && !held[side]) continue;
+    held[side] = hinge.held;
+    dJointSetHingeParam(hinges[side], dParamFMax, hinge.held ? kMotorMax_nm : 0);
+    if (!hinge.held) continue;
+    const double angle = dJointGetHingeAngle(hinges[side]);
+    const double down = (model.thrusters[side].angle_min_rad + kShort_rad - angle) / step_s;
+    const double up = (model.thrusters[side].angle_max_rad - kShort_rad - angle) / step_s;
+    dJointSetHingeParam(hinges[side], dParamVel,
+                        std::clamp(hinge.rate_rad_s, std::min(down, 0.0), std::max(up, 0.0)));
+  }
+}
+
+void Plant::World::Push(const Disturbance& disturbance) {
+  const auto vector = [](const Disturbance::Vector& v) { return Vector3d(v[0], v[1], v[2]); };
+  Vector3d force = vector(disturbance.force_n);
+  if (model.drag != BodyDrag{})
+    force += DragForce(model.drag, base.Velocity() - vector(disturbance.wind_m_s));
+  const Vector3d torque = vector(disturbance.torque_nm);
+  // Adding a zero may change the sign of one.
+  if (!force.isZero(0)) dBodyAddForce(base.id, force.x(), force.y(), force.z());
+  if (!torque.isZero(0)) dBodyAddTorque(base.id, torque.x(), torque.y(), torque.z());
+}
+
+// With `input`.
+void Plant::World::StepOnce(const Disturbance& disturbance) {
+  ChangeBodies(disturbance);
+  HoldHinges(disturbance);
+  Push(disturbance);
+  for (std::size_t side = 0; side < thrusters.size(); ++side) {
+    const TiltingThruster& thruster = model.thrusters[side];
+    const Vector3d force = thruster.thrust_axis_T * (input[side] * disturbance.thrust_factor[side]);
+    const Vector3d drag = force * (thruster.direction * thruster.drag_ratio_m);
+    dBodyAddRelForce(thrusters[side].id, force.x(), force.y(), force.z());
+    dBodyAddRelTorque(thrusters[side].id, drag.x(), drag.y(), drag.z());
+    dJointAddHingeTorque(hinges[side], input[thrusters.size() + side]);
+  }
+  for (int i = 0; i < contact_count; ++i) {
+    dContact contact{};
+    contact.surface.mode = dContactSoftERP | dContactSoftCFM | dContactApprox1;
+    contact.surface.mu = 0.8;
+    contact.surface.soft_erp = 0.2;
+    contact.surface.soft_cfm = 1e-4;
+    contact.geom = contacts[static_cast<std::size_t>(i)];
+    dJointAttach(dJointCreateContact(world, contact_joints, &contact), dGeomGetBody(contact.geom.g1),
+                 dGeomGetBody(contact.geom.g2));
+  }
+  dWorldStep(world, step_s);
+  if (contact_count > 0) dJointGroupEmpty(contact_joints);
+  time_ns += options.step_ns;
+  FindContacts();
+}
+
+void Plant::World::FindContacts() {
+  contact_count = 0;
+  // Looking at the height first spares the collision of a flying vehicle; written so that NaN goes no
+  // further.
+  if (!options.ground || !(dGeomGetPosition(shape)[2] <= shape_radius_m)) return;
+  contact_count = dCollide(shape, ground, kContactsMax, contacts.data(), sizeof(dContactGeom));
+}
+
+void Plant::World::Sample() {
+  if (sensor_period_ns <= options.step_ns) return;
+  if (time_ns < next_sample_ns) return;
+  Observe(sample);
+  next_sample_ns += sensor_period_ns;
+}
+
+void Plant::World::SetEvent(FlightEvent kind, std::string text) {
+  event = kind;
+  event_text = std::move(text);
+}
+
+void Plant::World::CheckEvent() {
+  if (event == FlightEvent::kNotFinite) return;
+  // A sum is finite only if its terms are; the hinges carry what happens to one body to the others.
+  const Vector3d p = base.Com();
+  const dReal* q = dBodyGetQuaternion(base.id);
+  const double sum = p.sum() + q[0] + q[1] + q[2] + q[3] + base.Velocity().sum() +
+                     base.AngularVelocity().sum() + thrusters[0].AngularVelocity().sum() +
+                     thrusters[1].AngularVelocity().sum();
+  if (!std::isfinite(sum)) {
+    SetEvent(FlightEvent::kNotFinite, fmt::format("the state of '{}' is not finite", model.base.link));
+    return;
+  }
+  if (event != FlightEvent::kNone) return;
+  const dReal* R = dBodyGetRotation(base.id);
+  if (p.squaredNorm() > kPositionMax_m * kPositionMax_m) {
+    SetEvent(FlightEvent::kTooFar, fmt::format("'{}' is {:.0f} m from the origin, limit {:.0f} m",
+                                               model.base.link, p.norm(), kPositionMax_m));
+  } else if (R[10] < 0) {
+    SetEvent(FlightEvent::kTilted,
+             fmt::format("'{}' is tilted by {:.1f} deg, limit 90 deg", model.base.link,
+                         std::acos(std::clamp(R[10], -1.0, 1.0)) * 180 / std::numbers::pi));
+  } else if (contact_count > 0) {
+    SetEvent(FlightEvent::kGroundStrike,
+             fmt::format("'{}' touches the ground at ({:.2f}, {:.2f}) m with {:.2f} m/s", model.base.link,
+                         contacts[0].pos[0], contacts[0].pos[1], base.Velocity().norm()));
+  }
+}
+
+}  // namespace tiltproof::plant

@@ -1,0 +1,91 @@
+// The bodies and hinges of a vehicle in ODE's world, and one step of them. Internal to the plant.
+#pragma once
+
+#include <ode/ode.h>
+
+#include <Eigen/Core>
+#include <array>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "plant/plant.h"
+#include "plant/state_row.h"
+
+namespace tiltproof::plant {
+
+// Ends the program when a row has not the table's size.
+void CheckSize(std::size_t size, const SignalTable& table, const char* what);
+
+struct Plant::World {
+  static constexpr int kContactsMax = 8;
+  using Vector3d = Eigen::Vector3d;
+  using Matrix3d = Eigen::Matrix3d;
+
+  // A body of ours, and ODE's at its centre of mass.
+  struct Body {
+    dBodyID id = nullptr;
+    Vector3d p_com_m;
+    Matrix3d inertia_kg_m2;
+    double mass_kg = 0;
+
+    Vector3d Com() const;
+    Matrix3d Attitude() const;
+    Vector3d Velocity() const;
+    Vector3d AngularVelocity() const;
+  };
+
+  World(const VehicleModel& vehicle, const PlantOptions& plant_options);
+  ~World();
+  World(const World&) = delete;
+  World& operator=(const World&) = delete;
+
+  void Create();
+  void Destroy();
+  Body CreateBody(const RigidBody& body, const Vector3d& p_BL, const Matrix3d& R_BL) const;
+  void CreateShape();
+
+  void Place(std::span<const double> state);
+  void PutBodies(std::span<const double> state);
+  void StepOnce(const Disturbance& disturbance);
+  void Rebuild(const VehicleModel& as);
+  void ChangeBodies(const Disturbance& disturbance);
+  void HoldHinges(const Disturbance& disturbance);
+  void Push(const Disturbance& disturbance);
+  void Observe(std::span<double> state) const;  // world rates
+  void FindContacts();
+  void Sample();
+  void CheckEvent();
+  void SetEvent(FlightEvent kind, std::string text);
+
+  const VehicleModel nominal;  // as it was loaded
+  VehicleModel model;          // with the masses of the latest disturbance
+  Disturbance bodies;          // of which that is: its factors of mass and inertia, and its shift
+  PlantOptions options;
+  VehicleSignals signals;
+  StateLayout at;
+  std::vector<double> input_min, input_max;
+  std::vector<double> input;  // in force during the step
+  double step_s = 0;
+
+  dWorldID world = nullptr;
+  dThreadingImplementationID threading = nullptr;  // runs the step in the caller's thread
+  bool broken = false;                             // an error left the step in the middle
+  dJointGroupID contact_joints = nullptr;
+  dGeomID ground = nullptr, shape = nullptr;
+  double shape_radius_m = 0;  // no point of the shape is farther from its centre
+  Body base;
+  std::array<Body, 2> thrusters;
+  std::array<dJointID, 2> hinges{};
+  std::array<bool, 2> held{};  // hinges that a disturbance holds
+
+  std::array<dContactGeom, kContactsMax> contacts{};
+  int contact_count = 0;
+
+  TimeNs time_ns = 0, sensor_period_ns = 0, next_sample_ns = 0;
+  std::vector<double> sample;
+  FlightEvent event = FlightEvent::kNone;
+  std::string event_text;
+};
+
+}  // namespace tiltproof::plant

@@ -1,0 +1,84 @@
+// Everything that a fault can change, over a flight without a vehicle: what the tests of all types look at.
+#pragma once
+
+#include <array>
+#include <bit>
+#include <cstdint>
+#include <vector>
+
+#include "tests/faults/faulty_line.h"
+
+namespace tiltproof::faults {
+
+inline constexpr std::int64_t kFrames = 1000;
+inline constexpr TimeNs kPeriod = 12 * kNsPerMs;
+
+// Sample n of a flight: every sensor moves. Of no use to a frozen sensor is one that stands still.
+inline Sensors Sample(std::int64_t n) {
+  Sensors sensors;
+  float value = static_cast<float>(n);
+  for (const auto& field : kSensorFields) sensors.*field.in_float = value += 0.25F;
+  return sensors;
+}
+
+inline ActuatorsTruth Command(std::int64_t n) {
+  return {.f_r_n = 10 + 0.01 * static_cast<double>(n), .f_l_n = 10.5, .tau_r_nm = 0.1, .tau_l_nm = -0.1};
+}
+
+// Everything that a fault can change, over kFrames periods of 12 ms.
+struct Outcome {
+  std::vector<std::vector<link::Chunk>> frames;
+  std::vector<Sensors> sensors;
+  std::vector<ActuatorsTruth> actuators;
+  std::vector<Disturbance> disturbances;
+  std::vector<std::int64_t> counts;
+  std::vector<Activation> activations;
+};
+
+inline Outcome Fly(const std::vector<FaultSpec>& specs, std::uint64_t seed = 1) {
+  FaultSchedule schedule = AtThePlant(specs, seed);
+  Outcome outcome;
+  outcome.frames = Send(schedule, kFrames);
+  for (std::int64_t n = 0; n < kFrames; ++n) {
+    outcome.sensors.push_back(Sample(n));
+    EditSensors(schedule, n * kPeriod, outcome.sensors.back());
+    outcome.actuators.push_back(Command(n));
+    EditActuators(schedule, n * kPeriod, outcome.actuators.back());
+    outcome.disturbances.push_back(schedule.DisturbanceOf(n * kPeriod));
+  }
+  outcome.counts = schedule.ActivationCounts();
+  outcome.activations = schedule.TakeActivations(0);
+  return outcome;
+}
+
+// Of what a fault makes of the same flight.
+inline std::uint64_t DigestOf(const Outcome& outcome) {
+  std::uint64_t digest = 0xcbf29ce484222325ULL;  // FNV-1a
+  const auto add = [&](auto value) {
+    for (const auto byte : std::bit_cast<std::array<std::uint8_t, sizeof value>>(value))
+      digest = (digest ^ byte) * 0x100000001b3ULL;
+  };
+  for (const auto& chunks : outcome.frames) {
+    for (const auto& chunk : chunks) {
+      add(chunk.begin_ns);
+      for (const std::uint8_t byte : chunk.bytes) add(byte);
+    }
+  }
+  for (const auto& sensors : outcome.sensors)
+    for (const auto& field : kSensorFields) add(sensors.*field.in_float);
+  for (const auto& actuators : outcome.actuators)
+    for (const auto& field : kActuatorFields) add(actuators.*field.in_double);
+  for (const Disturbance& disturbance : outcome.disturbances) {
+    for (const auto* vector :
+         {&disturbance.force_n, &disturbance.torque_nm, &disturbance.wind_m_s, &disturbance.com_shift_m})
+      for (const double part : *vector) add(part);
+    add(disturbance.mass_factor);
+    add(disturbance.inertia_factor);
+    for (const double factor : disturbance.thrust_factor) add(factor);
+    for (const auto& hinge : disturbance.hinges) add(hinge.held ? hinge.rate_rad_s : -1e9);
+  }
+  add(outcome.counts.at(0));
+  return digest;
+}
+
+}  // namespace tiltproof::faults

@@ -1,0 +1,84 @@
+// What --client says is read once and written once.
+
+#include "harness/scenario/client_spec.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <filesystem>
+
+namespace tiltproof::harness {
+namespace {
+
+using testing::HasSubstr;
+
+std::string Mistake(const std::string& text) {
+  try {
+    return "none: " + ToText(ParseClient(text));
+  } catch (const ClientMistake& mistake) {
+    return mistake.what();
+  }
+}
+
+TEST(ClientSpec, EveryFormIsRead) {
+  const std::string here = std::filesystem::current_path().string() + "/";
+  EXPECT_EQ(ParseClient("host"), ClientSpec(HostLibrary{}));
+  EXPECT_EQ(ParseClient("library:a.so"), ClientSpec(HostLibrary{here + "a.so"}));
+  EXPECT_EQ(ParseClient("qemu"), ClientSpec(EmulatedImage{}));
+  EXPECT_EQ(ParseClient("qemu:executive"), ClientSpec(EmulatedImage{}));
+  EXPECT_EQ(ParseClient("qemu:freertos,console=usart6"),
+            ClientSpec(EmulatedImage{.file = "", .scheduler = "freertos", .console_usart = 6}));
+  EXPECT_EQ(ParseClient("qemu:x.elf,main=usart4,reference=usart5"),
+            ClientSpec(EmulatedImage{.file = here + "x.elf", .main_usart = 4, .reference_usart = 5}));
+  EXPECT_EQ(ParseClient("process:./a --b=c:d,e"), ClientSpec(Program{"./a --b=c:d,e"}));
+  EXPECT_EQ(ParseClient("serial:/dev/ttyUSB0"), ClientSpec(SerialBoard{"/dev/ttyUSB0", ""}));
+  EXPECT_EQ(ParseClient("serial:unix:/a,unix:@b"), ClientSpec(SerialBoard{"unix:/a", "unix:@b"}));
+}
+
+TEST(ClientSpec, ThePlainTextIsTheShortest) {
+  for (const char* text : {"host", "qemu", "qemu:freertos", "qemu:/x.elf,main=usart6", "library:/a/b.so",
+                           "process:sleep 1", "serial:/dev/a", "serial:/dev/a,/dev/b"})
+    EXPECT_EQ(ToText(ParseClient(text)), text);
+  EXPECT_EQ(ToText(ParseClient("qemu:executive,main=usart2")), "qemu");
+}
+
+RC_GTEST_PROP(ClientSpec, TheTextReadsBackAsTheSame, ()) {
+  const auto word = *rc::gen::nonEmpty(rc::gen::container<std::string>(rc::gen::inRange('a', 'z')));
+  const auto usarts = *rc::gen::unique<std::vector<int>>(3, rc::gen::inRange(1, 7));
+  const ClientSpec client = *rc::gen::element<ClientSpec>(
+      HostLibrary{"/" + word}, EmulatedImage{"/" + word, "executive", usarts[0], usarts[1], usarts[2]},
+      EmulatedImage{"", "freertos", usarts[0], usarts[1], usarts[2]}, Program{word + ":," + word},
+      SerialBoard{word, ""}, SerialBoard{"unix:" + word, word});
+  RC_ASSERT(ParseClient(ToText(client)) == client);
+}
+
+TEST(ClientSpec, AMistakeSaysWhatToWrite) {
+  EXPECT_THAT(Mistake("serail:/dev/x"), HasSubstr("unknown kind 'serail', did you mean serial?"));
+  EXPECT_THAT(Mistake("hots"), HasSubstr("did you mean host?"));
+  // Far from all: it says what there is.
+  for (const ClientForm& form : ClientForms())
+    EXPECT_THAT(Mistake("nonsense"), HasSubstr(std::string(form.form)));
+  EXPECT_THAT(Mistake("host:/x.so"), HasSubstr("library:FILE"));
+  EXPECT_EQ(Mistake("serial:"), "names nothing");
+  EXPECT_EQ(Mistake("library"), "names nothing");
+  EXPECT_THAT(Mistake("serial:a,b,c"), HasSubstr("serial:DEVICE,DEVICE"));
+  EXPECT_THAT(Mistake("serial:a,reset=dtr"), HasSubstr("reset="));
+  EXPECT_THAT(Mistake("qemu,main=usart1"), HasSubstr("qemu:executive,main=usart1"));
+  EXPECT_THAT(Mistake("qemu:"), HasSubstr("qemu:FILE.elf"));
+  EXPECT_THAT(Mistake("qemu:x.elf,main=usart9"), HasSubstr("N from 1 to 6"));
+  EXPECT_THAT(Mistake("qemu:x.elf,main=usart3"), HasSubstr("a USART each"));
+}
+
+TEST(ClientSpec, TheKindAloneComesBack) {
+  for (const char* text : {"host", "qemu:/x.elf", "process:a", "serial:a"}) {
+    const ClientSpec client = ParseClient(text);
+    const auto kind = ClientOfKind(KindOf(client));
+    ASSERT_TRUE(kind.has_value()) << text;
+    EXPECT_EQ(kind->index(), client.index()) << text;
+  }
+  EXPECT_FALSE(ClientOfKind("").has_value());
+}
+
+}  // namespace
+}  // namespace tiltproof::harness

@@ -1,0 +1,80 @@
+// Signals that faults name are looked for in the tables of the scenario's vehicle, here one of our own.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <optional>
+#include <string>
+
+#include "harness/scenario/reader.h"
+
+namespace tiltproof::harness {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+class FaultSignalsTest : public testing::Test {
+ protected:
+  FaultSignalsTest() : models_(fs::path(testing::TempDir()) / "tiltproof_fault_signals") {
+    fs::create_directories(models_);
+    std::ofstream(models_ / "tiltrotor.sdf") << "<sdf/>";
+    options_.models_folder = models_;
+    options_.vehicle_signals = [this](const Scenario&) { return signals_; };
+  }
+  ~FaultSignalsTest() override { fs::remove_all(models_); }
+
+  // What is said of a scenario with this fault, empty when it is in order.
+  std::string Error(const std::string& fault) {
+    try {
+      ParseScenario("name: x\nduration_s: 24\nreference: {type: spiral}\nfaults: [" + fault + "]\n", "s.yaml",
+                    options_);
+      return "";
+    } catch (const ScenarioError& error) {
+      return error.what();
+    }
+  }
+  std::string Freeze(const std::string& signal) {
+    return Error("{id: a, type: sensor.freeze, parameters: {signal: " + signal + "}}");
+  }
+  std::string Loss(const std::string& actuator) {
+    return Error("{id: a, type: actuator.loss_of_effectiveness, parameters: {actuator: " + actuator +
+                 ", factor: 0.5}}");
+  }
+
+  fs::path models_;
+  ReadOptions options_;
+  std::optional<VehicleSignals> signals_ =
+      VehicleSignals{.states = {},
+                     .sensors = SignalTable({SignalNamed("z_m", SignalFrame::kWorld),
+                                             SignalNamed("keel_rad_s", SignalFrame::kHinge)}),
+                     .inputs = SignalTable({SignalNamed("f_front_left_n", SignalFrame::kRotor),
+                                            SignalNamed("tau_rudder_nm", SignalFrame::kHinge)})};
+};
+
+TEST_F(FaultSignalsTest, SensorsGoByTheirColumn) {
+  EXPECT_EQ(Freeze("keel_rad_s"), "");
+  EXPECT_EQ(Freeze("z"), "s.yaml:4:60: signal: unknown value 'z'; did you mean 'z_m'?");
+  EXPECT_EQ(Freeze("keel_rad"), "s.yaml:4:60: signal: unknown value 'keel_rad'; did you mean 'keel_rad_s'?");
+  // An input is no sensor.
+  EXPECT_EQ(Freeze("yaw_speed"), "s.yaml:4:60: signal: unknown value 'yaw_speed'; valid: z_m, keel_rad_s");
+  EXPECT_EQ(Freeze("f_front_left"),
+            "s.yaml:4:60: signal: unknown value 'f_front_left'; valid: z_m, keel_rad_s");
+  EXPECT_THAT(Freeze("\"z m\""), HasSubstr("s.yaml:4:60: signal: 'z m' must be letters, digits and '_'"));
+}
+
+TEST_F(FaultSignalsTest, ActuatorsGoWithoutTheUnit) {
+  EXPECT_EQ(Loss("tau_rudder"), "");
+  EXPECT_THAT(Loss("f_front_rigth"),
+              HasSubstr("actuator: unknown value 'f_front_rigth'; did you mean 'f_front_left'?"));
+  EXPECT_THAT(Loss("x"), HasSubstr("actuator: unknown value 'x'; valid: f_front_left, tau_rudder"));
+}
+
+TEST_F(FaultSignalsTest, AVehicleThatCannotBeLoadedIsAProblemOfTheModelAlone) {
+  signals_.reset();
+  EXPECT_EQ(Freeze("z"), "");
+}
+
+}  // namespace
+}  // namespace tiltproof::harness

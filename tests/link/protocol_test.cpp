@@ -1,0 +1,239 @@
+// The protocols as data, against the firmware's own encoders and decoders, which are written by hand.
+#include "link/protocol.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <bit>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "firmware/messages.h"
+
+namespace tiltproof::link {
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+const Protocol& Paper() { return *FindProtocol("paper"); }
+
+Bytes ToBytes(std::span<const std::uint8_t> bytes) { return {bytes.begin(), bytes.end()}; }
+
+// Bit by bit: NaN equals itself, and 0 is not -0.
+Bytes BitsOf(const void* values, std::size_t count) {
+  const auto* first = static_cast<const std::uint8_t*>(values);
+  return {first, first + 4 * count};
+}
+Bytes BitsOf(std::span<const float> values) { return BitsOf(values.data(), values.size()); }
+
+// What a decoder says: its status, and when that is kOk what the message is and its values.
+struct Said {
+  MessageStatus status{};
+  MessageKind kind = MessageKind::kUnknown;
+  Bytes values;
+  friend bool operator==(const Said&, const Said&) = default;
+};
+
+Said Table(const Protocol& protocol, Direction direction, const Bytes& payload) {
+  Message message;
+  Said said{.status = protocol.Decode(direction, payload, message), .values = {}};
+  if (said.status != MessageStatus::kOk) return said;
+  said.kind = message.type->kind;
+  said.values = BitsOf(message.values);
+  return said;
+}
+
+template <class Group>
+void Take(Said& said, MessageKind kind, const Group& group) {
+  if (said.status != MessageStatus::kOk) return;
+  said.kind = kind;
+  said.values = BitsOf(&group, sizeof(Group) / 4);
+}
+
+Said ByHand(Dialect dialect, Direction direction, const Bytes& payload) {
+  Said said;
+  switch (direction) {
+    case Direction::kToPlant: {
+      ClientMessage message;
+      said.status = DecodeClientMessage(dialect, payload, message);
+      if (said.status != MessageStatus::kOk) break;
+      said.kind = message.start          ? MessageKind::kStart
+                  : message.read_sensors ? MessageKind::kSensors
+                                         : MessageKind::kActuators;
+      if (message.has_actuators) said.values = BitsOf(&message.actuators, kActuatorCount);
+      break;
+    }
+    case Direction::kToClient: {
+      Sensors sensors;
+      said.status = DecodeSensors(payload, sensors);
+      Take(said, MessageKind::kReply, sensors);
+      break;
+    }
+    case Direction::kReference: {
+      Reference reference;
+      said.status = DecodeReference(payload, reference);
+      Take(said, MessageKind::kReference, reference);
+      break;
+    }
+  }
+  return said;
+}
+
+// Payloads at the edges of everything: right lengths and wrong ones, known ids and near misses, values around every
+// limit, infinities, NaN, denormals.
+class Payloads {
+  template <class Array>
+  auto OneOf(const Array& array) {
+    return array[random_() % array.size()];
+  }
+
+ public:
+  Bytes Next() {
+    static constexpr std::array<std::size_t, 10> kLengths = {0, 3, 4, 5, 20, 24, 28, 63, 64, 68};
+    Bytes payload;
+    const std::size_t length = OneOf(kLengths);
+    while (payload.size() < length) Append(payload, payload.empty() && Flip() ? Id() : Value());
+    payload.resize(length);
+    while (!payload.empty() && random_() % 8 == 0)
+      payload[random_() % payload.size()] ^= static_cast<std::uint8_t>(1U << random_() % 8);
+    return payload;
+  }
+  float Value() {
+    static constexpr std::array<float, 7> kLimits = {1e4F, 100.F, 1e3F, 1e2F, 0.F, 1.F, 1e-40F};
+    const std::uint32_t bits = std::bit_cast<std::uint32_t>(OneOf(kLimits));
+    const auto sign = static_cast<std::uint32_t>(random_() % 2) << 31;
+    switch (random_() % 16) {
+      case 0:
+        return std::bit_cast<float>(0x7F80'0000U | sign);  // infinity
+      case 1:
+        return std::bit_cast<float>(0x7F80'0001U | sign);  // a signalling NaN
+      case 2:
+        return std::bit_cast<float>(static_cast<std::uint32_t>(random_()));
+      case 3:
+        return std::bit_cast<float>((bits + 1) | sign);
+      default:
+        return std::bit_cast<float>(bits | sign);
+    }
+  }
+
+ private:
+  bool Flip() { return random_() % 2 == 0; }
+  float Id() {
+    static constexpr std::array<float, 6> kIds = {0.F, -0.F, 1.F, 2.F, 3.F, 4.F};
+    return OneOf(kIds);
+  }
+  static void Append(Bytes& payload, float value) {
+    const auto bits = std::bit_cast<std::array<std::uint8_t, 4>>(value);
+    payload.insert(payload.end(), bits.begin(), bits.end());
+  }
+
+  std::mt19937_64 random_{7};
+};
+
+constexpr std::array kDirections = {Direction::kToPlant, Direction::kToClient, Direction::kReference};
+
+TEST(ProtocolTest, DecodesWhatTheFirmwaresOwnDecodersDo) {
+  Payloads payloads;
+  std::array<int, kMessageStatusCount> statuses{};
+  for (int i = 0; i < 300'000; ++i) {
+    const Bytes payload = payloads.Next();
+    for (const Dialect dialect : {Dialect::kPaper, Dialect::kProvant})
+      for (const Direction direction : kDirections) {
+        const Said said = Table(*FindProtocol(Name(dialect)), direction, payload);
+        ASSERT_EQ(said, ByHand(dialect, direction, payload)) << Name(dialect) << " " << Name(direction);
+        ++statuses[static_cast<std::size_t>(said.status)];
+      }
+  }
+  for (const int count : statuses) EXPECT_GT(count, 1000);
+}
+
+TEST(ProtocolTest, ClassifiesByLengthAndIdAlone) {
+  Payloads payloads;
+  for (int i = 0; i < 100'000; ++i) {
+    const Bytes payload = payloads.Next();
+    for (const Dialect dialect : {Dialect::kPaper, Dialect::kProvant}) {
+      const Protocol& protocol = *FindProtocol(Name(dialect));
+      const MessageType* type = protocol.Classify(Direction::kToPlant, payload);
+      ASSERT_EQ(type == nullptr ? MessageKind::kUnknown : type->kind,
+                ClassifyClientPayload(dialect, payload));
+      ASSERT_EQ(protocol.Classify(Direction::kToClient, payload) != nullptr, payload.size() == 64);
+      ASSERT_EQ(protocol.Classify(Direction::kReference, payload) != nullptr, payload.size() == 28);
+    }
+  }
+}
+
+TEST(ProtocolTest, EncodesWhatTheFirmwaresOwnEncodersDo) {
+  Payloads payloads;
+  for (int i = 0; i < 1000; ++i) {
+    std::array<float, 16> row;
+    for (float& value : row) value = payloads.Value();
+    const auto actuators = std::bit_cast<Actuators>(std::array{row[0], row[1], row[2], row[3]});
+    const auto reference =
+        std::bit_cast<Reference>(std::array{row[0], row[1], row[2], row[3], row[4], row[5], row[6]});
+    const auto encode = [&](const Protocol& protocol, std::string_view name) {
+      const MessageType& type = *protocol.Find(name);
+      return ToBytes(protocol.Encode(type, std::span(row).first(type.fields.size())).span());
+    };
+    for (const Dialect dialect : {Dialect::kPaper, Dialect::kProvant}) {
+      const Protocol& protocol = *FindProtocol(Name(dialect));
+      ASSERT_EQ(encode(protocol, "start"), ToBytes(EncodeStart(dialect, actuators).span()));
+      ASSERT_EQ(encode(protocol, "read_sensors"), ToBytes(EncodeReadSensors(dialect).span()));
+      ASSERT_EQ(encode(protocol, "actuators"), ToBytes(EncodeActuators(dialect, actuators).span()));
+      ASSERT_EQ(encode(protocol, "sensors"), ToBytes(EncodeSensors(std::bit_cast<Sensors>(row)).span()));
+      ASSERT_EQ(encode(protocol, "reference"), ToBytes(EncodeReference(reference).span()));
+    }
+  }
+}
+
+// Fields go by name: the order on the wire is that of the firmware's structs.
+TEST(ProtocolTest, FieldsHaveTheFirmwaresNamesAndOrder) {
+  for (const auto& protocol : Protocols()) {
+    const auto expect_fields = [&](std::string_view message, const auto& fields) {
+      const MessageType& type = *protocol->Find(message);
+      ASSERT_EQ(type.fields.size(), fields.size());
+      for (std::size_t i = 0; i < fields.size(); ++i) EXPECT_EQ(type.fields[i].signal, fields[i].column);
+    };
+    expect_fields("sensors", kSensorFields);
+    expect_fields("actuators", kActuatorFields);
+    expect_fields("reference", kReferenceFields);
+  }
+}
+
+TEST(ProtocolTest, EachProtocolIsWhole) {
+  for (const auto& protocol : Protocols()) {
+    SCOPED_TRACE(protocol->name);
+    EXPECT_EQ(FindProtocol(protocol->name), protocol);
+    EXPECT_EQ(protocol->framing.flag, 0x7E);
+    EXPECT_EQ(protocol->control_period_ns, 12 * kNsPerMs);
+    int starts_count = 0;
+    for (const MessageType& type : protocol->messages) {
+      EXPECT_EQ(protocol->Find(type.name), &type);
+      EXPECT_EQ(protocol->Find(type.kind), &type);
+      starts_count += type.starts ? 1 : 0;
+      if (type.reply.empty()) continue;
+      ASSERT_NE(protocol->Find(type.reply), nullptr);
+      EXPECT_EQ(protocol->Find(type.reply)->direction, Direction::kToClient);
+    }
+    EXPECT_EQ(starts_count, 1);
+    EXPECT_EQ(protocol->Find("no such message"), nullptr);
+    EXPECT_EQ(protocol->Find(MessageKind::kUnknown), nullptr);
+  }
+  EXPECT_EQ(FindProtocol("klingon"), nullptr);
+}
+
+TEST(ProtocolTest, ARefusedPayloadLeavesTheMessageAlone) {
+  Message message;
+  const std::array<float, 4> hover = {10.F, 10.F, 0.F, 0.F};
+  const Payload right = Paper().Encode(*Paper().Find("actuators"), hover);
+  ASSERT_EQ(Paper().Decode(Direction::kToPlant, right.span(), message), MessageStatus::kOk);
+  const std::array<float, 4> wrong = {1.F, 2.F, 3.F, 1e9F};
+  EXPECT_EQ(
+      Paper().Decode(Direction::kToPlant, Paper().Encode(*Paper().Find("actuators"), wrong).span(), message),
+      MessageStatus::kOutOfRange);
+  EXPECT_EQ(message.type, Paper().Find("actuators"));
+  EXPECT_EQ(BitsOf(message.values), BitsOf(hover));
+}
+
+}  // namespace
+}  // namespace tiltproof::link
