@@ -31,6 +31,7 @@ namespace tiltproof::faults {
   FAULT(LinkDisconnect)              \
   FAULT(SensorBias)                  \
   FAULT(SensorFreeze)                \
+  FAULT(SensorNoise)                 \
   FAULT(ActuatorLossOfEffectiveness) \
   FAULT(NodeKill)                    \
   FAULT(NodePause)                   \

@@ -1,0 +1,33 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/faults/faulty_line.h"
+
+namespace tiltproof::faults {
+namespace {
+
+// Of n independent normal draws the mean is within 5 std / sqrt(n), the standard deviation within 5 std / sqrt(2 n), and
+// neighbours do not correlate beyond 5 / sqrt(n).
+TEST(NoiseTest, IsWhiteOfItsStandardDeviation) {
+  constexpr int kSamples = 20'000;
+  constexpr double kStd = 0.25;
+  FaultSchedule schedule = AtThePlant({Spec("sensor.noise", {{"signal", "z_m"}, {"std", kStd}})}, 3);
+  double sum = 0, squares = 0, neighbours = 0, before = 0;
+  for (int n = 0; n < kSamples; ++n) {
+    Sensors sensors{.x_m = 1.0F, .z_m = 4.0F};
+    EditSensors(schedule, n * 12 * kNsPerMs, sensors);
+    EXPECT_EQ(sensors.x_m, 1.0F);
+    const double noise = static_cast<double>(sensors.z_m) - 4.0;
+    sum += noise;
+    squares += noise * noise;
+    neighbours += noise * before;
+    before = noise;
+  }
+  EXPECT_NEAR(sum / kSamples, 0, 5 * kStd / std::sqrt(kSamples));
+  EXPECT_NEAR(std::sqrt(squares / kSamples), kStd, 5 * kStd / std::sqrt(2.0 * kSamples));
+  EXPECT_NEAR(neighbours / squares, 0, 5 / std::sqrt(kSamples));
+}
+
+}  // namespace
+}  // namespace tiltproof::faults
