@@ -33,6 +33,7 @@ namespace tiltproof::faults {
   FAULT(SensorFreeze)                \
   FAULT(SensorNoise)                 \
   FAULT(ActuatorLossOfEffectiveness) \
+  FAULT(ActuatorRateLimit)           \
   FAULT(NodeKill)                    \
   FAULT(NodePause)                   \
   FAULT(NodeRestart)                 \
