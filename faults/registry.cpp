@@ -34,6 +34,7 @@ namespace tiltproof::faults {
   FAULT(SensorNoise)                 \
   FAULT(ActuatorLossOfEffectiveness) \
   FAULT(ActuatorRateLimit)           \
+  FAULT(PlantForce)                  \
   FAULT(NodeKill)                    \
   FAULT(NodePause)                   \
   FAULT(NodeRestart)                 \
