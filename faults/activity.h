@@ -32,11 +32,6 @@ struct Window {
   bool Contains(TimeNs t) const { return begin_ns <= t && t < end_ns; }
 };
 
-// A time of another clock, which shows `origin_ns` at t = 0. Before that is known (kNever) every time is kPowerOn.
-constexpr TimeNs SimulationTime(TimeNs t, TimeNs origin_ns) {
-  return t == kPowerOn || origin_ns == kNever ? kPowerOn : t - origin_ns;
-}
-
 class Activity {
  public:
   // Of a valid fault with that window. All times here are simulation time; kPowerOn asks for before t = 0 is known, when

@@ -67,13 +67,16 @@ struct FaultSpec {
 // Whether it is active when others say so (faults/news.h), not by the clock alone.
 inline bool WaitsForNews(const FaultSpec& spec) { return !spec.when.empty() || spec.after.has_value(); }
 
-// One time that a fault acted.
-struct Activation {
-  TimeNs time_ns = 0;
+// One time that a fault acted. On a line it has boot time, in the log of a flight simulation time.
+template <class Time>
+struct TimedActivation {
+  Time time_ns{};
   std::size_t fault = 0;  // index in the scenario's list
   std::string what;       // "3 bits flipped", "dropped", "x_m 1.25 -> 1.75"
   // Wire faults: the frame before, and all that went on in its place (chunks with times).
-  std::vector<link::Chunk> before, after;
+  std::vector<link::TimedChunk<Time>> before, after;
 };
+using Activation = TimedActivation<TimeNs>;
+using LineActivation = TimedActivation<BootTime>;
 
 }  // namespace tiltproof::faults

@@ -34,11 +34,11 @@ inline constexpr std::size_t kWhatBytesMax = 4000;
 struct WireContext {
   Random& random;  // of this fault and this frame alone
   const Activity& activity;
-  TimeNs origin_ns;   // the chunks' time of t = 0; kNever before it is known
+  Origin origin;
   std::string* what;  // where to say what was done, for a person; null when it is not read
-  // Whether the fault is active at some time of [begin, end), in the chunks' time.
-  bool ActiveWithin(TimeNs begin, TimeNs end) const {
-    return activity.Touches(SimulationTime(begin, origin_ns), SimulationTime(end, origin_ns));
+  // Whether the fault is active at some time of [begin, end).
+  bool ActiveWithin(BootTime begin, BootTime end) const {
+    return activity.Touches(origin.SimulationTime(begin), origin.SimulationTime(end));
   }
   // Beyond kWhatBytesMax the rest is "...".
   void Say(std::string_view text) const;

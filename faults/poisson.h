@@ -19,11 +19,11 @@ class PoissonEvents {
   PoissonEvents(double rate_hz, std::uint64_t stream) : rate_hz_(rate_hz), stream_(stream) {}
 
   struct Event {
-    TimeNs time_ns;
+    BootTime time_ns;
     std::uint64_t key;  // of a generator for this event
   };
   // Those in [from, to), in order of time, appended to `events`.
-  void In(TimeNs from_ns, TimeNs to_ns, std::vector<Event>& events);
+  void In(BootTime from_ns, BootTime to_ns, std::vector<Event>& events);
 
  private:
   struct Second {

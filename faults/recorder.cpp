@@ -4,16 +4,37 @@
 
 namespace tiltproof::faults {
 
-std::vector<Activation> Recorder::Take(TimeNs origin_ns) {
+namespace {
+
+std::vector<link::LogChunk> Shifted(std::vector<link::Chunk>&& chunks, Origin origin) {
+  std::vector<link::LogChunk> shifted;
+  shifted.reserve(chunks.size());
+  for (link::Chunk& chunk : chunks)
+    shifted.push_back(
+        {origin.SimulationTime(chunk.begin_ns), std::move(chunk.bytes), chunk.kind, chunk.number});
+  return shifted;
+}
+
+Activation Shifted(LineActivation&& activation, Origin origin) {
+  return {.time_ns = origin.SimulationTime(activation.time_ns),
+          .fault = activation.fault,
+          .what = std::move(activation.what),
+          .before = Shifted(std::move(activation.before), origin),
+          .after = Shifted(std::move(activation.after), origin)};
+}
+
+}  // namespace
+
+std::vector<Activation> Recorder::Take(Origin origin) {
+  const Origin of_log = origin.OrPowerOn();
   std::vector<Activation> activations;
   activations.reserve(kept_.size());
-  for (Kept& kept : kept_) {
-    if (kept.in_line_time) {
-      kept.activation.time_ns -= origin_ns;
-      for (link::Chunk& chunk : kept.activation.before) chunk.begin_ns -= origin_ns;
-      for (link::Chunk& chunk : kept.activation.after) chunk.begin_ns -= origin_ns;
+  for (auto& kept : kept_) {
+    if (auto* of_line = std::get_if<LineActivation>(&kept)) {
+      activations.push_back(Shifted(std::move(*of_line), of_log));
+    } else {
+      activations.push_back(std::get<Activation>(std::move(kept)));
     }
-    activations.push_back(std::move(kept.activation));
   }
   kept_.clear();
   std::stable_sort(activations.begin(), activations.end(),

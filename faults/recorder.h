@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <string>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "faults/fault.h"
@@ -22,15 +23,15 @@ class Recorder {
   explicit Recorder(std::size_t fault_count) : counts_(fault_count, 0), bytes_(fault_count, 0) {}
 
   bool Keeps(std::size_t fault) const { return counts_[fault] < kActivationsMax; }
-  // Counts one of that many bytes. `make` gives the record and is called only if it is kept; `in_line_time`: its times
-  // are those of the line (boot time), not simulation time.
+  // Counts one of that many bytes. `make` gives the record, an Activation or a LineActivation, and is called only if it is
+  // kept.
   template <class Make>
-  void Count(std::size_t fault, bool in_line_time, std::size_t bytes, Make&& make) {
+  void Count(std::size_t fault, std::size_t bytes, Make&& make) {
     const bool keeps = Keeps(fault) && bytes <= kActivationBytesMax &&
                        bytes_[fault] + bytes <= kActivationsBytesMax / counts_.size();
     if (keeps || counts_[fault] == 0) {
-      Kept record{make(), in_line_time};
-      if (counts_[fault] == 0) firsts_.push_back({fault, record.activation.time_ns, in_line_time});
+      auto record = make();
+      if (counts_[fault] == 0) firsts_.push_back({fault, record.time_ns});
       if (keeps) {
         kept_.push_back(std::move(record));
         bytes_[fault] += bytes;
@@ -40,30 +41,25 @@ class Recorder {
   }
   // The same for a record without chunks.
   template <class Make>
-  void Count(std::size_t fault, bool in_line_time, Make&& make) {
-    Count(fault, in_line_time, 0, std::forward<Make>(make));
+  void Count(std::size_t fault, Make&& make) {
+    Count(fault, std::size_t{0}, std::forward<Make>(make));
   }
 
   struct First {
     std::size_t fault;
-    TimeNs time_ns;
-    bool in_line_time;
+    std::variant<BootTime, TimeNs> time_ns;
   };
   // The first activation of each fault that acted since the last call.
   std::vector<First> TakeFirsts() { return std::exchange(firsts_, {}); }
 
   const std::vector<std::int64_t>& counts() const { return counts_; }
-  // What was kept, in order of time, all in simulation time; `origin_ns` is the boot time of t = 0.
-  std::vector<Activation> Take(TimeNs origin_ns);
+  // What was kept, in order of time, all in simulation time. Without t = 0, lines' records have the time since power-on.
+  std::vector<Activation> Take(Origin origin);
 
  private:
-  struct Kept {
-    Activation activation;
-    bool in_line_time;
-  };
   std::vector<std::int64_t> counts_;
   std::vector<std::size_t> bytes_;  // of what was kept
-  std::vector<Kept> kept_;
+  std::vector<std::variant<LineActivation, Activation>> kept_;
   std::vector<First> firsts_;
 };
 

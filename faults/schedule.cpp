@@ -106,7 +106,7 @@ struct FaultSchedule::State {
   std::vector<Activity> activities;  // by fault
   // By fault: those that follow it (`after`).
   std::vector<std::vector<std::size_t>> followers;
-  TimeNs origin_ns = kNever;  // the boot time of t = 0
+  Origin origin;
   std::array<std::uint64_t, link::kDirectionCount> received_count{};
 };
 
@@ -150,10 +150,12 @@ FaultSchedule::FaultSchedule(const std::vector<FaultSpec>& specs, std::uint64_t 
 
 std::vector<News> FaultSchedule::TakeNews() {
   std::vector<News> news;
-  if (state_->origin_ns == kNever) return news;
+  if (!state_->origin.known()) return news;
   for (const Recorder::First& first : state_->recorder.TakeFirsts()) {
     if (state_->followers[first.fault].empty()) continue;
-    const TimeNs time_ns = first.in_line_time ? first.time_ns - state_->origin_ns : first.time_ns;
+    const auto* boot_time = std::get_if<BootTime>(&first.time_ns);
+    const TimeNs time_ns =
+        boot_time != nullptr ? state_->origin.SimulationTime(*boot_time) : std::get<TimeNs>(first.time_ns);
     news.push_back({News::Kind::kFirstActivation, first.fault, time_ns});
   }
   Hear(news);
@@ -185,12 +187,12 @@ FaultSchedule::Crowd FaultSchedule::CrowdOf(Direction direction) const {
   return {stage.Multipliers(), stage.Holders()};
 }
 
-void FaultSchedule::SetOrigin(TimeNs boot_time_of_t0) {
-  for (WireStage& stage : state_->stages) stage.SetOrigin(boot_time_of_t0);
-  state_->origin_ns = boot_time_of_t0;
+void FaultSchedule::SetOrigin(Origin origin) {
+  for (WireStage& stage : state_->stages) stage.SetOrigin(origin);
+  state_->origin = origin;
 }
 
-void FaultSchedule::EditSensors(TimeNs t, std::span<float> values, TimeNs boot_time) {
+void FaultSchedule::EditSensors(TimeNs t, std::span<float> values, BootTime boot_time) {
   state_->vehicle->EditSensors(t, values, boot_time);
 }
 
@@ -200,23 +202,23 @@ void FaultSchedule::EditInput(TimeNs t, std::span<double> input, bool new_comman
 
 Disturbance FaultSchedule::DisturbanceOf(TimeNs t) { return state_->vehicle->DisturbanceOf(t); }
 
-void FaultSchedule::MarkReceived(Direction direction, TimeNs last_arrival,
+void FaultSchedule::MarkReceived(Direction direction, BootTime last_arrival,
                                  std::span<const std::uint8_t> bytes, std::vector<ReceiveMark>& marks) {
   marks.assign(bytes.size(), ReceiveMark::kNone);
   if (state_->receivers.empty()) return;
   const Line& line = state_->lines[static_cast<std::size_t>(direction)];
   std::uint64_t& number = state_->received_count[static_cast<std::size_t>(direction)];
   for (std::size_t i = 0; i < bytes.size(); ++i, ++number) {
-    const TimeNs arrival = last_arrival - line.BytesTime(static_cast<std::int64_t>(bytes.size() - 1 - i));
+    const BootTime arrival = last_arrival - line.BytesTime(static_cast<std::int64_t>(bytes.size() - 1 - i));
     for (ReceiverInjector& injector : state_->receivers) {
       if (injector.direction != direction ||
-          !injector.activity->Contains(SimulationTime(arrival, state_->origin_ns)) ||
+          !injector.activity->Contains(state_->origin.SimulationTime(arrival)) ||
           !injector.trigger.Picks(number) ||
           !Random(KeyOf(injector.stream, number)).Bernoulli(injector.probability) ||
           marks[i] != ReceiveMark::kNone)
         continue;
       marks[i] = injector.mark;
-      state_->recorder.Count(injector.fault, true, [&]() -> Activation {
+      state_->recorder.Count(injector.fault, [&]() -> LineActivation {
         const link::Chunk byte{.begin_ns = arrival, .bytes = {bytes[i]}};
         const bool is_lost = injector.mark == ReceiveMark::kOverrun;
         return {.time_ns = arrival,
@@ -230,7 +232,7 @@ void FaultSchedule::MarkReceived(Direction direction, TimeNs last_arrival,
 }
 
 void FaultSchedule::Count(std::size_t fault, TimeNs t, std::string what) {
-  state_->recorder.Count(fault, false, [&]() -> Activation {
+  state_->recorder.Count(fault, [&]() -> Activation {
     return {.time_ns = t, .fault = fault, .what = std::move(what), .before = {}, .after = {}};
   });
 }
@@ -241,8 +243,8 @@ bool FaultSchedule::IsActive(std::size_t fault, TimeNs t) const {
 
 const std::vector<std::int64_t>& FaultSchedule::ActivationCounts() const { return state_->recorder.counts(); }
 
-std::vector<Activation> FaultSchedule::TakeActivations(TimeNs origin_ns) {
-  return state_->recorder.Take(origin_ns);
+std::vector<Activation> FaultSchedule::TakeActivations(Origin origin) {
+  return state_->recorder.Take(origin);
 }
 
 }  // namespace tiltproof::faults

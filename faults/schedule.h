@@ -2,7 +2,7 @@
 //
 //   FaultSchedule faults(scenario.faults, scenario.seed, {.baud = 921600});
 //   Wire wire(config, Direction::kToClient, protocol, faults.Stage(Direction::kToClient));
-//   faults.SetOrigin(boot_time_of_t0);
+//   faults.SetOrigin(Origin(boot_time_of_t0));
 //   faults.EditSensors(t, values);               // each sample that is sent
 //   faults.EditInput(t, input, new_command);     // each step of the plant
 //   plant.Step(input, faults.DisturbanceOf(t));
@@ -11,7 +11,7 @@
 // Faults on nodes and on the device have windows and counts here, and act elsewhere (faults/node_command.h,
 // faults/device_command.h).
 //
-// Stages and the receiver work in the wires' time (boot time), everything else in simulation time.
+// Stages and the receiver work in boot time, everything else in simulation time.
 #pragma once
 
 #include <cstddef>
@@ -63,15 +63,15 @@ class FaultSchedule {
   };
   Crowd CrowdOf(link::Direction direction) const;
 
-  // The boot time of t = 0. Until it is known, frames and received bytes are inside windows without a start
+  // Until it is known, frames and received bytes are inside windows without a start
   // only.
-  void SetOrigin(TimeNs boot_time_of_t0);
+  void SetOrigin(Origin origin);
 
   // The next three ask for a place with signals; rows are in the order of its tables.
   //
   // A sample that is about to be sent. `t` may be kPowerOn, for before t = 0: the record then has the time of
   // `boot_time`, which matters for nothing else.
-  void EditSensors(TimeNs t, std::span<float> values, TimeNs boot_time = 0);
+  void EditSensors(TimeNs t, std::span<float> values, BootTime boot_time = {});
 
   // The input of the step that begins at `t`, once for each step. `new_command` false: the command is that of the
   // step before; it is neither counted nor drawn for again.
@@ -80,11 +80,11 @@ class FaultSchedule {
   // What disturbs the vehicle during the step that begins at `t`, once for each step.
   Disturbance DisturbanceOf(TimeNs t);
 
-  // Bytes that arrive back to back at the firmware's receiver, the last of them at `last_arrival` (boot time):
+  // Bytes that arrive back to back at the firmware's receiver, the last of them at `last_arrival`:
   // what becomes of each, `marks` of the same size. To be called with every byte of the main line to the
   // client and of the reference line, in order; how they are spread over calls matters not. A byte bears one
   // mark: of several faults that pick it, that of the first in the file.
-  void MarkReceived(link::Direction direction, TimeNs last_arrival, std::span<const std::uint8_t> bytes,
+  void MarkReceived(link::Direction direction, BootTime last_arrival, std::span<const std::uint8_t> bytes,
                     std::vector<ReceiveMark>& marks);
 
   // A command of faults/node_command.h or faults/device_command.h was carried out at `t`, in simulation time; `what` says how.
@@ -102,8 +102,8 @@ class FaultSchedule {
   // How often each fault changed something (harness.null: was picked).
   const std::vector<std::int64_t>& ActivationCounts() const;
   // Those kept (faults/recorder.h) of each fault, the first kActivationsMax at most, in order of time, in simulation time;
-  // `origin_ns` is the boot time of t = 0. Leaves none.
-  std::vector<Activation> TakeActivations(TimeNs origin_ns);
+  // without t = 0, those of a line in time since power-on. Leaves none.
+  std::vector<Activation> TakeActivations(Origin origin = {});
 
  private:
   struct State;

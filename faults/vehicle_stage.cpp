@@ -68,7 +68,7 @@ void VehicleStage::Add(const PlantKind& kind, const Entry& entry) {
   bodies_.push_back({Injector(entry), kind.make({entry.parameters, signals_, entry.stream})});
 }
 
-void VehicleStage::EditSensors(TimeNs t, std::span<float> values, TimeNs boot_time) {
+void VehicleStage::EditSensors(TimeNs t, std::span<float> values, BootTime boot_time) {
   const bool before_origin = t == kPowerOn;
   const std::uint64_t number = sample_count_++;
   const TimeNs period_ns = before_origin || last_sample_ns_ == kPowerOn ? 0 : t - last_sample_ns_;
@@ -84,13 +84,18 @@ void VehicleStage::EditSensors(TimeNs t, std::span<float> values, TimeNs boot_ti
     const std::span<const float> before = values_before_, after = values;
     sensor.model->Act(values, context);
     if (Same(before, after) && !sensor.always_counts) continue;
-    recorder_.Count(sensor.fault, before_origin, [&]() -> Activation {
-      return {.time_ns = before_origin ? boot_time : t,
-              .fault = sensor.fault,
-              .what = Changes(before, after, signals_.sensors),
-              .before = {},
-              .after = {}};
-    });
+    const auto record = [&](auto time) {
+      return TimedActivation<decltype(time)>{.time_ns = time,
+                                             .fault = sensor.fault,
+                                             .what = Changes(before, after, signals_.sensors),
+                                             .before = {},
+                                             .after = {}};
+    };
+    if (before_origin) {
+      recorder_.Count(sensor.fault, [&] { return record(boot_time); });
+    } else {
+      recorder_.Count(sensor.fault, [&] { return record(t); });
+    }
   }
 }
 
@@ -115,7 +120,7 @@ void VehicleStage::EditInput(TimeNs t, std::span<double> input, bool new_command
     actuator.model->Act(input, context);
     if (actuator.counted || Same(before, after)) continue;
     actuator.counted = true;
-    recorder_.Count(actuator.fault, false, [&]() -> Activation {
+    recorder_.Count(actuator.fault, [&]() -> Activation {
       return {.time_ns = t,
               .fault = actuator.fault,
               .what = Changes(before, after, signals_.inputs),
@@ -139,7 +144,7 @@ Disturbance VehicleStage::DisturbanceOf(TimeNs t) {
     if (!body.disturbed) continue;
     all = Combined(all, own);
     if (!begins) continue;
-    recorder_.Count(body.fault, false, [&]() -> Activation {
+    recorder_.Count(body.fault, [&]() -> Activation {
       return {.time_ns = t, .fault = body.fault, .what = Text(own), .before = {}, .after = {}};
     });
   }

@@ -38,7 +38,7 @@ class VehicleStage {
   void Add(const PlantKind& kind, const Entry& entry);
 
   // As FaultSchedule's functions of these names.
-  void EditSensors(TimeNs t, std::span<float> values, TimeNs boot_time);
+  void EditSensors(TimeNs t, std::span<float> values, BootTime boot_time);
   void EditInput(TimeNs t, std::span<double> input, bool new_command);
   Disturbance DisturbanceOf(TimeNs t);
 

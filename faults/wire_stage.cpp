@@ -65,9 +65,9 @@ std::vector<std::size_t> WireStage::Holders() const {
 
 void WireStage::Decide(Injector& injector, const link::Chunk& sent) const {
   const auto time = injector.acts_on_overlap ? static_cast<std::int64_t>(sent.bytes.size()) : 0;
-  const TimeNs end_ns = sent.begin_ns + injector.line.BytesTime(time);
-  const bool inside = injector.activity->Touches(SimulationTime(sent.begin_ns, origin_ns_),
-                                                 SimulationTime(end_ns, origin_ns_));
+  const BootTime end_ns = sent.begin_ns + injector.line.BytesTime(time);
+  const bool inside =
+      injector.activity->Touches(origin_.SimulationTime(sent.begin_ns), origin_.SimulationTime(end_ns));
   injector.picked[sent.number % kDecisions] =
       inside && injector.trigger.Sees(sent.kind) && injector.trigger.Picks(sent.number);
 }
@@ -108,14 +108,13 @@ void WireStage::ActAndRecord(Injector& injector, link::Chunk&& chunk, Random& ra
   std::string what;
   const bool keeps = recorder_->Keeps(injector.fault) &&
                      link::WeightOf(before_) <= kActivationBytesMax;  // else no text either
-  injector.model->Act(std::move(chunk), {random, *injector.activity, origin_ns_, keeps ? &what : nullptr},
-                      out_);
+  injector.model->Act(std::move(chunk), {random, *injector.activity, origin_, keeps ? &what : nullptr}, out_);
   const auto after = std::span<const link::Chunk>(out_).subspan(out_begin);
   if (after.size() == 1 && SameBytesAndTime(after[0], before_)) return;
   const std::size_t weight = Weight(after);
   injector.multiplied = injector.multiplied || weight > link::WeightOf(before_);
   injector.delayed = injector.delayed || (after.size() == 1 && after[0].begin_ns > before_.begin_ns);
-  recorder_->Count(injector.fault, true, link::WeightOf(before_) + weight + what.size(), [&]() -> Activation {
+  recorder_->Count(injector.fault, link::WeightOf(before_) + weight + what.size(), [&]() -> LineActivation {
     return {.time_ns = before_.begin_ns,
             .fault = injector.fault,
             .what = std::move(what),

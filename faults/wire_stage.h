@@ -28,10 +28,9 @@ class WireStage final : public link::ChunkStage {
 
   // `recorder` must outlive the stage's last Apply().
   void SetRecorder(Recorder* recorder) { recorder_ = recorder; }
-  // The boot time of t = 0. Before this only windows without a start are open.
-  void SetOrigin(TimeNs origin_ns) { origin_ns_ = origin_ns; }
+  // Before this only windows without a start are open.
+  void SetOrigin(Origin origin) { origin_ = origin; }
 
-  // Chunks' times are boot times.
   void Apply(std::vector<link::Chunk>& chunks) override;
   std::size_t held_bytes() const override;
 
@@ -62,7 +61,7 @@ class WireStage final : public link::ChunkStage {
 
   std::vector<Injector> injectors_;
   Recorder* recorder_ = nullptr;
-  TimeNs origin_ns_ = kNever;
+  Origin origin_;
   std::vector<link::Chunk> out_;
   link::Chunk before_;
 };

@@ -17,13 +17,17 @@ enum class Direction : std::uint8_t { kToPlant, kToClient, kReference };
 inline constexpr std::size_t kDirectionCount = 3;
 std::string_view Name(Direction direction);  // "to_plant", "to_client", "reference"
 
-struct Chunk {
-  TimeNs begin_ns = 0;                       // when the first byte's start bit enters the wire
+// On a line it has boot time, in the log of a flight simulation time.
+template <class Time>
+struct TimedChunk {
+  Time begin_ns{};                           // when the first byte's start bit enters the wire
   std::vector<std::uint8_t> bytes;           // back to back from there
   MessageKind kind = MessageKind::kUnknown;  // of the frame as sent
   // Of the frame as sent, from 0 in its direction; given by the wire, kept by copies and fragments.
   std::uint64_t number = 0;
 };
+using Chunk = TimedChunk<BootTime>;
+using LogChunk = TimedChunk<TimeNs>;
 
 // What may wait in one direction of a line, on the wire and held back by faults, counted as WeightOf(): a minute of
 // everything that the usual messages say, ten times over.

@@ -44,7 +44,7 @@ TimeNs Wire::IdleTime() const {
   return link::BytesTime(config_.baud == 0 ? kIdealIdleBaud : config_.baud, kIdleBytes);
 }
 
-TimeNs Wire::Transmit(TimeNs now, std::span<const std::uint8_t> bytes) {
+BootTime Wire::Transmit(BootTime now, std::span<const std::uint8_t> bytes) {
   FlushIfIdle(now);
   if (overfull_) return std::max(now, transmitter_free_ns_);
   if (now > transmitter_free_ns_) {
@@ -54,7 +54,7 @@ TimeNs Wire::Transmit(TimeNs now, std::span<const std::uint8_t> bytes) {
     transmitter_free_ns_ = now;
   }
   while (!bytes.empty()) {
-    const TimeNs begin = transmitter_free_ns_;
+    const BootTime begin = transmitter_free_ns_;
     bool closed = false;
     const std::size_t size = BytesOfOpenChunk(bytes, closed);
     busy_bytes_ += static_cast<std::int64_t>(size);
@@ -91,13 +91,13 @@ std::size_t Wire::BytesOfOpenChunk(std::span<const std::uint8_t> bytes, bool& cl
   return flag < bytes.size() ? flag + 1 : bytes.size();
 }
 
-void Wire::FlushIfIdle(TimeNs now) {
+void Wire::FlushIfIdle(BootTime now) {
   if (open_.bytes.empty()) return;
-  const TimeNs flush = open_end_ns_ + IdleTime();
+  const BootTime flush = open_end_ns_ + IdleTime();
   if (now >= flush) SendOpenChunk(flush);
 }
 
-void Wire::SendOpenChunk(TimeNs known_ns) {
+void Wire::SendOpenChunk(BootTime known_ns) {
   Chunk chunk = std::move(open_);
   chunk.number = next_number_++;
   open_ = Chunk{};
@@ -133,7 +133,7 @@ bool Wire::HasRoomFor(std::size_t bytes) {
   return !overfull_;
 }
 
-void Wire::Enqueue(Chunk&& chunk, TimeNs known_ns) {
+void Wire::Enqueue(Chunk&& chunk, BootTime known_ns) {
   if (chunk.bytes.empty()) {
     Recycle(std::move(chunk));
     return;
@@ -165,19 +165,19 @@ std::size_t Wire::FindPieceEnd() const {
   return bytes.size();
 }
 
-TimeNs Wire::NextArrival() const {
-  TimeNs next = kNever;
+BootTime Wire::NextArrival() const {
+  BootTime next = BootTime::Never();
   if (!queue_.empty()) next = FrontArrival(piece_end_);
   if (!open_.bytes.empty()) next = std::min(next, open_end_ns_ + IdleTime() + config_.adapter_latency_ns);
   return next;
 }
 
-std::optional<Wire::Piece> Wire::TakePiece(TimeNs until) {
+std::optional<Wire::Piece> Wire::TakePiece(BootTime until) {
   FlushIfIdle(until);
   if (queue_.empty()) return std::nullopt;
 
   std::size_t end = piece_end_;
-  TimeNs arrival = FrontArrival(end);
+  BootTime arrival = FrontArrival(end);
   if (arrival > until) {
     // Few pieces are taken before they are whole: count on from what was taken.
     end = front_taken_;

@@ -1,14 +1,14 @@
 // One direction of a serial line, byte-accurate: baud rate, 8N1 byte time, the sender's busy transmitter,
 // fault stages, arrivals.
 //
-// The same code runs in lockstep (times are virtual) and in real time (times are the clock's). Bytes travel
+// The same code runs in lockstep (times are virtual) and in real time (times are the clock's): see link/time.h. Bytes travel
 // as chunks with times: what is sent is cut into frames at the flags, each frame goes through the stage as
 // one chunk when it is complete, and byte i of the chunk arrives at begin + (i + 1) byte times.
 //
 //   Wire wire({.baud = 921600}, Direction::kToPlant, *FindProtocol("paper"), stage);
-//   TimeNs sent = wire.Transmit(now, frame);          // when the last stop bit leaves the sender
-//   TimeNs next = wire.NextArrival();                 // of the next byte worth waking for
-//   wire.Take(next, [](TimeNs arrival, std::span<const std::uint8_t> bytes) { ... });
+//   BootTime sent = wire.Transmit(now, frame);        // when the last stop bit leaves the sender
+//   BootTime next = wire.NextArrival();               // of the next byte worth waking for
+//   wire.Take(next, [](BootTime arrival, std::span<const std::uint8_t> bytes) { ... });
 //
 // Where frames are cut: a flag closes a frame when something other than flags came before it. So a flag
 // shared by two frames belongs to the first of them, and idle flags to the frame that follows. Bytes that no
@@ -50,30 +50,30 @@ class Wire {
 
   // The sender puts bytes in its transmitter at `now` (not decreasing); they follow what it is still sending.
   // Returns when the last stop bit has left.
-  TimeNs Transmit(TimeNs now, std::span<const std::uint8_t> bytes);
+  BootTime Transmit(BootTime now, std::span<const std::uint8_t> bytes);
 
   // More was to wait here than kLineBytesMax. From then on nothing is sent.
   bool overfull() const { return overfull_; }
 
   // Earliest time at which Take() has something that its receiver should be woken for: the end of a piece
-  // (see TakePiece()), or the end of the idle time of bytes that no flag closed. kNever when the wire is
+  // (see TakePiece()), or the end of the idle time of bytes that no flag closed. Never() when the wire is
   // empty.
-  TimeNs NextArrival() const;
+  BootTime NextArrival() const;
 
   struct Piece {
-    TimeNs arrival_ns;  // of the last byte
+    BootTime arrival_ns;  // of the last byte
     std::span<const std::uint8_t> bytes;
     std::uint64_t number;  // Chunk::number of the frame, as sent, that they come from
   };
   // The oldest bytes that have arrived by `until` and were not taken yet: up to a flag that may end a frame
   // (one that does not follow another flag), the end of their chunk, or the last byte arrived by `until`;
   // nullopt when there are none. The bytes stay valid until the next call.
-  std::optional<Piece> TakePiece(TimeNs until);
+  std::optional<Piece> TakePiece(BootTime until);
 
-  // All of them: calls receiver(TimeNs arrival, std::span<const std::uint8_t> bytes) for each piece. The
+  // All of them: calls receiver(BootTime arrival, std::span<const std::uint8_t> bytes) for each piece. The
   // receiver may transmit, on this wire too.
   template <class Receiver>
-  void Take(TimeNs until, Receiver&& receiver) {
+  void Take(BootTime until, Receiver&& receiver) {
     while (const std::optional<Piece> piece = TakePiece(until)) receiver(piece->arrival_ns, piece->bytes);
   }
 
@@ -95,16 +95,16 @@ class Wire {
   // How many of the bytes belong to the open chunk; `closed` when the last of them closes it.
   std::size_t BytesOfOpenChunk(std::span<const std::uint8_t> bytes, bool& closed);
   std::uint8_t flag_byte() const { return protocol_->framing.flag; }
-  void FlushIfIdle(TimeNs now);
+  void FlushIfIdle(BootTime now);
   // The open chunk goes through the stage, into the queue; the wire knows of all of it at `known_ns`.
-  void SendOpenChunk(TimeNs known_ns);
+  void SendOpenChunk(BootTime known_ns);
   // Whether there is room for that much; else the wire is overfull.
   bool HasRoomFor(std::size_t bytes);
-  void Enqueue(Chunk&& chunk, TimeNs known_ns);
+  void Enqueue(Chunk&& chunk, BootTime known_ns);
   void Recycle(Chunk&& chunk);
   // Index one past the next piece of the queue's front.
   std::size_t FindPieceEnd() const;
-  TimeNs FrontArrival(std::size_t byte_count) const {
+  BootTime FrontArrival(std::size_t byte_count) const {
     return queue_.front().begin_ns + BytesTime(static_cast<std::int64_t>(byte_count)) +
            config_.adapter_latency_ns;
   }
@@ -117,23 +117,23 @@ class Wire {
 
   // The transmitter has been busy without pause since busy_begin_ns_, and has sent all at
   // transmitter_free_ns_.
-  TimeNs busy_begin_ns_ = kPowerOn;
+  BootTime busy_begin_ns_ = BootTime::Earliest();
   std::int64_t busy_bytes_ = 0;
-  TimeNs transmitter_free_ns_ = kPowerOn;
+  BootTime transmitter_free_ns_ = BootTime::Earliest();
 
-  std::uint64_t next_number_ = 0;  // of the open chunk
-  Chunk open_;                     // sent bytes that no flag has closed yet
-  TimeNs open_end_ns_ = kPowerOn;  // when the last of them has left
-  bool open_has_content_ = false;  // not only flags
+  std::uint64_t next_number_ = 0;                // of the open chunk
+  Chunk open_;                                   // sent bytes that no flag has closed yet
+  BootTime open_end_ns_ = BootTime::Earliest();  // when the last of them has left
+  bool open_has_content_ = false;                // not only flags
 
   std::deque<Chunk> queue_;
   std::size_t queue_bytes_ = 0;  // by WeightOf()
   bool overfull_ = false;
-  TimeNs queue_end_ns_ = kPowerOn;  // end of the last chunk that went in
-  std::size_t front_taken_ = 0;     // bytes of queue_.front() already taken
-  std::size_t piece_end_ = 0;       // FindPieceEnd(), when the queue is not empty
-  bool taken_flag_ = true;          // the last byte taken was a flag; so is an idle line
-  Chunk taken_;                     // keeps the last piece's bytes alive
+  BootTime queue_end_ns_ = BootTime::Earliest();  // end of the last chunk that went in
+  std::size_t front_taken_ = 0;                   // bytes of queue_.front() already taken
+  std::size_t piece_end_ = 0;                     // FindPieceEnd(), when the queue is not empty
+  bool taken_flag_ = true;                        // the last byte taken was a flag; so is an idle line
+  Chunk taken_;                                   // keeps the last piece's bytes alive
 
   std::vector<Chunk> scratch_;
   std::vector<std::vector<std::uint8_t>> spare_;  // buffers to use again

@@ -32,17 +32,17 @@ inline constexpr const char* kOverrunEvent = "uart_overrun";
 
 // Something that befell the board.
 struct DeviceEvent {
-  TimeNs time_ns = 0;
+  BootTime time_ns;
   std::optional<std::size_t> fault;  // that did it: its index in the scenario
   std::string kind;                  // kResetEvent, "bit_flipped", kOverrunEvent, ...
   std::string text;
   std::int64_t overruns_count = 0;  // of a kOverrunEvent: bytes lost
 };
 
-// What a client may call while it runs. Times are nanoseconds since power-on.
+// What a client may call while it runs. Times are boot time.
 struct ClientHost {
-  std::function<TimeNs(Uart uart, TimeNs now, std::span<const std::uint8_t> bytes)> transmit;
-  std::function<void(TimeNs now, std::string_view text)> log;
+  std::function<BootTime(Uart uart, BootTime now, std::span<const std::uint8_t> bytes)> transmit;
+  std::function<void(BootTime now, std::string_view text)> log;
   std::function<void(const DeviceEvent&)> event = [](const DeviceEvent&) {};
 };
 
@@ -57,17 +57,17 @@ class Client {
   virtual bool RunsOn() const { return false; }
 
   // Power-on. Returns until when the client waits.
-  virtual TimeNs Start(TimeNs now) = 0;
+  virtual BootTime Start(BootTime now) = 0;
   // Bytes, back to back, the last of which arrives at `arrival`. `marks` is empty, or says of each what becomes of
   // it at the receiver.
-  virtual void Receive(Uart uart, TimeNs arrival, std::span<const std::uint8_t> bytes,
+  virtual void Receive(Uart uart, BootTime arrival, std::span<const std::uint8_t> bytes,
                        std::span<const faults::ReceiveMark> marks) = 0;
   // Runs the client at `now`; one that runs on, from there to `horizon` at most, or until it has transmitted what
   // somebody may answer. Returns until when it waits.
-  virtual TimeNs Grant(TimeNs now, TimeNs horizon) = 0;
-  // What shall befall the board, told once when t = 0 is known, at `origin`; a Grant() follows. Throws
+  virtual BootTime Grant(BootTime now, BootTime horizon) = 0;
+  // What shall befall the board, told once when t = 0 is known; a Grant() follows. Throws
   // std::runtime_error for a command that makes no sense with this firmware (a region that its image does not have).
-  virtual void Command(const std::vector<faults::DeviceCommand>& commands, TimeNs origin) = 0;
+  virtual void Command(const std::vector<faults::DeviceCommand>& commands, Origin origin) = 0;
   virtual std::optional<ClientStatus> Status() = 0;
 };
 

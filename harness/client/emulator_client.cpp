@@ -70,6 +70,7 @@ std::string_view Name(lockstep::ResetCause cause) {
   return "unknown";
 }
 
+// What the plug-in is told, and tells, is what the board's clock shows: plain numbers, which clock_ makes boot time.
 class EmulatorClient final : public Client {
  public:
   EmulatorClient(const EmulatorSpec& spec, const EmulatorLines& lines, TimeNs start_within_ns,
@@ -88,9 +89,9 @@ class EmulatorClient final : public Client {
   bool RunsOn() const override { return true; }
 
   // Nothing has been executed yet: the first Grant() begins.
-  TimeNs Start(TimeNs now) override { return now; }
+  BootTime Start(BootTime now) override { return now; }
 
-  void Receive(Uart uart, TimeNs arrival, std::span<const std::uint8_t> bytes,
+  void Receive(Uart uart, BootTime arrival, std::span<const std::uint8_t> bytes,
                std::span<const faults::ReceiveMark> marks) override {
     RatedLine& rated = rated_[static_cast<std::size_t>(uart)];
     const std::int64_t baud = rated.baud();
@@ -114,7 +115,7 @@ class EmulatorClient final : public Client {
     board_->Send(lockstep::Kind::kReceive, std::span<const lockstep::ReceivedByte>(received_));
   }
 
-  TimeNs Grant(TimeNs now, TimeNs horizon) override {
+  BootTime Grant(BootTime now, BootTime horizon) override {
     while (!drifts_.empty() && now >= drifts_.front().time_ns) {
       host_.event(drifts_.front());
       drifts_.pop_front();
@@ -146,7 +147,7 @@ class EmulatorClient final : public Client {
     }
   }
 
-  void Command(const std::vector<faults::DeviceCommand>& commands, TimeNs origin) override {
+  void Command(const std::vector<faults::DeviceCommand>& commands, Origin origin) override {
     started_ = true;
     // First of all the clock, by which all other times are told.
     drifts_ = clock_.Follow(commands, origin);
@@ -171,9 +172,9 @@ class EmulatorClient final : public Client {
   }
 
  private:
-  void Send(const faults::DeviceCommand& command, TimeNs origin) {
-    const TimeNs begin = clock_.At(origin + command.at_ns);
-    const TimeNs end = command.until_ns == kNever ? kNever : clock_.At(origin + command.until_ns);
+  void Send(const faults::DeviceCommand& command, Origin origin) {
+    const TimeNs begin = clock_.At(origin.ToBootTime(command.at_ns));
+    const TimeNs end = clock_.At(origin.ToBootTime(command.until_ns));
     const auto fault = static_cast<std::uint32_t>(command.fault);
     const auto stall = [&](lockstep::ResetCause reset) {
       board_->Send(lockstep::Kind::kStall, lockstep::Stall{begin, end, reset, fault});
@@ -309,7 +310,7 @@ class EmulatorClient final : public Client {
   }
 
   // One event for what is lost in a row, not one for each byte.
-  void OnOverrun(std::size_t line, TimeNs at) {
+  void OnOverrun(std::size_t line, BootTime at) {
     Overruns& overruns = overruns_[line];
     if (overruns.count > 0 && at - overruns.last > kOverrunGap) TellOverruns(line);
     if (overruns.count++ == 0) overruns.first = at;
@@ -349,7 +350,7 @@ class EmulatorClient final : public Client {
   std::vector<std::uint8_t> transmitted_;
   struct Overruns {
     std::int64_t count = 0;
-    TimeNs first = 0, last = 0;
+    BootTime first, last;
   };
   std::array<Overruns, 2> overruns_;  // of main and reference line, not told yet
   std::string console_;

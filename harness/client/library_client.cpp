@@ -133,19 +133,20 @@ class LibraryClient final : public Client {
       Print(stderr, "tiltproof: warning: after the flight, which counts as it was, {}\n", trouble);
   }
 
-  TimeNs Start(TimeNs now) override {
-    const TimeNs wake = Guarded(FirmwareCall::kStart, [&] { return library_.start(client_, now); });
+  BootTime Start(BootTime now) override {
+    const BootTime wake =
+        clock_.When(Guarded(FirmwareCall::kStart, [&] { return library_.start(client_, clock_.At(now)); }));
     LogOutput(now);
     return wake;
   }
-  void Receive(Uart uart, TimeNs now, std::span<const std::uint8_t> bytes,
+  void Receive(Uart uart, BootTime now, std::span<const std::uint8_t> bytes,
                std::span<const faults::ReceiveMark> /*marks*/) override {
     if (in_reset_) return;
     Guarded(FirmwareCall::kReceive, [&] {
       library_.receive(client_, static_cast<int>(uart), clock_.At(now), bytes.data(), bytes.size());
     });
   }
-  TimeNs Grant(TimeNs now, TimeNs /*horizon*/) override {
+  BootTime Grant(BootTime now, BootTime /*horizon*/) override {
     for (; !drifts_.empty() && now >= drifts_.front().time_ns; drifts_.pop_front())
       host_.event(drifts_.front());
     // Resets that begin while it is held hold it until the last has ended.
@@ -172,23 +173,23 @@ class LibraryClient final : public Client {
     return resets_.empty() ? wake_ns_ : std::min(wake_ns_, resets_.front().begin);
   }
   // A library can be reset and its clock can drift; all other faults of a device are refused before the flight.
-  void Command(const std::vector<faults::DeviceCommand>& commands, TimeNs origin) override {
+  void Command(const std::vector<faults::DeviceCommand>& commands, Origin origin) override {
     const auto refuse = [] {
       throw std::logic_error("a library was given a command that it cannot carry out");
     };
     drifts_ = clock_.Follow(commands, origin);
     for (const faults::DeviceCommand& command : commands)
-      std::visit(
-          Overloaded{[&](const faults::ResetProcessor&) {
-                       resets_.push_back({origin + command.at_ns, origin + command.until_ns, command.fault});
-                     },
-                     [&](const faults::ResetByWatchdog&) { refuse(); },
-                     [&](const faults::HangProcessor&) { refuse(); },
-                     [&](const faults::StallProcessor&) { refuse(); },
-                     [&](const faults::FlipBits&) { refuse(); },
-                     // In force already: it is in clock_.
-                     [](const faults::DriftClock&) {}},
-          command.action);
+      std::visit(Overloaded{[&](const faults::ResetProcessor&) {
+                              resets_.push_back({origin.ToBootTime(command.at_ns),
+                                                 origin.ToBootTime(command.until_ns), command.fault});
+                            },
+                            [&](const faults::ResetByWatchdog&) { refuse(); },
+                            [&](const faults::HangProcessor&) { refuse(); },
+                            [&](const faults::StallProcessor&) { refuse(); },
+                            [&](const faults::FlipBits&) { refuse(); },
+                            // In force already: it is in clock_.
+                            [](const faults::DriftClock&) {}},
+                 command.action);
   }
   std::optional<ClientStatus> Status() override {
     LogAllOutput();
@@ -211,10 +212,10 @@ class LibraryClient final : public Client {
     }
   }
 
-  TimeNs Transmit(Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) {
+  BootTime Transmit(Uart uart, BootTime now, std::span<const std::uint8_t> bytes) {
     return over_ ? now : host_.transmit(uart, now, bytes);
   }
-  bool Log(TimeNs now, std::string_view text) {
+  bool Log(BootTime now, std::string_view text) {
     if (over_) return false;
     // What was printed before comes first.
     LogOutput(now);
@@ -222,7 +223,7 @@ class LibraryClient final : public Client {
     return true;
   }
 
-  void LogOutput(TimeNs now) {
+  void LogOutput(BootTime now) {
     logged_ns_ = now;
     if (output_) output_->TakeLines([&](const std::string& line) { host_.log(now, line); });
   }
@@ -240,16 +241,16 @@ class LibraryClient final : public Client {
   TiltproofHost interface_{};
   TiltproofClient* client_ = nullptr;
   struct Reset {
-    TimeNs begin, end;
+    BootTime begin, end;
     std::size_t fault;
   };
   std::deque<Reset> resets_;        // to come, by begin
   DeviceClock clock_;               // by which it lives; all other times here are true
   std::deque<DeviceEvent> drifts_;  // to be told when they begin, in order
   bool in_reset_ = false;
-  TimeNs held_until_ = 0;
-  TimeNs wake_ns_ = kNever;
-  TimeNs logged_ns_ = 0;
+  BootTime held_until_;
+  BootTime wake_ns_ = BootTime::Never();
+  BootTime logged_ns_;
   bool lost_ = false;
   bool over_ = false;
 };

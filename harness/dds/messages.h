@@ -100,7 +100,7 @@ struct RunState {
   std::string node_id{};  // key
   Phase phase = Phase::kIdle;
   TimeNs time_ns = 0;
-  TimeNs origin_ns = 0;  // of the plant: its monotonic clock at simulation time 0, 0 until that is known
+  std::int64_t origin_ns = 0;  // of the plant: its boot time at simulation time 0, 0 until that is known
   std::string end_reason{};
   std::string text{};
   bool operator==(const RunState&) const = default;

@@ -37,7 +37,7 @@ class BaseStationRole final : public Role {
 
  private:
   void OnStates() {
-    const TimeNs now = services_.clock().Now();
+    const BootTime now = services_.clock().Now();
     for (const auto& state : states_.Take()) {
       if (stopped_ || state.run_id != services_.run_id()) continue;
       Follow(now, now - state.time_ns);
@@ -46,26 +46,26 @@ class BaseStationRole final : public Role {
 
   // Messages are late, never early: the earliest origin of the last second or two is the best, and a clock that
   // drifts is followed.
-  void Follow(TimeNs now, TimeNs origin) {
+  void Follow(BootTime now, BootTime origin) {
     if (now >= window_end_ns_) {
       last_window_ns_ = window_ns_;
-      window_ns_ = kNever;
+      window_ns_ = BootTime::Never();
       window_end_ns_ = now + kNsPerS;
     }
     window_ns_ = std::min(window_ns_, origin);
-    const TimeNs best = std::min(window_ns_, last_window_ns_);
-    if (timer_ && std::abs(best - origin_ns_) < kOriginTolerance) return;
-    origin_ns_ = services_.lateness().origin_ns = best;
-    if (!timer_) SendAt(now - origin_ns_);
+    const BootTime best = std::min(window_ns_, last_window_ns_);
+    if (timer_ && std::abs(best - origin_.boot_time()) < kOriginTolerance) return;
+    origin_ = services_.lateness().origin = Origin(best);
+    if (!timer_) SendAt(origin_.SimulationTime(now));
     SetTimer(now);
   }
 
-  void SetTimer(TimeNs now) {
+  void SetTimer(BootTime now) {
     const TimeNs period = protocol_->control_period_ns;
-    const TimeNs next = origin_ns_ + ((now - origin_ns_) / period + 1) * period;
-    timer_.emplace(services_, next, period, [this, period](TimeNs due) {
+    const BootTime next = origin_.ToBootTime((origin_.SimulationTime(now) / period + 1) * period);
+    timer_.emplace(services_, next, period, [this, period](BootTime due) {
       // Of the boundary just reached, however late the timer.
-      SendAt((due - origin_ns_) / period * period);
+      SendAt(origin_.SimulationTime(due) / period * period);
     });
   }
 
@@ -76,8 +76,9 @@ class BaseStationRole final : public Role {
   std::shared_ptr<const link::Protocol> protocol_;
   std::optional<Trajectory> trajectory_;
   std::optional<PeriodicTimer> timer_;
-  TimeNs origin_ns_ = kNever;  // this node's clock at t = 0
-  TimeNs window_ns_ = kNever, last_window_ns_ = kNever, window_end_ns_ = kPowerOn;
+  Origin origin_;  // by this node's clock
+  BootTime window_ns_ = BootTime::Never(), last_window_ns_ = BootTime::Never(),
+           window_end_ns_ = BootTime::Earliest();
   bool stopped_ = false;
   std::shared_ptr<char> alive_ = std::make_shared<char>();
   dds::Subscriber<dds::PlantState> states_;

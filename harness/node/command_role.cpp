@@ -41,7 +41,7 @@ class CommandRole final : public Role {
   }
 
   void Start() override {
-    power_on_ns_ = services_.clock().Now();
+    log_origin_ = Origin(services_.clock().Now());
     const std::string baud = std::to_string(scenario_.link.port_baud());
     ChildSpec spec;
     spec.command = {"/bin/sh", "-c",
@@ -63,7 +63,8 @@ class CommandRole final : public Role {
   void Flush() override {
     if (!process_) return;
     for (auto& line : process_->TakeLines())
-      services_.log().Write(RunEvent{line.time_ns - power_on_ns_, "firmware_log", std::move(line.text)});
+      services_.log().Write(
+          RunEvent{log_origin_.SimulationTime(line.time_ns), "firmware_log", std::move(line.text)});
   }
 
   NodeTotals Stop() override {
@@ -80,7 +81,7 @@ class CommandRole final : public Role {
     for (const auto& state : states_.Take())
       if (state.run_id == services_.run_id() &&
           (state.phase == dds::Phase::kRunning || state.phase == dds::Phase::kFinished))
-        services_.lateness().origin_ns = state.origin_ns;
+        services_.lateness().origin = Origin(BootTime(state.origin_ns));
   }
 
   NodeServices& services_;
@@ -89,7 +90,7 @@ class CommandRole final : public Role {
   std::string port_, reference_port_;
   std::optional<FirmwareProcess> process_;
   std::optional<CpuWaitWatch> watch_;
-  TimeNs power_on_ns_ = 0;
+  Origin log_origin_;  // the firmware's lines have the time since power-on
   std::shared_ptr<char> alive_ = std::make_shared<char>();
   dds::Subscriber<dds::RunState> states_;
 };

@@ -22,21 +22,21 @@ class CpuWaitWatch {
         held_(std::move(held)),
         wait_(pid),
         timer_(services, services.clock().Now() + kLookEveryNs, kLookEveryNs,
-               [this](TimeNs now) { Look(now); }) {}
+               [this](BootTime now) { Look(now); }) {}
 
  private:
   static constexpr TimeNs kLookEveryNs = 12 * kNsPerMs;
 
   // When in that time it waited is not known.
-  void Look(TimeNs now) {
+  void Look(BootTime now) {
     const TimeNs waited_ns = wait_.Take();
     if (waited_ns > Lateness::kLateAfterNs)
       services_.lateness().Note(now - std::max(waited_ns, kLookEveryNs), now);
     if (held_() || !IsStoppedByOthers(pid_)) {
-      stopped_ns_ = kNever;
+      stopped_ns_ = BootTime::Never();
       return;
     }
-    if (stopped_ns_ == kNever) stopped_ns_ = now - kLookEveryNs;
+    if (stopped_ns_ == BootTime::Never()) stopped_ns_ = now - kLookEveryNs;
     services_.lateness().Note(stopped_ns_, now);
   }
 
@@ -44,7 +44,7 @@ class CpuWaitWatch {
   pid_t pid_;
   std::function<bool()> held_;
   CpuWait wait_;
-  TimeNs stopped_ns_ = kNever;  // since when
+  BootTime stopped_ns_ = BootTime::Never();  // since when
   PeriodicTimer timer_;
 };
 

@@ -66,9 +66,9 @@ class EmulatorRole final : public Role {
   void Flush() override {
     if (!board_) return;
     board_->Watch();
-    if (origin_ns_ == kNever) return;
+    if (!origin_.known()) return;
     WriteLines(false);
-    services_.log().Write(counts_->TakeActivations(0));
+    services_.log().Write(counts_->TakeActivations());
     if (status_address_)
       board_->ReadWords(*status_address_, kStatusWords, [this](const std::vector<std::uint32_t>& words) {
         status_ = ClientStatus{.supervisor_state = words[0], .failsafe_count = words[1]};
@@ -80,11 +80,11 @@ class EmulatorRole final : public Role {
     timer_.cancel();
     agenda_.clear();
     // Without t = 0 the times are those since power-on.
-    if (origin_ns_ == kNever) origin_ns_ = power_on_ns_;
+    if (!origin_.known()) origin_ = Origin(power_on_ns_);
     NodeTotals totals;
     if (board_) {
       WriteLines(true);
-      services_.log().Write(counts_->TakeActivations(0));
+      services_.log().Write(counts_->TakeActivations());
       totals.activation_counts = counts_->ActivationCounts();
       totals.client = status_;
     }
@@ -106,16 +106,17 @@ class EmulatorRole final : public Role {
     return bits;
   }
 
-  TimeNs SimNow() { return services_.clock().Now() - origin_ns_; }
+  TimeNs SimNow() { return origin_.SimulationTime(services_.clock().Now()); }
 
   void Note(std::string kind, std::string text) {
-    const TimeNs time_ns = origin_ns_ == kNever ? 0 : SimNow();
+    const TimeNs time_ns = origin_.known() ? SimNow() : 0;
     services_.log().Write(RunEvent{time_ns, std::move(kind), std::move(text)});
   }
 
   void WriteLines(bool last) {
     for (auto& line : board_->TakeLines(last))
-      services_.log().Write(RunEvent{line.time_ns - origin_ns_, "firmware_log", std::move(line.text)});
+      services_.log().Write(
+          RunEvent{origin_.SimulationTime(line.time_ns), "firmware_log", std::move(line.text)});
   }
 
   void OnReset(bool by_firmware) {
@@ -126,11 +127,11 @@ class EmulatorRole final : public Role {
   void OnStates() {
     for (const auto& state : states_.Take()) {
       // The plant's alone has it; the last one alone may have come.
-      if (state.run_id != services_.run_id() || origin_ns_ != kNever || state.origin_ns == 0) continue;
-      origin_ns_ = services_.lateness().origin_ns = state.origin_ns;
+      if (state.run_id != services_.run_id() || origin_.known() || state.origin_ns == 0) continue;
+      origin_ = services_.lateness().origin = Origin(BootTime(state.origin_ns));
       // A node that was started again in flight has missed what was before.
       for (const PlannedCommand& planned : commands_)
-        if (origin_ns_ + planned.command.at_ns >= power_on_ns_) Plan(planned);
+        if (origin_.ToBootTime(planned.command.at_ns) >= power_on_ns_) Plan(planned);
       Wake();
     }
   }
@@ -138,7 +139,7 @@ class EmulatorRole final : public Role {
   void Plan(const PlannedCommand& planned) {
     const faults::DeviceCommand& command = planned.command;
     const auto at = [&](TimeNs time_ns, std::function<void()> act) {
-      if (time_ns != kNever) agenda_.emplace(origin_ns_ + time_ns, std::move(act));
+      if (time_ns != kNever) agenda_.emplace(origin_.ToBootTime(time_ns), std::move(act));
     };
     // Refused before the flight (harness/scenario/fault_support.h).
     const auto refuse = [&] {
@@ -191,7 +192,7 @@ class EmulatorRole final : public Role {
 
   // Does what is due, and comes back for the rest.
   void Wake() {
-    const TimeNs now = services_.clock().Now();
+    const BootTime now = services_.clock().Now();
     while (!agenda_.empty() && agenda_.begin()->first <= now) {
       const auto due = agenda_.extract(agenda_.begin());
       due.mapped()();
@@ -211,11 +212,11 @@ class EmulatorRole final : public Role {
   std::optional<ClientStatus> status_;
   std::vector<PlannedCommand> commands_;
   std::optional<faults::FaultSchedule> counts_;
-  std::multimap<TimeNs, std::function<void()>> agenda_;  // by the node's clock
+  std::multimap<BootTime, std::function<void()>> agenda_;  // by the node's clock
   boost::asio::steady_timer timer_;
   std::optional<EmulatedBoard> board_;
-  TimeNs power_on_ns_ = 0;
-  TimeNs origin_ns_ = kNever;  // of t = 0, in the plant's clock: that of this machine
+  BootTime power_on_ns_;
+  Origin origin_;  // in the plant's clock: that of this machine
   bool stopped_ = false;
   std::shared_ptr<char> alive_ = std::make_shared<char>();
   dds::Subscriber<dds::RunState> states_;

@@ -21,7 +21,7 @@ namespace tiltproof::harness {
 class FirmwareProcess {
  public:
   struct Line {
-    TimeNs time_ns = 0;  // of the node's clock
+    BootTime time_ns;
     std::string text;
     bool error = false;  // on standard error
   };

@@ -39,19 +39,21 @@ class JoystickRole final : public Role {
   void OnStates() {
     for (const auto& state : states_.Take()) {
       if (stopped_ || timer_ || state.run_id != services_.run_id()) continue;
-      const TimeNs now = services_.clock().Now();
-      began_ns_ = last_ns_ = services_.lateness().origin_ns = now - state.time_ns;
-      timer_.emplace(services_, now, protocol_->control_period_ns, [this](TimeNs due) { Send(due); });
+      const BootTime now = services_.clock().Now();
+      last_ns_ = now - state.time_ns;
+      origin_ = services_.lateness().origin = Origin(last_ns_);
+      timer_.emplace(services_, now, protocol_->control_period_ns, [this](BootTime due) { Send(due); });
     }
   }
 
-  void Send(TimeNs now) {
-    const JoystickAxes axes = input_->Read(now - began_ns_);
+  void Send(BootTime now) {
+    const TimeNs time_ns = origin_.SimulationTime(now);
+    const JoystickAxes axes = input_->Read(time_ns);
     if (!input_->lost().empty() && !told_lost_) {
       told_lost_ = true;
-      services_.log().Write(RunEvent{now - began_ns_, "joystick_lost", input_->lost()});
+      services_.log().Write(RunEvent{time_ns, "joystick_lost", input_->lost()});
     }
-    sender_.Send(now - began_ns_, reference_->Step(axes, now - last_ns_));
+    sender_.Send(time_ns, reference_->Step(axes, now - last_ns_));
     last_ns_ = now;
   }
 
@@ -62,7 +64,8 @@ class JoystickRole final : public Role {
   std::unique_ptr<JoystickInput> input_;
   std::optional<JoystickReference> reference_;
   std::optional<PeriodicTimer> timer_;
-  TimeNs began_ns_ = 0, last_ns_ = 0;
+  Origin origin_;  // by this node's clock
+  BootTime last_ns_;
   bool stopped_ = false, told_lost_ = false;
   std::shared_ptr<char> alive_ = std::make_shared<char>();
   dds::Subscriber<dds::PlantState> states_;

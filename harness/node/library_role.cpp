@@ -17,7 +17,7 @@ namespace {
 constexpr TimeNs kWakePauseMin = 20 * kNsPerUs;
 
 // As good as never, and far from where times overflow: what a firmware may ask for is any number.
-constexpr TimeNs kNeverInFlight = kNever / 4;
+constexpr BootTime kNeverInFlight(kNever / 4);
 
 // A firmware library as a board: its clock is this node's, its UARTs are two serial ports.
 class LibraryRole final : public Role {
@@ -32,11 +32,12 @@ class LibraryRole final : public Role {
   Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
     scenario_ = loaded.scenario;
     baud_ = scenario_.link.ideal ? 0 : scenario_.link.baud;
-    const ClientHost host = {.transmit =
-                                 [this](Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) {
-                                   return Transmit(uart, Plausible(now), bytes);
-                                 },
-                             .log = [this](TimeNs now, std::string_view text) { Log(Plausible(now), text); }};
+    const ClientHost host = {
+        .transmit =
+            [this](Uart uart, BootTime now, std::span<const std::uint8_t> bytes) {
+              return Transmit(uart, Plausible(now), bytes);
+            },
+        .log = [this](BootTime now, std::string_view text) { Log(Plausible(now), text); }};
     try {
       client_ = LoadLibraryClient(FirmwareFile(firmware_, scenario_.firmware, scenario_.link.protocol->name),
                                   scenario_.firmware, scenario_.link.protocol->name, host,
@@ -56,13 +57,13 @@ class LibraryRole final : public Role {
   void Start() override {
     power_on_ns_ = services_.clock().Now();
     if (trouble_) return Tell(*trouble_);
-    Run([this] { return client_->Start(0); });
+    Run([this] { return client_->Start(BootTime()); });
   }
 
   void Flush() override {
-    if (origin_ns_ == kNever) return;
-    for (auto& [time_ns, text] : std::exchange(lines_, {}))
-      services_.log().Write(RunEvent{power_on_ns_ + time_ns - origin_ns_, "firmware_log", text});
+    if (!origin_.known()) return;
+    for (auto& [time, text] : std::exchange(lines_, {}))
+      services_.log().Write(RunEvent{origin_.SimulationTime(OfNode(time)), "firmware_log", text});
   }
 
   NodeTotals Stop() override {
@@ -70,7 +71,7 @@ class LibraryRole final : public Role {
     stopped_ = true;
     ports_ = {};
     // Without t = 0 the times are those since power-on.
-    if (origin_ns_ == kNever) origin_ns_ = power_on_ns_;
+    if (!origin_.known()) origin_ = Origin(power_on_ns_);
     Flush();
     NodeTotals totals;
     if (client_ == nullptr || lost_) return totals;
@@ -88,11 +89,11 @@ class LibraryRole final : public Role {
     port = std::make_unique<link::SerialPort>(services_.loop(), path, baud);
     port->Start(
         [this, uart](std::span<const std::uint8_t> bytes) {
-          if (stopped_ || power_on_ns_ == kNever) return;
-          const TimeNs now = Now();
+          if (stopped_ || power_on_ns_ == BootTime::Never()) return;
+          const BootTime now = Now();
           Run([&] {
             client_->Receive(uart, now, bytes, {});
-            return client_->Grant(now, kNever);
+            return client_->Grant(now, BootTime::Never());
           });
         },
         [this](const std::string& reason) {
@@ -100,14 +101,17 @@ class LibraryRole final : public Role {
         });
   }
 
-  // The client's clock never goes back, not even when a fault sets it.
-  TimeNs Now() { return now_ns_ = std::max(now_ns_, services_.clock().Now() - power_on_ns_); }
+  // The client's clock counts from its power-on. It never goes back, not even when a fault sets this node's.
+  BootTime Now() { return now_ns_ = std::max(now_ns_, BootTime(services_.clock().Now() - power_on_ns_)); }
+  // By this node's clock.
+  BootTime OfNode(BootTime of_client) const { return power_on_ns_ + of_client.ns(); }
   // What the firmware says of the time, within reason.
-  TimeNs Plausible(TimeNs now) {
-    return power_on_ns_ == kNever ? 0 : std::clamp<TimeNs>(now, 0, std::max<TimeNs>(Now(), 0) + kNsPerS);
+  BootTime Plausible(BootTime now) {
+    if (power_on_ns_ == BootTime::Never()) return BootTime();
+    return std::clamp(now, BootTime(), std::max(Now(), BootTime()) + kNsPerS);
   }
 
-  void Log(TimeNs now, std::string_view text) {
+  void Log(BootTime now, std::string_view text) {
     if (logged_bytes_ > kFirmwareLogBytesMax) return;
     logged_bytes_ += text.size() + 1;
     lines_.emplace_back(now, text);
@@ -119,7 +123,7 @@ class LibraryRole final : public Role {
   }
 
   // The bytes leave at once, and the line takes their time; the firmware is told when its UART would be done.
-  TimeNs Transmit(Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) {
+  BootTime Transmit(Uart uart, BootTime now, std::span<const std::uint8_t> bytes) {
     const auto& port = ports_[static_cast<std::size_t>(uart)];
     if (uart != Uart::kMain || stopped_ || !port) return now;
     port->Write(bytes);
@@ -129,21 +133,21 @@ class LibraryRole final : public Role {
   }
 
   // Lets the firmware run, and comes back when it wants to be woken.
-  void Run(const std::function<TimeNs()>& call) {
+  void Run(const std::function<BootTime()>& call) {
     if (stopped_) return;
     try {
-      TimeNs wake = call();
+      BootTime wake = call();
       timer_.cancel();
       if (wake > kNeverInFlight) return;
       // A firmware that always wants to be woken now must not keep this thread, which has real-time priority.
       wake = std::max(wake, Now() + kWakePauseMin);
-      timer_.expires_at(services_.clock().ToSteady(power_on_ns_ + wake));
+      timer_.expires_at(services_.clock().ToSteady(OfNode(wake)));
       timer_.async_wait([this, wake, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
         if (error || alive.expired() || stopped_) return;
-        const TimeNs now = Now();
+        const BootTime now = Now();
         // This machine's lateness, not the firmware's.
-        services_.lateness().Note(power_on_ns_ + wake, power_on_ns_ + now);
-        Run([&] { return client_->Grant(now, kNever); });
+        services_.lateness().Note(OfNode(wake), OfNode(now));
+        Run([&] { return client_->Grant(now, BootTime::Never()); });
       });
     } catch (const FirmwareTrouble& trouble) {
       Tell(trouble);
@@ -154,7 +158,7 @@ class LibraryRole final : public Role {
     for (const auto& state : states_.Take())
       // The plant's alone has it; the last one alone may have come.
       if (state.run_id == services_.run_id() && state.origin_ns != 0)
-        origin_ns_ = services_.lateness().origin_ns = state.origin_ns;
+        origin_ = services_.lateness().origin = Origin(BootTime(state.origin_ns));
   }
 
   NodeServices& services_;
@@ -164,11 +168,11 @@ class LibraryRole final : public Role {
   std::unique_ptr<Client> client_;
   std::array<std::unique_ptr<link::SerialPort>, 2> ports_;
   boost::asio::steady_timer timer_;
-  TimeNs power_on_ns_ = kNever;
-  TimeNs now_ns_ = 0;  // the latest told
-  TimeNs transmitter_free_ns_ = 0;
-  TimeNs origin_ns_ = kNever;  // of t = 0, in the plant's clock: that of this machine
-  std::vector<std::pair<TimeNs, std::string>> lines_;
+  BootTime power_on_ns_ = BootTime::Never();
+  BootTime now_ns_;  // the latest told
+  BootTime transmitter_free_ns_;
+  Origin origin_;  // in the plant's clock: that of this machine
+  std::vector<std::pair<BootTime, std::string>> lines_;
   std::size_t logged_bytes_ = 0;
   std::optional<FirmwareTrouble> trouble_;  // while it was loaded
   bool stopped_ = false, lost_ = false;

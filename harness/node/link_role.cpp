@@ -70,8 +70,8 @@ class LinkRole final : public Role {
     plant_->master().Start(
         [this](std::span<const std::uint8_t> bytes) {
           // The server answers at once: what it takes longer is this machine's doing.
-          if (asked_plant_ns_ != kNever) services_.lateness().Note(asked_plant_ns_, Now());
-          asked_plant_ns_ = kNever;
+          if (asked_plant_ns_ != BootTime::Never()) services_.lateness().Note(asked_plant_ns_, Now());
+          asked_plant_ns_ = BootTime::Never();
           Transmit(Direction::kToClient, bytes);
         },
         Lost("plant's port"));
@@ -98,8 +98,8 @@ class LinkRole final : public Role {
   }
 
   void Flush() override {
-    if (line_->origin() == kNever) return;
-    services_.lateness().origin_ns = line_->origin();
+    if (!line_->origin().known()) return;
+    services_.lateness().origin = line_->origin();
     LineLog log = line_->TakeLog(Now());
     JudgeRoundTrip(log.client_round_trip_ns);
     SampleCounts(Now());
@@ -111,12 +111,12 @@ class LinkRole final : public Role {
     timer_.cancel();
     canary_.reset();
     board_watch_.reset();
-    const TimeNs now = Now();
-    const TimeNs origin = line_->origin() == kNever ? now : line_->origin();
-    if (const std::string trouble = reference_talk_->Trouble(); !trouble.empty() && line_->origin() == kNever)
+    const BootTime now = Now();
+    const Origin origin = line_->origin().known() ? line_->origin() : Origin(now);
+    if (const std::string trouble = reference_talk_->Trouble(); !trouble.empty() && !line_->origin().known())
       services_.log().Write(RunEvent{0, kLineTroubleEvent, trouble});
     SampleCounts(now);
-    LineLog log = line_->TakeLog(std::min(now, origin + scenario_.duration_ns));
+    LineLog log = line_->TakeLog(std::min(now, origin.ToBootTime(scenario_.duration_ns)));
     services_.log().Write(log, origin, std::exchange(samples_, {}));
     NodeTotals totals;
     totals.line = std::move(log);
@@ -163,7 +163,7 @@ class LinkRole final : public Role {
     if (reference_.line != nullptr && !reference_.pty)
       reference_.line->Start(
           [this](std::span<const std::uint8_t> bytes) {
-            if (armed_ && line_->origin() == kNever) reference_talk_->Hear(bytes);
+            if (armed_ && !line_->origin().known()) reference_talk_->Hear(bytes);
           },
           Lost("client's reference port"));
   }
@@ -171,8 +171,8 @@ class LinkRole final : public Role {
   link::SerialPort::Closed Lost(std::string name) {
     return [this, name = std::move(name)](const std::string& reason) {
       const std::string text = fmt::format("the {} is gone: {}", name, reason);
-      const TimeNs origin = line_->origin();
-      services_.log().Write(RunEvent{origin == kNever ? 0 : Now() - origin, "port_lost", text});
+      const Origin origin = line_->origin();
+      services_.log().Write(RunEvent{origin.known() ? origin.SimulationTime(Now()) : 0, "port_lost", text});
       services_.Fail(EndReason::kNodeLost, text);
     };
   }
@@ -183,7 +183,7 @@ class LinkRole final : public Role {
   }
 
   // Bytes do not arrive before they were sent, not even when a fault sets the clock.
-  TimeNs Now() { return now_ns_ = std::max(now_ns_, services_.clock().Now()); }
+  BootTime Now() { return now_ns_ = std::max(now_ns_, services_.clock().Now()); }
 
   void OnReferences() {
     for (const auto& reference : references_.Take()) {
@@ -195,13 +195,14 @@ class LinkRole final : public Role {
 
   void Transmit(Direction direction, std::span<const std::uint8_t> bytes) {
     if (!armed_) return;
-    const TimeNs now = Now();
+    const BootTime now = Now();
     // A firmware library answers within microseconds: what it takes longer is this machine's doing.
     if (direction == Direction::kToPlant && client_is_library_ && bytes.size() >= actuators_bytes_ &&
-        line_->unanswered_reply() != kNever)
+        line_->unanswered_reply() != BootTime::Never())
       services_.lateness().Note(line_->unanswered_reply(), now);
     // How fast an emulated processor is, is this machine's doing too.
-    if (direction == Direction::kToPlant && client_takes_bytes_ && line_->unanswered_reply() != kNever)
+    if (direction == Direction::kToPlant && client_takes_bytes_ &&
+        line_->unanswered_reply() != BootTime::Never())
       services_.lateness().Note(line_->unanswered_reply() + kEmulationNs, now);
     line_->Transmit(direction, now, bytes);
     Pump();
@@ -215,28 +216,28 @@ class LinkRole final : public Role {
 
   // Hands over what has arrived, and comes back for the rest.
   void Pump() {
-    const TimeNs now = Now();
+    const BootTime now = Now();
     SampleCounts(now);
-    TimeNs next = kNever;
+    BootTime next = BootTime::Never();
     for (const Direction direction : kDirections) {
       link::ByteLine* port = direction == Direction::kToPlant    ? &plant_->master()
                              : direction == Direction::kToClient ? client_.line
                                                                  : reference_.line;
       while (const auto piece = line_->TakePiece(direction, now)) {
         if (piece->message != nullptr && origin_.Note(piece->arrival_ns, *piece->message))
-          line_->SetOrigin(piece->arrival_ns);
+          line_->SetOrigin(origin_.origin());
         services_.lateness().Note(piece->arrival_ns, now);
         std::span<const std::uint8_t> bytes = piece->bytes;
-        if (line_->origin() != kNever)
+        if (line_->origin().known())
           bytes = bytes.first(deaf_[static_cast<std::size_t>(direction)].Keeps(
-              piece->arrival_ns - line_->origin(), bytes.size()));
+              line_->origin().SimulationTime(piece->arrival_ns), bytes.size()));
         if (port != nullptr && !bytes.empty()) port->Write(bytes);
         if (direction == Direction::kToPlant) asked_plant_ns_ = now;
       }
       next = std::min(next, NextHandOver(direction, now));
     }
     timer_.cancel();
-    if (next == kNever) return;
+    if (next == BootTime::Never()) return;
     timer_.expires_at(services_.clock().ToSteady(next));
     timer_.async_wait([this, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
       if (!error && !alive.expired() && armed_) Pump();
@@ -245,16 +246,17 @@ class LinkRole final : public Role {
 
   // An emulated USART takes bytes one at a time, and each some time: like a true one it gets them as they come, not a
   // frame at once. Others are woken for whole frames alone.
-  TimeNs NextHandOver(Direction direction, TimeNs now) {
-    const TimeNs arrival = line_->NextArrival(direction);
-    if (arrival == kNever || direction == Direction::kToPlant || !client_takes_bytes_) return arrival;
+  BootTime NextHandOver(Direction direction, BootTime now) {
+    const BootTime arrival = line_->NextArrival(direction);
+    if (arrival == BootTime::Never() || direction == Direction::kToPlant || !client_takes_bytes_)
+      return arrival;
     return std::min(arrival, std::max(now + kHandOverPeriodNs, arrival - kFrameTimeMax));
   }
 
   // The counters as they stood on the 12 ms grid, for the trace.
-  void SampleCounts(TimeNs now) {
-    if (line_->origin() == kNever) return;
-    for (; line_->origin() + next_sample_ns_ <= now && next_sample_ns_ <= scenario_.duration_ns;
+  void SampleCounts(BootTime now) {
+    if (!line_->origin().known()) return;
+    for (; line_->origin().ToBootTime(next_sample_ns_) <= now && next_sample_ns_ <= scenario_.duration_ns;
          next_sample_ns_ += scenario_.link.protocol->control_period_ns)
       samples_.push_back({next_sample_ns_, line_->counts()});
   }
@@ -266,7 +268,7 @@ class LinkRole final : public Role {
     judged_ = true;
     const auto middle = first_round_trips_.begin() + kRoundTripSampleCount / 2;
     std::nth_element(first_round_trips_.begin(), middle, first_round_trips_.end());
-    const TimeNs now = Now() - line_->origin();
+    const TimeNs now = line_->origin().SimulationTime(Now());
     const double median_ms = ToSeconds(*middle) * 1e3;
     services_.log().Write(RunEvent{now, "client_round_trip",
                                    fmt::format("a reply is answered after {:.2f} ms (median of the first {})",
@@ -280,7 +282,7 @@ class LinkRole final : public Role {
   }
 
   NodeServices& services_;
-  TimeNs now_ns_ = 0;  // shown last
+  BootTime now_ns_;    // shown last
   SerialBoard board_;  // on its cables; names nothing when there is none
   Scenario scenario_;
   std::optional<LocalLine> line_;
@@ -294,7 +296,8 @@ class LinkRole final : public Role {
   std::unique_ptr<PtyCanary> canary_;
   std::optional<CpuWaitWatch> board_watch_;  // of a program of the user's that plays the board
   bool armed_ = false;
-  TimeNs asked_plant_ns_ = kNever;   // when the plant got the last bytes that it has not answered yet
+  // When the plant got the last bytes that it has not answered yet.
+  BootTime asked_plant_ns_ = BootTime::Never();
   std::size_t actuators_bytes_ = 0;  // of the message that carries them
   TimeNs next_sample_ns_ = 0;
   std::vector<CountsSample> samples_;

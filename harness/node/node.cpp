@@ -44,7 +44,7 @@ class Node final : public NodeServices {
   const dds::Circle& members() const override { return members_; }
   LogPublisher& log() override { return *log_; }
   Lateness& lateness() override { return lateness_; }
-  void SetPhase(dds::Phase phase, TimeNs time_ns, TimeNs origin_ns, EndReason reason,
+  void SetPhase(dds::Phase phase, TimeNs time_ns, Origin origin, EndReason reason,
                 const std::string& text) override;
 
  private:
@@ -357,10 +357,10 @@ void Node::OnFault() {
   }
 }
 
-void Node::SetPhase(dds::Phase phase, TimeNs time_ns, TimeNs origin_ns, EndReason reason,
+void Node::SetPhase(dds::Phase phase, TimeNs time_ns, Origin origin, EndReason reason,
                     const std::string& text) {
   state_.time_ns = time_ns;
-  state_.origin_ns = origin_ns;
+  state_.origin_ns = origin.known() ? origin.boot_time().ns() : 0;
   state_.end_reason = Name(reason);
   state_.text = text.substr(0, dds::kTextBytesMax);
   Tell(phase);
@@ -391,8 +391,8 @@ std::function<void()> InLoop(asio::io_context& loop, const std::shared_ptr<char>
   };
 }
 
-PeriodicTimer::PeriodicTimer(NodeServices& services, TimeNs first, TimeNs period,
-                             std::function<void(TimeNs)> due)
+PeriodicTimer::PeriodicTimer(NodeServices& services, BootTime first, TimeNs period,
+                             std::function<void(BootTime)> due)
     : services_(services),
       next_ns_(first),
       period_ns_(period),
@@ -405,7 +405,7 @@ void PeriodicTimer::Arm() {
   timer_.expires_at(services_.clock().ToSteady(next_ns_));
   timer_.async_wait([this, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
     if (error || alive.expired()) return;
-    const TimeNs now = services_.clock().Now();
+    const BootTime now = services_.clock().Now();
     services_.lateness().Note(next_ns_, now);
     do {
       next_ns_ += period_ns_;

@@ -63,10 +63,10 @@ class NodeServices {
   virtual LogPublisher& log() = 0;
   virtual Lateness& lateness() = 0;
   // Tells the harness where the node stands; kFailed ends the run.
-  virtual void SetPhase(dds::Phase phase, TimeNs time_ns, TimeNs origin_ns, EndReason reason,
+  virtual void SetPhase(dds::Phase phase, TimeNs time_ns, Origin origin, EndReason reason,
                         const std::string& text) = 0;
   // The same for trouble of the node's own, named by `reason`.
-  void Fail(EndReason reason, const std::string& text) { SetPhase(dds::Phase::kFailed, 0, 0, reason, text); }
+  void Fail(EndReason reason, const std::string& text) { SetPhase(dds::Phase::kFailed, 0, {}, reason, text); }
 };
 
 // The work of one kind of node, during one run. Any call may throw std::exception: the harness gets the text.
@@ -92,13 +92,14 @@ int RunNode(const NodeOptions& options, const MakeRole& make_role);
 // late that was. Until it is destroyed.
 class PeriodicTimer {
  public:
-  PeriodicTimer(NodeServices& services, TimeNs first, TimeNs period, std::function<void(TimeNs)> due);
+  PeriodicTimer(NodeServices& services, BootTime first, TimeNs period, std::function<void(BootTime)> due);
 
  private:
   void Arm();
   NodeServices& services_;
-  TimeNs next_ns_, period_ns_;
-  std::function<void(TimeNs)> due_;
+  BootTime next_ns_;
+  TimeNs period_ns_;
+  std::function<void(BootTime)> due_;
   boost::asio::steady_timer timer_;
   // A wait that is over already calls back even when this is destroyed before.
   std::shared_ptr<char> alive_ = std::make_shared<char>();

@@ -12,9 +12,9 @@ class NodeClock {
  public:
   using Steady = std::chrono::steady_clock;
 
-  TimeNs Now() const { return FromSteady(Steady::now()); }
+  BootTime Now() const { return FromSteady(Steady::now()); }
   // When the true clock shows, this one shows `time`.
-  Steady::time_point ToSteady(TimeNs time) const {
+  Steady::time_point ToSteady(BootTime time) const {
     const double since_base = static_cast<double>(time - base_ns_) / rate_;
     return Steady::time_point(std::chrono::nanoseconds(true_base_ns_ + static_cast<TimeNs>(since_base)));
   }
@@ -30,12 +30,13 @@ class NodeClock {
   void Jump(TimeNs by_ns) { base_ns_ += by_ns; }
 
  private:
-  TimeNs FromSteady(Steady::time_point t) const {
+  BootTime FromSteady(Steady::time_point t) const {
     const TimeNs since = t.time_since_epoch().count() - true_base_ns_;
     return base_ns_ + static_cast<TimeNs>(static_cast<double>(since) * rate_);
   }
 
-  TimeNs true_base_ns_ = 0, base_ns_ = 0;
+  TimeNs true_base_ns_ = 0;
+  BootTime base_ns_;
   double rate_ = 1.0;
 };
 

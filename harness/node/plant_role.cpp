@@ -53,7 +53,7 @@ class PlantRole final : public Role {
 
   void OnBytes(std::span<const std::uint8_t> bytes) {
     if (finished_) return;
-    const TimeNs now = services_.clock().Now();
+    const BootTime now = services_.clock().Now();
     Advance(now);
     if (finished_) return;
     const bool was_started = server_->state().started();
@@ -61,24 +61,25 @@ class PlantRole final : public Role {
       server_->Receive(0, now, message, [this](std::span<const std::uint8_t> frame) { port_->Write(frame); });
     });
     if (was_started || !server_->state().started()) return;
-    const TimeNs origin = server_->state().origin_ns;
-    services_.lateness().origin_ns = origin;
+    const Origin origin = server_->state().origin;
+    services_.lateness().origin = origin;
     services_.SetPhase(dds::Phase::kRunning, 0, origin, EndReason::kCompleted, "");
-    timer_.emplace(services_, origin + kTickOffsetNs, kTickPeriodNs, [this](TimeNs due) { Tick(due); });
-    Publish(origin);
+    timer_.emplace(services_, origin.ToBootTime(kTickOffsetNs), kTickPeriodNs,
+                   [this](BootTime due) { Tick(due); });
+    Publish(origin.boot_time());
   }
 
-  void Tick(TimeNs now) {
+  void Tick(BootTime now) {
     Advance(now);
     server_->TakeNews();  // in real time only the plant's own faults wait, and they have heard it
     if (++tick_count_ % (loaded_.scenario.link.protocol->control_period_ns / kTickPeriodNs) == 1)
       Publish(now);
   }
 
-  void Advance(TimeNs now) {
+  void Advance(BootTime now) {
     const PlantServer::State& state = server_->state();
     if (finished_ || !state.started()) return;
-    const TimeNs end = state.origin_ns + loaded_.scenario.duration_ns;
+    const BootTime end = state.origin.ToBootTime(loaded_.scenario.duration_ns);
     server_->Advance(std::min(now, end), NoCounts());
     if (now < end && !state.over) return;
     if (!state.over) server_->Finish(end, NoCounts());
@@ -86,11 +87,11 @@ class PlantRole final : public Role {
     timer_.reset();
     Publish(std::min(now, end));
     services_.SetPhase(dds::Phase::kFinished, state.over ? state.reached_ns : loaded_.scenario.duration_ns,
-                       state.origin_ns, state.end_reason, state.end_text);
+                       state.origin, state.end_reason, state.end_text);
   }
 
-  void Publish(TimeNs now) {
-    const TimeNs time_ns = now - server_->state().origin_ns;
+  void Publish(BootTime now) {
+    const TimeNs time_ns = server_->state().origin.SimulationTime(now);
     dds::PlantState state;
     state.run_id = services_.run_id();
     state.sequence = ++sequence_;

@@ -19,7 +19,7 @@ class PtyCanary {
       : services_(services),
         pty_(services.loop()),
         far_(services.loop(), pty_.slave_path(), LinkSpec::kReferenceBaud),
-        timer_(services, services.clock().Now() + kPeriodNs, kPeriodNs, [this](TimeNs now) { Send(now); }) {
+        timer_(services, services.clock().Now() + kPeriodNs, kPeriodNs, [this](BootTime now) { Send(now); }) {
     far_.Start([this](std::span<const std::uint8_t>) { Arrive(); }, [](const std::string&) {});
     pty_.master().Start([](std::span<const std::uint8_t>) {}, [](const std::string&) {});
   }
@@ -27,21 +27,21 @@ class PtyCanary {
  private:
   static constexpr TimeNs kPeriodNs = 4 * kNsPerMs;
 
-  void Send(TimeNs now) {
-    if (sent_ns_ != kNever) return;
+  void Send(BootTime now) {
+    if (sent_ns_ != BootTime::Never()) return;
     sent_ns_ = now;
     constexpr std::array<std::uint8_t, 1> kByte = {0x55};
     pty_.master().Write(kByte);
   }
   void Arrive() {
-    if (sent_ns_ != kNever) services_.lateness().Note(sent_ns_, services_.clock().Now());
-    sent_ns_ = kNever;
+    if (sent_ns_ != BootTime::Never()) services_.lateness().Note(sent_ns_, services_.clock().Now());
+    sent_ns_ = BootTime::Never();
   }
 
   NodeServices& services_;
   link::Pty pty_;
   link::SerialPort far_;
-  TimeNs sent_ns_ = kNever;
+  BootTime sent_ns_ = BootTime::Never();
   PeriodicTimer timer_;
 };
 

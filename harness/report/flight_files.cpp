@@ -14,7 +14,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json ToJson(const std::vector<link::Chunk>& chunks) {
+Json ToJson(const std::vector<link::LogChunk>& chunks) {
   Json array = Json::array();
   for (const auto& chunk : chunks)
     array.push_back({{"begin_s", ToSeconds(chunk.begin_ns)},

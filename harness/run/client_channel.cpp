@@ -40,36 +40,36 @@ ClientChannel::ClientChannel(const Scenario& scenario, std::size_t client, Line&
 
 void ClientChannel::PowerOn(
     const std::function<std::unique_ptr<Client>(std::size_t client, ClientHost)>& make) {
-  client_ =
-      make(index_, {.transmit = [this](Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) -> TimeNs {
-                      // The reference line has no way back: what the client sends there ends at its pin.
-                      if (uart != Uart::kMain) {
-                        reference_talk_.Hear(bytes);
-                        return now;
-                      }
-                      const TimeNs sent = line_.Transmit(
-                          Direction::kToPlant, std::clamp(now, now_ns_, now_ns_ + kTransmitAheadMax), bytes);
-                      on_news_();
-                      return sent;
-                    },
-                    .log =
-                        [this](TimeNs now, std::string_view text) {
-                          if (firmware_log_bytes_ > kFirmwareLogBytesMax) return;
-                          firmware_log_bytes_ += text.size();
-                          firmware_lines_.emplace_back(now, text);
-                        },
-                    .event = [this](const DeviceEvent& event) { OnEvent(event); }});
-  wake_ns_ = client_->Start(0);
+  client_ = make(
+      index_, {.transmit = [this](Uart uart, BootTime now, std::span<const std::uint8_t> bytes) -> BootTime {
+                 // The reference line has no way back: what the client sends there ends at its pin.
+                 if (uart != Uart::kMain) {
+                   reference_talk_.Hear(bytes);
+                   return now;
+                 }
+                 const BootTime sent = line_.Transmit(
+                     Direction::kToPlant, std::clamp(now, now_ns_, now_ns_ + kTransmitAheadMax), bytes);
+                 on_news_();
+                 return sent;
+               },
+               .log =
+                   [this](BootTime now, std::string_view text) {
+                     if (firmware_log_bytes_ > kFirmwareLogBytesMax) return;
+                     firmware_log_bytes_ += text.size();
+                     firmware_lines_.emplace_back(now, text);
+                   },
+               .event = [this](const DeviceEvent& event) { OnEvent(event); }});
+  wake_ns_ = client_->Start(BootTime());
 }
 
-TimeNs ClientChannel::Next() const {
-  TimeNs next = wake_ns_;
+BootTime ClientChannel::Next() const {
+  BootTime next = wake_ns_;
   for (const Direction direction : {Direction::kToPlant, Direction::kToClient, Direction::kReference})
     next = std::min(next, line_.NextArrival(direction));
   return next;
 }
 
-void ClientChannel::BeginTurn(TimeNs now) {
+void ClientChannel::BeginTurn(BootTime now) {
   now_ns_ = now;
   commanded_ = false;
   if (now - period_begin_ns_ >= scenario_.link.protocol->control_period_ns) {
@@ -81,27 +81,27 @@ void ClientChannel::BeginTurn(TimeNs now) {
         true,
         fmt::format("the firmware lets no time pass: it wants to be woken again and again, {} times from "
                     "{:.9f} s to {:.9f} s after power-on",
-                    wakes_count_, ToSeconds(period_begin_ns_), ToSeconds(now)));
+                    wakes_count_, ToSeconds(period_begin_ns_.ns()), ToSeconds(now.ns())));
   // Without faults it is the firmware that sends, or asks for, more than the line carries.
   if (const auto& overfull = line_.overfull(); overfull && !overfull->by_faults)
     throw FirmwareTrouble(true, overfull->text);
 }
 
-void ClientChannel::Command(TimeNs origin) {
-  origin_ns_ = origin;
+void ClientChannel::Command(Origin origin) {
+  origin_ = origin;
   faults_.SetOrigin(origin);
   client_->Command(ClientCommands(scenario_, index_), origin);
   commanded_ = true;
 }
 
-void ClientChannel::Run(TimeNs now, TimeNs horizon) {
+void ClientChannel::Run(BootTime now, BootTime horizon) {
   const bool runs_on = client_->RunsOn();
   const bool delivered = Deliver(runs_on ? horizon : now);
   if (runs_on || delivered || commanded_ || now >= wake_ns_) wake_ns_ = client_->Grant(now, horizon);
 }
 
 // The client gets every byte that has arrived, whole frame or not: it may flush what it holds at any tick.
-bool ClientChannel::Deliver(TimeNs until) {
+bool ClientChannel::Deliver(BootTime until) {
   bool delivered = false;
   // References first: r(t_k) is there before the sensor reply of the same period.
   for (const Direction direction : {Direction::kReference, Direction::kToClient}) {
@@ -133,7 +133,7 @@ void ClientChannel::OnEvent(const DeviceEvent& event) {
   events_.push_back(event);
   receive_overruns_count_ += event.overruns_count;
   if (event.fault && *event.fault < scenario_.faults.size())
-    faults_.Count(*event.fault, event.time_ns - origin_ns_, event.text);
+    faults_.Count(*event.fault, origin_.OrPowerOn().SimulationTime(event.time_ns), event.text);
 }
 
 void ClientChannel::AskStatus(RunLog& log) {
@@ -141,14 +141,16 @@ void ClientChannel::AskStatus(RunLog& log) {
     log.clients[index_].failsafe_entered_count = status->failsafe_count;
 }
 
-void ClientChannel::Finish(TimeNs origin, bool started, RunLog& log) {
+void ClientChannel::Finish(Origin origin, RunLog& log) {
+  const Origin of_log = origin.OrPowerOn();
   ClientLog& own = log.clients[index_];
   for (const auto& [time_ns, text] : firmware_lines_)
-    own.firmware_log += fmt::format("{:.6f} {}\n", ToSeconds(time_ns - origin), text);
+    own.firmware_log += fmt::format("{:.6f} {}\n", ToSeconds(of_log.SimulationTime(time_ns)), text);
   if (client_ != nullptr && client_->RunsOn()) own.receive_overruns_count = receive_overruns_count_;
   for (DeviceEvent& event : events_)
-    log.events.push_back({event.time_ns - origin, std::move(event.kind), std::move(event.text), index_});
-  if (const std::string talk = reference_talk_.Trouble(); !talk.empty() && !started)
+    log.events.push_back(
+        {of_log.SimulationTime(event.time_ns), std::move(event.kind), std::move(event.text), index_});
+  if (const std::string talk = reference_talk_.Trouble(); !talk.empty() && !origin.known())
     log.events.push_back({0, kLineTroubleEvent, talk, index_});
   Append(log, faults_, origin);
 }

@@ -4,7 +4,7 @@
 //   ClientChannel channel(scenario, 0, line, [] {});
 //   channel.PowerOn(make_client);
 //   channel.Run(now, horizon);                 // bytes that have arrived, and the time that has come
-//   channel.Finish(origin, started, log);
+//   channel.Finish(origin, log);
 //
 // Times are boot time.
 #pragma once
@@ -46,27 +46,27 @@ class ClientChannel {
   void PowerOn(const std::function<std::unique_ptr<Client>(std::size_t client, ClientHost)>& make);
 
   // When something happens here next: bytes arrive at either end, or the client's time has come.
-  TimeNs Next() const;
+  BootTime Next() const;
   // A turn of the conductor begins. Throws FirmwareTrouble when the client lets no time pass, or when more is sent on its
   // line than that carries.
-  void BeginTurn(TimeNs now);
+  void BeginTurn(BootTime now);
   // t = 0 is known: the client is told what the faults on its board do, and when.
-  void Command(TimeNs origin);
+  void Command(Origin origin);
   // The client gets what has arrived, and runs: a library at `now`, an emulator up to `horizon` at most.
-  void Run(TimeNs now, TimeNs horizon);
+  void Run(BootTime now, BootTime horizon);
 
   // Of the faults of the line, the receiver and the board: what others wait for, and what they wait for themselves.
   std::vector<faults::News> TakeNews();
   void Hear(std::span<const faults::News> news);
 
-  // What it leaves behind; `origin` is 0 when t = 0 never came.
-  void Finish(TimeNs origin, bool started, RunLog& log);
+  // What it leaves behind. When t = 0 never came, it has the time since power-on.
+  void Finish(Origin origin, RunLog& log);
   // Asks the client how it fared, unless it may be in the middle of a call. Throws FirmwareTrouble.
   void AskStatus(RunLog& log);
   std::unique_ptr<Client> TakeClient() { return std::move(client_); }
 
  private:
-  bool Deliver(TimeNs until);
+  bool Deliver(BootTime until);
   void OnEvent(const DeviceEvent& event);
 
   const Scenario& scenario_;
@@ -80,15 +80,15 @@ class ClientChannel {
   std::vector<faults::ReceiveMark> marks_;
   std::vector<DeviceEvent> events_;
   std::int64_t receive_overruns_count_ = 0;
-  TimeNs origin_ns_ = 0;
+  Origin origin_;
   bool commanded_ = false;  // in this turn
 
-  TimeNs now_ns_ = 0;   // of the turn under way
-  TimeNs wake_ns_ = 0;  // until when the client waits
-  TimeNs period_begin_ns_ = 0;
+  BootTime now_ns_;   // of the turn under way
+  BootTime wake_ns_;  // until when the client waits
+  BootTime period_begin_ns_;
   int wakes_count_ = 0;  // since then
 
-  std::vector<std::pair<TimeNs, std::string>> firmware_lines_;  // what the firmware logged
+  std::vector<std::pair<BootTime, std::string>> firmware_lines_;  // what the firmware logged
   std::size_t firmware_log_bytes_ = 0;
   ReferenceTalk reference_talk_;
 };

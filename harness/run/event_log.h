@@ -11,12 +11,13 @@
 
 namespace tiltproof::harness {
 
+template <class Time>
 class EventLog {
  public:
   static constexpr std::size_t kEventsMax = 10'000;
 
   // `client`: whose it is; none: the flight's.
-  void Add(TimeNs time_ns, std::string kind, std::string text, std::optional<std::size_t> client = {}) {
+  void Add(Time time_ns, std::string kind, std::string text, std::optional<std::size_t> client = {}) {
     if (count_ > kEventsMax) return;
     if (count_++ == kEventsMax) {
       kind = "events_suppressed";
@@ -26,10 +27,10 @@ class EventLog {
   }
 
   // Those added since the last call.
-  std::vector<RunEvent> Take() { return std::exchange(events_, {}); }
+  std::vector<TimedEvent<Time>> Take() { return std::exchange(events_, {}); }
 
  private:
-  std::vector<RunEvent> events_;
+  std::vector<TimedEvent<Time>> events_;
   std::size_t count_ = 0;
 };
 

@@ -18,8 +18,7 @@ namespace {
 
 using link::Direction;
 
-// Times inside are boot time (nanoseconds since the clients' power-on); what goes to the log is turned into
-// simulation time.
+// Counts in boot time; what goes to the log is turned into simulation time.
 class Conductor {
  public:
   Conductor(const Scenario& scenario, const VehicleSignals& vehicle, std::span<Line* const> lines,
@@ -41,20 +40,20 @@ class Conductor {
     }
   }
   void Conduct();
-  bool EndsBefore(TimeNs now);
-  void AdvancePlant(TimeNs to) { server_.Advance(to, Counts()); }
-  void ServePlantEnd(ClientChannel& channel, TimeNs now);
-  TimeNs Horizon(const ClientChannel& channel, TimeNs now) const;
+  bool EndsBefore(BootTime now);
+  void AdvancePlant(BootTime to) { server_.Advance(to, Counts()); }
+  void ServePlantEnd(ClientChannel& channel, BootTime now);
+  BootTime Horizon(const ClientChannel& channel, BootTime now) const;
   void SpreadNews();
-  void SendReference(TimeNs now);
+  void SendReference(BootTime now);
   void Finish();
   const AllCounts& Counts();
 
   bool started() const { return server_.state().started(); }
   bool over() const { return server_.state().over; }
-  TimeNs SimTime(TimeNs boot_time) const { return boot_time - server_.state().origin_ns; }
+  Origin origin() const { return server_.state().origin; }
   // When the flight ends, as far as it is known.
-  TimeNs End() const { return (started() ? server_.state().origin_ns : 0) + scenario_.duration_ns; }
+  BootTime End() const { return origin().OrPowerOn().ToBootTime(scenario_.duration_ns); }
 
   const Scenario& scenario_;
   const FlightOptions& options_;
@@ -67,7 +66,7 @@ class Conductor {
   RunLog log_;
   const bool faults_wait_;                          // for each other, or for conditions
   std::vector<std::vector<std::uint8_t>> replies_;  // of the plant server, before they are sent
-  TimeNs next_reference_ns_ = kNever;
+  BootTime next_reference_ns_ = BootTime::Never();
 };
 
 Conductor::Conductor(const Scenario& scenario, const VehicleSignals& vehicle, std::span<Line* const> lines,
@@ -110,8 +109,8 @@ RunLog Conductor::Run() {
 }
 
 void Conductor::Conduct() {
-  for (TimeNs now = kPowerOn;;) {
-    TimeNs next = next_reference_ns_;
+  for (BootTime now = BootTime::Earliest();;) {
+    BootTime next = next_reference_ns_;
     for (const ClientChannel& channel : channels_) next = std::min(next, channel.Next());
     now = std::max(now, next);
     if (EndsBefore(now)) return;
@@ -123,14 +122,13 @@ void Conductor::Conduct() {
     if (now == next_reference_ns_) SendReference(now);
     const bool was_started = started();
     for (ClientChannel* channel : in_turn_) ServePlantEnd(*channel, now);
-    if (started() && !was_started)
-      Each([&](ClientChannel& channel) { channel.Command(server_.state().origin_ns); });
+    if (started() && !was_started) Each([&](ClientChannel& channel) { channel.Command(origin()); });
     Each([&](ClientChannel& channel) { channel.Run(now, Horizon(channel, now)); });
   }
 }
 
 // Whether the flight is at its end before what would happen at `now`.
-bool Conductor::EndsBefore(TimeNs now) {
+bool Conductor::EndsBefore(BootTime now) {
   if (now > End()) {
     if (started()) {
       AdvancePlant(End());
@@ -158,13 +156,13 @@ bool Conductor::EndsBefore(TimeNs now) {
   return false;
 }
 
-void Conductor::ServePlantEnd(ClientChannel& channel, TimeNs now) {
+void Conductor::ServePlantEnd(ClientChannel& channel, BootTime now) {
   Line& line = channel.line();
   if (line.NextArrival(Direction::kToPlant) > now) return;
   while (const auto piece = line.TakePiece(Direction::kToPlant, now)) {
     if (piece->message == nullptr) continue;
     const bool was_started = started();
-    const TimeNs arrival = piece->arrival_ns;
+    const BootTime arrival = piece->arrival_ns;
     replies_.clear();
     server_.Receive(channel.index(), arrival, *piece->message, [this](std::span<const std::uint8_t> frame) {
       replies_.emplace_back(frame.begin(), frame.end());
@@ -173,16 +171,16 @@ void Conductor::ServePlantEnd(ClientChannel& channel, TimeNs now) {
     for (const auto& reply : replies_) line.Transmit(Direction::kToClient, arrival, reply);
     SpreadNews();
     if (was_started || !started()) continue;
-    for (ClientChannel& other : channels_) other.line().SetOrigin(server_.state().origin_ns);
+    for (ClientChannel& other : channels_) other.line().SetOrigin(origin());
     SendReference(arrival);
   }
 }
 
 // Nothing that is not on its way yet can reach the client before that. One with a processor of its own comes back every
 // period at least.
-TimeNs Conductor::Horizon(const ClientChannel& channel, TimeNs now) const {
-  TimeNs horizon = std::min({next_reference_ns_, channel.line().NextArrival(Direction::kToPlant),
-                             now + scenario_.link.protocol->control_period_ns, std::max(End(), now) + 1});
+BootTime Conductor::Horizon(const ClientChannel& channel, BootTime now) const {
+  BootTime horizon = std::min({next_reference_ns_, channel.line().NextArrival(Direction::kToPlant),
+                               now + scenario_.link.protocol->control_period_ns, std::max(End(), now) + 1});
   // References begin with the selected client's `start`: before it, the others stay behind that client.
   const ClientChannel& selected = *in_turn_.front();
   if (!started() && &channel != &selected) horizon = std::min(horizon, std::max(selected.Next(), now));
@@ -211,12 +209,13 @@ const AllCounts& Conductor::Counts() {
 }
 
 // The base station follows the simulation's clock (paper, section 2.2, Figure 6).
-void Conductor::SendReference(TimeNs now) {
-  const Framed frame = references_.Frame(trajectory_.At(SimTime(now)));
+void Conductor::SendReference(BootTime now) {
+  const Framed frame = references_.Frame(trajectory_.At(origin().SimulationTime(now)));
   for (ClientChannel& channel : channels_) channel.line().Transmit(Direction::kReference, now, frame.bytes());
   SpreadNews();
   next_reference_ns_ = now + scenario_.link.protocol->control_period_ns;
-  if (options_.progress_ns != nullptr) options_.progress_ns->store(SimTime(now), std::memory_order_relaxed);
+  if (options_.progress_ns != nullptr)
+    options_.progress_ns->store(origin().SimulationTime(now), std::memory_order_relaxed);
 }
 
 void Conductor::Finish() {
@@ -225,8 +224,6 @@ void Conductor::Finish() {
     log_.end_reason = state.end_reason;
     log_.end_text = state.end_text;
   }
-  // Without t = 0 there is no simulation time: boot time is shown as if power-on were the origin.
-  const TimeNs origin = state.started() ? state.origin_ns : 0;
   if (state.started())
     log_.end_ns = log_.end_reason == EndReason::kCompleted ? scenario_.duration_ns : state.reached_ns;
   // After trouble a client may be in the middle of a call.
@@ -241,7 +238,7 @@ void Conductor::Finish() {
       log_.end_text = late.what();
     }
   }
-  for (ClientChannel& channel : channels_) channel.Finish(origin, state.started(), log_);
+  for (ClientChannel& channel : channels_) channel.Finish(state.origin, log_);
   // A part in another process may be gone, and its records with it; the others' are kept.
   const auto keep_going = [&](const auto& append) {
     try {
@@ -253,8 +250,9 @@ void Conductor::Finish() {
     }
   };
   keep_going([&] { Append(log_, server_.TakeLog()); });
+  const BootTime end = state.origin.OrPowerOn().ToBootTime(log_.end_ns);
   for (ClientChannel& channel : channels_)
-    keep_going([&] { Append(log_, channel.line().TakeLog(origin + log_.end_ns), channel.index(), origin); });
+    keep_going([&] { Append(log_, channel.line().TakeLog(end), channel.index(), state.origin); });
   SortByTime(log_);
   for (std::size_t client = 0; client < channels_.size(); ++client)
     AddClientHistory(log_, client, *scenario_.link.protocol, BootSign::kReset);

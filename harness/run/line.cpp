@@ -72,14 +72,14 @@ LocalLine::LocalLine(const Scenario& scenario, std::size_t client, bool paced)
   }
   At(ends_, Direction::kToClient).SetOnSentFrame([this](const ReceivingEnd::FrameName& name) {
     // The authors' server answers before t = 0 too; that is not timed.
-    if (origin_ns_ == kNever || requested_ns_ == kNever) return;
+    if (!origin_.known() || requested_ns_ == BootTime::Never()) return;
     if (replies_.size() == kRepliesMax) replies_.pop_front();
     replies_.push_back({name, requested_ns_});
   });
 }
 
-TimeNs LocalLine::Transmit(Direction direction, TimeNs now, std::span<const std::uint8_t> bytes) {
-  const TimeNs sent = At(wires_, direction).Transmit(now, bytes);
+BootTime LocalLine::Transmit(Direction direction, BootTime now, std::span<const std::uint8_t> bytes) {
+  const BootTime sent = At(wires_, direction).Transmit(now, bytes);
   NoteOverfull(direction);
   return sent;
 }
@@ -102,9 +102,9 @@ void LocalLine::NoteOverfull(Direction direction) {
   if (!overfull.by_faults) overfull.text += ": more is sent than it carries";
 }
 
-TimeNs LocalLine::NextArrival(Direction direction) const { return At(wires_, direction).NextArrival(); }
+BootTime LocalLine::NextArrival(Direction direction) const { return At(wires_, direction).NextArrival(); }
 
-std::optional<Line::Piece> LocalLine::TakePiece(Direction direction, TimeNs until) {
+std::optional<Line::Piece> LocalLine::TakePiece(Direction direction, BootTime until) {
   const auto taken = At(wires_, direction).TakePiece(until);
   NoteOverfull(direction);  // by bytes that no flag closed
   if (!taken) return std::nullopt;
@@ -126,30 +126,30 @@ std::optional<Line::Piece> LocalLine::TakePiece(Direction direction, TimeNs unti
   return piece;
 }
 
-void LocalLine::SetOrigin(TimeNs origin_ns) {
-  origin_ns_ = origin_ns;
-  faults_.SetOrigin(origin_ns);
+void LocalLine::SetOrigin(Origin origin) {
+  origin_ = origin;
+  faults_.SetOrigin(origin);
 }
 
-void LocalLine::OnClientMessage(TimeNs arrival, const link::Message& message) {
+void LocalLine::OnClientMessage(BootTime arrival, const link::Message& message) {
   if (!message.type->reply.empty()) requested_ns_ = arrival;
-  if (!message.values.empty() && replied_ns_ != kNever) {
+  if (!message.values.empty() && replied_ns_ != BootTime::Never()) {
     client_round_trip_ns_.push_back(arrival - replied_ns_);
-    replied_ns_ = kNever;
+    replied_ns_ = BootTime::Never();
   }
 }
 
 // Late, repeated and lost replies are told apart by the number of their frame, whatever they say. One that says something
 // else than was sent under its number is none.
-void LocalLine::OnReply(TimeNs arrival, const ReceivingEnd::FrameName& name) {
+void LocalLine::OnReply(BootTime arrival, const ReceivingEnd::FrameName& name) {
   const auto found =
       std::lower_bound(replies_.begin(), replies_.end(), name.number,
                        [](const Reply& reply, std::uint64_t number) { return reply.name.number < number; });
-  if (found == replies_.end() || found->requested_ns == kNever || found->name != name) return;
+  if (found == replies_.end() || found->requested_ns == BootTime::Never() || found->name != name) return;
   reply_latency_ns_.push_back(arrival - found->requested_ns);
   replied_ns_ = arrival;
-  found->requested_ns = kNever;
-  while (!replies_.empty() && replies_.front().requested_ns == kNever) replies_.pop_front();
+  found->requested_ns = BootTime::Never();
+  while (!replies_.empty() && replies_.front().requested_ns == BootTime::Never()) replies_.pop_front();
 }
 
 const LineCounts& LocalLine::counts() const {
@@ -157,14 +157,14 @@ const LineCounts& LocalLine::counts() const {
   return counts_;
 }
 
-LineLog LocalLine::TakeLog(TimeNs end) {
+LineLog LocalLine::TakeLog(BootTime end) {
   LineLog log;
   log.link = std::exchange(link_log_, {});
   log.reply_latency_ns = std::exchange(reply_latency_ns_, {});
   log.client_round_trip_ns = std::exchange(client_round_trip_ns_, {});
   log.events = events_.Take();
-  for (RunEvent& event : log.events) event.client = client_;
-  log.activations = faults_.TakeActivations(origin_ns_ == kNever ? 0 : origin_ns_);
+  for (LineEvent& event : log.events) event.client = client_;
+  log.activations = faults_.TakeActivations(origin_);
   log.activation_counts = faults_.ActivationCounts();
   log.counts = counts();
   for (const ReceivingEnd& receiving : ends_) {

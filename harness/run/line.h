@@ -2,8 +2,7 @@
 // and an audit of what passes.
 //
 // The same code stands in one process with the plant (lockstep), in a process of its own asked over a channel
-// (lockstep, distributed), and between real ports (the link node). All times are the line's: boot time in
-// lockstep, the machine's monotonic clock in real time.
+// (lockstep, distributed), and between real ports (the link node). All times are boot time (link/time.h).
 //
 //   LocalLine line(scenario);
 //   line.Transmit(Direction::kToPlant, now, bytes);
@@ -32,12 +31,12 @@ namespace tiltproof::harness {
 
 // Records since the last TakeLog(); counters are totals.
 struct LineLog {
-  LinkLog link;  // the line's time
+  LineLinkLog link;
   std::vector<TimeNs>
       reply_latency_ns;  // from a request's last byte at the server to its reply's at the client
   std::vector<TimeNs>
-      client_round_trip_ns;      // from a reply's last byte at the client to its actuators' at the server
-  std::vector<RunEvent> events;  // the line's time
+      client_round_trip_ns;  // from a reply's last byte at the client to its actuators' at the server
+  std::vector<LineEvent> events;
   std::vector<faults::Activation> activations;  // simulation time
   std::vector<std::int64_t> activation_counts;  // one per fault of the scenario
   LineCounts counts{};
@@ -64,7 +63,7 @@ class Line {
  public:
   // Bytes that have arrived. They and the message are valid until the next call.
   struct Piece {
-    TimeNs arrival_ns;  // of the last byte
+    BootTime arrival_ns;  // of the last byte
     std::span<const std::uint8_t> bytes;
     // Of the direction to_plant: the message that they complete. Null when they complete none that is accepted.
     const link::Message* message = nullptr;
@@ -72,12 +71,12 @@ class Line {
 
   virtual ~Line() = default;
   // See link::Wire for these three. A piece ends at the first flag that may end a frame: it completes one at most.
-  virtual TimeNs Transmit(link::Direction direction, TimeNs now, std::span<const std::uint8_t> bytes) = 0;
-  virtual TimeNs NextArrival(link::Direction direction) const = 0;
-  virtual std::optional<Piece> TakePiece(link::Direction direction, TimeNs until) = 0;
+  virtual BootTime Transmit(link::Direction direction, BootTime now, std::span<const std::uint8_t> bytes) = 0;
+  virtual BootTime NextArrival(link::Direction direction) const = 0;
+  virtual std::optional<Piece> TakePiece(link::Direction direction, BootTime until) = 0;
 
-  // The line's time of t = 0, once it is known: faults on the line have simulation time.
-  virtual void SetOrigin(TimeNs origin_ns) = 0;
+  // Once it is known: faults on the line have simulation time.
+  virtual void SetOrigin(Origin origin) = 0;
 
   virtual const LineCounts& counts() const = 0;
   // Once it is, for good.
@@ -85,8 +84,8 @@ class Line {
   // Of faults that wait, see faults/news.h.
   virtual std::vector<faults::News> TakeNews() = 0;
   virtual void Hear(std::span<const faults::News> news) = 0;
-  // `end`: when the flight ended, in the line's time; a frame still awaited then counts as lost.
-  virtual LineLog TakeLog(TimeNs end) = 0;
+  // `end`: when the flight ended; a frame still awaited then counts as lost.
+  virtual LineLog TakeLog(BootTime end) = 0;
 };
 
 class LocalLine final : public Line {
@@ -95,20 +94,19 @@ class LocalLine final : public Line {
   // do. The line keeps the scenario's protocol.
   explicit LocalLine(const Scenario& scenario, std::size_t client = 0, bool paced = true);
 
-  TimeNs Transmit(link::Direction direction, TimeNs now, std::span<const std::uint8_t> bytes) override;
-  TimeNs NextArrival(link::Direction direction) const override;
-  std::optional<Piece> TakePiece(link::Direction direction, TimeNs until) override;
-  void SetOrigin(TimeNs origin_ns) override;
+  BootTime Transmit(link::Direction direction, BootTime now, std::span<const std::uint8_t> bytes) override;
+  BootTime NextArrival(link::Direction direction) const override;
+  std::optional<Piece> TakePiece(link::Direction direction, BootTime until) override;
+  void SetOrigin(Origin origin) override;
   const LineCounts& counts() const override;
   const std::optional<Overfull>& overfull() const override { return overfull_; }
   std::vector<faults::News> TakeNews() override { return faults_.TakeNews(); }
   void Hear(std::span<const faults::News> news) override { faults_.Hear(news); }
-  LineLog TakeLog(TimeNs end) override;
+  LineLog TakeLog(BootTime end) override;
 
-  // Arrival at the client of the latest valid reply, as long as no actuators have come back; else kNever.
-  TimeNs unanswered_reply() const { return replied_ns_; }
-  // The line's time of t = 0; kNever before.
-  TimeNs origin() const { return origin_ns_; }
+  // Arrival at the client of the latest valid reply, as long as no actuators have come back; else Never().
+  BootTime unanswered_reply() const { return replied_ns_; }
+  Origin origin() const { return origin_; }
 
  private:
   template <class Array>
@@ -116,8 +114,8 @@ class LocalLine final : public Line {
     return array[static_cast<std::size_t>(direction)];
   }
   void NoteOverfull(link::Direction direction);
-  void OnClientMessage(TimeNs arrival, const link::Message& message);
-  void OnReply(TimeNs arrival, const ReceivingEnd::FrameName& name);
+  void OnClientMessage(BootTime arrival, const link::Message& message);
+  void OnReply(BootTime arrival, const ReceivingEnd::FrameName& name);
 
   std::size_t client_;
   std::shared_ptr<const link::Protocol> protocol_;
@@ -127,21 +125,21 @@ class LocalLine final : public Line {
   std::array<ReceivingEnd, link::kDirectionCount> ends_;
   mutable LineCounts counts_{};
   std::optional<Overfull> overfull_;
-  TimeNs origin_ns_ = kNever;
+  Origin origin_;
 
   // The latest request; the replies on their way or lost, in order of their numbers, with the arrival of the request
   // that each answers.
   struct Reply {
     ReceivingEnd::FrameName name;
-    TimeNs requested_ns;  // kNever: it has arrived
+    BootTime requested_ns;  // Never(): it has arrived
   };
-  TimeNs requested_ns_ = kNever;
+  BootTime requested_ns_ = BootTime::Never();
   std::deque<Reply> replies_;
-  TimeNs replied_ns_ = kNever;  // arrival of the latest reply that no actuators have answered
+  BootTime replied_ns_ = BootTime::Never();  // arrival of the latest reply that no actuators have answered
 
-  LinkLog link_log_;
+  LineLinkLog link_log_;
   std::vector<TimeNs> reply_latency_ns_, client_round_trip_ns_;
-  EventLog events_;
+  EventLog<BootTime> events_;
 };
 
 // The lines of a flight's clients.

@@ -4,6 +4,8 @@
 #include <bit>
 #include <cstring>
 #include <stdexcept>
+#include <type_traits>
+#include <utility>
 
 namespace tiltproof::harness {
 namespace {
@@ -26,9 +28,19 @@ std::uint16_t SizeAt(const std::vector<std::uint8_t>& content, std::size_t at) {
   return size;
 }
 
+static_assert(std::is_trivially_copyable_v<BootTime> && sizeof(BootTime) == sizeof(TimeNs));
+
+template <class Time>
+Time TimeAt(const std::vector<std::uint8_t>& content, std::size_t at) {
+  Time time;
+  std::memcpy(&time, &content[at], sizeof time);
+  return time;
+}
+
 }  // namespace
 
-LinkLog::LinkLog(std::vector<std::uint8_t> content) : content_(std::move(content)) {
+template <class Time>
+TimedLinkLog<Time>::TimedLinkLog(std::vector<std::uint8_t> content) : content_(std::move(content)) {
   const bool first_version = BeginsWith(content_, kFirstMagic);
   if (!first_version && !BeginsWith(content_, kLinkLogMagic))
     throw std::runtime_error("not a tiltproof link log: it begins with neither TPLINK2 nor TPLINK1");
@@ -58,7 +70,8 @@ LinkLog::LinkLog(std::vector<std::uint8_t> content) : content_(std::move(content
   if (first_version) content_ = std::move(with_clients);
 }
 
-void LinkLog::Append(const link::Chunk& chunk, LineId line, bool delivered) {
+template <class Time>
+void TimedLinkLog<Time>::Append(const link::TimedChunk<Time>& chunk, LineId line, bool delivered) {
   // A chunk longer than a record can say goes in several; only a fault that inserts without end makes one.
   std::span<const std::uint8_t> rest = chunk.bytes;
   do {
@@ -76,7 +89,8 @@ void LinkLog::Append(const link::Chunk& chunk, LineId line, bool delivered) {
   } while (!rest.empty());
 }
 
-void LinkLog::Append(LinkLog&& other) {
+template <class Time>
+void TimedLinkLog<Time>::Append(TimedLinkLog&& other) {
   if (content_.size() == kLinkLogMagic.size()) {
     content_ = std::move(other.content_);
     other = {};
@@ -86,27 +100,33 @@ void LinkLog::Append(LinkLog&& other) {
                   other.content_.end());
 }
 
-void LinkLog::ShiftOrigin(TimeNs origin_ns) {
+template <class Time>
+    LinkLog TimedLinkLog<Time>::Shifted(Origin origin) && requires std::same_as<Time, BootTime> {
   for (std::size_t at = kLinkLogMagic.size(); at < content_.size();) {
-    TimeNs begin;
-    std::memcpy(&begin, &content_[at], 8);
-    begin -= origin_ns;
-    std::memcpy(&content_[at], &begin, 8);
+    const TimeNs begin_ns = origin.SimulationTime(TimeAt<BootTime>(content_, at));
+    std::memcpy(&content_[at], &begin_ns, sizeof begin_ns);
     at += kHeaderBytes + SizeAt(content_, at + kSizeAt);
   }
+  LinkLog shifted;
+  shifted.content_ = std::exchange(*this, {}).content_;
+  return shifted;
 }
 
-std::optional<LinkRecord> LinkLog::Next(std::size_t& offset) const {
+template <class Time>
+std::optional<TimedLinkRecord<Time>> TimedLinkLog<Time>::Next(std::size_t& offset) const {
   const std::size_t at = std::max(offset, kLinkLogMagic.size());
   if (at >= content_.size()) return std::nullopt;
-  LinkRecord record;
+  TimedLinkRecord<Time> record;
   const std::uint16_t size = SizeAt(content_, at + kSizeAt);
-  std::memcpy(&record.begin_ns, &content_[at], 8);
+  record.begin_ns = TimeAt<Time>(content_, at);
   record.line = {content_[at + kClientAt], static_cast<link::Direction>(content_[at + kDirectionAt])};
   record.delivered = content_[at + kSideAt] != 0;
   record.bytes = std::span(content_).subspan(at + kHeaderBytes, size);
   offset = at + kHeaderBytes + size;
   return record;
 }
+
+template class TimedLinkLog<TimeNs>;
+template class TimedLinkLog<BootTime>;
 
 }  // namespace tiltproof::harness

@@ -12,6 +12,7 @@
 // client in their records: it is the flight's only one.
 #pragma once
 
+#include <concepts>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -32,36 +33,44 @@ struct LineId {
   friend bool operator==(const LineId&, const LineId&) = default;
 };
 
-struct LinkRecord {
-  TimeNs begin_ns = 0;
+template <class Time>
+struct TimedLinkRecord {
+  Time begin_ns{};
   LineId line;
   bool delivered = false;
   std::span<const std::uint8_t> bytes;
 };
+using LinkRecord = TimedLinkRecord<TimeNs>;
 
-class LinkLog {
+// A line collects in boot time, readers want simulation time. A file has simulation time.
+template <class Time>
+class TimedLinkLog {
  public:
-  LinkLog() = default;
+  TimedLinkLog() = default;
 
   // Takes the content of a file, of this version or the one before. Throws std::runtime_error naming the offset of what is wrong.
-  explicit LinkLog(std::vector<std::uint8_t> content);
+  explicit TimedLinkLog(std::vector<std::uint8_t> content);
 
-  void Append(const link::Chunk& chunk, LineId line, bool delivered);
+  void Append(const link::TimedChunk<Time>& chunk, LineId line, bool delivered);
   // The records of another log, after its own.
-  void Append(LinkLog&& other);
-
-  // Subtracts the boot time of t = 0 from every record: a flight logs in boot time, readers want simulation
-  // time.
-  void ShiftOrigin(TimeNs origin_ns);
+  void Append(TimedLinkLog&& other);
 
   // The file's content.
   const std::vector<std::uint8_t>& content() const { return content_; }
 
+  // The same records in simulation time. Their bytes stay where they are.
+  TimedLinkLog<TimeNs> Shifted(Origin origin) && requires std::same_as<Time, BootTime>;
+
   // Walks over the records: `offset` starts at 0 and is advanced; nullopt at the end.
-  std::optional<LinkRecord> Next(std::size_t& offset) const;
+  std::optional<TimedLinkRecord<Time>> Next(std::size_t& offset) const;
 
  private:
+  template <class Other>
+  friend class TimedLinkLog;
+
   std::vector<std::uint8_t> content_{kLinkLogMagic.begin(), kLinkLogMagic.end()};
 };
+using LinkLog = TimedLinkLog<TimeNs>;
+using LineLinkLog = TimedLinkLog<BootTime>;
 
 }  // namespace tiltproof::harness

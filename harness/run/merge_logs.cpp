@@ -40,14 +40,13 @@ void Append(RunLog& log, PlantLog&& part) {
   AddActivations(log, part.activation_counts);
 }
 
-void Append(RunLog& log, LineLog&& part, std::size_t client, TimeNs origin) {
-  part.link.ShiftOrigin(origin);
-  log.link.Append(std::move(part.link));
-  for (RunEvent& event : part.events) event.time_ns -= origin;
+void Append(RunLog& log, LineLog&& part, std::size_t client, Origin origin) {
+  const Origin of_log = origin.OrPowerOn();
+  log.link.Append(std::move(part.link).Shifted(of_log));
+  for (LineEvent& event : part.events) log.events.push_back(ToRunEvent(std::move(event), of_log));
   ClientLog& own = log.clients.at(client);
   MoveTo(own.reply_latency_ns, std::move(part.reply_latency_ns));
   MoveTo(own.client_round_trip_ns, std::move(part.client_round_trip_ns));
-  MoveTo(log.events, std::move(part.events));
   MoveTo(log.activations, std::move(part.activations));
   AddActivations(log, part.activation_counts);
   own.counts = part.counts;
@@ -56,7 +55,7 @@ void Append(RunLog& log, LineLog&& part, std::size_t client, TimeNs origin) {
   own.resync_max_ns = part.resync_max_ns;
 }
 
-void Append(RunLog& log, faults::FaultSchedule& counts, TimeNs origin) {
+void Append(RunLog& log, faults::FaultSchedule& counts, Origin origin) {
   AddActivations(log, counts.ActivationCounts());
   MoveTo(log.activations, counts.TakeActivations(origin));
 }

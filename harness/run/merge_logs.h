@@ -16,12 +16,12 @@ namespace tiltproof::harness {
 void AddActivations(RunLog& log, std::span<const std::int64_t> counts);
 
 // Appends the records of a part and its totals, once for each part. `client`: whose line, by its place in the scenario.
-// `origin` is the line's time of t = 0, or 0 when there was none.
+// Without t = 0, a line's records have the time since power-on.
 void Append(RunLog& log, PlantLog&& part);
-void Append(RunLog& log, LineLog&& part, std::size_t client, TimeNs origin);
+void Append(RunLog& log, LineLog&& part, std::size_t client, Origin origin);
 
 // And what a schedule has counted and recorded, whose origin is the flight's.
-void Append(RunLog& log, faults::FaultSchedule& counts, TimeNs origin);
+void Append(RunLog& log, faults::FaultSchedule& counts, Origin origin);
 
 // Leaves the totals of a part.
 void DropRecords(PlantLog& part);

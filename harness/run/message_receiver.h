@@ -72,15 +72,15 @@ class MessageReceiver {
 class OriginFinder {
  public:
   // Whether this message makes t = 0.
-  bool Note(TimeNs arrival, const link::Message& message) {
-    if (origin_ns_ != kNever || !message.type->starts) return false;
-    origin_ns_ = arrival;
+  bool Note(BootTime arrival, const link::Message& message) {
+    if (origin_.known() || !message.type->starts) return false;
+    origin_ = Origin(arrival);
     return true;
   }
-  TimeNs origin_ns() const { return origin_ns_; }  // kNever before
+  Origin origin() const { return origin_; }
 
  private:
-  TimeNs origin_ns_ = kNever;
+  Origin origin_;
 };
 
 }  // namespace tiltproof::harness

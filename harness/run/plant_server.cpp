@@ -76,7 +76,7 @@ const MessageBinding& LocalPlantServer::BindingOf(const link::MessageType& type)
   return bindings_[static_cast<std::size_t>(&type - protocol_.messages.data())];
 }
 
-void LocalPlantServer::Receive(std::size_t client, TimeNs arrival, const link::Message& message,
+void LocalPlantServer::Receive(std::size_t client, BootTime arrival, const link::Message& message,
                                const Reply& reply) {
   if (message.type->starts) OnStart(client, arrival, message);
   if (!state_.started() && !protocol_.answers_before_start) return;
@@ -85,16 +85,16 @@ void LocalPlantServer::Receive(std::size_t client, TimeNs arrival, const link::M
   if (!message.values.empty() && state_.started()) TakeInput(client, arrival, message);
 }
 
-void LocalPlantServer::OnStart(std::size_t client, TimeNs arrival, const link::Message& message) {
+void LocalPlantServer::OnStart(std::size_t client, BootTime arrival, const link::Message& message) {
   std::int64_t& starts_count = log_.clients.at(client).starts_accepted_count;
   if (!state_.started() && !arbiter_.Takes(client)) {
     starts_count = 1;  // it waits for t = 0
   } else if (origin_.Note(arrival, message)) {
     ++starts_count;
-    state_.origin_ns = arrival;
+    state_.origin = origin_.origin();
     boundary_ns_ = state_.quiet_until_ns = arrival;
-    faults_.SetOrigin(arrival);
-    for (Seat& seat : seats_) seat.faults.SetOrigin(arrival);
+    faults_.SetOrigin(state_.origin);
+    for (Seat& seat : seats_) seat.faults.SetOrigin(state_.origin);
     events_.Add(0, "start_accepted", "t = 0");
     NoteActivations();
     LookAtConditions();
@@ -106,7 +106,7 @@ void LocalPlantServer::OnStart(std::size_t client, TimeNs arrival, const link::M
   }
 }
 
-void LocalPlantServer::AnswerSensorRequest(std::size_t client, TimeNs arrival,
+void LocalPlantServer::AnswerSensorRequest(std::size_t client, BootTime arrival,
                                            const link::MessageType& answer, const Reply& reply) {
   const TimeNs sampled = state_.started() ? SimTime(boundary_ns_) : kPowerOn;
   plant_.ReadSensors(readings_, FrameOf(scenario_.angular_rates));
@@ -120,7 +120,7 @@ void LocalPlantServer::AnswerSensorRequest(std::size_t client, TimeNs arrival,
   if (state_.started()) log_.clients[client].request_times_ns.push_back(SimTime(arrival));
 }
 
-void LocalPlantServer::TakeInput(std::size_t client, TimeNs arrival, const link::Message& message) {
+void LocalPlantServer::TakeInput(std::size_t client, BootTime arrival, const link::Message& message) {
   log_.clients[client].actuator_times_ns.push_back(SimTime(arrival));
   BindingOf(*message.type).Put(message.values, seats_[client].asked);
   if (!arbiter_.Takes(client)) return;
@@ -128,7 +128,7 @@ void LocalPlantServer::TakeInput(std::size_t client, TimeNs arrival, const link:
   commanded_from_ns_ = arrival <= boundary_ns_ ? boundary_ns_ : boundary_ns_ + scenario_.step_ns;
 }
 
-void LocalPlantServer::Advance(TimeNs to, const AllCounts& counts) {
+void LocalPlantServer::Advance(BootTime to, const AllCounts& counts) {
   if (!state_.started()) return;
   while (to > boundary_ns_ && !state_.over) {
     if (!boundary_left_) LeaveBoundary(counts);
@@ -176,7 +176,7 @@ void LocalPlantServer::NoteActivations() {
   for (Seat& seat : seats_) note(seat.faults);
 }
 
-void LocalPlantServer::Finish(TimeNs end, const AllCounts& counts) {
+void LocalPlantServer::Finish(BootTime end, const AllCounts& counts) {
   if (!boundary_left_) PutInputInForce();
   LogRow(end, counts);
 }
@@ -190,7 +190,7 @@ std::vector<double> LocalPlantServer::Truth() const {
 void LocalPlantServer::PutInputInForce() {
   const TimeNs t = SimTime(boundary_ns_);
   const bool new_command = commanded_from_ns_ <= boundary_ns_;
-  if (new_command) commanded_from_ns_ = kNever;
+  if (new_command) commanded_from_ns_ = BootTime::Never();
   in_force_ = commanded_;
   faults_.EditInput(t, in_force_, new_command);
   plant_.Saturate(in_force_);
@@ -203,7 +203,7 @@ void LocalPlantServer::LeaveBoundary(const AllCounts& counts) {
   if (SimTime(boundary_ns_) % protocol_.control_period_ns == 0) LogRow(boundary_ns_, counts);
 }
 
-void LocalPlantServer::LogRow(TimeNs at, const AllCounts& counts) {
+void LocalPlantServer::LogRow(BootTime at, const AllCounts& counts) {
   const TimeNs t = SimTime(at);
   const std::size_t begin = log_.rows.size();
   log_.rows.resize(begin + layout_.columns.size(), std::numeric_limits<double>::quiet_NaN());
@@ -246,13 +246,12 @@ PlantLog LocalPlantServer::TakeLog() {
   for (std::size_t i = 0; i < log.clients.size(); ++i)
     log_.clients[i].starts_accepted_count = log.clients[i].starts_accepted_count;
   log.events = events_.Take();
-  log.activations = faults_.TakeActivations(state_.started() ? state_.origin_ns : 0);
+  log.activations = faults_.TakeActivations(state_.origin);
   log.activation_counts = faults_.ActivationCounts();
-  const TimeNs origin = state_.started() ? state_.origin_ns : 0;
   for (Seat& seat : seats_) {
     const auto& counts = seat.faults.ActivationCounts();
     for (std::size_t i = 0; i < counts.size(); ++i) log.activation_counts[i] += counts[i];
-    for (auto& activation : seat.faults.TakeActivations(origin))
+    for (auto& activation : seat.faults.TakeActivations(state_.origin))
       log.activations.push_back(std::move(activation));
   }
   return log;

@@ -16,7 +16,7 @@
 // the plant, and whose `start` is t = 0.
 //
 // The same code serves in one process with the line (lockstep), in a process of its own (lockstep,
-// distributed) and behind a real port (the plant node). Times are the line's: see harness/run/line.h.
+// distributed) and behind a real port (the plant node). Times of the line are boot time (link/time.h).
 #pragma once
 
 #include <array>
@@ -70,24 +70,24 @@ class PlantServer {
   using Reply = std::function<void(std::span<const std::uint8_t> frame)>;
 
   struct State {
-    TimeNs origin_ns = kNever;                     // the line's time of t = 0; kNever before
+    Origin origin;
     TimeNs reached_ns = 0;                         // simulation time of the last step boundary
-    TimeNs quiet_until_ns = kNever;                // the line time up to which Advance() has nothing to do
+    BootTime quiet_until_ns = BootTime::Never();   // up to there Advance() has nothing to do
     bool over = false;                             // the vehicle is lost: it diverged or struck the ground
     EndReason end_reason = EndReason::kCompleted;  // why it is over
     std::string end_text;
-    bool started() const { return origin_ns != kNever; }
+    bool started() const { return origin.known(); }
   };
 
   virtual ~PlantServer() = default;
   // Steps to the last boundary at or before `to`. A boundary is left, and its row logged with the `counts` of each
   // client's line, only when time has passed it.
-  virtual void Advance(TimeNs to, const AllCounts& counts) = 0;
+  virtual void Advance(BootTime to, const AllCounts& counts) = 0;
   // A message of a client whose last byte arrived at `arrival`, to which the plant has been advanced.
-  virtual void Receive(std::size_t client, TimeNs arrival, const link::Message& message,
+  virtual void Receive(std::size_t client, BootTime arrival, const link::Message& message,
                        const Reply& reply) = 0;
   // The flight ends at `end`, on the grid or not: the last row. Not after it is over.
-  virtual void Finish(TimeNs end, const AllCounts& counts) = 0;
+  virtual void Finish(BootTime end, const AllCounts& counts) = 0;
   virtual const State& state() const = 0;
   // Of faults that wait, see faults/news.h. Up to where the plant has been advanced, conditions included.
   virtual std::vector<faults::News> TakeNews() = 0;
@@ -99,9 +99,10 @@ class LocalPlantServer final : public PlantServer {
  public:
   LocalPlantServer(const Scenario& scenario, const plant::VehicleModel& model);
 
-  void Advance(TimeNs to, const AllCounts& counts) override;
-  void Receive(std::size_t client, TimeNs arrival, const link::Message& message, const Reply& reply) override;
-  void Finish(TimeNs end, const AllCounts& counts) override;
+  void Advance(BootTime to, const AllCounts& counts) override;
+  void Receive(std::size_t client, BootTime arrival, const link::Message& message,
+               const Reply& reply) override;
+  void Finish(BootTime end, const AllCounts& counts) override;
   const State& state() const override { return state_; }
   std::vector<faults::News> TakeNews() override { return std::exchange(news_, {}); }
   void Hear(std::span<const faults::News> news) override;
@@ -119,19 +120,19 @@ class LocalPlantServer final : public PlantServer {
     std::vector<double> sensed, asked;  // last sent, and last asked for; NaN before
   };
 
-  void OnStart(std::size_t client, TimeNs arrival, const link::Message& message);
-  void AnswerSensorRequest(std::size_t client, TimeNs arrival, const link::MessageType& answer,
+  void OnStart(std::size_t client, BootTime arrival, const link::Message& message);
+  void AnswerSensorRequest(std::size_t client, BootTime arrival, const link::MessageType& answer,
                            const Reply& reply);
   const SignalTable& TableOf(const link::MessageType& type) const;
   const MessageBinding& BindingOf(const link::MessageType& type) const;
-  void TakeInput(std::size_t client, TimeNs arrival, const link::Message& message);
+  void TakeInput(std::size_t client, BootTime arrival, const link::Message& message);
   void PutInputInForce();
   void LeaveBoundary(const AllCounts& counts);
-  void LogRow(TimeNs at, const AllCounts& counts);
+  void LogRow(BootTime at, const AllCounts& counts);
   void FillRow(TimeNs t, const AllCounts& counts, std::span<double> row) const;
   void LookAtConditions();
   void NoteActivations();
-  TimeNs SimTime(TimeNs line_time) const { return line_time - state_.origin_ns; }
+  TimeNs SimTime(BootTime t) const { return state_.origin.SimulationTime(t); }
 
   const Scenario& scenario_;
   VehicleSignals signals_;
@@ -150,14 +151,14 @@ class LocalPlantServer final : public PlantServer {
   std::vector<Seat> seats_;  // one for each client
   State state_;
   PlantLog log_;
-  EventLog events_;
+  EventLog<TimeNs> events_;
 
   // The plant stands at this step boundary; `boundary_left_` when nothing more can happen at it.
-  TimeNs boundary_ns_ = kNever;
+  BootTime boundary_ns_ = BootTime::Never();
   bool boundary_left_ = false;
-  std::vector<double> commanded_;      // last accepted, or the hover input
-  TimeNs commanded_from_ns_ = kNever;  // boundary at which it takes force; kNever when it has
-  std::vector<double> in_force_;       // commanded_ after the actuator faults
+  std::vector<double> commanded_;                   // last accepted, or the hover input
+  BootTime commanded_from_ns_ = BootTime::Never();  // boundary at which it takes force; Never() when it has
+  std::vector<double> in_force_;                    // commanded_ after the actuator faults
 };
 
 }  // namespace tiltproof::harness

@@ -46,20 +46,21 @@ void ReceivingEnd::OnDelivered(const link::Chunk& chunk) {
   counts_.bytes_corrupted += static_cast<std::int64_t>(chunk.bytes.size()) - row.back();
 }
 
-TimeNs ReceivingEnd::ResyncMax(TimeNs end) const {
-  return rejected_since_ns_ == kNever ? resync_max_ns_ : std::max(resync_max_ns_, end - rejected_since_ns_);
+TimeNs ReceivingEnd::ResyncMax(BootTime end) const {
+  return rejected_since_ns_ == BootTime::Never() ? resync_max_ns_
+                                                 : std::max(resync_max_ns_, end - rejected_since_ns_);
 }
 
-void ReceivingEnd::CountRejected(TimeNs arrival) {
+void ReceivingEnd::CountRejected(BootTime arrival) {
   ++counts_.frames_rejected;
   rejected_since_ns_ = std::min(rejected_since_ns_, arrival);
 }
 
-ReceivingEnd::FrameName ReceivingEnd::CountAccepted(TimeNs arrival, const MessageReceiver::Frame& frame) {
+ReceivingEnd::FrameName ReceivingEnd::CountAccepted(BootTime arrival, const MessageReceiver::Frame& frame) {
   ++counts_.frames_accepted;
-  if (rejected_since_ns_ != kNever) {
+  if (rejected_since_ns_ != BootTime::Never()) {
     resync_max_ns_ = std::max(resync_max_ns_, arrival - rejected_since_ns_);
-    rejected_since_ns_ = kNever;
+    rejected_since_ns_ = BootTime::Never();
   }
   if (!faulty_) return {frame.number, 0};
   const std::uint64_t hash = Fnv1a(frame.payload);

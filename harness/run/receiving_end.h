@@ -65,11 +65,11 @@ class ReceivingEnd {
   std::int64_t wrong_count() const { return wrong_count_; }
   std::int64_t stale_count() const { return stale_count_; }
   // Longest time from a rejection to the next accepted frame, or to `end` if none came.
-  TimeNs ResyncMax(TimeNs end) const;
+  TimeNs ResyncMax(BootTime end) const;
 
  private:
-  void CountRejected(TimeNs arrival);
-  FrameName CountAccepted(TimeNs arrival, const MessageReceiver::Frame& frame);
+  void CountRejected(BootTime arrival);
+  FrameName CountAccepted(BootTime arrival, const MessageReceiver::Frame& frame);
   void Audit(std::uint64_t payload_hash);
 
   bool faulty_;
@@ -77,7 +77,7 @@ class ReceivingEnd {
   MessageReceiver receiver_;
   DirectionCounts counts_;
   std::int64_t wrong_count_ = 0, stale_count_ = 0;
-  TimeNs rejected_since_ns_ = kNever;
+  BootTime rejected_since_ns_ = BootTime::Never();
   TimeNs resync_max_ns_ = 0;
 
   // Numbers of the frames that carried a payload, ascending, by the payload's 64-bit FNV-1a.

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "faults/fault.h"
@@ -30,13 +31,19 @@ enum class EndReason : std::uint8_t {
 };
 std::string_view Name(EndReason reason);
 
-// One thing that happened, for events.jsonl.
-struct RunEvent {
-  TimeNs time_ns = 0;
+// One thing that happened, for events.jsonl. On a line it has boot time, in the log of a flight simulation time.
+template <class Time>
+struct TimedEvent {
+  Time time_ns{};
   std::string kind;  // "start_accepted", "message_rejected", "ground_strike", ...
   std::string text;
   std::optional<std::size_t> client = {};  // whose it is, by its place in the scenario; none: the flight's
 };
+using RunEvent = TimedEvent<TimeNs>;
+using LineEvent = TimedEvent<BootTime>;
+inline RunEvent ToRunEvent(LineEvent&& event, Origin origin) {
+  return {origin.SimulationTime(event.time_ns), std::move(event.kind), std::move(event.text), event.client};
+}
 
 // A new boot of the firmware.
 struct Restart {
@@ -45,11 +52,14 @@ struct Restart {
   friend bool operator==(const Restart&, const Restart&) = default;
 };
 
-// Work of the harness's own that was due at the begin and done at the end.
-struct LateSpan {
-  TimeNs begin_ns = 0, end_ns = 0;
-  friend bool operator==(const LateSpan&, const LateSpan&) = default;
+// Work of the harness's own that was due at the begin and done at the end. A node's has boot time.
+template <class Time>
+struct TimedLateSpan {
+  Time begin_ns{}, end_ns{};
+  friend bool operator==(const TimedLateSpan&, const TimedLateSpan&) = default;
 };
+using LateSpan = TimedLateSpan<TimeNs>;
+using NodeLateSpan = TimedLateSpan<BootTime>;
 
 // bytes_corrupted: delivered bytes that were changed or inserted on the way. Of a frame that kept its length, those that
 // differ from the byte sent in their place; of another, those outside the longest common subsequence with the frame as

@@ -182,24 +182,24 @@ RC_GTEST_PROP(ActivityTest, TheSpanEndsWithTheLastStretch, ()) {
 // Conditions and activations reach a schedule as news; each part tells what others wait for.
 TEST(ActivityTest, SchedulesTellWhatOthersWaitFor) {
   FaultSpec first = Spec("frame.drop", {{"probability", 1.0}}, "first");
-  first.start_ns = Frame(3).begin_ns;
+  first.start_ns = FrameTime(3);
   FaultSpec second = Spec("sensor.bias", {{"signal", "x_m"}, {"offset", 1.0}}, "second");
   second.after = After{"first", 5 * kNsPerMs};
   FaultSpec third = Spec("sensor.bias", {{"signal", "y_m"}, {"offset", 1.0}}, "third");
   third.when = "z_m > 1";
   const std::vector<FaultSpec> specs = {first, second, third};
   FaultSchedule line(specs, 1), plant = AtThePlant(specs);
-  constexpr TimeNs kOrigin = 7;
+  constexpr Origin kOrigin(BootTime(7));
   line.SetOrigin(kOrigin);
   for (std::int64_t n = 0; n < 6; ++n) {
     std::vector<link::Chunk> chunks = {Frame(n)};
-    chunks[0].begin_ns += kOrigin;
+    chunks[0].begin_ns = kOrigin.ToBootTime(FrameTime(n));
     line.Stage(link::Direction::kToClient)->Apply(chunks);
   }
   const std::vector<News> news = line.TakeNews();
-  EXPECT_THAT(news, ElementsAre(News{News::Kind::kFirstActivation, 0, Frame(3).begin_ns}));
+  EXPECT_THAT(news, ElementsAre(News{News::Kind::kFirstActivation, 0, FrameTime(3)}));
   EXPECT_THAT(line.TakeNews(), IsEmpty());
-  const TimeNs opens = Frame(3).begin_ns + 5 * kNsPerMs;
+  const TimeNs opens = FrameTime(3) + 5 * kNsPerMs;
   EXPECT_FALSE(plant.IsActive(1, opens));
   plant.Hear(news);
   for (const FaultSchedule* schedule : {&line, &plant}) {
@@ -233,8 +233,8 @@ TEST(ActivityTest, APeriodicFaultIsTheUnionOfItsStretches) {
   constexpr TimeNs kByte = 10'851;
   for (const char* type : {"link.silence", "link.disconnect"}) {
     FaultSpec periodic = Spec(type);
-    periodic.start_ns = Frame(2).begin_ns + 20 * kByte;
-    periodic.end_ns = Frame(60).begin_ns + 10 * kByte;
+    periodic.start_ns = FrameTime(2) + 20 * kByte;
+    periodic.end_ns = FrameTime(60) + 10 * kByte;
     for (const TimeNs period_ns : {15 * kByte, 13 * kNsPerMs, 31 * kNsPerMs}) {
       periodic.period_ns = period_ns;
       periodic.duty = 0.4;

@@ -200,7 +200,7 @@ class DeviceConformanceTest : public ::testing::TestWithParam<FaultType> {
 
 TEST_P(DeviceConformanceTest, EditsNothing) {
   FaultSchedule schedule = AtThePlant({ExampleSpec(type())}, 1);
-  schedule.SetOrigin(0);
+  schedule.SetOrigin(kOriginAtPowerOn);
   for (const auto direction :
        {link::Direction::kToClient, link::Direction::kToPlant, link::Direction::kReference})
     EXPECT_EQ(schedule.Stage(direction), nullptr);
@@ -212,7 +212,7 @@ TEST_P(DeviceConformanceTest, EditsNothing) {
     EditActuators(schedule, t, command);
     ASSERT_EQ(sensors, Sensors{.x_m = 1.25F});
     ASSERT_EQ(command, ActuatorsTruth{.f_r_n = 8.0});
-    schedule.MarkReceived(link::Direction::kToClient, t, Bytes{1, 2, 3}, marks);
+    schedule.MarkReceived(link::Direction::kToClient, kOriginAtPowerOn.ToBootTime(t), Bytes{1, 2, 3}, marks);
     ASSERT_THAT(marks, ::testing::Each(ReceiveMark::kNone));
   }
   EXPECT_THAT(schedule.ActivationCounts(), ElementsAre(0));

@@ -47,7 +47,7 @@ inline Outcome Fly(const std::vector<FaultSpec>& specs, std::uint64_t seed = 1) 
     outcome.disturbances.push_back(schedule.DisturbanceOf(n * kPeriod));
   }
   outcome.counts = schedule.ActivationCounts();
-  outcome.activations = schedule.TakeActivations(0);
+  outcome.activations = schedule.TakeActivations(kOriginAtPowerOn);
   return outcome;
 }
 

@@ -13,6 +13,7 @@
 #include "faults/schedule.h"
 #include "firmware/signals.h"
 #include "link/chunk.h"
+#include "tests/support/origins.h"
 
 namespace tiltproof::faults {
 
@@ -56,7 +57,7 @@ inline FaultSchedule AtThePlant(const std::vector<FaultSpec>& specs, std::uint64
   return {specs, seed, {.signals = TiltrotorSignals()}};
 }
 
-inline void EditSensors(FaultSchedule& schedule, TimeNs t, Sensors& sensors, TimeNs boot_time = 0) {
+inline void EditSensors(FaultSchedule& schedule, TimeNs t, Sensors& sensors, BootTime boot_time = {}) {
   std::vector<float> row;
   for (const auto& field : kSensorFields) row.push_back(sensors.*field.in_float);
   schedule.EditSensors(t, row, boot_time);
@@ -70,10 +71,13 @@ inline void EditActuators(FaultSchedule& schedule, TimeNs t, ActuatorsTruth& inp
   for (std::size_t i = 0; i < row.size(); ++i) input.*kActuatorFields[i].in_double = row[i];
 }
 
-// Frame n of a line that sends one every 12 ms; no two are alike. Interior bytes are never flags.
+// When frame n of a line begins that sends one every 12 ms. The line's boot time 0 is t = 0.
+constexpr TimeNs FrameTime(std::int64_t n) { return n * 12 * kNsPerMs; }
+
+// Frame n of that line; no two are alike. Interior bytes are never flags.
 inline link::Chunk Frame(std::int64_t n, std::size_t size = 68) {
   link::Chunk chunk;
-  chunk.begin_ns = n * 12 * kNsPerMs;
+  chunk.begin_ns = kOriginAtPowerOn.ToBootTime(FrameTime(n));
   chunk.number = static_cast<std::uint64_t>(n);
   chunk.kind = link::MessageKind::kReply;
   chunk.bytes.assign(size, 0x7E);
@@ -88,12 +92,11 @@ inline link::Chunk Frame(std::int64_t n, std::size_t size = 68) {
   return chunk;
 }
 
-// What a schedule makes of frames 0 to count - 1 on to_client: the chunks that came out at each of them. Time
-// 0 of the line is t = 0.
+// What a schedule makes of frames 0 to count - 1 on to_client: the chunks that came out at each of them.
 inline std::vector<std::vector<link::Chunk>> Send(FaultSchedule& schedule, std::int64_t count,
                                                   std::size_t size = 68,
                                                   link::Direction direction = link::Direction::kToClient) {
-  schedule.SetOrigin(0);
+  schedule.SetOrigin(kOriginAtPowerOn);
   link::ChunkStage* stage = schedule.Stage(direction);
   std::vector<std::vector<link::Chunk>> out;
   for (std::int64_t n = 0; n < count; ++n) {
@@ -110,11 +113,22 @@ inline std::vector<std::vector<link::Chunk>> Send(const FaultSpec& spec, std::in
   return Send(schedule, count, size);
 }
 
-inline bool Same(const link::Chunk& a, const link::Chunk& b) {
+// As the log of the flight has them.
+inline std::vector<link::LogChunk> InLog(const std::vector<link::Chunk>& chunks) {
+  std::vector<link::LogChunk> in_log;
+  for (const link::Chunk& chunk : chunks)
+    in_log.push_back(
+        {kOriginAtPowerOn.SimulationTime(chunk.begin_ns), chunk.bytes, chunk.kind, chunk.number});
+  return in_log;
+}
+
+template <class Time>
+bool Same(const link::TimedChunk<Time>& a, const link::TimedChunk<Time>& b) {
   return a.begin_ns == b.begin_ns && a.bytes == b.bytes;
 }
 
-inline bool Same(const std::vector<link::Chunk>& a, const std::vector<link::Chunk>& b) {
+template <class Time>
+bool Same(const std::vector<link::TimedChunk<Time>>& a, const std::vector<link::TimedChunk<Time>>& b) {
   if (a.size() != b.size()) return false;
   for (std::size_t i = 0; i < a.size(); ++i) {
     if (!Same(a[i], b[i])) return false;
@@ -136,7 +150,9 @@ inline int CountUnchanged(const std::vector<std::vector<link::Chunk>>& out, std:
 }
 
 // Which data bits differ between a frame and what came of it, both of the same size.
-inline std::vector<std::size_t> FlippedBits(const link::Chunk& before, const link::Chunk& after) {
+template <class Time>
+std::vector<std::size_t> FlippedBits(const link::TimedChunk<Time>& before,
+                                     const link::TimedChunk<Time>& after) {
   std::vector<std::size_t> bits;
   for (std::size_t bit = 0; bit < 8 * before.bytes.size(); ++bit) {
     if (((before.bytes[bit / 8] ^ after.bytes.at(bit / 8)) >> (bit % 8) & 1) != 0) bits.push_back(bit);

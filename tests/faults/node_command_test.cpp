@@ -119,7 +119,7 @@ class NodeConformanceTest : public ::testing::TestWithParam<FaultType> {
 
 TEST_P(NodeConformanceTest, EditsNothing) {
   FaultSchedule schedule = AtThePlant({ExampleSpec(type())}, 1);
-  schedule.SetOrigin(0);
+  schedule.SetOrigin(kOriginAtPowerOn);
   for (const auto direction :
        {link::Direction::kToClient, link::Direction::kToPlant, link::Direction::kReference})
     EXPECT_EQ(schedule.Stage(direction), nullptr);
@@ -153,7 +153,7 @@ TEST_P(NodeConformanceTest, IsCountedByWhoCarriesItOut) {
   schedule.Count(0, 3 * kNsPerS, "done");
   schedule.Count(0, kNsPerS, "done before");
   EXPECT_THAT(schedule.ActivationCounts(), ElementsAre(2));
-  const std::vector<Activation> activations = schedule.TakeActivations(7 * kNsPerS);
+  const std::vector<Activation> activations = schedule.TakeActivations(Origin(BootTime(7 * kNsPerS)));
   ASSERT_THAT(activations, SizeIs(2));
   EXPECT_EQ(activations[0].time_ns, kNsPerS);  // in simulation time, whatever the origin
   EXPECT_EQ(activations[0].what, "done before");

@@ -118,10 +118,10 @@ TEST(RandomTest, NormalIsThatOfBoost) {
   EXPECT_NEAR(beyond_layers, 2e6 * std::erfc(3.4426198558966521214 / std::sqrt(2.0)), 120);
 }
 
-std::vector<TimeNs> Times(PoissonEvents& process, TimeNs from, TimeNs to) {
+std::vector<BootTime> Times(PoissonEvents& process, BootTime from, BootTime to) {
   std::vector<PoissonEvents::Event> events;
   process.In(from, to, events);
-  std::vector<TimeNs> times;
+  std::vector<BootTime> times;
   for (const auto& event : events) times.push_back(event.time_ns);
   return times;
 }
@@ -130,8 +130,8 @@ TEST(PoissonTest, HasItsRateAndVariance) {
   PoissonEvents process(50.0, 11);
   double sum = 0, squares = 0;
   for (std::int64_t second = 0; second < 4000; ++second) {
-    const auto count = static_cast<double>(
-        Times(process, second * kNsPerS + 500'000'000, (second + 1) * kNsPerS + 500'000'000).size());
+    const BootTime begin(second * kNsPerS + 500'000'000);
+    const auto count = static_cast<double>(Times(process, begin, begin + kNsPerS).size());
     sum += count;
     squares += count * count;
   }
@@ -142,20 +142,22 @@ TEST(PoissonTest, HasItsRateAndVariance) {
 
 TEST(PoissonTest, DoesNotDependOnTheQuestions) {
   PoissonEvents whole(200.0, 12);
-  const std::vector<TimeNs> all = Times(whole, 0, 5 * kNsPerS);
+  const std::vector<BootTime> all = Times(whole, BootTime(), BootTime(5 * kNsPerS));
   ASSERT_GT(all.size(), 800U);
   PoissonEvents pieces(200.0, 12);
-  std::vector<TimeNs> joined;
-  for (TimeNs t = 0; t < 5 * kNsPerS; t += 7 * kNsPerMs) {
-    const auto part = Times(pieces, t, std::min(t + 7 * kNsPerMs, 5 * kNsPerS));
+  std::vector<BootTime> joined;
+  constexpr BootTime kEnd(5 * kNsPerS);
+  for (BootTime t; t < kEnd; t += 7 * kNsPerMs) {
+    const auto part = Times(pieces, t, std::min(t + 7 * kNsPerMs, kEnd));
     joined.insert(joined.end(), part.begin(), part.end());
-    Times(pieces, t / 2, t / 2 + kNsPerS);  // questions about the past change nothing
+    const BootTime past(t.ns() / 2);
+    Times(pieces, past, past + kNsPerS);  // questions about the past change nothing
   }
   EXPECT_EQ(joined, all);
   EXPECT_TRUE(std::is_sorted(all.begin(), all.end()));
-  EXPECT_TRUE(Times(pieces, -kNsPerS, 0).empty());
+  EXPECT_TRUE(Times(pieces, BootTime(-kNsPerS), BootTime()).empty());
   PoissonEvents never(0.0, 12);
-  EXPECT_TRUE(Times(never, 0, kNsPerS).empty());
+  EXPECT_TRUE(Times(never, BootTime(), BootTime(kNsPerS)).empty());
 }
 
 }  // namespace

@@ -44,8 +44,8 @@ Marks Receive(FaultSchedule& schedule, std::int64_t frames, std::size_t piece = 
     const Bytes bytes = Frame68(n);
     for (std::size_t begin = 0; begin < bytes.size(); begin += piece) {
       const std::size_t end = std::min(begin + piece, bytes.size());
-      const TimeNs arrival =
-          n * kPeriod - link::BytesTime(921'600, static_cast<std::int64_t>(bytes.size() - end));
+      const BootTime arrival =
+          BootTime(n * kPeriod) - link::BytesTime(921'600, static_cast<std::int64_t>(bytes.size() - end));
       schedule.MarkReceived(direction, arrival, std::span(bytes).subspan(begin, end - begin), marks);
       EXPECT_THAT(marks, SizeIs(end - begin));
       all.insert(all.end(), marks.begin(), marks.end());
@@ -56,7 +56,7 @@ Marks Receive(FaultSchedule& schedule, std::int64_t frames, std::size_t piece = 
 
 Marks Receive(const std::vector<FaultSpec>& specs, std::int64_t frames, std::uint64_t seed = 1) {
   FaultSchedule schedule(specs, seed);
-  schedule.SetOrigin(0);
+  schedule.SetOrigin(kOriginAtPowerOn);
   return Receive(schedule, frames);
 }
 
@@ -87,7 +87,7 @@ TEST_P(ReceiverConformanceTest, MarksItsShareOfBytesEachForItself) {
 
 TEST_P(ReceiverConformanceTest, ZeroMarksNothingAndOneMarksAll) {
   FaultSchedule none({With(0.0)}, 1);
-  none.SetOrigin(0);
+  none.SetOrigin(kOriginAtPowerOn);
   EXPECT_THAT(Receive(none, 50), Each(ReceiveMark::kNone));
   EXPECT_THAT(none.ActivationCounts(), ElementsAre(0));
   EXPECT_THAT(Receive({With(1.0)}, 50), Each(mark()));
@@ -95,7 +95,7 @@ TEST_P(ReceiverConformanceTest, ZeroMarksNothingAndOneMarksAll) {
 
 TEST_P(ReceiverConformanceTest, EditsNeitherFramesNorValues) {
   FaultSchedule schedule = AtThePlant({With(1.0)}, 1);
-  schedule.SetOrigin(0);
+  schedule.SetOrigin(kOriginAtPowerOn);
   for (const auto direction : {Direction::kToClient, Direction::kToPlant, Direction::kReference})
     EXPECT_EQ(schedule.Stage(direction), nullptr);
   Sensors sensors{.x_m = 1.25F};
@@ -109,7 +109,7 @@ TEST_P(ReceiverConformanceTest, HowBytesAreSpreadOverCallsMattersNot) {
   spec.probability = 0.5;
   const auto receive = [&](std::size_t piece) {
     FaultSchedule schedule({spec}, 3);
-    schedule.SetOrigin(0);
+    schedule.SetOrigin(kOriginAtPowerOn);
     Marks marks = Receive(schedule, 300, piece);
     return std::pair(marks, schedule.ActivationCounts().at(0));
   };
@@ -154,10 +154,11 @@ TEST_P(ReceiverConformanceTest, WindowsAreInSimulationTimeAndOpenFromPowerOnOnly
   EXPECT_THAT(Receive(open, 5), Each(mark()));
   FaultSchedule from_zero({At(With(1.0), 0)}, 1);
   EXPECT_THAT(Receive(from_zero, 5), Each(ReceiveMark::kNone));
-  from_zero.SetOrigin(3 * kPeriod);  // boot time of t = 0
+  constexpr Origin kOrigin(BootTime{3 * kPeriod});
+  from_zero.SetOrigin(kOrigin);
   const Marks marks = Receive(from_zero, 5);
   EXPECT_EQ(std::count(marks.begin(), marks.end(), mark()), 68 + 1);
-  const auto activations = from_zero.TakeActivations(3 * kPeriod);
+  const auto activations = from_zero.TakeActivations(kOrigin);
   ASSERT_THAT(activations, SizeIs(69));
   EXPECT_EQ(activations[0].time_ns, 0);
   EXPECT_EQ(activations.back().time_ns, kPeriod);
@@ -168,7 +169,7 @@ TEST_P(ReceiverConformanceTest, LinesAreSeparate) {
   const auto receive = [&](Target target, Direction direction) {
     spec.target = target;
     FaultSchedule schedule({spec}, 1);
-    schedule.SetOrigin(0);
+    schedule.SetOrigin(kOriginAtPowerOn);
     if (direction != Direction::kToClient) Receive(schedule, 3);  // bytes of the other line shift nothing
     return Receive(schedule, 50, 68, direction);
   };
@@ -182,12 +183,12 @@ TEST_P(ReceiverConformanceTest, LinesAreSeparate) {
 
 TEST_P(ReceiverConformanceTest, RecordsEveryMarkedByte) {
   FaultSchedule schedule({With(0.05)}, 1);
-  schedule.SetOrigin(0);
+  schedule.SetOrigin(kOriginAtPowerOn);
   const Marks marks = Receive(schedule, 20);
   const auto count = static_cast<std::size_t>(std::count(marks.begin(), marks.end(), mark()));
   EXPECT_GT(count, 20U);
   EXPECT_THAT(schedule.ActivationCounts(), ElementsAre(static_cast<std::int64_t>(count)));
-  const auto activations = schedule.TakeActivations(0);
+  const auto activations = schedule.TakeActivations(kOriginAtPowerOn);
   ASSERT_THAT(activations, SizeIs(count));
   std::size_t record = 0;
   for (std::size_t i = 0; i < marks.size(); ++i) {
@@ -220,11 +221,11 @@ TEST_P(ReceiverConformanceTest, TriggerCountsBytes) {
 
 TEST_P(ReceiverConformanceTest, OnAnIdealLineBytesArriveTogether) {
   FaultSchedule schedule({At(With(1.0), kPeriod)}, 1, {.baud = 0, .reference_baud = 0});
-  schedule.SetOrigin(0);
+  schedule.SetOrigin(kOriginAtPowerOn);
   Marks marks;
-  schedule.MarkReceived(Direction::kToClient, kPeriod - 1, Frame68(0), marks);
+  schedule.MarkReceived(Direction::kToClient, BootTime(kPeriod - 1), Frame68(0), marks);
   EXPECT_THAT(marks, Each(ReceiveMark::kNone));
-  schedule.MarkReceived(Direction::kToClient, kPeriod, Frame68(1), marks);
+  schedule.MarkReceived(Direction::kToClient, BootTime(kPeriod), Frame68(1), marks);
   EXPECT_THAT(marks, Each(mark()));
 }
 

@@ -69,7 +69,7 @@ TEST(ScheduleTest, OtherMessagesAreNeitherSeenNorCounted) {
   spec.message = link::MessageKind::kActuators;
   spec.every_nth_count = 2;
   FaultSchedule schedule({spec}, 1);
-  schedule.SetOrigin(0);
+  schedule.SetOrigin(kOriginAtPowerOn);
   std::vector<std::int64_t> dropped;
   for (std::int64_t n = 0; n < 12; ++n) {
     std::vector<link::Chunk> chunks = {Frame(n)};
@@ -93,9 +93,9 @@ TEST(ScheduleTest, FrameThenByteThenTimingFaultsThenFileOrder) {
   EXPECT_EQ(out[0].bytes, out[1].bytes);
   EXPECT_LT(out[0].bytes.size(), 68U);
   EXPECT_EQ(out[0].bytes[0], 0x81);
-  EXPECT_EQ(out[0].begin_ns, 2 * kNsPerMs);
+  EXPECT_EQ(out[0].begin_ns, BootTime(2 * kNsPerMs));
   EXPECT_EQ(out[1].begin_ns,
-            2 * kNsPerMs + link::BytesTime(921'600, static_cast<std::int64_t>(out[0].bytes.size())));
+            out[0].begin_ns + link::BytesTime(921'600, static_cast<std::int64_t>(out[0].bytes.size())));
   EXPECT_THAT(schedule.ActivationCounts(), ElementsAre(2, 2, 1, 1));
 }
 
@@ -112,17 +112,18 @@ TEST(ScheduleTest, KeepsTheFirstRecordsAndCountsAll) {
   FaultSchedule schedule({Drop()}, 1);
   Send(schedule, kActivationsMax + 5);
   EXPECT_THAT(schedule.ActivationCounts(), ElementsAre(kActivationsMax + 5));
-  EXPECT_THAT(schedule.TakeActivations(0), SizeIs(kActivationsMax));
-  EXPECT_THAT(schedule.TakeActivations(0), SizeIs(0));
+  EXPECT_THAT(schedule.TakeActivations(kOriginAtPowerOn), SizeIs(kActivationsMax));
+  EXPECT_THAT(schedule.TakeActivations(kOriginAtPowerOn), SizeIs(0));
 }
 
 TEST(ScheduleTest, RecordsAreInOrderOfTime) {
   FaultSpec bias = Spec("sensor.bias", {{"signal", "x_m"}, {"offset", 0.5}}, "bias");
   FaultSchedule schedule = AtThePlant({bias, Spec("frame.drop", {{"probability", 1.0}}, "drop")}, 1);
-  schedule.SetOrigin(kNsPerS);
+  constexpr Origin kOrigin(BootTime{kNsPerS});
+  schedule.SetOrigin(kOrigin);
   for (std::int64_t n = 0; n < 3; ++n) {
     std::vector<link::Chunk> chunks = {Frame(n)};
-    chunks[0].begin_ns += kNsPerS;
+    chunks[0].begin_ns = kOrigin.ToBootTime(FrameTime(n));
     schedule.Stage(link::Direction::kToClient)->Apply(chunks);
   }
   for (std::int64_t n = 0; n < 3; ++n) {
@@ -130,7 +131,7 @@ TEST(ScheduleTest, RecordsAreInOrderOfTime) {
     EditSensors(schedule, n * kPeriod + 1, sensors);
   }
   std::vector<std::pair<TimeNs, std::string>> records;
-  for (const Activation& activation : schedule.TakeActivations(kNsPerS)) {
+  for (const Activation& activation : schedule.TakeActivations(kOrigin)) {
     records.emplace_back(activation.time_ns, activation.what);
   }
   using Record = std::pair<TimeNs, std::string>;
@@ -201,9 +202,9 @@ TEST(ScheduleTest, SamplesBeforeTheStartAreInWindowsWithoutABegin) {
 TEST(ScheduleTest, RecordsBeforeTheStartHaveNegativeTimes) {
   FaultSchedule schedule = AtThePlant({Spec("sensor.bias", {{"signal", "x_m"}, {"offset", 1.0}})}, 1);
   Sensors sensors;
-  EditSensors(schedule, kPowerOn, sensors, 30 * kNsPerMs);
-  EditSensors(schedule, 5, sensors, 100 * kNsPerMs + 5);
-  const std::vector<Activation> activations = schedule.TakeActivations(100 * kNsPerMs);
+  EditSensors(schedule, kPowerOn, sensors, BootTime(30 * kNsPerMs));
+  EditSensors(schedule, 5, sensors, BootTime(100 * kNsPerMs + 5));
+  const std::vector<Activation> activations = schedule.TakeActivations(Origin(BootTime(100 * kNsPerMs)));
   ASSERT_THAT(activations, SizeIs(2));
   EXPECT_EQ(activations[0].time_ns, -70 * kNsPerMs);
   EXPECT_EQ(activations[1].time_ns, 5);
@@ -221,25 +222,25 @@ TEST(ScheduleTest, AWireKeepsOrderUnderEveryFault) {
   }
   const auto fly = [&specs] {
     FaultSchedule schedule(specs, 3);
-    schedule.SetOrigin(0);
+    schedule.SetOrigin(kOriginAtPowerOn);
     link::Wire wire({}, link::Direction::kToClient, *link::FindProtocol("paper"),
                     schedule.Stage(link::Direction::kToClient));
-    TimeNs free = kPowerOn;
+    BootTime free = BootTime::Earliest();
     wire.SetTaps({.sent = {}, .delivered = [&free](const link::Chunk& chunk) {
                     EXPECT_GE(chunk.begin_ns, free);
                     free = chunk.begin_ns +
                            link::BytesTime(921'600, static_cast<std::int64_t>(chunk.bytes.size()));
                   }});
-    std::vector<std::pair<TimeNs, std::uint8_t>> arrived;
-    TimeNs last = 0;
+    std::vector<std::pair<BootTime, std::uint8_t>> arrived;
+    BootTime last;
     for (std::int64_t n = 0; n < 2000; ++n) {
       const link::Chunk frame = Frame(n);
       wire.Transmit(frame.begin_ns, frame.bytes);
-      while (wire.NextArrival() < (n + 1) * kPeriod) {
-        const TimeNs next = wire.NextArrival();
+      while (wire.NextArrival() < BootTime((n + 1) * kPeriod)) {
+        const BootTime next = wire.NextArrival();
         EXPECT_GE(next, last);
         last = next;
-        wire.Take(next, [&arrived](TimeNs arrival, std::span<const std::uint8_t> bytes) {
+        wire.Take(next, [&arrived](BootTime arrival, std::span<const std::uint8_t> bytes) {
           for (const std::uint8_t byte : bytes) arrived.emplace_back(arrival, byte);
         });
       }

@@ -25,7 +25,7 @@ TEST(VolumeTest, FaultsChangeTheNumberOfBytesAsTheyDeclare) {
     std::size_t sent_bytes = 0, bytes = 0, held_bytes_max = 0;
     FaultSchedule schedule({spec}, 1);
     link::ChunkStage* stage = schedule.Stage(link::Direction::kToClient);
-    schedule.SetOrigin(0);
+    schedule.SetOrigin(kOriginAtPowerOn);
     for (std::int64_t n = 0; n < 1000; ++n) {
       std::vector<link::Chunk> chunks = {Frame(n)};
       sent_bytes += chunks[0].bytes.size();

@@ -25,7 +25,7 @@ using ::testing::IsEmpty;
 
 using Bytes = std::vector<std::uint8_t>;
 
-constexpr TimeNs kStart = 5 * kNsPerMs;
+constexpr BootTime kStart(5 * kNsPerMs);
 
 // 10 bits at 921600 baud are 10850.694444... ns.
 constexpr TimeNs kByteTimes[] = {0, 10850, 21701, 32552, 43402, 54253, 65104, 75954, 86805, 97656, 108506};
@@ -45,14 +45,14 @@ struct TestStage : ChunkStage {
 };
 
 struct Taken {
-  TimeNs arrival;
+  BootTime arrival;
   Bytes bytes;
   friend bool operator==(const Taken&, const Taken&) = default;
 };
 
-std::vector<Taken> TakeAll(Wire& wire, TimeNs until = kNever) {
+std::vector<Taken> TakeAll(Wire& wire, BootTime until = BootTime::Never()) {
   std::vector<Taken> all;
-  wire.Take(until, [&all](TimeNs arrival, std::span<const std::uint8_t> bytes) {
+  wire.Take(until, [&all](BootTime arrival, std::span<const std::uint8_t> bytes) {
     all.push_back({arrival, {bytes.begin(), bytes.end()}});
   });
   return all;
@@ -60,7 +60,7 @@ std::vector<Taken> TakeAll(Wire& wire, TimeNs until = kNever) {
 
 // Chunks as sent, as the taps saw them.
 struct SentFrames {
-  std::vector<TimeNs> begins;
+  std::vector<BootTime> begins;
   std::vector<Bytes> frames;
   explicit SentFrames(Wire& wire) {
     wire.SetTaps({.sent =
@@ -82,15 +82,15 @@ TEST(WireTest, ByteTimesAt921600BaudAreRoundedDownFromTheBeginning) {
                 ElementsAre(Taken{kStart + kByteTimes[i], {frame[i - 1]}}))
         << i;
   }
-  EXPECT_EQ(wire.NextArrival(), kNever);
+  EXPECT_EQ(wire.NextArrival(), BootTime::Never());
 }
 
 TEST(WireTest, OneMillionBytesTakeExactlyTheirTime) {
   Wire wire({}, Direction::kToPlant, kPaper, nullptr);
   const Bytes bytes(1000, 0x55);
-  TimeNs end = 0;
+  BootTime end;
   for (int i = 0; i < 1000; ++i) end = wire.Transmit(end, bytes);
-  EXPECT_EQ(end, 1'000'000LL * 10 * kNsPerS / 921'600);
+  EXPECT_EQ(end, BootTime(1'000'000LL * 10 * kNsPerS / 921'600));
 }
 
 TEST(WireTest, AnIdealLineTakesNoTime) {
@@ -135,8 +135,8 @@ TEST(WireTest, AFrameSentByteByByteIsTheSameFrame) {
   const Bytes frame = Framed(EncodeSensors({}));
   Wire whole({}, Direction::kToClient, kPaper, nullptr);
   Wire single({}, Direction::kToClient, kPaper, nullptr);
-  const TimeNs end = whole.Transmit(kStart, frame);
-  TimeNs now = kStart;
+  const BootTime end = whole.Transmit(kStart, frame);
+  BootTime now = kStart;
   for (const std::uint8_t byte : frame) now = single.Transmit(now, std::span(&byte, 1));
   EXPECT_EQ(now, end);
   EXPECT_EQ(TakeAll(single), TakeAll(whole));
@@ -155,11 +155,11 @@ TEST(WireTest, BytesWithoutAClosingFlagGoOnAfterTheIdleTime) {
   Wire wire({}, Direction::kToPlant, kPaper, nullptr);
   EXPECT_EQ(wire.IdleTime(), 217'013);
   wire.Transmit(kStart, Bytes{0x7E, 1, 2});
-  const TimeNs flush = kStart + kByteTimes[3] + wire.IdleTime();
+  const BootTime flush = kStart + kByteTimes[3] + wire.IdleTime();
   EXPECT_EQ(wire.NextArrival(), flush);
   EXPECT_THAT(TakeAll(wire, flush - 1), IsEmpty());
   EXPECT_THAT(TakeAll(wire, flush), ElementsAre(Taken{flush, {0x7E, 1, 2}}));
-  EXPECT_EQ(wire.NextArrival(), kNever);
+  EXPECT_EQ(wire.NextArrival(), BootTime::Never());
 }
 
 TEST(WireTest, TheNextBytesFindAnIdleLineFlushed) {
@@ -236,16 +236,16 @@ TEST(WireTest, AStageSeesEachFrameWithItsMessage) {
     bytes.insert(bytes.end(), command.begin(), command.end());
     bytes.insert(bytes.end(), {0x7E, 1, 2, 3, 0x7E});
     kinds.clear();
-    wire.Transmit(0, bytes);
+    wire.Transmit(BootTime(), bytes);
     EXPECT_THAT(kinds, ElementsAre(MessageKind::kStart, MessageKind::kSensors, MessageKind::kActuators,
                                    MessageKind::kUnknown));
   }
   kinds.clear();
   Wire to_client({}, Direction::kToClient, kPaper, &stage);
-  to_client.Transmit(0, Framed(EncodeSensors({})));
-  to_client.Transmit(0, Framed(EncodeReference({})));
+  to_client.Transmit(BootTime(), Framed(EncodeSensors({})));
+  to_client.Transmit(BootTime(), Framed(EncodeReference({})));
   Wire reference({}, Direction::kReference, kPaper, &stage);
-  reference.Transmit(0, Framed(EncodeReference({})));
+  reference.Transmit(BootTime(), Framed(EncodeReference({})));
   EXPECT_THAT(kinds, ElementsAre(MessageKind::kReply, MessageKind::kUnknown, MessageKind::kReference));
 }
 
@@ -260,11 +260,11 @@ TEST(WireTest, ChunksKeepTheStagesOrderAndNeverOverlap) {
     chunks.push_back(Chunk{});
   };
   Wire wire({}, Direction::kToPlant, kPaper, &stage);
-  std::vector<TimeNs> delivered;
+  std::vector<BootTime> delivered;
   wire.SetTaps(
       {.sent = {}, .delivered = [&delivered](const Chunk& chunk) { delivered.push_back(chunk.begin_ns); }});
   wire.Transmit(kStart, Bytes{0x7E, 1, 0x7E});
-  const TimeNs first = kStart + kNsPerMs;
+  const BootTime first = kStart + kNsPerMs;
   EXPECT_THAT(delivered, ElementsAre(first, first + kByteTimes[3]));
   EXPECT_THAT(TakeAll(wire), ElementsAre(Taken{first + kByteTimes[3], {0x7E, 1, 0x7E}},
                                          Taken{first + 2 * kByteTimes[3], {0x7E, 9, 0x7E}}));
@@ -274,8 +274,8 @@ TEST(WireTest, NothingArrivesBeforeTheWireKnowsOfIt) {
   TestStage stage;
   stage.apply = [](std::vector<Chunk>& chunks) { chunks.front().bytes.resize(1); };
   Wire wire({}, Direction::kToPlant, kPaper, &stage);
-  TimeNs now = kStart;
-  TimeNs last = now;
+  BootTime now = kStart;
+  BootTime last = now;
   for (const std::uint8_t byte : Bytes{0x7E, 1, 2, 3, 4, 0x7E}) {
     last = now;
     now = wire.Transmit(now, std::span(&byte, 1));
@@ -285,10 +285,10 @@ TEST(WireTest, NothingArrivesBeforeTheWireKnowsOfIt) {
 
 TEST(WireTest, TheReceiverMayTransmitOnTheSameWire) {
   Wire wire({.baud = 0}, Direction::kToPlant, kPaper, nullptr);
-  wire.Transmit(0, Bytes{0x7E, 1, 0x7E});
+  wire.Transmit(BootTime(), Bytes{0x7E, 1, 0x7E});
   int count = 0;
-  wire.Take(0, [&](TimeNs, std::span<const std::uint8_t> bytes) {
-    if (++count < 40) wire.Transmit(0, bytes);
+  wire.Take(BootTime(), [&](BootTime, std::span<const std::uint8_t> bytes) {
+    if (++count < 40) wire.Transmit(BootTime(), bytes);
   });
   EXPECT_EQ(count, 40);
 }
@@ -298,10 +298,10 @@ class NaiveWire {
  public:
   NaiveWire(WireConfig config) : config_(config) {}
 
-  TimeNs Transmit(TimeNs now, const Bytes& bytes) {
+  BootTime Transmit(BootTime now, const Bytes& bytes) {
     for (const std::uint8_t byte : bytes) {
       if (sent_.empty() || now > sent_.back().end) base_ = now, count_ = 0;
-      const TimeNs begin = base_ + Span(count_++);
+      const BootTime begin = base_ + Span(count_++);
       sent_.push_back({byte, now, begin, base_ + Span(count_)});
     }
     return std::max(now, sent_.empty() ? now : sent_.back().end);
@@ -309,19 +309,19 @@ class NaiveWire {
 
   struct Arrival {
     std::uint8_t byte;
-    TimeNs time;
+    BootTime time;
     bool chunk_ends;
   };
   // Of all bytes that the wire knows at `now`, and when it will flush what is open.
-  std::vector<Arrival> Arrivals(TimeNs now, TimeNs& flush) const {
+  std::vector<Arrival> Arrivals(BootTime now, BootTime& flush) const {
     std::vector<Arrival> arrivals;
-    TimeNs line_free = kPowerOn;
+    BootTime line_free = BootTime::Earliest();
     Bytes open;
     bool content = false;
-    const auto close = [&](TimeNs end, TimeNs known) {
+    const auto close = [&](BootTime end, BootTime known) {
       const auto n = static_cast<std::int64_t>(open.size());
-      const TimeNs begin =
-          std::max({end, known, line_free == kPowerOn ? end : line_free + Span(n)}) - Span(n);
+      const BootTime begin =
+          std::max({end, known, line_free == BootTime::Earliest() ? end : line_free + Span(n)}) - Span(n);
       for (std::int64_t i = 0; i < n; ++i) {
         arrivals.push_back({open[static_cast<std::size_t>(i)],
                             begin + Span(i + 1) + config_.adapter_latency_ns, i + 1 == n});
@@ -331,14 +331,14 @@ class NaiveWire {
       content = false;
     };
     // The chunk's end as its bytes' times add up: begin of the first, the pauses, and its length.
-    TimeNs chunk_begin = 0;
+    BootTime chunk_begin;
     const TimeNs idle = 20LL * 10 * kNsPerS / (config_.baud == 0 ? 921'600 : config_.baud);
     for (std::size_t i = 0; i < sent_.size(); ++i) {
       const Byte& byte = sent_[i];
       if (!open.empty() && byte.now >= sent_[i - 1].end + idle) {
         close(chunk_begin + Span(static_cast<std::int64_t>(open.size())), sent_[i - 1].end + idle);
       }
-      chunk_begin = open.empty() ? byte.begin : chunk_begin + byte.begin - sent_[i - 1].end;
+      chunk_begin = open.empty() ? byte.begin : chunk_begin + (byte.begin - sent_[i - 1].end);
       open.push_back(byte.value);
       if (byte.value == 0x7E && content) {
         close(chunk_begin + Span(static_cast<std::int64_t>(open.size())), byte.now);
@@ -346,10 +346,10 @@ class NaiveWire {
         content = content || byte.value != 0x7E;
       }
     }
-    flush = open.empty() ? kNever : sent_.back().end + idle;
+    flush = open.empty() ? BootTime::Never() : sent_.back().end + idle;
     if (now >= flush) {
       close(chunk_begin + Span(static_cast<std::int64_t>(open.size())), flush);
-      flush = kNever;
+      flush = BootTime::Never();
     }
     return arrivals;
   }
@@ -357,12 +357,12 @@ class NaiveWire {
  private:
   struct Byte {
     std::uint8_t value;
-    TimeNs now, begin, end;
+    BootTime now, begin, end;
   };
   TimeNs Span(std::int64_t n) const { return config_.baud == 0 ? 0 : n * 10'000'000'000 / config_.baud; }
 
   WireConfig config_;
-  TimeNs base_ = 0;
+  BootTime base_;
   std::int64_t count_ = 0;
   std::vector<Byte> sent_;
 };
@@ -373,7 +373,7 @@ RC_GTEST_PROP(WirePropertyTest, EqualsTheByteByByteModel, ()) {
   Wire wire(config, Direction::kToPlant, kPaper, nullptr);
   NaiveWire naive(config);
   const TimeNs byte_time = config.baud == 0 ? 10'851 : 10 * kNsPerS / config.baud;
-  TimeNs now = 0;
+  BootTime now;
   std::size_t taken = 0;
   bool taken_flag = true;
 
@@ -389,9 +389,9 @@ RC_GTEST_PROP(WirePropertyTest, EqualsTheByteByByteModel, ()) {
       RC_ASSERT(wire.Transmit(now, bytes) == naive.Transmit(now, bytes));
     } else {
       const std::size_t first = taken;
-      TimeNs flush = kNever;
+      BootTime flush = BootTime::Never();
       const auto arrivals = naive.Arrivals(now, flush);
-      wire.Take(now, [&](TimeNs arrival, std::span<const std::uint8_t> piece) {
+      wire.Take(now, [&](BootTime arrival, std::span<const std::uint8_t> piece) {
         RC_ASSERT(!piece.empty());
         for (std::size_t i = 0; i < piece.size(); ++i) {
           RC_ASSERT(arrivals.at(taken).byte == piece[i]);
@@ -407,10 +407,10 @@ RC_GTEST_PROP(WirePropertyTest, EqualsTheByteByByteModel, ()) {
       RC_ASSERT(taken == arrived);
     }
 
-    TimeNs next = kNever;
-    TimeNs flush = kNever;
+    BootTime next = BootTime::Never();
+    BootTime flush = BootTime::Never();
     const auto arrivals = naive.Arrivals(now, flush);
-    if (flush != kNever) next = flush + config.adapter_latency_ns;
+    if (flush != BootTime::Never()) next = flush + config.adapter_latency_ns;
     bool flag_before = taken_flag;
     for (std::size_t i = taken; i < arrivals.size(); ++i) {
       const bool flag = arrivals[i].byte == 0x7E;

@@ -36,7 +36,7 @@ class Disconnect : public WireModel {
   }
 
  private:
-  TimeNs BeginOf(const link::Chunk& chunk, std::size_t byte) const {
+  BootTime BeginOf(const link::Chunk& chunk, std::size_t byte) const {
     return chunk.begin_ns + line_.BytesTime(static_cast<std::int64_t>(byte));
   }
 

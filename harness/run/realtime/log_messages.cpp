@@ -14,12 +14,12 @@
 namespace tiltproof::harness {
 
 template <class Archive>
-void Fields(Archive& archive, LateSpan& s) {
+void Fields(Archive& archive, NodeLateSpan& s) {
   archive(s.begin_ns, s.end_ns);
 }
 template <class Archive>
 void Fields(Archive& archive, Lateness& l) {
-  archive(l.spans, l.origin_ns);
+  archive(l.spans, l.origin);
 }
 template <class Archive>
 void Fields(Archive& archive, NodeTotals& t) {
@@ -38,15 +38,15 @@ constexpr std::size_t kTimeBytes = 16;
 // t_s and the link counters of a row, in the order of TraceLayout.
 constexpr std::size_t kLinkColumnCount = 1 + 3 * link::kDirectionCount;
 
-std::vector<dds::Chunk> ToMessage(const std::vector<link::Chunk>& chunks) {
+std::vector<dds::Chunk> ToMessage(const std::vector<link::LogChunk>& chunks) {
   std::vector<dds::Chunk> out;
   for (const auto& chunk : chunks) out.push_back({chunk.begin_ns, chunk.bytes});
   return out;
 }
-std::vector<link::Chunk> FromMessage(std::vector<dds::Chunk>&& chunks) {
-  std::vector<link::Chunk> out;
+std::vector<link::LogChunk> FromMessage(std::vector<dds::Chunk>&& chunks) {
+  std::vector<link::LogChunk> out;
   for (auto& chunk : chunks) {
-    link::Chunk& to = out.emplace_back();
+    link::LogChunk& to = out.emplace_back();
     to.begin_ns = chunk.begin_ns;
     to.bytes = std::move(chunk.bytes);
   }
@@ -77,12 +77,13 @@ std::size_t BytesOf(const dds::TraceRows& rows) {
 }
 
 // The faults that had a hand in a chunk.
-std::vector<std::string> FaultsOf(const LinkRecord& record, TimeNs begin_ns, const Scenario& scenario,
+std::vector<std::string> FaultsOf(const TimedLinkRecord<BootTime>& record, TimeNs begin_ns,
+                                  const Scenario& scenario,
                                   const std::vector<faults::Activation>& activations) {
   std::vector<std::string> ids;
   for (const auto& activation : activations) {
     const auto& chunks = record.delivered ? activation.after : activation.before;
-    const bool touched = std::any_of(chunks.begin(), chunks.end(), [&](const link::Chunk& chunk) {
+    const bool touched = std::any_of(chunks.begin(), chunks.end(), [&](const auto& chunk) {
       return chunk.begin_ns == begin_ns && std::ranges::equal(chunk.bytes, record.bytes);
     });
     const std::string& id = scenario.faults[activation.fault].id;
@@ -113,12 +114,12 @@ bool LogPublisher::IsHeard() const {
          rows_.IsHeardBy(harness_) && reports_.IsHeardBy(harness_);
 }
 
-void LogPublisher::Write(const LineLog& log, TimeNs origin, const std::vector<CountsSample>& counts) {
+void LogPublisher::Write(const LineLog& log, Origin origin, const std::vector<CountsSample>& counts) {
   auto tap = Begin<dds::SerialTap>(last_.serial_tap);
   const auto flush = [&] { Send(std::exchange(tap, Begin<dds::SerialTap>(last_.serial_tap))); };
   std::size_t offset = 0;
   while (const auto record = log.link.Next(offset)) {
-    const TimeNs begin_ns = record->begin_ns - origin;
+    const TimeNs begin_ns = origin.SimulationTime(record->begin_ns);
     tap.frames.push_back({.begin_ns = begin_ns,
                           .direction = static_cast<std::uint8_t>(record->line.direction),
                           .delivered = record->delivered,
@@ -134,10 +135,7 @@ void LogPublisher::Write(const LineLog& log, TimeNs origin, const std::vector<Co
     Send(std::move(tap));
   }
   Write(log.activations);
-  for (RunEvent event : log.events) {
-    event.time_ns -= origin;
-    Write(event);
-  }
+  for (LineEvent event : log.events) Write(ToRunEvent(std::move(event), origin));
   if (counts.empty()) return;
   std::vector<double> values;
   for (const auto& sample : counts) {
@@ -272,7 +270,7 @@ void LogCollector::Drain(TimeNs flown_ns) {
     if (!Accepts(tap)) continue;
     for (auto& frame : tap.frames) {
       if (frame.direction >= link::kDirectionCount) continue;
-      link::Chunk chunk;
+      link::LogChunk chunk;
       chunk.begin_ns = frame.begin_ns;
       chunk.bytes = std::move(frame.bytes);
       log_.link.Append(chunk, {0, static_cast<Direction>(frame.direction)}, frame.delivered);
@@ -374,12 +372,13 @@ RunLog LogCollector::Take(TimeNs end_ns) {
 
   for (auto& [node_id, report] : reports_) {
     NodeTotals& totals = report.totals;
-    const TimeNs origin = totals.lateness.origin_ns;
-    for (const LateSpan& span : totals.lateness.spans)
-      if (origin != kNever && span.end_ns > origin)
-        log_.harness_late.push_back({span.begin_ns - origin, span.end_ns - origin});
+    const Origin origin = totals.lateness.origin;
+    for (const NodeLateSpan& span : totals.lateness.spans)
+      if (origin.known() && span.end_ns > origin.boot_time())
+        log_.harness_late.push_back(
+            {origin.SimulationTime(span.begin_ns), origin.SimulationTime(span.end_ns)});
     if (totals.plant) Append(log_, std::move(*totals.plant));
-    if (totals.line) Append(log_, std::move(*totals.line), 0, 0);
+    if (totals.line) Append(log_, std::move(*totals.line), 0, Origin());
     AddActivations(log_, totals.activation_counts);
     if (totals.client) log_.clients[0].failsafe_entered_count = totals.client->failsafe_count;
   }

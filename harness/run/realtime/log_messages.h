@@ -40,7 +40,7 @@ struct Lateness {
   static constexpr TimeNs kLateAfterNs = 3 * kNsPerMs;
   static constexpr std::size_t kSpansMax = 10'000;
 
-  void Note(TimeNs due_ns, TimeNs done_ns) {
+  void Note(BootTime due_ns, BootTime done_ns) {
     if (done_ns - due_ns <= kLateAfterNs) return;
     // What is not counted any more is one long lateness: nobody is blamed for what happens then.
     if (spans.size() == kSpansMax) {
@@ -50,8 +50,8 @@ struct Lateness {
     }
   }
 
-  std::vector<LateSpan> spans;  // in the node's clock
-  TimeNs origin_ns = kNever;    // the node's clock at t = 0, once it is known
+  std::vector<NodeLateSpan> spans;
+  Origin origin;  // by the node's clock
 };
 
 // What a node knows only at its end.
@@ -77,8 +77,8 @@ class LogPublisher {
   LogPublisher(dds::Bus& bus, const Scenario& scenario, std::string run_id, std::string node_id,
                const dds::Participant& harness);
 
-  // Records alone. `origin` is the line's time of t = 0.
-  void Write(const LineLog& log, TimeNs origin, const std::vector<CountsSample>& counts);
+  // Records alone.
+  void Write(const LineLog& log, Origin origin, const std::vector<CountsSample>& counts);
   void Write(const PlantLog& log);
   void Write(const std::vector<faults::Activation>& activations);  // in simulation time
   // Of the kind "firmware_log" the first kFirmwareLogBytesMax.

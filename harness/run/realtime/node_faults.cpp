@@ -152,7 +152,7 @@ void NodeFaults::AppendTo(RunLog& log) {
       return late.begin_ns < disturbed.end_ns && late.end_ns > disturbed.begin_ns;
     });
   });
-  Append(log, counts_, 0);
+  Append(log, counts_, Origin());
 }
 
 }  // namespace tiltproof::harness

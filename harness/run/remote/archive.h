@@ -20,6 +20,8 @@
 #include <type_traits>
 #include <vector>
 
+#include "link/time.h"
+
 namespace tiltproof::harness {
 
 template <class T>
@@ -41,6 +43,8 @@ class Packer {
   void Put(const T& value) {
     Append(&value, sizeof value);
   }
+  void Put(BootTime time) { Put(time.ns()); }
+  void Put(Origin origin) { Put(origin.boot_time()); }
   void Put(const std::string& text) {
     Put(text.size());
     Append(text.data(), text.size());
@@ -109,6 +113,8 @@ class Unpacker {
     if (byte > 1) throw std::runtime_error("a message from another process is damaged");
     value = byte == 1;
   }
+  void Get(BootTime& time) { time = BootTime(Next<std::int64_t>()); }
+  void Get(Origin& origin) { origin = Origin(Next<BootTime>()); }
   void Get(std::string& text) {
     const std::size_t size = TakeCount(1);
     const std::uint8_t* at = Take(size);

@@ -51,7 +51,8 @@ struct Setup {
 
 // What the line's process answers beside the result, so that the harness need not ask.
 struct LineView {
-  std::array<TimeNs, link::kDirectionCount> next_arrival_ns{kNever, kNever, kNever};
+  std::array<BootTime, link::kDirectionCount> next_arrival_ns{BootTime::Never(), BootTime::Never(),
+                                                              BootTime::Never()};
   LineCounts counts{};
   std::optional<Overfull> overfull;
   std::vector<faults::News> news;
@@ -98,13 +99,13 @@ template <class Archive>
 void Fields(Archive& archive, ClientStatus& s) {
   archive(s.supervisor_state, s.failsafe_count);
 }
-template <class Archive>
-void Fields(Archive& archive, RunEvent& e) {
+template <class Archive, class Time>
+void Fields(Archive& archive, TimedEvent<Time>& e) {
   archive(e.time_ns, e.kind, e.text, e.client);
 }
 template <class Archive>
 void Fields(Archive& archive, PlantServer::State& s) {
-  archive(s.origin_ns, s.reached_ns, s.quiet_until_ns, s.over, s.end_reason, s.end_text);
+  archive(s.origin, s.reached_ns, s.quiet_until_ns, s.over, s.end_reason, s.end_text);
 }
 template <class Archive>
 void Fields(Archive& archive, PlantClientLog& l) {
@@ -115,9 +116,13 @@ void Fields(Archive& archive, PlantLog& l) {
   archive(l.rows, l.column_count, l.hover_input, l.input_min, l.input_max, l.clients, l.events, l.activations,
           l.activation_counts);
 }
-inline void Fields(Packer& packer, LinkLog& l) { packer(l.content()); }
-inline void Fields(Unpacker& unpacker, LinkLog& l) {
-  l = LinkLog(unpacker.Next<std::vector<std::uint8_t>>());
+template <class Time>
+void Fields(Packer& packer, TimedLinkLog<Time>& l) {
+  packer(l.content());
+}
+template <class Time>
+void Fields(Unpacker& unpacker, TimedLinkLog<Time>& l) {
+  l = TimedLinkLog<Time>(unpacker.Next<std::vector<std::uint8_t>>());
 }
 template <class Archive>
 void Fields(Archive& archive, LineLog& l) {
@@ -129,8 +134,8 @@ void Fields(Archive& archive, LineLog& l) {
 
 // In the namespaces of their structs, where the archives find them.
 namespace tiltproof::link {
-template <class Archive>
-void Fields(Archive& archive, Chunk& c) {
+template <class Archive, class Time>
+void Fields(Archive& archive, TimedChunk<Time>& c) {
   archive(c.begin_ns, c.bytes, c.kind, c.number);
 }
 }  // namespace tiltproof::link

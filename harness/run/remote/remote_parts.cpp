@@ -19,18 +19,18 @@ class RemoteClient final : public Client {
   }
 
   bool RunsOn() const override { return runs_on_; }
-  TimeNs Start(TimeNs now) override { return AskTime(RemotePart::Request(Message::kStart, now)); }
-  void Receive(Uart uart, TimeNs arrival, std::span<const std::uint8_t> bytes,
+  BootTime Start(BootTime now) override { return AskTime(RemotePart::Request(Message::kStart, now)); }
+  void Receive(Uart uart, BootTime arrival, std::span<const std::uint8_t> bytes,
                std::span<const faults::ReceiveMark> marks) override {
     Ask(RemotePart::Request(Message::kReceive, uart, arrival,
                             std::vector<std::uint8_t>(bytes.begin(), bytes.end()),
                             std::vector<faults::ReceiveMark>(marks.begin(), marks.end())));
   }
-  TimeNs Grant(TimeNs now, TimeNs horizon) override {
+  BootTime Grant(BootTime now, BootTime horizon) override {
     return AskTime(RemotePart::Request(Message::kGrant, now, horizon));
   }
   // Its process has the scenario, and so the commands.
-  void Command(const std::vector<faults::DeviceCommand>& /*commands*/, TimeNs origin) override {
+  void Command(const std::vector<faults::DeviceCommand>& /*commands*/, Origin origin) override {
     Ask(RemotePart::Request(Message::kCommand, origin));
   }
   std::optional<ClientStatus> Status() override {
@@ -39,9 +39,9 @@ class RemoteClient final : public Client {
   }
 
  private:
-  TimeNs AskTime(const Packer& request) {
+  BootTime AskTime(const Packer& request) {
     const auto answer = Ask(request);
-    return Unpacker(answer).Next<TimeNs>();
+    return Unpacker(answer).Next<BootTime>();
   }
 
   std::vector<std::uint8_t> Ask(const Packer& request) {
@@ -53,7 +53,7 @@ class RemoteClient final : public Client {
         switch (unpacker.Next<Message>()) {
           case Message::kClientTransmits: {
             const auto uart = unpacker.Next<Uart>();
-            const auto now = unpacker.Next<TimeNs>();
+            const auto now = unpacker.Next<BootTime>();
             const auto bytes = unpacker.Next<std::vector<std::uint8_t>>();
             Packer answer;
             answer(Message::kDone, host_.transmit(uart, now, bytes));
@@ -61,7 +61,7 @@ class RemoteClient final : public Client {
             continue;
           }
           case Message::kClientLogs: {
-            const auto now = unpacker.Next<TimeNs>();
+            const auto now = unpacker.Next<BootTime>();
             host_.log(now, unpacker.Next<std::string>());
             continue;
           }
@@ -125,22 +125,22 @@ void RemoteLine::Hear(std::span<const faults::News> news) {
     part_.Ask(RemotePart::Request(Message::kHear, std::vector<faults::News>(news.begin(), news.end())));
 }
 
-TimeNs RemoteLine::Transmit(link::Direction direction, TimeNs now, std::span<const std::uint8_t> bytes) {
+BootTime RemoteLine::Transmit(link::Direction direction, BootTime now, std::span<const std::uint8_t> bytes) {
   const auto answer = part_.Ask(RemotePart::Request(Message::kTransmit, direction, now,
                                                     std::vector<std::uint8_t>(bytes.begin(), bytes.end())));
   Unpacker unpacker(answer);
   TakeView(unpacker);
-  return unpacker.Next<TimeNs>();
+  return unpacker.Next<BootTime>();
 }
 
-std::optional<Line::Piece> RemoteLine::TakePiece(link::Direction direction, TimeNs until) {
+std::optional<Line::Piece> RemoteLine::TakePiece(link::Direction direction, BootTime until) {
   // The line knows of nothing before that.
-  if (NextArrival(direction) == kNever) return std::nullopt;
+  if (NextArrival(direction) == BootTime::Never()) return std::nullopt;
   const auto answer = part_.Ask(RemotePart::Request(Message::kTakePiece, direction, until));
   Unpacker unpacker(answer);
   TakeView(unpacker);
   if (!unpacker.Next<bool>()) return std::nullopt;
-  const auto arrival = unpacker.Next<TimeNs>();
+  const auto arrival = unpacker.Next<BootTime>();
   unpacker(piece_);
   Piece piece{arrival, piece_};
   if (const auto message = unpacker.Next<std::optional<PackedMessage>>()) {
@@ -150,11 +150,9 @@ std::optional<Line::Piece> RemoteLine::TakePiece(link::Direction direction, Time
   return piece;
 }
 
-void RemoteLine::SetOrigin(TimeNs origin_ns) {
-  part_.Ask(RemotePart::Request(Message::kSetOrigin, origin_ns));
-}
+void RemoteLine::SetOrigin(Origin origin) { part_.Ask(RemotePart::Request(Message::kSetOrigin, origin)); }
 
-LineLog RemoteLine::TakeLog(TimeNs end) {
+LineLog RemoteLine::TakeLog(BootTime end) {
   const auto answer = part_.Ask(RemotePart::Request(Message::kTakeLog, end));
   return Unpacker(answer).Next<LineLog>();
 }
@@ -172,14 +170,14 @@ void RemotePlantServer::Hear(std::span<const faults::News> news) {
     part_.Ask(RemotePart::Request(Message::kHear, std::vector<faults::News>(news.begin(), news.end())));
 }
 
-void RemotePlantServer::Advance(TimeNs to, const AllCounts& counts) {
+void RemotePlantServer::Advance(BootTime to, const AllCounts& counts) {
   if (to <= state_.quiet_until_ns || state_.over) return;
   const auto answer = part_.Ask(RemotePart::Request(Message::kAdvance, to, counts));
   Unpacker unpacker(answer);
   TakeState(unpacker);
 }
 
-void RemotePlantServer::Receive(std::size_t client, TimeNs arrival, const link::Message& message,
+void RemotePlantServer::Receive(std::size_t client, BootTime arrival, const link::Message& message,
                                 const Reply& reply) {
   const auto answer = part_.Ask(RemotePart::Request(Message::kServe, client, arrival, Packed(message)));
   Unpacker unpacker(answer);
@@ -187,7 +185,7 @@ void RemotePlantServer::Receive(std::size_t client, TimeNs arrival, const link::
   for (const auto& frame : unpacker.Next<std::vector<std::vector<std::uint8_t>>>()) reply(frame);
 }
 
-void RemotePlantServer::Finish(TimeNs end, const AllCounts& counts) {
+void RemotePlantServer::Finish(BootTime end, const AllCounts& counts) {
   const auto answer = part_.Ask(RemotePart::Request(Message::kFinish, end, counts));
   Unpacker unpacker(answer);
   TakeState(unpacker);

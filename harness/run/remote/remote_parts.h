@@ -43,17 +43,17 @@ class RemoteLine final : public Line {
  public:
   // `protocol` must outlive it.
   RemoteLine(Channel& channel, const Setup& setup, const link::Protocol& protocol);
-  TimeNs Transmit(link::Direction direction, TimeNs now, std::span<const std::uint8_t> bytes) override;
-  TimeNs NextArrival(link::Direction direction) const override {
+  BootTime Transmit(link::Direction direction, BootTime now, std::span<const std::uint8_t> bytes) override;
+  BootTime NextArrival(link::Direction direction) const override {
     return view_.next_arrival_ns[static_cast<std::size_t>(direction)];
   }
-  std::optional<Piece> TakePiece(link::Direction direction, TimeNs until) override;
-  void SetOrigin(TimeNs origin_ns) override;
+  std::optional<Piece> TakePiece(link::Direction direction, BootTime until) override;
+  void SetOrigin(Origin origin) override;
   const LineCounts& counts() const override { return view_.counts; }
   const std::optional<Overfull>& overfull() const override { return view_.overfull; }
   std::vector<faults::News> TakeNews() override { return std::exchange(news_, {}); }
   void Hear(std::span<const faults::News> news) override;
-  LineLog TakeLog(TimeNs end) override;
+  LineLog TakeLog(BootTime end) override;
 
  private:
   void TakeView(Unpacker& answer);
@@ -69,9 +69,10 @@ class RemoteLine final : public Line {
 class RemotePlantServer final : public PlantServer {
  public:
   RemotePlantServer(Channel& channel, const Setup& setup);
-  void Advance(TimeNs to, const AllCounts& counts) override;
-  void Receive(std::size_t client, TimeNs arrival, const link::Message& message, const Reply& reply) override;
-  void Finish(TimeNs end, const AllCounts& counts) override;
+  void Advance(BootTime to, const AllCounts& counts) override;
+  void Receive(std::size_t client, BootTime arrival, const link::Message& message,
+               const Reply& reply) override;
+  void Finish(BootTime end, const AllCounts& counts) override;
   const State& state() const override { return state_; }
   std::vector<faults::News> TakeNews() override { return std::exchange(news_, {}); }
   void Hear(std::span<const faults::News> news) override;

@@ -75,14 +75,14 @@ void ServeLine(Channel& channel, const ScenarioLoader& load) {
     switch (kind) {
       case Message::kTransmit: {
         const auto direction = NextDirection(request);
-        const auto now = request.Next<TimeNs>();
-        const TimeNs sent = line->Transmit(direction, now, request.Next<std::vector<std::uint8_t>>());
+        const auto now = request.Next<BootTime>();
+        const BootTime sent = line->Transmit(direction, now, request.Next<std::vector<std::uint8_t>>());
         answer(view(), sent);
         return;
       }
       case Message::kTakePiece: {
         const auto direction = NextDirection(request);
-        const auto piece = line->TakePiece(direction, request.Next<TimeNs>());
+        const auto piece = line->TakePiece(direction, request.Next<BootTime>());
         answer(view(), piece.has_value());
         if (!piece) return;
         std::optional<PackedMessage> message;
@@ -92,13 +92,13 @@ void ServeLine(Channel& channel, const ScenarioLoader& load) {
         return;
       }
       case Message::kSetOrigin:
-        line->SetOrigin(request.Next<TimeNs>());
+        line->SetOrigin(request.Next<Origin>());
         return;
       case Message::kHear:
         line->Hear(request.Next<std::vector<faults::News>>());
         return;
       case Message::kTakeLog:
-        answer(line->TakeLog(request.Next<TimeNs>()));
+        answer(line->TakeLog(request.Next<BootTime>()));
         return;
       default:
         ThrowUnexpected();
@@ -119,7 +119,7 @@ void ServePlant(Channel& channel, const ScenarioLoader& load) {
     switch (kind) {
       case Message::kAdvance:
       case Message::kFinish: {
-        const auto time = request.Next<TimeNs>();
+        const auto time = request.Next<BootTime>();
         const auto counts = request.Next<AllCounts>();
         if (kind == Message::kAdvance) {
           server->Advance(time, counts);
@@ -131,7 +131,7 @@ void ServePlant(Channel& channel, const ScenarioLoader& load) {
       }
       case Message::kServe: {
         const auto client = request.Next<std::size_t>();
-        const auto arrival = request.Next<TimeNs>();
+        const auto arrival = request.Next<BootTime>();
         std::vector<std::vector<std::uint8_t>> frames;
         server->Receive(
             client, arrival, Unpacked(request.Next<PackedMessage>(), *loaded->scenario.link.protocol),
@@ -156,17 +156,17 @@ void ServeClient(Channel& channel, const ScenarioLoader& load) {
   std::unique_ptr<Client> client;
   std::vector<faults::DeviceCommand> commands;
   const ClientHost host = {
-      .transmit = [&](Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) -> TimeNs {
+      .transmit = [&](Uart uart, BootTime now, std::span<const std::uint8_t> bytes) -> BootTime {
         Packer upcall;
         upcall(Message::kClientTransmits, uart, now, std::vector<std::uint8_t>(bytes.begin(), bytes.end()));
         channel.Send(upcall.bytes());
         const auto answer = channel.Receive(kHarnessSilentAfterNs);
         Unpacker unpacker(answer);
         unpacker.Next<Message>();
-        return unpacker.Next<TimeNs>();
+        return unpacker.Next<BootTime>();
       },
       .log =
-          [&](TimeNs now, std::string_view text) {
+          [&](BootTime now, std::string_view text) {
             Packer upcall;
             upcall(Message::kClientLogs, now, std::string(text));
             channel.Send(upcall.bytes());
@@ -189,22 +189,22 @@ void ServeClient(Channel& channel, const ScenarioLoader& load) {
     if (!client) ThrowUnexpected();
     switch (kind) {
       case Message::kStart:
-        answer(client->Start(request.Next<TimeNs>()));
+        answer(client->Start(request.Next<BootTime>()));
         return;
       case Message::kReceive: {
         const auto uart = request.Next<Uart>();
-        const auto arrival = request.Next<TimeNs>();
+        const auto arrival = request.Next<BootTime>();
         const auto bytes = request.Next<std::vector<std::uint8_t>>();
         client->Receive(uart, arrival, bytes, request.Next<std::vector<faults::ReceiveMark>>());
         return;
       }
       case Message::kGrant: {
-        const auto now = request.Next<TimeNs>();
-        answer(client->Grant(now, request.Next<TimeNs>()));
+        const auto now = request.Next<BootTime>();
+        answer(client->Grant(now, request.Next<BootTime>()));
         return;
       }
       case Message::kCommand:
-        client->Command(commands, request.Next<TimeNs>());
+        client->Command(commands, request.Next<Origin>());
         return;
       case Message::kStatus:
         answer(client->Status());

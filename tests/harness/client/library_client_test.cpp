@@ -8,6 +8,7 @@
 
 #include "faults/device_command.h"
 #include "tests/support/control_period.h"
+#include "tests/support/origins.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -18,14 +19,14 @@ struct Board {
   Board() {
     client = LoadLibraryClient(TILTPROOF_FIRMWARE_LIBRARY, "paper", "paper",
                                {.transmit =
-                                    [this](Uart, TimeNs now, std::span<const std::uint8_t>) {
+                                    [this](Uart, BootTime now, std::span<const std::uint8_t>) {
                                       sent.push_back(now);
                                       return now;
                                     },
-                                .log = [](TimeNs, std::string_view) {},
+                                .log = [](BootTime, std::string_view) {},
                                 .event = [this](const DeviceEvent& event) { events.push_back(event); }});
   }
-  std::vector<TimeNs> sent;
+  std::vector<BootTime> sent;
   std::vector<DeviceEvent> events;
   std::unique_ptr<Client> client;
 };
@@ -37,20 +38,21 @@ TEST(LibraryClient, IsSilentInResetAndThenBeginsAnew) {
   reset.type = "device.reset";
   reset.start_ns = kNsPerS;
   reset.parameters = {{"boot_ms", 30.0}};
-  TimeNs wake = board.client->Start(0);
-  board.client->Command(faults::DeviceCommands({reset}, 1), 5 * kNsPerMs);
-  const TimeNs begin = kNsPerS + 5 * kNsPerMs, end = begin + 30 * kNsPerMs;
-  while (wake < begin) wake = board.client->Grant(wake, kNever);
+  constexpr Origin kOrigin(BootTime{5 * kNsPerMs});
+  BootTime wake = board.client->Start(BootTime());
+  board.client->Command(faults::DeviceCommands({reset}, 1), kOrigin);
+  const BootTime begin = kOrigin.ToBootTime(kNsPerS), end = begin + 30 * kNsPerMs;
+  while (wake < begin) wake = board.client->Grant(wake, BootTime::Never());
   EXPECT_EQ(wake, begin);
 
   board.sent.clear();
-  EXPECT_EQ(board.client->Grant(begin, kNever), end);
+  EXPECT_EQ(board.client->Grant(begin, BootTime::Never()), end);
   board.client->Receive(Uart::kMain, begin + 1, std::vector<std::uint8_t>{0x7E}, {});
-  EXPECT_EQ(board.client->Grant(begin + 1, kNever), end);
+  EXPECT_EQ(board.client->Grant(begin + 1, BootTime::Never()), end);
   EXPECT_TRUE(board.sent.empty());
 
   // `start`, and on a line without byte time the first request at once.
-  EXPECT_EQ(board.client->Grant(end, kNever), end + kControlPeriodNs);
+  EXPECT_EQ(board.client->Grant(end, BootTime::Never()), end + kControlPeriodNs);
   EXPECT_THAT(board.sent, ElementsAre(end, end));
   ASSERT_EQ(board.events.size(), 2U);
   EXPECT_EQ(board.events[0].fault, 0U);
@@ -66,12 +68,13 @@ TEST(LibraryClient, AFastClockMakesItsPeriodShort) {
   drift.start_ns = kNsPerS;
   drift.end_ns = 2 * kNsPerS;
   drift.parameters = {{"ppm", 10'000.0}};
-  TimeNs wake = board.client->Start(0);
-  board.client->Command(faults::DeviceCommands({drift}, 1), 0);
-  const auto period_at = [&](TimeNs time) {
-    while (wake < time) wake = board.client->Grant(wake, kNever);
-    const TimeNs begin = wake;
-    wake = board.client->Grant(wake, kNever);
+  BootTime wake = board.client->Start(BootTime());
+  board.client->Command(faults::DeviceCommands({drift}, 1), kOriginAtPowerOn);
+  const auto period_at = [&](TimeNs time_ns) {
+    const BootTime time = kOriginAtPowerOn.ToBootTime(time_ns);
+    while (wake < time) wake = board.client->Grant(wake, BootTime::Never());
+    const BootTime begin = wake;
+    wake = board.client->Grant(wake, BootTime::Never());
     return wake - begin;
   };
   EXPECT_EQ(period_at(kNsPerS / 2), kControlPeriodNs);
@@ -81,7 +84,7 @@ TEST(LibraryClient, AFastClockMakesItsPeriodShort) {
   // It transmits at the true time: the last request as its last period begins.
   EXPECT_EQ(board.sent.back(), wake - kControlPeriodNs);
   ASSERT_EQ(board.events.size(), 1U);
-  EXPECT_EQ(board.events[0].time_ns, kNsPerS);
+  EXPECT_EQ(board.events[0].time_ns, BootTime(kNsPerS));
   EXPECT_EQ(board.events[0].fault, 0U);
 }
 

@@ -8,13 +8,13 @@ namespace {
 
 using Steady = NodeClock::Steady;
 
-TimeNs Of(Steady::time_point t) { return t.time_since_epoch().count(); }
+BootTime Of(Steady::time_point t) { return BootTime(t.time_since_epoch().count()); }
 
 // What the clock shows between two looks at the true one must lie between `shown` of these.
 template <class Shown>
 void ExpectShows(const NodeClock& clock, const Shown& shown) {
   const Steady::time_point before = Steady::now();
-  const TimeNs now = clock.Now();
+  const BootTime now = clock.Now();
   const Steady::time_point after = Steady::now();
   EXPECT_GE(now, shown(before) - 2);
   EXPECT_LE(now, shown(after) + 2);
@@ -29,19 +29,19 @@ TEST(NodeClock, IsTheMachinesAtFirst) {
 
 TEST(NodeClock, JumpsAndRunsFast) {
   NodeClock clock;
-  const TimeNs low = Of(Steady::now());
+  const BootTime low = Of(Steady::now());
   clock.SetRate(100'000);
   clock.Jump(5 * kNsPerS);
-  const TimeNs high = Of(Steady::now());
+  const BootTime high = Of(Steady::now());
   // It was set at some instant from low to high.
-  const auto shown = [](TimeNs t, TimeNs set) {
+  const auto shown = [](BootTime t, BootTime set) {
     return set + 5 * kNsPerS + static_cast<TimeNs>(static_cast<double>(t - set) * 1.1);
   };
-  const TimeNs t = high + 10 * kNsPerS;
+  const BootTime t = high + 10 * kNsPerS;
   // The inverse: when it shows what it would at t, it is t.
   EXPECT_LE(Of(clock.ToSteady(shown(t, high))), t + 2);
   EXPECT_GE(Of(clock.ToSteady(shown(t, low))), t - 2);
-  const TimeNs now = clock.Now();
+  const BootTime now = clock.Now();
   EXPECT_GE(now, shown(high, high) - 2);
   EXPECT_LE(now, shown(Of(Steady::now()), low) + 2);
 }
@@ -54,9 +54,9 @@ TEST(NodeClock, ToSteadyIsTheInverseOfNow) {
       clock.Jump(jump);
       ExpectShows(clock, [&](Steady::time_point t) {
         // The time that it shows when the true clock shows t, found by halving.
-        TimeNs low = Of(t) - 100 * kNsPerS, high = Of(t) + 100 * kNsPerS;
+        BootTime low = Of(t) - 100 * kNsPerS, high = Of(t) + 100 * kNsPerS;
         while (high - low > 1) {
-          const TimeNs middle = low + (high - low) / 2;
+          const BootTime middle = low + (high - low) / 2;
           (clock.ToSteady(middle) <= t ? low : high) = middle;
         }
         return low;

@@ -21,21 +21,22 @@ Bytes Packed(const T& value) {
   return {packer.bytes().begin(), packer.bytes().end()};
 }
 
-link::Chunk SomeChunk(TimeNs begin_ns) {
+template <class Time>
+link::TimedChunk<Time> SomeChunk(Time begin_ns) {
   return {begin_ns, {0x7E, 1, 2, 3, 0x7E}, link::MessageKind::kReply, 77};
 }
 
 faults::Activation SomeActivation() {
-  return {-5, 3, "2 bits flipped", {SomeChunk(10)}, {SomeChunk(11), SomeChunk(12)}};
+  return {-5, 3, "2 bits flipped", {SomeChunk(TimeNs{10})}, {SomeChunk(TimeNs{11}), SomeChunk(TimeNs{12})}};
 }
 
 LineLog SomeLineLog() {
   LineLog log;
-  log.link.Append(SomeChunk(100), {1, link::Direction::kToClient}, false);
-  log.link.Append(SomeChunk(200), {1, link::Direction::kReference}, true);
+  log.link.Append(SomeChunk(BootTime(100)), {1, link::Direction::kToClient}, false);
+  log.link.Append(SomeChunk(BootTime(200)), {1, link::Direction::kReference}, true);
   log.reply_latency_ns = {1, kNever};
   log.client_round_trip_ns = {3};
-  log.events = {{4, "rejected", "to_plant: bad_checksum"}, {-5, "", ""}};
+  log.events = {{BootTime(4), "rejected", "to_plant: bad_checksum"}, {BootTime(-5), "", ""}};
   log.activations = {SomeActivation(), {}};
   log.activation_counts = {0, 8};
   log.counts[1] = {9, 10, 11, 12};
@@ -62,9 +63,9 @@ PlantLog SomePlantLog() {
 
 PlantServer::State SomeState() {
   PlantServer::State state;
-  state.origin_ns = 1;
+  state.origin = Origin(BootTime(1));
   state.reached_ns = 2;
-  state.quiet_until_ns = 3;
+  state.quiet_until_ns = BootTime(3);
   state.over = true;
   state.end_reason = EndReason::kGroundStrike;
   state.end_text = "struck the ground";
@@ -75,17 +76,21 @@ PlantServer::State SomeState() {
 template <class Visit>
 void ForEachStruct(const Visit& visit) {
   LineView view;
-  view.next_arrival_ns = {1, kNever, kPowerOn};
+  view.next_arrival_ns = {BootTime(1), BootTime::Never(), BootTime::Earliest()};
   view.counts[2] = {4, 5, 6, 7};
   visit(Setup{"name: x\n", "library:/lib/firmware.so"});
-  visit(DeviceEvent{12, 3, "bit_flipped", "0x20000000: 0x00 -> 0x01", 2});
+  visit(DeviceEvent{BootTime(12), 3, "bit_flipped", "0x20000000: 0x00 -> 0x01", 2});
   visit(view);
   visit(ClientStatus{1, 2});
   visit(std::optional<ClientStatus>{});
   visit(std::optional<ClientStatus>{{3, 4}});
   visit(RunEvent{-1, "kind", std::string("with\0NUL", 8)});
+  visit(LineEvent{BootTime(-1), "kind", "text"});
+  visit(Origin());
+  visit(Origin(BootTime(7)));
   visit(SomeState());
-  visit(SomeChunk(-9));
+  visit(SomeChunk(TimeNs{-9}));
+  visit(SomeChunk(BootTime(-9)));
   visit(SomeActivation());
   visit(SomePlantLog());
   visit(SomeLineLog());
@@ -112,7 +117,7 @@ TEST(Archive, EveryMemberOfALogComesBack) {
   EXPECT_EQ(line.activations[0].what, "2 bits flipped");
   ASSERT_EQ(line.activations[0].after.size(), 2u);
   EXPECT_EQ(line.activations[0].after[1].begin_ns, 12);
-  EXPECT_EQ(line.activations[0].after[1].bytes, SomeChunk(0).bytes);
+  EXPECT_EQ(line.activations[0].after[1].bytes, SomeChunk(TimeNs{0}).bytes);
   EXPECT_EQ(line.activations[0].after[1].kind, link::MessageKind::kReply);
   EXPECT_EQ(line.activations[0].after[1].number, 77u);
   EXPECT_EQ(line.activation_counts, (std::vector<std::int64_t>{0, 8}));
@@ -134,9 +139,9 @@ TEST(Archive, EveryMemberOfALogComesBack) {
   EXPECT_EQ(plant.activation_counts, (std::vector<std::int64_t>{18}));
 
   const auto state = Unpacker(Packed(SomeState())).Next<PlantServer::State>();
-  EXPECT_EQ(state.origin_ns, 1);
+  EXPECT_EQ(state.origin, Origin(BootTime(1)));
   EXPECT_EQ(state.reached_ns, 2);
-  EXPECT_EQ(state.quiet_until_ns, 3);
+  EXPECT_EQ(state.quiet_until_ns, BootTime(3));
   EXPECT_TRUE(state.over);
   EXPECT_EQ(state.end_reason, EndReason::kGroundStrike);
   EXPECT_EQ(state.end_text, "struck the ground");

@@ -19,7 +19,7 @@ const link::Protocol& kPaper = *link::FindProtocol("paper");
 
 void Sends(RunLog& log, TimeNs begin_ns, std::span<const std::uint8_t> frame,
            Direction direction = Direction::kToPlant, bool delivered = false) {
-  link::Chunk chunk;
+  link::LogChunk chunk;
   chunk.begin_ns = begin_ns;
   chunk.bytes.assign(frame.begin(), frame.end());
   log.link.Append(chunk, {0, direction}, delivered);

@@ -44,12 +44,12 @@ struct TestClient : Client {
   explicit TestClient(ClientHost host_in, link::Dialect dialect_in = link::Dialect::kPaper)
       : host(std::move(host_in)), dialect(dialect_in) {}
 
-  TimeNs Start(TimeNs now) override {
-    if (silent) return kNever;
+  BootTime Start(BootTime now) override {
+    if (silent) return BootTime::Never();
     next_request = host.transmit(Uart::kMain, now, Framed(link::EncodeStart(dialect, {10, 10, 0, 0})));
-    return Grant(next_request > now ? now : next_request, kNever);
+    return Grant(next_request > now ? now : next_request, BootTime::Never());
   }
-  void Receive(Uart uart, TimeNs now, std::span<const std::uint8_t> bytes,
+  void Receive(Uart uart, BootTime now, std::span<const std::uint8_t> bytes,
                std::span<const faults::ReceiveMark> /*marks*/) override {
     if (uart == Uart::kReference) {
       reference_arrivals.push_back(now);
@@ -62,7 +62,7 @@ struct TestClient : Client {
       if (control) host.transmit(Uart::kMain, now, Framed(link::EncodeActuators(dialect, control(sensors))));
     }
   }
-  TimeNs Grant(TimeNs now, TimeNs /*horizon*/) override {
+  BootTime Grant(BootTime now, BootTime /*horizon*/) override {
     if (on_grant) on_grant(now);
     if (now >= next_request) {
       host.transmit(Uart::kMain, now, Framed(link::EncodeReadSensors(dialect)));
@@ -70,20 +70,20 @@ struct TestClient : Client {
     }
     return wake_always ? now : next_request;
   }
-  void Command(const std::vector<faults::DeviceCommand>& /*commands*/, TimeNs /*origin*/) override {}
+  void Command(const std::vector<faults::DeviceCommand>& /*commands*/, Origin /*origin*/) override {}
   std::optional<ClientStatus> Status() override { return ClientStatus{0, 3}; }
 
   ClientHost host;
   link::Dialect dialect;
   bool silent = false;
   bool wake_always = false;
-  TimeNs next_request = 0;
+  BootTime next_request;
   link::FrameDecoder decoder;
   Sensors sensors;
   std::function<Actuators(const Sensors&)> control;
-  std::function<void(TimeNs)> on_grant;
-  std::vector<std::pair<TimeNs, Sensors>> replies;
-  std::vector<TimeNs> reference_arrivals;
+  std::function<void(BootTime)> on_grant;
+  std::vector<std::pair<BootTime, Sensors>> replies;
+  std::vector<BootTime> reference_arrivals;
 };
 
 Scenario Hover(double duration_s) {
@@ -183,7 +183,7 @@ TEST(Flight, OnTheIdealLinkAnInputIsInForceFromItsOwnSample) {
 
 TEST(Flight, SensorsAreTheStateAtTheLastBoundaryBeforeTheRequest) {
   // Free fall: z(t) tells the time of the sample. Requests arrive 0.087 ms after the grid.
-  std::vector<std::pair<TimeNs, Sensors>> replies;
+  std::vector<std::pair<BootTime, Sensors>> replies;
   TestClient* client_seen = nullptr;
   Scenario scenario = Hover(0.12);
   const RunLog log = FlyWith(scenario, [&](TestClient& client) {
@@ -310,7 +310,7 @@ TEST(Flight, LostRepeatedAndOvertakenRepliesChangeNoOthersLatency) {
     scenario.faults = {OnReplies(type, 0.3)};
     if (scenario.faults[0].type == "frame.reorder") scenario.faults[0].parameters["depth_count"] = 2.0;
     // Falling a little, so that no two replies say the same: what one says tells which request it answers.
-    std::vector<std::pair<TimeNs, float>> heard;
+    std::vector<std::pair<BootTime, float>> heard;
     const RunLog log = FlyWith(scenario, [&](TestClient& client) {
       client.control = [&](const Sensors& sensors) {
         heard.emplace_back(client.replies.back().first, sensors.z_m);
@@ -329,13 +329,13 @@ TEST(Flight, LostRepeatedAndOvertakenRepliesChangeNoOthersLatency) {
     }
     ASSERT_EQ(requested.size(), log.clients[0].request_times_ns.size()) << type;
     // Of a repeated reply the first to come. The client counts from its power-on.
-    const TimeNs origin =
-        heard.front().first - requested.at(heard.front().second) - log.clients[0].reply_latency_ns.front();
+    const Origin origin(heard.front().first - requested.at(heard.front().second) -
+                        log.clients[0].reply_latency_ns.front());
     std::vector<TimeNs> latencies;
     for (const auto& [now, z_m] : heard) {
       const auto request = requested.find(z_m);
       if (request == requested.end()) continue;
-      latencies.push_back(now - origin - request->second);
+      latencies.push_back(origin.SimulationTime(now) - request->second);
       requested.erase(request);
     }
     EXPECT_EQ(log.clients[0].reply_latency_ns, latencies) << type;
@@ -411,8 +411,8 @@ TEST(Flight, AFirmwareThatLetsNoTimePassIsHung) {
 
 TEST(Flight, TroubleInTheFirmwareKeepsWhatWasFlown) {
   const RunLog log = FlyWith(Hover(1), [](TestClient& client) {
-    client.on_grant = [](TimeNs now) {
-      if (now > 500 * kNsPerMs) throw FirmwareTrouble(false, "the firmware crashed: test");
+    client.on_grant = [](BootTime now) {
+      if (now > BootTime(500 * kNsPerMs)) throw FirmwareTrouble(false, "the firmware crashed: test");
     };
   });
   EXPECT_EQ(log.end_reason, EndReason::kFirmwareCrashed);
@@ -425,8 +425,8 @@ TEST(Flight, ARepeatedStartIsARestartInThePapersDialectOnly) {
     scenario.link.protocol = link::FindProtocol(Name(dialect));
     bool repeated = false;
     const RunLog log = FlyWith(scenario, [&](TestClient& client) {
-      client.on_grant = [&](TimeNs now) {
-        if (now < 50 * kNsPerMs || repeated) return;
+      client.on_grant = [&](BootTime now) {
+        if (now < BootTime(50 * kNsPerMs) || repeated) return;
         repeated = true;
         client.host.transmit(Uart::kMain, now, Framed(link::EncodeStart(dialect, {10, 10, 0, 0})));
       };
@@ -451,7 +451,9 @@ TEST(Flight, AnInterruptKeepsWhatWasFlown) {
   options.interrupted = &interrupted;
   const RunLog log = FlyWith(
       Hover(10),
-      [&](TestClient& client) { client.on_grant = [&](TimeNs now) { interrupted = now > kNsPerS; }; },
+      [&](TestClient& client) {
+        client.on_grant = [&](BootTime now) { interrupted = now > BootTime(kNsPerS); };
+      },
       options);
   EXPECT_EQ(log.end_reason, EndReason::kInterrupted);
   EXPECT_NEAR(ToSeconds(log.end_ns), 1.0, 0.02);

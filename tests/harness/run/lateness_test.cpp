@@ -57,28 +57,30 @@ TEST(CountLateness, WhatIsLateWhileTheLogsAreGatheredIsNoOverrun) {
 
 TEST(Lateness, NotesWhatIsTooLate) {
   Lateness lateness;
-  lateness.Note(100, 100 + Lateness::kLateAfterNs);
+  constexpr BootTime kDue(100);
+  lateness.Note(kDue, kDue + Lateness::kLateAfterNs);
   EXPECT_TRUE(lateness.spans.empty());
-  lateness.Note(100, 101 + Lateness::kLateAfterNs);
-  EXPECT_EQ(lateness.spans, (std::vector<LateSpan>{{100, 101 + Lateness::kLateAfterNs}}));
+  lateness.Note(kDue, kDue + Lateness::kLateAfterNs + 1);
+  EXPECT_EQ(lateness.spans, (std::vector<NodeLateSpan>{{kDue, kDue + Lateness::kLateAfterNs + 1}}));
 }
 
 // A firmware must not be blamed for what the machine did after the account was full.
 TEST(Lateness, WhenTheAccountIsFullTheRestIsOneLongLateness) {
   Lateness lateness;
   const auto count = static_cast<TimeNs>(Lateness::kSpansMax);
-  for (TimeNs i = 0; i < count; ++i) lateness.Note(i * kNsPerS, i * kNsPerS + 4 * kNsPerMs);
-  lateness.Note((count + 10) * kNsPerS, (count + 10) * kNsPerS + 5 * kNsPerMs);
+  const auto due = [](TimeNs second) { return BootTime(second * kNsPerS); };
+  for (TimeNs i = 0; i < count; ++i) lateness.Note(due(i), due(i) + 4 * kNsPerMs);
+  lateness.Note(due(count + 10), due(count + 10) + 5 * kNsPerMs);
   ASSERT_EQ(lateness.spans.size(), Lateness::kSpansMax);
-  EXPECT_EQ(lateness.spans.back(), (LateSpan{(count - 1) * kNsPerS, (count + 10) * kNsPerS + 5 * kNsPerMs}));
+  EXPECT_EQ(lateness.spans.back(), (NodeLateSpan{due(count - 1), due(count + 10) + 5 * kNsPerMs}));
 }
 
 TEST(EventLog, SaysOnceThatItSaysNoMore) {
-  EventLog log;
-  const auto max = static_cast<TimeNs>(EventLog::kEventsMax);
+  EventLog<TimeNs> log;
+  const auto max = static_cast<TimeNs>(EventLog<TimeNs>::kEventsMax);
   for (TimeNs i = 0; i < max; ++i) log.Add(i, "rejected", "to_plant");
   const auto first = log.Take();
-  ASSERT_EQ(first.size(), EventLog::kEventsMax);
+  ASSERT_EQ(first.size(), EventLog<TimeNs>::kEventsMax);
   EXPECT_EQ(first.back().kind, "rejected");
   // The limit is of the whole flight, not of what waits to be taken.
   for (TimeNs i = 0; i < 3; ++i) log.Add(max + i, "rejected", "to_plant");

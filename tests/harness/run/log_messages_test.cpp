@@ -15,6 +15,7 @@
 #include "harness/run/remote/archive.h"
 #include "tests/harness/dds/condition.h"
 #include "tests/support/control_period.h"
+#include "tests/support/origins.h"
 #include "tests/support/tiltrotor_plant.h"
 
 namespace tiltproof::harness {
@@ -59,8 +60,8 @@ std::vector<std::uint8_t> Framed(const link::MessageBytes& message) {
   return {frame.begin(), frame.end()};
 }
 
-// The line's time at which a made-up client wakes up for the first time.
-constexpr TimeNs kBegin = 5'000'000'000'123;
+// When a made-up client wakes up for the first time.
+constexpr BootTime kBegin(5'000'000'000'123);
 
 // One flight, by hand: the client asks every period and sends the hover input 3 ms later. `line_counts`: the
 // plant's rows know the counters, as in one process.
@@ -68,14 +69,14 @@ struct ByHand {
   explicit ByHand(const Scenario& scenario_in, bool line_counts_in)
       : scenario(scenario_in), line_counts(line_counts_in), line(scenario), server(scenario, Model()) {}
 
-  void Pump(TimeNs now) {
+  void Pump(BootTime now) {
     for (;;) {
-      TimeNs next = std::min(line.NextArrival(Direction::kToPlant), line.NextArrival(Direction::kToClient));
+      BootTime next = std::min(line.NextArrival(Direction::kToPlant), line.NextArrival(Direction::kToClient));
       if (next > now) break;
       Advance(next);
       while (const auto piece = line.TakePiece(Direction::kToPlant, next)) {
         if (piece->message == nullptr) continue;
-        if (origin.Note(piece->arrival_ns, *piece->message)) line.SetOrigin(piece->arrival_ns);
+        if (origin.Note(piece->arrival_ns, *piece->message)) line.SetOrigin(origin.origin());
         server.Receive(0, piece->arrival_ns, *piece->message, [&](std::span<const std::uint8_t> frame) {
           line.Transmit(Direction::kToClient, piece->arrival_ns, frame);
         });
@@ -84,9 +85,9 @@ struct ByHand {
       }
     }
   }
-  void Advance(TimeNs now) {
+  void Advance(BootTime now) {
     // As the link node does: as the counters stood before anything of this instant.
-    for (; line.origin() != kNever && line.origin() + next_sample_ns < now &&
+    for (; line.origin().known() && line.origin().ToBootTime(next_sample_ns) < now &&
            next_sample_ns <= scenario.duration_ns;
          next_sample_ns += kControlPeriodNs)
       samples.push_back({next_sample_ns, line.counts()});
@@ -94,7 +95,7 @@ struct ByHand {
   }
   void Fly(const std::function<void()>& every_50_ms) {
     line.Transmit(Direction::kToPlant, kBegin, Framed(link::EncodeStart(link::Dialect::kPaper, {})));
-    for (TimeNs t = kBegin; t < kBegin + 800 * kNsPerMs; t += kControlPeriodNs) {
+    for (BootTime t = kBegin; t < kBegin + 800 * kNsPerMs; t += kControlPeriodNs) {
       line.Transmit(Direction::kToPlant, t, Framed(link::EncodeReadSensors(link::Dialect::kPaper)));
       Pump(t + 3 * kNsPerMs);
       line.Transmit(
@@ -142,7 +143,7 @@ class LogMessagesTest : public ::testing::Test {
 
 MATCHER(SameActivation, "") {
   const auto& [a, b] = arg;
-  const auto same = [](const std::vector<link::Chunk>& x, const std::vector<link::Chunk>& y) {
+  const auto same = [](const auto& x, const auto& y) {
     return std::equal(x.begin(), x.end(), y.begin(), y.end(), [](const auto& c, const auto& d) {
       return c.begin_ns == d.begin_ns && c.bytes == d.bytes;
     });
@@ -166,9 +167,9 @@ TEST_F(LogMessagesTest, AFlightOverTheBusIsTheFlightOfOneProcess) {
   RunLog expected;
   expected.trace = Trace(TraceLayout(Model().signals(), scenario).columns);
   expected.fault_activation_counts.assign(scenario.faults.size(), 0);
-  const TimeNs origin = together.line.origin();
-  ASSERT_NE(origin, kNever);
-  const TimeNs end = origin + 800 * kNsPerMs;
+  const Origin origin = together.line.origin();
+  ASSERT_TRUE(origin.known());
+  const BootTime end = origin.ToBootTime(800 * kNsPerMs);
   Append(expected, together.server.TakeLog());
   Append(expected, together.line.TakeLog(end), 0, origin);
   SortByTime(expected);
@@ -182,7 +183,7 @@ TEST_F(LogMessagesTest, AFlightOverTheBusIsTheFlightOfOneProcess) {
   ByHand apart(scenario, false);
   apart.Fly([&] {
     plant.Write(apart.server.TakeLog());
-    if (apart.line.origin() == kNever) return;
+    if (!apart.line.origin().known()) return;
     link.Write(apart.line.TakeLog(end), apart.line.origin(), std::exchange(apart.samples, {}));
     collector.Drain(flown_ns_);
   });
@@ -195,9 +196,9 @@ TEST_F(LogMessagesTest, AFlightOverTheBusIsTheFlightOfOneProcess) {
   plant_totals.plant->input_max = rest.input_max;
   plant_totals.plant->clients[0].starts_accepted_count = rest.clients[0].starts_accepted_count;
   plant_totals.plant->activation_counts = rest.activation_counts;
-  plant_totals.lateness.origin_ns = origin;
-  plant_totals.lateness.spans = {
-      {origin - 9, origin - 1}, {origin - 2, origin + 5}, {origin + 1, origin + 9}};
+  plant_totals.lateness.origin = origin;
+  const BootTime t0 = origin.boot_time();
+  plant_totals.lateness.spans = {{t0 - 9, t0 - 1}, {t0 - 2, t0 + 5}, {t0 + 1, t0 + 9}};
   LineLog line_rest = apart.line.TakeLog(end);
   link.Write(line_rest, apart.line.origin(), std::exchange(apart.samples, {}));
   NodeTotals link_totals;
@@ -207,7 +208,7 @@ TEST_F(LogMessagesTest, AFlightOverTheBusIsTheFlightOfOneProcess) {
   link_totals.line->activations.clear();
   link_totals.line->reply_latency_ns.clear();
   link_totals.line->client_round_trip_ns.clear();
-  link_totals.lateness.spans = {{1, 2}};  // without t = 0: nobody knows when that was
+  link_totals.lateness.spans = {{BootTime(1), BootTime(2)}};  // without t = 0: nobody knows when that was
   EXPECT_EQ(collector.Missing("link"), "its closing report");
   plant.Close(plant_totals);
   link.Close(link_totals);
@@ -274,7 +275,7 @@ TEST_F(LogMessagesTest, ALogOfAnyLengthGoesOut) {
   LogCollector collector(bus_, circle_, scenario, Model().signals(), "run", condition_.Waker());
   LogPublisher node(bus_, scenario, "run", "node", bus_.participant());
   node.Write(log);
-  node.Write(LineLog{}, 0, samples);
+  node.Write(LineLog{}, kOriginAtPowerOn, samples);
   node.Close({});
   ASSERT_TRUE(Gather(collector, {"node"}, {&node})) << collector.Missing("node");
   const RunLog taken = collector.Take(0);
@@ -390,7 +391,7 @@ TEST_F(LogMessagesTest, BadMessagesDoNoHarm) {
   reports.Write(report);
   report.node_id = "link";
   Packer packer;
-  packer(std::size_t{0}, kNever, false, false, false, std::size_t{0});  // NodeTotals without anything
+  packer(std::size_t{0}, Origin(), false, false, false, std::size_t{0});  // NodeTotals without anything
   report.payload.assign(packer.bytes().begin(), packer.bytes().end());
   report.fault_activation = 2;
   reports.Write(report);

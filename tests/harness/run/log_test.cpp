@@ -16,10 +16,10 @@ namespace {
 using link::Chunk;
 using link::Direction;
 
-Chunk Framed(const link::MessageBytes& message, TimeNs begin_ns = 0) {
+Chunk Framed(const link::MessageBytes& message) {
   std::array<std::uint8_t, link::FrameBytesMax(link::kMessageBytesMax)> wire;
   const auto frame = link::EncodeFrame(message.span(), wire);
-  return {begin_ns, {frame.bytes.begin(), frame.bytes.end()}, link::MessageKind::kUnknown};
+  return {BootTime(), {frame.bytes.begin(), frame.bytes.end()}, link::MessageKind::kUnknown};
 }
 
 Chunk SensorFrame(float x_m) {
@@ -29,11 +29,11 @@ Chunk SensorFrame(float x_m) {
 }
 
 TEST(LinkLog, SurvivesItsFile) {
-  LinkLog log;
-  log.Append({100, {0x7E, 1, 2}, {}}, {0, Direction::kReference}, true);
-  log.Append({200, {}, {}}, {0, Direction::kToPlant}, false);
-  log.Append({300, std::vector<std::uint8_t>(70'000, 9), {}}, {0, Direction::kToClient}, true);
-  log.ShiftOrigin(150);
+  LineLinkLog of_line;
+  of_line.Append({BootTime(100), {0x7E, 1, 2}, {}}, {0, Direction::kReference}, true);
+  of_line.Append({BootTime(200), {}, {}}, {0, Direction::kToPlant}, false);
+  of_line.Append({BootTime(300), std::vector<std::uint8_t>(70'000, 9), {}}, {0, Direction::kToClient}, true);
+  const LinkLog log = std::move(of_line).Shifted(Origin(BootTime(150)));
   const LinkLog again(log.content());
   std::size_t offset = 0;
   const auto first = again.Next(offset);
@@ -106,7 +106,7 @@ class AuditTest : public ::testing::Test {
     ++sent_count_;
   }
   // What became of the frame sent last.
-  void Deliver(Chunk chunk, TimeNs arrival = 0) {
+  void Deliver(Chunk chunk, BootTime arrival = {}) {
     chunk.number = sent_count_ - 1;
     end_.OnDelivered(chunk);
     end_.Receive(
@@ -161,13 +161,13 @@ TEST_F(AuditTest, ResyncLastsFromTheRejectionToTheNextAcceptedFrame) {
     return chunk;
   };
   Send(SensorFrame(1));
-  Deliver(broken(1), 1000);
+  Deliver(broken(1), BootTime(1000));
   Send(SensorFrame(2));
-  Deliver(broken(2), 2000);
+  Deliver(broken(2), BootTime(2000));
   Send(SensorFrame(3));
-  Deliver(SensorFrame(3), 5000);
+  Deliver(SensorFrame(3), BootTime(5000));
   EXPECT_EQ(end_.counts().frames_rejected, 2);
-  EXPECT_EQ(end_.ResyncMax(9000), 4000);
+  EXPECT_EQ(end_.ResyncMax(BootTime(9000)), 4000);
   EXPECT_EQ(end_.counts().bytes_corrupted, 2);
 }
 
@@ -175,8 +175,8 @@ TEST_F(AuditTest, ALinkThatNeverResynchronisesIsOpenToTheEnd) {
   Send(SensorFrame(1));
   Chunk broken = SensorFrame(1);
   broken.bytes[10] ^= 0x01;
-  Deliver(broken, 1000);
-  EXPECT_EQ(end_.ResyncMax(50'000), 49'000);
+  Deliver(broken, BootTime(1000));
+  EXPECT_EQ(end_.ResyncMax(BootTime(50'000)), 49'000);
 }
 
 TEST_F(AuditTest, LostBytesAreNotCorruptedAndInsertedOnesAre) {

@@ -40,23 +40,23 @@ std::vector<std::uint8_t> Framed(const link::MessageBytes& message) {
 struct AskingClient : Client {
   AskingClient(ClientHost host_in, int requests_count_in)
       : host(std::move(host_in)), requests_count(requests_count_in) {}
-  TimeNs Start(TimeNs now) override {
+  BootTime Start(BootTime now) override {
     return host.transmit(Uart::kMain, now, Framed(link::EncodeStart(link::Dialect::kPaper, {10, 10, 0, 0})));
   }
-  void Receive(Uart /*uart*/, TimeNs /*arrival*/, std::span<const std::uint8_t> /*bytes*/,
+  void Receive(Uart /*uart*/, BootTime /*arrival*/, std::span<const std::uint8_t> /*bytes*/,
                std::span<const faults::ReceiveMark> /*marks*/) override {}
-  TimeNs Grant(TimeNs now, TimeNs /*horizon*/) override {
+  BootTime Grant(BootTime now, BootTime /*horizon*/) override {
     if (now < next_request) return next_request;
     for (int i = 0; i < requests_count; ++i)
       host.transmit(Uart::kMain, now, Framed(link::EncodeReadSensors(link::Dialect::kPaper)));
     return next_request = now + kControlPeriodNs;
   }
-  void Command(const std::vector<faults::DeviceCommand>& /*commands*/, TimeNs /*origin*/) override {}
+  void Command(const std::vector<faults::DeviceCommand>& /*commands*/, Origin /*origin*/) override {}
   std::optional<ClientStatus> Status() override { return std::nullopt; }
 
   ClientHost host;
   int requests_count;
-  TimeNs next_request = 0;
+  BootTime next_request;
 };
 
 RunLog FlyAsking(std::vector<faults::FaultSpec> faults, bool ideal = false, int requests_count = 1,

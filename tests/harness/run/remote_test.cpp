@@ -70,7 +70,7 @@ struct Parts {
   Served client{[](Channel& channel) { ServeClient(channel, Load); }};
 };
 
-RunLog FlyApart(Parts& parts, const std::string& yaml, const std::function<void(TimeNs)>& at = {}) {
+RunLog FlyApart(Parts& parts, const std::string& yaml, const std::function<void(BootTime)>& at = {}) {
   const Setup setup{yaml, std::string("library:") + TILTPROOF_FIRMWARE_LIBRARY};
   const LoadedScenario loaded = Load(yaml);
   RemoteLine line(parts.line.channel(), setup, *link::FindProtocol("paper"));
@@ -78,7 +78,7 @@ RunLog FlyApart(Parts& parts, const std::string& yaml, const std::function<void(
   FlightOptions options;
   options.make_client = [&](std::size_t /*client*/, ClientHost host) {
     if (at) {
-      host.transmit = [&at, transmit = host.transmit](Uart uart, TimeNs now,
+      host.transmit = [&at, transmit = host.transmit](Uart uart, BootTime now,
                                                       std::span<const std::uint8_t> bytes) {
         at(now);
         return transmit(uart, now, bytes);
@@ -133,9 +133,9 @@ TEST(Remote, FlightInFourProcessesEqualsFlightInOne) {
 }
 
 // Kills the process `pid` once the flight has reached two seconds.
-std::function<void(TimeNs)> KillAtTwoSeconds(pid_t pid) {
-  return [pid](TimeNs now) {
-    if (now >= 2 * kNsPerS) kill(pid, SIGKILL);
+std::function<void(BootTime)> KillAtTwoSeconds(pid_t pid) {
+  return [pid](BootTime now) {
+    if (now >= BootTime(2 * kNsPerS)) kill(pid, SIGKILL);
   };
 }
 

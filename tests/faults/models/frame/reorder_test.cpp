@@ -28,8 +28,8 @@ TEST(ReorderTest, LetsDepthLaterFramesPass) {
 
 TEST(ReorderTest, HeldFramesGoOnAfterTheWindow) {
   FaultSpec spec = Spec("frame.reorder", {{"probability", 1.0}, {"depth_count", 3.0}});
-  spec.start_ns = Frame(1).begin_ns;
-  spec.end_ns = Frame(3).begin_ns;
+  spec.start_ns = FrameTime(1);
+  spec.end_ns = FrameTime(3);
   EXPECT_THAT(Order(Send(spec, 8)), ::testing::ElementsAre(0, 3, 4, 1, 5, 2, 6, 7));
 }
 
@@ -61,7 +61,7 @@ TEST(ReorderTest, OtherMessagesDoNotCount) {
   spec.message = link::MessageKind::kActuators;
   spec.end_ns = 1;  // frame 0 only
   FaultSchedule schedule({spec}, 1);
-  schedule.SetOrigin(0);
+  schedule.SetOrigin(kOriginAtPowerOn);
   std::vector<std::uint64_t> order;
   for (std::int64_t n = 0; n < 5; ++n) {
     std::vector<link::Chunk> chunks = {Frame(n)};

@@ -23,8 +23,8 @@ TEST(ReplayStaleTest, PutsTheFrameOfThatAgeInPlace) {
 
 TEST(ReplayStaleTest, RemembersFramesBeforeTheWindow) {
   FaultSpec spec = Spec("frame.replay_stale", {{"probability", 1.0}, {"age_count", 10.0}});
-  spec.start_ns = Frame(50).begin_ns;
-  spec.end_ns = Frame(51).begin_ns;
+  spec.start_ns = FrameTime(50);
+  spec.end_ns = FrameTime(51);
   const auto out = Send(spec, 60);
   EXPECT_EQ(CountUnchanged(out), 59);
   EXPECT_EQ(out[50].at(0).bytes, Frame(40).bytes);
@@ -34,7 +34,7 @@ TEST(ReplayStaleTest, ReplaysTheSameMessage) {
   FaultSpec spec = Spec("frame.replay_stale", {{"probability", 1.0}, {"age_count", 1.0}});
   spec.target = Target::kToPlant;
   FaultSchedule schedule({spec}, 1);
-  schedule.SetOrigin(0);
+  schedule.SetOrigin(kOriginAtPowerOn);
   for (std::int64_t n = 0; n < 20; ++n) {
     std::vector<link::Chunk> chunks = {Frame(n)};
     chunks[0].kind = n % 2 == 0 ? link::MessageKind::kSensors : link::MessageKind::kActuators;

@@ -14,7 +14,7 @@ TEST(NullTest, CountsEverySampleAndChangesNone) {
     EXPECT_EQ(sensors, before);
   }
   EXPECT_EQ(schedule.ActivationCounts().at(0), 5);
-  EXPECT_EQ(schedule.TakeActivations(0).at(0).what, "nothing changed");
+  EXPECT_EQ(schedule.TakeActivations(kOriginAtPowerOn).at(0).what, "nothing changed");
 }
 
 }  // namespace

@@ -9,8 +9,8 @@ TEST(SilenceTest, FramesBegunInTheWindowVanishWhole) {
   FaultSpec spec = Spec("link.silence");
   spec.target = Target::kNone;
   // Opens within frame 3, closes within frame 6.
-  spec.start_ns = Frame(3).begin_ns + 100'000;
-  spec.end_ns = Frame(6).begin_ns + 100'000;
+  spec.start_ns = FrameTime(3) + 100'000;
+  spec.end_ns = FrameTime(6) + 100'000;
   for (const link::Direction direction : {link::Direction::kToClient, link::Direction::kToPlant}) {
     FaultSchedule schedule({spec}, 1);
     const auto out = Send(schedule, 10, 68, direction);

@@ -19,7 +19,7 @@ TEST(ForceTest, PushesAlongItsDirectionInItsWindow) {
   EXPECT_EQ(schedule.DisturbanceOf(8 * kNsPerMs), expected);
   EXPECT_EQ(schedule.DisturbanceOf(12 * kNsPerMs), Disturbance{});
   EXPECT_THAT(schedule.ActivationCounts(), ::testing::ElementsAre(1));
-  EXPECT_EQ(schedule.TakeActivations(0).at(0).what, "force 0 6 -8 N");
+  EXPECT_EQ(schedule.TakeActivations(kOriginAtPowerOn).at(0).what, "force 0 6 -8 N");
 }
 
 TEST(ForceTest, TwoAddUp) {

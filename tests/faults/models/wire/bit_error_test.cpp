@@ -39,7 +39,7 @@ TEST(BitErrorTest, SaysWhichBits) {
   FaultSchedule schedule({Spec("wire.bit_error", {{"ber", 0.002}})}, 1);
   const auto out = Send(schedule, 200);
   int checked = 0;
-  for (const Activation& activation : schedule.TakeActivations(0)) {
+  for (const Activation& activation : schedule.TakeActivations(kOriginAtPowerOn)) {
     const auto bits = FlippedBits(activation.before.at(0), activation.after.at(0));
     if (bits.size() != 2) continue;
     EXPECT_EQ(activation.what, "2 bits flipped: byte " + std::to_string(bits[0] / 8) + " bit " +

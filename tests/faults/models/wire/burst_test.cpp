@@ -12,11 +12,11 @@ namespace {
 std::vector<bool> BusyLine(double length_bits, double density, double rate_hz, std::int64_t count) {
   FaultSchedule schedule(
       {Spec("wire.burst", {{"length_bits", length_bits}, {"density", density}, {"rate_hz", rate_hz}})}, 1);
-  schedule.SetOrigin(0);
+  schedule.SetOrigin(kOriginAtPowerOn);
   std::vector<bool> flipped;
   for (std::int64_t n = 0; n < count; ++n) {
     link::Chunk frame = Frame(n);
-    frame.begin_ns = link::BytesTime(921'600, 68 * n);
+    frame.begin_ns = BootTime(link::BytesTime(921'600, 68 * n));
     std::vector<link::Chunk> chunks = {frame};
     schedule.Stage(link::Direction::kToClient)->Apply(chunks);
     std::vector<bool> bits(544, false);
@@ -69,12 +69,12 @@ TEST(BurstTest, DoesNotDependOnHowTheLineIsCutIntoFrames) {
   const auto flips = [](std::size_t size) {
     FaultSchedule schedule(
         {Spec("wire.burst", {{"length_bits", 30.0}, {"density", 0.5}, {"rate_hz", 500.0}})}, 1);
-    schedule.SetOrigin(0);
+    schedule.SetOrigin(kOriginAtPowerOn);
     std::vector<std::size_t> bits;
     // 18 bytes take 195312.5 ns: 36 begin on a whole nanosecond.
     for (std::size_t byte = 0; byte < 36'000; byte += size) {
       link::Chunk chunk;
-      chunk.begin_ns = link::BytesTime(921'600, static_cast<std::int64_t>(byte));
+      chunk.begin_ns = BootTime(link::BytesTime(921'600, static_cast<std::int64_t>(byte)));
       chunk.bytes.assign(size, 0);
       const link::Chunk before = chunk;
       std::vector<link::Chunk> chunks = {chunk};

@@ -38,10 +38,10 @@ TEST(StuckByteTest, ReplacesRunsOfBytes) {
 TEST(StuckByteTest, AByteThatHasTheValueIsNoChange) {
   FaultSchedule schedule(
       {Spec("wire.stuck_byte", {{"value", 0.0}, {"length_bytes", 1000.0}, {"rate_hz", 1000.0}})}, 1);
-  schedule.SetOrigin(0);
+  schedule.SetOrigin(kOriginAtPowerOn);
   for (int n = 0; n < 100; ++n) {
     link::Chunk chunk;
-    chunk.begin_ns = n * kNsPerMs;
+    chunk.begin_ns = BootTime(n * kNsPerMs);
     chunk.bytes.assign(20, 0);
     std::vector<link::Chunk> chunks = {chunk};
     schedule.Stage(link::Direction::kToClient)->Apply(chunks);
