@@ -41,7 +41,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::int64_t kBaud = LinkSpec::kReferenceBaud;  // the default of the main line, too
-// What an adapter may hold bytes back: the vehicle's delay margin is about 9 ms in all.
+// What an adapter may hold bytes back, of a scenario's delay margin.
 constexpr int kLatencyTimerMax_ms = 1;
 
 enum class Status { kOk, kWarn, kFail };
@@ -76,8 +76,10 @@ Check CheckLatencyTimer(const fs::path& device, int latency_ms, const fs::path& 
       .name = "latency timer of " + device.string(), .text = fmt::format("{} ms", latency_ms), .advice = {}};
   if (latency_ms <= kLatencyTimerMax_ms) return check;
   check.status = Status::kWarn;
-  check.text +=
-      ": the adapter holds received bytes back that long; the vehicle's delay margin is about 9 ms in all";
+  check.text += fmt::format(
+      ": the adapter holds received bytes back that long; the delay margin (a scenario's delay_margin_s) is "
+      "{} ms in all",
+      ToSeconds(Scenario{}.delay_margin_ns) * 1e3);
   check.advice = fmt::format(
       "`echo 1 | sudo tee {}`; for good, a line in /etc/udev/rules.d/99-ftdi.rules: ACTION==\"add\", "
       "SUBSYSTEM==\"usb-serial\", DRIVER==\"ftdi_sio\", ATTR{{latency_timer}}=\"1\"",

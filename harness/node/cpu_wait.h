@@ -4,7 +4,7 @@
 // Its own threads wait for each other, too, briefly and often: so much (kOwnWaitNs) is left out of every wait.
 //
 //   CpuWait wait(pid);
-//   if (const TimeNs waited = wait.Take(); waited > 3 * kNsPerMs) NoteLateness(now - waited, now);
+//   if (const TimeNs waited = wait.Take(); waited > late_after_ns) NoteLateness(now - waited, now);
 #pragma once
 
 #include <sys/types.h>

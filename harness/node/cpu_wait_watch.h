@@ -16,31 +16,32 @@ class CpuWaitWatch {
  public:
   // `held`: whether a fault of the scenario holds it just now.
   CpuWaitWatch(
-      NodeServices& services, pid_t pid, std::function<bool()> held = [] { return false; })
+      NodeServices& services, const Scenario& scenario, pid_t pid,
+      std::function<bool()> held = [] { return false; })
       : services_(services),
+        look_every_ns_(scenario.link.protocol->control_period_ns),
         pid_(pid),
         held_(std::move(held)),
         wait_(pid),
-        timer_(services, services.clock().Now() + kLookEveryNs, kLookEveryNs,
+        timer_(services, services.clock().Now() + look_every_ns_, look_every_ns_,
                [this](BootTime now) { Look(now); }) {}
 
  private:
-  static constexpr TimeNs kLookEveryNs = 12 * kNsPerMs;
-
   // When in that time it waited is not known.
   void Look(BootTime now) {
     const TimeNs waited_ns = wait_.Take();
-    if (waited_ns > Lateness::kLateAfterNs)
-      services_.lateness().Note(now - std::max(waited_ns, kLookEveryNs), now);
+    if (waited_ns > services_.lateness().late_after_ns)
+      services_.lateness().Note(now - std::max(waited_ns, look_every_ns_), now);
     if (held_() || !IsStoppedByOthers(pid_)) {
       stopped_ns_ = BootTime::Never();
       return;
     }
-    if (stopped_ns_ == BootTime::Never()) stopped_ns_ = now - kLookEveryNs;
+    if (stopped_ns_ == BootTime::Never()) stopped_ns_ = now - look_every_ns_;
     services_.lateness().Note(stopped_ns_, now);
   }
 
   NodeServices& services_;
+  TimeNs look_every_ns_;
   pid_t pid_;
   std::function<bool()> held_;
   CpuWait wait_;

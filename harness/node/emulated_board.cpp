@@ -70,9 +70,9 @@ std::vector<std::string> CommandLine(const EmulatorSpec& spec, const BoardWiring
 
 }  // namespace
 
-EmulatedBoard::EmulatedBoard(NodeServices& services, const EmulatorSpec& spec, const BoardWiring& wiring,
-                             Callbacks callbacks)
-    : services_(services), callbacks_(std::move(callbacks)) {
+EmulatedBoard::EmulatedBoard(NodeServices& services, const Scenario& scenario, const EmulatorSpec& spec,
+                             const BoardWiring& wiring, Callbacks callbacks)
+    : services_(services), scenario_(scenario), callbacks_(std::move(callbacks)) {
   auto [control, control_far] = SocketPair();
   auto [debugger, debugger_far] = SocketPair();
   ChildSpec child;
@@ -94,7 +94,7 @@ void EmulatedBoard::PowerOn() {
   // By its answer, all of its threads are there.
   qmp_->Execute("cont", "{}", [this](const std::string&, const std::string&) {
     processor_.emplace(process_->child().pid());
-    wait_watch_.emplace(services_, process_->child().pid(), [this] { return paused_; });
+    wait_watch_.emplace(services_, scenario_, process_->child().pid(), [this] { return paused_; });
   });
 }
 

@@ -1,6 +1,6 @@
 // Stock QEMU as a board in real time: started, watched, stopped for a while, reset, its memory changed.
 //
-//   EmulatedBoard board(services, {.image = "executive-paper.elf", ...}, callbacks);   // stands still
+//   EmulatedBoard board(services, scenario, {.image = "executive-paper.elf", ...}, callbacks);   // stands still
 //   board.PowerOn();
 //   board.Stall(); ... board.GoOn();
 //
@@ -40,8 +40,8 @@ class EmulatedBoard {
   };
 
   // Starts QEMU, with the processor held. Throws std::runtime_error when there is none.
-  EmulatedBoard(NodeServices& services, const EmulatorSpec& spec, const BoardWiring& wiring,
-                Callbacks callbacks);
+  EmulatedBoard(NodeServices& services, const Scenario& scenario, const EmulatorSpec& spec,
+                const BoardWiring& wiring, Callbacks callbacks);
   EmulatedBoard(const EmulatedBoard&) = delete;
   EmulatedBoard& operator=(const EmulatedBoard&) = delete;
 
@@ -69,6 +69,7 @@ class EmulatedBoard {
   void Resume();
 
   NodeServices& services_;
+  const Scenario& scenario_;
   Callbacks callbacks_;
   std::optional<FirmwareProcess> process_;
   std::optional<QmpClient> qmp_;

@@ -50,7 +50,7 @@ class EmulatorRole final : public Role {
     BoardWiring wiring{.main_port = FindPort(ports, "client"),
                        .reference_port = FindPort(ports, "client_reference")};
     for (const auto& planned : commands_) wiring.debugger |= !planned.bits.empty();
-    board_.emplace(services_, spec_, wiring,
+    board_.emplace(services_, scenario_, spec_, wiring,
                    EmulatedBoard::Callbacks{.reset = [this](bool by_firmware) { OnReset(by_firmware); },
                                             .lost =
                                                 [this](EndReason reason, const std::string& text) {

@@ -21,16 +21,11 @@ namespace {
 using link::Direction;
 
 constexpr std::array kDirections = {Direction::kToPlant, Direction::kToClient, Direction::kReference};
-// A client whose answers take longer than this at the median sits behind a buffering adapter, most likely: it
-// eats the vehicle's delay margin of 9 ms.
-constexpr TimeNs kSlowRoundTripNs = 4 * kNsPerMs;
 constexpr std::size_t kRoundTripSampleCount = 50;
 // How often bytes on their way are handed to an emulator: every ten or so at 921600 baud. Before the end of a frame there
 // are none for longer than this.
 constexpr TimeNs kHandOverPeriodNs = 100 * kNsPerUs;
 constexpr TimeNs kFrameTimeMax = 2 * kNsPerMs;
-// What an emulated board may take for its answer before it counts as late.
-constexpr TimeNs kEmulationNs = 3 * kNsPerMs;
 
 class LinkRole final : public Role {
  public:
@@ -80,7 +75,8 @@ class LinkRole final : public Role {
     armed_ = true;
     if (link::IsSocketName(board_.device)) return;
     // A program on a pseudo-terminal may play the board.
-    if (const auto board = link::ProcessBehind(board_.device)) board_watch_.emplace(services_, *board);
+    if (const auto board = link::ProcessBehind(board_.device))
+      board_watch_.emplace(services_, scenario_, *board);
     Listen();
   }
 
@@ -93,7 +89,8 @@ class LinkRole final : public Role {
             std::make_unique<link::SerialPort>(services_.loop(), end->socket_name, LinkSpec::kReferenceBaud);
         end->line = end->serial.get();
       }
-    if (const auto emulator = client_.serial->PeerProcess()) board_watch_.emplace(services_, *emulator);
+    if (const auto emulator = client_.serial->PeerProcess())
+      board_watch_.emplace(services_, scenario_, *emulator);
     Listen();
   }
 
@@ -203,7 +200,7 @@ class LinkRole final : public Role {
     // How fast an emulated processor is, is this machine's doing too.
     if (direction == Direction::kToPlant && client_takes_bytes_ &&
         line_->unanswered_reply() != BootTime::Never())
-      services_.lateness().Note(line_->unanswered_reply() + kEmulationNs, now);
+      services_.lateness().Note(line_->unanswered_reply() + scenario_.late_after_ns(), now);
     line_->Transmit(direction, now, bytes);
     Pump();
     const auto& overfull = line_->overfull();
@@ -253,7 +250,7 @@ class LinkRole final : public Role {
     return std::min(arrival, std::max(now + kHandOverPeriodNs, arrival - kFrameTimeMax));
   }
 
-  // The counters as they stood on the 12 ms grid, for the trace.
+  // The counters as they stood on the grid of control periods, for the trace.
   void SampleCounts(BootTime now) {
     if (!line_->origin().known()) return;
     for (; line_->origin().ToBootTime(next_sample_ns_) <= now && next_sample_ns_ <= scenario_.duration_ns;
@@ -273,12 +270,13 @@ class LinkRole final : public Role {
     services_.log().Write(RunEvent{now, "client_round_trip",
                                    fmt::format("a reply is answered after {:.2f} ms (median of the first {})",
                                                median_ms, kRoundTripSampleCount)});
-    if (*middle <= kSlowRoundTripNs || board_.device.empty()) return;
+    // A client that eats half the delay margin at the median sits behind a buffering adapter, most likely.
+    if (*middle <= scenario_.delay_margin_ns / 2 || board_.device.empty()) return;
     services_.log().Write(RunEvent{
         now, "slow_adapter",
         fmt::format("{:.1f} ms between reply and actuators: a USB-serial adapter that buffers, most likely. "
-                    "It eats the vehicle's delay margin of 9 ms; see `tiltproof doctor --client serial:{}`",
-                    median_ms, board_.device)});
+                    "It eats the loop's delay margin of {} ms; see `tiltproof doctor --client serial:{}`",
+                    median_ms, ToSeconds(scenario_.delay_margin_ns) * 1e3, board_.device)});
   }
 
   NodeServices& services_;

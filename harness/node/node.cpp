@@ -302,6 +302,7 @@ Ports Node::Do(const dds::RunCommand& command) {
       loaded_ = options_.load(scenario_.scenario_yaml);
       log_ = std::make_unique<LogPublisher>(*bus_, loaded_->scenario, run_id_, options_.name, harness_);
       lateness_ = {};
+      lateness_.late_after_ns = loaded_->scenario.late_after_ns();
       role_ = make_role_(*this, options_);
       Ports ports = role_->Prepare(*loaded_, command.ports);
       phase_ = dds::Phase::kPrepared;

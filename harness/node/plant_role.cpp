@@ -4,7 +4,7 @@
 namespace tiltproof::harness {
 namespace {
 
-// The plant is stepped between two requests of the client, which come just after a boundary of the 12 ms grid.
+// The plant is stepped between two requests of the client, which come just after a boundary of the grid of control periods.
 constexpr TimeNs kTickPeriodNs = 4 * kNsPerMs;
 constexpr TimeNs kTickOffsetNs = 2 * kNsPerMs;
 

@@ -1,7 +1,7 @@
 // The folder of one scenario: everything its flight left behind, and reading it back for scoring offline.
 //
 //   scenario.resolved.yaml  the scenario with every default explicit
-//   trace.csv               one row every 12 ms
+//   trace.csv               one row every control period
 //   faults.jsonl            every kept activation of a fault: time, what, chunks before and after; at the end,
 //                           for each fault of which some were not kept, how many: left_out_count
 //   link.bin                raw bytes with times (harness/run/link_log.h)

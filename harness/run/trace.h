@@ -1,4 +1,4 @@
-// The trace of a flight: one row every 12 ms of simulation time, and what its columns are.
+// The trace of a flight: one row every control period of simulation time, and what its columns are.
 //
 //   const TraceLayout layout(vehicle, scenario);       // the only place that knows their order
 //   Trace trace(layout.columns);

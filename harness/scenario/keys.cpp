@@ -16,6 +16,7 @@ constexpr auto kRequired = Presence::kRequired;
 constexpr Range kPosition_m = {-1000, 1000};  // beyond it a flight counts as diverged
 constexpr Range kSize_m = {0, 1000};
 constexpr Range kPeriod_s = {0.1, 86400};
+constexpr double kShortest_s = 0.00001;
 constexpr double kMax = 1e9;
 
 // A name that is taken already.
@@ -215,8 +216,13 @@ void DescribeScenario(KeyVisitor& v, Scenario& s) {
   v.Seconds({"duration_s",
              "Length of the flight from the accepted start; its log takes about 8 MiB of memory a minute",
              kRequired},
-            s.duration_ns, {0.012, 14400});
-  v.Seconds({"step_s", "Step of the plant's integration; divides 0.012"}, s.step_ns, {0.00001, 0.012});
+            s.duration_ns, {kShortest_s, 14400});
+  v.Seconds({"step_s", "Step of the plant's integration; divides the protocol's control period (0.012)"},
+            s.step_ns, {kShortest_s, 1});
+  v.Seconds({"delay_margin_s",
+             "How much delay the loop of vehicle and firmware can bear; in real time, this machine is late "
+             "after a third of it"},
+            s.delay_margin_ns, {0.0001, 10});
   Enumeration(v,
               {"angular_rates",
                "The rates that the sensors give: of the world's axes, of the body's, or of the Euler angles"},

@@ -90,6 +90,11 @@ struct Scenario {
   std::uint64_t seed = 1;
   TimeNs duration_ns = 0;
   TimeNs step_ns = 4 * kNsPerMs;
+  // The delay that the loop of vehicle and firmware can bear, in addition to its own. The default is that of the paper's
+  // vehicle and gain, rounded: tests/plant/lqr_design_test.cpp computes 8.99 ms.
+  TimeNs delay_margin_ns = 9 * kNsPerMs;
+  // In real time, what comes later than this is the machine's fault.
+  TimeNs late_after_ns() const { return delay_margin_ns / 3; }
   AngularRates angular_rates = AngularRates::kWorld;  // of the sensors sent; the trace's are world rates
   bool allow_invalid_inertia = false;
   std::array<double, 3> initial_position_m{};  // default: the reference's start

@@ -66,7 +66,7 @@ class Checker {
       : root_(root), options_(options), scenario_(scenario), problems_(problems) {}
 
   void Run() {
-    CheckStep();
+    CheckPeriod();
     CheckModel();
     CheckFirmware();
     CheckClients();
@@ -92,11 +92,17 @@ class Checker {
     return node == nullptr || Troubled(*node) ? nullptr : node;
   }
 
-  void CheckStep() {
+  // The flight's length and step against the protocol's control period.
+  void CheckPeriod() {
+    const TimeNs period_ns = scenario_.link.protocol->control_period_ns;
+    if (const YamlNode* duration = Good(root_, "duration_s");
+        duration != nullptr && scenario_.duration_ns < period_ns) {
+      Complain(duration->mark, fmt::format("duration_s: {} is shorter than the control period of {} s",
+                                           duration->text, ToSeconds(period_ns)));
+    }
     // Rounding to nanoseconds must not turn a step that does not divide the period into one that does.
     const YamlNode* step = Good(root_, "step_s");
     if (step == nullptr) return;
-    const TimeNs period_ns = scenario_.link.protocol->control_period_ns;
     const std::int64_t count = scenario_.step_ns > 0 ? period_ns / scenario_.step_ns : 0;
     const double seconds = step->Number().value_or(0.0);
     if (count == 0 || count * scenario_.step_ns != period_ns ||

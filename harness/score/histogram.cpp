@@ -30,15 +30,16 @@ class Bins {
 
 }  // namespace
 
-Histogram RequestPeriodHistogram(std::span<const TimeNs> request_times_ns) {
-  Bins bins(10 * kNsPerMs, kNsPerMs / 10, 40);
+Histogram RequestPeriodHistogram(std::span<const TimeNs> request_times_ns, TimeNs control_period_ns) {
+  const TimeNs width_ns = control_period_ns / 120;
+  Bins bins(control_period_ns - 20 * width_ns, width_ns, 40);
   for (std::size_t i = 1; i < request_times_ns.size(); ++i)
     bins.Add(request_times_ns[i] - request_times_ns[i - 1]);
   return std::move(bins).Take();
 }
 
-Histogram ReplyLatencyHistogram(std::span<const TimeNs> reply_latency_ns) {
-  Bins bins(0, kNsPerMs / 4, 48);
+Histogram ReplyLatencyHistogram(std::span<const TimeNs> reply_latency_ns, TimeNs control_period_ns) {
+  Bins bins(0, control_period_ns / 48, 48);
   for (const TimeNs latency_ns : reply_latency_ns) bins.Add(latency_ns);
   return std::move(bins).Take();
 }

@@ -1,7 +1,8 @@
 // How often a time lay where: the period of the firmware's requests and the latency of the replies, as in the
-// paper's Figure 14. Bins are fixed, so that the histograms of two flights can be laid over each other.
+// paper's Figure 14. Bins follow from the protocol's control period alone, so that the histograms of two flights can be
+// laid over each other.
 //
-//   const Histogram periods = RequestPeriodHistogram(log.clients[0].request_times_ns);
+//   const Histogram periods = RequestPeriodHistogram(log.clients[0].request_times_ns, 12 * kNsPerMs);
 //   periods.counts.front();  // shorter than periods.edges_ms.front()
 #pragma once
 
@@ -21,10 +22,11 @@ struct Histogram {
   bool operator==(const Histogram&) const = default;
 };
 
-// Of the times between one request and the next, in bins of 0.1 ms from 10 ms to 14 ms.
-Histogram RequestPeriodHistogram(std::span<const TimeNs> request_times_ns);
+// Of the times between one request and the next, in 40 bins from 5/6 to 7/6 of the control period: for 12 ms, bins of
+// 0.1 ms from 10 ms to 14 ms.
+Histogram RequestPeriodHistogram(std::span<const TimeNs> request_times_ns, TimeNs control_period_ns);
 
-// In bins of 0.25 ms from 0 ms to 12 ms, the control period.
-Histogram ReplyLatencyHistogram(std::span<const TimeNs> reply_latency_ns);
+// In 48 bins from 0 to the control period: for 12 ms, bins of 0.25 ms.
+Histogram ReplyLatencyHistogram(std::span<const TimeNs> reply_latency_ns, TimeNs control_period_ns);
 
 }  // namespace tiltproof::harness

@@ -347,14 +347,17 @@ Score ScoreRun(const Scenario& scenario, const RunLog& log) {
     }
     score.criteria.push_back(std::move(result));
   }
+  const TimeNs period_ns = scenario.link.protocol->control_period_ns;
   for (std::size_t i = 0; i < log.clients.size(); ++i) {
     const auto name = [&](std::string_view histogram) { return ClientName(scenario, "", i, '.', histogram); };
-    score.histograms[name("request_period_ms")] = RequestPeriodHistogram(log.clients[i].request_times_ns);
-    score.histograms[name("reply_latency_ms")] = ReplyLatencyHistogram(log.clients[i].reply_latency_ns);
+    score.histograms[name("request_period_ms")] =
+        RequestPeriodHistogram(log.clients[i].request_times_ns, period_ns);
+    score.histograms[name("reply_latency_ms")] =
+        ReplyLatencyHistogram(log.clients[i].reply_latency_ns, period_ns);
   }
   Conclude(score, scenario.expect);
   if (score.verdict == Verdict::kPass || score.verdict == Verdict::kFail) {
-    if (std::string why = TooLateToJudge(log, scenario.link.protocol->control_period_ns); !why.empty()) {
+    if (std::string why = TooLateToJudge(log, period_ns); !why.empty()) {
       score.verdict = Verdict::kInconclusive;
       score.reason = std::move(why);
     }

@@ -36,12 +36,10 @@ namespace tiltproof::harness {
 
 // When this node's own work was later than it may be.
 struct Lateness {
-  // A third of what the vehicle can bear (its delay margin is 9 ms).
-  static constexpr TimeNs kLateAfterNs = 3 * kNsPerMs;
   static constexpr std::size_t kSpansMax = 10'000;
 
   void Note(BootTime due_ns, BootTime done_ns) {
-    if (done_ns - due_ns <= kLateAfterNs) return;
+    if (done_ns - due_ns <= late_after_ns) return;
     // What is not counted any more is one long lateness: nobody is blamed for what happens then.
     if (spans.size() == kSpansMax) {
       spans.back().end_ns = std::max(spans.back().end_ns, done_ns);
@@ -50,8 +48,9 @@ struct Lateness {
     }
   }
 
-  std::vector<NodeLateSpan> spans;
-  Origin origin;  // by the node's clock
+  TimeNs late_after_ns = kNever;  // Scenario::late_after_ns(), once a flight is prepared
+  std::vector<NodeLateSpan> spans = {};
+  Origin origin = {};  // by the node's clock
 };
 
 // What a node knows only at its end.
@@ -64,7 +63,7 @@ struct NodeTotals {
   std::vector<std::int64_t> activation_counts;
 };
 
-// The link counters of a flight at one instant of its 12 ms grid; the link node knows them, the plant's rows
+// The link counters of a flight at one instant of its grid of control periods; the link node knows them, the plant's rows
 // show them.
 struct CountsSample {
   TimeNs time_ns = 0;

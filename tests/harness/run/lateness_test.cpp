@@ -56,17 +56,17 @@ TEST(CountLateness, WhatIsLateWhileTheLogsAreGatheredIsNoOverrun) {
 }
 
 TEST(Lateness, NotesWhatIsTooLate) {
-  Lateness lateness;
+  Lateness lateness{.late_after_ns = 3 * kNsPerMs};
   constexpr BootTime kDue(100);
-  lateness.Note(kDue, kDue + Lateness::kLateAfterNs);
+  lateness.Note(kDue, kDue + 3 * kNsPerMs);
   EXPECT_TRUE(lateness.spans.empty());
-  lateness.Note(kDue, kDue + Lateness::kLateAfterNs + 1);
-  EXPECT_EQ(lateness.spans, (std::vector<NodeLateSpan>{{kDue, kDue + Lateness::kLateAfterNs + 1}}));
+  lateness.Note(kDue, kDue + 3 * kNsPerMs + 1);
+  EXPECT_EQ(lateness.spans, (std::vector<NodeLateSpan>{{kDue, kDue + 3 * kNsPerMs + 1}}));
 }
 
 // A firmware must not be blamed for what the machine did after the account was full.
 TEST(Lateness, WhenTheAccountIsFullTheRestIsOneLongLateness) {
-  Lateness lateness;
+  Lateness lateness{.late_after_ns = 3 * kNsPerMs};
   const auto count = static_cast<TimeNs>(Lateness::kSpansMax);
   const auto due = [](TimeNs second) { return BootTime(second * kNsPerS); };
   for (TimeNs i = 0; i < count; ++i) lateness.Note(due(i), due(i) + 4 * kNsPerMs);

@@ -298,8 +298,8 @@ TEST_F(ReaderTest, RangesAndNames) {
       {"seed: 9007199254740992\n",
        "4:7: seed: 9007199254740992 is out of range; must be from 0 to 9007199254740991"},
       {"seed: 1e999\n", "4:7: seed: 1e999 is out of range; must be from 0 to 9007199254740991"},
-      {"step_s: 0\n", "4:9: step_s: 0 is out of range; must be from 1e-05 to 0.012"},
-      {"step_s: 0.024\n", "4:9: step_s: 0.024 is out of range; must be from 1e-05 to 0.012"},
+      {"step_s: 0\n", "4:9: step_s: 0 is out of range; must be from 1e-05 to 1"},
+      {"step_s: 0.024\n", "4:9: step_s: 0.024 does not divide the control period of 0.012 s"},
       {"step_s: 0.005\n", "4:9: step_s: 0.005 does not divide the control period of 0.012 s"},
       {"step_s: 0.0040000001\n", "4:9: step_s: 0.0040000001 does not divide the control period of 0.012 s"},
       {"step_s: 0.00400000000001\n",
@@ -321,7 +321,9 @@ TEST_F(ReaderTest, RangesAndNames) {
   EXPECT_THAT(Errors("name: " + std::string(101, 'a') + "\nduration_s: 24\nreference: {type: spiral}\n"),
               ElementsAre("1:7: name: longer than 100 bytes"));
   EXPECT_THAT(Errors("name: x\nduration_s: 0\nreference: {type: spiral}\n"),
-              ElementsAre("2:13: duration_s: 0 is out of range; must be from 0.012 to 14400"));
+              ElementsAre("2:13: duration_s: 0 is out of range; must be from 1e-05 to 14400"));
+  EXPECT_THAT(Errors("name: x\nduration_s: 0.011\nreference: {type: spiral}\n"),
+              ElementsAre("2:13: duration_s: 0.011 is shorter than the control period of 0.012 s"));
   EXPECT_THAT(Errors("name: x\nduration_s: 24\nreference: {type: waypoints, points_m: []}\n"),
               ElementsAre("3:40: points_m: the list is empty"));
   for (const std::string step : {"0.001", "0.002", "0.003", "0.004", "0.006", "0.012", "0.0005", "0.00025"}) {
