@@ -75,7 +75,7 @@ int ReplayCommand(const ReplayOptions& options) {
                     options.run.string()));
   FlightMeans means;
   std::vector<std::string> flags = {run.info.client};
-  for (const auto& [id, client] : run.info.clients) flags.push_back(id + "=" + client);
+  for (const auto& [id, client] : run.info.clients) flags.push_back(fmt::format("{}={}", id, client));
   means.clients = ReadClientFlags(flags);
   const std::string build = BuildOf(means.clients);
   if (!run.info.build.empty() && run.info.build != build)
