@@ -114,7 +114,7 @@ struct SignalSetup {
   std::uint64_t stream;  // key of the random stream, for what does not belong to one sample or step
 };
 
-// What becomes of a byte at the firmware's receiver. A byte that is not lost is delivered as it is, with the
+// What the firmware's receiver makes of a byte. A byte that is not lost is delivered as it is, with the
 // flag set that the USART then shows (RM0090, section 30.3.3).
 enum class ReceiveMark : std::uint8_t { kNone, kOverrun, kFraming, kNoise };
 std::string_view Name(ReceiveMark mark);  // "none", "overrun", ...

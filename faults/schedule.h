@@ -81,8 +81,8 @@ class FaultSchedule {
   Disturbance DisturbanceOf(TimeNs t);
 
   // Bytes that arrive back to back at the firmware's receiver, the last of them at `last_arrival`:
-  // what becomes of each, `marks` of the same size. To be called with every byte of the main line to the
-  // client and of the reference line, in order; how they are spread over calls matters not. A byte bears one
+  // the receiver's mark of each, `marks` of the same size. To be called with every byte of the main line to the
+  // client and of the reference line, in order; how they are spread over calls does not matter. A byte has one
   // mark: of several faults that pick it, that of the first in the file.
   void MarkReceived(link::Direction direction, BootTime last_arrival, std::span<const std::uint8_t> bytes,
                     std::vector<ReceiveMark>& marks);

@@ -58,14 +58,14 @@ class Client {
 
   // Power-on. Returns until when the client waits.
   virtual BootTime Start(BootTime now) = 0;
-  // Bytes, back to back, the last of which arrives at `arrival`. `marks` is empty, or says of each what becomes of
-  // it at the receiver.
+  // Bytes, back to back, the last of which arrives at `arrival`. `marks` is empty, or says of each what the
+  // receiver makes of it.
   virtual void Receive(Uart uart, BootTime arrival, std::span<const std::uint8_t> bytes,
                        std::span<const faults::ReceiveMark> marks) = 0;
   // Runs the client at `now`; one that runs on, from there to `horizon` at most, or until it has transmitted what
-  // somebody may answer. Returns until when it waits.
+  // may be answered. Returns until when it waits.
   virtual BootTime Grant(BootTime now, BootTime horizon) = 0;
-  // What shall befall the board, told once when t = 0 is known; a Grant() follows. Throws
+  // What the faults on the board do, told once when t = 0 is known; a Grant() follows. Throws
   // std::runtime_error for a command that makes no sense with this firmware (a region that its image does not have).
   virtual void Command(const std::vector<faults::DeviceCommand>& commands, Origin origin) = 0;
   virtual std::optional<ClientStatus> Status() = 0;

@@ -123,7 +123,7 @@ class EmulatorRole final : public Role {
     if (!stopped_) Note(kResetEvent, by_firmware ? "reset by the firmware itself" : "reset by pin");
   }
 
-  // t = 0 is known: what shall befall the board has its time.
+  // t = 0 is known: the faults on the board get their times.
   void OnStates() {
     for (const auto& state : states_.Take()) {
       // The plant's alone has it; the last one alone may have come.
