@@ -50,6 +50,7 @@ class BootTime {
   friend constexpr BootTime operator+(BootTime t, TimeNs duration) { return BootTime(t.ns_ + duration); }
   friend constexpr BootTime operator-(BootTime t, TimeNs duration) { return BootTime(t.ns_ - duration); }
   friend constexpr TimeNs operator-(BootTime to, BootTime from) { return to.ns_ - from.ns_; }
+  // NOLINTNEXTLINE(modernize-use-nullptr): the 0 that the compiler writes is not ours.
   friend constexpr auto operator<=>(BootTime, BootTime) = default;
 
  private:

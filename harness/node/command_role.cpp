@@ -79,7 +79,7 @@ class CommandRole final : public Role {
   // By the plant's clock, which is this machine's: for when it was late.
   void OnStates() {
     for (const auto& state : states_.Take())
-      if (state.run_id == services_.run_id() &&
+      if (state.run_id == services_.run_id() && state.origin_ns != 0 &&
           (state.phase == dds::Phase::kRunning || state.phase == dds::Phase::kFinished))
         services_.lateness().origin = Origin(BootTime(state.origin_ns));
   }

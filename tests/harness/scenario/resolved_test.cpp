@@ -89,6 +89,7 @@ class RandomFiller : public KeyVisitor {
 
 // Random as far as the keys by themselves go; this makes them agree with each other and with the world.
 void MakeConsistent(Scenario& s, const fs::path& folder) {
+  s.duration_ns = std::max(s.duration_ns, s.link.protocol->control_period_ns);
   s.step_ns =
       *rc::gen::elementOf(std::vector<TimeNs>{kNsPerMs, 3 * kNsPerMs, 4 * kNsPerMs, 12 * kNsPerMs, 10'000});
   s.model = *rc::gen::elementOf(
@@ -248,6 +249,7 @@ start_within_s: 10
 seed: 1
 duration_s: 24
 step_s: 0.004
+delay_margin_s: 0.009
 angular_rates: world
 initial:
   position_m: [0, 0.1, 2]

@@ -148,7 +148,7 @@ TEST_F(SchemaTest, BrokenScenariosAreRefusedByBoth) {
       good + "seed: -1\n",
       good + "seed: 1.5\n",
       good + "seed: abc\n",
-      good + "step_s: 1\n",
+      good + "step_s: 1.5\n",
       good + "expect: maybe\n",
       good + "description: true\n",
       good + "description: \"\"\n",
