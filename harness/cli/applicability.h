@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "harness/cli/suite.h"
-#include "harness/cli/worker_pool.h"
+#include "harness/engine/flight_job.h"
 #include "harness/report/results.h"
 
 namespace tiltproof::harness {

@@ -49,6 +49,7 @@ struct RunOptions {
   bool strict = false;  // what cannot be flown is a mistake also when it was found in a folder
   std::string format = "human";
   bool no_progress = false;
+  std::string keep = "all";
   std::vector<std::string> command;  // as typed, for run.json
 };
 int RunCommand(const RunOptions& options);

@@ -94,7 +94,7 @@ void CheckSameFlight(const fs::path& a, const fs::path& b) {
                     a.string(), b.string(), *key));
 }
 
-std::optional<double> Metric(const ScenarioResult& result, const std::string& name) {
+std::optional<double> Metric(const FlightResult& result, const std::string& name) {
   const auto found = result.score.metrics.find(name);
   if (found == result.score.metrics.end()) return std::nullopt;
   return found->second;

@@ -86,7 +86,7 @@ void Console::Line(const std::string& text) const {
   if (!jsonl_) Print(stdout, "{}\n", text);
 }
 
-std::string Console::FlightLine(const ScenarioResult& result) const {
+std::string Console::FlightLine(const FlightResult& result) const {
   const Score& score = result.score;
   const std::string name = Plain(result.name);
   const char* colour = result.green() ? "32" : score.verdict == Verdict::kInconclusive ? "33" : "31";
@@ -107,7 +107,7 @@ std::string Console::FlightLine(const ScenarioResult& result) const {
                      Shortened(name, room), room, fmt::join(figures, "  "));
 }
 
-void Console::Finished(const ScenarioResult& result) const {
+void Console::Finished(const FlightResult& result) const {
   if (jsonl_) {
     Print(stdout, "{}\n", JsonLine(nlohmann::ordered_json::parse(ToJsonText(result))));
     std::fflush(stdout);
@@ -128,7 +128,7 @@ void Console::LeftOut(const NotApplicable& scenario) const {
   Print(jsonl_ ? stderr : stdout, "not applicable: {}: {}\n", scenario.name, scenario.reason);
 }
 
-void Console::Summary(const std::vector<ScenarioResult>& results, std::size_t not_flown_count,
+void Console::Summary(const std::vector<FlightResult>& results, std::size_t not_flown_count,
                       std::size_t not_applicable_count, bool interrupted) const {
   if (jsonl_) return;
   const auto green =

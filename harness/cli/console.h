@@ -18,15 +18,15 @@ class Console {
   // One finished scenario: a line, on a terminal of at most 80 columns. For every one that did not simply pass: what
   // gave way, when, by how much; when it is not green all that gave way, the seed, and the command that flies it
   // again.
-  void Finished(const ScenarioResult& result) const;
+  void Finished(const FlightResult& result) const;
   // One scenario that cannot be flown: among the results for a person, beside them (on standard error) for a script.
   void LeftOut(const NotApplicable& scenario) const;
-  void Summary(const std::vector<ScenarioResult>& results, std::size_t not_flown_count,
+  void Summary(const std::vector<FlightResult>& results, std::size_t not_flown_count,
                std::size_t not_applicable_count, bool interrupted) const;
 
  private:
   std::string Paint(const char* colour, const std::string& text) const;
-  std::string FlightLine(const ScenarioResult& result) const;
+  std::string FlightLine(const FlightResult& result) const;
   bool jsonl_;
   bool terminal_;
   bool colours_;

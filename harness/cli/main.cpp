@@ -87,6 +87,12 @@ int Main(int argc, char** argv) {
   run_app->add_option("--format", run.format, "human, or jsonl: one JSON object a finished scenario")
       ->check(CLI::IsMember({"human", "jsonl"}))
       ->capture_default_str();
+  run_app
+      ->add_option(
+          "--keep", run.keep,
+          "Of which flights a folder is kept: all, failing (those that are not green), or verdicts (of none)")
+      ->check(CLI::IsMember({"all", "failing", "verdicts"}))
+      ->capture_default_str();
   run_app->add_flag("--no-progress", run.no_progress, "No progress line on the terminal");
   run_app->footer(
       "Domain, tag and run id of a flight on the bus (in real time, or --distributed=dds) stand in run.json, "

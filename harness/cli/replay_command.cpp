@@ -8,9 +8,9 @@
 
 #include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
+#include "harness/cli/run_flights.h"
 #include "harness/cli/run_folder.h"
 #include "harness/cli/suite.h"
-#include "harness/cli/worker_pool.h"
 #include "harness/client/firmware_files.h"
 #include "harness/emulator/lockstep_self_test.h"
 #include "harness/report/build_id.h"
@@ -58,7 +58,7 @@ class TemporaryFolder {
 };
 
 // Why a flight has no trace that another one could equal; empty when it has.
-std::string NotComparable(const std::filesystem::path& scenario_folder, const ScenarioResult& then) {
+std::string NotComparable(const std::filesystem::path& scenario_folder, const FlightResult& then) {
   if (then.trace_hash.empty()) return "no flight then: " + then.score.reason;
   return ReadFlight(scenario_folder).end_reason == EndReason::kInterrupted ? "interrupted then" : "";
 }
@@ -85,7 +85,7 @@ int ReplayCommand(const ReplayOptions& options) {
   if (Emulates(means.clients.Named())) TestLockstep(LockstepPlugin());
   TemporaryFolder folder;
   std::vector<FlightJob> jobs;
-  std::vector<ScenarioResult> old_results;
+  std::vector<FlightResult> old_results;
   std::size_t not_comparable_count = 0;
   const bool unfinished = run.whole && run.info.interrupted;
   if (unfinished) {
@@ -117,15 +117,23 @@ int ReplayCommand(const ReplayOptions& options) {
       continue;
     }
     auto [scenario, model] = LoadFlown(scenario_folder);
-    jobs.push_back({std::move(scenario), std::move(model), means, folder.path() / scenario_folder.filename(),
-                    fmt::format("{} replay {}", options.program, scenario_folder.string())});
+    const std::string name = scenario_folder.filename();
+    jobs.push_back({.name = name,
+                    .scenario = std::move(scenario),
+                    .model = std::move(model),
+                    .means = means,
+                    .replay = fmt::format("{} replay {}", options.program, scenario_folder.string()),
+                    .recorder = RecorderIn(folder.path() / name, Keep::kAll)});
   }
-  const PoolOutcome outcome = FlyAll(jobs, {}, [](const ScenarioResult&) {});
+  if (run.whole && run.info.keep != Keep::kAll)
+    Print(stdout, "{} of {} flights were kept (--keep {}), and are flown again\n",
+          run.scenario_folders.size(), run.info.flights.size(), Name(run.info.keep));
+  const FlownFlights outcome = RunFlights(std::move(jobs), {});
   if (outcome.interrupted) return kExitInterrupted;
   std::size_t different_count = 0, error_count = 0;
   for (std::size_t i = 0; i < outcome.results.size(); ++i) {
-    const ScenarioResult& now = outcome.results[i];
-    const ScenarioResult& then = old_results[i];
+    const FlightResult& now = outcome.results[i];
+    const FlightResult& then = old_results[i];
     if (now.score.verdict == Verdict::kError && then.score.verdict != Verdict::kError) {
       ++error_count;
       Print(stdout, "ERROR      {:<34} {}: {}\n", now.name, now.score.reason, folder.Keep(now.name));
@@ -142,7 +150,7 @@ int ReplayCommand(const ReplayOptions& options) {
         outcome.results.size());
   if (error_count > 0) return kExitError;
   if (different_count > 0) return kExitNotGreen;
-  return unfinished || not_comparable_count > 0 ? kExitUndecided : kExitGreen;
+  return unfinished || not_comparable_count > 0 || outcome.results.empty() ? kExitUndecided : kExitGreen;
 }
 
 }  // namespace tiltproof::harness

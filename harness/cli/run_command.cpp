@@ -7,14 +7,15 @@
 #include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
 #include "harness/cli/console.h"
+#include "harness/cli/run_flights.h"
 #include "harness/cli/run_record.h"
 #include "harness/cli/suite.h"
-#include "harness/cli/worker_pool.h"
 #include "harness/client/firmware_files.h"
 #include "harness/emulator/lockstep_self_test.h"
 #include "harness/node/realtime_rights.h"
 #include "harness/report/build_id.h"
 #include "harness/report/files.h"
+#include "harness/report/flight_files.h"
 #include "harness/report/json_text.h"
 #include "harness/report/results.h"
 #include "harness/scenario/selection.h"
@@ -75,14 +76,15 @@ std::string ClientFlagsOf(const RunClients& clients) {
 }
 
 // The command that flies a flight in real time again.
-std::string FlyAgain(const RunOptions& options, const FlightMeans& means, const FlightJob& job) {
+std::string FlyAgain(const RunOptions& options, const FlightMeans& means, const std::filesystem::path& folder,
+                     std::uint64_t seed) {
   std::string command = fmt::format("{} run {} --mode realtime", options.command.front(),
-                                    (job.folder / "scenario.resolved.yaml").string());
+                                    (folder / "scenario.resolved.yaml").string());
   command += means.attach ? " --attach" : ClientFlagsOf(means.clients);
   if (means.domain != 0) command += fmt::format(" --domain {}", means.domain);
   if (!means.interface.empty()) command += " --interface " + means.interface;
   if (!means.peers.empty()) command += fmt::format(" --peers {}", fmt::join(means.peers, ","));
-  return command + fmt::format(" --seed {}", job.scenario.seed);
+  return command + fmt::format(" --seed {}", seed);
 }
 
 // Of one flight, unique in the run: names its folder.
@@ -150,6 +152,7 @@ int RunCommand(const RunOptions& options) {
   for (const auto& [id, client] : means.clients.by_id) info.clients.emplace(id, ToText(client));
   info.build = BuildOf(means.clients);
   info.machine = ThisMachine();
+  info.keep = KeepNamed(options.keep);
   if (means.realtime && !means.attach) info.realtime_rights = ProbeRealtimeRights().Text();
   info.command = options.command;
   info.not_applicable = not_applicable;
@@ -161,11 +164,15 @@ int RunCommand(const RunOptions& options) {
   std::vector<FlightJob> jobs;
   for (const auto& [scenario, model, named] : suite.scenarios) {
     for (int repeat = 0; repeat < options.repeat_count; ++repeat) {
-      FlightJob job{scenario, model, means, {}, {}};
-      job.scenario.seed = options.seed.value_or(scenario.seed) + static_cast<std::uint64_t>(repeat);
-      job.folder = folder / FlightName(options, scenario, job.scenario.seed);
-      job.replay = means.realtime ? FlyAgain(options, means, job)
-                                  : fmt::format("{} replay {}", options.command.front(), job.folder.string());
+      FlightJob job{.name = {}, .scenario = scenario, .model = model, .means = means, .replay = {}};
+      const std::uint64_t seed = options.seed.value_or(scenario.seed) + static_cast<std::uint64_t>(repeat);
+      job.scenario.seed = seed;
+      job.name = FlightName(options, scenario, seed);
+      const std::filesystem::path flight_folder = folder / job.name;
+      job.recorder = RecorderIn(flight_folder, info.keep);
+      job.replay = means.realtime
+                       ? FlyAgain(options, means, flight_folder, seed)
+                       : fmt::format("{} replay {}", options.command.front(), flight_folder.string());
       jobs.push_back(std::move(job));
     }
   }
@@ -176,18 +183,22 @@ int RunCommand(const RunOptions& options) {
   for (const auto& scenario : not_applicable) console.LeftOut(scenario);
   RunRecord record(folder, info, jobs);
   const bool progress = !options.no_progress && isatty(STDERR_FILENO) != 0;
-  const PoolOutcome outcome = FlyAll(
-      jobs, {.jobs_count = options.jobs_count, .fail_fast = options.fail_fast, .progress = progress},
-      [&](const ScenarioResult& result) {
-        record.Take(result);
-        console.Finished(result);
-      },
-      [&] { record.Refresh(); },
-      [&](const std::string& flight, const BusPlace& place) { record.TakePlace(flight, place); });
-  record.Finish(outcome.interrupted, outcome.interrupted ? "not flown: the run was interrupted"
-                                                         : "not flown: --fail-fast ended the run");
-  console.Summary(outcome.results, outcome.not_flown.size(), not_applicable.size(), outcome.interrupted);
-  return outcome.interrupted ? static_cast<int>(kExitInterrupted) : ExitCode(outcome.results);
+  const FlownFlights flown = RunFlights(
+      std::move(jobs), {.jobs_count = options.jobs_count,
+                        .fail_fast = options.fail_fast,
+                        .progress = progress,
+                        .on_finished =
+                            [&](const FlightJob& job, const FlightResult& result) {
+                              record.Take(job, result);
+                              console.Finished(result);
+                            },
+                        .on_turn = [&] { record.Refresh(); },
+                        .on_place = [&](const std::string& flight,
+                                        const BusPlace& place) { record.TakePlace(flight, place); }});
+  record.Finish(flown.interrupted, flown.interrupted ? "not flown: the run was interrupted"
+                                                     : "not flown: --fail-fast ended the run");
+  console.Summary(flown.results, flown.not_flown.size(), not_applicable.size(), flown.interrupted);
+  return flown.interrupted ? static_cast<int>(kExitInterrupted) : ExitCode(flown.results);
 }
 
 }  // namespace tiltproof::harness

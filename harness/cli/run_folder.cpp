@@ -7,7 +7,6 @@
 
 #include "harness/cli/commands.h"
 #include "harness/report/files.h"
-#include "harness/report/flight_files.h"
 #include "harness/report/json_text.h"
 
 namespace tiltproof::harness {
@@ -51,18 +50,15 @@ bool HasEnded(const std::filesystem::path& scenario_folder) {
   return std::filesystem::exists(scenario_folder / "verdict.json");
 }
 
-void WriteRunEvents(const std::filesystem::path& folder, const std::vector<ScenarioResult>& results) {
+void WriteRunEvents(const std::filesystem::path& folder, const std::vector<FlightResult>& results) {
   std::string lines;
   for (const auto& result : results) {
-    const auto file = folder / result.name / "flight.json";
-    if (!std::filesystem::exists(file)) continue;
-    const RunLog log = ReadFlight(folder / result.name);
-    for (const auto& event : log.events) {
+    for (const FlightEvent& event : result.events) {
       nlohmann::ordered_json line;
       line["scenario"] = result.name;
       line["time_s"] = ToSeconds(event.time_ns);
       line["kind"] = event.kind;
-      if (const std::string client = ClientOf(log, event); !client.empty()) line["client"] = client;
+      if (!event.client.empty()) line["client"] = event.client;
       line["text"] = event.text;
       lines += JsonText(line) + "\n";
     }

@@ -24,6 +24,6 @@ bool HasBegun(const std::filesystem::path& scenario_folder);
 bool HasEnded(const std::filesystem::path& scenario_folder);
 
 // Gathers the scenarios' events in events.jsonl, one JSON object a line.
-void WriteRunEvents(const std::filesystem::path& folder, const std::vector<ScenarioResult>& results);
+void WriteRunEvents(const std::filesystem::path& folder, const std::vector<FlightResult>& results);
 
 }  // namespace tiltproof::harness

@@ -4,6 +4,7 @@
 
 #include "harness/cli/run_folder.h"
 #include "harness/report/files.h"
+#include "harness/report/flight_files.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -20,7 +21,7 @@ RunRecord::RunRecord(std::filesystem::path folder, RunInfo info, const std::vect
     : folder_(std::move(folder)), info_(std::move(info)), due_(SteadyClock::now()) {
   info_.interrupted = true;  // as it is to stand there when this process is killed
   for (const FlightJob& job : jobs) {
-    info_.flights.push_back({job.folder.filename(), job.scenario.expect, job.scenario.seed});
+    info_.flights.push_back({job.name, job.scenario.expect, job.scenario.seed});
     open_[info_.flights.back().name] = results_.size();
     results_.push_back(NotFlown(info_.flights.back()));
   }
@@ -34,7 +35,8 @@ void RunRecord::TakePlace(const std::string& flight, const BusPlace& place) {
   place_taken_ = true;
 }
 
-void RunRecord::Take(const ScenarioResult& result) {
+void RunRecord::Take(const FlightJob& job, const FlightResult& result) {
+  KeepVerdict(folder_ / result.name, job.scenario, result, info_.keep);
   results_[open_.at(result.name)] = result;
   open_.erase(result.name);
   taken_ = true;

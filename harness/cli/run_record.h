@@ -2,7 +2,7 @@
 // has not ended, so that a run whose process was killed never looks green.
 //
 //   RunRecord record(folder, info, jobs);
-//   FlyAll(jobs, options, [&](const auto& result) { record.Take(result); }, [&] { record.Refresh(); });
+//   RunFlights(jobs, {.on_finished = [&](const auto& job, const auto& result) { record.Take(job, result); }, .on_turn = [&] { record.Refresh(); }});
 //   record.Finish(interrupted, "not flown: the run was interrupted");
 #pragma once
 
@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "harness/cli/worker_pool.h"
+#include "harness/engine/flight_job.h"
 #include "harness/report/results.h"
 
 namespace tiltproof::harness {
@@ -25,7 +25,7 @@ class RunRecord {
   // A flight goes on the bus.
   void TakePlace(const std::string& flight, const BusPlace& place);
   // A flight has ended.
-  void Take(const ScenarioResult& result);
+  void Take(const FlightJob& job, const FlightResult& result);
   // Writes what was taken, if that was not done within the last second. Of a run so large that writing takes long,
   // less often. A disk that says no is left for Finish to tell.
   void Refresh();
@@ -35,7 +35,7 @@ class RunRecord {
  private:
   std::filesystem::path folder_;
   RunInfo info_;
-  std::vector<ScenarioResult> results_;       // one for each flight that was planned
+  std::vector<FlightResult> results_;         // one for each flight that was planned
   std::map<std::string, std::size_t> open_;   // those that have not ended: where in results_
   bool taken_ = false, place_taken_ = false;  // since the last writing
   std::chrono::steady_clock::time_point due_;

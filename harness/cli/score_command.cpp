@@ -1,5 +1,7 @@
 #include <fmt/format.h>
 
+#include <map>
+
 #include "harness/cli/commands.h"
 #include "harness/cli/console.h"
 #include "harness/cli/run_folder.h"
@@ -12,15 +14,15 @@ namespace tiltproof::harness {
 namespace {
 
 // From the flight's files; criteria are those of scenario.resolved.yaml as it stands now.
-ScenarioResult ScoreAgain(const std::filesystem::path& folder, const std::string& program) {
+FlightResult ScoreAgain(const std::filesystem::path& folder, const std::string& program) {
   const Scenario scenario = LoadFlown(folder).scenario;
   const std::string name = folder.filename();
   const std::string replay = fmt::format("{} replay {}", program, folder.string());
   if (!HasEnded(folder)) return NotFlown({name, scenario.expect, scenario.seed});
   try {
-    const ScenarioResult then = ResultFromJsonText(ReadFile(folder / "verdict.json"));
+    const FlightResult then = ResultFromJsonText(ReadFile(folder / "verdict.json"));
     if (then.trace_hash.empty()) return then;  // it left no flight to score
-    const ScenarioResult result = MakeResult(name, scenario, ReadFlight(folder), then.replay);
+    const FlightResult result = MakeResult(name, scenario, ReadFlight(folder), then.replay);
     if (then.trace_hash != result.trace_hash)
       throw std::runtime_error(
           fmt::format("{} is not the trace that was flown: its hash is {}, in verdict.json {}",
@@ -34,15 +36,22 @@ ScenarioResult ScoreAgain(const std::filesystem::path& folder, const std::string
 }
 
 // Of the whole run: in the order of the plan, with the flights that never began.
-std::vector<ScenarioResult> ScoreAll(const OldRun& run, const std::string& program) {
-  std::vector<ScenarioResult> results;
+std::vector<FlightResult> ScoreAll(const OldRun& run, const std::string& program) {
+  std::vector<FlightResult> results;
   if (!run.whole || run.info.flights.empty()) {
     for (const auto& folder : run.scenario_folders) results.push_back(ScoreAgain(folder, program));
     return results;
   }
+  // Flights that were not kept stay as they were judged.
+  std::map<std::string, FlightResult> judged;
+  if (run.info.keep != Keep::kAll)
+    for (FlightResult& result : ReadResults(run.folder)) judged[result.name] = std::move(result);
   for (const PlannedFlight& flight : run.info.flights) {
     const auto folder = run.folder / flight.name;
-    results.push_back(HasBegun(folder) ? ScoreAgain(folder, program) : NotFlown(flight));
+    const auto then = judged.find(flight.name);
+    results.push_back(HasBegun(folder)       ? ScoreAgain(folder, program)
+                      : then != judged.end() ? then->second
+                                             : NotFlown(flight));
   }
   return results;
 }
@@ -54,11 +63,12 @@ std::vector<ScenarioResult> ScoreAll(const OldRun& run, const std::string& progr
 int ScoreCommand(const ReplayOptions& options) {
   const OldRun run = OpenRun(options.run);
   const Console console(options.format == "jsonl");
-  const std::vector<ScenarioResult> results = ScoreAll(run, options.program);
+  const std::vector<FlightResult> results = ScoreAll(run, options.program);
   for (const auto& result : results) console.Finished(result);
   if (run.whole) {
     WriteResults(run.folder, run.info, results);
-    WriteRunEvents(run.folder, results);
+    // The events of flights that were not kept stand in that file alone.
+    if (run.info.keep == Keep::kAll) WriteRunEvents(run.folder, results);
   }
   console.Summary(results, 0, run.whole ? run.info.not_applicable.size() : 0, false);
   return ExitCode(results);

@@ -89,7 +89,7 @@ std::optional<FirstDifference> FindFirst(const Trace& a, const Trace& b, const s
 }
 
 struct Flown {
-  ScenarioResult result;
+  FlightResult result;
   Trace trace;
 };
 
@@ -97,7 +97,7 @@ Flown ReadFlown(const std::filesystem::path& folder) {
   const auto verdict_file = folder / "verdict.json";
   const auto trace_file = folder / "trace.csv";
   const std::string verdict = ReadFile(verdict_file);
-  ScenarioResult result;
+  FlightResult result;
   try {
     result = ResultFromJsonText(verdict);
   } catch (const std::exception& error) {

@@ -50,7 +50,7 @@ struct TraceComparison {
 TraceComparison CompareTraces(const Trace& a, const Trace& b, double tolerance);
 
 struct FlightComparison {
-  ScenarioResult a, b;
+  FlightResult a, b;
   bool identical = false;  // the trace hashes are equal
   TraceComparison trace;
 

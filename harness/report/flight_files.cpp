@@ -8,6 +8,7 @@
 #include "harness/report/files.h"
 #include "harness/report/json_text.h"
 #include "harness/report/trace_csv.h"
+#include "harness/scenario/reader.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -78,10 +79,9 @@ ClientLog ClientFromJson(const Json& json) {
   return log;
 }
 
-Json EventJson(const RunLog& log, const RunEvent& event) {
+Json EventJson(const FlightEvent& event) {
   Json json = {{"time_s", ToSeconds(event.time_ns)}, {"kind", event.kind}};
-  const std::string client = ClientOf(log, event);
-  if (!client.empty()) json["client"] = client;
+  if (!event.client.empty()) json["client"] = event.client;
   json["text"] = event.text;
   return json;
 }
@@ -121,7 +121,7 @@ Json FlightJson(const RunLog& log) {
     for (const auto& span : log.harness_late) json["harness_late_ns"].push_back({span.begin_ns, span.end_ns});
   }
   json["events"] = Json::array();
-  for (const auto& event : log.events) json["events"].push_back(EventJson(log, event));
+  for (const FlightEvent& event : EventsOf(log)) json["events"].push_back(EventJson(event));
   return json;
 }
 
@@ -162,8 +162,41 @@ EndReason EndReasonNamed(const std::string& name) {
 
 }  // namespace
 
-std::string ClientOf(const RunLog& log, const RunEvent& event) {
-  return event.client ? log.clients.at(*event.client).id : "";
+FlightRecorder RecorderIn(const std::filesystem::path& folder, Keep keep) {
+  const auto begin = [folder](const Scenario& scenario) {
+    std::filesystem::create_directories(folder);
+    WriteFile(folder / "scenario.resolved.yaml", WriteResolved(scenario));
+  };
+  const auto end = [folder](const Scenario& scenario, const RunLog& log, const FlightResult&) {
+    WriteFlight(folder, scenario, log);
+  };
+  switch (keep) {
+    case Keep::kAll:
+      return {begin, end};
+    case Keep::kFailing:
+      return {.end = [begin, end](const Scenario& scenario, const RunLog& log, const FlightResult& result) {
+        if (result.green()) return;
+        begin(scenario);
+        end(scenario, log, result);
+      }};
+    case Keep::kVerdicts:
+      break;
+  }
+  return {};
+}
+
+void KeepVerdict(const std::filesystem::path& folder, const Scenario& scenario, const FlightResult& result,
+                 Keep keep) {
+  if (keep == Keep::kVerdicts || (keep == Keep::kFailing && result.green())) return;
+  try {
+    std::filesystem::create_directories(folder);
+    // Of a worker that could not leave it.
+    const auto resolved = folder / "scenario.resolved.yaml";
+    if (!std::filesystem::exists(resolved)) WriteFile(resolved, WriteResolved(scenario));
+    WriteFile(folder / "verdict.json", ToJsonText(result));
+  } catch (const std::runtime_error&) {
+    // results.json says the same, or fails for the same reason and tells.
+  }
 }
 
 void WriteFlight(const std::filesystem::path& folder, const Scenario& scenario, const RunLog& log) {

@@ -13,6 +13,8 @@
 #include <filesystem>
 #include <string>
 
+#include "harness/engine/flight_job.h"
+#include "harness/report/results.h"
 #include "harness/run/run_log.h"
 #include "harness/scenario/scenario.h"
 
@@ -26,7 +28,10 @@ void WriteFlight(const std::filesystem::path& folder, const Scenario& scenario, 
 // std::runtime_error naming the file and the place.
 RunLog ReadFlight(const std::filesystem::path& folder);
 
-// The id of the client that an event belongs to; empty when it is the flight's, or there is one client alone.
-std::string ClientOf(const RunLog& log, const RunEvent& event);
+// Keeps a flight in its folder, or not: for its worker process.
+FlightRecorder RecorderIn(const std::filesystem::path& folder, Keep keep);
+// verdict.json, when the flight is kept; for the parent of the worker, which knows the result whatever became of that.
+void KeepVerdict(const std::filesystem::path& folder, const Scenario& scenario, const FlightResult& result,
+                 Keep keep);
 
 }  // namespace tiltproof::harness

@@ -10,7 +10,6 @@
 
 #include "harness/report/files.h"
 #include "harness/report/json_text.h"
-#include "harness/report/trace_csv.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -32,7 +31,7 @@ Verdict VerdictNamed(const std::string& name) {
   throw std::runtime_error("unknown verdict '" + name + "'");
 }
 
-Json ToJson(const ScenarioResult& result) {
+Json ToJson(const FlightResult& result) {
   Json json;
   json["name"] = result.name;
   json["verdict"] = Name(result.score.verdict);
@@ -64,6 +63,36 @@ Json ToJson(const ScenarioResult& result) {
   return json;
 }
 
+FlightResult ResultFromJson(const Json& json) {
+  FlightResult result;
+  json.at("name").get_to(result.name);
+  result.expected = VerdictNamed(json.at("expected").get<std::string>());
+  json.at("seed").get_to(result.seed);
+  json.at("trace_hash").get_to(result.trace_hash);
+  json.at("wall_s").get_to(result.wall_s);
+  json.at("real_time_factor").get_to(result.real_time_factor);
+  json.at("replay").get_to(result.replay);
+  result.score.verdict = VerdictNamed(json.at("verdict").get<std::string>());
+  json.at("reason").get_to(result.score.reason);
+  for (const auto& [name, value] : json.at("metrics").items())
+    result.score.metrics[name] = value.get<double>();
+  // Absent from the files of older versions.
+  if (json.contains("histograms"))
+    for (const auto& [name, histogram] : json["histograms"].items())
+      result.score.histograms[name] = {histogram.at("edges").get<std::vector<double>>(),
+                                       histogram.at("counts").get<std::vector<std::int64_t>>()};
+  result.score.restarts_count = json.value("restarts", std::int64_t{0});
+  for (const auto& c : json.at("criteria"))
+    result.score.criteria.push_back(
+        {c.at("name").get<std::string>(), VerdictNamed(c.at("verdict").get<std::string>()),
+         OptionalFrom(c.at("robustness")), OptionalFrom(c.at("time_s")),
+         c.at("explanation").get<std::string>(), OptionalFrom(c.value("margin", Json()))});
+  for (const auto& f : json.at("faults"))
+    result.score.faults.push_back({f.at("id").get<std::string>(), f.at("type").get<std::string>(),
+                                   f.at("activations").get<std::int64_t>()});
+  return result;
+}
+
 Json ToJson(const std::vector<NotApplicable>& scenarios) {
   Json json = Json::array();
   for (const auto& scenario : scenarios)
@@ -85,7 +114,7 @@ std::string HostName() {
 
 std::string Decimal(double time_s) { return fmt::format("{:.3f}", time_s); }
 
-void AddTestCase(pugi::xml_node suite, const std::string& suite_name, const ScenarioResult& result) {
+void AddTestCase(pugi::xml_node suite, const std::string& suite_name, const FlightResult& result) {
   auto test = suite.append_child("testcase");
   test.append_attribute("classname") = suite_name.c_str();
   test.append_attribute("name") = XmlSafe(result.name).c_str();
@@ -112,7 +141,7 @@ void AddSkipped(pugi::xml_node suite, const std::string& suite_name, const NotAp
 }
 
 // Elements, attributes and their order are what the schemas of Ant and Jenkins both know; a test holds that.
-std::string JunitXml(const RunInfo& info, const std::vector<ScenarioResult>& results) {
+std::string JunitXml(const RunInfo& info, const std::vector<FlightResult>& results) {
   pugi::xml_document document;
   auto suite = document.append_child("testsuites").append_child("testsuite");
   const std::string name = XmlSafe(info.suite);
@@ -154,34 +183,26 @@ std::string JunitXml(const RunInfo& info, const std::vector<ScenarioResult>& res
 
 }  // namespace
 
-ScenarioResult MakeResult(const std::string& name, const Scenario& scenario, const RunLog& log,
-                          const std::string& replay) {
-  ScenarioResult result;
-  result.name = name;
-  result.expected = scenario.expect;
-  result.seed = scenario.seed;
-  result.trace_hash = TraceHash(log.trace);
-  result.wall_s = log.wall_s;
-  result.real_time_factor = log.wall_s > 0 ? ToSeconds(log.end_ns) / log.wall_s : 0.0;
-  result.replay = replay;
-  result.score = ScoreRun(scenario, log);
-  return result;
+std::string_view Name(Keep keep) {
+  switch (keep) {
+    case Keep::kAll:
+      return "all";
+    case Keep::kFailing:
+      return "failing";
+    case Keep::kVerdicts:
+      return "verdicts";
+  }
+  return "unknown";
 }
 
-ScenarioResult MakeErrorResult(const std::string& name, const Scenario& scenario, const std::string& reason,
-                               const std::string& replay) {
-  ScenarioResult result;
-  result.name = name;
-  result.expected = scenario.expect;
-  result.seed = scenario.seed;
-  result.replay = replay;
-  result.score.verdict = Verdict::kError;
-  result.score.reason = reason;
-  return result;
+Keep KeepNamed(std::string_view name) {
+  for (const Keep keep : {Keep::kFailing, Keep::kVerdicts})
+    if (Name(keep) == name) return keep;
+  return Keep::kAll;
 }
 
-ScenarioResult NotFlown(const PlannedFlight& flight, const std::string& reason) {
-  ScenarioResult result;
+FlightResult NotFlown(const PlannedFlight& flight, const std::string& reason) {
+  FlightResult result;
   result.name = flight.name;
   result.expected = flight.expected;
   result.seed = flight.seed;
@@ -190,40 +211,9 @@ ScenarioResult NotFlown(const PlannedFlight& flight, const std::string& reason) 
   return result;
 }
 
-std::string ToJsonText(const ScenarioResult& result) { return JsonText(ToJson(result), 2) + "\n"; }
+std::string ToJsonText(const FlightResult& result) { return JsonText(ToJson(result), 2) + "\n"; }
 
-std::string MetricsJsonText(const ScenarioResult& result) { return Json(result.score.metrics).dump(); }
-
-ScenarioResult ResultFromJsonText(const std::string& text) {
-  const Json json = Json::parse(text);
-  ScenarioResult result;
-  json.at("name").get_to(result.name);
-  result.expected = VerdictNamed(json.at("expected").get<std::string>());
-  json.at("seed").get_to(result.seed);
-  json.at("trace_hash").get_to(result.trace_hash);
-  json.at("wall_s").get_to(result.wall_s);
-  json.at("real_time_factor").get_to(result.real_time_factor);
-  json.at("replay").get_to(result.replay);
-  result.score.verdict = VerdictNamed(json.at("verdict").get<std::string>());
-  json.at("reason").get_to(result.score.reason);
-  for (const auto& [name, value] : json.at("metrics").items())
-    result.score.metrics[name] = value.get<double>();
-  // Absent from the files of older versions.
-  if (json.contains("histograms"))
-    for (const auto& [name, histogram] : json["histograms"].items())
-      result.score.histograms[name] = {histogram.at("edges").get<std::vector<double>>(),
-                                       histogram.at("counts").get<std::vector<std::int64_t>>()};
-  result.score.restarts_count = json.value("restarts", std::int64_t{0});
-  for (const auto& c : json.at("criteria"))
-    result.score.criteria.push_back(
-        {c.at("name").get<std::string>(), VerdictNamed(c.at("verdict").get<std::string>()),
-         OptionalFrom(c.at("robustness")), OptionalFrom(c.at("time_s")),
-         c.at("explanation").get<std::string>(), OptionalFrom(c.value("margin", Json()))});
-  for (const auto& f : json.at("faults"))
-    result.score.faults.push_back({f.at("id").get<std::string>(), f.at("type").get<std::string>(),
-                                   f.at("activations").get<std::int64_t>()});
-  return result;
-}
+FlightResult ResultFromJsonText(const std::string& text) { return ResultFromJson(Json::parse(text)); }
 
 void WriteRunInfo(const std::filesystem::path& folder, const RunInfo& info) {
   Json json;
@@ -238,6 +228,7 @@ void WriteRunInfo(const std::filesystem::path& folder, const RunInfo& info) {
   if (!info.clients.empty()) json["clients"] = info.clients;
   json["command"] = info.command;
   json["interrupted"] = info.interrupted;
+  json["keep"] = Name(info.keep);
   json["flights"] = Json::array();
   for (const auto& flight : info.flights) {
     Json entry = {{"name", flight.name}, {"expected", Name(flight.expected)}, {"seed", flight.seed}};
@@ -268,6 +259,7 @@ RunInfo ReadRunInfo(const std::filesystem::path& folder) {
     json.at("command").get_to(info.command);
     json.at("interrupted").get_to(info.interrupted);
     // Absent from the files of older versions.
+    info.keep = KeepNamed(json.value("keep", "all"));
     for (const Json& flight : json.value("flights", Json::array()))
       info.flights.push_back({flight.at("name").get<std::string>(),
                               VerdictNamed(flight.at("expected").get<std::string>()),
@@ -282,7 +274,7 @@ RunInfo ReadRunInfo(const std::filesystem::path& folder) {
 }
 
 void WriteResults(const std::filesystem::path& folder, const RunInfo& info,
-                  const std::vector<ScenarioResult>& results) {
+                  const std::vector<FlightResult>& results) {
   Json json;
   json["suite"] = info.suite;
   json["started"] = info.started;
@@ -296,7 +288,20 @@ void WriteResults(const std::filesystem::path& folder, const RunInfo& info,
   WriteFile(folder / "junit.xml", JunitXml(info, results));
 }
 
-int ExitCode(const std::vector<ScenarioResult>& results) {
+std::vector<FlightResult> ReadResults(const std::filesystem::path& folder) {
+  const auto file = folder / "results.json";
+  const std::string text = ReadFile(file);
+  try {
+    const Json json = Json::parse(text);
+    std::vector<FlightResult> results;
+    for (const Json& entry : json.at("scenarios")) results.push_back(ResultFromJson(entry));
+    return results;
+  } catch (const std::exception& error) {
+    throw std::runtime_error(file.string() + ": " + error.what());
+  }
+}
+
+int ExitCode(const std::vector<FlightResult>& results) {
   bool error = false, decided = false, undecided = false;
   for (const auto& result : results) {
     if (result.green()) continue;

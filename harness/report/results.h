@@ -7,31 +7,11 @@
 #include <string>
 #include <vector>
 
+#include "harness/engine/flight_result.h"
 #include "harness/report/machine.h"
 #include "harness/run/bus_place.h"
-#include "harness/score/score.h"
 
 namespace tiltproof::harness {
-
-struct ScenarioResult {
-  std::string name;  // also the folder's
-  Verdict expected = Verdict::kPass;
-  std::uint64_t seed = 0;
-  std::string trace_hash;
-  double wall_s = 0.0;
-  double real_time_factor = 0.0;
-  Score score;
-  std::string replay;  // the exact command; empty when it was not flown
-
-  bool green() const { return score.verdict == expected; }
-};
-
-// Scores a flight. `name` is that of its folder.
-ScenarioResult MakeResult(const std::string& name, const Scenario& scenario, const RunLog& log,
-                          const std::string& replay);
-// For a scenario that left no flight to score.
-ScenarioResult MakeErrorResult(const std::string& name, const Scenario& scenario, const std::string& reason,
-                               const std::string& replay);
 
 // One flight of a run, before it is flown.
 struct PlannedFlight {
@@ -42,19 +22,23 @@ struct PlannedFlight {
 };
 // Its result for as long as it has no other: an error for this reason.
 inline constexpr const char* kNotFlown = "not flown to the end: the run ended before, or is still under way";
-ScenarioResult NotFlown(const PlannedFlight& flight, const std::string& reason = kNotFlown);
+FlightResult NotFlown(const PlannedFlight& flight, const std::string& reason = kNotFlown);
 
 // The JSON text of one entry (verdict.json), and back; throws std::runtime_error.
-std::string ToJsonText(const ScenarioResult& result);
-// Its metrics alone: {"dotted.name": number}.
-std::string MetricsJsonText(const ScenarioResult& result);
-ScenarioResult ResultFromJsonText(const std::string& text);
+std::string ToJsonText(const FlightResult& result);
+FlightResult ResultFromJsonText(const std::string& text);
 
 // A scenario that cannot be flown with the run's client or in its mode.
 struct NotApplicable {
   std::string name;
   std::string reason;
 };
+
+// Of which flights a run keeps a folder.
+enum class Keep : std::uint8_t { kAll, kFailing, kVerdicts };
+std::string_view Name(Keep keep);
+// kAll when no other has this name.
+Keep KeepNamed(std::string_view name);
 
 struct RunInfo {
   std::string suite;
@@ -69,7 +53,8 @@ struct RunInfo {
   bool interrupted = false;            // by a signal, or killed: unfinished
   std::vector<PlannedFlight> flights;  // in the order of the results; empty in the files of older versions
   std::vector<NotApplicable> not_applicable;  // found in a folder, and left out
-  std::string realtime_rights;                // in real time: the scheduling and memory that the nodes got
+  Keep keep = Keep::kAll;
+  std::string realtime_rights;  // in real time: the scheduling and memory that the nodes got
 };
 
 // run.json: what is needed to do the run again, and to listen to it. Written before the first flight, and again
@@ -79,11 +64,14 @@ RunInfo ReadRunInfo(const std::filesystem::path& folder);
 
 // results.json and junit.xml, with what is not applicable as `info` has it.
 void WriteResults(const std::filesystem::path& folder, const RunInfo& info,
-                  const std::vector<ScenarioResult>& results);
+                  const std::vector<FlightResult>& results);
+
+// The entries of results.json. Throws FileError, or std::runtime_error naming the file.
+std::vector<FlightResult> ReadResults(const std::filesystem::path& folder);
 
 // Exit code of a set of results: 3 harness or target error, 1 not green by pass or fail, 4 unexpectedly
 // inconclusive, 0 all green.
-int ExitCode(const std::vector<ScenarioResult>& results);
+int ExitCode(const std::vector<FlightResult>& results);
 
 std::string_view Version();
 

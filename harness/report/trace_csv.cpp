@@ -3,14 +3,9 @@
 #include <fmt/format.h>
 
 #include <array>
-#include <bit>
 #include <charconv>
 #include <cmath>
-#include <cstring>
-#include <limits>
 #include <stdexcept>
-
-#include "harness/run/hash.h"
 
 namespace tiltproof::harness {
 
@@ -72,23 +67,6 @@ Trace ReadTraceCsv(std::string_view csv) {
     }
   }
   return trace;
-}
-
-std::string TraceHash(const Trace& trace) {
-  std::uint64_t hash = kFnvOffset;
-  const auto add = [&](const void* data, std::size_t size) {
-    hash = Fnv1a({static_cast<const std::uint8_t*>(data), size}, hash);
-  };
-  for (const auto& column : trace.columns()) add(column.c_str(), column.size() + 1);
-  for (std::size_t r = 0; r < trace.row_count(); ++r) {
-    for (const double value : trace.row(r)) {
-      // All NaN are one: the file keeps no payload.
-      const auto bits =
-          std::bit_cast<std::uint64_t>(std::isnan(value) ? std::numeric_limits<double>::quiet_NaN() : value);
-      add(&bits, sizeof bits);
-    }
-  }
-  return fmt::format("{:016x}", hash);
 }
 
 }  // namespace tiltproof::harness

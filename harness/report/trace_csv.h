@@ -15,7 +15,4 @@ std::string WriteTraceCsv(const Trace& trace);
 // Throws std::runtime_error with the line of what is wrong.
 Trace ReadTraceCsv(std::string_view csv);
 
-// 16 hexadecimal digits: FNV-1a over the column names and the bits of every value.
-std::string TraceHash(const Trace& trace);
-
 }  // namespace tiltproof::harness

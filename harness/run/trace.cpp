@@ -1,8 +1,13 @@
 #include "harness/run/trace.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <bit>
+#include <cmath>
 #include <limits>
 
+#include "harness/run/hash.h"
 #include "harness/run/run_log.h"
 
 namespace tiltproof::harness {
@@ -100,6 +105,23 @@ void Trace::AppendRows(std::vector<double>&& rows) {
 std::span<double> Trace::AppendRow() {
   values_.resize(values_.size() + columns_.size(), std::numeric_limits<double>::quiet_NaN());
   return std::span(values_).last(columns_.size());
+}
+
+std::string TraceHash(const Trace& trace) {
+  std::uint64_t hash = kFnvOffset;
+  const auto add = [&](const void* data, std::size_t size) {
+    hash = Fnv1a({static_cast<const std::uint8_t*>(data), size}, hash);
+  };
+  for (const auto& column : trace.columns()) add(column.c_str(), column.size() + 1);
+  for (std::size_t r = 0; r < trace.row_count(); ++r) {
+    for (const double value : trace.row(r)) {
+      // All NaN are one: the file keeps no payload.
+      const auto bits =
+          std::bit_cast<std::uint64_t>(std::isnan(value) ? std::numeric_limits<double>::quiet_NaN() : value);
+      add(&bits, sizeof bits);
+    }
+  }
+  return fmt::format("{:016x}", hash);
 }
 
 std::string_view Name(EndReason reason) {

@@ -71,4 +71,7 @@ struct VehicleColumns {
 };
 VehicleColumns FindVehicleColumns(const Trace& trace);
 
+// 16 hexadecimal digits: FNV-1a over the column names and the bits of every value.
+std::string TraceHash(const Trace& trace);
+
 }  // namespace tiltproof::harness

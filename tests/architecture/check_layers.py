@@ -27,7 +27,8 @@ MAY_INCLUDE = {
     "harness/node": ["harness/node", "harness/process", "harness/terminal", "harness/run", "harness/client", "harness/emulator", "harness/dds", "harness/scenario",
                      "harness/reference", "plant", "faults", "link"],
     "harness/score": ["harness/score", "harness/run", "harness/scenario", "harness/formula", "harness/reference", "faults", "link"],
-    "harness/report": ["harness/report", "harness/score", "harness/run", "harness/scenario", "faults", "link"],
+    "harness/engine": ["harness/engine", "harness/score", "harness/run", "harness/client", "harness/process", "harness/dds", "harness/scenario", "harness/terminal", "plant", "faults", "link"],
+    "harness/report": ["harness/report", "harness/engine", "harness/score", "harness/run", "harness/scenario", "faults", "link"],
     "harness/cli": ["harness", "plant", "faults", "link"],
 }
 # External header prefix -> the only files (or folders, ending in /) that may see it.

@@ -13,11 +13,13 @@
 #include <array>
 #include <cstdint>
 #include <cstring>
+#include <map>
 #include <optional>
 #include <span>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "link/time.h"
@@ -61,6 +63,14 @@ class Packer {
   template <class T, std::size_t n>
   void Put(const std::array<T, n>& values) {
     for (const T& value : values) Put(value);
+  }
+  template <class T>
+  void Put(const std::map<std::string, T>& values) {
+    Put(values.size());
+    for (const auto& [key, value] : values) {
+      Put(key);
+      Put(value);
+    }
   }
   template <class T>
   void Put(const std::optional<T>& value) {
@@ -135,6 +145,14 @@ class Unpacker {
   template <class T, std::size_t n>
   void Get(std::array<T, n>& values) {
     for (T& value : values) Get(value);
+  }
+  template <class T>
+  void Get(std::map<std::string, T>& values) {
+    values.clear();
+    for (std::size_t left = TakeCount(1); left > 0; --left) {
+      std::string key = Next<std::string>();
+      Get(values[std::move(key)]);
+    }
   }
   template <class T>
   void Get(std::optional<T>& value) {

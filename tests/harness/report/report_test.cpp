@@ -113,8 +113,8 @@ TEST_F(ReportTest, FileErrorsNameTheFileAndTheReason) {
   EXPECT_FALSE(fs::is_symlink(folder_ / "full.part"));
 }
 
-ScenarioResult Result(Verdict verdict, Verdict expected) {
-  ScenarioResult result;
+FlightResult Result(Verdict verdict, Verdict expected) {
+  FlightResult result;
   result.name = "name";
   result.expected = expected;
   result.seed = 18446744073709551615ULL;
@@ -130,7 +130,7 @@ ScenarioResult Result(Verdict verdict, Verdict expected) {
 }
 
 TEST_F(ReportTest, ResultSurvivesItsJson) {
-  const ScenarioResult result = Result(Verdict::kFail, Verdict::kPass);
+  const FlightResult result = Result(Verdict::kFail, Verdict::kPass);
   const std::string text = ToJsonText(result);
   EXPECT_EQ(ToJsonText(ResultFromJsonText(text)), text);
   EXPECT_THAT(text, HasSubstr("\"robustness\": null"));

@@ -1,20 +1,22 @@
-#include "harness/cli/flight_worker.h"
+#include "harness/engine/worker.h"
 
+#include <fmt/format.h>
 #include <unistd.h>
 
-#include <cstdio>
+#include <cerrno>
 #include <cstring>
 #include <functional>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
+#include <span>
 #include <utility>
 
 #include "harness/client/firmware_files.h"
 #include "harness/dds/domain_slot.h"
-#include "harness/report/files.h"
-#include "harness/report/flight_files.h"
 #include "harness/run/flight.h"
 #include "harness/run/realtime/realtime_flight.h"
+#include "harness/run/remote/archive.h"
 #include "harness/run/run_id.h"
 #include "harness/scenario/reader.h"
 #include "harness/terminal/terminal.h"
@@ -22,13 +24,18 @@
 namespace tiltproof::harness {
 namespace {
 
+// The flight was flown, or not, but what it should leave on the disk is not there.
+struct RecordingError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
 // What the monitors of a flight in real time are told of its score.
-dds::Score Announced(const ScenarioResult& result) {
+dds::Score Announced(const FlightResult& result) {
   dds::Score score;
   score.scenario = result.name;
   score.verdict = Name(result.score.verdict);
   score.reason = result.score.reason.substr(0, dds::kTextBytesMax);
-  score.metrics_json = MetricsJsonText(result);
+  score.metrics_json = nlohmann::json(result.score.metrics).dump();
   return score;
 }
 
@@ -44,7 +51,7 @@ BusPlace ChoosePlace(const FlightMeans& means, std::optional<dds::DomainSlot>& s
 // `score` makes the result, which a flight in real time announces before it leaves the bus.
 // `client`: what must not end before the flight is judged.
 RunLog FlyByMeans(const FlightJob& job, WorkerReport& report, const std::atomic<bool>* interrupted,
-                  const std::function<const ScenarioResult&(const RunLog&)>& score,
+                  const std::function<const FlightResult&(const RunLog&)>& score,
                   std::unique_ptr<Client>& client) {
   std::atomic<std::int64_t>* const progress_ns = &report.progress_ns;
   const Scenario& scenario = job.scenario;
@@ -88,25 +95,67 @@ RunLog FlyByMeans(const FlightJob& job, WorkerReport& report, const std::atomic<
 }
 
 // `cut_short`: set when a signal ended the flight.
-ScenarioResult FlyJob(const FlightJob& job, WorkerReport& report, const std::atomic<bool>* interrupted,
-                      std::unique_ptr<Client>& client, bool& cut_short) {
+FlightResult FlyJob(const FlightJob& job, WorkerReport& report, const std::atomic<bool>* interrupted,
+                    std::unique_ptr<Client>& client, bool& cut_short) {
   const Scenario& scenario = job.scenario;
-  std::optional<ScenarioResult> result;
-  const auto score = [&](const RunLog& log) -> const ScenarioResult& {
-    if (!result) result = MakeResult(job.folder.filename(), scenario, log, job.replay);
+  std::optional<FlightResult> result;
+  const auto score = [&](const RunLog& log) -> const FlightResult& {
+    if (!result) result = MakeResult(job.name, scenario, log, job.replay);
     return *result;
   };
   const RunLog log = FlyByMeans(job, report, interrupted, score, client);
   cut_short = log.end_reason == EndReason::kInterrupted;
-  // Scoring and writing are progress too, for the parent that watches.
+  // Scoring and recording are progress too, for the parent that watches.
   report.progress_ns.fetch_add(1, std::memory_order_relaxed);
   score(log);
   report.progress_ns.fetch_add(1, std::memory_order_relaxed);
-  WriteFlight(job.folder, scenario, log);
+  try {
+    job.recorder.end(scenario, log, *result);
+  } catch (const std::exception& error) {
+    throw RecordingError(error.what());
+  }
   return std::move(*result);
 }
 
+WorkerResult FlyAndRecord(const FlightJob& job, WorkerReport& report, const std::atomic<bool>* interrupted,
+                          std::unique_ptr<Client>& client) {
+  WorkerResult done;
+  try {
+    try {
+      job.recorder.begin(job.scenario);
+    } catch (const std::exception& error) {
+      throw RecordingError(error.what());
+    }
+    done.result = FlyJob(job, report, interrupted, client, done.cut_short);
+  } catch (const RecordingError& error) {
+    Print(stderr, "tiltproof: {}: {}\n", job.scenario.name, error.what());
+    done.result = ErrorResult(job, fmt::format("the flight's results are missing: {}", error.what()));
+  } catch (const std::exception& error) {
+    done.result = ErrorResult(job, error.what());
+  }
+  return done;
+}
+
+// The parent reads while the worker lives, and takes the worker with it when it ends.
+void WriteAll(int descriptor, std::span<const std::uint8_t> bytes) {
+  while (!bytes.empty()) {
+    const ssize_t count = write(descriptor, bytes.data(), bytes.size());
+    if (count < 0 && errno == EINTR) continue;
+    if (count <= 0) return;
+    bytes = bytes.subspan(static_cast<std::size_t>(count));
+  }
+}
+
 }  // namespace
+
+std::optional<WorkerResult> ReadWorkerResult(std::span<const std::uint8_t> bytes) {
+  std::uint64_t size = 0;
+  if (bytes.size() < sizeof size) return std::nullopt;
+  std::memcpy(&size, bytes.data(), sizeof size);
+  const auto body = bytes.subspan(sizeof size);
+  if (body.size() < size || body.empty()) return std::nullopt;
+  return WorkerResult{body[0] != 0, UnpackFlightResult(body.subspan(1))};
+}
 
 void WorkerReport::SetPlace(const BusPlace& place) {
   domain_ = place.domain;
@@ -120,38 +169,23 @@ std::optional<BusPlace> WorkerReport::Place() const {
   return BusPlace{domain_, tag_.data(), run_id_.data()};
 }
 
-ScenarioResult ErrorResult(const FlightJob& job, const std::string& reason) {
-  return MakeErrorResult(job.folder.filename(), job.scenario, reason, job.replay);
-}
-
-void Work(const FlightJob& job, WorkerReport& report, const std::atomic<bool>* interrupted) {
+void Work(const FlightJob& job, WorkerReport& report, int result_descriptor,
+          const std::atomic<bool>* interrupted) {
   // Nothing must mix with the results on standard output.
   dup2(STDERR_FILENO, STDOUT_FILENO);
-  ScenarioResult result;
   std::unique_ptr<Client> client;
-  bool cut_short = false;
-  try {
-    std::filesystem::create_directories(job.folder);
-    WriteFile(job.folder / "scenario.resolved.yaml", WriteResolved(job.scenario));
-    try {
-      result = FlyJob(job, report, interrupted, client, cut_short);
-    } catch (const FileError&) {
-      throw;
-    } catch (const std::exception& error) {
-      result = ErrorResult(job, error.what());
-    }
-    WriteFile(job.folder / "verdict.json", ToJsonText(result));
-  } catch (const std::exception& error) {
-    // Then what is printed is heard again.
-    client.reset();
-    Print(stderr, "tiltproof: {}: {}\n", job.scenario.name, error.what());
-    std::strncpy(report.no_verdict_because.data(), error.what(), report.no_verdict_because.size() - 1);
-    _exit(kExitWithoutVerdict);
-  }
+  const WorkerResult done = FlyAndRecord(job, report, interrupted, client);
+  const std::vector<std::uint8_t> packed = Pack(done.result);
+  const std::uint64_t size = packed.size() + 1;
+  std::vector<std::uint8_t> message(sizeof size + size);
+  std::memcpy(message.data(), &size, sizeof size);
+  message[sizeof size] = done.cut_short ? 1 : 0;
+  std::copy(packed.begin(), packed.end(), message.begin() + sizeof size + 1);
+  WriteAll(result_descriptor, message);
   // Whatever it does now, its flight is judged.
   client.reset();
   // No destructors or exit handlers: they may be the firmware library's.
-  _exit(cut_short ? kExitWorkerInterrupted : 0);
+  _exit(0);
 }
 
 }  // namespace tiltproof::harness

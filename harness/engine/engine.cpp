@@ -1,0 +1,97 @@
+#include "harness/engine/engine.h"
+
+#include <fmt/format.h>
+#include <poll.h>
+
+#include <chrono>
+#include <csignal>
+#include <utility>
+
+namespace tiltproof::harness {
+namespace {
+
+using SteadyClock = std::chrono::steady_clock;
+
+constexpr int kTurn_ms = 100;
+
+}  // namespace
+
+std::future<FlightResult> Engine::Submit(FlightJob job) {
+  Flight& flight = waiting_.emplace_back(Flight{std::move(job), {}});
+  return flight.result.get_future();
+}
+
+void Engine::Turn() {
+  StartWhatFits();
+  if (flying_.empty()) return;
+  Wait();
+  for (auto flying = flying_.begin(); flying != flying_.end();) {
+    WorkerProcess& worker = flying->worker;
+    if (const auto place = worker.TakePlace()) options_.on_place(flying->flight.job.name, *place);
+    if (auto result = worker.Look(flying->flight.job, options_.tell, interrupted())) {
+      Flight flight = std::move(flying->flight);
+      flying = flying_.erase(flying);
+      Finish(flight, std::move(*result));
+    } else {
+      ++flying;
+    }
+  }
+}
+
+void Engine::StartWhatFits() {
+  while (!waiting_.empty() && !interrupted() &&
+         flying_.size() < static_cast<std::size_t>(options_.jobs_count)) {
+    Flying& flying = flying_.emplace_back(std::move(waiting_.front()));
+    waiting_.pop_front();
+    const std::string trouble = flying.worker.Start(flying.flight.job, options_.interrupted);
+    if (trouble.empty()) continue;
+    Flight flight = std::move(flying.flight);
+    flying_.pop_back();
+    Finish(flight, ErrorResult(flight.job, trouble));
+  }
+}
+
+// Until a worker ends or has something to say.
+void Engine::Wait() {
+  std::vector<pollfd> polled;
+  for (const Flying& flying : flying_) {
+    polled.push_back({flying.worker.pidfd(), POLLIN, 0});
+    polled.push_back({flying.worker.result_descriptor(), POLLIN, 0});
+  }
+  const auto began = SteadyClock::now();
+  poll(polled.data(), polled.size(), kTurn_ms);
+  const TimeNs waited_ns = std::chrono::nanoseconds(SteadyClock::now() - began).count();
+  if (waited_ns > WorkerProcess::kToldAfterNs) {
+    for (Flying& flying : flying_) flying.worker.NoteTold();
+    options_.tell(
+        fmt::format("this program stood still for {:.0f} s: it was stopped, or had no processor; that time "
+                    "does not count",
+                    ToSeconds(waited_ns)));
+  }
+  if (interrupted() && !std::exchange(forwarded_, true)) {
+    // Ctrl-C on a terminal reaches them anyway; a signal to this process alone does not.
+    for (const Flying& flying : flying_) flying.worker.Send(SIGINT);
+  }
+}
+
+void Engine::Finish(Flight& flight, FlightResult result) {
+  options_.on_finished(flight.job, result);
+  flight.result.set_value(std::move(result));
+}
+
+std::vector<std::string> Engine::DropWaiting() {
+  std::vector<std::string> names;
+  for (const Flight& flight : waiting_) names.push_back(flight.job.name);
+  waiting_.clear();
+  return names;
+}
+
+std::vector<Engine::Progress> Engine::progress() const {
+  std::vector<Progress> all;
+  for (const Flying& flying : flying_)
+    all.push_back({flying.flight.job.name, ToSeconds(flying.worker.progress_ns()),
+                   ToSeconds(flying.flight.job.scenario.duration_ns)});
+  return all;
+}
+
+}  // namespace tiltproof::harness

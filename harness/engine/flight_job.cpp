@@ -1,0 +1,21 @@
+#include "harness/engine/flight_job.h"
+
+namespace tiltproof::harness {
+
+std::vector<ClientSpec> FlightMeans::ClientsOf(const Scenario& scenario) const {
+  std::vector<ClientSpec> specs;
+  for (std::size_t i = 0; i < scenario.client_count(); ++i)
+    specs.push_back(clients.Of(scenario.client_id(i)));
+  return specs;
+}
+
+bool FlightMeans::FirmwareInWorker(const Scenario& scenario) const {
+  return !realtime && !distributed && !scenario.has_several_clients() &&
+         AbilitiesOf(ClientsOf(scenario).front(), realtime).guarded;
+}
+
+FlightResult ErrorResult(const FlightJob& job, const std::string& reason) {
+  return MakeErrorResult(job.name, job.scenario, reason, job.replay);
+}
+
+}  // namespace tiltproof::harness

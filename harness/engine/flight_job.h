@@ -1,0 +1,55 @@
+// A flight to be flown, and by what means.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "harness/engine/flight_result.h"
+#include "harness/run/remote/distributed_flight.h"
+#include "harness/scenario/client_spec.h"
+#include "harness/scenario/scenario.h"
+#include "plant/vehicle_model.h"
+
+namespace tiltproof::harness {
+
+// How flights of a run are flown.
+struct FlightMeans {
+  RunClients clients;
+  bool realtime = false;
+  std::optional<Transport> distributed;  // lockstep with every part in a process of its own
+  bool attach = false;                   // realtime: with nodes that run already
+  int domain = 0;                        // 0: the first free one
+  std::string interface;
+  std::vector<std::string> peers;
+  std::string program;  // this program, which the parts of a flight in several processes run
+
+  // Of a scenario's clients, in its order.
+  std::vector<ClientSpec> ClientsOf(const Scenario& scenario) const;
+  // Whether a worker process has the firmware in it.
+  bool FirmwareInWorker(const Scenario& scenario) const;
+  // As run.json keeps it.
+  std::string client_text() const { return attach ? "attached" : ToText(clients.all); }
+};
+
+// What a flight leaves on the disk. Both are called in its worker process, and may throw: then its result is an error.
+struct FlightRecorder {
+  std::function<void(const Scenario&)> begin = [](const auto&) {};  // before it
+  std::function<void(const Scenario&, const RunLog&, const FlightResult&)> end =
+      [](const auto&, const auto&, const auto&) {};  // after it
+};
+
+struct FlightJob {
+  std::string name;  // unique among the flights of an engine
+  Scenario scenario;
+  std::shared_ptr<const plant::VehicleModel> model;
+  FlightMeans means;
+  std::string replay;  // the exact command that flies it again
+  FlightRecorder recorder{};
+};
+
+FlightResult ErrorResult(const FlightJob& job, const std::string& reason);
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,74 @@
+#include "harness/engine/flight_result.h"
+
+#include "harness/run/remote/archive.h"
+
+namespace tiltproof::harness {
+
+template <class Archive>
+void Fields(Archive& archive, Histogram& h) {
+  archive(h.edges_ms, h.counts);
+}
+template <class Archive>
+void Fields(Archive& archive, CriterionResult& c) {
+  archive(c.name, c.verdict, c.robustness, c.time_s, c.explanation, c.margin);
+}
+template <class Archive>
+void Fields(Archive& archive, FaultResult& f) {
+  archive(f.id, f.type, f.activations);
+}
+template <class Archive>
+void Fields(Archive& archive, Score& s) {
+  archive(s.verdict, s.reason, s.metrics, s.histograms, s.criteria, s.faults, s.restarts_count);
+}
+template <class Archive>
+void Fields(Archive& archive, FlightEvent& e) {
+  archive(e.time_ns, e.kind, e.client, e.text);
+}
+template <class Archive>
+void Fields(Archive& archive, FlightResult& r) {
+  archive(r.name, r.expected, r.seed, r.trace_hash, r.wall_s, r.real_time_factor, r.score, r.events,
+          r.replay);
+}
+
+FlightResult MakeErrorResult(const std::string& name, const Scenario& scenario, const std::string& reason,
+                             const std::string& replay) {
+  FlightResult result;
+  result.name = name;
+  result.expected = scenario.expect;
+  result.seed = scenario.seed;
+  result.replay = replay;
+  result.score.verdict = Verdict::kError;
+  result.score.reason = reason;
+  return result;
+}
+
+FlightResult MakeResult(const std::string& name, const Scenario& scenario, const RunLog& log,
+                        const std::string& replay) {
+  FlightResult result = MakeErrorResult(name, scenario, "", replay);
+  result.trace_hash = TraceHash(log.trace);
+  result.wall_s = log.wall_s;
+  result.real_time_factor = log.wall_s > 0 ? ToSeconds(log.end_ns) / log.wall_s : 0.0;
+  result.score = ScoreRun(scenario, log);
+  result.events = EventsOf(log);
+  return result;
+}
+
+std::vector<FlightEvent> EventsOf(const RunLog& log) {
+  std::vector<FlightEvent> events;
+  for (const RunEvent& event : log.events)
+    events.push_back(
+        {event.time_ns, event.kind, event.client ? log.clients.at(*event.client).id : "", event.text});
+  return events;
+}
+
+std::vector<std::uint8_t> Pack(const FlightResult& result) {
+  Packer packer;
+  packer(result);
+  return {packer.bytes().begin(), packer.bytes().end()};
+}
+
+FlightResult UnpackFlightResult(std::span<const std::uint8_t> bytes) {
+  return Unpacker(bytes).Next<FlightResult>();
+}
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,215 @@
+#include "harness/engine/worker_process.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+#include <utility>
+
+#include "harness/engine/worker.h"
+
+namespace tiltproof::harness {
+namespace {
+
+// A worker whose simulation time has stood still for so much time of its own is stuck in our code: its firmware is
+// guarded (FirmwareGuard).
+constexpr TimeNs kStuckAfterNs = 300 * kNsPerS;
+// One that has been stopped by its firmware is given so long to leave the call, once it goes on.
+constexpr TimeNs kLastChanceNs = kNsPerS;
+// A conductor in real time makes progress on every turn of its loop, so that only scoring and writing, which
+// grow with the flight, can take a while.
+constexpr TimeNs kRealtimeStuckAfterNs = 10 * kNsPerS;
+
+// Of a firmware that took its flight with it.
+FlightResult FirmwareFailed(const FlightJob& job, const std::string& reason) {
+  FlightResult result = ErrorResult(job, reason);
+  result.score.verdict = Verdict::kFail;
+  return result;
+}
+
+}  // namespace
+
+WorkerProcess::~WorkerProcess() {
+  if (pid_ > 0) {
+    kill(pid_, SIGKILL);
+    waitpid(pid_, nullptr, 0);
+  }
+  if (pidfd_ >= 0) close(pidfd_);
+  if (result_descriptor_ >= 0) close(result_descriptor_);
+  if (report_ != nullptr) munmap(static_cast<void*>(report_), sizeof(WorkerReport));
+}
+
+std::string WorkerProcess::Start(const FlightJob& job, const std::atomic<bool>* interrupted) {
+  void* shared =
+      mmap(nullptr, sizeof(WorkerReport), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+  if (shared == MAP_FAILED) return fmt::format("cannot share memory with a worker: {}", std::strerror(errno));
+  report_ = new (shared) WorkerReport();
+  std::array<int, 2> ends{};
+  if (pipe2(ends.data(), O_CLOEXEC) != 0)
+    return fmt::format("cannot open a pipe to a worker: {}", std::strerror(errno));
+  result_descriptor_ = ends[0];
+  fcntl(result_descriptor_, F_SETFL, O_NONBLOCK);
+  std::fflush(nullptr);
+  const pid_t parent = getpid();
+  const pid_t pid = fork();
+  if (pid == 0) {
+    // A worker never outlives the run, not even when the parent is killed.
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    if (getppid() != parent) _exit(1);
+    close(ends[0]);
+    Work(job, *report_, ends[1], interrupted);
+  }
+  const int error = errno;
+  close(ends[1]);
+  if (pid < 0) return fmt::format("cannot start a worker: {}", std::strerror(error));
+  pid_ = pid;
+  pidfd_ = static_cast<int>(syscall(SYS_pidfd_open, pid_, 0));
+  GetsOn(job, SteadyClock::now());
+  return {};
+}
+
+void WorkerProcess::Send(int signal) const { kill(pid_, signal); }
+
+TimeNs WorkerProcess::progress_ns() const { return report_->progress_ns.load(std::memory_order_relaxed); }
+
+std::optional<BusPlace> WorkerProcess::TakePlace() {
+  if (place_known_) return std::nullopt;
+  const auto place = report_->Place();
+  place_known_ = place.has_value();
+  return place;
+}
+
+std::optional<FlightResult> WorkerProcess::Look(const FlightJob& job,
+                                                const std::function<void(const std::string&)>& tell,
+                                                bool interrupted) {
+  int status = 0;
+  const pid_t ended = waitpid(pid_, &status, WNOHANG);
+  ReadResult();
+  if (ended == 0 || (ended < 0 && errno == EINTR)) {
+    Watch(job, tell);
+    return std::nullopt;
+  }
+  pid_ = -1;
+  if (ended < 0) return ErrorResult(job, "the worker process is gone, and how it ended is not known");
+  return Collect(job, status, tell, interrupted);
+}
+
+void WorkerProcess::ReadResult() {
+  std::array<std::uint8_t, 65536> some;
+  while (true) {
+    const ssize_t count = read(result_descriptor_, some.data(), some.size());
+    if (count < 0 && errno == EINTR) continue;
+    if (count <= 0) return;
+    result_bytes_.insert(result_bytes_.end(), some.begin(), some.begin() + count);
+  }
+}
+
+// A flight by the clock on the wall that is stopped cannot be judged: its time goes on.
+void WorkerProcess::GetsOn(const FlightJob& job, SteadyClock::time_point now) {
+  seen_at_ = now;
+  own_ = OwnTime(job.means.realtime ? -1 : pid_);
+}
+
+void WorkerProcess::Watch(const FlightJob& job, const std::function<void(const std::string&)>& tell) {
+  const auto now = SteadyClock::now();
+  const TimeNs progress = progress_ns();
+  const std::uint64_t calls = report_->firmware.calls_count.load(std::memory_order_relaxed);
+  if (std::exchange(seen_progress_ns_, progress) != progress ||
+      std::exchange(seen_calls_count_, calls) != calls)
+    GetsOn(job, now);
+  const TimeNs own_ns = own_.Look(now);
+  const TimeNs excused_ns = std::chrono::nanoseconds(now - seen_at_).count() - own_ns;
+  if (!told_ && excused_ns > kToldAfterNs && own_.excuse() != OwnTime::Excuse::kNone) {
+    told_ = true;
+    tell(fmt::format("{} stands still: {}; that time does not count", job.name,
+                     own_.excuse() == OwnTime::Excuse::kStopped
+                         ? fmt::format("process {} is stopped (`kill -CONT {}` lets it go on)",
+                                       own_.stopped_pid(), own_.stopped_pid())
+                         : "this machine has no processor for it"));
+  }
+  const FirmwareCall inside = report_->firmware.inside.load(std::memory_order_relaxed);
+  if (stuck_ || own_ns <= Limit(job, inside)) return;
+  if (inside != FirmwareCall::kNone && own_.stopped_itself() && stopped_itself_in_ == FirmwareCall::kNone) {
+    // Its flight is kept when it leaves the call by our word.
+    stopped_itself_in_ = inside;
+    report_->firmware.stopped_itself = true;
+    Send(SIGALRM);
+    Send(SIGCONT);
+    GetsOn(job, now);
+    return;
+  }
+  stuck_ = true;
+  stuck_in_ = inside;
+  Send(SIGKILL);
+}
+
+TimeNs WorkerProcess::Limit(const FlightJob& job, FirmwareCall inside) const {
+  if (job.means.realtime) return kRealtimeStuckAfterNs + job.scenario.duration_ns;
+  if (inside == FirmwareCall::kNone) return kStuckAfterNs;
+  return stopped_itself_in_ == FirmwareCall::kNone ? FirmwareGuard::kUnreachableAfterNs : kLastChanceNs;
+}
+
+FlightResult WorkerProcess::Collect(const FlightJob& job, int status,
+                                    const std::function<void(const std::string&)>& tell,
+                                    bool interrupted) const {
+  try {
+    auto done = ReadWorkerResult(result_bytes_);
+    if (!done) return WithoutResult(job, status);
+    if (!WIFEXITED(status) || WEXITSTATUS(status) != 0)
+      tell(fmt::format(
+          "warning: {}: after the flight, which counts as it was, its process did not end in order{}",
+          job.name, stuck_in_ == FirmwareCall::kNone ? "" : fmt::format(": it hung in {}", Name(stuck_in_))));
+    // The end of this one flight was not asked for: that is trouble, not a wish.
+    if (done->cut_short && !interrupted) {
+      done->result.score.verdict = Verdict::kError;
+      done->result.score.reason =
+          fmt::format("a signal ended the worker process alone: {}", done->result.score.reason);
+    }
+    return std::move(done->result);
+  } catch (const std::exception& error) {
+    return ErrorResult(job, error.what());
+  }
+}
+
+FlightResult WorkerProcess::WithoutResult(const FlightJob& job, int status) const {
+  const std::string at = fmt::format("at {:.3f} s of the flight", ToSeconds(progress_ns()));
+  const FirmwareCall inside = report_->firmware.inside.load(std::memory_order_relaxed);
+  if (stuck_ && stopped_itself_in_ != FirmwareCall::kNone)
+    return FirmwareFailed(job,
+                          fmt::format("the firmware stopped itself in {} {}", Name(stopped_itself_in_), at));
+  if (stuck_ && stuck_in_ != FirmwareCall::kNone)
+    return FirmwareFailed(job,
+                          fmt::format("the firmware did not return from {} within {} s of its own time, {}, "
+                                      "and holds off what would end the call: its flight is lost",
+                                      Name(stuck_in_), ToSeconds(FirmwareGuard::kUnreachableAfterNs), at));
+  if (stuck_)
+    return ErrorResult(job, fmt::format("the worker process stood still for {:.0f} s {} and was killed: it "
+                                        "hung or was stopped",
+                                        ToSeconds(Limit(job, FirmwareCall::kNone)), at));
+  const std::string how = WIFSIGNALED(status) ? fmt::format("was killed by signal {} ({})", WTERMSIG(status),
+                                                            strsignal(WTERMSIG(status)))
+                                              : fmt::format("ended with exit code {}", WEXITSTATUS(status));
+  // These others send, too; all else is of the firmware's making while it runs. The worker itself does not exit
+  // without a result.
+  const std::array others = {SIGKILL, SIGTERM, SIGINT, SIGHUP, SIGQUIT};
+  const bool by_others =
+      WIFSIGNALED(status) && (inside == FirmwareCall::kNone ||
+                              std::find(others.begin(), others.end(), WTERMSIG(status)) != others.end());
+  if (job.means.FirmwareInWorker(job.scenario) && !by_others)
+    return FirmwareFailed(job, fmt::format("the firmware ended its process in {}: the process {} {}, and the "
+                                           "flight is lost",
+                                           Name(inside), how, at));
+  return ErrorResult(job, fmt::format("the worker process {} {}", how, at));
+}
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,81 @@
+// The worker process of one flight, as its parent sees it: started, watched, and in the end a result, whatever became of it.
+#pragma once
+
+#include <sys/types.h>
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "harness/client/firmware_guard.h"
+#include "harness/engine/flight_job.h"
+#include "harness/engine/flight_result.h"
+#include "harness/process/own_time.h"
+#include "harness/run/bus_place.h"
+#include "link/time.h"
+
+namespace tiltproof::harness {
+
+struct WorkerReport;
+
+class WorkerProcess {
+ public:
+  // When a flight has stood still for so long for a reason that is not its fault, that is said.
+  static constexpr TimeNs kToldAfterNs = 5 * kNsPerS;
+
+  WorkerProcess() = default;
+  // Kills it when it still runs.
+  ~WorkerProcess();
+  WorkerProcess(const WorkerProcess&) = delete;
+  WorkerProcess& operator=(const WorkerProcess&) = delete;
+
+  // Empty, or why there is none.
+  std::string Start(const FlightJob& job, const std::atomic<bool>* interrupted);
+  // Reads what it says and watches it. The result, once the process has ended; `tell` gets lines for a person.
+  // `interrupted`: whether the end of the flights was asked for.
+  std::optional<FlightResult> Look(const FlightJob& job, const std::function<void(const std::string&)>& tell,
+                                   bool interrupted);
+  // Where its flight is on the bus, once, when that is known.
+  std::optional<BusPlace> TakePlace();
+  void Send(int signal) const;
+  // Time in which nothing got on has been told of already.
+  void NoteTold() { told_ = true; }
+
+  int pidfd() const { return pidfd_; }
+  int result_descriptor() const { return result_descriptor_; }
+  TimeNs progress_ns() const;  // simulation time
+
+ private:
+  using SteadyClock = std::chrono::steady_clock;
+
+  void ReadResult();
+  void Watch(const FlightJob& job, const std::function<void(const std::string&)>& tell);
+  void GetsOn(const FlightJob& job, SteadyClock::time_point now);
+  TimeNs Limit(const FlightJob& job, FirmwareCall inside) const;
+  FlightResult Collect(const FlightJob& job, int status, const std::function<void(const std::string&)>& tell,
+                       bool interrupted) const;
+  FlightResult WithoutResult(const FlightJob& job, int status) const;
+
+  pid_t pid_ = -1;
+  int pidfd_ = -1;
+  int result_descriptor_ = -1;
+  std::vector<std::uint8_t> result_bytes_;
+  WorkerReport* report_ = nullptr;
+  // Last seen to get on, and how much time of its own it has had since.
+  TimeNs seen_progress_ns_ = 0;
+  std::uint64_t seen_calls_count_ = 0;
+  SteadyClock::time_point seen_at_;
+  OwnTime own_;
+  bool told_ = false;
+  bool place_known_ = false;
+  FirmwareCall stopped_itself_in_ = FirmwareCall::kNone;
+  // Killed for standing still; and in which of the firmware's calls, if any.
+  bool stuck_ = false;
+  FirmwareCall stuck_in_ = FirmwareCall::kNone;
+};
+
+}  // namespace tiltproof::harness
