@@ -1,12 +1,17 @@
 // The price of everything around the physics: the full lockstep loop against bare ODE stepping of the same
-// flight, in one run.
+// flight, and the engine against the same flights flown and scored in this process, in one run.
 
 #include <benchmark/benchmark.h>
+#include <sys/resource.h>
 
+#include <memory>
 #include <string>
+#include <vector>
 
 #include "harness/client/library_client.h"
+#include "harness/engine/engine.h"
 #include "harness/run/flight.h"
+#include "harness/score/score.h"
 #include "plant/plant.h"
 
 namespace tiltproof::harness {
@@ -82,6 +87,58 @@ void FullLoop(benchmark::State& state) {
 }
 // Cost must grow linearly with flight time.
 BENCHMARK(FullLoop)->Arg(60)->Arg(120)->Arg(240)->Arg(480)->Unit(benchmark::kMillisecond);
+
+// Of this process and of the children that it has waited for.
+double ProcessorTime_s() {
+  double sum_s = 0;
+  for (const int who : {RUSAGE_SELF, RUSAGE_CHILDREN}) {
+    rusage usage{};
+    getrusage(who, &usage);
+    for (const timeval& time : {usage.ru_utime, usage.ru_stime})
+      sum_s += static_cast<double>(time.tv_sec) + static_cast<double>(time.tv_usec) * 1e-6;
+  }
+  return sum_s;
+}
+
+constexpr int kFlightsCount = 20;
+
+// Processor time per flight, with its score.
+template <class FlyAll>
+void TimeFlights(benchmark::State& state, const FlyAll& fly_all) {
+  for (auto _ : state) {
+    const double began_s = ProcessorTime_s();
+    fly_all();
+    state.SetIterationTime((ProcessorTime_s() - began_s) / kFlightsCount);
+  }
+  state.counters["flights_per_hour_and_core"] =
+      benchmark::Counter(3600.0 * static_cast<double>(state.iterations()), benchmark::Counter::kIsRate);
+}
+
+void FlyAndScore(benchmark::State& state) {
+  TimeFlights(state, [] {
+    for (int i = 0; i < kFlightsCount; ++i)
+      benchmark::DoNotOptimize(ScoreRun(Spiral(kDuration_s), FlySpiral(kDuration_s)).verdict);
+  });
+}
+BENCHMARK(FlyAndScore)->UseManualTime()->Unit(benchmark::kMillisecond);
+
+void FlyByEngine(benchmark::State& state) {
+  const auto model = std::make_shared<const plant::VehicleModel>(Model());
+  TimeFlights(state, [&] {
+    Engine engine({.jobs_count = static_cast<int>(state.range(0))});
+    for (int i = 0; i < kFlightsCount; ++i) {
+      FlightJob job{.name = std::to_string(i),
+                    .scenario = Spiral(kDuration_s),
+                    .model = model,
+                    .means = {},
+                    .replay = {}};
+      job.means.clients.all = HostLibrary{TILTPROOF_FIRMWARE_LIBRARY};
+      engine.Submit(std::move(job));
+    }
+    while (!engine.idle()) engine.Turn();
+  });
+}
+BENCHMARK(FlyByEngine)->Arg(1)->Arg(2)->UseManualTime()->Unit(benchmark::kMillisecond);
 
 }  // namespace
 }  // namespace tiltproof::harness

@@ -339,6 +339,46 @@ class SuiteTest(unittest.TestCase):
         self.assertEqual(self.verdicts(), [("a", "fail"), ("b", "error")])
         self.assertEqual(self.results()["scenarios"][1]["reason"], "not flown: --fail-fast ended the run")
 
+    # --keep
+
+    def run_keeping(self, keep):
+        self.scenario("good")
+        self.scenario("bad", **{"position_error_m <= 0.5": "position_error_m < 0"})
+        code, out, err = self.tiltproof("run", ".", "--keep", keep)
+        self.assertEqual(code, 1, out + err)
+        self.assertEqual(self.verdicts(), [("bad", "fail"), ("good", "pass")])
+        return sorted(entry.name for entry in self.latest().iterdir() if entry.is_dir())
+
+    def test_keep_says_which_flights_leave_a_folder(self):
+        self.assertEqual(self.run_keeping("all"), ["bad", "good"])
+        everything = self.results()
+        events = (self.latest() / "events.jsonl").read_text()
+        self.assertIn('"scenario":"good"', events)
+        kept = sorted(file.name for file in (self.latest() / "bad").iterdir())
+        for keep, folders in (("failing", ["bad"]), ("verdicts", [])):
+            self.assertEqual(self.run_keeping(keep), folders)
+            results = self.results()
+            for then, now in zip(everything["scenarios"], results["scenarios"]):
+                self.assertEqual({**then, "wall_s": 0, "real_time_factor": 0, "replay": ""}, {**now, "wall_s": 0, "real_time_factor": 0, "replay": ""})
+            self.assertEqual((self.latest() / "events.jsonl").read_text(), events)
+            if folders:
+                self.assertEqual(sorted(file.name for file in (self.latest() / "bad").iterdir()), kept)
+
+    def test_flights_that_were_not_kept_stay_as_they_were_judged(self):
+        self.run_keeping("failing")
+        before = self.results()["scenarios"], (self.latest() / "events.jsonl").read_text()
+        code, out, _ = self.tiltproof("score", self.latest())
+        self.assertEqual(code, 1, out)
+        self.assertIn("1 of 2 green", out)
+        self.assertEqual((self.results()["scenarios"], (self.latest() / "events.jsonl").read_text()), before)
+        code, out, _ = self.tiltproof("replay", self.latest())
+        self.assertEqual(code, 0, out)
+        self.assertIn("1 of 2 flights were kept (--keep failing), and are flown again", out)
+        self.run_keeping("verdicts")
+        code, out, _ = self.tiltproof("replay", self.latest())
+        self.assertEqual(code, 4, out)
+        self.assertIn("0 of 2 flights were kept", out)
+
 
 if __name__ == "__main__":
     unittest.main(argv=[sys.argv[0], *sys.argv[4:]], verbosity=1)
