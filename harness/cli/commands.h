@@ -93,6 +93,8 @@ struct CompareOptions {
   std::string format = "human";
 };
 int CompareCommand(const CompareOptions& options);
+// --outcomes: a is the run of one flight, the reference.
+int OutcomesCommand(const CompareOptions& options);
 
 struct DesignLqrOptions {
   std::string model;

@@ -151,7 +151,13 @@ int Main(int argc, char** argv) {
   compare_app->add_option("--format", compare.format, "human or jsonl")
       ->check(CLI::IsMember({"human", "jsonl"}))
       ->capture_default_str();
-  compare_app->callback([&] { command = [&] { return CompareCommand(compare); }; });
+  bool outcomes = false;
+  compare_app->add_flag(
+      "--outcomes", outcomes,
+      "A is one flight without faults, B a campaign: class each flight of B as crashed, hung, "
+      "failed, detected, wrong_output or masked, and count them");
+  compare_app->callback(
+      [&] { command = [&] { return outcomes ? OutcomesCommand(compare) : CompareCommand(compare); }; });
 
   DesignLqrOptions design;
   auto* design_app = app.add_subcommand(

@@ -26,8 +26,8 @@ void Fields(Archive& archive, FlightEvent& e) {
 }
 template <class Archive>
 void Fields(Archive& archive, FlightResult& r) {
-  archive(r.name, r.expected, r.seed, r.trace_hash, r.wall_s, r.real_time_factor, r.score, r.events,
-          r.replay);
+  archive(r.name, r.expected, r.seed, r.trace_hash, r.end_reason, r.outcome, r.wall_s, r.real_time_factor,
+          r.score, r.events, r.replay);
 }
 
 FlightResult MakeErrorResult(const std::string& name, const Scenario& scenario, const std::string& reason,
@@ -37,6 +37,7 @@ FlightResult MakeErrorResult(const std::string& name, const Scenario& scenario, 
   result.expected = scenario.expect;
   result.seed = scenario.seed;
   result.replay = replay;
+  result.outcome = Outcome::kError;
   result.score.verdict = Verdict::kError;
   result.score.reason = reason;
   return result;
@@ -49,6 +50,8 @@ FlightResult MakeResult(const std::string& name, const Scenario& scenario, const
   result.wall_s = log.wall_s;
   result.real_time_factor = log.wall_s > 0 ? ToSeconds(log.end_ns) / log.wall_s : 0.0;
   result.score = ScoreRun(scenario, log);
+  result.end_reason = log.end_reason;
+  result.outcome = OutcomeOf(log, result.score);
   result.events = EventsOf(log);
   return result;
 }

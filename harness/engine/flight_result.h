@@ -2,10 +2,12 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "harness/score/outcome.h"
 #include "harness/score/score.h"
 
 namespace tiltproof::harness {
@@ -22,7 +24,9 @@ struct FlightResult {
   std::string name;  // unique in its run
   Verdict expected = Verdict::kPass;
   std::uint64_t seed = 0;
-  std::string trace_hash;  // empty: there was no flight to score
+  std::string trace_hash;               // empty: there was no flight to score
+  std::optional<EndReason> end_reason;  // none: there was no flight to score
+  std::optional<Outcome> outcome;       // none: read from a file of an older version
   double wall_s = 0.0;
   double real_time_factor = 0.0;
   Score score;

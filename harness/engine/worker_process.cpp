@@ -31,8 +31,9 @@ constexpr TimeNs kLastChanceNs = kNsPerS;
 constexpr TimeNs kRealtimeStuckAfterNs = 10 * kNsPerS;
 
 // Of a firmware that took its flight with it.
-FlightResult FirmwareFailed(const FlightJob& job, const std::string& reason) {
+FlightResult FirmwareFailed(const FlightJob& job, Outcome outcome, const std::string& reason) {
   FlightResult result = ErrorResult(job, reason);
+  result.outcome = outcome;
   result.score.verdict = Verdict::kFail;
   return result;
 }
@@ -172,6 +173,7 @@ FlightResult WorkerProcess::Collect(const FlightJob& job, int status,
     // The end of this one flight was not asked for: that is trouble, not a wish.
     if (done->cut_short && !interrupted) {
       done->result.score.verdict = Verdict::kError;
+      done->result.outcome = Outcome::kError;
       done->result.score.reason =
           fmt::format("a signal ended the worker process alone: {}", done->result.score.reason);
     }
@@ -185,10 +187,10 @@ FlightResult WorkerProcess::WithoutResult(const FlightJob& job, int status) cons
   const std::string at = fmt::format("at {:.3f} s of the flight", ToSeconds(progress_ns()));
   const FirmwareCall inside = report_->firmware.inside.load(std::memory_order_relaxed);
   if (stuck_ && stopped_itself_in_ != FirmwareCall::kNone)
-    return FirmwareFailed(job,
+    return FirmwareFailed(job, Outcome::kHung,
                           fmt::format("the firmware stopped itself in {} {}", Name(stopped_itself_in_), at));
   if (stuck_ && stuck_in_ != FirmwareCall::kNone)
-    return FirmwareFailed(job,
+    return FirmwareFailed(job, Outcome::kHung,
                           fmt::format("the firmware did not return from {} within {} s of its own time, {}, "
                                       "and holds off what would end the call: its flight is lost",
                                       Name(stuck_in_), ToSeconds(FirmwareGuard::kUnreachableAfterNs), at));
@@ -206,9 +208,10 @@ FlightResult WorkerProcess::WithoutResult(const FlightJob& job, int status) cons
       WIFSIGNALED(status) && (inside == FirmwareCall::kNone ||
                               std::find(others.begin(), others.end(), WTERMSIG(status)) != others.end());
   if (job.means.FirmwareInWorker(job.scenario) && !by_others)
-    return FirmwareFailed(job, fmt::format("the firmware ended its process in {}: the process {} {}, and the "
-                                           "flight is lost",
-                                           Name(inside), how, at));
+    return FirmwareFailed(job, Outcome::kCrashed,
+                          fmt::format("the firmware ended its process in {}: the process {} {}, and the "
+                                      "flight is lost",
+                                      Name(inside), how, at));
   return ErrorResult(job, fmt::format("the worker process {} {}", how, at));
 }
 

@@ -31,6 +31,15 @@ Verdict VerdictNamed(const std::string& name) {
   throw std::runtime_error("unknown verdict '" + name + "'");
 }
 
+// From null nothing. The enumeration counts from 0 to `last`.
+template <class Enum>
+std::optional<Enum> EnumNamed(const Json& name, Enum last) {
+  if (name.is_null()) return std::nullopt;
+  for (int i = 0; i <= static_cast<int>(last); ++i)
+    if (Name(static_cast<Enum>(i)) == name.get<std::string>()) return static_cast<Enum>(i);
+  throw std::runtime_error("unknown name '" + name.get<std::string>() + "'");
+}
+
 Json ToJson(const FlightResult& result) {
   Json json;
   json["name"] = result.name;
@@ -40,6 +49,8 @@ Json ToJson(const FlightResult& result) {
   json["reason"] = result.score.reason;
   json["seed"] = result.seed;
   json["trace_hash"] = result.trace_hash;
+  json["end_reason"] = result.end_reason ? Json(Name(*result.end_reason)) : Json(nullptr);
+  json["outcome"] = result.outcome ? Json(Name(*result.outcome)) : Json(nullptr);
   json["wall_s"] = result.wall_s;
   json["real_time_factor"] = result.real_time_factor;
   json["metrics"] = Json::object();
@@ -69,6 +80,9 @@ FlightResult ResultFromJson(const Json& json) {
   result.expected = VerdictNamed(json.at("expected").get<std::string>());
   json.at("seed").get_to(result.seed);
   json.at("trace_hash").get_to(result.trace_hash);
+  // Absent from the files of older versions, like others below.
+  result.end_reason = EnumNamed<EndReason>(json.value("end_reason", Json()), EndReason::kHarnessError);
+  result.outcome = EnumNamed<Outcome>(json.value("outcome", Json()), Outcome::kUnaffected);
   json.at("wall_s").get_to(result.wall_s);
   json.at("real_time_factor").get_to(result.real_time_factor);
   json.at("replay").get_to(result.replay);
@@ -206,6 +220,7 @@ FlightResult NotFlown(const PlannedFlight& flight, const std::string& reason) {
   result.name = flight.name;
   result.expected = flight.expected;
   result.seed = flight.seed;
+  result.outcome = Outcome::kError;
   result.score.verdict = Verdict::kError;
   result.score.reason = reason;
   return result;

@@ -61,12 +61,13 @@ class Calculator {
 
   std::vector<double> Signal(std::string_view name) const { return ReadSignal(log_.trace, name); }
 
-  // Root of the mean square of what is finite from `from_ns` on; NaN of nothing.
-  double RootMeanSquare(const std::vector<double>& values, TimeNs from_ns = 0) const {
+  // Root of the mean square of what is finite in [from_ns, until_ns); NaN of nothing.
+  double RootMeanSquare(const std::vector<double>& values, TimeNs from_ns = 0,
+                        TimeNs until_ns = kNever) const {
     double sum = 0.0;
     std::int64_t count = 0;
     for (std::size_t r = 0; r < values.size(); ++r) {
-      if (!std::isfinite(values[r]) || times_[r] < from_ns) continue;
+      if (!std::isfinite(values[r]) || times_[r] < from_ns || times_[r] >= until_ns) continue;
       sum += values[r] * values[r];
       ++count;
     }
@@ -110,6 +111,10 @@ class Calculator {
     for (const auto& fault : scenario_.faults)
       if (const auto span = ActiveSpan(fault))
         onset_ns = std::min(onset_ns, std::max<TimeNs>(span->begin_ns, 0));
+    if (!scenario_.faults.empty()) {
+      Set("tracking.rmse_before_faults_m", RootMeanSquare(error_, 0, onset_ns));
+      Set("tracking.rmse_since_faults_m", RootMeanSquare(error_, onset_ns));
+    }
     double iae = 0.0, itae = 0.0;
     for (std::size_t r = 1; r < times_.size(); ++r) {
       if (!std::isfinite(error_[r - 1]) || !std::isfinite(error_[r])) continue;
@@ -307,6 +312,8 @@ const std::vector<std::string>& MetricNames() {
   static const std::vector<std::string> names = [] {
     std::vector<std::string> all = {"tracking.rmse_m",
                                     "tracking.rmse_after_10s_m",
+                                    "tracking.rmse_before_faults_m",
+                                    "tracking.rmse_since_faults_m",
                                     "tracking.rmse_x_m",
                                     "tracking.rmse_y_m",
                                     "tracking.rmse_z_m",

@@ -1,0 +1,59 @@
+#include "harness/score/outcome.h"
+
+#include <algorithm>
+
+namespace tiltproof::harness {
+namespace {
+
+double MetricOr(const Score& score, const char* name, double otherwise) {
+  const auto found = score.metrics.find(name);
+  return found == score.metrics.end() ? otherwise : found->second;
+}
+
+// A firmware that never sent a request did not fly.
+bool IsSilentAtTheEnd(const RunLog& log) {
+  return std::any_of(log.clients.begin(), log.clients.end(), [&](const ClientLog& client) {
+    const auto& sent = client.sent_request_times_ns;
+    return !sent.empty() && log.end_ns - sent.back() > kSilentNs;
+  });
+}
+
+}  // namespace
+
+std::string_view Name(Outcome outcome) {
+  switch (outcome) {
+    case Outcome::kError:
+      return "error";
+    case Outcome::kCrashed:
+      return "crashed";
+    case Outcome::kHung:
+      return "hung";
+    case Outcome::kFailed:
+      return "failed";
+    case Outcome::kDetected:
+      return "detected";
+    case Outcome::kDegraded:
+      return "degraded";
+    case Outcome::kUnaffected:
+      return "unaffected";
+  }
+  return "unknown";
+}
+
+Outcome OutcomeOf(const RunLog& log, const Score& score) {
+  if (score.verdict == Verdict::kError) return Outcome::kError;
+  if (log.end_reason == EndReason::kFirmwareCrashed || log.end_reason == EndReason::kFirmwareLost)
+    return Outcome::kCrashed;
+  if (log.end_reason == EndReason::kFirmwareHung || IsSilentAtTheEnd(log)) return Outcome::kHung;
+  if (score.verdict == Verdict::kFail) return Outcome::kFailed;
+  const bool failsafe = std::any_of(log.clients.begin(), log.clients.end(), [](const ClientLog& client) {
+    return client.failsafe_entered_count.value_or(0) > 0;
+  });
+  if (score.restarts_count > 0 || failsafe) return Outcome::kDetected;
+  const double before_m = MetricOr(score, "tracking.rmse_before_faults_m", 0);
+  const double since_m = MetricOr(score, "tracking.rmse_since_faults_m", 0);
+  if (before_m > 0 && since_m > kDegradedRatio * before_m) return Outcome::kDegraded;
+  return Outcome::kUnaffected;
+}
+
+}  // namespace tiltproof::harness
