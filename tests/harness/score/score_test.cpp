@@ -78,7 +78,7 @@ TEST(Metrics, EveryNameGivenIsListedAndNoneTwice) {
   log.harness_overrun_count = 0;
   log.harness_late_max_ns = 0;
   Scenario scenario = ScenarioOf(log);
-  scenario.faults.push_back(Fault("a", 0, kNsPerS));
+  scenario.faults.push_back(Fault("a", kNsPerS, 2 * kNsPerS));
   auto names = MetricNames();
   for (const auto& [name, value] : MetricsOf(scenario, log)) EXPECT_THAT(names, Contains(name));
   EXPECT_EQ(MetricsOf(scenario, log).size(), names.size());
