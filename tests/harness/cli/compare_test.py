@@ -167,6 +167,52 @@ class CompareTest(unittest.TestCase):
             self.assertEqual(code, 2, arguments)
             self.assertTrue(err)
 
+    # --outcomes
+
+    def campaign(self, **faults):
+        """A run folder with a flight of each name, each with its fault."""
+        suite = pathlib.Path(tempfile.mkdtemp(dir=self.folder))
+        for name, fault in faults.items():
+            (suite / f"{name}.yaml").write_text(HOVER.replace("NAME", name) + f"allow_restarts: true\nfaults:\n  - {{id: it, {fault}}}\n")
+        code, out, err = self.tiltproof("run", suite, "--out", suite / "out")
+        self.assertIn(code, (0, 1, 4), out + err)
+        return (suite / "out/latest").resolve()
+
+    def test_outcomes_class_each_flight_beside_one_without_faults(self):
+        golden = self.fly()
+        campaign = self.campaign(
+            nothing="type: sensor.noise, start_s: 0.5, parameters: {signal: x_m, std: 0}",
+            little="type: sensor.bias, start_s: 0.5, parameters: {signal: x_m, offset: 0.001}",
+            lost="type: sensor.bias, start_s: 0.1, parameters: {signal: z_m, offset: 100}",
+            reset="type: device.reset, start_s: 0.5, parameters: {boot_ms: 20}",
+            hung="type: device.hang, start_s: 0.5")
+        expected = {"nothing": "masked", "little": "wrong_output", "lost": "failed", "reset": "detected", "hung": "hung"}
+        kept = {flight.name for flight in campaign.iterdir() if flight.is_dir()}
+        self.assertLessEqual({"nothing", "little", "lost", "reset"}, kept)
+        code, out, err = self.tiltproof("compare", "--outcomes", golden, campaign, "--format", "jsonl")
+        self.assertEqual((code, err), (0, ""), out)
+        self.assertEqual({entry["scenario"]: entry["outcome"] for entry in map(json.loads, out.splitlines())},
+                         {name: expected[name] for name in kept})
+        code, out, err = self.tiltproof("compare", "--outcomes", golden, campaign)
+        self.assertEqual((code, err), (0, ""), out)
+        self.assertIn("lost: failed, fail\n", out)
+        self.assertNotIn("nothing:", out)
+        self.assertIn("| masked | 1 | ", out)
+        self.assertIn("| crashed | 0 | 0 |", out)
+        # The flight alone says the same, but for what takes the reference to tell.
+        alone = {name: json.loads((campaign / name / "verdict.json").read_text())["outcome"] for name in kept}
+        self.assertEqual(alone["lost"], "failed")
+        self.assertIn(alone["nothing"], ("unaffected", "degraded"))
+
+    def test_outcomes_need_one_flight_to_compare_with(self):
+        two = self.fly(names=("a", "b"))
+        code, out, err = self.tiltproof("compare", "--outcomes", two, two)
+        self.assertEqual((code, out), (2, ""))
+        self.assertIn("takes one flight as its reference, and here are 2", err)
+        code, out, err = self.tiltproof("compare", "--outcomes", two / "a", two)
+        self.assertEqual(code, 0, err)
+        self.assertIn("| masked | 2 | 2 |", out)
+
 
 if __name__ == "__main__":
     unittest.main(argv=[sys.argv[0], *sys.argv[2:]], verbosity=1)
