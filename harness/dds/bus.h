@@ -112,7 +112,7 @@ concept OfSpeaker = Log<T> || std::same_as<T, RunAck> || std::same_as<T, RunStat
 
 // A topic with a deadline: two control periods.
 template <class T>
-concept RealTime = std::same_as<T, PlantState> || std::same_as<T, Actuation>;
+concept RealTime = std::same_as<T, PlantState>;
 
 // Messages first to last (inclusive) of a log that were skipped so far.
 struct SequenceGap {

@@ -60,7 +60,6 @@ struct Heartbeat {
 struct RunScenario {
   std::string run_id{};         // key
   std::string scenario_yaml{};  // at most kDocumentBytesMax
-  std::string model_hash{};
   std::vector<std::string> nodes{};         // node ids that take part
   std::vector<std::string> participants{};  // which participant each of them is (participant.h)
   bool operator==(const RunScenario&) const = default;
@@ -115,15 +114,6 @@ struct PlantState {
   std::vector<double> state{};  // of any vehicle the first six are x y z (m) roll pitch yaw (rad)
   std::vector<double> in_force{};
   bool operator==(const PlantState&) const = default;
-};
-
-struct Actuation {
-  std::string run_id{};  // key
-  std::int64_t sequence = 0;
-  TimeNs time_ns = 0;
-  std::vector<double> commanded{};
-  std::vector<double> in_force{};
-  bool operator==(const Actuation&) const = default;
 };
 
 // The reference as the base station or the joystick asks for it, in the order of ReferenceSignals()

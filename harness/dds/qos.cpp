@@ -34,10 +34,6 @@ constexpr auto kTopics = std::to_array<TopicQos>({
      .type = "PlantState",
      .deadline_ns = kRealTimeDeadlineNs,
      .why = "the latest counts; the deadline is two control periods"},
-    {.topic = "tiltproof/actuation",
-     .type = "Actuation",
-     .deadline_ns = kRealTimeDeadlineNs,
-     .why = "the latest counts; the deadline is two control periods"},
     {.topic = "tiltproof/reference", .type = "Reference", .why = "the latest counts"},
     {.topic = "tiltproof/serial_tap",
      .type = "SerialTap",
@@ -104,8 +100,6 @@ constexpr const TopicQos* kQosOf<RunState> = &Find("RunState");
 template <>
 constexpr const TopicQos* kQosOf<PlantState> = &Find("PlantState");
 template <>
-constexpr const TopicQos* kQosOf<Actuation> = &Find("Actuation");
-template <>
 constexpr const TopicQos* kQosOf<Reference> = &Find("Reference");
 template <>
 constexpr const TopicQos* kQosOf<SerialTap> = &Find("SerialTap");
@@ -149,7 +143,6 @@ template const TopicQos& QosOf<RunCommand>();
 template const TopicQos& QosOf<RunAck>();
 template const TopicQos& QosOf<RunState>();
 template const TopicQos& QosOf<PlantState>();
-template const TopicQos& QosOf<Actuation>();
 template const TopicQos& QosOf<Reference>();
 template const TopicQos& QosOf<SerialTap>();
 template const TopicQos& QosOf<FaultCommand>();

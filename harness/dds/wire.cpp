@@ -32,7 +32,7 @@ void Members(auto& v, Is<Heartbeat> auto& m, auto& c) {
   LIST(capabilities, kNamesCountMax);
 }
 void Members(auto& v, Is<RunScenario> auto& m, auto& c) {
-  ONE(run_id), ONE(scenario_yaml), ONE(model_hash);
+  ONE(run_id), ONE(scenario_yaml);
   LIST(nodes, kNamesCountMax), LIST(participants, kNamesCountMax);
 }
 void Members(auto& v, Is<Port> auto& m, auto& c) { ONE(name), ONE(path); }
@@ -50,10 +50,6 @@ void Members(auto& v, Is<RunState> auto& m, auto& c) {
 void Members(auto& v, Is<PlantState> auto& m, auto& c) {
   ONE(run_id), ONE(sequence), ONE(time_ns);
   LIST(state, kSignalsCountMax), LIST(in_force, kSignalsCountMax);
-}
-void Members(auto& v, Is<Actuation> auto& m, auto& c) {
-  ONE(run_id), ONE(sequence), ONE(time_ns);
-  LIST(commanded, kSignalsCountMax), LIST(in_force, kSignalsCountMax);
 }
 void Members(auto& v, Is<Reference> auto& m, auto& c) {
   ONE(run_id), ONE(node_id), ONE(sequence), ONE(time_ns);

@@ -18,7 +18,6 @@
   X(RunAck)                     \
   X(RunState)                   \
   X(PlantState)                 \
-  X(Actuation)                  \
   X(Reference)                  \
   X(SerialTap)                  \
   X(FaultCommand)               \

@@ -10,8 +10,7 @@ constexpr TimeNs kTickOffsetNs = 2 * kNsPerMs;
 
 class PlantRole final : public Role {
  public:
-  explicit PlantRole(NodeServices& services)
-      : services_(services), states_(services.bus()), actuations_(services.bus()) {}
+  explicit PlantRole(NodeServices& services) : services_(services), states_(services.bus()) {}
 
   Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
     loaded_ = loaded;
@@ -91,26 +90,17 @@ class PlantRole final : public Role {
   }
 
   void Publish(BootTime now) {
-    const TimeNs time_ns = server_->state().origin.SimulationTime(now);
     dds::PlantState state;
     state.run_id = services_.run_id();
     state.sequence = ++sequence_;
-    state.time_ns = time_ns;
+    state.time_ns = server_->state().origin.SimulationTime(now);
     state.state = server_->Truth();
     state.in_force = server_->in_force();
     states_.Write(state);
-    dds::Actuation actuation;
-    actuation.run_id = services_.run_id();
-    actuation.sequence = sequence_;
-    actuation.time_ns = time_ns;
-    actuation.commanded = server_->commanded();
-    actuation.in_force = state.in_force;
-    actuations_.Write(actuation);
   }
 
   NodeServices& services_;
   dds::Publisher<dds::PlantState> states_;
-  dds::Publisher<dds::Actuation> actuations_;
   LoadedScenario loaded_;
   std::optional<LocalPlantServer> server_;
   std::optional<MessageReceiver> receiver_;

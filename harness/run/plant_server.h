@@ -111,7 +111,6 @@ class LocalPlantServer final : public PlantServer {
   // For observers, in the order of the vehicle's tables.
   std::vector<double> Truth() const;
   const std::vector<double>& in_force() const { return in_force_; }
-  const std::vector<double>& commanded() const { return commanded_; }
 
  private:
   // What the server keeps of one client.

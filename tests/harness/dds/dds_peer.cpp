@@ -305,7 +305,7 @@ int Intrude(const Arguments& a) {
       beat.sequence = i;
       if (i % 20 < 10) beats.Write(beat);
       if (i % 40 == 39) beats.Retire(beat);
-      scenarios.Write({run, "name: intruder", "", {name}, {ToText(bus.participant())}});
+      scenarios.Write({run, "name: intruder", {name}, {ToText(bus.participant())}});
       for (std::int64_t command = 1; command < 8; ++command)
         acks.Write({run, name, command, command % 2 == 0, "an intruder's answer", {}});
       for (const auto verb : {Verb::kStop, Verb::kRelease}) commands.Write({run, "", sequence, verb, {}});

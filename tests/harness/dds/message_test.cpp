@@ -157,7 +157,7 @@ TEST(MessageTest, TableAndInterfaceFileAgree) {
     EXPECT_EQ(keep_all, qos_class == "log" || qos_class == "order") << row.type;
     EXPECT_EQ(row.qos.find("each sequence once") != std::string::npos, qos_class == "log") << row.type;
   }
-  EXPECT_EQ(types.size(), 17u);
+  EXPECT_EQ(types.size(), 16u);
 }
 
 }  // namespace

@@ -106,7 +106,7 @@ Heartbeat RandomMessage(Random& r, int index) {
 }
 template <>
 RunScenario RandomMessage(Random& r, int index) {
-  return {Id(r, index), r.Text(kDocumentBytesMax), r.Text(kIdBytesMax), r.Names(), r.Names()};
+  return {Id(r, index), r.Text(kDocumentBytesMax), r.Names(), r.Names()};
 }
 template <>
 RunCommand RandomMessage(Random& r, int index) {
@@ -132,13 +132,6 @@ template <>
 PlantState RandomMessage(Random& r, int index) {
   PlantState m{Id(r, index), r.Integer(), r.Integer(), {}, {}};
   m.state = Numbers(r);
-  m.in_force = Numbers(r);
-  return m;
-}
-template <>
-Actuation RandomMessage(Random& r, int index) {
-  Actuation m{Id(r, index), r.Integer(), r.Integer(), {}, {}};
-  m.commanded = Numbers(r);
   m.in_force = Numbers(r);
   return m;
 }
@@ -222,7 +215,7 @@ Heartbeat LargestMessage() {
 }
 template <>
 RunScenario LargestMessage() {
-  return {kId, Full(kDocumentBytesMax), kId, kNames, kNames};
+  return {kId, Full(kDocumentBytesMax), kNames, kNames};
 }
 template <>
 RunCommand LargestMessage() {
@@ -238,10 +231,6 @@ RunState LargestMessage() {
 }
 template <>
 PlantState LargestMessage() {
-  return {kId, -1, -1, kSignals, kSignals};
-}
-template <>
-Actuation LargestMessage() {
   return {kId, -1, -1, kSignals, kSignals};
 }
 template <>

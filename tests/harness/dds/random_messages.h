@@ -44,7 +44,6 @@ T LargestMessage();
   X(RunAck)                        \
   X(RunState)                      \
   X(PlantState)                    \
-  X(Actuation)                     \
   X(Reference)                     \
   X(SerialTap)                     \
   X(FaultCommand)                  \

@@ -44,5 +44,30 @@ TEST(Metrics, ItaeIsItsClosedFormWhereverTheOnsetLies) {
   }
 }
 
+TEST(Metrics, TheErrorBeforeTheFaultsAndSince) {
+  RunLog log;
+  log.trace = testing::TiltrotorTrace();
+  log.hover_input = {0, 0, 0, 0};
+  for (const double error_m : {1.0, 3.0, 5.0, 7.0}) {
+    const auto row = log.trace.AppendRow();
+    std::fill(row.begin(), row.end(), 0.0);
+    log.end_ns = static_cast<TimeNs>(log.trace.row_count() - 1) * kControlPeriodNs;
+    row[0] = ToSeconds(log.end_ns);
+    row[*log.trace.Find("x_m")] = error_m;
+  }
+  Scenario scenario;
+  scenario.duration_ns = log.end_ns;
+  const auto metrics = [&] { return ComputeMetrics(scenario, log).values; };
+  EXPECT_FALSE(metrics().contains("tracking.rmse_since_faults_m"));
+  scenario.faults.resize(2);
+  for (auto& fault : scenario.faults) fault.type = "wire.bit_error";
+  scenario.faults[0].start_ns = 36 * kNsPerMs;
+  scenario.faults[1].start_ns = 24 * kNsPerMs;
+  EXPECT_DOUBLE_EQ(metrics().at("tracking.rmse_before_faults_m"), std::sqrt((1.0 + 9) / 2));
+  EXPECT_DOUBLE_EQ(metrics().at("tracking.rmse_since_faults_m"), std::sqrt((25.0 + 49) / 2));
+  scenario.faults[0].start_ns = kPowerOn;
+  EXPECT_FALSE(metrics().contains("tracking.rmse_before_faults_m"));
+}
+
 }  // namespace
 }  // namespace tiltproof::harness

@@ -117,21 +117,6 @@ TEST(Metrics, TheFirstTenSecondsCanBeLeftOut) {
   EXPECT_DOUBLE_EQ(MetricsOf(ScenarioOf(log), log).at("tracking.rmse_after_10s_m"), std::sqrt(2.0));
 }
 
-TEST(Metrics, TheErrorBeforeTheFaultsAndSince) {
-  RunLog log = StillFlight(4);
-  Set(log, 0, "x_m", 1.0);
-  Set(log, 1, "x_m", 3.0);
-  Set(log, 2, "x_m", 5.0);
-  Set(log, 3, "x_m", 7.0);
-  Scenario scenario = ScenarioOf(log);
-  EXPECT_THAT(MetricsOf(scenario, log), Not(Contains(Key("tracking.rmse_since_faults_m"))));
-  scenario.faults = {Fault("late", 36 * kNsPerMs, kNever), Fault("early", 24 * kNsPerMs, 30 * kNsPerMs)};
-  EXPECT_DOUBLE_EQ(MetricsOf(scenario, log).at("tracking.rmse_before_faults_m"), std::sqrt((1.0 + 9) / 2));
-  EXPECT_DOUBLE_EQ(MetricsOf(scenario, log).at("tracking.rmse_since_faults_m"), std::sqrt((25.0 + 49) / 2));
-  scenario.faults = {Fault("always", kPowerOn, kNever)};
-  EXPECT_THAT(MetricsOf(scenario, log), Not(Contains(Key("tracking.rmse_before_faults_m"))));
-}
-
 TEST(Metrics, RowsThatAreNotFiniteAreLeftOut) {
   RunLog log = StillFlight(3);
   Set(log, 0, "x_m", 2.0);
