@@ -26,9 +26,30 @@ std::string Strikes(const FlightResult& result) {
   return text;
 }
 
+// With those of flights that left none.
+std::vector<fs::path> FoldersOf(const OldRun& run) {
+  if (!run.whole || run.info.flights.empty()) return run.scenario_folders;
+  std::vector<fs::path> folders;
+  for (const PlannedFlight& flight : run.info.flights) folders.push_back(run.folder / flight.name);
+  return folders;
+}
+
+FlightResult ReadFlown(const fs::path& folder, Keep keep) {
+  if (!HasEnded(folder))
+    throw std::runtime_error(keep == Keep::kAll ? kNotFlown
+                                                : fmt::format("it left no folder (--keep {})", Name(keep)));
+  FlightResult result = ResultFromJsonText(ReadFile(folder / "verdict.json"));
+  if (result.trace_hash.empty()) return result;
+  const RunLog log = ReadFlight(folder);
+  result.events = EventsOf(log);
+  if (!result.outcome) result.outcome = OutcomeOf(log, result.score);  // of an older version
+  if (!result.end_reason) result.end_reason = log.end_reason;
+  return result;
+}
+
 }  // namespace
 
-// 0 when every flight could be classed, else 3.
+// 0 when every planned flight could be classed, else 3.
 int OutcomesCommand(const CompareOptions& options) {
   const OldRun golden = OpenRun(options.a), campaign = OpenRun(options.b);
   if (golden.scenario_folders.size() != 1)
@@ -40,12 +61,10 @@ int OutcomesCommand(const CompareOptions& options) {
   std::map<std::string, std::pair<std::size_t, std::size_t>>
       counts;  // flights, and those of them that passed
   bool unreadable = false;
-  for (const fs::path& folder : campaign.scenario_folders) {
+  for (const fs::path& folder : FoldersOf(campaign)) {
     const std::string name = folder.filename();
     try {
-      if (!HasEnded(folder)) throw std::runtime_error(kNotFlown);
-      FlightResult result = ResultFromJsonText(ReadFile(folder / "verdict.json"));
-      if (!result.trace_hash.empty()) result.events = EventsOf(ReadFlight(folder));
+      const FlightResult result = ReadFlown(folder, campaign.info.keep);
       const std::string outcome = reference.OutcomeOf(result, folder);
       const bool passed = result.score.verdict == Verdict::kPass;
       ++counts[outcome].first;

@@ -63,6 +63,20 @@ std::string NotComparable(const std::filesystem::path& scenario_folder, const Fl
   return ReadFlight(scenario_folder).end_reason == EndReason::kInterrupted ? "interrupted then" : "";
 }
 
+// How many flights of an unfinished run came to a verdict.
+std::size_t EndedCount(const OldRun& run) {
+  std::ptrdiff_t count = 0;
+  if (run.info.keep == Keep::kAll) {
+    count = std::count_if(run.scenario_folders.begin(), run.scenario_folders.end(), HasEnded);
+  } else {
+    const std::vector<FlightResult> results = ReadResults(run.folder);
+    count = std::count_if(results.begin(), results.end(), [](const FlightResult& result) {
+      return !result.score.reason.starts_with("not flown");
+    });
+  }
+  return static_cast<std::size_t>(count);
+}
+
 }  // namespace
 
 // 0 when every trace hash is equal, whatever the verdicts. The flights are kept only when they differ or ended
@@ -89,7 +103,7 @@ int ReplayCommand(const ReplayOptions& options) {
   std::size_t not_comparable_count = 0;
   const bool unfinished = run.whole && run.info.interrupted;
   if (unfinished) {
-    const auto ended = std::count_if(run.scenario_folders.begin(), run.scenario_folders.end(), HasEnded);
+    const std::size_t ended = EndedCount(run);
     Print(
         stdout,
         "an unfinished run: {}{} flights came to a verdict; it was interrupted or killed, or is still under "

@@ -75,11 +75,12 @@ std::string ClientFlagsOf(const RunClients& clients) {
   return flags;
 }
 
-// The command that flies a flight in real time again.
-std::string FlyAgain(const RunOptions& options, const FlightMeans& means, const std::filesystem::path& folder,
+// The command that flies a flight again that cannot be replayed from its folder.
+std::string FlyAgain(const RunOptions& options, const FlightMeans& means, const std::filesystem::path& file,
                      std::uint64_t seed) {
-  std::string command = fmt::format("{} run {} --mode realtime", options.command.front(),
-                                    (folder / "scenario.resolved.yaml").string());
+  std::string command = fmt::format("{} run {}", options.command.front(), file.string());
+  if (means.realtime) command += " --mode realtime";
+  if (means.distributed) command += " --distributed=" + options.distributed;
   command += means.attach ? " --attach" : ClientFlagsOf(means.clients);
   if (means.domain != 0) command += fmt::format(" --domain {}", means.domain);
   if (!means.interface.empty()) command += " --interface " + means.interface;
@@ -170,9 +171,13 @@ int RunCommand(const RunOptions& options) {
       job.name = FlightName(options, scenario, seed);
       const std::filesystem::path flight_folder = folder / job.name;
       job.recorder = RecorderIn(flight_folder, info.keep);
-      job.replay = means.realtime
-                       ? FlyAgain(options, means, flight_folder, seed)
-                       : fmt::format("{} replay {}", options.command.front(), flight_folder.string());
+      if (info.keep != Keep::kAll) {
+        job.replay = FlyAgain(options, means, std::filesystem::absolute(scenario.file), seed);
+      } else if (means.realtime) {
+        job.replay = FlyAgain(options, means, flight_folder / "scenario.resolved.yaml", seed);
+      } else {
+        job.replay = fmt::format("{} replay {}", options.command.front(), flight_folder.string());
+      }
       jobs.push_back(std::move(job));
     }
   }

@@ -97,7 +97,7 @@ FlownFlights RunFlights(std::vector<FlightJob> jobs, const RunFlightsOptions& op
   FlownFlights flown;
   while (!engine.idle()) {
     engine.Turn();
-    if (stop) flown.not_flown = engine.DropWaiting();
+    if (stop && flown.not_flown.empty()) flown.not_flown = engine.DropWaiting();
     options.on_turn();
     line.Show(engine);
   }

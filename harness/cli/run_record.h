@@ -1,5 +1,6 @@
 // The results of a run while it is flown: whole on the disk at any moment, and an error for every flight that
-// has not ended, so that a run whose process was killed never looks green.
+// has not ended, so that a run whose process was killed never looks green. Flights that leave no folder (--keep) stand in
+// results.json alone: what ended since it was last written is an error when the process is killed.
 //
 //   RunRecord record(folder, info, jobs);
 //   RunFlights(jobs, {.on_finished = [&](const auto& job, const auto& result) { record.Take(job, result); }, .on_turn = [&] { record.Refresh(); }});

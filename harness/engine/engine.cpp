@@ -48,6 +48,7 @@ void Engine::StartWhatFits() {
     Flight flight = std::move(flying.flight);
     flying_.pop_back();
     Finish(flight, ErrorResult(flight.job, trouble));
+    return;  // the next would fare no better, and its turn may never come (--fail-fast)
   }
 }
 

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdint>
 #include <cstring>
 #include <functional>
 #include <memory>
@@ -128,7 +129,7 @@ WorkerResult FlyAndRecord(const FlightJob& job, WorkerReport& report, const std:
     }
     done.result = FlyJob(job, report, interrupted, client, done.cut_short);
   } catch (const RecordingError& error) {
-    Print(stderr, "tiltproof: {}: {}\n", job.scenario.name, error.what());
+    done.recording_trouble = error.what();
     done.result = ErrorResult(job, fmt::format("the flight's results are missing: {}", error.what()));
   } catch (const std::exception& error) {
     done.result = ErrorResult(job, error.what());
@@ -137,13 +138,14 @@ WorkerResult FlyAndRecord(const FlightJob& job, WorkerReport& report, const std:
 }
 
 // The parent reads while the worker lives, and takes the worker with it when it ends.
-void WriteAll(int descriptor, std::span<const std::uint8_t> bytes) {
+bool WriteAll(int descriptor, std::span<const std::uint8_t> bytes) {
   while (!bytes.empty()) {
     const ssize_t count = write(descriptor, bytes.data(), bytes.size());
     if (count < 0 && errno == EINTR) continue;
-    if (count <= 0) return;
+    if (count <= 0) return false;
     bytes = bytes.subspan(static_cast<std::size_t>(count));
   }
+  return true;
 }
 
 }  // namespace
@@ -154,7 +156,8 @@ std::optional<WorkerResult> ReadWorkerResult(std::span<const std::uint8_t> bytes
   std::memcpy(&size, bytes.data(), sizeof size);
   const auto body = bytes.subspan(sizeof size);
   if (body.size() < size || body.empty()) return std::nullopt;
-  return WorkerResult{body[0] != 0, UnpackFlightResult(body.subspan(1))};
+  return WorkerResult{
+      .cut_short = body[0] != 0, .result = UnpackFlightResult(body.subspan(1)), .recording_trouble = {}};
 }
 
 void WorkerReport::SetPlace(const BusPlace& place) {
@@ -170,7 +173,7 @@ std::optional<BusPlace> WorkerReport::Place() const {
 }
 
 void Work(const FlightJob& job, WorkerReport& report, int result_descriptor,
-          const std::atomic<bool>* interrupted) {
+          const std::atomic<bool>* interrupted) noexcept {
   // Nothing must mix with the results on standard output.
   dup2(STDERR_FILENO, STDOUT_FILENO);
   std::unique_ptr<Client> client;
@@ -181,11 +184,15 @@ void Work(const FlightJob& job, WorkerReport& report, int result_descriptor,
   std::memcpy(message.data(), &size, sizeof size);
   message[sizeof size] = done.cut_short ? 1 : 0;
   std::copy(packed.begin(), packed.end(), message.begin() + sizeof size + 1);
-  WriteAll(result_descriptor, message);
+  // A firmware may have closed what is not its own.
+  const bool handed_over = WriteAll(result_descriptor, message);
   // Whatever it does now, its flight is judged.
   client.reset();
+  // While the client lived, what is printed was taken for its own.
+  if (!done.recording_trouble.empty())
+    Print(stderr, "tiltproof: {}: {}\n", job.scenario.name, done.recording_trouble);
   // No destructors or exit handlers: they may be the firmware library's.
-  _exit(0);
+  _exit(handed_over ? 0 : kExitWithoutResult);
 }
 
 }  // namespace tiltproof::harness

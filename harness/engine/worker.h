@@ -5,6 +5,8 @@
 #include <atomic>
 #include <cstdint>
 #include <optional>
+#include <span>
+#include <string>
 
 #include "harness/client/firmware_guard.h"
 #include "harness/engine/flight_job.h"
@@ -34,13 +36,18 @@ struct WorkerReport {
 struct WorkerResult {
   bool cut_short = false;  // by a signal
   FlightResult result;
+  std::string recording_trouble;  // what is missing on the disk, and why; for the worker itself
 };
 // Nullopt when `bytes` are not the whole of it: the worker ended before.
 std::optional<WorkerResult> ReadWorkerResult(std::span<const std::uint8_t> bytes);
 
 // Never returns. The result is written to `result_descriptor`. `interrupted`: set by a signal, to end the flight; may be
 // null.
+// Nothing is thrown: the parent's objects in this process must not be destroyed.
 [[noreturn]] void Work(const FlightJob& job, WorkerReport& report, int result_descriptor,
-                       const std::atomic<bool>* interrupted);
+                       const std::atomic<bool>* interrupted) noexcept;
+
+// Exit code of a worker that could not hand over its result.
+inline constexpr int kExitWithoutResult = 77;
 
 }  // namespace tiltproof::harness

@@ -107,9 +107,10 @@ std::optional<FlightResult> WorkerProcess::Look(const FlightJob& job,
 
 void WorkerProcess::ReadResult() {
   std::array<std::uint8_t, 65536> some;
-  while (true) {
+  while (!result_ended_) {
     const ssize_t count = read(result_descriptor_, some.data(), some.size());
     if (count < 0 && errno == EINTR) continue;
+    result_ended_ = count == 0;
     if (count <= 0) return;
     result_bytes_.insert(result_bytes_.end(), some.begin(), some.begin() + count);
   }
@@ -198,6 +199,10 @@ FlightResult WorkerProcess::WithoutResult(const FlightJob& job, int status) cons
     return ErrorResult(job, fmt::format("the worker process stood still for {:.0f} s {} and was killed: it "
                                         "hung or was stopped",
                                         ToSeconds(Limit(job, FirmwareCall::kNone)), at));
+  if (WIFEXITED(status) && WEXITSTATUS(status) == kExitWithoutResult)
+    return ErrorResult(job, fmt::format("the flight's results are missing: the worker process could not hand "
+                                        "them over; its descriptor for them was closed, {}",
+                                        at));
   const std::string how = WIFSIGNALED(status) ? fmt::format("was killed by signal {} ({})", WTERMSIG(status),
                                                             strsignal(WTERMSIG(status)))
                                               : fmt::format("ended with exit code {}", WEXITSTATUS(status));

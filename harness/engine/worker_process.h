@@ -46,7 +46,8 @@ class WorkerProcess {
   void NoteTold() { told_ = true; }
 
   int pidfd() const { return pidfd_; }
-  int result_descriptor() const { return result_descriptor_; }
+  // Where its result comes in; -1 when nothing comes any more.
+  int result_descriptor() const { return result_ended_ ? -1 : result_descriptor_; }
   TimeNs progress_ns() const;  // simulation time
 
  private:
@@ -64,6 +65,7 @@ class WorkerProcess {
   int pidfd_ = -1;
   int result_descriptor_ = -1;
   std::vector<std::uint8_t> result_bytes_;
+  bool result_ended_ = false;
   WorkerReport* report_ = nullptr;
   // Last seen to get on, and how much time of its own it has had since.
   TimeNs seen_progress_ns_ = 0;

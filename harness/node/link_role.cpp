@@ -113,6 +113,8 @@ class LinkRole final : public Role {
     if (const std::string trouble = reference_talk_->Trouble(); !trouble.empty() && !line_->origin().known())
       services_.log().Write(RunEvent{0, kLineTroubleEvent, trouble});
     SampleCounts(now);
+    // Without t = 0 all records count from now.
+    if (!line_->origin().known()) line_->SetOrigin(origin);
     LineLog log = line_->TakeLog(std::min(now, origin.ToBootTime(scenario_.duration_ns)));
     services_.log().Write(log, origin, std::exchange(samples_, {}));
     NodeTotals totals;

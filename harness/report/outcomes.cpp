@@ -58,10 +58,8 @@ OutcomeReference::OutcomeReference(const std::filesystem::path& flight_folder)
 
 std::string OutcomeReference::OutcomeOf(const FlightResult& result,
                                         const std::filesystem::path& flight_folder) const {
-  if (!result.outcome)
-    throw std::runtime_error(
-        fmt::format("{}: of an older version, without an outcome; `tiltproof score` gives it one",
-                    (flight_folder / "verdict.json").string()));
+  if (!result.outcome) throw std::runtime_error("written by an older version, and left no flight");
+  if (result.end_reason == EndReason::kInterrupted) throw std::runtime_error("interrupted");
   if (*result.outcome != Outcome::kDegraded && *result.outcome != Outcome::kUnaffected)
     return std::string(Name(*result.outcome));
   return SameCommands(trace_, ReadTrace(flight_folder)) ? kMasked : kWrongOutput;

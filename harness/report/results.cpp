@@ -114,8 +114,9 @@ Json ToJson(const std::vector<NotApplicable>& scenarios) {
   return json;
 }
 
-// XML 1.0 forbids most control characters, even escaped.
+// XML 1.0 forbids most control characters, even escaped, and what is no UTF-8; the texts of a firmware may hold both.
 std::string XmlSafe(std::string text) {
+  text = Json::parse(JsonText(Json(text))).get<std::string>();
   for (char& c : text)
     if (static_cast<unsigned char>(c) < 0x20 && c != '\t' && c != '\n') c = '?';
   return text;

@@ -10,7 +10,7 @@ double MetricOr(const Score& score, const char* name, double otherwise) {
   return found == score.metrics.end() ? otherwise : found->second;
 }
 
-// A firmware that never sent a request did not fly.
+// A firmware that never sent a request did not fly. Of a flight that was not judged, silence says nothing.
 bool IsSilentAtTheEnd(const RunLog& log) {
   return std::any_of(log.clients.begin(), log.clients.end(), [&](const ClientLog& client) {
     const auto& sent = client.sent_request_times_ns;
@@ -44,7 +44,9 @@ Outcome OutcomeOf(const RunLog& log, const Score& score) {
   if (score.verdict == Verdict::kError) return Outcome::kError;
   if (log.end_reason == EndReason::kFirmwareCrashed || log.end_reason == EndReason::kFirmwareLost)
     return Outcome::kCrashed;
-  if (log.end_reason == EndReason::kFirmwareHung || IsSilentAtTheEnd(log)) return Outcome::kHung;
+  if (log.end_reason == EndReason::kFirmwareHung ||
+      (score.verdict != Verdict::kInconclusive && IsSilentAtTheEnd(log)))
+    return Outcome::kHung;
   if (score.verdict == Verdict::kFail) return Outcome::kFailed;
   const bool failsafe = std::any_of(log.clients.begin(), log.clients.end(), [](const ClientLog& client) {
     return client.failsafe_entered_count.value_or(0) > 0;

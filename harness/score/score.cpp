@@ -296,7 +296,7 @@ std::string TooLateToJudge(const RunLog& log, TimeNs period_ns) {
   const TimeNs late_ns = log.harness_late_max_ns.value_or(0);
   const bool often = overruns > kOverrunCountMax &&
                      static_cast<double>(overruns) > kOverrunRatioMax * static_cast<double>(periods);
-  if (!often && late_ns <= kLateMaxNs) return "";
+  if (!often && late_ns <= kLatePeriodsMax * period_ns) return "";
   return "the harness itself was late in " + std::to_string(overruns) + " of " + std::to_string(periods) +
          " periods (at most " + Number(static_cast<double>(late_ns) / 1e6) +
          " ms): this machine was too busy to judge a firmware";

@@ -33,10 +33,10 @@ struct CriterionResult {
 };
 
 // In real time: a flight is not judged when the harness itself was late in more than this share of its
-// control periods and more than kOverrunCountMax times, or once by more than kLateMaxNs (three periods).
+// control periods and more than kOverrunCountMax times, or once by more than kLatePeriodsMax periods.
 inline constexpr double kOverrunRatioMax = 0.01;
 inline constexpr std::int64_t kOverrunCountMax = 3;
-inline constexpr TimeNs kLateMaxNs = 36 * kNsPerMs;
+inline constexpr std::int64_t kLatePeriodsMax = 3;
 
 struct FaultResult {
   std::string id, type;

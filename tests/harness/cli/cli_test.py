@@ -370,6 +370,11 @@ class CliTest(unittest.TestCase):
             self.assertEqual((code, results["calm"]["verdict"]), (1, "fail"), text)
             self.assertRegex(results["calm"]["reason"], reason)
 
+    def test_a_result_that_cannot_be_handed_over_is_no_failure_of_the_firmware(self):
+        code, text, results = self.misbehaving("close_all")
+        self.assertEqual((code, results["close_all"]["verdict"]), (3, "error"), text)
+        self.assertIn("could not hand them over", results["close_all"]["reason"])
+
     def test_what_it_does_after_the_flight_changes_no_verdict(self):
         ways = [f"destroy_{how}" for how in ("abort", "exit", "raw_exit", "hang_blocked")]
         code, text, results = self.misbehaving("calm", *ways)
@@ -386,6 +391,7 @@ class CliTest(unittest.TestCase):
         self.assertEqual((code, results["throw_escapes"]["verdict"]), (1, "fail"), text)
         self.assertIn(said, text)
         self.assertEqual([c for c in text if not c.isprintable() and c != "\n"], [])
+        xml.etree.ElementTree.parse(self.latest() / "junit.xml")
         # A script gets what was said, but for the byte that is no UTF-8.
         code, text, _ = self.misbehaving("throw_escapes", flags=["--format", "jsonl"])
         self.assertTrue(text.isascii() and text.rstrip("\n").isprintable(), text)

@@ -204,6 +204,14 @@ class CompareTest(unittest.TestCase):
         self.assertEqual(alone["lost"], "failed")
         self.assertIn(alone["nothing"], ("unaffected", "degraded"))
 
+    def test_outcomes_say_which_flights_they_lack(self):
+        golden = self.fly()
+        kept = self.fly(names=("a", "b"), flags=("--keep", "verdicts"))
+        code, out, err = self.tiltproof("compare", "--outcomes", golden, kept)
+        self.assertEqual(code, 3, out)
+        self.assertIn("a: no outcome: it left no folder (--keep verdicts)", err)
+        self.assertIn("| masked | 0 | 0 |", out)
+
     def test_outcomes_need_one_flight_to_compare_with(self):
         two = self.fly(names=("a", "b"))
         code, out, err = self.tiltproof("compare", "--outcomes", two, two)

@@ -83,6 +83,8 @@ static void misbehave(const char* how) {
   if (strcmp(how, "throw_escapes") == 0) throw_escapes();
   if (strcmp(how, "stop") == 0) raise(SIGSTOP);
   if (strcmp(how, "fork") == 0) fork();
+  if (strcmp(how, "close_all") == 0)
+    for (int descriptor = 3; descriptor < 256; ++descriptor) close(descriptor);
   if (strcmp(how, "round") == 0) fesetround(FE_UPWARD);
   if (strcmp(how, "chatter") == 0) {
     puts("chatter-on-stdout");

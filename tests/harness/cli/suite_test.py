@@ -5,6 +5,7 @@ import os
 import pathlib
 import pty
 import re
+import shlex
 import shutil
 import socket
 import subprocess
@@ -338,6 +339,12 @@ class SuiteTest(unittest.TestCase):
         self.assertIn("0 of 2 green, 1 not flown", out)
         self.assertEqual(self.verdicts(), [("a", "fail"), ("b", "error")])
         self.assertEqual(self.results()["scenarios"][1]["reason"], "not flown: --fail-fast ended the run")
+        # Others that are under way fly to their end.
+        for i in range(6):
+            self.scenario(f"c{i}", **{"duration_s: 0.6": "duration_s: 30"})
+        code, out, _ = self.tiltproof("run", ".", "--fail-fast", "-j", "3")
+        self.assertEqual(code, 1, out)
+        self.assertRegex(out, "[12] of 8 green, 5 not flown")
 
     # --keep
 
@@ -363,6 +370,13 @@ class SuiteTest(unittest.TestCase):
             self.assertEqual((self.latest() / "events.jsonl").read_text(), events)
             if folders:
                 self.assertEqual(sorted(file.name for file in (self.latest() / "bad").iterdir()), kept)
+
+    def test_the_command_of_a_flight_without_a_folder_flies_it_again(self):
+        self.run_keeping("verdicts")
+        [bad] = [entry for entry in self.results()["scenarios"] if entry["name"] == "bad"]
+        code, out, err = self.tiltproof(*shlex.split(bad["replay"])[1:])
+        self.assertEqual(code, 1, out + err)
+        self.assertEqual(self.results()["scenarios"][0]["trace_hash"], bad["trace_hash"])
 
     def test_flights_that_were_not_kept_stay_as_they_were_judged(self):
         self.run_keeping("failing")

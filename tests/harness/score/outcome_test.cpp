@@ -65,6 +65,11 @@ TEST(Outcome, AFirmwareThatFallsSilentHangs) {
   EXPECT_EQ(Of(flown), Outcome::kHung);
   flown.log.clients[0].sent_request_times_ns = {};  // it never flew
   EXPECT_EQ(Of(flown), Outcome::kUnaffected);
+  // A machine that was too late to judge the flight may have missed what was sent.
+  flown = Good();
+  flown.score.verdict = Verdict::kInconclusive;
+  flown.log.clients[0].sent_request_times_ns = {0};
+  EXPECT_EQ(Of(flown), Outcome::kUnaffected);
   // One of two is enough.
   flown = Good();
   flown.log.clients.push_back(flown.log.clients[0]);
