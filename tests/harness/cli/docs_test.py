@@ -3,6 +3,7 @@
 
 Usage: docs_test.py TILTPROOF SOURCE_DIR
 """
+import json
 import pathlib
 import re
 import shutil
@@ -168,6 +169,67 @@ class DocsTest(unittest.TestCase):
         shown = {name for page in pages() for name in re.findall(r"build/release/lib/(\w+)\.so", page.read_text())}
         self.assertIn("minimal_firmware", shown)
         self.assertLessEqual(shown, set(targets))
+
+
+class FirstFaultDocTest(unittest.TestCase):
+    """docs/first-fault.md and docs/why-did-it-fail.md, typed as they stand."""
+
+    FIRST, WHY = ((SOURCE / "docs" / name).read_text() for name in ("first-fault.md", "why-did-it-fail.md"))
+
+    def setUp(self):
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="tiltproof-first-"))
+        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
+
+    @staticmethod
+    def texts(page):
+        return re.findall(r"^```text\n(.*?)^```$", page, re.M | re.S)
+
+    def fly(self, delay_ms):
+        [scenario] = re.findall(r"^```yaml\n(.*?)^```$", self.FIRST, re.M | re.S)
+        self.assertIn("mean_ms: 12", scenario)
+        (self.folder / "late-link.yaml").write_text(scenario.replace("mean_ms: 12", f"mean_ms: {delay_ms}"))
+        return run("run", "late-link.yaml", cwd=self.folder).stdout.decode()
+
+    def test_the_first_fault(self):
+        fails, passes = self.texts(self.FIRST)
+        out = self.fly(12)
+        self.assertIn(fails, out)
+        # The README shows the same.
+        readme = (SOURCE / "README.md").read_text()
+        shown = re.sub(r"again: .*", "", self.texts(readme)[0])
+        self.assertIn(shown.rstrip(), re.sub(r"again: .*", "", out))
+        [fault] = re.findall(r"^```yaml\n(.*?)^```$", readme, re.M | re.S)
+        self.assertIn(fault, self.FIRST)
+        self.assertIn(passes, self.fly(6))
+        self.assertIn("FAIL", self.fly(7))
+
+    def test_why_it_failed(self):
+        out = self.fly(12)
+        flight = self.folder / "results/latest/late-link"
+        said, activation, dump = self.texts(self.WHY)
+        self.assertIn(said, out)
+        self.assertIn(activation.strip(), (flight / "faults.jsonl").read_text())
+        dumped = run("link-dump", flight / "link.bin").stdout.decode()
+        for line in dump.splitlines():
+            self.assertIn("\n" + line, dumped)
+        verdict = json.loads((flight / "verdict.json").read_text())
+        for key in ("outcome", "end_reason"):
+            self.assertIn(f'"{key}": "{verdict[key]}"', self.WHY)
+        rows = re.findall(r"^\| `([a-z._0-9]+)` \| ([0-9.]+) \|", self.WHY, re.M)
+        self.assertEqual(len(rows), 5)
+        for metric, value in rows:
+            self.assertAlmostEqual(verdict["metrics"][metric], float(value), delta=0.006)
+        columns, *trace = [line.split(",") for line in (flight / "trace.csv").read_text().splitlines()]
+        shown, *rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in self.WHY.splitlines()
+                        if re.match(r"\| (t_s|1[01]\.\d{3}) \|", line)]
+        self.assertEqual(len(rows), 5)
+        by_time = {round(float(row[0]), 3): row for row in trace}
+        for row in rows:
+            for column, value in zip(shown, row):
+                digits = len(value.partition(".")[2])
+                self.assertEqual(f"{float(by_time[float(row[0])][columns.index(column)]):.{digits}f}", value, (row, column))
+        margin = run("design-lqr", "tiltrotor").stdout.decode()
+        self.assertIn("8.99 ms", margin)
 
 
 if __name__ == "__main__":
