@@ -58,8 +58,8 @@ struct Heartbeat {
 
 // What is to be flown. A node that comes late gets it, too.
 struct RunScenario {
-  std::string run_id{};         // key
-  std::string scenario_yaml{};  // at most kDocumentBytesMax
+  std::string run_id{};                     // key
+  std::string scenario_yaml{};              // at most kDocumentBytesMax
   std::vector<std::string> nodes{};         // node ids that take part
   std::vector<std::string> participants{};  // which participant each of them is (participant.h)
   bool operator==(const RunScenario&) const = default;
