@@ -3,8 +3,9 @@
 //
 //   u(k) = u_eq - K (x(k) - x_ref(k))
 //
-//   x     = q (8), q_dot (8), integrals of the errors of x, y, z and yaw (4)        q = x y z roll pitch yaw
-//   alpha_r alpha_l x_ref = (x y z 0 0 yaw 0 0   vx vy vz 0 0 0 0 0   0 0 0 0)
+//   x     = q (8), q_dot (8), integrals of the errors of x, y, z and yaw (4)
+//   q     = x y z roll pitch yaw alpha_r alpha_l
+//   x_ref = (x y z 0 0 yaw 0 0   vx vy vz 0 0 0 0 0   0 0 0 0)
 //
 // SI units, angles in rad, one step each 12 ms. The integrals follow the trapezoidal rule and include the
 // present error; the error before the first step counts as zero. The law is linear and does no more than it

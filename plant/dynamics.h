@@ -1,14 +1,14 @@
 // Equations of motion of a vehicle in minimal coordinates: what the controller design linearises.
 //
-//   q = (x, y, z, roll, pitch, yaw, alpha_r, alpha_l)    position of the main body's frame origin (m), Z-Y-X
-//   Euler angles and
-//                                                         hinge angles (rad)
-//   u = (f_r, f_l, tau_r, tau_l)                           thrusts (N), servo torques (N m)
+//   q = (x, y, z, roll, pitch, yaw, alpha_r, alpha_l)
+//       position of the main body's frame origin (m), its Z-Y-X Euler angles (rad), hinge angles (rad)
+//   u = (f_r, f_l, tau_r, tau_l)
+//       thrusts (N), servo torques (N m)
 //
 // Derived with the principle of virtual power: with the Jacobians of every body's centre of mass velocity and
 // angular velocity,
-//   sum (m J_v^T a + J_w^T (I w' + w x I w)) = generalised forces,      a = J_v q'' + a_0,   w' = J_w q'' +
-//   w'_0.
+//   sum (m J_v^T a + J_w^T (I w' + w x I w)) = generalised forces,
+//   a = J_v q'' + a_0,   w' = J_w q'' + w'_0.
 // Neither stops nor ground nor saturation. Singular at pitch +/-90 deg.
 //
 // Templated on the scalar (double, std::complex<double>): a complex step h gives derivatives without

@@ -6,14 +6,12 @@
 //   model.HoverInput()[0];           // 10.27
 //
 // SDF has no words for thrusters and servos; the elements below add them. They stand in the <model>, or alone
-// in a file
-// `<stem>.tiltproof.xml` beside the SDF file, which then needs no change:
+// in a file `<stem>.tiltproof.xml` beside the SDF file, which then needs no change:
 //
 //   <tiltproof:vehicle xmlns:tiltproof="urn:tiltproof:vehicle:1">
 //     <tiltproof:base link="body"/>
 //     <tiltproof:thruster name="right" link="thruster_right" axis="0 0 1" direction="1"
-//     drag_ratio_m="0.0178947368"
-//                         force_min_n="0" force_max_n="30"/>
+//                         drag_ratio_m="0.0178947368" force_min_n="0" force_max_n="30"/>
 //     <tiltproof:thruster name="left" .../>
 //     <tiltproof:servo joint="hinge_right" torque_max_nm="2"/>
 //     <tiltproof:servo joint="hinge_left"/>
@@ -28,9 +26,9 @@
 //             >= force_min_n (default 0), f <= force_max_n. Propeller drag: a torque direction * drag_ratio_m
 //             * f about the same axis; direction is 1 or -1 (lambda of the paper's Table 1), drag_ratio_m is
 //             k_tau / b.
-//   servo     joint: the revolute joint between base and thruster. torque_max_nm: default the joint's
-//   <effort>. sensors   optional. rate_hz: how often the sensors sample (Plant::ReadSensors); default: at
-//   every step.
+//   servo     joint: the revolute joint between base and thruster.
+//             torque_max_nm: default the joint's <effort>.
+//   sensors   optional. rate_hz: how often the sensors sample (Plant::ReadSensors); default: at every step.
 //   drag      optional. linear_n_s_m, quadratic_n_s2_m2 (BodyDrag): what the air does to the main body, so that
 //             wind has something to push. Default: none.
 //
@@ -90,8 +88,8 @@ struct CollisionShape {
   Eigen::Matrix3d R_BS = Eigen::Matrix3d::Identity();
 };
 
-// A thruster T on its hinge H. The hinge angle alpha turns it about axis_B: R_BT(alpha) = Rot(axis_B, alpha)
-// R_BT.
+// A thruster T on its hinge H. The hinge angle alpha turns it about axis_B:
+// R_BT(alpha) = Rot(axis_B, alpha) R_BT.
 struct TiltingThruster {
   std::string name;  // of the rotor, and of the hinge that carries it: "right"
   RigidBody body;
