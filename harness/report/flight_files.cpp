@@ -97,7 +97,7 @@ RunEvent EventFromJson(const RunLog& log, const Json& json) {
 }
 
 Json FlightJson(const RunLog& log) {
-  Json json;
+  Json json = {{"format", kResultsFormat}};
   json["end_reason"] = Name(log.end_reason);
   json["end_text"] = log.end_text;
   json["end_ns"] = log.end_ns;
@@ -224,6 +224,7 @@ RunLog ReadFlight(const std::filesystem::path& folder) {
   const std::string text = ReadFile(flight_file);
   try {
     const Json json = Json::parse(text);
+    CheckFormat(json);
     log.end_reason = EndReasonNamed(json.at("end_reason").get<std::string>());
     json.at("end_text").get_to(log.end_text);
     json.at("end_ns").get_to(log.end_ns);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <nlohmann/json.hpp>
+#include <stdexcept>
 #include <string>
 
 namespace tiltproof::harness {
@@ -15,6 +16,17 @@ inline std::string JsonText(const nlohmann::ordered_json& json, int indent = -1)
 inline std::string JsonLine(const nlohmann::ordered_json& json) {
   // Of ASCII, DEL alone is a control character that JSON leaves as it is; nlohmann writes it as \u007f too.
   return json.dump(-1, ' ', true, nlohmann::ordered_json::error_handler_t::replace);
+}
+
+// Of the result files: run.json, results.json, verdict.json, flight.json. It grows when a reader of the format before would
+// misread them. Files without one are of the first.
+inline constexpr int kResultsFormat = 1;
+// Throws std::runtime_error when a newer tiltproof has written this.
+inline void CheckFormat(const nlohmann::ordered_json& json) {
+  const int format = json.value("format", 1);
+  if (format > kResultsFormat)
+    throw std::runtime_error("written by a newer tiltproof (format " + std::to_string(format) +
+                             "; this one reads formats up to " + std::to_string(kResultsFormat) + ")");
 }
 
 }  // namespace tiltproof::harness

@@ -227,12 +227,20 @@ FlightResult NotFlown(const PlannedFlight& flight, const std::string& reason) {
   return result;
 }
 
-std::string ToJsonText(const FlightResult& result) { return JsonText(ToJson(result), 2) + "\n"; }
+std::string ToJsonText(const FlightResult& result) {
+  Json json = {{"format", kResultsFormat}};
+  json.update(ToJson(result));
+  return JsonText(json, 2) + "\n";
+}
 
-FlightResult ResultFromJsonText(const std::string& text) { return ResultFromJson(Json::parse(text)); }
+FlightResult ResultFromJsonText(const std::string& text) {
+  const Json json = Json::parse(text);
+  CheckFormat(json);
+  return ResultFromJson(json);
+}
 
 void WriteRunInfo(const std::filesystem::path& folder, const RunInfo& info) {
-  Json json;
+  Json json = {{"format", kResultsFormat}};
   json["suite"] = info.suite;
   json["started"] = info.started;
   json["version"] = Version();
@@ -263,6 +271,7 @@ RunInfo ReadRunInfo(const std::filesystem::path& folder) {
   const std::string text = ReadFile(file);
   try {
     const Json json = Json::parse(text);
+    CheckFormat(json);
     RunInfo info;
     json.at("suite").get_to(info.suite);
     json.at("started").get_to(info.started);
@@ -291,7 +300,7 @@ RunInfo ReadRunInfo(const std::filesystem::path& folder) {
 
 void WriteResults(const std::filesystem::path& folder, const RunInfo& info,
                   const std::vector<FlightResult>& results) {
-  Json json;
+  Json json = {{"format", kResultsFormat}};
   json["suite"] = info.suite;
   json["started"] = info.started;
   json["version"] = Version();
@@ -309,6 +318,7 @@ std::vector<FlightResult> ReadResults(const std::filesystem::path& folder) {
   const std::string text = ReadFile(file);
   try {
     const Json json = Json::parse(text);
+    CheckFormat(json);
     std::vector<FlightResult> results;
     for (const Json& entry : json.at("scenarios")) results.push_back(ResultFromJson(entry));
     return results;

@@ -12,8 +12,9 @@
 namespace tiltproof::harness {
 namespace {
 
-constexpr std::array<std::string_view, 8> kMayDiffer = {
-    "name", "description", "tags", "expect", "criteria", "firmware", "allow_restarts", "control_period"};
+constexpr std::array<std::string_view, 10> kMayDiffer = {
+    "format",   "name",     "description",    "tags",           "expect",
+    "criteria", "firmware", "allow_restarts", "control_period", "delay_margin_s"};
 
 YamlNode Parse(std::string_view yaml) {
   std::vector<YamlProblem> problems;

@@ -182,6 +182,8 @@ void ListOf(KeyVisitor& v, const Key& key, std::vector<Item>& items, Describe de
 }  // namespace
 
 void DescribeScenario(KeyVisitor& v, Scenario& s) {
+  v.Integer({"format", "Of this file: a tiltproof that knows only older ones refuses it"}, s.format,
+            {1, static_cast<double>(kScenarioFormat)});
   v.Text({"name", "Unique within a run; names the result folder", kRequired}, s.name, kScenarioName);
   v.Text({"description", "What it is about, for people"}, s.description, kAnyText);
   v.Texts({"tags", "Words to select by"}, s.tags, kNameRule);

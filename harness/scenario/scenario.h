@@ -38,6 +38,9 @@ struct LinkSpec {
   friend bool operator==(const LinkSpec&, const LinkSpec&) = default;
 };
 
+// Of scenario files. It grows when a file of the format before would be misread.
+inline constexpr std::int64_t kScenarioFormat = 1;
+
 // Criteria that every scenario has without listing them; no other criterion takes these names.
 inline constexpr std::string_view kSurvivalCriterion = "survival";
 inline constexpr std::string_view kControlPeriodCriterion = "control_period";
@@ -77,6 +80,7 @@ struct ArbiterSpec {
 
 struct Scenario {
   std::filesystem::path file;  // where it was read from
+  std::int64_t format = kScenarioFormat;
   std::string name;
   std::string description;
   std::vector<std::string> tags;

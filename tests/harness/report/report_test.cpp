@@ -137,6 +137,17 @@ TEST_F(ReportTest, ResultSurvivesItsJson) {
   EXPECT_EQ(ResultFromJsonText(text).score.histograms, result.score.histograms);
 }
 
+TEST_F(ReportTest, AResultOfANewerFormatIsRefused) {
+  std::string text = ToJsonText(Result(Verdict::kPass, Verdict::kPass));
+  ASSERT_THAT(text, HasSubstr("\"format\": 1,"));
+  std::string older = text;
+  older.erase(older.find("\"format\""), std::string("\"format\": 1,").size());
+  EXPECT_NO_THROW(ResultFromJsonText(older));  // of the time before there was one
+  text.replace(text.find("\"format\": 1"), std::string("\"format\": 1").size(), "\"format\": 2");
+  EXPECT_THAT(ErrorOf([&] { ResultFromJsonText(text); }),
+              HasSubstr("written by a newer tiltproof (format 2; this one reads formats up to 1)"));
+}
+
 TEST_F(ReportTest, ExitCodesFollowTheirPrecedence) {
   const auto pass = Result(Verdict::kPass, Verdict::kPass), fail = Result(Verdict::kFail, Verdict::kPass),
              expected_fail = Result(Verdict::kFail, Verdict::kFail),

@@ -294,6 +294,7 @@ TEST_F(ReaderTest, MissingKeys) {
 
 TEST_F(ReaderTest, RangesAndNames) {
   const std::vector<std::pair<std::string, std::string>> cases = {
+      {"format: 2\n", "4:9: format: 2 is out of range; must be from 1 to 1"},
       {"seed: -1\n", "4:7: seed: -1 is out of range; must be from 0 to 9007199254740991"},
       {"seed: 9007199254740992\n",
        "4:7: seed: 9007199254740992 is out of range; must be from 0 to 9007199254740991"},

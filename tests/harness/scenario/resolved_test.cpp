@@ -29,7 +29,7 @@ class RandomFiller : public KeyVisitor {
     value = AnyNumber(range);
   }
   void Integer(const Key&, std::int64_t& value, Range range) override {
-    value = *rc::gen::inRange(static_cast<std::int64_t>(range.min), static_cast<std::int64_t>(range.max));
+    value = *rc::gen::inRange(static_cast<std::int64_t>(range.min), static_cast<std::int64_t>(range.max) + 1);
   }
   void Seconds(const Key&, TimeNs& value_ns, Range range_s) override {
     value_ns = *rc::gen::inRange(FromSeconds(range_s.min), FromSeconds(range_s.max));
@@ -149,6 +149,7 @@ void MakeConsistent(Scenario& s, const fs::path& folder) {
 }
 
 void ExpectSame(const Scenario& a, const Scenario& b) {
+  RC_ASSERT(a.format == b.format);
   RC_ASSERT(a.name == b.name);
   RC_ASSERT(a.description == b.description);
   RC_ASSERT(a.tags == b.tags);
@@ -233,7 +234,8 @@ RC_GTEST_FIXTURE_PROP(ResolvedTest, ReadsBackToAnEqualScenario, ()) {
 TEST_F(ResolvedTest, WritesEveryDefault) {
   const Scenario scenario =
       ReadBack("name: x\nduration_s: 24\nreference: {type: hover, at_m: [0, 0.1, 2]}\n");
-  EXPECT_EQ(WriteResolved(scenario), R"(name: "x"
+  EXPECT_EQ(WriteResolved(scenario), R"(format: 1
+name: "x"
 tags: []
 model: "tiltrotor"
 allow_invalid_inertia: false
