@@ -41,7 +41,7 @@ std::optional<Enum> EnumNamed(const Json& name, Enum last) {
 }
 
 Json ToJson(const FlightResult& result) {
-  Json json;
+  Json json = {{"format", kResultsFormat}};
   json["name"] = result.name;
   json["verdict"] = Name(result.score.verdict);
   json["expected"] = Name(result.expected);
@@ -75,6 +75,7 @@ Json ToJson(const FlightResult& result) {
 }
 
 FlightResult ResultFromJson(const Json& json) {
+  CheckFormat(json);
   FlightResult result;
   json.at("name").get_to(result.name);
   result.expected = VerdictNamed(json.at("expected").get<std::string>());
@@ -227,17 +228,9 @@ FlightResult NotFlown(const PlannedFlight& flight, const std::string& reason) {
   return result;
 }
 
-std::string ToJsonText(const FlightResult& result) {
-  Json json = {{"format", kResultsFormat}};
-  json.update(ToJson(result));
-  return JsonText(json, 2) + "\n";
-}
+std::string ToJsonText(const FlightResult& result) { return JsonText(ToJson(result), 2) + "\n"; }
 
-FlightResult ResultFromJsonText(const std::string& text) {
-  const Json json = Json::parse(text);
-  CheckFormat(json);
-  return ResultFromJson(json);
-}
+FlightResult ResultFromJsonText(const std::string& text) { return ResultFromJson(Json::parse(text)); }
 
 void WriteRunInfo(const std::filesystem::path& folder, const RunInfo& info) {
   Json json = {{"format", kResultsFormat}};
