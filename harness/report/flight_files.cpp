@@ -154,12 +154,6 @@ std::string FaultsJsonl(const Scenario& scenario, const RunLog& log) {
   return lines;
 }
 
-EndReason EndReasonNamed(const std::string& name) {
-  for (int i = 0; i <= static_cast<int>(EndReason::kHarnessError); ++i)
-    if (Name(static_cast<EndReason>(i)) == name) return static_cast<EndReason>(i);
-  throw std::runtime_error("unknown end_reason '" + name + "'");
-}
-
 }  // namespace
 
 FlightRecorder RecorderIn(const std::filesystem::path& folder, Keep keep) {
@@ -225,7 +219,8 @@ RunLog ReadFlight(const std::filesystem::path& folder) {
   try {
     const Json json = Json::parse(text);
     CheckFormat(json);
-    log.end_reason = EndReasonNamed(json.at("end_reason").get<std::string>());
+    log.end_reason =
+        EnumNamed("end_reason", json.at("end_reason").get<std::string>(), EndReason::kHarnessError);
     json.at("end_text").get_to(log.end_text);
     json.at("end_ns").get_to(log.end_ns);
     json.at("wall_s").get_to(log.wall_s);

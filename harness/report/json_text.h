@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 
 namespace tiltproof::harness {
 
@@ -16,6 +17,14 @@ inline std::string JsonText(const nlohmann::ordered_json& json, int indent = -1)
 inline std::string JsonLine(const nlohmann::ordered_json& json) {
   // Of ASCII, DEL alone is a control character that JSON leaves as it is; nlohmann writes it as \u007f too.
   return json.dump(-1, ' ', true, nlohmann::ordered_json::error_handler_t::replace);
+}
+
+// The value of an enumeration that counts from 0 to `last`, by its Name(). Throws std::runtime_error: "unknown `what`".
+template <class Enum>
+Enum EnumNamed(const std::string& what, std::string_view name, Enum last) {
+  for (int i = 0; i <= static_cast<int>(last); ++i)
+    if (Name(static_cast<Enum>(i)) == name) return static_cast<Enum>(i);
+  throw std::runtime_error("unknown " + what + " '" + std::string(name) + "'");
 }
 
 // Of the result files: run.json, results.json, verdict.json, flight.json. It grows when a reader of the format before would

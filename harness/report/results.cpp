@@ -25,19 +25,14 @@ std::optional<double> OptionalFrom(const Json& json) {
   return json.get<double>();
 }
 
-Verdict VerdictNamed(const std::string& name) {
-  for (const Verdict verdict : {Verdict::kPass, Verdict::kInconclusive, Verdict::kFail, Verdict::kError})
-    if (Name(verdict) == name) return verdict;
-  throw std::runtime_error("unknown verdict '" + name + "'");
-}
+Verdict VerdictNamed(const std::string& name) { return EnumNamed("verdict", name, Verdict::kError); }
 
-// From null nothing. The enumeration counts from 0 to `last`.
+// Of a name that may be absent, or null.
 template <class Enum>
-std::optional<Enum> EnumNamed(const Json& name, Enum last) {
+std::optional<Enum> MaybeNamed(const Json& json, const char* key, Enum last) {
+  const Json name = json.value(key, Json());
   if (name.is_null()) return std::nullopt;
-  for (int i = 0; i <= static_cast<int>(last); ++i)
-    if (Name(static_cast<Enum>(i)) == name.get<std::string>()) return static_cast<Enum>(i);
-  throw std::runtime_error("unknown name '" + name.get<std::string>() + "'");
+  return EnumNamed(key, name.get<std::string>(), last);
 }
 
 Json ToJson(const FlightResult& result) {
@@ -82,8 +77,8 @@ FlightResult ResultFromJson(const Json& json) {
   json.at("seed").get_to(result.seed);
   json.at("trace_hash").get_to(result.trace_hash);
   // Absent from the files of older versions, like others below.
-  result.end_reason = EnumNamed<EndReason>(json.value("end_reason", Json()), EndReason::kHarnessError);
-  result.outcome = EnumNamed<Outcome>(json.value("outcome", Json()), Outcome::kUnaffected);
+  result.end_reason = MaybeNamed(json, "end_reason", EndReason::kHarnessError);
+  result.outcome = MaybeNamed(json, "outcome", Outcome::kUnaffected);
   json.at("wall_s").get_to(result.wall_s);
   json.at("real_time_factor").get_to(result.real_time_factor);
   json.at("replay").get_to(result.replay);
@@ -211,11 +206,7 @@ std::string_view Name(Keep keep) {
   return "unknown";
 }
 
-Keep KeepNamed(std::string_view name) {
-  for (const Keep keep : {Keep::kFailing, Keep::kVerdicts})
-    if (Name(keep) == name) return keep;
-  return Keep::kAll;
-}
+Keep KeepNamed(std::string_view name) { return EnumNamed("keep", name, Keep::kVerdicts); }
 
 FlightResult NotFlown(const PlannedFlight& flight, const std::string& reason) {
   FlightResult result;

@@ -37,7 +37,7 @@ struct NotApplicable {
 // Of which flights a run keeps a folder.
 enum class Keep : std::uint8_t { kAll, kFailing, kVerdicts };
 std::string_view Name(Keep keep);
-// kAll when no other has this name.
+// Throws std::runtime_error when none has this name.
 Keep KeepNamed(std::string_view name);
 
 struct RunInfo {
