@@ -1,0 +1,45 @@
+"""The program in a folder of its own, as the tests of its commands use it. The script that imports this has the program as its first argument."""
+import json
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+PROGRAM = pathlib.Path(sys.argv[1]).resolve()
+
+SHORT_HOVER = """\
+name: NAME
+duration_s: 0.6
+seed: 3
+reference: {type: hover, at_m: [0, 0, 2]}
+criteria:
+  - {name: near, stl: "always(position_error_m <= 0.5)"}
+"""
+
+
+class CommandLineTest(unittest.TestCase):
+    def setUp(self):
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="tiltproof-cli-"))
+        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
+
+    def tiltproof(self, *arguments, stdin=b"", timeout=120, environment=None):
+        done = subprocess.run([PROGRAM, *map(str, arguments)], input=stdin, capture_output=True, cwd=self.folder, timeout=timeout, check=False,
+                              env={**os.environ, **(environment or {})})
+        return done.returncode, done.stdout.decode(), done.stderr.decode()
+
+    def scenario(self, name, text=SHORT_HOVER, **changes):
+        text = text.replace("NAME", name)
+        for old, new in changes.items():
+            text = text.replace(old, new)
+        path = self.folder / f"{name}.yaml"
+        path.write_text(text)
+        return path
+
+    def latest(self):
+        return (self.folder / "results" / "latest").resolve()
+
+    def results(self):
+        return json.loads((self.latest() / "results.json").read_text())

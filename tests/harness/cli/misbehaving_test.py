@@ -1,0 +1,124 @@
+#!/usr/bin/env python3
+"""Firmware that does what firmware must not, as a user sees it. Usage: misbehaving_test.py TILTPROOF SOURCE_DIR CLIENTS_DIR"""
+import json
+import pathlib
+import subprocess
+import sys
+import unittest
+import xml.etree.ElementTree
+
+from command_line import CommandLineTest
+
+CLIENTS = pathlib.Path(sys.argv[3]).resolve()
+
+
+class MisbehavingTest(CommandLineTest):
+    def misbehaving(self, *ways, flags=(), environment=None):
+        """A flight for each, all at once: exit code, what was printed, results by name."""
+        for how in ways:
+            self.scenario(how, **{"seed: 3": f"seed: 3\nfirmware: {how}"})
+        code, out, err = self.tiltproof("run", *(f"{how}.yaml" for how in ways), "-j", len(ways), "--client",
+                                        f"library:{CLIENTS / 'libmisbehaving_client.so'}", *flags, environment=environment)
+        return code, out + err, {entry["name"]: entry for entry in self.results()["scenarios"]}
+
+    def rows_count(self, name):
+        trace = self.latest() / name / "trace.csv"
+        return len(trace.read_text().splitlines()) if trace.exists() else 0
+
+    # How a firmware may break its flight, and what is said of it. What was flown is kept.
+    FATAL = {"crash": "crashed in tiltproof_client_grant: Segmentation fault", "abort": "crashed in tiltproof_client_grant: Aborted",
+             "exit": r"called exit\(3\) in tiltproof_client_grant", "quick_exit": r"called quick_exit\(3\)", "underscore_exit": r"called _exit\(0\)",
+             "exec": r"called exec \(true\)", "pthread_exit": "called pthread_exit", "throw": "threw an exception: beyond the last sensor",
+             "nanoseconds": "lets no time pass", "hang": "did not return from tiltproof_client_grant within 5 s of its own time",
+             "stop": "stopped itself in tiltproof_client_grant"}
+    # What nothing in its process can prevent: the flight is lost, the verdict is not.
+    FATAL_AND_LOST = {"raw_exit": "ended its process in tiltproof_client_grant.*exit code 0", "raw_exec": "ended its process in tiltproof_client_grant",
+                      "hang_blocked": "did not return from tiltproof_client_grant"}
+
+    def test_a_firmware_that_breaks_its_flight_has_failed(self):
+        for ways, kept in ((self.FATAL, True), (self.FATAL_AND_LOST, False)):
+            code, text, results = self.misbehaving(*ways)
+            self.assertEqual(code, 1, text)
+            for how, reason in ways.items():
+                self.assertEqual(results[how]["verdict"], "fail", (how, text))
+                self.assertRegex(results[how]["reason"], reason)
+                self.assertEqual(self.rows_count(how) > 10, kept, how)
+            # None drops out of the score later on, be there a flight or not.
+            self.assertIn(self.tiltproof("score", self.latest())[0], (1,) if kept else (1, 3))
+
+    def test_in_a_process_of_its_own_too(self):
+        ways = {how: reason for how, reason in self.FATAL.items() if how not in ("hang", "stop")}
+        code, text, results = self.misbehaving(*ways, "raw_exit", "raw_exec", flags=["--distributed=socket"])
+        self.assertEqual(code, 1, text)
+        for how, entry in results.items():
+            self.assertEqual(entry["verdict"], "fail", (how, text))
+            self.assertRegex(entry["reason"], ways.get(how, "the firmware's process"))
+            self.assertGreater(self.rows_count(how), 10, how)
+
+    def test_while_it_is_loaded(self):
+        for how, reason in (("crash", "crashed in dlopen"), ("exit", r"called exit\(3\) in dlopen"), ("throw", "crashed|threw")):
+            code, text, results = self.misbehaving("calm", environment={"MISBEHAVE_AT_LOAD": how})
+            self.assertEqual((code, results["calm"]["verdict"]), (1, "fail"), text)
+            self.assertRegex(results["calm"]["reason"], reason)
+
+    def test_a_result_that_cannot_be_handed_over_is_no_failure_of_the_firmware(self):
+        code, text, results = self.misbehaving("close_all")
+        self.assertEqual((code, results["close_all"]["verdict"]), (3, "error"), text)
+        self.assertIn("could not hand them over", results["close_all"]["reason"])
+
+    def test_what_it_does_after_the_flight_changes_no_verdict(self):
+        ways = [f"destroy_{how}" for how in ("abort", "exit", "raw_exit", "hang_blocked")]
+        code, text, results = self.misbehaving("calm", *ways)
+        self.assertEqual(code, 0, text)
+        hashes = {entry["trace_hash"] for entry in results.values()}
+        self.assertEqual(len(hashes), 1, results)
+        self.assertIn("called exit(3) in tiltproof_client_destroy", text)
+        self.assertIn("crashed in tiltproof_client_destroy: Aborted", text)
+        self.assertIn("hung in tiltproof_client_destroy", text)
+
+    def test_what_it_says_reaches_the_terminal_without_control_characters(self):
+        said = "threw an exception: \\x1b[2J PASS forged\\x9b\\xc2\\x9b\\xe2\\x80\\xae"
+        code, text, results = self.misbehaving("throw_escapes")
+        self.assertEqual((code, results["throw_escapes"]["verdict"]), (1, "fail"), text)
+        self.assertIn(said, text)
+        self.assertEqual([c for c in text if not c.isprintable() and c != "\n"], [])
+        xml.etree.ElementTree.parse(self.latest() / "junit.xml")
+        # A script gets what was said, but for the byte that is no UTF-8.
+        code, text, _ = self.misbehaving("throw_escapes", flags=["--format", "jsonl"])
+        self.assertTrue(text.isascii() and text.rstrip("\n").isprintable(), text)
+        self.assertIn("\x1b[2J PASS forged\ufffd\x9b\u202e", json.loads(text)["reason"])
+
+    def test_its_floating_point_modes_are_its_own(self):
+        _, _, results = self.misbehaving("calm", "round")
+        _, _, at_load = self.misbehaving("calm", environment={"MISBEHAVE_AT_LOAD": "round"})
+        hashes = {entry["trace_hash"] for entry in [*results.values(), *at_load.values()]}
+        self.assertEqual(len(hashes), 1)
+
+    def test_a_process_that_it_forks_flies_nothing(self):
+        code, text, results = self.misbehaving("fork")
+        self.assertEqual((code, text.count("fork ")), (0, 1), text)
+
+    def test_what_it_prints_is_in_its_log_and_nowhere_else(self):
+        for flags in ((), ("--distributed=socket",)):
+            _, text, _ = self.misbehaving("chatter", flags=flags)
+            self.assertNotIn("chatter-on", text)
+            log = (self.latest() / "chatter/firmware.log").read_text()
+            self.assertRegex(log, r"(?m)^0\.\d+ chatter-on-stdout$")
+            self.assertRegex(log, r"(?m)^0\.\d+ chatter-on-stderr$")
+            self.assertIn("?[2J", log)
+
+    def test_a_file_that_is_no_firmware_library(self):
+        path = self.scenario("calm")
+        (self.folder / "text.so").write_text("hello")
+        (self.folder / "none.c").write_text("int nothing;")
+        subprocess.run(["cc", "-shared", "-fPIC", "-o", "none.so", "none.c"], cwd=self.folder, check=True)
+        for library, words in (("text.so", "cannot load"), ("none.so", "does not export tiltproof_client_abi_version")):
+            code, out, err = self.tiltproof("run", path, "--client", f"library:{library}")
+            self.assertEqual((code, out), (2, ""), err)
+            self.assertIn(words, err)
+            self.assertIn(library, err)
+        self.assertFalse((self.folder / "results").exists())
+
+
+if __name__ == "__main__":
+    unittest.main(argv=[sys.argv[0], *sys.argv[4:]], verbosity=1)
