@@ -131,6 +131,7 @@ std::vector<MemberNews> Members::Watch(const std::vector<dds::NodeLife>& nodes, 
                         fmt::format("the {} node is heard again after {} ms", member.id,
                                     duration_cast<milliseconds>(now - *member.silent_since).count())});
       member.silent_since.reset();
+      member.silent_for.reset();
       continue;
     }
     if (!member.silent_since) {
@@ -139,11 +140,14 @@ std::vector<MemberNews> Members::Watch(const std::vector<dds::NodeLife>& nodes, 
                       fmt::format("the {} node missed its lease of 200 ms", member.id)});
     }
     const bool kept_away = member.kept_away;
-    if (kept_away) member.excused_until = now;
+    // It has to be heard again before long, not at once.
+    if (kept_away) member.silent_for.reset();
     ChildProcess* process = processes != nullptr ? processes->Find(member.role) : nullptr;
     // While it is down, to be started again, it has all the time it needs.
     if (kept_away && process != nullptr && !process->Alive()) continue;
     if (process != nullptr && !kept_away) {
+      if (!member.silent_for) member.silent_for.emplace(process->pid());
+      const std::chrono::nanoseconds silent_for{member.silent_for->Look(now)};
       // A busy machine makes a living node look dead for a moment; a stopped one is told apart at once.
       if (IsStopped(process->pid())) {
         // By a fault: a firmware that hangs. By others: the machine's doing.
@@ -151,7 +155,7 @@ std::vector<MemberNews> Members::Watch(const std::vector<dds::NodeLife>& nodes, 
         Lose(member,
              itself ? "does not answer: it has stopped itself" : "does not answer: its process is stopped",
              news, itself || paused.contains(member.role));
-      } else if (now - std::max(*member.silent_since, member.excused_until) > kHangLimit) {
+      } else if (silent_for > kHangLimit) {
         Lose(member, "does not answer: it hangs", news, !HostIsSilent(member));
       }
     } else if (now - *member.silent_since > kPartitionLimit) {

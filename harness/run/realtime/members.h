@@ -9,6 +9,7 @@
 
 #include "harness/dds/bus.h"
 #include "harness/dds/messages.h"
+#include "harness/process/own_time.h"
 #include "harness/run/realtime/node_processes.h"
 #include "harness/scenario/client_spec.h"
 
@@ -25,8 +26,7 @@ struct Member {
   bool lost = false;
   bool kept_away = false;  // by a fault, just now
   std::optional<std::chrono::steady_clock::time_point> silent_since;
-  // A fault kept it away until then: it has to be heard again before long, not at once.
-  std::chrono::steady_clock::time_point excused_until{};
+  std::optional<OwnTime> silent_for;  // a process of ours: how much time of its own it has been silent for
 };
 
 // What Watch() saw.
@@ -41,7 +41,8 @@ class Members {
  public:
   // An attached node may only be cut off for a moment: it is lost when it stays away so long.
   static constexpr std::chrono::milliseconds kPartitionLimit{5'000};
-  // A process of ours that lives is hung when it is silent for so long after its lease.
+  // A process of ours that lives is hung when, after its lease, it is silent for so long of its own time: a machine
+  // that lets it wait for a processor does not make it hang.
   static constexpr std::chrono::milliseconds kHangLimit{800};
   // So many strangers are named in a run.
   static constexpr std::size_t kStrangersMax = 8;
