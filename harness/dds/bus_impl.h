@@ -1,6 +1,9 @@
 // What a Bus holds, for publisher.cpp and subscriber.cpp. Internal to this folder.
 #pragma once
 
+#include <atomic>
+#include <cstdint>
+
 #include "harness/dds/bus.h"
 #include "harness/dds/qos.h"
 #include "harness/dds/wire.h"
@@ -13,6 +16,22 @@ struct Bus::Impl {
 
   // A topic of this participant with the QoS of its row in the table. Throws std::runtime_error.
   dds_entity_t CreateTopic(const TopicQos& qos, const dds_topic_descriptor_t& descriptor) const;
+};
+
+// DDS waits for callbacks that run when an entity's listener is taken away, with locks that the thread sanitizer does
+// not see. Counted here, what they have read happens before the entity is freed, for the sanitizer too.
+class Callbacks {
+ public:
+  template <class Callback>
+  void Run(const Callback& callback) {
+    callback();
+    ended_count_.fetch_add(1, std::memory_order_release);
+  }
+  // After dds_set_listener(entity, nullptr).
+  void AllEnded() const { (void)ended_count_.load(std::memory_order_acquire); }
+
+ private:
+  std::atomic<std::int64_t> ended_count_ = 0;
 };
 
 // Of a publisher or subscriber, as DDS describes it.

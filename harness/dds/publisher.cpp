@@ -15,6 +15,7 @@ constexpr std::size_t kSubscribersCountMax = 1024;
 template <class T>
 struct Publisher<T>::Impl {
   std::function<void()> on_match;
+  Callbacks callbacks;
   dds_entity_t topic = 0;
   dds_entity_t writer = 0;
   // What goes out is assembled here, without a new allocation each time.
@@ -25,6 +26,7 @@ struct Publisher<T>::Impl {
   ~Impl() {
     if (writer > 0) {
       dds_set_listener(writer, nullptr);  // waits for a callback that runs
+      callbacks.AllEnded();
       dds_delete(writer);
     }
     if (topic > 0) dds_delete(topic);
@@ -47,8 +49,11 @@ Publisher<T>::Publisher(Bus& bus, const std::function<void()>& on_match) : impl_
   impl_->topic = bus.impl().CreateTopic(QosOf<T>(), WireOf<T>::Descriptor());
   const ListenerPtr listener(dds_create_listener(impl_.get()));
   if (impl_->on_match) {
-    dds_lset_publication_matched(listener.get(), [](dds_entity_t, const dds_publication_matched_status_t,
-                                                    void* impl) { static_cast<Impl*>(impl)->on_match(); });
+    dds_lset_publication_matched(listener.get(),
+                                 [](dds_entity_t, const dds_publication_matched_status_t, void* argument) {
+                                   auto* impl = static_cast<Impl*>(argument);
+                                   impl->callbacks.Run([&] { impl->on_match(); });
+                                 });
   }
   const auto qos = MakeQos(QosOf<T>());
   impl_->writer = dds_create_writer(bus.impl().participant, impl_->topic, qos.get(), listener.get());

@@ -33,6 +33,7 @@ struct Subscriber<T>::Impl {
 
   std::function<void()> on_data;
   std::function<void()> on_liveliness;
+  Callbacks callbacks;
   const Circle* circle = nullptr;
   dds_entity_t topic = 0;
   dds_entity_t reader = 0;
@@ -48,6 +49,7 @@ struct Subscriber<T>::Impl {
   ~Impl() {
     if (reader > 0) {
       dds_set_listener(reader, nullptr);  // waits for a callback that runs
+      callbacks.AllEnded();
       dds_delete(reader);
     }
     if (topic > 0) dds_delete(topic);
@@ -178,17 +180,22 @@ struct Subscriber<T>::Impl {
     }
     const ListenerPtr listener(dds_create_listener(this));
     if (on_data) {
-      dds_lset_data_available(listener.get(),
-                              [](dds_entity_t, void* impl) { static_cast<Impl*>(impl)->on_data(); });
+      dds_lset_data_available(listener.get(), [](dds_entity_t, void* argument) {
+        auto* impl = static_cast<Impl*>(argument);
+        impl->callbacks.Run([&] { impl->on_data(); });
+      });
     }
     dds_lset_subscription_matched(
-        listener.get(), [](dds_entity_t self, const dds_subscription_matched_status_t status, void* impl) {
-          static_cast<Impl*>(impl)->OnMatch(self, status);
+        listener.get(),
+        [](dds_entity_t self, const dds_subscription_matched_status_t status, void* argument) {
+          auto* impl = static_cast<Impl*>(argument);
+          impl->callbacks.Run([&] { impl->OnMatch(self, status); });
         });
-    dds_lset_liveliness_changed(listener.get(),
-                                [](dds_entity_t, const dds_liveliness_changed_status_t status, void* impl) {
-                                  static_cast<Impl*>(impl)->OnLiveliness(status);
-                                });
+    dds_lset_liveliness_changed(
+        listener.get(), [](dds_entity_t, const dds_liveliness_changed_status_t status, void* argument) {
+          auto* impl = static_cast<Impl*>(argument);
+          impl->callbacks.Run([&] { impl->OnLiveliness(status); });
+        });
     const auto qos = MakeQos(QosOf<T>());
     if (!QosOf<T>().keep_all) dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, QosOf<T>().heard_depth);
     reader = dds_create_reader(bus.impl().participant, topic, qos.get(), listener.get());
