@@ -22,6 +22,11 @@ add_compile_options(-ffp-contract=off)
 add_compile_options(-Wall -Wextra -Wpedantic -Wshadow -Wconversion)
 add_compile_options($<$<COMPILE_LANGUAGE:CXX>:-Wnon-virtual-dtor> $<$<COMPILE_LANGUAGE:CXX>:-Woverloaded-virtual>)
 
+if(CMAKE_UNITY_BUILD)
+  # A source that is included looks like a header, whose types must not have parts of unnamed namespaces.
+  add_compile_options($<$<COMPILE_LANG_AND_ID:CXX,GNU>:-Wno-subobject-linkage>)
+endif()
+
 if(TILTPROOF_SANITIZE)
   add_compile_options(-fsanitize=${TILTPROOF_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
   add_link_options(-fsanitize=${TILTPROOF_SANITIZE})
@@ -33,12 +38,14 @@ endif()
 
 include_directories(${PROJECT_SOURCE_DIR})
 
-# tiltproof_test(NAME tier SOURCES... [LIBS...]): one GoogleTest binary; tier is its CTest label.
+# tiltproof_test(NAME tier SOURCES... [LIBS...]): the tests of one folder, one GoogleTest program; tier is its CTest label.
+# Tests are compiled more often than they are run.
 function(tiltproof_test name tier)
   cmake_parse_arguments(ARG "" "" "SOURCES;LIBS;DEFINITIONS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE ${ARG_LIBS} GTest::gtest_main GTest::gmock)
   target_compile_definitions(${name} PRIVATE TILTPROOF_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
                              TILTPROOF_BINARY_DIR="${PROJECT_BINARY_DIR}" ${ARG_DEFINITIONS})
+  target_compile_options(${name} PRIVATE $<$<CONFIG:Release>:-O1>)
   gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60 PROPERTIES LABELS ${tier} TIMEOUT 300)
 endfunction()

@@ -6,8 +6,6 @@
 namespace tiltproof::link {
 namespace {
 
-constexpr std::uint32_t kModulus = 255;
-
 // The modulo is put off to the end of a block: a division a byte costs seven times as much. Of n bytes FF,
 // after sums that were reduced before, sum1 is at most 254 + 255 n and sum2 at most 254 + 254 n + 255 n (n +
 // 1) / 2; this is the largest n for which both fit 32 bits.
@@ -27,8 +25,8 @@ std::uint16_t Fletcher16(std::span<const std::uint8_t> bytes) {
       sum1 += byte;
       sum2 += sum1;
     }
-    sum1 %= kModulus;
-    sum2 %= kModulus;
+    sum1 %= kFletcherModulus;
+    sum2 %= kFletcherModulus;
     bytes = bytes.subspan(count);
   }
   return static_cast<std::uint16_t>(sum2 << 8 | sum1);

@@ -12,6 +12,8 @@
 
 namespace tiltproof::link {
 
+inline constexpr std::uint32_t kFletcherModulus = 255;
+
 // Any number of bytes; both bytes of the result are in [0, 254].
 std::uint16_t Fletcher16(std::span<const std::uint8_t> bytes);
 

@@ -11,7 +11,6 @@ namespace {
 using namespace std::string_view_literals;
 
 constexpr std::size_t kCheckBytes = 2;
-constexpr std::uint32_t kModulus = 255;
 
 // A frame is so short that the sums need no modulo before its end: of n bytes FF, sum1 is 255 n and sum2 255
 // n (n + 1) / 2.
@@ -33,7 +32,7 @@ bool AnyMustEscape(const std::uint8_t* four) {
   return ((low + 0x0303'0303) & ~(low + 0x0101'0101) & ~word & 0x8080'8080) != 0;
 }
 
-constexpr std::uint8_t Low(std::uint32_t sum) { return static_cast<std::uint8_t>(sum % kModulus); }
+constexpr std::uint8_t Low(std::uint32_t sum) { return static_cast<std::uint8_t>(sum % kFletcherModulus); }
 
 // Writes the byte, escaped if need be, and returns where the next one goes.
 std::uint8_t* PutEscaped(std::uint8_t* out, std::uint8_t byte) {

@@ -16,8 +16,6 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-Vector3d ToVector(const dReal* v) { return {v[0], v[1], v[2]}; }
-
 }  // namespace
 
 Plant::Plant(const VehicleModel& model, const PlantOptions& options)

@@ -20,8 +20,6 @@ static_assert(sizeof(dReal) == sizeof(double), "needs ODE built in double precis
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-Vector3d ToVector(const dReal* v) { return {v[0], v[1], v[2]}; }
-
 Matrix3d ToMatrix(const dReal* r) {
   Matrix3d matrix;
   matrix << r[0], r[1], r[2], r[4], r[5], r[6], r[8], r[9], r[10];

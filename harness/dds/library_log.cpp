@@ -14,15 +14,15 @@ namespace {
 
 constexpr std::size_t kCapturedBytesMax = 1000;
 
-struct Log {
+struct Recorded {
   std::mutex mutex;
   std::string* captured = nullptr;  // where a message goes while somebody wants it
   int shown_count = 0;
   std::int64_t more_count = 0;
 };
 // Threads of the library may speak until the process has ended: it is never destroyed.
-constinit Log the_log;
-static_assert(std::is_trivially_destructible_v<Log>);
+constinit Recorded the_log;
+static_assert(std::is_trivially_destructible_v<Recorded>);
 
 std::string OneLine(std::string_view message) {
   while (!message.empty() && message.back() == '\n') message.remove_suffix(1);

@@ -33,7 +33,7 @@ ReferencePoint AtRest(const std::array<double, 3>& p_m, double yaw_rad = 0.0) {
   return r;
 }
 
-double Distance(const std::array<double, 3>& a, const std::array<double, 3>& b) {
+double LegLength(const std::array<double, 3>& a, const std::array<double, 3>& b) {
   return std::hypot(b[0] - a[0], b[1] - a[1], b[2] - a[2]);
 }
 
@@ -144,7 +144,7 @@ Trajectory::Polyline Trajectory::FromWaypoints(const WaypointsReference& waypoin
   double t_s = 0.0;
   for (std::size_t i = 0; i < waypoints.points_m.size(); ++i) {
     const auto& point_m = waypoints.points_m[i];
-    if (i > 0) t_s += Distance(waypoints.points_m[i - 1], point_m) / waypoints.speed_m_s;
+    if (i > 0) t_s += LegLength(waypoints.points_m[i - 1], point_m) / waypoints.speed_m_s;
     polyline.samples.push_back({t_s, AtRest(point_m)});
   }
   return polyline;

@@ -10,18 +10,14 @@
 #include <system_error>
 #include <utility>
 
+#include "harness/scenario/lower_case.h"
+
 namespace tiltproof::harness {
 namespace {
 
 namespace fs = std::filesystem;
 
 constexpr int kNestingMax = 100;
-
-std::string Lower(std::string_view text) {
-  std::string out(text);
-  for (char& c : out) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return out;
-}
 
 bool IsScenarioFile(const fs::path& path) {
   return path.extension() == ".yaml" || path.extension() == ".yml";
@@ -251,7 +247,7 @@ class ExpressionParser {
     } else if (token_.empty() || token_ == ")" || token_ == "and" || token_ == "or") {
       Fail(token_.empty() ? "expected a word" : fmt::format("expected a word, found '{}'", token_));
     } else {
-      node.word = Lower(token_);
+      node.word = LowerCase(token_);
       Advance();
     }
     --nesting_;
@@ -274,8 +270,8 @@ bool Selection::Matches(const Scenario& scenario) const {
   if (!tag_.empty() && std::find(scenario.tags.begin(), scenario.tags.end(), tag_) == scenario.tags.end())
     return false;
   if (!expression_) return true;
-  std::vector<std::string> texts = {Lower(scenario.name)};
-  for (const auto& tag : scenario.tags) texts.push_back(Lower(tag));
+  std::vector<std::string> texts = {LowerCase(scenario.name)};
+  for (const auto& tag : scenario.tags) texts.push_back(LowerCase(tag));
   return expression_->Holds(texts);
 }
 

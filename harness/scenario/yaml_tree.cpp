@@ -15,6 +15,8 @@
 #include <system_error>
 #include <utility>
 
+#include "harness/scenario/lower_case.h"
+
 namespace tiltproof::harness {
 namespace {
 
@@ -46,19 +48,11 @@ bool IsJsonNumber(std::string_view s) {
   return i == s.size();
 }
 
-std::string Lower(std::string_view s) {
-  std::string out(s);
-  for (char& c : out) {
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  }
-  return out;
-}
-
 // Why a plain scalar that is no JSON number could be taken for a number by someone; empty when it could not.
 std::string NumberComplaint(std::string_view s) {
   std::string_view rest = s;
   if (!rest.empty() && (rest.front() == '+' || rest.front() == '-')) rest.remove_prefix(1);
-  const std::string lower = Lower(rest);
+  const std::string lower = LowerCase(rest);
   if (lower == ".inf" || lower == ".nan" || lower == "inf" || lower == "nan" || lower == "infinity") {
     return "only finite numbers are allowed";
   }
@@ -88,7 +82,7 @@ void Classify(YamlNode& node, bool quoted) {
     node.kind = YamlNode::Kind::kText;
     return;
   }
-  const std::string lower = Lower(node.text);
+  const std::string lower = LowerCase(node.text);
   if (node.text == "true" || node.text == "false") {
     node.kind = YamlNode::Kind::kBool;
   } else if (IsJsonNumber(node.text)) {

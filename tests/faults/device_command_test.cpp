@@ -30,12 +30,6 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
 
-FaultSpec At(FaultSpec spec, TimeNs start_ns, TimeNs end_ns = kNever) {
-  spec.start_ns = start_ns;
-  spec.end_ns = end_ns;
-  return spec;
-}
-
 FaultSpec Flip(TimeNs start_ns, TimeNs end_ns = kNever, const std::string& id = "flip") {
   return At(Spec("device.bit_flip", {{"region", "ram"}}, id), start_ns, end_ns);
 }
@@ -250,12 +244,6 @@ std::vector<FaultType> TypesOnTheDevice() {
   for (const FaultType& type : FaultTypes())
     if (type.IsOneOf<DeviceKind>()) types.push_back(type);
   return types;
-}
-
-std::string TestName(const ::testing::TestParamInfo<FaultType>& info) {
-  std::string name(info.param.name);
-  std::replace(name.begin(), name.end(), '.', '_');
-  return name;
 }
 
 INSTANTIATE_TEST_SUITE_P(All, DeviceConformanceTest, ::testing::ValuesIn(TypesOnTheDevice()), TestName);

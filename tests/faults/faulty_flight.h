@@ -11,7 +11,6 @@
 namespace tiltproof::faults {
 
 inline constexpr std::int64_t kFrames = 1000;
-inline constexpr TimeNs kPeriod = 12 * kNsPerMs;
 
 // Sample n of a flight: every sensor moves. Of no use to a frozen sensor is one that stands still.
 inline Sensors Sample(std::int64_t n) {

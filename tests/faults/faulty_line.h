@@ -17,6 +17,8 @@
 
 namespace tiltproof::faults {
 
+inline constexpr TimeNs kPeriod = 12 * kNsPerMs;
+
 // What GoogleTest prints for a parameter.
 inline void PrintTo(const FaultType& type, std::ostream* os) { *os << type.name; }
 
@@ -158,6 +160,19 @@ std::vector<std::size_t> FlippedBits(const link::TimedChunk<Time>& before,
     if (((before.bytes[bit / 8] ^ after.bytes.at(bit / 8)) >> (bit % 8) & 1) != 0) bits.push_back(bit);
   }
   return bits;
+}
+
+inline FaultSpec At(FaultSpec spec, TimeNs start_ns, TimeNs end_ns = kNever) {
+  spec.start_ns = start_ns;
+  spec.end_ns = end_ns;
+  return spec;
+}
+
+// Of a test of one type: GoogleTest takes no dots.
+inline std::string TestName(const ::testing::TestParamInfo<FaultType>& info) {
+  std::string name(info.param.name);
+  std::replace(name.begin(), name.end(), '.', '_');
+  return name;
 }
 
 }  // namespace tiltproof::faults

@@ -23,12 +23,6 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
 
-FaultSpec At(FaultSpec spec, TimeNs start_ns, TimeNs end_ns = kNever) {
-  spec.start_ns = start_ns;
-  spec.end_ns = end_ns;
-  return spec;
-}
-
 TEST(NodeCommandTest, NoFaultOnANodeNoCommand) {
   EXPECT_THAT(NodeCommands({}), IsEmpty());
   EXPECT_THAT(NodeCommands({Spec("sensor.freeze", {{"signal", "x_m"}}), Spec("link.silence")}), IsEmpty());
@@ -179,12 +173,6 @@ std::vector<FaultType> TypesOnNodes() {
   for (const FaultType& type : FaultTypes())
     if (type.IsOneOf<NodeKind, ClockKind>()) types.push_back(type);
   return types;
-}
-
-std::string TestName(const ::testing::TestParamInfo<FaultType>& info) {
-  std::string name(info.param.name);
-  std::replace(name.begin(), name.end(), '.', '_');
-  return name;
 }
 
 INSTANTIATE_TEST_SUITE_P(All, NodeConformanceTest, ::testing::ValuesIn(TypesOnNodes()), TestName);

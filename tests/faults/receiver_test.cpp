@@ -26,14 +26,6 @@ using ::testing::SizeIs;
 
 using Marks = std::vector<ReceiveMark>;
 
-constexpr TimeNs kPeriod = 12 * kNsPerMs;
-
-FaultSpec At(FaultSpec spec, TimeNs start_ns, TimeNs end_ns = kNever) {
-  spec.start_ns = start_ns;
-  spec.end_ns = end_ns;
-  return spec;
-}
-
 Bytes Frame68(std::int64_t n) { return Frame(n).bytes; }
 
 // One frame of 68 bytes every 12 ms, its last byte at n * 12 ms, in pieces of at most `piece` bytes.
@@ -234,12 +226,6 @@ std::vector<FaultType> TypesOfTheReceiver() {
   for (const FaultType& type : FaultTypes())
     if (type.IsOneOf<ReceiverKind>()) types.push_back(type);
   return types;
-}
-
-std::string TestName(const ::testing::TestParamInfo<FaultType>& info) {
-  std::string name(info.param.name);
-  std::replace(name.begin(), name.end(), '.', '_');
-  return name;
 }
 
 INSTANTIATE_TEST_SUITE_P(All, ReceiverConformanceTest, ::testing::ValuesIn(TypesOfTheReceiver()), TestName);

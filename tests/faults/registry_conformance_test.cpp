@@ -459,12 +459,6 @@ TEST_P(WireConformanceTest, SurvivesTheShortestAndTheLongestChunks) {
   }
 }
 
-std::string TestName(const ::testing::TestParamInfo<FaultType>& info) {
-  std::string name(info.param.name);
-  std::replace(name.begin(), name.end(), '.', '_');
-  return name;
-}
-
 // The release and the sanitizer build (other optimisation, other code) must agree on every bit, so a digest of each
 // type is written down: tests/golden/fault_digests.txt, one line "type digest" each. It changes with a fault's
 // semantics: then replays of old seeds change too, and the release notes must say so.

@@ -18,8 +18,6 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::SizeIs;
 
-constexpr TimeNs kPeriod = 12 * kNsPerMs;
-
 std::vector<std::int64_t> Dropped(const FaultSpec& spec, std::int64_t count) {
   std::vector<std::int64_t> dropped;
   const auto out = Send(spec, count);

@@ -24,7 +24,7 @@ using tiltproof::testing::Disagreement;
 using tiltproof::testing::FromHex;
 using tiltproof::testing::SeenEvent;
 
-const Bytes& Payload() {
+const Bytes& SamplePayload() {
   static const Bytes kPayload = FromHex(tiltproof::testing::kSampleSensorsHex);
   return kPayload;
 }
@@ -79,7 +79,7 @@ void Judge(const Bytes& stream, Tally& tally) {
   for (const SeenEvent& event : Decode(stream)) {
     ++tally.events[static_cast<std::size_t>(event.status)];
     if (event.status != FrameStatus::kOk) continue;
-    if (event.payload == Payload()) {
+    if (event.payload == SamplePayload()) {
       ++tally.right_payload;
       continue;
     }
@@ -89,7 +89,8 @@ void Judge(const Bytes& stream, Tally& tally) {
     ASSERT_EQ(verdict, ExpectedVerdict(event.payload));
     ++tally.wrong_payload_is[static_cast<std::size_t>(verdict)];
     if (event.payload.size() == kSensorMessageBytes) {
-      ASSERT_TRUE(DiffersOnlyInZeroAndFF(event.payload, Payload())) << tiltproof::testing::Hex(event.payload);
+      ASSERT_TRUE(DiffersOnlyInZeroAndFF(event.payload, SamplePayload()))
+          << tiltproof::testing::Hex(event.payload);
     }
   }
 }
@@ -142,8 +143,8 @@ TEST(SensorFrameCorruption, EverySingleByte) {
 // A whole 0.0f that turns into FFFFFFFF passes the checksum and is a NaN.
 TEST(SensorFrameCorruption, EveryZeroFloatTurnedIntoFF) {
   Tally tally;
-  for (std::size_t at = 0; at < Payload().size(); at += 4) {
-    Bytes payload = Payload();
+  for (std::size_t at = 0; at < SamplePayload().size(); at += 4) {
+    Bytes payload = SamplePayload();
     bool zero = true;
     for (std::size_t i = at; i < at + 4; ++i) {
       zero = zero && payload[i] == 0;
@@ -193,7 +194,7 @@ TEST(SensorFrameCorruption, EveryGapIsFollowedByAFrameThatArrives) {
       const std::vector<SeenEvent> events = Decode(stream);
       ASSERT_FALSE(events.empty());
       ASSERT_EQ(events.back().status, FrameStatus::kOk);
-      ASSERT_EQ(events.back().payload, Payload());
+      ASSERT_EQ(events.back().payload, SamplePayload());
     }
   }
   EXPECT_EQ(tally.streams, 70 * 71 / 2);
@@ -208,7 +209,8 @@ TEST(SensorFrameCorruption, EverySingleByteIsFollowedByAFrameThatArrives) {
       stream.insert(stream.end(), Frame().begin(), Frame().end());
       const std::vector<SeenEvent> events = Decode(stream);
       ASSERT_FALSE(events.empty());
-      ASSERT_EQ(events.back(), (SeenEvent{FrameStatus::kOk, Payload(), Frame().size(), 2 * Frame().size()}));
+      ASSERT_EQ(events.back(),
+                (SeenEvent{FrameStatus::kOk, SamplePayload(), Frame().size(), 2 * Frame().size()}));
     }
   }
 }

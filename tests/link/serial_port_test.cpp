@@ -30,8 +30,8 @@ namespace {
 
 using std::chrono_literals::operator""s;
 using std::chrono_literals::operator""ms;
-using testing::AllOf;
-using testing::HasSubstr;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
 using Bytes = std::vector<std::uint8_t>;
 
 Bytes AllBytes() {
@@ -95,7 +95,7 @@ std::string AsNobody(const std::function<std::string()>& work) {
   return text;
 }
 
-class SerialPortTest : public testing::Test {
+class SerialPortTest : public ::testing::Test {
  protected:
   SerialPortTest()
       : folder_(std::filesystem::temp_directory_path() / ("tiltproof-port-" + std::to_string(getpid()))) {
@@ -383,7 +383,7 @@ TEST_F(SerialPortTest, ALatencyTimerThatMayNotBeSetComesWithTheCommand) {
                 const auto achieved = port.SetLowLatency(folder_);
                 return std::to_string(achieved.latency_timer_ms.value_or(-1)) + " " + achieved.advice;
               }),
-              AllOf(testing::StartsWith("16 "), HasSubstr("sudo tee"), HasSubstr(file.string())));
+              AllOf(::testing::StartsWith("16 "), HasSubstr("sudo tee"), HasSubstr(file.string())));
 }
 
 TEST_F(SerialPortTest, DevicesAreListedInOrder) {
@@ -392,8 +392,8 @@ TEST_F(SerialPortTest, DevicesAreListedInOrder) {
     std::ofstream(folder_ / "dev" / name) << "";
   const std::string dev = (folder_ / "dev").string();
   EXPECT_THAT(ListSerialDevices(folder_),
-              testing::ElementsAre(dev + "/ttyACM0", dev + "/ttyUSB0", dev + "/ttyUSB1",
-                                   dev + "/serial/by-id/usb-FTDI-if00"));
+              ::testing::ElementsAre(dev + "/ttyACM0", dev + "/ttyUSB0", dev + "/ttyUSB1",
+                                     dev + "/serial/by-id/usb-FTDI-if00"));
   EXPECT_TRUE(ListSerialDevices(folder_ / "nowhere").empty());
 }
 

@@ -26,8 +26,8 @@ namespace {
 
 using std::chrono_literals::operator""s;
 using std::chrono_literals::operator""ms;
-using testing::AllOf;
-using testing::HasSubstr;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
 using Bytes = std::vector<std::uint8_t>;
 
 Bytes AllBytes() {
@@ -84,7 +84,7 @@ std::string OpenError(const std::string& name) {
   return "no error";
 }
 
-class SocketLineTest : public testing::Test {
+class SocketLineTest : public ::testing::Test {
  protected:
   SocketLineTest()
       : folder_(std::filesystem::temp_directory_path() / ("tiltproof-socket-" + std::to_string(getpid()))) {

@@ -21,11 +21,6 @@ using testing::LagrangeModel;
 using testing::LagrangeParameters;
 using testing::TiltrotorPlant;
 
-const VehicleModel& Model() {
-  static const VehicleModel model = LoadShipped("tiltrotor");
-  return model;
-}
-
 constexpr PlantOptions kSpace{.step_ns = kNsPerMs, .gravity_m_s2 = 0, .ground = false};
 
 // The same without input, thrust and servo torque 0.

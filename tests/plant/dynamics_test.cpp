@@ -21,14 +21,14 @@ double Draw(std::mt19937_64& generator, double bound) {
   return bound * (2 * std::ldexp(static_cast<double>(generator() >> 11U), -53) - 1);
 }
 
-struct Case {
+struct MotionCase {
   const char* model;
   LagrangeParameters (*parameters)();
 };
-class EveryModel : public ::testing::TestWithParam<Case> {};
+class EveryModel : public ::testing::TestWithParam<MotionCase> {};
 INSTANTIATE_TEST_SUITE_P(Dynamics, EveryModel,
-                         ::testing::Values(Case{"tiltrotor", &testing::DesignPlant},
-                                           Case{"tiltrotor_published", &testing::PublishedPlant}),
+                         ::testing::Values(MotionCase{"tiltrotor", &testing::DesignPlant},
+                                           MotionCase{"tiltrotor_published", &testing::PublishedPlant}),
                          [](const auto& test) { return std::string(test.param.model); });
 
 TEST_P(EveryModel, AccelerationIsLagranges) {

@@ -23,4 +23,10 @@ inline VehicleModel LoadShipped(const std::string& name) {
   return model;
 }
 
+// The vehicle of the shipped scenarios.
+inline const VehicleModel& Model() {
+  static const VehicleModel model = LoadShipped("tiltrotor");
+  return model;
+}
+
 }  // namespace tiltproof::plant

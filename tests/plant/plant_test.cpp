@@ -22,11 +22,6 @@ using testing::TiltrotorPlant;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-const VehicleModel& Model() {
-  static const VehicleModel model = LoadShipped("tiltrotor");
-  return model;
-}
-
 ActuatorsTruth Hovering() { return ActuatorsOf(Model().HoverInput()); }
 
 // A state with everything in motion, high up.

@@ -12,6 +12,7 @@
 #include <limits>
 
 #include "harness/dds/domain_slot.h"
+#include "tests/harness/dds/bus_of_tests.h"
 #include "tests/harness/dds/condition.h"
 #include "tests/harness/dds/peer_process.h"
 
@@ -19,13 +20,6 @@ namespace tiltproof::dds {
 namespace {
 
 using testing::HasSubstr;
-
-BusConfig OnDomain(int domain, const std::string& tag = "test") {
-  BusConfig config;
-  config.domain = domain;
-  config.tag = tag;
-  return config;
-}
 
 std::string ErrorOf(const BusConfig& config) {
   try {

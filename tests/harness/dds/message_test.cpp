@@ -11,6 +11,7 @@
 #include "harness/dds/bus.h"
 #include "harness/dds/domain_slot.h"
 #include "harness/dds/qos.h"
+#include "tests/harness/dds/bus_of_tests.h"
 #include "tests/harness/dds/condition.h"
 #include "tests/harness/dds/peer_process.h"
 #include "tests/harness/dds/random_messages.h"
@@ -22,13 +23,6 @@ using testing::HasSubstr;
 
 constexpr int kSeed = 20240607;
 constexpr int kRandomCount = 40;
-
-BusConfig OnDomain(int domain) {
-  BusConfig config;
-  config.domain = domain;
-  config.tag = "test";
-  return config;
-}
 
 // The peer draws the same messages from the same seed: what arrives from there is compared with what is drawn here.
 TEST(MessageTest, EveryTypeArrivesAsItWasSent) {

@@ -64,9 +64,9 @@ std::string EndOf(ChildProcess& child) {
   return child.ExitText().value_or("no text");
 }
 
-struct Line {
-  Line() { EXPECT_EQ(pipe2(ends, O_CLOEXEC), 0); }
-  ~Line() { close(ends[0]), CloseWrite(); }
+struct OutputLine {
+  OutputLine() { EXPECT_EQ(pipe2(ends, O_CLOEXEC), 0); }
+  ~OutputLine() { close(ends[0]), CloseWrite(); }
   void CloseWrite() {
     if (ends[1] >= 0) close(ends[1]);
     ends[1] = -1;
@@ -121,7 +121,7 @@ TEST(ChildProcess, ArgumentsAndEnvironmentArriveAsTheyAre) {
 }
 
 TEST(ChildProcess, StreamsGoWhereTheyShould) {
-  Line line;
+  OutputLine line;
   ChildSpec spec = Shell("cat; echo out; echo err >&2");
   spec.output = line.ends[1];
   spec.error = ChildSpec::kPipe;
@@ -138,7 +138,7 @@ TEST(ChildProcess, StreamsGoWhereTheyShould) {
 
 TEST(ChildProcess, OnlyTheStatedDescriptorsAreInherited) {
   const int leak = open("/dev/null", O_RDONLY);  // without close-on-exec
-  Line first, second;
+  OutputLine first, second;
   ChildSpec spec = Shell("echo 3 >&3; echo 4 >&4; for f in /proc/self/fd/*; do echo ${f##*/}; done");
   // Numbered so that each would overwrite the other.
   const int at_4 = fcntl(first.ends[1], F_DUPFD_CLOEXEC, 4), at_3 = fcntl(second.ends[1], F_DUPFD_CLOEXEC, 3);
@@ -164,7 +164,7 @@ TEST(ChildProcess, SignalsAreAsInAFreshProcess) {
 }
 
 TEST(ChildProcess, StopEndsTheWholeGroup) {
-  Line line;
+  OutputLine line;
   ChildSpec spec =
       Shell("sleep 1000 & (trap '' TERM; sleep 1000; sleep 1000) & echo up >&3; exec sleep 1000");
   spec.descriptors = {line.ends[1]};
@@ -183,7 +183,7 @@ TEST(ChildProcess, StopEndsTheWholeGroup) {
 }
 
 TEST(ChildProcess, AfterItsOwnEndWhatItStartedIsStoppedToo) {
-  Line line;
+  OutputLine line;
   ChildSpec spec = Shell("sleep 1000 & exit 5");
   spec.descriptors = {line.ends[1]};
   {
@@ -213,7 +213,7 @@ TEST(ChildProcess, APausedOneIsStopped) {
 
 // A process that starts children and is killed: kill it, and see who still holds the line.
 void ExpectNobodySurvives(const ChildSpec& wanted) {
-  Line line;
+  OutputLine line;
   const pid_t parent = fork();
   if (parent == 0) {
     ChildSpec spec = wanted;

@@ -13,6 +13,7 @@
 #include "firmware/messages.h"
 #include "harness/client/firmware_guard.h"
 #include "link/frame.h"
+#include "tests/harness/run/by_hand.h"
 #include "tests/support/control_period.h"
 
 namespace tiltproof::harness {
@@ -24,21 +25,6 @@ constexpr TimeNs kStep = 4 * kNsPerMs;
 // 4 bytes of id, 2 of check, 2 flags; nothing to escape in either message.
 constexpr TimeNs kRequestTime = 8 * 10 * kNsPerS / 921'600;
 
-const plant::VehicleModel& Model() {
-  static const plant::VehicleModel model = [] {
-    std::vector<std::string> warnings;
-    return plant::LoadVehicle(std::string(TILTPROOF_SOURCE_DIR) + "/plant/models/tiltrotor.sdf", {},
-                              warnings);
-  }();
-  return model;
-}
-
-std::vector<std::uint8_t> Framed(const link::MessageBytes& message) {
-  std::array<std::uint8_t, link::FrameBytesMax(link::kMessageBytesMax)> wire;
-  const auto frame = link::EncodeFrame(message.span(), wire).bytes;
-  return {frame.begin(), frame.end()};
-}
-
 // Sends `start`, then a request every period, and answers each reply with what `control` returns.
 struct TestClient : Client {
   explicit TestClient(ClientHost host_in, link::Dialect dialect_in = link::Dialect::kPaper)
@@ -46,7 +32,7 @@ struct TestClient : Client {
 
   BootTime Start(BootTime now) override {
     if (silent) return BootTime::Never();
-    next_request = host.transmit(Uart::kMain, now, Framed(link::EncodeStart(dialect, {10, 10, 0, 0})));
+    next_request = host.transmit(Uart::kMain, now, FrameOf(link::EncodeStart(dialect, {10, 10, 0, 0})));
     return Grant(next_request > now ? now : next_request, BootTime::Never());
   }
   void Receive(Uart uart, BootTime now, std::span<const std::uint8_t> bytes,
@@ -59,13 +45,13 @@ struct TestClient : Client {
       if (event->status != link::FrameStatus::kOk) continue;
       if (link::DecodeSensors(event->payload, sensors) == link::MessageStatus::kOk)
         replies.emplace_back(now, sensors);
-      if (control) host.transmit(Uart::kMain, now, Framed(link::EncodeActuators(dialect, control(sensors))));
+      if (control) host.transmit(Uart::kMain, now, FrameOf(link::EncodeActuators(dialect, control(sensors))));
     }
   }
   BootTime Grant(BootTime now, BootTime /*horizon*/) override {
     if (on_grant) on_grant(now);
     if (now >= next_request) {
-      host.transmit(Uart::kMain, now, Framed(link::EncodeReadSensors(dialect)));
+      host.transmit(Uart::kMain, now, FrameOf(link::EncodeReadSensors(dialect)));
       next_request += kControlPeriodNs;
     }
     return wake_always ? now : next_request;
@@ -428,7 +414,7 @@ TEST(Flight, ARepeatedStartIsARestartInThePapersDialectOnly) {
       client.on_grant = [&](BootTime now) {
         if (now < BootTime(50 * kNsPerMs) || repeated) return;
         repeated = true;
-        client.host.transmit(Uart::kMain, now, Framed(link::EncodeStart(dialect, {10, 10, 0, 0})));
+        client.host.transmit(Uart::kMain, now, FrameOf(link::EncodeStart(dialect, {10, 10, 0, 0})));
       };
     });
     EXPECT_EQ(log.clients[0].starts_accepted_count, dialect == link::Dialect::kPaper ? 2 : 1);

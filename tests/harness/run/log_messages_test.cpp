@@ -14,6 +14,7 @@
 #include "harness/run/merge_logs.h"
 #include "harness/run/remote/archive.h"
 #include "tests/harness/dds/condition.h"
+#include "tests/harness/run/by_hand.h"
 #include "tests/support/control_period.h"
 #include "tests/support/origins.h"
 #include "tests/support/tiltrotor_plant.h"
@@ -24,15 +25,6 @@ namespace {
 using link::Direction;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
-
-const plant::VehicleModel& Model() {
-  static const plant::VehicleModel model = [] {
-    std::vector<std::string> warnings;
-    return plant::LoadVehicle(std::string(TILTPROOF_SOURCE_DIR) + "/plant/models/tiltrotor.sdf", {},
-                              warnings);
-  }();
-  return model;
-}
 
 Scenario TroubledScenario() {
   Scenario scenario;
@@ -52,12 +44,6 @@ Scenario TroubledScenario() {
   bias.parameters = {{"signal", std::string("z_m")}, {"offset", 0.1}};
   scenario.faults = {flips, bias};
   return scenario;
-}
-
-std::vector<std::uint8_t> Framed(const link::MessageBytes& message) {
-  std::array<std::uint8_t, link::FrameBytesMax(link::kMessageBytesMax)> wire;
-  const auto frame = link::EncodeFrame(message.span(), wire).bytes;
-  return {frame.begin(), frame.end()};
 }
 
 // When a made-up client wakes up for the first time.
@@ -94,13 +80,13 @@ struct ByHand {
     server.Advance(now, {line_counts ? line.counts() : LineCounts{}});
   }
   void Fly(const std::function<void()>& every_50_ms) {
-    line.Transmit(Direction::kToPlant, kBegin, Framed(link::EncodeStart(link::Dialect::kPaper, {})));
+    line.Transmit(Direction::kToPlant, kBegin, FrameOf(link::EncodeStart(link::Dialect::kPaper, {})));
     for (BootTime t = kBegin; t < kBegin + 800 * kNsPerMs; t += kControlPeriodNs) {
-      line.Transmit(Direction::kToPlant, t, Framed(link::EncodeReadSensors(link::Dialect::kPaper)));
+      line.Transmit(Direction::kToPlant, t, FrameOf(link::EncodeReadSensors(link::Dialect::kPaper)));
       Pump(t + 3 * kNsPerMs);
       line.Transmit(
           Direction::kToPlant, t + 3 * kNsPerMs,
-          Framed(link::EncodeActuators(
+          FrameOf(link::EncodeActuators(
               link::Dialect::kPaper, ToFloat(testing::ActuatorsOf(Model().HoverInput()), kActuatorFields))));
       Pump(t + 10 * kNsPerMs);
       if ((t - kBegin) / kControlPeriodNs % 4 == 3) every_50_ms();

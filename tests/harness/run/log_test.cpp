@@ -16,7 +16,7 @@ namespace {
 using link::Chunk;
 using link::Direction;
 
-Chunk Framed(const link::MessageBytes& message) {
+Chunk SentFrame(const link::MessageBytes& message) {
   std::array<std::uint8_t, link::FrameBytesMax(link::kMessageBytesMax)> wire;
   const auto frame = link::EncodeFrame(message.span(), wire);
   return {BootTime(), {frame.bytes.begin(), frame.bytes.end()}, link::MessageKind::kUnknown};
@@ -25,7 +25,7 @@ Chunk Framed(const link::MessageBytes& message) {
 Chunk SensorFrame(float x_m) {
   Sensors sensors;
   sensors.x_m = x_m;
-  return Framed(link::EncodeSensors(sensors));
+  return SentFrame(link::EncodeSensors(sensors));
 }
 
 TEST(LinkLog, SurvivesItsFile) {

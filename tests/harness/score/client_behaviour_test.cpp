@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "harness/score/score.h"
+#include "tests/harness/score/still_flight.h"
 #include "tests/support/control_period.h"
 #include "tests/support/tiltrotor_signals.h"
 
@@ -12,38 +13,6 @@ namespace tiltproof::harness {
 namespace {
 
 // A flight of `rows` rows that hangs still where it should, every input at hover.
-RunLog StillFlight(std::size_t rows) {
-  RunLog log;
-  log.trace = testing::TiltrotorTrace();
-  log.hover_input = {10, 10, 0, 0};
-  log.input_min = {0, 0, -2, -2};
-  log.input_max = {30, 30, 2, 2};
-  log.clients[0].starts_accepted_count = 1;
-  for (std::size_t r = 0; r < rows; ++r) {
-    const auto row = log.trace.AppendRow();
-    std::fill(row.begin(), row.end(), 0.0);
-    log.end_ns = static_cast<TimeNs>(r) * kControlPeriodNs;
-    row[0] = ToSeconds(log.end_ns);
-    row[*log.trace.Find("f_r_n")] = row[*log.trace.Find("f_l_n")] = 10.0;
-  }
-  return log;
-}
-
-Scenario ScenarioOf(const RunLog& log) {
-  Scenario scenario;
-  scenario.duration_ns = log.end_ns;
-  return scenario;
-}
-
-faults::FaultSpec Fault(const std::string& id, TimeNs start_ns, TimeNs end_ns) {
-  faults::FaultSpec fault;
-  fault.id = id;
-  fault.type = "wire.bit_error";
-  fault.start_ns = start_ns;
-  fault.end_ns = end_ns;
-  return fault;
-}
-
 faults::FaultSpec ResetAt(TimeNs start_ns) {
   faults::FaultSpec fault = Fault("reset", start_ns, kNever);
   fault.type = "device.reset";

@@ -11,13 +11,12 @@
 
 #include "harness/reference/reference_path.h"
 #include "harness/run/run_log.h"
+#include "tests/harness/score/still_flight.h"
 #include "tests/support/control_period.h"
 #include "tests/support/tiltrotor_signals.h"
 
 namespace tiltproof::harness {
 namespace {
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 // One row, of the columns named.
 Trace OneRow(std::vector<std::string> columns, const std::vector<double>& values) {

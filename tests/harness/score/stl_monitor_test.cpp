@@ -9,13 +9,13 @@
 
 #include "harness/score/sliding_fold.h"
 #include "harness/score/stl.h"
+#include "tests/harness/score/still_flight.h"
 #include "tests/support/control_period.h"
 #include "tests/support/tiltrotor_signals.h"
 
 namespace tiltproof::harness::stl {
 namespace {
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 const std::vector<std::string> kFaults = {"a"};
 

@@ -9,9 +9,11 @@
 namespace tiltproof::harness::stl {
 namespace {
 
-const std::vector<std::string> kFaults = {"bursts", "wind-1"};
+const std::vector<std::string> kNamedFaults = {"bursts", "wind-1"};
 
-std::string Canonical(const std::string& text) { return ToString(testing::ParseCriterion(text, kFaults)); }
+std::string Canonical(const std::string& text) {
+  return ToString(testing::ParseCriterion(text, kNamedFaults));
+}
 
 TEST(StlParser, BindsAsTheGrammarSays) {
   EXPECT_EQ(Canonical("x_m<=1"), "x_m <= 1");
@@ -58,7 +60,7 @@ class StlParserMistake : public ::testing::TestWithParam<Mistake> {};
 TEST_P(StlParserMistake, IsNamedWithItsColumn) {
   const Mistake& mistake = GetParam();
   try {
-    testing::ParseCriterion(mistake.text, kFaults);
+    testing::ParseCriterion(mistake.text, kNamedFaults);
     FAIL() << "accepted: " << mistake.text;
   } catch (const ParseError& error) {
     EXPECT_EQ(error.what(), mistake.message);
@@ -130,7 +132,7 @@ TEST(StlParser, LimitsNestingAndLength) {
     std::string text;
     for (std::size_t i = 0; i <= kNestingMax_count; ++i) text += prefix;
     try {
-      testing::ParseCriterion(text, kFaults);
+      testing::ParseCriterion(text, kNamedFaults);
       FAIL() << prefix;
     } catch (const ParseError& error) {
       EXPECT_STREQ(error.what(), "nested deeper than 64 levels") << prefix;
@@ -139,9 +141,9 @@ TEST(StlParser, LimitsNestingAndLength) {
   std::string text = "x_m <= 1";
   while (text.size() + 14 <= kFormulaLengthMax_bytes) text += " and x_m <= 1 ";
   text.resize(kFormulaLengthMax_bytes, ' ');
-  EXPECT_NE(testing::ParseCriterion(text, kFaults), nullptr);
+  EXPECT_NE(testing::ParseCriterion(text, kNamedFaults), nullptr);
   try {
-    testing::ParseCriterion(text + " ", kFaults);
+    testing::ParseCriterion(text + " ", kNamedFaults);
     FAIL();
   } catch (const ParseError& error) {
     EXPECT_STREQ(error.what(), "a formula has at most 4096 bytes");

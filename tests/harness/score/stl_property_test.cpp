@@ -18,7 +18,7 @@ namespace {
 
 namespace stl = harness::stl;
 
-const std::vector<std::string> kFaults = {"a"};
+const std::vector<std::string> kOneFault = {"a"};
 
 // 0 .. count - 1, all alike however far the run is (rapidcheck starts small).
 int Choose(int count) { return *rc::gen::resize(rc::kNominalSize, rc::gen::inRange(0, count)); }
@@ -127,7 +127,7 @@ RC_GTEST_PROP(StlMonitor, AgreesWithTheDefinitions, ()) {
   const std::string text = RandomFormula(Choose(4));
   const SlowTrace trace = RandomTrace();
   RC_LOG() << text << "\n";
-  const stl::Formula formula = testing::ParseCriterion(text, kFaults);
+  const stl::Formula formula = testing::ParseCriterion(text, kOneFault);
   const SlowBounds expected = SlowEvaluate(formula, trace);
   const stl::Result result = Judge(formula, trace);
   RC_CLASSIFY(result.truth == stl::Truth::kTrue, "true");
@@ -143,7 +143,7 @@ RC_GTEST_PROP(StlMonitor, AgreesWithTheDefinitions, ()) {
 RC_GTEST_PROP(StlMonitor, WhatIsDecidedNoContinuationChanges, ()) {
   const std::string text = RandomFormula(Choose(4));
   RC_LOG() << text << "\n";
-  const stl::Formula formula = testing::ParseCriterion(text, kFaults);
+  const stl::Formula formula = testing::ParseCriterion(text, kOneFault);
   SlowTrace trace;
   AppendRows(trace, 1 + Choose(5));
   const int rest = 1 + Choose(5);
@@ -165,7 +165,7 @@ RC_GTEST_PROP(StlMonitor, WhatIsDecidedNoContinuationChanges, ()) {
 RC_GTEST_PROP(StlHorizon, NothingIsDecidedBeforeItCanBe, ()) {
   const std::string text = RandomFormula(Choose(4));
   RC_LOG() << text << "\n";
-  const stl::Formula formula = testing::ParseCriterion(text, kFaults);
+  const stl::Formula formula = testing::ParseCriterion(text, kOneFault);
   const SlowTrace trace = RandomTrace();
   const bool decided = Judge(formula, trace).truth != stl::Truth::kUnknown;
   RC_CLASSIFY(decided, "decided");
@@ -177,7 +177,7 @@ RC_GTEST_PROP(StlHorizon, NothingIsDecidedBeforeItCanBe, ()) {
 RC_GTEST_PROP(StlMonitor, ANanNeverHelps, ()) {
   const std::string text = RandomFormula(Choose(4));
   RC_LOG() << text << "\n";
-  const stl::Formula formula = testing::ParseCriterion(text, kFaults);
+  const stl::Formula formula = testing::ParseCriterion(text, kOneFault);
   SlowTrace trace = RandomTrace();
   const stl::Result with_nan = Judge(formula, trace);
   for (auto* values : {&trace.x_m, &trace.roll_rad, &trace.active_a})
@@ -191,8 +191,8 @@ RC_GTEST_PROP(StlMonitor, ANanNeverHelps, ()) {
 
 RC_GTEST_PROP(StlParser, PrintedFormulasReadBackTheSame, ()) {
   const std::string text = RandomFormula(Choose(5));
-  const std::string printed = stl::ToString(testing::ParseCriterion(text, kFaults));
-  RC_ASSERT(stl::ToString(testing::ParseCriterion(printed, kFaults)) == printed);
+  const std::string printed = stl::ToString(testing::ParseCriterion(text, kOneFault));
+  RC_ASSERT(stl::ToString(testing::ParseCriterion(printed, kOneFault)) == printed);
 }
 
 // Pieces that are nearly a formula reach further into the parser than bytes at random.
@@ -207,7 +207,7 @@ RC_GTEST_PROP(StlParser, NonsenseIsRefusedWithAPlace, ()) {
   std::string text;
   for (const auto& p : pieces) text += p;
   try {
-    RC_ASSERT(testing::ParseCriterion(text, kFaults) != nullptr);
+    RC_ASSERT(testing::ParseCriterion(text, kOneFault) != nullptr);
   } catch (const stl::ParseError& error) {
     RC_ASSERT(error.column >= 1u);
     RC_ASSERT(error.column <= text.size() + 1);
