@@ -20,6 +20,8 @@ endif()
 # Replays must give the same bits on every build of one source: no contraction of a*b+c, no fast-math, no -march=native.
 add_compile_options(-ffp-contract=off)
 add_compile_options(-Wall -Wextra -Wpedantic -Wshadow -Wconversion)
+# Messages name sources as the repository does, wherever it was built.
+add_compile_options(-fmacro-prefix-map=${PROJECT_SOURCE_DIR}/=)
 add_compile_options($<$<COMPILE_LANGUAGE:CXX>:-Wnon-virtual-dtor> $<$<COMPILE_LANGUAGE:CXX>:-Woverloaded-virtual>)
 
 if(CMAKE_UNITY_BUILD)
@@ -46,6 +48,6 @@ function(tiltproof_test name tier)
   target_link_libraries(${name} PRIVATE ${ARG_LIBS} GTest::gtest_main GTest::gmock)
   target_compile_definitions(${name} PRIVATE TILTPROOF_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
                              TILTPROOF_BINARY_DIR="${PROJECT_BINARY_DIR}" ${ARG_DEFINITIONS})
-  target_compile_options(${name} PRIVATE $<$<CONFIG:Release>:-O1>)
+  target_compile_options(${name} PRIVATE $<IF:$<CONFIG:Release>,-O1,-O0>)
   gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60 PROPERTIES LABELS ${tier} TIMEOUT 300)
 endfunction()

@@ -13,6 +13,7 @@
 #include "faults/trigger.h"
 #include "faults/vehicle_stage.h"
 #include "faults/wire_stage.h"
+#include "link/check.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -97,6 +98,12 @@ struct FaultSchedule::State {
   void Add(const DeviceKind& /*kind*/, const Entry& /*entry*/) {}
   void Add(const ClockKind& /*kind*/, const Entry& /*entry*/) {}
 
+  // The part of the flight with the vehicle.
+  State& Vehicle() {
+    Check(vehicle.has_value(), "faults on the vehicle act where the plant is");
+    return *this;
+  }
+
   Recorder recorder;
   std::array<WireStage, link::kDirectionCount> stages;
   VehicleSignals signals;
@@ -108,6 +115,8 @@ struct FaultSchedule::State {
   std::vector<std::vector<std::size_t>> followers;
   Origin origin;
   std::array<std::uint64_t, link::kDirectionCount> received_count{};
+  std::array<BootTime, link::kDirectionCount> received_ns{BootTime::Earliest(), BootTime::Earliest(),
+                                                          BootTime::Earliest()};  // the last byte
 };
 
 FaultSchedule::FaultSchedule(const std::vector<FaultSpec>& specs, std::uint64_t seed, const Place& place)
@@ -193,17 +202,22 @@ void FaultSchedule::SetOrigin(Origin origin) {
 }
 
 void FaultSchedule::EditSensors(TimeNs t, std::span<float> values, BootTime boot_time) {
+  Check(values.size() == state_->Vehicle().signals.sensors.size(), "a sample has a value for each sensor");
   state_->vehicle->EditSensors(t, values, boot_time);
 }
 
 void FaultSchedule::EditInput(TimeNs t, std::span<double> input, bool new_command) {
+  Check(input.size() == state_->Vehicle().signals.inputs.size(), "an input has a value for each actuator");
   state_->vehicle->EditInput(t, input, new_command);
 }
 
-Disturbance FaultSchedule::DisturbanceOf(TimeNs t) { return state_->vehicle->DisturbanceOf(t); }
+Disturbance FaultSchedule::DisturbanceOf(TimeNs t) { return state_->Vehicle().vehicle->DisturbanceOf(t); }
 
 void FaultSchedule::MarkReceived(Direction direction, BootTime last_arrival,
                                  std::span<const std::uint8_t> bytes, std::vector<ReceiveMark>& marks) {
+  BootTime& received = state_->received_ns[static_cast<std::size_t>(direction)];
+  Check(received <= last_arrival, "bytes reach the receiver in order of time");
+  received = last_arrival;
   marks.assign(bytes.size(), ReceiveMark::kNone);
   if (state_->receivers.empty()) return;
   const Line& line = state_->lines[static_cast<std::size_t>(direction)];

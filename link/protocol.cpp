@@ -6,6 +6,8 @@
 #include <cstdlib>
 #include <limits>
 
+#include "link/check.h"
+
 namespace tiltproof::link {
 namespace {
 
@@ -56,7 +58,7 @@ float PlausibleMagnitude(std::string_view signal) {
                                                     {"_n", 1e3F}}};
   for (const Limit& limit : kLimits)
     if (signal.ends_with(limit.suffix)) return limit.magnitude;
-  std::abort();  // every signal has a unit
+  ThrowBrokenInvariant("a signal of a built-in protocol with a unit");
 }
 
 std::vector<MessageField> Fields(std::initializer_list<std::string_view> signals) {
@@ -157,7 +159,7 @@ MessageStatus Protocol::Decode(Direction direction, std::span<const std::uint8_t
 }
 
 Payload Protocol::Encode(const MessageType& type, std::span<const float> values) const {
-  if (values.size() != type.fields.size()) std::abort();
+  Check(values.size() == type.fields.size(), "a message is encoded with a value for each of its fields");
   Payload payload;
   if (type.id) Append(payload, *type.id);
   for (const float value : values) Append(payload, value);

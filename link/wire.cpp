@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "link/check.h"
 #include "link/frame.h"
 
 namespace tiltproof::link {
@@ -143,6 +144,7 @@ void Wire::Enqueue(Chunk&& chunk, BootTime known_ns) {
   queue_end_ns_ = chunk.begin_ns + duration;
   if (taps_.delivered) taps_.delivered(chunk);
   queue_bytes_ += WeightOf(chunk);
+  Check(queue_bytes_ <= kLineBytesMax, "no more waits on a wire than it has room for");
   queue_.push_back(std::move(chunk));
   if (queue_.size() == 1) piece_end_ = FindPieceEnd();
 }
@@ -187,10 +189,15 @@ std::optional<Wire::Piece> Wire::TakePiece(BootTime until) {
   }
 
   Chunk& front = queue_.front();
+  Check(front_taken_ < end && end <= front.bytes.size(), "a piece is a part of the oldest chunk");
+  Check(last_arrival_ns_ <= arrival && arrival <= until,
+        "bytes arrive in order of time, none before its time");
+  last_arrival_ns_ = arrival;
   const Piece piece{arrival, std::span(front.bytes).subspan(front_taken_, end - front_taken_), front.number};
   taken_flag_ = piece.bytes.back() == flag_byte();
   front_taken_ = end;
   if (front_taken_ == front.bytes.size()) {
+    Check(WeightOf(front) <= queue_bytes_, "what waits on a wire was counted in");
     queue_bytes_ -= WeightOf(front);
     Recycle(std::move(taken_));
     taken_ = std::move(front);

@@ -129,11 +129,12 @@ class Wire {
   std::deque<Chunk> queue_;
   std::size_t queue_bytes_ = 0;  // by WeightOf()
   bool overfull_ = false;
-  BootTime queue_end_ns_ = BootTime::Earliest();  // end of the last chunk that went in
-  std::size_t front_taken_ = 0;                   // bytes of queue_.front() already taken
-  std::size_t piece_end_ = 0;                     // FindPieceEnd(), when the queue is not empty
-  bool taken_flag_ = true;                        // the last byte taken was a flag; so is an idle line
-  Chunk taken_;                                   // keeps the last piece's bytes alive
+  BootTime queue_end_ns_ = BootTime::Earliest();     // end of the last chunk that went in
+  std::size_t front_taken_ = 0;                      // bytes of queue_.front() already taken
+  std::size_t piece_end_ = 0;                        // FindPieceEnd(), when the queue is not empty
+  BootTime last_arrival_ns_ = BootTime::Earliest();  // of what was taken
+  bool taken_flag_ = true;                           // the last byte taken was a flag; so is an idle line
+  Chunk taken_;                                      // keeps the last piece's bytes alive
 
   std::vector<Chunk> scratch_;
   std::vector<std::vector<std::uint8_t>> spare_;  // buffers to use again

@@ -9,7 +9,7 @@
 //   plant.State(state);                 // world rates
 //
 // A row of numbers has the order of the vehicle's table (VehicleModel::signals), and its size: another one
-// ends the program. No step takes memory from the heap, but one
+// is a broken invariant (link/check.h). No step takes memory from the heap, but one
 // at which the bodies' masses change.
 //
 // Knows no byte and no fault: what a fault does to the vehicle comes as a Disturbance beside the input. Two plants with the same model and the same calls give the same bits. A plant

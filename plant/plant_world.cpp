@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <numbers>
 
+#include "link/check.h"
 #include "plant/disturbed_vehicle.h"
 #include "plant/ode_library.h"
 
@@ -35,9 +36,8 @@ void SetRotation(dBodyID body, const Matrix3d& r) {
 }  // namespace
 
 void CheckSize(std::size_t size, const SignalTable& table, const char* what) {
-  if (size == table.size()) return;
-  fmt::print(stderr, "a row of {} has {} numbers, not {}\n", what, table.size(), size);
-  std::abort();
+  if (size != table.size())
+    ThrowBrokenInvariant(fmt::format("a row of {} has {} numbers, not {}", what, table.size(), size));
 }
 
 Vector3d Plant::World::Body::Com() const { return ToVector(dBodyGetPosition(id)); }

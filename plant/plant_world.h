@@ -16,7 +16,7 @@ namespace tiltproof::plant {
 
 inline Eigen::Vector3d ToVector(const dReal* v) { return {v[0], v[1], v[2]}; }
 
-// Ends the program when a row has not the table's size.
+// Throws BrokenInvariant when a row has not the table's size.
 void CheckSize(std::size_t size, const SignalTable& table, const char* what);
 
 struct Plant::World {

@@ -13,6 +13,7 @@
 #include "harness/run/realtime/realtime_flight.h"
 #include "harness/run/remote/serve.h"
 #include "harness/run/run_id.h"
+#include "link/check.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -127,8 +128,10 @@ int NodeCommand(const NodeCommandOptions& options) {
       node.joystick_source = options.input;
       make_role = MakeJoystickRole;
       break;
-    default:
+    case dds::NodeKind::kMonitor:
       return RunMonitor(node);
+    case dds::NodeKind::kHarness:
+      ThrowBrokenInvariant("a kind of node that a user may start");
   }
   return RunNode(node, make_role);
 }

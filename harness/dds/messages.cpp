@@ -1,6 +1,6 @@
 #include "harness/dds/messages.h"
 
-#include <cstdlib>
+#include "link/check.h"
 
 namespace tiltproof::dds {
 
@@ -21,7 +21,7 @@ std::string_view Name(NodeKind kind) {
     case NodeKind::kMonitor:
       return "monitor";
   }
-  std::abort();
+  ThrowBrokenInvariant("a kind of node");
 }
 
 std::string_view Name(Verb verb) {
@@ -37,7 +37,7 @@ std::string_view Name(Verb verb) {
     case Verb::kRelease:
       return "release";
   }
-  std::abort();
+  ThrowBrokenInvariant("a verb");
 }
 
 std::string_view Name(Phase phase) {
@@ -55,7 +55,7 @@ std::string_view Name(Phase phase) {
     case Phase::kFailed:
       return "failed";
   }
-  std::abort();
+  ThrowBrokenInvariant("a phase");
 }
 
 }  // namespace tiltproof::dds

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "link/check.h"
+
 namespace tiltproof::harness::stl {
 namespace {
 
@@ -19,8 +21,10 @@ bool Compare(Op op, double left, double right) {
       return left < right;
     case Op::kGreaterEqual:
       return left >= right;
-    default:
+    case Op::kGreater:
       return left > right;
+    default:
+      ThrowBrokenInvariant("a comparison");
   }
 }
 
@@ -36,8 +40,11 @@ bool Truth(const Node& node, const Condition::ValueOf& value_of) {
       return Truth(*node.left, value_of) || Truth(*node.right, value_of);
     case Op::kImplies:
       return !Truth(*node.left, value_of) || Truth(*node.right, value_of);
-    default:
+    case Op::kTrue:
+    case Op::kFalse:
       return node.op == Op::kTrue;
+    default:
+      ThrowBrokenInvariant("a formula on one row");
   }
 }
 

@@ -12,6 +12,7 @@
 #include "harness/run/client_history.h"
 #include "harness/run/merge_logs.h"
 #include "harness/run/reference_frame.h"
+#include "link/check.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -160,6 +161,7 @@ void Conductor::ServePlantEnd(ClientChannel& channel, BootTime now) {
   Line& line = channel.line();
   if (line.NextArrival(Direction::kToPlant) > now) return;
   while (const auto piece = line.TakePiece(Direction::kToPlant, now)) {
+    Check(piece->arrival_ns <= now, "the plant hears nothing before it arrives");
     if (piece->message == nullptr) continue;
     const bool was_started = started();
     const BootTime arrival = piece->arrival_ns;
@@ -184,6 +186,7 @@ BootTime Conductor::Horizon(const ClientChannel& channel, BootTime now) const {
   // References begin with the selected client's `start`: before it, the others stay behind that client.
   const ClientChannel& selected = *in_turn_.front();
   if (!started() && &channel != &selected) horizon = std::min(horizon, std::max(selected.Next(), now));
+  Check(now <= horizon, "nothing that the client must know lies in its past");
   return horizon;
 }
 
@@ -210,6 +213,7 @@ const AllCounts& Conductor::Counts() {
 
 // The base station follows the simulation's clock (paper, section 2.2, Figure 6).
 void Conductor::SendReference(BootTime now) {
+  Check(started(), "references begin with the flight");
   const Framed frame = references_.Frame(trajectory_.At(origin().SimulationTime(now)));
   for (ClientChannel& channel : channels_) channel.line().Transmit(Direction::kReference, now, frame.bytes());
   SpreadNews();

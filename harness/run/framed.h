@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <span>
 
+#include "link/check.h"
 #include "link/frame.h"
 
 namespace tiltproof::harness {
@@ -14,7 +15,10 @@ namespace tiltproof::harness {
 class Framed {
  public:
   explicit Framed(std::span<const std::uint8_t> payload)
-      : size_(link::EncodeFrame(payload, wire_).bytes.size()) {}
+      : size_(link::EncodeFrame(payload, wire_).bytes.size()) {
+    Check(size_ > payload.size() && wire_.front() == link::kFlag && wire_[size_ - 1] == link::kFlag,
+          "the codec frames every message of a protocol");
+  }
   std::span<const std::uint8_t> bytes() const { return {wire_.data(), size_}; }
 
  private:

@@ -8,6 +8,7 @@
 
 #include "harness/run/framed.h"
 #include "harness/run/message_binding.h"
+#include "link/check.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -134,6 +135,7 @@ void LocalPlantServer::Advance(BootTime to, const AllCounts& counts) {
     if (!boundary_left_) LeaveBoundary(counts);
     state_.quiet_until_ns = boundary_ns_ + scenario_.step_ns - 1;
     if (boundary_ns_ + scenario_.step_ns > to) return;
+    Check(boundary_left_, "an input is in force before the step");
     plant_.Step(in_force_, faults_.DisturbanceOf(SimTime(boundary_ns_)));
     boundary_ns_ += scenario_.step_ns;
     boundary_left_ = false;
@@ -206,6 +208,8 @@ void LocalPlantServer::LeaveBoundary(const AllCounts& counts) {
 void LocalPlantServer::LogRow(BootTime at, const AllCounts& counts) {
   const TimeNs t = SimTime(at);
   const std::size_t begin = log_.rows.size();
+  Check(logged_ns_ < t, "rows are logged in order of time, each once");
+  logged_ns_ = t;
   log_.rows.resize(begin + layout_.columns.size(), std::numeric_limits<double>::quiet_NaN());
   FillRow(t, counts, std::span(log_.rows).subspan(begin));
 }

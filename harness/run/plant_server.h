@@ -151,6 +151,7 @@ class LocalPlantServer final : public PlantServer {
   State state_;
   PlantLog log_;
   EventLog<TimeNs> events_;
+  TimeNs logged_ns_ = -1;  // the last row
 
   // The plant stands at this step boundary; `boundary_left_` when nothing more can happen at it.
   BootTime boundary_ns_ = BootTime::Never();

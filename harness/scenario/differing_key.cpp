@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "harness/scenario/yaml_tree.h"
+#include "link/check.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -37,9 +38,14 @@ std::string ValueText(const YamlNode* node) {
     }
     case YamlNode::Kind::kMapping:
       return fmt::format("{} keys", node->entries.size());
-    default:
+    case YamlNode::Kind::kNull:
+    case YamlNode::Kind::kBool:
+    case YamlNode::Kind::kNumber:
+    case YamlNode::Kind::kText:
+    case YamlNode::Kind::kAmbiguous:
       return node->text;
   }
+  ThrowBrokenInvariant("a kind of YAML value");
 }
 
 bool IsListOfMappings(const YamlNode& node) {

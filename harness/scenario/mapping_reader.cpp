@@ -92,7 +92,9 @@ std::optional<std::string> MappingReader::ReadText(std::string_view key, const Y
       Complain(node.mark, fmt::format("{}: {}: {}; put quotes around it if text is meant", key,
                                       Describe(node), node.complaint));
       return std::nullopt;
-    default:
+    case YamlNode::Kind::kNull:
+    case YamlNode::Kind::kSequence:
+    case YamlNode::Kind::kMapping:
       ComplainKind(key, node, "text");
       return std::nullopt;
   }

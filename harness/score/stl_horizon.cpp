@@ -4,6 +4,7 @@
 
 #include "harness/score/signals.h"
 #include "harness/score/stl.h"
+#include "link/check.h"
 
 namespace tiltproof::harness::stl {
 namespace {
@@ -44,8 +45,11 @@ class Horizon {
       case Op::kUntil:  // the left side may give way at once, the right side only over the whole window
         return wanted ? right(true, Begin(*formula, time_ns))
                       : std::min(left(false, time_ns), right(false, End(*formula, time_ns)));
+      case Op::kFaultActive:
+        return ReadsTheFlight(*formula) ? time_ns : 0;
       default:
-        return ReadsTheFlight(*formula) ? time_ns : 0;  // a comparison, or whether a fault is active
+        Check(IsComparison(formula->op), "an operator that makes a formula");
+        return ReadsTheFlight(*formula) ? time_ns : 0;
     }
   }
 

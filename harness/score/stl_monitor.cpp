@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <functional>
 #include <limits>
 #include <map>
 #include <utility>
@@ -19,6 +20,7 @@
 #include "harness/score/signals.h"
 #include "harness/score/sliding_fold.h"
 #include "harness/score/stl.h"
+#include "link/check.h"
 
 namespace tiltproof::harness::stl {
 namespace {
@@ -101,6 +103,8 @@ class Monitor {
       : trace_(trace), times_(RowTimes(trace)), future_(times_.size()) {
     more_to_come_ = times_.empty();
     if (times_.empty()) return;
+    Check(std::adjacent_find(times_.begin(), times_.end(), std::greater_equal<>()) == times_.end(),
+          "the rows of a trace are in order of time");
     seen_until_ns_ = std::max(times_.back(), extent ? extent->seen_until_ns : times_.back());
     more_to_come_ = extent && extent->planned_end_ns > seen_until_ns_;
   }
@@ -108,6 +112,7 @@ class Monitor {
   Result Run(const Node& formula) {
     const Evaluation evaluation = Evaluate(formula, false);
     const double lower = evaluation.bounds.lower.front(), upper = evaluation.bounds.upper.front();
+    Check(lower <= upper, "a robustness is between its bounds");
     Result result;
     result.lower = lower + 0.0;  // no minus zero in a report
     result.upper = upper + 0.0;
@@ -176,8 +181,10 @@ class Monitor {
         return Slide<Lowest>(node, left, kInfinity);
       case Op::kEventually:
         return Slide<Highest>(node, left, -kInfinity);
-      default:
+      case Op::kUntil:
         return SlideUntil(node, left, parent.operands[1].bounds.Of(upper_side));
+      default:
+        ThrowBrokenInvariant("an operator on formulas");
     }
   }
 
@@ -318,6 +325,7 @@ class Monitor {
       case Op::kUntil:
         return DecideUntil(at, row, upper_side, holds);
       default:
+        Check(at.operands.empty(), "a formula without operands");
         return {row, &at.node};
     }
   }

@@ -11,11 +11,11 @@ import sys
 LINK_CODEC = {"link/time.h", "link/fletcher16.h", "link/frame.h", "link/message_kind.h", "link/chunk.h"}
 MAY_INCLUDE = {
     "link": ["link"],
-    "plant": ["plant", "link/time.h", "link/signal_table.h", "link/disturbance.h"],
+    "plant": ["plant", "link/check.h", "link/time.h", "link/signal_table.h", "link/disturbance.h"],
     "faults": ["faults", "link"],
     "firmware": ["firmware", *sorted(LINK_CODEC)],
     "harness/reference": ["harness/reference", "link"],
-    "harness/formula": ["harness/formula", "faults/nearest_name.h", "link/time.h"],
+    "harness/formula": ["harness/formula", "faults/nearest_name.h", "link/check.h", "link/time.h"],
     "harness/scenario": ["harness/scenario", "harness/reference", "faults", "link"],
     "harness/terminal": ["harness/terminal"],
     "harness/process": ["harness/process", "link/time.h"],

@@ -144,8 +144,9 @@ TEST_P(ReceiverConformanceTest, TheWindowIsByEachBytesArrival) {
 TEST_P(ReceiverConformanceTest, WindowsAreInSimulationTimeAndOpenFromPowerOnOnlyWithoutAStart) {
   FaultSchedule open({With(1.0)}, 1);
   EXPECT_THAT(Receive(open, 5), Each(mark()));
+  FaultSchedule closed({At(With(1.0), 0)}, 1);
+  EXPECT_THAT(Receive(closed, 5), Each(ReceiveMark::kNone));
   FaultSchedule from_zero({At(With(1.0), 0)}, 1);
-  EXPECT_THAT(Receive(from_zero, 5), Each(ReceiveMark::kNone));
   constexpr Origin kOrigin(BootTime{3 * kPeriod});
   from_zero.SetOrigin(kOrigin);
   const Marks marks = Receive(from_zero, 5);

@@ -10,6 +10,7 @@
 #include <limits>
 #include <numbers>
 
+#include "link/check.h"
 #include "tests/plant/models.h"
 #include "tests/support/tiltrotor_plant.h"
 
@@ -18,6 +19,7 @@ namespace {
 
 using testing::ActuatorsOf;
 using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 using testing::TiltrotorPlant;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
@@ -344,11 +346,13 @@ TEST(Plant, SameCallsSameBits) {
   EXPECT_NE(first.Event(), FlightEvent::kNone);
 }
 
-TEST(PlantDeathTest, RowOfAnotherSizeEndsTheProgram) {
+TEST(Plant, RowOfAnotherSizeIsRefused) {
   Plant plant(Model(), {});
   std::vector<double> row(3);
-  EXPECT_DEATH(plant.Step(row), "a row of inputs has 4 numbers, not 3");
-  EXPECT_DEATH(plant.State(row), "a row of states has 16 numbers, not 3");
+  EXPECT_THAT([&] { plant.Step(row); },
+              ThrowsMessage<BrokenInvariant>(HasSubstr("a row of inputs has 4 numbers, not 3")));
+  EXPECT_THAT([&] { plant.State(row); },
+              ThrowsMessage<BrokenInvariant>(HasSubstr("a row of states has 16 numbers, not 3")));
 }
 
 TEST(Plant, YawIsWrapped) {
