@@ -119,8 +119,8 @@ struct SignalSetup {
 enum class ReceiveMark : std::uint8_t { kNone, kOverrun, kFraming, kNoise };
 std::string_view Name(ReceiveMark mark);  // "none", "overrun", ...
 
-// The line a wire model stands in.
-struct Line {
+// The rate of the line that a wire model acts on.
+struct LineRate {
   std::int64_t baud = 921'600;  // 0: ideal, bytes take no time
   TimeNs BytesTime(std::int64_t byte_count) const { return link::BytesTime(baud, byte_count); }
   // Where the time of a byte within its frame matters, an ideal line has the paper's.
@@ -130,7 +130,7 @@ struct Line {
 // What a model's factory is given.
 struct WireSetup {
   const Parameters& parameters;
-  Line line;
+  LineRate rate;
   std::uint64_t stream;  // key of the random stream, for what does not belong to one frame
 };
 

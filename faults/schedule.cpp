@@ -51,8 +51,8 @@ struct ReceiverInjector {
 struct FaultSchedule::State {
   State(std::size_t fault_count, const Place& place) : recorder(fault_count) {
     for (WireStage& stage : stages) stage.SetRecorder(&recorder);
-    for (Line& line : lines) line.baud = place.baud;
-    lines[static_cast<std::size_t>(Direction::kReference)].baud = place.reference_baud;
+    for (LineRate& rate : rates) rate.baud = place.baud;
+    rates[static_cast<std::size_t>(Direction::kReference)].baud = place.reference_baud;
     if (place.signals) {
       signals = *place.signals;
       vehicle.emplace(signals, place.step_ns, recorder);
@@ -72,7 +72,7 @@ struct FaultSchedule::State {
     for (const Direction direction : DirectionsOf(ResolvedTarget(entry.spec, entry.type))) {
       const auto index = static_cast<std::size_t>(direction);
       stages[index].Add(entry.fault, entry.spec, kind, activities[entry.fault], entry.parameters, entry.seed,
-                        direction, lines[index]);
+                        direction, rates[index]);
     }
   }
   void Add(const ReceiverKind& kind, const Entry& entry) {
@@ -109,7 +109,7 @@ struct FaultSchedule::State {
   VehicleSignals signals;
   std::optional<VehicleStage> vehicle;
   std::vector<ReceiverInjector> receivers;
-  std::array<Line, link::kDirectionCount> lines;
+  std::array<LineRate, link::kDirectionCount> rates;
   std::vector<Activity> activities;  // by fault
   // By fault: those that follow it (`after`).
   std::vector<std::vector<std::size_t>> followers;
@@ -220,10 +220,10 @@ void FaultSchedule::MarkReceived(Direction direction, BootTime last_arrival,
   received = last_arrival;
   marks.assign(bytes.size(), ReceiveMark::kNone);
   if (state_->receivers.empty()) return;
-  const Line& line = state_->lines[static_cast<std::size_t>(direction)];
+  const LineRate& rate = state_->rates[static_cast<std::size_t>(direction)];
   std::uint64_t& number = state_->received_count[static_cast<std::size_t>(direction)];
   for (std::size_t i = 0; i < bytes.size(); ++i, ++number) {
-    const BootTime arrival = last_arrival - line.BytesTime(static_cast<std::int64_t>(bytes.size() - 1 - i));
+    const BootTime arrival = last_arrival - rate.BytesTime(static_cast<std::int64_t>(bytes.size() - 1 - i));
     for (ReceiverInjector& injector : state_->receivers) {
       if (injector.direction != direction ||
           !injector.activity->Contains(state_->origin.SimulationTime(arrival)) ||

@@ -20,17 +20,17 @@ std::size_t Weight(std::span<const link::Chunk> chunks) {
 
 void WireStage::Add(std::size_t fault, const FaultSpec& spec, const WireKind& kind, const Activity& activity,
                     const Parameters& parameters, std::uint64_t seed, link::Direction direction,
-                    const Line& line) {
+                    const LineRate& rate) {
   const std::string_view way = link::Name(direction);
   const std::uint64_t stream = StreamKey(seed, {spec.id, "model", way});
   injectors_.push_back({.fault = fault,
                         .activity = &activity,
                         .trigger = Trigger(spec, StreamKey(seed, {spec.id, "trigger", way})),
                         .stream = stream,
-                        .line = line,
+                        .rate = rate,
                         .remembers = kind.remembers,
                         .acts_on_overlap = kind.acts_on_overlap,
-                        .model = kind.make({parameters, line, StreamKey(seed, {spec.id, "events", way})}),
+                        .model = kind.make({parameters, rate, StreamKey(seed, {spec.id, "events", way})}),
                         .picked = {}});
 }
 
@@ -65,7 +65,7 @@ std::vector<std::size_t> WireStage::Holders() const {
 
 void WireStage::Decide(Injector& injector, const link::Chunk& sent) const {
   const auto time = injector.acts_on_overlap ? static_cast<std::int64_t>(sent.bytes.size()) : 0;
-  const BootTime end_ns = sent.begin_ns + injector.line.BytesTime(time);
+  const BootTime end_ns = sent.begin_ns + injector.rate.BytesTime(time);
   const bool inside =
       injector.activity->Touches(origin_.SimulationTime(sent.begin_ns), origin_.SimulationTime(end_ns));
   injector.picked[sent.number % kDecisions] =

@@ -23,7 +23,7 @@ class WireStage final : public link::ChunkStage {
   // A fault, in the order in which they shall act.
   // `activity` must outlive it.
   void Add(std::size_t fault, const FaultSpec& spec, const WireKind& kind, const Activity& activity,
-           const Parameters& parameters, std::uint64_t seed, link::Direction direction, const Line& line);
+           const Parameters& parameters, std::uint64_t seed, link::Direction direction, const LineRate& rate);
   bool empty() const { return injectors_.empty(); }
 
   // `recorder` must outlive the stage's last Apply().
@@ -47,7 +47,7 @@ class WireStage final : public link::ChunkStage {
     const Activity* activity;
     Trigger trigger;
     std::uint64_t stream;  // of the model's draws, one generator a frame
-    Line line;
+    LineRate rate;
     bool remembers;
     bool acts_on_overlap;
     std::unique_ptr<WireModel> model;

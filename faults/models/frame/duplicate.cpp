@@ -6,7 +6,7 @@ namespace {
 class Duplicate : public WireModel {
  public:
   explicit Duplicate(const WireSetup& setup)
-      : probability_(setup.parameters.Number("probability")), line_(setup.line) {}
+      : probability_(setup.parameters.Number("probability")), rate_(setup.rate) {}
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
     if (!context.random.Bernoulli(probability_)) {
@@ -14,7 +14,7 @@ class Duplicate : public WireModel {
       return;
     }
     link::Chunk copy = chunk;
-    copy.begin_ns += line_.BytesTime(static_cast<std::int64_t>(chunk.bytes.size()));
+    copy.begin_ns += rate_.BytesTime(static_cast<std::int64_t>(chunk.bytes.size()));
     out.push_back(std::move(chunk));
     out.push_back(std::move(copy));
     context.Say("duplicated");
@@ -22,7 +22,7 @@ class Duplicate : public WireModel {
 
  private:
   double probability_;
-  Line line_;
+  LineRate rate_;
 };
 
 }  // namespace

@@ -5,7 +5,7 @@ namespace {
 
 class Disconnect : public WireModel {
  public:
-  explicit Disconnect(const Line& line) : line_(line) {}
+  explicit Disconnect(const LineRate& rate) : rate_(rate) {}
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
     const std::size_t size = chunk.bytes.size();
@@ -37,10 +37,10 @@ class Disconnect : public WireModel {
 
  private:
   BootTime BeginOf(const link::Chunk& chunk, std::size_t byte) const {
-    return chunk.begin_ns + line_.BytesTime(static_cast<std::int64_t>(byte));
+    return chunk.begin_ns + rate_.BytesTime(static_cast<std::int64_t>(byte));
   }
 
-  Line line_;
+  LineRate rate_;
 };
 
 }  // namespace
@@ -55,7 +55,7 @@ FaultType LinkDisconnect() {
               "Without a target both directions of the main line are cut.",
           .kind = WireKind{.stage = Stage::kByte,
                            .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-                             return std::make_unique<Disconnect>(setup.line);
+                             return std::make_unique<Disconnect>(setup.rate);
                            },
                            .default_target = Target::kBoth,
                            .volume = Volume::kMayLose,

@@ -14,7 +14,7 @@ class Burst : public WireModel {
   explicit Burst(const WireSetup& setup)
       : length_bits_(setup.parameters.Integer("length_bits")),
         density_(setup.parameters.Number("density")),
-        baud_(setup.line.clock_baud()),
+        baud_(setup.rate.clock_baud()),
         events_(setup.parameters.Number("rate_hz"), setup.stream) {}
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {

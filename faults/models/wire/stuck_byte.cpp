@@ -12,7 +12,7 @@ class StuckByte : public WireModel {
   explicit StuckByte(const WireSetup& setup)
       : value_(static_cast<std::uint8_t>(setup.parameters.Integer("value"))),
         length_bytes_(setup.parameters.Integer("length_bytes")),
-        baud_(setup.line.clock_baud()),
+        baud_(setup.rate.clock_baud()),
         events_(setup.parameters.Number("rate_hz"), setup.stream) {}
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
