@@ -95,7 +95,7 @@ class EmulatorClient final : public Client {
                std::span<const faults::ReceiveMark> marks) override {
     RatedLine& rated = rated_[static_cast<std::size_t>(uart)];
     const std::int64_t baud = rated.baud();
-    const auto line = uart == Uart::kMain ? lockstep::Line::kMain : lockstep::Line::kReference;
+    const auto usart = uart == Uart::kMain ? lockstep::Usart::kMain : lockstep::Usart::kReference;
     if (rated.DamagesReceived()) {
       for (std::size_t i = 0; i < bytes.size(); ++i) {
         const auto left = static_cast<std::int64_t>(bytes.size() - i);
@@ -107,7 +107,7 @@ class EmulatorClient final : public Client {
     for (std::size_t i = 0; i < bytes.size(); ++i) {
       const TimeNs before_last = link::BytesTime(baud, static_cast<std::int64_t>(bytes.size() - 1 - i));
       received_.push_back({.arrival_ns = clock_.At(arrival - before_last),
-                           .line = line,
+                           .usart = usart,
                            .byte = bytes[i],
                            .mark = marks.empty() ? lockstep::Mark::kNone : ToMark(marks[i]),
                            .waits = baud == 0});
@@ -199,7 +199,7 @@ class EmulatorClient final : public Client {
 
   void OnMessage(const EmulatorMessage& message) {
     if (message.kind == lockstep::Kind::kUsart) {
-      OnUsart(message.As<lockstep::Usart>());
+      OnRegisters(message.As<lockstep::UsartRegisters>());
     } else if (message.kind == lockstep::Kind::kTransmit) {
       OnTransmitted(message.All<lockstep::TransmittedByte>());
     } else if (message.kind == lockstep::Kind::kEvent) {
@@ -210,8 +210,8 @@ class EmulatorClient final : public Client {
   void OnTransmitted(const std::vector<lockstep::TransmittedByte>& bytes) {
     if (bytes.empty()) return;
     last_active_ = std::max(last_active_, bytes.back().at_ns);
-    if (bytes.front().line == lockstep::Line::kConsole) return OnConsole(bytes);
-    const bool main = bytes.front().line == lockstep::Line::kMain;
+    if (bytes.front().usart == lockstep::Usart::kConsole) return OnConsole(bytes);
+    const bool main = bytes.front().usart == lockstep::Usart::kMain;
     const Uart uart = main ? Uart::kMain : Uart::kReference;
     RatedLine& rated = rated_[static_cast<std::size_t>(uart)];
     // A byte that is written while the transmitter is busy with those before it leaves right after them: one call for
@@ -227,14 +227,14 @@ class EmulatorClient final : public Client {
     }
   }
 
-  void OnUsart(const lockstep::Usart& usart) {
-    if (usart.line == lockstep::Line::kConsole) return;
-    const bool main = usart.line == lockstep::Line::kMain;
+  void OnRegisters(const lockstep::UsartRegisters& registers) {
+    if (registers.usart == lockstep::Usart::kConsole) return;
+    const bool main = registers.usart == lockstep::Usart::kMain;
     const int number = main ? spec_.main_usart : spec_.reference_usart;
     RatedLine& rated = rated_[main ? 0 : 1];
-    rated.Program(RateOf(number, usart.brr, usart.cr1, usart.cr3));
+    rated.Program(RateOf(number, registers.brr, registers.cr1, registers.cr3));
     constexpr std::uint32_t kOn = 1U << 13;
-    if ((usart.cr1 & kOn) == 0) return;
+    if ((registers.cr1 & kOn) == 0) return;
     const std::string trouble = rated.Trouble();
     if (!trouble.empty() && std::exchange(troubles_[main ? 0 : 1], trouble) != trouble)
       host_.event({.time_ns = clock_.When(last_active_),
@@ -255,14 +255,14 @@ class EmulatorClient final : public Client {
       }
   }
   void DeliverDamaged(TimeNs until) {
-    for (const auto line : {lockstep::Line::kMain, lockstep::Line::kReference}) {
+    for (const auto usart : {lockstep::Usart::kMain, lockstep::Usart::kReference}) {
       received_.clear();
-      RatedLine& rated = rated_[static_cast<std::size_t>(line)];
+      RatedLine& rated = rated_[static_cast<std::size_t>(usart)];
       const TimeNs byte_ns = link::BytesTime(rated.baud(), 1);
       // A byte that is still on its way is not known: all is seen one byte time later.
       for (const auto& [begin_ns, end_ns, byte, framing_error] : rated.TakeReceived(until - byte_ns))
         received_.push_back({.arrival_ns = end_ns + byte_ns,
-                             .line = line,
+                             .usart = usart,
                              .byte = byte,
                              .mark = framing_error ? lockstep::Mark::kFraming : lockstep::Mark::kNone,
                              .waits = false});
@@ -272,7 +272,7 @@ class EmulatorClient final : public Client {
   }
 
   void OnConsole(const std::vector<lockstep::TransmittedByte>& bytes) {
-    for (const auto& [at, line, byte] : bytes) {
+    for (const auto& [at, usart, byte] : bytes) {
       const bool line_end = byte == '\n';
       if (!line_end && byte != '\r')
         console_.push_back(byte >= 0x20 && byte < 0x7F ? static_cast<char>(byte) : '?');
@@ -303,7 +303,7 @@ class EmulatorClient final : public Client {
         out.text = fmt::format("0x{:08x}: 0x{:02x} -> 0x{:02x}", event.address, event.before, event.after);
         break;
       case lockstep::EventKind::kOverrun:
-        OnOverrun(event.value == static_cast<std::uint32_t>(lockstep::Line::kMain) ? 0 : 1, out.time_ns);
+        OnOverrun(event.value == static_cast<std::uint32_t>(lockstep::Usart::kMain) ? 0 : 1, out.time_ns);
         return;
     }
     host_.event(out);

@@ -26,7 +26,7 @@ enum class Kind : std::uint32_t {
   // From the plug-in.
   kHello,     // Hello
   kTransmit,  // TransmittedByte[]
-  kUsart,     // Usart
+  kUsart,     // UsartRegisters
   kEvent,     // Event
   kMemory,    // the bytes
   kState,     // text: the processor's registers
@@ -38,15 +38,16 @@ struct Header {
   std::uint32_t body_bytes;
 };
 
-enum class Line : std::uint8_t { kMain, kReference, kConsole };
-inline constexpr int kLineCount = 3;
+// Of the board: those of the main and the reference line, and the console.
+enum class Usart : std::uint8_t { kMain, kReference, kConsole };
+inline constexpr int kUsartCount = 3;
 
 // How the receiver gets a byte.
 enum class Mark : std::uint8_t { kNone, kOverrun, kFraming, kNoise };
 
 struct ReceivedByte {
   std::int64_t arrival_ns;  // of its stop bit; not decreasing on a line
-  Line line;
+  Usart usart;
   std::uint8_t byte;
   Mark mark;
   // Of a line without byte time: the byte waits until the one before has been read.
@@ -89,16 +90,16 @@ struct Hello {
 
 struct TransmittedByte {
   std::int64_t at_ns;  // when the processor gave it to the transmitter
-  Line line;
+  Usart usart;
   std::uint8_t byte;
 };
 
-// The registers of a line's USART that its rate follows from: once they have changed, before the bytes that it then
+// The registers of a USART that its rate follows from: once they have changed, before the bytes that it then
 // sends, at the latest when the processor stops.
-struct Usart {
-  Line line;
+struct UsartRegisters {
+  Usart usart;
   std::uint32_t brr, cr1, cr3;
-  friend bool operator==(const Usart&, const Usart&) = default;
+  friend bool operator==(const UsartRegisters&, const UsartRegisters&) = default;
 };
 
 enum class EventKind : std::uint32_t {
@@ -106,7 +107,7 @@ enum class EventKind : std::uint32_t {
   kStallBegins,  // value: the fault
   kStallEnds,    // the processor runs again
   kBitFlipped,   // value: the fault; address, before, after
-  kOverrun,      // value: the line; a byte came while the one before was not read
+  kOverrun,      // value: the Usart; a byte came while the one before was not read
 };
 
 struct Event {

@@ -74,7 +74,7 @@ constexpr std::uint8_t kBarrier = 0x7E;  // what the firmware above sends
 std::vector<Sent> Fly(const std::string& plugin, const std::string& image) {
   EmulatorProcess board({.image = image, .plugin = plugin, .barrier = kBarrier});
   board.Send(lockstep::Kind::kReceive, lockstep::ReceivedByte{.arrival_ns = 5'500'000,
-                                                              .line = lockstep::Line::kMain,
+                                                              .usart = lockstep::Usart::kMain,
                                                               .byte = 'A',
                                                               .mark = lockstep::Mark::kNone,
                                                               .waits = false});

@@ -55,20 +55,20 @@ std::int64_t Now() { return qemu_clock_get_ns(kClockVirtual); }
 
 struct Uart {
   void* chardev = nullptr;
-  Line line{};
+  Usart usart{};
   UsartReceiver* receiver = nullptr;
   std::deque<ReceivedByte> queue;  // on their way to the firmware
   Timer timer;
   std::vector<TransmittedByte> unsent;  // not yet told
-  Usart told{};                         // of its registers
+  UsartRegisters told{};                // of its registers
 };
 
 struct Plugin {
   int socket = -1;
-  int barrier = -1;                      // on the main line
-  std::vector<std::uint8_t> out;         // messages that wait for Flush()
-  std::array<int, kLineCount> usarts{};  // number of the USART of each line; 0: none
-  std::array<Uart, kLineCount> uarts;
+  int barrier = -1;                              // on the main line
+  std::vector<std::uint8_t> out;                 // messages that wait for Flush()
+  std::array<int, kUsartCount> usart_numbers{};  // on the chip, by Usart; 0: none
+  std::array<Uart, kUsartCount> uarts;
   void* cpu = nullptr;
   Timer horizon;
   std::deque<Stall> stalls;  // by begin
@@ -140,7 +140,7 @@ void SendUnsent(Uart& uart) {
 }
 
 void SendRegisters(Uart& uart) {
-  const Usart now = uart.receiver->Registers(uart.line);
+  const UsartRegisters now = uart.receiver->Registers(uart.usart);
   if (now == uart.told) return;
   SendUnsent(uart);
   Send(Kind::kUsart, &now, sizeof(now));
@@ -161,7 +161,7 @@ void OnReceiveTimer(void* opaque) {
   if (received.waits && !free) return uart.timer.Set(Now() + kPollNs);
   uart.queue.pop_front();
   if (!free || received.mark == Mark::kOverrun) {
-    if (!free) SendEvent(EventKind::kOverrun, static_cast<std::uint32_t>(uart.line));
+    if (!free) SendEvent(EventKind::kOverrun, static_cast<std::uint32_t>(uart.usart));
     uart.receiver->Overrun();
   } else {
     uart.receiver->Deliver(received.byte, received.mark == Mark::kFraming ? UsartReceiver::kFraming
@@ -175,7 +175,7 @@ void Deliver(const std::vector<std::uint8_t>& body) {
   for (std::size_t at = 0; at + sizeof(ReceivedByte) <= body.size(); at += sizeof(ReceivedByte)) {
     ReceivedByte byte;
     std::memcpy(&byte, body.data() + at, sizeof(byte));
-    Uart& uart = plugin.uarts[static_cast<std::size_t>(byte.line)];
+    Uart& uart = plugin.uarts[static_cast<std::size_t>(byte.usart)];
     if (uart.chardev == nullptr) continue;
     const bool idle = uart.queue.empty();
     uart.queue.push_back(byte);
@@ -360,10 +360,10 @@ int OnTransmit(void* chardev, const std::uint8_t* bytes, int count) {
   for (Uart& uart : plugin.uarts) {
     if (uart.chardev != chardev || !plugin.begun) continue;
     SendRegisters(uart);
-    for (int i = 0; i < count; ++i) uart.unsent.push_back({Now(), uart.line, bytes[i]});
+    for (int i = 0; i < count; ++i) uart.unsent.push_back({Now(), uart.usart, bytes[i]});
     const bool barrier =
-        uart.line == Line::kMain && std::find(bytes, bytes + count, plugin.barrier) != bytes + count;
-    const bool line_end = uart.line == Line::kConsole && bytes[count - 1] == '\n';
+        uart.usart == Usart::kMain && std::find(bytes, bytes + count, plugin.barrier) != bytes + count;
+    const bool line_end = uart.usart == Usart::kConsole && bytes[count - 1] == '\n';
     if (barrier) {
       Stop();
     } else if (line_end || uart.unsent.size() >= kUnsentBytesMax) {
@@ -407,10 +407,10 @@ void Begin(void* cpu, RunOnCpuData /*data*/) {
   if (nvic == nullptr) Die("the machine has no NVIC where one should be");
   qdev_connect_gpio_out_named(nvic, "SYSRESETREQ", 0, qemu_allocate_irq(OnResetRequest, nullptr, 0));
   for (std::size_t i = 0; i < plugin.uarts.size(); ++i) {
-    if (plugin.usarts[i] == 0) continue;
+    if (plugin.usart_numbers[i] == 0) continue;
     Uart& uart = plugin.uarts[i];
-    uart.line = static_cast<Line>(i);
-    const std::string id = "usart" + std::to_string(plugin.usarts[i]);
+    uart.usart = static_cast<Usart>(i);
+    const std::string id = "usart" + std::to_string(plugin.usart_numbers[i]);
     uart.chardev = qemu_chr_find(id.c_str());
     if (uart.chardev == nullptr) Die("a character device is missing");
     void* chardev_class = object_get_class(uart.chardev);
@@ -420,7 +420,7 @@ void Begin(void* cpu, RunOnCpuData /*data*/) {
     std::memcpy(static_cast<std::uint8_t*>(chardev_class) + kChrWriteOffset, &write, sizeof(write));
     uart.timer.Init(OnReceiveTimer, &uart);
     uart.receiver = new UsartReceiver;
-    if (!uart.receiver->Init(plugin.usarts[i], uart.chardev)) Die("the machine has no such USART");
+    if (!uart.receiver->Init(plugin.usart_numbers[i], uart.chardev)) Die("the machine has no such USART");
   }
   const Hello hello{kProtocolVersion};
   Send(Kind::kHello, &hello, sizeof(hello));
@@ -473,7 +473,7 @@ __attribute__((visibility("default"))) int qemu_plugin_install(qemu_plugin_id_t 
     } else if (key == "barrier" && byte) {
       plugin.barrier = number;
     } else if (line != kLines.end() && digit) {
-      plugin.usarts[static_cast<std::size_t>(line - kLines.begin())] = value[0] - '0';
+      plugin.usart_numbers[static_cast<std::size_t>(line - kLines.begin())] = value[0] - '0';
     } else {
       std::fprintf(stderr, "lockstep plug-in: unknown argument %s\n", argv[i]);
       return 1;

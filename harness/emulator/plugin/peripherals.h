@@ -151,8 +151,8 @@ class UsartReceiver {
   }
   // A byte has arrived and is lost: the old one stays (section 30.3.3).
   void Overrun() { flags_ |= kOverrun; }
-  harness::lockstep::Usart Registers(harness::lockstep::Line line) const {
-    return {line, registers_[kBaudRate / 4], registers_[kControl1 / 4], registers_[kControl3 / 4]};
+  harness::lockstep::UsartRegisters Registers(harness::lockstep::Usart usart) const {
+    return {usart, registers_[kBaudRate / 4], registers_[kControl1 / 4], registers_[kControl3 / 4]};
   }
   void Reset() {
     flags_ = seen_flags_ = 0;
