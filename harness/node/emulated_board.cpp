@@ -167,7 +167,7 @@ void EmulatedBoard::Watch() {
                                            kAnswerLimit.count()));
 }
 
-std::vector<FirmwareProcess::Line> EmulatedBoard::TakeLines(bool last) {
+std::vector<FirmwareProcess::OutputLine> EmulatedBoard::TakeLines(bool last) {
   if (last) process_->ReadAll();
   for (auto& line : process_->TakeLines()) {
     if (line.error && !line.text.empty()) {

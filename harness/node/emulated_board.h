@@ -61,7 +61,7 @@ class EmulatedBoard {
   // Looks for an emulator that does not answer. Every now and then.
   void Watch();
   // What was printed since the last call; the last of it once `last`.
-  std::vector<FirmwareProcess::Line> TakeLines(bool last = false);
+  std::vector<FirmwareProcess::OutputLine> TakeLines(bool last = false);
 
  private:
   void OnEnded(const std::string& how);
@@ -74,7 +74,7 @@ class EmulatedBoard {
   std::optional<FirmwareProcess> process_;
   std::optional<QmpClient> qmp_;
   std::optional<GdbClient> debugger_;
-  std::vector<FirmwareProcess::Line> lines_;
+  std::vector<FirmwareProcess::OutputLine> lines_;
   std::string fatal_, last_error_;           // what QEMU said before its end
   int stalls_count_ = 0, resets_count_ = 0;  // that last
   bool paused_ = false;                      // the whole of QEMU, by a signal

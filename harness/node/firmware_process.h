@@ -20,7 +20,7 @@ namespace tiltproof::harness {
 
 class FirmwareProcess {
  public:
-  struct Line {
+  struct OutputLine {
     BootTime time_ns;
     std::string text;
     bool error = false;  // on standard error
@@ -36,7 +36,7 @@ class FirmwareProcess {
 
   ChildProcess& child() { return *child_; }
   // Those since the last call; the first kFirmwareLogBytesMax of all.
-  std::vector<Line> TakeLines() { return std::exchange(lines_, {}); }
+  std::vector<OutputLine> TakeLines() { return std::exchange(lines_, {}); }
   // What it has printed and nobody has read yet, to the last byte.
   void ReadAll();
 
@@ -53,7 +53,7 @@ class FirmwareProcess {
   std::array<std::optional<boost::asio::posix::stream_descriptor>, 2> streams_;
   std::optional<boost::asio::posix::stream_descriptor> end_;
   std::array<std::string, 2> partial_;
-  std::vector<Line> lines_;
+  std::vector<OutputLine> lines_;
   std::size_t printed_bytes_ = 0;
   std::shared_ptr<char> alive_ = std::make_shared<char>();
 };
