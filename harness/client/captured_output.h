@@ -8,7 +8,7 @@
 #include <functional>
 #include <string>
 
-#include "harness/client/lines.h"
+#include "harness/client/line_splitter.h"
 #include "link/unix_socket.h"
 
 namespace tiltproof::harness {
@@ -29,7 +29,7 @@ class CapturedOutput {
  private:
   link::OwnedDescriptor output_, error_;  // as they were
   link::OwnedDescriptor pipe_;
-  Lines lines_;
+  LineSplitter lines_;
 };
 
 }  // namespace tiltproof::harness

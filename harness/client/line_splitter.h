@@ -1,6 +1,6 @@
 // A stream of bytes, cut into lines for a log: without what a terminal would obey, and of a bounded length.
 //
-//   Lines lines;  lines.Add(bytes, [&](std::string line) { log(line); });  lines.End(...);   // the rest, without its end
+//   LineSplitter lines;  lines.Add(bytes, [&](std::string line) { log(line); });  lines.End(...);   // the rest, without its end
 #pragma once
 
 #include <cstddef>
@@ -10,7 +10,7 @@
 
 namespace tiltproof::harness {
 
-class Lines {
+class LineSplitter {
  public:
   static constexpr std::size_t kLineBytesMax = 1000;
 
