@@ -77,6 +77,6 @@ struct TimedActivation {
   std::vector<link::TimedChunk<Time>> before, after;
 };
 using Activation = TimedActivation<TimeNs>;
-using LineActivation = TimedActivation<BootTime>;
+using BootActivation = TimedActivation<BootTime>;
 
 }  // namespace tiltproof::faults

@@ -39,7 +39,7 @@ enum class Volume : std::uint8_t {
 
 // Edits the frames that travel in one direction of a line.
 struct WireKind {
-  Stage stage{};
+  WireLayer wire_layer{};
   std::unique_ptr<WireModel> (*make)(const WireSetup&) = nullptr;
   std::optional<Target> default_target = {};  // without one the scenario must state its target
   Volume volume = Volume::kKeeps;

@@ -15,7 +15,7 @@ std::vector<link::LogChunk> Shifted(std::vector<link::Chunk>&& chunks, Origin or
   return shifted;
 }
 
-Activation Shifted(LineActivation&& activation, Origin origin) {
+Activation Shifted(BootActivation&& activation, Origin origin) {
   return {.time_ns = origin.SimulationTime(activation.time_ns),
           .fault = activation.fault,
           .what = std::move(activation.what),
@@ -30,7 +30,7 @@ std::vector<Activation> Recorder::Take(Origin origin) {
   std::vector<Activation> activations;
   activations.reserve(kept_.size());
   for (auto& kept : kept_) {
-    if (auto* of_line = std::get_if<LineActivation>(&kept)) {
+    if (auto* of_line = std::get_if<BootActivation>(&kept)) {
       activations.push_back(Shifted(std::move(*of_line), of_log));
     } else {
       activations.push_back(std::get<Activation>(std::move(kept)));

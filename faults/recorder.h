@@ -23,7 +23,7 @@ class Recorder {
   explicit Recorder(std::size_t fault_count) : counts_(fault_count, 0), bytes_(fault_count, 0) {}
 
   bool Keeps(std::size_t fault) const { return counts_[fault] < kActivationsMax; }
-  // Counts one of that many bytes. `make` gives the record, an Activation or a LineActivation, and is called only if it is
+  // Counts one of that many bytes. `make` gives the record, an Activation or a BootActivation, and is called only if it is
   // kept.
   template <class Make>
   void Count(std::size_t fault, std::size_t bytes, Make&& make) {
@@ -59,7 +59,7 @@ class Recorder {
  private:
   std::vector<std::int64_t> counts_;
   std::vector<std::size_t> bytes_;  // of what was kept
-  std::vector<std::variant<LineActivation, Activation>> kept_;
+  std::vector<std::variant<BootActivation, Activation>> kept_;
   std::vector<First> firsts_;
 };
 

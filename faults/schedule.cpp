@@ -232,7 +232,7 @@ void FaultSchedule::MarkReceived(Direction direction, BootTime last_arrival,
           marks[i] != ReceiveMark::kNone)
         continue;
       marks[i] = injector.mark;
-      state_->recorder.Count(injector.fault, [&]() -> LineActivation {
+      state_->recorder.Count(injector.fault, [&]() -> BootActivation {
         const link::Chunk byte{.begin_ns = arrival, .bytes = {bytes[i]}};
         const bool is_lost = injector.mark == ReceiveMark::kOverrun;
         return {.time_ns = arrival,

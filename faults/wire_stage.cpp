@@ -114,7 +114,7 @@ void WireStage::ActAndRecord(Injector& injector, link::Chunk&& chunk, Random& ra
   const std::size_t weight = Weight(after);
   injector.multiplied = injector.multiplied || weight > link::WeightOf(before_);
   injector.delayed = injector.delayed || (after.size() == 1 && after[0].begin_ns > before_.begin_ns);
-  recorder_->Count(injector.fault, link::WeightOf(before_) + weight + what.size(), [&]() -> LineActivation {
+  recorder_->Count(injector.fault, link::WeightOf(before_) + weight + what.size(), [&]() -> BootActivation {
     return {.time_ns = before_.begin_ns,
             .fault = injector.fault,
             .what = std::move(what),

@@ -19,7 +19,7 @@ namespace {
 std::vector<std::string> ClientIds(const LinkLog& log, const std::filesystem::path& file) {
   std::size_t count = 1;
   std::size_t offset = 0;
-  while (const auto record = log.Next(offset)) count = std::max(count, record->line.client + 1);
+  while (const auto record = log.Next(offset)) count = std::max(count, record->wire.client + 1);
   std::vector<std::string> ids;
   for (std::size_t i = 0; i < count; ++i) ids.push_back(std::to_string(i));
   if (count == 1) return ids;
@@ -76,8 +76,8 @@ int LinkDumpCommand(const std::filesystem::path& file) {
   std::size_t offset = 0;
   TimeNs last_ns = 0;
   while (const auto record = log.Next(offset)) {
-    const std::size_t client = record->line.client;
-    const auto direction = static_cast<std::size_t>(record->line.direction);
+    const std::size_t client = record->wire.client;
+    const auto direction = static_cast<std::size_t>(record->wire.direction);
     auto bytes = record->bytes;
     last_ns = record->begin_ns;
     while (const auto event = decoders[client][direction][record->delivered].Next(bytes))

@@ -38,10 +38,10 @@ struct EightReference {
   std::array<double, 3> start_m = {0, 0, 1};
   friend bool operator==(const EightReference&, const EightReference&) = default;
 };
-struct LineReference {
+struct StraightReference {
   std::array<double, 3> from_m{}, to_m{};
   double time_s = 60;
-  friend bool operator==(const LineReference&, const LineReference&) = default;
+  friend bool operator==(const StraightReference&, const StraightReference&) = default;
 };
 // CSV: t_s,x_m,y_m,z_m,yaw_rad[,vx_m_s,vy_m_s,vz_m_s]
 struct RecordedReference {
@@ -50,7 +50,7 @@ struct RecordedReference {
 };
 struct ReferenceSpec {
   std::variant<HoverReference, SpiralReference, WaypointsReference, CircleReference, EightReference,
-               LineReference, RecordedReference>
+               StraightReference, RecordedReference>
       path = SpiralReference{};
   bool velocity = true;  // false: the velocity components are sent as 0
   friend bool operator==(const ReferenceSpec&, const ReferenceSpec&) = default;

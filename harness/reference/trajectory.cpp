@@ -93,7 +93,7 @@ ReferencePoint Evaluate(const EightReference& eight, double t_s) {
   return r;
 }
 
-ReferencePoint Evaluate(const LineReference& line, double t_s) {
+ReferencePoint Evaluate(const StraightReference& line, double t_s) {
   if (t_s >= line.time_s) return AtRest(line.to_m);
   const double part = t_s / line.time_s;
   std::array<double, 3> p_m{}, v_m_s{};

@@ -13,7 +13,7 @@ void ForEachSentMessage(const LinkLog& link, std::size_t client, const link::Pro
   MessageReceiver receiver(protocol, link::Direction::kToPlant);
   std::size_t offset = 0;
   while (const auto record = link.Next(offset)) {
-    if (record->delivered || record->line != LineId{client, link::Direction::kToPlant}) continue;
+    if (record->delivered || record->wire != WireId{client, link::Direction::kToPlant}) continue;
     receiver.Receive(record->bytes, [&](const link::Message& message) { visit(record->begin_ns, message); });
   }
 }

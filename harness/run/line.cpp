@@ -163,7 +163,7 @@ LineLog LocalLine::TakeLog(BootTime end) {
   log.reply_latency_ns = std::exchange(reply_latency_ns_, {});
   log.client_round_trip_ns = std::exchange(client_round_trip_ns_, {});
   log.events = events_.Take();
-  for (LineEvent& event : log.events) event.client = client_;
+  for (BootEvent& event : log.events) event.client = client_;
   log.activations = faults_.TakeActivations(origin_);
   log.activation_counts = faults_.ActivationCounts();
   log.counts = counts();

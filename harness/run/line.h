@@ -31,12 +31,12 @@ namespace tiltproof::harness {
 
 // Records since the last TakeLog(); counters are totals.
 struct LineLog {
-  LineLinkLog link;
+  BootLinkLog link;
   std::vector<TimeNs>
       reply_latency_ns;  // from a request's last byte at the server to its reply's at the client
   std::vector<TimeNs>
       client_round_trip_ns;  // from a reply's last byte at the client to its actuators' at the server
-  std::vector<LineEvent> events;
+  std::vector<BootEvent> events;
   std::vector<faults::Activation> activations;  // simulation time
   std::vector<std::int64_t> activation_counts;  // one per fault of the scenario
   LineCounts counts{};
@@ -137,7 +137,7 @@ class LocalLine final : public Line {
   std::deque<Reply> replies_;
   BootTime replied_ns_ = BootTime::Never();  // arrival of the latest reply that no actuators have answered
 
-  LineLinkLog link_log_;
+  BootLinkLog link_log_;
   std::vector<TimeNs> reply_latency_ns_, client_round_trip_ns_;
   EventLog<BootTime> events_;
 };

@@ -71,7 +71,7 @@ TimedLinkLog<Time>::TimedLinkLog(std::vector<std::uint8_t> content) : content_(s
 }
 
 template <class Time>
-void TimedLinkLog<Time>::Append(const link::TimedChunk<Time>& chunk, LineId line, bool delivered) {
+void TimedLinkLog<Time>::Append(const link::TimedChunk<Time>& chunk, WireId wire, bool delivered) {
   // A chunk longer than a record can say goes in several; only a fault that inserts without end makes one.
   std::span<const std::uint8_t> rest = chunk.bytes;
   do {
@@ -80,8 +80,8 @@ void TimedLinkLog<Time>::Append(const link::TimedChunk<Time>& chunk, LineId line
     content_.resize(at + kHeaderBytes + piece.size());
     const auto size = static_cast<std::uint16_t>(piece.size());
     std::memcpy(&content_[at], &chunk.begin_ns, 8);
-    content_[at + kClientAt] = static_cast<std::uint8_t>(line.client);
-    content_[at + kDirectionAt] = static_cast<std::uint8_t>(line.direction);
+    content_[at + kClientAt] = static_cast<std::uint8_t>(wire.client);
+    content_[at + kDirectionAt] = static_cast<std::uint8_t>(wire.direction);
     content_[at + kSideAt] = delivered ? 1 : 0;
     std::memcpy(&content_[at + kSizeAt], &size, 2);
     if (!piece.empty()) std::memcpy(&content_[at + kHeaderBytes], piece.data(), piece.size());
@@ -119,7 +119,7 @@ std::optional<TimedLinkRecord<Time>> TimedLinkLog<Time>::Next(std::size_t& offse
   TimedLinkRecord<Time> record;
   const std::uint16_t size = SizeAt(content_, at + kSizeAt);
   record.begin_ns = TimeAt<Time>(content_, at);
-  record.line = {content_[at + kClientAt], static_cast<link::Direction>(content_[at + kDirectionAt])};
+  record.wire = {content_[at + kClientAt], static_cast<link::Direction>(content_[at + kDirectionAt])};
   record.delivered = content_[at + kSideAt] != 0;
   record.bytes = std::span(content_).subspan(at + kHeaderBytes, size);
   offset = at + kHeaderBytes + size;

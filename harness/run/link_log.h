@@ -26,17 +26,17 @@ namespace tiltproof::harness {
 
 inline constexpr std::string_view kLinkLogMagic = "TPLINK2\n";
 
-// Each client of a flight has three lines.
-struct LineId {
+// Each client of a flight has three wires.
+struct WireId {
   std::size_t client = 0;  // its place among the scenario's clients
   link::Direction direction{};
-  friend bool operator==(const LineId&, const LineId&) = default;
+  friend bool operator==(const WireId&, const WireId&) = default;
 };
 
 template <class Time>
 struct TimedLinkRecord {
   Time begin_ns{};
-  LineId line;
+  WireId wire;
   bool delivered = false;
   std::span<const std::uint8_t> bytes;
 };
@@ -51,7 +51,7 @@ class TimedLinkLog {
   // Takes the content of a file, of this version or the one before. Throws std::runtime_error naming the offset of what is wrong.
   explicit TimedLinkLog(std::vector<std::uint8_t> content);
 
-  void Append(const link::TimedChunk<Time>& chunk, LineId line, bool delivered);
+  void Append(const link::TimedChunk<Time>& chunk, WireId wire, bool delivered);
   // The records of another log, after its own.
   void Append(TimedLinkLog&& other);
 
@@ -71,6 +71,6 @@ class TimedLinkLog {
   std::vector<std::uint8_t> content_{kLinkLogMagic.begin(), kLinkLogMagic.end()};
 };
 using LinkLog = TimedLinkLog<TimeNs>;
-using LineLinkLog = TimedLinkLog<BootTime>;
+using BootLinkLog = TimedLinkLog<BootTime>;
 
 }  // namespace tiltproof::harness

@@ -43,7 +43,7 @@ void Append(RunLog& log, PlantLog&& part) {
 void Append(RunLog& log, LineLog&& part, std::size_t client, Origin origin) {
   const Origin of_log = origin.OrPowerOn();
   log.link.Append(std::move(part.link).Shifted(of_log));
-  for (LineEvent& event : part.events) log.events.push_back(ToRunEvent(std::move(event), of_log));
+  for (BootEvent& event : part.events) log.events.push_back(ToRunEvent(std::move(event), of_log));
   ClientLog& own = log.clients.at(client);
   MoveTo(own.reply_latency_ns, std::move(part.reply_latency_ns));
   MoveTo(own.client_round_trip_ns, std::move(part.client_round_trip_ns));

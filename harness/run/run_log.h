@@ -40,8 +40,8 @@ struct TimedEvent {
   std::optional<std::size_t> client = {};  // whose it is, by its place in the scenario; none: the flight's
 };
 using RunEvent = TimedEvent<TimeNs>;
-using LineEvent = TimedEvent<BootTime>;
-inline RunEvent ToRunEvent(LineEvent&& event, Origin origin) {
+using BootEvent = TimedEvent<BootTime>;
+inline RunEvent ToRunEvent(BootEvent&& event, Origin origin) {
   return {origin.SimulationTime(event.time_ns), std::move(event.kind), std::move(event.text), event.client};
 }
 

@@ -106,7 +106,7 @@ void DescribePath(KeyVisitor& v, EightReference& r) {
   v.Number({"period_s", "Time of one figure"}, r.period_s, kPeriod_s);
   v.Point({"start_m", "The crossing, where it begins"}, r.start_m, kPosition_m);
 }
-void DescribePath(KeyVisitor& v, LineReference& r) {
+void DescribePath(KeyVisitor& v, StraightReference& r) {
   v.Point({"from_m", "Position at t = 0", kRequired}, r.from_m, kPosition_m);
   v.Point({"to_m", "Position at time_s, then held", kRequired}, r.to_m, kPosition_m);
   v.Number({"time_s", "Time from end to end"}, r.time_s, kPeriod_s);

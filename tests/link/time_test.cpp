@@ -62,7 +62,7 @@ static_assert(!std::is_invocable_v<decltype(&Origin::SimulationTime), Origin, Ti
 static_assert(!std::is_invocable_v<decltype(&Origin::ToBootTime), Origin, BootTime>);
 // Records of a line are none of a log.
 static_assert(!std::is_convertible_v<link::Chunk, link::LogChunk>);
-static_assert(!std::is_convertible_v<faults::LineActivation, faults::Activation>);
+static_assert(!std::is_convertible_v<faults::BootActivation, faults::Activation>);
 // It costs what a number costs.
 static_assert(std::is_trivially_copyable_v<BootTime> && sizeof(BootTime) == sizeof(TimeNs));
 static_assert(std::is_trivially_copyable_v<Origin> && sizeof(Origin) == sizeof(TimeNs));

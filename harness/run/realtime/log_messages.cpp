@@ -121,7 +121,7 @@ void LogPublisher::Write(const LineLog& log, Origin origin, const std::vector<Co
   while (const auto record = log.link.Next(offset)) {
     const TimeNs begin_ns = origin.SimulationTime(record->begin_ns);
     tap.frames.push_back({.begin_ns = begin_ns,
-                          .direction = static_cast<std::uint8_t>(record->line.direction),
+                          .direction = static_cast<std::uint8_t>(record->wire.direction),
                           .delivered = record->delivered,
                           .bytes = {record->bytes.begin(), record->bytes.end()},
                           .fault_ids = FaultsOf(*record, begin_ns, scenario_, log.activations)});
@@ -135,7 +135,7 @@ void LogPublisher::Write(const LineLog& log, Origin origin, const std::vector<Co
     Send(std::move(tap));
   }
   Write(log.activations);
-  for (LineEvent event : log.events) Write(ToRunEvent(std::move(event), origin));
+  for (BootEvent event : log.events) Write(ToRunEvent(std::move(event), origin));
   if (counts.empty()) return;
   std::vector<double> values;
   for (const auto& sample : counts) {

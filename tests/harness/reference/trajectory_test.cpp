@@ -51,7 +51,7 @@ std::vector<std::pair<ReferenceSpec, double>> MovingSpecs() {
       {Spec(WaypointsReference{{{0, 0, 1}, {3, 4, 1}, {3, 4, 1}, {3, 0, 4}}, 2}), 5},
       {Spec(CircleReference{3, 11, {1, 2, 3}}), 0},
       {Spec(EightReference{6, 13, {1, 2, 3}}), 0},
-      {Spec(LineReference{{0, 0, 1}, {4, -2, 3}, 8}), 8},
+      {Spec(StraightReference{{0, 0, 1}, {4, -2, 3}, 8}), 8},
       {Spec(RecordedReference{recorded}), 4},
   };
 }

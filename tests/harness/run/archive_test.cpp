@@ -85,7 +85,7 @@ void ForEachStruct(const Visit& visit) {
   visit(std::optional<ClientStatus>{});
   visit(std::optional<ClientStatus>{{3, 4}});
   visit(RunEvent{-1, "kind", std::string("with\0NUL", 8)});
-  visit(LineEvent{BootTime(-1), "kind", "text"});
+  visit(BootEvent{BootTime(-1), "kind", "text"});
   visit(Origin());
   visit(Origin(BootTime(7)));
   visit(SomeState());

@@ -226,7 +226,7 @@ std::vector<TimeNs> DeliveredArrivals(const RunLog& log, link::Direction directi
   std::vector<TimeNs> arrivals;
   std::size_t offset = 0;
   while (const auto record = log.link.Next(offset))
-    if (record->delivered && record->line.direction == direction)
+    if (record->delivered && record->wire.direction == direction)
       arrivals.push_back(record->begin_ns +
                          link::BytesTime(921'600, static_cast<std::int64_t>(record->bytes.size())));
   return arrivals;
@@ -306,7 +306,7 @@ TEST(Flight, LostRepeatedAndOvertakenRepliesChangeNoOthersLatency) {
     std::map<float, TimeNs> requested;  // by what the reply says
     std::size_t offset = 0;
     while (const auto record = log.link.Next(offset)) {
-      if (record->delivered || record->line.direction != link::Direction::kToClient) continue;
+      if (record->delivered || record->wire.direction != link::Direction::kToClient) continue;
       link::FrameDecoder decoder;
       std::span<const std::uint8_t> bytes = record->bytes;
       Sensors sensors;
@@ -338,7 +338,7 @@ TEST(Flight, AnOlderReplyInThePlaceOfANewOneIsNotTheNewOnesAnswer) {
   std::array<std::vector<std::vector<std::uint8_t>>, 2> frames;  // as sent, as they went on
   std::size_t offset = 0;
   while (const auto record = log.link.Next(offset))
-    if (record->line.direction == link::Direction::kToClient)
+    if (record->wire.direction == link::Direction::kToClient)
       frames[record->delivered ? 1 : 0].emplace_back(record->bytes.begin(), record->bytes.end());
   const auto arrivals = DeliveredArrivals(log, link::Direction::kToClient);
   std::vector<TimeNs> latencies;
@@ -359,7 +359,7 @@ TEST(Flight, AReplyThatTheNextFramesFlagClosesHasItsLatencyToThere) {
   std::size_t offset = 0, closed_late_count = 0, at = 0;
   std::vector<TimeNs> latencies;
   while (const auto record = log.link.Next(offset)) {
-    if (record->line.direction != link::Direction::kToClient) continue;
+    if (record->wire.direction != link::Direction::kToClient) continue;
     if (!record->delivered) {
       sent.emplace_back(record->bytes.begin(), record->bytes.end());
       continue;

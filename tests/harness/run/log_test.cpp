@@ -29,7 +29,7 @@ Chunk SensorFrame(float x_m) {
 }
 
 TEST(LinkLog, SurvivesItsFile) {
-  LineLinkLog of_line;
+  BootLinkLog of_line;
   of_line.Append({BootTime(100), {0x7E, 1, 2}, {}}, {0, Direction::kReference}, true);
   of_line.Append({BootTime(200), {}, {}}, {0, Direction::kToPlant}, false);
   of_line.Append({BootTime(300), std::vector<std::uint8_t>(70'000, 9), {}}, {0, Direction::kToClient}, true);
@@ -39,7 +39,7 @@ TEST(LinkLog, SurvivesItsFile) {
   const auto first = again.Next(offset);
   ASSERT_TRUE(first);
   EXPECT_EQ(first->begin_ns, -50);
-  EXPECT_EQ(first->line.direction, Direction::kReference);
+  EXPECT_EQ(first->wire.direction, Direction::kReference);
   EXPECT_TRUE(first->delivered);
   EXPECT_THAT(first->bytes, ::testing::ElementsAre(0x7E, 1, 2));
   EXPECT_TRUE(again.Next(offset)->bytes.empty());
@@ -69,8 +69,8 @@ TEST(LinkLog, RecordsSayWhoseTheyAre) {
   a.Append(std::move(b));
   const LinkLog again(a.content());
   std::size_t offset = 0;
-  EXPECT_EQ(again.Next(offset)->line, (LineId{0, Direction::kToPlant}));
-  EXPECT_EQ(again.Next(offset)->line, (LineId{1, Direction::kToClient}));
+  EXPECT_EQ(again.Next(offset)->wire, (WireId{0, Direction::kToPlant}));
+  EXPECT_EQ(again.Next(offset)->wire, (WireId{1, Direction::kToClient}));
   EXPECT_FALSE(again.Next(offset));
 }
 
@@ -85,13 +85,13 @@ TEST(LinkLog, ReadsFilesOfTheFirstVersion) {
   const auto first = log.Next(offset);
   ASSERT_TRUE(first);
   EXPECT_EQ(first->begin_ns, -86'805);
-  EXPECT_EQ(first->line, (LineId{0, Direction::kToPlant}));
+  EXPECT_EQ(first->wire, (WireId{0, Direction::kToPlant}));
   EXPECT_FALSE(first->delivered);
   EXPECT_THAT(first->bytes, ::testing::ElementsAre(0x7E, 0x41));
   const auto second = log.Next(offset);
   ASSERT_TRUE(second);
   EXPECT_EQ(second->begin_ns, 5);
-  EXPECT_EQ(second->line.direction, Direction::kReference);
+  EXPECT_EQ(second->wire.direction, Direction::kReference);
   EXPECT_TRUE(second->delivered && second->bytes.empty());
   EXPECT_FALSE(log.Next(offset));
   for (const std::size_t size : {std::size_t{7}, std::size_t{10}, old.size() - 13, old.size() - 1})
