@@ -91,7 +91,7 @@ std::string TargetMarkdown(const FaultType& type) {
   const std::string without =
       type.default_target() ? Concat({"; ", Name(*type.default_target()), " when not stated"}) : "";
   return Concat({"Target: ", Joined(names), without, ". Stage: ",
-                 wire != nullptr ? Name(wire->stage) : "receiver", ".", NeedsText(type.needs), "\n\n"});
+                 wire != nullptr ? Name(wire->wire_layer) : "receiver", ".", NeedsText(type.needs), "\n\n"});
 }
 
 std::string ParametersMarkdown(const FaultType& type) {

@@ -2,13 +2,13 @@
 
 namespace tiltproof::faults {
 
-std::string_view Name(Stage stage) {
-  switch (stage) {
-    case Stage::kFrame:
+std::string_view Name(WireLayer layer) {
+  switch (layer) {
+    case WireLayer::kFrame:
       return "frame";
-    case Stage::kByte:
+    case WireLayer::kByte:
       return "byte";
-    case Stage::kTiming:
+    case WireLayer::kTiming:
       return "timing";
   }
   return "unknown";

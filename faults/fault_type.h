@@ -7,7 +7,7 @@
 //   FaultType SensorBias() {
 //     return {.name = "sensor.bias", ..., .kind = SensorKind{.make = [](const SignalSetup& setup) ... }};
 //   }
-//   if (const auto* wire = type.As<WireKind>()) stage.Add(*wire, ...);
+//   if (const auto* wire = type.As<WireKind>()) faults_of_wire.Add(*wire, ...);
 #pragma once
 
 #include <cstdint>
@@ -27,8 +27,8 @@
 namespace tiltproof::faults {
 
 // Which faults act first on the wire.
-enum class Stage : std::uint8_t { kFrame, kByte, kTiming };
-std::string_view Name(Stage stage);
+enum class WireLayer : std::uint8_t { kFrame, kByte, kTiming };
+std::string_view Name(WireLayer layer);
 
 // What a fault on the wire does to the number of bytes.
 enum class Volume : std::uint8_t {

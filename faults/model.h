@@ -1,7 +1,7 @@
 // What a fault model implements: one class in faults/models/<layer>/<name>.cpp, and a FaultType
 // (faults/fault_type.h) that describes it.
 //
-// A wire model is asked about one chunk at a time, by the fault stage of one direction (faults/schedule.h). A
+// A wire model is asked about one chunk at a time, by the faults of one wire (faults/schedule.h). A
 // sensor model edits samples, an actuator model the input of each step, and a plant model says what disturbs
 // the vehicle during a step (link/disturbance.h). When it is asked (window, every nth, probability, message) and how
 // it is recorded is not its business. Data alone, without a class, are faults on a node and on the device,

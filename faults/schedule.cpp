@@ -11,8 +11,8 @@
 #include "faults/registry.h"
 #include "faults/text.h"
 #include "faults/trigger.h"
-#include "faults/vehicle_stage.h"
-#include "faults/wire_stage.h"
+#include "faults/vehicle_faults.h"
+#include "faults/wire_faults.h"
 #include "link/check.h"
 
 namespace tiltproof::faults {
@@ -50,7 +50,7 @@ struct ReceiverInjector {
 
 struct FaultSchedule::State {
   State(std::size_t fault_count, const Place& place) : recorder(fault_count) {
-    for (WireStage& stage : stages) stage.SetRecorder(&recorder);
+    for (WireFaults& wire : wires) wire.SetRecorder(&recorder);
     for (LineRate& rate : rates) rate.baud = place.baud;
     rates[static_cast<std::size_t>(Direction::kReference)].baud = place.reference_baud;
     if (place.signals) {
@@ -71,8 +71,8 @@ struct FaultSchedule::State {
   void Add(const WireKind& kind, const Entry& entry) {
     for (const Direction direction : DirectionsOf(ResolvedTarget(entry.spec, entry.type))) {
       const auto index = static_cast<std::size_t>(direction);
-      stages[index].Add(entry.fault, entry.spec, kind, activities[entry.fault], entry.parameters, entry.seed,
-                        direction, rates[index]);
+      wires[index].Add(entry.fault, entry.spec, kind, activities[entry.fault], entry.parameters, entry.seed,
+                       direction, rates[index]);
     }
   }
   void Add(const ReceiverKind& kind, const Entry& entry) {
@@ -105,9 +105,9 @@ struct FaultSchedule::State {
   }
 
   Recorder recorder;
-  std::array<WireStage, link::kDirectionCount> stages;
+  std::array<WireFaults, link::kDirectionCount> wires;
   VehicleSignals signals;
-  std::optional<VehicleStage> vehicle;
+  std::optional<VehicleFaults> vehicle;
   std::vector<ReceiverInjector> receivers;
   std::array<LineRate, link::kDirectionCount> rates;
   std::vector<Activity> activities;  // by fault
@@ -140,12 +140,12 @@ FaultSchedule::FaultSchedule(const std::vector<FaultSpec>& specs, std::uint64_t 
           Concat({"fault '", specs[fault].id, "', after.fault: there is no fault '", after->fault, "'"}));
     state_->followers[static_cast<std::size_t>(followed - specs.begin())].push_back(fault);
   }
-  const auto stage = [&types](std::size_t fault) {
+  const auto layer = [&types](std::size_t fault) {
     const auto* wire = types[fault]->As<WireKind>();
-    return wire != nullptr ? wire->stage : faults::Stage{};
+    return wire != nullptr ? wire->wire_layer : WireLayer{};
   };
   std::stable_sort(order.begin(), order.end(),
-                   [&stage](std::size_t a, std::size_t b) { return stage(a) < stage(b); });
+                   [&layer](std::size_t a, std::size_t b) { return layer(a) < layer(b); });
   for (const std::size_t fault : order) {
     const std::string& whose = specs[fault].client;
     if (!place.client.empty() && !whose.empty() && whose != place.client) continue;
@@ -186,18 +186,18 @@ FaultSchedule::~FaultSchedule() = default;
 FaultSchedule::FaultSchedule(FaultSchedule&&) noexcept = default;
 FaultSchedule& FaultSchedule::operator=(FaultSchedule&&) noexcept = default;
 
-link::ChunkStage* FaultSchedule::Stage(link::Direction direction) {
-  WireStage& stage = state_->stages[static_cast<std::size_t>(direction)];
-  return stage.empty() ? nullptr : &stage;
+link::ChunkFilter* FaultSchedule::Filter(link::Direction direction) {
+  WireFaults& wire = state_->wires[static_cast<std::size_t>(direction)];
+  return wire.empty() ? nullptr : &wire;
 }
 
 FaultSchedule::Crowd FaultSchedule::CrowdOf(Direction direction) const {
-  const WireStage& stage = state_->stages[static_cast<std::size_t>(direction)];
-  return {stage.Multipliers(), stage.Holders()};
+  const WireFaults& wire = state_->wires[static_cast<std::size_t>(direction)];
+  return {wire.Multipliers(), wire.Holders()};
 }
 
 void FaultSchedule::SetOrigin(Origin origin) {
-  for (WireStage& stage : state_->stages) stage.SetOrigin(origin);
+  for (WireFaults& wire : state_->wires) wire.SetOrigin(origin);
   state_->origin = origin;
 }
 

@@ -1,7 +1,7 @@
 // The faults of a scenario, ready to act: made from data and a seed alone.
 //
 //   FaultSchedule faults(scenario.faults, scenario.seed, {.baud = 921600});
-//   Wire wire(config, Direction::kToClient, protocol, faults.Stage(Direction::kToClient));
+//   Wire wire(config, Direction::kToClient, protocol, faults.Filter(Direction::kToClient));
 //   faults.SetOrigin(Origin(boot_time_of_t0));
 //   faults.EditSensors(t, values);               // each sample that is sent
 //   faults.EditInput(t, input, new_command);     // each step of the plant
@@ -11,7 +11,7 @@
 // Faults on nodes and on the device have windows and counts here, and act elsewhere (faults/node_command.h,
 // faults/device_command.h).
 //
-// Stages and the receiver work in boot time, everything else in simulation time.
+// Filters and the receiver work in boot time, everything else in simulation time.
 #pragma once
 
 #include <cstddef>
@@ -54,7 +54,7 @@ class FaultSchedule {
   FaultSchedule& operator=(FaultSchedule&&) noexcept;
 
   // What stands in one direction; null when no fault does. Lives as long as the schedule, moved or not.
-  link::ChunkStage* Stage(link::Direction direction);
+  link::ChunkFilter* Filter(link::Direction direction);
 
   // When more is to wait in a direction than link::kLineBytesMax: the faults that have put more bytes there than were
   // sent, and those that have kept some for later.

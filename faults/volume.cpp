@@ -67,8 +67,9 @@ std::optional<TooMuch> CertainOverfull(const std::vector<FaultSpec>& specs, Time
   const auto wire = [&specs](std::size_t fault) { return FindFaultType(specs[fault].type)->As<WireKind>(); };
   for (std::size_t fault = 0; fault < specs.size(); ++fault)
     if (wire(fault) != nullptr) acting_order.push_back(fault);
-  std::stable_sort(acting_order.begin(), acting_order.end(),
-                   [&wire](std::size_t a, std::size_t b) { return wire(a)->stage < wire(b)->stage; });
+  std::stable_sort(acting_order.begin(), acting_order.end(), [&wire](std::size_t a, std::size_t b) {
+    return wire(a)->wire_layer < wire(b)->wire_layer;
+  });
   for (const link::MessageType& message : protocol.messages) {
     if (message.starts) continue;  // not sent again and again
     // Most are active at once when one has just begun.

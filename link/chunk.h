@@ -1,4 +1,4 @@
-// Bytes on a wire with their time: the unit that transports, fault stages and logs share.
+// Bytes on a wire with their time: the unit that transports, filters and logs share.
 #pragma once
 
 #include <cstddef>
@@ -42,17 +42,18 @@ constexpr TimeNs BytesTime(std::int64_t baud, std::int64_t byte_count) {
   return baud == 0 ? 0 : byte_count * 10 * kNsPerS / baud;
 }
 
-// What stands in the wire: gets each frame as sent (one chunk), leaves any number of chunks in the order in
-// which they shall go on. The wire keeps that order and never lets two chunks overlap: a chunk that would
-// begin before its predecessor ends is moved back.
-class ChunkStage {
+// Acts on what passes a wire, as the faults do. It gets each frame as sent, as one chunk, and leaves any number of
+// chunks in the order in which they are to go on. The wire keeps that order and never lets two chunks overlap: it moves
+// back a chunk that would begin before its predecessor ends.
+class ChunkFilter {
  public:
-  virtual ~ChunkStage() = default;
+  virtual ~ChunkFilter() = default;
   // Where it makes more of a frame than kLineBytesMax, it may stop at once and leave what it has so far: twice as much at
   // most. The wire then sends none of it.
   virtual void Apply(std::vector<Chunk>& chunks) = 0;
   // What it keeps for later, by WeightOf().
   virtual std::size_t held_bytes() const { return 0; }
 };
+using ChunkStage = ChunkFilter;  // its former name
 
 }  // namespace tiltproof::link

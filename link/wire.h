@@ -1,11 +1,11 @@
 // One direction of a serial line, byte-accurate: baud rate, 8N1 byte time, the sender's busy transmitter,
-// fault stages, arrivals.
+// faults, arrivals.
 //
 // The same code runs in lockstep (times are virtual) and in real time (times are the clock's): see link/time.h. Bytes travel
-// as chunks with times: what is sent is cut into frames at the flags, each frame goes through the stage as
+// as chunks with times: what is sent is cut into frames at the flags, each frame goes through the filter as
 // one chunk when it is complete, and byte i of the chunk arrives at begin + (i + 1) byte times.
 //
-//   Wire wire({.baud = 921600}, Direction::kToPlant, *FindProtocol("paper"), stage);
+//   Wire wire({.baud = 921600}, Direction::kToPlant, *FindProtocol("paper"), filter);
 //   BootTime sent = wire.Transmit(now, frame);        // when the last stop bit leaves the sender
 //   BootTime next = wire.NextArrival();               // of the next byte worth waking for
 //   wire.Take(next, [](BootTime arrival, std::span<const std::uint8_t> bytes) { ... });
@@ -16,7 +16,7 @@
 // kChunkBytesMax of them. Times do not depend on how the sent bytes are spread over calls of Transmit(); a
 // sender that pauses within a frame delays the whole of it, so that its last byte is on time.
 //
-// Nothing arrives before the wire could know of it: what a chunk becomes in the stage ends, at the earliest,
+// Nothing arrives before the wire could know of it: what a chunk becomes in the filter ends, at the earliest,
 // when the closing flag was handed over (or the idle time was over).
 #pragma once
 
@@ -45,8 +45,8 @@ class Wire {
   // More than any frame of the codec has.
   static constexpr std::size_t kChunkBytesMax = 1024;
 
-  // `stage` may be null (no faults); it and the protocol must outlive the wire.
-  Wire(const WireConfig& config, Direction direction, const Protocol& protocol, ChunkStage* stage);
+  // `stage`, the filter, may be null (no faults); it and the protocol must outlive the wire.
+  Wire(const WireConfig& config, Direction direction, const Protocol& protocol, ChunkFilter* stage);
 
   // The sender puts bytes in its transmitter at `now` (not decreasing); they follow what it is still sending.
   // Returns when the last stop bit has left.
@@ -77,7 +77,7 @@ class Wire {
     while (const std::optional<Piece> piece = TakePiece(until)) receiver(piece->arrival_ns, piece->bytes);
   }
 
-  // Called with every chunk as sent, and with every chunk that goes on after the stages (for logs).
+  // Called with every chunk as sent, and with every chunk that goes on after the filter (for logs).
   struct Taps {
     std::function<void(const Chunk&)> sent;
     std::function<void(const Chunk&)> delivered;
@@ -96,7 +96,7 @@ class Wire {
   std::size_t BytesOfOpenChunk(std::span<const std::uint8_t> bytes, bool& closed);
   std::uint8_t flag_byte() const { return protocol_->framing.flag; }
   void FlushIfIdle(BootTime now);
-  // The open chunk goes through the stage, into the queue; the wire knows of all of it at `known_ns`.
+  // The open chunk goes through the filter, into the queue; the wire knows of all of it at `known_ns`.
   void SendOpenChunk(BootTime known_ns);
   // Whether there is room for that much; else the wire is overfull.
   bool HasRoomFor(std::size_t bytes);
@@ -112,7 +112,7 @@ class Wire {
   WireConfig config_;
   Direction direction_;
   const Protocol* protocol_;
-  ChunkStage* stage_;
+  ChunkFilter* stage_;
   Taps taps_;
 
   // The transmitter has been busy without pause since busy_begin_ns_, and has sent all at

@@ -43,7 +43,7 @@ LocalLine::LocalLine(const Scenario& scenario, std::size_t client, bool paced)
           const std::int64_t baud =
               direction == Direction::kReference ? ReferenceBaud(scenario.link) : MainBaud(scenario.link);
           return link::Wire({.baud = paced ? baud : 0, .adapter_latency_ns = FromSeconds(latency_ms * 1e-3)},
-                            direction, *protocol_, faults_.Stage(direction));
+                            direction, *protocol_, faults_.Filter(direction));
         };
         // The adapter's receive buffer stands between the firmware and the server; the other way it sends at
         // once.
@@ -52,7 +52,7 @@ LocalLine::LocalLine(const Scenario& scenario, std::size_t client, bool paced)
       }()},
       ends_{[&] {
         const auto end = [&](Direction direction) {
-          return ReceivingEnd(*protocol_, direction, faults_.Stage(direction) != nullptr);
+          return ReceivingEnd(*protocol_, direction, faults_.Filter(direction) != nullptr);
         };
         return std::array{end(Direction::kToPlant), end(Direction::kToClient), end(Direction::kReference)};
       }()} {

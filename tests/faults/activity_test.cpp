@@ -194,7 +194,7 @@ TEST(ActivityTest, SchedulesTellWhatOthersWaitFor) {
   for (std::int64_t n = 0; n < 6; ++n) {
     std::vector<link::Chunk> chunks = {Frame(n)};
     chunks[0].begin_ns = kOrigin.ToBootTime(FrameTime(n));
-    line.Stage(link::Direction::kToClient)->Apply(chunks);
+    line.Filter(link::Direction::kToClient)->Apply(chunks);
   }
   const std::vector<News> news = line.TakeNews();
   EXPECT_THAT(news, ElementsAre(News{News::Kind::kFirstActivation, 0, FrameTime(3)}));

@@ -99,11 +99,11 @@ inline std::vector<std::vector<link::Chunk>> Send(FaultSchedule& schedule, std::
                                                   std::size_t size = 68,
                                                   link::Direction direction = link::Direction::kToClient) {
   schedule.SetOrigin(kOriginAtPowerOn);
-  link::ChunkStage* stage = schedule.Stage(direction);
+  link::ChunkFilter* filter = schedule.Filter(direction);
   std::vector<std::vector<link::Chunk>> out;
   for (std::int64_t n = 0; n < count; ++n) {
     out.push_back({Frame(n, size)});
-    if (stage != nullptr) stage->Apply(out.back());
+    if (filter != nullptr) filter->Apply(out.back());
   }
   return out;
 }

@@ -116,7 +116,7 @@ TEST_P(NodeConformanceTest, EditsNothing) {
   schedule.SetOrigin(kOriginAtPowerOn);
   for (const auto direction :
        {link::Direction::kToClient, link::Direction::kToPlant, link::Direction::kReference})
-    EXPECT_EQ(schedule.Stage(direction), nullptr);
+    EXPECT_EQ(schedule.Filter(direction), nullptr);
   for (TimeNs t = 0; t < 12 * kNsPerS; t += 12 * kNsPerMs) {
     Sensors sensors{.x_m = 1.25F};
     ActuatorsTruth command{.f_r_n = 8.0};

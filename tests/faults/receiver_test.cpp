@@ -89,7 +89,7 @@ TEST_P(ReceiverConformanceTest, EditsNeitherFramesNorValues) {
   FaultSchedule schedule = AtThePlant({With(1.0)}, 1);
   schedule.SetOrigin(kOriginAtPowerOn);
   for (const auto direction : {Direction::kToClient, Direction::kToPlant, Direction::kReference})
-    EXPECT_EQ(schedule.Stage(direction), nullptr);
+    EXPECT_EQ(schedule.Filter(direction), nullptr);
   Sensors sensors{.x_m = 1.25F};
   EditSensors(schedule, 0, sensors);
   EXPECT_EQ(sensors, Sensors{.x_m = 1.25F});

@@ -322,7 +322,7 @@ TEST_P(WireConformanceTest, WaitsForTheOriginUnlessOpenFromPowerOn) {
     FaultSchedule schedule({spec}, 1);
     for (std::int64_t n = 0; n < kFrames; ++n) {
       std::vector<link::Chunk> chunks = {Frame(n)};
-      schedule.Stage(link::Direction::kToClient)->Apply(chunks);
+      schedule.Filter(link::Direction::kToClient)->Apply(chunks);
     }
     return schedule.ActivationCounts().at(0);
   };
@@ -339,7 +339,7 @@ TEST_P(WireConformanceTest, WindowsAreInSimulationTimeAndRecordsToo) {
   schedule.SetOrigin(kOrigin);
   for (std::int64_t n = 0; n < kFrames; ++n) {
     std::vector<link::Chunk> chunks = {Frame(n)};
-    schedule.Stage(link::Direction::kToClient)->Apply(chunks);
+    schedule.Filter(link::Direction::kToClient)->Apply(chunks);
     if (n < 400 || n >= 700) {
       ASSERT_TRUE(Remembers(type()) || Unchanged(chunks, n)) << n;
     }
@@ -421,7 +421,7 @@ TEST_P(WireConformanceTest, DirectionsAreIndependent) {
   FaultSchedule both({spec}, 1);
   const auto to_client = Send(both, kFrames);
   const auto to_plant = Send(both, kFrames, 68, link::Direction::kToPlant);
-  EXPECT_EQ(both.Stage(link::Direction::kReference), nullptr);
+  EXPECT_EQ(both.Filter(link::Direction::kReference), nullptr);
   bool equal = true;
   for (std::size_t n = 0; n < to_client.size(); ++n) equal = equal && Same(to_client[n], to_plant[n]);
   EXPECT_FALSE(equal);

@@ -29,11 +29,11 @@ std::vector<std::int64_t> Dropped(const FaultSpec& spec, std::int64_t count) {
 
 FaultSpec Drop() { return Spec("frame.drop", {{"probability", 1.0}}); }
 
-TEST(ScheduleTest, NoFaultNoStage) {
+TEST(ScheduleTest, NoFaultNoFilter) {
   FaultSchedule schedule({Spec("sensor.freeze", {{"signal", "x_m"}})}, 1);
-  EXPECT_EQ(schedule.Stage(link::Direction::kToClient), nullptr);
-  EXPECT_EQ(schedule.Stage(link::Direction::kToPlant), nullptr);
-  EXPECT_EQ(schedule.Stage(link::Direction::kReference), nullptr);
+  EXPECT_EQ(schedule.Filter(link::Direction::kToClient), nullptr);
+  EXPECT_EQ(schedule.Filter(link::Direction::kToPlant), nullptr);
+  EXPECT_EQ(schedule.Filter(link::Direction::kReference), nullptr);
 }
 
 TEST(ScheduleTest, TheWindowHasItsBeginButNotItsEnd) {
@@ -72,7 +72,7 @@ TEST(ScheduleTest, OtherMessagesAreNeitherSeenNorCounted) {
   for (std::int64_t n = 0; n < 12; ++n) {
     std::vector<link::Chunk> chunks = {Frame(n)};
     chunks[0].kind = n % 3 == 0 ? link::MessageKind::kSensors : link::MessageKind::kActuators;
-    schedule.Stage(link::Direction::kToPlant)->Apply(chunks);
+    schedule.Filter(link::Direction::kToPlant)->Apply(chunks);
     if (chunks.empty()) dropped.push_back(n);
   }
   EXPECT_THAT(dropped, ElementsAre(2, 5, 8, 11));
@@ -122,7 +122,7 @@ TEST(ScheduleTest, RecordsAreInOrderOfTime) {
   for (std::int64_t n = 0; n < 3; ++n) {
     std::vector<link::Chunk> chunks = {Frame(n)};
     chunks[0].begin_ns = kOrigin.ToBootTime(FrameTime(n));
-    schedule.Stage(link::Direction::kToClient)->Apply(chunks);
+    schedule.Filter(link::Direction::kToClient)->Apply(chunks);
   }
   for (std::int64_t n = 0; n < 3; ++n) {
     Sensors sensors{.x_m = 1.25F};
@@ -222,7 +222,7 @@ TEST(ScheduleTest, AWireKeepsOrderUnderEveryFault) {
     FaultSchedule schedule(specs, 3);
     schedule.SetOrigin(kOriginAtPowerOn);
     link::Wire wire({}, link::Direction::kToClient, *link::FindProtocol("paper"),
-                    schedule.Stage(link::Direction::kToClient));
+                    schedule.Filter(link::Direction::kToClient));
     BootTime free = BootTime::Earliest();
     wire.SetTaps({.sent = {}, .delivered = [&free](const link::Chunk& chunk) {
                     EXPECT_GE(chunk.begin_ns, free);

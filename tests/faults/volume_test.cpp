@@ -24,14 +24,14 @@ TEST(VolumeTest, FaultsChangeTheNumberOfBytesAsTheyDeclare) {
     if (wire->volume == Volume::kDoubles) spec.parameters["probability"] = 1.0;
     std::size_t sent_bytes = 0, bytes = 0, held_bytes_max = 0;
     FaultSchedule schedule({spec}, 1);
-    link::ChunkStage* stage = schedule.Stage(link::Direction::kToClient);
+    link::ChunkFilter* filter = schedule.Filter(link::Direction::kToClient);
     schedule.SetOrigin(kOriginAtPowerOn);
     for (std::int64_t n = 0; n < 1000; ++n) {
       std::vector<link::Chunk> chunks = {Frame(n)};
       sent_bytes += chunks[0].bytes.size();
-      stage->Apply(chunks);
+      filter->Apply(chunks);
       for (const link::Chunk& chunk : chunks) bytes += chunk.bytes.size();
-      held_bytes_max = std::max(held_bytes_max, stage->held_bytes());
+      held_bytes_max = std::max(held_bytes_max, filter->held_bytes());
     }
     if (wire->volume == Volume::kDoubles) {
       EXPECT_EQ(bytes, 2 * sent_bytes) << type.name;

@@ -38,8 +38,8 @@ Bytes Framed(const MessageBytes& message) {
   return {frame.begin(), frame.end()};
 }
 
-// A stage made of a function.
-struct TestStage : ChunkStage {
+// A filter made of a function.
+struct TestFilter : ChunkFilter {
   std::function<void(std::vector<Chunk>&)> apply;
   void Apply(std::vector<Chunk>& chunks) override { apply(chunks); }
 };
@@ -199,26 +199,26 @@ TEST(WireTest, WhoTakesInTheMiddleGetsThePartThatHasArrived) {
 }
 
 TEST(WireTest, APieceEndsAtAFlagThatMayEndAFrame) {
-  TestStage stage;
-  stage.apply = [](std::vector<Chunk>& chunks) {
+  TestFilter filter;
+  filter.apply = [](std::vector<Chunk>& chunks) {
     chunks.front().bytes = {0x7E, 1, 0x7E, 2, 0x7D, 0x7E, 0x7E, 3};
   };
-  Wire wire({}, Direction::kToPlant, kPaper, &stage);
+  Wire wire({}, Direction::kToPlant, kPaper, &filter);
   wire.Transmit(kStart, Bytes{0x7E, 1, 1, 1, 1, 1, 1, 0x7E});
   EXPECT_EQ(wire.NextArrival(), kStart + kByteTimes[3]);
   EXPECT_THAT(TakeAll(wire), ElementsAre(Taken{kStart + kByteTimes[3], {0x7E, 1, 0x7E}},
                                          Taken{kStart + kByteTimes[6], {2, 0x7D, 0x7E}},
                                          Taken{kStart + kByteTimes[8], {0x7E, 3}}));
   // The line ended without a flag: the next frame's opening flag ends what was open.
-  stage.apply = [](std::vector<Chunk>&) {};
+  filter.apply = [](std::vector<Chunk>&) {};
   wire.Transmit(kStart + kNsPerMs, Bytes{0x7E, 4, 0x7E});
   EXPECT_EQ(wire.NextArrival(), kStart + kNsPerMs + kByteTimes[1]);
 }
 
-TEST(WireTest, AStageSeesEachFrameWithItsMessage) {
+TEST(WireTest, AFilterSeesEachFrameWithItsMessage) {
   std::vector<MessageKind> kinds;
-  TestStage stage;
-  stage.apply = [&kinds](std::vector<Chunk>& chunks) {
+  TestFilter filter;
+  filter.apply = [&kinds](std::vector<Chunk>& chunks) {
     ASSERT_EQ(chunks.size(), 1U);
     kinds.push_back(chunks.front().kind);
   };
@@ -227,7 +227,7 @@ TEST(WireTest, AStageSeesEachFrameWithItsMessage) {
   const std::array<std::uint8_t, 4> awkward = {0x7E, 0x7D, 0x7E, 0x41};
   std::memcpy(&actuators.f_r_n, awkward.data(), awkward.size());
   for (const Dialect dialect : {Dialect::kPaper, Dialect::kProvant}) {
-    Wire wire({}, Direction::kToPlant, *FindProtocol(Name(dialect)), &stage);
+    Wire wire({}, Direction::kToPlant, *FindProtocol(Name(dialect)), &filter);
     Bytes bytes = Framed(EncodeStart(dialect, {}));
     const Bytes request = Framed(EncodeReadSensors(dialect));
     const Bytes command = Framed(EncodeActuators(dialect, actuators));
@@ -241,17 +241,17 @@ TEST(WireTest, AStageSeesEachFrameWithItsMessage) {
                                    MessageKind::kUnknown));
   }
   kinds.clear();
-  Wire to_client({}, Direction::kToClient, kPaper, &stage);
+  Wire to_client({}, Direction::kToClient, kPaper, &filter);
   to_client.Transmit(BootTime(), Framed(EncodeSensors({})));
   to_client.Transmit(BootTime(), Framed(EncodeReference({})));
-  Wire reference({}, Direction::kReference, kPaper, &stage);
+  Wire reference({}, Direction::kReference, kPaper, &filter);
   reference.Transmit(BootTime(), Framed(EncodeReference({})));
   EXPECT_THAT(kinds, ElementsAre(MessageKind::kReply, MessageKind::kUnknown, MessageKind::kReference));
 }
 
-TEST(WireTest, ChunksKeepTheStagesOrderAndNeverOverlap) {
-  TestStage stage;
-  stage.apply = [](std::vector<Chunk>& chunks) {
+TEST(WireTest, ChunksKeepTheFiltersOrderAndNeverOverlap) {
+  TestFilter filter;
+  filter.apply = [](std::vector<Chunk>& chunks) {
     // Late, then on time, then nothing at all.
     Chunk copy = chunks.front();
     chunks.front().begin_ns += kNsPerMs;
@@ -259,7 +259,7 @@ TEST(WireTest, ChunksKeepTheStagesOrderAndNeverOverlap) {
     chunks.push_back(copy);
     chunks.push_back(Chunk{});
   };
-  Wire wire({}, Direction::kToPlant, kPaper, &stage);
+  Wire wire({}, Direction::kToPlant, kPaper, &filter);
   std::vector<BootTime> delivered;
   wire.SetTaps(
       {.sent = {}, .delivered = [&delivered](const Chunk& chunk) { delivered.push_back(chunk.begin_ns); }});
@@ -271,9 +271,9 @@ TEST(WireTest, ChunksKeepTheStagesOrderAndNeverOverlap) {
 }
 
 TEST(WireTest, NothingArrivesBeforeTheWireKnowsOfIt) {
-  TestStage stage;
-  stage.apply = [](std::vector<Chunk>& chunks) { chunks.front().bytes.resize(1); };
-  Wire wire({}, Direction::kToPlant, kPaper, &stage);
+  TestFilter filter;
+  filter.apply = [](std::vector<Chunk>& chunks) { chunks.front().bytes.resize(1); };
+  Wire wire({}, Direction::kToPlant, kPaper, &filter);
   BootTime now = kStart;
   BootTime last = now;
   for (const std::uint8_t byte : Bytes{0x7E, 1, 2, 3, 4, 0x7E}) {

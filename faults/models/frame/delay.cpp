@@ -99,7 +99,7 @@ FaultType FrameDelay() {
                           .example = "uniform",
                           .default_value = "constant",
                           .choices = {"constant", "uniform", "normal", "pareto"}}},
-          .kind = WireKind{.stage = Stage::kTiming,
+          .kind = WireKind{.wire_layer = WireLayer::kTiming,
                            .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
                              return std::make_unique<Delay>(setup.parameters);
                            }}};

@@ -27,7 +27,7 @@ FaultType FrameDrop() {
           .semantics =
               "A frame that the trigger picked is lost with the given probability; the line is idle instead.",
           .parameters = {ProbabilityParameter("probability, per frame, that it is lost", 0.5)},
-          .kind = WireKind{.stage = Stage::kFrame,
+          .kind = WireKind{.wire_layer = WireLayer::kFrame,
                            .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
                              return std::make_unique<Drop>(setup);
                            },

@@ -35,7 +35,7 @@ FaultType FrameDuplicate() {
               "probability. Later faults treat the copy as a frame of its own; what is sent next "
               "waits until the line is free.",
           .parameters = {ProbabilityParameter("probability, per frame, that it is sent twice", 0.5)},
-          .kind = WireKind{.stage = Stage::kFrame,
+          .kind = WireKind{.wire_layer = WireLayer::kFrame,
                            .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
                              return std::make_unique<Duplicate>(setup);
                            },

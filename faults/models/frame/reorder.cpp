@@ -74,7 +74,7 @@ FaultType FrameReorder() {
                           .max = 16,
                           .doc = "how many later frames overtake it",
                           .example = 2.0}},
-          .kind = WireKind{.stage = Stage::kFrame,
+          .kind = WireKind{.wire_layer = WireLayer::kFrame,
                            .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
                              return std::make_unique<Reorder>(setup.parameters);
                            },

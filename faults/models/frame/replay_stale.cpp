@@ -78,7 +78,7 @@ FaultType FrameReplayStale() {
                           .max = 10'000,
                           .doc = "how many frames of the same message lie back",
                           .example = 3.0}},
-          .kind = WireKind{.stage = Stage::kFrame,
+          .kind = WireKind{.wire_layer = WireLayer::kFrame,
                            .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
                              return std::make_unique<ReplayStale>(setup.parameters);
                            },

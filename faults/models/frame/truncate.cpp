@@ -32,7 +32,7 @@ FaultType FrameTruncate() {
               "probability: at least one, and at least one is lost, every length alike. Its closing "
               "flag is always lost; a frame of a single byte stays as it is.",
           .parameters = {ProbabilityParameter("probability, per frame, that it is cut", 0.5)},
-          .kind = WireKind{.stage = Stage::kFrame,
+          .kind = WireKind{.wire_layer = WireLayer::kFrame,
                            .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
                              return std::make_unique<Truncate>(setup);
                            },

@@ -53,7 +53,7 @@ FaultType LinkDisconnect() {
               "under way at its beginning or end is cut in the middle. `every_nth_count` and "
               "`probability` choose among the frames that are on the line during the window. "
               "Without a target both directions of the main line are cut.",
-          .kind = WireKind{.stage = Stage::kByte,
+          .kind = WireKind{.wire_layer = WireLayer::kByte,
                            .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
                              return std::make_unique<Disconnect>(setup.rate);
                            },

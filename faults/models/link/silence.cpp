@@ -19,7 +19,7 @@ FaultType LinkSilence() {
               "Every frame whose first byte would enter the line within the window is not sent, "
               "whole; a frame begun before the window ends as usual. Without a target both "
               "directions of the main line are silent.",
-          .kind = WireKind{.stage = Stage::kFrame,
+          .kind = WireKind{.wire_layer = WireLayer::kFrame,
                            .make = [](const WireSetup&) -> std::unique_ptr<WireModel> {
                              return std::make_unique<Silence>();
                            },

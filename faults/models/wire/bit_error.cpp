@@ -39,7 +39,7 @@ FaultType WireBitError() {
                           .example = 1e-3,
                           .zero = 0.0,
                           .severity = Scale::kLogarithmic}},
-          .kind = WireKind{.stage = Stage::kByte,
+          .kind = WireKind{.wire_layer = WireLayer::kByte,
                            .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
                              return std::make_unique<BitError>(setup.parameters.Number("ber"));
                            }}};

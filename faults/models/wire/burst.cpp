@@ -80,7 +80,7 @@ FaultType WireBurst() {
                           .example = 0.5,
                           .zero = 0.0},
                          RateParameter("disturbances per second of time", 100.0)},
-          .kind = WireKind{.stage = Stage::kByte,
+          .kind = WireKind{.wire_layer = WireLayer::kByte,
                            .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
                              return std::make_unique<Burst>(setup);
                            }}};

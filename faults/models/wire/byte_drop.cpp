@@ -36,7 +36,7 @@ FaultType WireByteDrop() {
               "independently. The bytes after it close up: they arrive one byte time earlier. A "
               "frame that loses all its bytes vanishes.",
           .parameters = {ProbabilityParameter("probability, per byte, that it is lost", 0.01)},
-          .kind = WireKind{.stage = Stage::kByte,
+          .kind = WireKind{.wire_layer = WireLayer::kByte,
                            .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
                              return std::make_unique<ByteDrop>(setup.parameters.Number("probability"));
                            },

@@ -35,7 +35,7 @@ FaultType WireByteDuplicate() {
               "Every byte of a frame, flags included, is repeated once with the given probability, "
               "independently. What follows moves back by a byte time.",
           .parameters = {ProbabilityParameter("probability, per byte, that it is repeated", 0.01)},
-          .kind = WireKind{.stage = Stage::kByte,
+          .kind = WireKind{.wire_layer = WireLayer::kByte,
                            .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
                              return std::make_unique<ByteDuplicate>(setup.parameters.Number("probability"));
                            },

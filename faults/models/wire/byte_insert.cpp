@@ -37,7 +37,7 @@ FaultType WireByteInsert() {
           "Before every byte of a frame a byte of uniformly random value is inserted with the "
           "given probability, independently. What follows moves back by a byte time.",
       .parameters = {ProbabilityParameter("probability, per byte, that another is inserted before it", 0.01)},
-      .kind = WireKind{.stage = Stage::kByte,
+      .kind = WireKind{.wire_layer = WireLayer::kByte,
                        .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
                          return std::make_unique<ByteInsert>(setup.parameters.Number("probability"));
                        },

@@ -71,7 +71,7 @@ FaultType WireGilbertElliott() {
                          Probability("ber_good", "bit error ratio in the good state", 0.0, 0.0),
                          Probability("ber_bad", "bit error ratio in the bad state", 0.5, 0.0,
                                      Scale::kLogarithmic)},
-          .kind = WireKind{.stage = Stage::kByte,
+          .kind = WireKind{.wire_layer = WireLayer::kByte,
                            .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
                              return std::make_unique<GilbertElliott>(setup.parameters);
                            }}};

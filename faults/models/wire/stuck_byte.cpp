@@ -72,7 +72,7 @@ FaultType WireStuckByte() {
                           .doc = "for how many byte times the line is stuck",
                           .example = 4.0},
                          RateParameter("events per second of time", 100.0)},
-          .kind = WireKind{.stage = Stage::kByte,
+          .kind = WireKind{.wire_layer = WireLayer::kByte,
                            .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
                              return std::make_unique<StuckByte>(setup);
                            }}};

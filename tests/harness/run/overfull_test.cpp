@@ -196,7 +196,7 @@ TEST_F(OverfullTest, AMinuteOfDelayFits) {
 }
 
 TEST_F(OverfullTest, LargeActivationsAreCountedButNotKept) {
-  // A reply becomes 70 kB, of which the log keeps only those of the first ten stages.
+  // A reply becomes 70 kB, of which the log keeps only those of the first ten faults.
   const RunLog log = FlyAsking(Stack(12, "wire.byte_duplicate", Target::kToClient, 1.0), false, 1, 0.1);
   std::size_t kept_bytes = 0;
   for (const auto& activation : log.activations)

@@ -66,7 +66,7 @@ TEST(ReorderTest, OtherMessagesDoNotCount) {
   for (std::int64_t n = 0; n < 5; ++n) {
     std::vector<link::Chunk> chunks = {Frame(n)};
     chunks[0].kind = n % 3 == 0 ? link::MessageKind::kActuators : link::MessageKind::kSensors;
-    schedule.Stage(link::Direction::kToPlant)->Apply(chunks);
+    schedule.Filter(link::Direction::kToPlant)->Apply(chunks);
     for (const auto& chunk : chunks) order.push_back(chunk.number);
   }
   EXPECT_THAT(order, ::testing::ElementsAre(1, 2, 3, 0, 4));

@@ -38,7 +38,7 @@ TEST(ReplayStaleTest, ReplaysTheSameMessage) {
   for (std::int64_t n = 0; n < 20; ++n) {
     std::vector<link::Chunk> chunks = {Frame(n)};
     chunks[0].kind = n % 2 == 0 ? link::MessageKind::kSensors : link::MessageKind::kActuators;
-    schedule.Stage(link::Direction::kToPlant)->Apply(chunks);
+    schedule.Filter(link::Direction::kToPlant)->Apply(chunks);
     EXPECT_EQ(chunks.at(0).bytes, Frame(n < 2 ? n : n - 2).bytes) << n;
   }
 }

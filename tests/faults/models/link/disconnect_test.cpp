@@ -62,11 +62,11 @@ TEST(DisconnectTest, CutsBothDirectionsUnlessTargeted) {
   FaultSpec spec = Spec("link.disconnect");
   spec.target = Target::kNone;
   FaultSchedule both({spec}, 1);
-  EXPECT_NE(both.Stage(link::Direction::kToClient), nullptr);
-  EXPECT_NE(both.Stage(link::Direction::kToPlant), nullptr);
+  EXPECT_NE(both.Filter(link::Direction::kToClient), nullptr);
+  EXPECT_NE(both.Filter(link::Direction::kToPlant), nullptr);
   spec.target = Target::kToPlant;
   FaultSchedule one({spec}, 1);
-  EXPECT_EQ(one.Stage(link::Direction::kToClient), nullptr);
+  EXPECT_EQ(one.Filter(link::Direction::kToClient), nullptr);
 }
 
 TEST(DisconnectTest, OnAnIdealLineFramesAreInstants) {

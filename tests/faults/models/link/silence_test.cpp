@@ -29,7 +29,7 @@ TEST(SilenceTest, TheReferenceLineGoesOn) {
   FaultSpec spec = Spec("link.silence");
   spec.target = Target::kNone;
   FaultSchedule schedule({spec}, 1);
-  EXPECT_EQ(schedule.Stage(link::Direction::kReference), nullptr);
+  EXPECT_EQ(schedule.Filter(link::Direction::kReference), nullptr);
 }
 
 }  // namespace

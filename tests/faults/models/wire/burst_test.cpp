@@ -18,7 +18,7 @@ std::vector<bool> BusyLine(double length_bits, double density, double rate_hz, s
     link::Chunk frame = Frame(n);
     frame.begin_ns = BootTime(link::BytesTime(921'600, 68 * n));
     std::vector<link::Chunk> chunks = {frame};
-    schedule.Stage(link::Direction::kToClient)->Apply(chunks);
+    schedule.Filter(link::Direction::kToClient)->Apply(chunks);
     std::vector<bool> bits(544, false);
     for (const std::size_t bit : FlippedBits(frame, chunks.at(0))) bits[bit] = true;
     flipped.insert(flipped.end(), bits.begin(), bits.end());
@@ -78,7 +78,7 @@ TEST(BurstTest, DoesNotDependOnHowTheLineIsCutIntoFrames) {
       chunk.bytes.assign(size, 0);
       const link::Chunk before = chunk;
       std::vector<link::Chunk> chunks = {chunk};
-      schedule.Stage(link::Direction::kToClient)->Apply(chunks);
+      schedule.Filter(link::Direction::kToClient)->Apply(chunks);
       for (const std::size_t bit : FlippedBits(before, chunks.at(0))) bits.push_back(8 * byte + bit);
     }
     return bits;

@@ -44,7 +44,7 @@ TEST(StuckByteTest, AByteThatHasTheValueIsNoChange) {
     chunk.begin_ns = BootTime(n * kNsPerMs);
     chunk.bytes.assign(20, 0);
     std::vector<link::Chunk> chunks = {chunk};
-    schedule.Stage(link::Direction::kToClient)->Apply(chunks);
+    schedule.Filter(link::Direction::kToClient)->Apply(chunks);
   }
   EXPECT_EQ(schedule.ActivationCounts().at(0), 0);
 }

@@ -1,4 +1,4 @@
-#include "faults/wire_stage.h"
+#include "faults/wire_faults.h"
 
 #include <algorithm>
 #include <span>
@@ -18,9 +18,9 @@ std::size_t Weight(std::span<const link::Chunk> chunks) {
 
 }  // namespace
 
-void WireStage::Add(std::size_t fault, const FaultSpec& spec, const WireKind& kind, const Activity& activity,
-                    const Parameters& parameters, std::uint64_t seed, link::Direction direction,
-                    const LineRate& rate) {
+void WireFaults::Add(std::size_t fault, const FaultSpec& spec, const WireKind& kind, const Activity& activity,
+                     const Parameters& parameters, std::uint64_t seed, link::Direction direction,
+                     const LineRate& rate) {
   const std::string_view way = link::Name(direction);
   const std::uint64_t stream = StreamKey(seed, {spec.id, "model", way});
   injectors_.push_back({.fault = fault,
@@ -34,7 +34,7 @@ void WireStage::Add(std::size_t fault, const FaultSpec& spec, const WireKind& ki
                         .picked = {}});
 }
 
-void WireStage::Apply(std::vector<link::Chunk>& chunks) {
+void WireFaults::Apply(std::vector<link::Chunk>& chunks) {
   for (const link::Chunk& chunk : chunks)
     for (Injector& injector : injectors_) Decide(injector, chunk);
   for (Injector& injector : injectors_) {
@@ -43,27 +43,27 @@ void WireStage::Apply(std::vector<link::Chunk>& chunks) {
   }
 }
 
-std::size_t WireStage::held_bytes() const {
+std::size_t WireFaults::held_bytes() const {
   std::size_t bytes = 0;
   for (const Injector& injector : injectors_) bytes += injector.model->held_bytes();
   return bytes;
 }
 
-std::vector<std::size_t> WireStage::Multipliers() const {
+std::vector<std::size_t> WireFaults::Multipliers() const {
   std::vector<std::size_t> faults;
   for (const Injector& injector : injectors_)
     if (injector.multiplied) faults.push_back(injector.fault);
   return faults;
 }
 
-std::vector<std::size_t> WireStage::Holders() const {
+std::vector<std::size_t> WireFaults::Holders() const {
   std::vector<std::size_t> faults;
   for (const Injector& injector : injectors_)
     if (injector.delayed || injector.model->held_bytes() > 0) faults.push_back(injector.fault);
   return faults;
 }
 
-void WireStage::Decide(Injector& injector, const link::Chunk& sent) const {
+void WireFaults::Decide(Injector& injector, const link::Chunk& sent) const {
   const auto time = injector.acts_on_overlap ? static_cast<std::int64_t>(sent.bytes.size()) : 0;
   const BootTime end_ns = sent.begin_ns + injector.rate.BytesTime(time);
   const bool inside =
@@ -72,7 +72,7 @@ void WireStage::Decide(Injector& injector, const link::Chunk& sent) const {
       inside && injector.trigger.Sees(sent.kind) && injector.trigger.Picks(sent.number);
 }
 
-void WireStage::Run(Injector& injector, std::vector<link::Chunk>& chunks) {
+void WireFaults::Run(Injector& injector, std::vector<link::Chunk>& chunks) {
   const auto picked = [&injector](const link::Chunk& chunk) {
     return injector.picked[chunk.number % kDecisions];
   };
@@ -102,7 +102,7 @@ void WireStage::Run(Injector& injector, std::vector<link::Chunk>& chunks) {
   chunks.swap(out_);
 }
 
-void WireStage::ActAndRecord(Injector& injector, link::Chunk&& chunk, Random& random) {
+void WireFaults::ActAndRecord(Injector& injector, link::Chunk&& chunk, Random& random) {
   before_ = chunk;
   const std::size_t out_begin = out_.size();
   std::string what;

@@ -1,4 +1,4 @@
-#include "faults/vehicle_stage.h"
+#include "faults/vehicle_faults.h"
 
 #include <algorithm>
 #include <array>
@@ -55,20 +55,20 @@ bool Same(std::span<const Scalar> a, std::span<const Scalar> b) {
 
 }  // namespace
 
-void VehicleStage::Add(const SensorKind& kind, const Entry& entry) {
+void VehicleFaults::Add(const SensorKind& kind, const Entry& entry) {
   sensors_.push_back(
       {Injector(entry), kind.always_counts, kind.make({entry.parameters, signals_, entry.stream})});
 }
 
-void VehicleStage::Add(const ActuatorKind& kind, const Entry& entry) {
+void VehicleFaults::Add(const ActuatorKind& kind, const Entry& entry) {
   actuators_.push_back({Injector(entry), kind.make({entry.parameters, signals_, entry.stream})});
 }
 
-void VehicleStage::Add(const PlantKind& kind, const Entry& entry) {
+void VehicleFaults::Add(const PlantKind& kind, const Entry& entry) {
   bodies_.push_back({Injector(entry), kind.make({entry.parameters, signals_, entry.stream})});
 }
 
-void VehicleStage::EditSensors(TimeNs t, std::span<float> values, BootTime boot_time) {
+void VehicleFaults::EditSensors(TimeNs t, std::span<float> values, BootTime boot_time) {
   const bool before_origin = t == kPowerOn;
   const std::uint64_t number = sample_count_++;
   const TimeNs period_ns = before_origin || last_sample_ns_ == kPowerOn ? 0 : t - last_sample_ns_;
@@ -99,7 +99,7 @@ void VehicleStage::EditSensors(TimeNs t, std::span<float> values, BootTime boot_
   }
 }
 
-void VehicleStage::EditInput(TimeNs t, std::span<double> input, bool new_command) {
+void VehicleFaults::EditInput(TimeNs t, std::span<double> input, bool new_command) {
   if (new_command) ++command_count_;
   const std::uint64_t number = input_count_++;
   for (Actuator& actuator : actuators_) {
@@ -130,7 +130,7 @@ void VehicleStage::EditInput(TimeNs t, std::span<double> input, bool new_command
   }
 }
 
-Disturbance VehicleStage::DisturbanceOf(TimeNs t) {
+Disturbance VehicleFaults::DisturbanceOf(TimeNs t) {
   Disturbance all;
   const std::uint64_t number = step_count_++;
   for (Body& body : bodies_) {

@@ -18,7 +18,7 @@
 
 namespace tiltproof::faults {
 
-class WireStage final : public link::ChunkStage {
+class WireFaults final : public link::ChunkFilter {
  public:
   // A fault, in the order in which they shall act.
   // `activity` must outlive it.
@@ -26,7 +26,7 @@ class WireStage final : public link::ChunkStage {
            const Parameters& parameters, std::uint64_t seed, link::Direction direction, const LineRate& rate);
   bool empty() const { return injectors_.empty(); }
 
-  // `recorder` must outlive the stage's last Apply().
+  // `recorder` must outlive the last Apply().
   void SetRecorder(Recorder* recorder) { recorder_ = recorder; }
   // Before this only windows without a start are open.
   void SetOrigin(Origin origin) { origin_ = origin; }

@@ -18,9 +18,9 @@
 
 namespace tiltproof::faults {
 
-class VehicleStage {
+class VehicleFaults {
  public:
-  // What a fault of any kind here is made from. All but `parameters` must outlive the stage.
+  // What a fault of any kind here is made from. All but `parameters` must outlive VehicleFaults.
   struct Entry {
     std::size_t fault;
     const Activity& activity;
@@ -30,7 +30,7 @@ class VehicleStage {
   };
 
   // `signals` and `recorder` must outlive it.
-  VehicleStage(const VehicleSignals& signals, TimeNs step_ns, Recorder& recorder)
+  VehicleFaults(const VehicleSignals& signals, TimeNs step_ns, Recorder& recorder)
       : signals_(signals), step_ns_(step_ns), recorder_(recorder) {}
 
   void Add(const SensorKind& kind, const Entry& entry);
