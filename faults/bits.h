@@ -1,5 +1,5 @@
-// Helpers for models that edit bits: data bits of a chunk, numbered from 0, eight a byte, least significant
-// first as a UART sends them; and texts that say which.
+// Helpers for models that edit bits: data bits of a chunk, numbered from 0, eight per byte, least significant
+// first as a UART sends them; and texts that describe them.
 #pragma once
 
 #include <cstddef>

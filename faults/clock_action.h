@@ -1,5 +1,5 @@
-// What a clock fault does to the clock of a node. Who carries it out follows from node and mode: a node of the harness
-// in real time (faults/node_command.h), the client in lockstep (faults/device_command.h).
+// What a clock fault does to the clock of a node. Node and mode decide which part carries it out: in real
+// time a node of the harness (faults/node_command.h), in lockstep the client (faults/device_command.h).
 #pragma once
 
 #include <variant>
@@ -9,10 +9,10 @@
 namespace tiltproof::faults {
 
 struct DriftClock {
-  double ppm = 0.0;  // how much too fast; what it gains it keeps
+  double ppm = 0.0;  // how much too fast; the time gained stays after the end
 };
 struct JumpClock {
-  TimeNs by_ns = 0;  // forward; taken back at the end
+  TimeNs by_ns = 0;  // forward; reverted at the end
 };
 using ClockAction = std::variant<DriftClock, JumpClock>;
 

@@ -1,12 +1,12 @@
 // Faults on the device: what is to happen to the firmware's processor, its memory or its clock, and when.
 //
-// Such a fault edits nothing that passes. It is a command, and who runs the device carries it out, at the
+// Such a fault does not edit data. It is a command, and the part that runs the device carries it out, at the
 // exact virtual time:
 //
 //   for (const DeviceCommand& command : DeviceCommands(scenario.faults, scenario.seed))
 //     std::visit(Overloaded{[&](const ResetProcessor&) { ResetAt(command.at_ns); }, ...}, command.action);
 //
-// FlipBits has no addresses: who knows the firmware's image knows where the region lies.
+// FlipBits has no addresses: the part that knows the firmware's image knows where the region is.
 //
 //   for (const BitFlip& flip : DrawBitFlips(flips, region.size_bytes))
 //     memory[region.begin + flip.byte_offset] ^= 1U << flip.bit;
@@ -25,9 +25,9 @@
 
 namespace tiltproof::faults {
 
-struct ResetProcessor {};   // by its pin, and held until the end
-struct ResetByWatchdog {};  // the same, and says that it was the watchdog
-struct HangProcessor {};    // for good, or until a watchdog runs out
+struct ResetProcessor {};   // through its reset pin, and held until the end
+struct ResetByWatchdog {};  // the same, with the watchdog as the reset cause
+struct HangProcessor {};    // for good, or until a watchdog expires
 struct StallProcessor {};   // until the end
 struct FlipBits {
   std::string region;  // "ram", "data", "bss", "stack", or an object of the image
@@ -37,7 +37,7 @@ struct FlipBits {
 using DeviceAction =
     std::variant<ResetProcessor, ResetByWatchdog, HangProcessor, StallProcessor, FlipBits, DriftClock>;
 
-// What an action is made from.
+// The inputs from which an action is made.
 struct DeviceSetup {
   const Parameters& parameters;
   std::uint64_t stream;  // key of the fault's random stream
@@ -45,13 +45,14 @@ struct DeviceSetup {
 
 struct DeviceCommand {
   TimeNs at_ns = 0;          // simulation time, not negative; drawn, where a bit flip has a window
-  TimeNs until_ns = kNever;  // the processor runs again, the clock is right again; kNever: not taken back
+  TimeNs until_ns = kNever;  // the processor runs again, the clock is right again; kNever: not reverted
   std::size_t fault = 0;     // index in the scenario's list
   DeviceAction action;
 };
 
-// Those of the faults that are on the device, drifts of the client's clock among them, in order of time, at the same time in the order of the file.
-// Throws std::invalid_argument, naming fault and key, when a fault is not valid.
+// The commands of the faults on the device, including drifts of the client's clock, in order of time; at
+// equal times in the order of the file. Throws std::invalid_argument, naming fault and key, when a fault is
+// not valid.
 std::vector<DeviceCommand> DeviceCommands(const std::vector<FaultSpec>& specs, std::uint64_t seed);
 
 struct BitFlip {
@@ -60,8 +61,8 @@ struct BitFlip {
   friend bool operator==(const BitFlip&, const BitFlip&) = default;
 };
 
-// `request.bit_count` bits of `size_bytes`, all different, every choice alike; a smaller count draws the first of
-// these. Throws std::invalid_argument when there are not that many.
+// `request.bit_count` different bits of `size_bytes`, uniformly distributed; a smaller count draws the first
+// of these. Throws std::invalid_argument when there are not that many.
 std::vector<BitFlip> DrawBitFlips(const FlipBits& request, std::uint32_t size_bytes);
 
 }  // namespace tiltproof::faults

@@ -1,14 +1,14 @@
-// What a fault is: data in a scenario, and one small class in faults/models/<layer>/ that edits what passes.
+// A fault is data in a scenario, and one small class in faults/models/<layer>/ that edits what passes.
 //
 // A fault on the wire edits a list of timed chunks, so drop, duplicate, delay, reorder, flip and truncate
-// share one shape. A fault on sensors or actuators edits the values. A fault of the firmware's receiver marks
-// bytes. A fault on a node or on the device edits nothing: it is a command that others carry out
-// (faults/node_command.h, faults/device_command.h). None knows the plant or the harness.
-// Randomness comes from a stream that belongs to the fault alone (faults/random.h): adding or removing a
-// fault never shifts another's draws.
+// have the same form. A fault on sensors or actuators edits the values. A fault of the firmware's receiver
+// marks bytes. A fault on a node or on the device edits nothing: it is a command that other parts carry out
+// (faults/node_command.h, faults/device_command.h). No fault knows the plant or the harness. Randomness comes
+// from a stream that belongs only to the fault (faults/random.h): adding or removing a fault never shifts
+// another's draws.
 //
 // Order on the wire: frame faults (on frames as sent), then byte and bit faults, then timing faults; within a
-// stage in file order.
+// layer in file order.
 #pragma once
 
 #include <cstdint>
@@ -29,10 +29,10 @@ namespace tiltproof::faults {
 enum class Target : std::uint8_t { kNone, kToClient, kToPlant, kBoth, kReference };
 std::string_view Name(Target target);
 
-// With `when`: how its condition makes the fault active.
+// With `when`: how the condition makes the fault active.
 enum class Edge : std::uint8_t {
-  kLevel,   // while it holds
-  kRising,  // from where it turns true within the window to the window's end
+  kLevel,   // while the condition holds
+  kRising,  // from where the condition turns true within the window, to the window's end
 };
 std::string_view Name(Edge edge);
 
@@ -43,37 +43,37 @@ struct After {
   friend bool operator==(const After&, const After&) = default;
 };
 
-// A fault as the scenario states it. All checks (known type, parameters in range, target that the type
-// accepts) are the registry's Validate(); the scenario reader adds places in the file.
+// A fault as the scenario states it. The registry's Validate() does all checks (known type, parameters in
+// range, target that the type accepts); the scenario reader adds places in the file.
 struct FaultSpec {
   std::string id;    // unique in the scenario; names the random stream
   std::string type;  // "wire.bit_error"
   Target target = Target::kNone;
-  std::string client;  // whose line, samples or board; empty: every client's, each with draws of its own
+  std::string client;  // its line, samples or board; empty: those of every client, each with its own draws
   TimeNs start_ns =
-      kPowerOn;  // [start, end): by when a frame's first byte enters the wire; others by the sample's time
+      kPowerOn;  // [start, end): for a frame, when its first byte enters the wire; otherwise the sample's time
   TimeNs end_ns = kNever;
   TimeNs period_ns = kNever;   // with `duty`: active in the first part of each period, counted from start_ns;
   std::optional<double> duty;  // kNever: throughout the window. duty in (0, 1]
   std::string when;            // a condition on the flight's rows, with `edge`; empty: none
   Edge edge = Edge::kLevel;
   std::optional<After> after;
-  std::int64_t every_nth_count = 1;          // of the frames or samples in the window, the nth, 2nth, ...
+  std::int64_t every_nth_count = 1;          // of the frames or samples in the window, number n, 2n, ...
   double probability = 1.0;                  // then with this probability
   std::optional<link::MessageKind> message;  // the fault sees frames of this kind only
   std::map<std::string, ParameterValue> parameters;  // by name
 };
 
-// Whether it is active when others say so (faults/news.h), not by the clock alone.
+// Whether its activity also depends on other events (faults/news.h), not only on the clock.
 inline bool WaitsForNews(const FaultSpec& spec) { return !spec.when.empty() || spec.after.has_value(); }
 
-// One time that a fault acted. On a line it has boot time, in the log of a flight simulation time.
+// One occasion on which a fault acted. On a line it has boot time, in the log of a flight simulation time.
 template <class Time>
 struct TimedActivation {
   Time time_ns{};
   std::size_t fault = 0;  // index in the scenario's list
   std::string what;       // "3 bits flipped", "dropped", "x_m 1.25 -> 1.75"
-  // Wire faults: the frame before, and all that went on in its place (chunks with times).
+  // Wire faults: the frame before, and everything that went on in its place (chunks with times).
   std::vector<link::TimedChunk<Time>> before, after;
 };
 using Activation = TimedActivation<TimeNs>;

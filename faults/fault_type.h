@@ -1,8 +1,8 @@
-// What a fault type is: one function in faults/models/<layer>/<name>.cpp returns it, and one line in
+// A fault type: one function in faults/models/<layer>/<name>.cpp returns it, and one line in
 // faults/registry.cpp names that function.
 //
-// Its kind says where the fault acts, and has the fields that such a fault needs and no others. Whoever applies
-// a fault takes the kinds that it can apply: the compiler refuses the rest.
+// Its kind says where the fault acts, and has only the fields that such a fault needs. Code that applies a
+// fault accepts only the kinds that it can apply: the compiler rejects the others.
 //
 //   FaultType SensorBias() {
 //     return {.name = "sensor.bias", ..., .kind = SensorKind{.make = [](const SignalSetup& setup) ... }};
@@ -26,13 +26,13 @@
 
 namespace tiltproof::faults {
 
-// Which faults act first on the wire.
+// The order in which faults act on the wire.
 enum class WireLayer : std::uint8_t { kFrame, kByte, kTiming };
 std::string_view Name(WireLayer layer);
 
-// What a fault on the wire does to the number of bytes.
+// How a fault on the wire changes the number of bytes.
 enum class Volume : std::uint8_t {
-  kKeeps,    // as many go on, or more
+  kKeeps,    // the same number goes on, or more
   kMayLose,  // fewer may go on, or later
   kDoubles,  // with its parameter `probability` at 1, exactly twice as many go on
 };
@@ -41,13 +41,13 @@ enum class Volume : std::uint8_t {
 struct WireKind {
   WireLayer wire_layer{};
   std::unique_ptr<WireModel> (*make)(const WireSetup&) = nullptr;
-  std::optional<Target> default_target = {};  // without one the scenario must state its target
+  std::optional<Target> default_target = {};  // without it the scenario must state a target
   Volume volume = Volume::kKeeps;
   bool remembers = false;        // its model has Pass() and Release()
-  bool acts_on_overlap = false;  // picked when any of the frame's time lies in the window, not its first byte
+  bool acts_on_overlap = false;  // any part of the frame in the window counts, not its first byte
 };
 
-// Marks bytes at the firmware's receiver, each with the parameter `probability`.
+// Marks bytes at the firmware's receiver, each with the probability given by the parameter `probability`.
 struct ReceiverKind {
   ReceiveMark mark{};
   Target default_target = Target::kToClient;
@@ -56,7 +56,7 @@ struct ReceiverKind {
 // Edits samples before they are sent.
 struct SensorKind {
   std::unique_ptr<SensorModel> (*make)(const SignalSetup&) = nullptr;
-  bool always_counts = false;  // an activation is recorded although nothing changed
+  bool always_counts = false;  // an activation is recorded even if nothing changed
 };
 
 // Edits the input in force.
@@ -69,20 +69,20 @@ struct PlantKind {
   std::unique_ptr<PlantModel> (*make)(const SignalSetup&) = nullptr;
 };
 
-// Edits nothing: commands a node, in real time only. Its window is not before t = 0, and it has no trigger.
+// Edits nothing: commands a node, only in real time. Its window is not before t = 0, and it has no trigger.
 struct NodeKind {
   NodeAction (*make)(const Parameters&) = nullptr;
-  bool asks_restart = false;  // each makes the firmware boot anew once, at its start or some time later
+  bool asks_restart = false;  // each makes the firmware reboot once, at its start or later
 };
 
 // The same for the firmware's processor or its memory.
 struct DeviceKind {
   DeviceAction (*make)(const DeviceSetup&) = nullptr;
   bool asks_restart = false;
-  bool at_an_instant = false;  // a window is no more than where the instant is drawn from
+  bool at_an_instant = false;  // a window is only the range from which the instant is drawn
 };
 
-// The same for a clock: of the node that the parameter `node` names.
+// The same for the clock of the node that the parameter `node` names.
 struct ClockKind {
   ClockAction (*make)(const Parameters&) = nullptr;
 };
@@ -93,15 +93,15 @@ using FaultKind = std::variant<WireKind, ReceiverKind, SensorKind, ActuatorKind,
 // Whether a fault's window has this end.
 enum class Bound : std::uint8_t { kOptional, kRequired, kRefused };
 
-// What a fault asks of the firmware's side, for the harness to refuse it before the flight where it could not be
+// What a fault requires of the firmware's side. The harness refuses it before the flight where it cannot be
 // carried out.
 enum class Needs : std::uint8_t {
-  kNothing,    // the harness does it alone, whatever the client
-  kNodes,      // processes of the harness's own: real time
+  kNothing,    // the harness does it by itself, with any client
+  kNodes,      // processes of the harness: real time
   kReset,      // a client that can be reset
-  kProcessor,  // a processor to stop, and its memory to write to
+  kProcessor,  // a processor that can be stopped, with memory that can be written
   kEmulation,  // the board's reset cause, watchdog and receiver, at exact virtual times
-  kClock,      // by the parameter `node`: real time, or a client whose clock the harness gives
+  kClock,      // depends on the parameter `node`: real time, or a client whose clock the harness provides
   kClockJump,  // the same, and real time for the client too
 };
 
@@ -113,12 +113,12 @@ struct FaultType {
   FaultKind kind;
 
   Bound start = Bound::kOptional, end = Bound::kOptional;
-  std::string_view duration_ms = {};  // the parameter that ends the window, where `end` is refused
+  std::string_view duration_ms = {};  // the parameter that sets the window's length, where `end` is refused
 
   Needs needs = Needs::kNothing;
 
   std::string_view layer() const { return name.substr(0, name.find('.')); }
-  // Null when it is of another kind.
+  // Null when the fault is of another kind.
   template <class Kind>
   const Kind* As() const {
     return std::get_if<Kind>(&kind);
@@ -127,14 +127,14 @@ struct FaultType {
   bool IsOneOf() const {
     return (std::holds_alternative<Kinds>(kind) || ...);
   }
-  // Given once, at a time: no target and no trigger.
+  // A command is given once, at one time: it has no target and no trigger.
   bool is_command() const { return IsOneOf<NodeKind, DeviceKind, ClockKind>(); }
   bool has_target() const { return IsOneOf<WireKind, ReceiverKind>(); }
-  // What stands for a target that is not stated.
+  // The target of a fault that states none.
   std::optional<Target> default_target() const;
-  // A command that is not taken back at an end that the scenario states.
+  // A command that is not reverted at an end that the scenario states.
   bool happens_once() const;
-  // Whether it makes the firmware boot anew once.
+  // Whether it makes the firmware reboot once.
   bool asks_restart() const;
 };
 

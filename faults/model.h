@@ -1,12 +1,12 @@
-// What a fault model implements: one class in faults/models/<layer>/<name>.cpp, and a FaultType
-// (faults/fault_type.h) that describes it.
+// The interfaces of fault models. A model is one class in faults/models/<layer>/<name>.cpp, and a FaultType
+// (faults/fault_type.h) describes it.
 //
-// A wire model is asked about one chunk at a time, by the faults of one wire (faults/schedule.h). A
-// sensor model edits samples, an actuator model the input of each step, and a plant model says what disturbs
-// the vehicle during a step (link/disturbance.h). When it is asked (window, every nth, probability, message) and how
-// it is recorded is not its business. Data alone, without a class, are faults on a node and on the device,
-// which others carry out (faults/node_command.h, faults/device_command.h), and those of the firmware's
-// receiver, which mark the bytes that arrive there (FaultSchedule::MarkReceived).
+// A wire model is asked about one chunk at a time, by the faults of one wire (faults/schedule.h). A sensor
+// model edits samples, an actuator model edits the input of each step, and a plant model says what disturbs
+// the vehicle during a step (link/disturbance.h). A model does not decide when it is asked (window, every
+// nth, probability, message) or how it is recorded. Some faults are only data, without a class: those on a
+// node and on the device, which other parts carry out (faults/node_command.h, faults/device_command.h), and
+// those of the firmware's receiver, which mark the bytes that arrive there (FaultSchedule::MarkReceived).
 #pragma once
 
 #include <cstdint>
@@ -27,16 +27,16 @@
 
 namespace tiltproof::faults {
 
-// Of what is said of one activation.
+// Limit of the text about one activation.
 inline constexpr std::size_t kWhatBytesMax = 4000;
 
-// What a wire model may know beside the chunk.
+// What a wire model may know besides the chunk.
 struct WireContext {
-  Random& random;  // of this fault and this frame alone
+  Random& random;  // only of this fault and this frame
   const Activity& activity;
   Origin origin;
-  std::string* what;  // where to say what was done, for a person; null when it is not read
-  // Whether the fault is active at some time of [begin, end).
+  std::string* what;  // receives a text about what was done, for a person; null when it is not read
+  // Whether the fault is active at any time in [begin, end).
   bool ActiveWithin(BootTime begin, BootTime end) const {
     return activity.Touches(origin.SimulationTime(begin), origin.SimulationTime(end));
   }
@@ -47,7 +47,7 @@ struct WireContext {
 class WireModel {
  public:
   virtual ~WireModel() = default;
-  // A chunk that the trigger picked. Appends to `out` what goes on in its place.
+  // A chunk that the trigger picked. Appends to `out` the chunks that go on in its place.
   virtual void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) = 0;
 
   // For models that remember frames (WireKind::remembers): every chunk with the fault's `message` that the
@@ -55,42 +55,42 @@ class WireModel {
   virtual void Pass(link::Chunk&& chunk, std::vector<link::Chunk>& out) { out.push_back(std::move(chunk)); }
   // ... and, after each Act or Pass, the chance to add what was held back.
   virtual void Release(std::vector<link::Chunk>& /*out*/) {}
-  // What it keeps, by link::WeightOf().
+  // The size of what it keeps, by link::WeightOf().
   virtual std::size_t held_bytes() const { return 0; }
 };
 
-// What the model of a sensor may know beside the values.
+// What the model of a sensor may know besides the values.
 struct SampleContext {
   TimeNs time_ns;        // simulation time; kPowerOn before t = 0
   std::uint64_t number;  // of the sample, from 0
-  TimeNs period_ns;      // since the sample before; 0 for the first, and before t = 0
+  TimeNs period_ns;      // since the previous sample; 0 for the first, and before t = 0
   const Activity& activity;
-  Random& random;  // of this fault and this sample alone
+  Random& random;  // only of this fault and this sample
 };
 
-// Values are a row of numbers in the order of the vehicle's table of sensors. Each sample goes to exactly one of
-// the two, so a model that needs the past (a delay, a lower rate, a drop-out) sees all of it.
+// Values are a row of numbers in the order of the vehicle's table of sensors. Each sample goes to exactly one
+// of the two functions, so a model that needs the past (a delay, a lower rate, a drop-out) sees all of it.
 class SensorModel {
  public:
   virtual ~SensorModel() = default;
   // A sample that the trigger picked.
   virtual void Act(std::span<float> values, const SampleContext& context) = 0;
-  // Any other one, outside the window too.
+  // Any other sample, also outside the window.
   virtual void Pass(std::span<const float> /*values*/, const SampleContext& /*context*/) {}
 };
 
-// What the model of an actuator or of the plant may know beside the input.
+// What the model of an actuator or of the plant may know besides the input.
 struct StepContext {
   TimeNs time_ns;        // simulation time of the step's begin
   TimeNs step_ns;        // its length
   std::uint64_t number;  // of the step, from 0
   const Activity& activity;
-  Random& random;  // of this fault and this step alone
+  Random& random;  // only of this fault and this step
 };
 
-// The input is a row of numbers in the order of the vehicle's table of inputs, before it is saturated. Each step of
-// the plant goes to exactly one of the two, so a model that begins from what was in force (a rate limit, a lag, a
-// jam) knows it.
+// The input is a row of numbers in the order of the vehicle's table of inputs, before saturation. Each step
+// of the plant goes to exactly one of the two functions, so a model that starts from the input in force (a
+// rate limit, a lag, a jam) knows it.
 class ActuatorModel {
  public:
   virtual ~ActuatorModel() = default;
@@ -106,16 +106,16 @@ class PlantModel {
   virtual Disturbance Act(const StepContext& context) = 0;
 };
 
-// What the factory of a sensor, actuator or plant model is given. Signals go by name: their places are looked up
-// once, here.
+// What the factory of a sensor, actuator or plant model receives. Signals are given by name: their places are
+// looked up once, here.
 struct SignalSetup {
   const Parameters& parameters;
   const VehicleSignals& signals;
   std::uint64_t stream;  // key of the random stream, for what does not belong to one sample or step
 };
 
-// What the firmware's receiver makes of a byte. A byte that is not lost is delivered as it is, with the
-// flag set that the USART then shows (RM0090, section 30.3.3).
+// How the firmware's receiver treats a byte. A byte that is not lost is delivered unchanged, with the flag
+// set that the USART then shows (RM0090, section 30.3.3).
 enum class ReceiveMark : std::uint8_t { kNone, kOverrun, kFraming, kNoise };
 std::string_view Name(ReceiveMark mark);  // "none", "overrun", ...
 
@@ -123,11 +123,11 @@ std::string_view Name(ReceiveMark mark);  // "none", "overrun", ...
 struct LineRate {
   std::int64_t baud = 921'600;  // 0: ideal, bytes take no time
   TimeNs BytesTime(std::int64_t byte_count) const { return link::BytesTime(baud, byte_count); }
-  // Where the time of a byte within its frame matters, an ideal line has the paper's.
+  // Where the time of a byte within its frame matters, an ideal line uses the paper's rate.
   std::int64_t clock_baud() const { return baud == 0 ? 921'600 : baud; }
 };
 
-// What a model's factory is given.
+// What the factory of a wire model receives.
 struct WireSetup {
   const Parameters& parameters;
   LineRate rate;

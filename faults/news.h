@@ -1,8 +1,8 @@
-// What faults that wait for something must hear: a condition (`when`) that turned true or false, and the first activation
-// of a fault that another one follows (`after`).
+// Events that waiting faults must hear: a condition (`when`) that turned true or false, and the first
+// activation of a fault that another one follows (`after`).
 //
-// Each part of a flight has a FaultSchedule of its own. Conditions are known where the plant is, activations where the
-// fault acts. Who conducts the flight hands on what each part says before anything more passes:
+// Each part of a flight has its own FaultSchedule. Conditions are known where the plant is, activations where
+// the fault acts. The conductor of the flight passes on the news of each part before anything else passes:
 //
 //   const std::vector<News> news = line_faults.TakeNews();
 //   plant_faults.Hear(news);
@@ -18,7 +18,7 @@ namespace tiltproof::faults {
 struct News {
   enum class Kind : std::uint8_t { kConditionHolds, kConditionEnds, kFirstActivation };
   Kind kind{};
-  std::size_t fault = 0;  // index in the scenario's list: whose condition it is, or which acted
+  std::size_t fault = 0;  // index in the scenario's list: of the fault with the condition, or that acted
   TimeNs time_ns = 0;     // simulation time from which it is so
   friend bool operator==(const News&, const News&) = default;
 };

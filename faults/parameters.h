@@ -1,4 +1,4 @@
-// The parameters of a fault type: what a scenario may say about it, checked before a model sees it.
+// The parameters of a fault type: what a scenario may state about it, checked before a model sees it.
 #pragma once
 
 #include <array>
@@ -36,17 +36,17 @@ class Parameters {
   std::map<std::string, ParameterValue, std::less<>> values_;
 };
 
-// kSensor and kInput name a signal of the vehicle (faults/signal_choice.h). Which ones there are, the vehicle says
-// when it is loaded.
+// kSensor and kInput name a signal of the vehicle (faults/signal_choice.h). Which signals exist is known only
+// when the vehicle is loaded.
 enum class ParameterKind : std::uint8_t { kNumber, kInteger, kChoice, kText, kVector, kSensor, kInput };
 constexpr bool NamesSignal(ParameterKind kind) {
   return kind == ParameterKind::kSensor || kind == ParameterKind::kInput;
 }
 
-// Over which steps a search for the level at which a flight fails goes from the harmless to the worst.
+// How a search for the level at which a flight fails steps from harmless to worst.
 enum class Scale : std::uint8_t { kLinear, kLogarithmic };
 
-// A kText parameter: printable ASCII, no blank at its ends, 1 to this many characters.
+// A kText parameter: printable ASCII, no blank at either end, 1 to this many characters.
 inline constexpr std::size_t kParameterTextMax = 200;
 
 struct ParameterInfo {
@@ -56,12 +56,12 @@ struct ParameterInfo {
   double min = 0.0, max = 0.0;  // both allowed; numbers, integers, and each part of a vector
   std::string_view doc;
   ParameterValue example;                            // in an example that acts
-  std::optional<ParameterValue> default_value = {};  // required when there is none
+  std::optional<ParameterValue> default_value = {};  // without one the parameter is required
   std::optional<ParameterValue> zero =
       {};  // this value (with the others' zeros) makes the fault change nothing
   std::vector<std::string_view> choices = {};  // kChoice
-  // Set for the one parameter of a type that says how bad it is: from `zero`, which is harmless, to the far end of its
-  // range. Of a type without one the severity is the length of the window.
+  // Set for the one parameter of a type that measures its severity: from `zero`, which is harmless, to the
+  // far end of its range. For a type without one, the severity is the length of the window.
   std::optional<Scale> severity = {};
 };
 
@@ -87,7 +87,7 @@ inline ParameterInfo NodeParameter(const std::vector<std::string_view>& nodes) {
           .choices = nodes};
 }
 
-// Whose clock.
+// The node or client with the clock.
 inline ParameterInfo ClockNodeParameter() {
   ParameterInfo node = NodeParameter({"client", "plant", "link", "base_station"});
   node.doc = "whose clock";
@@ -105,7 +105,7 @@ inline ParameterInfo BootParameter() {
           .example = 20.0};
 }
 
-// 10 kHz: a thousand times the rate at which nothing gets through any more, and still cheap.
+// 10 kHz: a thousand times the rate at which nothing gets through any more, and still cheap to compute.
 inline ParameterInfo RateParameter(std::string_view doc, double example) {
   return {.name = "rate_hz",
           .unit = "Hz",

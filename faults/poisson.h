@@ -1,8 +1,8 @@
-// Events that come at random times, as noise does: a Poisson process over the time of the line.
+// Events at random times, as from noise: a Poisson process over the time of the line.
 //
-// The events of each second are drawn from that second's own generator, so they depend on nothing that passes
-// on the line: neither on frames nor on the order of questions. (Independent increments make the pieces one
-// Poisson process.) Events that fall on an idle line hit nothing.
+// The events of each second are drawn from that second's own generator, so they do not depend on what passes
+// on the line: neither on frames nor on the order of queries. (Independent increments make the pieces one
+// Poisson process.) Events that fall on an idle line have no effect.
 #pragma once
 
 #include <array>
@@ -22,7 +22,7 @@ class PoissonEvents {
     BootTime time_ns;
     std::uint64_t key;  // of a generator for this event
   };
-  // Those in [from, to), in order of time, appended to `events`.
+  // Appends the events in [from, to) to `events`, in order of time.
   void In(BootTime from_ns, BootTime to_ns, std::vector<Event>& events);
 
  private:

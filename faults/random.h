@@ -1,18 +1,18 @@
-// The randomness of faults: one seed, a stream for each fault and purpose, a generator for each frame.
+// The randomness of faults: one seed, one stream per fault and purpose, one generator per frame.
 //
 // A generator is made from a 64-bit key: StreamKey(seed, fault id, purpose, ...) names the stream and
-// KeyOf(stream, n) the n-th frame (or second, or sample) in it. So what a fault draws for frame n depends on
-// nothing but the seed, its own id and n: neither another fault that is added or removed nor an earlier frame
-// shifts it.
+// KeyOf(stream, n) the n-th frame (or second, or sample) in it. So what a fault draws for frame n depends
+// only on the seed, its own id and n. Neither adding or removing another fault nor an earlier frame shifts
+// it.
 //
 //   Random random(KeyOf(StreamKey(7, "bursts", "model"), frame_number));
 //   if (random.Bernoulli(0.1)) ...
 //
 // The key of a stream is FNV-1a (64 bits; Fowler, Noll, Vo) over the seed's eight bytes, low byte first, and
 // then the bytes of each name followed by a zero byte. The generator is SplitMix64 (Steele, Lea, Flood 2014,
-// "Fast splittable pseudorandom number generators"): it has no state to warm up, which a generator that lives
-// for one frame needs. Same numbers on every platform; Uniform() takes 53 bits, a Bernoulli draw compares
-// integers.
+// "Fast splittable pseudorandom number generators"): it has no state to warm up, which matters for a
+// generator that is used for only one frame. Its numbers are the same on every platform: Uniform() takes 53
+// bits, a Bernoulli draw compares integers.
 #pragma once
 
 #include <cstdint>
@@ -36,7 +36,7 @@ constexpr std::uint64_t KeyOf(std::uint64_t stream, std::uint64_t n) {
   return Mix(stream + Mix(n + 0x9e3779b97f4a7c15ULL));
 }
 
-// Meets the standard's uniform random bit generator.
+// Meets the requirements of the standard's uniform random bit generator.
 class Random {
  public:
   using result_type = std::uint64_t;
@@ -48,13 +48,13 @@ class Random {
 
   // In [0, 1), a multiple of 2^-53.
   double Uniform() { return static_cast<double>((*this)() >> 11) * 0x1p-53; }
-  // True with the given probability, to 2^-53 of it; one draw whatever the probability; never at <= 0, always
-  // at >= 1.
+  // True with the given probability, to within 2^-53; always one draw; never true at <= 0, always true at >=
+  // 1.
   bool Bernoulli(double probability);
-  // In [0, n), every value alike; n > 0.
+  // In [0, n), every value equally likely; n > 0.
   std::uint64_t Below(std::uint64_t n);
-  // How many Bernoulli draws fail before the first that succeeds, in one draw; kManyFailures when none would
-  // within that number (so always for probability 0).
+  // How many Bernoulli draws fail before the first success, in one draw; kManyFailures when none would
+  // succeed within that number (so always for probability 0).
   static constexpr std::uint64_t kManyFailures = std::uint64_t{1} << 62;
   std::uint64_t FailuresBefore(double probability);
   // Time to the next event of a Poisson process of that rate, in units of 1/rate.

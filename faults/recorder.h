@@ -12,9 +12,10 @@
 
 namespace tiltproof::faults {
 
-// Activations of one fault that are kept whole; later ones are only counted.
+// Number of activations per fault that are kept whole; later ones are only counted.
 inline constexpr std::int64_t kActivationsMax = 1000;
-// So are those of more bytes, by link::WeightOf(), and those beyond a fault's share of what all of them may take.
+// Also only counted: activations with more bytes than this, by link::WeightOf(), and those beyond a fault's
+// share of the total.
 inline constexpr std::size_t kActivationBytesMax = std::size_t{64} << 10;
 inline constexpr std::size_t kActivationsBytesMax = std::size_t{32} << 20;
 
@@ -23,8 +24,8 @@ class Recorder {
   explicit Recorder(std::size_t fault_count) : counts_(fault_count, 0), bytes_(fault_count, 0) {}
 
   bool Keeps(std::size_t fault) const { return counts_[fault] < kActivationsMax; }
-  // Counts one of that many bytes. `make` gives the record, an Activation or a BootActivation, and is called only if it is
-  // kept.
+  // Counts one activation of that many bytes. `make` returns the record, an Activation or a BootActivation,
+  // and is called only if the record is kept, or is the fault's first.
   template <class Make>
   void Count(std::size_t fault, std::size_t bytes, Make&& make) {
     const bool keeps = Keeps(fault) && bytes <= kActivationBytesMax &&
@@ -53,7 +54,8 @@ class Recorder {
   std::vector<First> TakeFirsts() { return std::exchange(firsts_, {}); }
 
   const std::vector<std::int64_t>& counts() const { return counts_; }
-  // What was kept, in order of time, all in simulation time. Without t = 0, lines' records have the time since power-on.
+  // The kept records, in order of time, all in simulation time. Without t = 0, the times of a line's records
+  // count from power-on.
   std::vector<Activation> Take(Origin origin);
 
  private:

@@ -1,4 +1,4 @@
-// Every fault type there is: what a scenario may ask for, and what the catalogue prints.
+// All fault types: what a scenario may ask for, and what the catalogue prints.
 //
 // To add one: a file faults/models/<layer>/<name>.cpp that defines a function returning its FaultType, and
 // one line in registry.cpp that names that function. The conformance test runs over all of them.
@@ -17,37 +17,37 @@ namespace tiltproof::faults {
 
 // In the order of the catalogue.
 const std::vector<FaultType>& FaultTypes();
-// Null when there is none of that name.
+// Null when there is no type of that name.
 const FaultType* FindFaultType(std::string_view name);
 
-// Of a name that was a type once: "was replaced by clock.drift ..."; empty for any other.
+// For a name that was a type in the past: "was replaced by clock.drift ..."; empty for any other.
 std::string_view WhyNoLonger(std::string_view name);
 
-// What a fault may be aimed at, Target::kNone being "no target": the main line or the reference line for
-// faults on the wire, nothing for others.
+// The possible targets of a fault, Target::kNone being "no target": the main line or the reference line for
+// faults on the wire, none for others.
 std::vector<Target> AcceptedTargets(const FaultType& type);
 // The target of a fault on the wire, the type's default if it states none.
 Target ResolvedTarget(const FaultSpec& spec, const FaultType& type);
 
 // The parameters of a valid fault, the type's defaults filled in.
 Parameters ResolvedParameters(const FaultSpec& spec, const FaultType& type);
-// When a valid fault is active: as stated, or from its start for as long as a parameter of it says.
+// When a valid fault is active: as stated, or from its start for as long as one of its parameters says.
 Window WindowOf(const FaultSpec& spec);
 
 struct Problem {
-  // Which key of the fault in the scenario file: "type", "target", "end_s", "message", ..., "parameters" for
+  // The key of the fault in the scenario file: "type", "target", "end_s", "message", ..., "parameters" for
   // what is missing there, "parameters.<name>" for one parameter.
   std::string key;
   std::string message;
 };
-// Everything wrong with a fault; empty when it can be scheduled.
+// All errors in a fault; empty when it can be scheduled.
 std::vector<Problem> Validate(const FaultSpec& spec);
-// The type of a valid fault; throws std::invalid_argument, naming fault and key, when it is none.
+// The type of a valid fault; throws std::invalid_argument, naming fault and key, when the fault is not valid.
 const FaultType& ValidType(const FaultSpec& spec);
 
-// All types as a page in Markdown.
+// All types as a Markdown page.
 std::string CatalogueMarkdown();
-// The section of one type in it.
+// The section of one type in this page.
 std::string Markdown(const FaultType& type);
 
 }  // namespace tiltproof::faults

@@ -1,15 +1,15 @@
-// The faults of a scenario, ready to act: made from data and a seed alone.
+// The faults of a scenario, ready to act. They depend only on data and a seed.
 //
 //   FaultSchedule faults(scenario.faults, scenario.seed, {.baud = 921600});
 //   Wire wire(config, Direction::kToClient, protocol, faults.Filter(Direction::kToClient));
 //   faults.SetOrigin(Origin(boot_time_of_t0));
-//   faults.EditSensors(t, values);               // each sample that is sent
-//   faults.EditInput(t, input, new_command);     // each step of the plant
+//   faults.EditSensors(t, values);               // for each sample that is sent
+//   faults.EditInput(t, input, new_command);     // for each step of the plant
 //   plant.Step(input, faults.DisturbanceOf(t));
 //   faults.MarkReceived(Direction::kToClient, arrival, bytes, marks);  // what reaches the firmware's receiver
 //
-// Faults on nodes and on the device have windows and counts here, and act elsewhere (faults/node_command.h,
-// faults/device_command.h).
+// Faults on nodes and on the device have their windows and counts here, but act elsewhere
+// (faults/node_command.h, faults/device_command.h).
 //
 // Filters and the receiver work in boot time, everything else in simulation time.
 #pragma once
@@ -34,14 +34,16 @@ namespace tiltproof::faults {
 
 class FaultSchedule {
  public:
-  // What the part of the flight has in which these faults act.
+  // The part of the flight in which these faults act.
   struct Place {
     std::int64_t baud = 921'600;            // of the main line; 0 = ideal
     std::int64_t reference_baud = 921'600;  // of the reference line
-    // The vehicle's, where the plant is; without them the faults on it are only counted here.
+    // The vehicle's signals, where the plant is; without them the faults on the vehicle are only counted
+    // here.
     std::optional<VehicleSignals> signals = {};
     TimeNs step_ns = 4 * kNsPerMs;  // of the plant
-    // Whose they are; faults of another client do not act here. Empty: of the flight's only one.
+    // The client that the faults belong to; faults of another client do not act here. Empty: the flight's
+    // only client.
     std::string_view client = {};
   };
 
@@ -53,56 +55,58 @@ class FaultSchedule {
   FaultSchedule(FaultSchedule&&) noexcept;
   FaultSchedule& operator=(FaultSchedule&&) noexcept;
 
-  // What stands in one direction; null when no fault does. Lives as long as the schedule, moved or not.
+  // The filter of one direction; null when no fault acts there. Lives as long as the schedule, even if that
+  // is moved.
   link::ChunkFilter* Filter(link::Direction direction);
 
-  // When more is to wait in a direction than link::kLineBytesMax: the faults that have put more bytes there than were
-  // sent, and those that have kept some for later.
+  // For a direction in which more than link::kLineBytesMax is to wait: the faults that put more bytes there
+  // than were sent, and those that kept some for later.
   struct Crowd {
     std::vector<std::size_t> multipliers, holders;
   };
   Crowd CrowdOf(link::Direction direction) const;
 
-  // Until it is known, frames and received bytes are inside windows without a start
-  // only.
+  // Until the origin is known, frames and received bytes are only inside windows without a start.
   void SetOrigin(Origin origin);
 
-  // The next three ask for a place with signals; rows are in the order of its tables.
+  // The next three need a place with signals; rows are in the order of its tables.
   //
-  // A sample that is about to be sent. `t` may be kPowerOn, for before t = 0: the record then has the time of
-  // `boot_time`, which matters for nothing else.
+  // A sample that is about to be sent. `t` may be kPowerOn, meaning before t = 0: the record then has the
+  // time of `boot_time`, which has no other use.
   void EditSensors(TimeNs t, std::span<float> values, BootTime boot_time = {});
 
-  // The input of the step that begins at `t`, once for each step. `new_command` false: the command is that of the
-  // step before; it is neither counted nor drawn for again.
+  // The input of the step that begins at `t`; call it once per step. `new_command` false: the command is that
+  // of the previous step; it is neither counted nor drawn for again.
   void EditInput(TimeNs t, std::span<double> input, bool new_command = true);
 
-  // What disturbs the vehicle during the step that begins at `t`, once for each step.
+  // What disturbs the vehicle during the step that begins at `t`; call it once per step.
   Disturbance DisturbanceOf(TimeNs t);
 
-  // Bytes that arrive back to back at the firmware's receiver, the last of them at `last_arrival`:
-  // the receiver's mark of each, `marks` of the same size. To be called with every byte of the main line to the
-  // client and of the reference line, in order; how they are spread over calls does not matter. A byte has one
-  // mark: of several faults that pick it, that of the first in the file.
+  // Bytes that arrive back to back at the firmware's receiver, the last of them at `last_arrival`. Sets
+  // `marks` to the receiver's mark of each byte. Call it with every byte of the main line to the client and
+  // of the reference line, in order; the result does not depend on how the bytes are split over calls. A byte
+  // has one mark: of several faults that pick it, the first in the file decides.
   void MarkReceived(link::Direction direction, BootTime last_arrival, std::span<const std::uint8_t> bytes,
                     std::vector<ReceiveMark>& marks);
 
-  // A command of faults/node_command.h or faults/device_command.h was carried out at `t`, in simulation time; `what` says how.
+  // A command of faults/node_command.h or faults/device_command.h was carried out at `t`, in simulation time;
+  // `what` describes it.
   void Count(std::size_t fault, TimeNs t, std::string what);
 
-  // What the other parts' schedules must hear of what happened in this one since the last call; this one has heard it. None
-  // before t = 0 is known.
+  // What has happened in this schedule since the last call that the other parts' schedules must hear; this
+  // one has heard it already. Nothing before t = 0 is known.
   std::vector<News> TakeNews();
-  // What was said elsewhere, and conditions.
+  // News from other parts, and conditions.
   void Hear(std::span<const News> news);
 
   // Whether the fault (its index in the scenario) is active at `t`.
   bool IsActive(std::size_t fault, TimeNs t) const;
 
-  // How often each fault changed something (harness.null: was picked).
+  // How often each fault changed something (for harness.null: how often it was picked).
   const std::vector<std::int64_t>& ActivationCounts() const;
-  // Those kept (faults/recorder.h) of each fault, the first kActivationsMax at most, in order of time, in simulation time;
-  // without t = 0, those of a line in time since power-on. Leaves none.
+  // The kept activations (faults/recorder.h) of each fault, at most the first kActivationsMax, in order of
+  // time, in simulation time. Without t = 0, the times of a line's activations count from power-on. Removes
+  // them from the schedule.
   std::vector<Activation> TakeActivations(Origin origin = {});
 
  private:

@@ -1,6 +1,6 @@
-// Sensors and actuators as parameters of a fault. Sensors go by their trace column, actuators by the column of
-// the input without its unit. The registry checks that a parameter looks like a name; whether the vehicle has such a
-// signal is known where the vehicle is:
+// Sensors and actuators as parameters of a fault. Sensors are named by their trace column, actuators by the
+// column of the input without its unit. The registry checks that a parameter looks like a name; whether the
+// vehicle has such a signal is checked where the vehicle is known:
 //
 //   const std::vector<std::string> names = SignalNames(model.signals(), ParameterKind::kInput);  // f_r, f_l, ...
 #pragma once
@@ -15,21 +15,21 @@
 
 namespace tiltproof::faults {
 
-// `signal`: of the tilt-rotor x_m ... alpha_l_rad_s.
+// `signal`: for the tilt-rotor x_m ... alpha_l_rad_s.
 ParameterInfo SensorParameter();
-// `actuator`: of the tilt-rotor f_r, f_l, tau_r, tau_l.
+// `actuator`: for the tilt-rotor f_r, f_l, tau_r, tau_l.
 ParameterInfo ActuatorParameter();
 
 // Letters, digits and '_', beginning with a letter; 1 to this many characters.
 inline constexpr std::size_t kSignalNameMax = 100;
 bool IsSignalName(std::string_view text);
 
-// What a parameter of this kind (kSensor or kInput) may be for a vehicle with these signals, in the order of its
-// table.
+// The values that a parameter of this kind (kSensor or kInput) may have for a vehicle with these signals, in
+// the order of its table.
 std::vector<std::string> SignalNames(const VehicleSignals& signals, ParameterKind kind);
 
-// The place in a row of sensors, or of inputs, of the signal that a parameter names. Throws std::invalid_argument when
-// the vehicle has none such.
+// The place, in a row of sensors or of inputs, of the signal that a parameter names. Throws
+// std::invalid_argument when the vehicle has no such signal.
 std::size_t SensorIndex(const SignalSetup& setup, std::string_view parameter = "signal");
 std::size_t ActuatorIndex(const SignalSetup& setup);
 

@@ -24,7 +24,7 @@ class Trigger {
   bool Sees(link::MessageKind kind) const { return !message_ || *message_ == kind; }
 
   // Counts one more frame or sample that it sees in its window; true when the fault acts on it. The draw
-  // belongs to `number`, that of the frame or sample.
+  // belongs to `number`, the number of the frame or sample.
   bool Picks(std::uint64_t number) {
     ++seen_count_;
     if (seen_count_ % every_nth_count_ != 0) return false;

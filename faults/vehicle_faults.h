@@ -1,7 +1,7 @@
-// The faults that act at the plant: on the samples of its sensors, on the input in force, and on the vehicle itself,
-// each in the order of the file.
+// The faults that act at the plant: on the samples of its sensors, on the input in force, and on the vehicle
+// itself; each kind in the order of the file.
 //
-// Each sample, each command and each step has a number, and what a fault draws for it follows from the number alone.
+// Each sample, command and step has a number. What a fault draws for it follows only from this number.
 #pragma once
 
 #include <cstdint>
@@ -20,13 +20,13 @@ namespace tiltproof::faults {
 
 class VehicleFaults {
  public:
-  // What a fault of any kind here is made from. All but `parameters` must outlive VehicleFaults.
+  // The inputs from which a fault of any kind here is made. All but `parameters` must outlive VehicleFaults.
   struct Entry {
     std::size_t fault;
     const Activity& activity;
     Trigger trigger;
     const Parameters& parameters;
-    std::uint64_t stream;  // of the model's draws, one generator a sample or step
+    std::uint64_t stream;  // of the model's draws, one generator per sample or step
   };
 
   // `signals` and `recorder` must outlive it.
@@ -37,7 +37,7 @@ class VehicleFaults {
   void Add(const ActuatorKind& kind, const Entry& entry);
   void Add(const PlantKind& kind, const Entry& entry);
 
-  // As FaultSchedule's functions of these names.
+  // Like the functions of FaultSchedule with these names.
   void EditSensors(TimeNs t, std::span<float> values, BootTime boot_time);
   void EditInput(TimeNs t, std::span<double> input, bool new_command);
   Disturbance DisturbanceOf(TimeNs t);
@@ -57,12 +57,12 @@ class VehicleFaults {
   };
   struct Actuator : Injector {
     std::unique_ptr<ActuatorModel> model;
-    // About the latest command: whether the trigger was asked and what it said, and whether a change was counted.
+    // For the latest command: whether the trigger was asked, its answer, and whether a change was counted.
     bool decided = false, picked = false, counted = false;
   };
   struct Body : Injector {
     std::unique_ptr<PlantModel> model;
-    bool disturbed = false;  // in the step before
+    bool disturbed = false;  // in the previous step
   };
 
   StepContext ContextOf(TimeNs t, std::uint64_t number, const Injector& injector, Random& random) const {

@@ -1,4 +1,4 @@
-// Faults that are certain to make more of a frame than a line holds, told before anything is flown.
+// Finds faults that are certain to make more of a frame than a line can hold, before anything is flown.
 //
 //   if (const auto too_much = CertainOverfull(scenario.faults, scenario.duration_ns, *scenario.link.protocol)) Refuse(*too_much);
 #pragma once
@@ -13,14 +13,15 @@
 
 namespace tiltproof::faults {
 
-// The faults, in the order in which they act; the last is the one too many.
+// The faults, in the order in which they act; the last one exceeds the limit.
 struct TooMuch {
   link::Direction direction{};
   std::vector<std::size_t> faults;
 };
 
-// Counts what is certain alone: faults that double the bytes of every frame they see (WireKind::volume), active
-// together for two control periods at least, with none beside them that may lose bytes. Valid faults only.
+// Counts only what is certain: faults that double the bytes of every frame they see (WireKind::volume),
+// active together for at least two control periods, without another fault that may lose bytes. Valid faults
+// only.
 std::optional<TooMuch> CertainOverfull(const std::vector<FaultSpec>& specs, TimeNs duration_ns,
                                        const link::Protocol& protocol);
 

@@ -1,9 +1,9 @@
-// The faults that stand in one direction of the line, one after the other: what link::Wire gives its frames
-// to.
+// The faults that act in one direction of the line, one after the other: link::Wire passes its frames through
+// them.
 //
-// Each frame as sent has a number, and every fault decides at once whether its trigger picks that number:
-// what an earlier fault does to the frame (drops it, holds it back) changes neither what a later one counts
-// nor what it draws. Copies and fragments share their frame's number and so its fate at the trigger.
+// Each frame as sent has a number, and every fault decides at once whether its trigger picks that number.
+// What an earlier fault does to the frame (drops it, holds it back) changes neither the counts nor the draws
+// of a later one. Copies and fragments share their frame's number, and so its treatment by the trigger.
 #pragma once
 
 #include <bitset>
@@ -20,33 +20,32 @@ namespace tiltproof::faults {
 
 class WireFaults final : public link::ChunkFilter {
  public:
-  // A fault, in the order in which they shall act.
-  // `activity` must outlive it.
+  // Adds a fault; call it in the order in which the faults act. `activity` must outlive it.
   void Add(std::size_t fault, const FaultSpec& spec, const WireKind& kind, const Activity& activity,
            const Parameters& parameters, std::uint64_t seed, link::Direction direction, const LineRate& rate);
   bool empty() const { return injectors_.empty(); }
 
   // `recorder` must outlive the last Apply().
   void SetRecorder(Recorder* recorder) { recorder_ = recorder; }
-  // Before this only windows without a start are open.
+  // Before this call only windows without a start are open.
   void SetOrigin(Origin origin) { origin_ = origin; }
 
   void Apply(std::vector<link::Chunk>& chunks) override;
   std::size_t held_bytes() const override;
 
-  // The faults that have put more bytes on the line than were sent, and those that have kept some for later.
+  // The faults that put more bytes on the line than were sent, and those that kept some for later.
   std::vector<std::size_t> Multipliers() const;
   std::vector<std::size_t> Holders() const;
 
  private:
-  // Decisions are kept for this many frames: more than any chain of faults holds one back.
+  // Decisions are kept for this many frames: more than any chain of faults holds back.
   static constexpr std::size_t kDecisions = 1024;
 
   struct Injector {
     std::size_t fault;
     const Activity* activity;
     Trigger trigger;
-    std::uint64_t stream;  // of the model's draws, one generator a frame
+    std::uint64_t stream;  // of the model's draws, one generator per frame
     LineRate rate;
     bool remembers;
     bool acts_on_overlap;

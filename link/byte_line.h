@@ -1,8 +1,8 @@
-// One end of a serial line in an event loop: a serial port (link/serial_port.h), or a socket that stands for one
-// (link/socket_line.h).
+// One end of a serial line in an event loop: a serial port (link/serial_port.h), or a socket that represents
+// one (link/socket_line.h).
 //
-// All calls come from the thread that runs the loop; the callbacks are called by the loop, never from within a
-// call of ours, and may destroy the line. Nothing blocks.
+// All calls must come from the thread that runs the loop. The loop calls the callbacks, never from within a
+// call to the line, and they may destroy the line. Nothing blocks.
 #pragma once
 
 #include <cstddef>
@@ -15,7 +15,7 @@ namespace tiltproof::link {
 
 class ByteLine {
  public:
-  // What Write() holds at most when bytes leave more slowly than they come: 11 s at 921600 baud.
+  // Limit of what Write() holds when bytes leave more slowly than they come: 11 s at 921600 baud.
   static constexpr std::size_t kQueueBytesMax = std::size_t{1} << 20;
 
   using Received = std::function<void(std::span<const std::uint8_t>)>;
@@ -26,12 +26,12 @@ class ByteLine {
   ByteLine(const ByteLine&) = delete;
   ByteLine& operator=(const ByteLine&) = delete;
 
-  // Reads from now on. `closed` is called once, with a reason fit for a person, when no byte will come any
-  // more; nothing is called afterwards. Call it once.
+  // Starts reading. `closed` is called once, with a reason fit for a person, when no more bytes will come;
+  // nothing is called afterwards. Call it once.
   virtual void Start(Received received, Closed closed) = 0;
 
-  // Sends the bytes after those before. True: all of them are on their way or queued. False: none is, since
-  // the queue would grow beyond kQueueBytesMax or nobody is there.
+  // Sends the bytes after the earlier ones. True: all of them are on their way or queued. False: none is,
+  // because the queue would grow beyond kQueueBytesMax or no peer is connected.
   virtual bool Write(std::span<const std::uint8_t> bytes) = 0;
 };
 

@@ -11,8 +11,8 @@
 
 namespace tiltproof::link {
 
-// Which line, and which way. The main line carries sensors and actuators, the reference line only base
-// station -> client.
+// A line and a direction. The main line carries sensors and actuators, the reference line only base station
+// -> client.
 enum class Direction : std::uint8_t { kToPlant, kToClient, kReference };
 inline constexpr std::size_t kDirectionCount = 3;
 std::string_view Name(Direction direction);  // "to_plant", "to_client", "reference"
@@ -20,24 +20,24 @@ std::string_view Name(Direction direction);  // "to_plant", "to_client", "refere
 // On a line it has boot time, in the log of a flight simulation time.
 template <class Time>
 struct TimedChunk {
-  Time begin_ns{};                           // when the first byte's start bit enters the wire
+  Time begin_ns{};                           // when the start bit of the first byte enters the wire
   std::vector<std::uint8_t> bytes;           // back to back from there
   MessageKind kind = MessageKind::kUnknown;  // of the frame as sent
-  // Of the frame as sent, from 0 in its direction; given by the wire, kept by copies and fragments.
+  // Number of the frame as sent, from 0 in its direction. The wire assigns it; copies and fragments keep it.
   std::uint64_t number = 0;
 };
 using Chunk = TimedChunk<BootTime>;
 using LogChunk = TimedChunk<TimeNs>;
 
-// What may wait in one direction of a line, on the wire and held back by faults, counted as WeightOf(): a minute of
-// everything that the usual messages say, ten times over.
+// Limit of what may wait in one direction of a line, on the wire and held back by faults, counted by
+// WeightOf(): ten times the bytes that the usual messages send in a minute.
 inline constexpr std::size_t kLineBytesMax = std::size_t{8} << 20;
-// A chunk counts for its bytes and for what it takes to keep them.
+// The weight of a chunk is its bytes and its overhead in memory.
 inline constexpr std::size_t kChunkOverheadBytes = 64;
 inline std::size_t WeightOf(const Chunk& chunk) { return chunk.bytes.size() + kChunkOverheadBytes; }
 
-// Time that a number of bytes takes on a line, 8N1 (ten bits a byte), rounded down to nanoseconds; baud 0 is
-// an ideal line, where bytes take none.
+// Time that a number of bytes takes on a line, 8N1 (ten bits per byte), rounded down to nanoseconds; baud 0
+// is an ideal line, where bytes take no time.
 constexpr TimeNs BytesTime(std::int64_t baud, std::int64_t byte_count) {
   return baud == 0 ? 0 : byte_count * 10 * kNsPerS / baud;
 }
@@ -48,10 +48,10 @@ constexpr TimeNs BytesTime(std::int64_t baud, std::int64_t byte_count) {
 class ChunkFilter {
  public:
   virtual ~ChunkFilter() = default;
-  // Where it makes more of a frame than kLineBytesMax, it may stop at once and leave what it has so far: twice as much at
-  // most. The wire then sends none of it.
+  // When it turns a frame into more than kLineBytesMax, it may stop at once and leave the chunks made so far:
+  // at most twice that limit. The wire then sends none of them.
   virtual void Apply(std::vector<Chunk>& chunks) = 0;
-  // What it keeps for later, by WeightOf().
+  // The size of what it keeps for later, by WeightOf().
   virtual std::size_t held_bytes() const { return 0; }
 };
 using ChunkStage = ChunkFilter;  // its former name

@@ -1,10 +1,11 @@
-// What a fault does to the vehicle itself during one step: plain numbers that the plant applies beside its input.
+// The effect of a fault on the vehicle itself during one step: plain numbers that the plant applies in
+// addition to its input.
 //
 //   Disturbance gust;
 //   gust.wind_m_s = {3, 0, 0};
 //   plant.Step(input, Combined(gust, push));
 //
-// One that says nothing, Disturbance{}, changes no bit of a step.
+// The default, Disturbance{}, changes no bit of a step.
 #pragma once
 
 #include <array>
@@ -12,12 +13,12 @@
 
 namespace tiltproof {
 
-// Rotors, and hinges, of any vehicle: more than this are refused when it is loaded.
+// The most rotors, and hinges, that a vehicle may have: one with more is refused when it is loaded.
 inline constexpr std::size_t kRotorsMax = 8;
 
 struct Disturbance {
   using Vector = std::array<double, 3>;
-  // A hinge that does not follow its servo but turns at this rate, until it meets its stop: 0 is a jam.
+  // A hinge that does not follow its servo, but turns at this rate until it meets its stop. 0 is a jam.
   struct Hinge {
     bool held = false;
     double rate_rad_s = 0.0;
@@ -35,8 +36,8 @@ struct Disturbance {
   friend bool operator==(const Disturbance&, const Disturbance&) = default;
 };
 
-// Both at once: forces, torques, winds and shifts add up, factors multiply, and of two that hold a hinge the
-// later one does.
+// Both at once: forces, torques, winds and shifts add up, and factors multiply. If both hold the same hinge,
+// the later one applies.
 inline Disturbance Combined(const Disturbance& first, const Disturbance& second) {
   Disturbance both = first;
   for (std::size_t i = 0; i < 3; ++i) {

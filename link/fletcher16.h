@@ -1,8 +1,8 @@
 // Fletcher-16 (Fletcher 1982; paper, section 2.1): two sums modulo 255, sum1 in the low byte of the result.
 //
-// sum1 is the sum of the bytes, sum2 the sum of all values that sum1 went through; both start at 0, so the
-// check of nothing is 0. Modulo 255 the bytes 00 and FF are the same number, so a byte that flips between
-// them keeps the checksum: a user of it must check length and ranges too (firmware/messages.h).
+// sum1 is the sum of the bytes, sum2 the sum of all values that sum1 took; both start at 0, so the checksum
+// of no bytes is 0. Modulo 255 the bytes 00 and FF are the same number, so a byte that changes between them
+// keeps the checksum: users must also check length and ranges (firmware/messages.h).
 //
 //   Fletcher16("abcde") == 0xC8F0
 #pragma once

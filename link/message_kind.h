@@ -1,4 +1,4 @@
-// What a message is, and what is wrong with a payload that is none.
+// Kinds of messages, and what is wrong with a payload that is no message.
 #pragma once
 
 #include <cstddef>

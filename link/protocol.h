@@ -1,9 +1,9 @@
-// A protocol as data: how payloads are framed, which messages there are, what makes t = 0, how long a control
-// period is.
+// A protocol as data: the framing of payloads, the table of messages, the message that makes t = 0, and the
+// control period.
 //
-// A message is a row of numbers, IEEE-754 binary32, little endian. A client's message begins with its id, also such
-// a number; the others have none and are known by their direction. A payload does not say which protocol it is of,
-// nor which way it travels: the receiver knows both.
+// A message is a row of numbers, IEEE-754 binary32, little endian. A client's message begins with its id,
+// which is also such a number; the other messages have no id and are known by their direction. A payload does
+// not contain its protocol or its direction: the receiver knows both.
 //
 //   const Protocol& protocol = *FindProtocol("paper");
 //   Message message;
@@ -14,8 +14,8 @@
 // A checksum lets some wrong payloads through, so a message is accepted only with its exact length, a known id, and
 // every value finite and within its range. Every violation is a value of MessageStatus.
 //
-// The firmware knows nothing of this: it has structs and encoders of its own (firmware/messages.h). A test holds the
-// two together.
+// The firmware does not use this: it has its own structs and encoders (firmware/messages.h). A test keeps the
+// two consistent.
 #pragma once
 
 #include <array>
@@ -37,14 +37,14 @@ namespace tiltproof::link {
 
 // Flag bytes, escapes and Fletcher-16: link/frame.h.
 struct Framing {
-  // Closes a frame. A sender's bytes are cut into frames there. In lockstep an emulated processor stops when it
-  // has sent one, since there may be an answer.
+  // Closes a frame. A sender's bytes are cut into frames there. In lockstep an emulated processor stops when
+  // it has sent one, because an answer may follow.
   std::uint8_t flag = kFlag;
 };
 
 struct MessageField {
   std::string signal;          // "x_m"
-  float min = 0.F, max = 0.F;  // of a plausible value, both included; beyond them the message is damaged
+  float min = 0.F, max = 0.F;  // of a plausible value, inclusive; beyond them the message is damaged
 };
 
 struct MessageType {
@@ -76,32 +76,35 @@ struct Protocol {
   std::string name;
   Framing framing = {};
   TimeNs control_period_ns = 0;  // of the client's requests, the references and the rows of the trace
-  // Whether requests are answered before t = 0: the vehicle stands still then.
+  // Whether requests are answered before t = 0, while the vehicle does not move.
   bool answers_before_start = false;
-  // A message that starts, when it comes again: the client began anew. Else it says nothing new.
+  // Whether a repeated message that starts means that the client has rebooted. Otherwise it means nothing
+  // new.
   bool repeated_start_is_boot = false;
   std::vector<MessageType> messages;
 
-  // Null when there is none. The second finds the only one of its kind.
+  // Null when there is none. The second function finds the only message of its kind.
   const MessageType* Find(std::string_view message) const;
   const MessageType* Find(MessageKind kind) const;
 
-  // What a payload in that direction is, judged by length and id alone; null when it is no message.
+  // The message type of a payload in that direction, judged only by length and id; null when it is no
+  // message.
   const MessageType* Classify(Direction direction, std::span<const std::uint8_t> payload) const;
 
-  // Sets `message` only when it returns kOk. Of several violations the first of this list is told: kBadLength
-  // (shorter than an id), kUnknownId, kBadLength (of the message), kNotFinite (anywhere), kOutOfRange.
+  // Sets `message` only when it returns kOk. Of several violations it returns the first in this list:
+  // kBadLength (shorter than an id), kUnknownId, kBadLength (of the message), kNotFinite (anywhere),
+  // kOutOfRange.
   MessageStatus Decode(Direction direction, std::span<const std::uint8_t> payload, Message& message) const;
 
-  // `values`: one for each field. They go out as they are, not finite or out of range too: what is sent is the
-  // sender's business.
+  // `values`: one per field. They are sent unchanged, even if not finite or out of range: the sender is
+  // responsible for them.
   Payload Encode(const MessageType& type, std::span<const float> values) const;
 };
 
-// Those that are built in: "paper" is the paper's (section 2.1, Figure 3), "provant" that of the authors' published
-// server.
+// The built-in protocols: "paper" is the paper's (section 2.1, Figure 3), "provant" that of the authors'
+// published server.
 std::span<const std::shared_ptr<const Protocol>> Protocols();
-// Null when there is none of that name.
+// Null when there is no protocol of that name.
 std::shared_ptr<const Protocol> FindProtocol(std::string_view name);
 
 }  // namespace tiltproof::link

@@ -1,11 +1,11 @@
-// What the machine says about its serial devices without opening them: opening one raises DTR, which resets
-// many a board. For the messages of a port that cannot be opened, and for a check of the machine before a
+// What the machine reports about its serial devices without opening them. Opening one raises DTR, which
+// resets many boards. Used for messages about a port that cannot be opened, and to check the machine before a
 // flight.
 //
 //   for (const auto& device : ListSerialDevices()) ... // "/dev/ttyUSB0", "/dev/serial/by-id/usb-FTDI_..."
 //   for (const auto& holder : ProcessesHolding("/dev/ttyUSB0")) ... // {1234, "picocom"}
 //
-// `root` stands before /dev, /sys: another folder than "/" is a made-up machine.
+// `root` is put before /dev and /sys: a folder other than "/" is a simulated machine.
 #pragma once
 
 #include <sys/types.h>
@@ -24,15 +24,15 @@ struct Holder {
   pid_t pid = 0;
   std::string name;  // of the program, at most 15 characters
 };
-// Processes that have the device open, by process id, as far as /proc lets us look.
+// Processes that have the device open, by process id, as far as /proc shows them.
 std::vector<Holder> ProcessesHolding(const std::filesystem::path& device);
-// The process that has made a pseudo-terminal, and stands for what is at its other end; nullopt for other devices, and
+// The process that made a pseudo-terminal, and so represents its other end; nullopt for other devices, and
 // where /proc does not tell.
 std::optional<pid_t> ProcessBehind(const std::filesystem::path& pseudo_terminal);
 // "1234 (picocom), 99 (cat)"; empty for none.
 std::string Text(const std::vector<Holder>& holders);
 
-// How long an FTDI adapter holds received bytes back before it hands them over, in ms (16 by default, 1 to
+// How long an FTDI adapter holds received bytes back before it passes them on, in ms (16 by default, 1 to
 // 255): sysfs file `latency_timer`. `device` may be a link to it. nullopt: the adapter has no such file.
 std::filesystem::path LatencyTimerFile(const std::filesystem::path& device,
                                        const std::filesystem::path& root = "/");

@@ -9,8 +9,8 @@
 //   port.Write(frame);
 //   loop.run();
 //
-// All calls come from the thread that runs the loop; the callbacks are called by the loop, never from within
-// a call of ours, and may destroy the port. The loop must outlive it. Nothing here blocks.
+// All calls must come from the thread that runs the loop. The loop calls the callbacks, never from within a
+// call to the port, and they may destroy the port. The loop must outlive it. Nothing here blocks.
 #pragma once
 
 #include <sys/types.h>
@@ -36,42 +36,45 @@ class SerialPort final : public ByteLine {
   static constexpr std::int64_t kBaudMin = 50;
   static constexpr std::int64_t kBaudMax = 20'000'000;
 
-  // Opens a serial device, or the slave side of a pseudo-terminal: what had arrived before is discarded, as it
-  // would be by a UART that nobody reads. Or connects to a socket, `unix:PATH` or `unix:@NAME`, which keeps every
-  // byte and knows no baud rate. Throws std::runtime_error that says what is wrong (no such device, held by another
-  // process, no permission, not a serial device, a baud rate it cannot do, nobody listens) and what to do about it.
+  // Opens a serial device, or the slave side of a pseudo-terminal: what had arrived before is discarded, as a
+  // UART that is not read would do. Or connects to a socket, `unix:PATH` or `unix:@NAME`, which keeps every
+  // byte and has no baud rate. Throws std::runtime_error that says what is wrong (no such device, held by
+  // another process, no permission, not a serial device, an impossible baud rate, no listening process) and
+  // what to do about it.
   SerialPort(boost::asio::io_context& loop, const std::string& device, std::int64_t baud);
 
-  // Takes over an open descriptor (read and write) as it is; `name` stands for it in messages.
+  // Takes over an open descriptor (read and write) as it is; `name` identifies it in messages.
   SerialPort(boost::asio::io_context& loop, int descriptor, std::string name);
 
-  // Closes. Bytes of Write() that have not left yet are dropped (see UnsentBytes()): a device that takes none
-  // would hold a close up for half a minute.
+  // Closes the port. Bytes of Write() that have not left yet are dropped (see UnsentBytes()): a device that
+  // accepts none would otherwise delay closing by half a minute.
   ~SerialPort() override;
 
-  // It is closed when the device was unplugged, the other end of the pseudo-terminal or socket is gone, or I/O
-  // fails.
+  // The port closes when the device was unplugged, the other end of the pseudo-terminal or socket is gone, or
+  // I/O fails.
   void Start(Received received, Closed closed) override;
   bool Write(std::span<const std::uint8_t> bytes) override;
 
-  // Bytes of Write() that have not left this machine yet, as far as the device tells; 0 once it is closed.
+  // Bytes of Write() that have not left this machine yet, as far as the device reports; 0 once the port is
+  // closed.
   std::size_t UnsentBytes() const;
 
   bool IsOpen() const;
 
-  // Whether a byte takes its time at the baud rate. On a pseudo-terminal or a socket it takes none.
+  // Whether a byte takes its time at the baud rate. On a pseudo-terminal or a socket it takes no time.
   bool TakesByteTime() const;
 
-  // Who is at the other end of a socket of ours: a process of this machine; nullopt when nobody can tell.
+  // The process at the other end of a socket, if it is on this machine; nullopt when it is unknown.
   std::optional<pid_t> PeerProcess() const;
 
-  // What the operating system agreed to.
+  // What the operating system has accepted.
   struct LowLatency {
-    bool driver = false;                  // ASYNC_LOW_LATENCY: bytes are handed over at once
+    bool driver = false;                  // ASYNC_LOW_LATENCY: bytes are passed on at once
     std::optional<int> latency_timer_ms;  // of an FTDI adapter, now; nullopt for other devices
     std::string advice;                   // empty when nothing is left to do
   };
-  // Asks the driver and the adapter to hand received bytes over at once; never fails, says what was achieved.
+  // Asks the driver and the adapter to pass received bytes on at once. Never fails; returns what was
+  // achieved.
   LowLatency SetLowLatency(const std::filesystem::path& root = "/");
 
  private:

@@ -1,12 +1,12 @@
-// Signals as data: what a vehicle has is a table that it gives when it is loaded, and values are plain rows of
+// Signals as data: a vehicle provides a table of its signals when it is loaded, and values are plain rows of
 // numbers in that table's order.
 //
 //   const SignalTable sensors = model.signals().sensors;
 //   if (const auto z = sensors.Find("z_m")) values[*z] += 0.5F;
 //
-// A name is looked up once, when something is loaded; what runs every step has the index.
+// A name is looked up once, when something is loaded; code that runs every step has the index.
 //
-// Structs of named fields are the firmware's alone (firmware/signals.h): it is written for one vehicle.
+// Only the firmware has structs of named fields (firmware/signals.h): it is written for one vehicle.
 #pragma once
 
 #include <algorithm>
@@ -20,7 +20,7 @@
 
 namespace tiltproof {
 
-// What a vector's components are measured along.
+// The axes along which a vector's components are measured.
 enum class SignalFrame : unsigned char {
   kNone,   // no vector: a time, a count
   kWorld,  // W, z up
@@ -33,13 +33,14 @@ enum class SignalFrame : unsigned char {
 struct Signal {
   std::string name;    // trace column and scenario name; ends in its unit: "vx_m_s"
   std::string unit;    // "m", "rad", "m/s", "rad/s", "N", "N m"
-  double scale = 1.0;  // by which the margin of a comparison is divided; > 0
+  double scale = 1.0;  // divides the margin of a comparison; > 0
   SignalFrame frame{};
   friend bool operator==(const Signal&, const Signal&) = default;
 };
 
-// The signal of that name, whose end says the unit: "vx_m_s" is in m/s. Its scale is what counts as "a lot" in
-// that unit: 0.5 rad, and 1 of everything else. A name without a unit has none, and the scale 1.
+// The signal of that name. The end of the name gives the unit: "vx_m_s" is in m/s. Its scale is what counts
+// as "a lot" in that unit: 0.5 rad, and 1 of everything else. A name without a unit has none, and the scale
+// 1.
 inline Signal SignalNamed(std::string name, SignalFrame frame) {
   struct Unit {
     std::string_view suffix, unit;
@@ -62,7 +63,7 @@ inline Signal SignalNamed(std::string name, SignalFrame frame) {
 class SignalTable {
  public:
   SignalTable() = default;
-  // Names differ from each other.
+  // Names must be unique.
   explicit SignalTable(std::vector<Signal> signals) : signals_(std::move(signals)) {}
 
   std::size_t size() const { return signals_.size(); }
@@ -83,11 +84,11 @@ class SignalTable {
   std::vector<Signal> signals_;
 };
 
-// Of one vehicle.
+// The signals of one vehicle.
 struct VehicleSignals {
   SignalTable states;   // the truth, as in the trace
-  SignalTable sensors;  // what may be sent; some may be in another frame than the state of that name
-  SignalTable inputs;   // what actuators ask for
+  SignalTable sensors;  // what may be sent; its frame may differ from that of the state with the same name
+  SignalTable inputs;   // what actuator messages command
   friend bool operator==(const VehicleSignals&, const VehicleSignals&) = default;
 };
 

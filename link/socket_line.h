@@ -1,12 +1,12 @@
-// A serial line for a peer that speaks over a unix stream socket, such as an emulator: this end listens, like a
-// socket in the wall, and one peer at a time is plugged in.
+// A serial line for a peer that uses a unix stream socket, such as an emulator. This end listens, like a wall
+// socket, and one peer at a time is plugged in.
 //
 //   SocketLine line(loop);
 //   line.Start(received, closed);
 //   Spawn({"qemu-system-arm", "-chardev", "socket,id=main,abstract=on,path=" + line.abstract_name(), ...});
 //
-// The peer may come late, leave and come back: this end stays. What is written while nobody is plugged in is lost,
-// as on a cable. A second peer waits until the first has left. Users other than ours are turned away.
+// The peer may come late, leave and come back; this end stays. What is written while no peer is plugged in is
+// lost, as on a cable. A second peer waits until the first has left. Peers of other users are refused.
 #pragma once
 
 #include <boost/asio/posix/stream_descriptor.hpp>
@@ -21,7 +21,7 @@ namespace tiltproof::link {
 
 class SocketLine final : public ByteLine {
  public:
-  // Listens, at a name that the kernel chooses. Throws std::runtime_error when it cannot.
+  // Listens under a name that the kernel chooses. Throws std::runtime_error when it cannot.
   explicit SocketLine(boost::asio::io_context& loop);
   ~SocketLine() override;
 

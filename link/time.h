@@ -1,4 +1,5 @@
-// Time is a count of nanoseconds, and is always passed in: nothing below the real-time adapters reads a clock.
+// Time is a count of nanoseconds, and is always passed in: no code below the real-time adapters reads a
+// clock.
 //
 // There are two times, and mixing them does not compile:
 //
@@ -7,7 +8,7 @@
 //   TimeNs    simulation time, and durations. Simulation time t = 0 is when the server accepts the client's `start`
 //             (arrival of its last byte); what happened before has negative time
 //
-// An Origin, the boot time of t = 0, makes one of the other:
+// An Origin, the boot time of t = 0, converts one into the other:
 //
 //   Origin origin(arrival_of_start);
 //   log(origin.SimulationTime(arrival));
@@ -43,7 +44,7 @@ class BootTime {
   // Earlier than everything, power-on included.
   static constexpr BootTime Earliest() { return BootTime(kPowerOn); }
 
-  // What the clock shows, for those who take a plain number.
+  // The clock's reading as a plain number.
   constexpr std::int64_t ns() const { return ns_; }
 
   constexpr BootTime& operator+=(TimeNs duration) { return *this = *this + duration; }
@@ -71,7 +72,7 @@ class Origin {
   constexpr TimeNs SimulationTime(BootTime t) const {
     return t == BootTime::Earliest() || !known() ? kPowerOn : t - of_t0_;
   }
-  // Of a known one. kNever is Never().
+  // For a known origin. kNever becomes Never().
   constexpr BootTime ToBootTime(TimeNs t) const { return t == kNever ? BootTime::Never() : of_t0_ + t; }
 
   // Without t = 0 there is no simulation time: what is logged then has the time since power-on.

@@ -1,7 +1,7 @@
-// Serial lines over unix stream sockets: how emulators and simulators (QEMU's -chardev socket, for one) offer the
-// serial ports of the machine they play.
+// Serial lines over unix stream sockets: emulators and simulators (for example QEMU with -chardev socket)
+// offer the serial ports of their machine in this way.
 //
-// A name is `unix:PATH`, or `unix:@NAME` for a name that is no file (the abstract namespace of Linux).
+// A name is `unix:PATH`, or `unix:@NAME` for a name that is not a file (the abstract namespace of Linux).
 #pragma once
 
 #include <optional>
@@ -10,7 +10,7 @@
 
 namespace tiltproof::link {
 
-// A file descriptor that is closed with this object.
+// A file descriptor that this object closes at its end.
 class OwnedDescriptor {
  public:
   explicit OwnedDescriptor(int value = -1) : value_(value) {}
@@ -28,12 +28,12 @@ class OwnedDescriptor {
 
 bool IsSocketName(std::string_view name);
 
-// Whether there is such a socket, without calling it: who listens may take one caller only. Nullopt when there is,
-// else what is wrong and what to do.
+// Checks whether there is such a socket without connecting to it: the listening process may accept only one
+// caller. Nullopt when there is, otherwise what is wrong and what to do.
 std::optional<std::string> SocketTrouble(const std::string& name);
 
-// A connected, non-blocking descriptor. Throws std::runtime_error that says what is wrong: nobody listens there,
-// no permission, not a stream socket.
+// A connected, non-blocking descriptor. Throws std::runtime_error that says what is wrong: no process listens
+// there, no permission, not a stream socket.
 OwnedDescriptor ConnectSocket(const std::string& name);
 
 }  // namespace tiltproof::link

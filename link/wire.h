@@ -1,9 +1,9 @@
 // One direction of a serial line, byte-accurate: baud rate, 8N1 byte time, the sender's busy transmitter,
 // faults, arrivals.
 //
-// The same code runs in lockstep (times are virtual) and in real time (times are the clock's): see link/time.h. Bytes travel
-// as chunks with times: what is sent is cut into frames at the flags, each frame goes through the filter as
-// one chunk when it is complete, and byte i of the chunk arrives at begin + (i + 1) byte times.
+// The same code runs in lockstep (times are virtual) and in real time (times are the clock's): see
+// link/time.h. Bytes travel as chunks with times. What is sent is cut into frames at the flags. Each complete
+// frame goes through the filter as one chunk, and byte i of the chunk arrives at begin + (i + 1) byte times.
 //
 //   Wire wire({.baud = 921600}, Direction::kToPlant, *FindProtocol("paper"), filter);
 //   BootTime sent = wire.Transmit(now, frame);        // when the last stop bit leaves the sender
@@ -11,13 +11,13 @@
 //   wire.Take(next, [](BootTime arrival, std::span<const std::uint8_t> bytes) { ... });
 //
 // Where frames are cut: a flag closes a frame when something other than flags came before it. So a flag
-// shared by two frames belongs to the first of them, and idle flags to the frame that follows. Bytes that no
-// flag closes go on as a chunk of their own once the sender has been silent for IdleTime(), or when there are
-// kChunkBytesMax of them. Times do not depend on how the sent bytes are spread over calls of Transmit(); a
-// sender that pauses within a frame delays the whole of it, so that its last byte is on time.
+// shared by two frames belongs to the first of them, and idle flags belong to the frame that follows. Bytes
+// that no flag closes go on as their own chunk once the sender has been silent for IdleTime(), or when there
+// are kChunkBytesMax of them. Times do not depend on how the sent bytes are split over calls of Transmit(). A
+// sender that pauses within a frame delays the whole frame, so that its last byte is on time.
 //
-// Nothing arrives before the wire could know of it: what a chunk becomes in the filter ends, at the earliest,
-// when the closing flag was handed over (or the idle time was over).
+// Nothing arrives before the wire could know of it: the result of the filter ends, at the earliest, when the
+// closing flag was handed over (or the idle time was over).
 #pragma once
 
 #include <cstddef>
@@ -35,27 +35,27 @@
 namespace tiltproof::link {
 
 struct WireConfig {
-  std::int64_t baud = 921'600;    // bits per second, 8N1: ten bits a byte; 0 = ideal, zero byte time
+  std::int64_t baud = 921'600;    // bits per second, 8N1: ten bits per byte; 0 = ideal, zero byte time
   TimeNs adapter_latency_ns = 0;  // a USB-serial adapter's buffering: added to every arrival
 };
 
 class Wire {
  public:
   static constexpr std::int64_t kIdleBytes = 20;
-  // More than any frame of the codec has.
+  // More bytes than any frame of the codec has.
   static constexpr std::size_t kChunkBytesMax = 1024;
 
   // `stage`, the filter, may be null (no faults); it and the protocol must outlive the wire.
   Wire(const WireConfig& config, Direction direction, const Protocol& protocol, ChunkFilter* stage);
 
-  // The sender puts bytes in its transmitter at `now` (not decreasing); they follow what it is still sending.
-  // Returns when the last stop bit has left.
+  // The sender puts bytes into its transmitter at `now` (not decreasing); they follow what it is still
+  // sending. Returns when the last stop bit has left.
   BootTime Transmit(BootTime now, std::span<const std::uint8_t> bytes);
 
-  // More was to wait here than kLineBytesMax. From then on nothing is sent.
+  // More was to wait here than kLineBytesMax. From then on nothing more is sent.
   bool overfull() const { return overfull_; }
 
-  // Earliest time at which Take() has something that its receiver should be woken for: the end of a piece
+  // Earliest time at which Take() has something for which its receiver should be woken: the end of a piece
   // (see TakePiece()), or the end of the idle time of bytes that no flag closed. Never() when the wire is
   // empty.
   BootTime NextArrival() const;
@@ -70,8 +70,8 @@ class Wire {
   // nullopt when there are none. The bytes stay valid until the next call.
   std::optional<Piece> TakePiece(BootTime until);
 
-  // All of them: calls receiver(BootTime arrival, std::span<const std::uint8_t> bytes) for each piece. The
-  // receiver may transmit, on this wire too.
+  // Takes all of them: calls receiver(BootTime arrival, std::span<const std::uint8_t> bytes) for each piece.
+  // The receiver may transmit, also on this wire.
   template <class Receiver>
   void Take(BootTime until, Receiver&& receiver) {
     while (const std::optional<Piece> piece = TakePiece(until)) receiver(piece->arrival_ns, piece->bytes);
@@ -88,17 +88,17 @@ class Wire {
   TimeNs BytesTime(std::int64_t byte_count) const { return link::BytesTime(config_.baud, byte_count); }
 
   // Silence of the sender after which bytes without a closing flag go on: kIdleBytes byte times; on an ideal
-  // line those of 921600 baud.
+  // line, byte times at 921600 baud.
   TimeNs IdleTime() const;
 
  private:
-  // How many of the bytes belong to the open chunk; `closed` when the last of them closes it.
+  // How many of the bytes belong to the open chunk; sets `closed` when the last of them closes it.
   std::size_t BytesOfOpenChunk(std::span<const std::uint8_t> bytes, bool& closed);
   std::uint8_t flag_byte() const { return protocol_->framing.flag; }
   void FlushIfIdle(BootTime now);
   // The open chunk goes through the filter, into the queue; the wire knows of all of it at `known_ns`.
   void SendOpenChunk(BootTime known_ns);
-  // Whether there is room for that much; else the wire is overfull.
+  // Whether there is room for that many bytes; otherwise the wire is overfull.
   bool HasRoomFor(std::size_t bytes);
   void Enqueue(Chunk&& chunk, BootTime known_ns);
   void Recycle(Chunk&& chunk);
@@ -115,7 +115,7 @@ class Wire {
   ChunkFilter* stage_;
   Taps taps_;
 
-  // The transmitter has been busy without pause since busy_begin_ns_, and has sent all at
+  // The transmitter has been busy without a pause since busy_begin_ns_, and has sent everything at
   // transmitter_free_ns_.
   BootTime busy_begin_ns_ = BootTime::Earliest();
   std::int64_t busy_bytes_ = 0;

@@ -1,4 +1,5 @@
-// What a disturbance makes of the vehicle: its bodies with other masses, and the drag of the air. Internal to the plant.
+// The effect of a disturbance on the vehicle: other masses of its bodies, and the drag of the air. Internal
+// to the plant.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,14 +10,15 @@
 
 namespace tiltproof::plant {
 
-// The vehicle with the disturbance's factors of mass and inertia, and its shift of the centre of mass. Its hover
-// stays that of the vehicle as it was: that is what its controller knows.
+// The vehicle with the disturbance's factors of mass and inertia, and its shift of the centre of mass. Its
+// hover stays that of the undisturbed vehicle, which is what its controller knows.
 VehicleModel WithBodies(const VehicleModel& vehicle, const Disturbance& disturbance);
 
 // N, along the axes of the velocity `v_m_s`, which is relative to the air.
 Eigen::Vector3d DragForce(const BodyDrag& drag, const Eigen::Vector3d& v_m_s);
 
-// Why no plant can apply it: something is not a number, a factor of mass or inertia not positive. Empty when one can.
+// Why no plant can apply it: a value is not a number, or a factor of mass or inertia is not positive. Empty
+// when one can.
 std::string DisturbanceProblem(const Disturbance& disturbance);
 
 }  // namespace tiltproof::plant

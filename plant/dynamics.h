@@ -9,7 +9,7 @@
 // angular velocity,
 //   sum (m J_v^T a + J_w^T (I w' + w x I w)) = generalised forces,
 //   a = J_v q'' + a_0,   w' = J_w q'' + w'_0.
-// Neither stops nor ground nor saturation. Singular at pitch +/-90 deg.
+// Without stops, ground and saturation. Singular at pitch +/-90 deg.
 //
 // Templated on the scalar (double, std::complex<double>): a complex step h gives derivatives without
 // rounding, df/dx = Im f(x + ih) / h.
@@ -66,7 +66,7 @@ extern template EquationsOfMotion<std::complex<double>> ComputeEquationsOfMotion
     const VehicleModel&, const Coordinates<std::complex<double>>&, const Coordinates<std::complex<double>>&,
     const Inputs<std::complex<double>>&);
 
-// Rest in the air at yaw 0 by Newton's method from level attitude; ignores model.hover, limits of inputs and
+// Hover at yaw 0, found by Newton's method from level attitude; ignores model.hover, limits of inputs and
 // stops. Throws DesignError when there is none.
 Hover SolveHover(const VehicleModel& model);
 

@@ -5,8 +5,8 @@
 //   std::cout << GainCsv(design.gain);
 //   design.delay_margin_s;  // 0.009 for the design plant
 //
-// The vehicle's exact hover is found, the equations of motion linearised there and discretised with a
-// zero-order hold of 12 ms. The 20 states are
+// The design finds the vehicle's exact hover, linearises the equations of motion there and discretises them
+// with a zero-order hold of 12 ms. The 20 states are
 //   q (8), q_dot (8), integrals of the errors of x, y, z, yaw (4)    q = x y z roll pitch yaw alpha_r alpha_l
 // with trapezoidal integrals that include the present error, and the law is u = u_eq - K (x - x_ref).
 #pragma once
@@ -28,7 +28,7 @@ inline constexpr int kDesignStateCount = kPlantStateCount + kIntegralCount;
 // Rows f_r (N), f_l (N), tau_r (N m), tau_l (N m); columns in the order of the 20 states.
 using GainMatrix = Eigen::Matrix<double, kInputCount, kDesignStateCount>;
 
-// x(k+1) = a x(k) + b u(k), and the continuous model it came from.
+// x(k+1) = a x(k) + b u(k), and the continuous model from which it was computed.
 struct SampledModel {
   double period_s = 0;
   LinearModel continuous;
@@ -42,7 +42,7 @@ struct LqrWeights {
   Eigen::Matrix<double, kDesignStateCount, 1> q;
   Eigen::Matrix<double, kInputCount, 1> r;
 };
-// Those that give the authors' published gain. The paper prints two of them otherwise: for R it has
+// The weights that give the authors' published gain. The paper prints two of them differently: for R it has
 // sqrt(0.2), sqrt(0.05) where 1/0.2^2, 1/0.05^2 are meant, and for the rates of alpha 5/(9 pi^2) where 5/(9
 // pi)^2 is meant.
 LqrWeights PaperWeights();
@@ -67,11 +67,11 @@ struct LqrDesign {
 LqrDesign DesignLqr(const VehicleModel& model, const LqrOptions& options = {});
 
 // Largest eigenvalue magnitude of the closed loop where u(k), computed from the state at k T, is in force
-// from k T + delay until the next takes over. delay_s in [0, kDelayMax_s].
+// from k T + delay until the next input takes over. delay_s in [0, kDelayMax_s].
 double ClosedLoopSpectralRadius(const SampledModel& model, const GainMatrix& gain, double delay_s = 0);
 
-// The largest delay_s such that the closed loop is stable with it and with every smaller one; to 1 us.
-// Negative when it is unstable without delay, kDelayMax_s when it stays stable up to there.
+// The largest delay_s such that the closed loop is stable with it and with every smaller delay; to 1 us.
+// Negative when the loop is unstable without delay, kDelayMax_s when it is stable up to that.
 inline constexpr double kDelayMax_s = 0.1;
 double DelayMargin(const SampledModel& model, const GainMatrix& gain);
 

@@ -9,8 +9,8 @@
 
 namespace tiltproof::plant {
 
-// A text that says where they go, with the elements; empty when none is missing. Links and joints are the
-// model's own, as far as its joints tell their roles; numbers are examples.
+// A text that says where they go, followed by the elements; empty when none is missing. Links and joints are
+// the model's own, as far as its joints reveal their roles; numbers are examples.
 std::string MissingElements(const tinyxml2::XMLElement& model, const VehicleElements& present);
 
 }  // namespace tiltproof::plant

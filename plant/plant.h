@@ -8,12 +8,13 @@
 //   std::vector<double> state(model.signals().states.size());
 //   plant.State(state);                 // world rates
 //
-// A row of numbers has the order of the vehicle's table (VehicleModel::signals), and its size: another one
-// is a broken invariant (link/check.h). No step takes memory from the heap, but one
-// at which the bodies' masses change.
+// A row of numbers has the order and the size of the vehicle's table (VehicleModel::signals); a row of
+// another size is a broken invariant (link/check.h). No step allocates from the heap, except one at which the bodies' masses
+// change.
 //
-// Knows no byte and no fault: what a fault does to the vehicle comes as a Disturbance beside the input. Two plants with the same model and the same calls give the same bits. A plant
-// is used by one thread at a time.
+// The plant knows no bytes and no faults: what a fault does to the vehicle comes as a Disturbance beside the
+// input. Two plants with the same model and the same calls give the same bits. A plant is used by one thread
+// at a time.
 #pragma once
 
 #include <array>
@@ -30,7 +31,7 @@ namespace tiltproof::plant {
 
 struct PlantOptions {
   TimeNs step_ns = 4 * kNsPerMs;  // > 0
-  // What is there besides the vehicle. Without ground and gravity energy and momentum are conserved: for
+  // What exists besides the vehicle. Without ground and gravity, energy and momentum are conserved: for
   // checks.
   double gravity_m_s2 = kGravity_m_s2;
   bool ground = true;  // the plane z = 0
@@ -47,36 +48,36 @@ inline constexpr double kPositionMax_m = 1e3;
 
 class Plant {
  public:
-  // Stands as after Reset({0, 0, 1}, {0, 0, 0}). Throws PlantError.
+  // Starts as after Reset({0, 0, 1}, {0, 0, 0}). Throws PlantError.
   Plant(const VehicleModel& model, const PlantOptions& options);
   ~Plant();
   Plant(const Plant&) = delete;
   Plant& operator=(const Plant&) = delete;
 
   // Places the main body's frame origin (m, world) with Z-Y-X Euler angles roll, pitch, yaw (rad), servos at
-  // their angles of hover, everything at rest. All finite, or PlantError.
+  // their hover angles, everything at rest. Throws PlantError unless all values are finite.
   void Reset(const std::array<double, 3>& position_m, const std::array<double, 3>& attitude_rad);
-  // Everything placed and moving as given, angular rates along the world's axes. Angles of the servos within
-  // their stops.
+  // Sets positions and rates as given, angular rates along the world's axes. Angles of the servos must be
+  // within their stops.
   void Reset(std::span<const double> state);
 
-  // One step with the inputs saturated to the model's limits. After the event kNotFinite (also: an input or a
-  // disturbance that is not a number) the plant stands still. Disturbance{} changes no bit.
+  // One step with the inputs saturated to the model's limits. After the event kNotFinite (also caused by an
+  // input or a disturbance that is not a number) the plant no longer moves. Disturbance{} changes no bit.
   void Step(std::span<const double> input, const Disturbance& disturbance = {});
-  // Changes a row of inputs to what Step would apply for it.
+  // Changes a row of inputs to the values that Step would apply.
   void Saturate(std::span<double> input) const;
 
-  // Fills in the true state; angular rates in the frame asked for. Yaw is in (-pi, pi].
+  // Fills in the true state; angular rates in the requested frame. Yaw is in (-pi, pi].
   void State(std::span<double> state, RatesFrame frame = RatesFrame::kWorld) const;
   // Fills in the sensors: the state when they last sampled (model.sensor_rate_hz, from Reset on), State() of
   // the first step boundary at or after their sampling time. The same as State() for sensors that sample at
   // every step.
   void ReadSensors(std::span<double> sensors, RatesFrame frame = RatesFrame::kWorld) const;
 
-  // First of: not finite; |position| > kPositionMax_m; tilt beyond 90 deg; main body touching the ground.
-  // Sticky until Reset.
+  // The first of: not finite; |position| > kPositionMax_m; tilt beyond 90 deg; main body touching the ground.
+  // Kept until Reset.
   FlightEvent Event() const;
-  // Which body and value, for a person; empty for kNone.
+  // The body and value of the event, for a person; empty for kNone.
   std::string EventText() const;
 
   // Sum of kinetic and potential energy (J), linear momentum (kg m/s) and angular momentum about the world

@@ -16,7 +16,7 @@ namespace tiltproof::plant {
 
 inline Eigen::Vector3d ToVector(const dReal* v) { return {v[0], v[1], v[2]}; }
 
-// Throws BrokenInvariant when a row has not the table's size.
+// Throws BrokenInvariant when a row does not have the table's size.
 void CheckSize(std::size_t size, const SignalTable& table, const char* what);
 
 struct Plant::World {
@@ -24,7 +24,7 @@ struct Plant::World {
   using Vector3d = Eigen::Vector3d;
   using Matrix3d = Eigen::Matrix3d;
 
-  // A body of ours, and ODE's at its centre of mass.
+  // A body of the model, and ODE's at its centre of mass.
   struct Body {
     dBodyID id = nullptr;
     Vector3d p_com_m;

@@ -1,4 +1,5 @@
-// A row of states: where things stand in it, and angular rates in other frames. Internal to the plant.
+// A row of states: the places of its values, and conversions of angular rates to other frames. Internal to
+// the plant.
 //
 //   const StateLayout at(model.thrusters.size());
 //   Eigen::Vector3d v_WB = VectorAt(state, at.velocity);
@@ -13,7 +14,7 @@
 namespace tiltproof::plant {
 
 // In the order of VehicleModel::signals: position, attitude, hinge angles, velocity, angular velocity, hinge
-// rates. Each is the index of its first number.
+// rates. Each member is the index of its first number.
 struct StateLayout {
   explicit StateLayout(std::size_t hinge_count)
       : velocity(hinges + hinge_count), rates(velocity + 3), hinge_rates(rates + 3) {}
@@ -21,7 +22,7 @@ struct StateLayout {
   std::size_t velocity, rates, hinge_rates;
 };
 
-// Three numbers of a row from `first` on.
+// Three numbers of a row, from `first` on.
 Eigen::Vector3d VectorAt(std::span<const double> row, std::size_t first);
 void SetVector(std::span<double> row, std::size_t first, const Eigen::Vector3d& v);
 

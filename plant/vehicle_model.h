@@ -5,8 +5,8 @@
 //   model.signals().inputs[0].name;  // "f_r_n"
 //   model.HoverInput()[0];           // 10.27
 //
-// SDF has no words for thrusters and servos; the elements below add them. They stand in the <model>, or alone
-// in a file `<stem>.tiltproof.xml` beside the SDF file, which then needs no change:
+// SDF has no elements for thrusters and servos; the elements below add them. They are in the <model>, or in a
+// separate file `<stem>.tiltproof.xml` beside the SDF file, which then needs no change:
 //
 //   <tiltproof:vehicle xmlns:tiltproof="urn:tiltproof:vehicle:1">
 //     <tiltproof:base link="body"/>
@@ -58,8 +58,8 @@ struct VehicleProblem {
   std::string message;
 };
 
-// A vehicle file that cannot be used: everything that is wrong with it, in the order of its lines. what() has
-// one line "file:line: message" for each, without ":line" where line is 0, and then the advice, if any.
+// A vehicle file that cannot be used: all its errors, in the order of its lines. what() has one line
+// "file:line: message" for each, without ":line" where line is 0, and then the advice, if any.
 class VehicleError : public std::runtime_error {
  public:
   explicit VehicleError(std::vector<VehicleProblem> problems, const std::string& advice = {});
@@ -78,7 +78,7 @@ struct RigidBody {
       Eigen::Matrix3d::Identity();  // about the centre of mass, axes of the link frame
 };
 
-// What touches the ground.
+// The shape that touches the ground.
 struct CollisionShape {
   enum class Kind { kBox, kSphere, kCylinder };
   Kind kind = Kind::kBox;
@@ -106,14 +106,14 @@ struct TiltingThruster {
   double torque_max_nm = 0;  // of the servo, either sign
 };
 
-// Of the air on the main body: the force -(linear + quadratic |v|) v at its centre of mass, v its velocity relative
-// to the air. Alike from all sides, and without a torque.
+// Drag of the air on the main body: the force -(linear + quadratic |v|) v at its centre of mass, where v is
+// its velocity relative to the air. The same in all directions, and without a torque.
 struct BodyDrag {
   double linear_n_s_m = 0, quadratic_n_s2_m2 = 0;
   friend bool operator==(const BodyDrag&, const BodyDrag&) = default;
 };
 
-// Rest in the air: yaw 0, all rates 0.
+// Hover: yaw 0, all rates 0.
 struct Hover {
   double roll_rad = 0, pitch_rad = 0;
   std::vector<double> hinge_rad;  // of each hinge
@@ -134,7 +134,7 @@ struct VehicleModel {
 
   double MassTotal() const { return base.mass_kg + thrusters[0].body.mass_kg + thrusters[1].body.mass_kg; }
 
-  // Of rotors and hinges i, in the order of the thrusters, `right` and `left` spelled r and l:
+  // Signals of rotors and hinges i, in the order of the thrusters, with `right` and `left` spelled r and l:
   //   states   x_m y_m z_m roll_rad pitch_rad yaw_rad, alpha_<i>_rad, vx_m_s vy_m_s vz_m_s
   //            wx_rad_s wy_rad_s wz_rad_s, alpha_<i>_rad_s
   //   sensors  the same
@@ -147,16 +147,16 @@ struct VehicleModel {
   std::vector<double> InputMax() const;
 };
 
-// How the main body's angular velocity is expressed: along the world's axes, along its own, or as derivatives
-// of roll, pitch, yaw.
+// How the main body's angular velocity is expressed: along the world's axes, along its own axes, or as
+// derivatives of roll, pitch, yaw.
 enum class RatesFrame { kWorld, kBody, kEuler };
 
 struct LoadOptions {
   // A physically impossible inertia (not positive definite, or violating the triangle inequality) is a
   // warning, not an error.
   bool allow_invalid_inertia = false;
-  // The file with the tiltproof elements; empty: `<stem>.tiltproof.xml` beside the model if it exists, else
-  // those in the model.
+  // The file with the tiltproof elements; empty: `<stem>.tiltproof.xml` beside the model if it exists,
+  // otherwise those in the model.
   std::filesystem::path mapping;
 };
 

@@ -1,5 +1,5 @@
-// The text of a vehicle file: what libsdformat does not keep. Line numbers, the tiltproof elements, and what
-// has no effect here. Internal to LoadVehicle.
+// The text of a vehicle file: what libsdformat does not keep. That is line numbers, the tiltproof elements,
+// and what has no effect here. Internal to LoadVehicle.
 #pragma once
 
 #include <tinyxml2.h>
@@ -40,7 +40,7 @@ struct VehicleElements {
   BodyDrag drag;
 };
 
-// Whatever is wrong is added to `problems`; what cannot be read then has its default.
+// All errors are added to `problems`; what cannot be read has its default.
 class VehicleXml {
  public:
   // Throws VehicleError when the file cannot be read, is not XML, or holds no single <model>.
@@ -51,7 +51,7 @@ class VehicleXml {
   VehicleElements ReadElements(const std::filesystem::path& mapping, std::vector<std::string>& warnings,
                                std::vector<VehicleProblem>& problems) const;
 
-  // The version of SDF, and names: that links and joints have one each, and that joints join links there are.
+  // Checks the version of SDF and the names: links and joints have one each, and joints join existing links.
   void CheckNames(std::vector<VehicleProblem>& problems) const;
 
   // One line for every element without effect on the flight.
@@ -59,8 +59,8 @@ class VehicleXml {
 
   const tinyxml2::XMLElement& model() const { return *model_; }
 
-  // Line of <link name=...> or <joint name=...> (`tag`), or of a child of it; of the model when there is none
-  // such.
+  // Line of <link name=...> or <joint name=...> (`tag`), or of a child of it; the line of the model when
+  // there is no such element.
   int Line(std::string_view tag, std::string_view name, const char* child = nullptr) const;
 
  private:

@@ -1,8 +1,9 @@
-// What this process prints, on standard output and error, from now on: for the code of others that runs in it.
+// Captures what this process prints, on standard output and error, from now on: for foreign code that runs in
+// it.
 //
 //   CapturedOutput output;  CallFirmware();  output.TakeLines([&](std::string line) { log(line); });
 //
-// Nothing that is printed blocks: what does not fit the buffer (1 MiB between two looks) is lost.
+// Printing never blocks: output that does not fit the buffer (1 MiB between two calls of TakeLines) is lost.
 #pragma once
 
 #include <functional>
@@ -16,14 +17,14 @@ namespace tiltproof::harness {
 class CapturedOutput {
  public:
   CapturedOutput();
-  // The streams are what they were before.
+  // Restores the streams.
   ~CapturedOutput();
   CapturedOutput(const CapturedOutput&) = delete;
   CapturedOutput& operator=(const CapturedOutput&) = delete;
 
   using OnLine = std::function<void(std::string)>;
   void TakeLines(const OnLine& on_line);
-  // With the last, even if it has no end.
+  // Also the last line, even if it has no end.
   void TakeAll(const OnLine& on_line);
 
  private:

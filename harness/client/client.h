@@ -1,4 +1,4 @@
-// The firmware under test as the conductor sees it: bytes, times and a status, nothing else.
+// The firmware under test, as the conductor sees it: bytes, times and a status, nothing else.
 #pragma once
 
 #include <cstddef>
@@ -23,20 +23,20 @@ struct ClientStatus {
   std::uint32_t failsafe_count = 0;
 };
 
-// Kinds of DeviceEvent. The firmware boots anew: its processor was reset, or its process started again.
+// Kinds of DeviceEvent. The firmware reboots: its processor was reset, or its process was restarted.
 inline constexpr const char* kResetEvent = "device_reset";
-// A line cannot work as it is set up: what a person should read when the flight never starts.
+// A line cannot work as it is configured: an explanation for the user when the flight never starts.
 inline constexpr const char* kLineTroubleEvent = "line_trouble";
-// Bytes that came while the one before had not been read.
+// Bytes that arrived before the previous byte had been read.
 inline constexpr const char* kOverrunEvent = "uart_overrun";
 
-// Something that befell the board.
+// An event on the board.
 struct DeviceEvent {
   BootTime time_ns;
-  std::optional<std::size_t> fault;  // that did it: its index in the scenario
+  std::optional<std::size_t> fault;  // the fault that caused it: its index in the scenario
   std::string kind;                  // kResetEvent, "bit_flipped", kOverrunEvent, ...
   std::string text;
-  std::int64_t overruns_count = 0;  // of a kOverrunEvent: bytes lost
+  std::int64_t overruns_count = 0;  // for a kOverrunEvent: bytes lost
 };
 
 // What a client may call while it runs. Times are boot time.
@@ -51,22 +51,23 @@ class Client {
  public:
   virtual ~Client() = default;
 
-  // A client that acts only when it is called (a library) is called at the instant at which something arrives or
-  // its time has come. One with a processor of its own (an emulator) runs on between its calls: it is given bytes
-  // ahead of time, as soon as their arrival is certain, and so is each at its own time at its pin.
+  // A client that acts only when it is called (a library) is called when bytes arrive or its wake-up time is
+  // reached. A client with its own processor (an emulator) runs on between its calls. It receives bytes ahead
+  // of time, as soon as their arrival is certain, so that each byte reaches its pin at its own time.
   virtual bool RunsOn() const { return false; }
 
-  // Power-on. Returns until when the client waits.
+  // Powers the client on. Returns until when the client waits.
   virtual BootTime Start(BootTime now) = 0;
-  // Bytes, back to back, the last of which arrives at `arrival`. `marks` is empty, or says of each what the
-  // receiver makes of it.
+  // Bytes, back to back, the last of which arrives at `arrival`. `marks` is empty, or says for each byte how
+  // the receiver treats it.
   virtual void Receive(Uart uart, BootTime arrival, std::span<const std::uint8_t> bytes,
                        std::span<const faults::ReceiveMark> marks) = 0;
-  // Runs the client at `now`; one that runs on, from there to `horizon` at most, or until it has transmitted what
-  // may be answered. Returns until when it waits.
+  // Runs the client at `now`. A client that runs on runs from there to `horizon` at most, or until it has
+  // transmitted a byte that may be answered. Returns until when it waits.
   virtual BootTime Grant(BootTime now, BootTime horizon) = 0;
-  // What the faults on the board do, told once when t = 0 is known; a Grant() follows. Throws
-  // std::runtime_error for a command that makes no sense with this firmware (a region that its image does not have).
+  // Tells the client what the faults on the board do, once, when t = 0 is known; a Grant() follows. Throws
+  // std::runtime_error for a command that makes no sense with this firmware (a region that its image does not
+  // have).
   virtual void Command(const std::vector<faults::DeviceCommand>& commands, Origin origin) = 0;
   virtual std::optional<ClientStatus> Status() = 0;
 };

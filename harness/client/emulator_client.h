@@ -14,8 +14,9 @@ struct EmulatorLines {
   std::int64_t reference_baud = 921'600;
 };
 
-// Throws std::runtime_error when there is no such image or plug-in or the emulator does not start. While it flies,
-// a board that crashes or never rests is FirmwareTrouble; before its `start` it may be busy for `start_within_ns`.
+// Throws std::runtime_error when there is no such image or plug-in or the emulator does not start. During the
+// flight, a board that crashes or never sleeps is FirmwareTrouble; before its `start` it may be busy for
+// `start_within_ns`.
 std::unique_ptr<Client> StartEmulatorClient(const EmulatorSpec& spec, const EmulatorLines& lines,
                                             TimeNs start_within_ns, ClientHost host);
 

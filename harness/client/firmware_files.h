@@ -3,7 +3,8 @@
 //   FirmwareFile(HostLibrary{}, "paper", dialect);      // <build>/lib/libtiltproof_firmware.so
 //   FirmwareFile(EmulatedImage{}, "paper", dialect);    // <build>/firmware/stm32f4/executive-paper.elf
 //
-// An installed program has its files beside its bin folder, one of a build folder in that folder.
+// An installed program has its files beside its bin folder; a program in a build folder has them in that
+// folder.
 #pragma once
 
 #include <filesystem>
@@ -15,19 +16,19 @@
 
 namespace tiltproof::harness {
 
-// This program itself, and its folder.
+// This program's file, and its folder.
 std::filesystem::path ProgramFile();
 std::filesystem::path ProgramFolder();
 
 // The lockstep plug-in of the emulator.
 std::filesystem::path LockstepPlugin();
 
-// The library or image that flies when a scenario names this build of the firmware; empty for a client that is
-// neither.
+// The library or image that flies when a scenario names this build of the firmware; empty for any other kind
+// of client.
 std::filesystem::path FirmwareFile(const ClientSpec& client, const std::string& firmware,
                                    const std::string& dialect);
 
-// An emulated board with the image in it, which speaks this protocol.
+// An emulated board with the image, which speaks this protocol.
 EmulatorSpec BoardOf(const EmulatedImage& image, const std::string& firmware, const link::Protocol& protocol);
 
 }  // namespace tiltproof::harness

@@ -1,15 +1,17 @@
-// Calls into code under test that may crash, end the process or never return, without dying with it.
+// Guards calls into code under test that may crash, end the process or never return, so that this process
+// survives them.
 //
-// A process that flies a library may do what a long-lived one must not: a fatal signal raised while the firmware runs,
-// a call that lasts longer than the limit, and a call of exit() or exec (harness/client/process_end.cpp) jump back here
-// and become an exception; the flight so far is kept and scored. Signals raised outside guarded code keep their default
-// action. The harness's floating-point modes are in force again after every call, however it ended.
+// A process that flies a library may do what a long-lived one must not. A fatal signal raised while the
+// firmware runs, a call that lasts longer than the limit, and a call of exit() or exec
+// (harness/client/process_end.cpp) jump back here and become an exception. The flight so far is kept and
+// scored. Signals raised outside guarded code keep their default action. The harness's floating-point modes
+// are restored after every call, however it ended.
 //
-//   FirmwareGuard::Install();                                                   // once a process
+//   FirmwareGuard::Install();                                                   // once per process
 //   TimeNs wake = FirmwareGuard::Call(FirmwareCall::kGrant, [&] { return grant(now); });     // may throw FirmwareTrouble
 //
-// A firmware that holds off signals, or stops the process, is beyond this guard: for that, Watched tells another process
-// where the firmware is.
+// This guard cannot handle a firmware that blocks signals or stops the process. For that, Watched tells
+// another process where the firmware is.
 #pragma once
 
 #include <atomic>
@@ -27,10 +29,10 @@
 
 namespace tiltproof::harness {
 
-// The firmware under test did what firmware must not: its own fault, never the harness's.
+// The firmware under test did something forbidden: its own fault, never the harness's.
 struct FirmwareTrouble : std::runtime_error {
   FirmwareTrouble(bool hung_in, const std::string& text) : std::runtime_error(text), hung(hung_in) {}
-  bool hung;  // else crashed
+  bool hung;  // otherwise crashed
 };
 
 // Into the firmware.
@@ -46,26 +48,27 @@ enum class FirmwareCall : std::uint8_t {
   kStatus,
   kDestroy
 };
-// Of the function: "tiltproof_client_grant".
+// The name of the function: "tiltproof_client_grant".
 std::string_view Name(FirmwareCall call);
 
 class FirmwareGuard {
  public:
-  // Of the firmware's own time: none passes while its thread waits for a processor or the process is stopped, and while
-  // it has called back, only what the harness computes for it.
+  // Limit on the firmware's own time. No such time passes while its thread waits for a processor or the
+  // process is stopped; while it has called back, only the harness's computing time for it does.
   static constexpr TimeNs kHungAfterNs = 5 * kNsPerS;
-  // By then the guard has ended the call, or never will.
+  // By then the guard has ended the call, or never will end it.
   static constexpr TimeNs kUnreachableAfterNs = kHungAfterNs + 2 * kNsPerS;
 
-  // Where the firmware is. In memory that processes share, for another one to see.
+  // Where the firmware is. In memory shared between processes, so that another one can see it.
   struct Watched {
     std::atomic<std::uint64_t> calls_count{0};              // begun
-    std::atomic<FirmwareCall> inside{FirmwareCall::kNone};  // the one under way
-    // Set by the other one, which then sends SIGALRM: ends the call as that of a firmware that has stopped itself.
+    std::atomic<FirmwareCall> inside{FirmwareCall::kNone};  // the current one
+    // Set by the other process, which then sends SIGALRM: ends the call as that of a firmware that has
+    // stopped itself.
     std::atomic<bool> stopped_itself{false};
   };
 
-  // For calls from this thread: handlers, on a stack of their own, for the signals of a crash, and a timer.
+  // For calls from this thread: handlers, on their own stack, for the signals of a crash, and a timer.
   static void Install(Watched* watched = nullptr, TimeNs hung_after_ns = kHungAfterNs);
 
   template <class Function>
@@ -90,8 +93,8 @@ class FirmwareGuard {
     Throw();
   }
 
-  // What the firmware calls back: harness again, its signals and its floating-point modes. An exception does not pass
-  // through the firmware's frames: the call under way throws it.
+  // For calls back from the firmware: harness code again, with the harness's signals and floating-point
+  // modes. An exception does not pass through the firmware's frames: the current call throws it.
   template <class Function>
   static auto CallBack(const Function& function) {
     if (!IsInside()) return function();
@@ -107,8 +110,8 @@ class FirmwareGuard {
     ThrowFromCallBack();
   }
 
-  // Ends the call under way, as that of a firmware that "called exit(3)". Returns when there is none: outside of one,
-  // in another thread, in a process that the firmware has forked.
+  // Ends the current call, as that of a firmware that "called exit(3)". Returns when there is none: outside
+  // of a call, in another thread, in a process that the firmware has forked.
   static void EndCall(const char* what);
 
  private:
@@ -129,7 +132,7 @@ class FirmwareGuard {
 
   static sigjmp_buf jump_;
   static FloatingPointModes modes_;  // the harness's
-  static std::exception_ptr error_;  // of a call back
+  static std::exception_ptr error_;  // from a call back
 };
 
 }  // namespace tiltproof::harness

@@ -1,5 +1,5 @@
-// How floating-point arithmetic rounds, treats tiny numbers and traps, in this thread. Code of others may change that
-// (fesetround, a library built with -ffast-math), and with it every result of ours.
+// How floating-point arithmetic rounds, treats tiny numbers and traps, in this thread. Foreign code may
+// change that (fesetround, a library built with -ffast-math), and with it every result of the harness.
 //
 //   const FloatingPointModes ours;  CallOthers();  ours.Restore();
 #pragma once
@@ -27,7 +27,7 @@ class FloatingPointModes {
     if (now.control_ == control_ && ((now.mxcsr_ ^ mxcsr_) & ~kFlags) == 0) return;
     RestoreAll();
   }
-  // After a jump out of the middle of anything.
+  // After a jump out of arbitrary code.
   void RestoreAll() const {
     // Empties the x87 stack, too.
     asm volatile("fninit\n\tfldcw %0" : : "m"(control_));
@@ -35,7 +35,7 @@ class FloatingPointModes {
   }
 
  private:
-  static constexpr std::uint32_t kFlags = 0x3F;  // of what has happened; they change no result
+  static constexpr std::uint32_t kFlags = 0x3F;  // exceptions that have occurred; they change no result
   std::uint16_t control_ = 0;
   std::uint32_t mxcsr_ = 0;
 };

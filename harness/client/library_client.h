@@ -13,14 +13,14 @@
 namespace tiltproof::harness {
 
 // Loads the library and creates its client as build `firmware`. Throws std::runtime_error saying what is
-// wrong with the file: missing, not a library, a function missing, another interface version, or a build or
-// dialect that it does not know. What is printed is logged when `output` captures it. Trouble in
-// tiltproof_client_destroy is a warning on standard error: destroy it when the flight is judged.
+// wrong with the file: missing, not a library, a function missing, another interface version, or an unknown
+// build or dialect. Its output is logged when `output` captures it. A failure in tiltproof_client_destroy is
+// a warning on standard error: destroy the client when the flight is judged.
 std::unique_ptr<Client> LoadLibraryClient(const std::filesystem::path& library, const std::string& firmware,
                                           const std::string& dialect, ClientHost host,
                                           std::unique_ptr<CapturedOutput> output = nullptr);
 
-// Why the file is no firmware library, tried in a process of its own; nullopt when it is one.
+// Why the file is not a firmware library, tested in a separate process; nullopt when it is one.
 std::optional<std::string> LibraryMistake(const std::filesystem::path& library);
 
 }  // namespace tiltproof::harness

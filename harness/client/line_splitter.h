@@ -1,4 +1,5 @@
-// A stream of bytes, cut into lines for a log: without what a terminal would obey, and of a bounded length.
+// Cuts a stream of bytes into text lines for a log: without control characters that a terminal would obey,
+// and of limited length.
 //
 //   LineSplitter lines;  lines.Add(bytes, [&](std::string line) { log(line); });  lines.End(...);   // the rest, without its end
 #pragma once
@@ -28,7 +29,7 @@ class LineSplitter {
   }
 
  private:
-  // A tab is text; a carriage return may end a line of a serial console.
+  // A tab is text; a carriage return may end a text line of a serial console.
   static bool IsControl(char c) { return (c >= 0 && c < 0x20 && c != '\t' && c != '\r') || c == 0x7F; }
 
   template <class OnLine>

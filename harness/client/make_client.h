@@ -13,12 +13,12 @@
 
 namespace tiltproof::harness {
 
-// What a scenario asks of it.
+// What a scenario requires of it.
 struct ClientSettings {
-  std::string firmware;  // build; an image of the user's is one already
+  std::string firmware;  // build; a user's image is already a build
   std::shared_ptr<const link::Protocol> protocol;
   EmulatorLines lines;
-  TimeNs start_within_ns = 0;  // until then a busy image has time to start
+  TimeNs start_within_ns = 0;  // time that a busy image has to start
 };
 
 // Throws std::runtime_error that says what is wrong with the client or its file. For a library, a FirmwareGuard is

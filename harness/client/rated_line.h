@@ -1,7 +1,8 @@
-// A serial line whose end on the board has a rate of its own: when bytes leave, and what is understood of them.
+// A serial line whose end on the board has its own rate: when bytes leave, and how they are received.
 //
-// As long as both rates agree within the receiver's tolerance, bytes pass whole and take the line's time. Beyond it
-// they take that of their sender's rate, and are what sampling at the wrong rate makes of them (harness/emulator/line_sampler.h).
+// While both rates agree within the receiver's tolerance, bytes pass whole and take the line's time. Beyond
+// it they take the time of their sender's rate, and the receiver gets the result of sampling at the wrong
+// rate (harness/emulator/line_sampler.h).
 #pragma once
 
 #include <cstdint>
@@ -23,17 +24,19 @@ class RatedLine {
 
   std::int64_t baud() const { return baud_; }
   void Program(const UsartRate& rate) { rate_ = rate; }
-  // What is wrong with the programmed rate: "runs at 460526 baud"; empty when nothing is.
+  // What is wrong with the programmed rate: "runs at 460526 baud"; empty when it is right.
   std::string Trouble() const;
 
-  // How long the board sends that many bytes.
+  // How long the board takes to send that many bytes.
   TimeNs TransmitTime(std::size_t byte_count) const;
-  // The board gives bytes to its transmitter. When they begin on the line; none when they do not pass whole.
+  // The board gives bytes to its transmitter. Returns when they begin on the line; none when they do not pass
+  // whole.
   std::optional<TimeNs> Transmit(TimeNs now, std::span<const std::uint8_t> bytes);
-  // What became of those that do not, up to `until`, before which no other is given to the transmitter.
+  // What is received of bytes that do not pass whole, up to `until`; no other byte is given to the
+  // transmitter before that.
   std::vector<LineSampler::Received> TakeTransmitted(TimeNs until);
 
-  // Bytes to the board: whether they do not pass whole, and then the same the other way.
+  // Bytes to the board: whether they do not pass whole; if so, the same in the other direction.
   bool DamagesReceived() const;
   void Receive(TimeNs begin_ns, std::uint8_t byte) { received_.Put(begin_ns, byte, LineBitNs()); }
   std::vector<LineSampler::Received> TakeReceived(TimeNs until);

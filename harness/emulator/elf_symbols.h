@@ -1,7 +1,7 @@
-// The memory of a firmware image by name: where a device fault may strike, without a debugger.
+// The memory of a firmware image by name: where a device fault may act, without a debugger.
 //
 //   const ElfSymbols image("executive-paper.elf");
-//   const MemoryRegion bss = image.Region("bss");              // throws, naming what is near, when there is none
+//   const MemoryRegion bss = image.Region("bss");              // throws, naming similar ones, when there is none
 //   if (auto table = image.FindRegion("gain_table")) Flip(table->address, table->size_bytes);
 #pragma once
 
@@ -26,12 +26,12 @@ class ElfSymbols {
   // std::runtime_error that says what the file is instead.
   explicit ElfSymbols(const std::filesystem::path& file);
 
-  // `ram`: the main SRAM of an STM32F405, 128 KiB from 0x20000000 (RM0090, section 2.3.1).
-  // `data`, `bss`, `stack`: from the symbol _sdata to _edata, _sbss to _ebss, _sstack to _estack.
-  // Else a variable: a symbol with a size, named as in the symbol table or as in the source (a C++ name with its
-  // namespaces). Nullopt when there is none.
+  // `ram`: the main SRAM of an STM32F405, 128 KiB from 0x20000000 (RM0090, section 2.3.1). `data`, `bss`,
+  // `stack`: from the symbol _sdata to _edata, _sbss to _ebss, _sstack to _estack. Otherwise a variable: a
+  // symbol with a size, named as in the symbol table or as in the source (a C++ name with its namespaces).
+  // Nullopt when there is none.
   std::optional<MemoryRegion> FindRegion(std::string_view name) const;
-  // The same, or std::runtime_error with the names that are near.
+  // The same, or std::runtime_error with similar names.
   MemoryRegion Region(std::string_view name) const;
 
  private:

@@ -1,11 +1,13 @@
-// QEMU with the lockstep plug-in as a child process: an emulated STM32F405 that runs when and as far as it is told.
+// QEMU with the lockstep plug-in as a child process: an emulated STM32F405 that runs only when and as far as
+// it is told.
 //
 //   EmulatorProcess board({.image = "executive-paper.elf", .plugin = "tiltproof_lockstep.so"});
 //   board.Send(lockstep::Kind::kReceive, bytes);
 //   const lockstep::Stopped stopped = board.Run(12'000'000, [](const EmulatorMessage& message) { ... });
 //
-// An emulator that does not come back within kHungAfterNs of its own time (harness/process/own_time.h), or ends by
-// itself, is EmulatorTrouble, with what QEMU said last. Times are virtual (harness/emulator/lockstep_protocol.h).
+// An emulator that does not answer within kHungAfterNs of its own time (harness/process/own_time.h), or ends
+// by itself, causes EmulatorTrouble, with QEMU's last output. Times are virtual
+// (harness/emulator/lockstep_protocol.h).
 #pragma once
 
 #include <cstddef>
@@ -30,7 +32,8 @@ struct EmulatorSpec {
   std::string plugin;  // the lockstep plug-in
   // Numbers of the USARTs (1 to 6); 0: none.
   int main_usart = 2, reference_usart = 3, console_usart = 1;
-  // The processor stops when it has sent this byte on the main line: it ends a frame of the line's protocol.
+  // The processor stops when it has sent this byte on the main line. The byte ends a frame of the line's
+  // protocol.
   std::uint8_t barrier = 0;
 };
 
@@ -46,7 +49,7 @@ struct EmulatorMessage {
   // Throws EmulatorTrouble when the body is too short for it.
   template <class Body>
   Body As() const;
-  // All that fit.
+  // As many as fit.
   template <class Body>
   std::vector<Body> All() const;
 };
@@ -55,13 +58,13 @@ class EmulatorProcess {
  public:
   static constexpr TimeNs kHungAfterNs = 5 * kNsPerS;
 
-  // Starts it and waits for the plug-in's word, before the first instruction. Throws EmulatorTrouble.
+  // Starts QEMU and waits for the plug-in's greeting, before the first instruction. Throws EmulatorTrouble.
   explicit EmulatorProcess(const EmulatorSpec& spec);
   ~EmulatorProcess();
   EmulatorProcess(const EmulatorProcess&) = delete;
   EmulatorProcess& operator=(const EmulatorProcess&) = delete;
 
-  // A command; it leaves with the next Run().
+  // Queues a command; it is sent with the next Run().
   template <class Body>
   void Send(lockstep::Kind kind, std::span<const Body> bodies) {
     Append(kind, std::as_bytes(bodies));
@@ -70,14 +73,14 @@ class EmulatorProcess {
   requires std::is_trivially_copyable_v<Body>
   void Send(lockstep::Kind kind, const Body& body) { Send(kind, std::span<const Body>(&body, 1)); }
 
-  // Lets it run until it stops, and hands over what it says before that.
+  // Lets it run until it stops, and passes on the messages that it sends before that.
   lockstep::Stopped Run(std::int64_t until_ns, const std::function<void(const EmulatorMessage&)>& on_message);
 
-  // While it stands still.
+  // Only while it is stopped.
   std::vector<std::uint8_t> ReadMemory(std::uint32_t address, std::uint32_t size);
   std::string Registers();
 
-  // What QEMU has printed so far: nothing, as long as all is well.
+  // What QEMU has printed so far: nothing, unless something is wrong.
   const std::string& Errors();
 
  private:

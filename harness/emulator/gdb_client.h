@@ -1,10 +1,10 @@
-// Flips bits in the memory of an emulated board while it runs, through QEMU's debugger port (GDB Remote Serial
-// Protocol, appendix E of the GDB manual). The board is stopped for the moment that it takes, its clock with it.
+// Flips bits in the memory of an emulated board while it runs, through QEMU's debugger port (GDB Remote
+// Serial Protocol, appendix E of the GDB manual). The board and its clock are stopped while this happens.
 //
 //   GdbClient debugger(loop, socket, on_lost);
 //   debugger.Flip({{0x2000'0100, 3}}, [](const std::string& error, const std::vector<FlippedByte>& flipped) { ... });
 //
-// Nothing blocks, and nothing is timed here: who owns it looks at Waiting() now and then.
+// Nothing blocks, and nothing is timed here: the owner checks Waiting() periodically.
 #pragma once
 
 #include <boost/asio/io_context.hpp>
@@ -38,15 +38,16 @@ class GdbClient {
   using Done = std::function<void(const std::string& error, const std::vector<FlippedByte>& flipped)>;
   using Lost = std::function<void(const std::string& why)>;
 
-  // Takes over a connected socket. Callbacks are called by the loop, and may destroy this.
+  // Takes over a connected socket. The loop calls the callbacks, and they may destroy this object.
   GdbClient(boost::asio::io_context& loop, int socket, Lost lost);
   GdbClient(const GdbClient&) = delete;
   GdbClient& operator=(const GdbClient&) = delete;
 
-  // All at one instant of the board's time, after the flips before them. A board that stood still is left so.
+  // Flips all at one instant of the board's time, after the earlier requests. A board that was stopped stays
+  // stopped.
   void Flip(std::vector<MemoryBit> bits, Done done);
 
-  // How long the oldest request has been waiting for its answer; zero when none does.
+  // How long the oldest request has been waiting for its answer; zero when none is.
   std::chrono::nanoseconds Waiting() const;
 
  private:
@@ -69,7 +70,7 @@ class GdbClient {
   Lost lost_callback_;
   std::deque<Job> jobs_;
   Step step_ = Step::kIdle;
-  bool acknowledged_ = false;  // what was asked; the next packet is its answer
+  bool acknowledged_ = false;  // the request is acknowledged; the next packet is its answer
   bool was_running_ = false;
   std::vector<FlippedByte> flipped_;
   std::string error_;

@@ -1,10 +1,10 @@
-// What a receiver makes of bytes that are sent at another rate than its own: the waveform of the sender's 8N1 bits,
-// sampled where the receiver samples.
+// What a receiver gets from bytes that are sent at another rate than its own: the waveform of the sender's
+// 8N1 bits, sampled where the receiver samples.
 //
-// The receiver waits for a falling edge and then looks at each of ten bits once. Where in the bit it looks follows
-// from its tolerance, so that a sender just within it is understood and one just beyond it is not: of a slow sender's
-// bits it is the stop bit that is missed first, being taken for the last data bit, of a fast one's again the stop bit,
-// being taken for the start bit of the next byte.
+// The receiver waits for a falling edge and then samples each of ten bits once. Its tolerance decides where
+// in the bit it samples, so that it understands a sender just within the tolerance, but not one just beyond
+// it. With a slow sender the stop bit is missed first, because the last data bit is taken for it; with a fast
+// sender again the stop bit, because the start bit of the next byte is taken for it.
 //
 //   LineSampler sampler;
 //   sampler.Put(begin_ns, byte, sender_bit_ns);
@@ -25,12 +25,12 @@ class LineSampler {
   struct Received {
     TimeNs begin_ns, end_ns;  // of its start bit; of the sample of its stop bit
     std::uint8_t byte;
-    bool framing_error;  // the stop bit was none
+    bool framing_error;  // the stop bit was not one
   };
 
-  // A byte on the line, not before the end of the one before.
+  // Puts a byte on the line, not before the end of the previous one.
   void Put(TimeNs begin_ns, std::uint8_t byte, double sender_bit_ns);
-  // What was received up to `known_until_ns`, when every byte is put that begins before that.
+  // What was received up to `known_until_ns`; every byte that begins before that must have been put.
   std::vector<Received> Take(TimeNs known_until_ns, double receiver_bit_ns, double tolerance);
 
  private:

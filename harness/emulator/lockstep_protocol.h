@@ -1,10 +1,10 @@
-// What the harness and the plug-in inside the emulator say to each other over a unix stream socket: messages of
-// a header and a body, both plain structs in this machine's byte order (both ends are on it).
+// The messages between the harness and the plug-in inside the emulator, over a unix stream socket: a header
+// and a body, both plain structs in this machine's byte order (both ends are on it).
 //
-// The plug-in speaks first (kHello), then they take turns: the harness sends any number of commands and then
-// kRun; the virtual processor runs until the barrier byte has been transmitted (the one that ends a frame) or the granted time is reached; the
-// plug-in sends what happened meanwhile and then kStopped, and virtual time stands still until the next kRun.
-// Times are nanoseconds of the emulator's virtual clock, which begins at power-on.
+// The plug-in sends first (kHello), then they take turns. The harness sends any number of commands and then
+// kRun. The virtual processor runs until the barrier byte (the one that ends a frame) has been transmitted or
+// the granted time is reached. The plug-in sends what happened meanwhile and then kStopped, and virtual time
+// stops until the next kRun. Times are nanoseconds of the emulator's virtual clock, which begins at power-on.
 #pragma once
 
 #include <cstdint>
@@ -38,7 +38,7 @@ struct Header {
   std::uint32_t body_bytes;
 };
 
-// Of the board: those of the main and the reference line, and the console.
+// The board's USARTs: those of the main and the reference line, and the console's.
 enum class Usart : std::uint8_t { kMain, kReference, kConsole };
 inline constexpr int kUsartCount = 3;
 
@@ -50,20 +50,20 @@ struct ReceivedByte {
   Usart usart;
   std::uint8_t byte;
   Mark mark;
-  // Of a line without byte time: the byte waits until the one before has been read.
+  // On a line without byte time: the byte waits until the previous one has been read.
   bool waits;
 };
 
 enum class ResetCause : std::uint32_t { kNone, kPin, kWatchdog, kSoftware };
 
-// From `begin_ns` to `end_ns` the processor executes nothing while time and peripherals go on. Unless `reset` is kNone
-// it is reset at the begin, and held until the end. One without end, kNever, ends with the next reset: the watchdog's,
-// most likely.
+// From `begin_ns` to `end_ns` the processor executes nothing while time and peripherals continue. Unless
+// `reset` is kNone it is reset at the begin, and held until the end. A stall without end, kNever, ends with
+// the next reset, most likely the watchdog's.
 struct Stall {
   static constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
   std::int64_t begin_ns, end_ns;
   ResetCause reset;
-  std::uint32_t fault;  // given back with its event
+  std::uint32_t fault;  // returned with its event
 };
 
 struct FlipBits {
@@ -94,8 +94,8 @@ struct TransmittedByte {
   std::uint8_t byte;
 };
 
-// The registers of a USART that its rate follows from: once they have changed, before the bytes that it then
-// sends, at the latest when the processor stops.
+// The registers of a USART that determine its rate. Sent when they have changed, before the bytes that it
+// then sends, and at the latest when the processor stops.
 struct UsartRegisters {
   Usart usart;
   std::uint32_t brr, cr1, cr3;
@@ -107,7 +107,7 @@ enum class EventKind : std::uint32_t {
   kStallBegins,  // value: the fault
   kStallEnds,    // the processor runs again
   kBitFlipped,   // value: the fault; address, before, after
-  kOverrun,      // value: the Usart; a byte came while the one before was not read
+  kOverrun,      // value: the Usart; a byte came before the previous one was read
 };
 
 struct Event {
@@ -119,7 +119,7 @@ struct Event {
 
 struct Stopped {
   std::int64_t at_ns;
-  std::int64_t last_slept_ns;  // when the processor last slept (WFI) or was made to stand still
+  std::int64_t last_slept_ns;  // when the processor last slept (WFI) or was stopped
 };
 
 }  // namespace tiltproof::harness::lockstep

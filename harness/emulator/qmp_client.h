@@ -1,10 +1,10 @@
-// Tells a running QEMU what to do: stop, go on, reset (QEMU Machine Protocol, docs/interop/qmp-spec of QEMU).
+// Controls a running QEMU: stop, continue, reset (QEMU Machine Protocol, docs/interop/qmp-spec of QEMU).
 //
 //   QmpClient qmp(loop, socket, {.event = on_event, .lost = on_lost});
 //   qmp.Execute("system_reset", "{}", [](const std::string& error, const std::string& value) { ... });
 //
-// Nothing blocks, and nothing is timed here: who owns it looks at Waiting() now and then, and knows when the emulator
-// may be silent for good reason.
+// Nothing blocks, and nothing is timed here: the owner checks Waiting() periodically, and knows when the
+// emulator may be silent for good reason.
 #pragma once
 
 #include <boost/asio/io_context.hpp>
@@ -25,13 +25,14 @@ class QmpClient {
   // `error` is empty when it was done; `value`: what the command returns, as JSON.
   using Done = std::function<void(const std::string& error, const std::string& value)>;
   struct Callbacks {
-    // What QEMU tells by itself: "RESET", with its data as JSON.
+    // What QEMU reports by itself: "RESET", with its data as JSON.
     std::function<void(const std::string& name, const std::string& data)> event;
-    // No answer will come any more. Once; `done` of what waits is not called.
+    // No more answers will come. Called once; `done` of waiting commands is not called.
     std::function<void(const std::string& why)> lost;
   };
 
-  // Takes over a connected socket and says hello. Callbacks are called by the loop, and may destroy this.
+  // Takes over a connected socket and greets QEMU. The loop calls the callbacks, and they may destroy this
+  // object.
   QmpClient(boost::asio::io_context& loop, int socket, Callbacks callbacks);
   QmpClient(const QmpClient&) = delete;
   QmpClient& operator=(const QmpClient&) = delete;
@@ -39,7 +40,7 @@ class QmpClient {
   // After the commands before it. `arguments`: a JSON object.
   void Execute(std::string_view command, std::string_view arguments = "{}", Done done = {});
 
-  // How long the oldest command has been waiting for its answer; zero when none does.
+  // How long the oldest command has been waiting for its answer; zero when none is.
   std::chrono::nanoseconds Waiting() const;
 
  private:

@@ -1,6 +1,6 @@
-// A process that a run starts and answers for: nodes of the harness, and the user's own firmware commands. It
-// never outlives this object, nor this process - not even when this process is killed with SIGKILL - and what
-// it started in turn goes with it.
+// A process that a run starts and is responsible for: nodes of the harness, and the user's own firmware
+// commands. It never outlives this object, nor this process - not even when this process is killed with
+// SIGKILL - and the processes that it started end with it.
 //
 //   ChildProcess node({.command = {"tiltproof", "node", "plant"}, .error = log_file});
 //   loop.Watch(node.pidfd(), ...);                         // readable when it has ended
@@ -26,32 +26,33 @@
 
 namespace tiltproof::harness {
 
-// There is no such program, here or in PATH.
+// There is no such program, neither at this path nor in PATH.
 struct NoSuchProgram : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
 struct ChildSpec {
-  // Where a stream goes, when it is no descriptor of ours.
-  static constexpr int kInherit = -1;  // where ours goes
-  static constexpr int kPipe = -2;     // to us: ChildProcess::output(), error()
+  // Where a stream goes, when it is not a descriptor.
+  static constexpr int kInherit = -1;  // where this process's stream goes
+  static constexpr int kPipe = -2;     // to this process: ChildProcess::output(), error()
   static constexpr int kNull = -3;     // nowhere
 
   std::vector<std::string> command = {};  // program (looked up in PATH), arguments
-  std::vector<std::pair<std::string, std::string>> environment = {};  // added to ours, or instead of ours
+  std::vector<std::pair<std::string, std::string>> environment =
+      {};  // adds to or replaces inherited variables
   int output = kInherit;
   int error = kInherit;
-  // Inherited as descriptors 3, 4, ... in this order; no other is, whatever its flags. Standard input is
+  // Inherited as descriptors 3, 4, ... in this order; no others are, whatever their flags. Standard input is
   // /dev/null.
   std::vector<int> descriptors = {};
-  // For commands of users, which start processes of their own (`sh -c "a | b"`). When our process is killed,
-  // the kernel kills the child alone; a guard, a process beside it, then kills the rest of its group.
+  // For users' commands, which start their own processes (`sh -c "a | b"`). When this process is killed, the
+  // kernel kills only the child; a guard, a process beside it, then kills the rest of its group.
   bool guard_group = false;
 };
 
 class ChildProcess {
  public:
-  // Returns once the program runs: in a process group of its own, with default signal dispositions and none
+  // Returns once the program runs: in its own process group, with default signal dispositions and none
   // blocked. Throws std::runtime_error that names the program and says why it cannot be started.
   explicit ChildProcess(const ChildSpec& spec);
   // Stop() with kGrace.
@@ -62,9 +63,9 @@ class ChildProcess {
   static constexpr std::chrono::milliseconds kGrace{500};
 
   pid_t pid() const { return pid_; }
-  // Readable (poll, epoll) once the process has ended; valid as long as this object.
+  // Readable (poll, epoll) once the process has ended; valid as long as this object exists.
   int pidfd() const { return pidfd_; }
-  // Read ends of its pipes, non-blocking; -1 for a stream that is none.
+  // Read ends of its pipes, non-blocking; -1 for a stream that is not a pipe.
   int output() const { return output_; }
   int error() const { return error_; }
 
@@ -72,12 +73,13 @@ class ChildProcess {
   // How it ended; nullopt while it lives.
   std::optional<std::string> ExitText();
 
-  // To the process alone, or to its whole group (SIGSTOP, SIGCONT, ...). Nothing happens once it is stopped.
+  // Sends a signal only to the process, or to its whole group (SIGSTOP, SIGCONT, ...). No effect once it is
+  // stopped.
   void Signal(int number);
   void SignalGroup(int number);
 
   // Asks the group to end (SIGTERM, and SIGCONT in case it is paused), waits up to `grace` for the process,
-  // kills (SIGKILL) what is left of the group, and reaps. Blocks for `grace` and a moment at most.
+  // kills (SIGKILL) what is left of the group, and reaps. Blocks for at most `grace` and a moment.
   void Stop(std::chrono::milliseconds grace);
 
  private:
@@ -88,17 +90,17 @@ class ChildProcess {
   int pidfd_ = -1;
   int output_ = -1;
   int error_ = -1;
-  // The process stays a zombie until Stop(), so that its id, and its group's, cannot become somebody else's.
+  // The process stays a zombie until Stop(), so that its id, and its group's, cannot be reused by another
+  // process.
   bool reaped_ = false;
   std::optional<std::string> exit_text_;
 
   std::unique_ptr<ChildProcess> guard_;
-  int guard_line_ = -1;  // the guard sees it closed when we die
+  int guard_line_ = -1;  // the guard sees it closed when this process dies
 };
 
-// Lets the calling process be killed (SIGKILL) as soon as the thread that started it ends; at once when
-// `parent`, the process that started it, is gone already. For processes made by a bare fork().
-// Async-signal-safe.
+// Has the calling process killed (SIGKILL) as soon as the thread that started it ends; at once when `parent`,
+// the process that started it, is gone already. For processes made by a bare fork(). Async-signal-safe.
 void DieWithParent(pid_t parent);
 
 }  // namespace tiltproof::harness

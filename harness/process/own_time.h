@@ -1,5 +1,6 @@
-// How much time another process has had for itself: what it ran, slept and waited for others. When it was stopped, or
-// ready to run while others had the processors, that was not its own; nor is it when the one who looks was stopped.
+// How much time another process has had for itself: the time in which it ran, slept or waited for others.
+// Time does not count while it was stopped, or ready to run while others had the processors, or while the
+// observer was stopped.
 //
 // All limits on how long a process may stay silent are limits on this time:
 //
@@ -10,7 +11,8 @@
 //     if (over && !Answered()) throw ...;
 //   }
 //
-// A process is taken with all that it has started: one that waits for a stopped child is no better off.
+// A process is judged together with all processes that it has started: waiting for a stopped child is no
+// better.
 #pragma once
 
 #include <sys/types.h>
@@ -25,21 +27,22 @@ class OwnTime {
  public:
   using SteadyClock = std::chrono::steady_clock;
 
-  // How often to look. No more than twice as much is charged at once: who looks later was kept from it.
+  // How often to look. At most twice as much is charged at once: an observer that looks later was kept from
+  // looking.
   static constexpr std::chrono::milliseconds kLook{100};
 
-  // -1: a process that cannot be seen is charged with all time in which the one who looks was awake.
+  // -1: a process that cannot be observed is charged with all the time in which the observer was awake.
   explicit OwnTime(pid_t pid = -1) : pid_(pid) {}
 
-  // Its own time since the first look. The first is cheap: an answer mostly comes before the second.
+  // Its own time since the first look. The first look is cheap: an answer mostly comes before the second.
   TimeNs Look(SteadyClock::time_point now);
 
-  // Of the last look: it has stopped itself (it sent itself the signal), which is its own doing.
+  // At the last look: it has stopped itself (it sent itself the signal), which is its own fault.
   bool stopped_itself() const { return stopped_itself_; }
-  // Of the last look: it, or one that it started, is stopped; or all are without a processor.
+  // At the last look: it, or a process that it started, is stopped; or all are without a processor.
   enum class Excuse { kNone, kStopped, kNoProcessor };
   Excuse excuse() const { return excuse_; }
-  // The stopped one.
+  // The stopped process.
   pid_t stopped_pid() const { return stopped_pid_; }
 
  private:
@@ -58,13 +61,13 @@ enum class Input { kReady, kSilent, kStoppedItself };
 // `limit_ns` of its own time.
 Input AwaitInput(int descriptor, pid_t pid, TimeNs limit_ns);
 
-// Stopped by a signal or a debugger, as the kernel shows it.
+// Whether the kernel shows it as stopped by a signal or a debugger.
 bool IsStopped(pid_t pid);
-// It, or one that it has started, is stopped, and has not stopped itself.
+// Whether it, or a process that it has started, is stopped and has not stopped itself.
 bool IsStoppedByOthers(pid_t pid);
 
-// Stopped, every one of its threads, by a signal that it has sent to itself. (The kernel shows the call in which it
-// stands still.)
+// Whether all of its threads are stopped by a signal that it has sent to itself. (The kernel shows the system
+// call in which it stopped.)
 bool HasStoppedItself(pid_t pid);
 
 }  // namespace tiltproof::harness

@@ -1,11 +1,12 @@
-// Which client flies the vehicle: it stands between the actuator messages that the server has accepted and the
-// plant's input.
+// Decides which client flies the vehicle. It acts between the actuator messages that the server has accepted
+// and the plant's input.
 //
 //   Arbiter arbiter(scenario);
-//   if (arbiter.Takes(client)) commanded = message.actuators;   // of each accepted actuator message
+//   if (arbiter.Takes(client)) commanded = message.actuators;   // for each accepted actuator message
 //
-// `single`: one client, which the scenario names, and no other. The others fly along: they are asked, answered and
-// logged as they would be alone, and nothing that they say moves the vehicle. t = 0 is the selected client's `start`.
+// `single`: one client, named by the scenario, flies the vehicle. The others fly along: they are asked,
+// answered and logged as if they were the only one, but nothing that they say moves the vehicle. t = 0 is the
+// `start` of the selected client.
 #pragma once
 
 #include <cstddef>
@@ -18,9 +19,9 @@ class Arbiter {
  public:
   explicit Arbiter(const Scenario& scenario) : selected_(scenario.selected_client()) {}
 
-  // The client, by its place in the scenario, whose actuators are in force.
+  // Place in the scenario of the client whose actuators are in force.
   std::size_t selected() const { return selected_; }
-  // Whether what this client asks for is to be put in force.
+  // Whether the commands of this client are put in force.
   bool Takes(std::size_t client) const { return client == selected_; }
 
  private:

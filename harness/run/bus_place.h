@@ -1,4 +1,4 @@
-// Where a flight is on the bus, for its own processes and for whoever listens to it.
+// Where a flight is on the bus, for its own processes and for observers.
 #pragma once
 
 #include <string>
@@ -9,7 +9,7 @@ namespace tiltproof::harness {
 
 struct BusPlace {
   int domain = 0;      // of DDS
-  std::string tag;     // who has another one on that domain neither sees nor hears the flight
+  std::string tag;     // nodes with another tag on that domain neither see nor hear the flight
   std::string run_id;  // in each of its messages
 };
 

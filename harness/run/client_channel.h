@@ -1,5 +1,5 @@
-// One client on the vehicle and its line, as the lockstep conductor sees them: when it acts next, what it is given,
-// what it leaves behind. A flight has one or several.
+// One client on the vehicle and its line, as the lockstep conductor sees them: when the client acts next,
+// what it receives, what it records. A flight has one channel or several.
 //
 //   ClientChannel channel(scenario, 0, line, [] {});
 //   channel.PowerOn(make_client);
@@ -31,10 +31,10 @@ std::vector<faults::DeviceCommand> ClientCommands(const Scenario& scenario, std:
 
 class ClientChannel {
  public:
-  // `client`: its place in the scenario.
-  // `on_news` is called when a fault may have acted, before anything more passes.
+  // `client`: its place in the scenario. `on_news` is called when a fault may have acted, before anything
+  // else passes.
   ClientChannel(const Scenario& scenario, std::size_t client, Line& line, std::function<void()> on_news);
-  // The client holds its address.
+  // Not movable: the client holds its address.
   ClientChannel(const ClientChannel&) = delete;
   ClientChannel& operator=(const ClientChannel&) = delete;
 
@@ -45,23 +45,26 @@ class ClientChannel {
   // `make` makes the client once its host functions exist.
   void PowerOn(const std::function<std::unique_ptr<Client>(std::size_t client, ClientHost)>& make);
 
-  // When something happens here next: bytes arrive at either end, or the client's time has come.
+  // The next time at which something happens here: bytes arrive at either end, or the client's wake-up time
+  // is reached.
   BootTime Next() const;
-  // A turn of the conductor begins. Throws FirmwareTrouble when the client lets no time pass, or when more is sent on its
-  // line than that carries.
+  // Begins a turn of the conductor. Throws FirmwareTrouble when the client does not let time pass, or when
+  // more bytes are sent on its line than the line can carry.
   void BeginTurn(BootTime now);
-  // t = 0 is known: the client is told what the faults on its board do, and when.
+  // Called once t = 0 is known: tells the client what the faults on its board do, and when.
   void Command(Origin origin);
-  // The client gets what has arrived, and runs: a library at `now`, an emulator up to `horizon` at most.
+  // Gives the client the bytes that have arrived and runs it: a library at `now`, an emulator up to `horizon`
+  // at most.
   void Run(BootTime now, BootTime horizon);
 
-  // Of the faults of the line, the receiver and the board: what others wait for, and what they wait for themselves.
+  // News of the faults on the line, the receiver and the board: what other faults wait for, and what these
+  // faults wait for.
   std::vector<faults::News> TakeNews();
   void Hear(std::span<const faults::News> news);
 
-  // What it leaves behind. When t = 0 never came, it has the time since power-on.
+  // Moves the channel's records into the log. Without t = 0 their times count from power-on.
   void Finish(Origin origin, RunLog& log);
-  // Asks the client how it fared, unless it may be in the middle of a call. Throws FirmwareTrouble.
+  // Asks the client for its report, unless it may be in the middle of a call. Throws FirmwareTrouble.
   void AskStatus(RunLog& log);
   std::unique_ptr<Client> TakeClient() { return std::move(client_); }
 
@@ -75,7 +78,7 @@ class ClientChannel {
   std::function<void()> on_news_;
   std::unique_ptr<Client> client_;
 
-  // Faults at the client's receiver, and what was carried out of those on its board.
+  // Faults at the client's receiver, and the faults on its board that were carried out.
   faults::FaultSchedule faults_;
   std::vector<faults::ReceiveMark> marks_;
   std::vector<DeviceEvent> events_;

@@ -1,4 +1,4 @@
-// When the client booted anew and when it asked for sensors, from what the flight's log holds of its line and its
+// Finds when the client rebooted and when it asked for sensors, from the flight's log of its line and its
 // device.
 //
 //   AddClientHistory(log, 0, *scenario.link.protocol, BootSign::kReset);   // once log is whole and in order of time
@@ -9,18 +9,19 @@
 
 namespace tiltproof::harness {
 
-// How a new boot of the client shows.
+// How a reboot of the client is recognised.
 enum class BootSign : std::uint8_t {
-  kReset,  // who runs the client tells it (harness/client/client.h)
-  // By a `start` that it sends after its first accepted actuator message; before that one it may only be repeating
-  // itself. A `start` that a fault copied on the line does not count: the client did not send it.
+  kReset,  // the client's runner reports it (harness/client/client.h)
+  // By a `start` that the client sends after its first accepted actuator message. An earlier one may be a
+  // repetition. A `start` that a fault copied on the line does not count: the client did not send it.
   kStart,
 };
 
 // Sets the restarts and sent_request_times_ns of one client.
 void AddClientHistory(RunLog& log, std::size_t client, const link::Protocol& protocol, BootSign sign);
 
-// What is wrong with the client's lines, as far as the events tell, goes into the reason of a flight that never started.
+// Adds to the reason of a flight that never started what is wrong with the client's lines, as far as the
+// events tell.
 void ExplainNeverStarted(RunLog& log);
 
 }  // namespace tiltproof::harness

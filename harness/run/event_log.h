@@ -1,4 +1,4 @@
-// What happened during a flight, as far as a person will read it: the rest is counted in the metrics only.
+// The events of a flight, up to the number that a person will read. The rest is only counted, in the metrics.
 #pragma once
 
 #include <cstddef>
@@ -16,7 +16,7 @@ class EventLog {
  public:
   static constexpr std::size_t kEventsMax = 10'000;
 
-  // `client`: whose it is; none: the flight's.
+  // `client`: the client that the event belongs to; none: the event belongs to the flight.
   void Add(Time time_ns, std::string kind, std::string text, std::optional<std::size_t> client = {}) {
     if (count_ > kEventsMax) return;
     if (count_++ == kEventsMax) {

@@ -1,10 +1,10 @@
-// The conditions of a scenario's faults (`when`), looked at in every row of the flight while it is flown.
+// The conditions of a scenario's faults (`when`), checked in every row of the flight while it is flown.
 //
 //   FaultConditions conditions(scenario, columns);
-//   conditions.Look(t, row, news);   // at each row: what turned true or false with it
+//   conditions.Look(t, row, news);   // at each row: what turned true or false in it
 //
-// A row is looked at before anything else happens at its time: its state and reference are those of the time, inputs, sent
-// and commanded values the last before it.
+// A row is checked before anything else happens at its time. Its state and reference are those of that time;
+// its inputs, sent values and commanded values are the last ones before it.
 #pragma once
 
 #include <optional>
@@ -22,16 +22,17 @@ namespace tiltproof::harness {
 
 class FaultConditions {
  public:
-  // `columns`: of the rows. Throws stl::ParseError.
+  // `columns`: the columns of the rows. Throws stl::ParseError.
   FaultConditions(const Scenario& scenario, const std::vector<std::string>& columns);
   FaultConditions(const FaultConditions&) = delete;
   FaultConditions& operator=(const FaultConditions&) = delete;
 
   bool empty() const { return conditions_.empty(); }
-  // Appends what differs from the row before; before the first, none holds.
+  // Appends what has changed since the previous row. Before the first row no condition holds.
   void Look(TimeNs t, std::span<const double> row, std::vector<faults::News>& news);
 
-  // What a condition may read: what the plant knows, so no counters of the line and of faults.
+  // The signals that a condition may read: those that the plant knows. Counters of the line and of faults are
+  // not among them.
   static std::vector<std::string> SignalNames(std::span<const std::string> columns);
 
  private:
@@ -48,7 +49,7 @@ class FaultConditions {
 
   std::vector<Entry> conditions_;
   std::optional<ReferencePath> path_;  // of cross_track_error_m
-  std::vector<Signal> signals_;        // that any condition reads
+  std::vector<Signal> signals_;        // those that conditions read
 };
 
 }  // namespace tiltproof::harness

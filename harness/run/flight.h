@@ -1,12 +1,13 @@
 // The lockstep conductor: flies one scenario in virtual time, deterministic to the bit.
 //
-// The client leads: it says out of band until when it waits, and the conductor advances to the earlier of
-// that time and the next byte worth waking somebody for. One control period, in the order of the code:
+// The client leads: it says out of band until when it waits. The conductor advances to that time, or to the
+// next byte that a part must see, whichever is earlier. One control period, in the order of the code:
 //
 //   request arrives -> PlantServer -> Line (faults) -> firmware -> Line (faults) -> PlantServer
 //
-// It knows three parts, Line, PlantServer and Client, and each may be in a process of its own. A line and its client
-// are a channel (harness/run/client_channel.h); a flight has one, or one for each of several clients, and one plant.
+// The conductor knows three parts, Line, PlantServer and Client, and each may be in its own process. A line
+// and its client form a channel (harness/run/client_channel.h). A flight has one plant, and one channel per
+// client.
 #pragma once
 
 #include <atomic>
@@ -30,9 +31,9 @@ struct FlightOptions {
   std::function<std::unique_ptr<Client>(std::size_t client, ClientHost)> make_client;
   // Simulation time reached, for a progress display; may be null. Written once a period.
   std::atomic<std::int64_t>* progress_ns = nullptr;
-  // Takes each client when the flight is over; without it the client ends then.
+  // Takes each client when the flight is over. Without it the client ends at that time.
   std::function<void(std::unique_ptr<Client>)> retire = {};
-  // Set by somebody else to end the flight early (Ctrl-C); may be null.
+  // Set from outside to end the flight early (Ctrl-C); may be null.
   const std::atomic<bool>* interrupted = nullptr;
 };
 
@@ -40,14 +41,14 @@ struct FlightOptions {
 // crashed firmware, an interrupt. Throws std::runtime_error when the client cannot be made.
 RunLog Fly(const Scenario& scenario, const plant::VehicleModel& model, const FlightOptions& options);
 
-// The same with the lines, one for each client, and the plant where the caller has them, in this process or in others.
+// The same with lines, one per client, and a plant that the caller provides, in this process or in others.
 RunLog Conduct(const Scenario& scenario, const VehicleSignals& vehicle, std::span<Line* const> lines,
                PlantServer& server, const FlightOptions& options);
 
-// What the scenario asks of a client.
+// What the scenario requires of a client.
 ClientSettings SettingsOf(const Scenario& scenario, std::size_t client = 0);
 
-// What a person reads when the flight never began.
+// The message to the user when the flight never began.
 std::string NeverStartedText(const Scenario& scenario);
 
 }  // namespace tiltproof::harness

@@ -1,5 +1,5 @@
-// How a process that we start tells us who it is on the bus: through a pipe, on which nobody else can speak. Anybody
-// could take its name on the bus.
+// A process that the harness starts tells through a pipe who it is on the bus. No other process can write to
+// this pipe, whereas any process could use its name on the bus.
 //
 //   Introduction introduction;                       // the harness
 //   ChildProcess node({.command = ..., .descriptors = {introduction.child_end()}});
@@ -28,12 +28,12 @@ class Introduction {
 
   // The child's first descriptor, 3.
   int child_end() const { return child_end_; }
-  // The child has its own copy now.
+  // Called when the child has its own copy.
   void Started();
-  // Who the child is, once it has said it. Does not wait.
+  // The child's participant, once it has told it. Does not wait.
   std::optional<dds::Participant> Participant();
-  // Waits for it, 10 s of the process's own time at most. Throws std::runtime_error when it ends instead; `pidfd` is
-  // readable then.
+  // Waits for it, at most 10 s of the process's own time. Throws std::runtime_error when the process ends
+  // instead; `pidfd` is readable then.
   dds::Participant Await(pid_t pid, int pidfd);
 
  private:
@@ -42,7 +42,7 @@ class Introduction {
   std::size_t read_bytes_ = 0;
 };
 
-// In a process that was started so.
+// In a process that was started in this way.
 void Introduce(const dds::Participant& participant);
 
 }  // namespace tiltproof::harness

@@ -1,8 +1,9 @@
-// The serial line of one client: main line both ways and reference line, byte-accurate, with the wire's faults
-// and an audit of what passes.
+// The serial line of one client: the main line in both directions and the reference line, byte-accurate, with
+// the faults of the wires and an audit of what passes.
 //
-// The same code stands in one process with the plant (lockstep), in a process of its own asked over a channel
-// (lockstep, distributed), and between real ports (the link node). All times are boot time (link/time.h).
+// The same code runs in one process with the plant (lockstep), in its own process that is asked over a
+// channel (lockstep, distributed), and between real ports (the link node). All times are boot time
+// (link/time.h).
 //
 //   LocalLine line(scenario);
 //   line.Transmit(Direction::kToPlant, now, bytes);
@@ -45,13 +46,13 @@ struct LineLog {
   TimeNs resync_max_ns = 0;
 };
 
-// More was to wait in a direction than link::kLineBytesMax: it carries nothing any more.
+// More bytes were to wait in a direction than link::kLineBytesMax. The direction carries nothing any more.
 struct Overfull {
-  bool by_faults = false;  // else by what was sent
+  bool by_faults = false;  // else by the number of bytes sent
   std::string text;
 };
 
-// Of the two lines; 0: ideal, bytes take no time.
+// Baud rates of the two lines; 0: ideal, bytes take no time.
 std::int64_t MainBaud(const LinkSpec& link);
 std::int64_t ReferenceBaud(const LinkSpec& link);
 
@@ -65,33 +66,35 @@ class Line {
   struct Piece {
     BootTime arrival_ns;  // of the last byte
     std::span<const std::uint8_t> bytes;
-    // Of the direction to_plant: the message that they complete. Null when they complete none that is accepted.
+    // In the direction to_plant: the message that these bytes complete. Null when they complete no accepted
+    // message.
     const link::Message* message = nullptr;
   };
 
   virtual ~Line() = default;
-  // See link::Wire for these three. A piece ends at the first flag that may end a frame: it completes one at most.
+  // See link::Wire for these three. A piece ends at the first flag that may end a frame, so it completes at
+  // most one frame.
   virtual BootTime Transmit(link::Direction direction, BootTime now, std::span<const std::uint8_t> bytes) = 0;
   virtual BootTime NextArrival(link::Direction direction) const = 0;
   virtual std::optional<Piece> TakePiece(link::Direction direction, BootTime until) = 0;
 
-  // Once it is known: faults on the line have simulation time.
+  // Called once t = 0 is known: faults on the line use simulation time.
   virtual void SetOrigin(Origin origin) = 0;
 
   virtual const LineCounts& counts() const = 0;
-  // Once it is, for good.
+  // Set once the line is overfull, and never reset.
   virtual const std::optional<Overfull>& overfull() const = 0;
-  // Of faults that wait, see faults/news.h.
+  // News for faults that wait, see faults/news.h.
   virtual std::vector<faults::News> TakeNews() = 0;
   virtual void Hear(std::span<const faults::News> news) = 0;
-  // `end`: when the flight ended; a frame still awaited then counts as lost.
+  // `end`: when the flight ended. A frame that is still awaited then counts as lost.
   virtual LineLog TakeLog(BootTime end) = 0;
 };
 
 class LocalLine final : public Line {
  public:
-  // `client`: whose line, by its place in the scenario. `paced`: bytes take their time here. A line to a real serial port is not: there the hardware's bytes
-  // do. The line keeps the scenario's protocol.
+  // `client`: place in the scenario of the line's client. `paced`: bytes take their time here. On a line to a
+  // real serial port they do not: there the hardware sets the pace. The line keeps the scenario's protocol.
   explicit LocalLine(const Scenario& scenario, std::size_t client = 0, bool paced = true);
 
   BootTime Transmit(link::Direction direction, BootTime now, std::span<const std::uint8_t> bytes) override;
@@ -104,7 +107,7 @@ class LocalLine final : public Line {
   void Hear(std::span<const faults::News> news) override { faults_.Hear(news); }
   LineLog TakeLog(BootTime end) override;
 
-  // Arrival at the client of the latest valid reply, as long as no actuators have come back; else Never().
+  // Arrival at the client of the latest valid reply while its actuators are awaited; otherwise Never().
   BootTime unanswered_reply() const { return replied_ns_; }
   Origin origin() const { return origin_; }
 
@@ -127,8 +130,8 @@ class LocalLine final : public Line {
   std::optional<Overfull> overfull_;
   Origin origin_;
 
-  // The latest request; the replies on their way or lost, in order of their numbers, with the arrival of the request
-  // that each answers.
+  // The latest request. The replies that are on their way or lost, in order of their numbers, with the
+  // arrival of the request that each one answers.
   struct Reply {
     ReceivingEnd::FrameName name;
     BootTime requested_ns;  // Never(): it has arrived

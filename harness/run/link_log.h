@@ -8,8 +8,8 @@
 //   uint8  side       0 as sent, 1 as it went on after the faults
 //   uint16 size       number of bytes that follow
 //   bytes
-// Bytes of a record follow each other without gap, at the line's byte time. Files that begin with "TPLINK1\n" have no
-// client in their records: it is the flight's only one.
+// Bytes of a record follow each other without gaps, at the line's byte time. In files with the older magic
+// TPLINK1 records have no client: the flight has only one.
 #pragma once
 
 #include <concepts>
@@ -42,13 +42,14 @@ struct TimedLinkRecord {
 };
 using LinkRecord = TimedLinkRecord<TimeNs>;
 
-// A line collects in boot time, readers want simulation time. A file has simulation time.
+// A line collects in boot time; readers want simulation time. A file has simulation time.
 template <class Time>
 class TimedLinkLog {
  public:
   TimedLinkLog() = default;
 
-  // Takes the content of a file, of this version or the one before. Throws std::runtime_error naming the offset of what is wrong.
+  // Takes the content of a file, of this version or the previous one. Throws std::runtime_error with the
+  // offset of the damage.
   explicit TimedLinkLog(std::vector<std::uint8_t> content);
 
   void Append(const link::TimedChunk<Time>& chunk, WireId wire, bool delivered);
@@ -58,10 +59,10 @@ class TimedLinkLog {
   // The file's content.
   const std::vector<std::uint8_t>& content() const { return content_; }
 
-  // The same records in simulation time. Their bytes stay where they are.
+  // The same records in simulation time, without copying their bytes.
   TimedLinkLog<TimeNs> Shifted(Origin origin) && requires std::same_as<Time, BootTime>;
 
-  // Walks over the records: `offset` starts at 0 and is advanced; nullopt at the end.
+  // Iterates over the records: `offset` starts at 0 and is advanced; nullopt at the end.
   std::optional<TimedLinkRecord<Time>> Next(std::size_t& offset) const;
 
  private:

@@ -1,4 +1,4 @@
-// One RunLog from what the parts of a flight recorded, each in its own process or not.
+// Builds one RunLog from the records of a flight's parts, whether or not they run in separate processes.
 #pragma once
 
 #include <cstdint>
@@ -11,23 +11,23 @@
 
 namespace tiltproof::harness {
 
-// How often each fault acted in one part of the flight, once for each part: what acts in several adds up. The log has
-// one number for each fault of its scenario from the beginning.
+// Adds how often each fault acted in one part of the flight; call it once per part. The log has one number
+// per fault of its scenario from the beginning.
 void AddActivations(RunLog& log, std::span<const std::int64_t> counts);
 
-// Appends the records of a part and its totals, once for each part. `client`: whose line, by its place in the scenario.
-// Without t = 0, a line's records have the time since power-on.
+// Appends the records and the totals of a part; call it once per part. `client`: place in the scenario of the
+// line's client. Without t = 0, the times of a line's records count from power-on.
 void Append(RunLog& log, PlantLog&& part);
 void Append(RunLog& log, LineLog&& part, std::size_t client, Origin origin);
 
-// And what a schedule has counted and recorded, whose origin is the flight's.
+// Also what a schedule has counted and recorded. Its origin is the flight's.
 void Append(RunLog& log, faults::FaultSchedule& counts, Origin origin);
 
-// Leaves the totals of a part.
+// Drops a part's records and keeps its totals.
 void DropRecords(PlantLog& part);
 void DropRecords(LineLog& part);
 
-// After the last Append: in order of time, each kind of record.
+// Call after the last Append: sorts each kind of record by time.
 void SortByTime(RunLog& log);
 
 }  // namespace tiltproof::harness

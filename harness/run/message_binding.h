@@ -1,4 +1,5 @@
-// Where the values of a message stand in a row of signals: looked up by name once, when a flight is loaded.
+// Maps the values of a message to their places in a row of signals. Names are looked up once, when a flight
+// is loaded.
 //
 //   const MessageBinding sensors(*protocol.Find("sensors"), vehicle.sensors);
 //   protocol.Encode(sensors.type(), sensors.Values(row));
@@ -30,14 +31,14 @@ class MessageBinding {
 
   const link::MessageType& type() const { return *type_; }
 
-  // The message's values of a row.
+  // The message's values, taken from a row.
   template <class Number>
   std::vector<float> Values(std::span<const Number> row) const {
     std::vector<float> values;
     for (const std::size_t place : places_) values.push_back(static_cast<float>(row[place]));
     return values;
   }
-  // Puts the message's values into a row. Signals that it does not carry stay.
+  // Writes the message's values into a row. Signals that the message does not carry stay unchanged.
   void Put(std::span<const float> values, std::span<double> row) const {
     for (std::size_t i = 0; i < places_.size(); ++i) row[places_[i]] = static_cast<double>(values[i]);
   }

@@ -1,4 +1,5 @@
-// Bytes of one direction become checked messages. Whoever needs to know what was said uses this.
+// Turns the bytes of one direction into checked messages. All code that needs to know what was said uses
+// this.
 //
 //   MessageReceiver receiver(protocol, Direction::kToPlant);
 //   receiver.Receive(bytes, [&](const link::Message& message) { server.Receive(now, message, reply); });
@@ -19,16 +20,17 @@ class MessageReceiver {
   MessageReceiver(const link::Protocol& protocol, link::Direction direction)
       : protocol_(&protocol), direction_(direction) {}
 
-  // What became of the bytes between two flags.
+  // The result of the bytes between two flags.
   struct Frame {
-    // Of the chunk (link::Chunk::number) that brought its content's last byte: the flag that closes a frame may
-    // belong to the next one.
+    // Number of the chunk (link::Chunk::number) that brought the last byte of the frame's content. The flag
+    // that closes a frame may belong to the next one.
     std::uint64_t number;
     std::string_view rejected;  // Name() of a link::FrameStatus or link::MessageStatus; empty: accepted
     std::span<const std::uint8_t> payload;  // of an accepted frame; these two are valid during the call
     const link::Message* message;           // null when it was rejected
   };
-  // Calls on_frame(const Frame&) for each frame that ends in `bytes`, all of the chunk with that number.
+  // Calls on_frame(const Frame&) for each frame that ends in `bytes`. All bytes belong to the chunk with that
+  // number.
   template <class OnFrame>
   void ReceiveFrames(std::uint64_t number, std::span<const std::uint8_t> bytes, const OnFrame& on_frame) {
     const std::uint8_t flag = protocol_->framing.flag;
@@ -67,8 +69,8 @@ class MessageReceiver {
   link::Message message_;
 };
 
-// Finds t = 0: the arrival of the first accepted message that starts (of its last byte). The server does, and in
-// real time the link node for the faults of its wires; all others are told.
+// Finds t = 0: the arrival of the last byte of the first accepted message that starts. The server does this,
+// and in real time also the link node, for the faults of its wires. All other parts are told.
 class OriginFinder {
  public:
   // Whether this message makes t = 0.

@@ -1,22 +1,22 @@
 // The server end of the line (paper, Figure 5): the plant, its sensors and actuators with their faults, and
 // the trace.
 //
-// It takes messages, checked already (harness/run/message_receiver.h), and sends frames back. Everything that reads
-// or moves the plant is here, in the order of a control period:
+// It takes checked messages (harness/run/message_receiver.h) and sends frames back. Everything that reads or
+// moves the plant is here, in the order of a control period:
 //
 //   request arrives -> plant state -> sensor faults -> message -> frame  (sent back at once)
 //   actuators arrive -> actuator faults -> input in force from the next step boundary -> row
 //
-// Sensors are the state at the last step boundary at or before the arrival of the request's last byte. An
-// accepted actuator message takes effect at the first step boundary at or after its last byte's arrival and
-// holds; before the first one the model's hover input holds. The plant stands still until the server accepts
-// the protocol's message that starts: that is t = 0.
+// The sensors are the state at the last step boundary at or before the arrival of the request's last byte. An
+// accepted actuator message takes effect at the first step boundary at or after the arrival of its last byte,
+// and holds. Before the first one, the model's hover input holds. The plant does not move until the server
+// accepts the protocol's message that starts: that is t = 0.
 //
-// Of several clients each is asked and answered like an only one; harness/run/arbiter.h says whose actuators move
-// the plant, and whose `start` is t = 0.
+// Each of several clients is asked and answered as if it were the only one. harness/run/arbiter.h decides
+// whose actuators move the plant, and whose `start` is t = 0.
 //
-// The same code serves in one process with the line (lockstep), in a process of its own (lockstep,
-// distributed) and behind a real port (the plant node). Times of the line are boot time (link/time.h).
+// The same code runs in one process with the line (lockstep), in its own process (lockstep, distributed) and
+// behind a real port (the plant node). Times of the line are boot time (link/time.h).
 #pragma once
 
 #include <array>
@@ -44,7 +44,7 @@
 
 namespace tiltproof::harness {
 
-// What the server saw of one client.
+// What the server recorded about one client.
 struct PlantClientLog {
   std::int64_t starts_accepted_count = 0;
   std::vector<TimeNs> request_times_ns, actuator_times_ns;
@@ -52,7 +52,7 @@ struct PlantClientLog {
 
 // Records since the last TakeLog(); counters are totals. Times are simulation time.
 struct PlantLog {
-  std::vector<double> rows;  // whole rows of so many columns, row by row
+  std::vector<double> rows;  // whole rows, one after the other
   std::size_t column_count = 0;
   std::vector<double> hover_input, input_min, input_max;
   std::vector<PlantClientLog> clients = std::vector<PlantClientLog>(1);  // in the scenario's order
@@ -66,13 +66,13 @@ using AllCounts = std::vector<LineCounts>;
 
 class PlantServer {
  public:
-  // One frame to send back, now.
+  // One frame to send back at once.
   using Reply = std::function<void(std::span<const std::uint8_t> frame)>;
 
   struct State {
     Origin origin;
     TimeNs reached_ns = 0;                         // simulation time of the last step boundary
-    BootTime quiet_until_ns = BootTime::Never();   // up to there Advance() has nothing to do
+    BootTime quiet_until_ns = BootTime::Never();   // until then Advance() has nothing to do
     bool over = false;                             // the vehicle is lost: it diverged or struck the ground
     EndReason end_reason = EndReason::kCompleted;  // why it is over
     std::string end_text;
@@ -80,16 +80,17 @@ class PlantServer {
   };
 
   virtual ~PlantServer() = default;
-  // Steps to the last boundary at or before `to`. A boundary is left, and its row logged with the `counts` of each
-  // client's line, only when time has passed it.
+  // Steps to the last boundary at or before `to`. A boundary is left, and its row logged with the `counts` of
+  // each client's line, only when time has passed it.
   virtual void Advance(BootTime to, const AllCounts& counts) = 0;
-  // A message of a client whose last byte arrived at `arrival`, to which the plant has been advanced.
+  // A client's message whose last byte arrived at `arrival`. The plant has been advanced to that time.
   virtual void Receive(std::size_t client, BootTime arrival, const link::Message& message,
                        const Reply& reply) = 0;
-  // The flight ends at `end`, on the grid or not: the last row. Not after it is over.
+  // Ends the flight at `end`, on the grid or not: writes the last row. Not to be called after it is over.
   virtual void Finish(BootTime end, const AllCounts& counts) = 0;
   virtual const State& state() const = 0;
-  // Of faults that wait, see faults/news.h. Up to where the plant has been advanced, conditions included.
+  // News for faults that wait, see faults/news.h: up to the time to which the plant has been advanced,
+  // conditions included.
   virtual std::vector<faults::News> TakeNews() = 0;
   virtual void Hear(std::span<const faults::News> news) = 0;
   virtual PlantLog TakeLog() = 0;
@@ -113,10 +114,10 @@ class LocalPlantServer final : public PlantServer {
   const std::vector<double>& in_force() const { return in_force_; }
 
  private:
-  // What the server keeps of one client.
+  // What the server keeps for one client.
   struct Seat {
-    faults::FaultSchedule faults;       // on the samples that it is sent
-    std::vector<double> sensed, asked;  // last sent, and last asked for; NaN before
+    faults::FaultSchedule faults;       // on the samples sent to this client
+    std::vector<double> sensed, asked;  // last sent, and last commanded; NaN before
   };
 
   void OnStart(std::size_t client, BootTime arrival, const link::Message& message);
@@ -144,7 +145,7 @@ class LocalPlantServer final : public PlantServer {
   FaultConditions conditions_;
   std::vector<faults::News> news_;
   const link::Protocol& protocol_;
-  std::vector<MessageBinding> bindings_;  // one for each of its messages
+  std::vector<MessageBinding> bindings_;  // one per message of the protocol
   OriginFinder origin_;
   Arbiter arbiter_;
   std::vector<Seat> seats_;  // one for each client
@@ -153,11 +154,11 @@ class LocalPlantServer final : public PlantServer {
   EventLog<TimeNs> events_;
   TimeNs logged_ns_ = -1;  // the last row
 
-  // The plant stands at this step boundary; `boundary_left_` when nothing more can happen at it.
+  // The plant is at this step boundary; `boundary_left_` when nothing more can happen at it.
   BootTime boundary_ns_ = BootTime::Never();
   bool boundary_left_ = false;
   std::vector<double> commanded_;                   // last accepted, or the hover input
-  BootTime commanded_from_ns_ = BootTime::Never();  // boundary at which it takes force; Never() when it has
+  BootTime commanded_from_ns_ = BootTime::Never();  // boundary at which it takes effect; Never() afterwards
   std::vector<double> in_force_;                    // commanded_ after the actuator faults
 };
 

@@ -1,8 +1,8 @@
-// The end of one direction of the line: decodes what arrives, checks the messages, and audits it against what
-// was sent.
+// The receiving end of a wire: decodes what arrives, checks the messages, and audits them against what was
+// sent.
 //
-// It is a shadow of the real receiver (the server, the client) with all checks of the protocol, so that the
-// counters measure the protocol and not one firmware.
+// It shadows the real receiver (the server, the client) with all checks of the protocol, so that the counters
+// measure the protocol and not one firmware.
 //
 // The audit numbers the frames as sent. An accepted payload is
 //   wrong  when it equals no payload sent so far in this direction: corruption that every check let through;
@@ -28,12 +28,12 @@ namespace tiltproof::harness {
 
 class ReceivingEnd {
  public:
-  // `faulty`: something stands in this direction that may edit bytes; without it nothing accepted can be
-  // wrong, and the audit rests.
+  // `faulty`: a filter on this wire may edit bytes. Without one nothing accepted can be wrong, and there is
+  // no audit.
   ReceivingEnd(const link::Protocol& protocol, link::Direction direction, bool faulty);
 
-  // What tells frames apart: where they come from, and what they say. Where nothing edits bytes the number is enough,
-  // and the hash is 0.
+  // Identifies a frame: its number and its content. Where nothing edits bytes the number is enough, and the
+  // hash is 0.
   struct FrameName {
     std::uint64_t number;        // MessageReceiver::Frame::number
     std::uint64_t payload_hash;  // 64-bit FNV-1a
@@ -48,7 +48,8 @@ class ReceivingEnd {
   void OnDelivered(const link::Chunk& chunk);
 
   // Bytes that have arrived. Calls on_accepted(const FrameName&, const link::Message&) for each message, and
-  // on_rejected(std::string_view reason) for each frame that is none (MessageReceiver::Frame::rejected).
+  // on_rejected(std::string_view reason) for each frame that is no message
+  // (MessageReceiver::Frame::rejected).
   template <class OnAccepted, class OnRejected>
   void Receive(const link::Wire::Piece& piece, const OnAccepted& on_accepted, const OnRejected& on_rejected) {
     receiver_.ReceiveFrames(piece.number, piece.bytes, [&](const MessageReceiver::Frame& frame) {
@@ -64,7 +65,7 @@ class ReceivingEnd {
   const DirectionCounts& counts() const { return counts_; }
   std::int64_t wrong_count() const { return wrong_count_; }
   std::int64_t stale_count() const { return stale_count_; }
-  // Longest time from a rejection to the next accepted frame, or to `end` if none came.
+  // Longest time from a rejection to the next accepted frame, or to `end` if there was none.
   TimeNs ResyncMax(BootTime end) const;
 
  private:

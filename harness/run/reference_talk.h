@@ -1,4 +1,5 @@
-// What the client says on the reference line, where nobody listens: a sign that its two UARTs are exchanged.
+// What the client sends on the reference line, where no component listens: a sign that its two UARTs are
+// swapped.
 //
 //   talk.Hear(bytes);  ...  if (const std::string text = talk.Trouble(); !text.empty()) Note(kLineTroubleEvent, text);
 #pragma once

@@ -1,4 +1,5 @@
-// The signals of a flight, read from one row of its trace: the numeric columns, and four that are computed from them.
+// The signals of a flight, read from one row of its trace: the numeric columns, and four signals that are
+// computed from them.
 //
 //   position_error_m     distance from the vehicle to the reference of the same row
 //   cross_track_error_m  smallest distance from the vehicle to the path: the polyline through the reference
@@ -9,7 +10,7 @@
 //   const RowSignal tilt(trace.columns(), "tilt_rad");
 //   tilt.At(trace.row(r));
 //
-// Criteria read them from a trace after the flight, conditions of faults from each row during it.
+// Criteria read them from a trace after the flight; conditions of faults read them from each row during it.
 #pragma once
 
 #include <cstddef>
@@ -22,19 +23,19 @@
 
 namespace tiltproof::harness {
 
-// What a formula may name of rows with these columns: the columns in file order, but for active_<fault id> (which go
-// with the faults), then the computed signals.
+// The names that a formula may use for rows with these columns: the columns in file order, without
+// active_<fault id> (they go with the faults), then the computed signals.
 std::vector<std::string> SignalNames(std::span<const std::string> columns);
 
 inline constexpr std::string_view kCrossTrackError = "cross_track_error_m";
 
 class RowSignal {
  public:
-  // Of rows with these columns. `path`: of cross_track_error_m alone; must outlive it. Throws std::invalid_argument when a
-  // column is missing.
+  // For rows with these columns. `path`: needed only for cross_track_error_m; must outlive it. Throws
+  // std::invalid_argument when a column is missing.
   RowSignal(std::span<const std::string> columns, std::string_view name, const ReferencePath* path = nullptr);
 
-  // NaN where the row does not say.
+  // NaN where the row has no value.
   double At(std::span<const double> row) const;
 
  private:

@@ -1,11 +1,11 @@
-// A name for a run that no other run has, on this machine or another: it isolates the run's messages.
+// A name for a run that no other run has, on this machine or another. It isolates the run's messages.
 #pragma once
 
 #include <string>
 
 namespace tiltproof::harness {
 
-// 32 hexadecimal digits from the system's random numbers. Nothing is computed with them. Throws
+// 32 hexadecimal digits from the system's random numbers. Nothing else depends on them. Throws
 // std::runtime_error.
 std::string NewRunId();
 

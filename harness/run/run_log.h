@@ -1,4 +1,4 @@
-// What a flight leaves behind: the only input of scoring, so that an old run can be scored again offline.
+// The record of a flight: the only input of scoring, so that an old run can be scored again offline.
 #pragma once
 
 #include <array>
@@ -31,13 +31,13 @@ enum class EndReason : std::uint8_t {
 };
 std::string_view Name(EndReason reason);
 
-// One thing that happened, for events.jsonl. On a line it has boot time, in the log of a flight simulation time.
+// One event, for events.jsonl. On a line it has boot time, in the log of a flight simulation time.
 template <class Time>
 struct TimedEvent {
   Time time_ns{};
   std::string kind;  // "start_accepted", "message_rejected", "ground_strike", ...
   std::string text;
-  std::optional<std::size_t> client = {};  // whose it is, by its place in the scenario; none: the flight's
+  std::optional<std::size_t> client = {};  // place in the scenario of the event's client; none: the flight's
 };
 using RunEvent = TimedEvent<TimeNs>;
 using BootEvent = TimedEvent<BootTime>;
@@ -45,14 +45,14 @@ inline RunEvent ToRunEvent(BootEvent&& event, Origin origin) {
   return {origin.SimulationTime(event.time_ns), std::move(event.kind), std::move(event.text), event.client};
 }
 
-// A new boot of the firmware.
+// A reboot of the firmware.
 struct Restart {
   TimeNs time_ns = 0;
   std::string cause;  // for a person: "reset by watchdog"
   friend bool operator==(const Restart&, const Restart&) = default;
 };
 
-// Work of the harness's own that was due at the begin and done at the end. A node's has boot time.
+// Work of the harness that was due at the begin and done at the end. In a node the times are boot time.
 template <class Time>
 struct TimedLateSpan {
   Time begin_ns{}, end_ns{};
@@ -61,22 +61,23 @@ struct TimedLateSpan {
 using LateSpan = TimedLateSpan<TimeNs>;
 using NodeLateSpan = TimedLateSpan<BootTime>;
 
-// bytes_corrupted: delivered bytes that were changed or inserted on the way. Of a frame that kept its length, those that
-// differ from the byte sent in their place; of another, those outside the longest common subsequence with the frame as
-// sent. Lost bytes are not delivered, and repeated frames are as they were sent.
+// bytes_corrupted: delivered bytes that were changed or inserted on the way. In a frame that kept its length,
+// these are the bytes that differ from the byte sent in their place; in any other frame, the bytes outside
+// the longest common subsequence with the frame as sent. Lost bytes are not delivered, and repeated frames
+// count as they were sent.
 struct DirectionCounts {
   std::int64_t frames_sent = 0, frames_accepted = 0, frames_rejected = 0, bytes_corrupted = 0;
 };
 
-// What is kept of what the firmware says; the rest is dropped.
+// How much of the firmware's log is kept; the rest is dropped.
 inline constexpr std::size_t kFirmwareLogBytesMax = 1 << 20;
 
 // By Direction.
 using LineCounts = std::array<DirectionCounts, link::kDirectionCount>;
 
-// What one client and its line leave behind.
+// The record of one client and its line.
 struct ClientLog {
-  std::string id;  // of one of several clients; empty: the only one's
+  std::string id;  // with several clients; empty: the only client
   LineCounts counts{};
   std::int64_t accepted_wrong_count = 0;
   std::int64_t accepted_stale_count = 0;
@@ -84,13 +85,13 @@ struct ClientLog {
   std::int64_t starts_accepted_count = 0;
   std::vector<Restart> restarts;                       // after t = 0, in order
   std::optional<std::int64_t> failsafe_entered_count;  // absent when the client cannot say
-  std::optional<std::int64_t> receive_overruns_count;  // bytes that the firmware's receiver lost; likewise
+  std::optional<std::int64_t> receive_overruns_count;  // bytes lost by its receiver; absent as above
   std::vector<TimeNs> request_times_ns;       // arrival at the server of each accepted sensor request
   std::vector<TimeNs> sent_request_times_ns;  // when the client sent each, before any fault on the line
   std::vector<TimeNs>
       reply_latency_ns;  // from the last byte of a request to the last byte of its reply at the client
   std::vector<TimeNs> actuator_times_ns;  // arrival at the server of each accepted actuator message
-  // From the last byte of a reply, at the client, to the arrival there of the actuator message that
+  // From the arrival of a reply's last byte at the client to the arrival there of the actuator message that
   // answers it.
   std::vector<TimeNs> client_round_trip_ns;
   std::string firmware_log;  // lines "t_s text"
@@ -99,17 +100,18 @@ struct ClientLog {
 struct RunLog {
   Trace trace;
   EndReason end_reason = EndReason::kCompleted;
-  std::string end_text;  // what a person should read, for everything but kCompleted
+  std::string end_text;  // explanation for the user, for everything but kCompleted
   TimeNs end_ns = 0;     // simulation time reached
-  // Of the vehicle, in the order of its inputs.
+  // The vehicle's inputs at hover and their limits, in the order of its inputs.
   std::vector<double> hover_input, input_min, input_max;
 
-  // One for each client of the scenario, in its order.
+  // One per client of the scenario, in its order.
   std::vector<ClientLog> clients = std::vector<ClientLog>(1);
-  // Real time only: control periods in which the harness's own nodes were later than allowed, and by how much
-  // at most.
+  // Real time only: in how many control periods the harness's own nodes were later than allowed, and by how
+  // much at most.
   std::optional<std::int64_t> harness_overrun_count, harness_late_max_ns;
-  // When that was, in order; may overlap. What the firmware missed there is not its fault.
+  // The spans of this lateness, in order; they may overlap. What the firmware missed in them is not its
+  // fault.
   std::vector<LateSpan> harness_late;
 
   std::vector<std::int64_t> fault_activation_counts;  // one per fault of the scenario

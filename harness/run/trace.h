@@ -1,4 +1,4 @@
-// The trace of a flight: one row every control period of simulation time, and what its columns are.
+// The trace of a flight: one row per control period of simulation time, and the definition of its columns.
 //
 //   const TraceLayout layout(vehicle, scenario);       // the only place that knows their order
 //   Trace trace(layout.columns);
@@ -22,9 +22,9 @@ namespace tiltproof::harness {
 //   t_s, states, inputs in force, reference (x_ref_m y_ref_m z_ref_m yaw_ref_rad), sensed_<sensor>,
 //   commanded_<input>, faults_active_count, link counters (LineCounts, three each), active_<fault id> (0 or 1)
 //
-// With several clients those of one client come once for each, client by client, and carry its id (sensed_a_x_m,
-// commanded_a_f_r_n, to_plant_a_frames_sent_count); after commanded_... stands arbiter_selected: the place, from 0, of the
-// client whose actuators are in force.
+// With several clients, the columns of one client come once per client, client by client, and contain its id
+// (sensed_a_x_m, commanded_a_f_r_n, to_plant_a_frames_sent_count). After commanded_... follows
+// arbiter_selected: the place, from 0, of the client whose actuators are in force.
 struct TraceLayout {
   TraceLayout(const VehicleSignals& vehicle, const Scenario& scenario);
 
@@ -38,11 +38,11 @@ class Trace {
  public:
   Trace() = default;
   explicit Trace(const SignalTable& columns);
-  // Columns by their names alone: of a file.
+  // Columns known only by their names: those of a file.
   explicit Trace(std::vector<std::string> columns);
 
   const std::vector<std::string>& columns() const { return columns_; }
-  // Of margins in this column, see Signal.
+  // Scale of margins in this column, see Signal.
   double scale(std::size_t column) const { return scales_[column]; }
   std::size_t row_count() const { return columns_.empty() ? 0 : values_.size() / columns_.size(); }
   std::span<const double> row(std::size_t r) const {
@@ -53,7 +53,7 @@ class Trace {
   double at(std::size_t r, std::size_t column) const { return values_[r * columns_.size() + column]; }
 
   void Reserve(std::size_t rows) { values_.reserve(rows * columns_.size()); }
-  // Appends a row of NaN-free or NaN values, one a column; the span stays valid until the next call.
+  // Appends a row, one value per column, NaN allowed; the span stays valid until the next call.
   std::span<double> AppendRow();
   // Appends whole rows, one after the other.
   void AppendRows(std::vector<double>&& rows);
@@ -64,8 +64,8 @@ class Trace {
   std::vector<double> values_;
 };
 
-// The vehicle's own columns of a trace, by their indices: what stands before the reference is a state or an
-// input, and of an input there is also what was commanded.
+// The vehicle's own columns of a trace, by their indices. The columns before the reference are states and
+// inputs; an input also has a column with the commanded value.
 struct VehicleColumns {
   std::vector<std::size_t> states, inputs;
 };

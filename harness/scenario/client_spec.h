@@ -1,12 +1,12 @@
-// Which firmware flies: what `--client` says. It is read once, here, and written once: the same text goes to the
-// nodes, into run.json, and back in for a replay.
+// Which firmware flies: the value of `--client`. It is parsed in one place, here, and written in one place.
+// The same text goes to the nodes and into run.json, and is read back for a replay.
 //
 //   const ClientSpec client = ParseClient("qemu:/fw/fw.elf,main=usart1,console=usart2");
 //   std::get<EmulatedImage>(client).main_usart;           // 1
 //   ToText(client);                                        // "qemu:/fw/fw.elf,main=usart1,console=usart2"
-//   AbilitiesOf(client, realtime).processor;               // true: faults on the processor can be had
+//   AbilitiesOf(client, realtime).processor;               // true: faults on the processor are possible
 //
-// harness/client makes a client of it, and knows where the shipped firmware lies.
+// harness/client makes a client from it, and knows where the shipped firmware is.
 #pragma once
 
 #include <map>
@@ -55,42 +55,43 @@ struct ClientForm {
 };
 std::span<const ClientForm> ClientForms();
 
-// A text that names no client. what() says why and what to write instead; it does not repeat the text.
+// A text that names no client. what() says why, and what to write instead; it does not repeat the text.
 struct ClientMistake : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-// Paths become absolute; whether there is such a file or device is not looked at. Throws ClientMistake.
+// Paths become absolute. Does not check that the file or device exists. Throws ClientMistake.
 ClientSpec ParseClient(const std::string& text);
-// In the shortest form that ParseClient() reads as the same client.
+// The shortest form that ParseClient() reads as the same client.
 std::string ToText(const ClientSpec& client);
 
-// The clients of a run: one for every client of its scenarios, and for those of some ids another.
+// The clients of a run: one that holds for every client of its scenarios, and others for some ids.
 struct RunClients {
   ClientSpec all = HostLibrary{};
   std::map<std::string, ClientSpec> by_id;
 
   const ClientSpec& Of(const std::string& id) const;
-  // Each that is named, `all` first.
+  // Every client that is named, `all` first.
   std::vector<ClientSpec> Named() const;
 };
 
-// Its kind alone, for messages between nodes: a node's file or device means nothing to another host. "library",
-// "qemu", "process" or "serial"; back comes a client of that kind that names nothing, or nullopt.
+// Only its kind, for messages between nodes: a node's file or device means nothing to another host.
+// "library", "qemu", "process" or "serial". The reverse returns a client of that kind without names, or
+// nullopt.
 std::string_view KindOf(const ClientSpec& client);
 std::optional<ClientSpec> ClientOfKind(std::string_view kind);
 
-// What can be done with a client of this kind in a mode.
+// The abilities of a client of this kind in a mode.
 struct ClientAbilities {
-  bool realtime = false;      // the mode; else lockstep
+  bool realtime = false;      // the mode; otherwise lockstep
   bool virtual_time = false;  // it can fly in lockstep
-  bool shipped = false;       // it flies the build of ours that the scenario's `firmware` names
-  bool guarded = false;       // its code runs in a process of the harness's own, under a FirmwareGuard
-  bool node = true;           // in real time it has a node; else it hangs on the link node's own ports
-  bool tells_resets = false;  // it says itself when it boots anew
+  bool shipped = false;       // it flies the shipped build that the scenario's `firmware` names
+  bool guarded = false;       // its code runs in a process of the harness, under a FirmwareGuard
+  bool node = true;           // in real time it has a node; otherwise it is on the link node's own ports
+  bool tells_resets = false;  // it reports its own reboots
   // Faults that it can take:
   bool reset = false;        // it can be reset
-  bool clock = false;        // the harness gives it its time, and can make it wrong
+  bool clock = false;        // the harness gives it its time, and can falsify it
   bool processor = false;    // its processor can be stopped and its memory changed
   bool exact_times = false;  // that, and its receiver, at exact virtual times
 };

@@ -1,7 +1,7 @@
 // Compounds in the list `faults`: {id, compound: [fault, ...], start_s, end_s}.
 //
-// A compound is a way to write, not a thing that flies: it gives its members a window where they state none. So it is
-// resolved in the tree of the file, where each member keeps its place for messages; what reads the tree meets faults alone.
+// A compound is only a notation: it gives its members a window where they state none. So it is resolved in
+// the tree of the file, where each member keeps its place for messages. Readers of the tree see only faults.
 #pragma once
 
 #include <vector>
@@ -10,7 +10,7 @@
 
 namespace tiltproof::harness {
 
-// Puts the members of each compound of the scenario `root` into its place. Appends to `problems`.
+// Replaces each compound of the scenario `root` by its members. Appends to `problems`.
 void ResolveCompounds(YamlNode& root, std::vector<YamlProblem>& problems);
 
 }  // namespace tiltproof::harness

@@ -7,10 +7,10 @@
 
 namespace tiltproof::harness {
 
-// The valid name that was probably meant; empty when none is near.
+// The valid name that was probably meant; empty when none is close.
 std::string_view ClosestName(std::string_view name, std::span<const std::string_view> valid);
 
-// "; did you mean 'seed'?", or "; valid: a, b, c" when nothing is near and the list is short, or nothing.
+// "; did you mean 'seed'?", or "; valid: a, b, c" when none is close and the list is short, or nothing.
 std::string DidYouMean(std::string_view name, std::span<const std::string_view> valid);
 
 }  // namespace tiltproof::harness

@@ -7,9 +7,9 @@
 
 namespace tiltproof::harness {
 
-// The first key that lets the two files (scenario.resolved.yaml) describe different flights, with both values:
-// "link.baud: 921600 and 115200". Names, texts, criteria and the firmware's build may differ: they are what is
-// said about a flight, and what is under test. Throws std::runtime_error when a text is no scenario.
+// The first key by which the two files (scenario.resolved.yaml) describe different flights, with both values:
+// "link.baud: 921600 and 115200". Names, texts, criteria and the firmware's build may differ: they describe
+// or judge a flight, or are under test. Throws std::runtime_error when a text is no scenario.
 std::optional<std::string> DifferingKey(std::string_view yaml_a, std::string_view yaml_b);
 
 }  // namespace tiltproof::harness

@@ -1,5 +1,4 @@
-// The keys of one item of `faults`: which there are follows from its type, as the registry of faults
-// describes it.
+// The keys of one item of `faults`. They follow from its type, as the registry of faults describes it.
 #pragma once
 
 #include <string>
@@ -17,7 +16,7 @@ struct Compound {
   TimeNs start_ns = kPowerOn, end_ns = kNever;
 };
 
-// Its keys beside `compound`, the list of its members.
+// Its keys besides `compound`, the list of its members.
 void DescribeCompound(KeyVisitor& visitor, Compound& compound);
 
 }  // namespace tiltproof::harness

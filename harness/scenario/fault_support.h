@@ -1,6 +1,6 @@
-// Which faults can be carried out depends on the firmware's side: a shared library can be reset but has no
-// memory to flip bits in, a process in real time has neither. A scenario that asks for what its client cannot
-// do is refused before the flight, with the fault's place:
+// Which faults are possible depends on the firmware's side: a shared library can be reset but has no memory
+// to flip bits in; a process in real time has neither. A scenario that asks for what its client cannot do is
+// refused before the flight, with the fault's place:
 //
 //   for (const std::string& problem : UnsupportedFaults(scenario, {AbilitiesOf(client, realtime)}))
 //     Report(problem);  // "s.yaml:6:20: fault 'x' (device.stall) needs an emulated board: ..."
@@ -16,16 +16,16 @@
 
 namespace tiltproof::harness {
 
-// Why this fault of this type cannot be had, and what to do; none when it can. Follows "fault 'x' (type) ".
+// Why this fault of this type is not possible, and what to do; none when it is possible. Follows "fault 'x'
+// (type) ".
 std::optional<std::string> Unsupported(const faults::FaultSpec& fault, const faults::FaultType& type,
                                        const ClientAbilities& abilities);
 
 // "s.yaml:6:20: fault 'x' (device.stall)"; without the place when the scenario was not read from a file.
 std::string FaultPlace(const Scenario& scenario, std::size_t fault);
 
-// One line for each fault of the scenario that cannot be had, in the order of the file; with the place of the
-// fault's type when the scenario was read from a file.
-// `abilities`: of each of the scenario's clients.
+// One line per fault of the scenario that is not possible, in the order of the file; with the place of the
+// fault's type when the scenario was read from a file. `abilities`: those of each of the scenario's clients.
 std::vector<std::string> UnsupportedFaults(const Scenario& scenario,
                                            const std::vector<ClientAbilities>& abilities);
 

@@ -1,7 +1,7 @@
 // The keys of a scenario file, each written once: name, type, unit, range, default and meaning.
 //
-// DescribeScenario() walks over a Scenario's fields and tells a KeyVisitor about each; what a visitor does
-// with it is its own affair: the reader fills the field from YAML, the writer prints it, the schema notes
+// DescribeScenario() visits a Scenario's fields and tells a KeyVisitor about each one. What a visitor does
+// with a field is its own matter: the reader fills it from YAML, the writer prints it, the schema notes its
 // type and default. So the three cannot drift apart.
 //
 //   void DescribeLink(KeyVisitor& v, LinkSpec& link) {
@@ -31,8 +31,8 @@ struct Key {
   std::string_view name;
   std::string_view doc;  // one line for a person
   Presence presence = Presence::kOptional;
-  std::string_view other_name = {};  // may be written instead of `name`; both at once are an error
-  // Of a word that was allowed once: "was replaced by ..."; empty for any other.
+  std::string_view other_name = {};  // alternative to `name`; both at once are an error
+  // For a word that was allowed in the past: "was replaced by ..."; empty for any other.
   std::string_view (*why_no_longer)(std::string_view word) = nullptr;
 };
 
@@ -41,7 +41,7 @@ struct Range {
   double min = 0.0, max = 0.0;
 };
 
-// What a text may be; an empty regex allows all but control characters.
+// The texts that are allowed; an empty regex allows all but control characters.
 struct TextRule {
   std::string_view regex;    // ECMAScript, of the whole text
   std::string_view meaning;  // "must be ..."
@@ -54,10 +54,10 @@ struct TextRule {
 inline constexpr TextRule kNameRule = {
     "[A-Za-z0-9][A-Za-z0-9_.-]*", "letters, digits, '_', '.', '-', beginning with a letter or digit", 100};
 
-// Ids of clients: they stand in the names of columns and metrics, so that a formula must read them.
+// Ids of clients: they are part of the names of columns and metrics, so a formula must be able to read them.
 inline constexpr TextRule kClientRule = {"[A-Za-z0-9_]+", "letters, digits and '_'", 32};
 
-// A key that excludes others, and those that may only stand beside it.
+// A key that excludes others, and the keys that are allowed only beside it.
 struct KeyGroup {
   std::string_view key;
   std::vector<std::string_view> companions = {};  // it needs one of these; none: it needs no other
@@ -77,10 +77,10 @@ class KeyVisitor {
 
   virtual ~KeyVisitor() = default;
 
-  // A key that others of this mapping's kind have; `key.doc` says why it has none.
+  // A key that other mappings of this kind have; `key.doc` says why this one has none.
   virtual void Refuse(const Key& /*key*/) {}
 
-  // Of these keys, described as optional, the mapping has exactly one. `mapping` names it: "a criterion".
+  // Exactly one of these keys, described as optional, must be there. `mapping` names it: "a criterion".
   virtual void ExactlyOne(std::string_view /*mapping*/, std::span<const KeyGroup> /*groups*/) {}
 
   // The value passed in is the default.
@@ -88,19 +88,19 @@ class KeyVisitor {
   virtual void Number(const Key& key, double& value, Range range) = 0;
   virtual void MaybeNumber(const Key& key, std::optional<double>& value, Range range) = 0;
   virtual void Integer(const Key& key, std::int64_t& value, Range range) = 0;
-  // Written in seconds. kPowerOn and kNever stand for a key that is absent.
+  // Written in seconds. kPowerOn and kNever represent a key that is absent.
   virtual void Seconds(const Key& key, TimeNs& value_ns, Range range_s) = 0;
-  // An empty text stands for a key that is absent.
+  // An empty text represents a key that is absent.
   virtual void Text(const Key& key, std::string& value, const TextRule& rule) = 0;
   virtual void Texts(const Key& key, std::vector<std::string>& value, const TextRule& rule) = 0;
   virtual void Point(const Key& key, std::array<double, 3>& value, Range range) = 0;
   virtual void Points(const Key& key, std::vector<std::array<double, 3>>& value, Range range) = 0;
-  // One of some words; nullopt stands for a key that is absent.
+  // One of several words; nullopt represents a key that is absent.
   virtual void Choice(const Key& key, std::span<const std::string_view> words,
                       std::optional<std::size_t>& index) = 0;
   // A mapping in the mapping.
   virtual void Section(const Key& key, const Body& body) = 0;
-  // The same where its absence means something. `body` is called only when it is there.
+  // The same, where its absence has a meaning. `body` is called only when it is there.
   virtual void MaybeSection(const Key& key, bool is_there, const Body& body) = 0;
   // A list of mappings. `resize` is called before the bodies.
   virtual void List(const Key& key, std::size_t count, const std::function<void(std::size_t)>& resize,

@@ -1,4 +1,4 @@
-// Fills described keys from a YAML mapping, and notes everything that is wrong with its place.
+// Fills the described keys from a YAML mapping, and notes all errors with their places.
 #pragma once
 
 #include <string>
@@ -15,7 +15,8 @@ class MappingReader : public KeyVisitor {
   MappingReader(const YamlNode& mapping, std::vector<YamlProblem>& problems)
       : mapping_(mapping), problems_(problems) {}
 
-  // After all keys were described: complains about those that nobody asked for, and those that are missing.
+  // Call after all keys were described: reports the keys in the file that were not described, and the missing
+  // ones.
   void Finish();
 
   void Refuse(const Key& key) override;

@@ -1,4 +1,4 @@
-// From a scenario file to a Scenario: strict, with the place of everything that is wrong.
+// Reads a scenario file into a Scenario: strict, with the place of every error.
 //
 //   ReadOptions options;
 //   options.models_folder = "plant/models";
@@ -30,7 +30,7 @@ struct Diagnostic {
 // "file:line:column: message".
 std::string ToString(const Diagnostic& diagnostic);
 
-// Everything found wrong, by file and place, at most kDiagnosticsMax a file; what() has one line each.
+// All errors, by file and place, at most kDiagnosticsMax per file; what() has one line for each.
 class ScenarioError : public std::runtime_error {
  public:
   explicit ScenarioError(std::vector<Diagnostic> diagnostics);
@@ -41,22 +41,22 @@ class ScenarioError : public std::runtime_error {
 };
 inline constexpr std::size_t kDiagnosticsMax = 20;
 
-// What is wrong with a formula. `column` is 1-based, in bytes of its text.
+// The error in a formula. `column` is 1-based, in bytes of its text.
 struct FormulaProblem {
   std::size_t column = 1;
   std::string message;
 };
 
-// What the reader must ask others, who stand above it.
+// What the reader must ask higher layers.
 struct ReadOptions {
   // Where `model: name` finds name.sdf.
   std::filesystem::path models_folder;
-  // Builds of the firmware that exist; empty: any name will do.
+  // Builds of the firmware that exist; empty: any name is accepted.
   std::vector<std::string> firmware_names;
   // Names a criterion may use as `metric` in a flight with one client; empty: any.
   std::vector<std::string> metric_names;
-  // Checks `stl: formula`, which may name signals of the scenario's vehicle and its faults' ids, for its duration (0: not
-  // known); none: not checked.
+  // Checks `stl: formula`, which may name signals of the scenario's vehicle and ids of its faults, for its
+  // duration (0: unknown); none: not checked.
   std::function<std::optional<FormulaProblem>(std::string_view formula, const Scenario& scenario)>
       check_formula;
   // Checks `when: condition` of a fault in this scenario; none: not checked.
@@ -65,7 +65,7 @@ struct ReadOptions {
   // The signals of the scenario's vehicle, nullopt when it cannot be loaded; none: names of signals in faults are not
   // checked.
   std::function<std::optional<VehicleSignals>(const Scenario& scenario)> vehicle_signals;
-  // Checks that the model file can be flown, returns what is wrong; none: it need only exist.
+  // Checks that the model file can be flown, and returns the errors; none: it need only exist.
   std::function<std::optional<std::string>(const std::filesystem::path& model_file,
                                            bool allow_invalid_inertia)>
       check_model;
@@ -74,15 +74,15 @@ struct ReadOptions {
 // Fills in every default and resolves the model's and a recorded reference's file (absolute). Throws
 // ScenarioError.
 Scenario ReadScenario(const std::filesystem::path& file, const ReadOptions& options);
-// The same of a text that came another way; `file` names it in messages.
+// The same for a text from another source; `file` names it in messages.
 Scenario ParseScenario(const std::string& text, const std::filesystem::path& file,
                        const ReadOptions& options);
 
-// All of them, or a ScenarioError with the problems of all; two scenarios of one name are a problem.
+// All scenarios, or a ScenarioError with the problems of all. Two scenarios of one name are a problem.
 std::vector<Scenario> ReadScenarios(const std::vector<std::filesystem::path>& files,
                                     const ReadOptions& options);
 
-// YAML that reads back to an equal scenario, every default written out and every file absolute.
+// YAML that reads back as an equal scenario, with every default written out and every file absolute.
 std::string WriteResolved(const Scenario& scenario);
 
 }  // namespace tiltproof::harness

@@ -1,5 +1,5 @@
-// A scenario: what is flown, through which line, with which faults, and what counts as success. Plain data,
-// no YAML here.
+// A scenario: what is flown, over which line, with which faults, and what counts as success. Plain data; no
+// YAML here.
 #pragma once
 
 #include <array>
@@ -31,14 +31,14 @@ struct LinkSpec {
   std::shared_ptr<const link::Protocol> protocol = link::FindProtocol("paper");  // never null
   double adapter_latency_ms = 0.0;
 
-  // The second serial line keeps the paper's rate whatever the first one's is.
+  // The second serial line keeps the paper's rate, whatever the rate of the first one.
   static constexpr std::int64_t kReferenceBaud = 921'600;
-  // What a serial port is set to; on an ideal line the port's rate does not matter.
+  // The rate to which a serial port is set; on an ideal line it does not matter.
   std::int64_t port_baud() const { return ideal ? 921'600 : baud; }
   friend bool operator==(const LinkSpec&, const LinkSpec&) = default;
 };
 
-// Of scenario files. It grows when a file of the format before would be misread.
+// Version of scenario files. It is increased when a file of the previous format would be misread.
 inline constexpr std::int64_t kScenarioFormat = 1;
 
 // Criteria that every scenario has without listing them; no other criterion takes these names.
@@ -46,7 +46,7 @@ inline constexpr std::string_view kSurvivalCriterion = "survival";
 inline constexpr std::string_view kControlPeriodCriterion = "control_period";
 inline constexpr std::array kImplicitCriteria = {kSurvivalCriterion, kControlPeriodCriterion};
 
-// Files that lie beside the scenarios' folders in that of a run; no scenario takes these names.
+// Files beside the scenarios' folders in the folder of a run; no scenario takes these names.
 inline constexpr std::array<std::string_view, 5> kRunFiles = {"run.json", "results.json", "events.jsonl",
                                                               "junit.xml", "report.html"};
 
@@ -60,7 +60,7 @@ struct CriterionSpec {
   friend bool operator==(const CriterionSpec&, const CriterionSpec&) = default;
 };
 
-// A client with a serial line of its own.
+// A client with its own serial line.
 struct ClientEntry {
   std::string id;
   std::string firmware;  // build; empty: the scenario's
@@ -69,7 +69,7 @@ struct ClientEntry {
 inline constexpr std::size_t kClientsMax = 16;
 inline constexpr std::string_view kOnlyClient = "main";  // id of the client of a scenario that names none
 
-// Who of several clients moves the vehicle.
+// Which of several clients moves the vehicle.
 enum class ArbiterType : std::uint8_t { kSingle };
 std::string_view Name(ArbiterType type);
 struct ArbiterSpec {
@@ -94,10 +94,10 @@ struct Scenario {
   std::uint64_t seed = 1;
   TimeNs duration_ns = 0;
   TimeNs step_ns = 4 * kNsPerMs;
-  // The delay that the loop of vehicle and firmware can bear, in addition to its own. The default is that of the paper's
-  // vehicle and gain, rounded: tests/plant/lqr_design_test.cpp computes 8.99 ms.
+  // The delay that the loop of vehicle and firmware tolerates, in addition to its own. The default is that of
+  // the paper's vehicle and gain, rounded: tests/plant/lqr_design_test.cpp computes 8.99 ms.
   TimeNs delay_margin_ns = 9 * kNsPerMs;
-  // In real time, what comes later than this is the machine's fault.
+  // In real time, whatever is later than this is the machine's fault.
   TimeNs late_after_ns() const { return delay_margin_ns / 3; }
   AngularRates angular_rates = AngularRates::kWorld;  // of the sensors sent; the trace's are world rates
   bool allow_invalid_inertia = false;
@@ -118,14 +118,15 @@ struct Scenario {
   // By a client's place among them.
   std::string client_id(std::size_t client) const;
   const std::string& firmware_of(std::size_t client) const;
-  // Seed of what is drawn on this client's line and board. Of a flight's only client it is the scenario's.
+  // Seed for the faults on this client's line and board. For a flight's only client it is the scenario's.
   std::uint64_t seed_of(std::size_t client) const;
   // Whose actuators are in force, and whose `start` is t = 0.
   std::size_t selected_client() const;
 };
 
-// Of a flight with several clients, a name that says whose it is: ("link.", 0, "resync_max_ms") is
-// "link.a.resync_max_ms"; of a flight with one, the name without: "link.resync_max_ms". `separator` follows the id.
+// Adds a client's id to a name in a flight with several clients: ("link.", 0, "resync_max_ms") is
+// "link.a.resync_max_ms". In a flight with one client the name has no id: "link.resync_max_ms". `separator`
+// follows the id.
 std::string ClientName(const Scenario& scenario, std::string_view before, std::size_t client, char separator,
                        std::string_view after);
 

@@ -1,4 +1,4 @@
-// What a scenario's keys must fulfil together, and with the world: files, models, formulas.
+// Checks that a scenario's keys fit each other and the world: files, models, formulas.
 #pragma once
 
 #include <vector>
@@ -9,7 +9,7 @@
 
 namespace tiltproof::harness {
 
-// `root` is what the scenario was read from, keys with problems left at their defaults. Fills in what follows
+// `root` is what the scenario was read from; keys with problems have their defaults. Fills in what follows
 // from other keys: model file, absolute path of a recorded reference, initial position. Appends to
 // `problems`.
 void CheckScenario(const YamlNode& root, const ReadOptions& options, Scenario& scenario,

@@ -6,12 +6,12 @@
 
 namespace tiltproof::harness {
 
-// JSON Schema, draft 2020-12. It knows keys, types, ranges, words and which keys exclude each other; what
-// needs other files (models, recordings), a formula's text, and names that must differ are the reader's
-// alone. `metric_names` are those that a criterion may use.
+// JSON Schema, draft 2020-12. It knows keys, types, ranges, words and which keys exclude each other. Only the
+// reader checks what needs other files (models, recordings), a formula's text, and names that must differ.
+// `metric_names` are those that a criterion may use.
 std::string ScenarioJsonSchema(const std::vector<std::string>& metric_names);
 
-// The same as Markdown tables: one for each mapping.
+// The same as Markdown tables, one per mapping.
 std::string ScenarioKeysMarkdown();
 
 }  // namespace tiltproof::harness

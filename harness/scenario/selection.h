@@ -1,4 +1,4 @@
-// Which scenarios a command is about: the files behind its PATHs, and the narrowing by -k and --tag.
+// Selects the scenarios of a command: the files behind its PATHs, narrowed by -k and --tag.
 #pragma once
 
 #include <filesystem>
@@ -14,19 +14,18 @@ namespace tiltproof::harness {
 struct FoundScenarios {
   struct File {
     std::filesystem::path path;
-    bool named = false;  // on the command line, else found in a folder
+    bool named = false;  // on the command line; otherwise found in a folder
   };
-  std::vector<File> files;  // each once, however many paths lead to it
-  std::vector<std::string>
-      problems;  // what was asked for and is no file: it would be a test that never flies
+  std::vector<File> files;            // each once, even if several paths lead to it
+  std::vector<std::string> problems;  // arguments that are no file: they would be tests that never fly
   std::vector<std::string> warnings;  // links that were not followed
 
   std::vector<std::filesystem::path> Paths() const;
 };
 
-// Scenario files behind PATHs: a file stands for itself, a folder for every *.yaml and *.yml below it, sorted.
-// Links are followed, but not in circles. Results of runs hold resolved scenarios, which are not the user's:
-// their folders are left out.
+// Scenario files behind PATHs: a file is itself, a folder is every *.yaml and *.yml file below it, sorted.
+// Links are followed, but not in circles. Folders with results of runs are left out: they hold resolved
+// scenarios, which are not the user's.
 FoundScenarios FindScenarios(const std::vector<std::filesystem::path>& paths);
 
 // Name of the folder, or of the file without its ending; of several paths, joined by '+', or the

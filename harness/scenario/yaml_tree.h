@@ -1,9 +1,9 @@
 // Strict YAML: what a scenario file may be made of, as a tree with the place of every key and value.
 //
-// YAML can say the same thing in many ways, and reads some plain words as what nobody meant (`010` is 8, `no`
-// is false). Here one document holds mappings, lists and scalars; a number is written as in JSON, a truth
-// value is true or false, and anchors, aliases, tags, duplicate keys and several documents are refused. This
-// is the only unit that sees the YAML library.
+// YAML can say the same thing in many ways, and misreads some plain words (`010` is 8, `no` is false). Here
+// one document holds mappings, lists and scalars; a number is written as in JSON, a truth value is true or
+// false, and anchors, aliases, tags, duplicate keys and several documents are refused. This is the only unit
+// that sees the YAML library.
 //
 //   std::vector<YamlProblem> problems;
 //   const std::optional<YamlNode> root = ParseYaml(text, problems);
@@ -34,7 +34,7 @@ struct YamlProblem {
 struct YamlEntry;
 
 struct YamlNode {
-  // What a scalar says is settled here, by its spelling: quoted is always text.
+  // The type of a scalar is decided here, by its spelling: quoted is always text.
   enum class Kind : std::uint8_t { kNull, kBool, kNumber, kText, kAmbiguous, kSequence, kMapping };
 
   Kind kind = Kind::kNull;
@@ -50,9 +50,9 @@ struct YamlNode {
   const YamlEntry* Find(std::string_view key) const;
 
   bool boolean() const { return text == "true"; }
-  // Of a kNumber; nullopt when a double cannot hold it (1e999).
+  // The value of a kNumber; nullopt when a double cannot hold it (1e999).
   std::optional<double> Number() const;
-  // Of a kNumber written with digits (and a minus) alone; nullopt for others and beyond 64 bits.
+  // The value of a kNumber written only with digits (and a minus); nullopt for others and beyond 64 bits.
   std::optional<std::int64_t> Integer() const;
 };
 
@@ -66,8 +66,8 @@ inline constexpr std::size_t kYamlBytesMax = 1 << 20;
 inline constexpr int kYamlDepthMax = 16;
 inline constexpr std::size_t kYamlKeysMax = 1000;  // of one mapping
 
-// Appends what is wrong to `problems`. Returns the tree when the text could be read at all; with problems it
-// lacks what they name.
+// Appends errors to `problems`. Returns the tree when the text could be read at all; with problems it lacks
+// what they name.
 std::optional<YamlNode> ParseYaml(std::string_view text, std::vector<YamlProblem>& problems);
 
 // Characters (code points) of UTF-8 text.

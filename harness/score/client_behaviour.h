@@ -1,4 +1,4 @@
-// Which of the firmware's restarts and requests the scenario's faults account for.
+// Tells which of the firmware's restarts and requests are due to the scenario's faults.
 #pragma once
 
 #include <cstddef>
@@ -10,16 +10,17 @@
 
 namespace tiltproof::harness {
 
-// The first that no fault asked for; null when there is none. A fault that asks for a restart
-// (FaultType::asks_restart()) does so once: the first restart after its start is its own. `restarts` in order of time.
+// The first restart that no fault asked for; null when there is none. A fault that asks for a restart
+// (FaultType::asks_restart()) does so once: the first restart after its start is attributed to it. `restarts`
+// in order of time.
 const Restart* FirstUnaskedRestart(const std::vector<faults::FaultSpec>& faults,
                                    std::span<const Restart> restarts);
 
-// Fewer intervals have no median worth the name.
+// The median of fewer intervals says nothing.
 inline constexpr std::size_t kIntervalsMin = 50;
 
-// From each request to the next, in ascending order: those that no fault on the client's device, clock or node
-// touches.
+// Intervals from each request to the next, in ascending order, without those that a fault on the client's
+// device, clock or node touches.
 std::vector<TimeNs> UndisturbedIntervals(const std::vector<faults::FaultSpec>& faults,
                                          std::span<const TimeNs> request_times_ns);
 

@@ -1,6 +1,6 @@
-// How often a time lay where: the period of the firmware's requests and the latency of the replies, as in the
-// paper's Figure 14. Bins follow from the protocol's control period alone, so that the histograms of two flights can be
-// laid over each other.
+// Histograms of times: the period of the firmware's requests and the latency of the replies, as in the
+// paper's Figure 14. Bins follow only from the protocol's control period, so the histograms of two flights
+// can be compared.
 //
 //   const Histogram periods = RequestPeriodHistogram(log.clients[0].request_times_ns, 12 * kNsPerMs);
 //   periods.counts.front();  // shorter than periods.edges_ms.front()
@@ -14,16 +14,16 @@
 
 namespace tiltproof::harness {
 
-// counts has one entry more than edges_ms: below the first edge, then from each edge up to before the next
-// one, then from the last edge on.
+// counts has one entry more than edges_ms: below the first edge, then from each edge up to the next one
+// (exclusive), then from the last edge on.
 struct Histogram {
   std::vector<double> edges_ms;
   std::vector<std::int64_t> counts;
   bool operator==(const Histogram&) const = default;
 };
 
-// Of the times between one request and the next, in 40 bins from 5/6 to 7/6 of the control period: for 12 ms, bins of
-// 0.1 ms from 10 ms to 14 ms.
+// Times between one request and the next, in 40 bins from 5/6 to 7/6 of the control period: for 12 ms, bins
+// of 0.1 ms from 10 ms to 14 ms.
 Histogram RequestPeriodHistogram(std::span<const TimeNs> request_times_ns, TimeNs control_period_ns);
 
 // In 48 bins from 0 to the control period: for 12 ms, bins of 0.25 ms.

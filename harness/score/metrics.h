@@ -13,10 +13,10 @@
 namespace tiltproof::harness {
 
 struct Metrics {
-  // By dotted name; a metric that this flight or client does not supply is absent. All finite.
+  // By dotted name. A metric that this flight or client does not supply is absent. All are finite.
   std::map<std::string, double> values;
-  // When the error had not settled as the flight ended: tracking.settling_s is absent, but this long at
-  // least.
+  // Set when the error had not settled at the end of the flight: tracking.settling_s is absent, and it is at
+  // least this long.
   std::optional<double> settling_at_least_s;
 };
 
@@ -27,7 +27,7 @@ Metrics ComputeMetrics(const Scenario& scenario, const RunLog& log);
 const std::vector<std::string>& MetricNames();
 
 // The p-quantile, p = numerator / denominator in (0, 1], by nearest rank: the smallest sample such that at
-// least a share p of all is not larger. `sorted` ascending, not empty.
+// least a share p of all samples is not larger. `sorted` is ascending and not empty.
 double NearestRank(const std::vector<double>& sorted, std::size_t numerator, std::size_t denominator);
 
 }  // namespace tiltproof::harness

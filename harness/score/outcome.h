@@ -1,4 +1,5 @@
-// What the faults did to a flight, in one word: from the flight alone, so that scripts need no message.
+// The effect of the faults on a flight, in one word. It follows only from the flight, so scripts need not
+// parse messages.
 #pragma once
 
 #include <cstdint>
@@ -9,11 +10,11 @@
 
 namespace tiltproof::harness {
 
-// In this order: a flight is in the first class that fits.
+// In this order: a flight belongs to the first class that fits.
 enum class Outcome : std::uint8_t {
-  kError,       // trouble of the harness: nothing is known
+  kError,       // the harness failed: nothing is known
   kCrashed,     // the firmware crashed, or its process or port went away
-  kHung,        // it did not come back from a call, or sent no request for kSilentNs until the end
+  kHung,        // a call into it did not return, or it sent no request for the last kSilentNs
   kFailed,      // the flight's verdict is fail
   kDetected,    // the firmware restarted, or entered its fail-safe state
   kDegraded,    // it follows the path, but kDegradedRatio times worse than before the first fault

@@ -1,5 +1,5 @@
-// Scoring: from a scenario and the log of its flight to metrics, criteria and a verdict. Pure: no clock, no
-// client, no files.
+// Scoring: computes metrics, criteria and a verdict from a scenario and the log of its flight. Pure: no
+// clock, no client, no files.
 //
 //   const Score score = ScoreRun(scenario, log);  // after the flight, or from its files years later
 #pragma once
@@ -20,15 +20,17 @@ namespace tiltproof::harness {
 struct CriterionResult {
   std::string name;
   Verdict verdict = Verdict::kInconclusive;
-  // > 0 holds. Of a formula in scaled units, of a metric its distance to the nearer bound in its own unit.
-  // None: nothing to measure (the implicit criteria, a metric that is absent). Infinite for a formula that no number
-  // bounds (docs/criteria.md).
+  // > 0: the criterion holds. For a formula in scaled units; for a metric its distance to the nearer bound,
+  // in its own unit. None: nothing to measure (the implicit criteria, a metric that is absent). Infinite for
+  // a formula that no number bounds (docs/criteria.md).
   std::optional<double> robustness;
-  // Of the row that decided: the first violation or witness, else the smallest margin. Metrics have none.
+  // Time of the row that decided: the first violation or witness, otherwise the smallest margin. Metrics have
+  // none.
   std::optional<double> time_s;
   std::string explanation;  // one line for a person: formula or bound, value, time
-  // What can be laid beside the margins of other criteria: a formula's robustness as it is, a metric's distance to
-  // each bound divided by that bound's magnitude, the least of two. A bound of 0 and what is infinite have none.
+  // Comparable with the margins of other criteria: the robustness of a formula as it is; for a metric the
+  // distance to each bound divided by that bound's magnitude, the smaller of the two. A bound of 0 and
+  // infinite values have none.
   std::optional<double> margin{};
 };
 
@@ -45,16 +47,16 @@ struct FaultResult {
 
 struct Score {
   Verdict verdict = Verdict::kInconclusive;
-  std::string reason;  // one line: which criterion, fault or trouble decided; empty when passed
+  std::string reason;  // one line: which criterion, fault or failure decided; empty when passed
   std::map<std::string, double> metrics;  // dotted names, finite; absent when the client cannot supply it
-  std::map<std::string, Histogram> histograms;  // request_period_ms, reply_latency_ms; of a flight always
-  // `survival`, `control_period` where it can be judged, then in the scenario's order.
+  std::map<std::string, Histogram> histograms;  // request_period_ms, reply_latency_ms; always there
+  // `survival`, `control_period` where it can be judged, then the others in the scenario's order.
   std::vector<CriterionResult> criteria;
   std::vector<FaultResult> faults;  // in the scenario's order
   std::int64_t restarts_count = 0;  // of the firmware, asked for or not
 };
 
-// The least margin of the criteria that have one.
+// The smallest margin of the criteria that have one.
 std::optional<double> LeastMargin(const Score& score);
 
 // Never throws: a log that cannot be scored (a trace without its columns) is Verdict::kError with the reason.

@@ -10,16 +10,16 @@
 
 namespace tiltproof::harness {
 
-// The signal in every row. NaN where the row does not say (nothing sent yet, a broken file).
-// Throws std::invalid_argument when the trace lacks a column that is needed.
+// The signal in every row. NaN where the row has no value (nothing sent yet, a broken file). Throws
+// std::invalid_argument when the trace lacks a column that is needed.
 std::vector<double> ReadSignal(const Trace& trace, std::string_view name);
 
 // Time of every row, from t_s, to the nanosecond. Throws std::invalid_argument when there is no such column
 // or time does not increase from row to row.
 std::vector<TimeNs> RowTimes(const Trace& trace);
 
-// What counts as "a lot" of a signal (link/signal_table.h). Margins are divided by it, so that robustness of
-// different criteria can be compared.
+// What counts as "a lot" of a signal (link/signal_table.h). Margins are divided by it, so that the robustness
+// of different criteria can be compared.
 double SignalScale(const Trace& trace, std::string_view name);
 
 }  // namespace tiltproof::harness

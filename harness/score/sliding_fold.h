@@ -5,9 +5,10 @@
 //   for (i = 0; ...) lowest[i] = fold.Over(first(i), last(i));   // values[first, last), both never
 //   decreasing
 //
-// Two stacks: what entered since the last turn is folded into one value; what entered before lies as partial
-// folds, one for each place where the window may begin. Each value is folded at most twice whatever the width
-// of the windows, plus once for each answer; the operation need neither commute nor have an inverse.
+// Two stacks: values that entered since the last turn are folded into one value; values that entered before
+// are stored as partial folds, one per place where the window may begin. Whatever the width of the windows,
+// each value is folded at most twice, plus once for each answer. The operation need neither commute nor have
+// an inverse.
 #pragma once
 
 #include <cstddef>
@@ -38,7 +39,7 @@ class SlidingFold {
   }
 
  private:
-  // All that is in the window becomes partial folds from the end.
+  // Turns all that is in the window into partial folds from the end.
   void Turn(std::size_t first) {
     Value fold = neutral_;
     for (std::size_t i = last_; i > first; --i) {

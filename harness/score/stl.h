@@ -1,4 +1,4 @@
-// Signal temporal logic with quantitative robustness, three-valued, over a sampled trace: the `stl` of a
+// Signal temporal logic with quantitative robustness, three-valued, over a sampled trace: the key `stl` of a
 // criterion.
 //
 // docs/criteria.md is the user's text: grammar, signals, scales, what happens at the edges. In short: a
@@ -23,33 +23,33 @@
 
 namespace tiltproof::harness::stl {
 
-// When the formula can be decided at the earliest, whatever the flight does: nested windows add up. Operators
-// without a window look to the planned end. It is never decided when that is after the end.
+// The earliest time at which the formula can be decided, whatever the flight does: nested windows add up.
+// Operators without a window look to the planned end. A formula is never decided when that time is after the
+// end.
 TimeNs EarliestDecision(const Formula& formula, TimeNs planned_end_ns);
 
 enum class Truth : std::uint8_t { kFalse, kUnknown, kTrue };
 
 struct Result {
   Truth truth = Truth::kUnknown;
-  // However the rest of the flight may go, the robustness will lie in [lower, upper]; equal when all that
-  // matters was seen. Infinite when no number bounds it: a formula without comparisons, a NaN, a rest that
-  // was not seen. 0 with kTrue means that all comparisons on the edge allow it (<=, >=), with kFalse that one
-  // does not (<, >).
+  // Whatever happens in the rest of the flight, the robustness will lie in [lower, upper]; the two are equal
+  // when everything that matters was seen. Infinite when no number bounds it: a formula without comparisons,
+  // a NaN, a rest that was not seen. 0 with kTrue means that all comparisons on the edge allow it (<=, >=),
+  // with kFalse that one does not (<, >).
   double lower = 0.0, upper = 0.0;
-  // The one that matters: the lower bound of what is true, the upper bound of what is false; of the undecided
-  // the finite one (the nearer to 0 of two), none when neither is.
+  // The bound that matters: the lower one of a true formula, the upper one of a false formula. For an
+  // undecided formula the finite one (of two, the nearer to 0); none when neither is finite.
   std::optional<double> robustness;
-  // The row that decided: the earliest violation or witness, else the one with the margin. None when no row
-  // matters.
+  // The row that decided: the earliest violation or witness, otherwise the row with the margin. None when no
+  // row matters.
   std::optional<TimeNs> time_ns;
-  // What that row says: "roll_rad = -0.71"; empty when there is no such row or it has nothing to say (true, 1
-  // < 2).
+  // The values in that row: "roll_rad = -0.71"; empty when there is no such row or no value (true, 1 < 2).
   std::string evidence;
 };
 
-// How far the trace goes: rows lie on a grid, flights end where they end.
+// How far the trace goes: rows lie on a grid, but a flight may end between two rows.
 struct Extent {
-  TimeNs seen_until_ns = 0;   // the last row still tells up to here; what is before it counts as it
+  TimeNs seen_until_ns = 0;   // the last row holds up to here
   TimeNs planned_end_ns = 0;  // when the flight should have ended: operators without a window look that far
 };
 

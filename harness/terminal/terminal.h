@@ -1,9 +1,9 @@
-// What people read on a terminal. Texts of nodes, firmware and files may hold anything: escape sequences that clear the
-// screen, line breaks that forge a line of ours, bytes that are no UTF-8. Print makes them harmless on their way out;
-// the harness prints by nothing else.
+// Printing to a terminal. Texts of nodes, firmware and files may hold anything: escape sequences that clear
+// the screen, line breaks that forge a line of the harness, bytes that are not UTF-8. Print makes them
+// harmless; the harness prints by nothing else.
 //
 //   Print(stderr, "warning: {}\n", text);       // every text among the arguments stays on one line
-//   Print(stderr, "{}\n", TextLines(error.what())); // it may have several
+//   Print(stderr, "{}\n", TextLines(error.what())); // it may have several lines
 //   Print(stdout, "{}\n", OfOurs(coloured));    // as it is
 #pragma once
 
@@ -17,8 +17,9 @@
 
 namespace tiltproof::harness {
 
-// `text` with every byte that is no printable UTF-8 as \xNN: control characters (C0, DEL, C1), line breaks and tabs,
-// characters that turn the direction of writing or break lines (U+2028, U+202A and the like), and what is no UTF-8.
+// `text` with every byte that is not printable UTF-8 as \xNN: control characters (C0, DEL, C1), line breaks
+// and tabs, characters that change the direction of writing or break lines (U+2028, U+202A and the like), and
+// what is not UTF-8.
 std::string Plain(std::string_view text);
 
 // Text of several lines: its line breaks and tabs stay.
@@ -26,7 +27,7 @@ struct TextLines {
   explicit TextLines(std::string_view text_in) : text(text_in) {}
   std::string text;
 };
-// Text with escape sequences of this program. What it holds of others has gone through Plain.
+// Text with escape sequences of this program. Foreign text in it has gone through Plain.
 struct OfOurs {
   explicit OfOurs(std::string_view text_in) : text(text_in) {}
   std::string text;
@@ -52,7 +53,8 @@ using PrintableOf = decltype(Printable(std::declval<const T&>()));
 
 }  // namespace internal
 
-// Throws std::system_error when `to` cannot be written, unless it is standard error, the last place to say it.
+// Throws std::system_error when `to` cannot be written, unless it is standard error, where such an error
+// would be printed.
 template <class... Args>
 void Print(std::FILE* to, fmt::format_string<internal::PrintableOf<Args>...> format, const Args&... args) {
   internal::Write(to, fmt::format(format, internal::Printable(args)...));

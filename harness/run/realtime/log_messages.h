@@ -1,16 +1,16 @@
-// What a flight in real time records, on its way from the nodes to the harness: LineLog and PlantLog as log
-// messages on the bus, and RunLog from them.
+// What a real-time flight records, on its way from the nodes to the harness: converts LineLog and PlantLog to
+// log messages on the bus, and builds a RunLog from them.
 //
 //   LogPublisher logs(bus, scenario, run_id, "link");      // in the node, every 50 ms:
 //   logs.Write(line.TakeLog(now), line.origin());
-//   logs.Close(...);                                       // its last word
+//   logs.Close(...);                                       // its last message
 //
 //   LogCollector collector(bus, scenario, run_id, on_data);  // in the harness
 //   collector.Drain(flown_ns);  ...  if (collector.Complete("link")) ...
 //   RunLog log = collector.Take();
 //
-// Nothing is lost on the way: messages are numbered, and the node's closing report says how many there are. But a
-// node that sends more than a flight can hold is not listened to any more.
+// Nothing is lost on the way: messages are numbered, and the node's closing report says how many there are.
+// The collector stops listening to a node that sends more than a flight can hold.
 #pragma once
 
 #include <algorithm>
@@ -34,13 +34,13 @@
 
 namespace tiltproof::harness {
 
-// When this node's own work was later than it may be.
+// Records when this node's own work was later than allowed.
 struct Lateness {
   static constexpr std::size_t kSpansMax = 10'000;
 
   void Note(BootTime due_ns, BootTime done_ns) {
     if (done_ns - due_ns <= late_after_ns) return;
-    // What is not counted any more is one long lateness: nobody is blamed for what happens then.
+    // What is no longer counted is one long lateness: what happens then is not blamed on any part.
     if (spans.size() == kSpansMax) {
       spans.back().end_ns = std::max(spans.back().end_ns, done_ns);
     } else {
@@ -53,18 +53,19 @@ struct Lateness {
   Origin origin = {};  // by the node's clock
 };
 
-// What a node knows only at its end.
+// What a node knows only at the end.
 struct NodeTotals {
   Lateness lateness;
-  std::optional<LineLog> line;  // of the logs the totals alone cross the bus
+  std::optional<LineLog> line;  // of the logs only the totals cross the bus
   std::optional<PlantLog> plant;
   std::optional<ClientStatus> client;
-  // One per fault of the scenario, of those that this node carried out itself; empty when there is none.
+  // One count per fault of the scenario, of the faults that this node carried out itself; empty when there
+  // are none.
   std::vector<std::int64_t> activation_counts;
 };
 
-// The link counters of a flight at one instant of its grid of control periods; the link node knows them, the plant's rows
-// show them.
+// The link counters of a flight at one instant of its grid of control periods. The link node knows them, the
+// rows of the plant show them.
 struct CountsSample {
   TimeNs time_ns = 0;
   LineCounts counts{};
@@ -72,19 +73,19 @@ struct CountsSample {
 
 class LogPublisher {
  public:
-  // `harness`: who gathers the log. Nothing is sent before it listens.
+  // `harness`: the participant that gathers the log. Nothing is sent before it listens.
   LogPublisher(dds::Bus& bus, const Scenario& scenario, std::string run_id, std::string node_id,
                const dds::Participant& harness);
 
-  // Records alone.
+  // Writes only the records.
   void Write(const LineLog& log, Origin origin, const std::vector<CountsSample>& counts);
   void Write(const PlantLog& log);
   void Write(const std::vector<faults::Activation>& activations);  // in simulation time
-  // Of the kind "firmware_log" the first kFirmwareLogBytesMax.
+  // Of the events of kind "firmware_log", only the first kFirmwareLogBytesMax bytes are sent.
   void Write(const RunEvent& event);
-  // Sends again what did not fit the bus. Called now and then.
+  // Sends again what the bus did not accept. Called now and then.
   void Retry();
-  // The node's last word. Records in its logs are dropped: they have been written.
+  // Sends the node's last message. Records in its logs are dropped: they have been written already.
   void Close(NodeTotals totals);
 
  private:
@@ -92,7 +93,7 @@ class LogPublisher {
   using AnyMessage = std::variant<dds::SerialTap, dds::FaultActivation, dds::RunEvent, dds::TraceRows>;
   void Send(AnyMessage message);
   bool TrySend(const AnyMessage& message);
-  // Whole rows in as many messages as it takes; returns the last, not sent yet.
+  // Splits whole rows into as many messages as needed; returns the last one, not sent yet.
   dds::TraceRows SendRows(std::span<const double> values, std::size_t column_count);
   template <class T>
   T Begin(std::int64_t& sequence) const {
@@ -119,13 +120,14 @@ class LogPublisher {
 
 class LogCollector {
  public:
-  // What is taken of one node: so much, and so much more for each second of the flight. An honest node sends below
-  // 0.2 MiB/s; a firmware that floods a line of 1 Mbaud with the shortest frames makes the link node send 1.5 MiB/s.
-  // The first part is for what a cut network held up, and for a board that speaks long before t = 0.
+  // The bound on what one node may send: a fixed amount, and an amount for each second of the flight. A
+  // well-behaved node sends below 0.2 MiB/s; a firmware that floods a line of 1 Mbaud with the shortest
+  // frames makes the link node send 1.5 MiB/s. The fixed amount is for messages that a cut network held up,
+  // and for a board that speaks long before t = 0.
   static constexpr std::int64_t kNodeBytesMax = std::int64_t{64} << 20;
   static constexpr std::int64_t kNodeBytesPerS = std::int64_t{4} << 20;
 
-  // Of the nodes in `members`.
+  // Collects the logs of the nodes in `members`.
   LogCollector(dds::Bus& bus, const dds::Circle& members, const Scenario& scenario,
                const VehicleSignals& vehicle, std::string run_id, const std::function<void()>& on_data);
 
@@ -135,9 +137,9 @@ class LogCollector {
   const std::string& overfull() const { return overfull_; }
   // The node's report is here, and every message that it counts.
   bool Complete(const std::string& node_id) const;
-  // What is missing of a node's log, for a person; empty when nothing is.
+  // What is missing from a node's log, for a person; empty when nothing is missing.
   std::string Missing(const std::string& node_id) const;
-  // The flight as far as it is known: end_reason and what only the harness knows are the caller's.
+  // The flight as far as the logs tell. The caller fills in end_reason and what only the harness knows.
   RunLog Take(TimeNs end_ns);
 
  private:
@@ -149,7 +151,7 @@ class LogCollector {
   struct Row {
     std::vector<double> plant, link;
   };
-  // Whether the message is of this run, and what its node sent so far within the bound.
+  // Whether the message belongs to this run and its node has stayed within the bound so far.
   template <class T>
   bool Accepts(const T& message);
   // Nullopt for a fault that the scenario does not have.

@@ -1,5 +1,5 @@
-// Carries out the faults on nodes (faults/node_command.h): kills, pauses and restarts processes, cuts nodes off
-// the bus, sets their clocks wrong - each at its time, and takes it back at its end.
+// Carries out the faults on nodes (faults/node_command.h): kills, pauses and restarts processes, cuts nodes
+// off the bus and sets their clocks wrong, each at its time, and reverts it at its end.
 #pragma once
 
 #include <functional>
@@ -24,7 +24,7 @@ class NodeFaults {
   // Throws std::runtime_error for a fault that cannot be carried out on attached nodes.
   NodeFaults(const Scenario& scenario, bool attached);
 
-  // What a process is started with: the share of its packets that the network loses, by role.
+  // The share of its packets that the network loses, given to each process when it starts, by role.
   const std::map<std::string, double>& loss() const { return loss_; }
 
   struct Means {
@@ -39,11 +39,11 @@ class NodeFaults {
   // Everything that is due at simulation time `now_ns`.
   void CarryOut(TimeNs now_ns, const Means& means);
 
-  // Roles that a fault keeps away just now: their silence is no loss.
+  // Roles that a fault keeps away at present: their silence is not a loss.
   const std::set<std::string>& excused() const { return excused_; }
-  // Roles whose processes a fault has stopped just now.
+  // Roles whose processes a fault has stopped at present.
   const std::set<std::string>& paused() const { return paused_; }
-  // Nothing is expected of the run any more: processes that were stopped must not stay so.
+  // The run is over: continues processes that were stopped.
   void ContinueAll(NodeProcesses& processes);
 
   // Adds what was done to the log, and drops the lateness that faults caused.

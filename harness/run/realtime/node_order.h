@@ -1,4 +1,4 @@
-// What a node is told to do to itself: the faults on nodes that no signal to a process can cause.
+// Orders to a node to do something to itself: the faults on nodes that no signal to a process can cause.
 //
 //   commands.Write(ToMessage(LeaveBus{.duration_ns = 2 * kNsPerS}));
 //   if (const auto order = FromMessage(message)) std::visit(Overloaded{...}, *order);
@@ -24,9 +24,9 @@ struct JumpClock {
 };
 using NodeOrder = std::variant<LeaveBus, SetClockRate, JumpClock>;
 
-// Run, node, sequence and fault are left to the sender.
+// The sender fills in run, node, sequence and fault.
 dds::FaultCommand ToMessage(const NodeOrder& order);
-// None when the message says nothing that a node can do, or goes beyond what a fault allows.
+// None when the message contains no order that a node can carry out, or exceeds what a fault allows.
 std::optional<NodeOrder> FromMessage(const dds::FaultCommand& message);
 
 }  // namespace tiltproof::harness

@@ -1,4 +1,4 @@
-// The nodes that a run in real time starts itself: `tiltproof node KIND` as child processes, one of each kind.
+// The nodes that a real-time run starts itself: `tiltproof node KIND` as child processes, one of each kind.
 #pragma once
 
 #include <map>
@@ -15,8 +15,8 @@ namespace tiltproof::harness {
 
 class NodeProcesses {
  public:
-  // `harness`: ourselves, whom alone they obey. `loss` by node: the share of its packets that a fault lets the
-  // network lose.
+  // `harness`: this process, the only one that they obey. `loss` by node: the share of its packets that a
+  // fault lets the network lose.
   NodeProcesses(const RealtimeOptions& options, const dds::Participant& harness,
                 std::map<std::string, double> loss);
 
@@ -27,9 +27,9 @@ class NodeProcesses {
 
   // Null when it was never started.
   ChildProcess* Find(const std::string& role);
-  // Who the process that was last started for the role is on the bus, once it has said it.
+  // The participant of the process that was last started for the role, once it has told it.
   std::optional<dds::Participant> ParticipantOf(const std::string& role);
-  // Asks all to end, kills what does not, reaps.
+  // Asks all processes to end, kills those that do not, and reaps them.
   void StopAll();
 
  private:

@@ -1,11 +1,11 @@
 // The real-time conductor: flies one scenario by the clock on the wall, its parts in nodes, on real serial
 // ports.
 //
-// It leads the nodes through a run (prepare, arm, start, stop, release), carries out faults on nodes, watches
-// that all of them live, and gathers their logs into the same RunLog as the lockstep conductor's. It is never in
-// the control loop: that runs through the ports, between plant, link and firmware.
+// It leads the nodes through a run (prepare, arm, start, stop, release), carries out faults on nodes, checks
+// that all nodes are alive, and gathers their logs into the same RunLog as the lockstep conductor. It is
+// never in the control loop, which runs through the ports between plant, link and firmware.
 //
-// Nodes are child processes that it starts itself, on a domain and tag of their own; or, attached, nodes that run
+// Nodes are child processes that it starts itself, on their own domain and tag; or, attached, nodes that run
 // already, here or on other hosts.
 #pragma once
 
@@ -27,25 +27,25 @@ namespace tiltproof::harness {
 struct RealtimeOptions {
   std::string program;        // this program, to start nodes with
   std::string scenario_yaml;  // the resolved scenario
-  ClientSpec client;          // with `attach` it is the attached nodes' business
+  ClientSpec client;          // with `attach` the attached nodes decide
 
   bool attach = false;
   BusPlace place;  // attached: where the nodes are
   std::string interface;
   std::vector<std::string> peers;
 
-  // Scores the flight; the harness tells the bus what it says, but for the run's id.
+  // Scores the flight. The harness adds the run's id and publishes the score on the bus.
   std::function<dds::Score(const RunLog&)> score;
   std::atomic<std::int64_t>* progress_ns = nullptr;
   const std::atomic<bool>* interrupted = nullptr;
 };
 
-// The domain and tag on which nodes that a person starts find each other.
+// The domain and tag on which nodes that were started by hand find each other.
 inline constexpr int kAttachDomain = 1;
 inline constexpr const char* kAttachTag = "tiltproof";
 
 // Flies to the end, or to what ends it early. Throws std::runtime_error when it cannot even begin: the text
-// says why, and it is the harness's trouble, not the firmware's.
+// says why. This is a failure of the harness, not of the firmware.
 RunLog FlyRealtime(const Scenario& scenario, const plant::VehicleModel& model,
                    const RealtimeOptions& options);
 

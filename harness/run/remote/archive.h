@@ -1,11 +1,11 @@
-// Plain structs to bytes and back, for messages between processes of one build of this program.
+// Converts plain structs to bytes and back, for messages between processes of one build of this program.
 //
-// A struct takes part by a function that names its members once, for both directions:
+// A struct takes part through a function that names its members once, for both directions:
 //
 //   template <class Archive> void Fields(Archive& archive, RunEvent& e) { archive(e.time_ns, e.kind, e.text); }
 //
 //   Packer packer;  packer(event);  Send(packer.bytes());
-//   Unpacker unpacker(bytes);  unpacker(event);   // throws std::runtime_error on bytes that are no such struct
+//   Unpacker unpacker(bytes);  unpacker(event);   // throws std::runtime_error when the bytes are not such a struct
 //
 // Not a file format: both ends have the same byte order and the same structs.
 #pragma once
@@ -137,7 +137,7 @@ class Unpacker {
       const std::uint8_t* at = Take(values.size() * sizeof(T));
       if (!values.empty()) std::memcpy(values.data(), at, values.size() * sizeof(T));
     } else {
-      // One by one: a damaged count takes no more memory than there are bytes to fill it.
+      // Element by element, so that a damaged count takes no more memory than the bytes that could fill it.
       values.clear();
       for (std::size_t left = TakeCount(1); left > 0; --left) Get(values.emplace_back());
     }

@@ -1,4 +1,4 @@
-// Messages in order, both ways, between the harness and one of its processes in a lockstep flight.
+// Ordered messages in both directions between the harness and one of its processes in a lockstep flight.
 //
 // Two kinds: a unix socket (the fast one) and Cyclone DDS (the one that crosses hosts). Exactly one side
 // speaks at a time, so neither needs flow control.
@@ -18,13 +18,13 @@
 
 namespace tiltproof::harness {
 
-// The other side is gone, or has been silent for too much time of its own (harness/process/own_time.h).
+// The other side is gone, or has been silent for too much of its own time (harness/process/own_time.h).
 struct ChannelLost : std::runtime_error {
   ChannelLost(bool silent_in, const std::string& text) : std::runtime_error(text), silent(silent_in) {}
   bool silent;  // it may still be there
 };
 
-// For want of an answer.
+// The error when no answer arrives.
 inline ChannelLost Silent(bool stopped_itself) {
   return {true,
           stopped_itself ? "the other process has stopped itself" : "the other process does not answer"};
@@ -38,14 +38,15 @@ class Channel {
   virtual std::vector<std::uint8_t> Receive(TimeNs limit_ns) = 0;
 };
 
-// Over one end of a connected stream socket, which it owns. `peer`: the process at the other; -1: unknown.
+// Over one end of a connected stream socket, which it owns. `peer`: the process at the other end; -1:
+// unknown.
 std::unique_ptr<Channel> MakeUnixChannel(int socket, pid_t peer = -1);
 
-// The bus of a lockstep flight. A process that is stopped stays a member for an hour: that one has ended is seen by other
-// means.
+// The bus of a lockstep flight. A stopped process remains a member for an hour. That a process has ended is
+// detected by other means.
 dds::BusConfig LockstepBus(int domain, const std::string& run_id);
 
-// Over the bus, in a node: to the harness of that run, which is that participant.
+// Over the bus, in a node: to the harness of that run, which has that participant.
 std::unique_ptr<Channel> MakeDdsChannel(dds::Bus& bus, const std::string& run_id, const std::string& node_id,
                                         const dds::Participant& harness);
 

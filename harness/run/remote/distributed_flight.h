@@ -1,5 +1,5 @@
-// A lockstep flight with each line, the plant and each firmware in a process of its own: the same conductor,
-// the same trace hash, and proof that nothing hides in shared memory.
+// A lockstep flight with each line, the plant and each firmware in its own process: the same conductor, the
+// same trace hash, and proof that nothing hides in shared memory.
 #pragma once
 
 #include <atomic>
@@ -31,8 +31,8 @@ struct DistributedOptions {
 RunLog FlyDistributed(const Scenario& scenario, const VehicleSignals& vehicle,
                       const DistributedOptions& options);
 
-// With the firmware alone in other processes, on sockets: of several clients each must have its own, for a firmware may
-// keep its state in static variables.
+// With only the firmware in other processes, connected by sockets. Each of several clients must have its own
+// process, because a firmware may keep its state in static variables.
 RunLog FlyClientsApart(const Scenario& scenario, const plant::VehicleModel& model,
                        const DistributedOptions& options);
 

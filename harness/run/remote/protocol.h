@@ -1,4 +1,4 @@
-// What the harness and its processes say to each other in a lockstep flight: a request, then any number of
+// The messages between the harness and its processes in a lockstep flight: a request, then any number of
 // upcalls (the firmware transmits, the firmware logs), then one answer.
 #pragma once
 
@@ -46,10 +46,10 @@ enum class Message : std::uint8_t {
 struct Setup {
   std::string scenario_yaml;
   std::string client;     // as --client names it
-  std::size_t place = 0;  // of the client or line that the process is, among the scenario's
+  std::size_t place = 0;  // among the scenario's clients: of the process's client or line
 };
 
-// What the line's process answers beside the result, so that the harness need not ask.
+// What the line's process answers besides the result, so that the harness need not ask.
 struct LineView {
   std::array<BootTime, link::kDirectionCount> next_arrival_ns{BootTime::Never(), BootTime::Never(),
                                                               BootTime::Never()};

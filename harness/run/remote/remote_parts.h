@@ -1,5 +1,5 @@
-// Line, plant server and client of a lockstep flight that live in other processes: what the conductor calls
-// becomes messages. harness/run/remote/serve.h answers them.
+// Line, plant server and client of a lockstep flight that run in other processes. Calls of the conductor
+// become messages, which harness/run/remote/serve.h answers.
 #pragma once
 
 #include <memory>
@@ -15,8 +15,8 @@
 
 namespace tiltproof::harness {
 
-// Own time (harness/process/own_time.h) after which a process of ours counts as hung; for the firmware's, its guard's
-// and a little more.
+// Own time (harness/process/own_time.h) after which a process of the harness counts as hung. For the
+// firmware's process it is that of its guard and a little more.
 inline constexpr TimeNs kPartHungAfterNs = 10 * kNsPerS;
 
 // One part of the flight in another process. Throws std::runtime_error "the <name> process ..." when it fails.
@@ -86,7 +86,7 @@ class RemotePlantServer final : public PlantServer {
   std::vector<faults::News> news_;
 };
 
-// What goes wrong with its process is the firmware's: FirmwareTrouble.
+// A failure of its process is blamed on the firmware: FirmwareTrouble.
 std::unique_ptr<Client> MakeRemoteClient(Channel& channel, const Setup& setup, ClientHost host);
 
 }  // namespace tiltproof::harness

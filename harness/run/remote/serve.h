@@ -1,5 +1,5 @@
-// The other end of harness/run/remote/remote_parts.h: one part of a lockstep flight in this process, answering
-// the harness until it says quit or is gone.
+// The other end of harness/run/remote/remote_parts.h: runs one part of a lockstep flight in this process and
+// answers the harness until it quits or is gone.
 #pragma once
 
 #include <functional>
@@ -22,7 +22,7 @@ using ScenarioLoader = std::function<LoadedScenario(const std::string& yaml)>;
 // Each returns when the harness is done with it or gone.
 void ServeLine(Channel& channel, const ScenarioLoader& load);
 void ServePlant(Channel& channel, const ScenarioLoader& load);
-// Installs a FirmwareGuard: once a process.
+// Installs a FirmwareGuard: call it once per process.
 void ServeClient(Channel& channel, const ScenarioLoader& load);
 
 }  // namespace tiltproof::harness
