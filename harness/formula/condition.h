@@ -24,7 +24,7 @@ class Condition {
   Condition(std::string_view text, std::span<const std::string> signals)
       : formula_(Parse(text, {.signals = signals, .of_one_row = true})) {}
 
-  // The signals that it names, each once.
+  // The signals that the condition names, each once.
   std::vector<std::string> Signals() const;
   bool Holds(const ValueOf& value_of) const;
 

@@ -1,6 +1,6 @@
 // The language of criteria and of a fault's `when`: numbers, comparisons, logic, and time operators.
 //
-// docs/criteria.md has the grammar. Which signals and faults there are, the caller says:
+// docs/criteria.md has the grammar. The caller says which signals and faults exist:
 //
 //   const Formula f = Parse("always[5,60](position_error_m <= 1.0)", {signals, fault_ids});
 //   ToString(f);
@@ -51,7 +51,7 @@ struct Node {
   Op op{};
   double number = 0.0;  // kNumber
   std::string name{};   // kSignal: of the signal; kFaultActive: the fault's id
-  // kUntil has one; kAlways and kEventually without look to the end of the flight.
+  // kUntil always has one; kAlways and kEventually without one look to the end of the flight.
   std::optional<Window> window{};
   Formula left{}, right{};  // an operator of one operand has it on the left
 };
@@ -60,7 +60,7 @@ inline constexpr std::size_t kFormulaLengthMax_bytes = 4096;
 inline constexpr std::size_t kNestingMax_count = 64;
 inline constexpr double kWindowMax_s = 1e6;
 
-// What a formula may say. A signal active_<id> goes with each fault.
+// What a formula may name. A signal active_<id> belongs to each fault.
 struct Vocabulary {
   std::span<const std::string> signals;
   std::span<const std::string> fault_ids = {};
@@ -76,7 +76,7 @@ Formula Parse(std::string_view text, const Vocabulary& vocabulary);
 // Canonical text, with all parentheses: Parse(ToString(f)) has the same text.
 std::string ToString(const Formula& formula);
 
-// Of an operator on numbers; NaN when an operand is.
+// The value of an operator on numbers; NaN when an operand is NaN.
 double Apply(Op op, double left, double right);
 bool IsComparison(Op op);
 

@@ -1,7 +1,9 @@
-// How long a program has been ready to run while others had the processor: what a busy machine does to it, and what it
-// is not to be blamed for. An emulator has no real-time priority, so that watching our own nodes would not show it.
+// How long a program has been ready to run while others had the processor: the effect of a busy machine, for
+// which the program must not be blamed. An emulator has no real-time priority, so watching the harness's own
+// nodes would not show it.
 //
-// Its own threads wait for each other, too, briefly and often: so much (kOwnWaitNs) is left out of every wait.
+// Its own threads also wait for each other, briefly and often: that time (kOwnWaitNs) is subtracted from
+// every wait.
 //
 //   CpuWait wait(pid);
 //   if (const TimeNs waited = wait.Take(); waited > late_after_ns) NoteLateness(now - waited, now);
@@ -23,8 +25,9 @@ class CpuWait {
 
   static constexpr TimeNs kOwnWaitNs = 50 * kNsPerUs;
 
-  // Since the last call, of all threads together; 0 where the kernel does not tell (/proc/PID/task/TID/schedstat). A
-  // wait counts when it is over. New threads are looked for on every kCallsPerLook-th call.
+  // The wait since the last call, of all threads together; 0 where the kernel does not report it
+  // (/proc/PID/task/TID/schedstat). A wait counts when it is over. New threads are looked for on every
+  // kCallsPerLook-th call.
   TimeNs Take();
   static constexpr int kCallsPerLook = 32;
 

@@ -1,5 +1,6 @@
-// Notes as lateness of this machine when it keeps a program that stands for a board from running: when it lets it wait
-// for a processor, within a control period, for longer than a node may be late, and as long as it is stopped.
+// Records as lateness of this machine when it keeps a program that represents a board from running: when the
+// program waits for a processor, within a control period, for longer than a node may be late, and while it is
+// stopped.
 #pragma once
 
 #include <algorithm>
@@ -27,7 +28,7 @@ class CpuWaitWatch {
                [this](BootTime now) { Look(now); }) {}
 
  private:
-  // When in that time it waited is not known.
+  // It is not known when in that time it waited.
   void Look(BootTime now) {
     const TimeNs waited_ns = wait_.Take();
     if (waited_ns > services_.lateness().late_after_ns)

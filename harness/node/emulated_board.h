@@ -1,12 +1,12 @@
-// Stock QEMU as a board in real time: started, watched, stopped for a while, reset, its memory changed.
+// Stock QEMU as a board in real time: started, watched, paused, reset, its memory changed.
 //
 //   EmulatedBoard board(services, scenario, {.image = "executive-paper.elf", ...}, callbacks);   // stands still
 //   board.PowerOn();
 //   board.Stall(); ... board.GoOn();
 //
-// Its USARTs are connected to the link node's sockets; what its console prints and what QEMU says is kept. It runs by
-// the machine's clock, with no more priority than any other program: when the machine is busy with others, that is
-// noted as this node's lateness.
+// Its USARTs are connected to the link node's sockets; the output of its console and of QEMU is kept. It runs
+// by the machine's clock, with the priority of an ordinary program. When the machine is busy with other
+// programs, this is recorded as this node's lateness.
 #pragma once
 
 #include <cstdint>
@@ -35,7 +35,8 @@ class EmulatedBoard {
   struct Callbacks {
     // The processor was reset: by the firmware itself, or by Reset().
     std::function<void(bool by_firmware)> reset;
-    // It is gone, and why; once. kFirmwareCrashed when the firmware's doing, else kNodeLost.
+    // The board is gone, with the reason; called once. kFirmwareCrashed when the firmware caused it,
+    // otherwise kNodeLost.
     std::function<void(EndReason reason, const std::string& text)> lost;
   };
 
@@ -47,20 +48,20 @@ class EmulatedBoard {
 
   void PowerOn();
 
-  // The processor executes nothing, while its clock and what is counted by it go on.
+  // The processor executes nothing, while its clock and everything timed by it continue.
   void BeginStall();
   void EndStall();
-  // The processor and its peripherals are reset, and stay so until the hold's end.
+  // The processor and its peripherals are reset, and held until the end.
   void BeginReset();
   void EndReset();
   void Flip(std::vector<MemoryBit> bits, GdbClient::Done done);
-  // Words of memory, while it runs; not called when they cannot be had.
+  // Reads words of memory while it runs; `done` is not called when they cannot be read.
   void ReadWords(std::uint32_t address, int count,
                  std::function<void(const std::vector<std::uint32_t>&)> done);
 
-  // Looks for an emulator that does not answer. Every now and then.
+  // Checks for an emulator that does not answer. Called periodically.
   void Watch();
-  // What was printed since the last call; the last of it once `last`.
+  // What was printed since the last call; with `last`, including the incomplete last line.
   std::vector<FirmwareProcess::OutputLine> TakeLines(bool last = false);
 
  private:

@@ -1,5 +1,5 @@
-// A program of the firmware's - a user's command, or an emulator - as a child of this node: it is watched, what it
-// prints is kept, and it is gone when this is.
+// A program of the firmware's - a user's command, or an emulator - as a child of this node: it is watched,
+// its output is kept, and it ends with this object.
 //
 //   FirmwareProcess process(services, spec, [&](const std::string& how) { Fail(how); });   // "exited with code 3"
 //   for (auto& line : process.TakeLines()) ...
@@ -27,21 +27,21 @@ class FirmwareProcess {
   };
   using Ended = std::function<void(const std::string& how)>;
 
-  // Starts it, its output and error to us. Throws std::runtime_error. `ended` is called by the loop, after its last
-  // words have been read, when it ends by itself; it may destroy this.
+  // Starts the program and reads its output and error. Throws std::runtime_error. When the program ends by
+  // itself, the loop calls `ended` after its last output has been read; `ended` may destroy this object.
   FirmwareProcess(NodeServices& services, ChildSpec spec, Ended ended);
   ~FirmwareProcess();
   FirmwareProcess(const FirmwareProcess&) = delete;
   FirmwareProcess& operator=(const FirmwareProcess&) = delete;
 
   ChildProcess& child() { return *child_; }
-  // Those since the last call; the first kFirmwareLogBytesMax of all.
+  // The lines since the last call; in all, the first kFirmwareLogBytesMax.
   std::vector<OutputLine> TakeLines() { return std::exchange(lines_, {}); }
-  // What it has printed and nobody has read yet, to the last byte.
+  // Reads what it has printed and what is still unread, to the last byte.
   void ReadAll();
 
  private:
-  // The ends that we read: what it prints, and its errors.
+  // The pipes that this object reads: output and errors.
   static constexpr std::size_t kOutput = 0, kError = 1;
   void Read(std::size_t i);
   bool Drain(std::size_t i);

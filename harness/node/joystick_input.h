@@ -1,5 +1,5 @@
-// The pilot's sticks, from a device or from a recording: four axes in -1..1, at any time. What they mean for
-// the vehicle is joystick_reference.h's business.
+// The pilot's sticks, from a device or from a recording: four axes in -1..1, at any time.
+// joystick_reference.h gives them their meaning for the vehicle.
 //
 //   auto input = OpenJoystick("/dev/input/js0");     // or /dev/input/event5, or a recording
 //   JoystickAxes axes = input->Read(now);            // once a period; never blocks
@@ -9,7 +9,7 @@
 // (struct input_event). Sticks of a gamepad as Linux numbers their axes in both: left stick forward = vx,
 // left stick left = vy, right stick forward = vz (up), right stick left = yaw_rate.
 //
-// A recording is text, one change of one axis a line, in order of time; an axis keeps its value until its
+// A recording is text, one change of one axis per line, in order of time; an axis keeps its value until its
 // next line:
 //   # t_s axis value        axis: vx, vy, vz, yaw_rate; value: -1 to 1
 //   0.5   vx   0.3
@@ -50,27 +50,28 @@ class JoystickInput {
 // device, or "file:line: message", and what to do.
 std::unique_ptr<JoystickInput> OpenJoystick(const std::filesystem::path& path);
 
-// The text of a recording; `name` stands for it in messages. Throws std::runtime_error.
+// The text of a recording; `name` identifies it in messages. Throws std::runtime_error.
 std::unique_ptr<JoystickInput> ParseRecording(std::string_view text, const std::string& name);
 
 enum class JoystickProtocol { kJoystick, kEvent };
 
-// End points of an axis of an event device (EVIOCGABS); the centre lies in the middle.
+// End points of an axis of an event device (EVIOCGABS); the centre is in the middle.
 struct AxisRange {
   std::int32_t min = -32767, max = 32767;
 };
 
-// Bytes of a device to axes. Whatever comes: events of other kinds and axes are passed over, a piece of an
-// event waits for its rest.
+// Converts bytes of a device to axes, in any pieces. Events of other kinds and axes are ignored; an
+// incomplete event waits for its rest.
 class JoystickDecoder {
  public:
-  // `ranges` by axis code (ABS_X, ...): of event devices alone; axes without one are taken as -32767..32767.
+  // `ranges` by axis code (ABS_X, ...): only for event devices; axes without a range are taken as
+  // -32767..32767.
   explicit JoystickDecoder(JoystickProtocol protocol, std::map<int, AxisRange> ranges = {});
 
   void Feed(std::span<const std::uint8_t> bytes);
   JoystickAxes axes() const { return axes_; }
 
-  // An axis has this raw value now, told by other means than events.
+  // An axis has this raw value now, as known by other means than events.
   void Set(int axis, std::int32_t value);
   // The kernel has dropped events (SYN_DROPPED) since the last call: ask it for the values of the axes.
   bool TakeDropped();
@@ -87,7 +88,7 @@ class JoystickDecoder {
   std::size_t filled_ = 0;
 };
 
-// A device that is open already (non-blocking; any descriptor will do): closed with the object.
+// A device that is open already (non-blocking; any descriptor is accepted): closed with the object.
 std::unique_ptr<JoystickInput> AdoptJoystick(int descriptor, JoystickDecoder decoder,
                                              const std::string& name);
 

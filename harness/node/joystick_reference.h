@@ -1,8 +1,8 @@
-// From stick positions to the reference that the base station sends: magnitude and scale (paper,
-// section 2.2), then the way covered. Pure: the same sticks and steps give the same references.
+// Computes the reference that the base station sends from stick positions: magnitude and scale (paper,
+// section 2.2), then the distance covered. Pure: the same sticks and steps give the same references.
 //
 //   JoystickReference reference(start, {.speed_m_s_max = 1.0});
-//   ReferencePoint r = reference.Step(axes, period_ns);   // every period
+//   ReferencePoint r = reference.Step(axes, period_ns);   // in every period
 #pragma once
 
 #include <array>
@@ -30,15 +30,15 @@ struct JoystickLimits {
 
 class JoystickReference {
  public:
-  // A step covers no more than this: a base station that was held up does not send the vehicle jumping.
+  // Limit of the time that a step covers: a base station that was delayed does not make the vehicle jump.
   static constexpr TimeNs kStepMax = 100 * kNsPerMs;
 
   // At rest at `start`. Throws std::invalid_argument for limits that are not finite, negative or reversed.
   JoystickReference(const ReferencePoint& start, const JoystickLimits& limits);
 
-  // The reference after `dt` with the sticks like this: position moved by the velocity commanded, along the
-  // axes of the world frame, and that velocity. At a wall of the box it stands, with velocity 0 along that
-  // axis.
+  // The reference after `dt` with the sticks in this position: the position is moved by the commanded
+  // velocity, along the axes of the world frame, and has that velocity. At a wall of the box it stops, with
+  // velocity 0 along that axis.
   ReferencePoint Step(const JoystickAxes& axes, TimeNs dt);
 
   const ReferencePoint& value() const { return value_; }

@@ -1,13 +1,13 @@
-// A node: one process of a run in real time, found and led by the harness over the bus.
+// A node: one process of a real-time run, found and led by the harness over the bus.
 //
-// Every node lives the same life, and only its Role differs: it says every 50 ms that it is there, loads the
-// scenario that it is told, opens its ports, runs, hands in its log, and is free again.
+// All nodes work in the same way, and only their Roles differ. A node reports every 50 ms that it is there,
+// loads the scenario that it is given, opens its ports, runs, hands in its log, and is free again.
 //
 //   prepare -> what it needs exists      arm -> its ports are open      start -> it runs
 //   stop    -> its log is handed in      release -> it is free (a child of the harness ends)
 //
-// One thread does all of the node's work, in an event loop; DDS has threads of its own that only post to it. So
-// the heartbeat stops when the work hangs, and that is what it is for.
+// One thread does all of the node's work, in an event loop; the threads of DDS only post to it. So the
+// heartbeat stops when the work hangs, which is its purpose.
 #pragma once
 
 #include <boost/asio/io_context.hpp>
@@ -31,8 +31,8 @@ struct NodeOptions {
   dds::NodeKind kind = dds::NodeKind::kPlant;
   std::string name;  // node id
   dds::BusConfig bus;
-  // Started by a harness, which is that participant: it obeys no other, and ends after its run. Else by a person, for
-  // any number of runs.
+  // Started by a harness, which is that participant: it obeys only this harness, and ends after its run.
+  // Otherwise started by a person, for any number of runs.
   std::optional<dds::Participant> harness;
   ScenarioLoader load;
   // Client: the firmware that it is. Link: the board on its cables; without one, it makes pseudo-terminals.
@@ -42,15 +42,15 @@ struct NodeOptions {
 };
 
 using Ports = std::vector<dds::Port>;
-// The path of a port; empty when there is none of that name.
+// The path of a port; empty when there is no port of that name.
 std::string FindPort(const Ports& ports, std::string_view name);
 
-// A callback for subscribers, which are called in threads of DDS: has the loop call `look`, as long as `alive`
-// exists.
+// A callback for subscribers, which are called in threads of DDS: makes the loop call `look`, as long as
+// `alive` exists.
 std::function<void()> InLoop(boost::asio::io_context& loop, const std::shared_ptr<char>& alive,
                              std::function<void()> look);
 
-// What a node does for its role.
+// The services of a node to its role.
 class NodeServices {
  public:
   virtual ~NodeServices() = default;
@@ -58,18 +58,19 @@ class NodeServices {
   virtual dds::Bus& bus() = 0;
   virtual NodeClock& clock() = 0;
   virtual const std::string& run_id() const = 0;
-  // The nodes of the present run.
+  // The nodes of the current run.
   virtual const dds::Circle& members() const = 0;
   virtual LogPublisher& log() = 0;
   virtual Lateness& lateness() = 0;
-  // Tells the harness where the node stands; kFailed ends the run.
+  // Tells the harness the node's state; kFailed ends the run.
   virtual void SetPhase(dds::Phase phase, TimeNs time_ns, Origin origin, EndReason reason,
                         const std::string& text) = 0;
-  // The same for trouble of the node's own, named by `reason`.
+  // The same for a failure of the node itself, named by `reason`.
   void Fail(EndReason reason, const std::string& text) { SetPhase(dds::Phase::kFailed, 0, {}, reason, text); }
 };
 
-// The work of one kind of node, during one run. Any call may throw std::exception: the harness gets the text.
+// The work of one kind of node, during one run. Any call may throw std::exception; its text goes to the
+// harness.
 class Role {
  public:
   virtual ~Role() = default;
@@ -77,19 +78,19 @@ class Role {
   virtual Ports Prepare(const LoadedScenario& loaded, const Ports& given) = 0;
   virtual void Arm(const Ports& ports) = 0;
   virtual void Start() = 0;
-  // Every 50 ms from Start on: time to send the log so far.
+  // Called every 50 ms from Start on, to send the log so far.
   virtual void Flush() = 0;
   // Sends the rest of the log, returns its totals.
   virtual NodeTotals Stop() = 0;
 };
 using MakeRole = std::function<std::unique_ptr<Role>(NodeServices&, const NodeOptions&)>;
 
-// Lives until it is told to end (SIGTERM, SIGINT, the harness that started it is done). Returns the process's
+// Runs until it is told to end (SIGTERM, SIGINT, the harness that started it is done). Returns the process's
 // exit code.
 int RunNode(const NodeOptions& options, const MakeRole& make_role);
 
-// Calls `due(now)` every `period` of the node's clock from `first` on, in the loop, and keeps account of how
-// late that was. Until it is destroyed.
+// Calls `due(now)` every `period` of the node's clock from `first` on, in the loop, and records how late each
+// call was, until it is destroyed.
 class PeriodicTimer {
  public:
   PeriodicTimer(NodeServices& services, BootTime first, TimeNs period, std::function<void(BootTime)> due);
@@ -101,7 +102,7 @@ class PeriodicTimer {
   TimeNs period_ns_;
   std::function<void(BootTime)> due_;
   boost::asio::steady_timer timer_;
-  // A wait that is over already calls back even when this is destroyed before.
+  // A wait that is already over calls back even when this object is destroyed first.
   std::shared_ptr<char> alive_ = std::make_shared<char>();
 };
 

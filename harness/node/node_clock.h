@@ -13,20 +13,20 @@ class NodeClock {
   using Steady = std::chrono::steady_clock;
 
   BootTime Now() const { return FromSteady(Steady::now()); }
-  // When the true clock shows, this one shows `time`.
+  // The reading of the true clock when this clock shows `time`.
   Steady::time_point ToSteady(BootTime time) const {
     const double since_base = static_cast<double>(time - base_ns_) / rate_;
     return Steady::time_point(std::chrono::nanoseconds(true_base_ns_ + static_cast<TimeNs>(since_base)));
   }
 
-  // From now on it runs `ppm` faster than the true one. What it gained before it keeps.
+  // From now on it runs `ppm` faster than the true clock. It keeps the time gained before.
   void SetRate(double ppm) {
     const auto now = Steady::now();
     base_ns_ = FromSteady(now);
     true_base_ns_ = now.time_since_epoch().count();
     rate_ = 1.0 + ppm * 1e-6;
   }
-  // Forward; back, when negative.
+  // Moves it forward, or back when negative.
   void Jump(TimeNs by_ns) { base_ns_ += by_ns; }
 
  private:

@@ -1,11 +1,11 @@
-// Keeps an emulator on one processor of this machine, as long as that serves it.
+// Keeps an emulator on one processor of this machine, as long as that is useful.
 //
-// The thread of its virtual processor and that of its devices hand every byte to one another, and otherwise sleep. On
-// one processor such a hand-over is a switch of threads; across two of them it is an interrupt that wakes an idle one,
-// which takes several times as long. But a firmware that never sleeps would keep the devices from that one processor:
-// then both may use all.
+// The threads of its virtual processor and of its devices pass every byte to one another, and otherwise
+// sleep. On one processor this is a switch of threads; across two it is an interrupt that wakes an idle
+// processor, which takes several times as long. But a firmware that never sleeps would keep the devices off
+// that one processor. Then both threads may use all processors.
 //
-//   OneProcessor processor(pid);   // of several boards each has another
+//   OneProcessor processor(pid);   // each of several boards has another one
 //   processor.Watch();             // now and then
 #pragma once
 
@@ -18,7 +18,7 @@ namespace tiltproof::harness {
 
 class OneProcessor {
  public:
-  // Once all threads of the process are there.
+  // Call it once all threads of the process exist.
   explicit OneProcessor(pid_t pid);
 
   void Watch();

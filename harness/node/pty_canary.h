@@ -1,6 +1,6 @@
-// Watches how late this machine's pseudo-terminals are. What is written at one end reaches the other by a thread of
-// the kernel with ordinary priority: on a busy machine that takes milliseconds, which no clock of our own would show
-// and a firmware would be blamed for.
+// Measures how late this machine's pseudo-terminals are. A kernel thread with ordinary priority carries what
+// is written at one end to the other. On a busy machine that takes milliseconds, which no clock of the
+// harness would show and for which the firmware would be blamed.
 #pragma once
 
 #include <array>

@@ -1,12 +1,12 @@
 // What the operating system grants a node for punctuality: a real-time scheduling policy and locked memory.
-// Without them everything works, less evenly.
+// Without them everything works, but less evenly.
 #pragma once
 
 #include <string>
 
 namespace tiltproof::harness {
 
-// In the middle of what user programs take: above everything ordinary, below the kernel's own threads.
+// In the middle of the range that user programs use: above all ordinary ones, below the kernel's own threads.
 inline constexpr int kRealtimePriority = 20;
 
 struct RealtimeRights {
@@ -16,7 +16,7 @@ struct RealtimeRights {
   std::string Text() const;
 };
 
-// Takes what is permitted, for the calling thread and this process; children inherit neither.
+// Acquires what is permitted, for the calling thread and this process; children inherit neither.
 RealtimeRights AcquireRealtimeRights();
 
 // What a node would get, tried in a child process.

@@ -1,5 +1,5 @@
-// How a reference gets to the firmware: framed onto the second serial line when this node shares a host with
-// the link node, else over the bus to the link node, which has the cable.
+// Sends a reference to the firmware: framed on the second serial line when this node shares a host with the
+// link node, otherwise over the bus to the link node, which has the cable.
 #pragma once
 
 #include <memory>

@@ -8,22 +8,22 @@ namespace tiltproof::harness {
 // The server end of the line behind a serial port: plant, sensors, actuators, trace (harness/run/plant_server.h).
 std::unique_ptr<Role> MakePlantRole(NodeServices& services, const NodeOptions& options);
 
-// What stands between the plant's port and the client's: paces bytes at the baud rate, injects the wire's
-// faults, logs every frame (harness/run/line.h). Makes the pseudo-terminals that others plug into.
+// The link between the plant's port and the client's: paces bytes at the baud rate, injects the wire's
+// faults, logs every frame (harness/run/line.h). Makes the pseudo-terminals to which others connect.
 std::unique_ptr<Role> MakeLinkRole(NodeServices& services, const NodeOptions& options);
 
-// The firmware as a process: a firmware library with the machine's clock, a command of the user's, or an image in an
+// The firmware as a process: a firmware library with the machine's clock, a user's command, or an image in an
 // emulator.
 std::unique_ptr<Role> MakeLibraryRole(NodeServices& services, const NodeOptions& options);
 std::unique_ptr<Role> MakeCommandRole(NodeServices& services, const NodeOptions& options);
 std::unique_ptr<Role> MakeEmulatorRole(NodeServices& services, const NodeOptions& options);
 
-// Who sends references over the second line (paper, section 2.2, Figure 6): the scenario's trajectory after
+// The sender of references over the second line (paper, section 2.2, Figure 6): the scenario's trajectory by
 // the simulation's clock, or a person's joystick.
 std::unique_ptr<Role> MakeBaseStationRole(NodeServices& services, const NodeOptions& options);
 std::unique_ptr<Role> MakeJoystickRole(NodeServices& services, const NodeOptions& options);
 
-// Prints what happens on the bus until it is told to end: no part of any run.
+// Prints what happens on the bus until it is told to end; it is not part of any run.
 int RunMonitor(const NodeOptions& options);
 
 }  // namespace tiltproof::harness

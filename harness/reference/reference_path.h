@@ -1,6 +1,6 @@
-// Distance from points to a long polyline: the path that a flight should have traced. One query costs about
-// the logarithm of the path's length; where the path passes the same place in many laps, that for each of
-// them.
+// Distance from points to a long polyline: the path that a flight should have followed. One query costs about
+// the logarithm of the path's length; where the path passes the same place in several laps, this cost for
+// each lap.
 #pragma once
 
 #include <array>
@@ -17,8 +17,8 @@ double Distance(const Point& a, const Point& b);
 
 class ReferencePath {
  public:
-  // The polyline through `points` in order. Points that are not finite are left out, and so are repeats of
-  // their predecessor.
+  // The polyline through `points` in order. Points that are not finite, and repetitions of their predecessor,
+  // are left out.
   explicit ReferencePath(std::span<const Point> points);
 
   // Smallest distance from p to the polyline (m): NaN when p is not finite or there is no path.

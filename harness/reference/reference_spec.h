@@ -1,5 +1,4 @@
-// The references of the base station as data: what a scenario's `reference` says. trajectory.h evaluates
-// them.
+// The references of the base station as data: the `reference` of a scenario. trajectory.h evaluates them.
 //
 // All positions in the world frame; yaw 0 unless stated.
 #pragma once

@@ -1,10 +1,10 @@
-// Where the base station wants the vehicle: r(t), from the `reference` of a scenario. Pure: the same time
+// The position that the base station commands: r(t), from the `reference` of a scenario. Pure: the same time
 // gives the same answer.
 //
 //   Trajectory trajectory(scenario.reference);
 //   ReferencePoint r = trajectory.At(12 * kNsPerMs);
 //
-// Before t = 0 the vehicle waits at the start; after its end a reference holds its end point. Both with
+// Before t = 0 the vehicle waits at the start; after its end a reference keeps its end point. Both have
 // velocity zero.
 #pragma once
 
@@ -39,7 +39,7 @@ class Trajectory {
   std::array<double, 3> Start() const;
 
  private:
-  // Points in time joined by straight lines: a waypoints or a recorded reference.
+  // Points in time joined by straight lines: those of a waypoints or a recorded reference.
   struct Sample {
     double t_s = 0.0;
     ReferencePoint value;
@@ -47,7 +47,7 @@ class Trajectory {
   struct Polyline {
     std::vector<Sample> samples;  // times do not descend
     bool has_velocity = false;    // recorded along with the position; otherwise the slope of the line
-    // Holds both ends, at rest.
+    // Keeps both end points, at rest.
     ReferencePoint At(double t_s) const;
   };
   static Polyline FromWaypoints(const WaypointsReference& waypoints);

@@ -1,4 +1,4 @@
-// Two flights of one scenario side by side: how far their traces are apart, where they part, and whether
+// Compares two flights of one scenario: how far their traces are apart, where they diverge, and whether
 // timing and verdicts agree.
 //
 //   const FlightComparison comparison = CompareFlights(folder_a, folder_b, 1e-3);
@@ -39,8 +39,8 @@ struct TraceComparison {
   double end_a_s = 0.0, end_b_s = 0.0;    // time of the last row
   std::vector<ColumnDifference> columns;  // of both traces, without time; the worst first
   std::vector<std::string> columns_of_one;
-  // The first row in which the vehicle's state differs by more than the tolerance; of that row the column with
-  // the greatest difference.
+  // The first row in which the vehicle's state differs by more than the tolerance; in that row the column
+  // with the greatest difference.
   std::optional<FirstDifference> first;
 
   bool same_rows() const { return rows_matched == rows_a && rows_matched == rows_b; }

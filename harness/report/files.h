@@ -1,4 +1,4 @@
-// Files of a run: written whole or not at all, and a clear error when the disk says no.
+// Files of a run: written whole or not at all, with a clear error when the disk refuses.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 
 namespace tiltproof::harness {
 
-// Trouble with a file; the text names it and the system's reason.
+// A file error; the text names the file and the system's reason.
 struct FileError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
@@ -19,11 +19,11 @@ void WriteFile(const std::filesystem::path& path, std::string_view content);
 std::string ReadFile(const std::filesystem::path& path);
 
 // Creates <parent>/<UTC to the ms>-<suite>-<seed>[-n] exclusively, n = 2, 3, ... when it exists already, and
-// points <parent>/latest at it, unless that is no link but somebody's file or folder.
+// points <parent>/latest at it, unless that is not a link but a user's file or folder.
 std::filesystem::path CreateRunFolder(const std::filesystem::path& parent, const std::string& suite,
                                       std::uint64_t seed);
 
-// Whether <parent>/latest is something else than a link, and therefore not touched.
+// Whether <parent>/latest is not a link, and therefore left unchanged.
 bool LatestIsTaken(const std::filesystem::path& parent);
 
 // The present UTC time, ISO 8601 to the millisecond.

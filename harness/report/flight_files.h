@@ -1,4 +1,4 @@
-// The folder of one scenario: everything its flight left behind, and reading it back for scoring offline.
+// The folder of one scenario: all records of its flight, and how to read them back for scoring offline.
 //
 //   scenario.resolved.yaml  the scenario with every default explicit
 //   trace.csv               one row every control period
@@ -20,17 +20,18 @@
 
 namespace tiltproof::harness {
 
-// Writes what the flight left: all of the above but scenario.resolved.yaml, which is there before the flight, and verdict.json.
-// Throws FileError.
+// Writes the flight's files: all of the above except scenario.resolved.yaml, which is there before the
+// flight, and verdict.json. Throws FileError.
 void WriteFlight(const std::filesystem::path& folder, const Scenario& scenario, const RunLog& log);
 
-// What scoring needs: the trace and flight.json; raw bytes and activations are not read. Throws FileError or
+// Reads what scoring needs: the trace and flight.json; not the raw bytes and activations. Throws FileError or
 // std::runtime_error naming the file and the place.
 RunLog ReadFlight(const std::filesystem::path& folder);
 
-// Keeps a flight in its folder, or not: for its worker process.
+// Keeps a flight in its folder, or not: runs in its worker process.
 FlightRecorder RecorderIn(const std::filesystem::path& folder, Keep keep);
-// verdict.json, when the flight is kept; for the parent of the worker, which knows the result whatever became of that.
+// Writes verdict.json, when the flight is kept: for the parent of the worker, which knows the result even if
+// the worker died.
 void KeepVerdict(const std::filesystem::path& folder, const Scenario& scenario, const FlightResult& result,
                  Keep keep);
 

@@ -1,4 +1,5 @@
-// JSON as text, whatever its strings hold: what is no UTF-8 becomes U+FFFD, where nlohmann would throw.
+// JSON as text, whatever its strings hold: bytes that are not UTF-8 become U+FFFD, where nlohmann would
+// throw.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -15,7 +16,7 @@ inline std::string JsonText(const nlohmann::ordered_json& json, int indent = -1)
 
 // For standard output, which may be a terminal: one line of ASCII, everything else as \uNNNN.
 inline std::string JsonLine(const nlohmann::ordered_json& json) {
-  // Of ASCII, DEL alone is a control character that JSON leaves as it is; nlohmann writes it as \u007f too.
+  // DEL is the only ASCII control character that JSON leaves unchanged; nlohmann also writes it as \u007f.
   return json.dump(-1, ' ', true, nlohmann::ordered_json::error_handler_t::replace);
 }
 
@@ -27,8 +28,8 @@ Enum EnumNamed(const std::string& what, std::string_view name, Enum last) {
   throw std::runtime_error("unknown " + what + " '" + std::string(name) + "'");
 }
 
-// Of the result files: run.json, results.json, verdict.json, flight.json. It grows when a reader of the format before would
-// misread them. Files without one are of the first.
+// Version of the result files: run.json, results.json, verdict.json, flight.json. It is increased when a
+// reader of the previous format would misread them. Files without a version have the first one.
 inline constexpr int kResultsFormat = 1;
 // Throws std::runtime_error when a newer tiltproof has written this.
 inline void CheckFormat(const nlohmann::ordered_json& json) {

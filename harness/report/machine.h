@@ -1,4 +1,4 @@
-// What a flight was computed with, as far as two flights of one program could differ by it.
+// What a flight was computed with, as far as it can make two flights of one program differ.
 //
 //   info.machine = ThisMachine();
 //   const std::string what = MachineDifference(info.machine, ThisMachine(), "then", "now");
@@ -12,12 +12,12 @@
 namespace tiltproof::harness {
 
 // By name: compiler (of this program), libc, processor (its model), processor_features (those by which glibc
-// chooses its mathematics, as glibc believes in them; absent where it chooses nothing).
+// chooses its mathematics, as glibc sees them; absent where it has no choice).
 using Machine = std::map<std::string, std::string>;
 
 Machine ThisMachine();
 
-// Empty when the two are alike, or one is unknown (the files of older versions).
+// Empty when the two are equal, or one is unknown (files of older versions).
 std::string MachineDifference(const Machine& a, const Machine& b, std::string_view in_a,
                               std::string_view in_b);
 

@@ -1,4 +1,4 @@
-// A campaign's flights against one flight without faults: what each came to.
+// Compares a campaign's flights with one flight without faults: the outcome of each.
 //
 //   const OutcomeReference golden(golden_folder);
 //   golden.OutcomeOf(result, folder);   // "masked"
@@ -13,9 +13,9 @@
 
 namespace tiltproof::harness {
 
-// In this order: those of Outcome (harness/score/outcome.h) up to detected, and instead of the others wrong_output (the
-// firmware asked for other inputs than in the reference, and nothing noticed) and masked (it asked for the same in every
-// row).
+// In this order: those of Outcome (harness/score/outcome.h) up to detected, and instead of the others
+// wrong_output (the firmware commanded other inputs than in the reference, and nothing noticed) and masked
+// (it commanded the same in every row).
 const std::vector<std::string>& OutcomeNames();
 
 class OutcomeReference {
@@ -23,7 +23,7 @@ class OutcomeReference {
   // Throws std::exception naming the file that cannot be read.
   explicit OutcomeReference(const std::filesystem::path& flight_folder);
 
-  // Of a flight with its folder. Throws likewise.
+  // The outcome of a flight with its folder. Throws std::exception naming the file that cannot be read.
   std::string OutcomeOf(const FlightResult& result, const std::filesystem::path& flight_folder) const;
 
  private:

@@ -1,4 +1,4 @@
-// The results of a run: one entry a scenario, gathered in results.json, junit.xml and run.json.
+// The results of a run: one entry per scenario, gathered in results.json, junit.xml and run.json.
 #pragma once
 
 #include <filesystem>
@@ -18,9 +18,9 @@ struct PlannedFlight {
   std::string name;
   Verdict expected = Verdict::kPass;
   std::uint64_t seed = 0;
-  std::optional<BusPlace> bus{};  // once it is there; for those who listen, and not read again
+  std::optional<BusPlace> bus{};  // once it is there; for observers, and not read again
 };
-// Its result for as long as it has no other: an error for this reason.
+// Its result until it has another one: an error with this reason.
 inline constexpr const char* kNotFlown = "not flown to the end: the run ended before, or is still under way";
 FlightResult NotFlown(const PlannedFlight& flight, const std::string& reason = kNotFlown);
 
@@ -34,10 +34,10 @@ struct NotApplicable {
   std::string reason;
 };
 
-// Of which flights a run keeps a folder.
+// The flights for which a run keeps a folder.
 enum class Keep : std::uint8_t { kAll, kFailing, kVerdicts };
 std::string_view Name(Keep keep);
-// Throws std::runtime_error when none has this name.
+// Throws std::runtime_error when there is none of this name.
 Keep KeepNamed(std::string_view name);
 
 struct RunInfo {

@@ -9,10 +9,10 @@
 
 namespace tiltproof::harness {
 
-// Header line, then one line a row; "nan" where a value does not exist yet.
+// Header line, then one line per row; "nan" where a value does not exist yet.
 std::string WriteTraceCsv(const Trace& trace);
 
-// Throws std::runtime_error with the line of what is wrong.
+// Throws std::runtime_error with the line of the error.
 Trace ReadTraceCsv(std::string_view csv);
 
 }  // namespace tiltproof::harness
