@@ -18,7 +18,7 @@ TimeNs FlipInstant(const Window& window, std::uint64_t stream) {
   return window.begin_ns + static_cast<TimeNs>(Random(stream).Below(length_ns));
 }
 
-// A clock that jumps is a node's, in real time alone.
+// Only a node's clock jumps, and only in real time.
 std::optional<DeviceAction> DriftOfClient(const ClockKind& clock, const Parameters& parameters) {
   if (parameters.Choice("node") != "client") return std::nullopt;
   const ClockAction action = clock.make(parameters);

@@ -43,7 +43,7 @@ struct ReceiverInjector {
   Trigger trigger;
   ReceiveMark mark;
   double probability;
-  std::uint64_t stream;  // one generator a byte
+  std::uint64_t stream;  // one generator per byte
 };
 
 }  // namespace

@@ -11,7 +11,7 @@ using link::Direction;
 
 // Beside its message a frame has two flags and two bytes of check, at least.
 constexpr std::size_t kFramingBytes = 4;
-// Within so many control periods each message that is sent again and again has been sent.
+// Within this many control periods every periodic message has been sent.
 constexpr int kSurelySentPeriods = 2;
 
 bool Reaches(Target target, Direction direction) {

@@ -11,7 +11,7 @@ namespace tiltproof::firmware {
 
 struct ActuatorCommand {
   bool repeats = false;  // the last command once more
-  Actuators actuators;   // of one that does not repeat
+  Actuators actuators;   // for a command that is not a repetition
 };
 
 class ActuatorWriter {
@@ -19,7 +19,7 @@ class ActuatorWriter {
   // `port` must outlive the writer.
   ActuatorWriter(link::Dialect dialect, Port& port);
 
-  // Repeating before a first command sends nothing, for the server then holds the inputs of hover.
+  // Repeating before the first command sends nothing, because the server then holds the hover inputs.
   void Send(TimeNs now, const ActuatorCommand& command);
 
  private:

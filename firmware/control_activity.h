@@ -1,7 +1,7 @@
-// Activity 2 of 4: makes of each reply, and of the reference to follow, a command for the actuators.
+// Activity 2 of 4: computes a command for the actuators from each reply and the reference to follow.
 //
 //   ControlActivity control(build);
-//   control.Follow(reference);                                // when one has come
+//   control.Follow(reference);                                // when one has arrived
 //   if (const auto command = control.Do(item)) writer.Send(now, *command);
 #pragma once
 
@@ -20,10 +20,11 @@ class ControlActivity {
   // `build` must outlive it.
   explicit ControlActivity(const Build& build) : law_(*build.gain, build.feed_forward) {}
 
-  // The reference from now on. Before the first: to stay, at rest, at the position and yaw of the first reply.
+  // Sets the reference from now on. Before the first one: to stay, at rest, at the position and yaw of the
+  // first reply.
   void Follow(const Reference& reference) { reference_ = reference; }
 
-  // nullopt when the item asks for no command.
+  // nullopt when the item requires no command.
   std::optional<ActuatorCommand> Do(const ControlItem& item);
 
  private:

@@ -7,10 +7,10 @@
 //   q     = x y z roll pitch yaw alpha_r alpha_l
 //   x_ref = (x y z 0 0 yaw 0 0   vx vy vz 0 0 0 0 0   0 0 0 0)
 //
-// SI units, angles in rad, one step each 12 ms. The integrals follow the trapezoidal rule and include the
-// present error; the error before the first step counts as zero. The law is linear and does no more than it
-// says: no saturation, no wrapping of the yaw error (sensed yaw is in (-pi, pi]), and a value that is not
-// finite in any input gives outputs that are not finite from then on, since the integrals keep it.
+// SI units, angles in rad, one step every 12 ms. The integrals follow the trapezoidal rule and include the
+// present error; the error before the first step counts as zero. The law is linear and nothing else: no
+// saturation, no wrapping of the yaw error (sensed yaw is in (-pi, pi]). A value that is not finite in any
+// input gives outputs that are not finite from then on, because the integrals keep it.
 //
 // Arithmetic is binary32, in a fixed order, so that every port computes the same bits.
 #pragma once

@@ -1,6 +1,6 @@
 // The flight firmware as a whole: its four activities composed into the paper's periodic cycle (section 2.1,
 // Figure 4; section 2.3, Figure 8). Every port that runs it as one thread uses this class; a port with one
-// task an activity composes the same units, with a queue for each arrow.
+// task per activity composes the same units, with a queue for each arrow.
 //
 //   FlightApplication application(*FindBuild("paper"), link::Dialect::kPaper, port);
 //   TimeNs wake = application.Start(now);            // power-on
@@ -29,7 +29,7 @@ class FlightApplication {
   // `build` and `port` must outlive the application.
   FlightApplication(const Build& build, link::Dialect dialect, Port& port);
 
-  // Power-on, once. Returns when to call Tick at the latest.
+  // Call once, at power-on. Returns when to call Tick at the latest.
   TimeNs Start(TimeNs now);
 
   // Bytes from a receiver, in order, in any pieces. Decodes only; Tick acts on what has arrived.
@@ -41,8 +41,8 @@ class FlightApplication {
 
   const Status& status() const { return sensor_cycle_.status(); }
 
-  // How often the control activity has had something to do, modulo 2^32: from the second period on at least once each,
-  // with replies or without. What a watchdog goes by.
+  // How often the control activity has had work to do, modulo 2^32: from the second period on at least once
+  // each, with replies or without. A watchdog can check this number.
   std::uint32_t control_count() const { return control_count_; }
 
  private:

@@ -5,14 +5,14 @@
 //   dialect   start   read sensors   actuators   actuators + un-pause
 //   paper       1          2             3                -
 //   provant     -          1             0                3          (the authors' published server)
-// `start` and `read sensors` are the id alone (4 bytes), the actuator messages carry 4 more floats (20
+// `start` and `read sensors` consist only of the id (4 bytes), the actuator messages have 4 more floats (20
 // bytes). The server's only message is the reply to `read sensors`: 16 floats without id (64 bytes). On the
 // second line a reference is 7 floats (28 bytes).
 //
-// A payload does not say which way it travels, and none says which dialect it is in: the receiver knows both.
-// The server reads what arrives to_plant with DecodeClientMessage() and nothing else, the client what arrives
-// to_client with DecodeSensors() and the reference line with DecodeReference(). A reply that is echoed back
-// to the server is an unknown id to it.
+// A payload contains neither its direction nor its dialect: the receiver knows both. The server reads what
+// arrives to_plant only with DecodeClientMessage(), the client reads what arrives to_client with
+// DecodeSensors() and the reference line with DecodeReference(). A reply that is echoed back to the server is
+// an unknown id to it.
 //
 // Fletcher-16 lets wrong payloads through (00 <-> FF), so a message is accepted only with exact length, known
 // id, and every value finite and within the plausible range below; every violation is a value of
@@ -64,7 +64,7 @@ struct MessageBytes {
   std::span<const std::uint8_t> span() const { return {bytes.data(), size}; }
 };
 
-// Values go out as they are, not finite or out of range too: what may be sent is the sender's business.
+// Values are sent unchanged, even if not finite or out of range: the sender is responsible for them.
 MessageBytes EncodeStart(Dialect dialect,
                          const Actuators& hover);  // paper: id 1; provant: id 3 with the hover input
 MessageBytes EncodeReadSensors(Dialect dialect);
@@ -72,7 +72,7 @@ MessageBytes EncodeActuators(Dialect dialect, const Actuators& actuators);
 MessageBytes EncodeSensors(const Sensors& sensors);
 MessageBytes EncodeReference(const Reference& reference);
 
-// Each sets its output only when it returns kOk. Of several violations the first of this list is told:
+// Each sets its output only when it returns kOk. Of several violations it returns the first in this list:
 // kBadLength (for a client message: shorter than an id), kUnknownId (any other bit pattern: -0.0 is not 0.0),
 // kBadLength (of the id's message), kNotFinite (anywhere), kOutOfRange.
 MessageStatus DecodeClientMessage(Dialect dialect, std::span<const std::uint8_t> payload,
@@ -83,8 +83,8 @@ MessageStatus DecodeReference(std::span<const std::uint8_t> payload, Reference& 
 // For firmware that trusts the checksum, as the paper's does.
 MessageStatus ParseSensors(std::span<const std::uint8_t> payload, Sensors& sensors);
 
-// What a payload sent by the client is, judged by length and id alone; kUnknown when it is none. provant's id
-// 3 is kStart each time it comes.
+// The kind of a payload sent by the client, judged only by length and id; kUnknown when it is no message.
+// provant's id 3 is kStart each time it comes.
 MessageKind ClassifyClientPayload(Dialect dialect, std::span<const std::uint8_t> payload);
 
 }  // namespace tiltproof::link

@@ -1,7 +1,7 @@
 // What the flight firmware needs from the board it runs on: two transmitters and a log. Everything else is
 // passed in.
 //
-// The firmware never reads a clock and never waits: whoever owns the board calls FlightApplication with the
+// The firmware never reads a clock and never waits: the owner of the board calls FlightApplication with the
 // time, and gives it the bytes that its receivers got. A new port (another board, another operating system)
 // implements this class and that loop.
 #pragma once
@@ -20,9 +20,9 @@ enum class Uart : std::uint8_t {
 
 class Port {
  public:
-  // Gives bytes to the transmitter at `now`; they leave back to back after what it still holds. Returns the
-  // time at which the last stop bit will have left (`now` on a line without byte time). `bytes` need not live
-  // on after the call.
+  // Gives bytes to the transmitter at `now`; they leave back to back after those that it still holds. Returns
+  // the time at which the last stop bit will have left (`now` on a line without byte time). `bytes` need not
+  // stay valid after the call.
   virtual TimeNs Transmit(Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) = 0;
 
   // One line for a person, without line end. May drop it.

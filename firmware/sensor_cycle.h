@@ -1,5 +1,5 @@
-// Activity 1 of 4 over time: leads the paper's periodic cycle (section 2.1, Figure 4). It decides when to ask the
-// server, and tells the control activity what came of it.
+// Activity 1 of 4 over time: leads the paper's periodic cycle (section 2.1, Figure 4). It decides when to ask
+// the server, and tells the control activity the result.
 //
 //   SensorCycle cycle(build, dialect, port);
 //   cycle.Start(now);                                        // power-on
@@ -9,10 +9,10 @@
 //   }
 //
 // Timing. The firmware leads. It sends `start`; when that frame's last bit has left, it sends the first
-// request; then it sends one request every 12 ms, counted from that first one (a period that could not begin
-// in time begins late, and the grid stays). A valid reply is handed on at once. When none has arrived by the next
-// tick, `paper` asks again and no more; `tolerant` has its last command repeated at the time-out within the
-// period, and still uses a reply that comes later.
+// request; then it sends one request every 12 ms, counted from the first one (a period that could not begin
+// in time begins late, and the grid stays). A valid reply is passed on at once. When none has arrived by the
+// next tick, `paper` only asks again; `tolerant` repeats its last command at the time-out within the period,
+// and still uses a reply that comes later.
 #pragma once
 
 #include <cstdint>
@@ -35,12 +35,12 @@ struct Status {
   std::uint32_t failsafe_count = 0;  // entries of a state other than kNormal since power-on
 };
 
-// What the control activity is given: each period at least one.
+// The input of the control activity: at least one per period.
 struct ControlItem {
   enum class Kind : std::uint8_t {
     kSensors,   // a valid reply: a control step is due
     kTimeout,   // none in time: the last command is to be repeated
-    kNoSensors  // the period has ended without one: nothing to do but to be alive
+    kNoSensors  // the period has ended without one: only a sign of life
   };
   Kind kind = Kind::kNoSensors;
   Sensors sensors;  // of kSensors
@@ -57,8 +57,8 @@ class SensorCycle {
   // Bytes from the main line's receiver, in order, in any pieces. Decodes only; Next acts on what has arrived.
   void Receive(std::span<const std::uint8_t> bytes) { sensor_reader_.Receive(bytes); }
 
-  // Does what is due at `now`, which does not decrease, up to the next thing that concerns the control activity, and
-  // returns that; nullopt when all is done until wake_ns().
+  // Does what is due at `now`, which does not decrease, up to the next item for the control activity, and
+  // returns that; nullopt when everything is done until wake_ns().
   std::optional<ControlItem> Next(TimeNs now);
 
   // When to call Next at the latest.
@@ -78,7 +78,7 @@ class SensorCycle {
   SensorReader sensor_reader_;
 
   TimeNs next_request_ns_ = kNever;
-  TimeNs timeout_ns_ = kNever;       // when the present period's runs out
+  TimeNs timeout_ns_ = kNever;       // when the current period's time-out expires
   bool start_is_fresh_ = false;      // `start` has been sent and no request since
   bool heard_server_ = false;        // a valid reply has arrived
   std::uint32_t blind_periods_ = 0;  // in a row, up to now

@@ -5,9 +5,9 @@
 //   reader.Receive(bytes);                // as they arrive
 //   if (auto sensors = reader.TakeReply()) ...
 //
-// A reply carries no number that ties it to its request, so the first valid reply after a request is taken as
-// its answer, a late answer to an earlier request included; whatever follows it in the same period is
-// dropped. There is at most one answer a request.
+// A reply carries no number that links it to its request, so the first valid reply after a request is taken
+// as its answer, even if it is a late answer to an earlier request; whatever follows it in the same period is
+// dropped. There is at most one answer per request.
 #pragma once
 
 #include <optional>
@@ -19,7 +19,7 @@
 
 namespace tiltproof::firmware {
 
-// What a receiver asks of a payload beyond a right checksum and exact length.
+// What a receiver requires of a payload besides a right checksum and exact length.
 enum class ValueChecks : std::uint8_t {
   kNone,            // trust the checksum, as the paper does: NaN and absurd values pass
   kFiniteAndRange,  // every value finite and plausible (ranges in firmware/messages.h)

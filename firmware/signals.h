@@ -38,8 +38,8 @@ struct BasicActuators {
   friend bool operator==(const BasicActuators&, const BasicActuators&) = default;
 };
 
-// What the base station sends on the second line: where to be, and how fast (x_ref = (x y z 0 0 yaw 0 0 vx vy
-// vz 0 ...)).
+// What the base station sends on the second line: position and velocity (x_ref = (x y z 0 0 yaw 0 0 vx vy vz
+// 0 ...)).
 template <class Scalar>
 struct BasicReference {
   Scalar x_m{}, y_m{}, z_m{}, yaw_rad{};
@@ -65,7 +65,7 @@ struct SignalField {
   double Group<double>::*in_double;
 };
 
-// The formatter takes the templates for comparisons.
+// The formatter mistakes the templates for comparisons.
 // clang-format off
 #define TILTPROOF_FIELD(group, name) SignalField<group>{#name, &group<float>::name, &group<double>::name}
 // clang-format on

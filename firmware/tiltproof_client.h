@@ -51,7 +51,7 @@ typedef struct {
    * within it). They are sent back to back after what it still holds. Returns the client time at which the
    * last stop bit leaves. */
   int64_t (*transmit)(void* context, int uart, int64_t now_ns, const uint8_t* bytes, size_t count);
-  /* One line of text for the run's firmware.log. NULL when nobody listens. */
+  /* One line of text for the run's firmware.log. NULL when there is no log. */
   void (*log)(void* context, int64_t now_ns, const char* text);
 } TiltproofHost;
 

@@ -114,7 +114,7 @@ OwnedDescriptor OpenDevice(const std::string& device) {
   // A pseudo-terminal is always open in the process that made it, and would stay marked as exclusive when its
   // user is killed; the lock alone guards it.
   if (!IsPseudoTerminal(status)) {
-    // Root may open what others hold exclusively, and nobody asks those who open without any lock.
+    // Root may open a port that others hold exclusively, and flock() does not see a process without a lock.
     int exclusive = 0;
     const bool marked = ioctl(descriptor.get(), TIOCGEXCL, &exclusive) == 0 && exclusive != 0;
     const auto holders = ProcessesHolding(device);

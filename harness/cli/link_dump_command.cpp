@@ -57,7 +57,7 @@ int LinkDumpCommand(const std::filesystem::path& file) {
                          const link::FrameEvent& event) {
     std::string meaning;
     if (event.status == link::FrameStatus::kOk) {
-      // By its length alone: a log does not say the protocol, and the built-in ones share lengths.
+      // Only by its length: a log does not say the protocol, and the built-in ones share lengths.
       const auto floats = event.payload.size() % 4 == 0 ? event.payload.size() / 4 : 0;
       for (std::size_t i = 0; i < floats; ++i) {
         const auto* b = &event.payload[4 * i];

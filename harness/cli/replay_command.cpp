@@ -22,7 +22,7 @@
 namespace tiltproof::harness {
 namespace {
 
-// Where the flights of a replay go. Gone again at the end, however that comes, unless somebody was told of it.
+// The folder of a replay's flights. Removed at the end, in every case, unless its path was printed.
 class TemporaryFolder {
  public:
   TemporaryFolder() {

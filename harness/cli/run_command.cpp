@@ -93,7 +93,7 @@ std::string FlightName(const RunOptions& options, const Scenario& scenario, std:
   return options.repeat_count == 1 ? scenario.name : fmt::format("{}-seed{}", scenario.name, seed);
 }
 
-// What would be flown, one a line.
+// Prints what would be flown, one scenario per line.
 void List(const RunOptions& options, const std::vector<SuiteScenario>& scenarios) {
   for (const auto& entry : scenarios) {
     const std::uint64_t first = options.seed.value_or(entry.scenario.seed);

@@ -67,7 +67,7 @@ int ScoreCommand(const ReplayOptions& options) {
   for (const auto& result : results) console.Finished(result);
   if (run.whole) {
     WriteResults(run.folder, run.info, results);
-    // The events of flights that were not kept stand in that file alone.
+    // The events of flights that were not kept are only in that file.
     if (run.info.keep == Keep::kAll) WriteRunEvents(run.folder, results);
   }
   console.Summary(results, 0, run.whole ? run.info.not_applicable.size() : 0, false);

@@ -23,7 +23,7 @@
 namespace tiltproof::harness {
 namespace {
 
-// A processor that has neither slept nor sent anything for so long (virtual time) is caught in a loop.
+// A processor that has neither slept nor sent anything for this long (virtual time) is caught in a loop.
 constexpr TimeNs kBusyMax = 2 * kNsPerS;
 // Nor may it fill the log with one line.
 constexpr std::size_t kLineBytesMax = 1000;

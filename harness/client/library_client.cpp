@@ -118,7 +118,7 @@ class LibraryClient final : public Client {
     }
   }
 
-  // The flight is over, and judged: nobody hears the firmware any more.
+  // The flight is over and judged: the firmware's calls have no effect any more.
   ~LibraryClient() override {
     over_ = true;
     std::string trouble;
@@ -200,7 +200,7 @@ class LibraryClient final : public Client {
   }
 
  private:
-  // After trouble the client's state is unknown: it is not called again.
+  // After a failure the client's state is unknown: it is not called again.
   template <class Function>
   std::invoke_result_t<const Function&> Guarded(FirmwareCall call, const Function& function) {
     try {

@@ -103,7 +103,7 @@ void GdbClient::OnAcknowledged() {
 
 void GdbClient::OnPacket(const std::string& packet) {
   if (!acknowledged_) {
-    // It tells of a stop: of ours, or when nothing was asked, of one by somebody else.
+    // It reports a stop: the one requested here, or, when nothing was requested, another one.
     was_running_ |= step_ == Step::kStop;
     return;
   }

@@ -157,8 +157,8 @@ class LinkRole final : public Role {
 
   void Listen() {
     Read(*client_.line, Direction::kToPlant, "client");
-    // The client should send nothing there, and its going is seen. A pseudo-terminal that nobody has opened has nothing to
-    // tell.
+    // The client should send nothing there, but its leaving is detected there. A pseudo-terminal that is not
+    // open has nothing to report.
     if (reference_.line != nullptr && !reference_.pty)
       reference_.line->Start(
           [this](std::span<const std::uint8_t> bytes) {

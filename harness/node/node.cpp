@@ -29,7 +29,7 @@ using std::chrono::milliseconds;
 constexpr std::chrono::nanoseconds kHeartbeatPeriod{dds::kHeartbeatPeriodNs};
 // Time in which a node that runs already is heard.
 constexpr milliseconds kListenFirst{1'000};
-// A harness that is not heard for so long is gone for good; a partition of the network heals sooner.
+// A harness that is silent for this long is gone for good; a partition of the network heals sooner.
 constexpr milliseconds kHarnessLostAfter{6000};
 
 class Node final : public NodeServices {

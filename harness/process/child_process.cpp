@@ -174,9 +174,9 @@ std::string ExecTrouble(const std::string& program, int error) {
   return std::strerror(error);
 }
 
-// Without real-time priority. The kernel clears the process's entries in /proc away, and spins as long as somebody
-// else is reading them: at real-time priority it may keep him from the processor that he needs to come to an end, and
-// spin for ever.
+// Without real-time priority. The kernel removes the process's entries from /proc, and spins as long as
+// another process is reading them. At real-time priority it may keep that process from the processor that it
+// needs to finish, and spin for ever.
 void Reap(pid_t pid, int flags) {
   const int policy = sched_getscheduler(0);
   sched_param parameters{}, ordinary{};

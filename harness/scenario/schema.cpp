@@ -271,7 +271,7 @@ std::string ScenarioKeysMarkdown() {
         Table(fmt::format("`reference` of type {}", kind["properties"]["type"]["const"].get<std::string>()),
               Rows(kind, {"type"}));
   }
-  // The kinds of faults differ in their parameters alone, which have their own page.
+  // The kinds of faults differ only in their parameters, which have their own page.
   const Json& kinds = keys["faults"]["items"];
   Json fault = kinds["allOf"].front()["then"];
   fault["properties"]["type"] = {{"type", "string"},

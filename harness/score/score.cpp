@@ -244,7 +244,7 @@ void JudgeMetric(const CriterionSpec& spec, const Scenario& scenario, const Metr
   result.robustness = robustness;
   result.margin = MetricMargin(spec.min, spec.max, value);
   result.verdict = robustness >= 0.0 ? Verdict::kPass : Verdict::kFail;
-  // What a flight cut short from outside would have come to, nobody knows.
+  // The outcome of a flight that was cut short from outside is unknown.
   if (log.end_reason == EndReason::kInterrupted || IsOurs(log.end_reason)) {
     result.verdict = Verdict::kInconclusive;
     result.explanation += ": the flight was cut short";

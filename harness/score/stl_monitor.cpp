@@ -76,7 +76,7 @@ Scale ScaleOf(const Trace& trace, const Node& node) {
 
 // Of a formula's robustness, whatever the part of the flight that was not seen.
 struct Bounds {
-  std::vector<double> lower, upper;  // one a row, then one for the future
+  std::vector<double> lower, upper;  // one per row, then one for the future
   const std::vector<double>& Of(bool upper_side) const { return upper_side ? upper : lower; }
 };
 

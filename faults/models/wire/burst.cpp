@@ -26,7 +26,7 @@ class Burst : public WireModel {
       for (const PoissonEvents::Event& event : found) {
         const std::int64_t first = FirstBitFrom(event.time_ns - chunk.begin_ns);
         const std::int64_t end = std::min(first + length_bits_, bit_count);
-        // One draw for each bit of the burst, hit or not: which bits flip depends on the burst alone.
+        // One draw for each bit of the burst, hit or not: which bits flip depends only on the burst.
         Random random(event.key);
         for (std::int64_t bit = first; bit < end; ++bit) {
           if (random.Bernoulli(density_) && bit >= 0) bits.Flip(static_cast<std::size_t>(bit));

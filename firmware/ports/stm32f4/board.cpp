@@ -125,7 +125,7 @@ TimeNs Now() {
   std::int64_t ticks = tick_count;
   std::uint32_t cycles = kCyclesPerTick - SysTick().VAL;
   if ((Scb().ICSR & kScbIcsrSysTickPending) != 0) {
-    // The tick has come, perhaps after the counter was read, and nobody has counted it yet. At the tick itself the
+    // The tick has come, perhaps after the counter was read, and is not counted yet. At the tick itself the
     // counter is 0.
     ++ticks;
     cycles = (kCyclesPerTick - SysTick().VAL) % kCyclesPerTick;

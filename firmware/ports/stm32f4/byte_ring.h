@@ -33,7 +33,8 @@ class ByteRing {
     return true;
   }
 
-  // Reader, or nobody else at it: forgets everything when the indices make no sense.
+  // Called by the reader, or while no other code uses the ring: forgets everything when the indices make no
+  // sense.
   void MendIndices() {
     if (Count() > size) read_ = written_;
   }

@@ -102,8 +102,8 @@ extern "C" {
   Record(CauseOfException(), frame[kPc], frame[kLr], frame[kXpsr]);
 }
 
-// Every fault, and every interrupt that nobody handles. The stack may be what is broken, so this begins a new one:
-// nobody returns from here.
+// Every fault, and every interrupt without a handler. The stack may be what is broken, so this begins a new
+// one, and never returns.
 [[gnu::naked, gnu::used]] void Fault_Handler() {
   asm volatile(
       "tst lr, #4\n\t"

@@ -43,7 +43,7 @@ Payload EscapedPayload() {
 
 using Wire = std::array<std::uint8_t, link::FrameBytesMax(kPayloadBytes)>;
 
-// The compiler must neither know what goes in, nor leave out what nobody uses.
+// The compiler must neither know the inputs, nor remove unused results.
 template <class T>
 void Opaque(T& value) {
   asm volatile("" : : "r"(&value) : "memory");

@@ -9,7 +9,7 @@ namespace tiltproof::stm32f4 {
 
 class Stm32f4Port final : public firmware::Port {
  public:
-  // The firmware sends on the main line alone. The application's time is that of the last tick, the line's is
+  // The firmware sends only on the main line. The application's time is that of the last tick, the line's is
   // exact.
   TimeNs Transmit(firmware::Uart /*uart*/, TimeNs /*now*/, std::span<const std::uint8_t> bytes) override {
     return SendMain(bytes);

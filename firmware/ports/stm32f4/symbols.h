@@ -50,7 +50,7 @@ typedef struct {
   uint32_t overrun;   /* a byte came before the one before it was read */
   uint32_t framing;   /* no stop bit: the byte was dropped */
   uint32_t noise;     /* samples of a bit differed: the byte was taken */
-  uint32_t ring_full; /* nobody emptied the ring: the byte was dropped */
+  uint32_t ring_full; /* the ring was not emptied: the byte was dropped */
 } TiltproofReceiveErrorCounts;
 typedef struct {
   TiltproofReceiveErrorCounts main;

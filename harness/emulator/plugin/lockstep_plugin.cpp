@@ -45,7 +45,7 @@ namespace {
 
 using namespace harness::lockstep;  // the protocol's names
 
-// A sender without flags is cut off after so many bytes.
+// Bytes of a sender without flags are passed on after this many.
 constexpr std::size_t kUnsentBytesMax = 1024;
 // Where bytes wait for the one before to be read.
 constexpr std::int64_t kPollNs = 1'000;
@@ -109,7 +109,7 @@ void Flush() {
   for (std::size_t sent = 0; sent < plugin.out.size();) {
     const ssize_t n = send(plugin.socket, plugin.out.data() + sent, plugin.out.size() - sent, MSG_NOSIGNAL);
     if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) _exit(0);  // the harness is gone: nobody is left to fly for
+    if (n <= 0) _exit(0);  // the harness is gone
     sent += static_cast<std::size_t>(n);
   }
   plugin.out.clear();
@@ -132,7 +132,8 @@ void SendEvent(EventKind kind, std::uint32_t value, std::uint32_t address = 0, s
   Send(Kind::kEvent, &event, sizeof(event));
 }
 
-// What the firmware has transmitted; of the console, sent at each line, so that its last words are not lost.
+// Sends what the firmware has transmitted; for the console at the end of each text line, so that its last
+// words are not lost.
 void SendUnsent(Uart& uart) {
   if (!uart.unsent.empty())
     Send(Kind::kTransmit, uart.unsent.data(), uart.unsent.size() * sizeof(TransmittedByte));

@@ -40,7 +40,7 @@ constexpr milliseconds kCommandLimit{10'000};
 // After the end: time for what a partition of the network held up.
 constexpr milliseconds kLogLimit{8'000};
 constexpr milliseconds kScoreLimit{200};
-// A flight on the plant's clock that is so much longer than it should be has come to a stop.
+// A flight that is longer than it should be by this much, on the plant's clock, has come to a stop.
 constexpr milliseconds kOverdueLimit{5'000};
 
 struct Interrupted {};
@@ -83,7 +83,7 @@ class RealtimeConductor {
   // Without work the loop would return at once, and a turn take all of a core.
   asio::executor_work_guard<asio::io_context::executor_type> work_ = asio::make_work_guard(loop_);
   std::optional<dds::Bus> bus_;
-  dds::Circle circle_;  // the members, once they are adopted: nobody else has a say in the run
+  dds::Circle circle_;  // the members, once they are adopted: only they take part in the run
   std::optional<dds::Publisher<dds::Heartbeat>> heartbeats_;
   std::optional<dds::Publisher<dds::RunScenario>> scenarios_;
   std::optional<dds::Publisher<dds::RunCommand>> commands_;
@@ -151,7 +151,7 @@ RunLog RealtimeConductor::Run() {
       End(EndReason::kHarnessError, error.what());
     }
     flown = SteadyClock::now();
-    // After trouble too: attached nodes are to be free again, and what there is tells what went wrong.
+    // Also after a failure: attached nodes must be free again, and the logs that exist show what went wrong.
     GatherLogs();
   } catch (const Interrupted&) {
     flown = SteadyClock::now();

@@ -22,7 +22,7 @@ namespace {
 
 using SteadyClock = std::chrono::steady_clock;
 
-// One message on the bus carries at most so much; longer ones go in pieces. The first byte says whether more
+// One message on the bus carries at most this many bytes; longer ones go in pieces. The first byte says whether more
 // follows.
 constexpr std::size_t kPieceBytesMax = std::size_t{512} * 1024;
 constexpr std::uint8_t kLastPiece = 0, kMorePieces = 1;
@@ -56,7 +56,7 @@ class Bell {
 template <class Out, class In>
 class Exchange {
  public:
-  // Hears these peers alone, from the first message on.
+  // Hears only these peers, from the first message on.
   Exchange(dds::Bus& bus, std::string run_id, const std::vector<DdsPeer>& peers)
       : run_id_(std::move(run_id)),
         peers_(peers),

@@ -11,7 +11,7 @@
 namespace tiltproof::harness {
 namespace {
 
-// A harness may stand at a debugger's breakpoint: that it is gone is seen by the channel.
+// A harness may be at a debugger's breakpoint: the channel detects that it is gone.
 constexpr TimeNs kHarnessSilentAfterNs = 3600 * kNsPerS;
 
 // Answers requests until kQuit: `handle(kind, request, answer)` puts what follows kDone.
@@ -39,7 +39,7 @@ void ServeRequests(Channel& channel, const Handle& handle) {
       channel.Send(answer.bytes());
     }
   } catch (const ChannelLost&) {
-    // The harness is gone: nobody is left to tell.
+    // The harness is gone: there is no one to report to.
   }
 }
 
