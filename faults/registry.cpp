@@ -12,7 +12,7 @@
 
 namespace tiltproof::faults {
 
-// One line a type: the function that describes it, defined in faults/models/<layer>/<name>.cpp.
+// One line per type: the function that describes it, defined in faults/models/<layer>/<name>.cpp.
 #define TILTPROOF_FAULT_TYPES(FAULT) \
   FAULT(WireBitError)                \
   FAULT(WireGilbertElliott)          \
@@ -171,7 +171,7 @@ class Validator {
     if (type.is_command()) CheckPeriodOfCommand(type);
   }
 
-  // It is given anew in every period, so it must be taken back before.
+  // It is given again in every period, so it must be reverted before.
   void CheckPeriodOfCommand(const FaultType& type) {
     if (type.happens_once()) {
       Add("period_s", {type.name, " happens once: add a fault for each further time"});

@@ -135,7 +135,7 @@ void MakeRaw(const std::string& device, int descriptor) {
   settings.c_cflag &= ~static_cast<tcflag_t>(CSIZE | PARENB | CSTOPB | CRTSCTS | CIBAUD);
   settings.c_cflag |= CS8 | CREAD | CLOCAL;
   // CIBAUD cleared: the input rate follows the output rate, whatever the port's last user had set.
-  // A read without bytes says "try again"; 0 bytes are the end of the line alone.
+  // A read without bytes says "try again"; 0 bytes only mean the end of the line.
   settings.c_cc[VMIN] = 1;
   settings.c_cc[VTIME] = 0;
   if (tcsetattr(descriptor, TCSANOW, &settings) != 0) Refuse(device, std::strerror(errno));
@@ -243,7 +243,7 @@ class SerialPort::State : public std::enable_shared_from_this<State> {
   }
 
  private:
-  // As write(2), but that a socket's peer who has left is an error and no signal.
+  // Like write(2), but when a socket's peer has left it returns an error instead of raising a signal.
   ssize_t WriteSome(std::span<const std::uint8_t> bytes) {
     if (socket_) return ::send(port_.native_handle(), bytes.data(), bytes.size(), MSG_NOSIGNAL);
     return ::write(port_.native_handle(), bytes.data(), bytes.size());

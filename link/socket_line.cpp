@@ -75,7 +75,7 @@ void SocketLine::Await() {
 bool SocketLine::Accept() {
   OwnedDescriptor accepted(
       accept4(listener_.native_handle(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
-  // ECONNABORTED: the peer had gone again.
+  // ECONNABORTED: the peer has left already.
   if (accepted.get() < 0) return errno == EAGAIN || errno == EINTR || errno == ECONNABORTED;
   if (!IsOurUser(accepted.get())) return true;
   peer_ = std::make_unique<SerialPort>(loop_, accepted.Release(), "the line at " + name());

@@ -12,7 +12,7 @@
 namespace tiltproof::plant {
 namespace {
 
-// ODE calls its handlers where it would else print and abort. They must not return to it.
+// ODE calls its handlers where it would otherwise print and abort. They must not return to it.
 [[noreturn]] void ThrowOdeError(int number, const char* format, std::va_list arguments) {
   std::array<char, 256> text{};
   std::vsnprintf(text.data(), text.size(), format, arguments);
@@ -25,7 +25,7 @@ void IgnoreOdeMessage(int, const char*, std::va_list) {}
 
 }  // namespace
 
-// ODE's library state: once a process, its scratch data once a thread.
+// ODE's library state: once per process, its scratch data once per thread.
 void InitialiseOde() {
   struct Library {
     Library() {

@@ -65,7 +65,7 @@ void Plant::Step(std::span<const double> input, const Disturbance& disturbance) 
 
 void Plant::Saturate(std::span<double> input) const {
   CheckSize(input.size(), world_->signals.inputs, "inputs");
-  // clamp() hands on a NaN.
+  // clamp() passes a NaN through.
   for (std::size_t i = 0; i < input.size(); ++i)
     input[i] = std::clamp(input[i], world_->input_min[i], world_->input_max[i]);
 }

@@ -101,7 +101,7 @@ class Loader {
   Pose3d PoseInBase(const sdf::SemanticPose& pose, const std::string& what, int line) const;
 
   void Complain(int line, std::string message) { problems_.push_back({file_, line, std::move(message)}); }
-  // For what stands in the tiltproof elements, which may be in another file.
+  // For the content of the tiltproof elements, which may be in another file.
   void ComplainElement(int line, std::string message) {
     problems_.push_back({elements_.file, line, std::move(message)});
   }

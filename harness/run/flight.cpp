@@ -19,7 +19,7 @@ namespace {
 
 using link::Direction;
 
-// Counts in boot time; what goes to the log is turned into simulation time.
+// Counts in boot time; records in the log are converted to simulation time.
 class Conductor {
  public:
   Conductor(const Scenario& scenario, const VehicleSignals& vehicle, std::span<Line* const> lines,
@@ -27,7 +27,7 @@ class Conductor {
   RunLog Run();
 
  private:
-  // Of each client, the selected one's first. What goes wrong with one of several names it.
+  // Parts of each client, the selected client's first. A failure of one of several clients names it.
   template <class Act>
   void Each(const Act& act) {
     for (ClientChannel* channel : in_turn_) {
@@ -178,19 +178,19 @@ void Conductor::ServePlantEnd(ClientChannel& channel, BootTime now) {
   }
 }
 
-// Nothing that is not on its way yet can reach the client before that. One with a processor of its own comes back every
-// period at least.
+// Nothing that is not on its way yet can reach the client before this time. A client with its own processor
+// comes back at least every period.
 BootTime Conductor::Horizon(const ClientChannel& channel, BootTime now) const {
   BootTime horizon = std::min({next_reference_ns_, channel.line().NextArrival(Direction::kToPlant),
                                now + scenario_.link.protocol->control_period_ns, std::max(End(), now) + 1});
-  // References begin with the selected client's `start`: before it, the others stay behind that client.
+  // References begin with the selected client's `start`: before it, the others do not run ahead of that client.
   const ClientChannel& selected = *in_turn_.front();
   if (!started() && &channel != &selected) horizon = std::min(horizon, std::max(selected.Next(), now));
   Check(now <= horizon, "nothing that the client must know lies in its past");
   return horizon;
 }
 
-// Faults that wait for a condition or for another fault hear of it before anything more passes.
+// Faults that wait for a condition or for another fault hear of it before anything else passes.
 void Conductor::SpreadNews() {
   if (!faults_wait_) return;
   const std::vector<faults::News> of_plant = server_.TakeNews();
@@ -230,7 +230,7 @@ void Conductor::Finish() {
   }
   if (state.started())
     log_.end_ns = log_.end_reason == EndReason::kCompleted ? scenario_.duration_ns : state.reached_ns;
-  // After trouble a client may be in the middle of a call.
+  // After a failure a client may be in the middle of a call.
   const bool trouble = log_.end_reason == EndReason::kFirmwareHung ||
                        log_.end_reason == EndReason::kFirmwareCrashed ||
                        log_.end_reason == EndReason::kHarnessError;

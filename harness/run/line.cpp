@@ -45,8 +45,8 @@ LocalLine::LocalLine(const Scenario& scenario, std::size_t client, bool paced)
           return link::Wire({.baud = paced ? baud : 0, .adapter_latency_ns = FromSeconds(latency_ms * 1e-3)},
                             direction, *protocol_, faults_.Filter(direction));
         };
-        // The adapter's receive buffer stands between the firmware and the server; the other way it sends at
-        // once.
+        // The adapter's receive buffer is between the firmware and the server; in the other direction it
+        // sends at once.
         return std::array{wire(Direction::kToPlant, scenario.link.adapter_latency_ms),
                           wire(Direction::kToClient, 0), wire(Direction::kReference, 0)};
       }()},
@@ -139,8 +139,8 @@ void LocalLine::OnClientMessage(BootTime arrival, const link::Message& message) 
   }
 }
 
-// Late, repeated and lost replies are told apart by the number of their frame, whatever they say. One that says something
-// else than was sent under its number is none.
+// Late, repeated and lost replies are distinguished by the number of their frame, whatever their content. A
+// reply whose content differs from what was sent under its number does not count.
 void LocalLine::OnReply(BootTime arrival, const ReceivingEnd::FrameName& name) {
   const auto found =
       std::lower_bound(replies_.begin(), replies_.end(), name.number,

@@ -72,7 +72,7 @@ TimedLinkLog<Time>::TimedLinkLog(std::vector<std::uint8_t> content) : content_(s
 
 template <class Time>
 void TimedLinkLog<Time>::Append(const link::TimedChunk<Time>& chunk, WireId wire, bool delivered) {
-  // A chunk longer than a record can say goes in several; only a fault that inserts without end makes one.
+  // A chunk that is too long for one record is split; only a fault that inserts without end makes such a chunk.
   std::span<const std::uint8_t> rest = chunk.bytes;
   do {
     const auto piece = rest.first(std::min(rest.size(), kRecordBytesMax));

@@ -7,10 +7,10 @@
 namespace tiltproof::harness {
 namespace {
 
-// In real time, what is told of a restart may be stamped with a time that is some periods old.
+// In real time, the report of a restart may have a time that is some periods old.
 constexpr TimeNs kStaleMax = 50 * kNsPerMs;
 
-// Of a fault on a node: one that stands on its side of the line is not the client's.
+// Whether a fault acts on the client: one on its device, or one on nodes that include the client's.
 bool ActsOnClient(const faults::FaultSpec& spec, const faults::FaultType& type) {
   if (type.IsOneOf<faults::DeviceKind>()) return true;
   if (!type.IsOneOf<faults::NodeKind, faults::ClockKind>()) return false;

@@ -50,7 +50,7 @@ std::vector<std::string> FaultIds(const Scenario& scenario) {
   return ids;
 }
 
-// Trouble of the harness, or of the scenario, never blamed on the firmware.
+// Failures of the harness, or of the scenario, never blamed on the firmware.
 bool IsOurs(EndReason reason) {
   return reason == EndReason::kHarnessError || reason == EndReason::kNodeLost ||
          reason == EndReason::kLineOverfull;
