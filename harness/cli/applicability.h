@@ -1,5 +1,5 @@
-// Which scenarios can be flown with the chosen client, in the chosen mode: not every client can have every fault,
-// and not every image has the memory that a fault flips.
+// Which scenarios can be flown with the chosen client, in the chosen mode: not every fault is possible with
+// every client, and not every image has the memory that a fault flips.
 #pragma once
 
 #include <vector>
@@ -10,9 +10,9 @@
 
 namespace tiltproof::harness {
 
-// Takes what cannot be flown out of the suite and returns it with its reasons. What the user named himself is
-// asked for and cannot be had: UsageError with every reason, and with `strict` also for what was found in a folder.
-// Throws UsageError, too, when the emulator has no image for a scenario.
+// Removes scenarios that cannot be flown from the suite and returns them with the reasons. For scenarios that
+// the user named it throws UsageError with every reason; with `strict` also for those found in a folder. Also
+// throws UsageError when the emulator has no image for a scenario.
 std::vector<NotApplicable> TakeNotApplicable(const FlightMeans& means, bool strict, Suite& suite);
 
 }  // namespace tiltproof::harness

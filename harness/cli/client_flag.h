@@ -1,4 +1,4 @@
-// The flag --client: its text, its help, and that what it names is there.
+// The flag --client: its text, its help, and the check that what it names exists.
 #pragma once
 
 #include <string>
@@ -9,10 +9,10 @@
 
 namespace tiltproof::harness {
 
-// For --help: every form with what it means.
+// For --help: every form with its meaning.
 std::string ClientHelp();
 
-// Throws UsageError naming what is wrong with the flag, or that there is no such library.
+// Throws UsageError naming the error in the flag, or the missing library.
 ClientSpec ReadClientFlag(const std::string& text);
 
 // All flags of a command: each CLIENT, for every client of the scenarios, or ID=CLIENT, for those of that id. The same
@@ -20,17 +20,18 @@ ClientSpec ReadClientFlag(const std::string& text);
 RunClients ReadClientFlags(const std::vector<std::string>& texts);
 void CheckClientIds(const RunClients& clients, const std::vector<const Scenario*>& scenarios);
 
-// That a library is one, before anything is flown. Throws UsageError.
+// Checks that a library is one, before anything is flown. Throws UsageError.
 void CheckLibrary(const ClientSpec& client);
 
-// That a board's ports can be had, before anything is flown: a flag that names no device is a mistake of the command
-// line (UsageError), a device that is busy or not permitted is trouble with the target (std::runtime_error).
+// Checks that a board's ports can be used, before anything is flown. A flag that names no device is an error
+// in the command line (UsageError); a device that is busy or not permitted is a failure of the target
+// (std::runtime_error).
 void CheckPorts(const ClientSpec& client, const LinkSpec& link);
 
-// What tells this program and the clients' firmware from other builds (harness/report/build_id.h).
+// Identifies the build of this program and of the clients' firmware (harness/report/build_id.h).
 std::string BuildOf(const RunClients& clients);
 
-// Whether one is an image on an emulated board.
+// Whether any client is an image on an emulated board.
 bool Emulates(const std::vector<ClientSpec>& clients);
 
 }  // namespace tiltproof::harness

@@ -1,6 +1,4 @@
-// One function a command; each returns the process's exit code:
-// 0 all green; 1 not green by pass or fail, or a difference found; 2 usage or invalid file; 3 harness or
-// target error; 4 nothing selected or unexpectedly inconclusive; 130 interrupted.
+// One function per command; each returns the process's exit code:
 #pragma once
 
 #include <cstdint>
@@ -21,7 +19,7 @@ enum Exit : int {
   kExitInterrupted = 130
 };
 
-// The user's mistake in a flag or file: printed as it is, exit 2.
+// A user's error in a flag or file: printed unchanged, exit 2.
 struct UsageError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
@@ -46,7 +44,7 @@ struct RunOptions {
   std::filesystem::path out = "results";
   bool fail_fast = false;
   bool dry_run = false;
-  bool strict = false;  // what cannot be flown is a mistake also when it was found in a folder
+  bool strict = false;  // scenarios in folders that cannot be flown are errors too
   std::string format = "human";
   bool no_progress = false;
   std::string keep = "all";
@@ -64,7 +62,7 @@ struct NodeCommandOptions {
   std::string interface;
   std::vector<std::string> peers;
   double xmit_loss = 0;
-  std::string child;     // of a harness: the participant that it is; or empty
+  std::string child;     // of a harness: that harness's participant; or empty
   std::string lockstep;  // "", "dds" or "socket": one part of a distributed lockstep flight
 };
 int NodeCommand(const NodeCommandOptions& options);
@@ -76,7 +74,7 @@ struct CheckOptions {
 int CheckCommand(const CheckOptions& options);
 int ListCommand(const CheckOptions& options);
 int SchemaCommand();
-// An empty name is the whole catalogue.
+// An empty name prints the whole catalogue.
 int FaultsCommand(const std::string& name);
 
 struct ReplayOptions {
@@ -108,7 +106,7 @@ struct DoctorOptions {
   std::string client;     // serial:DEV[,REFDEV], or empty
   std::string interface;  // for nodes on several machines; or empty
   std::string format = "human";
-  std::filesystem::path root = "/";  // before /dev and /sys: another folder is a made-up machine
+  std::filesystem::path root = "/";  // before /dev and /sys: another folder is a simulated machine
 };
 int DoctorCommand(const DoctorOptions& options);
 

@@ -1,4 +1,4 @@
-// What a person reads on standard output.
+// Output for a person on standard output.
 #pragma once
 
 #include <cstddef>
@@ -15,11 +15,11 @@ class Console {
   explicit Console(bool jsonl);
 
   void Line(const std::string& text) const;  // human format only
-  // One finished scenario: a line, on a terminal of at most 80 columns. For every one that did not simply pass: what
-  // gave way, when, by how much; when it is not green all that gave way, the seed, and the command that flies it
-  // again.
+  // Prints one finished scenario: one line of at most 80 columns on a terminal. For every scenario that did
+  // not simply pass: what failed, when, and by how much. When it is not green: all that failed, the seed, and
+  // the command that flies it again.
   void Finished(const FlightResult& result) const;
-  // One scenario that cannot be flown: among the results for a person, beside them (on standard error) for a script.
+  // Prints one scenario that cannot be flown: among the results for a person, on standard error for a script.
   void LeftOut(const NotApplicable& scenario) const;
   void Summary(const std::vector<FlightResult>& results, std::size_t not_flown_count,
                std::size_t not_applicable_count, bool interrupted) const;

@@ -5,8 +5,8 @@
 
 namespace tiltproof::harness {
 
-// Holds <name>.sdf: share/tiltproof/models of an installed program, else plant/models of the source tree it
-// was built from.
+// The folder with <name>.sdf: share/tiltproof/models of an installed program, otherwise plant/models of the
+// source tree from which it was built.
 std::filesystem::path ModelsFolder();
 
 }  // namespace tiltproof::harness

@@ -13,7 +13,7 @@ struct RunFlightsOptions {
   int jobs_count = 1;
   bool fail_fast = false;
   bool progress = false;  // one updating line on standard error
-  // As results come, some ten times a second, and when a flight of this name goes on the bus.
+  // Called as results arrive, about ten times per second, and when a flight of this name goes on the bus.
   std::function<void(const FlightJob&, const FlightResult&)> on_finished = [](const auto&, const auto&) {};
   std::function<void()> on_turn = [] {};
   std::function<void(const std::string&, const BusPlace&)> on_place = [](const auto&, const auto&) {};
@@ -25,7 +25,7 @@ struct FlownFlights {
   bool interrupted = false;
 };
 
-// SIGINT and SIGTERM end the flights under way, whose partial results are kept.
+// SIGINT and SIGTERM end the current flights, whose partial results are kept.
 FlownFlights RunFlights(std::vector<FlightJob> jobs, const RunFlightsOptions& options);
 
 }  // namespace tiltproof::harness

@@ -1,4 +1,4 @@
-// The folder of an old or present run, as the commands that read one see it.
+// The folder of an old or current run, as the commands that read one see it.
 #pragma once
 
 #include <filesystem>
@@ -12,18 +12,18 @@ namespace tiltproof::harness {
 struct OldRun {
   RunInfo info;
   std::filesystem::path folder;                         // the run's
-  bool whole = true;                                    // else one scenario of it was asked for
+  bool whole = true;                                    // otherwise one of its scenarios was requested
   std::vector<std::filesystem::path> scenario_folders;  // those that are there
 };
 // `path` is a run's folder or the folder of one scenario in it. Throws UsageError when it is neither, or when
 // nothing was to be flown.
 OldRun OpenRun(const std::filesystem::path& path);
 
-// Whether a flight took off, and whether it came to a verdict.
+// Whether a flight began, and whether it reached a verdict.
 bool HasBegun(const std::filesystem::path& scenario_folder);
 bool HasEnded(const std::filesystem::path& scenario_folder);
 
-// Gathers the scenarios' events in events.jsonl, one JSON object a line.
+// Gathers the scenarios' events in events.jsonl, one JSON object per line.
 void WriteRunEvents(const std::filesystem::path& folder, const std::vector<FlightResult>& results);
 
 }  // namespace tiltproof::harness

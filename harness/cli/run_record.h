@@ -1,6 +1,7 @@
-// The results of a run while it is flown: whole on the disk at any moment, and an error for every flight that
-// has not ended, so that a run whose process was killed never looks green. Flights that leave no folder (--keep) stand in
-// results.json alone: what ended since it was last written is an error when the process is killed.
+// The results of a run while it is flown: complete on the disk at any moment, with an error for every flight
+// that has not ended, so that a run whose process was killed never looks green. Flights that leave no folder
+// (--keep) are only in results.json: those that ended after it was last written are errors when the process
+// is killed.
 //
 //   RunRecord record(folder, info, jobs);
 //   RunFlights(jobs, {.on_finished = [&](const auto& job, const auto& result) { record.Take(job, result); }, .on_turn = [&] { record.Refresh(); }});
@@ -27,16 +28,16 @@ class RunRecord {
   void TakePlace(const std::string& flight, const BusPlace& place);
   // A flight has ended.
   void Take(const FlightJob& job, const FlightResult& result);
-  // Writes what was taken, if that was not done within the last second. Of a run so large that writing takes long,
-  // less often. A disk that says no is left for Finish to tell.
+  // Writes the new results, unless results were written within the last second; less often for a run so large
+  // that writing takes long. Finish reports a disk that refuses.
   void Refresh();
-  // The flights that have not ended remain errors, for this reason.
+  // The flights that have not ended remain errors, with this reason.
   void Finish(bool interrupted, const std::string& why_not);
 
  private:
   std::filesystem::path folder_;
   RunInfo info_;
-  std::vector<FlightResult> results_;         // one for each flight that was planned
+  std::vector<FlightResult> results_;         // one per planned flight
   std::map<std::string, std::size_t> open_;   // those that have not ended: where in results_
   bool taken_ = false, place_taken_ = false;  // since the last writing
   std::chrono::steady_clock::time_point due_;

@@ -1,4 +1,4 @@
-// From paths on the command line to scenarios that are ready to fly: found, read, their models loaded.
+// Turns paths on the command line into scenarios that are ready to fly: found, read, their models loaded.
 #pragma once
 
 #include <filesystem>
@@ -14,13 +14,13 @@
 
 namespace tiltproof::harness {
 
-// Loads each vehicle file once, however many scenarios fly it.
+// Loads each vehicle file once, even if several scenarios fly it.
 class ModelCache {
  public:
   // Throws what plant::LoadVehicle throws.
   std::shared_ptr<const plant::VehicleModel> Load(const std::filesystem::path& file,
                                                   bool allow_invalid_inertia);
-  // What was warned about while loading, each once.
+  // The warnings of loading, each once.
   const std::vector<std::string>& warnings() const { return warnings_; }
 
  private:
@@ -36,7 +36,7 @@ class ModelCache {
 struct SuiteScenario {
   Scenario scenario;
   std::shared_ptr<const plant::VehicleModel> model;
-  bool named = false;  // its file, on the command line; else found in a folder
+  bool named = false;  // its file is on the command line; otherwise it was found in a folder
 };
 
 struct Suite {
@@ -45,14 +45,14 @@ struct Suite {
   std::vector<std::string> warnings;
 };
 
-// Throws UsageError with every problem of every file, one per line. A client of our own knows what `firmware` may
-// be; to another it is any word.
+// Throws UsageError with every problem of every file, one per line. The shipped firmware restricts `firmware`
+// to its builds; with another client it may be any word.
 Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const RunClients& clients);
 
 // A scenario that was flown before, from its folder. Throws UsageError.
 LoadedScenario LoadFlown(const std::filesystem::path& scenario_folder);
 
-// What a harness announces to its nodes: a resolved scenario's text. Throws std::exception.
+// The scenario that a harness announces to its nodes, from a resolved scenario's text. Throws std::exception.
 LoadedScenario LoadAnnounced(const std::string& yaml);
 
 // MODEL of design-lqr: a name in the models folder, or a path ending in .sdf. Throws UsageError.

@@ -5,8 +5,8 @@
 //   StartWatchdog();                           // from now on FeedWatchdog() at least every 68 ms
 //   const TimeNs now = Now();
 //
-// The emulator has no clock control, no pins and no debug unit: what waits for their answer, or would fault,
-// is skipped when Emulated(). All else runs there as on the board.
+// The emulator has no clock control, no pins and no debug unit: code that waits for their answer, or would
+// fault, is skipped when Emulated(). All else runs there as on the board.
 #pragma once
 
 #include <cstdint>
@@ -40,14 +40,14 @@ bool CrystalRuns();
 // --- Time since StartTicks(). CountTick() belongs into SysTick_Handler, and nowhere else.
 void StartTicks();
 void CountTick();
-// Of the last tick: a multiple of 1 ms. What the application gets as its time: a period begins at a tick, and
+// The time of the last tick: a multiple of 1 ms. It is the application's time: a period begins at a tick, and
 // a time-out of n ms ends n ticks later.
 TimeNs TickTime();
 // To the cycle. Not from an interrupt.
 TimeNs Now();
-// Spins until half of the present tick is over. `start` is sent then and requests at ticks, so requests keep half a
-// tick away from the plant's grid, which counts from the arrival of `start`: this board's clock may gain or lose that
-// much before a request falls into the step before or after.
+// Spins until half of the current tick is over. `start` is sent then and requests at ticks, so requests keep
+// half a tick away from the plant's grid, which counts from the arrival of `start`. This board's clock may
+// gain or lose that much before a request falls into the previous or next step.
 void AwaitMiddleOfTick();
 
 // --- Independent watchdog (RM0090, section 21): resets the chip when it is not fed for 100 ms (68 to 188 ms,

@@ -1,11 +1,11 @@
-// Bytes from one writer to one reader, one of them an interrupt: each side moves its own index only.
+// Bytes from one writer to one reader, one of them an interrupt: each side moves only its own index.
 //
 //   constinit ByteRing<256> ring;
 //   ring.Put(byte);                                  // writer
 //   while (auto bytes = ring.Front(); !bytes.empty()) { Use(bytes); ring.Drop(bytes.size()); }  // reader
 //
-// Indices are masked at every use, so that a damaged one never leads elsewhere; the reader notices a count that
-// cannot be, and begins anew.
+// Indices are masked at every use, so a damaged one never leads elsewhere. The reader notices an impossible
+// count, and starts again.
 #pragma once
 
 #include <array>
@@ -39,7 +39,7 @@ class ByteRing {
     if (Count() > size) read_ = written_;
   }
 
-  // Reader: the oldest bytes that lie side by side; Drop() releases them.
+  // Reader: the oldest contiguous bytes; Drop() releases them.
   std::span<const std::uint8_t> Front() {
     MendIndices();
     const std::uint32_t begin = read_ % size;

@@ -1,4 +1,4 @@
-// Lines for a person on the console, each with the time since power-on in front:
+// Text lines for a person on the console, each beginning with the time since power-on:
 //
 //   ConsoleLine("restarted after ").Text("hard fault").Text(" at pc=0x").Hex(pc).Send();
 //
@@ -17,11 +17,11 @@ class ConsoleLine {
   explicit ConsoleLine(std::string_view text);  // with the time
   ConsoleLine() = default;                      // without
 
-  ConsoleLine& Text(std::string_view text);  // what does not fit is cut off
+  ConsoleLine& Text(std::string_view text);  // text that does not fit is cut off
   ConsoleLine& Number(std::uint64_t number, unsigned width = 1, char fill = ' ');
   ConsoleLine& Hex(std::uint32_t number);  // 8 digits
 
-  // May drop the line: when the console cannot keep up, it must not hold the flight.
+  // May drop the text line: a console that cannot keep up must not delay the flight.
   void Send();
 
  private:

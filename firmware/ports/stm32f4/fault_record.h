@@ -1,5 +1,5 @@
-// What happens when the firmware is broken: the reason is written where a reset leaves it
-// (`tiltproof_fault_record`, symbols.h), the board is reset, and the next start says it on the console.
+// Handles a failure of the firmware: the reason is written where a reset preserves it
+// (`tiltproof_fault_record`, symbols.h), the board is reset, and the next start prints it on the console.
 //
 //       0.000105 restarted after bus fault at pc=0x08000b3e lr=0x08000b31 cfsr=0x00008200 address=0x60000000 (fault 1)
 //

@@ -1,5 +1,5 @@
-// How much of the processor and of the stacks a flight has needed at worst: `tiltproof_run_statistics`
-// (symbols.h), and a few lines on the console a second after the start and then every 10 s.
+// The largest use of the processor and of the stacks in a flight: `tiltproof_run_statistics` (symbols.h), and
+// a few lines on the console one second after the start and then every 10 s.
 //
 //   AddStack("main", main_stack);          // before the start; painted with kStackPaint
 //   BeginBusy(); ... EndBusy();            // around what runs between two sleeps, interrupts off

@@ -140,8 +140,8 @@ inline void EnableInterrupts() { asm volatile("cpsie i\n\tisb" ::: "memory"); }
 inline void DataBarrier() { asm volatile("dsb" ::: "memory"); }
 inline void InstructionBarrier() { asm volatile("isb" ::: "memory"); }
 
-// Holds interrupts off while it lives, within another one too. For a few microseconds at most: a USART's next
-// byte is lost 11 us after the last.
+// Disables interrupts while it exists, also within another one. For a few microseconds at most: a USART's
+// next byte is lost 11 us after the last.
 class InterruptLock {
  public:
   InterruptLock() {

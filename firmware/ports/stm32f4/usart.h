@@ -4,9 +4,9 @@
 //   console    USART1, 115200 baud, sends: log lines for a person
 //
 // Receivers put each byte into a ring from the interrupt, and wake the application only at a frame's flag (or
-// when the ring fills): a wake-up for each byte would cost it ten times its work. Transmitters send from a ring, by
-// interrupt; the emulator has no transmit interrupt, and takes a byte at once, so there the writer pumps the ring
-// itself.
+// when the ring fills): a wake-up for each byte would cost it ten times its work. Transmitters send from a
+// ring, by interrupt. The emulator has no transmit interrupt, and accepts a byte at once, so there the writer
+// empties the ring itself.
 #pragma once
 
 #include <cstdint>
@@ -18,9 +18,9 @@
 
 inline constexpr std::uint32_t kReceiveRingBytes = 256;   // 2.8 ms of line: two replies, one after the other
 inline constexpr std::uint32_t kTransmitRingBytes = 128;  // two of the longest frames sent
-inline constexpr std::uint32_t kConsoleRingBytes = 1024;  // what a start-up after a fault has to say
+inline constexpr std::uint32_t kConsoleRingBytes = 1024;  // the output of a start-up after a fault
 
-// Global, under these names: whoever looks into the image finds them.
+// Global, under these names, so that tools that read the image find them.
 extern tiltproof::stm32f4::ByteRing<kReceiveRingBytes> main_receive_ring;
 extern tiltproof::stm32f4::ByteRing<kTransmitRingBytes> main_transmit_ring;
 extern tiltproof::stm32f4::ByteRing<kReceiveRingBytes> reference_receive_ring;
@@ -36,15 +36,15 @@ inline constexpr std::uint32_t kConsoleBaud = 115'200;
 constexpr std::uint32_t BaudDivider(std::uint32_t clock_hz, std::uint32_t baud) {
   return (clock_hz + baud / 2) / baud;
 }
-// One byte of 10 bits at what the divider makes of the baud rate.
+// One byte of 10 bits at the rate that the divider gives.
 constexpr TimeNs ByteTimeNs(std::uint32_t clock_hz, std::uint32_t baud) {
   return 10 * kNsPerS * BaudDivider(clock_hz, baud) / clock_hz;
 }
 
 void StartUsarts();
 
-// Hands bytes to the main line's transmitter, whole or, when there is no room for all of them, not at all.
-// Returns when the last stop bit will have left. From any task.
+// Passes bytes to the main line's transmitter: all of them or, when there is not enough room, none. Returns
+// when the last stop bit will have left. May be called from any task.
 TimeNs SendMain(std::span<const std::uint8_t> bytes);
 
 // The same for the console, without the time.

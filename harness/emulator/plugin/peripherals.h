@@ -1,4 +1,4 @@
-// Peripherals that the emulated STM32F405 lacks, laid over its address space.
+// Peripherals that the emulated STM32F405 lacks, mapped over its address space.
 #pragma once
 
 #include <array>
@@ -117,9 +117,10 @@ class ResetFlags {
   std::uint32_t flags_ = kPin | kPower | kBrownOut;
 };
 
-// The receiving half of a USART, its SR and DR (RM0090, section 30.6), in front of the emulated one, for two
-// reasons: that one never raises an error flag, and each read of its registers wakes QEMU's main thread, which costs
-// more than everything else in a flight. The other registers are passed on, and known here.
+// The receiving half of a USART, its SR and DR (RM0090, section 30.6), in front of the emulated one. There
+// are two reasons: the emulated one never raises an error flag, and each read of its registers wakes QEMU's
+// main thread, which costs more than everything else in a flight. The other registers are passed on, and
+// known here.
 class UsartReceiver {
  public:
   static constexpr std::uint32_t kFraming = 1u << 1, kNoise = 1u << 2, kOverrun = 1u << 3;
@@ -176,7 +177,7 @@ class UsartReceiver {
       return self.Status();
     }
     if (offset != kData) return self.registers_[offset / 4];
-    // The flags go when SR and then DR have been read.
+    // The flags are cleared when SR and then DR have been read.
     self.flags_ &= ~self.seen_flags_;
     self.seen_flags_ = 0;
     // To the emulated one this is the byte's being read: it takes its interrupt back.

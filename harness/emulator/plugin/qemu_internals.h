@@ -1,6 +1,6 @@
-// What the plug-in uses of QEMU 7.2: its public plug-in interface (version 1), and functions and layouts of its
-// insides, which Debian's qemu-system-arm exports but no interface promises. The harness therefore starts the
-// plug-in in 7.2.x only and tries it out first (harness/emulator/lockstep_self_test.h).
+// What the plug-in uses of QEMU 7.2: its public plug-in interface (version 1), and internal functions and
+// layouts, which Debian's qemu-system-arm exports but which are not part of any interface. The harness
+// therefore starts the plug-in only in 7.2.x and tests it first (harness/emulator/lockstep_self_test.h).
 //
 // Names and signatures are QEMU's: include/qemu/qemu-plugin.h, include/qemu/timer.h, include/chardev/char.h,
 // include/exec/memory.h, include/hw/core/cpu.h, softmmu/timers-state.h of the release 7.2.
