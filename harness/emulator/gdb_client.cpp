@@ -44,8 +44,8 @@ std::chrono::nanoseconds GdbClient::Waiting() const {
   return std::chrono::steady_clock::now() - *asked_at_;
 }
 
-// Any byte stops a board that runs, and is lost by that; it then tells that it has stopped, before it answers the
-// question. From one that stands still the answer alone comes.
+// Any byte stops a running board, and is lost. The board then reports that it has stopped, before it answers
+// the question. A board that is stopped only sends the answer.
 void GdbClient::Begin() {
   flipped_.clear();
   error_.clear();

@@ -126,7 +126,7 @@ class EmulatorRole final : public Role {
   // t = 0 is known: the faults on the board get their times.
   void OnStates() {
     for (const auto& state : states_.Take()) {
-      // The plant's alone has it; the last one alone may have come.
+      // Only the plant's state has it; perhaps only the last state has arrived.
       if (state.run_id != services_.run_id() || origin_.known() || state.origin_ns == 0) continue;
       origin_ = services_.lateness().origin = Origin(BootTime(state.origin_ns));
       // A node that was started again in flight has missed what was before.

@@ -96,7 +96,7 @@ class Device final : public JoystickInput {
   }
   std::string lost() const override { return lost_; }
 
-  // Event devices report changes alone.
+  // Event devices only report changes.
   void ReadValues() {
     for (const auto& axis : kAxes) {
       input_absinfo info{};

@@ -156,7 +156,7 @@ class LibraryRole final : public Role {
 
   void OnStates() {
     for (const auto& state : states_.Take())
-      // The plant's alone has it; the last one alone may have come.
+      // Only the plant's state has it; perhaps only the last state has arrived.
       if (state.run_id == services_.run_id() && state.origin_ns != 0)
         origin_ = services_.lateness().origin = Origin(BootTime(state.origin_ns));
   }

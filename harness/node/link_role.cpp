@@ -243,8 +243,8 @@ class LinkRole final : public Role {
     });
   }
 
-  // An emulated USART takes bytes one at a time, and each some time: like a true one it gets them as they come, not a
-  // frame at once. Others are woken for whole frames alone.
+  // An emulated USART accepts bytes one at a time, and needs some time for each. Like a real one it gets them
+  // as they arrive, not a frame at once. Other clients are woken only for whole frames.
   BootTime NextHandOver(Direction direction, BootTime now) {
     const BootTime arrival = line_->NextArrival(direction);
     if (arrival == BootTime::Never() || direction == Direction::kToPlant || !client_takes_bytes_)

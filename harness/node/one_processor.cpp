@@ -9,8 +9,8 @@
 namespace tiltproof::harness {
 namespace {
 
-// One that has run for more than nine tenths of so long does not sleep. The first moments, in which the emulator
-// translates the firmware, are shorter.
+// A program that has run for more than nine tenths of this time does not sleep. The first moments, in which
+// the emulator translates the firmware, are shorter.
 constexpr std::chrono::milliseconds kSpan{500};
 
 }  // namespace

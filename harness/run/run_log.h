@@ -118,7 +118,7 @@ struct RunLog {
   std::vector<faults::Activation> activations;        // first kActivationsMax of each fault, in time order
   LinkLog link;
   std::vector<RunEvent> events;
-  double wall_s = 0.0;  // of the flight alone
+  double wall_s = 0.0;  // only of the flight
 };
 
 }  // namespace tiltproof::harness

@@ -304,9 +304,9 @@ class Monitor {
     return signals_.emplace(name, std::move(values)).first->second;
   }
 
-  // Walks down from a value to where it comes from. What one operand alone decides (a broken "always", a
-  // fulfilled "eventually") rests on the earliest that does; what all had to agree on rests on the one that
-  // came nearest to not agreeing.
+  // Follows a value down to its source. If one operand decides by itself (a broken "always", a fulfilled
+  // "eventually"), the earliest such operand counts; if all had to agree, the one that came nearest to not
+  // agreeing.
   Decider Decide(const Evaluation& at, std::size_t row, bool upper_side) const {
     const bool holds = Holds(at.bounds.Of(upper_side)[row]);
     switch (at.node.op) {
@@ -356,7 +356,7 @@ class Monitor {
     return Decide(at.operands[1], Pick(reach, rows, false, holds), upper_side);
   }
 
-  // Of the rows' values, the earliest that alone decides, else the lowest or highest.
+  // The earliest of the rows' values that decides by itself, otherwise the lowest or highest.
   static std::size_t Pick(const std::vector<double>& values, const Rows& rows, bool lowest, bool holds) {
     std::size_t best = rows.first;
     for (std::size_t r = rows.first; r < rows.last; ++r) {

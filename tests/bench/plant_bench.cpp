@@ -1,4 +1,4 @@
-// The physics alone: a step, an observation, and the paper's spiral of 60 s with a double-precision
+// Only the physics: a step, an observation, and the paper's spiral of 60 s with a double-precision
 // controller.
 
 #include <benchmark/benchmark.h>

@@ -254,7 +254,7 @@ TEST_P(EditConformanceTest, SameSeedSameOutcome) {
   const Outcome second = Fly({spec}, 5);
   EXPECT_TRUE(SameOutcome(first, second));
   EXPECT_EQ(first.counts, second.counts);
-  // The trigger's probability alone makes another seed another outcome, for every type that changes anything.
+  // With the trigger's probability another seed has another outcome, for every type that changes anything.
   if (!AlwaysCounts(type())) {
     EXPECT_FALSE(SameOutcome(first, Fly({spec}, 6)));
   }
@@ -284,7 +284,7 @@ TEST_P(RegistryConformanceTest, HasOneSeverityAtMostAndItsHarmlessValueIsAnEndOf
   EXPECT_LE(count, 1);
 }
 
-// With all else as in the example, but what need not be stated at its default: the harmless value alone must do.
+// All else is as in the example, optional parameters at their defaults: the harmless value must be enough.
 TEST_P(SeverityConformanceTest, AtItsHarmlessValueNothingChanges) {
   FaultSpec spec = ExampleSpec(type());
   for (const ParameterInfo& info : type().parameters) {

@@ -68,7 +68,7 @@ TEST_P(LibraryTest, RefusesWhatItCannotBe) {
   const TiltproofHost good{TILTPROOF_CLIENT_ABI_VERSION, "paper", "paper", nullptr, transmit, nullptr};
   TiltproofClient* client = library_.create(&good);
   ASSERT_NE(client, nullptr);
-  library_.start(client, 0);  // nobody listens to the log
+  library_.start(client, 0);  // there is no log
   library_.destroy(client);
 
   TiltproofHost other_version = good;

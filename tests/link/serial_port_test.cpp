@@ -248,7 +248,7 @@ TEST_F(SerialPortTest, ThePeerMayComeLateLeaveAndComeBack) {
     pty.master().Write(Bytes{'n', 'e', 'w'});
     EXPECT_TRUE(RunUntil(loop_, [&] { return ear.bytes.size() >= 256 && at_port.bytes.size() >= 3; }));
     EXPECT_EQ(ear.bytes, AllBytes());
-    EXPECT_EQ(at_port.bytes, (Bytes{'n', 'e', 'w'}));  // an UART that nobody read has kept nothing
+    EXPECT_EQ(at_port.bytes, (Bytes{'n', 'e', 'w'}));  // a UART that was not read has kept nothing
   }
   EXPECT_EQ(ear.closed, "");
 }

@@ -151,7 +151,7 @@ TEST_F(SocketLineTest, ThePeerMayLeaveAndComeBack) {
     const Bytes answer = {1, 2, 3};
     EXPECT_TRUE(line.Write(answer));
     Bytes got(16);
-    // Nothing of what was written while nobody was there.
+    // Nothing of what was written while no peer was there.
     EXPECT_EQ(read(peer, got.data(), got.size()), 3);
     close(peer);
     ASSERT_TRUE(RunUntil(loop_, [&] { return !line.HasPeer(); }));

@@ -293,7 +293,7 @@ TEST(WireTest, TheReceiverMayTransmitOnTheSameWire) {
   EXPECT_EQ(count, 40);
 }
 
-// One entry a byte, everything recomputed from the beginning at every question.
+// One entry per byte, everything recomputed from the beginning at every question.
 class NaiveWire {
  public:
   NaiveWire(WireConfig config) : config_(config) {}

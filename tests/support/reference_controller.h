@@ -1,5 +1,5 @@
-// The paper's control law and spiral in double precision, written from the paper alone: what flights of the
-// product are judged by.
+// The paper's control law and spiral in double precision, written only from the paper: the product's flights
+// are compared with it.
 //
 //   ReferenceController controller(ReadGainCsv(file), {10.2751, 10.2799, 0, 0});
 //   ActuatorsTruth u = controller.Step(plant.State(), Spiral(t, /*velocity=*/true));   // once each 12 ms

@@ -1,4 +1,4 @@
-// A second, slow frame codec, written from the protocol's description alone, to judge link/frame.h by.
+// A second, slow frame codec, written only from the protocol's description, to check link/frame.h.
 //
 // It shares no code with the product and is built another way round: it takes a whole stream at once, cuts it
 // at the flags, undoes the escapes of each piece, and computes the check with a division a byte. Statuses are

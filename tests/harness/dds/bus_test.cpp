@@ -269,7 +269,7 @@ TEST(BusTest, RoundTripOfAStep) {
 }
 
 TEST(DomainSlotTest, ExclusiveAndFreedByTheKernel) {
-  // Other tests on this machine take slots, too: somebody may be faster once, hardly five times.
+  // Other tests on this machine take slots, too: one may be faster once, but hardly five times.
   for (int attempt = 0; attempt < 5; ++attempt) {
     PeerProcess peer({"take_slot", "0", ""});
     const int theirs = std::stoi(peer.ReadLine());

@@ -177,7 +177,7 @@ TEST(ChildProcess, StopEndsTheWholeGroup) {
   child.Stop(5s);
   EXPECT_LT(Clock::now() - begin, 4s);
   EXPECT_EQ(child.ExitText(), "killed by signal 15 (Terminated)");
-  EXPECT_EQ(ReadAll(pipe.ends[0]), "");  // nobody is left who holds it
+  EXPECT_EQ(ReadAll(pipe.ends[0]), "");  // no process is left that holds it
   child.Stop(5s);
   child.SignalGroup(SIGTERM);
 }

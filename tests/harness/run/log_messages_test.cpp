@@ -194,7 +194,7 @@ TEST_F(LogMessagesTest, AFlightOverTheBusIsTheFlightOfOneProcess) {
   link_totals.line->activations.clear();
   link_totals.line->reply_latency_ns.clear();
   link_totals.line->client_round_trip_ns.clear();
-  link_totals.lateness.spans = {{BootTime(1), BootTime(2)}};  // without t = 0: nobody knows when that was
+  link_totals.lateness.spans = {{BootTime(1), BootTime(2)}};  // without t = 0: it is unknown when that was
   EXPECT_EQ(collector.Missing("link"), "its closing report");
   plant.Close(plant_totals);
   link.Close(link_totals);

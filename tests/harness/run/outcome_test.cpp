@@ -40,7 +40,7 @@ TEST(Outcome, ANodesWordWaitsForWhatWeSeeOurselves) {
   outcome.Hear(EndReason::kNodeLost, "the client's port is gone", 5, kNow);
   outcome.Settle(kNow + milliseconds(249), false);
   EXPECT_FALSE(outcome.ended());
-  outcome.Settle(kNow + milliseconds(900), true);  // somebody is silent
+  outcome.Settle(kNow + milliseconds(900), true);  // a node is silent
   EXPECT_FALSE(outcome.ended());
   outcome.End(EndReason::kNodeLost, "the link node was killed", 5);
   outcome.Settle(kNow + milliseconds(1000), false);

@@ -123,7 +123,7 @@ class Hub:
 
 
 def main():
-    # A cable waits for nobody: where it is allowed, neither does this.
+    # A cable never waits: where it is allowed, neither does this.
     with contextlib.suppress(PermissionError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
     taps = {name: int(descriptor) for name, _, descriptor in (a.partition("=") for a in sys.argv[2:])}

@@ -137,7 +137,7 @@ class Flight:
         return self.nodes()
 
     def wait_fly_for(self, seconds):
-        """Until so long after wait_flying; the flight must still be under way then."""
+        """Until this long after wait_flying; the flight must still be going on then."""
         while time.monotonic() < self.armed_at + seconds:
             try:
                 self.process.wait(max(0.0, self.armed_at + seconds - time.monotonic()))
