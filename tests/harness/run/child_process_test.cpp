@@ -64,9 +64,9 @@ std::string EndOf(ChildProcess& child) {
   return child.ExitText().value_or("no text");
 }
 
-struct Pipe {
-  Pipe() { EXPECT_EQ(pipe2(ends, O_CLOEXEC), 0); }
-  ~Pipe() { close(ends[0]), CloseWrite(); }
+struct OutputLine {
+  OutputLine() { EXPECT_EQ(pipe2(ends, O_CLOEXEC), 0); }
+  ~OutputLine() { close(ends[0]), CloseWrite(); }
   void CloseWrite() {
     if (ends[1] >= 0) close(ends[1]);
     ends[1] = -1;
@@ -121,13 +121,13 @@ TEST(ChildProcess, ArgumentsAndEnvironmentArriveAsTheyAre) {
 }
 
 TEST(ChildProcess, StreamsGoWhereTheyShould) {
-  Pipe pipe;
+  OutputLine line;
   ChildSpec spec = Shell("cat; echo out; echo err >&2");
-  spec.output = pipe.ends[1];
+  spec.output = line.ends[1];
   spec.error = ChildSpec::kPipe;
   ChildProcess child(spec);
-  pipe.CloseWrite();
-  EXPECT_EQ(ReadAll(pipe.ends[0]), "out\n");
+  line.CloseWrite();
+  EXPECT_EQ(ReadAll(line.ends[0]), "out\n");
   EXPECT_EQ(ReadAll(child.error()), "err\n");
   EXPECT_EQ(child.output(), -1);
   spec.output = ChildSpec::kNull;
@@ -138,7 +138,7 @@ TEST(ChildProcess, StreamsGoWhereTheyShould) {
 
 TEST(ChildProcess, OnlyTheStatedDescriptorsAreInherited) {
   const int leak = open("/dev/null", O_RDONLY);  // without close-on-exec
-  Pipe first, second;
+  OutputLine first, second;
   ChildSpec spec = Shell("echo 3 >&3; echo 4 >&4; for f in /proc/self/fd/*; do echo ${f##*/}; done");
   // Numbered so that each would overwrite the other.
   const int at_4 = fcntl(first.ends[1], F_DUPFD_CLOEXEC, 4), at_3 = fcntl(second.ends[1], F_DUPFD_CLOEXEC, 3);
@@ -164,34 +164,34 @@ TEST(ChildProcess, SignalsAreAsInAFreshProcess) {
 }
 
 TEST(ChildProcess, StopEndsTheWholeGroup) {
-  Pipe pipe;
+  OutputLine line;
   ChildSpec spec =
       Shell("sleep 1000 & (trap '' TERM; sleep 1000; sleep 1000) & echo up >&3; exec sleep 1000");
-  spec.descriptors = {pipe.ends[1]};
+  spec.descriptors = {line.ends[1]};
   ChildProcess child(spec);
-  pipe.CloseWrite();
+  line.CloseWrite();
   EXPECT_EQ(getpgid(child.pid()), child.pid());
   std::array<char, 3> up;
-  EXPECT_EQ(read(pipe.ends[0], up.data(), up.size()), 3);
+  EXPECT_EQ(read(line.ends[0], up.data(), up.size()), 3);
   const auto begin = Clock::now();
   child.Stop(5s);
   EXPECT_LT(Clock::now() - begin, 4s);
   EXPECT_EQ(child.ExitText(), "killed by signal 15 (Terminated)");
-  EXPECT_EQ(ReadAll(pipe.ends[0]), "");  // no process is left that holds it
+  EXPECT_EQ(ReadAll(line.ends[0]), "");  // no process is left that holds it
   child.Stop(5s);
   child.SignalGroup(SIGTERM);
 }
 
 TEST(ChildProcess, AfterItsOwnEndWhatItStartedIsStoppedToo) {
-  Pipe pipe;
+  OutputLine line;
   ChildSpec spec = Shell("sleep 1000 & exit 5");
-  spec.descriptors = {pipe.ends[1]};
+  spec.descriptors = {line.ends[1]};
   {
     ChildProcess child(spec);
-    pipe.CloseWrite();
+    line.CloseWrite();
     EXPECT_EQ(EndOf(child), "exited with code 5");
   }
-  EXPECT_EQ(ReadAll(pipe.ends[0]), "");
+  EXPECT_EQ(ReadAll(line.ends[0]), "");
 }
 
 TEST(ChildProcess, OneThatHeedsNothingIsKilled) {
@@ -211,24 +211,24 @@ TEST(ChildProcess, APausedOneIsStopped) {
   EXPECT_FALSE(child.Alive());
 }
 
-// A process that starts children and is killed: kill it, and see who still holds the pipe.
+// A process that starts children and is killed: kill it, and see who still holds the line.
 void ExpectNobodySurvives(const ChildSpec& wanted) {
-  Pipe pipe;
+  OutputLine line;
   const pid_t parent = fork();
   if (parent == 0) {
     ChildSpec spec = wanted;
-    spec.descriptors = {pipe.ends[1]};
+    spec.descriptors = {line.ends[1]};
     ChildProcess child(spec);
-    pipe.CloseWrite();
+    line.CloseWrite();
     while (true) pause();
   }
-  pipe.CloseWrite();
+  line.CloseWrite();
   std::array<char, 3> up{};
-  EXPECT_TRUE(Readable(pipe.ends[0], 10s));
-  EXPECT_EQ(read(pipe.ends[0], up.data(), up.size()), 3);
+  EXPECT_TRUE(Readable(line.ends[0], 10s));
+  EXPECT_EQ(read(line.ends[0], up.data(), up.size()), 3);
   kill(parent, SIGKILL);
   EXPECT_EQ(waitpid(parent, nullptr, 0), parent);
-  EXPECT_EQ(ReadAll(pipe.ends[0]), "");
+  EXPECT_EQ(ReadAll(line.ends[0]), "");
 }
 
 TEST(ChildProcess, ItDiesWithAKilledParent) {
