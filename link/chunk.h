@@ -54,6 +54,5 @@ class ChunkFilter {
   // The size of what it keeps for later, by WeightOf().
   virtual std::size_t held_bytes() const { return 0; }
 };
-using ChunkStage = ChunkFilter;  // its former name
 
 }  // namespace tiltproof::link

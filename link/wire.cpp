@@ -38,8 +38,8 @@ MessageKind KindOfFrame(Direction direction, const Protocol& protocol, std::span
 
 }  // namespace
 
-Wire::Wire(const WireConfig& config, Direction direction, const Protocol& protocol, ChunkStage* stage)
-    : config_(config), direction_(direction), protocol_(&protocol), stage_(stage) {}
+Wire::Wire(const WireConfig& config, Direction direction, const Protocol& protocol, ChunkFilter* filter)
+    : config_(config), direction_(direction), protocol_(&protocol), filter_(filter) {}
 
 TimeNs Wire::IdleTime() const {
   return link::BytesTime(config_.baud == 0 ? kIdealIdleBaud : config_.baud, kIdleBytes);
@@ -110,7 +110,7 @@ void Wire::SendOpenChunk(BootTime known_ns) {
   }
   open_has_content_ = false;
 
-  if (stage_ == nullptr) {
+  if (filter_ == nullptr) {
     if (taps_.sent) taps_.sent(chunk);
     if (HasRoomFor(WeightOf(chunk))) Enqueue(std::move(chunk), known_ns);
     return;
@@ -119,8 +119,8 @@ void Wire::SendOpenChunk(BootTime known_ns) {
   if (taps_.sent) taps_.sent(chunk);
   scratch_.clear();
   scratch_.push_back(std::move(chunk));
-  stage_->Apply(scratch_);
-  std::size_t bytes = stage_->held_bytes();
+  filter_->Apply(scratch_);
+  std::size_t bytes = filter_->held_bytes();
   for (const Chunk& after : scratch_) bytes += WeightOf(after);
   if (!HasRoomFor(bytes)) {
     scratch_ = {};

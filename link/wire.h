@@ -45,8 +45,8 @@ class Wire {
   // More bytes than any frame of the codec has.
   static constexpr std::size_t kChunkBytesMax = 1024;
 
-  // `stage`, the filter, may be null (no faults); it and the protocol must outlive the wire.
-  Wire(const WireConfig& config, Direction direction, const Protocol& protocol, ChunkFilter* stage);
+  // `filter` may be null (no faults); it and the protocol must outlive the wire.
+  Wire(const WireConfig& config, Direction direction, const Protocol& protocol, ChunkFilter* filter);
 
   // The sender puts bytes into its transmitter at `now` (not decreasing); they follow what it is still
   // sending. Returns when the last stop bit has left.
@@ -112,7 +112,7 @@ class Wire {
   WireConfig config_;
   Direction direction_;
   const Protocol* protocol_;
-  ChunkFilter* stage_;
+  ChunkFilter* filter_;
   Taps taps_;
 
   // The transmitter has been busy without a pause since busy_begin_ns_, and has sent everything at
