@@ -6,7 +6,6 @@
 //   broken invariant at link/wire.cpp:65: the sender's time never goes back
 #pragma once
 
-#include <source_location>
 #include <stdexcept>
 #include <string>
 
@@ -18,16 +17,18 @@ class BrokenInvariant : public std::logic_error {
 };
 
 // Throws BrokenInvariant. Also for what cannot be reached: a value that its enumeration does not have.
-[[noreturn, gnu::cold]] inline void ThrowBrokenInvariant(
-    const std::string& expected, std::source_location where = std::source_location::current()) {
-  throw BrokenInvariant(std::string("broken invariant at ") + where.file_name() + ":" +
-                        std::to_string(where.line()) + ": " + expected);
+[[noreturn, gnu::cold]] inline void ThrowBrokenInvariant(const std::string& expected,
+                                                         const char* file = __builtin_FILE(),
+                                                         int line = __builtin_LINE()) {
+  throw BrokenInvariant("broken invariant at " + std::string(file) + ":" + std::to_string(line) + ": " +
+                        expected);
 }
 
-inline void Check(bool holds, const char* expected,
-                  std::source_location where = std::source_location::current()) {
+// The place is the caller's: std::source_location, as clang 14 has it.
+inline void Check(bool holds, const char* expected, const char* file = __builtin_FILE(),
+                  int line = __builtin_LINE()) {
   if (!holds) [[unlikely]]
-    ThrowBrokenInvariant(expected, where);
+    ThrowBrokenInvariant(expected, file, line);
 }
 
 }  // namespace tiltproof

@@ -175,10 +175,12 @@ Verdict FromTruth(stl::Truth truth) {
 }
 
 void JudgeFormula(const CriterionSpec& spec, const Scenario& scenario, const RunLog& log,
-                  CriterionResult& result) {
+                  const ScoreOptions& options, CriterionResult& result) {
   const std::vector<std::string> signals = SignalNames(log.trace.columns()), fault_ids = FaultIds(scenario);
   const stl::Formula formula = stl::Parse(spec.stl, {.signals = signals, .fault_ids = fault_ids});
-  const stl::Result answer = stl::Evaluate(formula, log.trace, stl::Extent{log.end_ns, scenario.duration_ns});
+  const stl::Extent extent{log.end_ns, scenario.duration_ns};
+  const stl::Result answer = stl::Evaluate(formula, log.trace, extent);
+  if (options.over_time) result.over_time = stl::EvaluateOverTime(formula, log.trace, extent);
   result.verdict = FromTruth(answer.truth);
   result.robustness = answer.robustness;
   if (answer.robustness && std::isfinite(*answer.robustness)) result.margin = answer.robustness;
@@ -311,7 +313,7 @@ std::optional<double> LeastMargin(const Score& score) {
   return least;
 }
 
-Score ScoreRun(const Scenario& scenario, const RunLog& log) {
+Score ScoreRun(const Scenario& scenario, const RunLog& log, const ScoreOptions& options) {
   Score score;
   for (const ClientLog& client : log.clients)
     score.restarts_count += static_cast<std::int64_t>(client.restarts.size());
@@ -337,7 +339,7 @@ Score ScoreRun(const Scenario& scenario, const RunLog& log) {
       if (spec.stl.empty())
         JudgeMetric(spec, scenario, metrics, log, result);
       else
-        JudgeFormula(spec, scenario, log, result);
+        JudgeFormula(spec, scenario, log, options, result);
     } catch (const stl::ParseError& e) {
       result.verdict = Verdict::kError;
       result.explanation = OneLine(spec.stl) + ": column " + std::to_string(e.column) + ": " + e.what();

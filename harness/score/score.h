@@ -14,6 +14,7 @@
 #include "harness/scenario/scenario.h"
 #include "harness/score/histogram.h"
 #include "harness/score/metrics.h"
+#include "harness/score/stl.h"
 
 namespace tiltproof::harness {
 
@@ -32,6 +33,8 @@ struct CriterionResult {
   // distance to each bound divided by that bound's magnitude, the smaller of the two. A bound of 0 and
   // infinite values have none.
   std::optional<double> margin{};
+  // Of a formula, at each row of the trace, where it was asked for (ScoreOptions).
+  std::vector<stl::RowRobustness> over_time{};
 };
 
 // In real time: a flight is not judged when the harness itself was late in more than this share of its
@@ -59,7 +62,11 @@ struct Score {
 // The smallest margin of the criteria that have one.
 std::optional<double> LeastMargin(const Score& score);
 
+struct ScoreOptions {
+  bool over_time = false;  // the robustness of each formula over time, too
+};
+
 // Never throws: a log that cannot be scored (a trace without its columns) is Verdict::kError with the reason.
-Score ScoreRun(const Scenario& scenario, const RunLog& log);
+Score ScoreRun(const Scenario& scenario, const RunLog& log, const ScoreOptions& options = {});
 
 }  // namespace tiltproof::harness

@@ -57,4 +57,13 @@ struct Extent {
 // std::invalid_argument when the trace lacks a column or its times are broken.
 Result Evaluate(const Formula& formula, const Trace& trace, std::optional<Extent> extent = std::nullopt);
 
+// Robustness over time, for reports: at each row, of the rest of the flight from there on. The bounds are those of
+// Result; the first row's are its `lower` and `upper`.
+struct RowRobustness {
+  TimeNs time_ns = 0;
+  double lower = 0.0, upper = 0.0;
+};
+std::vector<RowRobustness> EvaluateOverTime(const Formula& formula, const Trace& trace,
+                                            std::optional<Extent> extent = std::nullopt);
+
 }  // namespace tiltproof::harness::stl

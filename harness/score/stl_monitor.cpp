@@ -109,6 +109,16 @@ class Monitor {
     more_to_come_ = extent && extent->planned_end_ns > seen_until_ns_;
   }
 
+  std::vector<RowRobustness> RunOverTime(const Node& formula) {
+    const Bounds bounds = Evaluate(formula, false).bounds;
+    std::vector<RowRobustness> rows;
+    for (std::size_t r = 0; r < future_; ++r) {
+      Check(bounds.lower[r] <= bounds.upper[r], "a robustness is between its bounds");
+      rows.push_back({times_[r], bounds.lower[r] + 0.0, bounds.upper[r] + 0.0});
+    }
+    return rows;
+  }
+
   Result Run(const Node& formula) {
     const Evaluation evaluation = Evaluate(formula, false);
     const double lower = evaluation.bounds.lower.front(), upper = evaluation.bounds.upper.front();
@@ -405,6 +415,11 @@ class Monitor {
 
 Result Evaluate(const Formula& formula, const Trace& trace, std::optional<Extent> extent) {
   return Monitor(trace, extent).Run(*formula);
+}
+
+std::vector<RowRobustness> EvaluateOverTime(const Formula& formula, const Trace& trace,
+                                            std::optional<Extent> extent) {
+  return Monitor(trace, extent).RunOverTime(*formula);
 }
 
 }  // namespace tiltproof::harness::stl

@@ -34,6 +34,23 @@ std::map<std::string, double> MetricsOf(const Scenario& scenario, const RunLog& 
   return ComputeMetrics(scenario, log).values;
 }
 
+TEST(Score, RobustnessOverTimeWhereItIsAskedFor) {
+  RunLog log = StillFlight(3);
+  Set(log, 1, "x_m", 0.3);
+  Scenario scenario = ScenarioOf(log);
+  CriterionSpec near;
+  near.name = "near";
+  near.stl = "always(x_m <= 0.5)";
+  scenario.criteria = {near};
+  const CriterionResult result = ScoreRun(scenario, log, {.over_time = true}).criteria.back();
+  ASSERT_EQ(result.over_time.size(), 3u);
+  EXPECT_EQ(result.over_time[0].lower, *result.robustness);
+  EXPECT_EQ(result.over_time[1].time_ns, kControlPeriodNs);
+  EXPECT_EQ(result.over_time[1].upper, *result.robustness);
+  EXPECT_GT(result.over_time[2].lower, *result.robustness);
+  EXPECT_TRUE(ScoreRun(scenario, log).criteria.back().over_time.empty());
+}
+
 TEST(Metrics, EveryNameGivenIsListedAndNoneTwice) {
   RunLog log = StillFlight(1000);
   log.clients[0].failsafe_entered_count = 0;

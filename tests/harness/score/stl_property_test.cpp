@@ -138,6 +138,25 @@ RC_GTEST_PROP(StlMonitor, AgreesWithTheDefinitions, ()) {
   RC_ASSERT(result.upper == expected.upper.number);
 }
 
+// At each row, what the definitions say of the rest of the flight.
+RC_GTEST_PROP(StlMonitor, OverTimeItAgreesWithTheDefinitionsToo, ()) {
+  const std::string text = RandomFormula(Choose(4));
+  SlowTrace rest = RandomTrace();
+  RC_LOG() << text << "\n";
+  const stl::Formula formula = testing::ParseCriterion(text, kOneFault);
+  const auto rows =
+      stl::EvaluateOverTime(formula, rest.ToTrace(), stl::Extent{rest.seen_until_ns, rest.planned_end_ns});
+  RC_ASSERT(rows.size() == rest.times_ns.size());
+  for (const stl::RowRobustness& row : rows) {
+    const SlowBounds expected = SlowEvaluate(formula, rest);
+    RC_ASSERT(row.time_ns == rest.times_ns.front());
+    RC_ASSERT(row.lower == expected.lower.number);
+    RC_ASSERT(row.upper == expected.upper.number);
+    rest.times_ns.erase(rest.times_ns.begin());
+    for (auto* column : {&rest.x_m, &rest.roll_rad, &rest.active_a}) column->erase(column->begin());
+  }
+}
+
 // Whatever a flight that was cut short would have done next: what was decided stays decided, and the bounds
 // only close in.
 RC_GTEST_PROP(StlMonitor, WhatIsDecidedNoContinuationChanges, ()) {
