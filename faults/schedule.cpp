@@ -99,9 +99,9 @@ struct FaultSchedule::State {
   void Add(const ClockKind& /*kind*/, const Entry& /*entry*/) {}
 
   // The part of the flight with the vehicle.
-  State& Vehicle() {
+  VehicleFaults& Vehicle() {
     Check(vehicle.has_value(), "faults on the vehicle act where the plant is");
-    return *this;
+    return *vehicle;
   }
 
   Recorder recorder;
@@ -202,16 +202,18 @@ void FaultSchedule::SetOrigin(Origin origin) {
 }
 
 void FaultSchedule::EditSensors(TimeNs t, std::span<float> values, BootTime boot_time) {
-  Check(values.size() == state_->Vehicle().signals.sensors.size(), "a sample has a value for each sensor");
-  state_->vehicle->EditSensors(t, values, boot_time);
+  VehicleFaults& vehicle = state_->Vehicle();
+  Check(values.size() == state_->signals.sensors.size(), "a sample has a value for each sensor");
+  vehicle.EditSensors(t, values, boot_time);
 }
 
 void FaultSchedule::EditInput(TimeNs t, std::span<double> input, bool new_command) {
-  Check(input.size() == state_->Vehicle().signals.inputs.size(), "an input has a value for each actuator");
-  state_->vehicle->EditInput(t, input, new_command);
+  VehicleFaults& vehicle = state_->Vehicle();
+  Check(input.size() == state_->signals.inputs.size(), "an input has a value for each actuator");
+  vehicle.EditInput(t, input, new_command);
 }
 
-Disturbance FaultSchedule::DisturbanceOf(TimeNs t) { return state_->Vehicle().vehicle->DisturbanceOf(t); }
+Disturbance FaultSchedule::DisturbanceOf(TimeNs t) { return state_->Vehicle().DisturbanceOf(t); }
 
 void FaultSchedule::MarkReceived(Direction direction, BootTime last_arrival,
                                  std::span<const std::uint8_t> bytes, std::vector<ReceiveMark>& marks) {

@@ -30,11 +30,12 @@ class CommandLineTest(unittest.TestCase):
                               env={**os.environ, **(environment or {})})
         return done.returncode, done.stdout.decode(), done.stderr.decode()
 
-    def scenario(self, name, text=SHORT_HOVER, **changes):
+    def scenario(self, name, text=SHORT_HOVER, folder=".", **changes):
         text = text.replace("NAME", name)
         for old, new in changes.items():
             text = text.replace(old, new)
-        path = self.folder / f"{name}.yaml"
+        path = self.folder / folder / f"{name}.yaml"
+        path.parent.mkdir(exist_ok=True)
         path.write_text(text)
         return path
 

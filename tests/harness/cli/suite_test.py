@@ -6,51 +6,19 @@ import pathlib
 import pty
 import re
 import shlex
-import shutil
 import socket
 import subprocess
 import sys
-import tempfile
 import time
 import unittest
 import xml.etree.ElementTree
 
-PROGRAM, SOURCE, CLIENTS = (pathlib.Path(a).resolve() for a in sys.argv[1:4])
+from command_line import PROGRAM, CommandLineTest
 
-SHORT_HOVER = """\
-name: NAME
-duration_s: 0.6
-seed: 3
-reference: {type: hover, at_m: [0, 0, 2]}
-criteria:
-  - {name: near, stl: "always(position_error_m <= 0.5)"}
-"""
+SOURCE, CLIENTS = (pathlib.Path(a).resolve() for a in sys.argv[2:4])
 
 
-class SuiteTest(unittest.TestCase):
-    def setUp(self):
-        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="tiltproof-suite-"))
-        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
-
-    def tiltproof(self, *arguments, timeout=120):
-        done = subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, cwd=self.folder, timeout=timeout, check=False, text=True)
-        return done.returncode, done.stdout, done.stderr
-
-    def scenario(self, name, folder=".", **changes):
-        text = SHORT_HOVER.replace("NAME", name)
-        for old, new in changes.items():
-            text = text.replace(old, new)
-        path = self.folder / folder / f"{name}.yaml"
-        path.parent.mkdir(exist_ok=True)
-        path.write_text(text)
-        return path
-
-    def latest(self):
-        return (self.folder / "results/latest").resolve()
-
-    def results(self):
-        return json.loads((self.latest() / "results.json").read_text())
-
+class SuiteTest(CommandLineTest):
     def junit(self):
         return xml.etree.ElementTree.parse(self.latest() / "junit.xml").getroot()[0]
 
@@ -79,8 +47,8 @@ class SuiteTest(unittest.TestCase):
     # what stands in a suite's folder
 
     def test_what_is_named_like_a_scenario_and_is_no_file_is_a_mistake(self):
-        self.scenario("good", "suite")
-        self.scenario("bad", "suite", seed="sead")
+        self.scenario("good", folder="suite")
+        self.scenario("bad", folder="suite", seed="sead")
         (self.folder / "suite/gone.yaml").symlink_to("nowhere.yaml")
         os.mkfifo(self.folder / "suite/pipe.yml")
         with socket.socket(socket.AF_UNIX) as listener:
@@ -99,7 +67,7 @@ class SuiteTest(unittest.TestCase):
         self.assertEqual(self.tiltproof("check", "suite/gone.yaml")[2], "suite/gone.yaml: a link to nowhere.yaml, which does not exist\n")
 
     def test_a_circle_of_links_is_left_alone_with_one_warning(self):
-        self.scenario("good", "suite")
+        self.scenario("good", folder="suite")
         (self.folder / "suite/here").symlink_to(".")
         (self.folder / "suite/there").symlink_to("back")
         (self.folder / "suite/back").symlink_to("there")
@@ -193,10 +161,10 @@ class SuiteTest(unittest.TestCase):
     # what applies to a client
 
     def mixed_suite(self):
-        self.scenario("flies", "suite")
+        self.scenario("flies", folder="suite")
         board = "faults:\n  - {id: still, type: device.stall, start_s: 0.1, end_s: 0.2}\n"
-        self.scenario("board", "suite", criteria=board + "criteria")
-        self.scenario("nodes", "suite", criteria=board.replace("device.stall", "node.pause, parameters: {node: client}") + "criteria")
+        self.scenario("board", folder="suite", criteria=board + "criteria")
+        self.scenario("nodes", folder="suite", criteria=board.replace("device.stall", "node.pause, parameters: {node: client}") + "criteria")
 
     def test_what_does_not_apply_is_listed_and_the_rest_flies(self):
         self.mixed_suite()
