@@ -22,6 +22,7 @@
 
 #include "faults/parameters.h"
 #include "link/chunk.h"
+#include "link/fields.h"
 #include "link/time.h"
 
 namespace tiltproof::faults {
@@ -75,6 +76,7 @@ struct TimedActivation {
   std::string what;       // "3 bits flipped", "dropped", "x_m 1.25 -> 1.75"
   // Wire faults: the frame before, and everything that went on in its place (chunks with times).
   std::vector<link::TimedChunk<Time>> before, after;
+  TILTPROOF_FIELDS(time_ns, fault, what, before, after)
 };
 using Activation = TimedActivation<TimeNs>;
 using BootActivation = TimedActivation<BootTime>;

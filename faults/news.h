@@ -11,6 +11,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "link/fields.h"
 #include "link/time.h"
 
 namespace tiltproof::faults {
@@ -21,6 +22,7 @@ struct News {
   std::size_t fault = 0;  // index in the scenario's list: of the fault with the condition, or that acted
   TimeNs time_ns = 0;     // simulation time from which it is so
   friend bool operator==(const News&, const News&) = default;
+  TILTPROOF_FIELDS(kind, fault, time_ns)
 };
 
 }  // namespace tiltproof::faults

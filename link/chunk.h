@@ -6,6 +6,7 @@
 #include <string_view>
 #include <vector>
 
+#include "link/fields.h"
 #include "link/message_kind.h"
 #include "link/time.h"
 
@@ -25,6 +26,7 @@ struct TimedChunk {
   MessageKind kind = MessageKind::kUnknown;  // of the frame as sent
   // Number of the frame as sent, from 0 in its direction. The wire assigns it; copies and fragments keep it.
   std::uint64_t number = 0;
+  TILTPROOF_FIELDS(begin_ns, bytes, kind, number)
 };
 using Chunk = TimedChunk<BootTime>;
 using LogChunk = TimedChunk<TimeNs>;

@@ -54,7 +54,7 @@ std::vector<std::string> Figures(const Score& score, bool is_short) {
   for (const auto& fault : score.faults) activations += fault.activations;
   if (!score.faults.empty())
     figures.push_back(is_short ? fmt::format("{} act.", activations) : Counted(activations, "activation"));
-  if (score.restarts_count > 0) figures.push_back(Counted(score.restarts_count, "restart"));
+  if (score.restarts > 0) figures.push_back(Counted(score.restarts, "restart"));
   return figures;
 }
 

@@ -22,7 +22,7 @@ std::string Strikes(const FlightResult& result) {
   std::string text;
   for (const FlightEvent& event : result.events)
     if (event.kind == "bit_flipped")
-      text += fmt::format("; {} at {:.3f} s", event.text, ToSeconds(event.time_ns));
+      text += fmt::format("; {} at {:.3f} s", event.text, event.time_s);
   return text;
 }
 

@@ -153,7 +153,7 @@ int RunCommand(const RunOptions& options) {
   for (const auto& [id, client] : means.clients.by_id) info.clients.emplace(id, ToText(client));
   info.build = BuildOf(means.clients);
   info.machine = ThisMachine();
-  info.keep = KeepNamed(options.keep);
+  info.keep = Named<Keep>(options.keep);
   if (means.realtime && !means.attach) info.realtime_rights = ProbeRealtimeRights().Text();
   info.command = options.command;
   info.not_applicable = not_applicable;

@@ -7,7 +7,7 @@
 
 #include "harness/cli/commands.h"
 #include "harness/report/files.h"
-#include "harness/report/json_text.h"
+#include "harness/report/json_fields.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -54,12 +54,8 @@ void WriteRunEvents(const std::filesystem::path& folder, const std::vector<Fligh
   std::string lines;
   for (const auto& result : results) {
     for (const FlightEvent& event : result.events) {
-      nlohmann::ordered_json line;
-      line["scenario"] = result.name;
-      line["time_s"] = ToSeconds(event.time_ns);
-      line["kind"] = event.kind;
-      if (!event.client.empty()) line["client"] = event.client;
-      line["text"] = event.text;
+      Json line = {{"scenario", result.name}};
+      JsonWriter::PutFields(line, event);
       lines += JsonText(line) + "\n";
     }
   }

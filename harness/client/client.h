@@ -12,6 +12,7 @@
 
 #include "faults/device_command.h"
 #include "faults/model.h"
+#include "link/fields.h"
 #include "link/time.h"
 
 namespace tiltproof::harness {
@@ -21,6 +22,7 @@ enum class Uart : std::uint8_t { kMain = 0, kReference = 1 };
 struct ClientStatus {
   std::uint32_t supervisor_state = 0;
   std::uint32_t failsafe_count = 0;
+  TILTPROOF_FIELDS(supervisor_state, failsafe_count)
 };
 
 // Kinds of DeviceEvent. The firmware reboots: its processor was reset, or its process was restarted.
@@ -37,6 +39,7 @@ struct DeviceEvent {
   std::string kind;                  // kResetEvent, "bit_flipped", kOverrunEvent, ...
   std::string text;
   std::int64_t overruns_count = 0;  // for a kOverrunEvent: bytes lost
+  TILTPROOF_FIELDS(time_ns, fault, kind, text, overruns_count)
 };
 
 // What a client may call while it runs. Times are boot time.

@@ -1,6 +1,7 @@
 // What the nodes of a distributed run say to each other, as plain structs.
 //
-// Each struct here is one topic of tiltproof.idl, under the same names; bus.h sends and receives them.
+// Each struct here is one topic of tiltproof.idl, under the same names, and one row of topics.h; bus.h sends and
+// receives them.
 // Nothing here knows DDS, so whoever only builds or reads a message needs no more than this header.
 //
 //   publisher.Write({.run_id = run, .node_id = "plant", .sequence = ++last, .time_ns = t, .kind = "started"});
@@ -17,6 +18,7 @@
 #include <utility>
 #include <vector>
 
+#include "link/fields.h"
 #include "link/time.h"
 
 namespace tiltproof::dds {
@@ -33,6 +35,16 @@ inline constexpr std::size_t kChunksCountMax = 4096;        // frames or chunks 
 inline constexpr std::size_t kSignalsCountMax = 1024;       // signals of one vehicle
 inline constexpr std::size_t kNumbersCountMax = 131'072;    // numbers in one message (1 MiB)
 
+// A list with the limit that its message sets.
+template <class T, std::size_t kMax>
+struct List : std::vector<T> {
+  static constexpr std::size_t kCountMax = kMax;
+  using std::vector<T>::vector;
+  List(std::vector<T> values) : std::vector<T>(std::move(values)) {}
+};
+using Names = List<std::string, kNamesCountMax>;
+using Payload = List<std::uint8_t, kPayloadBytesMax>;
+
 enum class NodeKind : std::uint8_t { kHarness, kPlant, kLink, kClient, kBaseStation, kJoystick, kMonitor };
 enum class Verb : std::uint8_t { kPrepare, kArm, kStart, kStop, kRelease };
 enum class Phase : std::uint8_t { kIdle, kPrepared, kArmed, kRunning, kFinished, kFailed };
@@ -41,6 +53,9 @@ enum class Phase : std::uint8_t { kIdle, kPrepared, kArmed, kRunning, kFinished,
 std::string_view Name(NodeKind kind);
 std::string_view Name(Verb verb);
 std::string_view Name(Phase phase);
+constexpr NodeKind LastOf(NodeKind) { return NodeKind::kMonitor; }
+constexpr Verb LastOf(Verb) { return Verb::kRelease; }
+constexpr Phase LastOf(Phase) { return Phase::kFailed; }
 
 // "I am here and not hung": written every 50 ms by the thread that does the node's work. Who misses it for
 // 200 ms is seen as dead (Subscriber<Heartbeat>::Nodes).
@@ -51,17 +66,19 @@ struct Heartbeat {
   std::int64_t pid = 0;
   std::int64_t sequence = 0;
   std::string run_id{};  // "" = idle
-  std::vector<std::string> capabilities{};
+  Names capabilities{};
   std::string version{};
+  TILTPROOF_FIELDS(node_id, kind, host, pid, sequence, run_id, capabilities, version)
   bool operator==(const Heartbeat&) const = default;
 };
 
 // What is to be flown. A node that comes late gets it, too.
 struct RunScenario {
-  std::string run_id{};                     // key
-  std::string scenario_yaml{};              // at most kDocumentBytesMax
-  std::vector<std::string> nodes{};         // node ids that take part
-  std::vector<std::string> participants{};  // which participant each of them is (participant.h)
+  std::string run_id{};         // key
+  std::string scenario_yaml{};  // at most kDocumentBytesMax
+  Names nodes{};                // node ids that take part
+  Names participants{};         // which participant each of them is (participant.h)
+  TILTPROOF_FIELDS(run_id, scenario_yaml, nodes, participants)
   bool operator==(const RunScenario&) const = default;
 };
 
@@ -69,6 +86,7 @@ struct RunScenario {
 struct Port {
   std::string name{};
   std::string path{};  // at most kPathBytesMax
+  TILTPROOF_FIELDS(name, path)
   bool operator==(const Port&) const = default;
 };
 
@@ -79,7 +97,8 @@ struct RunCommand {
   std::string node_id{};  // the one it is for; "" = all of the run
   std::int64_t sequence = 0;
   Verb verb = Verb::kPrepare;
-  std::vector<Port> ports{};
+  List<Port, kNamesCountMax> ports{};
+  TILTPROOF_FIELDS(run_id, node_id, sequence, verb, ports)
   bool operator==(const RunCommand&) const = default;
 };
 
@@ -89,7 +108,8 @@ struct RunAck {
   std::int64_t sequence = 0;  // of the command
   bool ok = false;
   std::string text{};  // why not
-  std::vector<Port> ports{};
+  List<Port, kNamesCountMax> ports{};
+  TILTPROOF_FIELDS(run_id, node_id, sequence, ok, text, ports)
   bool operator==(const RunAck&) const = default;
 };
 
@@ -102,17 +122,19 @@ struct RunState {
   std::int64_t origin_ns = 0;  // of the plant: its boot time at simulation time 0, 0 until that is known
   std::string end_reason{};
   std::string text{};
+  TILTPROOF_FIELDS(run_id, node_id, phase, time_ns, origin_ns, end_reason, text)
   bool operator==(const RunState&) const = default;
 };
 
 // Real time, the latest counts: the vehicle's true state and the inputs in force, in the order of its tables
-// (plant/vehicle_model.h), which is that of the columns of trace.csv. Each list has at most kSignalsCountMax.
+// (plant/vehicle_model.h), which is that of the columns of trace.csv.
 struct PlantState {
   std::string run_id{};  // key
   std::int64_t sequence = 0;
   TimeNs time_ns = 0;
-  std::vector<double> state{};  // of any vehicle the first six are x y z (m) roll pitch yaw (rad)
-  std::vector<double> in_force{};
+  List<double, kSignalsCountMax> state{};  // of any vehicle the first six are x y z (m) roll pitch yaw (rad)
+  List<double, kSignalsCountMax> in_force{};
+  TILTPROOF_FIELDS(run_id, sequence, time_ns, state, in_force)
   bool operator==(const PlantState&) const = default;
 };
 
@@ -123,7 +145,8 @@ struct Reference {
   std::string node_id{};
   std::int64_t sequence = 0;
   TimeNs time_ns = 0;
-  std::vector<double> values{};  // at most kSignalsCountMax
+  List<double, kSignalsCountMax> values{};
+  TILTPROOF_FIELDS(run_id, node_id, sequence, time_ns, values)
   bool operator==(const Reference&) const = default;
 };
 
@@ -132,8 +155,9 @@ struct TapFrame {
   TimeNs begin_ns = 0;
   std::uint8_t direction = 0;  // link's Direction: 0 to the plant, 1 to the client, 2 reference line
   bool delivered = false;
-  std::vector<std::uint8_t> bytes{};     // at most kChunkBytesMax
-  std::vector<std::string> fault_ids{};  // what touched it
+  List<std::uint8_t, kChunkBytesMax> bytes{};
+  Names fault_ids{};  // what touched it
+  TILTPROOF_FIELDS(begin_ns, direction, delivered, bytes, fault_ids)
   bool operator==(const TapFrame&) const = default;
 };
 
@@ -142,10 +166,20 @@ struct SerialTap {
   std::string run_id{};   // key
   std::string node_id{};  // key
   std::int64_t sequence = 0;
-  std::vector<TapFrame> frames{};                    // at most kChunksCountMax
-  std::vector<std::int64_t> reply_latency_ns{};      // at most kNumbersCountMax
-  std::vector<std::int64_t> client_round_trip_ns{};  // reply to the actuators that answer it, likewise
+  List<TapFrame, kChunksCountMax> frames{};
+  List<std::int64_t, kNumbersCountMax> reply_latency_ns{};
+  // From a reply to the actuators that answer it.
+  List<std::int64_t, kNumbersCountMax> client_round_trip_ns{};
+  TILTPROOF_FIELDS(run_id, node_id, sequence, frames, reply_latency_ns, client_round_trip_ns)
   bool operator==(const SerialTap&) const = default;
+};
+
+// Of a fault, in the unit of the fault catalogue.
+struct Parameter {
+  std::string name{};
+  double value = 0;
+  TILTPROOF_FIELDS(name, value)
+  bool operator==(const Parameter&) const = default;
 };
 
 // Asks the node to activate a fault now. Ids as in the scenario, parameters as in the fault catalogue.
@@ -155,15 +189,17 @@ struct FaultCommand {
   std::int64_t sequence = 0;
   std::string fault_id{};
   std::string type{};
-  std::vector<std::pair<std::string, double>> parameters{};  // at most kNamesCountMax
+  List<Parameter, kNamesCountMax> parameters{};
   std::int64_t duration_ns = 0;
+  TILTPROOF_FIELDS(run_id, node_id, sequence, fault_id, type, parameters, duration_ns)
   bool operator==(const FaultCommand&) const = default;
 };
 
 // Bytes on the serial line from simulation time begin_ns on.
 struct Chunk {
   TimeNs begin_ns = 0;
-  std::vector<std::uint8_t> bytes{};  // at most kChunkBytesMax
+  List<std::uint8_t, kChunkBytesMax> bytes{};
+  TILTPROOF_FIELDS(begin_ns, bytes)
   bool operator==(const Chunk&) const = default;
 };
 
@@ -174,9 +210,10 @@ struct FaultActivation {
   std::int64_t sequence = 0;
   std::string fault_id{};
   TimeNs time_ns = 0;
-  std::string what{};           // at most kTextBytesMax
-  std::vector<Chunk> before{};  // at most kChunksCountMax
-  std::vector<Chunk> after{};
+  std::string what{};  // at most kTextBytesMax
+  List<Chunk, kChunksCountMax> before{};
+  List<Chunk, kChunksCountMax> after{};
+  TILTPROOF_FIELDS(run_id, node_id, sequence, fault_id, time_ns, what, before, after)
   bool operator==(const FaultActivation&) const = default;
 };
 
@@ -188,6 +225,7 @@ struct RunEvent {
   TimeNs time_ns = 0;
   std::string kind{};
   std::string text{};
+  TILTPROOF_FIELDS(run_id, node_id, sequence, time_ns, kind, text)
   bool operator==(const RunEvent&) const = default;
 };
 
@@ -197,22 +235,24 @@ struct TraceRows {
   std::string node_id{};  // key
   std::int64_t sequence = 0;
   std::int64_t column_count = 0;
-  std::vector<double> values{};                  // at most kNumbersCountMax
-  std::vector<std::int64_t> request_times_ns{};  // arrivals of sensor requests, likewise
-  std::vector<std::int64_t> actuator_times_ns{};
+  List<double, kNumbersCountMax> values{};
+  List<std::int64_t, kNumbersCountMax> request_times_ns{};  // arrivals of sensor requests
+  List<std::int64_t, kNumbersCountMax> actuator_times_ns{};
+  TILTPROOF_FIELDS(run_id, node_id, sequence, column_count, values, request_times_ns, actuator_times_ns)
   bool operator==(const TraceRows&) const = default;
 };
 
 // The closing word of a node: with it the harness knows whether it has everything. The sequences are those of
 // the node's last message on each log, 0 when it sent none.
 struct NodeReport {
-  std::string run_id{};                 // key
-  std::string node_id{};                // key
-  std::vector<std::uint8_t> payload{};  // at most kPayloadBytesMax
+  std::string run_id{};   // key
+  std::string node_id{};  // key
+  Payload payload{};
   std::int64_t serial_tap = 0;
   std::int64_t fault_activation = 0;
   std::int64_t run_event = 0;
   std::int64_t trace_rows = 0;
+  TILTPROOF_FIELDS(run_id, node_id, payload, serial_tap, fault_activation, run_event, trace_rows)
   bool operator==(const NodeReport&) const = default;
 };
 
@@ -222,6 +262,7 @@ struct Score {
   std::string verdict{};
   std::string reason{};        // at most kTextBytesMax
   std::string metrics_json{};  // at most kDocumentBytesMax
+  TILTPROOF_FIELDS(run_id, scenario, verdict, reason, metrics_json)
   bool operator==(const Score&) const = default;
 };
 
@@ -230,7 +271,8 @@ struct StepRequest {
   std::string run_id{};   // key
   std::string node_id{};  // key
   std::int64_t sequence = 0;
-  std::vector<std::uint8_t> payload{};  // at most kPayloadBytesMax
+  Payload payload{};
+  TILTPROOF_FIELDS(run_id, node_id, sequence, payload)
   bool operator==(const StepRequest&) const = default;
 };
 
@@ -238,7 +280,8 @@ struct StepResponse {
   std::string run_id{};   // key
   std::string node_id{};  // key
   std::int64_t sequence = 0;
-  std::vector<std::uint8_t> payload{};
+  Payload payload{};
+  TILTPROOF_FIELDS(run_id, node_id, sequence, payload)
   bool operator==(const StepResponse&) const = default;
 };
 

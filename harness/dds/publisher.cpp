@@ -115,7 +115,7 @@ void Publisher<T>::Retire(const T& message) {
   }
 }
 
-#define TILTPROOF_INSTANTIATE(T) template class Publisher<T>;
+#define TILTPROOF_INSTANTIATE(T, ...) template class Publisher<T>;
 TILTPROOF_DDS_TOPICS(TILTPROOF_INSTANTIATE)
 #undef TILTPROOF_INSTANTIATE
 

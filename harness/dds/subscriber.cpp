@@ -295,7 +295,7 @@ std::int64_t Subscriber<T>::MissedDeadlinesCount() const requires RealTime<T> {
   return status.total_count;
 }
 
-#define TILTPROOF_INSTANTIATE(T) template class Subscriber<T>;
+#define TILTPROOF_INSTANTIATE(T, ...) template class Subscriber<T>;
 TILTPROOF_DDS_TOPICS(TILTPROOF_INSTANTIATE)
 #undef TILTPROOF_INSTANTIATE
 

@@ -1,6 +1,5 @@
 #include "harness/dds/wire.h"
 
-#include <concepts>
 #include <cstring>
 #include <stdexcept>
 #include <string>
@@ -19,88 +18,12 @@ static_assert(static_cast<int>(NodeKind::kMonitor) == tiltproof_NODE_MONITOR &&
 
 namespace {
 
-template <class M, class T>
-concept Is = std::same_as<std::remove_const_t<M>, T>;
-using NamedValue = std::pair<std::string, double>;
-
-// The members of each struct, once for both directions: m is the message, c the struct on the wire.
-#define ONE(member) v(#member, m.member, c.member)
-#define LIST(member, count_max) v.List(#member, count_max, m.member, c.member)
-
-void Members(auto& v, Is<Heartbeat> auto& m, auto& c) {
-  ONE(node_id), ONE(kind), ONE(host), ONE(pid), ONE(sequence), ONE(run_id), ONE(version);
-  LIST(capabilities, kNamesCountMax);
+// Each field of a message, with the field of that name on the wire.
+template <class Visitor, class A, class B>
+void EachField(Visitor& visitor, A& a, B& b) {
+  static_assert(NamesEveryField<std::remove_const_t<A>>());
+  A::Fields(visitor, a, b);
 }
-void Members(auto& v, Is<RunScenario> auto& m, auto& c) {
-  ONE(run_id), ONE(scenario_yaml);
-  LIST(nodes, kNamesCountMax), LIST(participants, kNamesCountMax);
-}
-void Members(auto& v, Is<Port> auto& m, auto& c) { ONE(name), ONE(path); }
-void Members(auto& v, Is<RunCommand> auto& m, auto& c) {
-  ONE(run_id), ONE(node_id), ONE(sequence), ONE(verb);
-  LIST(ports, kNamesCountMax);
-}
-void Members(auto& v, Is<RunAck> auto& m, auto& c) {
-  ONE(run_id), ONE(node_id), ONE(sequence), ONE(ok), ONE(text);
-  LIST(ports, kNamesCountMax);
-}
-void Members(auto& v, Is<RunState> auto& m, auto& c) {
-  ONE(run_id), ONE(node_id), ONE(phase), ONE(time_ns), ONE(origin_ns), ONE(end_reason), ONE(text);
-}
-void Members(auto& v, Is<PlantState> auto& m, auto& c) {
-  ONE(run_id), ONE(sequence), ONE(time_ns);
-  LIST(state, kSignalsCountMax), LIST(in_force, kSignalsCountMax);
-}
-void Members(auto& v, Is<Reference> auto& m, auto& c) {
-  ONE(run_id), ONE(node_id), ONE(sequence), ONE(time_ns);
-  LIST(values, kSignalsCountMax);
-}
-void Members(auto& v, Is<TapFrame> auto& m, auto& c) {
-  ONE(begin_ns), ONE(direction), ONE(delivered);
-  LIST(bytes, kChunkBytesMax), LIST(fault_ids, kNamesCountMax);
-}
-void Members(auto& v, Is<SerialTap> auto& m, auto& c) {
-  ONE(run_id), ONE(node_id), ONE(sequence);
-  LIST(frames, kChunksCountMax), LIST(reply_latency_ns, kNumbersCountMax),
-      LIST(client_round_trip_ns, kNumbersCountMax);
-}
-void Members(auto& v, Is<NamedValue> auto& m, auto& c) {
-  v("name", m.first, c.name), v("value", m.second, c.value);
-}
-void Members(auto& v, Is<FaultCommand> auto& m, auto& c) {
-  ONE(run_id), ONE(node_id), ONE(sequence), ONE(fault_id), ONE(type), ONE(duration_ns);
-  LIST(parameters, kNamesCountMax);
-}
-void Members(auto& v, Is<Chunk> auto& m, auto& c) {
-  ONE(begin_ns);
-  LIST(bytes, kChunkBytesMax);
-}
-void Members(auto& v, Is<FaultActivation> auto& m, auto& c) {
-  ONE(run_id), ONE(node_id), ONE(sequence), ONE(fault_id), ONE(time_ns), ONE(what);
-  LIST(before, kChunksCountMax), LIST(after, kChunksCountMax);
-}
-void Members(auto& v, Is<RunEvent> auto& m, auto& c) {
-  ONE(run_id), ONE(node_id), ONE(sequence), ONE(time_ns), ONE(kind), ONE(text);
-}
-void Members(auto& v, Is<TraceRows> auto& m, auto& c) {
-  ONE(run_id), ONE(node_id), ONE(sequence), ONE(column_count);
-  LIST(values, kNumbersCountMax), LIST(request_times_ns, kNumbersCountMax);
-  LIST(actuator_times_ns, kNumbersCountMax);
-}
-void Members(auto& v, Is<NodeReport> auto& m, auto& c) {
-  ONE(run_id), ONE(node_id), ONE(serial_tap), ONE(fault_activation), ONE(run_event), ONE(trace_rows);
-  LIST(payload, kPayloadBytesMax);
-}
-void Members(auto& v, Is<Score> auto& m, auto& c) {
-  ONE(run_id), ONE(scenario), ONE(verdict), ONE(reason), ONE(metrics_json);
-}
-template <class M>
-requires(Is<M, StepRequest> || Is<M, StepResponse>) void Members(auto& v, M& m, auto& c) {
-  ONE(run_id), ONE(node_id), ONE(sequence);
-  LIST(payload, kPayloadBytesMax);
-}
-#undef ONE
-#undef LIST
 
 class Packer {
  public:
@@ -120,10 +43,10 @@ class Packer {
     to = static_cast<To>(from);
   }
 
-  template <class From, class To>
-  void List(const char* name, std::size_t count_max, const std::vector<From>& from, To& to) {
+  template <class From, std::size_t kCountMax, class To>
+  void operator()(const char* name, const List<From, kCountMax>& from, To& to) {
     using Element = std::remove_reference_t<decltype(*to._buffer)>;
-    if (from.size() > count_max) Refuse(name, from.size(), "elements", count_max);
+    if (from.size() > kCountMax) Refuse(name, from.size(), "elements", kCountMax);
     to = {};
     to._maximum = to._length = static_cast<std::uint32_t>(from.size());
     if (from.empty()) return;
@@ -137,7 +60,7 @@ class Packer {
           if constexpr (std::is_same_v<From, std::string>) {
             (*this)("text", from[i], elements[static_cast<std::ptrdiff_t>(i)]);
           } else {
-            Members(*this, from[i], elements[static_cast<std::ptrdiff_t>(i)]);
+            EachField(*this, from[i], elements[static_cast<std::ptrdiff_t>(i)]);
           }
         } catch (const std::invalid_argument& error) {
           throw std::invalid_argument(std::string(name) + "[" + std::to_string(i) + "]." + error.what());
@@ -164,8 +87,8 @@ class Unpacker {
                                                                            const From& from) {
     to = static_cast<To>(from);
   }
-  template <class To, class From>
-  void List(const char*, std::size_t, std::vector<To>& to, const From& from) {
+  template <class To, std::size_t kCountMax, class From>
+  void operator()(const char*, List<To, kCountMax>& to, const From& from) {
     if constexpr (std::is_arithmetic_v<To>) {
       if (from._length == 0) return to.clear();
       to.assign(from._buffer, from._buffer + from._length);
@@ -175,7 +98,7 @@ class Unpacker {
         if constexpr (std::is_same_v<To, std::string>) {
           to[i] = from._buffer[i];
         } else {
-          Members(*this, to[i], std::as_const(from._buffer[i]));
+          EachField(*this, to[i], std::as_const(from._buffer[i]));
         }
       }
     }
@@ -187,16 +110,16 @@ class Unpacker {
 template <class T>
 void Pack(const T& from, typename WireOf<T>::Type& to, Arena& arena) {
   Packer packer(arena);
-  Members(packer, from, to);
+  EachField(packer, from, to);
 }
 
 template <class T>
 void Unpack(const typename WireOf<T>::Type& from, T& to) {
   Unpacker unpacker;
-  Members(unpacker, to, from);
+  EachField(unpacker, to, from);
 }
 
-#define TILTPROOF_INSTANTIATE(T)                                   \
+#define TILTPROOF_INSTANTIATE(T, ...)                              \
   template void Pack(const T&, typename WireOf<T>::Type&, Arena&); \
   template void Unpack(const typename WireOf<T>::Type&, T&);
 TILTPROOF_DDS_TOPICS(TILTPROOF_INSTANTIATE)

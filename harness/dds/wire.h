@@ -9,31 +9,13 @@
 
 #include "harness/dds/messages.h"
 #include "harness/dds/tiltproof.h"
-
-// Calls X(T) for each message type that is a topic.
-#define TILTPROOF_DDS_TOPICS(X) \
-  X(Heartbeat)                  \
-  X(RunScenario)                \
-  X(RunCommand)                 \
-  X(RunAck)                     \
-  X(RunState)                   \
-  X(PlantState)                 \
-  X(Reference)                  \
-  X(SerialTap)                  \
-  X(FaultCommand)               \
-  X(FaultActivation)            \
-  X(RunEvent)                   \
-  X(TraceRows)                  \
-  X(NodeReport)                 \
-  X(Score)                      \
-  X(StepRequest)                \
-  X(StepResponse)
+#include "harness/dds/topics.h"
 
 namespace tiltproof::dds {
 
 template <class T>
 struct WireOf;
-#define TILTPROOF_WIRE_OF(T)                                                           \
+#define TILTPROOF_WIRE_OF(T, ...)                                                      \
   template <>                                                                          \
   struct WireOf<T> {                                                                   \
     using Type = tiltproof_##T;                                                        \

@@ -4,32 +4,6 @@
 
 namespace tiltproof::harness {
 
-template <class Archive>
-void Fields(Archive& archive, Histogram& h) {
-  archive(h.edges_ms, h.counts);
-}
-template <class Archive>
-void Fields(Archive& archive, CriterionResult& c) {
-  archive(c.name, c.verdict, c.robustness, c.time_s, c.explanation, c.margin);
-}
-template <class Archive>
-void Fields(Archive& archive, FaultResult& f) {
-  archive(f.id, f.type, f.activations);
-}
-template <class Archive>
-void Fields(Archive& archive, Score& s) {
-  archive(s.verdict, s.reason, s.metrics, s.histograms, s.criteria, s.faults, s.restarts_count);
-}
-template <class Archive>
-void Fields(Archive& archive, FlightEvent& e) {
-  archive(e.time_ns, e.kind, e.client, e.text);
-}
-template <class Archive>
-void Fields(Archive& archive, FlightResult& r) {
-  archive(r.name, r.expected, r.seed, r.trace_hash, r.end_reason, r.outcome, r.wall_s, r.real_time_factor,
-          r.score, r.events, r.replay);
-}
-
 FlightResult MakeErrorResult(const std::string& name, const Scenario& scenario, const std::string& reason,
                              const std::string& replay) {
   FlightResult result;
@@ -59,8 +33,9 @@ FlightResult MakeResult(const std::string& name, const Scenario& scenario, const
 std::vector<FlightEvent> EventsOf(const RunLog& log) {
   std::vector<FlightEvent> events;
   for (const RunEvent& event : log.events)
-    events.push_back(
-        {event.time_ns, event.kind, event.client ? log.clients.at(*event.client).id : "", event.text});
+    events.push_back({ToSeconds(event.time_ns), event.kind,
+                      event.client ? std::optional(log.clients.at(*event.client).id) : std::nullopt,
+                      event.text});
   return events;
 }
 

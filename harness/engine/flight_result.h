@@ -1,23 +1,27 @@
 // The result of one flight, without a file: what reports, comparisons and campaigns work with.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "harness/score/outcome.h"
 #include "harness/score/score.h"
+#include "link/fields.h"
 
 namespace tiltproof::harness {
 
-// A RunEvent with its client by name.
+// A RunEvent as files hold it: in seconds, with its client by name.
 struct FlightEvent {
-  TimeNs time_ns = 0;
+  double time_s = 0.0;
   std::string kind;
-  std::string client;  // empty: the flight's, or that of the only client
+  std::optional<std::string> client;  // none: the flight's, or that of the only client
   std::string text;
+  TILTPROOF_FIELDS(time_s, kind, client, text)
 };
 
 struct FlightResult {
@@ -34,6 +38,10 @@ struct FlightResult {
   std::string replay;  // the exact command; empty when it was not flown
 
   bool green() const { return score.verdict == expected; }
+  // In files the fields of the score stand among these, and the events in events.jsonl.
+  static constexpr std::array<std::string_view, 2> kNotInFiles = {"score", "events"};
+  TILTPROOF_FIELDS(name, expected, seed, trace_hash, end_reason, outcome, wall_s, real_time_factor, score,
+                   events, replay)
 };
 
 // Scores a flight.

@@ -20,12 +20,12 @@ inline std::string JsonLine(const nlohmann::ordered_json& json) {
   return json.dump(-1, ' ', true, nlohmann::ordered_json::error_handler_t::replace);
 }
 
-// The value of an enumeration that counts from 0 to `last`, by its Name(). Throws std::runtime_error: "unknown `what`".
+// The value of an enumeration by its Name(); LastOf() says how many it has. Throws std::runtime_error.
 template <class Enum>
-Enum EnumNamed(const std::string& what, std::string_view name, Enum last) {
-  for (int i = 0; i <= static_cast<int>(last); ++i)
+Enum Named(std::string_view name) {
+  for (int i = 0; i <= static_cast<int>(LastOf(Enum())); ++i)
     if (Name(static_cast<Enum>(i)) == name) return static_cast<Enum>(i);
-  throw std::runtime_error("unknown " + what + " '" + std::string(name) + "'");
+  throw std::runtime_error("unknown name '" + std::string(name) + "'");
 }
 
 // Version of the result files: run.json, results.json, verdict.json, flight.json. It is increased when a

@@ -3,111 +3,32 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <cmath>
 #include <nlohmann/json.hpp>
 #include <pugixml.hpp>
 #include <sstream>
 
 #include "harness/report/files.h"
-#include "harness/report/json_text.h"
+#include "harness/report/json_fields.h"
 
 namespace tiltproof::harness {
 namespace {
 
-using Json = nlohmann::ordered_json;
-
-// JSON has no infinity: the robustness of a formula that no number bounds is null, like one that there is none of.
-Json OptionalNumber(const std::optional<double>& value) {
-  return value && std::isfinite(*value) ? Json(*value) : Json(nullptr);
-}
-std::optional<double> OptionalFrom(const Json& json) {
-  if (json.is_null()) return std::nullopt;
-  return json.get<double>();
-}
-
-Verdict VerdictNamed(const std::string& name) { return EnumNamed("verdict", name, Verdict::kError); }
-
-// Of a name that may be absent, or null.
-template <class Enum>
-std::optional<Enum> MaybeNamed(const Json& json, const char* key, Enum last) {
-  const Json name = json.value(key, Json());
-  if (name.is_null()) return std::nullopt;
-  return EnumNamed(key, name.get<std::string>(), last);
-}
-
-Json ToJson(const FlightResult& result) {
-  Json json = {{"format", kResultsFormat}};
-  json["name"] = result.name;
-  json["verdict"] = Name(result.score.verdict);
-  json["expected"] = Name(result.expected);
+// Who opens the file looks for these first.
+Json ToFile(const FlightResult& result) {
+  Json json = {{"format", kResultsFormat}, {"name", {}}, {"verdict", {}}, {"expected", {}}};
   json["green"] = result.green();
-  json["reason"] = result.score.reason;
-  json["seed"] = result.seed;
-  json["trace_hash"] = result.trace_hash;
-  json["end_reason"] = result.end_reason ? Json(Name(*result.end_reason)) : Json(nullptr);
-  json["outcome"] = result.outcome ? Json(Name(*result.outcome)) : Json(nullptr);
-  json["wall_s"] = result.wall_s;
-  json["real_time_factor"] = result.real_time_factor;
-  json["metrics"] = Json::object();
-  for (const auto& [name, value] : result.score.metrics) json["metrics"][name] = value;
-  json["histograms"] = Json::object();
-  for (const auto& [name, histogram] : result.score.histograms)
-    json["histograms"][name] = {{"edges", histogram.edges_ms}, {"counts", histogram.counts}};
-  json["criteria"] = Json::array();
-  for (const auto& criterion : result.score.criteria)
-    json["criteria"].push_back({{"name", criterion.name},
-                                {"verdict", Name(criterion.verdict)},
-                                {"robustness", OptionalNumber(criterion.robustness)},
-                                {"margin", OptionalNumber(criterion.margin)},
-                                {"time_s", OptionalNumber(criterion.time_s)},
-                                {"explanation", criterion.explanation}});
-  json["faults"] = Json::array();
-  for (const auto& fault : result.score.faults)
-    json["faults"].push_back({{"id", fault.id}, {"type", fault.type}, {"activations", fault.activations}});
-  json["restarts"] = result.score.restarts_count;
-  json["replay"] = result.replay;
+  json["reason"] = nullptr;
+  JsonWriter::PutFields(json, result);
+  JsonWriter::PutFields(json, result.score);
   return json;
 }
 
-FlightResult ResultFromJson(const Json& json) {
+FlightResult ResultFromFile(const Json& json) {
   CheckFormat(json);
   FlightResult result;
-  json.at("name").get_to(result.name);
-  result.expected = VerdictNamed(json.at("expected").get<std::string>());
-  json.at("seed").get_to(result.seed);
-  json.at("trace_hash").get_to(result.trace_hash);
-  // Absent from the files of older versions, like others below.
-  result.end_reason = MaybeNamed(json, "end_reason", EndReason::kHarnessError);
-  result.outcome = MaybeNamed(json, "outcome", Outcome::kUnaffected);
-  json.at("wall_s").get_to(result.wall_s);
-  json.at("real_time_factor").get_to(result.real_time_factor);
-  json.at("replay").get_to(result.replay);
-  result.score.verdict = VerdictNamed(json.at("verdict").get<std::string>());
-  json.at("reason").get_to(result.score.reason);
-  for (const auto& [name, value] : json.at("metrics").items())
-    result.score.metrics[name] = value.get<double>();
-  // Absent from the files of older versions.
-  if (json.contains("histograms"))
-    for (const auto& [name, histogram] : json["histograms"].items())
-      result.score.histograms[name] = {histogram.at("edges").get<std::vector<double>>(),
-                                       histogram.at("counts").get<std::vector<std::int64_t>>()};
-  result.score.restarts_count = json.value("restarts", std::int64_t{0});
-  for (const auto& c : json.at("criteria"))
-    result.score.criteria.push_back(
-        {c.at("name").get<std::string>(), VerdictNamed(c.at("verdict").get<std::string>()),
-         OptionalFrom(c.at("robustness")), OptionalFrom(c.at("time_s")),
-         c.at("explanation").get<std::string>(), OptionalFrom(c.value("margin", Json()))});
-  for (const auto& f : json.at("faults"))
-    result.score.faults.push_back({f.at("id").get<std::string>(), f.at("type").get<std::string>(),
-                                   f.at("activations").get<std::int64_t>()});
+  JsonReader::GetFields(json, result);
+  JsonReader::GetFields(json, result.score);
   return result;
-}
-
-Json ToJson(const std::vector<NotApplicable>& scenarios) {
-  Json json = Json::array();
-  for (const auto& scenario : scenarios)
-    json.push_back({{"name", scenario.name}, {"reason", scenario.reason}});
-  return json;
 }
 
 // XML 1.0 forbids most control characters, even escaped, and what is no UTF-8; the texts of a firmware may hold both.
@@ -206,8 +127,6 @@ std::string_view Name(Keep keep) {
   return "unknown";
 }
 
-Keep KeepNamed(std::string_view name) { return EnumNamed("keep", name, Keep::kVerdicts); }
-
 FlightResult NotFlown(const PlannedFlight& flight, const std::string& reason) {
   FlightResult result;
   result.name = flight.name;
@@ -219,34 +138,13 @@ FlightResult NotFlown(const PlannedFlight& flight, const std::string& reason) {
   return result;
 }
 
-std::string ToJsonText(const FlightResult& result) { return JsonText(ToJson(result), 2) + "\n"; }
+std::string ToJsonText(const FlightResult& result) { return JsonText(ToFile(result), 2) + "\n"; }
 
-FlightResult ResultFromJsonText(const std::string& text) { return ResultFromJson(Json::parse(text)); }
+FlightResult ResultFromJsonText(const std::string& text) { return ResultFromFile(Json::parse(text)); }
 
 void WriteRunInfo(const std::filesystem::path& folder, const RunInfo& info) {
   Json json = {{"format", kResultsFormat}};
-  json["suite"] = info.suite;
-  json["started"] = info.started;
-  json["version"] = Version();
-  json["build"] = info.build;
-  json["machine"] = info.machine;
-  json["seed"] = info.seed;
-  json["mode"] = info.mode;
-  json["client"] = info.client;
-  if (!info.clients.empty()) json["clients"] = info.clients;
-  json["command"] = info.command;
-  json["interrupted"] = info.interrupted;
-  json["keep"] = Name(info.keep);
-  json["flights"] = Json::array();
-  for (const auto& flight : info.flights) {
-    Json entry = {{"name", flight.name}, {"expected", Name(flight.expected)}, {"seed", flight.seed}};
-    if (flight.bus)
-      entry["bus"] = {
-          {"domain", flight.bus->domain}, {"tag", flight.bus->tag}, {"run_id", flight.bus->run_id}};
-    json["flights"].push_back(std::move(entry));
-  }
-  json["not_applicable"] = ToJson(info.not_applicable);
-  if (!info.realtime_rights.empty()) json["realtime_rights"] = info.realtime_rights;
+  JsonWriter::PutFields(json, info);
   WriteFile(folder / "run.json", JsonText(json, 2) + "\n");
 }
 
@@ -256,27 +154,7 @@ RunInfo ReadRunInfo(const std::filesystem::path& folder) {
   try {
     const Json json = Json::parse(text);
     CheckFormat(json);
-    RunInfo info;
-    json.at("suite").get_to(info.suite);
-    json.at("started").get_to(info.started);
-    json.at("seed").get_to(info.seed);
-    info.mode = json.value("mode", "lockstep");
-    json.at("client").get_to(info.client);
-    if (json.contains("clients")) json["clients"].get_to(info.clients);
-    info.build = json.value("build", "");
-    info.machine = json.value("machine", Machine());
-    json.at("command").get_to(info.command);
-    json.at("interrupted").get_to(info.interrupted);
-    // Absent from the files of older versions.
-    info.keep = KeepNamed(json.value("keep", "all"));
-    for (const Json& flight : json.value("flights", Json::array()))
-      info.flights.push_back({flight.at("name").get<std::string>(),
-                              VerdictNamed(flight.at("expected").get<std::string>()),
-                              flight.at("seed").get<std::uint64_t>()});
-    for (const Json& scenario : json.value("not_applicable", Json::array()))
-      info.not_applicable.push_back(
-          {scenario.at("name").get<std::string>(), scenario.at("reason").get<std::string>()});
-    return info;
+    return FromJson<RunInfo>(json);
   } catch (const std::exception& error) {
     throw std::runtime_error(file.string() + ": " + error.what());
   }
@@ -291,7 +169,7 @@ void WriteResults(const std::filesystem::path& folder, const RunInfo& info,
   json["seed"] = info.seed;
   json["interrupted"] = info.interrupted;
   json["scenarios"] = Json::array();
-  for (const auto& result : results) json["scenarios"].push_back(ToJson(result));
+  for (const auto& result : results) json["scenarios"].push_back(ToFile(result));
   json["not_applicable"] = ToJson(info.not_applicable);
   WriteFile(folder / "results.json", JsonText(json, 2) + "\n");
   WriteFile(folder / "junit.xml", JunitXml(info, results));
@@ -304,7 +182,7 @@ std::vector<FlightResult> ReadResults(const std::filesystem::path& folder) {
     const Json json = Json::parse(text);
     CheckFormat(json);
     std::vector<FlightResult> results;
-    for (const Json& entry : json.at("scenarios")) results.push_back(ResultFromJson(entry));
+    for (const Json& entry : json.at("scenarios")) results.push_back(ResultFromFile(entry));
     return results;
   } catch (const std::exception& error) {
     throw std::runtime_error(file.string() + ": " + error.what());

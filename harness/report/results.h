@@ -10,15 +10,19 @@
 #include "harness/engine/flight_result.h"
 #include "harness/report/machine.h"
 #include "harness/run/bus_place.h"
+#include "link/fields.h"
 
 namespace tiltproof::harness {
+
+std::string_view Version();
 
 // One flight of a run, before it is flown.
 struct PlannedFlight {
   std::string name;
   Verdict expected = Verdict::kPass;
   std::uint64_t seed = 0;
-  std::optional<BusPlace> bus{};  // once it is there; for observers, and not read again
+  std::optional<BusPlace> bus{};  // once it is there, for observers
+  TILTPROOF_FIELDS(name, expected, seed, bus)
 };
 // Its result until it has another one: an error with this reason.
 inline constexpr const char* kNotFlown = "not flown to the end: the run ended before, or is still under way";
@@ -32,29 +36,32 @@ FlightResult ResultFromJsonText(const std::string& text);
 struct NotApplicable {
   std::string name;
   std::string reason;
+  TILTPROOF_FIELDS(name, reason)
 };
 
 // The flights for which a run keeps a folder.
 enum class Keep : std::uint8_t { kAll, kFailing, kVerdicts };
 std::string_view Name(Keep keep);
-// Throws std::runtime_error when there is none of this name.
-Keep KeepNamed(std::string_view name);
+constexpr Keep LastOf(Keep) { return Keep::kVerdicts; }
 
 struct RunInfo {
   std::string suite;
   std::string started;  // ISO 8601 UTC
+  std::string version{Version()};
   std::uint64_t seed = 0;
   std::string mode = "lockstep";               // or "realtime"
   std::string client;                          // --client as given
   std::map<std::string, std::string> clients;  // by id, those of --client ID=...
-  Machine machine;                             // empty in the files of older versions
-  std::string build;  // harness/report/build_id.h; empty in the files of older versions
+  Machine machine;
+  std::string build;  // harness/report/build_id.h
   std::vector<std::string> command;
-  bool interrupted = false;            // by a signal, or killed: unfinished
-  std::vector<PlannedFlight> flights;  // in the order of the results; empty in the files of older versions
+  bool interrupted = false;                   // by a signal, or killed: unfinished
+  std::vector<PlannedFlight> flights;         // in the order of the results
   std::vector<NotApplicable> not_applicable;  // found in a folder, and left out
   Keep keep = Keep::kAll;
   std::string realtime_rights;  // in real time: the scheduling and memory that the nodes got
+  TILTPROOF_FIELDS(suite, started, version, build, machine, seed, mode, client, clients, command, interrupted,
+                   keep, flights, not_applicable, realtime_rights)
 };
 
 // run.json: what is needed to do the run again, and to listen to it. Written before the first flight, and again
@@ -72,7 +79,5 @@ std::vector<FlightResult> ReadResults(const std::filesystem::path& folder);
 // Exit code of a set of results: 3 harness or target error, 1 not green by pass or fail, 4 unexpectedly
 // inconclusive, 0 all green.
 int ExitCode(const std::vector<FlightResult>& results);
-
-std::string_view Version();
 
 }  // namespace tiltproof::harness

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "harness/run/run_log.h"
+#include "link/fields.h"
 
 namespace tiltproof::harness {
 
@@ -11,6 +12,7 @@ struct BusPlace {
   int domain = 0;      // of DDS
   std::string tag;     // nodes with another tag on that domain neither see nor hear the flight
   std::string run_id;  // in each of its messages
+  TILTPROOF_FIELDS(domain, tag, run_id)
 };
 
 // As the flight's first event, of the kind "bus".

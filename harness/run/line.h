@@ -26,6 +26,7 @@
 #include "harness/run/receiving_end.h"
 #include "harness/run/run_log.h"
 #include "harness/scenario/scenario.h"
+#include "link/fields.h"
 #include "link/wire.h"
 
 namespace tiltproof::harness {
@@ -44,12 +45,15 @@ struct LineLog {
   std::int64_t accepted_wrong_count = 0;
   std::int64_t accepted_stale_count = 0;
   TimeNs resync_max_ns = 0;
+  TILTPROOF_FIELDS(link, reply_latency_ns, client_round_trip_ns, events, activations, activation_counts,
+                   counts, accepted_wrong_count, accepted_stale_count, resync_max_ns)
 };
 
 // More bytes were to wait in a direction than link::kLineBytesMax. The direction carries nothing any more.
 struct Overfull {
   bool by_faults = false;  // else by the number of bytes sent
   std::string text;
+  TILTPROOF_FIELDS(by_faults, text)
 };
 
 // Baud rates of the two lines; 0: ideal, bytes take no time.

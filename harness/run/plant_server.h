@@ -39,6 +39,7 @@
 #include "harness/run/run_log.h"
 #include "harness/run/trace.h"
 #include "harness/scenario/scenario.h"
+#include "link/fields.h"
 #include "link/protocol.h"
 #include "plant/plant.h"
 
@@ -48,6 +49,7 @@ namespace tiltproof::harness {
 struct PlantClientLog {
   std::int64_t starts_accepted_count = 0;
   std::vector<TimeNs> request_times_ns, actuator_times_ns;
+  TILTPROOF_FIELDS(starts_accepted_count, request_times_ns, actuator_times_ns)
 };
 
 // Records since the last TakeLog(); counters are totals. Times are simulation time.
@@ -59,6 +61,8 @@ struct PlantLog {
   std::vector<RunEvent> events;
   std::vector<faults::Activation> activations;
   std::vector<std::int64_t> activation_counts;
+  TILTPROOF_FIELDS(rows, column_count, hover_input, input_min, input_max, clients, events, activations,
+                   activation_counts)
 };
 
 // Of the lines of each client.
@@ -77,6 +81,7 @@ class PlantServer {
     EndReason end_reason = EndReason::kCompleted;  // why it is over
     std::string end_text;
     bool started() const { return origin.known(); }
+    TILTPROOF_FIELDS(origin, reached_ns, quiet_until_ns, over, end_reason, end_text)
   };
 
   virtual ~PlantServer() = default;

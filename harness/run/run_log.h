@@ -12,6 +12,7 @@
 #include "harness/run/link_log.h"
 #include "harness/run/trace.h"
 #include "link/chunk.h"
+#include "link/fields.h"
 
 namespace tiltproof::harness {
 
@@ -30,6 +31,7 @@ enum class EndReason : std::uint8_t {
   kHarnessError,     // ours
 };
 std::string_view Name(EndReason reason);
+constexpr EndReason LastOf(EndReason) { return EndReason::kHarnessError; }
 
 // One event, for events.jsonl. On a line it has boot time, in the log of a flight simulation time.
 template <class Time>
@@ -38,6 +40,7 @@ struct TimedEvent {
   std::string kind;  // "start_accepted", "message_rejected", "ground_strike", ...
   std::string text;
   std::optional<std::size_t> client = {};  // place in the scenario of the event's client; none: the flight's
+  TILTPROOF_FIELDS(time_ns, kind, text, client)
 };
 using RunEvent = TimedEvent<TimeNs>;
 using BootEvent = TimedEvent<BootTime>;
@@ -50,6 +53,7 @@ struct Restart {
   TimeNs time_ns = 0;
   std::string cause;  // for a person: "reset by watchdog"
   friend bool operator==(const Restart&, const Restart&) = default;
+  TILTPROOF_FIELDS(time_ns, cause)
 };
 
 // Work of the harness that was due at the begin and done at the end. In a node the times are boot time.
@@ -57,6 +61,7 @@ template <class Time>
 struct TimedLateSpan {
   Time begin_ns{}, end_ns{};
   friend bool operator==(const TimedLateSpan&, const TimedLateSpan&) = default;
+  TILTPROOF_FIELDS(begin_ns, end_ns)
 };
 using LateSpan = TimedLateSpan<TimeNs>;
 using NodeLateSpan = TimedLateSpan<BootTime>;
@@ -67,6 +72,7 @@ using NodeLateSpan = TimedLateSpan<BootTime>;
 // count as they were sent.
 struct DirectionCounts {
   std::int64_t frames_sent = 0, frames_accepted = 0, frames_rejected = 0, bytes_corrupted = 0;
+  TILTPROOF_FIELDS(frames_sent, frames_accepted, frames_rejected, bytes_corrupted)
 };
 
 // How much of the firmware's log is kept; the rest is dropped.
@@ -95,6 +101,11 @@ struct ClientLog {
   // answers it.
   std::vector<TimeNs> client_round_trip_ns;
   std::string firmware_log;  // lines "t_s text"
+  // For flight.json; the log has a file of its own.
+  TILTPROOF_FIELDS(id, counts, accepted_wrong_count, accepted_stale_count, resync_max_ns,
+                   starts_accepted_count, failsafe_entered_count, receive_overruns_count, restarts,
+                   request_times_ns, sent_request_times_ns, reply_latency_ns, actuator_times_ns,
+                   client_round_trip_ns)
 };
 
 struct RunLog {
@@ -119,6 +130,9 @@ struct RunLog {
   LinkLog link;
   std::vector<RunEvent> events;
   double wall_s = 0.0;  // only of the flight
+  // For flight.json, which also has the clients and the events; the rest has files of its own.
+  TILTPROOF_FIELDS(end_reason, end_text, end_ns, wall_s, hover_input, input_min, input_max,
+                   fault_activation_counts, harness_overrun_count, harness_late_max_ns, harness_late)
 };
 
 }  // namespace tiltproof::harness

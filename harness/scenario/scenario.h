@@ -21,6 +21,7 @@ namespace tiltproof::harness {
 // Verdicts in order of precedence, weakest first: error > fail > inconclusive > pass.
 enum class Verdict : std::uint8_t { kPass, kInconclusive, kFail, kError };
 std::string_view Name(Verdict verdict);
+constexpr Verdict LastOf(Verdict) { return Verdict::kError; }
 
 enum class AngularRates : std::uint8_t { kWorld, kBody, kEuler };
 std::string_view Name(AngularRates rates);

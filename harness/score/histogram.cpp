@@ -10,8 +10,8 @@ class Bins {
  public:
   Bins(TimeNs first_ns, TimeNs width_ns, std::int64_t bin_count) : first_ns_(first_ns), width_ns_(width_ns) {
     for (std::int64_t i = 0; i <= bin_count; ++i)
-      histogram_.edges_ms.push_back(static_cast<double>(first_ns + i * width_ns) / 1e6);
-    histogram_.counts.resize(histogram_.edges_ms.size() + 1, 0);
+      histogram_.edges.push_back(static_cast<double>(first_ns + i * width_ns) / 1e6);
+    histogram_.counts.resize(histogram_.edges.size() + 1, 0);
   }
 
   void Add(TimeNs sample_ns) {

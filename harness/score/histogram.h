@@ -3,23 +3,25 @@
 // can be compared.
 //
 //   const Histogram periods = RequestPeriodHistogram(log.clients[0].request_times_ns, 12 * kNsPerMs);
-//   periods.counts.front();  // shorter than periods.edges_ms.front()
+//   periods.counts.front();  // shorter than periods.edges.front()
 #pragma once
 
 #include <cstdint>
 #include <span>
 #include <vector>
 
+#include "link/fields.h"
 #include "link/time.h"
 
 namespace tiltproof::harness {
 
-// counts has one entry more than edges_ms: below the first edge, then from each edge up to the next one
+// counts has one entry more than edges: below the first edge, then from each edge up to the next one
 // (exclusive), then from the last edge on.
 struct Histogram {
-  std::vector<double> edges_ms;
+  std::vector<double> edges;  // ms
   std::vector<std::int64_t> counts;
   bool operator==(const Histogram&) const = default;
+  TILTPROOF_FIELDS(edges, counts)
 };
 
 // Times between one request and the next, in 40 bins from 5/6 to 7/6 of the control period: for 12 ms, bins

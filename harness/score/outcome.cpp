@@ -51,7 +51,7 @@ Outcome OutcomeOf(const RunLog& log, const Score& score) {
   const bool failsafe = std::any_of(log.clients.begin(), log.clients.end(), [](const ClientLog& client) {
     return client.failsafe_entered_count.value_or(0) > 0;
   });
-  if (score.restarts_count > 0 || failsafe) return Outcome::kDetected;
+  if (score.restarts > 0 || failsafe) return Outcome::kDetected;
   const double before_m = MetricOr(score, "tracking.rmse_before_faults_m", 0);
   const double since_m = MetricOr(score, "tracking.rmse_since_faults_m", 0);
   if (before_m > 0 && since_m > kDegradedRatio * before_m) return Outcome::kDegraded;

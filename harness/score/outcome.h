@@ -21,6 +21,7 @@ enum class Outcome : std::uint8_t {
   kUnaffected,  // none of these
 };
 std::string_view Name(Outcome outcome);
+constexpr Outcome LastOf(Outcome) { return Outcome::kUnaffected; }
 
 inline constexpr TimeNs kSilentNs = kNsPerS / 2;
 inline constexpr double kDegradedRatio = 1.5;

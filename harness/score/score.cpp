@@ -316,7 +316,7 @@ std::optional<double> LeastMargin(const Score& score) {
 Score ScoreRun(const Scenario& scenario, const RunLog& log, const ScoreOptions& options) {
   Score score;
   for (const ClientLog& client : log.clients)
-    score.restarts_count += static_cast<std::int64_t>(client.restarts.size());
+    score.restarts += static_cast<std::int64_t>(client.restarts.size());
   score.criteria.push_back(Survival(scenario, log));
   if (auto control_period = ControlPeriod(scenario, log))
     score.criteria.push_back(std::move(*control_period));

@@ -4,10 +4,12 @@
 //   const Score score = ScoreRun(scenario, log);  // after the flight, or from its files years later
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "harness/run/run_log.h"
@@ -15,6 +17,7 @@
 #include "harness/score/histogram.h"
 #include "harness/score/metrics.h"
 #include "harness/score/stl.h"
+#include "link/fields.h"
 
 namespace tiltproof::harness {
 
@@ -35,6 +38,8 @@ struct CriterionResult {
   std::optional<double> margin{};
   // Of a formula, at each row of the trace, where it was asked for (ScoreOptions).
   std::vector<stl::RowRobustness> over_time{};
+  static constexpr std::array<std::string_view, 1> kNotInFiles = {"over_time"};
+  TILTPROOF_FIELDS(name, verdict, robustness, margin, time_s, explanation, over_time)
 };
 
 // In real time: a flight is not judged when the harness itself was late in more than this share of its
@@ -46,6 +51,7 @@ inline constexpr std::int64_t kLatePeriodsMax = 3;
 struct FaultResult {
   std::string id, type;
   std::int64_t activations = 0;
+  TILTPROOF_FIELDS(id, type, activations)
 };
 
 struct Score {
@@ -56,7 +62,8 @@ struct Score {
   // `survival`, `control_period` where it can be judged, then the others in the scenario's order.
   std::vector<CriterionResult> criteria;
   std::vector<FaultResult> faults;  // in the scenario's order
-  std::int64_t restarts_count = 0;  // of the firmware, asked for or not
+  std::int64_t restarts = 0;        // of the firmware, asked for or not
+  TILTPROOF_FIELDS(verdict, reason, metrics, histograms, criteria, faults, restarts)
 };
 
 // The smallest margin of the criteria that have one.

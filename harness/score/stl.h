@@ -19,6 +19,7 @@
 
 #include "harness/formula/formula.h"
 #include "harness/run/trace.h"
+#include "link/fields.h"
 #include "link/time.h"
 
 namespace tiltproof::harness::stl {
@@ -62,6 +63,7 @@ Result Evaluate(const Formula& formula, const Trace& trace, std::optional<Extent
 struct RowRobustness {
   TimeNs time_ns = 0;
   double lower = 0.0, upper = 0.0;
+  TILTPROOF_FIELDS(time_ns, lower, upper)
 };
 std::vector<RowRobustness> EvaluateOverTime(const Formula& formula, const Trace& trace,
                                             std::optional<Extent> extent = std::nullopt);

@@ -13,19 +13,6 @@
 
 namespace tiltproof::harness {
 
-template <class Archive>
-void Fields(Archive& archive, NodeLateSpan& s) {
-  archive(s.begin_ns, s.end_ns);
-}
-template <class Archive>
-void Fields(Archive& archive, Lateness& l) {
-  archive(l.spans, l.origin);
-}
-template <class Archive>
-void Fields(Archive& archive, NodeTotals& t) {
-  archive(t.lateness, t.line, t.plant, t.client, t.activation_counts);
-}
-
 namespace {
 
 using link::Direction;

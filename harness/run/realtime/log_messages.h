@@ -31,6 +31,7 @@
 #include "harness/run/plant_server.h"
 #include "harness/run/run_log.h"
 #include "harness/scenario/scenario.h"
+#include "link/fields.h"
 
 namespace tiltproof::harness {
 
@@ -51,6 +52,7 @@ struct Lateness {
   TimeNs late_after_ns = kNever;  // Scenario::late_after_ns(), once a flight is prepared
   std::vector<NodeLateSpan> spans = {};
   Origin origin = {};  // by the node's clock
+  TILTPROOF_FIELDS(late_after_ns, spans, origin)
 };
 
 // What a node knows only at the end.
@@ -62,6 +64,7 @@ struct NodeTotals {
   // One count per fault of the scenario, of the faults that this node carried out itself; empty when there
   // are none.
   std::vector<std::int64_t> activation_counts;
+  TILTPROOF_FIELDS(lateness, line, plant, client, activation_counts)
 };
 
 // The link counters of a flight at one instant of its grid of control periods. The link node knows them, the

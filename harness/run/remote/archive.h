@@ -1,8 +1,6 @@
 // Converts plain structs to bytes and back, for messages between processes of one build of this program.
 //
-// A struct takes part through a function that names its members once, for both directions:
-//
-//   template <class Archive> void Fields(Archive& archive, RunEvent& e) { archive(e.time_ns, e.kind, e.text); }
+// A struct takes part when it names its fields (link/fields.h):
 //
 //   Packer packer;  packer(event);  Send(packer.bytes());
 //   Unpacker unpacker(bytes);  unpacker(event);   // throws std::runtime_error when the bytes are not such a struct
@@ -22,12 +20,18 @@
 #include <utility>
 #include <vector>
 
+#include "link/fields.h"
 #include "link/time.h"
 
 namespace tiltproof::harness {
 
 template <class T>
 concept Scalar = std::is_arithmetic_v<T> || std::is_enum_v<T>;
+// A class that checks and keeps bytes.
+template <class T>
+concept MadeOfContent = requires(const T& value) {
+  T(std::vector<std::uint8_t>(value.content()));
+};
 
 class Packer {
  public:
@@ -77,10 +81,14 @@ class Packer {
     Put(value.has_value());
     if (value) Put(*value);
   }
-  template <class T>
-  requires std::is_class_v<T>
+  template <HasFields T>
   void Put(const T& value) {
-    Fields(*this, const_cast<T&>(value));  // reads only
+    static_assert(NamesEveryField<T>());
+    T::Fields([this](const char*, const auto& field) { Put(field); }, value);
+  }
+  template <MadeOfContent T>
+  void Put(const T& value) {
+    Put(value.content());
   }
 
   std::string bytes_;
@@ -159,9 +167,14 @@ class Unpacker {
     value.reset();
     if (Next<bool>()) Get(value.emplace());
   }
-  template <class T>
-  requires std::is_class_v<T>
-  void Get(T& value) { Fields(*this, value); }
+  template <HasFields T>
+  void Get(T& value) {
+    T::Fields([this](const char*, auto& field) { Get(field); }, value);
+  }
+  template <MadeOfContent T>
+  void Get(T& value) {
+    value = T(Next<std::vector<std::uint8_t>>());
+  }
 
   std::span<const std::uint8_t> rest_;
 };

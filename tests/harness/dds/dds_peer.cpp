@@ -20,6 +20,7 @@
 #include "harness/dds/bus.h"
 #include "harness/dds/domain_slot.h"
 #include "harness/dds/qos.h"
+#include "harness/dds/topics.h"
 #include "tests/harness/dds/condition.h"
 #include "tests/harness/dds/peer_process.h"
 #include "tests/harness/dds/random_messages.h"
@@ -73,8 +74,8 @@ int SendRandom(const Arguments& a) {
     ok = publisher.Write(LargestMessage<T>()) && ok;
     ok = publisher.WaitForAcks(20 * kNsPerS) && ok;
   };
-#define TILTPROOF_SEND(T) send.template operator()<T>();
-  TILTPROOF_EVERY_MESSAGE(TILTPROOF_SEND)
+#define TILTPROOF_SEND(T, ...) send.template operator()<T>();
+  TILTPROOF_DDS_TOPICS(TILTPROOF_SEND)
 #undef TILTPROOF_SEND
   Say(ok ? "done" : "failed");
   ReadLine();

@@ -2,48 +2,13 @@
 
 #include <cmath>
 #include <limits>
+#include <memory>
+#include <string_view>
+#include <type_traits>
+
+#include "harness/dds/wire.h"
 
 namespace tiltproof::dds {
-namespace {
-
-std::string Id(Random& random, int index) {
-  auto id = std::to_string(index);
-  id += '-';
-  id += random.Text(kIdBytesMax - id.size());
-  return id;
-}
-
-template <class E>
-E Any(Random& random, E last) {
-  return static_cast<E>(random.Below(static_cast<std::uint64_t>(last) + 1));
-}
-
-std::vector<double> Numbers(Random& random) {
-  std::vector<double> numbers(random.Count(kSignalsCountMax));
-  for (auto& number : numbers) number = random.Number();
-  return numbers;
-}
-std::vector<std::int64_t> Integers(Random& random) {
-  std::vector<std::int64_t> values(random.Count(500));
-  for (auto& value : values) value = random.Integer();
-  return values;
-}
-
-std::vector<Port> Ports(Random& random) {
-  std::vector<Port> ports(random.Count(kNamesCountMax));
-  for (auto& port : ports) port = {random.Text(kIdBytesMax), random.Text(kPathBytesMax)};
-  return ports;
-}
-
-std::vector<Chunk> Chunks(Random& random) {
-  std::vector<Chunk> chunks(random.Count(20));
-  for (auto& chunk : chunks) chunk = {random.Integer(), random.Bytes(200)};
-  return chunks;
-}
-
-std::string Full(std::size_t bytes) { return std::string(bytes, 'x'); }
-
-}  // namespace
 
 double Random::Number() {
   switch (Below(8)) {
@@ -85,196 +50,112 @@ std::vector<std::uint8_t> Random::Bytes(std::size_t count_max) {
   return bytes;
 }
 
-std::vector<std::string> Random::Names() {
-  std::vector<std::string> names(Count(kNamesCountMax));
-  for (auto& name : names) name = Text(kIdBytesMax);
-  return names;
-}
-
-template <>
-Heartbeat RandomMessage(Random& r, int index) {
-  Heartbeat m;
-  m.node_id = Id(r, index);
-  m.kind = Any(r, NodeKind::kMonitor);
-  m.host = r.Text(kIdBytesMax);
-  m.pid = r.Integer();
-  m.sequence = r.Integer();
-  m.run_id = r.Text(kIdBytesMax);
-  m.capabilities = r.Names();
-  m.version = r.Text(kIdBytesMax);
-  return m;
-}
-template <>
-RunScenario RandomMessage(Random& r, int index) {
-  return {Id(r, index), r.Text(kDocumentBytesMax), r.Names(), r.Names()};
-}
-template <>
-RunCommand RandomMessage(Random& r, int index) {
-  return {Id(r, index), r.Text(kIdBytesMax), r.Integer(), Any(r, Verb::kRelease), Ports(r)};
-}
-template <>
-RunAck RandomMessage(Random& r, int index) {
-  return {Id(r, index), r.Text(kIdBytesMax), r.Integer(), r.Below(2) == 1, r.Text(kTextBytesMax), Ports(r)};
-}
-template <>
-RunState RandomMessage(Random& r, int index) {
-  RunState m;
-  m.run_id = Id(r, index);
-  m.node_id = r.Text(kIdBytesMax);
-  m.phase = Any(r, Phase::kFailed);
-  m.time_ns = r.Integer();
-  m.origin_ns = r.Integer();
-  m.end_reason = r.Text(kIdBytesMax);
-  m.text = r.Text(kTextBytesMax);
-  return m;
-}
-template <>
-PlantState RandomMessage(Random& r, int index) {
-  PlantState m{Id(r, index), r.Integer(), r.Integer(), {}, {}};
-  m.state = Numbers(r);
-  m.in_force = Numbers(r);
-  return m;
-}
-template <>
-Reference RandomMessage(Random& r, int index) {
-  Reference m{Id(r, index), r.Text(kIdBytesMax), r.Integer(), r.Integer(), {}};
-  m.values = Numbers(r);
-  return m;
-}
-template <>
-SerialTap RandomMessage(Random& r, int index) {
-  SerialTap m{Id(r, index), r.Text(kIdBytesMax), 1, {}, Integers(r), Integers(r)};
-  m.frames.resize(r.Count(30));
-  for (auto& frame : m.frames) {
-    frame = {r.Integer(), static_cast<std::uint8_t>(r.Below(256)), r.Below(2) == 1, r.Bytes(2000), r.Names()};
-  }
-  return m;
-}
-template <>
-FaultCommand RandomMessage(Random& r, int index) {
-  FaultCommand m{Id(r, index), r.Text(kIdBytesMax), r.Integer(), r.Text(kIdBytesMax), r.Text(kIdBytesMax),
-                 {},           r.Integer()};
-  m.parameters.resize(r.Count(kNamesCountMax));
-  for (auto& parameter : m.parameters) parameter = {r.Text(kIdBytesMax), r.Number()};
-  return m;
-}
-template <>
-FaultActivation RandomMessage(Random& r, int index) {
-  return {Id(r, index), r.Text(kIdBytesMax),   1,         r.Text(kIdBytesMax),
-          r.Integer(),  r.Text(kTextBytesMax), Chunks(r), Chunks(r)};
-}
-template <>
-RunEvent RandomMessage(Random& r, int index) {
-  return {Id(r, index), r.Text(kIdBytesMax), 1, r.Integer(), r.Text(kIdBytesMax), r.Text(kTextBytesMax)};
-}
-template <>
-TraceRows RandomMessage(Random& r, int index) {
-  TraceRows m{Id(r, index), r.Text(kIdBytesMax), 1, r.Integer(), {}, Integers(r), Integers(r)};
-  m.values.resize(r.Count(3000));
-  for (auto& value : m.values) value = r.Number();
-  return m;
-}
-template <>
-NodeReport RandomMessage(Random& r, int index) {
-  return {Id(r, index), r.Text(kIdBytesMax), r.Bytes(60'000), r.Integer(),
-          r.Integer(),  r.Integer(),         r.Integer()};
-}
-template <>
-Score RandomMessage(Random& r, int index) {
-  return {Id(r, index), r.Text(kIdBytesMax), r.Text(kIdBytesMax), r.Text(kTextBytesMax),
-          r.Text(kDocumentBytesMax)};
-}
-template <>
-StepRequest RandomMessage(Random& r, int index) {
-  return {Id(r, index), r.Text(kIdBytesMax), r.Integer(), r.Bytes(60'000)};
-}
-template <>
-StepResponse RandomMessage(Random& r, int index) {
-  return {Id(r, index), r.Text(kIdBytesMax), r.Integer(), r.Bytes(60'000)};
-}
-
 namespace {
-const std::string kId = Full(kIdBytesMax);
-const std::vector<std::string> kNames(kNamesCountMax, kId);
-const std::vector<Port> kPorts(kNamesCountMax, Port{kId, Full(kPathBytesMax)});
-const std::vector<std::int64_t> kIntegers(kNumbersCountMax, std::numeric_limits<std::int64_t>::min());
-const std::vector<double> kSignals(kSignalsCountMax, 0.1);
-const std::vector<std::uint8_t> kPayload(kPayloadBytesMax, 0x7E);
-const std::vector<std::uint8_t> kChunkBytes(kChunkBytesMax, 0x7E);
-// As many as there may be, the last of them as long as it may be.
-std::vector<Chunk> FullChunks() {
-  std::vector<Chunk> chunks(kChunksCountMax, Chunk{-1, {1, 2}});
-  chunks.back().bytes = kChunkBytes;
-  return chunks;
-}
+
+// Limits beyond which a list makes the messages of a test large without testing more.
+constexpr std::size_t kElementsMax = 30, kNumbersMax = 3000, kBytesMax = 60'000, kElementBytesMax = 2000;
+
+// Visits the fields of a message with those of its struct on the wire, which know the limits of strings.
+class Fill {
+ public:
+  Fill(Random& random, int index) : random_(random), index_(std::to_string(index) + "-") {}
+
+  template <std::size_t kSize>
+  void operator()(const char*, std::string& text, char (&)[kSize]) {
+    const std::string unique = std::exchange(index_, "");  // of the first string, the key
+    text = unique + random_.Text(kSize - 1 - unique.size());
+  }
+  void operator()(std::string_view name, std::int64_t& value, auto&) {
+    value = name == "sequence" ? 1 : random_.Integer();  // logs refuse a sequence below 1
+  }
+  void operator()(const char*, double& value, auto&) { value = random_.Number(); }
+  void operator()(const char*, bool& value, auto&) { value = random_.Below(2) == 1; }
+  void operator()(const char*, std::uint8_t& value, auto&) {
+    value = static_cast<std::uint8_t>(random_.Below(256));
+  }
+  template <class Enum>
+  requires std::is_enum_v<Enum>
+  void operator()(const char*, Enum& value, auto&) {
+    value = static_cast<Enum>(random_.Below(static_cast<std::uint64_t>(LastOf(value)) + 1));
+  }
+  template <class T, std::size_t kMax, class Wire>
+  void operator()(const char*, List<T, kMax>& list, Wire&) {
+    if constexpr (std::is_same_v<T, std::uint8_t>) {
+      list = random_.Bytes(std::min(kMax, in_element_ ? kElementBytesMax : kBytesMax));
+    } else {
+      list.resize(random_.Count(std::is_arithmetic_v<T> ? std::min(kMax, kNumbersMax)
+                                : HasFields<T>          ? std::min(kMax, kElementsMax)
+                                                        : kMax));
+      for (T& element : list) {
+        std::remove_pointer_t<decltype(Wire::_buffer)> on_wire{};
+        if constexpr (HasFields<T>) {
+          in_element_ = true;
+          T::Fields(*this, element, on_wire);
+          in_element_ = false;
+        } else {
+          (*this)("", element, on_wire);
+        }
+      }
+    }
+  }
+
+ private:
+  Random& random_;
+  std::string index_;
+  bool in_element_ = false;
+};
+
+// Everything as long as it may be; of structs in a list only the last one, or a message would have hundreds of megabytes.
+struct FillUp {
+  template <std::size_t kSize>
+  void operator()(const char*, std::string& text, char (&)[kSize]) {
+    text = std::string(kSize - 1, 'x');
+  }
+  void operator()(std::string_view name, std::int64_t& value, auto&) {
+    value = name == "sequence" ? 1 : std::numeric_limits<std::int64_t>::min();
+  }
+  void operator()(const char*, double& value, auto&) { value = 0.1; }
+  void operator()(const char*, bool& value, auto&) { value = true; }
+  void operator()(const char*, std::uint8_t& value, auto&) { value = 0x7E; }
+  template <class Enum>
+  requires std::is_enum_v<Enum>
+  void operator()(const char*, Enum& value, auto&) { value = LastOf(value); }
+  template <class T, std::size_t kMax, class Wire>
+  void operator()(const char*, List<T, kMax>& list, Wire&) {
+    std::remove_pointer_t<decltype(Wire::_buffer)> on_wire{};
+    T full{};
+    if constexpr (HasFields<T>) {
+      list.resize(kMax - 1);
+      T::Fields(*this, full, on_wire);
+      list.push_back(full);
+    } else {
+      (*this)("", full, on_wire);
+      list.assign(kMax, full);
+    }
+  }
+};
+
 }  // namespace
 
-template <>
-Heartbeat LargestMessage() {
-  return {kId, NodeKind::kMonitor, kId, -1, -1, kId, kNames, kId};
+template <class T>
+T RandomMessage(Random& random, int index) {
+  T message;
+  auto wire = std::make_unique<typename WireOf<T>::Type>();
+  T::Fields(Fill(random, index), message, *wire);
+  return message;
 }
-template <>
-RunScenario LargestMessage() {
-  return {kId, Full(kDocumentBytesMax), kNames, kNames};
+
+template <class T>
+T LargestMessage() {
+  T message;
+  auto wire = std::make_unique<typename WireOf<T>::Type>();
+  T::Fields(FillUp(), message, *wire);
+  return message;
 }
-template <>
-RunCommand LargestMessage() {
-  return {kId, kId, -1, Verb::kRelease, kPorts};
-}
-template <>
-RunAck LargestMessage() {
-  return {kId, kId, -1, true, Full(kTextBytesMax), kPorts};
-}
-template <>
-RunState LargestMessage() {
-  return {kId, kId, Phase::kFailed, -1, -1, kId, Full(kTextBytesMax)};
-}
-template <>
-PlantState LargestMessage() {
-  return {kId, -1, -1, kSignals, kSignals};
-}
-template <>
-Reference LargestMessage() {
-  return {kId, kId, -1, -1, kSignals};
-}
-template <>
-SerialTap LargestMessage() {
-  SerialTap m{kId, kId, 1, std::vector<TapFrame>(kChunksCountMax), kIntegers, kIntegers};
-  m.frames.back() = {-1, 2, true, kChunkBytes, kNames};
-  return m;
-}
-template <>
-FaultCommand LargestMessage() {
-  return {kId, kId, -1, kId, kId, std::vector<std::pair<std::string, double>>(kNamesCountMax, {kId, 1.5}),
-          -1};
-}
-template <>
-FaultActivation LargestMessage() {
-  return {kId, kId, 1, kId, -1, Full(kTextBytesMax), FullChunks(), FullChunks()};
-}
-template <>
-RunEvent LargestMessage() {
-  return {kId, kId, 1, -1, kId, Full(kTextBytesMax)};
-}
-template <>
-TraceRows LargestMessage() {
-  return {kId, kId, 1, -1, std::vector<double>(kNumbersCountMax, 0.1), kIntegers, kIntegers};
-}
-template <>
-NodeReport LargestMessage() {
-  return {kId, kId, kPayload, -1, -1, -1, -1};
-}
-template <>
-Score LargestMessage() {
-  return {kId, kId, kId, Full(kTextBytesMax), Full(kDocumentBytesMax)};
-}
-template <>
-StepRequest LargestMessage() {
-  return {kId, kId, -1, kPayload};
-}
-template <>
-StepResponse LargestMessage() {
-  return {kId, kId, -1, kPayload};
-}
+
+#define TILTPROOF_INSTANTIATE(T, ...)            \
+  template T RandomMessage(Random& random, int); \
+  template T LargestMessage();
+TILTPROOF_DDS_TOPICS(TILTPROOF_INSTANTIATE)
 
 }  // namespace tiltproof::dds

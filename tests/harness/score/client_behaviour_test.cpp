@@ -33,14 +33,14 @@ TEST(Score, ARestartThatNoFaultAskedForFailsSurvival) {
   Scenario scenario = ScenarioOf(log);
   const Score score = ScoreRun(scenario, log);
   EXPECT_EQ(score.verdict, Verdict::kFail);
-  EXPECT_EQ(score.restarts_count, 2);
+  EXPECT_EQ(score.restarts, 2);
   EXPECT_EQ(
       score.reason,
       "survival: restarted at 0.300 s (reset by watchdog), which no fault asked for; 2 restarts in all");
   EXPECT_DOUBLE_EQ(score.criteria[0].time_s.value(), 0.3);
   scenario.allow_restarts = true;
   EXPECT_EQ(ScoreRun(scenario, log).verdict, Verdict::kPass);
-  EXPECT_EQ(ScoreRun(scenario, log).restarts_count, 2);
+  EXPECT_EQ(ScoreRun(scenario, log).restarts, 2);
 }
 
 TEST(Score, EachFaultAsksForOneRestartFromItsStartOn) {

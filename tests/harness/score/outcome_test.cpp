@@ -34,7 +34,7 @@ TEST(Outcome, EachClassHasItsSign) {
   flown.score.metrics.erase("tracking.rmse_before_faults_m");  // nothing to compare with
   EXPECT_EQ(Of(flown), Outcome::kUnaffected);
   flown = Good();
-  flown.score.restarts_count = 1;
+  flown.score.restarts = 1;
   EXPECT_EQ(Of(flown), Outcome::kDetected);
   flown = Good();
   flown.log.clients[0].failsafe_entered_count = 0;
@@ -81,7 +81,7 @@ TEST(Outcome, AFirmwareThatFallsSilentHangs) {
 TEST(Outcome, TheFirstThatFitsWins) {
   Flown flown = Good();
   flown.score.metrics["tracking.rmse_since_faults_m"] = 1;
-  flown.score.restarts_count = 1;
+  flown.score.restarts = 1;
   EXPECT_EQ(Of(flown), Outcome::kDetected);
   flown.score.verdict = Verdict::kFail;
   EXPECT_EQ(Of(flown), Outcome::kFailed);

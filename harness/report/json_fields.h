@@ -1,0 +1,172 @@
+// Structs that name their fields (link/fields.h) as JSON, and back: one key per field, of the field's name.
+//
+//   const Json json = ToJson(restart);                  // {"time_ns": 1000, "cause": "reset by watchdog"}
+//   const Restart restart = FromJson<Restart>(json);
+//
+// An enumeration is its Name(), an array by Direction is an object with their names. JSON has no infinity and no
+// NaN: such a number is null, and so is an optional without a value. Reading throws std::exception with the key
+// that is missing or wrong. Only an optional, a list or a map may be missing, and is then empty: so must be what
+// a later version adds. A struct may list fields that its files leave out, in kNotInFiles.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <exception>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <type_traits>
+#include <vector>
+
+#include "harness/report/json_text.h"
+#include "link/chunk.h"
+#include "link/fields.h"
+
+namespace tiltproof::harness {
+
+using Json = nlohmann::ordered_json;
+
+template <class T>
+constexpr bool InFiles(std::string_view field) {
+  if constexpr (requires { T::kNotInFiles; })
+    return std::ranges::find(T::kNotInFiles, field) == T::kNotInFiles.end();
+  return true;
+}
+
+class JsonWriter {
+ public:
+  // Each field to its key, which may be there already.
+  template <HasFields T>
+  static void PutFields(Json& json, const T& value) {
+    T::Fields(
+        [&json](const char* name, const auto& field) {
+          if (InFiles<T>(name)) Put(json[name], field);
+        },
+        value);
+  }
+
+  template <class T>
+  requires std::is_arithmetic_v<T>
+  static void Put(Json& json, T value) {
+    if (std::isfinite(static_cast<double>(value)))
+      json = value;
+    else
+      json = nullptr;
+  }
+  template <class T>
+  requires std::is_enum_v<T>
+  static void Put(Json& json, T value) { json = Name(value); }
+  static void Put(Json& json, const std::string& value) { json = value; }
+  template <class T>
+  static void Put(Json& json, const std::optional<T>& value) {
+    json = nullptr;
+    if (value) Put(json, *value);
+  }
+  template <class T>
+  static void Put(Json& json, const std::vector<T>& values) {
+    json = Json::array();
+    for (const T& value : values) Put(json.emplace_back(), value);
+  }
+  template <class T>
+  static void Put(Json& json, const std::map<std::string, T>& values) {
+    json = Json::object();
+    for (const auto& [key, value] : values) Put(json[key], value);
+  }
+  template <class T>
+  static void Put(Json& json, const std::array<T, link::kDirectionCount>& values) {
+    json = Json::object();
+    for (std::size_t d = 0; d < values.size(); ++d)
+      Put(json[std::string(Name(static_cast<link::Direction>(d)))], values[d]);
+  }
+  template <HasFields T>
+  static void Put(Json& json, const T& value) {
+    json = Json::object();
+    PutFields(json, value);
+  }
+};
+
+class JsonReader {
+ public:
+  template <HasFields T>
+  static void GetFields(const Json& json, T& value) {
+    T::Fields(
+        [&json](const char* name, auto& field) {
+          if (!InFiles<T>(name)) return;
+          try {
+            GetKey(json, name, field);
+          } catch (const std::exception& error) {
+            throw std::runtime_error(std::string(name) + ": " + error.what());
+          }
+        },
+        value);
+  }
+
+  template <class T>
+  static void Get(const Json& json, T& value) {
+    if constexpr (HasFields<T>) {
+      GetFields(json, value);
+    } else if constexpr (std::is_enum_v<T>) {
+      value = Named<T>(json.get<std::string>());
+    } else {
+      json.get_to(value);
+    }
+  }
+  template <class T>
+  static void Get(const Json& json, std::optional<T>& value) {
+    value.reset();
+    if (!json.is_null()) Get(json, value.emplace());
+  }
+  template <class T>
+  static void Get(const Json& json, std::vector<T>& values) {
+    values.clear();
+    for (const Json& element : json) Get(element, values.emplace_back());
+  }
+  template <class T>
+  static void Get(const Json& json, std::map<std::string, T>& values) {
+    values.clear();
+    for (const auto& [key, element] : json.items()) Get(element, values[key]);
+  }
+  template <class T>
+  static void Get(const Json& json, std::array<T, link::kDirectionCount>& values) {
+    for (std::size_t d = 0; d < values.size(); ++d)
+      Get(json.at(std::string(Name(static_cast<link::Direction>(d)))), values[d]);
+  }
+
+ private:
+  template <class T>
+  static void GetKey(const Json& json, const char* key, T& value) {
+    Get(json.at(key), value);
+  }
+  template <class T>
+  static void GetKey(const Json& json, const char* key, std::optional<T>& value) {
+    Get(json.value(key, Json()), value);
+  }
+  template <class T>
+  static void GetKey(const Json& json, const char* key, std::vector<T>& values) {
+    Get(json.value(key, Json::array()), values);
+  }
+  template <class T>
+  static void GetKey(const Json& json, const char* key, std::map<std::string, T>& values) {
+    Get(json.value(key, Json::object()), values);
+  }
+};
+
+template <class T>
+Json ToJson(const T& value) {
+  Json json;
+  JsonWriter::Put(json, value);
+  return json;
+}
+template <class T>
+T FromJson(const Json& json) {
+  T value{};
+  JsonReader::Get(json, value);
+  return value;
+}
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,62 @@
+// Names the fields of a struct once, for everything that reads or writes them one by one: JSON files, messages
+// between processes, and messages on the bus.
+//
+//   struct Restart {
+//     TimeNs time_ns = 0;
+//     std::string cause;
+//     TILTPROOF_FIELDS(time_ns, cause)
+//   };
+//
+// A visitor is called with the name of each field and, for each struct it is given, with that field:
+//
+//   Restart::Fields([](const char* name, const auto& field) { Print(name, field); }, restart);
+//   Restart::Fields([](const char* name, auto& to, const auto& from) { to = from; }, restart, another);
+//
+// The other structs need not have the same type, only fields of the same names.
+#pragma once
+
+#include <boost/preprocessor/seq/for_each.hpp>
+#include <boost/preprocessor/stringize.hpp>
+#include <boost/preprocessor/variadic/to_seq.hpp>
+#include <cstddef>
+#include <utility>
+
+#define TILTPROOF_FIELD(unused_1, unused_2, name) visit(BOOST_PP_STRINGIZE(name), of.name...);
+#define TILTPROOF_FIELDS(...)                                                              \
+  template <class Visit, class... Like>                                                    \
+  static constexpr void Fields(Visit&& visit, Like&... of) {                               \
+    BOOST_PP_SEQ_FOR_EACH(TILTPROOF_FIELD, unused, BOOST_PP_VARIADIC_TO_SEQ(__VA_ARGS__)); \
+  }
+
+namespace tiltproof {
+
+template <class T>
+concept HasFields = requires {
+  T::Fields([](const char*) {});
+};
+
+namespace internal {
+struct Anything {
+  template <class T>
+  operator T() const;  // only declared: it stands for a field's initial value
+};
+template <class T, std::size_t... i>
+consteval bool TakesInitialValues(std::index_sequence<i...>) {
+  return requires { T{(static_cast<void>(i), Anything())...}; };
+}
+}  // namespace internal
+
+// Whether the list of a struct has all of its fields. What copies structs asserts it: a field that is not in the
+// list would be lost.
+template <HasFields T>
+consteval bool NamesEveryField() {
+  constexpr std::size_t kNamed = [] {
+    std::size_t count = 0;
+    T::Fields([&count](const char*) { ++count; });
+    return count;
+  }();
+  return internal::TakesInitialValues<T>(std::make_index_sequence<kNamed>()) &&
+         !internal::TakesInitialValues<T>(std::make_index_sequence<kNamed + 1>());
+}
+
+}  // namespace tiltproof
