@@ -21,11 +21,11 @@
 #include <cstddef>
 #include <utility>
 
-#define TILTPROOF_FIELD(unused_1, unused_2, name) visit(BOOST_PP_STRINGIZE(name), of.name...);
-#define TILTPROOF_FIELDS(...)                                                              \
-  template <class Visit, class... Like>                                                    \
-  static constexpr void Fields(Visit&& visit, Like&... of) {                               \
-    BOOST_PP_SEQ_FOR_EACH(TILTPROOF_FIELD, unused, BOOST_PP_VARIADIC_TO_SEQ(__VA_ARGS__)); \
+#define TILTPROOF_VISIT_FIELD(unused_1, unused_2, name) visit(BOOST_PP_STRINGIZE(name), of.name...);
+#define TILTPROOF_FIELDS(...)                                                                    \
+  template <class Visit, class... Like>                                                          \
+  static constexpr void Fields(Visit&& visit, Like&... of) {                                     \
+    BOOST_PP_SEQ_FOR_EACH(TILTPROOF_VISIT_FIELD, unused, BOOST_PP_VARIADIC_TO_SEQ(__VA_ARGS__)); \
   }
 
 namespace tiltproof {

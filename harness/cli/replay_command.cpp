@@ -92,10 +92,10 @@ int ReplayCommand(const ReplayOptions& options) {
   for (const auto& [id, client] : run.info.clients) flags.push_back(fmt::format("{}={}", id, client));
   means.clients = ReadClientFlags(flags);
   const std::string build = BuildOf(means.clients);
-  if (!run.info.build.empty() && run.info.build != build)
+  if (run.info.build && run.info.build != build)
     Print(stdout,
           "another build: {} then, {} now; the program or the firmware has changed, and flights may differ\n",
-          run.info.build, build);
+          *run.info.build, build);
   if (Emulates(means.clients.Named())) TestLockstep(LockstepPlugin());
   TemporaryFolder folder;
   std::vector<FlightJob> jobs;

@@ -21,6 +21,7 @@ struct FlightEvent {
   std::string kind;
   std::optional<std::string> client;  // none: the flight's, or that of the only client
   std::string text;
+  static constexpr bool kLeavesOutNull = true;
   TILTPROOF_FIELDS(time_s, kind, client, text)
 };
 

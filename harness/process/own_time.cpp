@@ -90,6 +90,18 @@ void Look(pid_t pid, int generation, Family& family) {
 
 }  // namespace
 
+TimeNs OwnTime::OwnDelay::operator()() {
+  TimeNs longest_ns = 0;
+  ForEachThread(getpid(), [&](const std::string& folder) {
+    // Times on a processor and waiting for one, in ns (kernel documentation, sched-stats).
+    TimeNs run_ns = 0, delay_ns = 0;
+    if (!(std::istringstream(ReadAll(folder + "/schedstat")) >> run_ns >> delay_ns)) return;
+    const auto [thread, is_new] = threads_.try_emplace(folder, delay_ns);
+    longest_ns = std::max(longest_ns, delay_ns - std::exchange(thread->second, delay_ns));
+  });
+  return longest_ns;
+}
+
 TimeNs OwnTime::Look(SteadyClock::time_point now) {
   if (looks_count_ > 0 && now - last_ < kLook / 2) return own_ns_;
   const TimeNs elapsed_ns = std::min<TimeNs>(std::chrono::nanoseconds(now - last_).count(),
@@ -97,14 +109,15 @@ TimeNs OwnTime::Look(SteadyClock::time_point now) {
   last_ = now;
   const int looks = looks_count_++;
   if (looks == 0) return 0;
-  if (pid_ < 0) return own_ns_ += elapsed_ns;
+  const TimeNs heard_ns = std::max(elapsed_ns - observer_delay_(), elapsed_ns / kLeastShare);
+  if (pid_ < 0) return own_ns_ += heard_ns;
   Family family;
   harness::Look(pid_, 0, family);
   const TimeNs run_ns = std::max<TimeNs>(family.run_ns - std::exchange(run_ns_, family.run_ns), 0);
   if (looks == 1) return 0;
   stopped_pid_ = family.stopped_pid;
   stopped_itself_ = family.stopped_itself;
-  TimeNs own_ns = elapsed_ns;
+  TimeNs own_ns = heard_ns;
   excuse_ = Excuse::kNone;
   if (family.stopped_pid >= 0) {
     if (!family.stopped_itself) {
@@ -112,7 +125,7 @@ TimeNs OwnTime::Look(SteadyClock::time_point now) {
       excuse_ = Excuse::kStopped;
     }
   } else if (family.running) {
-    own_ns = std::min(elapsed_ns, run_ns);
+    own_ns = std::min(heard_ns, run_ns);
     if (2 * own_ns < elapsed_ns) excuse_ = Excuse::kNoProcessor;
   }
   return own_ns_ += own_ns;

@@ -1,6 +1,7 @@
 // How much time another process has had for itself: the time in which it ran, slept or waited for others.
-// Time does not count while it was stopped, or ready to run while others had the processors, or while the
-// observer was stopped.
+// Time does not count while it was stopped, or ready to run while others had the processors. Neither does time
+// in which the observer was stopped, or one of its threads waited for a processor: what the other process said
+// may not have been heard.
 //
 // All limits on how long a process may stay silent are limits on this time:
 //
@@ -18,6 +19,10 @@
 #include <sys/types.h>
 
 #include <chrono>
+#include <functional>
+#include <map>
+#include <string>
+#include <utility>
 
 #include "link/time.h"
 
@@ -31,8 +36,23 @@ class OwnTime {
   // looking.
   static constexpr std::chrono::milliseconds kLook{100};
 
+  // However long the observer had to wait, this share counts: a hang is found on the busiest machine.
+  static constexpr int kLeastShare = 10;  // one in ten
+
+  // How long a thread of this process was ready, but had no processor, since the last call: the longest such time of
+  // any thread.
+  class OwnDelay {
+   public:
+    TimeNs operator()();
+
+   private:
+    std::map<std::string, TimeNs> threads_;  // in all, by then
+  };
+
   // -1: a process that cannot be observed is charged with all the time in which the observer was awake.
-  explicit OwnTime(pid_t pid = -1) : pid_(pid) {}
+  // `observer_delay`: like an OwnDelay.
+  explicit OwnTime(pid_t pid = -1, std::function<TimeNs()> observer_delay = OwnDelay())
+      : pid_(pid), observer_delay_(std::move(observer_delay)) {}
 
   // Its own time since the first look. The first look is cheap: an answer mostly comes before the second.
   TimeNs Look(SteadyClock::time_point now);
@@ -47,6 +67,7 @@ class OwnTime {
 
  private:
   pid_t pid_;
+  std::function<TimeNs()> observer_delay_;
   int looks_count_ = 0;
   SteadyClock::time_point last_;
   TimeNs run_ns_ = 0;  // by then

@@ -37,6 +37,10 @@ Json ToFile(const RunLog& log) {
   } else {
     JsonWriter::Put(json["clients"], log.clients);
   }
+  if (!log.harness_late.empty()) {
+    Json& spans = json["harness_late_ns"] = Json::array();
+    for (const LateSpan& span : log.harness_late) spans.push_back({span.begin_ns, span.end_ns});
+  }
   JsonWriter::Put(json["events"], EventsOf(log));
   return json;
 }
@@ -50,6 +54,8 @@ void FromFile(const Json& json, RunLog& log) {
   } else {
     JsonReader::GetFields(json, log.clients.emplace_back());
   }
+  for (const Json& span : json.value("harness_late_ns", Json::array()))
+    log.harness_late.push_back({span.at(0).get<TimeNs>(), span.at(1).get<TimeNs>()});
   for (const auto& event : FromJson<std::vector<FlightEvent>>(json.at("events")))
     log.events.push_back(ToRunEvent(log, event));
 }

@@ -6,7 +6,8 @@
 // An enumeration is its Name(), an array by Direction is an object with their names. JSON has no infinity and no
 // NaN: such a number is null, and so is an optional without a value. Reading throws std::exception with the key
 // that is missing or wrong. Only an optional, a list or a map may be missing, and is then empty: so must be what
-// a later version adds. A struct may list fields that its files leave out, in kNotInFiles.
+// a later version adds. A struct may list fields that its files leave out
+// (kNotInFiles), and leave out keys instead of writing null (kLeavesOutNull).
 #pragma once
 
 #include <algorithm>
@@ -38,6 +39,12 @@ constexpr bool InFiles(std::string_view field) {
   return true;
 }
 
+template <class T>
+constexpr bool LeavesOutNull() {
+  if constexpr (requires { T::kLeavesOutNull; }) return T::kLeavesOutNull;
+  return false;
+}
+
 class JsonWriter {
  public:
   // Each field to its key, which may be there already.
@@ -45,7 +52,9 @@ class JsonWriter {
   static void PutFields(Json& json, const T& value) {
     T::Fields(
         [&json](const char* name, const auto& field) {
-          if (InFiles<T>(name)) Put(json[name], field);
+          if (!InFiles<T>(name)) return;
+          Put(json[name], field);
+          if (LeavesOutNull<T>() && json[name].is_null()) json.erase(name);
         },
         value);
   }

@@ -22,6 +22,7 @@ struct PlannedFlight {
   Verdict expected = Verdict::kPass;
   std::uint64_t seed = 0;
   std::optional<BusPlace> bus{};  // once it is there, for observers
+  static constexpr bool kLeavesOutNull = true;
   TILTPROOF_FIELDS(name, expected, seed, bus)
 };
 // Its result until it has another one: an error with this reason.
@@ -53,7 +54,7 @@ struct RunInfo {
   std::string client;                          // --client as given
   std::map<std::string, std::string> clients;  // by id, those of --client ID=...
   Machine machine;
-  std::string build;  // harness/report/build_id.h
+  std::optional<std::string> build;  // harness/report/build_id.h; none in the files of older versions
   std::vector<std::string> command;
   bool interrupted = false;                   // by a signal, or killed: unfinished
   std::vector<PlannedFlight> flights;         // in the order of the results

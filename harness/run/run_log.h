@@ -102,6 +102,7 @@ struct ClientLog {
   std::vector<TimeNs> client_round_trip_ns;
   std::string firmware_log;  // lines "t_s text"
   // For flight.json; the log has a file of its own.
+  static constexpr bool kLeavesOutNull = true;
   TILTPROOF_FIELDS(id, counts, accepted_wrong_count, accepted_stale_count, resync_max_ns,
                    starts_accepted_count, failsafe_entered_count, receive_overruns_count, restarts,
                    request_times_ns, sent_request_times_ns, reply_latency_ns, actuator_times_ns,
@@ -130,9 +131,10 @@ struct RunLog {
   LinkLog link;
   std::vector<RunEvent> events;
   double wall_s = 0.0;  // only of the flight
-  // For flight.json, which also has the clients and the events; the rest has files of its own.
+  // For flight.json, which also has the clients, the events and the lateness; the rest has files of its own.
+  static constexpr bool kLeavesOutNull = true;
   TILTPROOF_FIELDS(end_reason, end_text, end_ns, wall_s, hover_input, input_min, input_max,
-                   fault_activation_counts, harness_overrun_count, harness_late_max_ns, harness_late)
+                   fault_activation_counts, harness_overrun_count, harness_late_max_ns)
 };
 
 }  // namespace tiltproof::harness

@@ -377,7 +377,7 @@ TEST_F(LogMessagesTest, BadMessagesDoNoHarm) {
   reports.Write(report);
   report.node_id = "link";
   Packer packer;
-  packer(std::size_t{0}, Origin(), false, false, false, std::size_t{0});  // NodeTotals without anything
+  packer(NodeTotals());
   report.payload.assign(packer.bytes().begin(), packer.bytes().end());
   report.fault_activation = 2;
   reports.Write(report);

@@ -3,14 +3,17 @@
 #include "harness/process/own_time.h"
 
 #include <gtest/gtest.h>
+#include <sched.h>
 #include <sys/timerfd.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <array>
+#include <atomic>
 #include <csignal>
 #include <functional>
 #include <thread>
+#include <utility>
 
 namespace tiltproof::harness {
 namespace {
@@ -49,7 +52,9 @@ void Sleep() {
 
 // A process, looked at every 100 ms of a clock that stands still meanwhile.
 struct Looks {
-  explicit Looks(pid_t pid) : own(pid) {
+  explicit Looks(
+      pid_t pid, std::function<TimeNs()> observer_delay = [] { return 0; })
+      : own(pid, std::move(observer_delay)) {
     own.Look(now);
     Look();  // the baseline
   }
@@ -110,6 +115,50 @@ TEST(OwnTime, TimeInWhichTheOneWhoLooksWasStoppedIsNotCharged) {
   while (looks.Look() == 0) std::this_thread::yield();
   const TimeNs before = looks.Look();
   EXPECT_LE(looks.Look(seconds(25)) - before, 200 * kNsPerMs);
+}
+
+TEST(OwnTime, TimeInWhichTheOneWhoLooksHadNoProcessorIsNotCharged) {
+  const Child child(Sleep);
+  TimeNs delay_ns = 0;
+  Looks looks(child.pid(), [&] { return delay_ns; });
+  while (looks.Look() == 0) std::this_thread::yield();
+  delay_ns = 60 * kNsPerMs;
+  const TimeNs before = looks.Look();
+  EXPECT_EQ(looks.Look() - before, 40 * kNsPerMs);
+  delay_ns = 500 * kNsPerMs;
+  EXPECT_EQ(looks.Look() - before, (40 + 10) * kNsPerMs);
+}
+
+// A thread of the lowest priority, and other processes that take its processor.
+TEST(OwnTime, KnowsHowLongAThreadHadNoProcessor) {
+  cpu_set_t one;
+  CPU_ZERO(&one);
+  CPU_SET(sched_getcpu(), &one);
+  const auto run = [&](bool idle) {
+    sched_setaffinity(0, sizeof one, &one);
+    const sched_param none{};
+    if (idle) sched_setscheduler(0, SCHED_IDLE, &none);
+  };
+  const auto forever = [&] {
+    run(false);
+    for (volatile bool on = true; on;) {
+    }
+  };
+  const Child other(forever);
+  std::atomic<bool> over = false;
+  std::thread starved([&] {
+    run(true);
+    while (!over) {
+    }
+  });
+  OwnTime::OwnDelay delay;
+  delay();
+  const auto began = OwnTime::SteadyClock::now();
+  // However long it takes.
+  for (TimeNs sum_ns = 0; sum_ns < 50 * kNsPerMs; sum_ns += delay()) std::this_thread::yield();
+  EXPECT_GE(OwnTime::SteadyClock::now() - began, std::chrono::milliseconds(40));
+  over = true;
+  starved.join();
 }
 
 // By this clock it had no processor for most of the time.

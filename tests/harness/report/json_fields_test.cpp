@@ -1,0 +1,88 @@
+#include "harness/report/json_fields.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "harness/run/run_log.h"
+
+namespace tiltproof::harness {
+namespace {
+
+enum class Color : std::uint8_t { kRed, kGreen };
+std::string_view Name(Color color) { return color == Color::kRed ? "red" : "green"; }
+constexpr Color LastOf(Color) { return Color::kGreen; }
+
+struct Inner {
+  static constexpr bool kLeavesOutNull = true;
+  double value = 0.0;
+  std::optional<std::string> note;
+  TILTPROOF_FIELDS(value, note)
+};
+
+struct Outer {
+  static constexpr std::array<std::string_view, 1> kNotInFiles = {"secret"};
+  std::string name;
+  Color color = Color::kRed;
+  std::optional<double> margin;
+  std::vector<Inner> list;
+  std::map<std::string, std::int64_t> counts;
+  int secret = 0;
+  TILTPROOF_FIELDS(name, color, margin, list, counts, secret)
+};
+static_assert(NamesEveryField<Outer>() && NamesEveryField<Inner>());
+
+std::string ErrorOf(const char* text) {
+  try {
+    FromJson<Outer>(Json::parse(text));
+  } catch (const std::exception& error) {
+    return error.what();
+  }
+  return "none";
+}
+
+TEST(JsonFields, AStructIsAnObjectOfItsFields) {
+  const Outer outer{"a", Color::kGreen, std::nullopt, {{1.5, "x"}, {2.0, std::nullopt}}, {{"n", 3}}, 9};
+  EXPECT_EQ(
+      ToJson(outer).dump(),
+      R"({"name":"a","color":"green","margin":null,"list":[{"value":1.5,"note":"x"},{"value":2.0}],"counts":{"n":3}})");
+}
+
+TEST(JsonFields, WhatIsWrittenIsRead) {
+  const Outer outer{"a", Color::kGreen, 0.25, {{1.5, "x"}, {2.0, std::nullopt}}, {{"n", 3}}, 0};
+  const auto read = FromJson<Outer>(Json::parse(ToJson(outer).dump()));
+  EXPECT_EQ(ToJson(read), ToJson(outer));
+  EXPECT_EQ(read.list.at(0).note, "x");
+  EXPECT_EQ(read.margin, 0.25);
+}
+
+// JSON has neither.
+TEST(JsonFields, InfinityAndNanAreNull) {
+  Outer outer;
+  outer.margin = std::numeric_limits<double>::infinity();
+  EXPECT_TRUE(ToJson(outer)["margin"].is_null());
+  outer.margin = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_TRUE(ToJson(outer)["margin"].is_null());
+}
+
+TEST(JsonFields, OnlyOptionalsListsAndMapsMayBeMissing) {
+  EXPECT_EQ(ErrorOf(R"({"name": "a", "color": "red"})"), "none");
+  EXPECT_NE(ErrorOf(R"({"color": "red"})").find("name: "), std::string::npos);
+}
+
+TEST(JsonFields, AnErrorSaysWhere) {
+  EXPECT_EQ(ErrorOf(R"({"name": "a", "color": "blue"})"), "color: unknown name 'blue'");
+  EXPECT_EQ(ErrorOf(R"({"name": "a", "color": "red", "list": [{"value": "x"}]})").rfind("list: value: ", 0),
+            0u);
+}
+
+TEST(JsonFields, AnArrayByDirectionHasTheirNames) {
+  LineCounts counts{};
+  counts[1].frames_sent = 7;
+  const Json json = ToJson(counts);
+  EXPECT_EQ(json.at("to_client").at("frames_sent"), 7);
+  EXPECT_EQ(FromJson<LineCounts>(json)[1].frames_sent, 7);
+}
+
+}  // namespace
+}  // namespace tiltproof::harness
