@@ -2,7 +2,7 @@
 // from it (section 30.3.5).
 //
 //   const UsartRate rate = RateOf(2, registers.brr, registers.cr1, registers.cr3);
-//   if (!rate.Understands(921'600)) ...
+//   if (!Understands(rate.BitNs(), rate.tolerance, sender_bit_ns)) ...
 #pragma once
 
 #include <cstdint>

@@ -6,8 +6,8 @@
 //
 //   OwnTime own(pid);
 //   while (!Answered()) {
-//     const bool over = own.Look(SteadyClock::now()) > limit_ns;
-//     WaitForAnswer(over ? 0 : OwnTime::kLook);             // once more before giving up
+//     const bool over = own.Look(OwnTime::SteadyClock::now()) > limit_ns;
+//     WaitForAnswer(over ? 0ms : OwnTime::kLook);           // once more before giving up
 //     if (over && !Answered()) throw ...;
 //   }
 //

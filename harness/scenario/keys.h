@@ -5,8 +5,8 @@
 // type and default. So the three cannot drift apart.
 //
 //   void DescribeLink(KeyVisitor& v, LinkSpec& link) {
-//     v.Number({"adapter_latency_ms", "Buffering of a USB-serial adapter"}, link.adapter_latency_ms, {0,
-//     100});
+//     v.Number({"adapter_latency_ms", "Buffering of a USB-serial adapter"}, link.adapter_latency_ms,
+//              {0, 100});
 //   }
 #pragma once
 
