@@ -9,6 +9,9 @@
 
 namespace tiltproof::harness {
 
+// USART1 to USART3, UART4, UART5 and USART6.
+inline constexpr int kChipUsartCount = 6;
+
 struct UsartRate {
   std::int64_t clock_hz = 0;
   std::int64_t clocks_per_bit = 0;  // 0: none is programmed, and the USART does not work
@@ -21,7 +24,8 @@ struct UsartRate {
   double BitNs() const { return static_cast<double>(clocks_per_bit) * 1e9 / static_cast<double>(clock_hz); }
 };
 
-// `usart`: 1 to 6. Assumes the correct clock tree: 168 MHz for the core, 42 MHz for APB1, 84 MHz for APB2.
+// `usart`: 1 to kChipUsartCount. Assumes the correct clock tree: 168 MHz for the core, 42 MHz for APB1,
+// 84 MHz for APB2.
 UsartRate RateOf(int usart, std::uint32_t brr, std::uint32_t cr1, std::uint32_t cr3);
 
 // Tolerance of a receiver at the other end, whose divider has no fraction: 16 samples per bit, three of them
