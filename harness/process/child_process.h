@@ -45,7 +45,7 @@ struct ChildSpec {
   // /dev/null.
   std::vector<int> descriptors = {};
   // For users' commands, which start their own processes (`sh -c "a | b"`). When this process is killed, the
-  // kernel kills only the child; a guard, a process beside it, then kills the rest of its group.
+  // kernel kills only the child; a guard, which is a process of its own, then kills the rest of its group.
   bool guard_group = false;
 };
 
