@@ -20,7 +20,7 @@ A fault acts in its window `[start_s, end_s)`:
 - A fault on a node, on the device or on a clock is a command. It is given at `start_s` and reverted at
   `end_s`. It has no target and no trigger. Nodes are processes only in real time.
 
-"Needs" says what a fault requires of the client. A client that cannot do this refuses the scenario.
+"Needs" says what a fault requires of the client. A scenario is refused if its client cannot provide it.
 
 The trigger decides on which frames, samples or bytes in the window the fault acts. If the fault has a
 `message`, only frames of that kind count. The trigger picks every `every_nth_count`-th of them, with
