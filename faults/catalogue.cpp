@@ -35,6 +35,19 @@ wire.gilbert_elliott, and the frames of frame.reorder and frame.replay_stale.
 An occasion on which the fault changed nothing does not count as an activation.
 )";
 
+// Prose in lines of at most 110 characters, without blank or line break at the end.
+std::string Wrapped(std::string_view text) {
+  constexpr std::size_t kColumnsMax = 110;
+  std::string lines;
+  while (text.size() > kColumnsMax) {
+    const std::size_t blank = text.rfind(' ', kColumnsMax);
+    if (blank == std::string_view::npos) break;
+    lines += Concat({text.substr(0, blank), "\n"});
+    text.remove_prefix(blank + 1);
+  }
+  return Concat({lines, text});
+}
+
 std::string ValueText(const ParameterValue& value) {
   if (const auto* number = std::get_if<double>(&value)) return NumberText(*number);
   if (const auto* v = std::get_if<std::array<double, 3>>(&value))
@@ -86,7 +99,8 @@ std::string NeedsText(Needs needs) {
 
 std::string TargetMarkdown(const FaultType& type) {
   if (type.is_command())
-    return Concat({"No target, no trigger. ", WindowText(type), NeedsText(type.needs), "\n\n"});
+    return Concat(
+        {Wrapped(Concat({"No target, no trigger. ", WindowText(type), NeedsText(type.needs)})), "\n\n"});
   if (type.IsOneOf<SensorKind>()) return "No target. Edits sensor values.\n\n";
   if (type.IsOneOf<ActuatorKind>()) return "No target. Edits actuator values.\n\n";
   if (type.IsOneOf<PlantKind>()) return "No target. Disturbs the vehicle itself.\n\n";
@@ -143,8 +157,8 @@ std::string CatalogueMarkdown() {
 }
 
 std::string Markdown(const FaultType& type) {
-  return Concat({"## ", type.name, "\n\n", type.summary, " ", type.semantics, "\n\n", TargetMarkdown(type),
-                 ParametersMarkdown(type), "```yaml\n", ExampleYaml(type), "\n```\n"});
+  return Concat({"## ", type.name, "\n\n", Wrapped(Concat({type.summary, " ", type.semantics})), "\n\n",
+                 TargetMarkdown(type), ParametersMarkdown(type), "```yaml\n", ExampleYaml(type), "\n```\n"});
 }
 
 }  // namespace tiltproof::faults
