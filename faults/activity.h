@@ -4,7 +4,7 @@
 //   active     ######________######________####
 //              start_s                        end_s
 //
-//   Activity activity(spec);                      // in simulation time
+//   Activity activity(spec, window);              // in simulation time
 //   if (activity.Contains(t)) ...                 // a sample at t
 //   if (activity.Touches(begin, end)) ...         // a byte on the line from begin to end
 //   wake_at = activity.NextEdge(t);               // when the answer may change next

@@ -10,23 +10,43 @@ constexpr const char* kPreamble = R"(# The fault catalogue
 
 Written by `tiltproof faults`.
 
-A fault acts in its window `[start_s, end_s)`: a fault on the wire on the frames whose first byte
-enters the wire in it, one on sensors or actuators on the samples in it. Frames that the sender hands
-over before the server has accepted `start` (the first sensor request is among them) are only in
-windows without `start_s`. A fault on a node, on the device or on a clock is a command, given at `start_s` and
-taken back at `end_s`, without target and trigger; nodes are processes in real time only. A fault of
-the firmware's receiver acts on the bytes that arrive there in the window, each for itself. What a
-fault asks of the client it says under "Needs"; a client that cannot do it refuses the scenario.
+A fault acts in its window `[start_s, end_s)`:
 
-Of what it sees in its window (only frames of its `message`, when it has one) the trigger picks every
-`every_nth_count`-th, and that one with `probability`. On the wire faults act in the order of their
-stages, frame, byte, timing, and within a stage in the order of the file.
+- A fault on the wire acts on the frames whose first byte enters the wire in the window. Frames that the
+  sender hands over before the server has accepted `start` are only in windows without `start_s`. The first
+  sensor request is one of them.
+- A fault on sensors or actuators acts on the samples in the window.
+- A fault of the firmware's receiver acts on each byte that arrives there in the window.
+- A fault on a node, on the device or on a clock is a command. It is given at `start_s` and reverted at
+  `end_s`. It has no target and no trigger. Nodes are processes only in real time.
 
-Which frames a fault picks, and what it draws for each of them, follow from the frames as they were
-sent (for the receiver, from the bytes as they arrived), so adding or removing a fault shifts no other's draws; only what a fault remembers (the state of
-wire.gilbert_elliott, the frames of frame.reorder and frame.replay_stale) comes from the frames that
-reach it. What changed nothing is no activation.
+"Needs" says what a fault requires of the client. A scenario is refused if its client cannot provide it.
+
+The trigger decides on which frames, samples or bytes in the window the fault acts. If the fault has a
+`message`, only frames of that kind count. The trigger picks every `every_nth_count`-th of them, with
+`probability`. On the wire, faults act in the order of their stages: frame, byte, timing. Within a stage, they
+act in the order of the file.
+
+The frames as they were sent determine which of them a fault picks and what it draws for each. At the
+receiver, the bytes as they arrived determine this. Adding or removing a fault therefore never shifts the
+draws of another. Only what a fault remembers comes from the frames that reach it: the state of
+wire.gilbert_elliott, and the frames of frame.reorder and frame.replay_stale.
+
+An occasion on which the fault changed nothing does not count as an activation.
 )";
+
+// Prose in lines of at most 110 characters, without blank or line break at the end.
+std::string Wrapped(std::string_view text) {
+  constexpr std::size_t kColumnsMax = 110;
+  std::string lines;
+  while (text.size() > kColumnsMax) {
+    const std::size_t blank = text.rfind(' ', kColumnsMax);
+    if (blank == std::string_view::npos) break;
+    lines += Concat({text.substr(0, blank), "\n"});
+    text.remove_prefix(blank + 1);
+  }
+  return Concat({lines, text});
+}
 
 std::string ValueText(const ParameterValue& value) {
   if (const auto* number = std::get_if<double>(&value)) return NumberText(*number);
@@ -69,7 +89,7 @@ std::string NeedsText(Needs needs) {
     case Needs::kEmulation:
       return " Needs an emulated board in lockstep.";
     case Needs::kClock:
-      return " Needs, for the client, a library or, in lockstep, an emulated board; for the others real "
+      return " Needs, for the client, a library or, in lockstep, an emulated board; for other nodes, real "
              "time.";
     case Needs::kClockJump:
       return " Needs real time; for the client, a library.";
@@ -79,7 +99,8 @@ std::string NeedsText(Needs needs) {
 
 std::string TargetMarkdown(const FaultType& type) {
   if (type.is_command())
-    return Concat({"No target, no trigger. ", WindowText(type), NeedsText(type.needs), "\n\n"});
+    return Concat(
+        {Wrapped(Concat({"No target, no trigger. ", WindowText(type), NeedsText(type.needs)})), "\n\n"});
   if (type.IsOneOf<SensorKind>()) return "No target. Edits sensor values.\n\n";
   if (type.IsOneOf<ActuatorKind>()) return "No target. Edits actuator values.\n\n";
   if (type.IsOneOf<PlantKind>()) return "No target. Disturbs the vehicle itself.\n\n";
@@ -109,7 +130,7 @@ std::string ParametersMarkdown(const FaultType& type) {
   if (!zeros.empty()) text += Concat({"Changes nothing with ", zeros, ".\n\n"});
   for (const ParameterInfo& info : type.parameters) {
     if (!info.severity) continue;
-    text += Concat({"Severity: `", info.name, "`, from the harmless ", ValueText(*info.zero), ", on a ",
+    text += Concat({"Severity: `", info.name, "`, from ", ValueText(*info.zero), " (harmless), on a ",
                     *info.severity == Scale::kLinear ? "linear" : "logarithmic", " scale.\n\n"});
   }
   return text;
@@ -136,8 +157,8 @@ std::string CatalogueMarkdown() {
 }
 
 std::string Markdown(const FaultType& type) {
-  return Concat({"## ", type.name, "\n\n", type.summary, " ", type.semantics, "\n\n", TargetMarkdown(type),
-                 ParametersMarkdown(type), "```yaml\n", ExampleYaml(type), "\n```\n"});
+  return Concat({"## ", type.name, "\n\n", Wrapped(Concat({type.summary, " ", type.semantics})), "\n\n",
+                 TargetMarkdown(type), ParametersMarkdown(type), "```yaml\n", ExampleYaml(type), "\n```\n"});
 }
 
 }  // namespace tiltproof::faults

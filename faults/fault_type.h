@@ -5,8 +5,9 @@
 // fault accepts only the kinds that it can apply: the compiler rejects the others.
 //
 //   FaultType SensorBias() {
-//     return {.name = "sensor.bias", ..., .kind = SensorKind{.make = [](const SignalSetup& setup) ... }};
+//     return {.name = "sensor.bias", ..., .kind = SensorKind{.make = MakeBias}};
 //   }
+//
 //   if (const auto* wire = type.As<WireKind>()) faults_of_wire.Add(*wire, ...);
 #pragma once
 

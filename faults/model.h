@@ -55,7 +55,7 @@ class WireModel {
   virtual void Pass(link::Chunk&& chunk, std::vector<link::Chunk>& out) { out.push_back(std::move(chunk)); }
   // ... and, after each Act or Pass, the chance to add what was held back.
   virtual void Release(std::vector<link::Chunk>& /*out*/) {}
-  // The size of what it keeps, by link::WeightOf().
+  // The total weight (link::WeightOf()) of the chunks that it keeps.
   virtual std::size_t held_bytes() const { return 0; }
 };
 

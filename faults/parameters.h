@@ -101,7 +101,7 @@ inline ParameterInfo BootParameter() {
           .unit = "ms",
           .min = 0.0,
           .max = 600'000.0,
-          .doc = "from the reset until the processor runs again",
+          .doc = "time from the reset until the processor runs again",
           .example = 20.0};
 }
 

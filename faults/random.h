@@ -5,7 +5,7 @@
 // only on the seed, its own id and n. Neither adding or removing another fault nor an earlier frame shifts
 // it.
 //
-//   Random random(KeyOf(StreamKey(7, "bursts", "model"), frame_number));
+//   Random random(KeyOf(StreamKey(7, {"bursts", "model"}), frame_number));
 //   if (random.Bernoulli(0.1)) ...
 //
 // The key of a stream is FNV-1a (64 bits; Fowler, Noll, Vo) over the seed's eight bytes, low byte first, and

@@ -14,8 +14,8 @@ namespace tiltproof::faults {
 
 // Number of activations per fault that are kept whole; later ones are only counted.
 inline constexpr std::int64_t kActivationsMax = 1000;
-// Also only counted: activations with more bytes than this, by link::WeightOf(), and those beyond a fault's
-// share of the total.
+// An activation whose chunks have a greater total weight (link::WeightOf()) than this is only counted, too. So
+// is one that exceeds the fault's share of the second limit, which is for all faults together.
 inline constexpr std::size_t kActivationBytesMax = std::size_t{64} << 10;
 inline constexpr std::size_t kActivationsBytesMax = std::size_t{32} << 20;
 

@@ -188,7 +188,7 @@ class Validator {
     if (spec_.start_ns != kPowerOn && spec_.start_ns < 0) Add("start_s", {"must be at least 0"});
     if (spec_.every_nth_count != 1) Add("every_nth_count", {type.name, " takes no every_nth_count"});
     if (spec_.probability != 1.0)
-      Add("probability", {type.name, " takes no probability beside its parameters"});
+      Add("probability", {type.name, " takes no probability in addition to its parameters"});
   }
 
   void CheckTarget(const FaultType& type) {

@@ -24,7 +24,7 @@ ParameterInfo SensorParameter() {
   return {.name = "signal",
           .unit = "",
           .kind = ParameterKind::kSensor,
-          .doc = "which sensor, by its trace column; the tilt-rotor's: x_m ... alpha_l_rad_s",
+          .doc = "the sensor, by its trace column; for the tilt-rotor: x_m ... alpha_l_rad_s",
           .example = "z_m"};
 }
 
@@ -32,7 +32,7 @@ ParameterInfo ActuatorParameter() {
   return {.name = "actuator",
           .unit = "",
           .kind = ParameterKind::kInput,
-          .doc = "which thrust or servo torque; the tilt-rotor's: f_r, f_l, tau_r, tau_l",
+          .doc = "the thrust or servo torque; for the tilt-rotor: f_r, f_l, tau_r, tau_l",
           .example = "f_r"};
 }
 

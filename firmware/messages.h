@@ -72,7 +72,7 @@ MessageBytes EncodeActuators(Dialect dialect, const Actuators& actuators);
 MessageBytes EncodeSensors(const Sensors& sensors);
 MessageBytes EncodeReference(const Reference& reference);
 
-// Each sets its output only when it returns kOk. Of several violations it returns the first in this list:
+// Each sets its output only when it returns kOk. When there are several violations, it returns the first in this list:
 // kBadLength (for a client message: shorter than an id), kUnknownId (any other bit pattern: -0.0 is not 0.0),
 // kBadLength (of the id's message), kNotFinite (anywhere), kOutOfRange.
 MessageStatus DecodeClientMessage(Dialect dialect, std::span<const std::uint8_t> payload,

@@ -31,8 +31,8 @@ struct TimedChunk {
 using Chunk = TimedChunk<BootTime>;
 using LogChunk = TimedChunk<TimeNs>;
 
-// Limit of what may wait in one direction of a line, on the wire and held back by faults, counted by
-// WeightOf(): ten times the bytes that the usual messages send in a minute.
+// Limit of the total weight (WeightOf()) of the chunks that may wait in one direction of a line, on the wire
+// and held back by faults. It is ten times the bytes that the usual messages send in a minute.
 inline constexpr std::size_t kLineBytesMax = std::size_t{8} << 20;
 // The weight of a chunk is its bytes and its overhead in memory.
 inline constexpr std::size_t kChunkOverheadBytes = 64;
@@ -53,7 +53,7 @@ class ChunkFilter {
   // When it turns a frame into more than kLineBytesMax, it may stop at once and leave the chunks made so far:
   // at most twice that limit. The wire then sends none of them.
   virtual void Apply(std::vector<Chunk>& chunks) = 0;
-  // The size of what it keeps for later, by WeightOf().
+  // The total weight (WeightOf()) of the chunks that it keeps for later.
   virtual std::size_t held_bytes() const { return 0; }
 };
 

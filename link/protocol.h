@@ -91,7 +91,7 @@ struct Protocol {
   // message.
   const MessageType* Classify(Direction direction, std::span<const std::uint8_t> payload) const;
 
-  // Sets `message` only when it returns kOk. Of several violations it returns the first in this list:
+  // Sets `message` only when it returns kOk. When there are several violations, it returns the first in this list:
   // kBadLength (shorter than an id), kUnknownId, kBadLength (of the message), kNotFinite (anywhere),
   // kOutOfRange.
   MessageStatus Decode(Direction direction, std::span<const std::uint8_t> payload, Message& message) const;

@@ -2,7 +2,7 @@
 // resets many boards. Used for messages about a port that cannot be opened, and to check the machine before a
 // flight.
 //
-//   for (const auto& device : ListSerialDevices()) ... // "/dev/ttyUSB0", "/dev/serial/by-id/usb-FTDI_..."
+//   for (const auto& device : ListSerialDevices()) ...           // "/dev/ttyUSB0", "/dev/serial/by-id/usb-FTDI_..."
 //   for (const auto& holder : ProcessesHolding("/dev/ttyUSB0")) ... // {1234, "picocom"}
 //
 // `root` is put before /dev and /sys: a folder other than "/" is a simulated machine.

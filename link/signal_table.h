@@ -46,7 +46,7 @@ inline Signal SignalNamed(std::string name, SignalFrame frame) {
     std::string_view suffix, unit;
     double scale;
   };
-  // Of two endings that fit, the longer comes first.
+  // When two endings fit, the longer one comes first.
   static constexpr std::array<Unit, 7> kUnits = {{{"_rad_s", "rad/s", 1.0},
                                                   {"_m_s", "m/s", 1.0},
                                                   {"_rad", "rad", 0.5},

@@ -18,7 +18,7 @@ namespace {
 
 constexpr std::string_view kScheme = "unix:";
 constexpr const char* kNobody =
-    "nobody listens there: start the emulator first (QEMU: -chardev socket,...,server=on,wait=off)";
+    "no process listens there: start the emulator first (QEMU: -chardev socket,...,server=on,wait=off)";
 
 std::string Refusal(const std::string& name, const std::string& why) {
   return "cannot open serial line " + name + ": " + why;

@@ -127,7 +127,7 @@ class Wire {
   bool open_has_content_ = false;                // not only flags
 
   std::deque<Chunk> queue_;
-  std::size_t queue_bytes_ = 0;  // by WeightOf()
+  std::size_t queue_bytes_ = 0;  // total weight (WeightOf())
   bool overfull_ = false;
   BootTime queue_end_ns_ = BootTime::Earliest();     // end of the last chunk that went in
   std::size_t front_taken_ = 0;                      // bytes of queue_.front() already taken

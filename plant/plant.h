@@ -12,7 +12,7 @@
 // another size is a broken invariant (link/check.h). No step allocates from the heap, except one at which the bodies' masses
 // change.
 //
-// The plant knows no bytes and no faults: what a fault does to the vehicle comes as a Disturbance beside the
+// The plant knows no bytes and no faults: what a fault does to the vehicle comes as a Disturbance next to the
 // input. Two plants with the same model and the same calls give the same bits. A plant is used by one thread
 // at a time.
 #pragma once

@@ -6,7 +6,7 @@
 //   model.HoverInput()[0];           // 10.27
 //
 // SDF has no elements for thrusters and servos; the elements below add them. They are in the <model>, or in a
-// separate file `<stem>.tiltproof.xml` beside the SDF file, which then needs no change:
+// separate file `<stem>.tiltproof.xml` next to the SDF file, which then needs no change:
 //
 //   <tiltproof:vehicle xmlns:tiltproof="urn:tiltproof:vehicle:1">
 //     <tiltproof:base link="body"/>
@@ -32,8 +32,8 @@
 //   drag      optional. linear_n_s_m, quadratic_n_s2_m2 (BodyDrag): what the air does to the main body, so that
 //             wind has something to push. Default: none.
 //
-// An SDF file has three links (base, thrusters) and two revolute joints with the base as parent. Of the rest
-// <collision> of the base counts (box, sphere or cylinder; otherwise the box of uniform density with the
+// An SDF file has three links (base, thrusters) and two revolute joints with the base as parent. The
+// <collision> of the base counts too (box, sphere or cylinder; otherwise the box of uniform density with the
 // base's mass and inertia touches the ground). What has no effect on the flight (meshes, plugins, sensors,
 // joint speed limits, ...) is warned about by name and line.
 #pragma once
@@ -155,7 +155,7 @@ struct LoadOptions {
   // A physically impossible inertia (not positive definite, or violating the triangle inequality) is a
   // warning, not an error.
   bool allow_invalid_inertia = false;
-  // The file with the tiltproof elements; empty: `<stem>.tiltproof.xml` beside the model if it exists,
+  // The file with the tiltproof elements; empty: `<stem>.tiltproof.xml` next to the model if it exists,
   // otherwise those in the model.
   std::filesystem::path mapping;
 };

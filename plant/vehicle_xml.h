@@ -31,7 +31,7 @@ struct ServoElement {
 };
 
 struct VehicleElements {
-  std::filesystem::path file;  // the one they stand in
+  std::filesystem::path file;  // the one that contains them
   int line = 0;
   std::string base_link;
   std::vector<ThrusterElement> thrusters;  // right, left

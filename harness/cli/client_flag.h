@@ -15,9 +15,10 @@ std::string ClientHelp();
 // Throws UsageError naming the error in the flag, or the missing library.
 ClientSpec ReadClientFlag(const std::string& text);
 
-// All flags of a command: each CLIENT, for every client of the scenarios, or ID=CLIENT, for those of that id. The same
-// for an unknown id, one that no scenario has.
+// Reads all flags of a command. Each is CLIENT, for every client of the scenarios, or ID=CLIENT, for those with that
+// id. Throws UsageError.
 RunClients ReadClientFlags(const std::vector<std::string>& texts);
+// Throws UsageError for an id that no scenario has.
 void CheckClientIds(const RunClients& clients, const std::vector<const Scenario*>& scenarios);
 
 // Checks that a library is one, before anything is flown. Throws UsageError.

@@ -48,8 +48,7 @@ int Main(int argc, char** argv) {
                                   std::vector<std::string>& peers) {
     to->add_option("--domain", domain, "DDS domain (default: the first free one; attached nodes: 1)")
         ->check(CLI::Range(1, 230));
-    to->add_option("--interface", interface,
-                   "Network interface to other hosts (default: this machine alone)");
+    to->add_option("--interface", interface, "Network interface to other hosts (default: only this machine)");
     to->add_option("--peers", peers, "Hosts to look for where multicast does not reach")->delimiter(',');
   };
 
@@ -84,18 +83,18 @@ int Main(int argc, char** argv) {
   run_app->add_flag("--dry-run", run.dry_run, "Check and list what would be flown, and stop");
   run_app->add_flag("--strict", run.strict,
                     "Refuse everything when a scenario of a folder cannot be flown with this client");
-  run_app->add_option("--format", run.format, "human, or jsonl: one JSON object a finished scenario")
+  run_app->add_option("--format", run.format, "human, or jsonl: one JSON object per finished scenario")
       ->check(CLI::IsMember({"human", "jsonl"}))
       ->capture_default_str();
   run_app
       ->add_option(
           "--keep", run.keep,
-          "Of which flights a folder is kept: all, failing (those that are not green), or verdicts (of none)")
+          "Which flights keep their folder: all, failing (those that are not green), or verdicts (none)")
       ->check(CLI::IsMember({"all", "failing", "verdicts"}))
       ->capture_default_str();
   run_app->add_flag("--no-progress", run.no_progress, "No progress line on the terminal");
   run_app->footer(
-      "Domain, tag and run id of a flight on the bus (in real time, or --distributed=dds) stand in run.json, "
+      "Domain, tag and run id of a flight on the bus (in real time, or --distributed=dds) are in run.json, "
       "under "
       "its\n`bus`, while it flies, and in its first event; docs/distributed.md shows how to listen.");
   run_app->callback([&] { command = [&] { return RunCommand(run); }; });
@@ -119,7 +118,7 @@ int Main(int argc, char** argv) {
   });
   std::string fault;
   auto* faults_app = app.add_subcommand("faults", "Print the catalogue of faults (Markdown)");
-  faults_app->add_option("NAME", fault, "Print this fault alone");
+  faults_app->add_option("NAME", fault, "Print only this fault");
   faults_app->callback([&] { command = [&] { return FaultsCommand(fault); }; });
 
   ReplayOptions replay;
@@ -145,7 +144,7 @@ int Main(int argc, char** argv) {
   compare_app->add_option("B", compare.b, "Another one")->required();
   compare_app
       ->add_option("--tolerance", compare.tolerance,
-                   "By how much the vehicle's states may differ, in each one's unit (m, rad, m/s, rad/s)")
+                   "Largest difference allowed in a state of the vehicle, in its unit (m, rad, m/s, rad/s)")
       ->check(CLI::Range(0.0, 1e9))
       ->capture_default_str();
   compare_app->add_option("--format", compare.format, "human or jsonl")
@@ -189,16 +188,16 @@ int Main(int argc, char** argv) {
   node_app->add_option("--lockstep", node.lockstep)->check(CLI::IsMember({"dds", "socket"}))->group("");
   node_app->footer(
       std::string("A node that you start is on the bus with the tag '") + kAttachTag +
-      "'. Domain, tag and run id of each flight stand in\nrun.json, under its `bus`, while it flies, "
+      "'. Domain, tag and run id of each flight are in\nrun.json, under its `bus`, while it flies, "
       "and in its first event; docs/distributed.md shows how to listen.");
   node_app->callback([&] { command = [&] { return NodeCommand(node); }; });
 
   DoctorOptions doctor;
-  auto* doctor_app = app.add_subcommand("doctor", "Check this machine: one line a check, with what to do");
+  auto* doctor_app = app.add_subcommand("doctor", "Check this machine: one line per check, with what to do");
   doctor_app->add_option("--client", doctor.client,
                          "Open these ports as a flight would: serial:DEV[,REFDEV]");
   doctor_app->add_option("--interface", doctor.interface, "Network interface to other machines' nodes");
-  doctor_app->add_option("--format", doctor.format, "human, or jsonl: one JSON object a check")
+  doctor_app->add_option("--format", doctor.format, "human, or jsonl: one JSON object per check")
       ->check(CLI::IsMember({"human", "jsonl"}))
       ->capture_default_str();
   doctor_app->add_option("--root", doctor.root, "Folder that holds dev and sys")->group("");
@@ -213,7 +212,7 @@ int Main(int argc, char** argv) {
   encode_app->add_option("HEX", hex, "The payload in hexadecimal")->required();
   encode_app->callback([&] { command = [&] { return FrameEncodeCommand(hex); }; });
   auto* decode_app =
-      frame_app->add_subcommand("decode", "Decode raw bytes: one JSON line a frame or rejection");
+      frame_app->add_subcommand("decode", "Decode raw bytes: one JSON line per frame or rejection");
   decode_app->add_option("FILE", file, "Raw bytes (default: standard input)");
   decode_app->callback([&] { command = [&] { return FrameDecodeCommand(file); }; });
   auto* dump_app = app.add_subcommand("link-dump", "Print a link.bin as decoded frames");

@@ -3,7 +3,7 @@
 //   FirmwareFile(HostLibrary{}, "paper", dialect);      // <build>/lib/libtiltproof_firmware.so
 //   FirmwareFile(EmulatedImage{}, "paper", dialect);    // <build>/firmware/stm32f4/executive-paper.elf
 //
-// An installed program has its files beside its bin folder; a program in a build folder has them in that
+// An installed program has its files next to its bin folder; a program in a build folder has them in that
 // folder.
 #pragma once
 

@@ -56,7 +56,7 @@ class FirmwareGuard {
   // Limit on the firmware's own time. No such time passes while its thread waits for a processor or the
   // process is stopped; while it has called back, only the harness's computing time for it does.
   static constexpr TimeNs kHungAfterNs = 5 * kNsPerS;
-  // By then the guard has ended the call, or never will end it.
+  // After this time the guard has ended the call, or never will.
   static constexpr TimeNs kUnreachableAfterNs = kHungAfterNs + 2 * kNsPerS;
 
   // Where the firmware is. In memory shared between processes, so that another one can see it.

@@ -1,7 +1,9 @@
 // Cuts a stream of bytes into text lines for a log: without control characters that a terminal would obey,
 // and of limited length.
 //
-//   LineSplitter lines;  lines.Add(bytes, [&](std::string line) { log(line); });  lines.End(...);   // the rest, without its end
+//   LineSplitter lines;
+//   lines.Add(bytes, log);  // log(std::string line)
+//   lines.End(log);         // what is left without a line end
 #pragma once
 
 #include <cstddef>

@@ -9,6 +9,7 @@
 #include <cerrno>
 #include <cstring>
 
+#include "harness/emulator/usart_rate.h"
 #include "harness/process/child_process.h"
 #include "harness/process/own_time.h"
 
@@ -26,7 +27,7 @@ std::vector<std::string> CommandLine(const EmulatorSpec& spec) {
   std::vector<std::string> command = {
       "qemu-system-arm", "-M",   "netduinoplus2", "-display", "none",
       "-monitor",        "none", "-nodefaults",   "-icount",  "shift=3,sleep=off"};
-  for (int usart = 1; usart <= 6; ++usart) {
+  for (int usart = 1; usart <= kChipUsartCount; ++usart) {
     const std::string id = "usart" + std::to_string(usart);
     command.insert(command.end(), {"-chardev", "null,id=" + id, "-serial", "chardev:" + id});
   }

@@ -38,9 +38,9 @@ struct Header {
   std::uint32_t body_bytes;
 };
 
-// The board's USARTs: those of the main and the reference line, and the console's.
+// The USARTs that are connected to the harness: those of the main and the reference line, and the console's.
 enum class Usart : std::uint8_t { kMain, kReference, kConsole };
-inline constexpr int kUsartCount = 3;
+inline constexpr int kConnectedUsartCount = 3;
 
 // How the receiver gets a byte.
 enum class Mark : std::uint8_t { kNone, kOverrun, kFraming, kNoise };

@@ -2,12 +2,15 @@
 // from it (section 30.3.5).
 //
 //   const UsartRate rate = RateOf(2, registers.brr, registers.cr1, registers.cr3);
-//   if (!rate.Understands(921'600)) ...
+//   if (!Understands(rate.BitNs(), rate.tolerance, sender_bit_ns)) ...
 #pragma once
 
 #include <cstdint>
 
 namespace tiltproof::harness {
+
+// USART1 to USART3, UART4, UART5 and USART6.
+inline constexpr int kChipUsartCount = 6;
 
 struct UsartRate {
   std::int64_t clock_hz = 0;
@@ -21,7 +24,8 @@ struct UsartRate {
   double BitNs() const { return static_cast<double>(clocks_per_bit) * 1e9 / static_cast<double>(clock_hz); }
 };
 
-// `usart`: 1 to 6. Assumes the correct clock tree: 168 MHz for the core, 42 MHz for APB1, 84 MHz for APB2.
+// `usart`: 1 to kChipUsartCount. Assumes the correct clock tree: 168 MHz for the core, 42 MHz for APB1,
+// 84 MHz for APB2.
 UsartRate RateOf(int usart, std::uint32_t brr, std::uint32_t cr1, std::uint32_t cr3);
 
 // Tolerance of a receiver at the other end, whose divider has no fraction: 16 samples per bit, three of them

@@ -12,6 +12,7 @@
 #include <string_view>
 #include <utility>
 
+#include "harness/emulator/usart_rate.h"
 #include "link/unix_socket.h"
 
 namespace tiltproof::harness {
@@ -20,7 +21,6 @@ namespace {
 using link::OwnedDescriptor;
 using std::chrono::steady_clock;
 
-constexpr int kUsartCount = 6;
 // QEMU answers within a millisecond; on a machine that is much too busy, within a second.
 constexpr std::chrono::seconds kAnswerLimit{5};
 constexpr std::string_view kFatal = "qemu: fatal: ";
@@ -53,7 +53,7 @@ std::vector<std::string> CommandLine(const EmulatorSpec& spec, const BoardWiring
   std::vector<std::string> command = {"qemu-system-arm", "-M",   "netduinoplus2", "-display",        "none",
                                       "-monitor",        "none", "-nodefaults",   "-no-user-config", "-S"};
   const auto add = [&](std::initializer_list<std::string> words) { command.insert(command.end(), words); };
-  for (int usart = 1; usart <= kUsartCount; ++usart) {
+  for (int usart = 1; usart <= kChipUsartCount; ++usart) {
     std::string what = "null";
     if (usart == spec.console_usart) what = "stdio,signal=off";
     if (usart == spec.main_usart) what = Connected(wiring.main_port);

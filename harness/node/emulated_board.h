@@ -1,8 +1,8 @@
 // Stock QEMU as a board in real time: started, watched, paused, reset, its memory changed.
 //
-//   EmulatedBoard board(services, scenario, {.image = "executive-paper.elf", ...}, callbacks);   // stands still
-//   board.PowerOn();
-//   board.Stall(); ... board.GoOn();
+//   EmulatedBoard board(services, scenario, {.image = "executive-paper.elf", ...}, wiring, callbacks);
+//   board.PowerOn();  // it does not run before
+//   board.BeginStall(); ... board.EndStall();
 //
 // Its USARTs are connected to the link node's sockets; the output of its console and of QEMU is kept. It runs
 // by the machine's clock, with the priority of an ordinary program. When the machine is busy with other

@@ -24,7 +24,7 @@ struct JoystickLimits {
   // Where the reference may be, in the world frame; a start outside widens the box.
   std::array<double, 3> position_m_min = {-50.0, -50.0, 0.5};
   std::array<double, 3> position_m_max = {50.0, 50.0, 50.0};
-  // To both sides. Short of pi: the vehicle's sensed yaw jumps there, and the control law does not wrap.
+  // Limit to both sides. It is less than pi, where the sensed yaw jumps and the control law does not wrap.
   double yaw_rad_max = 3.0;
 };
 

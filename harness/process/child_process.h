@@ -4,9 +4,8 @@
 //
 //   ChildProcess node({.command = {"tiltproof", "node", "plant"}, .error = log_file});
 //   loop.Watch(node.pidfd(), ...);                         // readable when it has ended
-//   if (!node.Alive()) Report(*node.ExitText());           // "exited with code 3", "killed by signal 9
-//   (Killed)" node.Stop(500ms);                                      // SIGTERM, then SIGKILL; the destructor
-//   does it too
+//   if (!node.Alive()) Report(*node.ExitText());           // "exited with code 3", "killed by signal 9 (Killed)"
+//   node.Stop(500ms);                                      // SIGTERM, then SIGKILL; the destructor does it too
 //
 // Started by vfork and execve, not posix_spawn: only so can every child ask the kernel to die with its parent
 // (PR_SET_PDEATHSIG) without the help of a program in between. Between the two only system calls are made, so
@@ -46,7 +45,7 @@ struct ChildSpec {
   // /dev/null.
   std::vector<int> descriptors = {};
   // For users' commands, which start their own processes (`sh -c "a | b"`). When this process is killed, the
-  // kernel kills only the child; a guard, a process beside it, then kills the rest of its group.
+  // kernel kills only the child; a guard, which is a process of its own, then kills the rest of its group.
   bool guard_group = false;
 };
 

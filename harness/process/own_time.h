@@ -7,8 +7,8 @@
 //
 //   OwnTime own(pid);
 //   while (!Answered()) {
-//     const bool over = own.Look(SteadyClock::now()) > limit_ns;
-//     WaitForAnswer(over ? 0 : OwnTime::kLook);             // once more before giving up
+//     const bool over = own.Look(OwnTime::SteadyClock::now()) > limit_ns;
+//     WaitForAnswer(over ? 0ms : OwnTime::kLook);           // once more before giving up
 //     if (over && !Answered()) throw ...;
 //   }
 //
@@ -57,9 +57,10 @@ class OwnTime {
   // Its own time since the first look. The first look is cheap: an answer mostly comes before the second.
   TimeNs Look(SteadyClock::time_point now);
 
-  // At the last look: it has stopped itself (it sent itself the signal), which is its own fault.
+  // Whether at the last look it had stopped itself (it sent itself the signal), which is its own fault.
   bool stopped_itself() const { return stopped_itself_; }
-  // At the last look: it, or a process that it started, is stopped; or all are without a processor.
+  // What excused it at the last look: it, or a process that it started, was stopped, or all were
+  // without a processor.
   enum class Excuse { kNone, kStopped, kNoProcessor };
   Excuse excuse() const { return excuse_; }
   // The stopped process.

@@ -24,7 +24,7 @@ struct ReferencePoint {
 const SignalTable& ReferenceSignals();
 
 std::vector<double> ToRow(const ReferencePoint& point);
-// Nullopt of a row that has another size.
+// Nullopt for a row of another size.
 std::optional<ReferencePoint> FromRow(std::span<const double> row);
 
 }  // namespace tiltproof::harness

@@ -2,7 +2,7 @@
 // timing and verdicts agree.
 //
 //   const FlightComparison comparison = CompareFlights(folder_a, folder_b, 1e-3);
-//   if (comparison.differs()) Print(comparison.trace.first->column, ...);
+//   if (comparison.differs()) Print(stdout, "{}\n", comparison.trace.first->column);
 #pragma once
 
 #include <cstddef>

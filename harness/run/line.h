@@ -8,7 +8,7 @@
 //   LocalLine line(scenario);
 //   line.Transmit(Direction::kToPlant, now, bytes);
 //   while (const auto piece = line.TakePiece(Direction::kToPlant, now))
-//     if (piece->message != nullptr) server.Receive(piece->arrival_ns, *piece->message, reply);
+//     if (piece->message != nullptr) server.Receive(client, piece->arrival_ns, *piece->message, reply);
 #pragma once
 
 #include <array>

@@ -2,7 +2,7 @@
 // this.
 //
 //   MessageReceiver receiver(protocol, Direction::kToPlant);
-//   receiver.Receive(bytes, [&](const link::Message& message) { server.Receive(now, message, reply); });
+//   receiver.Receive(bytes, [&](const link::Message& message) { server.Receive(client, now, message, reply); });
 #pragma once
 
 #include <algorithm>

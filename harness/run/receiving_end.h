@@ -5,9 +5,9 @@
 // measure the protocol and not one firmware.
 //
 // The audit numbers the frames as sent. An accepted payload is
-//   wrong  when it equals no payload sent so far in this direction: corruption that every check let through;
+//   wrong  when it equals no payload sent so far in this direction: corruption that every check let through
 //   stale  when it equals only payloads sent at or before the last one accepted: a repeat, or older than what
-//   came already.
+//          came already
 #pragma once
 
 #include <array>

@@ -50,7 +50,7 @@ void DescribeTarget(KeyVisitor& v, const FaultType& type, FaultSpec& fault) {
   const auto found = std::find(targets.begin(), targets.end(), resolved);
   std::optional<std::size_t> index;
   if (found != targets.end()) index = static_cast<std::size_t>(found - targets.begin());
-  v.Choice({"target", "The line and direction it stands in",
+  v.Choice({"target", "Line and direction on which the fault acts",
             type.default_target() ? Presence::kOptional : Presence::kRequired},
            words, index);
   fault.target = targets[index.value_or(0)];
@@ -63,13 +63,13 @@ void DescribeMessage(KeyVisitor& v, FaultSpec& fault) {
     words[i] = Name(kMessages[i]);
     if (fault.message == kMessages[i]) index = i;
   }
-  v.Choice({"message", "Frames of this kind alone; absent: all"}, words, index);
+  v.Choice({"message", "Only frames of this kind; absent: all"}, words, index);
   if (index) fault.message = kMessages[*index];
 }
 
 // Faults that act on one client's line, samples or board.
 void DescribeClientOf(KeyVisitor& v, const FaultType& type, FaultSpec& fault) {
-  const Key key = {"client", "Of several clients: whose; absent: every client's"};
+  const Key key = {"client", "With several clients: the one on which the fault acts; absent: all"};
   if (type.has_target() || type.IsOneOf<faults::SensorKind, faults::DeviceKind, faults::ClockKind>())
     v.Text(key, fault.client, kClientRule);
   else
@@ -136,9 +136,9 @@ void DescribeWindow(KeyVisitor& v, const FaultType& type, FaultSpec& fault) {
       v.Seconds(key, time_ns, {min_s, kWindowMax_s});
     }
   };
-  describe({"start_s", "The window begins; absent: at power-on"}, type.start,
+  describe({"start_s", "Begin of the window; absent: power-on"}, type.start,
            "a fault of this type lasts the whole flight", fault.start_ns);
-  describe({"end_s", "The window ends, itself outside; absent: never"}, type.end,
+  describe({"end_s", "End of the window, exclusive; absent: never"}, type.end,
            type.start == Bound::kRefused ? "a fault of this type lasts the whole flight"
                                          : "a fault of this type has a begin only",
            fault.end_ns);
@@ -157,8 +157,9 @@ void RefuseTrigger(KeyVisitor& v, const FaultType& type) {
 void DescribePeriod(KeyVisitor& v, const FaultType& type, FaultSpec& fault) {
   Key period = {
       "period_s",
-      "Active in the first part of each period, counted from start_s; absent: throughout the window"};
-  Key duty = {"duty", "How large that part is"};
+      "The fault is active in the first part of each period, counted from start_s; absent: throughout the "
+      "window"};
+  Key duty = {"duty", "Share of the period in which the fault is active"};
   const bool happens_once = type.happens_once();
   if (type.start == Bound::kRefused || happens_once) {
     period.doc = duty.doc = type.start == Bound::kRefused
@@ -175,22 +176,25 @@ void DescribePeriod(KeyVisitor& v, const FaultType& type, FaultSpec& fault) {
 constexpr TextRule kCondition = {};
 
 void DescribeWaiting(KeyVisitor& v, FaultSpec& fault) {
-  v.Text({"when", "Active by a condition on the flight: comparisons of signals with and, or, not"},
+  v.Text({"when",
+          "Condition on the flight for the fault to be active: comparisons of signals with and, or, not"},
          fault.when, kCondition);
   constexpr std::array kEdges = {Edge::kLevel, Edge::kRising};
   constexpr std::array<std::string_view, 2> kWords = {"level", "rising"};
   std::optional<std::size_t> index;
   if (!fault.when.empty() || fault.edge != Edge::kLevel) index = fault.edge == Edge::kRising ? 1 : 0;
-  v.Choice({"edge",
-            "While `when` holds (level, also when absent), or from where it turns true to the window's end"},
-           kWords, index);
+  v.Choice(
+      {"edge",
+       "level (default): active while `when` holds; rising: from where it turns true to the window's end"},
+      kWords, index);
   fault.edge = kEdges[index.value_or(0)];
   v.MaybeSection(
       {"after", "The window opens some time after another fault's first activation"}, fault.after.has_value(),
       [&](KeyVisitor& w) {
         if (!fault.after) fault.after.emplace();
-        w.Text({"fault", "The other fault's id", Presence::kRequired}, fault.after->fault, kNameRule);
-        w.Seconds({"delay_s", "How long after"}, fault.after->delay_ns, {0, kWindowMax_s});
+        w.Text({"fault", "Id of the other fault", Presence::kRequired}, fault.after->fault, kNameRule);
+        w.Seconds({"delay_s", "Time from that activation to the opening"}, fault.after->delay_ns,
+                  {0, kWindowMax_s});
       });
 }
 
@@ -201,9 +205,9 @@ void RefuseWaiting(KeyVisitor& v) {
 }
 
 void DescribeTrigger(KeyVisitor& v, FaultSpec& fault) {
-  v.Integer({"every_nth_count", "Of the frames, samples or bytes in the window, only every so many"},
+  v.Integer({"every_nth_count", "Pick only every n-th frame, sample or byte in the window"},
             fault.every_nth_count, {1, 1e9});
-  v.Number({"probability", "Then with this probability"}, fault.probability, {0, 1});
+  v.Number({"probability", "Act on a picked one with this probability"}, fault.probability, {0, 1});
 }
 
 }  // namespace
@@ -214,42 +218,44 @@ void DescribeFault(KeyVisitor& v, FaultSpec& fault) {
                                   [&](const Alternative& type) { return type.word == fault.type; });
   std::optional<std::size_t> index;
   if (found != Types().end()) index = static_cast<std::size_t>(found - Types().begin());
-  v.Alternatives(
-      {.name = "type",
-       .doc = "What kind of fault; `tiltproof faults` lists them",
-       .presence = Presence::kRequired,
-       .why_no_longer = faults::WhyNoLonger},
-      Types(), index, [&](KeyVisitor& w, std::size_t chosen) {
-        const FaultType& type = faults::FaultTypes()[chosen];
-        if (fault.type != type.name) fault.parameters.clear();
-        fault.type = type.name;
-        if (type.has_target()) DescribeTarget(w, type, fault);
-        DescribeClientOf(w, type, fault);
-        if (type.IsOneOf<faults::WireKind>()) DescribeMessage(w, fault);
-        const bool some_required = std::any_of(type.parameters.begin(), type.parameters.end(),
-                                               [](const ParameterInfo& info) { return !info.default_value; });
-        w.Section(
-            {"parameters", "How strong it is", some_required ? Presence::kRequired : Presence::kOptional},
-            [&](KeyVisitor& p) {
-              for (const ParameterInfo& info : type.parameters) DescribeParameter(p, info, fault);
-            });
-        DescribeWindow(w, type, fault);
-        DescribePeriod(w, type, fault);
-        if (type.is_command()) {
-          RefuseWaiting(w);
-          RefuseTrigger(w, type);
-        } else {
-          DescribeWaiting(w, fault);
-          DescribeTrigger(w, fault);
-        }
-      });
+  v.Alternatives({.name = "type",
+                  .doc = "What kind of fault; `tiltproof faults` lists them",
+                  .presence = Presence::kRequired,
+                  .why_no_longer = faults::WhyNoLonger},
+                 Types(), index, [&](KeyVisitor& w, std::size_t chosen) {
+                   const FaultType& type = faults::FaultTypes()[chosen];
+                   if (fault.type != type.name) fault.parameters.clear();
+                   fault.type = type.name;
+                   if (type.has_target()) DescribeTarget(w, type, fault);
+                   DescribeClientOf(w, type, fault);
+                   if (type.IsOneOf<faults::WireKind>()) DescribeMessage(w, fault);
+                   const bool some_required =
+                       std::any_of(type.parameters.begin(), type.parameters.end(),
+                                   [](const ParameterInfo& info) { return !info.default_value; });
+                   w.Section({"parameters", "The parameters of this type of fault",
+                              some_required ? Presence::kRequired : Presence::kOptional},
+                             [&](KeyVisitor& p) {
+                               for (const ParameterInfo& info : type.parameters)
+                                 DescribeParameter(p, info, fault);
+                             });
+                   DescribeWindow(w, type, fault);
+                   DescribePeriod(w, type, fault);
+                   if (type.is_command()) {
+                     RefuseWaiting(w);
+                     RefuseTrigger(w, type);
+                   } else {
+                     DescribeWaiting(w, fault);
+                     DescribeTrigger(w, fault);
+                   }
+                 });
 }
 
 void DescribeCompound(KeyVisitor& v, Compound& compound) {
   v.Text({"id", "Unique among the faults' ids, for people", Presence::kRequired}, compound.id, kNameRule);
   v.Seconds({"start_s", "start_s of each member that states none and can have one"}, compound.start_ns,
             {-1000, kWindowMax_s});
-  v.Seconds({"end_s", "end_s, likewise"}, compound.end_ns, {-1000, kWindowMax_s});
+  v.Seconds({"end_s", "end_s of each member that states none and can have one"}, compound.end_ns,
+            {-1000, kWindowMax_s});
 }
 
 }  // namespace tiltproof::harness

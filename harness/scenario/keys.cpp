@@ -71,7 +71,7 @@ void DescribeProtocol(KeyVisitor& v, std::shared_ptr<const link::Protocol>& prot
 void DescribeLink(KeyVisitor& v, LinkSpec& link) {
   v.Bool({"ideal", "Bytes take no time: an input computed from a sample is in force at once"}, link.ideal);
   v.Integer(
-      {"baud", "Bits per second of the main line, 8N1: ten bits a byte; the reference line keeps 921600"},
+      {"baud", "Bits per second of the main line, 8N1: ten bits per byte; the reference line keeps 921600"},
       link.baud, {1200, 10e6});
   DescribeProtocol(v, link.protocol);
   v.Number({"adapter_latency_ms", "Buffering of a USB-serial adapter, on frames towards the plant"},
@@ -85,11 +85,11 @@ void DescribePath(KeyVisitor& v, HoverReference& r) {
   v.Number({"yaw_rad", "Heading"}, r.yaw_rad, {-100, 100});
 }
 void DescribePath(KeyVisitor& v, SpiralReference& r) {
-  v.Number({"turns_count", "n of eq. (1); a negative one turns clockwise"}, r.turns_count, {-1000, 1000});
+  v.Number({"turns_count", "n of eq. (1); negative: clockwise"}, r.turns_count, {-1000, 1000});
   v.Number({"radius_m", "d of eq. (1)"}, r.radius_m, kSize_m);
   v.Number({"height_m", "h of eq. (1), the climb"}, r.height_m, kPosition_m);
   v.Point(kStart, r.start_m, kPosition_m);
-  v.Number({"time_s", "T_f of eq. (1), whatever duration_s is; afterwards the end point is held"}, r.time_s,
+  v.Number({"time_s", "T_f of eq. (1), independent of duration_s; then the end point is held"}, r.time_s,
            kPeriod_s);
 }
 void DescribePath(KeyVisitor& v, WaypointsReference& r) {
@@ -97,19 +97,19 @@ void DescribePath(KeyVisitor& v, WaypointsReference& r) {
   v.Number({"speed_m_s", "Speed along the straight lines"}, r.speed_m_s, {0.001, 100});
 }
 void DescribePath(KeyVisitor& v, CircleReference& r) {
-  v.Number({"radius_m", "The centre lies this far from the start, towards -x"}, r.radius_m, kSize_m);
+  v.Number({"radius_m", "Radius; the centre is this far from the start, towards -x"}, r.radius_m, kSize_m);
   v.Number({"period_s", "Time of one turn"}, r.period_s, kPeriod_s);
   v.Point(kStart, r.start_m, kPosition_m);
 }
 void DescribePath(KeyVisitor& v, EightReference& r) {
   v.Number({"width_m", "Extent along x; along y it is half of this"}, r.width_m, kSize_m);
   v.Number({"period_s", "Time of one figure"}, r.period_s, kPeriod_s);
-  v.Point({"start_m", "The crossing, where it begins"}, r.start_m, kPosition_m);
+  v.Point({"start_m", "The crossing, where the figure begins"}, r.start_m, kPosition_m);
 }
 void DescribePath(KeyVisitor& v, StraightReference& r) {
   v.Point({"from_m", "Position at t = 0", kRequired}, r.from_m, kPosition_m);
   v.Point({"to_m", "Position at time_s, then held", kRequired}, r.to_m, kPosition_m);
-  v.Number({"time_s", "Time from end to end"}, r.time_s, kPeriod_s);
+  v.Number({"time_s", "Time from one end to the other"}, r.time_s, kPeriod_s);
 }
 void DescribePath(KeyVisitor& v, RecordedReference& r) {
   std::string file = r.file.string();
@@ -144,7 +144,7 @@ void DescribeReference(KeyVisitor& v, ReferenceSpec& reference) {
                      SetAlternative(reference.path, index, std::make_index_sequence<kPaths.size()>());
                    std::visit([&](auto& path) { DescribePath(w, path); }, reference.path);
                  });
-  v.Bool({"velocity", "Send the path's velocity along; false: it is sent as 0"}, reference.velocity);
+  v.Bool({"velocity", "Send the path's velocity too; false: it is sent as 0"}, reference.velocity);
 }
 
 void DescribeCriterion(KeyVisitor& v, CriterionSpec& criterion) {
@@ -161,15 +161,16 @@ void DescribeCriterion(KeyVisitor& v, CriterionSpec& criterion) {
 }
 
 void DescribeClient(KeyVisitor& v, ClientEntry& client) {
-  v.Text({"id", "Unique in the scenario; stands in the names of its columns, metrics and files", kRequired},
+  v.Text({"id", "Unique in the scenario; part of the names of its columns, metrics and files", kRequired},
          client.id, kClientRule);
   v.Text({"firmware", "Build of the firmware; absent: the scenario's `firmware`"}, client.firmware, kWord);
 }
 
 void DescribeArbiter(KeyVisitor& v, ArbiterSpec& arbiter) {
-  Enumeration(v, {"type", "single: the actuators of one client are in force, whatever the others say"},
+  Enumeration(v, {"type", "single: only the actuators of one client take effect"},
               std::array{ArbiterType::kSingle}, arbiter.type);
-  v.Text({"client", "Whose; absent: the first one's. Its `start` is t = 0"}, arbiter.client, kClientRule);
+  v.Text({"client", "Whose actuators take effect; absent: the first client's. Its `start` is t = 0"},
+         arbiter.client, kClientRule);
 }
 
 template <class Item, class Describe>
@@ -182,25 +183,26 @@ void ListOf(KeyVisitor& v, const Key& key, std::vector<Item>& items, Describe de
 }  // namespace
 
 void DescribeScenario(KeyVisitor& v, Scenario& s) {
-  v.Integer({"format", "Of this file: a tiltproof that knows only older ones refuses it"}, s.format,
+  v.Integer({"format", "Format of this file; a tiltproof that knows only older formats refuses it"}, s.format,
             {1, static_cast<double>(kScenarioFormat)});
   v.Text({"name", "Unique within a run; names the result folder", kRequired}, s.name, kScenarioName);
-  v.Text({"description", "What it is about, for people"}, s.description, kAnyText);
-  v.Texts({"tags", "Words to select by"}, s.tags, kNameRule);
+  v.Text({"description", "What the scenario is about, for people"}, s.description, kAnyText);
+  v.Texts({"tags", "Words by which scenarios are selected"}, s.tags, kNameRule);
   v.Text(
       {"model",
        "The vehicle: a name that tiltproof ships, or a path ending in .sdf, relative to the scenario's file"},
       s.model, kAnyText);
-  v.Bool({"allow_invalid_inertia", "Fly a model whose inertia no body can have"}, s.allow_invalid_inertia);
+  v.Bool({"allow_invalid_inertia", "Fly a model even if its inertia is physically impossible"},
+         s.allow_invalid_inertia);
   v.Text({"firmware", "Build of the firmware: paper, tolerant, paper_published"}, s.firmware, kWord);
-  ListOf(v, {"clients", "Several clients on the vehicle, each with lines of its own; absent: one, `main`"},
+  ListOf(v, {"clients", "Several clients on the vehicle, each with its own lines; absent: one, `main`"},
          s.clients, DescribeClient);
   v.Section({"arbiter", "Which of several clients moves the vehicle"},
             [&](KeyVisitor& w) { DescribeArbiter(w, s.arbiter); });
   Enumeration(v, {"expect", "The verdict that makes the run green"},
               std::array{Verdict::kPass, Verdict::kFail, Verdict::kInconclusive, Verdict::kError}, s.expect);
   v.Bool({"allow_restarts",
-          "Restarts of the firmware that no fault asked for are no failure; false: they fail `survival`"},
+          "Accept restarts of the firmware that no fault asked for; false: they fail `survival`"},
          s.allow_restarts);
   v.Section({"control_period", "The criterion of that name, which every scenario has"}, [&](KeyVisitor& w) {
     w.Number(
@@ -208,27 +210,30 @@ void DescribeScenario(KeyVisitor& v, Scenario& s) {
          "How far the median interval between the firmware's requests may be from the protocol's period"},
         s.control_period_tolerance_percent, {0.001, 1000});
   });
-  v.Seconds({"start_within_s",
-             "Until so long after power-on an image that is busy, and has not said `start`, is not hung"},
-            s.start_within_ns, {0.1, 3600});
+  v.Seconds(
+      {"start_within_s",
+       "An image that is busy and has not sent `start` counts as hung only after this time from power-on"},
+      s.start_within_ns, {0.1, 3600});
   // JSON and JavaScript hold integers exactly up to 2^53 - 1.
   auto seed = static_cast<std::int64_t>(s.seed);
-  v.Integer({"seed", "Every random draw derives from it"}, seed, {0, 9007199254740991});
+  v.Integer({"seed", "All random draws derive from it"}, seed, {0, 9007199254740991});
   s.seed = static_cast<std::uint64_t>(seed);
   v.Seconds({"duration_s",
-             "Length of the flight from the accepted start; its log takes about 8 MiB of memory a minute",
+             "Length of the flight from the accepted start; its log takes about 8 MiB of memory per minute",
              kRequired},
             s.duration_ns, {kShortest_s, 14400});
-  v.Seconds({"step_s", "Step of the plant's integration; divides the protocol's control period (0.012)"},
+  v.Seconds({"step_s", "Step of the plant's integration; must divide the protocol's control period (0.012)"},
             s.step_ns, {kShortest_s, 1});
-  v.Seconds({"delay_margin_s",
-             "How much delay the loop of vehicle and firmware can bear; in real time, this machine is late "
-             "after a third of it"},
-            s.delay_margin_ns, {0.0001, 10});
-  Enumeration(v,
-              {"angular_rates",
-               "The rates that the sensors give: of the world's axes, of the body's, or of the Euler angles"},
-              std::array{AngularRates::kWorld, AngularRates::kBody, AngularRates::kEuler}, s.angular_rates);
+  v.Seconds(
+      {"delay_margin_s",
+       "Delay that the loop of vehicle and firmware tolerates; in real time, this machine is late after "
+       "a third of it"},
+      s.delay_margin_ns, {0.0001, 10});
+  Enumeration(
+      v,
+      {"angular_rates",
+       "Angular rates of the sensors: about the world's axes, about the body's axes, or of the Euler angles"},
+      std::array{AngularRates::kWorld, AngularRates::kBody, AngularRates::kEuler}, s.angular_rates);
   v.Section({"initial", "The vehicle before the start"}, [&](KeyVisitor& w) { DescribeInitial(w, s); });
   v.Section({"link", "The serial lines"}, [&](KeyVisitor& w) { DescribeLink(w, s.link); });
   v.Section({"reference", "The path that the base station asks for", kRequired},

@@ -5,8 +5,8 @@
 // type and default. So the three cannot drift apart.
 //
 //   void DescribeLink(KeyVisitor& v, LinkSpec& link) {
-//     v.Number({"adapter_latency_ms", "Buffering of a USB-serial adapter"}, link.adapter_latency_ms, {0,
-//     100});
+//     v.Number({"adapter_latency_ms", "Buffering of a USB-serial adapter"}, link.adapter_latency_ms,
+//              {0, 100});
 //   }
 #pragma once
 
@@ -57,11 +57,11 @@ inline constexpr TextRule kNameRule = {
 // Ids of clients: they are part of the names of columns and metrics, so a formula must be able to read them.
 inline constexpr TextRule kClientRule = {"[A-Za-z0-9_]+", "letters, digits and '_'", 32};
 
-// A key that excludes others, and the keys that are allowed only beside it.
+// A key that excludes others, and the keys that are allowed only together with it.
 struct KeyGroup {
   std::string_view key;
   std::vector<std::string_view> companions = {};  // it needs one of these; none: it needs no other
-  std::string_view companions_refused = {};       // what is wrong with them beside another key
+  std::string_view companions_refused = {};       // what is wrong with them together with another key
 };
 
 // A word that decides which other keys a mapping has.

@@ -47,7 +47,7 @@ inline constexpr std::string_view kSurvivalCriterion = "survival";
 inline constexpr std::string_view kControlPeriodCriterion = "control_period";
 inline constexpr std::array kImplicitCriteria = {kSurvivalCriterion, kControlPeriodCriterion};
 
-// Files beside the scenarios' folders in the folder of a run; no scenario takes these names.
+// Files next to the scenarios' folders in the folder of a run; no scenario takes these names.
 inline constexpr std::array<std::string_view, 5> kRunFiles = {"run.json", "results.json", "events.jsonl",
                                                               "junit.xml", "report.html"};
 
@@ -116,7 +116,7 @@ struct Scenario {
 
   std::size_t client_count() const { return clients.empty() ? 1 : clients.size(); }
   bool has_several_clients() const { return clients.size() > 1; }
-  // By a client's place among them.
+  // `client`: the client's place among them.
   std::string client_id(std::size_t client) const;
   const std::string& firmware_of(std::size_t client) const;
   // Seed for the faults on this client's line and board. For a flight's only client it is the scenario's.

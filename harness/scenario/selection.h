@@ -28,8 +28,8 @@ struct FoundScenarios {
 // scenarios, which are not the user's.
 FoundScenarios FindScenarios(const std::vector<std::filesystem::path>& paths);
 
-// Name of the folder, or of the file without its ending; of several paths, joined by '+', or the
-// first and how many more when that is long.
+// Name of the folder, or of the file without its ending; for several paths the names, joined by '+',
+// or the first one and the number of the others when that is long.
 std::string SuiteName(const std::vector<std::filesystem::path>& paths);
 
 // -k EXPR --tag TAG. EXPR is words joined by `and`, `or`, `not` and parentheses; a word holds when the

@@ -42,7 +42,7 @@ struct YamlNode {
   std::string text;       // a scalar's, without quotes and escapes
   std::string complaint;  // kAmbiguous: why a plain scalar is neither number, truth value nor clearly text
   std::optional<YamlMark>
-      text_begin;  // where `text` begins, when it stands in the file letter for letter on one line
+      text_begin;                  // where `text` begins, when the file contains it unchanged and on one line
   std::vector<YamlNode> items;     // of a sequence
   std::vector<YamlEntry> entries;  // of a mapping, in file order, keys unique
 

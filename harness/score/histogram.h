@@ -28,7 +28,7 @@ struct Histogram {
 // of 0.1 ms from 10 ms to 14 ms.
 Histogram RequestPeriodHistogram(std::span<const TimeNs> request_times_ns, TimeNs control_period_ns);
 
-// In 48 bins from 0 to the control period: for 12 ms, bins of 0.25 ms.
+// Latencies of replies, in 48 bins from 0 to the control period: for 12 ms, bins of 0.25 ms.
 Histogram ReplyLatencyHistogram(std::span<const TimeNs> reply_latency_ns, TimeNs control_period_ns);
 
 }  // namespace tiltproof::harness

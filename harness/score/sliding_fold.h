@@ -2,8 +2,8 @@
 // "until" and the like.
 //
 //   SlidingFold<double, Min> fold(values, infinity);
-//   for (i = 0; ...) lowest[i] = fold.Over(first(i), last(i));   // values[first, last), both never
-//   decreasing
+//   for (std::size_t i = 0; i < lowest.size(); ++i)
+//     lowest[i] = fold.Over(first(i), last(i));  // of values[first, last); neither bound ever decreases
 //
 // Two stacks: values that entered since the last turn are folded into one value; values that entered before
 // are stored as partial folds, one per place where the window may begin. Whatever the width of the windows,

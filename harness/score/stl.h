@@ -9,7 +9,7 @@
 //
 //   const auto signals = SignalNames(trace.columns());
 //   const stl::Formula f = stl::Parse("always[5,60](position_error_m <= 1.0)", {signals, fault_ids});
-//   const stl::Result r = stl::Evaluate(f, trace, duration_ns);
+//   const stl::Result r = stl::Evaluate(f, trace);
 #pragma once
 
 #include <cstdint>

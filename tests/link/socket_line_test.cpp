@@ -231,8 +231,8 @@ TEST_F(SocketLineTest, ItsNameGoesWithItAndThePeerHears) {
   EXPECT_TRUE(loop_.stopped());
   EXPECT_THAT(at_port.closed, AllOf(HasSubstr(name), HasSubstr("the other end is gone")));
   EXPECT_FALSE(port.Write(AllBytes()));
-  EXPECT_THAT(OpenError(name), AllOf(HasSubstr(name), HasSubstr("nobody listens there")));
-  EXPECT_THAT(SocketTrouble(name).value_or(""), HasSubstr("nobody listens there"));
+  EXPECT_THAT(OpenError(name), AllOf(HasSubstr(name), HasSubstr("no process listens there")));
+  EXPECT_THAT(SocketTrouble(name).value_or(""), HasSubstr("no process listens there"));
 }
 
 TEST_F(SocketLineTest, AnotherUserIsTurnedAway) {
@@ -286,12 +286,12 @@ TEST_F(SocketLineTest, SaysWhatIsWrongWithAName) {
   EXPECT_THAT(OpenError("unix:"), HasSubstr("the name is empty"));
   EXPECT_THAT(OpenError("unix:" + std::string(200, 'x')), HasSubstr("longer than 107 bytes"));
   const std::string missing = "unix:" + (folder_ / "missing").string();
-  EXPECT_THAT(OpenError(missing), AllOf(HasSubstr(missing), HasSubstr("nobody listens there")));
+  EXPECT_THAT(OpenError(missing), AllOf(HasSubstr(missing), HasSubstr("no process listens there")));
   EXPECT_THAT(SocketTrouble(missing).value_or(""), HasSubstr("no such socket"));
   std::ofstream(folder_ / "file") << "text";
   EXPECT_THAT(SocketTrouble("unix:" + (folder_ / "file").string()).value_or(""), HasSubstr("not a socket"));
   close(ListenAt(folder_ / "left"));  // its owner has died
-  EXPECT_THAT(OpenError("unix:" + (folder_ / "left").string()), HasSubstr("nobody listens there"));
+  EXPECT_THAT(OpenError("unix:" + (folder_ / "left").string()), HasSubstr("no process listens there"));
   const int datagram = ListenAt(folder_ / "datagram", SOCK_DGRAM);
   EXPECT_THAT(OpenError("unix:" + (folder_ / "datagram").string()), HasSubstr("must be a stream"));
   close(datagram);

@@ -20,11 +20,10 @@ class LossOfEffectiveness : public ActuatorModel {
 
 FaultType ActuatorLossOfEffectiveness() {
   return {.name = "actuator.loss_of_effectiveness",
-          .summary = "An actuator yields only a part of what is commanded.",
+          .summary = "An actuator delivers only a part of what is commanded.",
           .semantics =
-              "The actuator's force or torque is `factor` times the command: 1 is a healthy "
-              "actuator, 0 a dead one. In force throughout the window, also on a command that was "
-              "given before it.",
+              "The actuator's force or torque is `factor` times the command: 1 is a healthy actuator, 0 a "
+              "dead one. This holds throughout the window, also for a command that was given before it.",
           .parameters = {ActuatorParameter(),
                          {.name = "factor",
                           .unit = "1",

@@ -32,13 +32,12 @@ class RateLimit : public ActuatorModel {
 
 FaultType ActuatorRateLimit() {
   return {.name = "actuator.rate_limit",
-          .summary = "An actuator follows its commands only so fast.",
+          .summary = "An actuator follows its commands only at a limited rate.",
           .semantics =
-              "In the window the actuator's force or torque changes by no more than `rate_per_s` times the "
-              "length of "
-              "each step of the plant, beginning from what was in force before the window, and goes on "
-              "towards the "
-              "latest command until it is reached. After the window it is the command at once.",
+              "In the window, the actuator's force or torque changes in each step of the plant by no more "
+              "than `rate_per_s` times the length of the step. It begins with the value that was in force "
+              "before the window, and moves towards the latest command until it reaches it. After the "
+              "window, the command takes effect at once.",
           .parameters = {ActuatorParameter(),
                          {.name = "rate_per_s",
                           .unit = "of the actuator, 1/s",

@@ -6,21 +6,18 @@ FaultType ClockDrift() {
   return {.name = "clock.drift",
           .summary = "A node's clock runs at a wrong rate.",
           .semantics =
-              "In the window the clock of the node, and all that the node counts by it, gains `ppm` "
-              "microseconds a "
-              "second on the world (loses them, when negative): a client that is fast by 100 ppm has a "
-              "control period "
-              "of 12 ms less 1.2 us. What the clock gained it keeps. Without `start_s` it begins at t = 0. "
-              "Bytes keep "
-              "the line's rate at the client: such drifts are far below what a UART tolerates. Several "
-              "drifts of one "
-              "clock do not overlap.",
+              "In the window, the clock of the node gains `ppm` microseconds per second on the true time "
+              "(it loses them when `ppm` is negative). Everything that the node times by this clock "
+              "follows: a client that is fast by 100 ppm has a control period of 12 ms less 1.2 us. The "
+              "clock keeps the time that it has gained. Without `start_s`, the drift begins at t = 0. At "
+              "the client, bytes keep the rate of the line: such drifts are far below what a UART "
+              "tolerates. Drifts of the same clock do not overlap.",
           .parameters = {ClockNodeParameter(),
                          {.name = "ppm",
                           .unit = "ppm",
                           .min = -10'000.0,
                           .max = 10'000.0,
-                          .doc = "how much too fast",
+                          .doc = "how much too fast the clock runs",
                           .example = 200.0,
                           .zero = 0.0,
                           .severity = Scale::kLinear}},

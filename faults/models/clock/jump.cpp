@@ -7,18 +7,17 @@ FaultType ClockJump() {
       .name = "clock.jump",
       .summary = "A node's clock jumps.",
       .semantics =
-          "At `start_s` the clock of the node jumps forward by `jump_ms` (back, when negative): what was due "
-          "meanwhile is due at once, and after a jump back the node waits for as long. At `end_s`, when "
-          "there is "
-          "one, it jumps back by as much. No node sees its time run backwards: it stands until the clock has "
-          "caught "
-          "up.",
+          "At `start_s`, the clock of the node jumps forward by `jump_ms` (back when it is negative). After "
+          "a jump forward, everything that was due in between is due at once. After a jump back, the node "
+          "waits for that much longer. At `end_s`, when there is one, the clock jumps by the same amount in "
+          "the other direction. A node never sees its time run backwards: its time stands still until the "
+          "clock has caught up.",
       .parameters = {ClockNodeParameter(),
                      {.name = "jump_ms",
                       .unit = "ms",
                       .min = -10'000.0,
                       .max = 10'000.0,
-                      .doc = "how far forward",
+                      .doc = "how far the clock jumps forward",
                       .example = 5.0,
                       .zero = 0.0,
                       .severity = Scale::kLinear}},

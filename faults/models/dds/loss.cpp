@@ -6,11 +6,11 @@ FaultType DdsLoss() {
   return {.name = "dds.loss",
           .summary = "Loses packets between the nodes.",
           .semantics =
-              "Of the packets that the node sends on DDS each is lost with `probability`, by draws of the "
-              "middleware that no seed repeats. Throughout the flight, so without a window: it is set when "
-              "the node joins.",
+              "Each packet that the node sends on DDS is lost with `probability`. The middleware draws "
+              "these losses, and no seed repeats them. The loss is set when the node joins and lasts the "
+              "whole flight, so the fault has no window.",
           .parameters = {NodeParameter({"base_station", "client", "plant", "link", "all"}),
-                         ProbabilityParameter("of losing a packet", 0.1)},
+                         ProbabilityParameter("probability, per packet, that it is lost", 0.1)},
           .kind = NodeKind{.make = [](const Parameters& parameters) -> NodeAction {
             return LosePackets{.probability = parameters.Number("probability")};
           }},

@@ -6,11 +6,12 @@ FaultType DeviceBitFlip() {
   return {.name = "device.bit_flip",
           .summary = "Flips bits of the firmware's memory, as radiation does.",
           .semantics =
-              "At one instant `bit_count` different bits of the region are flipped, every choice of them "
-              "alike; they stay so until the firmware writes there. The instant is `start_s` or, with "
-              "`end_s`, drawn from the window, every nanosecond alike: flights with many seeds "
-              "(`--repeat`) then sample memory and time. A region is one of `ram` (all of it), `data`, "
-              "`bss`, `stack`, or an object of the firmware by its name in the ELF file.",
+              "At one instant, `bit_count` different bits of the region are flipped. All choices of bits "
+              "are equally likely. The bits stay flipped until the firmware writes there. Without `end_s`, "
+              "the instant is `start_s`. With `end_s`, it is drawn from the window, where every nanosecond "
+              "is equally likely: flights with many seeds (`--repeat`) then sample memory and time. A "
+              "region is `ram` (all of it), `data`, `bss`, `stack`, or an object of the firmware by its "
+              "name in the ELF file.",
           .parameters = {{.name = "region",
                           .unit = "",
                           .kind = ParameterKind::kText,
@@ -21,7 +22,7 @@ FaultType DeviceBitFlip() {
                           .kind = ParameterKind::kInteger,
                           .min = 1.0,
                           .max = 64.0,
-                          .doc = "how many bits at once",
+                          .doc = "number of bits that are flipped at once",
                           .example = 1.0,
                           .default_value = 1.0}},
           .kind = DeviceKind{.make = [](const DeviceSetup& setup) -> DeviceAction {

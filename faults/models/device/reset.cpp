@@ -6,9 +6,9 @@ FaultType DeviceReset() {
   return {.name = "device.reset",
           .summary = "Resets the firmware's processor, as its reset pin does.",
           .semantics =
-              "At `start_s` the processor and its peripherals are reset and stay so for `boot_ms`; then the "
-              "firmware starts from its reset vector. It receives nothing meanwhile, and a byte that it was "
-              "sending is cut off. The fault is active while the processor is held.",
+              "At `start_s`, the processor and its peripherals are reset, and held in reset for `boot_ms`. "
+              "Then the firmware starts from its reset vector. Meanwhile it receives nothing, and a byte "
+              "that it was sending is cut off. The fault is active while the processor is held.",
           .parameters = {BootParameter()},
           .kind = DeviceKind{.make = [](const DeviceSetup&) -> DeviceAction { return ResetProcessor{}; },
                              .asks_restart = true},

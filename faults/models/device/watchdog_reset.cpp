@@ -4,10 +4,11 @@ namespace tiltproof::faults {
 
 FaultType DeviceWatchdogReset() {
   return {.name = "device.watchdog_reset",
-          .summary = "Resets the firmware's processor, and says that it was the watchdog.",
+          .summary = "Resets the firmware's processor, with the watchdog as the cause.",
           .semantics =
-              "As device.reset, but the firmware finds the independent watchdog as the reset's cause "
-              "(IWDGRSTF in RCC_CSR; RM0090, RCC). What it does on such a start is tested without a hang.",
+              "Like device.reset, but the firmware finds the independent watchdog as the cause of the reset "
+              "(IWDGRSTF in RCC_CSR; RM0090, RCC). This tests what the firmware does on such a start, "
+              "without a hang.",
           .parameters = {BootParameter()},
           .kind = DeviceKind{.make = [](const DeviceSetup&) -> DeviceAction { return ResetByWatchdog{}; },
                              .asks_restart = true},

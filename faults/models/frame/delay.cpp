@@ -70,12 +70,13 @@ FaultType FrameDelay() {
   return {.name = "frame.delay",
           .summary = "Holds frames back for a fixed or random time.",
           .semantics =
-              "Every frame that the trigger picked enters the line later by a draw of its own. "
-              "Frames keep their order: one that would overtake waits behind its predecessor. The "
-              "draw is `mean_ms` (constant); within `jitter_ms` of it, every value alike (uniform); "
-              "or of mean `mean_ms` and standard deviation `jitter_ms` (normal, pareto). A negative "
-              "draw counts as 0, one beyond 60 s as 60 s. A Pareto delay is never shorter than a "
-              "least value that follows from the two, and has a heavy tail.",
+              "Every frame that the trigger picks enters the line later, by a delay that is drawn for it "
+              "alone. Frames keep their order: a frame that would overtake another one waits behind it. "
+              "With `constant`, the delay is `mean_ms`. With `uniform`, all values within `jitter_ms` of "
+              "`mean_ms` are equally likely. With `normal` and `pareto`, the delay has the mean `mean_ms` "
+              "and the standard deviation `jitter_ms`. A negative draw counts as 0, and a draw beyond 60 s "
+              "as 60 s. A Pareto delay has a heavy tail and is never shorter than a minimum, which follows "
+              "from the two parameters.",
           .parameters = {{.name = "mean_ms",
                           .unit = "ms",
                           .min = 0.0,
@@ -95,7 +96,7 @@ FaultType FrameDelay() {
                          {.name = "distribution",
                           .unit = "",
                           .kind = ParameterKind::kChoice,
-                          .doc = "of the draws",
+                          .doc = "distribution of the delay",
                           .example = "uniform",
                           .default_value = "constant",
                           .choices = {"constant", "uniform", "normal", "pareto"}}},

@@ -25,7 +25,8 @@ FaultType FrameDrop() {
   return {.name = "frame.drop",
           .summary = "Loses whole frames.",
           .semantics =
-              "A frame that the trigger picked is lost with the given probability; the line is idle instead.",
+              "A frame that the trigger picks is lost with the given probability. The line is idle in its "
+              "place.",
           .parameters = {ProbabilityParameter("probability, per frame, that it is lost", 0.5)},
           .kind = WireKind{.wire_layer = WireLayer::kFrame,
                            .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {

@@ -31,9 +31,9 @@ FaultType FrameDuplicate() {
   return {.name = "frame.duplicate",
           .summary = "Sends whole frames twice.",
           .semantics =
-              "A frame that the trigger picked is followed by a copy of itself with the given "
-              "probability. Later faults treat the copy as a frame of its own; what is sent next "
-              "waits until the line is free.",
+              "A frame that the trigger picks is followed by a copy of itself with the given probability. "
+              "Later faults treat the copy as a separate frame. What is sent next waits until the line is "
+              "free.",
           .parameters = {ProbabilityParameter("probability, per frame, that it is sent twice", 0.5)},
           .kind = WireKind{.wire_layer = WireLayer::kFrame,
                            .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {

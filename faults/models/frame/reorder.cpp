@@ -60,12 +60,12 @@ class Reorder : public WireModel {
 
 FaultType FrameReorder() {
   return {.name = "frame.reorder",
-          .summary = "Lets later frames overtake.",
+          .summary = "Lets later frames overtake a frame.",
           .semantics =
-              "A frame that the trigger picked is held back with the given probability and goes on "
-              "directly after the `depth_count`-th later frame of its direction (of those with the "
-              "fault's `message`, when it has one), held back or not, in the window or after it. "
-              "Without such a frame it never goes on.",
+              "A frame that the trigger picks is held back with the given probability. It goes on directly "
+              "after the `depth_count`-th later frame of its direction. If the fault has a `message`, only "
+              "later frames of that kind count. They count whether or not they are held back themselves, "
+              "and also after the window. If there are too few of them, the frame never goes on.",
           .parameters = {ProbabilityParameter("probability, per frame, that it is held back", 0.3),
                          {.name = "depth_count",
                           .unit = "frame",

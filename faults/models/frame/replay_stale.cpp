@@ -64,19 +64,20 @@ class ReplayStale : public WireModel {
 
 FaultType FrameReplayStale() {
   return {.name = "frame.replay_stale",
-          .summary = "Puts an older frame in the place of a new one.",
+          .summary = "Replaces a new frame by an older one.",
           .semantics =
-              "A frame that the trigger picked is replaced, with the given probability, by what was "
-              "sent `age_count` frames of the same message before it: a well-formed frame with old "
-              "content. Frames before the window are remembered too; while there is none so old, "
-              "nothing happens. Equal content (a sensor request) counts as no change.",
+              "A frame that the trigger picks is replaced with the given probability. Its replacement is "
+              "the frame that was sent `age_count` frames of the same message before it: a well-formed "
+              "frame with old content. Frames from before the window are remembered too. As long as no "
+              "frame is that old, nothing happens. Equal content (a sensor request, for example) counts as "
+              "no change.",
           .parameters = {ProbabilityParameter("probability, per frame, that it is replaced", 0.3),
                          {.name = "age_count",
                           .unit = "frame",
                           .kind = ParameterKind::kInteger,
                           .min = 1,
                           .max = 10'000,
-                          .doc = "how many frames of the same message lie back",
+                          .doc = "age of the replacement, in frames of the same message",
                           .example = 3.0}},
           .kind = WireKind{.wire_layer = WireLayer::kFrame,
                            .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {

@@ -28,9 +28,9 @@ FaultType FrameTruncate() {
   return {.name = "frame.truncate",
           .summary = "Cuts frames short.",
           .semantics =
-              "Of a frame that the trigger picked only the first bytes go on, with the given "
-              "probability: at least one, and at least one is lost, every length alike. Its closing "
-              "flag is always lost; a frame of a single byte stays as it is.",
+              "A frame that the trigger picks is cut short with the given probability. At least one byte "
+              "goes on and at least one byte is lost; all possible lengths are equally likely. The closing "
+              "flag is always lost. A frame of a single byte stays as it is.",
           .parameters = {ProbabilityParameter("probability, per frame, that it is cut", 0.5)},
           .kind = WireKind{.wire_layer = WireLayer::kFrame,
                            .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {

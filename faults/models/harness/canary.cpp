@@ -24,8 +24,8 @@ FaultType HarnessCanary() {
   return {.name = "harness.canary",
           .summary = "Cuts all thrusts: no flight may survive it.",
           .semantics =
-              "All thrusts are 0 throughout the window, whatever is commanded. A verdict other "
-              "than fail shows that faults or scoring do not work.",
+              "All thrusts are 0 throughout the window, whatever is commanded. A verdict other than fail "
+              "shows that faults or scoring do not work.",
           .kind = ActuatorKind{.make = [](const SignalSetup& setup) -> std::unique_ptr<ActuatorModel> {
             return std::make_unique<Canary>(setup.signals.inputs);
           }}};

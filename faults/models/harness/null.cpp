@@ -14,8 +14,8 @@ FaultType HarnessNull() {
   return {.name = "harness.null",
           .summary = "Changes nothing: a flight with it must equal one without.",
           .semantics =
-              "Passes through triggers and records as any fault of the sensors does, and counts as "
-              "activated in every sample that the trigger picked.",
+              "The fault passes through triggers and records like any fault of the sensors, and counts as "
+              "activated in every sample that the trigger picks.",
           .kind = SensorKind{.make = [](const SignalSetup&) -> std::unique_ptr<SensorModel> {
                                return std::make_unique<Null>();
                              },

@@ -16,9 +16,9 @@ FaultType LinkSilence() {
   return {.name = "link.silence",
           .summary = "A sender stops sending.",
           .semantics =
-              "Every frame whose first byte would enter the line within the window is not sent, "
-              "whole; a frame begun before the window ends as usual. Without a target both "
-              "directions of the main line are silent.",
+              "A frame whose first byte would enter the line within the window is not sent at all. A frame "
+              "that began before the window is sent to its end. Without a target, both directions of the "
+              "main line are silent.",
           .kind = WireKind{.wire_layer = WireLayer::kFrame,
                            .make = [](const WireSetup&) -> std::unique_ptr<WireModel> {
                              return std::make_unique<Silence>();

@@ -7,10 +7,9 @@ FaultType NodeKill() {
       .name = "node.kill",
       .summary = "Kills a node, for good.",
       .semantics =
-          "At `start_s` the node and everything that it has started are killed (SIGKILL). The loss of the "
-          "client's node is the firmware's failure, that of any other an error of the harness: with such a "
-          "scenario "
-          "say `expect: error`.",
+          "At `start_s`, the node and every process that it has started are killed (SIGKILL). The loss of "
+          "the client's node is a failure of the firmware. The loss of any other node is an error of the "
+          "harness: such a scenario needs `expect: error`.",
       .parameters = {NodeParameter({"client", "plant", "link", "base_station"})},
       .kind = NodeKind{.make = [](const Parameters&) -> NodeAction { return KillNode{}; }},
       .start = Bound::kRequired,

@@ -4,11 +4,10 @@ namespace tiltproof::faults {
 
 FaultType NodePause() {
   return {.name = "node.pause",
-          .summary = "Stops a node and lets it go on later, as a starved processor would.",
+          .summary = "Stops a node and lets it go on later, as if it had been given no processor time.",
           .semantics =
-              "At `start_s` the node is stopped (SIGSTOP), at `end_s` it continues (SIGCONT) with what has "
-              "waited "
-              "for it meanwhile. Its clock runs on.",
+              "The node is stopped at `start_s` (SIGSTOP) and continues at `end_s` (SIGCONT). It then finds "
+              "everything that has waited for it meanwhile. Its clock keeps running.",
           .parameters = {NodeParameter({"client", "plant", "link", "base_station"})},
           .kind = NodeKind{.make = [](const Parameters&) -> NodeAction { return PauseNode{}; }},
           .start = Bound::kRequired,

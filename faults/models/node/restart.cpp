@@ -6,15 +6,14 @@ FaultType NodeRestart() {
   return {.name = "node.restart",
           .summary = "Kills a node and starts it again.",
           .semantics =
-              "At `start_s` the node is killed (SIGKILL), `down_ms` later it is started anew, with nothing "
-              "of what it "
-              "knew: a firmware begins with `start`. The fault is active while the node is down.",
+              "The node is killed at `start_s` (SIGKILL) and started again `down_ms` later. It has lost all "
+              "it knew: a firmware begins with `start`. The fault is active while the node is down.",
           .parameters = {NodeParameter({"client", "base_station"}),
                          {.name = "down_ms",
                           .unit = "ms",
                           .min = 0.0,
                           .max = 600'000.0,
-                          .doc = "from the kill to the new start",
+                          .doc = "time from the kill to the new start",
                           .example = 500.0}},
           .kind = NodeKind{.make = [](const Parameters&) -> NodeAction { return RestartNode{}; },
                            .asks_restart = true},

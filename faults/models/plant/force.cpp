@@ -26,16 +26,14 @@ FaultType PlantForce() {
   return {.name = "plant.force",
           .summary = "Pushes the vehicle.",
           .semantics =
-              "In every step that the trigger picked a force of `force_n` acts at the main body's centre of "
-              "mass, along "
-              "`direction` in the world (z up), whatever the vehicle's attitude. An activation is each time "
-              "that it "
-              "begins to act.",
+              "In every step that the trigger picks, a force of `force_n` acts at the main body's centre of "
+              "mass, along `direction` in the world (z up), whatever the vehicle's attitude. Each time that "
+              "the force begins to act is one activation.",
           .parameters = {{.name = "force_n",
                           .unit = "N",
                           .min = 0.0,
                           .max = 1e4,
-                          .doc = "how strong",
+                          .doc = "magnitude of the force",
                           .example = 2.0,
                           .zero = 0.0,
                           .severity = Scale::kLinear},
@@ -44,7 +42,7 @@ FaultType PlantForce() {
                           .kind = ParameterKind::kVector,
                           .min = -1e3,
                           .max = 1e3,
-                          .doc = "where to, in the world; its length does not matter",
+                          .doc = "direction of the force, in the world; its length does not matter",
                           .example = std::array{0.0, 1.0, 0.0}}},
           .kind = PlantKind{.make = [](const SignalSetup& setup) -> std::unique_ptr<PlantModel> {
             return std::make_unique<Force>(setup.parameters);

@@ -25,14 +25,14 @@ FaultType SensorBias() {
   return {.name = "sensor.bias",
           .summary = "Adds a constant to a sensor.",
           .semantics =
-              "`offset` is added to the signal in every sample that the trigger picked, before it "
-              "is sent; the sum is rounded to the line's 32 bits.",
+              "`offset` is added to the signal in every sample that the trigger picks, before the sample is "
+              "sent. The sum is rounded to the 32 bits of the line.",
           .parameters = {SensorParameter(),
                          {.name = "offset",
                           .unit = "of the signal",
                           .min = -1e6,
                           .max = 1e6,
-                          .doc = "what is added, in the signal's unit",
+                          .doc = "the value that is added, in the signal's unit",
                           .example = 0.5,
                           .zero = 0.0,
                           .severity = Scale::kLinear}},

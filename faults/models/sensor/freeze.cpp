@@ -24,8 +24,8 @@ FaultType SensorFreeze() {
   return {.name = "sensor.freeze",
           .summary = "A sensor keeps its value.",
           .semantics =
-              "The signal keeps the value that it had in the first sample that the trigger picked. "
-              "That sample itself is unchanged, and so counts as no activation.",
+              "The signal keeps the value of the first sample that the trigger picked. That sample itself "
+              "is unchanged, so it does not count as an activation.",
           .parameters = {SensorParameter()},
           .kind = SensorKind{.make = [](const SignalSetup& setup) -> std::unique_ptr<SensorModel> {
             return std::make_unique<Freeze>(setup);

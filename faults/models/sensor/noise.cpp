@@ -25,9 +25,9 @@ FaultType SensorNoise() {
   return {.name = "sensor.noise",
           .summary = "Adds white noise to a sensor.",
           .semantics =
-              "To the signal a normal draw of mean 0 and standard deviation `std` is added in every sample "
-              "that the "
-              "trigger picked, independent from sample to sample; the sum is rounded to the line's 32 bits.",
+              "A random value is added to the signal in every sample that the trigger picks. It is normally "
+              "distributed, with mean 0 and standard deviation `std`, and independent of the values in "
+              "other samples. The sum is rounded to the 32 bits of the line.",
           .parameters = {SensorParameter(),
                          {.name = "std",
                           .unit = "of the signal",

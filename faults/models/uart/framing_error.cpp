@@ -6,10 +6,10 @@ FaultType UartFramingError() {
   return {.name = "uart.framing_error",
           .summary = "The firmware's receiver misses stop bits.",
           .semantics =
-              "A byte that meets this fault is delivered as it is, with the framing error flag (FE) set in "
-              "the status register until the firmware reads the status and then the data register (RM0090, "
-              "section 30.3.3).",
-          .parameters = {ProbabilityParameter("that a byte is delivered with the flag", 0.01)},
+              "A byte that this fault hits is delivered unchanged, with the framing error flag (FE) set in "
+              "the status register. The flag stays until the firmware reads the status register and then "
+              "the data register (RM0090, section 30.3.3).",
+          .parameters = {ProbabilityParameter("probability, per byte, that it has the flag", 0.01)},
           .kind = ReceiverKind{.mark = ReceiveMark::kFraming},
           .needs = Needs::kEmulation};
 }

@@ -7,9 +7,10 @@ FaultType UartNoiseError() {
       .name = "uart.noise_error",
       .summary = "The firmware's receiver detects noise.",
       .semantics =
-          "A byte that meets this fault is delivered as it is, with the noise flag (NF) set in the status "
-          "register until the firmware reads the status and then the data register (RM0090, section 30.3.3).",
-      .parameters = {ProbabilityParameter("that a byte is delivered with the flag", 0.01)},
+          "A byte that this fault hits is delivered unchanged, with the noise flag (NF) set in the status "
+          "register. The flag stays until the firmware reads the status register and then the data register "
+          "(RM0090, section 30.3.3).",
+      .parameters = {ProbabilityParameter("probability, per byte, that it has the flag", 0.01)},
       .kind = ReceiverKind{.mark = ReceiveMark::kNoise},
       .needs = Needs::kEmulation};
 }

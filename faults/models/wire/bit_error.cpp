@@ -29,8 +29,8 @@ FaultType WireBitError() {
   return {.name = "wire.bit_error",
           .summary = "Flips bits independently of each other.",
           .semantics =
-              "Every data bit of a frame, flags and escapes included, is flipped with probability "
-              "`ber`. Start and stop bits are spared: the receiver's byte clock stays right.",
+              "Every data bit of a frame, flags and escapes included, is flipped with probability `ber`. "
+              "Start and stop bits are not flipped, so the receiver stays in step with the bytes.",
           .parameters = {{.name = "ber",
                           .unit = "1",
                           .min = 0.0,

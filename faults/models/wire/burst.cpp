@@ -60,11 +60,11 @@ FaultType WireBurst() {
   return {.name = "wire.burst",
           .summary = "Short disturbances at random times flip runs of bits.",
           .semantics =
-              "Disturbances come as a Poisson process in time, whether or not something is sent; "
-              "one that falls on an idle line hits nothing. Each lasts `length_bits` data bits (a "
-              "byte's eight data bits share its time evenly) and flips each bit that begins "
-              "meanwhile with probability `density`. A disturbance may begin before a frame and end "
-              "after it. On an ideal link bits are placed as at 921600 baud.",
+              "Disturbances come as a Poisson process in time, whether or not something is sent. A "
+              "disturbance that falls on an idle line has no effect. Each disturbance lasts `length_bits` "
+              "data bits (the eight data bits of a byte share its time evenly) and flips each bit that "
+              "begins within it with probability `density`. A disturbance may begin before a frame and end "
+              "after it. On an ideal link, bits are placed as at 921600 baud.",
           .parameters = {{.name = "length_bits",
                           .unit = "bit",
                           .kind = ParameterKind::kInteger,

@@ -33,7 +33,7 @@ FaultType WireByteDuplicate() {
           .summary = "Sends single bytes twice.",
           .semantics =
               "Every byte of a frame, flags included, is repeated once with the given probability, "
-              "independently. What follows moves back by a byte time.",
+              "independently of the others. The bytes after it arrive one byte time later.",
           .parameters = {ProbabilityParameter("probability, per byte, that it is repeated", 0.01)},
           .kind = WireKind{.wire_layer = WireLayer::kByte,
                            .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {

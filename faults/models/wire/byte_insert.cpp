@@ -34,8 +34,8 @@ FaultType WireByteInsert() {
       .name = "wire.byte_insert",
       .summary = "Adds random bytes.",
       .semantics =
-          "Before every byte of a frame a byte of uniformly random value is inserted with the "
-          "given probability, independently. What follows moves back by a byte time.",
+          "Before every byte of a frame, a byte of uniformly random value is inserted with the given "
+          "probability, independently of the others. The bytes after it arrive one byte time later.",
       .parameters = {ProbabilityParameter("probability, per byte, that another is inserted before it", 0.01)},
       .kind = WireKind{.wire_layer = WireLayer::kByte,
                        .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {

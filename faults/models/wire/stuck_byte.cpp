@@ -53,16 +53,15 @@ FaultType WireStuckByte() {
   return {.name = "wire.stuck_byte",
           .summary = "At random times the line reads the same value for a number of bytes.",
           .semantics =
-              "Events come as a Poisson process in time, whether or not something is sent; one that "
-              "falls on an idle line hits nothing. The bytes that begin within `length_bytes` byte "
-              "times of an event are replaced by `value`. On an ideal link bytes are placed as at "
-              "921600 baud.",
+              "Events come as a Poisson process in time, whether or not something is sent. An event that "
+              "falls on an idle line has no effect. Bytes that begin within `length_bytes` byte times of an "
+              "event are replaced by `value`. On an ideal link, bytes are placed as at 921600 baud.",
           .parameters = {{.name = "value",
                           .unit = "1",
                           .kind = ParameterKind::kInteger,
                           .min = 0,
                           .max = 255,
-                          .doc = "what is read, 0 to 255",
+                          .doc = "the value that is read, 0 to 255",
                           .example = 255.0},
                          {.name = "length_bytes",
                           .unit = "byte",

@@ -1,8 +1,11 @@
 // Bytes from one writer to one reader, one of them an interrupt: each side moves only its own index.
 //
-//   constinit ByteRing<256> ring;
-//   ring.Put(byte);                                  // writer
-//   while (auto bytes = ring.Front(); !bytes.empty()) { Use(bytes); ring.Drop(bytes.size()); }  // reader
+//   static constinit ByteRing<256> ring;
+//   ring.Put(byte);                                                                   // writer
+//   for (auto bytes = ring.Front(); !bytes.empty(); bytes = ring.Front()) {           // reader
+//     Use(bytes);
+//     ring.Drop(bytes.size());
+//   }
 //
 // Indices are masked at every use, so a damaged one never leads elsewhere. The reader notices an impossible
 // count, and starts again.

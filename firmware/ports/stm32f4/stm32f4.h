@@ -3,7 +3,7 @@
 // Sources: RM0090 (STM32F405/407 reference manual) for the chip, PM0214 (Cortex-M4 programming manual) for
 // the core; names are theirs. Debian packages no vendor headers for this chip.
 //
-//   Set(Rcc().APB1ENR, kRccUsart2);
+//   Set(Rcc().APB1ENR, kRccApb1Usart2);
 #pragma once
 
 #include <cstdint>

@@ -65,10 +65,10 @@ struct Uart {
 
 struct Plugin {
   int socket = -1;
-  int barrier = -1;                              // on the main line
-  std::vector<std::uint8_t> out;                 // messages that wait for Flush()
-  std::array<int, kUsartCount> usart_numbers{};  // on the chip, by Usart; 0: none
-  std::array<Uart, kUsartCount> uarts;
+  int barrier = -1;                                       // on the main line
+  std::vector<std::uint8_t> out;                          // messages that wait for Flush()
+  std::array<int, kConnectedUsartCount> usart_numbers{};  // on the chip, by Usart; 0: none
+  std::array<Uart, kConnectedUsartCount> uarts;
   void* cpu = nullptr;
   Timer horizon;
   std::deque<Stall> stalls;  // by begin

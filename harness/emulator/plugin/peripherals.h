@@ -130,7 +130,7 @@ class UsartReceiver {
     constexpr std::array<std::uint64_t, 6> kAddresses = {0x40011000, 0x40004400, 0x40004800,
                                                          0x40004C00, 0x40005000, 0x40011400};
     if (number < 1 || number > static_cast<int>(kAddresses.size())) return false;
-    // Wherever in the tree of devices.
+    // At any place in the tree of devices.
     const std::string path = "usart[" + std::to_string(number - 1) + "]";
     void* device = object_resolve_path(path.c_str(), nullptr);
     if (device == nullptr) return false;
@@ -180,7 +180,7 @@ class UsartReceiver {
     // The flags are cleared when SR and then DR have been read.
     self.flags_ &= ~self.seen_flags_;
     self.seen_flags_ = 0;
-    // To the emulated one this is the byte's being read: it takes its interrupt back.
+    // For the emulated receiver the byte has now been read, so it withdraws its interrupt.
     self.Write(kStatus, self.Status() & ~kNotEmpty);
     return self.data_;
   }

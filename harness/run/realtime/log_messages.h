@@ -1,13 +1,13 @@
 // What a real-time flight records, on its way from the nodes to the harness: converts LineLog and PlantLog to
 // log messages on the bus, and builds a RunLog from them.
 //
-//   LogPublisher logs(bus, scenario, run_id, "link");      // in the node, every 50 ms:
-//   logs.Write(line.TakeLog(now), line.origin());
-//   logs.Close(...);                                       // its last message
+//   LogPublisher logs(bus, scenario, run_id, "link", harness);  // in the node
+//   logs.Write(line.TakeLog(now), origin, counts);              // every 50 ms
+//   logs.Close(totals);                                         // its last message
 //
-//   LogCollector collector(bus, scenario, run_id, on_data);  // in the harness
+//   LogCollector collector(bus, members, scenario, vehicle, run_id, on_data);  // in the harness
 //   collector.Drain(flown_ns);  ...  if (collector.Complete("link")) ...
-//   RunLog log = collector.Take();
+//   RunLog log = collector.Take(end_ns);
 //
 // Nothing is lost on the way: messages are numbered, and the node's closing report says how many there are.
 // The collector stops listening to a node that sends more than a flight can hold.

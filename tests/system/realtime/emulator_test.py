@@ -250,11 +250,11 @@ class EmulatorTest(unittest.TestCase):
 
     def test_sockets_that_nobody_listens_at(self):
         missing = self.folder / "missing"
-        self.refused(2, "no such socket; nobody listens there: start the emulator first", f"serial:unix:{missing}")
+        self.refused(2, "no such socket; no process listens there: start the emulator first", f"serial:unix:{missing}")
         left = self.folder / "left"
         with socket.socket(socket.AF_UNIX) as listener:
             listener.bind(str(left))
-        self.refused(3, "nobody listens there", f"serial:unix:{left}")
+        self.refused(3, "no process listens there", f"serial:unix:{left}")
 
 
 if __name__ == "__main__":

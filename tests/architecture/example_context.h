@@ -1,0 +1,398 @@
+// What the examples in headers assume and do not declare (tests/architecture/header_examples.py). Declarations
+// after a line `// <header>` hold for the examples of that header; those after `// <folder>/`, for all in it,
+// where the header does not declare the same name. They stand in the header's namespace.
+#include <chrono>
+#include <iostream>
+#include <map>
+#include <memory>
+#include <span>
+#include <string>
+#include <variant>
+#include <vector>
+
+namespace tiltproof::examples {
+
+// A function of the reader's: it takes anything.
+struct Function {
+  void operator()(auto&&...) const {}
+};
+
+// `...` among the alternatives of a std::visit.
+struct OtherAlternatives {
+  void operator()(const auto&) const;
+};
+
+}  // namespace tiltproof::examples
+
+// link/
+void Spawn(const std::vector<std::string>& command);
+extern const examples::Function Use, log;
+#include <boost/asio/io_context.hpp>
+extern boost::asio::io_context& loop;
+extern std::vector<std::uint8_t> payload, frame;
+extern BootTime now;
+
+// link/check.h
+extern TimeNs now, last_ns_;
+
+// link/disturbance.h
+extern const struct Plant {
+  void Step(std::span<const double> input, const Disturbance& disturbance) const;
+} plant;
+extern std::vector<double> input;
+extern Disturbance push;
+
+// link/frame.h
+extern std::span<const std::uint8_t> received;
+
+// link/overloaded.h
+struct Reset {};
+struct Hang {};
+extern const struct Command { std::variant<Reset, Hang> action; } command;
+
+// link/protocol.h
+extern const examples::Function Answer;
+extern std::vector<float> row;
+
+// link/pty.h
+extern ByteLine::Received received;
+extern ByteLine::Closed closed;
+
+// link/serial_port.h
+extern const examples::Function Lost;
+extern struct Decoder { void Feed(std::span<const std::uint8_t> bytes); } decoder;
+
+// link/signal_table.h
+extern const struct Model { const VehicleSignals& signals() const; } model;
+extern std::vector<float> values;
+
+// link/socket_line.h
+extern ByteLine::Received received;
+extern ByteLine::Closed closed;
+
+// link/termios_baud.h
+extern int descriptor;
+
+// link/time.h
+extern const BootTime arrival_of_start, arrival;
+extern const examples::Function wake_at;
+extern const struct Fault { TimeNs start_ns; } fault;
+
+// link/wire.h
+extern ChunkFilter* filter;
+
+// plant/
+extern const VehicleModel model;
+extern const std::filesystem::path file;
+extern std::vector<double> state;
+extern std::vector<std::string> warnings;
+
+// faults/
+#include "link/overloaded.h"
+extern const struct Scenario {
+  std::vector<FaultSpec> faults;
+  std::uint64_t seed;
+  TimeNs duration_ns;
+  struct Link {
+    std::shared_ptr<const link::Protocol> protocol;
+  } link;
+} scenario;
+extern const FaultSpec spec;
+extern const examples::Function At, Kill, Refuse, Report, ResetAt;
+extern TimeNs t;
+
+// faults/activity.h
+extern const Window window;
+extern TimeNs begin, end, wake_at;
+
+// faults/device_command.h
+extern const FlipBits flips;
+extern const struct Region { std::uint32_t begin, size_bytes; } region;
+extern std::map<std::uint32_t, std::uint8_t> memory;
+
+// faults/fault_type.h
+std::unique_ptr<SensorModel> MakeBias(const SignalSetup& setup);
+extern const FaultType& type;
+extern struct FaultsOfWire { void Add(const WireKind& kind); } faults_of_wire;
+
+// faults/news.h
+extern FaultSchedule line_faults, plant_faults;
+
+// faults/random.h
+extern std::uint64_t frame_number;
+
+// faults/schedule.h
+#include "link/wire.h"
+using link::Direction, link::Wire;
+extern const link::WireConfig config;
+extern const link::Protocol& protocol;
+extern const BootTime boot_time_of_t0, arrival;
+extern std::vector<float> values;
+extern std::vector<double> input;
+extern bool new_command;
+extern const struct Plant {
+  void Step(std::span<const double> input, const Disturbance& disturbance) const;
+} plant;
+extern std::vector<std::uint8_t> bytes;
+extern std::vector<ReceiveMark> marks;
+
+// faults/signal_choice.h
+extern const struct Model { const VehicleSignals& signals() const; } model;
+
+// firmware/
+extern const firmware::Build& build;
+extern const link::Dialect dialect;
+extern firmware::Port& port;
+extern std::vector<std::uint8_t> bytes;
+extern TimeNs now;
+extern const examples::Function Control, Use;
+
+// firmware/control_activity.h
+extern const Reference reference;
+extern const ControlItem item;
+extern ActuatorWriter writer;
+
+// firmware/sensor_reader.h
+extern SensorReader reader;
+
+// firmware/ports/stm32f4/byte_ring.h
+extern std::uint8_t byte;
+
+// firmware/ports/stm32f4/console.h
+extern std::uint32_t pc;
+
+// firmware/ports/stm32f4/run_statistics.h
+extern std::vector<std::uint32_t> main_stack;
+
+// harness/
+using namespace std::chrono_literals;
+using link::Direction;
+extern const examples::Function Fail, Flip, Handle, Keep, NoteLateness, Report, Send;
+extern const harness::Scenario scenario;
+extern const link::Protocol& protocol;
+extern const plant::VehicleModel model;
+extern const VehicleSignals vehicle;
+#include <boost/asio/io_context.hpp>
+extern boost::asio::io_context& loop;
+extern dds::Bus& bus;
+extern const dds::Circle members;
+extern const std::string run_id, text;
+extern const std::filesystem::path folder;
+extern const std::vector<std::string> columns, fault_ids;
+extern const std::function<void()> wake, on_data;
+extern const std::function<void(const std::string&)> on_lost;
+extern std::vector<std::uint8_t> bytes;
+extern const std::vector<double> row;
+extern BootTime now;
+extern TimeNs t;
+extern std::size_t client;
+extern pid_t pid;
+extern bool realtime;
+
+// harness/cli/run_record.h
+#include "harness/cli/run_flights.h"
+extern const RunInfo info;
+extern const std::vector<FlightJob> jobs;
+extern bool interrupted;
+
+// harness/client/captured_output.h
+extern const examples::Function CallFirmware, log;
+
+// harness/client/firmware_files.h
+extern const std::string dialect;
+
+// harness/client/firmware_guard.h
+TimeNs grant(BootTime now);
+
+// harness/client/floating_point.h
+extern const examples::Function CallOthers;
+
+// harness/client/line_splitter.h
+extern const examples::Function log;
+extern std::string_view bytes;
+
+// harness/client/make_client.h
+ClientSettings SettingsOf(const Scenario& scenario);
+extern ClientHost host;
+
+// harness/dds/bus.h
+extern struct Loop { void Post(const std::function<void()>& work); } loop;
+
+// harness/dds/messages.h
+extern Publisher<RunEvent> publisher;
+extern const std::string run;
+extern std::int64_t last;
+
+// harness/dds/participant.h
+extern const NodeLife node;
+
+// harness/dds/sequence_filter.h
+extern const RunEvent message;
+
+// harness/emulator/emulator_process.h
+extern std::span<const lockstep::ReceivedByte> bytes;
+
+// harness/emulator/gdb_client.h
+extern int socket;
+
+// harness/emulator/line_sampler.h
+extern TimeNs begin_ns, now_ns;
+extern std::uint8_t byte;
+extern double sender_bit_ns, receiver_bit_ns, tolerance;
+
+// harness/emulator/qmp_client.h
+extern int socket;
+extern const std::function<void(const std::string&, const std::string&)> on_event;
+
+// harness/emulator/usart_rate.h
+extern const struct Registers { std::uint32_t brr, cr1, cr3; } registers;
+extern double sender_bit_ns;
+
+// harness/engine/engine.h
+extern const std::shared_ptr<const plant::VehicleModel> model;
+
+// harness/formula/condition.h
+#include "harness/run/row_signals.h"
+double ValueOf(std::string_view signal);
+
+// harness/formula/formula.h
+extern const std::vector<std::string> signals;
+
+// harness/node/cpu_wait.h
+extern TimeNs late_after_ns;
+
+// harness/node/deaf_receiver.h
+extern std::span<const std::uint8_t> bytes;
+extern TimeNs now;
+
+// harness/node/emulated_board.h
+extern NodeServices& services;
+extern const BoardWiring wiring;
+extern const EmulatedBoard::Callbacks callbacks;
+
+// harness/node/firmware_process.h
+extern NodeServices& services;
+extern const ChildSpec spec;
+
+// harness/node/joystick_input.h
+extern TimeNs now;
+
+// harness/node/joystick_reference.h
+extern const ReferencePoint start;
+extern const JoystickAxes axes;
+extern TimeNs period_ns;
+
+// harness/process/child_process.h
+extern int log_file;
+extern struct Loop { void Watch(int descriptor, const std::function<void()>& look = {}); } loop;
+
+// harness/process/own_time.h
+bool Answered();
+void WaitForAnswer(std::chrono::milliseconds limit);
+extern TimeNs limit_ns;
+
+// harness/reference/reference_point.h
+#include "harness/reference/trajectory.h"
+extern const Trajectory trajectory;
+
+// harness/report/build_id.h
+#include "harness/report/results.h"
+extern RunInfo info;
+extern const std::filesystem::path library;
+
+// harness/report/compare.h
+#include "harness/terminal/terminal.h"
+extern const std::filesystem::path folder_a, folder_b;
+
+// harness/report/machine.h
+extern RunInfo info;
+
+// harness/report/outcomes.h
+extern const std::filesystem::path golden_folder;
+extern const FlightResult result;
+
+// harness/run/
+extern RunLog log;
+extern Line& line;
+extern PlantServer& server;
+extern const PlantServer::Reply reply;
+
+// harness/run/arbiter.h
+extern std::vector<double> commanded;
+extern const struct Message { std::vector<double> actuators; } message;
+
+// harness/run/client_channel.h
+std::unique_ptr<Client> make_client(std::size_t client, ClientHost host);
+extern BootTime horizon;
+extern Origin origin;
+
+// harness/run/fault_conditions.h
+extern std::vector<faults::News> news;
+
+// harness/run/framed.h
+extern Direction direction;
+extern const link::MessageType& type;
+extern const std::vector<float> row;
+
+// harness/run/introduction.h
+#include "harness/process/child_process.h"
+extern dds::Circle circle;
+
+// harness/run/message_binding.h
+extern std::span<const double> row;
+
+// harness/run/realtime/log_messages.h
+extern const dds::Participant harness;
+extern Origin origin;
+extern const std::vector<CountsSample> counts;
+extern const NodeTotals totals;
+extern TimeNs flown_ns, end_ns;
+
+// harness/run/realtime/node_order.h
+#include "link/overloaded.h"
+extern dds::Publisher<dds::FaultCommand> commands;
+extern const dds::FaultCommand message;
+
+// harness/run/realtime/outcome.h
+#include "harness/run/realtime/members.h"
+extern Outcome outcome;
+extern Members members;
+extern OwnTime::SteadyClock::time_point now;
+extern TimeNs sim_ns;
+
+// harness/run/reference_talk.h
+extern ReferenceTalk talk;
+extern const examples::Function Note;
+
+// harness/run/remote/archive.h
+#include "harness/run/remote/protocol.h"
+extern RunEvent event;
+
+// harness/run/row_signals.h
+extern const Trace trace;
+extern std::size_t r;
+
+// harness/run/trace.h
+extern tiltproof::plant::Plant plant;
+
+// harness/scenario/fault_support.h
+extern const ClientSpec client;
+
+// harness/score/
+extern const RunLog log;
+#include "harness/run/row_signals.h"
+extern const Trace trace;
+
+// harness/score/sliding_fold.h
+struct Min {
+  double operator()(double a, double b) const;
+};
+extern const std::vector<double> values;
+extern double infinity;
+extern std::vector<double> lowest;
+std::size_t first(std::size_t i);
+std::size_t last(std::size_t i);
+
+// harness/terminal/terminal.h
+extern const std::runtime_error error;
+extern const std::string coloured;
