@@ -22,7 +22,7 @@ struct ClientSettings {
 };
 
 // Throws std::runtime_error that says what is wrong with the client or its file. For a library, a FirmwareGuard is
-// installed in this process, whose output is the firmware's as long as the client exists.
+// installed in this process, whose output is the firmware's as long as a client of a user's file exists.
 std::unique_ptr<Client> MakeClient(const ClientSpec& client, const ClientSettings& settings, ClientHost host);
 
 }  // namespace tiltproof::harness
