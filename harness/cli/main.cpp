@@ -174,9 +174,9 @@ int Main(int argc, char** argv) {
   node_app->add_option("KIND", node.kind, "plant, link, client, base-station, joystick or monitor")
       ->required()
       ->check(CLI::IsMember({"plant", "link", "client", "base-station", "joystick", "monitor"}));
-  node_app->add_option(
-      "--client", node.client,
-      "client: host, library:FILE, qemu[:ELF] or process:CMD; link: serial:DEV[,REFDEV] of a board");
+  node_app->add_option("--client", node.client,
+                       "client: host, library:FILE, qemu[:ELF] or process:CMD; link: "
+                       "serial:DEV[,REFDEV][,reset=HOW] of a board");
   node_app->add_option("--input", node.input, "joystick: /dev/input/js0, an event device, or a recording");
   node_app->add_option("--name", node.name, "Name on the bus (default: kind, host and process)");
   add_bus_options(node_app, node.domain, node.interface, node.peers);

@@ -203,7 +203,7 @@ void RealtimeConductor::Conduct() {
   started_ = sim_seen_ = SteadyClock::now();
   // Bytes from before do not count, and a board says `start` but once. An emulator's socket is connected only now.
   if (const auto* board = std::get_if<SerialBoard>(&options_.client);
-      !options_.attach && board != nullptr && !board->device.starts_with("unix:"))
+      !options_.attach && board != nullptr && board->reset.empty() && !board->device.starts_with("unix:"))
     Print(stderr, "tiltproof: listening to the board: switch it on, or reset it, now\n");
   Command(dds::Verb::kStart, {}, false);
   FlyToTheEnd();
