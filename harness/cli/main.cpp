@@ -11,6 +11,7 @@
 
 #include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
+#include "harness/client/debugger.h"
 #include "harness/report/results.h"
 #include "harness/run/realtime/realtime_flight.h"
 #include "harness/scenario/did_you_mean.h"
@@ -92,6 +93,17 @@ int Main(int argc, char** argv) {
           "Which flights keep their folder: all, failing (those that are not green), or verdicts (none)")
       ->check(CLI::IsMember({"all", "failing", "verdicts"}))
       ->capture_default_str();
+  run_app
+      ->add_option(
+          "--gdb", run.gdb_port,
+          "Wait for a debugger at power-on: at an emulated processor (QEMU's gdb server on this PORT of this "
+          "machine), or a library")
+      ->type_name("PORT")
+      ->expected(0, 1)
+      ->default_str(std::to_string(DebugStop::kPort))
+      ->check(CLI::Range(1, 65535));
+  run_app->add_option("--gdb-at", run.gdb_at_s, "Wait for it at this time of the flight instead, in s")
+      ->check(CLI::Range(0.0, 14400.0));
   run_app->add_flag("--no-progress", run.no_progress, "No progress line on the terminal");
   run_app->footer(
       "Domain, tag and run id of a flight on the bus (in real time, or --distributed=dds) are in run.json, "

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "harness/client/client.h"
@@ -14,10 +15,12 @@ struct EmulatorLines {
   std::int64_t reference_baud = 921'600;
 };
 
+// `break_at_ns`: simulation time at which the machine stops for a debugger.
 // Throws std::runtime_error when there is no such image or plug-in or the emulator does not start. During the
 // flight, a board that crashes or never sleeps is FirmwareTrouble; before its `start` it may be busy for
 // `start_within_ns`.
 std::unique_ptr<Client> StartEmulatorClient(const EmulatorSpec& spec, const EmulatorLines& lines,
-                                            TimeNs start_within_ns, ClientHost host);
+                                            TimeNs start_within_ns, std::optional<TimeNs> break_at_ns,
+                                            ClientHost host);
 
 }  // namespace tiltproof::harness

@@ -4,9 +4,11 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "harness/client/client.h"
+#include "harness/client/debugger.h"
 #include "harness/client/emulator_client.h"
 #include "harness/scenario/client_spec.h"
 #include "link/protocol.h"
@@ -19,6 +21,7 @@ struct ClientSettings {
   std::shared_ptr<const link::Protocol> protocol;
   EmulatorLines lines;
   TimeNs start_within_ns = 0;  // time that a busy image has to start
+  std::optional<DebugStop> debug = {};
 };
 
 // Throws std::runtime_error that says what is wrong with the client or its file. For a library, a FirmwareGuard is

@@ -23,6 +23,7 @@ enum class Kind : std::uint32_t {
   kReadMemory,  // ReadMemory; answered with kMemory
   kDumpState,   // answered with kState
   kRun,         // Run
+  kBreak,       // Break
   // From the plug-in.
   kHello,     // Hello
   kTransmit,  // TransmittedByte[]
@@ -82,6 +83,11 @@ struct ReadMemory {
 
 struct Run {
   std::int64_t until_ns;
+};
+
+// The machine stops at that time, until a debugger lets it go on.
+struct Break {
+  std::int64_t at_ns;
 };
 
 struct Hello {

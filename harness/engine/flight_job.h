@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "harness/client/debugger.h"
 #include "harness/engine/flight_result.h"
 #include "harness/run/remote/distributed_flight.h"
 #include "harness/scenario/client_spec.h"
@@ -24,6 +25,7 @@ struct FlightMeans {
   int domain = 0;                        // 0: the first free one
   std::string interface;
   std::vector<std::string> peers;
+  std::optional<DebugStop> debug;
   std::string program;  // this program, which the parts of a flight in several processes run
 
   // Of a scenario's clients, in its order.

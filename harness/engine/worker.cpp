@@ -15,6 +15,7 @@
 #include <span>
 #include <utility>
 
+#include "harness/client/debugger.h"
 #include "harness/client/firmware_files.h"
 #include "harness/dds/domain_slot.h"
 #include "harness/run/flight.h"
@@ -90,7 +91,16 @@ RunLog FlyByMeans(const FlightJob& job, WorkerReport& report, const std::atomic<
   FlightOptions options;
   options.retire = [&](std::unique_ptr<Client> retired) { client = std::move(retired); };
   options.make_client = [&](std::size_t /*client*/, ClientHost host) {
-    return MakeClient(processes.clients.front(), SettingsOf(scenario), std::move(host));
+    ClientSettings settings = SettingsOf(scenario);
+    settings.debug = means.debug;
+    const ClientSpec& spec = processes.clients.front();
+    if (means.debug)
+      Print(stderr, "tiltproof: {}\n",
+            std::holds_alternative<EmulatedImage>(spec)
+                ? HowToDebugImage(FirmwareFile(spec, settings.firmware, settings.protocol->name).string(),
+                                  *means.debug)
+                : HowToDebugLibrary(*means.debug));
+    return MakeClient(spec, settings, std::move(host));
   };
   options.progress_ns = progress_ns;
   options.interrupted = interrupted;
