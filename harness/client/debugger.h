@@ -1,8 +1,8 @@
 // A debugger at the firmware: the flight waits for it, at power-on or at a time of the flight. Simulation time stands still
 // meanwhile, so a flight that is debugged is the same as one that is not.
 //
-//   DebugStop stop{.port = 1234, .at_ns = 2 * kNsPerS};
-//   Print(stderr, "{}\n", HowToDebug(image, stop));       // the command to type
+//   const DebugStop stop{.port = 1234, .at_ns = 2 * kNsPerS};
+//   const std::string command = HowToDebugImage("firmware.elf", stop);   // for a person to type
 //
 // An emulated processor is debugged through QEMU's gdb server. A library is debugged in its process.
 #pragma once

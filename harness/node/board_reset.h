@@ -1,7 +1,7 @@
 // Resets a board before its flight, so that suites run unattended: by a command of the user's, or by a modem line of the
 // board's serial adapter that is wired to the board's reset pin.
 //
-//   BoardReset reset(services, board.reset, *port, [&](const std::string& why) { Fail(why); });
+//   BoardReset reset(services, "st-flash reset", port, [&](const std::string& why) { Fail(why); });
 //
 // A modem line goes off, on for kPulse, and off again, which resets both a board that is wired directly (held in reset
 // while the line is on) and one behind a capacitor (reset by the change).

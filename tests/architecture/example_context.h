@@ -267,6 +267,10 @@ double ValueOf(std::string_view signal);
 // harness/formula/formula.h
 extern const std::vector<std::string> signals;
 
+// harness/node/board_reset.h
+extern NodeServices& services;
+extern link::SerialPort& port;
+
 // harness/node/cpu_wait.h
 extern TimeNs late_after_ns;
 
