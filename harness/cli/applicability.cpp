@@ -9,6 +9,7 @@
 #include "harness/cli/commands.h"
 #include "harness/client/firmware_files.h"
 #include "harness/emulator/elf_symbols.h"
+#include "harness/emulator/image_check.h"
 #include "harness/run/client_channel.h"
 #include "harness/scenario/fault_support.h"
 
@@ -43,7 +44,9 @@ class Images {
                                        ? ": it is built where FREERTOS_KERNEL_PATH names a FreeRTOS kernel, "
                                          "or `./setup --freertos` has fetched one"
                                        : ": it is built where gcc-arm-none-eabi is installed; run ./setup"));
+    if (const auto known = images_.find(file); known != images_.end()) return known->second;
     try {
+      CheckImage(file);
       return images_.try_emplace(file, file).first->second;
     } catch (const std::runtime_error& error) {
       throw UsageError(fmt::format("--client {}: {}", ToText(image), error.what()));

@@ -21,6 +21,7 @@
 //
 // QEMU is GPL-2, so this file uses nothing but the standard library. It has no static objects with destructors,
 // since QEMU ends by exit() with threads still running.
+#include <pthread.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -28,11 +29,13 @@
 #include <array>
 #include <cerrno>
 #include <charconv>
+#include <csignal>
 #include <cstdlib>
 #include <cstring>
 #include <deque>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -69,7 +72,12 @@ struct Plugin {
   std::vector<std::uint8_t> out;                          // messages that wait for Flush()
   std::array<int, kConnectedUsartCount> usart_numbers{};  // on the chip, by Usart; 0: none
   std::array<Uart, kConnectedUsartCount> uarts;
+  std::array<void*, std::extent_v<decltype(SentBytes::count)>>
+      chardevs{};  // of all USARTs, the first is USART1's
+  SentBytes sent{};
   void* cpu = nullptr;
+  pthread_t cpu_thread{};
+  bool locked_up = false;
   Timer horizon;
   std::deque<Stall> stalls;  // by begin
   Timer stall_timer;
@@ -328,12 +336,16 @@ void TakeCommands() {
       case Kind::kReadMemory: {
         const auto read = As<ReadMemory>(body);
         std::vector<std::uint8_t> bytes(std::min(read.size, kBodyBytesMax));
-        cpu_physical_memory_rw(read.address, bytes.data(), bytes.size(), false);
+        address_space_rw(cpu_get_address_space(plugin.cpu, 0), read.address, 0, bytes.data(), bytes.size(),
+                         false);
         Send(Kind::kMemory, bytes.data(), bytes.size());
         break;
       }
       case Kind::kDumpState:
         SendState();
+        break;
+      case Kind::kReadSent:
+        Send(Kind::kSent, &plugin.sent, sizeof(plugin.sent));
         break;
       case Kind::kRun:
         plugin.horizon.Set(As<Run>(body).until_ns);
@@ -349,15 +361,24 @@ void Stop() {
     SendUnsent(uart);
     if (uart.receiver != nullptr) SendRegisters(uart);
   }
-  const Stopped stopped{Now(), plugin.last_slept_ns};
+  const Stopped stopped{Now(), plugin.last_slept_ns, plugin.locked_up};
   Send(Kind::kStopped, &stopped, sizeof(stopped));
   TakeCommands();
 }
 
 void OnHorizon(void* /*opaque*/) { Stop(); }
 
+// QEMU aborts when the processor locks up. The harness reads its state before that.
+void OnAbort(int /*signal*/) {
+  if (!plugin.begun || pthread_equal(pthread_self(), plugin.cpu_thread) == 0) return;
+  plugin.locked_up = true;
+  Stop();
+}
+
 // In place of the null character device's: a USART sends.
 int OnTransmit(void* chardev, const std::uint8_t* bytes, int count) {
+  for (std::size_t i = 0; i < plugin.chardevs.size(); ++i)
+    if (plugin.chardevs[i] == chardev) plugin.sent.count[i] += static_cast<std::uint64_t>(count);
   for (Uart& uart : plugin.uarts) {
     if (uart.chardev != chardev || !plugin.begun) continue;
     SendRegisters(uart);
@@ -394,6 +415,9 @@ void OnWfi(unsigned /*vcpu*/, void* /*opaque*/) { async_run_on_cpu(qemu_get_cpu(
 // read in an instruction's callback: hence as work of the processor's thread.
 void Begin(void* cpu, RunOnCpuData /*data*/) {
   plugin.cpu = cpu;
+  plugin.cpu_thread = pthread_self();
+  for (std::size_t i = 0; i < plugin.chardevs.size(); ++i)
+    plugin.chardevs[i] = qemu_chr_find(("usart" + std::to_string(i + 1)).c_str());
   std::int16_t shift = 0;
   std::memcpy(&shift, timers_state + kIcountShiftOffset, sizeof(shift));
   if (shift != 3) Die("-icount shift=3 is not where it should be: another build of QEMU 7.2?");
@@ -484,6 +508,7 @@ __attribute__((visibility("default"))) int qemu_plugin_install(qemu_plugin_id_t 
     std::fprintf(stderr, "lockstep plug-in: socket=DESCRIPTOR or barrier=BYTE is missing\n");
     return 1;
   }
+  std::signal(SIGABRT, OnAbort);
   qemu_plugin_register_vcpu_tb_trans_cb(id, OnTranslate);
   return 0;
 }
