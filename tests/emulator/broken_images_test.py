@@ -5,6 +5,7 @@ Usage: broken_images_test.py TILTPROOF SOURCE-FOLDER
 """
 import json
 import pathlib
+import re
 import struct
 import subprocess
 import sys
@@ -160,6 +161,35 @@ class WrongFiles(Images):
             self.assertRegex(self.refusal(file), f"{words}.*give the ELF file")
         file.write_text("firmware")
         self.assertIn("not an ELF file", self.refusal(file))
+
+
+class Regions(Images):
+    """Memory by name in an image whose linker script has no symbols of ours."""
+    CODE = """static uint32_t counts[64] = {1};
+static const uint32_t table[4] = {1, 2, 3, 4};
+static void Main(void) { REGISTER(0x20018000) = (uint32_t)counts + (uint32_t)table; }"""
+
+    def region(self, name, code=CODE, script=None, more=()):
+        scenario = self.root / "flip.yaml"
+        scenario.write_text(SCENARIO + f"faults: [{{id: f, type: device.bit_flip, start_s: 1, parameters: {{region: '{name}'}}}}]\n")
+        done, _ = self.run_tiltproof(self.image(code, script=script, flags=more), scenario=scenario)
+        return done
+
+    def test_sections_bound_regions(self):
+        script = self.root / "foreign.ld"
+        script.write_text(re.sub(r"_[se](data|bss) = \.;", "", (EXAMPLE / "stm32f4.ld").read_text()))
+        for name in ("data", "stack", "counts"):
+            self.assertNotEqual(self.region(name, script=script).returncode, 2, name)
+        self.assertIn("it has no section .bss in RAM, or it is empty", self.region("bss", script=script).stderr)
+
+    def test_constants_and_ambiguous_names_are_refused(self):
+        self.assertIn("'table' is a constant in flash (16 bytes at 0x0800", self.region("table").stderr)
+        other = self.root / "other.c"
+        other.write_text("static int counts[2] = {1};\nint Other(void) { return counts[0]++; }\n")
+        done = self.region("counts", more=[other])
+        self.assertEqual(done.returncode, 2)
+        self.assertRegex(done.stderr, r"'counts' is ambiguous, there are 2 variables of that name: 0x[0-9a-f]{8} \((main|other)\.c\), 0x[0-9a-f]{8} \((main|other)\.c\)")
+        self.assertNotEqual(self.region("other.c:counts", more=[other]).returncode, 2)
 
 
 class Faults(Images):

@@ -28,7 +28,6 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <charconv>
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
@@ -40,6 +39,7 @@
 #include <vector>
 
 #include "harness/emulator/lockstep_protocol.h"
+#include "harness/emulator/plugin/arguments.h"
 #include "harness/emulator/plugin/peripherals.h"
 #include "harness/emulator/plugin/qemu_internals.h"
 
@@ -67,10 +67,8 @@ struct Uart {
 };
 
 struct Plugin {
-  int socket = -1;
-  int barrier = -1;                                       // on the main line
-  std::vector<std::uint8_t> out;                          // messages that wait for Flush()
-  std::array<int, kConnectedUsartCount> usart_numbers{};  // on the chip, by Usart; 0: none
+  Arguments arguments;
+  std::vector<std::uint8_t> out;  // messages that wait for Flush()
   std::array<Uart, kConnectedUsartCount> uarts;
   std::array<void*, std::extent_v<decltype(SentBytes::count)>>
       chardevs{};  // of all USARTs, the first is USART1's
@@ -115,7 +113,8 @@ void Send(Kind kind, const void* body, std::size_t size) {
 
 void Flush() {
   for (std::size_t sent = 0; sent < plugin.out.size();) {
-    const ssize_t n = send(plugin.socket, plugin.out.data() + sent, plugin.out.size() - sent, MSG_NOSIGNAL);
+    const ssize_t n =
+        send(plugin.arguments.socket, plugin.out.data() + sent, plugin.out.size() - sent, MSG_NOSIGNAL);
     if (n < 0 && errno == EINTR) continue;
     if (n <= 0) _exit(0);  // the harness is gone
     sent += static_cast<std::size_t>(n);
@@ -126,7 +125,7 @@ void Flush() {
 void Receive(void* buffer, std::size_t size) {
   auto* at = static_cast<std::uint8_t*>(buffer);
   while (size != 0) {
-    const ssize_t n = recv(plugin.socket, at, size, 0);
+    const ssize_t n = recv(plugin.arguments.socket, at, size, 0);
     if (n < 0 && errno == EINTR) continue;
     if (n <= 0) _exit(0);
     at += n;
@@ -383,8 +382,8 @@ int OnTransmit(void* chardev, const std::uint8_t* bytes, int count) {
     if (uart.chardev != chardev || !plugin.begun) continue;
     SendRegisters(uart);
     for (int i = 0; i < count; ++i) uart.unsent.push_back({Now(), uart.usart, bytes[i]});
-    const bool barrier =
-        uart.usart == Usart::kMain && std::find(bytes, bytes + count, plugin.barrier) != bytes + count;
+    const bool barrier = uart.usart == Usart::kMain &&
+                         std::find(bytes, bytes + count, plugin.arguments.barrier) != bytes + count;
     const bool line_end = uart.usart == Usart::kConsole && bytes[count - 1] == '\n';
     if (barrier) {
       Stop();
@@ -432,10 +431,10 @@ void Begin(void* cpu, RunOnCpuData /*data*/) {
   if (nvic == nullptr) Die("the machine has no NVIC where one should be");
   qdev_connect_gpio_out_named(nvic, "SYSRESETREQ", 0, qemu_allocate_irq(OnResetRequest, nullptr, 0));
   for (std::size_t i = 0; i < plugin.uarts.size(); ++i) {
-    if (plugin.usart_numbers[i] == 0) continue;
+    if (plugin.arguments.usart_numbers[i] == 0) continue;
     Uart& uart = plugin.uarts[i];
     uart.usart = static_cast<Usart>(i);
-    const std::string id = "usart" + std::to_string(plugin.usart_numbers[i]);
+    const std::string id = "usart" + std::to_string(plugin.arguments.usart_numbers[i]);
     uart.chardev = qemu_chr_find(id.c_str());
     if (uart.chardev == nullptr) Die("a character device is missing");
     void* chardev_class = object_get_class(uart.chardev);
@@ -445,7 +444,8 @@ void Begin(void* cpu, RunOnCpuData /*data*/) {
     std::memcpy(static_cast<std::uint8_t*>(chardev_class) + kChrWriteOffset, &write, sizeof(write));
     uart.timer.Init(OnReceiveTimer, &uart);
     uart.receiver = new UsartReceiver;
-    if (!uart.receiver->Init(plugin.usart_numbers[i], uart.chardev)) Die("the machine has no such USART");
+    if (!uart.receiver->Init(plugin.arguments.usart_numbers[i], uart.chardev))
+      Die("the machine has no such USART");
   }
   const Hello hello{kProtocolVersion};
   Send(Kind::kHello, &hello, sizeof(hello));
@@ -482,30 +482,9 @@ __attribute__((visibility("default"))) extern const int qemu_plugin_version = 1;
 __attribute__((visibility("default"))) int qemu_plugin_install(qemu_plugin_id_t id, const qemu_info_t*,
                                                                int argc, char** argv) {
   using namespace tiltproof::qemu;
-  constexpr std::array<std::string_view, 3> kLines = {"main", "reference", "console"};
-  for (int i = 0; i < argc; ++i) {
-    const std::string_view argument = argv[i];
-    const std::size_t equals = argument.find('=');
-    const std::string_view key = argument.substr(0, equals);
-    const std::string_view value = equals == argument.npos ? "" : argument.substr(equals + 1);
-    const auto line = std::find(kLines.begin(), kLines.end(), key);
-    const bool digit = value.size() == 1 && value[0] >= '0' && value[0] <= '9';
-    int number = -1;
-    const auto parsed = std::from_chars(value.data(), value.data() + value.size(), number);
-    const bool byte = parsed.ptr == value.data() + value.size() && number >= 0 && number <= 255;
-    if (key == "socket" && digit) {
-      plugin.socket = value[0] - '0';
-    } else if (key == "barrier" && byte) {
-      plugin.barrier = number;
-    } else if (line != kLines.end() && digit) {
-      plugin.usart_numbers[static_cast<std::size_t>(line - kLines.begin())] = value[0] - '0';
-    } else {
-      std::fprintf(stderr, "lockstep plug-in: unknown argument %s\n", argv[i]);
-      return 1;
-    }
-  }
-  if (plugin.socket < 0 || plugin.barrier < 0) {
-    std::fprintf(stderr, "lockstep plug-in: socket=DESCRIPTOR or barrier=BYTE is missing\n");
+  const std::string trouble = Parse(argc, argv, plugin.arguments);
+  if (!trouble.empty()) {
+    std::fprintf(stderr, "lockstep plug-in: %s\n", trouble.c_str());
     return 1;
   }
   std::signal(SIGABRT, OnAbort);
