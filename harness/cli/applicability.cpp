@@ -10,6 +10,7 @@
 #include "harness/client/firmware_files.h"
 #include "harness/emulator/elf_symbols.h"
 #include "harness/emulator/image_check.h"
+#include "harness/emulator/watched_variable.h"
 #include "harness/run/client_channel.h"
 #include "harness/scenario/fault_support.h"
 
@@ -26,6 +27,30 @@ void FindMissingRegions(const ElfSymbols& image, const Scenario& scenario, std::
       faults::DrawBitFlips(*flips, image.Region(flips->region).size_bytes);
     } catch (const std::exception& error) {
       problems.push_back(fmt::format("{}: {}", FaultPlace(scenario, command.fault), error.what()));
+    }
+  }
+}
+
+// Variables that are watched, and that the client does not have.
+void FindUnwatchable(const Scenario& scenario, const ClientSpec& client, const std::filesystem::path& image,
+                     bool realtime, std::vector<std::string>& problems) {
+  for (std::size_t i = 0; i < scenario.watch.size(); ++i) {
+    const std::string place =
+        fmt::format("{}: watch: ", i < scenario.watch_places.size() ? scenario.watch_places[i] : "--watch");
+    if (image.empty()) {
+      problems.push_back(fmt::format(
+          "{}'{}': the client {} has no image whose variables could be read; fly it with --client qemu",
+          place, scenario.watch[i], ToText(client)));
+    } else if (realtime) {
+      problems.push_back(
+          fmt::format("{}'{}': only in lockstep: in real time the variables change while they are read",
+                      place, scenario.watch[i]));
+    } else {
+      try {
+        FindVariable(image, scenario.watch[i]);
+      } catch (const std::runtime_error& error) {
+        problems.push_back(place + error.what());
+      }
     }
   }
 }
@@ -69,10 +94,15 @@ std::vector<NotApplicable> TakeNotApplicable(const FlightMeans& means, bool stri
     std::vector<ClientAbilities> abilities;
     for (const ClientSpec& client : clients) abilities.push_back(AbilitiesOf(client, means.realtime));
     std::vector<std::string> problems = UnsupportedFaults(scenario, abilities);
-    for (std::size_t i = 0; i < clients.size(); ++i)
-      if (const auto* image = std::get_if<EmulatedImage>(&clients[i]))
+    for (std::size_t i = 0; i < clients.size(); ++i) {
+      std::filesystem::path file;
+      if (const auto* image = std::get_if<EmulatedImage>(&clients[i])) {
         FindMissingRegions(images.Read(*image, scenario.firmware_of(i), *scenario.link.protocol), scenario, i,
                            problems);
+        file = BoardOf(*image, scenario.firmware_of(i), *scenario.link.protocol).image;
+      }
+      FindUnwatchable(scenario, clients[i], file, means.realtime, problems);
+    }
     if (means.realtime && scenario.has_several_clients())
       problems.push_back(fmt::format(
           "{}: clients: real time has one link node, for one client; fly several with --mode lockstep",

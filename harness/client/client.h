@@ -76,6 +76,9 @@ class Client {
   // have).
   virtual void Command(const std::vector<faults::DeviceCommand>& commands, Origin origin) = 0;
   virtual std::optional<ClientStatus> Status() = 0;
+  // The values of the variables that the scenario watches, in its order, between two calls of Grant(). A client without
+  // an image has none.
+  virtual std::vector<double> Watched() { return {}; }
 };
 
 }  // namespace tiltproof::harness

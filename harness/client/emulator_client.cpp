@@ -21,6 +21,7 @@
 #include "harness/emulator/image_check.h"
 #include "harness/emulator/post_mortem.h"
 #include "harness/emulator/source_lines.h"
+#include "harness/emulator/watched_variable.h"
 #include "link/chunk.h"
 #include "link/overloaded.h"
 
@@ -80,7 +81,7 @@ std::string_view Name(lockstep::ResetCause cause) {
 class EmulatorClient final : public Client {
  public:
   EmulatorClient(const EmulatorSpec& spec, const EmulatorLines& lines, TimeNs start_within_ns,
-                 ClientHost host)
+                 const std::vector<std::string>& watch, ClientHost host)
       : spec_(spec),
         start_within_ns_(start_within_ns),
         host_(std::move(host)),
@@ -91,6 +92,7 @@ class EmulatorClient final : public Client {
     CheckImage(spec.image);
     symbols_.emplace(spec.image);
     source_.emplace(spec.image);
+    for (const std::string& name : watch) watched_.push_back(FindVariable(spec.image, name));
     board_.emplace(spec);
   }
 
@@ -176,6 +178,18 @@ class EmulatorClient final : public Client {
     return ClientStatus{status.supervisor_state, status.failsafe_count};
   }
 
+  std::vector<double> Watched() override {
+    std::vector<double> values;
+    try {
+      for (const WatchedVariable& variable : watched_)
+        values.push_back(variable.Value(board_->ReadMemory(variable.address, variable.size_bytes)));
+    } catch (const EmulatorTrouble& trouble) {
+      lost_ = true;
+      throw std::runtime_error(trouble.what());
+    }
+    return values;
+  }
+
  private:
   void Send(const faults::DeviceCommand& command, Origin origin) {
     const TimeNs begin = clock_.At(origin.ToBootTime(command.at_ns));
@@ -216,8 +230,9 @@ class EmulatorClient final : public Client {
     std::string text =
         found.in_fault_handler
             ? fmt::format("the firmware hangs in a fault's handler since {}: {}", since, found.reason)
-            : fmt::format("the firmware hangs: since {} it has neither slept nor sent a byte; {}", since,
-                          found.reason);
+            : fmt::format(
+                  "the firmware hangs: for {:.0f} s, since {}, it has neither slept nor sent a byte; {}",
+                  ToSeconds(now - last_active_), since, found.reason);
     if (!started()) text += "; " + UsartSummary(*board_, Roles());
     throw FirmwareTrouble(true, text + " (more in firmware.log)");
   }
@@ -404,6 +419,7 @@ class EmulatorClient final : public Client {
   std::array<std::string, 2> troubles_;  // told of them
   std::optional<ElfSymbols> symbols_;
   std::optional<SourceLines> source_;
+  std::vector<WatchedVariable> watched_;
   std::optional<EmulatorProcess> board_;
   DeviceClock clock_;
   std::deque<DeviceEvent> drifts_;  // to be told when they begin, in order
@@ -424,8 +440,9 @@ class EmulatorClient final : public Client {
 }  // namespace
 
 std::unique_ptr<Client> StartEmulatorClient(const EmulatorSpec& spec, const EmulatorLines& lines,
-                                            TimeNs start_within_ns, ClientHost host) {
-  return std::make_unique<EmulatorClient>(spec, lines, start_within_ns, std::move(host));
+                                            TimeNs start_within_ns, const std::vector<std::string>& watch,
+                                            ClientHost host) {
+  return std::make_unique<EmulatorClient>(spec, lines, start_within_ns, watch, std::move(host));
 }
 
 }  // namespace tiltproof::harness

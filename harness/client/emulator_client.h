@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "harness/client/client.h"
 #include "harness/emulator/emulator_process.h"
@@ -16,8 +17,9 @@ struct EmulatorLines {
 
 // Throws std::runtime_error when there is no such image or plug-in or the emulator does not start. During the
 // flight, a board that crashes or never sleeps is FirmwareTrouble; before its `start` it may be busy for
-// `start_within_ns`.
+// `start_within_ns`. `watch`: names of variables (harness/emulator/watched_variable.h).
 std::unique_ptr<Client> StartEmulatorClient(const EmulatorSpec& spec, const EmulatorLines& lines,
-                                            TimeNs start_within_ns, ClientHost host);
+                                            TimeNs start_within_ns, const std::vector<std::string>& watch,
+                                            ClientHost host);
 
 }  // namespace tiltproof::harness

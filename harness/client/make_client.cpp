@@ -12,7 +12,7 @@ std::unique_ptr<Client> MakeClient(const ClientSpec& client, const ClientSetting
                                    ClientHost host) {
   if (const auto* image = std::get_if<EmulatedImage>(&client))
     return StartEmulatorClient(BoardOf(*image, settings.firmware, *settings.protocol), settings.lines,
-                               settings.start_within_ns, std::move(host));
+                               settings.start_within_ns, settings.watch, std::move(host));
   if (std::holds_alternative<HostLibrary>(client))
     return LoadLibraryClient(FirmwareFile(client, settings.firmware, settings.protocol->name),
                              settings.firmware, settings.protocol->name, std::move(host),

@@ -5,6 +5,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "harness/client/client.h"
 #include "harness/client/emulator_client.h"
@@ -18,7 +19,8 @@ struct ClientSettings {
   std::string firmware;  // build; a user's image is already a build
   std::shared_ptr<const link::Protocol> protocol;
   EmulatorLines lines;
-  TimeNs start_within_ns = 0;  // time that a busy image has to start
+  TimeNs start_within_ns = 0;      // time that a busy image has to start
+  std::vector<std::string> watch;  // variables of the image
 };
 
 // Throws std::runtime_error that says what is wrong with the client or its file. For a library, a FirmwareGuard is

@@ -45,7 +45,7 @@ ONLY_IN = {
     "sleef.h": ["link/deterministic_math.c"],
     "libelf": ["harness/emulator/elf_file.h"],
     "gelf": ["harness/emulator/elf_file.h"],
-    "elfutils/": ["harness/emulator/source_lines.cpp"],
+    "elfutils/": ["harness/emulator/source_lines.cpp", "harness/emulator/watched_variable.cpp"],
     "dlfcn.h": ["harness/client/"],
 }
 # What would make a replay differ, or tie the product to one machine.

@@ -264,7 +264,7 @@ class Hangs(Images):
 }
 static void Main(void) { Spin(); }"""
         result, log = self.fly(code)
-        self.assertRegex(result["reason"], r"since 0\.000 s after power-on it has neither slept nor sent a byte; it is in Spin \(main\.c:\d+\)")
+        self.assertRegex(result["reason"], r"for 2 s, since 0\.000 s after power-on, it has neither slept nor sent a byte; it is in Spin \(main\.c:\d+\)")
         self.assertIn("USART2 (main line) is off", result["reason"])
         self.assertIn("no fault", log)
 
@@ -298,7 +298,7 @@ static void Main(void) {
   }
 }"""
         result, _ = self.fly(code)
-        self.assertRegex(result["reason"], r"since 0\.[1-9]\d* s after power-on")
+        self.assertRegex(result["reason"], r"since 0\.[1-9]\d* s after power-on,")
         self.assertRegex(result["reason"], r"USART2 \(main line\) has sent 1 byte, 9\d{5} baud, transmitter on, receiver off")
 
     def test_a_firmware_that_sleeps_before_it_has_sent(self):
