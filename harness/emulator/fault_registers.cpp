@@ -55,8 +55,6 @@ bool IsCode(std::uint32_t address) {
 }
 
 bool IsExceptionReturn(std::uint32_t value) { return value >= 0xFFFF'FFE0; }
-constexpr std::uint32_t kProcessStack = 1U << 2;  // of EXC_RETURN
-
 // Only a jump to an even address leaves Thumb state. Then it is the return address that must be in code.
 bool IsPlausible(const ExceptionFrame& frame) {
   constexpr std::uint32_t kThumb = 1U << 24, kAlways0 = 0x00F0'0000;  // xPSR
@@ -66,6 +64,11 @@ bool IsPlausible(const ExceptionFrame& frame) {
 }
 
 }  // namespace
+
+bool ReturnsToProcessStack(std::uint32_t link) {
+  constexpr std::uint32_t kProcessStack = 1U << 2;
+  return IsExceptionReturn(link) && (link & kProcessStack) != 0;
+}
 
 std::string FaultText(const FaultRegisters& registers) {
   std::vector<std::string> texts;
@@ -83,7 +86,7 @@ std::vector<ExceptionFrame> FindExceptionFrames(const CpuState& state, const Rea
   std::vector<ExceptionFrame> frames;
   if (!Holds(kRam, state.stack_pointer(), sizeof(std::uint32_t) * kFrameWords)) return frames;
   // EXC_RETURN is in the link register until the handler calls a function.
-  if (IsExceptionReturn(state.link()) && (state.link() & kProcessStack) != 0) return frames;
+  if (ReturnsToProcessStack(state.link())) return frames;
   const std::vector<std::uint32_t> words = read(state.stack_pointer(), kSearchedWords);
   int exception = state.exception();
   for (std::size_t i = 0; exception != 0 && i + kFrameWords <= words.size(); ++i) {

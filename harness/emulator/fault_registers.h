@@ -32,11 +32,15 @@ struct ExceptionFrame {
   int exception() const { return static_cast<int>(xpsr & 0x1FFU); }
 };
 
+// Whether a handler with this in its link register has interrupted code on the process stack (PSP), as an RTOS's tasks
+// are (ARMv7-M ARM, table B1-8).
+bool ReturnsToProcessStack(std::uint32_t link);
+
 using ReadWords = std::function<std::vector<std::uint32_t>(std::uint32_t address, std::uint32_t count)>;
 
 // The frames of the exception that is being handled and of those that it interrupted, the last exception's first. One is at the stack pointer when the handler has pushed nothing.
 // Otherwise it is the first above it that can be one: Thumb state, and a PC in code. What was pushed on the other
-// stack (PSP) is not found.
+// stack is not found.
 std::vector<ExceptionFrame> FindExceptionFrames(const CpuState& state, const ReadWords& read);
 
 }  // namespace tiltproof::harness

@@ -22,6 +22,7 @@ enum class Kind : std::uint32_t {
   kFlipBits,    // FlipBits
   kReadMemory,  // ReadMemory; answered with kMemory
   kReadSent,    // answered with kSent
+  kWriteCode,   // WriteCode
   kDumpState,   // answered with kState
   kRun,         // Run
   // From the plug-in.
@@ -81,6 +82,11 @@ struct FlipBits {
 // As the processor sees it, with its own peripherals.
 struct ReadMemory {
   std::uint32_t address, size;
+};
+
+// Over what is in flash, too: the flight is over after that.
+struct WriteCode {
+  std::uint32_t address, word;
 };
 
 // How many bytes each USART has sent since power-on, connected or not, USART1 first.

@@ -163,6 +163,32 @@ std::string CalledFrom(const SourceLines& source, std::uint32_t link) {
   return ", LR in " + source.DescribeCall(link);
 }
 
+// QEMU's dump does not show it while a handler runs. So the processor is made to: its next instruction becomes
+// `mrs r0, psp`. Nothing goes on after that.
+std::optional<std::uint32_t> ReadProcessStackPointer(EmulatorProcess& board, std::uint32_t pc,
+                                                     std::int64_t now_ns) {
+  constexpr std::uint32_t kMrsR0Psp = 0x8009'F3EF;
+  board.Send(lockstep::Kind::kWriteCode, lockstep::WriteCode{pc, kMrsR0Psp});
+  board.Run(now_ns + kInstructionNs, [](const EmulatorMessage&) {});
+  const auto state = ParseCpuState(board.Registers());
+  if (!state || state->pc() != pc + sizeof kMrsR0Psp) return std::nullopt;
+  return state->r[0];
+}
+
+std::vector<ExceptionFrame> FindFrames(EmulatorProcess& board, CpuState state, Condition condition,
+                                       std::int64_t now_ns) {
+  const ReadWords read = [&](std::uint32_t address, std::uint32_t count) {
+    return ReadWordsOf(board, address, count);
+  };
+  std::vector<ExceptionFrame> frames = FindExceptionFrames(state, read);
+  if (!frames.empty() || condition != Condition::kBusy || !ReturnsToProcessStack(state.link())) return frames;
+  const auto stack_pointer = ReadProcessStackPointer(board, state.pc(), now_ns);
+  if (!stack_pointer) return frames;
+  state.r[13] = *stack_pointer;
+  state.r[14] = 0;
+  return FindExceptionFrames(state, read);
+}
+
 // The processor sleeps after this instruction (ARMv7-M ARM, section A7.7.262).
 bool IsAfterWfi(EmulatorProcess& board, std::uint32_t pc) {
   constexpr std::uint32_t kWfi = 0xBF30;
@@ -219,8 +245,7 @@ Findings Examine(EmulatorProcess& board, const ElfSymbols& symbols, const Source
   Findings found;
   const auto add = [&](std::string line) { found.lines.push_back(std::move(line)); };
   const FaultRegisters faults = ReadFaults(board);
-  const std::vector<ExceptionFrame> frames = FindExceptionFrames(
-      *state, [&](std::uint32_t address, std::uint32_t count) { return ReadWordsOf(board, address, count); });
+  const std::vector<ExceptionFrame> frames = FindFrames(board, *state, condition, now_ns);
   found.in_fault_handler = IsFault(state->exception());
 
   const std::string where = source.Describe(state->pc());

@@ -225,6 +225,19 @@ static void Main(void) { Recurse(0); }"""
         self.assertRegex(result["reason"], r"the stack pointer, 0x1fff[0-9a-f]{4}, lies outside RAM: the stack has overflowed \(the last call: Recurse \(main\.c:\d+\)\)")
         self.assertNotEqual(result["verdict"], "error")
 
+    def test_a_fault_on_the_process_stack(self):
+        code = """static uint32_t stack[64] __attribute__((aligned(8)));
+static void Task(void) {
+  REGISTER(0x60000000) = 1;
+}
+static void Main(void) {
+  __asm volatile("msr psp, %0\\n\\tmovs r0, #2\\n\\tmsr control, r0\\n\\tisb" ::"r"(&stack[64]) : "r0");
+  Task();
+}"""
+        result, log = self.fly(code, flags=["-fno-inline"])
+        self.assertRegex(result["reason"], rf"to 0x60000000 \(no memory\) by Task \(main\.c:{line_of(code, 'REGISTER(0x60000000)')}\), LR in Main")
+        self.assertRegex(log, r"LR 0xfffffffd\n|LR 0xffffffed\n")
+
     def test_an_access_that_the_mpu_forbids(self):
         code = """static void Main(void) {
   REGISTER(0xE000ED9C) = 0x20010000 | 1u << 4;        /* region 0 */

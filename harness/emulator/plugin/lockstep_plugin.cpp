@@ -343,6 +343,11 @@ void TakeCommands() {
       case Kind::kDumpState:
         SendState();
         break;
+      case Kind::kWriteCode: {
+        const auto code = As<WriteCode>(body);
+        address_space_write_rom(cpu_get_address_space(plugin.cpu, 0), code.address, 0, &code.word, 4);
+        break;
+      }
       case Kind::kReadSent:
         Send(Kind::kSent, &plugin.sent, sizeof(plugin.sent));
         break;

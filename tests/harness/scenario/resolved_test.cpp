@@ -172,6 +172,7 @@ void ExpectSame(const Scenario& a, const Scenario& b) {
   RC_ASSERT(a.link == b.link);
   RC_ASSERT(a.reference == b.reference);
   RC_ASSERT(a.criteria == b.criteria);
+  RC_ASSERT(a.watch == b.watch);
   RC_ASSERT(a.faults.size() == b.faults.size());
   for (std::size_t i = 0; i < a.faults.size(); ++i) {
     const faults::FaultSpec &x = a.faults[i], &y = b.faults[i];
