@@ -239,16 +239,16 @@ void CheckProcessor(const std::filesystem::path& file, const Attributes& attribu
 
 // --- addresses ---
 
-bool IsLoadedWhere(const std::vector<Segment>& segments, std::uint32_t address) {
-  return std::any_of(segments.begin(), segments.end(), [&](const Segment& segment) {
-    return address - segment.address < segment.memory_bytes ||
-           address - segment.run_address < segment.memory_bytes;
-  });
-}
-
 // Flash is seen at 0 as well.
 std::uint32_t InFlash(std::uint32_t address) {
   return Holds(kFlashAtZero, address) ? address + kFlash.address : address;
+}
+
+bool IsLoaded(const std::vector<Segment>& segments, std::uint32_t address) {
+  return std::any_of(segments.begin(), segments.end(), [&](const Segment& segment) {
+    return InFlash(address) - InFlash(segment.address) < segment.memory_bytes ||
+           InFlash(address) - InFlash(segment.run_address) < segment.memory_bytes;
+  });
 }
 
 void CheckAddresses(const std::filesystem::path& file, const std::vector<Segment>& segments) {
@@ -291,7 +291,7 @@ void CheckVectors(const std::filesystem::path& file, const ElfFile& image,
         fmt::format("the reset vector is 0x{:08x}: it must be odd, for Thumb code (is Reset_Handler declared "
                     "as a function, `.type Reset_Handler, %function` or .thumb_func?)",
                     table->reset));
-  if (!IsLoadedWhere(segments, entry) && !IsLoadedWhere(segments, InFlash(entry)))
+  if (!IsLoaded(segments, entry))
     RefuseImage(file, fmt::format("the reset vector points to 0x{:08x}, where the image has no code: {}",
                                   entry, keep));
 }
