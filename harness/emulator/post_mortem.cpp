@@ -236,6 +236,11 @@ std::string FaultSentence(EmulatorProcess& board, const FaultRegisters& faults,
 
 }  // namespace
 
+std::string Position(const SourceLines& source, const CpuState& state) {
+  return source.Describe(state.pc()) +
+         (state.exception() != 0 ? ", " + HandlerName(state.exception()) : CalledFrom(source, state.link()));
+}
+
 Findings Examine(EmulatorProcess& board, const ElfSymbols& symbols, const SourceLines& source,
                  const UsartRoles& roles, Condition condition, std::int64_t now_ns) {
   const std::string registers = board.Registers();

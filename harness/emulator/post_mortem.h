@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "harness/emulator/cpu_state.h"
 #include "harness/emulator/elf_symbols.h"
 #include "harness/emulator/emulator_process.h"
 #include "harness/emulator/source_lines.h"
@@ -37,6 +38,9 @@ struct Findings {
 
 Findings Examine(EmulatorProcess& board, const ElfSymbols& symbols, const SourceLines& source,
                  const UsartRoles& roles, Condition condition, std::int64_t now_ns);
+
+// Where the processor is: "ReadSensor (main.c:123), LR in main (main.c:200)", or a handler's name instead of LR.
+std::string Position(const SourceLines& source, const CpuState& state);
 
 // What its USARTs have sent and how they are set up, in one line: the main one, and others that have sent something
 // although nothing is connected to them.

@@ -97,8 +97,8 @@ class Images(unittest.TestCase):
         print(f"\n    {done.stderr.strip()}", file=sys.stderr)
         return done.stderr
 
-    def fly(self, code, flags=(), **more):
-        done, folder = self.run_tiltproof(self.image(code, flags=flags), **more)
+    def fly(self, code, flags=(), realtime=False):
+        done, folder = self.run_tiltproof(self.image(code, flags=flags), *(["--mode", "realtime"] if realtime else []))
         self.assertTrue(folder.exists(), done.stdout + done.stderr)
         [result] = json.loads((folder / "results.json").read_text())["scenarios"]
         log = "".join(file.read_text() for file in folder.glob("**/firmware.log"))
@@ -324,6 +324,16 @@ static void Main(void) {
         self.assertIn("no `start`", result["reason"])
         self.assertIn("it sleeps (WFI) in Reset_Handler (main.c:", result["reason"])
         self.assertIn("USART2 (main line) is off; USART6 (not connected) has sent 1 byte", result["reason"])
+
+
+class RealTime(Images):
+    def test_a_lock_up_and_a_firmware_that_never_starts_are_told_with_their_lines(self):
+        code = """static void Main(void) { __asm volatile("udf #1\\n\\tnop"); }
+#define IN_HANDLER __asm volatile("udf #2");"""
+        result, _ = self.fly(code, realtime=True)
+        self.assertRegex(result["reason"], r"the processor locked up at HardFault_Handler \(main\.c:\d+\)")
+        result, _ = self.fly("static void Main(void) { for (;;) {} }", realtime=True)
+        self.assertRegex(result["reason"], r"no `start`.*the firmware is in Main \(main\.c:\d+\), LR in Reset_Handler")
 
 
 if __name__ == "__main__":
