@@ -31,27 +31,32 @@ void FindMissingRegions(const ElfSymbols& image, const Scenario& scenario, std::
   }
 }
 
-// Variables that are watched, and that the client does not have.
+// Why a variable cannot be watched; "" when it can. `image`: empty for a client without one.
+std::string WhyUnwatchable(const std::string& variable, const ClientSpec& client,
+                           const std::filesystem::path& image, bool realtime) {
+  if (image.empty())
+    return fmt::format(
+        "'{}': the client {} has no image whose variables could be read; fly it with --client qemu", variable,
+        ToText(client));
+  if (realtime)
+    return fmt::format("'{}': only in lockstep: in real time the variables change while they are read",
+                       variable);
+  try {
+    FindVariable(image, variable);
+    return "";
+  } catch (const std::runtime_error& error) {
+    return error.what();
+  }
+}
+
+// Adds those of the scenario. Throws UsageError for one that the user named on the command line.
 void FindUnwatchable(const Scenario& scenario, const ClientSpec& client, const std::filesystem::path& image,
                      bool realtime, std::vector<std::string>& problems) {
   for (std::size_t i = 0; i < scenario.watch.size(); ++i) {
-    const std::string place =
-        fmt::format("{}: watch: ", i < scenario.watch_places.size() ? scenario.watch_places[i] : "--watch");
-    if (image.empty()) {
-      problems.push_back(fmt::format(
-          "{}'{}': the client {} has no image whose variables could be read; fly it with --client qemu",
-          place, scenario.watch[i], ToText(client)));
-    } else if (realtime) {
-      problems.push_back(
-          fmt::format("{}'{}': only in lockstep: in real time the variables change while they are read",
-                      place, scenario.watch[i]));
-    } else {
-      try {
-        FindVariable(image, scenario.watch[i]);
-      } catch (const std::runtime_error& error) {
-        problems.push_back(place + error.what());
-      }
-    }
+    const std::string why = WhyUnwatchable(scenario.watch[i], client, image, realtime);
+    if (why.empty()) continue;
+    if (i >= scenario.watch_places.size()) throw UsageError("--watch: " + why);
+    problems.push_back(fmt::format("{}: watch: {}", scenario.watch_places[i], why));
   }
 }
 

@@ -1,8 +1,7 @@
 // Why a firmware on an emulated board does not go on: where it is, which fault it took, what it waits for, what it has
 // sent. For the flight's reason in one line, and at length for its log.
 //
-//   const Findings found = Examine(board, symbols, source, {.main = 2, .reference = 3, .console = 1}, now_ns);
-//   throw FirmwareTrouble(true, "the firmware hangs: " + found.reason);
+//   const Findings found = Examine(board, symbols, source, roles, Condition::kBusy, now_ns);
 //
 // The board must be stopped. Unless it is locked up it is run on for a few microseconds, one instruction at a time, to
 // see what it reads again and again.

@@ -2,7 +2,7 @@
 // debug information.
 //
 //   const WatchedVariable gain = FindVariable("firmware.elf", "controller.gains[3]");
-//   gain.Value(board.ReadMemory(gain.address, gain.size_bytes));
+//   gain.Value(bytes);                        // of the memory from gain.address on
 #pragma once
 
 #include <cstdint>

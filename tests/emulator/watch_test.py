@@ -117,6 +117,12 @@ class Watch(unittest.TestCase):
         subprocess.run(["arm-none-eabi-strip", "-o", stripped, self.elf], check=True)
         self.assertIn("compile it with -g", self.refusal("tick_count", client=f"qemu:{stripped}"))
 
+    def test_the_flag_names_variables_for_every_scenario(self):
+        for client, words in ((None, "--watch: .*did you mean 'tick_count'"), ("host", "--watch: 'tick_cuont': the client host has no image")):
+            done, _ = self.run_tiltproof("--watch", "tick_cuont", client=client)
+            self.assertEqual(done.returncode, 2, done.stdout + done.stderr)
+            self.assertRegex(done.stderr, words)
+
     def test_a_column_has_one_variable(self):
         done, _ = self.run_tiltproof(more="watch: [probe.sign, probe_sign]\n")
         self.assertEqual(done.returncode, 2)

@@ -130,6 +130,7 @@ void MakeConsistent(Scenario& s, const fs::path& folder) {
       }
     }
   }
+  for (std::size_t i = 0; i < s.watch.size(); ++i) s.watch[i].append(".").append(std::to_string(i));
   for (std::size_t i = 0; i < s.criteria.size(); ++i) {
     CriterionSpec& criterion = s.criteria[i];
     criterion.name.append("-").append(std::to_string(i));
@@ -269,6 +270,7 @@ reference:
   velocity: true
 faults: []
 criteria: []
+watch: []
 )");
 }
 
