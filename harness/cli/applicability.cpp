@@ -9,6 +9,8 @@
 #include "harness/cli/commands.h"
 #include "harness/client/firmware_files.h"
 #include "harness/emulator/elf_symbols.h"
+#include "harness/emulator/image_check.h"
+#include "harness/emulator/watched_variable.h"
 #include "harness/run/client_channel.h"
 #include "harness/scenario/fault_support.h"
 
@@ -29,6 +31,35 @@ void FindMissingRegions(const ElfSymbols& image, const Scenario& scenario, std::
   }
 }
 
+// Why a variable cannot be watched; "" when it can. `image`: empty for a client without one.
+std::string WhyUnwatchable(const std::string& variable, const ClientSpec& client,
+                           const std::filesystem::path& image, bool realtime) {
+  if (image.empty())
+    return fmt::format(
+        "'{}': the client {} has no image whose variables could be read; fly it with --client qemu", variable,
+        ToText(client));
+  if (realtime)
+    return fmt::format("'{}': only in lockstep: in real time the variables change while they are read",
+                       variable);
+  try {
+    FindVariable(image, variable);
+    return "";
+  } catch (const std::runtime_error& error) {
+    return error.what();
+  }
+}
+
+// Adds those of the scenario. Throws UsageError for one that the user named on the command line.
+void FindUnwatchable(const Scenario& scenario, const ClientSpec& client, const std::filesystem::path& image,
+                     bool realtime, std::vector<std::string>& problems) {
+  for (std::size_t i = 0; i < scenario.watch.size(); ++i) {
+    const std::string why = WhyUnwatchable(scenario.watch[i], client, image, realtime);
+    if (why.empty()) continue;
+    if (i >= scenario.watch_places.size()) throw UsageError("--watch: " + why);
+    problems.push_back(fmt::format("{}: watch: {}", scenario.watch_places[i], why));
+  }
+}
+
 // Reads each image once.
 class Images {
  public:
@@ -43,7 +74,9 @@ class Images {
                                        ? ": it is built where FREERTOS_KERNEL_PATH names a FreeRTOS kernel, "
                                          "or `./setup --freertos` has fetched one"
                                        : ": it is built where gcc-arm-none-eabi is installed; run ./setup"));
+    if (const auto known = images_.find(file); known != images_.end()) return known->second;
     try {
+      CheckImage(file);
       return images_.try_emplace(file, file).first->second;
     } catch (const std::runtime_error& error) {
       throw UsageError(fmt::format("--client {}: {}", ToText(image), error.what()));
@@ -66,10 +99,15 @@ std::vector<NotApplicable> TakeNotApplicable(const FlightMeans& means, bool stri
     std::vector<ClientAbilities> abilities;
     for (const ClientSpec& client : clients) abilities.push_back(AbilitiesOf(client, means.realtime));
     std::vector<std::string> problems = UnsupportedFaults(scenario, abilities);
-    for (std::size_t i = 0; i < clients.size(); ++i)
-      if (const auto* image = std::get_if<EmulatedImage>(&clients[i]))
+    for (std::size_t i = 0; i < clients.size(); ++i) {
+      std::filesystem::path file;
+      if (const auto* image = std::get_if<EmulatedImage>(&clients[i])) {
         FindMissingRegions(images.Read(*image, scenario.firmware_of(i), *scenario.link.protocol), scenario, i,
                            problems);
+        file = BoardOf(*image, scenario.firmware_of(i), *scenario.link.protocol).image;
+      }
+      FindUnwatchable(scenario, clients[i], file, means.realtime, problems);
+    }
     if (means.realtime && scenario.has_several_clients())
       problems.push_back(fmt::format(
           "{}: clients: real time has one link node, for one client; fly several with --mode lockstep",

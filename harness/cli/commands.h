@@ -39,6 +39,7 @@ struct RunOptions {
   std::string expression;  // -k
   std::string tag;
   std::optional<std::uint64_t> seed;
+  std::vector<std::string> watch;
   int repeat_count = 1;
   int jobs_count = 1;
   std::filesystem::path out = "results";

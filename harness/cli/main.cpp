@@ -77,6 +77,10 @@ int Main(int argc, char** argv) {
       ->check(CLI::Range(std::uint64_t{0}, kSeedMax));
   run_app->add_option("--repeat", run.repeat_count, "Fly each scenario N times, with seeds seed, seed+1, ...")
       ->check(CLI::Range(1, 1'000'000));
+  run_app
+      ->add_option("--watch", run.watch,
+                   "Also record this variable of the emulated image, as watch_NAME; repeatable")
+      ->allow_extra_args(false);
   run_app->add_option("-j", run.jobs_count, "Worker processes")->check(CLI::Range(1, 1024));
   run_app->add_option("--out", run.out, "Parent of the run's own results folder")->capture_default_str();
   run_app->add_flag("--fail-fast", run.fail_fast,

@@ -100,6 +100,13 @@ std::string FlightName(const RunOptions& options, const Scenario& scenario, std:
   return options.repeat_count == 1 ? scenario.name : fmt::format("{}-seed{}", scenario.name, seed);
 }
 
+void AddWatched(Scenario& scenario, const std::vector<std::string>& variables) {
+  for (const std::string& variable : variables) {
+    const auto same = [&](const std::string& other) { return WatchColumn(other) == WatchColumn(variable); };
+    if (std::none_of(scenario.watch.begin(), scenario.watch.end(), same)) scenario.watch.push_back(variable);
+  }
+}
+
 // Prints what would be flown, one scenario per line.
 void List(const RunOptions& options, const std::vector<SuiteScenario>& scenarios) {
   for (const auto& entry : scenarios) {
@@ -126,6 +133,7 @@ int RunCommand(const RunOptions& options) {
   Suite suite = LoadSuite(options.paths, means.clients);
   const std::size_t found = suite.scenarios.size();
   suite.scenarios = Select(std::move(suite.scenarios), options);
+  for (auto& entry : suite.scenarios) AddWatched(entry.scenario, options.watch);
   const Console console(options.format == "jsonl");
   for (const auto& warning : suite.warnings) Print(stderr, "warning: {}\n", warning);
   if (suite.scenarios.empty()) {

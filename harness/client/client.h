@@ -29,6 +29,9 @@ struct ClientStatus {
 inline constexpr const char* kResetEvent = "device_reset";
 // A line cannot work as it is configured: an explanation for the user when the flight never starts.
 inline constexpr const char* kLineTroubleEvent = "line_trouble";
+// What the processor of a firmware that never started does: an explanation, too. And that it is in the handler of a
+// fault when the flight ends.
+inline constexpr const char* kBoardStateEvent = "board_state";
 // Bytes that arrived before the previous byte had been read.
 inline constexpr const char* kOverrunEvent = "uart_overrun";
 
@@ -73,6 +76,9 @@ class Client {
   // have).
   virtual void Command(const std::vector<faults::DeviceCommand>& commands, Origin origin) = 0;
   virtual std::optional<ClientStatus> Status() = 0;
+  // The values of the variables that the scenario watches, in its order, between two calls of Grant(). A client without
+  // an image has none.
+  virtual std::vector<double> Watched() { return {}; }
 };
 
 }  // namespace tiltproof::harness

@@ -16,7 +16,12 @@
 #include "harness/client/device_clock.h"
 #include "harness/client/firmware_guard.h"
 #include "harness/client/rated_line.h"
+#include "harness/emulator/cpu_state.h"
 #include "harness/emulator/elf_symbols.h"
+#include "harness/emulator/image_check.h"
+#include "harness/emulator/post_mortem.h"
+#include "harness/emulator/source_lines.h"
+#include "harness/emulator/watched_variable.h"
 #include "link/chunk.h"
 #include "link/overloaded.h"
 
@@ -29,6 +34,8 @@ constexpr TimeNs kBusyMax = 2 * kNsPerS;
 constexpr std::size_t kLineBytesMax = 1000;
 // Bytes lost further apart than this are different stories.
 constexpr TimeNs kOverrunGap = 24 * kNsPerMs;
+// The last exception that is a fault (ARMv7-M ARM, table B1-4).
+constexpr int kUsageFault = 6;
 // An image may have a TiltproofClientStatus of this name, which is read when the flight ends.
 constexpr const char* kStatusSymbol = "tiltproof_status";
 
@@ -74,7 +81,7 @@ std::string_view Name(lockstep::ResetCause cause) {
 class EmulatorClient final : public Client {
  public:
   EmulatorClient(const EmulatorSpec& spec, const EmulatorLines& lines, TimeNs start_within_ns,
-                 std::optional<TimeNs> break_at_ns, ClientHost host)
+                 const std::vector<std::string>& watch, std::optional<TimeNs> break_at_ns, ClientHost host)
       : spec_(spec),
         start_within_ns_(start_within_ns),
         break_at_ns_(break_at_ns),
@@ -83,7 +90,10 @@ class EmulatorClient final : public Client {
     for (const auto& file : {spec.image, spec.plugin})
       if (!std::filesystem::is_regular_file(file))
         throw std::runtime_error(fmt::format("no such file: {}", file));
+    CheckImage(spec.image);
     symbols_.emplace(spec.image);
+    source_.emplace(spec.image);
+    for (const std::string& name : watch) watched_.push_back(FindVariable(spec.image, name));
     board_.emplace(spec);
   }
 
@@ -126,16 +136,12 @@ class EmulatorClient final : public Client {
       DeliverDamaged(until);
       const lockstep::Stopped stopped =
           board_->Run(until, [this](const EmulatorMessage& message) { OnMessage(message); });
+      now_ = stopped.at_ns;
       last_active_ = std::max(last_active_, stopped.last_slept_ns);
+      if (stopped.locked_up) ThrowLockedUp(stopped.at_ns);
       TransmitDamaged(stopped.at_ns);
-      const TimeNs busy_ns = stopped.at_ns - last_active_;
-      if (busy_ns > kBusyMax && (started_ || stopped.at_ns > start_within_ns_)) {
-        Log(stopped.at_ns, board_->Registers());
-        throw FirmwareTrouble(
-            true, fmt::format("the firmware hangs: for {:.0f} s it has neither slept nor sent a byte "
-                              "(registers in firmware.log)",
-                              ToSeconds(busy_ns)));
-      }
+      if (stopped.at_ns - last_active_ > kBusyMax && (started() || stopped.at_ns > start_within_ns_))
+        ThrowHangs(stopped.at_ns);
       return std::clamp(stopped.at_ns >= until ? horizon : clock_.When(stopped.at_ns), now, horizon);
     } catch (const EmulatorTrouble& trouble) {
       lost_ = true;
@@ -149,7 +155,7 @@ class EmulatorClient final : public Client {
   }
 
   void Command(const std::vector<faults::DeviceCommand>& commands, Origin origin) override {
-    started_ = true;
+    origin_ = origin;
     // First of all the clock, by which all other times are told.
     drifts_ = clock_.Follow(commands, origin);
     for (const faults::DeviceCommand& command : commands) Send(command, origin);
@@ -160,6 +166,7 @@ class EmulatorClient final : public Client {
   std::optional<ClientStatus> Status() override {
     for (const std::size_t line : {0U, 1U}) TellOverruns(line);
     if (lost_) return std::nullopt;
+    TellState();
     const auto region = symbols_->FindRegion(kStatusSymbol);
     TiltproofClientStatus status{};
     if (!region || region->size_bytes < sizeof(status)) return std::nullopt;
@@ -172,6 +179,18 @@ class EmulatorClient final : public Client {
     if (bytes.size() < sizeof(status)) return std::nullopt;
     std::memcpy(&status, bytes.data(), sizeof(status));
     return ClientStatus{status.supervisor_state, status.failsafe_count};
+  }
+
+  std::vector<double> Watched() override {
+    std::vector<double> values;
+    try {
+      for (const WatchedVariable& variable : watched_)
+        values.push_back(variable.Value(board_->ReadMemory(variable.address, variable.size_bytes)));
+    } catch (const EmulatorTrouble& trouble) {
+      lost_ = true;
+      throw std::runtime_error(trouble.what());
+    }
+    return values;
   }
 
  private:
@@ -190,6 +209,62 @@ class EmulatorClient final : public Client {
                           // In force already: it is in clock_.
                           [](const faults::DriftClock&) {}},
                command.action);
+  }
+
+  bool started() const { return origin_.known(); }
+
+  // As a user reads it: in the flight's time, once there is one.
+  std::string TimeText(TimeNs at) {
+    const BootTime time = clock_.When(at);
+    return started() ? fmt::format("t = {:.3f} s", ToSeconds(origin_.SimulationTime(time)))
+                     : fmt::format("{:.3f} s after power-on", ToSeconds(time.ns()));
+  }
+
+  Findings Examine(Condition condition, TimeNs now) {
+    const Findings found = harness::Examine(*board_, *symbols_, *source_, Roles(), condition, now);
+    for (const std::string& line : found.lines) Log(now, line);
+    return found;
+  }
+  UsartRoles Roles() const { return {spec_.main_usart, spec_.reference_usart, spec_.console_usart}; }
+
+  [[noreturn]] void ThrowHangs(TimeNs now) {
+    const Findings found = Examine(Condition::kBusy, now);
+    const std::string since = TimeText(last_active_);
+    std::string text =
+        found.in_fault_handler
+            ? fmt::format("the firmware hangs in a fault's handler since {}: {}", since, found.reason)
+            : fmt::format(
+                  "the firmware hangs: for {:.0f} s, since {}, it has neither slept nor sent a byte; {}",
+                  ToSeconds(now - last_active_), since, found.reason);
+    if (!started()) text += "; " + UsartSummary(*board_, Roles());
+    throw FirmwareTrouble(true, text + " (more in firmware.log)");
+  }
+
+  [[noreturn]] void ThrowLockedUp(TimeNs now) {
+    lost_ = true;
+    // QEMU aborts of itself, too. Only when it has given the processor up is that the firmware's doing.
+    const std::string fatal = FatalLine(board_->Errors());
+    if (fatal.empty()) throw std::runtime_error("the emulator aborts: " + board_->Errors());
+    Log(now, fatal);
+    const Findings found = Examine(Condition::kLockedUp, now);
+    throw FirmwareTrouble(false, fmt::format("the firmware crashed at {}: {} (more in firmware.log)",
+                                             TimeText(now), found.reason));
+  }
+
+  // What a firmware does that never started, and that one sleeps in the handler of a fault.
+  void TellState() {
+    try {
+      const auto state = ParseCpuState(board_->Registers());
+      const bool in_handler = state && state->exception() > 0 && state->exception() <= kUsageFault;
+      if (started() && !in_handler) return;
+      const Findings found = Examine(Condition::kSleeps, now_);
+      host_.event({.time_ns = clock_.When(now_),
+                   .fault = std::nullopt,
+                   .kind = kBoardStateEvent,
+                   .text = found.reason + (started() ? "" : "; " + UsartSummary(*board_, Roles()))});
+    } catch (const EmulatorTrouble&) {
+      // The flight has been flown; only these words are missing.
+    }
   }
 
   void Flip(const faults::FlipBits& action, TimeNs at, std::uint32_t fault) {
@@ -347,6 +422,8 @@ class EmulatorClient final : public Client {
   std::array<RatedLine, 2> rated_;       // by Uart
   std::array<std::string, 2> troubles_;  // told of them
   std::optional<ElfSymbols> symbols_;
+  std::optional<SourceLines> source_;
+  std::vector<WatchedVariable> watched_;
   std::optional<EmulatorProcess> board_;
   DeviceClock clock_;
   std::deque<DeviceEvent> drifts_;  // to be told when they begin, in order
@@ -358,17 +435,18 @@ class EmulatorClient final : public Client {
   };
   std::array<Overruns, 2> overruns_;  // of main and reference line, not told yet
   std::string console_;
-  TimeNs last_active_ = 0;  // virtual time at which it last slept or sent
-  bool started_ = false;
+  TimeNs now_ = 0;          // virtual time
+  TimeNs last_active_ = 0;  // when it last slept or sent
+  Origin origin_;           // known once the flight has started
   bool lost_ = false;
 };
 
 }  // namespace
 
 std::unique_ptr<Client> StartEmulatorClient(const EmulatorSpec& spec, const EmulatorLines& lines,
-                                            TimeNs start_within_ns, std::optional<TimeNs> break_at_ns,
-                                            ClientHost host) {
-  return std::make_unique<EmulatorClient>(spec, lines, start_within_ns, break_at_ns, std::move(host));
+                                            TimeNs start_within_ns, const std::vector<std::string>& watch,
+                                            std::optional<TimeNs> break_at_ns, ClientHost host) {
+  return std::make_unique<EmulatorClient>(spec, lines, start_within_ns, watch, break_at_ns, std::move(host));
 }
 
 }  // namespace tiltproof::harness

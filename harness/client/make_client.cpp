@@ -14,7 +14,7 @@ std::unique_ptr<Client> MakeClient(const ClientSpec& client, const ClientSetting
     EmulatorSpec board = BoardOf(*image, settings.firmware, *settings.protocol);
     if (settings.debug) board.gdb_port = settings.debug->port;
     board.halted = settings.debug && !settings.debug->at_ns;
-    return StartEmulatorClient(board, settings.lines, settings.start_within_ns,
+    return StartEmulatorClient(board, settings.lines, settings.start_within_ns, settings.watch,
                                settings.debug ? settings.debug->at_ns : std::nullopt, std::move(host));
   }
   // The shipped firmware prints nothing: looking for that in every period would be in vain.

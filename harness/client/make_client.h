@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "harness/client/client.h"
 #include "harness/client/debugger.h"
@@ -20,7 +21,8 @@ struct ClientSettings {
   std::string firmware;  // build; a user's image is already a build
   std::shared_ptr<const link::Protocol> protocol;
   EmulatorLines lines;
-  TimeNs start_within_ns = 0;  // time that a busy image has to start
+  TimeNs start_within_ns = 0;      // time that a busy image has to start
+  std::vector<std::string> watch;  // variables of the image
   std::optional<DebugStop> debug = {};
 };
 

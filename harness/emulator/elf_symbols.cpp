@@ -1,111 +1,101 @@
 #include "harness/emulator/elf_symbols.h"
 
 #include <cxxabi.h>
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <gelf.h>
-#include <libelf.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
 #include <cstdlib>
-#include <cstring>
 #include <memory>
-#include <stdexcept>
-#include <system_error>
+#include <utility>
 
 #include "faults/nearest_name.h"
+#include "harness/emulator/elf_file.h"
+#include "harness/emulator/image_check.h"
 
 namespace tiltproof::harness {
 namespace {
 
-constexpr MemoryRegion kRam = {.address = 0x2000'0000, .size_bytes = 128 * 1024};
-
 struct Section {
-  std::string_view name, begin, end;
+  std::string_view name, begin, end, in_file;
 };
-// As the linker script bounds them.
-constexpr std::array kSections = {Section{"data", "_sdata", "_edata"}, Section{"bss", "_sbss", "_ebss"},
-                                  Section{"stack", "_sstack", "_estack"}};
+// As the linker script bounds them, and the section of the file otherwise.
+constexpr std::array kSections = {Section{"data", "_sdata", "_edata", ".data"},
+                                  Section{"bss", "_sbss", "_ebss", ".bss"},
+                                  Section{"stack", "_sstack", "_estack", ""}};
+// STM32CubeMX's linker scripts define it.
+constexpr std::string_view kStackSize = "_Min_Stack_Size";
 
 // Nothing longer is a mistyped name; the search takes quadratic time.
 constexpr std::size_t kNameLengthMax = 100;
-
-class OpenFile {
- public:
-  explicit OpenFile(const std::filesystem::path& file)
-      : descriptor_(open(file.c_str(), O_RDONLY | O_CLOEXEC)) {}
-  ~OpenFile() {
-    if (descriptor_ >= 0) close(descriptor_);
-  }
-  OpenFile(const OpenFile&) = delete;
-  OpenFile& operator=(const OpenFile&) = delete;
-  int descriptor() const { return descriptor_; }
-
- private:
-  int descriptor_;
-};
-
-struct EndElf {
-  void operator()(Elf* elf) const { elf_end(elf); }
-};
 
 struct Free {
   void operator()(char* text) const { std::free(text); }  // NOLINT: as __cxa_demangle wants
 };
 
-[[noreturn]] void Refuse(const std::filesystem::path& file, const std::string& why) {
-  throw std::runtime_error(fmt::format("firmware image {}: {}", file.string(), why));
-}
-
-void CheckKind(const std::filesystem::path& file, Elf* elf) {
-  GElf_Ehdr header{};
-  if (elf == nullptr || elf_kind(elf) != ELF_K_ELF || gelf_getehdr(elf, &header) == nullptr)
-    Refuse(file, "not an ELF file");
-  if (header.e_machine != EM_ARM || header.e_ident[EI_CLASS] != ELFCLASS32 ||
-      header.e_ident[EI_DATA] != ELFDATA2LSB)
-    Refuse(file, "an ELF file for another processor; must be for ARM, 32 bits, little-endian");
-  if (header.e_type != ET_EXEC)
-    Refuse(file, "an ELF file that is no executable: was it linked? (an object file or a library is none)");
+// "" for a name that is not mangled.
+std::string SourceName(const std::string& name) {
+  if (!name.starts_with("_Z")) return {};
+  int status = 0;
+  const std::unique_ptr<char, Free> source_name(abi::__cxa_demangle(name.c_str(), nullptr, nullptr, &status));
+  return status == 0 && source_name ? source_name.get() : "";
 }
 
 }  // namespace
 
 ElfSymbols::ElfSymbols(const std::filesystem::path& file) : file_(file) {
-  const OpenFile opened(file);
-  if (opened.descriptor() < 0) Refuse(file, fmt::format("cannot be read: {}", std::strerror(errno)));
-  std::error_code error;
-  if (!std::filesystem::is_regular_file(file, error)) Refuse(file, "not a file");
-  elf_version(EV_CURRENT);
-  const std::unique_ptr<Elf, EndElf> elf(elf_begin(opened.descriptor(), ELF_C_READ, nullptr));
-  CheckKind(file, elf.get());
+  const ElfFile image(file);
+  ReadSymbols(image);
+  ReadSections(image);
+  if (const auto table = FindVectorTable(image)) stack_pointer_ = table->stack_pointer;
+}
 
-  for (Elf_Scn* section = nullptr; (section = elf_nextscn(elf.get(), section)) != nullptr;) {
+void ElfSymbols::ReadSymbols(const ElfFile& image) {
+  for (Elf_Scn* section = nullptr; (section = elf_nextscn(image.elf(), section)) != nullptr;) {
     GElf_Shdr header{};
     if (gelf_getshdr(section, &header) == nullptr || header.sh_type != SHT_SYMTAB) continue;
     Elf_Data* data = elf_getdata(section, nullptr);
+    std::string source_file;  // of the local symbols that follow (System V ABI, chapter 4, STT_FILE)
     GElf_Sym symbol{};
     for (int i = 0; data != nullptr && gelf_getsym(data, i, &symbol) != nullptr; ++i) {
       const int type = GELF_ST_TYPE(symbol.st_info);
+      const char* name = elf_strptr(image.elf(), header.sh_link, symbol.st_name);
+      if (type == STT_FILE) source_file = name == nullptr ? "" : name;
       if (symbol.st_shndx == SHN_UNDEF || (type != STT_OBJECT && type != STT_NOTYPE)) continue;
-      const char* name = elf_strptr(elf.get(), header.sh_link, symbol.st_name);
       // Names with a $ mark ARM code, Thumb code and data (ELF for the Arm architecture, section 5.5.5).
       if (name == nullptr || *name == '\0' || *name == '$') continue;
-      Symbol& kept = symbols_.emplace_back();
-      kept.name = name;
-      kept.address = static_cast<std::uint32_t>(symbol.st_value);
-      kept.size_bytes = static_cast<std::uint32_t>(symbol.st_size);
-      kept.is_variable = type == STT_OBJECT && kept.size_bytes > 0;
-      int status = 0;
-      const std::unique_ptr<char, Free> source_name(abi::__cxa_demangle(name, nullptr, nullptr, &status));
-      if (kept.name.starts_with("_Z") && status == 0 && source_name) {
-        Symbol named = kept;
-        named.name = source_name.get();
-        symbols_.push_back(std::move(named));
-      }
+      const auto size_bytes = static_cast<std::uint32_t>(symbol.st_size);
+      Add({.name = name,
+           .file = GELF_ST_BIND(symbol.st_info) == STB_LOCAL ? source_file : "",
+           .address = static_cast<std::uint32_t>(symbol.st_value),
+           .size_bytes = size_bytes,
+           .is_variable = type == STT_OBJECT && size_bytes > 0});
     }
+  }
+}
+
+void ElfSymbols::Add(Symbol symbol) {
+  std::string source_name = SourceName(symbol.name);
+  symbols_.push_back(symbol);
+  if (source_name.empty()) return;
+  symbol.name = std::move(source_name);
+  symbols_.push_back(std::move(symbol));
+}
+
+void ElfSymbols::ReadSections(const ElfFile& image) {
+  for (Elf_Scn* section = nullptr; (section = elf_nextscn(image.elf(), section)) != nullptr;) {
+    GElf_Shdr header{};
+    if (gelf_getshdr(section, &header) == nullptr || (header.sh_flags & SHF_ALLOC) == 0) continue;
+    if (!Holds(kRam, header.sh_addr, std::max<GElf_Xword>(header.sh_size, 1))) continue;
+    const MemoryRegion region{static_cast<std::uint32_t>(header.sh_addr),
+                              static_cast<std::uint32_t>(header.sh_size)};
+    const std::string name = image.SectionName(section);
+    for (const Section& known : kSections)
+      if (!known.in_file.empty() && known.in_file == name && region.size_bytes > 0)
+        sections_.emplace(known.name, region);
+    // A section of its own for the stack is no variable.
+    if (name.find("stack") == name.npos)
+      variables_end_ = std::max(variables_end_, region.address + region.size_bytes);
   }
 }
 
@@ -115,42 +105,111 @@ const ElfSymbols::Symbol* ElfSymbols::Find(std::string_view name) const {
   return found == symbols_.end() ? nullptr : &*found;
 }
 
+std::vector<const ElfSymbols::Symbol*> ElfSymbols::FindVariables(std::string_view name) const {
+  std::string_view file;
+  // A colon that is not one of two, as in C++.
+  const std::size_t colon = name.find(':');
+  if (colon != name.npos && name.substr(colon, 2) != "::") {
+    file = name.substr(0, colon);
+    name.remove_prefix(colon + 1);
+  }
+  std::vector<const Symbol*> found;
+  for (const Symbol& symbol : symbols_) {
+    if (!symbol.is_variable || symbol.name != name || (!file.empty() && symbol.file != file)) continue;
+    const auto same = [&](const Symbol* other) { return other->address == symbol.address; };
+    if (std::none_of(found.begin(), found.end(), same)) found.push_back(&symbol);
+  }
+  return found;
+}
+
+std::optional<MemoryRegion> ElfSymbols::FindStack() const {
+  if (!stack_pointer_ || !Holds(kRam, std::uint64_t{*stack_pointer_} - 1)) return std::nullopt;
+  // The value of a symbol that is a size is its address.
+  const Symbol* size = Find(kStackSize);
+  const std::uint32_t room = *stack_pointer_ - kRam.address;
+  if (size != nullptr && size->address > 0 && size->address <= room)
+    return MemoryRegion{*stack_pointer_ - size->address, size->address};
+  if (*stack_pointer_ <= variables_end_) return std::nullopt;
+  return MemoryRegion{variables_end_, *stack_pointer_ - variables_end_};
+}
+
 std::optional<MemoryRegion> ElfSymbols::FindRegion(std::string_view name) const {
   if (name == "ram") return kRam;
   for (const Section& section : kSections) {
     if (section.name != name) continue;
     const Symbol* begin = Find(section.begin);
     const Symbol* end = Find(section.end);
-    if (begin == nullptr || end == nullptr || end->address <= begin->address) return std::nullopt;
-    return MemoryRegion{begin->address, end->address - begin->address};
+    if (begin != nullptr && end != nullptr) {
+      if (end->address <= begin->address) return std::nullopt;
+      return MemoryRegion{begin->address, end->address - begin->address};
+    }
+    if (section.in_file.empty()) return FindStack();
+    const auto found = sections_.find(name);
+    return found == sections_.end() ? std::nullopt : std::optional(found->second);
   }
-  const Symbol* symbol = Find(name);
-  if (symbol == nullptr || !symbol->is_variable) return std::nullopt;
+  const auto variables = FindVariables(name);
+  if (variables.size() != 1) return std::nullopt;
+  const Symbol& variable = *variables.front();
   // Constants lie in flash, where nothing flips.
-  if (symbol->address < kRam.address || symbol->address - kRam.address > kRam.size_bytes - symbol->size_bytes)
-    return std::nullopt;
-  return MemoryRegion{symbol->address, symbol->size_bytes};
+  if (!Holds(kRam, variable.address, variable.size_bytes)) return std::nullopt;
+  return MemoryRegion{variable.address, variable.size_bytes};
+}
+
+std::string ElfSymbols::NameAt(std::uint32_t address) const {
+  const Symbol* found = nullptr;
+  for (const Symbol& symbol : symbols_)
+    // The last one is the demangled name.
+    if (symbol.is_variable && address - symbol.address < symbol.size_bytes) found = &symbol;
+  if (found == nullptr) return {};
+  return address == found->address ? found->name
+                                   : fmt::format("{} + 0x{:x}", found->name, address - found->address);
 }
 
 MemoryRegion ElfSymbols::Region(std::string_view name) const {
   if (const auto region = FindRegion(name)) return *region;
-  if (symbols_.empty())
-    Refuse(file_,
-           fmt::format("no region '{}': it has no symbols; was it stripped? Only `ram` is known", name));
+  if (symbols_.empty() && sections_.find(name) == sections_.end())
+    RefuseImage(file_,
+                fmt::format("no region '{}': it has no symbols; was it stripped? Only `ram` is known", name));
   for (const Section& section : kSections)
     if (section.name == name)
-      Refuse(file_,
-             fmt::format("no region '{}': its linker script does not bound it by the symbols {} and {}, "
-                         "or it is empty",
-                         name, section.begin, section.end));
+      RefuseImage(
+          file_,
+          fmt::format("no region '{}': its linker script does not bound it by the symbols {} and {}, "
+                      "and {}, or it is empty",
+                      name, section.begin, section.end,
+                      section.in_file.empty() ? std::string("its initial stack pointer leaves no room")
+                                              : fmt::format("it has no section {} in RAM", section.in_file)));
+
+  const auto variables = FindVariables(name);
+  if (variables.size() > 1) {
+    std::vector<std::string> places;
+    for (const Symbol* variable : variables)
+      places.push_back(fmt::format("0x{:08x} ({})", variable->address,
+                                   variable->file.empty() ? "global" : variable->file));
+    const auto in_file = std::find_if(variables.begin(), variables.end(),
+                                      [](const Symbol* variable) { return !variable->file.empty(); });
+    RefuseImage(file_, fmt::format("'{}' is ambiguous, there are {} variables of that name: {}{}", name,
+                                   variables.size(), fmt::join(places, ", "),
+                                   in_file == variables.end()
+                                       ? ""
+                                       : fmt::format("; name one as '{}:{}'", (*in_file)->file, name)));
+  }
+  if (!variables.empty()) {
+    const Symbol& variable = *variables.front();
+    const std::string place = PlaceName(variable.address);
+    RefuseImage(file_, fmt::format("'{}' is {} ({} bytes at 0x{:08x}), where nothing flips; only RAM does",
+                                   name, place == "flash" ? "a constant in flash" : "in " + place,
+                                   variable.size_bytes, variable.address));
+  }
+
   std::vector<std::string_view> names = {"ram"};
   for (const Section& section : kSections) names.push_back(section.name);
   for (const Symbol& symbol : symbols_)
     if (symbol.is_variable && symbol.name.size() <= kNameLengthMax) names.push_back(symbol.name);
   const auto nearest = name.size() > kNameLengthMax ? std::string_view() : faults::NearestName(name, names);
-  Refuse(file_,
-         fmt::format("no memory region or variable '{}'{}", name,
-                     nearest.empty() ? std::string("; there are ram, data, bss, stack and the variables that "
+  RefuseImage(file_, fmt::format("no memory region or variable '{}'{}", name,
+                                 nearest.empty()
+                                     ? std::string("; there are ram, data, bss, stack and the variables that "
                                                    "`arm-none-eabi-nm -S` lists with a size")
                                      : fmt::format("; did you mean '{}'?", nearest)));
 }

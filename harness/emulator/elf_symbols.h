@@ -7,18 +7,17 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "harness/emulator/stm32f405.h"
+
 namespace tiltproof::harness {
 
-struct MemoryRegion {
-  std::uint32_t address = 0;
-  std::uint32_t size_bytes = 0;  // at least 1
-  friend bool operator==(const MemoryRegion&, const MemoryRegion&) = default;
-};
+class ElfFile;
 
 class ElfSymbols {
  public:
@@ -26,24 +25,38 @@ class ElfSymbols {
   // std::runtime_error that says what the file is instead.
   explicit ElfSymbols(const std::filesystem::path& file);
 
-  // `ram`: the main SRAM of an STM32F405, 128 KiB from 0x20000000 (RM0090, section 2.3.1). `data`, `bss`,
-  // `stack`: from the symbol _sdata to _edata, _sbss to _ebss, _sstack to _estack. Otherwise a variable: a
-  // symbol with a size, named as in the symbol table or as in the source (a C++ name with its namespaces).
-  // Nullopt when there is none.
+  // `ram`: the main SRAM of an STM32F405, 128 KiB from 0x20000000 (RM0090, section 2.3.1).
+  // `data`, `bss`: from the symbol _sdata to _edata, _sbss to _ebss; without them the sections .data and .bss.
+  // `stack`: from the symbol _sstack to _estack; without _sstack the _Min_Stack_Size bytes (STM32CubeMX) below
+  // the initial stack pointer; without that all below it, down to the last variable.
+  // Otherwise a variable in RAM: a symbol with a size, named as in the symbol table or as in the source (a C++
+  // name with its namespaces). A static one also by its file, as `motor.c:state`.
+  // Nullopt when there is none, or several of that name.
   std::optional<MemoryRegion> FindRegion(std::string_view name) const;
   // The same, or std::runtime_error with similar names.
   MemoryRegion Region(std::string_view name) const;
+  // The variable that holds an address: `tick_count`, or `rings + 0x108` for one inside it. "" when there is none.
+  std::string NameAt(std::uint32_t address) const;
 
  private:
   struct Symbol {
-    std::string name;
+    std::string name, file;  // file: of a static one, where the symbol table tells
     std::uint32_t address = 0, size_bytes = 0;
     bool is_variable = false;
   };
+  void ReadSymbols(const ElfFile& image);
+  void ReadSections(const ElfFile& image);
+  void Add(Symbol symbol);
   const Symbol* Find(std::string_view name) const;
+  // Variables of that name at different addresses.
+  std::vector<const Symbol*> FindVariables(std::string_view name) const;
+  std::optional<MemoryRegion> FindStack() const;
 
   std::filesystem::path file_;
-  std::vector<Symbol> symbols_;  // by name, mangled and demangled
+  std::vector<Symbol> symbols_;                                // by name, mangled and demangled
+  std::map<std::string, MemoryRegion, std::less<>> sections_;  // `data` and `bss`
+  std::optional<std::uint32_t> stack_pointer_;                 // the initial one
+  std::uint32_t variables_end_ = kRam.address;                 // of what the linker has placed in RAM
 };
 
 }  // namespace tiltproof::harness

@@ -149,6 +149,12 @@ std::string EmulatorProcess::Registers() {
   return {state.body.begin(), state.body.end()};
 }
 
+lockstep::SentBytes EmulatorProcess::SentBytes() {
+  Append(lockstep::Kind::kReadSent, {});
+  Flush();
+  return Next().As<lockstep::SentBytes>();
+}
+
 const std::string& EmulatorProcess::Errors() {
   std::array<char, 4096> buffer;
   for (ssize_t n;

@@ -12,7 +12,7 @@
 
 namespace tiltproof::harness::lockstep {
 
-inline constexpr std::uint32_t kProtocolVersion = 3;
+inline constexpr std::uint32_t kProtocolVersion = 4;
 inline constexpr std::uint32_t kBodyBytesMax = 1 << 20;
 
 enum class Kind : std::uint32_t {
@@ -21,6 +21,8 @@ enum class Kind : std::uint32_t {
   kStall,       // Stall
   kFlipBits,    // FlipBits
   kReadMemory,  // ReadMemory; answered with kMemory
+  kReadSent,    // answered with kSent
+  kWriteCode,   // WriteCode
   kDumpState,   // answered with kState
   kRun,         // Run
   kBreak,       // Break
@@ -31,6 +33,7 @@ enum class Kind : std::uint32_t {
   kEvent,     // Event
   kMemory,    // the bytes
   kState,     // text: the processor's registers
+  kSent,      // SentBytes
   kStopped,   // Stopped
 };
 
@@ -77,8 +80,19 @@ struct FlipBits {
   } bits[kBitsMax];
 };
 
+// As the processor sees it, with its own peripherals.
 struct ReadMemory {
   std::uint32_t address, size;
+};
+
+// Over what is in flash, too: the flight is over after that.
+struct WriteCode {
+  std::uint32_t address, word;
+};
+
+// How many bytes each USART has sent since power-on, connected or not, USART1 first.
+struct SentBytes {
+  std::uint64_t count[6];
 };
 
 struct Run {
@@ -126,6 +140,8 @@ struct Event {
 struct Stopped {
   std::int64_t at_ns;
   std::int64_t last_slept_ns;  // when the processor last slept (WFI) or was stopped
+  // It is past all help (ARMv7-M ARM, section B1.5.15). Only its state can be read.
+  bool locked_up;
 };
 
 }  // namespace tiltproof::harness::lockstep

@@ -12,6 +12,8 @@
 #include <string_view>
 #include <utility>
 
+#include "harness/emulator/post_mortem.h"
+#include "harness/emulator/source_lines.h"
 #include "harness/emulator/usart_rate.h"
 #include "link/unix_socket.h"
 
@@ -72,7 +74,7 @@ std::vector<std::string> CommandLine(const EmulatorSpec& spec, const BoardWiring
 
 EmulatedBoard::EmulatedBoard(NodeServices& services, const Scenario& scenario, const EmulatorSpec& spec,
                              const BoardWiring& wiring, Callbacks callbacks)
-    : services_(services), scenario_(scenario), callbacks_(std::move(callbacks)) {
+    : services_(services), scenario_(scenario), callbacks_(std::move(callbacks)), image_(spec.image) {
   auto [control, control_far] = SocketPair();
   auto [debugger, debugger_far] = SocketPair();
   ChildSpec child;
@@ -152,6 +154,15 @@ void EmulatedBoard::ReadWords(std::uint32_t address, int count,
       });
 }
 
+void EmulatedBoard::ReadCpuState(std::function<void(const CpuState&)> done) {
+  if (paused_ || lost_ || qmp_->Waiting().count() > 0) return;
+  qmp_->Execute("human-monitor-command", R"({"command-line": "info registers"})",
+                [done = std::move(done)](const std::string& error, const std::string& value) {
+                  const auto state = ParseCpuState(value);
+                  if (error.empty() && state) done(*state);
+                });
+}
+
 void EmulatedBoard::Watch() {
   if (lost_) return;
   if (processor_) processor_->Watch();
@@ -172,6 +183,7 @@ std::vector<FirmwareProcess::OutputLine> EmulatedBoard::TakeLines(bool last) {
   for (auto& line : process_->TakeLines()) {
     if (line.error && !line.text.empty()) {
       if (fatal_.empty() && line.text.starts_with(kFatal)) fatal_ = line.text.substr(kFatal.size());
+      if (!fatal_.empty()) last_words_ += line.text + "\n";
       last_error_ = line.text;
     }
     lines_.push_back(std::move(line));
@@ -181,10 +193,13 @@ std::vector<FirmwareProcess::OutputLine> EmulatedBoard::TakeLines(bool last) {
 
 void EmulatedBoard::OnEnded(const std::string& how) {
   lines_ = TakeLines(true);
-  if (!fatal_.empty())
-    return Lose(
-        EndReason::kFirmwareCrashed,
-        fmt::format("the firmware brought the emulated board down: {} (registers in firmware.log)", fatal_));
+  if (!fatal_.empty()) {
+    const auto state = ParseCpuState(last_words_);
+    const std::string where = state ? " at " + Position(SourceLines(image_), *state) : "";
+    return Lose(EndReason::kFirmwareCrashed,
+                fmt::format("the firmware crashed: the processor locked up{}: {} (registers in firmware.log)",
+                            where, fatal_));
+  }
   Lose(EndReason::kNodeLost,
        fmt::format("the emulator {}{}{}", how, last_error_.empty() ? "" : ": ", last_error_));
 }

@@ -16,6 +16,7 @@
 #include <string>
 #include <vector>
 
+#include "harness/emulator/cpu_state.h"
 #include "harness/emulator/emulator_process.h"
 #include "harness/emulator/gdb_client.h"
 #include "harness/emulator/qmp_client.h"
@@ -58,6 +59,8 @@ class EmulatedBoard {
   // Reads words of memory while it runs; `done` is not called when they cannot be read.
   void ReadWords(std::uint32_t address, int count,
                  std::function<void(const std::vector<std::uint32_t>&)> done);
+  // The processor's registers while it runs, at some instant; `done` is not called when they cannot be read.
+  void ReadCpuState(std::function<void(const CpuState&)> done);
 
   // Checks for an emulator that does not answer. Called periodically.
   void Watch();
@@ -76,7 +79,9 @@ class EmulatedBoard {
   std::optional<QmpClient> qmp_;
   std::optional<GdbClient> debugger_;
   std::vector<FirmwareProcess::OutputLine> lines_;
-  std::string fatal_, last_error_;           // what QEMU said before its end
+  std::string fatal_, last_error_;  // what QEMU said before its end
+  std::string last_words_;          // all of that, with the registers after a crash
+  std::string image_;
   int stalls_count_ = 0, resets_count_ = 0;  // that last
   bool paused_ = false;                      // the whole of QEMU, by a signal
   bool halted_ = false;                      // the processor and its clock, by QEMU

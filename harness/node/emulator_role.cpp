@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <chrono>
 #include <filesystem>
 #include <map>
 #include <optional>
@@ -9,6 +10,8 @@
 #include "faults/schedule.h"
 #include "harness/client/firmware_files.h"
 #include "harness/emulator/elf_symbols.h"
+#include "harness/emulator/post_mortem.h"
+#include "harness/emulator/source_lines.h"
 #include "harness/node/emulated_board.h"
 #include "harness/node/roles.h"
 #include "link/overloaded.h"
@@ -66,7 +69,7 @@ class EmulatorRole final : public Role {
   void Flush() override {
     if (!board_) return;
     board_->Watch();
-    if (!origin_.known()) return;
+    if (!origin_.known()) return Look();
     WriteLines(false);
     services_.log().Write(counts_->TakeActivations());
     if (status_address_)
@@ -79,6 +82,8 @@ class EmulatorRole final : public Role {
     stopped_ = true;
     timer_.cancel();
     agenda_.clear();
+    if (!origin_.known() && cpu_state_)
+      Note(kBoardStateEvent, "the firmware is in " + Position(SourceLines(spec_.image), *cpu_state_));
     // Without t = 0 the times are those since power-on.
     if (!origin_.known()) origin_ = Origin(power_on_ns_);
     NodeTotals totals;
@@ -104,6 +109,15 @@ class EmulatorRole final : public Role {
     for (const faults::BitFlip& flip : faults::DrawBitFlips(flips, region.size_bytes))
       bits.push_back({region.address + flip.byte_offset, flip.bit});
     return bits;
+  }
+
+  // A firmware that does not start is told with where it was last.
+  void Look() {
+    constexpr std::chrono::milliseconds kInterval{500};
+    const auto now = std::chrono::steady_clock::now();
+    if (now - last_look_ < kInterval) return;
+    last_look_ = now;
+    board_->ReadCpuState([this](const CpuState& state) { cpu_state_ = state; });
   }
 
   TimeNs SimNow() { return origin_.SimulationTime(services_.clock().Now()); }
@@ -210,6 +224,8 @@ class EmulatorRole final : public Role {
   EmulatorSpec spec_;
   std::optional<std::uint32_t> status_address_;
   std::optional<ClientStatus> status_;
+  std::optional<CpuState> cpu_state_;  // before t = 0
+  std::chrono::steady_clock::time_point last_look_;
   std::vector<PlannedCommand> commands_;
   std::optional<faults::FaultSchedule> counts_;
   std::multimap<BootTime, std::function<void()>> agenda_;  // by the node's clock

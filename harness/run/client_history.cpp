@@ -40,7 +40,7 @@ void AddClientHistory(RunLog& log, std::size_t client, const link::Protocol& pro
 void ExplainNeverStarted(RunLog& log) {
   if (log.end_reason != EndReason::kNeverStarted) return;
   for (const RunEvent& event : log.events)
-    if (event.kind == kLineTroubleEvent) log.end_text += "; " + event.text;
+    if (event.kind == kLineTroubleEvent || event.kind == kBoardStateEvent) log.end_text += "; " + event.text;
 }
 
 }  // namespace tiltproof::harness

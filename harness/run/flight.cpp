@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <deque>
+#include <limits>
 #include <string>
 #include <utility>
 
@@ -49,6 +50,8 @@ class Conductor {
   void SendReference(BootTime now);
   void Finish();
   const AllCounts& Counts();
+  void Sample(BootTime now);
+  void AddSamples();
 
   bool started() const { return server_.state().started(); }
   bool over() const { return server_.state().over; }
@@ -68,6 +71,12 @@ class Conductor {
   const bool faults_wait_;                          // for each other, or for conditions
   std::vector<std::vector<std::uint8_t>> replies_;  // of the plant server, before they are sent
   BootTime next_reference_ns_ = BootTime::Never();
+  struct WatchSample {
+    TimeNs time_ns = 0;
+    std::vector<double> values;
+  };
+  std::size_t watch_column_ = 0;
+  std::vector<WatchSample> samples_;  // of watched variables, one for each row of the trace
 };
 
 Conductor::Conductor(const Scenario& scenario, const VehicleSignals& vehicle, std::span<Line* const> lines,
@@ -82,7 +91,9 @@ Conductor::Conductor(const Scenario& scenario, const VehicleSignals& vehicle, st
   for (std::size_t client = 0; client < lines.size(); ++client)
     in_turn_.push_back(&channels_.emplace_back(scenario, client, *lines[client], [this] { SpreadNews(); }));
   std::swap(in_turn_.front(), in_turn_[scenario.selected_client()]);
-  log_.trace = Trace(TraceLayout(vehicle, scenario).columns);
+  const TraceLayout layout(vehicle, scenario);
+  log_.trace = Trace(layout.columns);
+  watch_column_ = layout.watch;
   log_.fault_activation_counts.assign(scenario.faults.size(), 0);
   log_.clients.resize(lines.size());
   for (std::size_t client = 0; scenario.has_several_clients() && client < lines.size(); ++client)
@@ -116,6 +127,7 @@ void Conductor::Conduct() {
     now = std::max(now, next);
     if (EndsBefore(now)) return;
 
+    if (now == next_reference_ns_) Sample(now);
     // First of all, so that rows of the past show nothing of what happens now.
     AdvancePlant(now);
     if (over()) return;
@@ -123,7 +135,10 @@ void Conductor::Conduct() {
     if (now == next_reference_ns_) SendReference(now);
     const bool was_started = started();
     for (ClientChannel* channel : in_turn_) ServePlantEnd(*channel, now);
-    if (started() && !was_started) Each([&](ClientChannel& channel) { channel.Command(origin()); });
+    if (started() && !was_started) {
+      Sample(now);
+      Each([&](ClientChannel& channel) { channel.Command(origin()); });
+    }
     Each([&](ClientChannel& channel) { channel.Run(now, Horizon(channel, now)); });
   }
 }
@@ -132,6 +147,7 @@ void Conductor::Conduct() {
 bool Conductor::EndsBefore(BootTime now) {
   if (now > End()) {
     if (started()) {
+      Sample(End());
       AdvancePlant(End());
       // The last row is at duration_s, on the grid or not.
       if (!over()) server_.Finish(End(), Counts());
@@ -222,6 +238,35 @@ void Conductor::SendReference(BootTime now) {
     options_.progress_ns->store(origin().SimulationTime(now), std::memory_order_relaxed);
 }
 
+// Every client has come as far as `now`, which is on the grid of the trace's rows.
+void Conductor::Sample(BootTime now) {
+  if (scenario_.watch.empty()) return;
+  const TimeNs time_ns = origin().SimulationTime(now);
+  if (!samples_.empty() && samples_.back().time_ns >= time_ns) return;
+  WatchSample& sample = samples_.emplace_back();
+  sample.time_ns = time_ns;
+  // In the scenario's order, whoever has its turn first.
+  for (ClientChannel& channel : channels_) {
+    std::vector<double> values = channel.Watched();
+    values.resize(scenario_.watch.size(), std::numeric_limits<double>::quiet_NaN());
+    sample.values.insert(sample.values.end(), values.begin(), values.end());
+  }
+}
+
+// Rows and samples have the same times, but a flight that ends early may have one more of either.
+void Conductor::AddSamples() {
+  if (scenario_.watch.empty()) return;
+  std::size_t row = 0;
+  for (const WatchSample& sample : samples_) {
+    const double time_s = ToSeconds(sample.time_ns);
+    while (row < log_.trace.row_count() && log_.trace.at(row, 0) < time_s) ++row;
+    if (row == log_.trace.row_count()) return;
+    if (log_.trace.at(row, 0) == time_s)
+      std::copy(sample.values.begin(), sample.values.end(),
+                log_.trace.mutable_row(row).begin() + static_cast<std::ptrdiff_t>(watch_column_));
+  }
+}
+
 void Conductor::Finish() {
   const PlantServer::State& state = server_.state();
   if (state.over && log_.end_reason == EndReason::kCompleted) {
@@ -254,6 +299,7 @@ void Conductor::Finish() {
     }
   };
   keep_going([&] { Append(log_, server_.TakeLog()); });
+  AddSamples();
   const BootTime end = state.origin.OrPowerOn().ToBootTime(log_.end_ns);
   for (ClientChannel& channel : channels_)
     keep_going([&] { Append(log_, channel.line().TakeLog(end), channel.index(), state.origin); });
@@ -269,7 +315,8 @@ ClientSettings SettingsOf(const Scenario& scenario, std::size_t client) {
   return {.firmware = scenario.firmware_of(client),
           .protocol = scenario.link.protocol,
           .lines = {.main_baud = MainBaud(scenario.link), .reference_baud = ReferenceBaud(scenario.link)},
-          .start_within_ns = scenario.start_within_ns};
+          .start_within_ns = scenario.start_within_ns,
+          .watch = scenario.watch};
 }
 
 std::string NeverStartedText(const Scenario& scenario) {

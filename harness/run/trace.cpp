@@ -14,6 +14,7 @@ namespace tiltproof::harness {
 namespace {
 
 constexpr std::string_view kSensed = "sensed_", kCommanded = "commanded_";
+constexpr std::string_view kWatch = "watch_";
 constexpr std::string_view kFirstOfReference = "x_ref_m";
 
 }  // namespace
@@ -59,6 +60,10 @@ TraceLayout::TraceLayout(const VehicleSignals& vehicle, const Scenario& scenario
         add(ClientName(scenario, direction, client, '_', counter));
   active = all.size();
   for (const auto& fault : scenario.faults) add("active_" + fault.id);
+  watch = all.size();
+  for (std::size_t client = 0; client < scenario.client_count(); ++client)
+    for (const std::string& variable : scenario.watch)
+      add(ClientName(scenario, kWatch, client, '_', WatchColumn(variable).substr(kWatch.size())));
   columns = SignalTable(std::move(all));
 }
 

@@ -20,7 +20,8 @@ namespace tiltproof::harness {
 // The columns of a flight's trace, in file order, and where each group of them begins:
 //
 //   t_s, states, inputs in force, reference (x_ref_m y_ref_m z_ref_m yaw_ref_rad), sensed_<sensor>,
-//   commanded_<input>, faults_active_count, link counters (LineCounts, three each), active_<fault id> (0 or 1)
+//   commanded_<input>, faults_active_count, link counters (LineCounts, three each), active_<fault id> (0 or 1),
+//   watch_<variable>
 //
 // With several clients, the columns of one client come once per client, client by client, and contain its id
 // (sensed_a_x_m, commanded_a_f_r_n, to_plant_a_frames_sent_count). After commanded_... follows
@@ -31,7 +32,7 @@ struct TraceLayout {
   SignalTable columns;
   std::size_t states = 0, inputs = 0, reference = 0, sensed = 0, commanded = 0;
   std::optional<std::size_t> arbiter_selected;
-  std::size_t faults_active_count = 0, link_counters = 0, active = 0;
+  std::size_t faults_active_count = 0, link_counters = 0, active = 0, watch = 0;
 };
 
 class Trace {
@@ -55,6 +56,9 @@ class Trace {
   void Reserve(std::size_t rows) { values_.reserve(rows * columns_.size()); }
   // Appends a row, one value per column, NaN allowed; the span stays valid until the next call.
   std::span<double> AppendRow();
+  std::span<double> mutable_row(std::size_t r) {
+    return std::span(values_).subspan(r * columns_.size(), columns_.size());
+  }
   // Appends whole rows, one after the other.
   void AppendRows(std::vector<double>&& rows);
 

@@ -32,6 +32,9 @@ constexpr TextRule kCriterionName = NameExcept(kImplicitCriteria, "a criterion t
 constexpr TextRule kWord = {"[a-z0-9_]+", "lower-case letters, digits and '_'", 100};
 constexpr TextRule kMetric = {"[A-Za-z0-9_]+(\\.[A-Za-z0-9_]+)+", "a dotted name such as tracking.rmse_m",
                               100};
+constexpr TextRule kVariable = {
+    "[A-Za-z_][A-Za-z0-9_.:\\[\\]-]*",
+    "a variable of the firmware's image, such as tick_count, controller.gains[3] or motor.c:state", 200};
 constexpr TextRule kAnyText = {};
 
 // An enumeration whose values count from 0 and have names.
@@ -240,6 +243,8 @@ void DescribeScenario(KeyVisitor& v, Scenario& s) {
             [&](KeyVisitor& w) { DescribeReference(w, s.reference); });
   ListOf(v, {"faults", "What goes wrong"}, s.faults, DescribeFault);
   ListOf(v, {"criteria", "What counts as success"}, s.criteria, DescribeCriterion);
+  v.Texts({"watch", "Variables of an emulated image that become columns watch_<variable> of the trace"},
+          s.watch, kVariable);
 }
 
 }  // namespace tiltproof::harness

@@ -63,6 +63,17 @@ std::string ClientName(const Scenario& scenario, std::string_view before, std::s
   return name.append(after);
 }
 
+std::string WatchColumn(std::string_view variable) {
+  std::string column = "watch_";
+  for (const char c : variable) {
+    const bool is_word = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
+    // One for several in a row; none at the end.
+    if (is_word || column.back() != '_') column += is_word ? c : '_';
+  }
+  if (column.back() == '_') column.pop_back();
+  return column;
+}
+
 std::vector<std::string> MetricNamesOf(const Scenario& scenario,
                                        const std::vector<std::string>& metric_names) {
   std::vector<std::string> names;

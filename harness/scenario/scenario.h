@@ -109,6 +109,8 @@ struct Scenario {
   std::vector<faults::FaultSpec> faults;
   std::vector<std::string> fault_places;  // "file:line:column" of each fault's type, when read from a file
   std::vector<CriterionSpec> criteria;
+  std::vector<std::string> watch;         // variables of the firmware's image
+  std::vector<std::string> watch_places;  // "file:line:column" of each, when read from a file
 
   // As written; empty: one, whose id is kOnlyClient.
   std::vector<ClientEntry> clients;
@@ -130,6 +132,10 @@ struct Scenario {
 // follows the id.
 std::string ClientName(const Scenario& scenario, std::string_view before, std::size_t client, char separator,
                        std::string_view after);
+
+// The trace's column of a watched variable in a flight with one client: watch_controller_gains_3 of
+// controller.gains[3]. A formula must be able to read it, so all but letters and digits becomes '_'.
+std::string WatchColumn(std::string_view variable);
 
 // The metrics that a flight of this scenario has, from those of a flight with one client.
 std::vector<std::string> MetricNamesOf(const Scenario& scenario,

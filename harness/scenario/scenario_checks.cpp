@@ -70,6 +70,7 @@ class Checker {
     CheckModel();
     CheckFirmware();
     CheckClients();
+    CheckWatch();
     CheckReference();
     CheckFaults();
     CheckCriteria();
@@ -199,6 +200,23 @@ class Checker {
       if (ValueOf(initial, "position_m") == nullptr) scenario_.initial_position_m = trajectory.Start();
     } catch (const ReferenceError& error) {
       Complain(*node, "file", fmt::format("file: {}", error.what()));
+    }
+  }
+
+  void CheckWatch() {
+    const YamlNode* list = ValueOf(&root_, "watch");
+    scenario_.watch_places.clear();
+    std::map<std::string, std::string> columns;
+    for (std::size_t i = 0; list != nullptr && i < std::min(scenario_.watch.size(), list->items.size());
+         ++i) {
+      const YamlMark place = list->items[i].mark;
+      scenario_.watch_places.push_back(
+          fmt::format("{}:{}:{}", scenario_.file.string(), place.line, place.column));
+      const std::string& variable = scenario_.watch[i];
+      const auto [first, is_new] = columns.try_emplace(WatchColumn(variable), variable);
+      if (!is_new)
+        Complain(place, fmt::format("watch: the column {} of '{}' is that of '{}' already", first->first,
+                                    variable, first->second));
     }
   }
 

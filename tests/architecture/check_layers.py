@@ -43,8 +43,9 @@ ONLY_IN = {
     "boost/asio/serial_port": ["link/serial_port.cpp"],
     "boost/random": ["tests/"],
     "sleef.h": ["link/deterministic_math.c"],
-    "libelf": ["harness/emulator/elf_symbols.cpp"],
-    "gelf": ["harness/emulator/elf_symbols.cpp"],
+    "libelf": ["harness/emulator/elf_file.h"],
+    "gelf": ["harness/emulator/elf_file.h"],
+    "elfutils/": ["harness/emulator/source_lines.cpp", "harness/emulator/watched_variable.cpp"],
     "dlfcn.h": ["harness/client/"],
 }
 # What would make a replay differ, or tie the product to one machine.

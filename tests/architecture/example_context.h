@@ -238,6 +238,10 @@ extern const NodeLife node;
 // harness/dds/sequence_filter.h
 extern const RunEvent message;
 
+// harness/emulator/cpu_state.h
+extern EmulatorProcess board;
+extern const std::uint32_t code;
+
 // harness/emulator/emulator_process.h
 extern std::span<const lockstep::ReceivedByte> bytes;
 
@@ -249,6 +253,13 @@ extern TimeNs begin_ns, now_ns;
 extern std::uint8_t byte;
 extern double sender_bit_ns, receiver_bit_ns, tolerance;
 
+// harness/emulator/post_mortem.h
+extern EmulatorProcess board;
+extern const ElfSymbols symbols;
+extern const SourceLines source;
+extern const UsartRoles roles;
+extern const TimeNs now_ns;
+
 // harness/emulator/qmp_client.h
 extern int socket;
 extern const std::function<void(const std::string&, const std::string&)> on_event;
@@ -256,6 +267,9 @@ extern const std::function<void(const std::string&, const std::string&)> on_even
 // harness/emulator/usart_rate.h
 extern const struct Registers { std::uint32_t brr, cr1, cr3; } registers;
 extern double sender_bit_ns;
+
+// harness/emulator/watched_variable.h
+extern std::span<const std::uint8_t> bytes;
 
 // harness/engine/engine.h
 extern const std::shared_ptr<const plant::VehicleModel> model;

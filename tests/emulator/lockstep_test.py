@@ -272,10 +272,10 @@ class Lockstep(unittest.TestCase):
     # --- firmware that misbehaves ---
 
     def test_a_firmware_that_locks_up_is_a_crash_with_its_registers(self):
-        client = self.write_image("lockup.elf", [0xE7FE], reset=FLASH + 64)  # no Thumb bit: a fault whose handler faults
+        client = self.write_image("lockup.elf", [0xDEFF])  # udf, also in the handler of every fault
         folder, [result] = self.fly(self.scenario(), "--client", client, code=1)
         self.assertEqual(result["verdict"], "fail")
-        self.assertIn("the firmware crashed: Lockup", json.dumps(result))
+        self.assertIn("the processor locked up", json.dumps(result))
         self.assertRegex((folder / "flight/firmware.log").read_text(), r"R00=[0-9a-f]{8}")
 
     def test_a_firmware_in_an_endless_loop_is_hung_within_seconds(self):

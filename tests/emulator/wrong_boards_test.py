@@ -53,7 +53,7 @@ class WrongBoards(unittest.TestCase):
         changed = [file for file in folder.iterdir() if file.read_text() != (EXAMPLE / file.name).read_text()]
         self.assertTrue(changed or not replacements, "no replacement fits the example any more")
         elf = folder / "image.elf"
-        subprocess.run(["arm-none-eabi-gcc", "-std=c11", "-O2", "-ffp-contract=off", "-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16",
+        subprocess.run(["arm-none-eabi-gcc", "-std=c11", "-O2", "-g", "-ffp-contract=off", "-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16",
                         "-mfloat-abi=hard", "-I", SOURCE, "--specs=nano.specs", "-nostartfiles", "-T", EXAMPLE / "stm32f4.ld",
                         *sorted(folder.glob("*.c")), "-o", elf], check=True)
         return f"qemu:{elf}"
@@ -111,6 +111,23 @@ class WrongBoards(unittest.TestCase):
         _, result, _ = self.fly(self.image("looping", CRASH_LOOP), more=fault.format(0.3))
         self.assertEqual(self.criterion(result, "survival")["verdict"], "fail")
         self.assertGreater(self.criterion(result, "survival")["time_s"], 0.9)
+
+    # --- faults and waits in flight ---
+
+    def test_a_fault_in_flight_is_told_with_its_time_and_line(self):
+        # The same number of lines before it, since one is taken out.
+        line = (EXAMPLE / "stm32f4.c").read_text().split("    wake_ns = tiltproof_client_grant")[0].count("\n")
+        fault = [("    wake_ns = tiltproof_client_grant", "    if (tick_count > 700) (void)REGISTER(0x60000000); wake_ns = tiltproof_client_grant"),
+                 ("  SCB_AIRCR = 0x05FA0004; /* key, SYSRESETREQ */\n", "")]
+        client = self.image("faulty", fault)
+        for flags in ([], ["--distributed=socket"]):
+            _, result, output = self.fly(client, *flags)
+            self.assertRegex(result["reason"], rf"hangs in a fault's handler since t = 0\.[67]\d\d s: bus fault: precise data access to 0x60000000 \(no memory\) by main \(stm32f4\.c:{line}\)")
+
+    def test_a_long_boot_is_no_hang(self):
+        boot = [("  StartUsartsAndTicks();\n", "  StartUsartsAndTicks();\n  while (tick_count < 3000) {\n  }\n")]
+        _, result, output = self.fly(self.image("long-boot", boot), duration_s=4)
+        self.assertEqual(result["verdict"], "pass", output)
 
     # --- the core clock ---
 

@@ -21,22 +21,25 @@
 //
 // QEMU is GPL-2, so this file uses nothing but the standard library. It has no static objects with destructors,
 // since QEMU ends by exit() with threads still running.
+#include <pthread.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <charconv>
+#include <csignal>
 #include <cstdlib>
 #include <cstring>
 #include <deque>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
 #include "harness/emulator/lockstep_protocol.h"
+#include "harness/emulator/plugin/arguments.h"
 #include "harness/emulator/plugin/peripherals.h"
 #include "harness/emulator/plugin/qemu_internals.h"
 
@@ -64,12 +67,15 @@ struct Uart {
 };
 
 struct Plugin {
-  int socket = -1;
-  int barrier = -1;                                       // on the main line
-  std::vector<std::uint8_t> out;                          // messages that wait for Flush()
-  std::array<int, kConnectedUsartCount> usart_numbers{};  // on the chip, by Usart; 0: none
+  Arguments arguments;
+  std::vector<std::uint8_t> out;  // messages that wait for Flush()
   std::array<Uart, kConnectedUsartCount> uarts;
+  std::array<void*, std::extent_v<decltype(SentBytes::count)>>
+      chardevs{};  // of all USARTs, the first is USART1's
+  SentBytes sent{};
   void* cpu = nullptr;
+  pthread_t cpu_thread{};
+  bool locked_up = false;
   Timer horizon;
   std::deque<Stall> stalls;  // by begin
   Timer stall_timer;
@@ -108,7 +114,8 @@ void Send(Kind kind, const void* body, std::size_t size) {
 
 void Flush() {
   for (std::size_t sent = 0; sent < plugin.out.size();) {
-    const ssize_t n = send(plugin.socket, plugin.out.data() + sent, plugin.out.size() - sent, MSG_NOSIGNAL);
+    const ssize_t n =
+        send(plugin.arguments.socket, plugin.out.data() + sent, plugin.out.size() - sent, MSG_NOSIGNAL);
     if (n < 0 && errno == EINTR) continue;
     if (n <= 0) _exit(0);  // the harness is gone
     sent += static_cast<std::size_t>(n);
@@ -119,7 +126,7 @@ void Flush() {
 void Receive(void* buffer, std::size_t size) {
   auto* at = static_cast<std::uint8_t*>(buffer);
   while (size != 0) {
-    const ssize_t n = recv(plugin.socket, at, size, 0);
+    const ssize_t n = recv(plugin.arguments.socket, at, size, 0);
     if (n < 0 && errno == EINTR) continue;
     if (n <= 0) _exit(0);
     at += n;
@@ -332,7 +339,8 @@ void TakeCommands() {
       case Kind::kReadMemory: {
         const auto read = As<ReadMemory>(body);
         std::vector<std::uint8_t> bytes(std::min(read.size, kBodyBytesMax));
-        cpu_physical_memory_rw(read.address, bytes.data(), bytes.size(), false);
+        address_space_rw(cpu_get_address_space(plugin.cpu, 0), read.address, 0, bytes.data(), bytes.size(),
+                         false);
         Send(Kind::kMemory, bytes.data(), bytes.size());
         break;
       }
@@ -341,6 +349,14 @@ void TakeCommands() {
         break;
       case Kind::kBreak:
         plugin.break_timer.Set(As<Break>(body).at_ns);
+        break;
+      case Kind::kWriteCode: {
+        const auto code = As<WriteCode>(body);
+        address_space_write_rom(cpu_get_address_space(plugin.cpu, 0), code.address, 0, &code.word, 4);
+        break;
+      }
+      case Kind::kReadSent:
+        Send(Kind::kSent, &plugin.sent, sizeof(plugin.sent));
         break;
       case Kind::kRun:
         plugin.horizon.Set(As<Run>(body).until_ns);
@@ -356,21 +372,30 @@ void Stop() {
     SendUnsent(uart);
     if (uart.receiver != nullptr) SendRegisters(uart);
   }
-  const Stopped stopped{Now(), plugin.last_slept_ns};
+  const Stopped stopped{Now(), plugin.last_slept_ns, plugin.locked_up};
   Send(Kind::kStopped, &stopped, sizeof(stopped));
   TakeCommands();
 }
 
 void OnHorizon(void* /*opaque*/) { Stop(); }
 
+// QEMU aborts when the processor locks up. The harness reads its state before that.
+void OnAbort(int /*signal*/) {
+  if (!plugin.begun || pthread_equal(pthread_self(), plugin.cpu_thread) == 0) return;
+  plugin.locked_up = true;
+  Stop();
+}
+
 // In place of the null character device's: a USART sends.
 int OnTransmit(void* chardev, const std::uint8_t* bytes, int count) {
+  for (std::size_t i = 0; i < plugin.chardevs.size(); ++i)
+    if (plugin.chardevs[i] == chardev) plugin.sent.count[i] += static_cast<std::uint64_t>(count);
   for (Uart& uart : plugin.uarts) {
     if (uart.chardev != chardev || !plugin.begun) continue;
     SendRegisters(uart);
     for (int i = 0; i < count; ++i) uart.unsent.push_back({Now(), uart.usart, bytes[i]});
-    const bool barrier =
-        uart.usart == Usart::kMain && std::find(bytes, bytes + count, plugin.barrier) != bytes + count;
+    const bool barrier = uart.usart == Usart::kMain &&
+                         std::find(bytes, bytes + count, plugin.arguments.barrier) != bytes + count;
     const bool line_end = uart.usart == Usart::kConsole && bytes[count - 1] == '\n';
     if (barrier) {
       Stop();
@@ -401,6 +426,9 @@ void OnWfi(unsigned /*vcpu*/, void* /*opaque*/) { async_run_on_cpu(qemu_get_cpu(
 // read in an instruction's callback: hence as work of the processor's thread.
 void Begin(void* cpu, RunOnCpuData /*data*/) {
   plugin.cpu = cpu;
+  plugin.cpu_thread = pthread_self();
+  for (std::size_t i = 0; i < plugin.chardevs.size(); ++i)
+    plugin.chardevs[i] = qemu_chr_find(("usart" + std::to_string(i + 1)).c_str());
   std::int16_t shift = 0;
   std::memcpy(&shift, timers_state + kIcountShiftOffset, sizeof(shift));
   if (shift != 3) Die("-icount shift=3 is not where it should be: another build of QEMU 7.2?");
@@ -416,10 +444,10 @@ void Begin(void* cpu, RunOnCpuData /*data*/) {
   if (nvic == nullptr) Die("the machine has no NVIC where one should be");
   qdev_connect_gpio_out_named(nvic, "SYSRESETREQ", 0, qemu_allocate_irq(OnResetRequest, nullptr, 0));
   for (std::size_t i = 0; i < plugin.uarts.size(); ++i) {
-    if (plugin.usart_numbers[i] == 0) continue;
+    if (plugin.arguments.usart_numbers[i] == 0) continue;
     Uart& uart = plugin.uarts[i];
     uart.usart = static_cast<Usart>(i);
-    const std::string id = "usart" + std::to_string(plugin.usart_numbers[i]);
+    const std::string id = "usart" + std::to_string(plugin.arguments.usart_numbers[i]);
     uart.chardev = qemu_chr_find(id.c_str());
     if (uart.chardev == nullptr) Die("a character device is missing");
     void* chardev_class = object_get_class(uart.chardev);
@@ -429,7 +457,8 @@ void Begin(void* cpu, RunOnCpuData /*data*/) {
     std::memcpy(static_cast<std::uint8_t*>(chardev_class) + kChrWriteOffset, &write, sizeof(write));
     uart.timer.Init(OnReceiveTimer, &uart);
     uart.receiver = new UsartReceiver;
-    if (!uart.receiver->Init(plugin.usart_numbers[i], uart.chardev)) Die("the machine has no such USART");
+    if (!uart.receiver->Init(plugin.arguments.usart_numbers[i], uart.chardev))
+      Die("the machine has no such USART");
   }
   const Hello hello{kProtocolVersion};
   Send(Kind::kHello, &hello, sizeof(hello));
@@ -466,32 +495,12 @@ __attribute__((visibility("default"))) extern const int qemu_plugin_version = 1;
 __attribute__((visibility("default"))) int qemu_plugin_install(qemu_plugin_id_t id, const qemu_info_t*,
                                                                int argc, char** argv) {
   using namespace tiltproof::qemu;
-  constexpr std::array<std::string_view, 3> kLines = {"main", "reference", "console"};
-  for (int i = 0; i < argc; ++i) {
-    const std::string_view argument = argv[i];
-    const std::size_t equals = argument.find('=');
-    const std::string_view key = argument.substr(0, equals);
-    const std::string_view value = equals == argument.npos ? "" : argument.substr(equals + 1);
-    const auto line = std::find(kLines.begin(), kLines.end(), key);
-    const bool digit = value.size() == 1 && value[0] >= '0' && value[0] <= '9';
-    int number = -1;
-    const auto parsed = std::from_chars(value.data(), value.data() + value.size(), number);
-    const bool byte = parsed.ptr == value.data() + value.size() && number >= 0 && number <= 255;
-    if (key == "socket" && digit) {
-      plugin.socket = value[0] - '0';
-    } else if (key == "barrier" && byte) {
-      plugin.barrier = number;
-    } else if (line != kLines.end() && digit) {
-      plugin.usart_numbers[static_cast<std::size_t>(line - kLines.begin())] = value[0] - '0';
-    } else {
-      std::fprintf(stderr, "lockstep plug-in: unknown argument %s\n", argv[i]);
-      return 1;
-    }
-  }
-  if (plugin.socket < 0 || plugin.barrier < 0) {
-    std::fprintf(stderr, "lockstep plug-in: socket=DESCRIPTOR or barrier=BYTE is missing\n");
+  const std::string trouble = Parse(argc, argv, plugin.arguments);
+  if (!trouble.empty()) {
+    std::fprintf(stderr, "lockstep plug-in: %s\n", trouble.c_str());
     return 1;
   }
+  std::signal(SIGABRT, OnAbort);
   qemu_plugin_register_vcpu_tb_trans_cb(id, OnTranslate);
   return 0;
 }

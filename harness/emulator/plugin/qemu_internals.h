@@ -63,6 +63,11 @@ void cpu_dump_state(void* cpu, std::FILE*, int flags);
 // Memory.
 void* get_system_memory(void);
 void cpu_physical_memory_rw(std::uint64_t address, void* buffer, std::uint64_t size, bool is_write);
+void* cpu_get_address_space(void* cpu, int index);
+std::uint32_t address_space_rw(void* space, std::uint64_t address, std::uint32_t attributes, void* buffer,
+                               std::uint64_t size, bool is_write);
+std::uint32_t address_space_write_rom(void* space, std::uint64_t address, std::uint32_t attributes,
+                                      const void* buffer, std::uint64_t size);
 void memory_region_init_io(void* region, void* owner, const void* ops, void* opaque, const char* name,
                            std::uint64_t size);
 void memory_region_add_subregion_overlap(void* region, std::uint64_t offset, void* subregion, int priority);

@@ -33,6 +33,7 @@ enum class Message : std::uint8_t {
   kGrant,
   kCommand,
   kStatus,
+  kWatched,
   // Upcalls of the client.
   kClientTransmits,
   kClientLogs,

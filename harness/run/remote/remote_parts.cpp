@@ -37,6 +37,10 @@ class RemoteClient final : public Client {
     const auto answer = Ask(RemotePart::Request(Message::kStatus));
     return Unpacker(answer).Next<std::optional<ClientStatus>>();
   }
+  std::vector<double> Watched() override {
+    const auto answer = Ask(RemotePart::Request(Message::kWatched));
+    return Unpacker(answer).Next<std::vector<double>>();
+  }
 
  private:
   BootTime AskTime(const Packer& request) {

@@ -209,6 +209,9 @@ void ServeClient(Channel& channel, const ScenarioLoader& load) {
       case Message::kStatus:
         answer(client->Status());
         return;
+      case Message::kWatched:
+        answer(client->Watched());
+        return;
       default:
         ThrowUnexpected();
     }

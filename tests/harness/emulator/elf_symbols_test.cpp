@@ -35,12 +35,12 @@ class TinyImage {
   }
 
   TinyImage& Add(const std::string& name, std::uint32_t address, std::uint32_t size, int type = STT_OBJECT,
-                 std::uint16_t section = SHN_ABS) {
+                 std::uint16_t section = SHN_ABS, int binding = STB_GLOBAL) {
     Elf32_Sym symbol{};
     symbol.st_name = static_cast<Elf32_Word>(names_.size());
     symbol.st_value = address;
     symbol.st_size = size;
-    symbol.st_info = static_cast<unsigned char>(ELF32_ST_INFO(STB_GLOBAL, type));
+    symbol.st_info = static_cast<unsigned char>(ELF32_ST_INFO(binding, type));
     symbol.st_shndx = section;
     symbols_.push_back(symbol);
     names_ += name + '\0';
@@ -76,6 +76,12 @@ class TinyImage {
     bytes += padded_names;
     append(sections, sizeof sections);
     return bytes;
+  }
+
+  TinyImage& AddStatic(const std::string& file, const std::string& name, std::uint32_t address,
+                       std::uint32_t size) {
+    Add(file, 0, 0, STT_FILE, SHN_ABS, STB_LOCAL);
+    return Add(name, address, size, STT_OBJECT, SHN_ABS, STB_LOCAL);
   }
 
   Elf32_Ehdr header{};
@@ -159,6 +165,34 @@ TEST_F(ElfSymbolsTest, NamesWhatIsNear) {
   EXPECT_FALSE(symbols.FindRegion("elsewhere"));
   EXPECT_FALSE(symbols.FindRegion("_sdata"));
   EXPECT_THAT(NoRegion(symbols, std::string(100'000, 'x')), HasSubstr("no memory region"));
+}
+
+TEST_F(ElfSymbolsTest, StaticsOfOneNameAreToldApartByTheirFiles) {
+  const ElfSymbols symbols(Write(TinyImage()
+                                     .AddStatic("motor.c", "state", 0x2000'0100, 4)
+                                     .AddStatic("sensor.c", "state", 0x2000'0200, 8)
+                                     .Bytes()));
+  EXPECT_THAT(NoRegion(symbols, "state"),
+              AllOf(HasSubstr("ambiguous"), HasSubstr("0x20000100 (motor.c), 0x20000200 (sensor.c)"),
+                    HasSubstr("'motor.c:state'")));
+  EXPECT_EQ(symbols.Region("motor.c:state"), (MemoryRegion{0x2000'0100, 4}));
+  EXPECT_EQ(symbols.Region("sensor.c:state"), (MemoryRegion{0x2000'0200, 8}));
+  EXPECT_FALSE(symbols.FindRegion("pump.c:state"));
+}
+
+TEST_F(ElfSymbolsTest, ConstantsAreNotFlipped) {
+  const ElfSymbols symbols(Write(TinyImage().Add("gain_table", 0x0800'1234, 320).Bytes()));
+  EXPECT_THAT(
+      NoRegion(symbols, "gain_table"),
+      HasSubstr("'gain_table' is a constant in flash (320 bytes at 0x08001234), where nothing flips"));
+}
+
+TEST_F(ElfSymbolsTest, NamesTheVariableAtAnAddress) {
+  const ElfSymbols symbols(
+      Write(TinyImage().Add("_ZN5board5countE", 0x2000'0100, 4).Add("rings", 0x2000'0200, 64).Bytes()));
+  EXPECT_EQ(symbols.NameAt(0x2000'0100), "board::count");
+  EXPECT_EQ(symbols.NameAt(0x2000'0210), "rings + 0x10");
+  EXPECT_EQ(symbols.NameAt(0x2000'0104), "");
 }
 
 TEST_F(ElfSymbolsTest, SaysWhatAFileIsInstead) {

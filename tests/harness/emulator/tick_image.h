@@ -33,7 +33,7 @@ inline constexpr std::array<std::uint16_t, 24> kTickCode = {
 // An executable for the machine: a vector table and code at the start of flash. `reset`: where it begins; an even
 // address is no Thumb code, and locks the processor up at once.
 inline void WriteImage(const std::filesystem::path& file, std::uint32_t reset) {
-  constexpr std::uint32_t kFlash = 0x0800'0000, kCode = 64, kTickHandler = kFlash + kCode + 24;
+  constexpr std::uint32_t kFlashAt = 0x0800'0000, kCode = 64, kTickHandler = kFlashAt + kCode + 24;
   std::array<std::uint32_t, 16> vectors{};
   vectors[0] = 0x2002'0000;  // stack
   vectors[1] = reset;
@@ -55,7 +55,7 @@ inline void WriteImage(const std::filesystem::path& file, std::uint32_t reset) {
   Elf32_Phdr segment{};
   segment.p_type = PT_LOAD;
   segment.p_offset = sizeof header + sizeof segment;
-  segment.p_vaddr = segment.p_paddr = kFlash;
+  segment.p_vaddr = segment.p_paddr = kFlashAt;
   segment.p_filesz = segment.p_memsz = sizeof vectors + sizeof kTickCode;
   segment.p_flags = PF_R | PF_X;
   segment.p_align = 4;

@@ -130,6 +130,7 @@ void MakeConsistent(Scenario& s, const fs::path& folder) {
       }
     }
   }
+  for (std::size_t i = 0; i < s.watch.size(); ++i) s.watch[i].append(".").append(std::to_string(i));
   for (std::size_t i = 0; i < s.criteria.size(); ++i) {
     CriterionSpec& criterion = s.criteria[i];
     criterion.name.append("-").append(std::to_string(i));
@@ -172,6 +173,7 @@ void ExpectSame(const Scenario& a, const Scenario& b) {
   RC_ASSERT(a.link == b.link);
   RC_ASSERT(a.reference == b.reference);
   RC_ASSERT(a.criteria == b.criteria);
+  RC_ASSERT(a.watch == b.watch);
   RC_ASSERT(a.faults.size() == b.faults.size());
   for (std::size_t i = 0; i < a.faults.size(); ++i) {
     const faults::FaultSpec &x = a.faults[i], &y = b.faults[i];
@@ -268,6 +270,7 @@ reference:
   velocity: true
 faults: []
 criteria: []
+watch: []
 )");
 }
 

@@ -1,0 +1,48 @@
+// The arguments of the plug-in: socket=3,barrier=126,main=2,reference=3,console=1 (lockstep_plugin.cpp says what they
+// are).
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <string>
+#include <string_view>
+
+#include "harness/emulator/lockstep_protocol.h"
+
+namespace tiltproof::qemu {
+
+struct Arguments {
+  int socket = -1;
+  int barrier = -1;                                                          // on the main line
+  std::array<int, harness::lockstep::kConnectedUsartCount> usart_numbers{};  // on the chip, by Usart; 0: none
+};
+
+// "" or what is wrong with them.
+inline std::string Parse(int argc, char** argv, Arguments& arguments) {
+  constexpr std::array<std::string_view, 3> kLines = {"main", "reference", "console"};
+  for (int i = 0; i < argc; ++i) {
+    const std::string_view argument = argv[i];
+    const std::size_t equals = argument.find('=');
+    const std::string_view key = argument.substr(0, equals);
+    const std::string_view value = equals == argument.npos ? "" : argument.substr(equals + 1);
+    const auto line = std::find(kLines.begin(), kLines.end(), key);
+    const bool digit = value.size() == 1 && value[0] >= '0' && value[0] <= '9';
+    int number = -1;
+    const auto parsed = std::from_chars(value.data(), value.data() + value.size(), number);
+    const bool byte = parsed.ptr == value.data() + value.size() && number >= 0 && number <= 255;
+    if (key == "socket" && digit) {
+      arguments.socket = value[0] - '0';
+    } else if (key == "barrier" && byte) {
+      arguments.barrier = number;
+    } else if (line != kLines.end() && digit) {
+      arguments.usart_numbers[static_cast<std::size_t>(line - kLines.begin())] = value[0] - '0';
+    } else {
+      return "unknown argument " + std::string(argument);
+    }
+  }
+  return arguments.socket >= 0 && arguments.barrier >= 0 ? ""
+                                                         : "socket=DESCRIPTOR or barrier=BYTE is missing";
+}
+
+}  // namespace tiltproof::qemu

@@ -1,0 +1,48 @@
+// Why a firmware on an emulated board does not go on: where it is, which fault it took, what it waits for, what it has
+// sent. For the flight's reason in one line, and at length for its log.
+//
+//   const Findings found = Examine(board, symbols, source, roles, Condition::kBusy, now_ns);
+//
+// The board must be stopped. Unless it is locked up it is run on for a few microseconds, one instruction at a time, to
+// see what it reads again and again.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "harness/emulator/cpu_state.h"
+#include "harness/emulator/elf_symbols.h"
+#include "harness/emulator/emulator_process.h"
+#include "harness/emulator/source_lines.h"
+
+namespace tiltproof::harness {
+
+struct UsartRoles {
+  int main = 0, reference = 0, console = 0;  // numbers of USARTs; 0: none
+};
+
+// What the processor does at the end.
+enum class Condition : std::uint8_t {
+  kBusy,      // neither sleeps nor sends
+  kLockedUp,  // past all help
+  kSleeps,    // as far as one knows: it may be at work, too
+};
+
+struct Findings {
+  std::string reason;              // in one line
+  std::vector<std::string> lines;  // at length
+  bool in_fault_handler = false;
+};
+
+Findings Examine(EmulatorProcess& board, const ElfSymbols& symbols, const SourceLines& source,
+                 const UsartRoles& roles, Condition condition, std::int64_t now_ns);
+
+// Where the processor is: "ReadSensor (main.c:123), LR in main (main.c:200)", or a handler's name instead of LR.
+std::string Position(const SourceLines& source, const CpuState& state);
+
+// What its USARTs have sent and how they are set up, in one line: the main one, and others that have sent something
+// although nothing is connected to them.
+std::string UsartSummary(EmulatorProcess& board, const UsartRoles& roles);
+
+}  // namespace tiltproof::harness
