@@ -35,7 +35,12 @@ struct EmulatorSpec {
   // The processor stops when it has sent this byte on the main line. The byte ends a frame of the line's
   // protocol.
   std::uint8_t barrier = 0;
+  // The lines have no rate: sending takes no time.
+  bool ideal_lines = false;
 };
+
+// Arguments of QEMU that load the plug-in with the rest of its own arguments, "a=1,b=2".
+std::vector<std::string> PluginArguments(const EmulatorSpec& spec, const std::string& arguments);
 
 // The emulated board or its emulator failed.
 struct EmulatorTrouble : std::runtime_error {

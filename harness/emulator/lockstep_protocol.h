@@ -12,7 +12,7 @@
 
 namespace tiltproof::harness::lockstep {
 
-inline constexpr std::uint32_t kProtocolVersion = 3;
+inline constexpr std::uint32_t kProtocolVersion = 4;
 inline constexpr std::uint32_t kBodyBytesMax = 1 << 20;
 
 enum class Kind : std::uint32_t {
@@ -99,6 +99,7 @@ struct TransmittedByte {
 struct UsartRegisters {
   Usart usart;
   std::uint32_t brr, cr1, cr3;
+  std::uint32_t clock_hz;  // that it divides
   friend bool operator==(const UsartRegisters&, const UsartRegisters&) = default;
 };
 

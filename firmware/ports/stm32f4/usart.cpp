@@ -69,11 +69,7 @@ bool Send(UsartRegisters& usart, ByteRing<size>& ring, std::span<const std::uint
     ring.MendIndices();
     if (ring.Room() < bytes.size()) return false;
     for (const std::uint8_t byte : bytes) ring.Put(byte);
-    if (!Emulated()) Set(usart.CR1, kUsartCr1TransmitEmptyInterrupt);
-  }
-  if (Emulated()) {
-    while (Pump(usart, ring)) {
-    }
+    Set(usart.CR1, kUsartCr1TransmitEmptyInterrupt);
   }
   return true;
 }
@@ -110,7 +106,7 @@ void USART2_IRQHandler() {
   UsartRegisters& usart = Usart2();
   const std::uint32_t status = usart.SR;
   Receive(usart, status, main_receive_ring, tiltproof_receive_errors.main, tiltproof::firmware::Uart::kMain);
-  if (!Emulated() && (status & kUsartSrTransmitEmpty) != 0) Pump(usart, main_transmit_ring);
+  if ((status & kUsartSrTransmitEmpty) != 0) Pump(usart, main_transmit_ring);
 }
 
 void USART3_IRQHandler() {

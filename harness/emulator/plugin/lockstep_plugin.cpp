@@ -1,6 +1,7 @@
 // The plug-in that keeps an unmodified image in the emulator in lockstep with the harness, in virtual time.
 //
-// It stands behind the emulated USARTs (in place of the output of "-chardev null") and holds the virtual clock:
+// It adds to the machine what a chip has and QEMU lacks (harness/emulator/plugin/chip.h), its USARTs among it, and
+// holds the virtual clock:
 //
 //   - a barrier byte that the firmware transmits, and the end of the time granted, stop the virtual processor until
 //     the harness grants more. The instruction counter is the clock (-icount), so virtual time stands still too;
@@ -9,15 +10,18 @@
 //   - while the processor sleeps (WFI), time goes on to the next timer at once;
 //   - faults of the device (stall, reset, flipped bits) take place at their virtual nanosecond.
 //
-// It also adds what the emulated chip lacks and a fault-tolerant firmware needs: the independent watchdog (RM0090,
-// section 21), the reset flags of RCC_CSR (section 7.3.21), and a USART's error flags (section 30.6.1).
-//
-//   qemu-system-arm ... -icount shift=3,sleep=off -chardev null,id=usart1 -serial chardev:usart1 ...
+//   qemu-system-arm ... -icount shift=3,sleep=off
 //     -plugin tiltproof_lockstep.so,socket=3,barrier=126,main=2,reference=3,console=1
 //
 // `socket` is an inherited descriptor, a connected unix stream socket (harness/emulator/lockstep_protocol.h); the
 // lines are given as numbers of USARTs. `barrier` is the byte that ends a frame of the line's protocol, as a number from
-// 0 to 255: there may be an answer to it.
+// 0 to 255: there may be an answer to it. `ideal` means that the lines have no rate, so that sending takes no time.
+// `hse` is the rate of the crystal in Hz, 0 when there is none.
+//
+// With `realtime` instead of the socket the machine runs by the clock on the wall, and its USARTs have the character
+// devices that QEMU was given:
+//
+//   qemu-system-arm ... -serial stdio -plugin tiltproof_lockstep.so,realtime=on
 //
 // QEMU is GPL-2, so this file uses nothing but the standard library. It has no static objects with destructors,
 // since QEMU ends by exit() with threads still running.
@@ -37,7 +41,8 @@
 #include <vector>
 
 #include "harness/emulator/lockstep_protocol.h"
-#include "harness/emulator/plugin/peripherals.h"
+#include "harness/emulator/plugin/character_device.h"
+#include "harness/emulator/plugin/chip.h"
 #include "harness/emulator/plugin/qemu_internals.h"
 
 namespace tiltproof::qemu {
@@ -51,12 +56,10 @@ constexpr std::size_t kUnsentBytesMax = 1024;
 constexpr std::int64_t kPollNs = 1'000;
 constexpr std::uint16_t kWfi = 0xBF30;
 
-std::int64_t Now() { return qemu_clock_get_ns(kClockVirtual); }
-
+// One of the chip's USARTs, on a line of the harness.
 struct Uart {
-  void* chardev = nullptr;
+  UsartUnit* unit = nullptr;
   Usart usart{};
-  UsartReceiver* receiver = nullptr;
   std::deque<ReceivedByte> queue;  // on their way to the firmware
   Timer timer;
   std::vector<TransmittedByte> unsent;  // not yet told
@@ -66,6 +69,9 @@ struct Uart {
 struct Plugin {
   int socket = -1;
   int barrier = -1;                                       // on the main line
+  bool ideal = false;
+  bool realtime = false;
+  std::uint32_t hse_hz = ClockTree::kUsualHseHz;
   std::vector<std::uint8_t> out;                          // messages that wait for Flush()
   std::array<int, kConnectedUsartCount> usart_numbers{};  // on the chip, by Usart; 0: none
   std::array<Uart, kConnectedUsartCount> uarts;
@@ -81,8 +87,8 @@ struct Plugin {
   Timer flip_timer;
   std::int64_t last_slept_ns = 0;                // or was made to stand still
   ResetCause pending_cause = ResetCause::kNone;  // of the reset that was asked for
-  Watchdog watchdog;
-  ResetFlags reset_flags;
+  Chip chip;
+  std::array<CharacterDevice, UsartUnit::kCount> character_devices;  // in real time
   bool begun = false;
 };
 Plugin& plugin = *new Plugin;
@@ -141,7 +147,8 @@ void SendUnsent(Uart& uart) {
 }
 
 void SendRegisters(Uart& uart) {
-  const UsartRegisters now = uart.receiver->Registers(uart.usart);
+  const auto [brr, cr1, cr3, clock_hz] = uart.unit->settings();
+  const UsartRegisters now{uart.usart, brr, cr1, cr3, clock_hz};
   if (now == uart.told) return;
   SendUnsent(uart);
   Send(Kind::kUsart, &now, sizeof(now));
@@ -158,16 +165,16 @@ void OnReceiveTimer(void* opaque) {
   Uart& uart = *static_cast<Uart*>(opaque);
   if (uart.queue.empty()) return;
   const ReceivedByte received = uart.queue.front();
-  const bool free = uart.receiver->Free();
+  const bool free = uart.unit->Free();
   if (received.waits && !free) return uart.timer.Set(Now() + kPollNs);
   uart.queue.pop_front();
   if (!free || received.mark == Mark::kOverrun) {
     if (!free) SendEvent(EventKind::kOverrun, static_cast<std::uint32_t>(uart.usart));
-    uart.receiver->Overrun();
+    uart.unit->Overrun();
   } else {
-    uart.receiver->Deliver(received.byte, received.mark == Mark::kFraming ? UsartReceiver::kFraming
-                                          : received.mark == Mark::kNoise ? UsartReceiver::kNoise
-                                                                          : 0);
+    uart.unit->Deliver(received.byte, received.mark == Mark::kFraming ? UsartUnit::kFraming
+                                      : received.mark == Mark::kNoise ? UsartUnit::kNoise
+                                                                      : 0);
   }
   ArmReceive(uart, received.waits ? Now() + kPollNs : 0);
 }
@@ -177,7 +184,7 @@ void Deliver(const std::vector<std::uint8_t>& body) {
     ReceivedByte byte;
     std::memcpy(&byte, body.data() + at, sizeof(byte));
     Uart& uart = plugin.uarts[static_cast<std::size_t>(byte.usart)];
-    if (uart.chardev == nullptr) continue;
+    if (uart.unit == nullptr) continue;
     const bool idle = uart.queue.empty();
     uart.queue.push_back(byte);
     if (idle) ArmReceive(uart, 0);
@@ -233,11 +240,8 @@ void HoldUntil(std::int64_t until) {
 void OnReset(void* /*opaque*/) {
   const ResetCause cause = std::exchange(plugin.pending_cause, ResetCause::kNone);
   plugin.hangs = false;
-  plugin.watchdog.Reset();
-  plugin.reset_flags.Add(cause);
-  for (Uart& uart : plugin.uarts)
-    if (uart.receiver != nullptr) uart.receiver->Reset();
-  SendEvent(EventKind::kReset, static_cast<std::uint32_t>(cause));
+  plugin.chip.Reset(cause);
+  if (!plugin.realtime) SendEvent(EventKind::kReset, static_cast<std::uint32_t>(cause));
 }
 
 // On the processor's own thread: it has executed nothing since the reset was asked for. QEMU's main thread, whose
@@ -245,8 +249,9 @@ void OnReset(void* /*opaque*/) {
 void ResetWork(void* /*cpu*/, RunOnCpuData /*data*/) { qemu_system_reset(kCauseSystemReset); }
 
 void Reset(ResetCause cause) {
-  if (std::exchange(plugin.pending_cause, cause) == ResetCause::kNone)
-    async_run_on_cpu(plugin.cpu, ResetWork, {});
+  if (std::exchange(plugin.pending_cause, cause) != ResetCause::kNone) return;
+  if (plugin.realtime) return qemu_system_reset_request(kCauseGuestReset);
+  async_run_on_cpu(plugin.cpu, ResetWork, {});
 }
 
 void OnWatchdog() { Reset(ResetCause::kWatchdog); }
@@ -347,7 +352,7 @@ void TakeCommands() {
 void Stop() {
   for (Uart& uart : plugin.uarts) {
     SendUnsent(uart);
-    if (uart.receiver != nullptr) SendRegisters(uart);
+    if (uart.unit != nullptr) SendRegisters(uart);
   }
   const Stopped stopped{Now(), plugin.last_slept_ns};
   Send(Kind::kStopped, &stopped, sizeof(stopped));
@@ -356,15 +361,15 @@ void Stop() {
 
 void OnHorizon(void* /*opaque*/) { Stop(); }
 
-// In place of the null character device's: a USART sends.
-int OnTransmit(void* chardev, const std::uint8_t* bytes, int count) {
+// A byte is given to a USART's transmitter.
+void OnTransmit(int number, std::uint8_t byte) {
+  if (plugin.realtime) return plugin.character_devices[static_cast<std::size_t>(number - 1)].Transmit(byte);
   for (Uart& uart : plugin.uarts) {
-    if (uart.chardev != chardev || !plugin.begun) continue;
+    if (uart.unit != &plugin.chip.usart(number)) continue;
     SendRegisters(uart);
-    for (int i = 0; i < count; ++i) uart.unsent.push_back({Now(), uart.usart, bytes[i]});
-    const bool barrier =
-        uart.usart == Usart::kMain && std::find(bytes, bytes + count, plugin.barrier) != bytes + count;
-    const bool line_end = uart.usart == Usart::kConsole && bytes[count - 1] == '\n';
+    uart.unsent.push_back({Now(), uart.usart, byte});
+    const bool barrier = uart.usart == Usart::kMain && byte == plugin.barrier;
+    const bool line_end = uart.usart == Usart::kConsole && byte == '\n';
     if (barrier) {
       Stop();
     } else if (line_end || uart.unsent.size() >= kUnsentBytesMax) {
@@ -372,7 +377,6 @@ int OnTransmit(void* chardev, const std::uint8_t* bytes, int count) {
       Flush();
     }
   }
-  return count;
 }
 
 // --- the emulator's callbacks ---
@@ -390,43 +394,64 @@ void SleepWork(void* cpu, RunOnCpuData data) {
 
 void OnWfi(unsigned /*vcpu*/, void* /*opaque*/) { async_run_on_cpu(qemu_get_cpu(0), SleepWork, {}); }
 
+void BeginChip() {
+  Chip::Options options{.hse_hz = plugin.hse_hz, .usart = {.transmit = OnTransmit, .taken = {}, .programmed = {}}, .watchdog = OnWatchdog};
+  if (plugin.realtime) {
+    options.usart.taken = [](int number) { plugin.character_devices[static_cast<std::size_t>(number - 1)].Take(); };
+    options.usart.programmed = [](int number) {
+      plugin.character_devices[static_cast<std::size_t>(number - 1)].Program();
+    };
+  }
+  void* core_clock = object_resolve_path("/machine/SYSCLK", nullptr);
+  void* nvic = object_resolve_path("nvic", nullptr);
+  if (core_clock == nullptr || nvic == nullptr) Die("the machine has no clock or no NVIC where one should be");
+  plugin.chip.Init(options, core_clock);
+  qemu_register_reset(OnReset, nullptr);
+  qdev_connect_gpio_out_named(nvic, "SYSRESETREQ", 0, qemu_allocate_irq(OnResetRequest, nullptr, 0));
+}
+
+// By the clock on the wall: the USARTs send at once, and receive as fast as they are read.
+void BeginRealtime() {
+  for (int number = 1; number <= UsartUnit::kCount; ++number) {
+    plugin.chip.usart(number).SetUnpaced();
+    if (!plugin.character_devices[static_cast<std::size_t>(number - 1)].Init(number, plugin.chip.usart(number)))
+      Die("the machine has no such USART");
+  }
+}
+
+void BeginLockstep() {
+  std::int16_t shift = 0;
+  std::memcpy(&shift, timers_state + kIcountShiftOffset, sizeof(shift));
+  if (shift != 3) Die("-icount shift=3 is not where it should be: another build of QEMU 7.2?");
+  plugin.horizon.Init(OnHorizon, nullptr);
+  plugin.stall_timer.Init(OnStallTimer, nullptr);
+  plugin.flip_timer.Init(OnFlipTimer, nullptr);
+  for (std::size_t i = 0; i < plugin.uarts.size(); ++i) {
+    const int number = plugin.usart_numbers[i];
+    if (number == 0) continue;
+    if (number > UsartUnit::kCount) Die("the machine has no such USART");
+    Uart& uart = plugin.uarts[i];
+    uart.usart = static_cast<Usart>(i);
+    uart.timer.Init(OnReceiveTimer, &uart);
+    uart.unit = &plugin.chip.usart(number);
+    if (plugin.ideal && uart.usart != Usart::kConsole) uart.unit->SetUnpaced();
+  }
+  const Hello hello{kProtocolVersion};
+  Send(Kind::kHello, &hello, sizeof(hello));
+  TakeCommands();
+}
+
 // Before the first instruction. The clocks do not run yet when the processor is made, and virtual time may not be
 // read in an instruction's callback: hence as work of the processor's thread.
 void Begin(void* cpu, RunOnCpuData /*data*/) {
   plugin.cpu = cpu;
-  std::int16_t shift = 0;
-  std::memcpy(&shift, timers_state + kIcountShiftOffset, sizeof(shift));
-  if (shift != 3) Die("-icount shift=3 is not where it should be: another build of QEMU 7.2?");
-
-  plugin.horizon.Init(OnHorizon, nullptr);
-  plugin.stall_timer.Init(OnStallTimer, nullptr);
-  plugin.flip_timer.Init(OnFlipTimer, nullptr);
-  plugin.watchdog.Init(OnWatchdog);
-  plugin.reset_flags.Init();
-  qemu_register_reset(OnReset, nullptr);
-  void* nvic = object_resolve_path("nvic", nullptr);
-  if (nvic == nullptr) Die("the machine has no NVIC where one should be");
-  qdev_connect_gpio_out_named(nvic, "SYSRESETREQ", 0, qemu_allocate_irq(OnResetRequest, nullptr, 0));
-  for (std::size_t i = 0; i < plugin.uarts.size(); ++i) {
-    if (plugin.usart_numbers[i] == 0) continue;
-    Uart& uart = plugin.uarts[i];
-    uart.usart = static_cast<Usart>(i);
-    const std::string id = "usart" + std::to_string(plugin.usart_numbers[i]);
-    uart.chardev = qemu_chr_find(id.c_str());
-    if (uart.chardev == nullptr) Die("a character device is missing");
-    void* chardev_class = object_get_class(uart.chardev);
-    if (std::string_view(object_class_get_name(chardev_class)) != "chardev-null")
-      Die("a USART's character device is not of the kind null");
-    int (*const write)(void*, const std::uint8_t*, int) = OnTransmit;
-    std::memcpy(static_cast<std::uint8_t*>(chardev_class) + kChrWriteOffset, &write, sizeof(write));
-    uart.timer.Init(OnReceiveTimer, &uart);
-    uart.receiver = new UsartReceiver;
-    if (!uart.receiver->Init(plugin.usart_numbers[i], uart.chardev)) Die("the machine has no such USART");
-  }
-  const Hello hello{kProtocolVersion};
-  Send(Kind::kHello, &hello, sizeof(hello));
+  BeginChip();
   plugin.begun = true;
-  TakeCommands();
+  if (plugin.realtime) {
+    BeginRealtime();
+  } else {
+    BeginLockstep();
+  }
 }
 
 void OnFirstInstruction(unsigned /*vcpu*/, void* /*opaque*/) {
@@ -439,6 +464,7 @@ void OnTranslate(qemu_plugin_id_t /*id*/, qemu_plugin_tb* block) {
   const std::size_t count = qemu_plugin_tb_n_insns(block);
   if (!plugin.begun)
     qemu_plugin_register_vcpu_insn_exec_cb(qemu_plugin_tb_get_insn(block, 0), OnFirstInstruction, 0, nullptr);
+  if (plugin.realtime) return;
   for (std::size_t i = 0; i < count; ++i) {
     qemu_plugin_insn* instruction = qemu_plugin_tb_get_insn(block, i);
     std::uint16_t code = 0;
@@ -466,21 +492,27 @@ __attribute__((visibility("default"))) int qemu_plugin_install(qemu_plugin_id_t 
     const std::string_view value = equals == argument.npos ? "" : argument.substr(equals + 1);
     const auto line = std::find(kLines.begin(), kLines.end(), key);
     const bool digit = value.size() == 1 && value[0] >= '0' && value[0] <= '9';
-    int number = -1;
+    std::uint32_t number = 0;
     const auto parsed = std::from_chars(value.data(), value.data() + value.size(), number);
-    const bool byte = parsed.ptr == value.data() + value.size() && number >= 0 && number <= 255;
+    const bool is_number = !value.empty() && parsed.ec == std::errc() && parsed.ptr == value.data() + value.size();
     if (key == "socket" && digit) {
       plugin.socket = value[0] - '0';
-    } else if (key == "barrier" && byte) {
-      plugin.barrier = number;
+    } else if (key == "barrier" && is_number && number <= 255) {
+      plugin.barrier = static_cast<int>(number);
     } else if (line != kLines.end() && digit) {
       plugin.usart_numbers[static_cast<std::size_t>(line - kLines.begin())] = value[0] - '0';
+    } else if (key == "hse" && is_number) {
+      plugin.hse_hz = number;
+    } else if (key == "ideal" && value == "on") {
+      plugin.ideal = true;
+    } else if (key == "realtime" && value == "on") {
+      plugin.realtime = true;
     } else {
       std::fprintf(stderr, "lockstep plug-in: unknown argument %s\n", argv[i]);
       return 1;
     }
   }
-  if (plugin.socket < 0 || plugin.barrier < 0) {
+  if (!plugin.realtime && (plugin.socket < 0 || plugin.barrier < 0)) {
     std::fprintf(stderr, "lockstep plug-in: socket=DESCRIPTOR or barrier=BYTE is missing\n");
     return 1;
   }
