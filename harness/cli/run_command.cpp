@@ -141,7 +141,7 @@ int RunCommand(const RunOptions& options) {
     if (suite.scenarios.empty()) Print(stderr, "tiltproof: nothing is left to fly with this client\n");
     return suite.scenarios.empty() ? kExitUndecided : kExitGreen;
   }
-  if (Emulates(clients) && !means.realtime) TestLockstep(LockstepPlugin());
+  if (Emulates(clients)) means.realtime ? CheckRelease() : TestLockstep(LockstepPlugin());
   for (const ClientSpec& client : clients) CheckPorts(client, suite.scenarios.front().scenario.link);
 
   RunInfo info;

@@ -36,8 +36,8 @@ constexpr std::array<std::uint32_t, 31> kImage = {0x20001000, 0x00000041, 0x0000
 
 [[noreturn]] void Refuse(const std::string& why) {
   throw std::runtime_error(fmt::format(
-      "lockstep with the emulator does not work here: {}. Fly it by the clock on the wall, which needs no "
-      "plug-in (--client qemu --mode realtime), or fly the host's build (--client host)",
+      "lockstep with the emulator does not work here: {}. Fly it by the clock on the wall (--client qemu --mode realtime), "
+      "or fly the host's build (--client host)",
       why));
 }
 
@@ -117,10 +117,17 @@ std::string QemuVersion() {
   return text.substr(begin, text.find_first_of(" \n", begin) - begin);
 }
 
-void TestLockstep(const std::string& plugin) {
+void CheckRelease() {
   const std::string version = QemuVersion();
   if (!version.starts_with(std::string(kLockstepQemuRelease) + "."))
-    Refuse(fmt::format("it needs QEMU {}, and this is {}", kLockstepQemuRelease, version));
+    throw std::runtime_error(
+        fmt::format("the emulated board needs QEMU {}, whose chip the plug-in completes, and this is {}. Fly the host's "
+                    "build (--client host)",
+                    kLockstepQemuRelease, version));
+}
+
+void TestLockstep(const std::string& plugin) {
+  CheckRelease();
   const ImageFile image;
   std::vector<Sent> sent;
   try {
