@@ -81,8 +81,9 @@ void Test() {
   CheckNear("PSC is loaded", Reg(kTim6 + kCnt), 200, 10);
   Reg(kTim6) = 1 | Bit(7);
   Reg(kTim6 + kArr) = 500 - 1;
-  Await(1'100, [] { return count >= 12; });
-  const unsigned n = count;
+  unsigned n = count;
+  Await(1'100, [n] { return count != n; });
+  n = count;
   Wait(1'100);
   Check("ARR is loaded", count - n, 4);  // 250 us each
 
