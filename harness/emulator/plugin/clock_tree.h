@@ -28,6 +28,7 @@ class ClockTree final : public RegisterBlock {
   void Init(std::uint32_t hse_hz, void* core_clock, const Callbacks& callbacks) {
     hse_hz_ = hse_hz;
     core_clock_ = core_clock;
+    systick_ = sysbus_mmio_get_region(object_resolve_path("systick-reg-ns", nullptr), 0);
     callbacks_ = callbacks;
     Map("rcc", 0x40023800);
     Reset(harness::lockstep::ResetCause::kNone);
@@ -144,12 +145,24 @@ class ClockTree final : public RegisterBlock {
       hclk_hz_ = hclk_hz;
       constexpr std::uint64_t kPeriodOf1Hz = std::uint64_t{1'000'000'000} << 32;  // CLOCK_PERIOD_1SEC
       if (clock_set(core_clock_, kPeriodOf1Hz / hclk_hz)) clock_propagate(core_clock_);
+      ChooseSysTickClock();
     }
     callbacks_.changed();
   }
 
+  // QEMU 7.2's SysTick takes an eighth of the clock for its own whenever the clock changes, whatever CLKSOURCE says
+  // (PM0214, section 4.5.1): until that bit changes.
+  void ChooseSysTickClock() {
+    constexpr std::uint64_t kSysTickControl = 0, kClockSource = 1u << 2;
+    std::uint64_t control = 0;
+    memory_region_dispatch_read(systick_, kSysTickControl, &control, kMemOp32LittleEndian, 0);
+    for (const std::uint64_t value : {control ^ kClockSource, control})
+      memory_region_dispatch_write(systick_, kSysTickControl, value & 7, kMemOp32LittleEndian, 0);
+  }
+
   std::uint32_t hse_hz_ = 0, hclk_hz_ = 0;
   void* core_clock_ = nullptr;
+  void* systick_ = nullptr;
   Callbacks callbacks_{};
   std::uint32_t flags_ = kPinFlag | kPowerFlag | kBrownOutFlag;  // why it was reset (section 7.3.21)
 };

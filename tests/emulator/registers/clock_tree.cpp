@@ -77,6 +77,13 @@ void Test() {
   Reg(0x40010000) = 1;
   CheckNear("TIM1 of APB2", CountIn([] { return Reg(0x40010024); }), 10'000, 100);
 
+  // SysTick that runs follows the clock, and keeps its source.
+  Reg(0xE000E010) = 5;
+  Reg(kCfgr) = 0;
+  CheckNear("SysTick of HSI", CountIn(systick), 10'000, 100);
+  Reg(kCfgr) = 5u << 10 | 4u << 13 | 2u;
+  CheckNear("SysTick of the PLL", CountIn(systick), 10'000, 100);
+
   // APB1 undivided: TIM2 at its rate (section 7.2).
   Reg(kCfgr) = 2;
   CheckNear("TIM2 of undivided APB1", CountIn([] { return Reg(0x40000024); }), 10'000, 100);
