@@ -32,13 +32,18 @@ constexpr std::int64_t kTickNs = 1'000'000;
 //          ldr r0, [r4, #4]; str r0, [r4, #4]
 //   flag:  str r5, [r4, #4]; bx lr
 //   fail:  b fail
-constexpr std::array<std::uint32_t, 31> kImage = {0x20001000, 0x00000041, 0x00000071, 0x00000071, 0x00000071, 0x00000071, 0x00000071, 0, 0, 0, 0, 0x00000071, 0x00000071, 0, 0x00000071, 0x00000063, 0x20104c0c, 0xf24260a0, 0x60e0000c, 0xf643490a, 0x6048607f, 0x60882000, 0x60082007, 0xbf30257e, 0x6820e7fd, 0xd5010680, 0x60606860, 0x47706065, 0x0000e7fe, 0x40004400, 0xe000e010};
+constexpr std::array<std::uint32_t, 31> kImage = {
+    0x20001000, 0x00000041, 0x00000071, 0x00000071, 0x00000071, 0x00000071, 0x00000071, 0,
+    0,          0,          0,          0x00000071, 0x00000071, 0,          0x00000071, 0x00000063,
+    0x20104c0c, 0xf24260a0, 0x60e0000c, 0xf643490a, 0x6048607f, 0x60882000, 0x60082007, 0xbf30257e,
+    0x6820e7fd, 0xd5010680, 0x60606860, 0x47706065, 0x0000e7fe, 0x40004400, 0xe000e010};
 
 [[noreturn]] void Refuse(const std::string& why) {
-  throw std::runtime_error(fmt::format(
-      "lockstep with the emulator does not work here: {}. Fly it by the clock on the wall (--client qemu --mode realtime), "
-      "or fly the host's build (--client host)",
-      why));
+  throw std::runtime_error(
+      fmt::format("lockstep with the emulator does not work here: {}. Fly it by the clock on the wall "
+                  "(--client qemu --mode realtime), "
+                  "or fly the host's build (--client host)",
+                  why));
 }
 
 // In memory, under a name that another process can open.
@@ -120,10 +125,10 @@ std::string QemuVersion() {
 void CheckRelease() {
   const std::string version = QemuVersion();
   if (!version.starts_with(std::string(kLockstepQemuRelease) + "."))
-    throw std::runtime_error(
-        fmt::format("the emulated board needs QEMU {}, whose chip the plug-in completes, and this is {}. Fly the host's "
-                    "build (--client host)",
-                    kLockstepQemuRelease, version));
+    throw std::runtime_error(fmt::format(
+        "the emulated board needs QEMU {}, whose chip the plug-in completes, and this is {}. Fly the host's "
+        "build (--client host)",
+        kLockstepQemuRelease, version));
 }
 
 void TestLockstep(const std::string& plugin) {

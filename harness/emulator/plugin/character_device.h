@@ -28,7 +28,9 @@ class CharacterDevice {
   void Transmit(std::uint8_t byte) { Write(kData, byte); }
 
   // The USART has been switched on or off: its model receives, with its interrupt, while it does.
-  void Program() { Write(kControl1, kEnable | kTransmitterOn | (usart_->Receives() ? kReceiverOn | kNotEmpty : 0)); }
+  void Program() {
+    Write(kControl1, kEnable | kTransmitterOn | (usart_->Receives() ? kReceiverOn | kNotEmpty : 0));
+  }
 
   // Takes a byte over, if there is one and there is room.
   void Take() {
@@ -38,7 +40,8 @@ class CharacterDevice {
 
  private:
   static constexpr std::uint64_t kStatus = 0x0, kData = 0x4, kControl1 = 0xC;
-  static constexpr std::uint32_t kReceiverOn = 1u << 2, kTransmitterOn = 1u << 3, kNotEmpty = 1u << 5, kEnable = 1u << 13;
+  static constexpr std::uint32_t kReceiverOn = 1u << 2, kTransmitterOn = 1u << 3, kNotEmpty = 1u << 5,
+                                 kEnable = 1u << 13;
 
   std::uint32_t Read(std::uint64_t offset) {
     std::uint64_t value = 0;

@@ -31,24 +31,26 @@ class Chip {
   // `core_clock`: QEMU's clock object of the machine.
   void Init(const Options& options, void* core_clock) {
     // The clock tree's callbacks reach the others only when they are there.
-    clocks_.Init(options.hse_hz, core_clock,
-                 {.changing =
-                      [this] {
-                        if (complete_) timers_.Hold();
-                      },
-                  .changed =
-                      [this] {
-                        cycles_.Follow(clocks_.hclk_hz());
-                        if (complete_) timers_.Resume();
-                      },
-                  .reset = [this](ClockTree::ResetRegister which, std::uint32_t bits) { ResetBlocks(which, bits); }});
+    clocks_.Init(
+        options.hse_hz, core_clock,
+        {.changing =
+             [this] {
+               if (complete_) timers_.Hold();
+             },
+         .changed =
+             [this] {
+               cycles_.Follow(clocks_.hclk_hz());
+               if (complete_) timers_.Resume();
+             },
+         .reset = [this](ClockTree::ResetRegister which, std::uint32_t bits) { ResetBlocks(which, bits); }});
     pwr_.Init();
     flash_.Init();
     for (int port = 0; port < Gpio::kCount; ++port) gpios_[static_cast<std::size_t>(port)].Init(port);
     dma_.Init([this] {
       for (UsartUnit& usart : usarts_) usart.Serve();
     });
-    for (int number = 1; number <= UsartUnit::kCount; ++number) usart(number).Init(number, clocks_, dma_, options.usart);
+    for (int number = 1; number <= UsartUnit::kCount; ++number)
+      usart(number).Init(number, clocks_, dma_, options.usart);
     timers_.Init(clocks_);
     watchdog_.Init(options.watchdog);
     cycles_.Init();

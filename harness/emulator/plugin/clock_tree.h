@@ -120,7 +120,8 @@ class ClockTree final : public RegisterBlock {
     const std::uint32_t pll = Word(kPll), m = pll & 0x3F, n = pll >> 6 & 0x1FF, p = 2 * ((pll >> 16 & 3) + 1);
     const bool allowed = m >= 2 && n >= 50 && n <= 432;  // section 7.3.2
     if ((control & kPllOn) == 0 || !allowed || source != kMainPll) return 0;
-    return static_cast<std::uint32_t>(MulDiv(HzOf((pll & kPllFromHse) != 0 ? kHse : kHsi), n, std::int64_t{m} * p));
+    return static_cast<std::uint32_t>(
+        MulDiv(HzOf((pll & kPllFromHse) != 0 ? kHse : kHsi), n, std::int64_t{m} * p));
   }
 
   int ApbShift(int bus) const {

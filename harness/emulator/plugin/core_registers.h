@@ -37,7 +37,8 @@ class CycleCounter final : public RegisterBlock {
   void Sync() {
     const std::int64_t now = Now();
     if (traced_ && (Word(kControl) & kEnable) != 0)
-      Word(kCycles) += static_cast<std::uint32_t>(MulDiv(now, hz_, kNsPerSecond) - MulDiv(begin_ns_, hz_, kNsPerSecond));
+      Word(kCycles) +=
+          static_cast<std::uint32_t>(MulDiv(now, hz_, kNsPerSecond) - MulDiv(begin_ns_, hz_, kNsPerSecond));
     begin_ns_ = now;
   }
   std::uint32_t Read(std::uint32_t offset) override {
@@ -63,7 +64,12 @@ class SystemControl {
     page_ = address & 0xFFF;
     counter_ = counter;
     controller_ = sysbus_mmio_get_region(object_resolve_path("nvic", nullptr), 0);
-    ops_ = {.read = nullptr, .write = nullptr, .read_with_attrs = Read, .write_with_attrs = Write, .valid = {}, .impl = {}};
+    ops_ = {.read = nullptr,
+            .write = nullptr,
+            .read_with_attrs = Read,
+            .write_with_attrs = Write,
+            .valid = {},
+            .impl = {}};
     memory_region_init_io(region_.data(), nullptr, &ops_, this, "system-control", RegisterBlock::kBytes);
     memory_region_add_subregion_overlap(CoreSpace(), address, region_.data(), 1);
   }

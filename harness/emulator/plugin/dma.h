@@ -49,8 +49,9 @@ class DmaController final : public RegisterBlock {
   };
   // SxCR (section 10.5.5).
   static constexpr std::uint32_t kEnable = 1u << 0, kErrorInterrupt = 1u << 2, kHalfInterrupt = 1u << 3,
-                                 kCompleteInterrupt = 1u << 4, kCircular = 1u << 8, kMemoryIncrement = 1u << 10,
-                                 kDoubleBuffer = 1u << 18, kSecondBuffer = 1u << 19;
+                                 kCompleteInterrupt = 1u << 4, kCircular = 1u << 8,
+                                 kMemoryIncrement = 1u << 10, kDoubleBuffer = 1u << 18,
+                                 kSecondBuffer = 1u << 19;
   static constexpr std::uint32_t kErrorFlag = 1u << 3, kHalfFlag = 1u << 4, kCompleteFlag = 1u << 5;
   static constexpr std::uint32_t kFlags = 0x3D;
   static constexpr std::array<unsigned, 4> kFlagShifts = {0, 6, 16, 22};
@@ -65,13 +66,15 @@ class DmaController final : public RegisterBlock {
       Direction direction;
     };
     constexpr Request kRequests[] = {
-        {1, 0, 4, 5, kToMemory},   {1, 1, 4, 3, kToMemory},   {1, 2, 4, 4, kToMemory},   {1, 3, 4, 3, kFromMemory},
-        {1, 4, 4, 4, kFromMemory}, {1, 4, 7, 3, kFromMemory}, {1, 5, 4, 2, kToMemory},   {1, 6, 4, 2, kFromMemory},
-        {1, 7, 4, 5, kFromMemory}, {2, 1, 5, 6, kToMemory},   {2, 2, 4, 1, kToMemory},   {2, 2, 5, 6, kToMemory},
-        {2, 5, 4, 1, kToMemory},   {2, 6, 5, 6, kFromMemory}, {2, 7, 4, 1, kFromMemory}, {2, 7, 5, 6, kFromMemory}};
+        {1, 0, 4, 5, kToMemory},   {1, 1, 4, 3, kToMemory},   {1, 2, 4, 4, kToMemory},
+        {1, 3, 4, 3, kFromMemory}, {1, 4, 4, 4, kFromMemory}, {1, 4, 7, 3, kFromMemory},
+        {1, 5, 4, 2, kToMemory},   {1, 6, 4, 2, kFromMemory}, {1, 7, 4, 5, kFromMemory},
+        {2, 1, 5, 6, kToMemory},   {2, 2, 4, 1, kToMemory},   {2, 2, 5, 6, kToMemory},
+        {2, 5, 4, 1, kToMemory},   {2, 6, 5, 6, kFromMemory}, {2, 7, 4, 1, kFromMemory},
+        {2, 7, 5, 6, kFromMemory}};
     for (const Request& known : kRequests)
-      if (known.controller == number_ && known.stream == stream && known.channel == channel && known.usart == usart &&
-          known.direction == direction)
+      if (known.controller == number_ && known.stream == stream && known.channel == channel &&
+          known.usart == usart && known.direction == direction)
         return true;
     return false;
   }

@@ -68,7 +68,7 @@ struct Uart {
 
 struct Plugin {
   int socket = -1;
-  int barrier = -1;                                       // on the main line
+  int barrier = -1;  // on the main line
   bool ideal = false;
   bool realtime = false;
   std::uint32_t hse_hz = ClockTree::kUsualHseHz;
@@ -395,16 +395,21 @@ void SleepWork(void* cpu, RunOnCpuData data) {
 void OnWfi(unsigned /*vcpu*/, void* /*opaque*/) { async_run_on_cpu(qemu_get_cpu(0), SleepWork, {}); }
 
 void BeginChip() {
-  Chip::Options options{.hse_hz = plugin.hse_hz, .usart = {.transmit = OnTransmit, .taken = {}, .programmed = {}}, .watchdog = OnWatchdog};
+  Chip::Options options{.hse_hz = plugin.hse_hz,
+                        .usart = {.transmit = OnTransmit, .taken = {}, .programmed = {}},
+                        .watchdog = OnWatchdog};
   if (plugin.realtime) {
-    options.usart.taken = [](int number) { plugin.character_devices[static_cast<std::size_t>(number - 1)].Take(); };
+    options.usart.taken = [](int number) {
+      plugin.character_devices[static_cast<std::size_t>(number - 1)].Take();
+    };
     options.usart.programmed = [](int number) {
       plugin.character_devices[static_cast<std::size_t>(number - 1)].Program();
     };
   }
   void* core_clock = object_resolve_path("/machine/SYSCLK", nullptr);
   void* nvic = object_resolve_path("nvic", nullptr);
-  if (core_clock == nullptr || nvic == nullptr) Die("the machine has no clock or no NVIC where one should be");
+  if (core_clock == nullptr || nvic == nullptr)
+    Die("the machine has no clock or no NVIC where one should be");
   plugin.chip.Init(options, core_clock);
   qemu_register_reset(OnReset, nullptr);
   qdev_connect_gpio_out_named(nvic, "SYSRESETREQ", 0, qemu_allocate_irq(OnResetRequest, nullptr, 0));
@@ -414,7 +419,8 @@ void BeginChip() {
 void BeginRealtime() {
   for (int number = 1; number <= UsartUnit::kCount; ++number) {
     plugin.chip.usart(number).SetUnpaced();
-    if (!plugin.character_devices[static_cast<std::size_t>(number - 1)].Init(number, plugin.chip.usart(number)))
+    if (!plugin.character_devices[static_cast<std::size_t>(number - 1)].Init(number,
+                                                                             plugin.chip.usart(number)))
       Die("the machine has no such USART");
   }
 }
@@ -494,7 +500,8 @@ __attribute__((visibility("default"))) int qemu_plugin_install(qemu_plugin_id_t 
     const bool digit = value.size() == 1 && value[0] >= '0' && value[0] <= '9';
     std::uint32_t number = 0;
     const auto parsed = std::from_chars(value.data(), value.data() + value.size(), number);
-    const bool is_number = !value.empty() && parsed.ec == std::errc() && parsed.ptr == value.data() + value.size();
+    const bool is_number =
+        !value.empty() && parsed.ec == std::errc() && parsed.ptr == value.data() + value.size();
     if (key == "socket" && digit) {
       plugin.socket = value[0] - '0';
     } else if (key == "barrier" && is_number && number <= 255) {

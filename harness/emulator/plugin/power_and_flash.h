@@ -21,8 +21,10 @@ class Pwr final : public RegisterBlock {
 
  private:
   static constexpr std::uint32_t kControl = 0, kStatus = 4;
-  static constexpr std::uint32_t kBackupRegulator = 1u << 9, kBackupRegulatorReady = 1u << 3, kScaleReady = 1u << 14;
-  static constexpr std::uint32_t kOverDrive = 3u << 16;  // enabled and switched; in CSR: ready. STM32F42x, F43x
+  static constexpr std::uint32_t kBackupRegulator = 1u << 9, kBackupRegulatorReady = 1u << 3,
+                                 kScaleReady = 1u << 14;
+  static constexpr std::uint32_t kOverDrive = 3u
+                                              << 16;  // enabled and switched; in CSR: ready. STM32F42x, F43x
 
   std::uint32_t Read(std::uint32_t offset) override {
     if (offset != kStatus) return Word(offset);
@@ -51,9 +53,10 @@ class FlashInterface final : public RegisterBlock {
   }
 
  private:
-  static constexpr std::uint32_t kAccess = 0x00, kKey = 0x04, kOptionKey = 0x08, kStatus = 0x0C, kControl = 0x10,
-                                 kOptions = 0x14;
-  static constexpr std::uint32_t kLock = 1u << 31, kStart = 1u << 16, kProtectionError = 1u << 4, kOptionLock = 1;
+  static constexpr std::uint32_t kAccess = 0x00, kKey = 0x04, kOptionKey = 0x08, kStatus = 0x0C,
+                                 kControl = 0x10, kOptions = 0x14;
+  static constexpr std::uint32_t kLock = 1u << 31, kStart = 1u << 16, kProtectionError = 1u << 4,
+                                 kOptionLock = 1;
 
   std::uint32_t Read(std::uint32_t offset) override {
     return offset == kKey || offset == kOptionKey ? 0 : Word(offset);

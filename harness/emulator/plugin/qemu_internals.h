@@ -62,7 +62,8 @@ void* get_system_memory(void);
 void cpu_physical_memory_rw(std::uint64_t address, void* buffer, std::uint64_t size, bool is_write);
 void memory_region_init_io(void* region, void* owner, const void* ops, void* opaque, const char* name,
                            std::uint64_t size);
-void memory_region_init_ram_nomigrate(void* region, void* owner, const char* name, std::uint64_t size, void** error);
+void memory_region_init_ram_nomigrate(void* region, void* owner, const char* name, std::uint64_t size,
+                                      void** error);
 void memory_region_add_subregion_overlap(void* region, std::uint64_t offset, void* subregion, int priority);
 int memory_region_dispatch_read(void* region, std::uint64_t address, std::uint64_t* value, int mem_op,
                                 std::uint32_t attributes);

@@ -47,11 +47,11 @@ class TimeBase final : public RegisterBlock {
   }
 
  private:
-  static constexpr std::uint32_t kControl = 0x00, kInterrupts = 0x0C, kStatus = 0x10, kEvents = 0x14, kCounter = 0x24,
-                                 kPrescaler = 0x28, kReload = 0x2C;
+  static constexpr std::uint32_t kControl = 0x00, kInterrupts = 0x0C, kStatus = 0x10, kEvents = 0x14,
+                                 kCounter = 0x24, kPrescaler = 0x28, kReload = 0x2C;
   // CR1 (section 20.4.1).
-  static constexpr std::uint32_t kEnable = 1u << 0, kNoUpdate = 1u << 1, kOverflowOnly = 1u << 2, kOnePulse = 1u << 3,
-                                 kReloadBuffered = 1u << 7;
+  static constexpr std::uint32_t kEnable = 1u << 0, kNoUpdate = 1u << 1, kOverflowOnly = 1u << 2,
+                                 kOnePulse = 1u << 3, kReloadBuffered = 1u << 7;
   static constexpr std::uint32_t kUpdate = 1u << 0;  // in DIER, SR and EGR
 
   bool Runs() const { return (Word(kControl) & kEnable) != 0 && period_ != 0 && hz_ != 0; }
@@ -78,7 +78,8 @@ class TimeBase final : public RegisterBlock {
   void Sync() {
     while (Runs() && Clocks() >= ClocksPerPeriod()) {
       // All periods that are over, unless the first is followed by others of another length.
-      const bool alike = (Word(kControl) & kNoUpdate) != 0 || (prescaler_ == Word(kPrescaler) && period_ == Word(kReload));
+      const bool alike =
+          (Word(kControl) & kNoUpdate) != 0 || (prescaler_ == Word(kPrescaler) && period_ == Word(kReload));
       phase_ -= alike ? Clocks() / ClocksPerPeriod() * ClocksPerPeriod() : ClocksPerPeriod();
       if ((Word(kControl) & kNoUpdate) != 0) continue;
       LoadBuffers();
@@ -153,7 +154,8 @@ class TimeBase final : public RegisterBlock {
   Timer timer_;
   std::uint32_t prescaler_ = 0, period_ = 0;  // in force
   std::uint32_t hz_ = 0;
-  std::int64_t begin_ns_ = 0, phase_ = 0;  // the counter was at `phase_` clocks then; less by each period that is over
+  std::int64_t begin_ns_ = 0,
+               phase_ = 0;  // the counter was at `phase_` clocks then; less by each period that is over
   std::int64_t held_clocks_ = 0;
 };
 

@@ -92,7 +92,8 @@ class UsartUnit final : public RegisterBlock {
   // Does what is due: moves bytes on, answers to DMA, raises or withdraws the interrupt.
   void Serve() {
     Sync();
-    if (!Free() && (Word(kControl3) & kDmaReceive) != 0 && dma_->Store(number_, address_ + kData, received_)) TakeByte();
+    if (!Free() && (Word(kControl3) & kDmaReceive) != 0 && dma_->Store(number_, address_ + kData, received_))
+      TakeByte();
     std::uint8_t byte = 0;
     while (!full_ && On(kTransmitterOn) && (Word(kControl3) & kDmaTransmit) != 0 &&
            dma_->Load(number_, address_ + kData, byte))
@@ -102,14 +103,15 @@ class UsartUnit final : public RegisterBlock {
   }
 
  private:
-  static constexpr std::uint32_t kStatus = 0x00, kData = 0x04, kBaudRate = 0x08, kControl1 = 0x0C, kControl2 = 0x10,
-                                 kControl3 = 0x14;
+  static constexpr std::uint32_t kStatus = 0x00, kData = 0x04, kBaudRate = 0x08, kControl1 = 0x0C,
+                                 kControl2 = 0x10, kControl3 = 0x14;
   // SR (section 30.6.1).
-  static constexpr std::uint32_t kIdle = 1u << 4, kNotEmpty = 1u << 5, kComplete = 1u << 6, kTransmitEmpty = 1u << 7;
+  static constexpr std::uint32_t kIdle = 1u << 4, kNotEmpty = 1u << 5, kComplete = 1u << 6,
+                                 kTransmitEmpty = 1u << 7;
   static constexpr std::uint32_t kErrors = kFraming | kNoise | kOverrun;
   // CR1: the interrupts' enable bits are in the places of their flags (section 30.6.4).
-  static constexpr std::uint32_t kReceiverOn = 1u << 2, kTransmitterOn = 1u << 3, kNineBits = 1u << 12, kEnable = 1u << 13,
-                                 kOver8 = 1u << 15;
+  static constexpr std::uint32_t kReceiverOn = 1u << 2, kTransmitterOn = 1u << 3, kNineBits = 1u << 12,
+                                 kEnable = 1u << 13, kOver8 = 1u << 15;
   // CR3.
   static constexpr std::uint32_t kErrorInterrupt = 1u << 0, kDmaReceive = 1u << 6, kDmaTransmit = 1u << 7;
 
@@ -124,7 +126,8 @@ class UsartUnit final : public RegisterBlock {
   std::int64_t ByteNs() const {
     const bool over8 = (Word(kControl1) & kOver8) != 0;
     const std::uint32_t divider = Word(kBaudRate);
-    const std::int64_t clocks_per_bit = (divider >> 4 & 0xFFF) * (over8 ? 8 : 16) + (divider & (over8 ? 7 : 15));
+    const std::int64_t clocks_per_bit =
+        (divider >> 4 & 0xFFF) * (over8 ? 8 : 16) + (divider & (over8 ? 7 : 15));
     constexpr std::array<int, 4> kStopHalfBits = {2, 1, 4, 3};
     const int data_bits = (Word(kControl1) & kNineBits) != 0 ? 9 : 8;
     const std::int64_t half_bits = 2 * (1 + data_bits) + kStopHalfBits[Word(kControl2) >> 12 & 3];
@@ -174,7 +177,8 @@ class UsartUnit final : public RegisterBlock {
   void UpdateInterrupt() {
     const std::uint32_t control = Word(kControl1), status = Status();
     const std::uint32_t receiver = (status & kOverrun) != 0 ? kNotEmpty : 0;
-    const bool flagged = ((status | receiver) & control & (kIdle | kNotEmpty | kComplete | kTransmitEmpty)) != 0;
+    const bool flagged =
+        ((status | receiver) & control & (kIdle | kNotEmpty | kComplete | kTransmitEmpty)) != 0;
     const bool error = (Word(kControl3) & kErrorInterrupt) != 0 && (Word(kControl3) & kDmaReceive) != 0 &&
                        (status & kErrors) != 0;
     interrupt_.Set((control & kEnable) != 0 && (flagged || error));
@@ -242,10 +246,10 @@ class UsartUnit final : public RegisterBlock {
   std::uint32_t flags_ = kComplete;  // SR, without TXE
   std::uint32_t seen_ = 0;           // of these, when SR was last read
   std::uint8_t received_ = 0;
-  bool full_ = false;             // the data register of the transmitter
-  bool shifting_ = false;         // its shift register
-  std::int64_t shifted_ns_ = 0;   // when that is empty
-  bool idle_follows_ = false;     // unless another byte arrives before idle_ns_
+  bool full_ = false;            // the data register of the transmitter
+  bool shifting_ = false;        // its shift register
+  std::int64_t shifted_ns_ = 0;  // when that is empty
+  bool idle_follows_ = false;    // unless another byte arrives before idle_ns_
   std::int64_t idle_ns_ = 0;
 };
 

@@ -27,7 +27,8 @@ class Watchdog final : public RegisterBlock {
  private:
   static constexpr std::uint32_t kReloadMax = 0xFFF;
   static constexpr std::int64_t kLsiHz = 32'000;
-  static constexpr std::uint32_t kKey = 0x0, kPrescaler = 0x4, kReload = 0x8;  // SR, 0xC, reads as 0: never busy
+  static constexpr std::uint32_t kKey = 0x0, kPrescaler = 0x4,
+                                 kReload = 0x8;  // SR, 0xC, reads as 0: never busy
 
   void Feed() {
     // The counter runs at LSI / (4 << prescaler); 6 and 7 both divide by 256.

@@ -246,7 +246,10 @@ int main(void) {
   StartClock();
   StartUsarts();
   StartTicks();
-  const TiltproofHost host = {.abi_version = TILTPROOF_CLIENT_ABI_VERSION, .firmware = "driver", .dialect = "paper", .transmit = Transmit};
+  const TiltproofHost host = {.abi_version = TILTPROOF_CLIENT_ABI_VERSION,
+                              .firmware = "driver",
+                              .dialect = "paper",
+                              .transmit = Transmit};
   while (tick_count == 0) {
   }
   TiltproofClient* client = tiltproof_client_create(&host);
@@ -258,7 +261,8 @@ int main(void) {
     Receive(1);
 #else
     __asm volatile("cpsid i" ::: "memory");
-    if (rings[0].written == rings[0].read && rings[1].written == rings[1].read && Now() < wake_ns) __asm volatile("wfi" ::: "memory");
+    if (rings[0].written == rings[0].read && rings[1].written == rings[1].read && Now() < wake_ns)
+      __asm volatile("wfi" ::: "memory");
     __asm volatile("cpsie i\n\tisb" ::: "memory");
 #endif
     for (int uart = 0; uart < 2; ++uart) {

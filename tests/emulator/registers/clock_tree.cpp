@@ -3,7 +3,8 @@
 
 namespace {
 
-constexpr std::uint32_t kRcc = 0x40023800, kCr = kRcc, kPllcfgr = kRcc + 4, kCfgr = kRcc + 8, kCsr = kRcc + 0x74;
+constexpr std::uint32_t kRcc = 0x40023800, kCr = kRcc, kPllcfgr = kRcc + 4, kCfgr = kRcc + 8,
+                        kCsr = kRcc + 0x74;
 
 // What a counter that counts down or up does in the core's 10 000 cycles.
 template <class Counter>

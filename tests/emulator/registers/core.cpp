@@ -49,9 +49,9 @@ void Test() {
   Check("CYCCNT stands", Cycles(), stopped);
   Set(0xE0001000, 1);
 
-  Check("DBGMCU_IDCODE", Reg(0xE0042000), 0x10076413);                                         // section 38.6.1
-  Check("flash size", *reinterpret_cast<volatile std::uint16_t*>(0x1FFF7A22), 1024);           // section 39.2
-  Check("unique id", Reg(0x1FFF7A10) != 0 && Reg(0x1FFF7A10) != 0xFFFFFFFF, 1);                // section 39.1
+  Check("DBGMCU_IDCODE", Reg(0xE0042000), 0x10076413);                                // section 38.6.1
+  Check("flash size", *reinterpret_cast<volatile std::uint16_t*>(0x1FFF7A22), 1024);  // section 39.2
+  Check("unique id", Reg(0x1FFF7A10) != 0 && Reg(0x1FFF7A10) != 0xFFFFFFFF, 1);       // section 39.1
 
   // Core-coupled RAM (section 2.3.1): 64 KB.
   Reg(0x10000000) = 0x12345678;

@@ -7,8 +7,8 @@ constexpr std::uint32_t kUsart = 0x40004400, kSr = kUsart, kDr = kUsart + 4;
 constexpr std::uint32_t kDma = 0x40026000, kHisr = kDma + 4, kHifcr = kDma + 0xC;
 constexpr std::uint32_t kReceive = kDma + 0x10 + 5 * 0x18, kTransmit = kDma + 0x10 + 6 * 0x18;
 constexpr std::uint32_t kNdtr = 4, kPar = 8, kM0ar = 0xC, kM1ar = 0x10;
-constexpr std::uint32_t kEn = Bit(0), kTeie = Bit(2), kHtie = Bit(3), kTcie = Bit(4), kToPeripheral = Bit(6), kCirc = Bit(8),
-                        kMinc = Bit(10), kDbm = Bit(18), kCt = Bit(19), kChannel4 = 4u << 25;
+constexpr std::uint32_t kEn = Bit(0), kTeie = Bit(2), kHtie = Bit(3), kTcie = Bit(4), kToPeripheral = Bit(6),
+                        kCirc = Bit(8), kMinc = Bit(10), kDbm = Bit(18), kCt = Bit(19), kChannel4 = 4u << 25;
 // In HISR, of streams 5 and 6.
 constexpr unsigned kStream5 = 6, kStream6 = 16;
 constexpr std::uint32_t kTe = Bit(3), kHt = Bit(4), kTc = Bit(5);

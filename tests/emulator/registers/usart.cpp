@@ -4,10 +4,10 @@
 
 namespace {
 
-constexpr std::uint32_t kUsart = 0x40004400, kSr = kUsart, kDr = kUsart + 4, kBrr = kUsart + 8, kCr1 = kUsart + 0xC,
-                        kCr2 = kUsart + 0x10, kCr3 = kUsart + 0x14;
-constexpr std::uint32_t kFe = Bit(1), kNe = Bit(2), kOre = Bit(3), kIdle = Bit(4), kRxne = Bit(5), kTc = Bit(6),
-                        kTxe = Bit(7);
+constexpr std::uint32_t kUsart = 0x40004400, kSr = kUsart, kDr = kUsart + 4, kBrr = kUsart + 8,
+                        kCr1 = kUsart + 0xC, kCr2 = kUsart + 0x10, kCr3 = kUsart + 0x14;
+constexpr std::uint32_t kFe = Bit(1), kNe = Bit(2), kOre = Bit(3), kIdle = Bit(4), kRxne = Bit(5),
+                        kTc = Bit(6), kTxe = Bit(7);
 constexpr std::uint32_t kOn = Bit(13) | Bit(3) | Bit(2);
 
 volatile unsigned calls = 0;
