@@ -38,7 +38,7 @@ std::vector<std::string> CommandLine(const EmulatorSpec& spec) {
 }  // namespace
 
 std::vector<std::string> PluginArguments(const EmulatorSpec& spec, const std::string& arguments) {
-  return {"-plugin", spec.plugin + "," + arguments};
+  return {"-plugin", spec.plugin + "," + arguments + ",hse=" + std::to_string(spec.hse_hz)};
 }
 
 EmulatorProcess::EmulatorProcess(const EmulatorSpec& spec) {

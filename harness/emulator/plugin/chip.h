@@ -1,7 +1,7 @@
 // What QEMU's STM32F405 lacks, as one: every block in front of the machine's own.
 //
-//   chip.Init({.hse_hz = 8'000'000, .transmit = ..., .watchdog = ...});  // before the first instruction
-//   chip.Reset(ResetCause::kPin);                                       // with every reset of the machine
+//   chip.Init(options, core_clock);                     // before the first instruction
+//   chip.Reset(harness::lockstep::ResetCause::kPin);   // with every reset of the machine
 #pragma once
 
 #include <array>

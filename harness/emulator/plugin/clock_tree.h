@@ -39,7 +39,9 @@ class ClockTree final : public RegisterBlock {
     flags_ |= kPinFlag;  // every reset pulls the pin
     if (cause == ResetCause::kSoftware) flags_ |= 1u << 28;
     if (cause == ResetCause::kWatchdog) flags_ |= 1u << 29;
+    const std::uint32_t backup = Word(kBackup);  // of another domain (section 7.1.3)
     ClearWords();
+    Word(kBackup) = backup;
     Word(kControl) = 0x83;
     Word(kPll) = 0x24003010;
     Word(0x30) = 0x00100000;  // AHB1ENR: the core-coupled RAM

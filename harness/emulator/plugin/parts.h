@@ -1,11 +1,12 @@
 // What every block of the emulated chip is made of: a timer of the virtual clock, an interrupt, and registers
 // mapped over the machine's address space.
 //
-//   class Pwr : public RegisterBlock {
+//   class Unlocked : public RegisterBlock {
 //    public:
-//     void Init() { Map("pwr", 0x40007000); }
+//     void Init() { Map("unlocked", 0x40007000); }
+//
 //    private:
-//     void Write(std::uint32_t offset, std::uint32_t value) override { ... }
+//     std::uint32_t Read(std::uint32_t offset) override { return Word(offset) | 1; }
 //   };
 #pragma once
 

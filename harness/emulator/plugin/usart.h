@@ -1,6 +1,6 @@
 // A USART (RM0090, section 30), both halves: flags, interrupts, DMA requests, and the time that bytes take.
 //
-//   usart.Init(2, clocks, dma, {.transmit = ...});
+//   usart.Init(2, clocks, dma, callbacks);
 //   usart.Deliver('A', 0);  // a byte has arrived from the line
 //
 // The transmitter has a data register and a shift register: TXE when the first has been handed on, TC when the last bit
