@@ -57,11 +57,10 @@ class DmaController final : public RegisterBlock {
   static constexpr std::array<unsigned, 4> kFlagShifts = {0, 6, 16, 22};
 
   // Whether this channel of a stream is a USART's request (tables 42 and 43).
-  bool Requests(std::size_t stream, std::uint32_t channel, int usart, Direction direction) const {
+  bool Requests(std::size_t stream, unsigned channel, int usart, Direction direction) const {
     struct Request {
       int controller;
-      std::size_t stream;
-      std::uint32_t channel;
+      unsigned stream, channel;
       int usart;
       Direction direction;
     };

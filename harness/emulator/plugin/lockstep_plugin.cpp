@@ -1,6 +1,6 @@
 // The plug-in that keeps an unmodified image in the emulator in lockstep with the harness, in virtual time.
 //
-// It adds to the machine what a chip has and QEMU lacks (harness/emulator/plugin/chip.h), its USARTs among it, and
+// It adds to the machine what a chip has and QEMU lacks (harness/emulator/plugin/chip.h), its USARTs among that, and
 // holds the virtual clock:
 //
 //   - a barrier byte that the firmware transmits, and the end of the time granted, stop the virtual processor until
@@ -18,7 +18,7 @@
 // 0 to 255: there may be an answer to it. `ideal` means that the lines have no rate, so that sending takes no time.
 // `hse` is the rate of the crystal in Hz, 0 when there is none.
 //
-// With `realtime` instead of the socket the machine runs by the clock on the wall, and its USARTs have the character
+// With `realtime=on` instead of the socket the machine runs by the clock on the wall, and its USARTs have the character
 // devices that QEMU was given:
 //
 //   qemu-system-arm ... -serial stdio -plugin tiltproof_lockstep.so,realtime=on
@@ -68,9 +68,11 @@ struct Uart {
 
 struct Plugin {
   int socket = -1;
-  int barrier = -1;  // on the main line
+  int barrier = -1;                              // on the main line
+  ResetCause pending_cause = ResetCause::kNone;  // of the reset that was asked for
   bool ideal = false;
   bool realtime = false;
+  bool begun = false;
   std::uint32_t hse_hz = ClockTree::kUsualHseHz;
   std::vector<std::uint8_t> out;                          // messages that wait for Flush()
   std::array<int, kConnectedUsartCount> usart_numbers{};  // on the chip, by Usart; 0: none
@@ -85,11 +87,9 @@ struct Plugin {
   Stall stall{};         // under way, or the last
   std::deque<FlipBits> flips;
   Timer flip_timer;
-  std::int64_t last_slept_ns = 0;                // or was made to stand still
-  ResetCause pending_cause = ResetCause::kNone;  // of the reset that was asked for
+  std::int64_t last_slept_ns = 0;  // or was made to stand still
   Chip chip;
   std::array<CharacterDevice, UsartUnit::kCount> character_devices;  // in real time
-  bool begun = false;
 };
 Plugin& plugin = *new Plugin;
 
