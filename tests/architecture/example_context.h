@@ -245,6 +245,11 @@ extern Chip chip;
 extern const Chip::Options options;
 extern void* core_clock;
 
+// harness/emulator/plugin/harness_socket.h
+using harness::lockstep::Kind;
+extern HarnessSocket socket;
+extern const harness::lockstep::Hello hello;
+
 // harness/emulator/plugin/usart.h
 extern UsartUnit usart;
 extern const ClockTree clocks;

@@ -25,12 +25,10 @@
 //
 // QEMU is GPL-2, so this file uses nothing but the standard library. It has no static objects with destructors,
 // since QEMU ends by exit() with threads still running.
-#include <sys/socket.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
 #include <charconv>
 #include <cstdlib>
 #include <cstring>
@@ -43,6 +41,7 @@
 #include "harness/emulator/lockstep_protocol.h"
 #include "harness/emulator/plugin/character_device.h"
 #include "harness/emulator/plugin/chip.h"
+#include "harness/emulator/plugin/harness_socket.h"
 #include "harness/emulator/plugin/qemu_internals.h"
 
 namespace tiltproof::qemu {
@@ -67,14 +66,13 @@ struct Uart {
 };
 
 struct Plugin {
-  int socket = -1;
+  HarnessSocket socket;
   int barrier = -1;                              // on the main line
   ResetCause pending_cause = ResetCause::kNone;  // of the reset that was asked for
   bool ideal = false;
   bool realtime = false;
   bool begun = false;
   std::uint32_t hse_hz = ClockTree::kUsualHseHz;
-  std::vector<std::uint8_t> out;                          // messages that wait for Flush()
   std::array<int, kConnectedUsartCount> usart_numbers{};  // on the chip, by Usart; 0: none
   std::array<Uart, kConnectedUsartCount> uarts;
   void* cpu = nullptr;
@@ -98,51 +96,19 @@ Plugin& plugin = *new Plugin;
   _exit(1);
 }
 
-// --- the socket ---
-
-void Append(const void* bytes, std::size_t size) {
-  const auto* first = static_cast<const std::uint8_t*>(bytes);
-  plugin.out.insert(plugin.out.end(), first, first + size);
-}
-
-void Send(Kind kind, const void* body, std::size_t size) {
-  const Header header{kind, static_cast<std::uint32_t>(size)};
-  Append(&header, sizeof(header));
-  Append(body, size);
-}
-
-void Flush() {
-  for (std::size_t sent = 0; sent < plugin.out.size();) {
-    const ssize_t n = send(plugin.socket, plugin.out.data() + sent, plugin.out.size() - sent, MSG_NOSIGNAL);
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) _exit(0);  // the harness is gone
-    sent += static_cast<std::size_t>(n);
-  }
-  plugin.out.clear();
-}
-
-void Receive(void* buffer, std::size_t size) {
-  auto* at = static_cast<std::uint8_t*>(buffer);
-  while (size != 0) {
-    const ssize_t n = recv(plugin.socket, at, size, 0);
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) _exit(0);
-    at += n;
-    size -= static_cast<std::size_t>(n);
-  }
-}
+// --- to the harness ---
 
 void SendEvent(EventKind kind, std::uint32_t value, std::uint32_t address = 0, std::uint8_t before = 0,
                std::uint8_t after = 0) {
   const Event event{Now(), kind, value, address, before, after};
-  Send(Kind::kEvent, &event, sizeof(event));
+  plugin.socket.Send(Kind::kEvent, &event, sizeof(event));
 }
 
 // Sends what the firmware has transmitted; for the console at the end of each text line, so that its last
 // words are not lost.
 void SendUnsent(Uart& uart) {
   if (!uart.unsent.empty())
-    Send(Kind::kTransmit, uart.unsent.data(), uart.unsent.size() * sizeof(TransmittedByte));
+    plugin.socket.Send(Kind::kTransmit, uart.unsent.data(), uart.unsent.size() * sizeof(TransmittedByte));
   uart.unsent.clear();
 }
 
@@ -151,7 +117,7 @@ void SendRegisters(Uart& uart) {
   const UsartRegisters now{uart.usart, brr, cr1, cr3, clock_hz};
   if (now == uart.told) return;
   SendUnsent(uart);
-  Send(Kind::kUsart, &now, sizeof(now));
+  plugin.socket.Send(Kind::kUsart, &now, sizeof(now));
   uart.told = now;
 }
 
@@ -299,19 +265,19 @@ void SendState() {
   std::FILE* file = open_memstream(&text, &size);
   cpu_dump_state(plugin.cpu, file, 0);
   std::fclose(file);
-  Send(Kind::kState, text, size);
+  plugin.socket.Send(Kind::kState, text, size);
   std::free(text);
 }
 
 // Carries out commands until the harness grants time.
 void TakeCommands() {
   for (;;) {
-    Flush();
+    plugin.socket.Flush();
     Header header{};
-    Receive(&header, sizeof(header));
+    plugin.socket.Receive(&header, sizeof(header));
     if (header.body_bytes > kBodyBytesMax) Die("a damaged command");
     std::vector<std::uint8_t> body(header.body_bytes);
-    Receive(body.data(), body.size());
+    plugin.socket.Receive(body.data(), body.size());
     switch (header.kind) {
       case Kind::kReceive:
         Deliver(body);
@@ -334,7 +300,7 @@ void TakeCommands() {
         const auto read = As<ReadMemory>(body);
         std::vector<std::uint8_t> bytes(std::min(read.size, kBodyBytesMax));
         cpu_physical_memory_rw(read.address, bytes.data(), bytes.size(), false);
-        Send(Kind::kMemory, bytes.data(), bytes.size());
+        plugin.socket.Send(Kind::kMemory, bytes.data(), bytes.size());
         break;
       }
       case Kind::kDumpState:
@@ -355,7 +321,7 @@ void Stop() {
     if (uart.unit != nullptr) SendRegisters(uart);
   }
   const Stopped stopped{Now(), plugin.last_slept_ns};
-  Send(Kind::kStopped, &stopped, sizeof(stopped));
+  plugin.socket.Send(Kind::kStopped, &stopped, sizeof(stopped));
   TakeCommands();
 }
 
@@ -374,7 +340,7 @@ void OnTransmit(int number, std::uint8_t byte) {
       Stop();
     } else if (line_end || uart.unsent.size() >= kUnsentBytesMax) {
       SendUnsent(uart);
-      Flush();
+      plugin.socket.Flush();
     }
   }
 }
@@ -443,7 +409,7 @@ void BeginLockstep() {
     if (plugin.ideal && uart.usart != Usart::kConsole) uart.unit->SetUnpaced();
   }
   const Hello hello{kProtocolVersion};
-  Send(Kind::kHello, &hello, sizeof(hello));
+  plugin.socket.Send(Kind::kHello, &hello, sizeof(hello));
   TakeCommands();
 }
 
@@ -503,7 +469,7 @@ __attribute__((visibility("default"))) int qemu_plugin_install(qemu_plugin_id_t 
     const bool is_number =
         !value.empty() && parsed.ec == std::errc() && parsed.ptr == value.data() + value.size();
     if (key == "socket" && digit) {
-      plugin.socket = value[0] - '0';
+      plugin.socket.Use(value[0] - '0');
     } else if (key == "barrier" && is_number && number <= 255) {
       plugin.barrier = static_cast<int>(number);
     } else if (line != kLines.end() && digit) {
@@ -519,7 +485,7 @@ __attribute__((visibility("default"))) int qemu_plugin_install(qemu_plugin_id_t 
       return 1;
     }
   }
-  if (!plugin.realtime && (plugin.socket < 0 || plugin.barrier < 0)) {
+  if (!plugin.realtime && (!plugin.socket.open() || plugin.barrier < 0)) {
     std::fprintf(stderr, "lockstep plug-in: socket=DESCRIPTOR or barrier=BYTE is missing\n");
     return 1;
   }
