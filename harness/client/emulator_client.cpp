@@ -94,7 +94,8 @@ class EmulatorClient final : public Client {
     symbols_.emplace(spec.image);
     source_.emplace(spec.image);
     for (const std::string& name : watch) watched_.push_back(FindVariable(spec.image, name));
-    board_.emplace(spec);
+    spec_.ideal_lines = lines.main_baud == 0;
+    board_.emplace(spec_);
   }
 
   bool RunsOn() const override { return true; }
@@ -310,7 +311,7 @@ class EmulatorClient final : public Client {
     const bool main = registers.usart == lockstep::Usart::kMain;
     const int number = main ? spec_.main_usart : spec_.reference_usart;
     RatedLine& rated = rated_[main ? 0 : 1];
-    rated.Program(RateOf(number, registers.brr, registers.cr1, registers.cr3));
+    rated.Program(RateOf(registers.clock_hz, registers.brr, registers.cr1, registers.cr3));
     constexpr std::uint32_t kOn = 1U << 13;
     if ((registers.cr1 & kOn) == 0) return;
     const std::string trouble = rated.Trouble();

@@ -44,6 +44,7 @@ EmulatorSpec BoardOf(const EmulatedImage& image, const std::string& firmware,
           .main_usart = image.main_usart,
           .reference_usart = image.reference_usart,
           .console_usart = image.console_usart,
+          .hse_hz = image.hse_hz,
           .barrier = protocol.framing.flag};
 }
 

@@ -20,8 +20,8 @@ bool RatedLine::DamagesReceived() const {
 std::string RatedLine::Trouble() const {
   if (!DamagesTransmitted() && !DamagesReceived()) return "";
   if (!rate_->Runs()) return "has no baud rate (BRR is 0)";
-  return fmt::format("runs at {:.0f} baud ({} MHz / {})", rate_->Baud(), rate_->clock_hz / 1'000'000,
-                     rate_->clocks_per_bit);
+  return fmt::format("runs at {:.0f} baud ({:g} MHz / {})", rate_->Baud(),
+                     static_cast<double>(rate_->clock_hz) / 1e6, rate_->clocks_per_bit);
 }
 
 TimeNs RatedLine::TransmitTime(std::size_t byte_count) const {

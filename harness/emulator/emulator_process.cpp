@@ -9,7 +9,6 @@
 #include <cerrno>
 #include <cstring>
 
-#include "harness/emulator/usart_rate.h"
 #include "harness/process/child_process.h"
 #include "harness/process/own_time.h"
 
@@ -27,15 +26,11 @@ std::vector<std::string> CommandLine(const EmulatorSpec& spec) {
   std::vector<std::string> command = {
       "qemu-system-arm", "-M",   "netduinoplus2", "-display", "none",
       "-monitor",        "none", "-nodefaults",   "-icount",  "shift=3,sleep=off"};
-  for (int usart = 1; usart <= kChipUsartCount; ++usart) {
-    const std::string id = "usart" + std::to_string(usart);
-    command.insert(command.end(), {"-chardev", "null,id=" + id, "-serial", "chardev:" + id});
-  }
-  command.insert(command.end(),
-                 {"-plugin", spec.plugin + ",socket=3,barrier=" + std::to_string(spec.barrier) +
-                                 ",main=" + std::to_string(spec.main_usart) +
-                                 ",reference=" + std::to_string(spec.reference_usart) +
-                                 ",console=" + std::to_string(spec.console_usart)});
+  const auto plugin = PluginArguments(
+      spec, "socket=3,barrier=" + std::to_string(spec.barrier) + ",main=" + std::to_string(spec.main_usart) +
+                ",reference=" + std::to_string(spec.reference_usart) +
+                ",console=" + std::to_string(spec.console_usart) + (spec.ideal_lines ? ",ideal=on" : ""));
+  command.insert(command.end(), plugin.begin(), plugin.end());
   if (spec.gdb_port != 0)
     command.insert(command.end(), {"-gdb", "tcp:127.0.0.1:" + std::to_string(spec.gdb_port)});
   if (spec.halted) command.push_back("-S");
@@ -44,6 +39,10 @@ std::vector<std::string> CommandLine(const EmulatorSpec& spec) {
 }
 
 }  // namespace
+
+std::vector<std::string> PluginArguments(const EmulatorSpec& spec, const std::string& arguments) {
+  return {"-plugin", spec.plugin + "," + arguments + ",hse=" + std::to_string(spec.hse_hz)};
+}
 
 EmulatorProcess::EmulatorProcess(const EmulatorSpec& spec)
     : hung_after_ns_(spec.gdb_port == 0 ? kHungAfterNs : kNever) {

@@ -32,6 +32,7 @@ struct EmulatorSpec {
   std::string plugin;  // the lockstep plug-in
   // Numbers of the USARTs (1 to 6); 0: none.
   int main_usart = 2, reference_usart = 3, console_usart = 1;
+  int hse_hz = 8'000'000;  // the crystal's; 0: there is none
   // The processor stops when it has sent this byte on the main line. The byte ends a frame of the line's
   // protocol.
   std::uint8_t barrier = 0;
@@ -39,7 +40,12 @@ struct EmulatorSpec {
   // time limit, and `halted` for the debugger's word before the first instruction.
   int gdb_port = 0;
   bool halted = false;
+  // The lines have no rate: sending takes no time.
+  bool ideal_lines = false;
 };
+
+// Arguments of QEMU that load the plug-in with the rest of its own arguments, "a=1,b=2".
+std::vector<std::string> PluginArguments(const EmulatorSpec& spec, const std::string& arguments);
 
 // The emulated board or its emulator failed.
 struct EmulatorTrouble : std::runtime_error {

@@ -119,6 +119,7 @@ struct TransmittedByte {
 struct UsartRegisters {
   Usart usart;
   std::uint32_t brr, cr1, cr3;
+  std::uint32_t clock_hz;  // that it divides
   friend bool operator==(const UsartRegisters&, const UsartRegisters&) = default;
 };
 

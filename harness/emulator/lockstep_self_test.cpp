@@ -22,8 +22,9 @@ constexpr std::int64_t kTickNs = 1'000'000;
 
 // A flag on USART2 every millisecond, and before it the byte that has arrived, if one has. In Thumb code:
 //
-//   reset: ldr r4, =0x40004400; movw r0, #0x200C; str r0, [r4, #0xC]     USART2 on, transmitter and receiver (CR1)
-//          ldr r1, =0xE000E010; ldr r0, =167999; str r0, [r1, #4]         SysTick reload: 1 ms at 168 MHz
+//   reset: ldr r4, =0x40004400; movs r0, #16; str r0, [r4, #8]            USART2: 1 Mbaud of 16 MHz (BRR)
+//          movw r0, #0x200C; str r0, [r4, #0xC]                           on, transmitter and receiver (CR1)
+//          ldr r1, =0xE000E010; ldr r0, =15999; str r0, [r1, #4]          SysTick reload: 1 ms at 16 MHz
 //          movs r0, #0; str r0, [r1, #8]; movs r0, #7; str r0, [r1]       on, with its interrupt
 //          movs r5, #0x7E
 //   sleep: wfi; b sleep
@@ -31,17 +32,18 @@ constexpr std::int64_t kTickNs = 1'000'000;
 //          ldr r0, [r4, #4]; str r0, [r4, #4]
 //   flag:  str r5, [r4, #4]; bx lr
 //   fail:  b fail
-constexpr std::array<std::uint32_t, 30> kImage = {
-    0x20001000, 0x00000041, 0x0000006b, 0x0000006b, 0x0000006b, 0x0000006b, 0x0000006b, 0,  // stack, vectors
-    0,          0,          0,          0x0000006b, 0x0000006b, 0,          0x0000006b, 0x0000005d,
-    0xf2424c0a, 0x60e0000c, 0x480a4909, 0x20006048, 0x20076088, 0x257e6008, 0xe7fdbf30, 0x06806820,  // code
-    0x6860d501, 0x60656060, 0xe7fe4770, 0x40004400, 0xe000e010, 0x0002903f};  // its constants
+constexpr std::array<std::uint32_t, 31> kImage = {
+    0x20001000, 0x00000041, 0x00000071, 0x00000071, 0x00000071, 0x00000071, 0x00000071, 0,
+    0,          0,          0,          0x00000071, 0x00000071, 0,          0x00000071, 0x00000063,
+    0x20104c0c, 0xf24260a0, 0x60e0000c, 0xf643490a, 0x6048607f, 0x60882000, 0x60082007, 0xbf30257e,
+    0x6820e7fd, 0xd5010680, 0x60606860, 0x47706065, 0x0000e7fe, 0x40004400, 0xe000e010};
 
 [[noreturn]] void Refuse(const std::string& why) {
-  throw std::runtime_error(fmt::format(
-      "lockstep with the emulator does not work here: {}. Fly it by the clock on the wall, which needs no "
-      "plug-in (--client qemu --mode realtime), or fly the host's build (--client host)",
-      why));
+  throw std::runtime_error(
+      fmt::format("lockstep with the emulator does not work here: {}. Fly it by the clock on the wall "
+                  "(--client qemu --mode realtime), "
+                  "or fly the host's build (--client host)",
+                  why));
 }
 
 // In memory, under a name that another process can open.
@@ -120,10 +122,17 @@ std::string QemuVersion() {
   return text.substr(begin, text.find_first_of(" \n", begin) - begin);
 }
 
-void TestLockstep(const std::string& plugin) {
+void CheckRelease() {
   const std::string version = QemuVersion();
   if (!version.starts_with(std::string(kLockstepQemuRelease) + "."))
-    Refuse(fmt::format("it needs QEMU {}, and this is {}", kLockstepQemuRelease, version));
+    throw std::runtime_error(fmt::format(
+        "the emulated board needs QEMU {}, whose chip the plug-in completes, and this is {}. Fly the host's "
+        "build (--client host)",
+        kLockstepQemuRelease, version));
+}
+
+void TestLockstep(const std::string& plugin) {
+  CheckRelease();
   const ImageFile image;
   std::vector<Sent> sent;
   try {

@@ -17,6 +17,9 @@ inline constexpr const char* kLockstepQemuRelease = "7.2";
 // std::runtime_error when it cannot be started or says something else.
 std::string QemuVersion();
 
+// The plug-in fits the installed emulator. Throws std::runtime_error that says what does not.
+void CheckRelease();
+
 // Takes a few tenths of a second. Throws std::runtime_error that says what is wrong and what to do about it.
 void TestLockstep(const std::string& plugin);
 

@@ -5,13 +5,12 @@
 namespace tiltproof::harness {
 namespace {
 
-constexpr std::int64_t kApb1Hz = 42'000'000, kApb2Hz = 84'000'000;
 constexpr std::uint32_t kOver8 = 1U << 15, kNineBits = 1U << 12;  // CR1
 constexpr std::uint32_t kOneBit = 1U << 11;                       // CR3
 
 }  // namespace
 
-UsartRate RateOf(int usart, std::uint32_t brr, std::uint32_t cr1, std::uint32_t cr3) {
+UsartRate RateOf(std::int64_t clock_hz, std::uint32_t brr, std::uint32_t cr1, std::uint32_t cr3) {
   const bool over8 = (cr1 & kOver8) != 0, nine_bits = (cr1 & kNineBits) != 0, one_bit = (cr3 & kOneBit) != 0;
   const std::uint32_t mantissa = (brr >> 4) & 0xFFF;
   const std::uint32_t fraction = brr & (over8 ? 7U : 15U);
@@ -19,7 +18,7 @@ UsartRate RateOf(int usart, std::uint32_t brr, std::uint32_t cr1, std::uint32_t 
   constexpr double kTolerance[2][2][2][2] = {
       {{{0.0375, 0.04375}, {0.025, 0.0375}}, {{0.0341, 0.0397}, {0.0227, 0.0341}}},
       {{{0.0333, 0.0388}, {0.02, 0.03}}, {{0.0303, 0.0353}, {0.0182, 0.0273}}}};
-  return {.clock_hz = usart == 1 || usart == 6 ? kApb2Hz : kApb1Hz,
+  return {.clock_hz = clock_hz,
           .clocks_per_bit = mantissa * (over8 ? 8 : 16) + fraction,
           .tolerance = kTolerance[fraction != 0][nine_bits][over8][one_bit]};
 }

@@ -1,7 +1,7 @@
 // The programmed rate of an STM32F405's USART (RM0090, section 30.3.4), and how far a sender's rate may be
 // from it (section 30.3.5).
 //
-//   const UsartRate rate = RateOf(2, registers.brr, registers.cr1, registers.cr3);
+//   const UsartRate rate = RateOf(registers.clock_hz, registers.brr, registers.cr1, registers.cr3);
 //   if (!Understands(rate.BitNs(), rate.tolerance, sender_bit_ns)) ...
 #pragma once
 
@@ -24,9 +24,8 @@ struct UsartRate {
   double BitNs() const { return static_cast<double>(clocks_per_bit) * 1e9 / static_cast<double>(clock_hz); }
 };
 
-// `usart`: 1 to kChipUsartCount. Assumes the correct clock tree: 168 MHz for the core, 42 MHz for APB1,
-// 84 MHz for APB2.
-UsartRate RateOf(int usart, std::uint32_t brr, std::uint32_t cr1, std::uint32_t cr3);
+// `clock_hz`: of the USART's bus, APB1 or APB2.
+UsartRate RateOf(std::int64_t clock_hz, std::uint32_t brr, std::uint32_t cr1, std::uint32_t cr3);
 
 // Tolerance of a receiver at the other end, whose divider has no fraction: 16 samples per bit, three of them
 // used.

@@ -66,6 +66,8 @@ std::vector<std::string> CommandLine(const EmulatorSpec& spec, const BoardWiring
   }
   add({"-chardev", "socket,id=control,fd=3", "-mon", "chardev=control,mode=control"});
   if (wiring.debugger) add({"-chardev", "socket,id=debugger,fd=4", "-gdb", "chardev:debugger"});
+  const auto plugin = PluginArguments(spec, "realtime=on");
+  command.insert(command.end(), plugin.begin(), plugin.end());
   add({"-kernel", spec.image});
   return command;
 }

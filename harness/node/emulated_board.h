@@ -1,4 +1,5 @@
-// Stock QEMU as a board in real time: started, watched, paused, reset, its memory changed.
+// QEMU as a board in real time: started, watched, paused, reset, its memory changed. The plug-in adds what its chip lacks,
+// as in lockstep, and nothing else.
 //
 //   EmulatedBoard board(services, scenario, {.image = "executive-paper.elf", ...}, wiring, callbacks);
 //   board.PowerOn();  // it does not run before

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <filesystem>
 #include <vector>
 
@@ -17,7 +18,8 @@ constexpr std::array<ClientForm, 5> kForms = {{
     {"library:FILE", "a firmware built as a shared library (firmware/tiltproof_client.h)"},
     {"qemu[:ELF]",
      "an image for the STM32F4 on an emulated board; without one, or as qemu:executive or qemu:freertos, the "
-     "shipped one. After an image: ,main=usartN ,reference=usartN ,console=usartN (2, 3 and 1)"},
+     "shipped one. After an image: ,main=usartN ,reference=usartN ,console=usartN (2, 3 and 1), "
+     ",hse=HZ (the board's crystal, 8000000)"},
     {"process:CMD", "a program with serial ports, {port} and {reference_port} in CMD; --mode realtime"},
     {"serial:DEV[,REFDEV][,reset=HOW]",
      "a board on serial devices, or on sockets (unix:PATH): main line, reference line; --mode realtime. HOW "
@@ -39,7 +41,18 @@ constexpr std::array<Usart, 3> kUsarts = {{{"main", &EmulatedImage::main_usart},
                                            {"reference", &EmulatedImage::reference_usart},
                                            {"console", &EmulatedImage::console_usart}}};
 
-void ReadUsart(std::string_view option, EmulatedImage& image) {
+constexpr int kHseHzMax = 50'000'000;  // from outside; a crystal has 4 to 26 MHz (datasheet DS8626)
+
+void ReadOption(std::string_view option, EmulatedImage& image) {
+  constexpr std::string_view kHse = "hse=";
+  if (option.starts_with(kHse)) {
+    const std::string_view value = option.substr(kHse.size());
+    const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), image.hse_hz);
+    if (error != std::errc() || end != value.data() + value.size() || image.hse_hz < 0 ||
+        image.hse_hz > kHseHzMax)
+      throw ClientMistake(fmt::format("'{}' is no hse=HZ with 0 (no crystal) to {}", option, kHseHzMax));
+    return;
+  }
   const std::size_t equals = option.find('=');
   const std::string_view usart = equals == option.npos ? "" : option.substr(equals + 1);
   const bool valid = usart.size() == 6 && usart.starts_with("usart") && usart[5] >= '1' && usart[5] <= '6';
@@ -48,10 +61,10 @@ void ReadUsart(std::string_view option, EmulatedImage& image) {
     image.*number = usart[5] - '0';
     return;
   }
-  throw ClientMistake(
-      fmt::format("'{}' is none of main=usartN, reference=usartN, console=usartN with N from 1 to 6 (a "
-                  "path with a comma cannot be given)",
-                  option));
+  throw ClientMistake(fmt::format(
+      "'{}' is none of main=usartN, reference=usartN, console=usartN with N from 1 to 6, or hse=HZ (a "
+      "path with a comma cannot be given)",
+      option));
 }
 
 // What follows "qemu:".
@@ -70,7 +83,7 @@ EmulatedImage ReadImage(std::string_view rest) {
   } else {
     image.file = Absolute(what);
   }
-  while (!rest.empty()) ReadUsart(next(), image);
+  while (!rest.empty()) ReadOption(next(), image);
   if (image.main_usart == image.reference_usart || image.main_usart == image.console_usart ||
       image.reference_usart == image.console_usart)
     throw ClientMistake(
@@ -117,6 +130,7 @@ std::string TextOf(const EmulatedImage& image) {
   std::string text = "qemu:" + (image.file.empty() ? image.scheduler : image.file);
   for (const auto& [line, number] : kUsarts)
     if (image.*number != EmulatedImage{}.*number) text += fmt::format(",{}=usart{}", line, image.*number);
+  if (image.hse_hz != EmulatedImage{}.hse_hz) text += fmt::format(",hse={}", image.hse_hz);
   return text == "qemu:executive" ? "qemu" : text;
 }
 std::string TextOf(const Program& program) { return "process:" + program.command; }

@@ -260,12 +260,28 @@ extern const SourceLines source;
 extern const UsartRoles roles;
 extern const TimeNs now_ns;
 
+// harness/emulator/plugin/chip.h
+extern Chip chip;
+extern const Chip::Options options;
+extern void* core_clock;
+
+// harness/emulator/plugin/harness_socket.h
+using harness::lockstep::Kind;
+extern HarnessSocket socket;
+extern const harness::lockstep::Hello hello;
+
+// harness/emulator/plugin/usart.h
+extern UsartUnit usart;
+extern const ClockTree clocks;
+extern Dma dma;
+extern const UsartUnit::Callbacks callbacks;
+
 // harness/emulator/qmp_client.h
 extern int socket;
 extern const std::function<void(const std::string&, const std::string&)> on_event;
 
 // harness/emulator/usart_rate.h
-extern const struct Registers { std::uint32_t brr, cr1, cr3; } registers;
+extern const struct Registers { std::uint32_t brr, cr1, cr3, clock_hz; } registers;
 extern double sender_bit_ns;
 
 // harness/emulator/watched_variable.h

@@ -1,6 +1,6 @@
-"""An image for the STM32F4 under the stock emulator, with this process at the other end of its three lines.
+"""An image for the STM32F4 in the emulator by the machine's clock, with this process at the other end of its three lines.
 
-    with Emulator("executive-paper.elf") as board:
+    with Emulator("executive-paper.elf", plugin="tiltproof_lockstep.so") as board:
         for message in board.messages(until=lambda board: "first valid reply" in board.console):
             ...
 """
@@ -36,7 +36,7 @@ def floats(*values):
 class Emulator:
     """`dialect` tells what a request is; `answers(n)` is the reply to request n (from 0), or None for none."""
 
-    def __init__(self, image, dialect="paper", answers=lambda n: None, debugger=False):
+    def __init__(self, image, plugin, dialect="paper", answers=lambda n: None, debugger=False):
         self.console = ""
         self.request_count = 0
         self.damaged_count = 0  # frames with a wrong check
@@ -45,7 +45,8 @@ class Emulator:
         self._received = b""
         self._folder = tempfile.TemporaryDirectory()
         folder = pathlib.Path(self._folder.name)
-        command = ["qemu-system-arm", "-M", "netduinoplus2", "-display", "none", "-monitor", "none", "-kernel", str(image)]
+        command = ["qemu-system-arm", "-M", "netduinoplus2", "-display", "none", "-monitor", "none", "-plugin", f"{plugin},realtime=on",
+                   "-kernel", str(image)]
         lines = ["console", "main", "reference"]  # USART1, 2, 3
         for name in lines:
             command += ["-chardev", f"socket,id={name},path={folder / name},server=on,wait=on", "-serial", f"chardev:{name}"]

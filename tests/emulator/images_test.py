@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""The images for the STM32F4 under the stock emulator: they speak the protocol, and come back from what breaks them.
+"""The images for the STM32F4 in the emulator, by the machine's clock: they speak the protocol, and come back from what breaks them.
 
-Usage: images_test.py FOLDER-OF-IMAGES
+Usage: images_test.py FOLDER-OF-IMAGES PLUGIN
 """
 import pathlib
 import subprocess
@@ -10,7 +10,8 @@ import unittest
 
 from emulator import Emulator, floats
 
-IMAGES = pathlib.Path(sys.argv.pop(1))
+IMAGES, PLUGIN = (pathlib.Path(argument) for argument in sys.argv[1:3])
+del sys.argv[1:3]
 HOVER = floats(2, 0, 0.5, *[0] * 13)
 SP, PC = 13, 15
 
@@ -37,7 +38,7 @@ class Protocol(unittest.TestCase):
             dialect = "provant" if "provant" in image.stem else "paper"
             # id of `start` and how many floats follow it, of the request, of the actuators
             start, request, actuators = {"paper": ((1, 0), 2, 3), "provant": ((3, 4), 1, 0)}[dialect]
-            with self.subTest(image.name), Emulator(image, dialect, answers=lambda n: HOVER) as board:
+            with self.subTest(image.name), Emulator(image, PLUGIN, dialect, answers=lambda n: HOVER) as board:
                 messages = board.run(until=lambda board: board.request_count >= 10)
                 self.assertEqual(board.damaged_count, 0)
                 self.assertEqual(messages[0][:4], floats(start[0]))
@@ -51,7 +52,7 @@ class Restart(unittest.TestCase):
     """Something is broken from outside; the next start says what it was."""
 
     def console_after(self, image, damage):
-        with Emulator(image, debugger=True) as board:
+        with Emulator(image, PLUGIN, debugger=True) as board:
             board.run(until=lambda board: "no valid reply" in board.console)
             board.stop()
             damage(board)

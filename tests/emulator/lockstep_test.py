@@ -370,7 +370,7 @@ class Lockstep(unittest.TestCase):
     def test_another_release_of_the_emulator_is_refused_with_the_way_out(self):
         fake = self.root / "bin/qemu-system-arm"
         fake.parent.mkdir()
-        for script, words in (("echo QEMU emulator version 8.2.0", ["8.2.0", "7.2", "--mode realtime"]), ("exit 0", ["names no version"])):
+        for script, words in (("echo QEMU emulator version 8.2.0", ["8.2.0", "7.2", "--client host"]), ("exit 0", ["names no version"])):
             fake.write_text(f"#!/bin/sh\n{script}\n")
             fake.chmod(0o755)
             done = self.run_tiltproof("run", self.scenario(), "--client", "qemu", "--out", self.root / "out",

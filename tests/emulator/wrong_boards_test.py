@@ -198,6 +198,19 @@ class WrongBoards(unittest.TestCase):
         _, result, output = self.fly(self.image("over8", over8))
         self.assertEqual(result["verdict"], "pass", output)
 
+    # --- the crystal ---
+
+    def test_another_crystal_is_another_clock(self):
+        _, result, output = self.fly(f"qemu:{IMAGES / 'minimal_c.elf'},hse=25000000")
+        # 25 MHz / 8 * 336 / 2 / 4 / 46
+        for words in ("never started", "USART2 runs at 2853261 baud (131.25 MHz / 46)"):
+            self.assertIn(words, result["reason"], output)
+
+    def test_without_a_crystal_ours_flies_by_the_internal_oscillator(self):
+        folder, result, output = self.fly(f"qemu:{IMAGES / 'executive-paper.elf'},hse=0")
+        self.assertEqual(result["verdict"], "pass", output)
+        self.assertIn("without crystal", (folder / "flight/firmware.log").read_text())
+
     # --- the wiring ---
 
     def test_exchanged_usarts_are_told(self):

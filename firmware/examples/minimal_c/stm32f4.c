@@ -128,9 +128,7 @@ static void Reset(void) {
   }
 }
 
-/* The emulator has no clock control and no pins. Its control register reads 0, the chip's never does. */
 static void StartClockAndPins(void) {
-  if (RCC_CR == 0) return;
   RCC_CR |= BIT(16); /* 8 MHz crystal */
   while ((RCC_CR & BIT(17)) == 0) {
   }

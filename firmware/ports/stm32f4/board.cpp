@@ -80,21 +80,14 @@ ResetReason TakeResetReason() {
 
 }  // namespace
 
-bool Emulated() {
-  static const bool emulated = Rcc().CR == 0;
-  return emulated;
-}
-
 ResetReason StartBoard() {
   const ResetReason reason = TakeResetReason();
   // Faults with a handler of their own instead of one hard fault for all, and a division by zero is one.
   Set(Scb().SHCSR, kScbShcsrMemoryFault | kScbShcsrBusFault | kScbShcsrUsageFault);
   Set(Scb().CCR, kScbCcrDivideByZero);
-  if (!Emulated()) {
-    StartClock();
-    StartPins();
-    Set(DbgmcuApb1Freeze(), kDbgmcuIwdg);  // a breakpoint is no reset
-  }
+  StartClock();
+  StartPins();
+  Set(DbgmcuApb1Freeze(), kDbgmcuIwdg);  // a breakpoint is no reset
   return reason;
 }
 

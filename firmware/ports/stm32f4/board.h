@@ -4,9 +4,6 @@
 //   StartTicks();                              // 1 kHz (with FreeRTOS the kernel does it)
 //   StartWatchdog();                           // from now on FeedWatchdog() at least every 68 ms
 //   const TimeNs now = Now();
-//
-// The emulator has no clock control, no pins and no debug unit: code that waits for their answer, or would
-// fault, is skipped when Emulated(). All else runs there as on the board.
 #pragma once
 
 #include <cstdint>
@@ -27,10 +24,6 @@ inline constexpr unsigned kUsartPriority = 6;
 inline constexpr unsigned kTickPriority = 15;
 
 enum class ResetReason : std::uint8_t { kPowerOn, kPin, kWatchdog, kSoftware };
-
-// True in QEMU, whose clock control register reads 0: on the chip the internal oscillator's bits are never
-// all 0 (RM0090, section 7.3.1, reset value 0x0000xx83).
-bool Emulated();
 
 ResetReason StartBoard();
 

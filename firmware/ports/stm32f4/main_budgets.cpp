@@ -1,8 +1,7 @@
 // What the flight costs, in executed instructions: lines `name value` on the console, then `done`.
 //
-// Measured with timer 2. In QEMU that counts nanoseconds, and with `-icount shift=0` an instruction takes exactly one:
-//   qemu-system-arm -M netduinoplus2 -display none -monitor none -icount shift=0 -serial stdio -kernel budgets.elf
-// On the board it counts at 84 MHz: two core cycles.
+// Measured with timer 2, which counts at 84 MHz on the board: two core cycles. In the emulator an instruction takes exactly
+// a nanosecond with `-icount shift=0`, and with the right crystal timer 2 counts nanoseconds (tests/emulator/budgets_test.py).
 
 #include <algorithm>
 #include <array>

@@ -53,7 +53,7 @@ int main() {
   AddMainStack();
   ConsoleLine line("tiltproof executive, firmware ");
   line.Text(TILTPROOF_FIRMWARE).Text(", dialect ").Text(link::Name(link::Dialect::TILTPROOF_DIALECT));
-  line.Text(Emulated() ? ", emulated" : "").Text(CrystalRuns() ? "" : ", without crystal").Send();
+  line.Text(CrystalRuns() ? "" : ", without crystal").Send();
   ReportRestart(reason);
   StartWatchdog();
 

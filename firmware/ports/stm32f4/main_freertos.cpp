@@ -203,7 +203,7 @@ int main() {
   AddMainStack();
   ConsoleLine line("tiltproof FreeRTOS " tskKERNEL_VERSION_NUMBER ", firmware ");
   line.Text(TILTPROOF_FIRMWARE).Text(", dialect ").Text(link::Name(kDialect));
-  line.Text(Emulated() ? ", emulated" : "").Text(CrystalRuns() ? "" : ", without crystal").Send();
+  line.Text(CrystalRuns() ? "" : ", without crystal").Send();
   ReportRestart(reason);
 
   get_sensors_task = CreateTask(GetSensors, "get_sensors", 1, get_sensors_stack);

@@ -29,10 +29,12 @@ void Start(UsartRegisters& usart, unsigned irq, std::uint32_t divider, std::uint
   usart.CR1 = control | kUsartCr1Enable;
 }
 
+constexpr std::uint32_t kReceiverFlags =
+    kUsartSrReceived | kUsartSrOverrun | kUsartSrFramingError | kUsartSrNoise;
+
 void Receive(UsartRegisters& usart, std::uint32_t status, ByteRing<kReceiveRingBytes>& ring,
              TiltproofReceiveErrorCounts& errors, Uart uart) {
-  constexpr std::uint32_t kAny = kUsartSrReceived | kUsartSrOverrun | kUsartSrFramingError | kUsartSrNoise;
-  if ((status & kAny) == 0) return;
+  if ((status & kReceiverFlags) == 0) return;
   // Reading the status, then the byte, clears them all (30.6.1).
   const auto byte = static_cast<std::uint8_t>(usart.DR);
   if ((status & kUsartSrOverrun) != 0) ++errors.overrun;
@@ -46,35 +48,26 @@ void Receive(UsartRegisters& usart, std::uint32_t status, ByteRing<kReceiveRingB
   if (byte == link::kFlag || ring.Room() < kReceiveRingBytes / 4) OnReceived(uart);
 }
 
-// Moves one byte from the ring to the transmitter, if it has room for one. True: there may be more.
+// Moves one byte from the ring to the transmitter, if it has room for one. With the ring's last byte its interrupt ends.
 template <std::uint32_t size>
-bool Pump(UsartRegisters& usart, ByteRing<size>& ring) {
+void Pump(UsartRegisters& usart, ByteRing<size>& ring) {
   const InterruptLock lock;
   const std::span<const std::uint8_t> bytes = ring.Front();
-  if (bytes.empty()) {
-    Clear(usart.CR1, kUsartCr1TransmitEmptyInterrupt);
-    return false;
+  if (!bytes.empty() && (usart.SR & kUsartSrTransmitEmpty) != 0) {
+    usart.DR = bytes.front();
+    ring.Drop(1);
   }
-  if ((usart.SR & kUsartSrTransmitEmpty) == 0) return false;
-  usart.DR = bytes.front();
-  ring.Drop(1);
-  return true;
+  if (ring.Front().empty()) Clear(usart.CR1, kUsartCr1TransmitEmptyInterrupt);
 }
 
 template <std::uint32_t size>
 bool Send(UsartRegisters& usart, ByteRing<size>& ring, std::span<const std::uint8_t> bytes) {
-  {
-    // Several tasks may send: a frame goes in as one.
-    const InterruptLock lock;
-    ring.MendIndices();
-    if (ring.Room() < bytes.size()) return false;
-    for (const std::uint8_t byte : bytes) ring.Put(byte);
-    if (!Emulated()) Set(usart.CR1, kUsartCr1TransmitEmptyInterrupt);
-  }
-  if (Emulated()) {
-    while (Pump(usart, ring)) {
-    }
-  }
+  // Several tasks may send: a frame goes in as one.
+  const InterruptLock lock;
+  ring.MendIndices();
+  if (ring.Room() < bytes.size()) return false;
+  for (const std::uint8_t byte : bytes) ring.Put(byte);
+  Set(usart.CR1, kUsartCr1TransmitEmptyInterrupt);
   return true;
 }
 
@@ -110,7 +103,8 @@ void USART2_IRQHandler() {
   UsartRegisters& usart = Usart2();
   const std::uint32_t status = usart.SR;
   Receive(usart, status, main_receive_ring, tiltproof_receive_errors.main, tiltproof::firmware::Uart::kMain);
-  if (!Emulated() && (status & kUsartSrTransmitEmpty) != 0) Pump(usart, main_transmit_ring);
+  // Called for the transmitter, or it has something to do: most calls are for the receiver alone.
+  if ((status & kReceiverFlags) == 0 || !main_transmit_ring.Front().empty()) Pump(usart, main_transmit_ring);
 }
 
 void USART3_IRQHandler() {

@@ -5,8 +5,7 @@
 //
 // Receivers put each byte into a ring from the interrupt, and wake the application only at a frame's flag (or
 // when the ring fills): a wake-up for each byte would cost it ten times its work. Transmitters send from a
-// ring, by interrupt. The emulator has no transmit interrupt, and accepts a byte at once, so there the writer
-// empties the ring itself.
+// ring, by interrupt.
 #pragma once
 
 #include <cstdint>

@@ -1,12 +1,14 @@
-// The arguments of the plug-in: socket=3,barrier=126,main=2,reference=3,console=1 (lockstep_plugin.cpp says what they
-// are).
+// The arguments of the plug-in: socket=3,barrier=126,main=2,reference=3,console=1,hse=8000000 (lockstep_plugin.cpp says
+// what they are).
 #pragma once
 
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <cstdint>
 #include <string>
 #include <string_view>
+#include <system_error>
 
 #include "harness/emulator/lockstep_protocol.h"
 
@@ -16,6 +18,9 @@ struct Arguments {
   int socket = -1;
   int barrier = -1;                                                          // on the main line
   std::array<int, harness::lockstep::kConnectedUsartCount> usart_numbers{};  // on the chip, by Usart; 0: none
+  std::uint32_t hse_hz = 0;  // of the board's crystal; 0: the usual one
+  bool ideal = false;        // lines without byte time
+  bool realtime = false;     // only the chip: no socket, no barrier
 };
 
 // "" or what is wrong with them.
@@ -28,21 +33,29 @@ inline std::string Parse(int argc, char** argv, Arguments& arguments) {
     const std::string_view value = equals == argument.npos ? "" : argument.substr(equals + 1);
     const auto line = std::find(kLines.begin(), kLines.end(), key);
     const bool digit = value.size() == 1 && value[0] >= '0' && value[0] <= '9';
-    int number = -1;
+    std::uint32_t number = 0;
     const auto parsed = std::from_chars(value.data(), value.data() + value.size(), number);
-    const bool byte = parsed.ptr == value.data() + value.size() && number >= 0 && number <= 255;
+    const bool is_number =
+        !value.empty() && parsed.ec == std::errc() && parsed.ptr == value.data() + value.size();
     if (key == "socket" && digit) {
       arguments.socket = value[0] - '0';
-    } else if (key == "barrier" && byte) {
-      arguments.barrier = number;
+    } else if (key == "barrier" && is_number && number <= 255) {
+      arguments.barrier = static_cast<int>(number);
     } else if (line != kLines.end() && digit) {
       arguments.usart_numbers[static_cast<std::size_t>(line - kLines.begin())] = value[0] - '0';
+    } else if (key == "hse" && is_number) {
+      arguments.hse_hz = number;
+    } else if (key == "ideal" && value == "on") {
+      arguments.ideal = true;
+    } else if (key == "realtime" && value == "on") {
+      arguments.realtime = true;
     } else {
       return "unknown argument " + std::string(argument);
     }
   }
-  return arguments.socket >= 0 && arguments.barrier >= 0 ? ""
-                                                         : "socket=DESCRIPTOR or barrier=BYTE is missing";
+  if (!arguments.realtime && (arguments.socket < 0 || arguments.barrier < 0))
+    return "socket=DESCRIPTOR or barrier=BYTE is missing";
+  return "";
 }
 
 }  // namespace tiltproof::qemu

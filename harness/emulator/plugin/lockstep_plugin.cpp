@@ -1,6 +1,7 @@
 // The plug-in that keeps an unmodified image in the emulator in lockstep with the harness, in virtual time.
 //
-// It stands behind the emulated USARTs (in place of the output of "-chardev null") and holds the virtual clock:
+// It adds to the machine what a chip has and QEMU lacks (harness/emulator/plugin/chip.h), its USARTs among that, and
+// holds the virtual clock:
 //
 //   - a barrier byte that the firmware transmits, and the end of the time granted, stop the virtual processor until
 //     the harness grants more. The instruction counter is the clock (-icount), so virtual time stands still too;
@@ -9,38 +10,40 @@
 //   - while the processor sleeps (WFI), time goes on to the next timer at once;
 //   - faults of the device (stall, reset, flipped bits) take place at their virtual nanosecond.
 //
-// It also adds what the emulated chip lacks and a fault-tolerant firmware needs: the independent watchdog (RM0090,
-// section 21), the reset flags of RCC_CSR (section 7.3.21), and a USART's error flags (section 30.6.1).
-//
-//   qemu-system-arm ... -icount shift=3,sleep=off -chardev null,id=usart1 -serial chardev:usart1 ...
+//   qemu-system-arm ... -icount shift=3,sleep=off
 //     -plugin tiltproof_lockstep.so,socket=3,barrier=126,main=2,reference=3,console=1
 //
 // `socket` is an inherited descriptor, a connected unix stream socket (harness/emulator/lockstep_protocol.h); the
 // lines are given as numbers of USARTs. `barrier` is the byte that ends a frame of the line's protocol, as a number from
-// 0 to 255: there may be an answer to it.
+// 0 to 255: there may be an answer to it. `ideal` means that the lines have no rate, so that sending takes no time.
+// `hse` is the rate of the crystal in Hz, 0 when there is none.
+//
+// With `realtime=on` instead of the socket the machine runs by the clock on the wall, and its USARTs have the character
+// devices that QEMU was given:
+//
+//   qemu-system-arm ... -serial stdio -plugin tiltproof_lockstep.so,realtime=on
 //
 // QEMU is GPL-2, so this file uses nothing but the standard library. It has no static objects with destructors,
 // since QEMU ends by exit() with threads still running.
 #include <pthread.h>
-#include <sys/socket.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
 #include <deque>
 #include <string>
 #include <string_view>
-#include <type_traits>
 #include <utility>
 #include <vector>
 
 #include "harness/emulator/lockstep_protocol.h"
 #include "harness/emulator/plugin/arguments.h"
-#include "harness/emulator/plugin/peripherals.h"
+#include "harness/emulator/plugin/character_device.h"
+#include "harness/emulator/plugin/chip.h"
+#include "harness/emulator/plugin/harness_socket.h"
 #include "harness/emulator/plugin/qemu_internals.h"
 
 namespace tiltproof::qemu {
@@ -54,12 +57,10 @@ constexpr std::size_t kUnsentBytesMax = 1024;
 constexpr std::int64_t kPollNs = 1'000;
 constexpr std::uint16_t kWfi = 0xBF30;
 
-std::int64_t Now() { return qemu_clock_get_ns(kClockVirtual); }
-
+// One of the chip's USARTs, on a line of the harness.
 struct Uart {
-  void* chardev = nullptr;
+  UsartUnit* unit = nullptr;
   Usart usart{};
-  UsartReceiver* receiver = nullptr;
   std::deque<ReceivedByte> queue;  // on their way to the firmware
   Timer timer;
   std::vector<TransmittedByte> unsent;  // not yet told
@@ -68,10 +69,10 @@ struct Uart {
 
 struct Plugin {
   Arguments arguments;
-  std::vector<std::uint8_t> out;  // messages that wait for Flush()
+  HarnessSocket socket;
+  ResetCause pending_cause = ResetCause::kNone;  // of the reset that was asked for
+  bool begun = false;
   std::array<Uart, kConnectedUsartCount> uarts;
-  std::array<void*, std::extent_v<decltype(SentBytes::count)>>
-      chardevs{};  // of all USARTs, the first is USART1's
   SentBytes sent{};
   void* cpu = nullptr;
   pthread_t cpu_thread{};
@@ -86,11 +87,9 @@ struct Plugin {
   std::deque<FlipBits> flips;
   Timer flip_timer;
   Timer break_timer;
-  std::int64_t last_slept_ns = 0;                // or was made to stand still
-  ResetCause pending_cause = ResetCause::kNone;  // of the reset that was asked for
-  Watchdog watchdog;
-  ResetFlags reset_flags;
-  bool begun = false;
+  std::int64_t last_slept_ns = 0;  // or was made to stand still
+  Chip chip;
+  std::array<CharacterDevice, UsartUnit::kCount> character_devices;  // in real time
 };
 Plugin& plugin = *new Plugin;
 
@@ -99,60 +98,28 @@ Plugin& plugin = *new Plugin;
   _exit(1);
 }
 
-// --- the socket ---
-
-void Append(const void* bytes, std::size_t size) {
-  const auto* first = static_cast<const std::uint8_t*>(bytes);
-  plugin.out.insert(plugin.out.end(), first, first + size);
-}
-
-void Send(Kind kind, const void* body, std::size_t size) {
-  const Header header{kind, static_cast<std::uint32_t>(size)};
-  Append(&header, sizeof(header));
-  Append(body, size);
-}
-
-void Flush() {
-  for (std::size_t sent = 0; sent < plugin.out.size();) {
-    const ssize_t n =
-        send(plugin.arguments.socket, plugin.out.data() + sent, plugin.out.size() - sent, MSG_NOSIGNAL);
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) _exit(0);  // the harness is gone
-    sent += static_cast<std::size_t>(n);
-  }
-  plugin.out.clear();
-}
-
-void Receive(void* buffer, std::size_t size) {
-  auto* at = static_cast<std::uint8_t*>(buffer);
-  while (size != 0) {
-    const ssize_t n = recv(plugin.arguments.socket, at, size, 0);
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) _exit(0);
-    at += n;
-    size -= static_cast<std::size_t>(n);
-  }
-}
+// --- to the harness ---
 
 void SendEvent(EventKind kind, std::uint32_t value, std::uint32_t address = 0, std::uint8_t before = 0,
                std::uint8_t after = 0) {
   const Event event{Now(), kind, value, address, before, after};
-  Send(Kind::kEvent, &event, sizeof(event));
+  plugin.socket.Send(Kind::kEvent, &event, sizeof(event));
 }
 
 // Sends what the firmware has transmitted; for the console at the end of each text line, so that its last
 // words are not lost.
 void SendUnsent(Uart& uart) {
   if (!uart.unsent.empty())
-    Send(Kind::kTransmit, uart.unsent.data(), uart.unsent.size() * sizeof(TransmittedByte));
+    plugin.socket.Send(Kind::kTransmit, uart.unsent.data(), uart.unsent.size() * sizeof(TransmittedByte));
   uart.unsent.clear();
 }
 
 void SendRegisters(Uart& uart) {
-  const UsartRegisters now = uart.receiver->Registers(uart.usart);
+  const auto [brr, cr1, cr3, clock_hz] = uart.unit->settings();
+  const UsartRegisters now{uart.usart, brr, cr1, cr3, clock_hz};
   if (now == uart.told) return;
   SendUnsent(uart);
-  Send(Kind::kUsart, &now, sizeof(now));
+  plugin.socket.Send(Kind::kUsart, &now, sizeof(now));
   uart.told = now;
 }
 
@@ -166,16 +133,16 @@ void OnReceiveTimer(void* opaque) {
   Uart& uart = *static_cast<Uart*>(opaque);
   if (uart.queue.empty()) return;
   const ReceivedByte received = uart.queue.front();
-  const bool free = uart.receiver->Free();
+  const bool free = uart.unit->Free();
   if (received.waits && !free) return uart.timer.Set(Now() + kPollNs);
   uart.queue.pop_front();
   if (!free || received.mark == Mark::kOverrun) {
     if (!free) SendEvent(EventKind::kOverrun, static_cast<std::uint32_t>(uart.usart));
-    uart.receiver->Overrun();
+    uart.unit->Overrun();
   } else {
-    uart.receiver->Deliver(received.byte, received.mark == Mark::kFraming ? UsartReceiver::kFraming
-                                          : received.mark == Mark::kNoise ? UsartReceiver::kNoise
-                                                                          : 0);
+    uart.unit->Deliver(received.byte, received.mark == Mark::kFraming ? UsartUnit::kFraming
+                                      : received.mark == Mark::kNoise ? UsartUnit::kNoise
+                                                                      : 0);
   }
   ArmReceive(uart, received.waits ? Now() + kPollNs : 0);
 }
@@ -185,7 +152,7 @@ void Deliver(const std::vector<std::uint8_t>& body) {
     ReceivedByte byte;
     std::memcpy(&byte, body.data() + at, sizeof(byte));
     Uart& uart = plugin.uarts[static_cast<std::size_t>(byte.usart)];
-    if (uart.chardev == nullptr) continue;
+    if (uart.unit == nullptr) continue;
     const bool idle = uart.queue.empty();
     uart.queue.push_back(byte);
     if (idle) ArmReceive(uart, 0);
@@ -241,11 +208,8 @@ void HoldUntil(std::int64_t until) {
 void OnReset(void* /*opaque*/) {
   const ResetCause cause = std::exchange(plugin.pending_cause, ResetCause::kNone);
   plugin.hangs = false;
-  plugin.watchdog.Reset();
-  plugin.reset_flags.Add(cause);
-  for (Uart& uart : plugin.uarts)
-    if (uart.receiver != nullptr) uart.receiver->Reset();
-  SendEvent(EventKind::kReset, static_cast<std::uint32_t>(cause));
+  plugin.chip.Reset(cause);
+  if (!plugin.arguments.realtime) SendEvent(EventKind::kReset, static_cast<std::uint32_t>(cause));
 }
 
 // On the processor's own thread: it has executed nothing since the reset was asked for. QEMU's main thread, whose
@@ -253,8 +217,9 @@ void OnReset(void* /*opaque*/) {
 void ResetWork(void* /*cpu*/, RunOnCpuData /*data*/) { qemu_system_reset(kCauseSystemReset); }
 
 void Reset(ResetCause cause) {
-  if (std::exchange(plugin.pending_cause, cause) == ResetCause::kNone)
-    async_run_on_cpu(plugin.cpu, ResetWork, {});
+  if (std::exchange(plugin.pending_cause, cause) != ResetCause::kNone) return;
+  if (plugin.arguments.realtime) return qemu_system_reset_request(kCauseGuestReset);
+  async_run_on_cpu(plugin.cpu, ResetWork, {});
 }
 
 void OnWatchdog() { Reset(ResetCause::kWatchdog); }
@@ -305,19 +270,19 @@ void SendState() {
   std::FILE* file = open_memstream(&text, &size);
   cpu_dump_state(plugin.cpu, file, 0);
   std::fclose(file);
-  Send(Kind::kState, text, size);
+  plugin.socket.Send(Kind::kState, text, size);
   std::free(text);
 }
 
 // Carries out commands until the harness grants time.
 void TakeCommands() {
   for (;;) {
-    Flush();
+    plugin.socket.Flush();
     Header header{};
-    Receive(&header, sizeof(header));
+    plugin.socket.Receive(&header, sizeof(header));
     if (header.body_bytes > kBodyBytesMax) Die("a damaged command");
     std::vector<std::uint8_t> body(header.body_bytes);
-    Receive(body.data(), body.size());
+    plugin.socket.Receive(body.data(), body.size());
     switch (header.kind) {
       case Kind::kReceive:
         Deliver(body);
@@ -341,14 +306,11 @@ void TakeCommands() {
         std::vector<std::uint8_t> bytes(std::min(read.size, kBodyBytesMax));
         address_space_rw(cpu_get_address_space(plugin.cpu, 0), read.address, 0, bytes.data(), bytes.size(),
                          false);
-        Send(Kind::kMemory, bytes.data(), bytes.size());
+        plugin.socket.Send(Kind::kMemory, bytes.data(), bytes.size());
         break;
       }
       case Kind::kDumpState:
         SendState();
-        break;
-      case Kind::kBreak:
-        plugin.break_timer.Set(As<Break>(body).at_ns);
         break;
       case Kind::kWriteCode: {
         const auto code = As<WriteCode>(body);
@@ -356,7 +318,10 @@ void TakeCommands() {
         break;
       }
       case Kind::kReadSent:
-        Send(Kind::kSent, &plugin.sent, sizeof(plugin.sent));
+        plugin.socket.Send(Kind::kSent, &plugin.sent, sizeof(plugin.sent));
+        break;
+      case Kind::kBreak:
+        plugin.break_timer.Set(As<Break>(body).at_ns);
         break;
       case Kind::kRun:
         plugin.horizon.Set(As<Run>(body).until_ns);
@@ -370,10 +335,10 @@ void TakeCommands() {
 void Stop() {
   for (Uart& uart : plugin.uarts) {
     SendUnsent(uart);
-    if (uart.receiver != nullptr) SendRegisters(uart);
+    if (uart.unit != nullptr) SendRegisters(uart);
   }
   const Stopped stopped{Now(), plugin.last_slept_ns, plugin.locked_up};
-  Send(Kind::kStopped, &stopped, sizeof(stopped));
+  plugin.socket.Send(Kind::kStopped, &stopped, sizeof(stopped));
   TakeCommands();
 }
 
@@ -386,25 +351,24 @@ void OnAbort(int /*signal*/) {
   Stop();
 }
 
-// In place of the null character device's: a USART sends.
-int OnTransmit(void* chardev, const std::uint8_t* bytes, int count) {
-  for (std::size_t i = 0; i < plugin.chardevs.size(); ++i)
-    if (plugin.chardevs[i] == chardev) plugin.sent.count[i] += static_cast<std::uint64_t>(count);
+// A byte is given to a USART's transmitter.
+void OnTransmit(int number, std::uint8_t byte) {
+  if (plugin.arguments.realtime)
+    return plugin.character_devices[static_cast<std::size_t>(number - 1)].Transmit(byte);
+  ++plugin.sent.count[number - 1];
   for (Uart& uart : plugin.uarts) {
-    if (uart.chardev != chardev || !plugin.begun) continue;
+    if (uart.unit != &plugin.chip.usart(number)) continue;
     SendRegisters(uart);
-    for (int i = 0; i < count; ++i) uart.unsent.push_back({Now(), uart.usart, bytes[i]});
-    const bool barrier = uart.usart == Usart::kMain &&
-                         std::find(bytes, bytes + count, plugin.arguments.barrier) != bytes + count;
-    const bool line_end = uart.usart == Usart::kConsole && bytes[count - 1] == '\n';
+    uart.unsent.push_back({Now(), uart.usart, byte});
+    const bool barrier = uart.usart == Usart::kMain && byte == plugin.arguments.barrier;
+    const bool line_end = uart.usart == Usart::kConsole && byte == '\n';
     if (barrier) {
       Stop();
     } else if (line_end || uart.unsent.size() >= kUnsentBytesMax) {
       SendUnsent(uart);
-      Flush();
+      plugin.socket.Flush();
     }
   }
-  return count;
 }
 
 // --- the emulator's callbacks ---
@@ -422,48 +386,73 @@ void SleepWork(void* cpu, RunOnCpuData data) {
 
 void OnWfi(unsigned /*vcpu*/, void* /*opaque*/) { async_run_on_cpu(qemu_get_cpu(0), SleepWork, {}); }
 
+void BeginChip() {
+  Chip::Options options{
+      .hse_hz = plugin.arguments.hse_hz != 0 ? plugin.arguments.hse_hz : ClockTree::kUsualHseHz,
+      .usart = {.transmit = OnTransmit, .taken = {}, .programmed = {}},
+      .watchdog = OnWatchdog};
+  if (plugin.arguments.realtime) {
+    options.usart.taken = [](int number) {
+      plugin.character_devices[static_cast<std::size_t>(number - 1)].Take();
+    };
+    options.usart.programmed = [](int number) {
+      plugin.character_devices[static_cast<std::size_t>(number - 1)].Program();
+    };
+  }
+  void* core_clock = object_resolve_path("/machine/SYSCLK", nullptr);
+  void* nvic = object_resolve_path("nvic", nullptr);
+  if (core_clock == nullptr || nvic == nullptr)
+    Die("the machine has no clock or no NVIC where one should be");
+  plugin.chip.Init(options, core_clock);
+  qemu_register_reset(OnReset, nullptr);
+  qdev_connect_gpio_out_named(nvic, "SYSRESETREQ", 0, qemu_allocate_irq(OnResetRequest, nullptr, 0));
+}
+
+// By the clock on the wall: the USARTs send at once, and receive as fast as they are read.
+void BeginRealtime() {
+  for (int number = 1; number <= UsartUnit::kCount; ++number) {
+    plugin.chip.usart(number).SetUnpaced();
+    if (!plugin.character_devices[static_cast<std::size_t>(number - 1)].Init(number,
+                                                                             plugin.chip.usart(number)))
+      Die("the machine has no such USART");
+  }
+}
+
+void BeginLockstep() {
+  std::int16_t shift = 0;
+  std::memcpy(&shift, timers_state + kIcountShiftOffset, sizeof(shift));
+  if (shift != 3) Die("-icount shift=3 is not where it should be: another build of QEMU 7.2?");
+  plugin.horizon.Init(OnHorizon, nullptr);
+  plugin.stall_timer.Init(OnStallTimer, nullptr);
+  plugin.flip_timer.Init(OnFlipTimer, nullptr);
+  plugin.break_timer.Init(OnBreakTimer, nullptr);
+  for (std::size_t i = 0; i < plugin.uarts.size(); ++i) {
+    const int number = plugin.arguments.usart_numbers[i];
+    if (number == 0) continue;
+    if (number > UsartUnit::kCount) Die("the machine has no such USART");
+    Uart& uart = plugin.uarts[i];
+    uart.usart = static_cast<Usart>(i);
+    uart.timer.Init(OnReceiveTimer, &uart);
+    uart.unit = &plugin.chip.usart(number);
+    if (plugin.arguments.ideal && uart.usart != Usart::kConsole) uart.unit->SetUnpaced();
+  }
+  const Hello hello{kProtocolVersion};
+  plugin.socket.Send(Kind::kHello, &hello, sizeof(hello));
+  TakeCommands();
+}
+
 // Before the first instruction. The clocks do not run yet when the processor is made, and virtual time may not be
 // read in an instruction's callback: hence as work of the processor's thread.
 void Begin(void* cpu, RunOnCpuData /*data*/) {
   plugin.cpu = cpu;
   plugin.cpu_thread = pthread_self();
-  for (std::size_t i = 0; i < plugin.chardevs.size(); ++i)
-    plugin.chardevs[i] = qemu_chr_find(("usart" + std::to_string(i + 1)).c_str());
-  std::int16_t shift = 0;
-  std::memcpy(&shift, timers_state + kIcountShiftOffset, sizeof(shift));
-  if (shift != 3) Die("-icount shift=3 is not where it should be: another build of QEMU 7.2?");
-
-  plugin.horizon.Init(OnHorizon, nullptr);
-  plugin.stall_timer.Init(OnStallTimer, nullptr);
-  plugin.flip_timer.Init(OnFlipTimer, nullptr);
-  plugin.break_timer.Init(OnBreakTimer, nullptr);
-  plugin.watchdog.Init(OnWatchdog);
-  plugin.reset_flags.Init();
-  qemu_register_reset(OnReset, nullptr);
-  void* nvic = object_resolve_path("nvic", nullptr);
-  if (nvic == nullptr) Die("the machine has no NVIC where one should be");
-  qdev_connect_gpio_out_named(nvic, "SYSRESETREQ", 0, qemu_allocate_irq(OnResetRequest, nullptr, 0));
-  for (std::size_t i = 0; i < plugin.uarts.size(); ++i) {
-    if (plugin.arguments.usart_numbers[i] == 0) continue;
-    Uart& uart = plugin.uarts[i];
-    uart.usart = static_cast<Usart>(i);
-    const std::string id = "usart" + std::to_string(plugin.arguments.usart_numbers[i]);
-    uart.chardev = qemu_chr_find(id.c_str());
-    if (uart.chardev == nullptr) Die("a character device is missing");
-    void* chardev_class = object_get_class(uart.chardev);
-    if (std::string_view(object_class_get_name(chardev_class)) != "chardev-null")
-      Die("a USART's character device is not of the kind null");
-    int (*const write)(void*, const std::uint8_t*, int) = OnTransmit;
-    std::memcpy(static_cast<std::uint8_t*>(chardev_class) + kChrWriteOffset, &write, sizeof(write));
-    uart.timer.Init(OnReceiveTimer, &uart);
-    uart.receiver = new UsartReceiver;
-    if (!uart.receiver->Init(plugin.arguments.usart_numbers[i], uart.chardev))
-      Die("the machine has no such USART");
-  }
-  const Hello hello{kProtocolVersion};
-  Send(Kind::kHello, &hello, sizeof(hello));
+  BeginChip();
   plugin.begun = true;
-  TakeCommands();
+  if (plugin.arguments.realtime) {
+    BeginRealtime();
+  } else {
+    BeginLockstep();
+  }
 }
 
 void OnFirstInstruction(unsigned /*vcpu*/, void* /*opaque*/) {
@@ -476,6 +465,7 @@ void OnTranslate(qemu_plugin_id_t /*id*/, qemu_plugin_tb* block) {
   const std::size_t count = qemu_plugin_tb_n_insns(block);
   if (!plugin.begun)
     qemu_plugin_register_vcpu_insn_exec_cb(qemu_plugin_tb_get_insn(block, 0), OnFirstInstruction, 0, nullptr);
+  if (plugin.arguments.realtime) return;
   for (std::size_t i = 0; i < count; ++i) {
     qemu_plugin_insn* instruction = qemu_plugin_tb_get_insn(block, i);
     std::uint16_t code = 0;
@@ -500,7 +490,10 @@ __attribute__((visibility("default"))) int qemu_plugin_install(qemu_plugin_id_t 
     std::fprintf(stderr, "lockstep plug-in: %s\n", trouble.c_str());
     return 1;
   }
-  std::signal(SIGABRT, OnAbort);
+  if (!plugin.arguments.realtime) {
+    plugin.socket.Use(plugin.arguments.socket);
+    std::signal(SIGABRT, OnAbort);
+  }
   qemu_plugin_register_vcpu_tb_trans_cb(id, OnTranslate);
   return 0;
 }

@@ -2,7 +2,7 @@
 // layouts, which Debian's qemu-system-arm exports but which are not part of any interface. The harness
 // therefore starts the plug-in only in 7.2.x and tests it first (harness/emulator/lockstep_self_test.h).
 //
-// Names and signatures are QEMU's: include/qemu/qemu-plugin.h, include/qemu/timer.h, include/chardev/char.h,
+// Names and signatures are QEMU's: include/qemu/qemu-plugin.h, include/qemu/timer.h, include/hw/clock.h,
 // include/exec/memory.h, include/hw/core/cpu.h, softmmu/timers-state.h of the release 7.2.
 #pragma once
 
@@ -25,8 +25,6 @@ const void* qemu_plugin_insn_data(const qemu_plugin_insn*);
 std::size_t qemu_plugin_insn_size(const qemu_plugin_insn*);
 
 // Objects and devices.
-void* object_get_class(void* object);
-const char* object_class_get_name(void* object_class);
 void* object_resolve_path(const char* path, bool* ambiguous);
 void* sysbus_mmio_get_region(void* device, int number);
 void qemu_register_reset(void (*)(void*), void*);
@@ -34,11 +32,9 @@ void qemu_system_reset(int cause);
 int vm_stop(int run_state);
 void* qemu_allocate_irq(void (*handler)(void*, int line, int level), void*, int line);
 void qdev_connect_gpio_out_named(void* device, const char* name, int line, void* irq);
-
-// Character devices.
-void* qemu_chr_find(const char* id);
-void qemu_chr_be_write(void* chardev, const std::uint8_t* bytes, int count);
-int qemu_chr_be_can_write(void* chardev);
+void* qdev_get_gpio_in(void* device, int number);
+void qemu_set_irq(void* irq, int level);
+void qemu_system_reset_request(int cause);
 
 // Clocks.
 void timer_init_full(void* timer, void* list_group, int clock, int scale, int attributes, void (*)(void*),
@@ -49,6 +45,8 @@ std::int64_t qemu_clock_get_ns(int clock);
 std::int64_t qemu_clock_deadline_ns_all(int clock, int attribute_mask);
 bool qemu_clock_run_timers(int clock);
 extern std::uint8_t timers_state[];
+bool clock_set(void* clock, std::uint64_t period);  // in 2^-32 ns; whether that is new
+void clock_propagate(void* clock);
 
 // The processor.
 void* qemu_get_cpu(int index);
@@ -70,7 +68,11 @@ std::uint32_t address_space_write_rom(void* space, std::uint64_t address, std::u
                                       const void* buffer, std::uint64_t size);
 void memory_region_init_io(void* region, void* owner, const void* ops, void* opaque, const char* name,
                            std::uint64_t size);
+void memory_region_init_ram_nomigrate(void* region, void* owner, const char* name, std::uint64_t size,
+                                      void** error);
 void memory_region_add_subregion_overlap(void* region, std::uint64_t offset, void* subregion, int priority);
+int memory_region_dispatch_read(void* region, std::uint64_t address, std::uint64_t* value, int mem_op,
+                                std::uint32_t attributes);
 int memory_region_dispatch_write(void* region, std::uint64_t address, std::uint64_t value, int mem_op,
                                  std::uint32_t attributes);
 }
@@ -82,10 +84,8 @@ inline constexpr int kScaleNs = 1;              // SCALE_NS
 inline constexpr int kAnyAttribute = ~0;        // QEMU_TIMER_ATTR_ALL
 inline constexpr int kRunStatePaused = 4;       // RUN_STATE_PAUSED
 inline constexpr int kCauseSystemReset = 3;     // SHUTDOWN_CAUSE_HOST_QMP_SYSTEM_RESET
+inline constexpr int kCauseGuestReset = 7;      // SHUTDOWN_CAUSE_GUEST_RESET
 inline constexpr int kMemOp32LittleEndian = 2;  // MO_32 | MO_LE
-
-// ChardevClass::chr_write, a pointer to int (*)(Chardev*, const uint8_t*, int), at this offset of the class.
-inline constexpr std::size_t kChrWriteOffset = 120;
 
 // struct TimersState.
 inline constexpr std::size_t kIcountShiftOffset = 26;  // icount_time_shift, int16
@@ -99,8 +99,10 @@ inline constexpr std::size_t kMemoryRegionBytes = 4096;
 struct MemoryRegionOps {
   std::uint64_t (*read)(void* opaque, std::uint64_t address, unsigned size);
   void (*write)(void* opaque, std::uint64_t address, std::uint64_t value, unsigned size);
-  void* read_with_attrs = nullptr;
-  void* write_with_attrs = nullptr;
+  std::uint32_t (*read_with_attrs)(void* opaque, std::uint64_t address, std::uint64_t* value, unsigned size,
+                                   std::uint32_t attributes) = nullptr;
+  std::uint32_t (*write_with_attrs)(void* opaque, std::uint64_t address, std::uint64_t value, unsigned size,
+                                    std::uint32_t attributes) = nullptr;
   int endianness = 2;  // DEVICE_LITTLE_ENDIAN
   struct {
     unsigned min_access_size = 0, max_access_size = 0;
@@ -108,7 +110,7 @@ struct MemoryRegionOps {
     void* accepts = nullptr;
   } valid;
   struct {
-    unsigned min_access_size = 4, max_access_size = 4;
+    unsigned min_access_size = 1, max_access_size = 4;
     bool unaligned = false;
   } impl;
 };

@@ -10,25 +10,26 @@ namespace tiltproof::harness {
 namespace {
 
 constexpr std::uint32_t kOver8 = 1U << 15, kOneBit = 1U << 11;
+constexpr std::int64_t kApb1Hz = 42'000'000, kApb2Hz = 84'000'000;
 constexpr double kLineBitNs = 1e9 / 921'600;
 
 TEST(UsartRate, FollowsBrrAndOver8) {
   // RM0090, table 139: 42 MHz, 921.6 kBps: USARTDIV 2.875 by 16, 5.75 by 8; the rate is 913.043 kBps by both.
-  EXPECT_NEAR(RateOf(2, 0x2E, 0, 0).Baud(), 913'043.5, 0.1);
-  EXPECT_NEAR(RateOf(2, 0x56, kOver8, 0).Baud(), 913'043.5, 0.1);
-  EXPECT_NEAR(RateOf(1, 0x2D9, 0, 0).Baud(), 115'226.3, 0.1);
-  EXPECT_NEAR(RateOf(6, 0x5B, 0, 0).Baud(), 2 * RateOf(3, 0x5B, 0, 0).Baud(), 1e-6);
+  EXPECT_NEAR(RateOf(kApb1Hz, 0x2E, 0, 0).Baud(), 913'043.5, 0.1);
+  EXPECT_NEAR(RateOf(kApb1Hz, 0x56, kOver8, 0).Baud(), 913'043.5, 0.1);
+  EXPECT_NEAR(RateOf(kApb2Hz, 0x2D9, 0, 0).Baud(), 115'226.3, 0.1);
+  EXPECT_NEAR(RateOf(kApb2Hz, 0x5B, 0, 0).Baud(), 2 * RateOf(kApb1Hz, 0x5B, 0, 0).Baud(), 1e-6);
   // The highest bit of the fraction is kept cleared when OVER8 is set, and does not count.
-  EXPECT_EQ(RateOf(2, 0x5E, kOver8, 0).clocks_per_bit, 46);
-  EXPECT_FALSE(RateOf(2, 0, 0, 0).Runs());
+  EXPECT_EQ(RateOf(kApb1Hz, 0x5E, kOver8, 0).clocks_per_bit, 46);
+  EXPECT_FALSE(RateOf(kApb1Hz, 0, 0, 0).Runs());
 }
 
 TEST(UsartRate, TolerancesAreThoseOfTheManual) {
-  EXPECT_EQ(RateOf(2, 0x20, 0, 0).tolerance, 0.0375);
-  EXPECT_EQ(RateOf(2, 0x2E, 0, 0).tolerance, 0.0333);
-  EXPECT_EQ(RateOf(2, 0x50, kOver8, 0).tolerance, 0.025);
-  EXPECT_EQ(RateOf(2, 0x56, kOver8, 0).tolerance, 0.02);
-  EXPECT_EQ(RateOf(2, 0x2E, 0, kOneBit).tolerance, 0.0388);
+  EXPECT_EQ(RateOf(kApb1Hz, 0x20, 0, 0).tolerance, 0.0375);
+  EXPECT_EQ(RateOf(kApb1Hz, 0x2E, 0, 0).tolerance, 0.0333);
+  EXPECT_EQ(RateOf(kApb1Hz, 0x50, kOver8, 0).tolerance, 0.025);
+  EXPECT_EQ(RateOf(kApb1Hz, 0x56, kOver8, 0).tolerance, 0.02);
+  EXPECT_EQ(RateOf(kApb1Hz, 0x2E, 0, kOneBit).tolerance, 0.0388);
 }
 
 // All bytes, back to back, through a receiver; -1 for each framing error.

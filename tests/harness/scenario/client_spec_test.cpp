@@ -31,14 +31,16 @@ TEST(ClientSpec, EveryFormIsRead) {
             ClientSpec(EmulatedImage{.file = "", .scheduler = "freertos", .console_usart = 6}));
   EXPECT_EQ(ParseClient("qemu:x.elf,main=usart4,reference=usart5"),
             ClientSpec(EmulatedImage{.file = here + "x.elf", .main_usart = 4, .reference_usart = 5}));
+  EXPECT_EQ(ParseClient("qemu:freertos,hse=25000000"),
+            ClientSpec(EmulatedImage{.file = "", .scheduler = "freertos", .hse_hz = 25'000'000}));
   EXPECT_EQ(ParseClient("process:./a --b=c:d,e"), ClientSpec(Program{"./a --b=c:d,e"}));
   EXPECT_EQ(ParseClient("serial:/dev/ttyUSB0"), ClientSpec(SerialBoard{"/dev/ttyUSB0", ""}));
   EXPECT_EQ(ParseClient("serial:unix:/a,unix:@b"), ClientSpec(SerialBoard{"unix:/a", "unix:@b"}));
 }
 
 TEST(ClientSpec, ThePlainTextIsTheShortest) {
-  for (const char* text : {"host", "qemu", "qemu:freertos", "qemu:/x.elf,main=usart6", "library:/a/b.so",
-                           "process:sleep 1", "serial:/dev/a", "serial:/dev/a,/dev/b"})
+  for (const char* text : {"host", "qemu", "qemu:freertos", "qemu:/x.elf,main=usart6", "qemu:executive,hse=0",
+                           "library:/a/b.so", "process:sleep 1", "serial:/dev/a", "serial:/dev/a,/dev/b"})
     EXPECT_EQ(ToText(ParseClient(text)), text);
   EXPECT_EQ(ToText(ParseClient("qemu:executive,main=usart2")), "qemu");
 }
@@ -54,6 +56,8 @@ RC_GTEST_PROP(ClientSpec, TheTextReadsBackAsTheSame, ()) {
 }
 
 TEST(ClientSpec, AMistakeSaysWhatToWrite) {
+  for (const char* hse : {"", "8MHz", "-1", "50000001"})
+    EXPECT_THAT(Mistake("qemu:executive,hse=" + std::string(hse)), HasSubstr("is no hse=HZ"));
   EXPECT_THAT(Mistake("serail:/dev/x"), HasSubstr("unknown kind 'serail', did you mean serial?"));
   EXPECT_THAT(Mistake("hots"), HasSubstr("did you mean host?"));
   // Far from all: it says what there is.

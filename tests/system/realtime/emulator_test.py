@@ -96,7 +96,7 @@ class EmulatorTest(unittest.TestCase):
 
     def test_hover(self):
         flight, code = self.fly("qemu")
-        self.assertRegex(self.log(flight), r"(?m)^-?0\.\d+ +0\.\d+ tiltproof executive, firmware paper, .*emulated$")
+        self.assertRegex(self.log(flight), r"(?m)^-?0\.\d+ +0\.\d+ tiltproof executive, firmware paper, dialect paper$")
         self.check(flight)
         if code == 4:
             return
@@ -154,6 +154,7 @@ class EmulatorTest(unittest.TestCase):
                     ["qemu-system-arm", "-M", "netduinoplus2", "-display", "none", "-monitor", "none", "-nodefaults",
                      "-serial", "stdio", "-chardev", f"socket,id=main,path={sockets[0]},server=on,wait=off", "-serial", "chardev:main",
                      "-chardev", f"socket,id=reference,path={sockets[1]},server=on,wait=on", "-serial", "chardev:reference",
+                     "-plugin", f"{PROGRAM.parent / 'lib/tiltproof_lockstep.so'},realtime=on",
                      "-kernel", IMAGES / "executive-paper.elf"], stdin=subprocess.DEVNULL, stdout=console, stderr=console)
             self.addCleanup(emulator.wait)
             self.addCleanup(emulator.kill)
@@ -243,8 +244,13 @@ class EmulatorTest(unittest.TestCase):
         path.mkdir()
         for program in ("sh",):
             (path / program).symlink_to(shutil.which(program))
-        self.refused(3, "qemu-system-arm.*no such program in PATH", "qemu", environment={"PATH": str(path)})
-        (path / "qemu-system-arm").write_text("#!/bin/sh\necho 'qemu-system-arm: unsupported machine type' >&2\nexit 1\n")
+        self.refused(3, "there is no qemu-system-arm", "qemu", environment={"PATH": str(path)})
+        (path / "qemu-system-arm").write_text("#!/bin/sh\necho 'QEMU emulator version 8.2.0'\n")
+        (path / "qemu-system-arm").chmod(0o755)
+        self.refused(3, "the emulated board needs QEMU 7.2, whose chip the plug-in completes, and this is 8.2.0", "qemu",
+                     environment={"PATH": str(path)})
+        (path / "qemu-system-arm").write_text("#!/bin/sh\n[ $1 = --version ] && echo 'QEMU emulator version 7.2.0' && exit\n"
+                                              "echo 'qemu-system-arm: unsupported machine type' >&2\nexit 1\n")
         (path / "qemu-system-arm").chmod(0o755)
         self.refused(3, "the emulator exited with code 1: qemu-system-arm: unsupported machine type", "qemu",
                      environment={"PATH": str(path)})

@@ -1,0 +1,123 @@
+// What QEMU's STM32F405 lacks, as one: every block in front of the machine's own.
+//
+//   chip.Init(options, core_clock);                     // before the first instruction
+//   chip.Reset(harness::lockstep::ResetCause::kPin);   // with every reset of the machine
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+
+#include "harness/emulator/lockstep_protocol.h"
+#include "harness/emulator/plugin/clock_tree.h"
+#include "harness/emulator/plugin/core_registers.h"
+#include "harness/emulator/plugin/dma.h"
+#include "harness/emulator/plugin/gpio.h"
+#include "harness/emulator/plugin/power_and_flash.h"
+#include "harness/emulator/plugin/timers.h"
+#include "harness/emulator/plugin/usart.h"
+#include "harness/emulator/plugin/watchdog.h"
+
+namespace tiltproof::qemu {
+
+class Chip {
+ public:
+  struct Options {
+    std::uint32_t hse_hz = ClockTree::kUsualHseHz;
+    UsartUnit::Callbacks usart;
+    void (*watchdog)() = nullptr;  // has bitten
+  };
+
+  // `core_clock`: QEMU's clock object of the machine.
+  void Init(const Options& options, void* core_clock) {
+    // The clock tree's callbacks reach the others only when they are there.
+    clocks_.Init(
+        options.hse_hz, core_clock,
+        {.changing =
+             [this] {
+               if (complete_) timers_.Hold();
+             },
+         .changed =
+             [this] {
+               cycles_.Follow(clocks_.hclk_hz());
+               if (complete_) timers_.Resume();
+             },
+         .reset = [this](ClockTree::ResetRegister which, std::uint32_t bits) { ResetBlocks(which, bits); }});
+    pwr_.Init();
+    flash_.Init();
+    for (int port = 0; port < Gpio::kCount; ++port) gpios_[static_cast<std::size_t>(port)].Init(port);
+    dma_.Init([this] {
+      for (UsartUnit& usart : usarts_) usart.Serve();
+    });
+    for (int number = 1; number <= UsartUnit::kCount; ++number)
+      usart(number).Init(number, clocks_, dma_, options.usart);
+    timers_.Init(clocks_);
+    watchdog_.Init(options.watchdog);
+    cycles_.Init();
+    priorities_.Init(0xE000E400);
+    control_.Init(0xE000EC00, &cycles_);
+    debug_unit_.Init();
+    signature_.Init();
+    ccm_.Init();
+    complete_ = true;
+  }
+
+  void Reset(harness::lockstep::ResetCause cause) {
+    clocks_.Reset(cause);
+    pwr_.Reset();
+    flash_.Reset();
+    for (Gpio& gpio : gpios_) gpio.Reset();
+    dma_.Reset(1);
+    dma_.Reset(2);
+    for (UsartUnit& usart : usarts_) usart.Reset();
+    timers_.Reset();
+    watchdog_.Reset();
+    cycles_.Reset();
+    control_.Reset();
+  }
+
+  // `number`: 1 to UsartUnit::kCount.
+  UsartUnit& usart(int number) { return usarts_[static_cast<std::size_t>(number - 1)]; }
+
+ private:
+  // RM0090, sections 7.3.5 (AHB1RSTR), 7.3.8 (APB1RSTR) and 7.3.9 (APB2RSTR).
+  void ResetBlocks(ClockTree::ResetRegister which, std::uint32_t bits) {
+    const auto set = [bits](int bit) { return (bits >> bit & 1) != 0; };
+    if (which == ClockTree::kAhb1) {
+      for (int port = 0; port < Gpio::kCount; ++port)
+        if (set(port)) gpios_[static_cast<std::size_t>(port)].Reset();
+      for (const int number : {1, 2})
+        if (set(20 + number)) dma_.Reset(number);
+    } else if (which == ClockTree::kApb1) {
+      constexpr std::array<int, 9> kTimers = {2, 3, 4, 5, 6, 7, 12, 13, 14};
+      for (std::size_t i = 0; i < kTimers.size(); ++i)
+        if (set(static_cast<int>(i))) timers_.Reset(kTimers[i]);
+      for (const int number : {2, 3, 4, 5})
+        if (set(15 + number)) usart(number).Reset();
+      if (set(28)) pwr_.Reset();
+    } else {
+      constexpr std::array<std::array<int, 2>, 5> kTimers = {{{0, 1}, {1, 8}, {16, 9}, {17, 10}, {18, 11}}};
+      for (const auto& [bit, number] : kTimers)
+        if (set(bit)) timers_.Reset(number);
+      if (set(4)) usart(1).Reset();
+      if (set(5)) usart(6).Reset();
+    }
+  }
+
+  ClockTree clocks_;
+  Pwr pwr_;
+  FlashInterface flash_;
+  std::array<Gpio, Gpio::kCount> gpios_;
+  Dma dma_;
+  std::array<UsartUnit, UsartUnit::kCount> usarts_;
+  Timers timers_;
+  Watchdog watchdog_;
+  CycleCounter cycles_;
+  SystemControl priorities_, control_;
+  DebugUnit debug_unit_;
+  Signature signature_;
+  CoupledRam ccm_;
+  bool complete_ = false;
+};
+
+}  // namespace tiltproof::qemu
