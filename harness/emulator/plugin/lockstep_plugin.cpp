@@ -41,6 +41,7 @@
 #include "harness/emulator/lockstep_protocol.h"
 #include "harness/emulator/plugin/arguments.h"
 #include "harness/emulator/plugin/peripherals.h"
+#include "harness/emulator/plugin/processor.h"
 #include "harness/emulator/plugin/qemu_internals.h"
 
 namespace tiltproof::qemu {
@@ -110,6 +111,8 @@ void Send(Kind kind, const void* body, std::size_t size) {
   Append(&header, sizeof(header));
   Append(body, size);
 }
+
+void Send(Kind kind, const std::string& body) { Send(kind, body.data(), body.size()); }
 
 void Flush() {
   for (std::size_t sent = 0; sent < plugin.out.size();) {
@@ -256,11 +259,19 @@ void Reset(ResetCause cause) {
     async_run_on_cpu(plugin.cpu, ResetWork, {});
 }
 
-void OnWatchdog() { Reset(ResetCause::kWatchdog); }
+// Between two instructions, right before the reset.
+void TellLastWords(void* cpu, RunOnCpuData /*data*/) { Send(Kind::kLastWords, LastWordsOf(cpu)); }
+
+void ResetByItself(ResetCause cause) {
+  if (plugin.pending_cause == ResetCause::kNone) async_run_on_cpu(plugin.cpu, TellLastWords, {});
+  Reset(cause);
+}
+
+void OnWatchdog() { ResetByItself(ResetCause::kWatchdog); }
 
 // The firmware has set SYSRESETREQ (PM0214, section 4.4.5).
 void OnResetRequest(void* /*opaque*/, int /*line*/, int level) {
-  if (level != 0 && plugin.pending_cause == ResetCause::kNone) Reset(ResetCause::kSoftware);
+  if (level != 0 && plugin.pending_cause == ResetCause::kNone) ResetByItself(ResetCause::kSoftware);
 }
 
 void OnStallTimer(void* /*opaque*/) {
@@ -295,16 +306,6 @@ Body As(const std::vector<std::uint8_t>& bytes) {
   return body;
 }
 
-void SendState() {
-  char* text = nullptr;
-  std::size_t size = 0;
-  std::FILE* file = open_memstream(&text, &size);
-  cpu_dump_state(plugin.cpu, file, 0);
-  std::fclose(file);
-  Send(Kind::kState, text, size);
-  std::free(text);
-}
-
 // Carries out commands until the harness grants time.
 void TakeCommands() {
   for (;;) {
@@ -335,13 +336,12 @@ void TakeCommands() {
       case Kind::kReadMemory: {
         const auto read = As<ReadMemory>(body);
         std::vector<std::uint8_t> bytes(std::min(read.size, kBodyBytesMax));
-        address_space_rw(cpu_get_address_space(plugin.cpu, 0), read.address, 0, bytes.data(), bytes.size(),
-                         false);
+        ReadAsProcessor(plugin.cpu, read.address, bytes.data(), bytes.size());
         Send(Kind::kMemory, bytes.data(), bytes.size());
         break;
       }
       case Kind::kDumpState:
-        SendState();
+        Send(Kind::kState, DumpState(plugin.cpu));
         break;
       case Kind::kWriteCode: {
         const auto code = As<WriteCode>(body);
