@@ -72,9 +72,9 @@ std::vector<link::MessageKind> MessagesOf(Target target) {
     case Target::kToClient:
       return {MessageKind::kReply};
     case Target::kToPlant:
-      return {MessageKind::kStart, MessageKind::kSensors, MessageKind::kActuators};
+      return {MessageKind::kStart, MessageKind::kRequest, MessageKind::kActuators};
     case Target::kBoth:
-      return {MessageKind::kStart, MessageKind::kSensors, MessageKind::kActuators, MessageKind::kReply};
+      return {MessageKind::kStart, MessageKind::kRequest, MessageKind::kActuators, MessageKind::kReply};
     case Target::kReference:
       return {MessageKind::kReference};
     case Target::kNone:

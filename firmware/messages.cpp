@@ -106,10 +106,10 @@ struct Service {
 
 constexpr std::array<Service, 6> kServices = {{
     {Dialect::kPaper, 1.0F, MessageKind::kStart, false},
-    {Dialect::kPaper, 2.0F, MessageKind::kSensors, false},
+    {Dialect::kPaper, 2.0F, MessageKind::kRequest, false},
     {Dialect::kPaper, 3.0F, MessageKind::kActuators, true},
     {Dialect::kProvant, 3.0F, MessageKind::kStart, true},
-    {Dialect::kProvant, 1.0F, MessageKind::kSensors, false},
+    {Dialect::kProvant, 1.0F, MessageKind::kRequest, false},
     {Dialect::kProvant, 0.0F, MessageKind::kActuators, true},
 }};
 
@@ -152,7 +152,7 @@ MessageBytes EncodeStart(Dialect dialect, const Actuators& hover) {
   return EncodeRequest(dialect, MessageKind::kStart, hover);
 }
 
-MessageBytes EncodeReadSensors(Dialect dialect) { return EncodeRequest(dialect, MessageKind::kSensors, {}); }
+MessageBytes EncodeReadSensors(Dialect dialect) { return EncodeRequest(dialect, MessageKind::kRequest, {}); }
 
 MessageBytes EncodeActuators(Dialect dialect, const Actuators& actuators) {
   return EncodeRequest(dialect, MessageKind::kActuators, actuators);
@@ -183,7 +183,7 @@ MessageStatus DecodeClientMessage(Dialect dialect, std::span<const std::uint8_t>
     LoadFields(values, kActuatorFields, decoded.actuators);
   }
   decoded.start = service->kind == MessageKind::kStart;
-  decoded.read_sensors = service->kind == MessageKind::kSensors;
+  decoded.read_sensors = service->kind == MessageKind::kRequest;
   decoded.has_actuators = service->has_actuators;
   message = decoded;
   return MessageStatus::kOk;

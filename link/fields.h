@@ -1,16 +1,12 @@
 // Names the fields of a struct once, for everything that reads or writes them one by one: JSON files, messages
 // between processes, and messages on the bus.
 //
-//   struct Restart {
-//     TimeNs time_ns = 0;
-//     std::string cause;
-//     TILTPROOF_FIELDS(time_ns, cause)
-//   };
+//   TILTPROOF_FIELDS(time_ns, cause)    // last in the struct Restart
 //
 // A visitor is called with the name of each field and, for each struct it is given, with that field:
 //
 //   Restart::Fields([](const char* name, const auto& field) { Print(name, field); }, restart);
-//   Restart::Fields([](const char* name, auto& to, const auto& from) { to = from; }, restart, another);
+//   Restart::Fields([](const char*, auto& to, const auto& from) { to = from; }, restart, another);
 //
 // The other structs need not have the same type, only fields of the same names.
 #pragma once

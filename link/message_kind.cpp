@@ -9,8 +9,8 @@ std::string_view Name(MessageKind kind) {
   switch (kind) {
     case MessageKind::kStart:
       return "start"sv;
-    case MessageKind::kSensors:
-      return "sensors"sv;
+    case MessageKind::kRequest:
+      return "request"sv;
     case MessageKind::kActuators:
       return "actuators"sv;
     case MessageKind::kReply:

@@ -7,9 +7,8 @@
 
 namespace tiltproof::link {
 
-// The names in scenario files (`message: actuators`); kReply is the server's answer to kSensors (the read
-// request).
-enum class MessageKind : std::uint8_t { kStart, kSensors, kActuators, kReply, kReference, kUnknown };
+// The names in scenario files (`message: actuators`). kRequest asks for the sensors, kReply is the server's answer.
+enum class MessageKind : std::uint8_t { kStart, kRequest, kActuators, kReply, kReference, kUnknown };
 std::string_view Name(MessageKind kind);
 
 enum class MessageStatus : std::uint8_t { kOk, kBadLength, kUnknownId, kNotFinite, kOutOfRange };

@@ -86,7 +86,7 @@ Protocol ForTiltRotor(std::string name, float start_id, bool start_has_inputs, f
                         .starts = true,
                         .fields = start_has_inputs ? inputs : std::vector<MessageField>()},
                        {.name = "read_sensors",
-                        .kind = MessageKind::kSensors,
+                        .kind = MessageKind::kRequest,
                         .direction = Direction::kToPlant,
                         .id = read_id,
                         .reply = "sensors"},

@@ -337,6 +337,14 @@ std::optional<pid_t> SerialPort::PeerProcess() const {
 }
 bool SerialPort::TakesByteTime() const { return state_->IsHardware(); }
 
+void SerialPort::SetModemLine(ModemLine line, bool on) {
+  const int bit = line == ModemLine::kDtr ? TIOCM_DTR : TIOCM_RTS;
+  if (IsOpen() && ioctl(state_->descriptor(), on ? TIOCMBIS : TIOCMBIC, &bit) == 0) return;
+  throw std::runtime_error(state_->name() + ": no line " + (line == ModemLine::kDtr ? "DTR" : "RTS") +
+                           " can be set here (" + std::strerror(IsOpen() ? errno : EBADF) +
+                           "): use an adapter that has it, or a command");
+}
+
 SerialPort::LowLatency SerialPort::SetLowLatency(const std::filesystem::path& root) {
   LowLatency achieved;
   if (!IsOpen() || state_->IsSocket()) return achieved;

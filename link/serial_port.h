@@ -31,6 +31,9 @@ class io_context;
 
 namespace tiltproof::link {
 
+// An output of a serial port beside its data (TIA-232: DTR, RTS). On: the line of a TTL adapter is low.
+enum class ModemLine : std::uint8_t { kDtr, kRts };
+
 class SerialPort final : public ByteLine {
  public:
   static constexpr std::int64_t kBaudMin = 50;
@@ -63,6 +66,9 @@ class SerialPort final : public ByteLine {
 
   // Whether a byte takes its time at the baud rate. On a pseudo-terminal or a socket it takes no time.
   bool TakesByteTime() const;
+
+  // Throws std::runtime_error that says what to do when the device has no such line: a pseudo-terminal, a socket.
+  void SetModemLine(ModemLine line, bool on);
 
   // The process at the other end of a socket, if it is on this machine; nullopt when it is unknown.
   std::optional<pid_t> PeerProcess() const;

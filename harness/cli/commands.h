@@ -49,6 +49,8 @@ struct RunOptions {
   std::string format = "human";
   bool no_progress = false;
   std::string keep = "all";
+  std::optional<int> gdb_port;
+  std::optional<double> gdb_at_s;
   std::vector<std::string> command;  // as typed, for run.json
 };
 int RunCommand(const RunOptions& options);

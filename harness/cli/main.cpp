@@ -11,6 +11,7 @@
 
 #include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
+#include "harness/client/debugger.h"
 #include "harness/report/results.h"
 #include "harness/run/realtime/realtime_flight.h"
 #include "harness/scenario/did_you_mean.h"
@@ -96,6 +97,17 @@ int Main(int argc, char** argv) {
           "Which flights keep their folder: all, failing (those that are not green), or verdicts (none)")
       ->check(CLI::IsMember({"all", "failing", "verdicts"}))
       ->capture_default_str();
+  run_app
+      ->add_option(
+          "--gdb", run.gdb_port,
+          "Wait for a debugger at power-on: at an emulated processor (QEMU's gdb server on this PORT of this "
+          "machine), or a library")
+      ->type_name("PORT")
+      ->expected(0, 1)
+      ->default_str(std::to_string(DebugStop::kPort))
+      ->check(CLI::Range(1, 65535));
+  run_app->add_option("--gdb-at", run.gdb_at_s, "Wait for it at this time of the flight instead, in s")
+      ->check(CLI::Range(0.0, 14400.0));
   run_app->add_flag("--no-progress", run.no_progress, "No progress line on the terminal");
   run_app->footer(
       "Domain, tag and run id of a flight on the bus (in real time, or --distributed=dds) are in run.json, "
@@ -178,9 +190,9 @@ int Main(int argc, char** argv) {
   node_app->add_option("KIND", node.kind, "plant, link, client, base-station, joystick or monitor")
       ->required()
       ->check(CLI::IsMember({"plant", "link", "client", "base-station", "joystick", "monitor"}));
-  node_app->add_option(
-      "--client", node.client,
-      "client: host, library:FILE, qemu[:ELF] or process:CMD; link: serial:DEV[,REFDEV] of a board");
+  node_app->add_option("--client", node.client,
+                       "client: host, library:FILE, qemu[:ELF] or process:CMD; link: "
+                       "serial:DEV[,REFDEV][,reset=HOW] of a board");
   node_app->add_option("--input", node.input, "joystick: /dev/input/js0, an event device, or a recording");
   node_app->add_option("--name", node.name, "Name on the bus (default: kind, host and process)");
   add_bus_options(node_app, node.domain, node.interface, node.peers);

@@ -21,8 +21,7 @@ namespace fs = std::filesystem;
 std::string Strikes(const FlightResult& result) {
   std::string text;
   for (const FlightEvent& event : result.events)
-    if (event.kind == "bit_flipped")
-      text += fmt::format("; {} at {:.3f} s", event.text, event.time_s);
+    if (event.kind == "bit_flipped") text += fmt::format("; {} at {:.3f} s", event.text, event.time_s);
   return text;
 }
 

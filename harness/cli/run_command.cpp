@@ -49,6 +49,13 @@ FlightMeans ChooseMeans(const RunOptions& options) {
         "--attach: the firmware is that of the attached nodes; give --client to them, not to `run`");
   if (means.attach && options.jobs_count > 1)
     throw UsageError("--attach: the nodes fly one scenario at a time; drop -j");
+  if (options.gdb_port || options.gdb_at_s) {
+    if (means.realtime || means.distributed)
+      throw UsageError("--gdb: only in lockstep, in one process: there the vehicle waits for the debugger");
+    means.debug.emplace();
+    if (options.gdb_port) means.debug->port = *options.gdb_port;
+    if (options.gdb_at_s) means.debug->at_ns = FromSeconds(*options.gdb_at_s);
+  }
   return means;
 }
 
@@ -150,6 +157,11 @@ int RunCommand(const RunOptions& options) {
     if (suite.scenarios.empty()) Print(stderr, "tiltproof: nothing is left to fly with this client\n");
     return suite.scenarios.empty() ? kExitUndecided : kExitGreen;
   }
+  const auto flights_count = suite.scenarios.size() * static_cast<std::size_t>(options.repeat_count);
+  if (means.debug && (flights_count > 1 || suite.scenarios.front().scenario.has_several_clients()))
+    throw UsageError(
+        fmt::format("--gdb debugs one flight of one client, and {} would be flown: choose one by -k",
+                    flights_count > 1 ? fmt::format("{} flights", flights_count) : "several clients"));
   if (Emulates(clients) && !means.realtime) TestLockstep(LockstepPlugin());
   for (const ClientSpec& client : clients) CheckPorts(client, suite.scenarios.front().scenario.link);
 

@@ -81,9 +81,10 @@ std::string_view Name(lockstep::ResetCause cause) {
 class EmulatorClient final : public Client {
  public:
   EmulatorClient(const EmulatorSpec& spec, const EmulatorLines& lines, TimeNs start_within_ns,
-                 const std::vector<std::string>& watch, ClientHost host)
+                 const std::vector<std::string>& watch, std::optional<TimeNs> break_at_ns, ClientHost host)
       : spec_(spec),
         start_within_ns_(start_within_ns),
+        break_at_ns_(break_at_ns),
         host_(std::move(host)),
         rated_{RatedLine(lines.main_baud), RatedLine(lines.reference_baud)} {
     for (const auto& file : {spec.image, spec.plugin})
@@ -158,6 +159,8 @@ class EmulatorClient final : public Client {
     // First of all the clock, by which all other times are told.
     drifts_ = clock_.Follow(commands, origin);
     for (const faults::DeviceCommand& command : commands) Send(command, origin);
+    if (break_at_ns_)
+      board_->Send(lockstep::Kind::kBreak, lockstep::Break{clock_.At(origin.ToBootTime(*break_at_ns_))});
   }
 
   std::optional<ClientStatus> Status() override {
@@ -419,6 +422,7 @@ class EmulatorClient final : public Client {
 
   EmulatorSpec spec_;
   TimeNs start_within_ns_;
+  std::optional<TimeNs> break_at_ns_;
   ClientHost host_;
   std::array<RatedLine, 2> rated_;       // by Uart
   std::array<std::string, 2> troubles_;  // told of them
@@ -447,8 +451,8 @@ class EmulatorClient final : public Client {
 
 std::unique_ptr<Client> StartEmulatorClient(const EmulatorSpec& spec, const EmulatorLines& lines,
                                             TimeNs start_within_ns, const std::vector<std::string>& watch,
-                                            ClientHost host) {
-  return std::make_unique<EmulatorClient>(spec, lines, start_within_ns, watch, std::move(host));
+                                            std::optional<TimeNs> break_at_ns, ClientHost host) {
+  return std::make_unique<EmulatorClient>(spec, lines, start_within_ns, watch, break_at_ns, std::move(host));
 }
 
 }  // namespace tiltproof::harness

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,11 +16,12 @@ struct EmulatorLines {
   std::int64_t reference_baud = 921'600;
 };
 
+// `break_at_ns`: simulation time at which the machine stops for a debugger.
 // Throws std::runtime_error when there is no such image or plug-in or the emulator does not start. During the
 // flight, a board that crashes or never sleeps is FirmwareTrouble; before its `start` it may be busy for
 // `start_within_ns`. `watch`: names of variables (harness/emulator/watched_variable.h).
 std::unique_ptr<Client> StartEmulatorClient(const EmulatorSpec& spec, const EmulatorLines& lines,
                                             TimeNs start_within_ns, const std::vector<std::string>& watch,
-                                            ClientHost host);
+                                            std::optional<TimeNs> break_at_ns, ClientHost host);
 
 }  // namespace tiltproof::harness

@@ -111,6 +111,7 @@ std::string_view Name(FirmwareCall call) {
 sigjmp_buf FirmwareGuard::jump_;
 FloatingPointModes FirmwareGuard::modes_;
 std::exception_ptr FirmwareGuard::error_;
+bool FirmwareGuard::has_left_calls_ = false;
 
 void FirmwareGuard::Install(Watched* shared, TimeNs limit_ns) {
   if (guarded_process == getpid()) timer_delete(timer);
@@ -119,6 +120,7 @@ void FirmwareGuard::Install(Watched* shared, TimeNs limit_ns) {
   guarded_thread = pthread_self();
   guarded_process = getpid();
   forked = false;
+  own_time = {};
   static const int registered = pthread_atfork(nullptr, nullptr, [] { forked = true; });
   static_cast<void>(registered);
 
@@ -243,6 +245,7 @@ void FirmwareGuard::Jump(Cause cause) {
 
 void FirmwareGuard::Throw() {
   inside = 0;
+  has_left_calls_ = true;
   watched->inside.store(FirmwareCall::kNone, std::memory_order_relaxed);
   modes_.RestoreAll();
   switch (static_cast<Cause>(caught_cause)) {

@@ -7,7 +7,7 @@
 // scored. Signals raised outside guarded code keep their default action. The harness's floating-point modes
 // are restored after every call, however it ended.
 //
-//   FirmwareGuard::Install();                                                   // once per process
+//   FirmwareGuard::Install();                                                   // before each flight
 //   TimeNs wake = FirmwareGuard::Call(FirmwareCall::kGrant, [&] { return grant(now); });     // may throw FirmwareTrouble
 //
 // This guard cannot handle a firmware that blocks signals or stops the process. For that, Watched tells
@@ -114,6 +114,9 @@ class FirmwareGuard {
   // of a call, in another thread, in a process that the firmware has forked.
   static void EndCall(const char* what);
 
+  // Whether a call in this process has ended by a jump or an exception: what it was at is left as it was.
+  static bool HasLeftCalls() { return has_left_calls_; }
+
  private:
   enum Cause { kCrashed = 1, kHung, kStoppedItself, kEnded, kHarnessError };
 
@@ -133,6 +136,7 @@ class FirmwareGuard {
   static sigjmp_buf jump_;
   static FloatingPointModes modes_;  // the harness's
   static std::exception_ptr error_;  // from a call back
+  static bool has_left_calls_;
 };
 
 }  // namespace tiltproof::harness

@@ -10,13 +10,20 @@ namespace tiltproof::harness {
 
 std::unique_ptr<Client> MakeClient(const ClientSpec& client, const ClientSettings& settings,
                                    ClientHost host) {
-  if (const auto* image = std::get_if<EmulatedImage>(&client))
-    return StartEmulatorClient(BoardOf(*image, settings.firmware, *settings.protocol), settings.lines,
-                               settings.start_within_ns, settings.watch, std::move(host));
-  if (std::holds_alternative<HostLibrary>(client))
-    return LoadLibraryClient(FirmwareFile(client, settings.firmware, settings.protocol->name),
-                             settings.firmware, settings.protocol->name, std::move(host),
-                             std::make_unique<CapturedOutput>());
+  if (const auto* image = std::get_if<EmulatedImage>(&client)) {
+    EmulatorSpec board = BoardOf(*image, settings.firmware, *settings.protocol);
+    if (settings.debug) board.gdb_port = settings.debug->port;
+    board.halted = settings.debug && !settings.debug->at_ns;
+    return StartEmulatorClient(board, settings.lines, settings.start_within_ns, settings.watch,
+                               settings.debug ? settings.debug->at_ns : std::nullopt, std::move(host));
+  }
+  // The shipped firmware prints nothing: looking for that in every period would be in vain.
+  if (const auto* library = std::get_if<HostLibrary>(&client)) {
+    auto loaded = LoadLibraryClient(FirmwareFile(client, settings.firmware, settings.protocol->name),
+                                    settings.firmware, settings.protocol->name, std::move(host),
+                                    library->file.empty() ? nullptr : std::make_unique<CapturedOutput>());
+    return settings.debug ? WaitForDebugger(std::move(loaded), *settings.debug) : std::move(loaded);
+  }
   throw std::runtime_error(ToText(client) + ": it knows no virtual time and cannot fly in lockstep");
 }
 

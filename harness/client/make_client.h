@@ -4,10 +4,12 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "harness/client/client.h"
+#include "harness/client/debugger.h"
 #include "harness/client/emulator_client.h"
 #include "harness/scenario/client_spec.h"
 #include "link/protocol.h"
@@ -21,10 +23,11 @@ struct ClientSettings {
   EmulatorLines lines;
   TimeNs start_within_ns = 0;      // time that a busy image has to start
   std::vector<std::string> watch;  // variables of the image
+  std::optional<DebugStop> debug = {};
 };
 
 // Throws std::runtime_error that says what is wrong with the client or its file. For a library, a FirmwareGuard is
-// installed in this process, whose output is the firmware's as long as the client exists.
+// installed in this process, whose output is the firmware's as long as a client of a user's file exists.
 std::unique_ptr<Client> MakeClient(const ClientSpec& client, const ClientSettings& settings, ClientHost host);
 
 }  // namespace tiltproof::harness

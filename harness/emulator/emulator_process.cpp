@@ -36,13 +36,17 @@ std::vector<std::string> CommandLine(const EmulatorSpec& spec) {
                                  ",main=" + std::to_string(spec.main_usart) +
                                  ",reference=" + std::to_string(spec.reference_usart) +
                                  ",console=" + std::to_string(spec.console_usart)});
+  if (spec.gdb_port != 0)
+    command.insert(command.end(), {"-gdb", "tcp:127.0.0.1:" + std::to_string(spec.gdb_port)});
+  if (spec.halted) command.push_back("-S");
   command.insert(command.end(), {"-kernel", spec.image});
   return command;
 }
 
 }  // namespace
 
-EmulatorProcess::EmulatorProcess(const EmulatorSpec& spec) {
+EmulatorProcess::EmulatorProcess(const EmulatorSpec& spec)
+    : hung_after_ns_(spec.gdb_port == 0 ? kHungAfterNs : kNever) {
   std::array<int, 2> ends{};
   if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends.data()) != 0)
     throw EmulatorTrouble(std::string("no socket for the emulator: ") + std::strerror(errno));
@@ -99,7 +103,7 @@ void EmulatorProcess::Read(std::span<std::uint8_t> into) {
       into = into.subspan(n);
       continue;
     }
-    if (AwaitInput(socket_, process_->pid(), kHungAfterNs) != Input::kReady)
+    if (AwaitInput(socket_, process_->pid(), hung_after_ns_) != Input::kReady)
       throw EmulatorTrouble("the emulator has not come to the end of its turn within " +
                             std::to_string(kHungAfterNs / kNsPerS) + " s of its own time");
     in_.resize(kReadBytes);

@@ -35,6 +35,10 @@ struct EmulatorSpec {
   // The processor stops when it has sent this byte on the main line. The byte ends a frame of the line's
   // protocol.
   std::uint8_t barrier = 0;
+  // For a debugger: the port of QEMU's gdb server on this machine, 0 for none. The emulator then waits for no one's
+  // time limit, and `halted` for the debugger's word before the first instruction.
+  int gdb_port = 0;
+  bool halted = false;
 };
 
 // The emulated board or its emulator failed.
@@ -92,6 +96,7 @@ class EmulatorProcess {
   [[noreturn]] void ThrowEnded();
 
   int socket_ = -1;
+  TimeNs hung_after_ns_;
   std::unique_ptr<ChildProcess> process_;
   std::vector<std::byte> out_;
   std::vector<std::uint8_t> in_;

@@ -25,6 +25,7 @@ enum class Kind : std::uint32_t {
   kWriteCode,   // WriteCode
   kDumpState,   // answered with kState
   kRun,         // Run
+  kBreak,       // Break
   // From the plug-in.
   kHello,      // Hello
   kTransmit,   // TransmittedByte[]
@@ -103,6 +104,11 @@ struct LastWords {
 
 struct Run {
   std::int64_t until_ns;
+};
+
+// The machine stops at that time, until a debugger lets it go on.
+struct Break {
+  std::int64_t at_ns;
 };
 
 struct Hello {

@@ -3,9 +3,12 @@
 #include <fmt/format.h>
 #include <poll.h>
 
+#include <algorithm>
 #include <chrono>
 #include <csignal>
 #include <utility>
+
+#include "harness/engine/worker.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -17,7 +20,7 @@ constexpr int kTurn_ms = 100;
 }  // namespace
 
 std::future<FlightResult> Engine::Submit(FlightJob job) {
-  Flight& flight = waiting_.emplace_back(Flight{std::move(job), {}});
+  Flight& flight = waiting_.emplace_back(Flight{numbers_end_++, std::move(job), {}});
   return flight.result.get_future();
 }
 
@@ -26,12 +29,18 @@ void Engine::Turn() {
   if (flying_.empty()) return;
   Wait();
   for (auto flying = flying_.begin(); flying != flying_.end();) {
-    WorkerProcess& worker = flying->worker;
+    WorkerProcess& worker = *flying->worker;
     if (const auto place = worker.TakePlace()) options_.on_place(flying->flight.job.name, *place);
     if (auto result = worker.Look(flying->flight.job, options_.tell, interrupted())) {
       Flight flight = std::move(flying->flight);
+      if (worker.waits() && !waiting_.empty()) free_.push_back(std::move(flying->worker));
       flying = flying_.erase(flying);
       Finish(flight, std::move(*result));
+    } else if (worker.left_flight()) {
+      // No worker has it by this number: it gets a new one.
+      flying->flight.number = numbers_end_++;
+      waiting_.push_front(std::move(flying->flight));
+      flying = flying_.erase(flying);
     } else {
       ++flying;
     }
@@ -41,29 +50,54 @@ void Engine::Turn() {
 void Engine::StartWhatFits() {
   while (!waiting_.empty() && !interrupted() &&
          flying_.size() < static_cast<std::size_t>(options_.jobs_count)) {
-    Flying& flying = flying_.emplace_back(std::move(waiting_.front()));
+    Flying& flying = flying_.emplace_back(Flying{std::move(waiting_.front()), nullptr});
     waiting_.pop_front();
-    const std::string trouble = flying.worker.Start(flying.flight.job, options_.interrupted);
+    const std::string trouble = Begin(flying);
     if (trouble.empty()) continue;
     Flight flight = std::move(flying.flight);
     flying_.pop_back();
     Finish(flight, ErrorResult(flight.job, trouble));
-    return;  // the next would fare no better, and its turn may never come (--fail-fast)
+    break;  // the next would fare no better, and its turn may never come (--fail-fast)
   }
+  // What a free worker can fly, it has got.
+  free_.clear();
+}
+
+std::string Engine::Begin(Flying& flying) {
+  const FlightJob& job = flying.flight.job;
+  const std::uint64_t number = flying.flight.number;
+  const auto free = std::find_if(free_.begin(), free_.end(),
+                                 [&](const auto& worker) { return worker->CanGoOn(job, number); });
+  if (free != free_.end()) {
+    flying.worker = std::move(*free);
+    free_.erase(free);
+    flying.worker->GoOn(job, number);
+    return {};
+  }
+  flying.worker = std::make_unique<WorkerProcess>();
+  return flying.worker->Start(
+      job, options_.interrupted,
+      {.numbers_end = numbers_end_, .find = [this](std::uint64_t wanted) { return FindWaiting(wanted); }});
+}
+
+const FlightJob* Engine::FindWaiting(std::uint64_t number) const {
+  const auto found = std::find_if(waiting_.begin(), waiting_.end(),
+                                  [&](const Flight& flight) { return flight.number == number; });
+  return found == waiting_.end() ? nullptr : &found->job;
 }
 
 // Until a worker ends or has something to say.
 void Engine::Wait() {
   std::vector<pollfd> polled;
   for (const Flying& flying : flying_) {
-    polled.push_back({flying.worker.pidfd(), POLLIN, 0});
-    polled.push_back({flying.worker.result_descriptor(), POLLIN, 0});
+    polled.push_back({flying.worker->pidfd(), POLLIN, 0});
+    polled.push_back({flying.worker->result_descriptor(), POLLIN, 0});
   }
   const auto began = SteadyClock::now();
   poll(polled.data(), polled.size(), kTurn_ms);
   const TimeNs waited_ns = std::chrono::nanoseconds(SteadyClock::now() - began).count();
   if (waited_ns > WorkerProcess::kToldAfterNs) {
-    for (Flying& flying : flying_) flying.worker.NoteTold();
+    for (Flying& flying : flying_) flying.worker->NoteTold();
     options_.tell(
         fmt::format("this program stood still for {:.0f} s: it was stopped, or had no processor; that time "
                     "does not count",
@@ -71,7 +105,7 @@ void Engine::Wait() {
   }
   if (interrupted() && !std::exchange(forwarded_, true)) {
     // Ctrl-C on a terminal reaches them anyway; a signal to this process alone does not.
-    for (const Flying& flying : flying_) flying.worker.Send(SIGINT);
+    for (const Flying& flying : flying_) flying.worker->Send(SIGINT);
   }
 }
 
@@ -84,13 +118,14 @@ std::vector<std::string> Engine::DropWaiting() {
   std::vector<std::string> names;
   for (const Flight& flight : waiting_) names.push_back(flight.job.name);
   waiting_.clear();
+  free_.clear();
   return names;
 }
 
 std::vector<Engine::Progress> Engine::progress() const {
   std::vector<Progress> all;
   for (const Flying& flying : flying_)
-    all.push_back({flying.flight.job.name, ToSeconds(flying.worker.progress_ns()),
+    all.push_back({flying.flight.job.name, ToSeconds(flying.worker->progress_ns()),
                    ToSeconds(flying.flight.job.scenario.duration_ns)});
   return all;
 }

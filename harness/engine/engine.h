@@ -1,6 +1,7 @@
-// Flies scenarios in worker processes, one process per flight: a firmware library always gets a fresh one, a crash of the
-// firmware or of ours costs one flight, and the number of jobs changes nothing but the wall-clock time. Workers score;
-// results come back through memory.
+// Flies scenarios in worker processes: a crash of the firmware or of ours costs one flight, and the number of jobs changes
+// nothing but the wall-clock time. Workers score; results come back through memory. A flight of a user's library, in real
+// time or in several processes gets a fresh worker. The shipped firmware keeps nothing between flights: one worker flies
+// it many times, because the memory of a new process is slow.
 //
 //   Engine engine({.jobs_count = 2});
 //   std::future<FlightResult> flown = engine.Submit(FlightJob{.name = "hover", .scenario = scenario, .model = model});
@@ -12,10 +13,12 @@
 
 #include <atomic>
 #include <cstddef>
+#include <cstdint>
 #include <deque>
 #include <functional>
 #include <future>
 #include <list>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -63,25 +66,30 @@ class Engine {
 
  private:
   struct Flight {
+    std::uint64_t number;  // in the order of submission
     FlightJob job;
     std::promise<FlightResult> result;
   };
   struct Flying {
     Flight flight;
-    WorkerProcess worker;
-    explicit Flying(Flight begun) : flight(std::move(begun)) {}
+    std::unique_ptr<WorkerProcess> worker;
   };
 
   bool interrupted() const {
     return options_.interrupted != nullptr && options_.interrupted->load(std::memory_order_relaxed);
   }
   void StartWhatFits();
+  // Empty, or why it did not begin.
+  std::string Begin(Flying& flying);
+  const FlightJob* FindWaiting(std::uint64_t number) const;
   void Wait();
   void Finish(Flight& flight, FlightResult result);
 
   Options options_;
   std::deque<Flight> waiting_;
   std::list<Flying> flying_;
+  std::vector<std::unique_ptr<WorkerProcess>> free_;  // wait for a flight
+  std::uint64_t numbers_end_ = 0;
   bool forwarded_ = false;  // the interrupt, to the workers
 };
 

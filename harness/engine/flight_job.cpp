@@ -14,6 +14,10 @@ bool FlightMeans::FirmwareInWorker(const Scenario& scenario) const {
          AbilitiesOf(ClientsOf(scenario).front(), realtime).guarded;
 }
 
+bool FlightMeans::SharesWorker(const Scenario& scenario) const {
+  return FirmwareInWorker(scenario) && AbilitiesOf(ClientsOf(scenario).front(), realtime).shipped;
+}
+
 FlightResult ErrorResult(const FlightJob& job, const std::string& reason) {
   return MakeErrorResult(job.name, job.scenario, reason, job.replay);
 }

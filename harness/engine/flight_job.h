@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "harness/client/debugger.h"
 #include "harness/engine/flight_result.h"
 #include "harness/run/remote/distributed_flight.h"
 #include "harness/scenario/client_spec.h"
@@ -24,12 +25,16 @@ struct FlightMeans {
   int domain = 0;                        // 0: the first free one
   std::string interface;
   std::vector<std::string> peers;
+  std::optional<DebugStop> debug;
   std::string program;  // this program, which the parts of a flight in several processes run
 
   // Of a scenario's clients, in its order.
   std::vector<ClientSpec> ClientsOf(const Scenario& scenario) const;
   // Whether a worker process has the firmware in it.
   bool FirmwareInWorker(const Scenario& scenario) const;
+  // Whether its worker process may fly other flights before and after it: a flight leaves nothing behind in the shipped
+  // firmware, and may leave anything in the static variables of a user's library.
+  bool SharesWorker(const Scenario& scenario) const;
   // As run.json keeps it.
   std::string client_text() const { return attach ? "attached" : ToText(clients.all); }
 };

@@ -1,8 +1,10 @@
 #include "harness/engine/worker.h"
 
 #include <fmt/format.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
+#include <array>
 #include <cerrno>
 #include <cstdint>
 #include <cstring>
@@ -13,6 +15,7 @@
 #include <span>
 #include <utility>
 
+#include "harness/client/debugger.h"
 #include "harness/client/firmware_files.h"
 #include "harness/dds/domain_slot.h"
 #include "harness/run/flight.h"
@@ -88,7 +91,16 @@ RunLog FlyByMeans(const FlightJob& job, WorkerReport& report, const std::atomic<
   FlightOptions options;
   options.retire = [&](std::unique_ptr<Client> retired) { client = std::move(retired); };
   options.make_client = [&](std::size_t /*client*/, ClientHost host) {
-    return MakeClient(processes.clients.front(), SettingsOf(scenario), std::move(host));
+    ClientSettings settings = SettingsOf(scenario);
+    settings.debug = means.debug;
+    const ClientSpec& spec = processes.clients.front();
+    if (means.debug)
+      Print(stderr, "tiltproof: {}\n",
+            std::holds_alternative<EmulatedImage>(spec)
+                ? HowToDebugImage(FirmwareFile(spec, settings.firmware, settings.protocol->name).string(),
+                                  *means.debug)
+                : HowToDebugLibrary(*means.debug));
+    return MakeClient(spec, settings, std::move(host));
   };
   options.progress_ns = progress_ns;
   options.interrupted = interrupted;
@@ -137,6 +149,17 @@ WorkerResult FlyAndRecord(const FlightJob& job, WorkerReport& report, const std:
   return done;
 }
 
+constexpr std::uint8_t kAsksForNext = 1;
+
+// Of a whole result at the beginning of `bytes`, which is its size and then so many bytes.
+std::optional<std::uint64_t> BodySize(std::span<const std::uint8_t> bytes) {
+  std::uint64_t size = 0;
+  if (bytes.size() < sizeof size) return std::nullopt;
+  std::memcpy(&size, bytes.data(), sizeof size);
+  if (size == 0 || bytes.size() - sizeof size < size) return std::nullopt;
+  return size;
+}
+
 // The parent reads while the worker lives, and takes the worker with it when it ends.
 bool WriteAll(int descriptor, std::span<const std::uint8_t> bytes) {
   while (!bytes.empty()) {
@@ -148,16 +171,51 @@ bool WriteAll(int descriptor, std::span<const std::uint8_t> bytes) {
   return true;
 }
 
+// Whether the result was handed over.
+bool FlyAndHandOver(const FlightJob& job, WorkerReport& report, int channel,
+                    const std::atomic<bool>* interrupted) {
+  std::unique_ptr<Client> client;
+  const WorkerResult done = FlyAndRecord(job, report, interrupted, client);
+  const std::vector<std::uint8_t> packed = Pack(done.result);
+  const std::uint64_t size = packed.size() + 1;
+  std::vector<std::uint8_t> message(sizeof size + size);
+  std::memcpy(message.data(), &size, sizeof size);
+  message[sizeof size] = done.cut_short ? 1 : 0;
+  std::copy(packed.begin(), packed.end(), message.begin() + sizeof size + 1);
+  // A firmware may have closed what is not its own.
+  const bool handed_over = WriteAll(channel, message);
+  // Whatever it does now, its flight is judged.
+  client.reset();
+  // While the client lived, what is printed was taken for its own.
+  if (!done.recording_trouble.empty())
+    Print(stderr, "tiltproof: {}: {}\n", job.scenario.name, done.recording_trouble);
+  return handed_over;
+}
+
+// The job that the parent gives to this process next. It ends this process when it has none.
+const FlightJob* AskForNext(int channel, const KnownJobs& known) {
+  if (!WriteAll(channel, std::array{kAsksForNext})) return nullptr;
+  std::uint64_t number = 0;
+  ssize_t count = -1;
+  do {
+    count = recv(channel, &number, sizeof number, MSG_WAITALL);
+  } while (count < 0 && errno == EINTR);
+  return count == sizeof number ? known.find(number) : nullptr;
+}
+
 }  // namespace
 
 std::optional<WorkerResult> ReadWorkerResult(std::span<const std::uint8_t> bytes) {
-  std::uint64_t size = 0;
-  if (bytes.size() < sizeof size) return std::nullopt;
-  std::memcpy(&size, bytes.data(), sizeof size);
-  const auto body = bytes.subspan(sizeof size);
-  if (body.size() < size || body.empty()) return std::nullopt;
+  const auto size = BodySize(bytes);
+  if (!size) return std::nullopt;
+  const auto body = bytes.subspan(sizeof *size, *size);
   return WorkerResult{
       .cut_short = body[0] != 0, .result = UnpackFlightResult(body.subspan(1)), .recording_trouble = {}};
+}
+
+bool AsksForNext(std::span<const std::uint8_t> bytes) {
+  const auto size = BodySize(bytes);
+  return size && bytes.size() > sizeof *size + *size;
 }
 
 void WorkerReport::SetPlace(const BusPlace& place) {
@@ -172,27 +230,23 @@ std::optional<BusPlace> WorkerReport::Place() const {
   return BusPlace{domain_, tag_.data(), run_id_.data()};
 }
 
-void Work(const FlightJob& job, WorkerReport& report, int result_descriptor,
-          const std::atomic<bool>* interrupted) noexcept {
+void Work(const FlightJob& first, WorkerReport& report, int channel, const std::atomic<bool>* interrupted,
+          const KnownJobs& known) noexcept {
   // Nothing must mix with the results on standard output.
   dup2(STDERR_FILENO, STDOUT_FILENO);
-  std::unique_ptr<Client> client;
-  const WorkerResult done = FlyAndRecord(job, report, interrupted, client);
-  const std::vector<std::uint8_t> packed = Pack(done.result);
-  const std::uint64_t size = packed.size() + 1;
-  std::vector<std::uint8_t> message(sizeof size + size);
-  std::memcpy(message.data(), &size, sizeof size);
-  message[sizeof size] = done.cut_short ? 1 : 0;
-  std::copy(packed.begin(), packed.end(), message.begin() + sizeof size + 1);
-  // A firmware may have closed what is not its own.
-  const bool handed_over = WriteAll(result_descriptor, message);
-  // Whatever it does now, its flight is judged.
-  client.reset();
-  // While the client lived, what is printed was taken for its own.
-  if (!done.recording_trouble.empty())
-    Print(stderr, "tiltproof: {}: {}\n", job.scenario.name, done.recording_trouble);
+  const auto is_interrupted = [&] {
+    return interrupted != nullptr && interrupted->load(std::memory_order_relaxed);
+  };
+  const FlightJob* job = &first;
+  do {
+    report.begun = true;
+    if (!FlyAndHandOver(*job, report, channel, interrupted)) _exit(kExitWithoutResult);
+    const bool goes_on =
+        job->means.SharesWorker(job->scenario) && !FirmwareGuard::HasLeftCalls() && !is_interrupted();
+    job = goes_on ? AskForNext(channel, known) : nullptr;
+  } while (job != nullptr && !is_interrupted());
   // No destructors or exit handlers: they may be the firmware library's.
-  _exit(handed_over ? 0 : kExitWithoutResult);
+  _exit(0);
 }
 
 }  // namespace tiltproof::harness

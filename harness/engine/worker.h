@@ -1,9 +1,11 @@
-// What a worker process does: it flies one flight, scores it, lets it be recorded, and hands the result to its parent.
+// What a worker process does: it flies a flight, scores it, lets it be recorded, and hands the result to its parent; then
+// it may be given the next.
 #pragma once
 
 #include <array>
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -19,6 +21,8 @@ namespace tiltproof::harness {
 struct WorkerReport {
   // Simulation time reached, and a little more while the results are made.
   std::atomic<std::int64_t> progress_ns{0};
+  // A worker that has flown before takes its next flight later than that was given to it.
+  std::atomic<bool> begun{true};
   FirmwareGuard::Watched firmware;
 
   // Where the flight is on the bus: set by the worker before it goes there, once.
@@ -40,12 +44,22 @@ struct WorkerResult {
 };
 // Nullopt when `bytes` are not the whole of it: the worker ended before.
 std::optional<WorkerResult> ReadWorkerResult(std::span<const std::uint8_t> bytes);
+// Whether the result is followed by the word that the worker can fly another flight.
+bool AsksForNext(std::span<const std::uint8_t> bytes);
 
-// Never returns. The result is written to `result_descriptor`. `interrupted`: set by a signal, to end the flight; may be
-// null.
+// The jobs of which a worker holds a copy, since it was forked. They hold functions: a process can be told their numbers
+// only.
+struct KnownJobs {
+  std::uint64_t numbers_end = 0;
+  // In the worker. Null: it has none of this number.
+  std::function<const FlightJob*(std::uint64_t number)> find = [](std::uint64_t) { return nullptr; };
+};
+
+// Never returns. Results are written to `channel`, a socket, from which the numbers of further jobs are read, when `job`
+// may share its worker. `interrupted`: set by a signal, to end the flight; may be null.
 // Nothing is thrown: the parent's objects in this process must not be destroyed.
-[[noreturn]] void Work(const FlightJob& job, WorkerReport& report, int result_descriptor,
-                       const std::atomic<bool>* interrupted) noexcept;
+[[noreturn]] void Work(const FlightJob& job, WorkerReport& report, int channel,
+                       const std::atomic<bool>* interrupted, const KnownJobs& known) noexcept;
 
 // Exit code of a worker that could not hand over its result.
 inline constexpr int kExitWithoutResult = 77;

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
+#include <sys/socket.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -46,20 +47,21 @@ WorkerProcess::~WorkerProcess() {
     waitpid(pid_, nullptr, 0);
   }
   if (pidfd_ >= 0) close(pidfd_);
-  if (result_descriptor_ >= 0) close(result_descriptor_);
+  if (channel_ >= 0) close(channel_);
   if (report_ != nullptr) munmap(static_cast<void*>(report_), sizeof(WorkerReport));
 }
 
-std::string WorkerProcess::Start(const FlightJob& job, const std::atomic<bool>* interrupted) {
+std::string WorkerProcess::Start(const FlightJob& job, const std::atomic<bool>* interrupted,
+                                 const KnownJobs& known) {
   void* shared =
       mmap(nullptr, sizeof(WorkerReport), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
   if (shared == MAP_FAILED) return fmt::format("cannot share memory with a worker: {}", std::strerror(errno));
   report_ = new (shared) WorkerReport();
   std::array<int, 2> ends{};
-  if (pipe2(ends.data(), O_CLOEXEC) != 0)
-    return fmt::format("cannot open a pipe to a worker: {}", std::strerror(errno));
-  result_descriptor_ = ends[0];
-  fcntl(result_descriptor_, F_SETFL, O_NONBLOCK);
+  if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends.data()) != 0)
+    return fmt::format("cannot open a socket to a worker: {}", std::strerror(errno));
+  channel_ = ends[0];
+  fcntl(channel_, F_SETFL, O_NONBLOCK);
   std::fflush(nullptr);
   const pid_t parent = getpid();
   const pid_t pid = fork();
@@ -68,15 +70,38 @@ std::string WorkerProcess::Start(const FlightJob& job, const std::atomic<bool>* 
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     if (getppid() != parent) _exit(1);
     close(ends[0]);
-    Work(job, *report_, ends[1], interrupted);
+    Work(job, *report_, ends[1], interrupted, known);
   }
   const int error = errno;
   close(ends[1]);
   if (pid < 0) return fmt::format("cannot start a worker: {}", std::strerror(error));
   pid_ = pid;
   pidfd_ = static_cast<int>(syscall(SYS_pidfd_open, pid_, 0));
-  GetsOn(job, SteadyClock::now());
+  known_numbers_end_ = known.numbers_end;
+  Begin(job);
   return {};
+}
+
+bool WorkerProcess::CanGoOn(const FlightJob& job, std::uint64_t number) const {
+  return waits_ && number < known_numbers_end_ && job.means.SharesWorker(job.scenario);
+}
+
+void WorkerProcess::GoOn(const FlightJob& job, std::uint64_t number) {
+  waits_ = false;
+  report_ = new (report_) WorkerReport();
+  report_->begun = false;
+  Begin(job);
+  // When it is gone, Look() finds that.
+  send(channel_, &number, sizeof number, MSG_NOSIGNAL);
+}
+
+void WorkerProcess::Begin(const FlightJob& job) {
+  result_bytes_.clear();
+  seen_progress_ns_ = 0;
+  seen_calls_count_ = 0;
+  told_ = place_known_ = false;
+  stopped_itself_in_ = FirmwareCall::kNone;
+  GetsOn(job, SteadyClock::now());
 }
 
 void WorkerProcess::Send(int signal) const { kill(pid_, signal); }
@@ -97,10 +122,14 @@ std::optional<FlightResult> WorkerProcess::Look(const FlightJob& job,
   const pid_t ended = waitpid(pid_, &status, WNOHANG);
   ReadResult();
   if (ended == 0 || (ended < 0 && errno == EINTR)) {
+    waits_ = !stuck_ && AsksForNext(result_bytes_);
+    if (waits_) return Collect(job, 0, tell, interrupted);
     Watch(job, tell);
     return std::nullopt;
   }
   pid_ = -1;
+  left_flight_ = !report_->begun;
+  if (left_flight_) return std::nullopt;
   if (ended < 0) return ErrorResult(job, "the worker process is gone, and how it ended is not known");
   return Collect(job, status, tell, interrupted);
 }
@@ -108,7 +137,7 @@ std::optional<FlightResult> WorkerProcess::Look(const FlightJob& job,
 void WorkerProcess::ReadResult() {
   std::array<std::uint8_t, 65536> some;
   while (!result_ended_) {
-    const ssize_t count = read(result_descriptor_, some.data(), some.size());
+    const ssize_t count = read(channel_, some.data(), some.size());
     if (count < 0 && errno == EINTR) continue;
     result_ended_ = count == 0;
     if (count <= 0) return;
@@ -123,6 +152,8 @@ void WorkerProcess::GetsOn(const FlightJob& job, SteadyClock::time_point now) {
 }
 
 void WorkerProcess::Watch(const FlightJob& job, const std::function<void(const std::string&)>& tell) {
+  // It waits as long as its user thinks.
+  if (job.means.debug) return;
   const auto now = SteadyClock::now();
   const TimeNs progress = progress_ns();
   const std::uint64_t calls = report_->firmware.calls_count.load(std::memory_order_relaxed);

@@ -1,4 +1,5 @@
-// The worker process of one flight, as its parent sees it: started, watched, and in the end a result, whatever became of it.
+// A worker process, as its parent sees it: started with a flight, watched, and in the end a result, whatever became of it;
+// then perhaps given the next flight.
 #pragma once
 
 #include <sys/types.h>
@@ -20,6 +21,7 @@
 
 namespace tiltproof::harness {
 
+struct KnownJobs;
 struct WorkerReport;
 
 class WorkerProcess {
@@ -34,11 +36,17 @@ class WorkerProcess {
   WorkerProcess& operator=(const WorkerProcess&) = delete;
 
   // Empty, or why there is none.
-  std::string Start(const FlightJob& job, const std::atomic<bool>* interrupted);
-  // Reads what it says and watches it. The result, once the process has ended; `tell` gets lines for a person.
-  // `interrupted`: whether the end of the flights was asked for.
+  std::string Start(const FlightJob& job, const std::atomic<bool>* interrupted, const KnownJobs& known);
+  // Whether it waits for a flight, and this is one that it can be given.
+  bool CanGoOn(const FlightJob& job, std::uint64_t number) const;
+  void GoOn(const FlightJob& job, std::uint64_t number);
+  // Reads what it says and watches it. The result, once the process has ended or waits for a flight; `tell` gets lines
+  // for a person. `interrupted`: whether the end of the flights was asked for.
   std::optional<FlightResult> Look(const FlightJob& job, const std::function<void(const std::string&)>& tell,
                                    bool interrupted);
+  bool waits() const { return waits_; }
+  // It has ended, and has not begun the flight that it was given.
+  bool left_flight() const { return left_flight_; }
   // Where its flight is on the bus, once, when that is known.
   std::optional<BusPlace> TakePlace();
   void Send(int signal) const;
@@ -47,12 +55,13 @@ class WorkerProcess {
 
   int pidfd() const { return pidfd_; }
   // Where its result comes in; -1 when nothing comes any more.
-  int result_descriptor() const { return result_ended_ ? -1 : result_descriptor_; }
+  int result_descriptor() const { return result_ended_ ? -1 : channel_; }
   TimeNs progress_ns() const;  // simulation time
 
  private:
   using SteadyClock = std::chrono::steady_clock;
 
+  void Begin(const FlightJob& job);
   void ReadResult();
   void Watch(const FlightJob& job, const std::function<void(const std::string&)>& tell);
   void GetsOn(const FlightJob& job, SteadyClock::time_point now);
@@ -63,7 +72,11 @@ class WorkerProcess {
 
   pid_t pid_ = -1;
   int pidfd_ = -1;
-  int result_descriptor_ = -1;
+  int channel_ = -1;                     // a socket: results come in, numbers of jobs go out
+  std::uint64_t known_numbers_end_ = 0;  // of jobs that it has a copy of
+  bool waits_ = false;
+  bool left_flight_ = false;
+  // Of the present flight.
   std::vector<std::uint8_t> result_bytes_;
   bool result_ended_ = false;
   WorkerReport* report_ = nullptr;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "harness/node/board_reset.h"
 #include "harness/node/cpu_wait_watch.h"
 #include "harness/node/deaf_receiver.h"
 #include "harness/node/pty_canary.h"
@@ -80,18 +81,14 @@ class LinkRole final : public Role {
     Listen();
   }
 
-  // An emulator may begin as soon as its sockets are taken: then everybody has to be ready.
+  // An emulator may begin as soon as its sockets are taken: then everybody has to be ready. So with a board that is reset.
   void Start() override {
-    if (!link::IsSocketName(board_.device)) return;
-    for (End* end : {&client_, &reference_})
-      if (!end->socket_name.empty()) {
-        end->serial =
-            std::make_unique<link::SerialPort>(services_.loop(), end->socket_name, LinkSpec::kReferenceBaud);
-        end->line = end->serial.get();
-      }
-    if (const auto emulator = client_.serial->PeerProcess())
-      board_watch_.emplace(services_, scenario_, *emulator);
-    Listen();
+    if (link::IsSocketName(board_.device)) ConnectSockets();
+    if (!board_.reset.empty())
+      reset_.emplace(services_, board_.reset, *client_.serial, [this](const std::string& why) {
+        services_.log().Write(RunEvent{0, "board_reset", why});
+        services_.Fail(EndReason::kNodeLost, why);
+      });
   }
 
   void Flush() override {
@@ -108,6 +105,7 @@ class LinkRole final : public Role {
     timer_.cancel();
     canary_.reset();
     board_watch_.reset();
+    reset_.reset();
     const BootTime now = Now();
     const Origin origin = line_->origin().known() ? line_->origin() : Origin(now);
     if (const std::string trouble = reference_talk_->Trouble(); !trouble.empty() && !line_->origin().known())
@@ -153,6 +151,18 @@ class LinkRole final : public Role {
       end.line = &end.pty->master();
       ports.push_back({name, end.pty->slave_path()});
     }
+  }
+
+  void ConnectSockets() {
+    for (End* end : {&client_, &reference_})
+      if (!end->socket_name.empty()) {
+        end->serial =
+            std::make_unique<link::SerialPort>(services_.loop(), end->socket_name, LinkSpec::kReferenceBaud);
+        end->line = end->serial.get();
+      }
+    if (const auto emulator = client_.serial->PeerProcess())
+      board_watch_.emplace(services_, scenario_, *emulator);
+    Listen();
   }
 
   void Listen() {
@@ -295,6 +305,7 @@ class LinkRole final : public Role {
   boost::asio::steady_timer timer_;
   std::unique_ptr<PtyCanary> canary_;
   std::optional<CpuWaitWatch> board_watch_;  // of a program of the user's that plays the board
+  std::optional<BoardReset> reset_;
   bool armed_ = false;
   // When the plant got the last bytes that it has not answered yet.
   BootTime asked_plant_ns_ = BootTime::Never();

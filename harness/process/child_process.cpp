@@ -12,7 +12,9 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
+#include <charconv>
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
@@ -118,11 +120,21 @@ struct Start {
   unsigned source_count;
   int trouble;   // where to write errno; as high
   pid_t parent;  // to die with; 0 for none
+  int guard;     // where to write its process id as a line, before it can start another process; -1: nowhere
 };
+
+void TellGuard(int guard) {
+  std::array<char, 16> line;
+  auto [end, error] = std::to_chars(line.data(), line.data() + line.size() - 1, getpid());
+  *end++ = '\n';
+  [[maybe_unused]] const ssize_t written =
+      write(guard, line.data(), static_cast<std::size_t>(end - line.data()));
+}
 
 [[noreturn]] void RunChild(const Start& start) {
   if (start.parent != 0) DieWithParent(start.parent);
   setpgid(0, 0);
+  if (start.guard >= 0) TellGuard(start.guard);
   // Handlers do not survive execve, but ignored signals would.
   struct sigaction action {};
   action.sa_handler = SIG_DFL;
@@ -197,7 +209,7 @@ void DieWithParent(pid_t parent) {
   if (getppid() != parent) _exit(kExitNotStarted);
 }
 
-ChildProcess::ChildProcess(const ChildSpec& spec, bool outlives_us) {
+void ChildProcess::Run(const ChildSpec& spec, bool outlives_us, int guard_line) {
   const std::string program = FindProgram(spec);
   std::vector<std::string> arguments = spec.command, environment = Environment(spec);
   const std::vector<char*> argument_pointers = Pointers(arguments),
@@ -233,7 +245,8 @@ ChildProcess::ChildProcess(const ChildSpec& spec, bool outlives_us) {
   if (trouble_copy.get() < 0) Refuse(spec, std::strerror(errno));
 
   pid_ = Fork({program.c_str(), argument_pointers.data(), environment_pointers.data(), sources.data(),
-               static_cast<unsigned>(sources.size()), trouble_copy.get(), outlives_us ? 0 : getpid()});
+               static_cast<unsigned>(sources.size()), trouble_copy.get(), outlives_us ? 0 : getpid(),
+               guard_line});
   if (pid_ < 0) Refuse(spec, std::strerror(errno));
   trouble_copy = Descriptor();
   trouble.write = Descriptor();
@@ -253,19 +266,31 @@ ChildProcess::ChildProcess(const ChildSpec& spec, bool outlives_us) {
     if (end >= 0) fcntl(end, F_SETFL, O_NONBLOCK);
 }
 
-ChildProcess::ChildProcess(const ChildSpec& spec) : ChildProcess(spec, false) {
-  if (!spec.guard_group) return;
-  Pipe line = MakePipe(spec);
-  // It waits for the end of file that our end brings, be it by our close or by our death.
-  const ChildSpec guard{
-      .command = {"/bin/sh", "-c", "read line <&3 || kill -s KILL -- \"-$1\"", "guard", std::to_string(pid_)},
-      .environment = {},
-      .output = ChildSpec::kNull,
-      .error = ChildSpec::kNull,
-      .descriptors = {line.read.get()}};
-  guard_.reset(new ChildProcess(guard, true));
+ChildProcess::ChildProcess(const ChildSpec& spec, bool outlives_us) {
+  Pipe line;
+  if (spec.guard_group) {
+    line = MakePipe(spec);
+    // The child tells it its group. Then it waits for the end of file that our end brings, be it by our close or by
+    // our death.
+    const ChildSpec guard{
+        .command = {"/bin/sh", "-c", "read group <&3 && { read line <&3 || kill -s KILL -- \"-$group\"; }"},
+        .environment = {},
+        .output = ChildSpec::kNull,
+        .error = ChildSpec::kNull,
+        .descriptors = {line.read.get()}};
+    guard_.reset(new ChildProcess(guard, true));
+    line.read = Descriptor();
+  }
+  try {
+    Run(spec, outlives_us, line.write.get());
+  } catch (...) {
+    EndGuard();
+    throw;
+  }
   guard_line_ = line.write.Release();
 }
+
+ChildProcess::ChildProcess(const ChildSpec& spec) : ChildProcess(spec, false) {}
 
 ChildProcess::~ChildProcess() {
   Stop(kGrace);
@@ -331,6 +356,11 @@ void ChildProcess::Stop(milliseconds grace) {
     Reap(pid_, WNOHANG);
     reaped_ = true;
   }
+  EndGuard();
+}
+
+// Before its line ends: it would kill a group that is gone, or another of that number.
+void ChildProcess::EndGuard() {
   if (guard_) {
     guard_->SignalGroup(SIGKILL);
     guard_.reset();

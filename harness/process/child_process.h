@@ -83,6 +83,8 @@ class ChildProcess {
 
  private:
   ChildProcess(const ChildSpec& spec, bool outlives_us);
+  void Run(const ChildSpec& spec, bool outlives_us, int guard_line);
+  void EndGuard();
   bool WaitEnd(std::chrono::milliseconds timeout) const;
 
   pid_t pid_ = -1;

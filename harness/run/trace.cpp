@@ -114,16 +114,14 @@ std::span<double> Trace::AppendRow() {
 
 std::string TraceHash(const Trace& trace) {
   std::uint64_t hash = kFnvOffset;
-  const auto add = [&](const void* data, std::size_t size) {
-    hash = Fnv1a({static_cast<const std::uint8_t*>(data), size}, hash);
-  };
-  for (const auto& column : trace.columns()) add(column.c_str(), column.size() + 1);
+  for (const auto& column : trace.columns())
+    hash = Fnv1a({reinterpret_cast<const std::uint8_t*>(column.c_str()), column.size() + 1}, hash);
   for (std::size_t r = 0; r < trace.row_count(); ++r) {
     for (const double value : trace.row(r)) {
       // All NaN are one: the file keeps no payload.
-      const auto bits =
-          std::bit_cast<std::uint64_t>(std::isnan(value) ? std::numeric_limits<double>::quiet_NaN() : value);
-      add(&bits, sizeof bits);
+      hash = Fnv1a(
+          std::bit_cast<std::uint64_t>(std::isnan(value) ? std::numeric_limits<double>::quiet_NaN() : value),
+          hash);
     }
   }
   return fmt::format("{:016x}", hash);

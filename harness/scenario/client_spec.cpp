@@ -19,8 +19,10 @@ constexpr std::array<ClientForm, 5> kForms = {{
      "an image for the STM32F4 on an emulated board; without one, or as qemu:executive or qemu:freertos, the "
      "shipped one. After an image: ,main=usartN ,reference=usartN ,console=usartN (2, 3 and 1)"},
     {"process:CMD", "a program with serial ports, {port} and {reference_port} in CMD; --mode realtime"},
-    {"serial:DEV[,REFDEV]",
-     "a board on serial devices, or on sockets (unix:PATH): main line, reference line; --mode realtime"},
+    {"serial:DEV[,REFDEV][,reset=HOW]",
+     "a board on serial devices, or on sockets (unix:PATH): main line, reference line; --mode realtime. HOW "
+     "resets "
+     "the board before each flight: dtr, rts (lines of DEV), or a command, up to the end"},
 }};
 
 // In the order of ClientSpec.
@@ -77,18 +79,22 @@ EmulatedImage ReadImage(std::string_view rest) {
   return image;
 }
 
-SerialBoard ReadBoard(const std::string& devices) {
+SerialBoard ReadBoard(const std::string& text) {
+  constexpr std::string_view kReset = ",reset=";
+  const std::size_t reset = text.find(kReset);
+  const std::string devices = text.substr(0, reset);
   const std::size_t comma = devices.find(',');
   SerialBoard board;
+  if (reset != std::string::npos) board.reset = text.substr(reset + kReset.size());
+  if (reset != std::string::npos && board.reset.empty())
+    throw ClientMistake("reset= needs dtr, rts or a command, for example reset=st-flash reset");
   board.device = devices.substr(0, comma);
   if (comma != std::string::npos) board.reference_device = devices.substr(comma + 1);
-  if (board.reference_device.starts_with("reset=") || devices.find(",reset=") != std::string::npos)
-    throw ClientMistake(
-        "reset=: this version cannot reset a board; leave it out, and reset the board when the flight asks "
-        "for it");
   if (board.device.empty() || (comma != std::string::npos && board.reference_device.empty()) ||
       board.reference_device.find(',') != std::string::npos)
-    throw ClientMistake("must be serial:DEVICE or serial:DEVICE,DEVICE");
+    throw ClientMistake(
+        "must be serial:DEVICE or serial:DEVICE,DEVICE, then perhaps ,reset=dtr, ,reset=rts or "
+        ",reset=COMMAND");
   return board;
 }
 
@@ -115,7 +121,8 @@ std::string TextOf(const EmulatedImage& image) {
 }
 std::string TextOf(const Program& program) { return "process:" + program.command; }
 std::string TextOf(const SerialBoard& board) {
-  return "serial:" + board.device + (board.reference_device.empty() ? "" : ",") + board.reference_device;
+  return "serial:" + board.device + (board.reference_device.empty() ? "" : ",") + board.reference_device +
+         (board.reset.empty() ? "" : ",reset=") + board.reset;
 }
 
 void Add(const HostLibrary& library, ClientAbilities& abilities) {

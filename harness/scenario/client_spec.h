@@ -43,6 +43,9 @@ struct Program {
 // A board on serial ports of this machine, or on the sockets of an emulator.
 struct SerialBoard {
   std::string device, reference_device;  // /dev/..., unix:PATH; the second may be empty
+  // How to reset it before each flight: "dtr" or "rts", lines of the first device's adapter, or a command for sh -c.
+  // Empty: a person does.
+  std::string reset = {};
   friend bool operator==(const SerialBoard&, const SerialBoard&) = default;
 };
 

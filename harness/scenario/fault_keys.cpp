@@ -20,7 +20,7 @@ using faults::ParameterValue;
 using faults::Target;
 using link::MessageKind;
 
-constexpr std::array kMessages = {MessageKind::kStart, MessageKind::kSensors, MessageKind::kActuators,
+constexpr std::array kMessages = {MessageKind::kStart, MessageKind::kRequest, MessageKind::kActuators,
                                   MessageKind::kReply, MessageKind::kReference};
 
 const std::vector<Alternative>& Types() {
@@ -57,14 +57,16 @@ void DescribeTarget(KeyVisitor& v, const FaultType& type, FaultSpec& fault) {
 }
 
 void DescribeMessage(KeyVisitor& v, FaultSpec& fault) {
-  std::array<std::string_view, kMessages.size()> words;
+  std::array<std::string_view, kMessages.size() + 1> words;
   std::optional<std::size_t> index;
   for (std::size_t i = 0; i < kMessages.size(); ++i) {
     words[i] = Name(kMessages[i]);
     if (fault.message == kMessages[i]) index = i;
   }
-  v.Choice({"message", "Only frames of this kind; absent: all"}, words, index);
-  if (index) fault.message = kMessages[*index];
+  words.back() = "sensors";
+  v.Choice({"message", "Only frames of this kind; absent: all. `sensors` is another word for `request`"},
+           words, index);
+  if (index) fault.message = *index < kMessages.size() ? kMessages[*index] : MessageKind::kRequest;
 }
 
 // Faults that act on one client's line, samples or board.

@@ -42,6 +42,15 @@ extern const struct Plant {
 extern std::vector<double> input;
 extern Disturbance push;
 
+// link/fields.h
+struct Restart {
+  TimeNs time_ns = 0;
+  std::string cause;
+  TILTPROOF_FIELDS(time_ns, cause)
+};
+extern Restart restart, another;
+extern const examples::Function Print;
+
 // link/frame.h
 extern std::span<const std::uint8_t> received;
 
@@ -272,6 +281,10 @@ double ValueOf(std::string_view signal);
 // harness/formula/formula.h
 extern const std::vector<std::string> signals;
 
+// harness/node/board_reset.h
+extern NodeServices& services;
+extern link::SerialPort& port;
+
 // harness/node/cpu_wait.h
 extern TimeNs late_after_ns;
 
@@ -321,6 +334,9 @@ extern const std::filesystem::path folder_a, folder_b;
 // harness/report/machine.h
 extern RunInfo info;
 
+// harness/report/json_fields.h
+extern const harness::Restart restart;
+
 // harness/report/outcomes.h
 extern const std::filesystem::path golden_folder;
 extern const FlightResult result;
@@ -367,9 +383,9 @@ extern TimeNs flown_ns, end_ns;
 extern dds::Publisher<dds::FaultCommand> commands;
 extern const dds::FaultCommand message;
 
-// harness/run/realtime/outcome.h
+// harness/run/realtime/ending.h
 #include "harness/run/realtime/members.h"
-extern Outcome outcome;
+extern Ending ending;
 extern Members members;
 extern OwnTime::SteadyClock::time_point now;
 extern TimeNs sim_ns;

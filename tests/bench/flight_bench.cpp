@@ -122,7 +122,7 @@ void FlyAndScore(benchmark::State& state) {
 }
 BENCHMARK(FlyAndScore)->UseManualTime()->Unit(benchmark::kMillisecond);
 
-void FlyByEngine(benchmark::State& state) {
+void FlyByEngine(benchmark::State& state, const HostLibrary& library) {
   const auto model = std::make_shared<const plant::VehicleModel>(Model());
   TimeFlights(state, [&] {
     Engine engine({.jobs_count = static_cast<int>(state.range(0))});
@@ -132,13 +132,23 @@ void FlyByEngine(benchmark::State& state) {
                     .model = model,
                     .means = {},
                     .replay = {}};
-      job.means.clients.all = HostLibrary{TILTPROOF_FIRMWARE_LIBRARY};
+      job.means.clients.all = library;
       engine.Submit(std::move(job));
     }
     while (!engine.idle()) engine.Turn();
   });
 }
-BENCHMARK(FlyByEngine)->Arg(1)->Arg(2)->UseManualTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(FlyByEngine, shipped, HostLibrary{})
+    ->Arg(1)
+    ->Arg(2)
+    ->UseManualTime()
+    ->Unit(benchmark::kMillisecond);
+// A process for each flight.
+BENCHMARK_CAPTURE(FlyByEngine, users, HostLibrary{TILTPROOF_FIRMWARE_LIBRARY})
+    ->Arg(1)
+    ->Arg(2)
+    ->UseManualTime()
+    ->Unit(benchmark::kMillisecond);
 
 }  // namespace
 }  // namespace tiltproof::harness

@@ -71,7 +71,7 @@ TEST(ScheduleTest, OtherMessagesAreNeitherSeenNorCounted) {
   std::vector<std::int64_t> dropped;
   for (std::int64_t n = 0; n < 12; ++n) {
     std::vector<link::Chunk> chunks = {Frame(n)};
-    chunks[0].kind = n % 3 == 0 ? link::MessageKind::kSensors : link::MessageKind::kActuators;
+    chunks[0].kind = n % 3 == 0 ? link::MessageKind::kRequest : link::MessageKind::kActuators;
     schedule.Filter(link::Direction::kToPlant)->Apply(chunks);
     if (chunks.empty()) dropped.push_back(n);
   }

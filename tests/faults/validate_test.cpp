@@ -72,7 +72,7 @@ TEST(ValidateTest, AMessageMustTravelOnTheTarget) {
   spec.target = Target::kBoth;
   EXPECT_THAT(Validate(spec), IsEmpty());
   spec.message = MessageKind::kUnknown;
-  EXPECT_THAT(Validate(spec), Says("message", "start, sensors, actuators, reply"));
+  EXPECT_THAT(Validate(spec), Says("message", "start, request, actuators, reply"));
   spec = Spec("link.silence");
   spec.target = Target::kNone;  // both by default
   spec.message = MessageKind::kStart;

@@ -79,13 +79,13 @@ INSTANTIATE_TEST_SUITE_P(
         Golden{"PaperStart", Dialect::kPaper, EncodeStart(Dialect::kPaper, kActuators), "7e0000803fbf407e",
                MessageKind::kStart, kStart},
         Golden{"PaperRead", Dialect::kPaper, EncodeReadSensors(Dialect::kPaper), "7e0000004040407e",
-               MessageKind::kSensors, kRead},
+               MessageKind::kRequest, kRead},
         Golden{"PaperActuators", Dialect::kPaper, EncodeActuators(Dialect::kPaper, kActuators),
                "7e00004040cf662441787a2441000080bc0000003ff09f7e", MessageKind::kActuators, kAct},
         Golden{"ProvantStart", Dialect::kProvant, EncodeStart(Dialect::kProvant, kActuators),
                "7e00004040cf662441787a2441000080bc0000003ff09f7e", MessageKind::kStart, kStartAndAct},
         Golden{"ProvantRead", Dialect::kProvant, EncodeReadSensors(Dialect::kProvant), "7e0000803fbf407e",
-               MessageKind::kSensors, kRead},
+               MessageKind::kRequest, kRead},
         Golden{"ProvantActuators", Dialect::kProvant, EncodeActuators(Dialect::kProvant, kActuators),
                "7e00000000cf662441787a2441000080bc0000003f70d67e", MessageKind::kActuators, kAct}),
     [](const auto& test) { return std::string(test.param.name); });
@@ -327,7 +327,7 @@ TEST(Names, AreThoseOfScenarioFilesAndLogs) {
   EXPECT_EQ(Name(Dialect::kPaper), "paper");
   EXPECT_EQ(Name(Dialect::kProvant), "provant");
   EXPECT_EQ(Name(MessageKind::kStart), "start");
-  EXPECT_EQ(Name(MessageKind::kSensors), "sensors");
+  EXPECT_EQ(Name(MessageKind::kRequest), "request");
   EXPECT_EQ(Name(MessageKind::kActuators), "actuators");
   EXPECT_EQ(Name(MessageKind::kReply), "reply");
   EXPECT_EQ(Name(MessageKind::kReference), "reference");

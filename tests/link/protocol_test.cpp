@@ -59,7 +59,7 @@ Said ByHand(Dialect dialect, Direction direction, const Bytes& payload) {
       said.status = DecodeClientMessage(dialect, payload, message);
       if (said.status != MessageStatus::kOk) break;
       said.kind = message.start          ? MessageKind::kStart
-                  : message.read_sensors ? MessageKind::kSensors
+                  : message.read_sensors ? MessageKind::kRequest
                                          : MessageKind::kActuators;
       if (message.has_actuators) said.values = BitsOf(&message.actuators, kActuatorCount);
       break;

@@ -237,7 +237,7 @@ TEST(WireTest, AFilterSeesEachFrameWithItsMessage) {
     bytes.insert(bytes.end(), {0x7E, 1, 2, 3, 0x7E});
     kinds.clear();
     wire.Transmit(BootTime(), bytes);
-    EXPECT_THAT(kinds, ElementsAre(MessageKind::kStart, MessageKind::kSensors, MessageKind::kActuators,
+    EXPECT_THAT(kinds, ElementsAre(MessageKind::kStart, MessageKind::kRequest, MessageKind::kActuators,
                                    MessageKind::kUnknown));
   }
   kinds.clear();

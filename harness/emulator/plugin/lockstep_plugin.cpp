@@ -86,6 +86,7 @@ struct Plugin {
   Stall stall{};         // under way, or the last
   std::deque<FlipBits> flips;
   Timer flip_timer;
+  Timer break_timer;
   std::int64_t last_slept_ns = 0;                // or was made to stand still
   ResetCause pending_cause = ResetCause::kNone;  // of the reset that was asked for
   Watchdog watchdog;
@@ -296,6 +297,9 @@ void OnFlipTimer(void* /*opaque*/) {
   }
 }
 
+// On the processor's thread, between two instructions: it stops at once.
+void OnBreakTimer(void* /*opaque*/) { vm_stop(kRunStatePaused); }
+
 // --- taking turns ---
 
 template <class Body>
@@ -342,6 +346,9 @@ void TakeCommands() {
       }
       case Kind::kDumpState:
         Send(Kind::kState, DumpState(plugin.cpu));
+        break;
+      case Kind::kBreak:
+        plugin.break_timer.Set(As<Break>(body).at_ns);
         break;
       case Kind::kWriteCode: {
         const auto code = As<WriteCode>(body);
@@ -429,6 +436,7 @@ void Begin(void* cpu, RunOnCpuData /*data*/) {
   plugin.horizon.Init(OnHorizon, nullptr);
   plugin.stall_timer.Init(OnStallTimer, nullptr);
   plugin.flip_timer.Init(OnFlipTimer, nullptr);
+  plugin.break_timer.Init(OnBreakTimer, nullptr);
   plugin.watchdog.Init(OnWatchdog);
   plugin.reset_flags.Init();
   qemu_register_reset(OnReset, nullptr);

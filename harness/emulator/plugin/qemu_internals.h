@@ -31,6 +31,7 @@ void* object_resolve_path(const char* path, bool* ambiguous);
 void* sysbus_mmio_get_region(void* device, int number);
 void qemu_register_reset(void (*)(void*), void*);
 void qemu_system_reset(int cause);
+int vm_stop(int run_state);
 void* qemu_allocate_irq(void (*handler)(void*, int line, int level), void*, int line);
 void qdev_connect_gpio_out_named(void* device, const char* name, int line, void* irq);
 
@@ -79,6 +80,7 @@ namespace tiltproof::qemu {
 inline constexpr int kClockVirtual = 1;         // QEMU_CLOCK_VIRTUAL
 inline constexpr int kScaleNs = 1;              // SCALE_NS
 inline constexpr int kAnyAttribute = ~0;        // QEMU_TIMER_ATTR_ALL
+inline constexpr int kRunStatePaused = 4;       // RUN_STATE_PAUSED
 inline constexpr int kCauseSystemReset = 3;     // SHUTDOWN_CAUSE_HOST_QMP_SYSTEM_RESET
 inline constexpr int kMemOp32LittleEndian = 2;  // MO_32 | MO_LE
 

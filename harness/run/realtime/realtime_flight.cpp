@@ -17,11 +17,11 @@
 #include "harness/run/client_history.h"
 #include "harness/run/flight.h"
 #include "harness/run/merge_logs.h"
+#include "harness/run/realtime/ending.h"
 #include "harness/run/realtime/log_messages.h"
 #include "harness/run/realtime/members.h"
 #include "harness/run/realtime/node_faults.h"
 #include "harness/run/realtime/node_processes.h"
-#include "harness/run/realtime/outcome.h"
 #include "harness/run/run_id.h"
 #include "harness/terminal/terminal.h"
 
@@ -73,7 +73,7 @@ class RealtimeConductor {
   void Restart(const std::string& role);
   void Join(Member& member, const std::string& id, const dds::Participant& participant);
 
-  void End(EndReason reason, const std::string& text) { outcome_.End(reason, text, sim_ns_); }
+  void End(EndReason reason, const std::string& text) { ending_.End(reason, text, sim_ns_); }
   void Note(const std::string& kind, const std::string& text) { events_.push_back({sim_ns_, kind, text}); }
   const Scenario& scenario_;
   const plant::VehicleModel& model_;
@@ -110,7 +110,7 @@ class RealtimeConductor {
   TimeNs sim_ns_ = 0;
   SteadyClock::time_point sim_seen_;
   SteadyClock::time_point started_;
-  Outcome outcome_;
+  Ending ending_;
   std::vector<RunEvent> events_;
 };
 
@@ -155,7 +155,7 @@ RunLog RealtimeConductor::Run() {
     GatherLogs();
   } catch (const Interrupted&) {
     flown = SteadyClock::now();
-    outcome_.Interrupt(sim_ns_);
+    ending_.Interrupt(sim_ns_);
     try {
       GatherLogs();
     } catch (const std::exception&) {
@@ -166,9 +166,9 @@ RunLog RealtimeConductor::Run() {
   }
   if (processes_) processes_->StopAll();
 
-  RunLog log = collector_->Take(outcome_.end_ns());
-  log.end_reason = outcome_.reason();
-  log.end_text = outcome_.text();
+  RunLog log = collector_->Take(ending_.end_ns());
+  log.end_reason = ending_.reason();
+  log.end_text = ending_.text();
   if (log.end_reason == EndReason::kCompleted) log.end_ns = scenario_.duration_ns;
   log.wall_s = std::chrono::duration<double>(flown - (running_ ? started_ : began)).count();
   log.hover_input = model_.HoverInput();
@@ -199,11 +199,11 @@ void RealtimeConductor::Conduct() {
   FindNodes();
   Prepare();
   Command(dds::Verb::kArm, ports_, false);
-  if (outcome_.ended()) return;
+  if (ending_.ended()) return;
   started_ = sim_seen_ = SteadyClock::now();
   // Bytes from before do not count, and a board says `start` but once. An emulator's socket is connected only now.
   if (const auto* board = std::get_if<SerialBoard>(&options_.client);
-      !options_.attach && board != nullptr && !board->device.starts_with("unix:"))
+      !options_.attach && board != nullptr && board->reset.empty() && !board->device.starts_with("unix:"))
     Print(stderr, "tiltproof: listening to the board: switch it on, or reset it, now\n");
   Command(dds::Verb::kStart, {}, false);
   FlyToTheEnd();
@@ -214,10 +214,10 @@ void RealtimeConductor::FindNodes() {
   std::string missing;
   const bool found = Await(kFindLimit, [&] {
     // One that ended while it began has printed why.
-    return outcome_.ended() || members_.Adopt(nodes_->Nodes(), processes_ ? &*processes_ : nullptr,
-                                              !AbilitiesOf(options_.client, true).node, run_id_, missing);
+    return ending_.ended() || members_.Adopt(nodes_->Nodes(), processes_ ? &*processes_ : nullptr,
+                                             !AbilitiesOf(options_.client, true).node, run_id_, missing);
   });
-  if (outcome_.ended()) throw std::runtime_error(outcome_.text());
+  if (ending_.ended()) throw std::runtime_error(ending_.text());
   if (!found)
     throw std::runtime_error(fmt::format(
         "no {} was heard within {} s{}", missing, kFindLimit.count() / 1000,
@@ -281,7 +281,7 @@ std::map<std::string, dds::RunAck> RealtimeConductor::Command(dds::Verb verb,
            answers_[member.id].contains(command.sequence);
   };
   const bool all = Await(kCommandLimit, [&] {
-    return (outcome_.ended() && !tolerate_lost) ||
+    return (ending_.ended() && !tolerate_lost) ||
            std::all_of(members_.all().begin(), members_.all().end(), answered);
   });
   std::map<std::string, dds::RunAck> answers;
@@ -289,18 +289,18 @@ std::map<std::string, dds::RunAck> RealtimeConductor::Command(dds::Verb verb,
     if (!only.empty() && member.id != only) continue;
     const auto found = answers_[member.id].find(command.sequence);
     if (found == answers_[member.id].end()) {
-      if (!all && !member.lost && !outcome_.ended())
+      if (!all && !member.lost && !ending_.ended())
         End(EndReason::kNodeLost, fmt::format("the {} node did not answer `{}` within {} s", member.id,
                                               Name(verb), kCommandLimit.count() / 1000));
       continue;
     }
     // A firmware that crashes while it is loaded tells so itself, once the flight has begun; this is ours.
-    if (!found->second.ok && !outcome_.ended())
+    if (!found->second.ok && !ending_.ended())
       End(EndReason::kHarnessError,
           fmt::format("the {} node cannot {}: {}", member.id, Name(verb), found->second.text));
     answers.emplace(member.id, found->second);
   }
-  if (outcome_.ended() && !tolerate_lost) throw std::runtime_error(outcome_.text());
+  if (ending_.ended() && !tolerate_lost) throw std::runtime_error(ending_.text());
   return answers;
 }
 
@@ -315,7 +315,7 @@ bool RealtimeConductor::Await(milliseconds limit, const std::function<bool()>& d
 
 void RealtimeConductor::Turn() {
   if (options_.interrupted != nullptr && options_.interrupted->load(std::memory_order_relaxed) &&
-      (!outcome_.ended() || outcome_.reason() != EndReason::kInterrupted))
+      (!ending_.ended() || ending_.reason() != EndReason::kInterrupted))
     throw Interrupted{};
   Beat();
   loop_.run_one_for(kTurn);
@@ -336,7 +336,7 @@ void RealtimeConductor::Turn() {
   if (!collector_->overfull().empty()) End(EndReason::kHarnessError, collector_->overfull());
   OnStates();
   WatchMembers();
-  outcome_.Settle(SteadyClock::now(), members_.AnySilent());
+  ending_.Settle(SteadyClock::now(), members_.AnySilent());
 }
 
 void RealtimeConductor::Beat() {
@@ -353,17 +353,17 @@ void RealtimeConductor::OnStates() {
     const bool of_plant = state.node_id == members_.Find(NodeKind::kPlant)->id;
     if (of_plant && state.origin_ns != 0) running_ = true;
     if (of_plant && state.phase == dds::Phase::kFinished && state.origin_ns != 0) {
-      outcome_.Believe();
+      ending_.Believe();
       for (const EndReason reason : {EndReason::kCompleted, EndReason::kDiverged, EndReason::kGroundStrike})
-        if (Name(reason) == state.end_reason) outcome_.End(reason, state.text, state.time_ns);
+        if (Name(reason) == state.end_reason) ending_.End(reason, state.text, state.time_ns);
     }
     if (state.phase == dds::Phase::kFailed) {
       for (const EndReason reason :
            {EndReason::kFirmwareHung, EndReason::kFirmwareCrashed, EndReason::kFirmwareLost,
             EndReason::kNodeLost, EndReason::kLineOverfull})
         if (Name(reason) == state.end_reason)
-          outcome_.Hear(reason, fmt::format("{} (at {:.3f} s)", state.text, ToSeconds(sim_ns_)), sim_ns_,
-                        SteadyClock::now());
+          ending_.Hear(reason, fmt::format("{} (at {:.3f} s)", state.text, ToSeconds(sim_ns_)), sim_ns_,
+                       SteadyClock::now());
     }
   }
 }
@@ -399,11 +399,11 @@ void RealtimeConductor::WatchMembers() {
 
 void RealtimeConductor::FlyToTheEnd() {
   const auto duration = std::chrono::nanoseconds(scenario_.duration_ns);
-  while (!outcome_.ended()) {
+  while (!ending_.ended()) {
     Turn();
     CarryOutFaults();
     const auto now = SteadyClock::now();
-    if (outcome_.ended()) break;
+    if (ending_.ended()) break;
     if (!running_ && now - started_ > duration) {
       End(EndReason::kNeverStarted, NeverStartedText(scenario_));
     } else if (running_ && now - started_ > 2 * duration + kOverdueLimit) {
@@ -438,11 +438,11 @@ void RealtimeConductor::Restart(const std::string& role) {
     const auto participant = processes_->ParticipantOf(role);
     if (participant && !joined) Join(member, id, *participant);
     joined = participant.has_value();
-    return outcome_.ended() || (joined && HasTakenScenario(member));
+    return ending_.ended() || (joined && HasTakenScenario(member));
   });
   if (!back) End(EndReason::kNodeLost, fmt::format("the {} node did not come back", role));
   for (const dds::Verb verb : {dds::Verb::kPrepare, dds::Verb::kArm, dds::Verb::kStart}) {
-    if (outcome_.ended()) return;
+    if (ending_.ended()) return;
     Command(verb, verb == dds::Verb::kArm ? ports_ : std::vector<dds::Port>{}, true, member.id);
   }
 }

@@ -4,15 +4,24 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
+#include <sys/mman.h>
 #include <unistd.h>
 
+#include <array>
+#include <atomic>
 #include <chrono>
+#include <cstddef>
+#include <functional>
 #include <future>
+#include <map>
 #include <memory>
+#include <set>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "harness/client/firmware_guard.h"
 #include "harness/client/library_client.h"
 #include "harness/run/flight.h"
 
@@ -21,6 +30,7 @@ namespace {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 
 std::shared_ptr<const plant::VehicleModel> Model() {
   static const auto model = [] {
@@ -42,6 +52,12 @@ FlightJob Job(const std::string& name, double duration_s = 3) {
   lost.start_ns = kNsPerS;
   lost.end_ns = kNsPerS + 20 * kNsPerMs;
   job.scenario.faults = {lost};
+  return job;
+}
+
+// The same firmware as a user's file: every flight has a process of its own.
+FlightJob UsersJob(const std::string& name, double duration_s = 3) {
+  FlightJob job = Job(name, duration_s);
   job.means.clients.all = HostLibrary{TILTPROOF_FIRMWARE_LIBRARY};
   return job;
 }
@@ -161,6 +177,263 @@ TEST(Engine, TheEndOfTheEngineIsTheEndOfItsWorkers) {
   }
   EXPECT_THROW(flown.get(), std::future_error);
   EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(60));
+}
+
+// Which process flew each flight, as the process itself says.
+class Pids {
+ public:
+  Pids()
+      : shared_(static_cast<Shared*>(
+            mmap(nullptr, sizeof(Shared), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0))) {}
+  ~Pids() { munmap(shared_, sizeof(Shared)); }
+  Pids(const Pids&) = delete;
+  Pids& operator=(const Pids&) = delete;
+
+  // `then` runs in the worker.
+  FlightJob Note(
+      FlightJob job, std::size_t place, const std::function<void()>& then = [] {}) const {
+    job.recorder.begin = [shared = shared_, place, then](const Scenario&) {
+      shared->at(place) = getpid();
+      then();
+    };
+    return job;
+  }
+  pid_t operator[](std::size_t place) const { return shared_->at(place); }
+
+ private:
+  using Shared = std::array<std::atomic<pid_t>, 8>;
+  Shared* shared_;
+};
+
+TEST(Engine, OneProcessFliesTheShippedFirmwareAgainAndAgain) {
+  const Pids pids;
+  Engine engine({});
+  std::vector<std::future<FlightResult>> flown;
+  for (std::size_t i = 0; i < 4; ++i)
+    flown.push_back(engine.Submit(pids.Note(Job("flight-" + std::to_string(i), 1), i)));
+  TurnToTheEnd(engine);
+  EXPECT_NE(pids[0], getpid());
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_EQ(pids[i], pids[0]);
+    EXPECT_EQ(flown[i].get().name, "flight-" + std::to_string(i));
+  }
+}
+
+TEST(Engine, AUsersLibraryFliesInAFreshProcess) {
+  const Pids pids;
+  Engine engine({});
+  engine.Submit(pids.Note(Job("shipped", 1), 0));
+  engine.Submit(pids.Note(UsersJob("users", 1), 1));
+  engine.Submit(pids.Note(UsersJob("users-again", 1), 2));
+  engine.Submit(pids.Note(Job("shipped-again", 1), 3));
+  TurnToTheEnd(engine);
+  for (std::size_t i = 1; i < 4; ++i) EXPECT_NE(pids[i], pids[i - 1]) << i;
+}
+
+// All builds of the firmware, both protocols, healthy and in trouble.
+std::vector<FlightJob> AllSorts() {
+  std::vector<FlightJob> jobs = {Job("paper"),   Job("longer", 4), Job("tolerant"), Job("published"),
+                                 Job("provant"), Job("shaken"),    Job("reset"),    Job("broken")};
+  jobs[2].scenario.firmware = "tolerant";
+  jobs[3].scenario.firmware = "paper_published";
+  jobs[4].scenario.link.protocol = link::FindProtocol("provant");
+  jobs[5].scenario.faults[0].type = "wire.bit_error";
+  jobs[5].scenario.faults[0].target = faults::Target::kBoth;
+  jobs[5].scenario.faults[0].parameters["ber"] = 1e-3;
+  jobs[6].scenario.faults[0].type = "device.reset";
+  jobs[6].scenario.faults[0].end_ns = kNever;
+  jobs[6].scenario.faults[0].parameters["boot_ms"] = 20.0;
+  jobs[7].scenario.firmware = "no such build";
+  return jobs;
+}
+
+TEST(Engine, AFlightDoesNotDependOnThoseBeforeIt) {
+  const auto flown_by = [](int jobs_count, std::vector<FlightJob> jobs) {
+    Engine engine({.jobs_count = jobs_count});
+    std::vector<std::future<FlightResult>> futures;
+    for (FlightJob& job : jobs) futures.push_back(engine.Submit(std::move(job)));
+    TurnToTheEnd(engine);
+    std::vector<FlightResult> results;
+    for (auto& future : futures) {
+      results.push_back(future.get());
+      results.back().wall_s = results.back().real_time_factor = 0;
+    }
+    return results;
+  };
+  std::vector<FlightResult> fresh;
+  std::set<std::string> hashes;
+  for (const FlightJob& job : AllSorts()) {
+    fresh.push_back(flown_by(1, {job}).at(0));
+    hashes.insert(fresh.back().trace_hash);
+  }
+  EXPECT_EQ(fresh[0].trace_hash, Here(Job("paper")).trace_hash);
+  EXPECT_EQ(hashes.size(), fresh.size()) << "they all differ";
+
+  for (const int jobs_count : {1, 2}) {
+    for (const std::size_t step : {1, 3, 7}) {
+      std::vector<FlightJob> jobs;
+      for (std::size_t i = 0; i < fresh.size(); ++i) jobs.push_back(AllSorts()[i * step % fresh.size()]);
+      const std::vector<FlightResult> results = flown_by(jobs_count, jobs);
+      for (std::size_t i = 0; i < fresh.size(); ++i)
+        EXPECT_EQ(Pack(results[i]), Pack(fresh[i * step % fresh.size()])) << jobs[i].name;
+    }
+  }
+}
+
+TEST(Engine, AWorkerThatIsKilledInItsSecondFlightCostsThatFlight) {
+  const Pids pids;
+  Engine engine({});
+  auto first = engine.Submit(pids.Note(Job("first", 1), 0));
+  auto lost = engine.Submit(pids.Note(Job("lost", 1), 1, [] { kill(getpid(), SIGKILL); }));
+  auto third = engine.Submit(pids.Note(Job("third", 1), 2)),
+       fourth = engine.Submit(pids.Note(Job("fourth", 1), 3));
+  TurnToTheEnd(engine);
+  EXPECT_EQ(first.get().trace_hash, Here(Job("first", 1)).trace_hash);
+  EXPECT_EQ(pids[1], pids[0]);
+  EXPECT_THAT(lost.get().score.reason,
+              HasSubstr("the worker process was killed by signal 9 (Killed) at 0.000 s of the flight"));
+  EXPECT_NE(pids[2], pids[0]);
+  EXPECT_EQ(pids[3], pids[2]);
+  EXPECT_EQ(third.get().trace_hash, Here(Job("third", 1)).trace_hash);
+  EXPECT_EQ(fourth.get().trace_hash, Here(Job("fourth", 1)).trace_hash);
+}
+
+TEST(Engine, AWorkerThatDiesBetweenTwoFlightsCostsNone) {
+  const Pids pids;
+  std::vector<std::string> told;
+  Engine engine({.on_finished =
+                     [&](const FlightJob& job, const FlightResult&) {
+                       if (job.name == "first") kill(pids[0], SIGKILL);
+                     },
+                 .tell = [&](const std::string& line) { told.push_back(line); }});
+  auto first = engine.Submit(pids.Note(Job("first", 1), 0)),
+       second = engine.Submit(pids.Note(Job("second", 1), 1));
+  TurnToTheEnd(engine);
+  EXPECT_EQ(first.get().trace_hash, Here(Job("first", 1)).trace_hash);
+  EXPECT_EQ(second.get().trace_hash, Here(Job("second", 1)).trace_hash);
+  EXPECT_NE(pids[1], pids[0]);
+  EXPECT_THAT(told, IsEmpty());
+}
+
+TEST(Engine, AWorkerWhoseFirmwareWasStoppedFliesNoMore) {
+  const Pids pids;
+  Engine engine({});
+  FlightJob job = pids.Note(Job("first", 1), 0);
+  job.recorder.end = [](const Scenario&, const RunLog&, const FlightResult&) {
+    EXPECT_THROW(FirmwareGuard::Call(FirmwareCall::kStatus, [] { raise(SIGSEGV); }), FirmwareTrouble);
+  };
+  auto first = engine.Submit(std::move(job)), second = engine.Submit(pids.Note(Job("second", 1), 1));
+  TurnToTheEnd(engine);
+  EXPECT_EQ(first.get().trace_hash, second.get().trace_hash);
+  EXPECT_NE(pids[1], pids[0]);
+}
+
+TEST(Engine, WhatCannotBeRecordedCostsNoWorker) {
+  const Pids pids;
+  Engine engine({});
+  FlightJob job = pids.Note(Job("full-disk", 1), 0);
+  job.recorder.end = [](const Scenario&, const RunLog&, const FlightResult&) {
+    throw std::runtime_error("no space left on device");
+  };
+  auto first = engine.Submit(std::move(job)), second = engine.Submit(pids.Note(Job("second", 1), 1));
+  TurnToTheEnd(engine);
+  EXPECT_EQ(first.get().score.reason, "the flight's results are missing: no space left on device");
+  EXPECT_EQ(second.get().trace_hash, Here(Job("second", 1)).trace_hash);
+  EXPECT_EQ(pids[1], pids[0]);
+}
+
+TEST(Engine, WhatComesLaterFliesToo) {
+  const Pids pids;
+  std::vector<std::future<FlightResult>> later;
+  Engine* in_use = nullptr;
+  Engine engine({.on_finished = [&](const FlightJob& job, const FlightResult&) {
+    if (job.name == "first") later.push_back(in_use->Submit(pids.Note(Job("later", 1), 2)));
+  }});
+  in_use = &engine;
+  auto first = engine.Submit(pids.Note(Job("first", 1), 0)),
+       second = engine.Submit(pids.Note(Job("second", 1), 1));
+  TurnToTheEnd(engine);
+  EXPECT_EQ(pids[1], pids[0]);
+  EXPECT_NE(pids[2], pids[0]) << "it was forked without it";
+  later.push_back(engine.Submit(pids.Note(Job("much-later", 1), 3)));
+  TurnToTheEnd(engine);
+  EXPECT_EQ(later.at(0).get().name, "later");
+  EXPECT_EQ(later.at(1).get().name, "much-later");
+}
+
+TEST(Engine, WhatIsDroppedWhenAFlightEndsNeverFlies) {
+  Engine* in_use = nullptr;
+  Engine engine({.on_finished = [&](const FlightJob&, const FlightResult&) {
+    EXPECT_THAT(in_use->DropWaiting(), ElementsAre("second", "third"));
+  }});
+  in_use = &engine;
+  auto first = engine.Submit(Job("first", 1)), second = engine.Submit(Job("second", 1)),
+       third = engine.Submit(Job("third", 1));
+  TurnToTheEnd(engine);
+  EXPECT_EQ(first.get().name, "first");
+  EXPECT_THROW(second.get(), std::future_error);
+  EXPECT_THROW(third.get(), std::future_error);
+}
+
+std::atomic<bool> interrupted{false};
+
+class InterruptedEngine : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    interrupted = false;
+    was_ = signal(SIGINT, [](int) { interrupted = true; });
+  }
+  void TearDown() override { signal(SIGINT, was_); }
+
+ private:
+  void (*was_)(int) = nullptr;
+};
+
+TEST_F(InterruptedEngine, KeepsThePartOfItsFlightAndBeginsNoOther) {
+  Engine engine({.interrupted = &interrupted});
+  auto first = engine.Submit(Job("first", 1)), second = engine.Submit(Job("second", 3600)),
+       third = engine.Submit(Job("third", 1));
+  while (!engine.idle()) {
+    engine.Turn();
+    const auto progress = engine.progress();
+    if (!interrupted && !progress.empty() && progress[0].name == "second" && progress[0].flown_s > 1)
+      raise(SIGINT);
+  }
+  EXPECT_EQ(first.get().end_reason, EndReason::kCompleted);
+  const FlightResult cut = second.get();
+  EXPECT_EQ(cut.end_reason, EndReason::kInterrupted);
+  EXPECT_FALSE(cut.trace_hash.empty());
+  EXPECT_THAT(engine.DropWaiting(), ElementsAre("third"));
+  EXPECT_THROW(third.get(), std::future_error);
+}
+
+TEST_F(InterruptedEngine, ASignalToAWorkerAloneCostsItsFlight) {
+  const Pids pids;
+  Engine engine({.interrupted = &interrupted});
+  auto first = engine.Submit(pids.Note(Job("first", 1), 0)),
+       second = engine.Submit(pids.Note(Job("second", 1), 1, [] { raise(SIGINT); })),
+       third = engine.Submit(pids.Note(Job("third", 1), 2));
+  TurnToTheEnd(engine);
+  EXPECT_EQ(first.get().end_reason, EndReason::kCompleted);
+  EXPECT_EQ(pids[1], pids[0]);
+  EXPECT_THAT(second.get().score.reason, HasSubstr("a signal ended the worker process alone"));
+  EXPECT_EQ(third.get().end_reason, EndReason::kCompleted);
+  EXPECT_NE(pids[2], pids[0]);
+}
+
+TEST_F(InterruptedEngine, ASignalToAWorkerBetweenTwoFlightsCostsNone) {
+  const Pids pids;
+  Engine engine({.on_finished =
+                     [&](const FlightJob& job, const FlightResult&) {
+                       if (job.name == "first") kill(pids[0], SIGINT);
+                     },
+                 .interrupted = &interrupted});
+  auto first = engine.Submit(pids.Note(Job("first", 1), 0)),
+       second = engine.Submit(pids.Note(Job("second", 1), 1));
+  TurnToTheEnd(engine);
+  EXPECT_EQ(first.get().end_reason, EndReason::kCompleted);
+  EXPECT_EQ(second.get().end_reason, EndReason::kCompleted);
+  EXPECT_NE(pids[1], pids[0]);
 }
 
 TEST(FlightResult, ComesBackToTheBit) {

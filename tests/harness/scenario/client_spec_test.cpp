@@ -63,7 +63,8 @@ TEST(ClientSpec, AMistakeSaysWhatToWrite) {
   EXPECT_EQ(Mistake("serial:"), "names nothing");
   EXPECT_EQ(Mistake("library"), "names nothing");
   EXPECT_THAT(Mistake("serial:a,b,c"), HasSubstr("serial:DEVICE,DEVICE"));
-  EXPECT_THAT(Mistake("serial:a,reset=dtr"), HasSubstr("reset="));
+  EXPECT_THAT(Mistake("serial:a,reset="), HasSubstr("reset=st-flash reset"));
+  EXPECT_THAT(Mistake("serial:,reset=dtr"), HasSubstr("serial:DEVICE"));
   EXPECT_THAT(Mistake("qemu,main=usart1"), HasSubstr("qemu:executive,main=usart1"));
   EXPECT_THAT(Mistake("qemu:"), HasSubstr("qemu:FILE.elf"));
   EXPECT_THAT(Mistake("qemu:x.elf,main=usart9"), HasSubstr("N from 1 to 6"));

@@ -343,6 +343,15 @@ TEST_F(ReaderTest, FaultsThatMakeTooManyBytesTogether) {
                                          HasSubstr("'d18' make more than 8 MiB of each frame reference"))));
 }
 
+TEST_F(ReaderTest, SensorsIsAnotherWordForTheRequest) {
+  for (const std::string word : {"request", "sensors"}) {
+    const Scenario s = Read(With("faults: [{id: a, message: " + word +
+                                 ", type: wire.bit_error, target: to_plant, parameters: {ber: 0.1}}]\n"));
+    EXPECT_EQ(s.faults.at(0).message, link::MessageKind::kRequest);
+    EXPECT_THAT(WriteResolved(s), HasSubstr("message: request"));
+  }
+}
+
 TEST_F(ReaderTest, FaultsInThemselvesAndTogether) {
   const std::string wire = "type: wire.bit_error, target: to_client, parameters: {ber: 0.1}";
   EXPECT_THAT(ErrorsWith("faults:\n  - {id: a, " + wire + "}\n  - {id: a, " + wire + "}\n"),

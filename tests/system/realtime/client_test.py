@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import tty
 import unittest
@@ -182,6 +183,50 @@ class ClientTest(unittest.TestCase):
 
     def test_board_with_its_main_port_alone(self):
         self.fly_board_to_the_end(1)
+
+    def board_that_can_be_reset(self, masters):
+        """A board in a thread: each line in the pipe `reset` starts it again. Returns the pipe's path and the starts so far."""
+        reset, boards = self.folder / "reset", []
+        os.mkfifo(reset)
+        pipe = os.open(reset, os.O_RDWR)
+
+        def work():
+            while os.read(pipe, 1) == b"r":
+                end()
+                boards.append(subprocess.Popen([FIRMWARE, LIBRARY, *(f"fd:{master}" for master in masters)], pass_fds=masters,
+                                               stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
+
+        def end():
+            for board in boards:
+                board.kill()
+                board.wait()
+        thread = threading.Thread(target=work)
+        thread.start()
+        self.addCleanup(lambda: (os.write(pipe, b"e"), thread.join(), end(), os.close(pipe)))
+        return reset, boards
+
+    def test_board_that_is_reset_by_a_command_before_each_flight(self):
+        devices, masters, _, _ = self.cables(2)
+        reset, boards = self.board_that_can_be_reset(masters)
+        folder = self.folder / "twice"
+        folder.mkdir()
+        flight = Flight(PROGRAM, folder, write_hover(folder, duration_s=2), "--repeat", "2", "--client", f"serial:{','.join(devices)},reset=printf r >{reset}")
+        self.addCleanup(flight.end)
+        code = flight.wait(60)
+        self.assertEqual(len(boards), 2, flight.text())
+        self.assertIn(code, (0, 4), flight.text())
+        self.assertNotIn("switch it on", flight.text())
+        results = flight.run_results()
+        self.assertEqual([result["end_reason"] for result in results], ["completed", "completed"], flight.text())
+
+    def test_board_that_cannot_be_reset(self):
+        devices, _, _, _ = self.cables(1)
+        for how, reason in (("echo no probe; exit 3", "reset=echo no probe; exit 3: exited with code 3: no probe"), ("dtr", "no line DTR can be set here")):
+            flight = self.start(f"serial:{devices[0]},reset={how}")
+            self.assertEqual(flight.wait(20), 3, flight.text())
+            self.assertIn(reason, flight.result()["reason"])
+            self.assertEqual(flight.result()["verdict"], "error")
+            self.check(flight)
 
     def refused(self, client, code, *texts, **options):
         flight = self.start(client, **options)

@@ -65,7 +65,7 @@ TEST(ReorderTest, OtherMessagesDoNotCount) {
   std::vector<std::uint64_t> order;
   for (std::int64_t n = 0; n < 5; ++n) {
     std::vector<link::Chunk> chunks = {Frame(n)};
-    chunks[0].kind = n % 3 == 0 ? link::MessageKind::kActuators : link::MessageKind::kSensors;
+    chunks[0].kind = n % 3 == 0 ? link::MessageKind::kActuators : link::MessageKind::kRequest;
     schedule.Filter(link::Direction::kToPlant)->Apply(chunks);
     for (const auto& chunk : chunks) order.push_back(chunk.number);
   }

@@ -1,9 +1,9 @@
 // Decides how a real-time flight ends, and what caused it. Several nodes may report the same failure, and
 // those affected by a dead node often report before its death is seen.
 //
-//   outcome.Hear(EndReason::kNodeLost, "the plant's port is gone", sim_ns, now);   // a node's report
-//   outcome.Settle(now, members.AnySilent());                                      // on every turn
-//   outcome.End(EndReason::kNodeLost, "the link node was killed", sim_ns);         // seen by the harness
+//   ending.Hear(EndReason::kNodeLost, "the plant's port is gone", sim_ns, now);   // a node's report
+//   ending.Settle(now, members.AnySilent());                                      // on every turn
+//   ending.End(EndReason::kNodeLost, "the link node was killed", sim_ns);         // seen by the harness
 #pragma once
 
 #include <chrono>
@@ -14,7 +14,7 @@
 
 namespace tiltproof::harness {
 
-class Outcome {
+class Ending {
  public:
   using Clock = std::chrono::steady_clock;
   // How long to wait before a node's report that something went away is believed. When a node dies, others

@@ -1,0 +1,180 @@
+#!/usr/bin/env python3
+"""Flights that wait for a debugger. It is played by a few lines of GDB's remote protocol, and by ptrace for a library.
+Usage: debug_test.py TILTPROOF SOURCE_DIR"""
+import ctypes
+import json
+import os
+import pathlib
+import re
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+PROGRAM, SOURCE = (pathlib.Path(sys.argv.pop(1)).resolve() for _ in range(2))
+PTRACE_CONT, PTRACE_ATTACH = 7, 16
+WALL = 0x40000000
+SCENARIO = """\
+name: hover
+duration_s: 3
+reference: {type: hover, at_m: [0, 0, 2]}
+criteria:
+  - {name: near, stl: "always(position_error_m <= 0.5)"}
+"""
+
+
+def free_port():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        return server.getsockname()[1]
+
+
+class RemoteDebugger:
+    """GDB's remote serial protocol (GDB manual, appendix E)."""
+
+    def __init__(self, port):
+        self.socket = socket.create_connection(("127.0.0.1", port), timeout=60)
+        self.received = b""
+
+    def send(self, text):
+        body = text.encode()
+        self.socket.sendall(b"$" + body + b"#%02x" % (sum(body) & 255))
+
+    def packet(self):
+        """The next one; none when the emulator is gone."""
+        while not (packet := re.search(rb"\$([^#]*)#..", self.received)):
+            try:
+                got = self.socket.recv(4096)
+            except ConnectionResetError:
+                got = b""
+            if not got:
+                return None
+            self.received += got
+        self.received = self.received[packet.end():]
+        self.socket.sendall(b"+")
+        return packet.group(1).decode()
+
+    def ask(self, text):
+        self.send(text)
+        return self.packet()
+
+    def registers(self):
+        answer = self.ask("g")
+        while answer.startswith("T"):  # it had not quite stopped
+            answer = self.packet()
+        return answer
+
+    def program_counter(self):
+        return int.from_bytes(bytes.fromhex(self.registers())[60:64], "little")
+
+    def registers_at_stops(self):
+        """All registers at each stop, until the flight is over. The first is that of the connection."""
+        stops = []
+        self.ask("?")
+        while True:
+            stops.append(self.registers())
+            self.send("c")
+            if self.packet() is None:
+                self.socket.close()
+                return stops
+
+
+class DebugTest(unittest.TestCase):
+    def setUp(self):
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="tiltproof-debug-"))
+        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
+        (self.folder / "hover.yaml").write_text(SCENARIO)
+
+    def start(self, *arguments):
+        """Until it says that it waits. Returns the process and the line."""
+        run = subprocess.Popen([PROGRAM, "run", "hover.yaml", "--format", "jsonl", *arguments], cwd=self.folder, text=True,
+                               stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        self.addCleanup(run.wait)
+        self.addCleanup(run.kill)
+        self.addCleanup(run.stdout.close)
+        self.addCleanup(run.stderr.close)
+        for line in run.stderr:
+            if "debugger" in line:
+                return run, line
+        self.fail("it does not wait")
+
+    def result(self, run):
+        out, err = run.communicate(timeout=120)
+        self.assertEqual(run.returncode, 0, err)
+        return json.loads(out.splitlines()[0])
+
+    def fly(self, *arguments):
+        return self.result(subprocess.Popen([PROGRAM, "run", "hover.yaml", "--format", "jsonl", *arguments], cwd=self.folder, text=True,
+                                            stdout=subprocess.PIPE, stderr=subprocess.PIPE))
+
+    def connect(self, port):
+        # The emulator opens the port a moment after the flight says that it waits.
+        end = time.monotonic() + 60
+        while True:
+            try:
+                return RemoteDebugger(port)
+            except ConnectionRefusedError:
+                self.assertLess(time.monotonic(), end)
+
+    def test_emulated_processor_at_power_on(self):
+        port = free_port()
+        run, line = self.start("--client", "qemu", "--gdb", str(port))
+        self.assertIn(f"target remote :{port}", line)
+        debugger = self.connect(port)
+        self.assertRegex(debugger.ask("?"), "^T05")
+        # At the reset vector: the second word of the image's table, without its Thumb bit.
+        self.assertEqual(debugger.program_counter(), int.from_bytes(bytes.fromhex(debugger.ask("m8000004,4")), "little") & ~1)
+        debugger.send("c")
+        self.assertIsNone(debugger.packet())
+        debugger.socket.close()
+        self.assertEqual(self.result(run)["trace_hash"], self.fly("--client", "qemu")["trace_hash"])
+
+    def test_emulated_processor_in_flight(self):
+        seen = []
+        for _ in range(2):
+            port = free_port()
+            run, line = self.start("--client", "qemu", "--gdb", str(port), "--gdb-at", "1.5")
+            self.assertIn("at 1.5 s of the flight", line)
+            # It may be there before the time: then it is stopped twice.
+            seen.append(self.connect(port).registers_at_stops()[-1])
+            result = self.result(run)
+        self.assertEqual(*seen)
+        self.assertEqual(result["trace_hash"], self.fly("--client", "qemu")["trace_hash"])
+
+    def test_library(self):
+        results = []
+        for arguments in ((), ("--gdb-at", "1.5")):
+            run, line = self.start("--gdb", *arguments)
+            pid = int(re.search(r"gdb -p (\d+)", line).group(1))
+            libc = ctypes.CDLL(None, use_errno=True)
+            self.assertEqual(libc.ptrace(PTRACE_ATTACH, pid, None, None), 0, os.strerror(ctypes.get_errno()))
+            os.waitpid(pid, WALL)
+            # Once it has a debugger it goes on; signals of its own are passed on.
+            signal_number = 0
+            while libc.ptrace(PTRACE_CONT, pid, None, signal_number) == 0:
+                _, status = os.waitpid(pid, WALL)
+                if not os.WIFSTOPPED(status):
+                    break
+                signal_number = os.WSTOPSIG(status)
+            results.append(self.result(run)["trace_hash"])
+        self.assertEqual(set(results), {self.fly()["trace_hash"]})
+
+    def test_port_that_is_taken(self):
+        with socket.create_server(("127.0.0.1", 0)) as server:
+            run = subprocess.run([PROGRAM, "run", "hover.yaml", "--client", "qemu", "--gdb", str(server.getsockname()[1])], cwd=self.folder,
+                                 capture_output=True, text=True, check=False, timeout=120)
+        self.assertEqual(run.returncode, 3)
+        self.assertIn("Address already in use", run.stdout + run.stderr)
+
+    def test_what_cannot_be_debugged(self):
+        for arguments, reason in ((["--repeat", "2"], "2 flights"), (["--mode", "realtime"], "only in lockstep"), (["--distributed"], "only in lockstep")):
+            run = subprocess.run([PROGRAM, "run", "hover.yaml", *arguments, "--gdb"], cwd=self.folder, capture_output=True, text=True, check=False,
+                                 timeout=120)
+            self.assertEqual(run.returncode, 2)
+            self.assertIn(reason, run.stderr)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
