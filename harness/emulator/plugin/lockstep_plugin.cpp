@@ -40,6 +40,7 @@
 
 #include "harness/emulator/lockstep_protocol.h"
 #include "harness/emulator/plugin/arguments.h"
+#include "harness/emulator/plugin/command.h"
 #include "harness/emulator/plugin/peripherals.h"
 #include "harness/emulator/plugin/processor.h"
 #include "harness/emulator/plugin/qemu_internals.h"
@@ -94,11 +95,6 @@ struct Plugin {
   bool begun = false;
 };
 Plugin& plugin = *new Plugin;
-
-[[noreturn]] void Die(const char* what) {
-  std::fprintf(stderr, "lockstep plug-in: %s\n", what);
-  _exit(1);
-}
 
 // --- the socket ---
 
@@ -301,14 +297,6 @@ void OnFlipTimer(void* /*opaque*/) {
 void OnBreakTimer(void* /*opaque*/) { vm_stop(kRunStatePaused); }
 
 // --- taking turns ---
-
-template <class Body>
-Body As(const std::vector<std::uint8_t>& bytes) {
-  Body body{};
-  if (bytes.size() < sizeof(body)) Die("a command is too short: harness and plug-in of different builds?");
-  std::memcpy(&body, bytes.data(), sizeof(body));
-  return body;
-}
 
 // Carries out commands until the harness grants time.
 void TakeCommands() {
