@@ -281,6 +281,10 @@ class EmulatorClient final : public Client {
       OnRegisters(message.As<lockstep::UsartRegisters>());
     } else if (message.kind == lockstep::Kind::kTransmit) {
       OnTransmitted(message.All<lockstep::TransmittedByte>());
+    } else if (message.kind == lockstep::Kind::kLastWords) {
+      const auto words = message.As<lockstep::LastWords>();
+      last_words_ =
+          ExplainReset(words, std::string(message.body.begin() + sizeof words, message.body.end()), *source_);
     } else if (message.kind == lockstep::Kind::kEvent) {
       OnEvent(message.As<lockstep::Event>());
     }
@@ -366,6 +370,7 @@ class EmulatorClient final : public Client {
       case lockstep::EventKind::kReset:
         out.kind = kResetEvent;
         out.text = fmt::format("reset by {}", Name(static_cast<lockstep::ResetCause>(event.value)));
+        if (!last_words_.empty()) out.text += ": " + std::exchange(last_words_, {});
         break;
       case lockstep::EventKind::kStallBegins:
         out.fault = event.value;
@@ -436,6 +441,7 @@ class EmulatorClient final : public Client {
   };
   std::array<Overruns, 2> overruns_;  // of main and reference line, not told yet
   std::string console_;
+  std::string last_words_;  // of a firmware that is being reset
   TimeNs now_ = 0;          // virtual time
   TimeNs last_active_ = 0;  // when it last slept or sent
   Origin origin_;           // known once the flight has started

@@ -27,14 +27,15 @@ enum class Kind : std::uint32_t {
   kRun,         // Run
   kBreak,       // Break
   // From the plug-in.
-  kHello,     // Hello
-  kTransmit,  // TransmittedByte[]
-  kUsart,     // UsartRegisters
-  kEvent,     // Event
-  kMemory,    // the bytes
-  kState,     // text: the processor's registers
-  kSent,      // SentBytes
-  kStopped,   // Stopped
+  kHello,      // Hello
+  kTransmit,   // TransmittedByte[]
+  kUsart,      // UsartRegisters
+  kEvent,      // Event
+  kMemory,     // the bytes
+  kState,      // text: the processor's registers
+  kSent,       // SentBytes
+  kLastWords,  // LastWords, then the processor's registers as text
+  kStopped,    // Stopped
 };
 
 struct Header {
@@ -93,6 +94,12 @@ struct WriteCode {
 // How many bytes each USART has sent since power-on, connected or not, USART1 first.
 struct SentBytes {
   std::uint64_t count[6];
+};
+
+// Of a firmware that is about to be reset by itself or its watchdog.
+struct LastWords {
+  std::uint32_t faults[5];  // CFSR, HFSR, DFSR, MMFAR, BFAR
+  std::uint32_t stack[128];
 };
 
 struct Run {

@@ -217,9 +217,8 @@ std::string Interrupted(const ExceptionFrame& frame, const SourceLines& source) 
   return source.Describe(frame.pc) + CalledFrom(source, frame.link);
 }
 
-std::string FaultSentence(EmulatorProcess& board, const FaultRegisters& faults,
-                          const std::vector<ExceptionFrame>& frames, const SourceLines& source,
-                          const CpuState& state) {
+std::string FaultSentence(const FaultRegisters& faults, const std::vector<ExceptionFrame>& frames,
+                          const SourceLines& source, const CpuState& state) {
   std::string what = FaultText(faults);
   if (what.empty()) what = state.exception() == 2 ? "NMI" : "a fault without a cause in CFSR and HFSR";
   for (const ExceptionFrame& frame : frames) {
@@ -228,10 +227,13 @@ std::string FaultSentence(EmulatorProcess& board, const FaultRegisters& faults,
     if (!IsFault(frame.exception())) break;
     what += ", in " + HandlerName(frame.exception());
   }
-  if (frames.empty() && !IsRam(state.stack_pointer() - 4))
-    what += fmt::format("; the stack pointer, 0x{:08x}, lies outside RAM: the stack has overflowed{}",
-                        state.stack_pointer(), LastCall(board, source));
   return what;
+}
+
+std::string Overflow(EmulatorProcess& board, const SourceLines& source, const CpuState& state) {
+  if (IsRam(state.stack_pointer() - 4)) return "";
+  return fmt::format("; the stack pointer, 0x{:08x}, lies outside RAM: the stack has overflowed{}",
+                     state.stack_pointer(), LastCall(board, source));
 }
 
 }  // namespace
@@ -267,15 +269,14 @@ Findings Examine(EmulatorProcess& board, const ElfSymbols& symbols, const Source
                     frame.address, frame.pc, frame.link, frame.r0, frame.r1, frame.r2, frame.r3, frame.r12,
                     frame.xpsr, Interrupted(frame, source)));
 
+  const std::string fault = FaultSentence(faults, frames, source, *state) + Overflow(board, source, *state);
   if (condition == Condition::kLockedUp) {
     // The fault that could not be taken; the registers are those of its instruction.
-    found.reason = fmt::format("the processor locked up at {}{}: {}", where,
-                               found.in_fault_handler ? ", in " + HandlerName(state->exception()) : "",
-                               FaultSentence(board, faults, frames, source, *state));
-  } else if (found.in_fault_handler) {
     found.reason =
-        fmt::format("{}; {}, {}, does not end", FaultSentence(board, faults, frames, source, *state),
-                    HandlerName(state->exception()), where);
+        fmt::format("the processor locked up at {}{}: {}", where,
+                    found.in_fault_handler ? ", in " + HandlerName(state->exception()) : "", fault);
+  } else if (found.in_fault_handler) {
+    found.reason = fmt::format("{}; {}, {}, does not end", fault, HandlerName(state->exception()), where);
   } else {
     const char* what = condition == Condition::kBusy    ? "it is in"
                        : IsAfterWfi(board, state->pc()) ? "it sleeps (WFI) in"
@@ -302,6 +303,19 @@ Findings Examine(EmulatorProcess& board, const ElfSymbols& symbols, const Source
     text.remove_prefix(std::min(end + 1, text.size()));
   }
   return found;
+}
+
+std::string ExplainReset(const lockstep::LastWords& words, std::string_view registers,
+                         const SourceLines& source) {
+  const auto state = ParseCpuState(registers);
+  if (!state) return "";
+  const std::string where = "in " + Position(source, *state);
+  if (!IsFault(state->exception())) return where;
+  const FaultRegisters faults{
+      .cfsr = words.faults[0], .hfsr = words.faults[1], .mmfar = words.faults[3], .bfar = words.faults[4]};
+  const std::vector<std::uint32_t> stack(std::begin(words.stack), std::end(words.stack));
+  const auto frames = FindExceptionFrames(*state, [&](std::uint32_t, std::uint32_t) { return stack; });
+  return FaultSentence(faults, frames, source, *state) + "; " + where;
 }
 
 std::string UsartSummary(EmulatorProcess& board, const UsartRoles& roles) {

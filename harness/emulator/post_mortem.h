@@ -9,6 +9,7 @@
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "harness/emulator/cpu_state.h"
@@ -37,6 +38,10 @@ struct Findings {
 
 Findings Examine(EmulatorProcess& board, const ElfSymbols& symbols, const SourceLines& source,
                  const UsartRoles& roles, Condition condition, std::int64_t now_ns);
+
+// What a firmware did that was reset by itself or its watchdog: the fault that it has taken, if any, and where it was.
+std::string ExplainReset(const lockstep::LastWords& words, std::string_view registers,
+                         const SourceLines& source);
 
 // Where the processor is: "ReadSensor (main.c:123), LR in main (main.c:200)", or a handler's name instead of LR.
 std::string Position(const SourceLines& source, const CpuState& state);

@@ -43,7 +43,9 @@
 #include "harness/emulator/plugin/arguments.h"
 #include "harness/emulator/plugin/character_device.h"
 #include "harness/emulator/plugin/chip.h"
+#include "harness/emulator/plugin/command.h"
 #include "harness/emulator/plugin/harness_socket.h"
+#include "harness/emulator/plugin/processor.h"
 #include "harness/emulator/plugin/qemu_internals.h"
 
 namespace tiltproof::qemu {
@@ -93,12 +95,9 @@ struct Plugin {
 };
 Plugin& plugin = *new Plugin;
 
-[[noreturn]] void Die(const char* what) {
-  std::fprintf(stderr, "lockstep plug-in: %s\n", what);
-  _exit(1);
-}
-
 // --- to the harness ---
+
+void Send(Kind kind, const std::string& body) { plugin.socket.Send(kind, body.data(), body.size()); }
 
 void SendEvent(EventKind kind, std::uint32_t value, std::uint32_t address = 0, std::uint8_t before = 0,
                std::uint8_t after = 0) {
@@ -222,11 +221,20 @@ void Reset(ResetCause cause) {
   async_run_on_cpu(plugin.cpu, ResetWork, {});
 }
 
-void OnWatchdog() { Reset(ResetCause::kWatchdog); }
+// Between two instructions, right before the reset.
+void TellLastWords(void* cpu, RunOnCpuData /*data*/) { Send(Kind::kLastWords, LastWordsOf(cpu)); }
+
+void ResetByItself(ResetCause cause) {
+  if (plugin.pending_cause == ResetCause::kNone && !plugin.arguments.realtime)
+    async_run_on_cpu(plugin.cpu, TellLastWords, {});
+  Reset(cause);
+}
+
+void OnWatchdog() { ResetByItself(ResetCause::kWatchdog); }
 
 // The firmware has set SYSRESETREQ (PM0214, section 4.4.5).
 void OnResetRequest(void* /*opaque*/, int /*line*/, int level) {
-  if (level != 0 && plugin.pending_cause == ResetCause::kNone) Reset(ResetCause::kSoftware);
+  if (level != 0 && plugin.pending_cause == ResetCause::kNone) ResetByItself(ResetCause::kSoftware);
 }
 
 void OnStallTimer(void* /*opaque*/) {
@@ -255,24 +263,6 @@ void OnFlipTimer(void* /*opaque*/) {
 void OnBreakTimer(void* /*opaque*/) { vm_stop(kRunStatePaused); }
 
 // --- taking turns ---
-
-template <class Body>
-Body As(const std::vector<std::uint8_t>& bytes) {
-  Body body{};
-  if (bytes.size() < sizeof(body)) Die("a command is too short: harness and plug-in of different builds?");
-  std::memcpy(&body, bytes.data(), sizeof(body));
-  return body;
-}
-
-void SendState() {
-  char* text = nullptr;
-  std::size_t size = 0;
-  std::FILE* file = open_memstream(&text, &size);
-  cpu_dump_state(plugin.cpu, file, 0);
-  std::fclose(file);
-  plugin.socket.Send(Kind::kState, text, size);
-  std::free(text);
-}
 
 // Carries out commands until the harness grants time.
 void TakeCommands() {
@@ -304,13 +294,12 @@ void TakeCommands() {
       case Kind::kReadMemory: {
         const auto read = As<ReadMemory>(body);
         std::vector<std::uint8_t> bytes(std::min(read.size, kBodyBytesMax));
-        address_space_rw(cpu_get_address_space(plugin.cpu, 0), read.address, 0, bytes.data(), bytes.size(),
-                         false);
+        ReadAsProcessor(plugin.cpu, read.address, bytes.data(), bytes.size());
         plugin.socket.Send(Kind::kMemory, bytes.data(), bytes.size());
         break;
       }
       case Kind::kDumpState:
-        SendState();
+        Send(Kind::kState, DumpState(plugin.cpu));
         break;
       case Kind::kWriteCode: {
         const auto code = As<WriteCode>(body);

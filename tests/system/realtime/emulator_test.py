@@ -185,7 +185,7 @@ class EmulatorTest(unittest.TestCase):
         wait_until(lambda: len(one := self.processors(emulator)) == 1 and one.pop().isdigit(), 5, lambda: self.processors(emulator))
         flight.end()
         # One that never sleeps would have its devices wait.
-        flight = self.start(f"qemu:{write_image(self.folder / 'busy.elf', 0x08000041)}", duration_s=10)
+        flight = self.start(f"qemu:{write_image(self.folder / 'busy.elf', ENDLESS_LOOP)}", duration_s=10)
         flight.wait_flying()
         emulator = self.emulators(flight)[0]
         wait_until(lambda: not any(one.isdigit() for one in self.processors(emulator)), 8, lambda: self.processors(emulator))
