@@ -80,17 +80,17 @@ constexpr Emulated kYes = Emulated::kYes, kZero = Emulated::kReadsZero, kNo = Em
 constexpr bool kOtherChip = false;
 
 // RM0090, table 1, and the private peripheral bus (PM0214, table 37). What is emulated: hw/arm/stm32f405_soc.c
-// of QEMU 7.2, and harness/emulator/plugin/peripherals.h.
+// of QEMU 7.2, and harness/emulator/plugin.
 constexpr auto kBlocks = std::to_array<Block>({
     {{"TIM2", 0x4000'0000, kUsual, kYes}, kTimer},
     {{"TIM3", 0x4000'0400, kUsual, kYes}, kTimer},
     {{"TIM4", 0x4000'0800, kUsual, kYes}, kTimer},
     {{"TIM5", 0x4000'0C00, kUsual, kYes}, kTimer},
-    {{"TIM6", 0x4000'1000, kUsual, kZero}, kTimer},
-    {{"TIM7", 0x4000'1400, kUsual, kZero}, kTimer},
-    {{"TIM12", 0x4000'1800, kUsual, kZero}, kTimer},
-    {{"TIM13", 0x4000'1C00, kUsual, kZero}, kTimer},
-    {{"TIM14", 0x4000'2000, kUsual, kZero}, kTimer},
+    {{"TIM6", 0x4000'1000, kUsual, kYes}, kTimer},
+    {{"TIM7", 0x4000'1400, kUsual, kYes}, kTimer},
+    {{"TIM12", 0x4000'1800, kUsual, kYes}, kTimer},
+    {{"TIM13", 0x4000'1C00, kUsual, kYes}, kTimer},
+    {{"TIM14", 0x4000'2000, kUsual, kYes}, kTimer},
     {{"RTC", 0x4000'2800, kUsual, kZero}, {}},
     {{"WWDG", 0x4000'2C00, kUsual, kZero}, {}},
     {{"IWDG", 0x4000'3000, kUsual, kYes}, kWatchdog},
@@ -107,12 +107,12 @@ constexpr auto kBlocks = std::to_array<Block>({
     {{"I2C3", 0x4000'5C00, kUsual, kZero}, kI2c},
     {{"CAN1", 0x4000'6400, kUsual, kZero}, {}},
     {{"CAN2", 0x4000'6800, kUsual, kZero}, {}},
-    {{"PWR", 0x4000'7000, kUsual, kZero}, kPwr},
+    {{"PWR", 0x4000'7000, kUsual, kYes}, kPwr},
     {{"DAC", 0x4000'7400, kUsual, kZero}, {}},
     {{"UART7", 0x4000'7800, kUsual, kYes, kOtherChip}, kUsart},
     {{"UART8", 0x4000'7C00, kUsual, kNo, kOtherChip}, kUsart},
-    {{"TIM1", 0x4001'0000, kUsual, kZero}, kTimer},
-    {{"TIM8", 0x4001'0400, kUsual, kZero}, kTimer},
+    {{"TIM1", 0x4001'0000, kUsual, kYes}, kTimer},
+    {{"TIM8", 0x4001'0400, kUsual, kYes}, kTimer},
     {{"USART1", 0x4001'1000, kUsual, kYes}, kUsart},
     {{"USART6", 0x4001'1400, kUsual, kYes}, kUsart},
     {{"ADC1", 0x4001'2000, 0x100, kYes}, kAdc},
@@ -123,30 +123,30 @@ constexpr auto kBlocks = std::to_array<Block>({
     {{"SPI4", 0x4001'3400, kUsual, kYes, kOtherChip}, kSpi},
     {{"SYSCFG", 0x4001'3800, kUsual, kYes}, {}},
     {{"EXTI", 0x4001'3C00, kUsual, kYes}, kExti},
-    {{"TIM9", 0x4001'4000, kUsual, kZero}, kTimer},
-    {{"TIM10", 0x4001'4400, kUsual, kZero}, kTimer},
-    {{"TIM11", 0x4001'4800, kUsual, kZero}, kTimer},
+    {{"TIM9", 0x4001'4000, kUsual, kYes}, kTimer},
+    {{"TIM10", 0x4001'4400, kUsual, kYes}, kTimer},
+    {{"TIM11", 0x4001'4800, kUsual, kYes}, kTimer},
     {{"SPI5", 0x4001'5000, kUsual, kYes, kOtherChip}, kSpi},
     {{"SPI6", 0x4001'5400, kUsual, kYes, kOtherChip}, kSpi},
     {{"SAI1", 0x4001'5800, kUsual, kNo, kOtherChip}, {}},
     {{"LTDC", 0x4001'6800, kUsual, kNo, kOtherChip}, {}},
-    {{"GPIOA", 0x4002'0000, kUsual, kZero}, kGpio},
-    {{"GPIOB", 0x4002'0400, kUsual, kZero}, kGpio},
-    {{"GPIOC", 0x4002'0800, kUsual, kZero}, kGpio},
-    {{"GPIOD", 0x4002'0C00, kUsual, kZero}, kGpio},
-    {{"GPIOE", 0x4002'1000, kUsual, kZero}, kGpio},
-    {{"GPIOF", 0x4002'1400, kUsual, kZero}, kGpio},
-    {{"GPIOG", 0x4002'1800, kUsual, kZero}, kGpio},
-    {{"GPIOH", 0x4002'1C00, kUsual, kZero}, kGpio},
-    {{"GPIOI", 0x4002'2000, kUsual, kZero}, kGpio},
+    {{"GPIOA", 0x4002'0000, kUsual, kYes}, kGpio},
+    {{"GPIOB", 0x4002'0400, kUsual, kYes}, kGpio},
+    {{"GPIOC", 0x4002'0800, kUsual, kYes}, kGpio},
+    {{"GPIOD", 0x4002'0C00, kUsual, kYes}, kGpio},
+    {{"GPIOE", 0x4002'1000, kUsual, kYes}, kGpio},
+    {{"GPIOF", 0x4002'1400, kUsual, kYes}, kGpio},
+    {{"GPIOG", 0x4002'1800, kUsual, kYes}, kGpio},
+    {{"GPIOH", 0x4002'1C00, kUsual, kYes}, kGpio},
+    {{"GPIOI", 0x4002'2000, kUsual, kYes}, kGpio},
     {{"GPIOJ", 0x4002'2400, kUsual, kNo, kOtherChip}, kGpio},
     {{"GPIOK", 0x4002'2800, kUsual, kNo, kOtherChip}, kGpio},
     {{"CRC", 0x4002'3000, kUsual, kZero}, {}},
-    {{"RCC", 0x4002'3800, kUsual, kZero}, kRcc},
-    {{"FLASH", 0x4002'3C00, kUsual, kZero}, kFlashInterface},
+    {{"RCC", 0x4002'3800, kUsual, kYes}, kRcc},
+    {{"FLASH", 0x4002'3C00, kUsual, kYes}, kFlashInterface},
     {{"BKPSRAM", 0x4002'4000, 0x1000, kZero}, {}},
-    {{"DMA1", 0x4002'6000, kUsual, kZero}, {}},
-    {{"DMA2", 0x4002'6400, kUsual, kZero}, {}},
+    {{"DMA1", 0x4002'6000, kUsual, kYes}, {}},
+    {{"DMA2", 0x4002'6400, kUsual, kYes}, {}},
     {{"ETH", 0x4002'8000, 0x1400, kZero, kOtherChip}, {}},
     {{"DMA2D", 0x4002'B000, 0xC00, kNo, kOtherChip}, {}},
     {{"USB_OTG_HS", 0x4004'0000, 0x4'0000, kZero}, {}},
@@ -157,7 +157,7 @@ constexpr auto kBlocks = std::to_array<Block>({
     {{"RNG", 0x5006'0800, kUsual, kZero}, kRandom},
     {{"FSMC", 0xA000'0000, 0x1000, kNo}, {}},
     {{"ITM", 0xE000'0000, 0x1000, kZero}, {}},
-    {{"DWT", 0xE000'1000, 0x1000, kZero}, kTrace},
+    {{"DWT", 0xE000'1000, 0x1000, kYes}, kTrace},
     {{"FPB", 0xE000'2000, 0x1000, kZero}, {}},
     {{"SYSTICK", 0xE000'E010, 0x10, kYes}, kSysTick},
     {{"NVIC", 0xE000'E100, 0xC00, kYes}, {}},
@@ -166,7 +166,7 @@ constexpr auto kBlocks = std::to_array<Block>({
     {{"FPU", 0xE000'EF30, 0x20, kYes}, {}},
     {{"TPIU", 0xE004'0000, 0x1000, kZero}, {}},
     {{"ETM", 0xE004'1000, 0x1000, kZero}, {}},
-    {{"DBGMCU", 0xE004'2000, 0x1000, kZero}, kDebug},
+    {{"DBGMCU", 0xE004'2000, 0x1000, kYes}, kDebug},
 });
 
 const Block* FindBlock(std::uint32_t address) {
@@ -194,8 +194,6 @@ const Peripheral* FindPeripheral(std::uint32_t address) {
 }
 
 Emulated EmulationOf(std::uint32_t address) {
-  constexpr std::uint32_t kResetFlags = 0x4002'3874;  // RCC_CSR
-  if ((address & ~3U) == kResetFlags) return Emulated::kYes;
   const Block* block = FindBlock(address);
   return block == nullptr ? Emulated::kNo : block->peripheral.emulated;
 }
