@@ -91,9 +91,10 @@ struct WriteCode {
   std::uint32_t address, word;
 };
 
-// How many bytes each USART has sent since power-on, connected or not, USART1 first.
+// Of each USART, connected or not, USART1 first: how many bytes it has sent since power-on, and its input clock.
 struct SentBytes {
   std::uint64_t count[6];
+  std::uint32_t clock_hz[6];
 };
 
 // Of a firmware that is about to be reset by itself or its watchdog.

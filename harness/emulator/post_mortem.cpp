@@ -110,6 +110,7 @@ std::string PolledText(EmulatorProcess& board, const ElfSymbols& symbols, std::u
 struct UsartState {
   int number = 0;
   std::uint64_t sent_count = 0;
+  std::int64_t clock_hz = 0;
   std::uint32_t brr = 0, cr1 = 0, cr3 = 0;
 
   bool On() const { return (cr1 & 1U << 13) != 0; }
@@ -125,6 +126,7 @@ std::array<UsartState, kChipUsartCount> ReadUsarts(EmulatorProcess& board) {
   for (std::size_t i = 0; i < usarts.size(); ++i)
     usarts[i] = {.number = static_cast<int>(i) + 1,
                  .sent_count = sent.count[i],
+                 .clock_hz = sent.clock_hz[i],
                  .brr = ReadWord(board, kAddresses[i] + 0x08),
                  .cr1 = ReadWord(board, kAddresses[i] + 0x0C),
                  .cr3 = ReadWord(board, kAddresses[i] + 0x14)};
@@ -144,7 +146,7 @@ std::string Describe(const UsartState& usart, const UsartRoles& roles) {
   if (!usart.On())
     return fmt::format("{} is off{}", UsartName(usart, roles),
                        usart.sent_count == 0 ? "" : fmt::format(", has sent {} bytes", usart.sent_count));
-  const UsartRate rate = RateOf(usart.number, usart.brr, usart.cr1, usart.cr3);
+  const UsartRate rate = RateOf(usart.clock_hz, usart.brr, usart.cr1, usart.cr3);
   return fmt::format("{} has sent {} byte{}, {}, transmitter {}, receiver {}", UsartName(usart, roles),
                      usart.sent_count, usart.sent_count == 1 ? "" : "s",
                      rate.Runs() ? fmt::format("{:.0f} baud", rate.Baud()) : "no baud rate (BRR is 0)",
@@ -158,8 +160,9 @@ bool IsConnected(int usart, const UsartRoles& roles) {
 // --- where it is ---
 
 std::string CalledFrom(const SourceLines& source, std::uint32_t link) {
-  constexpr std::uint32_t kExceptionReturn = 0xFFFF'FFE0, kNoCaller = 0xFFFF'FFFF;
-  if (link == kNoCaller || link >= kExceptionReturn) return "";
+  // The first function has no caller; a handler has EXC_RETURN there (ARMv7-M ARM, section B1.5.8).
+  constexpr std::uint32_t kExceptionReturn = 0xFFFF'FFE0, kNoCaller = 1;
+  if (link <= kNoCaller || link >= kExceptionReturn) return "";
   return ", LR in " + source.DescribeCall(link);
 }
 

@@ -32,10 +32,13 @@ FlightResult MakeResult(const std::string& name, const Scenario& scenario, const
 
 std::vector<FlightEvent> EventsOf(const RunLog& log) {
   std::vector<FlightEvent> events;
-  for (const RunEvent& event : log.events)
-    events.push_back({ToSeconds(event.time_ns), event.kind,
-                      event.client ? std::optional(log.clients.at(*event.client).id) : std::nullopt,
-                      event.text});
+  for (const RunEvent& event : log.events) {
+    FlightEvent& out = events.emplace_back();
+    out = {ToSeconds(event.time_ns), event.kind, std::nullopt, event.text};
+    // The only client has no id.
+    if (event.client && !log.clients.at(*event.client).id.empty())
+      out.client = log.clients.at(*event.client).id;
+  }
   return events;
 }
 

@@ -302,7 +302,7 @@ static void Main(void) {
 
     def test_the_begin_of_a_hang_is_told(self):
         code = """static void Main(void) {
-  REGISTER(0x40004408) = 42000000 / 921600;
+  REGISTER(0x40004408) = 16000000 / 921600;
   REGISTER(0x4000440C) = 1u << 13 | 1u << 3;
   for (volatile int i = 0; i < 4000000; ++i) {
   }

@@ -5,11 +5,15 @@
     board.console, board.sent  # text of USART1; (time in ns, byte) of USART2
 """
 import os
+import pathlib
+import re
 import socket
 import struct
 import subprocess
 
-RECEIVE, RUN, HELLO, TRANSMIT, USART, EVENT, STOPPED = 0, 5, 6, 7, 8, 9, 12
+PROTOCOL = (pathlib.Path(__file__).parents[2] / "harness/emulator/lockstep_protocol.h").read_text()
+KINDS = re.findall(r"^  k(\w+),", PROTOCOL[PROTOCOL.index("enum class Kind"):PROTOCOL.index("struct Header")], re.MULTILINE)
+RECEIVE, RUN, HELLO, TRANSMIT, USART, STOPPED = map(KINDS.index, ("Receive", "Run", "Hello", "Transmit", "Usart", "Stopped"))
 MAIN, REFERENCE, CONSOLE = 0, 1, 2
 NONE, OVERRUN, FRAMING, NOISE = range(4)
 COMMAND = ["qemu-system-arm", "-M", "netduinoplus2", "-display", "none", "-monitor", "none", "-nodefaults", "-icount", "shift=3,sleep=off"]
@@ -24,6 +28,7 @@ class LockstepBoard:
         self.usart = None  # of the main line: BRR, CR1, CR3, its clock
         self._on_stop = on_stop
         self._socket, far = socket.socketpair()
+        self._socket.settimeout(60)
         arguments = f"{plugin},socket=3,barrier={barrier},main=2,reference=3,console=1{more}"
 
         def pass_socket():
@@ -52,7 +57,7 @@ class LockstepBoard:
     def run(self, until_ns):
         while self.now_ns < until_ns:
             self._send(RUN, struct.pack("<q", until_ns))
-            self.now_ns = struct.unpack("<qq", self._expect(STOPPED))[0]
+            self.now_ns = struct.unpack_from("<q", self._expect(STOPPED))[0]
             self._on_stop(self)
 
     def _send(self, kind, body):

@@ -307,6 +307,8 @@ void TakeCommands() {
         break;
       }
       case Kind::kReadSent:
+        for (int number = 1; number <= UsartUnit::kCount; ++number)
+          plugin.sent.clock_hz[number - 1] = plugin.chip.usart(number).settings().clock_hz;
         plugin.socket.Send(Kind::kSent, &plugin.sent, sizeof(plugin.sent));
         break;
       case Kind::kBreak:
@@ -376,10 +378,9 @@ void SleepWork(void* cpu, RunOnCpuData data) {
 void OnWfi(unsigned /*vcpu*/, void* /*opaque*/) { async_run_on_cpu(qemu_get_cpu(0), SleepWork, {}); }
 
 void BeginChip() {
-  Chip::Options options{
-      .hse_hz = plugin.arguments.hse_hz != 0 ? plugin.arguments.hse_hz : ClockTree::kUsualHseHz,
-      .usart = {.transmit = OnTransmit, .taken = {}, .programmed = {}},
-      .watchdog = OnWatchdog};
+  Chip::Options options{.hse_hz = plugin.arguments.hse_hz,
+                        .usart = {.transmit = OnTransmit, .taken = {}, .programmed = {}},
+                        .watchdog = OnWatchdog};
   if (plugin.arguments.realtime) {
     options.usart.taken = [](int number) {
       plugin.character_devices[static_cast<std::size_t>(number - 1)].Take();
