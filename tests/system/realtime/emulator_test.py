@@ -81,7 +81,7 @@ class EmulatorTest(unittest.TestCase):
         flight.check_nothing_left(self)
 
     def emulators(self, flight):
-        return [pid for pid, command in flight.processes().items() if "qemu-system-arm" in command[0]]
+        return [pid for pid, command in flight.processes().items() if "qemu-system-arm" in command[0] and "-kernel" in command]
 
     def log(self, flight):
         return read(next(flight.run_folder.glob("*/firmware.log"))).decode()
