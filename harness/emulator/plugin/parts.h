@@ -1,11 +1,8 @@
 // What every block of the emulated chip is made of: a timer of the virtual clock, an interrupt, and registers
 // mapped over the machine's address space.
 //
-//   class Unlocked : public RegisterBlock {
-//    public:
+//   struct Unlocked : RegisterBlock {
 //     void Init() { Map("unlocked", 0x40007000); }
-//
-//    private:
 //     std::uint32_t Read(std::uint32_t offset) override { return Word(offset) | 1; }
 //   };
 #pragma once
