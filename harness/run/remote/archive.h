@@ -84,7 +84,7 @@ class Packer {
   template <HasFields T>
   void Put(const T& value) {
     static_assert(NamesEveryField<T>());
-    T::Fields([this](const char*, const auto& field) { Put(field); }, value);
+    T::Fields([this](const char*, const auto& field) { this->Put(field); }, value);
   }
   template <MadeOfContent T>
   void Put(const T& value) {
@@ -169,7 +169,7 @@ class Unpacker {
   }
   template <HasFields T>
   void Get(T& value) {
-    T::Fields([this](const char*, auto& field) { Get(field); }, value);
+    T::Fields([this](const char*, auto& field) { this->Get(field); }, value);
   }
   template <MadeOfContent T>
   void Get(T& value) {
