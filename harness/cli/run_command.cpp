@@ -162,7 +162,12 @@ int RunCommand(const RunOptions& options) {
     throw UsageError(
         fmt::format("--gdb debugs one flight of one client, and {} would be flown: choose one by -k",
                     flights_count > 1 ? fmt::format("{} flights", flights_count) : "several clients"));
-  if (Emulates(clients)) means.realtime ? CheckRelease() : TestLockstep(LockstepPlugin());
+  if (Emulates(clients)) {
+    if (means.realtime)
+      CheckRelease();
+    else
+      TestLockstep(LockstepPlugin());
+  }
   for (const ClientSpec& client : clients) CheckPorts(client, suite.scenarios.front().scenario.link);
 
   RunInfo info;

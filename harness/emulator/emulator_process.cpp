@@ -148,10 +148,10 @@ std::string EmulatorProcess::Registers() {
   return {state.body.begin(), state.body.end()};
 }
 
-lockstep::SentBytes EmulatorProcess::SentBytes() {
-  Append(lockstep::Kind::kReadSent, {});
+lockstep::UsartStates EmulatorProcess::UsartStates() {
+  Append(lockstep::Kind::kReadUsarts, {});
   Flush();
-  return Next().As<lockstep::SentBytes>();
+  return Next().As<lockstep::UsartStates>();
 }
 
 const std::string& EmulatorProcess::Errors() {

@@ -89,7 +89,7 @@ class EmulatorProcess {
   // Only while it is stopped.
   std::vector<std::uint8_t> ReadMemory(std::uint32_t address, std::uint32_t size);
   std::string Registers();
-  lockstep::SentBytes SentBytes();
+  lockstep::UsartStates UsartStates();
 
   // What QEMU has printed so far: nothing, unless something is wrong.
   const std::string& Errors();

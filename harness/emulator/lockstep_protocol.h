@@ -21,7 +21,7 @@ enum class Kind : std::uint32_t {
   kStall,       // Stall
   kFlipBits,    // FlipBits
   kReadMemory,  // ReadMemory; answered with kMemory
-  kReadSent,    // answered with kSent
+  kReadUsarts,  // answered with kUsarts
   kWriteCode,   // WriteCode
   kDumpState,   // answered with kState
   kRun,         // Run
@@ -33,7 +33,7 @@ enum class Kind : std::uint32_t {
   kEvent,      // Event
   kMemory,     // the bytes
   kState,      // text: the processor's registers
-  kSent,       // SentBytes
+  kUsarts,     // UsartStates
   kLastWords,  // LastWords, then the processor's registers as text
   kStopped,    // Stopped
 };
@@ -92,8 +92,8 @@ struct WriteCode {
 };
 
 // Of each USART, connected or not, USART1 first: how many bytes it has sent since power-on, and its input clock.
-struct SentBytes {
-  std::uint64_t count[6];
+struct UsartStates {
+  std::uint64_t sent_count[6];
   std::uint32_t clock_hz[6];
 };
 

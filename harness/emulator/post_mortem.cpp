@@ -121,12 +121,12 @@ struct UsartState {
 std::array<UsartState, kChipUsartCount> ReadUsarts(EmulatorProcess& board) {
   constexpr std::array<std::uint32_t, kChipUsartCount> kAddresses = {0x4001'1000, 0x4000'4400, 0x4000'4800,
                                                                      0x4000'4C00, 0x4000'5000, 0x4001'1400};
-  const lockstep::SentBytes sent = board.SentBytes();
+  const lockstep::UsartStates states = board.UsartStates();
   std::array<UsartState, kChipUsartCount> usarts;
   for (std::size_t i = 0; i < usarts.size(); ++i)
     usarts[i] = {.number = static_cast<int>(i) + 1,
-                 .sent_count = sent.count[i],
-                 .clock_hz = sent.clock_hz[i],
+                 .sent_count = states.sent_count[i],
+                 .clock_hz = states.clock_hz[i],
                  .brr = ReadWord(board, kAddresses[i] + 0x08),
                  .cr1 = ReadWord(board, kAddresses[i] + 0x0C),
                  .cr3 = ReadWord(board, kAddresses[i] + 0x14)};

@@ -245,7 +245,7 @@ void Conductor::Sample(BootTime now) {
   if (!samples_.empty() && samples_.back().time_ns >= time_ns) return;
   WatchSample& sample = samples_.emplace_back();
   sample.time_ns = time_ns;
-  // In the scenario's order, whoever has its turn first.
+  // In the order of the scenario's clients; turns may have another order.
   for (ClientChannel& channel : channels_) {
     std::vector<double> values = channel.Watched();
     values.resize(scenario_.watch.size(), std::numeric_limits<double>::quiet_NaN());

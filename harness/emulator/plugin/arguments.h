@@ -11,6 +11,7 @@
 #include <system_error>
 
 #include "harness/emulator/lockstep_protocol.h"
+#include "harness/emulator/plugin/clock_tree.h"
 
 namespace tiltproof::qemu {
 
@@ -18,9 +19,9 @@ struct Arguments {
   int socket = -1;
   int barrier = -1;                                                          // on the main line
   std::array<int, harness::lockstep::kConnectedUsartCount> usart_numbers{};  // on the chip, by Usart; 0: none
-  std::uint32_t hse_hz = 8'000'000;  // of the board's crystal; 0: there is none
-  bool ideal = false;                // lines without byte time
-  bool realtime = false;             // only the chip: no socket, no barrier
+  std::uint32_t hse_hz = ClockTree::kUsualHseHz;  // of the board's crystal; 0: there is none
+  bool ideal = false;                             // lines without byte time
+  bool realtime = false;                          // only the chip: no socket, no barrier
 };
 
 // "" or what is wrong with them.

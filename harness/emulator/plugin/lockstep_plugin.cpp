@@ -75,7 +75,7 @@ struct Plugin {
   ResetCause pending_cause = ResetCause::kNone;  // of the reset that was asked for
   bool begun = false;
   std::array<Uart, kConnectedUsartCount> uarts;
-  SentBytes sent{};
+  UsartStates usarts{};
   void* cpu = nullptr;
   pthread_t cpu_thread{};
   bool locked_up = false;
@@ -306,10 +306,10 @@ void TakeCommands() {
         address_space_write_rom(cpu_get_address_space(plugin.cpu, 0), code.address, 0, &code.word, 4);
         break;
       }
-      case Kind::kReadSent:
+      case Kind::kReadUsarts:
         for (int number = 1; number <= UsartUnit::kCount; ++number)
-          plugin.sent.clock_hz[number - 1] = plugin.chip.usart(number).settings().clock_hz;
-        plugin.socket.Send(Kind::kSent, &plugin.sent, sizeof(plugin.sent));
+          plugin.usarts.clock_hz[number - 1] = plugin.chip.usart(number).settings().clock_hz;
+        plugin.socket.Send(Kind::kUsarts, &plugin.usarts, sizeof(plugin.usarts));
         break;
       case Kind::kBreak:
         plugin.break_timer.Set(As<Break>(body).at_ns);
@@ -346,7 +346,7 @@ void OnAbort(int /*signal*/) {
 void OnTransmit(int number, std::uint8_t byte) {
   if (plugin.arguments.realtime)
     return plugin.character_devices[static_cast<std::size_t>(number - 1)].Transmit(byte);
-  ++plugin.sent.count[number - 1];
+  ++plugin.usarts.sent_count[number - 1];
   for (Uart& uart : plugin.uarts) {
     if (uart.unit != &plugin.chip.usart(number)) continue;
     SendRegisters(uart);

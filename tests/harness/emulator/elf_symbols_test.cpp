@@ -1,4 +1,5 @@
 #include "harness/emulator/elf_symbols.h"
+#include "tests/harness/emulator/elf_header.h"
 
 #include <elf.h>
 #include <gmock/gmock.h>
@@ -19,21 +20,6 @@ using testing::HasSubstr;
 // An image written byte by byte after the ELF specification, without the library under test.
 class TinyImage {
  public:
-  TinyImage() {
-    header.e_ident[EI_MAG0] = ELFMAG0;
-    header.e_ident[EI_MAG1] = ELFMAG1;
-    header.e_ident[EI_MAG2] = ELFMAG2;
-    header.e_ident[EI_MAG3] = ELFMAG3;
-    header.e_ident[EI_CLASS] = ELFCLASS32;
-    header.e_ident[EI_DATA] = ELFDATA2LSB;
-    header.e_ident[EI_VERSION] = EV_CURRENT;
-    header.e_type = ET_EXEC;
-    header.e_machine = EM_ARM;
-    header.e_version = EV_CURRENT;
-    header.e_ehsize = sizeof header;
-    header.e_shentsize = sizeof(Elf32_Shdr);
-  }
-
   TinyImage& Add(const std::string& name, std::uint32_t address, std::uint32_t size, int type = STT_OBJECT,
                  std::uint16_t section = SHN_ABS, int binding = STB_GLOBAL) {
     Elf32_Sym symbol{};
@@ -84,7 +70,7 @@ class TinyImage {
     return Add(name, address, size, STT_OBJECT, SHN_ABS, STB_LOCAL);
   }
 
-  Elf32_Ehdr header{};
+  Elf32_Ehdr header = ArmExecutable();
 
  private:
   std::vector<Elf32_Sym> symbols_ = {Elf32_Sym{}};

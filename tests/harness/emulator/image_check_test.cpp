@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "harness/emulator/stm32f405.h"
+#include "tests/harness/emulator/elf_header.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -25,19 +26,9 @@ struct Image {
   std::vector<unsigned char> attributes = {};  // tag, value, ...; empty: no section
 
   std::string Bytes() const {
-    Elf32_Ehdr header{};
-    std::memcpy(header.e_ident, ELFMAG, SELFMAG);
-    header.e_ident[EI_CLASS] = ELFCLASS32;
-    header.e_ident[EI_DATA] = ELFDATA2LSB;
-    header.e_ident[EI_VERSION] = EV_CURRENT;
-    header.e_type = ET_EXEC;
-    header.e_machine = EM_ARM;
-    header.e_version = EV_CURRENT;
+    Elf32_Ehdr header = ArmExecutable();
     header.e_phoff = sizeof header;
-    header.e_ehsize = sizeof header;
-    header.e_phentsize = sizeof(Elf32_Phdr);
     header.e_phnum = 1;
-    header.e_shentsize = sizeof(Elf32_Shdr);
 
     std::string content(64 + code_bytes, '\0');
     std::memcpy(content.data(), &stack, 4);

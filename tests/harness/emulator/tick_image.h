@@ -10,6 +10,8 @@
 #include <filesystem>
 #include <fstream>
 
+#include "tests/harness/emulator/elf_header.h"
+
 namespace tiltproof::harness {
 
 inline constexpr std::uint32_t kTickCountAddress = 0x2000'0100;
@@ -39,18 +41,9 @@ inline void WriteImage(const std::filesystem::path& file, std::uint32_t reset) {
   vectors[1] = reset;
   vectors[15] = kTickHandler | 1;
 
-  Elf32_Ehdr header{};
-  for (int i = 0; i < SELFMAG; ++i) header.e_ident[i] = static_cast<unsigned char>(ELFMAG[i]);
-  header.e_ident[EI_CLASS] = ELFCLASS32;
-  header.e_ident[EI_DATA] = ELFDATA2LSB;
-  header.e_ident[EI_VERSION] = EV_CURRENT;
-  header.e_type = ET_EXEC;
-  header.e_machine = EM_ARM;
-  header.e_version = EV_CURRENT;
+  Elf32_Ehdr header = ArmExecutable();
   header.e_entry = reset;
   header.e_phoff = sizeof header;
-  header.e_ehsize = sizeof header;
-  header.e_phentsize = sizeof(Elf32_Phdr);
   header.e_phnum = 1;
   Elf32_Phdr segment{};
   segment.p_type = PT_LOAD;
