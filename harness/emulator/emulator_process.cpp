@@ -10,6 +10,7 @@
 #include <cstring>
 
 #include "harness/process/child_process.h"
+#include "harness/process/shared_processor.h"
 #include "harness/process/own_time.h"
 
 namespace tiltproof::harness {
@@ -59,6 +60,7 @@ EmulatorProcess::EmulatorProcess(const EmulatorSpec& spec)
     process_ = std::make_unique<ChildProcess>(child);
     close(ends[1]);
     ends[1] = -1;
+    together_ = std::make_unique<SharedProcessor>(process_->pid());
     const EmulatorMessage hello = Next();
     if (hello.kind != lockstep::Kind::kHello ||
         hello.As<lockstep::Hello>().protocol_version != lockstep::kProtocolVersion)
@@ -127,9 +129,11 @@ EmulatorMessage EmulatorProcess::Next() {
 lockstep::Stopped EmulatorProcess::Run(std::int64_t until_ns,
                                        const std::function<void(const EmulatorMessage&)>& on_message) {
   Send(lockstep::Kind::kRun, lockstep::Run{until_ns});
+  together_->BeginTurn();
   Flush();
-  for (;;) {
+  for (bool first = true;; first = false) {
     const EmulatorMessage message = Next();
+    if (first) together_->EndTurn();
     if (message.kind == lockstep::Kind::kStopped) return message.As<lockstep::Stopped>();
     on_message(message);
   }

@@ -26,6 +26,7 @@
 namespace tiltproof::harness {
 
 class ChildProcess;
+class SharedProcessor;
 
 struct EmulatorSpec {
   std::string image;   // an ELF file for the machine, or a raw image for address 0
@@ -104,6 +105,7 @@ class EmulatorProcess {
   int socket_ = -1;
   TimeNs hung_after_ns_;
   std::unique_ptr<ChildProcess> process_;
+  std::unique_ptr<SharedProcessor> together_;
   std::vector<std::byte> out_;
   std::vector<std::uint8_t> in_;
   std::size_t in_taken_ = 0;

@@ -25,16 +25,16 @@ volatile bool received = false;
 // Until `wake` or until a flag has come. Interrupts are off between the question and the sleep, so that none is slept
 // over; one that is pending ends the sleep at once, and is served in between.
 void SleepUntil(TimeNs wake) {
+  EndBusy();
   DisableInterrupts();
   while (!received && TickTime() < wake) {
-    EndBusy();
     WaitForInterrupt();
-    BeginBusy();
     EnableInterrupts();
     DisableInterrupts();
   }
   received = false;
   EnableInterrupts();
+  BeginBusy();
 }
 
 }  // namespace
