@@ -26,6 +26,7 @@ class DeviceClock {
   // Adds all drifts among the commands. Returns the events to report when they begin, in order of time.
   std::deque<DeviceEvent> Follow(const std::vector<faults::DeviceCommand>& commands, Origin origin);
 
+  bool drifts() const { return !spans_.empty(); }
   TimeNs At(BootTime time) const;
   // The first nanosecond at which the clock shows `shown` or more.
   BootTime When(TimeNs shown) const;

@@ -83,6 +83,7 @@ class EmulatorClient final : public Client {
   EmulatorClient(const EmulatorSpec& spec, const EmulatorLines& lines, TimeNs start_within_ns,
                  const std::vector<std::string>& watch, std::optional<TimeNs> break_at_ns, ClientHost host)
       : spec_(spec),
+        lines_(lines),
         start_within_ns_(start_within_ns),
         break_at_ns_(break_at_ns),
         host_(std::move(host)),
@@ -135,15 +136,16 @@ class EmulatorClient final : public Client {
     try {
       const TimeNs until = clock_.At(horizon);
       DeliverDamaged(until);
-      const lockstep::Stopped stopped =
-          board_->Run(until, [this](const EmulatorMessage& message) { OnMessage(message); });
+      if (until < now_) return clock_.When(now_);  // it ran on while there was no answer yet
+      const lockstep::Stopped stopped = board_->Run(
+          {until, AnswerAfter()}, [this](const EmulatorMessage& message) { OnMessage(message); });
       now_ = stopped.at_ns;
       last_active_ = std::max(last_active_, stopped.last_slept_ns);
       if (stopped.locked_up) ThrowLockedUp(stopped.at_ns);
       TransmitDamaged(stopped.at_ns);
       if (stopped.at_ns - last_active_ > kBusyMax && (started() || stopped.at_ns > start_within_ns_))
         ThrowHangs(stopped.at_ns);
-      return std::clamp(stopped.at_ns >= until ? horizon : clock_.When(stopped.at_ns), now, horizon);
+      return stopped.at_ns >= until ? horizon : std::clamp(clock_.When(stopped.at_ns), now, horizon);
     } catch (const EmulatorTrouble& trouble) {
       lost_ = true;
       Log(last_active_, trouble.what());
@@ -213,6 +215,14 @@ class EmulatorClient final : public Client {
   }
 
   bool started() const { return origin_.known(); }
+
+  // The frame's last byte takes a byte's time to the plant, and so does the answer's first byte on its way back. That
+  // does not hold for a board whose clock drifts, nor for lines with faults, which may lose other bytes of the frame.
+  // Before t = 0 nothing may run on: what the faults do to the board at t = 0 is told there.
+  TimeNs AnswerAfter() const {
+    if (!started() || lines_.main_baud == 0 || lines_.faulty || clock_.drifts()) return 0;
+    return link::BytesTime(lines_.main_baud, 2);
+  }
 
   // As a user reads it: in the flight's time, once there is one.
   std::string TimeText(TimeNs at) {
@@ -422,6 +432,7 @@ class EmulatorClient final : public Client {
   }
 
   EmulatorSpec spec_;
+  EmulatorLines lines_;
   TimeNs start_within_ns_;
   std::optional<TimeNs> break_at_ns_;
   ClientHost host_;

@@ -14,6 +14,7 @@ namespace tiltproof::harness {
 struct EmulatorLines {
   std::int64_t main_baud = 921'600;  // 0: ideal
   std::int64_t reference_baud = 921'600;
+  bool faulty = false;  // there are faults that change what passes, or when
 };
 
 // `break_at_ns`: simulation time at which the machine stops for a debugger.

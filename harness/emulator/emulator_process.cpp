@@ -126,9 +126,9 @@ EmulatorMessage EmulatorProcess::Next() {
   return message;
 }
 
-lockstep::Stopped EmulatorProcess::Run(std::int64_t until_ns,
+lockstep::Stopped EmulatorProcess::Run(const lockstep::Run& run,
                                        const std::function<void(const EmulatorMessage&)>& on_message) {
-  Send(lockstep::Kind::kRun, lockstep::Run{until_ns});
+  Send(lockstep::Kind::kRun, run);
   together_->BeginTurn();
   Flush();
   for (bool first = true;; first = false) {

@@ -34,8 +34,8 @@ struct EmulatorSpec {
   // Numbers of the USARTs (1 to 6); 0: none.
   int main_usart = 2, reference_usart = 3, console_usart = 1;
   int hse_hz = 8'000'000;  // the crystal's; 0: there is none
-  // The processor stops when it has sent this byte on the main line. The byte ends a frame of the line's
-  // protocol.
+  // The processor stops when it has sent this byte on the main line, unless it is the first one of a frame. The byte
+  // ends a frame of the line's protocol.
   std::uint8_t barrier = 0;
   // For a debugger: the port of QEMU's gdb server on this machine, 0 for none. The emulator then waits for no one's
   // time limit, and `halted` for the debugger's word before the first instruction.
@@ -85,7 +85,7 @@ class EmulatorProcess {
   void Send(lockstep::Kind kind, const Body& body) { Send(kind, std::span<const Body>(&body, 1)); }
 
   // Lets it run until it stops, and passes on the messages that it sends before that.
-  lockstep::Stopped Run(std::int64_t until_ns, const std::function<void(const EmulatorMessage&)>& on_message);
+  lockstep::Stopped Run(const lockstep::Run& run, const std::function<void(const EmulatorMessage&)>& on_message);
 
   // Only while it is stopped.
   std::vector<std::uint8_t> ReadMemory(std::uint32_t address, std::uint32_t size);

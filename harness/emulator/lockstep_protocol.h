@@ -2,8 +2,8 @@
 // and a body, both plain structs in this machine's byte order (both ends are on it).
 //
 // The plug-in sends first (kHello), then they take turns. The harness sends any number of commands and then
-// kRun. The virtual processor runs until the barrier byte (the one that ends a frame) has been transmitted or
-// the granted time is reached. The plug-in sends what happened meanwhile and then kStopped, and virtual time
+// kRun. The virtual processor runs until the barrier byte (the one that ends a frame) has been transmitted, and for as
+// long after it as there is no answer yet, or until the granted time is reached. The plug-in sends what happened meanwhile and then kStopped, and virtual time
 // stops until the next kRun. Times are nanoseconds of the emulator's virtual clock, which begins at power-on.
 #pragma once
 
@@ -12,7 +12,7 @@
 
 namespace tiltproof::harness::lockstep {
 
-inline constexpr std::uint32_t kProtocolVersion = 4;
+inline constexpr std::uint32_t kProtocolVersion = 5;
 inline constexpr std::uint32_t kBodyBytesMax = 1 << 20;
 
 enum class Kind : std::uint32_t {
@@ -105,6 +105,9 @@ struct LastWords {
 
 struct Run {
   std::int64_t until_ns;
+  // Nothing that answers a frame reaches the firmware sooner than this after the firmware has given the frame's last
+  // byte, the barrier, to its transmitter.
+  std::int64_t answer_after_ns;
 };
 
 // The machine stops at that time, until a debugger lets it go on.

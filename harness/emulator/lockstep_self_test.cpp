@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <stdexcept>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "harness/emulator/emulator_process.h"
@@ -64,16 +65,16 @@ class ImageFile {
   int descriptor_;
 };
 
-struct Sent {
-  std::int64_t at_ns;
-  std::vector<std::uint8_t> bytes;
-  friend bool operator==(const Sent&, const Sent&) = default;
+struct Flown {
+  std::vector<std::pair<std::int64_t, std::uint8_t>> sent;  // each byte, and when
+  std::vector<std::int64_t> stops_ns;
+  friend bool operator==(const Flown&, const Flown&) = default;
 };
 
 constexpr std::uint8_t kBarrier = 0x7E;  // what the firmware above sends
 
 // 20 ms: a byte arrives at 5.5 ms, and the processor stands still from 7.5 to 12.2 ms.
-std::vector<Sent> Fly(const std::string& plugin, const std::string& image) {
+Flown Fly(const std::string& plugin, const std::string& image) {
   EmulatorProcess board({.image = image, .plugin = plugin, .barrier = kBarrier});
   board.Send(lockstep::Kind::kReceive, lockstep::ReceivedByte{.arrival_ns = 5'500'000,
                                                               .usart = lockstep::Usart::kMain,
@@ -81,20 +82,16 @@ std::vector<Sent> Fly(const std::string& plugin, const std::string& image) {
                                                               .mark = lockstep::Mark::kNone,
                                                               .waits = false});
   board.Send(lockstep::Kind::kStall, lockstep::Stall{7'500'000, 12'200'000, lockstep::ResetCause::kNone, 0});
-  std::vector<Sent> sent;
-  for (std::int64_t at = 0; at < 20 * kTickNs;)
-    at = board
-             .Run(20 * kTickNs,
-                  [&](const EmulatorMessage& message) {
-                    if (message.kind != lockstep::Kind::kTransmit) return;
-                    Sent& now = sent.emplace_back();
-                    for (const auto& byte : message.All<lockstep::TransmittedByte>()) {
-                      now.at_ns = byte.at_ns;
-                      now.bytes.push_back(byte.byte);
-                    }
-                  })
-             .at_ns;
-  return sent;
+  Flown flown;
+  do {
+    const auto stopped = board.Run({20 * kTickNs, 0}, [&](const EmulatorMessage& message) {
+      if (message.kind != lockstep::Kind::kTransmit) return;
+      for (const auto& byte : message.All<lockstep::TransmittedByte>())
+        flown.sent.emplace_back(byte.at_ns, byte.byte);
+    });
+    flown.stops_ns.push_back(stopped.at_ns);
+  } while (flown.stops_ns.back() < 20 * kTickNs);
+  return flown;
 }
 
 }  // namespace
@@ -134,29 +131,34 @@ void CheckRelease() {
 void TestLockstep(const std::string& plugin) {
   CheckRelease();
   const ImageFile image;
-  std::vector<Sent> sent;
+  Flown flown;
   try {
-    sent = Fly(plugin, image.path());
-    if (Fly(plugin, image.path()) != sent) Refuse("two runs of the same firmware differ");
+    flown = Fly(plugin, image.path());
+    if (Fly(plugin, image.path()) != flown) Refuse("two runs of the same firmware differ");
   } catch (const EmulatorTrouble& trouble) {
     Refuse(trouble.what());
   }
-  // Ticks 1 to 7 and 13 to 19; the one that fell due in the stall comes at its end.
-  std::vector<std::int64_t> due;
-  for (std::int64_t tick = 1; tick < 20; ++tick)
-    if (tick <= 7 || tick >= 13) due.push_back(tick * kTickNs);
-  due.insert(due.begin() + 7, 12'200'000);
-  constexpr std::int64_t kLateMax = 2'000;
-  if (sent.size() != due.size())
-    Refuse(fmt::format("of {} interrupts of the SysTick {} have come", due.size(), sent.size()));
-  for (std::size_t i = 0; i < due.size(); ++i) {
-    if (sent[i].at_ns < due[i] - kLateMax || sent[i].at_ns > due[i] + kLateMax)
-      Refuse(fmt::format("an interrupt that was due at {} ns has come at {} ns", due[i], sent[i].at_ns));
-    const bool echo = i == 5;
-    if (sent[i].bytes !=
-        (echo ? std::vector<std::uint8_t>{'A', kBarrier} : std::vector<std::uint8_t>{kBarrier}))
-      Refuse("a byte has not arrived at its time");
+  // Ticks 1 to 7 and 13 to 19; the one that fell due in the stall comes at its end. With the sixth the byte comes back.
+  std::vector<std::pair<std::int64_t, std::uint8_t>> due;
+  for (std::int64_t tick = 1; tick < 20; ++tick) {
+    if (tick == 6) due.emplace_back(tick * kTickNs, 'A');
+    if (tick <= 7 || tick >= 13) due.emplace_back(tick * kTickNs, kBarrier);
+    if (tick == 7) due.emplace_back(12'200'000, kBarrier);
   }
+  constexpr std::int64_t kLateMax = 2'000;
+  const auto is_at = [](std::int64_t at_ns, std::int64_t due_ns) {
+    return at_ns >= due_ns - kLateMax && at_ns <= due_ns + kLateMax;
+  };
+  if (flown.sent.size() != due.size())
+    Refuse(fmt::format("of {} bytes that were due {} have been sent", due.size(), flown.sent.size()));
+  for (std::size_t i = 0; i < due.size(); ++i) {
+    if (!is_at(flown.sent[i].first, due[i].first))
+      Refuse(fmt::format("a byte that was due at {} ns was sent at {} ns", due[i].first, flown.sent[i].first));
+    if (flown.sent[i].second != due[i].second) Refuse("a byte has not arrived at its time");
+  }
+  // At the end of a frame and of the time; the other flags end none.
+  if (flown.stops_ns.size() != 2 || !is_at(flown.stops_ns.front(), 6 * kTickNs))
+    Refuse("the processor does not stop where a frame ends");
 }
 
 }  // namespace tiltproof::harness

@@ -80,7 +80,7 @@ Loop Watch(EmulatorProcess& board, std::int64_t now_ns) {
     auto known = code.find(state->pc());
     if (known == code.end()) known = code.emplace(state->pc(), ReadWord(board, state->pc())).first;
     if (const auto address = LoadAddress(*state, known->second)) ++reads[*address];
-    const lockstep::Stopped stopped = board.Run(now_ns + kInstructionNs, [](const EmulatorMessage&) {});
+    const lockstep::Stopped stopped = board.Run({now_ns + kInstructionNs, 0}, [](const EmulatorMessage&) {});
     now_ns = std::max(stopped.at_ns, now_ns + kInstructionNs);
     if (stopped.locked_up) break;
   }
@@ -172,7 +172,7 @@ std::optional<std::uint32_t> ReadProcessStackPointer(EmulatorProcess& board, std
                                                      std::int64_t now_ns) {
   constexpr std::uint32_t kMrsR0Psp = 0x8009'F3EF;
   board.Send(lockstep::Kind::kWriteCode, lockstep::WriteCode{pc, kMrsR0Psp});
-  board.Run(now_ns + kInstructionNs, [](const EmulatorMessage&) {});
+  board.Run({now_ns + kInstructionNs, 0}, [](const EmulatorMessage&) {});
   const auto state = ParseCpuState(board.Registers());
   if (!state || state->pc() != pc + sizeof kMrsR0Psp) return std::nullopt;
   return state->r[0];

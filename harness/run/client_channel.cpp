@@ -30,11 +30,11 @@ std::vector<faults::DeviceCommand> ClientCommands(const Scenario& scenario, std:
 }
 
 ClientChannel::ClientChannel(const Scenario& scenario, std::size_t client, Line& line,
-                             std::function<void()> on_news)
+                             Callbacks callbacks)
     : scenario_(scenario),
       index_(client),
       line_(line),
-      on_news_(std::move(on_news)),
+      callbacks_(std::move(callbacks)),
       faults_(ClientFaults(scenario, client)),
       reference_talk_(*scenario.link.protocol) {}
 
@@ -47,9 +47,10 @@ void ClientChannel::PowerOn(
                    reference_talk_.Hear(bytes);
                    return now;
                  }
-                 const BootTime sent = line_.Transmit(
-                     Direction::kToPlant, std::clamp(now, now_ns_, now_ns_ + kTransmitAheadMax), bytes);
-                 on_news_();
+                 const BootTime at = std::clamp(now, now_ns_, now_ns_ + kTransmitAheadMax);
+                 if (exists() && client_->RunsOn()) callbacks_.before_ahead(*this, at);
+                 const BootTime sent = line_.Transmit(Direction::kToPlant, at, bytes);
+                 callbacks_.on_news();
                  return sent;
                },
                .log =
@@ -112,7 +113,7 @@ bool ClientChannel::Deliver(BootTime until) {
       client_->Receive(uart, piece->arrival_ns, piece->bytes, marks_);
     }
   }
-  on_news_();
+  callbacks_.on_news();
   return delivered;
 }
 

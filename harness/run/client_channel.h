@@ -1,7 +1,7 @@
 // One client on the vehicle and its line, as the lockstep conductor sees them: when the client acts next,
 // what it receives, what it records. A flight has one channel or several.
 //
-//   ClientChannel channel(scenario, 0, line, [] {});
+//   ClientChannel channel(scenario, 0, line, {.on_news = [] {}, .before_ahead = [](const auto&, BootTime) {}});
 //   channel.PowerOn(make_client);
 //   channel.Run(now, horizon);                 // bytes that have arrived, and the time that has come
 //   channel.Finish(origin, log);
@@ -31,9 +31,14 @@ std::vector<faults::DeviceCommand> ClientCommands(const Scenario& scenario, std:
 
 class ClientChannel {
  public:
-  // `client`: its place in the scenario. `on_news` is called when a fault may have acted, before anything
-  // else passes.
-  ClientChannel(const Scenario& scenario, std::size_t client, Line& line, std::function<void()> on_news);
+  struct Callbacks {
+    std::function<void()> on_news;  // a fault may have acted; before anything else passes
+    // A client that runs ahead of the plant is about to send: the plant's rows until then know nothing of it.
+    std::function<void(const ClientChannel&, BootTime at)> before_ahead;
+  };
+
+  // `client`: its place in the scenario.
+  ClientChannel(const Scenario& scenario, std::size_t client, Line& line, Callbacks callbacks);
   // Not movable: the client holds its address.
   ClientChannel(const ClientChannel&) = delete;
   ClientChannel& operator=(const ClientChannel&) = delete;
@@ -77,7 +82,7 @@ class ClientChannel {
   const Scenario& scenario_;
   std::size_t index_;
   Line& line_;
-  std::function<void()> on_news_;
+  Callbacks callbacks_;
   std::unique_ptr<Client> client_;
 
   // Faults at the client's receiver, and the faults on its board that were carried out.

@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "faults/registry.h"
 #include "harness/client/firmware_guard.h"
 #include "harness/reference/trajectory.h"
 #include "harness/run/client_channel.h"
@@ -44,6 +45,7 @@ class Conductor {
   void Conduct();
   bool EndsBefore(BootTime now);
   void AdvancePlant(BootTime to) { server_.Advance(to, Counts()); }
+  void FollowAhead(const ClientChannel& channel, BootTime to);
   void ServePlantEnd(ClientChannel& channel, BootTime now);
   BootTime Horizon(const ClientChannel& channel, BootTime now) const;
   void SpreadNews();
@@ -89,7 +91,11 @@ Conductor::Conductor(const Scenario& scenario, const VehicleSignals& vehicle, st
       counts_(lines.size()),
       faults_wait_(std::any_of(scenario.faults.begin(), scenario.faults.end(), faults::WaitsForNews)) {
   for (std::size_t client = 0; client < lines.size(); ++client)
-    in_turn_.push_back(&channels_.emplace_back(scenario, client, *lines[client], [this] { SpreadNews(); }));
+    in_turn_.push_back(&channels_.emplace_back(
+        scenario, client, *lines[client],
+        ClientChannel::Callbacks{
+            .on_news = [this] { SpreadNews(); },
+            .before_ahead = [this](const ClientChannel& channel, BootTime at) { FollowAhead(channel, at); }}));
   std::swap(in_turn_.front(), in_turn_[scenario.selected_client()]);
   const TraceLayout layout(vehicle, scenario);
   log_.trace = Trace(layout.columns);
@@ -171,6 +177,16 @@ bool Conductor::EndsBefore(BootTime now) {
     return true;
   }
   return false;
+}
+
+// The plant follows a client that runs ahead of it, but not past what must be served first.
+void Conductor::FollowAhead(const ClientChannel& channel, BootTime to) {
+  if (!started() || over()) return;
+  to = std::min(to, channel.line().NextArrival(Direction::kToPlant));
+  for (const ClientChannel& other : channels_)
+    if (&other != &channel) to = std::min(to, other.Next());
+  AdvancePlant(to);
+  SpreadNews();
 }
 
 void Conductor::ServePlantEnd(ClientChannel& channel, BootTime now) {
@@ -311,10 +327,21 @@ void Conductor::Finish() {
 
 }  // namespace
 
+namespace {
+
+bool IsOnWire(const faults::FaultSpec& fault) {
+  const faults::FaultType* type = faults::FindFaultType(fault.type);
+  return type == nullptr || type->IsOneOf<faults::WireKind>();
+}
+
+}  // namespace
+
 ClientSettings SettingsOf(const Scenario& scenario, std::size_t client) {
   return {.firmware = scenario.firmware_of(client),
           .protocol = scenario.link.protocol,
-          .lines = {.main_baud = MainBaud(scenario.link), .reference_baud = ReferenceBaud(scenario.link)},
+          .lines = {.main_baud = MainBaud(scenario.link),
+                    .reference_baud = ReferenceBaud(scenario.link),
+                    .faulty = std::any_of(scenario.faults.begin(), scenario.faults.end(), IsOnWire)},
           .start_within_ns = scenario.start_within_ns,
           .watch = scenario.watch};
 }

@@ -87,6 +87,7 @@ class SystemControl {
 
   static std::uint32_t Read(void* opaque, std::uint64_t address, std::uint64_t* value, unsigned size,
                             std::uint32_t attributes) {
+    readers.OnRead();
     const auto& self = *static_cast<SystemControl*>(opaque);
     const std::uint64_t offset = self.page_ + address;
     if (offset == kDebug) {
@@ -98,6 +99,7 @@ class SystemControl {
   }
   static std::uint32_t Write(void* opaque, std::uint64_t address, std::uint64_t value, unsigned size,
                              std::uint32_t attributes) {
+    readers.OnWrite();
     auto& self = *static_cast<SystemControl*>(opaque);
     const std::uint64_t offset = self.page_ + address;
     if (offset == kDebug && self.counter_ != nullptr) {

@@ -3,8 +3,8 @@
 // It adds to the machine what a chip has and QEMU lacks (harness/emulator/plugin/chip.h), its USARTs among that, and
 // holds the virtual clock:
 //
-//   - a barrier byte that the firmware transmits, and the end of the time granted, stop the virtual processor until
-//     the harness grants more. The instruction counter is the clock (-icount), so virtual time stands still too;
+//   - a barrier byte that ends what the firmware transmits, and the end of the time granted, stop the virtual processor
+//     until the harness grants more. The instruction counter is the clock (-icount), so virtual time stands still too;
 //   - received bytes reach the USART at their virtual times; one that comes while the last was not read is an
 //     overrun (RM0090, section 30.3.3): it is lost, and the flag set;
 //   - while the processor sleeps (WFI), time goes on to the next timer at once;
@@ -67,6 +67,7 @@ struct Uart {
   Timer timer;
   std::vector<TransmittedByte> unsent;  // not yet told
   UsartRegisters told{};                // of its registers
+  bool in_frame = false;                // something has been sent since the last barrier byte
 };
 
 struct Plugin {
@@ -79,6 +80,7 @@ struct Plugin {
   void* cpu = nullptr;
   pthread_t cpu_thread{};
   bool locked_up = false;
+  Run run{};  // as granted
   Timer horizon;
   std::deque<Stall> stalls;  // by begin
   Timer stall_timer;
@@ -315,7 +317,9 @@ void TakeCommands() {
         plugin.break_timer.Set(As<Break>(body).at_ns);
         break;
       case Kind::kRun:
-        plugin.horizon.Set(As<Run>(body).until_ns);
+        readers.Renew();
+        plugin.run = As<Run>(body);
+        plugin.horizon.Set(plugin.run.until_ns);
         return;
       default:
         Die("an unknown command: harness and plug-in of different builds?");
@@ -342,6 +346,13 @@ void OnAbort(int /*signal*/) {
   Stop();
 }
 
+// A frame has been given to the transmitter. There is time before the first byte of an answer.
+void AwaitAnswer() {
+  if (plugin.run.answer_after_ns == 0) return Stop();
+  const std::int64_t at = Now() + plugin.run.answer_after_ns;
+  if (at < plugin.run.until_ns) plugin.horizon.Set(plugin.run.until_ns = at);
+}
+
 // A byte is given to a USART's transmitter.
 void OnTransmit(int number, std::uint8_t byte) {
   if (plugin.arguments.realtime)
@@ -353,8 +364,9 @@ void OnTransmit(int number, std::uint8_t byte) {
     uart.unsent.push_back({Now(), uart.usart, byte});
     const bool barrier = uart.usart == Usart::kMain && byte == plugin.arguments.barrier;
     const bool line_end = uart.usart == Usart::kConsole && byte == '\n';
-    if (barrier) {
-      Stop();
+    const bool was_in_frame = std::exchange(uart.in_frame, !barrier);
+    if (barrier && was_in_frame) {
+      AwaitAnswer();
     } else if (line_end || uart.unsent.size() >= kUnsentBytesMax) {
       SendUnsent(uart);
       plugin.socket.Flush();
@@ -412,6 +424,7 @@ void BeginLockstep() {
   std::int16_t shift = 0;
   std::memcpy(&shift, timers_state + kIcountShiftOffset, sizeof(shift));
   if (shift != 3) Die("-icount shift=3 is not where it should be: another build of QEMU 7.2?");
+  readers.Init(plugin.cpu);
   plugin.horizon.Init(OnHorizon, nullptr);
   plugin.stall_timer.Init(OnStallTimer, nullptr);
   plugin.flip_timer.Init(OnFlipTimer, nullptr);
@@ -456,6 +469,7 @@ void OnTranslate(qemu_plugin_id_t /*id*/, qemu_plugin_tb* block) {
   if (!plugin.begun)
     qemu_plugin_register_vcpu_insn_exec_cb(qemu_plugin_tb_get_insn(block, 0), OnFirstInstruction, 0, nullptr);
   if (plugin.arguments.realtime) return;
+  readers.Mark(block);
   for (std::size_t i = 0; i < count; ++i) {
     qemu_plugin_insn* instruction = qemu_plugin_tb_get_insn(block, i);
     std::uint16_t code = 0;

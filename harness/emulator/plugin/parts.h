@@ -11,6 +11,7 @@
 #include <cstdint>
 
 #include "harness/emulator/plugin/qemu_internals.h"
+#include "harness/emulator/plugin/readers.h"
 
 namespace tiltproof::qemu {
 
@@ -86,11 +87,13 @@ class RegisterBlock {
   static constexpr std::uint32_t Mask(unsigned size) { return size >= 4 ? ~0u : (1u << 8 * size) - 1; }
 
   static std::uint64_t ReadPart(void* self, std::uint64_t address, unsigned size) {
+    readers.OnRead();
     const auto offset = static_cast<std::uint32_t>(address);
     return static_cast<RegisterBlock*>(self)->Read(offset & ~3u) >> 8 * (offset & 3) & Mask(size);
   }
   // A part of a word leaves the rest of it as it is.
   static void WritePart(void* self, std::uint64_t address, std::uint64_t value, unsigned size) {
+    readers.OnWrite();
     auto& block = *static_cast<RegisterBlock*>(self);
     const auto offset = static_cast<std::uint32_t>(address);
     const unsigned shift = 8 * (offset & 3);

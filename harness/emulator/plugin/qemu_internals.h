@@ -23,6 +23,7 @@ std::size_t qemu_plugin_tb_n_insns(const qemu_plugin_tb*);
 qemu_plugin_insn* qemu_plugin_tb_get_insn(const qemu_plugin_tb*, std::size_t);
 const void* qemu_plugin_insn_data(const qemu_plugin_insn*);
 std::size_t qemu_plugin_insn_size(const qemu_plugin_insn*);
+std::uint64_t qemu_plugin_insn_vaddr(const qemu_plugin_insn*);
 
 // Objects and devices.
 void* object_resolve_path(const char* path, bool* ambiguous);
@@ -57,6 +58,7 @@ union RunOnCpuData {  // run_on_cpu_data
 };
 void async_run_on_cpu(void* cpu, void (*)(void* cpu, RunOnCpuData), RunOnCpuData);
 void cpu_dump_state(void* cpu, std::FILE*, int flags);
+void tb_flush(void* cpu);
 
 // Memory.
 void* get_system_memory(void);
@@ -90,6 +92,10 @@ inline constexpr int kMemOp32LittleEndian = 2;  // MO_32 | MO_LE
 // struct TimersState.
 inline constexpr std::size_t kIcountShiftOffset = 26;  // icount_time_shift, int16
 inline constexpr std::size_t kIcountBiasOffset = 40;   // qemu_icount_bias, int64 ns
+
+// struct CPUState and ARMCPU.
+inline constexpr std::size_t kCanDoIoOffset = 0x300;      // can_do_io, uint32
+inline constexpr std::size_t kCountLeftOffset = 0x1E60;  // neg.icount_decr.u16.low
 
 // More than QEMUTimer (56 bytes) and MemoryRegion (272 bytes) take.
 inline constexpr std::size_t kTimerBytes = 256;
