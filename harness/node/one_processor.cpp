@@ -2,9 +2,7 @@
 
 #include <time.h>
 
-#include <filesystem>
-#include <string>
-#include <system_error>
+#include "harness/process/affinity.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -22,7 +20,7 @@ OneProcessor::OneProcessor(pid_t pid) : pid_(pid) {
   CPU_ZERO(&one);
   for (int i = 0; CPU_COUNT(&one) == 0; ++i)
     if (CPU_ISSET(i, &all_) && left-- == 0) CPU_SET(i, &one);
-  Allow(one);
+  AllowProcessors(pid_, one);
   watched_ = true;
   since_ = Clock::now();
   run_ = TimeRun();
@@ -33,19 +31,11 @@ void OneProcessor::Watch() {
   if (!watched_ || now - since_ < kSpan) return;
   const auto run = TimeRun();
   if (10 * (run - run_) > 9 * (now - since_)) {
-    Allow(all_);
+    AllowProcessors(pid_, all_);
     watched_ = false;
   }
   since_ = now;
   run_ = run;
-}
-
-void OneProcessor::Allow(const cpu_set_t& processors) const {
-  std::error_code error;
-  const std::filesystem::path tasks = std::filesystem::path("/proc") / std::to_string(pid_) / "task";
-  for (std::filesystem::directory_iterator task(tasks, error);
-       !error && task != std::filesystem::directory_iterator(); task.increment(error))
-    sched_setaffinity(std::stoi(task->path().filename()), sizeof processors, &processors);
 }
 
 std::chrono::nanoseconds OneProcessor::TimeRun() const {

@@ -25,7 +25,6 @@ class OneProcessor {
 
  private:
   using Clock = std::chrono::steady_clock;
-  void Allow(const cpu_set_t& processors) const;
   std::chrono::nanoseconds TimeRun() const;
 
   pid_t pid_;

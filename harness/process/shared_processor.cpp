@@ -1,9 +1,6 @@
 #include "harness/process/shared_processor.h"
 
-#include <charconv>
-#include <filesystem>
-#include <string>
-#include <system_error>
+#include "harness/process/affinity.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -48,15 +45,7 @@ void SharedProcessor::Stay() const {
   cpu_set_t here;
   CPU_ZERO(&here);
   CPU_SET(processor, &here);
-  // All of its threads. One may begin or end meanwhile; it is found the next time.
-  std::error_code none;
-  for (std::filesystem::directory_iterator thread("/proc/" + std::to_string(other_) + "/task", none), end;
-       !none && thread != end; thread.increment(none)) {
-    const std::string name = thread->path().filename();
-    pid_t id = 0;
-    if (std::from_chars(name.data(), name.data() + name.size(), id).ec == std::errc())
-      sched_setaffinity(id, sizeof(here), &here);
-  }
+  AllowProcessors(other_, here);
   sched_setaffinity(0, sizeof(here), &here);
 }
 

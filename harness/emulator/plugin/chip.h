@@ -54,6 +54,7 @@ class Chip {
     timers_.Init(clocks_);
     watchdog_.Init(options.watchdog);
     cycles_.Init();
+    timer_and_interrupts_.Init(0xE000E000);
     priorities_.Init(0xE000E400);
     control_.Init(0xE000EC00, &cycles_);
     debug_unit_.Init();
@@ -113,7 +114,7 @@ class Chip {
   Timers timers_;
   Watchdog watchdog_;
   CycleCounter cycles_;
-  SystemControl priorities_, control_;
+  SystemControl timer_and_interrupts_, priorities_, control_;
   DebugUnit debug_unit_;
   Signature signature_;
   CoupledRam ccm_;

@@ -55,15 +55,17 @@ class CycleCounter final : public RegisterBlock {
   std::int64_t begin_ns_ = 0;  // of the cycles that are not counted yet
 };
 
-// A page of the system control space, passed on to QEMU's interrupt controller, with priorities of 4 bits
-// (PM0214, section 4.3.7): QEMU's has 8, and FreeRTOS's check of configPRIO_BITS finds that.
+// A page of the system control space, passed on to QEMU's interrupt controller and SysTick, with priorities of 4 bits
+// (PM0214, section 4.3.7): QEMU's has 8, and FreeRTOS's check of configPRIO_BITS finds that. Firmware reads its clock
+// here often, so what reads is noted, and the page is whole (RegisterBlock).
 class SystemControl {
  public:
-  // `address`: 0xE000E400 or 0xE000EC00.
+  // `address`: 0xE000E000, 0xE000E400 or 0xE000EC00.
   void Init(std::uint64_t address, CycleCounter* counter = nullptr) {
     page_ = address & 0xFFF;
     counter_ = counter;
     controller_ = sysbus_mmio_get_region(object_resolve_path("nvic", nullptr), 0);
+    timer_ = sysbus_mmio_get_region(object_resolve_path("systick-reg-ns", nullptr), 0);
     ops_ = {.read = nullptr,
             .write = nullptr,
             .read_with_attrs = Read,
@@ -85,6 +87,17 @@ class SystemControl {
   }
   static int MemOp(unsigned size) { return size == 1 ? 0 : size == 2 ? 1 : 2; }
 
+  struct Place {
+    void* region;
+    std::uint64_t offset;
+  };
+  // SysTick has the first registers but one (PM0214, section 4.5).
+  Place At(std::uint64_t offset) const {
+    constexpr std::uint64_t kTimer = 0x10, kTimerEnd = 0xF0;
+    if (offset >= kTimer && offset < kTimerEnd) return {timer_, offset - kTimer};
+    return {controller_, offset};
+  }
+
   static std::uint32_t Read(void* opaque, std::uint64_t address, std::uint64_t* value, unsigned size,
                             std::uint32_t attributes) {
     readers.OnRead();
@@ -94,8 +107,9 @@ class SystemControl {
       *value = self.debug_;
       return 0;
     }
+    const auto [region, place] = self.At(offset);
     return static_cast<std::uint32_t>(
-        memory_region_dispatch_read(self.controller_, offset, value, MemOp(size), attributes));
+        memory_region_dispatch_read(region, place, value, MemOp(size), attributes));
   }
   static std::uint32_t Write(void* opaque, std::uint64_t address, std::uint64_t value, unsigned size,
                              std::uint32_t attributes) {
@@ -108,13 +122,14 @@ class SystemControl {
       return 0;
     }
     if (IsPriority(offset)) value &= 0xF0F0F0F0u;
+    const auto [region, place] = self.At(offset);
     return static_cast<std::uint32_t>(
-        memory_region_dispatch_write(self.controller_, offset, value, MemOp(size), attributes));
+        memory_region_dispatch_write(region, place, value, MemOp(size), attributes));
   }
 
   std::uint64_t page_ = 0;
   CycleCounter* counter_ = nullptr;
-  void* controller_ = nullptr;
+  void *controller_ = nullptr, *timer_ = nullptr;
   std::uint32_t debug_ = 0;
   MemoryRegionOps ops_{};
   alignas(16) std::array<std::uint8_t, kMemoryRegionBytes> region_{};
