@@ -151,6 +151,30 @@ class Triggers(unittest.TestCase):
             phase = round((t - 1.1) * 1000) % 700
             self.assertEqual(active, 1.1 <= t < 5.3 and phase < 280, t)
 
+    def test_a_compound_gives_sensors_and_actuators_its_window(self):
+        compound = f"""\
+  - id: storm
+    start_s: 2
+    end_s: 4
+    compound:
+      - {{id: sensor, {BIAS}}}
+      - {{id: actuator, {LOSS}, end_s: 3}}
+      - {{id: sensor-pulses, {BIAS}, period_s: 0.5, duty: 0.4}}
+      - {{id: actuator-when, {LOSS}, when: "z_m > 0"}}
+      - {{id: sensor-follows, {BIAS}, after: {{fault: actuator, delay_s: 0.5}}}}
+"""
+        flown = Flown(self.fly_faults("compound", compound), "compound")
+        expected = {
+            "sensor": lambda t: 2 <= t < 4,
+            "actuator": lambda t: 2 <= t < 3,
+            "sensor-pulses": lambda t: 2 <= t < 4 and round((t - 2) * 1000) % 500 < 200,
+            "actuator-when": lambda t: 2 <= t < 4,
+            "sensor-follows": lambda t: flown.first("actuator") + 0.5 <= t < 4,
+        }
+        for fault, is_active in expected.items():
+            self.assertEqual(flown.active(fault), [is_active(t) for t in flown.times()], fault)
+            self.assertGreater(flown.activations(fault), 10, fault)
+
     def test_one_that_never_acts_changes_nothing(self):
         without = Flown(self.fly_faults("without", ""), "without")
         with_it = Flown(self.fly_faults("with", f'  - {{id: never, {DROP}, when: "z_m > 100"}}\n  - {{id: also, {BIAS}, after: {{fault: never}}}}'), "with")
