@@ -4,7 +4,8 @@
 // step outside: with `period_s` in each period, with `when` each time that the condition holds again. A sample
 // in the active time that the trigger leaves out counts.
 //
-//   std::optional<TimeNs> elapsed_ns = time_.At(context);  // in Act and in Pass, once per sample or step
+//   ActiveTime time;
+//   const std::optional<TimeNs> elapsed_ns = time.At(context);  // in Act and in Pass, for each sample or step
 #pragma once
 
 #include <optional>

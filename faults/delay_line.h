@@ -1,8 +1,9 @@
 // Values of the past, for models that delay a signal.
 //
 //   DelayLine<float> line(FromSeconds(0.02));
-//   line.Push(t, value);
-//   value = line.Delayed();  // what was pushed 20 ms before
+//   line.Push(FromSeconds(1.00), 3.5F);
+//   line.Push(FromSeconds(1.02), 3.7F);
+//   const float value = line.Delayed();  // 3.5
 #pragma once
 
 #include <deque>

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <fstream>
 #include <limits>
@@ -36,13 +35,6 @@ using ::testing::SizeIs;
 bool SameFrames(const Outcome& a, const Outcome& b) {
   return std::equal(a.frames.begin(), a.frames.end(), b.frames.begin(), b.frames.end(),
                     [](const auto& x, const auto& y) { return Same(x, y); });
-}
-
-// To the bit: readings that are no number compare equal too.
-bool SameBits(const Sensors& a, const Sensors& b) {
-  return std::all_of(kSensorFields.begin(), kSensorFields.end(), [&](const auto& field) {
-    return std::bit_cast<std::uint32_t>(a.*field.in_float) == std::bit_cast<std::uint32_t>(b.*field.in_float);
-  });
 }
 
 bool SameOutcome(const Outcome& a, const Outcome& b) {

@@ -100,8 +100,8 @@ TEST_F(FaultSignalsTest, AChoiceIsAWordWhateverYamlMakesOfIt) {
   EXPECT_EQ(dropout("nan"), "");
   EXPECT_EQ(dropout("\"nan\""), "");
   EXPECT_EQ(dropout("zero"), "");
-  EXPECT_THAT(dropout("inf"), HasSubstr("s.yaml:4:88: reads: expected one of last, zero, nan"));
-  EXPECT_THAT(dropout("0"), HasSubstr("s.yaml:4:88: reads: expected one of last, zero, nan"));
+  EXPECT_THAT(dropout("inf"), HasSubstr("s.yaml:4:89: reads: expected one of last, zero, nan"));
+  EXPECT_THAT(dropout("0"), HasSubstr("s.yaml:4:89: reads: expected one of last, zero, nan"));
 }
 
 TEST_F(FaultSignalsTest, AVehicleThatCannotBeLoadedIsAProblemOfTheModelAlone) {
