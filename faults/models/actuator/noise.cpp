@@ -30,7 +30,7 @@ FaultType ActuatorNoise() {
               "the values in other steps. It holds for the step: shorter steps spread the same `std` "
               "over a wider band, with less effect on the vehicle. The vehicle's limits hold for the "
               "sum.",
-          .source = "Isermann, Fault-Diagnosis Systems, Springer, 2006 (actuator faults: increased noise).",
+          .source = "Isermann, Fault-Diagnosis Systems, Springer, 2006.",
           .parameters = {ActuatorParameter(),
                          {.name = "std",
                           .unit = "of the actuator",

@@ -25,7 +25,7 @@ FaultType ActuatorOffset() {
               "Models a wrong zero: a servo whose horn is set one tooth off, or a motor controller "
               "that is badly calibrated. In the window, `value` is added to the actuator's force or "
               "torque in each step. The vehicle's limits hold for the sum.",
-          .source = "Isermann, Fault-Diagnosis Systems, Springer, 2006 (actuator faults: offset).",
+          .source = "Isermann, Fault-Diagnosis Systems, Springer, 2006 (additive faults).",
           .parameters = {ActuatorParameter(),
                          {.name = "value",
                           .unit = "of the actuator",

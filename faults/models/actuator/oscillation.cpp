@@ -38,8 +38,9 @@ FaultType ActuatorOscillation() {
               "added to the actuator's force or torque, where t is the time from the begin of the "
               "first step in the window to the begin of this step. The value holds for the step, so "
               "frequencies above half the rate of the plant's steps appear as lower ones. The swing "
-              "begins anew at 0 in each period of an intermittent fault, and each time that a "
-              "condition holds again. The vehicle's limits hold for the sum.",
+              "begins anew at 0 after each step outside the fault's active time, so in each period of "
+              "an intermittent fault, and each time that a condition holds again. The vehicle's limits "
+              "hold for the sum.",
           .source =
               "Goupil, Oscillatory Failure Case Detection in the A380 Electrical Flight Control System "
               "by Analytical Redundancy, Control Engineering Practice 18(9), 2010.",

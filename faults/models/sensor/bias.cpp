@@ -29,9 +29,9 @@ FaultType SensorBias() {
               "`offset` is added to the signal in every sample that the trigger picks, before the sample is "
               "sent. The sum is rounded to the 32 bits of the line.",
           .source =
-              "Isermann, Fault-Diagnosis Systems, Springer, 2006 (additive fault: offset); Balaban et al., "
+              "Isermann, Fault-Diagnosis Systems, Springer, 2006 (additive faults); Balaban et al., "
               "Modeling, Detection, and Disambiguation of Sensor Faults for Aerospace Applications, IEEE "
-              "Sensors Journal 9(12), 2009 (bias).",
+              "Sensors Journal 9(12), 2009.",
           .parameters = {SensorParameter(),
                          {.name = "offset",
                           .unit = "of the signal",

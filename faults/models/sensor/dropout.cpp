@@ -48,9 +48,8 @@ FaultType SensorDropout() {
               "NaN (`nan`).",
           .source =
               "Balaban et al., Modeling, Detection, and Disambiguation of Sensor Faults for Aerospace "
-              "Applications, IEEE Sensors Journal 9(12), 2009 (intermittent dropout); Schenato, To "
-              "Zero or to Hold Control Inputs With Lossy Links?, IEEE Transactions on Automatic "
-              "Control 54(5), 2009.",
+              "Applications, IEEE Sensors Journal 9(12), 2009; Schenato, To Zero or to Hold Control "
+              "Inputs With Lossy Links?, IEEE Transactions on Automatic Control 54(5), 2009.",
           .parameters = {SensorParameter(),
                          ProbabilityParameter("probability that a sample is lost", 0.3),
                          {.name = "reads",

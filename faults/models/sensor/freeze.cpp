@@ -29,7 +29,7 @@ FaultType SensorFreeze() {
               "is unchanged, so it does not count as an activation.",
           .source =
               "Balaban et al., Modeling, Detection, and Disambiguation of Sensor Faults for Aerospace "
-              "Applications, IEEE Sensors Journal 9(12), 2009 (hard fault: a reading that stays).",
+              "Applications, IEEE Sensors Journal 9(12), 2009.",
           .parameters = {SensorParameter()},
           .kind = SensorKind{.make = [](const SignalSetup& setup) -> std::unique_ptr<SensorModel> {
             return std::make_unique<Freeze>(setup);

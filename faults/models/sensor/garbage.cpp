@@ -35,8 +35,7 @@ FaultType SensorGarbage() {
           "and NaN or infinite in one case of 256.",
       .source =
           "Avizienis et al., Basic Concepts and Taxonomy of Dependable and Secure Computing, IEEE "
-          "Transactions on Dependable and Secure Computing 1(1), 2004 (content failures, erratic "
-          "values).",
+          "Transactions on Dependable and Secure Computing 1(1), 2004 (content failures).",
       .parameters = {SensorParameter(), ProbabilityParameter("probability that a sample is replaced", 0.1)},
       .kind = SensorKind{.make = [](const SignalSetup& setup) -> std::unique_ptr<SensorModel> {
         return std::make_unique<GarbageSensor>(setup);

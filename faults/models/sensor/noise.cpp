@@ -32,7 +32,7 @@ FaultType SensorNoise() {
           .source =
               "IEEE Std 952-1997, Annex C (angle random walk is such noise on a rate); Balaban et al., "
               "Modeling, Detection, and Disambiguation of Sensor Faults for Aerospace Applications, IEEE "
-              "Sensors Journal 9(12), 2009 (noise).",
+              "Sensors Journal 9(12), 2009.",
           .parameters = {SensorParameter(),
                          {.name = "std",
                           .unit = "of the signal",

@@ -47,8 +47,9 @@ FaultType SensorRandomWalk() {
               "independent of other steps. After T seconds in the window the error has the standard "
               "deviation `density` times the square root of T. The signal is the true value plus the "
               "error, rounded to the 32 bits of the line. Samples that the trigger leaves out are "
-              "unchanged, but the error goes on. It starts anew at 0 in each period of an intermittent "
-              "fault, and each time that a condition holds again.",
+              "unchanged, but the error goes on. It starts anew at 0 after each sample outside the "
+              "fault's active time, so in each period of an intermittent fault, and each time that a "
+              "condition holds again.",
           .source = "IEEE Std 952-1997, Annex C (rate random walk).",
           .parameters = {SensorParameter(),
                          {.name = "density",

@@ -44,9 +44,9 @@ FaultType SensorRateDrop() {
               "its first sample on, is divided into periods of `period_ms`. The first sample in each "
               "period is true, and the others in that period read the same as it. Samples come when "
               "the firmware asks: periods shorter than its own change nothing. With samples every 12 "
-              "ms and a period of 30 ms, the samples at 0, 36, 60 and 96 ms are true. Periods are "
-              "counted anew in each period of an intermittent fault, and each time that a condition "
-              "holds again.",
+              "ms and a period of 30 ms, the samples at 0, 36, 60 and 96 ms are true. They are counted "
+              "anew after each sample outside the fault's active time, so in each period of an "
+              "intermittent fault, and each time that a condition holds again.",
           .source =
               "Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., Prentice Hall, 1997 "
               "(multirate sampling).",

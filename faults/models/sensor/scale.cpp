@@ -31,7 +31,7 @@ FaultType SensorScale() {
           .source =
               "IEEE Std 1431-2004 (scale factor); Balaban et al., Modeling, Detection, and "
               "Disambiguation of Sensor Faults for Aerospace Applications, IEEE Sensors Journal 9(12), "
-              "2009 (scaling).",
+              "2009.",
           .parameters = {SensorParameter(),
                          {.name = "factor",
                           .unit = "1",

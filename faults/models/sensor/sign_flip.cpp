@@ -25,8 +25,8 @@ FaultType SensorSignFlip() {
               "Models a sensor that is mounted the wrong way round, or a wrong sign in its driver. In "
               "every sample that the trigger picks, the signal is the negative of the true value.",
           .source =
-              "Genesis Mishap Investigation Board Report, Volume I, NASA, 2005 (gravity switches, "
-              "installed upside down).",
+              "Genesis Mishap Investigation Board Report, Volume I, NASA, 2005 (gravity switches in an "
+              "inverted orientation).",
           .parameters = {SensorParameter()},
           .kind = SensorKind{.make = [](const SignalSetup& setup) -> std::unique_ptr<SensorModel> {
             return std::make_unique<NegatedSensor>(setup);

@@ -38,9 +38,10 @@ FaultType SensorSpoof() {
               "`rate_per_s` times the time since the first sample in the window. The velocity along "
               "the same axis, where the vehicle measures it (vx_m_s for x_m), has the error "
               "`rate_per_s`, so position and velocity fit each other. Both sums are rounded to the 32 "
-              "bits of the line. The pull starts anew at 0 in each period of an intermittent fault, "
-              "and each time that a condition holds again. After the window both are correct at once. "
-              "sensor.drift moves the position alone.",
+              "bits of the line. The pull starts anew at 0 after each sample outside the fault's "
+              "active time, so in each period of an intermittent fault, and each time that a condition "
+              "holds again. After the window both are correct at once. sensor.drift moves the position "
+              "alone.",
           .source =
               "Kerns, Shepard, Bhatti and Humphreys, Unmanned Aircraft Capture and Control Via GPS "
               "Spoofing, Journal of Field Robotics 31(4), 2014.",

@@ -29,7 +29,7 @@ FaultType SensorStuckAt() {
           .source =
               "Ni et al., Sensor Network Data Fault Types, ACM Transactions on Sensor Networks 5(3), "
               "2009 (stuck-at); Balaban et al., Modeling, Detection, and Disambiguation of Sensor "
-              "Faults for Aerospace Applications, IEEE Sensors Journal 9(12), 2009 (hard fault).",
+              "Faults for Aerospace Applications, IEEE Sensors Journal 9(12), 2009.",
           .parameters = {SensorParameter(),
                          {.name = "value",
                           .unit = "of the signal",
