@@ -40,6 +40,7 @@ WAITING = f"""\
   - {{id: blind, {BIAS}, when: "sensed_x_m < 1e9"}}
   - {{id: follows-wire, {LOSS}, after: {{fault: bits, delay_s: 0.25}}}}
   - {{id: follows-follower, {DROP}, after: {{fault: follows-wire, delay_s: 0.5}}, period_s: 0.6, duty: 0.5}}
+  - {{id: sensor-follows-actuator, {BIAS}, after: {{fault: pulses, delay_s: 0.2}}}}
   - {{id: follows-never, {BIAS}, after: {{fault: never}}}}
   - {{id: pulses, {LOSS}, start_s: 1.1, end_s: 5.3, period_s: 0.7, duty: 0.4}}
 """
