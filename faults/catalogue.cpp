@@ -15,7 +15,11 @@ A fault acts in its window `[start_s, end_s)`:
 - A fault on the wire acts on the frames whose first byte enters the wire in the window. Frames that the
   sender hands over before the server has accepted `start` are only in windows without `start_s`. The first
   sensor request is one of them.
-- A fault on sensors or actuators acts on the samples in the window.
+- A fault on sensors acts on the samples in the window, before they are rounded to the protocol's types and
+  sent.
+- A fault on actuators acts in the plant's steps that begin in the window. It edits the command in force
+  before the vehicle's limits are applied. The trigger decides about each command once: its answer holds until
+  the next command takes effect.
 - A fault of the firmware's receiver acts on each byte that arrives there in the window.
 - A fault on a node, on the device or on a clock is a command. It is given at `start_s` and reverted at
   `end_s`. It has no target and no trigger. Nodes are processes only in real time.
@@ -58,6 +62,9 @@ std::string ValueText(const ParameterValue& value) {
 std::string AllowedText(const ParameterInfo& info) {
   if (info.kind == ParameterKind::kChoice) return Joined(info.choices);
   if (info.kind == ParameterKind::kSensor) return "a sensor of the vehicle";
+  if (info.kind == ParameterKind::kPositionSensor) return "a position sensor of the vehicle";
+  if (info.kind == ParameterKind::kSensorVector)
+    return "three sensors of the vehicle, by their vector's name";
   if (info.kind == ParameterKind::kInput) return "an input of the vehicle, without its unit";
   if (info.kind == ParameterKind::kText)
     return Concat({"text of 1 to ", std::to_string(kParameterTextMax), " printable characters"});
@@ -136,6 +143,11 @@ std::string ParametersMarkdown(const FaultType& type) {
   return text;
 }
 
+std::string SourceMarkdown(const FaultType& type) {
+  if (type.source.empty()) return "";
+  return Concat({Wrapped(Concat({"Source: ", type.source})), "\n\n"});
+}
+
 std::string ExampleYaml(const FaultType& type) {
   std::string text = Concat({"- {id: example, type: ", type.name});
   if (type.has_target()) text += ", target: to_client";
@@ -158,7 +170,8 @@ std::string CatalogueMarkdown() {
 
 std::string Markdown(const FaultType& type) {
   return Concat({"## ", type.name, "\n\n", Wrapped(Concat({type.summary, " ", type.semantics})), "\n\n",
-                 TargetMarkdown(type), ParametersMarkdown(type), "```yaml\n", ExampleYaml(type), "\n```\n"});
+                 TargetMarkdown(type), ParametersMarkdown(type), SourceMarkdown(type), "```yaml\n",
+                 ExampleYaml(type), "\n```\n"});
 }
 
 }  // namespace tiltproof::faults

@@ -107,9 +107,10 @@ enum class Needs : std::uint8_t {
 };
 
 struct FaultType {
-  std::string_view name;       // "<layer>.<what>"
-  std::string_view summary;    // one sentence
-  std::string_view semantics;  // what exactly happens
+  std::string_view name;         // "<layer>.<what>"
+  std::string_view summary;      // one sentence
+  std::string_view semantics;    // what exactly happens
+  std::string_view source = {};  // where the model is described: book, standard, paper, report
   std::vector<ParameterInfo> parameters = {};
   FaultKind kind;
 

@@ -36,11 +36,23 @@ class Parameters {
   std::map<std::string, ParameterValue, std::less<>> values_;
 };
 
-// kSensor and kInput name a signal of the vehicle (faults/signal_choice.h). Which signals exist is known only
-// when the vehicle is loaded.
-enum class ParameterKind : std::uint8_t { kNumber, kInteger, kChoice, kText, kVector, kSensor, kInput };
+// The last four name signals of the vehicle (faults/signal_choice.h): a sensor, a sensor of a position, three
+// sensors that are the components of a vector, or an input. Which signals exist is known only when the vehicle
+// is loaded.
+enum class ParameterKind : std::uint8_t {
+  kNumber,
+  kInteger,
+  kChoice,
+  kText,
+  kVector,
+  kSensor,
+  kPositionSensor,
+  kSensorVector,
+  kInput,
+};
 constexpr bool NamesSignal(ParameterKind kind) {
-  return kind == ParameterKind::kSensor || kind == ParameterKind::kInput;
+  return kind == ParameterKind::kSensor || kind == ParameterKind::kPositionSensor ||
+         kind == ParameterKind::kSensorVector || kind == ParameterKind::kInput;
 }
 
 // How a search for the level at which a flight fails steps from harmless to worst.

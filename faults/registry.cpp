@@ -32,8 +32,33 @@ namespace tiltproof::faults {
   FAULT(SensorBias)                  \
   FAULT(SensorFreeze)                \
   FAULT(SensorNoise)                 \
+  FAULT(SensorRandomWalk)            \
+  FAULT(SensorDrift)                 \
+  FAULT(SensorScale)                 \
+  FAULT(SensorStuckAt)               \
+  FAULT(SensorDropout)               \
+  FAULT(SensorGarbage)               \
+  FAULT(SensorQuantise)              \
+  FAULT(SensorSaturate)              \
+  FAULT(SensorSpike)                 \
+  FAULT(SensorRateDrop)              \
+  FAULT(SensorDelay)                 \
+  FAULT(SensorSwap)                  \
+  FAULT(SensorSignFlip)              \
+  FAULT(SensorMisalignment)          \
+  FAULT(SensorSpoof)                 \
   FAULT(ActuatorLossOfEffectiveness) \
   FAULT(ActuatorRateLimit)           \
+  FAULT(ActuatorLockInPlace)         \
+  FAULT(ActuatorFloat)               \
+  FAULT(ActuatorHardOver)            \
+  FAULT(ActuatorOffset)              \
+  FAULT(ActuatorDeadband)            \
+  FAULT(ActuatorBacklash)            \
+  FAULT(ActuatorLag)                 \
+  FAULT(ActuatorDelay)               \
+  FAULT(ActuatorOscillation)         \
+  FAULT(ActuatorNoise)               \
   FAULT(PlantForce)                  \
   FAULT(NodeKill)                    \
   FAULT(NodePause)                   \

@@ -9,12 +9,29 @@
 namespace tiltproof::faults {
 namespace {
 
+struct VectorOfSensors {
+  std::string_view name;
+  std::array<std::string_view, 3> components;
+};
+constexpr std::array<VectorOfSensors, 3> kVectors = {{{"position", {"x_m", "y_m", "z_m"}},
+                                                      {"velocity", {"vx_m_s", "vy_m_s", "vz_m_s"}},
+                                                      {"rates", {"wx_rad_s", "wy_rad_s", "wz_rad_s"}}}};
+constexpr const VectorOfSensors& kPosition = kVectors[0];
+constexpr const VectorOfSensors& kVelocity = kVectors[1];
+
+bool Has(const VehicleSignals& signals, std::string_view sensor) {
+  return signals.sensors.Find(sensor).has_value();
+}
+
+std::invalid_argument NoSuchSignal(std::string_view parameter, std::string_view name) {
+  return std::invalid_argument(Concat({"the vehicle has no ", parameter, " '", name, "'"}));
+}
+
 std::size_t IndexOf(const SignalSetup& setup, std::string_view parameter, ParameterKind kind) {
   const std::string& name = setup.parameters.Text(parameter);
   const std::vector<std::string> names = SignalNames(setup.signals, kind);
   const auto found = std::find(names.begin(), names.end(), name);
-  if (found == names.end())
-    throw std::invalid_argument(Concat({"the vehicle has no ", parameter, " '", name, "'"}));
+  if (found == names.end()) throw NoSuchSignal(parameter, name);
   return static_cast<std::size_t>(found - names.begin());
 }
 
@@ -26,6 +43,24 @@ ParameterInfo SensorParameter() {
           .kind = ParameterKind::kSensor,
           .doc = "the sensor, by its trace column; for the tilt-rotor: x_m ... alpha_l_rad_s",
           .example = "z_m"};
+}
+
+ParameterInfo PositionParameter() {
+  ParameterInfo position = SensorParameter();
+  position.kind = ParameterKind::kPositionSensor;
+  position.doc = "the position sensor, by its trace column: x_m, y_m or z_m";
+  position.example = "x_m";
+  return position;
+}
+
+ParameterInfo SensorVectorParameter() {
+  return {.name = "signal",
+          .unit = "",
+          .kind = ParameterKind::kSensorVector,
+          .doc =
+              "the vector: position (x_m, y_m, z_m), velocity (vx_m_s, vy_m_s, vz_m_s) or rates (wx_rad_s, "
+              "wy_rad_s, wz_rad_s)",
+          .example = "rates"};
 }
 
 ParameterInfo ActuatorParameter() {
@@ -47,6 +82,14 @@ std::vector<std::string> SignalNames(const VehicleSignals& signals, ParameterKin
   std::vector<std::string> names;
   if (kind == ParameterKind::kSensor)
     for (const Signal& signal : signals.sensors) names.push_back(signal.name);
+  if (kind == ParameterKind::kPositionSensor)
+    for (const std::string_view name : kPosition.components)
+      if (Has(signals, name)) names.emplace_back(name);
+  if (kind == ParameterKind::kSensorVector)
+    for (const auto& [name, components] : kVectors)
+      if (std::all_of(components.begin(), components.end(),
+                      [&](std::string_view component) { return Has(signals, component); }))
+        names.emplace_back(name);
   if (kind == ParameterKind::kInput)
     for (const Signal& signal : signals.inputs)
       names.push_back(signal.name.substr(0, signal.name.rfind('_')));  // "f_r_n" -> "f_r"
@@ -59,6 +102,30 @@ std::size_t SensorIndex(const SignalSetup& setup, std::string_view parameter) {
 
 std::size_t ActuatorIndex(const SignalSetup& setup) {
   return IndexOf(setup, "actuator", ParameterKind::kInput);
+}
+
+std::array<std::size_t, 3> SensorVectorIndices(const SignalSetup& setup) {
+  const std::string& name = setup.parameters.Text("signal");
+  const auto vector = std::find_if(kVectors.begin(), kVectors.end(),
+                                   [&](const VectorOfSensors& known) { return known.name == name; });
+  if (vector == kVectors.end()) throw NoSuchSignal("vector", name);
+  std::array<std::size_t, 3> indices{};
+  for (std::size_t i = 0; i < indices.size(); ++i) {
+    const auto index = setup.signals.sensors.Find(vector->components[i]);
+    if (!index) throw NoSuchSignal("sensor", vector->components[i]);
+    indices[i] = *index;
+  }
+  return indices;
+}
+
+PositionIndices PositionSensorIndices(const SignalSetup& setup) {
+  const std::string& name = setup.parameters.Text("signal");
+  for (std::size_t i = 0; i < kPosition.components.size(); ++i) {
+    if (kPosition.components[i] != name) continue;
+    if (const auto position = setup.signals.sensors.Find(name))
+      return {*position, setup.signals.sensors.Find(kVelocity.components[i])};
+  }
+  throw NoSuchSignal("position sensor", name);
 }
 
 }  // namespace tiltproof::faults

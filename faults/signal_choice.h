@@ -5,7 +5,9 @@
 //   const std::vector<std::string> names = SignalNames(model.signals(), ParameterKind::kInput);  // f_r, f_l, ...
 #pragma once
 
+#include <array>
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -17,6 +19,10 @@ namespace tiltproof::faults {
 
 // `signal`: for the tilt-rotor x_m ... alpha_l_rad_s.
 ParameterInfo SensorParameter();
+// `signal`, of a fault on a position alone: for the tilt-rotor x_m, y_m, z_m.
+ParameterInfo PositionParameter();
+// `signal`, of a fault on three sensors at once: for the tilt-rotor position, velocity, rates.
+ParameterInfo SensorVectorParameter();
 // `actuator`: for the tilt-rotor f_r, f_l, tau_r, tau_l.
 ParameterInfo ActuatorParameter();
 
@@ -24,7 +30,7 @@ ParameterInfo ActuatorParameter();
 inline constexpr std::size_t kSignalNameMax = 100;
 bool IsSignalName(std::string_view text);
 
-// The values that a parameter of this kind (kSensor or kInput) may have for a vehicle with these signals, in
+// The values that a parameter of this kind (one of NamesSignal()) may have for a vehicle with these signals, in
 // the order of its table.
 std::vector<std::string> SignalNames(const VehicleSignals& signals, ParameterKind kind);
 
@@ -32,5 +38,21 @@ std::vector<std::string> SignalNames(const VehicleSignals& signals, ParameterKin
 // std::invalid_argument when the vehicle has no such signal.
 std::size_t SensorIndex(const SignalSetup& setup, std::string_view parameter = "signal");
 std::size_t ActuatorIndex(const SignalSetup& setup);
+
+// Sensors that are the x, y and z components of one vector. A vehicle has the vector when it has all three:
+//
+//   position   x_m       y_m       z_m
+//   velocity   vx_m_s    vy_m_s    vz_m_s
+//   rates      wx_rad_s  wy_rad_s  wz_rad_s
+//
+// Their places in a row of sensors. Throws std::invalid_argument when the vehicle has no such vector.
+std::array<std::size_t, 3> SensorVectorIndices(const SignalSetup& setup);
+
+// A sensor of a position, and the sensor of the velocity along the same axis, where the vehicle has one.
+struct PositionIndices {
+  std::size_t position;
+  std::optional<std::size_t> velocity;
+};
+PositionIndices PositionSensorIndices(const SignalSetup& setup);
 
 }  // namespace tiltproof::faults

@@ -12,6 +12,7 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <limits>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -35,6 +36,8 @@ struct Signal {
   std::string unit;    // "m", "rad", "m/s", "rad/s", "N", "N m"
   double scale = 1.0;  // divides the margin of a comparison; > 0
   SignalFrame frame{};
+  // Of an input: what the vehicle can do; commands beyond are clamped. Of another signal: no limits.
+  double min = -std::numeric_limits<double>::infinity(), max = std::numeric_limits<double>::infinity();
   friend bool operator==(const Signal&, const Signal&) = default;
 };
 
@@ -56,8 +59,8 @@ inline Signal SignalNamed(std::string name, SignalFrame frame) {
                                                   {"_s", "s", 1.0}}};
   for (const Unit& unit : kUnits)
     if (std::string_view(name).ends_with(unit.suffix))
-      return {std::move(name), std::string(unit.unit), unit.scale, frame};
-  return {std::move(name), "", 1.0, frame};
+      return {.name = std::move(name), .unit = std::string(unit.unit), .scale = unit.scale, .frame = frame};
+  return {.name = std::move(name), .unit = "", .scale = 1.0, .frame = frame};
 }
 
 class SignalTable {

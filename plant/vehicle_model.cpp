@@ -419,6 +419,11 @@ VehicleSignals VehicleModel::signals() const {
   add_each(states, SignalFrame::kHinge, "alpha_{}_rad_s");
   add_each(inputs, SignalFrame::kRotor, "f_{}_n");
   add_each(inputs, SignalFrame::kHinge, "tau_{}_nm");
+  const std::vector<double> input_min = InputMin(), input_max = InputMax();
+  for (std::size_t i = 0; i < inputs.size(); ++i) {
+    inputs[i].min = input_min[i];
+    inputs[i].max = input_max[i];
+  }
   SignalTable table(std::move(states));
   return {.states = table, .sensors = table, .inputs = SignalTable(std::move(inputs))};
 }

@@ -170,12 +170,15 @@ void LocalPlantServer::Hear(std::span<const faults::News> news) {
 }
 
 void LocalPlantServer::NoteActivations() {
-  const auto note = [this](faults::FaultSchedule& faults) {
-    const std::vector<faults::News> news = faults.TakeNews();
+  std::vector<faults::FaultSchedule*> all = {&faults_};
+  for (Seat& seat : seats_) all.push_back(&seat.faults);
+  for (faults::FaultSchedule* from : all) {
+    const std::vector<faults::News> news = from->TakeNews();
+    if (news.empty()) continue;
+    for (faults::FaultSchedule* other : all)
+      if (other != from) other->Hear(news);
     news_.insert(news_.end(), news.begin(), news.end());
-  };
-  note(faults_);
-  for (Seat& seat : seats_) note(seat.faults);
+  }
 }
 
 void LocalPlantServer::Finish(BootTime end, const AllCounts& counts) {

@@ -117,6 +117,8 @@ void DescribeParameter(KeyVisitor& v, const ParameterInfo& info, FaultSpec& faul
       break;
     }
     case ParameterKind::kSensor:
+    case ParameterKind::kPositionSensor:
+    case ParameterKind::kSensorVector:
     case ParameterKind::kInput: {
       if (auto* text = std::get_if<std::string>(&value)) v.Text(key, *text, kSignalName);
       break;

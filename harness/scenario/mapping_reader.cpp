@@ -272,7 +272,11 @@ void MappingReader::Choice(const Key& key, std::span<const std::string_view> wor
                            std::optional<std::size_t>& index) {
   const YamlNode* node = Take(key);
   if (node == nullptr) return;
-  if (node->kind != YamlNode::Kind::kText) {
+  // Where the words are known, `y` and `nan` are words like others.
+  const bool is_word = node->kind == YamlNode::Kind::kText ||
+                       (node->kind == YamlNode::Kind::kAmbiguous &&
+                        std::find(words.begin(), words.end(), node->text) != words.end());
+  if (!is_word) {
     Complain(node->mark, fmt::format("{}: expected one of {}, found {}", key.name, fmt::join(words, ", "),
                                      Describe(*node)));
     return;

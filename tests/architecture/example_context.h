@@ -114,6 +114,9 @@ extern TimeNs t;
 extern const Window window;
 extern TimeNs begin, end, wake_at;
 
+// faults/active_time.h
+extern const SampleContext& context;
+
 // faults/device_command.h
 extern const FlipBits flips;
 extern const struct Region { std::uint32_t begin, size_bytes; } region;

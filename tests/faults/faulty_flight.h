@@ -1,6 +1,7 @@
 // Everything that a fault can change, over a flight without a vehicle: what the tests of all types look at.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstdint>
@@ -22,6 +23,13 @@ inline Sensors Sample(std::int64_t n) {
 
 inline ActuatorsTruth Command(std::int64_t n) {
   return {.f_r_n = 10 + 0.01 * static_cast<double>(n), .f_l_n = 10.5, .tau_r_nm = 0.1, .tau_l_nm = -0.1};
+}
+
+// To the bit: readings that are no number compare equal too.
+inline bool SameBits(const Sensors& a, const Sensors& b) {
+  return std::all_of(kSensorFields.begin(), kSensorFields.end(), [&](const auto& field) {
+    return std::bit_cast<std::uint32_t>(a.*field.in_float) == std::bit_cast<std::uint32_t>(b.*field.in_float);
+  });
 }
 
 // Everything that a fault can change, over kFrames periods of 12 ms.

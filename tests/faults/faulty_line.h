@@ -52,6 +52,11 @@ inline VehicleSignals TiltrotorSignals() {
     sensors.push_back(SignalNamed(std::string(field.column), SignalFrame::kWorld));
   for (const auto& field : kActuatorFields)
     inputs.push_back(SignalNamed(std::string(field.column), SignalFrame::kRotor));
+  for (Signal& input : inputs) {  // as the shipped model
+    const bool is_thrust = input.name.starts_with("f_");
+    input.min = is_thrust ? 0.0 : -2.0;
+    input.max = is_thrust ? 30.0 : 2.0;
+  }
   return {.states = SignalTable(sensors), .sensors = SignalTable(sensors), .inputs = SignalTable(inputs)};
 }
 

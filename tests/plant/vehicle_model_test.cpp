@@ -68,8 +68,8 @@ TEST(VehicleModel, GivesItsSignals) {
   EXPECT_EQ(signals.sensors, signals.states);
   EXPECT_EQ(signals.states[6], (Signal{"alpha_r_rad", "rad", 0.5, SignalFrame::kHinge}));
   EXPECT_EQ(signals.states[9], (Signal{"vy_m_s", "m/s", 1.0, SignalFrame::kWorld}));
-  EXPECT_EQ(signals.inputs[1], (Signal{"f_l_n", "N", 1.0, SignalFrame::kRotor}));
-  EXPECT_EQ(signals.inputs[2], (Signal{"tau_r_nm", "N m", 1.0, SignalFrame::kHinge}));
+  EXPECT_EQ(signals.inputs[1], (Signal{"f_l_n", "N", 1.0, SignalFrame::kRotor, 0.0, 30.0}));
+  EXPECT_EQ(signals.inputs[2], (Signal{"tau_r_nm", "N m", 1.0, SignalFrame::kHinge, -2.0, 2.0}));
 }
 
 // Only right and left are spelled by a letter.

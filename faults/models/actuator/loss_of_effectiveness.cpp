@@ -22,8 +22,12 @@ FaultType ActuatorLossOfEffectiveness() {
   return {.name = "actuator.loss_of_effectiveness",
           .summary = "An actuator delivers only a part of what is commanded.",
           .semantics =
-              "The actuator's force or torque is `factor` times the command: 1 is a healthy actuator, 0 a "
+              "Models a nicked blade, a weak motor or a low supply. The actuator's force or torque is "
+              "`factor` times the command: 1 is a healthy actuator, 0 a "
               "dead one. This holds throughout the window, also for a command that was given before it.",
+          .source =
+              "Ducard, Fault-tolerant Flight Control and Guidance Systems, Springer, 2009 (loss of "
+              "effectiveness).",
           .parameters = {ActuatorParameter(),
                          {.name = "factor",
                           .unit = "1",

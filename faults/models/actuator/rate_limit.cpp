@@ -34,10 +34,14 @@ FaultType ActuatorRateLimit() {
   return {.name = "actuator.rate_limit",
           .summary = "An actuator follows its commands only at a limited rate.",
           .semantics =
-              "In the window, the actuator's force or torque changes in each step of the plant by no more "
+              "Models a motor that is too weak to accelerate its rotor as fast as commanded. In the window, "
+              "the actuator's force or torque changes in each step of the plant by no more "
               "than `rate_per_s` times the length of the step. It begins with the value that was in force "
               "before the window, and moves towards the latest command until it reaches it. After the "
               "window, the command takes effect at once.",
+          .source =
+              "Stevens, Lewis and Johnson, Aircraft Control and Simulation, 3rd ed., Wiley, 2016 (rate "
+              "limits of actuators).",
           .parameters = {ActuatorParameter(),
                          {.name = "rate_per_s",
                           .unit = "of the actuator, 1/s",

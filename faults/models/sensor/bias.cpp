@@ -25,8 +25,13 @@ FaultType SensorBias() {
   return {.name = "sensor.bias",
           .summary = "Adds a constant to a sensor.",
           .semantics =
+              "Models a wrong zero: a sensor out of trim, or an altimeter that is set to the wrong pressure. "
               "`offset` is added to the signal in every sample that the trigger picks, before the sample is "
               "sent. The sum is rounded to the 32 bits of the line.",
+          .source =
+              "Isermann, Fault-Diagnosis Systems, Springer, 2006 (additive faults); Balaban et al., "
+              "Modeling, Detection, and Disambiguation of Sensor Faults for Aerospace Applications, IEEE "
+              "Sensors Journal 9(12), 2009.",
           .parameters = {SensorParameter(),
                          {.name = "offset",
                           .unit = "of the signal",

@@ -24,8 +24,12 @@ FaultType SensorFreeze() {
   return {.name = "sensor.freeze",
           .summary = "A sensor keeps its value.",
           .semantics =
-              "The signal keeps the value of the first sample that the trigger picked. That sample itself "
+              "Models a driver or bus that keeps serving its last buffer. The signal keeps the value of the "
+              "first sample that the trigger picked. That sample itself "
               "is unchanged, so it does not count as an activation.",
+          .source =
+              "Balaban et al., Modeling, Detection, and Disambiguation of Sensor Faults for Aerospace "
+              "Applications, IEEE Sensors Journal 9(12), 2009.",
           .parameters = {SensorParameter()},
           .kind = SensorKind{.make = [](const SignalSetup& setup) -> std::unique_ptr<SensorModel> {
             return std::make_unique<Freeze>(setup);

@@ -25,9 +25,14 @@ FaultType SensorNoise() {
   return {.name = "sensor.noise",
           .summary = "Adds white noise to a sensor.",
           .semantics =
-              "A random value is added to the signal in every sample that the trigger picks. It is normally "
+              "Models a noisier sensor: vibration, a bad ground, a weak signal. A random value is added to "
+              "the signal in every sample that the trigger picks. It is normally "
               "distributed, with mean 0 and standard deviation `std`, and independent of the values in "
               "other samples. The sum is rounded to the 32 bits of the line.",
+          .source =
+              "IEEE Std 952-1997, Annex C (angle random walk is such noise on a rate); Balaban et al., "
+              "Modeling, Detection, and Disambiguation of Sensor Faults for Aerospace Applications, IEEE "
+              "Sensors Journal 9(12), 2009.",
           .parameters = {SensorParameter(),
                          {.name = "std",
                           .unit = "of the signal",

@@ -40,6 +40,7 @@ WAITING = f"""\
   - {{id: blind, {BIAS}, when: "sensed_x_m < 1e9"}}
   - {{id: follows-wire, {LOSS}, after: {{fault: bits, delay_s: 0.25}}}}
   - {{id: follows-follower, {DROP}, after: {{fault: follows-wire, delay_s: 0.5}}, period_s: 0.6, duty: 0.5}}
+  - {{id: sensor-follows-actuator, {BIAS}, after: {{fault: pulses, delay_s: 0.2}}}}
   - {{id: follows-never, {BIAS}, after: {{fault: never}}}}
   - {{id: pulses, {LOSS}, start_s: 1.1, end_s: 5.3, period_s: 0.7, duty: 0.4}}
 """
@@ -150,6 +151,30 @@ class Triggers(unittest.TestCase):
         for t, active in zip(flown.times(), flown.active("pulses")):
             phase = round((t - 1.1) * 1000) % 700
             self.assertEqual(active, 1.1 <= t < 5.3 and phase < 280, t)
+
+    def test_a_compound_gives_sensors_and_actuators_its_window(self):
+        compound = f"""\
+  - id: storm
+    start_s: 2
+    end_s: 4
+    compound:
+      - {{id: sensor, {BIAS}}}
+      - {{id: actuator, {LOSS}, end_s: 3}}
+      - {{id: sensor-pulses, {BIAS}, period_s: 0.5, duty: 0.4}}
+      - {{id: actuator-when, {LOSS}, when: "z_m > 0"}}
+      - {{id: sensor-follows, {BIAS}, after: {{fault: actuator, delay_s: 0.5}}}}
+"""
+        flown = Flown(self.fly_faults("compound", compound), "compound")
+        expected = {
+            "sensor": lambda t: 2 <= t < 4,
+            "actuator": lambda t: 2 <= t < 3,
+            "sensor-pulses": lambda t: 2 <= t < 4 and round((t - 2) * 1000) % 500 < 200,
+            "actuator-when": lambda t: 2 <= t < 4,
+            "sensor-follows": lambda t: flown.first("actuator") + 0.5 <= t < 4,
+        }
+        for fault, is_active in expected.items():
+            self.assertEqual(flown.active(fault), [is_active(t) for t in flown.times()], fault)
+            self.assertGreater(flown.activations(fault), 10, fault)
 
     def test_one_that_never_acts_changes_nothing(self):
         without = Flown(self.fly_faults("without", ""), "without")

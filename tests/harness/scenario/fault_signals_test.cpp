@@ -71,6 +71,39 @@ TEST_F(FaultSignalsTest, ActuatorsGoWithoutTheUnit) {
   EXPECT_THAT(Loss("x"), HasSubstr("actuator: unknown value 'x'; valid: f_front_left, tau_rudder"));
 }
 
+TEST_F(FaultSignalsTest, VectorsAndPositionsAreThoseOfTheVehicle) {
+  const auto misalignment = [this](const std::string& signal) {
+    return Error("{id: a, type: sensor.misalignment, parameters: {signal: " + signal +
+                 ", axis: y, angle_rad: 0.1}}");
+  };
+  const auto spoof = [this](const std::string& signal) {
+    return Error("{id: a, type: sensor.spoof, parameters: {signal: " + signal + ", rate_per_s: 0.1}}");
+  };
+  EXPECT_EQ(spoof("z_m"), "");
+  EXPECT_EQ(spoof("x_m"), "s.yaml:4:59: signal: unknown value 'x_m'; did you mean 'z_m'?");
+  EXPECT_THAT(spoof("keel_rad_s"), HasSubstr("s.yaml:4:59: signal: unknown value 'keel_rad_s'; valid: z_m"));
+  EXPECT_THAT(misalignment("position"), HasSubstr("s.yaml:4:66: signal: unknown value 'position'"));
+  std::vector<Signal> sensors;
+  for (const char* name : {"wx_rad_s", "x_m", "wz_rad_s", "y_m", "wy_rad_s"})
+    sensors.push_back(SignalNamed(name, SignalFrame::kWorld));
+  signals_->sensors = SignalTable(sensors);
+  EXPECT_EQ(misalignment("rates"), "");
+  EXPECT_EQ(misalignment("position"), "s.yaml:4:66: signal: unknown value 'position'; valid: rates");
+}
+
+// Words that YAML takes for something else.
+TEST_F(FaultSignalsTest, AChoiceIsAWordWhateverYamlMakesOfIt) {
+  const auto dropout = [this](const std::string& reads) {
+    return Error("{id: a, type: sensor.dropout, parameters: {signal: z_m, probability: 1, reads: " + reads +
+                 "}}");
+  };
+  EXPECT_EQ(dropout("nan"), "");
+  EXPECT_EQ(dropout("\"nan\""), "");
+  EXPECT_EQ(dropout("zero"), "");
+  EXPECT_THAT(dropout("inf"), HasSubstr("s.yaml:4:89: reads: expected one of last, zero, nan"));
+  EXPECT_THAT(dropout("0"), HasSubstr("s.yaml:4:89: reads: expected one of last, zero, nan"));
+}
+
 TEST_F(FaultSignalsTest, AVehicleThatCannotBeLoadedIsAProblemOfTheModelAlone) {
   signals_.reset();
   EXPECT_EQ(Freeze("z"), "");

@@ -1,8 +1,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <vector>
 
-#include "tests/faults/faulty_line.h"
+#include "tests/faults/goodness_of_fit.h"
+#include "tests/faults/one_signal.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -27,6 +29,15 @@ TEST(NoiseTest, IsWhiteOfItsStandardDeviation) {
   EXPECT_NEAR(sum / kSamples, 0, 5 * kStd / std::sqrt(kSamples));
   EXPECT_NEAR(std::sqrt(squares / kSamples), kStd, 5 * kStd / std::sqrt(2.0 * kSamples));
   EXPECT_NEAR(neighbours / squares, 0, 5 / std::sqrt(kSamples));
+}
+
+TEST(NoiseTest, IsNormal) {
+  const auto heights = ReadHeights(
+      Spec("sensor.noise", {{"signal", "z_m"}, {"std", 0.25}}), 100'000, [](std::int64_t) { return 0.0F; },
+      8);
+  std::vector<double> draws;
+  for (const float height : heights) draws.push_back(static_cast<double>(height) / 0.25);
+  EXPECT_LT(KolmogorovStatistic(draws, NormalCdf), kKolmogorovCritical);
 }
 
 }  // namespace
