@@ -254,11 +254,10 @@ extern std::uint8_t byte;
 extern double sender_bit_ns, receiver_bit_ns, tolerance;
 
 // harness/emulator/post_mortem.h
-extern EmulatorProcess board;
+extern StoppedBoard& board;
 extern const ElfSymbols symbols;
 extern const SourceLines source;
 extern const UsartRoles roles;
-extern const TimeNs now_ns;
 
 // harness/emulator/plugin/chip.h
 extern Chip chip;
