@@ -43,7 +43,8 @@ std::string ToHex(std::string_view bytes) {
 
 // Any byte stops a running board, and is lost. It then reports that it has stopped. Whatever it reported before is
 // acknowledged by the first byte, or is not waited for any more with the first packet.
-GdbBoard::GdbBoard(int socket, const lockstep::UsartStates& usarts) : socket_(socket), usarts_(usarts) {
+GdbBoard::GdbBoard(int socket, const lockstep::UsartStates& usarts, std::chrono::milliseconds limit)
+    : socket_(socket), usarts_(usarts), until_(steady_clock::now() + limit) {
   Write("+\x03");
   Ask("?");
 }

@@ -1,10 +1,10 @@
 // A board in a QEMU that runs by the clock on the wall, stopped and looked at through QEMU's debugger port (GDB Remote
 // Serial Protocol, appendix E of the GDB manual).
 //
-//   GdbBoard stopped(socket, {});                // stops it; it stays stopped
+//   GdbBoard stopped(socket, usarts);            // stops it; it stays stopped
 //   stopped.Registers();
 //
-// Each call waits for its answer. Together they may take kLimit; then EmulatorTrouble is thrown.
+// Each call waits for its answer. Together they may take that long; then EmulatorTrouble is thrown.
 #pragma once
 
 #include <chrono>
@@ -19,7 +19,7 @@ class GdbBoard final : public StoppedBoard {
   static constexpr std::chrono::seconds kLimit{3};
 
   // `socket`: connected, and used by no one else meanwhile. `usarts`: as the plug-in has counted.
-  GdbBoard(int socket, const lockstep::UsartStates& usarts);
+  GdbBoard(int socket, const lockstep::UsartStates& usarts, std::chrono::milliseconds limit = kLimit);
 
   std::string Registers() override;
   std::vector<std::uint8_t> ReadMemory(std::uint32_t address, std::uint32_t size) override;
@@ -35,7 +35,7 @@ class GdbBoard final : public StoppedBoard {
 
   int socket_;
   lockstep::UsartStates usarts_;
-  std::chrono::steady_clock::time_point until_ = std::chrono::steady_clock::now() + kLimit;
+  std::chrono::steady_clock::time_point until_;
   std::string in_;
   std::size_t taken_ = 0;
 };

@@ -509,7 +509,8 @@ __attribute__((visibility("default"))) int qemu_plugin_install(qemu_plugin_id_t 
   }
   if (!plugin.arguments.realtime) plugin.socket.Use(plugin.arguments.socket);
   if (plugin.arguments.memory >= 0) {
-    void* memory = mmap(nullptr, sizeof(RealtimeBoard), PROT_READ | PROT_WRITE, MAP_SHARED, plugin.arguments.memory, 0);
+    void* memory =
+        mmap(nullptr, sizeof(RealtimeBoard), PROT_READ | PROT_WRITE, MAP_SHARED, plugin.arguments.memory, 0);
     if (memory == MAP_FAILED) Die("the memory that it shares with the harness cannot be mapped");
     plugin.realtime_board = static_cast<RealtimeBoard*>(memory);
   }

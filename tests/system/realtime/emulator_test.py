@@ -214,8 +214,9 @@ class EmulatorTest(unittest.TestCase):
 
     def test_firmware_that_locks_up(self):
         flight = self.start(f"qemu:{write_image(self.folder / 'lockup.elf', UNDEFINED)}")
-        self.trouble(flight, "fail", r"the firmware crashed: the processor locked up at 0x[0-9a-f]{8}.*: Lockup: can't escalate 3 to HardFault")
+        self.trouble(flight, "fail", r"the firmware crashed at [0-9.]+ s after power-on: the processor locked up at 0x[0-9a-f]{8}.*: usage fault: undefined instruction")
         self.assertRegex(self.log(flight), r"R00=[0-9a-f]{8} R01=")
+        self.assertIn("Lockup: can't escalate 3 to HardFault", self.log(flight))
 
     def test_firmware_that_says_nothing(self):
         flight = self.start(f"qemu:{write_image(self.folder / 'silent.elf', ENDLESS_LOOP)}", duration_s=1)
