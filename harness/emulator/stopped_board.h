@@ -1,7 +1,7 @@
 // An emulated board that stands still, to be looked at: its registers and memory, and one instruction at a time.
 //
 //   StoppedInLockstep stopped(board, now_ns);    // of harness/emulator/emulator_process.h
-//   const Findings found = Examine(stopped, symbols, source, roles, Condition::kBusy);
+//   stopped.Registers();                         // what harness/emulator/post_mortem.h asks for
 #pragma once
 
 #include <cstdint>

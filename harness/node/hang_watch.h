@@ -2,7 +2,7 @@
 // (harness/process/own_time.h).
 //
 //   HangWatch watch(pid);
-//   watch.Look(now, {.any = last_byte, .main_line = last_byte_there}, held);      // every 50 ms
+//   watch.Look(HangWatch::Clock::now(), {.any = last_byte, .main_line = last_byte_there}, held);  // every 50 ms
 //   if (watch.busy_ns() > HangWatch::kLimit) ...
 //
 // Whether the processor sleeps shows in the emulator's use of this machine's processors: one that never sleeps uses

@@ -245,6 +245,10 @@ extern const std::uint32_t code;
 // harness/emulator/emulator_process.h
 extern std::span<const lockstep::ReceivedByte> bytes;
 
+// harness/emulator/gdb_board.h
+extern int socket;
+extern const lockstep::UsartStates usarts;
+
 // harness/emulator/gdb_client.h
 extern int socket;
 
@@ -274,6 +278,10 @@ extern UsartUnit usart;
 extern const ClockTree clocks;
 extern Dma dma;
 extern const UsartUnit::Callbacks callbacks;
+
+// harness/emulator/stopped_board.h
+extern EmulatorProcess board;
+extern const TimeNs now_ns;
 
 // harness/emulator/qmp_client.h
 extern int socket;
@@ -315,6 +323,10 @@ extern const EmulatedBoard::Callbacks callbacks;
 // harness/node/firmware_process.h
 extern NodeServices& services;
 extern const ChildSpec spec;
+
+// harness/node/hang_watch.h
+extern std::chrono::steady_clock::time_point last_byte, last_byte_there;
+extern bool held;
 
 // harness/node/joystick_input.h
 extern TimeNs now;

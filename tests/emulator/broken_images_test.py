@@ -337,7 +337,7 @@ class RealTime(Images):
         self.assertRegex(result["reason"], r"for 2 s, since 0\.\d+ s after power-on, it has neither slept nor sent a byte; it is in Main \(main\.c:\d+\), LR in Reset_Handler.*"
                                            r"USART2 \(main line\) is off")
         result, _ = self.fly("static void Main(void) {}", realtime=True)
-        self.assertRegex(result["reason"], r"no `start`.*it sleeps \(WFI\) in Reset_Handler \(main\.c:\d+\), LR in Reset_Handler.*USART2 \(main line\) is off")
+        self.assertRegex(result["reason"], r"no `start`.*it sleeps \(WFI\) in Reset_Handler \(main\.c:\d+\).*USART2 \(main line\) is off")
 
 
 if __name__ == "__main__":

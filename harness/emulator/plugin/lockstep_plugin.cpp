@@ -28,8 +28,6 @@
 // QEMU is GPL-2, so this file uses nothing but the standard library. It has no static objects with destructors,
 // since QEMU ends by exit() with threads still running.
 #include <pthread.h>
-#include <sys/mman.h>
-#include <time.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -51,6 +49,7 @@
 #include "harness/emulator/plugin/harness_socket.h"
 #include "harness/emulator/plugin/processor.h"
 #include "harness/emulator/plugin/qemu_internals.h"
+#include "harness/emulator/plugin/realtime_board.h"
 
 namespace tiltproof::qemu {
 namespace {
@@ -96,7 +95,7 @@ struct Plugin {
   std::int64_t last_slept_ns = 0;  // or was made to stand still
   Chip chip;
   std::array<CharacterDevice, UsartUnit::kCount> character_devices;  // in real time
-  RealtimeBoard* realtime_board = nullptr;
+  RealtimeNotes notes;                                               // in real time
 };
 Plugin& plugin = *new Plugin;
 
@@ -344,32 +343,14 @@ void OnHorizon(void* /*opaque*/) { Stop(); }
 void OnAbort(int /*signal*/) {
   if (!plugin.begun || pthread_equal(pthread_self(), plugin.cpu_thread) == 0) return;
   plugin.locked_up = true;
-  if (plugin.arguments.realtime) {
-    const std::string words = LastWordsOf(plugin.cpu);
-    std::memcpy(&plugin.realtime_board->last_words, words.data(), sizeof(LastWords));
-    plugin.realtime_board->locked_up = true;
-    return;
-  }
+  if (plugin.arguments.realtime) return plugin.notes.LockedUp(plugin.cpu);
   Stop();
-}
-
-// Where the harness sees it that flies in real time.
-void NoteClock(int number) {
-  if (plugin.realtime_board != nullptr)
-    plugin.realtime_board->clock_hz[number - 1] = plugin.chip.usart(number).settings().clock_hz;
-}
-void NoteSent(int number) {
-  if (plugin.realtime_board == nullptr) return;
-  timespec now{};
-  clock_gettime(CLOCK_MONOTONIC, &now);
-  ++plugin.realtime_board->sent_count[number - 1];
-  plugin.realtime_board->sent_at_ns[number - 1] = now.tv_sec * 1'000'000'000 + now.tv_nsec;
 }
 
 // A byte is given to a USART's transmitter.
 void OnTransmit(int number, std::uint8_t byte) {
   if (plugin.arguments.realtime) {
-    NoteSent(number);
+    plugin.notes.Sent(number);
     return plugin.character_devices[static_cast<std::size_t>(number - 1)].Transmit(byte);
   }
   ++plugin.usarts.sent_count[number - 1];
@@ -412,7 +393,7 @@ void BeginChip() {
       plugin.character_devices[static_cast<std::size_t>(number - 1)].Take();
     };
     options.usart.programmed = [](int number) {
-      NoteClock(number);
+      plugin.notes.Clock(number, plugin.chip.usart(number).settings().clock_hz);
       plugin.character_devices[static_cast<std::size_t>(number - 1)].Program();
     };
   }
@@ -508,13 +489,8 @@ __attribute__((visibility("default"))) int qemu_plugin_install(qemu_plugin_id_t 
     return 1;
   }
   if (!plugin.arguments.realtime) plugin.socket.Use(plugin.arguments.socket);
-  if (plugin.arguments.memory >= 0) {
-    void* memory =
-        mmap(nullptr, sizeof(RealtimeBoard), PROT_READ | PROT_WRITE, MAP_SHARED, plugin.arguments.memory, 0);
-    if (memory == MAP_FAILED) Die("the memory that it shares with the harness cannot be mapped");
-    plugin.realtime_board = static_cast<RealtimeBoard*>(memory);
-  }
-  if (!plugin.arguments.realtime || plugin.realtime_board != nullptr) std::signal(SIGABRT, OnAbort);
+  if (plugin.arguments.memory >= 0) plugin.notes.Use(plugin.arguments.memory);
+  std::signal(SIGABRT, OnAbort);
   qemu_plugin_register_vcpu_tb_trans_cb(id, OnTranslate);
   return 0;
 }

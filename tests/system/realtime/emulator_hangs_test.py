@@ -29,7 +29,7 @@ FAULT = (LOOP, "    if (tick_count > 700) (void)REGISTER(0x60000000);\n" + LOOP)
 NO_RESET = ("  SCB_AIRCR = 0x05FA0004; /* key, SYSRESETREQ */\n", "")
 ASLEEP = (NO_RESET[0] + "  for (;;) {\n", '  for (;;) {\n    __asm volatile("wfi");\n')
 IN_HANDLER = (r"firmware hung at .*: the firmware hangs in a fault's handler since t = 0\.[67]\d\d s: bus fault: precise data access to 0x60000000 \(no memory\) "
-              r"by main \(stm32f4\.c:\d+\), LR in main \(stm32f4\.c:\d+\); the hard fault's handler, Reset \(stm32f4\.c:\d+\), does not end")
+              r"by main \(stm32f4\.c:\d+\)(, LR in \w+( \(stm32f4\.c:\d+\))?)?; the hard fault's handler, Reset \(stm32f4\.c:\d+\), does not end")
 
 
 class EmulatorHangsTest(unittest.TestCase):
