@@ -100,7 +100,7 @@ EmulatedBoard::EmulatedBoard(NodeServices& services, const Scenario& scenario, c
   ChildSpec child;
   child.command = CommandLine(spec, wiring);
   auto [memory_file, memory] = SharedBoard();
-  memory_ = memory;
+  memory_.reset(memory);
   child.descriptors = {control_far.get(), debugger_far.get(), memory_file.get()};
   process_.emplace(services, child, [this](const std::string& how) { OnEnded(how); });
   const auto lost = [this](const std::string& why) { socket_trouble_ = why; };
@@ -120,8 +120,9 @@ EmulatedBoard::~EmulatedBoard() {
   // Whoever reads there has to end.
   shutdown(debugger_port_.get(), SHUT_RDWR);
   if (examiner_.joinable()) examiner_.join();
-  if (memory_ != nullptr) munmap(memory_, sizeof *memory_);
 }
+
+void EmulatedBoard::Unmap::operator()(lockstep::RealtimeBoard* board) const { munmap(board, sizeof *board); }
 
 void EmulatedBoard::PowerOn() {
   // By its answer, all of its threads are there.

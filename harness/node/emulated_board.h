@@ -104,7 +104,10 @@ class EmulatedBoard {
   std::optional<QmpClient> qmp_;
   link::OwnedDescriptor debugger_port_;
   std::optional<GdbClient> debugger_;  // of a copy of that
-  lockstep::RealtimeBoard* memory_ = nullptr;  // that the plug-in has mapped, too
+  struct Unmap {
+    void operator()(lockstep::RealtimeBoard* board) const;
+  };
+  std::unique_ptr<lockstep::RealtimeBoard, Unmap> memory_;  // the plug-in has mapped it, too
   std::vector<FirmwareProcess::OutputLine> lines_;
   std::string fatal_, last_error_;  // what QEMU said before its end
   std::string last_words_;          // all of that, with the registers after a crash
