@@ -305,7 +305,8 @@ Findings Examine(StoppedBoard& board, const ElfSymbols& symbols, const SourceLin
 
 std::string HangText(const Findings& found, TimeNs silent_ns, const std::string& since) {
   if (found.in_fault_handler)
-    return fmt::format("the firmware hangs in a fault's handler since {}: {}", since, found.reason);
+    return fmt::format("the firmware hangs in a fault's handler since {}{}{}", since,
+                       found.reason.empty() ? "" : ": ", found.reason);
   return fmt::format("the firmware hangs: for {:.0f} s, since {}, it has neither slept nor sent a byte{}{}",
                      ToSeconds(silent_ns), since, found.reason.empty() ? "" : "; ", found.reason);
 }

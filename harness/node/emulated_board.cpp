@@ -214,12 +214,16 @@ void EmulatedBoard::WatchFirmware(bool started) {
   const auto now = steady_clock::now();
   hang_watch_->Look(now, sent, paused_ || halted_);
   const bool judged = started || now - power_on_ > std::chrono::nanoseconds(scenario_.start_within_ns);
-  if (!judged || paused_ || halted_ || hang_watch_->silent_ns() < HangWatch::kLimit) return;
+  const auto is_suspect = [this] {
+    return !paused_ && !halted_ && !examined_ && hang_watch_->silent_ns() >= HangWatch::kLimit;
+  };
+  if (!judged || !is_suspect()) return;
   if (qmp_->Waiting().count() > 0 || (debugger_ && debugger_->Waiting().count() > 0)) return;
   qmp_->Execute("human-monitor-command", R"({"command-line": "info registers"})",
-                [this, started](const std::string& error, const std::string& value) {
+                [this, started, is_suspect](const std::string& error, const std::string& value) {
                   const auto state = ParseCpuState(value);
-                  if (error.empty() && state && !examined_) Suspect(*state, started);
+                  // By now it may have sent something.
+                  if (error.empty() && state && is_suspect()) Suspect(*state, started);
                 });
 }
 
