@@ -17,6 +17,9 @@ PROGRAM, SOURCE = (pathlib.Path(sys.argv.pop(1)).resolve() for _ in range(2))
 EXAMPLE = SOURCE / "firmware/examples/minimal_c"
 NOT_RUN = 77
 
+# A flight that the machine itself disturbed says nothing: it is flown again.
+ATTEMPTS_COUNT = 3
+
 SCENARIO = """\
 name: flight
 duration_s: {duration_s}
@@ -58,8 +61,19 @@ class EmulatorHangsTest(unittest.TestCase):
         self.addCleanup(flight.end)
         return flight
 
-    def check_hangs(self, flight, reason):
-        self.assertEqual(flight.wait(60), 1, flight.text())
+    def end_of(self, flight, again):
+        """Its exit code; of another one while the machine was too busy to judge."""
+        for _ in range(ATTEMPTS_COUNT):
+            code = flight.wait(60)
+            if code != 4:
+                return flight, code
+            self.assertIn("too busy to judge", flight.text())
+            flight = again()
+        self.skipTest(f"this machine was too busy, {ATTEMPTS_COUNT} times over")
+
+    def check_hangs(self, fly, reason):
+        flight, code = self.end_of(fly(), fly)
+        self.assertEqual(code, 1, flight.text())
         result = flight.result()
         self.assertEqual((result["verdict"], result["end_reason"]), ("fail", "firmware_hung"), result)
         self.assertRegex(result["reason"], reason)
@@ -78,26 +92,32 @@ class EmulatorHangsTest(unittest.TestCase):
 
     def test_an_endless_loop(self):
         elf = self.image((LOOP, "    while (tick_count > 700) {\n    }\n" + LOOP))
-        self.check_hangs(self.start(elf), r"firmware hung at [23]\.\d+ s: the firmware hangs: for 2 s, since t = 0\.[678]\d\d s, it has neither slept nor sent a byte; "
-                                          r"it is in \w+ \(stm32f4\.c:\d+\).* and reads the variable tick_count again and again")
+        self.check_hangs(lambda: self.start(elf), r"firmware hung at [23]\.\d+ s: the firmware hangs: for 2 s, since t = 0\.[678]\d\d s, it has neither slept nor sent a byte; "
+                                                  r"it is in \w+ \(stm32f4\.c:\d+\).* and reads the variable tick_count again and again")
 
     def test_the_loop_of_a_faults_handler(self):
-        self.check_hangs(self.start(self.image(FAULT, NO_RESET)), IN_HANDLER)
+        elf = self.image(FAULT, NO_RESET)
+        self.check_hangs(lambda: self.start(elf), IN_HANDLER)
 
     def test_sleep_in_a_faults_handler(self):
-        self.check_hangs(self.start(self.image(FAULT, ASLEEP)), IN_HANDLER)
+        elf = self.image(FAULT, ASLEEP)
+        self.check_hangs(lambda: self.start(elf), IN_HANDLER)
 
     def test_time_in_which_the_emulator_is_stopped_is_not_charged(self):
-        flight = self.start(self.image((LOOP, "    while (tick_count > 700) {\n    }\n" + LOOP)), duration_s=30)
-        flight.wait_flying()
-        [emulator] = [pid for pid, command in flight.processes().items() if "qemu-system-arm" in command[0] and "-kernel" in command]
-        time.sleep(1)
-        os.kill(emulator, signal.SIGSTOP)
-        # In all it is silent for longer than the limit by then.
-        time.sleep(2.4)
-        self.assertIsNone(flight.process.poll(), flight.text())
-        os.kill(emulator, signal.SIGCONT)
-        self.check_hangs(flight, "the firmware hangs: for 2 s")
+        elf = self.image((LOOP, "    while (tick_count > 700) {\n    }\n" + LOOP))
+
+        def fly():
+            flight = self.start(elf, duration_s=30)
+            flight.wait_flying()
+            [emulator] = [pid for pid, command in flight.processes().items() if "qemu-system-arm" in command[0] and "-kernel" in command]
+            time.sleep(1)
+            os.kill(emulator, signal.SIGSTOP)
+            # In all it is silent for longer than the limit by then.
+            time.sleep(2.4)
+            self.assertNotIn("firmware hung", flight.text())
+            os.kill(emulator, signal.SIGCONT)
+            return flight
+        self.check_hangs(fly, "the firmware hangs: for 2 s")
 
     def test_who_waits_does_not_hang(self):
         # What it sends is lost, and so is what it is sent.
