@@ -79,7 +79,8 @@ int Main(int argc, char** argv) {
       ->check(CLI::Range(1, 1'000'000));
   run_app
       ->add_option("--watch", run.watch,
-                   "Also record this variable of the emulated image, as watch_NAME; repeatable")
+                   "Also record these variables of the emulated image, as watch_NAME; repeatable")
+      ->delimiter(',')
       ->allow_extra_args(false);
   run_app->add_option("-j", run.jobs_count, "Worker processes")->check(CLI::Range(1, 1024));
   run_app->add_option("--out", run.out, "Parent of the run's own results folder")->capture_default_str();

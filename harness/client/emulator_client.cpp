@@ -232,22 +232,21 @@ class EmulatorClient final : public Client {
   }
 
   Findings Examine(Condition condition, TimeNs now) {
-    const Findings found = harness::Examine(*board_, *symbols_, *source_, Roles(), condition, now);
+    StoppedInLockstep stopped(*board_, now);
+    const Findings found = harness::Examine(stopped, *symbols_, *source_, Roles(), condition);
     for (const std::string& line : found.lines) Log(now, line);
     return found;
+  }
+  std::string Usarts() {
+    StoppedInLockstep stopped(*board_, now_);
+    return UsartSummary(stopped, Roles());
   }
   UsartRoles Roles() const { return {spec_.main_usart, spec_.reference_usart, spec_.console_usart}; }
 
   [[noreturn]] void ThrowHangs(TimeNs now) {
     const Findings found = Examine(Condition::kBusy, now);
-    const std::string since = TimeText(last_active_);
-    std::string text =
-        found.in_fault_handler
-            ? fmt::format("the firmware hangs in a fault's handler since {}: {}", since, found.reason)
-            : fmt::format(
-                  "the firmware hangs: for {:.0f} s, since {}, it has neither slept nor sent a byte; {}",
-                  ToSeconds(now - last_active_), since, found.reason);
-    if (!started()) text += "; " + UsartSummary(*board_, Roles());
+    std::string text = HangText(found, now - last_active_, TimeText(last_active_));
+    if (!started()) text += "; " + Usarts();
     throw FirmwareTrouble(true, text + " (more in firmware.log)");
   }
 
@@ -258,8 +257,7 @@ class EmulatorClient final : public Client {
     if (fatal.empty()) throw std::runtime_error("the emulator aborts: " + board_->Errors());
     Log(now, fatal);
     const Findings found = Examine(Condition::kLockedUp, now);
-    throw FirmwareTrouble(false, fmt::format("the firmware crashed at {}: {} (more in firmware.log)",
-                                             TimeText(now), found.reason));
+    throw FirmwareTrouble(false, CrashText(found, TimeText(now)));
   }
 
   // What a firmware does that never started, and that one sleeps in the handler of a fault.
@@ -272,7 +270,7 @@ class EmulatorClient final : public Client {
       host_.event({.time_ns = clock_.When(now_),
                    .fault = std::nullopt,
                    .kind = kBoardStateEvent,
-                   .text = found.reason + (started() ? "" : "; " + UsartSummary(*board_, Roles()))});
+                   .text = found.reason + (started() ? "" : "; " + Usarts())});
     } catch (const EmulatorTrouble&) {
       // The flight has been flown; only these words are missing.
     }

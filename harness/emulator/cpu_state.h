@@ -22,6 +22,8 @@ struct CpuState {
   std::uint32_t pc() const { return r[15]; }
   // The exception being handled, 0 for none (IPSR: ARMv7-M ARM, section B1.4.2).
   int exception() const { return static_cast<int>(xpsr & 0x1FFU); }
+  // In the handler of a fault, or of an NMI.
+  bool InFaultHandler() const { return exception() >= 2 && exception() <= 6; }
   friend bool operator==(const CpuState&, const CpuState&) = default;
 };
 

@@ -7,6 +7,7 @@
 // stops until the next kRun. Times are nanoseconds of the emulator's virtual clock, which begins at power-on.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <limits>
 
@@ -154,6 +155,16 @@ struct Stopped {
   std::int64_t last_slept_ns;  // when the processor last slept (WFI) or was stopped
   // It is past all help (ARMv7-M ARM, section B1.5.15). Only its state can be read.
   bool locked_up;
+};
+
+// By the clock on the wall nothing is exchanged. The plug-in writes here, in memory that both have mapped, what the
+// harness cannot see from outside. By the number of the USART, USART1 first.
+struct RealtimeBoard {
+  std::atomic<std::uint64_t> sent_count[6];
+  std::atomic<std::int64_t> sent_at_ns[6];  // the last byte, by CLOCK_MONOTONIC
+  std::atomic<std::uint32_t> clock_hz[6];   // when it was programmed, or sent
+  std::atomic<bool> locked_up;              // then this is complete:
+  LastWords last_words;
 };
 
 }  // namespace tiltproof::harness::lockstep

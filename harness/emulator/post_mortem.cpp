@@ -18,25 +18,23 @@
 namespace tiltproof::harness {
 namespace {
 
-// QEMU runs with -icount shift=3.
-constexpr std::int64_t kInstructionNs = 8;
 // Enough for some turns of a loop that calls a function or two; it costs some 30 us each.
 constexpr int kSteps = 600;
 // What is read in fewer turns is no loop.
 constexpr int kReadsMin = 3;
 
-std::vector<std::uint32_t> ReadWordsOf(EmulatorProcess& board, std::uint32_t address, std::uint32_t count) {
+std::vector<std::uint32_t> ReadWordsOf(StoppedBoard& board, std::uint32_t address, std::uint32_t count) {
   const std::vector<std::uint8_t> bytes = board.ReadMemory(address, 4 * count);
   std::vector<std::uint32_t> words(bytes.size() / 4);
   std::memcpy(words.data(), bytes.data(), 4 * words.size());
   return words;
 }
-std::uint32_t ReadWord(EmulatorProcess& board, std::uint32_t address) {
+std::uint32_t ReadWord(StoppedBoard& board, std::uint32_t address) {
   const auto words = ReadWordsOf(board, address, 1);
   return words.empty() ? 0 : words.front();
 }
 
-FaultRegisters ReadFaults(EmulatorProcess& board) {
+FaultRegisters ReadFaults(StoppedBoard& board) {
   const auto words = ReadWordsOf(board, kFaultRegisters, 5);
   if (words.size() < 5) return {};
   return {.cfsr = words[0], .hfsr = words[1], .mmfar = words[3], .bfar = words[4]};
@@ -68,7 +66,7 @@ std::optional<std::uint32_t> MostRead(const std::map<std::uint32_t, int>& reads)
 }
 
 // Runs on, one instruction at a time.
-Loop Watch(EmulatorProcess& board, std::int64_t now_ns) {
+Loop Watch(StoppedBoard& board) {
   Loop loop{.polled = std::nullopt, .first = ~0U, .last = 0};
   std::map<std::uint32_t, int> reads;
   std::map<std::uint32_t, std::uint32_t> code;
@@ -80,15 +78,13 @@ Loop Watch(EmulatorProcess& board, std::int64_t now_ns) {
     auto known = code.find(state->pc());
     if (known == code.end()) known = code.emplace(state->pc(), ReadWord(board, state->pc())).first;
     if (const auto address = LoadAddress(*state, known->second)) ++reads[*address];
-    const lockstep::Stopped stopped = board.Run({now_ns + kInstructionNs, 0}, [](const EmulatorMessage&) {});
-    now_ns = std::max(stopped.at_ns, now_ns + kInstructionNs);
-    if (stopped.locked_up) break;
+    if (!board.Step()) break;
   }
   loop.polled = MostRead(reads);
   return loop;
 }
 
-std::string PolledText(EmulatorProcess& board, const ElfSymbols& symbols, std::uint32_t address) {
+std::string PolledText(StoppedBoard& board, const ElfSymbols& symbols, std::uint32_t address) {
   const std::uint32_t value = ReadWord(board, address & ~3U);
   if (IsRam(address)) {
     const std::string name = symbols.NameAt(address);
@@ -118,15 +114,16 @@ struct UsartState {
   bool Receives() const { return On() && (cr1 & 1U << 2) != 0; }
 };
 
-std::array<UsartState, kChipUsartCount> ReadUsarts(EmulatorProcess& board) {
+std::vector<UsartState> ReadUsarts(StoppedBoard& board) {
   constexpr std::array<std::uint32_t, kChipUsartCount> kAddresses = {0x4001'1000, 0x4000'4400, 0x4000'4800,
                                                                      0x4000'4C00, 0x4000'5000, 0x4001'1400};
-  const lockstep::UsartStates states = board.UsartStates();
-  std::array<UsartState, kChipUsartCount> usarts;
+  const auto states = board.UsartStates();
+  if (!states) return {};
+  std::vector<UsartState> usarts(kChipUsartCount);
   for (std::size_t i = 0; i < usarts.size(); ++i)
     usarts[i] = {.number = static_cast<int>(i) + 1,
-                 .sent_count = states.sent_count[i],
-                 .clock_hz = states.clock_hz[i],
+                 .sent_count = states->sent_count[i],
+                 .clock_hz = states->clock_hz[i],
                  .brr = ReadWord(board, kAddresses[i] + 0x08),
                  .cr1 = ReadWord(board, kAddresses[i] + 0x0C),
                  .cr3 = ReadWord(board, kAddresses[i] + 0x14)};
@@ -168,24 +165,22 @@ std::string CalledFrom(const SourceLines& source, std::uint32_t link) {
 
 // QEMU's dump does not show it while a handler runs. So the processor is made to: its next instruction becomes
 // `mrs r0, psp`. Nothing goes on after that.
-std::optional<std::uint32_t> ReadProcessStackPointer(EmulatorProcess& board, std::uint32_t pc,
-                                                     std::int64_t now_ns) {
+std::optional<std::uint32_t> ReadProcessStackPointer(StoppedBoard& board, std::uint32_t pc) {
   constexpr std::uint32_t kMrsR0Psp = 0x8009'F3EF;
-  board.Send(lockstep::Kind::kWriteCode, lockstep::WriteCode{pc, kMrsR0Psp});
-  board.Run({now_ns + kInstructionNs, 0}, [](const EmulatorMessage&) {});
+  board.WriteCode(pc, kMrsR0Psp);
+  board.Step();
   const auto state = ParseCpuState(board.Registers());
   if (!state || state->pc() != pc + sizeof kMrsR0Psp) return std::nullopt;
   return state->r[0];
 }
 
-std::vector<ExceptionFrame> FindFrames(EmulatorProcess& board, CpuState state, Condition condition,
-                                       std::int64_t now_ns) {
+std::vector<ExceptionFrame> FindFrames(StoppedBoard& board, CpuState state, Condition condition) {
   const ReadWords read = [&](std::uint32_t address, std::uint32_t count) {
     return ReadWordsOf(board, address, count);
   };
   std::vector<ExceptionFrame> frames = FindExceptionFrames(state, read);
   if (!frames.empty() || condition != Condition::kBusy || !ReturnsToProcessStack(state.link())) return frames;
-  const auto stack_pointer = ReadProcessStackPointer(board, state.pc(), now_ns);
+  const auto stack_pointer = ReadProcessStackPointer(board, state.pc());
   if (!stack_pointer) return frames;
   state.r[13] = *stack_pointer;
   state.r[14] = 0;
@@ -193,13 +188,13 @@ std::vector<ExceptionFrame> FindFrames(EmulatorProcess& board, CpuState state, C
 }
 
 // The processor sleeps after this instruction (ARMv7-M ARM, section A7.7.262).
-bool IsAfterWfi(EmulatorProcess& board, std::uint32_t pc) {
+bool IsAfterWfi(StoppedBoard& board, std::uint32_t pc) {
   constexpr std::uint32_t kWfi = 0xBF30;
   return (ReadWord(board, pc - 2) & 0xFFFF) == kWfi;
 }
 
 // A stack that has grown below RAM: who was called last, by the lowest return address in RAM.
-std::string LastCall(EmulatorProcess& board, const SourceLines& source) {
+std::string LastCall(StoppedBoard& board, const SourceLines& source) {
   constexpr std::uint32_t kSearchedWords = 256;
   for (const std::uint32_t word : ReadWordsOf(board, kRam.address, kSearchedWords))
     if ((word & 1) != 0 && Holds(kFlash, word) && !source.Find(word - 3).function.empty())
@@ -233,7 +228,7 @@ std::string FaultSentence(const FaultRegisters& faults, const std::vector<Except
   return what;
 }
 
-std::string Overflow(EmulatorProcess& board, const SourceLines& source, const CpuState& state) {
+std::string Overflow(StoppedBoard& board, const SourceLines& source, const CpuState& state) {
   if (IsRam(state.stack_pointer() - 4)) return "";
   return fmt::format("; the stack pointer, 0x{:08x}, lies outside RAM: the stack has overflowed{}",
                      state.stack_pointer(), LastCall(board, source));
@@ -246,8 +241,8 @@ std::string Position(const SourceLines& source, const CpuState& state) {
          (state.exception() != 0 ? ", " + HandlerName(state.exception()) : CalledFrom(source, state.link()));
 }
 
-Findings Examine(EmulatorProcess& board, const ElfSymbols& symbols, const SourceLines& source,
-                 const UsartRoles& roles, Condition condition, std::int64_t now_ns) {
+Findings Examine(StoppedBoard& board, const ElfSymbols& symbols, const SourceLines& source,
+                 const UsartRoles& roles, Condition condition) {
   const std::string registers = board.Registers();
   const auto state = ParseCpuState(registers);
   if (!state) return {.reason = "", .lines = {registers}};
@@ -255,7 +250,7 @@ Findings Examine(EmulatorProcess& board, const ElfSymbols& symbols, const Source
   Findings found;
   const auto add = [&](std::string line) { found.lines.push_back(std::move(line)); };
   const FaultRegisters faults = ReadFaults(board);
-  const std::vector<ExceptionFrame> frames = FindFrames(board, *state, condition, now_ns);
+  const std::vector<ExceptionFrame> frames = FindFrames(board, *state, condition);
   found.in_fault_handler = IsFault(state->exception());
 
   const std::string where = source.Describe(state->pc());
@@ -290,7 +285,7 @@ Findings Examine(EmulatorProcess& board, const ElfSymbols& symbols, const Source
         !frames.empty() ? ", which interrupted " + Interrupted(frames.front(), source) : "");
   }
   if (condition == Condition::kBusy && !found.in_fault_handler) {
-    const Loop loop = Watch(board, now_ns);
+    const Loop loop = Watch(board);
     add(fmt::format("during the next {} instructions its PC is between 0x{:08x} and 0x{:08x}", kSteps,
                     loop.first, loop.last));
     if (loop.polled) {
@@ -308,6 +303,18 @@ Findings Examine(EmulatorProcess& board, const ElfSymbols& symbols, const Source
   return found;
 }
 
+std::string HangText(const Findings& found, TimeNs silent_ns, const std::string& since) {
+  if (found.in_fault_handler)
+    return fmt::format("the firmware hangs in a fault's handler since {}{}{}", since,
+                       found.reason.empty() ? "" : ": ", found.reason);
+  return fmt::format("the firmware hangs: for {:.0f} s, since {}, it has neither slept nor sent a byte{}{}",
+                     ToSeconds(silent_ns), since, found.reason.empty() ? "" : "; ", found.reason);
+}
+
+std::string CrashText(const Findings& found, const std::string& at) {
+  return fmt::format("the firmware crashed at {}: {} (more in firmware.log)", at, found.reason);
+}
+
 std::string ExplainReset(const lockstep::LastWords& words, std::string_view registers,
                          const SourceLines& source) {
   const auto state = ParseCpuState(registers);
@@ -321,7 +328,7 @@ std::string ExplainReset(const lockstep::LastWords& words, std::string_view regi
   return FaultSentence(faults, frames, source, *state) + "; " + where;
 }
 
-std::string UsartSummary(EmulatorProcess& board, const UsartRoles& roles) {
+std::string UsartSummary(StoppedBoard& board, const UsartRoles& roles) {
   std::string text;
   for (const UsartState& usart : ReadUsarts(board))
     if (usart.number == roles.main || (!IsConnected(usart.number, roles) && usart.sent_count > 0))

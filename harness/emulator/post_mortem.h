@@ -1,9 +1,10 @@
 // Why a firmware on an emulated board does not go on: where it is, which fault it took, what it waits for, what it has
 // sent. For the flight's reason in one line, and at length for its log.
 //
-//   const Findings found = Examine(board, symbols, source, roles, Condition::kBusy, now_ns);
+//   const Findings found = Examine(board, symbols, source, roles, Condition::kBusy);
+//   HangText(found, 2 * kNsPerS, "t = 1.203 s");
 //
-// The board must be stopped. Unless it is locked up it is run on for a few microseconds, one instruction at a time, to
+// Unless it is locked up it is run on for a few microseconds, one instruction at a time, to
 // see what it reads again and again.
 #pragma once
 
@@ -14,8 +15,9 @@
 
 #include "harness/emulator/cpu_state.h"
 #include "harness/emulator/elf_symbols.h"
-#include "harness/emulator/emulator_process.h"
 #include "harness/emulator/source_lines.h"
+#include "harness/emulator/stopped_board.h"
+#include "link/time.h"
 
 namespace tiltproof::harness {
 
@@ -36,8 +38,12 @@ struct Findings {
   bool in_fault_handler = false;
 };
 
-Findings Examine(EmulatorProcess& board, const ElfSymbols& symbols, const SourceLines& source,
-                 const UsartRoles& roles, Condition condition, std::int64_t now_ns);
+Findings Examine(StoppedBoard& board, const ElfSymbols& symbols, const SourceLines& source,
+                 const UsartRoles& roles, Condition condition);
+
+// The same words for lockstep and for real time. `since`, `at`: as a user reads a time.
+std::string HangText(const Findings& found, TimeNs silent_ns, const std::string& since);
+std::string CrashText(const Findings& found, const std::string& at);
 
 // What a firmware did that was reset by itself or its watchdog: the fault that it has taken, if any, and where it was.
 std::string ExplainReset(const lockstep::LastWords& words, std::string_view registers,
@@ -48,6 +54,6 @@ std::string Position(const SourceLines& source, const CpuState& state);
 
 // What its USARTs have sent and how they are set up, in one line: the main one, and others that have sent something
 // although nothing is connected to them.
-std::string UsartSummary(EmulatorProcess& board, const UsartRoles& roles);
+std::string UsartSummary(StoppedBoard& board, const UsartRoles& roles);
 
 }  // namespace tiltproof::harness

@@ -124,7 +124,11 @@ std::optional<FlightResult> WorkerProcess::Look(const FlightJob& job,
   if (ended == 0 || (ended < 0 && errno == EINTR)) {
     waits_ = !stuck_ && AsksForNext(result_bytes_);
     if (waits_) return Collect(job, 0, tell, interrupted);
-    Watch(job, tell);
+    // With a debugger it waits as long as its user thinks.
+    if (job.means.debug)
+      WatchDebugged(interrupted);
+    else
+      Watch(job, tell);
     return std::nullopt;
   }
   pid_ = -1;
@@ -151,9 +155,18 @@ void WorkerProcess::GetsOn(const FlightJob& job, SteadyClock::time_point now) {
   own_ = OwnTime(job.means.realtime ? -1 : pid_);
 }
 
+// While it stands in a debugger it does not hear that the end is asked for.
+void WorkerProcess::WatchDebugged(bool interrupted) {
+  constexpr std::chrono::seconds kLimit{1};
+  const auto now = SteadyClock::now();
+  if (!interrupted || given_up_) return;
+  if (!interrupted_at_) interrupted_at_ = now;
+  if (now - *interrupted_at_ < kLimit) return;
+  given_up_ = true;
+  Send(SIGKILL);
+}
+
 void WorkerProcess::Watch(const FlightJob& job, const std::function<void(const std::string&)>& tell) {
-  // It waits as long as its user thinks.
-  if (job.means.debug) return;
   const auto now = SteadyClock::now();
   const TimeNs progress = progress_ns();
   const std::uint64_t calls = report_->firmware.calls_count.load(std::memory_order_relaxed);
@@ -218,6 +231,8 @@ FlightResult WorkerProcess::Collect(const FlightJob& job, int status,
 FlightResult WorkerProcess::WithoutResult(const FlightJob& job, int status) const {
   const std::string at = fmt::format("at {:.3f} s of the flight", ToSeconds(progress_ns()));
   const FirmwareCall inside = report_->firmware.inside.load(std::memory_order_relaxed);
+  if (given_up_)
+    return ErrorResult(job, fmt::format("interrupted in a debugger, or while it waited for one, {}", at));
   if (stuck_ && stopped_itself_in_ != FirmwareCall::kNone)
     return FirmwareFailed(job, Outcome::kHung,
                           fmt::format("the firmware stopped itself in {} {}", Name(stopped_itself_in_), at));

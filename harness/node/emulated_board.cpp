@@ -1,10 +1,14 @@
 #include "harness/node/emulated_board.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/mman.h>
 #include <sys/socket.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
+#include <boost/asio/post.hpp>
 #include <cerrno>
 #include <chrono>
 #include <csignal>
@@ -12,6 +16,8 @@
 #include <string_view>
 #include <utility>
 
+#include "harness/emulator/elf_symbols.h"
+#include "harness/emulator/gdb_board.h"
 #include "harness/emulator/post_mortem.h"
 #include "harness/emulator/source_lines.h"
 #include "harness/emulator/usart_rate.h"
@@ -50,7 +56,19 @@ std::string Connected(const std::string& port) {
   throw std::runtime_error(fmt::format("the link node offers the emulator no socket but '{}'", port));
 }
 
-// Control sockets are descriptors 3 and 4.
+// Memory that is shared with the plug-in, and its place here.
+std::pair<OwnedDescriptor, lockstep::RealtimeBoard*> SharedBoard() {
+  OwnedDescriptor file(memfd_create("tiltproof-board", MFD_CLOEXEC));
+  if (file.get() < 0 || ftruncate(file.get(), sizeof(lockstep::RealtimeBoard)) != 0)
+    throw std::runtime_error(fmt::format("no memory for the emulator: {}", std::strerror(errno)));
+  void* memory =
+      mmap(nullptr, sizeof(lockstep::RealtimeBoard), PROT_READ | PROT_WRITE, MAP_SHARED, file.get(), 0);
+  if (memory == MAP_FAILED)
+    throw std::runtime_error(fmt::format("no memory for the emulator: {}", std::strerror(errno)));
+  return {std::move(file), static_cast<lockstep::RealtimeBoard*>(memory)};
+}
+
+// Control sockets are descriptors 3 and 4, the memory is 5.
 std::vector<std::string> CommandLine(const EmulatorSpec& spec, const BoardWiring& wiring) {
   std::vector<std::string> command = {"qemu-system-arm", "-M",   "netduinoplus2", "-display",        "none",
                                       "-monitor",        "none", "-nodefaults",   "-no-user-config", "-S"};
@@ -65,8 +83,8 @@ std::vector<std::string> CommandLine(const EmulatorSpec& spec, const BoardWiring
          fmt::format("chardev:usart{}", usart)});
   }
   add({"-chardev", "socket,id=control,fd=3", "-mon", "chardev=control,mode=control"});
-  if (wiring.debugger) add({"-chardev", "socket,id=debugger,fd=4", "-gdb", "chardev:debugger"});
-  const auto plugin = PluginArguments(spec, "realtime=on");
+  add({"-chardev", "socket,id=debugger,fd=4", "-gdb", "chardev:debugger"});
+  const auto plugin = PluginArguments(spec, "realtime=on,memory=5");
   command.insert(command.end(), plugin.begin(), plugin.end());
   add({"-kernel", spec.image});
   return command;
@@ -76,12 +94,14 @@ std::vector<std::string> CommandLine(const EmulatorSpec& spec, const BoardWiring
 
 EmulatedBoard::EmulatedBoard(NodeServices& services, const Scenario& scenario, const EmulatorSpec& spec,
                              const BoardWiring& wiring, Callbacks callbacks)
-    : services_(services), scenario_(scenario), callbacks_(std::move(callbacks)), image_(spec.image) {
+    : services_(services), scenario_(scenario), callbacks_(std::move(callbacks)), spec_(spec) {
   auto [control, control_far] = SocketPair();
   auto [debugger, debugger_far] = SocketPair();
   ChildSpec child;
   child.command = CommandLine(spec, wiring);
-  child.descriptors = {control_far.get(), debugger_far.get()};
+  auto [memory_file, memory] = SharedBoard();
+  memory_.reset(memory);
+  child.descriptors = {control_far.get(), debugger_far.get(), memory_file.get()};
   process_.emplace(services, child, [this](const std::string& how) { OnEnded(how); });
   const auto lost = [this](const std::string& why) { socket_trouble_ = why; };
   qmp_.emplace(services.loop(), control.Release(),
@@ -91,13 +111,25 @@ EmulatedBoard::EmulatedBoard(NodeServices& services, const Scenario& scenario, c
                                             callbacks_.reset(data.find("\"guest\":true") != data.npos);
                                         },
                                     .lost = lost});
-  if (wiring.debugger) debugger_.emplace(services.loop(), debugger.Release(), lost);
+  debugger_port_ = std::move(debugger);
+  if (wiring.debugger)
+    debugger_.emplace(services.loop(), fcntl(debugger_port_.get(), F_DUPFD_CLOEXEC, 0), lost);
 }
+
+EmulatedBoard::~EmulatedBoard() {
+  // Whoever reads there has to end.
+  shutdown(debugger_port_.get(), SHUT_RDWR);
+  if (examiner_.joinable()) examiner_.join();
+}
+
+void EmulatedBoard::Unmap::operator()(lockstep::RealtimeBoard* board) const { munmap(board, sizeof *board); }
 
 void EmulatedBoard::PowerOn() {
   // By its answer, all of its threads are there.
   qmp_->Execute("cont", "{}", [this](const std::string&, const std::string&) {
+    power_on_ = steady_clock::now();
     processor_.emplace(process_->child().pid());
+    hang_watch_.emplace(process_->child().pid());
     wait_watch_.emplace(services_, scenario_, process_->child().pid(), [this] { return paused_; });
   });
 }
@@ -138,7 +170,7 @@ void EmulatedBoard::Resume() {
 }
 
 void EmulatedBoard::Flip(std::vector<MemoryBit> bits, GdbClient::Done done) {
-  debugger_->Flip(std::move(bits), std::move(done));
+  if (debugger_) debugger_->Flip(std::move(bits), std::move(done));
 }
 
 void EmulatedBoard::ReadWords(std::uint32_t address, int count,
@@ -156,16 +188,7 @@ void EmulatedBoard::ReadWords(std::uint32_t address, int count,
       });
 }
 
-void EmulatedBoard::ReadCpuState(std::function<void(const CpuState&)> done) {
-  if (paused_ || lost_ || qmp_->Waiting().count() > 0) return;
-  qmp_->Execute("human-monitor-command", R"({"command-line": "info registers"})",
-                [done = std::move(done)](const std::string& error, const std::string& value) {
-                  const auto state = ParseCpuState(value);
-                  if (error.empty() && state) done(*state);
-                });
-}
-
-void EmulatedBoard::Watch() {
+void EmulatedBoard::Watch(bool started) {
   if (lost_) return;
   if (processor_) processor_->Watch();
   if (paused_) silent_for_good_reason_ = steady_clock::now();
@@ -178,6 +201,113 @@ void EmulatedBoard::Watch() {
   if (waiting > kAnswerLimit && steady_clock::now() - silent_for_good_reason_ > kAnswerLimit)
     Lose(EndReason::kNodeLost, fmt::format("the emulator has not answered for {} s: it hangs or was stopped",
                                            kAnswerLimit.count()));
+  if (!lost_ && hang_watch_ && !examined_) WatchFirmware(started);
+}
+
+void EmulatedBoard::WatchFirmware(bool started) {
+  HangWatch::Sent sent;
+  for (int usart = 1; usart <= kChipUsartCount; ++usart) {
+    const steady_clock::time_point at{std::chrono::nanoseconds(memory_->sent_at_ns[usart - 1].load())};
+    sent.any = std::max(sent.any, at);
+    if (usart == spec_.main_usart) sent.main_line = at;
+  }
+  const auto now = steady_clock::now();
+  hang_watch_->Look(now, sent, paused_ || halted_);
+  const bool judged = started || now - power_on_ > std::chrono::nanoseconds(scenario_.start_within_ns);
+  const auto is_suspect = [this] {
+    return !paused_ && !halted_ && !examined_ && hang_watch_->silent_ns() >= HangWatch::kLimit;
+  };
+  if (!judged || !is_suspect()) return;
+  if (qmp_->Waiting().count() > 0 || (debugger_ && debugger_->Waiting().count() > 0)) return;
+  qmp_->Execute("human-monitor-command", R"({"command-line": "info registers"})",
+                [this, started, is_suspect](const std::string& error, const std::string& value) {
+                  const auto state = ParseCpuState(value);
+                  // By now it may have sent something.
+                  if (error.empty() && state && is_suspect()) Suspect(*state, started);
+                });
+}
+
+// A firmware that sleeps waits for something, and is no hang, unless it sleeps in the handler of a fault.
+void EmulatedBoard::Suspect(const CpuState& state, bool started) {
+  constexpr int kSeenInHandler = 3;
+  constexpr TimeNs kAwake = 500 * kNsPerMs;
+  in_handler_count_ = state.InFaultHandler() ? in_handler_count_ + 1 : 0;
+  if (hang_watch_->busy_ns() > HangWatch::kLimit) return Examine(Condition::kBusy, started);
+  if (in_handler_count_ >= kSeenInHandler)
+    Examine(hang_watch_->busy_ns() > kAwake ? Condition::kBusy : Condition::kSleeps, started);
+}
+
+void EmulatedBoard::Examine(Condition condition, bool started) {
+  examined_ = true;
+  debugger_.reset();
+  // Signals are for the node's thread.
+  sigset_t all, old;
+  sigfillset(&all);
+  pthread_sigmask(SIG_SETMASK, &all, &old);
+  examiner_ = std::jthread([this, condition, started, usarts = UsartStates(), alive = std::weak_ptr(alive_)] {
+    auto examined = std::make_shared<Examined>();
+    examined->found.in_fault_handler = in_handler_count_ > 0;
+    try {
+      GdbBoard stopped(debugger_port_.get(), usarts, GdbBoard::kLimit);
+      const UsartRoles roles{spec_.main_usart, spec_.reference_usart, spec_.console_usart};
+      examined->usarts = UsartSummary(stopped, roles);
+      examined->found =
+          harness::Examine(stopped, ElfSymbols(spec_.image), SourceLines(spec_.image), roles, condition);
+    } catch (const std::exception& error) {
+      // That it hangs is known; only where is missing.
+      examined->found.lines.push_back(error.what());
+    }
+    boost::asio::post(services_.loop(), [this, examined, started, alive] {
+      if (!alive.expired()) Tell(*examined, started);
+    });
+  });
+  pthread_sigmask(SIG_SETMASK, &old, nullptr);
+}
+
+void EmulatedBoard::Tell(const Examined& examined, bool started) {
+  Keep(examined.found);
+  const bool in_handler = examined.found.in_fault_handler;
+  const auto since = in_handler ? hang_watch_->spoke() : hang_watch_->active();
+  const TimeNs for_ns = in_handler ? hang_watch_->silent_ns() : hang_watch_->busy_ns();
+  std::string text = HangText(examined.found, for_ns, callbacks_.time_text(When(since)));
+  if (!started && !examined.usarts.empty()) text += "; " + examined.usarts;
+  Lose(EndReason::kFirmwareHung, text + " (more in firmware.log)");
+}
+
+std::string EmulatedBoard::State(bool started) {
+  if (lost_ || paused_ || !hang_watch_ || std::exchange(examined_, true)) return "";
+  constexpr std::chrono::milliseconds kLimit{500};
+  debugger_.reset();
+  try {
+    GdbBoard stopped(debugger_port_.get(), UsartStates(), kLimit);
+    const auto state = ParseCpuState(stopped.Registers());
+    if (!state || (started && !state->InFaultHandler())) return "";
+    const UsartRoles roles{spec_.main_usart, spec_.reference_usart, spec_.console_usart};
+    const Findings found = harness::Examine(stopped, ElfSymbols(spec_.image), SourceLines(spec_.image), roles,
+                                            Condition::kSleeps);
+    Keep(found);
+    return found.reason + (started ? "" : "; " + UsartSummary(stopped, roles));
+  } catch (const EmulatorTrouble&) {
+    // The flight has been flown; only these words are missing.
+    return "";
+  }
+}
+
+void EmulatedBoard::Keep(const Findings& found) {
+  for (const std::string& line : found.lines) lines_.push_back({services_.clock().Now(), line, false});
+}
+
+lockstep::UsartStates EmulatedBoard::UsartStates() const {
+  lockstep::UsartStates states{};
+  for (int i = 0; i < kChipUsartCount; ++i) {
+    states.sent_count[i] = memory_->sent_count[i];
+    states.clock_hz[i] = memory_->clock_hz[i];
+  }
+  return states;
+}
+
+BootTime EmulatedBoard::When(steady_clock::time_point time) const {
+  return services_.clock().Now() - std::chrono::nanoseconds(steady_clock::now() - time).count();
 }
 
 std::vector<FirmwareProcess::OutputLine> EmulatedBoard::TakeLines(bool last) {
@@ -196,11 +326,14 @@ std::vector<FirmwareProcess::OutputLine> EmulatedBoard::TakeLines(bool last) {
 void EmulatedBoard::OnEnded(const std::string& how) {
   lines_ = TakeLines(true);
   if (!fatal_.empty()) {
-    const auto state = ParseCpuState(last_words_);
-    const std::string where = state ? " at " + Position(SourceLines(image_), *state) : "";
-    return Lose(EndReason::kFirmwareCrashed,
-                fmt::format("the firmware crashed: the processor locked up{}: {} (registers in firmware.log)",
-                            where, fatal_));
+    if (!memory_->locked_up)
+      return Lose(EndReason::kFirmwareCrashed,
+                  fmt::format("the firmware crashed: {} (registers in firmware.log)", fatal_));
+    LockedUpBoard board(last_words_, memory_->last_words);
+    const Findings found =
+        harness::Examine(board, ElfSymbols(spec_.image), SourceLines(spec_.image), {}, Condition::kLockedUp);
+    Keep(found);
+    return Lose(EndReason::kFirmwareCrashed, CrashText(found, callbacks_.time_text(services_.clock().Now())));
   }
   Lose(EndReason::kNodeLost,
        fmt::format("the emulator {}{}{}", how, last_error_.empty() ? "" : ": ", last_error_));

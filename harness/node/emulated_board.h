@@ -15,15 +15,20 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "harness/emulator/cpu_state.h"
 #include "harness/emulator/emulator_process.h"
 #include "harness/emulator/gdb_client.h"
+#include "harness/emulator/lockstep_protocol.h"
+#include "harness/emulator/post_mortem.h"
 #include "harness/emulator/qmp_client.h"
 #include "harness/node/cpu_wait_watch.h"
 #include "harness/node/firmware_process.h"
+#include "harness/node/hang_watch.h"
 #include "harness/node/one_processor.h"
+#include "link/unix_socket.h"
 
 namespace tiltproof::harness {
 
@@ -40,6 +45,8 @@ class EmulatedBoard {
     // The board is gone, with the reason; called once. kFirmwareCrashed when the firmware caused it,
     // otherwise kNodeLost.
     std::function<void(EndReason reason, const std::string& text)> lost;
+    // A time as a user reads it: in the flight's time, once there is one.
+    std::function<std::string(BootTime)> time_text;
   };
 
   // Starts QEMU, with the processor held. Throws std::runtime_error when there is none.
@@ -47,6 +54,7 @@ class EmulatedBoard {
                 const BoardWiring& wiring, Callbacks callbacks);
   EmulatedBoard(const EmulatedBoard&) = delete;
   EmulatedBoard& operator=(const EmulatedBoard&) = delete;
+  ~EmulatedBoard();
 
   void PowerOn();
 
@@ -60,16 +68,32 @@ class EmulatedBoard {
   // Reads words of memory while it runs; `done` is not called when they cannot be read.
   void ReadWords(std::uint32_t address, int count,
                  std::function<void(const std::vector<std::uint32_t>&)> done);
-  // The processor's registers while it runs, at some instant; `done` is not called when they cannot be read.
-  void ReadCpuState(std::function<void(const CpuState&)> done);
 
-  // Checks for an emulator that does not answer. Called periodically.
-  void Watch();
+  // Checks for an emulator that does not answer, and for a firmware that hangs. Called every 50 ms. `started`: the
+  // flight has begun.
+  void Watch(bool started);
+  // Stops it for good, and tells what it was doing: of a firmware that has not started, and of one that is in the handler
+  // of a fault; "" otherwise.
+  std::string State(bool started);
   // What was printed since the last call; with `last`, including the incomplete last line.
   std::vector<FirmwareProcess::OutputLine> TakeLines(bool last = false);
 
  private:
+  // What was found out about a firmware that does not go on.
+  struct Examined {
+    Findings found;
+    std::string usarts;
+  };
+
   void OnEnded(const std::string& how);
+  void WatchFirmware(bool started);
+  void Suspect(const CpuState& state, bool started);
+  // By a thread of its own: it may take a second on a busy machine.
+  void Examine(Condition condition, bool started);
+  void Tell(const Examined& examined, bool started);
+  void Keep(const Findings& found);
+  lockstep::UsartStates UsartStates() const;
+  BootTime When(std::chrono::steady_clock::time_point time) const;
   void Lose(EndReason reason, const std::string& text);
   void Resume();
 
@@ -78,11 +102,16 @@ class EmulatedBoard {
   Callbacks callbacks_;
   std::optional<FirmwareProcess> process_;
   std::optional<QmpClient> qmp_;
-  std::optional<GdbClient> debugger_;
+  link::OwnedDescriptor debugger_port_;
+  std::optional<GdbClient> debugger_;  // of a copy of that
+  struct Unmap {
+    void operator()(lockstep::RealtimeBoard* board) const;
+  };
+  std::unique_ptr<lockstep::RealtimeBoard, Unmap> memory_;  // the plug-in has mapped it, too
   std::vector<FirmwareProcess::OutputLine> lines_;
   std::string fatal_, last_error_;  // what QEMU said before its end
   std::string last_words_;          // all of that, with the registers after a crash
-  std::string image_;
+  EmulatorSpec spec_;
   int stalls_count_ = 0, resets_count_ = 0;  // that last
   bool paused_ = false;                      // the whole of QEMU, by a signal
   bool halted_ = false;                      // the processor and its clock, by QEMU
@@ -91,6 +120,12 @@ class EmulatedBoard {
   bool lost_ = false;
   std::optional<OneProcessor> processor_;
   std::optional<CpuWaitWatch> wait_watch_;
+  std::chrono::steady_clock::time_point power_on_;
+  std::optional<HangWatch> hang_watch_;
+  int in_handler_count_ = 0;  // seen in the handler of a fault so often, one after another
+  bool examined_ = false;
+  std::shared_ptr<char> alive_ = std::make_shared<char>();
+  std::jthread examiner_;
 };
 
 }  // namespace tiltproof::harness

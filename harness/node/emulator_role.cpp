@@ -10,8 +10,6 @@
 #include "faults/schedule.h"
 #include "harness/client/firmware_files.h"
 #include "harness/emulator/elf_symbols.h"
-#include "harness/emulator/post_mortem.h"
-#include "harness/emulator/source_lines.h"
 #include "harness/node/emulated_board.h"
 #include "harness/node/roles.h"
 #include "link/overloaded.h"
@@ -58,7 +56,8 @@ class EmulatorRole final : public Role {
                                             .lost =
                                                 [this](EndReason reason, const std::string& text) {
                                                   if (!stopped_) services_.Fail(reason, text);
-                                                }});
+                                                },
+                                            .time_text = [this](BootTime at) { return TimeText(at); }});
   }
 
   void Start() override {
@@ -68,8 +67,8 @@ class EmulatorRole final : public Role {
 
   void Flush() override {
     if (!board_) return;
-    board_->Watch();
-    if (!origin_.known()) return Look();
+    board_->Watch(origin_.known());
+    if (!origin_.known()) return;
     WriteLines(false);
     services_.log().Write(counts_->TakeActivations());
     if (status_address_)
@@ -82,8 +81,8 @@ class EmulatorRole final : public Role {
     stopped_ = true;
     timer_.cancel();
     agenda_.clear();
-    if (!origin_.known() && cpu_state_)
-      Note(kBoardStateEvent, "the firmware is in " + Position(SourceLines(spec_.image), *cpu_state_));
+    const std::string state = board_ ? board_->State(origin_.known()) : "";
+    if (!state.empty()) Note(kBoardStateEvent, state);
     // Without t = 0 the times are those since power-on.
     if (!origin_.known()) origin_ = Origin(power_on_ns_);
     NodeTotals totals;
@@ -111,16 +110,12 @@ class EmulatorRole final : public Role {
     return bits;
   }
 
-  // A firmware that does not start is told with where it was last.
-  void Look() {
-    constexpr std::chrono::milliseconds kInterval{500};
-    const auto now = std::chrono::steady_clock::now();
-    if (now - last_look_ < kInterval) return;
-    last_look_ = now;
-    board_->ReadCpuState([this](const CpuState& state) { cpu_state_ = state; });
-  }
-
   TimeNs SimNow() { return origin_.SimulationTime(services_.clock().Now()); }
+
+  std::string TimeText(BootTime at) const {
+    return origin_.known() ? fmt::format("t = {:.3f} s", ToSeconds(origin_.SimulationTime(at)))
+                           : fmt::format("{:.3f} s after power-on", ToSeconds(at - power_on_ns_));
+  }
 
   void Note(std::string kind, std::string text) {
     const TimeNs time_ns = origin_.known() ? SimNow() : 0;
@@ -224,8 +219,6 @@ class EmulatorRole final : public Role {
   EmulatorSpec spec_;
   std::optional<std::uint32_t> status_address_;
   std::optional<ClientStatus> status_;
-  std::optional<CpuState> cpu_state_;  // before t = 0
-  std::chrono::steady_clock::time_point last_look_;
   std::vector<PlannedCommand> commands_;
   std::optional<faults::FaultSchedule> counts_;
   std::multimap<BootTime, std::function<void()>> agenda_;  // by the node's clock

@@ -288,10 +288,12 @@ void Conclude(Score& score, Verdict expected) {
     }
 }
 
-// Why a flight in real time says nothing about the firmware; empty when it does. A firmware that went away
-// did so by itself, however late the harness was.
+// Why a flight in real time says nothing about the firmware; empty when it does. A firmware that went away or hangs,
+// which is judged by its own time, did so by itself, however late the harness was.
 std::string TooLateToJudge(const RunLog& log, TimeNs period_ns) {
-  if (log.end_reason == EndReason::kFirmwareLost || log.end_reason == EndReason::kFirmwareCrashed) return "";
+  if (log.end_reason == EndReason::kFirmwareLost || log.end_reason == EndReason::kFirmwareCrashed ||
+      log.end_reason == EndReason::kFirmwareHung)
+    return "";
   const std::int64_t overruns = log.harness_overrun_count.value_or(0);
   if (overruns == 0) return "";
   const std::int64_t periods = std::max<std::int64_t>(log.end_ns / period_ns, 1);

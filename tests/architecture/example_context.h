@@ -248,6 +248,10 @@ extern const std::uint32_t code;
 // harness/emulator/emulator_process.h
 extern std::span<const lockstep::ReceivedByte> bytes;
 
+// harness/emulator/gdb_board.h
+extern int socket;
+extern const lockstep::UsartStates usarts;
+
 // harness/emulator/gdb_client.h
 extern int socket;
 
@@ -257,11 +261,10 @@ extern std::uint8_t byte;
 extern double sender_bit_ns, receiver_bit_ns, tolerance;
 
 // harness/emulator/post_mortem.h
-extern EmulatorProcess board;
+extern StoppedBoard& board;
 extern const ElfSymbols symbols;
 extern const SourceLines source;
 extern const UsartRoles roles;
-extern const TimeNs now_ns;
 
 // harness/emulator/plugin/chip.h
 extern Chip chip;
@@ -278,6 +281,10 @@ extern UsartUnit usart;
 extern const ClockTree clocks;
 extern Dma dma;
 extern const UsartUnit::Callbacks callbacks;
+
+// harness/emulator/stopped_board.h
+extern EmulatorProcess board;
+extern const TimeNs now_ns;
 
 // harness/emulator/qmp_client.h
 extern int socket;
@@ -319,6 +326,10 @@ extern const EmulatedBoard::Callbacks callbacks;
 // harness/node/firmware_process.h
 extern NodeServices& services;
 extern const ChildSpec spec;
+
+// harness/node/hang_watch.h
+extern std::chrono::steady_clock::time_point last_byte, last_byte_there;
+extern bool held;
 
 // harness/node/joystick_input.h
 extern TimeNs now;

@@ -331,9 +331,13 @@ class RealTime(Images):
         code = """static void Main(void) { __asm volatile("udf #1\\n\\tnop"); }
 #define IN_HANDLER __asm volatile("udf #2");"""
         result, _ = self.fly(code, realtime=True)
-        self.assertRegex(result["reason"], r"the processor locked up at HardFault_Handler \(main\.c:\d+\)")
+        self.assertRegex(result["reason"], r"the processor locked up at HardFault_Handler \(main\.c:\d+\), in the hard fault's handler: "
+                                           r"usage fault: undefined instruction by HardFault_Handler")
         result, _ = self.fly("static void Main(void) { for (;;) {} }", realtime=True)
-        self.assertRegex(result["reason"], r"no `start`.*the firmware is in Main \(main\.c:\d+\), LR in Reset_Handler")
+        self.assertRegex(result["reason"], r"for 2 s, since 0\.\d+ s after power-on, it has neither slept nor sent a byte; it is in Main \(main\.c:\d+\), LR in Reset_Handler.*"
+                                           r"USART2 \(main line\) is off")
+        result, _ = self.fly("static void Main(void) {}", realtime=True)
+        self.assertRegex(result["reason"], r"no `start`.*it sleeps \(WFI\) in Reset_Handler \(main\.c:\d+\).*USART2 \(main line\) is off")
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ import os
 import pathlib
 import re
 import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -29,6 +30,22 @@ criteria:
 def free_port():
     with socket.create_server(("127.0.0.1", 0)) as server:
         return server.getsockname()[1]
+
+
+def is_running(pid):
+    """No zombie, which may be waiting for another process to take note."""
+    try:
+        return pathlib.Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def wait_until(condition, what):
+    end = time.monotonic() + 20
+    while not condition():
+        if time.monotonic() > end:
+            raise AssertionError(f"not within 20 s: {what}")
+        time.sleep(0.05)
 
 
 class RemoteDebugger:
@@ -160,6 +177,31 @@ class DebugTest(unittest.TestCase):
                 signal_number = os.WSTOPSIG(status)
             results.append(self.result(run)["trace_hash"])
         self.assertEqual(set(results), {self.fly()["trace_hash"]})
+
+    def family(self, pid):
+        """Of a process and all that it has started."""
+        children = pathlib.Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+        return [pid, *(one for child in children for one in self.family(int(child)))]
+
+    def test_the_end_of_a_run_that_waits(self):
+        for client, at in (("qemu", ()), ("qemu", ("--gdb-at", "1.5")), ("host", ()), ("host", ("--gdb-at", "1.5"))):
+            for number, code in ((signal.SIGINT, 130), (signal.SIGTERM, 130), (signal.SIGKILL, -signal.SIGKILL)):
+                with self.subTest(client=client, at=at, signal=number.name):
+                    out = self.folder / "out"
+                    shutil.rmtree(out, ignore_errors=True)
+                    port = (str(free_port()),) if client == "qemu" else ()
+                    run, _ = self.start("--client", client, "--gdb", *port, *at, "--out", out)
+                    # Nothing tells that it has flown as far as that.
+                    time.sleep(1 if at else 0)
+                    wait_until(lambda: len(self.family(run.pid)) >= (3 if client == "qemu" else 2), "its processes")
+                    family = self.family(run.pid)
+                    run.send_signal(number)
+                    self.assertEqual(run.wait(20), code)
+                    wait_until(lambda: not any(is_running(pid) for pid in family), f"the end of {family}")
+                    for file in ("run.json", "results.json"):
+                        self.assertTrue(json.loads((out / "latest" / file).read_text())["interrupted"], file)
+                    [result] = json.loads((out / "latest/results.json").read_text())["scenarios"]
+                    self.assertFalse(result["green"], result)
 
     def test_port_that_is_taken(self):
         with socket.create_server(("127.0.0.1", 0)) as server:

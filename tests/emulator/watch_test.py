@@ -89,7 +89,7 @@ class Watch(unittest.TestCase):
 
     def test_watching_changes_nothing_else(self):
         plain = self.rows(self.run_tiltproof()[1])
-        done, folder = self.run_tiltproof("--watch", "tick_count", "--watch", "probe.sign")
+        done, folder = self.run_tiltproof("--watch", "tick_count,probe.sign")
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
         watched = self.rows(folder)
         self.assertEqual({float(row.pop("watch_probe_sign")) for row in watched}, {-5})

@@ -22,6 +22,7 @@ struct Arguments {
   std::uint32_t hse_hz = ClockTree::kUsualHseHz;  // of the board's crystal; 0: there is none
   bool ideal = false;                             // lines without byte time
   bool realtime = false;                          // only the chip: no socket, no barrier
+  int memory = -1;                                // in real time: a descriptor for RealtimeBoard
 };
 
 // "" or what is wrong with them.
@@ -40,6 +41,8 @@ inline std::string Parse(int argc, char** argv, Arguments& arguments) {
         !value.empty() && parsed.ec == std::errc() && parsed.ptr == value.data() + value.size();
     if (key == "socket" && digit) {
       arguments.socket = value[0] - '0';
+    } else if (key == "memory" && digit) {
+      arguments.memory = value[0] - '0';
     } else if (key == "barrier" && is_number && number <= 255) {
       arguments.barrier = static_cast<int>(number);
     } else if (line != kLines.end() && digit) {

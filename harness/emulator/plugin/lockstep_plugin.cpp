@@ -23,6 +23,8 @@
 //
 //   qemu-system-arm ... -serial stdio -plugin tiltproof_lockstep.so,realtime=on
 //
+// `memory` is then an inherited descriptor of memory for a harness::lockstep::RealtimeBoard.
+//
 // QEMU is GPL-2, so this file uses nothing but the standard library. It has no static objects with destructors,
 // since QEMU ends by exit() with threads still running.
 #include <pthread.h>
@@ -47,6 +49,7 @@
 #include "harness/emulator/plugin/harness_socket.h"
 #include "harness/emulator/plugin/processor.h"
 #include "harness/emulator/plugin/qemu_internals.h"
+#include "harness/emulator/plugin/realtime_board.h"
 
 namespace tiltproof::qemu {
 namespace {
@@ -94,6 +97,7 @@ struct Plugin {
   std::int64_t last_slept_ns = 0;  // or was made to stand still
   Chip chip;
   std::array<CharacterDevice, UsartUnit::kCount> character_devices;  // in real time
+  RealtimeNotes notes;                                               // in real time
 };
 Plugin& plugin = *new Plugin;
 
@@ -317,7 +321,8 @@ void TakeCommands() {
         plugin.break_timer.Set(As<Break>(body).at_ns);
         break;
       case Kind::kRun:
-        readers.Renew();
+        // That work keeps a sleep from going on.
+        if (readers.Renew()) async_run_on_cpu(plugin.cpu, SleepWork, {});
         plugin.run = As<Run>(body);
         plugin.horizon.Set(plugin.run.until_ns);
         return;
@@ -343,6 +348,7 @@ void OnHorizon(void* /*opaque*/) { Stop(); }
 void OnAbort(int /*signal*/) {
   if (!plugin.begun || pthread_equal(pthread_self(), plugin.cpu_thread) == 0) return;
   plugin.locked_up = true;
+  if (plugin.arguments.realtime) return plugin.notes.LockedUp(plugin.cpu);
   Stop();
 }
 
@@ -355,8 +361,10 @@ void AwaitAnswer() {
 
 // A byte is given to a USART's transmitter.
 void OnTransmit(int number, std::uint8_t byte) {
-  if (plugin.arguments.realtime)
+  if (plugin.arguments.realtime) {
+    plugin.notes.Sent(number);
     return plugin.character_devices[static_cast<std::size_t>(number - 1)].Transmit(byte);
+  }
   ++plugin.usarts.sent_count[number - 1];
   for (Uart& uart : plugin.uarts) {
     if (uart.unit != &plugin.chip.usart(number)) continue;
@@ -398,6 +406,7 @@ void BeginChip() {
       plugin.character_devices[static_cast<std::size_t>(number - 1)].Take();
     };
     options.usart.programmed = [](int number) {
+      plugin.notes.Clock(number, plugin.chip.usart(number).settings().clock_hz);
       plugin.character_devices[static_cast<std::size_t>(number - 1)].Program();
     };
   }
@@ -494,10 +503,9 @@ __attribute__((visibility("default"))) int qemu_plugin_install(qemu_plugin_id_t 
     std::fprintf(stderr, "lockstep plug-in: %s\n", trouble.c_str());
     return 1;
   }
-  if (!plugin.arguments.realtime) {
-    plugin.socket.Use(plugin.arguments.socket);
-    std::signal(SIGABRT, OnAbort);
-  }
+  if (!plugin.arguments.realtime) plugin.socket.Use(plugin.arguments.socket);
+  if (plugin.arguments.memory >= 0) plugin.notes.Use(plugin.arguments.memory);
+  std::signal(SIGABRT, OnAbort);
   qemu_plugin_register_vcpu_tb_trans_cb(id, OnTranslate);
   return 0;
 }

@@ -8,13 +8,14 @@
 //   readers.Init(cpu);
 //   readers.Mark(block);   // when a block is translated
 //   readers.OnRead();      // in a register's function
-//   readers.Renew();       // between two turns: what is already translated
+//   if (readers.Renew()) ...  // between two turns: what is already translated
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <set>
+#include <utility>
 
 #include "harness/emulator/plugin/command.h"
 #include "harness/emulator/plugin/qemu_internals.h"
@@ -47,9 +48,10 @@ class Readers {
     }
   }
 
-  void Renew() {
+  // Whether the processor's thread has work to do for it, before anything else.
+  bool Renew() {
     if (grown_) tb_flush(cpu_);
-    grown_ = false;
+    return std::exchange(grown_, false);
   }
 
  private:

@@ -86,6 +86,7 @@ TEST(Lateness, ExcusesNoErrorAndNoFirmwareThatWentAway) {
   };
   EXPECT_EQ(verdict(EndReason::kFirmwareLost), Verdict::kFail);
   EXPECT_EQ(verdict(EndReason::kFirmwareCrashed), Verdict::kFail);
+  EXPECT_EQ(verdict(EndReason::kFirmwareHung), Verdict::kFail);
   EXPECT_EQ(verdict(EndReason::kNodeLost), Verdict::kError);
   EXPECT_EQ(verdict(EndReason::kHarnessError), Verdict::kError);
   EXPECT_EQ(verdict(EndReason::kNeverStarted), Verdict::kInconclusive);

@@ -36,6 +36,20 @@ criteria:
   - {name: near, stl: "always(position_error_m <= 1)"}
 """
 
+# What a debug probe's command does to a board.
+RESET = """\
+import json, socket, sys
+with socket.socket(socket.AF_UNIX) as control:
+    control.settimeout(10)
+    control.connect(sys.argv[1])
+    lines = control.makefile("rw")
+    lines.readline()
+    for command in ("qmp_capabilities", "system_reset"):
+        print(json.dumps({"execute": command}), file=lines, flush=True)
+    while json.loads(lines.readline()).get("event") != "RESET":
+        pass
+"""
+
 
 def write_image(path, loop):
     """An executable of a vector table and an instruction. Faults have no handlers: they lock the processor up."""
@@ -53,14 +67,14 @@ class EmulatorTest(unittest.TestCase):
         self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
         self.attempt = 0
 
-    def start(self, client, scenario=None, duration_s=3, **options):
+    def start(self, client, scenario=None, duration_s=3, *flags, **options):
         self.attempt += 1
         folder = self.folder / str(self.attempt)
         folder.mkdir()
         path = write_hover(folder, duration_s=duration_s)
         if scenario:
             path.write_text(scenario)
-        flight = Flight(PROGRAM, folder, path, "--client", client, **options)
+        flight = Flight(PROGRAM, folder, path, "--client", client, *flags, **options)
         self.addCleanup(flight.end)
         return flight
 
@@ -172,6 +186,35 @@ class EmulatorTest(unittest.TestCase):
             self.assertEqual(code, 0, flight.text())
             self.assertGreater(flight.result()["metrics"]["link.reference.frames_sent_count"], 200)
 
+    def test_emulator_as_a_board_that_is_reset_before_each_flight(self):
+        # It runs already when the first flight begins, as a board does.
+        names = ("main", "reference", "qmp")
+        main, reference, control = (self.folder / name for name in names)
+        (self.folder / "reset.py").write_text(RESET)
+        with open(self.folder / "console", "wb") as console:
+            emulator = subprocess.Popen(
+                ["qemu-system-arm", "-M", "netduinoplus2", "-display", "none", "-monitor", "none", "-nodefaults", "-serial", "stdio",
+                 *(word for path in (main, reference) for word in ("-chardev", f"socket,id={path.name},path={path},server=on,wait=off",
+                                                                   "-serial", f"chardev:{path.name}")),
+                 "-qmp", f"unix:{control},server=on,wait=off", "-plugin", f"{PROGRAM.parent / 'lib/tiltproof_lockstep.so'},realtime=on",
+                 "-kernel", IMAGES / "executive-paper.elf"], stdin=subprocess.DEVNULL, stdout=console, stderr=console)
+        self.addCleanup(emulator.wait)
+        self.addCleanup(emulator.kill)
+        wait_until(lambda: b"tiltproof executive" in read(self.folder / "console"), 20, "the board does not boot")
+        for attempt in range(1, ATTEMPTS_COUNT + 1):
+            flight = self.start(f"serial:unix:{main},unix:{reference},reset={sys.executable} {self.folder / 'reset.py'} {control}", None, 2, "--repeat", "2")
+            code = flight.wait(60)
+            self.check(flight)
+            self.assertEqual(read(self.folder / "console").count(b"restarted by the reset button"), 2 * attempt)
+            if code == 0:
+                break
+        self.assertNotIn("switch it on", flight.text())
+        if code == 4:
+            self.assertIn("too busy to judge", flight.text())
+        else:
+            self.assertEqual(code, 0, flight.text())
+            self.assertEqual([result["verdict"] for result in flight.run_results()], ["pass", "pass"])
+
     def processors(self, pid):
         return {read(f"/proc/{pid}/task/{task}/status").split(b"Cpus_allowed_list:\t")[1].split(b"\n")[0].decode()
                 for task in os.listdir(f"/proc/{pid}/task")}
@@ -214,8 +257,9 @@ class EmulatorTest(unittest.TestCase):
 
     def test_firmware_that_locks_up(self):
         flight = self.start(f"qemu:{write_image(self.folder / 'lockup.elf', UNDEFINED)}")
-        self.trouble(flight, "fail", r"the firmware crashed: the processor locked up at 0x[0-9a-f]{8}.*: Lockup: can't escalate 3 to HardFault")
+        self.trouble(flight, "fail", r"the firmware crashed at [0-9.]+ s after power-on: the processor locked up at 0x[0-9a-f]{8}.*: usage fault: undefined instruction")
         self.assertRegex(self.log(flight), r"R00=[0-9a-f]{8} R01=")
+        self.assertIn("Lockup: can't escalate 3 to HardFault", self.log(flight))
 
     def test_firmware_that_says_nothing(self):
         flight = self.start(f"qemu:{write_image(self.folder / 'silent.elf', ENDLESS_LOOP)}", duration_s=1)

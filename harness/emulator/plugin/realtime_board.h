@@ -1,0 +1,47 @@
+// What the harness cannot see from outside of a board that runs by the clock on the wall, written to memory that it has
+// mapped, too (harness::lockstep::RealtimeBoard).
+#pragma once
+
+#include <sys/mman.h>
+#include <time.h>
+
+#include <cstdint>
+#include <cstring>
+
+#include "harness/emulator/lockstep_protocol.h"
+#include "harness/emulator/plugin/command.h"
+#include "harness/emulator/plugin/processor.h"
+
+namespace tiltproof::qemu {
+
+// Without memory it notes nothing.
+class RealtimeNotes {
+ public:
+  void Use(int descriptor) {
+    void* memory = mmap(nullptr, sizeof(*board_), PROT_READ | PROT_WRITE, MAP_SHARED, descriptor, 0);
+    if (memory == MAP_FAILED) Die("the memory that it shares with the harness cannot be mapped");
+    board_ = static_cast<harness::lockstep::RealtimeBoard*>(memory);
+  }
+  // USARTs by their numbers.
+  void Clock(int number, std::uint32_t hz) {
+    if (board_ != nullptr) board_->clock_hz[number - 1] = hz;
+  }
+  void Sent(int number) {
+    if (board_ == nullptr) return;
+    timespec now{};
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    ++board_->sent_count[number - 1];
+    board_->sent_at_ns[number - 1] = now.tv_sec * std::int64_t{1'000'000'000} + now.tv_nsec;
+  }
+  void LockedUp(void* cpu) {
+    if (board_ == nullptr) return;
+    const std::string words = LastWordsOf(cpu);
+    std::memcpy(&board_->last_words, words.data(), sizeof(board_->last_words));
+    board_->locked_up = true;
+  }
+
+ private:
+  harness::lockstep::RealtimeBoard* board_ = nullptr;
+};
+
+}  // namespace tiltproof::qemu
