@@ -160,7 +160,7 @@ class Lockstep(unittest.TestCase):
         file = self.scenario(faults="{id: h, type: device.hang, start_s: 1}")
         folder, [result] = self.fly(file, "--client", "qemu")
         [(reset_s, text)] = self.events(folder, "device_reset")
-        self.assertRegex(text, r"^reset by watchdog: in \w+ \(\w+\.cpp:\d+\)$")
+        self.assertRegex(text, r"^reset by watchdog: in \w+ \(\w+\.(cpp|h):\d+\)$")
         # Some 100 ms after it was last fed: at most one period before the hang.
         self.assertTrue(1.05 < reset_s < 1.15, reset_s)
         self.assertIn("watchdog", (folder / "flight/firmware.log").read_text())

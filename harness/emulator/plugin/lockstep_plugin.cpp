@@ -35,7 +35,6 @@
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
-#include <deque>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -43,18 +42,16 @@
 
 #include "harness/emulator/lockstep_protocol.h"
 #include "harness/emulator/plugin/arguments.h"
-#include "harness/emulator/plugin/character_device.h"
-#include "harness/emulator/plugin/chip.h"
+#include "harness/emulator/plugin/board_faults.h"
 #include "harness/emulator/plugin/command.h"
-#include "harness/emulator/plugin/harness_socket.h"
+#include "harness/emulator/plugin/plugin_state.h"
 #include "harness/emulator/plugin/processor.h"
 #include "harness/emulator/plugin/qemu_internals.h"
-#include "harness/emulator/plugin/realtime_board.h"
+#include "harness/emulator/plugin/readers.h"
+#include "harness/emulator/plugin/sleep.h"
 
 namespace tiltproof::qemu {
 namespace {
-
-using namespace harness::lockstep;  // the protocol's names
 
 // Bytes of a sender without flags are passed on after this many.
 constexpr std::size_t kUnsentBytesMax = 1024;
@@ -62,54 +59,7 @@ constexpr std::size_t kUnsentBytesMax = 1024;
 constexpr std::int64_t kPollNs = 1'000;
 constexpr std::uint16_t kWfi = 0xBF30;
 
-// One of the chip's USARTs, on a line of the harness.
-struct Uart {
-  UsartUnit* unit = nullptr;
-  Usart usart{};
-  std::deque<ReceivedByte> queue;  // on their way to the firmware
-  Timer timer;
-  std::vector<TransmittedByte> unsent;  // not yet told
-  UsartRegisters told{};                // of its registers
-  bool in_frame = false;                // something has been sent since the last barrier byte
-};
-
-struct Plugin {
-  Arguments arguments;
-  HarnessSocket socket;
-  ResetCause pending_cause = ResetCause::kNone;  // of the reset that was asked for
-  bool begun = false;
-  std::array<Uart, kConnectedUsartCount> uarts;
-  UsartStates usarts{};
-  void* cpu = nullptr;
-  pthread_t cpu_thread{};
-  bool locked_up = false;
-  Run run{};  // as granted
-  Timer horizon;
-  std::deque<Stall> stalls;  // by begin
-  Timer stall_timer;
-  std::int64_t stalled_until = 0;
-  bool hangs = false;    // until a reset
-  bool holding = false;  // StallWork is under way
-  Stall stall{};         // under way, or the last
-  std::deque<FlipBits> flips;
-  Timer flip_timer;
-  Timer break_timer;
-  std::int64_t last_slept_ns = 0;  // or was made to stand still
-  Chip chip;
-  std::array<CharacterDevice, UsartUnit::kCount> character_devices;  // in real time
-  RealtimeNotes notes;                                               // in real time
-};
-Plugin& plugin = *new Plugin;
-
 // --- to the harness ---
-
-void Send(Kind kind, const std::string& body) { plugin.socket.Send(kind, body.data(), body.size()); }
-
-void SendEvent(EventKind kind, std::uint32_t value, std::uint32_t address = 0, std::uint8_t before = 0,
-               std::uint8_t after = 0) {
-  const Event event{Now(), kind, value, address, before, after};
-  plugin.socket.Send(Kind::kEvent, &event, sizeof(event));
-}
 
 // Sends what the firmware has transmitted; for the console at the end of each text line, so that its last
 // words are not lost.
@@ -164,110 +114,6 @@ void Deliver(const std::vector<std::uint8_t>& body) {
   }
 }
 
-// --- time ---
-
-// Virtual time passes although no instruction is executed. QEMU's own way, icount_start_warp_timer(), wakes its main
-// thread each time, which costs more than all else.
-void Advance(std::int64_t step) {
-  const std::int64_t now = Now();
-  std::int64_t bias = 0;
-  std::memcpy(&bias, timers_state + kIcountBiasOffset, sizeof(bias));
-  bias += step;
-  std::memcpy(timers_state + kIcountBiasOffset, &bias, sizeof(bias));
-  if (Now() != now + step) Die("the virtual clock cannot be moved on: another build of QEMU 7.2?");
-}
-
-// --- device faults ---
-
-void SleepWork(void* cpu, RunOnCpuData data);
-
-// Time passes, and the processor does nothing: the counter is moved on from timer to timer, until the stall ends.
-void StallWork(void* cpu, RunOnCpuData data) {
-  // A reset that has been asked for comes first, at this very instant.
-  if (plugin.pending_cause != ResetCause::kNone) return async_run_on_cpu(cpu, StallWork, data);
-  const std::int64_t now = plugin.last_slept_ns = Now();
-  if (!plugin.hangs && now >= plugin.stalled_until) {
-    plugin.holding = false;
-    SendEvent(EventKind::kStallEnds, 0);
-    // It may have slept before.
-    return async_run_on_cpu(cpu, SleepWork, {});
-  }
-  std::int64_t step = qemu_clock_deadline_ns_all(kClockVirtual, kAnyAttribute);
-  if (!plugin.hangs && (step < 0 || step > plugin.stalled_until - now)) step = plugin.stalled_until - now;
-  Advance(step);
-  // Before the timers: one of them may reset the processor and begin a stall of its own.
-  async_run_on_cpu(cpu, StallWork, data);
-  qemu_clock_run_timers(kClockVirtual);
-}
-
-void HoldUntil(std::int64_t until) {
-  if (until == Stall::kNever) {
-    plugin.hangs = true;
-  } else {
-    plugin.stalled_until = std::max(plugin.stalled_until, until);
-  }
-  if (!std::exchange(plugin.holding, true)) async_run_on_cpu(plugin.cpu, StallWork, {});
-}
-
-// The machine is being reset.
-void OnReset(void* /*opaque*/) {
-  const ResetCause cause = std::exchange(plugin.pending_cause, ResetCause::kNone);
-  plugin.hangs = false;
-  plugin.chip.Reset(cause);
-  if (!plugin.arguments.realtime) SendEvent(EventKind::kReset, static_cast<std::uint32_t>(cause));
-}
-
-// On the processor's own thread: it has executed nothing since the reset was asked for. QEMU's main thread, whose
-// business it is otherwise, comes some time later, and how much later in virtual time depends on the machine.
-void ResetWork(void* /*cpu*/, RunOnCpuData /*data*/) { qemu_system_reset(kCauseSystemReset); }
-
-void Reset(ResetCause cause) {
-  if (std::exchange(plugin.pending_cause, cause) != ResetCause::kNone) return;
-  if (plugin.arguments.realtime) return qemu_system_reset_request(kCauseGuestReset);
-  async_run_on_cpu(plugin.cpu, ResetWork, {});
-}
-
-// Between two instructions, right before the reset.
-void TellLastWords(void* cpu, RunOnCpuData /*data*/) { Send(Kind::kLastWords, LastWordsOf(cpu)); }
-
-void ResetByItself(ResetCause cause) {
-  if (plugin.pending_cause == ResetCause::kNone && !plugin.arguments.realtime)
-    async_run_on_cpu(plugin.cpu, TellLastWords, {});
-  Reset(cause);
-}
-
-void OnWatchdog() { ResetByItself(ResetCause::kWatchdog); }
-
-// The firmware has set SYSRESETREQ (PM0214, section 4.4.5).
-void OnResetRequest(void* /*opaque*/, int /*line*/, int level) {
-  if (level != 0 && plugin.pending_cause == ResetCause::kNone) ResetByItself(ResetCause::kSoftware);
-}
-
-void OnStallTimer(void* /*opaque*/) {
-  plugin.stall = plugin.stalls.front();
-  plugin.stalls.pop_front();
-  if (!plugin.stalls.empty()) plugin.stall_timer.Set(plugin.stalls.front().begin_ns);
-  SendEvent(EventKind::kStallBegins, plugin.stall.fault);
-  if (plugin.stall.reset != ResetCause::kNone) Reset(plugin.stall.reset);
-  HoldUntil(plugin.stall.end_ns);
-}
-
-void OnFlipTimer(void* /*opaque*/) {
-  const FlipBits flips = plugin.flips.front();
-  plugin.flips.pop_front();
-  if (!plugin.flips.empty()) plugin.flip_timer.Set(plugin.flips.front().at_ns);
-  for (std::uint32_t i = 0; i < flips.count; ++i) {
-    std::uint8_t before = 0;
-    cpu_physical_memory_rw(flips.bits[i].address, &before, 1, false);
-    std::uint8_t after = before ^ static_cast<std::uint8_t>(1u << flips.bits[i].bit);
-    cpu_physical_memory_rw(flips.bits[i].address, &after, 1, true);
-    SendEvent(EventKind::kBitFlipped, flips.fault, flips.bits[i].address, before, after);
-  }
-}
-
-// On the processor's thread, between two instructions: it stops at once.
-void OnBreakTimer(void* /*opaque*/) { vm_stop(kRunStatePaused); }
-
 // --- taking turns ---
 
 // Carries out commands until the harness grants time.
@@ -321,8 +167,7 @@ void TakeCommands() {
         plugin.break_timer.Set(As<Break>(body).at_ns);
         break;
       case Kind::kRun:
-        // That work keeps a sleep from going on.
-        if (readers.Renew()) async_run_on_cpu(plugin.cpu, SleepWork, {});
+        if (readers.Renew()) async_run_on_cpu(plugin.cpu, SleepOnWork, {});
         plugin.run = As<Run>(body);
         plugin.horizon.Set(plugin.run.until_ns);
         return;
@@ -383,17 +228,6 @@ void OnTransmit(int number, std::uint8_t byte) {
 }
 
 // --- the emulator's callbacks ---
-
-// The processor sleeps: on to the next timer, again and again until an interrupt wakes it. QEMU would do so by
-// itself with sleep=off, but 7.2 then runs the SysTick twice.
-void SleepWork(void* cpu, RunOnCpuData data) {
-  plugin.last_slept_ns = Now();
-  const std::int64_t next = qemu_clock_deadline_ns_all(kClockVirtual, kAnyAttribute);
-  if (!all_cpu_threads_idle() || next < 0) return;
-  Advance(next);
-  async_run_on_cpu(cpu, SleepWork, data);
-  qemu_clock_run_timers(kClockVirtual);
-}
 
 void OnWfi(unsigned /*vcpu*/, void* /*opaque*/) { async_run_on_cpu(qemu_get_cpu(0), SleepWork, {}); }
 

@@ -94,7 +94,7 @@ inline constexpr std::size_t kIcountShiftOffset = 26;  // icount_time_shift, int
 inline constexpr std::size_t kIcountBiasOffset = 40;   // qemu_icount_bias, int64 ns
 
 // struct CPUState and ARMCPU.
-inline constexpr std::size_t kCanDoIoOffset = 0x300;      // can_do_io, uint32
+inline constexpr std::size_t kCanDoIoOffset = 0x300;     // can_do_io, uint32
 inline constexpr std::size_t kCountLeftOffset = 0x1E60;  // neg.icount_decr.u16.low
 
 // More than QEMUTimer (56 bytes) and MemoryRegion (272 bytes) take.

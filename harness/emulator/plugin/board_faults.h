@@ -1,0 +1,104 @@
+// What faults do to the board: it stands still, is reset, or bits of its memory flip, each at its virtual nanosecond.
+//
+//   plugin.stall_timer.Init(OnStallTimer, nullptr);
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <utility>
+
+#include "harness/emulator/plugin/plugin_state.h"
+#include "harness/emulator/plugin/processor.h"
+#include "harness/emulator/plugin/qemu_internals.h"
+#include "harness/emulator/plugin/sleep.h"
+
+namespace tiltproof::qemu {
+
+// Time passes, and the processor does nothing: the counter is moved on from timer to timer, until the stall ends.
+inline void StallWork(void* cpu, RunOnCpuData data) {
+  // A reset that has been asked for comes first, at this very instant.
+  if (plugin.pending_cause != ResetCause::kNone) return async_run_on_cpu(cpu, StallWork, data);
+  const std::int64_t now = plugin.last_slept_ns = Now();
+  if (!plugin.hangs && now >= plugin.stalled_until) {
+    plugin.holding = false;
+    SendEvent(EventKind::kStallEnds, 0);
+    // It may have slept before.
+    return async_run_on_cpu(cpu, SleepWork, {});
+  }
+  std::int64_t step = qemu_clock_deadline_ns_all(kClockVirtual, kAnyAttribute);
+  if (!plugin.hangs && (step < 0 || step > plugin.stalled_until - now)) step = plugin.stalled_until - now;
+  Advance(step);
+  // Before the timers: one of them may reset the processor and begin a stall of its own.
+  async_run_on_cpu(cpu, StallWork, data);
+  qemu_clock_run_timers(kClockVirtual);
+}
+
+inline void HoldUntil(std::int64_t until) {
+  if (until == Stall::kNever) {
+    plugin.hangs = true;
+  } else {
+    plugin.stalled_until = std::max(plugin.stalled_until, until);
+  }
+  if (!std::exchange(plugin.holding, true)) async_run_on_cpu(plugin.cpu, StallWork, {});
+}
+
+// The machine is being reset.
+inline void OnReset(void* /*opaque*/) {
+  const ResetCause cause = std::exchange(plugin.pending_cause, ResetCause::kNone);
+  plugin.hangs = false;
+  plugin.chip.Reset(cause);
+  if (!plugin.arguments.realtime) SendEvent(EventKind::kReset, static_cast<std::uint32_t>(cause));
+}
+
+// On the processor's own thread: it has executed nothing since the reset was asked for. QEMU's main thread, whose
+// business it is otherwise, comes some time later, and how much later in virtual time depends on the machine.
+inline void ResetWork(void* /*cpu*/, RunOnCpuData /*data*/) { qemu_system_reset(kCauseSystemReset); }
+
+inline void Reset(ResetCause cause) {
+  if (std::exchange(plugin.pending_cause, cause) != ResetCause::kNone) return;
+  if (plugin.arguments.realtime) return qemu_system_reset_request(kCauseGuestReset);
+  async_run_on_cpu(plugin.cpu, ResetWork, {});
+}
+
+// Between two instructions, right before the reset.
+inline void TellLastWords(void* cpu, RunOnCpuData /*data*/) { Send(Kind::kLastWords, LastWordsOf(cpu)); }
+
+inline void ResetByItself(ResetCause cause) {
+  if (plugin.pending_cause == ResetCause::kNone && !plugin.arguments.realtime)
+    async_run_on_cpu(plugin.cpu, TellLastWords, {});
+  Reset(cause);
+}
+
+inline void OnWatchdog() { ResetByItself(ResetCause::kWatchdog); }
+
+// The firmware has set SYSRESETREQ (PM0214, section 4.4.5).
+inline void OnResetRequest(void* /*opaque*/, int /*line*/, int level) {
+  if (level != 0 && plugin.pending_cause == ResetCause::kNone) ResetByItself(ResetCause::kSoftware);
+}
+
+inline void OnStallTimer(void* /*opaque*/) {
+  plugin.stall = plugin.stalls.front();
+  plugin.stalls.pop_front();
+  if (!plugin.stalls.empty()) plugin.stall_timer.Set(plugin.stalls.front().begin_ns);
+  SendEvent(EventKind::kStallBegins, plugin.stall.fault);
+  if (plugin.stall.reset != ResetCause::kNone) Reset(plugin.stall.reset);
+  HoldUntil(plugin.stall.end_ns);
+}
+
+inline void OnFlipTimer(void* /*opaque*/) {
+  const FlipBits flips = plugin.flips.front();
+  plugin.flips.pop_front();
+  if (!plugin.flips.empty()) plugin.flip_timer.Set(plugin.flips.front().at_ns);
+  for (std::uint32_t i = 0; i < flips.count; ++i) {
+    std::uint8_t before = 0;
+    cpu_physical_memory_rw(flips.bits[i].address, &before, 1, false);
+    std::uint8_t after = before ^ static_cast<std::uint8_t>(1u << flips.bits[i].bit);
+    cpu_physical_memory_rw(flips.bits[i].address, &after, 1, true);
+    SendEvent(EventKind::kBitFlipped, flips.fault, flips.bits[i].address, before, after);
+  }
+}
+
+// On the processor's thread, between two instructions: it stops at once.
+inline void OnBreakTimer(void* /*opaque*/) { vm_stop(kRunStatePaused); }
+
+}  // namespace tiltproof::qemu

@@ -1,0 +1,74 @@
+// All that the plug-in knows, in one place, and its events for the harness.
+//
+//   plugin.horizon.Set(until_ns);
+//   SendEvent(EventKind::kReset, cause);
+#pragma once
+
+#include <pthread.h>
+
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <string>
+#include <vector>
+
+#include "harness/emulator/lockstep_protocol.h"
+#include "harness/emulator/plugin/arguments.h"
+#include "harness/emulator/plugin/character_device.h"
+#include "harness/emulator/plugin/chip.h"
+#include "harness/emulator/plugin/harness_socket.h"
+#include "harness/emulator/plugin/parts.h"
+#include "harness/emulator/plugin/realtime_board.h"
+
+namespace tiltproof::qemu {
+
+using namespace harness::lockstep;  // NOLINT: the protocol's names
+
+// One of the chip's USARTs, on a line of the harness.
+struct Uart {
+  UsartUnit* unit = nullptr;
+  Usart usart{};
+  std::deque<ReceivedByte> queue;  // on their way to the firmware
+  Timer timer;
+  std::vector<TransmittedByte> unsent;  // not yet told
+  UsartRegisters told{};                // of its registers
+  bool in_frame = false;                // something has been sent since the last barrier byte
+};
+
+struct Plugin {
+  Arguments arguments;
+  HarnessSocket socket;
+  ResetCause pending_cause = ResetCause::kNone;  // of the reset that was asked for
+  bool begun = false;
+  std::array<Uart, kConnectedUsartCount> uarts;
+  UsartStates usarts{};
+  void* cpu = nullptr;
+  pthread_t cpu_thread{};
+  bool locked_up = false;
+  Run run{};  // as granted
+  Timer horizon;
+  std::deque<Stall> stalls;  // by begin
+  Timer stall_timer;
+  std::int64_t stalled_until = 0;
+  bool hangs = false;    // until a reset
+  bool holding = false;  // StallWork is under way
+  Stall stall{};         // under way, or the last
+  std::deque<FlipBits> flips;
+  Timer flip_timer;
+  Timer break_timer;
+  std::int64_t last_slept_ns = 0;  // or was made to stand still
+  Chip chip;
+  std::array<CharacterDevice, UsartUnit::kCount> character_devices;  // in real time
+  RealtimeNotes notes;                                               // in real time
+};
+inline Plugin& plugin = *new Plugin;
+
+inline void Send(Kind kind, const std::string& body) { plugin.socket.Send(kind, body.data(), body.size()); }
+
+inline void SendEvent(EventKind kind, std::uint32_t value, std::uint32_t address = 0, std::uint8_t before = 0,
+                      std::uint8_t after = 0) {
+  const Event event{Now(), kind, value, address, before, after};
+  plugin.socket.Send(Kind::kEvent, &event, sizeof(event));
+}
+
+}  // namespace tiltproof::qemu
