@@ -73,6 +73,9 @@ class Registers(unittest.TestCase):
     def test_core(self):
         self.run_image("core")
 
+    def test_reading(self):
+        self.run_image("reading")
+
     def test_timers(self):
         self.run_image("timers")
 

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <functional>
 #include <map>
+#include <utility>
 
 #include "firmware/messages.h"
 #include "harness/client/firmware_guard.h"
@@ -115,6 +116,40 @@ TEST(Flight, LogsOneRowAPeriodUpToAndWithTheLast) {
 TEST(Flight, ARowShowsNothingOfWhatCameAfterIt) {
   // At t = 0 the server has accepted `start` alone; the request arrives 87 us later.
   const RunLog log = FlyWith(Hover(0.048), [](TestClient&) {});
+  EXPECT_EQ(Column(log, "to_plant_frames_accepted_count"), (std::vector<double>{1, 2, 3, 4, 5}));
+}
+
+// A board: runs ahead up to its horizon, and asks 1 ms after each row.
+struct AheadClient : Client {
+  explicit AheadClient(ClientHost host_in) : host(std::move(host_in)) {}
+  bool RunsOn() const override { return true; }
+  BootTime Start(BootTime now) override {
+    next_request =
+        host.transmit(Uart::kMain, now, FrameOf(link::EncodeStart(link::Dialect::kPaper, {10, 10, 0, 0}))) +
+        kNsPerMs;
+    return now;
+  }
+  void Receive(Uart /*uart*/, BootTime /*arrival*/, std::span<const std::uint8_t> /*bytes*/,
+               std::span<const faults::ReceiveMark> /*marks*/) override {}
+  BootTime Grant(BootTime /*now*/, BootTime horizon) override {
+    if (next_request > horizon) return horizon;
+    host.transmit(Uart::kMain, next_request, FrameOf(link::EncodeReadSensors(link::Dialect::kPaper)));
+    return std::exchange(next_request, next_request + kControlPeriodNs) + kRequestTime;
+  }
+  void Command(const std::vector<faults::DeviceCommand>& /*commands*/, Origin /*origin*/) override {}
+  std::optional<ClientStatus> Status() override { return std::nullopt; }
+
+  ClientHost host;
+  BootTime next_request;
+};
+
+TEST(Flight, ARowShowsNothingOfWhatAClientThatRunsAheadSendsAfterIt) {
+  FlightOptions options;
+  options.make_client = [](std::size_t /*client*/, ClientHost host) {
+    return std::make_unique<AheadClient>(std::move(host));
+  };
+  const RunLog log = Fly(Hover(0.048), Model(), options);
+  EXPECT_EQ(Column(log, "to_plant_frames_sent_count"), (std::vector<double>{1, 2, 3, 4, 5}));
   EXPECT_EQ(Column(log, "to_plant_frames_accepted_count"), (std::vector<double>{1, 2, 3, 4, 5}));
 }
 
