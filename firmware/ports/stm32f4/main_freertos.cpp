@@ -151,6 +151,7 @@ TaskHandle_t CreateTask(TaskFunction_t run, const char* name, UBaseType_t priori
 void stm32f4::OnReceived(firmware::Uart uart) {
   const TaskHandle_t task = uart == firmware::Uart::kMain ? get_sensors_task : get_references_task;
   if (task == nullptr) return;  // before there are tasks
+  NoteWork();
   BaseType_t must_switch = pdFALSE;
   vTaskNotifyGiveFromISR(task, &must_switch);
   portYIELD_FROM_ISR(must_switch);
@@ -163,6 +164,7 @@ void xPortSysTickHandler(void);
 void SysTick_Handler() {
   CountTick();
   if (TickTime() >= alarm_ns) {
+    NoteWork();
     BaseType_t must_switch = pdFALSE;
     vTaskNotifyGiveFromISR(get_sensors_task, &must_switch);
     portYIELD_FROM_ISR(must_switch);
@@ -177,7 +179,6 @@ void vApplicationIdleHook() {
   DisableInterrupts();
   EndBusy();
   WaitForInterrupt();
-  BeginBusy();
   EnableInterrupts();
 }
 

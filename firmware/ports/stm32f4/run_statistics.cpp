@@ -5,6 +5,7 @@
 
 #include "firmware/ports/stm32f4/board.h"
 #include "firmware/ports/stm32f4/console.h"
+#include "firmware/ports/stm32f4/stm32f4.h"
 #include "firmware/ports/stm32f4/symbols.h"
 
 TiltproofRunStatistics tiltproof_run_statistics;
@@ -18,6 +19,7 @@ constexpr TimeNs kPrintPeriodNs = 10 * kNsPerS;
 
 std::array<std::span<const std::uint32_t>, TILTPROOF_STACKS_MAX> stacks;
 std::uint32_t stack_count = 0;
+bool busy = false;
 TimeNs busy_since_ns = 0;
 TimeNs print_ns = kNsPerS;
 
@@ -42,11 +44,19 @@ void AddStack(std::string_view name, std::span<const std::uint32_t> words) {
 void AddMainStack() { AddStack("main", {&_sstack, &_estack}); }
 
 void BeginBusy() {
+  busy = true;
   busy_since_ns = Now();
   ++tiltproof_run_statistics.wakeups_count;
 }
 
+void NoteWork() {
+  const InterruptLock lock;
+  if (!busy) BeginBusy();
+}
+
 void EndBusy() {
+  if (!busy) return;
+  busy = false;
   // Signed: an emulator that has fallen behind the wall clock loses ticks, and time may step back.
   const TimeNs busy_ns = Now() - busy_since_ns;
   std::uint32_t& busy_ns_max = tiltproof_run_statistics.busy_ns_max;
@@ -54,7 +64,7 @@ void EndBusy() {
 }
 
 void PrintRunStatistics() {
-  if (Now() < print_ns) return;
+  if (TickTime() < print_ns) return;
   print_ns += kPrintPeriodNs;
   EndBusy();  // this is not the flight's work
   for (std::uint32_t i = 0; i < stack_count; ++i) {

@@ -2,7 +2,7 @@
 // a few lines on the console one second after the start and then every 10 s.
 //
 //   AddStack("main", main_stack);          // before the start; painted with kStackPaint
-//   BeginBusy(); ... EndBusy();            // around what runs between two sleeps, interrupts off
+//   BeginBusy(); ... EndBusy();            // around work, with all interrupts that come meanwhile
 //   PrintRunStatistics();                  // in idle time; does nothing until it is time
 #pragma once
 
@@ -19,8 +19,11 @@ void AddStack(std::string_view name, std::span<const std::uint32_t> words);
 // The stack of [_sstack, _estack), painted by the start-up.
 void AddMainStack();
 
+// An interrupt that wakes nothing is no work: reading the clock twice would take longer than it does.
 void BeginBusy();
 void EndBusy();
+// From an interrupt that sets work going: begins, unless some is under way.
+void NoteWork();
 
 void PrintRunStatistics();
 

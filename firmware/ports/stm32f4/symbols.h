@@ -65,8 +65,8 @@ typedef struct {
   uint32_t used_bytes_max;
 } TiltproofStackStatistics;
 typedef struct {
-  uint32_t wakeups_count;
-  uint32_t busy_ns_max; /* longest stretch between waking and sleeping */
+  uint32_t wakeups_count; /* to work, not to an interrupt alone */
+  uint32_t busy_ns_max;   /* longest stretch of work */
   TiltproofStackStatistics stacks[TILTPROOF_STACKS_MAX];
 } TiltproofRunStatistics;
 extern TiltproofRunStatistics tiltproof_run_statistics;
