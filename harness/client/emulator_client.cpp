@@ -137,8 +137,8 @@ class EmulatorClient final : public Client {
       const TimeNs until = clock_.At(horizon);
       DeliverDamaged(until);
       if (until < now_) return clock_.When(now_);  // it ran on while there was no answer yet
-      const lockstep::Stopped stopped = board_->Run(
-          {until, AnswerAfter()}, [this](const EmulatorMessage& message) { OnMessage(message); });
+      const lockstep::Stopped stopped =
+          board_->Run({until, AnswerAfter()}, [this](const EmulatorMessage& message) { OnMessage(message); });
       now_ = stopped.at_ns;
       last_active_ = std::max(last_active_, stopped.last_slept_ns);
       if (stopped.locked_up) ThrowLockedUp(stopped.at_ns);

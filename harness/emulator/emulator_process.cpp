@@ -10,8 +10,8 @@
 #include <cstring>
 
 #include "harness/process/child_process.h"
-#include "harness/process/shared_processor.h"
 #include "harness/process/own_time.h"
+#include "harness/process/shared_processor.h"
 
 namespace tiltproof::harness {
 namespace {

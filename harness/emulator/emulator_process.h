@@ -85,7 +85,8 @@ class EmulatorProcess {
   void Send(lockstep::Kind kind, const Body& body) { Send(kind, std::span<const Body>(&body, 1)); }
 
   // Lets it run until it stops, and passes on the messages that it sends before that.
-  lockstep::Stopped Run(const lockstep::Run& run, const std::function<void(const EmulatorMessage&)>& on_message);
+  lockstep::Stopped Run(const lockstep::Run& run,
+                        const std::function<void(const EmulatorMessage&)>& on_message);
 
   // Only while it is stopped.
   std::vector<std::uint8_t> ReadMemory(std::uint32_t address, std::uint32_t size);

@@ -153,7 +153,8 @@ void TestLockstep(const std::string& plugin) {
     Refuse(fmt::format("of {} bytes that were due {} have been sent", due.size(), flown.sent.size()));
   for (std::size_t i = 0; i < due.size(); ++i) {
     if (!is_at(flown.sent[i].first, due[i].first))
-      Refuse(fmt::format("a byte that was due at {} ns was sent at {} ns", due[i].first, flown.sent[i].first));
+      Refuse(
+          fmt::format("a byte that was due at {} ns was sent at {} ns", due[i].first, flown.sent[i].first));
     if (flown.sent[i].second != due[i].second) Refuse("a byte has not arrived at its time");
   }
   // At the end of a frame and of the time; the other flags end none.

@@ -29,8 +29,7 @@ std::vector<faults::DeviceCommand> ClientCommands(const Scenario& scenario, std:
   return commands;
 }
 
-ClientChannel::ClientChannel(const Scenario& scenario, std::size_t client, Line& line,
-                             Callbacks callbacks)
+ClientChannel::ClientChannel(const Scenario& scenario, std::size_t client, Line& line, Callbacks callbacks)
     : scenario_(scenario),
       index_(client),
       line_(line),

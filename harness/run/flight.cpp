@@ -93,9 +93,9 @@ Conductor::Conductor(const Scenario& scenario, const VehicleSignals& vehicle, st
   for (std::size_t client = 0; client < lines.size(); ++client)
     in_turn_.push_back(&channels_.emplace_back(
         scenario, client, *lines[client],
-        ClientChannel::Callbacks{
-            .on_news = [this] { SpreadNews(); },
-            .before_ahead = [this](const ClientChannel& channel, BootTime at) { FollowAhead(channel, at); }}));
+        ClientChannel::Callbacks{.on_news = [this] { SpreadNews(); },
+                                 .before_ahead = [this](const ClientChannel& channel,
+                                                        BootTime at) { FollowAhead(channel, at); }}));
   std::swap(in_turn_.front(), in_turn_[scenario.selected_client()]);
   const TraceLayout layout(vehicle, scenario);
   log_.trace = Trace(layout.columns);
