@@ -1,6 +1,7 @@
 // Signals that faults name are looked for in the tables of the scenario's vehicle, here one of our own.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
@@ -17,7 +18,8 @@ using testing::HasSubstr;
 
 class FaultSignalsTest : public testing::Test {
  protected:
-  FaultSignalsTest() : models_(fs::path(testing::TempDir()) / "tiltproof_fault_signals") {
+  FaultSignalsTest()
+      : models_(fs::path(testing::TempDir()) / ("tiltproof_fault_signals_" + std::to_string(getpid()))) {
     fs::create_directories(models_);
     std::ofstream(models_ / "tiltrotor.sdf") << "<sdf/>";
     options_.models_folder = models_;
