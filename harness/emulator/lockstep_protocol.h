@@ -92,7 +92,8 @@ struct WriteCode {
   std::uint32_t address, word;
 };
 
-// Of each USART, connected or not, USART1 first: how many bytes it has sent since power-on, and its input clock.
+// Of each USART, connected or not, USART1 first: how many bytes it has sent since power-on, and its input clock, 0 when
+// RCC gives it none.
 struct UsartStates {
   std::uint64_t sent_count[6];
   std::uint32_t clock_hz[6];

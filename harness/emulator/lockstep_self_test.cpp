@@ -23,7 +23,8 @@ constexpr std::int64_t kTickNs = 1'000'000;
 
 // A flag on USART2 every millisecond, and before it the byte that has arrived, if one has. In Thumb code:
 //
-//   reset: ldr r4, =0x40004400; movs r0, #16; str r0, [r4, #8]            USART2: 1 Mbaud of 16 MHz (BRR)
+//   reset: ldr r4, =0x40023840; movs r0, #1; lsls r0, r0, #17; str r0, [r4]   USART2's clock (RCC_APB1ENR)
+//          ldr r4, =0x40004400; movs r0, #16; str r0, [r4, #8]            USART2: 1 Mbaud of 16 MHz (BRR)
 //          movw r0, #0x200C; str r0, [r4, #0xC]                           on, transmitter and receiver (CR1)
 //          ldr r1, =0xE000E010; ldr r0, =15999; str r0, [r1, #4]          SysTick reload: 1 ms at 16 MHz
 //          movs r0, #0; str r0, [r1, #8]; movs r0, #7; str r0, [r1]       on, with its interrupt
@@ -33,11 +34,12 @@ constexpr std::int64_t kTickNs = 1'000'000;
 //          ldr r0, [r4, #4]; str r0, [r4, #4]
 //   flag:  str r5, [r4, #4]; bx lr
 //   fail:  b fail
-constexpr std::array<std::uint32_t, 31> kImage = {
-    0x20001000, 0x00000041, 0x00000071, 0x00000071, 0x00000071, 0x00000071, 0x00000071, 0,
-    0,          0,          0,          0x00000071, 0x00000071, 0,          0x00000071, 0x00000063,
-    0x20104c0c, 0xf24260a0, 0x60e0000c, 0xf643490a, 0x6048607f, 0x60882000, 0x60082007, 0xbf30257e,
-    0x6820e7fd, 0xd5010680, 0x60606860, 0x47706065, 0x0000e7fe, 0x40004400, 0xe000e010};
+constexpr std::array<std::uint32_t, 34> kImage = {
+    0x20001000, 0x00000041, 0x00000079, 0x00000079, 0x00000079, 0x00000079, 0x00000079,
+    0,          0,          0,          0,          0x00000079, 0x00000079, 0,
+    0x00000079, 0x0000006b, 0x20014c0e, 0x60200440, 0x20104c0d, 0xf24260a0, 0x60e0000c,
+    0xf643490b, 0x6048607f, 0x60882000, 0x60082007, 0xbf30257e, 0x6820e7fd, 0xd5010680,
+    0x60606860, 0x47706065, 0xbf00e7fe, 0x40023840, 0x40004400, 0xe000e010};
 
 [[noreturn]] void Refuse(const std::string& why) {
   throw std::runtime_error(

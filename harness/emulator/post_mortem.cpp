@@ -139,7 +139,15 @@ std::string UsartName(const UsartState& usart, const UsartRoles& roles) {
   return name + " (not connected)";
 }
 
+// Where RCC gives it one (RM0090, sections 7.3.13 and 7.3.14).
+std::string UsartClockBit(int number) {
+  const bool fast = number == 1 || number == 6;
+  return fmt::format("RCC_APB{}ENR, bit {}", fast ? 2 : 1, number == 1 ? 4 : number == 6 ? 5 : 15 + number);
+}
+
 std::string Describe(const UsartState& usart, const UsartRoles& roles) {
+  if (usart.clock_hz == 0)
+    return fmt::format("{} has no clock ({})", UsartName(usart, roles), UsartClockBit(usart.number));
   if (!usart.On())
     return fmt::format("{} is off{}", UsartName(usart, roles),
                        usart.sent_count == 0 ? "" : fmt::format(", has sent {} bytes", usart.sent_count));

@@ -278,7 +278,7 @@ class Hangs(Images):
 static void Main(void) { Spin(); }"""
         result, log = self.fly(code)
         self.assertRegex(result["reason"], r"for 2 s, since 0\.000 s after power-on, it has neither slept nor sent a byte; it is in Spin \(main\.c:\d+\)")
-        self.assertIn("USART2 (main line) is off", result["reason"])
+        self.assertIn("USART2 (main line) has no clock (RCC_APB1ENR, bit 17)", result["reason"])
         self.assertIn("no fault", log)
 
     def test_a_register_that_never_gets_ready(self):
@@ -302,6 +302,7 @@ static void Main(void) {
 
     def test_the_begin_of_a_hang_is_told(self):
         code = """static void Main(void) {
+  REGISTER(0x40023840) = 1u << 17;
   REGISTER(0x40004408) = 16000000 / 921600;
   REGISTER(0x4000440C) = 1u << 13 | 1u << 3;
   for (volatile int i = 0; i < 4000000; ++i) {
@@ -316,6 +317,8 @@ static void Main(void) {
 
     def test_a_firmware_that_sleeps_before_it_has_sent(self):
         code = """static void Main(void) {
+  REGISTER(0x40023840) = 1u << 17;
+  REGISTER(0x40023844) = 1u << 5;
   REGISTER(0x40011408) = 84000000 / 921600;
   REGISTER(0x4001140C) = 1u << 13 | 1u << 3;
   REGISTER(0x40011404) = 'x';
@@ -335,9 +338,9 @@ class RealTime(Images):
                                            r"usage fault: undefined instruction by HardFault_Handler")
         result, _ = self.fly("static void Main(void) { for (;;) {} }", realtime=True)
         self.assertRegex(result["reason"], r"for 2 s, since 0\.\d+ s after power-on, it has neither slept nor sent a byte; it is in Main \(main\.c:\d+\), LR in Reset_Handler.*"
-                                           r"USART2 \(main line\) is off")
+                                           r"USART2 \(main line\) has no clock \(RCC_APB1ENR, bit 17\)")
         result, _ = self.fly("static void Main(void) {}", realtime=True)
-        self.assertRegex(result["reason"], r"no `start`.*it sleeps \(WFI\) in Reset_Handler \(main\.c:\d+\).*USART2 \(main line\) is off")
+        self.assertRegex(result["reason"], r"no `start`.*it sleeps \(WFI\) in Reset_Handler \(main\.c:\d+\).*USART2 \(main line\) has no clock \(RCC_APB1ENR, bit 17\)")
 
 
 if __name__ == "__main__":

@@ -31,18 +31,26 @@ class Chip {
   // `core_clock`: QEMU's clock object of the machine.
   void Init(const Options& options, void* core_clock) {
     // The clock tree's callbacks reach the others only when they are there.
-    clocks_.Init(
-        options.hse_hz, core_clock,
-        {.changing =
-             [this] {
-               if (complete_) timers_.Hold();
-             },
-         .changed =
-             [this] {
-               cycles_.Follow(clocks_.hclk_hz());
-               if (complete_) timers_.Resume();
-             },
-         .reset = [this](ClockTree::ResetRegister which, std::uint32_t bits) { ResetBlocks(which, bits); }});
+    clocks_.Init(options.hse_hz, core_clock,
+                 {.changing =
+                      [this] {
+                        if (complete_) timers_.Hold();
+                      },
+                  .changed =
+                      [this] {
+                        cycles_.Follow(clocks_.hclk_hz());
+                        if (complete_) timers_.Resume();
+                      },
+                  .reset =
+                      [this](ClockTree::Bus bus, std::uint32_t bits) {
+                        ForEachBlock(bus, [bits](int bit, auto& block) {
+                          if (IsSet(bits, bit)) block.Reset();
+                        });
+                      },
+                  .enabled =
+                      [this](ClockTree::Bus bus, std::uint32_t bits) {
+                        ForEachBlock(bus, [bits](int bit, auto& block) { block.SetClock(IsSet(bits, bit)); });
+                      }});
     pwr_.Init();
     flash_.Init();
     for (int port = 0; port < Gpio::kCount; ++port) gpios_[static_cast<std::size_t>(port)].Init(port);
@@ -68,8 +76,7 @@ class Chip {
     pwr_.Reset();
     flash_.Reset();
     for (Gpio& gpio : gpios_) gpio.Reset();
-    dma_.Reset(1);
-    dma_.Reset(2);
+    for (const int number : {1, 2}) dma_.controller(number).Reset();
     for (UsartUnit& usart : usarts_) usart.Reset();
     timers_.Reset();
     watchdog_.Reset();
@@ -81,29 +88,25 @@ class Chip {
   UsartUnit& usart(int number) { return usarts_[static_cast<std::size_t>(number - 1)]; }
 
  private:
-  // RM0090, sections 7.3.5 (AHB1RSTR), 7.3.8 (APB1RSTR) and 7.3.9 (APB2RSTR).
-  void ResetBlocks(ClockTree::ResetRegister which, std::uint32_t bits) {
-    const auto set = [bits](int bit) { return (bits >> bit & 1) != 0; };
-    if (which == ClockTree::kAhb1) {
-      for (int port = 0; port < Gpio::kCount; ++port)
-        if (set(port)) gpios_[static_cast<std::size_t>(port)].Reset();
-      for (const int number : {1, 2})
-        if (set(20 + number)) dma_.Reset(number);
-    } else if (which == ClockTree::kApb1) {
+  // The blocks of a bus, with their bits in the clock tree's registers.
+  template <class Act>
+  void ForEachBlock(ClockTree::Bus bus, const Act& act) {
+    if (bus == ClockTree::kAhb1) {
+      for (int port = 0; port < Gpio::kCount; ++port) act(port, gpios_[static_cast<std::size_t>(port)]);
+      for (const int number : {1, 2}) act(20 + number, dma_.controller(number));
+    } else if (bus == ClockTree::kApb1) {
       constexpr std::array<int, 9> kTimers = {2, 3, 4, 5, 6, 7, 12, 13, 14};
-      for (std::size_t i = 0; i < kTimers.size(); ++i)
-        if (set(static_cast<int>(i))) timers_.Reset(kTimers[i]);
-      for (const int number : {2, 3, 4, 5})
-        if (set(15 + number)) usart(number).Reset();
-      if (set(28)) pwr_.Reset();
+      for (std::size_t i = 0; i < kTimers.size(); ++i) act(static_cast<int>(i), timers_.timer(kTimers[i]));
+      for (const int number : {2, 3, 4, 5}) act(15 + number, usart(number));
+      act(28, pwr_);
     } else {
       constexpr std::array<std::array<int, 2>, 5> kTimers = {{{0, 1}, {1, 8}, {16, 9}, {17, 10}, {18, 11}}};
-      for (const auto& [bit, number] : kTimers)
-        if (set(bit)) timers_.Reset(number);
-      if (set(4)) usart(1).Reset();
-      if (set(5)) usart(6).Reset();
+      for (const auto& [bit, number] : kTimers) act(bit, timers_.timer(number));
+      act(4, usart(1));
+      act(5, usart(6));
     }
   }
+  static constexpr bool IsSet(std::uint32_t bits, int bit) { return (bits >> bit & 1) != 0; }
 
   ClockTree clocks_;
   Pwr pwr_;

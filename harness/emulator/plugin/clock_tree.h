@@ -15,13 +15,15 @@ namespace tiltproof::qemu {
 class ClockTree final : public RegisterBlock {
  public:
   static constexpr std::uint32_t kHsiHz = 16'000'000, kUsualHseHz = 8'000'000;
-  // Registers that reset other blocks while a bit is set (sections 7.3.5 to 7.3.9).
-  enum ResetRegister : std::uint32_t { kAhb1 = 0x10, kApb1 = 0x20, kApb2 = 0x24 };
+  // The buses of the blocks that it resets, and gives a clock, bit by bit: by their registers xxxRSTR (sections 7.3.5 to
+  // 7.3.9). Their registers xxxENR (7.3.10 to 7.3.14) lie behind these, with the same bits.
+  enum Bus : std::uint32_t { kAhb1 = 0x10, kApb1 = 0x20, kApb2 = 0x24 };
 
   struct Callbacks {
     std::function<void()> changing;  // the clocks are about to change: for who counts with them
     std::function<void()> changed;
-    std::function<void(ResetRegister which, std::uint32_t bits)> reset;
+    std::function<void(Bus bus, std::uint32_t bits)> reset;
+    std::function<void(Bus bus, std::uint32_t bits)> enabled;  // these, and no others
   };
 
   // `hse_hz`: of the crystal; 0: there is none. `core_clock`: QEMU's, of the machine.
@@ -44,13 +46,14 @@ class ClockTree final : public RegisterBlock {
     Word(kBackup) = backup;
     Word(kControl) = 0x83;
     Word(kPll) = 0x24003010;
-    Word(0x30) = 0x00100000;  // AHB1ENR: the core-coupled RAM
-    Word(0x50) = 0x7E6791FF;  // AHB1LPENR and those that follow it
+    Word(kAhb1 + kToEnable) = 0x00100000;  // the core-coupled RAM
+    Word(0x50) = 0x7E6791FF;               // AHB1LPENR and those that follow it
     Word(0x54) = 0x000000F1;
     Word(0x58) = 0x00000001;
     Word(0x60) = 0x36FEC9FF;
     Word(0x64) = 0x00075F33;
     Word(0x84) = 0x20003000;  // PLLI2SCFGR
+    for (const Bus bus : {kAhb1, kApb1, kApb2}) callbacks_.enabled(bus, Word(bus + kToEnable));
     Update();
   }
 
@@ -61,7 +64,7 @@ class ClockTree final : public RegisterBlock {
 
  private:
   static constexpr std::uint32_t kControl = 0x00, kPll = 0x04, kConfiguration = 0x08, kInterrupts = 0x0C,
-                                 kBackup = 0x70, kStatus = 0x74;
+                                 kBackup = 0x70, kStatus = 0x74, kToEnable = 0x20;
   // CR: each ready flag is the bit above its enable bit.
   static constexpr std::uint32_t kHsiOn = 1u << 0, kHseOn = 1u << 16, kPllOn = 1u << 24, kPllI2sOn = 1u << 26;
   static constexpr std::uint32_t kOscillators = kHsiOn | kHseOn | kPllOn | kPllI2sOn;
@@ -97,9 +100,15 @@ class ClockTree final : public RegisterBlock {
       case kApb2: {
         const std::uint32_t released = Word(offset) & ~value;
         Word(offset) = value;
-        callbacks_.reset(static_cast<ResetRegister>(offset), value | released);
+        callbacks_.reset(static_cast<Bus>(offset), value | released);
         return;
       }
+      case kAhb1 + kToEnable:
+      case kApb1 + kToEnable:
+      case kApb2 + kToEnable:
+        Word(offset) = value;
+        callbacks_.enabled(static_cast<Bus>(offset - kToEnable), value);
+        return;
       default:
         Word(offset) = value;
         if (offset != kConfiguration) return;

@@ -213,7 +213,8 @@ class Dma {
     first_.Init(1, enabled);
     second_.Init(2, enabled);
   }
-  void Reset(int number) { (number == 1 ? first_ : second_).Reset(); }
+  // `number`: 1 or 2.
+  DmaController& controller(int number) { return number == 1 ? first_ : second_; }
   bool Store(int usart, std::uint32_t data_register, std::uint8_t byte) {
     return first_.Store(usart, data_register, byte) || second_.Store(usart, data_register, byte);
   }

@@ -160,7 +160,7 @@ void TakeCommands() {
       }
       case Kind::kReadUsarts:
         for (int number = 1; number <= UsartUnit::kCount; ++number)
-          plugin.usarts.clock_hz[number - 1] = plugin.chip.usart(number).settings().clock_hz;
+          plugin.usarts.clock_hz[number - 1] = plugin.chip.usart(number).clock_hz();
         plugin.socket.Send(Kind::kUsarts, &plugin.usarts, sizeof(plugin.usarts));
         break;
       case Kind::kBreak:
@@ -240,7 +240,7 @@ void BeginChip() {
       plugin.character_devices[static_cast<std::size_t>(number - 1)].Take();
     };
     options.usart.programmed = [](int number) {
-      plugin.notes.Clock(number, plugin.chip.usart(number).settings().clock_hz);
+      plugin.notes.Clock(number, plugin.chip.usart(number).clock_hz());
       plugin.character_devices[static_cast<std::size_t>(number - 1)].Program();
     };
   }

@@ -60,6 +60,10 @@ class RegisterBlock {
  public:
   static constexpr std::uint32_t kBytes = 0x400;
 
+  // Without a clock its registers read 0 and keep nothing (RM0090, section 7.3.10). What it had been doing goes on.
+  void SetClock(bool on) { clock_ = on; }
+  bool has_clock() const { return clock_; }
+
   RegisterBlock() = default;
   RegisterBlock(const RegisterBlock&) = delete;
   RegisterBlock& operator=(const RegisterBlock&) = delete;
@@ -88,13 +92,16 @@ class RegisterBlock {
 
   static std::uint64_t ReadPart(void* self, std::uint64_t address, unsigned size) {
     readers.OnRead();
+    auto& block = *static_cast<RegisterBlock*>(self);
+    if (!block.clock_) return 0;
     const auto offset = static_cast<std::uint32_t>(address);
-    return static_cast<RegisterBlock*>(self)->Read(offset & ~3u) >> 8 * (offset & 3) & Mask(size);
+    return block.Read(offset & ~3u) >> 8 * (offset & 3) & Mask(size);
   }
   // A part of a word leaves the rest of it as it is.
   static void WritePart(void* self, std::uint64_t address, std::uint64_t value, unsigned size) {
     readers.OnWrite();
     auto& block = *static_cast<RegisterBlock*>(self);
+    if (!block.clock_) return;
     const auto offset = static_cast<std::uint32_t>(address);
     const unsigned shift = 8 * (offset & 3);
     const std::uint32_t mask = Mask(size) << shift;
@@ -105,6 +112,7 @@ class RegisterBlock {
   MemoryRegionOps ops_{};
   alignas(16) std::array<std::uint8_t, kMemoryRegionBytes> region_{};
   std::array<std::uint32_t, kBytes / 4> words_{};
+  bool clock_ = true;
 };
 
 // Where the core's own registers are: 0xE0000000 and up is no part of the system's memory, but lies in front of it.

@@ -178,7 +178,7 @@ class Timers {
     for (TimeBase& timer : timers_) timer.Reset();
   }
   // TIM1 is number 1.
-  void Reset(int number) { timers_[static_cast<std::size_t>(number - 1)].Reset(); }
+  TimeBase& timer(int number) { return timers_[static_cast<std::size_t>(number - 1)]; }
   void Hold() {
     for (TimeBase& timer : timers_) timer.Hold();
   }

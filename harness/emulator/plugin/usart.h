@@ -65,6 +65,8 @@ class UsartUnit final : public RegisterBlock {
   // Whether the last byte has been read.
   bool Free() const { return (flags_ & kNotEmpty) == 0; }
   bool Receives() const { return On(kReceiverOn); }
+  // Of the divider; 0: it has none (RCC).
+  std::uint32_t clock_hz() const { return has_clock() ? Clock() : 0; }
   Settings settings() const { return {Word(kBaudRate), Word(kControl1), Word(kControl3), Clock()}; }
 
   // A byte has arrived, with these error flags. Lost when the receiver is off.

@@ -18,6 +18,9 @@ void Print(char character) {
   if (report_size < sizeof(report)) report[report_size++] = character;
 }
 void Flush() {
+  Set(0x40023844, Bit(4));   // its clock: what is tested here begins as after a reset
+  Reg(kConsole + 0x8) = 16;  // 1 Mbaud of 16 MHz
+  Reg(kConsole + 0xC) = Bit(13) | Bit(3);
   for (unsigned i = 0; i < report_size; ++i) {
     while ((Reg(kConsole) & Bit(7)) == 0) {
     }
@@ -85,14 +88,18 @@ void Handle(unsigned interrupt, Handler handler) {
   Reg(0xE000E100 + interrupt / 32 * 4) = Bit(interrupt % 32);
 }
 
+void EnableClocks() {
+  Reg(0x40023830) = ~0u;
+  Reg(0x40023840) = ~0u;
+  Reg(0x40023844) = ~0u;
+}
+
 std::uint32_t Cycles() { return Reg(0xE0001004); }
 
 extern "C" void Reset_Handler() {
   const std::uint32_t* from = &_sidata;
   for (std::uint32_t* to = &_sdata; to != &_edata;) *to++ = *from++;
   for (std::uint32_t* to = &_sbss; to != &_ebss;) *to++ = 0;
-  Reg(kConsole + 0x8) = 16;  // 1 Mbaud of 16 MHz
-  Reg(kConsole + 0xC) = Bit(13) | Bit(3);
   Set(0xE000EDFC, Bit(24));
   Set(0xE0001000, 1);
   Test();

@@ -31,6 +31,9 @@ extern Handler handlers[82];
 // Enables an interrupt (PM0214, section 4.3.2), which calls this.
 void Handle(unsigned interrupt, Handler handler);
 
+// Of every block (section 7.3): without one its registers read 0.
+void EnableClocks();
+
 // The core's cycles (ARMv7-M ARM, section C1.8): 16 MHz here, 62.5 ns each.
 std::uint32_t Cycles();
 inline constexpr std::uint32_t kCyclesPerUs = 16;

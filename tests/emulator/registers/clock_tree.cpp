@@ -15,6 +15,25 @@ std::uint32_t CountIn(const Counter& counter) {
   return counter() - count;
 }
 
+// A register of a block with its reset value, and the block's bit in an xxxENR.
+struct Block {
+  const char *without, *with;
+  std::uint32_t enable;
+  unsigned bit;
+  std::uint32_t address, value;
+};
+constexpr Block kBlocks[] = {{"GPIOA without clock", "GPIOA_MODER", kRcc + 0x30, 0, 0x40020000, 0xA8000000},
+                             {"DMA1 without clock", "DMA1_S0FCR", kRcc + 0x30, 21, 0x40026024, 0x21},
+                             {"DMA2 without clock", "DMA2_S0FCR", kRcc + 0x30, 22, 0x40026424, 0x21},
+                             {"TIM2 without clock", "TIM2_ARR", kRcc + 0x40, 0, 0x4000002C, 0xFFFFFFFF},
+                             {"TIM14 without clock", "TIM14_ARR", kRcc + 0x40, 8, 0x4000202C, 0xFFFF},
+                             {"USART2 without clock", "USART2_SR", kRcc + 0x40, 17, 0x40004400, 0xC0},
+                             {"UART5 without clock", "UART5_SR", kRcc + 0x40, 20, 0x40005000, 0xC0},
+                             {"PWR without clock", "PWR_CR", kRcc + 0x40, 28, 0x40007000, 0x4000},
+                             {"TIM1 without clock", "TIM1_ARR", kRcc + 0x44, 0, 0x4001002C, 0xFFFF},
+                             {"USART6 without clock", "USART6_SR", kRcc + 0x44, 5, 0x40011400, 0xC0},
+                             {"TIM11 without clock", "TIM11_ARR", kRcc + 0x44, 18, 0x4001482C, 0xFFFF}};
+
 }  // namespace
 
 void Test() {
@@ -27,6 +46,16 @@ void Test() {
   Check("RCC_APB2LPENR", Reg(kRcc + 0x64), 0x00075F33);
   Check("RCC_CSR", Reg(kCsr), 0x0E000000);
   Check("RCC_PLLI2SCFGR", Reg(kRcc + 0x84), 0x20003000);
+
+  // Registers without clock read 0 and keep nothing (section 7.3.10).
+  for (const Block& block : kBlocks) {
+    Reg(block.address) = 0x55;
+    Check(block.without, Reg(block.address), 0);
+    Set(block.enable, Bit(block.bit));
+    Check(block.with, Reg(block.address), block.value);
+    Clear(block.enable, Bit(block.bit));
+    Check(block.without, Reg(block.address), 0);
+  }
 
   Reg(kRcc + 0x40) = Bit(17) | Bit(28);
   Check("RCC_APB1ENR reads back", Reg(kRcc + 0x40), Bit(17) | Bit(28));
@@ -73,6 +102,7 @@ void Test() {
   CheckNear("SysTick of the core", CountIn(systick), 10'000, 100);
   Reg(0xE000E010) = 1;
   CheckNear("SysTick of an eighth", CountIn(systick), 1'250, 20);
+  EnableClocks();
   Reg(0x40000000) = 1;
   CheckNear("TIM2 of APB1", CountIn([] { return Reg(0x40000024); }), 5'000, 100);
   Reg(0x40010000) = 1;

@@ -56,6 +56,7 @@ void StartTransmit(std::uint32_t from, std::uint32_t count) {
 }  // namespace
 
 void Test() {
+  EnableClocks();
   Check("DMA_SxCR", Reg(kReceive), 0);
   Check("DMA_SxFCR", Reg(kReceive + 0x14), 0x21);
   Check("DMA_HISR", Reg(kHisr), 0);

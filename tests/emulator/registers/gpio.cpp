@@ -2,6 +2,7 @@
 #include "tests/emulator/registers/bare.h"
 
 void Test() {
+  EnableClocks();
   constexpr std::uint32_t kA = 0x40020000, kB = 0x40020400, kD = 0x40020C00, kI = 0x40022000;
   constexpr std::uint32_t kSpeed = 0x08, kPull = 0x0C, kIdr = 0x10, kOdr = 0x14, kBsrr = 0x18, kAfrh = 0x24;
   Check("GPIOA_MODER", Reg(kA), 0xA8000000);

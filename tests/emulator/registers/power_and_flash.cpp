@@ -2,6 +2,7 @@
 #include "tests/emulator/registers/bare.h"
 
 void Test() {
+  EnableClocks();
   constexpr std::uint32_t kCr = 0x40007000, kCsr = 0x40007004;
   Check("PWR_CR", Reg(kCr), 0x4000);
   Check("PWR_CSR VOSRDY", Reg(kCsr), 0x4000);

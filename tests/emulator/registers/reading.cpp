@@ -32,6 +32,7 @@ void ReadTwice(const char* name, std::uint32_t address) {
 }  // namespace
 
 void Test() {
+  EnableClocks();
   Reg(0xE000E014) = 0xFFFFFF;
   Reg(0xE000E010) = 5;
   ReadTwice("SYST_CVR", 0xE000E018);  // PM0214, section 4.5

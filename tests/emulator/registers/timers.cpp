@@ -36,6 +36,7 @@ void OnAny() {
 }  // namespace
 
 void Test() {
+  EnableClocks();
   for (const Place& place : kPlaces) {
     Check(place.name, Reg(place.address + kArr), place.reload);
     // One update interrupt of each (table 62), after 100 us.

@@ -43,6 +43,7 @@ void Ask(char what) {
 }  // namespace
 
 void Test() {
+  EnableClocks();
   Check("USART_SR", Reg(kSr), 0xC0);
   Check("USART_BRR", Reg(kBrr), 0);
   Check("USART_CR1", Reg(kCr1), 0);
