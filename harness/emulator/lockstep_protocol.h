@@ -163,7 +163,7 @@ struct Stopped {
 struct RealtimeBoard {
   std::atomic<std::uint64_t> sent_count[6];
   std::atomic<std::int64_t> sent_at_ns[6];  // the last byte, by CLOCK_MONOTONIC
-  std::atomic<std::uint32_t> clock_hz[6];   // when it was programmed, or sent
+  std::atomic<std::uint32_t> clock_hz[6];   // 0: RCC gives it none
   std::atomic<bool> locked_up;              // then this is complete:
   LastWords last_words;
 };

@@ -337,7 +337,9 @@ class RealTime(Images):
         self.assertRegex(result["reason"], r"the processor locked up at HardFault_Handler \(main\.c:\d+\), in the hard fault's handler: "
                                            r"usage fault: undefined instruction by HardFault_Handler")
         result, _ = self.fly("static void Main(void) { for (;;) {} }", realtime=True)
-        self.assertRegex(result["reason"], r"for 2 s, since 0\.\d+ s after power-on, it has neither slept nor sent a byte; it is in Main \(main\.c:\d+\), LR in Reset_Handler.*"
+        # On a busy machine the flight is over before 2 s of the emulator's own time are.
+        self.assertRegex(result["reason"], r"(for 2 s, since 0\.\d+ s after power-on, it has neither slept nor sent a byte; it|no `start`.*at the end it) is in Main \(main\.c:\d+\), "
+                                           r"LR in Reset_Handler.*"
                                            r"USART2 \(main line\) has no clock \(RCC_APB1ENR, bit 17\)")
         result, _ = self.fly("static void Main(void) {}", realtime=True)
         self.assertRegex(result["reason"], r"no `start`.*it sleeps \(WFI\) in Reset_Handler \(main\.c:\d+\).*USART2 \(main line\) has no clock \(RCC_APB1ENR, bit 17\)")

@@ -25,11 +25,13 @@ class Chip {
   struct Options {
     std::uint32_t hse_hz = ClockTree::kUsualHseHz;
     UsartUnit::Callbacks usart;
-    void (*watchdog)() = nullptr;  // has bitten
+    void (*watchdog)() = nullptr;        // has bitten
+    void (*clocks_changed)() = nullptr;  // rates, or which blocks have one
   };
 
   // `core_clock`: QEMU's clock object of the machine.
   void Init(const Options& options, void* core_clock) {
+    options_ = options;
     // The clock tree's callbacks reach the others only when they are there.
     clocks_.Init(options.hse_hz, core_clock,
                  {.changing =
@@ -40,6 +42,7 @@ class Chip {
                       [this] {
                         cycles_.Follow(clocks_.hclk_hz());
                         if (complete_) timers_.Resume();
+                        TellClocks();
                       },
                   .reset =
                       [this](ClockTree::Bus bus, std::uint32_t bits) {
@@ -50,6 +53,7 @@ class Chip {
                   .enabled =
                       [this](ClockTree::Bus bus, std::uint32_t bits) {
                         ForEachBlock(bus, [bits](int bit, auto& block) { block.SetClock(IsSet(bits, bit)); });
+                        TellClocks();
                       }});
     pwr_.Init();
     flash_.Init();
@@ -106,8 +110,12 @@ class Chip {
       act(5, usart(6));
     }
   }
+  void TellClocks() const {
+    if (complete_ && options_.clocks_changed != nullptr) options_.clocks_changed();
+  }
   static constexpr bool IsSet(std::uint32_t bits, int bit) { return (bits >> bit & 1) != 0; }
 
+  Options options_;
   ClockTree clocks_;
   Pwr pwr_;
   FlashInterface flash_;

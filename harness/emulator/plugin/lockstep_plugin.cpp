@@ -236,11 +236,14 @@ void BeginChip() {
                         .usart = {.transmit = OnTransmit, .taken = {}, .programmed = {}},
                         .watchdog = OnWatchdog};
   if (plugin.arguments.realtime) {
+    options.clocks_changed = [] {
+      for (int number = 1; number <= UsartUnit::kCount; ++number)
+        plugin.notes.Clock(number, plugin.chip.usart(number).clock_hz());
+    };
     options.usart.taken = [](int number) {
       plugin.character_devices[static_cast<std::size_t>(number - 1)].Take();
     };
     options.usart.programmed = [](int number) {
-      plugin.notes.Clock(number, plugin.chip.usart(number).clock_hz());
       plugin.character_devices[static_cast<std::size_t>(number - 1)].Program();
     };
   }

@@ -118,6 +118,10 @@ std::vector<MemberNews> Members::Watch(const std::vector<dds::NodeLife>& nodes, 
       Lose(member != nullptr ? *member : unknown, process->ExitText().value_or("has ended"), news);
     }
   }
+  // A program, an emulator or a board is not its node, which is a process of ours.
+  const auto holds_firmware = [](const Member& member) {
+    return !member.client || std::holds_alternative<HostLibrary>(*member.client);
+  };
   for (Member& member : members_) member.kept_away = is_excused(member.role);
   for (Member& member : members_) {
     if (member.lost) continue;
@@ -156,13 +160,13 @@ std::vector<MemberNews> Members::Watch(const std::vector<dds::NodeLife>& nodes, 
              itself ? "does not answer: it has stopped itself" : "does not answer: its process is stopped",
              news, itself || paused.contains(member.role));
       } else if (silent_for > kHangLimit) {
-        Lose(member, "does not answer: it hangs", news, !HostIsSilent(member));
+        Lose(member, "does not answer: it hangs", news, !HostIsSilent(member) && holds_firmware(member));
       }
     } else if (now - *member.silent_since > kPartitionLimit) {
       Lose(member,
            fmt::format("was not heard for {} s: it ended, hangs or is cut off",
                        kPartitionLimit.count() / 1000),
-           news, !HostIsSilent(member));
+           news, !HostIsSilent(member) && holds_firmware(member));
     }
   }
   return news;

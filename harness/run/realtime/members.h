@@ -61,7 +61,7 @@ class Members {
   // News since the last call. A process of ours is lost when it has ended, or missed its lease (200 ms) and is
   // stopped, or stays silent; an attached node (`processes` null), and one that is cut off by a fault, when it
   // stays away for kPartitionLimit. A client that falls silent together with others of its host is no fault of
-  // the firmware. Roles in `excused` are kept away by a fault. Roles in `paused` are stopped by one, which excuses
+  // the firmware, nor is the silence of a node whose firmware runs outside of it. Roles in `excused` are kept away by a fault. Roles in `paused` are stopped by one, which excuses
   // nothing: a firmware that stands still for so long hangs.
   std::vector<MemberNews> Watch(const std::vector<dds::NodeLife>& nodes, NodeProcesses* processes,
                                 const std::set<std::string>& excused, const std::set<std::string>& paused,

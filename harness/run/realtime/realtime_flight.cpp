@@ -106,7 +106,7 @@ class RealtimeConductor {
   std::int64_t turn_count_ = 0;
 
   bool running_ = false;
-  bool releasing_ = false;
+  bool stopping_ = false, releasing_ = false;
   TimeNs sim_ns_ = 0;
   SteadyClock::time_point sim_seen_;
   SteadyClock::time_point started_;
@@ -373,8 +373,9 @@ void RealtimeConductor::WatchMembers() {
     Print(stderr, "warning: {}\n", stranger);
     Note("node_ignored", stranger);
   }
-  // While they load a scenario and open ports, nodes may be silent: the limit of a command is theirs.
-  const bool flying = started_ != SteadyClock::time_point{};
+  // While they load a scenario and open ports, or look at a firmware that never started, nodes may be silent: the limit
+  // of a command is theirs.
+  const bool flying = started_ != SteadyClock::time_point{} && !stopping_;
   for (const MemberNews& news : members_.Watch(flying ? nodes_->Nodes() : std::vector<dds::NodeLife>{},
                                                processes_ ? &*processes_ : nullptr, node_faults_.excused(),
                                                node_faults_.paused(), SteadyClock::now())) {
@@ -467,6 +468,7 @@ void RealtimeConductor::GatherLogs() {
       if (ChildProcess* process = processes_->Find(member.role); process != nullptr && !process->Alive())
         member.lost = true;
   }
+  stopping_ = true;
   Command(dds::Verb::kStop, {}, true);
   const auto complete = [&] {
     return std::all_of(members_.all().begin(), members_.all().end(),

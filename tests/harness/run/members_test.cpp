@@ -185,6 +185,24 @@ TEST_F(WatchTest, AFirmwaresNodeThatStaysAwayIsLostOnceAndForAll) {
   EXPECT_THAT(Watch(), IsEmpty());
 }
 
+// The emulator or program beside it is the firmware's; the node is ours.
+TEST_F(WatchTest, NoFirmwareIsBlamedForTheNodeOfAnotherProcess) {
+  for (const char* client : {"client=qemu", "client=process"}) {
+    now_ = {};
+    members_ = Members();
+    nodes_ = Fleet();
+    Of(nodes_, NodeKind::kClient).last.capabilities = {client};
+    SetUp();
+    Of(nodes_, NodeKind::kClient).alive = false;
+    EXPECT_EQ(Watch().size(), 1u);
+    now_ += Members::kPartitionLimit + std::chrono::milliseconds(1);
+    const auto news = Watch();
+    ASSERT_EQ(news.size(), 1u);
+    EXPECT_EQ(news[0].kind, MemberNews::Kind::kLost);
+    EXPECT_FALSE(news[0].firmware) << client;
+  }
+}
+
 // With others it is its host that is cut off, and with one of ours it is ours.
 TEST_F(WatchTest, NoFirmwareIsBlamedWhenOthersAreSilentToo) {
   for (const NodeKind kind : {NodeKind::kLink, NodeKind::kClient}) Of(nodes_, kind).alive = false;
