@@ -66,6 +66,8 @@ std::string AllowedText(const ParameterInfo& info) {
   if (info.kind == ParameterKind::kSensorVector)
     return "three sensors of the vehicle, by their vector's name";
   if (info.kind == ParameterKind::kInput) return "an input of the vehicle, without its unit";
+  if (info.kind == ParameterKind::kRotor) return "a rotor of the vehicle";
+  if (info.kind == ParameterKind::kJoint) return "a joint of the vehicle that a servo turns";
   if (info.kind == ParameterKind::kText)
     return Concat({"text of 1 to ", std::to_string(kParameterTextMax), " printable characters"});
   if (info.kind == ParameterKind::kVector)

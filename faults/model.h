@@ -104,6 +104,8 @@ class PlantModel {
   virtual ~PlantModel() = default;
   // What disturbs the plant during a step that the trigger picked.
   virtual Disturbance Act(const StepContext& context) = 0;
+  // Any other step, also outside the window.
+  virtual void Pass(const StepContext& /*context*/) {}
 };
 
 // What the factory of a sensor, actuator or plant model receives. Signals are given by name: their places are

@@ -60,6 +60,16 @@ namespace tiltproof::faults {
   FAULT(ActuatorOscillation)         \
   FAULT(ActuatorNoise)               \
   FAULT(PlantForce)                  \
+  FAULT(PlantTorque)                 \
+  FAULT(PlantWind)                   \
+  FAULT(PlantGust)                   \
+  FAULT(PlantTurbulence)             \
+  FAULT(PlantMass)                   \
+  FAULT(PlantComShift)               \
+  FAULT(PlantInertia)                \
+  FAULT(PlantThrust)                 \
+  FAULT(PlantServoJam)               \
+  FAULT(PlantServoRunaway)           \
   FAULT(NodeKill)                    \
   FAULT(NodePause)                   \
   FAULT(NodeRestart)                 \
@@ -280,7 +290,7 @@ class Validator {
         Add(key, {"'", info.name, "' must be the name of a signal: letters, digits and '_'"});
       return;
     }
-    if (info.kind == ParameterKind::kText) {
+    if (info.kind == ParameterKind::kText || NamesPart(info.kind)) {
       const auto* text = std::get_if<std::string>(&value);
       if (text == nullptr || !IsParameterText(*text))
         Add(key, {"'", info.name, "' must be a text of 1 to ", std::to_string(kParameterTextMax),

@@ -259,7 +259,7 @@ class Checker {
     CheckSignals(*list);
   }
 
-  // The signals that faults name are the vehicle's.
+  // The signals and parts that faults name are the vehicle's, and wind blows on one that feels it.
   void CheckSignals(const YamlNode& list) {
     if (!options_.vehicle_signals) return;
     const std::optional<VehicleSignals> vehicle = options_.vehicle_signals(scenario_);
@@ -268,8 +268,15 @@ class Checker {
       const faults::FaultType* type = faults::FindFaultType(scenario_.faults[i].type);
       const YamlNode* parameters = ValueOf(&list.items[i], "parameters");
       if (type == nullptr || parameters == nullptr) continue;
+      const auto* plant = type->As<faults::PlantKind>();
+      if (plant != nullptr && plant->is_wind && !vehicle->feels_wind)
+        Complain(
+            list.items[i], "type",
+            fmt::format("type: {} moves only a vehicle with drag; this one's file has no <tiltproof:drag>",
+                        type->name));
       for (const faults::ParameterInfo& info : type->parameters) {
-        const YamlNode* name = NamesSignal(info.kind) ? Good(*parameters, info.name) : nullptr;
+        const bool names = NamesSignal(info.kind) || NamesPart(info.kind);
+        const YamlNode* name = names ? Good(*parameters, info.name) : nullptr;
         if (name == nullptr) continue;
         const std::vector<std::string> valid = faults::SignalNames(*vehicle, info.kind);
         if (std::find(valid.begin(), valid.end(), name->text) == valid.end())

@@ -106,7 +106,7 @@ TEST_P(RegistryConformanceTest, IsDocumented) {
   EXPECT_TRUE(type().semantics.ends_with('.'));
   const std::string catalogue = CatalogueMarkdown();
   EXPECT_THAT(catalogue, HasSubstr("## " + std::string(type().name) + "\n"));
-  if (type().layer() == "sensor" || type().layer() == "actuator") {
+  if (type().layer() == "sensor" || type().layer() == "actuator" || type().layer() == "plant") {
     EXPECT_TRUE(type().source.ends_with('.'));
   }
   std::set<std::string_view> names;
@@ -114,7 +114,7 @@ TEST_P(RegistryConformanceTest, IsDocumented) {
     EXPECT_TRUE(names.insert(info.name).second) << info.name;
     EXPECT_FALSE(info.doc.empty()) << info.name;
     EXPECT_EQ(info.unit.empty(), info.kind == ParameterKind::kChoice || info.kind == ParameterKind::kText ||
-                                     NamesSignal(info.kind))
+                                     NamesSignal(info.kind) || NamesPart(info.kind))
         << info.name;
     EXPECT_EQ(info.choices.empty(), info.kind != ParameterKind::kChoice) << info.name;
     EXPECT_THAT(catalogue, HasSubstr("| `" + std::string(info.name) + "` |"));
@@ -177,7 +177,16 @@ TEST_P(RegistryConformanceTest, RefusesWrongParameters) {
     }
 
     const auto refused = Contains(Field(&Problem::key, key));
-    if (info.kind == ParameterKind::kText) {
+    if (NamesPart(info.kind)) {
+      FaultSpec named = ExampleSpec(type());
+      named.parameters[name] = "gremlin";
+      EXPECT_THROW(AtThePlant({named}), std::invalid_argument);
+      for (const std::string& known : SignalNames(TiltrotorSignals(), info.kind)) {
+        named.parameters[name] = known;
+        EXPECT_NO_THROW(AtThePlant({named})) << known;
+      }
+    }
+    if (info.kind == ParameterKind::kText || NamesPart(info.kind)) {
       EXPECT_THAT(problems_with(1.0), refused);
       for (const std::string text : {"", " a", "a ", "a\tb", "\x7F", "r\xC3\xA4m"})
         EXPECT_THAT(problems_with(text), refused) << text;
