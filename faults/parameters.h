@@ -36,7 +36,7 @@ class Parameters {
   std::map<std::string, ParameterValue, std::less<>> values_;
 };
 
-// The last six name signals and parts of the vehicle (faults/signal_choice.h): a sensor, a sensor of a position,
+// kField names a field of a message of the protocol. The last six name signals and parts of the vehicle (faults/signal_choice.h): a sensor, a sensor of a position,
 // three sensors that are the components of a vector, an input, a rotor, a joint. Which of them exist is known
 // only when the vehicle is loaded.
 enum class ParameterKind : std::uint8_t {
@@ -45,6 +45,7 @@ enum class ParameterKind : std::uint8_t {
   kChoice,
   kText,
   kVector,
+  kField,
   kSensor,
   kPositionSensor,
   kSensorVector,
@@ -70,7 +71,7 @@ inline constexpr std::size_t kParameterTextMax = 200;
 struct ParameterInfo {
   std::string_view name;
   std::string_view
-      unit;  // "s", "Hz", "1" for a ratio or probability; empty for a choice, text, signal or part
+      unit;  // "s", "Hz", "1" for a ratio or probability; empty for a choice, text, field, signal or part
   ParameterKind kind = ParameterKind::kNumber;
   double min = 0.0, max = 0.0;  // both allowed; numbers, integers, and each part of a vector
   std::string_view doc;

@@ -257,6 +257,27 @@ class Checker {
     CheckVolume(*list);
     for (std::size_t i = 0; i < scenario_.faults.size(); ++i) CheckWaiting(i, list->items[i]);
     CheckSignals(*list);
+    CheckFields(*list);
+  }
+
+  // The fields that faults on frames name are those of messages that pass there.
+  void CheckFields(const YamlNode& list) {
+    for (std::size_t i = 0; i < scenario_.faults.size(); ++i) {
+      const faults::FaultSpec& fault = scenario_.faults[i];
+      const faults::FaultType* type = faults::FindFaultType(fault.type);
+      const YamlNode* parameters = ValueOf(&list.items[i], "parameters");
+      if (type == nullptr || parameters == nullptr) continue;
+      for (const faults::ParameterInfo& info : type->parameters) {
+        const YamlNode* name =
+            info.kind == faults::ParameterKind::kField ? Good(*parameters, info.name) : nullptr;
+        if (name == nullptr) continue;
+        const std::vector<std::string> valid =
+            faults::FieldNames(*scenario_.link.protocol, faults::ResolvedTarget(fault, *type), fault.message);
+        if (std::find(valid.begin(), valid.end(), name->text) == valid.end())
+          Complain(name->mark, fmt::format("{}: unknown value '{}'{}", info.name, name->text,
+                                           DidYouMeanOf(name->text, valid)));
+      }
+    }
   }
 
   // The signals and parts that faults name are the vehicle's, and wind blows on one that feels it.

@@ -114,7 +114,8 @@ TEST_P(RegistryConformanceTest, IsDocumented) {
     EXPECT_TRUE(names.insert(info.name).second) << info.name;
     EXPECT_FALSE(info.doc.empty()) << info.name;
     EXPECT_EQ(info.unit.empty(), info.kind == ParameterKind::kChoice || info.kind == ParameterKind::kText ||
-                                     NamesSignal(info.kind) || NamesPart(info.kind))
+                                     info.kind == ParameterKind::kField || NamesSignal(info.kind) ||
+                                     NamesPart(info.kind))
         << info.name;
     EXPECT_EQ(info.choices.empty(), info.kind != ParameterKind::kChoice) << info.name;
     EXPECT_THAT(catalogue, HasSubstr("| `" + std::string(info.name) + "` |"));
@@ -186,7 +187,7 @@ TEST_P(RegistryConformanceTest, RefusesWrongParameters) {
         EXPECT_NO_THROW(AtThePlant({named})) << known;
       }
     }
-    if (info.kind == ParameterKind::kText || NamesPart(info.kind)) {
+    if (info.kind == ParameterKind::kText || info.kind == ParameterKind::kField || NamesPart(info.kind)) {
       EXPECT_THAT(problems_with(1.0), refused);
       for (const std::string text : {"", " a", "a ", "a\tb", "\x7F", "r\xC3\xA4m"})
         EXPECT_THAT(problems_with(text), refused) << text;
