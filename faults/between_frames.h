@@ -1,5 +1,5 @@
-// Events of a Poisson process that are carried out behind the frames of a line: those since the frame before. So
-// nothing enters a line between frames, where a receiver may have gone on already.
+// Events of a Poisson process that are carried out behind the frames of a line: those since the control period of
+// the frame before. So nothing enters a line between frames, where a receiver may have gone on already.
 //
 //   for (const auto& event : events.Since(chunk, context)) ...   // in Act
 //   events.Skip(chunk);                                          // in Pass
@@ -16,15 +16,22 @@ namespace tiltproof::faults {
 
 class EventsBetweenFrames {
  public:
-  EventsBetweenFrames(double rate_hz, std::uint64_t stream) : events_(rate_hz, stream) {}
+  explicit EventsBetweenFrames(const WireSetup& setup)
+      : period_ns_(setup.protocol.control_period_ns),
+        events_(setup.parameters.Number("rate_hz"), setup.stream) {}
 
-  // Those between the begin of the frame before and that of this one, while the fault was active. Of a longer
-  // pause the last second.
+  // Those between the control period of the frame before and that of this one, while the fault was active. Of a
+  // longer pause the last second.
   const std::vector<PoissonEvents::Event>& Since(const link::Chunk& chunk, const WireContext& context) {
     found_.clear();
-    if (last_ns_) events_.In(std::max(*last_ns_, chunk.begin_ns - kNsPerS), chunk.begin_ns, found_);
+    if (last_ns_) {
+      const BootTime from = std::max(*last_ns_, chunk.begin_ns - kNsPerS);
+      events_.In(Counted(from, context), Counted(chunk.begin_ns, context), found_);
+    }
     std::erase_if(found_, [&](const PoissonEvents::Event& event) {
-      return !context.ActiveWithin(event.time_ns, event.time_ns);
+      const TimeNs t = event.time_ns.ns();
+      return context.origin.known() ? !context.activity.Touches(t, t)
+                                    : !context.ActiveWithin(event.time_ns, event.time_ns);
     });
     Skip(chunk);
     return found_;
@@ -32,6 +39,15 @@ class EventsBetweenFrames {
   void Skip(const link::Chunk& chunk) { last_ns_ = chunk.begin_ns; }
 
  private:
+  // The process runs in simulation time, once that is known: how long a client takes to boot changes nothing.
+  // It is counted in whole control periods, so that neither does how fast the client computes.
+  BootTime Counted(BootTime t, const WireContext& context) const {
+    if (!context.origin.known()) return t;
+    const TimeNs since_origin = std::max<TimeNs>(context.origin.SimulationTime(t), 0);
+    return BootTime(since_origin - since_origin % period_ns_);
+  }
+
+  TimeNs period_ns_;
   PoissonEvents events_;
   std::optional<BootTime> last_ns_;
   std::vector<PoissonEvents::Event> found_;

@@ -21,6 +21,12 @@ namespace tiltproof::faults {
   FAULT(WireByteDrop)                \
   FAULT(WireByteInsert)              \
   FAULT(WireByteDuplicate)           \
+  FAULT(WireBreak)                   \
+  FAULT(WireStuckAt)                 \
+  FAULT(WireBaudMismatch)            \
+  FAULT(WireByteSwap)                \
+  FAULT(WireChunking)                \
+  FAULT(WireBandwidthCap)            \
   FAULT(FrameDrop)                   \
   FAULT(FrameDuplicate)              \
   FAULT(FrameTruncate)               \

@@ -7,7 +7,7 @@ namespace {
 
 class Babble : public WireModel {
  public:
-  explicit Babble(const WireSetup& setup) : events_(setup.parameters.Number("rate_hz"), setup.stream) {}
+  explicit Babble(const WireSetup& setup) : events_(setup) {}
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
     const auto& events = events_.Since(chunk, context);
@@ -40,14 +40,16 @@ FaultType FrameBabble() {
           .summary = "A babbling idiot fills the line with frames of noise.",
           .semantics =
               "Models a sender that has failed and sends all the time. Frames of noise follow the frames "
-              "that pass. They come as a Poisson process of `rate_hz` in time. Each is sent directly behind "
-              "the next frame that the trigger picks, in the order of their times, and so takes time on the "
-              "line. Nothing enters the line between frames: a receiver that has waited until then may have "
-              "gone on already. Only what falls into the fault's active time counts, of a pause of more than "
-              "a second only the last second, and nothing before the first frame. What falls into the pause "
-              "before a frame that the trigger does not pick is left out. Each has a flag at both ends and 1 "
-              "to 64 bytes of uniformly random value between them, of uniformly random number. They delay "
-              "the frames behind them; when they take more than the line carries, the delay grows.",
+              "that pass. They come as a Poisson process of `rate_hz` in the time of the flight. Those that "
+              "fall into one control period are sent directly behind the first frame that the line carries "
+              "in a later one, if the trigger picks it, in the order of their times; they take time on the "
+              "line. So the same ones follow a frame whether its sender computes fast or slowly. Nothing "
+              "enters the line between frames: a receiver that has waited until then may have gone on "
+              "already. Only what falls into the fault's active time counts, of a pause of more than a "
+              "second only the last second, and nothing before the first frame. What would follow a frame "
+              "that the trigger does not pick is left out. Each has a flag at both ends and 1 to 64 bytes of "
+              "uniformly random value between them, of uniformly random number. They delay the frames behind "
+              "them; when they take more than the line carries, the delay grows.",
           .source =
               "Kopetz, Real-Time Systems: Design Principles for Distributed Embedded Applications, Kluwer, "
               "1997 (babbling idiot); Temple, Avoiding the Babbling-Idiot Failure in a Time-Triggered "

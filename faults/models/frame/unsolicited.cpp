@@ -11,9 +11,7 @@ namespace {
 class Unsolicited : public WireModel {
  public:
   explicit Unsolicited(const WireSetup& setup)
-      : protocol_(setup.protocol),
-        types_(TypesOf(setup.protocol, setup.direction)),
-        events_(setup.parameters.Number("rate_hz"), setup.stream) {}
+      : protocol_(setup.protocol), types_(TypesOf(setup.protocol, setup.direction)), events_(setup) {}
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
     const auto& events = events_.Since(chunk, context);
@@ -61,14 +59,16 @@ FaultType FrameUnsolicited() {
           .summary = "Well-formed messages that nobody sent.",
           .semantics =
               "Models a second sender on the line, or an attacker. Forged frames follow the frames that "
-              "pass. They come as a Poisson process of `rate_hz` in time. Each is sent directly behind the "
-              "next frame that the trigger picks, in the order of their times, and so takes time on the "
-              "line. Nothing enters the line between frames: a receiver that has waited until then may have "
-              "gone on already. Only what falls into the fault's active time counts, of a pause of more than "
-              "a second only the last second, and nothing before the first frame. What falls into the pause "
-              "before a frame that the trigger does not pick is left out. Each is a message of the protocol "
-              "in this direction, all equally likely, other than one that starts the flight; its values are "
-              "drawn evenly from their plausible ranges. Every check of the receiver passes.",
+              "pass. They come as a Poisson process of `rate_hz` in the time of the flight. Those that fall "
+              "into one control period are sent directly behind the first frame that the line carries in a "
+              "later one, if the trigger picks it, in the order of their times; they take time on the line. "
+              "So the same ones follow a frame whether its sender computes fast or slowly. Nothing enters "
+              "the line between frames: a receiver that has waited until then may have gone on already. Only "
+              "what falls into the fault's active time counts, of a pause of more than a second only the "
+              "last second, and nothing before the first frame. What would follow a frame that the trigger "
+              "does not pick is left out. Each is a message of the protocol in this direction, all equally "
+              "likely, other than one that starts the flight; its values are drawn evenly from their "
+              "plausible ranges. Every check of the receiver passes.",
           .source =
               "ISO 26262-5:2018, Annex D (communication: insertion of messages, masquerading); IEC 61784-3 "
               "(insertion).",

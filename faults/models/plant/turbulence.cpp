@@ -25,8 +25,8 @@ class LongitudinalFilter {
 };
 
 // The same through (1 + sqrt(3) T s) / (1 + T s)^2, which is sqrt(3) / (1 + T s) + (1 - sqrt(3)) / (1 + T s)^2.
-// x is the first of these two poles' outputs, of variance 1; y follows it through the second, and has the variance
-// 1/2 and the covariance 1/2 with x. The sum has the variance 2.
+// x is the first of these two poles' outputs, of variance 1; y follows it through the second, and has the
+// variance 1/2 and the covariance 1/2 with x. The sum has the variance 2.
 class TransverseFilter {
  public:
   explicit TransverseFilter(double time_constant_s) : time_constant_s_(time_constant_s) {}
