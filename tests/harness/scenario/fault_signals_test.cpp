@@ -106,6 +106,18 @@ TEST_F(FaultSignalsTest, RotorsAndJointsGoByTheirNamesInTheVehiclesFile) {
   EXPECT_THAT(weak("keel-joint"), HasSubstr("rotor: unknown value 'keel-joint'; valid: front left"));
 }
 
+TEST_F(FaultSignalsTest, FieldsAreThoseOfTheMessagesThatPass) {
+  const auto lie = [this](const std::string& field, const std::string& keys) {
+    return Error("{id: a, type: frame.semantic, " + keys + ", parameters: {field: " + field +
+                 ", kind: nan, probability: 1}}");
+  };
+  EXPECT_EQ(lie("z_m", "target: to_client"), "");
+  EXPECT_EQ(lie("f_r_n", "target: to_plant, message: actuators"), "");
+  EXPECT_EQ(lie("z", "target: to_client"), "s.yaml:4:79: field: unknown value 'z'; did you mean 'z_m'?");
+  EXPECT_THAT(lie("alpha_r_rad", "target: to_plant"),
+              HasSubstr("field: unknown value 'alpha_r_rad'; valid: f_r_n, f_l_n, tau_r_nm, tau_l_nm"));
+}
+
 TEST_F(FaultSignalsTest, WindNeedsDrag) {
   const std::string gust =
       "{id: a, type: plant.gust, parameters: {speed_m_s: 1, direction: [1, 0, 0], length_m: 9}}";
