@@ -1,8 +1,9 @@
 // Events of a Poisson process that are carried out behind the frames of a line: those since the control period of
 // the frame before. So nothing enters a line between frames, where a receiver may have gone on already.
 //
-//   for (const auto& event : events.Since(chunk, context)) ...   // in Act
-//   events.Skip(chunk);                                          // in Pass
+//   EventsBetweenFrames events(wire_setup);
+//   for (const auto& event : events.Since(chunk, wire_context)) ...   // in Act
+//   events.Skip(chunk);                                               // in Pass
 #pragma once
 
 #include <algorithm>
