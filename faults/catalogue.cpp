@@ -34,7 +34,9 @@ act in the order of the file.
 The frames as they were sent determine which of them a fault picks and what it draws for each. At the
 receiver, the bytes as they arrived determine this. Adding or removing a fault therefore never shifts the
 draws of another. Only what a fault remembers comes from the frames that reach it: the state of
-wire.gilbert_elliott, and the frames of frame.reorder and frame.replay_stale.
+wire.gilbert_elliott, the queue of wire.bandwidth_cap, the frames of frame.reorder and frame.replay_stale, the
+value that frame.semantic keeps, and the frame before, from which frame.flag_loss, frame.unsolicited and
+frame.babble count.
 
 An occasion on which the fault changed nothing does not count as an activation.
 )";
@@ -66,6 +68,9 @@ std::string AllowedText(const ParameterInfo& info) {
   if (info.kind == ParameterKind::kSensorVector)
     return "three sensors of the vehicle, by their vector's name";
   if (info.kind == ParameterKind::kInput) return "an input of the vehicle, without its unit";
+  if (info.kind == ParameterKind::kField) return "a field of a message";
+  if (info.kind == ParameterKind::kRotor) return "a rotor of the vehicle";
+  if (info.kind == ParameterKind::kJoint) return "a joint of the vehicle that a servo turns";
   if (info.kind == ParameterKind::kText)
     return Concat({"text of 1 to ", std::to_string(kParameterTextMax), " printable characters"});
   if (info.kind == ParameterKind::kVector)

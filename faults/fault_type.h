@@ -68,6 +68,7 @@ struct ActuatorKind {
 // Disturbs the vehicle itself.
 struct PlantKind {
   std::unique_ptr<PlantModel> (*make)(const SignalSetup&) = nullptr;
+  bool is_wind = false;  // moves only a vehicle with drag
 };
 
 // Edits nothing: commands a node, only in real time. Its window is not before t = 0, and it has no trigger.

@@ -22,6 +22,7 @@
 #include "faults/random.h"
 #include "link/chunk.h"
 #include "link/disturbance.h"
+#include "link/protocol.h"
 #include "link/signal_table.h"
 #include "link/time.h"
 
@@ -104,6 +105,8 @@ class PlantModel {
   virtual ~PlantModel() = default;
   // What disturbs the plant during a step that the trigger picked.
   virtual Disturbance Act(const StepContext& context) = 0;
+  // Any other step, also outside the window.
+  virtual void Pass(const StepContext& /*context*/) {}
 };
 
 // What the factory of a sensor, actuator or plant model receives. Signals are given by name: their places are
@@ -132,6 +135,9 @@ struct WireSetup {
   const Parameters& parameters;
   LineRate rate;
   std::uint64_t stream;  // key of the random stream, for what does not belong to one frame
+  // What describes the messages; it outlives the model.
+  const link::Protocol& protocol;
+  link::Direction direction;
 };
 
 }  // namespace tiltproof::faults

@@ -36,34 +36,42 @@ class Parameters {
   std::map<std::string, ParameterValue, std::less<>> values_;
 };
 
-// The last four name signals of the vehicle (faults/signal_choice.h): a sensor, a sensor of a position, three
-// sensors that are the components of a vector, or an input. Which signals exist is known only when the vehicle
-// is loaded.
+// kField names a field of a message of the protocol. The last six name signals and parts of the vehicle (faults/signal_choice.h): a sensor, a sensor of a position,
+// three sensors that are the components of a vector, an input, a rotor, a joint. Which of them exist is known
+// only when the vehicle is loaded.
 enum class ParameterKind : std::uint8_t {
   kNumber,
   kInteger,
   kChoice,
   kText,
   kVector,
+  kField,
   kSensor,
   kPositionSensor,
   kSensorVector,
   kInput,
+  kRotor,
+  kJoint,
 };
 constexpr bool NamesSignal(ParameterKind kind) {
   return kind == ParameterKind::kSensor || kind == ParameterKind::kPositionSensor ||
          kind == ParameterKind::kSensorVector || kind == ParameterKind::kInput;
 }
 
+constexpr bool NamesPart(ParameterKind kind) {
+  return kind == ParameterKind::kRotor || kind == ParameterKind::kJoint;
+}
+
 // How a search for the level at which a flight fails steps from harmless to worst.
 enum class Scale : std::uint8_t { kLinear, kLogarithmic };
 
-// A kText parameter: printable ASCII, no blank at either end, 1 to this many characters.
+// A kText parameter, or the name of a part: printable ASCII, no blank at either end, 1 to this many characters.
 inline constexpr std::size_t kParameterTextMax = 200;
 
 struct ParameterInfo {
   std::string_view name;
-  std::string_view unit;  // "s", "Hz", "1" for a ratio or probability; empty for a choice, text or signal
+  std::string_view
+      unit;  // "s", "Hz", "1" for a ratio or probability; empty for a choice, text, field, signal or part
   ParameterKind kind = ParameterKind::kNumber;
   double min = 0.0, max = 0.0;  // both allowed; numbers, integers, and each part of a vector
   std::string_view doc;

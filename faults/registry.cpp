@@ -21,12 +21,28 @@ namespace tiltproof::faults {
   FAULT(WireByteDrop)                \
   FAULT(WireByteInsert)              \
   FAULT(WireByteDuplicate)           \
+  FAULT(WireBreak)                   \
+  FAULT(WireStuckAt)                 \
+  FAULT(WireBaudMismatch)            \
+  FAULT(WireByteSwap)                \
+  FAULT(WireChunking)                \
+  FAULT(WireBandwidthCap)            \
   FAULT(FrameDrop)                   \
   FAULT(FrameDuplicate)              \
   FAULT(FrameTruncate)               \
   FAULT(FrameDelay)                  \
   FAULT(FrameReorder)                \
   FAULT(FrameReplayStale)            \
+  FAULT(FrameFlagLoss)               \
+  FAULT(FrameFlagForgery)            \
+  FAULT(FrameDanglingEscape)         \
+  FAULT(FrameShort)                  \
+  FAULT(FrameLong)                   \
+  FAULT(FrameWrongId)                \
+  FAULT(FrameChecksumPreserving)     \
+  FAULT(FrameSemantic)               \
+  FAULT(FrameUnsolicited)            \
+  FAULT(FrameBabble)                 \
   FAULT(LinkSilence)                 \
   FAULT(LinkDisconnect)              \
   FAULT(SensorBias)                  \
@@ -60,6 +76,16 @@ namespace tiltproof::faults {
   FAULT(ActuatorOscillation)         \
   FAULT(ActuatorNoise)               \
   FAULT(PlantForce)                  \
+  FAULT(PlantTorque)                 \
+  FAULT(PlantWind)                   \
+  FAULT(PlantGust)                   \
+  FAULT(PlantTurbulence)             \
+  FAULT(PlantMass)                   \
+  FAULT(PlantComShift)               \
+  FAULT(PlantInertia)                \
+  FAULT(PlantThrust)                 \
+  FAULT(PlantServoJam)               \
+  FAULT(PlantServoRunaway)           \
   FAULT(NodeKill)                    \
   FAULT(NodePause)                   \
   FAULT(NodeRestart)                 \
@@ -280,7 +306,7 @@ class Validator {
         Add(key, {"'", info.name, "' must be the name of a signal: letters, digits and '_'"});
       return;
     }
-    if (info.kind == ParameterKind::kText) {
+    if (info.kind == ParameterKind::kText || info.kind == ParameterKind::kField || NamesPart(info.kind)) {
       const auto* text = std::get_if<std::string>(&value);
       if (text == nullptr || !IsParameterText(*text))
         Add(key, {"'", info.name, "' must be a text of 1 to ", std::to_string(kParameterTextMax),
@@ -344,6 +370,19 @@ std::string_view WhyNoLonger(std::string_view name) {
     if (former.name == name) return former.why;
   }
   return {};
+}
+
+std::vector<std::string> FieldNames(const link::Protocol& protocol, Target target,
+                                    std::optional<link::MessageKind> message) {
+  const std::vector<link::MessageKind> kinds = MessagesOf(target);
+  std::vector<std::string> names;
+  for (const link::MessageType& type : protocol.messages) {
+    if (std::find(kinds.begin(), kinds.end(), type.kind) == kinds.end() || (message && *message != type.kind))
+      continue;
+    for (const link::MessageField& field : type.fields)
+      if (std::find(names.begin(), names.end(), field.signal) == names.end()) names.push_back(field.signal);
+  }
+  return names;
 }
 
 std::vector<Target> AcceptedTargets(const FaultType& type) {

@@ -49,7 +49,7 @@ struct ReceiverInjector {
 }  // namespace
 
 struct FaultSchedule::State {
-  State(std::size_t fault_count, const Place& place) : recorder(fault_count) {
+  State(std::size_t fault_count, const Place& place) : protocol(place.protocol), recorder(fault_count) {
     for (WireFaults& wire : wires) wire.SetRecorder(&recorder);
     for (LineRate& rate : rates) rate.baud = place.baud;
     rates[static_cast<std::size_t>(Direction::kReference)].baud = place.reference_baud;
@@ -72,7 +72,7 @@ struct FaultSchedule::State {
     for (const Direction direction : DirectionsOf(ResolvedTarget(entry.spec, entry.type))) {
       const auto index = static_cast<std::size_t>(direction);
       wires[index].Add(entry.fault, entry.spec, kind, activities[entry.fault], entry.parameters, entry.seed,
-                       direction, rates[index]);
+                       direction, rates[index], *protocol);
     }
   }
   void Add(const ReceiverKind& kind, const Entry& entry) {
@@ -104,6 +104,7 @@ struct FaultSchedule::State {
     return *vehicle;
   }
 
+  std::shared_ptr<const link::Protocol> protocol;
   Recorder recorder;
   std::array<WireFaults, link::kDirectionCount> wires;
   VehicleSignals signals;

@@ -28,6 +28,7 @@
 #include "faults/news.h"
 #include "link/chunk.h"
 #include "link/disturbance.h"
+#include "link/protocol.h"
 #include "link/signal_table.h"
 
 namespace tiltproof::faults {
@@ -38,6 +39,7 @@ class FaultSchedule {
   struct Place {
     std::int64_t baud = 921'600;            // of the main line; 0 = ideal
     std::int64_t reference_baud = 921'600;  // of the reference line
+    std::shared_ptr<const link::Protocol> protocol = link::FindProtocol("paper");
     // The vehicle's signals, where the plant is; without them the faults on the vehicle are only counted
     // here.
     std::optional<VehicleSignals> signals = {};

@@ -71,6 +71,24 @@ ParameterInfo ActuatorParameter() {
           .example = "f_r"};
 }
 
+ParameterInfo RotorParameter() {
+  return {.name = "rotor",
+          .unit = "",
+          .kind = ParameterKind::kRotor,
+          .doc = "the rotor, by its name in the vehicle's file; for the tilt-rotor: right, left",
+          .example = "right"};
+}
+
+ParameterInfo JointParameter() {
+  return {
+      .name = "joint",
+      .unit = "",
+      .kind = ParameterKind::kJoint,
+      .doc =
+          "the servo's joint, by its name in the vehicle's file; for the tilt-rotor: hinge_right, hinge_left",
+      .example = "hinge_right"};
+}
+
 bool IsSignalName(std::string_view text) {
   const auto is_letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
   const auto fits = [&](char c) { return is_letter(c) || (c >= '0' && c <= '9') || c == '_'; };
@@ -93,8 +111,13 @@ std::vector<std::string> SignalNames(const VehicleSignals& signals, ParameterKin
   if (kind == ParameterKind::kInput)
     for (const Signal& signal : signals.inputs)
       names.push_back(signal.name.substr(0, signal.name.rfind('_')));  // "f_r_n" -> "f_r"
+  if (kind == ParameterKind::kRotor) names = signals.rotors;
+  if (kind == ParameterKind::kJoint) names = signals.joints;
   return names;
 }
+
+std::size_t RotorIndex(const SignalSetup& setup) { return IndexOf(setup, "rotor", ParameterKind::kRotor); }
+std::size_t JointIndex(const SignalSetup& setup) { return IndexOf(setup, "joint", ParameterKind::kJoint); }
 
 std::size_t SensorIndex(const SignalSetup& setup, std::string_view parameter) {
   return IndexOf(setup, parameter, ParameterKind::kSensor);

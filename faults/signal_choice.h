@@ -1,5 +1,5 @@
-// Sensors and actuators as parameters of a fault. Sensors are named by their trace column, actuators by the
-// column of the input without its unit. The registry checks that a parameter looks like a name; whether the
+// Sensors, actuators and parts of the vehicle as parameters of a fault. Sensors are named by their trace column,
+// actuators by the column of the input without its unit, rotors and joints as in the vehicle's file. The registry checks that a parameter looks like a name; whether the
 // vehicle has such a signal is checked where the vehicle is known:
 //
 //   const std::vector<std::string> names = SignalNames(model.signals(), ParameterKind::kInput);  // f_r, f_l, ...
@@ -25,12 +25,16 @@ ParameterInfo PositionParameter();
 ParameterInfo SensorVectorParameter();
 // `actuator`: for the tilt-rotor f_r, f_l, tau_r, tau_l.
 ParameterInfo ActuatorParameter();
+// `rotor`: for the tilt-rotor right, left.
+ParameterInfo RotorParameter();
+// `joint`: for the tilt-rotor hinge_right, hinge_left.
+ParameterInfo JointParameter();
 
 // Letters, digits and '_', beginning with a letter; 1 to this many characters.
 inline constexpr std::size_t kSignalNameMax = 100;
 bool IsSignalName(std::string_view text);
 
-// The values that a parameter of this kind (one of NamesSignal()) may have for a vehicle with these signals, in
+// The values that a parameter of this kind (one of NamesSignal() or NamesPart()) may have for a vehicle with these signals, in
 // the order of its table.
 std::vector<std::string> SignalNames(const VehicleSignals& signals, ParameterKind kind);
 
@@ -38,6 +42,9 @@ std::vector<std::string> SignalNames(const VehicleSignals& signals, ParameterKin
 // std::invalid_argument when the vehicle has no such signal.
 std::size_t SensorIndex(const SignalSetup& setup, std::string_view parameter = "signal");
 std::size_t ActuatorIndex(const SignalSetup& setup);
+// The place of the named part among the rotors or hinges of a Disturbance. Throws like SensorIndex().
+std::size_t RotorIndex(const SignalSetup& setup);
+std::size_t JointIndex(const SignalSetup& setup);
 
 // Sensors that are the x, y and z components of one vector. A vehicle has the vector when it has all three:
 //

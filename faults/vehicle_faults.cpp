@@ -35,6 +35,7 @@ std::string Text(const Disturbance& disturbance) {
   };
   vector("force %.6g %.6g %.6g N", disturbance.force_n);
   vector("torque %.6g %.6g %.6g N m", disturbance.torque_nm);
+  vector("torque %.6g %.6g %.6g N m about the body's axes", disturbance.torque_body_nm);
   vector("wind %.6g %.6g %.6g m/s", disturbance.wind_m_s);
   vector("centre of mass shifted by %.6g %.6g %.6g m", disturbance.com_shift_m);
   if (disturbance.mass_factor != none.mass_factor) say("mass times %.6g", disturbance.mass_factor);
@@ -135,10 +136,12 @@ Disturbance VehicleFaults::DisturbanceOf(TimeNs t) {
   const std::uint64_t number = step_count_++;
   for (Body& body : bodies_) {
     Disturbance own;
-    if (body.activity->Contains(t) && body.trigger.Picks(number)) {
-      Random random(KeyOf(body.stream, number));
-      own = body.model->Act(ContextOf(t, number, body, random));
-    }
+    Random random(KeyOf(body.stream, number));
+    const StepContext context = ContextOf(t, number, body, random);
+    if (body.activity->Contains(t) && body.trigger.Picks(number))
+      own = body.model->Act(context);
+    else
+      body.model->Pass(context);
     const bool begins = own != Disturbance{} && !body.disturbed;
     body.disturbed = own != Disturbance{};
     if (!body.disturbed) continue;

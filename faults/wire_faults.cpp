@@ -20,18 +20,19 @@ std::size_t Weight(std::span<const link::Chunk> chunks) {
 
 void WireFaults::Add(std::size_t fault, const FaultSpec& spec, const WireKind& kind, const Activity& activity,
                      const Parameters& parameters, std::uint64_t seed, link::Direction direction,
-                     const LineRate& rate) {
+                     const LineRate& rate, const link::Protocol& protocol) {
   const std::string_view way = link::Name(direction);
   const std::uint64_t stream = StreamKey(seed, {spec.id, "model", way});
-  injectors_.push_back({.fault = fault,
-                        .activity = &activity,
-                        .trigger = Trigger(spec, StreamKey(seed, {spec.id, "trigger", way})),
-                        .stream = stream,
-                        .rate = rate,
-                        .remembers = kind.remembers,
-                        .acts_on_overlap = kind.acts_on_overlap,
-                        .model = kind.make({parameters, rate, StreamKey(seed, {spec.id, "events", way})}),
-                        .picked = {}});
+  injectors_.push_back(
+      {.fault = fault,
+       .activity = &activity,
+       .trigger = Trigger(spec, StreamKey(seed, {spec.id, "trigger", way})),
+       .stream = stream,
+       .rate = rate,
+       .remembers = kind.remembers,
+       .acts_on_overlap = kind.acts_on_overlap,
+       .model = kind.make({parameters, rate, StreamKey(seed, {spec.id, "events", way}), protocol, direction}),
+       .picked = {}});
 }
 
 void WireFaults::Apply(std::vector<link::Chunk>& chunks) {

@@ -20,9 +20,11 @@ namespace tiltproof::faults {
 
 class WireFaults final : public link::ChunkFilter {
  public:
-  // Adds a fault; call it in the order in which the faults act. `activity` must outlive it.
+  // Adds a fault; call it in the order in which the faults act. `activity` and `protocol`
+  // must outlive it.
   void Add(std::size_t fault, const FaultSpec& spec, const WireKind& kind, const Activity& activity,
-           const Parameters& parameters, std::uint64_t seed, link::Direction direction, const LineRate& rate);
+           const Parameters& parameters, std::uint64_t seed, link::Direction direction, const LineRate& rate,
+           const link::Protocol& protocol);
   bool empty() const { return injectors_.empty(); }
 
   // `recorder` must outlive the last Apply().

@@ -27,6 +27,7 @@ struct Disturbance {
 
   Vector force_n{};             // at the main body's centre of mass, along the world's axes
   Vector torque_nm{};           // on the main body, along the world's axes
+  Vector torque_body_nm{};      // the same, along its own axes
   Vector wind_m_s{};            // velocity of the air, world; it pushes a vehicle that has drag
   double mass_factor = 1.0;     // of every body; > 0
   double inertia_factor = 1.0;  // of every body, about its centre of mass; > 0
@@ -43,6 +44,7 @@ inline Disturbance Combined(const Disturbance& first, const Disturbance& second)
   for (std::size_t i = 0; i < 3; ++i) {
     both.force_n[i] += second.force_n[i];
     both.torque_nm[i] += second.torque_nm[i];
+    both.torque_body_nm[i] += second.torque_body_nm[i];
     both.wind_m_s[i] += second.wind_m_s[i];
     both.com_shift_m[i] += second.com_shift_m[i];
   }

@@ -92,6 +92,9 @@ struct VehicleSignals {
   SignalTable states;   // the truth, as in the trace
   SignalTable sensors;  // what may be sent; its frame may differ from that of the state with the same name
   SignalTable inputs;   // what actuator messages command
+  // Its parts by their names in the vehicle's file, in the order of Disturbance's thrust factors and hinges.
+  std::vector<std::string> rotors = {}, joints = {};
+  bool feels_wind = true;  // it has drag
   friend bool operator==(const VehicleSignals&, const VehicleSignals&) = default;
 };
 

@@ -30,8 +30,9 @@ std::string DisturbanceProblem(const Disturbance& disturbance) {
   const bool rates =
       std::all_of(disturbance.hinges.begin(), disturbance.hinges.end(),
                   [](const Disturbance::Hinge& hinge) { return std::isfinite(hinge.rate_rad_s); });
-  if (finite(disturbance.force_n) && finite(disturbance.torque_nm) && finite(disturbance.wind_m_s) &&
-      finite(disturbance.com_shift_m) && finite(disturbance.thrust_factor) && rates)
+  if (finite(disturbance.force_n) && finite(disturbance.torque_nm) && finite(disturbance.torque_body_nm) &&
+      finite(disturbance.wind_m_s) && finite(disturbance.com_shift_m) && finite(disturbance.thrust_factor) &&
+      rates)
     return {};
   return "a disturbance is not a number";
 }

@@ -259,10 +259,11 @@ void Plant::World::Push(const Disturbance& disturbance) {
   Vector3d force = vector(disturbance.force_n);
   if (model.drag != BodyDrag{})
     force += DragForce(model.drag, base.Velocity() - vector(disturbance.wind_m_s));
-  const Vector3d torque = vector(disturbance.torque_nm);
+  const Vector3d torque = vector(disturbance.torque_nm), own_torque = vector(disturbance.torque_body_nm);
   // Adding a zero may change the sign of one.
   if (!force.isZero(0)) dBodyAddForce(base.id, force.x(), force.y(), force.z());
   if (!torque.isZero(0)) dBodyAddTorque(base.id, torque.x(), torque.y(), torque.z());
+  if (!own_torque.isZero(0)) dBodyAddRelTorque(base.id, own_torque.x(), own_torque.y(), own_torque.z());
 }
 
 // With `input`.

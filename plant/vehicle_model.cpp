@@ -425,7 +425,13 @@ VehicleSignals VehicleModel::signals() const {
     inputs[i].max = input_max[i];
   }
   SignalTable table(std::move(states));
-  return {.states = table, .sensors = table, .inputs = SignalTable(std::move(inputs))};
+  VehicleSignals signals{.states = table, .sensors = table, .inputs = SignalTable(std::move(inputs))};
+  for (const TiltingThruster& thruster : thrusters) {
+    signals.rotors.push_back(thruster.name);
+    signals.joints.push_back(thruster.joint);
+  }
+  signals.feels_wind = drag != BodyDrag{};
+  return signals;
 }
 
 std::vector<double> VehicleModel::InputMin() const {

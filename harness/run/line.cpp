@@ -23,6 +23,7 @@ faults::FaultSchedule ClientFaults(const Scenario& scenario, std::size_t client,
   const std::string id = scenario.has_several_clients() ? scenario.client_id(client) : "";
   faults::FaultSchedule::Place place{.baud = MainBaud(scenario.link),
                                      .reference_baud = ReferenceBaud(scenario.link)};
+  place.protocol = scenario.link.protocol;
   place.step_ns = scenario.step_ns;
   place.client = id;
   if (signals != nullptr) place.signals = *signals;

@@ -112,6 +112,9 @@ void DescribeParameter(KeyVisitor& v, const ParameterInfo& info, FaultSpec& faul
         v.Point(key, *vector, {info.min, info.max});
       break;
     }
+    case ParameterKind::kField:
+    case ParameterKind::kRotor:
+    case ParameterKind::kJoint:
     case ParameterKind::kText: {
       if (auto* text = std::get_if<std::string>(&value)) v.Text(key, *text, kParameterText);
       break;

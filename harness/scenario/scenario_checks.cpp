@@ -257,9 +257,30 @@ class Checker {
     CheckVolume(*list);
     for (std::size_t i = 0; i < scenario_.faults.size(); ++i) CheckWaiting(i, list->items[i]);
     CheckSignals(*list);
+    CheckFields(*list);
   }
 
-  // The signals that faults name are the vehicle's.
+  // The fields that faults on frames name are those of messages that pass there.
+  void CheckFields(const YamlNode& list) {
+    for (std::size_t i = 0; i < scenario_.faults.size(); ++i) {
+      const faults::FaultSpec& fault = scenario_.faults[i];
+      const faults::FaultType* type = faults::FindFaultType(fault.type);
+      const YamlNode* parameters = ValueOf(&list.items[i], "parameters");
+      if (type == nullptr || parameters == nullptr) continue;
+      for (const faults::ParameterInfo& info : type->parameters) {
+        const YamlNode* name =
+            info.kind == faults::ParameterKind::kField ? Good(*parameters, info.name) : nullptr;
+        if (name == nullptr) continue;
+        const std::vector<std::string> valid =
+            faults::FieldNames(*scenario_.link.protocol, faults::ResolvedTarget(fault, *type), fault.message);
+        if (std::find(valid.begin(), valid.end(), name->text) == valid.end())
+          Complain(name->mark, fmt::format("{}: unknown value '{}'{}", info.name, name->text,
+                                           DidYouMeanOf(name->text, valid)));
+      }
+    }
+  }
+
+  // The signals and parts that faults name are the vehicle's, and wind blows on one that feels it.
   void CheckSignals(const YamlNode& list) {
     if (!options_.vehicle_signals) return;
     const std::optional<VehicleSignals> vehicle = options_.vehicle_signals(scenario_);
@@ -268,8 +289,15 @@ class Checker {
       const faults::FaultType* type = faults::FindFaultType(scenario_.faults[i].type);
       const YamlNode* parameters = ValueOf(&list.items[i], "parameters");
       if (type == nullptr || parameters == nullptr) continue;
+      const auto* plant = type->As<faults::PlantKind>();
+      if (plant != nullptr && plant->is_wind && !vehicle->feels_wind)
+        Complain(
+            list.items[i], "type",
+            fmt::format("type: {} moves only a vehicle with drag; this one's file has no <tiltproof:drag>",
+                        type->name));
       for (const faults::ParameterInfo& info : type->parameters) {
-        const YamlNode* name = NamesSignal(info.kind) ? Good(*parameters, info.name) : nullptr;
+        const bool names = NamesSignal(info.kind) || NamesPart(info.kind);
+        const YamlNode* name = names ? Good(*parameters, info.name) : nullptr;
         if (name == nullptr) continue;
         const std::vector<std::string> valid = faults::SignalNames(*vehicle, info.kind);
         if (std::find(valid.begin(), valid.end(), name->text) == valid.end())

@@ -117,6 +117,11 @@ extern TimeNs begin, end, wake_at;
 // faults/active_time.h
 extern const SampleContext& context;
 
+// faults/between_frames.h, faults/frame_edit.h
+extern const WireSetup& wire_setup;
+extern const WireContext& wire_context;
+extern link::Chunk chunk;
+
 // faults/device_command.h
 extern const FlipBits flips;
 extern const struct Region { std::uint32_t begin, size_bytes; } region;

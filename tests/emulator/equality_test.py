@@ -17,7 +17,8 @@ del sys.argv[1:4]
 
 # Their faults act on frames by number, so that some microseconds of computing change nothing. Between them the firmware misses replies, repeats
 # commands, goes blind and comes back.
-SCENARIOS = ["wire-byte-drop-survive", "wire-frame-drop-survive", "wire-link-silence-survive"]
+SCENARIOS = ["wire-byte-drop-survive", "wire-frame-babble-survive", "wire-frame-drop-survive", "wire-frame-unsolicited-survive",
+             "wire-link-silence-survive"]
 
 
 def fly(folder, client):

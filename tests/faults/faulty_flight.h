@@ -79,6 +79,8 @@ inline std::uint64_t DigestOf(const Outcome& outcome) {
     for (const auto* vector :
          {&disturbance.force_n, &disturbance.torque_nm, &disturbance.wind_m_s, &disturbance.com_shift_m})
       for (const double part : *vector) add(part);
+    if (disturbance.torque_body_nm != Disturbance::Vector{})
+      for (const double part : disturbance.torque_body_nm) add(part);
     add(disturbance.mass_factor);
     add(disturbance.inertia_factor);
     for (const double factor : disturbance.thrust_factor) add(factor);

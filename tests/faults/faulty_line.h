@@ -57,7 +57,11 @@ inline VehicleSignals TiltrotorSignals() {
     input.min = is_thrust ? 0.0 : -2.0;
     input.max = is_thrust ? 30.0 : 2.0;
   }
-  return {.states = SignalTable(sensors), .sensors = SignalTable(sensors), .inputs = SignalTable(inputs)};
+  return {.states = SignalTable(sensors),
+          .sensors = SignalTable(sensors),
+          .inputs = SignalTable(inputs),
+          .rotors = {"right", "left"},
+          .joints = {"hinge_right", "hinge_left"}};
 }
 
 inline FaultSchedule AtThePlant(const std::vector<FaultSpec>& specs, std::uint64_t seed = 1) {

@@ -38,7 +38,8 @@ TEST(VolumeTest, FaultsChangeTheNumberOfBytesAsTheyDeclare) {
     } else if (wire->volume == Volume::kKeeps) {
       EXPECT_GE(bytes, sent_bytes) << type.name;
     }
-    EXPECT_EQ(held_bytes_max > 0, wire->remembers) << type.name;
+    EXPECT_LE(held_bytes_max > 0, wire->remembers)
+        << type.name;  // some remember no frames, but when the last one came
   }
 }
 

@@ -1,5 +1,4 @@
-#include <cmath>
-
+#include "faults/direction.h"
 #include "faults/fault_type.h"
 
 namespace tiltproof::faults {
@@ -8,10 +7,7 @@ namespace {
 class Force : public PlantModel {
  public:
   explicit Force(const Parameters& parameters) {
-    const auto& direction = parameters.Vector("direction");
-    const double length = std::hypot(direction[0], direction[1], direction[2]);
-    for (std::size_t i = 0; i < 3; ++i)
-      disturbance_.force_n[i] = parameters.Number("force_n") * direction[i] / length;
+    disturbance_.force_n = AlongDirection(parameters, parameters.Number("force_n"));
   }
 
   Disturbance Act(const StepContext& /*context*/) override { return disturbance_; }
@@ -23,30 +19,29 @@ class Force : public PlantModel {
 }  // namespace
 
 FaultType PlantForce() {
-  return {.name = "plant.force",
-          .summary = "Pushes the vehicle.",
-          .semantics =
-              "In every step that the trigger picks, a force of `force_n` acts at the main body's centre of "
-              "mass, along `direction` in the world (z up), whatever the vehicle's attitude. Each time that "
-              "the force begins to act is one activation.",
-          .parameters = {{.name = "force_n",
-                          .unit = "N",
-                          .min = 0.0,
-                          .max = 1e4,
-                          .doc = "magnitude of the force",
-                          .example = 2.0,
-                          .zero = 0.0,
-                          .severity = Scale::kLinear},
-                         {.name = "direction",
-                          .unit = "1",
-                          .kind = ParameterKind::kVector,
-                          .min = -1e3,
-                          .max = 1e3,
-                          .doc = "direction of the force, in the world; its length does not matter",
-                          .example = std::array{0.0, 1.0, 0.0}}},
-          .kind = PlantKind{.make = [](const SignalSetup& setup) -> std::unique_ptr<PlantModel> {
-            return std::make_unique<Force>(setup.parameters);
-          }}};
+  return {
+      .name = "plant.force",
+      .summary = "Pushes the vehicle.",
+      .semantics =
+          "Models a push from outside: a rope, a hand, a bump. In every step that the trigger picks, a force "
+          "of `force_n` acts at the main body's centre of "
+          "mass, along `direction` in the world (z up), whatever the vehicle's attitude. Each time that "
+          "the force begins to act is one activation.",
+      .source =
+          "Etkin, Dynamics of Atmospheric Flight, Wiley, 1972 (external forces in the equations of motion).",
+      .parameters = {{.name = "force_n",
+                      .unit = "N",
+                      .min = 0.0,
+                      .max = 1e4,
+                      .doc = "magnitude of the force",
+                      .example = 2.0,
+                      .zero = 0.0,
+                      .severity = Scale::kLinear},
+                     DirectionParameter("direction of the force, in the world; its length does not matter",
+                                        {0.0, 1.0, 0.0})},
+      .kind = PlantKind{.make = [](const SignalSetup& setup) -> std::unique_ptr<PlantModel> {
+        return std::make_unique<Force>(setup.parameters);
+      }}};
 }
 
 }  // namespace tiltproof::faults

@@ -96,8 +96,8 @@ class Distributed(unittest.TestCase):
 
     def test_shipped_wire_scenarios_over_sockets(self):
         wire = pathlib.Path(SOURCE) / "scenarios/wire"
-        together, _ = self.run_suite("-k", "survive and (delay or reorder or stuck)", path=wire)
-        apart, _ = self.run_suite("-k", "survive and (delay or reorder or stuck)", "--distributed=socket", path=wire)
+        together, _ = self.run_suite("-k", "survive and (delay or reorder or stuck or babble or unsolicited)", path=wire)
+        apart, _ = self.run_suite("-k", "survive and (delay or reorder or stuck or babble or unsolicited)", "--distributed=socket", path=wire)
         self.assertGreater(len(together), 2)
         self.assertEqual({n: s["trace_hash"] for n, s in together.items()},
                          {n: s["trace_hash"] for n, s in apart.items()})

@@ -52,7 +52,9 @@ class FaultSignalsTest : public testing::Test {
                      .sensors = SignalTable({SignalNamed("z_m", SignalFrame::kWorld),
                                              SignalNamed("keel_rad_s", SignalFrame::kHinge)}),
                      .inputs = SignalTable({SignalNamed("f_front_left_n", SignalFrame::kRotor),
-                                            SignalNamed("tau_rudder_nm", SignalFrame::kHinge)})};
+                                            SignalNamed("tau_rudder_nm", SignalFrame::kHinge)}),
+                     .rotors = {"front left"},
+                     .joints = {"mast::rudder", "keel-joint"}};
 };
 
 TEST_F(FaultSignalsTest, SensorsGoByTheirColumn) {
@@ -91,6 +93,41 @@ TEST_F(FaultSignalsTest, VectorsAndPositionsAreThoseOfTheVehicle) {
   signals_->sensors = SignalTable(sensors);
   EXPECT_EQ(misalignment("rates"), "");
   EXPECT_EQ(misalignment("position"), "s.yaml:4:66: signal: unknown value 'position'; valid: rates");
+}
+
+TEST_F(FaultSignalsTest, RotorsAndJointsGoByTheirNamesInTheVehiclesFile) {
+  const auto jam = [this](const std::string& joint) {
+    return Error("{id: a, type: plant.servo_jam, parameters: {joint: " + joint + "}}");
+  };
+  const auto weak = [this](const std::string& rotor) {
+    return Error("{id: a, type: plant.thrust, parameters: {rotor: " + rotor + ", factor: 0.5}}");
+  };
+  EXPECT_EQ(jam("\"mast::rudder\""), "");
+  EXPECT_EQ(jam("keel_joint"), "s.yaml:4:61: joint: unknown value 'keel_joint'; did you mean 'keel-joint'?");
+  EXPECT_EQ(weak("front left"), "");
+  EXPECT_THAT(weak("keel-joint"), HasSubstr("rotor: unknown value 'keel-joint'; valid: front left"));
+}
+
+TEST_F(FaultSignalsTest, FieldsAreThoseOfTheMessagesThatPass) {
+  const auto lie = [this](const std::string& field, const std::string& keys) {
+    return Error("{id: a, type: frame.semantic, " + keys + ", parameters: {field: " + field +
+                 ", kind: nan, probability: 1}}");
+  };
+  EXPECT_EQ(lie("z_m", "target: to_client"), "");
+  EXPECT_EQ(lie("f_r_n", "target: to_plant, message: actuators"), "");
+  EXPECT_EQ(lie("z", "target: to_client"), "s.yaml:4:79: field: unknown value 'z'; did you mean 'z_m'?");
+  EXPECT_THAT(lie("alpha_r_rad", "target: to_plant"),
+              HasSubstr("field: unknown value 'alpha_r_rad'; valid: f_r_n, f_l_n, tau_r_nm, tau_l_nm"));
+}
+
+TEST_F(FaultSignalsTest, WindNeedsDrag) {
+  const std::string gust =
+      "{id: a, type: plant.gust, parameters: {speed_m_s: 1, direction: [1, 0, 0], length_m: 9}}";
+  EXPECT_EQ(Error(gust), "");
+  signals_->feels_wind = false;
+  EXPECT_EQ(Error(gust),
+            "s.yaml:4:24: type: plant.gust moves only a vehicle with drag; this one's file has no "
+            "<tiltproof:drag>");
 }
 
 // Words that YAML takes for something else.

@@ -1,0 +1,125 @@
+#include <algorithm>
+#include <limits>
+#include <optional>
+
+#include "faults/fault_type.h"
+#include "faults/frame_edit.h"
+#include "faults/text.h"
+
+namespace tiltproof::faults {
+namespace {
+
+class Semantic : public WireModel {
+ public:
+  explicit Semantic(const WireSetup& setup)
+      : protocol_(setup.protocol),
+        direction_(setup.direction),
+        name_(setup.parameters.Text("field")),
+        kind_(setup.parameters.Choice("kind")),
+        value_(setup.parameters.Number("value")),
+        probability_(setup.parameters.Number("probability")) {}
+
+  void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
+    const bool replaces = context.random.Bernoulli(probability_);
+    FrameEdit edit(chunk.bytes);
+    const std::optional<Place> place = edit.ok() ? PlaceIn(edit.payload()) : std::nullopt;
+    if (replaces && place) {
+      const float before = FloatAt(edit.payload(), place->offset), after = Instead(before, *place->field);
+      SetFloat(edit.payload(), place->offset, after);
+      edit.WriteTo(chunk.bytes);
+      if (context.what != nullptr)
+        context.Say(Concat({place->field->signal, " ", NumberText(static_cast<double>(before)), " -> ",
+                            NumberText(static_cast<double>(after))}));
+    } else if (place) {
+      left_alone_ = FloatAt(edit.payload(), place->offset);
+    }
+    out.push_back(std::move(chunk));
+  }
+
+  void Pass(link::Chunk&& chunk, std::vector<link::Chunk>& out) override {
+    FrameEdit edit(chunk.bytes);
+    if (const auto place = edit.ok() ? PlaceIn(edit.payload()) : std::nullopt)
+      left_alone_ = FloatAt(edit.payload(), place->offset);
+    out.push_back(std::move(chunk));
+  }
+
+ private:
+  struct Place {
+    const link::MessageField* field;
+    std::size_t offset;  // in the payload
+  };
+  std::optional<Place> PlaceIn(std::span<const std::uint8_t> payload) const {
+    const link::MessageType* type = protocol_.Classify(direction_, payload);
+    if (type == nullptr) return std::nullopt;
+    const auto found =
+        std::find_if(type->fields.begin(), type->fields.end(),
+                     [this](const link::MessageField& field) { return field.signal == name_; });
+    if (found == type->fields.end()) return std::nullopt;
+    return Place{&*found, 4 * static_cast<std::size_t>(found - type->fields.begin() + (type->id ? 1 : 0))};
+  }
+
+  float Instead(float before, const link::MessageField& field) const {
+    using Limits = std::numeric_limits<float>;
+    if (kind_ == "nan") return Limits::quiet_NaN();
+    if (kind_ == "inf") return Limits::infinity();
+    if (kind_ == "denormal") return Limits::denorm_min();
+    if (kind_ == "out_of_range") return field.max + (field.max - field.min);
+    if (kind_ == "sign_flip") return -before;
+    if (kind_ == "offset") return static_cast<float>(static_cast<double>(before) + value_);
+    return left_alone_.value_or(before);
+  }
+
+  const link::Protocol& protocol_;
+  link::Direction direction_;
+  std::string name_, kind_;
+  double value_, probability_;
+  std::optional<float> left_alone_;
+};
+
+}  // namespace
+
+FaultType FrameSemantic() {
+  return {
+      .name = "frame.semantic",
+      .summary = "A well-formed message with a wrong value.",
+      .semantics =
+          "Models a sender that computes nonsense and packs it well. With the given probability, one value "
+          "of a message that the trigger picks is replaced. `nan` and `inf` send these numbers, `denormal` "
+          "the smallest number above 0, `out_of_range` the upper end of the field's plausible range plus the "
+          "range's width, `sign_flip` the negative value, `offset` the value plus `value`, and `stale` the "
+          "value that the field had in the latest message with this field that this fault left alone, inside "
+          "or outside the window (without one, nothing changes). The result is rounded to 32 bits. The "
+          "checksum is that of the new payload, and bytes are escaped anew; if the checksum was wrong "
+          "before, it stays wrong in the same bits. Messages without the field stay as they are. `message` "
+          "chooses one of several that have it.",
+      .source =
+          "Cristian, Understanding Fault-tolerant Distributed Systems, Communications of the ACM 34(2), 1991 "
+          "(value failures of a server).",
+      .parameters = {{.name = "field",
+                      .unit = "",
+                      .kind = ParameterKind::kField,
+                      .doc = "the value, by its signal's name in the table of messages: z_m, f_r_n, yaw_rad",
+                      .example = "z_m"},
+                     {.name = "kind",
+                      .unit = "",
+                      .kind = ParameterKind::kChoice,
+                      .doc = "what is sent instead",
+                      .example = "sign_flip",
+                      .choices = {"nan", "inf", "denormal", "out_of_range", "sign_flip", "offset", "stale"}},
+                     {.name = "value",
+                      .unit = "of the field",
+                      .min = -1e30,
+                      .max = 1e30,
+                      .doc = "what `offset` adds; the others do not use it",
+                      .example = 1.0,
+                      .default_value = 0.0},
+                     ProbabilityParameter("probability, per frame, that the value is replaced", 0.3)},
+      .kind = WireKind{.wire_layer = WireLayer::kFrame,
+                       .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+                         return std::make_unique<Semantic>(setup);
+                       },
+                       .volume = Volume::kMayLose,  // fewer escapes
+                       .remembers = true}};
+}
+
+}  // namespace tiltproof::faults

@@ -1,0 +1,83 @@
+#include <algorithm>
+
+#include "faults/between_frames.h"
+#include "faults/fault_type.h"
+#include "faults/frame_edit.h"
+#include "faults/text.h"
+
+namespace tiltproof::faults {
+namespace {
+
+class Unsolicited : public WireModel {
+ public:
+  explicit Unsolicited(const WireSetup& setup)
+      : protocol_(setup.protocol), types_(TypesOf(setup.protocol, setup.direction)), events_(setup) {}
+
+  void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
+    const auto& events = events_.Since(chunk, context);
+    link::Chunk forged{.begin_ns = chunk.begin_ns, .bytes = {}, .kind = chunk.kind, .number = chunk.number};
+    out.push_back(std::move(chunk));
+    if (types_.empty()) return;
+    for (const PoissonEvents::Event& event : events) {
+      Random random(event.key);
+      const link::MessageType& type = *types_[random.Below(types_.size())];
+      std::vector<float> values;
+      for (const link::MessageField& field : type.fields) {
+        const auto low = static_cast<double>(field.min), high = static_cast<double>(field.max);
+        values.push_back(
+            std::clamp(static_cast<float>(low + (high - low) * random.Uniform()), field.min, field.max));
+      }
+      forged.bytes = FrameOf(protocol_.Encode(type, values).span());
+      out.push_back(forged);
+      if (context.what != nullptr) context.Say(Concat({"forged ", type.name, " behind it"}));
+    }
+  }
+
+  void Pass(link::Chunk&& chunk, std::vector<link::Chunk>& out) override {
+    events_.Skip(chunk);
+    out.push_back(std::move(chunk));
+  }
+
+ private:
+  static std::vector<const link::MessageType*> TypesOf(const link::Protocol& protocol,
+                                                       link::Direction direction) {
+    std::vector<const link::MessageType*> types;
+    for (const link::MessageType& type : protocol.messages)
+      if (type.direction == direction && !type.starts) types.push_back(&type);
+    return types;
+  }
+
+  const link::Protocol& protocol_;
+  std::vector<const link::MessageType*> types_;
+  EventsBetweenFrames events_;
+};
+
+}  // namespace
+
+FaultType FrameUnsolicited() {
+  return {.name = "frame.unsolicited",
+          .summary = "Well-formed messages that nobody sent.",
+          .semantics =
+              "Models a second sender on the line, or an attacker. Forged frames follow the frames that "
+              "pass. They come as a Poisson process of `rate_hz` in the time of the flight. Those that fall "
+              "into one control period are sent directly behind the first frame that the line carries in a "
+              "later one, if the trigger picks it, in the order of their times; they take time on the line. "
+              "So the same ones follow a frame whether its sender computes fast or slowly. Nothing enters "
+              "the line between frames: a receiver that has waited until then may have gone on already. Only "
+              "what falls into the fault's active time counts, of a pause of more than a second only the "
+              "last second, and nothing before the first frame. What would follow a frame that the trigger "
+              "does not pick is left out. Each is a message of the protocol in this direction, all equally "
+              "likely, other than one that starts the flight; its values are drawn evenly from their "
+              "plausible ranges. Every check of the receiver passes.",
+          .source =
+              "ISO 26262-5:2018, Annex D (communication: insertion of messages, masquerading); IEC 61784-3 "
+              "(insertion).",
+          .parameters = {RateParameter("forged messages per second", 100.0)},
+          .kind = WireKind{.wire_layer = WireLayer::kFrame,
+                           .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+                             return std::make_unique<Unsolicited>(setup);
+                           },
+                           .remembers = true}};
+}
+
+}  // namespace tiltproof::faults

@@ -1,0 +1,58 @@
+#include "faults/fault_type.h"
+
+namespace tiltproof::faults {
+namespace {
+
+class Break : public WireModel {
+ public:
+  explicit Break(const WireSetup& setup) : rate_(setup.rate) {}
+
+  void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
+    const auto on_line = [&](std::size_t byte) {
+      const BootTime begin = chunk.begin_ns + rate_.BytesTime(static_cast<std::int64_t>(byte));
+      return context.ActiveWithin(begin,
+                                  chunk.begin_ns + rate_.BytesTime(static_cast<std::int64_t>(byte) + 1));
+    };
+    std::vector<std::uint8_t> heard;
+    std::size_t lost_count = 0;
+    for (std::size_t i = 0; i < chunk.bytes.size(); ++i) {
+      if (!on_line(i))
+        heard.push_back(chunk.bytes[i]);
+      else if (lost_count++ == 0)
+        heard.push_back(0);
+    }
+    if (context.what != nullptr && lost_count > 0)
+      context.Say("break in place of " + std::to_string(lost_count) + " bytes");
+    chunk.bytes = std::move(heard);
+    out.push_back(std::move(chunk));
+  }
+
+ private:
+  LineRate rate_;
+};
+
+}  // namespace
+
+FaultType WireBreak() {
+  return {.name = "wire.break",
+          .summary = "The sender breaks off and holds the line low.",
+          .semantics =
+              "Models a driver that resets in the middle of a frame, or a program that sends a break. From "
+              "the first byte of a frame that is on the line during any part of the window, the frame's "
+              "bytes are lost as long as the window lasts; the first of them arrives as 00, which is what a "
+              "receiver reads of a break. What of the frame comes after the window arrives, directly behind "
+              "the 00. Each frame that the window meets is broken off once. `every_nth_count` and "
+              "`probability` choose among the frames that are on the line during the window.",
+          .source =
+              "Texas Instruments, PC16550D Universal Asynchronous Receiver/Transmitter With FIFOs, SNLS378C, "
+              "2015 (break interrupt, framing error).",
+          .parameters = {},
+          .kind = WireKind{.wire_layer = WireLayer::kByte,
+                           .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+                             return std::make_unique<Break>(setup);
+                           },
+                           .volume = Volume::kMayLose,
+                           .acts_on_overlap = true}};
+}
+
+}  // namespace tiltproof::faults
