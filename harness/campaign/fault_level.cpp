@@ -74,18 +74,17 @@ std::string UnitOf(const ParameterInfo& info, const FaultSpec& fault, const Faul
 LevelRange Walk(double min, double max, std::optional<double> harmless, std::optional<double> own,
                 const SeverityChoice& choice) {
   double low = choice.low.value_or(min), high = choice.high.value_or(max);
-  if (low < min || high > max)
-    throw SeverityMistake(fmt::format("allowed is {:g} to {:g}", min, max));
+  if (low < min || high > max) throw SeverityMistake(fmt::format("allowed is {:g} to {:g}", min, max));
   if (harmless && *harmless > min && *harmless < max) {
-    const bool below = choice.high    ? *choice.high <= *harmless
-                       : choice.low   ? *choice.low < *harmless
-                                      : own && *own < *harmless;
+    const bool below = choice.high  ? *choice.high <= *harmless
+                       : choice.low ? *choice.low < *harmless
+                                    : own && *own < *harmless;
     if (below && !choice.high) high = *harmless;
     if (!below && !choice.low) low = *harmless;
     if (low < *harmless && high > *harmless)
-      throw SeverityMistake(fmt::format(
-          "{:g} is harmless and lies between {:g} and {:g}: a search goes to one side of it", *harmless, low,
-          high));
+      throw SeverityMistake(
+          fmt::format("{:g} is harmless and lies between {:g} and {:g}: a search goes to one side of it",
+                      *harmless, low, high));
   }
   if (low >= high) throw SeverityMistake(fmt::format("{:g} is not less than {:g}", low, high));
   const bool downwards = harmless && *harmless >= high;
@@ -99,7 +98,8 @@ Severity WindowSeverity(const Scenario& scenario, const FaultSpec& fault, const 
         fault.type, fault.id));
   const double longest_s = ToSeconds(scenario.duration_ns - fault.start_ns);
   const double shortest_s = std::min(ToSeconds(scenario.step_ns), longest_s / 2);
-  Severity severity{std::string(kWindowParameter), "s", Walk(shortest_s, longest_s, 0.0, std::nullopt, choice)};
+  Severity severity{std::string(kWindowParameter), "s",
+                    Walk(shortest_s, longest_s, 0.0, std::nullopt, choice)};
   severity.range.scale = faults::Scale::kLogarithmic;
   return severity;
 }
@@ -112,10 +112,9 @@ Severity ParameterSeverity(const Scenario& scenario, const FaultSpec& fault, con
   severity.unit = UnitOf(info, fault, type, signals);
   const bool lengthens = info.name == type.duration_ms;
   // A flight cannot tell lengths apart that exceed it.
-  const double max =
-      lengthens && fault.start_ns != kPowerOn
-          ? std::min(info.max, 1e3 * ToSeconds(scenario.duration_ns - fault.start_ns))
-          : info.max;
+  const double max = lengthens && fault.start_ns != kPowerOn
+                         ? std::min(info.max, 1e3 * ToSeconds(scenario.duration_ns - fault.start_ns))
+                         : info.max;
   std::optional<double> harmless;
   if (info.severity && info.zero) harmless = std::get<double>(*info.zero);
   std::optional<double> own;
@@ -126,6 +125,10 @@ Severity ParameterSeverity(const Scenario& scenario, const FaultSpec& fault, con
         fmt::format("'{}' does not measure the severity of {}: give both --low (mild) and --high (severe)",
                     info.name, type.name));
   severity.range = Walk(info.min, max, harmless, own, choice);
+  // An end that the user chose is meant; the type's may be the largest number allowed.
+  const bool chosen_end =
+      severity.range.end < severity.range.start ? choice.low.has_value() : choice.high.has_value();
+  if (info.severity && !chosen_end) severity.range.typical = std::get<double>(info.example);
   severity.range.whole = info.kind == ParameterKind::kInteger;
   severity.range.scale =
       info.severity.value_or(lengthens ? faults::Scale::kLogarithmic : faults::Scale::kLinear);

@@ -28,8 +28,8 @@ struct Severity {
 
 // Part of the range, and another parameter, as a user asks for them.
 struct SeverityChoice {
-  std::string parameter;            // empty: the type's severity
-  std::optional<double> low, high;  // numerically
+  std::string parameter = {};                 // empty: the type's severity
+  std::optional<double> low = {}, high = {};  // numerically
 };
 
 // A fault without a severity, or a choice that it cannot have. what() says why.

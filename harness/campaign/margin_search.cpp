@@ -11,13 +11,16 @@
 namespace tiltproof::harness {
 namespace {
 
-constexpr double kSection = 1e-6;   // six decades
-constexpr int kSectionsCount = 2;   // towards 0
-constexpr double kFinest = 1e-12;   // of the range: no grid is drawn anew below
+constexpr double kSection = 1e-6;  // six decades
+constexpr double kNear = 1e-2;     // of the typical distance
+constexpr int kSectionsCount = 2;  // towards 0
+constexpr double kFinest = 1e-12;  // of the range: no grid is drawn anew below
 
 // Levels are short, so that the one that is printed is the one that was flown: two digits more than the
 // tolerance can tell apart.
-int DigitsFor(double tolerance) { return 3 + std::max(1, static_cast<int>(std::ceil(-std::log10(tolerance)))); }
+int DigitsFor(double tolerance) {
+  return 3 + std::max(1, static_cast<int>(std::ceil(-std::log10(tolerance))));
+}
 
 }  // namespace
 
@@ -25,12 +28,21 @@ MarginSearch::MarginSearch(const LevelRange& range, double tolerance)
     : range_(range), tolerance_(tolerance), digits_(DigitsFor(tolerance)) {
   Check(tolerance > 0 && range.start != range.end, "a range with two ends, and a tolerance above 0");
   const bool logarithmic = range.scale == faults::Scale::kLogarithmic;
+  const double length = range.end - range.start;
+  double near = length * kSection;
+  if (range.typical)
+    near = std::copysign(std::min(std::abs(near), std::abs(*range.typical - range.start) * kNear), length);
   if (logarithmic && range.start == 0) {
     sections_left_ = kSectionsCount;
-    SetGrid(range.end * kSection, true, range.end, true);
+    SetDecades(0.0, near, range.end, true);
   } else if (logarithmic && range.end == 0) {
     sections_left_ = kSectionsCount;
-    SetGrid(range.start, true, range.start * kSection, true);
+    SetDecades(0.0, range.start, range.start * kSection, true);
+  } else if (!logarithmic && range.typical &&
+             std::abs(length) * kNear > std::abs(*range.typical - range.start)) {
+    SetDecades(range.start, std::copysign(std::abs(*range.typical - range.start) * kNear, length), length,
+               true);
+    grid_.insert(grid_.begin(), range.start);
   } else {
     Check(!logarithmic || range.start * range.end > 0, "a logarithmic scale does not cross 0");
     SetGrid(range.start, true, range.end, true);
@@ -62,7 +74,7 @@ void MarginSearch::TakeOnGrid(bool survived) {
     if (survives_) {
       Narrow();
     } else if (open_start && --sections_left_ > 0) {
-      SetGrid(level * kSection, true, level, false);
+      SetDecades(0.0, level * kSection, level, false);
     } else {
       grid_.clear();
       at_ = 0;
@@ -74,10 +86,11 @@ void MarginSearch::TakeOnGrid(bool survived) {
     Narrow();  // the whole of a finer grid was survived
   } else if (open_end && sections_left_ > 0) {
     const double level = grid_.back();
-    if (--sections_left_ > 0)
-      SetGrid(level, false, level * kSection, true);
-    else
-      grid_ = {0.0}, at_ = 0;
+    grid_ = {0.0};
+    if (--sections_left_ > 0) SetDecades(0.0, level, level * kSection, true);
+    at_ = 0;
+    // It was tried.
+    if (grid_.front() == level) grid_.erase(grid_.begin());
   }
 }
 
@@ -128,6 +141,16 @@ void MarginSearch::SetGrid(double from, bool with_from, double to, bool with_to)
   if (with_from) grid_.push_back(from);
   for (int i = 1; i < kGridCount; ++i) add(Rounded(Between(from, to, static_cast<double>(i) / kGridCount)));
   if (with_to) grid_.push_back(to);
+}
+
+void MarginSearch::SetDecades(double origin, double near, double far, bool with_far) {
+  grid_.clear();
+  at_ = 0;
+  const double ratio = far / near;
+  const int count = std::max(1, static_cast<int>(std::ceil(2 * std::abs(std::log10(ratio)) - 1e-9)));
+  for (int i = 0; i < count; ++i)
+    grid_.push_back(Rounded(origin + near * std::pow(ratio, static_cast<double>(i) / count)));
+  if (with_far) grid_.push_back(origin + far);
 }
 
 }  // namespace tiltproof::harness

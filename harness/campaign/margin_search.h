@@ -23,11 +23,15 @@ namespace tiltproof::harness {
 struct LevelRange {
   double start = 0.0, end = 1.0;
   // On a logarithmic scale one of the two may be 0. A `start` of 0 is itself never tried: the grid begins six
-  // decades before `end`, and six decades before that where its first level fails. An `end` of 0 is the last
-  // level, after twelve decades.
+  // decades before `end`, or where `typical` says, and six decades before that where its first level fails. An
+  // `end` of 0 is the last level, after twelve decades.
   faults::Scale scale = faults::Scale::kLinear;
-  bool whole = false;  // whole numbers only
+  bool whole = false;                   // whole numbers only
   std::optional<double> harmless = {};  // the level at which nothing changes; it need not be in the range
+  // A level at which a fault acts. Where `end` is more than a hundred times as far from `start`, as where it is
+  // only the largest number allowed, the grid's levels are not equidistant: they begin at a hundredth of the
+  // typical distance and go on by half decades.
+  std::optional<double> typical = {};
 };
 
 class MarginSearch {
@@ -56,6 +60,8 @@ class MarginSearch {
   // Levels from `from` to `to`, with or without each of them.
   void SetGrid(double from, bool with_from, double to, bool with_to);
   void TakeOnGrid(bool survived);
+  // From origin + near to origin + far by half decades.
+  void SetDecades(double origin, double near, double far, bool with_far);
   // After the first level that fails.
   void Narrow();
   bool close() const;

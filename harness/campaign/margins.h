@@ -33,8 +33,8 @@ struct Margin {
 struct FindMarginsOptions {
   double tolerance = 0.01;
   std::size_t at_once_count = 16;  // searches under way
-  std::function<void(const MarginTask&, double level, const TrialResult&)> on_level =
-      [](const auto&, double, const auto&) {};
+  std::function<void(const MarginTask&, double level, const TrialResult&)> on_level = [](const auto&, double,
+                                                                                         const auto&) {};
   // As they end; `task` is the place among the tasks.
   std::function<void(std::size_t task, const Margin&)> on_done = [](std::size_t, const auto&) {};
 };

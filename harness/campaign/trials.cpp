@@ -38,11 +38,11 @@ bool Survived(const Score& score) { return score.verdict == Verdict::kPass || Wa
 
 Trials::Trials(Options options)
     : options_(std::move(options)),
-      engine_({.jobs_count = options_.jobs_count,
-               .on_finished = [this](const FlightJob& job,
-                                     const FlightResult& result) { Finished(job, result); },
-               .tell = options_.tell,
-               .interrupted = options_.interrupted}) {}
+      engine_(
+          {.jobs_count = options_.jobs_count,
+           .on_finished = [this](const FlightJob& job, const FlightResult& result) { Finished(job, result); },
+           .tell = options_.tell,
+           .interrupted = options_.interrupted}) {}
 
 void Trials::Start(const FlightJob& job, Done done) {
   const std::uint64_t number = numbers_end_++;

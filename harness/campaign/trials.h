@@ -30,7 +30,7 @@ struct TrialResult {
   Answer answer = Answer::kSurvived;
   std::size_t flights_count = 0;  // up to the one that decided
   // Of the flight that decided, unless it survived:
-  std::string flight;     // its name
+  std::string flight;  // its name
   std::uint64_t seed = 0;
   Verdict verdict = Verdict::kPass;
   std::string criterion;  // the first that was violated, with the time; empty when unknown
@@ -42,7 +42,7 @@ class Trials {
  public:
   struct Options {
     int jobs_count = 1;
-    int seeds_count = 5;  // from the scenario's on
+    int seeds_count = 5;                             // from the scenario's on
     const std::atomic<bool>* interrupted = nullptr;  // ends the flights; may be null
     std::function<void(const std::string& line)> tell = [](const auto&) {};
     std::function<void()> on_turn = [] {};  // about ten times per second

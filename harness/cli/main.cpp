@@ -200,10 +200,42 @@ int Main(int argc, char** argv) {
   margin_app->add_option("--high", margin.high, "Search only below this value");
   add_search_options(margin_app, margin);
   margin_app->add_option("--client", margin.clients, ClientHelp())->allow_extra_args(false);
-  margin_app->add_option("--format", margin.format, "human, or jsonl: one JSON object per level and the margin")
+  margin_app
+      ->add_option("--format", margin.format, "human, or jsonl: one JSON object per level and the margin")
       ->check(CLI::IsMember({"human", "jsonl"}))
       ->capture_default_str();
   margin_app->callback([&] { command = [&] { return MarginCommand(margin); }; });
+
+  EnvelopeOptions envelope;
+  auto* envelope_app = app.add_subcommand(
+      "envelope", "Find the margin of every fault that a firmware can take, over one scenario");
+  envelope_app
+      ->add_option("SCENARIO", envelope.scenario,
+                   "A scenario file with a fault of type harness.null: the faults act in its place")
+      ->required();
+  envelope_app
+      ->add_option("--types", envelope.types,
+                   "Only fault types that match, for example 'sensor.*,frame.delay'")
+      ->delimiter(',')
+      ->allow_extra_args(false);
+  auto* builds = envelope_app
+                     ->add_option("--firmware", envelope.firmware,
+                                  "Builds of the shipped firmware, side by side: paper,tolerant")
+                     ->delimiter(',')
+                     ->allow_extra_args(false);
+  envelope_app->add_option("--client", envelope.clients, ClientHelp() + "\nSeveral stand side by side.")
+      ->allow_extra_args(false)
+      ->excludes(builds);
+  envelope_app
+      ->add_option("--map", envelope.map,
+                   "Also fly pairs of levels of two types, each as TYPE or TYPE:PLACE (frame.drop:both); "
+                   "without --types nothing else")
+      ->type_name("TYPE1 TYPE2")
+      ->expected(2);
+  envelope_app->add_option("--out", envelope.out, "Where envelope.json goes")->capture_default_str();
+  add_search_options(envelope_app, envelope);
+  envelope_app->add_flag("--no-progress", envelope.no_progress, "No progress on standard error");
+  envelope_app->callback([&] { command = [&] { return EnvelopeCommand(envelope); }; });
 
   DesignLqrOptions design;
   auto* design_app = app.add_subcommand(

@@ -94,9 +94,9 @@ void PrintMargin(const MarginOptions& options, const MarginTask& task, const Mar
   };
   Print(stdout, "{}, {} ({}): {}\n", fault.id, task.severity.parameter, fault.type,
         !margin.survives ? fmt::format("fails even at {}", value(*margin.fails))
-        : !margin.fails  ? fmt::format("survives even {}", value(*margin.survives))
-                         : fmt::format("survives {}, fails at {}", value(*margin.survives),
-                                       value(*margin.fails)));
+        : !margin.fails
+            ? fmt::format("survives even {}", value(*margin.survives))
+            : fmt::format("survives {}, fails at {}", value(*margin.survives), value(*margin.fails)));
   if (margin.fails)
     Print(stdout, "  at {} with seed {}: {}\n", value(*margin.fails), margin.at_fails.seed,
           margin.at_fails.reason);
@@ -117,14 +117,14 @@ int MarginCommand(const MarginOptions& options) {
                  .seeds_count = options.repeat_count,
                  .interrupted = InterruptScope::flag(),
                  .tell = [](const std::string& line) { Print(stderr, "tiltproof: {}\n", line); }});
-  const auto margin =
-      FindMargins(trials, tasks,
-                  {.tolerance = options.tolerance,
-                   .on_level = [&](const MarginTask& task, double level, const TrialResult& result) {
-                     if (result.answer != TrialResult::Answer::kUnknown)
-                       PrintLevel(options, task, level, result);
-                   }})
-          .front();
+  const auto margin = FindMargins(trials, tasks,
+                                  {.tolerance = options.tolerance,
+                                   .on_level =
+                                       [&](const MarginTask& task, double level, const TrialResult& result) {
+                                         if (result.answer != TrialResult::Answer::kUnknown)
+                                           PrintLevel(options, task, level, result);
+                                       }})
+                          .front();
   if (!margin) {
     Print(stderr, "tiltproof: margin: interrupted; {} flights were flown, and no margin is known\n",
           trials.flown_count());

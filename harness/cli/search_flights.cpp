@@ -19,9 +19,10 @@ FlightMeans LockstepMeans(RunClients clients, const std::string& command) {
   means.clients = std::move(clients);
   for (const ClientSpec& client : means.clients.Named())
     if (!AbilitiesOf(client, false).virtual_time)
-      throw UsageError(fmt::format(
-          "--client {}: it knows no virtual time, and {} flies in lockstep: give it host, library:FILE or qemu",
-          ToText(client), command));
+      throw UsageError(
+          fmt::format("--client {}: it knows no virtual time, and {} flies in lockstep: give it host, "
+                      "library:FILE or qemu",
+                      ToText(client), command));
   return means;
 }
 
