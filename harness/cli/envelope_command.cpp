@@ -121,7 +121,11 @@ std::string RowName(const EnvelopeRow& row) {
 void AddColumn(const Column& column, const std::vector<EnvelopeRow>& rows, Envelope& envelope,
                std::vector<MarginTask>& tasks) {
   const VehicleSignals& signals = column.base.model->signals();
-  const auto leave_out = [&](const EnvelopeRow& row, const std::string& reason) {
+  const auto leave_out = [&](const EnvelopeRow& row, std::string reason) {
+    // It stands behind the type.
+    const std::string& id = column.base.scenario.faults[*FindPlaceholder(column.base.scenario)].id;
+    const std::string fault = fmt::format("fault '{}' ({}) ", id, row.type->name);
+    if (reason.starts_with(fault)) reason.erase(0, fault.size());
     envelope.not_applicable.push_back({std::string(row.type->name), row.place, column.name, reason});
   };
   Suite suite;
@@ -291,11 +295,7 @@ class EnvelopeSearch {
     }
   }
 
-  void PrintNotApplicable() const {
-    for (const EnvelopeNotApplicable& other : envelope_.not_applicable)
-      Print(stdout, "not applicable: {}{}{} ({}): {}\n", other.type, other.place.empty() ? "" : " ",
-            other.place, other.client, other.reason);
-  }
+  void PrintNotApplicable() const { Print(stdout, "{}", TextLines(NotApplicableText(envelope_))); }
 
   void Write() const { WriteFile(options_.out / "envelope.json", ToJsonText(envelope_)); }
 

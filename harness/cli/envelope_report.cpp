@@ -104,14 +104,14 @@ std::string ToJsonText(const Envelope& envelope) {
 }
 
 std::string EnvelopeTable(const Envelope& envelope) {
-  std::string text = fmt::format("{:<29} {:<9} {:<13}", "survived up to", "where", "unit");
+  std::string text = fmt::format("{:<30} {:<9} {:<13}", "survived up to", "where", "unit");
   for (const std::string& client : envelope.clients) text += CellText(client);
   text += "\n";
   std::vector<std::string> order;
   std::map<std::string, std::map<std::string, const EnvelopeEntry*>> lines;
   for (const EnvelopeEntry& entry : envelope.entries) {
     const std::string line =
-        fmt::format("{:<29} {:<9} {:<13}", entry.row.type->name, entry.row.place, entry.severity.unit);
+        fmt::format("{:<30} {:<9} {:<13}", entry.row.type->name, entry.row.place, entry.severity.unit);
     if (!lines.contains(line)) order.push_back(line);
     lines[line][entry.client] = &entry;
   }
@@ -123,6 +123,26 @@ std::string EnvelopeTable(const Envelope& envelope) {
     }
     text += "\n";
   }
+  return text;
+}
+
+std::string NotApplicableText(const Envelope& envelope) {
+  std::vector<std::pair<std::string, std::vector<std::string>>> lines;
+  for (const EnvelopeNotApplicable& other : envelope.not_applicable) {
+    const std::string line = other.type + ": " + other.reason;
+    auto known =
+        std::find_if(lines.begin(), lines.end(), [&](const auto& entry) { return entry.first == line; });
+    if (known == lines.end()) known = lines.insert(lines.end(), {line, {}});
+    std::vector<std::string>& clients = known->second;
+    if (std::find(clients.begin(), clients.end(), other.client) == clients.end())
+      clients.push_back(other.client);
+  }
+  std::string text;
+  for (const auto& [line, clients] : lines)
+    text += fmt::format(
+        "not applicable{}: {}\n",
+        clients.size() == envelope.clients.size() ? "" : fmt::format(" to {}", fmt::join(clients, ", ")),
+        line);
   return text;
 }
 
