@@ -53,6 +53,12 @@ class MarginTest(CommandLineTest):
         for level in levels:
             self.assertEqual(level["runs"], 5 if level["survived"] else 1, "seeds after one that fails are not flown")
 
+    def test_the_page_shows_what_is_printed(self):
+        page = (SOURCE / "docs/margins.md").read_text()
+        command, shown = re.search(r"tiltproof (margin scenarios/\S+ [^\n]*)\n.*?```text\n(.*?)```", page, re.S).groups()
+        out = self.tiltproof(*command.replace("scenarios/", f"{SOURCE}/scenarios/").split())[1]
+        self.assertIn(shown, out)
+
     def test_jobs_change_nothing(self):
         scenario = self.short("frame.drop", "probability: 0.5", ", target: both")
         runs = [self.margin(scenario, "--fault", "probe", "--repeats", "3", "--tolerance", "0.1", "-j", jobs) for jobs in (1, 4)]
