@@ -86,7 +86,7 @@ LevelRange Walk(double min, double max, std::optional<double> harmless, std::opt
           fmt::format("{:g} is harmless and lies between {:g} and {:g}: a search goes to one side of it",
                       *harmless, low, high));
   }
-  if (low >= high) throw SeverityMistake(fmt::format("{:g} is not less than {:g}", low, high));
+  if (!(low < high)) throw SeverityMistake(fmt::format("{:g} is not less than {:g}", low, high));
   const bool downwards = harmless && *harmless >= high;
   return {.start = downwards ? high : low, .end = downwards ? low : high, .harmless = harmless};
 }

@@ -29,19 +29,18 @@ MarginSearch::MarginSearch(const LevelRange& range, double tolerance)
   Check(tolerance > 0 && range.start != range.end, "a range with two ends, and a tolerance above 0");
   const bool logarithmic = range.scale == faults::Scale::kLogarithmic;
   const double length = range.end - range.start;
-  double near = length * kSection;
-  if (range.typical)
-    near = std::copysign(std::min(std::abs(near), std::abs(*range.typical - range.start) * kNear), length);
+  const double typical =
+      range.typical ? std::abs(*range.typical - range.harmless.value_or(range.start)) : 0.0;
   if (logarithmic && range.start == 0) {
     sections_left_ = kSectionsCount;
-    SetDecades(0.0, near, range.end, true);
+    const double near = std::abs(length) * kSection;
+    SetDecades(0.0, std::copysign(typical > 0 ? std::min(near, typical * kNear) : near, length), range.end,
+               true);
   } else if (logarithmic && range.end == 0) {
     sections_left_ = kSectionsCount;
     SetDecades(0.0, range.start, range.start * kSection, true);
-  } else if (!logarithmic && range.typical &&
-             std::abs(length) * kNear > std::abs(*range.typical - range.start)) {
-    SetDecades(range.start, std::copysign(std::abs(*range.typical - range.start) * kNear, length), length,
-               true);
+  } else if (!logarithmic && typical > 0 && std::abs(length) * kNear > typical) {
+    SetDecades(range.start, std::copysign(typical * kNear, length), length, true);
     grid_.insert(grid_.begin(), range.start);
   } else {
     Check(!logarithmic || range.start * range.end > 0, "a logarithmic scale does not cross 0");

@@ -45,6 +45,10 @@ std::vector<Column> ReadColumns(const EnvelopeOptions& options) {
           options.scenario.string(), kPlaceholderType));
     columns.push_back({client.empty() ? base.scenario.firmware : client.front(), means, std::move(base)});
   };
+  for (const auto* names : {&options.clients, &options.firmware})
+    for (auto name = names->begin(); name != names->end(); ++name)
+      if (std::find(names->begin(), name, *name) != name)
+        throw UsageError(fmt::format("envelope: {} is named twice", *name));
   for (const std::string& client : options.clients) add({client});
   if (options.clients.empty()) add({});
   if (options.firmware.empty()) return columns;

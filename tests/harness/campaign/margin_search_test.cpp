@@ -148,6 +148,16 @@ TEST(MarginSearch, AnAbsurdLevelThatIsSurvivedHidesNoLimit) {
   EXPECT_THAT(*noise.fails, DoubleNear(0.6, 0.006));
 }
 
+TEST(MarginSearch, ATypicalLevelMayBeAnywhere) {
+  for (const double typical : {-0.5, 0.0, 0.1, 0.5, 7.0}) {
+    for (const double start : {0.0, 0.1}) {
+      const Found found = Search({.start = start, .end = 1e6, .harmless = 0.0, .typical = typical},
+                                 [](double x) { return x < 0.6; });
+      EXPECT_THAT(*found.fails, DoubleNear(0.6, 0.006)) << typical << " from " << start;
+    }
+  }
+}
+
 TEST(MarginSearch, TriesWholeNumbersOnly) {
   const Found found = Search({.start = 1, .end = 16, .whole = true}, [](double x) { return x <= 6; });
   EXPECT_EQ(found.survives, 6.0);
