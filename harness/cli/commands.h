@@ -97,6 +97,35 @@ int CompareCommand(const CompareOptions& options);
 // --outcomes: a is the run of one flight, the reference.
 int OutcomesCommand(const CompareOptions& options);
 
+struct MarginOptions {
+  std::filesystem::path scenario;
+  std::string fault;  // its id
+  std::string parameter;
+  std::optional<double> low, high;
+  double tolerance = 0.01;
+  int repeat_count = 5;
+  std::optional<std::uint64_t> seed;
+  std::vector<std::string> clients;
+  int jobs_count = 1;
+  std::string format = "human";
+};
+int MarginCommand(const MarginOptions& options);
+
+struct EnvelopeOptions {
+  std::filesystem::path scenario;
+  std::vector<std::string> types;  // patterns; empty: every type
+  std::vector<std::string> firmware;
+  std::vector<std::string> clients;  // each is a column of its own
+  std::vector<std::string> map;      // empty, or two
+  double tolerance = 0.01;
+  int repeat_count = 5;
+  std::optional<std::uint64_t> seed;
+  int jobs_count = 1;
+  std::filesystem::path out = "results/envelope";
+  bool no_progress = false;
+};
+int EnvelopeCommand(const EnvelopeOptions& options);
+
 struct DesignLqrOptions {
   std::string model;
   std::filesystem::path csv;

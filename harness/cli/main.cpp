@@ -175,6 +175,68 @@ int Main(int argc, char** argv) {
   compare_app->callback(
       [&] { command = [&] { return outcomes ? OutcomesCommand(compare) : CompareCommand(compare); }; });
 
+  const auto add_search_options = [](CLI::App* to, auto& search) {
+    to->add_option("--tolerance", search.tolerance,
+                   "How exact a limit is, as a share of its distance from harmless")
+        ->check(CLI::Range(1e-6, 0.5))
+        ->capture_default_str();
+    to->add_option("--repeats", search.repeat_count,
+                   "Seeds per level: seed, seed+1, ...; a level is survived when all pass")
+        ->check(CLI::Range(1, 10'000))
+        ->capture_default_str();
+    to->add_option("--seed", search.seed, "Overrides the scenario's seed")
+        ->check(CLI::Range(std::uint64_t{0}, kSeedMax));
+    to->add_option("-j", search.jobs_count, "Worker processes")->check(CLI::Range(1, 1024));
+  };
+  MarginOptions margin;
+  auto* margin_app =
+      app.add_subcommand("margin", "Find the largest severity of a fault that a scenario survives");
+  margin_app->add_option("SCENARIO", margin.scenario, "A scenario file")->required();
+  margin_app->add_option("--fault", margin.fault, "The id of the fault")->required();
+  margin_app->add_option("--parameter", margin.parameter,
+                         "The number that is changed (default: the type's severity, or window_s, the length "
+                         "of its window)");
+  margin_app->add_option("--low", margin.low, "Search only above this value");
+  margin_app->add_option("--high", margin.high, "Search only below this value");
+  add_search_options(margin_app, margin);
+  margin_app->add_option("--client", margin.clients, ClientHelp())->allow_extra_args(false);
+  margin_app
+      ->add_option("--format", margin.format, "human, or jsonl: one JSON object per level and the margin")
+      ->check(CLI::IsMember({"human", "jsonl"}))
+      ->capture_default_str();
+  margin_app->callback([&] { command = [&] { return MarginCommand(margin); }; });
+
+  EnvelopeOptions envelope;
+  auto* envelope_app = app.add_subcommand(
+      "envelope", "Find the margin of every fault that a firmware can take, over one scenario");
+  envelope_app
+      ->add_option("SCENARIO", envelope.scenario,
+                   "A scenario file with a fault of type harness.null: the faults act in its place")
+      ->required();
+  envelope_app
+      ->add_option("--types", envelope.types,
+                   "Only fault types that match, for example 'sensor.*,frame.delay'")
+      ->delimiter(',')
+      ->allow_extra_args(false);
+  auto* builds = envelope_app
+                     ->add_option("--firmware", envelope.firmware,
+                                  "Builds of the shipped firmware, side by side: paper,tolerant")
+                     ->delimiter(',')
+                     ->allow_extra_args(false);
+  envelope_app->add_option("--client", envelope.clients, ClientHelp() + "\nSeveral stand side by side.")
+      ->allow_extra_args(false)
+      ->excludes(builds);
+  envelope_app
+      ->add_option("--map", envelope.map,
+                   "Also fly pairs of levels of two types, each as TYPE or TYPE:PLACE (frame.drop:both); "
+                   "without --types nothing else")
+      ->type_name("TYPE1 TYPE2")
+      ->expected(2);
+  envelope_app->add_option("--out", envelope.out, "Where envelope.json goes")->capture_default_str();
+  add_search_options(envelope_app, envelope);
+  envelope_app->add_flag("--no-progress", envelope.no_progress, "No progress on standard error");
+  envelope_app->callback([&] { command = [&] { return EnvelopeCommand(envelope); }; });
+
   DesignLqrOptions design;
   auto* design_app = app.add_subcommand(
       "design-lqr", "Design the DLQR of a model: equilibrium, gain, spectral radius, delay margin");

@@ -2,51 +2,15 @@
 
 #include <fmt/format.h>
 
-#include <atomic>
-#include <csignal>
 #include <cstdio>
 #include <future>
 #include <utility>
 
+#include "harness/cli/interrupt_scope.h"
 #include "harness/terminal/terminal.h"
 
 namespace tiltproof::harness {
 namespace {
-
-std::atomic<bool> interrupted{false};
-
-void OnInterrupt(int) { interrupted.store(true, std::memory_order_relaxed); }
-
-// Puts our handlers in place for as long as it lives.
-class InterruptScope {
- public:
-  InterruptScope() {
-    interrupted = false;
-    struct sigaction action {};
-    action.sa_handler = OnInterrupt;
-    sigemptyset(&action.sa_mask);
-    sigaction(SIGINT, &action, &old_int_);
-    sigaction(SIGTERM, &action, &old_term_);
-    sigaction(SIGHUP, &action, &old_hangup_);
-    // Inherited as ignored, it would let the kernel reap our workers before we have seen how they ended.
-    action.sa_handler = SIG_DFL;
-    sigaction(SIGCHLD, &action, &old_child_);
-  }
-  ~InterruptScope() {
-    sigaction(SIGINT, &old_int_, nullptr);
-    sigaction(SIGTERM, &old_term_, nullptr);
-    sigaction(SIGHUP, &old_hangup_, nullptr);
-    sigaction(SIGCHLD, &old_child_, nullptr);
-  }
-  InterruptScope(const InterruptScope&) = delete;
-  InterruptScope& operator=(const InterruptScope&) = delete;
-
- private:
-  struct sigaction old_int_ {};
-  struct sigaction old_term_ {};
-  struct sigaction old_hangup_ {};
-  struct sigaction old_child_ {};
-};
 
 // The line that is written over and over.
 class ProgressLine {
@@ -91,7 +55,7 @@ FlownFlights RunFlights(std::vector<FlightJob> jobs, const RunFlightsOptions& op
                        line.Clear();
                        Print(stderr, "tiltproof: {}\n", text);
                      },
-                 .interrupted = &interrupted});
+                 .interrupted = InterruptScope::flag()});
   std::vector<std::future<FlightResult>> futures;
   for (FlightJob& job : jobs) futures.push_back(engine.Submit(std::move(job)));
   FlownFlights flown;
@@ -103,7 +67,7 @@ FlownFlights RunFlights(std::vector<FlightJob> jobs, const RunFlightsOptions& op
   }
   line.Clear();
   for (std::string& name : engine.DropWaiting()) flown.not_flown.push_back(std::move(name));
-  flown.interrupted = interrupted;
+  flown.interrupted = *InterruptScope::flag();
   for (auto& future : futures) {
     try {
       flown.results.push_back(future.get());

@@ -104,7 +104,7 @@ Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const RunClient
   const bool shipped = std::all_of(named.begin(), named.end(), [](const ClientSpec& client) {
     return AbilitiesOf(client, false).shipped;
   });
-  if (shipped) options.firmware_names = {"paper", "paper_published", "tolerant"};
+  if (shipped) options.firmware_names.assign(kShippedBuilds.begin(), kShippedBuilds.end());
   const FoundScenarios found = FindScenarios(paths);
   std::vector<std::string> problems = found.problems;
   std::vector<Scenario> scenarios;

@@ -1,9 +1,11 @@
 // Turns paths on the command line into scenarios that are ready to fly: found, read, their models loaded.
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "harness/run/remote/serve.h"
@@ -13,6 +15,9 @@
 #include "plant/vehicle_model.h"
 
 namespace tiltproof::harness {
+
+// The builds of the shipped firmware.
+inline constexpr std::array<std::string_view, 3> kShippedBuilds = {"paper", "paper_published", "tolerant"};
 
 // Loads each vehicle file once, even if several scenarios fly it.
 class ModelCache {

@@ -122,6 +122,10 @@ std::vector<std::string> Engine::DropWaiting() {
   return names;
 }
 
+void Engine::DropWaiting(const std::function<bool(const FlightJob&)>& drop) {
+  std::erase_if(waiting_, [&](const Flight& flight) { return drop(flight.job); });
+}
+
 std::vector<Engine::Progress> Engine::progress() const {
   std::vector<Progress> all;
   for (const Flying& flying : flying_)

@@ -56,6 +56,8 @@ class Engine {
   bool idle() const { return flying_.empty() && (waiting_.empty() || interrupted()); }
   // Lets what has not begun never begin: their futures throw std::future_error. Returns their names.
   std::vector<std::string> DropWaiting();
+  // The same for those that `drop` picks.
+  void DropWaiting(const std::function<bool(const FlightJob&)>& drop);
 
   struct Progress {
     std::string name;

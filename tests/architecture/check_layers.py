@@ -28,6 +28,7 @@ MAY_INCLUDE = {
                      "harness/reference", "plant", "faults", "link"],
     "harness/score": ["harness/score", "harness/run", "harness/scenario", "harness/formula", "harness/reference", "faults", "link"],
     "harness/engine": ["harness/engine", "harness/score", "harness/run", "harness/client", "harness/process", "harness/dds", "harness/scenario", "harness/terminal", "plant", "faults", "link"],
+    "harness/campaign": ["harness/campaign", "harness/engine", "harness/score", "harness/scenario", "plant", "faults", "link"],
     "harness/report": ["harness/report", "harness/engine", "harness/score", "harness/run", "harness/scenario", "faults", "link"],
     "harness/cli": ["harness", "plant", "faults", "link"],
 }

@@ -136,6 +136,17 @@ TEST(Engine, WhatIsDroppedNeverFlies) {
   EXPECT_THROW(second.get(), std::future_error);
 }
 
+TEST(Engine, OnlyThoseThatArePickedAreDropped) {
+  Engine engine({});
+  auto first = engine.Submit(Job("first")), second = engine.Submit(Job("second")),
+       third = engine.Submit(Job("third"));
+  engine.DropWaiting([](const FlightJob& job) { return job.name == "second"; });
+  TurnToTheEnd(engine);
+  EXPECT_EQ(first.get().name, "first");
+  EXPECT_THROW(second.get(), std::future_error);
+  EXPECT_EQ(third.get().name, "third");
+}
+
 TEST(Engine, AWorkerThatIsKilledCostsItsOwnFlight) {
   Engine engine({});
   FlightJob killed = Job("killed");

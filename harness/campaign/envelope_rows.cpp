@@ -1,0 +1,122 @@
+#include "harness/campaign/envelope_rows.h"
+
+#include <algorithm>
+#include <array>
+
+#include "faults/registry.h"
+#include "faults/signal_choice.h"
+
+namespace tiltproof::harness {
+namespace {
+
+using faults::FaultSpec;
+using faults::FaultType;
+using faults::ParameterInfo;
+using faults::ParameterKind;
+
+constexpr std::array<std::string_view, 4> kSensors = {"x_m", "z_m", "roll_rad", "wx_rad_s"};
+constexpr std::array<std::string_view, 2> kInputs = {"f_", "tau_"};
+
+std::vector<std::string> PlacesOf(ParameterKind kind, const VehicleSignals& signals) {
+  const std::vector<std::string> names = faults::SignalNames(signals, kind);
+  if (kind == ParameterKind::kSensorVector) return names;
+  std::vector<std::string> places;
+  const auto add_first = [&](const auto& fits) {
+    const auto found = std::find_if(names.begin(), names.end(), fits);
+    if (found != names.end()) places.push_back(*found);
+  };
+  if (kind == ParameterKind::kInput) {
+    for (const std::string_view prefix : kInputs)
+      add_first([&](const std::string& name) { return name.starts_with(prefix); });
+  } else {
+    for (const std::string_view sensor : kSensors)
+      add_first([&](const std::string& name) { return name == sensor; });
+  }
+  if (places.empty() && !names.empty()) places.push_back(names.front());
+  return places;
+}
+
+const ParameterInfo* FirstSignal(const FaultType& type) {
+  for (const ParameterInfo& info : type.parameters)
+    if (faults::NamesSignal(info.kind)) return &info;
+  return nullptr;
+}
+
+// Those of the example, at the row's place.
+void SetParameters(const EnvelopeRow& row, const VehicleSignals& signals, FaultSpec& fault) {
+  for (const ParameterInfo& info : row.type->parameters) {
+    faults::ParameterValue& value = fault.parameters[std::string(info.name)];
+    value = info.example;
+    if (info.name == row.place_key) {
+      value = row.place;
+    } else if (faults::NamesSignal(info.kind)) {
+      // Another signal than that of the row: the example's, where it is one of this vehicle.
+      const std::vector<std::string> names = faults::SignalNames(signals, info.kind);
+      const auto other = [&](const std::string& name) { return name != row.place; };
+      const bool fits = value != faults::ParameterValue(row.place) &&
+                        std::find(names.begin(), names.end(), std::get<std::string>(value)) != names.end();
+      const auto found = std::find_if(names.begin(), names.end(), other);
+      if (!fits && found != names.end()) value = *found;
+    }
+  }
+}
+
+FaultSpec FaultOf(const EnvelopeRow& row, const VehicleSignals& signals, const FaultSpec& placeholder) {
+  FaultSpec fault = placeholder;
+  fault.type = row.type->name;
+  fault.parameters.clear();
+  fault.target = faults::Target::kNone;
+  if (row.place_key == "target")
+    for (const faults::Target target : faults::AcceptedTargets(*row.type))
+      if (Name(target) == row.place) fault.target = target;
+  if (row.type->start == faults::Bound::kRefused) fault.start_ns = kPowerOn;
+  if (row.type->end == faults::Bound::kRefused) fault.end_ns = kNever;
+  SetParameters(row, signals, fault);
+  return fault;
+}
+
+}  // namespace
+
+std::vector<EnvelopeRow> EnvelopeRows(const FaultType& type, const VehicleSignals& signals) {
+  std::vector<EnvelopeRow> rows;
+  if (type.has_target()) {
+    const std::vector<faults::Target> accepted = faults::AcceptedTargets(type);
+    for (const faults::Target target :
+         {faults::Target::kToPlant, faults::Target::kToClient, faults::Target::kBoth})
+      if (std::find(accepted.begin(), accepted.end(), target) != accepted.end())
+        rows.push_back({&type, "target", std::string(Name(target))});
+  } else if (const ParameterInfo* signal = FirstSignal(type)) {
+    for (const std::string& place : PlacesOf(signal->kind, signals))
+      rows.push_back({&type, std::string(signal->name), place});
+  } else {
+    rows.push_back({&type, "", ""});
+  }
+  return rows;
+}
+
+std::optional<std::size_t> FindPlaceholder(const Scenario& base) {
+  for (std::size_t i = 0; i < base.faults.size(); ++i)
+    if (base.faults[i].type == kPlaceholderType) return i;
+  return std::nullopt;
+}
+
+Scenario WithRow(const Scenario& base, const EnvelopeRow& row, const VehicleSignals& signals) {
+  Scenario scenario = base;
+  const std::size_t fault = *FindPlaceholder(base);
+  scenario.faults[fault] = FaultOf(row, signals, base.faults[fault]);
+  // A message about the fault is not about the place of the placeholder.
+  scenario.fault_places.clear();
+  return scenario;
+}
+
+Scenario WithSecondRow(const Scenario& base, const EnvelopeRow& first, const EnvelopeRow& second,
+                       const VehicleSignals& signals) {
+  Scenario scenario = WithRow(base, first, signals);
+  FaultSpec fault = FaultOf(second, signals, base.faults[*FindPlaceholder(base)]);
+  const auto taken = [&](const FaultSpec& other) { return other.id == fault.id; };
+  while (std::any_of(scenario.faults.begin(), scenario.faults.end(), taken)) fault.id += "-second";
+  scenario.faults.push_back(std::move(fault));
+  return scenario;
+}
+
+}  // namespace tiltproof::harness

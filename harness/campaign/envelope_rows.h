@@ -1,0 +1,41 @@
+// The rows of an envelope: every fault type, at each place where it can act.
+//
+//   for (const EnvelopeRow& row : EnvelopeRows(*type, signals)) {
+//     const Scenario scenario = WithRow(base, row, signals);  // its harness.null is now this fault
+//   }
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "faults/fault_type.h"
+#include "harness/scenario/scenario.h"
+#include "link/signal_table.h"
+
+namespace tiltproof::harness {
+
+struct EnvelopeRow {
+  const faults::FaultType* type = nullptr;
+  std::string place_key;  // "target", "signal", "actuator"; empty: the type has one place only
+  std::string place;      // "to_plant", "z_m", "f_r"
+};
+
+// Targets: to_plant, to_client, both. Sensors: of the vehicle's x_m, z_m, roll_rad and wx_rad_s those that the
+// fault can act on, or its first sensor; vectors: all. Inputs: the first thrust and the first torque.
+std::vector<EnvelopeRow> EnvelopeRows(const faults::FaultType& type, const VehicleSignals& signals);
+
+// Where each row's fault acts in a base scenario: in place of its fault of this type.
+inline constexpr std::string_view kPlaceholderType = "harness.null";
+std::optional<std::size_t> FindPlaceholder(const Scenario& base);
+
+// The base scenario with the row's fault in place of its placeholder, whose window and trigger it takes; without
+// a start or an end where the type takes none. Its parameters are those of the type's example.
+Scenario WithRow(const Scenario& base, const EnvelopeRow& row, const VehicleSignals& signals);
+// The same with two faults; the second is the last of the scenario's.
+Scenario WithSecondRow(const Scenario& base, const EnvelopeRow& first, const EnvelopeRow& second,
+                       const VehicleSignals& signals);
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,46 @@
+// Finds the margins of many faults at once: one search each, whose trials share the workers.
+//
+//   Trials trials({.jobs_count = 2});
+//   const std::vector<MarginTask> tasks = {{.job = job, .fault = 0, .severity = severity}};
+//   for (const std::optional<Margin>& margin : FindMargins(trials, tasks, {.tolerance = 0.01})) Report(margin);
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "harness/campaign/fault_level.h"
+#include "harness/campaign/trials.h"
+
+namespace tiltproof::harness {
+
+struct MarginTask {
+  FlightJob job;          // with the scenario; its name begins those of the flights
+  std::size_t fault = 0;  // whose severity is changed
+  Severity severity;
+};
+
+struct Margin {
+  std::optional<double> survives, fails;  // as in MarginSearch
+  TrialResult at_fails;                   // where `fails` is set
+  std::size_t flights_count = 0;
+  // The flight that could not be judged, and its level: the search stopped, and there is no margin.
+  std::optional<TrialResult> unknown;
+  double unknown_level = 0.0;
+};
+
+struct FindMarginsOptions {
+  double tolerance = 0.01;
+  std::size_t at_once_count = 16;  // searches under way
+  std::function<void(const MarginTask&, double level, const TrialResult&)> on_level = [](const auto&, double,
+                                                                                         const auto&) {};
+  // As they end; `task` is the place among the tasks.
+  std::function<void(std::size_t task, const Margin&)> on_done = [](std::size_t, const auto&) {};
+};
+
+// In the order of the tasks. None: the search was interrupted, or the trials stopped.
+std::vector<std::optional<Margin>> FindMargins(Trials& trials, const std::vector<MarginTask>& tasks,
+                                               const FindMarginsOptions& options);
+
+}  // namespace tiltproof::harness

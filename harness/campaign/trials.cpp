@@ -1,0 +1,115 @@
+#include "harness/campaign/trials.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+namespace tiltproof::harness {
+namespace {
+
+// Of a flight that failed.
+const CriterionResult* FirstViolated(const Score& score) {
+  const auto time_s = [](const CriterionResult& criterion) {
+    return criterion.time_s.value_or(std::numeric_limits<double>::infinity());
+  };
+  const CriterionResult* first = nullptr;
+  for (const CriterionResult& criterion : score.criteria)
+    if (criterion.verdict == Verdict::kFail && (first == nullptr || time_s(criterion) < time_s(*first)))
+      first = &criterion;
+  return first;
+}
+
+// Every criterion holds, and a fault never acted: it was too mild to have an effect.
+bool WasTooMild(const Score& score) {
+  const auto holds = [](const CriterionResult& criterion) { return criterion.verdict == Verdict::kPass; };
+  const auto is_reason = [&](const FaultResult& fault) {
+    return fault.activations == 0 && score.reason == "fault '" + fault.id + "' never activated";
+  };
+  return score.verdict == Verdict::kInconclusive &&
+         std::all_of(score.criteria.begin(), score.criteria.end(), holds) &&
+         std::any_of(score.faults.begin(), score.faults.end(), is_reason);
+}
+
+bool Survived(const Score& score) { return score.verdict == Verdict::kPass || WasTooMild(score); }
+
+}  // namespace
+
+Trials::Trials(Options options)
+    : options_(std::move(options)),
+      engine_(
+          {.jobs_count = options_.jobs_count,
+           .on_finished = [this](const FlightJob& job, const FlightResult& result) { Finished(job, result); },
+           .tell = options_.tell,
+           .interrupted = options_.interrupted}) {}
+
+void Trials::Start(const FlightJob& job, Done done) {
+  const std::uint64_t number = numbers_end_++;
+  const auto count = static_cast<std::size_t>(options_.seeds_count);
+  trials_.emplace(number, Trial{std::vector<std::optional<FlightResult>>(count), std::move(done)});
+  for (std::size_t i = 0; i < count; ++i) {
+    FlightJob seeded = job;
+    seeded.scenario.seed += i;
+    seeded.name = fmt::format("{}, seed {}", job.name, seeded.scenario.seed);
+    flights_[seeded.name] = {number, i};
+    engine_.Submit(std::move(seeded));
+  }
+}
+
+void Trials::Fly() {
+  while (!stopped_ && !engine_.idle()) {
+    engine_.Turn();
+    options_.on_turn();
+  }
+}
+
+void Trials::Finished(const FlightJob& job, const FlightResult& result) {
+  const bool cut = options_.interrupted != nullptr && options_.interrupted->load(std::memory_order_relaxed);
+  const auto flight = flights_.find(job.name);
+  if (cut || stopped_ || flight == flights_.end()) return;
+  ++flown_count_;
+  const auto [number, place] = flight->second;
+  flights_.erase(flight);
+  const auto found = trials_.find(number);
+  if (found == trials_.end()) return;  // another seed has decided
+  found->second.results[place] = result;
+  if (!Survived(result.score)) {
+    // Those with higher seeds cannot change what is reported.
+    engine_.DropWaiting([&, trial = number, from = place](const FlightJob& waiting) {
+      const auto known = flights_.find(waiting.name);
+      if (known == flights_.end() || known->second.first != trial || known->second.second < from)
+        return false;
+      flights_.erase(known);
+      return true;
+    });
+  }
+  const std::optional<TrialResult> decided = Decide(found->second);
+  if (!decided) return;
+  const Done done = std::move(found->second.done);
+  trials_.erase(found);
+  done(*decided);
+}
+
+std::optional<TrialResult> Trials::Decide(const Trial& trial) {
+  TrialResult decided;
+  for (const std::optional<FlightResult>& result : trial.results) {
+    if (!result) return std::nullopt;
+    ++decided.flights_count;
+    if (Survived(result->score)) continue;
+    const bool failed = result->score.verdict == Verdict::kFail;
+    decided.answer = failed ? TrialResult::Answer::kFailed : TrialResult::Answer::kUnknown;
+    decided.flight = result->name;
+    decided.seed = result->seed;
+    decided.verdict = result->score.verdict;
+    decided.reason = result->score.reason;
+    if (const CriterionResult* first = failed ? FirstViolated(result->score) : nullptr) {
+      decided.criterion = first->name;
+      decided.time_s = first->time_s;
+    }
+    break;
+  }
+  return decided;
+}
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,82 @@
+// Flies a scenario with several seeds and says whether all of them pass: one trial. Many trials wait at once, so
+// that no worker is idle.
+//
+//   Trials trials({.jobs_count = 2, .seeds_count = 5});
+//   trials.Start({.name = "late", .scenario = scenario, .model = model}, [](const TrialResult& result) { Take(result.answer); });
+//   trials.Fly();
+//
+// What is reported does not depend on the number of jobs: of several seeds that fail, the lowest counts.
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "harness/engine/engine.h"
+
+namespace tiltproof::harness {
+
+struct TrialResult {
+  enum class Answer : std::uint8_t {
+    kSurvived,  // every seed passed
+    kFailed,    // a seed failed
+    kUnknown,   // a flight is an error, or cannot be judged
+  };
+  Answer answer = Answer::kSurvived;
+  std::size_t flights_count = 0;  // up to the one that decided
+  // Of the flight that decided, unless it survived:
+  std::string flight;  // its name
+  std::uint64_t seed = 0;
+  Verdict verdict = Verdict::kPass;
+  std::string criterion;  // the first that was violated, with the time; empty when unknown
+  std::optional<double> time_s;
+  std::string reason;  // one line
+};
+
+class Trials {
+ public:
+  struct Options {
+    int jobs_count = 1;
+    int seeds_count = 5;                             // from the scenario's on
+    const std::atomic<bool>* interrupted = nullptr;  // ends the flights; may be null
+    std::function<void(const std::string& line)> tell = [](const auto&) {};
+    std::function<void()> on_turn = [] {};  // about ten times per second
+  };
+  using Done = std::function<void(const TrialResult&)>;
+
+  explicit Trials(Options options);
+
+  // `done` is called in Fly(), and may start further trials.
+  void Start(const FlightJob& job, Done done);
+  // Until nothing is left to fly, or it is interrupted or stopped.
+  void Fly();
+  // Ends Fly(): what waits is not flown.
+  void Stop() { stopped_ = true; }
+
+  std::size_t flown_count() const { return flown_count_; }
+
+ private:
+  struct Trial {
+    std::vector<std::optional<FlightResult>> results;  // by seed
+    Done done;
+  };
+
+  void Finished(const FlightJob& job, const FlightResult& result);
+  // None: later flights decide.
+  static std::optional<TrialResult> Decide(const Trial& trial);
+
+  Options options_;
+  Engine engine_;
+  std::uint64_t numbers_end_ = 0;
+  std::map<std::string, std::pair<std::uint64_t, std::size_t>> flights_;  // by name: its trial, and its place
+  std::map<std::uint64_t, Trial> trials_;                                 // that have not ended
+  std::size_t flown_count_ = 0;
+  bool stopped_ = false;
+};
+
+}  // namespace tiltproof::harness

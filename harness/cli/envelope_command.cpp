@@ -1,0 +1,337 @@
+#include <fmt/format.h>
+#include <fnmatch.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <utility>
+
+#include "faults/registry.h"
+#include "harness/campaign/envelope_rows.h"
+#include "harness/campaign/margins.h"
+#include "harness/cli/applicability.h"
+#include "harness/cli/client_flag.h"
+#include "harness/cli/commands.h"
+#include "harness/cli/envelope_report.h"
+#include "harness/cli/interrupt_scope.h"
+#include "harness/cli/search_flights.h"
+#include "harness/report/files.h"
+#include "harness/scenario/did_you_mean.h"
+#include "harness/terminal/terminal.h"
+
+namespace tiltproof::harness {
+namespace {
+
+// A firmware: a column of the table.
+struct Column {
+  std::string name;
+  FlightMeans means;
+  SuiteScenario base;
+};
+
+std::vector<Column> ReadColumns(const EnvelopeOptions& options) {
+  std::vector<Column> columns;
+  const auto add = [&](const std::vector<std::string>& client) {
+    const FlightMeans means = LockstepMeans(ReadClientFlags(client), "envelope");
+    Suite suite = LoadOneScenario(options.scenario, means.clients, "envelope");
+    CheckReady(means);
+    SuiteScenario& base = suite.scenarios.front();
+    base.scenario.seed = FirstSeed(options.seed, base.scenario, options.repeat_count);
+    if (!FindPlaceholder(base.scenario))
+      throw UsageError(fmt::format(
+          "{}: envelope needs a fault of type {}: where and when it is stated, the faults of the envelope "
+          "act (scenarios/envelope/spiral.yaml has one)",
+          options.scenario.string(), kPlaceholderType));
+    columns.push_back({client.empty() ? base.scenario.firmware : client.front(), means, std::move(base)});
+  };
+  for (const auto* names : {&options.clients, &options.firmware})
+    for (auto name = names->begin(); name != names->end(); ++name)
+      if (std::find(names->begin(), name, *name) != name)
+        throw UsageError(fmt::format("envelope: {} is named twice", *name));
+  for (const std::string& client : options.clients) add({client});
+  if (options.clients.empty()) add({});
+  if (options.firmware.empty()) return columns;
+  const Column only = std::move(columns.front());
+  columns.clear();
+  for (const std::string& build : options.firmware) {
+    if (std::find(kShippedBuilds.begin(), kShippedBuilds.end(), build) == kShippedBuilds.end())
+      throw UsageError(
+          fmt::format("--firmware {}: no such build{}", build, DidYouMean(build, kShippedBuilds)));
+    Column& column = columns.emplace_back(only);
+    column.name = column.base.scenario.firmware = build;
+  }
+  return columns;
+}
+
+bool IsOneOf(const std::string& pattern, std::string_view type) {
+  return fnmatch(pattern.c_str(), std::string(type).c_str(), 0) == 0;
+}
+
+// "frame.delay" or "frame.delay:to_client".
+EnvelopeRow MapRow(const std::string& text, const VehicleSignals& signals) {
+  const std::size_t colon = text.find(':');
+  const std::string name = text.substr(0, colon);
+  const faults::FaultType* type = faults::FindFaultType(name);
+  std::vector<std::string_view> names;
+  for (const auto& known : faults::FaultTypes()) names.push_back(known.name);
+  if (type == nullptr)
+    throw UsageError(fmt::format("--map {}: unknown fault type{}", text, DidYouMean(name, names)));
+  const std::vector<EnvelopeRow> rows = EnvelopeRows(*type, signals);
+  if (colon == std::string::npos) return rows.front();
+  std::vector<std::string_view> places;
+  for (const EnvelopeRow& row : rows) {
+    if (row.place == text.substr(colon + 1)) return row;
+    places.push_back(row.place);
+  }
+  throw UsageError(fmt::format("--map {}: the envelope has no such place{}", text,
+                               DidYouMean(text.substr(colon + 1), places)));
+}
+
+// Those of the patterns, then those of the map that are not among them.
+std::vector<EnvelopeRow> RowsOf(const EnvelopeOptions& options, const VehicleSignals& signals) {
+  std::vector<EnvelopeRow> rows;
+  for (const std::string& pattern : options.types) {
+    const auto matches = [&](const auto& type) { return IsOneOf(pattern, type.name); };
+    if (std::none_of(faults::FaultTypes().begin(), faults::FaultTypes().end(), matches))
+      throw UsageError(
+          fmt::format("--types {}: matches no fault type; `tiltproof faults` prints them all", pattern));
+  }
+  for (const faults::FaultType& type : faults::FaultTypes()) {
+    const bool wanted =
+        options.types.empty()
+            ? options.map.empty()
+            : std::any_of(options.types.begin(), options.types.end(),
+                          [&](const std::string& pattern) { return IsOneOf(pattern, type.name); });
+    if (!wanted) continue;
+    const std::vector<EnvelopeRow> of_type = EnvelopeRows(type, signals);
+    rows.insert(rows.end(), of_type.begin(), of_type.end());
+  }
+  for (const std::string& text : options.map) {
+    const EnvelopeRow row = MapRow(text, signals);
+    const auto same = [&](const EnvelopeRow& other) {
+      return other.type == row.type && other.place == row.place;
+    };
+    if (std::none_of(rows.begin(), rows.end(), same)) rows.push_back(row);
+  }
+  return rows;
+}
+
+std::string RowName(const EnvelopeRow& row) {
+  return fmt::format("{}{}{}", row.type->name, row.place.empty() ? "" : " ", row.place);
+}
+
+// Sorts a column's rows into those that its firmware can take, as tasks, and the others.
+void AddColumn(const Column& column, const std::vector<EnvelopeRow>& rows, Envelope& envelope,
+               std::vector<MarginTask>& tasks) {
+  const VehicleSignals& signals = column.base.model->signals();
+  const auto leave_out = [&](const EnvelopeRow& row, std::string reason) {
+    // It stands behind the type.
+    const std::string& id = column.base.scenario.faults[*FindPlaceholder(column.base.scenario)].id;
+    const std::string fault = fmt::format("fault '{}' ({}) ", id, row.type->name);
+    if (reason.starts_with(fault)) reason.erase(0, fault.size());
+    envelope.not_applicable.push_back({std::string(row.type->name), row.place, column.name, reason});
+  };
+  Suite suite;
+  std::map<std::string, std::string> reasons;
+  for (const EnvelopeRow& row : rows) {
+    SuiteScenario entry = column.base;
+    entry.scenario = WithRow(column.base.scenario, row, signals);
+    entry.scenario.name = RowName(row);
+    entry.named = false;
+    suite.scenarios.push_back(std::move(entry));
+  }
+  for (const NotApplicable& other : TakeNotApplicable(column.means, false, suite))
+    reasons[other.name] = other.reason;
+  for (const EnvelopeRow& row : rows) {
+    if (const auto reason = reasons.find(RowName(row)); reason != reasons.end()) {
+      leave_out(row, reason->second);
+      continue;
+    }
+    MarginTask task;
+    task.job = FlightJob{.name = fmt::format("{} of {}", RowName(row), column.name),
+                         .scenario = WithRow(column.base.scenario, row, signals),
+                         .model = column.base.model,
+                         .means = column.means,
+                         .replay = {}};
+    task.fault = *FindPlaceholder(column.base.scenario);
+    try {
+      task.severity = SeverityOf(task.job.scenario, task.fault, signals);
+      CheckLevels(task);
+    } catch (const SeverityMistake& mistake) {
+      leave_out(row, mistake.what());
+      continue;
+    }
+    envelope.entries.push_back({row, column.name, task.severity, std::nullopt});
+    tasks.push_back(std::move(task));
+  }
+}
+
+constexpr int kMapLevelsCount = 12;
+
+// From a tenth of a fault's own margin to 1.2 times it.
+std::vector<double> MapLevels(const EnvelopeEntry& entry) {
+  const LevelRange& range = entry.severity.range;
+  const double last = entry.margin->fails.value_or(range.end);
+  const double origin = range.harmless.value_or(range.start);
+  const double least = std::min(range.start, range.end), most = std::max(range.start, range.end);
+  std::vector<double> levels;
+  for (int k = 1; k <= kMapLevelsCount; ++k) {
+    const bool towards_zero = range.scale == faults::Scale::kLogarithmic && range.end == 0;
+    double level = towards_zero ? last * std::pow(1.25, 10 - k) : origin + (last - origin) * k / 10;
+    level = range.whole ? std::round(level) : std::strtod(fmt::format("{:.4g}", level).c_str(), nullptr);
+    level = std::clamp(level, least, most);
+    if (levels.empty() || levels.back() != level) levels.push_back(level);
+  }
+  return levels;
+}
+
+class EnvelopeSearch {
+ public:
+  EnvelopeSearch(const EnvelopeOptions& options, std::vector<Column> columns)
+      : options_(options),
+        columns_(std::move(columns)),
+        trials_({.jobs_count = options.jobs_count,
+                 .seeds_count = options.repeat_count,
+                 .interrupted = InterruptScope::flag(),
+                 .tell = [this](const std::string& line) { Tell("tiltproof: " + line); },
+                 .on_turn = [this] { ShowProgress(); }}),
+        shows_line_(!options.no_progress && isatty(STDERR_FILENO) != 0) {
+    const Scenario& base = columns_.front().base.scenario;
+    envelope_.scenario = base.name;
+    envelope_.seed = base.seed;
+    envelope_.repeat_count = options.repeat_count;
+    envelope_.tolerance = options.tolerance;
+    for (const Column& column : columns_) {
+      envelope_.clients.push_back(column.name);
+      AddColumn(column, RowsOf(options, column.base.model->signals()), envelope_, tasks_);
+    }
+  }
+
+  // The exit code.
+  int Run() {
+    if (tasks_.empty()) {
+      PrintNotApplicable();
+      Print(stderr, "tiltproof: nothing is left to fly with this client\n");
+      return kExitUndecided;
+    }
+    std::filesystem::create_directories(options_.out);
+    Write();
+    FindMargins(trials_, tasks_,
+                {.tolerance = options_.tolerance,
+                 .at_once_count = 4 * static_cast<std::size_t>(options_.jobs_count) + 4,
+                 .on_done = [this](std::size_t task, const Margin& margin) { Take(task, margin); }});
+    if (!options_.map.empty() && !interrupted()) FlyMaps();
+    Clear();
+    envelope_.complete = !interrupted();
+    Write();
+    Print(stdout, "{}", TextLines(EnvelopeTable(envelope_)));
+    for (const EnvelopeMap& map : envelope_.maps) Print(stdout, "\n{}", TextLines(EnvelopeMapText(map)));
+    PrintNotApplicable();
+    Print(stdout, "{} of {} rows, {} flights, in {}{}\n", done_count_, tasks_.size(), trials_.flown_count(),
+          (options_.out / "envelope.json").string(), interrupted() ? " (interrupted)" : "");
+    return interrupted() ? static_cast<int>(kExitInterrupted) : exit_;
+  }
+
+ private:
+  static bool interrupted() { return *InterruptScope::flag(); }
+
+  void Take(std::size_t task, const Margin& margin) {
+    envelope_.entries[task].margin = margin;
+    ++done_count_;
+    if (margin.unknown) {
+      exit_ = exit_ == kExitError ? exit_ : UnknownExit(*margin.unknown);
+      Tell("tiltproof: envelope: no margin: " + WhyUnknown(*margin.unknown));
+    }
+    if (!shows_line_ && !options_.no_progress)
+      Tell(fmt::format("{} of {}: {}", done_count_, tasks_.size(), tasks_[task].job.name));
+    Write();
+  }
+
+  void FlyMaps() {
+    for (const Column& column : columns_) {
+      const VehicleSignals& signals = column.base.model->signals();
+      EnvelopeMap map{column.name, {}, {}, {}};
+      const bool complete = SetAxis(column, MapRow(options_.map[0], signals), map.x) &&
+                            SetAxis(column, MapRow(options_.map[1], signals), map.y);
+      if (complete)
+        envelope_.maps.push_back(std::move(map));
+      else
+        Tell(fmt::format("tiltproof: envelope: no map of {}: one of the faults has no margin", column.name));
+    }
+    for (EnvelopeMap& map : envelope_.maps) StartMap(map);
+    trials_.Fly();
+  }
+
+  bool SetAxis(const Column& column, const EnvelopeRow& row, EnvelopeMap::Axis& axis) const {
+    for (const EnvelopeEntry& entry : envelope_.entries) {
+      if (entry.client != column.name || entry.row.type != row.type || entry.row.place != row.place) continue;
+      if (!entry.margin || !entry.margin->survives) return false;
+      axis = {entry.row, entry.severity, MapLevels(entry)};
+      return true;
+    }
+    return false;
+  }
+
+  void StartMap(EnvelopeMap& map) {
+    const auto column = std::find_if(columns_.begin(), columns_.end(),
+                                     [&](const Column& other) { return other.name == map.client; });
+    const Scenario& base = column->base.scenario;
+    const Scenario both = WithSecondRow(base, map.x.row, map.y.row, column->base.model->signals());
+    map.survived.assign(map.y.levels.size(), std::vector<std::optional<bool>>(map.x.levels.size()));
+    for (std::size_t i = 0; i < map.y.levels.size(); ++i) {
+      for (std::size_t j = 0; j < map.x.levels.size(); ++j) {
+        FlightJob job{
+            .name = fmt::format("map of {} at {}, {}", map.client, map.x.levels[j], map.y.levels[i]),
+            .scenario = AtLevel(AtLevel(both, *FindPlaceholder(base), map.x.severity, map.x.levels[j]),
+                                both.faults.size() - 1, map.y.severity, map.y.levels[i]),
+            .model = column->base.model,
+            .means = column->means,
+            .replay = {}};
+        trials_.Start(job, [this, &cell = map.survived[i][j]](const TrialResult& result) {
+          if (result.answer != TrialResult::Answer::kUnknown)
+            cell = result.answer == TrialResult::Answer::kSurvived;
+          else
+            exit_ = exit_ == kExitError ? exit_ : UnknownExit(result);
+          if (!cell.has_value()) Tell("tiltproof: envelope: " + WhyUnknown(result));
+        });
+      }
+    }
+  }
+
+  void PrintNotApplicable() const { Print(stdout, "{}", TextLines(NotApplicableText(envelope_))); }
+
+  void Write() const { WriteFile(options_.out / "envelope.json", ToJsonText(envelope_)); }
+
+  void ShowProgress() {
+    if (!shows_line_) return;
+    Print(stderr, "\r\033[K  {} of {} rows, {} flights", done_count_, tasks_.size(), trials_.flown_count());
+    std::fflush(stderr);
+    shown_ = true;
+  }
+  void Clear() {
+    if (std::exchange(shown_, false)) Print(stderr, "\r\033[K");
+  }
+  void Tell(const std::string& line) {
+    Clear();
+    Print(stderr, "{}\n", line);
+  }
+
+  const EnvelopeOptions& options_;
+  std::vector<Column> columns_;
+  Trials trials_;
+  Envelope envelope_;
+  std::vector<MarginTask> tasks_;  // of the entries, in their order
+  std::size_t done_count_ = 0;
+  int exit_ = kExitGreen;
+  bool shows_line_, shown_ = false;
+};
+
+}  // namespace
+
+int EnvelopeCommand(const EnvelopeOptions& options) {
+  const InterruptScope scope;
+  return EnvelopeSearch(options, ReadColumns(options)).Run();
+}
+
+}  // namespace tiltproof::harness

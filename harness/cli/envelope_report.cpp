@@ -1,0 +1,162 @@
+#include "harness/cli/envelope_report.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "harness/cli/search_flights.h"
+#include "harness/report/json_text.h"
+
+namespace tiltproof::harness {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json OrNull(const std::optional<double>& value) { return value ? Json(*value) : Json(); }
+
+Json PlaceJson(const EnvelopeRow& row) {
+  Json json = {{"type", row.type->name}};
+  if (!row.place_key.empty()) json[row.place_key] = row.place;
+  return json;
+}
+
+Json EntryJson(const EnvelopeEntry& entry) {
+  const LevelRange& range = entry.severity.range;
+  Json json = PlaceJson(entry.row);
+  json["client"] = entry.client;
+  json["parameter"] = entry.severity.parameter;
+  json["survives"] = OrNull(entry.margin->survives);
+  json["fails"] = OrNull(entry.margin->fails);
+  json["unit"] = entry.severity.unit;
+  json["first_criterion"] = nullptr;
+  if (entry.margin->fails) {
+    json["first_criterion"] = entry.margin->at_fails.criterion;
+    json["seed"] = entry.margin->at_fails.seed;
+    json["time_s"] = OrNull(entry.margin->at_fails.time_s);
+    json["reason"] = entry.margin->at_fails.reason;
+  }
+  json["harmless"] = OrNull(range.harmless);
+  json["scale"] = range.scale == faults::Scale::kLinear ? "linear" : "logarithmic";
+  json["runs"] = entry.margin->flights_count;
+  if (entry.margin->unknown) json["error"] = WhyUnknown(*entry.margin->unknown);
+  return json;
+}
+
+Json AxisJson(const EnvelopeMap::Axis& axis) {
+  Json json = PlaceJson(axis.row);
+  json["parameter"] = axis.severity.parameter;
+  json["unit"] = axis.severity.unit;
+  json["levels"] = axis.levels;
+  return json;
+}
+
+Json MapJson(const EnvelopeMap& map) {
+  Json rows = Json::array();
+  for (const auto& row : map.survived) {
+    Json cells = Json::array();
+    for (const std::optional<bool>& cell : row) cells.push_back(cell ? Json(*cell) : Json());
+    rows.push_back(std::move(cells));
+  }
+  return {
+      {"client", map.client}, {"x", AxisJson(map.x)}, {"y", AxisJson(map.y)}, {"survived", std::move(rows)}};
+}
+
+std::string Cell(const EnvelopeEntry& entry) {
+  if (!entry.margin) return "-";
+  if (entry.margin->unknown) return "error";
+  if (!entry.margin->survives) return "none";
+  return entry.margin->fails ? fmt::format("{:.4g}", *entry.margin->survives) : "all";
+}
+
+constexpr std::size_t kCellColumns = 12;
+
+std::string CellText(const std::string& text) {
+  return fmt::format(" {:>{}}", text.size() > kCellColumns ? text.substr(text.size() - kCellColumns) : text,
+                     kCellColumns);
+}
+
+std::string AxisName(const EnvelopeMap::Axis& axis) {
+  return fmt::format("{}{}{}, {}{}{}", axis.row.type->name, axis.row.place.empty() ? "" : " ", axis.row.place,
+                     axis.severity.parameter, axis.severity.unit.empty() ? "" : " in ", axis.severity.unit);
+}
+
+}  // namespace
+
+std::string ToJsonText(const Envelope& envelope) {
+  Json json = {{"format", kResultsFormat},         {"scenario", envelope.scenario},
+               {"clients", envelope.clients},      {"seed", envelope.seed},
+               {"repeats", envelope.repeat_count}, {"tolerance", envelope.tolerance},
+               {"complete", envelope.complete},    {"rows", Json::array()},
+               {"not_applicable", Json::array()}};
+  for (const EnvelopeEntry& entry : envelope.entries)
+    if (entry.margin) json["rows"].push_back(EntryJson(entry));
+  for (const EnvelopeNotApplicable& other : envelope.not_applicable)
+    json["not_applicable"].push_back(
+        {{"type", other.type}, {"place", other.place}, {"client", other.client}, {"reason", other.reason}});
+  if (!envelope.maps.empty()) {
+    json["map"] = Json::array();
+    for (const EnvelopeMap& map : envelope.maps) json["map"].push_back(MapJson(map));
+  }
+  return JsonText(json, 2) + "\n";
+}
+
+std::string EnvelopeTable(const Envelope& envelope) {
+  std::string text = fmt::format("{:<30} {:<9} {:<13}", "survived up to", "where", "unit");
+  for (const std::string& client : envelope.clients) text += CellText(client);
+  text += "\n";
+  std::vector<std::string> order;
+  std::map<std::string, std::map<std::string, const EnvelopeEntry*>> lines;
+  for (const EnvelopeEntry& entry : envelope.entries) {
+    const std::string line =
+        fmt::format("{:<30} {:<9} {:<13}", entry.row.type->name, entry.row.place, entry.severity.unit);
+    if (!lines.contains(line)) order.push_back(line);
+    lines[line][entry.client] = &entry;
+  }
+  for (const std::string& line : order) {
+    text += line;
+    for (const std::string& client : envelope.clients) {
+      const auto found = lines[line].find(client);
+      text += CellText(found == lines[line].end() ? "n/a" : Cell(*found->second));
+    }
+    text += "\n";
+  }
+  return text;
+}
+
+std::string NotApplicableText(const Envelope& envelope) {
+  std::vector<std::pair<std::string, std::vector<std::string>>> lines;
+  for (const EnvelopeNotApplicable& other : envelope.not_applicable) {
+    const std::string line = other.type + ": " + other.reason;
+    auto known =
+        std::find_if(lines.begin(), lines.end(), [&](const auto& entry) { return entry.first == line; });
+    if (known == lines.end()) known = lines.insert(lines.end(), {line, {}});
+    std::vector<std::string>& clients = known->second;
+    if (std::find(clients.begin(), clients.end(), other.client) == clients.end())
+      clients.push_back(other.client);
+  }
+  std::string text;
+  for (const auto& [line, clients] : lines)
+    text += fmt::format(
+        "not applicable{}: {}\n",
+        clients.size() == envelope.clients.size() ? "" : fmt::format(" to {}", fmt::join(clients, ", ")),
+        line);
+  return text;
+}
+
+std::string EnvelopeMapText(const EnvelopeMap& map) {
+  std::string text = fmt::format("{}: '#' survived, '.' failed\n  up:     {}\n  across: {}\n", map.client,
+                                 AxisName(map.y), AxisName(map.x));
+  for (std::size_t i = map.survived.size(); i-- > 0;) {
+    text += fmt::format("{:>12}  ", fmt::format("{:.4g}", map.y.levels[i]));
+    for (const std::optional<bool>& cell : map.survived[i]) text += !cell ? " ?" : *cell ? " #" : " .";
+    text += "\n";
+  }
+  std::vector<std::string> levels;
+  for (const double level : map.x.levels) levels.push_back(fmt::format("{:.4g}", level));
+  return text + fmt::format("{:>12}   {} ... {}\n", "", levels.front(), levels.back());
+}
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,60 @@
+// What `tiltproof envelope` found, as a file and as a table.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "harness/campaign/envelope_rows.h"
+#include "harness/campaign/fault_level.h"
+#include "harness/campaign/margins.h"
+#include "harness/report/results.h"
+
+namespace tiltproof::harness {
+
+// The margin of one fault at one place with one firmware.
+struct EnvelopeEntry {
+  EnvelopeRow row;
+  std::string client;  // the firmware's build, or the client: the column of the table
+  Severity severity;
+  std::optional<Margin> margin;  // none: not found yet
+};
+
+struct EnvelopeNotApplicable {
+  std::string type, place, client, reason;
+};
+
+// Which pairs of levels of two faults are survived together.
+struct EnvelopeMap {
+  struct Axis {
+    EnvelopeRow row;
+    Severity severity;
+    std::vector<double> levels;
+  };
+  std::string client;
+  Axis x, y;
+  // Of each y and x; none: not flown, or it could not be judged.
+  std::vector<std::vector<std::optional<bool>>> survived;
+};
+
+struct Envelope {
+  std::string scenario;  // its name
+  std::vector<std::string> clients;
+  std::vector<EnvelopeEntry> entries;
+  std::vector<EnvelopeNotApplicable> not_applicable;
+  std::vector<EnvelopeMap> maps;
+  std::uint64_t seed = 0;  // the first
+  int repeat_count = 0;
+  double tolerance = 0.0;
+  bool complete = false;
+};
+
+// envelope.json.
+std::string ToJsonText(const Envelope& envelope);
+// Lines of at most 80 columns with one or two clients.
+std::string EnvelopeTable(const Envelope& envelope);
+// One line per type and reason.
+std::string NotApplicableText(const Envelope& envelope);
+std::string EnvelopeMapText(const EnvelopeMap& map);
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,30 @@
+// Ctrl-C while flights are under way: they end in order, and the command reports what it has.
+//
+//   const InterruptScope scope;
+//   Engine engine({.interrupted = InterruptScope::flag()});
+#pragma once
+
+#include <atomic>
+#include <csignal>
+
+namespace tiltproof::harness {
+
+// Puts handlers of SIGINT, SIGTERM and SIGHUP in place for as long as it lives.
+class InterruptScope {
+ public:
+  InterruptScope();
+  ~InterruptScope();
+  InterruptScope(const InterruptScope&) = delete;
+  InterruptScope& operator=(const InterruptScope&) = delete;
+
+  // Set by these signals; cleared when a scope begins.
+  static const std::atomic<bool>* flag();
+
+ private:
+  struct sigaction old_int_ {};
+  struct sigaction old_term_ {};
+  struct sigaction old_hangup_ {};
+  struct sigaction old_child_ {};
+};
+
+}  // namespace tiltproof::harness

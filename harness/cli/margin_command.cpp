@@ -1,0 +1,141 @@
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <nlohmann/json.hpp>
+
+#include "harness/campaign/margins.h"
+#include "harness/cli/applicability.h"
+#include "harness/cli/client_flag.h"
+#include "harness/cli/commands.h"
+#include "harness/cli/interrupt_scope.h"
+#include "harness/cli/search_flights.h"
+#include "harness/cli/suite.h"
+#include "harness/report/json_text.h"
+#include "harness/scenario/did_you_mean.h"
+#include "harness/terminal/terminal.h"
+
+namespace tiltproof::harness {
+namespace {
+
+std::size_t FindFault(const Scenario& scenario, const std::string& id) {
+  std::vector<std::string_view> ids;
+  for (std::size_t i = 0; i < scenario.faults.size(); ++i) {
+    if (scenario.faults[i].id == id) return i;
+    ids.push_back(scenario.faults[i].id);
+  }
+  throw UsageError(fmt::format("--fault {}: {} has no such fault{}", id, scenario.file.string(),
+                               ids.empty() ? "; it has none at all" : DidYouMean(id, ids)));
+}
+
+MarginTask MakeTask(const MarginOptions& options, const SuiteScenario& entry, const FlightMeans& means) {
+  MarginTask task;
+  task.job = FlightJob{.name = entry.scenario.name,
+                       .scenario = entry.scenario,
+                       .model = entry.model,
+                       .means = means,
+                       .replay = {}};
+  task.job.scenario.seed = FirstSeed(options.seed, entry.scenario, options.repeat_count);
+  task.fault = FindFault(entry.scenario, options.fault);
+  try {
+    task.severity = SeverityOf(entry.scenario, task.fault, entry.model->signals(),
+                               {options.parameter, options.low, options.high});
+    CheckLevels(task);
+  } catch (const SeverityMistake& mistake) {
+    throw UsageError(fmt::format("margin --fault {}: {}", options.fault, mistake.what()));
+  }
+  return task;
+}
+
+nlohmann::ordered_json Number(const std::optional<double>& value) {
+  return value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json();
+}
+
+void PrintLevel(const MarginOptions& options, const MarginTask& task, double level,
+                const TrialResult& result) {
+  const bool survived = result.answer == TrialResult::Answer::kSurvived;
+  if (options.format == "jsonl") {
+    nlohmann::ordered_json line = {{"level", level}, {"survived", survived}, {"runs", result.flights_count}};
+    if (!survived) {
+      line["seed"] = result.seed;
+      line["first_criterion"] = result.criterion;
+      line["reason"] = result.reason;
+    }
+    Print(stdout, "{}\n", JsonLine(line));
+  } else {
+    Print(stdout, "{:<9} {:>12} {:<8} {}\n", survived ? "survived" : "failed", fmt::format("{}", level),
+          task.severity.unit, survived ? "" : fmt::format("seed {}: {}", result.seed, result.reason));
+  }
+  std::fflush(stdout);
+}
+
+void PrintMargin(const MarginOptions& options, const MarginTask& task, const Margin& margin) {
+  const faults::FaultSpec& fault = task.job.scenario.faults[task.fault];
+  if (options.format == "jsonl") {
+    nlohmann::ordered_json line = {{"fault", fault.id},
+                                   {"type", fault.type},
+                                   {"parameter", task.severity.parameter},
+                                   {"unit", task.severity.unit},
+                                   {"survives", Number(margin.survives)},
+                                   {"fails", Number(margin.fails)},
+                                   {"first_criterion", nullptr},
+                                   {"runs", margin.flights_count}};
+    if (margin.fails) {
+      line["first_criterion"] = margin.at_fails.criterion;
+      line["time_s"] = Number(margin.at_fails.time_s);
+      line["seed"] = margin.at_fails.seed;
+      line["reason"] = margin.at_fails.reason;
+    }
+    Print(stdout, "{}\n", JsonLine(line));
+    return;
+  }
+  const auto value = [&](double level) {
+    return task.severity.unit.empty() ? fmt::format("{}", level)
+                                      : fmt::format("{} {}", level, task.severity.unit);
+  };
+  Print(stdout, "{}, {} ({}): {}\n", fault.id, task.severity.parameter, fault.type,
+        !margin.survives ? fmt::format("fails even at {}", value(*margin.fails))
+        : !margin.fails
+            ? fmt::format("survives even {}", value(*margin.survives))
+            : fmt::format("survives {}, fails at {}", value(*margin.survives), value(*margin.fails)));
+  if (margin.fails)
+    Print(stdout, "  at {} with seed {}: {}\n", value(*margin.fails), margin.at_fails.seed,
+          margin.at_fails.reason);
+  Print(stdout, "  {} flights, {} seeds per level\n", margin.flights_count, options.repeat_count);
+}
+
+}  // namespace
+
+int MarginCommand(const MarginOptions& options) {
+  const FlightMeans means = LockstepMeans(ReadClientFlags(options.clients), "margin");
+  Suite suite = LoadOneScenario(options.scenario, means.clients, "margin");
+  CheckReady(means);
+  TakeNotApplicable(means, true, suite);
+  const std::vector<MarginTask> tasks = {MakeTask(options, suite.scenarios.front(), means)};
+
+  const InterruptScope scope;
+  Trials trials({.jobs_count = options.jobs_count,
+                 .seeds_count = options.repeat_count,
+                 .interrupted = InterruptScope::flag(),
+                 .tell = [](const std::string& line) { Print(stderr, "tiltproof: {}\n", line); }});
+  const auto margin = FindMargins(trials, tasks,
+                                  {.tolerance = options.tolerance,
+                                   .on_level =
+                                       [&](const MarginTask& task, double level, const TrialResult& result) {
+                                         if (result.answer != TrialResult::Answer::kUnknown)
+                                           PrintLevel(options, task, level, result);
+                                       }})
+                          .front();
+  if (!margin) {
+    Print(stderr, "tiltproof: margin: interrupted; {} flights were flown, and no margin is known\n",
+          trials.flown_count());
+    return kExitInterrupted;
+  }
+  if (margin->unknown) {
+    Print(stderr, "tiltproof: margin: no margin: {}\n", WhyUnknown(*margin->unknown));
+    return UnknownExit(*margin->unknown);
+  }
+  PrintMargin(options, tasks.front(), *margin);
+  return kExitGreen;
+}
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,89 @@
+#include "harness/campaign/envelope_rows.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "faults/registry.h"
+#include "tests/harness/campaign/tilt_rotor.h"
+
+namespace tiltproof::harness {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+
+std::vector<std::string> Places(const std::string& type) {
+  std::vector<std::string> places;
+  for (const EnvelopeRow& row : EnvelopeRows(*faults::FindFaultType(type), TiltRotorSignals()))
+    places.push_back(row.place_key + " " + row.place);
+  return places;
+}
+
+Scenario Base() {
+  Scenario base;
+  base.duration_ns = 40 * kNsPerS;
+  faults::FaultSpec other, probe;
+  other.id = "other";
+  other.type = "frame.drop";
+  probe.id = "probe";
+  probe.type = "harness.null";
+  probe.start_ns = 10 * kNsPerS;
+  probe.end_ns = 15 * kNsPerS;
+  base.faults = {other, probe};
+  return base;
+}
+
+TEST(EnvelopeRows, AreTheTypesPlaces) {
+  EXPECT_THAT(Places("frame.drop"), ElementsAre("target to_plant", "target to_client", "target both"));
+  EXPECT_THAT(Places("uart.overrun"), ElementsAre("target to_client"));
+  EXPECT_THAT(Places("sensor.bias"),
+              ElementsAre("signal x_m", "signal z_m", "signal roll_rad", "signal wx_rad_s"));
+  EXPECT_THAT(Places("sensor.spoof"), ElementsAre("signal x_m", "signal z_m"));
+  EXPECT_THAT(Places("sensor.misalignment"),
+              ElementsAre("signal position", "signal velocity", "signal rates"));
+  EXPECT_THAT(Places("actuator.lag"), ElementsAre("actuator f_r", "actuator tau_r"));
+  EXPECT_THAT(Places("plant.force"), ElementsAre(" "));
+  EXPECT_THAT(Places("device.reset"), ElementsAre(" "));
+}
+
+TEST(EnvelopeRows, EachRowOfEachTypeIsAValidFault) {
+  for (const faults::FaultType& type : faults::FaultTypes()) {
+    for (const EnvelopeRow& row : EnvelopeRows(type, TiltRotorSignals())) {
+      const Scenario scenario = WithRow(Base(), row, TiltRotorSignals());
+      ASSERT_EQ(scenario.faults.size(), 2u);
+      EXPECT_EQ(scenario.faults[0].type, "frame.drop") << "others stay";
+      EXPECT_EQ(scenario.faults[1].type, type.name);
+      EXPECT_EQ(scenario.faults[1].id, "probe");
+      for (const faults::Problem& problem : faults::Validate(scenario.faults[1]))
+        ADD_FAILURE() << type.name << " " << row.place << ": " << problem.key << ": " << problem.message;
+    }
+  }
+}
+
+TEST(EnvelopeRows, ASignalIsNotSwappedWithItself) {
+  for (const EnvelopeRow& row : EnvelopeRows(*faults::FindFaultType("sensor.swap"), TiltRotorSignals())) {
+    const auto parameters = WithRow(Base(), row, TiltRotorSignals()).faults[1].parameters;
+    EXPECT_NE(parameters.at("signal"), parameters.at("with"));
+  }
+}
+
+TEST(EnvelopeRows, TwoFaultsHaveIdsOfTheirOwn) {
+  const auto first = EnvelopeRows(*faults::FindFaultType("frame.drop"), TiltRotorSignals());
+  const auto second = EnvelopeRows(*faults::FindFaultType("plant.force"), TiltRotorSignals());
+  const Scenario scenario = WithSecondRow(Base(), first[0], second[0], TiltRotorSignals());
+  ASSERT_EQ(scenario.faults.size(), 3u);
+  EXPECT_EQ(scenario.faults[2].type, "plant.force");
+  EXPECT_EQ(scenario.faults[2].id, "probe-second");
+  EXPECT_EQ(scenario.faults[2].start_ns, 10 * kNsPerS);
+}
+
+TEST(EnvelopeRows, ABaseSaysWhereFaultsAct) {
+  EXPECT_EQ(FindPlaceholder(Base()), 1u);
+  EXPECT_EQ(FindPlaceholder(Scenario()), std::nullopt);
+}
+
+}  // namespace
+}  // namespace tiltproof::harness

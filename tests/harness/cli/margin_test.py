@@ -1,0 +1,177 @@
+#!/usr/bin/env python3
+"""The commands margin and envelope, on flights whose limits are known.
+
+Usage: margin_test.py TILTPROOF SOURCE_DIR
+"""
+import json
+import pathlib
+import re
+import signal
+import subprocess
+import sys
+import time
+import unittest
+
+from command_line import PROGRAM, CommandLineTest
+
+SOURCE = pathlib.Path(sys.argv[2]).resolve()
+DRIFT = SOURCE / "scenarios/sensor/drift-survive.yaml"
+
+SHORT = """\
+name: NAME
+duration_s: 4
+reference: {type: hover, at_m: [0, 0, 2]}
+faults:
+  - {id: probe, type: TYPE, start_s: 1WINDOW}
+criteria:
+  - {name: near, stl: "always(position_error_m <= 0.5)"}
+  - {name: upright, stl: "always(tilt_rad <= 0.6)"}
+"""
+
+
+class MarginTest(CommandLineTest):
+    def margin(self, *arguments, code=0):
+        found, out, err = self.tiltproof("margin", *arguments, "--format", "jsonl")
+        self.assertEqual(found, code, err)
+        return [json.loads(line) for line in out.splitlines()]
+
+    def short(self, fault, parameters="", window=""):
+        window += f", parameters: {{{parameters}}}" if parameters else ""
+        return self.scenario("short", SHORT, TYPE=fault, WINDOW=window)
+
+    def test_the_margin_of_a_drift(self):
+        *levels, margin = self.margin(DRIFT, "--fault", "drift", "--tolerance", "0.05", "-j", "2")
+        self.assertLessEqual(margin["survives"], 0.0356)
+        self.assertGreaterEqual(margin["fails"], 0.0354)
+        self.assertLessEqual(margin["fails"] - margin["survives"], 0.05 * margin["fails"])
+        self.assertEqual({key: margin[key] for key in ("fault", "type", "parameter", "unit", "first_criterion")},
+                         {"fault": "drift", "type": "sensor.drift", "parameter": "rate_per_s", "unit": "m/s", "first_criterion": "stays-on-path"})
+        self.assertEqual(margin["runs"], sum(level["runs"] for level in levels))
+        answers = {level["level"]: level["survived"] for level in levels}
+        self.assertTrue(answers[margin["survives"]])
+        self.assertFalse(answers[margin["fails"]])
+        for level in levels:
+            self.assertEqual(level["runs"], 5 if level["survived"] else 1, "seeds after one that fails are not flown")
+
+    def test_the_page_shows_what_is_printed(self):
+        page = (SOURCE / "docs/margins.md").read_text()
+        command, shown = re.search(r"tiltproof (margin scenarios/\S+ [^\n]*)\n.*?```text\n(.*?)```", page, re.S).groups()
+        out = self.tiltproof(*command.replace("scenarios/", f"{SOURCE}/scenarios/").split())[1]
+        self.assertIn(shown, out)
+
+    def test_jobs_change_nothing(self):
+        scenario = self.short("frame.drop", "probability: 0.5", ", target: both")
+        runs = [self.margin(scenario, "--fault", "probe", "--repeats", "3", "--tolerance", "0.1", "-j", jobs) for jobs in (1, 4)]
+        self.assertEqual(*runs)
+        self.assertGreater(runs[0][-1]["survives"], 0.0)
+
+    def test_what_a_level_says_is_what_run_says(self):
+        scenario = self.short("sensor.bias", "signal: z_m, offset: 0.1")
+        margin = self.margin(scenario, "--fault", "probe", "--repeats", "1", "--tolerance", "0.1")[-1]
+        for level, code in ((margin["survives"], 0), (margin["fails"], 1)):
+            text = scenario.read_text().replace("offset: 0.1", f"offset: {level!r}")
+            self.scenario("again", text.replace("name: short", "name: again"))
+            self.assertEqual(self.tiltproof("run", "again.yaml")[0], code)
+
+    def test_other_sides_and_parameters(self):
+        scenario = self.short("sensor.bias", "signal: z_m, offset: 0.1")
+        below = self.margin(scenario, "--fault", "probe", "--repeats", "1", "--low", "-2")[-1]
+        self.assertLess(below["fails"], below["survives"])
+        self.assertLess(below["survives"], 0)
+        window = self.margin(scenario, "--fault", "probe", "--repeats", "1", "--parameter", "window_s")[-1]
+        self.assertEqual((window["parameter"], window["survives"], window["fails"], window["first_criterion"]), ("window_s", 3.0, None, None))
+
+    def test_null_where_even_the_mildest_level_fails(self):
+        text = SHORT.replace("position_error_m <= 0.5", "position_error_m <= 0.0")
+        scenario = self.scenario("never", text, TYPE="sensor.bias", WINDOW=", parameters: {signal: z_m, offset: 1}")
+        margin = self.margin(scenario, "--fault", "probe")[-1]
+        self.assertEqual((margin["survives"], margin["fails"], margin["first_criterion"]), (None, 0.0, "near"))
+
+    def test_mistakes(self):
+        scenario = self.short("sensor.bias", "signal: z_m, offset: 0.1")
+        for arguments, message in (
+                (("--fault", "prob"), "--fault prob: .*; did you mean 'probe'"),
+                (("--fault", "probe", "--parameter", "ofset"), "has no number 'ofset'; it has: offset, window_s"),
+                (("--fault", "probe", "--low", "-1", "--high", "1"), "0 is harmless and lies between -1 and 1"),
+                (("--fault", "probe", "--client", "process:true"), "knows no virtual time")):
+            code, out, err = self.tiltproof("margin", scenario, *arguments)
+            self.assertEqual((code, out), (2, ""), err)
+            self.assertRegex(err, message)
+        code, _, err = self.tiltproof("margin", self.short("device.stall", window=", end_s: 2"), "--fault", "probe")
+        self.assertEqual(code, 2)
+        self.assertIn("needs an emulated board", err)
+
+    def test_an_interrupt(self):
+        with subprocess.Popen([PROGRAM, "margin", DRIFT, "--fault", "drift", "--repeats", "10000"], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                              cwd=self.folder) as running:
+            time.sleep(1)
+            running.send_signal(signal.SIGINT)
+            _, err = running.communicate(timeout=60)
+        self.assertEqual(running.returncode, 130)
+        self.assertIn(b"no margin is known", err)
+
+
+class EnvelopeTest(CommandLineTest):
+    def envelope(self, *arguments, code=0):
+        base = self.scenario("base", SHORT, TYPE="harness.null", WINDOW=", end_s: 3")
+        found, out, err = self.tiltproof("envelope", base, "--repeats", "1", "--tolerance", "0.2", "--out", "out", *arguments)
+        self.assertEqual(found, code, err)
+        return json.loads((self.folder / "out/envelope.json").read_text()), out
+
+    def test_two_firmwares(self):
+        envelope, out = self.envelope("--types", "frame.drop,actuator.loss*,device.*", "--firmware", "paper,tolerant", "-j", "2")
+        self.assertTrue(envelope["complete"])
+        rows = {(row["type"], row.get("target", row.get("actuator", "")), row["client"]): row for row in envelope["rows"]}
+        places = [("frame.drop", "to_plant"), ("frame.drop", "to_client"), ("frame.drop", "both"), ("actuator.loss_of_effectiveness", "f_r"),
+                  ("actuator.loss_of_effectiveness", "tau_r"), ("device.reset", "")]
+        self.assertEqual(set(rows), {(*place, client) for place in places for client in ("paper", "tolerant")})
+        thrust = rows["actuator.loss_of_effectiveness", "f_r", "paper"]
+        self.assertEqual((thrust["harmless"], thrust["scale"], thrust["unit"]), (1.0, "linear", "1"))
+        self.assertTrue(thrust["fails"] < thrust["survives"] < 1)
+        left_out = {(entry["type"], entry["client"]) for entry in envelope["not_applicable"]}
+        self.assertIn(("device.stall", "tolerant"), left_out)
+        self.assertIn("not applicable: device.stall: needs an emulated board", out)
+        self.assertRegex(out, r"frame\.drop +both +1 +[\d.]+ +[\d.]+\n")
+        for line in out.splitlines():
+            self.assertTrue(len(line) <= 80 or line.startswith("not applicable"), line)
+
+    def test_it_is_the_margin(self):
+        [row] = self.envelope("--types", "plant.force")[0]["rows"]
+        scenario = self.scenario("force", SHORT, TYPE="plant.force", WINDOW=", end_s: 3, parameters: {force_n: 2, direction: [0, 1, 0]}")
+        out = self.tiltproof("margin", scenario, "--fault", "probe", "--repeats", "1", "--tolerance", "0.2", "--format", "jsonl")[1]
+        margin = json.loads(out.splitlines()[-1])
+        for key in ("survives", "fails", "unit", "first_criterion", "runs"):
+            self.assertEqual(row[key], margin[key], key)
+
+    def test_a_map_of_two(self):
+        envelope, out = self.envelope("--map", "plant.force", "sensor.bias:z_m", "-j", "2")
+        self.assertEqual(len(envelope["rows"]), 2)
+        [both] = envelope["map"]
+        self.assertEqual((both["x"]["type"], both["y"]["type"], both["y"]["signal"]), ("plant.force", "sensor.bias", "z_m"))
+        self.assertEqual((len(both["x"]["levels"]), len(both["y"]["levels"]), len(both["survived"])), (12, 12, 12))
+        self.assertTrue(both["survived"][0][0])
+        self.assertFalse(any(both["survived"][-1]) or any(row[-1] for row in both["survived"]), "1.2 times what fails alone")
+        self.assertEqual(len(re.findall(r" [#.](?= |\n)", out.split("across:")[1])), 144)
+
+    def test_mistakes(self):
+        for arguments, message in ((("--types", "sensors.*"), "matches no fault type"), (("--firmware", "papers"), "did you mean 'paper'"),
+                                   (("--map", "frame.drop:up", "plant.force"), "no such place"),
+                                   (("--firmware", "paper", "--client", "host"), "excludes")):
+            base = self.scenario("base", SHORT, TYPE="harness.null", WINDOW=", end_s: 3")
+            code, _, err = self.tiltproof("envelope", base, *arguments)
+            self.assertEqual(code, 2, err)
+            self.assertIn(message, err)
+        code, _, err = self.tiltproof("envelope", DRIFT)
+        self.assertEqual(code, 2)
+        self.assertIn("needs a fault of type harness.null", err)
+
+    def test_nothing_applies(self):
+        base = self.scenario("base", SHORT, TYPE="harness.null", WINDOW=", end_s: 3")
+        code, out, err = self.tiltproof("envelope", base, "--types", "node.*")
+        self.assertEqual(code, 4)
+        self.assertIn("node.kill", out)
+        self.assertIn("nothing is left to fly", err)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])
