@@ -100,7 +100,8 @@ void PrintMargin(const MarginOptions& options, const MarginTask& task, const Mar
   if (margin.fails)
     Print(stdout, "  at {} with seed {}: {}\n", value(*margin.fails), margin.at_fails.seed,
           margin.at_fails.reason);
-  Print(stdout, "  {} flights, {} seeds per level\n", margin.flights_count, options.repeat_count);
+  Print(stdout, "  {} flight{}, up to {} per level\n", margin.flights_count,
+        margin.flights_count == 1 ? "" : "s", options.repeat_count);
 }
 
 }  // namespace
@@ -126,7 +127,7 @@ int MarginCommand(const MarginOptions& options) {
                                        }})
                           .front();
   if (!margin) {
-    Print(stderr, "tiltproof: margin: interrupted; {} flights were flown, and no margin is known\n",
+    Print(stderr, "tiltproof: margin: interrupted, and no margin is known; flights: {}\n",
           trials.flown_count());
     return kExitInterrupted;
   }
