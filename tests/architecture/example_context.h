@@ -117,10 +117,10 @@ extern TimeNs begin, end, wake_at;
 // faults/active_time.h
 extern const SampleContext& context;
 
-// faults/between_frames.h, faults/frame_edit.h
+// faults/between_frames.h
 extern const WireSetup& wire_setup;
 extern const WireContext& wire_context;
-extern link::Chunk chunk;
+extern const link::Chunk& chunk;
 
 // faults/device_command.h
 extern const FlipBits flips;
@@ -131,6 +131,9 @@ extern std::map<std::uint32_t, std::uint8_t> memory;
 std::unique_ptr<SensorModel> MakeBias(const SignalSetup& setup);
 extern const FaultType& type;
 extern struct FaultsOfWire { void Add(const WireKind& kind); } faults_of_wire;
+
+// faults/frame_edit.h
+extern link::Chunk chunk;
 
 // faults/news.h
 extern FaultSchedule line_faults, plant_faults;
