@@ -2,7 +2,7 @@
 // that no worker is idle.
 //
 //   Trials trials({.jobs_count = 2, .seeds_count = 5});
-//   trials.Start({.name = "late", .scenario = scenario, .model = model}, [](const TrialResult& result) { Take(result.answer); });
+//   trials.Start(job, [](const TrialResult& result) { Take(result.answer); });
 //   trials.Fly();
 //
 // What is reported does not depend on the number of jobs: of several seeds that fail, the lowest counts.

@@ -3,7 +3,7 @@
 //
 //   EmulatorProcess board({.image = "executive-paper.elf", .plugin = "tiltproof_lockstep.so"});
 //   board.Send(lockstep::Kind::kReceive, bytes);
-//   const lockstep::Stopped stopped = board.Run(12'000'000, [](const EmulatorMessage& message) { ... });
+//   const lockstep::Stopped stopped = board.Run({12'000'000, 0}, [](const EmulatorMessage& message) { ... });
 //
 // An emulator that does not answer within kHungAfterNs of its own time (harness/process/own_time.h), or ends
 // by itself, causes EmulatorTrouble, with QEMU's last output. Times are virtual

@@ -5,7 +5,7 @@
 //   SharedProcessor together(pid);
 //   for (;;) {
 //     together.BeginTurn();
-//     LetItRunAndWait();
+//     Wait();  // for what the other sends
 //     together.EndTurn();
 //   }
 //

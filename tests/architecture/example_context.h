@@ -209,6 +209,18 @@ extern std::size_t client;
 extern pid_t pid;
 extern bool realtime;
 
+// harness/campaign/
+extern const VehicleSignals signals;
+extern const FlightJob job;
+extern const Severity severity;
+
+// harness/campaign/envelope_rows.h
+extern const faults::FaultType* type;
+extern const Scenario base;
+
+// harness/campaign/trials.h
+extern const examples::Function Take;
+
 // harness/cli/run_record.h
 #include "harness/cli/run_flights.h"
 extern const RunInfo info;
@@ -283,6 +295,13 @@ extern void* core_clock;
 using harness::lockstep::Kind;
 extern HarnessSocket socket;
 extern const harness::lockstep::Hello hello;
+
+// harness/emulator/plugin/readers.h
+extern void* cpu;
+extern qemu_plugin_tb* block;
+
+// harness/emulator/plugin/sleep.h
+extern void* cpu;
 
 // harness/emulator/plugin/usart.h
 extern UsartUnit usart;
@@ -405,6 +424,9 @@ extern const std::vector<float> row;
 // harness/run/introduction.h
 #include "harness/process/child_process.h"
 extern dds::Circle circle;
+
+// harness/process/shared_processor.h
+extern const examples::Function Wait;
 
 // harness/run/message_binding.h
 extern std::span<const double> row;

@@ -1,7 +1,7 @@
 // All that the plug-in knows, in one place, and its events for the harness.
 //
-//   plugin.horizon.Set(until_ns);
-//   SendEvent(EventKind::kReset, cause);
+//   plugin.horizon.Set(12'000'000);
+//   SendEvent(EventKind::kStallEnds, 0);
 #pragma once
 
 #include <pthread.h>
