@@ -148,6 +148,12 @@ void AddColumn(const Column& column, const std::vector<EnvelopeRow>& rows, Envel
       leave_out(row, reason->second);
       continue;
     }
+    // All of it would be survived.
+    if (const auto* plant = row.type->As<faults::PlantKind>();
+        plant != nullptr && plant->is_wind && !signals.feels_wind) {
+      leave_out(row, "moves only a vehicle with drag; this one's file has no <tiltproof:drag>");
+      continue;
+    }
     MarginTask task;
     task.job = FlightJob{.name = fmt::format("{} of {}", RowName(row), column.name),
                          .scenario = WithRow(column.base.scenario, row, signals),

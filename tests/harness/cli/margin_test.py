@@ -165,6 +165,13 @@ class EnvelopeTest(CommandLineTest):
         self.assertEqual(code, 2)
         self.assertIn("needs a fault of type harness.null", err)
 
+    def test_wind_is_not_survived_by_a_vehicle_that_does_not_feel_it(self):
+        envelope, out = self.envelope("--types", "plant.wind,plant.force")
+        self.assertEqual([row["type"] for row in envelope["rows"]], ["plant.force"])
+        self.assertEqual([(entry["type"], entry["reason"]) for entry in envelope["not_applicable"]],
+                         [("plant.wind", "moves only a vehicle with drag; this one's file has no <tiltproof:drag>")])
+        self.assertIn("plant.wind", out)
+
     def test_nothing_applies(self):
         base = self.scenario("base", SHORT, TYPE="harness.null", WINDOW=", end_s: 3")
         code, out, err = self.tiltproof("envelope", base, "--types", "node.*")
