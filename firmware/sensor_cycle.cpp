@@ -84,7 +84,7 @@ void SensorCycle::NoteMissingReply(TimeNs now) {
   if (heard_server_ && blind_periods_ == build_.blind_periods_limit) {
     status_.state = SupervisorState::kBlind;
     ++status_.failsafe_count;
-    port_.Log(now, "fail-safe: blind, holding the last command");
+    port_.Log(now, "fail-safe: blind");
   }
 }
 

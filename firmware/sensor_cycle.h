@@ -28,7 +28,7 @@ namespace tiltproof::firmware {
 
 enum class SupervisorState : std::uint32_t {
   kNormal = 0,
-  kBlind = 1,  // fail-safe: no valid reply for several periods, the last command is held
+  kBlind = 1,  // fail-safe: no valid reply for several periods
 };
 
 struct Status {
