@@ -12,10 +12,10 @@ constexpr float kFading = 0.8F;  // per sample
 constexpr float kFitMisfit = 4;
 // A surprise is so many times the usual misfit.
 constexpr float kSurprise = 2.5F;
-// What one sample may say for or against a lag, and what it takes to believe it: three samples in a row at least,
-// because one command that was lost looks like a lag of a period.
+// What one sample may say for or against a lag, and what it takes to believe it: six samples in a row, because a
+// command that was lost looks like a lag of a period.
 constexpr float kSampleEvidence = 8;
-constexpr float kEvidence = 20;
+constexpr float kEvidence = 28;
 // The misfit of the right model with the expected noise. More noise makes evidence weaker.
 constexpr float kNoiseMisfit = 16;
 // The average over about 20 samples of the best lag's misfit at which the model is given up.

@@ -95,7 +95,8 @@ void MeasureCodec(const char* encode_name, const char* decode_name, Payload payl
 
 // One step of 4 ms of the vehicle's model.
 void MeasureModelStep() {
-  firmware::MotionState state = firmware::ToMotion({.z_m = 1, .roll_rad = 0.1F, .vx_m_s = 1.5F, .wx_rad_s = 0.3F});
+  firmware::MotionState state =
+      firmware::ToMotion({.z_m = 1, .roll_rad = 0.1F, .vx_m_s = 1.5F, .wx_rad_s = 0.3F});
   Actuators inputs{.f_r_n = 10, .f_l_n = 10.5F, .tau_r_nm = 0.01F, .tau_l_nm = 0.02F};
   Opaque(state);
   Opaque(inputs);
