@@ -2,8 +2,8 @@
 //
 //   TolerantControl control(gain, feed_forward);
 //   control.NoteRequest(request);                                        // each one sent
-//   if (const auto u = control.OnReply(now, sensors)) writer.Send(*u);     // each valid reply, late ones too
-//   if (const auto u = control.OnTimeout(now)) writer.Send(*u);            // when none has come in time
+//   if (const auto u = control.OnReply(now, sensors, reference)) Send(*u);     // each valid reply, late ones too
+//   if (const auto u = control.OnTimeout(now, reference)) Send(*u);            // when none has come in time
 //
 // A reply in time is answered as the paper does, from the sample itself: the same bits. Otherwise the command is
 // computed from the state that the model predicts for the instant at which it will act.
