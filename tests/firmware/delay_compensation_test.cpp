@@ -107,6 +107,21 @@ TEST(ReplyMatcherTest, ALostReplyDoesNotShiftTheOthers) {
   }
 }
 
+// A board that counts time in ticks of 1 ms reads the tick before the request had left.
+TEST(ReplyMatcherTest, AClockOfWholeTicksIsPreciseEnough) {
+  MotionTimeline timeline;
+  ReplyMatcher matcher;
+  matcher.Request(0, TimeOf(0));  // its reply began the timeline
+  timeline.Begin(0, Truth(0).At(0), kHoverInputs);
+  for (ModelStep step = 3; step < 30; step += 3) {
+    timeline.Command(step - 2, CommandOf(step - 3));
+    matcher.Request(step, TimeOf(step) + 90 * kNsPerUs);
+    ASSERT_EQ(matcher.Match(Truth(0).At(step), TimeOf(step), step, timeline), step);
+    EXPECT_TRUE(matcher.answers_newest());
+    timeline.Correct(step, Truth(0).At(step));
+  }
+}
+
 TEST(ReplyMatcherTest, ASecondReplyToOneRequestIsNone) {
   MotionTimeline timeline;
   ReplyMatcher matcher;
