@@ -3,6 +3,7 @@
 #include <array>
 
 #include "firmware/gain_tables.h"
+#include "firmware/vehicle_dynamics.h"
 
 namespace tiltproof::firmware {
 namespace {
@@ -15,30 +16,36 @@ constexpr Actuators kPaperFeedForward = {.f_r_n = 10.2751F, .f_l_n = 10.2799F, .
 constexpr Actuators kPublishedFeedForward = {
     .f_r_n = 10.2711796F, .f_l_n = 10.2803541F, .tau_r_nm = -0.0160206049F, .tau_l_nm = -0.0160321965F};
 
-// A round trip takes 0.83 ms at 921600 baud. Half a period leaves room for a slow adapter and for the
-// repeated command.
-constexpr TimeNs kReplyTimeoutNs = kControlPeriodNs / 2;
+// A round trip takes 0.83 ms at 921600 baud, a command 0.3 ms: one that is sent at the time-out still acts in the
+// same step of 4 ms as one that answers a reply in time.
+constexpr TimeNs kReplyTimeoutNs = 2 * kNsPerMs;
 
 constexpr std::array kBuilds = {
     Build{.name = "paper",
           .gain = &kTiltrotorGain,
           .feed_forward = kPaperFeedForward,
           .checks = ValueChecks::kNone,
+          .late_replies = LateReplies::kDropped,
           .reply_timeout_ns = kNever,
+          .command_interval_ns = kNever,
           .retries_start = false,
           .blind_periods_limit = 0},
     Build{.name = "paper_published",
           .gain = &kTiltrotorPublishedGain,
           .feed_forward = kPublishedFeedForward,
           .checks = ValueChecks::kNone,
+          .late_replies = LateReplies::kDropped,
           .reply_timeout_ns = kNever,
+          .command_interval_ns = kNever,
           .retries_start = false,
           .blind_periods_limit = 0},
     Build{.name = "tolerant",
           .gain = &kTiltrotorGain,
           .feed_forward = kPaperFeedForward,
           .checks = ValueChecks::kFiniteAndRange,
+          .late_replies = LateReplies::kKept,
           .reply_timeout_ns = kReplyTimeoutNs,
+          .command_interval_ns = kModelStepNs,
           .retries_start = true,
           .blind_periods_limit = 5},
 };

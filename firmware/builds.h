@@ -21,10 +21,14 @@ struct Build {
   const Gain* gain;
   Actuators feed_forward;  // inputs of hover
   ValueChecks checks;      // of sensors and references
+  // kKept: commands take the line's faults into account (firmware/tolerant_control.h).
+  LateReplies late_replies;
 
-  // No valid reply that long after a request: the last command is sent again. kNever: no actuators in such a
+  // No valid reply that long after a request: the command is computed without. kNever: no actuators in such a
   // period.
   TimeNs reply_timeout_ns;
+  // From there on to the end of the period, further commands may be sent so often; kNever: none.
+  TimeNs command_interval_ns;
   // Until the first valid reply, each period begins with `start` again, since the server may not have heard
   // the one before.
   bool retries_start;

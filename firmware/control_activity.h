@@ -12,13 +12,14 @@
 #include "firmware/control_law.h"
 #include "firmware/sensor_cycle.h"
 #include "firmware/signals.h"
+#include "firmware/tolerant_control.h"
 
 namespace tiltproof::firmware {
 
 class ControlActivity {
  public:
   // `build` must outlive it.
-  explicit ControlActivity(const Build& build) : law_(*build.gain, build.feed_forward) {}
+  explicit ControlActivity(const Build& build);
 
   // Sets the reference from now on. Before the first one: to stay, at rest, at the position and yaw of the
   // first reply.
@@ -28,7 +29,10 @@ class ControlActivity {
   std::optional<ActuatorCommand> Do(const ControlItem& item);
 
  private:
-  ControlLaw law_;
+  std::optional<ActuatorCommand> DoTolerantly(const ControlItem& item);
+
+  ControlLaw law_;  // unless:
+  std::optional<TolerantControl> tolerant_;
   std::optional<Reference> reference_;
 };
 

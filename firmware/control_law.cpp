@@ -10,11 +10,11 @@ constexpr float kHalfPeriod_s = 0.5F * static_cast<float>(ToSeconds(kControlPeri
 ControlLaw::ControlLaw(const Gain& gain, const Actuators& feed_forward)
     : gain_(gain), feed_forward_(feed_forward) {}
 
-Actuators ControlLaw::Step(const Sensors& sensors, const Reference& reference) {
+Actuators ControlLaw::Step(const Sensors& sensors, const Reference& reference, Integration integration) {
   const std::array<float, kIntegralCount> regulated_errors = {
       sensors.x_m - reference.x_m, sensors.y_m - reference.y_m, sensors.z_m - reference.z_m,
       sensors.yaw_rad - reference.yaw_rad};
-  for (std::size_t i = 0; i < kIntegralCount; ++i) {
+  for (std::size_t i = 0; i < kIntegralCount && integration == Integration::kOn; ++i) {
     integrals_[i] += kHalfPeriod_s * (regulated_errors[i] + previous_errors_[i]);
   }
   previous_errors_ = regulated_errors;

@@ -17,6 +17,7 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 
 #include "firmware/signals.h"
 #include "link/time.h"
@@ -32,12 +33,16 @@ inline constexpr std::size_t kStateCount = kSensorCount + kIntegralCount;
 // K: rows f_r (N), f_l (N), tau_r (N m), tau_l (N m); columns in the order of x above.
 using Gain = std::array<std::array<float, kStateCount>, kActuatorCount>;
 
+// kFrozen: the integrals stay as they are in this step.
+enum class Integration : std::uint8_t { kOn, kFrozen };
+
 class ControlLaw {
  public:
   // `gain` must outlive the law; `feed_forward` is u_eq, the inputs of hover.
   ControlLaw(const Gain& gain, const Actuators& feed_forward);
 
-  Actuators Step(const Sensors& sensors, const Reference& reference);
+  Actuators Step(const Sensors& sensors, const Reference& reference,
+                 Integration integration = Integration::kOn);
 
  private:
   const Gain& gain_;

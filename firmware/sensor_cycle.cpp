@@ -5,7 +5,10 @@
 namespace tiltproof::firmware {
 
 SensorCycle::SensorCycle(const Build& build, link::Dialect dialect, Port& port)
-    : build_(build), dialect_(dialect), port_(port), sensor_reader_(dialect, build.checks, port) {}
+    : build_(build),
+      dialect_(dialect),
+      port_(port),
+      sensor_reader_(dialect, build.checks, build.late_replies, port) {}
 
 void SensorCycle::Start(TimeNs now) {
   port_.Log(now, build_.name);
@@ -14,27 +17,40 @@ void SensorCycle::Start(TimeNs now) {
 
 std::optional<ControlItem> SensorCycle::Next(TimeNs now) {
   using Kind = ControlItem::Kind;
+  if (request_is_fresh_) return TakeRequest(now);
   if (const auto sensors = sensor_reader_.TakeReply()) {
     NoteReply(now);
-    timeout_ns_ = kNever;
-    return ControlItem{.kind = Kind::kSensors, .sensors = *sensors};
+    return ControlItem{.kind = Kind::kSensors, .sensors = *sensors, .time_ns = now, .request = {}};
   }
   if (now >= timeout_ns_) {
-    timeout_ns_ = kNever;
-    return ControlItem{.kind = Kind::kTimeout, .sensors = {}};
+    const TimeNs again_ns =
+        build_.command_interval_ns == kNever ? kNever : timeout_ns_ + build_.command_interval_ns;
+    timeout_ns_ = again_ns < next_request_ns_ ? again_ns : kNever;
+    return ControlItem{.kind = Kind::kTimeout, .sensors = {}, .time_ns = now, .request = {}};
   }
   // Twice at one instant when a `start` leaves without taking time.
   while (now >= next_request_ns_) {
     const bool missed = sensor_reader_.waiting() && !start_is_fresh_;
     if (missed) NoteMissingReply(now);
     BeginPeriod(now);
-    if (missed) return ControlItem{.kind = Kind::kNoSensors, .sensors = {}};
+    if (missed) return ControlItem{.kind = Kind::kNoSensors, .sensors = {}, .time_ns = now, .request = {}};
   }
-  return std::nullopt;
+  return TakeRequest(now);
+}
+
+std::optional<ControlItem> SensorCycle::TakeRequest(TimeNs now) {
+  if (!request_is_fresh_) return std::nullopt;
+  request_is_fresh_ = false;
+  return ControlItem{
+      .kind = ControlItem::Kind::kRequest,
+      .sensors = {},
+      .time_ns = now,
+      .request = {.origin_ns = origin_ns_, .begin_ns = now, .sent_ns = sensor_reader_.sent_ns()}};
 }
 
 void SensorCycle::SendStart(TimeNs now) {
   next_request_ns_ = SendFrame(port_, now, link::EncodeStart(dialect_, build_.feed_forward));
+  origin_ns_ = next_request_ns_;
   start_is_fresh_ = true;
 }
 
@@ -45,6 +61,7 @@ void SensorCycle::BeginPeriod(TimeNs now) {
   }
   start_is_fresh_ = false;
   sensor_reader_.Request(now);
+  request_is_fresh_ = build_.late_replies == LateReplies::kKept;
   do {
     next_request_ns_ += kControlPeriodNs;
   } while (next_request_ns_ <= now);
@@ -67,7 +84,7 @@ void SensorCycle::NoteMissingReply(TimeNs now) {
   if (heard_server_ && blind_periods_ == build_.blind_periods_limit) {
     status_.state = SupervisorState::kBlind;
     ++status_.failsafe_count;
-    port_.Log(now, "fail-safe: blind, holding the last command");
+    port_.Log(now, "fail-safe: blind");
   }
 }
 

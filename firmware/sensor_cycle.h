@@ -11,8 +11,8 @@
 // Timing. The firmware leads. It sends `start`; when that frame's last bit has left, it sends the first
 // request; then it sends one request every 12 ms, counted from the first one (a period that could not begin
 // in time begins late, and the grid stays). A valid reply is passed on at once. When none has arrived by the
-// next tick, `paper` only asks again; `tolerant` repeats its last command at the time-out within the period,
-// and still uses a reply that comes later.
+// next tick, `paper` only asks again; `tolerant` sends a command at the time-out within the period, and still uses
+// a reply that comes later.
 #pragma once
 
 #include <cstdint>
@@ -22,12 +22,13 @@
 #include "firmware/builds.h"
 #include "firmware/port.h"
 #include "firmware/sensor_reader.h"
+#include "firmware/tolerant_control.h"
 
 namespace tiltproof::firmware {
 
 enum class SupervisorState : std::uint32_t {
   kNormal = 0,
-  kBlind = 1,  // fail-safe: no valid reply for several periods, the last command is held
+  kBlind = 1,  // fail-safe: no valid reply for several periods
 };
 
 struct Status {
@@ -39,11 +40,14 @@ struct Status {
 struct ControlItem {
   enum class Kind : std::uint8_t {
     kSensors,   // a valid reply: a control step is due
-    kTimeout,   // none in time: the last command is to be repeated
+    kTimeout,   // none in time: a command is due without
+    kRequest,   // one has been sent (LateReplies::kKept only)
     kNoSensors  // the period has ended without one: only a sign of life
   };
   Kind kind = Kind::kNoSensors;
-  Sensors sensors;  // of kSensors
+  Sensors sensors;       // of kSensors
+  TimeNs time_ns = 0;    // now
+  RequestTimes request;  // of kRequest
 };
 
 class SensorCycle {
@@ -69,6 +73,7 @@ class SensorCycle {
  private:
   void SendStart(TimeNs now);
   void BeginPeriod(TimeNs now);
+  std::optional<ControlItem> TakeRequest(TimeNs now);
   void NoteReply(TimeNs now);
   void NoteMissingReply(TimeNs now);
 
@@ -79,6 +84,8 @@ class SensorCycle {
 
   TimeNs next_request_ns_ = kNever;
   TimeNs timeout_ns_ = kNever;       // when the current period's time-out expires
+  TimeNs origin_ns_ = 0;             // when `start` had left
+  bool request_is_fresh_ = false;    // a request has been sent and not been passed on
   bool start_is_fresh_ = false;      // `start` has been sent and no request since
   bool heard_server_ = false;        // a valid reply has arrived
   std::uint32_t blind_periods_ = 0;  // in a row, up to now

@@ -1,38 +1,46 @@
 #include "firmware/sensor_reader.h"
 
+#include <algorithm>
+
 #include "firmware/frame_sender.h"
 
 namespace tiltproof::firmware {
 
-SensorReader::SensorReader(link::Dialect dialect, ValueChecks checks, Port& port)
-    : dialect_(dialect), checks_(checks), port_(port) {}
+SensorReader::SensorReader(link::Dialect dialect, ValueChecks checks, LateReplies late_replies, Port& port)
+    : dialect_(dialect), checks_(checks), port_(port), late_replies_(late_replies) {}
 
 void SensorReader::Request(TimeNs now) {
-  decoder_.Finish();
-  has_reply_ = false;
+  if (late_replies_ == LateReplies::kDropped) {
+    decoder_.Finish();
+    reply_count_ = 0;
+  }
   waiting_ = true;
-  SendFrame(port_, now, link::EncodeReadSensors(dialect_));
+  sent_ns_ = SendFrame(port_, now, link::EncodeReadSensors(dialect_));
 }
 
 void SensorReader::Receive(std::span<const std::uint8_t> bytes) {
   while (const auto event = decoder_.Next(bytes)) {
-    if (waiting_ && event->status == link::FrameStatus::kOk && Accept(event->payload)) {
-      waiting_ = false;
-      has_reply_ = true;
-    }
+    if (event->status == link::FrameStatus::kOk) Accept(event->payload);
   }
 }
 
-bool SensorReader::Accept(std::span<const std::uint8_t> payload) {
-  const link::MessageStatus status = checks_ == ValueChecks::kNone ? link::ParseSensors(payload, reply_)
-                                                                   : link::DecodeSensors(payload, reply_);
-  return status == link::MessageStatus::kOk;
+void SensorReader::Accept(std::span<const std::uint8_t> payload) {
+  const bool wanted = late_replies_ == LateReplies::kKept ? reply_count_ < replies_.size() : waiting_;
+  if (!wanted) return;
+  Sensors& reply = replies_[reply_count_];
+  const link::MessageStatus status = checks_ == ValueChecks::kNone ? link::ParseSensors(payload, reply)
+                                                                   : link::DecodeSensors(payload, reply);
+  if (status != link::MessageStatus::kOk) return;
+  waiting_ = false;
+  ++reply_count_;
 }
 
 std::optional<Sensors> SensorReader::TakeReply() {
-  if (!has_reply_) return std::nullopt;
-  has_reply_ = false;
-  return reply_;
+  if (reply_count_ == 0) return std::nullopt;
+  const Sensors reply = replies_[0];
+  std::copy(replies_.begin() + 1, replies_.end(), replies_.begin());
+  --reply_count_;
+  return reply;
 }
 
 }  // namespace tiltproof::firmware

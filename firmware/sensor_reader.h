@@ -7,9 +7,10 @@
 //
 // A reply carries no number that links it to its request, so the first valid reply after a request is taken
 // as its answer, even if it is a late answer to an earlier request; whatever follows it in the same period is
-// dropped. There is at most one answer per request.
+// dropped. There is at most one answer per request. With LateReplies::kKept, every valid reply is passed on.
 #pragma once
 
+#include <array>
 #include <optional>
 #include <span>
 
@@ -25,32 +26,43 @@ enum class ValueChecks : std::uint8_t {
   kFiniteAndRange,  // every value finite and plausible (ranges in firmware/messages.h)
 };
 
+// What becomes of a reply that is not the first since the last request.
+enum class LateReplies : std::uint8_t {
+  kDropped,  // as in the paper
+  kKept,     // so that the control activity can find out what it shows
+};
+
 class SensorReader {
  public:
   // `port` must outlive the reader.
-  SensorReader(link::Dialect dialect, ValueChecks checks, Port& port);
+  SensorReader(link::Dialect dialect, ValueChecks checks, LateReplies late_replies, Port& port);
 
-  // Drops what was received so far, a half-received frame included, and asks the server for the sensors.
+  // Asks the server for the sensors. kDropped: drops what was received so far, a half-received frame included.
   void Request(TimeNs now);
 
   void Receive(std::span<const std::uint8_t> bytes);
 
-  // The answer to the last request, once.
+  // The next reply that has not been taken. kDropped: the answer to the last request.
   std::optional<Sensors> TakeReply();
+
+  // When the last request's last bit leaves.
+  TimeNs sent_ns() const { return sent_ns_; }
 
   // True from a request until its answer has been received.
   bool waiting() const { return waiting_; }
 
  private:
-  bool Accept(std::span<const std::uint8_t> payload);
+  void Accept(std::span<const std::uint8_t> payload);
 
   link::Dialect dialect_;
   ValueChecks checks_;
   Port& port_;
   link::FrameDecoder decoder_;
+  LateReplies late_replies_;
+  TimeNs sent_ns_ = 0;
   bool waiting_ = false;
-  bool has_reply_ = false;
-  Sensors reply_;
+  std::array<Sensors, 4> replies_;  // received and not taken, in order
+  std::size_t reply_count_ = 0;
 };
 
 }  // namespace tiltproof::firmware

@@ -172,8 +172,48 @@ extern const Reference reference;
 extern const ControlItem item;
 extern ActuatorWriter writer;
 
+// firmware/innovation.h
+extern const MotionState sample, predicted, previous_sample;
+
+// firmware/lag_estimator.h
+extern LagEstimator estimator;
+extern MotionTimeline timeline;
+extern const ModelStep step;
+extern const MotionState sample;
+
+// firmware/motion_timeline.h
+extern MotionTimeline timeline;
+extern const ModelStep step;
+extern const MotionState sample, next_sample;
+extern const Actuators hover, actuators;
+
+// firmware/reply_matcher.h
+extern ReplyMatcher matcher;
+extern MotionTimeline timeline;
+extern const ModelStep step, now_step;
+extern const MotionState sample;
+
 // firmware/sensor_reader.h
 extern SensorReader reader;
+
+// firmware/tolerant_control.h
+extern const Gain gain;
+extern const Actuators feed_forward;
+extern const RequestTimes request;
+extern const Sensors sensors;
+extern const Reference reference;
+extern const examples::Function Send;
+
+// firmware/trigonometry.h
+extern const float yaw_rad;
+
+// firmware/vector3.h
+extern const Matrix3 R_WB;
+extern const Vector3 force_B, rate_W;
+
+// firmware/vehicle_dynamics.h
+extern const Sensors sensors;
+extern const Actuators inputs;
 
 // firmware/ports/stm32f4/byte_ring.h
 extern std::uint8_t byte;

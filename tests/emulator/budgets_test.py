@@ -20,11 +20,13 @@ INSTRUCTIONS = {
     "encode_escaped": (1150, "encode a 64-byte payload, everything escaped"),
     "cycle_plain": (30_000, "whole period, byte by byte, nothing escaped"),
     "cycle_escaped": (45_000, "whole period, byte by byte, everything escaped"),
+    "model_step": (5_000, "model of the vehicle, one step of 4 ms"),
+    "lag_hypotheses": (200_000, "a sample that does not fit: all lags examined"),
 }
 # Bytes of flash and of RAM (stacks included).
 MEMORY = {
-    "executive": (20 * 1024, 10 * 1024),
-    "freertos": (28 * 1024, 18 * 1024),
+    "executive": (32 * 1024, 24 * 1024),
+    "freertos": (40 * 1024, 32 * 1024),
 }
 STACK_USE_MAX = 0.75  # of its size
 

@@ -6,10 +6,12 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <optional>
 
 #include "firmware/builds.h"
 #include "firmware/control_law.h"
 #include "firmware/flight_application.h"
+#include "firmware/lag_estimator.h"
 #include "firmware/messages.h"
 #include "firmware/ports/stm32f4/board.h"
 #include "firmware/ports/stm32f4/fault_record.h"
@@ -91,6 +93,29 @@ void MeasureCodec(const char* encode_name, const char* decode_name, Payload payl
   }
 }
 
+// One step of 4 ms of the vehicle's model.
+void MeasureModelStep() {
+  firmware::MotionState state =
+      firmware::ToMotion({.z_m = 1, .roll_rad = 0.1F, .vx_m_s = 1.5F, .wx_rad_s = 0.3F});
+  Actuators inputs{.f_r_n = 10, .f_l_n = 10.5F, .tau_r_nm = 0.01F, .tau_l_nm = 0.02F};
+  Opaque(state);
+  Opaque(inputs);
+  Measure("model_step", [&] { firmware::StepMotion(firmware::kTiltrotorConstants, inputs, state); });
+  Opaque(state);
+}
+
+// A sample that does not fit, 12 ms after the one before: all lags are examined.
+void MeasureLagHypotheses() {
+  static firmware::MotionTimeline timeline;
+  firmware::LagEstimator estimator;
+  firmware::MotionState sample = firmware::ToMotion({.z_m = 1});
+  timeline.Begin(0, sample, {.f_r_n = 10, .f_l_n = 10, .tau_r_nm = 0, .tau_l_nm = 0});
+  sample.p_WC_m.x += 1;
+  sample.v_WC_m_s.y += 1;
+  Opaque(sample);
+  Measure("lag_hypotheses", [&] { estimator.Update(timeline, 3, sample); });
+}
+
 Stm32f4Port port;
 
 // Bytes as the interrupt brings them, each drained at once.
@@ -103,13 +128,15 @@ void Arrive(firmware::FlightApplication& application, firmware::Uart uart, ByteR
 }
 
 // One period: the request, a reference, the reply and the command that answers it.
-void MeasureCycle(const char* name, const Payload& reply) {
+void MeasureCycle(const char* name, const char* build, const Payload& reply) {
   Wire reply_wire;
   Wire reference_wire;
   const auto reply_frame = link::EncodeFrame(reply, reply_wire).bytes;
   const auto reference_frame =
       link::EncodeFrame(std::span(reply).first(link::kReferenceMessageBytes), reference_wire).bytes;
-  firmware::FlightApplication application(*firmware::FindBuild("paper"), link::Dialect::kPaper, port);
+  static std::optional<firmware::FlightApplication> storage;  // larger than the stack
+  firmware::FlightApplication& application =
+      storage.emplace(*firmware::FindBuild(build), link::Dialect::kPaper, port);
   TimeNs wake = application.Start(0);
   const std::uint32_t count_before = application.control_count();
   Measure(name, [&] {
@@ -136,8 +163,10 @@ int main() {
   MeasureControlLaw();
   MeasureCodec("encode_plain", "decode_plain", PlainPayload());
   MeasureCodec("encode_escaped", "decode_escaped", EscapedPayload());
-  MeasureCycle("cycle_plain", PlainPayload());
-  MeasureCycle("cycle_escaped", EscapedPayload());
+  MeasureCycle("cycle_plain", "paper", PlainPayload());
+  MeasureCycle("cycle_escaped", "paper", EscapedPayload());
+  MeasureModelStep();
+  MeasureLagHypotheses();
   ConsoleLine().Text("done").Send();
   for (;;) WaitForInterrupt();
 }

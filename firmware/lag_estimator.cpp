@@ -1,0 +1,58 @@
+#include "firmware/lag_estimator.h"
+
+#include <algorithm>
+
+#include "firmware/innovation.h"
+
+namespace tiltproof::firmware {
+namespace {
+
+constexpr float kFading = 0.8F;  // per sample
+// A misfit above is examined: 16 signals, each half a spread away.
+constexpr float kFitMisfit = 4;
+// A surprise is so many times the usual misfit.
+constexpr float kSurprise = 2.5F;
+// What one sample may say for or against a lag, and what it takes to believe it: six samples in a row, because a
+// command that was lost looks like a lag of a period.
+constexpr float kSampleEvidence = 8;
+constexpr float kEvidence = 28;
+// The misfit of the right model with the expected noise. More noise makes evidence weaker.
+constexpr float kNoiseMisfit = 16;
+// The average over about 20 samples of the best lag's misfit at which the model is given up.
+constexpr float kModelFading = 0.95F;
+constexpr float kModelMisfitMax = 60;
+// Between samples further apart the model itself is too uncertain.
+constexpr ModelStep kStepsMax = 8;
+
+}  // namespace
+
+void LagEstimator::Update(MotionTimeline& timeline, ModelStep step, const MotionState& sample) {
+  const ModelStep count = step - timeline.last_sample_step();
+  const MotionState before = timeline.last_sample();
+  const ModelStep lag = timeline.lag();
+  if (count > kStepsMax) return;
+
+  const float misfit = Misfit(sample, timeline.At(step), before);
+  const bool fits = misfit < kFitMisfit;
+  surprised_ = misfit > kSurprise * std::max(model_misfit_, kFitMisfit);
+  const float scale = 1 / std::max(1.0F, model_misfit_ / kNoiseMisfit);
+  float best_misfit = misfit;
+  for (ModelStep i = 0; i <= MotionTimeline::kLagMax; ++i) {
+    float& evidence = evidence_[static_cast<std::size_t>(i)];
+    evidence *= kFading;
+    if (fits || i == lag) continue;
+    const float other = Misfit(sample, timeline.Suppose(count, i), before);
+    evidence += std::clamp(scale * (misfit - other), -kSampleEvidence, kSampleEvidence);
+    best_misfit = std::min(best_misfit, other);
+  }
+  model_misfit_ += (1 - kModelFading) * (best_misfit - model_misfit_);
+
+  const auto* best = std::max_element(evidence_.begin(), evidence_.end());
+  if (*best < kEvidence) return;
+  timeline.SetLag(static_cast<ModelStep>(best - evidence_.begin()));
+  evidence_.fill(0);
+}
+
+bool LagEstimator::model_is_right() const { return model_misfit_ < kModelMisfitMax; }
+
+}  // namespace tiltproof::firmware

@@ -1,0 +1,34 @@
+// How many steps late do commands act? Each accepted sample is compared with what the sample before it becomes
+// under every lag; one that explains the last samples clearly better than the present one is taken.
+//
+//   estimator.Update(timeline, step, sample);     // before timeline.Correct(step, sample)
+//   if (!estimator.model_is_right()) ...          // no lag explains the samples: this is another vehicle
+//
+// The hypotheses cost 13 lags times the steps between the samples; they are computed only while the present lag
+// does not fit.
+#pragma once
+
+#include <array>
+
+#include "firmware/motion_timeline.h"
+
+namespace tiltproof::firmware {
+
+class LagEstimator {
+ public:
+  void Update(MotionTimeline& timeline, ModelStep step, const MotionState& sample);
+  void Reset() { *this = {}; }
+
+  bool model_is_right() const;
+  // Whether the last sample was further from its prediction than model and noise make it.
+  bool surprised() const { return surprised_; }
+
+ private:
+  // For each lag against the present one, older samples fading: differences of misfits, which are twice the
+  // logarithms of likelihood ratios (Wald's sequential test).
+  std::array<float, MotionTimeline::kLagMax + 1> evidence_{};
+  float model_misfit_ = 0;  // of the best lag, averaged
+  bool surprised_ = false;
+};
+
+}  // namespace tiltproof::firmware

@@ -1,0 +1,69 @@
+#include "firmware/reply_matcher.h"
+
+#include <algorithm>
+
+#include "firmware/innovation.h"
+
+namespace tiltproof::firmware {
+namespace {
+
+// What an unlikely match costs, in units of the misfit, which are twice a logarithm of likelihood: a round trip
+// that differs from the last one, and a sample one step beside its request.
+constexpr float kOtherDelayCost = 10;
+constexpr TimeNs kOtherDelayNs = 4 * kNsPerMs;
+constexpr float kBesideCost = 6;
+
+float DelayCost(TimeNs delay_ns, TimeNs usual_ns) {
+  const TimeNs difference_ns = delay_ns > usual_ns ? delay_ns - usual_ns : usual_ns - delay_ns;
+  return kOtherDelayCost * static_cast<float>(std::min(difference_ns, kOtherDelayNs)) /
+         static_cast<float>(kOtherDelayNs);
+}
+
+// The prediction is lost after that many steps without sample, if then two thirds of the signals disagree.
+constexpr ModelStep kBlindSteps = 25;
+constexpr float kLostMisfit = kMisfitMax * 2 / 3;
+
+}  // namespace
+
+void ReplyMatcher::Request(ModelStep step, TimeNs sent_ns) {
+  if (open_end_ - open_begin_ == kRequestCount) ++open_begin_;
+  requests_[open_end_++ % kRequestCount] = {.step = step, .sent_ns = sent_ns};
+}
+
+std::optional<ModelStep> ReplyMatcher::Match(const MotionState& sample, TimeNs now, ModelStep now_step,
+                                             MotionTimeline& timeline) {
+  lost_ = false;
+  answers_newest_ = false;
+  const ModelStep oldest_step =
+      std::max(timeline.last_sample_step() + 1, now_step - MotionTimeline::kStateCount / 2);
+  while (open_begin_ != open_end_ && Open(open_begin_).step + 1 < oldest_step) ++open_begin_;
+  timeline.At(std::max(now_step, timeline.last_sample_step()));
+
+  std::optional<ModelStep> best_step;
+  std::uint32_t best_number = 0;
+  float best_cost = 0;
+  for (std::uint32_t number = open_begin_; number != open_end_; ++number) {
+    for (const ModelStep beside : {0, 1, -1}) {
+      const ModelStep step = Open(number).step + beside;
+      if (step < oldest_step || step > now_step) continue;
+      const float cost = Misfit(sample, timeline.At(step), timeline.last_sample()) +
+                         DelayCost(now - Open(number).sent_ns, delay_ns_) + (beside == 0 ? 0 : kBesideCost);
+      if (best_step && cost >= best_cost) continue;
+      best_step = step;
+      best_number = number;
+      best_cost = cost;
+    }
+  }
+  if (!best_step) return std::nullopt;
+  if (best_cost > kLostMisfit && now_step - timeline.last_sample_step() > kBlindSteps) {
+    lost_ = true;
+    best_number = open_end_ - 1;
+    best_step = std::max(std::min(Open(best_number).step, now_step), oldest_step);
+  }
+  delay_ns_ = now - Open(best_number).sent_ns;
+  answers_newest_ = best_number + 1 == open_end_;
+  open_begin_ = best_number + 1;
+  return best_step;
+}
+
+}  // namespace tiltproof::firmware

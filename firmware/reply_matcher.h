@@ -1,0 +1,47 @@
+// Which instant does a reply show? Replies carry no number, so one that comes late, out of order or again is told
+// by its content: all 16 signals against the predicted motion at the requests that are still open.
+//
+//   matcher.Request(step, now);                                       // for each request that is sent
+//   if (const auto step = matcher.Match(sample, now, now_step, timeline)) timeline.Correct(*step, sample);
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+
+#include "firmware/motion_timeline.h"
+
+namespace tiltproof::firmware {
+
+class ReplyMatcher {
+ public:
+  // `step` is the one that a request without delay shows.
+  void Request(ModelStep step, TimeNs sent_ns);
+
+  // The step that `sample` shows, newer than the timeline's last sample; nullopt when it answers nothing that is
+  // open. A match closes its request and all before it. When nothing fits and the timeline is blind for long, the
+  // newest request counts.
+  std::optional<ModelStep> Match(const MotionState& sample, TimeNs now, ModelStep now_step,
+                                 MotionTimeline& timeline);
+
+  // Whether the last match was of that kind: the prediction was lost.
+  bool lost() const { return lost_; }
+  // Whether it answered the newest request.
+  bool answers_newest() const { return answers_newest_; }
+
+ private:
+  static constexpr std::size_t kRequestCount = 32;
+  struct OpenRequest {
+    ModelStep step = 0;
+    TimeNs sent_ns = 0;
+  };
+  const OpenRequest& Open(std::uint32_t number) const { return requests_[number % kRequestCount]; }
+
+  std::array<OpenRequest, kRequestCount> requests_{};
+  std::uint32_t open_begin_ = 0, open_end_ = 0;  // numbers of the open ones
+  TimeNs delay_ns_ = 0;                          // of the last match
+  bool lost_ = false;
+  bool answers_newest_ = false;
+};
+
+}  // namespace tiltproof::firmware

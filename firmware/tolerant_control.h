@@ -1,0 +1,62 @@
+// Activity 2 of 4 of the build `tolerant`: commands that take the line's faults into account.
+//
+//   TolerantControl control(gain, feed_forward);
+//   control.NoteRequest(request);                                        // each one sent
+//   if (const auto u = control.OnReply(now, sensors, reference)) Send(*u);     // each valid reply, late ones too
+//   if (const auto u = control.OnTimeout(now, reference)) Send(*u);            // when none has come in time
+//
+// A reply in time is answered as the paper does, from the sample itself: the same bits. Otherwise the command is
+// computed from the state that the model predicts for the instant at which it will act.
+#pragma once
+
+#include <optional>
+
+#include "firmware/control_law.h"
+#include "firmware/lag_estimator.h"
+#include "firmware/motion_timeline.h"
+#include "firmware/reply_matcher.h"
+
+namespace tiltproof::firmware {
+
+// On the firmware's clock.
+struct RequestTimes {
+  TimeNs origin_ns = 0;  // when `start` had left: the server's grid of steps begins
+  TimeNs begin_ns = 0;   // the request is given to the transmitter
+  TimeNs sent_ns = 0;    // its last bit has left
+};
+
+class TolerantControl {
+ public:
+  // `gain` must outlive it.
+  TolerantControl(const Gain& gain, const Actuators& feed_forward)
+      : law_(gain, feed_forward), hover_(feed_forward) {}
+
+  void NoteRequest(const RequestTimes& request);
+  std::optional<Actuators> OnReply(TimeNs now, const Sensors& sensors, const Reference& reference);
+  // At the time-out, and again every 4 ms. nullopt when the period has its command already and the line is good,
+  // and before the first reply.
+  std::optional<Actuators> OnTimeout(TimeNs now, const Reference& reference);
+
+  bool has_sample() const { return has_sample_; }
+
+ private:
+  ModelStep StepAt(TimeNs now) const;
+  Actuators Command(TimeNs now, const Sensors* fresh, const Reference& reference);
+
+  ControlLaw law_;
+  Actuators hover_;
+  MotionTimeline timeline_;
+  ReplyMatcher matcher_;
+  LagEstimator lag_estimator_;
+  Actuators last_command_;
+  TimeNs origin_ns_ = 0;
+  TimeNs command_flight_ns_ = 0;  // from its computation to its last bit
+  ModelStep period_step_ = 0;     // of the present period's request
+  int degraded_periods_ = 0;      // that are still to come
+  bool has_sample_ = false;
+  bool answered_ = false;    // the present period's reply has had its command
+  bool commanded_ = false;   // the present period has a command
+  bool new_sample_ = false;  // since the last step of the integrals
+};
+
+}  // namespace tiltproof::firmware

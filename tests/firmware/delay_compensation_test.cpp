@@ -1,0 +1,208 @@
+// Which instant does a reply show, and how late do commands act? Synthetic streams of replies from the
+// firmware's own model of motion, so that the right answer is known.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <random>
+
+#include "firmware/innovation.h"
+#include "firmware/lag_estimator.h"
+#include "firmware/motion_timeline.h"
+#include "firmware/reply_matcher.h"
+
+namespace tiltproof::firmware {
+namespace {
+
+constexpr Actuators kHoverInputs = {.f_r_n = 10.2712F, .f_l_n = 10.2804F, .tau_r_nm = 0, .tau_l_nm = 0};
+constexpr Sensors kMoving = {.z_m = 1,
+                             .pitch_rad = -0.011689F,
+                             .alpha_r_rad = 0.011673F,
+                             .alpha_l_rad = 0.011615F,
+                             .vx_m_s = 1.5F,
+                             .vy_m_s = 0.5F};
+
+TimeNs TimeOf(ModelStep step) { return step * kModelStepNs; }
+
+// Commands as a controller sends them: each period another.
+Actuators CommandOf(ModelStep step) {
+  const auto n = static_cast<float>(step / 3 % 7 - 3);
+  return {.f_r_n = kHoverInputs.f_r_n + 0.25F * n,
+          .f_l_n = kHoverInputs.f_l_n - 0.15F * n,
+          .tau_r_nm = 5e-3F * n,
+          .tau_l_nm = 2e-3F * n * n - 8e-3F};
+}
+
+// The vehicle, with commands in force `lag` steps late.
+class Truth {
+ public:
+  explicit Truth(ModelStep lag) : lag_(lag), state_(ToMotion(kMoving)) {}
+
+  MotionState At(ModelStep step) {
+    for (; step_ < step; ++step_) {
+      const ModelStep sent = step_ - lag_;
+      StepMotion(kTiltrotorConstants, sent < 1 ? kHoverInputs : CommandOf((sent - 1) / 3 * 3), state_);
+    }
+    return state_;
+  }
+
+ private:
+  ModelStep lag_;
+  ModelStep step_ = 0;
+  MotionState state_;
+};
+
+TEST(MotionTimelineTest, PredictsWhatTheVehicleDoesUnderTheCommands) {
+  for (const ModelStep lag : {0, 1, 5, 12}) {
+    Truth truth(lag);
+    MotionTimeline timeline;
+    timeline.Begin(0, truth.At(0), kHoverInputs);
+    timeline.SetLag(lag);
+    for (ModelStep step = 0; step < 30; step += 3) timeline.Command(step + 1, CommandOf(step));
+    EXPECT_EQ(timeline.At(30), truth.At(30)) << lag;
+    EXPECT_EQ(timeline.Suppose(30, lag), truth.At(30)) << lag;
+  }
+}
+
+TEST(MotionTimelineTest, ALaterCommandChangesOnlyWhatIsAfterIt) {
+  MotionTimeline timeline;
+  timeline.Begin(0, ToMotion(kMoving), kHoverInputs);
+  const MotionState before = timeline.At(10);
+  const MotionState after = timeline.At(12);
+  timeline.Command(10, CommandOf(3));
+  EXPECT_EQ(timeline.At(10), before);
+  EXPECT_NE(timeline.At(12), after);
+}
+
+TEST(ReplyMatcherTest, TellsALateReplyByItsContent) {
+  for (const int late_periods : {0, 1, 2, 4}) {
+    Truth truth(0);
+    MotionTimeline timeline;
+    ReplyMatcher matcher;
+    timeline.Begin(0, truth.At(0), kHoverInputs);
+    for (ModelStep step = 3; step < 60; step += 3) {
+      timeline.Command(step - 2, CommandOf(step - 3));
+      matcher.Request(step, TimeOf(step));
+      const ModelStep shown = step - 3 * late_periods;
+      if (shown < 3) continue;
+      const auto match = matcher.Match(Truth(0).At(shown), TimeOf(step) + kNsPerMs, step, timeline);
+      ASSERT_TRUE(match);
+      EXPECT_EQ(*match, shown) << late_periods;
+      EXPECT_EQ(matcher.answers_newest(), late_periods == 0);
+      timeline.Correct(*match, Truth(0).At(shown));
+    }
+  }
+}
+
+TEST(ReplyMatcherTest, ALostReplyDoesNotShiftTheOthers) {
+  MotionTimeline timeline;
+  ReplyMatcher matcher;
+  timeline.Begin(0, Truth(0).At(0), kHoverInputs);
+  for (ModelStep step = 3; step < 90; step += 3) {
+    timeline.Command(step - 2, CommandOf(step - 3));
+    matcher.Request(step, TimeOf(step));
+    if (step % 4 == 0) continue;  // lost
+    const auto match = matcher.Match(Truth(0).At(step), TimeOf(step) + kNsPerMs, step, timeline);
+    ASSERT_EQ(match, step);
+    timeline.Correct(step, Truth(0).At(step));
+  }
+}
+
+// A board that counts time in ticks of 1 ms reads the tick before the request had left.
+TEST(ReplyMatcherTest, AClockOfWholeTicksIsPreciseEnough) {
+  MotionTimeline timeline;
+  ReplyMatcher matcher;
+  matcher.Request(0, TimeOf(0));  // its reply began the timeline
+  timeline.Begin(0, Truth(0).At(0), kHoverInputs);
+  for (ModelStep step = 3; step < 30; step += 3) {
+    timeline.Command(step - 2, CommandOf(step - 3));
+    matcher.Request(step, TimeOf(step) + 90 * kNsPerUs);
+    ASSERT_EQ(matcher.Match(Truth(0).At(step), TimeOf(step), step, timeline), step);
+    EXPECT_TRUE(matcher.answers_newest());
+    timeline.Correct(step, Truth(0).At(step));
+  }
+}
+
+TEST(ReplyMatcherTest, ASecondReplyToOneRequestIsNone) {
+  MotionTimeline timeline;
+  ReplyMatcher matcher;
+  timeline.Begin(0, Truth(0).At(0), kHoverInputs);
+  matcher.Request(3, TimeOf(3));
+  EXPECT_TRUE(matcher.Match(Truth(0).At(3), TimeOf(3) + kNsPerMs, 3, timeline));
+  EXPECT_FALSE(matcher.Match(Truth(0).At(3), TimeOf(3) + 2 * kNsPerMs, 3, timeline));
+}
+
+// To a step: what differs by less than the spread is not told apart.
+TEST(LagEstimatorTest, FindsEveryLagAndFollowsItBack) {
+  for (ModelStep lag = 1; lag <= MotionTimeline::kLagMax; ++lag) {
+    Truth truth(lag);
+    MotionTimeline timeline;
+    LagEstimator estimator;
+    timeline.Begin(0, truth.At(0), kHoverInputs);
+    for (ModelStep step = 3; step < 150; step += 3) {
+      timeline.Command(step - 2, CommandOf(step - 3));
+      estimator.Update(timeline, step, truth.At(step));
+      timeline.Correct(step, truth.At(step));
+    }
+    EXPECT_NEAR(timeline.lag(), lag, 1);
+    EXPECT_TRUE(estimator.model_is_right());
+    Truth undelayed(0);
+    timeline.Correct(150, undelayed.At(150));
+    for (ModelStep step = 153; step < 300; step += 3) {
+      timeline.Command(step - 2, CommandOf(step - 3));
+      estimator.Update(timeline, step, undelayed.At(step));
+      timeline.Correct(step, undelayed.At(step));
+    }
+    EXPECT_NEAR(timeline.lag(), 0, 1) << "after " << lag;
+  }
+}
+
+TEST(LagEstimatorTest, OneLostCommandIsNoLag) {
+  MotionTimeline timeline;
+  LagEstimator estimator;
+  MotionState state = ToMotion(kMoving);
+  timeline.Begin(0, state, kHoverInputs);
+  Actuators in_force = kHoverInputs;
+  for (ModelStep step = 0; step < 300; step += 3) {
+    StepMotion(kTiltrotorConstants, in_force, state);
+    timeline.Command(step + 1, CommandOf(step));
+    if (step % 30 != 0) in_force = CommandOf(step);
+    StepMotion(kTiltrotorConstants, in_force, state);
+    StepMotion(kTiltrotorConstants, in_force, state);
+    estimator.Update(timeline, step + 3, state);
+    timeline.Correct(step + 3, state);
+    ASSERT_EQ(timeline.lag(), 0) << step;
+  }
+}
+
+// Twelve uniform numbers in [0, 1] minus 6: mean 0, variance 1, nearly normal.
+float NearlyNormal(std::mt19937& engine) {
+  float sum = -6;
+  for (int i = 0; i < 12; ++i) sum += static_cast<float>(engine()) * 0x1p-32F;
+  return sum;
+}
+
+TEST(LagEstimatorTest, NoiseIsNoLag) {
+  std::mt19937 engine(1);
+  Truth truth(0);
+  MotionTimeline timeline;
+  LagEstimator estimator;
+  timeline.Begin(0, truth.At(0), kHoverInputs);
+  for (ModelStep step = 3; step < 600; step += 3) {
+    timeline.Command(step - 2, CommandOf(step - 3));
+    MotionState noisy = truth.At(step);
+    noisy.p_WC_m =
+        noisy.p_WC_m + 2e-3F * Vector3{NearlyNormal(engine), NearlyNormal(engine), NearlyNormal(engine)};
+    noisy.v_WC_m_s =
+        noisy.v_WC_m_s + 1e-2F * Vector3{NearlyNormal(engine), NearlyNormal(engine), NearlyNormal(engine)};
+    noisy.w_WB_rad_s =
+        noisy.w_WB_rad_s + 1e-2F * Vector3{NearlyNormal(engine), NearlyNormal(engine), NearlyNormal(engine)};
+    for (float& rate_rad_s : noisy.alpha_rad_s) rate_rad_s += 3e-2F * NearlyNormal(engine);
+    estimator.Update(timeline, step, noisy);
+    timeline.Correct(step, noisy);
+    ASSERT_EQ(timeline.lag(), 0) << step;
+  }
+  EXPECT_TRUE(estimator.model_is_right());
+}
+
+}  // namespace
+}  // namespace tiltproof::firmware
