@@ -23,13 +23,13 @@ const FaultType* FindFaultType(std::string_view name);
 // For a name that was a type in the past: "was replaced by clock.drift ..."; empty for any other.
 std::string_view WhyNoLonger(std::string_view name);
 
-// The possible targets of a fault, Target::kNone being "no target": the main line or the reference line for
-// faults on the wire, none for others.
 // The names that a parameter of kind kField may have: the fields of the protocol's messages that travel to that
 // target; of one message, if the fault names it.
 std::vector<std::string> FieldNames(const link::Protocol& protocol, Target target,
                                     std::optional<link::MessageKind> message);
 
+// The possible targets of a fault, Target::kNone being "no target": the main line or the reference line for
+// faults on the wire, none for others.
 std::vector<Target> AcceptedTargets(const FaultType& type);
 // The target of a fault on the wire, the type's default if it states none.
 Target ResolvedTarget(const FaultSpec& spec, const FaultType& type);

@@ -276,10 +276,9 @@ void EmulatedBoard::Tell(const Examined& examined, bool started) {
 
 std::string EmulatedBoard::State(bool started) {
   if (lost_ || paused_ || !hang_watch_ || std::exchange(examined_, true)) return "";
-  constexpr std::chrono::milliseconds kLimit{500};
   debugger_.reset();
   try {
-    GdbBoard stopped(debugger_port_.get(), UsartStates(), kLimit);
+    GdbBoard stopped(debugger_port_.get(), UsartStates(), GdbBoard::kLimit);
     const auto state = ParseCpuState(stopped.Registers());
     if (!state || (started && !state->InFaultHandler())) return "";
     const UsartRoles roles{spec_.main_usart, spec_.reference_usart, spec_.console_usart};

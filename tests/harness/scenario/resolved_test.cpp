@@ -130,6 +130,17 @@ void MakeConsistent(Scenario& s, const fs::path& folder) {
       }
     }
   }
+  for (faults::FaultSpec& fault : s.faults) {
+    const faults::FaultType& type = *faults::FindFaultType(fault.type);
+    const auto fields = [&] {
+      return faults::FieldNames(*s.link.protocol, faults::ResolvedTarget(fault, type), fault.message);
+    };
+    for (const faults::ParameterInfo& info : type.parameters) {
+      if (info.kind != faults::ParameterKind::kField) continue;
+      if (fields().empty()) fault.message.reset();  // it has none
+      fault.parameters[std::string(info.name)] = *rc::gen::elementOf(fields());
+    }
+  }
   for (std::size_t i = 0; i < s.watch.size(); ++i) s.watch[i].append(".").append(std::to_string(i));
   for (std::size_t i = 0; i < s.criteria.size(); ++i) {
     CriterionSpec& criterion = s.criteria[i];
