@@ -9,7 +9,7 @@ a remark of its own, in `;`, `{`, `}` or `) ...`. Other indented lines are table
 examples of a header are one function, in the header's namespace; a function that an example defines stands before it.
 `...` stands for what an example leaves out: statements, elements of a list, a value, alternatives of a std::visit.
 
-What an example assumes and does not declare is in example_context.h. The flags are those of a source in the header's
+What an example assumes and does not declare is in example_context.h and example_context_harness.h. The flags are those of a source in the header's
 folder, from BUILD_DIR/compile_commands.json. The sources that are compiled remain in BUILD_DIR/header_examples.
 """
 import json
@@ -112,16 +112,18 @@ class Header:
         return "\n".join([*spaces, *definitions, "void Example() {", *statements, "}", "}" * len(spaces)])
 
 
-def read_context(file):
-    """Its declarations by header or folder, and what comes before them, for all."""
-    preamble = current = []
+def read_context(files):
+    """Their declarations by header or folder, and what comes before them, for all."""
+    preamble = []
     sections = {}
-    for number, line in enumerate(file.read_text().splitlines(), 1):
-        place = re.match(r"// ([\w/]+(?:/|\.h))$", line)
-        if place:
-            current = sections.setdefault(place.group(1), [f'#line {number + 1} "{file.as_posix()}"'])
-        else:
-            current.append(line)
+    for file in files:
+        current = preamble
+        for number, line in enumerate(file.read_text().splitlines(), 1):
+            place = re.match(r"// ([\w/]+(?:/|\.h))$", line)
+            if place:
+                current = sections.setdefault(place.group(1), [f'#line {number + 1} "{file.as_posix()}"'])
+            else:
+                current.append(line)
     return sections, preamble
 
 
@@ -146,7 +148,7 @@ def is_below(path):
 
 def main():
     root, build = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
-    sections, preamble = read_context(root / "tests/architecture/example_context.h")
+    sections, preamble = read_context(sorted((root / "tests/architecture").glob("example_context*.h")))
     out = build / "header_examples"
     out.mkdir(exist_ok=True)
     count, failed = 0, False
@@ -176,7 +178,7 @@ def main():
         if subprocess.run([*command_of(folder, build), "-w", "-fsyntax-only", source], cwd=root).returncode != 0:
             failed = True
     for place in sorted(sections.keys() - used):
-        print(f"tests/architecture/example_context.h: no example needs the section {place}")
+        print(f"tests/architecture/example_context*.h: no example needs the section {place}")
         failed = True
     if count < HEADERS_MIN:
         print(f"only {count} headers with examples, of at least {HEADERS_MIN}: does this script still find them?")

@@ -131,7 +131,10 @@ class EnvelopeTest(CommandLineTest):
         left_out = {(entry["type"], entry["client"]) for entry in envelope["not_applicable"]}
         self.assertIn(("device.stall", "tolerant"), left_out)
         self.assertIn("not applicable: device.stall: needs an emulated board", out)
-        self.assertRegex(out, r"frame\.drop +both +1 +[\d.]+ +[\d.]+\n")
+        self.assertRegex(out, r"frame\.drop +both +1 +[\d.]+ +([\d.]+|all)\n")
+        for place in ("to_plant", "to_client", "both"):  # the more tolerant one
+            paper, tolerant = (rows["frame.drop", place, client] for client in ("paper", "tolerant"))
+            self.assertTrue(tolerant["fails"] is None or tolerant["survives"] >= paper["survives"], (paper, tolerant))
         for line in out.splitlines():
             self.assertTrue(len(line) <= 80 or line.startswith("not applicable"), line)
 

@@ -1,0 +1,304 @@
+// The rest of example_context.h: of the headers in harness/.
+
+// harness/
+using namespace std::chrono_literals;
+using link::Direction;
+extern const examples::Function Fail, Flip, Handle, Keep, NoteLateness, Report, Send;
+extern const harness::Scenario scenario;
+extern const link::Protocol& protocol;
+extern const plant::VehicleModel model;
+extern const VehicleSignals vehicle;
+#include <boost/asio/io_context.hpp>
+extern boost::asio::io_context& loop;
+extern dds::Bus& bus;
+extern const dds::Circle members;
+extern const std::string run_id, text;
+extern const std::filesystem::path folder;
+extern const std::vector<std::string> columns, fault_ids;
+extern const std::function<void()> wake, on_data;
+extern const std::function<void(const std::string&)> on_lost;
+extern std::vector<std::uint8_t> bytes;
+extern const std::vector<double> row;
+extern BootTime now;
+extern TimeNs t;
+extern std::size_t client;
+extern pid_t pid;
+extern bool realtime;
+
+// harness/campaign/
+extern const VehicleSignals signals;
+extern const FlightJob job;
+extern const Severity severity;
+
+// harness/campaign/envelope_rows.h
+extern const faults::FaultType* type;
+extern const Scenario base;
+
+// harness/campaign/trials.h
+extern const examples::Function Take;
+
+// harness/cli/run_record.h
+#include "harness/cli/run_flights.h"
+extern const RunInfo info;
+extern const std::vector<FlightJob> jobs;
+extern bool interrupted;
+
+// harness/client/captured_output.h
+extern const examples::Function CallFirmware, log;
+
+// harness/client/firmware_files.h
+extern const std::string dialect;
+
+// harness/client/firmware_guard.h
+TimeNs grant(BootTime now);
+
+// harness/client/floating_point.h
+extern const examples::Function CallOthers;
+
+// harness/client/line_splitter.h
+extern const examples::Function log;
+extern std::string_view bytes;
+
+// harness/client/make_client.h
+ClientSettings SettingsOf(const Scenario& scenario);
+extern ClientHost host;
+
+// harness/dds/bus.h
+extern struct Loop { void Post(const std::function<void()>& work); } loop;
+
+// harness/dds/messages.h
+extern Publisher<RunEvent> publisher;
+extern const std::string run;
+extern std::int64_t last;
+
+// harness/dds/participant.h
+extern const NodeLife node;
+
+// harness/dds/sequence_filter.h
+extern const RunEvent message;
+
+// harness/emulator/cpu_state.h
+extern EmulatorProcess board;
+extern const std::uint32_t code;
+
+// harness/emulator/emulator_process.h
+extern std::span<const lockstep::ReceivedByte> bytes;
+
+// harness/emulator/gdb_board.h
+extern int socket;
+extern const lockstep::UsartStates usarts;
+
+// harness/emulator/gdb_client.h
+extern int socket;
+
+// harness/emulator/line_sampler.h
+extern TimeNs begin_ns, now_ns;
+extern std::uint8_t byte;
+extern double sender_bit_ns, receiver_bit_ns, tolerance;
+
+// harness/emulator/post_mortem.h
+extern StoppedBoard& board;
+extern const ElfSymbols symbols;
+extern const SourceLines source;
+extern const UsartRoles roles;
+
+// harness/emulator/plugin/chip.h
+extern Chip chip;
+extern const Chip::Options options;
+extern void* core_clock;
+
+// harness/emulator/plugin/harness_socket.h
+using harness::lockstep::Kind;
+extern HarnessSocket socket;
+extern const harness::lockstep::Hello hello;
+
+// harness/emulator/plugin/readers.h
+extern void* cpu;
+extern qemu_plugin_tb* block;
+
+// harness/emulator/plugin/sleep.h
+extern void* cpu;
+
+// harness/emulator/plugin/usart.h
+extern UsartUnit usart;
+extern const ClockTree clocks;
+extern Dma dma;
+extern const UsartUnit::Callbacks callbacks;
+
+// harness/emulator/stopped_board.h
+extern EmulatorProcess board;
+extern const TimeNs now_ns;
+
+// harness/emulator/qmp_client.h
+extern int socket;
+extern const std::function<void(const std::string&, const std::string&)> on_event;
+
+// harness/emulator/usart_rate.h
+extern const struct Registers { std::uint32_t brr, cr1, cr3, clock_hz; } registers;
+extern double sender_bit_ns;
+
+// harness/emulator/watched_variable.h
+extern std::span<const std::uint8_t> bytes;
+
+// harness/engine/engine.h
+extern const std::shared_ptr<const plant::VehicleModel> model;
+
+// harness/formula/condition.h
+#include "harness/run/row_signals.h"
+double ValueOf(std::string_view signal);
+
+// harness/formula/formula.h
+extern const std::vector<std::string> signals;
+
+// harness/node/board_reset.h
+extern NodeServices& services;
+extern link::SerialPort& port;
+
+// harness/node/cpu_wait.h
+extern TimeNs late_after_ns;
+
+// harness/node/deaf_receiver.h
+extern std::span<const std::uint8_t> bytes;
+extern TimeNs now;
+
+// harness/node/emulated_board.h
+extern NodeServices& services;
+extern const BoardWiring wiring;
+extern const EmulatedBoard::Callbacks callbacks;
+
+// harness/node/firmware_process.h
+extern NodeServices& services;
+extern const ChildSpec spec;
+
+// harness/node/hang_watch.h
+extern std::chrono::steady_clock::time_point last_byte, last_byte_there;
+extern bool held;
+
+// harness/node/joystick_input.h
+extern TimeNs now;
+
+// harness/node/joystick_reference.h
+extern const ReferencePoint start;
+extern const JoystickAxes axes;
+extern TimeNs period_ns;
+
+// harness/process/child_process.h
+extern int log_file;
+extern struct Loop { void Watch(int descriptor, const std::function<void()>& look = {}); } loop;
+
+// harness/process/own_time.h
+bool Answered();
+void WaitForAnswer(std::chrono::milliseconds limit);
+extern TimeNs limit_ns;
+
+// harness/reference/reference_point.h
+#include "harness/reference/trajectory.h"
+extern const Trajectory trajectory;
+
+// harness/report/build_id.h
+#include "harness/report/results.h"
+extern RunInfo info;
+extern const std::filesystem::path library;
+
+// harness/report/compare.h
+#include "harness/terminal/terminal.h"
+extern const std::filesystem::path folder_a, folder_b;
+
+// harness/report/machine.h
+extern RunInfo info;
+
+// harness/report/json_fields.h
+extern const harness::Restart restart;
+
+// harness/report/outcomes.h
+extern const std::filesystem::path golden_folder;
+extern const FlightResult result;
+
+// harness/run/
+extern RunLog log;
+extern Line& line;
+extern PlantServer& server;
+extern const PlantServer::Reply reply;
+
+// harness/run/arbiter.h
+extern std::vector<double> commanded;
+extern const struct Message { std::vector<double> actuators; } message;
+
+// harness/run/client_channel.h
+std::unique_ptr<Client> make_client(std::size_t client, ClientHost host);
+extern BootTime horizon;
+extern Origin origin;
+
+// harness/run/fault_conditions.h
+extern std::vector<faults::News> news;
+
+// harness/run/framed.h
+extern Direction direction;
+extern const link::MessageType& type;
+extern const std::vector<float> row;
+
+// harness/run/introduction.h
+#include "harness/process/child_process.h"
+extern dds::Circle circle;
+
+// harness/process/shared_processor.h
+extern const examples::Function Wait;
+
+// harness/run/message_binding.h
+extern std::span<const double> row;
+
+// harness/run/realtime/log_messages.h
+extern const dds::Participant harness;
+extern Origin origin;
+extern const std::vector<CountsSample> counts;
+extern const NodeTotals totals;
+extern TimeNs flown_ns, end_ns;
+
+// harness/run/realtime/node_order.h
+#include "link/overloaded.h"
+extern dds::Publisher<dds::FaultCommand> commands;
+extern const dds::FaultCommand message;
+
+// harness/run/realtime/ending.h
+#include "harness/run/realtime/members.h"
+extern Ending ending;
+extern Members members;
+extern OwnTime::SteadyClock::time_point now;
+extern TimeNs sim_ns;
+
+// harness/run/reference_talk.h
+extern ReferenceTalk talk;
+extern const examples::Function Note;
+
+// harness/run/remote/archive.h
+#include "harness/run/remote/protocol.h"
+extern RunEvent event;
+
+// harness/run/row_signals.h
+extern const Trace trace;
+extern std::size_t r;
+
+// harness/run/trace.h
+extern tiltproof::plant::Plant plant;
+
+// harness/scenario/fault_support.h
+extern const ClientSpec client;
+
+// harness/score/
+extern const RunLog log;
+#include "harness/run/row_signals.h"
+extern const Trace trace;
+
+// harness/score/sliding_fold.h
+struct Min {
+  double operator()(double a, double b) const;
+};
+extern const std::vector<double> values;
+extern double infinity;
+extern std::vector<double> lowest;
+std::size_t first(std::size_t i);
+std::size_t last(std::size_t i);
+
+// harness/terminal/terminal.h
+extern const std::runtime_error error;
+extern const std::string coloured;
