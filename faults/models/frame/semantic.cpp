@@ -23,15 +23,18 @@ class Semantic : public WireModel {
     const bool replaces = context.random.Bernoulli(probability_);
     FrameEdit edit(chunk.bytes);
     const std::optional<Place> place = edit.ok() ? PlaceIn(edit.payload()) : std::nullopt;
-    if (replaces && place) {
-      const float before = FloatAt(edit.payload(), place->offset), after = Instead(before, *place->field);
-      SetFloat(edit.payload(), place->offset, after);
-      edit.WriteTo(chunk.bytes);
-      if (context.what != nullptr)
-        context.Say(Concat({place->field->signal, " ", NumberText(static_cast<double>(before)), " -> ",
-                            NumberText(static_cast<double>(after))}));
-    } else if (place) {
-      left_alone_ = FloatAt(edit.payload(), place->offset);
+    if (place) {
+      const float before = FloatAt(edit.payload(), place->offset);
+      if (!replaces) {
+        left_alone_ = before;
+      } else {
+        const float after = Instead(before, *place->field);
+        SetFloat(edit.payload(), place->offset, after);
+        edit.WriteTo(chunk.bytes);
+        if (context.what != nullptr)
+          context.Say(Concat({place->field->signal, " ", NumberText(static_cast<double>(before)), " -> ",
+                              NumberText(static_cast<double>(after))}));
+      }
     }
     out.push_back(std::move(chunk));
   }
