@@ -68,7 +68,9 @@ std::optional<std::uint32_t> MostRead(const std::map<std::uint32_t, int>& reads)
 // Runs on, one instruction at a time.
 Loop Watch(StoppedBoard& board) {
   Loop loop{.polled = std::nullopt, .first = ~0U, .last = 0};
-  std::map<std::uint32_t, int> reads;
+  // An interrupt that comes meanwhile reads its registers; the loop is what it comes back to. Unless it is in one itself.
+  constexpr int kFirstInterrupt = 15;  // SysTick (ARMv7-M ARM, table B1-4)
+  std::map<std::uint32_t, int> reads, of_interrupts;
   std::map<std::uint32_t, std::uint32_t> code;
   for (int step = 0; step < kSteps; ++step) {
     const auto state = ParseCpuState(board.Registers());
@@ -77,10 +79,11 @@ Loop Watch(StoppedBoard& board) {
     loop.last = std::max(loop.last, state->pc());
     auto known = code.find(state->pc());
     if (known == code.end()) known = code.emplace(state->pc(), ReadWord(board, state->pc())).first;
-    if (const auto address = LoadAddress(*state, known->second)) ++reads[*address];
+    if (const auto address = LoadAddress(*state, known->second))
+      ++(state->exception() < kFirstInterrupt ? reads : of_interrupts)[*address];
     if (!board.Step()) break;
   }
-  loop.polled = MostRead(reads);
+  loop.polled = MostRead(reads.empty() ? of_interrupts : reads);
   return loop;
 }
 
