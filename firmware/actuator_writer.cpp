@@ -6,9 +6,8 @@ namespace tiltproof::firmware {
 
 ActuatorWriter::ActuatorWriter(link::Dialect dialect, Port& port) : dialect_(dialect), port_(port) {}
 
-void ActuatorWriter::Send(TimeNs now, const ActuatorCommand& command) {
-  if (!command.repeats) last_ = command.actuators;
-  if (last_) SendFrame(port_, now, link::EncodeActuators(dialect_, *last_));
+void ActuatorWriter::Send(TimeNs now, const Actuators& command) {
+  SendFrame(port_, now, link::EncodeActuators(dialect_, command));
 }
 
 }  // namespace tiltproof::firmware

@@ -6,7 +6,7 @@ ControlActivity::ControlActivity(const Build& build) : law_(*build.gain, build.f
   if (build.late_replies == LateReplies::kKept) tolerant_.emplace(*build.gain, build.feed_forward);
 }
 
-std::optional<ActuatorCommand> ControlActivity::Do(const ControlItem& item) {
+std::optional<Actuators> ControlActivity::Do(const ControlItem& item) {
   const Sensors& sensed = item.sensors;
   if (item.kind == ControlItem::Kind::kSensors && !reference_) {
     reference_ = Reference{.x_m = sensed.x_m,
@@ -19,10 +19,10 @@ std::optional<ActuatorCommand> ControlActivity::Do(const ControlItem& item) {
   }
   if (tolerant_) return DoTolerantly(item);
   if (item.kind != ControlItem::Kind::kSensors) return std::nullopt;
-  return ActuatorCommand{.repeats = false, .actuators = law_.Step(sensed, *reference_)};
+  return law_.Step(sensed, *reference_);
 }
 
-std::optional<ActuatorCommand> ControlActivity::DoTolerantly(const ControlItem& item) {
+std::optional<Actuators> ControlActivity::DoTolerantly(const ControlItem& item) {
   std::optional<Actuators> actuators;
   switch (item.kind) {
     case ControlItem::Kind::kRequest:
@@ -37,8 +37,7 @@ std::optional<ActuatorCommand> ControlActivity::DoTolerantly(const ControlItem& 
     case ControlItem::Kind::kNoSensors:
       break;
   }
-  if (!actuators) return std::nullopt;
-  return ActuatorCommand{.repeats = false, .actuators = *actuators};
+  return actuators;
 }
 
 }  // namespace tiltproof::firmware

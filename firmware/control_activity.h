@@ -7,7 +7,6 @@
 
 #include <optional>
 
-#include "firmware/actuator_writer.h"
 #include "firmware/builds.h"
 #include "firmware/control_law.h"
 #include "firmware/sensor_cycle.h"
@@ -26,10 +25,10 @@ class ControlActivity {
   void Follow(const Reference& reference) { reference_ = reference; }
 
   // nullopt when the item requires no command.
-  std::optional<ActuatorCommand> Do(const ControlItem& item);
+  std::optional<Actuators> Do(const ControlItem& item);
 
  private:
-  std::optional<ActuatorCommand> DoTolerantly(const ControlItem& item);
+  std::optional<Actuators> DoTolerantly(const ControlItem& item);
 
   ControlLaw law_;  // unless:
   std::optional<TolerantControl> tolerant_;

@@ -1,6 +1,6 @@
 // The flight firmware as the paper's four tasks on FreeRTOS (paper, section 2.3, Figure 8), joined by queues:
 //
-//   get_sensors --ControlItem--> control --ActuatorCommand--> send_actuators
+//   get_sensors --ControlItem--> control --Actuators--> send_actuators
 //   get_references --Reference--> control
 //
 // Priorities rise along the arrows, so that whatever a task hands on has been dealt with, down to the wire, before it
@@ -78,7 +78,7 @@ class Queue {
 };
 
 Queue<firmware::ControlItem, 2> control_queue;
-Queue<firmware::ActuatorCommand, 2> actuator_queue;
+Queue<Actuators, 2> actuator_queue;
 Queue<Reference, 1> reference_queue;
 
 TaskHandle_t get_sensors_task;
@@ -130,7 +130,7 @@ void Control(void*) {
 }
 
 void SendActuators(void*) {
-  firmware::ActuatorCommand command;
+  Actuators command;
   for (;;) {
     if (actuator_queue.Receive(command, portMAX_DELAY)) actuator_writer.Send(TickTime(), command);
   }
