@@ -96,6 +96,8 @@ std::string NeedsText(Needs needs) {
       return " Needs real time.";
     case Needs::kReset:
       return " Needs a client that can be reset: an emulated board or, in lockstep, a library.";
+    case Needs::kTask:
+      return " Needs a library in lockstep.";
     case Needs::kProcessor:
       return " Needs an emulated board.";
     case Needs::kEmulation:

@@ -29,13 +29,17 @@ struct ResetProcessor {};   // through its reset pin, and held until the end
 struct ResetByWatchdog {};  // the same, with the watchdog as the reset cause
 struct HangProcessor {};    // for good, or until a watchdog expires
 struct StallProcessor {};   // until the end
+struct DelayTask {          // each time from the begin on, until the end
+  TimeNs delay_ns = 0;
+  TimeNs every_ns = 0;
+};
 struct FlipBits {
   std::string region;  // "ram", "data", "bss", "stack", or an object of the image
   std::int64_t bit_count = 0;
   std::uint64_t stream = 0;  // for DrawBitFlips()
 };
-using DeviceAction =
-    std::variant<ResetProcessor, ResetByWatchdog, HangProcessor, StallProcessor, FlipBits, DriftClock>;
+using DeviceAction = std::variant<ResetProcessor, ResetByWatchdog, HangProcessor, StallProcessor, DelayTask,
+                                  FlipBits, DriftClock>;
 
 // The inputs from which an action is made.
 struct DeviceSetup {

@@ -101,6 +101,7 @@ enum class Needs : std::uint8_t {
   kNothing,    // the harness does it by itself, with any client
   kNodes,      // processes of the harness: real time
   kReset,      // a client that can be reset
+  kTask,       // a firmware that the harness calls when it is to run: a library, in lockstep
   kProcessor,  // a processor that can be stopped, with memory that can be written
   kEmulation,  // the board's reset cause, watchdog and receiver, at exact virtual times
   kClock,      // depends on the parameter `node`: real time, or a client whose clock the harness provides

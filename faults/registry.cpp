@@ -97,6 +97,7 @@ namespace tiltproof::faults {
   FAULT(DeviceWatchdogReset)         \
   FAULT(DeviceHang)                  \
   FAULT(DeviceStall)                 \
+  FAULT(DeviceTaskDelay)             \
   FAULT(DeviceBitFlip)               \
   FAULT(UartOverrun)                 \
   FAULT(UartFramingError)            \

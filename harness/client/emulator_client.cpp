@@ -208,6 +208,8 @@ class EmulatorClient final : public Client {
                           [&](const faults::ResetByWatchdog&) { stall(lockstep::ResetCause::kWatchdog); },
                           [&](const faults::HangProcessor&) { stall(lockstep::ResetCause::kNone); },
                           [&](const faults::StallProcessor&) { stall(lockstep::ResetCause::kNone); },
+                          // An image's tasks are its own: refused before the flight.
+                          [](const faults::DelayTask&) {},
                           [&](const faults::FlipBits& flips) { Flip(flips, begin, fault); },
                           // In force already: it is in clock_.
                           [](const faults::DriftClock&) {}},

@@ -2,6 +2,7 @@
 
 #include <dlfcn.h>
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -19,6 +20,7 @@
 #include "firmware/tiltproof_client.h"
 #include "harness/client/device_clock.h"
 #include "harness/client/firmware_guard.h"
+#include "harness/client/task_delays.h"
 #include "harness/process/child_process.h"
 #include "harness/process/own_time.h"
 #include "harness/terminal/terminal.h"
@@ -159,8 +161,7 @@ class LibraryClient final : public Client {
                    .text = "reset, and held until it has booted"});
     }
     if (!in_reset_) {
-      wake_ns_ =
-          clock_.When(Guarded(FirmwareCall::kGrant, [&] { return library_.grant(client_, clock_.At(now)); }));
+      wake_ns_ = Run(now);
     } else if (now < held_until_) {
       wake_ns_ = held_until_;
     } else {
@@ -172,12 +173,14 @@ class LibraryClient final : public Client {
     if (now - logged_ns_ >= kLogPeriod) LogOutput(now);
     return resets_.empty() ? wake_ns_ : std::min(wake_ns_, resets_.front().begin);
   }
-  // A library can be reset and its clock can drift; all other faults of a device are refused before the flight.
+  // A library can be reset or run late, and its clock can drift; all other faults of a device are refused before the
+  // flight.
   void Command(const std::vector<faults::DeviceCommand>& commands, Origin origin) override {
     const auto refuse = [] {
       throw std::logic_error("a library was given a command that it cannot carry out");
     };
     drifts_ = clock_.Follow(commands, origin);
+    task_delays_ = TaskDelays(commands, origin);
     for (const faults::DeviceCommand& command : commands)
       std::visit(Overloaded{[&](const faults::ResetProcessor&) {
                               resets_.push_back({origin.ToBootTime(command.at_ns),
@@ -187,8 +190,8 @@ class LibraryClient final : public Client {
                             [&](const faults::HangProcessor&) { refuse(); },
                             [&](const faults::StallProcessor&) { refuse(); },
                             [&](const faults::FlipBits&) { refuse(); },
-                            // In force already: it is in clock_.
-                            [](const faults::DriftClock&) {}},
+                            // In force already, in task_delays_ and clock_.
+                            [](const faults::DelayTask&) {}, [](const faults::DriftClock&) {}},
                  command.action);
   }
   std::optional<ClientStatus> Status() override {
@@ -210,6 +213,20 @@ class LibraryClient final : public Client {
       LogAllOutput();
       throw;
     }
+  }
+
+  // Until when it waits.
+  BootTime Run(BootTime now) {
+    if (const auto hold = task_delays_.At(now)) {
+      if (std::exchange(task_held_until_, hold->until) != hold->until)
+        host_.event({.time_ns = now,
+                     .fault = hold->fault,
+                     .kind = "task_delayed",
+                     .text = fmt::format("held for {:.6g} ms", ToSeconds(hold->until - now) * 1e3)});
+      return hold->until;
+    }
+    return clock_.When(
+        Guarded(FirmwareCall::kGrant, [&] { return library_.grant(client_, clock_.At(now)); }));
   }
 
   BootTime Transmit(Uart uart, BootTime now, std::span<const std::uint8_t> bytes) {
@@ -247,6 +264,8 @@ class LibraryClient final : public Client {
   std::deque<Reset> resets_;        // to come, by begin
   DeviceClock clock_;               // by which it lives; all other times here are true
   std::deque<DeviceEvent> drifts_;  // to be told when they begin, in order
+  TaskDelays task_delays_;
+  BootTime task_held_until_;
   bool in_reset_ = false;
   BootTime held_until_;
   BootTime wake_ns_ = BootTime::Never();

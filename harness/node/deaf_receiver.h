@@ -47,6 +47,7 @@ class DeafReceiver {
                                  [](const faults::ResetProcessor&) -> Answer { return false; },
                                  [](const faults::ResetByWatchdog&) -> Answer { return false; },
                                  [](const faults::HangProcessor&) -> Answer { return true; },
+                                 [](const faults::DelayTask&) -> Answer { return std::nullopt; },
                                  [](const faults::FlipBits&) -> Answer { return std::nullopt; },
                                  [](const faults::DriftClock&) -> Answer { return std::nullopt; }},
                       action);

@@ -179,7 +179,7 @@ class EmulatorRole final : public Role {
                    [&](const faults::FlipBits&) { at(command.at_ns, [this, &planned] { Flip(planned); }); },
                    [&](const faults::ResetByWatchdog&) { refuse(); },
                    [&](const faults::HangProcessor&) { refuse(); },
-                   [&](const faults::DriftClock&) { refuse(); }},
+                   [&](const faults::DelayTask&) { refuse(); }, [&](const faults::DriftClock&) { refuse(); }},
         command.action);
   }
 

@@ -143,7 +143,7 @@ void Add(const HostLibrary& library, ClientAbilities& abilities) {
   abilities.virtual_time = abilities.guarded = abilities.tells_resets = true;
   abilities.shipped = library.file.empty();
   abilities.clock = true;
-  abilities.reset = !abilities.realtime;
+  abilities.reset = abilities.task = !abilities.realtime;
 }
 void Add(const EmulatedImage& image, ClientAbilities& abilities) {
   abilities.virtual_time = abilities.tells_resets = true;

@@ -40,6 +40,10 @@ std::optional<std::string> Unsupported(const faults::FaultSpec& fault, const fau
       if (abilities.reset) return std::nullopt;
       return "needs a client that can be reset: fly it with --client qemu, or in lockstep with host or "
              "library:FILE";
+    case Needs::kTask:
+      if (abilities.task) return std::nullopt;
+      return "delays the task of a firmware that the harness calls: fly it in lockstep with host or "
+             "library:FILE";
     case Needs::kProcessor:
       if (abilities.processor) return std::nullopt;
       return "needs an emulated board: fly it with --client qemu";

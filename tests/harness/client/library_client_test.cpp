@@ -88,5 +88,31 @@ TEST(LibraryClient, AFastClockMakesItsPeriodShort) {
   EXPECT_EQ(board.events[0].fault, 0U);
 }
 
+TEST(LibraryClient, RunsLateWhileOtherWorkHasTheProcessor) {
+  Board board;
+  faults::FaultSpec work;
+  work.id = "w";
+  work.type = "device.task_delay";
+  work.start_ns = kNsPerS;
+  work.end_ns = 2 * kNsPerS;
+  work.parameters = {{"delay_ms", 4.0}, {"every_ms", 100.0}};
+  BootTime wake = board.client->Start(BootTime());
+  board.client->Command(faults::DeviceCommands({work}, 1), kOriginAtPowerOn);
+  while (wake < BootTime(3 * kNsPerS)) wake = board.client->Grant(wake, BootTime::Never());
+  // A request is due every 12 ms. Those that fall into one of the ten times of 4 ms are sent at its end.
+  std::vector<BootTime> expected = {BootTime(), BootTime()};
+  std::size_t late_count = 0;
+  for (TimeNs due = kControlPeriodNs; due < 3 * kNsPerS; due += kControlPeriodNs) {
+    const TimeNs since = due % (100 * kNsPerMs);
+    const bool held = due >= kNsPerS && due < 2 * kNsPerS && since < 4 * kNsPerMs;
+    late_count += held ? 1 : 0;
+    expected.emplace_back(held ? due - since + 4 * kNsPerMs : due);
+  }
+  EXPECT_EQ(board.sent, expected);
+  EXPECT_GT(late_count, 2U);
+  EXPECT_EQ(board.events.size(), late_count);
+  for (const DeviceEvent& event : board.events) EXPECT_EQ(event.fault, 0U);
+}
+
 }  // namespace
 }  // namespace tiltproof::harness

@@ -172,7 +172,7 @@ TEST(FaultSupportTest, EachClientInEachMode) {
        {"device.reset", "device.watchdog_reset", "device.hang", "device.stall", "device.bit_flip",
         "clock.drift", "uart.overrun", "uart.framing_error", "uart.noise_error"}},
       {EmulatedImage{}, true, {"device.reset", "device.stall", "device.bit_flip"}},
-      {HostLibrary{}, false, {"device.reset", "clock.drift"}},
+      {HostLibrary{}, false, {"device.reset", "device.task_delay", "clock.drift"}},
       {HostLibrary{}, true, {"clock.drift", "clock.jump"}},
       {Program{}, true, {}},
       {SerialBoard{}, true, {}},

@@ -1,0 +1,37 @@
+// When other work keeps a firmware's task from running (device.task_delay).
+//
+//   TaskDelays delays(commands, origin);
+//   if (const auto hold = delays.At(now)) wake = hold->until;   // whatever is due at `now` waits until then
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include "faults/device_command.h"
+#include "link/time.h"
+
+namespace tiltproof::harness {
+
+class TaskDelays {
+ public:
+  TaskDelays() = default;
+  TaskDelays(const std::vector<faults::DeviceCommand>& commands, Origin origin);
+
+  struct Hold {
+    BootTime until;
+    std::size_t fault;  // its index in the scenario
+  };
+  // What holds the task at `now`, the longest when several do; nullopt when nothing does.
+  std::optional<Hold> At(BootTime now) const;
+
+ private:
+  struct Span {
+    BootTime begin, end;
+    faults::DelayTask work;
+    std::size_t fault;
+  };
+  std::vector<Span> spans_;
+};
+
+}  // namespace tiltproof::harness
