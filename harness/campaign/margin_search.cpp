@@ -11,10 +11,11 @@
 namespace tiltproof::harness {
 namespace {
 
-constexpr double kSection = 1e-6;  // six decades
-constexpr double kNear = 1e-2;     // of the typical distance
-constexpr int kSectionsCount = 2;  // towards 0
-constexpr double kFinest = 1e-12;  // of the range: no grid is drawn anew below
+constexpr double kSection = 1e-6;      // six decades
+constexpr double kNear = 1e-2;         // of the typical distance
+constexpr int kSectionsCount = 2;      // towards 0
+constexpr int kPartsOfLastDecade = 4;  // of each half of it
+constexpr double kFinest = 1e-12;      // of the range: no grid is drawn anew below
 
 // Levels are short, so that the one that is printed is the one that was flown: two digits more than the
 // tolerance can tell apart.
@@ -147,8 +148,12 @@ void MarginSearch::SetDecades(double origin, double near, double far, bool with_
   at_ = 0;
   const double ratio = far / near;
   const int count = std::max(1, static_cast<int>(std::ceil(2 * std::abs(std::log10(ratio)) - 1e-9)));
-  for (int i = 0; i < count; ++i)
-    grid_.push_back(Rounded(origin + near * std::pow(ratio, static_cast<double>(i) / count)));
+  const auto level = [&](double step) { return Rounded(origin + near * std::pow(ratio, step / count)); };
+  for (int i = 0; i < count; ++i) {
+    // The last decade before the end is where shares are no longer small: most pockets are there.
+    const int parts = with_far && std::abs(far) > std::abs(near) && i >= count - 2 ? kPartsOfLastDecade : 1;
+    for (int part = 0; part < parts; ++part) grid_.push_back(level(i + static_cast<double>(part) / parts));
+  }
   if (with_far) grid_.push_back(origin + far);
 }
 

@@ -138,6 +138,14 @@ TEST(MarginSearch, APocketBetweenItsLevelsStillGivesATrueBracket) {
   EXPECT_THAT(*found.fails, ::testing::AnyOf(DoubleNear(3.2, 0.05), DoubleNear(3.8, 0.05)));
 }
 
+// When every frame is replaced, what remains may be harmless, as a constant delay is; six in ten are not.
+TEST(MarginSearch, AWholeShareThatIsSurvivedHidesNoPartOfIt) {
+  const auto survives = [](double share) { return share < 0.5 || share > 0.9; };
+  const Found found = Search({.start = 0, .end = 1, .scale = Scale::kLogarithmic, .harmless = 0.0}, survives);
+  ASSERT_TRUE(found.fails);
+  EXPECT_THAT(*found.fails, DoubleNear(0.5, 0.005));
+}
+
 // A firmware that rejects what is absurd survives a large error, and no moderate one.
 TEST(MarginSearch, AnAbsurdLevelThatIsSurvivedHidesNoLimit) {
   const auto rejects = [](double x) { return x < 0.6 || x > 20; };
