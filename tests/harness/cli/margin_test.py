@@ -123,7 +123,7 @@ class EnvelopeTest(CommandLineTest):
         self.assertTrue(envelope["complete"])
         rows = {(row["type"], row.get("target", row.get("actuator", "")), row["client"]): row for row in envelope["rows"]}
         places = [("frame.drop", "to_plant"), ("frame.drop", "to_client"), ("frame.drop", "both"), ("actuator.loss_of_effectiveness", "f_r"),
-                  ("actuator.loss_of_effectiveness", "tau_r"), ("device.reset", "")]
+                  ("actuator.loss_of_effectiveness", "tau_r"), ("device.reset", ""), ("device.task_delay", "")]
         self.assertEqual(set(rows), {(*place, client) for place in places for client in ("paper", "tolerant")})
         thrust = rows["actuator.loss_of_effectiveness", "f_r", "paper"]
         self.assertEqual((thrust["harmless"], thrust["scale"], thrust["unit"]), (1.0, "linear", "1"))
