@@ -31,6 +31,14 @@ namespace tiltproof::faults {
 // Limit of the text about one activation.
 inline constexpr std::size_t kWhatBytesMax = 4000;
 
+// The rate of the line that a wire model acts on.
+struct LineRate {
+  std::int64_t baud = 921'600;  // 0: ideal, bytes take no time
+  TimeNs BytesTime(std::int64_t byte_count) const { return link::BytesTime(baud, byte_count); }
+  // Where the time of a byte within its frame matters, an ideal line uses the paper's rate.
+  std::int64_t clock_baud() const { return baud == 0 ? 921'600 : baud; }
+};
+
 // What a wire model may know besides the chunk.
 struct WireContext {
   Random& random;  // only of this fault and this frame
@@ -40,6 +48,11 @@ struct WireContext {
   // Whether the fault is active at any time in [begin, end).
   bool ActiveWithin(BootTime begin, BootTime end) const {
     return activity.Touches(origin.SimulationTime(begin), origin.SimulationTime(end));
+  }
+  // The same, for the time that byte `index` of the chunk takes.
+  bool ActiveDuringByte(const link::Chunk& chunk, std::size_t index, const LineRate& rate) const {
+    const auto before = static_cast<std::int64_t>(index);
+    return ActiveWithin(chunk.begin_ns + rate.BytesTime(before), chunk.begin_ns + rate.BytesTime(before + 1));
   }
   // Beyond kWhatBytesMax the rest is "...".
   void Say(std::string_view text) const;
@@ -121,14 +134,6 @@ struct SignalSetup {
 // set that the USART then shows (RM0090, section 30.3.3).
 enum class ReceiveMark : std::uint8_t { kNone, kOverrun, kFraming, kNoise };
 std::string_view Name(ReceiveMark mark);  // "none", "overrun", ...
-
-// The rate of the line that a wire model acts on.
-struct LineRate {
-  std::int64_t baud = 921'600;  // 0: ideal, bytes take no time
-  TimeNs BytesTime(std::int64_t byte_count) const { return link::BytesTime(baud, byte_count); }
-  // Where the time of a byte within its frame matters, an ideal line uses the paper's rate.
-  std::int64_t clock_baud() const { return baud == 0 ? 921'600 : baud; }
-};
 
 // What the factory of a wire model receives.
 struct WireSetup {

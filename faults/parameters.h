@@ -97,6 +97,14 @@ inline ParameterInfo ProbabilityParameter(std::string_view doc, double example) 
           .severity = Scale::kLogarithmic};
 }
 
+// The same where another parameter is the severity: 1 by default.
+inline ParameterInfo ProbabilityOfEach(std::string_view doc, double example) {
+  ParameterInfo probability = ProbabilityParameter(doc, example);
+  probability.default_value = 1.0;
+  probability.severity.reset();
+  return probability;
+}
+
 // Which node of the harness: "plant", "link", "client" (the firmware's), "base_station".
 inline ParameterInfo NodeParameter(const std::vector<std::string_view>& nodes) {
   return {.name = "node",

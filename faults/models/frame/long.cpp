@@ -51,13 +51,7 @@ FaultType FrameLong() {
                           .example = 4.0,
                           .zero = 0.0,
                           .severity = Scale::kLinear},
-                         [] {
-                           ParameterInfo probability =
-                               ProbabilityParameter("probability, per frame, that this happens", 0.5);
-                           probability.default_value = 1.0;
-                           probability.severity.reset();
-                           return probability;
-                         }()},
+                         ProbabilityOfEach("probability, per frame, that this happens", 0.5)},
           .kind = WireKind{.wire_layer = WireLayer::kFrame,
                            .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
                              return std::make_unique<LongFrame>(setup);

@@ -8,15 +8,10 @@ class Break : public WireModel {
   explicit Break(const WireSetup& setup) : rate_(setup.rate) {}
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
-    const auto on_line = [&](std::size_t byte) {
-      const BootTime begin = chunk.begin_ns + rate_.BytesTime(static_cast<std::int64_t>(byte));
-      return context.ActiveWithin(begin,
-                                  chunk.begin_ns + rate_.BytesTime(static_cast<std::int64_t>(byte) + 1));
-    };
     std::vector<std::uint8_t> heard;
     std::size_t lost_count = 0;
     for (std::size_t i = 0; i < chunk.bytes.size(); ++i) {
-      if (!on_line(i))
+      if (!context.ActiveDuringByte(chunk, i, rate_))
         heard.push_back(chunk.bytes[i]);
       else if (lost_count++ == 0)
         heard.push_back(0);

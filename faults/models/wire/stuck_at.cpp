@@ -9,15 +9,10 @@ class StuckAt : public WireModel {
       : rate_(setup.rate), low_(setup.parameters.Choice("level") == "low") {}
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
-    const auto on_line = [&](std::size_t byte) {
-      const BootTime begin = chunk.begin_ns + rate_.BytesTime(static_cast<std::int64_t>(byte));
-      return context.ActiveWithin(begin,
-                                  chunk.begin_ns + rate_.BytesTime(static_cast<std::int64_t>(byte) + 1));
-    };
     std::vector<std::uint8_t> heard;
     std::size_t stuck_count = 0;
     for (std::size_t i = 0; i < chunk.bytes.size(); ++i) {
-      const bool is_stuck = on_line(i);
+      const bool is_stuck = context.ActiveDuringByte(chunk, i, rate_);
       if (is_stuck) ++stuck_count;
       if (!is_stuck || low_) heard.push_back(is_stuck ? 0 : chunk.bytes[i]);
     }
