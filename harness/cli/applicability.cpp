@@ -2,16 +2,19 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <map>
 #include <string>
 
 #include "faults/device_command.h"
 #include "harness/cli/commands.h"
 #include "harness/client/firmware_files.h"
+#include "harness/client/library_client.h"
 #include "harness/emulator/elf_symbols.h"
 #include "harness/emulator/image_check.h"
 #include "harness/emulator/watched_variable.h"
 #include "harness/run/client_channel.h"
+#include "harness/run/supervisor_states.h"
 #include "harness/scenario/fault_support.h"
 
 namespace tiltproof::harness {
@@ -60,6 +63,20 @@ void FindUnwatchable(const Scenario& scenario, const ClientSpec& client, const s
   }
 }
 
+// Whether a formula has this word outside texts in quotes.
+bool HasWord(std::string_view formula, std::string_view word) {
+  constexpr std::string_view kLetters = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_";
+  for (std::size_t at = 0; at < formula.size();) {
+    const std::size_t end = std::min(formula.find_first_not_of(kLetters, at), formula.size());
+    if (formula.substr(at, end - at) == word) return true;
+    if (end < formula.size() && formula[end] == '"')
+      at = std::min(formula.find('"', end + 1), formula.size() - 1) + 1;
+    else
+      at = end + 1;
+  }
+  return false;
+}
+
 // Reads each image once.
 class Images {
  public:
@@ -89,6 +106,44 @@ class Images {
 
 }  // namespace
 
+namespace {
+
+// `problems`: of the formulas that name the supervisor state of this client, which tells none.
+void FindUntold(const Scenario& scenario, std::size_t client, const ClientSpec& spec, Images& images,
+                std::vector<std::string>& problems) {
+  const std::string column = SupervisorStateColumn(scenario, client);
+  for (std::size_t i = 0; i < scenario.criteria.size(); ++i) {
+    if (!HasWord(scenario.criteria[i].stl, column)) continue;
+    const std::string place =
+        i < scenario.criterion_places.size() ? scenario.criterion_places[i] : scenario.name;
+    const auto complain = [&](const std::string& why) {
+      problems.push_back(fmt::format("{}: stl: '{}': {}", place, column, why));
+    };
+    if (const auto* image = std::get_if<EmulatedImage>(&spec)) {
+      if (!images.Read(*image, scenario.firmware_of(client), *scenario.link.protocol)
+               .FindRegion(kStatusSymbol))
+        complain(fmt::format("the image of {} has no variable {} (firmware/tiltproof_client.h)", ToText(spec),
+                             kStatusSymbol));
+    } else if (std::holds_alternative<HostLibrary>(spec)) {
+      if (!TellsStatus(FirmwareFile(spec, scenario.firmware_of(client), scenario.link.protocol->name)))
+        complain(fmt::format("{} has no function tiltproof_client_status (firmware/tiltproof_client.h)",
+                             ToText(spec)));
+    } else {
+      complain(fmt::format("the client {} tells nothing of its state", ToText(spec)));
+    }
+  }
+}
+
+}  // namespace
+
+std::vector<std::string> UntoldSupervisorStates(const RunClients& clients, const Scenario& scenario) {
+  Images images;
+  std::vector<std::string> problems;
+  for (std::size_t i = 0; i < scenario.client_count(); ++i)
+    FindUntold(scenario, i, clients.Of(scenario.client_id(i)), images, problems);
+  return problems;
+}
+
 std::vector<NotApplicable> TakeNotApplicable(const FlightMeans& means, bool strict, Suite& suite) {
   Images images;
   std::vector<NotApplicable> left_out;
@@ -107,6 +162,7 @@ std::vector<NotApplicable> TakeNotApplicable(const FlightMeans& means, bool stri
         file = BoardOf(*image, scenario.firmware_of(i), *scenario.link.protocol).image;
       }
       FindUnwatchable(scenario, clients[i], file, means.realtime, problems);
+      FindUntold(scenario, i, clients[i], images, problems);
     }
     if (means.realtime && scenario.has_several_clients())
       problems.push_back(fmt::format(

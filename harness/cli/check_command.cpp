@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "faults/registry.h"
+#include "harness/cli/applicability.h"
 #include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
 #include "harness/cli/suite.h"
@@ -23,14 +24,20 @@ void PrintWarnings(const Suite& suite) {
 }  // namespace
 
 int CheckCommand(const CheckOptions& options) {
-  const Suite suite = LoadSuite(options.paths, ReadClientFlags(options.clients));
+  const RunClients clients = ReadClientFlags(options.clients);
+  const Suite suite = LoadSuite(options.paths, clients, options.firmware);
   PrintWarnings(suite);
+  std::vector<std::string> problems;
+  for (const SuiteScenario& entry : suite.scenarios)
+    for (std::string& problem : UntoldSupervisorStates(clients, entry.scenario))
+      problems.push_back(std::move(problem));
+  if (!problems.empty()) throw UsageError(fmt::format("{}", fmt::join(problems, "\n")));
   Print(stdout, "{} scenario{} in order\n", suite.scenarios.size(), suite.scenarios.size() == 1 ? "" : "s");
   return suite.scenarios.empty() ? kExitUndecided : kExitGreen;
 }
 
 int ListCommand(const CheckOptions& options) {
-  const Suite suite = LoadSuite(options.paths, ReadClientFlags(options.clients));
+  const Suite suite = LoadSuite(options.paths, ReadClientFlags(options.clients), options.firmware);
   PrintWarnings(suite);
   std::size_t name_width = 0, model_width = 0, firmware_width = 0;
   for (const auto& [scenario, model, named] : suite.scenarios) {
@@ -43,7 +50,7 @@ int ListCommand(const CheckOptions& options) {
     for (const auto& fault : scenario.faults) faults.push_back(fault.type);
     Print(stdout, "{:<{}}  {:>5.0f} s  {:<{}}  {:<{}}  expect {:<12}  [{}]  {}\n", scenario.name, name_width,
           ToSeconds(scenario.duration_ns), scenario.model, model_width, scenario.firmware, firmware_width,
-          Name(scenario.expect), fmt::format("{}", fmt::join(scenario.tags, ", ")),
+          Name(scenario.expected()), fmt::format("{}", fmt::join(scenario.tags, ", ")),
           fmt::format("{}", fmt::join(faults, ", ")));
   }
   return suite.scenarios.empty() ? kExitUndecided : kExitGreen;

@@ -38,6 +38,7 @@ struct RunOptions {
   std::vector<std::string> peers;
   std::string expression;  // -k
   std::string tag;
+  std::string firmware;  // build that every scenario flies; empty: its own
   std::optional<std::uint64_t> seed;
   std::vector<std::string> watch;
   int repeat_count = 1;
@@ -73,6 +74,7 @@ int NodeCommand(const NodeCommandOptions& options);
 struct CheckOptions {
   std::vector<std::filesystem::path> paths;
   std::vector<std::string> clients;
+  std::string firmware;  // as of RunOptions
 };
 int CheckCommand(const CheckOptions& options);
 int ListCommand(const CheckOptions& options);
@@ -106,6 +108,7 @@ struct MarginOptions {
   int repeat_count = 5;
   std::optional<std::uint64_t> seed;
   std::vector<std::string> clients;
+  std::string firmware;  // as of RunOptions
   int jobs_count = 1;
   std::string format = "human";
 };

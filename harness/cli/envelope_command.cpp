@@ -55,11 +55,10 @@ std::vector<Column> ReadColumns(const EnvelopeOptions& options) {
   const Column only = std::move(columns.front());
   columns.clear();
   for (const std::string& build : options.firmware) {
-    if (std::find(kShippedBuilds.begin(), kShippedBuilds.end(), build) == kShippedBuilds.end())
-      throw UsageError(
-          fmt::format("--firmware {}: no such build{}", build, DidYouMean(build, kShippedBuilds)));
+    CheckBuild(build);
     Column& column = columns.emplace_back(only);
-    column.name = column.base.scenario.firmware = build;
+    column.base.scenario.FlyFirmware(build);
+    column.name = build;
   }
   return columns;
 }

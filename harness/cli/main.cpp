@@ -53,11 +53,20 @@ int Main(int argc, char** argv) {
     to->add_option("--peers", peers, "Hosts to look for where multicast does not reach")->delimiter(',');
   };
 
+  const auto add_firmware = [](CLI::App* to, std::string& firmware) {
+    to->add_option("--firmware", firmware,
+                   "Every client flies this build of the firmware (paper, tolerant, ...) instead of what the "
+                   "scenario says, and `expect` is that of this build")
+        ->type_name("NAME")
+        ->check([](const std::string& name) { return name.empty() ? "names no build" : ""; });
+  };
+
   RunOptions run;
   run.command.assign(argv, argv + argc);
   auto* run_app = app.add_subcommand("run", "Fly scenarios and score them");
   run_app->add_option("PATH", run.paths, "Scenario files, or folders of them")->required();
   run_app->add_option("--client", run.clients, ClientHelp())->allow_extra_args(false);
+  add_firmware(run_app, run.firmware);
   run_app
       ->add_option("--mode", run.mode, "How time passes: lockstep (virtual) or realtime (nodes, real ports)")
       ->check(CLI::IsMember({"lockstep", "realtime"}))
@@ -123,6 +132,7 @@ int Main(int argc, char** argv) {
   const auto add_client = [&](CLI::App* to) {
     to->add_option("--client", check.clients, ClientHelp() + "\nIt says what `firmware` may be.")
         ->allow_extra_args(false);
+    add_firmware(to, check.firmware);
   };
   add_client(check_app);
   check_app->callback([&] { command = [&] { return CheckCommand(check); }; });
@@ -200,6 +210,7 @@ int Main(int argc, char** argv) {
   margin_app->add_option("--high", margin.high, "Search only below this value");
   add_search_options(margin_app, margin);
   margin_app->add_option("--client", margin.clients, ClientHelp())->allow_extra_args(false);
+  add_firmware(margin_app, margin.firmware);
   margin_app
       ->add_option("--format", margin.format, "human, or jsonl: one JSON object per level and the margin")
       ->check(CLI::IsMember({"human", "jsonl"}))

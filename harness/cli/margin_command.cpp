@@ -108,7 +108,7 @@ void PrintMargin(const MarginOptions& options, const MarginTask& task, const Mar
 
 int MarginCommand(const MarginOptions& options) {
   const FlightMeans means = LockstepMeans(ReadClientFlags(options.clients), "margin");
-  Suite suite = LoadOneScenario(options.scenario, means.clients, "margin");
+  Suite suite = LoadOneScenario(options.scenario, means.clients, "margin", options.firmware);
   CheckReady(means);
   TakeNotApplicable(means, true, suite);
   const std::vector<MarginTask> tasks = {MakeTask(options, suite.scenarios.front(), means)};

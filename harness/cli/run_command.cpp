@@ -89,6 +89,7 @@ std::string FlyAgain(const RunOptions& options, const FlightMeans& means, const 
   std::string command = fmt::format("{} run {}", options.command.front(), file.string());
   if (means.realtime) command += " --mode realtime";
   if (means.distributed) command += " --distributed=" + options.distributed;
+  if (!options.firmware.empty()) command += " --firmware " + options.firmware;
   command += means.attach ? " --attach" : ClientFlagsOf(means.clients);
   if (means.domain != 0) command += fmt::format(" --domain {}", means.domain);
   if (!means.interface.empty()) command += " --interface " + means.interface;
@@ -117,7 +118,8 @@ void List(const RunOptions& options, const std::vector<SuiteScenario>& scenarios
       const std::string name = FlightName(options, entry.scenario, seed);
       if (options.format == "jsonl") {
         nlohmann::ordered_json line = {{"name", name}, {"scenario", entry.scenario.name}, {"seed", seed}};
-        line["expected"] = Name(entry.scenario.expect);
+        line["firmware"] = entry.scenario.firmware;
+        line["expected"] = Name(entry.scenario.expected());
         line["duration_s"] = ToSeconds(entry.scenario.duration_ns);
         Print(stdout, "{}\n", JsonLine(line));
       } else {
@@ -131,7 +133,7 @@ void List(const RunOptions& options, const std::vector<SuiteScenario>& scenarios
 
 int RunCommand(const RunOptions& options) {
   const FlightMeans means = ChooseMeans(options);
-  Suite suite = LoadSuite(options.paths, means.clients);
+  Suite suite = LoadSuite(options.paths, means.clients, options.firmware);
   const std::size_t found = suite.scenarios.size();
   suite.scenarios = Select(std::move(suite.scenarios), options);
   for (auto& entry : suite.scenarios) AddWatched(entry.scenario, options.watch);

@@ -21,7 +21,7 @@ RunRecord::RunRecord(std::filesystem::path folder, RunInfo info, const std::vect
     : folder_(std::move(folder)), info_(std::move(info)), due_(SteadyClock::now()) {
   info_.interrupted = true;  // as it is to stand there when this process is killed
   for (const FlightJob& job : jobs) {
-    info_.flights.push_back({job.name, job.scenario.expect, job.scenario.seed});
+    info_.flights.push_back({job.name, job.scenario.expected(), job.scenario.seed});
     open_[info_.flights.back().name] = results_.size();
     results_.push_back(NotFlown(info_.flights.back()));
   }

@@ -18,7 +18,7 @@ FlightResult ScoreAgain(const std::filesystem::path& folder, const std::string& 
   const Scenario scenario = LoadFlown(folder).scenario;
   const std::string name = folder.filename();
   const std::string replay = fmt::format("{} replay {}", program, folder.string());
-  if (!HasEnded(folder)) return NotFlown({name, scenario.expect, scenario.seed});
+  if (!HasEnded(folder)) return NotFlown({name, scenario.expected(), scenario.seed});
   try {
     const FlightResult then = ResultFromJsonText(ReadFile(folder / "verdict.json"));
     if (then.trace_hash.empty()) return then;  // it left no flight to score

@@ -27,8 +27,8 @@ FlightMeans LockstepMeans(RunClients clients, const std::string& command) {
 }
 
 Suite LoadOneScenario(const std::filesystem::path& path, const RunClients& clients,
-                      const std::string& command) {
-  Suite suite = LoadSuite({path}, clients);
+                      const std::string& command, const std::string& build) {
+  Suite suite = LoadSuite({path}, clients, build);
   for (const auto& warning : suite.warnings) Print(stderr, "warning: {}\n", warning);
   if (suite.scenarios.size() != 1)
     throw UsageError(fmt::format("{}: {} holds {} scenarios; {} takes one", command, path.string(),

@@ -16,7 +16,7 @@ namespace tiltproof::harness {
 FlightMeans LockstepMeans(RunClients clients, const std::string& command);
 // Throws UsageError when the path holds more or fewer scenarios than one. Prints its warnings.
 Suite LoadOneScenario(const std::filesystem::path& path, const RunClients& clients,
-                      const std::string& command);
+                      const std::string& command, const std::string& build = "");
 // Checks that the clients can fly, before anything is flown.
 void CheckReady(const FlightMeans& means);
 

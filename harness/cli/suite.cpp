@@ -8,6 +8,8 @@
 #include "harness/cli/commands.h"
 #include "harness/cli/data_files.h"
 #include "harness/run/fault_conditions.h"
+#include "harness/run/supervisor_states.h"
+#include "harness/scenario/did_you_mean.h"
 #include "harness/scenario/selection.h"
 #include "harness/score/score.h"
 #include "harness/score/signals.h"
@@ -18,8 +20,10 @@ namespace {
 
 std::optional<FormulaProblem> CheckFormula(std::string_view text, const Scenario& scenario,
                                            const VehicleSignals& vehicle) {
-  const std::vector<std::string> signals =
-      SignalNames(Trace(TraceLayout(vehicle, scenario).columns).columns());
+  std::vector<std::string> columns = Trace(TraceLayout(vehicle, scenario).columns).columns();
+  for (std::size_t i = 0; i < scenario.client_count(); ++i)
+    columns.push_back(SupervisorStateColumn(scenario, i));
+  const std::vector<std::string> signals = SignalNames(columns);
   std::vector<std::string> fault_ids;
   for (const auto& fault : scenario.faults) fault_ids.push_back(fault.id);
   const TimeNs duration_ns = scenario.duration_ns;
@@ -97,7 +101,13 @@ std::shared_ptr<const plant::VehicleModel> ModelCache::Load(const std::filesyste
   return model;
 }
 
-Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const RunClients& clients) {
+void CheckBuild(const std::string& build) {
+  if (std::find(kShippedBuilds.begin(), kShippedBuilds.end(), build) == kShippedBuilds.end())
+    throw UsageError(fmt::format("--firmware {}: no such build{}", build, DidYouMean(build, kShippedBuilds)));
+}
+
+Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const RunClients& clients,
+                const std::string& build) {
   ModelCache models;
   ReadOptions options = MakeReadOptions(models);
   const auto named = clients.Named();
@@ -105,6 +115,9 @@ Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const RunClient
     return AbilitiesOf(client, false).shipped;
   });
   if (shipped) options.firmware_names.assign(kShippedBuilds.begin(), kShippedBuilds.end());
+  if (shipped && !build.empty()) CheckBuild(build);
+  if (build.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") != std::string::npos)
+    throw UsageError(fmt::format("--firmware {}: must be lower-case letters, digits and '_'", build));
   const FoundScenarios found = FindScenarios(paths);
   std::vector<std::string> problems = found.problems;
   std::vector<Scenario> scenarios;
@@ -116,6 +129,7 @@ Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const RunClient
   if (!problems.empty()) throw UsageError(fmt::format("{}", fmt::join(problems, "\n")));
   Suite suite;
   for (std::size_t i = 0; i < scenarios.size(); ++i) {
+    if (!build.empty()) scenarios[i].FlyFirmware(build);
     auto model = models.Load(scenarios[i].model_file, scenarios[i].allow_invalid_inertia);
     suite.scenarios.push_back({std::move(scenarios[i]), std::move(model), found.files[i].named});
   }

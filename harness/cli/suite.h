@@ -19,6 +19,9 @@ namespace tiltproof::harness {
 // The builds of the shipped firmware.
 inline constexpr std::array<std::string_view, 3> kShippedBuilds = {"paper", "paper_published", "tolerant"};
 
+// Throws UsageError, with the nearest name, for a build (of the flag --firmware) that is not among them.
+void CheckBuild(const std::string& build);
+
 // Loads each vehicle file once, even if several scenarios fly it.
 class ModelCache {
  public:
@@ -51,8 +54,10 @@ struct Suite {
 };
 
 // Throws UsageError with every problem of every file, one per line. The shipped firmware restricts `firmware`
-// to its builds; with another client it may be any word.
-Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const RunClients& clients);
+// to its builds; with another client it may be any word. `build`: of --firmware, flown by every client instead of
+// what the files say; empty: not given.
+Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const RunClients& clients,
+                const std::string& build = "");
 
 // A scenario that was flown before, from its folder. Throws UsageError.
 LoadedScenario LoadFlown(const std::filesystem::path& scenario_folder);

@@ -25,6 +25,14 @@ struct ClientStatus {
   TILTPROOF_FIELDS(supervisor_state, failsafe_count)
 };
 
+// What the trace shows of a client in each row.
+struct ClientSample {
+  std::optional<std::uint32_t> supervisor_state;  // none: it tells none
+  std::vector<double>
+      watched;  // the variables that the scenario watches, in its order; a client without an image has none
+  TILTPROOF_FIELDS(supervisor_state, watched)
+};
+
 // Kinds of DeviceEvent. The firmware reboots: its processor was reset, or its process was restarted.
 inline constexpr const char* kResetEvent = "device_reset";
 // A line cannot work as it is configured: an explanation for the user when the flight never starts.
@@ -76,9 +84,8 @@ class Client {
   // have).
   virtual void Command(const std::vector<faults::DeviceCommand>& commands, Origin origin) = 0;
   virtual std::optional<ClientStatus> Status() = 0;
-  // The values of the variables that the scenario watches, in its order, between two calls of Grant(). A client without
-  // an image has none.
-  virtual std::vector<double> Watched() { return {}; }
+  // At the client's present time, between two calls of Grant().
+  virtual ClientSample Sample() = 0;
 };
 
 }  // namespace tiltproof::harness

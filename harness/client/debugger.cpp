@@ -50,6 +50,7 @@ class DebuggedLibrary final : public Client {
     library_->Command(commands, origin);
   }
   std::optional<ClientStatus> Status() override { return library_->Status(); }
+  ClientSample Sample() override { return library_->Sample(); }
 
  private:
   void LookAt(BootTime now) {

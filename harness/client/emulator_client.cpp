@@ -36,8 +36,6 @@ constexpr std::size_t kLineBytesMax = 1000;
 constexpr TimeNs kOverrunGap = 24 * kNsPerMs;
 // The last exception that is a fault (ARMv7-M ARM, table B1-4).
 constexpr int kUsageFault = 6;
-// An image may have a TiltproofClientStatus of this name, which is read when the flight ends.
-constexpr const char* kStatusSymbol = "tiltproof_status";
 
 // Why QEMU gave the processor up, of what it printed: "Lockup: can't escalate 3 to HardFault ..."; empty when it did
 // not.
@@ -94,6 +92,7 @@ class EmulatorClient final : public Client {
     CheckImage(spec.image);
     symbols_.emplace(spec.image);
     source_.emplace(spec.image);
+    status_ = symbols_->FindRegion(kStatusSymbol);
     for (const std::string& name : watch) watched_.push_back(FindVariable(spec.image, name));
     spec_.ideal_lines = lines.main_baud == 0;
     board_.emplace(spec_);
@@ -170,33 +169,39 @@ class EmulatorClient final : public Client {
     for (const std::size_t line : {0U, 1U}) TellOverruns(line);
     if (lost_) return std::nullopt;
     TellState();
-    const auto region = symbols_->FindRegion(kStatusSymbol);
-    TiltproofClientStatus status{};
-    if (!region || region->size_bytes < sizeof(status)) return std::nullopt;
-    std::vector<std::uint8_t> bytes;
     try {
-      bytes = board_->ReadMemory(region->address, sizeof(status));
+      if (const auto status = ReadStatus())
+        return ClientStatus{status->supervisor_state, status->failsafe_count};
     } catch (const EmulatorTrouble&) {
       // The flight has been flown; only this word is missing.
     }
-    if (bytes.size() < sizeof(status)) return std::nullopt;
-    std::memcpy(&status, bytes.data(), sizeof(status));
-    return ClientStatus{status.supervisor_state, status.failsafe_count};
+    return std::nullopt;
   }
 
-  std::vector<double> Watched() override {
-    std::vector<double> values;
+  ClientSample Sample() override {
+    ClientSample sample;
     try {
+      if (const auto status = ReadStatus()) sample.supervisor_state = status->supervisor_state;
       for (const WatchedVariable& variable : watched_)
-        values.push_back(variable.Value(board_->ReadMemory(variable.address, variable.size_bytes)));
+        sample.watched.push_back(variable.Value(board_->ReadMemory(variable.address, variable.size_bytes)));
     } catch (const EmulatorTrouble& trouble) {
       lost_ = true;
       throw std::runtime_error(trouble.what());
     }
-    return values;
+    return sample;
   }
 
  private:
+  // Throws EmulatorTrouble.
+  std::optional<TiltproofClientStatus> ReadStatus() {
+    TiltproofClientStatus status{};
+    if (!status_ || status_->size_bytes < sizeof(status)) return std::nullopt;
+    const std::vector<std::uint8_t> bytes = board_->ReadMemory(status_->address, sizeof(status));
+    if (bytes.size() < sizeof(status)) return std::nullopt;
+    std::memcpy(&status, bytes.data(), sizeof(status));
+    return status;
+  }
+
   void Send(const faults::DeviceCommand& command, Origin origin) {
     const TimeNs begin = clock_.At(origin.ToBootTime(command.at_ns));
     const TimeNs end = clock_.At(origin.ToBootTime(command.until_ns));
@@ -441,6 +446,7 @@ class EmulatorClient final : public Client {
   std::optional<ElfSymbols> symbols_;
   std::optional<SourceLines> source_;
   std::vector<WatchedVariable> watched_;
+  std::optional<MemoryRegion> status_;  // of the image; none: it has no such symbol
   std::optional<EmulatorProcess> board_;
   DeviceClock clock_;
   std::deque<DeviceEvent> drifts_;  // to be told when they begin, in order

@@ -13,6 +13,7 @@
 #include <cstdio>
 #include <cstring>
 #include <deque>
+#include <functional>
 #include <stdexcept>
 #include <type_traits>
 #include <utility>
@@ -196,13 +197,21 @@ class LibraryClient final : public Client {
   }
   std::optional<ClientStatus> Status() override {
     LogAllOutput();
+    return AskStatus();
+  }
+  ClientSample Sample() override {
+    const auto status = AskStatus();
+    return {.supervisor_state = status ? std::optional(status->supervisor_state) : std::nullopt,
+            .watched = {}};
+  }
+
+ private:
+  std::optional<ClientStatus> AskStatus() {
     if (library_.status == nullptr || lost_) return std::nullopt;
     TiltproofClientStatus status{};
     Guarded(FirmwareCall::kStatus, [&] { library_.status(client_, &status); });
     return ClientStatus{status.supervisor_state, status.failsafe_count};
   }
-
- private:
   // After a failure the client's state is unknown: it is not called again.
   template <class Function>
   std::invoke_result_t<const Function&> Guarded(FirmwareCall call, const Function& function) {
@@ -282,7 +291,11 @@ std::unique_ptr<Client> LoadLibraryClient(const std::filesystem::path& library, 
   return std::make_unique<LibraryClient>(library, firmware, dialect, std::move(host), std::move(output));
 }
 
-std::optional<std::string> LibraryMistake(const std::filesystem::path& library) {
+namespace {
+
+// What `say` says of the library, or why it is none; in a separate process.
+std::string TryLibrary(const std::filesystem::path& library,
+                       const std::function<std::string(const Library&)>& say) {
   std::array<int, 2> ends{};
   if (pipe2(ends.data(), O_CLOEXEC) != 0)
     throw std::runtime_error(std::string("no pipe to try a library: ") + std::strerror(errno));
@@ -296,14 +309,15 @@ std::optional<std::string> LibraryMistake(const std::filesystem::path& library) 
     DieWithParent(parent);
     FirmwareGuard::Install();
     const CapturedOutput unheard;
+    std::string text;
     try {
-      const Library loaded(library);
+      text = say(Library(library));
     } catch (const FirmwareTrouble&) {
       // It is one. What it does wrong, its flight will show.
     } catch (const std::exception& error) {
-      const std::string text = error.what();
-      [[maybe_unused]] const ssize_t written = write(write_end.get(), text.data(), text.size());
+      text = error.what();
     }
+    [[maybe_unused]] const ssize_t written = write(write_end.get(), text.data(), text.size());
     _exit(0);
   }
   write_end = link::OwnedDescriptor();
@@ -316,8 +330,22 @@ std::optional<std::string> LibraryMistake(const std::filesystem::path& library) 
   }
   kill(pid, SIGKILL);
   waitpid(pid, nullptr, 0);
-  if (text.empty()) return std::nullopt;
   return text;
+}
+
+}  // namespace
+
+std::optional<std::string> LibraryMistake(const std::filesystem::path& library) {
+  std::string mistake = TryLibrary(library, [](const Library&) { return std::string(); });
+  if (mistake.empty()) return std::nullopt;
+  return mistake;
+}
+
+bool TellsStatus(const std::filesystem::path& library) {
+  const std::string yes = "yes";
+  return TryLibrary(library, [&](const Library& loaded) {
+           return loaded.status != nullptr ? yes : std::string();
+         }) == yes;
 }
 
 }  // namespace tiltproof::harness

@@ -23,4 +23,7 @@ std::unique_ptr<Client> LoadLibraryClient(const std::filesystem::path& library, 
 // Why the file is not a firmware library, tested in a separate process; nullopt when it is one.
 std::optional<std::string> LibraryMistake(const std::filesystem::path& library);
 
+// Whether it has the function tiltproof_client_status, tested in the same way.
+bool TellsStatus(const std::filesystem::path& library);
+
 }  // namespace tiltproof::harness

@@ -19,6 +19,9 @@ namespace tiltproof::harness {
 
 class ElfFile;
 
+// An image may have a TiltproofClientStatus of this name (firmware/tiltproof_client.h), which is read in flight.
+inline constexpr std::string_view kStatusSymbol = "tiltproof_status";
+
 class ElfSymbols {
  public:
   // Reads the symbols of an executable for 32-bit ARM, little-endian; a stripped one has none. Throws

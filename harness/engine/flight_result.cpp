@@ -8,7 +8,7 @@ FlightResult MakeErrorResult(const std::string& name, const Scenario& scenario, 
                              const std::string& replay) {
   FlightResult result;
   result.name = name;
-  result.expected = scenario.expect;
+  result.expected = scenario.expected();
   result.seed = scenario.seed;
   result.replay = replay;
   result.outcome = Outcome::kError;

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
 #include <filesystem>
 #include <map>
@@ -12,13 +13,13 @@
 #include "harness/emulator/elf_symbols.h"
 #include "harness/node/emulated_board.h"
 #include "harness/node/roles.h"
+#include "harness/run/realtime/log_messages.h"
+#include "harness/run/supervisor_states.h"
 #include "link/overloaded.h"
 
 namespace tiltproof::harness {
 namespace {
 
-// An image may have a TiltproofClientStatus of this name (firmware/tiltproof_client.h).
-constexpr std::string_view kStatusSymbol = "tiltproof_status";
 constexpr int kStatusWords = 2;
 
 // An image for a board as the firmware, in stock QEMU: its USARTs are the link node's sockets, and the faults on the
@@ -74,6 +75,7 @@ class EmulatorRole final : public Role {
     if (status_address_)
       board_->ReadWords(*status_address_, kStatusWords, [this](const std::vector<std::uint32_t>& words) {
         status_ = ClientStatus{.supervisor_state = words[0], .failsafe_count = words[1]};
+        supervisor_.Take(SimNow(), words[0]);
       });
   }
 
@@ -91,6 +93,8 @@ class EmulatorRole final : public Role {
       services_.log().Write(counts_->TakeActivations());
       totals.activation_counts = counts_->ActivationCounts();
       totals.client = status_;
+      totals.states = supervisor_.changes();
+      totals.states.resize(std::min(totals.states.size(), kSupervisorChangesMax));
     }
     board_.reset();
     return totals;
@@ -219,6 +223,7 @@ class EmulatorRole final : public Role {
   EmulatorSpec spec_;
   std::optional<std::uint32_t> status_address_;
   std::optional<ClientStatus> status_;
+  SupervisorStates supervisor_;
   std::vector<PlannedCommand> commands_;
   std::optional<faults::FaultSchedule> counts_;
   std::multimap<BootTime, std::function<void()>> agenda_;  // by the node's clock

@@ -77,6 +77,8 @@ class LibraryRole final : public Role {
     if (client_ == nullptr || lost_) return totals;
     try {
       totals.client = client_->Status();
+      for (const auto& [time, state] : supervisor_)
+        totals.states.push_back({origin_.SimulationTime(OfNode(time)), state});
     } catch (const FirmwareTrouble& trouble) {
       Tell(trouble);
     }
@@ -137,6 +139,7 @@ class LibraryRole final : public Role {
     if (stopped_) return;
     try {
       BootTime wake = call();
+      NoteState();
       timer_.cancel();
       if (wake > kNeverInFlight) return;
       // A firmware that always wants to be woken now must not keep this thread, which has real-time priority.
@@ -152,6 +155,12 @@ class LibraryRole final : public Role {
     } catch (const FirmwareTrouble& trouble) {
       Tell(trouble);
     }
+  }
+
+  void NoteState() {
+    const auto state = client_->Sample().supervisor_state;
+    const bool same = !supervisor_.empty() && supervisor_.back().second == state;
+    if (state && !same && supervisor_.size() < kSupervisorChangesMax) supervisor_.emplace_back(Now(), *state);
   }
 
   void OnStates() {
@@ -173,6 +182,7 @@ class LibraryRole final : public Role {
   BootTime transmitter_free_ns_;
   Origin origin_;  // in the plant's clock: that of this machine
   std::vector<std::pair<BootTime, std::string>> lines_;
+  std::vector<std::pair<BootTime, std::uint32_t>> supervisor_;  // the state from a time on
   std::size_t logged_bytes_ = 0;
   std::optional<FirmwareTrouble> trouble_;  // while it was loaded
   bool stopped_ = false, lost_ = false;

@@ -69,8 +69,8 @@ class ClientChannel {
 
   // Moves the channel's records into the log. Without t = 0 their times count from power-on.
   void Finish(Origin origin, RunLog& log);
-  // The variables that the scenario watches, at the client's present time; none once it has failed.
-  std::vector<double> Watched() { return client_->Watched(); }
+  // What the trace shows of the client, at its present time.
+  ClientSample Sample() { return client_->Sample(); }
   // Asks the client for its report, unless it may be in the middle of a call. Throws FirmwareTrouble.
   void AskStatus(RunLog& log);
   std::unique_ptr<Client> TakeClient() { return std::move(client_); }

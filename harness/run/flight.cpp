@@ -4,6 +4,7 @@
 #include <chrono>
 #include <deque>
 #include <limits>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -14,6 +15,7 @@
 #include "harness/run/client_history.h"
 #include "harness/run/merge_logs.h"
 #include "harness/run/reference_frame.h"
+#include "harness/run/supervisor_states.h"
 #include "link/check.h"
 
 namespace tiltproof::harness {
@@ -78,7 +80,9 @@ class Conductor {
     std::vector<double> values;
   };
   std::size_t watch_column_ = 0;
-  std::vector<WatchSample> samples_;  // of watched variables, one for each row of the trace
+  std::vector<WatchSample> samples_;      // of watched variables, one for each row of the trace
+  std::vector<SupervisorStates> states_;  // of each client
+  std::optional<TimeNs> sampled_ns_;      // the last time
 };
 
 Conductor::Conductor(const Scenario& scenario, const VehicleSignals& vehicle, std::span<Line* const> lines,
@@ -102,6 +106,7 @@ Conductor::Conductor(const Scenario& scenario, const VehicleSignals& vehicle, st
   watch_column_ = layout.watch;
   log_.fault_activation_counts.assign(scenario.faults.size(), 0);
   log_.clients.resize(lines.size());
+  states_.resize(lines.size());
   for (std::size_t client = 0; scenario.has_several_clients() && client < lines.size(); ++client)
     log_.clients[client].id = scenario.client_id(client);
 }
@@ -256,31 +261,33 @@ void Conductor::SendReference(BootTime now) {
 
 // Every client has come as far as `now`, which is on the grid of the trace's rows.
 void Conductor::Sample(BootTime now) {
-  if (scenario_.watch.empty()) return;
   const TimeNs time_ns = origin().SimulationTime(now);
-  if (!samples_.empty() && samples_.back().time_ns >= time_ns) return;
-  WatchSample& sample = samples_.emplace_back();
-  sample.time_ns = time_ns;
+  if (sampled_ns_ && *sampled_ns_ >= time_ns) return;
+  sampled_ns_ = time_ns;
+  WatchSample watched{time_ns, {}};
   // In the order of the scenario's clients; turns may have another order.
   for (ClientChannel& channel : channels_) {
-    std::vector<double> values = channel.Watched();
-    values.resize(scenario_.watch.size(), std::numeric_limits<double>::quiet_NaN());
-    sample.values.insert(sample.values.end(), values.begin(), values.end());
+    ClientSample sample = channel.Sample();
+    if (sample.supervisor_state) states_[channel.index()].Take(time_ns, *sample.supervisor_state);
+    sample.watched.resize(scenario_.watch.size(), std::numeric_limits<double>::quiet_NaN());
+    watched.values.insert(watched.values.end(), sample.watched.begin(), sample.watched.end());
   }
+  if (!scenario_.watch.empty()) samples_.push_back(std::move(watched));
 }
 
 // Rows and samples have the same times, but a flight that ends early may have one more of either.
 void Conductor::AddSamples() {
-  if (scenario_.watch.empty()) return;
   std::size_t row = 0;
   for (const WatchSample& sample : samples_) {
     const double time_s = ToSeconds(sample.time_ns);
     while (row < log_.trace.row_count() && log_.trace.at(row, 0) < time_s) ++row;
-    if (row == log_.trace.row_count()) return;
+    if (row == log_.trace.row_count()) break;
     if (log_.trace.at(row, 0) == time_s)
       std::copy(sample.values.begin(), sample.values.end(),
                 log_.trace.mutable_row(row).begin() + static_cast<std::ptrdiff_t>(watch_column_));
   }
+  for (std::size_t client = 0; client < states_.size(); ++client)
+    AddSupervisorState(scenario_, client, states_[client].changes(), log_.trace);
 }
 
 void Conductor::Finish() {

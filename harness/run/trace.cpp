@@ -9,6 +9,7 @@
 
 #include "harness/run/hash.h"
 #include "harness/run/run_log.h"
+#include "link/check.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -97,6 +98,20 @@ std::optional<std::size_t> Trace::Find(std::string_view column) const {
   const auto it = std::find(columns_.begin(), columns_.end(), column);
   if (it == columns_.end()) return std::nullopt;
   return static_cast<std::size_t>(it - columns_.begin());
+}
+
+void Trace::AppendColumn(std::string name, std::span<const double> values) {
+  Check(values.size() == row_count(), "a column has one value for each row");
+  std::vector<double> wider;
+  wider.reserve(values_.size() + values.size());
+  for (std::size_t r = 0; r < values.size(); ++r) {
+    const auto old = row(r);
+    wider.insert(wider.end(), old.begin(), old.end());
+    wider.push_back(values[r]);
+  }
+  values_ = std::move(wider);
+  scales_.push_back(SignalNamed(name, SignalFrame::kNone).scale);
+  columns_.push_back(std::move(name));
 }
 
 void Trace::AppendRows(std::vector<double>&& rows) {

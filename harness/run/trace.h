@@ -23,6 +23,8 @@ namespace tiltproof::harness {
 //   commanded_<input>, faults_active_count, link counters (LineCounts, three each), active_<fault id> (0 or 1),
 //   watch_<variable>
 //
+// When the flight is over, supervisor_state follows, if the client tells one (harness/run/supervisor_states.h).
+//
 // With several clients, the columns of one client come once per client, client by client, and contain its id
 // (sensed_a_x_m, commanded_a_f_r_n, to_plant_a_frames_sent_count). After commanded_... follows
 // arbiter_selected: the place, from 0, of the client whose actuators are in force.
@@ -59,6 +61,8 @@ class Trace {
   std::span<double> mutable_row(std::size_t r) {
     return std::span(values_).subspan(r * columns_.size(), columns_.size());
   }
+  // Appends a column with one value for each row.
+  void AppendColumn(std::string name, std::span<const double> values);
   // Appends whole rows, one after the other.
   void AppendRows(std::vector<double>&& rows);
 

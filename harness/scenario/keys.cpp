@@ -50,6 +50,25 @@ void Enumeration(KeyVisitor& v, const Key& key, const std::array<Enum, n>& value
   if (index) value = values[*index];
 }
 
+void DescribeExpectation(KeyVisitor& v, Expectation& expect) {
+  constexpr std::array kVerdicts = {Verdict::kPass, Verdict::kFail, Verdict::kInconclusive, Verdict::kError};
+  std::array<std::string_view, kVerdicts.size()> words;
+  std::transform(kVerdicts.begin(), kVerdicts.end(), words.begin(),
+                 [](Verdict verdict) { return Name(verdict); });
+  const auto index = [&](Verdict verdict) {
+    return static_cast<std::size_t>(std::find(kVerdicts.begin(), kVerdicts.end(), verdict) -
+                                    kVerdicts.begin());
+  };
+  NamedChoices choices{index(expect.verdict), {}};
+  for (const auto& [name, verdict] : expect.by_firmware) choices.by_name.emplace_back(name, index(verdict));
+  v.ChoiceByName({"expect",
+                  "The verdict that makes the run green, or one for each build of the firmware; a build "
+                  "that is not named is to pass"},
+                 words, choices, kWord);
+  expect = {kVerdicts[choices.all], {}};
+  for (const auto& [name, place] : choices.by_name) expect.by_firmware.emplace_back(name, kVerdicts[place]);
+}
+
 void DescribeInitial(KeyVisitor& v, Scenario& s) {
   v.Point({"position_m", "World position of the main body's origin; absent: the reference's start",
            Presence::kDerived},
@@ -202,8 +221,7 @@ void DescribeScenario(KeyVisitor& v, Scenario& s) {
          s.clients, DescribeClient);
   v.Section({"arbiter", "Which of several clients moves the vehicle"},
             [&](KeyVisitor& w) { DescribeArbiter(w, s.arbiter); });
-  Enumeration(v, {"expect", "The verdict that makes the run green"},
-              std::array{Verdict::kPass, Verdict::kFail, Verdict::kInconclusive, Verdict::kError}, s.expect);
+  DescribeExpectation(v, s.expect);
   v.Bool({"allow_restarts",
           "Accept restarts of the firmware that no fault asked for; false: they fail `survival`"},
          s.allow_restarts);

@@ -18,6 +18,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "harness/scenario/scenario.h"
@@ -70,6 +71,12 @@ struct Alternative {
   std::string_view doc;  // one line for a person
 };
 
+// Places in a list of words: one for all names, or those of some.
+struct NamedChoices {
+  std::size_t all = 0;
+  std::vector<std::pair<std::string, std::size_t>> by_name;  // in the file's order; empty: `all` was written
+};
+
 class KeyVisitor {
  public:
   using Body = std::function<void(KeyVisitor&)>;
@@ -98,6 +105,9 @@ class KeyVisitor {
   // One of several words; nullopt represents a key that is absent.
   virtual void Choice(const Key& key, std::span<const std::string_view> words,
                       std::optional<std::size_t>& index) = 0;
+  // One of several words, or a mapping in which names that fit the rule have one word each.
+  virtual void ChoiceByName(const Key& key, std::span<const std::string_view> words, NamedChoices& value,
+                            const TextRule& name_rule) = 0;
   // A mapping in the mapping.
   virtual void Section(const Key& key, const Body& body) = 0;
   // The same, where its absence has a meaning. `body` is called only when it is there.

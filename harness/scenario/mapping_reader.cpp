@@ -268,29 +268,56 @@ void MappingReader::Points(const Key& key, std::vector<std::array<double, 3>>& v
   }
 }
 
+std::optional<std::size_t> MappingReader::ReadWord(std::string_view written, const YamlNode& node,
+                                                   const Key& key, std::span<const std::string_view> words) {
+  // Where the words are known, `y` and `nan` are words like others.
+  const bool is_word =
+      node.kind == YamlNode::Kind::kText || (node.kind == YamlNode::Kind::kAmbiguous &&
+                                             std::find(words.begin(), words.end(), node.text) != words.end());
+  if (!is_word) {
+    Complain(node.mark, fmt::format("{}: expected one of {}, found {}", written, fmt::join(words, ", "),
+                                    Describe(node)));
+    return std::nullopt;
+  }
+  const auto found = std::find(words.begin(), words.end(), node.text);
+  if (found != words.end()) return static_cast<std::size_t>(found - words.begin());
+  const std::string_view why = key.why_no_longer == nullptr ? "" : key.why_no_longer(node.text);
+  Complain(node.mark, why.empty() ? fmt::format("{}: unknown value {}{}", written, Describe(node),
+                                                DidYouMean(node.text, words))
+                                  : fmt::format("{}: {} {}", written, Describe(node), why));
+  return std::nullopt;
+}
+
 void MappingReader::Choice(const Key& key, std::span<const std::string_view> words,
                            std::optional<std::size_t>& index) {
   const YamlNode* node = Take(key);
   if (node == nullptr) return;
-  // Where the words are known, `y` and `nan` are words like others.
-  const bool is_word = node->kind == YamlNode::Kind::kText ||
-                       (node->kind == YamlNode::Kind::kAmbiguous &&
-                        std::find(words.begin(), words.end(), node->text) != words.end());
-  if (!is_word) {
-    Complain(node->mark, fmt::format("{}: expected one of {}, found {}", key.name, fmt::join(words, ", "),
-                                     Describe(*node)));
+  const std::string_view written = mapping_.Find(key.name) == nullptr ? key.other_name : key.name;
+  if (const auto place = ReadWord(written, *node, key, words)) index = place;
+}
+
+void MappingReader::ChoiceByName(const Key& key, std::span<const std::string_view> words, NamedChoices& value,
+                                 const TextRule& name_rule) {
+  const YamlNode* node = Take(key);
+  if (node == nullptr) return;
+  if (node->kind != YamlNode::Kind::kMapping) {
+    value.all = ReadWord(key.name, *node, key, words).value_or(value.all);
     return;
   }
-  const auto found = std::find(words.begin(), words.end(), node->text);
-  if (found == words.end()) {
-    const std::string_view written = mapping_.Find(key.name) == nullptr ? key.other_name : key.name;
-    const std::string_view why = key.why_no_longer == nullptr ? "" : key.why_no_longer(node->text);
-    Complain(node->mark, why.empty() ? fmt::format("{}: unknown value {}{}", written, Describe(*node),
-                                                   DidYouMean(node->text, words))
-                                     : fmt::format("{}: {} {}", written, Describe(*node), why));
-    return;
+  if (node->entries.empty()) Complain(node->mark, fmt::format("{}: the mapping is empty", key.name));
+  for (const YamlEntry& entry : node->entries) {
+    YamlNode name;
+    name.kind = YamlNode::Kind::kText;
+    name.mark = entry.key_mark;
+    name.text = entry.key;
+    const auto known = ReadText(key.name, name, name_rule);
+    if (entry.value.kind == YamlNode::Kind::kNull) {
+      Complain(entry.key_mark, fmt::format("{}: {}: the value is missing", key.name, entry.key));
+      continue;
+    }
+    const auto place = ReadWord(fmt::format("{}: {}", key.name, entry.key), entry.value, key, words);
+    if (known && place) value.by_name.emplace_back(*known, *place);
   }
-  index = static_cast<std::size_t>(found - words.begin());
 }
 
 void MappingReader::Section(const Key& key, const Body& body) {

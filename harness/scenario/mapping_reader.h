@@ -32,6 +32,8 @@ class MappingReader : public KeyVisitor {
   void Points(const Key& key, std::vector<std::array<double, 3>>& value, Range range) override;
   void Choice(const Key& key, std::span<const std::string_view> words,
               std::optional<std::size_t>& index) override;
+  void ChoiceByName(const Key& key, std::span<const std::string_view> words, NamedChoices& value,
+                    const TextRule& name_rule) override;
   void Section(const Key& key, const Body& body) override;
   void MaybeSection(const Key& key, bool is_there, const Body& body) override;
   void List(const Key& key, std::size_t count, const std::function<void(std::size_t)>& resize,
@@ -48,6 +50,9 @@ class MappingReader : public KeyVisitor {
   std::optional<double> ReadNumber(std::string_view key, const YamlNode& node, Range range);
   std::optional<std::string> ReadText(std::string_view key, const YamlNode& node, const TextRule& rule);
   std::optional<std::array<double, 3>> ReadPoint(std::string_view key, const YamlNode& node, Range range);
+  // The place of the word; `written` is its key.
+  std::optional<std::size_t> ReadWord(std::string_view written, const YamlNode& node, const Key& key,
+                                      std::span<const std::string_view> words);
   const std::vector<YamlNode>* ReadItems(std::string_view key, const YamlNode& node);
   void RequireCompanion(const KeyGroup& group);
   void RefuseCompanions(const KeyGroup& group);

@@ -38,6 +38,17 @@ std::string_view Name(ArbiterType type) {
   return "unknown";
 }
 
+Verdict Expectation::Of(std::string_view firmware) const {
+  for (const auto& [name, own] : by_firmware)
+    if (name == firmware) return own;
+  return verdict;
+}
+
+void Scenario::FlyFirmware(const std::string& build) {
+  firmware = build;
+  for (ClientEntry& client : clients) client.firmware.clear();
+}
+
 std::string Scenario::client_id(std::size_t client) const {
   return clients.empty() ? std::string(kOnlyClient) : clients.at(client).id;
 }

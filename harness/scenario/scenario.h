@@ -9,6 +9,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "faults/fault.h"
@@ -79,6 +80,14 @@ struct ArbiterSpec {
   friend bool operator==(const ArbiterSpec&, const ArbiterSpec&) = default;
 };
 
+// The verdict that makes a flight green: the same for every build of the firmware, or some builds have their own.
+struct Expectation {
+  Verdict verdict = Verdict::kPass;                          // of builds that are not named
+  std::vector<std::pair<std::string, Verdict>> by_firmware;  // as written
+  Verdict Of(std::string_view firmware) const;
+  friend bool operator==(const Expectation&, const Expectation&) = default;
+};
+
 struct Scenario {
   std::filesystem::path file;  // where it was read from
   std::int64_t format = kScenarioFormat;
@@ -88,7 +97,7 @@ struct Scenario {
   std::string model = "tiltrotor";   // as written
   std::filesystem::path model_file;  // resolved
   std::string firmware = "paper";
-  Verdict expect = Verdict::kPass;
+  Expectation expect;
   TimeNs start_within_ns = 10 * kNsPerS;  // from power-on: no firmware is hung before, unless it has started
   bool allow_restarts = false;            // of the firmware, that no fault asked for
   double control_period_tolerance_percent = 1.0;
@@ -109,7 +118,9 @@ struct Scenario {
   std::vector<faults::FaultSpec> faults;
   std::vector<std::string> fault_places;  // "file:line:column" of each fault's type, when read from a file
   std::vector<CriterionSpec> criteria;
-  std::vector<std::string> watch;         // variables of the firmware's image
+  std::vector<std::string>
+      criterion_places;            // "file:line:column" of each formula or metric, when read from a file
+  std::vector<std::string> watch;  // variables of the firmware's image
   std::vector<std::string> watch_places;  // "file:line:column" of each, when read from a file
 
   // As written; empty: one, whose id is kOnlyClient.
@@ -121,6 +132,10 @@ struct Scenario {
   // `client`: the client's place among them.
   std::string client_id(std::size_t client) const;
   const std::string& firmware_of(std::size_t client) const;
+  // Every client flies this build, whatever the file says.
+  void FlyFirmware(const std::string& build);
+  // The verdict that makes the flight green: that of the build that moves the vehicle.
+  Verdict expected() const { return expect.Of(firmware_of(selected_client())); }
   // Seed for the faults on this client's line and board. For a flight's only client it is the scenario's.
   std::uint64_t seed_of(std::size_t client) const;
   // Whose actuators are in force, and whose `start` is t = 0.

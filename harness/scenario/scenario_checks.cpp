@@ -144,11 +144,15 @@ class Checker {
   }
 
   void CheckFirmware() {
+    CheckBuild("firmware", scenario_.firmware, PlaceOf(root_, "firmware"));
+    for (const auto& [build, verdict] : scenario_.expect.by_firmware)
+      CheckBuild("expect", build, ValueOf(&root_, "expect")->Find(build)->key_mark);
+  }
+
+  void CheckBuild(std::string_view key, const std::string& build, YamlMark mark) {
     const auto& names = options_.firmware_names;
-    const std::string& firmware = scenario_.firmware;
-    if (names.empty() || std::find(names.begin(), names.end(), firmware) != names.end()) return;
-    Complain(root_, "firmware",
-             fmt::format("firmware: unknown build '{}'{}", firmware, DidYouMeanOf(firmware, names)));
+    if (names.empty() || std::find(names.begin(), names.end(), build) != names.end()) return;
+    Complain(mark, fmt::format("{}: unknown build '{}'{}", key, build, DidYouMeanOf(build, names)));
   }
 
   void CheckClients() {
@@ -163,12 +167,7 @@ class Checker {
       if (!is_new && !client.id.empty())
         Complain(node, "id",
                  fmt::format("id: '{}' is taken already on line {}", client.id, first->second.line));
-      const auto& names = options_.firmware_names;
-      if (!client.firmware.empty() && !names.empty() &&
-          std::find(names.begin(), names.end(), client.firmware) == names.end())
-        Complain(node, "firmware",
-                 fmt::format("firmware: unknown build '{}'{}", client.firmware,
-                             DidYouMeanOf(client.firmware, names)));
+      if (!client.firmware.empty()) CheckBuild("firmware", client.firmware, PlaceOf(node, "firmware"));
     }
     CheckClientNamed(root_, "arbiter.client", scenario_.arbiter.client);
   }
@@ -379,9 +378,13 @@ class Checker {
   void CheckCriteria() {
     const YamlNode* list = ValueOf(&root_, "criteria");
     std::map<std::string_view, YamlMark> names;
+    scenario_.criterion_places.clear();
     for (std::size_t i = 0; i < scenario_.criteria.size(); ++i) {
       const CriterionSpec& criterion = scenario_.criteria[i];
       const YamlNode& node = list->items[i];
+      const YamlMark place = PlaceOf(node, criterion.stl.empty() ? "metric" : "stl");
+      scenario_.criterion_places.push_back(
+          fmt::format("{}:{}:{}", scenario_.file.string(), place.line, place.column));
       if (node.kind != YamlNode::Kind::kMapping) continue;
       if (!criterion.name.empty()) {
         const auto [first, is_new] = names.try_emplace(criterion.name, PlaceOf(node, "name"));

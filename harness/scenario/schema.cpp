@@ -102,6 +102,15 @@ class SchemaBuilder : public KeyVisitor {
     const Json schema = {{"enum", words}};
     index ? Add(key, schema, std::string(words[*index])) : Add(key, schema);
   }
+  void ChoiceByName(const Key& key, std::span<const std::string_view> words, NamedChoices& value,
+                    const TextRule& name_rule) override {
+    const Json word = {{"enum", words}};
+    const Json by_name = {{"type", "object"},
+                          {"propertyNames", TextSchema(name_rule)},
+                          {"additionalProperties", word},
+                          {"minProperties", 1}};
+    Add(key, {{"anyOf", {word, by_name}}}, std::string(words[value.all]));
+  }
   void Section(const Key& key, const Body& body) override {
     SchemaBuilder inner;
     body(inner);
@@ -207,6 +216,8 @@ std::string AllowedText(const Json& schema) {
     for (const auto& word : schema["enum"]) words.push_back(fmt::format("`{}`", word.get<std::string>()));
     return fmt::format("{}", fmt::join(words, ", "));
   }
+  if (schema.contains("anyOf"))
+    return fmt::format("{}, or a mapping of names to these", AllowedText(schema["anyOf"][0]));
   const std::string type = schema["type"];
   if (type == "number") return fmt::format("{} to {}", schema["minimum"].dump(), schema["maximum"].dump());
   if (type == "integer")

@@ -60,6 +60,14 @@ class Writer : public KeyVisitor {
               std::optional<std::size_t>& index) override {
     if (index) Line(key, std::string(words[*index]));
   }
+  void ChoiceByName(const Key& key, std::span<const std::string_view> words, NamedChoices& value,
+                    const TextRule&) override {
+    if (value.by_name.empty()) return Line(key, std::string(words[value.all]));
+    std::vector<std::string> entries;
+    for (const auto& [name, index] : value.by_name)
+      entries.push_back(fmt::format("{}: {}", Quoted(name), words[index]));
+    Line(key, fmt::format("{{{}}}", fmt::join(entries, ", ")));
+  }
   void Section(const Key& key, const Body& body) override {
     Writer inner;
     inner.indent_ = indent_ + 2;

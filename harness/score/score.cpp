@@ -359,7 +359,7 @@ Score ScoreRun(const Scenario& scenario, const RunLog& log, const ScoreOptions& 
     score.histograms[name("reply_latency_ms")] =
         ReplyLatencyHistogram(log.clients[i].reply_latency_ns, period_ns);
   }
-  Conclude(score, scenario.expect);
+  Conclude(score, scenario.expected());
   if (score.verdict == Verdict::kPass || score.verdict == Verdict::kFail) {
     if (std::string why = TooLateToJudge(log, period_ns); !why.empty()) {
       score.verdict = Verdict::kInconclusive;

@@ -357,6 +357,7 @@ RunLog LogCollector::Take(TimeNs end_ns) {
   rows_by_time_.clear();
   log_.end_ns = end_ns;
 
+  std::vector<SupervisorChange> states;  // of all that were the client's node
   for (auto& [node_id, report] : reports_) {
     NodeTotals& totals = report.totals;
     const Origin origin = totals.lateness.origin;
@@ -367,12 +368,16 @@ RunLog LogCollector::Take(TimeNs end_ns) {
     if (totals.plant) Append(log_, std::move(*totals.plant));
     if (totals.line) Append(log_, std::move(*totals.line), 0, Origin());
     AddActivations(log_, totals.activation_counts);
+    states.insert(states.end(), totals.states.begin(), totals.states.end());
     if (totals.client) log_.clients[0].failsafe_entered_count = totals.client->failsafe_count;
   }
   std::sort(log_.harness_late.begin(), log_.harness_late.end(), [](const LateSpan& a, const LateSpan& b) {
     return std::pair(a.begin_ns, a.end_ns) < std::pair(b.begin_ns, b.end_ns);
   });
   SortByTime(log_);
+  std::stable_sort(states.begin(), states.end(),
+                   [](const auto& a, const auto& b) { return a.time_ns < b.time_ns; });
+  AddSupervisorState(scenario_, 0, states, log_.trace);
   return std::move(log_);
 }
 

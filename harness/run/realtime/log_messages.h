@@ -30,6 +30,7 @@
 #include "harness/run/line.h"
 #include "harness/run/plant_server.h"
 #include "harness/run/run_log.h"
+#include "harness/run/supervisor_states.h"
 #include "harness/scenario/scenario.h"
 #include "link/fields.h"
 
@@ -55,16 +56,20 @@ struct Lateness {
   TILTPROOF_FIELDS(late_after_ns, spans, origin)
 };
 
+// A firmware whose supervisor never rests must not make a message that the bus cannot carry.
+inline constexpr std::size_t kSupervisorChangesMax = 20'000;
+
 // What a node knows only at the end.
 struct NodeTotals {
   Lateness lateness;
   std::optional<LineLog> line;  // of the logs only the totals cross the bus
   std::optional<PlantLog> plant;
   std::optional<ClientStatus> client;
+  std::vector<SupervisorChange> states;  // of the client's supervisor, the first kSupervisorChangesMax
   // One count per fault of the scenario, of the faults that this node carried out itself; empty when there
   // are none.
   std::vector<std::int64_t> activation_counts;
-  TILTPROOF_FIELDS(lateness, line, plant, client, activation_counts)
+  TILTPROOF_FIELDS(lateness, line, plant, client, states, activation_counts)
 };
 
 // The link counters of a flight at one instant of its grid of control periods. The link node knows them, the

@@ -33,7 +33,7 @@ enum class Message : std::uint8_t {
   kGrant,
   kCommand,
   kStatus,
-  kWatched,
+  kSample,
   // Upcalls of the client.
   kClientTransmits,
   kClientLogs,

@@ -37,9 +37,9 @@ class RemoteClient final : public Client {
     const auto answer = Ask(RemotePart::Request(Message::kStatus));
     return Unpacker(answer).Next<std::optional<ClientStatus>>();
   }
-  std::vector<double> Watched() override {
-    const auto answer = Ask(RemotePart::Request(Message::kWatched));
-    return Unpacker(answer).Next<std::vector<double>>();
+  ClientSample Sample() override {
+    const auto answer = Ask(RemotePart::Request(Message::kSample));
+    return Unpacker(answer).Next<ClientSample>();
   }
 
  private:

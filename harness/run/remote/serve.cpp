@@ -209,8 +209,8 @@ void ServeClient(Channel& channel, const ScenarioLoader& load) {
       case Message::kStatus:
         answer(client->Status());
         return;
-      case Message::kWatched:
-        answer(client->Watched());
+      case Message::kSample:
+        answer(client->Sample());
         return;
       default:
         ThrowUnexpected();

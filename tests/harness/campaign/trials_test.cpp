@@ -87,7 +87,7 @@ TEST(Trials, AFaultThatNeverActsIsSurvived) {
 
 TEST(Trials, WhatIsExpectedDoesNotMatter) {
   FlightJob job = Biased("mild", 0.01);
-  job.scenario.expect = Verdict::kFail;
+  job.scenario.expect.verdict = Verdict::kFail;
   EXPECT_EQ(Try(job).answer, Answer::kSurvived);
 }
 

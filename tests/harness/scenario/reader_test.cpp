@@ -84,7 +84,7 @@ TEST_F(ReaderTest, FillsInDefaults) {
   EXPECT_EQ(s.model, "tiltrotor");
   EXPECT_EQ(s.model_file, folder_ / "models/tiltrotor.sdf");
   EXPECT_EQ(s.firmware, "paper");
-  EXPECT_EQ(s.expect, Verdict::kPass);
+  EXPECT_EQ(s.expected(), Verdict::kPass);
   EXPECT_EQ(s.seed, 1U);
   EXPECT_EQ(s.duration_ns, 24 * kNsPerS);
   EXPECT_EQ(s.step_ns, 4 * kNsPerMs);
@@ -133,7 +133,7 @@ criteria:
   EXPECT_EQ(s.model_file, folder_ / "models/tiltrotor_published.sdf");
   EXPECT_TRUE(s.allow_invalid_inertia);
   EXPECT_EQ(s.firmware, "tolerant");
-  EXPECT_EQ(s.expect, Verdict::kInconclusive);
+  EXPECT_EQ(s.expected(), Verdict::kInconclusive);
   EXPECT_EQ(s.seed, 7U);
   EXPECT_EQ(s.duration_ns, 60'500 * kNsPerMs);
   EXPECT_EQ(s.step_ns, 3 * kNsPerMs);

@@ -50,6 +50,14 @@ class RandomFiller : public KeyVisitor {
               std::optional<std::size_t>& index) override {
     index = *rc::gen::inRange<std::size_t>(0, words.size());
   }
+  void ChoiceByName(const Key&, std::span<const std::string_view> words, NamedChoices& value,
+                    const TextRule& name_rule) override {
+    value.by_name.resize(*rc::gen::inRange<std::size_t>(0, 3));
+    if (value.by_name.empty()) value.all = *rc::gen::inRange<std::size_t>(0, words.size());
+    for (std::size_t i = 0; i < value.by_name.size(); ++i)
+      value.by_name[i] = {AnyText(name_rule) + std::to_string(i),
+                          *rc::gen::inRange<std::size_t>(0, words.size())};
+  }
   void Section(const Key&, const Body& body) override { body(*this); }
   void MaybeSection(const Key&, bool, const Body& body) override {
     if (*rc::gen::arbitrary<bool>()) body(*this);

@@ -1,0 +1,52 @@
+// What a firmware says of its own state, as a column of the trace. A client is asked during the flight
+// (Client::Sample); only changes are kept, and become the column when the flight is over: a trace has it only when
+// the client says something.
+//
+//   SupervisorStates states;
+//   states.Take(0, 0);
+//   states.Take(12 * kNsPerMs, 3);
+//   AddSupervisorState(scenario, 0, states.changes(), log.trace);  // supervisor_state: 0, 3, 3, ...
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "harness/run/trace.h"
+#include "harness/scenario/scenario.h"
+#include "link/fields.h"
+#include "link/time.h"
+
+namespace tiltproof::harness {
+
+// From this time on, in simulation time.
+struct SupervisorChange {
+  TimeNs time_ns = 0;
+  std::uint32_t state = 0;  // the firmware's own numbering
+  friend bool operator==(const SupervisorChange&, const SupervisorChange&) = default;
+  TILTPROOF_FIELDS(time_ns, state)
+};
+
+class SupervisorStates {
+ public:
+  // In the order of time.
+  void Take(TimeNs time_ns, std::uint32_t state) {
+    if (changes_.empty() || changes_.back().state != state) changes_.push_back({time_ns, state});
+  }
+  const std::vector<SupervisorChange>& changes() const { return changes_; }
+
+ private:
+  std::vector<SupervisorChange> changes_;
+};
+
+// supervisor_state, or with several clients supervisor_state_<id>.
+std::string SupervisorStateColumn(const Scenario& scenario, std::size_t client);
+
+// Appends the column; NaN before the first change. A client that said nothing gets none, unless the trace has no rows:
+// then nothing is claimed, and formulas find every name.
+void AddSupervisorState(const Scenario& scenario, std::size_t client,
+                        std::span<const SupervisorChange> changes, Trace& trace);
+
+}  // namespace tiltproof::harness
