@@ -4,6 +4,8 @@
 
 namespace tiltproof::faults {
 
+constinit thread_local std::uint64_t Random::drawn_count_ = 0;
+
 std::uint64_t StreamKey(std::uint64_t seed, std::initializer_list<std::string_view> names) {
   std::uint64_t hash = 0xcbf29ce484222325ULL;
   const auto add = [&hash](std::uint8_t byte) { hash = (hash ^ byte) * 0x100000001b3ULL; };

@@ -44,7 +44,14 @@ class Random {
 
   static constexpr result_type min() { return 0; }
   static constexpr result_type max() { return std::numeric_limits<result_type>::max(); }
-  result_type operator()() { return Mix(state_ += 0x9e3779b97f4a7c15ULL); }
+  result_type operator()() {
+    ++drawn_count_;
+    return Mix(state_ += 0x9e3779b97f4a7c15ULL);
+  }
+
+  // How many numbers this thread has drawn from all generators. A flight in which none was drawn is the same for every
+  // seed.
+  static std::uint64_t DrawnCount() { return drawn_count_; }
 
   // In [0, 1), a multiple of 2^-53.
   double Uniform() { return static_cast<double>((*this)() >> 11) * 0x1p-53; }
@@ -63,6 +70,7 @@ class Random {
   double StandardNormal();
 
  private:
+  static constinit thread_local std::uint64_t drawn_count_;
   std::uint64_t state_;
 };
 

@@ -42,12 +42,33 @@ const ParameterInfo* FirstSignal(const FaultType& type) {
   return nullptr;
 }
 
-// Those of the example, at the row's place.
+// The severity, where values on both sides of the harmless one are harmful; else null.
+const ParameterInfo* TwoSided(const FaultType& type) {
+  for (const ParameterInfo& info : type.parameters) {
+    if (!info.severity || !info.zero) continue;
+    const double zero = std::get<double>(*info.zero);
+    if (info.min < zero && zero < info.max) return &info;
+  }
+  return nullptr;
+}
+
+// The example's value, or as far from the harmless one on the other side.
+double OnSide(const ParameterInfo& info, const std::string& side) {
+  const double zero = std::get<double>(*info.zero), example = std::get<double>(info.example);
+  const bool above = side == "positive";
+  if ((example > zero) == above) return example;
+  const double mirrored = 2 * zero - example;
+  return std::clamp(mirrored, (info.min + zero) / 2, (zero + info.max) / 2);
+}
+
+// Those of the example, at the row's place and on its side.
 void SetParameters(const EnvelopeRow& row, const VehicleSignals& signals, FaultSpec& fault) {
   for (const ParameterInfo& info : row.type->parameters) {
     faults::ParameterValue& value = fault.parameters[std::string(info.name)];
     value = info.example;
-    if (info.name == row.place_key) {
+    if (!row.side.empty() && &info == TwoSided(*row.type)) {
+      value = OnSide(info, row.side);
+    } else if (info.name == row.place_key) {
       value = row.place;
     } else if (faults::NamesSignal(info.kind)) {
       // Another signal than that of the row: the example's, where it is one of this vehicle.
@@ -81,8 +102,8 @@ std::vector<EnvelopeRow> EnvelopeRows(const FaultType& type, const VehicleSignal
   std::vector<EnvelopeRow> rows;
   if (type.has_target()) {
     const std::vector<faults::Target> accepted = faults::AcceptedTargets(type);
-    for (const faults::Target target :
-         {faults::Target::kToPlant, faults::Target::kToClient, faults::Target::kBoth})
+    for (const faults::Target target : {faults::Target::kToPlant, faults::Target::kToClient,
+                                        faults::Target::kBoth, faults::Target::kReference})
       if (std::find(accepted.begin(), accepted.end(), target) != accepted.end())
         rows.push_back({&type, "target", std::string(Name(target))});
   } else if (const ParameterInfo* signal = FirstSignal(type)) {
@@ -91,7 +112,15 @@ std::vector<EnvelopeRow> EnvelopeRows(const FaultType& type, const VehicleSignal
   } else {
     rows.push_back({&type, "", ""});
   }
-  return rows;
+  if (TwoSided(type) == nullptr) return rows;
+  std::vector<EnvelopeRow> sides;
+  for (const EnvelopeRow& row : rows) {
+    for (const char* side : {"positive", "negative"}) {
+      sides.push_back(row);
+      sides.back().side = side;
+    }
+  }
+  return sides;
 }
 
 std::optional<std::size_t> FindPlaceholder(const Scenario& base) {

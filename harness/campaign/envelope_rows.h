@@ -21,10 +21,17 @@ struct EnvelopeRow {
   const faults::FaultType* type = nullptr;
   std::string place_key;  // "target", "signal", "actuator"; empty: the type has one place only
   std::string place;      // "to_plant", "z_m", "f_r"
+  // "positive" or "negative": on which side of its harmless value the severity is, where both are harmful; else empty.
+  std::string side = {};
+
+  bool IsAt(const EnvelopeRow& other) const {
+    return type == other.type && place == other.place && side == other.side;
+  }
 };
 
-// Targets: to_plant, to_client, both. Sensors: of the vehicle's x_m, z_m, roll_rad and wx_rad_s those that the
-// fault can act on, or its first sensor; vectors: all. Inputs: the first thrust and the first torque.
+// Targets: to_plant, to_client, both, reference. Sensors: of the vehicle's x_m, z_m, roll_rad and wx_rad_s those that the
+// fault can act on, or its first sensor; vectors: all. Inputs: the first thrust and the first torque. Axes, joints and
+// rotors: that of the type's example. Each side of a severity that has two.
 std::vector<EnvelopeRow> EnvelopeRows(const faults::FaultType& type, const VehicleSignals& signals);
 
 // Where each row's fault acts in a base scenario: in place of its fault of this type.

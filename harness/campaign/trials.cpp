@@ -47,14 +47,18 @@ Trials::Trials(Options options)
 void Trials::Start(const FlightJob& job, Done done) {
   const std::uint64_t number = numbers_end_++;
   const auto count = static_cast<std::size_t>(options_.seeds_count);
-  trials_.emplace(number, Trial{std::vector<std::optional<FlightResult>>(count), std::move(done)});
-  for (std::size_t i = 0; i < count; ++i) {
-    FlightJob seeded = job;
-    seeded.scenario.seed += i;
-    seeded.name = fmt::format("{}, seed {}", job.name, seeded.scenario.seed);
-    flights_[seeded.name] = {number, i};
-    engine_.Submit(std::move(seeded));
-  }
+  const Trial& trial =
+      trials_.emplace(number, Trial{std::vector<std::optional<FlightResult>>(count), std::move(done), job})
+          .first->second;
+  Submit(number, trial, 0);
+}
+
+void Trials::Submit(std::uint64_t number, const Trial& trial, std::size_t place) {
+  FlightJob seeded = trial.job;
+  seeded.scenario.seed += place;
+  seeded.name = fmt::format("{}, seed {}", trial.job.name, seeded.scenario.seed);
+  flights_[seeded.name] = {number, place};
+  engine_.Submit(std::move(seeded));
 }
 
 void Trials::Fly() {
@@ -85,6 +89,9 @@ void Trials::Finished(const FlightJob& job, const FlightResult& result) {
     });
   }
   const std::optional<TrialResult> decided = Decide(found->second);
+  if (!decided && place == 0)
+    for (std::size_t other = 1; other < found->second.results.size(); ++other)
+      Submit(number, found->second, other);
   if (!decided) return;
   const Done done = std::move(found->second.done);
   trials_.erase(found);
@@ -96,7 +103,9 @@ std::optional<TrialResult> Trials::Decide(const Trial& trial) {
   for (const std::optional<FlightResult>& result : trial.results) {
     if (!result) return std::nullopt;
     ++decided.flights_count;
-    if (Survived(result->score)) continue;
+    const bool survived = Survived(result->score);
+    if (survived && result->is_of_any_seed) break;
+    if (survived) continue;
     const bool failed = result->score.verdict == Verdict::kFail;
     decided.answer = failed ? TrialResult::Answer::kFailed : TrialResult::Answer::kUnknown;
     decided.flight = result->name;

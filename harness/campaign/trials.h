@@ -5,6 +5,9 @@
 //   trials.Start(job, [](const TrialResult& result) { Take(result.answer); });
 //   trials.Fly();
 //
+// The first seed flies first: often it decides alone, because it fails, or because nothing in its flight was drawn at
+// random, so that the other seeds give the same flight.
+//
 // What is reported does not depend on the number of jobs: of several seeds that fail, the lowest counts.
 #pragma once
 
@@ -64,8 +67,10 @@ class Trials {
   struct Trial {
     std::vector<std::optional<FlightResult>> results;  // by seed
     Done done;
+    FlightJob job;  // of the first seed
   };
 
+  void Submit(std::uint64_t number, const Trial& trial, std::size_t place);
   void Finished(const FlightJob& job, const FlightResult& result);
   // None: later flights decide.
   static std::optional<TrialResult> Decide(const Trial& trial);

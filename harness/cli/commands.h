@@ -125,6 +125,7 @@ struct EnvelopeOptions {
   std::optional<std::uint64_t> seed;
   int jobs_count = 1;
   std::filesystem::path out = "results/envelope";
+  std::filesystem::path resume;  // the folder of an envelope that was interrupted; or empty
   bool no_progress = false;
 };
 int EnvelopeCommand(const EnvelopeOptions& options);

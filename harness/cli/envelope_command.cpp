@@ -14,10 +14,13 @@
 #include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
 #include "harness/cli/envelope_report.h"
+#include "harness/cli/envelope_resume.h"
 #include "harness/cli/interrupt_scope.h"
 #include "harness/cli/search_flights.h"
 #include "harness/report/files.h"
+#include "harness/run/hash.h"
 #include "harness/scenario/did_you_mean.h"
+#include "harness/scenario/reader.h"
 #include "harness/terminal/terminal.h"
 
 namespace tiltproof::harness {
@@ -61,6 +64,15 @@ std::vector<Column> ReadColumns(const EnvelopeOptions& options) {
     column.name = build;
   }
   return columns;
+}
+
+EnvelopeColumn IdentityOf(const Column& column) {
+  const Scenario& scenario = column.base.scenario;
+  const std::string text =
+      WriteResolved(scenario) + ReadFile(scenario.model_file) + column.means.client_text();
+  const std::uint64_t hash =
+      Fnv1a({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}, kFnvOffset);
+  return {column.name, fmt::format("{:016x}", hash), BuildOf(column.means.clients)};
 }
 
 bool IsOneOf(const std::string& pattern, std::string_view type) {
@@ -108,16 +120,15 @@ std::vector<EnvelopeRow> RowsOf(const EnvelopeOptions& options, const VehicleSig
   }
   for (const std::string& text : options.map) {
     const EnvelopeRow row = MapRow(text, signals);
-    const auto same = [&](const EnvelopeRow& other) {
-      return other.type == row.type && other.place == row.place;
-    };
+    const auto same = [&](const EnvelopeRow& other) { return other.IsAt(row); };
     if (std::none_of(rows.begin(), rows.end(), same)) rows.push_back(row);
   }
   return rows;
 }
 
 std::string RowName(const EnvelopeRow& row) {
-  return fmt::format("{}{}{}", row.type->name, row.place.empty() ? "" : " ", row.place);
+  return fmt::format("{}{}{}{}{}", row.type->name, row.place.empty() ? "" : " ", row.place,
+                     row.side.empty() ? "" : " ", row.side);
 }
 
 // Sorts a column's rows into those that its firmware can take, as tasks, and the others.
@@ -129,7 +140,8 @@ void AddColumn(const Column& column, const std::vector<EnvelopeRow>& rows, Envel
     const std::string& id = column.base.scenario.faults[*FindPlaceholder(column.base.scenario)].id;
     const std::string fault = fmt::format("fault '{}' ({}) ", id, row.type->name);
     if (reason.starts_with(fault)) reason.erase(0, fault.size());
-    envelope.not_applicable.push_back({std::string(row.type->name), row.place, column.name, reason});
+    envelope.not_applicable.push_back(
+        {std::string(row.type->name), row.place + row.side, column.name, reason});
   };
   Suite suite;
   std::map<std::string, std::string> reasons;
@@ -208,19 +220,21 @@ class EnvelopeSearch {
     envelope_.repeat_count = options.repeat_count;
     envelope_.tolerance = options.tolerance;
     for (const Column& column : columns_) {
-      envelope_.clients.push_back(column.name);
+      envelope_.columns.push_back(IdentityOf(column));
       AddColumn(column, RowsOf(options, column.base.model->signals()), envelope_, tasks_);
     }
+    if (!options.resume.empty()) TakeEarlierRows(options.resume / "envelope.json", envelope_);
+    LeaveOutDone();
   }
 
   // The exit code.
   int Run() {
-    if (tasks_.empty()) {
+    if (envelope_.entries.empty()) {
       PrintNotApplicable();
       Print(stderr, "tiltproof: nothing is left to fly with this client\n");
       return kExitUndecided;
     }
-    std::filesystem::create_directories(options_.out);
+    std::filesystem::create_directories(folder());
     Write();
     FindMargins(trials_, tasks_,
                 {.tolerance = options_.tolerance,
@@ -233,23 +247,42 @@ class EnvelopeSearch {
     Print(stdout, "{}", TextLines(EnvelopeTable(envelope_)));
     for (const EnvelopeMap& map : envelope_.maps) Print(stdout, "\n{}", TextLines(EnvelopeMapText(map)));
     PrintNotApplicable();
-    Print(stdout, "{} of {} rows, {} flights, in {}{}\n", done_count_, tasks_.size(), trials_.flown_count(),
-          (options_.out / "envelope.json").string(), interrupted() ? " (interrupted)" : "");
+    Print(stdout, "{} of {} rows, {} flights, in {}{}\n", done_count_, envelope_.entries.size(),
+          trials_.flown_count(), (folder() / "envelope.json").string(),
+          interrupted() ? " (interrupted)" : "");
     return interrupted() ? static_cast<int>(kExitInterrupted) : exit_;
   }
 
  private:
+  const std::filesystem::path& folder() const {
+    return options_.resume.empty() ? options_.out : options_.resume;
+  }
+
+  // What an earlier run has found.
+  void LeaveOutDone() {
+    std::vector<MarginTask> left;
+    for (std::size_t i = 0; i < tasks_.size(); ++i) {
+      if (envelope_.entries[i].margin) {
+        ++done_count_;
+        continue;
+      }
+      left.push_back(std::move(tasks_[i]));
+      entries_.push_back(i);
+    }
+    tasks_ = std::move(left);
+  }
+
   static bool interrupted() { return *InterruptScope::flag(); }
 
   void Take(std::size_t task, const Margin& margin) {
-    envelope_.entries[task].margin = margin;
+    envelope_.entries[entries_[task]].margin = margin;
     ++done_count_;
     if (margin.unknown) {
       exit_ = exit_ == kExitError ? exit_ : UnknownExit(*margin.unknown);
       Tell("tiltproof: envelope: no margin: " + WhyUnknown(*margin.unknown));
     }
     if (!shows_line_ && !options_.no_progress)
-      Tell(fmt::format("{} of {}: {}", done_count_, tasks_.size(), tasks_[task].job.name));
+      Tell(fmt::format("{} of {}: {}", done_count_, envelope_.entries.size(), tasks_[task].job.name));
     Write();
   }
 
@@ -270,7 +303,7 @@ class EnvelopeSearch {
 
   bool SetAxis(const Column& column, const EnvelopeRow& row, EnvelopeMap::Axis& axis) const {
     for (const EnvelopeEntry& entry : envelope_.entries) {
-      if (entry.client != column.name || entry.row.type != row.type || entry.row.place != row.place) continue;
+      if (entry.client != column.name || !entry.row.IsAt(row)) continue;
       if (!entry.margin || !entry.margin->survives) return false;
       axis = {entry.row, entry.severity, MapLevels(entry)};
       return true;
@@ -306,11 +339,12 @@ class EnvelopeSearch {
 
   void PrintNotApplicable() const { Print(stdout, "{}", TextLines(NotApplicableText(envelope_))); }
 
-  void Write() const { WriteFile(options_.out / "envelope.json", ToJsonText(envelope_)); }
+  void Write() const { WriteFile(folder() / "envelope.json", ToJsonText(envelope_)); }
 
   void ShowProgress() {
     if (!shows_line_) return;
-    Print(stderr, "\r\033[K  {} of {} rows, {} flights", done_count_, tasks_.size(), trials_.flown_count());
+    Print(stderr, "\r\033[K  {} of {} rows, {} flights", done_count_, envelope_.entries.size(),
+          trials_.flown_count());
     std::fflush(stderr);
     shown_ = true;
   }
@@ -326,7 +360,8 @@ class EnvelopeSearch {
   std::vector<Column> columns_;
   Trials trials_;
   Envelope envelope_;
-  std::vector<MarginTask> tasks_;  // of the entries, in their order
+  std::vector<MarginTask> tasks_;     // of entries, in their order
+  std::vector<std::size_t> entries_;  // the place of each task's
   std::size_t done_count_ = 0;
   int exit_ = kExitGreen;
   bool shows_line_, shown_ = false;

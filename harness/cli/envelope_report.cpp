@@ -20,6 +20,7 @@ Json OrNull(const std::optional<double>& value) { return value ? Json(*value) : 
 Json PlaceJson(const EnvelopeRow& row) {
   Json json = {{"type", row.type->name}};
   if (!row.place_key.empty()) json[row.place_key] = row.place;
+  if (!row.side.empty()) json["side"] = row.side;
   return json;
 }
 
@@ -39,6 +40,8 @@ Json EntryJson(const EnvelopeEntry& entry) {
     json["reason"] = entry.margin->at_fails.reason;
   }
   json["harmless"] = OrNull(range.harmless);
+  json["mildest"] = range.start;
+  json["severest"] = range.end;
   json["scale"] = range.scale == faults::Scale::kLinear ? "linear" : "logarithmic";
   json["runs"] = entry.margin->flights_count;
   if (entry.margin->unknown) json["error"] = WhyUnknown(*entry.margin->unknown);
@@ -64,6 +67,10 @@ Json MapJson(const EnvelopeMap& map) {
       {"client", map.client}, {"x", AxisJson(map.x)}, {"y", AxisJson(map.y)}, {"survived", std::move(rows)}};
 }
 
+std::string PlaceText(const EnvelopeRow& row) {
+  return row.place + (row.side.empty() ? "" : row.side == "positive" ? "+" : "-");
+}
+
 std::string Cell(const EnvelopeEntry& entry) {
   if (!entry.margin) return "-";
   if (entry.margin->unknown) return "error";
@@ -86,10 +93,21 @@ std::string AxisName(const EnvelopeMap::Axis& axis) {
 }  // namespace
 
 std::string ToJsonText(const Envelope& envelope) {
-  Json json = {{"format", kResultsFormat},         {"scenario", envelope.scenario},
-               {"clients", envelope.clients},      {"seed", envelope.seed},
-               {"repeats", envelope.repeat_count}, {"tolerance", envelope.tolerance},
-               {"complete", envelope.complete},    {"rows", Json::array()},
+  Json clients = Json::array(), columns = Json::object();
+  for (const EnvelopeColumn& column : envelope.columns) {
+    clients.push_back(column.client);
+    columns[column.client] = {{"scenario", column.scenario}, {"build", column.build}};
+  }
+  Json json = {{"format", kResultsFormat},
+               {"version", Version()},
+               {"scenario", envelope.scenario},
+               {"clients", clients},
+               {"columns", columns},
+               {"seed", envelope.seed},
+               {"repeats", envelope.repeat_count},
+               {"tolerance", envelope.tolerance},
+               {"complete", envelope.complete},
+               {"rows", Json::array()},
                {"not_applicable", Json::array()}};
   for (const EnvelopeEntry& entry : envelope.entries)
     if (entry.margin) json["rows"].push_back(EntryJson(entry));
@@ -105,20 +123,20 @@ std::string ToJsonText(const Envelope& envelope) {
 
 std::string EnvelopeTable(const Envelope& envelope) {
   std::string text = fmt::format("{:<30} {:<9} {:<13}", "survived up to", "where", "unit");
-  for (const std::string& client : envelope.clients) text += CellText(client);
+  for (const EnvelopeColumn& column : envelope.columns) text += CellText(column.client);
   text += "\n";
   std::vector<std::string> order;
   std::map<std::string, std::map<std::string, const EnvelopeEntry*>> lines;
   for (const EnvelopeEntry& entry : envelope.entries) {
     const std::string line =
-        fmt::format("{:<30} {:<9} {:<13}", entry.row.type->name, entry.row.place, entry.severity.unit);
+        fmt::format("{:<30} {:<9} {:<13}", entry.row.type->name, PlaceText(entry.row), entry.severity.unit);
     if (!lines.contains(line)) order.push_back(line);
     lines[line][entry.client] = &entry;
   }
   for (const std::string& line : order) {
     text += line;
-    for (const std::string& client : envelope.clients) {
-      const auto found = lines[line].find(client);
+    for (const EnvelopeColumn& column : envelope.columns) {
+      const auto found = lines[line].find(column.client);
       text += CellText(found == lines[line].end() ? "n/a" : Cell(*found->second));
     }
     text += "\n";
@@ -141,7 +159,7 @@ std::string NotApplicableText(const Envelope& envelope) {
   for (const auto& [line, clients] : lines)
     text += fmt::format(
         "not applicable{}: {}\n",
-        clients.size() == envelope.clients.size() ? "" : fmt::format(" to {}", fmt::join(clients, ", ")),
+        clients.size() == envelope.columns.size() ? "" : fmt::format(" to {}", fmt::join(clients, ", ")),
         line);
   return text;
 }

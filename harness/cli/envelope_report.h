@@ -37,9 +37,16 @@ struct EnvelopeMap {
   std::vector<std::vector<std::optional<bool>>> survived;
 };
 
+// A firmware, and what its margins depend on.
+struct EnvelopeColumn {
+  std::string client;
+  std::string scenario;  // a hash of the resolved scenario, its vehicle and the client
+  std::string build;     // of the program and the firmware (harness/report/build_id.h)
+};
+
 struct Envelope {
   std::string scenario;  // its name
-  std::vector<std::string> clients;
+  std::vector<EnvelopeColumn> columns;
   std::vector<EnvelopeEntry> entries;
   std::vector<EnvelopeNotApplicable> not_applicable;
   std::vector<EnvelopeMap> maps;

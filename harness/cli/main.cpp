@@ -243,7 +243,13 @@ int Main(int argc, char** argv) {
                    "without --types nothing else")
       ->type_name("TYPE1 TYPE2")
       ->expected(2);
-  envelope_app->add_option("--out", envelope.out, "Where envelope.json goes")->capture_default_str();
+  auto* envelope_out =
+      envelope_app->add_option("--out", envelope.out, "Where envelope.json goes")->capture_default_str();
+  envelope_app
+      ->add_option("--resume", envelope.resume,
+                   "Go on with the envelope.json in this folder: rows that it has are not flown again")
+      ->type_name("DIR")
+      ->excludes(envelope_out);
   add_search_options(envelope_app, envelope);
   envelope_app->add_flag("--no-progress", envelope.no_progress, "No progress on standard error");
   envelope_app->callback([&] { command = [&] { return EnvelopeCommand(envelope); }; });

@@ -36,13 +36,14 @@ struct FlightResult {
   double real_time_factor = 0.0;
   Score score;
   std::vector<FlightEvent> events;
-  std::string replay;  // the exact command; empty when it was not flown
+  bool is_of_any_seed = false;  // nothing was drawn at random: with another seed, this is the same flight
+  std::string replay;           // the exact command; empty when it was not flown
 
   bool green() const { return score.verdict == expected; }
   // In files the fields of the score stand among these, and the events in events.jsonl.
-  static constexpr std::array<std::string_view, 2> kNotInFiles = {"score", "events"};
+  static constexpr std::array<std::string_view, 3> kNotInFiles = {"score", "events", "is_of_any_seed"};
   TILTPROOF_FIELDS(name, expected, seed, trace_hash, end_reason, outcome, wall_s, real_time_factor, score,
-                   events, replay)
+                   events, is_of_any_seed, replay)
 };
 
 // Scores a flight.

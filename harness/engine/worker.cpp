@@ -1,4 +1,5 @@
 #include "harness/engine/worker.h"
+#include "faults/random.h"
 
 #include <fmt/format.h>
 #include <sys/socket.h>
@@ -116,11 +117,16 @@ FlightResult FlyJob(const FlightJob& job, WorkerReport& report, const std::atomi
     if (!result) result = MakeResult(job.name, scenario, log, job.replay);
     return *result;
   };
+  const std::uint64_t drawn_before = faults::Random::DrawnCount();
   const RunLog log = FlyByMeans(job, report, interrupted, score, client);
+  // Flights of several processes draw elsewhere.
+  const bool drew_here = job.means.FirmwareInWorker(scenario);
+  const bool is_of_any_seed = drew_here && faults::Random::DrawnCount() == drawn_before;
   cut_short = log.end_reason == EndReason::kInterrupted;
   // Scoring and recording are progress too, for the parent that watches.
   report.progress_ns.fetch_add(1, std::memory_order_relaxed);
   score(log);
+  result->is_of_any_seed = is_of_any_seed;
   report.progress_ns.fetch_add(1, std::memory_order_relaxed);
   try {
     job.recorder.end(scenario, log, *result);

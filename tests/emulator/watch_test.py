@@ -67,6 +67,22 @@ class Watch(unittest.TestCase):
         with open(folder / "trace.csv", newline="") as file:
             return list(csv.DictReader(file))
 
+    def test_the_state_of_the_shipped_image_is_that_of_the_library(self):
+        silence = ('  - {name: says-so, stl: "eventually(supervisor_state >= 1)"}\nfirmware: tolerant\n'
+                   "faults: [{id: silence, type: link.silence, target: to_client, start_s: 0.4, end_s: 0.6}]\n")
+        states = []
+        for client in ("host", "qemu"):
+            done, folder = self.run_tiltproof(client=client, more=silence)
+            self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+            states.append([row["supervisor_state"] for row in self.rows(folder)])
+        self.assertEqual(*states)
+        # An image without the variable has no such column, and no formula can name it.
+        done, folder = self.run_tiltproof()
+        self.assertNotIn("supervisor_state", self.rows(folder)[0])
+        done, _ = self.run_tiltproof(more=silence)
+        self.assertEqual(done.returncode, 2)
+        self.assertRegex(done.stderr, r"watch.yaml:6:\d+: stl: 'supervisor_state': the image of qemu:.* has no variable tiltproof_status")
+
     def test_variables_are_columns_and_signals_of_formulas(self):
         formula = '  - {name: ticks, stl: "always(watch_tick_count >= 1 and watch_probe_sign < -4)"}\n'
         traces = []

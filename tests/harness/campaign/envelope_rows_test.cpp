@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "faults/registry.h"
+#include "harness/campaign/fault_level.h"
 #include "tests/harness/campaign/tilt_rotor.h"
 
 namespace tiltproof::harness {
@@ -18,7 +19,7 @@ using ::testing::IsEmpty;
 std::vector<std::string> Places(const std::string& type) {
   std::vector<std::string> places;
   for (const EnvelopeRow& row : EnvelopeRows(*faults::FindFaultType(type), TiltRotorSignals()))
-    places.push_back(row.place_key + " " + row.place);
+    places.push_back(row.place_key + " " + row.place + (row.side.empty() ? "" : " " + row.side));
   return places;
 }
 
@@ -37,9 +38,14 @@ Scenario Base() {
 }
 
 TEST(EnvelopeRows, AreTheTypesPlaces) {
-  EXPECT_THAT(Places("frame.drop"), ElementsAre("target to_plant", "target to_client", "target both"));
+  EXPECT_THAT(Places("frame.drop"),
+              ElementsAre("target to_plant", "target to_client", "target both", "target reference"));
   EXPECT_THAT(Places("uart.overrun"), ElementsAre("target to_client"));
   EXPECT_THAT(Places("sensor.bias"),
+              ElementsAre("signal x_m positive", "signal x_m negative", "signal z_m positive",
+                          "signal z_m negative", "signal roll_rad positive", "signal roll_rad negative",
+                          "signal wx_rad_s positive", "signal wx_rad_s negative"));
+  EXPECT_THAT(Places("sensor.freeze"),
               ElementsAre("signal x_m", "signal z_m", "signal roll_rad", "signal wx_rad_s"));
   EXPECT_THAT(Places("sensor.spoof"), ElementsAre("signal x_m", "signal z_m"));
   EXPECT_THAT(Places("sensor.misalignment"),
@@ -61,6 +67,22 @@ TEST(EnvelopeRows, EachRowOfEachTypeIsAValidFault) {
         ADD_FAILURE() << type.name << " " << row.place << ": " << problem.key << ": " << problem.message;
     }
   }
+}
+
+// A search begins at the harmless value and goes to the side on which the row's own value is.
+TEST(EnvelopeRows, EachSideIsSearchedOnItsOwn) {
+  int count = 0;
+  for (const faults::FaultType& type : faults::FaultTypes()) {
+    for (const EnvelopeRow& row : EnvelopeRows(type, TiltRotorSignals())) {
+      if (row.side.empty()) continue;
+      const Severity severity = SeverityOf(WithRow(Base(), row, TiltRotorSignals()), 1, TiltRotorSignals());
+      const double harmless = severity.range.harmless.value();
+      EXPECT_EQ(severity.range.start, harmless) << type.name;
+      EXPECT_EQ(severity.range.end > harmless, row.side == "positive") << type.name << " " << row.side;
+      ++count;
+    }
+  }
+  EXPECT_GT(count, 10);
 }
 
 TEST(EnvelopeRows, ASignalIsNotSwappedWithItself) {

@@ -9,6 +9,7 @@
 #include <atomic>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -55,10 +56,41 @@ TrialResult Try(const FlightJob& job, int jobs_count = 1) {
   return found.value();
 }
 
+// Replies are lost at random from 1 s on.
+FlightJob Lossy(const std::string& name, double probability) {
+  FlightJob job = Biased(name, 0);
+  faults::FaultSpec& loss = job.scenario.faults[0];
+  loss.type = "frame.drop";
+  loss.target = faults::Target::kToClient;
+  loss.parameters = {{"probability", probability}};
+  return job;
+}
+
 TEST(Trials, EverySeedMustPass) {
-  const TrialResult result = Try(Biased("mild", 0.01));
+  const TrialResult result = Try(Lossy("mild", 0.05));
   EXPECT_EQ(result.answer, Answer::kSurvived);
   EXPECT_EQ(result.flights_count, 3u);
+}
+
+// Nothing in its flight is drawn at random: other seeds give the same flight, as their hashes show.
+TEST(Trials, AFlightWithoutRandomnessIsFlownOnce) {
+  const FlightJob job = Biased("mild", 0.01);
+  EXPECT_EQ(Try(job).flights_count, 1u);
+  std::set<std::string> hashes;
+  for (const bool draws : {false, true}) {
+    Engine engine({.jobs_count = 1});
+    for (std::uint64_t seed = 10; seed < 13; ++seed) {
+      FlightJob seeded = draws ? Lossy("lossy", 0.05) : job;
+      seeded.name += std::to_string(seed);
+      seeded.scenario.seed = seed;
+      auto flown = engine.Submit(seeded);
+      while (!engine.idle()) engine.Turn();
+      const FlightResult result = flown.get();
+      EXPECT_EQ(result.is_of_any_seed, !draws);
+      hashes.insert(result.trace_hash);
+    }
+    EXPECT_EQ(hashes.size(), draws ? 4u : 1u);
+  }
 }
 
 TEST(Trials, OneThatFailsDecides) {

@@ -51,13 +51,18 @@ class MarginTest(CommandLineTest):
         self.assertTrue(answers[margin["survives"]])
         self.assertFalse(answers[margin["fails"]])
         for level in levels:
-            self.assertEqual(level["runs"], 5 if level["survived"] else 1, "seeds after one that fails are not flown")
+            self.assertEqual(level["runs"], 1, "nothing is drawn at random: one flight stands for all seeds")
 
     def test_the_page_shows_what_is_printed(self):
         page = (SOURCE / "docs/margins.md").read_text()
         command, shown = re.search(r"tiltproof (margin scenarios/\S+ [^\n]*)\n.*?```text\n(.*?)```", page, re.S).groups()
         out = self.tiltproof(*command.replace("scenarios/", f"{SOURCE}/scenarios/").split())[1]
         self.assertIn(shown, out)
+
+    def test_each_seed_of_a_random_fault_is_flown(self):
+        scenario = self.short("frame.drop", "probability: 0.5", ", target: both")
+        for level in self.margin(scenario, "--fault", "probe", "--repeats", "3", "--tolerance", "0.2")[:-1]:
+            self.assertTrue(level["runs"] == 3 if level["survived"] else 1 <= level["runs"] <= 3, level)
 
     def test_jobs_change_nothing(self):
         scenario = self.short("frame.drop", "probability: 0.5", ", target: both")
@@ -122,8 +127,9 @@ class EnvelopeTest(CommandLineTest):
         envelope, out = self.envelope("--types", "frame.drop,actuator.loss*,device.*", "--firmware", "paper,tolerant", "-j", "2")
         self.assertTrue(envelope["complete"])
         rows = {(row["type"], row.get("target", row.get("actuator", "")), row["client"]): row for row in envelope["rows"]}
-        places = [("frame.drop", "to_plant"), ("frame.drop", "to_client"), ("frame.drop", "both"), ("actuator.loss_of_effectiveness", "f_r"),
-                  ("actuator.loss_of_effectiveness", "tau_r"), ("device.reset", ""), ("device.task_delay", "")]
+        places = [("frame.drop", "to_plant"), ("frame.drop", "to_client"), ("frame.drop", "both"), ("frame.drop", "reference"),
+                  ("actuator.loss_of_effectiveness", "f_r"), ("actuator.loss_of_effectiveness", "tau_r"), ("device.reset", ""),
+                  ("device.task_delay", "")]
         self.assertEqual(set(rows), {(*place, client) for place in places for client in ("paper", "tolerant")})
         thrust = rows["actuator.loss_of_effectiveness", "f_r", "paper"]
         self.assertEqual((thrust["harmless"], thrust["scale"], thrust["unit"]), (1.0, "linear", "1"))
@@ -137,6 +143,44 @@ class EnvelopeTest(CommandLineTest):
             self.assertTrue(tolerant["fails"] is None or tolerant["survives"] >= paper["survives"], (paper, tolerant))
         for line in out.splitlines():
             self.assertTrue(len(line) <= 80 or line.startswith("not applicable"), line)
+
+    def test_both_sides_and_the_reference_line(self):
+        envelope, out = self.envelope("--types", "sensor.bias,frame.truncate")
+        rows = [(row["type"], row.get("signal", row.get("target")), row.get("side"), row["mildest"], row["severest"]) for row in envelope["rows"]]
+        self.assertEqual(len(rows), 12)
+        self.assertIn("reference", [row[1] for row in rows])
+        for _, signal_name, side, mildest, severest in rows:
+            if side:
+                self.assertEqual((mildest, severest > 0), (0, side == "positive"), signal_name)
+        self.assertRegex(out, r"sensor\.bias +roll_rad- +rad ")
+
+    def test_an_interrupted_one_goes_on(self):
+        arguments = ("--types", "sensor.bias,actuator.loss*", "--firmware", "paper,tolerant")
+        whole, _ = self.envelope(*arguments)
+        cut = dict(whole, complete=False, rows=whole["rows"][1::2])
+        file = self.folder / "cut/envelope.json"
+        file.parent.mkdir()
+        file.write_text(json.dumps(cut))
+
+        def resume(*more, code=0):
+            found, out, err = self.tiltproof("envelope", "base.yaml", *arguments, "--tolerance", "0.2", "--resume", "cut", *(more or ("--repeats", "1")))
+            self.assertEqual(found, code, err)
+            return out, err
+
+        base = (self.folder / "base.yaml").read_text()
+        for changed, arguments_now, what in ((base, ("--repeats", "2"), "--repeats was 1 and is 2"), (base, ("--repeats", "1", "--seed", "5"), "the seed was 1"),
+                                             (base.replace("0.6)", "0.5)"), ("--repeats", "1"), "the scenario, or the vehicle, of paper was another one")):
+            (self.folder / "base.yaml").write_text(changed)
+            self.assertIn(what, resume(*arguments_now, code=2)[1])
+        (self.folder / "base.yaml").write_text(base)
+        out, _ = resume()
+        again = json.loads(file.read_text())
+        self.assertEqual(again, whole)
+        flights = int(re.search(r"(\d+) flights", out)[1])
+        self.assertEqual(flights, sum(row["runs"] for row in whole["rows"][0::2]), "rows that are there are not flown again")
+        self.assertIn("0 flights", resume()[0])
+        file.write_text("{}")
+        self.assertIn("no envelope to go on with", resume(code=2)[1])
 
     def test_it_is_the_margin(self):
         [row] = self.envelope("--types", "plant.force")[0]["rows"]

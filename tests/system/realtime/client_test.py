@@ -69,6 +69,7 @@ class ClientTest(unittest.TestCase):
     def test_process_finds_its_ports_in_the_environment(self):
         flight = self.fly(f"process:exec {FIRMWARE} {LIBRARY}", 0)
         self.assertIn(b"pty_firmware: up", self.log(flight))
+        self.assertEqual(flight.column("hover", "supervisor_state"), [], "a program on a serial port tells nothing")
         self.report(flight)
         self.check(flight)
 
@@ -283,7 +284,9 @@ class ClientTest(unittest.TestCase):
         self.check(flight)
 
     def test_host_library(self):
-        self.report(self.fly("host", 0, duration_s=2))
+        flight = self.fly("host", 0, duration_s=2)
+        self.report(flight)
+        self.assertEqual(set(flight.column("hover", "supervisor_state")), {"0"})
 
 
 if __name__ == "__main__":

@@ -121,6 +121,7 @@ class EmulatorTest(unittest.TestCase):
         self.assertEqual(metrics["link.reference.frames_rejected_count"], 0)
         # Read from the board's memory.
         self.assertEqual(metrics["firmware.failsafe_entered_count"], 0)
+        self.assertEqual(set(flight.column("hover", "supervisor_state")) - {"nan", ""}, {"0"})
         print(f"hover: {flight.events('client_round_trip')[0]['text']}", file=sys.stderr, flush=True)
 
     def test_image_of_the_users_and_other_usarts(self):

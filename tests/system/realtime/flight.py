@@ -211,6 +211,11 @@ class Flight:
             test.assertEqual({result["verdict"] for result in results["scenarios"]}, {"error"})
         self.check_score(test, flown)
 
+    def column(self, name, column):
+        """Of a scenario's trace, as text; empty when it has no such column."""
+        rows = [row.split(",") for row in read(self.run_folder / name / "trace.csv").decode().splitlines()]
+        return [row[rows[0].index(column)] for row in rows[1:]] if column in rows[0] else []
+
     def check_score(self, test, results):
         """`score` comes to the same verdict, or says why it cannot."""
         done = subprocess.run([self.program, "score", self.run_folder, "--format", "jsonl"], capture_output=True, timeout=60, check=False)

@@ -1,0 +1,84 @@
+#include "harness/cli/envelope_resume.h"
+
+#include <fmt/format.h>
+
+#include <map>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <tuple>
+
+#include "harness/cli/commands.h"
+#include "harness/report/files.h"
+
+namespace tiltproof::harness {
+namespace {
+
+using EarlierJson = nlohmann::json;
+
+std::optional<double> NumberOf(const EarlierJson& row, const char* key) {
+  return row.contains(key) && row[key].is_number() ? std::optional(row[key].get<double>()) : std::nullopt;
+}
+
+Margin MarginOf(const EarlierJson& row) {
+  Margin margin;
+  margin.survives = NumberOf(row, "survives");
+  margin.fails = NumberOf(row, "fails");
+  margin.flights_count = row.at("runs");
+  if (!margin.fails) return margin;
+  margin.at_fails.answer = TrialResult::Answer::kFailed;
+  margin.at_fails.criterion = row.at("first_criterion");
+  margin.at_fails.seed = row.at("seed");
+  margin.at_fails.time_s = NumberOf(row, "time_s");
+  margin.at_fails.reason = row.at("reason");
+  return margin;
+}
+
+// What differs, with both values; empty when nothing does.
+std::string Difference(const EarlierJson& then, const Envelope& now) {
+  const auto differs = [](const std::string& what, const EarlierJson& a, const EarlierJson& b) {
+    return a == b ? "" : fmt::format("{} was {} and is {}", what, a.dump(), b.dump());
+  };
+  std::string found = differs("the version", then.at("version"), Version());
+  if (found.empty()) found = differs("the scenario", then.at("scenario"), now.scenario);
+  if (found.empty()) found = differs("the seed", then.at("seed"), now.seed);
+  if (found.empty()) found = differs("--repeats", then.at("repeats"), now.repeat_count);
+  if (found.empty()) found = differs("--tolerance", then.at("tolerance"), now.tolerance);
+  for (const EnvelopeColumn& column : now.columns) {
+    if (!found.empty() || !then.at("columns").contains(column.client)) continue;
+    const EarlierJson& own = then["columns"][column.client];
+    if (own.at("scenario") != column.scenario)
+      found = fmt::format("the scenario, or the vehicle, of {} was another one", column.client);
+    else if (own.at("build") != column.build)
+      found = fmt::format("{} was flown with another build of the program or the firmware", column.client);
+  }
+  return found;
+}
+
+}  // namespace
+
+void TakeEarlierRows(const std::filesystem::path& file, Envelope& envelope) {
+  std::map<std::tuple<std::string, std::string, std::string, std::string>, Margin> earlier;
+  try {
+    const EarlierJson then = EarlierJson::parse(ReadFile(file));
+    if (const std::string why = Difference(then, envelope); !why.empty())
+      throw UsageError(fmt::format("--resume {}: {}: its rows say nothing of this one", file.string(), why));
+    for (const EarlierJson& row : then.at("rows")) {
+      if (row.contains("error")) continue;
+      std::string place;
+      for (const char* key : {"target", "signal", "actuator"}) place += row.value(key, "");
+      earlier[{row.at("type"), place, row.value("side", ""), row.at("client")}] = MarginOf(row);
+    }
+  } catch (const UsageError&) {
+    throw;
+  } catch (const std::exception& error) {
+    throw UsageError(
+        fmt::format("--resume: {} is no envelope to go on with: {}", file.string(), error.what()));
+  }
+  for (EnvelopeEntry& entry : envelope.entries) {
+    const auto found =
+        earlier.find({std::string(entry.row.type->name), entry.row.place, entry.row.side, entry.client});
+    if (found != earlier.end()) entry.margin = found->second;
+  }
+}
+
+}  // namespace tiltproof::harness

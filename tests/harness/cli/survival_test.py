@@ -1,0 +1,111 @@
+#!/usr/bin/env python3
+"""The tables of what each build survives. Usage: survival_test.py TILTPROOF SOURCE_DIR"""
+import json
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+import xml.etree.ElementTree
+
+PROGRAM, SOURCE = (pathlib.Path(a).resolve() for a in sys.argv[1:3])
+TABLES = SOURCE / "scenarios/envelope/tables.py"
+
+
+def row(fault, client, survives, fails, place=("target", "both"), **more):
+    return {"type": fault, place[0]: place[1], "client": client, "parameter": "p", "survives": survives, "fails": fails, "unit": "s", "harmless": 0,
+            "mildest": 0, "severest": 10, "scale": "linear", "runs": 1, **more}
+
+
+class SurvivalTest(unittest.TestCase):
+    def setUp(self):
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="tiltproof-survival-"))
+        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
+        self.readme = self.folder / "README.md"
+        self.readme.write_text("before\n<!-- survival: scenarios/envelope/tables.py writes what is below -->\nold\n<!-- survival: end -->\nafter\n")
+
+    def tables(self, *arguments):
+        done = subprocess.run([sys.executable, "-B", TABLES, "--out", self.folder, "--page", self.folder / "page.md", "--readme", self.readme,
+                               *map(str, arguments)], capture_output=True, text=True, timeout=240, check=False)
+        return done.returncode, done.stdout + done.stderr
+
+    def write(self, rows, other=None):
+        for name, own in (("spiral", rows), ("spiral-other-vehicle", other or rows)):
+            file = self.folder / name / "envelope.json"
+            file.parent.mkdir(exist_ok=True)
+            file.write_text(json.dumps({"clients": ["paper", "tolerant"], "repeats": 5, "tolerance": 0.01, "complete": True, "rows": own}))
+
+    def ratios(self):
+        lines = [line.split(" | ") for line in (self.folder / "page.md").read_text().splitlines() if line.startswith("| `")]
+        return {(line[0].strip("| `"), line[1]): line[5] for line in lines}
+
+    def test_ratios_are_of_distances_from_harmless(self):
+        infinite = {"harmless": 1e6, "mildest": 1e6, "severest": 0, "scale": "logarithmic"}
+        self.write([row("a.linear", "paper", 2, 2.1), row("a.linear", "tolerant", 5, 5.1),
+                    row("a.factor", "paper", 0.9, 0.8, harmless=1, mildest=1, severest=0), row("a.factor", "tolerant", 0.7, 0.6, harmless=1, mildest=1, severest=0),
+                    row("a.never", "paper", None, 0.1), row("a.never", "tolerant", 3, 4),
+                    row("a.neither", "paper", None, 0.1), row("a.neither", "tolerant", None, 0.1),
+                    row("b.always", "paper", 4, 5), row("b.always", "tolerant", 10, None),
+                    row("b.limit", "paper", 8, 7, **infinite), row("b.limit", "tolerant", 2, 1, **infinite),
+                    row("b.bias", "paper", -1, -2, ("signal", "x_m"), side="negative"), row("b.bias", "tolerant", -1.5, -2, ("signal", "x_m"), side="negative")])
+        code, out = self.tables()
+        self.assertEqual(code, 0, out)
+        self.assertEqual(self.ratios(), {("a.linear", "both"): "2.5", ("a.factor", "both"): "3", ("a.never", "both"): "∞", ("a.neither", "both"): "1",
+                                         ("b.always", "both"): "2.5", ("b.limit", "both"): "4", ("b.bias", "x_m-"): "1.5"})
+        self.assertIn("5 of 7 types survived at least twice as severely; by layer: a 3 of 4, b 2 of 3", out)
+        text = self.readme.read_text()
+        self.assertRegex(text, r"(?s)^before\n<!-- survival: .*\n\| a \| 4 \| 3 \| 3 \|\n.*<!-- survival: end -->\nafter\n$")
+        self.assertNotIn("old", text)
+        self.tables()
+        self.assertEqual(self.readme.read_text(), text, "again is the same")
+
+    def test_worse_is_told(self):
+        better = [row("a.x", "paper", 1, 1.1), row("a.x", "tolerant", 0.995, 1.1)]
+        worse = [row("a.x", "paper", 1, 1.1), row("a.x", "tolerant", 0.98, 1.0)]
+        self.write(better)
+        self.assertEqual(self.tables()[0], 0)
+        self.write(better, worse)
+        code, out = self.tables()
+        self.assertEqual(code, 1)
+        self.assertIn("worse: a.x both: 1 and 0.98, 0.98 times as far", out)
+
+    def test_one_command_flies_and_writes_and_goes_on(self):
+        arguments = ("--fly", PROGRAM, "-j", "2", "--types", "actuator.loss_of_effectiveness", "--repeats", "1")
+        code, out = self.tables(*arguments)
+        self.assertIn(code, (0, 1), out)
+        self.assertEqual([place for _, place in self.ratios()], ["f_r", "tau_r"])
+        for name in ("spiral", "spiral-other-vehicle"):
+            self.assertTrue(json.loads((self.folder / name / "envelope.json").read_text())["complete"])
+        page = (self.folder / "page.md").read_text()
+        self.assertEqual(self.tables(*arguments)[1].count(" 0 flights, in "), 2, "all rows are there")
+        self.assertEqual((self.folder / "page.md").read_text(), page)
+
+    def test_the_other_vehicle_is_the_shipped_one_but_for_what_it_says(self):
+        def numbers(file):
+            """Every number, by where it stands: its element with that one's place, or its attribute."""
+            found = {}
+
+            def walk(element, path):
+                for index, child in enumerate(element):
+                    walk(child, f"{path}/{child.tag.rpartition('}')[2]}{index}")
+                for key, value in [("", element.text or ""), *element.attrib.items()]:
+                    for i, number in enumerate(re.findall(r"(?<![\w.])-?\d[\d.e-]*", value)):
+                        found[f"{path}@{key}{i}"] = float(number)
+
+            walk(xml.etree.ElementTree.parse(file).getroot(), "")
+            return found
+
+        shipped, other = numbers(SOURCE / "plant/models/tiltrotor.sdf"), numbers(SOURCE / "scenarios/envelope/other-vehicle.sdf")
+        self.assertEqual(shipped.keys(), other.keys())
+        changed = 0
+        for path, value in shipped.items():
+            factor = 1.02 if "/mass" in path else 1.1 if re.search(r"/i[xyz]{2}\d", path) else 1.2 if "drag_ratio_m" in path else 1.0
+            self.assertAlmostEqual(other[path], value * factor, delta=1e-9 * abs(value), msg=path)
+            changed += factor != 1
+        self.assertEqual(changed, 3 + 18 + 2)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])
