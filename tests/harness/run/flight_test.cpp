@@ -59,6 +59,7 @@ struct TestClient : Client {
   }
   void Command(const std::vector<faults::DeviceCommand>& /*commands*/, Origin /*origin*/) override {}
   std::optional<ClientStatus> Status() override { return ClientStatus{0, 3}; }
+  ClientSample Sample() override { return {}; }
 
   ClientHost host;
   link::Dialect dialect;
@@ -138,6 +139,7 @@ struct AheadClient : Client {
   }
   void Command(const std::vector<faults::DeviceCommand>& /*commands*/, Origin /*origin*/) override {}
   std::optional<ClientStatus> Status() override { return std::nullopt; }
+  ClientSample Sample() override { return {}; }
 
   ClientHost host;
   BootTime next_request;

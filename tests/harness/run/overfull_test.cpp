@@ -53,6 +53,7 @@ struct AskingClient : Client {
   }
   void Command(const std::vector<faults::DeviceCommand>& /*commands*/, Origin /*origin*/) override {}
   std::optional<ClientStatus> Status() override { return std::nullopt; }
+  ClientSample Sample() override { return {}; }
 
   ClientHost host;
   int requests_count;
