@@ -120,7 +120,7 @@ FlightResult FlyJob(const FlightJob& job, WorkerReport& report, const std::atomi
   const std::uint64_t drawn_before = faults::Random::DrawnCount();
   const RunLog log = FlyByMeans(job, report, interrupted, score, client);
   // Flights of several processes draw elsewhere.
-  const bool drew_here = job.means.FirmwareInWorker(scenario);
+  const bool drew_here = !job.means.realtime && !job.means.distributed && !scenario.has_several_clients();
   const bool is_of_any_seed = drew_here && faults::Random::DrawnCount() == drawn_before;
   cut_short = log.end_reason == EndReason::kInterrupted;
   // Scoring and recording are progress too, for the parent that watches.
