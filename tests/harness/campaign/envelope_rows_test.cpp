@@ -49,7 +49,8 @@ TEST(EnvelopeRows, AreTheTypesPlaces) {
               ElementsAre("signal x_m", "signal z_m", "signal roll_rad", "signal wx_rad_s"));
   EXPECT_THAT(Places("sensor.spoof"), ElementsAre("signal x_m", "signal z_m"));
   EXPECT_THAT(Places("sensor.misalignment"),
-              ElementsAre("signal position", "signal velocity", "signal rates"));
+              ElementsAre("signal position positive", "signal position negative", "signal velocity positive",
+                          "signal velocity negative", "signal rates positive", "signal rates negative"));
   EXPECT_THAT(Places("actuator.lag"), ElementsAre("actuator f_r", "actuator tau_r"));
   EXPECT_THAT(Places("plant.force"), ElementsAre(" "));
   EXPECT_THAT(Places("device.reset"), ElementsAre(" "));
