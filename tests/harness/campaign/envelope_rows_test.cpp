@@ -40,14 +40,15 @@ Scenario Base() {
 TEST(EnvelopeRows, AreTheTypesPlaces) {
   EXPECT_THAT(Places("frame.drop"),
               ElementsAre("target to_plant", "target to_client", "target both", "target reference"));
-  EXPECT_THAT(Places("uart.overrun"), ElementsAre("target to_client"));
+  EXPECT_THAT(Places("uart.overrun"), ElementsAre("target to_client", "target reference"));
   EXPECT_THAT(Places("sensor.bias"),
               ElementsAre("signal x_m positive", "signal x_m negative", "signal z_m positive",
                           "signal z_m negative", "signal roll_rad positive", "signal roll_rad negative",
                           "signal wx_rad_s positive", "signal wx_rad_s negative"));
   EXPECT_THAT(Places("sensor.freeze"),
               ElementsAre("signal x_m", "signal z_m", "signal roll_rad", "signal wx_rad_s"));
-  EXPECT_THAT(Places("sensor.spoof"), ElementsAre("signal x_m", "signal z_m"));
+  EXPECT_THAT(Places("sensor.spoof"), ElementsAre("signal x_m positive", "signal x_m negative",
+                                                  "signal z_m positive", "signal z_m negative"));
   EXPECT_THAT(Places("sensor.misalignment"),
               ElementsAre("signal position positive", "signal position negative", "signal velocity positive",
                           "signal velocity negative", "signal rates positive", "signal rates negative"));
