@@ -2,7 +2,7 @@
 """The shipped lockstep scenarios fly as they always have, to the last digit: tests/golden/flights.json.
 
 Usage: golden_flights_test.py TILTPROOF SOURCE_DIR [--board RESULTS] [--write]
-Flies the host firmware. --board: reads instead the results of `run scenarios/wire scenarios/device --client qemu`, the image on the emulated board.
+Flies the host firmware. --board: reads instead the results of `run scenarios/wire scenarios/device --client qemu --firmware paper`, the image on the emulated board.
 --write writes that part of the file anew, for a change that is meant to change the flights, or adds one.
 """
 import argparse
