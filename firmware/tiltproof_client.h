@@ -71,7 +71,8 @@ TILTPROOF_CLIENT_API int64_t tiltproof_client_start(TiltproofClient* client, int
 TILTPROOF_CLIENT_API void tiltproof_client_receive(TiltproofClient* client, int uart, int64_t now_ns,
                                                    const uint8_t* bytes, size_t count);
 TILTPROOF_CLIENT_API int64_t tiltproof_client_grant(TiltproofClient* client, int64_t now_ns);
-/* Optional (may be missing from the library): metrics that need it are then absent. */
+/* Optional (may be missing from the library): metrics and columns that need it are then absent. Asked every 12 ms of
+ * the flight and at its end; it changes nothing. */
 TILTPROOF_CLIENT_API void tiltproof_client_status(const TiltproofClient* client,
                                                   TiltproofClientStatus* status);
 /* A reset of the board at now_ns: all state but the clock is lost. Returns the next wake-up. */

@@ -1,7 +1,7 @@
 // When other work keeps a firmware's task from running (device.task_delay).
 //
-//   TaskDelays delays(commands, origin);
-//   if (const auto hold = delays.At(now)) wake = hold->until;   // whatever is due at `now` waits until then
+//   const TaskDelays delays(faults::DeviceCommands(scenario.faults, scenario.seed), origin);
+//   if (const auto hold = delays.At(now)) wake_ns = hold->until;   // whatever is due at `now` waits until then
 #pragma once
 
 #include <cstddef>

@@ -224,6 +224,10 @@ extern const PlantServer::Reply reply;
 extern std::vector<double> commanded;
 extern const struct Message { std::vector<double> actuators; } message;
 
+// harness/client/task_delays.h
+extern Origin origin;
+extern BootTime wake_ns;
+
 // harness/run/client_channel.h
 std::unique_ptr<Client> make_client(std::size_t client, ClientHost host);
 extern BootTime horizon;
