@@ -13,8 +13,8 @@ which is built first where something is missing.
 
 - firmware: the firmware of the copy flies in the unchanged harness, as a library or as an image on the emulated board. It is
   noticed when a flight is not green. The library traps where it leaves an array or does what C++ does not define.
-- harness: the changed source is compiled as the release build compiles it, and linked into a test program in front of the
-  object that it replaces. It is noticed when a test fails.
+- harness: the changed source is compiled with the release build's flags, and linked into a test program in front of the code
+  that it replaces. It is noticed when a test fails.
 """
 import argparse
 import contextlib
@@ -171,20 +171,16 @@ def link_command(program):
     return command, command.index("-o") + 1
 
 
-def compile_instead(file):
-    """Compiles the copy's `file` with all that the release build compiles together with it. The object."""
+def compile_alone(file):
+    """The object of the copy's `file`, compiled as the release build does, which may put several sources into one."""
     for entry in json.loads((RELEASE / "compile_commands.json").read_text()):
         unit = pathlib.Path(entry["file"])
-        text = unit.read_text() if "/Unity/" in str(unit) and unit.exists() else ""
-        if unit != ROOT / file and f'"{ROOT / file}"' not in text:
+        if unit != ROOT / file and not ("/Unity/" in str(unit) and unit.exists() and f'"{ROOT / file}"' in unit.read_text()):
             continue
-        source, made = COPY / file, WORK / "object.o"
-        if text:
-            source = WORK / "unit.cxx"
-            source.write_text(text.replace(str(ROOT / file), str(COPY / file)))
+        made = WORK / "object.o"
         command = shlex.split(entry["command"])
         command[command.index("-o") + 1] = str(made)
-        command[command.index("-c") + 1] = str(source)
+        command[command.index("-c") + 1] = str(COPY / file)
         # What a defect leaves unused is no error.
         must([*(f"-I{COPY}" if word == f"-I{ROOT}" else word for word in command), "-O1", "-Wno-error"], entry["directory"])
         return made
@@ -206,8 +202,9 @@ def noticed_in_test(patch):
     program, tests = patch.keys["Killer"].split()
     command, output = link_command(program)
     command[output] = str(WORK / program)
-    archive = next(place for place, word in enumerate(command) if word.endswith(".a"))
-    must([*command[:archive], compile_instead(patch.files[0]), *command[archive:]], RELEASE)
+    # The first definition of a function counts, for calls from its old neighbours, too: position-independent code inlines none
+    # that another object may replace.
+    must([command[0], "-Wl,--allow-multiple-definition", compile_alone(patch.files[0]), *command[1:]], RELEASE)
     failed = test(WORK / program, tests) or test(WORK / program, "*")
     return f"{program} {failed[0]}" if failed else None
 
@@ -308,6 +305,8 @@ def main():
     patches = [Patch(path) for group in GROUPS for path in sorted((HERE / group).glob("*.patch")) if arguments.group in (None, group)]
     if unknown := set(arguments.names) - {patch.name for patch in patches}:
         parser.error(f"no defect is named {', '.join(sorted(unknown))}")
+    if arguments.write and (arguments.names or arguments.sample):
+        parser.error("--write takes all defects of a group")
     if arguments.names:
         patches = [patch for patch in patches if patch.name in arguments.names]
     if arguments.check:
