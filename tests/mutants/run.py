@@ -192,7 +192,7 @@ def test(program, tests):
     code, text = call([program, f"--gtest_filter={tests}", "--gtest_brief=1"], RELEASE)
     if not re.search(r"^\[=+\] [1-9]\d* test", text, re.MULTILINE) and code in (0, 1):
         raise Trouble(f"{program} has no test {tests}\n{text[-2000:]}")
-    failed = re.findall(r"^\[  FAILED  \] (\w+[./]\S+) \(", text, re.MULTILINE)
+    failed = re.findall(r"^\[  FAILED  \] ([A-Za-z]\S*\.[^\s,]+)", text, re.MULTILINE)
     return failed or ([] if code == 0 else [f"{tests} (exit code {code})"])
 
 
