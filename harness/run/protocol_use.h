@@ -11,7 +11,8 @@
 
 namespace tiltproof::harness {
 
-// `baud`: of the client's main line; 0: bytes take no time. An exchange, from one request to the next, is counted when it has ended.
+// `baud`: of the client's main line; 0: bytes take no time. An exchange, from one request to the next, is counted
+// when it has ended.
 ProtocolUse UseOfProtocol(const LinkLog& link, std::size_t client, const link::Protocol& protocol,
                           std::int64_t baud);
 
