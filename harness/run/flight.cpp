@@ -14,6 +14,7 @@
 #include "harness/run/client_channel.h"
 #include "harness/run/client_history.h"
 #include "harness/run/merge_logs.h"
+#include "harness/run/protocol_use.h"
 #include "harness/run/reference_frame.h"
 #include "harness/run/supervisor_states.h"
 #include "link/check.h"
@@ -327,8 +328,11 @@ void Conductor::Finish() {
   for (ClientChannel& channel : channels_)
     keep_going([&] { Append(log_, channel.line().TakeLog(end), channel.index(), state.origin); });
   SortByTime(log_);
-  for (std::size_t client = 0; client < channels_.size(); ++client)
-    AddClientHistory(log_, client, *scenario_.link.protocol, BootSign::kReset);
+  for (std::size_t client = 0; client < channels_.size(); ++client) {
+    const link::Protocol& protocol = *scenario_.link.protocol;
+    AddClientHistory(log_, client, protocol, BootSign::kReset);
+    log_.clients[client].protocol = UseOfProtocol(log_.link, client, protocol, MainBaud(scenario_.link));
+  }
   ExplainNeverStarted(log_);
 }
 

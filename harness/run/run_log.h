@@ -75,6 +75,18 @@ struct DirectionCounts {
   TILTPROOF_FIELDS(frames_sent, frames_accepted, frames_rejected, bytes_corrupted)
 };
 
+// How a client uses its protocol (docs/criteria.md, protocol.*), whatever the faults on its line make of it.
+struct ProtocolUse {
+  std::int64_t requests_per_period_max = 0;
+  std::int64_t actuators_per_request_max = 0;
+  std::int64_t actuators_before_reply = 0;
+  std::int64_t replies_unanswered = 0;
+  std::int64_t malformed_sent = 0;
+  friend bool operator==(const ProtocolUse&, const ProtocolUse&) = default;
+  TILTPROOF_FIELDS(requests_per_period_max, actuators_per_request_max, actuators_before_reply,
+                   replies_unanswered, malformed_sent)
+};
+
 // How much of the firmware's log is kept; the rest is dropped.
 inline constexpr std::size_t kFirmwareLogBytesMax = 1 << 20;
 
@@ -100,13 +112,14 @@ struct ClientLog {
   // From the arrival of a reply's last byte at the client to the arrival there of the actuator message that
   // answers it.
   std::vector<TimeNs> client_round_trip_ns;
-  std::string firmware_log;  // lines "t_s text"
+  std::optional<ProtocolUse> protocol;  // absent in logs of older programs
+  std::string firmware_log;             // lines "t_s text"
   // For flight.json; the log has a file of its own.
   static constexpr bool kLeavesOutNull = true;
   TILTPROOF_FIELDS(id, counts, accepted_wrong_count, accepted_stale_count, resync_max_ns,
                    starts_accepted_count, failsafe_entered_count, receive_overruns_count, restarts,
                    request_times_ns, sent_request_times_ns, reply_latency_ns, actuator_times_ns,
-                   client_round_trip_ns)
+                   client_round_trip_ns, protocol)
 };
 
 struct RunLog {

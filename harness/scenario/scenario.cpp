@@ -91,6 +91,7 @@ std::vector<std::string> MetricNamesOf(const Scenario& scenario,
   for (const std::string& metric : metric_names) {
     const std::size_t group = metric.find('.') + 1;
     const bool of_client = metric.starts_with("link.") || metric.starts_with("firmware.") ||
+                           metric.starts_with("protocol.") ||
                            (metric.starts_with("timing.") && !metric.starts_with("timing.harness_"));
     for (std::size_t client = 0; client < (of_client ? scenario.client_count() : 1); ++client)
       names.push_back(of_client

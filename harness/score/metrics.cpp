@@ -285,6 +285,16 @@ class Calculator {
     Set(of_link("resync_max_ms"), Milliseconds(own.resync_max_ns));
     if (own.failsafe_entered_count) SetCount(firmware("failsafe_entered_count"), *own.failsafe_entered_count);
     if (own.receive_overruns_count) SetCount(firmware("receive_overruns_count"), *own.receive_overruns_count);
+    if (own.protocol) {
+      const auto protocol = [&](std::string_view metric) {
+        return ClientName(scenario_, "protocol.", client, '.', metric);
+      };
+      SetCount(protocol("requests_per_period_max_count"), own.protocol->requests_per_period_max);
+      SetCount(protocol("actuators_per_request_max_count"), own.protocol->actuators_per_request_max);
+      SetCount(protocol("actuators_before_reply_count"), own.protocol->actuators_before_reply);
+      SetCount(protocol("replies_unanswered_count"), own.protocol->replies_unanswered);
+      SetCount(protocol("malformed_sent_count"), own.protocol->malformed_sent);
+    }
     SetCount(firmware("restarts_count"), std::max<std::int64_t>(own.starts_accepted_count - 1, 0));
   }
 
@@ -348,9 +358,12 @@ const std::vector<std::string>& MetricNames() {
       for (const std::string counter :
            {"frames_sent", "frames_accepted", "frames_rejected", "bytes_corrupted"})
         all.push_back(std::string("link.").append(direction).append(".").append(counter).append("_count"));
-    all.insert(all.end(), {"link.accepted_wrong_count", "link.accepted_stale_count", "link.resync_max_ms",
-                           "firmware.failsafe_entered_count", "firmware.receive_overruns_count",
-                           "firmware.restarts_count", "survival.time_s"});
+    all.insert(all.end(),
+               {"link.accepted_wrong_count", "link.accepted_stale_count", "link.resync_max_ms",
+                "protocol.requests_per_period_max_count", "protocol.actuators_per_request_max_count",
+                "protocol.actuators_before_reply_count", "protocol.replies_unanswered_count",
+                "protocol.malformed_sent_count", "firmware.failsafe_entered_count",
+                "firmware.receive_overruns_count", "firmware.restarts_count", "survival.time_s"});
     return all;
   }();
   return names;

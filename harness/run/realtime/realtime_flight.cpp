@@ -17,6 +17,7 @@
 #include "harness/run/client_history.h"
 #include "harness/run/flight.h"
 #include "harness/run/merge_logs.h"
+#include "harness/run/protocol_use.h"
 #include "harness/run/realtime/ending.h"
 #include "harness/run/realtime/log_messages.h"
 #include "harness/run/realtime/members.h"
@@ -183,6 +184,7 @@ RunLog RealtimeConductor::Run() {
   const bool tells_resets =
       client != nullptr && client->client && AbilitiesOf(*client->client, true).tells_resets;
   AddClientHistory(log, 0, *scenario_.link.protocol, tells_resets ? BootSign::kReset : BootSign::kStart);
+  log.clients[0].protocol = UseOfProtocol(log.link, 0, *scenario_.link.protocol, MainBaud(scenario_.link));
   ExplainNeverStarted(log);
   if (options_.score) {
     dds::Score score = options_.score(log);

@@ -30,7 +30,7 @@ const plant::VehicleModel& Model() {
   return model;
 }
 
-std::vector<std::uint8_t> Framed(const link::MessageBytes& message) {
+std::vector<std::uint8_t> InFrame(const link::MessageBytes& message) {
   std::array<std::uint8_t, link::FrameBytesMax(link::kMessageBytesMax)> wire;
   const auto frame = link::EncodeFrame(message.span(), wire).bytes;
   return {frame.begin(), frame.end()};
@@ -41,14 +41,14 @@ struct AskingClient : Client {
   AskingClient(ClientHost host_in, int requests_count_in)
       : host(std::move(host_in)), requests_count(requests_count_in) {}
   BootTime Start(BootTime now) override {
-    return host.transmit(Uart::kMain, now, Framed(link::EncodeStart(link::Dialect::kPaper, {10, 10, 0, 0})));
+    return host.transmit(Uart::kMain, now, InFrame(link::EncodeStart(link::Dialect::kPaper, {10, 10, 0, 0})));
   }
   void Receive(Uart /*uart*/, BootTime /*arrival*/, std::span<const std::uint8_t> /*bytes*/,
                std::span<const faults::ReceiveMark> /*marks*/) override {}
   BootTime Grant(BootTime now, BootTime /*horizon*/) override {
     if (now < next_request) return next_request;
     for (int i = 0; i < requests_count; ++i)
-      host.transmit(Uart::kMain, now, Framed(link::EncodeReadSensors(link::Dialect::kPaper)));
+      host.transmit(Uart::kMain, now, InFrame(link::EncodeReadSensors(link::Dialect::kPaper)));
     return next_request = now + kControlPeriodNs;
   }
   void Command(const std::vector<faults::DeviceCommand>& /*commands*/, Origin /*origin*/) override {}

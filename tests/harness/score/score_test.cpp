@@ -58,6 +58,7 @@ TEST(Metrics, EveryNameGivenIsListedAndNoneTwice) {
   log.clients[0].request_times_ns = {0, 12, 24};
   log.clients[0].reply_latency_ns = {1};
   log.clients[0].client_round_trip_ns = {1};
+  log.clients[0].protocol.emplace();
   log.harness_overrun_count = 0;
   log.harness_late_max_ns = 0;
   Scenario scenario = ScenarioOf(log);
@@ -224,6 +225,18 @@ TEST(Metrics, CountsAreTakenOver) {
   EXPECT_EQ(metrics.at("firmware.restarts_count"), 2.0);
   EXPECT_DOUBLE_EQ(metrics.at("survival.time_s"), 0.12);
   EXPECT_THAT(metrics, Not(Contains(Key("firmware.failsafe_entered_count"))));
+  EXPECT_THAT(metrics, Not(Contains(Key("protocol.malformed_sent_count")))) << "a log of an older program";
+  log.clients[0].protocol = ProtocolUse{.requests_per_period_max = 2,
+                                        .actuators_per_request_max = 4,
+                                        .actuators_before_reply = 8,
+                                        .replies_unanswered = 16,
+                                        .malformed_sent = 32};
+  metrics = MetricsOf(ScenarioOf(log), log);
+  EXPECT_EQ(metrics.at("protocol.requests_per_period_max_count"), 2.0);
+  EXPECT_EQ(metrics.at("protocol.actuators_per_request_max_count"), 4.0);
+  EXPECT_EQ(metrics.at("protocol.actuators_before_reply_count"), 8.0);
+  EXPECT_EQ(metrics.at("protocol.replies_unanswered_count"), 16.0);
+  EXPECT_EQ(metrics.at("protocol.malformed_sent_count"), 32.0);
   log.clients[0].failsafe_entered_count = 6;
   EXPECT_EQ(MetricsOf(ScenarioOf(log), log).at("firmware.failsafe_entered_count"), 6.0);
 }

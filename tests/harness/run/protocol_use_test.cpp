@@ -1,0 +1,128 @@
+// How a client uses its protocol, from logs put together by hand and counted by hand.
+#include "harness/run/protocol_use.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <initializer_list>
+
+#include "firmware/messages.h"
+#include "harness/run/framed.h"
+
+namespace tiltproof::harness {
+namespace {
+
+using link::Direction;
+
+// A line without byte time: what is sent at an instant is there at that instant.
+class Exchange {
+ public:
+  Exchange& Request(double time_ms) { return Sends(time_ms, link::EncodeReadSensors(dialect_)); }
+  Exchange& Actuators(double time_ms) { return Sends(time_ms, link::EncodeActuators(dialect_, {})); }
+  Exchange& Start(double time_ms) { return Sends(time_ms, link::EncodeStart(dialect_, {})); }
+  Exchange& Sends(double time_ms, const link::MessageBytes& message) {
+    return Puts(time_ms, Framed(message.span()).bytes(), Direction::kToPlant, false);
+  }
+  Exchange& Reply(double time_ms) {
+    return Puts(time_ms, Framed(link::EncodeSensors({}).span()).bytes(), Direction::kToClient, true);
+  }
+  Exchange& Puts(double time_ms, std::span<const std::uint8_t> bytes, Direction direction, bool delivered) {
+    link::LogChunk chunk;
+    chunk.begin_ns = static_cast<TimeNs>(time_ms * 1e6);
+    chunk.bytes.assign(bytes.begin(), bytes.end());
+    log_.Append(chunk, {0, direction}, delivered);
+    return *this;
+  }
+  ProtocolUse Use(std::int64_t baud = 0) const {
+    return UseOfProtocol(log_, 0, *link::FindProtocol("paper"), baud);
+  }
+
+ private:
+  link::Dialect dialect_ = link::Dialect::kPaper;
+  LinkLog log_;
+};
+
+TEST(UseOfProtocol, NothingSaidIsNothingCounted) {
+  EXPECT_EQ(UseOfProtocol({}, 0, *link::FindProtocol("paper"), 921'600), ProtocolUse());
+}
+
+TEST(UseOfProtocol, OneOfEachPerPeriod) {
+  Exchange exchange;
+  exchange.Start(-1);
+  for (const double at : {0.0, 12.0, 24.0, 36.0}) exchange.Request(at).Reply(at + 1).Actuators(at + 1);
+  EXPECT_EQ(exchange.Use(), (ProtocolUse{.requests_per_period_max = 1, .actuators_per_request_max = 1}));
+}
+
+TEST(UseOfProtocol, RequestsAreCountedInNineTenthsOfAPeriod) {
+  EXPECT_EQ(Exchange().Request(0).Request(10.8).Use().requests_per_period_max, 1);
+  EXPECT_EQ(Exchange().Request(0).Request(10.7).Use().requests_per_period_max, 2);
+  EXPECT_EQ(
+      Exchange().Request(0).Request(12).Request(13).Request(14).Request(24).Use().requests_per_period_max, 3);
+}
+
+TEST(UseOfProtocol, ActuatorsAreCountedFromRequestToRequest) {
+  EXPECT_EQ(Exchange()
+                .Request(0)
+                .Reply(1)
+                .Actuators(1)
+                .Actuators(2)
+                .Actuators(3)
+                .Request(12)
+                .Use()
+                .actuators_per_request_max,
+            3);
+  EXPECT_EQ(Exchange().Request(0).Reply(1).Actuators(1).Actuators(2).Use().actuators_per_request_max, 0)
+      << "an exchange that has not ended";
+}
+
+TEST(UseOfProtocol, ActuatorsBeforeTheReplyAreTheClientsOwn) {
+  const ProtocolUse use =
+      Exchange().Request(0).Actuators(2).Reply(3).Actuators(3).Request(12).Actuators(14).Request(24).Use();
+  EXPECT_EQ(use.actuators_before_reply, 2);
+  EXPECT_EQ(use.replies_unanswered, 0);
+}
+
+TEST(UseOfProtocol, AReplyIsAnsweredAfterItHasCome) {
+  EXPECT_EQ(Exchange().Request(0).Reply(1).Request(12).Use().replies_unanswered, 1);
+  EXPECT_EQ(Exchange().Request(0).Actuators(1).Reply(2).Request(12).Use().replies_unanswered, 1);
+  EXPECT_EQ(Exchange().Request(0).Reply(1).Reply(2).Actuators(2).Request(12).Use().replies_unanswered, 0)
+      << "one command for both";
+  EXPECT_EQ(Exchange().Reply(-2).Request(0).Reply(1).Use().replies_unanswered, 0)
+      << "nobody asked; not ended";
+}
+
+TEST(UseOfProtocol, AReplyHasComeWithItsLastByte) {
+  // A thousand bytes a second: the frame of 68 bytes and more begins at 1 ms, and ends after the request at 50 ms.
+  const ProtocolUse use =
+      Exchange().Request(0).Reply(1).Actuators(40).Request(50).Actuators(90).Request(100).Use(10'000);
+  EXPECT_EQ(use.actuators_before_reply, 1);
+  EXPECT_EQ(use.replies_unanswered, 0);
+}
+
+TEST(UseOfProtocol, OnlyWhatIsNoMessageIsMalformed) {
+  const std::vector<std::uint8_t> noise = {0x7E, 1, 2, 3, 0x7E};
+  link::MessageBytes unknown = link::EncodeActuators(link::Dialect::kPaper, {});
+  unknown.bytes[3] ^= 0x01;
+  link::MessageBytes short_one = link::EncodeActuators(link::Dialect::kPaper, {});
+  short_one.size -= 4;
+  Exchange exchange;
+  exchange.Start(0)
+      .Request(1)
+      .Puts(2, noise, Direction::kToPlant, false)
+      .Sends(3, unknown)
+      .Sends(4, short_one);
+  exchange.Puts(5, noise, Direction::kToPlant, true);   // what the faults made of it
+  exchange.Puts(6, noise, Direction::kToClient, true);  // not the client's
+  EXPECT_EQ(exchange.Use().malformed_sent, 3);
+}
+
+TEST(UseOfProtocol, DamagedRepliesAreNone) {
+  const std::vector<std::uint8_t> noise = {0x7E, 1, 2, 3, 0x7E};
+  const ProtocolUse use =
+      Exchange().Request(0).Puts(1, noise, Direction::kToClient, true).Actuators(2).Request(12).Use();
+  EXPECT_EQ(use.actuators_before_reply, 1);
+  EXPECT_EQ(use.replies_unanswered, 0);
+}
+
+}  // namespace
+}  // namespace tiltproof::harness
