@@ -34,6 +34,9 @@ std::optional<Actuators> ControlActivity::DoTolerantly(const ControlItem& item) 
     case ControlItem::Kind::kTimeout:
       if (reference_) actuators = tolerant_->OnTimeout(item.time_ns, *reference_);
       break;
+    case ControlItem::Kind::kBlind:
+      tolerant_->NoteBlind();
+      break;
     case ControlItem::Kind::kNoSensors:
       break;
   }

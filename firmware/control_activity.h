@@ -11,6 +11,7 @@
 #include "firmware/control_law.h"
 #include "firmware/sensor_cycle.h"
 #include "firmware/signals.h"
+#include "firmware/supervisor.h"
 #include "firmware/tolerant_control.h"
 
 namespace tiltproof::firmware {
@@ -23,6 +24,9 @@ class ControlActivity {
   // Sets the reference from now on. Before the first one: to stay, at rest, at the position and yaw of the
   // first reply.
   void Follow(const Reference& reference) { reference_ = reference; }
+
+  // Of a build without supervisor: normal.
+  Status status() const { return tolerant_ ? tolerant_->status() : Status{}; }
 
   // nullopt when the item requires no command.
   std::optional<Actuators> Do(const ControlItem& item);

@@ -6,9 +6,6 @@ namespace {
 // 26 bytes at 921600 baud, some of them escaped.
 constexpr TimeNs kCommandFlightNs = 300 * kNsPerUs;
 
-// After a fault the line is not trusted for so long: 3 s.
-constexpr int kDegradedPeriods = 250;
-
 constexpr float kModelStep_s = static_cast<float>(ToSeconds(kModelStepNs));
 
 // A command that acts at most that many steps after the sample it answers is the paper's own: its design
@@ -32,7 +29,7 @@ void TolerantControl::NoteRequest(const RequestTimes& request) {
   matcher_.Request(period_step_, request.sent_ns);
   answered_ = false;
   commanded_ = false;
-  if (degraded_periods_ > 0) --degraded_periods_;
+  supervisor_.BeginPeriod();
 }
 
 std::optional<Actuators> TolerantControl::OnReply(TimeNs now, const Sensors& sensors,
@@ -43,6 +40,7 @@ std::optional<Actuators> TolerantControl::OnReply(TimeNs now, const Sensors& sen
   if (!has_sample_) {
     has_sample_ = true;
     timeline_.Begin(step, sample, hover_);
+    supervisor_.On(SupervisorEvent::kReady);
   } else {
     const auto match = matcher_.Match(sample, now, StepAt(now), timeline_);
     if (!match) return std::nullopt;
@@ -53,10 +51,11 @@ std::optional<Actuators> TolerantControl::OnReply(TimeNs now, const Sensors& sen
       lag_estimator_.Reset();
     } else {
       lag_estimator_.Update(timeline_, step, sample);
-      if (lag_estimator_.surprised()) degraded_periods_ = kDegradedPeriods;
+      if (lag_estimator_.surprised()) supervisor_.On(SupervisorEvent::kFault);
     }
     timeline_.Correct(step, sample);
   }
+  supervisor_.On(SupervisorEvent::kReply);
   new_sample_ = true;
   if (!newest || answered_) return std::nullopt;
   answered_ = true;
@@ -64,8 +63,8 @@ std::optional<Actuators> TolerantControl::OnReply(TimeNs now, const Sensors& sen
 }
 
 std::optional<Actuators> TolerantControl::OnTimeout(TimeNs now, const Reference& reference) {
-  if (!has_sample_ || (commanded_ && degraded_periods_ == 0)) return std::nullopt;
-  if (!answered_) degraded_periods_ = kDegradedPeriods;
+  if (!has_sample_ || (commanded_ && !supervisor_.degraded())) return std::nullopt;
+  if (!answered_) supervisor_.On(SupervisorEvent::kFault);
   if (!lag_estimator_.model_is_right()) return last_command_;
   return Command(now, nullptr, reference);
 }

@@ -15,6 +15,7 @@
 #include "firmware/lag_estimator.h"
 #include "firmware/motion_timeline.h"
 #include "firmware/reply_matcher.h"
+#include "firmware/supervisor.h"
 
 namespace tiltproof::firmware {
 
@@ -37,7 +38,8 @@ class TolerantControl {
   // and before the first reply.
   std::optional<Actuators> OnTimeout(TimeNs now, const Reference& reference);
 
-  bool has_sample() const { return has_sample_; }
+  void NoteBlind() { supervisor_.On(SupervisorEvent::kBlind); }
+  const Status& status() const { return supervisor_.status(); }
 
  private:
   ModelStep StepAt(TimeNs now) const;
@@ -48,11 +50,11 @@ class TolerantControl {
   MotionTimeline timeline_;
   ReplyMatcher matcher_;
   LagEstimator lag_estimator_;
+  Supervisor supervisor_;
   Actuators last_command_;
   TimeNs origin_ns_ = 0;
   TimeNs command_flight_ns_ = 0;  // from its computation to its last bit
   ModelStep period_step_ = 0;     // of the present period's request
-  int degraded_periods_ = 0;      // that are still to come
   bool has_sample_ = false;
   bool answered_ = false;    // the present period's reply has had its command
   bool commanded_ = false;   // the present period has a command

@@ -408,10 +408,10 @@ TEST(TolerantTest, IsBlindAfterFivePeriodsAndRecovers) {
     EXPECT_EQ(board.Status().failsafe_count, static_cast<std::uint32_t>(round - 1));
     for (int k = 6; k <= 9; ++k) board.Grant(origin + k * 12 * kMs);
     EXPECT_EQ(board.Status().failsafe_count, static_cast<std::uint32_t>(round));
-    EXPECT_EQ(board.Status().supervisor_state, static_cast<std::uint32_t>(SupervisorState::kBlind));
+    EXPECT_EQ(board.Status().supervisor_state, static_cast<std::uint32_t>(SupervisorState::kFailsafe));
     board.Grant(origin + 120 * kMs);
     board.Receive(origin + 121 * kMs, Reply(1));
-    EXPECT_EQ(board.Status().supervisor_state, static_cast<std::uint32_t>(SupervisorState::kNormal));
+    EXPECT_EQ(board.Status().supervisor_state, static_cast<std::uint32_t>(SupervisorState::kDegraded));
   }
 }
 
