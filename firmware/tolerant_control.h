@@ -15,6 +15,7 @@
 #include "firmware/lag_estimator.h"
 #include "firmware/motion_timeline.h"
 #include "firmware/reply_matcher.h"
+#include "firmware/signal_screen.h"
 #include "firmware/supervisor.h"
 
 namespace tiltproof::firmware {
@@ -39,10 +40,15 @@ class TolerantControl {
   std::optional<Actuators> OnTimeout(TimeNs now, const Reference& reference);
 
   void NoteBlind() { supervisor_.On(SupervisorEvent::kBlind); }
+  // Once per period, after NoteRequest.
+  void NoteReference(bool follows) {
+    supervisor_.On(follows ? SupervisorEvent::kReferenceFollowed : SupervisorEvent::kReferenceHeld);
+  }
   const Status& status() const { return supervisor_.status(); }
 
  private:
   ModelStep StepAt(TimeNs now) const;
+  std::optional<Sensors> Accept(TimeNs now, const Sensors& sensors, bool& newest);
   Actuators Command(TimeNs now, const Sensors* fresh, const Reference& reference);
 
   ControlLaw law_;
@@ -50,6 +56,7 @@ class TolerantControl {
   MotionTimeline timeline_;
   ReplyMatcher matcher_;
   LagEstimator lag_estimator_;
+  SignalScreen screen_;
   Supervisor supervisor_;
   Actuators last_command_;
   TimeNs origin_ns_ = 0;
