@@ -9,7 +9,8 @@ ControlActivity::ControlActivity(const Build& build) : law_(*build.gain, build.f
 void ControlActivity::Follow(const Reference& reference) {
   reference_ = reference;
   if (!tolerant_) return;
-  if (!follower_) follower_.emplace(reference);
+  // Before the first reply nothing flies yet.
+  if (!follower_ || tolerant_->status().state == SupervisorState::kInit) follower_.emplace(reference);
   follower_->Receive(reference);
 }
 

@@ -53,6 +53,8 @@ class SignalScreen {
     float contradiction_twice = 0;
     float rate_surprise = 0;  // change of the rate that the model does not explain
     float surprise = 0;       // integral of that
+    float usual_surprise = 0;
+    float rate_doubt_2 = 0;  // square of what the model may be wrong in rate_surprise
   };
   static constexpr std::size_t kWindowCount = 2;
   struct Pair {
@@ -61,9 +63,12 @@ class SignalScreen {
     std::int32_t agreeing_count = 0;                      // samples in a row in which the liar is right
     std::int32_t position_repeats = 0, rate_repeats = 0;  // samples in a row with the same bits
     float lying_s = 0;
+    float steady_per_s = 0;  // acceleration that the model does not know
+    bool jumps = false;      // the last sample's rate follows from no input
+    float average_lie = 0;   // of a rate
   };
 
-  static Liar Verdict(const Window& window, float tolerance);
+  static Liar Verdict(const Window& window, float span_s, float tolerance);
 
   void Accumulate(const Values& values, const Values& model, float elapsed_s);
   bool IsShiftInTime(std::size_t window, const Values& values) const;
