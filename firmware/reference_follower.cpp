@@ -10,7 +10,7 @@
 namespace tiltproof::firmware {
 namespace {
 
-constexpr float kPeriod_s = static_cast<float>(ToSeconds(kControlPeriodNs));
+constexpr float kReferencePeriod_s = static_cast<float>(ToSeconds(kControlPeriodNs));
 
 // What a reference moves beside its velocity at most; position references have none.
 constexpr float kSpeedMax_m_s = 5;
@@ -27,8 +27,8 @@ constexpr std::int32_t kFreshPeriods = 2;
 // 1.2 s along a straight line: at 1 m/s^2 across, 0.7 m beside a path that turns.
 constexpr std::int32_t kExtrapolatedPeriods = 100;
 
-Reference Moved(Reference reference, std::int32_t periods) {
-  const float time_s = kPeriod_s * static_cast<float>(periods);
+Reference Along(Reference reference, std::int32_t periods) {
+  const float time_s = kReferencePeriod_s * static_cast<float>(periods);
   reference.x_m += time_s * reference.vx_m_s;
   reference.y_m += time_s * reference.vy_m_s;
   reference.z_m += time_s * reference.vz_m_s;
@@ -36,7 +36,7 @@ Reference Moved(Reference reference, std::int32_t periods) {
 }
 
 bool IsNear(const Reference& a, const Reference& b, std::int32_t periods) {
-  const float time_s = kPeriod_s * static_cast<float>(std::max(periods, std::int32_t{1}));
+  const float time_s = kReferencePeriod_s * static_cast<float>(std::max(periods, std::int32_t{1}));
   const auto within = [](float x, float y, float limit) { return std::abs(x - y) <= limit; };
   return within(a.x_m, b.x_m, kSpeedMax_m_s * time_s) && within(a.y_m, b.y_m, kSpeedMax_m_s * time_s) &&
          within(a.z_m, b.z_m, kSpeedMax_m_s * time_s) &&
@@ -53,17 +53,17 @@ void ReferenceFollower::BeginPeriod() {
   accepted_age_ = std::min(accepted_age_ + 1, std::int32_t{10'000});
   candidate_age_ = std::min(candidate_age_ + 1, std::int32_t{10'000});
   if (!approaching_) return;
-  Shrink(offset_.x_m, kApproach_m_s * kPeriod_s);
-  Shrink(offset_.y_m, kApproach_m_s * kPeriod_s);
-  Shrink(offset_.z_m, kApproach_m_s * kPeriod_s);
-  Shrink(offset_.yaw_rad, kApproach_rad_s * kPeriod_s);
+  Shrink(offset_.x_m, kApproach_m_s * kReferencePeriod_s);
+  Shrink(offset_.y_m, kApproach_m_s * kReferencePeriod_s);
+  Shrink(offset_.z_m, kApproach_m_s * kReferencePeriod_s);
+  Shrink(offset_.yaw_rad, kApproach_rad_s * kReferencePeriod_s);
   approaching_ = offset_.x_m != 0 || offset_.y_m != 0 || offset_.z_m != 0 || offset_.yaw_rad != 0;
 }
 
 void ReferenceFollower::Receive(const Reference& reference) {
   if (any_received_ && !IsNear(reference, Extrapolated(), accepted_age_)) {
     const bool agrees =
-        candidate_count_ > 0 && IsNear(reference, Moved(candidate_, candidate_age_), candidate_age_);
+        candidate_count_ > 0 && IsNear(reference, Along(candidate_, candidate_age_), candidate_age_);
     candidate_count_ = agrees ? candidate_count_ + 1 : 1;
     candidate_ = reference;
     candidate_age_ = 0;
@@ -85,7 +85,7 @@ bool ReferenceFollower::Late() const { return any_received_ && accepted_age_ > k
 
 Reference ReferenceFollower::Extrapolated() const {
   if (!Late()) return accepted_;
-  Reference moved = Moved(accepted_, std::min(accepted_age_ - 1, kExtrapolatedPeriods));
+  Reference moved = Along(accepted_, std::min(accepted_age_ - 1, kExtrapolatedPeriods));
   if (accepted_age_ > kExtrapolatedPeriods) moved.vx_m_s = moved.vy_m_s = moved.vz_m_s = 0;
   return moved;
 }

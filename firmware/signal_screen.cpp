@@ -9,7 +9,7 @@
 namespace tiltproof::firmware {
 namespace {
 
-constexpr float kStep_s = static_cast<float>(ToSeconds(kModelStepNs));
+constexpr float kGridStep_s = static_cast<float>(ToSeconds(kModelStepNs));
 
 // Two sights: 0.1 s tells jumps in any wind, 1.5 s finds drifts in air that is calm for so long.
 constexpr std::array<float, 2> kWindow_s = {0.1F, 1.5F};
@@ -20,7 +20,7 @@ constexpr std::array<float, 2> kWindowTolerance = {1, 1.3F};
 // 10 and 30 mrad/s, as firmware/innovation.h), and a sample that is stamped two steps beside. The inputs of the
 // hinges' motion change within a sample.
 constexpr std::array<float, 8> kContradictionMax = {3e-2F, 3e-2F, 3e-2F, 3e-2F, 3e-2F, 3e-2F, 6e-2F, 6e-2F};
-constexpr float kStamp_s = 2 * kStep_s;
+constexpr float kStamp_s = 2 * kGridStep_s;
 // How near to its substitute a rate must be to be believed again: the filter's noise, five times; and a quarter of
 // that on average, which is less than the lie that can be seen.
 constexpr std::array<float, 8> kRateAgreement = {0.15F, 0.15F, 0.15F, 0.16F, 0.16F, 0.16F, 0.5F, 0.5F};
@@ -56,9 +56,9 @@ constexpr float kZeroError = 3e-2F;
 // Of the filter that replaces a rate, per sample.
 constexpr float kRateGain = 0.2F;
 // Samples further apart say nothing about each other.
-constexpr float kElapsedMax_s = 10 * kStep_s;
+constexpr float kElapsedMax_s = 10 * kGridStep_s;
 // A shift in time is at most 12 steps, the largest lag, and shows in a vehicle that moves.
-constexpr float kShiftMax_s = 12 * kStep_s;
+constexpr float kShiftMax_s = 12 * kGridStep_s;
 constexpr float kShiftSpeedMin_m_s = 0.2F;
 
 constexpr std::size_t kRoll = 3, kPitch = 4, kYaw = 5, kRollRate = 11, kPitchRate = 12, kYawRate = 13;
@@ -105,7 +105,7 @@ struct AttitudeRates {
 
 // What a position moves while its rate goes from one to the other, in semi-implicit steps.
 float Moved(float rate_before, float rate, float elapsed_s) {
-  return 0.5F * elapsed_s * (rate_before + rate) + 0.5F * kStep_s * (rate - rate_before);
+  return 0.5F * elapsed_s * (rate_before + rate) + 0.5F * kGridStep_s * (rate - rate_before);
 }
 
 float Difference(std::size_t pair, float a, float b) {
