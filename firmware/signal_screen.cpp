@@ -207,7 +207,6 @@ void SignalScreen::Accumulate(const Values& values, const Values& model, float e
     const float model_change = model[rate] - clean_[rate];
     const float unexplained = values[rate] - raw_[rate] - model_change;
     const float rate_surprise = unexplained - elapsed_s * pair.steady_per_s;
-    const float doubt = kModelError * model_change;
     const bool calm = pair.liar == Liar::kNone &&
                       std::abs(contradiction) < kCalmShare * kContradictionMax[i] &&
                       std::all_of(pair.windows.begin(), pair.windows.end(), [&](const Window& window) {
@@ -229,7 +228,8 @@ void SignalScreen::Accumulate(const Values& values, const Values& model, float e
         window.usual_surprise =
             std::max(std::abs(window.surprise), kUsual_s / (kUsual_s + elapsed_s) * window.usual_surprise);
       }
-      window.rate_doubt_2 = fading * fading * window.rate_doubt_2 + doubt * doubt;
+      const float doubt = kWindow_s[w] * kModelError * model_change;
+      window.surprise_doubt_2 = fading * fading * window.surprise_doubt_2 + doubt * doubt;
     }
   }
 }
@@ -251,15 +251,16 @@ bool SignalScreen::IsShiftInTime(std::size_t window, const Values& values) const
   return shifted;
 }
 
-SignalScreen::Liar SignalScreen::Verdict(const Window& window, float span_s, float tolerance) {
+SignalScreen::Liar SignalScreen::Verdict(const Window& window, float tolerance, bool doubtful) {
   if (std::abs(window.contradiction) <= tolerance) return Liar::kNone;
   // What is left to explain if the one lies or the other.
   const float if_position = std::abs(window.surprise);
   const float if_rate = std::abs(window.contradiction_twice + window.surprise);
   if (std::max(if_position, if_rate) < kEvidenceShare * tolerance) return Liar::kNone;
-  const float doubt_2 = kDoubts * kDoubts * span_s * span_s * window.rate_doubt_2;
   const auto is_clear = [&](float right, float wrong) {
-    return kClearer * right < wrong && wrong > kUsuals * window.usual_surprise && wrong * wrong > doubt_2;
+    if (kClearer * right >= wrong) return false;
+    return !doubtful || (wrong > kUsuals * window.usual_surprise &&
+                         wrong * wrong > kDoubts * kDoubts * window.surprise_doubt_2);
   };
   if (is_clear(if_position, if_rate)) return Liar::kPosition;
   if (is_clear(if_rate, if_position)) return Liar::kRate;
@@ -273,9 +274,9 @@ const SignalScreen::Window* SignalScreen::Accuse(std::size_t pair_index, float t
   for (std::size_t w = 0; w < kWindowCount; ++w) {
     const Window& window = pair.windows[w];
     const bool position_frozen = pair.position_repeats >= kFrozenRepeats;
-    Liar liar = Verdict(window, kWindow_s[w], kWindowTolerance[w] * tolerance);
+    Liar liar = Verdict(window, kWindowTolerance[w] * tolerance, true);
     if (liar == Liar::kNone) {
-      const Liar hint = Verdict(window, kWindow_s[w], kFrozenShare * kWindowTolerance[w] * tolerance);
+      const Liar hint = Verdict(window, kFrozenShare * kWindowTolerance[w] * tolerance, false);
       if (hint == Liar::kPosition && position_frozen) liar = hint;
       if (hint == Liar::kRate && pair.rate_repeats >= kFrozenRepeats) liar = hint;
     }

@@ -51,10 +51,10 @@ class SignalScreen {
     float contradiction = 0;  // change of the position without the integral of its rate
     // The same, forgetting twice, as the surprise does: a rate that lies makes the two equal and opposite.
     float contradiction_twice = 0;
-    float rate_surprise = 0;  // change of the rate that the model does not explain
-    float surprise = 0;       // integral of that
-    float usual_surprise = 0;
-    float rate_doubt_2 = 0;  // square of what the model may be wrong in rate_surprise
+    float rate_surprise = 0;     // change of the rate that the model does not explain
+    float surprise = 0;          // integral of that
+    float usual_surprise = 0;    // its largest of late
+    float surprise_doubt_2 = 0;  // square of what the model may add to it
   };
   static constexpr std::size_t kWindowCount = 2;
   struct Pair {
@@ -68,7 +68,8 @@ class SignalScreen {
     float average_lie = 0;   // of a rate
   };
 
-  static Liar Verdict(const Window& window, float span_s, float tolerance);
+  // `doubtful`: the model's word counts only as far as it is usually right.
+  static Liar Verdict(const Window& window, float tolerance, bool doubtful);
 
   void Accumulate(const Values& values, const Values& model, float elapsed_s);
   bool IsShiftInTime(std::size_t window, const Values& values) const;
