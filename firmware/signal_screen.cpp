@@ -141,6 +141,7 @@ Sensors SignalScreen::Screen(const Sensors& sensed, const Sensors& predicted, fl
   const AttitudeRates rates(predicted);
   Values values = ToArray(sensed);
   Values model = ToArray(predicted);
+  startled_ = false;
   for (std::size_t i = 0; i < kSensorCount; ++i) {
     Pair& pair = pairs_[i % kPairCount];
     std::int32_t& repeats = i < kPairCount ? pair.position_repeats : pair.rate_repeats;
@@ -148,6 +149,7 @@ Sensors SignalScreen::Screen(const Sensors& sensed, const Sensors& predicted, fl
     sensed_[i] = values[i];
     if (std::isfinite(values[i])) continue;
     values[i] = model[i];
+    startled_ = startled_ || pair.liar == Liar::kNone;
     pair.liar = i < kPairCount ? Liar::kPosition : Liar::kRate;
     pair.agreeing_count = 0;
   }
@@ -174,7 +176,9 @@ Sensors SignalScreen::Screen(const Sensors& sensed, const Sensors& predicted, fl
   for (std::size_t pair = 0; pair < kPairCount; ++pair) {
     const float tolerance = kContradictionMax[pair] + kStamp_s * std::abs(model[kPairCount + pair]);
     const Window* accusing = nullptr;
+    const float jump = std::abs(pairs_[pair].windows[0].contradiction - pairs_[pair].contradiction_before);
     if (elapsed_s <= kElapsedMax_s) accusing = Accuse(pair, tolerance, shifted);
+    startled_ = startled_ || (accusing != nullptr && jump > tolerance);
     Replace(pair, model, elapsed_s, tolerance, accusing, clean);
   }
   raw_ = values;
@@ -219,6 +223,7 @@ void SignalScreen::Accumulate(const Values& values, const Values& model, float e
       const float fading = kWindow_s[w] / (kWindow_s[w] + elapsed_s);
       const float before = fading * window.rate_surprise;
       const float contradicted = window.contradiction;
+      if (w == 0) pair.contradiction_before = contradicted;
       window.contradiction = fading * contradicted + contradiction;
       window.contradiction_twice =
           fading * (window.contradiction_twice + window.contradiction - contradicted);

@@ -38,6 +38,8 @@ class SignalScreen {
 
   // In the last sample.
   bool substitutes() const { return substitutes_; }
+  // Whether a signal had jumped in it that had been believed before.
+  bool startled() const { return startled_; }
 
  private:
   static constexpr std::size_t kPairCount = kSensorCount / 2;
@@ -60,6 +62,7 @@ class SignalScreen {
   struct Pair {
     std::array<Window, kWindowCount> windows;
     Liar liar = Liar::kNone;
+    float contradiction_before = 0;                       // that of the short window, a sample ago
     std::int32_t agreeing_count = 0;                      // samples in a row in which the liar is right
     std::int32_t position_repeats = 0, rate_repeats = 0;  // samples in a row with the same bits
     float lying_s = 0;
@@ -85,6 +88,7 @@ class SignalScreen {
   Values clean_{};   // and as passed on
   std::array<Pair, kPairCount> pairs_{};
   bool substitutes_ = false;
+  bool startled_ = false;
 };
 
 bool IsFinite(const Sensors& sensors);

@@ -14,6 +14,9 @@ constexpr float kModelStep_s = static_cast<float>(ToSeconds(kModelStepNs));
 // tolerates that, and no model is in between.
 constexpr ModelStep kPaperSteps = 1;
 
+// The screen compares a sample with the one before only when that is not much older.
+constexpr int kDamagedMax = 2;
+
 Reference Ahead(const Reference& reference, float time_s) {
   Reference ahead = reference;
   ahead.x_m += time_s * reference.vx_m_s;
@@ -80,7 +83,15 @@ std::optional<Sensors> TolerantControl::Accept(TimeNs now, const Sensors& sensor
     lag_estimator_.Reset();
   } else {
     if (lag_estimator_.model_is_right()) {
+      screen_before_ = screen_;
       clean = screen_.Screen(sensors, predicted, kModelStep_s * static_cast<float>(elapsed));
+      // Few replies that are damaged are best done without. A sensor's fault is still there in the next.
+      damaged_count_ = screen_.startled() && damaged_count_ < kDamagedMax ? damaged_count_ + 1 : 0;
+      if (damaged_count_ > 0) {
+        screen_ = screen_before_;
+        supervisor_.On(SupervisorEvent::kFault);
+        return std::nullopt;
+      }
     } else {
       screen_.Begin(clean);
     }

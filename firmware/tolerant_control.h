@@ -57,6 +57,8 @@ class TolerantControl {
   ReplyMatcher matcher_;
   LagEstimator lag_estimator_;
   SignalScreen screen_;
+  SignalScreen screen_before_;  // the last sample
+  int damaged_count_ = 0;       // replies in a row that were not used because a signal jumped in them
   Supervisor supervisor_;
   Actuators last_command_;
   TimeNs origin_ns_ = 0;
