@@ -55,6 +55,8 @@ constexpr std::int32_t kAgreeingSamples = 8;
 constexpr float kZeroError = 3e-2F;
 // Of the filter that replaces a rate, per sample.
 constexpr float kRateGain = 0.2F;
+// And what it takes from one position at most, in case that one is noisy. Hinges are fast.
+constexpr std::array<float, 8> kRateErrorShare = {0.25F, 0.25F, 0.25F, 0.25F, 0.25F, 0.25F, 1, 1};
 // Samples further apart say nothing about each other.
 constexpr float kElapsedMax_s = 10 * kGridStep_s;
 // A shift in time is at most 12 steps, the largest lag, and shows in a vehicle that moves.
@@ -314,8 +316,9 @@ void SignalScreen::Replace(std::size_t pair_index, const Values& model, float el
     position = model[pair_index] + Difference(pair_index, substitute, model[pair_index]);
   } else {
     const float before = accusing != nullptr ? rate - accusing->rate_surprise : model[rate_index];
+    const float error_max = kRateErrorShare[pair_index] * tolerance;
     const float error =
-        std::clamp(Difference(pair_index, position, model[pair_index]), -tolerance, tolerance);
+        std::clamp(Difference(pair_index, position, model[pair_index]), -error_max, error_max);
     const float substitute = before + kRateGain / elapsed_s * error;
     const float lie = rate - substitute;
     const float change = std::abs(model[rate_index] - clean_[rate_index]);
