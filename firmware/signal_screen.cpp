@@ -258,16 +258,15 @@ bool SignalScreen::IsShiftInTime(std::size_t window, const Values& values) const
   return shifted;
 }
 
-SignalScreen::Liar SignalScreen::Verdict(const Window& window, float tolerance, bool doubtful) {
+SignalScreen::Liar SignalScreen::Verdict(const Window& window, float tolerance) {
   if (std::abs(window.contradiction) <= tolerance) return Liar::kNone;
   // What is left to explain if the one lies or the other.
   const float if_position = std::abs(window.surprise);
   const float if_rate = std::abs(window.contradiction_twice + window.surprise);
   if (std::max(if_position, if_rate) < kEvidenceShare * tolerance) return Liar::kNone;
   const auto is_clear = [&](float right, float wrong) {
-    if (kClearer * right >= wrong) return false;
-    return !doubtful || (wrong > kUsuals * window.usual_surprise &&
-                         wrong * wrong > kDoubts * kDoubts * window.surprise_doubt_2);
+    return kClearer * right < wrong && wrong > kUsuals * window.usual_surprise &&
+           wrong * wrong > kDoubts * kDoubts * window.surprise_doubt_2;
   };
   if (is_clear(if_position, if_rate)) return Liar::kPosition;
   if (is_clear(if_rate, if_position)) return Liar::kRate;
@@ -281,9 +280,9 @@ const SignalScreen::Window* SignalScreen::Accuse(std::size_t pair_index, float t
   for (std::size_t w = 0; w < kWindowCount; ++w) {
     const Window& window = pair.windows[w];
     const bool position_frozen = pair.position_repeats >= kFrozenRepeats;
-    Liar liar = Verdict(window, kWindowTolerance[w] * tolerance, true);
+    Liar liar = Verdict(window, kWindowTolerance[w] * tolerance);
     if (liar == Liar::kNone) {
-      const Liar hint = Verdict(window, kFrozenShare * kWindowTolerance[w] * tolerance, false);
+      const Liar hint = Verdict(window, kFrozenShare * kWindowTolerance[w] * tolerance);
       if (hint == Liar::kPosition && position_frozen) liar = hint;
       if (hint == Liar::kRate && pair.rate_repeats >= kFrozenRepeats) liar = hint;
     }

@@ -71,8 +71,7 @@ class SignalScreen {
     float average_lie = 0;   // of a rate
   };
 
-  // `doubtful`: the model's word counts only as far as it is usually right.
-  static Liar Verdict(const Window& window, float tolerance, bool doubtful);
+  static Liar Verdict(const Window& window, float tolerance);
 
   void Accumulate(const Values& values, const Values& model, float elapsed_s);
   bool IsShiftInTime(std::size_t window, const Values& values) const;
