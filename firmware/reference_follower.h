@@ -1,8 +1,8 @@
 // Which reference the build `tolerant` flies: the one received, unless that jumps or stays away.
 //
-//   ReferenceFollower follower(own_position);      // until one is received
+//   ReferenceFollower follower({.x_m = 1, .z_m = 2});   // until one is received
 //   follower.BeginPeriod();                        // once per control period
-//   follower.Receive(reference);
+//   follower.Receive({.x_m = 1, .y_m = 1, .z_m = 2});
 //   const Reference flown = follower.Flown();      // the bits received, if follower.follows()
 //
 // A reference that is further from the one before, moved along its velocity, than a vehicle flies in the time

@@ -2,7 +2,8 @@
 //
 //   SignalScreen screen;
 //   screen.Begin(first_sample);
-//   const Sensors clean = screen.Screen(sensed, predicted, 0.012F);  // `predicted` from the last clean sample
+//   // `predicted` is what the model makes of the last clean sample.
+//   const Sensors clean = screen.Screen(sensed, predicted, 0.012F);
 //   if (screen.substitutes()) ...
 //
 // Signals come in pairs, a position (or angle) and its rate. A pair that moves together is a real motion, whatever
