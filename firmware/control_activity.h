@@ -9,8 +9,10 @@
 
 #include "firmware/builds.h"
 #include "firmware/control_law.h"
+#include "firmware/reference_follower.h"
 #include "firmware/sensor_cycle.h"
 #include "firmware/signals.h"
+#include "firmware/supervisor.h"
 #include "firmware/tolerant_control.h"
 
 namespace tiltproof::firmware {
@@ -22,7 +24,10 @@ class ControlActivity {
 
   // Sets the reference from now on. Before the first one: to stay, at rest, at the position and yaw of the
   // first reply.
-  void Follow(const Reference& reference) { reference_ = reference; }
+  void Follow(const Reference& reference);
+
+  // Of a build without supervisor: normal.
+  Status status() const { return tolerant_ ? tolerant_->status() : Status{}; }
 
   // nullopt when the item requires no command.
   std::optional<Actuators> Do(const ControlItem& item);
@@ -32,7 +37,8 @@ class ControlActivity {
 
   ControlLaw law_;  // unless:
   std::optional<TolerantControl> tolerant_;
-  std::optional<Reference> reference_;
+  std::optional<Reference> reference_;         // the last one received, or to stay
+  std::optional<ReferenceFollower> follower_;  // of the build with tolerant_, as soon as there is one
 };
 
 }  // namespace tiltproof::firmware

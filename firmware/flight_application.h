@@ -39,7 +39,7 @@ class FlightApplication {
   // if bytes arrive.
   TimeNs Tick(TimeNs now);
 
-  const Status& status() const { return sensor_cycle_.status(); }
+  Status status() const { return control_.status(); }
 
   // How often the control activity has had work to do, modulo 2^32: from the second period on at least once
   // each, with replies or without. A watchdog can check this number.

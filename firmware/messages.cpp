@@ -208,6 +208,22 @@ MessageStatus ParseSensors(std::span<const std::uint8_t> payload, Sensors& senso
   return MessageStatus::kOk;
 }
 
+MessageStatus DecodeSensorsPartly(std::span<const std::uint8_t> payload, std::size_t refused_max,
+                                  Sensors& sensors) {
+  Sensors decoded;
+  const MessageStatus status = ParseSensors(payload, decoded);
+  if (status != MessageStatus::kOk) return status;
+  std::size_t refused = 0;
+  for (std::size_t i = 0; i < kSensorCount; ++i) {
+    float& value = decoded.*kSensorFields[i].in_float;
+    if (MagnitudeBits(Bits(value)) <= kSensorLimitBits[i]) continue;
+    value = std::numeric_limits<float>::quiet_NaN();
+    if (++refused > refused_max) return MessageStatus::kNotFinite;
+  }
+  sensors = decoded;
+  return MessageStatus::kOk;
+}
+
 MessageKind ClassifyClientPayload(Dialect dialect, std::span<const std::uint8_t> payload) {
   const Service* service = nullptr;
   return FindService(dialect, payload, service) == MessageStatus::kOk ? service->kind : MessageKind::kUnknown;

@@ -83,6 +83,11 @@ MessageStatus DecodeReference(std::span<const std::uint8_t> payload, Reference& 
 // For firmware that trusts the checksum, as the paper's does.
 MessageStatus ParseSensors(std::span<const std::uint8_t> payload, Sensors& sensors);
 
+// ParseSensors() for firmware that does without single signals: a value that DecodeSensors() would refuse becomes
+// NaN. kNotFinite when they are more than `refused_max`: that is a damaged message.
+MessageStatus DecodeSensorsPartly(std::span<const std::uint8_t> payload, std::size_t refused_max,
+                                  Sensors& sensors);
+
 // The kind of a payload sent by the client, judged only by length and id; kUnknown when it is no message.
 // provant's id 3 is kStart each time it comes.
 MessageKind ClassifyClientPayload(Dialect dialect, std::span<const std::uint8_t> payload);

@@ -31,9 +31,9 @@ std::optional<ControlItem> SensorCycle::Next(TimeNs now) {
   // Twice at one instant when a `start` leaves without taking time.
   while (now >= next_request_ns_) {
     const bool missed = sensor_reader_.waiting() && !start_is_fresh_;
-    if (missed) NoteMissingReply(now);
+    const Kind missing = missed ? NoteMissingReply(now) : Kind::kNoSensors;
     BeginPeriod(now);
-    if (missed) return ControlItem{.kind = Kind::kNoSensors, .sensors = {}, .time_ns = now, .request = {}};
+    if (missed) return ControlItem{.kind = missing, .sensors = {}, .time_ns = now, .request = {}};
   }
   return TakeRequest(now);
 }
@@ -76,16 +76,13 @@ void SensorCycle::NoteReply(TimeNs now) {
     port_.Log(now, "replies are back");
   }
   blind_periods_ = 0;
-  status_.state = SupervisorState::kNormal;
 }
 
-void SensorCycle::NoteMissingReply(TimeNs now) {
+ControlItem::Kind SensorCycle::NoteMissingReply(TimeNs now) {
   if (++blind_periods_ == 1) port_.Log(now, "no valid reply within the period");
-  if (heard_server_ && blind_periods_ == build_.blind_periods_limit) {
-    status_.state = SupervisorState::kBlind;
-    ++status_.failsafe_count;
-    port_.Log(now, "fail-safe: blind");
-  }
+  if (!heard_server_ || blind_periods_ != build_.blind_periods_limit) return ControlItem::Kind::kNoSensors;
+  port_.Log(now, "fail-safe: blind");
+  return ControlItem::Kind::kBlind;
 }
 
 }  // namespace tiltproof::firmware

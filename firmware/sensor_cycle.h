@@ -26,23 +26,14 @@
 
 namespace tiltproof::firmware {
 
-enum class SupervisorState : std::uint32_t {
-  kNormal = 0,
-  kBlind = 1,  // fail-safe: no valid reply for several periods
-};
-
-struct Status {
-  SupervisorState state = SupervisorState::kNormal;
-  std::uint32_t failsafe_count = 0;  // entries of a state other than kNormal since power-on
-};
-
 // The input of the control activity: at least one per period.
 struct ControlItem {
   enum class Kind : std::uint8_t {
-    kSensors,   // a valid reply: a control step is due
-    kTimeout,   // none in time: a command is due without
-    kRequest,   // one has been sent (LateReplies::kKept only)
-    kNoSensors  // the period has ended without one: only a sign of life
+    kSensors,    // a valid reply: a control step is due
+    kTimeout,    // none in time: a command is due without
+    kRequest,    // one has been sent (LateReplies::kKept only)
+    kNoSensors,  // the period has ended without one: only a sign of life
+    kBlind       // the same, with which the line counts as blind (Build::blind_periods_limit)
   };
   Kind kind = Kind::kNoSensors;
   Sensors sensors;       // of kSensors
@@ -68,14 +59,12 @@ class SensorCycle {
   // When to call Next at the latest.
   TimeNs wake_ns() const { return next_request_ns_ < timeout_ns_ ? next_request_ns_ : timeout_ns_; }
 
-  const Status& status() const { return status_; }
-
  private:
   void SendStart(TimeNs now);
   void BeginPeriod(TimeNs now);
   std::optional<ControlItem> TakeRequest(TimeNs now);
   void NoteReply(TimeNs now);
-  void NoteMissingReply(TimeNs now);
+  ControlItem::Kind NoteMissingReply(TimeNs now);
 
   const Build& build_;
   link::Dialect dialect_;
@@ -89,7 +78,6 @@ class SensorCycle {
   bool start_is_fresh_ = false;      // `start` has been sent and no request since
   bool heard_server_ = false;        // a valid reply has arrived
   std::uint32_t blind_periods_ = 0;  // in a row, up to now
-  Status status_;
 };
 
 }  // namespace tiltproof::firmware

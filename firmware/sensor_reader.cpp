@@ -5,6 +5,12 @@
 #include "firmware/frame_sender.h"
 
 namespace tiltproof::firmware {
+namespace {
+
+// Sensors fail alone, messages as a whole.
+constexpr std::size_t kRefusedMax = 2;
+
+}  // namespace
 
 SensorReader::SensorReader(link::Dialect dialect, ValueChecks checks, LateReplies late_replies, Port& port)
     : dialect_(dialect), checks_(checks), port_(port), late_replies_(late_replies) {}
@@ -28,8 +34,9 @@ void SensorReader::Accept(std::span<const std::uint8_t> payload) {
   const bool wanted = late_replies_ == LateReplies::kKept ? reply_count_ < replies_.size() : waiting_;
   if (!wanted) return;
   Sensors& reply = replies_[reply_count_];
-  const link::MessageStatus status = checks_ == ValueChecks::kNone ? link::ParseSensors(payload, reply)
-                                                                   : link::DecodeSensors(payload, reply);
+  const link::MessageStatus status = checks_ == ValueChecks::kNone
+                                         ? link::ParseSensors(payload, reply)
+                                         : link::DecodeSensorsPartly(payload, kRefusedMax, reply);
   if (status != link::MessageStatus::kOk) return;
   waiting_ = false;
   ++reply_count_;

@@ -22,8 +22,10 @@ namespace tiltproof::firmware {
 
 // What a receiver requires of a payload besides a right checksum and exact length.
 enum class ValueChecks : std::uint8_t {
-  kNone,            // trust the checksum, as the paper does: NaN and absurd values pass
-  kFiniteAndRange,  // every value finite and plausible (ranges in firmware/messages.h)
+  kNone,  // trust the checksum, as the paper does: NaN and absurd values pass
+  // Every value finite and plausible (ranges in firmware/messages.h). Of a reply, two values may be otherwise: they
+  // become NaN.
+  kFiniteAndRange,
 };
 
 // What becomes of a reply that is not the first since the last request.

@@ -1,13 +1,12 @@
 #include "firmware/tolerant_control.h"
 
+#include <algorithm>
+
 namespace tiltproof::firmware {
 namespace {
 
 // 26 bytes at 921600 baud, some of them escaped.
 constexpr TimeNs kCommandFlightNs = 300 * kNsPerUs;
-
-// After a fault the line is not trusted for so long: 3 s.
-constexpr int kDegradedPeriods = 250;
 
 constexpr float kModelStep_s = static_cast<float>(ToSeconds(kModelStepNs));
 
@@ -15,12 +14,24 @@ constexpr float kModelStep_s = static_cast<float>(ToSeconds(kModelStepNs));
 // tolerates that, and no model is in between.
 constexpr ModelStep kPaperSteps = 1;
 
+// The screen compares a sample with the one before only when that is not much older.
+constexpr int kDamagedMax = 2;
+
 Reference Ahead(const Reference& reference, float time_s) {
   Reference ahead = reference;
   ahead.x_m += time_s * reference.vx_m_s;
   ahead.y_m += time_s * reference.vy_m_s;
   ahead.z_m += time_s * reference.vz_m_s;
   return ahead;
+}
+
+bool Saturates(const Actuators& command) {
+  const auto beyond = [](float value, float min, float max) { return value < min || value > max; };
+  const float force_max_n = kTiltrotorConstants.force_max_n;
+  const float torque_max_nm = kTiltrotorConstants.torque_max_nm;
+  return beyond(command.f_r_n, 0, force_max_n) || beyond(command.f_l_n, 0, force_max_n) ||
+         beyond(command.tau_r_nm, -torque_max_nm, torque_max_nm) ||
+         beyond(command.tau_l_nm, -torque_max_nm, torque_max_nm);
 }
 
 }  // namespace
@@ -32,40 +43,69 @@ void TolerantControl::NoteRequest(const RequestTimes& request) {
   matcher_.Request(period_step_, request.sent_ns);
   answered_ = false;
   commanded_ = false;
-  if (degraded_periods_ > 0) --degraded_periods_;
+  supervisor_.BeginPeriod();
 }
 
 std::optional<Actuators> TolerantControl::OnReply(TimeNs now, const Sensors& sensors,
                                                   const Reference& reference) {
-  const MotionState sample = ToMotion(sensors);
-  ModelStep step = period_step_;
   bool newest = true;
-  if (!has_sample_) {
-    has_sample_ = true;
-    timeline_.Begin(step, sample, hover_);
-  } else {
-    const auto match = matcher_.Match(sample, now, StepAt(now), timeline_);
-    if (!match) return std::nullopt;
-    step = *match;
-    newest = matcher_.answers_newest();
-    if (matcher_.lost()) {
-      timeline_.SetLag(0);
-      lag_estimator_.Reset();
-    } else {
-      lag_estimator_.Update(timeline_, step, sample);
-      if (lag_estimator_.surprised()) degraded_periods_ = kDegradedPeriods;
-    }
-    timeline_.Correct(step, sample);
-  }
+  const auto clean = Accept(now, sensors, newest);
+  if (!clean) return std::nullopt;
+  supervisor_.On(SupervisorEvent::kReply);
   new_sample_ = true;
   if (!newest || answered_) return std::nullopt;
   answered_ = true;
-  return Command(now, &sensors, reference);
+  return Command(now, &*clean, reference);
+}
+
+std::optional<Sensors> TolerantControl::Accept(TimeNs now, const Sensors& sensors, bool& newest) {
+  if (!has_sample_) {
+    if (!IsFinite(sensors)) return std::nullopt;
+    has_sample_ = true;
+    timeline_.Begin(period_step_, ToMotion(sensors), hover_);
+    screen_.Begin(sensors);
+    supervisor_.On(SupervisorEvent::kReady);
+    return sensors;
+  }
+  // Which instant it shows is asked of the signals that are believed.
+  const MotionState probe = ToMotion(
+      screen_.Patch(sensors, ToSensors(timeline_.At(std::max(period_step_, timeline_.last_sample_step())))));
+  const auto step = matcher_.Match(probe, now, StepAt(now), timeline_);
+  if (!step) return std::nullopt;
+  newest = matcher_.answers_newest();
+  const Sensors predicted = ToSensors(timeline_.At(*step));
+  const ModelStep elapsed = *step - timeline_.last_sample_step();
+  Sensors clean = screen_.Patch(sensors, predicted);
+  if (matcher_.lost()) {
+    clean = IsFinite(sensors) ? sensors : clean;
+    screen_.Begin(clean);
+    timeline_.SetLag(0);
+    lag_estimator_.Reset();
+  } else {
+    if (lag_estimator_.model_is_right()) {
+      screen_before_ = screen_;
+      clean = screen_.Screen(sensors, predicted, kModelStep_s * static_cast<float>(elapsed));
+      // Few replies that are damaged are best done without. A sensor's fault is still there in the next.
+      damaged_count_ = screen_.startled() && damaged_count_ < kDamagedMax ? damaged_count_ + 1 : 0;
+      if (damaged_count_ > 0) {
+        screen_ = screen_before_;
+        supervisor_.On(SupervisorEvent::kFault);
+        return std::nullopt;
+      }
+    } else {
+      screen_.Begin(clean);
+    }
+    const MotionState sample = ToMotion(clean);
+    lag_estimator_.Update(timeline_, *step, sample);
+    if (lag_estimator_.surprised() || screen_.substitutes()) supervisor_.On(SupervisorEvent::kFault);
+  }
+  timeline_.Correct(*step, ToMotion(clean));
+  return clean;
 }
 
 std::optional<Actuators> TolerantControl::OnTimeout(TimeNs now, const Reference& reference) {
-  if (!has_sample_ || (commanded_ && degraded_periods_ == 0)) return std::nullopt;
-  if (!answered_) degraded_periods_ = kDegradedPeriods;
+  if (!has_sample_ || (commanded_ && !supervisor_.degraded())) return std::nullopt;
+  if (!answered_) supervisor_.On(SupervisorEvent::kFault);
   if (!lag_estimator_.model_is_right()) return last_command_;
   return Command(now, nullptr, reference);
 }
@@ -79,7 +119,9 @@ Actuators TolerantControl::Command(TimeNs now, const Sensors* fresh, const Refer
   const ModelStep acts = step + timeline_.lag();
   const bool as_paper = fresh != nullptr && (acts - timeline_.last_sample_step() <= kPaperSteps ||
                                              !lag_estimator_.model_is_right());
-  const auto integration = new_sample_ && !commanded_ ? Integration::kOn : Integration::kFrozen;
+  // Nothing is summed up without a new sample, nor while the actuators cannot give more.
+  const bool sums = new_sample_ && !commanded_ && !Saturates(last_command_);
+  const auto integration = sums ? Integration::kOn : Integration::kFrozen;
   if (as_paper) {
     last_command_ = law_.Step(*fresh, reference, integration);
   } else {

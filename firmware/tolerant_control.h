@@ -15,6 +15,8 @@
 #include "firmware/lag_estimator.h"
 #include "firmware/motion_timeline.h"
 #include "firmware/reply_matcher.h"
+#include "firmware/signal_screen.h"
+#include "firmware/supervisor.h"
 
 namespace tiltproof::firmware {
 
@@ -37,10 +39,16 @@ class TolerantControl {
   // and before the first reply.
   std::optional<Actuators> OnTimeout(TimeNs now, const Reference& reference);
 
-  bool has_sample() const { return has_sample_; }
+  void NoteBlind() { supervisor_.On(SupervisorEvent::kBlind); }
+  // Once per period, after NoteRequest.
+  void NoteReference(bool follows) {
+    supervisor_.On(follows ? SupervisorEvent::kReferenceFollowed : SupervisorEvent::kReferenceHeld);
+  }
+  const Status& status() const { return supervisor_.status(); }
 
  private:
   ModelStep StepAt(TimeNs now) const;
+  std::optional<Sensors> Accept(TimeNs now, const Sensors& sensors, bool& newest);
   Actuators Command(TimeNs now, const Sensors* fresh, const Reference& reference);
 
   ControlLaw law_;
@@ -48,11 +56,14 @@ class TolerantControl {
   MotionTimeline timeline_;
   ReplyMatcher matcher_;
   LagEstimator lag_estimator_;
+  SignalScreen screen_;
+  SignalScreen screen_before_;  // the last sample
+  int damaged_count_ = 0;       // replies in a row that were not used because a signal jumped in them
+  Supervisor supervisor_;
   Actuators last_command_;
   TimeNs origin_ns_ = 0;
   TimeNs command_flight_ns_ = 0;  // from its computation to its last bit
   ModelStep period_step_ = 0;     // of the present period's request
-  int degraded_periods_ = 0;      // that are still to come
   bool has_sample_ = false;
   bool answered_ = false;    // the present period's reply has had its command
   bool commanded_ = false;   // the present period has a command

@@ -196,6 +196,9 @@ extern const MotionState sample;
 // firmware/sensor_reader.h
 extern SensorReader reader;
 
+// firmware/signal_screen.h
+extern const Sensors first_sample, sensed, predicted;
+
 // firmware/tolerant_control.h
 extern const Gain gain;
 extern const Actuators feed_forward;

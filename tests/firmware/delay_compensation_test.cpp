@@ -9,6 +9,7 @@
 #include "firmware/lag_estimator.h"
 #include "firmware/motion_timeline.h"
 #include "firmware/reply_matcher.h"
+#include "tests/firmware/ordinary_noise.h"
 
 namespace tiltproof::firmware {
 namespace {
@@ -172,13 +173,6 @@ TEST(LagEstimatorTest, OneLostCommandIsNoLag) {
     timeline.Correct(step + 3, state);
     ASSERT_EQ(timeline.lag(), 0) << step;
   }
-}
-
-// Twelve uniform numbers in [0, 1] minus 6: mean 0, variance 1, nearly normal.
-float NearlyNormal(std::mt19937& engine) {
-  float sum = -6;
-  for (int i = 0; i < 12; ++i) sum += static_cast<float>(engine()) * 0x1p-32F;
-  return sum;
 }
 
 TEST(LagEstimatorTest, NoiseIsNoLag) {

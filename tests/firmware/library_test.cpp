@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <fstream>
 #include <iterator>
+#include <limits>
 #include <set>
 #include <sstream>
 
@@ -143,6 +144,17 @@ TEST(HostLibraryTest, AllocatesInCreateOnly) {
                            &CountingHost::Transmit,      nullptr};
   const Bytes reply = Frame(std::array<float, 16>{});
   const Bytes reference = Frame(std::array<float, 7>{});
+  // Faults: a height that jumps, one that is no number, a turn that nothing explains, a reference far away.
+  std::array<float, 16> values{};
+  values[2] = 3;
+  const Bytes jump = Frame(values);
+  values[2] = std::numeric_limits<float>::quiet_NaN();
+  const Bytes no_number = Frame(values);
+  values = {};
+  values[11] = 30;
+  const Bytes turn = Frame(values);
+  const Bytes far_away = Frame(std::array<float, 7>{50, 0, 0, 0, 0, 0, 0});
+  const std::array replies = {&reply, &jump, &no_number, &turn};
   const std::size_t before_create = AllocationCount();
   TiltproofClient* client = library.create(&host);
   ASSERT_NE(client, nullptr);
@@ -153,8 +165,12 @@ TEST(HostLibraryTest, AllocatesInCreateOnly) {
   for (int period = 0; period < 100; ++period) {
     const TimeNs now = period * 12 * kMs;
     library.grant(client, now);
-    library.receive(client, TILTPROOF_UART_REFERENCE, now, reference.data(), reference.size());
-    if (period % 5 != 0) library.receive(client, TILTPROOF_UART_MAIN, now + kMs, reply.data(), reply.size());
+    const Bytes& follow = period % 50 < 30 ? reference : far_away;
+    library.receive(client, TILTPROOF_UART_REFERENCE, now, follow.data(), follow.size());
+    const Bytes& answer =
+        period < 20 ? reply : *replies[static_cast<std::size_t>(period) / 4 % replies.size()];
+    if (period % 5 != 0)
+      library.receive(client, TILTPROOF_UART_MAIN, now + kMs, answer.data(), answer.size());
     library.grant(client, now + kMs);
     library.grant(client, now + 6 * kMs);
   }

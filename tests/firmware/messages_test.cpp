@@ -246,6 +246,27 @@ TEST(Messages, EveryLengthButTheRightOne) {
   }
 }
 
+TEST(Messages, SingleRefusedSensorsBecomeNotANumber) {
+  Sensors sensors;
+  for (const auto& field : kSensorFields) sensors.*field.in_float = 0.5F;
+  for (const auto& refused : kSensorFields) {
+    for (const float value : {kNaN, kInfinity, -2e4F}) {
+      Sensors damaged = sensors;
+      damaged.*refused.in_float = value;
+      Sensors decoded;
+      ASSERT_EQ(DecodeSensorsPartly(EncodeSensors(damaged).span(), 1, decoded), MessageStatus::kOk);
+      for (const auto& field : kSensorFields) {
+        const float expected = field.column == refused.column ? kNaN : 0.5F;
+        EXPECT_TRUE(std::isnan(expected) ? std::isnan(decoded.*field.in_float)
+                                         : decoded.*field.in_float == expected);
+      }
+      EXPECT_EQ(DecodeSensorsPartly(EncodeSensors(damaged).span(), 0, decoded), MessageStatus::kNotFinite);
+    }
+  }
+  Sensors decoded;
+  EXPECT_EQ(DecodeSensorsPartly(EncodeReference({}).span(), 16, decoded), MessageStatus::kBadLength);
+}
+
 TEST(Messages, NotFiniteGoesBeforeOutOfRange) {
   Sensors sensors = tiltproof::testing::SampleSensors();
   sensors.x_m = 1e30F;

@@ -221,13 +221,13 @@ TEST_P(EveryBuildTest, HoldsTheFirstSensedPlaceUntilAReferenceComes) {
   const Build& build = *FindBuild(GetParam());
   ControlLaw law(*build.gain, build.feed_forward);
   law.Step({.z_m = 2, .yaw_rad = 0.5F}, {.z_m = 2, .yaw_rad = 0.5F});
-  const Actuators second = law.Step({.z_m = 3}, {.z_m = 2, .yaw_rad = 0.5F});
+  const Actuators second = law.Step({.z_m = 2.01F, .yaw_rad = 0.49F}, {.z_m = 2, .yaw_rad = 0.5F});
   FakeBoard board(Library(), GetParam(), "paper");
   board.Start(0);
   board.Receive(kMs, Reply(2, 0.5F));
   board.Grant(12 * kMs);
   board.TakeSent();
-  board.Receive(13 * kMs, Reply(3));
+  board.Receive(13 * kMs, Reply(2.01F, 0.49F));
   EXPECT_THAT(
       board.TakeSent(),
       ElementsAre(At(13 * kMs, Frame({3, second.f_r_n, second.f_l_n, second.tau_r_nm, second.tau_l_nm}))));
@@ -408,10 +408,10 @@ TEST(TolerantTest, IsBlindAfterFivePeriodsAndRecovers) {
     EXPECT_EQ(board.Status().failsafe_count, static_cast<std::uint32_t>(round - 1));
     for (int k = 6; k <= 9; ++k) board.Grant(origin + k * 12 * kMs);
     EXPECT_EQ(board.Status().failsafe_count, static_cast<std::uint32_t>(round));
-    EXPECT_EQ(board.Status().supervisor_state, static_cast<std::uint32_t>(SupervisorState::kBlind));
+    EXPECT_EQ(board.Status().supervisor_state, static_cast<std::uint32_t>(SupervisorState::kFailsafe));
     board.Grant(origin + 120 * kMs);
     board.Receive(origin + 121 * kMs, Reply(1));
-    EXPECT_EQ(board.Status().supervisor_state, static_cast<std::uint32_t>(SupervisorState::kNormal));
+    EXPECT_EQ(board.Status().supervisor_state, static_cast<std::uint32_t>(SupervisorState::kDegraded));
   }
 }
 

@@ -89,7 +89,7 @@ int64_t tiltproof_client_grant(TiltproofClient* client, int64_t now_ns) {
 }
 
 void tiltproof_client_status(const TiltproofClient* client, TiltproofClientStatus* status) {
-  const tiltproof::firmware::Status& own = client->application->status();
+  const tiltproof::firmware::Status own = client->application->status();
   *status = {.supervisor_state = static_cast<uint32_t>(own.state), .failsafe_count = own.failsafe_count};
 }
 

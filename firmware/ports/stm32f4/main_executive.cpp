@@ -70,7 +70,7 @@ int main() {
           [](auto bytes) { flight_application.Receive(firmware::Uart::kReference, bytes); });
     wake = flight_application.Tick(TickTime());
 
-    const firmware::Status& status = flight_application.status();
+    const firmware::Status status = flight_application.status();
     tiltproof_status.supervisor_state = static_cast<std::uint32_t>(status.state);
     tiltproof_status.failsafe_count = status.failsafe_count;
     if (control_count != flight_application.control_count()) {

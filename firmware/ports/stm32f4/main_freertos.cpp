@@ -102,7 +102,7 @@ void GetSensors(void*) {
   sensor_cycle.Start(TickTime());
   for (;;) {
     while (const auto item = sensor_cycle.Next(TickTime())) control_queue.Send(*item);
-    const firmware::Status& status = sensor_cycle.status();
+    const firmware::Status status = control_activity.status();
     tiltproof_status.supervisor_state = static_cast<std::uint32_t>(status.state);
     tiltproof_status.failsafe_count = status.failsafe_count;
     SleepUntil(sensor_cycle.wake_ns());
