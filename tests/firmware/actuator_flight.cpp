@@ -1,5 +1,7 @@
 #include "tests/firmware/actuator_flight.h"
 
+#include <unistd.h>
+
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -29,8 +31,8 @@ plant::VehicleModel LoadOther(double drag_torque) {
   }
   const std::string sensors = "<tiltproof:sensors/>";
   text.insert(text.find(sensors), "<tiltproof:drag quadratic_n_s2_m2=\"0.02\"/>");
-  const std::filesystem::path file = std::filesystem::temp_directory_path() /
-                                     ("tolerant_flight_" + std::to_string(std::random_device{}()) + ".sdf");
+  const std::filesystem::path file =
+      std::filesystem::temp_directory_path() / ("tolerant_flight_" + std::to_string(::getpid()) + ".sdf");
   std::ofstream(file) << text;
   std::vector<std::string> warnings;
   plant::VehicleModel model = plant::LoadVehicle(file, {}, warnings);
