@@ -2,7 +2,7 @@
 // model does not explain is what an actuator gives more or less than it was told.
 //
 //   ActuatorMonitor monitor;
-//   monitor.Update(timeline, step, sample);                        // before timeline.Correct(step, sample)
+//   monitor.Update(timeline, step, sample, line_is_good);          // before timeline.Correct(step, sample)
 //   if (monitor.acts()) command = monitor.model().CommandFor(wanted);
 //
 // The model is that of healthy actuators until a deviation is larger than other vehicles (mass +2 %, inertia +10 %,
