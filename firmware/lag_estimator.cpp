@@ -12,6 +12,9 @@ constexpr float kFading = 0.8F;  // per sample
 constexpr float kFitMisfit = 4;
 // A surprise is so many times the usual misfit.
 constexpr float kSurprise = 2.5F;
+// It is the line's when commands that came late, or not at all, leave so little of it. A push, or an actuator, does
+// not look like that.
+constexpr float kExplained = 0.5F;
 // What one sample may say for or against a lag, and what it takes to believe it: six samples in a row, because a
 // command that was lost looks like a lag of a period.
 constexpr float kSampleEvidence = 8;
@@ -34,7 +37,7 @@ void LagEstimator::Update(MotionTimeline& timeline, ModelStep step, const Motion
 
   const float misfit = Misfit(sample, timeline.At(step), before);
   const bool fits = misfit < kFitMisfit;
-  surprised_ = misfit > kSurprise * std::max(model_misfit_, kFitMisfit);
+  const float surprise = kSurprise * std::max(model_misfit_, kFitMisfit);
   const float scale = 1 / std::max(1.0F, model_misfit_ / kNoiseMisfit);
   float best_misfit = misfit;
   for (ModelStep i = 0; i <= MotionTimeline::kLagMax; ++i) {
@@ -45,6 +48,7 @@ void LagEstimator::Update(MotionTimeline& timeline, ModelStep step, const Motion
     evidence += std::clamp(scale * (misfit - other), -kSampleEvidence, kSampleEvidence);
     best_misfit = std::min(best_misfit, other);
   }
+  surprised_ = misfit > surprise && best_misfit < kExplained * misfit;
   model_misfit_ += (1 - kModelFading) * (best_misfit - model_misfit_);
 
   const auto* best = std::max_element(evidence_.begin(), evidence_.end());

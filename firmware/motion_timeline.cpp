@@ -37,7 +37,7 @@ void MotionTimeline::Correct(ModelStep step, const MotionState& sample) {
 const MotionState& MotionTimeline::At(ModelStep step) {
   while (computed_step_ < step) {
     MotionState next = states_[RingIndex(computed_step_, kStateCount)];
-    StepMotion(kTiltrotorConstants, InForce(computed_step_ - lag_), next);
+    Step(computed_step_ - lag_, next);
     states_[RingIndex(++computed_step_, kStateCount)] = next;
   }
   return states_[RingIndex(step, kStateCount)];
@@ -46,7 +46,7 @@ const MotionState& MotionTimeline::At(ModelStep step) {
 MotionState MotionTimeline::Suppose(ModelStep count, ModelStep lag) const {
   MotionState state = sample_;
   for (ModelStep i = 0; i < count; ++i) {
-    StepMotion(kTiltrotorConstants, InForce(sample_step_ + i - lag), state);
+    Step(sample_step_ + i - lag, state);
   }
   return state;
 }
@@ -54,6 +54,26 @@ MotionState MotionTimeline::Suppose(ModelStep count, ModelStep lag) const {
 void MotionTimeline::SetLag(ModelStep lag) {
   lag_ = std::clamp(lag, ModelStep{0}, kLagMax);
   computed_step_ = sample_step_;
+}
+
+void MotionTimeline::SetActuators(const ActuatorModel& actuators) {
+  if (actuators == actuators_) return;
+  actuators_ = actuators;
+  computed_step_ = sample_step_;
+}
+
+Actuators MotionTimeline::MeanCommand(ModelStep step, ModelStep count) const {
+  Actuators mean;
+  const float share = 1 / static_cast<float>(count);
+  for (ModelStep i = step - count; i < step; ++i) {
+    const Actuators& command = InForce(i - lag_);
+    for (const auto& field : kActuatorFields) mean.*field.in_float += share * command.*field.in_float;
+  }
+  return mean;
+}
+
+void MotionTimeline::Step(ModelStep sent, MotionState& state) const {
+  StepMotion(kTiltrotorConstants, actuators_.Delivered(InForce(sent)), state, actuators_.held);
 }
 
 const Actuators& MotionTimeline::InForce(ModelStep step) const {

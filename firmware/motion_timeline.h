@@ -14,6 +14,7 @@
 #include <array>
 #include <cstdint>
 
+#include "firmware/actuator_model.h"
 #include "firmware/vehicle_dynamics.h"
 
 namespace tiltproof::firmware {
@@ -43,14 +44,21 @@ class MotionTimeline {
 
   void SetLag(ModelStep lag);
   ModelStep lag() const { return lag_; }
+  // What becomes of commands; from the last sample on everything is predicted anew.
+  void SetActuators(const ActuatorModel& actuators);
+
+  // The mean of the commands in force over the `count` steps before `step`, and that without the last of them.
+  Actuators MeanCommand(ModelStep step, ModelStep count) const;
   ModelStep last_sample_step() const { return sample_step_; }
   const MotionState& last_sample() const { return sample_; }
 
  private:
   const Actuators& InForce(ModelStep step) const;
+  void Step(ModelStep sent, MotionState& state) const;
 
   std::array<MotionState, kStateCount> states_;
   std::array<Actuators, kCommandCount> commands_{};  // in force, of each step up to command_step_
+  ActuatorModel actuators_;
   MotionState sample_;
   ModelStep sample_step_ = 0;
   ModelStep computed_step_ = 0;  // states_ hold what is predicted up to here

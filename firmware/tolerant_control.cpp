@@ -8,6 +8,10 @@ namespace {
 // 26 bytes at 921600 baud, some of them escaped.
 constexpr TimeNs kCommandFlightNs = 300 * kNsPerUs;
 
+// After a fault the line is not trusted for so long: 3 s. Further commands in each period are for the line only: they
+// follow the prediction, which other faults make worse.
+constexpr int kLineDoubtPeriods = 250;
+
 constexpr float kModelStep_s = static_cast<float>(ToSeconds(kModelStepNs));
 
 // A command that acts at most that many steps after the sample it answers is the paper's own: its design
@@ -25,15 +29,6 @@ Reference Ahead(const Reference& reference, float time_s) {
   return ahead;
 }
 
-bool Saturates(const Actuators& command) {
-  const auto beyond = [](float value, float min, float max) { return value < min || value > max; };
-  const float force_max_n = kTiltrotorConstants.force_max_n;
-  const float torque_max_nm = kTiltrotorConstants.torque_max_nm;
-  return beyond(command.f_r_n, 0, force_max_n) || beyond(command.f_l_n, 0, force_max_n) ||
-         beyond(command.tau_r_nm, -torque_max_nm, torque_max_nm) ||
-         beyond(command.tau_l_nm, -torque_max_nm, torque_max_nm);
-}
-
 }  // namespace
 
 void TolerantControl::NoteRequest(const RequestTimes& request) {
@@ -44,6 +39,8 @@ void TolerantControl::NoteRequest(const RequestTimes& request) {
   answered_ = false;
   commanded_ = false;
   supervisor_.BeginPeriod();
+  descent_.BeginPeriod();
+  if (line_doubt_periods_ > 0) --line_doubt_periods_;
 }
 
 std::optional<Actuators> TolerantControl::OnReply(TimeNs now, const Sensors& sensors,
@@ -96,16 +93,20 @@ std::optional<Sensors> TolerantControl::Accept(TimeNs now, const Sensors& sensor
       screen_.Begin(clean);
     }
     const MotionState sample = ToMotion(clean);
+    actuator_monitor_.Update(timeline_, *step, sample, line_doubt_periods_ == 0);
     lag_estimator_.Update(timeline_, *step, sample);
-    if (lag_estimator_.surprised() || screen_.substitutes()) supervisor_.On(SupervisorEvent::kFault);
+    const bool line_surprises =
+        lag_estimator_.surprised() && (timeline_.lag() != 0 || !actuator_monitor_.not_the_line());
+    if (line_surprises) SuspectLine();
+    if (screen_.substitutes()) supervisor_.On(SupervisorEvent::kFault);
   }
   timeline_.Correct(*step, ToMotion(clean));
   return clean;
 }
 
 std::optional<Actuators> TolerantControl::OnTimeout(TimeNs now, const Reference& reference) {
-  if (!has_sample_ || (commanded_ && !supervisor_.degraded())) return std::nullopt;
-  if (!answered_) supervisor_.On(SupervisorEvent::kFault);
+  if (!has_sample_ || (commanded_ && line_doubt_periods_ == 0)) return std::nullopt;
+  if (!answered_) SuspectLine();
   if (!lag_estimator_.model_is_right()) return last_command_;
   return Command(now, nullptr, reference);
 }
@@ -114,13 +115,14 @@ ModelStep TolerantControl::StepAt(TimeNs now) const {
   return static_cast<ModelStep>((now - origin_ns_) / kModelStepNs);
 }
 
-Actuators TolerantControl::Command(TimeNs now, const Sensors* fresh, const Reference& reference) {
+Actuators TolerantControl::Command(TimeNs now, const Sensors* fresh, const Reference& received) {
+  const Reference& reference = descent_.begun() ? descent_.reference() : received;
   const ModelStep step = StepAt(now + command_flight_ns_ + kModelStepNs - 1);
   const ModelStep acts = step + timeline_.lag();
   const bool as_paper = fresh != nullptr && (acts - timeline_.last_sample_step() <= kPaperSteps ||
                                              !lag_estimator_.model_is_right());
   // Nothing is summed up without a new sample, nor while the actuators cannot give more.
-  const bool sums = new_sample_ && !commanded_ && !Saturates(last_command_);
+  const bool sums = new_sample_ && !commanded_ && !saturated_;
   const auto integration = sums ? Integration::kOn : Integration::kFrozen;
   if (as_paper) {
     last_command_ = law_.Step(*fresh, reference, integration);
@@ -128,10 +130,29 @@ Actuators TolerantControl::Command(TimeNs now, const Sensors* fresh, const Refer
     const float ahead_s = kModelStep_s * static_cast<float>(acts - period_step_);
     last_command_ = law_.Step(ToSensors(timeline_.At(acts)), Ahead(reference, ahead_s), integration);
   }
+  const ActuatorModel& actuators = actuator_monitor_.model();
+  saturated_ = !actuators.CanDeliver(last_command_);
+  if (fresh != nullptr) WatchActuators(*fresh, received, actuators.LacksThrustFor(last_command_));
+  if (actuator_monitor_.acts()) last_command_ = actuators.CommandFor(last_command_);
   new_sample_ = false;
   commanded_ = true;
   timeline_.Command(step, last_command_);
   return last_command_;
+}
+
+void TolerantControl::SuspectLine() {
+  supervisor_.On(SupervisorEvent::kFault);
+  line_doubt_periods_ = kLineDoubtPeriods;
+}
+
+void TolerantControl::WatchActuators(const Sensors& sensors, const Reference& reference,
+                                     bool short_of_thrust) {
+  const bool faulty = actuator_monitor_.faulty();
+  if (faulty && !faulty_) supervisor_.On(SupervisorEvent::kActuatorFault);
+  faulty_ = faulty;
+  const bool descended = descent_.begun();
+  descent_.Watch(sensors, reference, faulty, short_of_thrust);
+  if (descent_.begun() && !descended) supervisor_.On(SupervisorEvent::kActuatorFailsafe);
 }
 
 }  // namespace tiltproof::firmware

@@ -11,7 +11,9 @@
 
 #include <optional>
 
+#include "firmware/actuator_monitor.h"
 #include "firmware/control_law.h"
+#include "firmware/controlled_descent.h"
 #include "firmware/lag_estimator.h"
 #include "firmware/motion_timeline.h"
 #include "firmware/reply_matcher.h"
@@ -45,11 +47,15 @@ class TolerantControl {
     supervisor_.On(follows ? SupervisorEvent::kReferenceFollowed : SupervisorEvent::kReferenceHeld);
   }
   const Status& status() const { return supervisor_.status(); }
+  const ActuatorMonitor& actuator_monitor() const { return actuator_monitor_; }
+  bool descends() const { return descent_.begun(); }
 
  private:
   ModelStep StepAt(TimeNs now) const;
   std::optional<Sensors> Accept(TimeNs now, const Sensors& sensors, bool& newest);
-  Actuators Command(TimeNs now, const Sensors* fresh, const Reference& reference);
+  Actuators Command(TimeNs now, const Sensors* fresh, const Reference& received);
+  void SuspectLine();
+  void WatchActuators(const Sensors& sensors, const Reference& reference, bool short_of_thrust);
 
   ControlLaw law_;
   Actuators hover_;
@@ -60,14 +66,19 @@ class TolerantControl {
   SignalScreen screen_before_;  // the last sample
   int damaged_count_ = 0;       // replies in a row that were not used because a signal jumped in them
   Supervisor supervisor_;
+  ActuatorMonitor actuator_monitor_;
+  ControlledDescent descent_;
   Actuators last_command_;
   TimeNs origin_ns_ = 0;
   TimeNs command_flight_ns_ = 0;  // from its computation to its last bit
   ModelStep period_step_ = 0;     // of the present period's request
   bool has_sample_ = false;
-  bool answered_ = false;    // the present period's reply has had its command
-  bool commanded_ = false;   // the present period has a command
-  bool new_sample_ = false;  // since the last step of the integrals
+  int line_doubt_periods_ = 0;  // that are still to come
+  bool saturated_ = false;      // the last command wanted more than the actuators have
+  bool faulty_ = false;         // an actuator was, at the last sample
+  bool answered_ = false;       // the present period's reply has had its command
+  bool commanded_ = false;      // the present period has a command
+  bool new_sample_ = false;     // since the last step of the integrals
 };
 
 }  // namespace tiltproof::firmware

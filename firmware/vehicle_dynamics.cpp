@@ -7,7 +7,7 @@
 namespace tiltproof::firmware {
 namespace {
 
-constexpr float kStep_s = static_cast<float>(ToSeconds(kModelStepNs));
+constexpr float kModelStepLength_s = static_cast<float>(ToSeconds(kModelStepNs));
 constexpr float kGravity_m_s2 = 9.81F;
 
 // A thruster at its present angle, in B.
@@ -106,7 +106,8 @@ Sensors ToSensors(const MotionState& state) {
           .alpha_l_rad_s = state.alpha_rad_s[1]};
 }
 
-void StepMotion(const VehicleConstants& vehicle, const Actuators& inputs, MotionState& state) {
+void StepMotion(const VehicleConstants& vehicle, const Actuators& inputs, MotionState& state,
+                const HeldHinges& held) {
   const std::array<float, 2> thrust_n = {std::clamp(inputs.f_r_n, 0.0F, vehicle.force_max_n),
                                          std::clamp(inputs.f_l_n, 0.0F, vehicle.force_max_n)};
   const std::array<float, 2> torque_nm = {
@@ -126,7 +127,12 @@ void StepMotion(const VehicleConstants& vehicle, const Actuators& inputs, Motion
     const Vector3 spin = TimesInertia(thruster, tilted, w);
     const Vector3 thrust = thrust_n[i] * tilted.z;
     axes[i] = tilted.axis;
-    hinge_torque_nm[i] = torque_nm[i] - Dot(tilted.axis, Cross(w, spin));
+    if (held[i]) {
+      state.alpha_rad_s[i] = 0;
+      inertia = inertia + Dyad(thruster.inertia_yy_kg_m2, tilted.axis);
+    } else {
+      hinge_torque_nm[i] = torque_nm[i] - Dot(tilted.axis, Cross(w, spin));
+    }
     force = force + thrust;
     momentum = momentum + spin + (thruster.inertia_yy_kg_m2 * state.alpha_rad_s[i]) * tilted.axis;
     // I' w, the thruster's inertia turning with its hinge.
@@ -140,16 +146,37 @@ void StepMotion(const VehicleConstants& vehicle, const Actuators& inputs, Motion
   const Vector3 w_dot = Solve(inertia, torque - Cross(w, momentum));
 
   for (unsigned i = 0; i < 2; ++i) {
-    state.alpha_rad_s[i] +=
-        kStep_s * (hinge_torque_nm[i] / vehicle.thrusters[i].inertia_yy_kg_m2 - Dot(axes[i], w_dot));
-    state.alpha_rad[i] += kStep_s * state.alpha_rad_s[i];
+    if (held[i]) continue;
+    state.alpha_rad_s[i] += kModelStepLength_s * (hinge_torque_nm[i] / vehicle.thrusters[i].inertia_yy_kg_m2 -
+                                                  Dot(axes[i], w_dot));
+    state.alpha_rad[i] += kModelStepLength_s * state.alpha_rad_s[i];
     StopAtEnd(vehicle.angle_max_rad, state.alpha_rad[i], state.alpha_rad_s[i]);
   }
-  state.v_WC_m_s = state.v_WC_m_s +
-                   kStep_s * ((1 / vehicle.mass_kg) * (state.R_WB * force) - Vector3{0, 0, kGravity_m_s2});
-  state.p_WC_m = state.p_WC_m + kStep_s * state.v_WC_m_s;
-  state.w_WB_rad_s = state.w_WB_rad_s + kStep_s * (state.R_WB * w_dot);
-  Turn(state.R_WB, kStep_s * state.w_WB_rad_s);
+  state.v_WC_m_s = state.v_WC_m_s + kModelStepLength_s * ((1 / vehicle.mass_kg) * (state.R_WB * force) -
+                                                          Vector3{0, 0, kGravity_m_s2});
+  state.p_WC_m = state.p_WC_m + kModelStepLength_s * state.v_WC_m_s;
+  state.w_WB_rad_s = state.w_WB_rad_s + kModelStepLength_s * (state.R_WB * w_dot);
+  Turn(state.R_WB, kModelStepLength_s * state.w_WB_rad_s);
+}
+
+InputEffects ComputeInputEffects(const VehicleConstants& vehicle, const MotionState& state) {
+  Symmetric3 inertia = vehicle.inertia_kg_m2;
+  std::array<Tilted, 2> tilted;
+  for (unsigned i = 0; i < 2; ++i) {
+    const ThrusterConstants& thruster = vehicle.thrusters[i];
+    tilted[i] = Tilt(thruster, state.alpha_rad[i]);
+    inertia =
+        inertia + Dyad(thruster.inertia_xx_kg_m2, tilted[i].x) + Dyad(thruster.inertia_zz_kg_m2, tilted[i].z);
+  }
+  InputEffects effects;
+  for (unsigned i = 0; i < 2; ++i) {
+    const ThrusterConstants& thruster = vehicle.thrusters[i];
+    const Vector3 turn = Cross(thruster.arm_m, tilted[i].z) + thruster.drag_ratio_m * tilted[i].z;
+    effects.thrust_lift_m_s2[i] = tilted[i].z.z / vehicle.mass_kg;
+    effects.thrust_roll_rad_s2[i] = Solve(inertia, turn).x;
+    effects.hinge_axes[i] = tilted[i].axis;
+  }
+  return effects;
 }
 
 }  // namespace tiltproof::firmware

@@ -44,7 +44,20 @@ struct MotionState {
 MotionState ToMotion(const Sensors& sensors);
 Sensors ToSensors(const MotionState& state);
 
+// Hinges that do not turn, whatever the servo does: right, left.
+using HeldHinges = std::array<bool, 2>;
+
 // One step of kModelStepNs with the inputs saturated to the vehicle's limits.
-void StepMotion(const VehicleConstants& vehicle, const Actuators& inputs, MotionState& state);
+void StepMotion(const VehicleConstants& vehicle, const Actuators& inputs, MotionState& state,
+                const HeldHinges& held = {});
+
+// What a thrust of 1 N adds to the accelerations along the body's z and about its x, and the hinges' axes in B:
+// about those only the servo's torque turns a thruster.
+struct InputEffects {
+  std::array<float, 2> thrust_lift_m_s2{};    // right, left
+  std::array<float, 2> thrust_roll_rad_s2{};  // right, left
+  std::array<Vector3, 2> hinge_axes;
+};
+InputEffects ComputeInputEffects(const VehicleConstants& vehicle, const MotionState& state);
 
 }  // namespace tiltproof::firmware

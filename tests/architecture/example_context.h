@@ -167,10 +167,29 @@ extern std::vector<std::uint8_t> bytes;
 extern TimeNs now;
 extern const examples::Function Control, Use;
 
+// firmware/actuator_model.h
+extern const Actuators wanted;
+
+// firmware/actuator_monitor.h
+extern MotionTimeline timeline;
+extern const ModelStep step;
+extern const MotionState sample;
+extern const Actuators wanted;
+extern Actuators command;
+extern const bool line_is_good;
+
 // firmware/control_activity.h
 extern const Reference reference;
 extern const ControlItem item;
 extern ActuatorWriter writer;
+
+// firmware/controlled_descent.h
+extern const ActuatorMonitor monitor;
+extern ControlLaw law;
+extern const Sensors sensors;
+extern const Reference reference;
+extern const bool needs_more_thrust;
+extern Actuators command;
 
 // firmware/innovation.h
 extern const MotionState sample, predicted, previous_sample;

@@ -25,8 +25,8 @@ INSTRUCTIONS = {
 }
 # Bytes of flash and of RAM (stacks included).
 MEMORY = {
-    "executive": (32 * 1024, 24 * 1024),
-    "freertos": (40 * 1024, 32 * 1024),
+    "executive": (48 * 1024, 24 * 1024),
+    "freertos": (56 * 1024, 32 * 1024),
 }
 STACK_USE_MAX = 0.75  # of its size
 

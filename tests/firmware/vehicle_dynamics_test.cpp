@@ -106,6 +106,32 @@ TEST_F(VehicleDynamicsTest, PredictsAPeriodOfTheSpiral) {
                                                      errors.rate_rad_s, errors.hinge_rate_rad_s}));
 }
 
+TEST_F(VehicleDynamicsTest, PredictsAVehicleWithAJammedHinge) {
+  for (const unsigned held : {0U, 1U}) {
+    const std::vector<double> start = {0, 0, 50, 0.2, -0.1, 1, 0.3, -0.4, 1, -2, 0.5, 0.5, 1, -1, 0, 0};
+    plant_.Reset(start);
+    const Actuators inputs = {.f_r_n = 12, .f_l_n = 9, .tau_r_nm = 0.01F, .tau_l_nm = -0.01F};
+    std::vector<double> row;
+    for (const auto& field : kActuatorFields) row.push_back(static_cast<double>(inputs.*field.in_float));
+    Disturbance jam;
+    jam.hinges[held].held = true;
+    HeldHinges hinges{};
+    hinges[held] = true;
+    MotionState state = ToMotion(Sense());
+    for (int step = 0; step < 3; ++step) {
+      StepMotion(kTiltrotorConstants, inputs, state, hinges);
+      plant_.Step(row, jam);
+    }
+    plant_.State(row_);
+    Errors errors;
+    errors.Include(ToSensors(state), row_);
+    EXPECT_LT(errors.angle_rad, 2e-3) << held;
+    EXPECT_LT(errors.velocity_m_s, 1e-2) << held;
+    EXPECT_LT(errors.rate_rad_s, 5e-2) << held;
+    EXPECT_LT(errors.hinge_rate_rad_s, 0.1) << held;
+  }
+}
+
 // Far from hover, where every term of the equations counts.
 TEST_F(VehicleDynamicsTest, PredictsAPeriodOfATumble) {
   Errors errors;

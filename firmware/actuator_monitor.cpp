@@ -1,0 +1,287 @@
+#include "firmware/actuator_monitor.h"
+
+#include <algorithm>
+
+namespace tiltproof::firmware {
+namespace {
+
+constexpr float kIntervalStep_s = static_cast<float>(ToSeconds(kModelStepNs));
+// Between samples further apart the model itself is too uncertain.
+constexpr ModelStep kStepsMax = 8;
+
+// Rotors. Shares of a sample in the estimate: roll tells the difference of the thrusts at once, the lift their sum
+// ten times less precisely.
+constexpr float kDifferenceGain = 0.4F;
+constexpr float kSumGain = 0.15F;
+constexpr float kScatterGain = 0.1F;
+constexpr float kRotorDeviation = 0.06F;  // believed from here on
+constexpr float kRotorSigmas = 3;
+constexpr float kRotorEffectivenessMin = 0.3F, kRotorEffectivenessMax = 2;
+constexpr float kThrustMin_n = 3;  // below, a thrust tells nothing of its share
+constexpr int kRotorSamples = 3;
+// A fifth more asked for since the estimate settled, and less than that share of it got: the rotor is late or stuck, and more would be too
+// much. It is left alone until nothing has deviated for 3 s.
+constexpr float kAsked = 0.2F;
+constexpr float kResponse = 0.25F;
+constexpr int kSettledSamples = 6;
+constexpr int kLateSamples = 250;
+
+// Of a swing, a deviation is more than so much.
+constexpr float kSwingFactor = 1.7F;
+constexpr float kSwingGain = 0.02F;
+
+// Servos.
+constexpr float kHingeNoise_rad_s = 0.045F;
+constexpr float kServoFading = 0.9F;
+constexpr float kServoOffset_nm = 0.01F;  // believed from here on
+constexpr float kServoSigmas = 4;
+constexpr int kServoSamples = 3;
+// A hinge that gets so much faster than it should, and turns accordingly, has another torque than before.
+constexpr float kStep_rad_s = 1.5F;
+constexpr float kTurnNoise_rad = 3e-3F;
+// A servo that gives less than so much of its command's changes; told apart from an offset by commands that change.
+constexpr float kSlope = 0.4F;
+constexpr float kSlopeMin = -0.9F;
+constexpr float kSlopeCorrelation = 0.9F;
+constexpr float kSlopeSamples = 5;
+constexpr float kSlopeCommand_nm = 2e-3F;
+// So often, and again after so many samples.
+constexpr int kStepCount = 3;
+constexpr int kStepRecovery = 40;
+constexpr float kAngleMax_rad = 1.4F;
+
+// A jam: twice the logarithm of its likelihood against that of a hinge that is free.
+constexpr float kJamFading = 0.98F;
+constexpr float kJamSampleEvidence = 9;
+constexpr float kJamCostMax = 6;  // of a hinge that is held
+constexpr float kJamBelief = 24;
+constexpr float kJamEvidence = 36;
+constexpr float kHingeSpread_rad = 2e-3F;
+constexpr float kLostCost = 5;  // of a command that was lost on a line that is good
+
+// What is not the line's: a hinge, or the body's pitch, so much faster.
+constexpr float kAlone_rad_s = 0.3F;
+constexpr float kAloneShare = 0.1F;
+
+float Square(float value) { return value * value; }
+float Magnitude(float value) { return value < 0 ? -value : value; }
+
+// Whether the last samples deviate, `samples` in a row.
+bool Lasts(bool deviates, int samples, int& seen) {
+  seen = deviates ? std::min(seen + 1, samples + 1) : 0;
+  return seen >= samples;
+}
+
+}  // namespace
+
+void ActuatorMonitor::Swing::Update(float value) {
+  square += kSwingGain * (Square(value - mean) - square);
+  mean += kSwingGain * (value - mean);
+}
+
+bool ActuatorMonitor::Swing::IsExceededBy(float value) const {
+  return Square(value) > Square(kSwingFactor) * square;
+}
+
+void ActuatorMonitor::Update(MotionTimeline& timeline, ModelStep step, const MotionState& sample,
+                             bool line_is_good) {
+  const ModelStep count = step - timeline.last_sample_step();
+  if (count <= 0 || count > kStepsMax) return;
+  Interval interval;
+  interval.line_is_good = line_is_good && timeline.lag() == 0;
+  interval.duration_s = kIntervalStep_s * static_cast<float>(count);
+  interval.command = timeline.MeanCommand(step, count);
+  interval.delivered = model_.Delivered(interval.command);
+  interval.before = timeline.last_sample();
+  interval.predicted = timeline.At(step);
+  interval.sample = sample;
+  interval.effects = ComputeInputEffects(kTiltrotorConstants, interval.before);
+  UpdateRotors(interval);
+  UpdateServo(interval, 0);
+  UpdateServo(interval, 1);
+
+  const float right_rad_s = Magnitude(servos_[0].unexpected_rad_s);
+  const float left_rad_s = Magnitude(servos_[1].unexpected_rad_s);
+  const float most_rad_s = std::max(right_rad_s, left_rad_s);
+  const bool one_hinge =
+      most_rad_s > kAlone_rad_s && std::min(right_rad_s, left_rad_s) < kAloneShare * most_rad_s;
+  const float pitch_rad_s =
+      Magnitude(Dot(interval.before.R_WB.y, sample.w_WB_rad_s - interval.predicted.w_WB_rad_s));
+  not_the_line_ = one_hinge || (pitch_rad_s > kAlone_rad_s && most_rad_s < pitch_rad_s);
+  timeline.SetActuators(model_);
+}
+
+void ActuatorMonitor::UpdateRotors(const Interval& interval) {
+  const std::array<float, 2> command_n = {interval.command.f_r_n, interval.command.f_l_n};
+  if (std::min(command_n[0], command_n[1]) < kThrustMin_n) return;
+  const Matrix3& axes = interval.before.R_WB;
+  const Vector3 turn_rad_s = interval.sample.w_WB_rad_s - interval.predicted.w_WB_rad_s;
+  pitch_rad_s_ += kDifferenceGain * (Dot(axes.y, turn_rad_s) - pitch_rad_s_);
+  yaw_rad_s_ += kDifferenceGain * (Dot(axes.z, turn_rad_s) - yaw_rad_s_);
+  const float lift_m_s = Dot(axes.z, interval.sample.v_WC_m_s - interval.predicted.v_WC_m_s);
+  const float roll_rad_s = Dot(axes.x, turn_rad_s);
+  const InputEffects& effects = interval.effects;
+  const float lift = 0.5F * (effects.thrust_lift_m_s2[0] + effects.thrust_lift_m_s2[1]);
+  const float roll = 0.5F * (effects.thrust_roll_rad_s2[0] - effects.thrust_roll_rad_s2[1]);
+
+  const std::array<float, 2> estimated_n = {rotor_estimate_[0] * command_n[0],
+                                            rotor_estimate_[1] * command_n[1]};
+  const float sum_n = interval.delivered.f_r_n + interval.delivered.f_l_n +
+                      lift_m_s / (lift * interval.duration_s) - estimated_n[0] - estimated_n[1];
+  const float difference_n = interval.delivered.f_r_n - interval.delivered.f_l_n +
+                             roll_rad_s / (roll * interval.duration_s) - estimated_n[0] + estimated_n[1];
+  sum_scatter_n2_ += kScatterGain * (Square(sum_n) - sum_scatter_n2_);
+  difference_scatter_n2_ += kScatterGain * (Square(difference_n) - difference_scatter_n2_);
+  const std::array<float, 2> change_n = {0.5F * (kSumGain * sum_n + kDifferenceGain * difference_n),
+                                         0.5F * (kSumGain * sum_n - kDifferenceGain * difference_n)};
+  // Of the mean over the last samples, if they do not depend on each other.
+  const float variance_n2 =
+      0.25F * 0.5F * (kSumGain * sum_scatter_n2_ + kDifferenceGain * difference_scatter_n2_);
+  bool deviates = false;
+  for (unsigned i = 0; i < 2; ++i) {
+    rotor_estimate_[i] = std::clamp(rotor_estimate_[i] + change_n[i] / command_n[i], kRotorEffectivenessMin,
+                                    kRotorEffectivenessMax);
+    const float deviation2 = Square(rotor_estimate_[i] - 1);
+    rotor_swings_[i].Update(rotor_estimate_[i] - 1);
+    const float own_rad_s = roll * interval.duration_s * command_n[i];
+    const bool explains = rotors_seen_ >= kRotorSamples ||
+                          deviation2 * Square(own_rad_s) > Square(pitch_rad_s_) + Square(yaw_rad_s_);
+    deviates = deviates || (explains && rotor_swings_[i].IsExceededBy(rotor_estimate_[i] - 1) &&
+                            deviation2 > Square(kRotorDeviation) &&
+                            deviation2 * Square(command_n[i]) > Square(kRotorSigmas) * variance_n2);
+  }
+  bool believed = Lasts(deviates, kRotorSamples, rotors_seen_);
+  believed_samples_ = believed ? std::min(believed_samples_ + 1, kSettledSamples + 1) : 0;
+  if (rotors_late_ > 0 && !deviates) --rotors_late_;
+  // The difference settles first.
+  const float difference_now_n = rotor_estimate_[0] * command_n[0] - rotor_estimate_[1] * command_n[1];
+  if (believed_samples_ <= kSettledSamples) {
+    settled_command_n_ = command_n;
+    settled_difference_n_ = difference_now_n;
+  }
+  for (unsigned i = 0; i < 2 && believed; ++i) {
+    const unsigned other = 1 - i;
+    const float more_n =
+        i == 0 ? difference_now_n - settled_difference_n_ : settled_difference_n_ - difference_now_n;
+    const float got_n = more_n + rotor_estimate_[other] * (command_n[other] - settled_command_n_[other]);
+    const float asked_n = command_n[i] - settled_command_n_[i];
+    if (Square(rotor_estimate_[i] - 1) > Square(kRotorDeviation) &&
+        Square(asked_n) > Square(kAsked * settled_command_n_[i]) &&
+        got_n * asked_n < kResponse * rotor_estimate_[i] * Square(asked_n)) {
+      rotors_late_ = kLateSamples;
+    }
+  }
+  if (rotors_late_ > 0) {
+    believed = false;
+    rotors_seen_ = believed_samples_ = 0;
+  }
+  model_.rotor_effectiveness = believed ? rotor_estimate_ : std::array<float, 2>{1, 1};
+}
+
+void ActuatorMonitor::UpdateServo(const Interval& interval, unsigned i) {
+  const float command_nm = i == 0 ? interval.command.tau_r_nm : interval.command.tau_l_nm;
+  const float believed_nm = i == 0 ? interval.delivered.tau_r_nm : interval.delivered.tau_l_nm;
+  Servo& servo = servos_[i];
+  const float before_nm = servo.before_nm;
+  servo.before_nm = believed_nm;
+  servo.unexpected_rad_s = 0;
+  if (Magnitude(interval.sample.alpha_rad[i]) > kAngleMax_rad) return;
+
+  // Iyy (a . w' + alpha'') = tau
+  const float gain = interval.duration_s / kTiltrotorConstants.thrusters[i].inertia_yy_kg_m2;
+  const Vector3 axis = interval.before.R_WB * interval.effects.hinge_axes[i];
+  const float before_rad_s = interval.before.alpha_rad_s[i];
+  const float free_rad_s =
+      before_rad_s + gain * believed_nm - Dot(axis, interval.sample.w_WB_rad_s - interval.before.w_WB_rad_s);
+  const float unexpected_rad_s = interval.sample.alpha_rad_s[i] - free_rad_s;
+  const float deviation_nm = believed_nm + unexpected_rad_s / gain - command_nm;
+  const float expected_nm = (1 + servo.slope) * command_nm + servo.offset_nm;
+  const float news_nm = deviation_nm + command_nm - expected_nm;
+  // A share of a torque is no excuse for a hinge that stands still.
+  UpdateJam(interval, i, free_rad_s + gain * (command_nm + model_.servo_offset_nm[i] - believed_nm),
+            free_rad_s + gain * (before_nm - believed_nm));
+  if (model_.held[i]) {
+    servo.offset_nm = servo.slope = servo.weight = servo.variance_nm2 = 0;
+    model_.servo_effectiveness[i] = 1;
+    servo.seen = 0;
+    model_.servo_offset_nm[i] = 0;
+    return;
+  }
+  servo.unexpected_rad_s = unexpected_rad_s;
+
+  const float unexpected_turn_rad =
+      interval.sample.alpha_rad[i] - interval.before.alpha_rad[i] -
+      interval.duration_s * (before_rad_s + (2.0F / 3) * (free_rad_s - before_rad_s));
+  const float turn_rad = unexpected_rad_s < 0 ? -unexpected_turn_rad : unexpected_turn_rad;
+  const float whole_rad = interval.duration_s * Magnitude(unexpected_rad_s);
+  const bool turns =
+      turn_rad > 0.2F * whole_rad - kTurnNoise_rad && turn_rad < 0.85F * whole_rad + kTurnNoise_rad;
+  const bool lost =
+      Magnitude(unexpected_rad_s - gain * (before_nm - believed_nm)) < 0.3F * Magnitude(unexpected_rad_s);
+  const bool step =
+      turns && !lost && gain * Magnitude(news_nm) > kStep_rad_s && servo.steps_left > kStepRecovery;
+  servo.steps_left =
+      std::min(servo.steps_left + (step ? -kStepRecovery : 1), (kStepCount + 1) * kStepRecovery);
+  FitServo(servo, command_nm, deviation_nm, step);
+  if (!step) servo.variance_nm2 += kScatterGain * (Square(news_nm) - servo.variance_nm2);
+  servo.swing.Update(servo.offset_nm);
+  const float noise_nm2 = std::max(Square(kHingeNoise_rad_s / gain), servo.variance_nm2) / servo.weight;
+  // Both at once are the line's: commands that come late, or not at all.
+  const Servo& other = servos_[1 - i];
+  const bool believed_before = model_.servo_offset_nm[i] != 0;
+  const bool alone = (interval.line_is_good || believed_before) &&
+                     other.deviation2 * servo.weight < kAloneShare * servo.deviation2 * other.weight;
+  if (!alone) servo.slope = 0;
+  const bool deviates =
+      alone && servo.swing.IsExceededBy(servo.offset_nm) &&
+      Square(servo.offset_nm) > std::max(Square(kServoOffset_nm), Square(kServoSigmas) * noise_nm2);
+  if (step && deviates) servo.seen = kServoSamples;
+  const bool believed = Lasts(deviates, kServoSamples, servo.seen);
+  model_.servo_offset_nm[i] = believed || servo.slope < 0 ? servo.offset_nm : 0;
+  model_.servo_effectiveness[i] = 1 + servo.slope;
+}
+
+// A straight line through the last samples' deviations over their commands; level, unless it is clearly not.
+void ActuatorMonitor::FitServo(Servo& servo, float command_nm, float deviation_nm, bool anew) const {
+  const float fading = anew ? 0 : kServoFading;
+  servo.weight = fading * servo.weight + 1;
+  servo.command = fading * servo.command + command_nm;
+  servo.deviation = fading * servo.deviation + deviation_nm;
+  servo.command2 = fading * servo.command2 + Square(command_nm);
+  servo.product = fading * servo.product + command_nm * deviation_nm;
+  servo.deviation2 = fading * servo.deviation2 + Square(deviation_nm);
+  const float command_mean = servo.command / servo.weight;
+  const float deviation_mean = servo.deviation / servo.weight;
+  const float command_square = servo.command2 - servo.weight * Square(command_mean);
+  const float product = servo.product - command_mean * servo.deviation;
+  const float deviation_square = servo.deviation2 - servo.weight * Square(deviation_mean);
+  const bool clear = servo.weight > kSlopeSamples && command_square > Square(kSlopeCommand_nm) &&
+                     Square(product) > kSlopeCorrelation * command_square * deviation_square &&
+                     product < -kSlope * command_square;
+  servo.slope = clear ? std::max(product / command_square, kSlopeMin) : 0;
+  servo.offset_nm = deviation_mean - servo.slope * command_mean;
+}
+
+void ActuatorMonitor::UpdateJam(const Interval& interval, unsigned i, float free_rad_s, float lost_rad_s) {
+  Servo& servo = servos_[i];
+  const float rate_rad_s = interval.sample.alpha_rad_s[i];
+  const float turn_rad = interval.sample.alpha_rad[i] - interval.before.alpha_rad[i];
+  const float lost_cost = interval.line_is_good ? kLostCost : 0;
+  const float free_cost = std::min(Square((rate_rad_s - free_rad_s) / kHingeNoise_rad_s),
+                                   Square((rate_rad_s - lost_rad_s) / kHingeNoise_rad_s) + lost_cost);
+  const float jam_cost = Square(rate_rad_s / kHingeNoise_rad_s) + Square(turn_rad / kHingeSpread_rad);
+  const float evidence =
+      jam_cost > kJamCostMax ? -kJamSampleEvidence : std::min(free_cost - jam_cost, kJamSampleEvidence);
+  servo.jam_evidence = std::clamp(kJamFading * servo.jam_evidence + evidence,
+                                  model_.held[i] ? -kJamEvidence : 0.0F, kJamEvidence);
+  if (servo.jam_evidence > kJamBelief) model_.held[i] = true;
+  if (servo.jam_evidence < 0) model_.held[i] = false;
+}
+
+bool ActuatorMonitor::weak_rotor(unsigned i) const {
+  const float loss = 1 - model_.rotor_effectiveness[i];
+  const float other = 1 - model_.rotor_effectiveness[1 - i];
+  return loss > kRotorDeviation && loss > 2 * std::max(other, -other);
+}
+
+}  // namespace tiltproof::firmware

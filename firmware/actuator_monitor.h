@@ -1,0 +1,89 @@
+// How much of a command does each actuator deliver? The vehicle's accelerations between two samples tell: what the
+// model does not explain is what an actuator gives more or less than it was told.
+//
+//   ActuatorMonitor monitor;
+//   monitor.Update(timeline, step, sample, line_is_good);          // before timeline.Correct(step, sample)
+//   if (monitor.acts()) command = monitor.model().CommandFor(wanted);
+//
+// The model is that of healthy actuators until a deviation is larger than other vehicles (mass +2 %, inertia +10 %,
+// drag torque +20 %) and the noise of the sensors explain. docs/tolerant.md has the equations.
+#pragma once
+
+#include <array>
+
+#include "firmware/actuator_model.h"
+#include "firmware/motion_timeline.h"
+
+namespace tiltproof::firmware {
+
+class ActuatorMonitor {
+ public:
+  // Estimates from the motion since the timeline's last sample, and gives the timeline what is believed.
+  // While the line is in doubt, no further servo is: a command that did not arrive looks like a servo's fault.
+  void Update(MotionTimeline& timeline, ModelStep step, const MotionState& sample, bool line_is_good);
+
+  // What is believed; healthy unless acts().
+  const ActuatorModel& model() const { return model_; }
+  bool acts() const { return model_ != ActuatorModel{}; }
+  // Whether any actuator is not what it should be, also one that no command can make up for.
+  bool faulty() const { return acts() || rotors_late_ > 0; }
+
+  // Right, left. Of one rotor: a load, or wind, weighs on both.
+  bool weak_rotor(unsigned i) const;
+  // Whether the last sample shows what neither late nor lost commands do: one hinge alone, or a twist of the body
+  // that no servo gives.
+  bool not_the_line() const { return not_the_line_; }
+  bool jammed(unsigned i) const { return model_.held[i]; }
+
+ private:
+  // Over one interval between samples.
+  struct Interval {
+    float duration_s = 0;
+    bool line_is_good = false;
+    Actuators command;    // mean
+    Actuators delivered;  // as believed
+    MotionState before, predicted, sample;
+    InputEffects effects;
+  };
+  // How far a value swings about its slow mean. A step stays within twice that, a swing about 0 within 1.42 times.
+  struct Swing {
+    float mean = 0, square = 0;
+    void Update(float value);
+    bool IsExceededBy(float value) const;
+  };
+  // A servo's deviation: what it delivers beyond its command.
+  struct Servo {
+    float offset_nm = 0, variance_nm2 = 0;  // estimated
+    float slope = 0;                        // change of the deviation with the command; 0: none to be seen
+    // Sums over the samples, older ones fading: 1, command, deviation and their products.
+    float weight = 0, command = 0, deviation = 0, command2 = 0, product = 0, deviation2 = 0;
+    Swing swing;
+    float jam_evidence = 0;
+    float before_nm = 0;  // delivered, as believed, in the interval before
+    int seen = 0;         // samples in a row that deviate
+    int steps_left = 0;   // how often the estimate may begin anew, in parts
+    float unexpected_rad_s = 0;
+  };
+
+  void UpdateRotors(const Interval& interval);
+  void UpdateServo(const Interval& interval, unsigned i);
+  void FitServo(Servo& servo, float command_nm, float deviation_nm, bool anew) const;
+  void UpdateJam(const Interval& interval, unsigned i, float free_rad_s, float lost_rad_s);
+
+  ActuatorModel model_;
+  std::array<float, 2> rotor_estimate_ = {1, 1};
+  std::array<Swing, 2> rotor_swings_;
+  // Unexplained, per sample. A rotor rolls the vehicle; what pitches or yaws it more is something else: a hinge's
+  // angle that is read wrongly, a shifted load.
+  float pitch_rad_s_ = 0, yaw_rad_s_ = 0;
+  float sum_scatter_n2_ = 0, difference_scatter_n2_ = 0;
+  int rotors_seen_ = 0;  // samples in a row with a deviation
+  int rotors_late_ = 0;  // samples for which they are not believed, because a rotor did not do what was asked
+  int believed_samples_ = 0;
+  std::array<float, 2> settled_command_n_{};  // a while after a deviation was believed
+  float settled_difference_n_ = 0;            // of the thrusts, then
+  std::array<Servo, 2> servos_;
+  bool not_the_line_ = false;
+};
+
+}  // namespace tiltproof::firmware

@@ -1,0 +1,97 @@
+// Weak rotors and jammed servos in flight: what is noticed, how soon, what becomes of the vehicle; and that nothing is
+// noticed when nothing is wrong, whatever the vehicle, the line and the noise.
+#include "tests/firmware/actuator_flight.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+
+namespace tiltproof::firmware {
+namespace {
+
+struct Vehicle {
+  const char* name;
+  double mass, inertia, drag_torque;
+};
+constexpr std::array kVehicles = {Vehicle{"exact", 1, 1, 1}, Vehicle{"heavy", 1.02, 1.1, 1.2},
+                                  Vehicle{"light", 0.98, 0.9, 0.8}};
+constexpr std::array kSeeds = {1U, 2U, 3U};
+
+FlightPlan Of(const Vehicle& vehicle, FlightPlan plan) {
+  plan.mass = vehicle.mass;
+  plan.inertia = vehicle.inertia;
+  plan.drag_torque = vehicle.drag_torque;
+  return plan;
+}
+
+TEST(ActuatorFlightTest, NothingIsNoticedWhenNothingIsWrong) {
+  const std::array plans = {FlightPlan{.spiral = true},    FlightPlan{.spiral = false},
+                            FlightPlan{.jumps_from_s = 5}, FlightPlan{.wind_m_s = 5},
+                            FlightPlan{.drop = 0.2},       FlightPlan{.jumps_from_s = 5, .drop = 0.2},
+                            FlightPlan{.delay_ms = 20}};
+  for (const Vehicle& vehicle : kVehicles) {
+    for (std::size_t i = 0; i < plans.size(); ++i) {
+      for (const unsigned seed : kSeeds) {
+        FlightPlan plan = Of(vehicle, plans[i]);
+        plan.seed = seed;
+        plan.noise = seed != 1;
+        EXPECT_EQ(Fly(plan).false_alarm_s, FlightRecord::kNever)
+            << vehicle.name << ", plan " << i << ", seed " << seed;
+      }
+    }
+  }
+}
+
+TEST(ActuatorFlightTest, AWeakRotorIsNoticedAndMadeUpFor) {
+  for (const Vehicle& vehicle : kVehicles) {
+    for (const unsigned rotor : {0U, 1U}) {
+      for (const unsigned seed : kSeeds) {
+        const FlightPlan plan = {.noise = seed != 1, .seed = seed};
+        for (const auto& fault : {WeakRotor(rotor, 0.7), LessThrust(rotor, 0.7), WeakRotor(rotor, 0.5)}) {
+          FlightPlan flown = Of(vehicle, plan);
+          flown.fault = fault;
+          const FlightRecord record = Fly(flown);
+          EXPECT_EQ(record.false_alarm_s, FlightRecord::kNever);
+          EXPECT_LT(record.noticed_s, 0.2) << vehicle.name << rotor << seed;
+          EXPECT_LT(record.tilt_max_rad, 0.3) << vehicle.name << rotor << seed;
+          EXPECT_LT(record.error_max_m, 0.6) << vehicle.name << rotor << seed;
+          EXPECT_EQ(record.descent_s, FlightRecord::kNever);
+        }
+      }
+    }
+  }
+}
+
+// 30 N times 0.345 on each side are 1 % more than the weight: nothing is left for a path.
+TEST(ActuatorFlightTest, WithTooLittleThrustForThePathItDescends) {
+  for (const bool spiral : {true, false}) {
+    for (const unsigned rotor : {0U, 1U}) {
+      for (const unsigned seed : kSeeds) {
+        const FlightRecord record =
+            Fly({.spiral = spiral, .noise = seed != 1, .seed = seed, .fault = WeakRotor(rotor, 0.345)});
+        EXPECT_LT(record.descent_s, 1.0) << spiral << rotor << seed;
+        EXPECT_LT(record.tilt_max_rad, 0.6) << spiral << rotor << seed;
+        EXPECT_LT(record.sink_max_m_s, 0.7) << spiral << rotor << seed;
+        EXPECT_GT(record.sink_max_m_s, 0.4) << spiral << rotor << seed;
+        EXPECT_LE(record.climb_max_m_s, 0) << spiral << rotor << seed;
+      }
+    }
+  }
+}
+
+// A hinge that stands still is noticed as soon as its servo is asked to move it: by the noise, or by a new reference.
+TEST(ActuatorFlightTest, AJammedServoIsNoticedWhenItIsAskedToMove) {
+  for (const unsigned hinge : {0U, 1U}) {
+    const FlightRecord jump = Fly({.duration_s = 11, .jumps_from_s = 10, .fault = JammedServo(hinge)});
+    EXPECT_LT(jump.jam_noticed_s, 0.2) << hinge;
+    for (const unsigned seed : kSeeds) {
+      const FlightRecord noisy =
+          Fly({.duration_s = 11, .noise = true, .seed = seed, .fault = JammedServo(hinge)});
+      EXPECT_EQ(noisy.false_alarm_s, FlightRecord::kNever);
+      EXPECT_LT(noisy.jam_noticed_s, 0.3) << hinge << seed;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace tiltproof::firmware
