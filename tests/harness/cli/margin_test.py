@@ -107,7 +107,8 @@ class MarginTest(CommandLineTest):
         self.assertIn("needs an emulated board", err)
 
     def test_an_interrupt(self):
-        with subprocess.Popen([PROGRAM, "margin", DRIFT, "--fault", "drift", "--repeats", "10000"], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        scenario = self.short("frame.drop", "probability: 0.5", ", target: both")
+        with subprocess.Popen([PROGRAM, "margin", scenario, "--fault", "probe", "--repeats", "10000"], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                               cwd=self.folder) as running:
             time.sleep(1)
             running.send_signal(signal.SIGINT)
