@@ -33,7 +33,7 @@ export function figuresOf(flight) {
     if (/(^|_)(supervisor_state|arbiter_selected)$/.test(column)) add(column, column.replaceAll("_", " "), "", [line(column, column, { step: true })]);
   // A bound on a signal that is in none of these.
   for (const name of new Set(flight.bounds.map((b) => b.signal))) if (!shown.has(name)) add(`bound-${name}`, name, "", [line(name, name)]);
-  add("active", "Faults active", "", [line("faults_active_count", "faults", { step: true })]);
+  if (flight.scenario.faults.length > 0) add("active", "Faults active", "", [line("faults_active_count", "faults", { step: true })]);
   return figures;
 }
 

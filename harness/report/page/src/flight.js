@@ -162,7 +162,7 @@ export async function showFlight(main, run, index, stillWanted) {
   const plots = new Plots(flight, clock);
   const flown = flight.times_s.length > 0;
   const figures = flown ? figuresOf(flight).map((spec) => plots.add(spec)) : [];
-  const histograms = Object.entries(flight.result.histograms ?? {}).map(([name, h]) => histogram(name, h)).filter(Boolean);
+  const histograms = Object.entries(flight.result.histograms ?? {}).sort().reverse().map(([name, h]) => histogram(name, h)).filter(Boolean);
   const replay = flown ? replayPanel(flight, clock) : null;
   const scenario = flight.scenario;
   main.replaceChildren(...head(run, entry, flight.result),

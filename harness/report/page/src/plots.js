@@ -2,7 +2,6 @@
 // cursor that all plots share.
 import uPlot from "uplot";
 import { el, number } from "./dom.js";
-import { lastAtOrBefore } from "./data.js";
 import { colour, palette } from "./theme.js";
 
 const HEIGHT = 210;
@@ -30,8 +29,6 @@ function together(flight, lines) {
   return data;
 }
 
-const reads = (line) => (line.magnitude ? `|${line.label}|` : line.label);
-
 export class Plots {
   constructor(flight, clock) {
     this.flight = flight;
@@ -43,6 +40,8 @@ export class Plots {
     clock.listen(() => this.move());
     this.resizer = new ResizeObserver(() => this.plots.forEach((p) => p.uplot && p.uplot.setSize({ width: p.box.clientWidth, height: HEIGHT })));
     // Drawn when it comes into view: a page with a dozen plots opens at once.
+    this.drawAll = () => this.plots.forEach((p) => this.draw(p));
+    addEventListener("beforeprint", this.drawAll);
     this.watcher = new IntersectionObserver((entries) => entries.forEach((entry) => entry.isIntersecting && this.draw(this.plots.find((p) => p.box === entry.target))), { rootMargin: "300px" });
   }
 
@@ -84,8 +83,9 @@ export class Plots {
     });
     for (const bound of plot.spec.bounds ?? []) {
       const swatch = el("span", { class: "swatch bound" });
-      const value = `${bound.of_magnitude ? "|·| " : ""}${bound.upper ? "≤" : "≥"} ${number(bound.value)}`;
-      items.push(el("span", { class: "item" }, swatch, el("span", { text: `${bound.criterion} ${value}` })));
+      const label = plot.spec.lines.find((line) => line.name === bound.signal)?.label ?? bound.signal;
+      const value = `${bound.of_magnitude ? `|${label}|` : label} ${bound.upper ? "≤" : "≥"} ${number(bound.value)}`;
+      items.push(el("span", { class: "item" }, swatch, el("span", { text: `${bound.criterion}: ${value}` })));
     }
     plot.legend.replaceChildren(...items);
     this.showValues(plot);
@@ -266,6 +266,7 @@ export class Plots {
   close() {
     this.resizer.disconnect();
     this.watcher.disconnect();
+    removeEventListener("beforeprint", this.drawAll);
     this.plots.forEach((p) => p.uplot?.destroy());
     this.plots = [];
   }

@@ -23,7 +23,7 @@ function niceStep(size) {
   return [1, 2, 5, 10].map((f) => f * power).find((s) => size / s <= 6) ?? 10 * power;
 }
 
-function label(text, height) {
+function label(text) {
   const canvas = document.createElement("canvas");
   canvas.width = 192;
   canvas.height = 64;
@@ -33,8 +33,8 @@ function label(text, height) {
   ctx.textBaseline = "middle";
   ctx.fillStyle = colour("muted");
   ctx.fillText(text, 96, 32);
-  const sprite = new Sprite(new SpriteMaterial({ map: new CanvasTexture(canvas), transparent: true, depthWrite: false }));
-  sprite.scale.set(height * 3, height, 1);
+  const sprite = new Sprite(new SpriteMaterial({ map: new CanvasTexture(canvas), transparent: true, depthWrite: false, sizeAttenuation: false }));
+  sprite.scale.set(0.075, 0.025, 1);
   return sprite;
 }
 
@@ -88,6 +88,7 @@ export class Replay {
       this.high.set(1, 1, 1);
     }
     this.low.z = Math.min(this.low.z, 0);
+    this.high.z = Math.max(this.high.z, 0.5);
     this.size = Math.max(this.high.clone().sub(this.low).length(), 1);
     const line = (points, material) => {
       const object = new Line(new BufferGeometry().setFromPoints(points), material);
@@ -131,11 +132,13 @@ export class Replay {
     for (let x = from[0]; x <= to[0] + step / 2; x += step) points.push(new Vector3(x, from[1], 0), new Vector3(x, to[1], 0));
     for (let y = from[1]; y <= to[1] + step / 2; y += step) points.push(new Vector3(from[0], y, 0), new Vector3(to[0], y, 0));
     const top = Math.ceil(this.high.z / step) * step || step;
+    this.low.set(from[0], from[1], 0);
+    this.high.set(to[0], to[1], top);
     points.push(new Vector3(from[0], to[1], 0), new Vector3(from[0], to[1], top));
     this.scene.add(new LineSegments(new BufferGeometry().setFromPoints(points), new LineBasicMaterial({ color: colour("grid") })));
     const height = this.size / 34;
     const put = (text, x, y, z) => {
-      const sprite = label(text, height);
+      const sprite = label(text);
       sprite.position.set(x, y, z);
       this.scene.add(sprite);
     };
@@ -183,18 +186,34 @@ export class Replay {
 
   // The vehicle is small beside its path.
   enlarge(large) {
-    this.vehicle.scale.setScalar(large ? Math.max(1, this.size / 18 / this.trueReach) : 1);
+    this.vehicle.scale.setScalar(large ? Math.max(1, this.size / 24 / this.trueReach) : 1);
     this.move?.call(this);
   }
 
   look() {
-    const centre = this.low.clone().add(this.high).multiplyScalar(0.5);
-    this.controls.target.copy(centre);
-    this.camera.position.copy(centre).add(new Vector3(0.85, -1.25, 0.75).multiplyScalar(this.size * 0.78));
-    this.camera.near = this.size / 1000;
-    this.camera.far = this.size * 40;
-    this.camera.updateProjectionMatrix();
-    this.controls.update();
+    const { camera, controls, low, high } = this;
+    const towards = new Vector3(0.5, -0.74, 0.42).normalize();
+    const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((i) => new Vector3(i & 1 ? high.x : low.x, i & 2 ? high.y : low.y, i & 4 ? high.z : low.z));
+    let distance = this.size * 1.5;
+    controls.target.copy(low).add(high).multiplyScalar(0.5);
+    camera.near = this.size / 1000;
+    camera.far = this.size * 40;
+    camera.updateProjectionMatrix();
+    // Nearer or farther, and aside, until all of the space fills the picture.
+    for (let i = 0; i < 12; ++i) {
+      camera.position.copy(controls.target).addScaledVector(towards, distance);
+      camera.lookAt(controls.target);
+      camera.updateMatrixWorld();
+      const seen = corners.map((corner) => corner.clone().project(camera));
+      const [left, right] = [Math.min(...seen.map((p) => p.x)), Math.max(...seen.map((p) => p.x))];
+      const [bottom, top] = [Math.min(...seen.map((p) => p.y)), Math.max(...seen.map((p) => p.y))];
+      const half = distance * Math.tan((camera.fov * Math.PI) / 360);
+      const shift = new Vector3((((left + right) / 2) * half) * camera.aspect, ((bottom + top) / 2) * half, 0).applyQuaternion(camera.quaternion);
+      controls.target.add(shift);
+      distance *= Math.max(right - left, top - bottom) / 2 / 0.84;
+    }
+    camera.position.copy(controls.target).addScaledVector(towards, distance);
+    controls.update();
     this.render();
   }
 
