@@ -165,7 +165,8 @@ int Main(int argc, char** argv) {
   score_app->callback([&] { command = [&] { return ScoreCommand(replay); }; });
 
   ReportOptions report;
-  auto* report_app = app.add_subcommand("report", "Write one page that shows runs, for a browser (report.html)");
+  auto* report_app =
+      app.add_subcommand("report", "Write one page that shows runs, for a browser (report.html)");
   report_app->add_option("RUN", report.runs, "Results folders of runs, or of scenarios in them")->required();
   report_app->add_option("--out", report.out,
                          "The file (default: report.html in the folder of the only RUN, otherwise here)");

@@ -66,7 +66,7 @@ int ReportCommand(const ReportOptions& options) {
   if (!options.baseline.empty()) CompareWith(view, OpenRun(options.baseline).folder);
   std::filesystem::path out = options.out;
   if (out.empty())
-    out = (runs.size() > 1              ? std::filesystem::path()
+    out = (runs.size() > 1               ? std::filesystem::path()
            : runs.front().flight.empty() ? runs.front().folder
                                          : runs.front().folder / runs.front().flight) /
           "report.html";

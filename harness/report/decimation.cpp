@@ -80,8 +80,7 @@ PackedSeries PackSeries(std::span<const double> values, std::span<const std::siz
   std::string low_bytes, high_bytes;
   for (const std::size_t row : rows) {
     std::size_t distance = row - previous_row;
-    for (; distance >= 0x80; distance >>= 7)
-      packed.bytes += static_cast<char>(0x80 | (distance & 0x7F));
+    for (; distance >= 0x80; distance >>= 7) packed.bytes += static_cast<char>(0x80 | (distance & 0x7F));
     packed.bytes += static_cast<char>(distance);
     previous_row = row;
     const std::uint16_t level = Level(values[row], packed.low, packed.high);

@@ -36,9 +36,13 @@ struct Part {
   }
 };
 
-bool IsShown(const std::string& column) {
-  return column != "t_s" && !column.starts_with(stl::kActivePrefix);
+void AppendDeflated(std::string& bytes, const Part& part) {
+  const std::string deflated = Deflate(part.Bytes());
+  AppendU32(bytes, deflated.size());
+  bytes += deflated;
 }
+
+bool IsShown(const std::string& column) { return column != "t_s" && !column.starts_with(stl::kActivePrefix); }
 
 void AddSeries(Part& part, const std::string& name, std::span<const double> values, std::size_t points_max) {
   const PackedSeries packed = PackSeries(values, DecimatedRows(values, points_max));
@@ -62,9 +66,12 @@ void AddTimes(Part& part, const std::vector<TimeNs>& times_ns) {
 }
 
 Json ScenarioJson(const Scenario& scenario) {
-  Json json = {{"name", scenario.name},         {"description", scenario.description},
-               {"tags", scenario.tags},         {"model", scenario.model},
-               {"firmware", scenario.firmware}, {"duration_s", ToSeconds(scenario.duration_ns)},
+  Json json = {{"name", scenario.name},
+               {"description", scenario.description},
+               {"tags", scenario.tags},
+               {"model", scenario.model},
+               {"firmware", scenario.firmware},
+               {"duration_s", ToSeconds(scenario.duration_ns)},
                {"protocol", scenario.link.protocol->name}};
   if (scenario.link.ideal)
     json["ideal_link"] = true;
@@ -125,7 +132,8 @@ Json FrameJson(const FlightView& view, const LineFrame& frame) {
   std::vector<std::uint8_t> whole;
   for (const LinkRecord& record : frame.delivered)
     std::copy(record.bytes.begin(), record.bytes.end(), std::back_inserter(whole));
-  Json& delivered = json["delivered"] = {{"time_ns", frame.delivered.front().begin_ns}, {"bytes", Hex(whole)}};
+  Json& delivered =
+      json["delivered"] = {{"time_ns", frame.delivered.front().begin_ns}, {"bytes", Hex(whole)}};
   PutMeaning(delivered, protocol, frame.wire.direction, whole);
   return json;
 }
@@ -207,7 +215,8 @@ void PutLineErrors(Json& json, const FlightView& view) {
   for (const LineFrame& frame : view.frames) {
     if (frame.fate == FrameFate::kIntact) continue;
     if (++count <= static_cast<std::int64_t>(kLineErrorsMax))
-      errors.push_back({ToSeconds(frame.begin_ns), frame.wire.client, Name(frame.wire.direction), Name(frame.fate)});
+      errors.push_back(
+          {ToSeconds(frame.begin_ns), frame.wire.client, Name(frame.wire.direction), Name(frame.fate)});
   }
   json["line_error_count"] = count;
 }
@@ -217,8 +226,8 @@ void PutLineErrors(Json& json, const FlightView& view) {
 std::string Deflate(std::string_view bytes) {
   uLongf size = compressBound(bytes.size());
   std::string compressed(size, '\0');
-  Check(compress2(reinterpret_cast<Bytef*>(compressed.data()), &size, reinterpret_cast<const Bytef*>(bytes.data()),
-                  bytes.size(), Z_DEFAULT_COMPRESSION) == Z_OK,
+  Check(compress2(reinterpret_cast<Bytef*>(compressed.data()), &size,
+                  reinterpret_cast<const Bytef*>(bytes.data()), bytes.size(), Z_DEFAULT_COMPRESSION) == Z_OK,
         "zlib compresses into a buffer of its own bound");
   compressed.resize(size);
   return compressed;
@@ -260,11 +269,14 @@ std::string PackFlight(const FlightView& view, const PackLimits& limits) {
     }
   }
   for (const auto& series : view.computed) AddSeries(part, series.name, series.values, limits.points_max);
-  const std::string close_ups = CloseUps(view, limits.close_up_bytes_max, json["close_ups"]);
-  const std::string first = Deflate(part.Bytes());
   std::string bytes;
-  AppendU32(bytes, first.size());
-  return bytes + first + close_ups;
+  AppendDeflated(bytes, part);
+  const std::size_t rest = limits.bytes_aim - std::min(limits.bytes_aim, bytes.size());
+  Part places;
+  const std::string close_ups = CloseUps(
+      view, std::min(std::max(rest, kCloseUpBytesMin), limits.close_up_bytes_max), places.json["close_ups"]);
+  AppendDeflated(bytes, places);
+  return bytes + close_ups;
 }
 
 }  // namespace tiltproof::harness

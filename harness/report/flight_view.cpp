@@ -150,8 +150,8 @@ std::vector<SignalBound> BoundsOf(const Scenario& scenario, const std::vector<st
   return bounds;
 }
 
-FlightView ViewFlight(const std::filesystem::path& folder, const FlightResult& result, const Scenario& scenario,
-                      const std::optional<VehicleShape>& vehicle) {
+FlightView ViewFlight(const std::filesystem::path& folder, const FlightResult& result,
+                      const Scenario& scenario, const std::optional<VehicleShape>& vehicle) {
   FlightView view;
   view.folder = folder;
   view.result = result;

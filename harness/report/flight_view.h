@@ -46,11 +46,11 @@ struct FaultTick {
   double time_s = 0;
   std::string what;  // empty beyond the first kToldActivationsMax of a fault
 };
-inline constexpr std::size_t kBandsMax = 1'000;             // per fault
-inline constexpr std::size_t kTicksMax = 5'000;             // per flight
-inline constexpr std::size_t kToldActivationsMax = 100;     // per fault
-inline constexpr std::size_t kLineErrorsMax = 2'000;        // per flight
-inline constexpr std::size_t kTextBytesMax = 64'000;        // of a text file that is shown whole
+inline constexpr std::size_t kBandsMax = 1'000;          // per fault
+inline constexpr std::size_t kTicksMax = 5'000;          // per flight
+inline constexpr std::size_t kToldActivationsMax = 100;  // per fault
+inline constexpr std::size_t kLineErrorsMax = 2'000;     // per flight
+inline constexpr std::size_t kTextBytesMax = 64'000;     // of a text file that is shown whole
 
 // A bound that a criterion puts on a signal at all times of a window: an `always` over comparisons with numbers.
 struct SignalBound {
@@ -77,7 +77,8 @@ struct FlightView {
     std::string name;
     std::vector<double> values;  // one per row
   };
-  std::vector<Series> computed;  // signals, then criteria: robustness_lower/<name> and robustness_upper/<name>
+  std::vector<Series>
+      computed;  // signals, then criteria: robustness_lower/<name> and robustness_upper/<name>
   std::vector<FaultBand> bands;
   std::vector<FaultTick> ticks;
   LinkLog link;
@@ -86,8 +87,8 @@ struct FlightView {
 };
 
 // `result` is the flight's entry in results.json. Never throws: what cannot be read is named in `problems`.
-FlightView ViewFlight(const std::filesystem::path& folder, const FlightResult& result, const Scenario& scenario,
-                      const std::optional<VehicleShape>& vehicle);
+FlightView ViewFlight(const std::filesystem::path& folder, const FlightResult& result,
+                      const Scenario& scenario, const std::optional<VehicleShape>& vehicle);
 
 // Times at which a person looks closely: violations first, then fault edges and line errors in order of time.
 std::vector<double> MomentsOf(const FlightView& view);

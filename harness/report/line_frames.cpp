@@ -13,7 +13,9 @@ std::string_view Text(std::span<const std::uint8_t> bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-bool SameBytes(std::span<const std::uint8_t> a, std::span<const std::uint8_t> b) { return Text(a) == Text(b); }
+bool SameBytes(std::span<const std::uint8_t> a, std::span<const std::uint8_t> b) {
+  return Text(a) == Text(b);
+}
 
 // What one wire carried.
 struct WireRecords {
@@ -42,7 +44,8 @@ struct Pairing {
     std::size_t d = 0;
     for (LineFrame& frame : frames) {
       while (d < taken.size() && records.delivered[d].begin_ns < frame.begin_ns) ++d;
-      for (std::size_t same = d; same < taken.size() && records.delivered[same].begin_ns == frame.begin_ns; ++same) {
+      for (std::size_t same = d; same < taken.size() && records.delivered[same].begin_ns == frame.begin_ns;
+           ++same) {
         if (taken[same] || !SameBytes(records.delivered[same].bytes, frame.sent)) continue;
         taken[same] = true;
         frame.fate = FrameFate::kIntact;
@@ -61,8 +64,10 @@ struct Pairing {
       const auto same = waiting.find(Text(frame.sent));
       if (frame.fate != FrameFate::kLost || same == waiting.end()) continue;
       auto& places = same->second;
-      while (!places.empty() && records.delivered[places.front()].begin_ns < frame.begin_ns) places.pop_front();
-      if (places.empty() || records.delivered[places.front()].begin_ns > frame.begin_ns + kLateMax_ns) continue;
+      while (!places.empty() && records.delivered[places.front()].begin_ns < frame.begin_ns)
+        places.pop_front();
+      if (places.empty() || records.delivered[places.front()].begin_ns > frame.begin_ns + kLateMax_ns)
+        continue;
       Take(i, places.front());
       places.pop_front();
       frame.fate = FrameFate::kLate;

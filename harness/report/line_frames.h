@@ -33,8 +33,8 @@ inline constexpr TimeNs kLateMax_ns = 2 * kNsPerS;
 
 struct LineFrame {
   WireId wire;
-  TimeNs begin_ns = 0;                     // of what was sent; of what went on, if that is extra
-  std::span<const std::uint8_t> sent;      // in the log; empty: extra
+  TimeNs begin_ns = 0;                 // of what was sent; of what went on, if that is extra
+  std::span<const std::uint8_t> sent;  // in the log; empty: extra
   FrameFate fate = FrameFate::kIntact;
   std::vector<LinkRecord> delivered = {};  // none for intact frames
 };

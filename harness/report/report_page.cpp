@@ -9,17 +9,13 @@
 namespace tiltproof::harness {
 namespace {
 
-// In the page: 4 characters for 3 bytes.
-constexpr std::size_t kCloseUpBytesMin = 10'000;
-// Of a usual flight of a minute, without close-ups.
-constexpr std::size_t kSeriesBytes = 45'000;
-
 // The criterion that failed first, for the table.
 const CriterionResult* FirstOf(const Score& score) {
   const CriterionResult* first = nullptr;
   for (const CriterionResult& criterion : score.criteria) {
     if (criterion.verdict != score.verdict || criterion.verdict == Verdict::kPass) continue;
-    if (first == nullptr || criterion.time_s.value_or(1e300) < first->time_s.value_or(1e300)) first = &criterion;
+    if (first == nullptr || criterion.time_s.value_or(1e300) < first->time_s.value_or(1e300))
+      first = &criterion;
   }
   return first;
 }
@@ -36,7 +32,8 @@ Json EntryJson(const RunView& view, const FlightEntry& flight) {
                {"replay", result.replay},
                {"trace_hash", result.trace_hash}};
   JsonWriter::Put(json["margin"], flight.margin);
-  for (const auto& [key, metric] : {std::pair{"flown_s", "survival.time_s"}, std::pair{"rmse_m", "tracking.rmse_m"}}) {
+  for (const auto& [key, metric] :
+       {std::pair{"flown_s", "survival.time_s"}, std::pair{"rmse_m", "tracking.rmse_m"}}) {
     const auto found = result.score.metrics.find(metric);
     if (found != result.score.metrics.end()) JsonWriter::Put(json[key], found->second);
   }
@@ -72,19 +69,22 @@ Json RunJson(const RunEntry& run) {
 std::vector<std::size_t> ByInterest(const RunView& view) {
   std::vector<std::size_t> order(view.flights.size());
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
-  std::stable_partition(order.begin(), order.end(), [&](std::size_t i) { return !view.flights[i].result.green(); });
+  std::stable_partition(order.begin(), order.end(),
+                        [&](std::size_t i) { return !view.flights[i].result.green(); });
   return order;
 }
 
 }  // namespace
 
 std::string Base64(std::string_view bytes) {
-  static constexpr std::string_view kDigits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  static constexpr std::string_view kDigits =
+      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
   std::string text;
   text.reserve((bytes.size() + 2) / 3 * 4);
   for (std::size_t i = 0; i < bytes.size(); i += 3) {
     std::uint32_t group = 0;
-    for (std::size_t j = 0; j < 3; ++j) group = (group << 8) | (i + j < bytes.size() ? static_cast<std::uint8_t>(bytes[i + j]) : 0U);
+    for (std::size_t j = 0; j < 3; ++j)
+      group = (group << 8) | (i + j < bytes.size() ? static_cast<std::uint8_t>(bytes[i + j]) : 0U);
     for (std::size_t j = 0; j < 4; ++j)
       text += i + j > bytes.size() ? '=' : kDigits[(group >> (18 - 6 * j)) & 0x3F];
   }
@@ -109,10 +109,9 @@ std::string ReportPage(const RunView& view, const FlightLoader& load, const Page
   std::vector<Json> entries(view.flights.size());
   std::string details;
   std::size_t with_details = 0;
-  const std::size_t share = limits.flight_bytes_aim * 3 / 4 / std::max<std::size_t>(shown, 1);
   PackLimits pack;
-  pack.close_up_bytes_max =
-      std::clamp(share - std::min(share, kSeriesBytes), kCloseUpBytesMin, pack.close_up_bytes_max);
+  // Base64 has 4 characters for 3 bytes.
+  pack.bytes_aim = limits.bytes_aim * 3 / 4 / std::max<std::size_t>(shown, 1);
   for (std::size_t i = 0; i < shown; ++i) {
     const FlightEntry& flight = view.flights[order[i]];
     Json& entry = entries[order[i]] = EntryJson(view, flight);
@@ -132,11 +131,13 @@ std::string ReportPage(const RunView& view, const FlightLoader& load, const Page
         entry["problem"] = error.what();
       }
     } else if (flight.has_folder) {
-      entry["problem"] = "left out, to keep this page small: tiltproof report " + folder.string() + " shows this flight";
+      entry["problem"] =
+          "left out, to keep this page small: tiltproof report " + folder.string() + " shows this flight";
     }
     PutResult(entry, flight.result);
   }
-  Json json = {{"version", Version()}, {"flights", Json::array()}, {"left_out_count", view.flights.size() - shown}};
+  Json json = {
+      {"version", Version()}, {"flights", Json::array()}, {"left_out_count", view.flights.size() - shown}};
   for (const RunEntry& run : view.runs) json["runs"].push_back(RunJson(run));
   for (Json& entry : entries)
     if (!entry.is_null()) json["flights"].push_back(std::move(entry));

@@ -34,7 +34,8 @@ RunView ViewRuns(const std::vector<ReportedRun>& runs) {
     run.info = ReadRunInfo(reported.folder);
     for (FlightResult& result : ResultsOf(run)) {
       if (!reported.flight.empty() && result.name != reported.flight) continue;
-      FlightEntry flight{.run = view.runs.size() - 1, .result = std::move(result), .margin = {}, .before = {}};
+      FlightEntry flight{
+          .run = view.runs.size() - 1, .result = std::move(result), .margin = {}, .before = {}};
       flight.margin = LeastMargin(flight.result.score);
       flight.has_folder = std::filesystem::exists(run.folder / flight.result.name / "scenario.resolved.yaml");
       view.flights.push_back(std::move(flight));

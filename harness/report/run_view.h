@@ -37,13 +37,14 @@ struct FlightEntry {
 struct RunEntry {
   std::filesystem::path folder;
   RunInfo info;
-  std::string problem;  // why results.json could not be read; its flights are then those of run.json, not flown
+  std::string
+      problem;  // why results.json could not be read; its flights are then those of run.json, not flown
 };
 
 struct RunView {
   std::vector<RunEntry> runs;
   std::vector<FlightEntry> flights;
-  std::string baseline;  // folder; empty: none
+  std::string baseline;                       // folder; empty: none
   std::vector<std::string> only_in_baseline;  // names of flights
 };
 

@@ -67,11 +67,14 @@ export class Flight {
   static async load(id) {
     const base64 = document.getElementById(id).textContent;
     const bytes = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
-    const size = new DataView(bytes.buffer).getUint32(0, true);
-    const { json, numbers } = open(await inflate(bytes.subarray(4, 4 + size)));
+    const sizeAt = (at) => new DataView(bytes.buffer).getUint32(at, true);
+    const placesAt = 4 + sizeAt(0);
+    const closeUpsAt = placesAt + 4 + sizeAt(placesAt);
+    const { json, numbers } = open(await inflate(bytes.subarray(4, placesAt)));
+    const places = open(await inflate(bytes.subarray(placesAt + 4, closeUpsAt)));
     const closeUps = await Promise.all(
-      json.close_ups.map(async (entry) => {
-        const begin = 4 + size + entry.at;
+      places.json.close_ups.map(async (entry) => {
+        const begin = closeUpsAt + entry.at;
         return { ...entry, ...open(await inflate(bytes.subarray(begin, begin + entry.size))) };
       }),
     );

@@ -6,8 +6,10 @@ import { figuresOf, histogram } from "./figures.js";
 import { framesSection } from "./frames.js";
 import { Plots } from "./plots.js";
 import { Replay } from "./replay.js";
-import { palette } from "./theme.js";
+import { faultColour } from "./theme.js";
 
+// Where the reader was, when the same flight is shown again in other colours.
+let last = { index: -1, time_s: 0 };
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10];
 
 const section = (id, title, ...children) => el("section", { id, "aria-labelledby": `${id}-h` }, el("h2", { id: `${id}-h`, text: title }), children);
@@ -26,7 +28,7 @@ function criteriaTable(criteria, clock) {
 function faultList(flight, clock) {
   return el("ul", { class: "fault-list" }, flight.result.faults.map((fault, i) => {
     const swatch = el("span", { class: "block" });
-    swatch.style.background = palette()[(i + 4) % palette().length];
+    swatch.style.background = faultColour(i);
     const bands = flight.bands.filter((b) => b.fault === i);
     const ticks = flight.ticks.filter((t) => t[0] === i);
     const told = ticks.filter((t) => t[2]);
@@ -180,10 +182,11 @@ export async function showFlight(main, run, index, stillWanted) {
     metricsTable(flight.result.metrics),
     el("details", {}, el("summary", { text: "The scenario, with all defaults" }), el("pre", { tabindex: "0", text: flight.resolved })));
   replay?.start();
-  clock.tell();
+  clock.set(last.index === index ? last.time_s : 0);
   const forget = keys(flight, clock);
   return () => {
     forget();
+    last = { index, time_s: clock.time_s };
     clock.close();
     plots.close();
     replay?.close();

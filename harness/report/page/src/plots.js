@@ -2,7 +2,7 @@
 // cursor that all plots share.
 import uPlot from "uplot";
 import { el, number } from "./dom.js";
-import { colour, palette } from "./theme.js";
+import { colour, faultColour, palette } from "./theme.js";
 
 const HEIGHT = 210;
 
@@ -36,7 +36,7 @@ export class Plots {
     this.plots = [];
     this.range = null;
     this.zooming = false;
-    this.faultColours = flight.scenario.faults.map((_, i) => palette()[(i + 4) % palette().length]);
+    this.faultColours = flight.scenario.faults.map((_, i) => faultColour(i));
     clock.listen(() => this.move());
     this.resizer = new ResizeObserver(() => this.plots.forEach((p) => p.uplot && p.uplot.setSize({ width: p.box.clientWidth, height: HEIGHT })));
     // Drawn when it comes into view: a page with a dozen plots opens at once.

@@ -6,7 +6,7 @@ import {
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { lastAtOrBefore } from "./data.js";
-import { colour, palette } from "./theme.js";
+import { colour, faultColour, palette } from "./theme.js";
 
 const STATES = ["x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad"];
 const vector = (numbers) => new Vector3(...numbers);
@@ -115,7 +115,7 @@ export class Replay {
     const last = lastAtOrBefore(this.flight.times_s, band.end_s);
     const points = this.flown.filter((p) => p.row >= first && p.row <= last);
     if (points.length < 2) return;
-    const material = new LineBasicMaterial({ color: palette()[(band.fault + 4) % palette().length] });
+    const material = new LineBasicMaterial({ color: faultColour(band.fault) });
     // Lines are one pixel wide: three of them are easier to see.
     for (const shift of [0, 1, -1]) {
       const object = new Line(new BufferGeometry().setFromPoints(points), material);
@@ -210,7 +210,7 @@ export class Replay {
       const half = distance * Math.tan((camera.fov * Math.PI) / 360);
       const shift = new Vector3((((left + right) / 2) * half) * camera.aspect, ((bottom + top) / 2) * half, 0).applyQuaternion(camera.quaternion);
       controls.target.add(shift);
-      distance *= Math.max(right - left, top - bottom) / 2 / 0.84;
+      distance *= Math.max(right - left, top - bottom) / 2 / 0.92;
     }
     camera.position.copy(controls.target).addScaledVector(towards, distance);
     controls.update();
