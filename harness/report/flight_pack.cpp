@@ -239,7 +239,8 @@ std::string PackFlight(const FlightView& view, const PackLimits& limits) {
   JsonWriter::PutFields(json["result"], view.result);
   JsonWriter::PutFields(json["result"], view.result.score);
   json["result"]["green"] = view.result.green();
-  JsonWriter::Put(json["result"]["events"], view.result.events);
+  JsonWriter::Put(json["events"], view.events);
+  json["firmware_log"] = view.firmware_log;
   json["scenario"] = ScenarioJson(view.scenario);
   json["resolved"] = view.resolved;
   json["folder"] = view.folder.string();

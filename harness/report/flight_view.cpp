@@ -173,11 +173,23 @@ FlightView ViewFlight(const std::filesystem::path& folder, const FlightResult& r
     RunLog log = ReadFlight(folder);
     const std::vector<TimeNs> times_ns = RowTimes(log.trace);
     AddComputed(log, view);
+    view.events = EventsOf(log);
+    if (view.events.size() > kEventsMax) view.events.resize(kEventsMax);
     view.trace = std::move(log.trace);
     view.times_ns = times_ns;
     view.bounds = BoundsOf(scenario, view.trace.columns());
     AddBands(scenario, view);
   });
+  for (std::size_t i = 0; i < scenario.client_count(); ++i) {
+    const std::string file =
+        scenario.has_several_clients() ? "firmware." + scenario.client_id(i) + ".log" : "firmware.log";
+    attempt(file.c_str(), [&](const auto& path) {
+      std::string text = ReadFile(path);
+      if (text.size() > kTextBytesMax) text.resize(kTextBytesMax);
+      if (scenario.has_several_clients() && !text.empty()) view.firmware_log += scenario.client_id(i) + ":\n";
+      view.firmware_log += text;
+    });
+  }
   attempt("faults.jsonl", [&](const auto& file) { AddTicks(ReadFile(file), view); });
   attempt("link.bin", [&](const auto& file) {
     if (std::filesystem::file_size(file) > kLinkBytesMax) {

@@ -50,7 +50,8 @@ inline constexpr std::size_t kBandsMax = 1'000;          // per fault
 inline constexpr std::size_t kTicksMax = 5'000;          // per flight
 inline constexpr std::size_t kToldActivationsMax = 100;  // per fault
 inline constexpr std::size_t kLineErrorsMax = 2'000;     // per flight
-inline constexpr std::size_t kTextBytesMax = 64'000;     // of a text file that is shown whole
+inline constexpr std::size_t kEventsMax = 500;
+inline constexpr std::size_t kTextBytesMax = 64'000;  // of a text file that is shown whole
 
 // A bound that a criterion puts on a signal at all times of a window: an `always` over comparisons with numbers.
 struct SignalBound {
@@ -81,6 +82,8 @@ struct FlightView {
       computed;  // signals, then criteria: robustness_lower/<name> and robustness_upper/<name>
   std::vector<FaultBand> bands;
   std::vector<FaultTick> ticks;
+  std::vector<FlightEvent> events;  // the first kEventsMax
+  std::string firmware_log;         // of all clients
   LinkLog link;
   std::vector<LineFrame> frames;
   std::vector<std::string> problems;  // files that could not be read

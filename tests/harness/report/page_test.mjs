@@ -168,6 +168,7 @@ check("frames around a moment show damaged bytes", async () => {
   const marked = (await page.locator(".frame.damaged >> nth=0").locator("mark").allTextContents()).join(" ").split(/\s+/);
   assert.equal(sent.length, got.length);
   assert.deepEqual(marked, got.filter((byte, i) => byte !== sent[i]));
+  assert.ok(await page.locator(".frame.damaged >> nth=0").isVisible());
   await page.screenshot({ path: join(out, "frames-light.png") });
   await page.keyboard.press("Home");
   await page.waitForSelector("#frames >> text=tiltproof link-dump");

@@ -79,11 +79,12 @@ function chooser(flight, plots) {
 
 function keys(flight, clock) {
   const onKey = (event) => {
-    const tag = event.target.tagName;
-    if (event.ctrlKey || event.metaKey || event.altKey || ["INPUT", "SELECT", "TEXTAREA"].includes(tag) && event.target.type !== "range") return;
+    const { tagName: tag, type } = event.target;
+    // What is written or chosen there is no command.
+    if (event.ctrlKey || event.metaKey || event.altKey || tag === "SELECT" || (tag === "INPUT" && !["range", "checkbox"].includes(type))) return;
     const step = event.shiftKey ? 1 : 0.1;
     const actions = {
-      " ": () => tag !== "BUTTON" && tag !== "SUMMARY" && clock.toggle(),
+      " ": () => !["BUTTON", "SUMMARY"].includes(tag) && type !== "checkbox" && clock.toggle(),
       ArrowLeft: () => clock.set(clock.time_s - step),
       ArrowRight: () => clock.set(clock.time_s + step),
       Home: () => clock.set(0),
@@ -142,7 +143,7 @@ function replayPanel(flight, clock) {
       return;
     }
     large.addEventListener("change", () => replay.enlarge(large.checked));
-    follow.addEventListener("change", () => { replay.follow = follow.checked; });
+    follow.addEventListener("change", () => replay.followVehicle(follow.checked));
     reset.addEventListener("click", () => { follow.checked = replay.follow = false; replay.look(); });
   };
   return { panel, start, close: () => replay?.close() };
@@ -180,6 +181,9 @@ export async function showFlight(main, run, index, stillWanted) {
         flown ? chooser(flight, plots) : null)),
     ...(flown ? [framesSection(flight, clock)] : []),
     metricsTable(flight.result.metrics),
+    flight.events.length > 0 ? el("details", {}, el("summary", { text: `Events (${flight.events.length})` }), el("ol", { class: "events" }, flight.events.map((e) =>
+      el("li", {}, el("button", { type: "button", class: "time", text: seconds(e.time_s), onclick: () => clock.set(e.time_s) }), " ", el("b", { text: [e.client, e.kind.replaceAll("_", " ")].filter(Boolean).join(" ") }), ` ${e.text}`)))) : "",
+    flight.firmware_log ? el("details", {}, el("summary", { text: "What the firmware logged" }), el("pre", { tabindex: "0", text: flight.firmware_log })) : "",
     el("details", {}, el("summary", { text: "The scenario, with all defaults" }), el("pre", { tabindex: "0", text: flight.resolved })));
   replay?.start();
   clock.set(last.index === index ? last.time_s : 0);

@@ -109,7 +109,11 @@ export function framesSection(flight, clock) {
       list.replaceChildren();
     } else {
       told.replaceChildren(`${frames.length} frames within ${AROUND_S * 1000} ms of ${t.toFixed(3)} s. All of them: `, el("code", { text: dump }));
-      list.replaceChildren(...frames.slice(0, SHOWN_MAX).map((f) => frameView(flight, f)));
+      const shown = frames.slice(0, SHOWN_MAX);
+      list.replaceChildren(...shown.map((f) => frameView(flight, f)));
+      // To what is at the cursor, with a little of what was before it.
+      const at = shown.findIndex((f) => f.time_ns / 1e9 >= t - 0.001);
+      if (at > 0) list.scrollTop = list.children[at - 1].offsetTop;
     }
     fillRow(t, near.length > 0);
   };

@@ -156,12 +156,12 @@ export class Replay {
     this.rotors = [];
     this.scene.add(this.vehicle);
     const shape = this.flight.vehicle ?? { body_size_m: [0.3, 0.1, 0.1], body_position_m: [0, 0, 0], rotors: [] };
-    const body = new MeshLambertMaterial({ color: colour("ink") });
+    const body = new MeshLambertMaterial({ color: colour("body") });
     const hull = new Mesh(new BoxGeometry(...shape.body_size_m.map((s) => Math.max(s, 0.01))), body);
     hull.position.set(...shape.body_position_m);
     this.vehicle.add(hull);
     // Where is its front?
-    const nose = new Mesh(new SphereGeometry(shape.body_size_m[1] / 5), new MeshLambertMaterial({ color: palette()[1] }));
+    const nose = new Mesh(new SphereGeometry(Math.min(...shape.body_size_m) / 4), new MeshLambertMaterial({ color: palette()[1] }));
     nose.position.set(shape.body_position_m[0] + shape.body_size_m[0] / 2, shape.body_position_m[1], shape.body_position_m[2]);
     this.vehicle.add(nose);
     const reach = Math.max(0.2, ...shape.rotors.map((r) => vector(r.position_m).length()));
@@ -188,6 +188,17 @@ export class Replay {
   enlarge(large) {
     this.vehicle.scale.setScalar(large ? Math.max(1, this.size / 24 / this.trueReach) : 1);
     this.move?.call(this);
+  }
+
+  // From nearby, wherever it goes.
+  followVehicle(on) {
+    this.follow = on;
+    if (!on) return this.look();
+    const away = this.camera.position.clone().sub(this.controls.target).normalize();
+    this.controls.target.copy(this.vehicle.position);
+    this.camera.position.copy(this.vehicle.position).addScaledVector(away, this.trueReach * this.vehicle.scale.x * 9);
+    this.controls.update();
+    this.render();
   }
 
   look() {
