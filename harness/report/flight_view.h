@@ -2,7 +2,7 @@
 // and their robustness come from the scorer, signals from the trace.
 //
 //   const FlightView view = ViewFlight(folder, result, scenario, vehicle);
-//   const std::vector<std::uint8_t> bytes = PackFlight(view, 100'000);
+//   for (const FaultBand& band : view.bands) Draw(band.begin_s, band.end_s);
 #pragma once
 
 #include <array>

@@ -1,7 +1,6 @@
 // report.html: one file that shows a run, for people. It opens from the disk, and loads nothing from anywhere.
 //
-//   const auto load = [](const std::filesystem::path& flight_folder) { return FlownFlight{...}; };
-//   WriteFile(folder / "report.html", ReportPage(ViewRuns({{folder, ""}}), load));
+//   const std::string html = ReportPage(ViewRuns({{folder, ""}}), load);
 //
 // The page itself is harness/report/page, built beforehand and part of the program. The data stand in it as JSON and as
 // base64, never as markup or script.

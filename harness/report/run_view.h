@@ -3,7 +3,6 @@
 //
 //   RunView view = ViewRuns({{"results/latest", ""}});
 //   CompareWith(view, "results/of-last-week");
-//   const std::string html = ReportPage(view, load);   // harness/report/report_page.h
 #pragma once
 
 #include <cstdint>
