@@ -108,7 +108,7 @@ std::string ReportPage(const RunView& view, const FlightLoader& load, const Page
   const std::size_t shown = std::min(order.size(), limits.flights_max);
   std::vector<Json> entries(view.flights.size());
   std::string details;
-  std::size_t with_details = 0;
+  std::size_t with_details = 0, results_bytes = 0;
   PackLimits pack;
   // Base64 has 4 characters for 3 bytes.
   pack.bytes_aim = limits.bytes_aim * 3 / 4 / std::max<std::size_t>(shown, 1);
@@ -134,7 +134,9 @@ std::string ReportPage(const RunView& view, const FlightLoader& load, const Page
       entry["problem"] =
           "left out, to keep this page small: tiltproof report " + folder.string() + " shows this flight";
     }
+    if (results_bytes > limits.results_bytes_max) continue;
     PutResult(entry, flight.result);
+    results_bytes += JsonText(entry).size();
   }
   Json json = {
       {"version", Version()}, {"flights", Json::array()}, {"left_out_count", view.flights.size() - shown}};

@@ -29,6 +29,7 @@ using FlightLoader = std::function<FlownFlight(const std::filesystem::path& flig
 struct PageLimits {
   std::size_t flights_max = 20'000;            // in the table; those that are not green first
   std::size_t details_bytes_max = 64'000'000;  // of all flights together, as they stand in the page
+  std::size_t results_bytes_max = 16'000'000;  // of the results of flights without details
   std::size_t bytes_aim = 13'000'000;          // of all details: close-ups get what is left of it
 };
 

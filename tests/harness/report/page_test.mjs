@@ -242,10 +242,14 @@ check("an empty run, a killed run, and one without files", async () => {
   mkdirSync(run);
   const info = JSON.parse(readFileSync(join(flown.run, "run.json"), "utf8"));
   writeFileSync(join(run, "run.json"), JSON.stringify({ ...info, interrupted: true }));
-  report(run);  // no results.json
+  mkdirSync(join(run, lost));
+  cpSync(join(flown.run, lost, "scenario.resolved.yaml"), join(run, lost, "scenario.resolved.yaml"));
+  report(run);  // no results.json, and one flight that had begun
   const killed = await open(join(run, "report.html"));
   assert.equal(await killed.locator(".flights tbody tr").count(), 2);
   assert.match(await killed.locator("main").textContent(), /interrupted/);
+  await killed.click(`text=${lost}`);
+  await killed.waitForSelector("text=This flight left no trace");
   await killed.close();
   const results = JSON.parse(readFileSync(join(flown.run, "results.json"), "utf8"));
   writeFileSync(join(run, "results.json"), JSON.stringify({ ...results, scenarios: [] }));

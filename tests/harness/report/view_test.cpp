@@ -391,9 +391,12 @@ TEST_F(ReportPageTest, AnEmptyRunAndOneWithoutResultsHaveAPage) {
 
 TEST_F(ReportPageTest, LimitsHold) {
   WriteRun({"first", "second", "third"});
-  const nlohmann::json run = DataOf(Page({.flights_max = 2, .details_bytes_max = 0, .bytes_aim = 0}));
+  const nlohmann::json run =
+      DataOf(Page({.flights_max = 2, .details_bytes_max = 0, .results_bytes_max = 0, .bytes_aim = 0}));
   EXPECT_EQ(run["flights"].size(), 2U);
   EXPECT_EQ(run["left_out_count"], 1);
+  EXPECT_TRUE(run["flights"][0].contains("result"));
+  EXPECT_FALSE(run["flights"][1].contains("result"));
   EXPECT_THAT(run["flights"][0]["problem"].get<std::string>(), HasSubstr("tiltproof report"));
 }
 

@@ -141,12 +141,12 @@ export class Flight {
     return values[i] + share * (values[i + 1] - values[i]);
   }
 
-  // Between rows, on a line.
-  at(name, time_s) {
+  // Between rows, on a line or on a step.
+  at(name, time_s, step = false) {
     if (!this.has(name) || this.times_s.length === 0) return NaN;
     const row = Math.max(0, lastAtOrBefore(this.times_s, time_s));
-    const value = this.atRow(name, row);
-    if (row + 1 >= this.times_s.length) return value;
+    const value = this.atRow(name, row, step);
+    if (step || row + 1 >= this.times_s.length) return value;
     const share = (time_s - this.times_s[row]) / (this.times_s[row + 1] - this.times_s[row]);
     return share <= 0 ? value : value + Math.min(share, 1) * (this.atRow(name, row + 1) - value);
   }

@@ -29,8 +29,9 @@ export function figuresOf(flight) {
   add("thrusts", "Control inputs: thrusts", "N", inputs("_n"));
   add("torques", "Control inputs: torques of the servos", "N m", inputs("_nm"));
   add("velocity", "Velocity", "m/s", ["vx_m_s", "vy_m_s", "vz_m_s", "speed_m_s"].map((n) => line(n, n.replace("_m_s", ""))));
-  for (const column of flight.columns)
-    if (/(^|_)(supervisor_state|arbiter_selected)$/.test(column)) add(column, column.replaceAll("_", " "), "", [line(column, column, { step: true })]);
+  const states = flight.columns.filter((name) => /^supervisor_state(_|$)/.test(name));
+  add("supervisor", "State of the firmware, in its own numbering", "", states.map((name) => line(name, name, { step: true })));
+  add("arbiter", "Client whose actuators are in force", "", [line("arbiter_selected", "arbiter_selected", { step: true })]);
   // A bound on a signal that is in none of these.
   for (const name of new Set(flight.bounds.map((b) => b.signal))) if (!shown.has(name)) add(`bound-${name}`, name, "", [line(name, name)]);
   if (flight.scenario.faults.length > 0) add("active", "Faults active", "", [line("faults_active_count", "faults", { step: true })]);

@@ -116,7 +116,7 @@ function head(run, entry, result) {
 }
 
 function withoutFiles(main, run, entry) {
-  const result = entry.result;
+  const result = entry.result ?? {};
   main.replaceChildren(...head(run, entry, result),
     el("p", { class: "note", text: entry.problem ?? "This flight left no files (--keep), so there are no figures: this is what results.json has." }),
     section("criteria", "Criteria", criteriaTable(result.criteria ?? [], null)),

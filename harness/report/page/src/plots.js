@@ -93,7 +93,7 @@ export class Plots {
 
   showValues(plot) {
     plot.spec.lines.forEach((line, i) => {
-      plot.values[i].textContent = number(this.flight.at(line.name, this.clock.time_s), 4);
+      plot.values[i].textContent = number(this.flight.at(line.name, this.clock.time_s, line.step), 4);
     });
   }
 
