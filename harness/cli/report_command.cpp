@@ -63,7 +63,14 @@ int ReportCommand(const ReportOptions& options) {
     runs.push_back({run.folder, run.whole ? "" : run.scenario_folders.front().filename().string()});
   }
   RunView view = ViewRuns(runs);
-  if (!options.baseline.empty()) CompareWith(view, OpenRun(options.baseline).folder);
+  if (!options.baseline.empty()) {
+    const OldRun baseline = OpenRun(options.baseline);
+    try {
+      CompareWith(view, baseline.folder);
+    } catch (const std::runtime_error& error) {
+      throw UsageError(error.what());
+    }
+  }
   std::filesystem::path out = options.out;
   if (out.empty())
     out = (runs.size() > 1               ? std::filesystem::path()

@@ -122,11 +122,13 @@ void AddComputed(const RunLog& log, FlightView& view) {
   for (const CriterionResult& criterion : score.criteria) {
     if (criterion.over_time.empty()) continue;
     std::vector<double> lower, upper;
+    bool two = false;
     for (const auto& row : criterion.over_time) {
       lower.push_back(row.lower);
       upper.push_back(row.upper);
+      two |= std::isfinite(row.lower) && row.lower != row.upper;
     }
-    if (lower != upper) view.computed.push_back({"robustness_lower/" + criterion.name, std::move(lower)});
+    if (two) view.computed.push_back({"robustness_lower/" + criterion.name, std::move(lower)});
     view.computed.push_back({"robustness_upper/" + criterion.name, std::move(upper)});
   }
 }

@@ -32,6 +32,7 @@ function faultList(flight, clock) {
     const bands = flight.bands.filter((b) => b.fault === i);
     const ticks = flight.ticks.filter((t) => t[0] === i);
     const told = ticks.filter((t) => t[2]);
+    if (ticks.length < fault.activations) words.push(`ticks for the first ${ticks.length}`);
     const first = bands[0]?.begin_s ?? ticks[0]?.[1];
     const words = [`${fault.activations} activation${fault.activations === 1 ? "" : "s"}`];
     if (bands.length === 1) words.push(`active from ${number(bands[0].begin_s, 5)} to ${number(bands[0].end_s, 5)} s`);
@@ -176,7 +177,7 @@ export async function showFlight(main, run, index, stillWanted) {
       el("div", { class: "right" },
         section("criteria", "Criteria", criteriaTable(flight.result.criteria, flown ? clock : null)),
         flight.result.faults.length > 0 ? section("faults", "Faults", faultList(flight, clock)) : null,
-        figures.length > 0 ? section("figures", "Figures", el("p", { class: "hint", text: "Bands: a fault is active. Ticks above: it acted. Ticks below: a frame did not go on as sent. Red line: first violation. Drag to zoom, double-click for all." }), figures) : null,
+        figures.length > 0 ? section("figures", "Figures", el("p", { class: "hint", text: "Time in s. Bands: a fault is active. Ticks above: it acted. Ticks below: a frame did not go on as sent. Red line: first violation. Drag to zoom, double-click for all." }), figures) : null,
         histograms.length > 0 ? section("timing", "Timing", histograms) : null,
         flown ? chooser(flight, plots) : null)),
     ...(flown ? [framesSection(flight, clock)] : []),

@@ -79,7 +79,7 @@ function frameView(flight, frame) {
 
 export function framesSection(flight, clock) {
   const list = el("ol", { class: "frames", tabindex: "0", "aria-label": "Frames" });
-  const told = el("p", { class: "told", role: "status" });
+  const told = el("p", { class: "told" });
   const table = el("table", { class: "row" });
   const errors = el("div", { class: "moments" });
   const fates = new Map();

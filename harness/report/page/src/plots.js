@@ -105,6 +105,7 @@ export class Plots {
     const options = {
       width: Math.max(box.clientWidth, 200),
       height: HEIGHT,
+      padding: [4, 14, 0, 0],
       legend: { show: false },
       scales: { x: { time: false, range: (u, low, high) => this.range ?? [0, Math.max(this.flight.end_s, 1e-3)] }, y: { range: (u, low, high) => this.yRange(spec, low, high) } },
       axes: [{ ...axis, values: (u, ticks) => ticks.map((t) => `${+t.toFixed(3)}`), size: 28 }, { ...axis, size: 58, values: (u, ticks) => ticks.map((t) => number(t, 4)) }],
