@@ -19,6 +19,8 @@ namespace {
 
 // A longer log of a line would take too much memory; link-dump reads it record by record.
 constexpr std::uintmax_t kLinkBytesMax = 64 << 20;
+// Some two hours of flight: reading it takes about its size in memory.
+constexpr std::uintmax_t kTraceBytesMax = 512 << 20;
 
 // Time since the begin of the flight at which what is below an `always` must hold.
 struct Scope {
@@ -171,7 +173,11 @@ FlightView ViewFlight(const std::filesystem::path& folder, const FlightResult& r
     view.resolved = ReadFile(file);
     if (view.resolved.size() > kTextBytesMax) view.resolved.resize(kTextBytesMax);
   });
-  attempt("trace.csv", [&](const auto&) {
+  attempt("trace.csv", [&](const auto& file) {
+    if (std::filesystem::file_size(file) > kTraceBytesMax) {
+      view.problems.emplace_back("trace.csv is too long to be shown here");
+      return;
+    }
     RunLog log = ReadFlight(folder);
     const std::vector<TimeNs> times_ns = RowTimes(log.trace);
     AddComputed(log, view);
