@@ -25,8 +25,8 @@ export function number(value, digits = 3) {
   if (value === Infinity) return "∞";
   if (value === -Infinity) return "−∞";
   const size = Math.abs(value);
-  if (size !== 0 && (size >= 1e6 || size < 1e-4)) return value.toExponential(2).replace("-", "−");
-  return value.toPrecision(size >= 1000 ? 6 : digits).replace(/(\.\d*?)0+$/, "$1").replace(/\.$/, "").replace("-", "−");
+  if (size !== 0 && (size >= 1e6 || size < 1e-4)) return value.toExponential(2).replaceAll("-", "−");
+  return value.toPrecision(size >= 1000 ? 6 : digits).replace(/(\.\d*?)0+$/, "$1").replace(/\.$/, "").replaceAll("-", "−");
 }
 
 export const seconds = (value) => (value === null || value === undefined ? "–" : `${value.toFixed(3)} s`);

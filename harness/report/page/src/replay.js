@@ -221,7 +221,7 @@ export class Replay {
       const half = distance * Math.tan((camera.fov * Math.PI) / 360);
       const shift = new Vector3((((left + right) / 2) * half) * camera.aspect, ((bottom + top) / 2) * half, 0).applyQuaternion(camera.quaternion);
       controls.target.add(shift);
-      distance *= Math.max(right - left, top - bottom) / 2 / 0.92;
+      distance *= Math.max(right - left, top - bottom) / 2 / 0.88;
     }
     camera.position.copy(controls.target).addScaledVector(towards, distance);
     controls.update();
