@@ -50,6 +50,7 @@ struct RunOptions {
   std::string format = "human";
   bool no_progress = false;
   std::string keep = "all";
+  bool no_report = false;
   std::optional<int> gdb_port;
   std::optional<double> gdb_at_s;
   std::vector<std::string> command;  // as typed, for run.json
@@ -98,6 +99,13 @@ struct CompareOptions {
 int CompareCommand(const CompareOptions& options);
 // --outcomes: a is the run of one flight, the reference.
 int OutcomesCommand(const CompareOptions& options);
+
+struct ReportOptions {
+  std::vector<std::filesystem::path> runs;  // folders of runs, or of flights
+  std::filesystem::path out;                // empty: report.html in the only run's folder, or here
+  std::filesystem::path baseline;           // empty: none
+};
+int ReportCommand(const ReportOptions& options);
 
 struct MarginOptions {
   std::filesystem::path scenario;

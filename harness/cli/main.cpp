@@ -118,6 +118,7 @@ int Main(int argc, char** argv) {
       ->check(CLI::Range(1, 65535));
   run_app->add_option("--gdb-at", run.gdb_at_s, "Wait for it at this time of the flight instead, in s")
       ->check(CLI::Range(0.0, 14400.0));
+  run_app->add_flag("--no-report", run.no_report, "Write no report.html");
   run_app->add_flag("--no-progress", run.no_progress, "No progress line on the terminal");
   run_app->footer(
       "Domain, tag and run id of a flight on the bus (in real time, or --distributed=dds) are in run.json, "
@@ -162,6 +163,15 @@ int Main(int argc, char** argv) {
       ->check(CLI::IsMember({"human", "jsonl"}))
       ->capture_default_str();
   score_app->callback([&] { command = [&] { return ScoreCommand(replay); }; });
+
+  ReportOptions report;
+  auto* report_app =
+      app.add_subcommand("report", "Write one page that shows runs, for a browser (report.html)");
+  report_app->add_option("RUN", report.runs, "Results folders of runs, or of scenarios in them")->required();
+  report_app->add_option("--out", report.out,
+                         "The file (default: report.html in the folder of the only RUN, otherwise here)");
+  report_app->add_option("--baseline", report.baseline, "Also show what changed since this run");
+  report_app->callback([&] { command = [&] { return ReportCommand(report); }; });
 
   CompareOptions compare;
   auto* compare_app = app.add_subcommand(

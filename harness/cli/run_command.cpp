@@ -8,6 +8,7 @@
 #include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
 #include "harness/cli/console.h"
+#include "harness/cli/report_command.h"
 #include "harness/cli/run_flights.h"
 #include "harness/cli/run_record.h"
 #include "harness/cli/suite.h"
@@ -129,6 +130,17 @@ void List(const RunOptions& options, const std::vector<SuiteScenario>& scenarios
   }
 }
 
+// A report that cannot be written changes no verdict.
+void WriteReport(const std::filesystem::path& folder, const Console& console) {
+  const auto file = folder / "report.html";
+  try {
+    WriteFile(file, PageOf(ViewRuns({{folder, ""}})));
+    console.Line("report: " + file.string());
+  } catch (const std::exception& error) {
+    Print(stderr, "warning: no report: {}\n", error.what());
+  }
+}
+
 }  // namespace
 
 int RunCommand(const RunOptions& options) {
@@ -230,6 +242,7 @@ int RunCommand(const RunOptions& options) {
                                         const BusPlace& place) { record.TakePlace(flight, place); }});
   record.Finish(flown.interrupted, flown.interrupted ? "not flown: the run was interrupted"
                                                      : "not flown: --fail-fast ended the run");
+  if (!options.no_report) WriteReport(folder, console);
   console.Summary(flown.results, flown.not_flown.size(), not_applicable.size(), flown.interrupted);
   return flown.interrupted ? static_cast<int>(kExitInterrupted) : ExitCode(flown.results);
 }

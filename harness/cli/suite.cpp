@@ -144,6 +144,10 @@ Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const RunClient
 
 LoadedScenario LoadFlown(const std::filesystem::path& scenario_folder) {
   ModelCache models;
+  return LoadFlown(scenario_folder, models);
+}
+
+LoadedScenario LoadFlown(const std::filesystem::path& scenario_folder, ModelCache& models) {
   try {
     Scenario scenario = ReadScenario(scenario_folder / "scenario.resolved.yaml", MakeReadOptions(models));
     auto model = models.Load(scenario.model_file, scenario.allow_invalid_inertia);

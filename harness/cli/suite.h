@@ -61,6 +61,8 @@ Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const RunClient
 
 // A scenario that was flown before, from its folder. Throws UsageError.
 LoadedScenario LoadFlown(const std::filesystem::path& scenario_folder);
+// The same for many folders, with the vehicles that are loaded already.
+LoadedScenario LoadFlown(const std::filesystem::path& scenario_folder, ModelCache& models);
 
 // The scenario that a harness announces to its nodes, from a resolved scenario's text. Throws std::exception.
 LoadedScenario LoadAnnounced(const std::string& yaml);

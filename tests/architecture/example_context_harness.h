@@ -204,6 +204,25 @@ extern const std::filesystem::path library;
 #include "harness/terminal/terminal.h"
 extern const std::filesystem::path folder_a, folder_b;
 
+// harness/report/decimation.h
+extern const std::vector<double> values, times;
+void Draw(double time_s, double value);
+
+// harness/report/flight_pack.h
+extern const FlightView view;
+
+// harness/report/flight_view.h
+extern const FlightResult result;
+extern const std::optional<VehicleShape> vehicle;
+void Draw(double begin_s, double end_s);
+
+// harness/report/line_frames.h
+extern const std::vector<std::uint8_t> content_of_link_bin;
+void Show(std::span<const std::uint8_t> sent, const std::vector<LinkRecord>& delivered);
+
+// harness/report/report_page.h
+extern const FlightLoader load;
+
 // harness/report/machine.h
 extern RunInfo info;
 

@@ -1,0 +1,85 @@
+#include "harness/cli/report_command.h"
+
+#include <fmt/format.h>
+
+#include "harness/cli/commands.h"
+#include "harness/cli/run_folder.h"
+#include "harness/cli/suite.h"
+#include "harness/report/files.h"
+#include "harness/report/report_page.h"
+#include "harness/terminal/terminal.h"
+
+namespace tiltproof::harness {
+namespace {
+
+std::vector<double> Numbers(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+
+VehicleShape ShapeOf(const plant::VehicleModel& model) {
+  VehicleShape shape;
+  shape.name = model.name;
+  const auto& collision = model.collision;
+  Eigen::Vector3d size = collision.size_m;
+  if (collision.kind == plant::CollisionShape::Kind::kSphere) size.setConstant(2 * collision.size_m.x());
+  if (collision.kind == plant::CollisionShape::Kind::kCylinder)
+    size = {2 * collision.size_m.x(), 2 * collision.size_m.x(), collision.size_m.y()};
+  shape.body_size_m = Numbers((collision.R_BS * size).cwiseAbs());
+  shape.body_position_m = Numbers(collision.p_BS_m);
+  const VehicleSignals signals = model.signals();
+  std::vector<std::string> angles, forces;
+  for (const Signal& state : signals.states)
+    if (state.name.starts_with("alpha_") && state.unit == "rad") angles.push_back(state.name);
+  for (const Signal& input : signals.inputs)
+    if (input.name.starts_with("f_") && input.unit == "N") forces.push_back(input.name);
+  std::size_t i = 0;
+  for (const plant::TiltingThruster& thruster : model.thrusters) {
+    RotorShape& rotor = shape.rotors.emplace_back();
+    rotor.name = thruster.name;
+    rotor.position_m = Numbers(thruster.p_BT_m + thruster.R_BT * thruster.body.p_com_m);
+    rotor.hinge_point_m = Numbers(thruster.p_BH_m);
+    rotor.hinge_axis = Numbers(thruster.axis_B);
+    rotor.thrust_axis = Numbers(thruster.R_BT * thruster.thrust_axis_T);
+    rotor.force_max_n = thruster.force_max_n;
+    if (i < angles.size()) rotor.angle = angles[i];
+    if (i < forces.size()) rotor.force = forces[i];
+    ++i;
+  }
+  return shape;
+}
+
+}  // namespace
+
+std::string PageOf(const RunView& view) {
+  ModelCache models;
+  return ReportPage(view, [&models](const std::filesystem::path& folder) {
+    LoadedScenario flown = LoadFlown(folder, models);
+    return FlownFlight{std::move(flown.scenario), ShapeOf(*flown.model)};
+  });
+}
+
+int ReportCommand(const ReportOptions& options) {
+  std::vector<ReportedRun> runs;
+  for (const auto& path : options.runs) {
+    const OldRun run = OpenRun(path);
+    runs.push_back({run.folder, run.whole ? "" : run.scenario_folders.front().filename().string()});
+  }
+  RunView view = ViewRuns(runs);
+  if (!options.baseline.empty()) {
+    const OldRun baseline = OpenRun(options.baseline);
+    try {
+      CompareWith(view, baseline.folder);
+    } catch (const std::runtime_error& error) {
+      throw UsageError(error.what());
+    }
+  }
+  std::filesystem::path out = options.out;
+  if (out.empty())
+    out = (runs.size() > 1               ? std::filesystem::path()
+           : runs.front().flight.empty() ? runs.front().folder
+                                         : runs.front().folder / runs.front().flight) /
+          "report.html";
+  WriteFile(out, PageOf(view));
+  Print(stdout, "report: {}\n", out.string());
+  return kExitGreen;
+}
+
+}  // namespace tiltproof::harness

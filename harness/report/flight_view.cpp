@@ -1,0 +1,230 @@
+#include "harness/report/flight_view.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <map>
+#include <set>
+
+#include "harness/report/files.h"
+#include "harness/report/flight_files.h"
+#include "harness/report/json_fields.h"
+#include "harness/score/signals.h"
+#include "harness/score/stl.h"
+
+namespace tiltproof::harness {
+namespace {
+
+// A longer log of a line would take too much memory; link-dump reads it record by record.
+constexpr std::uintmax_t kLinkBytesMax = 64 << 20;
+// Some two hours of flight: reading it takes about its size in memory.
+constexpr std::uintmax_t kTraceBytesMax = 512 << 20;
+
+// Time since the begin of the flight at which what is below an `always` must hold.
+struct Scope {
+  double begin_s = 0;
+  std::optional<double> end_s;
+};
+
+std::optional<double> NumberOf(const stl::Formula& formula) {
+  if (formula->op == stl::Op::kNumber) return formula->number;
+  if (formula->op == stl::Op::kNegate && formula->left->op == stl::Op::kNumber) return -formula->left->number;
+  return std::nullopt;
+}
+
+void AddBound(const stl::Node& node, const Scope& scope, const std::string& criterion,
+              std::vector<SignalBound>& bounds) {
+  SignalBound bound{.criterion = criterion, .signal = {}, .begin_s = scope.begin_s, .end_s = scope.end_s};
+  bound.upper = node.op == stl::Op::kLessEqual || node.op == stl::Op::kLess;
+  stl::Formula signal = node.left;
+  std::optional<double> value = NumberOf(node.right);
+  if (!value) {
+    value = NumberOf(node.left);
+    signal = node.right;
+    bound.upper = !bound.upper;
+  }
+  if (!value) return;
+  if (signal->op == stl::Op::kAbs) {
+    bound.of_magnitude = true;
+    signal = signal->left;
+  }
+  if (signal->op != stl::Op::kSignal) return;
+  bound.signal = signal->name;
+  bound.value = *value;
+  bounds.push_back(std::move(bound));
+}
+
+// What holds only under a condition is no bound.
+void AddBounds(const stl::Formula& formula, bool always, const Scope& scope, const std::string& criterion,
+               std::vector<SignalBound>& bounds) {
+  if (formula->op == stl::Op::kAnd) {
+    AddBounds(formula->left, always, scope, criterion, bounds);
+    AddBounds(formula->right, always, scope, criterion, bounds);
+  } else if (formula->op == stl::Op::kAlways) {
+    Scope inner = scope;
+    if (formula->window) {
+      inner.begin_s += ToSeconds(formula->window->begin_ns);
+      inner.end_s = scope.end_s.value_or(scope.begin_s) + ToSeconds(formula->window->end_ns);
+    } else {
+      inner.end_s.reset();
+    }
+    AddBounds(formula->left, true, inner, criterion, bounds);
+  } else if (always && stl::IsComparison(formula->op)) {
+    AddBound(*formula, scope, criterion, bounds);
+  }
+}
+
+void AddBands(const Scenario& scenario, FlightView& view) {
+  const Trace& trace = view.trace;
+  for (std::size_t fault = 0; fault < scenario.faults.size(); ++fault) {
+    const auto column = trace.Find(std::string(stl::kActivePrefix) + scenario.faults[fault].id);
+    if (!column) continue;
+    std::size_t bands = 0;
+    std::optional<std::size_t> since;
+    for (std::size_t r = 0; r <= trace.row_count() && bands < kBandsMax; ++r) {
+      const bool active = r < trace.row_count() && trace.at(r, *column) != 0.0;
+      if (active && !since) since = r;
+      if (active || !since) continue;
+      const std::size_t until = std::min(r, trace.row_count() - 1);
+      view.bands.push_back({fault, ToSeconds(view.times_ns[*since]), ToSeconds(view.times_ns[until])});
+      since.reset();
+      ++bands;
+    }
+  }
+}
+
+void AddTicks(const std::string& jsonl, FlightView& view) {
+  std::map<std::string, std::size_t> places;
+  for (std::size_t i = 0; i < view.scenario.faults.size(); ++i) places[view.scenario.faults[i].id] = i;
+  std::map<std::size_t, std::size_t> told;
+  std::string_view rest = jsonl;
+  while (!rest.empty() && view.ticks.size() < kTicksMax) {
+    const std::string_view line = rest.substr(0, rest.find('\n'));
+    rest.remove_prefix(std::min(rest.size(), line.size() + 1));
+    if (line.empty()) continue;
+    // The bytes are not shown here: without them a line is parsed in no time.
+    const auto keep = [](int, Json::parse_event_t event, Json& parsed) {
+      return event != Json::parse_event_t::key || (parsed != "before" && parsed != "after");
+    };
+    const Json json = Json::parse(line, keep);
+    const auto place = places.find(json.value("fault", ""));
+    if (place == places.end() || !json.contains("time_s")) continue;
+    FaultTick tick{place->second, json.at("time_s").get<double>(), {}};
+    if (told[tick.fault]++ < kToldActivationsMax) tick.what = json.value("what", "");
+    view.ticks.push_back(std::move(tick));
+  }
+}
+
+void AddComputed(const RunLog& log, FlightView& view) {
+  for (const char* name : {"position_error_m", "cross_track_error_m", "speed_m_s", "tilt_rad"})
+    view.computed.push_back({name, ReadSignal(log.trace, name)});
+  const Score score = ScoreRun(view.scenario, log, {.over_time = true});
+  for (const CriterionResult& criterion : score.criteria) {
+    if (criterion.over_time.empty()) continue;
+    std::vector<double> lower, upper;
+    bool two = false;
+    for (const auto& row : criterion.over_time) {
+      lower.push_back(row.lower);
+      upper.push_back(row.upper);
+      two |= std::isfinite(row.lower) && row.lower != row.upper;
+    }
+    if (two) view.computed.push_back({"robustness_lower/" + criterion.name, std::move(lower)});
+    view.computed.push_back({"robustness_upper/" + criterion.name, std::move(upper)});
+  }
+}
+
+}  // namespace
+
+std::vector<SignalBound> BoundsOf(const Scenario& scenario, const std::vector<std::string>& columns) {
+  const std::vector<std::string> signals = SignalNames(columns);
+  std::vector<std::string> fault_ids;
+  for (const auto& fault : scenario.faults) fault_ids.push_back(fault.id);
+  std::vector<SignalBound> bounds;
+  for (const CriterionSpec& criterion : scenario.criteria) {
+    if (criterion.stl.empty()) continue;
+    try {
+      AddBounds(stl::Parse(criterion.stl, {.signals = signals, .fault_ids = fault_ids}), false, {},
+                criterion.name, bounds);
+    } catch (const stl::ParseError&) {
+      // The criterion's own result says so.
+    }
+  }
+  return bounds;
+}
+
+FlightView ViewFlight(const std::filesystem::path& folder, const FlightResult& result,
+                      const Scenario& scenario, const std::optional<VehicleShape>& vehicle) {
+  FlightView view;
+  view.folder = folder;
+  view.result = result;
+  view.scenario = scenario;
+  view.vehicle = vehicle;
+  const auto attempt = [&](const char* file, const auto& read) {
+    if (!std::filesystem::exists(folder / file)) return;
+    try {
+      read(folder / file);
+    } catch (const std::exception& error) {
+      view.problems.push_back(fmt::format("{}: {}", file, error.what()));
+    }
+  };
+  attempt("scenario.resolved.yaml", [&](const auto& file) {
+    view.resolved = ReadFile(file);
+    if (view.resolved.size() > kTextBytesMax) view.resolved.resize(kTextBytesMax);
+  });
+  attempt("trace.csv", [&](const auto& file) {
+    if (std::filesystem::file_size(file) > kTraceBytesMax) {
+      view.problems.emplace_back("trace.csv is too long to be shown here");
+      return;
+    }
+    RunLog log = ReadFlight(folder);
+    const std::vector<TimeNs> times_ns = RowTimes(log.trace);
+    AddComputed(log, view);
+    view.events = EventsOf(log);
+    if (view.events.size() > kEventsMax) view.events.resize(kEventsMax);
+    view.trace = std::move(log.trace);
+    view.times_ns = times_ns;
+    view.bounds = BoundsOf(scenario, view.trace.columns());
+    AddBands(scenario, view);
+  });
+  for (std::size_t i = 0; i < scenario.client_count(); ++i) {
+    const std::string file =
+        scenario.has_several_clients() ? "firmware." + scenario.client_id(i) + ".log" : "firmware.log";
+    attempt(file.c_str(), [&](const auto& path) {
+      std::string text = ReadFile(path);
+      if (text.size() > kTextBytesMax) text.resize(kTextBytesMax);
+      if (scenario.has_several_clients() && !text.empty()) view.firmware_log += scenario.client_id(i) + ":\n";
+      view.firmware_log += text;
+    });
+  }
+  attempt("faults.jsonl", [&](const auto& file) { AddTicks(ReadFile(file), view); });
+  attempt("link.bin", [&](const auto& file) {
+    if (std::filesystem::file_size(file) > kLinkBytesMax) {
+      view.problems.emplace_back("link.bin is too long to be shown here; tiltproof link-dump prints it");
+      return;
+    }
+    const std::string content = ReadFile(file);
+    view.link = LinkLog({content.begin(), content.end()});
+    view.frames = FramesOf(view.link);
+  });
+  return view;
+}
+
+std::vector<double> MomentsOf(const FlightView& view) {
+  std::vector<double> violations, others;
+  for (const CriterionResult& criterion : view.result.score.criteria)
+    if (criterion.verdict == Verdict::kFail && criterion.time_s) violations.push_back(*criterion.time_s);
+  for (const FaultBand& band : view.bands) {
+    others.push_back(band.begin_s);
+    others.push_back(band.end_s);
+  }
+  for (const LineFrame& frame : view.frames)
+    if (frame.fate != FrameFate::kIntact) others.push_back(ToSeconds(frame.begin_ns));
+  std::sort(violations.begin(), violations.end());
+  std::sort(others.begin(), others.end());
+  violations.insert(violations.end(), others.begin(), others.end());
+  return violations;
+}
+
+}  // namespace tiltproof::harness

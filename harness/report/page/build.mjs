@@ -1,0 +1,32 @@
+// Builds dist/report.html: one page with its script and style inside, and a policy that allows only these.
+//   node build.mjs [FILE]
+import { createHash } from "node:crypto";
+import { mkdirSync, readFileSync, writeFileSync } from "node:fs";
+import { dirname, join } from "node:path";
+import { fileURLToPath } from "node:url";
+import { build } from "esbuild";
+
+const here = dirname(fileURLToPath(import.meta.url));
+const out = process.argv[2] ?? join(here, "dist", "report.html");
+
+const bundle = async (entry, options = {}) => {
+  const result = await build({ absWorkingDir: here, entryPoints: [entry], bundle: true, minify: true, write: false, legalComments: "none", target: ["chrome100", "firefox113", "safari16.4"], charset: "ascii", ...options });
+  return result.outputFiles[0].text.trim().replaceAll("</script", "<\\/script");
+};
+const script = await bundle("src/main.js", { format: "iife" });
+const style = await bundle("src/style.css");
+const licences = ["uplot", "three"].map((name) => {
+  const { version } = JSON.parse(readFileSync(join(here, "node_modules", name, "package.json"), "utf8"));
+  return `${name} ${version}\n\n${readFileSync(join(here, "node_modules", name, "LICENSE"), "utf8").trim()}`;
+}).join("\n\n");
+const sha = (text) => `'sha256-${createHash("sha256").update(text).digest("base64")}'`;
+const policy = `default-src 'none'; script-src ${sha(script)}; style-src ${sha(style)}; base-uri 'none'; form-action 'none'`;
+
+let page = readFileSync(join(here, "src", "index.html"), "utf8");
+for (const [place, text] of Object.entries({ POLICY: policy, STYLE: style, SCRIPT: script, LICENCES: licences.replaceAll("--", "- -") })) {
+  if (!page.includes(`{{${place}}}`)) throw new Error(`src/index.html has no {{${place}}}`);
+  page = page.replace(`{{${place}}}`, () => text);
+}
+mkdirSync(dirname(out), { recursive: true });
+writeFileSync(out, page);
+console.log(`${out}: ${(page.length / 1024).toFixed(0)} KiB`);

@@ -1,0 +1,274 @@
+// One plot over time: lines, bounds, the faults' active times as bands, activations and line errors as ticks, and the
+// cursor that all plots share.
+import uPlot from "uplot";
+import { el, number } from "./dom.js";
+import { colour, faultColour, palette } from "./theme.js";
+
+const HEIGHT = 210;
+
+// All lines on the rows of any of them, so that each keeps its own extremes.
+function together(flight, lines) {
+  const rows = new Set();
+  for (const line of lines) for (const row of flight.points(line.name).rows) rows.add(row);
+  const sorted = Uint32Array.from(rows).sort();
+  const data = [Array.from(sorted, (row) => flight.times_s[row])];
+  for (const line of lines) {
+    const points = flight.points(line.name);
+    let i = 0;
+    data.push(
+      Array.from(sorted, (row) => {
+        while (i + 1 < points.rows.length && points.rows[i + 1] <= row) ++i;
+        const value = points.values[i];
+        if (points.rows[i] === row || line.step || i + 1 >= points.rows.length) return Number.isFinite(value) ? value : null;
+        const share = (row - points.rows[i]) / (points.rows[i + 1] - points.rows[i]);
+        const between = value + share * (points.values[i + 1] - value);
+        return Number.isFinite(between) ? between : null;
+      }),
+    );
+  }
+  return data;
+}
+
+export class Plots {
+  constructor(flight, clock) {
+    this.flight = flight;
+    this.clock = clock;
+    this.plots = [];
+    this.range = null;
+    this.zooming = false;
+    this.faultColours = flight.scenario.faults.map((_, i) => faultColour(i));
+    clock.listen(() => this.move());
+    this.resizer = new ResizeObserver(() => this.plots.forEach((p) => p.uplot && p.uplot.setSize({ width: p.box.clientWidth, height: HEIGHT })));
+    // Drawn when it comes into view: a page with a dozen plots opens at once.
+    this.drawAll = () => this.plots.forEach((p) => this.draw(p));
+    addEventListener("beforeprint", this.drawAll);
+    this.watcher = new IntersectionObserver((entries) => entries.forEach((entry) => entry.isIntersecting && this.draw(this.plots.find((p) => p.box === entry.target))), { rootMargin: "300px" });
+  }
+
+  // spec: {id, title, unit, lines: [{name, label, dash, step, colour}], bounds: [...], zero}
+  add(spec) {
+    const legend = el("div", { class: "legend", "aria-hidden": "true" });
+    const box = el("div", { class: "plot", id: `plot-${spec.id}` });
+    const figure = el("figure", { class: "figure", role: "group", "aria-label": this.describe(spec) },
+      el("figcaption", {}, el("h3", { text: spec.title + (spec.unit ? ` [${spec.unit}]` : "") }), spec.note ? el("span", { class: "hint", text: spec.note }) : null), legend, box);
+    const plot = { spec, legend, box, uplot: null };
+    this.plots.push(plot);
+    this.resizer.observe(box);
+    this.watcher.observe(box);
+    this.fillLegend(plot);
+    return figure;
+  }
+
+  describe(spec) {
+    const ranges = spec.lines.map((line) => {
+      const entry = this.flight.entries.get(line.name);
+      return `${line.label} from ${number(entry.low)} to ${number(entry.high)}`;
+    });
+    return `${spec.title}, ${spec.unit || "no unit"}, over time: ${ranges.join("; ")}`;
+  }
+
+  colourOf(spec, i) {
+    const line = spec.lines[i];
+    return palette()[(line.colour ?? i) % palette().length];
+  }
+
+  fillLegend(plot) {
+    plot.values = [];
+    const items = plot.spec.lines.map((line, i) => {
+      const value = el("span", { class: "value" });
+      plot.values.push(value);
+      const swatch = el("span", { class: `swatch ${line.dash ? "dashed" : ""}` });
+      swatch.style.borderColor = this.colourOf(plot.spec, i);
+      return el("span", { class: "item" }, swatch, el("span", { text: line.label }), value);
+    });
+    for (const bound of plot.spec.bounds ?? []) {
+      const swatch = el("span", { class: "swatch bound" });
+      const label = plot.spec.lines.find((line) => line.name === bound.signal)?.label ?? bound.signal;
+      const value = `${bound.of_magnitude ? `|${label}|` : label} ${bound.upper ? "≤" : "≥"} ${number(bound.value)}`;
+      items.push(el("span", { class: "item" }, swatch, el("span", { text: `${bound.criterion}: ${value}` })));
+    }
+    plot.legend.replaceChildren(...items);
+    this.showValues(plot);
+  }
+
+  showValues(plot) {
+    plot.spec.lines.forEach((line, i) => {
+      plot.values[i].textContent = number(this.flight.at(line.name, this.clock.time_s, line.step), 4);
+    });
+  }
+
+  draw(plot) {
+    if (plot.uplot || !plot.box.isConnected) return;
+    const { spec, box } = plot;
+    const data = together(this.flight, spec.lines);
+    const axis = { stroke: colour("muted"), grid: { stroke: colour("grid"), width: 1 }, ticks: { stroke: colour("grid"), width: 1 }, font: "11px system-ui, sans-serif" };
+    const options = {
+      width: Math.max(box.clientWidth, 200),
+      height: HEIGHT,
+      padding: [4, 14, 0, 0],
+      legend: { show: false },
+      scales: { x: { time: false, range: (u, low, high) => this.range ?? [0, Math.max(this.flight.end_s, 1e-3)] }, y: { range: (u, low, high) => this.yRange(spec, low, high) } },
+      axes: [{ ...axis, values: (u, ticks) => ticks.map((t) => `${+t.toFixed(3)}`), size: 28 }, { ...axis, size: 58, values: (u, ticks) => ticks.map((t) => number(t, 4)) }],
+      series: [{}, ...spec.lines.map((line, i) => ({
+        label: line.label,
+        stroke: this.colourOf(spec, i),
+        width: line.dash ? 1.3 : 1.6,
+        dash: line.dash ? [5, 4] : undefined,
+        points: { show: false },
+        paths: line.step ? uPlot.paths.stepped({ align: 1 }) : undefined,
+      }))],
+      cursor: { y: false, points: { show: false }, drag: { x: true, y: false, setScale: true } },
+      hooks: {
+        drawClear: [(u) => this.drawBands(u)],
+        draw: [(u) => this.drawMarks(u, spec)],
+        setCursor: [(u) => this.hovered(u)],
+        setScale: [(u, key) => key === "x" && this.zoomed(u)],
+      },
+    };
+    plot.uplot = new uPlot(options, data, box);
+    plot.uplot.over.addEventListener("dblclick", () => this.zoom(null));
+    plot.uplot.over.addEventListener("mouseenter", () => (this.under = plot.uplot));
+    plot.uplot.over.addEventListener("mouseleave", () => { this.under = null; this.move(); });
+    this.move();
+  }
+
+  yRange(spec, low, high) {
+    if (low === null || high === null || low === undefined) return [-1, 1];
+    // A bound far away would flatten the lines: then it stays outside.
+    for (const bound of spec.bounds ?? []) {
+      const size = Math.max(high - low, Math.abs(high), Math.abs(low), 1e-9);
+      for (const value of bound.of_magnitude ? [bound.value, -bound.value] : [bound.value]) {
+        if (value > high && value - high < 4 * size && (bound.upper || !bound.of_magnitude)) high = value;
+        if (value < low && low - value < 4 * size && !(bound.of_magnitude && spec.lines.length === 1 && low >= 0)) low = value;
+      }
+    }
+    if (spec.zero) low = Math.min(low, 0), (high = Math.max(high, 0));
+    const pad = (high - low) * 0.07 || Math.abs(high) * 0.1 || 1;
+    return [spec.zero && low === 0 ? 0 : low - pad, high + pad];
+  }
+
+  drawBands(u) {
+    const { ctx, bbox } = u;
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
+    for (const band of this.flight.bands) {
+      const left = u.valToPos(band.begin_s, "x", true);
+      const width = Math.max(u.valToPos(band.end_s, "x", true) - left, devicePixelRatio);
+      ctx.fillStyle = this.faultColours[band.fault];
+      ctx.globalAlpha = 0.13;
+      ctx.fillRect(left, bbox.top, width, bbox.height);
+      ctx.globalAlpha = 0.9;
+      ctx.fillRect(left, bbox.top, width, 2 * devicePixelRatio);
+    }
+    ctx.restore();
+  }
+
+  drawMarks(u, spec) {
+    const { ctx, bbox } = u;
+    const px = devicePixelRatio;
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
+    const bottom = bbox.top + bbox.height;
+    let last = -1;
+    for (const [fault, time_s] of this.flight.ticks) {
+      const x = Math.round(u.valToPos(time_s, "x", true));
+      if (x === last) continue;
+      last = x;
+      ctx.fillStyle = this.faultColours[fault];
+      ctx.fillRect(x, bbox.top, px, 7 * px);
+    }
+    ctx.fillStyle = colour("error");
+    last = -1;
+    for (const [time_s] of this.flight.line_errors) {
+      const x = Math.round(u.valToPos(time_s, "x", true));
+      if (x === last) continue;
+      last = x;
+      ctx.fillRect(x, bottom - 6 * px, px, 6 * px);
+    }
+    ctx.strokeStyle = colour("bound");
+    ctx.lineWidth = 1.4 * px;
+    ctx.setLineDash([3 * px, 3 * px]);
+    for (const bound of spec.bounds ?? []) {
+      const left = u.valToPos(bound.begin_s, "x", true);
+      const right = u.valToPos(Math.min(bound.end_s ?? this.flight.end_s, this.flight.end_s), "x", true);
+      for (const value of bound.of_magnitude ? [bound.value, -bound.value] : [bound.value]) {
+        const y = u.valToPos(value, "y", true);
+        ctx.beginPath();
+        ctx.moveTo(left, y);
+        ctx.lineTo(right, y);
+        ctx.stroke();
+      }
+    }
+    if (spec.zero) {
+      ctx.setLineDash([]);
+      ctx.strokeStyle = colour("muted");
+      ctx.lineWidth = px;
+      const y = u.valToPos(0, "y", true);
+      ctx.beginPath();
+      ctx.moveTo(bbox.left, y);
+      ctx.lineTo(bbox.left + bbox.width, y);
+      ctx.stroke();
+    }
+    ctx.setLineDash([]);
+    const violation = this.flight.violation_s;
+    if (violation !== null) {
+      ctx.strokeStyle = colour("error");
+      ctx.lineWidth = 1.2 * px;
+      const x = u.valToPos(violation, "x", true);
+      ctx.beginPath();
+      ctx.moveTo(x, bbox.top);
+      ctx.lineTo(x, bottom);
+      ctx.stroke();
+    }
+    ctx.restore();
+  }
+
+  hovered(u) {
+    if (this.moving || this.under !== u || u.cursor.left < 0 || this.clock.playing) return;
+    this.clock.set(u.posToVal(u.cursor.left, "x"));
+  }
+
+  move() {
+    this.moving = true;
+    for (const plot of this.plots) {
+      if (!plot.uplot) continue;
+      if (plot.uplot !== this.under || this.clock.playing) {
+        const left = plot.uplot.valToPos(this.clock.time_s, "x");
+        plot.uplot.setCursor({ left, top: 10 }, false);
+      }
+      this.showValues(plot);
+    }
+    this.moving = false;
+  }
+
+  zoomed(u) {
+    if (this.zooming || !this.plots.some((p) => p.uplot === u)) return;
+    const { min, max } = u.scales.x;
+    if (u.select.width > 0 || this.range) this.zoom([min, max]);
+  }
+
+  zoom(range) {
+    this.range = range;
+    this.zooming = true;
+    for (const { uplot } of this.plots) if (uplot) uplot.setScale("x", { min: range ? range[0] : 0, max: range ? range[1] : this.flight.end_s });
+    this.zooming = false;
+    this.move();
+  }
+
+  remove(plot) {
+    plot?.uplot?.destroy();
+    this.plots = this.plots.filter((p) => p !== plot);
+  }
+
+  close() {
+    this.resizer.disconnect();
+    this.watcher.disconnect();
+    removeEventListener("beforeprint", this.drawAll);
+    this.plots.forEach((p) => p.uplot?.destroy());
+    this.plots = [];
+  }
+}
