@@ -8,7 +8,9 @@ namespace tiltproof::firmware {
 namespace {
 
 // What an unlikely match costs, in units of the misfit, which are twice a logarithm of likelihood: a round trip
-// that differs from the last one, and a sample one step beside its request.
+// that differs from the usual one, and a sample one step beside its request. Usual is what the last few agree on, not
+// the last one: or one late reply followed by a lost one would make all others look late by a period, each the
+// answer to the request before.
 constexpr float kOtherDelayCost = 10;
 constexpr TimeNs kOtherDelayNs = 4 * kNsPerMs;
 constexpr float kBesideCost = 6;
@@ -18,6 +20,9 @@ float DelayCost(TimeNs delay_ns, TimeNs usual_ns) {
   return kOtherDelayCost * static_cast<float>(std::min(difference_ns, kOtherDelayNs)) /
          static_cast<float>(kOtherDelayNs);
 }
+
+// So many unusual round trips in a row, or more of them than others, are the new usual one.
+constexpr int kUsualCount = 4;
 
 // The prediction is lost after that many steps without sample, if then two thirds of the signals disagree.
 constexpr ModelStep kBlindSteps = 25;
@@ -47,7 +52,7 @@ std::optional<ModelStep> ReplyMatcher::Match(const MotionState& sample, TimeNs n
       const ModelStep step = Open(number).step + beside;
       if (step < oldest_step || step > now_step) continue;
       const float cost = Misfit(sample, timeline.At(step), timeline.last_sample()) +
-                         DelayCost(now - Open(number).sent_ns, delay_ns_) + (beside == 0 ? 0 : kBesideCost);
+                         DelayCost(now - Open(number).sent_ns, usual_ns_) + (beside == 0 ? 0 : kBesideCost);
       if (best_step && cost >= best_cost) continue;
       best_step = step;
       best_number = number;
@@ -60,10 +65,21 @@ std::optional<ModelStep> ReplyMatcher::Match(const MotionState& sample, TimeNs n
     best_number = open_end_ - 1;
     best_step = std::max(std::min(Open(best_number).step, now_step), oldest_step);
   }
-  delay_ns_ = now - Open(best_number).sent_ns;
+  NoteDelay(now - Open(best_number).sent_ns);
   answers_newest_ = best_number + 1 == open_end_;
   open_begin_ = best_number + 1;
   return best_step;
+}
+
+void ReplyMatcher::NoteDelay(TimeNs delay_ns) {
+  const bool usual = DelayCost(delay_ns, usual_ns_) < kOtherDelayCost;
+  if (usual) {
+    usual_ns_ = delay_ns;
+    if (usual_count_ < kUsualCount) ++usual_count_;
+  } else if (--usual_count_ <= 0) {
+    usual_ns_ = delay_ns;
+    usual_count_ = 1;
+  }
 }
 
 }  // namespace tiltproof::firmware

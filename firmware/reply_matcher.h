@@ -35,11 +35,13 @@ class ReplyMatcher {
     ModelStep step = 0;
     TimeNs sent_ns = 0;
   };
+  void NoteDelay(TimeNs delay_ns);
   const OpenRequest& Open(std::uint32_t number) const { return requests_[number % kRequestCount]; }
 
   std::array<OpenRequest, kRequestCount> requests_{};
   std::uint32_t open_begin_ = 0, open_end_ = 0;  // numbers of the open ones
-  TimeNs delay_ns_ = 0;                          // of the last match
+  TimeNs usual_ns_ = 0;                          // round trip
+  int usual_count_ = 0;                          // of the last matches that had it, less the others
   bool lost_ = false;
   bool answers_newest_ = false;
 };

@@ -46,8 +46,10 @@ void TolerantControl::NoteRequest(const RequestTimes& request) {
 std::optional<Actuators> TolerantControl::OnReply(TimeNs now, const Sensors& sensors,
                                                   const Reference& reference) {
   bool newest = true;
+  if (accepted_.HasOlder(sensors)) return std::nullopt;
   const auto clean = Accept(now, sensors, newest);
   if (!clean) return std::nullopt;
+  accepted_.Add(sensors);
   supervisor_.On(SupervisorEvent::kReply);
   new_sample_ = true;
   if (!newest || answered_) return std::nullopt;

@@ -11,6 +11,7 @@
 
 #include <optional>
 
+#include "firmware/accepted_replies.h"
 #include "firmware/actuator_monitor.h"
 #include "firmware/control_law.h"
 #include "firmware/controlled_descent.h"
@@ -60,6 +61,7 @@ class TolerantControl {
   ControlLaw law_;
   Actuators hover_;
   MotionTimeline timeline_;
+  AcceptedReplies accepted_;
   ReplyMatcher matcher_;
   LagEstimator lag_estimator_;
   SignalScreen screen_;

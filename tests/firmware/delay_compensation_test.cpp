@@ -5,6 +5,7 @@
 #include <array>
 #include <random>
 
+#include "firmware/accepted_replies.h"
 #include "firmware/innovation.h"
 #include "firmware/lag_estimator.h"
 #include "firmware/motion_timeline.h"
@@ -106,6 +107,42 @@ TEST(ReplyMatcherTest, ALostReplyDoesNotShiftTheOthers) {
     ASSERT_EQ(match, step);
     timeline.Correct(step, Truth(0).At(step));
   }
+}
+
+// Some replies are late by almost a period, and then one is lost. The next, in time, answers its own request, not the one
+// before. The vehicle is at rest, so that content tells nothing.
+TEST(ReplyMatcherTest, OneLateReplyDoesNotMakeTheOthersLate) {
+  const MotionState at_rest =
+      ToMotion({.z_m = 2, .pitch_rad = -0.0117F, .alpha_r_rad = 0.0117F, .alpha_l_rad = 0.0116F});
+  MotionTimeline timeline;
+  ReplyMatcher matcher;
+  timeline.Begin(0, at_rest, kHoverInputs);
+  int count = 0;
+  for (ModelStep step = 3; step < 960; step += 3, ++count) {
+    matcher.Request(step, TimeOf(step));
+    const bool late = count % 20 == 10, lost = count % 20 == 11;
+    if (lost) continue;
+    const TimeNs now = TimeOf(step) + (late ? 11 : 1) * kNsPerMs;
+    const auto match = matcher.Match(at_rest, now, late ? step + 2 : step, timeline);
+    ASSERT_TRUE(match);
+    ASSERT_TRUE(matcher.answers_newest()) << step;
+    timeline.Correct(*match, at_rest);
+  }
+}
+
+TEST(AcceptedRepliesTest, TellsAReplyThatComesOnceMore) {
+  AcceptedReplies replies;
+  const auto reply = [](int number) { return Sensors{.x_m = static_cast<float>(number)}; };
+  EXPECT_FALSE(replies.HasOlder(reply(0)));
+  for (int number = 0; number < 100; ++number) {
+    EXPECT_FALSE(replies.HasOlder(reply(number)));
+    replies.Add(reply(number));
+    EXPECT_FALSE(replies.HasOlder(reply(number))) << "the latest may be that of a vehicle at rest";
+    for (int age = 1; age < 16 && age <= number; ++age) EXPECT_TRUE(replies.HasOlder(reply(number - age)));
+    EXPECT_FALSE(replies.HasOlder(reply(number - 16))) << "forgotten";
+  }
+  for (int i = 0; i < 20; ++i) replies.Add(reply(7));
+  EXPECT_FALSE(replies.HasOlder(reply(7)));
 }
 
 // A board that counts time in ticks of 1 ms reads the tick before the request had left.
