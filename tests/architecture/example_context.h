@@ -167,6 +167,9 @@ extern std::vector<std::uint8_t> bytes;
 extern TimeNs now;
 extern const examples::Function Control, Use;
 
+// firmware/accepted_replies.h
+extern const Sensors sensors;
+
 // firmware/actuator_model.h
 extern const Actuators wanted;
 
