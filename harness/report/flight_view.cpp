@@ -82,14 +82,15 @@ void AddBands(const Scenario& scenario, FlightView& view) {
     const auto column = trace.Find(std::string(stl::kActivePrefix) + scenario.faults[fault].id);
     if (!column) continue;
     std::size_t bands = 0;
-    std::optional<std::size_t> since;
-    for (std::size_t r = 0; r <= trace.row_count() && bands < kBandsMax; ++r) {
-      const bool active = r < trace.row_count() && trace.at(r, *column) != 0.0;
-      if (active && !since) since = r;
-      if (active || !since) continue;
-      const std::size_t until = std::min(r, trace.row_count() - 1);
-      view.bands.push_back({fault, ToSeconds(view.times_ns[*since]), ToSeconds(view.times_ns[until])});
-      since.reset();
+    const auto is_active = [&](std::size_t r) {
+      return r < trace.row_count() && trace.at(r, *column) != 0.0;
+    };
+    for (std::size_t r = 0; r < trace.row_count() && bands < kBandsMax; ++r) {
+      if (!is_active(r)) continue;
+      const std::size_t begin = r;
+      while (is_active(r)) ++r;
+      const std::size_t end = std::min(r, trace.row_count() - 1);
+      view.bands.push_back({fault, ToSeconds(view.times_ns[begin]), ToSeconds(view.times_ns[end])});
       ++bands;
     }
   }
