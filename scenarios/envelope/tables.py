@@ -14,6 +14,7 @@ import math
 import pathlib
 import subprocess
 import sys
+import textwrap
 
 HERE = pathlib.Path(__file__).resolve().parent
 SOURCE = HERE.parent.parent
@@ -129,15 +130,19 @@ def page(envelopes, order, layers, why):
     old, new = first.clients
     seeds = " and ".join(str(envelope.data["repeats"]) for envelope in envelopes)
     exact = " and ".join(f'{100 * envelope.data["tolerance"]:g} %' for envelope in envelopes)
+    how = textwrap.fill(
+        f"How severe each fault may be before `{old}` and `{new}` leave the path by 1 m or tilt by more than 0.6 rad, on the paper's spiral of 40 s "
+        f"with the fault from 10 s to 15 s. Found by `tiltproof envelope` ([margins](margins.md)): {seeds} seeds at each level, exact to {exact} of "
+        "the distance from harmless, for the left and the right half. `scenarios/envelope/tables.py` wrote this page; "
+        "`scenarios/envelope/tables.py --fly build/release/tiltproof -j 2` flies it anew.", 108, break_on_hyphens=False)
+    halves = textwrap.fill(
+        f"The left half is {TITLES[0]}; the right half {TITLES[1]}: 2 % heavier, 10 % more inertia, 20 % more drag torque "
+        "(`scenarios/envelope/spiral-other-vehicle.yaml`).", 108, break_on_hyphens=False)
     return f"""# What the firmware survives
 
-How severe each fault may be before `{old}` and `{new}` leave the path by 1 m or tilt by more than 0.6 rad, on the paper's
-spiral of 40 s with the fault from 10 s to 15 s. Found by `tiltproof envelope` ([margins](margins.md)): {seeds} seeds at
-each level, exact to {exact} of the distance from harmless, for the left and the right half. `scenarios/envelope/tables.py`
-wrote this page; `scenarios/envelope/tables.py --fly build/release/tiltproof -j 2` flies it anew.
+{how}
 
-The left half is {TITLES[0]}; the right half {TITLES[1]}: 2 % heavier, 10 % more inertia, 20 % more drag
-torque (`scenarios/envelope/spiral-other-vehicle.yaml`).
+{halves}
 
 `none`: the mildest level failed. `all`: the most severe level was survived. `ratio`: how many times as far from the
 harmless value `{new}` goes; for a limit that falls from infinity, the inverse levels count.
