@@ -144,8 +144,8 @@ def page(envelopes, order, layers, why):
 
 {halves}
 
-`none`: the mildest level failed. `all`: the most severe level was survived. `ratio`: how many times as far from the
-harmless value `{new}` goes; for a limit that falls from infinity, the inverse levels count.
+`none`: the mildest level failed. `all`: the most severe level was survived. `ratio`: how many times as far
+from the harmless value `{new}` goes; for a limit that falls from infinity, the inverse levels count.
 
 {short_table(envelopes, layers)}
 
