@@ -50,6 +50,7 @@ struct RunOptions {
   std::string format = "human";
   bool no_progress = false;
   std::string keep = "all";
+  std::string trace = "csv";
   bool no_report = false;
   std::optional<int> gdb_port;
   std::optional<double> gdb_at_s;

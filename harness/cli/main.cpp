@@ -108,6 +108,12 @@ int Main(int argc, char** argv) {
       ->check(CLI::IsMember({"all", "failing", "verdicts"}))
       ->capture_default_str();
   run_app
+      ->add_option("--trace", run.trace,
+                   "The file with a flight's trace: csv (trace.csv), packed (trace.packed, a ninth of its "
+                   "size), or none")
+      ->check(CLI::IsMember({"csv", "packed", "none"}))
+      ->capture_default_str();
+  run_app
       ->add_option(
           "--gdb", run.gdb_port,
           "Wait for a debugger at power-on: at an emulated processor (QEMU's gdb server on this PORT of this "

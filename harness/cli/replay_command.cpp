@@ -60,7 +60,9 @@ class TemporaryFolder {
 // Why a flight has no trace that another one could equal; empty when it has.
 std::string NotComparable(const std::filesystem::path& scenario_folder, const FlightResult& then) {
   if (then.trace_hash.empty()) return "no flight then: " + then.score.reason;
-  return ReadFlight(scenario_folder).end_reason == EndReason::kInterrupted ? "interrupted then" : "";
+  // Files of older versions have it elsewhere.
+  const EndReason reason = then.end_reason ? *then.end_reason : ReadFlightRecord(scenario_folder).end_reason;
+  return reason == EndReason::kInterrupted ? "interrupted then" : "";
 }
 
 // How many flights of an unfinished run came to a verdict.

@@ -194,6 +194,7 @@ int RunCommand(const RunOptions& options) {
   info.build = BuildOf(means.clients);
   info.machine = ThisMachine();
   info.keep = Named<Keep>(options.keep);
+  info.trace = Named<TraceFormat>(options.trace);
   if (means.realtime && !means.attach) info.realtime_rights = ProbeRealtimeRights().Text();
   info.command = options.command;
   info.not_applicable = not_applicable;
@@ -210,7 +211,7 @@ int RunCommand(const RunOptions& options) {
       job.scenario.seed = seed;
       job.name = FlightName(options, scenario, seed);
       const std::filesystem::path flight_folder = folder / job.name;
-      job.recorder = RecorderIn(flight_folder, info.keep);
+      job.recorder = RecorderIn(flight_folder, info.keep, *info.trace);
       if (info.keep != Keep::kAll) {
         job.replay = FlyAgain(options, means, std::filesystem::absolute(scenario.file), seed);
       } else if (means.realtime) {

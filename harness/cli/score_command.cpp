@@ -26,7 +26,7 @@ FlightResult ScoreAgain(const std::filesystem::path& folder, const std::string& 
     if (then.trace_hash != result.trace_hash)
       throw std::runtime_error(
           fmt::format("{} is not the trace that was flown: its hash is {}, in verdict.json {}",
-                      (folder / "trace.csv").string(), result.trace_hash, then.trace_hash));
+                      FindTrace(folder).string(), result.trace_hash, then.trace_hash));
     return result;
   } catch (const std::exception& error) {
     // Its files are damaged, which must not pass unseen.
@@ -62,6 +62,9 @@ std::vector<FlightResult> ScoreAll(const OldRun& run, const std::string& program
 // than its criteria.
 int ScoreCommand(const ReplayOptions& options) {
   const OldRun run = OpenRun(options.run);
+  if (run.info.trace == TraceFormat::kNone)
+    throw UsageError(fmt::format("{}: flown with --trace none, and without a trace there is nothing to score",
+                                 options.run.string()));
   const Console console(options.format == "jsonl");
   const std::vector<FlightResult> results = ScoreAll(run, options.program);
   for (const auto& result : results) console.Finished(result);

@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "harness/report/files.h"
-#include "harness/report/trace_csv.h"
+#include "harness/report/trace_file.h"
 #include "harness/score/signals.h"
 
 namespace tiltproof::harness {
@@ -95,7 +95,6 @@ struct Flown {
 
 Flown ReadFlown(const std::filesystem::path& folder) {
   const auto verdict_file = folder / "verdict.json";
-  const auto trace_file = folder / "trace.csv";
   const std::string verdict = ReadFile(verdict_file);
   FlightResult result;
   try {
@@ -105,16 +104,15 @@ Flown ReadFlown(const std::filesystem::path& folder) {
   }
   if (result.trace_hash.empty())
     throw std::runtime_error(fmt::format("{}: no flight: {}", folder.string(), result.score.reason));
-  const std::string csv = ReadFile(trace_file);
+  Trace trace = ReadTrace(folder);
   try {
-    Trace trace = ReadTraceCsv(csv);
     if (const std::string hash = TraceHash(trace); hash != result.trace_hash)
       throw std::runtime_error(fmt::format("not the trace that was flown: its hash is {}, in verdict.json {}",
                                            hash, result.trace_hash));
     RowTimes(trace);
     return {std::move(result), std::move(trace)};
   } catch (const std::exception& error) {
-    throw std::runtime_error(fmt::format("{}: {}", trace_file.string(), error.what()));
+    throw std::runtime_error(fmt::format("{}: {}", FindTrace(folder).string(), error.what()));
   }
 }
 

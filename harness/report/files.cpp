@@ -9,6 +9,7 @@
 #include <cerrno>
 #include <chrono>
 #include <cstring>
+#include <utility>
 
 namespace tiltproof::harness {
 namespace {
@@ -23,33 +24,56 @@ std::chrono::sys_time<std::chrono::milliseconds> Now() {
 
 }  // namespace
 
-void WriteFile(const std::filesystem::path& path, std::string_view content) {
-  const std::filesystem::path temporary = path.string() + ".part";
-  const int file = open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-  if (file < 0) Fail("create", path, errno);
-  const auto give_up = [&](std::string_view doing, int error) {
-    close(file);
-    unlink(temporary.c_str());
-    Fail(doing, path, error);
-  };
+NewFile::NewFile(std::filesystem::path path) : path_(std::move(path)), written_(path_.string() + ".part") {
+  std::error_code error;
+  const auto there = std::filesystem::status(path_, error).type();
+  using Type = std::filesystem::file_type;
+  if (there == Type::character || there == Type::block || there == Type::fifo) written_ = path_;
+  file_ = open(written_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  if (file_ < 0) Fail("create", path_, errno);
+}
+
+NewFile::~NewFile() {
+  if (file_ >= 0) Close();
+}
+
+void NewFile::Close() {
+  close(file_);
+  file_ = -1;
+  if (written_ != path_) unlink(written_.c_str());
+}
+
+void NewFile::GiveUp(std::string_view doing) {
+  const int error = errno;
+  Close();
+  Fail(doing, path_, error);
+}
+
+void NewFile::Write(std::string_view content) {
   while (!content.empty()) {
-    const ssize_t written = write(file, content.data(), content.size());
+    const ssize_t written = write(file_, content.data(), content.size());
     if (written < 0) {
       if (errno == EINTR) continue;
-      give_up("write", errno);
+      GiveUp("write");
     }
     content.remove_prefix(static_cast<std::size_t>(written));
   }
-  if (close(file) != 0) {
-    const int error = errno;
-    unlink(temporary.c_str());
-    Fail("write", path, error);
-  }
-  if (rename(temporary.c_str(), path.c_str()) != 0) {
-    const int error = errno;
-    unlink(temporary.c_str());
-    Fail("rename to", path, error);
-  }
+}
+
+void NewFile::Finish() {
+  // A failing close() has closed it, too.
+  const int closed = close(std::exchange(file_, -1));
+  const bool moved = closed == 0 && (written_ == path_ || rename(written_.c_str(), path_.c_str()) == 0);
+  if (moved) return;
+  const int error = errno;
+  if (written_ != path_) unlink(written_.c_str());
+  Fail(closed != 0 ? "write" : "rename to", path_, error);
+}
+
+void WriteFile(const std::filesystem::path& path, std::string_view content) {
+  NewFile file(path);
+  file.Write(content);
+  file.Finish();
 }
 
 std::string ReadFile(const std::filesystem::path& path) {

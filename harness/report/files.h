@@ -14,7 +14,32 @@ struct FileError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-// Writes a temporary beside `path` and renames it, so that readers never see half a file.
+// A file that is written piece by piece: a temporary beside `path` that is renamed at the end, so that readers never
+// see half a file. A device or a pipe at `path` is written to as it is.
+//
+//   NewFile file("flight.mcap");
+//   file.Write(bytes);
+//   file.Finish();
+class NewFile {
+ public:
+  explicit NewFile(std::filesystem::path path);
+  // Without Finish() nothing is left.
+  ~NewFile();
+  NewFile(const NewFile&) = delete;
+  NewFile& operator=(const NewFile&) = delete;
+
+  void Write(std::string_view content);
+  void Finish();
+
+ private:
+  [[noreturn]] void GiveUp(std::string_view doing);
+  void Close();
+
+  std::filesystem::path path_, written_;  // the same for a device
+  int file_ = -1;
+};
+
+// The same at once.
 void WriteFile(const std::filesystem::path& path, std::string_view content);
 std::string ReadFile(const std::filesystem::path& path);
 

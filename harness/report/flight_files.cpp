@@ -3,11 +3,11 @@
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>
+#include <utility>
 #include <vector>
 
 #include "harness/report/files.h"
 #include "harness/report/json_fields.h"
-#include "harness/report/trace_csv.h"
 #include "harness/scenario/reader.h"
 
 namespace tiltproof::harness {
@@ -91,13 +91,13 @@ std::string FaultsJsonl(const Scenario& scenario, const RunLog& log) {
 
 }  // namespace
 
-FlightRecorder RecorderIn(const std::filesystem::path& folder, Keep keep) {
+FlightRecorder RecorderIn(const std::filesystem::path& folder, Keep keep, TraceFormat trace) {
   const auto begin = [folder](const Scenario& scenario) {
     std::filesystem::create_directories(folder);
     WriteFile(folder / "scenario.resolved.yaml", WriteResolved(scenario));
   };
-  const auto end = [folder](const Scenario& scenario, const RunLog& log, const FlightResult&) {
-    WriteFlight(folder, scenario, log);
+  const auto end = [folder, trace](const Scenario& scenario, const RunLog& log, const FlightResult&) {
+    WriteFlight(folder, scenario, log, trace);
   };
   switch (keep) {
     case Keep::kAll:
@@ -128,8 +128,9 @@ void KeepVerdict(const std::filesystem::path& folder, const Scenario& scenario, 
   }
 }
 
-void WriteFlight(const std::filesystem::path& folder, const Scenario& scenario, const RunLog& log) {
-  WriteFile(folder / "trace.csv", WriteTraceCsv(log.trace));
+void WriteFlight(const std::filesystem::path& folder, const Scenario& scenario, const RunLog& log,
+                 TraceFormat trace) {
+  WriteTrace(folder, log.trace, trace);
   WriteFile(folder / "faults.jsonl", FaultsJsonl(scenario, log));
   const auto& bytes = log.link.content();
   WriteFile(folder / "link.bin", {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
@@ -140,15 +141,14 @@ void WriteFlight(const std::filesystem::path& folder, const Scenario& scenario, 
 }
 
 RunLog ReadFlight(const std::filesystem::path& folder) {
+  Trace trace = ReadTrace(folder);
+  RunLog log = ReadFlightRecord(folder);
+  log.trace = std::move(trace);
+  return log;
+}
+
+RunLog ReadFlightRecord(const std::filesystem::path& folder) {
   RunLog log;
-  const auto trace_file = folder / "trace.csv";
-  try {
-    log.trace = ReadTraceCsv(ReadFile(trace_file));
-  } catch (const FileError&) {
-    throw;
-  } catch (const std::exception& error) {
-    throw std::runtime_error(trace_file.string() + ": " + error.what());
-  }
   const auto flight_file = folder / "flight.json";
   const std::string text = ReadFile(flight_file);
   try {

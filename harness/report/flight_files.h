@@ -1,7 +1,7 @@
 // The folder of one scenario: all records of its flight, and how to read them back for scoring offline.
 //
 //   scenario.resolved.yaml  the scenario with every default explicit
-//   trace.csv               one row every control period
+//   trace.csv               one row every control period; or trace.packed (harness/report/packed_trace.h)
 //   faults.jsonl            every kept activation of a fault: time, what, chunks before and after; at the end,
 //                           for each fault of which some were not kept, how many: left_out_count
 //   link.bin                raw bytes with times (harness/run/link_log.h)
@@ -15,6 +15,7 @@
 
 #include "harness/engine/flight_job.h"
 #include "harness/report/results.h"
+#include "harness/report/trace_file.h"
 #include "harness/run/run_log.h"
 #include "harness/scenario/scenario.h"
 
@@ -22,14 +23,18 @@ namespace tiltproof::harness {
 
 // Writes the flight's files: all of the above except scenario.resolved.yaml, which is there before the
 // flight, and verdict.json. Throws FileError.
-void WriteFlight(const std::filesystem::path& folder, const Scenario& scenario, const RunLog& log);
+void WriteFlight(const std::filesystem::path& folder, const Scenario& scenario, const RunLog& log,
+                 TraceFormat trace = TraceFormat::kCsv);
 
 // Reads what scoring needs: the trace and flight.json; not the raw bytes and activations. Throws FileError or
 // std::runtime_error naming the file and the place.
 RunLog ReadFlight(const std::filesystem::path& folder);
+// Only flight.json.
+RunLog ReadFlightRecord(const std::filesystem::path& folder);
 
 // Keeps a flight in its folder, or not: runs in its worker process.
-FlightRecorder RecorderIn(const std::filesystem::path& folder, Keep keep);
+FlightRecorder RecorderIn(const std::filesystem::path& folder, Keep keep,
+                          TraceFormat trace = TraceFormat::kCsv);
 // Writes verdict.json, when the flight is kept: for the parent of the worker, which knows the result even if
 // the worker died.
 void KeepVerdict(const std::filesystem::path& folder, const Scenario& scenario, const FlightResult& result,

@@ -174,9 +174,9 @@ FlightView ViewFlight(const std::filesystem::path& folder, const FlightResult& r
     view.resolved = ReadFile(file);
     if (view.resolved.size() > kTextBytesMax) view.resolved.resize(kTextBytesMax);
   });
-  attempt("trace.csv", [&](const auto& file) {
-    if (std::filesystem::file_size(file) > kTraceBytesMax) {
-      view.problems.emplace_back("trace.csv is too long to be shown here");
+  const auto read_trace = [&](const auto& file) {
+    if (TraceTextBytes(file) > kTraceBytesMax) {
+      view.problems.push_back(file.filename().string() + " is too long to be shown here");
       return;
     }
     RunLog log = ReadFlight(folder);
@@ -188,7 +188,12 @@ FlightView ViewFlight(const std::filesystem::path& folder, const FlightResult& r
     view.times_ns = times_ns;
     view.bounds = BoundsOf(scenario, view.trace.columns());
     AddBands(scenario, view);
-  });
+  };
+  try {
+    if (const auto file = FindTrace(folder); !file.empty()) attempt(file.filename().c_str(), read_trace);
+  } catch (const FileError& error) {
+    view.problems.emplace_back(error.what());
+  }
   for (std::size_t i = 0; i < scenario.client_count(); ++i) {
     const std::string file =
         scenario.has_several_clients() ? "firmware." + scenario.client_id(i) + ".log" : "firmware.log";

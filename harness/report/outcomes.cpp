@@ -5,24 +5,13 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "harness/report/files.h"
-#include "harness/report/trace_csv.h"
+#include "harness/report/trace_file.h"
 
 namespace tiltproof::harness {
 namespace {
 
 constexpr const char* kWrongOutput = "wrong_output";
 constexpr const char* kMasked = "masked";
-
-Trace ReadTrace(const std::filesystem::path& flight_folder) {
-  const auto file = flight_folder / "trace.csv";
-  const std::string csv = ReadFile(file);
-  try {
-    return ReadTraceCsv(csv);
-  } catch (const std::exception& error) {
-    throw std::runtime_error(fmt::format("{}: {}", file.string(), error.what()));
-  }
-}
 
 bool SameValue(double a, double b) { return a == b || (std::isnan(a) && std::isnan(b)); }
 

@@ -9,6 +9,7 @@
 
 #include "harness/engine/flight_result.h"
 #include "harness/report/machine.h"
+#include "harness/report/trace_file.h"
 #include "harness/run/bus_place.h"
 #include "link/fields.h"
 
@@ -60,9 +61,10 @@ struct RunInfo {
   std::vector<PlannedFlight> flights;         // in the order of the results
   std::vector<NotApplicable> not_applicable;  // found in a folder, and left out
   Keep keep = Keep::kAll;
-  std::string realtime_rights;  // in real time: the scheduling and memory that the nodes got
+  std::optional<TraceFormat> trace;  // none in the files of older versions
+  std::string realtime_rights;       // in real time: the scheduling and memory that the nodes got
   TILTPROOF_FIELDS(suite, started, version, build, machine, seed, mode, client, clients, command, interrupted,
-                   keep, flights, not_applicable, realtime_rights)
+                   keep, trace, flights, not_applicable, realtime_rights)
 };
 
 // run.json: what is needed to do the run again, and to listen to it. Written before the first flight, and again

@@ -2,10 +2,13 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
+#include <vector>
 
 namespace tiltproof::harness {
 
@@ -29,7 +32,10 @@ std::string WriteTraceCsv(const Trace& trace) {
   return csv;
 }
 
-Trace ReadTraceCsv(std::string_view csv) {
+namespace {
+
+// Into `trace`, row by row.
+void ReadRows(std::string_view csv, Trace& trace) {
   std::size_t line_number = 0;
   const auto next_line = [&]() -> std::string_view {
     ++line_number;
@@ -51,13 +57,14 @@ Trace ReadTraceCsv(std::string_view csv) {
   };
   std::vector<std::string> columns;
   for (const std::string_view cell : split(next_line())) columns.emplace_back(cell);
-  Trace trace(std::move(columns));
+  trace = Trace(std::move(columns));
+  std::vector<double> row;
   while (!csv.empty()) {
     const auto cells = split(next_line());
     if (cells.size() != trace.columns().size())
       throw std::runtime_error(fmt::format("line {}: {} values for {} columns", line_number, cells.size(),
                                            trace.columns().size()));
-    const std::span<double> row = trace.AppendRow();
+    row.assign(cells.size(), std::numeric_limits<double>::quiet_NaN());
     for (std::size_t c = 0; c < cells.size(); ++c) {
       if (cells[c] == "nan") continue;
       const auto [end, error] = std::from_chars(cells[c].data(), cells[c].data() + cells[c].size(), row[c]);
@@ -65,7 +72,25 @@ Trace ReadTraceCsv(std::string_view csv) {
         throw std::runtime_error(fmt::format("line {}: '{}' is not a number (column {})", line_number,
                                              cells[c], trace.columns()[c]));
     }
+    std::copy(row.begin(), row.end(), trace.AppendRow().begin());
   }
+}
+
+}  // namespace
+
+TracePart ReadTraceCsvPart(std::string_view csv) {
+  TracePart part;
+  try {
+    ReadRows(csv, part.trace);
+  } catch (const std::runtime_error& error) {
+    part.trouble = error.what();
+  }
+  return part;
+}
+
+Trace ReadTraceCsv(std::string_view csv) {
+  Trace trace;
+  ReadRows(csv, trace);
   return trace;
 }
 

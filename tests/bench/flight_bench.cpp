@@ -1,5 +1,5 @@
 // The price of everything around the physics: the full lockstep loop against bare ODE stepping of the same
-// flight, and the engine against the same flights flown and scored in this process, in one run.
+// flight, the engine against the same flights flown and scored in this process, and the trace as files, in one run.
 
 #include <benchmark/benchmark.h>
 #include <sys/resource.h>
@@ -10,6 +10,8 @@
 
 #include "harness/client/library_client.h"
 #include "harness/engine/engine.h"
+#include "harness/report/packed_trace.h"
+#include "harness/report/trace_csv.h"
 #include "harness/run/flight.h"
 #include "harness/score/score.h"
 #include "plant/plant.h"
@@ -149,6 +151,42 @@ BENCHMARK_CAPTURE(FlyByEngine, users, HostLibrary{TILTPROOF_FIRMWARE_LIBRARY})
     ->Arg(2)
     ->UseManualTime()
     ->Unit(benchmark::kMillisecond);
+
+// The trace of the flight as a file, and back.
+const Trace& FlownTrace() {
+  static const Trace trace = FlySpiral(kDuration_s).trace;
+  return trace;
+}
+
+void CountBytes(benchmark::State& state, const std::string& file) {
+  state.counters["file_bytes"] = static_cast<double>(file.size());
+}
+
+void WriteTraceAsText(benchmark::State& state) {
+  std::string file;
+  for (auto _ : state) file = WriteTraceCsv(FlownTrace());
+  CountBytes(state, file);
+}
+BENCHMARK(WriteTraceAsText)->Unit(benchmark::kMillisecond);
+
+void WriteTracePacked(benchmark::State& state) {
+  std::string file;
+  for (auto _ : state) file = PackTrace(FlownTrace());
+  CountBytes(state, file);
+}
+BENCHMARK(WriteTracePacked)->Unit(benchmark::kMillisecond);
+
+void ReadTraceAsText(benchmark::State& state) {
+  const std::string file = WriteTraceCsv(FlownTrace());
+  for (auto _ : state) benchmark::DoNotOptimize(ReadTraceCsv(file).row_count());
+}
+BENCHMARK(ReadTraceAsText)->Unit(benchmark::kMillisecond);
+
+void ReadTracePacked(benchmark::State& state) {
+  const std::string file = PackTrace(FlownTrace());
+  for (auto _ : state) benchmark::DoNotOptimize(UnpackTrace(file).trace.row_count());
+}
+BENCHMARK(ReadTracePacked)->Unit(benchmark::kMillisecond);
 
 }  // namespace
 }  // namespace tiltproof::harness
