@@ -108,6 +108,13 @@ struct ReportOptions {
 };
 int ReportCommand(const ReportOptions& options);
 
+struct ExportOptions {
+  std::filesystem::path run;  // folder of a run, or of a flight
+  std::string to;             // "mcap" or "csv"
+  std::filesystem::path out;  // empty: in the folder of each flight
+};
+int ExportCommand(const ExportOptions& options);
+
 struct MarginOptions {
   std::filesystem::path scenario;
   std::string fault;  // its id

@@ -179,6 +179,23 @@ int Main(int argc, char** argv) {
   report_app->add_option("--baseline", report.baseline, "Also show what changed since this run");
   report_app->callback([&] { command = [&] { return ReportCommand(report); }; });
 
+  ExportOptions exported;
+  auto* export_app = app.add_subcommand("export", "Write flights as files of other tools: MCAP, or CSV");
+  export_app->add_option("RUN", exported.run, "A run's results folder, or one scenario's folder in it")
+      ->required();
+  export_app
+      ->add_option("--to", exported.to,
+                   "mcap (Foxglove, PlotJuggler), or csv: tables (pandas, MATLAB), one file each")
+      ->required()
+      ->check(CLI::IsMember({"mcap", "csv"}));
+  export_app->add_option("--out", exported.out,
+                         "Of one flight: the .mcap file, or the folder of its tables; of several: the folder "
+                         "that they go in, by name "
+                         "(default: flight.mcap, or csv/, in each flight's folder)");
+  export_app->footer(
+      "What is in the files: docs/logs.md. Nothing is written over: remove old exports first.");
+  export_app->callback([&] { command = [&] { return ExportCommand(exported); }; });
+
   CompareOptions compare;
   auto* compare_app = app.add_subcommand(
       "compare", "Compare the flights of two runs: traces, timing, verdicts (0 equal, 1 different)");

@@ -233,6 +233,30 @@ extern const harness::Restart restart;
 extern const std::filesystem::path golden_folder;
 extern const FlightResult result;
 
+// harness/report/files.h
+extern const std::string_view bytes;
+
+// harness/report/zstd_bytes.h
+extern const std::string_view bytes;
+extern const std::size_t kBytesMax;
+
+// harness/report/packed_trace.h
+extern const Trace trace;
+extern const examples::Function Tell;
+
+// harness/report/trace_file.h
+extern const Trace trace;
+extern const std::filesystem::path folder;
+
+// harness/export/
+#include "harness/export/recorded_flight.h"
+#include "harness/report/files.h"
+extern NewFile file;
+extern const RecordedFlight flight;
+extern const examples::Function Declare, Tell;
+extern const Trace trace;
+extern const TimeNs time_ns;
+
 // harness/run/
 extern RunLog log;
 extern Line& line;
@@ -266,6 +290,9 @@ extern dds::Circle circle;
 
 // harness/process/shared_processor.h
 extern const examples::Function Wait;
+
+// harness/dds/cdr.h
+#include "harness/dds/messages.h"
 
 // harness/run/message_binding.h
 extern std::span<const double> row;
