@@ -65,10 +65,22 @@ class Export {
     DeclareSignals();
     std::stable_sort(messages_.begin(), messages_.end(),
                      [](const Message& a, const Message& b) { return a.time_ns < b.time_ns; });
-    auto next = messages_.cbegin();
+    auto message = messages_.cbegin();
+    auto frame = frames_.cbegin();
     const auto write_until = [&](TimeNs time_ns) {
-      for (; next != messages_.cend() && next->time_ns <= time_ns; ++next)
-        mcap_.Write(next->topic, next->time_ns, next->bytes);
+      for (;;) {
+        const bool frame_next =
+            frame != frames_.cend() && (message == messages_.cend() || frame->begin_ns <= message->time_ns);
+        if (frame_next ? frame->begin_ns > time_ns
+                       : message == messages_.cend() || message->time_ns > time_ns)
+          return;
+        if (frame_next) {
+          WriteFrame(*frame++);
+        } else {
+          mcap_.Write(message->topic, message->time_ns, message->bytes);
+          ++message;
+        }
+      }
     };
     for (std::size_t r = 0; r < flight_.times_ns.size(); ++r) {
       write_until(flight_.times_ns[r] - 1);
@@ -146,19 +158,23 @@ class Export {
                    .metrics_json = JsonText(ToJson(score.metrics))});
   }
 
+  // A long flight has millions: each becomes a message only when its turn comes.
   void GatherFrames() {
-    const auto topic = Declare("serial_tap", "SerialTap", dds::SerialTap());
-    std::int64_t sequence = 0;
+    frames_topic_ = Declare("serial_tap", "SerialTap", dds::SerialTap());
     std::size_t offset = 0;
-    while (const auto record = flight_.link.Next(offset)) {
-      dds::SerialTap tap{
-          .run_id = flight_.run_id, .node_id = ClientId(record->wire.client), .sequence = ++sequence};
-      tap.frames.push_back({.begin_ns = record->begin_ns,
-                            .direction = static_cast<std::uint8_t>(record->wire.direction),
-                            .delivered = record->delivered,
-                            .bytes = std::vector(record->bytes.begin(), record->bytes.end())});
-      Add(topic, record->begin_ns, tap);
-    }
+    while (const auto record = flight_.link.Next(offset)) frames_.push_back(*record);
+    std::stable_sort(frames_.begin(), frames_.end(),
+                     [](const LinkRecord& a, const LinkRecord& b) { return a.begin_ns < b.begin_ns; });
+  }
+
+  void WriteFrame(const LinkRecord& record) {
+    dds::SerialTap tap{
+        .run_id = flight_.run_id, .node_id = ClientId(record.wire.client), .sequence = ++frames_count_};
+    tap.frames.push_back({.begin_ns = record.begin_ns,
+                          .direction = static_cast<std::uint8_t>(record.wire.direction),
+                          .delivered = record.delivered,
+                          .bytes = std::vector(record.bytes.begin(), record.bytes.end())});
+    mcap_.Write(frames_topic_, record.begin_ns, Encoded(tap));
   }
 
   struct Signals {
@@ -224,6 +240,9 @@ class Export {
   McapTypes types_;
   McapWriter mcap_;
   std::vector<Message> messages_;
+  std::vector<LinkRecord> frames_;
+  McapWriter::Topic frames_topic_ = 0;
+  std::int64_t frames_count_ = 0;
   std::vector<Signals> signals_;
   std::size_t states_count_ = 0;
 };

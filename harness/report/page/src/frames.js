@@ -129,7 +129,7 @@ export function framesSection(flight, clock) {
     }
     const value = (name) => el("td", { class: "n", text: name ? number(flight.atRow(name, row), exact ? 7 : 4) : "" });
     table.replaceChildren(
-      el("caption", { text: `Row ${row} of trace.csv, t = ${flight.times_s[row].toFixed(3)} s${exact ? "" : " (between the points that this page has; trace.csv has it exactly)"}` }),
+      el("caption", { text: `Row ${row} of the trace, t = ${flight.times_s[row].toFixed(3)} s${exact ? "" : " (between the points that this page has; the flight's trace has it exactly)"}` }),
       el("thead", {}, el("tr", {}, ["signal", "truth, or in force", "sent, or commanded"].map((text) => el("th", { scope: "col", text })))),
       el("tbody", {}, [...groups].map(([base, { own, other }]) => el("tr", {}, el("th", { scope: "row", text: base }), value(own), value(other)))));
   };
