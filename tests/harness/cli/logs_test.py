@@ -10,22 +10,10 @@ import sys
 import unittest
 
 from command_line import CommandLineTest
+from report_test import LATE as FAULTS
 from report_test import details
 
 SOURCE = pathlib.Path(sys.argv[2]).resolve()
-
-FAULTS = """\
-name: NAME
-duration_s: 3
-seed: 3
-reference: {type: hover, at_m: [0, 0, 2]}
-faults:
-  - {id: late, type: frame.delay, target: to_client, start_s: 1, end_s: 2, parameters: {mean_ms: 5}}
-  - {id: off-and-on, type: frame.drop, target: to_plant, start_s: 1, end_s: 2, period_s: 0.5, duty: 0.5, parameters: {probability: 0.5}}
-criteria:
-  - {name: near, stl: "always[0.5,3](position_error_m <= 0.5)"}
-"""
-
 
 def rows_of(path):
     with open(path, newline="", encoding="utf-8") as file:

@@ -32,7 +32,7 @@ struct Outer {
 };
 static_assert(NamesEveryField<Outer>() && NamesEveryField<Inner>());
 
-std::string ErrorOf(const char* text) {
+std::string ReadErrorOf(const char* text) {
   try {
     FromJson<Outer>(Json::parse(text));
   } catch (const std::exception& error) {
@@ -66,14 +66,15 @@ TEST(JsonFields, InfinityAndNanAreNull) {
 }
 
 TEST(JsonFields, OnlyOptionalsListsAndMapsMayBeMissing) {
-  EXPECT_EQ(ErrorOf(R"({"name": "a", "color": "red"})"), "none");
-  EXPECT_NE(ErrorOf(R"({"color": "red"})").find("name: "), std::string::npos);
+  EXPECT_EQ(ReadErrorOf(R"({"name": "a", "color": "red"})"), "none");
+  EXPECT_NE(ReadErrorOf(R"({"color": "red"})").find("name: "), std::string::npos);
 }
 
 TEST(JsonFields, AnErrorSaysWhere) {
-  EXPECT_EQ(ErrorOf(R"({"name": "a", "color": "blue"})"), "color: unknown name 'blue'");
-  EXPECT_EQ(ErrorOf(R"({"name": "a", "color": "red", "list": [{"value": "x"}]})").rfind("list: value: ", 0),
-            0u);
+  EXPECT_EQ(ReadErrorOf(R"({"name": "a", "color": "blue"})"), "color: unknown name 'blue'");
+  EXPECT_EQ(
+      ReadErrorOf(R"({"name": "a", "color": "red", "list": [{"value": "x"}]})").rfind("list: value: ", 0),
+      0u);
 }
 
 TEST(JsonFields, AnArrayByDirectionHasTheirNames) {

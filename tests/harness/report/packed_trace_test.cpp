@@ -19,6 +19,7 @@
 #include "harness/report/trace_csv.h"
 #include "harness/report/trace_file.h"
 #include "harness/report/zstd_bytes.h"
+#include "tests/harness/report/test_folder.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -247,27 +248,7 @@ TEST(PackedTrace, HostileBlocksGetNoMemory) {
   }
 }
 
-class TraceFile : public ::testing::Test {
- protected:
-  void SetUp() override {
-    folder_ = fs::temp_directory_path() / (std::string("tiltproof-trace-") +
-                                           ::testing::UnitTest::GetInstance()->current_test_info()->name());
-    fs::remove_all(folder_);
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-  fs::path folder_;
-};
-
-template <class Function>
-std::string TroubleOf(Function&& function) {
-  try {
-    function();
-  } catch (const std::exception& error) {
-    return error.what();
-  }
-  return "no error";
-}
+class TraceFile : public FolderTest {};
 
 TEST_F(TraceFile, IsReadWhicheverIsThere) {
   const Trace trace = FlightLikeTrace(4, 50, 6);
@@ -281,22 +262,22 @@ TEST_F(TraceFile, IsReadWhicheverIsThere) {
 }
 
 TEST_F(TraceFile, IsMissedAndNotGuessed) {
-  EXPECT_THAT(TroubleOf([&] { ReadTrace(folder_); }), HasSubstr("no trace.csv or trace.packed in "));
+  EXPECT_THAT(ErrorOf([&] { ReadTrace(folder_); }), HasSubstr("no trace.csv or trace.packed in "));
   WriteTrace(folder_, TraceOf(1, {1}), TraceFormat::kNone);
   EXPECT_TRUE(fs::is_empty(folder_));
   WriteTrace(folder_, TraceOf(1, {1}), TraceFormat::kCsv);
   WriteTrace(folder_, TraceOf(1, {2}), TraceFormat::kPacked);
-  EXPECT_THAT(TroubleOf([&] { ReadTrace(folder_); }), HasSubstr("has both trace.csv and trace.packed"));
+  EXPECT_THAT(ErrorOf([&] { ReadTrace(folder_); }), HasSubstr("has both trace.csv and trace.packed"));
 }
 
 TEST_F(TraceFile, DamageIsNamedWithFileAndPlace) {
   const std::string file = PackTrace(FlightLikeTrace(4, 1100, 7));
   WriteFile(folder_ / "trace.packed", std::string_view(file).substr(0, file.size() - 20));
-  EXPECT_THAT(TroubleOf([&] { ReadTrace(folder_); }), HasSubstr("trace.packed: byte "));
+  EXPECT_THAT(ErrorOf([&] { ReadTrace(folder_); }), HasSubstr("trace.packed: byte "));
   EXPECT_EQ(ReadTracePart(folder_).trace.row_count(), 1024U);
   fs::remove(folder_ / "trace.packed");
   WriteFile(folder_ / "trace.csv", "t_s,x_m\n0,1\n0.012,2\n0.024");
-  EXPECT_THAT(TroubleOf([&] { ReadTrace(folder_); }), HasSubstr("trace.csv: line 4: cut"));
+  EXPECT_THAT(ErrorOf([&] { ReadTrace(folder_); }), HasSubstr("trace.csv: line 4: cut"));
   EXPECT_EQ(ReadTracePart(folder_).trace.row_count(), 2U);
 }
 

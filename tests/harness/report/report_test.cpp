@@ -18,6 +18,7 @@
 #include "harness/report/flight_files.h"
 #include "harness/report/results.h"
 #include "harness/report/trace_csv.h"
+#include "tests/harness/report/test_folder.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -25,27 +26,7 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 
-class ReportTest : public ::testing::Test {
- protected:
-  void SetUp() override {
-    folder_ = fs::temp_directory_path() / (std::string("tiltproof-report-") +
-                                           ::testing::UnitTest::GetInstance()->current_test_info()->name());
-    fs::remove_all(folder_);
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-  fs::path folder_;
-};
-
-template <class Function>
-std::string ErrorOf(Function&& function) {
-  try {
-    function();
-  } catch (const std::exception& error) {
-    return error.what();
-  }
-  return "no error";
-}
+class ReportTest : public FolderTest {};
 
 Trace OddTrace() {
   Trace trace({"t_s", "x_m", "y_m"});
