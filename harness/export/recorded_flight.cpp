@@ -44,21 +44,32 @@ std::vector<dds::Chunk> ChunksOf(const Json& json) {
   return chunks;
 }
 
+RecordedActivation ActivationOf(const Json& json) {
+  RecordedActivation recorded;
+  recorded.type = json.at("type");
+  recorded.activation.fault_id = json.at("fault");
+  recorded.activation.time_ns = FromSeconds(json.at("time_s").get<double>());
+  recorded.activation.what = json.at("what");
+  recorded.activation.before = ChunksOf(json.at("before"));
+  recorded.activation.after = ChunksOf(json.at("after"));
+  return recorded;
+}
+
 std::vector<RecordedActivation> ActivationsOf(const std::string& jsonl, const std::string& run_id) {
   std::vector<RecordedActivation> activations;
   std::istringstream lines(jsonl);
+  std::size_t line_number = 0;
   for (std::string line; std::getline(lines, line);) {
-    const Json json = Json::parse(line);
-    if (!json.contains("time_s")) continue;  // how many were not kept
-    RecordedActivation& to = activations.emplace_back();
-    to.type = json.at("type");
-    to.activation.run_id = run_id;
-    to.activation.sequence = static_cast<std::int64_t>(activations.size());
-    to.activation.fault_id = json.at("fault");
-    to.activation.time_ns = FromSeconds(json.at("time_s").get<double>());
-    to.activation.what = json.at("what");
-    to.activation.before = ChunksOf(json.at("before"));
-    to.activation.after = ChunksOf(json.at("after"));
+    ++line_number;
+    try {
+      const Json json = Json::parse(line);
+      if (!json.contains("time_s")) continue;  // how many were not kept
+      activations.push_back(ActivationOf(json));
+    } catch (const std::exception& error) {
+      throw std::runtime_error(fmt::format("line {}: {}", line_number, error.what()));
+    }
+    activations.back().activation.run_id = run_id;
+    activations.back().activation.sequence = static_cast<std::int64_t>(activations.size());
   }
   return activations;
 }
@@ -76,7 +87,11 @@ RecordedFlight ReadRecordedFlight(const std::filesystem::path& folder, const std
   TracePart part = ReadTracePart(folder);
   flight.trace = std::move(part.trace);
   flight.trouble = std::move(part.trouble);
-  flight.times_ns = RowTimes(flight.trace);
+  try {
+    flight.times_ns = RowTimes(flight.trace);
+  } catch (const std::exception& error) {
+    throw std::runtime_error(fmt::format("{}: {}", FindTrace(folder).string(), error.what()));
+  }
   RunLog log = ReadFlightRecord(folder);
   flight.events = std::move(log.events);
   flight.end_ns = log.end_ns;

@@ -50,7 +50,7 @@ std::vector<SignalTopic> SignalTopicsOf(const Trace& trace) {
                               : name.starts_with("sensed_")                            ? 2
                               : name.starts_with("commanded_")                         ? 3
                                                                                        : 4;
-    topics[topic].columns.push_back({c, name});
+    topics[topic].columns.push_back({c, name, JsonText(name)});
   }
   std::erase_if(topics, [](const SignalTopic& topic) { return topic.columns.empty(); });
   return topics;
@@ -85,8 +85,7 @@ std::string ToJsonMessage(const SignalTopic& topic, TimeNs time_ns, std::span<co
     const double value = row[column.place];
     if (!std::isfinite(value)) continue;
     const auto end = std::to_chars(number.data(), number.data() + number.size(), value).ptr;
-    // Names of columns hold nothing that JSON would escape: ids of faults and clients are words.
-    text += fmt::format(R"(,"{}":{})", column.name,
+    text += fmt::format(",{}:{}", column.key,
                         std::string_view(number.data(), static_cast<std::size_t>(end - number.data())));
   }
   return text + "}";

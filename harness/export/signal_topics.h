@@ -19,6 +19,7 @@ struct SignalTopic {
   struct Column {
     std::size_t place;  // in a row of the trace
     std::string name;
+    std::string key;  // the name in JSON
   };
   std::vector<Column> columns;
   std::string ColumnNames() const;  // with commas between them

@@ -185,6 +185,27 @@ class LogsTest(CommandLineTest):
         self.assertEqual(self.tiltproof("export", self.latest(), "--to", "ulog")[0], 2)
         self.assertEqual(self.tiltproof("export", self.latest())[0], 2)
 
+    def test_damaged_files_are_named_with_the_place(self):
+        self.tiltproof("run", self.scenario("hover"))
+        flight = self.latest() / "hover"
+        for file, content, said in (("trace.csv", "a,b\n1,2\n", "trace.csv: the trace has no column 't_s'"),
+                                    ("trace.csv", "t_s,b\nnan,2\n", "trace.csv: the trace has no valid time in row 0"),
+                                    ("faults.jsonl", '{"left_out_count": 1}\n{"time_s": 1}\n', "faults.jsonl: line 2: "),
+                                    ("faults.jsonl", '{"time_s":1,"type":"a","fault":"b","what":"","before":[{"begin_s":1,"bytes":"0x"}],"after":[]}\n',
+                                     "faults.jsonl: line 1: bytes that are not hexadecimal"),
+                                    ("link.bin", "TPLINK2\n123", "link.bin: damaged link log: cut record header at byte 8"),
+                                    ("verdict.json", "{", "verdict.json: "),
+                                    ("flight.json", "[]", "flight.json: ")):
+            with self.subTest(file=file, said=said):
+                whole = (flight / file).read_bytes()
+                (flight / file).write_text(content)
+                code, out, err = self.tiltproof("export", self.latest(), "--to", "mcap")
+                self.assertEqual((code, out), (3, ""))
+                self.assertIn(said, err)
+                self.assertFalse((flight / "flight.mcap").exists())
+                (flight / file).write_bytes(whole)
+        self.assertEqual(self.tiltproof("export", self.latest(), "--to", "mcap")[0], 0)
+
     def test_a_full_disk_is_reported(self):
         self.tiltproof("run", self.scenario("hover"))
         code, _, err = self.tiltproof("export", self.latest(), "--to", "mcap", "--out", "/dev/full")
