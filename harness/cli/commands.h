@@ -46,6 +46,7 @@ struct RunOptions {
   std::filesystem::path out = "results";
   bool fail_fast = false;
   bool dry_run = false;
+  bool last_failed = false;
   bool strict = false;  // scenarios in folders that cannot be flown are errors too
   std::string format = "human";
   bool no_progress = false;
@@ -97,6 +98,8 @@ struct CompareOptions {
   std::string format = "human";
 };
 int CompareCommand(const CompareOptions& options);
+// --baseline: whether b got worse than a, in results alone. The tolerance is that of margins.
+int BaselineCommand(const CompareOptions& options);
 // --outcomes: a is the run of one flight, the reference.
 int OutcomesCommand(const CompareOptions& options);
 

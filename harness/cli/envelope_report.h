@@ -61,7 +61,7 @@ std::string ToJsonText(const Envelope& envelope);
 // Lines of at most 80 columns with one or two clients.
 std::string EnvelopeTable(const Envelope& envelope);
 // One line per type and reason.
-std::string NotApplicableText(const Envelope& envelope);
+std::vector<std::string> NotApplicableLines(const Envelope& envelope);
 std::string EnvelopeMapText(const EnvelopeMap& map);
 
 }  // namespace tiltproof::harness
