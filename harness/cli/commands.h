@@ -104,9 +104,10 @@ int BaselineCommand(const CompareOptions& options);
 int OutcomesCommand(const CompareOptions& options);
 
 struct ReportOptions {
-  std::vector<std::filesystem::path> runs;  // folders of runs, or of flights
+  std::vector<std::filesystem::path> runs;  // folders of runs, or of flights; or one of an envelope
   std::filesystem::path out;                // empty: report.html in the only run's folder, or here
   std::filesystem::path baseline;           // empty: none
+  std::string program = "tiltproof";        // as it was called, for commands on the page
 };
 int ReportCommand(const ReportOptions& options);
 
@@ -137,7 +138,10 @@ struct EnvelopeOptions {
   int jobs_count = 1;
   std::filesystem::path out = "results/envelope";
   std::filesystem::path resume;  // the folder of an envelope that was interrupted; or empty
+  bool keep = false;             // the flights on both sides of each margin
+  bool no_report = false;
   bool no_progress = false;
+  std::vector<std::string> command;  // as typed
 };
 int EnvelopeCommand(const EnvelopeOptions& options);
 

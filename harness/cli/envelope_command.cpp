@@ -13,9 +13,11 @@
 #include "harness/cli/applicability.h"
 #include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
+#include "harness/cli/envelope_flights.h"
 #include "harness/cli/envelope_report.h"
 #include "harness/cli/envelope_resume.h"
 #include "harness/cli/interrupt_scope.h"
+#include "harness/cli/report_command.h"
 #include "harness/cli/search_flights.h"
 #include "harness/report/files.h"
 #include "harness/run/hash.h"
@@ -74,7 +76,10 @@ EnvelopeColumn IdentityOf(const Column& column) {
       WriteResolved(scenario) + ReadFile(scenario.model_file) + column.means.client_text();
   const std::uint64_t hash =
       Fnv1a({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}, kFnvOffset);
-  return {column.name, fmt::format("{:016x}", hash), BuildOf(column.means.clients)};
+  const bool shipped =
+      column.means.client_text() == ToText(ClientSpec()) && column.means.clients.by_id.empty();
+  return {column.name, fmt::format("{:016x}", hash), shipped ? "" : ClientFlagsOf(column.means.clients),
+          BuildOf(column.means.clients)};
 }
 
 bool IsOneOf(const std::string& pattern, std::string_view type) {
@@ -225,6 +230,7 @@ class EnvelopeSearch {
       envelope_.columns.push_back(IdentityOf(column));
       AddColumn(column, RowsOf(options, column.base.model->signals()), envelope_, tasks_);
     }
+    all_tasks_ = tasks_;
     if (!options.resume.empty()) TakeEarlierRows(options.resume / "envelope.json", envelope_);
     LeaveOutDone();
   }
@@ -249,6 +255,12 @@ class EnvelopeSearch {
     Print(stdout, "{}", TextLines(EnvelopeTable(envelope_)));
     for (const EnvelopeMap& map : envelope_.maps) Print(stdout, "\n{}", TextLines(EnvelopeMapText(map)));
     PrintNotApplicable();
+    const std::vector<SideFlight> sides = SidesOf(envelope_, all_tasks_);
+    WriteLevels(folder(), sides);
+    if (options_.keep && !interrupted()) Keep(sides);
+    if (!options_.no_report)
+      if (const auto page = WriteEnvelopeReport(folder(), options_.command.front()))
+        PrintLine(stdout, 0, "report: " + page->string());
     Print(stdout, "{} of {} rows, {} flights, in {}{}\n", done_count_, envelope_.entries.size(),
           trials_.flown_count(), (folder() / "envelope.json").string(),
           interrupted() ? " (interrupted)" : "");
@@ -273,6 +285,13 @@ class EnvelopeSearch {
     }
     tasks_ = std::move(left);
     earlier_count_ = done_count_;
+  }
+
+  void Keep(const std::vector<SideFlight>& sides) {
+    const KeptFlights kept = KeepFlights(folder(), sides, options_);
+    if (kept.exit != kExitGreen) exit_ = exit_ == kExitError ? exit_ : kept.exit;
+    Print(stdout, "{} flights on the sides of the margins are in {}\n", kept.count,
+          (folder() / "flights").string());
   }
 
   static bool interrupted() { return *InterruptScope::flag(); }
@@ -367,8 +386,9 @@ class EnvelopeSearch {
   std::vector<Column> columns_;
   Trials trials_;
   Envelope envelope_;
-  std::vector<MarginTask> tasks_;     // of entries, in their order
-  std::vector<std::size_t> entries_;  // the place of each task's
+  std::vector<MarginTask> all_tasks_;  // of entries, in their order
+  std::vector<MarginTask> tasks_;      // those to be flown
+  std::vector<std::size_t> entries_;   // the place of each task's
   std::size_t done_count_ = 0;
   int exit_ = kExitGreen;
   // Rows that an earlier envelope has found, and those whose flights could not be judged.

@@ -96,7 +96,8 @@ std::string ToJsonText(const Envelope& envelope) {
   Json clients = Json::array(), columns = Json::object();
   for (const EnvelopeColumn& column : envelope.columns) {
     clients.push_back(column.client);
-    columns[column.client] = {{"scenario", column.scenario}, {"build", column.build}};
+    columns[column.client] = {
+        {"scenario", column.scenario}, {"flags", column.flags}, {"build", column.build}};
   }
   Json json = {{"format", kResultsFormat},
                {"version", Version()},

@@ -167,9 +167,13 @@ int Main(int argc, char** argv) {
   score_app->callback([&] { command = [&] { return ScoreCommand(replay); }; });
 
   ReportOptions report;
+  report.program = argv[0];
   auto* report_app =
       app.add_subcommand("report", "Write one page that shows runs, for a browser (report.html)");
-  report_app->add_option("RUN", report.runs, "Results folders of runs, or of scenarios in them")->required();
+  report_app
+      ->add_option("RUN", report.runs,
+                   "Results folders of runs, or of scenarios in them; or one of an envelope")
+      ->required();
   report_app->add_option("--out", report.out,
                          "The file (default: report.html in the folder of the only RUN, otherwise here)");
   report_app->add_option("--baseline", report.baseline, "Also show what changed since this run");
@@ -240,6 +244,7 @@ int Main(int argc, char** argv) {
   margin_app->callback([&] { command = [&] { return MarginCommand(margin); }; });
 
   EnvelopeOptions envelope;
+  envelope.command.assign(argv, argv + argc);
   auto* envelope_app = app.add_subcommand(
       "envelope", "Find the margin of every fault that a firmware can take, over one scenario");
   envelope_app
@@ -273,6 +278,9 @@ int Main(int argc, char** argv) {
       ->type_name("DIR")
       ->excludes(envelope_out);
   add_search_options(envelope_app, envelope);
+  envelope_app->add_flag("--keep", envelope.keep,
+                         "At the end fly both sides of each margin once more, and keep these flights");
+  envelope_app->add_flag("--no-report", envelope.no_report, "Write no envelope.html");
   envelope_app->add_flag("--no-progress", envelope.no_progress, "No progress on standard error");
   envelope_app->callback([&] { command = [&] { return EnvelopeCommand(envelope); }; });
 

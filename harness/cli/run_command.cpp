@@ -73,19 +73,6 @@ std::vector<SuiteScenario> Select(std::vector<SuiteScenario> scenarios, const Ru
   return scenarios;
 }
 
-// For a shell.
-std::string Quoted(const std::string& text) {
-  std::string quoted = "'";
-  for (const char c : text) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return quoted + "'";
-}
-
-std::string ClientFlagsOf(const RunClients& clients) {
-  std::string flags = " --client " + Quoted(ToText(clients.all));
-  for (const auto& [id, client] : clients.by_id) flags += " --client " + Quoted(id + "=" + ToText(client));
-  return flags;
-}
-
 // The command that flies a flight again that cannot be replayed from its folder.
 std::string FlyAgain(const RunOptions& options, const FlightMeans& means, const std::filesystem::path& file,
                      std::uint64_t seed) {
@@ -151,17 +138,6 @@ std::vector<Repeats> RepeatsIn(const std::vector<FlightResult>& results,
   std::vector<std::string> names;
   for (const FlightResult& result : results) names.push_back(scenario_of.at(result.name));
   return RepeatsOf(results, names);
-}
-
-// A report that cannot be written changes no verdict.
-void WriteReport(const std::filesystem::path& folder, const Console& console) {
-  const auto file = folder / "report.html";
-  try {
-    WriteFile(file, PageOf(ViewRuns({{folder, ""}})));
-    console.Line("report: " + file.string());
-  } catch (const std::exception& error) {
-    Print(stderr, "warning: no report: {}\n", error.what());
-  }
 }
 
 }  // namespace
@@ -266,7 +242,8 @@ int RunCommand(const RunOptions& options) {
                                         const BusPlace& place) { record.TakePlace(flight, place); }});
   record.Finish(flown.interrupted, flown.interrupted ? "not flown: the run was interrupted"
                                                      : "not flown: --fail-fast ended the run");
-  if (!options.no_report) WriteReport(folder, console);
+  if (!options.no_report)
+    if (const auto file = WriteReport(folder)) console.Line("report: " + file->string());
   if (options.repeat_count > 1) console.Repeated(RepeatsIn(flown.results, suite.scenarios, plan));
   console.Summary(flown.results, flown.not_flown.size(), not_applicable.size(), flown.interrupted);
   return flown.interrupted ? static_cast<int>(kExitInterrupted) : ExitCode(flown.results);
