@@ -2,8 +2,8 @@
 import { copyable, el, number, seconds } from "./dom.js";
 import { countBoxes, header } from "./header.js";
 import { listing } from "./listing.js";
-import { levelText, rangeBars, severityScale } from "./range_bars.js";
-import { onTheme, palette } from "./theme.js";
+import { levelText, rangeBars, repaint, severityScale, swatch } from "./range_bars.js";
+import { onTheme } from "./theme.js";
 
 const envelope = JSON.parse(document.getElementById("envelope").textContent);
 const clients = envelope.clients ?? [];
@@ -39,7 +39,7 @@ function lines() {
     const rows = clients.map((client) => line.of[client]);
     const any = rows.find((row) => row);
     const known = rows.filter((row) => row && row.error === undefined);
-    const scale = severityScale({ ...any, levels: known.flatMap((row) => [row.survives, row.fails]).filter((level) => level !== null) });
+    const scale = severityScale({ ...any, levels: known.flatMap((row) => (row.fails === null ? [] : [row.survives, row.fails])).filter((level) => level !== null) });
     const ratio = clients.length > 1 ? ratioOf(rows[0], rows[rows.length - 1]) : null;
     const shares = known.map((row) => (row.survives === null ? 0 : row.fails === null ? 1 : scale.place(row.survives)));
     return { ...line, any, rows, scale, ratio, least: shares.length > 0 ? Math.min(...shares) : 2, layer: String(line.type).split(".")[0], worse: ratio !== null && ratio < 1 - (envelope.tolerance ?? 0) };
@@ -86,7 +86,7 @@ function side(row, which) {
 
 function details(line) {
   return line.rows.map((row, i) => {
-    const title = el("h3", {}, el("span", { class: `block client-${i % 8}` }), clients[i]);
+    const title = el("h3", {}, swatch(i), clients[i]);
     if (!row) {
       const why = (envelope.not_applicable ?? []).find((other) => other.type === line.type && other.client === clients[i] && other.place.replace(/positive|negative/, "") === line.place.replace(/[+−]$/, ""));
       return el("section", {}, title, el("p", { text: why ? `Not applicable: ${why.reason}` : "Not found yet." }));
@@ -141,7 +141,7 @@ function show() {
     { key: "type", label: "Fault", of: (l) => l.type },
     { key: "place", label: "Where", of: (l) => l.place },
     { key: "parameter", label: "Severity", of: (l) => l.any.parameter },
-    { key: "least", label: "From harmless to most severe (sort: least margin)", of: (l) => l.least },
+    { key: "least", label: "Least margin: from harmless to most severe", of: (l) => l.least },
     ...clients.map((client, i) => ({ key: `client-${i}`, label: client, numeric: true, of: (l) => (l.of[client] && l.of[client].error === undefined ? distance(l.of[client]) : -1) })),
   ];
   if (two) columns.push({ key: "ratio", label: "Ratio", numeric: true, of: (l) => l.ratio ?? -1 });
@@ -156,17 +156,15 @@ function show() {
   main.replaceChildren(
     el("h1", { text: "How severe may a fault be" }), countBoxes(boxes),
     ...(envelope.complete ? [] : [el("p", { class: "note", role: "note", text: "The envelope is not complete: it was interrupted, or is still under way." })]),
-    el("p", { class: "legend" }, clients.map((client, i) => el("span", { class: "item" }, el("span", { class: `block client-${i % 8}` }), client)),
+    el("p", { class: "legend" }, clients.map((client, i) => el("span", { class: "item" }, swatch(i), client)),
       el("span", { class: "item hint", text: "bar: survived up to here · line: the first level that failed · none: the mildest failed · all: the most severe was survived · … : the range goes on" })),
     el("p", { class: "hint", text: `${envelope.repeats} seeds at each level from seed ${envelope.seed} on, exact to ${number(share)} % of the distance from harmless.${two ? ` Ratio: how many times as far from harmless ${names[1]} goes as ${names[0]}; ▼ marks less.` : ""}` }),
     filters, told, all.length > 0 ? table : el("p", { text: "This envelope has no rows." }),
     ...((envelope.map ?? []).length > 0 ? [el("h2", { text: "Two faults at once" }), el("div", { class: "maps" }, envelope.map.map(map))] : []),
     ...(left.length > 0 ? [el("details", {}, el("summary", { text: `${left.length} that a firmware's client cannot take` }), el("ul", {}, left.map((x) => el("li", { text: `${x.type} ${x.place} of ${x.client}: ${x.reason}` }))))] : []));
-  const colours = palette();
-  document.querySelectorAll("[class*='client-']").forEach((block) => (block.style.background = colours[Number(/client-(\d)/.exec(block.className)[1])]));
 }
 
 document.title = `${envelope.scenario ?? "envelope"} – tiltproof`;
 header(envelope.scenario ?? "envelope", [clients.join(", "), `seed ${envelope.seed}`, `tiltproof ${envelope.version}`]);
-onTheme(show);
+onTheme(() => repaint(main));
 show();
