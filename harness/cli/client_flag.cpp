@@ -127,4 +127,16 @@ bool Emulates(const std::vector<ClientSpec>& clients) {
                      [](const ClientSpec& client) { return std::holds_alternative<EmulatedImage>(client); });
 }
 
+std::string Quoted(const std::string& text) {
+  std::string quoted = "'";
+  for (const char c : text) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return quoted + "'";
+}
+
+std::string ClientFlagsOf(const RunClients& clients) {
+  std::string flags = " --client " + Quoted(ToText(clients.all));
+  for (const auto& [id, client] : clients.by_id) flags += " --client " + Quoted(id + "=" + ToText(client));
+  return flags;
+}
+
 }  // namespace tiltproof::harness

@@ -21,6 +21,11 @@ RunClients ReadClientFlags(const std::vector<std::string>& texts);
 // Throws UsageError for an id that no scenario has.
 void CheckClientIds(const RunClients& clients, const std::vector<const Scenario*>& scenarios);
 
+// For a shell, in quotes.
+std::string Quoted(const std::string& text);
+// The flags that give these clients, each behind a space.
+std::string ClientFlagsOf(const RunClients& clients);
+
 // Checks that a library is one, before anything is flown. Throws UsageError.
 void CheckLibrary(const ClientSpec& client);
 

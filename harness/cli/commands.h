@@ -46,6 +46,7 @@ struct RunOptions {
   std::filesystem::path out = "results";
   bool fail_fast = false;
   bool dry_run = false;
+  bool last_failed = false;
   bool strict = false;  // scenarios in folders that cannot be flown are errors too
   std::string format = "human";
   bool no_progress = false;
@@ -98,13 +99,16 @@ struct CompareOptions {
   std::string format = "human";
 };
 int CompareCommand(const CompareOptions& options);
+// --baseline: whether b got worse than a, in results alone. The tolerance is that of margins.
+int BaselineCommand(const CompareOptions& options);
 // --outcomes: a is the run of one flight, the reference.
 int OutcomesCommand(const CompareOptions& options);
 
 struct ReportOptions {
-  std::vector<std::filesystem::path> runs;  // folders of runs, or of flights
+  std::vector<std::filesystem::path> runs;  // folders of runs, or of flights; or one of an envelope
   std::filesystem::path out;                // empty: report.html in the only run's folder, or here
   std::filesystem::path baseline;           // empty: none
+  std::string program = "tiltproof";        // as it was called, for commands on the page
 };
 int ReportCommand(const ReportOptions& options);
 
@@ -142,7 +146,10 @@ struct EnvelopeOptions {
   int jobs_count = 1;
   std::filesystem::path out = "results/envelope";
   std::filesystem::path resume;  // the folder of an envelope that was interrupted; or empty
+  bool keep = false;             // the flights on both sides of each margin
+  bool no_report = false;
   bool no_progress = false;
+  std::vector<std::string> command;  // as typed
 };
 int EnvelopeCommand(const EnvelopeOptions& options);
 

@@ -13,6 +13,7 @@
 #include "harness/report/json_text.h"
 #include "harness/report/machine.h"
 #include "harness/scenario/differing_key.h"
+#include "harness/terminal/lines.h"
 #include "harness/terminal/terminal.h"
 #include "link/time.h"
 
@@ -151,10 +152,10 @@ void PrintColumns(const TraceComparison& trace) {
         continue;
       }
       ++shown;
-      Print(stdout, "    {:<34} {:>14} {:>10.3f} {:>12.3g}", column.column,
+      Print(stdout, "    {:<34} {:>14} {:>10.3f} {:>12.3g}\n", column.column,
             WithUnit(column.max, column.column), column.max_time_s, column.rms);
-      if (column.one_sided_rows > 0) Print(stdout, "  ({} rows in one flight only)", column.one_sided_rows);
-      Print(stdout, "\n");
+      if (column.one_sided_rows > 0)
+        PrintLine(stdout, 6, fmt::format("{} rows in one flight only", column.one_sided_rows));
     }
   }
   if (more > 0) Print(stdout, "    ... and {} more that differ; --format jsonl has all\n", more);
@@ -197,12 +198,17 @@ std::vector<std::string> Differences(const FlightComparison& c, double tolerance
 
 void PrintFlight(const std::string& name, const FlightComparison& c, double tolerance) {
   const std::vector<std::string> lines = Differences(c, tolerance);
-  Print(stdout, "{:<10} {:<34} {}\n", DifferenceWord(c), name, lines.front());
-  for (std::size_t i = 1; i < lines.size(); ++i) Print(stdout, "{:<45} {}\n", "", lines[i]);
+  if (IsTerminal(stdout)) {
+    PrintLine(stdout, 0, fmt::format("{:<10} {}", DifferenceWord(c), name));
+    for (const std::string& line : lines) PrintLine(stdout, 4, line);
+  } else {
+    Print(stdout, "{:<10} {:<34} {}\n", DifferenceWord(c), name, lines.front());
+    for (std::size_t i = 1; i < lines.size(); ++i) Print(stdout, "{:<45} {}\n", "", lines[i]);
+  }
   if (c.identical) return;
   PrintColumns(c.trace);
   if (!c.trace.columns_of_one.empty())
-    Print(stdout, "    in one trace only: {}\n", fmt::format("{}", fmt::join(c.trace.columns_of_one, ", ")));
+    PrintLine(stdout, 4, fmt::format("in one trace only: {}", fmt::join(c.trace.columns_of_one, ", ")));
   PrintMetrics(c);
 }
 
@@ -225,7 +231,10 @@ int CompareCommand(const CompareOptions& options) {
   const Pairing pairing = Pair(options, a, b);
   for (const auto& [folder_a, folder_b] : pairing.pairs) CheckSameFlight(folder_a, folder_b);
   const bool jsonl = options.format == "jsonl";
-  if (!jsonl) Print(stdout, "{}\n{}\n", RunText("A", options.a, a.info), RunText("B", options.b, b.info));
+  if (!jsonl) {
+    PrintLine(stdout, 0, RunText("A", options.a, a.info));
+    PrintLine(stdout, 0, RunText("B", options.b, b.info));
+  }
 
   std::size_t identical = 0, close = 0, different = 0, unreadable = 0;
   for (const auto& pair : pairing.pairs) {
@@ -249,14 +258,14 @@ int CompareCommand(const CompareOptions& options) {
   }
   const std::string machines = MachineDifference(a.info.machine, b.info.machine, "in A", "in B");
   if (!jsonl) {
-    if (different > 0 && !machines.empty()) Print(stdout, "another machine: {}\n", machines);
+    if (different > 0 && !machines.empty()) PrintLine(stdout, 0, "another machine: " + machines);
     std::string text =
         fmt::format("{} of {} flights identical, {} within {:g} (m, rad, m/s, rad/s), {} different",
                     identical, pairing.pairs.size(), close, options.tolerance, different);
     if (unreadable > 0) text += fmt::format(", {} unreadable", unreadable);
     if (!pairing.only_a.empty()) text += fmt::format(", {} only in A", pairing.only_a.size());
     if (!pairing.only_b.empty()) text += fmt::format(", {} only in B", pairing.only_b.size());
-    Print(stdout, "{}\n", text);
+    PrintLine(stdout, 0, text);
   }
   if (unreadable > 0) return kExitError;
   return different > 0 || !pairing.only_a.empty() || !pairing.only_b.empty() ? kExitNotGreen : kExitGreen;

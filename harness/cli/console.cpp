@@ -1,7 +1,6 @@
 #include "harness/cli/console.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cctype>
@@ -12,6 +11,7 @@
 #include <vector>
 
 #include "harness/report/json_text.h"
+#include "harness/terminal/lines.h"
 #include "harness/terminal/terminal.h"
 
 namespace tiltproof::harness {
@@ -24,7 +24,6 @@ std::string Upper(std::string_view text) {
   return upper;
 }
 
-constexpr std::size_t kTerminalColumns = 80;
 constexpr std::size_t kWordMin = 5;  // PASS, FAIL and ERROR in one column
 constexpr std::size_t kNameMin = 16;
 
@@ -75,7 +74,8 @@ std::vector<std::string> Reasons(const Score& score) {
 
 Console::Console(bool jsonl)
     : jsonl_(jsonl),
-      terminal_(isatty(STDOUT_FILENO) != 0),
+      terminal_(IsTerminal(stdout)),
+      indent_(terminal_ ? 6 : 17),
       colours_(terminal_ && std::getenv("NO_COLOR") == nullptr) {}
 
 std::string Console::Paint(const char* colour, const std::string& text) const {
@@ -83,7 +83,7 @@ std::string Console::Paint(const char* colour, const std::string& text) const {
 }
 
 void Console::Line(const std::string& text) const {
-  if (!jsonl_) Print(stdout, "{}\n", text);
+  if (!jsonl_) PrintLine(stdout, 0, text);
 }
 
 std::string Console::FlightLine(const FlightResult& result) const {
@@ -115,17 +115,54 @@ void Console::Finished(const FlightResult& result) const {
   }
   Print(stdout, "{}\n", OfOurs(FlightLine(result)));
   if (result.green()) {
-    if (result.score.verdict != Verdict::kPass) Print(stdout, "{:17}{}\n", "", result.score.reason);
+    if (result.score.verdict != Verdict::kPass) PrintLine(stdout, indent_, result.score.reason);
   } else {
-    for (const auto& line : Reasons(result.score)) Print(stdout, "{:17}{}\n", "", line);
-    Print(stdout, "{:17}expected {}; seed {}{}{}\n", "", Name(result.expected), result.seed,
-          result.replay.empty() ? "" : "; again: ", result.replay);
+    for (const auto& line : Reasons(result.score)) PrintLine(stdout, indent_, line);
+    const std::string facts = fmt::format("expected {}; seed {}", Name(result.expected), result.seed);
+    if (result.replay.empty())
+      PrintLine(stdout, indent_, facts);
+    else
+      Again(facts + "; again:", result.replay);
   }
   std::fflush(stdout);
 }
 
+void Console::Again(const std::string& what, const std::string& command) const {
+  if (terminal_) {
+    PrintLine(stdout, indent_, what);
+    PrintCommand(stdout, indent_, command);
+  } else {
+    PrintLine(stdout, indent_, what + " " + command);
+  }
+}
+
 void Console::LeftOut(const NotApplicable& scenario) const {
-  Print(jsonl_ ? stderr : stdout, "not applicable: {}: {}\n", scenario.name, scenario.reason);
+  PrintLine(jsonl_ ? stderr : stdout, 0,
+            fmt::format("not applicable: {}: {}", scenario.name, scenario.reason));
+}
+
+void Console::Repeated(const std::vector<Repeats>& scenarios) const {
+  if (jsonl_) return;
+  for (const Repeats& repeats : scenarios) {
+    const auto [low, high] = WilsonInterval(repeats.passed, repeats.flown);
+    const std::string sure =
+        repeats.all_the_same
+            ? "nothing is drawn at random: every seed is the same flight"
+            : fmt::format("{:.3g} % (95 % confidence: {:.3g} to {:.3g} %)",
+                          100.0 * static_cast<double>(repeats.passed) / static_cast<double>(repeats.flown),
+                          100.0 * low, 100.0 * high);
+    PrintLine(
+        stdout, 0,
+        fmt::format(
+            "{}: {} of {} pass, {}{}", repeats.scenario, repeats.passed, repeats.flown, sure,
+            repeats.errors == 0 ? "" : ", " + Counted(static_cast<std::int64_t>(repeats.errors), "error")));
+    PrintLine(
+        stdout, indent_,
+        fmt::format(
+            "worst: seed {}, {}{}", repeats.worst->seed, Name(repeats.worst->score.verdict),
+            repeats.margin ? fmt::format(", margin {:.3g} of {}", *repeats.margin, repeats.criterion) : ""));
+    Again("again:", repeats.worst->replay);
+  }
 }
 
 void Console::Summary(const std::vector<FlightResult>& results, std::size_t not_flown_count,

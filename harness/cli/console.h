@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "harness/report/repeats.h"
 #include "harness/report/results.h"
 
 namespace tiltproof::harness {
@@ -14,6 +15,7 @@ class Console {
   // Colours only on a terminal, and only if NO_COLOR is unset (no-color.org).
   explicit Console(bool jsonl);
 
+  // On a terminal no line has more than 80 columns, unless a path or a name is longer.
   void Line(const std::string& text) const;  // human format only
   // Prints one finished scenario: one line of at most 80 columns on a terminal. For every scenario that did
   // not simply pass: what failed, when, and by how much. When it is not green: all that failed, the seed, and
@@ -21,14 +23,19 @@ class Console {
   void Finished(const FlightResult& result) const;
   // Prints one scenario that cannot be flown: among the results for a person, on standard error for a script.
   void LeftOut(const NotApplicable& scenario) const;
+  // Of each scenario that was flown with several seeds.
+  void Repeated(const std::vector<Repeats>& scenarios) const;
   void Summary(const std::vector<FlightResult>& results, std::size_t not_flown_count,
                std::size_t not_applicable_count, bool interrupted) const;
 
  private:
   std::string Paint(const char* colour, const std::string& text) const;
+  // A command that flies something again, behind what it is for.
+  void Again(const std::string& what, const std::string& command) const;
   std::string FlightLine(const FlightResult& result) const;
   bool jsonl_;
   bool terminal_;
+  std::size_t indent_;  // of what stands below a flight's line
   bool colours_;
 };
 

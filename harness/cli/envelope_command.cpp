@@ -1,8 +1,8 @@
 #include <fmt/format.h>
 #include <fnmatch.h>
-#include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <map>
 #include <utility>
@@ -13,14 +13,18 @@
 #include "harness/cli/applicability.h"
 #include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
+#include "harness/cli/envelope_flights.h"
 #include "harness/cli/envelope_report.h"
 #include "harness/cli/envelope_resume.h"
 #include "harness/cli/interrupt_scope.h"
+#include "harness/cli/report_command.h"
 #include "harness/cli/search_flights.h"
 #include "harness/report/files.h"
 #include "harness/run/hash.h"
 #include "harness/scenario/did_you_mean.h"
 #include "harness/scenario/reader.h"
+#include "harness/terminal/lines.h"
+#include "harness/terminal/progress_line.h"
 #include "harness/terminal/terminal.h"
 
 namespace tiltproof::harness {
@@ -72,7 +76,10 @@ EnvelopeColumn IdentityOf(const Column& column) {
       WriteResolved(scenario) + ReadFile(scenario.model_file) + column.means.client_text();
   const std::uint64_t hash =
       Fnv1a({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}, kFnvOffset);
-  return {column.name, fmt::format("{:016x}", hash), BuildOf(column.means.clients)};
+  const bool shipped =
+      column.means.client_text() == ToText(ClientSpec()) && column.means.clients.by_id.empty();
+  return {column.name, fmt::format("{:016x}", hash), shipped ? "" : ClientFlagsOf(column.means.clients),
+          BuildOf(column.means.clients)};
 }
 
 bool IsOneOf(const std::string& pattern, std::string_view type) {
@@ -213,7 +220,7 @@ class EnvelopeSearch {
                  .interrupted = InterruptScope::flag(),
                  .tell = [this](const std::string& line) { Tell("tiltproof: " + line); },
                  .on_turn = [this] { ShowProgress(); }}),
-        shows_line_(!options.no_progress && isatty(STDERR_FILENO) != 0) {
+        line_(!options.no_progress) {
     const Scenario& base = columns_.front().base.scenario;
     envelope_.scenario = base.name;
     envelope_.seed = base.seed;
@@ -223,6 +230,7 @@ class EnvelopeSearch {
       envelope_.columns.push_back(IdentityOf(column));
       AddColumn(column, RowsOf(options, column.base.model->signals()), envelope_, tasks_);
     }
+    all_tasks_ = tasks_;
     if (!options.resume.empty()) TakeEarlierRows(options.resume / "envelope.json", envelope_);
     LeaveOutDone();
   }
@@ -241,12 +249,18 @@ class EnvelopeSearch {
                  .at_once_count = 4 * static_cast<std::size_t>(options_.jobs_count) + 4,
                  .on_done = [this](std::size_t task, const Margin& margin) { Take(task, margin); }});
     if (!options_.map.empty() && !interrupted()) FlyMaps();
-    Clear();
+    line_.Clear();
     envelope_.complete = !interrupted();
     Write();
     Print(stdout, "{}", TextLines(EnvelopeTable(envelope_)));
     for (const EnvelopeMap& map : envelope_.maps) Print(stdout, "\n{}", TextLines(EnvelopeMapText(map)));
     PrintNotApplicable();
+    const std::vector<SideFlight> sides = SidesOf(envelope_, all_tasks_);
+    WriteLevels(folder(), sides);
+    if (options_.keep && !interrupted()) Keep(sides);
+    if (!options_.no_report)
+      if (const auto page = WriteEnvelopeReport(folder(), options_.command.front()))
+        PrintLine(stdout, 0, "report: " + page->string());
     Print(stdout, "{} of {} rows, {} flights, in {}{}\n", done_count_, envelope_.entries.size(),
           trials_.flown_count(), (folder() / "envelope.json").string(),
           interrupted() ? " (interrupted)" : "");
@@ -270,6 +284,14 @@ class EnvelopeSearch {
       entries_.push_back(i);
     }
     tasks_ = std::move(left);
+    earlier_count_ = done_count_;
+  }
+
+  void Keep(const std::vector<SideFlight>& sides) {
+    const KeptFlights kept = KeepFlights(folder(), sides, options_);
+    if (kept.exit != kExitGreen) exit_ = exit_ == kExitError ? exit_ : kept.exit;
+    Print(stdout, "{} flights on the sides of the margins are in {}\n", kept.count,
+          (folder() / "flights").string());
   }
 
   static bool interrupted() { return *InterruptScope::flag(); }
@@ -278,10 +300,11 @@ class EnvelopeSearch {
     envelope_.entries[entries_[task]].margin = margin;
     ++done_count_;
     if (margin.unknown) {
+      ++unknown_count_;
       exit_ = exit_ == kExitError ? exit_ : UnknownExit(*margin.unknown);
       Tell("tiltproof: envelope: no margin: " + WhyUnknown(*margin.unknown));
     }
-    if (!shows_line_ && !options_.no_progress)
+    if (!line_.visible() && !options_.no_progress)
       Tell(fmt::format("{} of {}: {}", done_count_, envelope_.entries.size(), tasks_[task].job.name));
     Write();
   }
@@ -337,22 +360,25 @@ class EnvelopeSearch {
     }
   }
 
-  void PrintNotApplicable() const { Print(stdout, "{}", TextLines(NotApplicableText(envelope_))); }
+  void PrintNotApplicable() const {
+    for (const std::string& line : NotApplicableLines(envelope_)) PrintLine(stdout, 0, line);
+  }
 
   void Write() const { WriteFile(folder() / "envelope.json", ToJsonText(envelope_)); }
 
   void ShowProgress() {
-    if (!shows_line_) return;
-    Print(stderr, "\r\033[K  {} of {} rows, {} flights", done_count_, envelope_.entries.size(),
-          trials_.flown_count());
-    std::fflush(stderr);
-    shown_ = true;
-  }
-  void Clear() {
-    if (std::exchange(shown_, false)) Print(stderr, "\r\033[K");
+    if (!line_.visible()) return;
+    const std::size_t here = done_count_ - earlier_count_, all = envelope_.entries.size() - earlier_count_;
+    std::string text = fmt::format("{} of {} rows, {} flights", done_count_, envelope_.entries.size(),
+                                   trials_.flown_count());
+    if (unknown_count_ > 0) text += fmt::format(", {} without a margin", unknown_count_);
+    const double passed_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count();
+    const auto left =
+        TimeLeft(static_cast<double>(here) / static_cast<double>(std::max<std::size_t>(all, 1)), passed_s);
+    line_.Show(text + (left ? fmt::format(", {} left", DurationText(*left)) : ""));
   }
   void Tell(const std::string& line) {
-    Clear();
+    line_.Clear();
     Print(stderr, "{}\n", line);
   }
 
@@ -360,11 +386,15 @@ class EnvelopeSearch {
   std::vector<Column> columns_;
   Trials trials_;
   Envelope envelope_;
-  std::vector<MarginTask> tasks_;     // of entries, in their order
-  std::vector<std::size_t> entries_;  // the place of each task's
+  std::vector<MarginTask> all_tasks_;  // of entries, in their order
+  std::vector<MarginTask> tasks_;      // those to be flown
+  std::vector<std::size_t> entries_;   // the place of each task's
   std::size_t done_count_ = 0;
   int exit_ = kExitGreen;
-  bool shows_line_, shown_ = false;
+  // Rows that an earlier envelope has found, and those whose flights could not be judged.
+  std::size_t earlier_count_ = 0, unknown_count_ = 0;
+  ProgressLine line_;
+  std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
 };
 
 }  // namespace

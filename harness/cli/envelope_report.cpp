@@ -96,7 +96,8 @@ std::string ToJsonText(const Envelope& envelope) {
   Json clients = Json::array(), columns = Json::object();
   for (const EnvelopeColumn& column : envelope.columns) {
     clients.push_back(column.client);
-    columns[column.client] = {{"scenario", column.scenario}, {"build", column.build}};
+    columns[column.client] = {
+        {"scenario", column.scenario}, {"flags", column.flags}, {"build", column.build}};
   }
   Json json = {{"format", kResultsFormat},
                {"version", Version()},
@@ -144,7 +145,7 @@ std::string EnvelopeTable(const Envelope& envelope) {
   return text;
 }
 
-std::string NotApplicableText(const Envelope& envelope) {
+std::vector<std::string> NotApplicableLines(const Envelope& envelope) {
   std::vector<std::pair<std::string, std::vector<std::string>>> lines;
   for (const EnvelopeNotApplicable& other : envelope.not_applicable) {
     const std::string line = other.type + ": " + other.reason;
@@ -155,13 +156,13 @@ std::string NotApplicableText(const Envelope& envelope) {
     if (std::find(clients.begin(), clients.end(), other.client) == clients.end())
       clients.push_back(other.client);
   }
-  std::string text;
+  std::vector<std::string> texts;
   for (const auto& [line, clients] : lines)
-    text += fmt::format(
-        "not applicable{}: {}\n",
+    texts.push_back(fmt::format(
+        "not applicable{}: {}",
         clients.size() == envelope.columns.size() ? "" : fmt::format(" to {}", fmt::join(clients, ", ")),
-        line);
-  return text;
+        line));
+  return texts;
 }
 
 std::string EnvelopeMapText(const EnvelopeMap& map) {

@@ -41,7 +41,8 @@ struct EnvelopeMap {
 struct EnvelopeColumn {
   std::string client;
   std::string scenario;  // a hash of the resolved scenario, its vehicle and the client
-  std::string build;     // of the program and the firmware (harness/report/build_id.h)
+  std::string flags;  // for a shell, each behind a space: how `run` flies it; empty for the shipped firmware
+  std::string build;  // of the program and the firmware (harness/report/build_id.h)
 };
 
 struct Envelope {
@@ -61,7 +62,7 @@ std::string ToJsonText(const Envelope& envelope);
 // Lines of at most 80 columns with one or two clients.
 std::string EnvelopeTable(const Envelope& envelope);
 // One line per type and reason.
-std::string NotApplicableText(const Envelope& envelope);
+std::vector<std::string> NotApplicableLines(const Envelope& envelope);
 std::string EnvelopeMapText(const EnvelopeMap& map);
 
 }  // namespace tiltproof::harness

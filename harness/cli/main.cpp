@@ -95,6 +95,8 @@ int Main(int argc, char** argv) {
   run_app->add_option("--out", run.out, "Parent of the run's own results folder")->capture_default_str();
   run_app->add_flag("--fail-fast", run.fail_fast,
                     "Start no further scenario after the first that is not green");
+  run_app->add_flag("--last-failed", run.last_failed,
+                    "Only flights that were not green in the last run (`latest` in --out), with their seeds");
   run_app->add_flag("--dry-run", run.dry_run, "Check and list what would be flown, and stop");
   run_app->add_flag("--strict", run.strict,
                     "Refuse everything when a scenario of a folder cannot be flown with this client");
@@ -171,9 +173,13 @@ int Main(int argc, char** argv) {
   score_app->callback([&] { command = [&] { return ScoreCommand(replay); }; });
 
   ReportOptions report;
+  report.program = argv[0];
   auto* report_app =
       app.add_subcommand("report", "Write one page that shows runs, for a browser (report.html)");
-  report_app->add_option("RUN", report.runs, "Results folders of runs, or of scenarios in them")->required();
+  report_app
+      ->add_option("RUN", report.runs,
+                   "Results folders of runs, or of scenarios in them; or one of an envelope")
+      ->required();
   report_app->add_option("--out", report.out,
                          "The file (default: report.html in the folder of the only RUN, otherwise here)");
   report_app->add_option("--baseline", report.baseline, "Also show what changed since this run");
@@ -204,19 +210,29 @@ int Main(int argc, char** argv) {
   compare_app->add_option("B", compare.b, "Another one")->required();
   compare_app
       ->add_option("--tolerance", compare.tolerance,
-                   "Largest difference allowed in a state of the vehicle, in its unit (m, rad, m/s, rad/s)")
+                   "Largest difference allowed in a state of the vehicle, in its unit (m, rad, m/s, rad/s); "
+                   "with --baseline the largest fall of a margin")
       ->check(CLI::Range(0.0, 1e9))
       ->capture_default_str();
   compare_app->add_option("--format", compare.format, "human or jsonl")
       ->check(CLI::IsMember({"human", "jsonl"}))
       ->capture_default_str();
-  bool outcomes = false;
-  compare_app->add_flag(
-      "--outcomes", outcomes,
-      "A is one flight without faults, B a campaign: class each flight of B as crashed, hung, "
-      "failed, detected, wrong_output or masked, and count them");
-  compare_app->callback(
-      [&] { command = [&] { return outcomes ? OutcomesCommand(compare) : CompareCommand(compare); }; });
+  bool outcomes = false, baseline = false;
+  auto* baseline_flag = compare_app->add_flag(
+      "--baseline", baseline,
+      "A is the baseline: 1 when a verdict or a margin of B is worse, or a flight of A is missing, else 0");
+  compare_app
+      ->add_flag("--outcomes", outcomes,
+                 "A is one flight without faults, B a campaign: class each flight of B as crashed, hung, "
+                 "failed, detected, wrong_output or masked, and count them")
+      ->excludes(baseline_flag);
+  compare_app->callback([&] {
+    command = [&] {
+      return baseline   ? BaselineCommand(compare)
+             : outcomes ? OutcomesCommand(compare)
+                        : CompareCommand(compare);
+    };
+  });
 
   const auto add_search_options = [](CLI::App* to, auto& search) {
     to->add_option("--tolerance", search.tolerance,
@@ -251,6 +267,7 @@ int Main(int argc, char** argv) {
   margin_app->callback([&] { command = [&] { return MarginCommand(margin); }; });
 
   EnvelopeOptions envelope;
+  envelope.command.assign(argv, argv + argc);
   auto* envelope_app = app.add_subcommand(
       "envelope", "Find the margin of every fault that a firmware can take, over one scenario");
   envelope_app
@@ -284,6 +301,9 @@ int Main(int argc, char** argv) {
       ->type_name("DIR")
       ->excludes(envelope_out);
   add_search_options(envelope_app, envelope);
+  envelope_app->add_flag("--keep", envelope.keep,
+                         "At the end fly both sides of each margin once more, and keep these flights");
+  envelope_app->add_flag("--no-report", envelope.no_report, "Write no envelope.html");
   envelope_app->add_flag("--no-progress", envelope.no_progress, "No progress on standard error");
   envelope_app->callback([&] { command = [&] { return EnvelopeCommand(envelope); }; });
 

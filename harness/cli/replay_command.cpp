@@ -17,6 +17,7 @@
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"
 #include "harness/report/machine.h"
+#include "harness/terminal/lines.h"
 #include "harness/terminal/terminal.h"
 
 namespace tiltproof::harness {
@@ -65,6 +66,10 @@ std::string NotComparable(const std::filesystem::path& scenario_folder, const Fl
   return reason == EndReason::kInterrupted ? "interrupted then" : "";
 }
 
+void NoHash(const std::filesystem::path& scenario_folder, const std::string& why) {
+  PrintLine(stdout, 0, fmt::format("{:<10} {:<34} {}", "NO HASH", scenario_folder.filename().string(), why));
+}
+
 // How many flights of an unfinished run came to a verdict.
 std::size_t EndedCount(const OldRun& run) {
   std::ptrdiff_t count = 0;
@@ -95,9 +100,11 @@ int ReplayCommand(const ReplayOptions& options) {
   means.clients = ReadClientFlags(flags);
   const std::string build = BuildOf(means.clients);
   if (run.info.build && run.info.build != build)
-    Print(stdout,
-          "another build: {} then, {} now; the program or the firmware has changed, and flights may differ\n",
-          *run.info.build, build);
+    PrintLine(
+        stdout, 0,
+        fmt::format("another build: {} then, {} now; the program or the firmware has changed, and flights "
+                    "may differ",
+                    *run.info.build, build));
   if (Emulates(means.clients.Named())) TestLockstep(LockstepPlugin());
   TemporaryFolder folder;
   std::vector<FlightJob> jobs;
@@ -106,15 +113,15 @@ int ReplayCommand(const ReplayOptions& options) {
   const bool unfinished = run.whole && run.info.interrupted;
   if (unfinished) {
     const std::size_t ended = EndedCount(run);
-    Print(
-        stdout,
-        "an unfinished run: {}{} flights came to a verdict; it was interrupted or killed, or is still under "
-        "way\n",
-        ended, run.info.flights.empty() ? "" : fmt::format(" of {}", run.info.flights.size()));
+    PrintLine(
+        stdout, 0,
+        fmt::format("an unfinished run: {}{} flights came to a verdict; it was interrupted or killed, or is "
+                    "still under way",
+                    ended, run.info.flights.empty() ? "" : fmt::format(" of {}", run.info.flights.size())));
   }
   for (const auto& scenario_folder : run.scenario_folders) {
     if (!HasEnded(scenario_folder)) {
-      Print(stdout, "{:<10} {:<34} {}\n", "NO HASH", scenario_folder.filename().string(), kNotFlown);
+      NoHash(scenario_folder, kNotFlown);
       ++not_comparable_count;
       continue;
     }
@@ -122,12 +129,12 @@ int ReplayCommand(const ReplayOptions& options) {
       old_results.push_back(ResultFromJsonText(ReadFile(scenario_folder / "verdict.json")));
     } catch (const std::exception& error) {
       // The others can be compared all the same.
-      Print(stdout, "{:<10} {:<34} {}\n", "NO HASH", scenario_folder.filename().string(), error.what());
+      NoHash(scenario_folder, error.what());
       ++not_comparable_count;
       continue;
     }
     if (const std::string why = NotComparable(scenario_folder, old_results.back()); !why.empty()) {
-      Print(stdout, "{:<10} {:<34} {}\n", "NO HASH", scenario_folder.filename().string(), why);
+      NoHash(scenario_folder, why);
       old_results.pop_back();
       ++not_comparable_count;
       continue;
@@ -142,9 +149,10 @@ int ReplayCommand(const ReplayOptions& options) {
                     .recorder = RecorderIn(folder.path() / name, Keep::kAll)});
   }
   if (run.whole && run.info.keep != Keep::kAll)
-    Print(stdout, "{} of {} flights were kept (--keep {}), and are flown again\n",
-          run.scenario_folders.size(), run.info.flights.size(), Name(run.info.keep));
-  const FlownFlights outcome = RunFlights(std::move(jobs), {});
+    PrintLine(stdout, 0,
+              fmt::format("{} of {} flights were kept (--keep {}), and are flown again",
+                          run.scenario_folders.size(), run.info.flights.size(), Name(run.info.keep)));
+  const FlownFlights outcome = RunFlights(std::move(jobs), {.progress = true});
   if (outcome.interrupted) return kExitInterrupted;
   std::size_t different_count = 0, error_count = 0;
   for (std::size_t i = 0; i < outcome.results.size(); ++i) {
@@ -152,16 +160,19 @@ int ReplayCommand(const ReplayOptions& options) {
     const FlightResult& then = old_results[i];
     if (now.score.verdict == Verdict::kError && then.score.verdict != Verdict::kError) {
       ++error_count;
-      Print(stdout, "ERROR      {:<34} {}: {}\n", now.name, now.score.reason, folder.Keep(now.name));
+      PrintLine(stdout, 0,
+                fmt::format("ERROR      {:<34} {}: {}", now.name, now.score.reason, folder.Keep(now.name)));
       continue;
     }
     const bool equal = now.trace_hash == then.trace_hash;
     different_count += equal ? 0 : 1;
-    Print(stdout, "{:<10} {:<34} {}{}\n", equal ? "equal" : "DIFFERENT", now.name, then.trace_hash,
-          equal ? "" : fmt::format(" then, {} now: {}", now.trace_hash, folder.Keep(now.name)));
+    PrintLine(
+        stdout, 0,
+        fmt::format("{:<10} {:<34} {}{}", equal ? "equal" : "DIFFERENT", now.name, then.trace_hash,
+                    equal ? "" : fmt::format(" then, {} now: {}", now.trace_hash, folder.Keep(now.name))));
   }
   const std::string machines = MachineDifference(run.info.machine, ThisMachine(), "then", "now");
-  if (different_count > 0 && !machines.empty()) Print(stdout, "another machine: {}\n", machines);
+  if (different_count > 0 && !machines.empty()) PrintLine(stdout, 0, "another machine: " + machines);
   Print(stdout, "{} of {} equal\n", outcome.results.size() - different_count - error_count,
         outcome.results.size());
   if (error_count > 0) return kExitError;

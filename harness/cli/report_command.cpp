@@ -2,9 +2,12 @@
 
 #include <fmt/format.h>
 
+#include <functional>
+
 #include "harness/cli/commands.h"
 #include "harness/cli/run_folder.h"
 #include "harness/cli/suite.h"
+#include "harness/report/envelope_page.h"
 #include "harness/report/files.h"
 #include "harness/report/report_page.h"
 #include "harness/terminal/terminal.h"
@@ -46,6 +49,30 @@ VehicleShape ShapeOf(const plant::VehicleModel& model) {
   return shape;
 }
 
+std::optional<std::filesystem::path> Written(const std::filesystem::path& file,
+                                             const std::function<std::string()>& page) {
+  try {
+    WriteFile(file, page());
+    return file;
+  } catch (const std::exception& error) {
+    Print(stderr, "warning: no report: {}\n", error.what());
+    return std::nullopt;
+  }
+}
+
+int ReportEnvelope(const ReportOptions& options) {
+  if (options.runs.size() > 1)
+    throw UsageError("report: an envelope has a page of its own: give its folder alone");
+  if (!options.baseline.empty()) throw UsageError("report: --baseline is for runs, not for an envelope");
+  namespace fs = std::filesystem;
+  const fs::path& folder = options.runs.front();
+  const fs::path out = options.out.empty() ? folder / "envelope.html" : options.out;
+  const fs::path to_folder = fs::relative(folder, fs::absolute(out).parent_path());
+  WriteFile(out, EnvelopePage(folder, to_folder, options.program));
+  Print(stdout, "report: {}\n", out.string());
+  return kExitGreen;
+}
+
 }  // namespace
 
 std::string PageOf(const RunView& view) {
@@ -56,7 +83,18 @@ std::string PageOf(const RunView& view) {
   });
 }
 
+std::optional<std::filesystem::path> WriteReport(const std::filesystem::path& folder) {
+  return Written(folder / "report.html", [&] { return PageOf(ViewRuns({{folder, ""}})); });
+}
+
+std::optional<std::filesystem::path> WriteEnvelopeReport(const std::filesystem::path& folder,
+                                                         const std::string& program) {
+  return Written(folder / "envelope.html", [&] { return EnvelopePage(folder, ".", program); });
+}
+
 int ReportCommand(const ReportOptions& options) {
+  for (const auto& path : options.runs)
+    if (HoldsEnvelope(path)) return ReportEnvelope(options);
   std::vector<ReportedRun> runs;
   for (const auto& path : options.runs) {
     const OldRun run = OpenRun(path);

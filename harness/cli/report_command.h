@@ -1,6 +1,8 @@
-// The report of a run as `run` and `report` write it.
+// The report of a run as `run` and `report` write it, and that of an envelope.
 #pragma once
 
+#include <filesystem>
+#include <optional>
 #include <string>
 
 #include "harness/report/run_view.h"
@@ -8,5 +10,12 @@
 namespace tiltproof::harness {
 
 std::string PageOf(const RunView& view);
+
+// Writes report.html of a whole run into its folder. None: it could not be written, and a warning says why; it changes
+// no verdict.
+std::optional<std::filesystem::path> WriteReport(const std::filesystem::path& folder);
+// The same of envelope.html.
+std::optional<std::filesystem::path> WriteEnvelopeReport(const std::filesystem::path& folder,
+                                                         const std::string& program);
 
 }  // namespace tiltproof::harness

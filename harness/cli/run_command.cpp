@@ -1,7 +1,7 @@
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "harness/cli/applicability.h"
@@ -10,6 +10,7 @@
 #include "harness/cli/console.h"
 #include "harness/cli/report_command.h"
 #include "harness/cli/run_flights.h"
+#include "harness/cli/run_plan.h"
 #include "harness/cli/run_record.h"
 #include "harness/cli/suite.h"
 #include "harness/client/firmware_files.h"
@@ -21,6 +22,7 @@
 #include "harness/report/json_text.h"
 #include "harness/report/results.h"
 #include "harness/scenario/selection.h"
+#include "harness/terminal/lines.h"
 #include "harness/terminal/terminal.h"
 
 namespace tiltproof::harness {
@@ -71,19 +73,6 @@ std::vector<SuiteScenario> Select(std::vector<SuiteScenario> scenarios, const Ru
   return scenarios;
 }
 
-// For a shell.
-std::string Quoted(const std::string& text) {
-  std::string quoted = "'";
-  for (const char c : text) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return quoted + "'";
-}
-
-std::string ClientFlagsOf(const RunClients& clients) {
-  std::string flags = " --client " + Quoted(ToText(clients.all));
-  for (const auto& [id, client] : clients.by_id) flags += " --client " + Quoted(id + "=" + ToText(client));
-  return flags;
-}
-
 // The command that flies a flight again that cannot be replayed from its folder.
 std::string FlyAgain(const RunOptions& options, const FlightMeans& means, const std::filesystem::path& file,
                      std::uint64_t seed) {
@@ -98,11 +87,6 @@ std::string FlyAgain(const RunOptions& options, const FlightMeans& means, const 
   return command + fmt::format(" --seed {}", seed);
 }
 
-// Of one flight, unique in the run: names its folder.
-std::string FlightName(const RunOptions& options, const Scenario& scenario, std::uint64_t seed) {
-  return options.repeat_count == 1 ? scenario.name : fmt::format("{}-seed{}", scenario.name, seed);
-}
-
 void AddWatched(Scenario& scenario, const std::vector<std::string>& variables) {
   for (const std::string& variable : variables) {
     const auto same = [&](const std::string& other) { return WatchColumn(other) == WatchColumn(variable); };
@@ -110,35 +94,50 @@ void AddWatched(Scenario& scenario, const std::vector<std::string>& variables) {
   }
 }
 
-// Prints what would be flown, one scenario per line.
-void List(const RunOptions& options, const std::vector<SuiteScenario>& scenarios) {
-  for (const auto& entry : scenarios) {
-    const std::uint64_t first = options.seed.value_or(entry.scenario.seed);
-    for (int repeat = 0; repeat < options.repeat_count; ++repeat) {
-      const std::uint64_t seed = first + static_cast<std::uint64_t>(repeat);
-      const std::string name = FlightName(options, entry.scenario, seed);
-      if (options.format == "jsonl") {
-        nlohmann::ordered_json line = {{"name", name}, {"scenario", entry.scenario.name}, {"seed", seed}};
-        line["firmware"] = entry.scenario.firmware;
-        line["expected"] = Name(entry.scenario.expected());
-        line["duration_s"] = ToSeconds(entry.scenario.duration_ns);
-        Print(stdout, "{}\n", JsonLine(line));
-      } else {
-        Print(stdout, "{}\n", name);
-      }
+// Prints what would be flown, one flight per line.
+void List(const RunOptions& options, const std::vector<SuiteScenario>& scenarios,
+          const std::vector<PlannedRun>& plan) {
+  for (const PlannedRun& flight : plan) {
+    const Scenario& scenario = scenarios[flight.scenario].scenario;
+    if (options.format == "jsonl") {
+      nlohmann::ordered_json line = {
+          {"name", flight.name}, {"scenario", scenario.name}, {"seed", flight.seed}};
+      line["firmware"] = scenario.firmware;
+      line["expected"] = Name(scenario.expected());
+      line["duration_s"] = ToSeconds(scenario.duration_ns);
+      Print(stdout, "{}\n", JsonLine(line));
+    } else {
+      Print(stdout, "{}\n", flight.name);
     }
   }
 }
 
-// A report that cannot be written changes no verdict.
-void WriteReport(const std::filesystem::path& folder, const Console& console) {
-  const auto file = folder / "report.html";
-  try {
-    WriteFile(file, PageOf(ViewRuns({{folder, ""}})));
-    console.Line("report: " + file.string());
-  } catch (const std::exception& error) {
-    Print(stderr, "warning: no report: {}\n", error.what());
-  }
+// --last-failed: keeps the scenarios of these flights, and says what it leaves out.
+void KeepNotGreen(const std::vector<NotGreen>& last, std::vector<SuiteScenario>& scenarios) {
+  const auto is_of = [](const NotGreen& flight) {
+    return [&flight](const SuiteScenario& entry) { return flight.Flew(entry.scenario); };
+  };
+  for (const NotGreen& flight : last)
+    if (std::none_of(scenarios.begin(), scenarios.end(), is_of(flight)))
+      PrintLine(stderr, 0,
+                fmt::format("warning: --last-failed: {} was not green either, and is not among the selected "
+                            "scenarios",
+                            flight.name));
+  std::erase_if(scenarios, [&](const SuiteScenario& entry) {
+    return std::none_of(last.begin(), last.end(),
+                        [&](const NotGreen& flight) { return flight.Flew(entry.scenario); });
+  });
+}
+
+// Of the flights that were flown.
+std::vector<Repeats> RepeatsIn(const std::vector<FlightResult>& results,
+                               const std::vector<SuiteScenario>& scenarios,
+                               const std::vector<PlannedRun>& plan) {
+  std::map<std::string, std::string> scenario_of;
+  for (const PlannedRun& flight : plan) scenario_of[flight.name] = scenarios[flight.scenario].scenario.name;
+  std::vector<std::string> names;
+  for (const FlightResult& result : results) names.push_back(scenario_of.at(result.name));
+  return RepeatsOf(results, names);
 }
 
 }  // namespace
@@ -148,6 +147,16 @@ int RunCommand(const RunOptions& options) {
   Suite suite = LoadSuite(options.paths, means.clients, options.firmware);
   const std::size_t found = suite.scenarios.size();
   suite.scenarios = Select(std::move(suite.scenarios), options);
+  std::optional<std::vector<NotGreen>> last;
+  if (options.last_failed) {
+    last = NotGreenOfLastRun(options.out);
+    if (last->empty()) {
+      Print(stderr, "tiltproof: every flight of the last run was green: nothing to fly again ({})\n",
+            (options.out / "latest").string());
+      return kExitGreen;
+    }
+    if (!suite.scenarios.empty()) KeepNotGreen(*last, suite.scenarios);
+  }
   for (auto& entry : suite.scenarios) AddWatched(entry.scenario, options.watch);
   const Console console(options.format == "jsonl");
   for (const auto& warning : suite.warnings) Print(stderr, "warning: {}\n", warning);
@@ -156,26 +165,20 @@ int RunCommand(const RunOptions& options) {
           found == 1 ? "" : "s");
     return kExitUndecided;
   }
-  for (const auto& entry : suite.scenarios) {
-    const std::uint64_t first = options.seed.value_or(entry.scenario.seed);
-    if (kSeedMax - first < static_cast<std::uint64_t>(options.repeat_count) - 1)
-      throw UsageError(fmt::format("--repeat {}: from seed {} on the seeds exceed {}", options.repeat_count,
-                                   first, kSeedMax));
-  }
   const std::vector<ClientSpec> clients = means.clients.Named();
   for (const ClientSpec& client : clients) CheckLibrary(client);
   const std::vector<NotApplicable> not_applicable = TakeNotApplicable(means, options.strict, suite);
+  const std::vector<PlannedRun> plan = PlanRun(options, suite.scenarios, last ? &*last : nullptr);
   if (options.dry_run || suite.scenarios.empty()) {
-    List(options, suite.scenarios);
+    List(options, suite.scenarios, plan);
     for (const auto& [name, reason] : not_applicable) Print(stderr, "not applicable: {}: {}\n", name, reason);
     if (suite.scenarios.empty()) Print(stderr, "tiltproof: nothing is left to fly with this client\n");
     return suite.scenarios.empty() ? kExitUndecided : kExitGreen;
   }
-  const auto flights_count = suite.scenarios.size() * static_cast<std::size_t>(options.repeat_count);
-  if (means.debug && (flights_count > 1 || suite.scenarios.front().scenario.has_several_clients()))
+  if (means.debug && (plan.size() > 1 || suite.scenarios.front().scenario.has_several_clients()))
     throw UsageError(
         fmt::format("--gdb debugs one flight of one client, and {} would be flown: choose one by -k",
-                    flights_count > 1 ? fmt::format("{} flights", flights_count) : "several clients"));
+                    plan.size() > 1 ? fmt::format("{} flights", plan.size()) : "several clients"));
   if (Emulates(clients)) {
     if (means.realtime)
       CheckRelease();
@@ -204,23 +207,21 @@ int RunCommand(const RunOptions& options) {
           (options.out / "latest").string(), folder.string());
 
   std::vector<FlightJob> jobs;
-  for (const auto& [scenario, model, named] : suite.scenarios) {
-    for (int repeat = 0; repeat < options.repeat_count; ++repeat) {
-      FlightJob job{.name = {}, .scenario = scenario, .model = model, .means = means, .replay = {}};
-      const std::uint64_t seed = options.seed.value_or(scenario.seed) + static_cast<std::uint64_t>(repeat);
-      job.scenario.seed = seed;
-      job.name = FlightName(options, scenario, seed);
-      const std::filesystem::path flight_folder = folder / job.name;
-      job.recorder = RecorderIn(flight_folder, info.keep, *info.trace);
-      if (info.keep != Keep::kAll) {
-        job.replay = FlyAgain(options, means, std::filesystem::absolute(scenario.file), seed);
-      } else if (means.realtime) {
-        job.replay = FlyAgain(options, means, flight_folder / "scenario.resolved.yaml", seed);
-      } else {
-        job.replay = fmt::format("{} replay {}", options.command.front(), flight_folder.string());
-      }
-      jobs.push_back(std::move(job));
+  for (const PlannedRun& flight : plan) {
+    const SuiteScenario& entry = suite.scenarios[flight.scenario];
+    FlightJob job{
+        .name = flight.name, .scenario = entry.scenario, .model = entry.model, .means = means, .replay = {}};
+    job.scenario.seed = flight.seed;
+    const std::filesystem::path flight_folder = folder / job.name;
+    job.recorder = RecorderIn(flight_folder, info.keep, *info.trace);
+    if (info.keep != Keep::kAll) {
+      job.replay = FlyAgain(options, means, std::filesystem::absolute(entry.scenario.file), flight.seed);
+    } else if (means.realtime) {
+      job.replay = FlyAgain(options, means, flight_folder / "scenario.resolved.yaml", flight.seed);
+    } else {
+      job.replay = fmt::format("{} replay {}", options.command.front(), flight_folder.string());
     }
+    jobs.push_back(std::move(job));
   }
 
   console.Line(fmt::format("tiltproof {}: suite {}, {} flight{}, client {}, results in {}", Version(),
@@ -228,11 +229,10 @@ int RunCommand(const RunOptions& options) {
                            folder.string()));
   for (const auto& scenario : not_applicable) console.LeftOut(scenario);
   RunRecord record(folder, info, jobs);
-  const bool progress = !options.no_progress && isatty(STDERR_FILENO) != 0;
   const FlownFlights flown = RunFlights(
       std::move(jobs), {.jobs_count = options.jobs_count,
                         .fail_fast = options.fail_fast,
-                        .progress = progress,
+                        .progress = !options.no_progress,
                         .on_finished =
                             [&](const FlightJob& job, const FlightResult& result) {
                               record.Take(job, result);
@@ -243,7 +243,9 @@ int RunCommand(const RunOptions& options) {
                                         const BusPlace& place) { record.TakePlace(flight, place); }});
   record.Finish(flown.interrupted, flown.interrupted ? "not flown: the run was interrupted"
                                                      : "not flown: --fail-fast ended the run");
-  if (!options.no_report) WriteReport(folder, console);
+  if (!options.no_report)
+    if (const auto file = WriteReport(folder)) console.Line("report: " + file->string());
+  if (options.repeat_count > 1) console.Repeated(RepeatsIn(flown.results, suite.scenarios, plan));
   console.Summary(flown.results, flown.not_flown.size(), not_applicable.size(), flown.interrupted);
   return flown.interrupted ? static_cast<int>(kExitInterrupted) : ExitCode(flown.results);
 }

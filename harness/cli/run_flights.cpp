@@ -2,38 +2,49 @@
 
 #include <fmt/format.h>
 
-#include <cstdio>
+#include <chrono>
 #include <future>
 #include <utility>
 
 #include "harness/cli/interrupt_scope.h"
+#include "harness/terminal/progress_line.h"
 #include "harness/terminal/terminal.h"
+#include "link/time.h"
 
 namespace tiltproof::harness {
 namespace {
 
-// The line that is written over and over.
-class ProgressLine {
- public:
-  explicit ProgressLine(bool wanted) : wanted_(wanted) {}
+using SteadyClock = std::chrono::steady_clock;
 
-  void Show(const Engine& engine) {
-    const auto flights = engine.progress();
-    if (!wanted_ || flights.empty()) return;
-    std::string line;
-    for (const auto& flight : flights)
-      line += fmt::format("  {} {:.0f}/{:.0f} s", flight.name, flight.flown_s, flight.duration_s);
-    Print(stderr, "\r\033[K{}", line.substr(0, 110));
-    std::fflush(stderr);
-    shown_ = true;
+// How far a run is. The time left is told from the simulated seconds that are flown: scenarios differ in length.
+class RunProgress {
+ public:
+  explicit RunProgress(const std::vector<FlightJob>& jobs) : total_(jobs.size()) {
+    for (const FlightJob& job : jobs) all_s_ += ToSeconds(job.scenario.duration_ns);
   }
-  void Clear() {
-    if (std::exchange(shown_, false)) Print(stderr, "\r\033[K");
+
+  void Take(const FlightJob& job, const FlightResult& result) {
+    ++done_;
+    not_green_ += result.green() ? 0 : 1;
+    done_s_ += ToSeconds(job.scenario.duration_ns);
+  }
+
+  std::string Text(const std::vector<Engine::Progress>& flying) const {
+    double flown_s = done_s_;
+    for (const auto& flight : flying) flown_s += flight.flown_s;
+    const double passed_s = std::chrono::duration<double>(SteadyClock::now() - begin_).count();
+    std::string text = fmt::format("{} of {} flights, {} not green", done_, total_, not_green_);
+    if (const auto left = TimeLeft(flown_s / all_s_, passed_s))
+      text += fmt::format(", {} left", DurationText(*left));
+    for (const auto& flight : flying)
+      text += fmt::format("  {} {:.0f}/{:.0f} s", flight.name, flight.flown_s, flight.duration_s);
+    return text;
   }
 
  private:
-  bool wanted_;
-  bool shown_ = false;
+  std::size_t total_, done_ = 0, not_green_ = 0;
+  double all_s_ = 0.0, done_s_ = 0.0;
+  SteadyClock::time_point begin_ = SteadyClock::now();
 };
 
 }  // namespace
@@ -41,11 +52,13 @@ class ProgressLine {
 FlownFlights RunFlights(std::vector<FlightJob> jobs, const RunFlightsOptions& options) {
   const InterruptScope scope;
   ProgressLine line(options.progress);
+  RunProgress progress(jobs);
   bool stop = false;
   Engine engine({.jobs_count = options.jobs_count,
                  .on_finished =
                      [&](const FlightJob& job, const FlightResult& result) {
                        line.Clear();
+                       progress.Take(job, result);
                        options.on_finished(job, result);
                        if (options.fail_fast && !result.green()) stop = true;
                      },
@@ -63,7 +76,7 @@ FlownFlights RunFlights(std::vector<FlightJob> jobs, const RunFlightsOptions& op
     engine.Turn();
     if (stop && flown.not_flown.empty()) flown.not_flown = engine.DropWaiting();
     options.on_turn();
-    line.Show(engine);
+    line.Show(progress.Text(engine.progress()));
   }
   line.Clear();
   for (std::string& name : engine.DropWaiting()) flown.not_flown.push_back(std::move(name));

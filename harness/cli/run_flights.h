@@ -12,7 +12,7 @@ namespace tiltproof::harness {
 struct RunFlightsOptions {
   int jobs_count = 1;
   bool fail_fast = false;
-  bool progress = false;  // one updating line on standard error
+  bool progress = false;  // one updating line on standard error, where that is a terminal
   // Called as results arrive, about ten times per second, and when a flight of this name goes on the bus.
   std::function<void(const FlightJob&, const FlightResult&)> on_finished = [](const auto&, const auto&) {};
   std::function<void()> on_turn = [] {};

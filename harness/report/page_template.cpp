@@ -2,15 +2,29 @@
 #include "link/check.h"
 #include "link/embedded_file.h"
 
-// The built page.
-TILTPROOF_EMBED(tiltproof_page_template, TILTPROOF_PAGE_FILE)
+// The built pages.
+TILTPROOF_EMBED(tiltproof_report_page, TILTPROOF_REPORT_PAGE_FILE)
+TILTPROOF_EMBED(tiltproof_envelope_page, TILTPROOF_ENVELOPE_PAGE_FILE)
 
 namespace tiltproof::harness {
+namespace {
 
-std::string_view PageTemplate() {
-  const std::string_view page = TILTPROOF_EMBEDDED(tiltproof_page_template);
-  Check(page.find(kDataPlace) != std::string_view::npos, "the page has a place for its data");
+std::string_view Checked(std::string_view page) {
+  Check(page.find(kDataPlace) != std::string_view::npos, "a page has a place for its data");
   return page;
+}
+
+}  // namespace
+
+std::string_view PageTemplate() { return Checked(TILTPROOF_EMBEDDED(tiltproof_report_page)); }
+std::string_view EnvelopePageTemplate() { return Checked(TILTPROOF_EMBEDDED(tiltproof_envelope_page)); }
+
+std::string PageWith(std::string_view page, const std::string& data) {
+  const std::size_t place = page.find(kDataPlace);
+  std::string html(page.substr(0, place));
+  html += data;
+  html += page.substr(place + kDataPlace.size());
+  return html;
 }
 
 }  // namespace tiltproof::harness

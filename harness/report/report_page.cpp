@@ -147,13 +147,8 @@ std::string ReportPage(const RunView& view, const FlightLoader& load, const Page
     json["baseline"] = view.baseline;
     json["only_in_baseline"] = view.only_in_baseline;
   }
-  const std::string_view page = PageTemplate();
-  const std::size_t place = page.find(kDataPlace);
-  std::string html(page.substr(0, place));
-  html += "<script type=\"application/json\" id=\"run\">" + ScriptSafe(JsonText(json)) + "</script>\n";
-  html += details;
-  html += page.substr(place + kDataPlace.size());
-  return html;
+  return PageWith(PageTemplate(), "<script type=\"application/json\" id=\"run\">" +
+                                      ScriptSafe(JsonText(json)) + "</script>\n" + details);
 }
 
 }  // namespace tiltproof::harness

@@ -35,9 +35,11 @@ struct PageLimits {
 
 std::string ReportPage(const RunView& view, const FlightLoader& load, const PageLimits& limits = {});
 
-// The page without data; and the place in it where they go.
+// The pages without data; and the place in each where they go.
 std::string_view PageTemplate();
+std::string_view EnvelopePageTemplate();
 inline constexpr std::string_view kDataPlace = "@TILTPROOF_DATA@";
+std::string PageWith(std::string_view page, const std::string& data);
 
 std::string Base64(std::string_view bytes);
 // For the inside of a script element: nothing in it ends the element.

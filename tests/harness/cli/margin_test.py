@@ -145,6 +145,46 @@ class EnvelopeTest(CommandLineTest):
         for line in out.splitlines():
             self.assertTrue(len(line) <= 80 or line.startswith("not applicable"), line)
 
+    def test_both_sides_of_a_margin_fly_again(self):
+        """As scenarios: each expects the verdict that it had in the search, with its seed and its criterion."""
+        envelope, out = self.envelope("--types", "frame.drop,actuator.loss*,device.task_delay", "--firmware", "paper,tolerant", "-j", "2", "--keep")
+        rows = envelope["rows"]
+        names = {f'{row["client"]}-{"-".join(filter(None, (row["type"], row.get("target", row.get("actuator")))))}-{side}': (row, side)
+                 for row in rows for side in ("survives", "fails") if row[side] is not None}
+        self.assertTrue(any(row["fails"] is None for row in rows), "a margin with one side only")
+        self.assertEqual({file.stem for file in (self.folder / "out/levels").rglob("*.yaml")}, set(names))
+        code, flown, err = self.tiltproof("run", "out/levels", "-j", "2", "--format", "jsonl", "--no-report", "--out", "again")
+        self.assertEqual(code, 0, err)
+        flown = {flight["name"]: flight for flight in map(json.loads, flown.splitlines())}
+        self.assertEqual(set(flown), set(names))
+        kept = {}
+        for file in (self.folder / "out/flights").rglob("results.json"):
+            self.assertTrue((file.parent / "report.html").exists())
+            kept.update((flight["name"], flight) for flight in json.loads(file.read_text())["scenarios"])
+        self.assertIn(f"{len(names)} flights on the sides of the margins are in out/flights\n", out)
+        for name, (row, side) in names.items():
+            self.assertEqual((flown[name]["verdict"], flown[name]["seed"]), ("pass", envelope["seed"]) if side == "survives" else ("fail", row["seed"]), name)
+            self.assertEqual(flown[name]["trace_hash"], kept[name]["trace_hash"], name)
+            if side == "fails":
+                self.assertEqual(flown[name]["reason"], row["reason"])
+        self.assertIn("1 of 1 equal", self.tiltproof("replay", self.folder / "out/flights/paper/frame.drop/paper-frame.drop-both-fails")[1])
+
+    def test_the_page_of_an_envelope(self):
+        out = self.envelope("--types", "device.reset")[1]
+        self.assertIn("report: out/envelope.html\n", out)
+        page = self.folder / "out/envelope.html"
+        first = page.read_text()
+        page.unlink()
+        self.assertEqual(self.tiltproof("report", "out")[:2], (0, "report: out/envelope.html\n"))
+        self.assertEqual(page.read_text(), first)
+        page.unlink()
+        self.assertNotIn("report: ", self.envelope("--types", "device.reset", "--no-report")[1])
+        self.assertFalse(page.exists())
+        for arguments, what in ((("out", "out"), "give its folder alone"), (("out", "--baseline", "out"), "--baseline is for runs")):
+            code, _, err = self.tiltproof("report", *arguments)
+            self.assertEqual(code, 2)
+            self.assertIn(what, err)
+
     def test_both_sides_and_the_reference_line(self):
         envelope, out = self.envelope("--types", "sensor.bias,frame.truncate")
         rows = [(row["type"], row.get("signal", row.get("target")), row.get("side"), row["mildest"], row["severest"]) for row in envelope["rows"]]

@@ -275,6 +275,168 @@ check("what changed since a baseline", async () => {
   await page.close();
 });
 
+// The page of an envelope.
+
+const HOVER = `name: base
+duration_s: 4
+reference: {type: hover, at_m: [0, 0, 2]}
+faults:
+  - {id: probe, type: harness.null, start_s: 1, end_s: 3}
+criteria:
+  - {name: near, stl: "always(position_error_m <= 0.5)"}
+  - {name: upright, stl: "always(tilt_rad <= 0.6)"}
+`;
+const envelopes = join(out, "envelope");
+mkdirSync(envelopes);
+writeFileSync(join(envelopes, "base.yaml"), HOVER);
+const envelope = (folder, ...options) => execFileSync(tiltproof, ["envelope", join(envelopes, "base.yaml"), "--tolerance", "0.3", "--repeats", "2", "--firmware", "paper,tolerant", "-j", "2", "--out", folder, "--no-progress", ...options], { encoding: "utf8" });
+const kept = join(envelopes, "kept");
+const told = envelope(kept, "--types", "frame.drop,actuator.loss*", "--keep");
+const found = JSON.parse(readFileSync(join(kept, "envelope.json"), "utf8"));
+const placeOf = (row) => (row.target ?? row.signal ?? row.actuator ?? "") + ({ positive: "+", negative: "−" }[row.side] ?? "");
+const rowOf = (page, row) => page.locator(`tr[data-type="${row.type}"][data-place="${placeOf(row)}"]`);
+
+check("an envelope has a page with a bar for each margin", async () => {
+  assert.match(told, /report: .*envelope\.html/);
+  assert.ok(!/report: /.test(envelope(join(envelopes, "without"), "--types", "device.reset", "--no-report")));
+  assert.ok(!existsSync(join(envelopes, "without/envelope.html")));
+  const page = await open(join(kept, "envelope.html"));
+  assert.equal(await page.locator("tr[data-type]").count(), found.rows.length / 2);
+  for (const row of found.rows) {
+    const line = rowOf(page, row), which = found.clients.indexOf(row.client);
+    const label = await line.locator("svg").getAttribute("aria-label");
+    const text = await line.locator("td.level").nth(which).locator("b").textContent();
+    assert.equal(text, row.survives === null ? "none" : row.fails === null ? "all" : String(Number(row.survives.toPrecision(4))), label);
+    // The bar is as long as the level says, by a formula of its own: distance from harmless, or decades above a millionth.
+    const all = await line.locator("rect.margin").nth(which).evaluate((bar) => bar.getAttribute("width") / (bar.ownerSVGElement.viewBox.baseVal.width - 4));
+    const share = row.fails === null ? 1 : row.scale === "linear" ? (row.survives - row.harmless) / (row.severest - row.harmless) : 1 + Math.log10(row.survives / row.severest) / 6;
+    assert.ok(Math.abs(all - share) < 0.01, `${label}: ${all} is ${share}`);
+  }
+  await page.screenshot({ path: join(out, "envelope-light.png"), fullPage: true });
+  await page.close();
+});
+
+check("ratios are those of the survival tables", async () => {
+  const script = "import sys, json, pathlib; sys.path.insert(0, sys.argv[1]); import tables; e = tables.Envelope(pathlib.Path(sys.argv[2])); print(json.dumps([[k[0], k[1].replace('-', '\u2212'), e.ratio(k)] for k in e.rows]))";
+  const ratios = JSON.parse(execFileSync("python3", ["-B", "-c", script, join(source, "scenarios/envelope"), join(kept, "envelope.json")], { encoding: "utf8" }).replaceAll("Infinity", "1e999"));
+  const page = await open(join(kept, "envelope.html"));
+  for (const [type, place, ratio] of ratios) {
+    const text = await rowOf(page, { type, target: place }).locator("td.ratio").textContent();
+    assert.ok(ratio > 1e300 ? text === "∞" : Math.abs(parseFloat(text) - ratio) <= 0.006 * ratio, `${type} ${place}: ${text} is ${ratio}`);
+  }
+  const order = () => page.locator("td.ratio").allTextContents().then((all) => all.map((text) => (text === "∞" ? Infinity : parseFloat(text))));
+  await page.click("thead button >> text=Ratio");
+  assert.deepEqual(await order(), (await order()).sort((a, b) => a - b));
+  await page.selectOption(".filters select >> nth=0", "frame");
+  assert.equal(await page.locator("tr[data-type]").count(), 4);
+  await page.selectOption(".filters select >> nth=0", "");
+  await page.selectOption(".filters select >> nth=1", "actuator.loss_of_effectiveness");
+  assert.equal(await page.locator("tr[data-type]").count(), 2);
+  await page.fill("input[type=search]", "tau_r");
+  assert.equal(await page.locator("tr[data-type]").count(), 1);
+  await page.close();
+});
+
+check("both sides of a margin are a flight, and a command", async () => {
+  const row = found.rows.find((r) => r.client === "paper" && r.target === "both");
+  const page = await open(join(kept, "envelope.html"));
+  const links = rowOf(page, row).locator("td.level").first().locator("a");
+  assert.deepEqual(await links.allTextContents(), ["survived", "failed"]);
+  for (const [i, verdict, level, seed] of [[0, "pass", row.survives, found.seed], [1, "fail", row.fails, row.seed]]) {
+    await links.nth(i).click();
+    await page.waitForSelector("#criteria");
+    assert.match(await page.locator("h1").textContent(), /paper-frame\.drop-both/);
+    const [name, flown] = await page.evaluate(() => { const run = JSON.parse(document.getElementById("run").textContent); const name = decodeURIComponent(location.hash.slice(8)); return [name, run.flights.find((f) => f.name === name)]; });
+    assert.deepEqual([flown.verdict, flown.seed], [verdict, seed]);
+    assert.ok(readFileSync(join(kept, "levels/paper", `${name}.yaml`), "utf8").includes(`probability: ${level}`), `${level}`);
+    if (verdict === "fail") assert.equal(flown.reason, row.reason);
+    await page.goBack();
+    await page.waitForSelector(".margins");
+  }
+  await rowOf(page, row).locator("button.open").click();
+  const commands = await page.locator(".sides section").first().locator("code").allTextContents();
+  assert.equal(commands.length, 2);
+  for (const [i, verdict] of [[0, "PASS"], [1, "FAIL (expected)"]]) {
+    const flown = spawnSync("/bin/sh", ["-c", `${commands[i]} --out ${join(envelopes, "again")} --no-report`], { encoding: "utf8" });
+    assert.equal(flown.status, 0, flown.stderr);
+    assert.ok(flown.stdout.includes(`\n${verdict} `), flown.stdout);
+  }
+  await page.screenshot({ path: join(out, "envelope-sides.png") });
+  await page.close();
+  // Kept flights of other levels than those of the table are not shown.
+  const side = join(kept, "levels/paper/paper-frame.drop-both-fails.yaml"), text = readFileSync(side, "utf8");
+  writeFileSync(side, text.replace(`probability: ${row.fails}`, "probability: 1"));
+  report(kept, "--out", join(out, "elsewhere.html"));
+  writeFileSync(side, text);
+  const other = await open(join(out, "elsewhere.html"));
+  assert.deepEqual(await rowOf(other, row).locator("td.level").first().locator("a").allTextContents(), ["survived"]);
+  await rowOf(other, row).locator("td.level a").first().click();  // the way from another folder
+  await other.waitForSelector("#criteria");
+  await other.close();
+});
+
+// As large as that of all types, and in it what no search would find.
+function madeUp(folder, count, change) {
+  mkdirSync(folder);
+  const rows = Array.from({ length: count }, (_, i) => found.clients.map((client, j) => ({ ...found.rows[0], type: `layer${i % 9}.type${i >> 2}`, target: `place${i % 4}`, client, survives: 10 ** -(1 + ((i * 7 + j) % 5)), fails: 1.1 * 10 ** -(1 + ((i * 7 + j) % 5)) }))).flat();
+  writeFileSync(join(folder, "envelope.json"), JSON.stringify(change({ ...found, rows })));
+  report(folder);
+  return join(folder, "envelope.html");
+}
+
+check("258 margins of two firmwares, dark and small", async () => {
+  const file = madeUp(join(envelopes, "large"), 258, (all) => ({ ...all, tolerance: 0.01 }));
+  assert.ok(readFileSync(file).length < 400000);
+  const page = await open(file, { colorScheme: "dark" });
+  assert.equal(await page.locator("rect.margin").count(), 516);
+  const less = await page.locator("tr.worse-row").count();
+  assert.ok(less > 0);
+  assert.equal(less, await page.locator("span.less").count());
+  await page.selectOption(".filters select >> nth=2", "less");
+  assert.equal(await page.locator("tr[data-type]").count(), less);
+  await page.screenshot({ path: join(out, "envelope-dark.png") });
+  const colours = () => page.locator("rect.margin").evaluateAll((all) => all.slice(0, 2).map((bar) => bar.getAttribute("fill")));
+  const dark = await colours();
+  await page.click("button.theme");
+  assert.notDeepEqual(await colours(), dark);
+  assert.equal(await page.locator("tr[data-type]").count(), less, "the reader's filter stays");
+  await page.setViewportSize({ width: 700, height: 900 });
+  await page.waitForFunction(() => document.documentElement.scrollWidth <= innerWidth, null, { timeout: 5000 });
+  await page.close();
+});
+
+check("an envelope with hostile names, odd numbers, and little in it", async () => {
+  const odd = (all) => {
+    all.rows.forEach((row, i) => Object.assign(row, { type: EVIL.replaceAll("/", ""), target: EVIL.replaceAll("/", "") + i, client: EVIL, parameter: EVIL, unit: EVIL, reason: EVIL, first_criterion: EVIL }));
+    const [none, everything, error, zero, towards, infinite] = all.rows;
+    Object.assign(none, { survives: null });
+    Object.assign(everything, { fails: null, survives: 1 });
+    Object.assign(error, { survives: null, fails: null, error: EVIL });
+    Object.assign(zero, { survives: 0, fails: 0, mildest: 0, severest: 0, harmless: 0 });
+    Object.assign(towards, { mildest: 1e6, harmless: 1e6, severest: 0, survives: 0, fails: null });
+    Object.assign(infinite, { scale: "linear", mildest: 0, severest: 1e308, survives: -5, fails: 1e300 });
+    return { ...all, scenario: EVIL, clients: [EVIL], columns: { [EVIL]: { flags: EVIL } }, complete: false, not_applicable: [{ type: EVIL, place: EVIL, client: EVIL, reason: EVIL }],
+      map: [{ client: EVIL, x: { type: EVIL, parameter: EVIL, unit: EVIL, levels: [1, 2] }, y: { type: EVIL, parameter: EVIL, unit: EVIL, levels: [1] }, survived: [[true, null]] }] };
+  };
+  const page = await open(madeUp(join(envelopes, "hostile"), 10, odd));
+  assert.match(await page.locator("main").textContent(), /not complete/);
+  for (const button of await page.locator("button.open").all()) await button.click();
+  assert.deepEqual((await page.locator("td.level b").allTextContents()).slice(0, 2), ["none", "all"]);
+  assert.equal(await page.evaluate(() => window.executed), undefined);
+  assert.equal(await page.locator("main img, main script").count(), 0);
+  assert.ok(!(await page.locator("svg").evaluateAll((all) => all.some((figure) => /NaN|Infinity/.test(figure.outerHTML.replaceAll(/aria-label="[^"]*"/g, ""))))));
+  await page.screenshot({ path: join(out, "envelope-hostile.png") });
+  await page.close();
+  const empty = await open(madeUp(join(envelopes, "empty"), 0, (all) => all));
+  assert.match(await empty.locator("main").textContent(), /no rows/);
+  await empty.close();
+  const damaged = join(envelopes, "damaged");
+  mkdirSync(damaged);
+  writeFileSync(join(damaged, "envelope.json"), "{}");
+  const refused = spawnSync(tiltproof, ["report", damaged], { encoding: "utf8" });
+  assert.deepEqual([refused.status, /is no envelope/.test(refused.stderr)], [3, true], refused.stderr);
+});
+
 let failed = 0;
 for (const { name, body } of checks) {
   const before = troubles.length;

@@ -1,9 +1,9 @@
 // The page: the summary of the run, or one of its flights, as the address says (#flight-3).
-import { el } from "./dom.js";
 import { run as readRun } from "./data.js";
 import { showFlight } from "./flight.js";
+import { header } from "./header.js";
 import { showSummary } from "./summary.js";
-import { onTheme, toggleTheme } from "./theme.js";
+import { onTheme } from "./theme.js";
 
 const run = readRun();
 const main = document.getElementById("main");
@@ -15,24 +15,31 @@ function title() {
   return suites || "run";
 }
 
-function header() {
+function facts() {
   const one = run.runs?.length === 1 ? run.runs[0] : null;
-  const facts = one
+  return one
     ? [one.started?.replace("T", " ").slice(0, 16) + " UTC", `client ${one.client}`, one.mode, `seed ${one.seed}`, `tiltproof ${one.version}`]
     : [`${run.runs?.length ?? 0} runs`, `tiltproof ${run.version}`];
-  document.getElementById("header").replaceChildren(
-    el("a", { href: "#", class: "home" }, el("span", { class: "logo", "aria-hidden": "true", text: "◭" }), el("span", { text: `tiltproof · ${title()}` })),
-    el("span", { class: "facts", text: facts.join(" · ") }),
-    el("button", { type: "button", class: "theme", onclick: toggleTheme, text: "Light / dark" }),
-  );
+}
+
+// #flight-3 by its place, #flight=NAME by its name: what other pages link to.
+function indexOf(hash) {
+  const place = /^#flight-(\d+)$/.exec(hash);
+  if (place) return Number(place[1]);
+  if (!hash.startsWith("#flight=")) return -1;
+  try {
+    const name = decodeURIComponent(hash.slice("#flight=".length));
+    return run.flights.findIndex((f) => f.name === name);
+  } catch {
+    return -1;  // not encoded as an address is
+  }
 }
 
 async function show() {
   const turn = ++shown;
   close();
   close = () => {};
-  const match = /^#flight-(\d+)$/.exec(location.hash);
-  const index = match ? Number(match[1]) : -1;
+  const index = indexOf(location.hash);
   const entry = run.flights[index];
   document.title = `${entry ? entry.name : title()} – tiltproof`;
   if (!entry) return showSummary(main, run);
@@ -41,7 +48,7 @@ async function show() {
   else done();
 }
 
-header();
+header(title(), facts());
 addEventListener("hashchange", () => {
   show();
   scrollTo(0, 0);

@@ -1,5 +1,7 @@
 // The table of all flights.
 import { badge, el, number, seconds } from "./dom.js";
+import { countBoxes } from "./header.js";
+import { listing } from "./listing.js";
 
 const COLUMNS = [
   { key: "name", label: "Flight", of: (f) => f.name },
@@ -12,8 +14,6 @@ const COLUMNS = [
   { key: "faults", label: "Faults", of: (f) => f.faults.map((x) => x.type).join() },
   { key: "seed", label: "Seed", of: (f) => f.seed, numeric: true },
 ];
-// Rows in the table at once: more come by a button.
-const ROWS_MAX = 500;
 
 function counts(run) {
   const of = (test) => run.flights.filter(test).length;
@@ -27,7 +27,7 @@ function counts(run) {
   ];
   const notApplicable = run.runs?.reduce((n, r) => n + (r.not_applicable?.length ?? 0), 0) ?? 0;
   if (notApplicable > 0) boxes.push(["", "not applicable", notApplicable]);
-  return el("div", { class: "counts" }, boxes.map(([kind, label, n]) => el("div", { class: `count ${n > 0 ? kind : ""}` }, el("b", { text: n }), el("span", { text: label }))));
+  return countBoxes(boxes);
 }
 
 function notes(run) {
@@ -66,51 +66,19 @@ function row(run, f, index) {
   return el("tr", {}, cells);
 }
 
+const wordsOf = (f) => [f.name, f.criterion, f.reason, ...f.faults.flatMap((x) => [x.type, x.id]), ...(f.tags ?? [])].join(" ");
+
 export function showSummary(main, run) {
-  const state = { text: "", verdict: "", tag: "", sort: "", down: false, rows: ROWS_MAX };
-  const body = el("tbody");
-  const told = el("p", { class: "told", role: "status" });
-  const heads = COLUMNS.map((column) =>
-    el("th", { scope: "col", class: column.numeric ? "n" : "" }, el("button", { type: "button", text: column.label, onclick: () => {
-      state.down = state.sort === column.key && !state.down;
-      state.sort = column.key;
-      fill();
-    } })));
-
-  function fill() {
-    const words = state.text.toLowerCase().split(/\s+/).filter(Boolean);
-    let found = run.flights.map((f, index) => ({ f, index })).filter(({ f }) => {
-      if (state.verdict === "red" && f.green) return false;
-      if (state.verdict && state.verdict !== "red" && f.verdict !== state.verdict) return false;
-      if (state.tag && !f.tags?.includes(state.tag)) return false;
-      const text = [f.name, f.criterion, f.reason, ...f.faults.flatMap((x) => [x.type, x.id]), ...(f.tags ?? [])].join(" ").toLowerCase();
-      return words.every((word) => text.includes(word));
-    });
-    const column = COLUMNS.find((c) => c.key === state.sort);
-    if (column) {
-      const order = (a, b) => (column.of(a.f) < column.of(b.f) ? -1 : column.of(a.f) > column.of(b.f) ? 1 : 0);
-      found = found.sort(order);
-      if (state.down) found.reverse();
-    }
-    heads.forEach((head, i) => head.setAttribute("aria-sort", COLUMNS[i].key === state.sort ? (state.down ? "descending" : "ascending") : "none"));
-    body.replaceChildren(...found.slice(0, state.rows).map(({ f, index }) => row(run, f, index)));
-    const more = found.length - state.rows;
-    told.replaceChildren(`${found.length} of ${run.flights.length} flights${state.sort ? "" : ", the least margin first"} `);
-    if (more > 0) told.append(el("button", { type: "button", text: `Show ${Math.min(more, ROWS_MAX)} more`, onclick: () => { state.rows += ROWS_MAX; fill(); } }));
-  }
-
-  const option = (value, text) => el("option", { value, text });
   const tags = [...new Set(run.flights.flatMap((f) => f.tags ?? []))].sort();
-  const on = (key) => (event) => { state[key] = event.target.value; state.rows = ROWS_MAX; fill(); };
-  const filters = el("form", { class: "filters", role: "search", onsubmit: (event) => event.preventDefault() },
-    el("label", {}, "Find ", el("input", { type: "search", placeholder: "name, fault, criterion", oninput: on("text") })),
-    el("label", {}, "Verdict ", el("select", { onchange: on("verdict") }, option("", "all"), option("red", "not as expected"), ["pass", "fail", "inconclusive", "error"].map((v) => option(v, v)))),
-    tags.length > 0 ? el("label", {}, "Tag ", el("select", { onchange: on("tag") }, option("", "all"), tags.map((t) => option(t, t)))) : null);
-  const extra = [];
-  if (run.baseline) extra.push(el("th", { scope: "col", text: "Since the baseline" }));
-  if (run.runs.length > 1) extra.push(el("th", { scope: "col", text: "Run" }));
-  fill();
-  const table = el("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Flights" }, el("table", { class: "flights" }, el("thead", {}, el("tr", {}, heads, extra)), body));
+  const selects = [{ label: "Verdict", options: [["red", "not as expected"], ...["pass", "fail", "inconclusive", "error"].map((v) => [v, v])], fits: (f, value) => (value === "red" ? !f.green : f.verdict === value) }];
+  if (tags.length > 0) selects.push({ label: "Tag", options: tags.map((t) => [t, t]), fits: (f, value) => f.tags?.includes(value) });
+  const columns = [...COLUMNS];
+  if (run.baseline) columns.push({ key: "before", label: "Since the baseline" });
+  if (run.runs.length > 1) columns.push({ key: "run", label: "Run" });
+  const [filters, told, table] = listing({
+    label: "Flights", noun: "flights", kind: "flights", order: "the least margin first", placeholder: "name, fault, criterion",
+    items: run.flights, columns, selects, words: wordsOf, row: (f, index) => row(run, f, index),
+  });
   const left = run.runs.flatMap((r) => r.not_applicable ?? []);
   main.replaceChildren(
     el("h1", { text: "Flights" }), counts(run), ...notes(run),

@@ -1,0 +1,118 @@
+#include "harness/cli/envelope_flights.h"
+
+#include <fmt/format.h>
+
+#include <map>
+#include <utility>
+
+#include "harness/cli/client_flag.h"
+#include "harness/cli/report_command.h"
+#include "harness/cli/run_flights.h"
+#include "harness/cli/run_record.h"
+#include "harness/report/build_id.h"
+#include "harness/report/files.h"
+#include "harness/report/flight_files.h"
+#include "harness/scenario/reader.h"
+#include "harness/terminal/lines.h"
+
+namespace tiltproof::harness {
+namespace {
+
+RunInfo InfoOf(const EnvelopeSide& side, const FlightJob& first, const EnvelopeOptions& options) {
+  RunInfo info;
+  info.suite = side.type;
+  info.started = UtcNow();
+  info.seed = first.scenario.seed;
+  info.client = first.means.client_text();
+  for (const auto& [id, client] : first.means.clients.by_id) info.clients.emplace(id, ToText(client));
+  info.build = BuildOf(first.means.clients);
+  info.machine = ThisMachine();
+  info.command = options.command;
+  return info;
+}
+
+}  // namespace
+
+std::vector<SideFlight> SidesOf(const Envelope& envelope, const std::vector<MarginTask>& tasks) {
+  std::vector<SideFlight> sides;
+  for (std::size_t i = 0; i < envelope.entries.size(); ++i) {
+    const EnvelopeEntry& entry = envelope.entries[i];
+    if (!entry.margin || entry.margin->unknown) continue;
+    for (const bool survives : {true, false}) {
+      const std::optional<double>& level = survives ? entry.margin->survives : entry.margin->fails;
+      if (!level) continue;
+      SideFlight flight{.side = {.client = entry.client,
+                                 .type = std::string(entry.row.type->name),
+                                 .place = entry.row.place,
+                                 .side = entry.row.side,
+                                 .survives = survives},
+                        .job = tasks[i].job};
+      Scenario& scenario = flight.job.scenario;
+      scenario = AtLevel(scenario, tasks[i].fault, tasks[i].severity, *level);
+      if (!survives) scenario.seed = entry.margin->at_fails.seed;
+      scenario.name = flight.side.name();
+      scenario.expect = {.verdict = survives ? Verdict::kPass : Verdict::kFail, .by_firmware = {}};
+      flight.job.name = scenario.name;
+      sides.push_back(std::move(flight));
+    }
+  }
+  return sides;
+}
+
+void WriteLevels(const std::filesystem::path& folder, const std::vector<SideFlight>& sides) {
+  for (const SideFlight& flight : sides) {
+    const std::filesystem::path file = folder / flight.side.scenario_file();
+    std::filesystem::create_directories(file.parent_path());
+    WriteFile(file, WriteResolved(flight.job.scenario));
+  }
+}
+
+KeptFlights KeepFlights(const std::filesystem::path& folder, const std::vector<SideFlight>& sides,
+                        const EnvelopeOptions& options) {
+  // A run for each client and type: pages of a size that opens quickly.
+  std::map<std::filesystem::path, std::vector<FlightJob>> runs;
+  std::map<std::filesystem::path, RunInfo> infos;
+  std::map<std::string, std::filesystem::path> run_of;
+  for (const SideFlight& flight : sides) {
+    const std::filesystem::path run = folder / flight.side.run_folder(), own = run / flight.job.name;
+    infos.try_emplace(run, InfoOf(flight.side, flight.job, options));
+    FlightJob& job = runs[run].emplace_back(flight.job);
+    job.recorder = RecorderIn(own, Keep::kAll);
+    job.replay = fmt::format("{} replay {}", options.command.front(), own.string());
+    run_of[job.name] = run;
+  }
+  std::map<std::filesystem::path, RunRecord> records;
+  std::vector<FlightJob> jobs;
+  for (const auto& [run, its] : runs) {
+    // Flights of an earlier envelope in this folder.
+    std::filesystem::remove_all(run);
+    std::filesystem::create_directories(run);
+    records.try_emplace(run, run, infos.at(run), its);
+    jobs.insert(jobs.end(), its.begin(), its.end());
+  }
+  KeptFlights kept;
+  const FlownFlights flown = RunFlights(
+      std::move(jobs),
+      {.jobs_count = options.jobs_count,
+       .progress = !options.no_progress,
+       .on_finished = [&](const FlightJob& job, const FlightResult& result) {
+         records.at(run_of.at(job.name)).Take(job, result);
+         ++kept.count;
+         const Verdict verdict = result.score.verdict;
+         // A fault that is too mild to act is survived, too: nothing is wrong.
+         if (result.green() || (verdict == Verdict::kInconclusive && result.expected == Verdict::kPass))
+           return;
+         kept.exit = kExitError;
+         PrintLine(stderr, 0,
+                   fmt::format("tiltproof: envelope: the flight {} is {}, and was {} in the search: {}",
+                               job.name, Name(verdict), Name(result.expected), result.score.reason));
+       }});
+  if (flown.interrupted) kept.exit = kExitInterrupted;
+  for (auto& [run, record] : records) {
+    record.Finish(flown.interrupted, "not flown: the envelope was interrupted");
+    if (!options.no_report) WriteReport(run);
+  }
+  return kept;
+}
+
+}  // namespace tiltproof::harness
