@@ -192,5 +192,64 @@ TEST(SignalScreenTest, ALiarIsReplacedByWhatIsNearTheTruthAndBelievedAgainAfterw
   }
 }
 
+// A gyroscope that reads a part of the truth is right each time that the vehicle's swing turns. To believe it then made
+// its angle look like the liar.
+TEST(SignalScreenTest, ARateThatIsRightTwiceInEachSwingIsNeverTakenForItsAnglesLie) {
+  constexpr std::size_t kRoll = 3, kRollRate = 11;
+  for (const double share : {0.0, 0.06, 0.5}) {
+    Player player;
+    std::mt19937 noise(1);
+    while (player.t_s() < 30) {
+      const Sensors sensed = player.Next([&](double t_s, Array& values) {
+        for (std::size_t i = 0; i < 16; ++i) values[i] += kOrdinaryNoise[i] * NearlyNormal(noise);
+        if (t_s >= 3 && t_s < 25) values[kRollRate] *= share;
+      });
+      ASSERT_EQ(player.clean().roll_rad, sensed.roll_rad) << share << " at " << player.t_s() << " s";
+      // A wrong rate of 0.16 rad/s is near enough to be believed, so half the truth is, at times.
+      if (share < 0.5 && player.t_s() > 6 && player.t_s() < 25) {
+        ASSERT_LT(player.ErrorOf(kRollRate), 0.12) << share << " at " << player.t_s() << " s";
+      }
+    }
+    EXPECT_LT(player.ErrorOf(kRoll), 0.01);
+    EXPECT_FALSE(player.screen().substitutes());
+  }
+}
+
+// A position that was pulled away together with its rate, which is a wind to every observer, comes back in a jump. It
+// is the truth, and followed: along x and y at 1 m/s.
+TEST(SignalScreenTest, APositionThatComesBackTogetherWithItsRateIsBelieved) {
+  constexpr double kBegin_s = 3, kEnd_s = 8;
+  for (const std::size_t signal : {0U, 1U, 2U}) {
+    for (const double pull_m_s : {0.19, -0.19, 0.1}) {
+      Player player;
+      std::mt19937 noise(1);
+      double before = 0;
+      while (player.t_s() < 12) {
+        const Sensors sensed = player.Next([&](double t_s, Array& values) {
+          for (std::size_t i = 0; i < 16; ++i) values[i] += kOrdinaryNoise[i] * NearlyNormal(noise);
+          if (t_s < kBegin_s || t_s >= kEnd_s) return;
+          values[signal] += pull_m_s * (t_s - kBegin_s);
+          values[8 + signal] += pull_m_s;
+        });
+        const auto field = kSensorFields[signal].in_float;
+        const double lie = std::abs(pull_m_s) * (kEnd_s - kBegin_s);
+        const double since_s = player.t_s() - kEnd_s;
+        if (since_s < 0) {
+          ASSERT_EQ(player.clean().*field, sensed.*field) << player.t_s();
+        } else {
+          // In the sample of the jump, too.
+          const double left = signal == 2 ? 0 : lie - since_s;
+          ASSERT_LT(player.ErrorOf(signal), std::max(left, 0.0) + 0.05) << signal << " at " << player.t_s();
+          if (signal != 2) {
+            ASSERT_LT(std::abs(player.ErrorOf(signal) - before), 0.012 + 0.02) << player.t_s();
+          }
+        }
+        before = since_s < 0 ? lie : player.ErrorOf(signal);
+      }
+      EXPECT_FALSE(player.screen().substitutes());
+    }
+  }
+}
+
 }  // namespace
 }  // namespace tiltproof::firmware
