@@ -162,8 +162,7 @@ Sensors SignalScreen::Screen(const Sensors& sensed, const Sensors& predicted, fl
     if (std::isfinite(values[i])) continue;
     values[i] = model[i];
     startled_ = startled_ || pair.liar == Liar::kNone;
-    pair.liar = i < kPairCount ? Liar::kPosition : Liar::kRate;
-    pair.agreeing_count = 0;
+    Call(pair, i < kPairCount ? Liar::kPosition : Liar::kRate);
   }
   // An angular rate that lies is in the rates of two angles. The pair that it is held against judges it; the others
   // see it as predicted.
@@ -212,6 +211,13 @@ Sensors SignalScreen::Screen(const Sensors& sensed, const Sensors& predicted, fl
     if (replaced) result.*kSensorFields[i].in_float = clean[i];
   }
   return result;
+}
+
+void SignalScreen::Call(Pair& pair, Liar liar) {
+  if (pair.liar != liar) pair.lying_s = 0;
+  pair.liar = liar;
+  pair.returns = false;
+  pair.agreeing_count = 0;
 }
 
 void SignalScreen::Accumulate(const Values& values, const Values& model, float elapsed_s) {
@@ -307,10 +313,8 @@ const SignalScreen::Window* SignalScreen::Accuse(std::size_t pair_index, float t
     if (liar == Liar::kPosition && pair_index < kPlaces && shifted[w] && !position_frozen) liar = Liar::kNone;
     if (pair.jumps) liar = Liar::kRate;
     if (liar == Liar::kNone) continue;
+    Call(pair, liar);
     pair.returns = liar == Liar::kPosition && pair_index < kPlaces && IsBack(pair, tolerance);
-    pair.liar = liar;
-    pair.lying_s = 0;
-    pair.agreeing_count = 0;
     return &window;
   }
   return nullptr;

@@ -75,6 +75,7 @@ class SignalScreen {
     float average_lie = 0;    // of a rate
   };
 
+  static void Call(Pair& pair, Liar liar);
   static Liar Verdict(const Window& window, float tolerance);
 
   void Accumulate(const Values& values, const Values& model, float elapsed_s);

@@ -251,5 +251,58 @@ TEST(SignalScreenTest, APositionThatComesBackTogetherWithItsRateIsBelieved) {
   }
 }
 
+// In gusts the model cannot say who lies, and a height that drifts is followed. Its jump back is the truth.
+TEST(SignalScreenTest, AJumpBackFromADriftThatWasNotSeenIsFollowed) {
+  Player player;
+  bool drift_was_flown = true;
+  while (player.t_s() < 12) {
+    const Sensors sensed = player.Next([](double t_s, Array& values) {
+      constexpr double kGustRad_s = 2, kGust_m = 0.5;
+      values[2] += kGust_m * (1 - std::cos(kGustRad_s * t_s));
+      values[10] += kGust_m * kGustRad_s * std::sin(kGustRad_s * t_s);
+      if (t_s >= 3 && t_s < 8) values[2] += 0.1 * (t_s - 3);
+    });
+    const float beside_m = std::abs(player.clean().z_m - sensed.z_m);
+    if (player.t_s() < 8) {
+      drift_was_flown = drift_was_flown && beside_m == 0;
+    } else {
+      ASSERT_LT(beside_m, 0.01) << player.t_s();
+    }
+  }
+  EXPECT_TRUE(drift_was_flown);
+  EXPECT_FALSE(player.screen().substitutes());
+}
+
+// An offset is accepted in the end, as the rate's zero may be wrong; its end is no lie that begins.
+TEST(SignalScreenTest, AJumpBackFromAnOffsetThatWasAcceptedIsFollowed) {
+  Player player;
+  std::mt19937 noise(1);
+  while (player.t_s() < 25) {
+    player.Next([&](double t_s, Array& values) {
+      for (std::size_t i = 0; i < 16; ++i) values[i] += kOrdinaryNoise[i] * NearlyNormal(noise);
+      if (t_s >= 3 && t_s < 20) values[2] += 0.3;
+    });
+    if (player.t_s() > 16 && player.t_s() < 20) {
+      ASSERT_NEAR(player.ErrorOf(2), 0.3, 0.02) << player.t_s();
+    }
+    if (player.t_s() > 20) {
+      ASSERT_LT(player.ErrorOf(2), 0.05) << player.t_s();
+    }
+  }
+  EXPECT_FALSE(player.screen().substitutes());
+}
+
+// How long an earlier lie lasted says nothing about the zero of the rate now.
+TEST(SignalScreenTest, AnOffsetThatBeginsWithAMissingNumberIsNotBelievedForAnEarlierLie) {
+  Player player;
+  while (player.t_s() < 42) {
+    player.Next([](double t_s, Array& values) {
+      if (t_s >= 3 && t_s < 33) values[2] += 2;
+      if (t_s >= 40) values[2] = t_s < 40.012 ? std::numeric_limits<double>::quiet_NaN() : values[2] + 0.6;
+    });
+    ASSERT_LT(player.ErrorOf(2), 0.05) << player.t_s();
+  }
+}
+
 }  // namespace
 }  // namespace tiltproof::firmware
