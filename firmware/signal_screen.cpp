@@ -182,6 +182,9 @@ Sensors SignalScreen::Screen(const Sensors& sensed, const Sensors& predicted, fl
     Accumulate(values, model, elapsed_s);
     for (std::size_t window = 0; window < kWindowCount; ++window)
       shifted[window] = IsShiftInTime(window, values);
+  } else {
+    // Not judged, but remembered: the next sample may take it back.
+    for (std::size_t i = 0; i < kPlaces; ++i) pairs_[i].strayed += values[i] - model[i];
   }
   Values clean = values;
   for (std::size_t pair = 0; pair < kPairCount; ++pair) {
