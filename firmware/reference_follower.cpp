@@ -35,12 +35,17 @@ Reference Along(Reference reference, std::int32_t periods) {
   return reference;
 }
 
+// From b to a, the short way: pi and -pi are one heading.
+float YawBetween(const Reference& a, const Reference& b) {
+  return WrapAngle(WrapAngle(a.yaw_rad) - WrapAngle(b.yaw_rad));
+}
+
 bool IsNear(const Reference& a, const Reference& b, std::int32_t periods) {
   const float time_s = kReferencePeriod_s * static_cast<float>(std::max(periods, std::int32_t{1}));
   const auto within = [](float x, float y, float limit) { return std::abs(x - y) <= limit; };
   return within(a.x_m, b.x_m, kSpeedMax_m_s * time_s) && within(a.y_m, b.y_m, kSpeedMax_m_s * time_s) &&
          within(a.z_m, b.z_m, kSpeedMax_m_s * time_s) &&
-         std::abs(WrapAngle(a.yaw_rad) - WrapAngle(b.yaw_rad)) <= kYawRateMax_rad_s * time_s &&
+         std::abs(YawBetween(a, b)) <= kYawRateMax_rad_s * time_s &&
          within(a.vx_m_s, b.vx_m_s, kVelocityJumpMax_m_s) &&
          within(a.vy_m_s, b.vy_m_s, kVelocityJumpMax_m_s) && within(a.vz_m_s, b.vz_m_s, kVelocityJumpMax_m_s);
 }
@@ -72,7 +77,7 @@ void ReferenceFollower::Receive(const Reference& reference) {
     offset_ = {.x_m = flown.x_m - reference.x_m,
                .y_m = flown.y_m - reference.y_m,
                .z_m = flown.z_m - reference.z_m,
-               .yaw_rad = flown.yaw_rad - reference.yaw_rad};
+               .yaw_rad = YawBetween(flown, reference)};
     approaching_ = true;
   }
   any_received_ = true;

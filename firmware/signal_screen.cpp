@@ -38,6 +38,15 @@ constexpr float kSteady_s = 5;
 // Surprises of the last 10 s in which the pair agreed are this model's on this vehicle, in this air.
 constexpr float kUsual_s = 10;
 constexpr float kUsuals = 2;
+// A position that jumps may come back from a lie that was not seen. It does if the jump takes away most of what x, y
+// or z has strayed from its rate in the last 20 s, or if the rate steps in the same sample: five times the ordinary
+// noise of a difference.
+constexpr std::size_t kPlaces = 3;
+constexpr float kStrayed_s = 20;
+constexpr float kStrayedShare = 0.5F;
+constexpr float kRateStep_m_s = 7e-2F;
+// How fast it is followed then: a step across would tilt the vehicle.
+constexpr std::array<float, kPlaces> kReturn_m_s = {1, 1, 1e9F};
 // A pair agrees that contradicts itself by less than this share of the tolerance.
 constexpr float kCalmShare = 0.25F;
 // What no input within the actuators' limits makes of the rates in a sample, m/s and rad/s: 60 N on 2.09 kg, 30 N at
@@ -48,8 +57,9 @@ constexpr std::array<float, 8> kRateJumpMax = {0.5F, 0.5F, 0.5F, 1.4F, 5, 2.7F, 
 // The same bits so often are a frozen signal, if the pair contradicts itself by this share of the tolerance.
 constexpr std::int32_t kFrozenRepeats = 3;
 constexpr float kFrozenShare = 0.25F;
-// Samples in a row in which a liar must be right to be believed again: 0.1 s.
-constexpr std::int32_t kAgreeingSamples = 8;
+// Samples in a row in which a liar must be right to be believed again. A position: 0.1 s. A rate that is scaled, late or
+// dead is right twice in each swing of the vehicle, so a rate: 1.5 s, the long window.
+constexpr std::array<std::int32_t, 2> kAgreeingSamples = {8, 125};
 // The integral of a rate goes wrong with the rate's zero: what can be seen of it is 3 cm/s,
 // 30 mrad/s. So an offset is accepted in the end.
 constexpr float kZeroError = 3e-2F;
@@ -152,8 +162,7 @@ Sensors SignalScreen::Screen(const Sensors& sensed, const Sensors& predicted, fl
     if (std::isfinite(values[i])) continue;
     values[i] = model[i];
     startled_ = startled_ || pair.liar == Liar::kNone;
-    pair.liar = i < kPairCount ? Liar::kPosition : Liar::kRate;
-    pair.agreeing_count = 0;
+    Call(pair, i < kPairCount ? Liar::kPosition : Liar::kRate);
   }
   // An angular rate that lies is in the rates of two angles. The pair that it is held against judges it; the others
   // see it as predicted.
@@ -173,6 +182,9 @@ Sensors SignalScreen::Screen(const Sensors& sensed, const Sensors& predicted, fl
     Accumulate(values, model, elapsed_s);
     for (std::size_t window = 0; window < kWindowCount; ++window)
       shifted[window] = IsShiftInTime(window, values);
+  } else {
+    // Not judged, but remembered: the next sample may take it back.
+    for (std::size_t i = 0; i < kPlaces; ++i) pairs_[i].strayed += values[i] - model[i];
   }
   Values clean = values;
   for (std::size_t pair = 0; pair < kPairCount; ++pair) {
@@ -180,7 +192,7 @@ Sensors SignalScreen::Screen(const Sensors& sensed, const Sensors& predicted, fl
     const Window* accusing = nullptr;
     const float jump = std::abs(pairs_[pair].windows[0].contradiction - pairs_[pair].contradiction_before);
     if (elapsed_s <= kElapsedMax_s) accusing = Accuse(pair, tolerance, shifted);
-    startled_ = startled_ || (accusing != nullptr && jump > tolerance);
+    startled_ = startled_ || (accusing != nullptr && jump > tolerance && !pairs_[pair].returns);
     Replace(pair, model, elapsed_s, tolerance, accusing, clean);
   }
   raw_ = values;
@@ -204,6 +216,13 @@ Sensors SignalScreen::Screen(const Sensors& sensed, const Sensors& predicted, fl
   return result;
 }
 
+void SignalScreen::Call(Pair& pair, Liar liar) {
+  if (pair.liar != liar) pair.lying_s = 0;
+  pair.liar = liar;
+  pair.returns = false;
+  pair.agreeing_count = 0;
+}
+
 void SignalScreen::Accumulate(const Values& values, const Values& model, float elapsed_s) {
   for (std::size_t i = 0; i < kPairCount; ++i) {
     const std::size_t rate = kPairCount + i;
@@ -219,6 +238,8 @@ void SignalScreen::Accumulate(const Values& values, const Values& model, float e
                         return std::abs(window.contradiction) < kCalmShare * kContradictionMax[i];
                       });
     if (calm) pair.steady_per_s += elapsed_s / (kSteady_s * kWindow_s[1]) * pair.windows[1].rate_surprise;
+    pair.strayed = kStrayed_s / (kStrayed_s + elapsed_s) * pair.strayed + contradiction;
+    pair.rate_steps = std::abs(rate_surprise) > kRateStep_m_s + kModelError * std::abs(model_change);
     pair.jumps = std::abs(unexplained) > kRateJumpMax[i] * std::max(1.0F, elapsed_s / kRateJumpSample_s);
     for (std::size_t w = 0; w < kWindowCount; ++w) {
       Window& window = pair.windows[w];
@@ -244,14 +265,14 @@ void SignalScreen::Accumulate(const Values& values, const Values& model, float e
 bool SignalScreen::IsShiftInTime(std::size_t window, const Values& values) const {
   float speed_2 = 0;
   float along = 0;
-  for (std::size_t i = 0; i < 3; ++i) {
+  for (std::size_t i = 0; i < kPlaces; ++i) {
     speed_2 += values[kPairCount + i] * values[kPairCount + i];
     along += values[kPairCount + i] * pairs_[i].windows[window].contradiction;
   }
   if (speed_2 < kShiftSpeedMin_m_s * kShiftSpeedMin_m_s) return false;
   const float shift_s = along / speed_2;
   bool shifted = std::abs(shift_s) <= kShiftMax_s;
-  for (std::size_t i = 0; i < 3; ++i) {
+  for (std::size_t i = 0; i < kPlaces; ++i) {
     const float rest = pairs_[i].windows[window].contradiction - shift_s * values[kPairCount + i];
     shifted = shifted && std::abs(rest) < kContradictionMax[i];
   }
@@ -273,6 +294,12 @@ SignalScreen::Liar SignalScreen::Verdict(const Window& window, float tolerance) 
   return Liar::kNone;
 }
 
+bool SignalScreen::IsBack(const Pair& pair, float tolerance) {
+  const float jump = pair.windows[0].contradiction - pair.contradiction_before;
+  if (std::abs(jump) <= tolerance) return false;
+  return pair.rate_steps || std::abs(pair.strayed) < kStrayedShare * std::abs(jump);
+}
+
 const SignalScreen::Window* SignalScreen::Accuse(std::size_t pair_index, float tolerance,
                                                  const std::array<bool, kWindowCount>& shifted) {
   Pair& pair = pairs_[pair_index];
@@ -286,12 +313,11 @@ const SignalScreen::Window* SignalScreen::Accuse(std::size_t pair_index, float t
       if (hint == Liar::kPosition && position_frozen) liar = hint;
       if (hint == Liar::kRate && pair.rate_repeats >= kFrozenRepeats) liar = hint;
     }
-    if (liar == Liar::kPosition && pair_index < 3 && shifted[w] && !position_frozen) liar = Liar::kNone;
+    if (liar == Liar::kPosition && pair_index < kPlaces && shifted[w] && !position_frozen) liar = Liar::kNone;
     if (pair.jumps) liar = Liar::kRate;
     if (liar == Liar::kNone) continue;
-    pair.liar = liar;
-    pair.lying_s = 0;
-    pair.agreeing_count = 0;
+    Call(pair, liar);
+    pair.returns = liar == Liar::kPosition && pair_index < kPlaces && IsBack(pair, tolerance);
     return &window;
   }
   return nullptr;
@@ -305,13 +331,18 @@ void SignalScreen::Replace(std::size_t pair_index, const Values& model, float el
   float& position = clean[pair_index];
   float& rate = clean[rate_index];
   bool agrees = false;
+  float position_rest = 0;
   if (pair.liar == Liar::kPosition) {
     // Back to before the lie began, or on from there.
-    const float substitute = accusing != nullptr
-                                 ? position - accusing->contradiction
-                                 : model[pair_index] + Moved(0, rate - model[rate_index], elapsed_s);
-    agrees =
-        std::abs(Difference(pair_index, position, substitute)) < 0.5F * tolerance + kZeroError * pair.lying_s;
+    float substitute = accusing != nullptr
+                           ? position - accusing->contradiction
+                           : model[pair_index] + Moved(0, rate - model[rate_index], elapsed_s);
+    if (pair.returns) {
+      const float step = kReturn_m_s[pair_index] * elapsed_s;
+      substitute += std::clamp(Difference(pair_index, position, substitute), -step, step);
+    }
+    position_rest = Difference(pair_index, position, substitute);
+    agrees = std::abs(position_rest) < 0.5F * tolerance + kZeroError * pair.lying_s;
     position = model[pair_index] + Difference(pair_index, substitute, model[pair_index]);
   } else {
     const float before = accusing != nullptr ? rate - accusing->rate_surprise : model[rate_index];
@@ -329,10 +360,14 @@ void SignalScreen::Replace(std::size_t pair_index, const Values& model, float el
   }
   pair.lying_s += elapsed_s;
   pair.agreeing_count = agrees ? pair.agreeing_count + 1 : 0;
-  if (pair.agreeing_count >= kAgreeingSamples) {
-    for (Window& window : pair.windows) window = {.usual_surprise = window.usual_surprise};
-    pair.liar = Liar::kNone;
-  }
+  if (pair.agreeing_count < kAgreeingSamples[pair.liar == Liar::kRate]) return;
+  // What is left of the lie is believed from now on. It is known; forgotten, that of a rate would look like a lie of the
+  // position, and the jump at the end of that of a position like the next lie.
+  const float rate_rest = pair.liar == Liar::kRate ? pair.average_lie : 0;
+  for (Window& window : pair.windows)
+    window = {.rate_surprise = rate_rest, .usual_surprise = window.usual_surprise};
+  pair.strayed = position_rest;
+  pair.liar = Liar::kNone;
 }
 
 }  // namespace tiltproof::firmware

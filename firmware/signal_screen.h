@@ -67,15 +67,21 @@ class SignalScreen {
     std::int32_t agreeing_count = 0;                      // samples in a row in which the liar is right
     std::int32_t position_repeats = 0, rate_repeats = 0;  // samples in a row with the same bits
     float lying_s = 0;
-    float steady_per_s = 0;  // acceleration that the model does not know
-    bool jumps = false;      // the last sample's rate follows from no input
-    float average_lie = 0;   // of a rate
+    float steady_per_s = 0;   // acceleration that the model does not know
+    float strayed = 0;        // sum of the contradictions, forgetting slowly
+    bool rate_steps = false;  // in the last sample by more than noise
+    bool returns = false;     // the position was wrong when it was believed, and is right now
+    bool jumps = false;       // the last sample's rate follows from no input
+    float average_lie = 0;    // of a rate
   };
 
+  static void Call(Pair& pair, Liar liar);
   static Liar Verdict(const Window& window, float tolerance);
 
   void Accumulate(const Values& values, const Values& model, float elapsed_s);
   bool IsShiftInTime(std::size_t window, const Values& values) const;
+  // Whether a position that jumps comes back from a lie that was not seen.
+  static bool IsBack(const Pair& pair, float tolerance);
   // The window that convicts, if a liar is found.
   const Window* Accuse(std::size_t pair_index, float tolerance,
                        const std::array<bool, kWindowCount>& shifted);

@@ -101,5 +101,39 @@ TEST(ReferenceFollowerTest, WaitingForTheFirstIsNotHolding) {
   EXPECT_EQ(follower.Flown(), Spiral(0));
 }
 
+// pi and -pi are one heading, however it is written.
+TEST(ReferenceFollowerTest, AYawThatPassesPiIsNoJump) {
+  constexpr double kPi = 3.14159265358979;
+  for (const double yaw_rate_rad_s : {0.5, -0.5}) {
+    ReferenceFollower follower({.x_m = 4});
+    for (int period = 0; period < 1000; ++period) {
+      const double yaw = kPi + yaw_rate_rad_s * kReferencePeriod_s * (period - 500);
+      Reference reference = Spiral(period);
+      reference.yaw_rad = static_cast<float>(std::remainder(yaw, 2 * kPi));
+      follower.BeginPeriod();
+      follower.Receive(reference);
+      ASSERT_EQ(follower.Flown(), reference) << period;
+      ASSERT_TRUE(follower.follows()) << period;
+    }
+  }
+}
+
+// The vehicle turns from one to the other through pi, by 0.2 rad and not by 6.1.
+TEST(ReferenceFollowerTest, AStepOfYawAcrossPiIsApproachedTheShortWay) {
+  const Reference before = {.x_m = 1, .z_m = 2, .yaw_rad = 3.04F};
+  const Reference after = {.x_m = 1, .z_m = 2, .yaw_rad = -3.04F};
+  ReferenceFollower follower(before);
+  follower.Receive(before);
+  int reached = 0;
+  for (int period = 1; period < 400; ++period) {
+    follower.BeginPeriod();
+    follower.Receive(after);
+    const double from_pi = std::remainder(follower.Flown().yaw_rad - 3.14159265358979, 6.28318530717959);
+    ASSERT_LT(std::abs(from_pi), 0.11) << period;
+    if (reached == 0 && follower.Flown() == after) reached = period;
+  }
+  EXPECT_NEAR(reached * kReferencePeriod_s, 0.2032 / 0.5, 0.1);
+}
+
 }  // namespace
 }  // namespace tiltproof::firmware

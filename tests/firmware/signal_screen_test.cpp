@@ -61,21 +61,21 @@ class Player {
   Player() : clean_(ToSensorsOf(TruthAt(0))) { screen_.Begin(clean_); }
 
   // One sample; returns it as the screen was given it.
-  Sensors Next(const Sense& sense) {
+  Sensors Next(const Sense& sense, double period_s = kPeriod_s) {
     const Array before = TruthAt(t_s_);
-    t_s_ += kPeriod_s;
+    t_s_ += period_s;
     const Array now = TruthAt(t_s_);
     Array predicted;
     for (std::size_t i = 0; i < 16; ++i) {
       const double clean = clean_.*kSensorFields[i].in_float;
       predicted[i] = clean + now[i] - before[i];
       // A rate that is off moves its position; angles are small enough for it.
-      if (i < 8) predicted[i] += kPeriod_s * (clean_.*kSensorFields[8 + i].in_float - before[8 + i]);
+      if (i < 8) predicted[i] += period_s * (clean_.*kSensorFields[8 + i].in_float - before[8 + i]);
     }
     Array values = now;
     sense(t_s_, values);
     const Sensors sensed = ToSensorsOf(values);
-    clean_ = screen_.Screen(sensed, ToSensorsOf(predicted), static_cast<float>(kPeriod_s));
+    clean_ = screen_.Screen(sensed, ToSensorsOf(predicted), static_cast<float>(period_s));
     return sensed;
   }
 
@@ -190,6 +190,130 @@ TEST(SignalScreenTest, ALiarIsReplacedByWhatIsNearTheTruthAndBelievedAgainAfterw
       EXPECT_FALSE(player.screen().substitutes()) << lie.name << " of " << kSensorFields[signal].column;
     }
   }
+}
+
+// A gyroscope that reads a part of the truth is right each time that the vehicle's swing turns. To believe it then made
+// its angle look like the liar.
+TEST(SignalScreenTest, ARateThatIsRightTwiceInEachSwingIsNeverTakenForItsAnglesLie) {
+  constexpr std::size_t kRoll = 3, kRollRate = 11;
+  for (const double share : {0.0, 0.06, 0.5}) {
+    Player player;
+    std::mt19937 noise(1);
+    while (player.t_s() < 30) {
+      const Sensors sensed = player.Next([&](double t_s, Array& values) {
+        for (std::size_t i = 0; i < 16; ++i) values[i] += kOrdinaryNoise[i] * NearlyNormal(noise);
+        if (t_s >= 3 && t_s < 25) values[kRollRate] *= share;
+      });
+      ASSERT_EQ(player.clean().roll_rad, sensed.roll_rad) << share << " at " << player.t_s() << " s";
+      // A wrong rate of 0.16 rad/s is near enough to be believed, so half the truth is, at times.
+      if (share < 0.5 && player.t_s() > 6 && player.t_s() < 25) {
+        ASSERT_LT(player.ErrorOf(kRollRate), 0.12) << share << " at " << player.t_s() << " s";
+      }
+    }
+    EXPECT_LT(player.ErrorOf(kRoll), 0.01);
+    EXPECT_FALSE(player.screen().substitutes());
+  }
+}
+
+// A position that was pulled away together with its rate, which is a wind to every observer, comes back in a jump. It
+// is the truth, and followed: along x and y at 1 m/s.
+TEST(SignalScreenTest, APositionThatComesBackTogetherWithItsRateIsBelieved) {
+  constexpr double kBegin_s = 3, kEnd_s = 8;
+  for (const std::size_t signal : {0U, 1U, 2U}) {
+    for (const double pull_m_s : {0.19, -0.19, 0.1}) {
+      Player player;
+      std::mt19937 noise(1);
+      double before = 0;
+      while (player.t_s() < 12) {
+        const Sensors sensed = player.Next([&](double t_s, Array& values) {
+          for (std::size_t i = 0; i < 16; ++i) values[i] += kOrdinaryNoise[i] * NearlyNormal(noise);
+          if (t_s < kBegin_s || t_s >= kEnd_s) return;
+          values[signal] += pull_m_s * (t_s - kBegin_s);
+          values[8 + signal] += pull_m_s;
+        });
+        const auto field = kSensorFields[signal].in_float;
+        const double lie = std::abs(pull_m_s) * (kEnd_s - kBegin_s);
+        const double since_s = player.t_s() - kEnd_s;
+        if (since_s < 0) {
+          ASSERT_EQ(player.clean().*field, sensed.*field) << player.t_s();
+        } else {
+          // In the sample of the jump, too.
+          const double left = signal == 2 ? 0 : lie - since_s;
+          ASSERT_LT(player.ErrorOf(signal), std::max(left, 0.0) + 0.05) << signal << " at " << player.t_s();
+          if (signal != 2) {
+            ASSERT_LT(std::abs(player.ErrorOf(signal) - before), 0.012 + 0.02) << player.t_s();
+          }
+        }
+        before = since_s < 0 ? lie : player.ErrorOf(signal);
+      }
+      EXPECT_FALSE(player.screen().substitutes());
+    }
+  }
+}
+
+// In gusts the model cannot say who lies, and a height that drifts is followed. Its jump back is the truth.
+TEST(SignalScreenTest, AJumpBackFromADriftThatWasNotSeenIsFollowed) {
+  Player player;
+  bool drift_was_flown = true;
+  while (player.t_s() < 12) {
+    const Sensors sensed = player.Next([](double t_s, Array& values) {
+      constexpr double kGustRad_s = 2, kGust_m = 0.5;
+      values[2] += kGust_m * (1 - std::cos(kGustRad_s * t_s));
+      values[10] += kGust_m * kGustRad_s * std::sin(kGustRad_s * t_s);
+      if (t_s >= 3 && t_s < 8) values[2] += 0.1 * (t_s - 3);
+    });
+    const float beside_m = std::abs(player.clean().z_m - sensed.z_m);
+    if (player.t_s() < 8) {
+      drift_was_flown = drift_was_flown && beside_m == 0;
+    } else {
+      ASSERT_LT(beside_m, 0.01) << player.t_s();
+    }
+  }
+  EXPECT_TRUE(drift_was_flown);
+  EXPECT_FALSE(player.screen().substitutes());
+}
+
+// An offset is accepted in the end, as the rate's zero may be wrong; its end is no lie that begins.
+TEST(SignalScreenTest, AJumpBackFromAnOffsetThatWasAcceptedIsFollowed) {
+  Player player;
+  std::mt19937 noise(1);
+  while (player.t_s() < 25) {
+    player.Next([&](double t_s, Array& values) {
+      for (std::size_t i = 0; i < 16; ++i) values[i] += kOrdinaryNoise[i] * NearlyNormal(noise);
+      if (t_s >= 3 && t_s < 20) values[2] += 0.3;
+    });
+    if (player.t_s() > 16 && player.t_s() < 20) {
+      ASSERT_NEAR(player.ErrorOf(2), 0.3, 0.02) << player.t_s();
+    }
+    if (player.t_s() > 20) {
+      ASSERT_LT(player.ErrorOf(2), 0.05) << player.t_s();
+    }
+  }
+  EXPECT_FALSE(player.screen().substitutes());
+}
+
+// How long an earlier lie lasted says nothing about the zero of the rate now.
+TEST(SignalScreenTest, AnOffsetThatBeginsWithAMissingNumberIsNotBelievedForAnEarlierLie) {
+  Player player;
+  while (player.t_s() < 42) {
+    player.Next([](double t_s, Array& values) {
+      if (t_s >= 3 && t_s < 33) values[2] += 2;
+      if (t_s >= 40) values[2] = t_s < 40.012 ? std::numeric_limits<double>::quiet_NaN() : values[2] + 0.6;
+    });
+    ASSERT_LT(player.ErrorOf(2), 0.05) << player.t_s();
+  }
+}
+
+// A sample after a gap is believed, as nothing tells it from a vehicle that moved. If it lied, the next one is no liar.
+TEST(SignalScreenTest, AJumpBackFromALieAfterAGapIsFollowed) {
+  Player player;
+  while (player.t_s() < 3) player.Next([](double, Array&) {});
+  player.Next([](double, Array& values) { values[2] += 2; }, 0.06);
+  while (player.t_s() < 6) {
+    player.Next([](double, Array&) {});
+    ASSERT_LT(player.ErrorOf(2), 0.05) << player.t_s();
+  }
+  EXPECT_FALSE(player.screen().substitutes());
 }
 
 }  // namespace
