@@ -21,35 +21,39 @@ std::chrono::sys_time<std::chrono::milliseconds> Now() {
   return std::chrono::floor<std::chrono::milliseconds>(std::chrono::system_clock::now());
 }
 
+// Creates `path` with that content, or leaves nothing there; messages name it `named`.
+void WriteWhole(const std::filesystem::path& path, int flags, std::string_view content,
+                const std::filesystem::path& named) {
+  const int file = open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | flags, 0644);
+  if (file < 0) Fail("create", named, errno);
+  int error = 0;
+  while (!content.empty() && error == 0) {
+    const ssize_t written = write(file, content.data(), content.size());
+    if (written >= 0)
+      content.remove_prefix(static_cast<std::size_t>(written));
+    else if (errno != EINTR)
+      error = errno;
+  }
+  if (close(file) != 0 && error == 0) error = errno;
+  if (error == 0) return;
+  unlink(path.c_str());
+  Fail("write", named, error);
+}
+
 }  // namespace
 
 void WriteFile(const std::filesystem::path& path, std::string_view content) {
   const std::filesystem::path temporary = path.string() + ".part";
-  const int file = open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-  if (file < 0) Fail("create", path, errno);
-  const auto give_up = [&](std::string_view doing, int error) {
-    close(file);
-    unlink(temporary.c_str());
-    Fail(doing, path, error);
-  };
-  while (!content.empty()) {
-    const ssize_t written = write(file, content.data(), content.size());
-    if (written < 0) {
-      if (errno == EINTR) continue;
-      give_up("write", errno);
-    }
-    content.remove_prefix(static_cast<std::size_t>(written));
-  }
-  if (close(file) != 0) {
-    const int error = errno;
-    unlink(temporary.c_str());
-    Fail("write", path, error);
-  }
+  WriteWhole(temporary, O_TRUNC, content, path);
   if (rename(temporary.c_str(), path.c_str()) != 0) {
     const int error = errno;
     unlink(temporary.c_str());
     Fail("rename to", path, error);
   }
+}
+
+void WriteNewFile(const std::filesystem::path& path, std::string_view content) {
+  WriteWhole(path, O_EXCL, content, path);
 }
 
 std::string ReadFile(const std::filesystem::path& path) {

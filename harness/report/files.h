@@ -16,6 +16,8 @@ struct FileError : std::runtime_error {
 
 // Writes a temporary beside `path` and renames it, so that readers never see half a file.
 void WriteFile(const std::filesystem::path& path, std::string_view content);
+// Never replaces anything: an error if there is something of that name, be it a link to nothing.
+void WriteNewFile(const std::filesystem::path& path, std::string_view content);
 std::string ReadFile(const std::filesystem::path& path);
 
 // Creates <parent>/<UTC to the ms>-<suite>-<seed>[-n] exclusively, n = 2, 3, ... when it exists already, and
