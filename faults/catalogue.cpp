@@ -169,6 +169,16 @@ std::string ExampleYaml(const FaultType& type) {
 
 }  // namespace
 
+std::string ParameterText(const ParameterInfo& info) {
+  const bool has_unit = !info.unit.empty() && info.unit != "1";
+  const std::string_view in = !has_unit ? "" : info.unit.starts_with("of ") ? "in the unit " : "in ";
+  std::string text =
+      Concat({info.doc, "; ", in, has_unit ? info.unit : "", has_unit ? ", " : "", AllowedText(info)});
+  if (info.default_value) text += Concat({"; ", ValueText(*info.default_value), " when not stated"});
+  if (info.severity) text += Concat({"; harmless at ", ValueText(*info.zero)});
+  return text;
+}
+
 std::string CatalogueMarkdown() {
   std::string text = kPreamble;
   for (const FaultType& type : FaultTypes()) text += Concat({"\n", Markdown(type)});

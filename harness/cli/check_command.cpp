@@ -10,8 +10,6 @@
 #include "harness/cli/commands.h"
 #include "harness/cli/suite.h"
 #include "harness/scenario/did_you_mean.h"
-#include "harness/scenario/schema.h"
-#include "harness/score/score.h"
 #include "harness/terminal/terminal.h"
 
 namespace tiltproof::harness {
@@ -54,11 +52,6 @@ int ListCommand(const CheckOptions& options) {
           fmt::format("{}", fmt::join(faults, ", ")));
   }
   return suite.scenarios.empty() ? kExitUndecided : kExitGreen;
-}
-
-int SchemaCommand() {
-  Print(stdout, "{}\n", TextLines(ScenarioJsonSchema(MetricNames())));
-  return kExitGreen;
 }
 
 int FaultsCommand(const std::string& name) {

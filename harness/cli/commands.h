@@ -82,6 +82,7 @@ struct CheckOptions {
 int CheckCommand(const CheckOptions& options);
 int ListCommand(const CheckOptions& options);
 int SchemaCommand();
+int NewCommand(const std::filesystem::path& file);
 // An empty name prints the whole catalogue.
 int FaultsCommand(const std::string& name);
 

@@ -149,6 +149,11 @@ int Main(int argc, char** argv) {
   list_app->add_option("PATH", check.paths, "Scenario files, or folders of them")->required();
   add_client(list_app);
   list_app->callback([&] { command = [&] { return ListCommand(check); }; });
+  std::filesystem::path file;
+  auto* new_app = app.add_subcommand(
+      "new", "Write a commented scenario to begin with, and beside it the schema that editors use");
+  new_app->add_option("FILE", file, "The scenario to be written, NAME.yaml")->required();
+  new_app->callback([&] { command = [&] { return NewCommand(file); }; });
   app.add_subcommand("schema", "Print the JSON Schema of scenario files, for editors")->callback([&] {
     command = SchemaCommand;
   });
@@ -353,7 +358,6 @@ int Main(int argc, char** argv) {
   doctor_app->callback([&] { command = [&] { return DoctorCommand(doctor); }; });
 
   std::string hex;
-  std::filesystem::path file;
   auto* frame_app = app.add_subcommand("frame", "Encode and decode frames of the serial line");
   frame_app->require_subcommand(1);
   auto* encode_app =

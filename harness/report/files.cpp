@@ -8,6 +8,7 @@
 
 #include <cerrno>
 #include <chrono>
+#include <cstdio>
 #include <cstring>
 #include <utility>
 
@@ -24,11 +25,13 @@ std::chrono::sys_time<std::chrono::milliseconds> Now() {
 
 }  // namespace
 
-NewFile::NewFile(std::filesystem::path path) : path_(std::move(path)), written_(path_.string() + ".part") {
+NewFile::NewFile(std::filesystem::path path, Existing existing)
+    : path_(std::move(path)), written_(path_.string() + ".part"), existing_(existing) {
   std::error_code error;
   const auto there = std::filesystem::status(path_, error).type();
   using Type = std::filesystem::file_type;
-  if (there == Type::character || there == Type::block || there == Type::fifo) written_ = path_;
+  const bool device = there == Type::character || there == Type::block || there == Type::fifo;
+  if (device && existing_ == Existing::kReplaced) written_ = path_;
   file_ = open(written_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
   if (file_ < 0) Fail("create", path_, errno);
 }
@@ -63,15 +66,23 @@ void NewFile::Write(std::string_view content) {
 void NewFile::Finish() {
   // A failing close() has closed it, too.
   const int closed = close(std::exchange(file_, -1));
-  const bool moved = closed == 0 && (written_ == path_ || rename(written_.c_str(), path_.c_str()) == 0);
+  const unsigned flags = existing_ == Existing::kRefused ? RENAME_NOREPLACE : 0;
+  const bool moved = closed == 0 && (written_ == path_ || renameat2(AT_FDCWD, written_.c_str(), AT_FDCWD,
+                                                                    path_.c_str(), flags) == 0);
   if (moved) return;
   const int error = errno;
   if (written_ != path_) unlink(written_.c_str());
-  Fail(closed != 0 ? "write" : "rename to", path_, error);
+  Fail(closed != 0 ? "write" : error == EEXIST ? "create" : "rename to", path_, error);
 }
 
 void WriteFile(const std::filesystem::path& path, std::string_view content) {
   NewFile file(path);
+  file.Write(content);
+  file.Finish();
+}
+
+void WriteNewFile(const std::filesystem::path& path, std::string_view content) {
+  NewFile file(path, NewFile::Existing::kRefused);
   file.Write(content);
   file.Finish();
 }

@@ -22,7 +22,9 @@ struct FileError : std::runtime_error {
 //   file.Finish();
 class NewFile {
  public:
-  explicit NewFile(std::filesystem::path path);
+  // What Finish() makes of something that has the name already.
+  enum class Existing { kReplaced, kRefused };
+  explicit NewFile(std::filesystem::path path, Existing existing = Existing::kReplaced);
   // Without Finish() nothing is left.
   ~NewFile();
   NewFile(const NewFile&) = delete;
@@ -36,11 +38,14 @@ class NewFile {
   void Close();
 
   std::filesystem::path path_, written_;  // the same for a device
+  Existing existing_;
   int file_ = -1;
 };
 
 // The same at once.
 void WriteFile(const std::filesystem::path& path, std::string_view content);
+// Never replaces anything: an error if there is something of that name, be it a link to nothing.
+void WriteNewFile(const std::filesystem::path& path, std::string_view content);
 std::string ReadFile(const std::filesystem::path& path);
 
 // Creates <parent>/<UTC to the ms>-<suite>-<seed>[-n] exclusively, n = 2, 3, ... when it exists already, and

@@ -4,9 +4,12 @@
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <utility>
 #include <vector>
 
+#include "faults/registry.h"
+#include "faults/signal_choice.h"
 #include "harness/scenario/fault_keys.h"
 #include "harness/scenario/keys.h"
 
@@ -37,28 +40,36 @@ Json TextSchema(const TextRule& rule) {
   return schema;
 }
 
+// A condition holds for no value but a mapping: an editor that completes an empty place would offer every branch.
+Json If(Json condition) {
+  condition["type"] = "object";
+  return condition;
+}
+
 // One mapping. Values passed in are the defaults.
+//
+// Titles are what an editor names in front of an error: "mean_ms of frame.delay".
 class SchemaBuilder : public KeyVisitor {
  public:
+  explicit SchemaBuilder(std::string title) : title_(std::move(title)) {}
+
   // The object of the keys described so far.
   //
   // Where a word decides about keys, one branch each applies when the word is there. (With `oneOf`, editors
-  // would offer only the words that fit what is written already, and a mistake in one key would refuse all
-  // alternatives at once.)
+  // would offer only the words that fit what is written already, and a mistake in the word or in one key would be
+  // reported as one of the first alternative, or as one of all.)
   Json Take() const {
-    Json object = Object(properties_, required_);
+    Json object = Object(title_, properties_, required_);
     object.update(rules_);
     if (alternatives_.empty()) return object;
     object.erase("additionalProperties");  // which ones there may be, the branches say
     for (const SchemaBuilder& alternative : alternatives_) {
       Json properties = alternative.properties_;
-      Json required = alternative.required_;
       for (const auto& [name, schema] : properties_.items())
         if (name != deciding_key_) properties[name] = schema;
-      for (const auto& name : required_) required.push_back(name);
       const Json word = {{deciding_key_, {{"const", alternative.word_}}}};
-      object["allOf"].push_back({{"if", {{"properties", word}, {"required", {deciding_key_}}}},
-                                 {"then", Object(properties, required)}});
+      object["allOf"].push_back({{"if", If({{"properties", word}, {"required", {deciding_key_}}})},
+                                 {"then", Object(alternative.title_, properties, alternative.required_)}});
     }
     return object;
   }
@@ -112,7 +123,9 @@ class SchemaBuilder : public KeyVisitor {
     Add(key, {{"anyOf", {word, by_name}}}, std::string(words[value.all]));
   }
   void Section(const Key& key, const Body& body) override {
-    SchemaBuilder inner;
+    const std::string name(key.name);
+    SchemaBuilder inner(word_.empty() ? name : fmt::format("{} of {}", name, word_));
+    inner.belongs_to_ = word_;
     body(inner);
     Add(key, inner.Take());
   }
@@ -120,7 +133,7 @@ class SchemaBuilder : public KeyVisitor {
   void List(const Key& key, std::size_t, const std::function<void(std::size_t)>& resize,
             const NumberedBody& body) override {
     resize(1);
-    SchemaBuilder item;
+    SchemaBuilder item(std::string(key.name.substr(0, key.name.find_last_not_of('s') + 1)));
     body(item, 0);
     Add(key, {{"type", "array"}, {"items", item.Take()}, {"maxItems", kListItemsMax}});
   }
@@ -131,13 +144,13 @@ class SchemaBuilder : public KeyVisitor {
     for (std::size_t i = 0; i < alternatives.size(); ++i) {
       const Json word = {{"const", alternatives[i].word}, {"description", alternatives[i].doc}};
       words.push_back(word);
-      SchemaBuilder alternative;
+      SchemaBuilder alternative(fmt::format("{} {}", title_, alternatives[i].word));
       alternative.word_ = alternatives[i].word;
       alternative.properties_[deciding_key_] = word;
       body(alternative, i);
       alternatives_.push_back(std::move(alternative));
     }
-    Add(key, {{"oneOf", words}});
+    Add(key, {{"type", "string"}, {"oneOf", words}});
   }
   void ExactlyOne(std::string_view, std::span<const KeyGroup> groups) override {
     for (const KeyGroup& group : groups) {
@@ -149,18 +162,20 @@ class SchemaBuilder : public KeyVisitor {
       }
       for (const std::string_view key : group.companions) beside_it["anyOf"].push_back({{"required", {key}}});
       rules_["anyOf"].push_back({{"required", {group.key}}});
-      rules_["allOf"].push_back({{"if", {{"required", {group.key}}}}, {"then", beside_it}});
+      rules_["allOf"].push_back({{"if", If({{"required", {group.key}}})}, {"then", beside_it}});
     }
   }
 
  private:
-  static Json Object(const Json& properties, const Json& required) {
-    Json object = {{"type", "object"}, {"properties", properties}, {"additionalProperties", false}};
+  static Json Object(const std::string& title, const Json& properties, const Json& required) {
+    Json object = {
+        {"title", title}, {"type", "object"}, {"properties", properties}, {"additionalProperties", false}};
     if (!required.empty()) object["required"] = required;
     return object;
   }
 
   void Add(const Key& key, Json schema, const Json& default_value = nullptr) {
+    if (!belongs_to_.empty()) schema["title"] = fmt::format("{} of {}", key.name, belongs_to_);
     schema["description"] = key.doc;
     if (key.presence == Presence::kOptional && !default_value.is_null()) schema["default"] = default_value;
     if (key.presence == Presence::kRequired) required_.push_back(key.name);
@@ -168,44 +183,104 @@ class SchemaBuilder : public KeyVisitor {
     if (key.other_name.empty()) return;
     schema["description"] = fmt::format("Another name for `{}`", key.name);
     properties_[std::string(key.other_name)] = std::move(schema);
-    rules_["not"] = {{"required", {key.name, key.other_name}}};
+    const Json without = {{"properties", {{std::string(key.other_name), false}}}};
+    rules_["allOf"].push_back({{"if", If({{"required", {key.name}}})}, {"then", without}});
   }
 
+  std::string title_;
   Json properties_ = Json::object();
   Json required_ = Json::array();
   Json rules_ = Json::object();  // that compare keys with each other
   std::string deciding_key_;
   std::vector<SchemaBuilder> alternatives_;
-  std::string word_;  // of an alternative: which one it is
+  std::string word_;        // of an alternative: which one it is
+  std::string belongs_to_;  // of a section of an alternative: which one that is
 };
 
 Json BuildSchema() {
   Scenario defaults;
-  SchemaBuilder builder;
+  SchemaBuilder builder("tiltproof scenario");
   DescribeScenario(builder, defaults);
   return builder.Take();
 }
 
-// A compound of such faults.
-Json CompoundSchema(const Json& fault) {
-  Json member = fault;
-  for (Json& branch : member["allOf"]) {  // what a member must state, the compound may state for it
-    Json required = Json::array();
-    for (const Json& key : branch["then"]["required"])
-      if (key != "start_s" && key != "end_s") required.push_back(key);
-    branch["then"]["required"] = required;
-  }
-  SchemaBuilder builder;
+Json Reference(std::string_view definition) { return {{"$ref", fmt::format("#/$defs/{}", definition)}}; }
+
+Json CompoundSchema(const Json& members) {
+  SchemaBuilder builder("compound");
   Compound compound;
   DescribeCompound(builder, compound);
   Json schema = builder.Take();
   schema["properties"]["compound"] = {{"type", "array"},
-                                      {"items", member},
+                                      {"items", members},
                                       {"minItems", 1},
                                       {"maxItems", kListItemsMax},
                                       {"description", "Its members, each with its own id and random stream"}};
   schema["required"].push_back("compound");
   return schema;
+}
+
+bool IsEndOfWindow(const Json& key) { return key == "start_s" || key == "end_s"; }
+
+// Turns the schema of one fault into that of a fault or a compound of such faults. What both need stands in `definitions`
+// once.
+Json WithCompounds(Json fault, Json& definitions) {
+  definitions["fault type"] = fault["properties"]["type"];
+  fault["properties"]["type"] = Reference("fault type");
+  Json member = fault;
+  for (std::size_t i = 0; i < fault["allOf"].size(); ++i) {
+    Json keys = fault["allOf"][i]["then"];
+    const std::string type = keys["properties"]["type"]["const"];
+    // What a member must state, the compound may state for it.
+    Json ends = Json::array(), required = Json::array();
+    for (const Json& key : keys["required"]) (IsEndOfWindow(key) ? ends : required).push_back(key);
+    keys["required"] = required;
+    definitions[type] = keys;
+    member["allOf"][i]["then"] = Reference(type);
+    fault["allOf"][i]["then"] = Reference(type);
+    if (ends.empty()) continue;
+    fault["allOf"][i]["then"] = {
+        {"title", keys["title"]}, {"allOf", Json::array({Reference(type)})}, {"required", ends}};
+  }
+  member["title"] = "member of a compound";
+  definitions["compound"] = CompoundSchema(member);
+  // One that is neither yet may become both.
+  auto& required = fault["required"];
+  required.erase(std::find(required.begin(), required.end(), "type"));
+  const Json either = {{"type", "array"},
+                       {"description", "Several faults in place of one, with a window in common"}};
+  const Json neither = {{"title", "fault"}, {"properties", {{"compound", either}}}, {"required", {"type"}}};
+  const Json untyped = {
+      {"if", If({{"required", {"compound"}}})}, {"then", Reference("compound")}, {"else", neither}};
+  fault["allOf"].push_back({{"if", If({{"required", {"type"}}})}, {"else", untyped}});
+  return fault;
+}
+
+// The names that a parameter is likely to have; any vehicle and protocol has others.
+std::vector<std::string> UsualNames(const faults::ParameterInfo& info, const VehicleSignals& vehicle) {
+  if (faults::NamesSignal(info.kind) || faults::NamesPart(info.kind))
+    return faults::SignalNames(vehicle, info.kind);
+  if (info.kind != faults::ParameterKind::kField) return {};
+  std::set<std::string> names;
+  for (const faults::Target target :
+       {faults::Target::kToClient, faults::Target::kToPlant, faults::Target::kReference}) {
+    const auto fields = faults::FieldNames(*LinkSpec().protocol, target, std::nullopt);
+    names.insert(fields.begin(), fields.end());
+  }
+  return {names.begin(), names.end()};
+}
+
+// What the registry knows of each parameter, beyond what the reader asks.
+void DescribeParameters(Json& definitions, const VehicleSignals& vehicle) {
+  for (const faults::FaultType& type : faults::FaultTypes()) {
+    Json& keys = definitions[std::string(type.name)]["properties"]["parameters"]["properties"];
+    for (const faults::ParameterInfo& info : type.parameters) {
+      Json& parameter = keys[std::string(info.name)];
+      parameter["description"] = faults::ParameterText(info);
+      const std::vector<std::string> names = UsualNames(info, vehicle);
+      if (!names.empty()) parameter["examples"] = names;
+    }
+  }
 }
 
 // What may stand there, in a few words.
@@ -253,18 +328,20 @@ std::string Table(const std::string& title, const std::string& rows) {
 
 }  // namespace
 
-std::string ScenarioJsonSchema(const std::vector<std::string>& metric_names) {
-  Json schema = {{"$schema", "https://json-schema.org/draft/2020-12/schema"},
-                 {"title", "tiltproof scenario"}};
+std::string ScenarioJsonSchema(const std::vector<std::string>& metric_names, const VehicleSignals& vehicle) {
+  Json schema = {{"$schema", "https://json-schema.org/draft/2020-12/schema"}};
   schema.update(BuildSchema());
   // The metrics are known to those who score.
   Json& metric = schema["properties"]["criteria"]["items"]["properties"]["metric"];
   metric["anyOf"] = {{{"enum", metric_names}},
                      // With several clients the id follows the group.
                      {{"pattern", "^(link|timing|firmware)\\.[A-Za-z0-9_]+\\.[a-z0-9_.]+$"}}};
+  Json definitions = Json::object();
   Json& item = schema["properties"]["faults"]["items"];
-  item = {{"if", {{"required", {"compound"}}}}, {"then", CompoundSchema(item)}, {"else", item}};
-  return schema.dump(2);
+  item = WithCompounds(item, definitions);
+  DescribeParameters(definitions, vehicle);
+  schema["$defs"] = definitions;
+  return schema.dump(1);
 }
 
 std::string ScenarioKeysMarkdown() {
@@ -285,6 +362,7 @@ std::string ScenarioKeysMarkdown() {
   // The kinds of faults differ only in their parameters, which have their own page.
   const Json& kinds = keys["faults"]["items"];
   Json fault = kinds["allOf"].front()["then"];
+  for (const Json& key : kinds["required"]) fault["required"].push_back(key);
   fault["properties"]["type"] = {{"type", "string"},
                                  {"description", kinds["properties"]["type"]["description"]}};
   text += Table("An item of `faults`", Rows(fault));

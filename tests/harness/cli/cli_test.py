@@ -38,6 +38,51 @@ class CliTest(CommandLineTest):
         self.assertEqual((code, out), (2, ""))
         self.assertIn("is a folder", err)
 
+    # new, schema
+
+    def test_new_writes_a_scenario_that_flies_green(self):
+        self.assertEqual(self.tiltproof("new", "first.yaml"), (0, "wrote first.yaml, and tiltproof.schema.json for editors\n", ""))
+        text = (self.folder / "first.yaml").read_text()
+        self.assertEqual(text.splitlines()[0], "# yaml-language-server: $schema=tiltproof.schema.json")
+        self.assertEqual((self.folder / "tiltproof.schema.json").read_text(), self.tiltproof("schema")[1])
+        self.assertEqual(self.tiltproof("check", ".")[:2], (0, "1 scenario in order\n"))
+        for firmware in ("paper", "tolerant"):
+            code, out, err = self.tiltproof("run", "first.yaml", "--firmware", firmware)
+            self.assertEqual((code, err), (0, ""), out)
+        (entry,) = self.results()["scenarios"]
+        self.assertEqual((entry["name"], entry["verdict"]), ("first", "pass"))
+        self.assertGreater(entry["faults"][0]["activations"], 10)
+
+    def test_new_changes_nothing_that_is_there(self):
+        (self.folder / "mine.yaml").write_text("mine")
+        (self.folder / "nowhere.yaml").symlink_to("missing")
+        for file, word in (("mine.yaml", "is there already"), ("nowhere.yaml", "is there already"), ("deep/a.yaml", "no folder deep"),
+                           ("a.json", "ends in .yaml"), ("a b.yaml", "'a b' must be letters"), ("", "ends in .yaml"), ("run.json.yaml", "name of a file")):
+            code, out, err = self.tiltproof("new", file)
+            self.assertEqual((code, out), (2, ""), file)
+            self.assertIn(word, err)
+        self.assertEqual(sorted(path.name for path in self.folder.iterdir()), ["mine.yaml", "nowhere.yaml"])
+        self.assertEqual((self.folder / "mine.yaml").read_text(), "mine")
+
+    def test_new_quotes_names_that_are_no_text(self):
+        for stem in ("10", "yes", "1e3", "true"):
+            self.assertEqual(self.tiltproof("new", f"{stem}.yml")[0], 0)
+            self.assertIn(f'name: "{stem}"', (self.folder / f"{stem}.yml").read_text())
+        self.assertEqual(self.tiltproof("check", ".")[0], 0)
+
+    def test_new_uses_the_schema_of_the_repository(self):
+        for folder in ("repository/.git", "repository/suites/deep", "elsewhere/deep"):
+            (self.folder / folder).mkdir(parents=True)
+        self.assertEqual(self.tiltproof("new", "repository/a.yaml")[0], 0)
+        code, out, _ = self.tiltproof("new", "repository/suites/deep/b.yaml")
+        self.assertEqual((code, out), (0, "wrote repository/suites/deep/b.yaml\n"))
+        first = (self.folder / "repository/suites/deep/b.yaml").read_text().splitlines()[0]
+        self.assertEqual(first, "# yaml-language-server: $schema=../../tiltproof.schema.json")
+        (self.folder / "repository/tiltproof.schema.json").write_text("{}")
+        code, out, _ = self.tiltproof("new", "repository/suites/c.yaml")
+        self.assertIn("is of another version: tiltproof schema > ", out)
+        self.assertEqual((self.folder / "repository/tiltproof.schema.json").read_text(), "{}")
+
     # run
 
     def test_run_writes_every_file(self):

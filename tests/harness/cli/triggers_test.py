@@ -152,7 +152,7 @@ class Triggers(unittest.TestCase):
             phase = round((t - 1.1) * 1000) % 700
             self.assertEqual(active, 1.1 <= t < 5.3 and phase < 280, t)
 
-    def test_a_compound_gives_sensors_and_actuators_its_window(self):
+    def test_a_compound_gives_faults_of_every_kind_its_window(self):
         compound = f"""\
   - id: storm
     start_s: 2
@@ -163,6 +163,13 @@ class Triggers(unittest.TestCase):
       - {{id: sensor-pulses, {BIAS}, period_s: 0.5, duty: 0.4}}
       - {{id: actuator-when, {LOSS}, when: "z_m > 0"}}
       - {{id: sensor-follows, {BIAS}, after: {{fault: actuator, delay_s: 0.5}}}}
+      - {{id: push-pulses, type: plant.force, period_s: 0.25, duty: 0.4, parameters: {{force_n: 0.1, direction: [1, 0, 0]}}}}
+      - {{id: push-when, type: plant.force, when: "z_m > 0", parameters: {{force_n: 0.1, direction: [0, 1, 0]}}}}
+      - {{id: push-follows, type: plant.mass, after: {{fault: push-when, delay_s: 0.5}}, parameters: {{factor: 1.001}}}}
+      - {{id: frame-pulses, type: frame.duplicate, target: reference, period_s: 0.25, duty: 0.4, parameters: {{probability: 1}}}}
+      - {{id: wire-when, type: wire.bit_error, target: reference, when: "z_m > 0", parameters: {{ber: 0.001}}}}
+      - {{id: link-follows, type: link.silence, target: reference, after: {{fault: wire-when, delay_s: 1.5}}}}
+      - {{id: nothing-pulses, type: harness.null, period_s: 0.25, duty: 0.4}}
 """
         flown = Flown(self.fly_faults("compound", compound), "compound")
         expected = {
@@ -171,10 +178,22 @@ class Triggers(unittest.TestCase):
             "sensor-pulses": lambda t: 2 <= t < 4 and round((t - 2) * 1000) % 500 < 200,
             "actuator-when": lambda t: 2 <= t < 4,
             "sensor-follows": lambda t: flown.first("actuator") + 0.5 <= t < 4,
+            "push-pulses": lambda t: 2 <= t < 4 and round((t - 2) * 1000) % 250 < 100,
+            "push-when": lambda t: 2 <= t < 4,
+            "push-follows": lambda t: flown.first("push-when") + 0.5 <= t < 4,
+            "frame-pulses": lambda t: 2 <= t < 4 and round((t - 2) * 1000) % 250 < 100,
+            "wire-when": lambda t: 2 <= t < 4,
+            "link-follows": lambda t: flown.first("wire-when") + 1.5 <= t < 4,
+            "nothing-pulses": lambda t: 2 <= t < 4 and round((t - 2) * 1000) % 250 < 100,
         }
+        # A disturbance of the vehicle counts once, when it begins.
+        begins = {"push-pulses": 8, "push-when": 1, "push-follows": 1}
         for fault, is_active in expected.items():
             self.assertEqual(flown.active(fault), [is_active(t) for t in flown.times()], fault)
-            self.assertGreater(flown.activations(fault), 10, fault)
+            if fault in begins:
+                self.assertEqual(flown.activations(fault), begins[fault], fault)
+            else:
+                self.assertGreater(flown.activations(fault), 10, fault)
 
     def test_one_that_never_acts_changes_nothing(self):
         without = Flown(self.fly_faults("without", ""), "without")

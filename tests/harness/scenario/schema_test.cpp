@@ -8,11 +8,15 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <random>
 #include <sstream>
 #include <string>
 #include <vector>
 
 #include "faults/registry.h"
+#include "harness/scenario/compound.h"
+#include "harness/scenario/mapping_reader.h"
 #include "harness/scenario/reader.h"
 #include "harness/scenario/selection.h"
 #include "harness/scenario/yaml_tree.h"
@@ -91,7 +95,7 @@ class SchemaTest : public testing::Test {
 
   // Runs the validator over the cases; its output is shown when it disagrees.
   void ExpectAgreement() {
-    std::ofstream(folder_ / "schema.json") << ScenarioJsonSchema(options_.metric_names);
+    std::ofstream(folder_ / "schema.json") << ScenarioJsonSchema(options_.metric_names, {});
     std::ofstream(folder_ / "cases.json") << cases_.dump();
     const std::string command = std::string(TILTPROOF_PYTHON) + " " +
                                 (kSource / "tests/harness/scenario/check_schema.py").string() + " " +
@@ -223,25 +227,29 @@ TEST_F(SchemaTest, BrokenScenariosAreRefusedByBoth) {
   ExpectAgreement();
 }
 
-// An example of every fault there is, as the registry gives it.
+// A scenario with an example of that fault, as the registry gives it.
+Json WithFault(const faults::FaultType& type) {
+  Json parameters = Json::object();
+  for (const auto& info : type.parameters) {
+    std::visit([&](const auto& value) { parameters[std::string(info.name)] = value; }, info.example);
+    // Whole numbers without ".0".
+    if (info.kind == faults::ParameterKind::kInteger) {
+      parameters[std::string(info.name)] = static_cast<std::int64_t>(std::get<double>(info.example));
+    }
+  }
+  Json fault = {{"id", "a"}, {"type", type.name}, {"parameters", parameters}};
+  if (type.has_target()) fault["target"] = "to_client";
+  if (type.start == faults::Bound::kRequired) fault["start_s"] = 2;
+  if (type.end == faults::Bound::kRequired) fault["end_s"] = 3;
+  return {{"name", "x"},
+          {"duration_s", 24},
+          {"reference", {{"type", "spiral"}}},
+          {"faults", Json::array({fault})}};
+}
+
 TEST_F(SchemaTest, EveryFaultTypeIsKnownToBoth) {
   for (const faults::FaultType& type : faults::FaultTypes()) {
-    Json parameters = Json::object();
-    for (const auto& info : type.parameters) {
-      std::visit([&](const auto& value) { parameters[std::string(info.name)] = value; }, info.example);
-      // Whole numbers without ".0".
-      if (info.kind == faults::ParameterKind::kInteger) {
-        parameters[std::string(info.name)] = static_cast<std::int64_t>(std::get<double>(info.example));
-      }
-    }
-    Json fault = {{"id", "a"}, {"type", type.name}, {"parameters", parameters}};
-    if (type.has_target()) fault["target"] = "to_client";
-    if (type.start == faults::Bound::kRequired) fault["start_s"] = 2;
-    if (type.end == faults::Bound::kRequired) fault["end_s"] = 3;
-    const Json scenario = {{"name", "x"},
-                           {"duration_s", 24},
-                           {"reference", {{"type", "spiral"}}},
-                           {"faults", Json::array({fault})}};
+    const Json scenario = WithFault(type);
     std::ofstream(folder_ / "fault.yaml") << scenario.dump();  // JSON is YAML
     EXPECT_TRUE(Reads(folder_ / "fault.yaml")) << message_;
     AddCase(std::string(type.name), scenario.dump(), true);
@@ -251,24 +259,120 @@ TEST_F(SchemaTest, EveryFaultTypeIsKnownToBoth) {
 
 // What an editor offers and shows does not depend on what else is written already.
 TEST_F(SchemaTest, EditorsCompleteEveryFaultType) {
-  const Json schema = Json::parse(ScenarioJsonSchema(options_.metric_names));
-  const Json& fault = schema["properties"]["faults"]["items"]["else"];
-  EXPECT_FALSE(fault.contains("oneOf"));
-  const Json& offered = fault["properties"]["type"]["oneOf"];
+  const Json schema = Json::parse(ScenarioJsonSchema(options_.metric_names, {}));
+  const Json& definitions = schema["$defs"];
+  const Json& offered = definitions["fault type"]["oneOf"];
   ASSERT_EQ(offered.size(), faults::FaultTypes().size());
-  ASSERT_EQ(fault["allOf"].size(), faults::FaultTypes().size());
+  for (const Json& fault : {schema["properties"]["faults"]["items"],
+                            definitions["compound"]["properties"]["compound"]["items"]}) {
+    EXPECT_FALSE(fault.contains("oneOf"));
+    EXPECT_EQ(fault["properties"]["type"]["$ref"], "#/$defs/fault type");
+    for (std::size_t i = 0; i < offered.size(); ++i) {
+      const std::string type(faults::FaultTypes()[i].name);
+      const Json& branch = fault["allOf"][i];
+      EXPECT_EQ(branch["if"]["properties"]["type"]["const"], type);
+      EXPECT_EQ(branch["if"]["type"], "object") << "an empty place is of no type";
+      EXPECT_NE(branch["then"].dump().find("#/$defs/" + type), std::string::npos);
+    }
+  }
   for (std::size_t i = 0; i < offered.size(); ++i) {
     const faults::FaultType& type = faults::FaultTypes()[i];
     EXPECT_EQ(offered[i], Json({{"const", type.name}, {"description", type.summary}}));
-    const Json& branch = fault["allOf"][i];
-    EXPECT_EQ(branch["if"]["properties"]["type"]["const"], type.name);
-    const Json& keys = branch["then"]["properties"];
+    const Json& keys = definitions[std::string(type.name)]["properties"];
     EXPECT_TRUE(keys.contains("id")) << type.name;
-    EXPECT_EQ(keys["type"]["description"], type.summary);
     ASSERT_EQ(keys["parameters"]["properties"].size(), type.parameters.size()) << type.name;
-    for (const auto& parameter : type.parameters)
-      EXPECT_EQ(keys["parameters"]["properties"][std::string(parameter.name)]["description"], parameter.doc);
+    for (const auto& parameter : type.parameters) {
+      const Json& shown = keys["parameters"]["properties"][std::string(parameter.name)];
+      const std::string text = shown["description"];
+      EXPECT_EQ(shown["title"], std::string(parameter.name) + " of " + std::string(type.name));
+      EXPECT_EQ(text.find(parameter.doc), 0U) << text;
+      EXPECT_TRUE(parameter.unit == "1" || text.find(parameter.unit) != std::string::npos) << text;
+    }
   }
+}
+
+// Everything that a mistake may leave in place of a value, and each place where one may be made.
+class Mistakes {
+ public:
+  explicit Mistakes(std::uint32_t seed) : random_(seed) {}
+
+  // `scenario` with one mistake, which need not make it wrong.
+  Json In(const Json& scenario) {
+    Json changed = scenario;
+    const Json leaves = changed.flatten();
+    std::vector<Json::json_pointer> places;
+    for (const auto& leaf : leaves.items())
+      for (Json::json_pointer place(leaf.key()); !place.empty(); place.pop_back()) places.push_back(place);
+    const Json::json_pointer place = places[Below(places.size())];
+    Json& parent = changed[place.parent_pointer()];
+    switch (Below(4)) {
+      case 0:
+        if (parent.is_object()) {
+          parent.erase(place.back());
+          break;
+        }
+        [[fallthrough]];
+      case 1:
+        if (parent.is_object()) {
+          parent["mistaken"] = 1;
+          break;
+        }
+        [[fallthrough]];
+      default: {
+        static const Json kValues = {
+            "mistaken",    "to_client",      -1,        0.5,           1,
+            1000000000000, -1000000000000.5, true,      Json::array(), Json::object(),
+            {1, 2, 3},     {1, "two", 3},    {0.5, 0.5}};
+        changed[place] = kValues[Below(kValues.size())];
+      }
+    }
+    return changed;
+  }
+
+ private:
+  std::size_t Below(std::size_t count) { return random_() % count; }
+  std::mt19937 random_;
+};
+
+// Keys, types, ranges, words and what is required: all that the reader asks before it opens other files and compares names.
+bool KeysAreGood(const std::string& yaml) {
+  std::vector<YamlProblem> problems;
+  std::optional<YamlNode> root = ParseYaml(yaml, problems);
+  if (!root || root->kind != YamlNode::Kind::kMapping) return false;
+  ResolveCompounds(*root, problems);
+  Scenario scenario;
+  MappingReader reader(*root, problems);
+  DescribeScenario(reader, scenario);
+  reader.Finish();
+  return problems.empty();
+}
+
+TEST_F(SchemaTest, MistakesAreRefusedByBothOrNeither) {
+  std::vector<Json> scenarios;
+  for (const faults::FaultType& type : faults::FaultTypes()) scenarios.push_back(WithFault(type));
+  for (const fs::path& file : FindScenarios({kSource / "scenarios"}).Paths()) {
+    std::vector<YamlProblem> problems;
+    scenarios.push_back(ToJson(*ParseYaml(ReadFile(file), problems)));
+  }
+  Mistakes mistakes(1);
+  std::size_t good_count = 0;
+  for (const Json& scenario : scenarios) {
+    for (int i = 0; i < 2; ++i) {
+      const Json mistaken = mistakes.In(scenario);
+      const std::string yaml = mistaken.dump();  // JSON is YAML
+      const bool good = KeysAreGood(yaml);
+      // A begin that neither a compound nor its member states: only the reader puts the two together.
+      if (!good && yaml.find("compound") != std::string::npos) continue;
+      // Which metrics there are the reader asks later.
+      if (yaml.find("\"metric\"") != std::string::npos) continue;
+      good_count += good ? 1 : 0;
+      cases_.push_back({{"name", yaml}, {"valid", good}, {"instance", mistaken}});
+    }
+  }
+  EXPECT_GE(cases_.size(), 500U);
+  EXPECT_GE(good_count, 80U);
+  EXPECT_GE(cases_.size() - good_count, 250U);
+  ExpectAgreement();
 }
 
 TEST_F(SchemaTest, DocumentationHasTheTables) {

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "faults/registry.h"
 #include "harness/formula/condition.h"
 #include "harness/scenario/fault_support.h"
 #include "harness/scenario/reader.h"
@@ -110,6 +111,24 @@ TEST_F(TriggerKeysTest, ACompoundGivesItsMembersAWindow) {
               ElementsAre(std::pair(kS, 2 * kS), std::pair(3 * kS, 5 * kS), std::pair(4 * kS, 5 * kS),
                           std::pair(3 * kS, 6 * kS), std::pair(3 * kS, kNever), std::pair(kPowerOn, kNever)));
   EXPECT_THAT(scenario.fault_places.at(2), testing::EndsWith("s.yaml:9:21"));
+}
+
+// Whatever its kind, a member has the compound's window, as far as its type has one; its periods are its own.
+TEST_F(TriggerKeysTest, ACompoundGivesItsWindowToEveryType) {
+  for (const faults::FaultType& type : faults::FaultTypes()) {
+    std::string example = faults::Markdown(type);
+    example = example.substr(example.find("- {id: example"));
+    example = example.substr(0, example.find('\n'));
+    for (const std::string key : {", start_s: 20", ", end_s: 25"})
+      if (const auto at = example.find(key); at != std::string::npos) example.erase(at, key.size());
+    const Scenario scenario =
+        Read("- id: storm\n  start_s: 3\n  end_s: 5\n  compound:\n    " + example + "\n");
+    ASSERT_EQ(scenario.faults.size(), 1U) << type.name;
+    const faults::FaultSpec& member = scenario.faults.front();
+    EXPECT_EQ(member.id, "example");
+    EXPECT_EQ(member.start_ns, type.start == faults::Bound::kRefused ? kPowerOn : 3 * kNsPerS) << type.name;
+    EXPECT_EQ(member.end_ns, type.end == faults::Bound::kRefused ? kNever : 5 * kNsPerS) << type.name;
+  }
 }
 
 TEST_F(TriggerKeysTest, MistakesInCompoundsHaveTheirPlaces) {
