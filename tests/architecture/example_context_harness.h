@@ -37,6 +37,14 @@ extern const Scenario base;
 // harness/campaign/trials.h
 extern const examples::Function Take;
 
+// harness/cli/command_table.h
+#include "harness/cli/manual.h"
+extern const CLI::App& app;
+
+// harness/cli/manual.h
+extern const CommandRow program;
+extern const examples::Function Write;
+
 // harness/cli/run_record.h
 #include "harness/cli/run_flights.h"
 extern const RunInfo info;
