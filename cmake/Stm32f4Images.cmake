@@ -7,7 +7,7 @@ endif()
 
 find_program(TILTPROOF_ARM_CXX arm-none-eabi-g++ DOC "Cross compiler of the STM32F4 images")
 if(NOT TILTPROOF_ARM_CXX)
-  message(STATUS "STM32F4 images: not built, there is no arm-none-eabi-g++ (./setup --packages installs it)")
+  message(STATUS "STM32F4 images: not built, there is no arm-none-eabi-g++ (./setup --images installs it)")
   return()
 endif()
 message(STATUS "STM32F4 images: executive-<firmware>[-provant].elf")
@@ -41,6 +41,3 @@ ExternalProject_Add(stm32f4_images
   BUILD_ALWAYS TRUE
   INSTALL_COMMAND ""
   EXCLUDE_FROM_ALL FALSE)
-
-install(DIRECTORY ${TILTPROOF_STM32F4_DIR}/ DESTINATION lib/tiltproof/stm32f4
-  FILES_MATCHING PATTERN "*.elf" PATTERN CMakeFiles EXCLUDE)

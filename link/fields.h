@@ -11,17 +11,30 @@
 // The other structs need not have the same type, only fields of the same names.
 #pragma once
 
-#include <boost/preprocessor/seq/for_each.hpp>
-#include <boost/preprocessor/stringize.hpp>
-#include <boost/preprocessor/variadic/to_seq.hpp>
 #include <cstddef>
 #include <utility>
 
-#define TILTPROOF_VISIT_FIELD(unused_1, unused_2, name) visit(BOOST_PP_STRINGIZE(name), of.name...);
-#define TILTPROOF_FIELDS(...)                                                                    \
-  template <class Visit, class... Like>                                                          \
-  static constexpr void Fields(Visit&& visit, Like&... of) {                                     \
-    BOOST_PP_SEQ_FOR_EACH(TILTPROOF_VISIT_FIELD, unused, BOOST_PP_VARIADIC_TO_SEQ(__VA_ARGS__)); \
+// A macro is not expanded within itself, but its result is read again: each TILTPROOF_EXPAND does so four times as often
+// as the one before, which is enough for 256 fields (more do not compile).
+#define TILTPROOF_EXPAND(...) \
+  TILTPROOF_EXPAND_4(TILTPROOF_EXPAND_4(TILTPROOF_EXPAND_4(TILTPROOF_EXPAND_4(__VA_ARGS__))))
+#define TILTPROOF_EXPAND_4(...) \
+  TILTPROOF_EXPAND_3(TILTPROOF_EXPAND_3(TILTPROOF_EXPAND_3(TILTPROOF_EXPAND_3(__VA_ARGS__))))
+#define TILTPROOF_EXPAND_3(...) \
+  TILTPROOF_EXPAND_2(TILTPROOF_EXPAND_2(TILTPROOF_EXPAND_2(TILTPROOF_EXPAND_2(__VA_ARGS__))))
+#define TILTPROOF_EXPAND_2(...) \
+  TILTPROOF_EXPAND_1(TILTPROOF_EXPAND_1(TILTPROOF_EXPAND_1(TILTPROOF_EXPAND_1(__VA_ARGS__))))
+#define TILTPROOF_EXPAND_1(...) __VA_ARGS__
+#define TILTPROOF_PARENTHESES ()
+
+#define TILTPROOF_VISIT_FIELDS(name, ...) \
+  visit(#name, of.name...);               \
+  __VA_OPT__(TILTPROOF_VISIT_FIELDS_AGAIN TILTPROOF_PARENTHESES(__VA_ARGS__))
+#define TILTPROOF_VISIT_FIELDS_AGAIN() TILTPROOF_VISIT_FIELDS
+#define TILTPROOF_FIELDS(...)                                \
+  template <class Visit, class... Like>                      \
+  static constexpr void Fields(Visit&& visit, Like&... of) { \
+    TILTPROOF_EXPAND(TILTPROOF_VISIT_FIELDS(__VA_ARGS__))    \
   }
 
 namespace tiltproof {

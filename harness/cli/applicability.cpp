@@ -90,7 +90,8 @@ class Images {
                                    : image.scheduler == "freertos"
                                        ? ": it is built where FREERTOS_KERNEL_PATH names a FreeRTOS kernel, "
                                          "or `./setup --freertos` has fetched one"
-                                       : ": it is built where gcc-arm-none-eabi is installed; run ./setup"));
+                                       : ": run `./setup --images`, which fetches the compiler and the "
+                                         "emulator, and builds the images"));
     if (const auto known = images_.find(file); known != images_.end()) return known->second;
     try {
       CheckImage(file);

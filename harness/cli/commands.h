@@ -175,4 +175,9 @@ int FrameEncodeCommand(const std::string& hex);
 int FrameDecodeCommand(const std::filesystem::path& file);
 int LinkDumpCommand(const std::filesystem::path& file);
 
+struct CommandRow;
+// Writes the manual pages of the program and of its commands, and completion for shells, into the folder. `date` is
+// that of the pages, YYYY-MM-DD.
+int ManualCommand(const CommandRow& program, const std::filesystem::path& folder, const std::string& date);
+
 }  // namespace tiltproof::harness

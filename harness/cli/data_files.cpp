@@ -6,8 +6,7 @@ namespace tiltproof::harness {
 
 std::filesystem::path ModelsFolder() {
   const auto installed = ProgramFolder().parent_path() / "share/tiltproof/models";
-  return std::filesystem::exists(installed) ? installed
-                                            : std::filesystem::path(TILTPROOF_SOURCE_DIR) / "plant/models";
+  return std::filesystem::exists(installed) ? installed : ProgramFolder() / "models";
 }
 
 }  // namespace tiltproof::harness

@@ -5,8 +5,8 @@
 
 namespace tiltproof::harness {
 
-// The folder with <name>.sdf: share/tiltproof/models of an installed program, otherwise plant/models of the
-// source tree from which it was built.
+// The folder with <name>.sdf: share/tiltproof/models of an installed program; in a build folder `models`,
+// a link to plant/models of the source tree.
 std::filesystem::path ModelsFolder();
 
 }  // namespace tiltproof::harness

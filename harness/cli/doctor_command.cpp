@@ -1,6 +1,3 @@
-// Boost 1.74's Asio uses std::exchange without its header.
-#include <utility>
-//
 #include <arpa/inet.h>
 #include <fmt/format.h>
 #include <ifaddrs.h>
@@ -10,7 +7,7 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <boost/asio/io_context.hpp>
+#include <asio/io_context.hpp>
 #include <cerrno>
 #include <cstring>
 #include <fstream>
@@ -19,6 +16,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 #include <stdexcept>
+#include <utility>
 #include <vector>
 
 #include "harness/cli/client_flag.h"
@@ -126,7 +124,7 @@ std::vector<std::string> ClientDevices(const std::string& client) {
 // As a flight would open them: both at once. An emulator behind a socket may begin as soon as it is connected, so that
 // it is only looked for.
 void CheckClientDevices(const std::vector<std::string>& devices, Checks& checks) {
-  boost::asio::io_context loop;
+  asio::io_context loop;
   std::vector<std::unique_ptr<link::SerialPort>> ports;
   for (const auto& device : devices) {
     Check check{.name = "client's " + device, .text = fmt::format("opens at {} baud", kBaud), .advice = {}};
@@ -252,7 +250,7 @@ Check CheckInterface(const std::string& name) {
 
 Check CheckPseudoTerminals() {
   try {
-    boost::asio::io_context loop;
+    asio::io_context loop;
     const link::Pty pty(loop);
     return {.name = "pseudo-terminals", .text = "available", .advice = {}};
   } catch (const std::runtime_error& error) {
@@ -312,9 +310,7 @@ Check CheckImages() {
   }
   check.status = Status::kWarn;
   check.text = fmt::format("none in {} (only `--client qemu` without an image needs them)", folder.string());
-  check.advice =
-      "`sudo apt-get install --no-install-recommends gcc-arm-none-eabi libnewlib-arm-none-eabi "
-      "libstdc++-arm-none-eabi-dev`, then configure and build again (./setup)";
+  check.advice = "`./setup --images` fetches the compiler and the emulator, and builds them";
   return check;
 }
 

@@ -1,4 +1,5 @@
-// The command line. CLI11 is slow to compile: only this file sees it.
+// The command line: the table of commands and options. CLI11 is slow to compile: only this file and command_table.cpp
+// see it.
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -10,6 +11,7 @@
 #include <sstream>
 
 #include "harness/cli/client_flag.h"
+#include "harness/cli/command_table.h"
 #include "harness/cli/commands.h"
 #include "harness/client/debugger.h"
 #include "harness/report/results.h"
@@ -39,7 +41,7 @@ std::string UnknownCommand(const CLI::App& app, int argc, char** argv) {
 }
 
 int Main(int argc, char** argv) {
-  CLI::App app{"tiltproof: a fault-injection test harness for flight-control firmware"};
+  CLI::App app{"tiltproof: a fault-injection test harness for flight-control firmware", "tiltproof"};
   app.set_version_flag("--version", "tiltproof " + std::string(Version()));
   app.require_subcommand(1);
   app.failure_message(CLI::FailureMessage::simple);
@@ -371,6 +373,12 @@ int Main(int argc, char** argv) {
   auto* dump_app = app.add_subcommand("link-dump", "Print a link.bin as decoded frames");
   dump_app->add_option("FILE", file, "link.bin of a scenario")->required();
   dump_app->callback([&] { command = [&] { return LinkDumpCommand(file); }; });
+  // Called by the build.
+  std::string date;
+  auto* manual_app = app.add_subcommand("manual", "Write manual pages and completion")->group("");
+  manual_app->add_option("DIR", file, "The folder")->required();
+  manual_app->add_option("DATE", date, "Date of the pages")->required();
+  manual_app->callback([&] { command = [&] { return ManualCommand(TableOf(app), file, date); }; });
 
   if (const std::string trouble = UnknownCommand(app, argc, argv); !trouble.empty()) {
     Print(stderr, "{}\n", TextLines(trouble));

@@ -169,7 +169,8 @@ std::filesystem::path ResolveModel(const std::string& model) {
       model.ends_with(".sdf") ? std::filesystem::path(model) : ModelsFolder() / (model + ".sdf");
   if (std::filesystem::is_regular_file(file)) return std::filesystem::absolute(file);
   std::vector<std::string> names;
-  for (const auto& entry : std::filesystem::directory_iterator(ModelsFolder()))
+  std::error_code no_folder;  // of a program that was copied away from its files
+  for (const auto& entry : std::filesystem::directory_iterator(ModelsFolder(), no_folder))
     if (entry.path().extension() == ".sdf") names.push_back(entry.path().stem());
   std::sort(names.begin(), names.end());
   throw UsageError(fmt::format("MODEL {}: no file {}; give a path ending in .sdf, or one of: {}", model,

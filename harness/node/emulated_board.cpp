@@ -8,7 +8,7 @@
 
 #include <algorithm>
 #include <array>
-#include <boost/asio/post.hpp>
+#include <asio/post.hpp>
 #include <cerrno>
 #include <chrono>
 #include <csignal>
@@ -257,7 +257,7 @@ void EmulatedBoard::Examine(Condition condition, bool started) {
       // That it hangs is known; only where is missing.
       examined->found.lines.push_back(error.what());
     }
-    boost::asio::post(services_.loop(), [this, examined, started, alive] {
+    asio::post(services_.loop(), [this, examined, started, alive] {
       if (!alive.expired()) Tell(*examined, started);
     });
   });

@@ -5,8 +5,8 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <boost/asio/post.hpp>
-#include <boost/asio/signal_set.hpp>
+#include <asio/post.hpp>
+#include <asio/signal_set.hpp>
 #include <chrono>
 #include <csignal>
 #include <tuple>
@@ -23,7 +23,6 @@
 namespace tiltproof::harness {
 namespace {
 
-namespace asio = boost::asio;
 using std::chrono::milliseconds;
 
 constexpr std::chrono::nanoseconds kHeartbeatPeriod{dds::kHeartbeatPeriodNs};
@@ -136,7 +135,7 @@ Node::Node(const NodeOptions& options, const MakeRole& make_role) : options_(opt
 
 int Node::Run() {
   asio::signal_set signals(loop_, SIGTERM, SIGINT, SIGHUP);
-  signals.async_wait([this](const boost::system::error_code& error, int number) {
+  signals.async_wait([this](const asio::error_code& error, int number) {
     if (error) return;
     // Said before it is seen.
     if (!run_id_.empty())
@@ -203,7 +202,7 @@ void Node::Beat() {
   if (log_) log_->Retry();
   if (!run_id_.empty()) WatchHarness();
   beat_timer_.expires_after(kHeartbeatPeriod);
-  beat_timer_.async_wait([this](const boost::system::error_code& error) {
+  beat_timer_.async_wait([this](const asio::error_code& error) {
     if (!error) Beat();
   });
 }
@@ -404,7 +403,7 @@ PeriodicTimer::PeriodicTimer(NodeServices& services, BootTime first, TimeNs peri
 
 void PeriodicTimer::Arm() {
   timer_.expires_at(services_.clock().ToSteady(next_ns_));
-  timer_.async_wait([this, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
+  timer_.async_wait([this, alive = std::weak_ptr(alive_)](const asio::error_code& error) {
     if (error || alive.expired()) return;
     const BootTime now = services_.clock().Now();
     services_.lateness().Note(next_ns_, now);

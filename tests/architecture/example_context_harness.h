@@ -8,8 +8,8 @@ extern const harness::Scenario scenario;
 extern const link::Protocol& protocol;
 extern const plant::VehicleModel model;
 extern const VehicleSignals vehicle;
-#include <boost/asio/io_context.hpp>
-extern boost::asio::io_context& loop;
+#include <asio/io_context.hpp>
+extern asio::io_context& loop;
 extern dds::Bus& bus;
 extern const dds::Circle members;
 extern const std::string run_id, text;
@@ -36,6 +36,14 @@ extern const Scenario base;
 
 // harness/campaign/trials.h
 extern const examples::Function Take;
+
+// harness/cli/command_table.h
+#include "harness/cli/manual.h"
+extern const CLI::App& app;
+
+// harness/cli/manual.h
+extern const CommandRow program;
+extern const examples::Function Write;
 
 // harness/cli/run_record.h
 #include "harness/cli/run_flights.h"

@@ -191,7 +191,7 @@ class DoctorTest(unittest.TestCase):
         shutil.copy(PROGRAM, copy)
         check = self.checks(program=(copy,))["firmware images"]
         self.assertEqual(check["status"], "warn")
-        self.assertIn("gcc-arm-none-eabi", check["advice"])
+        self.assertIn("./setup --images", check["advice"])
 
     def test_interface(self):
         self.assertEqual(self.checks("--interface", "lo")["network interface lo"]["status"], "ok")
