@@ -35,7 +35,11 @@ constexpr float kHingeNoise_rad_s = 0.045F;
 constexpr float kServoFading = 0.9F;
 constexpr float kServoOffset_nm = 0.01F;  // believed from here on
 constexpr float kServoSigmas = 4;
-constexpr int kServoSamples = 3;
+constexpr int kServoSamples = 8;
+// A deviation is steady when the estimate foretold it to so much. One that the paper's command does not ride out is
+// not waited for.
+constexpr float kSteady = 0.25F;
+constexpr float kUrgent_nm = 0.3F;
 // A hinge that gets so much faster than it should, and turns accordingly, has another torque than before.
 constexpr float kStep_rad_s = 1.5F;
 constexpr float kTurnNoise_rad = 3e-3F;
@@ -45,6 +49,9 @@ constexpr float kSlopeMin = -0.9F;
 constexpr float kSlopeCorrelation = 0.9F;
 constexpr float kSlopeSamples = 5;
 constexpr float kSlopeCommand_nm = 2e-3F;
+constexpr int kSlopeProof = 4;
+// Made up for step by step, so that a share that is none costs little: feedback makes commands follow a swing, too.
+constexpr float kWeakening = 0.7F;
 // So often, and again after so many samples.
 constexpr int kStepCount = 3;
 constexpr int kStepRecovery = 40;
@@ -203,7 +210,7 @@ void ActuatorMonitor::UpdateServo(const Interval& interval, unsigned i) {
   if (model_.held[i]) {
     servo.offset_nm = servo.slope = servo.weight = servo.variance_nm2 = 0;
     model_.servo_effectiveness[i] = 1;
-    servo.seen = 0;
+    servo.seen = servo.slope_seen = 0;
     model_.servo_offset_nm[i] = 0;
     return;
   }
@@ -232,13 +239,45 @@ void ActuatorMonitor::UpdateServo(const Interval& interval, unsigned i) {
   const bool alone = (interval.line_is_good || believed_before) &&
                      other.deviation2 * servo.weight < kAloneShare * servo.deviation2 * other.weight;
   if (!alone) servo.slope = 0;
+  const bool steady = Square(news_nm) < Square(kSteady * deviation_nm);
   const bool deviates =
       alone && servo.swing.IsExceededBy(servo.offset_nm) &&
       Square(servo.offset_nm) > std::max(Square(kServoOffset_nm), Square(kServoSigmas) * noise_nm2);
-  if (step && deviates) servo.seen = kServoSamples;
-  const bool believed = Lasts(deviates, kServoSamples, servo.seen);
-  model_.servo_offset_nm[i] = believed || servo.slope < 0 ? servo.offset_nm : 0;
-  model_.servo_effectiveness[i] = 1 + servo.slope;
+  const bool urgent = step && deviates && Square(deviation_nm) > Square(kUrgent_nm);
+  if (urgent) servo.seen = kServoSamples;
+  const bool believed = Lasts(deviates && (steady || urgent || believed_before), kServoSamples, servo.seen);
+  const bool weak =
+      Lasts(servo.slope < 0 && (steady || model_.servo_effectiveness[i] != 1), kSlopeProof, servo.slope_seen);
+  model_.servo_offset_nm[i] = believed || weak ? servo.offset_nm : 0;
+  model_.servo_effectiveness[i] =
+      weak ? std::max(1 + servo.slope, kWeakening * model_.servo_effectiveness[i]) : 1;
+  ProveServo(i, command_nm, deviation_nm + command_nm, kHingeNoise_rad_s / gain, deviates || servo.slope < 0,
+             interval.line_is_good && !lost);
+}
+
+void ActuatorMonitor::ProveServo(unsigned i, float command_nm, float delivered_nm, float noise_nm,
+                                 bool deviates, bool arrived) {
+  Servo& servo = servos_[i];
+  const bool weak = model_.servo_effectiveness[i] != 1;
+  const bool acts = weak || model_.servo_offset_nm[i] != 0;
+  if (servo.unanswered_samples > 0 && !deviates) --servo.unanswered_samples;
+  if (servo.acted && arrived) {
+    const float asked_nm = servo.begin_effectiveness * (command_nm - servo.begin_command_nm);
+    const float missing_nm = asked_nm - (delivered_nm - servo.begin_delivered_nm);
+    const bool unanswered = Square(asked_nm) > Square(kServoSigmas * noise_nm) &&
+                            Square(missing_nm) > Square((1 - kResponse) * asked_nm);
+    if (unanswered) servo.unanswered_samples = kLateSamples;
+  }
+  if (!servo.acted || weak != (servo.begin_effectiveness != 1)) {
+    servo.begin_command_nm = command_nm;
+    servo.begin_delivered_nm = delivered_nm;
+    servo.begin_effectiveness = weak ? 1 + servo.slope : 1;
+  }
+  servo.acted = acts && servo.unanswered_samples == 0;
+  if (servo.unanswered_samples == 0) return;
+  model_.servo_offset_nm[i] = 0;
+  model_.servo_effectiveness[i] = 1;
+  servo.seen = servo.slope_seen = 0;
 }
 
 // A straight line through the last samples' deviations over their commands; level, unless it is clearly not.

@@ -26,7 +26,10 @@ class ActuatorMonitor {
   const ActuatorModel& model() const { return model_; }
   bool acts() const { return model_ != ActuatorModel{}; }
   // Whether any actuator is not what it should be, also one that no command can make up for.
-  bool faulty() const { return acts() || rotors_late_ > 0; }
+  bool faulty() const {
+    return acts() || rotors_late_ > 0 || servos_[0].unanswered_samples > 0 ||
+           servos_[1].unanswered_samples > 0;
+  }
 
   // Right, left. Of one rotor: a load, or wind, weighs on both.
   bool weak_rotor(unsigned i) const;
@@ -61,12 +64,21 @@ class ActuatorMonitor {
     float jam_evidence = 0;
     float before_nm = 0;  // delivered, as believed, in the interval before
     int seen = 0;         // samples in a row that deviate
+    int slope_seen = 0;   // and that have a slope
     int steps_left = 0;   // how often the estimate may begin anew, in parts
     float unexpected_rad_s = 0;
+    // When what is believed was first made up for.
+    float begin_command_nm = 0, begin_delivered_nm = 0, begin_effectiveness = 1;
+    bool acted = false;  // the last command made up for it
+    int unanswered_samples =
+        0;  // for which nothing is made up for, because the servo did not do what was asked
   };
 
   void UpdateRotors(const Interval& interval);
   void UpdateServo(const Interval& interval, unsigned i);
+  // Takes a belief back when the servo does not do what is asked to make up for it.
+  void ProveServo(unsigned i, float command_nm, float delivered_nm, float noise_nm, bool deviates,
+                  bool arrived);
   void FitServo(Servo& servo, float command_nm, float deviation_nm, bool anew) const;
   void UpdateJam(const Interval& interval, unsigned i, float free_rad_s, float lost_rad_s);
 

@@ -38,7 +38,7 @@ void ReplyMatcher::Request(ModelStep step, TimeNs sent_ns) {
 std::optional<ModelStep> ReplyMatcher::Match(const MotionState& sample, TimeNs now, ModelStep now_step,
                                              MotionTimeline& timeline) {
   lost_ = false;
-  answers_newest_ = false;
+  answers_newest_ = skipped_ = false;
   const ModelStep oldest_step =
       std::max(timeline.last_sample_step() + 1, now_step - MotionTimeline::kStateCount / 2);
   while (open_begin_ != open_end_ && Open(open_begin_).step + 1 < oldest_step) ++open_begin_;
@@ -49,6 +49,9 @@ std::optional<ModelStep> ReplyMatcher::Match(const MotionState& sample, TimeNs n
   float best_cost = 0;
   for (std::uint32_t number = open_begin_; number != open_end_; ++number) {
     for (const ModelStep beside : {0, 1, -1}) {
+      // Before its request only when that was, in truth, the one before, and late. On a line in time it would be a
+      // push that looks like motion of less time, and all that follow would be stamped as much too early.
+      if (beside < 0 && usual_ns_ < kModelStepNs) continue;
       const ModelStep step = Open(number).step + beside;
       if (step < oldest_step || step > now_step) continue;
       const float cost = Misfit(sample, timeline.At(step), timeline.last_sample()) +
@@ -67,8 +70,15 @@ std::optional<ModelStep> ReplyMatcher::Match(const MotionState& sample, TimeNs n
   }
   NoteDelay(now - Open(best_number).sent_ns);
   answers_newest_ = best_number + 1 == open_end_;
+  skipped_ = best_number != open_begin_;
   open_begin_ = best_number + 1;
   return best_step;
+}
+
+bool ReplyMatcher::Expects(TimeNs now, TimeNs limit_ns) const {
+  if (open_begin_ == open_end_) return false;
+  const TimeNs since_ns = now - Open(open_end_ - 1).sent_ns;
+  return since_ns < usual_ns_ && usual_ns_ < limit_ns;
 }
 
 void ReplyMatcher::NoteDelay(TimeNs delay_ns) {

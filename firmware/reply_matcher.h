@@ -28,6 +28,11 @@ class ReplyMatcher {
   bool lost() const { return lost_; }
   // Whether it answered the newest request.
   bool answers_newest() const { return answers_newest_; }
+  // Whether it left out an older request: that one, or its reply, was lost.
+  bool skipped() const { return skipped_; }
+
+  // Whether the newest request's reply has its usual time still to come, and before `limit_ns` after the request.
+  bool Expects(TimeNs now, TimeNs limit_ns) const;
 
  private:
   static constexpr std::size_t kRequestCount = 32;
@@ -44,6 +49,7 @@ class ReplyMatcher {
   int usual_count_ = 0;                          // of the last matches that had it, less the others
   bool lost_ = false;
   bool answers_newest_ = false;
+  bool skipped_ = false;
 };
 
 }  // namespace tiltproof::firmware

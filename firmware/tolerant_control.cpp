@@ -12,6 +12,12 @@ constexpr TimeNs kCommandFlightNs = 300 * kNsPerUs;
 // follow the prediction, which other faults make worse.
 constexpr int kLineDoubtPeriods = 250;
 
+// A request that gets no reply is a loss on the line, for 1 s.
+constexpr int kLossPeriods = 83;
+
+// In a period, no later time-out is sure.
+constexpr TimeNs kLastTimeoutNs = kControlPeriodNs - kModelStepNs;
+
 constexpr float kModelStep_s = static_cast<float>(ToSeconds(kModelStepNs));
 
 // A command that acts at most that many steps after the sample it answers is the paper's own: its design
@@ -38,6 +44,8 @@ void TolerantControl::NoteRequest(const RequestTimes& request) {
   matcher_.Request(period_step_, request.sent_ns);
   answered_ = false;
   commanded_ = false;
+  timed_out_ = refused_ = false;
+  if (loss_periods_ > 0) --loss_periods_;
   supervisor_.BeginPeriod();
   descent_.BeginPeriod();
   if (line_doubt_periods_ > 0) --line_doubt_periods_;
@@ -54,6 +62,7 @@ std::optional<Actuators> TolerantControl::OnReply(TimeNs now, const Sensors& sen
   new_sample_ = true;
   if (!newest || answered_) return std::nullopt;
   answered_ = true;
+  if (commanded_ && LineIsSlow()) return std::nullopt;
   return Command(now, &*clean, reference);
 }
 
@@ -72,6 +81,8 @@ std::optional<Sensors> TolerantControl::Accept(TimeNs now, const Sensors& sensor
   const auto step = matcher_.Match(probe, now, StepAt(now), timeline_);
   if (!step) return std::nullopt;
   newest = matcher_.answers_newest();
+  replies_late_ = timed_out_ || !newest;
+  if (matcher_.skipped()) loss_periods_ = kLossPeriods;
   const Sensors predicted = ToSensors(timeline_.At(*step));
   const ModelStep elapsed = *step - timeline_.last_sample_step();
   Sensors clean = screen_.Patch(sensors, predicted);
@@ -89,6 +100,7 @@ std::optional<Sensors> TolerantControl::Accept(TimeNs now, const Sensors& sensor
       if (damaged_count_ > 0) {
         screen_ = screen_before_;
         supervisor_.On(SupervisorEvent::kFault);
+        refused_ = true;
         return std::nullopt;
       }
     } else {
@@ -107,8 +119,10 @@ std::optional<Sensors> TolerantControl::Accept(TimeNs now, const Sensors& sensor
 }
 
 std::optional<Actuators> TolerantControl::OnTimeout(TimeNs now, const Reference& reference) {
-  if (!has_sample_ || (commanded_ && line_doubt_periods_ == 0)) return std::nullopt;
-  if (!answered_) SuspectLine();
+  timed_out_ = true;
+  if (!has_sample_ || (commanded_ && (line_doubt_periods_ == 0 || LineIsSlow()))) return std::nullopt;
+  if (!answered_ && !refused_) SuspectLine();
+  if (LineIsSlow() && matcher_.Expects(now, kLastTimeoutNs)) return std::nullopt;
   if (!lag_estimator_.model_is_right()) return last_command_;
   return Command(now, nullptr, reference);
 }

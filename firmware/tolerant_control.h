@@ -56,6 +56,8 @@ class TolerantControl {
   std::optional<Sensors> Accept(TimeNs now, const Sensors& sensors, bool& newest);
   Actuators Command(TimeNs now, const Sensors* fresh, const Reference& received);
   void SuspectLine();
+  // The line loses nothing that could be seen, and is late: more than the period's one command would only fill it.
+  bool LineIsSlow() const { return replies_late_ && loss_periods_ == 0; }
   void WatchActuators(const Sensors& sensors, const Reference& reference, bool short_of_thrust);
 
   ControlLaw law_;
@@ -76,6 +78,10 @@ class TolerantControl {
   ModelStep period_step_ = 0;     // of the present period's request
   bool has_sample_ = false;
   int line_doubt_periods_ = 0;  // that are still to come
+  int loss_periods_ = 0;        // for which a request that got no reply still counts
+  bool replies_late_ = false;   // the last one came after a time-out
+  bool timed_out_ = false;      // in the present period
+  bool refused_ = false;        // the present period's reply has come, and was not used
   bool saturated_ = false;      // the last command wanted more than the actuators have
   bool faulty_ = false;         // an actuator was, at the last sample
   bool answered_ = false;       // the present period's reply has had its command

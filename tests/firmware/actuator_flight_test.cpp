@@ -5,6 +5,9 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cmath>
+#include <numbers>
+#include <random>
 
 namespace tiltproof::firmware {
 namespace {
@@ -75,6 +78,29 @@ TEST(ActuatorFlightTest, WithTooLittleThrustForThePathItDescends) {
         EXPECT_GT(record.sink_max_m_s, 0.4) << spiral << rotor << seed;
         EXPECT_LE(record.climb_max_m_s, 0) << spiral << rotor << seed;
       }
+    }
+  }
+}
+
+// What swings or is noise is not to be made up for. Levels of three quarters of those that the paper's command rides
+// out on this vehicle.
+TEST(ActuatorFlightTest, WhatCannotBeMadeUpForIsFlownAsThePaperDoes) {
+  const FlightFault swing = [step = 0](std::span<double> input, Disturbance&) mutable {
+    input[2] += 0.12 * std::sin(2 * std::numbers::pi * 3 * 0.004 * step++);
+  };
+  const FlightFault noise = [engine = std::mt19937(1)](std::span<double> input, Disturbance&) mutable {
+    double sum = -6;
+    for (int i = 0; i < 12; ++i) sum += static_cast<double>(engine()) * 0x1p-32;
+    input[2] += 0.2 * sum;
+  };
+  const std::array faults = {swing, noise};
+  for (std::size_t i = 0; i < faults.size(); ++i) {
+    for (const unsigned seed : {1U, 2U, 3U, 4U, 5U, 6U}) {
+      FlightPlan plan = Of(kVehicles[1], {.duration_s = 16, .noise = true, .seed = seed});
+      plan.fault = faults[i];
+      const FlightRecord record = Fly(plan);
+      EXPECT_LT(record.tilt_max_rad, 0.6) << "fault " << i << ", seed " << seed;
+      EXPECT_LT(record.error_max_m, 1) << "fault " << i << ", seed " << seed;
     }
   }
 }

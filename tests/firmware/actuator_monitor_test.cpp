@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "firmware/controlled_descent.h"
 
 namespace tiltproof::firmware {
@@ -63,6 +65,30 @@ TEST(ActuatorMonitorTest, FindsTheTorqueOfAServo) {
       EXPECT_EQ(monitor.model().servo_offset_nm[1 - servo], 0);
     }
   }
+}
+
+// A servo that keeps its torque looks like one that gives a share of none. Asking for ever more does not move it, and
+// would come at once when it lets go.
+TEST(ActuatorMonitorTest, AServoThatDoesNotAnswerIsNotAskedForMore) {
+  ActuatorMonitor monitor;
+  MotionTimeline timeline;
+  timeline.Begin(0, ToMotion(kAloft), kHover);
+  float most_nm = 0;
+  for (ModelStep step = 3; step <= 180; step += 3) {
+    Actuators wanted = Commanded(step);
+    wanted.tau_r_nm *= 10;  // at most 0.12 N m
+    const Actuators command = monitor.acts() ? monitor.model().CommandFor(wanted) : wanted;
+    most_nm = std::max({most_nm, command.tau_r_nm, -command.tau_r_nm});
+    timeline.Command(step - 3, command);
+    Actuators delivered = command;
+    delivered.tau_r_nm = 0.02F;
+    MotionState state = timeline.last_sample();
+    for (int i = 0; i < 3; ++i) StepMotion(kTiltrotorConstants, delivered, state, HeldHinges{});
+    monitor.Update(timeline, step, state, true);
+    timeline.Correct(step, ToMotion(kAloft));
+  }
+  EXPECT_FALSE(monitor.acts());
+  EXPECT_LT(most_nm, 0.3F);
 }
 
 TEST(ActuatorMonitorTest, WhatIsWithinTheSpreadIsHealthy) {

@@ -2,14 +2,19 @@
 // firmware's own model of motion, so that the right answer is known.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
+#include <limits>
+#include <optional>
 #include <random>
 
 #include "firmware/accepted_replies.h"
+#include "firmware/builds.h"
 #include "firmware/innovation.h"
 #include "firmware/lag_estimator.h"
 #include "firmware/motion_timeline.h"
 #include "firmware/reply_matcher.h"
+#include "firmware/tolerant_control.h"
 #include "tests/firmware/ordinary_noise.h"
 
 namespace tiltproof::firmware {
@@ -160,6 +165,22 @@ TEST(ReplyMatcherTest, AClockOfWholeTicksIsPreciseEnough) {
   }
 }
 
+// A push that comes between two samples looks like motion of more or less time. On a line in time, a reply is stamped
+// with its request's step all the same: one step before would be taken up by all that follow.
+TEST(ReplyMatcherTest, AReplyShowsNothingFromBeforeItsRequest) {
+  Truth truth(0);
+  MotionTimeline timeline;
+  ReplyMatcher matcher;
+  timeline.Begin(0, truth.At(0), kHoverInputs);
+  for (ModelStep step = 3; step < 60; step += 3) {
+    timeline.Command(step - 2, CommandOf(step - 3));
+    matcher.Request(step, TimeOf(step) + 90 * kNsPerUs);
+    const MotionState sample = truth.At(step - 1);
+    ASSERT_EQ(matcher.Match(sample, TimeOf(step) + 830 * kNsPerUs, step, timeline), step);
+    timeline.Correct(step, sample);
+  }
+}
+
 TEST(ReplyMatcherTest, ASecondReplyToOneRequestIsNone) {
   MotionTimeline timeline;
   ReplyMatcher matcher;
@@ -167,6 +188,54 @@ TEST(ReplyMatcherTest, ASecondReplyToOneRequestIsNone) {
   matcher.Request(3, TimeOf(3));
   EXPECT_TRUE(matcher.Match(Truth(0).At(3), TimeOf(3) + kNsPerMs, 3, timeline));
   EXPECT_FALSE(matcher.Match(Truth(0).At(3), TimeOf(3) + 2 * kNsPerMs, 3, timeline));
+}
+
+// Commands per period of 60 periods, when replies come `late_ns` after their requests and each `lost`-th not at all.
+// Commands act from the next period on, which the firmware has to find out.
+std::array<int, 60> CommandsPerPeriod(TimeNs late_ns, int lost) {
+  TolerantControl control(*FindBuild("tolerant")->gain, FindBuild("tolerant")->feed_forward);
+  MotionState state = ToMotion(kMoving);
+  Actuators in_force = kHoverInputs, sent = kHoverInputs;
+  std::array<int, 60> count{};
+  for (int period = 0; period < 60; ++period) {
+    const ModelStep step = 3 * period;
+    const TimeNs begin = TimeOf(step);
+    control.NoteRequest({.origin_ns = 0, .begin_ns = begin, .sent_ns = begin + 90 * kNsPerUs});
+    TimeNs reply = begin + (period < 5 ? 830 * kNsPerUs : late_ns);
+    if (period >= 5 && lost > 0 && period % lost == 0) reply = std::numeric_limits<TimeNs>::max();
+    const Sensors sensors = ToSensors(state);
+    in_force = sent;
+    for (int i = 0; i < 3; ++i) StepMotion(kTiltrotorConstants, in_force, state);
+    int& commands = count[static_cast<std::size_t>(period)];
+    const auto send = [&](const std::optional<Actuators>& command) {
+      if (!command) return;
+      ++commands;
+      sent = *command;
+    };
+    for (const TimeNs timeout : {begin + 2 * kNsPerMs, begin + 6 * kNsPerMs, begin + 10 * kNsPerMs}) {
+      if (reply < timeout) {
+        send(control.OnReply(reply, sensors, {.z_m = 1}));
+        reply = std::numeric_limits<TimeNs>::max();
+      }
+      send(control.OnTimeout(timeout, {.z_m = 1}));
+    }
+  }
+  return count;
+}
+
+// More would fill a line that is slow, and make all that follows later still.
+TEST(TolerantControlTest, ALineThatIsLateAndLosesNothingGetsOneCommandPerPeriod) {
+  for (const TimeNs late_ms : {3, 5, 8}) {
+    const auto count = CommandsPerPeriod(late_ms * kNsPerMs, 0);
+    for (std::size_t period = 10; period < count.size(); ++period) {
+      EXPECT_EQ(count[period], 1) << late_ms << " ms, period " << period;
+    }
+  }
+}
+
+TEST(TolerantControlTest, ALineThatLosesRepliesGetsFurtherCommands) {
+  const auto count = CommandsPerPeriod(3 * kNsPerMs, 3);
+  EXPECT_GT(*std::max_element(count.begin() + 10, count.end()), 1);
 }
 
 // To a step: what differs by less than the spread is not told apart.
