@@ -34,7 +34,7 @@ if(TILTPROOF_SANITIZE)
   add_link_options(-fsanitize=${TILTPROOF_SANITIZE})
   if(TILTPROOF_SANITIZE STREQUAL thread)
     # The thread sanitizer does not know fences; Asio's queues have locks beside them.
-    add_compile_definitions(ASIO_DISABLE_FENCED_BLOCK)
+    add_compile_definitions(BOOST_ASIO_DISABLE_FENCED_BLOCK)
   endif()
 endif()
 

@@ -12,7 +12,7 @@
 
 namespace tiltproof::link {
 
-Pty::Pty(asio::io_context& loop) {
+Pty::Pty(boost::asio::io_context& loop) {
   const int master = posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
   std::array<char, 64> path{};
   struct termios settings {};

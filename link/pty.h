@@ -20,7 +20,7 @@ namespace tiltproof::link {
 class Pty {
  public:
   // Throws std::runtime_error when the machine has no pseudo-terminal left.
-  explicit Pty(asio::io_context& loop);
+  explicit Pty(boost::asio::io_context& loop);
   ~Pty();
   Pty(const Pty&) = delete;
   Pty& operator=(const Pty&) = delete;

@@ -1,3 +1,6 @@
+// Boost 1.74's Asio uses std::exchange without its header.
+#include <utility>
+//
 #include <fcntl.h>
 #include <grp.h>
 #include <linux/serial.h>
@@ -11,18 +14,17 @@
 
 #include <algorithm>
 #include <array>
-#include <asio/buffer.hpp>
-#include <asio/io_context.hpp>
-#include <asio/posix/stream_descriptor.hpp>
-#include <asio/post.hpp>
-#include <asio/serial_port.hpp>
+#include <boost/asio/buffer.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/posix/stream_descriptor.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/serial_port.hpp>
 #include <cerrno>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <stdexcept>
-#include <utility>
 #include <vector>
 
 #include "link/serial_devices.h"
@@ -33,7 +35,8 @@
 namespace tiltproof::link {
 namespace {
 
-using asio::error_code;
+namespace asio = boost::asio;
+using boost::system::error_code;
 
 constexpr std::size_t kReadBytesMax = 4096;
 // Further off, 8N1 receivers sample the wrong bit.
@@ -207,7 +210,7 @@ class SerialPort::State : public std::enable_shared_from_this<State> {
         if (written < 0 && errno != EAGAIN) {
           write_failed_ = true;
           asio::post(port_.get_executor(), [self = shared_from_this(), error = errno] {
-            self->Fail({error, std::system_category()});
+            self->Fail({error, boost::system::system_category()});
           });
           return false;
         }
@@ -269,7 +272,7 @@ class SerialPort::State : public std::enable_shared_from_this<State> {
           if (error) return self->Fail(error);
           const ssize_t written = self->WriteSome(std::span(self->sending_).subspan(self->sent_));
           if (written < 0 && errno != EAGAIN && errno != EINTR)
-            return self->Fail({errno, std::system_category()});
+            return self->Fail({errno, boost::system::system_category()});
           self->sent_ += static_cast<std::size_t>(std::max<ssize_t>(written, 0));
           self->Send();
         });

@@ -2,7 +2,7 @@
 // control. For firmware on a board, for both ends of a pseudo-terminal (link/pty.h), and for an emulator's port behind
 // a unix socket (link/unix_socket.h).
 //
-//   asio::io_context loop;
+//   boost::asio::io_context loop;
 //   SerialPort port(loop, "/dev/ttyUSB0", 921'600);
 //   port.Start([&](std::span<const std::uint8_t> bytes) { decoder.Feed(bytes); },
 //              [&](const std::string& reason) { Lost(reason); });   // unplugged, hung up, ...
@@ -25,7 +25,7 @@
 
 #include "link/byte_line.h"
 
-namespace asio {
+namespace boost::asio {
 class io_context;
 }
 
@@ -44,10 +44,10 @@ class SerialPort final : public ByteLine {
   // byte and has no baud rate. Throws std::runtime_error that says what is wrong (no such device, held by
   // another process, no permission, not a serial device, an impossible baud rate, no listening process) and
   // what to do about it.
-  SerialPort(asio::io_context& loop, const std::string& device, std::int64_t baud);
+  SerialPort(boost::asio::io_context& loop, const std::string& device, std::int64_t baud);
 
   // Takes over an open descriptor (read and write) as it is; `name` identifies it in messages.
-  SerialPort(asio::io_context& loop, int descriptor, std::string name);
+  SerialPort(boost::asio::io_context& loop, int descriptor, std::string name);
 
   // Closes the port. Bytes of Write() that have not left yet are dropped (see UnsentBytes()): a device that
   // accepts none would otherwise delay closing by half a minute.

@@ -1,12 +1,14 @@
+// Boost 1.74's Asio uses std::exchange without its header.
+#include <utility>
+//
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <unistd.h>
 
-#include <asio/io_context.hpp>
+#include <boost/asio/io_context.hpp>
 #include <cerrno>
 #include <cstring>
 #include <stdexcept>
-#include <utility>
 
 #include "link/socket_line.h"
 
@@ -38,7 +40,7 @@ bool IsOurUser(int descriptor) {
 
 }  // namespace
 
-SocketLine::SocketLine(asio::io_context& loop) : loop_(loop), listener_(loop) {
+SocketLine::SocketLine(boost::asio::io_context& loop) : loop_(loop), listener_(loop) {
   OwnedDescriptor listener = Listen(abstract_name_);
   listener_.assign(listener.get());
   listener.Release();
@@ -57,8 +59,8 @@ bool SocketLine::Write(std::span<const std::uint8_t> bytes) {
 }
 
 void SocketLine::Await() {
-  listener_.async_wait(asio::posix::stream_descriptor::wait_read,
-                       [this, alive = std::weak_ptr(alive_)](const asio::error_code& error) {
+  listener_.async_wait(boost::asio::posix::stream_descriptor::wait_read,
+                       [this, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
                          if (error || alive.expired()) return;
                          if (!Accept()) {
                            const std::string why = std::strerror(errno);

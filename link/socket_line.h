@@ -9,7 +9,7 @@
 // lost, as on a cable. A second peer waits until the first has left. Peers of other users are refused.
 #pragma once
 
-#include <asio/posix/stream_descriptor.hpp>
+#include <boost/asio/posix/stream_descriptor.hpp>
 #include <memory>
 #include <string>
 
@@ -22,7 +22,7 @@ namespace tiltproof::link {
 class SocketLine final : public ByteLine {
  public:
   // Listens under a name that the kernel chooses. Throws std::runtime_error when it cannot.
-  explicit SocketLine(asio::io_context& loop);
+  explicit SocketLine(boost::asio::io_context& loop);
   ~SocketLine() override;
 
   // "unix:@NAME", as SerialPort takes it; it vanishes with this object.
@@ -40,8 +40,8 @@ class SocketLine final : public ByteLine {
   // False when the listening socket itself has failed.
   bool Accept();
 
-  asio::io_context& loop_;
-  asio::posix::stream_descriptor listener_;
+  boost::asio::io_context& loop_;
+  boost::asio::posix::stream_descriptor listener_;
   std::string abstract_name_;
   Received received_;
   Closed closed_;

@@ -1,13 +1,15 @@
+// Boost 1.74's Asio uses std::exchange without its header.
+#include <utility>
+//
 #include "harness/cli/client_flag.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <asio/io_context.hpp>
+#include <boost/asio/io_context.hpp>
 #include <memory>
 #include <set>
-#include <utility>
 #include <vector>
 
 #include "harness/cli/commands.h"
@@ -92,7 +94,7 @@ void CheckLibrary(const ClientSpec& client) {
 void CheckPorts(const ClientSpec& client, const LinkSpec& link) {
   const auto* board = std::get_if<SerialBoard>(&client);
   if (board == nullptr) return;
-  asio::io_context loop;
+  boost::asio::io_context loop;
   std::vector<std::unique_ptr<link::SerialPort>> ports;  // both at once, as in flight
   for (const std::string& device : {board->device, board->reference_device}) {
     if (device.empty()) continue;

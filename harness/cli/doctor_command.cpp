@@ -1,3 +1,6 @@
+// Boost 1.74's Asio uses std::exchange without its header.
+#include <utility>
+//
 #include <arpa/inet.h>
 #include <fmt/format.h>
 #include <ifaddrs.h>
@@ -7,7 +10,7 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <asio/io_context.hpp>
+#include <boost/asio/io_context.hpp>
 #include <cerrno>
 #include <cstring>
 #include <fstream>
@@ -16,7 +19,6 @@
 #include <nlohmann/json.hpp>
 #include <set>
 #include <stdexcept>
-#include <utility>
 #include <vector>
 
 #include "harness/cli/client_flag.h"
@@ -124,7 +126,7 @@ std::vector<std::string> ClientDevices(const std::string& client) {
 // As a flight would open them: both at once. An emulator behind a socket may begin as soon as it is connected, so that
 // it is only looked for.
 void CheckClientDevices(const std::vector<std::string>& devices, Checks& checks) {
-  asio::io_context loop;
+  boost::asio::io_context loop;
   std::vector<std::unique_ptr<link::SerialPort>> ports;
   for (const auto& device : devices) {
     Check check{.name = "client's " + device, .text = fmt::format("opens at {} baud", kBaud), .advice = {}};
@@ -250,7 +252,7 @@ Check CheckInterface(const std::string& name) {
 
 Check CheckPseudoTerminals() {
   try {
-    asio::io_context loop;
+    boost::asio::io_context loop;
     const link::Pty pty(loop);
     return {.name = "pseudo-terminals", .text = "available", .advice = {}};
   } catch (const std::runtime_error& error) {

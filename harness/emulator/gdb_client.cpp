@@ -28,7 +28,7 @@ std::span<const std::uint8_t> Bytes(std::string_view text) {
 
 }  // namespace
 
-GdbClient::GdbClient(asio::io_context& loop, int socket, Lost lost)
+GdbClient::GdbClient(boost::asio::io_context& loop, int socket, Lost lost)
     : port_(loop, socket, "the emulator's debugger port"), lost_callback_(std::move(lost)) {
   port_.Start([this](std::span<const std::uint8_t> bytes) { OnBytes(bytes); },
               [this](const std::string& reason) { Lose(reason); });

@@ -7,7 +7,7 @@
 // Nothing blocks, and nothing is timed here: the owner checks Waiting() periodically.
 #pragma once
 
-#include <asio/io_context.hpp>
+#include <boost/asio/io_context.hpp>
 #include <chrono>
 #include <cstdint>
 #include <deque>
@@ -39,7 +39,7 @@ class GdbClient {
   using Lost = std::function<void(const std::string& why)>;
 
   // Takes over a connected socket. The loop calls the callbacks, and they may destroy this object.
-  GdbClient(asio::io_context& loop, int socket, Lost lost);
+  GdbClient(boost::asio::io_context& loop, int socket, Lost lost);
   GdbClient(const GdbClient&) = delete;
   GdbClient& operator=(const GdbClient&) = delete;
 

@@ -16,7 +16,7 @@ constexpr std::size_t kLineBytesMax = std::size_t{1} << 20;
 
 }  // namespace
 
-QmpClient::QmpClient(asio::io_context& loop, int socket, Callbacks callbacks)
+QmpClient::QmpClient(boost::asio::io_context& loop, int socket, Callbacks callbacks)
     : port_(loop, socket, "the emulator's control socket"), callbacks_(std::move(callbacks)) {
   Execute("qmp_capabilities");
   port_.Start([this](std::span<const std::uint8_t> bytes) { OnBytes(bytes); },

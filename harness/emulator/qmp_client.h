@@ -7,7 +7,7 @@
 // emulator may be silent for good reason.
 #pragma once
 
-#include <asio/io_context.hpp>
+#include <boost/asio/io_context.hpp>
 #include <chrono>
 #include <deque>
 #include <functional>
@@ -33,7 +33,7 @@ class QmpClient {
 
   // Takes over a connected socket and greets QEMU. The loop calls the callbacks, and they may destroy this
   // object.
-  QmpClient(asio::io_context& loop, int socket, Callbacks callbacks);
+  QmpClient(boost::asio::io_context& loop, int socket, Callbacks callbacks);
   QmpClient(const QmpClient&) = delete;
   QmpClient& operator=(const QmpClient&) = delete;
 

@@ -16,9 +16,10 @@ BoardReset::BoardReset(NodeServices& services, const std::string& how, link::Ser
   const link::ModemLine line = how == "dtr" ? link::ModemLine::kDtr : link::ModemLine::kRts;
   port.SetModemLine(line, false);
   timer_.expires_after(kPulse);
-  timer_.async_wait([this, &port, line, alive = std::weak_ptr(alive_)](const asio::error_code& error) {
-    if (!error && !alive.expired()) Pulse(port, line, true);
-  });
+  timer_.async_wait(
+      [this, &port, line, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
+        if (!error && !alive.expired()) Pulse(port, line, true);
+      });
 }
 
 void BoardReset::Pulse(link::SerialPort& port, link::ModemLine line, bool on) {
@@ -29,9 +30,10 @@ void BoardReset::Pulse(link::SerialPort& port, link::ModemLine line, bool on) {
   }
   if (!on) return;
   timer_.expires_after(kPulse);
-  timer_.async_wait([this, &port, line, alive = std::weak_ptr(alive_)](const asio::error_code& error) {
-    if (!error && !alive.expired()) Pulse(port, line, false);
-  });
+  timer_.async_wait(
+      [this, &port, line, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
+        if (!error && !alive.expired()) Pulse(port, line, false);
+      });
 }
 
 void BoardReset::Run(const std::string& command) {
@@ -46,7 +48,7 @@ void BoardReset::Run(const std::string& command) {
     Fail(fmt::format("{}{}{}", how, said.empty() ? "" : ": ", said));
   });
   timer_.expires_after(kCommandLimit);
-  timer_.async_wait([this, alive = std::weak_ptr(alive_)](const asio::error_code& error) {
+  timer_.async_wait([this, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
     if (!error && !alive.expired()) Fail(fmt::format("has not ended within {} s", kCommandLimit.count()));
   });
 }

@@ -7,7 +7,7 @@
 // while the line is on) and one behind a capacitor (reset by the change).
 #pragma once
 
-#include <asio/steady_timer.hpp>
+#include <boost/asio/steady_timer.hpp>
 #include <chrono>
 #include <functional>
 #include <memory>
@@ -39,7 +39,7 @@ class BoardReset {
   NodeServices& services_;
   std::string how_;
   std::function<void(const std::string&)> failed_;
-  asio::steady_timer timer_;
+  boost::asio::steady_timer timer_;
   std::unique_ptr<FirmwareProcess> command_;
   std::shared_ptr<char> alive_ = std::make_shared<char>();
 };

@@ -8,7 +8,7 @@
 
 #include <algorithm>
 #include <array>
-#include <asio/post.hpp>
+#include <boost/asio/post.hpp>
 #include <cerrno>
 #include <chrono>
 #include <csignal>
@@ -257,7 +257,7 @@ void EmulatedBoard::Examine(Condition condition, bool started) {
       // That it hangs is known; only where is missing.
       examined->found.lines.push_back(error.what());
     }
-    asio::post(services_.loop(), [this, examined, started, alive] {
+    boost::asio::post(services_.loop(), [this, examined, started, alive] {
       if (!alive.expired()) Tell(*examined, started);
     });
   });

@@ -212,7 +212,7 @@ class EmulatorRole final : public Role {
     }
     if (agenda_.empty()) return;
     timer_.expires_at(services_.clock().ToSteady(agenda_.begin()->first));
-    timer_.async_wait([this, alive = std::weak_ptr(alive_)](const asio::error_code& error) {
+    timer_.async_wait([this, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
       if (!error && !alive.expired() && !stopped_) Wake();
     });
   }
@@ -227,7 +227,7 @@ class EmulatorRole final : public Role {
   std::vector<PlannedCommand> commands_;
   std::optional<faults::FaultSchedule> counts_;
   std::multimap<BootTime, std::function<void()>> agenda_;  // by the node's clock
-  asio::steady_timer timer_;
+  boost::asio::steady_timer timer_;
   std::optional<EmulatedBoard> board_;
   BootTime power_on_ns_;
   Origin origin_;  // in the plant's clock: that of this machine

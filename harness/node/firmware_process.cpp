@@ -9,7 +9,7 @@
 namespace tiltproof::harness {
 namespace {
 
-using asio::posix::stream_descriptor;
+using boost::asio::posix::stream_descriptor;
 
 constexpr std::size_t kLineBytesMax = 1000;
 // At a time: a program that prints without end must not keep this node from its heartbeat.
@@ -27,7 +27,7 @@ FirmwareProcess::FirmwareProcess(NodeServices& services, ChildSpec spec, Ended e
   end_.emplace(services_.loop(), child_->pidfd());
   for (std::size_t i = 0; i < streams_.size(); ++i) Read(i);
   end_->async_wait(stream_descriptor::wait_read,
-                   [this, alive = std::weak_ptr(alive_)](const asio::error_code& error) {
+                   [this, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
                      if (error || alive.expired()) return;
                      ReadAll();
                      // It may destroy this.
@@ -44,7 +44,7 @@ FirmwareProcess::~FirmwareProcess() {
 
 void FirmwareProcess::Read(std::size_t i) {
   streams_[i]->async_wait(stream_descriptor::wait_read,
-                          [this, i, alive = std::weak_ptr(alive_)](const asio::error_code& error) {
+                          [this, i, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
                             if (error || alive.expired()) return;
                             if (Drain(i)) Read(i);
                           });

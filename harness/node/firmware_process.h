@@ -6,7 +6,7 @@
 #pragma once
 
 #include <array>
-#include <asio/posix/stream_descriptor.hpp>
+#include <boost/asio/posix/stream_descriptor.hpp>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -50,8 +50,8 @@ class FirmwareProcess {
   NodeServices& services_;
   Ended ended_;
   std::unique_ptr<ChildProcess> child_;
-  std::array<std::optional<asio::posix::stream_descriptor>, 2> streams_;
-  std::optional<asio::posix::stream_descriptor> end_;
+  std::array<std::optional<boost::asio::posix::stream_descriptor>, 2> streams_;
+  std::optional<boost::asio::posix::stream_descriptor> end_;
   std::array<std::string, 2> partial_;
   std::vector<OutputLine> lines_;
   std::size_t printed_bytes_ = 0;

@@ -145,7 +145,7 @@ class LibraryRole final : public Role {
       // A firmware that always wants to be woken now must not keep this thread, which has real-time priority.
       wake = std::max(wake, Now() + kWakePauseMin);
       timer_.expires_at(services_.clock().ToSteady(OfNode(wake)));
-      timer_.async_wait([this, wake, alive = std::weak_ptr(alive_)](const asio::error_code& error) {
+      timer_.async_wait([this, wake, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
         if (error || alive.expired() || stopped_) return;
         const BootTime now = Now();
         // This machine's lateness, not the firmware's.
@@ -176,7 +176,7 @@ class LibraryRole final : public Role {
   std::int64_t baud_ = 0;
   std::unique_ptr<Client> client_;
   std::array<std::unique_ptr<link::SerialPort>, 2> ports_;
-  asio::steady_timer timer_;
+  boost::asio::steady_timer timer_;
   BootTime power_on_ns_ = BootTime::Never();
   BootTime now_ns_;  // the latest told
   BootTime transmitter_free_ns_;

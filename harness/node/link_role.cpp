@@ -248,7 +248,7 @@ class LinkRole final : public Role {
     timer_.cancel();
     if (next == BootTime::Never()) return;
     timer_.expires_at(services_.clock().ToSteady(next));
-    timer_.async_wait([this, alive = std::weak_ptr(alive_)](const asio::error_code& error) {
+    timer_.async_wait([this, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
       if (!error && !alive.expired() && armed_) Pump();
     });
   }
@@ -302,7 +302,7 @@ class LinkRole final : public Role {
   std::unique_ptr<link::Pty> plant_, base_station_;
   End client_, reference_;
   std::array<DeafReceiver, link::kDirectionCount> deaf_;  // that of kToPlant hears everything
-  asio::steady_timer timer_;
+  boost::asio::steady_timer timer_;
   std::unique_ptr<PtyCanary> canary_;
   std::optional<CpuWaitWatch> board_watch_;  // of a program of the user's that plays the board
   std::optional<BoardReset> reset_;

@@ -1,9 +1,9 @@
 #include <fmt/format.h>
 
-#include <asio/io_context.hpp>
-#include <asio/post.hpp>
-#include <asio/signal_set.hpp>
-#include <asio/steady_timer.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/signal_set.hpp>
+#include <boost/asio/steady_timer.hpp>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
@@ -29,8 +29,8 @@ class Monitor {
         plant_(bus_) {}
 
   int Run() {
-    asio::signal_set signals(loop_, SIGTERM, SIGINT, SIGHUP);
-    signals.async_wait([this](const asio::error_code& error, int) {
+    boost::asio::signal_set signals(loop_, SIGTERM, SIGINT, SIGHUP);
+    signals.async_wait([this](const boost::system::error_code& error, int) {
       if (!error) loop_.stop();
     });
     Tick();
@@ -40,7 +40,7 @@ class Monitor {
 
  private:
   std::function<void()> Post() {
-    return [this] { asio::post(loop_, [this] { Look(); }); };
+    return [this] { boost::asio::post(loop_, [this] { Look(); }); };
   }
 
   void Look() {
@@ -74,13 +74,13 @@ class Monitor {
     }
     std::fflush(stdout);
     timer_.expires_after(kStatePeriod);
-    timer_.async_wait([this](const asio::error_code& error) {
+    timer_.async_wait([this](const boost::system::error_code& error) {
       if (!error) Tick();
     });
   }
 
-  asio::io_context loop_{1};
-  asio::steady_timer timer_{loop_};
+  boost::asio::io_context loop_{1};
+  boost::asio::steady_timer timer_{loop_};
   std::map<dds::Participant, bool> alive_;
   dds::Bus bus_;
   dds::Subscriber<dds::Heartbeat> nodes_;

@@ -5,8 +5,8 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <asio/post.hpp>
-#include <asio/signal_set.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/signal_set.hpp>
 #include <chrono>
 #include <csignal>
 #include <tuple>
@@ -23,6 +23,7 @@
 namespace tiltproof::harness {
 namespace {
 
+namespace asio = boost::asio;
 using std::chrono::milliseconds;
 
 constexpr std::chrono::nanoseconds kHeartbeatPeriod{dds::kHeartbeatPeriodNs};
@@ -135,7 +136,7 @@ Node::Node(const NodeOptions& options, const MakeRole& make_role) : options_(opt
 
 int Node::Run() {
   asio::signal_set signals(loop_, SIGTERM, SIGINT, SIGHUP);
-  signals.async_wait([this](const asio::error_code& error, int number) {
+  signals.async_wait([this](const boost::system::error_code& error, int number) {
     if (error) return;
     // Said before it is seen.
     if (!run_id_.empty())
@@ -202,7 +203,7 @@ void Node::Beat() {
   if (log_) log_->Retry();
   if (!run_id_.empty()) WatchHarness();
   beat_timer_.expires_after(kHeartbeatPeriod);
-  beat_timer_.async_wait([this](const asio::error_code& error) {
+  beat_timer_.async_wait([this](const boost::system::error_code& error) {
     if (!error) Beat();
   });
 }
@@ -403,7 +404,7 @@ PeriodicTimer::PeriodicTimer(NodeServices& services, BootTime first, TimeNs peri
 
 void PeriodicTimer::Arm() {
   timer_.expires_at(services_.clock().ToSteady(next_ns_));
-  timer_.async_wait([this, alive = std::weak_ptr(alive_)](const asio::error_code& error) {
+  timer_.async_wait([this, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
     if (error || alive.expired()) return;
     const BootTime now = services_.clock().Now();
     services_.lateness().Note(next_ns_, now);

@@ -10,8 +10,8 @@
 // heartbeat stops when the work hangs, which is its purpose.
 #pragma once
 
-#include <asio/io_context.hpp>
-#include <asio/steady_timer.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/steady_timer.hpp>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -47,14 +47,14 @@ std::string FindPort(const Ports& ports, std::string_view name);
 
 // A callback for subscribers, which are called in threads of DDS: makes the loop call `look`, as long as
 // `alive` exists.
-std::function<void()> InLoop(asio::io_context& loop, const std::shared_ptr<char>& alive,
+std::function<void()> InLoop(boost::asio::io_context& loop, const std::shared_ptr<char>& alive,
                              std::function<void()> look);
 
 // The services of a node to its role.
 class NodeServices {
  public:
   virtual ~NodeServices() = default;
-  virtual asio::io_context& loop() = 0;
+  virtual boost::asio::io_context& loop() = 0;
   virtual dds::Bus& bus() = 0;
   virtual NodeClock& clock() = 0;
   virtual const std::string& run_id() const = 0;
@@ -101,7 +101,7 @@ class PeriodicTimer {
   BootTime next_ns_;
   TimeNs period_ns_;
   std::function<void(BootTime)> due_;
-  asio::steady_timer timer_;
+  boost::asio::steady_timer timer_;
   // A wait that is already over calls back even when this object is destroyed first.
   std::shared_ptr<char> alive_ = std::make_shared<char>();
 };

@@ -27,8 +27,8 @@ struct OtherAlternatives {
 // link/
 void Spawn(const std::vector<std::string>& command);
 extern const examples::Function Use, log;
-#include <asio/io_context.hpp>
-extern asio::io_context& loop;
+#include <boost/asio/io_context.hpp>
+extern boost::asio::io_context& loop;
 extern std::vector<std::uint8_t> payload, frame;
 extern BootTime now;
 

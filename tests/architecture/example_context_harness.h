@@ -8,8 +8,8 @@ extern const harness::Scenario scenario;
 extern const link::Protocol& protocol;
 extern const plant::VehicleModel model;
 extern const VehicleSignals vehicle;
-#include <asio/io_context.hpp>
-extern asio::io_context& loop;
+#include <boost/asio/io_context.hpp>
+extern boost::asio::io_context& loop;
 extern dds::Bus& bus;
 extern const dds::Circle members;
 extern const std::string run_id, text;

@@ -11,7 +11,7 @@
 #include <utility>
 //
 #include <algorithm>
-#include <asio/io_context.hpp>
+#include <boost/asio/io_context.hpp>
 #include <chrono>
 #include <cstdlib>
 #include <filesystem>
@@ -41,7 +41,7 @@ Bytes AllBytes() {
 }
 
 // Runs the loop until the condition holds; false when it does not within 10 s.
-bool RunUntil(asio::io_context& loop, const std::function<bool()>& condition) {
+bool RunUntil(boost::asio::io_context& loop, const std::function<bool()>& condition) {
   const auto end = std::chrono::steady_clock::now() + 10s;
   while (!condition()) {
     if (std::chrono::steady_clock::now() > end) return false;
@@ -52,7 +52,7 @@ bool RunUntil(asio::io_context& loop, const std::function<bool()>& condition) {
 }
 
 std::string OpenError(const std::string& device, std::int64_t baud = 115'200) {
-  asio::io_context loop;
+  boost::asio::io_context loop;
   try {
     SerialPort port(loop, device, baud);
   } catch (const std::runtime_error& error) {
@@ -102,7 +102,7 @@ class SerialPortTest : public ::testing::Test {
     std::filesystem::create_directories(folder_);
   }
   ~SerialPortTest() override { std::filesystem::remove_all(folder_); }
-  asio::io_context loop_;
+  boost::asio::io_context loop_;
   std::filesystem::path folder_;
 };
 
@@ -257,7 +257,7 @@ TEST_F(SerialPortTest, NothingIsLeftBehind) {
   const std::size_t before = OpenDescriptors();
   std::string path;
   {
-    asio::io_context loop;
+    boost::asio::io_context loop;
     Pty pty(loop);
     path = pty.slave_path();
     SerialPort port(loop, path, 153'600);
@@ -378,7 +378,7 @@ TEST_F(SerialPortTest, ALatencyTimerThatMayNotBeSetComesWithTheCommand) {
   std::filesystem::create_directories(file.parent_path());
   std::ofstream(file) << "16\n";
   EXPECT_THAT(AsNobody([&] {
-                asio::io_context loop;
+                boost::asio::io_context loop;
                 SerialPort port(loop, pty.slave_path(), 921'600);
                 const auto achieved = port.SetLowLatency(folder_);
                 return std::to_string(achieved.latency_timer_ms.value_or(-1)) + " " + achieved.advice;

@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <asio/io_context.hpp>
+#include <boost/asio/io_context.hpp>
 #include <chrono>
 #include <filesystem>
 #include <fstream>
@@ -37,7 +37,7 @@ Bytes AllBytes() {
 }
 
 // Runs the loop until the condition holds; false when it does not within 10 s.
-bool RunUntil(asio::io_context& loop, const std::function<bool()>& condition) {
+bool RunUntil(boost::asio::io_context& loop, const std::function<bool()>& condition) {
   const auto end = std::chrono::steady_clock::now() + 10s;
   while (!condition()) {
     if (std::chrono::steady_clock::now() > end) return false;
@@ -75,7 +75,7 @@ int Connect(const std::string& name) {
 int Connect(const SocketLine& line) { return Connect("@" + line.abstract_name()); }
 
 std::string OpenError(const std::string& name) {
-  asio::io_context loop;
+  boost::asio::io_context loop;
   try {
     SerialPort port(loop, name, 921'600);
   } catch (const std::runtime_error& error) {
@@ -104,7 +104,7 @@ class SocketLineTest : public ::testing::Test {
     return descriptor;
   }
 
-  asio::io_context loop_;
+  boost::asio::io_context loop_;
   std::filesystem::path folder_;
 };
 

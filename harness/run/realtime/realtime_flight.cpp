@@ -4,9 +4,9 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <asio/executor_work_guard.hpp>
-#include <asio/io_context.hpp>
-#include <asio/post.hpp>
+#include <boost/asio/executor_work_guard.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
 #include <chrono>
 #include <functional>
 #include <map>
@@ -29,6 +29,7 @@
 namespace tiltproof::harness {
 namespace {
 
+namespace asio = boost::asio;
 using SteadyClock = std::chrono::steady_clock;
 using dds::NodeKind;
 using std::chrono::milliseconds;

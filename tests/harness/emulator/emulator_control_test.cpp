@@ -7,7 +7,7 @@
 #include <csignal>
 #include <utility>
 //
-#include <asio/io_context.hpp>
+#include <boost/asio/io_context.hpp>
 #include <chrono>
 #include <filesystem>
 #include <functional>
@@ -31,7 +31,7 @@ using testing::HasSubstr;
 // Far from what the image uses.
 constexpr std::uint32_t kFreeAddress = 0x2000'1000;
 
-bool RunUntil(asio::io_context& loop, const std::function<bool()>& condition) {
+bool RunUntil(boost::asio::io_context& loop, const std::function<bool()>& condition) {
   const auto end = std::chrono::steady_clock::now() + 30s;
   while (!condition()) {
     if (std::chrono::steady_clock::now() > end) return false;
@@ -133,7 +133,7 @@ class EmulatorControlTest : public testing::Test {
   }
   std::string Status() { return Execute("query-status").second; }
 
-  asio::io_context loop_;
+  boost::asio::io_context loop_;
   std::filesystem::path image_;
   std::optional<ChildProcess> process_;
   std::optional<QmpClient> qmp_;
@@ -252,7 +252,7 @@ TEST_F(EmulatorControlTest, WaitingTellsAnEmulatorThatDoesNotAnswer) {
 // What is no QEMU.
 
 TEST(QmpClientTest, APeerThatSpeaksSomethingElseIsLostOnce) {
-  asio::io_context loop;
+  boost::asio::io_context loop;
   for (const std::string text : {"HTTP/1.1 400 Bad Request\r\n", "[1]\n", "\x01\xff\n", "{\"QMP\": \n"}) {
     const auto [near, far] = SocketPair();
     int lost = 0;
@@ -267,7 +267,7 @@ TEST(QmpClientTest, APeerThatSpeaksSomethingElseIsLostOnce) {
 }
 
 TEST(QmpClientTest, MayBeDestroyedInItsCallbacks) {
-  asio::io_context loop;
+  boost::asio::io_context loop;
   const auto [near, far] = SocketPair();
   std::optional<QmpClient> qmp;
   qmp.emplace(loop, near,
@@ -279,7 +279,7 @@ TEST(QmpClientTest, MayBeDestroyedInItsCallbacks) {
 }
 
 TEST(GdbClientTest, NoiseIsNoAnswer) {
-  asio::io_context loop;
+  boost::asio::io_context loop;
   const auto [near, far] = SocketPair();
   std::string lost;
   GdbClient gdb(loop, near, [&](const std::string& why) { lost = why; });
