@@ -37,6 +37,11 @@ extern const Scenario base;
 // harness/campaign/trials.h
 extern const examples::Function Take;
 
+// harness/cli/run_plan.h
+#include "harness/terminal/terminal.h"
+extern const RunOptions options;
+extern const Suite suite;
+
 // harness/cli/run_record.h
 #include "harness/cli/run_flights.h"
 extern const RunInfo info;
