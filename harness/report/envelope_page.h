@@ -4,7 +4,7 @@
 //   levels/CLIENT/NAME.yaml        each side as a scenario: the level, the seed, and the verdict that it had
 //   flights/CLIENT/TYPE/           a run with the flights of one type, where they were kept: report.html#flight=NAME
 //
-//   WriteFile("results/envelope/envelope.html", EnvelopePage("results/envelope", ".", "tiltproof"));
+//   const std::string html = EnvelopePage("results/envelope", ".", "tiltproof");
 #pragma once
 
 #include <filesystem>

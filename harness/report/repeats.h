@@ -1,5 +1,6 @@
 // What the flights of one scenario with many seeds say together: how many pass, and which was the worst.
 //
+//   const std::vector<FlightResult> results = ReadResults("results/latest");
 //   for (const Repeats& repeats : RepeatsOf(results, {"hover", "hover"})) Print(stdout, "{}\n", repeats.scenario);
 #pragma once
 

@@ -1,7 +1,7 @@
 // Text that fits a terminal of 80 columns. Where the output goes elsewhere, each text stays one line: scripts and
 // logs read lines.
 //
-//   PrintLine(stdout, 6, reason);          // on a terminal in several lines, each behind 6 spaces
+//   PrintLine(stdout, 6, "stays-on-path: always(position_error_m <= 1.0): 1.00084 at 11.640 s");  // on a terminal in several lines, each behind 6 spaces
 //   PrintCommand(stdout, 6, "tiltproof replay results/latest/hover");  // the shell reads its lines as one command
 #pragma once
 

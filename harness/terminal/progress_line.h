@@ -1,7 +1,7 @@
 // The line on standard error that says how far a command is, written over and over while it works. Only on a
 // terminal: elsewhere it would fill a log.
 //
-//   ProgressLine line(!options.no_progress);
+//   ProgressLine line(true);
 //   line.Show("3 of 38 flights, 1 not green, 2 min 5 s left");
 //   line.Clear();  // before anything else is printed
 #pragma once

@@ -45,6 +45,11 @@ extern const CLI::App& app;
 extern const CommandRow program;
 extern const examples::Function Write;
 
+// harness/cli/run_plan.h
+#include "harness/terminal/terminal.h"
+extern const RunOptions options;
+extern const Suite suite;
+
 // harness/cli/run_record.h
 #include "harness/cli/run_flights.h"
 extern const RunInfo info;

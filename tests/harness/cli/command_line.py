@@ -2,6 +2,8 @@
 import json
 import os
 import pathlib
+import pty
+import re
 import shutil
 import subprocess
 import sys
@@ -29,6 +31,26 @@ class CommandLineTest(unittest.TestCase):
         done = subprocess.run([PROGRAM, *map(str, arguments)], input=stdin, capture_output=True, cwd=self.folder, timeout=timeout, check=False,
                               env={**os.environ, **(environment or {})})
         return done.returncode, done.stdout.decode(), done.stderr.decode()
+
+    def at_a_terminal(self, *arguments, streams=("stdout", "stderr")):
+        """The exit code, and what a terminal gets from these streams; the others go nowhere."""
+        ours, theirs = pty.openpty()
+        to = {name: theirs if name in streams else subprocess.DEVNULL for name in ("stdout", "stderr")}
+        with subprocess.Popen([PROGRAM, *map(str, arguments)], cwd=self.folder, **to) as process:
+            os.close(theirs)
+            text = b""
+            try:
+                while part := os.read(ours, 65536):
+                    text += part
+            except OSError:  # the other end was closed
+                pass
+            os.close(ours)
+            code = process.wait(120)
+        return code, text.decode()
+
+    def lines_at_a_terminal(self, *arguments):
+        code, text = self.at_a_terminal(*arguments, streams=("stdout",))
+        return code, re.sub(r"\033\[\d*m", "", text).replace("\r", "").splitlines()
 
     def scenario(self, name, text=SHORT_HOVER, folder=".", **changes):
         text = text.replace("NAME", name)

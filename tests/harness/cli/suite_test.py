@@ -3,7 +3,6 @@
 import json
 import os
 import pathlib
-import pty
 import re
 import shlex
 import socket
@@ -93,21 +92,6 @@ class SuiteTest(CommandLineTest):
 
     # what is printed of a flight
 
-    def on_a_terminal(self, *arguments):
-        """What stands on the terminal, without colours."""
-        ours, theirs = pty.openpty()
-        with subprocess.Popen([PROGRAM, *map(str, arguments)], cwd=self.folder, stdout=theirs, stderr=subprocess.DEVNULL) as process:
-            os.close(theirs)
-            text = b""
-            try:
-                while part := os.read(ours, 65536):
-                    text += part
-            except OSError:  # the other end was closed
-                pass
-            os.close(ours)
-            process.wait(60)
-        return re.sub(r"\033\[\d*m", "", text.decode()).splitlines()
-
     def test_every_criterion_that_does_not_hold_is_printed(self):
         self.scenario("bad", criteria="faults:\n  - {id: late, type: frame.drop, target: both, start_s: 0.5, end_s: 0.501, parameters: {probability: 0}}\ncriteria",
                       **{"position_error_m <= 0.5": "position_error_m < 0"})
@@ -151,7 +135,7 @@ class SuiteTest(CommandLineTest):
         self.scenario(long, criteria=noise)
         self.scenario(long + "-fail", criteria=noise, **{"position_error_m <= 0.5": "position_error_m < 0", "seed: 3": "seed: 3\nexpect: fail"})
         self.scenario("short")
-        lines = [line for line in self.on_a_terminal("run", ".") if line.startswith(("PASS", "FAIL"))]
+        lines = [line for line in self.lines_at_a_terminal("run", ".")[1] if line.startswith(("PASS", "FAIL"))]
         self.assertEqual(len(lines), 3, lines)
         self.assertLessEqual(max(map(len, lines)), 80, lines)
         self.assertRegex(lines[1], r"^PASS +a-scenario-w.*\.\..*-until-here  0\.6 s  rmse .* m  margin .*  \d+ act\.$")

@@ -5,40 +5,17 @@
 Usage: terminal_test.py TILTPROOF
 """
 import json
-import os
-import pty
 import re
 import shlex
-import subprocess
 import sys
 import unittest
 
-from command_line import PROGRAM, CommandLineTest
+from command_line import CommandLineTest
 
 NOISE = "faults:\n  - {id: noise, type: sensor.noise, start_s: 0.1, parameters: {signal: z_m, std: 0.05}}\ncriteria"
 
 
 class TerminalTest(CommandLineTest):
-    def at_a_terminal(self, *arguments, streams=("stdout", "stderr")):
-        """The exit code, and what a terminal gets from these streams; the others go nowhere."""
-        ours, theirs = pty.openpty()
-        to = {name: theirs if name in streams else subprocess.DEVNULL for name in ("stdout", "stderr")}
-        with subprocess.Popen([PROGRAM, *map(str, arguments)], cwd=self.folder, **to) as process:
-            os.close(theirs)
-            text = b""
-            try:
-                while part := os.read(ours, 65536):
-                    text += part
-            except OSError:  # the other end was closed
-                pass
-            os.close(ours)
-            code = process.wait(120)
-        return code, text.decode()
-
-    def lines_at_a_terminal(self, *arguments):
-        code, text = self.at_a_terminal(*arguments, streams=("stdout",))
-        return code, re.sub(r"\033\[\d*m", "", text).replace("\r", "").splitlines()
-
     def assert_fits(self, lines):
         """No line is too long, but for one that is a single word, which stays whole to be copied."""
         for line in lines:
