@@ -96,10 +96,12 @@ std::string ScenarioText(const fs::path& file, const std::string& schema) {
 // A schema that is there already: in this folder, or in one above it in the same repository.
 fs::path FindSchema(const fs::path& folder) {
   std::error_code error;
-  for (fs::path at = fs::absolute(folder).lexically_normal();; at = at.parent_path()) {
-    if (fs::exists(at / kSchemaFile, error)) return at / kSchemaFile;
-    if (fs::exists(at / ".git", error) || at == at.parent_path()) return {};
+  fs::path found;
+  for (fs::path at = fs::absolute(folder).lexically_normal(); at != at.parent_path(); at = at.parent_path()) {
+    if (found.empty() && fs::exists(at / kSchemaFile, error)) found = at / kSchemaFile;
+    if (fs::exists(at / ".git", error)) return found;
   }
+  return fs::exists(folder / kSchemaFile, error) ? folder / kSchemaFile : fs::path();
 }
 
 }  // namespace
