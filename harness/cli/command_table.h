@@ -2,7 +2,7 @@
 // completion for shells) cannot miss one.
 //
 //   const CommandRow program = TableOf(app);
-//   for (const CommandRow& command : program.commands) Use(command.name, command.help);
+//   for (const CommandRow& command : program.commands) Report(command.name, command.help);
 #pragma once
 
 #include <string>

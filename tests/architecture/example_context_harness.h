@@ -38,7 +38,6 @@ extern const Scenario base;
 extern const examples::Function Take;
 
 // harness/cli/command_table.h
-#include "harness/cli/manual.h"
 extern const CLI::App& app;
 
 // harness/cli/manual.h
