@@ -14,6 +14,8 @@ namespace {
 
 std::vector<double> Numbers(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
+}  // namespace
+
 VehicleShape ShapeOf(const plant::VehicleModel& model) {
   VehicleShape shape;
   shape.name = model.name;
@@ -45,8 +47,6 @@ VehicleShape ShapeOf(const plant::VehicleModel& model) {
   }
   return shape;
 }
-
-}  // namespace
 
 std::string PageOf(const RunView& view) {
   ModelCache models;

@@ -1,6 +1,7 @@
 #include "harness/cli/run_flights.h"
 
 #include <fmt/format.h>
+#include <poll.h>
 
 #include <cstdio>
 #include <future>
@@ -11,6 +12,9 @@
 
 namespace tiltproof::harness {
 namespace {
+
+// Between two looks whether the flights may begin.
+constexpr int kWait_ms = 50;
 
 // The line that is written over and over.
 class ProgressLine {
@@ -60,7 +64,11 @@ FlownFlights RunFlights(std::vector<FlightJob> jobs, const RunFlightsOptions& op
   for (FlightJob& job : jobs) futures.push_back(engine.Submit(std::move(job)));
   FlownFlights flown;
   while (!engine.idle()) {
-    engine.Turn();
+    if (options.may_begin()) {
+      engine.Turn();
+    } else {
+      poll(nullptr, 0, kWait_ms);
+    }
     if (stop && flown.not_flown.empty()) flown.not_flown = engine.DropWaiting();
     options.on_turn();
     line.Show(engine);
