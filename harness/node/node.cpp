@@ -329,7 +329,10 @@ Ports Node::Do(const dds::RunCommand& command) {
     }
     case dds::Verb::kInject: {
       need(phase_ == dds::Phase::kRunning);
-      const Scenario more = AddFault(loaded_->scenario, FromPorts(command.ports), {});
+      // The harness has checked it already, also against the vehicle.
+      ReadOptions options;
+      options.models_folder = loaded_->scenario.model_file.parent_path();
+      const Scenario more = AddFault(loaded_->scenario, FromPorts(command.ports), options);
       loaded_->scenario.faults.push_back(more.faults.back());
       role_->Inject(more.faults.back());
       return {};

@@ -27,13 +27,14 @@ std::optional<std::string> Injector::Turn(
       throw std::runtime_error(fmt::format("expected a fault of at most {} bytes", kInjectedBytesMax));
     const TimeNs period_ns = scenario.link.protocol->control_period_ns;
     const AddedFault fault{.text = *text,
-                           .id = fmt::format("injected-{}", ++count_),
+                           .id = fmt::format("injected-{}", count_ + 1),
                            .start_ns = (now_ns + kLeadNs + period_ns - 1) / period_ns * period_ns};
     answer.fault = injections_->add(scenario, fault).faults.back();
     if (fault.start_ns >= scenario.duration_ns) throw std::runtime_error("the flight is over");
     tell({{"fault", fault.text}, {"id", fault.id}, {"start_ns", std::to_string(fault.start_ns)}});
     scenario.faults.push_back(answer.fault);
     answer.accepted = true;
+    ++count_;
     done = fmt::format("'{}' ({}) from {:.3f} s on", answer.fault.id, answer.fault.type,
                        ToSeconds(fault.start_ns));
   } catch (const std::exception& error) {

@@ -46,7 +46,7 @@ class Injector {
 
  private:
   const Injections* injections_;
-  int count_ = 0;
+  int count_ = 0;  // of what was injected
 };
 
 AddedFault FromPorts(const std::vector<dds::Port>& ports);

@@ -296,20 +296,30 @@ description: A circle, with a weak rotor on the way.
 duration_s: 60
 reference: {type: circle, radius_m: 2, period_s: 12, start_m: [2, 0, 2]}
 faults:
-  - {id: weak, type: actuator.loss_of_effectiveness, start_s: 3, end_s: 50, parameters: {actuator: f_r, factor: 0.95}}
+  - {id: weak, type: actuator.loss_of_effectiveness, start_s: 3, end_s: 50, parameters: {actuator: f_r, factor: 0.99}}
 criteria:
   - {name: near, stl: "always(position_error_m <= 2.0)"}
 `;
 
 check("a run is shown while it is flown, and obeys its buttons", async () => {
   writeFileSync(join(out, "live-circle.yaml"), LIVE);
-  const { child, address, ended } = serve("run", "live-circle.yaml", "--mode", "realtime", "--live", "0", "--live-wait", "--out", "live");
+  const { child, address, ended } = serve("run", "live-circle.yaml", "--mode", "realtime", "--live", "0", "--live-wait", "--repeat", "5", "--out", "live");
   try {
     const page = await open(await address);
     assert.ok(!page.url().includes("token"), page.url());
     assert.match(await page.locator("h1").textContent(), /waits/);
+    const other = await open((await address).replace(/#.*/, ""));
+    await other.waitForSelector("text=To look only");
+    assert.equal(await other.locator(".controls").count(), 0);
+    await other.close();
     await page.click("button.start");
     await page.waitForSelector("#plot-position canvas", { timeout: 60000 });
+    await page.fill(".controls textarea", "{type: frame.dorp, target: to_client}");
+    await page.click("button.inject");
+    await page.waitForSelector(".said.refused >> text=frame.drop");
+    await page.fill(".controls textarea", "{id: by-hand, type: frame.drop, target: to_client, duration_s: 5, parameters: {probability: 0.1}}");
+    await page.click("button.inject");
+    await page.waitForSelector(".fault-list >> text=by-hand");
     const rows = () => page.locator("progress").evaluate((bar) => bar.value);
     const first = await rows();
     const still = await picture(page);
@@ -329,16 +339,6 @@ check("a run is shown while it is flown, and obeys its buttons", async () => {
     await page.waitForSelector("#plot-position canvas");
     await page.waitForTimeout(500);
     await page.screenshot({ path: join(out, "live-dark.png") });
-    const other = await open((await address).replace(/#.*/, ""));
-    await other.waitForSelector("text=To look only");
-    assert.equal(await other.locator(".controls").count(), 0);
-    await other.close();
-    await page.fill(".controls textarea", "{type: frame.dorp, target: to_client}");
-    await page.click("button.inject");
-    await page.waitForSelector(".said.refused >> text=frame.drop");
-    await page.fill(".controls textarea", "{id: by-hand, type: frame.drop, target: to_client, duration_s: 5, parameters: {probability: 0.1}}");
-    await page.click("button.inject");
-    await page.waitForSelector(".fault-list >> text=by-hand");
     await page.click("button.abort");
     await page.click("button.abort");
     assert.equal(await ended, 130);

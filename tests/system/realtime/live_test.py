@@ -103,7 +103,7 @@ class LiveTest(unittest.TestCase):
             "no fault": ("nonsense", "expected a fault"),
             "no text": ("", "the file is empty"),
             "no YAML": ("{type: [", "fault:1:"),
-            "of a board": ("{type: device.reset, duration_s: 1}", "device.reset"),
+            "of a board": ("{type: device.reset, parameters: {boot_ms: 5}}", "device.reset cannot be injected"),
             "too long": ("{type: frame.drop, target: to_client} #" + "x" * 2000, "1023 bytes"),
         }
         viewer.wait_for(lambda v: v.rows() and v.rows()[-1][0] > 1, "it flies")
@@ -137,7 +137,7 @@ class LiveTest(unittest.TestCase):
             rows = list(csv.DictReader(file))
         activations = [json.loads(line) for line in (folder / "faults.jsonl").read_text().splitlines()]
         for fault in begun.values():
-            self.assertRegex(resolved, rf"(?s)id: {fault['id']}\b.*?start_s: {fault['begin_s']:g}\b.*?end_s: {fault['end_s']:g}\b")
+            self.assertRegex(resolved, rf"(?s)id: \"{fault['id']}\".*?start_s: {fault['begin_s']:g}\b.*?end_s: {fault['end_s']:g}\b")
             periods = fault["begin_s"] / 0.012
             self.assertAlmostEqual(periods, round(periods), places=6)
             active = [float(row["t_s"]) for row in rows if float(row[f"active_{fault['id']}"]) == 1]

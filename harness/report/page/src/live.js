@@ -177,7 +177,7 @@ function controls(live) {
   const press = async (button, body) => {
     const { ok, text } = await live.press(button, body);
     said.className = ok ? "said" : "said refused";
-    let words = text;
+    let words = ok ? "" : text;
     if (ok && button === "inject") {
       const { id, begin_s } = JSON.parse(text);
       words = `${id} acts from ${seconds(begin_s)} on.`;
@@ -217,7 +217,8 @@ export function showLive(main, live, again) {
   const newest = el("button", { type: "button", class: "newest", text: "Follow the newest", onclick: () => follow(true) });
   const over = el("p", { class: "reason" });
   const notes = el("ol", { class: "events" });
-  const top = [el("nav", { "aria-label": "Flights" }, el("a", { href: "#all", text: "All flights" })), head, over, el("div", { class: "live" }, bar, words, newest), controls(live)].filter(Boolean);
+  const buttons = controls(live);
+  const top = [el("nav", { "aria-label": "Flights" }, el("a", { href: "#all", text: "All flights" })), head, over, el("div", { class: "live" }, bar, words, newest), buttons].filter(Boolean);
   let following = true;
   let clock = null;
   const follow = (on) => {
@@ -231,7 +232,10 @@ export function showLive(main, live, again) {
     const lost = !live.connected && !ended;
     state.replaceChildren(entry ? badge(entry.verdict, entry.expected) : live.over || ended ? "over" : live.status.phase === "waiting" ? "waits" : "flying");
     state.className = entry ? "" : "badge flying";
-    over.replaceChildren(...(entry ? [entry.reason ?? "", " ", el("a", { href: `#flight-${live.entryIndex}`, text: "The whole flight" })] : []));
+    // The server has gone with the run: then the report has it.
+    const whole = ended ? (run.live.folder ? `Report: ${run.live.folder}/report.html` : "") : el("a", { href: `#flight-${live.entryIndex}`, text: "The whole flight" });
+    over.replaceChildren(...(entry ? [entry.reason ?? "", " ", whole] : []));
+    if (buttons) buttons.hidden = ended;
     const done = `${run.flights.length}${run.live.flights_count ? ` of ${run.live.flights_count}` : ""} flight${run.flights.length === 1 ? "" : "s"} flown`;
     const flown = flight ? `${seconds(flight.end_s)} of ${flight.scenario.duration_s} s` : "";
     words.textContent = [flown, done, live.status.text, lost ? "The connection is lost." : ""].filter(Boolean).join(" · ");
