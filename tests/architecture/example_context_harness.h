@@ -308,8 +308,7 @@ extern const FlightEntry flight;
 
 // harness/run/flight_watcher.h
 #include "harness/run/flight.h"
-struct Ring { void Append(std::span<const double> row); };
-extern Ring ring;
+extern struct Ring { void Append(std::span<const double> row); } ring;
 extern FlightOptions options;
 
 // harness/run/message_binding.h

@@ -320,6 +320,7 @@ check("a run is shown while it is flown, and obeys its buttons", async () => {
     await page.fill(".controls textarea", "{id: by-hand, type: frame.drop, target: to_client, duration_s: 5, parameters: {probability: 0.1}}");
     await page.click("button.inject");
     await page.waitForSelector(".fault-list >> text=by-hand");
+    await page.waitForSelector(".said >> text=by-hand acts from");
     const rows = () => page.locator("progress").evaluate((bar) => bar.value);
     const first = await rows();
     const still = await picture(page);

@@ -170,25 +170,28 @@ export class LiveRun {
 
 const EXAMPLE = "{type: frame.delay, target: to_client, duration_s: 2, parameters: {mean_ms: 12}}";
 
+function say(element, said) {
+  if (!element || !said) return;
+  element.className = said.ok ? "said" : "said refused";
+  element.textContent = said.words;
+}
+
 function controls(live) {
   if (!live.run.live.buttons) return null;
   if (!live.token) return el("p", { class: "note", text: "To look only: the buttons need the address that tiltproof run printed, with its token." });
   const said = el("output", { class: "said", "aria-live": "polite" });
   const press = async (button, body) => {
     const { ok, text } = await live.press(button, body);
-    said.className = ok ? "said" : "said refused";
     let words = ok ? "" : text;
     if (ok && button === "inject") {
       const { id, begin_s } = JSON.parse(text);
       words = `${id} acts from ${seconds(begin_s)} on.`;
     }
     live.said = { ok, words };
-    said.textContent = words;
+    // The view may be another by now.
+    say(document.querySelector(".controls .said"), live.said);
   };
-  if (live.said) {
-    said.className = live.said.ok ? "said" : "said refused";
-    said.textContent = live.said.words;
-  }
+  say(said, live.said);
   const fault = el("textarea", { rows: 2, spellcheck: "false", "aria-label": "Fault to inject, as in a scenario" });
   fault.value = live.faultText ?? EXAMPLE;
   fault.addEventListener("input", () => (live.faultText = fault.value));
