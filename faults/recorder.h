@@ -23,6 +23,11 @@ class Recorder {
  public:
   explicit Recorder(std::size_t fault_count) : counts_(fault_count, 0), bytes_(fault_count, 0) {}
 
+  // One fault more.
+  void Grow() {
+    counts_.push_back(0);
+    bytes_.push_back(0);
+  }
   bool Keeps(std::size_t fault) const { return counts_[fault] < kActivationsMax; }
   // Counts one activation of that many bytes. `make` returns the record, an Activation or a BootActivation,
   // and is called only if the record is kept, or is the fault's first.

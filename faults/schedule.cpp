@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <deque>
 #include <optional>
 #include <stdexcept>
 #include <utility>
@@ -49,7 +50,8 @@ struct ReceiverInjector {
 }  // namespace
 
 struct FaultSchedule::State {
-  State(std::size_t fault_count, const Place& place) : protocol(place.protocol), recorder(fault_count) {
+  State(std::size_t fault_count, std::uint64_t seed_in, const Place& place)
+      : protocol(place.protocol), recorder(fault_count), seed(seed_in), grows(place.grows) {
     for (WireFaults& wire : wires) wire.SetRecorder(&recorder);
     for (LineRate& rate : rates) rate.baud = place.baud;
     rates[static_cast<std::size_t>(Direction::kReference)].baud = place.reference_baud;
@@ -111,20 +113,22 @@ struct FaultSchedule::State {
   std::optional<VehicleFaults> vehicle;
   std::vector<ReceiverInjector> receivers;
   std::array<LineRate, link::kDirectionCount> rates;
-  std::vector<Activity> activities;  // by fault
+  std::deque<Activity> activities;  // by fault; the injectors point there
   // By fault: those that follow it (`after`).
   std::vector<std::vector<std::size_t>> followers;
   Origin origin;
   std::array<std::uint64_t, link::kDirectionCount> received_count{};
   std::array<BootTime, link::kDirectionCount> received_ns{BootTime::Earliest(), BootTime::Earliest(),
                                                           BootTime::Earliest()};  // the last byte
+  const std::uint64_t seed;
+  const bool grows;
+  std::deque<FaultSpec> added;
 };
 
 FaultSchedule::FaultSchedule(const std::vector<FaultSpec>& specs, std::uint64_t seed, const Place& place)
-    : state_(std::make_unique<State>(specs.size(), place)) {
+    : state_(std::make_unique<State>(specs.size(), seed, place)) {
   std::vector<std::size_t> order;
   std::vector<const FaultType*> types;
-  state_->activities.reserve(specs.size());  // the injectors point there
   for (std::size_t fault = 0; fault < specs.size(); ++fault) {
     types.push_back(&ValidType(specs[fault]));
     order.push_back(fault);
@@ -158,6 +162,17 @@ FaultSchedule::FaultSchedule(const std::vector<FaultSpec>& specs, std::uint64_t 
   }
 }
 
+void FaultSchedule::Add(const FaultSpec& spec) {
+  Check(state_->grows, "faults are added to a schedule that grows");
+  const FaultType& type = ValidType(spec);
+  const FaultSpec& kept = state_->added.emplace_back(spec);
+  const std::size_t fault = state_->activities.size();
+  state_->activities.emplace_back(kept, WindowOf(kept));
+  state_->followers.emplace_back();
+  state_->recorder.Grow();
+  std::visit([&](const auto& kind) { state_->Add(kind, {fault, kept, type, state_->seed}); }, type.kind);
+}
+
 std::vector<News> FaultSchedule::TakeNews() {
   std::vector<News> news;
   if (!state_->origin.known()) return news;
@@ -189,7 +204,7 @@ FaultSchedule& FaultSchedule::operator=(FaultSchedule&&) noexcept = default;
 
 link::ChunkFilter* FaultSchedule::Filter(link::Direction direction) {
   WireFaults& wire = state_->wires[static_cast<std::size_t>(direction)];
-  return wire.empty() ? nullptr : &wire;
+  return wire.empty() && !state_->grows ? nullptr : &wire;
 }
 
 FaultSchedule::Crowd FaultSchedule::CrowdOf(Direction direction) const {

@@ -47,6 +47,7 @@ class FaultSchedule {
     // The client that the faults belong to; faults of another client do not act here. Empty: the flight's
     // only client.
     std::string_view client = {};
+    bool grows = false;  // Add() will be called
   };
 
   // Throws std::invalid_argument, naming fault and key, when Validate() finds anything.
@@ -57,7 +58,11 @@ class FaultSchedule {
   FaultSchedule(FaultSchedule&&) noexcept;
   FaultSchedule& operator=(FaultSchedule&&) noexcept;
 
-  // The filter of one direction; null when no fault acts there. Lives as long as the schedule, even if that
+  // One more fault, which acts after all others and depends on the clock alone. Its index is the next. Only in a
+  // schedule that grows. Throws as the constructor does.
+  void Add(const FaultSpec& spec);
+
+  // The filter of one direction; null when no fault acts there, and none can come. Lives as long as the schedule, even if that
   // is moved.
   link::ChunkFilter* Filter(link::Direction direction);
 

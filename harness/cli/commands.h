@@ -55,6 +55,8 @@ struct RunOptions {
   bool no_report = false;
   std::optional<int> gdb_port;
   std::optional<double> gdb_at_s;
+  std::optional<int> live_port;      // none: no live page
+  bool live_waits = false;           // for its button Start
   std::vector<std::string> command;  // as typed, for run.json
 };
 int RunCommand(const RunOptions& options);
@@ -69,8 +71,9 @@ struct NodeCommandOptions {
   std::string interface;
   std::vector<std::string> peers;
   double xmit_loss = 0;
-  std::string child;     // of a harness: that harness's participant; or empty
-  std::string lockstep;  // "", "dds" or "socket": one part of a distributed lockstep flight
+  std::string child;             // of a harness: that harness's participant; or empty
+  std::string lockstep;          // "", "dds" or "socket": one part of a distributed lockstep flight
+  std::optional<int> http_port;  // of a monitor's live page
 };
 int NodeCommand(const NodeCommandOptions& options);
 

@@ -29,6 +29,8 @@ InterruptScope::~InterruptScope() {
   sigaction(SIGCHLD, &old_child_, nullptr);
 }
 
+void InterruptScope::Interrupt() { OnInterrupt(SIGINT); }
+
 const std::atomic<bool>* InterruptScope::flag() { return &interrupted; }
 
 }  // namespace tiltproof::harness

@@ -17,6 +17,8 @@ class InterruptScope {
   InterruptScope(const InterruptScope&) = delete;
   InterruptScope& operator=(const InterruptScope&) = delete;
 
+  // As one of these signals does.
+  static void Interrupt();
   // Set by these signals; cleared when a scope begins.
   static const std::atomic<bool>* flag();
 

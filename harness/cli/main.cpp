@@ -14,6 +14,7 @@
 #include "harness/cli/command_table.h"
 #include "harness/cli/commands.h"
 #include "harness/client/debugger.h"
+#include "harness/live/live_server.h"
 #include "harness/report/results.h"
 #include "harness/run/realtime/realtime_flight.h"
 #include "harness/scenario/did_you_mean.h"
@@ -128,6 +129,16 @@ int Main(int argc, char** argv) {
       ->check(CLI::Range(1, 65535));
   run_app->add_option("--gdb-at", run.gdb_at_s, "Wait for it at this time of the flight instead, in s")
       ->check(CLI::Range(0.0, 14400.0));
+  run_app
+      ->add_option(
+          "--live", run.live_port,
+          "Serve the report's page while the run is flown, on this PORT of 127.0.0.1 (0: any that is free). "
+          "With --mode realtime it can also abort, and inject faults")
+      ->type_name("PORT")
+      ->expected(0, 1)
+      ->default_str(std::to_string(kLivePort))
+      ->check(CLI::Range(0, 65535));
+  run_app->add_flag("--live-wait", run.live_waits, "Fly only when Start is pressed on that page");
   run_app->add_flag("--no-report", run.no_report, "Write no report.html");
   run_app->add_flag("--no-progress", run.no_progress, "No progress line on the terminal");
   run_app->footer(
@@ -338,6 +349,15 @@ int Main(int argc, char** argv) {
   add_bus_options(node_app, node.domain, node.interface, node.peers);
   node_app->add_option("--xmit-loss", node.xmit_loss, "Lose this share of what is sent on the bus, 0 to 1")
       ->check(CLI::Range(0.0, 1.0));
+  node_app
+      ->add_option(
+          "--http", node.http_port,
+          "monitor: also serve the report's page of the flight that it hears, on this PORT of 127.0.0.1 "
+          "(0: any that is free)")
+      ->type_name("PORT")
+      ->expected(0, 1)
+      ->default_str(std::to_string(kLivePort))
+      ->check(CLI::Range(0, 65535));
   // How a harness starts its own nodes.
   node_app->add_option("--tag", node.tag)->group("");
   node_app->add_option("--child", node.child)->group("");

@@ -6,6 +6,7 @@
 
 #include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
+#include "harness/cli/live_page.h"
 #include "harness/cli/suite.h"
 #include "harness/node/joystick_input.h"
 #include "harness/node/roles.h"
@@ -70,6 +71,13 @@ int ServeLockstep(const NodeCommandOptions& options) {
   return kExitGreen;
 }
 
+// With a page, or without.
+int Monitor(const NodeOptions& node, std::optional<int> http_port) {
+  std::unique_ptr<LiveProcess> live;
+  if (http_port) live = ServeMonitor(*http_port, node.bus);
+  return RunMonitor(node);
+}
+
 }  // namespace
 
 int NodeCommand(const NodeCommandOptions& options) {
@@ -89,6 +97,8 @@ int NodeCommand(const NodeCommandOptions& options) {
   const bool takes_client = options.kind == "client" || options.kind == "link";
   if (!options.client.empty() && !takes_client)
     throw UsageError(fmt::format("--client: a {} node has none", options.kind));
+  if (options.http_port && options.kind != "monitor")
+    throw UsageError(fmt::format("--http: a {} node has no page; a monitor has one", options.kind));
   if (!options.input.empty() && options.kind != "joystick")
     throw UsageError(fmt::format("--input: a {} node has none", options.kind));
 
@@ -129,7 +139,7 @@ int NodeCommand(const NodeCommandOptions& options) {
       make_role = MakeJoystickRole;
       break;
     case dds::NodeKind::kMonitor:
-      return RunMonitor(node);
+      return Monitor(node, options.http_port);
     case dds::NodeKind::kHarness:
       ThrowBrokenInvariant("a kind of node that a user may start");
   }

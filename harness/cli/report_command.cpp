@@ -17,6 +17,32 @@ namespace {
 
 std::vector<double> Numbers(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
+std::optional<std::filesystem::path> Written(const std::filesystem::path& file,
+                                             const std::function<std::string()>& page) {
+  try {
+    WriteFile(file, page());
+    return file;
+  } catch (const std::exception& error) {
+    Print(stderr, "warning: no report: {}\n", error.what());
+    return std::nullopt;
+  }
+}
+
+int ReportEnvelope(const ReportOptions& options) {
+  if (options.runs.size() > 1)
+    throw UsageError("report: an envelope has a page of its own: give its folder alone");
+  if (!options.baseline.empty()) throw UsageError("report: --baseline is for runs, not for an envelope");
+  namespace fs = std::filesystem;
+  const fs::path& folder = options.runs.front();
+  const fs::path out = options.out.empty() ? folder / "envelope.html" : options.out;
+  const fs::path to_folder = fs::relative(folder, fs::absolute(out).parent_path());
+  WriteFile(out, EnvelopePage(folder, to_folder, options.program));
+  Print(stdout, "report: {}\n", out.string());
+  return kExitGreen;
+}
+
+}  // namespace
+
 VehicleShape ShapeOf(const plant::VehicleModel& model) {
   VehicleShape shape;
   shape.name = model.name;
@@ -48,32 +74,6 @@ VehicleShape ShapeOf(const plant::VehicleModel& model) {
   }
   return shape;
 }
-
-std::optional<std::filesystem::path> Written(const std::filesystem::path& file,
-                                             const std::function<std::string()>& page) {
-  try {
-    WriteFile(file, page());
-    return file;
-  } catch (const std::exception& error) {
-    Print(stderr, "warning: no report: {}\n", error.what());
-    return std::nullopt;
-  }
-}
-
-int ReportEnvelope(const ReportOptions& options) {
-  if (options.runs.size() > 1)
-    throw UsageError("report: an envelope has a page of its own: give its folder alone");
-  if (!options.baseline.empty()) throw UsageError("report: --baseline is for runs, not for an envelope");
-  namespace fs = std::filesystem;
-  const fs::path& folder = options.runs.front();
-  const fs::path out = options.out.empty() ? folder / "envelope.html" : options.out;
-  const fs::path to_folder = fs::relative(folder, fs::absolute(out).parent_path());
-  WriteFile(out, EnvelopePage(folder, to_folder, options.program));
-  Print(stdout, "report: {}\n", out.string());
-  return kExitGreen;
-}
-
-}  // namespace
 
 std::string PageOf(const RunView& view) {
   ModelCache models;

@@ -5,7 +5,9 @@
 #include <optional>
 #include <string>
 
+#include "harness/report/flight_view.h"
 #include "harness/report/run_view.h"
+#include "plant/vehicle_model.h"
 
 namespace tiltproof::harness {
 
@@ -17,5 +19,8 @@ std::optional<std::filesystem::path> WriteReport(const std::filesystem::path& fo
 // The same of envelope.html.
 std::optional<std::filesystem::path> WriteEnvelopeReport(const std::filesystem::path& folder,
                                                          const std::string& program);
+
+// The vehicle as the page draws it.
+VehicleShape ShapeOf(const plant::VehicleModel& model);
 
 }  // namespace tiltproof::harness

@@ -8,6 +8,7 @@
 #include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
 #include "harness/cli/console.h"
+#include "harness/cli/live_page.h"
 #include "harness/cli/report_command.h"
 #include "harness/cli/run_flights.h"
 #include "harness/cli/run_plan.h"
@@ -59,6 +60,11 @@ FlightMeans ChooseMeans(const RunOptions& options) {
     if (options.gdb_port) means.debug->port = *options.gdb_port;
     if (options.gdb_at_s) means.debug->at_ns = FromSeconds(*options.gdb_at_s);
   }
+  if (options.live_waits && !(options.live_port && means.realtime))
+    throw UsageError(
+        "--live-wait: only with --live and --mode realtime, where the page has the button Start");
+  if (options.live_port && means.realtime && options.jobs_count > 1)
+    throw UsageError("--live: in real time its page shows and commands one flight at a time; drop -j");
   return means;
 }
 
@@ -187,6 +193,8 @@ int RunCommand(const RunOptions& options) {
   }
   for (const ClientSpec& client : clients) CheckPorts(client, suite.scenarios.front().scenario.link);
 
+  std::optional<LiveSocket> page_socket;
+  if (options.live_port) page_socket = ListenForPage(*options.live_port, "--live");
   RunInfo info;
   info.suite = suite.name;
   info.started = UtcNow();
@@ -224,23 +232,34 @@ int RunCommand(const RunOptions& options) {
     jobs.push_back(std::move(job));
   }
 
+  std::optional<LivePage> live;
+  if (page_socket) live.emplace(*page_socket, options, means, info, folder, jobs);
   console.Line(fmt::format("tiltproof {}: suite {}, {} flight{}, client {}, results in {}", Version(),
                            suite.name, jobs.size(), jobs.size() == 1 ? "" : "s", info.client,
                            folder.string()));
   for (const auto& scenario : not_applicable) console.LeftOut(scenario);
   RunRecord record(folder, info, jobs);
-  const FlownFlights flown = RunFlights(
-      std::move(jobs), {.jobs_count = options.jobs_count,
-                        .fail_fast = options.fail_fast,
-                        .progress = !options.no_progress,
-                        .on_finished =
-                            [&](const FlightJob& job, const FlightResult& result) {
-                              record.Take(job, result);
-                              console.Finished(result);
-                            },
-                        .on_turn = [&] { record.Refresh(); },
-                        .on_place = [&](const std::string& flight,
-                                        const BusPlace& place) { record.TakePlace(flight, place); }});
+  const FlownFlights flown =
+      RunFlights(std::move(jobs), {.jobs_count = options.jobs_count,
+                                   .fail_fast = options.fail_fast,
+                                   .progress = !options.no_progress,
+                                   .on_finished =
+                                       [&](const FlightJob& job, const FlightResult& result) {
+                                         record.Take(job, result);
+                                         if (live) live->Finished(job, result);
+                                         console.Finished(result);
+                                       },
+                                   .on_turn =
+                                       [&] {
+                                         record.Refresh();
+                                         if (live) live->Turn();
+                                       },
+                                   .may_begin = [&] { return !live || live->may_begin(); },
+                                   .on_place =
+                                       [&](const std::string& flight, const BusPlace& place) {
+                                         record.TakePlace(flight, place);
+                                         if (live && means.realtime) live->Place(flight, place);
+                                       }});
   record.Finish(flown.interrupted, flown.interrupted ? "not flown: the run was interrupted"
                                                      : "not flown: --fail-fast ended the run");
   if (!options.no_report)

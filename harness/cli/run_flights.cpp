@@ -1,6 +1,7 @@
 #include "harness/cli/run_flights.h"
 
 #include <fmt/format.h>
+#include <poll.h>
 
 #include <chrono>
 #include <future>
@@ -15,6 +16,8 @@ namespace tiltproof::harness {
 namespace {
 
 using SteadyClock = std::chrono::steady_clock;
+// Between two looks whether the flights may begin.
+constexpr int kWait_ms = 50;
 
 // How far a run is. The time left is told from the simulated seconds that are flown: scenarios differ in length.
 class RunProgress {
@@ -73,7 +76,11 @@ FlownFlights RunFlights(std::vector<FlightJob> jobs, const RunFlightsOptions& op
   for (FlightJob& job : jobs) futures.push_back(engine.Submit(std::move(job)));
   FlownFlights flown;
   while (!engine.idle()) {
-    engine.Turn();
+    if (options.may_begin()) {
+      engine.Turn();
+    } else {
+      poll(nullptr, 0, kWait_ms);
+    }
     if (stop && flown.not_flown.empty()) flown.not_flown = engine.DropWaiting();
     options.on_turn();
     line.Show(progress.Text(engine.progress()));

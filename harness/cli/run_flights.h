@@ -16,6 +16,7 @@ struct RunFlightsOptions {
   // Called as results arrive, about ten times per second, and when a flight of this name goes on the bus.
   std::function<void(const FlightJob&, const FlightResult&)> on_finished = [](const auto&, const auto&) {};
   std::function<void()> on_turn = [] {};
+  std::function<bool()> may_begin = [] { return true; };  // until then nothing is flown
   std::function<void(const std::string&, const BusPlace&)> on_place = [](const auto&, const auto&) {};
 };
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "faults/registry.h"
 #include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
 #include "harness/cli/data_files.h"
@@ -162,6 +163,21 @@ LoadedScenario LoadAnnounced(const std::string& yaml) {
   Scenario scenario = ParseScenario(yaml, "announced scenario", MakeReadOptions(models));
   auto model = models.Load(scenario.model_file, scenario.allow_invalid_inertia);
   return {std::move(scenario), std::move(model)};
+}
+
+Scenario WithInjected(const Scenario& scenario, const AddedFault& fault) {
+  ModelCache models;
+  Scenario more = AddFault(scenario, fault, MakeReadOptions(models));
+  const faults::FaultSpec& added = more.faults.back();
+  const faults::FaultType* type = faults::FindFaultType(added.type);
+  if (type == nullptr ||
+      !type->IsOneOf<faults::WireKind, faults::SensorKind, faults::ActuatorKind, faults::PlantKind>())
+    throw std::runtime_error(
+        fmt::format("{} cannot be injected: only faults on the wire, its frames, sensors, actuators and the "
+                    "plant can begin while a "
+                    "flight goes on; put it into the scenario",
+                    added.type));
+  return more;
 }
 
 std::filesystem::path ResolveModel(const std::string& model) {

@@ -36,6 +36,8 @@ std::string_view Name(Verb verb) {
       return "stop";
     case Verb::kRelease:
       return "release";
+    case Verb::kInject:
+      return "inject";
   }
   ThrowBrokenInvariant("a verb");
 }

@@ -46,7 +46,7 @@ using Names = List<std::string, kNamesCountMax>;
 using Payload = List<std::uint8_t, kPayloadBytesMax>;
 
 enum class NodeKind : std::uint8_t { kHarness, kPlant, kLink, kClient, kBaseStation, kJoystick, kMonitor };
-enum class Verb : std::uint8_t { kPrepare, kArm, kStart, kStop, kRelease };
+enum class Verb : std::uint8_t { kPrepare, kArm, kStart, kStop, kRelease, kInject };
 enum class Phase : std::uint8_t { kIdle, kPrepared, kArmed, kRunning, kFinished, kFailed };
 
 // Lower-case names, as in the command line and in files: "base_station", "prepare", "running".
@@ -54,7 +54,7 @@ std::string_view Name(NodeKind kind);
 std::string_view Name(Verb verb);
 std::string_view Name(Phase phase);
 constexpr NodeKind LastOf(NodeKind) { return NodeKind::kMonitor; }
-constexpr Verb LastOf(Verb) { return Verb::kRelease; }
+constexpr Verb LastOf(Verb) { return Verb::kInject; }
 constexpr Phase LastOf(Phase) { return Phase::kFailed; }
 
 // "I am here and not hung": written every 50 ms by the thread that does the node's work. Who misses it for

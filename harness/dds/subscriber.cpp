@@ -35,6 +35,9 @@ struct Subscriber<T>::Impl {
   std::function<void()> on_liveliness;
   Callbacks callbacks;
   const Circle* circle = nullptr;
+  bool onlooker = false;
+  // Messages that wait for an onlooker: a quarter of a minute of a node's rows.
+  static constexpr int kOnlookerDepth = 256;
   dds_entity_t topic = 0;
   dds_entity_t reader = 0;
   std::mutex mutex;
@@ -198,6 +201,11 @@ struct Subscriber<T>::Impl {
         });
     const auto qos = MakeQos(QosOf<T>());
     if (!QosOf<T>().keep_all) dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, QosOf<T>().heard_depth);
+    if (onlooker) {
+      dds_qset_reliability(qos.get(), DDS_RELIABILITY_BEST_EFFORT, 0);
+      dds_qset_durability(qos.get(), DDS_DURABILITY_VOLATILE);
+      dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, kOnlookerDepth);
+    }
     reader = dds_create_reader(bus.impl().participant, topic, qos.get(), listener.get());
     if (reader < 0) Fail("cannot create a subscriber", reader);
   }
@@ -219,6 +227,14 @@ Subscriber<T>::Subscriber(Bus& bus, const Circle& circle, const std::function<vo
   impl_->on_data = on_data;
   impl_->on_liveliness = on_liveliness;
   impl_->circle = &circle;
+  impl_->Begin(bus);
+}
+
+template <class T>
+Subscriber<T>::Subscriber(Bus& bus, Onlooker, const std::function<void()>& on_data)
+    : impl_(std::make_unique<Impl>()) {
+  impl_->on_data = on_data;
+  impl_->onlooker = true;
   impl_->Begin(bus);
 }
 

@@ -9,6 +9,8 @@
 
 #include "harness/client/debugger.h"
 #include "harness/engine/flight_result.h"
+#include "harness/run/flight_watcher.h"
+#include "harness/run/realtime/injection.h"
 #include "harness/run/remote/distributed_flight.h"
 #include "harness/scenario/client_spec.h"
 #include "harness/scenario/scenario.h"
@@ -53,6 +55,10 @@ struct FlightJob {
   FlightMeans means;
   std::string replay;  // the exact command that flies it again
   FlightRecorder recorder{};
+  // Called in its worker process when it begins; none: nobody watches.
+  std::function<FlightWatcher()> watch = {};
+  // The same, of a flight in real time; none: nobody injects faults.
+  std::function<Injections()> injections = {};
 };
 
 FlightResult ErrorResult(const FlightJob& job, const std::string& reason);

@@ -57,7 +57,7 @@ BusPlace ChoosePlace(const FlightMeans& means, std::optional<dds::DomainSlot>& s
 // `client`: what must not end before the flight is judged.
 RunLog FlyByMeans(const FlightJob& job, WorkerReport& report, const std::atomic<bool>* interrupted,
                   const std::function<const FlightResult&(const RunLog&)>& score,
-                  std::unique_ptr<Client>& client) {
+                  const Injections* injections, std::unique_ptr<Client>& client) {
   std::atomic<std::int64_t>* const progress_ns = &report.progress_ns;
   const Scenario& scenario = job.scenario;
   const FlightMeans& means = job.means;
@@ -77,6 +77,7 @@ RunLog FlyByMeans(const FlightJob& job, WorkerReport& report, const std::atomic<
                         .interface = means.interface,
                         .peers = means.peers,
                         .score = [&](const RunLog& log) { return Announced(score(log)); },
+                        .injections = injections,
                         .progress_ns = progress_ns,
                         .interrupted = interrupted});
   const DistributedOptions processes{.transport = means.distributed.value_or(Transport::kSocket),
@@ -105,20 +106,30 @@ RunLog FlyByMeans(const FlightJob& job, WorkerReport& report, const std::atomic<
   };
   options.progress_ns = progress_ns;
   options.interrupted = interrupted;
+  const FlightWatcher watcher = job.watch ? job.watch() : FlightWatcher();
+  if (job.watch) options.watcher = &watcher;
   return Fly(scenario, *job.model, options);
 }
 
 // `cut_short`: set when a signal ended the flight.
 FlightResult FlyJob(const FlightJob& job, WorkerReport& report, const std::atomic<bool>* interrupted,
                     std::unique_ptr<Client>& client, bool& cut_short) {
-  const Scenario& scenario = job.scenario;
+  Scenario scenario = job.scenario;  // and what is injected
+  std::optional<Injections> injections;
+  if (job.means.realtime && job.injections) {
+    injections = job.injections();
+    injections->answer = [&scenario, tell = injections->answer](const Injections::Answer& answer) {
+      if (answer.accepted) scenario.faults.push_back(answer.fault);
+      tell(answer);
+    };
+  }
   std::optional<FlightResult> result;
   const auto score = [&](const RunLog& log) -> const FlightResult& {
     if (!result) result = MakeResult(job.name, scenario, log, job.replay);
     return *result;
   };
   const std::uint64_t drawn_before = faults::Random::DrawnCount();
-  const RunLog log = FlyByMeans(job, report, interrupted, score, client);
+  const RunLog log = FlyByMeans(job, report, interrupted, score, injections ? &*injections : nullptr, client);
   // Flights of several processes draw elsewhere.
   const bool drew_here = !job.means.realtime && !job.means.distributed && !scenario.has_several_clients();
   const bool is_of_any_seed = drew_here && faults::Random::DrawnCount() == drawn_before;
@@ -129,6 +140,7 @@ FlightResult FlyJob(const FlightJob& job, WorkerReport& report, const std::atomi
   result->is_of_any_seed = is_of_any_seed;
   report.progress_ns.fetch_add(1, std::memory_order_relaxed);
   try {
+    if (scenario.faults.size() > job.scenario.faults.size()) job.recorder.begin(scenario);
     job.recorder.end(scenario, log, *result);
   } catch (const std::exception& error) {
     throw RecordingError(error.what());

@@ -55,7 +55,7 @@ class LinkRole final : public Role {
     // At a real port the hardware takes the bytes' time, and its adapter its own.
     const bool hardware = client_.serial && client_.serial->TakesByteTime();
     if (hardware) scenario_.link.adapter_latency_ms = 0;
-    line_.emplace(scenario_, 0, !hardware);
+    line_.emplace(scenario_, 0, !hardware, true);
     reference_talk_.emplace(*scenario_.link.protocol);
     framer_.emplace(*scenario_.link.protocol);
     actuators_bytes_ = scenario_.link.protocol->Find(link::MessageKind::kActuators)->payload_bytes();
@@ -98,6 +98,11 @@ class LinkRole final : public Role {
     JudgeRoundTrip(log.client_round_trip_ns);
     SampleCounts(Now());
     services_.log().Write(log, line_->origin(), std::exchange(samples_, {}));
+  }
+
+  void Inject(const faults::FaultSpec& fault) override {
+    scenario_.faults.push_back(fault);
+    line_->Add(fault);
   }
 
   NodeTotals Stop() override {

@@ -15,6 +15,7 @@
 #include "harness/dds/qos.h"
 #include "harness/node/realtime_rights.h"
 #include "harness/run/introduction.h"
+#include "harness/run/realtime/injection.h"
 #include "harness/run/realtime/node_order.h"
 #include "harness/run/run_id.h"
 #include "harness/terminal/terminal.h"
@@ -324,6 +325,16 @@ Ports Node::Do(const dds::RunCommand& command) {
       NodeTotals totals = role_->Stop();
       totals.lateness = lateness_;
       log_->Close(totals);
+      return {};
+    }
+    case dds::Verb::kInject: {
+      need(phase_ == dds::Phase::kRunning);
+      // The harness has checked it already, also against the vehicle.
+      ReadOptions options;
+      options.models_folder = loaded_->scenario.model_file.parent_path();
+      const Scenario more = AddFault(loaded_->scenario, FromPorts(command.ports), options);
+      loaded_->scenario.faults.push_back(more.faults.back());
+      role_->Inject(more.faults.back());
       return {};
     }
     case dds::Verb::kRelease:

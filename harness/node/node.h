@@ -78,6 +78,8 @@ class Role {
   virtual Ports Prepare(const LoadedScenario& loaded, const Ports& given) = 0;
   virtual void Arm(const Ports& ports) = 0;
   virtual void Start() = 0;
+  // One more fault, while it flies; it acts where its kind acts, and means nothing to the other roles.
+  virtual void Inject(const faults::FaultSpec& /*fault*/) {}
   // Called every 50 ms from Start on, to send the log so far.
   virtual void Flush() = 0;
   // Sends the rest of the log, returns its totals.

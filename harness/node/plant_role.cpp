@@ -14,7 +14,7 @@ class PlantRole final : public Role {
 
   Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
     loaded_ = loaded;
-    server_.emplace(loaded_.scenario, *loaded_.model);
+    server_.emplace(loaded_.scenario, *loaded_.model, true);
     receiver_.emplace(*loaded_.scenario.link.protocol, link::Direction::kToPlant);
     return {};
   }
@@ -29,6 +29,7 @@ class PlantRole final : public Role {
   }
 
   void Start() override {}
+  void Inject(const faults::FaultSpec& fault) override { server_->Add(fault); }
   void Flush() override {
     if (server_->state().started()) services_.log().Write(server_->TakeLog());
   }

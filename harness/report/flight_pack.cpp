@@ -233,20 +233,34 @@ std::string Deflate(std::string_view bytes) {
   return compressed;
 }
 
+Json HeadJson(const FlightView& view) {
+  Json json;
+  json["scenario"] = ScenarioJson(view.scenario);
+  JsonWriter::Put(json["vehicle"], view.vehicle);
+  JsonWriter::Put(json["bounds"], view.bounds);
+  json["columns"] = Json::array();
+  json["states"] = Json::array();
+  json["inputs"] = Json::array();
+  if (view.trace.columns().empty()) return json;
+  for (const std::string& column : view.trace.columns())
+    if (IsShown(column)) json["columns"].push_back(column);
+  const VehicleColumns columns = FindVehicleColumns(view.trace);
+  for (const std::size_t c : columns.states) json["states"].push_back(view.trace.columns()[c]);
+  for (const std::size_t c : columns.inputs) json["inputs"].push_back(view.trace.columns()[c]);
+  return json;
+}
+
 std::string PackFlight(const FlightView& view, const PackLimits& limits) {
   Part part;
-  Json& json = part.json;
+  Json& json = part.json = HeadJson(view);
   JsonWriter::PutFields(json["result"], view.result);
   JsonWriter::PutFields(json["result"], view.result.score);
   json["result"]["green"] = view.result.green();
   JsonWriter::Put(json["events"], view.events);
   json["firmware_log"] = view.firmware_log;
-  json["scenario"] = ScenarioJson(view.scenario);
   json["resolved"] = view.resolved;
   json["folder"] = view.folder.string();
-  JsonWriter::Put(json["vehicle"], view.vehicle);
   JsonWriter::Put(json["problems"], view.problems);
-  JsonWriter::Put(json["bounds"], view.bounds);
   JsonWriter::Put(json["bands"], view.bands);
   json["messages"] = MessagesJson(*view.scenario.link.protocol);
   Json& ticks = json["ticks"] = Json::array();
@@ -254,17 +268,10 @@ std::string PackFlight(const FlightView& view, const PackLimits& limits) {
   PutLineErrors(json, view);
   AddTimes(part, view.times_ns);
   json["series"] = Json::array();
-  json["columns"] = Json::array();
-  json["states"] = Json::array();
-  json["inputs"] = Json::array();
   if (view.trace.row_count() > 0) {
-    const VehicleColumns columns = FindVehicleColumns(view.trace);
-    for (const std::size_t c : columns.states) json["states"].push_back(view.trace.columns()[c]);
-    for (const std::size_t c : columns.inputs) json["inputs"].push_back(view.trace.columns()[c]);
     std::vector<double> values(view.trace.row_count());
     for (std::size_t c = 0; c < view.trace.columns().size(); ++c) {
       if (!IsShown(view.trace.columns()[c])) continue;
-      json["columns"].push_back(view.trace.columns()[c]);
       for (std::size_t r = 0; r < values.size(); ++r) values[r] = view.trace.at(r, c);
       AddSeries(part, view.trace.columns()[c], values, limits.points_max);
     }

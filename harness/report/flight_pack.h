@@ -12,6 +12,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <string_view>
 
@@ -29,6 +30,9 @@ inline constexpr std::size_t kCloseUpBytesMin = 10'000;
 inline constexpr TimeNs kCloseUp_ns = kNsPerS / 4;
 // How far close-ups reach around a moment.
 inline constexpr TimeNs kReach_ns = 2 * kNsPerS;
+
+// What is known of a flight before it is flown: its scenario, its vehicle, bounds, and the columns of view.trace.
+nlohmann::ordered_json HeadJson(const FlightView& view);
 
 std::string PackFlight(const FlightView& view, const PackLimits& limits);
 

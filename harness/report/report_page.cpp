@@ -5,65 +5,10 @@
 
 #include "harness/report/flight_pack.h"
 #include "harness/report/json_fields.h"
+#include "harness/report/page_json.h"
 
 namespace tiltproof::harness {
 namespace {
-
-// The criterion that failed first, for the table.
-const CriterionResult* FirstOf(const Score& score) {
-  const CriterionResult* first = nullptr;
-  for (const CriterionResult& criterion : score.criteria) {
-    if (criterion.verdict != score.verdict || criterion.verdict == Verdict::kPass) continue;
-    if (first == nullptr || criterion.time_s.value_or(1e300) < first->time_s.value_or(1e300))
-      first = &criterion;
-  }
-  return first;
-}
-
-Json EntryJson(const RunView& view, const FlightEntry& flight) {
-  const FlightResult& result = flight.result;
-  Json json = {{"name", result.name},
-               {"run", flight.run},
-               {"verdict", Name(result.score.verdict)},
-               {"expected", Name(result.expected)},
-               {"green", result.green()},
-               {"seed", result.seed},
-               {"reason", result.score.reason},
-               {"replay", result.replay},
-               {"trace_hash", result.trace_hash}};
-  JsonWriter::Put(json["margin"], flight.margin);
-  for (const auto& [key, metric] :
-       {std::pair{"flown_s", "survival.time_s"}, std::pair{"rmse_m", "tracking.rmse_m"}}) {
-    const auto found = result.score.metrics.find(metric);
-    if (found != result.score.metrics.end()) JsonWriter::Put(json[key], found->second);
-  }
-  if (const CriterionResult* first = FirstOf(result.score)) {
-    json["criterion"] = first->name;
-    JsonWriter::Put(json["time_s"], first->time_s);
-  }
-  JsonWriter::Put(json["faults"], result.score.faults);
-  if (flight.before) {
-    json["before"] = {{"verdict", Name(flight.before->verdict)}};
-    JsonWriter::Put(json["before"]["margin"], flight.before->margin);
-  } else if (!view.baseline.empty()) {
-    json["before"] = nullptr;
-  }
-  return json;
-}
-
-// What results.json has of a flight without files.
-void PutResult(Json& json, const FlightResult& result) {
-  JsonWriter::PutFields(json["result"], result);
-  JsonWriter::PutFields(json["result"], result.score);
-}
-
-Json RunJson(const RunEntry& run) {
-  Json json = {{"folder", run.folder.string()}};
-  JsonWriter::PutFields(json, run.info);
-  json.erase("flights");
-  if (!run.problem.empty()) json["problem"] = run.problem;
-  return json;
-}
 
 // First the flights that a person looks for: in the order of the view, those that are not green before the others.
 std::vector<std::size_t> ByInterest(const RunView& view) {
@@ -101,6 +46,11 @@ std::string ScriptSafe(std::string_view json) {
       safe += c;
   }
   return safe;
+}
+
+std::string RunPage(std::string_view run_json, std::string_view details) {
+  return PageWith(PageTemplate(), "<script type=\"application/json\" id=\"run\">" + ScriptSafe(run_json) +
+                                      "</script>\n" + std::string(details));
 }
 
 std::string ReportPage(const RunView& view, const FlightLoader& load, const PageLimits& limits) {
@@ -147,8 +97,7 @@ std::string ReportPage(const RunView& view, const FlightLoader& load, const Page
     json["baseline"] = view.baseline;
     json["only_in_baseline"] = view.only_in_baseline;
   }
-  return PageWith(PageTemplate(), "<script type=\"application/json\" id=\"run\">" +
-                                      ScriptSafe(JsonText(json)) + "</script>\n" + details);
+  return RunPage(JsonText(json), details);
 }
 
 }  // namespace tiltproof::harness

@@ -35,6 +35,9 @@ struct PageLimits {
 
 std::string ReportPage(const RunView& view, const FlightLoader& load, const PageLimits& limits = {});
 
+// The page with `run_json`, which src/main.js reads, and the script elements of flights' details.
+std::string RunPage(std::string_view run_json, std::string_view details);
+
 // The pages without data; and the place in each where they go.
 std::string_view PageTemplate();
 std::string_view EnvelopePageTemplate();

@@ -269,7 +269,10 @@ void Conductor::Sample(BootTime now) {
   // In the order of the scenario's clients; turns may have another order.
   for (ClientChannel& channel : channels_) {
     ClientSample sample = channel.Sample();
-    if (sample.supervisor_state) states_[channel.index()].Take(time_ns, *sample.supervisor_state);
+    if (sample.supervisor_state) {
+      states_[channel.index()].Take(time_ns, *sample.supervisor_state);
+      if (options_.watcher != nullptr) options_.watcher->on_state(channel.index(), *sample.supervisor_state);
+    }
     sample.watched.resize(scenario_.watch.size(), std::numeric_limits<double>::quiet_NaN());
     watched.values.insert(watched.values.end(), sample.watched.begin(), sample.watched.end());
   }
@@ -370,6 +373,7 @@ RunLog Conduct(const Scenario& scenario, const VehicleSignals& vehicle, std::spa
 RunLog Fly(const Scenario& scenario, const plant::VehicleModel& model, const FlightOptions& options) {
   LocalLines lines(scenario);
   LocalPlantServer server(scenario, model);
+  server.SetWatcher(options.watcher);
   return Conduct(scenario, model.signals(), lines.all(), server, options);
 }
 

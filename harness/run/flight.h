@@ -18,6 +18,7 @@
 #include <string>
 
 #include "harness/client/make_client.h"
+#include "harness/run/flight_watcher.h"
 #include "harness/run/line.h"
 #include "harness/run/plant_server.h"
 #include "harness/run/run_log.h"
@@ -35,6 +36,8 @@ struct FlightOptions {
   std::function<void(std::unique_ptr<Client>)> retire = {};
   // Set from outside to end the flight early (Ctrl-C); may be null.
   const std::atomic<bool>* interrupted = nullptr;
+  // May be null. Rows come only from a plant in this process.
+  const FlightWatcher* watcher = nullptr;
 };
 
 // Flies to the end, or to what ends it early (RunLog::end_reason): divergence, ground strike, a hung or

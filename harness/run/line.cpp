@@ -19,18 +19,19 @@ std::int64_t MainBaud(const LinkSpec& link) { return link.ideal ? 0 : link.baud;
 std::int64_t ReferenceBaud(const LinkSpec& link) { return link.ideal ? 0 : LinkSpec::kReferenceBaud; }
 
 faults::FaultSchedule ClientFaults(const Scenario& scenario, std::size_t client,
-                                   const VehicleSignals* signals) {
+                                   const VehicleSignals* signals, bool grows) {
   const std::string id = scenario.has_several_clients() ? scenario.client_id(client) : "";
   faults::FaultSchedule::Place place{.baud = MainBaud(scenario.link),
                                      .reference_baud = ReferenceBaud(scenario.link)};
   place.protocol = scenario.link.protocol;
   place.step_ns = scenario.step_ns;
   place.client = id;
+  place.grows = grows;
   if (signals != nullptr) place.signals = *signals;
   return {scenario.faults, scenario.seed_of(client), place};
 }
 
-LocalLine::LocalLine(const Scenario& scenario, std::size_t client, bool paced)
+LocalLine::LocalLine(const Scenario& scenario, std::size_t client, bool paced, bool grows)
     : client_(client),
       protocol_(scenario.link.protocol),
       fault_ids_([&] {
@@ -38,7 +39,7 @@ LocalLine::LocalLine(const Scenario& scenario, std::size_t client, bool paced)
         for (const auto& fault : scenario.faults) ids.push_back(fault.id);
         return ids;
       }()),
-      faults_(ClientFaults(scenario, client)),
+      faults_(ClientFaults(scenario, client, nullptr, grows)),
       wires_{[&] {
         const auto wire = [&](Direction direction, double latency_ms) {
           const std::int64_t baud =
@@ -77,6 +78,11 @@ LocalLine::LocalLine(const Scenario& scenario, std::size_t client, bool paced)
     if (replies_.size() == kRepliesMax) replies_.pop_front();
     replies_.push_back({name, requested_ns_});
   });
+}
+
+void LocalLine::Add(const faults::FaultSpec& fault) {
+  faults_.Add(fault);
+  fault_ids_.push_back(fault.id);
 }
 
 BootTime LocalLine::Transmit(Direction direction, BootTime now, std::span<const std::uint8_t> bytes) {

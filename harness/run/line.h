@@ -62,7 +62,7 @@ std::int64_t ReferenceBaud(const LinkSpec& link);
 
 // The faults on a client's line, receiver and, where there are signals of the vehicle, samples.
 faults::FaultSchedule ClientFaults(const Scenario& scenario, std::size_t client,
-                                   const VehicleSignals* signals = nullptr);
+                                   const VehicleSignals* signals = nullptr, bool grows = false);
 
 class Line {
  public:
@@ -99,7 +99,11 @@ class LocalLine final : public Line {
  public:
   // `client`: place in the scenario of the line's client. `paced`: bytes take their time here. On a line to a
   // real serial port they do not: there the hardware sets the pace. The line keeps the scenario's protocol.
-  explicit LocalLine(const Scenario& scenario, std::size_t client = 0, bool paced = true);
+  // `grows`: Add() will be called.
+  explicit LocalLine(const Scenario& scenario, std::size_t client = 0, bool paced = true, bool grows = false);
+
+  // One more fault of the scenario, while it flies.
+  void Add(const faults::FaultSpec& fault);
 
   BootTime Transmit(link::Direction direction, BootTime now, std::span<const std::uint8_t> bytes) override;
   BootTime NextArrival(link::Direction direction) const override;

@@ -33,7 +33,7 @@ std::ptrdiff_t Offset(std::size_t column) { return static_cast<std::ptrdiff_t>(c
 
 }  // namespace
 
-LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::VehicleModel& model)
+LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::VehicleModel& model, bool grows)
     : scenario_(scenario),
       signals_(model.signals()),
       layout_(signals_, scenario),
@@ -41,14 +41,15 @@ LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::Vehicl
       plant_(model, {.step_ns = scenario.step_ns}),
       readings_(signals_.sensors.size()),
       sent_(signals_.sensors.size()),
-      faults_(scenario.faults, scenario.seed, {.signals = signals_, .step_ns = scenario.step_ns}),
+      faults_(scenario.faults, scenario.seed,
+              {.signals = signals_, .step_ns = scenario.step_ns, .grows = grows}),
       conditions_(scenario, Trace(layout_.columns).columns()),
       protocol_(*scenario.link.protocol),
       arbiter_(scenario) {
   for (const link::MessageType& type : protocol_.messages) bindings_.emplace_back(type, TableOf(type));
   plant_.Reset(scenario.initial_position_m, scenario.initial_attitude_rad);
   for (std::size_t client = 0; client < scenario.client_count(); ++client)
-    seats_.push_back({.faults = ClientFaults(scenario, client, &signals_),
+    seats_.push_back({.faults = ClientFaults(scenario, client, &signals_, grows),
                       .sensed = std::vector<double>(signals_.sensors.size(), kNothingYet),
                       .asked = std::vector<double>(signals_.inputs.size(), kNothingYet)});
   log_.clients.resize(seats_.size());
@@ -59,6 +60,11 @@ LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::Vehicl
   // In real time the log goes out every 50 ms, and giving back what a long flight might fill would take long.
   const auto row_count = static_cast<std::size_t>(scenario.duration_ns / protocol_.control_period_ns) + 2;
   log_.rows.reserve(std::min(row_count, kReservedRowsMax) * layout_.columns.size());
+}
+
+void LocalPlantServer::Add(const faults::FaultSpec& fault) {
+  faults_.Add(fault);
+  for (Seat& seat : seats_) seat.faults.Add(fault);
 }
 
 const SignalTable& LocalPlantServer::TableOf(const link::MessageType& type) const {
@@ -215,6 +221,7 @@ void LocalPlantServer::LogRow(BootTime at, const AllCounts& counts) {
   logged_ns_ = t;
   log_.rows.resize(begin + layout_.columns.size(), std::numeric_limits<double>::quiet_NaN());
   FillRow(t, counts, std::span(log_.rows).subspan(begin));
+  if (watcher_ != nullptr) watcher_->on_row(std::span(log_.rows).subspan(begin));
 }
 
 // `row` holds NaN.
@@ -237,7 +244,7 @@ void LocalPlantServer::FillRow(TimeNs t, const AllCounts& counts, std::span<doub
       for (const std::int64_t value : {count.frames_sent, count.frames_accepted, count.frames_rejected})
         row[column++] = static_cast<double>(value);
   double& active_count = row[layout_.faults_active_count] = 0;
-  for (std::size_t i = 0; i < scenario_.faults.size(); ++i) {
+  for (std::size_t i = 0; i < layout_.watch - layout_.active; ++i) {
     const double active = row[layout_.active + i] = faults_.IsActive(i, t) ? 1.0 : 0.0;
     active_count += active;
   }

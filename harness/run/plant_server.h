@@ -33,6 +33,7 @@
 #include "harness/run/arbiter.h"
 #include "harness/run/event_log.h"
 #include "harness/run/fault_conditions.h"
+#include "harness/run/flight_watcher.h"
 #include "harness/run/line.h"
 #include "harness/run/message_binding.h"
 #include "harness/run/message_receiver.h"
@@ -103,7 +104,11 @@ class PlantServer {
 
 class LocalPlantServer final : public PlantServer {
  public:
-  LocalPlantServer(const Scenario& scenario, const plant::VehicleModel& model);
+  // `grows`: Add() will be called.
+  LocalPlantServer(const Scenario& scenario, const plant::VehicleModel& model, bool grows = false);
+
+  // One more fault of the scenario, while it flies. The rows have no column for it.
+  void Add(const faults::FaultSpec& fault);
 
   void Advance(BootTime to, const AllCounts& counts) override;
   void Receive(std::size_t client, BootTime arrival, const link::Message& message,
@@ -117,6 +122,8 @@ class LocalPlantServer final : public PlantServer {
   // For observers, in the order of the vehicle's tables.
   std::vector<double> Truth() const;
   const std::vector<double>& in_force() const { return in_force_; }
+  // Null: nobody watches. It must outlive this.
+  void SetWatcher(const FlightWatcher* watcher) { watcher_ = watcher; }
 
  private:
   // What the server keeps for one client.
@@ -165,6 +172,7 @@ class LocalPlantServer final : public PlantServer {
   std::vector<double> commanded_;                   // last accepted, or the hover input
   BootTime commanded_from_ns_ = BootTime::Never();  // boundary at which it takes effect; Never() afterwards
   std::vector<double> in_force_;                    // commanded_ after the actuator faults
+  const FlightWatcher* watcher_ = nullptr;
 };
 
 }  // namespace tiltproof::harness

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <fstream>
 #include <map>
 #include <set>
@@ -16,6 +17,9 @@
 
 namespace tiltproof::harness {
 namespace {
+
+// Of a fault that is added.
+constexpr double kInjectedMax_s = 14'400;
 
 std::string JoinLines(const std::vector<Diagnostic>& diagnostics) {
   std::string text;
@@ -53,6 +57,19 @@ std::string ReadText(const std::filesystem::path& file) {
   throw ScenarioError(std::move(diagnostics));
 }
 
+Scenario Interpret(const std::filesystem::path& file, YamlNode& root, const ReadOptions& options,
+                   std::vector<YamlProblem>& problems) {
+  ResolveCompounds(root, problems);
+  Scenario scenario;
+  scenario.file = file;
+  MappingReader reader(root, problems);
+  DescribeScenario(reader, scenario);
+  reader.Finish();
+  CheckScenario(root, options, scenario, problems);
+  if (!problems.empty()) Throw(file, std::move(problems));
+  return scenario;
+}
+
 // The scenario, and where its name stands.
 std::pair<Scenario, YamlMark> Read(const std::filesystem::path& file, const std::string& text,
                                    const ReadOptions& options) {
@@ -65,15 +82,48 @@ std::pair<Scenario, YamlMark> Read(const std::filesystem::path& file, const std:
     Throw(file, std::move(problems));
   }
 
-  ResolveCompounds(*root, problems);
-  Scenario scenario;
-  scenario.file = file;
-  MappingReader reader(*root, problems);
-  DescribeScenario(reader, scenario);
-  reader.Finish();
-  CheckScenario(*root, options, scenario, problems);
-  if (!problems.empty()) Throw(file, std::move(problems));
+  Scenario scenario = Interpret(file, *root, options, problems);
   return {std::move(scenario), root->Find("name")->value.mark};
+}
+
+// Keys that say when a fault acts, or are for files.
+constexpr std::array kNotWhileFlying = {"start_s", "end_s", "when", "edge", "after", "compound", "client"};
+
+YamlEntry Scalar(const char* key, YamlNode::Kind kind, YamlMark mark, std::string text) {
+  YamlNode value;
+  value.kind = kind;
+  value.mark = mark;
+  value.text = std::move(text);
+  return {key, mark, std::move(value)};
+}
+
+// Takes what is only for a fault that is added out of it, and puts its window in.
+void SetWindow(const AddedFault& fault, YamlNode& node, std::vector<YamlProblem>& problems) {
+  for (const YamlEntry& entry : node.entries)
+    if (std::find(kNotWhileFlying.begin(), kNotWhileFlying.end(), entry.key) != kNotWhileFlying.end())
+      problems.push_back(
+          {entry.key_mark, fmt::format("{}: a fault that is injected begins now; duration_s says for "
+                                       "how long (without it: to the end)",
+                                       entry.key)});
+  const double start_s = ToSeconds(fault.start_ns);
+  double end_s = 0;
+  if (const YamlEntry* duration = node.Find("duration_s")) {
+    const double duration_s = duration->value.Number().value_or(0.0);
+    if (duration->value.kind != YamlNode::Kind::kNumber || !(duration_s > 0) || duration_s > kInjectedMax_s)
+      problems.push_back(
+          {duration->value.mark,
+           fmt::format("duration_s: expected a number of seconds above 0 and up to {}, found {}",
+                       kInjectedMax_s, Describe(duration->value))});
+    else
+      end_s = start_s + duration_s;
+  }
+  std::erase_if(node.entries, [](const YamlEntry& entry) { return entry.key == "duration_s"; });
+  if (node.Find("id") == nullptr)
+    node.entries.push_back(Scalar("id", YamlNode::Kind::kText, node.mark, fault.id));
+  node.entries.push_back(
+      Scalar("start_s", YamlNode::Kind::kNumber, node.mark, fmt::format("{:.9f}", start_s)));
+  if (end_s > 0)
+    node.entries.push_back(Scalar("end_s", YamlNode::Kind::kNumber, node.mark, fmt::format("{:.9f}", end_s)));
 }
 
 }  // namespace
@@ -94,6 +144,30 @@ Scenario ReadScenario(const std::filesystem::path& file, const ReadOptions& opti
 Scenario ParseScenario(const std::string& text, const std::filesystem::path& file,
                        const ReadOptions& options) {
   return Read(file, text, options).first;
+}
+
+Scenario AddFault(const Scenario& scenario, const AddedFault& fault, const ReadOptions& options) {
+  const std::filesystem::path file = "fault";
+  std::vector<YamlProblem> problems;
+  std::optional<YamlNode> node = ParseYaml(fault.text, problems);
+  if (node && node->kind != YamlNode::Kind::kMapping)
+    problems.push_back(
+        {node->mark, fmt::format("expected a fault, for example {{type: frame.drop, target: to_client, "
+                                 "duration_s: 2, parameters: {{probability: 0.5}}}}, found {}",
+                                 Describe(*node))});
+  if (!node || !problems.empty()) Throw(file, std::move(problems));
+  SetWindow(fault, *node, problems);
+  if (!problems.empty()) Throw(file, std::move(problems));
+  std::optional<YamlNode> root = ParseYaml(WriteResolved(scenario), problems);
+  if (!root) Throw(file, std::move(problems));
+  const auto faults = std::find_if(root->entries.begin(), root->entries.end(),
+                                   [](const YamlEntry& entry) { return entry.key == "faults"; });
+  YamlNode& list = faults != root->entries.end()
+                       ? faults->value
+                       : root->entries.emplace_back(YamlEntry{"faults", {}, {}}).value;
+  list.kind = YamlNode::Kind::kSequence;
+  list.items.push_back(std::move(*node));
+  return Interpret(file, *root, options, problems);
 }
 
 std::vector<Scenario> ReadScenarios(const std::vector<std::filesystem::path>& files,

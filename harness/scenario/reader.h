@@ -82,6 +82,15 @@ Scenario ParseScenario(const std::string& text, const std::filesystem::path& fil
 std::vector<Scenario> ReadScenarios(const std::vector<std::filesystem::path>& files,
                                     const ReadOptions& options);
 
+// A fault that is added while the scenario is flown.
+struct AddedFault {
+  std::string text;  // an item of `faults`, with duration_s in place of a window, and with or without an id
+  std::string id;    // when it has none
+  TimeNs start_ns = 0;
+};
+// The scenario with that fault behind its others. Throws ScenarioError, in which the text is the file "fault".
+Scenario AddFault(const Scenario& scenario, const AddedFault& fault, const ReadOptions& options);
+
 // YAML that reads back as an equal scenario, with every default written out and every file absolute.
 std::string WriteResolved(const Scenario& scenario);
 

@@ -44,6 +44,14 @@ extern const CLI::App& app;
 extern const CommandRow program;
 extern const examples::Function Write;
 
+// harness/cli/live_page.h
+extern const RunOptions options;
+extern const FlightMeans means;
+extern const RunInfo info;
+extern std::vector<FlightJob> jobs;
+extern const FlightJob job;
+extern const FlightResult result;
+
 // harness/cli/run_plan.h
 #include "harness/terminal/terminal.h"
 extern const RunOptions options;
@@ -306,8 +314,52 @@ extern const examples::Function Wait;
 // harness/dds/cdr.h
 #include "harness/dds/messages.h"
 
+// harness/live/bus_feed.h
+extern const dds::BusConfig bus_config;
+extern LiveBoard board;
+extern const std::function<void()> changed;
+extern const LivePlan plan;
+extern const BusFeed::Loader load;
+extern const BusFeed::Finisher finish;
+
+// harness/live/live_process.h
+extern const LiveOptions options;
+extern const std::vector<LivePlan> plans;
+extern FlightJob job;
+extern const BusPlace place;
+extern const std::string entry;
+extern std::size_t i;
+extern bool flying;
+extern const examples::Function Stop;
+
+// harness/live/live_server.h
+extern LiveBoard board;
+extern const std::string token;
+extern const std::function<std::string()> page;
+
+// harness/live/row_ring.h
+extern std::size_t flight, columns;
+extern RowRing::Cursor cursor;
+
+// harness/report/page_json.h
+extern const RunView view;
+extern const FlightEntry flight;
+
+// harness/run/flight_watcher.h
+#include "harness/run/flight.h"
+extern struct Ring { void Append(std::span<const double> row); } ring;
+extern FlightOptions options;
+
 // harness/run/message_binding.h
 extern std::span<const double> row;
+
+// harness/run/realtime/injection.h
+#include "harness/run/realtime/realtime_flight.h"
+extern const RealtimeOptions options;
+extern Scenario scenario;
+extern bool running;
+extern TimeNs now;
+extern const dds::RunCommand command;
 
 // harness/run/realtime/log_messages.h
 extern const dds::Participant harness;

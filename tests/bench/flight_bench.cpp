@@ -10,6 +10,7 @@
 
 #include "harness/client/library_client.h"
 #include "harness/engine/engine.h"
+#include "harness/live/row_ring.h"
 #include "harness/report/packed_trace.h"
 #include "harness/report/trace_csv.h"
 #include "harness/run/flight.h"
@@ -38,9 +39,10 @@ Scenario Spiral(double duration_s) {
   return scenario;
 }
 
-RunLog FlySpiral(double duration_s) {
+RunLog FlySpiral(double duration_s, const FlightWatcher* watcher = nullptr) {
   const Scenario scenario = Spiral(duration_s);
   FlightOptions options;
+  options.watcher = watcher;
   options.make_client = [&](std::size_t /*client*/, ClientHost host) {
     return LoadLibraryClient(TILTPROOF_FIRMWARE_LIBRARY, scenario.firmware, scenario.link.protocol->name,
                              std::move(host));
@@ -89,6 +91,14 @@ void FullLoop(benchmark::State& state) {
 }
 // Cost must grow linearly with flight time.
 BENCHMARK(FullLoop)->Arg(60)->Arg(120)->Arg(240)->Arg(480)->Unit(benchmark::kMillisecond);
+
+// The same with each row copied for a live page: what its viewers cost the flight.
+void WatchedLoop(benchmark::State& state) {
+  RowRing ring;
+  const FlightWatcher watcher{.on_row = [&ring](std::span<const double> row) { ring.Append(row); }};
+  for (auto _ : state) benchmark::DoNotOptimize(FlySpiral(kDuration_s, &watcher).trace.row_count());
+}
+BENCHMARK(WatchedLoop)->Unit(benchmark::kMillisecond);
 
 // Of this process and of the children that it has waited for.
 double ProcessorTime_s() {

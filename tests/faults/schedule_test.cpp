@@ -36,6 +36,44 @@ TEST(ScheduleTest, NoFaultNoFilter) {
   EXPECT_EQ(schedule.Filter(link::Direction::kReference), nullptr);
 }
 
+// A fault that is added in flight acts as if it had been there from the start: the same draws, the same counts.
+TEST(ScheduleTest, AFaultThatIsAddedActsAsIfItHadBeenThere) {
+  FaultSpec first = Spec("frame.drop", {{"probability", 0.2}}, "first");
+  FaultSpec added = Spec("wire.bit_error", {{"ber", 0.01}}, "added");
+  added.start_ns = 20 * kPeriod;
+  added.end_ns = 60 * kPeriod;
+  const auto fly = [&](bool late, std::vector<std::int64_t>& counts, bool& active) {
+    std::vector<FaultSpec> specs = {first};
+    if (!late) specs.push_back(added);
+    FaultSchedule schedule(specs, 7, {.grows = true});
+    schedule.SetOrigin(kOriginAtPowerOn);
+    std::vector<std::vector<link::Chunk>> out;
+    for (std::int64_t n = 0; n < 100; ++n) {
+      if (late && n == 15) schedule.Add(added);
+      std::vector<link::Chunk> chunks = {Frame(n)};
+      schedule.Filter(link::Direction::kToClient)->Apply(chunks);
+      out.push_back(chunks);
+    }
+    counts = schedule.ActivationCounts();
+    active = schedule.IsActive(1, 20 * kPeriod) && !schedule.IsActive(1, 60 * kPeriod);
+    return out;
+  };
+  std::vector<std::int64_t> counts_late, counts_early;
+  bool active_late = false, active_early = false;
+  const auto late = fly(true, counts_late, active_late);
+  const auto early = fly(false, counts_early, active_early);
+  ASSERT_EQ(late.size(), early.size());
+  for (std::size_t n = 0; n < late.size(); ++n) {
+    ASSERT_EQ(late[n].size(), early[n].size()) << n;
+    for (std::size_t i = 0; i < late[n].size(); ++i) EXPECT_EQ(late[n][i].bytes, early[n][i].bytes) << n;
+  }
+  EXPECT_EQ(counts_late, counts_early);
+  EXPECT_GT(counts_late.at(1), 20);
+  EXPECT_TRUE(active_late && active_early);
+  FaultSchedule schedule({}, 7, {.grows = true});
+  EXPECT_THROW(schedule.Add(Spec("frame.dorp")), std::invalid_argument);
+}
+
 TEST(ScheduleTest, TheWindowHasItsBeginButNotItsEnd) {
   FaultSpec spec = Drop();
   spec.start_ns = 3 * kPeriod;

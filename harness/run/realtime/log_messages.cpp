@@ -8,6 +8,8 @@
 #include <limits>
 #include <utility>
 
+#include "faults/activity.h"
+#include "faults/registry.h"
 #include "harness/run/merge_logs.h"
 #include "harness/run/remote/protocol.h"
 
@@ -338,6 +340,21 @@ std::string LogCollector::Missing(const std::string& node_id) const {
   return text;
 }
 
+// The nodes' rows know only the faults that the flight began with.
+void LogCollector::AddInjected() {
+  Trace& trace = log_.trace;
+  for (std::size_t i = layout_.watch - layout_.active; i < scenario_.faults.size(); ++i) {
+    const faults::FaultSpec& fault = scenario_.faults[i];
+    const faults::Activity activity(fault, faults::WindowOf(fault));
+    std::vector<double> active;
+    for (std::size_t r = 0; r < trace.row_count(); ++r) {
+      active.push_back(activity.Contains(FromSeconds(trace.at(r, 0))) ? 1.0 : 0.0);
+      trace.mutable_row(r)[layout_.faults_active_count] += active.back();
+    }
+    trace.AppendColumn("active_" + fault.id, active);
+  }
+}
+
 bool LogCollector::Complete(const std::string& node_id) const { return Missing(node_id).empty(); }
 
 RunLog LogCollector::Take(TimeNs end_ns) {
@@ -356,6 +373,8 @@ RunLog LogCollector::Take(TimeNs end_ns) {
   log_.trace.AppendRows(std::move(values));
   rows_by_time_.clear();
   log_.end_ns = end_ns;
+  log_.fault_activation_counts.resize(scenario_.faults.size());
+  AddInjected();
 
   std::vector<SupervisorChange> states;  // of all that were the client's node
   for (auto& [node_id, report] : reports_) {

@@ -135,7 +135,7 @@ class LogCollector {
   static constexpr std::int64_t kNodeBytesMax = std::int64_t{64} << 20;
   static constexpr std::int64_t kNodeBytesPerS = std::int64_t{4} << 20;
 
-  // Collects the logs of the nodes in `members`.
+  // Collects the logs of the nodes in `members`. Faults may be added to `scenario` meanwhile.
   LogCollector(dds::Bus& bus, const dds::Circle& members, const Scenario& scenario,
                const VehicleSignals& vehicle, std::string run_id, const std::function<void()>& on_data);
 
@@ -162,6 +162,7 @@ class LogCollector {
   // Whether the message belongs to this run and its node has stayed within the bound so far.
   template <class T>
   bool Accepts(const T& message);
+  void AddInjected();
   // Nullopt for a fault that the scenario does not have.
   std::optional<faults::Activation> FromMessage(dds::FaultActivation&& message) const;
 

@@ -19,6 +19,7 @@
 #include "harness/run/merge_logs.h"
 #include "harness/run/protocol_use.h"
 #include "harness/run/realtime/ending.h"
+#include "harness/run/realtime/injection.h"
 #include "harness/run/realtime/log_messages.h"
 #include "harness/run/realtime/members.h"
 #include "harness/run/realtime/node_faults.h"
@@ -76,7 +77,7 @@ class RealtimeConductor {
 
   void End(EndReason reason, const std::string& text) { ending_.End(reason, text, sim_ns_); }
   void Note(const std::string& kind, const std::string& text) { events_.push_back({sim_ns_, kind, text}); }
-  const Scenario& scenario_;
+  Scenario scenario_;  // and what is injected
   const plant::VehicleModel& model_;
   const RealtimeOptions& options_;
   const std::string& run_id_ = options_.place.run_id;
@@ -96,7 +97,8 @@ class RealtimeConductor {
   std::optional<LogCollector> collector_;
   std::optional<NodeProcesses> processes_;
 
-  NodeFaults node_faults_;
+  NodeFaults node_faults_{scenario_, options_.attach};
+  Injector injector_{options_.injections};
   Members members_;
   std::map<std::string, std::map<std::int64_t, dds::RunAck>> answers_;
   dds::Heartbeat heartbeat_;
@@ -117,7 +119,7 @@ class RealtimeConductor {
 
 RealtimeConductor::RealtimeConductor(const Scenario& scenario, const plant::VehicleModel& model,
                                      const RealtimeOptions& options)
-    : scenario_(scenario), model_(model), options_(options), node_faults_(scenario, options.attach) {
+    : scenario_(scenario), model_(model), options_(options) {
   bus_.emplace(dds::BusConfig{.domain = options.place.domain,
                               .tag = options.place.tag,
                               .interface = options.interface,
@@ -416,10 +418,12 @@ void RealtimeConductor::FlyToTheEnd() {
 }
 
 void RealtimeConductor::CarryOutFaults() {
-  if (!running_) return;
   // The plant's word is up to a period old: by this clock it is exact.
   const TimeNs now =
       sim_ns_ + std::min<TimeNs>(std::chrono::nanoseconds(SteadyClock::now() - sim_seen_).count(), kNsPerS);
+  const auto tell = [this](const auto& ports) { Command(dds::Verb::kInject, ports, false); };
+  if (const auto done = injector_.Turn(scenario_, running_, now, tell)) Note("fault_injected", *done);
+  if (!running_) return;
   node_faults_.CarryOut(
       now, {.run_id = run_id_,
             .processes = processes_ ? &*processes_ : nullptr,

@@ -17,6 +17,7 @@
 
 #include "harness/dds/messages.h"
 #include "harness/run/bus_place.h"
+#include "harness/run/realtime/injection.h"
 #include "harness/run/run_log.h"
 #include "harness/scenario/client_spec.h"
 #include "harness/scenario/scenario.h"
@@ -36,6 +37,7 @@ struct RealtimeOptions {
 
   // Scores the flight. The harness adds the run's id and publishes the score on the bus.
   std::function<dds::Score(const RunLog&)> score;
+  const Injections* injections = nullptr;  // null: nobody can
   std::atomic<std::int64_t>* progress_ns = nullptr;
   const std::atomic<bool>* interrupted = nullptr;
 };

@@ -3,7 +3,7 @@
 //
 // Usage: node page_test.mjs TILTPROOF SOURCE_DIR OUT_DIR    screenshots stay in OUT_DIR
 import assert from "node:assert/strict";
-import { execFileSync, spawnSync } from "node:child_process";
+import { execFileSync, spawnSync, spawn } from "node:child_process";
 import { cpSync, existsSync, mkdirSync, readFileSync, readdirSync, rmSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { join, resolve } from "node:path";
@@ -30,11 +30,11 @@ const requests = [];
 
 async function open(file, options = {}) {
   const page = await browser.newPage({ viewport: { width: 1440, height: 900 }, colorScheme: "light", ...options });
-  page.on("console", (message) => ["error", "warning"].includes(message.type()) && !/GPU stall|GL Driver/.test(message.text()) && troubles.push(`${file}: ${message.text()}`));
+  page.on("console", (message) => ["error", "warning"].includes(message.type()) && !/GPU stall|GL Driver|status of 400/.test(message.text()) && troubles.push(`${file}: ${message.text()}`));
   page.on("pageerror", (error) => troubles.push(`${file}: ${error.stack}`));
   page.on("dialog", (dialog) => troubles.push(`${file}: dialog ${dialog.message()}`));
   page.on("request", (request) => requests.push(request.url()));
-  await page.goto(`file://${file}`);
+  await page.goto(/^http:/.test(file) ? file : `file://${file}`);
   await page.waitForSelector("h1");
   return page;
 }
@@ -437,6 +437,84 @@ check("an envelope with hostile names, odd numbers, and little in it", async () 
   assert.deepEqual([refused.status, /is no envelope/.test(refused.stderr)], [3, true], refused.stderr);
 });
 
+// The live page.
+
+// Starts a command that serves a live page.
+function serve(...options) {
+  const child = spawn(tiltproof, options, { cwd: out });
+  let told = "";
+  const address = new Promise((resolve, reject) => {
+    child.stderr.on("data", (piece) => {
+      told += piece;
+      const found = /http:\/\/127\.0\.0\.1:\d+\/\S*/.exec(told);
+      if (found) resolve(found[0]);
+    });
+    child.on("exit", () => reject(new Error(`no page: ${told}`)));
+  });
+  const ended = new Promise((resolve) => child.on("exit", (code) => resolve(code)));
+  return { child, address, ended };
+}
+
+const LIVE = `name: live-circle
+description: A circle, with a weak rotor on the way.
+duration_s: 60
+reference: {type: circle, radius_m: 2, period_s: 12, start_m: [2, 0, 2]}
+faults:
+  - {id: weak, type: actuator.loss_of_effectiveness, start_s: 3, end_s: 50, parameters: {actuator: f_r, factor: 0.99}}
+criteria:
+  - {name: near, stl: "always(position_error_m <= 2.0)"}
+`;
+
+check("a run is shown while it is flown, and obeys its buttons", async () => {
+  writeFileSync(join(out, "live-circle.yaml"), LIVE);
+  const { child, address, ended } = serve("run", "live-circle.yaml", "--mode", "realtime", "--live", "0", "--live-wait", "--repeat", "5", "--out", "live");
+  try {
+    const page = await open(await address);
+    assert.ok(!page.url().includes("token"), page.url());
+    assert.match(await page.locator("h1").textContent(), /waits/);
+    const other = await open((await address).replace(/#.*/, ""));
+    await other.waitForSelector("text=To look only");
+    assert.equal(await other.locator(".controls").count(), 0);
+    await other.close();
+    await page.click("button.start");
+    await page.waitForSelector("#plot-position canvas", { timeout: 60000 });
+    await page.fill(".controls textarea", "{type: frame.dorp, target: to_client}");
+    await page.click("button.inject");
+    await page.waitForSelector(".said.refused >> text=frame.drop");
+    await page.fill(".controls textarea", "{id: by-hand, type: frame.drop, target: to_client, duration_s: 5, parameters: {probability: 0.1}}");
+    await page.click("button.inject");
+    await page.waitForSelector(".fault-list >> text=by-hand");
+    await page.waitForSelector(".said >> text=by-hand acts from");
+    const rows = () => page.locator("progress").evaluate((bar) => bar.value);
+    const first = await rows();
+    const still = await picture(page);
+    await page.waitForFunction((before) => document.querySelector("progress").value > before + 1, first, { timeout: 60000 });
+    assert.notEqual(await picture(page), still);
+    await page.waitForSelector("text=active now", { timeout: 60000 });
+    await page.waitForFunction(() => document.querySelector("progress").value > 6, null, { timeout: 60000 });
+    // The reader looks back, and follows again.
+    await page.keyboard.press("Home");
+    assert.equal(await now(page), 0);
+    await page.waitForTimeout(600);
+    assert.equal(await now(page), 0);
+    await page.click("button.newest");
+    await page.waitForFunction(() => parseFloat(document.querySelector(".now").textContent) > 6);
+    await page.screenshot({ path: join(out, "live-light.png") });
+    await page.click("button.theme");
+    await page.waitForSelector("#plot-position canvas");
+    await page.waitForTimeout(500);
+    await page.screenshot({ path: join(out, "live-dark.png") });
+    await page.click("button.abort");
+    await page.click("button.abort");
+    assert.equal(await ended, 130);
+    await page.waitForSelector("text=The run has ended.");
+    assert.match(await page.locator("h1").textContent(), /inconclusive|error|fail|pass/);
+    await page.close();
+  } finally {
+    child.kill("SIGKILL");
+  }
+});
+
 let failed = 0;
 for (const { name, body } of checks) {
   const before = troubles.length;
@@ -450,7 +528,7 @@ for (const { name, body } of checks) {
   }
 }
 await browser.close();
-const outside = requests.filter((url) => !url.startsWith("file://"));
+const outside = requests.filter((url) => !url.startsWith("file://") && !/^http:\/\/127\.0\.0\.1:\d+\/(events|abort|start|inject|flights\/\d+)?(#.*)?$/.test(url));
 if (outside.length > 0) {
   ++failed;
   console.log(`FAILED  nothing is loaded from anywhere\n${outside.join("\n")}`);

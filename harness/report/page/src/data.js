@@ -63,10 +63,18 @@ export function lastAtOrBefore(sorted, value) {
   return low - 1;
 }
 
+// In the page, or with the server of a run that is still flown.
+async function bytesOf(id) {
+  const element = document.getElementById(id);
+  if (element) return Uint8Array.from(atob(element.textContent), (c) => c.charCodeAt(0));
+  const response = await fetch(id);
+  if (!response.ok) throw new Error(`the server has no data of it (${response.status})`);
+  return new Uint8Array(await response.arrayBuffer());
+}
+
 export class Flight {
   static async load(id) {
-    const base64 = document.getElementById(id).textContent;
-    const bytes = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
+    const bytes = await bytesOf(id);
     const sizeAt = (at) => new DataView(bytes.buffer).getUint32(at, true);
     const placesAt = 4 + sizeAt(0);
     const closeUpsAt = placesAt + 4 + sizeAt(placesAt);

@@ -12,7 +12,7 @@ import { faultColour } from "./theme.js";
 let last = { index: -1, time_s: 0 };
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10];
 
-const section = (id, title, ...children) => el("section", { id, "aria-labelledby": `${id}-h` }, el("h2", { id: `${id}-h`, text: title }), children);
+export const section = (id, title, ...children) => el("section", { id, "aria-labelledby": `${id}-h` }, el("h2", { id: `${id}-h`, text: title }), children);
 
 function criteriaTable(criteria, clock) {
   const row = (c) => el("tr", {},
@@ -60,7 +60,7 @@ function player(flight, clock) {
 }
 
 // Any column beside those that have a figure.
-function chooser(flight, plots) {
+export function chooser(flight, plots) {
   const box = el("div");
   let figure = null;
   const select = el("select", { onchange: () => {
@@ -78,7 +78,7 @@ function chooser(flight, plots) {
   return section("more", "Any other signal", el("label", {}, "Signal ", select), box);
 }
 
-function keys(flight, clock) {
+export function keys(flight, clock) {
   const onKey = (event) => {
     const { tagName: tag, type } = event.target;
     // What is written or chosen there is no command.
@@ -108,7 +108,7 @@ function head(run, entry, result) {
   const version = run.runs[entry.run]?.version ?? run.version;
   const facts = [["Seed", entry.seed], ["tiltproof", version], ["Trace", result.trace_hash], ["Ended", result.end_reason], ["Outcome", result.outcome]].filter(([, v]) => v !== null && v !== undefined && v !== "");
   return [
-    el("nav", { "aria-label": "Flights" }, el("a", { href: "#", text: "All flights" })),
+    el("nav", { "aria-label": "Flights" }, el("a", { href: run.live ? "#all" : "#", text: "All flights" })),
     el("h1", {}, entry.name, " ", badge(entry.verdict, entry.expected)),
     entry.reason ? el("p", { class: "reason", text: entry.reason }) : null,
     el("p", { class: "facts" }, facts.map(([key, value], i) => [i > 0 ? " · " : "", `${key} `, el("b", { text: value })])),
@@ -126,7 +126,7 @@ function withoutFiles(main, run, entry) {
   return () => {};
 }
 
-function replayPanel(flight, clock) {
+export function replayPanel(flight, clock) {
   const view = el("div", { class: "view" });
   const panel = el("section", { class: "replay", id: "replay", "aria-label": "Replay" });
   const large = el("input", { type: "checkbox", checked: true });
@@ -147,7 +147,7 @@ function replayPanel(flight, clock) {
     follow.addEventListener("change", () => replay.followVehicle(follow.checked));
     reset.addEventListener("click", () => { follow.checked = replay.follow = false; replay.look(); });
   };
-  return { panel, start, close: () => replay?.close() };
+  return { panel, start, grow: () => replay?.grow(), close: () => replay?.close() };
 }
 
 // Returns what to call when it is left.

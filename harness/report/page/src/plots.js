@@ -132,6 +132,16 @@ export class Plots {
     this.move();
   }
 
+  // The flight has more rows.
+  grow() {
+    this.zooming = true;
+    for (const { spec, uplot, box } of this.plots) {
+      box.parentElement?.setAttribute("aria-label", this.describe(spec));
+      uplot?.setData(together(this.flight, spec.lines));
+    }
+    this.zooming = false;
+  }
+
   yRange(spec, low, high) {
     if (low === null || high === null || low === undefined) return [-1, 1];
     // A bound far away would flatten the lines: then it stays outside.

@@ -60,6 +60,7 @@ export class Replay {
     const sun = new DirectionalLight(0xffffff, 1.8);
     sun.position.set(2, -3, 6);
     this.scene.add(sun);
+    this.ground = this.paths = null;
     this.addPaths();
     this.addGround();
     this.addVehicle();
@@ -71,9 +72,37 @@ export class Replay {
     this.move();
   }
 
+  // A group in the place of an old one.
+  renew(old) {
+    old?.traverse((object) => {
+      object.geometry?.dispose();
+      object.material?.map?.dispose();
+      object.material?.dispose();
+    });
+    old?.removeFromParent();
+    const group = new Group();
+    this.scene.add(group);
+    return group;
+  }
+
+  // The flight has more rows.
+  grow() {
+    const [low, high] = [this.low, this.high];
+    this.addPaths();
+    const inside = this.low.x >= low.x && this.low.y >= low.y && this.high.x <= high.x && this.high.y <= high.y && this.high.z <= high.z;
+    if (inside) [this.low, this.high] = [low, high];
+    else {
+      this.addGround();
+      if (!this.follow) this.look();
+    }
+    this.move();
+  }
+
   addPaths() {
+    this.paths = this.renew(this.paths);
     this.flown = path(this.flight, ["x_m", "y_m", "z_m"]);
-    this.reference = path(this.flight, ["x_ref_m", "y_ref_m", "z_ref_m"]);
+    // Of a flight that is still flown the whole reference is known already.
+    this.reference = this.flight.path?.length > 0 ? this.flight.path.map(vector) : path(this.flight, ["x_ref_m", "y_ref_m", "z_ref_m"]);
     const all = [...this.flown, ...this.reference];
     this.low = new Vector3(Infinity, Infinity, Infinity);
     this.high = new Vector3(-Infinity, -Infinity, -Infinity);
@@ -93,7 +122,7 @@ export class Replay {
     const line = (points, material) => {
       const object = new Line(new BufferGeometry().setFromPoints(points), material);
       object.frustumCulled = false;
-      this.scene.add(object);
+      this.paths.add(object);
       return object;
     };
     const dash = this.size / 120;
@@ -104,7 +133,7 @@ export class Replay {
     if (violation_s !== null && this.flown.length > 0) {
       const ball = new Mesh(new SphereGeometry(this.size / 150), new MeshLambertMaterial({ color: colour("error") }));
       ball.position.set(...["x_m", "y_m", "z_m"].map((n) => this.flight.at(n, violation_s)));
-      if (Number.isFinite(ball.position.length())) this.scene.add(ball);
+      if (Number.isFinite(ball.position.length())) this.paths.add(ball);
     }
     for (const band of this.flight.bands.slice(0, 50)) this.addBand(band);
   }
@@ -120,11 +149,12 @@ export class Replay {
     for (const shift of [0, 1, -1]) {
       const object = new Line(new BufferGeometry().setFromPoints(points), material);
       object.position.z = (shift * this.size) / 600;
-      this.scene.add(object);
+      this.paths.add(object);
     }
   }
 
   addGround() {
+    this.ground = this.renew(this.ground);
     const step = niceStep(Math.max(this.high.x - this.low.x, this.high.y - this.low.y, 1));
     const from = [Math.floor(this.low.x / step) * step, Math.floor(this.low.y / step) * step];
     const to = [Math.ceil(this.high.x / step) * step || step, Math.ceil(this.high.y / step) * step || step];
@@ -135,12 +165,12 @@ export class Replay {
     this.low.set(from[0], from[1], 0);
     this.high.set(to[0], to[1], top);
     points.push(new Vector3(from[0], to[1], 0), new Vector3(from[0], to[1], top));
-    this.scene.add(new LineSegments(new BufferGeometry().setFromPoints(points), new LineBasicMaterial({ color: colour("grid") })));
+    this.ground.add(new LineSegments(new BufferGeometry().setFromPoints(points), new LineBasicMaterial({ color: colour("grid") })));
     const height = this.size / 34;
     const put = (text, x, y, z) => {
       const sprite = label(text);
       sprite.position.set(x, y, z);
-      this.scene.add(sprite);
+      this.ground.add(sprite);
     };
     const at = (v) => `${+v.toFixed(3)}`;
     for (let x = from[0]; x <= to[0] + step / 2; x += step) put(at(x), x, from[1] - height, 0);

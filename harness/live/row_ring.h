@@ -1,0 +1,65 @@
+// Rows of the lockstep flight that is flown now, from its worker process to the process that shows them. The worker
+// only copies: it never waits, and nobody can make it. A reader that is slow misses rows.
+//
+//   RowRing ring;                               // before the processes are forked
+//   if (ring.Begin(flight, columns)) ring.Append(row);   // in the worker
+//   const RowRing::News news = ring.Take(cursor);        // in the reader
+//   ring.Release(flight);
+//
+// Of flights that fly at the same time, it has the one that began first.
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace tiltproof::harness {
+
+class RowRing {
+ public:
+  // Four minutes of a flight with 100 columns; a page of memory is taken when it is first written.
+  static constexpr std::size_t kNumbersMax = std::size_t{1} << 21;
+
+  // Throws std::bad_alloc.
+  RowRing();
+  ~RowRing();
+  RowRing(const RowRing&) = delete;
+  RowRing& operator=(const RowRing&) = delete;
+
+  // A flight of this number begins, with rows of `column_count` numbers. False: another one is shown, or its rows are
+  // too long.
+  bool Begin(std::size_t flight, std::size_t column_count);
+  void Append(std::span<const double> row);
+  // The flight of this number is over, whatever became of its process.
+  void Release(std::size_t flight);
+
+  // How far a reader has come.
+  struct Cursor {
+    std::uint64_t turn = 0;
+    std::uint64_t rows_read = 0;
+  };
+  struct News {
+    bool begun = false;  // a flight that the reader has not seen
+    std::size_t flight = 0;
+    std::size_t column_count = 0;
+    std::vector<double> values;  // whole rows
+  };
+  // Rows since the last call; at most those that are still there.
+  News Take(Cursor& cursor) const;
+
+ private:
+  struct Shared {
+    std::atomic<std::int64_t> owner{0};  // process; 0: free
+    std::atomic<std::uint64_t> turn{0};  // odd while a flight begins
+    std::atomic<std::uint64_t> flight{0}, column_count{1}, rows_written{0};
+    std::atomic<double> numbers[kNumbersMax];
+  };
+  static_assert(std::atomic<double>::is_always_lock_free);
+  static std::uint64_t Capacity(std::uint64_t column_count) { return kNumbersMax / column_count; }
+
+  Shared* shared_;
+};
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,102 @@
+#include "harness/live/row_ring.h"
+
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <thread>
+#include <vector>
+
+namespace tiltproof::harness {
+namespace {
+
+// Every number of a row says which row it is, so that a torn row shows.
+std::vector<double> Row(std::uint64_t i, std::size_t columns) {
+  return std::vector<double>(columns, static_cast<double>(i));
+}
+
+void CheckWhole(const RowRing::News& news, double& last) {
+  for (std::size_t at = 0; at < news.values.size(); at += news.column_count) {
+    const double first = news.values[at];
+    ASSERT_GT(first, last);
+    last = first;
+    for (std::size_t c = 1; c < news.column_count; ++c) ASSERT_EQ(news.values[at + c], first);
+  }
+}
+
+TEST(RowRing, ReaderGetsEveryRowWhileItKeepsUp) {
+  RowRing ring;
+  RowRing::Cursor cursor;
+  EXPECT_TRUE(ring.Take(cursor).values.empty());
+  ASSERT_TRUE(ring.Begin(7, 3));
+  std::uint64_t count = 0;
+  for (int turn = 0; turn < 20; ++turn) {
+    std::vector<double> expected;
+    for (int i = 0; i < turn; ++i) {
+      const auto row = Row(count++, 3);
+      ring.Append(row);
+      expected.insert(expected.end(), row.begin(), row.end());
+    }
+    const RowRing::News news = ring.Take(cursor);
+    EXPECT_EQ(news.begun, turn == 0);
+    EXPECT_EQ(news.flight, 7U);
+    EXPECT_EQ(news.values, expected);
+  }
+}
+
+TEST(RowRing, SlowReaderGetsTheNewestRowsWhole) {
+  constexpr std::size_t kColumns = RowRing::kNumbersMax / 100;
+  RowRing ring;
+  ASSERT_TRUE(ring.Begin(0, kColumns));
+  for (std::uint64_t i = 0; i < 1000; ++i) ring.Append(Row(i, kColumns));
+  RowRing::Cursor cursor;
+  double last = -1;
+  const RowRing::News news = ring.Take(cursor);
+  CheckWhole(news, last);
+  EXPECT_EQ(last, 999.0);
+  EXPECT_GE(news.values.size() / kColumns, 98U);
+}
+
+TEST(RowRing, NoRowIsTornWhileItIsWritten) {
+  // So few rows fit that the writer overtakes the reader again and again.
+  constexpr std::size_t kColumns = RowRing::kNumbersMax / 8;
+  constexpr std::uint64_t kRows = 300;
+  RowRing ring;
+  ASSERT_TRUE(ring.Begin(0, kColumns));
+  std::atomic<bool> done = false;
+  std::thread writer([&] {
+    for (std::uint64_t i = 0; i < kRows; ++i) ring.Append(Row(i, kColumns));
+    done = true;
+  });
+  RowRing::Cursor cursor;
+  double last = -1;
+  while (!done) CheckWhole(ring.Take(cursor), last);
+  writer.join();
+  CheckWhole(ring.Take(cursor), last);
+  EXPECT_EQ(last, static_cast<double>(kRows - 1));
+}
+
+TEST(RowRing, OneFlightAtATimeEvenWhenItsProcessDies) {
+  RowRing ring;
+  // A worker begins a flight and dies.
+  const pid_t child = fork();
+  if (child == 0) _exit(ring.Begin(4, 5) ? 0 : 1);
+  int status = -1;
+  ASSERT_EQ(waitpid(child, &status, 0), child);
+  ASSERT_EQ(status, 0);
+  EXPECT_FALSE(ring.Begin(5, 5));
+  ring.Release(3);
+  EXPECT_FALSE(ring.Begin(5, 5));
+  ring.Release(4);
+  EXPECT_TRUE(ring.Begin(5, 5));
+  // The same worker goes on.
+  EXPECT_TRUE(ring.Begin(6, 4));
+  RowRing::Cursor cursor;
+  EXPECT_EQ(ring.Take(cursor).flight, 6U);
+  EXPECT_FALSE(ring.Begin(7, 0));
+  EXPECT_FALSE(ring.Begin(7, RowRing::kNumbersMax));
+}
+
+}  // namespace
+}  // namespace tiltproof::harness
