@@ -39,8 +39,8 @@ if(TILTPROOF_SANITIZE)
   endif()
 endif()
 
-if(TILTPROOF_FUZZ AND TILTPROOF_FUZZ_ENGINE STREQUAL "-fsanitize=fuzzer")
-  # Everything tells the engine what it has reached. With an engine of others, their flags do this.
+if(TILTPROOF_FUZZ AND TILTPROOF_SANITIZE)
+  # Everything tells the engine what it has reached. Whoever brings the sanitizer's flags brings this one, too.
   add_compile_options(-fsanitize=fuzzer-no-link)
 endif()
 

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "tests/fuzz/differential.h"
+#include "tests/fuzz/fuzz_target.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using tiltproof::testing::Bytes;
@@ -29,5 +30,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     std::fprintf(stderr, "%s", difference.c_str());
     std::abort();
   }
+  for (const auto& event : tiltproof::testing::Decode(stream))
+    tiltproof::testing::Require(!Name(event.status).empty(), "a status has a name");
   return 0;
 }

@@ -25,11 +25,13 @@ MessageStatus ByTable(const link::Protocol& protocol, link::Direction direction,
   link::Message message;
   const MessageStatus status = protocol.Decode(direction, payload, message);
   const link::MessageType* type = protocol.Classify(direction, payload);
+  Require(!Name(status).empty(), "a status has a name");
   if (status != MessageStatus::kOk) {
     Require(message.type == nullptr && message.values.empty(), "a refused message leaves nothing");
-    Require(!Name(status).empty(), "a status has a name");
     return status;
   }
+  Require(protocol.Find(type->name) == type && protocol.Find(type->kind) == type, "a type is found");
+  Require(!Name(type->kind).empty(), "a kind has a name");
   Require(type == message.type, "accepted as what it was classified");
   Require(std::ranges::equal(protocol.Encode(*type, message.values).span(), payload),
           "by table: a round trip");
@@ -60,8 +62,9 @@ MessageStatus CheckRequest(link::Dialect dialect, Payload payload) {
   link::ClientMessage message;
   const MessageStatus status = link::DecodeClientMessage(dialect, payload, message);
   const link::MessageKind kind = link::ClassifyClientPayload(dialect, payload);
+  Require(!Name(kind).empty(), "a kind has a name");
   if (status != MessageStatus::kOk) return status;
-  Require(kind != link::MessageKind::kUnknown && !Name(kind).empty(), "accepted and classified");
+  Require(kind != link::MessageKind::kUnknown, "accepted and classified");
   const link::MessageBytes again = message.start          ? link::EncodeStart(dialect, message.actuators)
                                    : message.read_sensors ? link::EncodeReadSensors(dialect)
                                                           : link::EncodeActuators(dialect, message.actuators);
