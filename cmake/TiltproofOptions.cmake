@@ -3,6 +3,7 @@
 option(TILTPROOF_BUILD_TESTS "Build the tests" ON)
 option(TILTPROOF_BUILD_BENCHMARKS "Build the benchmarks (needs Google Benchmark)" ON)
 option(TILTPROOF_FUZZ "Build the libFuzzer targets (needs clang)" OFF)
+set(TILTPROOF_FUZZ_ENGINE "-fsanitize=fuzzer" CACHE STRING "What links a fuzz target to its engine; OSS-Fuzz brings its own")
 option(TILTPROOF_CODEC_ONLY "Build only what reads untrusted bytes: link, faults, firmware (for sanitizer and fuzz builds)" OFF)
 set(TILTPROOF_SANITIZE "" CACHE STRING "Value for -fsanitize=, for example address,undefined")
 
@@ -36,6 +37,11 @@ if(TILTPROOF_SANITIZE)
     # The thread sanitizer does not know fences; Asio's queues have locks beside them.
     add_compile_definitions(BOOST_ASIO_DISABLE_FENCED_BLOCK)
   endif()
+endif()
+
+if(TILTPROOF_FUZZ AND TILTPROOF_SANITIZE)
+  # Everything tells the engine what it has reached. Whoever brings the sanitizer's flags brings this one, too.
+  add_compile_options(-fsanitize=fuzzer-no-link)
 endif()
 
 include_directories(${PROJECT_SOURCE_DIR})

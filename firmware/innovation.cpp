@@ -48,7 +48,8 @@ float Misfit(const MotionState& sample, const MotionState& predicted, const Moti
   for (std::size_t i = 0; i < kSensorCount; ++i) {
     const float spread = kSpreadOfChange * change[i];
     const float variance = kSpreadFloor[i] * kSpreadFloor[i] + spread * spread;
-    sum += std::min(difference[i] * difference[i] / variance, kSignalMisfitMax);
+    // In this order, what is no number agrees with nothing.
+    sum += std::min(kSignalMisfitMax, difference[i] * difference[i] / variance);
   }
   return sum;
 }

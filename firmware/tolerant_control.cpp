@@ -86,8 +86,10 @@ std::optional<Sensors> TolerantControl::Accept(TimeNs now, const Sensors& sensor
   const Sensors predicted = ToSensors(timeline_.At(*step));
   const ModelStep elapsed = *step - timeline_.last_sample_step();
   Sensors clean = screen_.Patch(sensors, predicted);
-  if (matcher_.lost()) {
+  // From rates that no vehicle has, the model soon computes what is no number.
+  if (matcher_.lost() || !IsFinite(predicted)) {
     clean = IsFinite(sensors) ? sensors : clean;
+    if (!IsFinite(clean)) return std::nullopt;
     screen_.Begin(clean);
     timeline_.SetLag(0);
     lag_estimator_.Reset();
@@ -144,7 +146,9 @@ Actuators TolerantControl::Command(TimeNs now, const Sensors* fresh, const Refer
     last_command_ = law_.Step(*fresh, reference, integration);
   } else {
     const float ahead_s = kModelStep_s * static_cast<float>(acts - period_step_);
-    last_command_ = law_.Step(ToSensors(timeline_.At(acts)), Ahead(reference, ahead_s), integration);
+    // A prediction that is no number leaves the last command as it is: the law's integrals would keep it for ever.
+    if (const Sensors predicted = ToSensors(timeline_.At(acts)); IsFinite(predicted))
+      last_command_ = law_.Step(predicted, Ahead(reference, ahead_s), integration);
   }
   const ActuatorModel& actuators = actuator_monitor_.model();
   saturated_ = !actuators.CanDeliver(last_command_);

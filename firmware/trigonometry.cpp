@@ -11,7 +11,15 @@ constexpr float kHalfPiMiddle = 4.837512969970703125e-4F;
 constexpr float kHalfPiLow = 7.549789954891882e-8F;
 constexpr float kTwoOverPi = 0.636619772367581F;
 
+// Not NaN, and no number so large that an angle has no meaning.
+bool IsOrdinary(float value) {
+  constexpr float kBeyond = 1e5F;
+  return value > -kBeyond && value < kBeyond;
+}
+
+// 0 for what is no angle.
 std::int32_t Nearest(float value) {
+  if (!IsOrdinary(value)) return 0;
   return static_cast<std::int32_t>(value < 0 ? value - 0.5F : value + 0.5F);
 }
 
@@ -70,6 +78,7 @@ float ArcTangent(float y, float x) {
 }
 
 float WrapAngle(float angle_rad) {
+  if (!IsOrdinary(angle_rad)) return 0;
   while (angle_rad > kPi) angle_rad -= 2 * kPi;
   while (angle_rad <= -kPi) angle_rad += 2 * kPi;
   return angle_rad;

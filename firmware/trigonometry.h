@@ -16,13 +16,13 @@ struct SineCosine {
   float sine = 0, cosine = 1;
 };
 
-// |angle_rad| <= 100.
+// |angle_rad| <= 100; numbers without meaning for others.
 SineCosine ComputeSineCosine(float angle_rad);
 
 // The angle of the point (x, y), in [-pi, pi]; 0 for the origin.
 float ArcTangent(float y, float x);
 
-// The same angle in (-pi, pi], for |angle_rad| <= 100.
+// The same angle in (-pi, pi], for |angle_rad| <= 100; 0 for what is no angle.
 float WrapAngle(float angle_rad);
 
 }  // namespace tiltproof::firmware

@@ -39,7 +39,8 @@ void InitialiseOde() {
     Library& operator=(const Library&) = delete;
   };
   static const Library library;
-  thread_local const bool has_thread_data = dAllocateODEDataForThread(dAllocateMaskAll) != 0;
+  thread_local const bool has_thread_data =
+      dAllocateODEDataForThread(static_cast<unsigned int>(dAllocateMaskAll)) != 0;
   if (!has_thread_data) throw PlantError("ODE cannot allocate its data");
 }
 

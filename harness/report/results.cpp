@@ -140,7 +140,13 @@ FlightResult NotFlown(const PlannedFlight& flight, const std::string& reason) {
 
 std::string ToJsonText(const FlightResult& result) { return JsonText(ToFile(result), 2) + "\n"; }
 
-FlightResult ResultFromJsonText(const std::string& text) { return ResultFromFile(Json::parse(text)); }
+FlightResult ResultFromJsonText(const std::string& text) {
+  try {
+    return ResultFromFile(Json::parse(text));
+  } catch (const std::exception& error) {
+    throw std::runtime_error(std::string("not the result of a flight: ") + error.what());
+  }
+}
 
 void WriteRunInfo(const std::filesystem::path& folder, const RunInfo& info) {
   Json json = {{"format", kResultsFormat}};

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 namespace tiltproof::firmware {
@@ -48,6 +49,18 @@ TEST(TrigonometryTest, WrapsIntoOneTurn) {
     ASSERT_GT(wrapped_rad, -kPi);
     ASSERT_LE(wrapped_rad, kPi);
     ASSERT_NEAR(std::remainder(static_cast<double>(wrapped_rad - angle_rad), 2 * std::numbers::pi), 0, 2e-5);
+  }
+}
+
+// What is no angle has a defined result, in a bounded time.
+TEST(TrigonometryTest, TakesAnyNumber) {
+  using Limits = std::numeric_limits<float>;
+  for (const float value :
+       {Limits::quiet_NaN(), Limits::infinity(), -Limits::infinity(), Limits::max(), 1e20F}) {
+    ComputeSineCosine(value);
+    ComputeSineCosine(-value);
+    EXPECT_EQ(WrapAngle(value), 0);
+    EXPECT_EQ(WrapAngle(-value), 0);
   }
 }
 

@@ -129,6 +129,12 @@ TEST_F(ReportTest, AResultOfANewerFormatIsRefused) {
               HasSubstr("written by a newer tiltproof (format 2; this one reads formats up to 1)"));
 }
 
+TEST_F(ReportTest, WhatIsNoResultSaysSo) {
+  for (const char* text : {"", "{", "[]", "{\"name\": 7}"})
+    EXPECT_THAT(ErrorOf([&] { ResultFromJsonText(text); }), HasSubstr("not the result of a flight: "))
+        << text;
+}
+
 TEST_F(ReportTest, ExitCodesFollowTheirPrecedence) {
   const auto pass = Result(Verdict::kPass, Verdict::kPass), fail = Result(Verdict::kFail, Verdict::kPass),
              expected_fail = Result(Verdict::kFail, Verdict::kFail),
