@@ -45,7 +45,7 @@ std::string Paragraphs(const std::string& text) {
   return roff;
 }
 
-std::string Heading(std::string name, const std::string& help, const std::string& date) {
+std::string Heading(const std::string& name, const std::string& help, const std::string& date) {
   std::string upper = name;
   std::transform(upper.begin(), upper.end(), upper.begin(), [](unsigned char c) { return std::toupper(c); });
   return fmt::format(
