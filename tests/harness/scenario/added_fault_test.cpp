@@ -12,7 +12,7 @@ using ::testing::HasSubstr;
 class AddedFaultTest : public FaultFile {
  protected:
   Scenario Add(const std::string& text) {
-    const Scenario scenario = Read("  - {id: first, type: harness.null, target: to_client}\n");
+    const Scenario scenario = Read("  - {id: first, type: harness.null}\n");
     return AddFault(scenario, {.text = text, .id = "injected-1", .start_ns = 1'234 * kNsPerMs}, options_);
   }
   std::string ErrorOf(const std::string& text) {
@@ -50,7 +50,7 @@ TEST_F(AddedFaultTest, SaysWhatIsWrongAndWhere) {
   EXPECT_THAT(ErrorOf("{type: frame.dorp, target: to_client}"), HasSubstr("frame.drop"));
   EXPECT_THAT(ErrorOf("{id: first, type: link.silence, target: to_client}"), HasSubstr("first"));
   EXPECT_THAT(ErrorOf("{type: link.silence, target: to_client, start_s: 3}"),
-              HasSubstr("fault:1:42: start_s: a fault that is injected begins now"));
+              HasSubstr("fault:1:41: start_s: a fault that is injected begins now"));
   EXPECT_THAT(ErrorOf("{type: link.silence, target: to_client, duration_s: long}"), HasSubstr("duration_s"));
   EXPECT_THAT(ErrorOf("{type: link.silence, target: to_client, duration_s: -1}"), HasSubstr("duration_s"));
   EXPECT_THAT(ErrorOf("{type: link.silence, nonsense: 1, target: to_client}"), HasSubstr("nonsense"));
