@@ -34,7 +34,7 @@ class TerminalTest(CommandLineTest):
         self.assertTrue(found and all(found), shown)
         counts = [(int(match[1]), int(match[2])) for match in found]
         self.assertEqual(counts, sorted(counts))
-        self.assertEqual({done for done, _ in counts} & {0, 1}, {0, 1}, counts)
+        self.assertGreater(len({done for done, _ in counts}), 1, counts)
         self.assertTrue(all(bad == (done == 4) for done, bad in counts), counts)
         self.assertLess(max(map(len, shown)), 80)
         self.assertTrue(text.endswith("\r\033[K"), "nothing of it stays")
