@@ -22,6 +22,6 @@ void AddClientHistory(RunLog& log, std::size_t client, const link::Protocol& pro
 
 // Adds to the reason of a flight that never started what is wrong with the client's lines, as far as the
 // events tell.
-void ExplainNeverStarted(RunLog& log);
+void ExplainNeverStarted(RunLog& log, const link::Protocol& protocol);
 
 }  // namespace tiltproof::harness

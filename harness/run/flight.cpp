@@ -336,7 +336,7 @@ void Conductor::Finish() {
     AddClientHistory(log_, client, protocol, BootSign::kReset);
     log_.clients[client].protocol = UseOfProtocol(log_.link, client, protocol, MainBaud(scenario_.link));
   }
-  ExplainNeverStarted(log_);
+  ExplainNeverStarted(log_, *scenario_.link.protocol);
 }
 
 }  // namespace

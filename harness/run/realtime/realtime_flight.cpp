@@ -187,7 +187,7 @@ RunLog RealtimeConductor::Run() {
       client != nullptr && client->client && AbilitiesOf(*client->client, true).tells_resets;
   AddClientHistory(log, 0, *scenario_.link.protocol, tells_resets ? BootSign::kReset : BootSign::kStart);
   log.clients[0].protocol = UseOfProtocol(log.link, 0, *scenario_.link.protocol, MainBaud(scenario_.link));
-  ExplainNeverStarted(log);
+  ExplainNeverStarted(log, *scenario_.link.protocol);
   if (options_.score) {
     dds::Score score = options_.score(log);
     score.run_id = run_id_;

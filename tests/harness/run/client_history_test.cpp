@@ -83,5 +83,37 @@ TEST(ClientHistory, ResetsCountFromTheStartOfTheFlight) {
   EXPECT_THAT(log.clients[0].restarts, ElementsAre(Restart{10, "reset by watchdog"}));
 }
 
+std::string Explained(RunLog& log) {
+  log.end_reason = EndReason::kNeverStarted;
+  log.end_text = "why";
+  ExplainNeverStarted(log, kPaper);
+  return log.end_text;
+}
+
+TEST(ClientHistory, AFlightThatNeverStartedSaysWhatArrived) {
+  RunLog silent;
+  const Framed start = Start(), request = Request();
+  Sends(silent, 0, start.bytes());  // and it was lost
+  EXPECT_EQ(Explained(silent), "why; not a byte arrived from the firmware");
+
+  RunLog running;
+  for (TimeNs t = 0; t < 3; ++t) Sends(running, t, request.bytes(), Direction::kToPlant, true);
+  EXPECT_EQ(
+      Explained(running),
+      "why; 24 bytes arrived, 3 x `read_sensors`; if it was running already, reset it: a flight begins with "
+      "`start`");
+
+  RunLog damaged;
+  std::vector<std::uint8_t> wrong(start.bytes().begin(), start.bytes().end());
+  wrong[2] ^= 1;
+  Sends(damaged, 0, wrong, Direction::kToPlant, true);
+  EXPECT_THAT(Explained(damaged), testing::HasSubstr("1 frame refused (bad_checksum)"));
+
+  RunLog other;
+  const std::vector<std::uint8_t> text(40, 'x');
+  Sends(other, 0, text, Direction::kToPlant, true);
+  EXPECT_EQ(Explained(other), "why; 40 bytes arrived, and no frame among them");
+}
+
 }  // namespace
 }  // namespace tiltproof::harness

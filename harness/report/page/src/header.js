@@ -7,7 +7,7 @@ export function header(title, facts, live = false) {
   document.getElementById("header").replaceChildren(
     el("a", { href: "#", class: "home" }, el("span", { class: "logo", "aria-hidden": "true", text: "◭" }), el("span", { text: `tiltproof · ${title}` })),
     el("span", { class: "facts", text: facts.join(" · ") }),
-    live ? el("a", { href: "#live", class: "now-flying", text: "Now flying" }) : null,
+    ...(live ? [el("a", { href: "#live", class: "now-flying", text: "Now flying" })] : []),
     el("button", { type: "button", class: "theme", onclick: toggleTheme, text: "Light / dark" }),
   );
 }
