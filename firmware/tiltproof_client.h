@@ -19,7 +19,7 @@
  * several boards may exist at once, so keep state in the TiltproofClient.
  *
  * UART 0 is the main line (sensors and actuators), UART 1 brings references. Frames and messages:
- * link/frame.h, firmware/messages.h.
+ * docs/wire.md; in C++, link/frame.h and firmware/messages.h have them.
  */
 #ifndef TILTPROOF_CLIENT_H
 #define TILTPROOF_CLIENT_H
