@@ -36,7 +36,7 @@ std::string Broken(const std::vector<std::string>& words, std::size_t indent, st
   std::string text = margin, line = words.front();
   for (std::size_t i = 1; i < words.size(); ++i) {
     if (indent + ColumnsOf(line) + 1 + ColumnsOf(words[i]) + end.size() > columns) {
-      text += line + std::string(end) + "\n" + margin;
+      text.append(line).append(end).append("\n").append(margin);
       line = words[i];
     } else {
       line += " " + words[i];
