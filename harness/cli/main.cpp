@@ -48,6 +48,15 @@ int Main(int argc, char** argv) {
   app.failure_message(CLI::FailureMessage::simple);
   std::function<int()> command;
 
+  // A port whose number may be left out.
+  const auto add_port = [](CLI::App* to, const char* name, std::optional<int>& port, const char* text,
+                           int usual, int least) {
+    to->add_option(name, port, text)
+        ->type_name("PORT")
+        ->expected(0, 1)
+        ->default_str(std::to_string(usual))
+        ->check(CLI::Range(least, 65535));
+  };
   const auto add_bus_options = [](CLI::App* to, int& domain, std::string& interface,
                                   std::vector<std::string>& peers) {
     to->add_option("--domain", domain, "DDS domain (default: the first free one; attached nodes: 1)")
@@ -118,26 +127,17 @@ int Main(int argc, char** argv) {
                    "size), or none")
       ->check(CLI::IsMember({"csv", "packed", "none"}))
       ->capture_default_str();
-  run_app
-      ->add_option(
-          "--gdb", run.gdb_port,
-          "Wait for a debugger at power-on: at an emulated processor (QEMU's gdb server on this PORT of this "
-          "machine), or a library")
-      ->type_name("PORT")
-      ->expected(0, 1)
-      ->default_str(std::to_string(DebugStop::kPort))
-      ->check(CLI::Range(1, 65535));
+  add_port(
+      run_app, "--gdb", run.gdb_port,
+      "Wait for a debugger at power-on: at an emulated processor (QEMU's gdb server on this PORT of this "
+      "machine), or a library",
+      DebugStop::kPort, 1);
   run_app->add_option("--gdb-at", run.gdb_at_s, "Wait for it at this time of the flight instead, in s")
       ->check(CLI::Range(0.0, 14400.0));
-  run_app
-      ->add_option(
-          "--live", run.live_port,
-          "Serve the report's page while the run is flown, on this PORT of 127.0.0.1 (0: any that is free). "
-          "With --mode realtime it can also abort, and inject faults")
-      ->type_name("PORT")
-      ->expected(0, 1)
-      ->default_str(std::to_string(kLivePort))
-      ->check(CLI::Range(0, 65535));
+  add_port(run_app, "--live", run.live_port,
+           "Serve the report's page while the run is flown, on this PORT of 127.0.0.1 (0: any that is free). "
+           "With --mode realtime it can also abort, and inject faults",
+           kLivePort, 0);
   run_app->add_flag("--live-wait", run.live_waits, "Fly only when Start is pressed on that page");
   run_app->add_flag("--no-report", run.no_report, "Write no report.html");
   run_app->add_flag("--no-progress", run.no_progress, "No progress line on the terminal");
@@ -349,15 +349,10 @@ int Main(int argc, char** argv) {
   add_bus_options(node_app, node.domain, node.interface, node.peers);
   node_app->add_option("--xmit-loss", node.xmit_loss, "Lose this share of what is sent on the bus, 0 to 1")
       ->check(CLI::Range(0.0, 1.0));
-  node_app
-      ->add_option(
-          "--http", node.http_port,
-          "monitor: also serve the report's page of the flight that it hears, on this PORT of 127.0.0.1 "
-          "(0: any that is free)")
-      ->type_name("PORT")
-      ->expected(0, 1)
-      ->default_str(std::to_string(kLivePort))
-      ->check(CLI::Range(0, 65535));
+  add_port(node_app, "--http", node.http_port,
+           "monitor: also serve the report's page of the flight that it hears, on this PORT of 127.0.0.1 "
+           "(0: any that is free)",
+           kLivePort, 0);
   // How a harness starts its own nodes.
   node_app->add_option("--tag", node.tag)->group("");
   node_app->add_option("--child", node.child)->group("");

@@ -20,8 +20,8 @@ enum class BootSign : std::uint8_t {
 // Sets the restarts and sent_request_times_ns of one client.
 void AddClientHistory(RunLog& log, std::size_t client, const link::Protocol& protocol, BootSign sign);
 
-// Adds to the reason of a flight that never started what is wrong with the client's lines, as far as the
-// events tell.
+// Adds to the reason of a flight that never started what arrived at the server instead, and what is wrong with the
+// client's lines, as far as the events tell.
 void ExplainNeverStarted(RunLog& log, const link::Protocol& protocol);
 
 }  // namespace tiltproof::harness
