@@ -97,6 +97,13 @@ class EmulatorTest(unittest.TestCase):
     def emulators(self, flight):
         return [pid for pid, command in flight.processes().items() if "qemu-system-arm" in command[0] and "-kernel" in command]
 
+    def emulator(self, flight):
+        """Once it is there: the plant may have its port before the board has its emulator."""
+        def there():
+            self.assertIsNone(flight.process.poll(), flight.text())
+            return self.emulators(flight)
+        return wait_until(there, 20, lambda: f"no emulator: {flight.text()}")[0]
+
     def log(self, flight):
         return read(next(flight.run_folder.glob("*/firmware.log"))).decode()
 
@@ -225,21 +232,20 @@ class EmulatorTest(unittest.TestCase):
             self.skipTest("this machine has but one")
         flight = self.start("qemu", duration_s=10)
         flight.wait_flying()
-        emulator = self.emulators(flight)[0]
+        emulator = self.emulator(flight)
         wait_until(lambda: len(one := self.processors(emulator)) == 1 and one.pop().isdigit(), 5, lambda: self.processors(emulator))
         flight.end()
         # One that never sleeps would have its devices wait.
         flight = self.start(f"qemu:{write_image(self.folder / 'busy.elf', ENDLESS_LOOP)}", duration_s=10)
         flight.wait_flying()
-        emulator = self.emulators(flight)[0]
+        emulator = self.emulator(flight)
         wait_until(lambda: not any(one.isdigit() for one in self.processors(emulator)), 8, lambda: self.processors(emulator))
 
     # what may go wrong
 
     def test_emulator_that_is_killed(self):
         flight = self.start("qemu", duration_s=10)
-        emulator = wait_until(lambda: flight.process.poll() is None and flight.events() is not None and self.emulators(flight), 20,
-                              lambda: f"no emulator: {flight.text()}")[0]
+        emulator = self.emulator(flight)
         flight.wait_flying()
         os.kill(emulator, signal.SIGKILL)
         # Nothing that the firmware has done.
