@@ -38,8 +38,10 @@ class Library {
       // An absolute path, or dlopen would search the system's folders for a bare name.
       : path_(std::filesystem::absolute(file).string()) {
     if (!std::filesystem::exists(path_)) throw std::runtime_error("no firmware library at " + path_);
-    handle_ = FirmwareGuard::Call(FirmwareCall::kLoad,
-                                  [&] { return dlopen(path_.c_str(), RTLD_NOW | RTLD_LOCAL); });
+    handle_ = LibraryCoverage::Load([&] {
+      return FirmwareGuard::Call(FirmwareCall::kLoad,
+                                 [&] { return dlopen(path_.c_str(), RTLD_NOW | RTLD_LOCAL); });
+    });
     if (handle_ == nullptr)
       throw std::runtime_error("cannot load firmware library: " + std::string(dlerror()));
 
@@ -86,7 +88,7 @@ class Library {
 class LibraryClient final : public Client {
  public:
   LibraryClient(const std::filesystem::path& library, const std::string& firmware, std::string dialect,
-                ClientHost host, std::unique_ptr<CapturedOutput> output)
+                ClientHost host, std::unique_ptr<CapturedOutput> output, bool coverage)
       : host_(std::move(host)),
         output_(std::move(output)),
         library_(library),
@@ -112,6 +114,7 @@ class LibraryClient final : public Client {
         return client->Log(client->clock_.When(now_ns), text == nullptr ? "" : text);
       });
     };
+    LibraryCoverage::Count(coverage);
     client_ = Guarded(FirmwareCall::kCreate, [&] { return library_.create(&interface_); });
     if (client_ == nullptr) {
       std::string text = library_.path() + " cannot be firmware '" + firmware_ + "' with dialect '" +
@@ -204,6 +207,7 @@ class LibraryClient final : public Client {
     return {.supervisor_state = status ? std::optional(status->supervisor_state) : std::nullopt,
             .watched = {}};
   }
+  Coverage CodeCoverage() override { return LibraryCoverage::Read(); }
 
  private:
   std::optional<ClientStatus> AskStatus() {
@@ -287,8 +291,9 @@ class LibraryClient final : public Client {
 
 std::unique_ptr<Client> LoadLibraryClient(const std::filesystem::path& library, const std::string& firmware,
                                           const std::string& dialect, ClientHost host,
-                                          std::unique_ptr<CapturedOutput> output) {
-  return std::make_unique<LibraryClient>(library, firmware, dialect, std::move(host), std::move(output));
+                                          std::unique_ptr<CapturedOutput> output, bool coverage) {
+  return std::make_unique<LibraryClient>(library, firmware, dialect, std::move(host), std::move(output),
+                                         coverage);
 }
 
 namespace {

@@ -43,6 +43,8 @@ struct EmulatorSpec {
   bool halted = false;
   // The lines have no rate: sending takes no time.
   bool ideal_lines = false;
+  // Blocks of code that are executed are counted: EmulatorProcess::BlockCounts().
+  bool coverage = false;
 };
 
 // Arguments of QEMU that load the plug-in with the rest of its own arguments, "a=1,b=2".
