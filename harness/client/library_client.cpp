@@ -21,6 +21,7 @@
 #include "firmware/tiltproof_client.h"
 #include "harness/client/device_clock.h"
 #include "harness/client/firmware_guard.h"
+#include "harness/client/sanitizer.h"
 #include "harness/client/task_delays.h"
 #include "harness/process/child_process.h"
 #include "harness/process/own_time.h"
@@ -221,6 +222,11 @@ class LibraryClient final : public Client {
   std::invoke_result_t<const Function&> Guarded(FirmwareCall call, const Function& function) {
     try {
       return FirmwareGuard::Call(call, function);
+    } catch (const FirmwareTrouble& trouble) {
+      lost_ = true;
+      LogAllOutput();
+      if (trouble.hung || report_.text().empty()) throw;
+      throw FirmwareTrouble(false, fmt::format("{}: {}", trouble.what(), report_.text()));
     } catch (...) {
       lost_ = true;
       LogAllOutput();
@@ -255,10 +261,14 @@ class LibraryClient final : public Client {
 
   void LogOutput(BootTime now) {
     logged_ns_ = now;
-    if (output_) output_->TakeLines([&](const std::string& line) { host_.log(now, line); });
+    if (output_) output_->TakeLines([&](const std::string& line) { LogLine(now, line); });
   }
   void LogAllOutput() {
-    if (output_) output_->TakeAll([&](const std::string& line) { host_.log(logged_ns_, line); });
+    if (output_) output_->TakeAll([&](const std::string& line) { LogLine(logged_ns_, line); });
+  }
+  void LogLine(BootTime now, const std::string& line) {
+    report_.Look(line);
+    host_.log(now, line);
   }
 
   // Looking for output takes a while.
@@ -266,6 +276,7 @@ class LibraryClient final : public Client {
 
   ClientHost host_;
   std::unique_ptr<CapturedOutput> output_;
+  SanitizerReport report_;  // in it
   Library library_;
   std::string firmware_, dialect_;
   TiltproofHost interface_{};

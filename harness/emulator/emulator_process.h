@@ -95,6 +95,10 @@ class EmulatorProcess {
   std::string Registers();
   lockstep::UsartStates UsartStates();
 
+  // How often each block of code has been executed, by its place (lockstep::BlockCounts); also when the emulator has
+  // ended. Empty unless its spec asks for coverage.
+  std::span<const std::uint8_t> BlockCounts() const;
+
   // What QEMU has printed so far: nothing, unless something is wrong.
   const std::string& Errors();
 
@@ -105,7 +109,12 @@ class EmulatorProcess {
   void Read(std::span<std::uint8_t> into);
   [[noreturn]] void ThrowEnded();
 
+  struct Unmap {
+    void operator()(lockstep::BlockCounts* counts) const;
+  };
+
   int socket_ = -1;
+  std::unique_ptr<lockstep::BlockCounts, Unmap> block_counts_;
   TimeNs hung_after_ns_;
   std::unique_ptr<ChildProcess> process_;
   std::unique_ptr<SharedProcessor> together_;
