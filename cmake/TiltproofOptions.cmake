@@ -33,6 +33,7 @@ endif()
 if(TILTPROOF_SANITIZE)
   add_compile_options(-fsanitize=${TILTPROOF_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
   add_link_options(-fsanitize=${TILTPROOF_SANITIZE})
+  add_compile_definitions(TILTPROOF_SANITIZED)
   if(TILTPROOF_SANITIZE STREQUAL thread)
     # The thread sanitizer does not know fences; Asio's queues have locks beside them.
     add_compile_definitions(BOOST_ASIO_DISABLE_FENCED_BLOCK)

@@ -15,6 +15,7 @@
 #include "harness/cli/commands.h"
 #include "harness/client/firmware_files.h"
 #include "harness/client/library_client.h"
+#include "harness/client/sanitizer.h"
 #include "harness/report/build_id.h"
 #include "link/serial_port.h"
 #include "link/unix_socket.h"
@@ -53,6 +54,7 @@ ClientSpec ReadClientFlag(const std::string& text) {
       const auto file = BuiltFile(client);
       if (!std::filesystem::is_regular_file(file))
         throw ClientMistake(fmt::format("no library at {}", file.string()));
+      PreloadSanitizer(file);
     }
     return client;
   } catch (const ClientMistake& mistake) {

@@ -10,17 +10,21 @@
 #include <stdexcept>
 #include <utility>
 
-// Of the sanitizers, in a build that has them: their reports are ours.
+// In a build with sanitizers, their reports are ours. In any other they are those of a library under test.
+#ifdef TILTPROOF_SANITIZED
 extern "C" __attribute__((weak)) void __sanitizer_set_report_fd(void* descriptor);  // NOLINT
+#endif
 
 namespace tiltproof::harness {
 namespace {
 
 constexpr int kBufferBytes = 1 << 20;
 
-void SetReportDescriptor(int descriptor) {
+void SetReportDescriptor([[maybe_unused]] int descriptor) {
+#ifdef TILTPROOF_SANITIZED
   if (__sanitizer_set_report_fd != nullptr)
     __sanitizer_set_report_fd(reinterpret_cast<void*>(static_cast<std::intptr_t>(descriptor)));
+#endif
 }
 
 }  // namespace

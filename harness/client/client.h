@@ -12,6 +12,7 @@
 
 #include "faults/device_command.h"
 #include "faults/model.h"
+#include "harness/client/coverage.h"
 #include "link/fields.h"
 #include "link/time.h"
 
@@ -86,6 +87,8 @@ class Client {
   virtual std::optional<ClientStatus> Status() = 0;
   // At the client's present time, between two calls of Grant().
   virtual ClientSample Sample() = 0;
+  // Since its power-on, when it was made to tell; also after the flight.
+  virtual Coverage CodeCoverage() { return {}; }
 };
 
 }  // namespace tiltproof::harness

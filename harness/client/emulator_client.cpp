@@ -191,6 +191,14 @@ class EmulatorClient final : public Client {
     return sample;
   }
 
+  Coverage CodeCoverage() override {
+    Coverage coverage;
+    const auto counts = board_->BlockCounts();
+    if (!counts.empty()) coverage.kind = CoverageKind::kBlocks;
+    AddFeatures(counts, 0, coverage.features);
+    return coverage;
+  }
+
  private:
   // Throws EmulatorTrouble.
   std::optional<TiltproofClientStatus> ReadStatus() {

@@ -21,6 +21,7 @@
 #include "firmware/tiltproof_client.h"
 #include "harness/client/device_clock.h"
 #include "harness/client/firmware_guard.h"
+#include "harness/client/sanitizer.h"
 #include "harness/client/task_delays.h"
 #include "harness/process/child_process.h"
 #include "harness/process/own_time.h"
@@ -38,8 +39,10 @@ class Library {
       // An absolute path, or dlopen would search the system's folders for a bare name.
       : path_(std::filesystem::absolute(file).string()) {
     if (!std::filesystem::exists(path_)) throw std::runtime_error("no firmware library at " + path_);
-    handle_ = FirmwareGuard::Call(FirmwareCall::kLoad,
-                                  [&] { return dlopen(path_.c_str(), RTLD_NOW | RTLD_LOCAL); });
+    handle_ = LibraryCoverage::Load([&] {
+      return FirmwareGuard::Call(FirmwareCall::kLoad,
+                                 [&] { return dlopen(path_.c_str(), RTLD_NOW | RTLD_LOCAL); });
+    });
     if (handle_ == nullptr)
       throw std::runtime_error("cannot load firmware library: " + std::string(dlerror()));
 
@@ -86,7 +89,7 @@ class Library {
 class LibraryClient final : public Client {
  public:
   LibraryClient(const std::filesystem::path& library, const std::string& firmware, std::string dialect,
-                ClientHost host, std::unique_ptr<CapturedOutput> output)
+                ClientHost host, std::unique_ptr<CapturedOutput> output, bool coverage)
       : host_(std::move(host)),
         output_(std::move(output)),
         library_(library),
@@ -112,6 +115,7 @@ class LibraryClient final : public Client {
         return client->Log(client->clock_.When(now_ns), text == nullptr ? "" : text);
       });
     };
+    LibraryCoverage::Count(coverage);
     client_ = Guarded(FirmwareCall::kCreate, [&] { return library_.create(&interface_); });
     if (client_ == nullptr) {
       std::string text = library_.path() + " cannot be firmware '" + firmware_ + "' with dialect '" +
@@ -204,6 +208,7 @@ class LibraryClient final : public Client {
     return {.supervisor_state = status ? std::optional(status->supervisor_state) : std::nullopt,
             .watched = {}};
   }
+  Coverage CodeCoverage() override { return LibraryCoverage::Read(); }
 
  private:
   std::optional<ClientStatus> AskStatus() {
@@ -217,6 +222,11 @@ class LibraryClient final : public Client {
   std::invoke_result_t<const Function&> Guarded(FirmwareCall call, const Function& function) {
     try {
       return FirmwareGuard::Call(call, function);
+    } catch (const FirmwareTrouble& trouble) {
+      lost_ = true;
+      LogAllOutput();
+      if (trouble.hung || report_.text().empty()) throw;
+      throw FirmwareTrouble(false, fmt::format("{}: {}", trouble.what(), report_.text()));
     } catch (...) {
       lost_ = true;
       LogAllOutput();
@@ -251,10 +261,14 @@ class LibraryClient final : public Client {
 
   void LogOutput(BootTime now) {
     logged_ns_ = now;
-    if (output_) output_->TakeLines([&](const std::string& line) { host_.log(now, line); });
+    if (output_) output_->TakeLines([&](const std::string& line) { LogLine(now, line); });
   }
   void LogAllOutput() {
-    if (output_) output_->TakeAll([&](const std::string& line) { host_.log(logged_ns_, line); });
+    if (output_) output_->TakeAll([&](const std::string& line) { LogLine(logged_ns_, line); });
+  }
+  void LogLine(BootTime now, const std::string& line) {
+    report_.Look(line);
+    host_.log(now, line);
   }
 
   // Looking for output takes a while.
@@ -262,6 +276,7 @@ class LibraryClient final : public Client {
 
   ClientHost host_;
   std::unique_ptr<CapturedOutput> output_;
+  SanitizerReport report_;  // in it
   Library library_;
   std::string firmware_, dialect_;
   TiltproofHost interface_{};
@@ -287,8 +302,9 @@ class LibraryClient final : public Client {
 
 std::unique_ptr<Client> LoadLibraryClient(const std::filesystem::path& library, const std::string& firmware,
                                           const std::string& dialect, ClientHost host,
-                                          std::unique_ptr<CapturedOutput> output) {
-  return std::make_unique<LibraryClient>(library, firmware, dialect, std::move(host), std::move(output));
+                                          std::unique_ptr<CapturedOutput> output, bool coverage) {
+  return std::make_unique<LibraryClient>(library, firmware, dialect, std::move(host), std::move(output),
+                                         coverage);
 }
 
 namespace {

@@ -15,10 +15,11 @@ namespace tiltproof::harness {
 // Loads the library and creates its client as build `firmware`. Throws std::runtime_error saying what is
 // wrong with the file: missing, not a library, a function missing, another interface version, or an unknown
 // build or dialect. Its output is logged when `output` captures it. A failure in tiltproof_client_destroy is
-// a warning on standard error: destroy the client when the flight is judged.
+// a warning on standard error: destroy the client when the flight is judged. `coverage`: it tells what code it executes.
 std::unique_ptr<Client> LoadLibraryClient(const std::filesystem::path& library, const std::string& firmware,
                                           const std::string& dialect, ClientHost host,
-                                          std::unique_ptr<CapturedOutput> output = nullptr);
+                                          std::unique_ptr<CapturedOutput> output = nullptr,
+                                          bool coverage = false);
 
 // Why the file is not a firmware library, tested in a separate process; nullopt when it is one.
 std::optional<std::string> LibraryMistake(const std::filesystem::path& library);

@@ -14,6 +14,7 @@ std::unique_ptr<Client> MakeClient(const ClientSpec& client, const ClientSetting
     EmulatorSpec board = BoardOf(*image, settings.firmware, *settings.protocol);
     if (settings.debug) board.gdb_port = settings.debug->port;
     board.halted = settings.debug && !settings.debug->at_ns;
+    board.coverage = settings.coverage;
     return StartEmulatorClient(board, settings.lines, settings.start_within_ns, settings.watch,
                                settings.debug ? settings.debug->at_ns : std::nullopt, std::move(host));
   }
@@ -21,7 +22,8 @@ std::unique_ptr<Client> MakeClient(const ClientSpec& client, const ClientSetting
   if (const auto* library = std::get_if<HostLibrary>(&client)) {
     auto loaded = LoadLibraryClient(FirmwareFile(client, settings.firmware, settings.protocol->name),
                                     settings.firmware, settings.protocol->name, std::move(host),
-                                    library->file.empty() ? nullptr : std::make_unique<CapturedOutput>());
+                                    library->file.empty() ? nullptr : std::make_unique<CapturedOutput>(),
+                                    settings.coverage);
     return settings.debug ? WaitForDebugger(std::move(loaded), *settings.debug) : std::move(loaded);
   }
   throw std::runtime_error(ToText(client) + ": it knows no virtual time and cannot fly in lockstep");

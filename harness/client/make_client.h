@@ -24,6 +24,7 @@ struct ClientSettings {
   TimeNs start_within_ns = 0;      // time that a busy image has to start
   std::vector<std::string> watch;  // variables of the image
   std::optional<DebugStop> debug = {};
+  bool coverage = false;  // it tells what code it executes
 };
 
 // Throws std::runtime_error that says what is wrong with the client or its file. For a library, a FirmwareGuard is

@@ -1,6 +1,7 @@
 #include "harness/emulator/emulator_process.h"
 
 #include <poll.h>
+#include <sys/mman.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -12,6 +13,7 @@
 #include "harness/process/child_process.h"
 #include "harness/process/own_time.h"
 #include "harness/process/shared_processor.h"
+#include "link/unix_socket.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -30,7 +32,8 @@ std::vector<std::string> CommandLine(const EmulatorSpec& spec) {
   const auto plugin = PluginArguments(
       spec, "socket=3,barrier=" + std::to_string(spec.barrier) + ",main=" + std::to_string(spec.main_usart) +
                 ",reference=" + std::to_string(spec.reference_usart) +
-                ",console=" + std::to_string(spec.console_usart) + (spec.ideal_lines ? ",ideal=on" : ""));
+                ",console=" + std::to_string(spec.console_usart) + (spec.ideal_lines ? ",ideal=on" : "") +
+                (spec.coverage ? ",coverage=4" : ""));
   command.insert(command.end(), plugin.begin(), plugin.end());
   if (spec.gdb_port != 0)
     command.insert(command.end(), {"-gdb", "tcp:127.0.0.1:" + std::to_string(spec.gdb_port)});
@@ -57,6 +60,17 @@ EmulatorProcess::EmulatorProcess(const EmulatorSpec& spec)
     child.output = ChildSpec::kNull;
     child.error = ChildSpec::kPipe;
     child.descriptors = {ends[1]};
+    link::OwnedDescriptor counts;
+    if (spec.coverage) {
+      counts = link::OwnedDescriptor(memfd_create("coverage", MFD_CLOEXEC));
+      void* memory = MAP_FAILED;
+      if (counts.get() >= 0 && ftruncate(counts.get(), sizeof(lockstep::BlockCounts)) == 0)
+        memory = mmap(nullptr, sizeof(lockstep::BlockCounts), PROT_READ, MAP_SHARED, counts.get(), 0);
+      if (memory == MAP_FAILED)
+        throw EmulatorTrouble(std::string("no memory for the emulator's coverage: ") + std::strerror(errno));
+      block_counts_.reset(static_cast<lockstep::BlockCounts*>(memory));
+      child.descriptors.push_back(counts.get());
+    }
     process_ = std::make_unique<ChildProcess>(child);
     close(ends[1]);
     ends[1] = -1;
@@ -156,6 +170,15 @@ lockstep::UsartStates EmulatorProcess::UsartStates() {
   Append(lockstep::Kind::kReadUsarts, {});
   Flush();
   return Next().As<lockstep::UsartStates>();
+}
+
+void EmulatorProcess::Unmap::operator()(lockstep::BlockCounts* counts) const {
+  munmap(counts, sizeof *counts);
+}
+
+std::span<const std::uint8_t> EmulatorProcess::BlockCounts() const {
+  if (!block_counts_) return {};
+  return block_counts_->counts;
 }
 
 const std::string& EmulatorProcess::Errors() {

@@ -43,6 +43,8 @@ struct EmulatorSpec {
   bool halted = false;
   // The lines have no rate: sending takes no time.
   bool ideal_lines = false;
+  // Blocks of code that are executed are counted: EmulatorProcess::BlockCounts().
+  bool coverage = false;
 };
 
 // Arguments of QEMU that load the plug-in with the rest of its own arguments, "a=1,b=2".
@@ -93,6 +95,10 @@ class EmulatorProcess {
   std::string Registers();
   lockstep::UsartStates UsartStates();
 
+  // How often each block of code has been executed, by its place (lockstep::BlockCounts); also when the emulator has
+  // ended. Empty unless its spec asks for coverage.
+  std::span<const std::uint8_t> BlockCounts() const;
+
   // What QEMU has printed so far: nothing, unless something is wrong.
   const std::string& Errors();
 
@@ -103,7 +109,12 @@ class EmulatorProcess {
   void Read(std::span<std::uint8_t> into);
   [[noreturn]] void ThrowEnded();
 
+  struct Unmap {
+    void operator()(lockstep::BlockCounts* counts) const;
+  };
+
   int socket_ = -1;
+  std::unique_ptr<lockstep::BlockCounts, Unmap> block_counts_;
   TimeNs hung_after_ns_;
   std::unique_ptr<ChildProcess> process_;
   std::unique_ptr<SharedProcessor> together_;

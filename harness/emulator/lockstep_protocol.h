@@ -10,6 +10,7 @@
 #include <atomic>
 #include <cstdint>
 #include <limits>
+#include <optional>
 
 namespace tiltproof::harness::lockstep {
 
@@ -166,6 +167,22 @@ struct RealtimeBoard {
   std::atomic<std::uint32_t> clock_hz[6];   // 0: RCC gives it none
   std::atomic<bool> locked_up;              // then this is complete:
   LastWords last_words;
+};
+
+// How often each block of code has been executed, up to 255: by the address of its first instruction, of two bytes at
+// least. In memory that both have mapped, when the harness wants to know.
+struct BlockCounts {
+  static constexpr std::uint32_t kFlash = 0x0800'0000, kFlashBytes = 1 << 20;
+  static constexpr std::uint32_t kRam = 0x2000'0000, kRamBytes = 192 << 10;
+  static constexpr std::uint32_t kPlacesCount = (kFlashBytes + kRamBytes) / 2;
+  // None: there is no code. The flash is at 0, too.
+  static constexpr std::optional<std::uint32_t> PlaceOf(std::uint32_t address) {
+    if (address < kFlashBytes) return address / 2;
+    if (address - kFlash < kFlashBytes) return (address - kFlash) / 2;
+    if (address - kRam < kRamBytes) return (kFlashBytes + address - kRam) / 2;
+    return std::nullopt;
+  }
+  std::uint8_t counts[kPlacesCount];
 };
 
 }  // namespace tiltproof::harness::lockstep

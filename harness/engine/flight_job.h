@@ -55,6 +55,8 @@ struct FlightJob {
   FlightMeans means;
   std::string replay;  // the exact command that flies it again
   FlightRecorder recorder{};
+  // Whether its result says what code of the firmware it has executed.
+  bool coverage = false;
   // Called in its worker process when it begins; none: nobody watches.
   std::function<FlightWatcher()> watch = {};
   // The same, of a flight in real time; none: nobody injects faults.

@@ -95,6 +95,7 @@ RunLog FlyByMeans(const FlightJob& job, WorkerReport& report, const std::atomic<
   options.make_client = [&](std::size_t /*client*/, ClientHost host) {
     ClientSettings settings = SettingsOf(scenario);
     settings.debug = means.debug;
+    settings.coverage = job.coverage;
     const ClientSpec& spec = processes.clients.front();
     if (means.debug)
       Print(stderr, "tiltproof: {}\n",
@@ -138,6 +139,11 @@ FlightResult FlyJob(const FlightJob& job, WorkerReport& report, const std::atomi
   report.progress_ns.fetch_add(1, std::memory_order_relaxed);
   score(log);
   result->is_of_any_seed = is_of_any_seed;
+  if (job.coverage && client) {
+    Coverage coverage = client->CodeCoverage();
+    result->coverage_kind = coverage.kind;
+    result->coverage = std::move(coverage.features);
+  }
   report.progress_ns.fetch_add(1, std::memory_order_relaxed);
   try {
     if (scenario.faults.size() > job.scenario.faults.size()) job.recorder.begin(scenario);

@@ -83,6 +83,9 @@ extern std::string_view bytes;
 ClientSettings SettingsOf(const Scenario& scenario);
 extern ClientHost host;
 
+// harness/client/sanitizer.h
+extern const std::string line;
+
 // harness/dds/bus.h
 extern struct Loop { void Post(const std::function<void()>& work); } loop;
 
@@ -121,6 +124,9 @@ extern StoppedBoard& board;
 extern const ElfSymbols symbols;
 extern const SourceLines source;
 extern const UsartRoles roles;
+
+// harness/emulator/plugin/block_counts.h
+extern qemu_plugin_tb* block;
 
 // harness/emulator/plugin/chip.h
 extern Chip chip;

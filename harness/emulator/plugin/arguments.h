@@ -23,6 +23,7 @@ struct Arguments {
   bool ideal = false;                             // lines without byte time
   bool realtime = false;                          // only the chip: no socket, no barrier
   int memory = -1;                                // in real time: a descriptor for RealtimeBoard
+  int coverage = -1;                              // a descriptor for BlockCounts; -1: nothing is counted
 };
 
 // "" or what is wrong with them.
@@ -43,6 +44,8 @@ inline std::string Parse(int argc, char** argv, Arguments& arguments) {
       arguments.socket = value[0] - '0';
     } else if (key == "memory" && digit) {
       arguments.memory = value[0] - '0';
+    } else if (key == "coverage" && digit) {
+      arguments.coverage = value[0] - '0';
     } else if (key == "barrier" && is_number && number <= 255) {
       arguments.barrier = static_cast<int>(number);
     } else if (line != kLines.end() && digit) {

@@ -16,7 +16,8 @@
 // `socket` is an inherited descriptor, a connected unix stream socket (harness/emulator/lockstep_protocol.h); the
 // lines are given as numbers of USARTs. `barrier` is the byte that ends a frame of the line's protocol, as a number from
 // 0 to 255: there may be an answer to it. `ideal` means that the lines have no rate, so that sending takes no time.
-// `hse` is the rate of the crystal in Hz, 0 when there is none.
+// `hse` is the rate of the crystal in Hz, 0 when there is none. `coverage` is an inherited descriptor of memory for
+// harness::lockstep::BlockCounts; without it nothing is counted.
 //
 // With `realtime=on` instead of the socket the machine runs by the clock on the wall, and its USARTs have the character
 // devices that QEMU was given:
@@ -42,6 +43,7 @@
 
 #include "harness/emulator/lockstep_protocol.h"
 #include "harness/emulator/plugin/arguments.h"
+#include "harness/emulator/plugin/block_counts.h"
 #include "harness/emulator/plugin/board_faults.h"
 #include "harness/emulator/plugin/command.h"
 #include "harness/emulator/plugin/plugin_state.h"
@@ -316,6 +318,7 @@ void OnTranslate(qemu_plugin_id_t /*id*/, qemu_plugin_tb* block) {
     qemu_plugin_register_vcpu_insn_exec_cb(qemu_plugin_tb_get_insn(block, 0), OnFirstInstruction, 0, nullptr);
   if (plugin.arguments.realtime) return;
   readers.Mark(block);
+  block_counts.Mark(block);
   for (std::size_t i = 0; i < count; ++i) {
     qemu_plugin_insn* instruction = qemu_plugin_tb_get_insn(block, i);
     std::uint16_t code = 0;
@@ -341,6 +344,7 @@ __attribute__((visibility("default"))) int qemu_plugin_install(qemu_plugin_id_t 
     return 1;
   }
   if (!plugin.arguments.realtime) plugin.socket.Use(plugin.arguments.socket);
+  if (plugin.arguments.coverage >= 0) block_counts.Use(plugin.arguments.coverage);
   if (plugin.arguments.memory >= 0) plugin.notes.Use(plugin.arguments.memory);
   std::signal(SIGABRT, OnAbort);
   qemu_plugin_register_vcpu_tb_trans_cb(id, OnTranslate);

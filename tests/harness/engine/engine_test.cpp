@@ -7,6 +7,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <chrono>
@@ -124,6 +125,36 @@ TEST(Engine, TheNumberOfJobsChangesNoResult) {
       EXPECT_EQ(result.trace_hash, Here(Job(result.name, 0.5 + 0.1 * i)).trace_hash);
     }
   }
+}
+
+TEST(Engine, CodeThatAFlightExecutesIsTheSameInEachProcess) {
+  std::vector<std::vector<std::uint32_t>> short_ones, long_ones;
+  std::set<std::string> hashes;
+  for (const int jobs_count : {1, 2}) {
+    Engine engine({.jobs_count = jobs_count});
+    std::vector<std::future<FlightResult>> flown;
+    for (int i = 0; i < 6; ++i) {
+      FlightJob job = Job("flight-" + std::to_string(i), i % 2 == 0 ? 0.3 : 1.2);
+      job.means.clients.all = HostLibrary{TILTPROOF_TRACED_FIRMWARE};
+      job.coverage = i < 4;
+      flown.push_back(engine.Submit(std::move(job)));
+    }
+    TurnToTheEnd(engine);
+    for (int i = 0; i < 6; ++i) {
+      const FlightResult result = flown[static_cast<std::size_t>(i)].get();
+      if (i % 2 == 0) hashes.insert(result.trace_hash);
+      EXPECT_EQ(result.coverage_kind, i < 4 ? CoverageKind::kEdges : CoverageKind::kBlackBox);
+      if (i < 4) (i % 2 == 0 ? short_ones : long_ones).push_back(result.coverage);
+      EXPECT_EQ(result.coverage.empty(), i >= 4);
+    }
+  }
+  EXPECT_EQ(hashes.size(), 1U);
+  EXPECT_GT(short_ones[0].size(), 50U);
+  EXPECT_TRUE(std::ranges::is_sorted(short_ones[0]));
+  for (const auto& features : short_ones) EXPECT_EQ(features, short_ones[0]);
+  for (const auto& features : long_ones) EXPECT_EQ(features, long_ones[0]);
+  // Only there replies are missing.
+  EXPECT_NE(short_ones[0], long_ones[0]);
 }
 
 TEST(Engine, WhatIsDroppedNeverFlies) {
