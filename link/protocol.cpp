@@ -143,11 +143,10 @@ MessageStatus Protocol::Decode(Direction direction, std::span<const std::uint8_t
   if (const MessageStatus status = FindType(*this, direction, payload, type); status != MessageStatus::kOk)
     return status;
   std::array<float, kPayloadBytesMax / 4> values;
-  std::span<const std::uint8_t> bytes = type->id ? payload.subspan(kIdBytes) : payload;
   bool in_range = true;
-  for (std::size_t i = 0; i < type->fields.size(); ++i, bytes = bytes.subspan(4)) {
+  for (std::size_t i = 0; i < type->fields.size(); ++i) {
     const MessageField& field = type->fields[i];
-    values[i] = std::bit_cast<float>(LoadBits(bytes));
+    values[i] = FieldValue(*type, payload, i);
     if (!std::isfinite(values[i])) return MessageStatus::kNotFinite;
     in_range = in_range && field.min <= values[i] && values[i] <= field.max;
   }
@@ -163,6 +162,10 @@ Payload Protocol::Encode(const MessageType& type, std::span<const float> values)
   if (type.id) Append(payload, *type.id);
   for (const float value : values) Append(payload, value);
   return payload;
+}
+
+float FieldValue(const MessageType& type, std::span<const std::uint8_t> payload, std::size_t field) {
+  return std::bit_cast<float>(LoadBits(payload.subspan((type.id ? kIdBytes : 0) + 4 * field)));
 }
 
 std::span<const std::shared_ptr<const Protocol>> Protocols() {

@@ -101,6 +101,10 @@ struct Protocol {
   Payload Encode(const MessageType& type, std::span<const float> values) const;
 };
 
+// A field's number in a payload that is a message of that type by its length and id (Protocol::Classify()), whatever it
+// is.
+float FieldValue(const MessageType& type, std::span<const std::uint8_t> payload, std::size_t field);
+
 // The built-in protocols: "paper" is the paper's (section 2.1, Figure 3), "provant" that of the authors'
 // published server.
 std::span<const std::shared_ptr<const Protocol>> Protocols();

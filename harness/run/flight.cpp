@@ -334,7 +334,7 @@ void Conductor::Finish() {
   for (std::size_t client = 0; client < channels_.size(); ++client) {
     const link::Protocol& protocol = *scenario_.link.protocol;
     AddClientHistory(log_, client, protocol, BootSign::kReset);
-    log_.clients[client].protocol = UseOfProtocol(log_.link, client, protocol, MainBaud(scenario_.link));
+    AddProtocolUse(log_, client, protocol, MainBaud(scenario_.link));
   }
   ExplainNeverStarted(log_, *scenario_.link.protocol);
 }

@@ -26,8 +26,9 @@ class MessageReceiver {
     // that closes a frame may belong to the next one.
     std::uint64_t number;
     std::string_view rejected;  // Name() of a link::FrameStatus or link::MessageStatus; empty: accepted
-    std::span<const std::uint8_t> payload;  // of an accepted frame; these two are valid during the call
-    const link::Message* message;           // null when it was rejected
+    std::span<const std::uint8_t>
+        payload;                   // of a whole frame, accepted or not; these two are valid during the call
+    const link::Message* message;  // null when it was rejected
   };
   // Calls on_frame(const Frame&) for each frame that ends in `bytes`. All bytes belong to the chunk with that
   // number.
@@ -58,7 +59,7 @@ class MessageReceiver {
   Frame Check(const link::FrameEvent& event) {
     if (event.status != link::FrameStatus::kOk) return {number_, Name(event.status), {}, nullptr};
     const link::MessageStatus status = protocol_->Decode(direction_, event.payload, message_);
-    if (status != link::MessageStatus::kOk) return {number_, Name(status), {}, nullptr};
+    if (status != link::MessageStatus::kOk) return {number_, Name(status), event.payload, nullptr};
     return {number_, {}, event.payload, &message_};
   }
 

@@ -1,7 +1,10 @@
 #include "harness/run/protocol_use.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <deque>
+#include <string>
 #include <vector>
 
 #include "harness/run/message_receiver.h"
@@ -48,16 +51,40 @@ std::int64_t RequestsPerPeriod(const std::vector<Happening>& happenings, TimeNs 
   return static_cast<std::int64_t>(most);
 }
 
+// Of a whole message: its first field that is not plausible.
+std::string ImplausibleField(const link::MessageType& type, std::span<const std::uint8_t> payload) {
+  for (std::size_t i = 0; i < type.fields.size(); ++i) {
+    const link::MessageField& field = type.fields[i];
+    const float value = link::FieldValue(type, payload, i);
+    if (!(field.min <= value && value <= field.max))
+      return fmt::format("{} = {}, plausible is {} to {}", field.signal, value, field.min, field.max);
+  }
+  return "a message that it refuses";
+}
+
+// The server drops such a command and the one before stays in force, so that nothing else shows it.
+void AddRefusal(RunLog& log, std::size_t client, TimeNs time_ns, const std::string& why) {
+  const auto later =
+      std::upper_bound(log.events.begin(), log.events.end(), time_ns,
+                       [](TimeNs time, const RunEvent& event) { return time < event.time_ns; });
+  log.events.insert(later, {time_ns, "command_refused", "the server refused a command: " + why,
+                            log.clients.size() > 1 ? std::optional(client) : std::nullopt});
+}
+
 }  // namespace
 
-ProtocolUse UseOfProtocol(const LinkLog& link, std::size_t client, const link::Protocol& protocol,
-                          std::int64_t baud) {
-  ProtocolUse use;
+void AddProtocolUse(RunLog& log, std::size_t client, const link::Protocol& protocol, std::int64_t baud) {
+  const LinkLog& link = log.link;
+  ProtocolUse use{.refused_commands = 0};
   std::vector<Happening> happenings;
   ForEachFrame(link, {client, Direction::kToPlant}, false, protocol, baud,
                [&](TimeNs begin_ns, TimeNs /*end_ns*/, const MessageReceiver::Frame& frame) {
                  if (frame.message == nullptr) {
                    ++use.malformed_sent;
+                   const link::MessageType* type = protocol.Classify(Direction::kToPlant, frame.payload);
+                   if (type == nullptr || type->kind != link::MessageKind::kActuators) return;
+                   if ((*use.refused_commands)++ == 0)
+                     AddRefusal(log, client, begin_ns, ImplausibleField(*type, frame.payload));
                  } else if (!frame.message->type->reply.empty()) {
                    happenings.push_back({begin_ns, Kind::kRequest});
                  } else if (frame.message->type->kind == link::MessageKind::kActuators) {
@@ -95,7 +122,7 @@ ProtocolUse UseOfProtocol(const LinkLog& link, std::size_t client, const link::P
         break;
     }
   }
-  return use;
+  log.clients.at(client).protocol = use;
 }
 
 }  // namespace tiltproof::harness

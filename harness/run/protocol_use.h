@@ -1,7 +1,7 @@
 // Counts how a client uses its protocol: what it sent, before any fault on the line, against what arrived at it.
 // Whatever a protocol says, a client asks once a period, answers what it hears, and sends only its messages.
 //
-//   log.clients[0].protocol = UseOfProtocol(log.link, 0, *scenario.link.protocol, MainBaud(scenario.link));
+//   AddProtocolUse(log, 0, *scenario.link.protocol, MainBaud(scenario.link));   // once log is in order of time
 #pragma once
 
 #include <cstddef>
@@ -11,9 +11,9 @@
 
 namespace tiltproof::harness {
 
+// Sets the protocol use of one client, and adds an event for the first of its commands whose values no server takes.
 // `baud`: of the client's main line; 0: bytes take no time. An exchange, from one request to the next, is counted
 // when it has ended.
-ProtocolUse UseOfProtocol(const LinkLog& link, std::size_t client, const link::Protocol& protocol,
-                          std::int64_t baud);
+void AddProtocolUse(RunLog& log, std::size_t client, const link::Protocol& protocol, std::int64_t baud);
 
 }  // namespace tiltproof::harness

@@ -37,7 +37,7 @@ constexpr EndReason LastOf(EndReason) { return EndReason::kHarnessError; }
 template <class Time>
 struct TimedEvent {
   Time time_ns{};
-  std::string kind;  // "start_accepted", "message_rejected", "ground_strike", ...
+  std::string kind;  // "start_accepted", "command_refused", "ground_strike", ...
   std::string text;
   std::optional<std::size_t> client = {};  // place in the scenario of the event's client; none: the flight's
   TILTPROOF_FIELDS(time_ns, kind, text, client)
@@ -82,9 +82,10 @@ struct ProtocolUse {
   std::int64_t actuators_before_reply = 0;
   std::int64_t replies_unanswered = 0;
   std::int64_t malformed_sent = 0;
+  std::optional<std::int64_t> refused_commands = {};  // none: a log of an older program
   friend bool operator==(const ProtocolUse&, const ProtocolUse&) = default;
   TILTPROOF_FIELDS(requests_per_period_max, actuators_per_request_max, actuators_before_reply,
-                   replies_unanswered, malformed_sent)
+                   replies_unanswered, malformed_sent, refused_commands)
 };
 
 // How much of the firmware's log is kept; the rest is dropped.

@@ -294,6 +294,8 @@ class Calculator {
       SetCount(protocol("actuators_before_reply_count"), own.protocol->actuators_before_reply);
       SetCount(protocol("replies_unanswered_count"), own.protocol->replies_unanswered);
       SetCount(protocol("malformed_sent_count"), own.protocol->malformed_sent);
+      if (own.protocol->refused_commands)
+        SetCount(protocol("refused_commands_count"), *own.protocol->refused_commands);
     }
     SetCount(firmware("restarts_count"), std::max<std::int64_t>(own.starts_accepted_count - 1, 0));
   }
@@ -362,8 +364,9 @@ const std::vector<std::string>& MetricNames() {
                {"link.accepted_wrong_count", "link.accepted_stale_count", "link.resync_max_ms",
                 "protocol.requests_per_period_max_count", "protocol.actuators_per_request_max_count",
                 "protocol.actuators_before_reply_count", "protocol.replies_unanswered_count",
-                "protocol.malformed_sent_count", "firmware.failsafe_entered_count",
-                "firmware.receive_overruns_count", "firmware.restarts_count", "survival.time_s"});
+                "protocol.malformed_sent_count", "protocol.refused_commands_count",
+                "firmware.failsafe_entered_count", "firmware.receive_overruns_count",
+                "firmware.restarts_count", "survival.time_s"});
     return all;
   }();
   return names;

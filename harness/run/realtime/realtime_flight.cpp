@@ -186,7 +186,7 @@ RunLog RealtimeConductor::Run() {
   const bool tells_resets =
       client != nullptr && client->client && AbilitiesOf(*client->client, true).tells_resets;
   AddClientHistory(log, 0, *scenario_.link.protocol, tells_resets ? BootSign::kReset : BootSign::kStart);
-  log.clients[0].protocol = UseOfProtocol(log.link, 0, *scenario_.link.protocol, MainBaud(scenario_.link));
+  AddProtocolUse(log, 0, *scenario_.link.protocol, MainBaud(scenario_.link));
   ExplainNeverStarted(log, *scenario_.link.protocol);
   if (options_.score) {
     dds::Score score = options_.score(log);

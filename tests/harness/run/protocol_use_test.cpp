@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <initializer_list>
+#include <limits>
 
 #include "firmware/messages.h"
 #include "harness/run/framed.h"
@@ -30,27 +31,38 @@ class Exchange {
     link::LogChunk chunk;
     chunk.begin_ns = static_cast<TimeNs>(time_ms * 1e6);
     chunk.bytes.assign(bytes.begin(), bytes.end());
-    log_.Append(chunk, {0, direction}, delivered);
+    log_.link.Append(chunk, {0, direction}, delivered);
     return *this;
   }
-  ProtocolUse Use(std::int64_t baud = 0) const {
-    return UseOfProtocol(log_, 0, *link::FindProtocol("paper"), baud);
+  ProtocolUse Use(std::int64_t baud = 0) {
+    AddProtocolUse(log_, 0, *link::FindProtocol("paper"), baud);
+    return *log_.clients[0].protocol;
   }
+  // That Use() has added.
+  const std::vector<RunEvent>& events() const { return log_.events; }
 
  private:
+  static RunLog LogOfOneClient() {
+    RunLog log;
+    log.clients.resize(1);
+    return log;
+  }
+
   link::Dialect dialect_ = link::Dialect::kPaper;
-  LinkLog log_;
+  RunLog log_ = LogOfOneClient();
 };
 
 TEST(UseOfProtocol, NothingSaidIsNothingCounted) {
-  EXPECT_EQ(UseOfProtocol({}, 0, *link::FindProtocol("paper"), 921'600), ProtocolUse());
+  EXPECT_EQ(Exchange().Use(921'600), ProtocolUse{.refused_commands = 0});
 }
 
 TEST(UseOfProtocol, OneOfEachPerPeriod) {
   Exchange exchange;
   exchange.Start(-1);
   for (const double at : {0.0, 12.0, 24.0, 36.0}) exchange.Request(at).Reply(at + 1).Actuators(at + 1);
-  EXPECT_EQ(exchange.Use(), (ProtocolUse{.requests_per_period_max = 1, .actuators_per_request_max = 1}));
+  EXPECT_EQ(
+      exchange.Use(),
+      (ProtocolUse{.requests_per_period_max = 1, .actuators_per_request_max = 1, .refused_commands = 0}));
 }
 
 TEST(UseOfProtocol, RequestsAreCountedInNineTenthsOfAPeriod) {
@@ -114,6 +126,28 @@ TEST(UseOfProtocol, OnlyWhatIsNoMessageIsMalformed) {
   exchange.Puts(5, noise, Direction::kToPlant, true);   // what the faults made of it
   exchange.Puts(6, noise, Direction::kToClient, true);  // not the client's
   EXPECT_EQ(exchange.Use().malformed_sent, 3);
+}
+
+TEST(UseOfProtocol, CommandsThatNoServerTakesAreCounted) {
+  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+  constexpr auto kPaper = link::Dialect::kPaper;
+  link::MessageBytes broken = link::EncodeActuators(kPaper, {.f_r_n = kNan});
+  broken.size -= 4;
+  Exchange exchange;
+  exchange.Request(0).Actuators(1);
+  exchange.Sends(13, link::EncodeActuators(kPaper, {.f_r_n = 10, .f_l_n = 10, .tau_r_nm = kNan}));
+  exchange.Sends(25, link::EncodeActuators(kPaper, {.f_r_n = 1e30F}));
+  exchange.Sends(37, broken);  // not a command
+  exchange.Puts(49, Framed(link::EncodeActuators(kPaper, {.f_r_n = kNan}).span()).bytes(),
+                Direction::kToPlant,
+                true);  // what the faults made of it
+  const ProtocolUse use = exchange.Use();
+  EXPECT_EQ(use.refused_commands, 2);
+  EXPECT_EQ(use.malformed_sent, 3);
+  ASSERT_EQ(exchange.events().size(), 1U) << "the first tells enough";
+  EXPECT_EQ(exchange.events()[0].kind, "command_refused");
+  EXPECT_EQ(exchange.events()[0].time_ns, 13'000'000);
+  EXPECT_THAT(exchange.events()[0].text, testing::HasSubstr("tau_r_nm = nan"));
 }
 
 TEST(UseOfProtocol, DamagedRepliesAreNone) {

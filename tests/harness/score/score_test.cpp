@@ -230,13 +230,18 @@ TEST(Metrics, CountsAreTakenOver) {
                                         .actuators_per_request_max = 4,
                                         .actuators_before_reply = 8,
                                         .replies_unanswered = 16,
-                                        .malformed_sent = 32};
+                                        .malformed_sent = 32,
+                                        .refused_commands = 64};
   metrics = MetricsOf(ScenarioOf(log), log);
   EXPECT_EQ(metrics.at("protocol.requests_per_period_max_count"), 2.0);
   EXPECT_EQ(metrics.at("protocol.actuators_per_request_max_count"), 4.0);
   EXPECT_EQ(metrics.at("protocol.actuators_before_reply_count"), 8.0);
   EXPECT_EQ(metrics.at("protocol.replies_unanswered_count"), 16.0);
   EXPECT_EQ(metrics.at("protocol.malformed_sent_count"), 32.0);
+  EXPECT_EQ(metrics.at("protocol.refused_commands_count"), 64.0);
+  log.clients[0].protocol->refused_commands = {};
+  EXPECT_THAT(MetricsOf(ScenarioOf(log), log), Not(Contains(Key("protocol.refused_commands_count"))))
+      << "a log of an older program";
   log.clients[0].failsafe_entered_count = 6;
   EXPECT_EQ(MetricsOf(ScenarioOf(log), log).at("firmware.failsafe_entered_count"), 6.0);
 }
