@@ -165,7 +165,15 @@ struct RealtimeBoard {
   std::atomic<std::uint64_t> sent_count[6];
   std::atomic<std::int64_t> sent_at_ns[6];  // the last byte, by CLOCK_MONOTONIC
   std::atomic<std::uint32_t> clock_hz[6];   // 0: RCC gives it none
-  std::atomic<bool> locked_up;              // then this is complete:
+  // SysTicks that the firmware never saw since the processor's thread did not run from the tick before to this one:
+  // how many, and the last of them, by CLOCK_MONOTONIC; number n is in place n % kLostTicksKept.
+  static constexpr std::uint64_t kLostTicksKept = 64;
+  struct LostTick {
+    std::atomic<std::int64_t> before_ns, at_ns;
+  };
+  std::atomic<std::uint64_t> lost_tick_count;
+  LostTick lost_ticks[kLostTicksKept];
+  std::atomic<bool> locked_up;  // then this is complete:
   LastWords last_words;
 };
 

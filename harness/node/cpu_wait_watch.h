@@ -1,6 +1,7 @@
 // Records as lateness of this machine when it keeps a program that represents a board from running: when the
 // program waits for a processor, within a control period, for longer than a node may be late, and while it is
-// stopped.
+// stopped. Already a shorter wait, if a control period were wrong by it, is noted as a disturbance: by so much a program
+// that counts time by its sleeps is late for good.
 #pragma once
 
 #include <algorithm>
@@ -21,6 +22,8 @@ class CpuWaitWatch {
       std::function<bool()> held = [] { return false; })
       : services_(services),
         look_every_ns_(scenario.link.protocol->control_period_ns),
+        disturbed_after_ns_(static_cast<TimeNs>(scenario.control_period_tolerance_percent / 100 *
+                                                static_cast<double>(look_every_ns_))),
         pid_(pid),
         held_(std::move(held)),
         wait_(pid),
@@ -31,6 +34,7 @@ class CpuWaitWatch {
   // It is not known when in that time it waited.
   void Look(BootTime now) {
     const TimeNs waited_ns = wait_.Take();
+    if (waited_ns > disturbed_after_ns_) services_.lateness().NoteDisturbed(now - look_every_ns_, now);
     if (waited_ns > services_.lateness().late_after_ns)
       services_.lateness().Note(now - std::max(waited_ns, look_every_ns_), now);
     if (held_() || !IsStoppedByOthers(pid_)) {
@@ -42,7 +46,7 @@ class CpuWaitWatch {
   }
 
   NodeServices& services_;
-  TimeNs look_every_ns_;
+  TimeNs look_every_ns_, disturbed_after_ns_;
   pid_t pid_;
   std::function<bool()> held_;
   CpuWait wait_;

@@ -190,6 +190,7 @@ void EmulatedBoard::ReadWords(std::uint32_t address, int count,
 
 void EmulatedBoard::Watch(bool started) {
   if (lost_) return;
+  NoteLostTicks();
   if (processor_) processor_->Watch();
   if (paused_) silent_for_good_reason_ = steady_clock::now();
   // When QEMU ends, that is told by its end.
@@ -202,6 +203,21 @@ void EmulatedBoard::Watch(bool started) {
     Lose(EndReason::kNodeLost, fmt::format("the emulator has not answered for {} s: it hangs or was stopped",
                                            kAnswerLimit.count()));
   if (!lost_ && hang_watch_ && !examined_) WatchFirmware(started);
+}
+
+// Those that were overwritten lie between the oldest that is kept and the last look.
+void EmulatedBoard::NoteLostTicks() {
+  const std::uint64_t count = memory_->lost_tick_count;
+  const auto boot = [this](std::int64_t ns) {
+    return When(steady_clock::time_point(std::chrono::nanoseconds(ns)));
+  };
+  const std::uint64_t oldest = count - std::min(count, lockstep::RealtimeBoard::kLostTicksKept);
+  std::uint64_t next = std::max(lost_ticks_noted_, oldest);
+  for (; next < count; ++next) {
+    const auto& tick = memory_->lost_ticks[next % lockstep::RealtimeBoard::kLostTicksKept];
+    services_.lateness().NoteDisturbed(boot(tick.before_ns), boot(tick.at_ns));
+  }
+  lost_ticks_noted_ = count;
 }
 
 void EmulatedBoard::WatchFirmware(bool started) {

@@ -96,6 +96,7 @@ class EmulatedBoard {
   BootTime When(std::chrono::steady_clock::time_point time) const;
   void Lose(EndReason reason, const std::string& text);
   void Resume();
+  void NoteLostTicks();
 
   NodeServices& services_;
   const Scenario& scenario_;
@@ -120,6 +121,7 @@ class EmulatedBoard {
   bool lost_ = false;
   std::optional<OneProcessor> processor_;
   std::optional<CpuWaitWatch> wait_watch_;
+  std::uint64_t lost_ticks_noted_ = 0;
   std::chrono::steady_clock::time_point power_on_;
   std::optional<HangWatch> hang_watch_;
   int in_handler_count_ = 0;  // seen in the handler of a fault so often, one after another

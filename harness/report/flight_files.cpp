@@ -28,6 +28,8 @@ RunEvent ToRunEvent(const RunLog& log, const FlightEvent& from) {
   return event;
 }
 
+constexpr const char *kHarnessLate = "harness_late_ns", *kBoardDisturbed = "board_disturbed_ns";
+
 // The record of an only client stands among the flight's.
 Json ToFile(const RunLog& log) {
   Json json = {{"format", kResultsFormat}};
@@ -37,10 +39,13 @@ Json ToFile(const RunLog& log) {
   } else {
     JsonWriter::Put(json["clients"], log.clients);
   }
-  if (!log.harness_late.empty()) {
-    Json& spans = json["harness_late_ns"] = Json::array();
-    for (const LateSpan& span : log.harness_late) spans.push_back({span.begin_ns, span.end_ns});
-  }
+  const auto put = [&json](const char* key, const std::vector<LateSpan>& from) {
+    if (from.empty()) return;
+    Json& spans = json[key] = Json::array();
+    for (const LateSpan& span : from) spans.push_back({span.begin_ns, span.end_ns});
+  };
+  put(kHarnessLate, log.harness_late);
+  put(kBoardDisturbed, log.board_disturbed);
   JsonWriter::Put(json["events"], EventsOf(log));
   return json;
 }
@@ -54,8 +59,12 @@ void FromFile(const Json& json, RunLog& log) {
   } else {
     JsonReader::GetFields(json, log.clients.emplace_back());
   }
-  for (const Json& span : json.value("harness_late_ns", Json::array()))
-    log.harness_late.push_back({span.at(0).get<TimeNs>(), span.at(1).get<TimeNs>()});
+  const auto get = [&json](const char* key, std::vector<LateSpan>& to) {
+    for (const Json& span : json.value(key, Json::array()))
+      to.push_back({span.at(0).get<TimeNs>(), span.at(1).get<TimeNs>()});
+  };
+  get(kHarnessLate, log.harness_late);
+  get(kBoardDisturbed, log.board_disturbed);
   for (const auto& event : FromJson<std::vector<FlightEvent>>(json.at("events")))
     log.events.push_back(ToRunEvent(log, event));
 }

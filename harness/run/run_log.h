@@ -139,6 +139,9 @@ struct RunLog {
   // The spans of this lateness, in order; they may overlap. What the firmware missed in them is not its
   // fault.
   std::vector<LateSpan> harness_late;
+  // Real time only: when this machine took time from the program that represents the board, in order. It may be less
+  // than lateness, but a clock in that program may have lost it.
+  std::vector<LateSpan> board_disturbed;
 
   std::vector<std::int64_t> fault_activation_counts;  // one per fault of the scenario
   std::vector<faults::Activation> activations;        // first kActivationsMax of each fault, in time order

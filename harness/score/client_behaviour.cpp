@@ -37,22 +37,32 @@ const Restart* FirstUnaskedRestart(const std::vector<faults::FaultSpec>& faults,
   return nullptr;
 }
 
-std::vector<TimeNs> UndisturbedIntervals(const std::vector<faults::FaultSpec>& faults,
-                                         std::span<const TimeNs> request_times_ns) {
+RequestIntervals UndisturbedIntervals(const std::vector<faults::FaultSpec>& faults,
+                                      std::span<const LateSpan> disturbed,
+                                      std::span<const TimeNs> request_times_ns) {
   std::vector<faults::Window> windows;
   for (const auto& spec : faults) {
     const faults::FaultType* type = faults::FindFaultType(spec.type);
     if (type != nullptr && ActsOnClient(spec, *type)) windows.push_back(faults::WindowOf(spec));
   }
-  std::vector<TimeNs> intervals;
+  RequestIntervals intervals;
+  std::size_t begun = 0;  // of `disturbed`
+  TimeNs disturbed_until_ns = -kNever;
   for (std::size_t i = 1; i < request_times_ns.size(); ++i) {
     const TimeNs begin_ns = request_times_ns[i - 1], end_ns = request_times_ns[i];
-    const bool disturbed = std::any_of(windows.begin(), windows.end(), [&](const faults::Window& window) {
+    for (; begun < disturbed.size() && disturbed[begun].begin_ns <= end_ns; ++begun)
+      disturbed_until_ns = std::max(disturbed_until_ns, disturbed[begun].end_ns);
+    const bool in_fault = std::any_of(windows.begin(), windows.end(), [&](const faults::Window& window) {
       return window.begin_ns <= end_ns && begin_ns < window.end_ns;
     });
-    if (!disturbed) intervals.push_back(end_ns - begin_ns);
+    if (in_fault) continue;
+    if (disturbed_until_ns >= begin_ns) {
+      ++intervals.disturbed_count;
+    } else {
+      intervals.ns.push_back(end_ns - begin_ns);
+    }
   }
-  std::sort(intervals.begin(), intervals.end());
+  std::sort(intervals.ns.begin(), intervals.ns.end());
   return intervals;
 }
 

@@ -19,9 +19,15 @@ const Restart* FirstUnaskedRestart(const std::vector<faults::FaultSpec>& faults,
 // The median of fewer intervals says nothing.
 inline constexpr std::size_t kIntervalsMin = 50;
 
-// Intervals from each request to the next, in ascending order, without those that a fault on the client's
-// device, clock or node touches.
-std::vector<TimeNs> UndisturbedIntervals(const std::vector<faults::FaultSpec>& faults,
-                                         std::span<const TimeNs> request_times_ns);
+struct RequestIntervals {
+  std::vector<TimeNs> ns;           // in ascending order
+  std::size_t disturbed_count = 0;  // by this machine, and left out
+};
+
+// Intervals from each request to the next, without those that a fault on the client's device, clock or node
+// touches, and those that one of `disturbed` does: spans in the order of their begins.
+RequestIntervals UndisturbedIntervals(const std::vector<faults::FaultSpec>& faults,
+                                      std::span<const LateSpan> disturbed,
+                                      std::span<const TimeNs> request_times_ns);
 
 }  // namespace tiltproof::harness

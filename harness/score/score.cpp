@@ -143,9 +143,20 @@ CriterionResult Survival(const Scenario& scenario, const RunLog& log) {
 std::optional<CriterionResult> ControlPeriod(const Scenario& scenario, const RunLog& log) {
   std::optional<CriterionResult> found;
   for (std::size_t client = 0; client < log.clients.size(); ++client) {
-    const std::vector<TimeNs> intervals =
-        UndisturbedIntervals(FaultsOn(scenario, client), log.clients[client].sent_request_times_ns);
-    if (intervals.size() < kIntervalsMin) continue;
+    const auto [intervals, disturbed_count] = UndisturbedIntervals(
+        FaultsOn(scenario, client), log.board_disturbed, log.clients[client].sent_request_times_ns);
+    const std::size_t count = intervals.size() + disturbed_count;
+    if (count < kIntervalsMin) continue;
+    if (intervals.size() < kIntervalsMin && intervals.size() <= disturbed_count) {
+      if (found) continue;
+      found.emplace();
+      found->name = kControlPeriodCriterion;
+      found->verdict = Verdict::kInconclusive;
+      found->explanation =
+          Whose(scenario, client) + "in " + std::to_string(disturbed_count) + " of " + std::to_string(count) +
+          " intervals this machine took time from the board: it was too busy to judge a firmware";
+      continue;
+    }
     const double period_ms = static_cast<double>(scenario.link.protocol->control_period_ns) / 1e6;
     const double median_ms = static_cast<double>(intervals[(intervals.size() - 1) / 2]) / 1e6;
     const double deviation_percent = std::abs(median_ms - period_ms) / period_ms * 100;
@@ -156,7 +167,7 @@ std::optional<CriterionResult> ControlPeriod(const Scenario& scenario, const Run
     result.name = kControlPeriodCriterion;
     result.verdict = right ? Verdict::kPass : Verdict::kFail;
     result.explanation = Whose(scenario, client) + text + (right ? "" : ": is the core clock right?");
-    if (!found || !right) found = std::move(result);
+    if (!found || found->verdict != Verdict::kPass || !right) found = std::move(result);
     if (!right) break;
   }
   return found;

@@ -260,6 +260,7 @@ void BeginChip() {
 
 // By the clock on the wall: the USARTs send at once, and receive as fast as they are read.
 void BeginRealtime() {
+  plugin.lost_ticks.Init(plugin.notes, plugin.cpu_thread);
   for (int number = 1; number <= UsartUnit::kCount; ++number) {
     plugin.chip.usart(number).SetUnpaced();
     if (!plugin.character_devices[static_cast<std::size_t>(number - 1)].Init(number,

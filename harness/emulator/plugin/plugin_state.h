@@ -17,6 +17,7 @@
 #include "harness/emulator/plugin/character_device.h"
 #include "harness/emulator/plugin/chip.h"
 #include "harness/emulator/plugin/harness_socket.h"
+#include "harness/emulator/plugin/lost_ticks.h"
 #include "harness/emulator/plugin/parts.h"
 #include "harness/emulator/plugin/realtime_board.h"
 
@@ -60,6 +61,7 @@ struct Plugin {
   Chip chip;
   std::array<CharacterDevice, UsartUnit::kCount> character_devices;  // in real time
   RealtimeNotes notes;                                               // in real time
+  LostTicks lost_ticks;                                              // in real time
 };
 inline Plugin& plugin = *new Plugin;
 

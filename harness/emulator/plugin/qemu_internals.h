@@ -35,6 +35,7 @@ int vm_stop(int run_state);
 void* qemu_allocate_irq(void (*handler)(void*, int line, int level), void*, int line);
 void qdev_connect_gpio_out_named(void* device, const char* name, int line, void* irq);
 void* qdev_get_gpio_in(void* device, int number);
+void* qdev_get_gpio_in_named(void* device, const char* name, int number);
 void qemu_set_irq(void* irq, int level);
 void qemu_system_reset_request(int cause);
 

@@ -14,6 +14,12 @@
 
 namespace tiltproof::qemu {
 
+inline std::int64_t TimeOf(clockid_t clock) {
+  timespec now{};
+  clock_gettime(clock, &now);
+  return now.tv_sec * std::int64_t{1'000'000'000} + now.tv_nsec;
+}
+
 // Without memory it notes nothing.
 class RealtimeNotes {
  public:
@@ -28,10 +34,17 @@ class RealtimeNotes {
   }
   void Sent(int number) {
     if (board_ == nullptr) return;
-    timespec now{};
-    clock_gettime(CLOCK_MONOTONIC, &now);
     ++board_->sent_count[number - 1];
-    board_->sent_at_ns[number - 1] = now.tv_sec * std::int64_t{1'000'000'000} + now.tv_nsec;
+    board_->sent_at_ns[number - 1] = TimeOf(CLOCK_MONOTONIC);
+  }
+  void LostTick(std::int64_t before_ns, std::int64_t at_ns) {
+    if (board_ == nullptr) return;
+    using Board = harness::lockstep::RealtimeBoard;
+    const std::uint64_t count = board_->lost_tick_count;
+    Board::LostTick& tick = board_->lost_ticks[count % Board::kLostTicksKept];
+    tick.before_ns = before_ns;
+    tick.at_ns = at_ns;
+    board_->lost_tick_count = count + 1;
   }
   void LockedUp(void* cpu) {
     if (board_ == nullptr) return;

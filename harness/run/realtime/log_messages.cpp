@@ -380,19 +380,23 @@ RunLog LogCollector::Take(TimeNs end_ns) {
   for (auto& [node_id, report] : reports_) {
     NodeTotals& totals = report.totals;
     const Origin origin = totals.lateness.origin;
-    for (const NodeLateSpan& span : totals.lateness.spans)
-      if (origin.known() && span.end_ns > origin.boot_time())
-        log_.harness_late.push_back(
-            {origin.SimulationTime(span.begin_ns), origin.SimulationTime(span.end_ns)});
+    const auto add = [&origin](const std::vector<NodeLateSpan>& spans, std::vector<LateSpan>& to) {
+      for (const NodeLateSpan& span : spans)
+        if (origin.known() && span.end_ns > origin.boot_time())
+          to.push_back({origin.SimulationTime(span.begin_ns), origin.SimulationTime(span.end_ns)});
+    };
+    add(totals.lateness.spans, log_.harness_late);
+    add(totals.lateness.disturbed, log_.board_disturbed);
     if (totals.plant) Append(log_, std::move(*totals.plant));
     if (totals.line) Append(log_, std::move(*totals.line), 0, Origin());
     AddActivations(log_, totals.activation_counts);
     states.insert(states.end(), totals.states.begin(), totals.states.end());
     if (totals.client) log_.clients[0].failsafe_entered_count = totals.client->failsafe_count;
   }
-  std::sort(log_.harness_late.begin(), log_.harness_late.end(), [](const LateSpan& a, const LateSpan& b) {
-    return std::pair(a.begin_ns, a.end_ns) < std::pair(b.begin_ns, b.end_ns);
-  });
+  for (std::vector<LateSpan>* spans : {&log_.harness_late, &log_.board_disturbed})
+    std::sort(spans->begin(), spans->end(), [](const LateSpan& a, const LateSpan& b) {
+      return std::pair(a.begin_ns, a.end_ns) < std::pair(b.begin_ns, b.end_ns);
+    });
   SortByTime(log_);
   std::stable_sort(states.begin(), states.end(),
                    [](const auto& a, const auto& b) { return a.time_ns < b.time_ns; });

@@ -41,19 +41,25 @@ struct Lateness {
   static constexpr std::size_t kSpansMax = 10'000;
 
   void Note(BootTime due_ns, BootTime done_ns) {
-    if (done_ns - due_ns <= late_after_ns) return;
-    // What is no longer counted is one long lateness: what happens then is not blamed on any part.
-    if (spans.size() == kSpansMax) {
-      spans.back().end_ns = std::max(spans.back().end_ns, done_ns);
-    } else {
-      spans.push_back({due_ns, done_ns});
-    }
+    if (done_ns - due_ns > late_after_ns) Add(spans, due_ns, done_ns);
   }
+  // The board's clock may have lost time then (RunLog::board_disturbed).
+  void NoteDisturbed(BootTime begin_ns, BootTime end_ns) { Add(disturbed, begin_ns, end_ns); }
 
   TimeNs late_after_ns = kNever;  // Scenario::late_after_ns(), once a flight is prepared
-  std::vector<NodeLateSpan> spans = {};
+  std::vector<NodeLateSpan> spans = {}, disturbed = {};
   Origin origin = {};  // by the node's clock
-  TILTPROOF_FIELDS(late_after_ns, spans, origin)
+  TILTPROOF_FIELDS(late_after_ns, spans, disturbed, origin)
+
+ private:
+  // What is no longer counted is one long span: what happens then is not blamed on any part.
+  static void Add(std::vector<NodeLateSpan>& to, BootTime begin_ns, BootTime end_ns) {
+    if (to.size() == kSpansMax) {
+      to.back().end_ns = std::max(to.back().end_ns, end_ns);
+    } else {
+      to.push_back({begin_ns, end_ns});
+    }
+  }
 };
 
 // A firmware whose supervisor never rests must not make a message that the bus cannot carry.

@@ -124,6 +124,53 @@ TEST(Score, FewerThan50IntervalsAreNotJudged) {
   EXPECT_EQ(ScoreRun(ScenarioOf(few), few).verdict, Verdict::kPass);
 }
 
+// `lost_count` intervals in which an emulator lost a tick, evenly among those of `period_ms`. `told`: it was noticed.
+RunLog FlightThatLosesTicks(double period_ms, std::size_t count, std::size_t lost_count, bool told) {
+  RunLog log = StillFlight(101);
+  TimeNs now_ns = 0;
+  log.clients[0].sent_request_times_ns = {now_ns};
+  for (std::size_t i = 0; i < count; ++i) {
+    const bool lost = (i + 1) * lost_count / count != i * lost_count / count;
+    const TimeNs begin_ns = now_ns;
+    now_ns += FromSeconds(period_ms / 1000) + (lost ? kNsPerMs : 0);
+    log.clients[0].sent_request_times_ns.push_back(now_ns);
+    if (lost && told) log.board_disturbed.push_back({begin_ns + 5 * kNsPerMs, begin_ns + 6 * kNsPerMs});
+  }
+  return log;
+}
+
+Verdict VerdictOf(const RunLog& log) { return ScoreRun(ScenarioOf(log), log).verdict; }
+
+TEST(Score, TicksThatTheMachineTookAreNotBlamedOnTheFirmware) {
+  // By the median of all, half of the intervals or more are wrong.
+  EXPECT_EQ(VerdictOf(FlightThatLosesTicks(12, 240, 180, false)), Verdict::kFail);
+  EXPECT_EQ(VerdictOf(FlightThatLosesTicks(12, 240, 180, true)), Verdict::kPass);  // 60 tell
+  const Score score = [] {
+    const RunLog log = FlightThatLosesTicks(12, 240, 200, true);
+    return ScoreRun(ScenarioOf(log), log);
+  }();
+  EXPECT_EQ(score.verdict, Verdict::kInconclusive);
+  EXPECT_EQ(score.reason,
+            "control_period: in 200 of 240 intervals this machine took time from the board: it was too busy "
+            "to judge "
+            "a firmware");
+}
+
+TEST(Score, LostTicksHideNoWrongPeriod) {
+  for (const double period_ms : {11.0, 13.0}) {
+    EXPECT_EQ(VerdictOf(FlightThatLosesTicks(period_ms, 240, 0, true)), Verdict::kFail);
+    EXPECT_EQ(VerdictOf(FlightThatLosesTicks(period_ms, 240, 180, true)), Verdict::kFail);
+    // Those of 11 ms are 12 ms now.
+    EXPECT_EQ(VerdictOf(FlightThatLosesTicks(period_ms, 240, 230, true)), Verdict::kInconclusive);
+  }
+}
+
+TEST(Score, AFewDisturbedIntervalsLeaveAShortFlightJudged) {
+  EXPECT_EQ(VerdictOf(FlightThatLosesTicks(12, 60, 20, true)), Verdict::kPass);
+  EXPECT_EQ(VerdictOf(FlightThatLosesTicks(13, 60, 20, true)), Verdict::kFail);
+  EXPECT_EQ(VerdictOf(FlightThatLosesTicks(12, 60, 40, true)), Verdict::kInconclusive);
+}
+
 TEST(Score, IntervalsInFaultsOnTheClientDoNotCount) {
   // Wrong in the first 0.6 s, right for 0.72 s after it.
   RunLog log = FlightThatAsksEvery(6, 101);

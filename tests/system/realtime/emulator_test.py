@@ -123,8 +123,9 @@ class EmulatorTest(unittest.TestCase):
             return
         self.assertEqual(code, 0, flight.text())
         metrics = flight.result()["metrics"]
-        # The board's own clock makes the period.
-        self.assertAlmostEqual(metrics["timing.request_period_p50_ms"], 12.0, delta=0.2)
+        # The board's own clock makes the period, where this machine took no tick from it.
+        period, = (one["explanation"] for one in flight.result()["criteria"] if one["name"] == "control_period")
+        self.assertAlmostEqual(float(re.match(r"asks every ([0-9.]+) ms", period)[1]), 12.0, delta=0.12)
         self.assertEqual(metrics["link.reference.frames_rejected_count"], 0)
         # Read from the board's memory.
         self.assertEqual(metrics["firmware.failsafe_entered_count"], 0)
@@ -214,7 +215,7 @@ class EmulatorTest(unittest.TestCase):
             code = flight.wait(60)
             self.check(flight)
             self.assertEqual(read(self.folder / "console").count(b"restarted by the reset button"), 2 * attempt)
-            if code == 0:
+            if code != 4:
                 break
         self.assertNotIn("switch it on", flight.text())
         if code == 4:
