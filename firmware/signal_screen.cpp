@@ -49,6 +49,11 @@ constexpr float kRateStep_m_s = 7e-2F;
 constexpr std::array<float, kPlaces> kReturn_m_s = {1, 1, 1e9F};
 // A pair agrees that contradicts itself by less than this share of the tolerance.
 constexpr float kCalmShare = 0.25F;
+// The integral of a rate between two samples is known as far as the rate changes evenly between them. A hinge has so
+// little inertia that its torque's noise makes another rate of each step: what the model does not foresee of the change
+// may have come in the first step or in the last. The angle shows it then, too, which no lie of the one signal does.
+// Beyond so many sigmas of that, a contradiction is one.
+constexpr float kIntegralSigmas = 5;
 // What no input within the actuators' limits makes of the rates in a sample, m/s and rad/s: 60 N on 2.09 kg, 30 N at
 // 0.278 m on 0.084 kg m2, two servos' 2 N m on 0.0101 kg m2, both thrusts tilted at 0.278 m on 0.079 kg m2, and
 // ordinary noise. Hinges: no limit.
@@ -75,6 +80,7 @@ constexpr float kShiftSpeedMin_m_s = 0.2F;
 
 constexpr std::size_t kRoll = 3, kPitch = 4, kYaw = 5, kRollRate = 11, kPitchRate = 12, kYawRate = 13;
 constexpr bool IsAngle(std::size_t pair) { return pair >= kRoll && pair <= kYaw; }
+constexpr bool IsHinge(std::size_t pair) { return pair > kYaw; }
 
 std::array<float, kSensorCount> ToArray(const Sensors& sensors) {
   std::array<float, kSensorCount> values;
@@ -226,12 +232,15 @@ void SignalScreen::Call(Pair& pair, Liar liar) {
 void SignalScreen::Accumulate(const Values& values, const Values& model, float elapsed_s) {
   for (std::size_t i = 0; i < kPairCount; ++i) {
     const std::size_t rate = kPairCount + i;
-    const float contradiction =
-        Difference(i, values[i], raw_[i]) - Moved(raw_[rate], values[rate], elapsed_s);
+    const float moved = Difference(i, values[i], raw_[i]);
+    const float contradiction = moved - Moved(raw_[rate], values[rate], elapsed_s);
     Pair& pair = pairs_[i];
     const float model_change = model[rate] - clean_[rate];
     const float unexplained = values[rate] - raw_[rate] - model_change;
     const float rate_surprise = unexplained - elapsed_s * pair.steady_per_s;
+    const float integral_error =
+        IsHinge(i) ? std::min(std::abs(elapsed_s / 3 * unexplained), std::abs(moved - pair.moved_before)) : 0;
+    pair.moved_before = moved;
     const bool calm = pair.liar == Liar::kNone &&
                       std::abs(contradiction) < kCalmShare * kContradictionMax[i] &&
                       std::all_of(pair.windows.begin(), pair.windows.end(), [&](const Window& window) {
@@ -256,6 +265,9 @@ void SignalScreen::Accumulate(const Values& values, const Values& model, float e
         window.usual_surprise =
             std::max(std::abs(window.surprise), kUsual_s / (kUsual_s + elapsed_s) * window.usual_surprise);
       }
+      window.rate_rest *= fading;
+      window.surprise_rest = fading * window.surprise_rest + elapsed_s * window.rate_rest;
+      window.integral_error_2 = fading * fading * window.integral_error_2 + integral_error * integral_error;
       const float doubt = kWindow_s[w] * kModelError * model_change;
       window.surprise_doubt_2 = fading * fading * window.surprise_doubt_2 + doubt * doubt;
     }
@@ -280,7 +292,9 @@ bool SignalScreen::IsShiftInTime(std::size_t window, const Values& values) const
 }
 
 SignalScreen::Liar SignalScreen::Verdict(const Window& window, float tolerance) {
-  if (std::abs(window.contradiction) <= tolerance) return Liar::kNone;
+  if (window.contradiction * window.contradiction <=
+      tolerance * tolerance + kIntegralSigmas * kIntegralSigmas * window.integral_error_2)
+    return Liar::kNone;
   // What is left to explain if the one lies or the other.
   const float if_position = std::abs(window.surprise);
   const float if_rate = std::abs(window.contradiction_twice + window.surprise);
@@ -289,7 +303,8 @@ SignalScreen::Liar SignalScreen::Verdict(const Window& window, float tolerance) 
     return kClearer * right < wrong && wrong > kUsuals * window.usual_surprise &&
            wrong * wrong > kDoubts * kDoubts * window.surprise_doubt_2;
   };
-  if (is_clear(if_position, if_rate)) return Liar::kPosition;
+  // What a rate that was believed again still lies is no surprise, and looks like a lie of its position.
+  if (is_clear(if_position, if_rate) && if_rate > window.surprise_rest) return Liar::kPosition;
   if (is_clear(if_rate, if_position)) return Liar::kRate;
   return Liar::kNone;
 }
@@ -364,8 +379,12 @@ void SignalScreen::Replace(std::size_t pair_index, const Values& model, float el
   // What is left of the lie is believed from now on. It is known; forgotten, that of a rate would look like a lie of the
   // position, and the jump at the end of that of a position like the next lie.
   const float rate_rest = pair.liar == Liar::kRate ? pair.average_lie : 0;
-  for (Window& window : pair.windows)
-    window = {.rate_surprise = rate_rest, .usual_surprise = window.usual_surprise};
+  // So far from its average may the lie be that agreed in the last sample.
+  const float rate_rest_max = pair.liar == Liar::kRate ? (1 + kAverageShare) * kRateAgreement[pair_index] : 0;
+  for (Window& window : pair.windows) {
+    window = {
+        .rate_surprise = rate_rest, .usual_surprise = window.usual_surprise, .rate_rest = rate_rest_max};
+  }
   pair.strayed = position_rest;
   pair.liar = Liar::kNone;
 }

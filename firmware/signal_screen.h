@@ -58,11 +58,16 @@ class SignalScreen {
     float surprise = 0;          // integral of that
     float usual_surprise = 0;    // its largest of late
     float surprise_doubt_2 = 0;  // square of what the model may add to it
+    // A rate that is believed again may be wrong by so much still, and what that adds to the surprise.
+    float rate_rest = 0;
+    float surprise_rest = 0;
+    float integral_error_2 = 0;  // square of the error of the rate's integral between the samples
   };
   static constexpr std::size_t kWindowCount = 2;
   struct Pair {
     std::array<Window, kWindowCount> windows;
     Liar liar = Liar::kNone;
+    float moved_before = 0;                               // the position's change, a sample ago
     float contradiction_before = 0;                       // that of the short window, a sample ago
     std::int32_t agreeing_count = 0;                      // samples in a row in which the liar is right
     std::int32_t position_repeats = 0, rate_repeats = 0;  // samples in a row with the same bits

@@ -215,6 +215,58 @@ TEST(SignalScreenTest, ARateThatIsRightTwiceInEachSwingIsNeverTakenForItsAnglesL
   }
 }
 
+// A gyroscope whose zero wanders is near the truth each time that its zero comes back. How near is known only to what it
+// takes to be believed, and the rest must not make its angle the liar: replaced by the integral of such a rate, the
+// vehicle is lost.
+TEST(SignalScreenTest, ARateWhoseZeroWandersIsNeverTakenForItsAnglesLie) {
+  constexpr double kBegin_s = 3;
+  constexpr double kDensity = 0.11;  // rad/s per root s
+  constexpr std::size_t kRollRate = 11;
+  int believed_again = 0;
+  for (unsigned seed = 1; seed <= 40; ++seed) {
+    Player player;
+    std::mt19937 noise(seed);
+    double zero = 0;
+    bool replaced = false;
+    while (player.t_s() < 40) {
+      if (player.t_s() >= kBegin_s) zero += kDensity * std::sqrt(kPeriod_s) * NearlyNormal(noise);
+      const Sensors sensed = player.Next([&](double /*t_s*/, Array& values) { values[kRollRate] += zero; });
+      ASSERT_EQ(player.clean().roll_rad, sensed.roll_rad)
+          << "seed " << seed << " at " << player.t_s() << " s";
+      if (replaced && !player.screen().substitutes()) ++believed_again;
+      replaced = player.screen().substitutes();
+    }
+  }
+  EXPECT_GT(believed_again, 4);
+}
+
+// A servo with noise on its torque gives the hinge another rate in each of the plant's steps, and the sample shows only
+// that of the last. Both signals are right.
+TEST(SignalScreenTest, AHingeThatANoisyServoMovesIsNoLiar) {
+  constexpr std::size_t kHinge = 6, kHingeRate = 14;
+  constexpr int kStepsPerSample = 3;
+  constexpr double kStep_s = kPeriod_s / kStepsPerSample;
+  constexpr double kKick_rad_s = 4;  // 0.11 N m on 1.05e-4 kg m2 for a step
+  constexpr double kBegin_s = 3;
+  for (unsigned seed = 1; seed <= 40; ++seed) {
+    Player player;
+    std::mt19937 noise(seed);
+    double angle = 0, rate = 0;
+    while (player.t_s() < 8) {
+      for (int step = 0; step < kStepsPerSample && player.t_s() >= kBegin_s; ++step) {
+        // As the controller brings the hinge back, within some 50 ms.
+        rate += kKick_rad_s * NearlyNormal(noise) - kStep_s * (40 * rate + 400 * angle);
+        angle += kStep_s * rate;
+      }
+      const Sensors sensed = player.Next([&](double /*t_s*/, Array& values) {
+        values[kHinge] += angle;
+        values[kHingeRate] += rate;
+      });
+      ASSERT_EQ(player.clean(), sensed) << "seed " << seed << " at " << player.t_s() << " s";
+    }
+  }
+}
+
 // A position that was pulled away together with its rate, which is a wind to every observer, comes back in a jump. It
 // is the truth, and followed: along x and y at 1 m/s.
 TEST(SignalScreenTest, APositionThatComesBackTogetherWithItsRateIsBelieved) {
