@@ -239,11 +239,17 @@ int Main(int argc, char** argv) {
   auto* baseline_flag = compare_app->add_flag(
       "--baseline", baseline,
       "A is the baseline: 1 when a verdict or a margin of B is worse, or a flight of A is missing, else 0");
+  auto* anyway_flag = compare_app
+                          ->add_flag("--anyway", compare.anyway,
+                                     "Compare different flights, too (another seed, link, fault, ...), and "
+                                     "say by which keys they differ")
+                          ->excludes(baseline_flag);
   compare_app
       ->add_flag("--outcomes", outcomes,
                  "A is one flight without faults, B a campaign: class each flight of B as crashed, hung, "
                  "failed, detected, wrong_output or masked, and count them")
-      ->excludes(baseline_flag);
+      ->excludes(baseline_flag)
+      ->excludes(anyway_flag);
   compare_app->callback([&] {
     command = [&] {
       return baseline   ? BaselineCommand(compare)
