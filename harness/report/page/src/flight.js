@@ -173,7 +173,7 @@ export async function showFlight(main, run, index, stillWanted) {
     ...(scenario.description ? [el("p", { class: "description", text: scenario.description })] : []),
     ...flight.problems.map((text) => el("p", { class: "note", text })),
     el("div", { class: "columns" },
-      el("div", { class: "left" }, replay?.panel ?? el("p", { class: "nothing", role: "note" }, el("b", { text: "Nothing was flown." }), ` ${entry.reason || "This flight left no trace."}`)),
+      el("div", { class: "left" }, replay?.panel ?? el("p", { class: "nothing", role: "note" }, el("b", { text: "This flight left no trace." }), entry.reason ? ` ${entry.reason}` : "")),
       el("div", { class: "right" },
         section("criteria", "Criteria", criteriaTable(flight.result.criteria, flown ? clock : null)),
         flight.result.faults.length > 0 ? section("faults", "Faults", faultList(flight, clock)) : null,
