@@ -1,5 +1,8 @@
 #include "link/serial_devices.h"
 
+#include <grp.h>
+#include <pwd.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -102,6 +105,25 @@ std::string Text(const std::vector<Holder>& holders) {
   for (const auto& holder : holders)
     text += (text.empty() ? "" : ", ") + std::to_string(holder.pid) + " (" + holder.name + ")";
   return text;
+}
+
+std::string PermissionAdvice(const std::filesystem::path& device) {
+  const auto join = [](const std::string& group) {
+    return "`sudo usermod -aG " + group + " $USER`, then log out and in again";
+  };
+  struct stat status {};
+  if (stat(device.c_str(), &status) != 0) return join("dialout");
+  constexpr mode_t kReadWrite = S_IRGRP | S_IWGRP;
+  const struct group* group = getgrgid(status.st_gid);
+  if (status.st_gid != 0 && group != nullptr && (status.st_mode & kReadWrite) == kReadWrite)
+    return join(group->gr_name);
+  const struct passwd* owner = getpwuid(status.st_uid);
+  // root's own group is no way in.
+  return "`sudo chgrp dialout " + device.string() + " && sudo chmod g+rw " + device.string() +
+         "` (it belongs to " + (owner != nullptr ? owner->pw_name : std::to_string(status.st_uid)) + ":" +
+         (group != nullptr ? group->gr_name : std::to_string(status.st_gid)) +
+         ", and no group that you could join may use it; a udev rule, docs/board.md, makes it last), " +
+         join("dialout");
 }
 
 fs::path LatencyTimerFile(const fs::path& device, const fs::path& root) {

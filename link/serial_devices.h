@@ -32,6 +32,9 @@ std::optional<pid_t> ProcessBehind(const std::filesystem::path& pseudo_terminal)
 // "1234 (picocom), 99 (cat)"; empty for none.
 std::string Text(const std::vector<Holder>& holders);
 
+// What to do when the device may not be opened, as commands: join its group, or first give it one that may.
+std::string PermissionAdvice(const std::filesystem::path& device);
+
 // How long an FTDI adapter holds received bytes back before it passes them on, in ms (16 by default, 1 to
 // 255): sysfs file `latency_timer`. `device` may be a link to it. nullopt: the adapter has no such file.
 std::filesystem::path LatencyTimerFile(const std::filesystem::path& device,

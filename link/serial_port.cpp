@@ -71,15 +71,6 @@ std::string DevicesText() {
                      "; end it first");
 }
 
-[[noreturn]] void RefusePermission(const std::string& device, const struct stat& status) {
-  std::string group = "dialout";
-  constexpr mode_t kReadWrite = S_IRGRP | S_IWGRP;
-  if (status.st_gid != 0 && (status.st_mode & kReadWrite) == kReadWrite) {
-    if (const struct group* entry = getgrgid(status.st_gid)) group = entry->gr_name;
-  }
-  Refuse(device, "no permission: run `sudo usermod -aG " + group + " $USER`, then log out and in again");
-}
-
 // An open, locked, non-blocking descriptor of a terminal.
 OwnedDescriptor OpenDevice(const std::string& device) {
   struct stat status {};
@@ -95,7 +86,7 @@ OwnedDescriptor OpenDevice(const std::string& device) {
   OwnedDescriptor descriptor(open(device.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
   if (descriptor.get() < 0) {
     const int error = errno;
-    if (error == EACCES || error == EPERM) RefusePermission(device, status);
+    if (error == EACCES || error == EPERM) Refuse(device, "no permission: run " + PermissionAdvice(device));
     if (error == EBUSY) RefuseBusy(device);
     if (error == ENXIO || error == ENODEV || error == EIO)
       Refuse(device, "there is a device file but no device behind it (" + std::string(std::strerror(error)) +

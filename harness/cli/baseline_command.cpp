@@ -100,8 +100,9 @@ void WarnOfOtherFlights(const Regression& regression, const OldRun& a, const Old
                       "scenario.resolved.yaml");
     };
     try {
-      if (const auto key = DifferingKey(text_in(a), text_in(b)))
-        PrintLine(stderr, 0, fmt::format("warning: {} is another flight in B: {}", flight.name, *key));
+      if (const auto keys = DifferingKeys(text_in(a), text_in(b)); !keys.empty())
+        PrintLine(stderr, 0,
+                  fmt::format("warning: {} is another flight in B: {}", flight.name, keys.front()));
     } catch (const std::exception&) {
       // It left no folder (--keep): its results are all there is.
     }

@@ -101,6 +101,7 @@ struct CompareOptions {
   std::filesystem::path a, b;
   double tolerance = 1e-3;
   std::string format = "human";
+  bool anyway = false;  // compares different flights, too
 };
 int CompareCommand(const CompareOptions& options);
 // --baseline: whether b got worse than a, in results alone. The tolerance is that of margins.

@@ -80,19 +80,21 @@ Pairing Pair(const CompareOptions& options, const OldRun& a, const OldRun& b) {
   return pairing;
 }
 
-// Throws UsageError when the two are not the same flight.
-void CheckSameFlight(const fs::path& a, const fs::path& b) {
-  std::optional<std::string> key;
+// By which keys the two are different flights. Throws UsageError when there are any, unless `anyway`.
+std::vector<std::string> FlightDifferences(const fs::path& a, const fs::path& b, bool anyway) {
+  std::vector<std::string> keys;
   try {
-    key = DifferingKey(ReadFile(a / "scenario.resolved.yaml"), ReadFile(b / "scenario.resolved.yaml"));
+    keys = DifferingKeys(ReadFile(a / "scenario.resolved.yaml"), ReadFile(b / "scenario.resolved.yaml"));
   } catch (const std::exception& error) {
     throw std::runtime_error(fmt::format("{} or {}: {}", (a / "scenario.resolved.yaml").string(),
                                          (b / "scenario.resolved.yaml").string(), error.what()));
   }
-  if (key)
-    throw UsageError(
-        fmt::format("{} and {} are different flights, so their traces say nothing about each other: {}",
-                    a.string(), b.string(), *key));
+  if (!keys.empty() && !anyway)
+    throw UsageError(fmt::format(
+        "{} and {} are different flights, so their traces say nothing about each other: {}; --anyway "
+        "compares them all the same",
+        a.string(), b.string(), keys.front()));
+  return keys;
 }
 
 std::optional<double> Metric(const FlightResult& result, const std::string& name) {
@@ -105,11 +107,12 @@ std::string DifferenceWord(const FlightComparison& comparison) {
   return comparison.differs() ? "DIFFERENT" : comparison.identical ? "IDENTICAL" : "CLOSE";
 }
 
-Json JsonOf(const std::string& scenario, const FlightComparison& c) {
+Json JsonOf(const std::string& scenario, const FlightComparison& c, const std::vector<std::string>& unlike) {
   const auto number = [](double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); };
   Json json = {{"scenario", scenario},
                {"differs", c.differs()},
                {"identical", c.identical},
+               {"different_flights", unlike},
                {"verdict", {{"a", Name(c.a.score.verdict)}, {"b", Name(c.b.score.verdict)}}},
                {"trace_hash", {{"a", c.a.trace_hash}, {"b", c.b.trace_hash}}},
                {"rows", {{"a", c.trace.rows_a}, {"b", c.trace.rows_b}, {"matched", c.trace.rows_matched}}},
@@ -174,8 +177,9 @@ void PrintMetrics(const FlightComparison& c) {
   }
 }
 
-// What sets the two apart, a line each.
-std::vector<std::string> Differences(const FlightComparison& c, double tolerance) {
+// What sets the two apart, a line each: first by which keys they were different flights.
+std::vector<std::string> Differences(const FlightComparison& c, const std::vector<std::string>& unlike,
+                                     double tolerance) {
   std::vector<std::string> lines;
   if (const auto& first = c.trace.first) {
     const auto value = [](double v) { return std::isnan(v) ? "no value" : fmt::format("{:.6g}", v); };
@@ -193,11 +197,14 @@ std::vector<std::string> Differences(const FlightComparison& c, double tolerance
   if (lines.empty())
     lines.push_back(c.identical ? "to the bit"
                                 : fmt::format("the vehicle is nowhere apart by more than {:g}", tolerance));
+  for (auto key = unlike.rbegin(); key != unlike.rend(); ++key)
+    lines.insert(lines.begin(), fmt::format("different flights: {}", *key));
   return lines;
 }
 
-void PrintFlight(const std::string& name, const FlightComparison& c, double tolerance) {
-  const std::vector<std::string> lines = Differences(c, tolerance);
+void PrintFlight(const std::string& name, const FlightComparison& c, const std::vector<std::string>& unlike,
+                 double tolerance) {
+  const std::vector<std::string> lines = Differences(c, unlike, tolerance);
   if (IsTerminal(stdout)) {
     PrintLine(stdout, 0, fmt::format("{:<10} {}", DifferenceWord(c), name));
     for (const std::string& line : lines) PrintLine(stdout, 4, line);
@@ -229,7 +236,9 @@ std::string NameOf(const std::pair<fs::path, fs::path>& pair) {
 int CompareCommand(const CompareOptions& options) {
   const OldRun a = OpenRun(options.a), b = OpenRun(options.b);
   const Pairing pairing = Pair(options, a, b);
-  for (const auto& [folder_a, folder_b] : pairing.pairs) CheckSameFlight(folder_a, folder_b);
+  std::vector<std::vector<std::string>> unlike;  // of each pair
+  for (const auto& [folder_a, folder_b] : pairing.pairs)
+    unlike.push_back(FlightDifferences(folder_a, folder_b, options.anyway));
   const bool jsonl = options.format == "jsonl";
   if (!jsonl) {
     PrintLine(stdout, 0, RunText("A", options.a, a.info));
@@ -237,13 +246,14 @@ int CompareCommand(const CompareOptions& options) {
   }
 
   std::size_t identical = 0, close = 0, different = 0, unreadable = 0;
-  for (const auto& pair : pairing.pairs) {
+  for (std::size_t i = 0; i < pairing.pairs.size(); ++i) {
+    const auto& pair = pairing.pairs[i];
     const std::string name = NameOf(pair);
     try {
       const FlightComparison comparison = CompareFlights(pair.first, pair.second, options.tolerance);
       ++(comparison.differs() ? different : comparison.identical ? identical : close);
-      jsonl ? Print(stdout, "{}\n", JsonLine(JsonOf(name, comparison)))
-            : PrintFlight(name, comparison, options.tolerance);
+      jsonl ? Print(stdout, "{}\n", JsonLine(JsonOf(name, comparison, unlike[i])))
+            : PrintFlight(name, comparison, unlike[i], options.tolerance);
     } catch (const std::exception& error) {
       ++unreadable;
       if (jsonl) Print(stdout, "{}\n", JsonLine({{"scenario", name}, {"error", error.what()}}));

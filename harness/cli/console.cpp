@@ -58,16 +58,26 @@ std::vector<std::string> Figures(const Score& score, bool is_short) {
 }
 
 // All that kept a flight from passing: first what decided.
-std::vector<std::string> Reasons(const Score& score) {
-  std::vector<std::string> lines = {score.reason};
+struct Why {
+  std::vector<std::string> lines;
+  std::string undecided;  // what the early end of a failed flight left open; a line, or empty
+};
+Why Reasons(const Score& score) {
+  Why why{{score.reason}, ""};
   const auto add = [&](const std::string& line) {
-    if (line != score.reason) lines.push_back(line);
+    if (line != score.reason) why.lines.push_back(line);
   };
-  for (const auto& criterion : score.criteria)
-    if (criterion.verdict != Verdict::kPass) add(criterion.name + ": " + criterion.explanation);
+  for (const auto& criterion : score.criteria) {
+    if (criterion.verdict == Verdict::kPass) continue;
+    if (criterion.verdict == Verdict::kInconclusive && score.verdict != Verdict::kInconclusive)
+      why.undecided +=
+          (why.undecided.empty() ? "undecided at the end of the flight: " : ", ") + criterion.name;
+    else
+      add(criterion.name + ": " + criterion.explanation);
+  }
   for (const auto& fault : score.faults)
     if (fault.activations == 0) add("fault '" + fault.id + "' never activated");
-  return lines;
+  return why;
 }
 
 }  // namespace
@@ -117,7 +127,12 @@ void Console::Finished(const FlightResult& result) const {
   if (result.green()) {
     if (result.score.verdict != Verdict::kPass) PrintLine(stdout, indent_, result.score.reason);
   } else {
-    for (const auto& line : Reasons(result.score)) PrintLine(stdout, indent_, line);
+    const Why why = Reasons(result.score);
+    for (const auto& line : why.lines) PrintLine(stdout, indent_, line);
+    if (!why.undecided.empty() && colours_)
+      Print(stdout, "{}\n", OfOurs(Paint("90", InLines(why.undecided, indent_))));
+    else if (!why.undecided.empty())
+      PrintLine(stdout, indent_, why.undecided);
     const std::string facts = fmt::format("expected {}; seed {}", Name(result.expected), result.seed);
     if (result.replay.empty())
       PrintLine(stdout, indent_, facts);

@@ -100,7 +100,7 @@ void CheckSerialDevices(const fs::path& root, Checks& checks) {
     if (access(device.c_str(), R_OK | W_OK) != 0) {
       check.status = Status::kWarn;
       check.text = "no permission to open it";
-      check.advice = "`sudo usermod -aG dialout $USER`, then log out and in again";
+      check.advice = link::PermissionAdvice(device);
     } else if (!holders.empty()) {
       check.status = Status::kWarn;
       check.text = "held by process " + Text(holders);

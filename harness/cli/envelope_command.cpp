@@ -226,6 +226,7 @@ class EnvelopeSearch {
     envelope_.seed = base.seed;
     envelope_.repeat_count = options.repeat_count;
     envelope_.tolerance = options.tolerance;
+    envelope_.has_map = !options.map.empty();
     for (const Column& column : columns_) {
       envelope_.columns.push_back(IdentityOf(column));
       AddColumn(column, RowsOf(options, column.base.model->signals()), envelope_, tasks_);
@@ -255,6 +256,9 @@ class EnvelopeSearch {
     Print(stdout, "{}", TextLines(EnvelopeTable(envelope_)));
     for (const EnvelopeMap& map : envelope_.maps) Print(stdout, "\n{}", TextLines(EnvelopeMapText(map)));
     PrintNotApplicable();
+    if (const std::size_t others = envelope_.earlier.rows.size(); others > 0)
+      PrintLine(stdout, 0,
+                fmt::format("{} rows of an earlier run are not selected now, and stay in the file", others));
     const std::vector<SideFlight> sides = SidesOf(envelope_, all_tasks_);
     WriteLevels(folder(), sides);
     if (options_.keep && !interrupted()) Keep(sides);

@@ -94,10 +94,12 @@ std::string AxisName(const EnvelopeMap::Axis& axis) {
 
 std::string ToJsonText(const Envelope& envelope) {
   Json clients = Json::array(), columns = Json::object();
-  for (const EnvelopeColumn& column : envelope.columns) {
-    clients.push_back(column.client);
-    columns[column.client] = {
-        {"scenario", column.scenario}, {"flags", column.flags}, {"build", column.build}};
+  for (const auto* group : {&envelope.columns, &envelope.earlier.columns}) {
+    for (const EnvelopeColumn& column : *group) {
+      clients.push_back(column.client);
+      columns[column.client] = {
+          {"scenario", column.scenario}, {"flags", column.flags}, {"build", column.build}};
+    }
   }
   Json json = {{"format", kResultsFormat},
                {"version", Version()},
@@ -107,7 +109,7 @@ std::string ToJsonText(const Envelope& envelope) {
                {"seed", envelope.seed},
                {"repeats", envelope.repeat_count},
                {"tolerance", envelope.tolerance},
-               {"complete", envelope.complete},
+               {"complete", envelope.complete && envelope.earlier.complete},
                {"rows", Json::array()},
                {"not_applicable", Json::array()}};
   for (const EnvelopeEntry& entry : envelope.entries)
@@ -115,10 +117,11 @@ std::string ToJsonText(const Envelope& envelope) {
   for (const EnvelopeNotApplicable& other : envelope.not_applicable)
     json["not_applicable"].push_back(
         {{"type", other.type}, {"place", other.place}, {"client", other.client}, {"reason", other.reason}});
-  if (!envelope.maps.empty()) {
-    json["map"] = Json::array();
-    for (const EnvelopeMap& map : envelope.maps) json["map"].push_back(MapJson(map));
-  }
+  for (const EnvelopeMap& map : envelope.maps) json["map"].push_back(MapJson(map));
+  for (const std::string& row : envelope.earlier.rows) json["rows"].push_back(Json::parse(row));
+  for (const std::string& row : envelope.earlier.not_applicable)
+    json["not_applicable"].push_back(Json::parse(row));
+  for (const std::string& map : envelope.earlier.maps) json["map"].push_back(Json::parse(map));
   return JsonText(json, 2) + "\n";
 }
 

@@ -45,16 +45,26 @@ struct EnvelopeColumn {
   std::string build;  // of the program and the firmware (harness/report/build_id.h)
 };
 
+// What an earlier run found in the same folder and this one does not look for: it stays in the file. Rows are JSON
+// objects.
+struct EnvelopeEarlier {
+  std::vector<EnvelopeColumn> columns;
+  std::vector<std::string> rows, not_applicable, maps;
+  bool complete = true;
+};
+
 struct Envelope {
   std::string scenario;  // its name
   std::vector<EnvelopeColumn> columns;
   std::vector<EnvelopeEntry> entries;
   std::vector<EnvelopeNotApplicable> not_applicable;
   std::vector<EnvelopeMap> maps;
+  EnvelopeEarlier earlier;
   std::uint64_t seed = 0;  // the first
   int repeat_count = 0;
   double tolerance = 0.0;
-  bool complete = false;
+  bool has_map = false;   // it flies one
+  bool complete = false;  // this run; the file is when the earlier one was, too
 };
 
 // envelope.json.

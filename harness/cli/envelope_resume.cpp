@@ -4,8 +4,10 @@
 
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <string>
 #include <tuple>
+#include <utility>
 
 #include "harness/cli/commands.h"
 #include "harness/report/files.h"
@@ -13,7 +15,7 @@
 namespace tiltproof::harness {
 namespace {
 
-using EarlierJson = nlohmann::json;
+using EarlierJson = nlohmann::ordered_json;
 
 std::optional<double> NumberOf(const EarlierJson& row, const char* key) {
   return row.contains(key) && row[key].is_number() ? std::optional(row[key].get<double>()) : std::nullopt;
@@ -54,20 +56,55 @@ std::string Difference(const EarlierJson& then, const Envelope& now) {
   return found;
 }
 
+using RowKey = std::tuple<std::string, std::string, std::string, std::string>;
+
+RowKey KeyOf(const EarlierJson& row) {
+  std::string place;
+  for (const char* key : {"target", "signal", "actuator"}) place += row.value(key, "");
+  return {row.at("type"), place, row.value("side", ""), row.at("client")};
+}
+
+// What is in the file and not in this selection of types and clients.
+EnvelopeEarlier NotSelected(const EarlierJson& then, const Envelope& now) {
+  EnvelopeEarlier earlier;
+  std::set<std::string> clients;
+  std::set<RowKey> selected;
+  std::set<std::pair<std::string, std::string>> types;
+  for (const EnvelopeColumn& column : now.columns) clients.insert(column.client);
+  for (const EnvelopeEntry& entry : now.entries) {
+    const std::string type(entry.row.type->name);
+    selected.insert({type, entry.row.place, entry.row.side, entry.client});
+    types.insert({type, entry.client});
+  }
+  for (const EnvelopeNotApplicable& other : now.not_applicable) types.insert({other.type, other.client});
+  for (const auto& [client, column] : then.at("columns").items())
+    if (!clients.contains(client))
+      earlier.columns.push_back({client, column.at("scenario"), column.at("flags"), column.at("build")});
+  for (const EarlierJson& row : then.at("rows"))
+    if (!selected.contains(KeyOf(row))) earlier.rows.push_back(row.dump());
+  for (const EarlierJson& row : then.at("not_applicable"))
+    if (!types.contains({row.at("type"), row.at("client")})) earlier.not_applicable.push_back(row.dump());
+  // A run with a map flies it anew.
+  if (then.contains("map"))
+    for (const EarlierJson& map : then["map"])
+      if (!now.has_map || !clients.contains(map.at("client"))) earlier.maps.push_back(map.dump());
+  earlier.complete = then.at("complete") || earlier.rows.empty();
+  return earlier;
+}
+
 }  // namespace
 
 void TakeEarlierRows(const std::filesystem::path& file, Envelope& envelope) {
-  std::map<std::tuple<std::string, std::string, std::string, std::string>, Margin> earlier;
+  std::map<RowKey, Margin> earlier;
   try {
     const EarlierJson then = EarlierJson::parse(ReadFile(file));
     if (const std::string why = Difference(then, envelope); !why.empty())
       throw UsageError(fmt::format("--resume {}: {}: its rows say nothing of this one", file.string(), why));
     for (const EarlierJson& row : then.at("rows")) {
       if (row.contains("error")) continue;
-      std::string place;
-      for (const char* key : {"target", "signal", "actuator"}) place += row.value(key, "");
-      earlier[{row.at("type"), place, row.value("side", ""), row.at("client")}] = MarginOf(row);
+      earlier[KeyOf(row)] = MarginOf(row);
     }
+    envelope.earlier = NotSelected(then, envelope);
   } catch (const UsageError&) {
     throw;
   } catch (const std::exception& error) {

@@ -8,7 +8,7 @@
 namespace tiltproof::harness {
 
 // Gives the envelope's entries the margins that an earlier envelope.json has for them; rows that could not be judged
-// are left out. Throws UsageError when the file cannot be read, or its rows were found in another way: other scenario,
+// are left out. Rows, clients and maps of the file that the envelope does not look for stay in it. Throws UsageError when the file cannot be read, or its rows were found in another way: other scenario,
 // seeds, tolerance, version or build.
 void TakeEarlierRows(const std::filesystem::path& file, Envelope& envelope);
 

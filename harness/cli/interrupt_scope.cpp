@@ -4,13 +4,14 @@ namespace tiltproof::harness {
 namespace {
 
 std::atomic<bool> interrupted{false};
+int scopes_count = 0;
 
 void OnInterrupt(int) { interrupted.store(true, std::memory_order_relaxed); }
 
 }  // namespace
 
 InterruptScope::InterruptScope() {
-  interrupted = false;
+  if (scopes_count++ == 0) interrupted = false;
   struct sigaction action {};
   action.sa_handler = OnInterrupt;
   sigemptyset(&action.sa_mask);
@@ -23,6 +24,7 @@ InterruptScope::InterruptScope() {
 }
 
 InterruptScope::~InterruptScope() {
+  --scopes_count;
   sigaction(SIGINT, &old_int_, nullptr);
   sigaction(SIGTERM, &old_term_, nullptr);
   sigaction(SIGHUP, &old_hangup_, nullptr);

@@ -9,7 +9,8 @@
 
 namespace tiltproof::harness {
 
-// Puts handlers of SIGINT, SIGTERM and SIGHUP in place for as long as it lives.
+// Puts handlers of SIGINT, SIGTERM and SIGHUP in place for as long as it lives. Scopes may nest: what came in the outer
+// one holds in the inner one.
 class InterruptScope {
  public:
   InterruptScope();
@@ -19,7 +20,7 @@ class InterruptScope {
 
   // As one of these signals does.
   static void Interrupt();
-  // Set by these signals; cleared when a scope begins.
+  // Set by these signals; cleared when an outermost scope begins.
   static const std::atomic<bool>* flag();
 
  private:

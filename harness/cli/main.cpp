@@ -239,11 +239,17 @@ int Main(int argc, char** argv) {
   auto* baseline_flag = compare_app->add_flag(
       "--baseline", baseline,
       "A is the baseline: 1 when a verdict or a margin of B is worse, or a flight of A is missing, else 0");
+  auto* anyway_flag = compare_app
+                          ->add_flag("--anyway", compare.anyway,
+                                     "Compare different flights, too (another seed, link, fault, ...), and "
+                                     "say by which keys they differ")
+                          ->excludes(baseline_flag);
   compare_app
       ->add_flag("--outcomes", outcomes,
                  "A is one flight without faults, B a campaign: class each flight of B as crashed, hung, "
                  "failed, detected, wrong_output or masked, and count them")
-      ->excludes(baseline_flag);
+      ->excludes(baseline_flag)
+      ->excludes(anyway_flag);
   compare_app->callback([&] {
     command = [&] {
       return baseline   ? BaselineCommand(compare)
@@ -334,6 +340,11 @@ int Main(int argc, char** argv) {
                          "Print the gain as a binary32 table of that name for firmware/gain_tables.h");
   design_app->add_flag("--allow-invalid-inertia", design.allow_invalid_inertia,
                        "Go on with a physically impossible inertia");
+  design_app->footer(
+      "Columns of the gain, the states x of u = u_eq - K (x - x_ref): x y z (m), roll pitch yaw alpha_r alpha_l "
+      "(rad), their eight rates in the same order (m/s, rad/s; Euler rates), then the integrals of the errors of "
+      "x y z (m s) and yaw (rad s), by the trapezoidal rule with the present error, every 12 ms. "
+      "firmware/examples/python flies it.");
   design_app->callback([&] { command = [&] { return DesignLqrCommand(design); }; });
 
   NodeCommandOptions node;

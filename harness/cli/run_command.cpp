@@ -8,6 +8,7 @@
 #include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
 #include "harness/cli/console.h"
+#include "harness/cli/interrupt_scope.h"
 #include "harness/cli/live_page.h"
 #include "harness/cli/report_command.h"
 #include "harness/cli/run_flights.h"
@@ -104,6 +105,7 @@ void AddWatched(Scenario& scenario, const std::vector<std::string>& variables) {
 void List(const RunOptions& options, const std::vector<SuiteScenario>& scenarios,
           const std::vector<PlannedRun>& plan) {
   for (const PlannedRun& flight : plan) {
+    if (*InterruptScope::flag()) return;
     const Scenario& scenario = scenarios[flight.scenario].scenario;
     if (options.format == "jsonl") {
       nlohmann::ordered_json line = {
@@ -146,9 +148,42 @@ std::vector<Repeats> RepeatsIn(const std::vector<FlightResult>& results,
   return RepeatsOf(results, names);
 }
 
+int InterruptedEarly() {
+  Print(stderr, "tiltproof: interrupted before the first flight; nothing was written\n");
+  return kExitInterrupted;
+}
+
+// Without what depends on the folder of the run. Of a million flights this takes a while: an interrupt ends it.
+std::vector<FlightJob> JobsOf(const Suite& suite, const std::vector<PlannedRun>& plan,
+                              const FlightMeans& means) {
+  std::vector<FlightJob> jobs;
+  for (const PlannedRun& flight : plan) {
+    if (*InterruptScope::flag()) break;
+    const SuiteScenario& entry = suite.scenarios[flight.scenario];
+    FlightJob& job = jobs.emplace_back(FlightJob{
+        .name = flight.name, .scenario = entry.scenario, .model = entry.model, .means = means, .replay = {}});
+    job.scenario.seed = flight.seed;
+  }
+  return jobs;
+}
+
+// Said once: nothing else tells why the second flight waits.
+void TellWhoResets(const std::vector<ClientSpec>& clients, std::size_t flights_count) {
+  for (const ClientSpec& client : clients) {
+    const auto* board = std::get_if<SerialBoard>(&client);
+    if (board == nullptr || !board->reset.empty() || flights_count < 2) continue;
+    PrintLine(stderr, 0,
+              fmt::format("tiltproof: nothing resets the board of --client {} between flights: at the begin "
+                          "of each of the {} flights, reset it by hand; or add ,reset=dtr, ,reset=rts or "
+                          ",reset=COMMAND to the client (docs/board.md)",
+                          ToText(client), flights_count));
+  }
+}
+
 }  // namespace
 
 int RunCommand(const RunOptions& options) {
+  const InterruptScope scope;
   const FlightMeans means = ChooseMeans(options);
   Suite suite = LoadSuite(options.paths, means.clients, options.firmware);
   const std::size_t found = suite.scenarios.size();
@@ -179,6 +214,7 @@ int RunCommand(const RunOptions& options) {
     List(options, suite.scenarios, plan);
     for (const auto& [name, reason] : not_applicable) Print(stderr, "not applicable: {}: {}\n", name, reason);
     if (suite.scenarios.empty()) Print(stderr, "tiltproof: nothing is left to fly with this client\n");
+    if (*InterruptScope::flag()) return InterruptedEarly();
     return suite.scenarios.empty() ? kExitUndecided : kExitGreen;
   }
   if (means.debug && (plan.size() > 1 || suite.scenarios.front().scenario.has_several_clients()))
@@ -209,27 +245,23 @@ int RunCommand(const RunOptions& options) {
   if (means.realtime && !means.attach) info.realtime_rights = ProbeRealtimeRights().Text();
   info.command = options.command;
   info.not_applicable = not_applicable;
+  std::vector<FlightJob> jobs = JobsOf(suite, plan, means);
+  if (*InterruptScope::flag()) return InterruptedEarly();
   const std::filesystem::path folder = CreateRunFolder(options.out, suite.name, info.seed);
   if (LatestIsTaken(options.out))
     Print(stderr, "warning: {} is no link and stays as it is; this run is in {}\n",
           (options.out / "latest").string(), folder.string());
 
-  std::vector<FlightJob> jobs;
-  for (const PlannedRun& flight : plan) {
-    const SuiteScenario& entry = suite.scenarios[flight.scenario];
-    FlightJob job{
-        .name = flight.name, .scenario = entry.scenario, .model = entry.model, .means = means, .replay = {}};
-    job.scenario.seed = flight.seed;
+  for (FlightJob& job : jobs) {
     const std::filesystem::path flight_folder = folder / job.name;
     job.recorder = RecorderIn(flight_folder, info.keep, *info.trace);
     if (info.keep != Keep::kAll) {
-      job.replay = FlyAgain(options, means, std::filesystem::absolute(entry.scenario.file), flight.seed);
+      job.replay = FlyAgain(options, means, std::filesystem::absolute(job.scenario.file), job.scenario.seed);
     } else if (means.realtime) {
-      job.replay = FlyAgain(options, means, flight_folder / "scenario.resolved.yaml", flight.seed);
+      job.replay = FlyAgain(options, means, flight_folder / "scenario.resolved.yaml", job.scenario.seed);
     } else {
       job.replay = fmt::format("{} replay {}", options.command.front(), flight_folder.string());
     }
-    jobs.push_back(std::move(job));
   }
 
   std::optional<LivePage> live;
@@ -238,6 +270,7 @@ int RunCommand(const RunOptions& options) {
                            suite.name, jobs.size(), jobs.size() == 1 ? "" : "s", info.client,
                            folder.string()));
   for (const auto& scenario : not_applicable) console.LeftOut(scenario);
+  if (!means.attach) TellWhoResets(clients, jobs.size());
   RunRecord record(folder, info, jobs);
   const FlownFlights flown =
       RunFlights(std::move(jobs), {.jobs_count = options.jobs_count,

@@ -202,7 +202,7 @@ class LiveServer::Impl::Session : public std::enable_shared_from_this<Session> {
   void Answer(const LiveAnswer& answer, bool last = false, const char* type = "text/plain; charset=utf-8") {
     response_ = Respond(request_, answer, type);
     if (last) response_.keep_alive(false);
-    stream_.expires_after(kWriteLimit);
+    stream_.expires_after(server_->hooks.write_limit);
     http::async_write(stream_, response_,
                       [self = this->shared_from_this()](beast::error_code error, std::size_t) {
                         if (!error && self->response_.keep_alive()) return self->Read();
@@ -221,7 +221,7 @@ class LiveServer::Impl::Session : public std::enable_shared_from_this<Session> {
 
   void Stream() {
     writing_ = true;
-    stream_.expires_after(kWriteLimit);
+    stream_.expires_after(server_->hooks.write_limit);
     asio::async_write(stream_, asio::buffer(outgoing_),
                       [self = this->shared_from_this()](boost::system::error_code error, std::size_t) {
                         self->writing_ = false;

@@ -50,6 +50,7 @@ class LiveServer {
     using Answer = std::function<void(LiveAnswer)>;
     std::function<void(std::string_view button, const std::string& body, Answer answer)> press =
         [](auto, auto&, auto) {};
+    std::chrono::milliseconds write_limit = kWriteLimit;
   };
   LiveServer(boost::asio::io_context& loop, const LiveSocket& socket, const LiveBoard& board, Hooks hooks);
   ~LiveServer();

@@ -1,7 +1,9 @@
 #include <fmt/format.h>
 
+#include <array>
 #include <memory>
 #include <optional>
+#include <string_view>
 #include <utility>
 
 #include "harness/node/cpu_wait_watch.h"
@@ -11,15 +13,21 @@
 namespace tiltproof::harness {
 namespace {
 
-// Replaces every `{name}`.
-std::string Filled(std::string command, const std::vector<std::pair<std::string, std::string>>& values) {
-  for (const auto& [name, value] : values) {
-    const std::string place = "{" + name + "}";
+// Replaces every `{name}`; values in the order of the names.
+std::string Filled(std::string command,
+                   const std::array<std::string, Program::kPlaceholders.size()>& values) {
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const std::string& value = values[i];
+    const std::string place = fmt::format("{{{}}}", Program::kPlaceholders[i]);
     for (std::size_t at = 0; (at = command.find(place, at)) != std::string::npos; at += value.size())
       command.replace(at, place.size(), value);
   }
   return command;
 }
+
+// What a shell ends with when it could not start a command (POSIX 2.8.2).
+constexpr std::array<std::pair<std::string_view, std::string_view>, 2> kNotStarted = {
+    {{"exited with code 127", "was not found"}, {"exited with code 126", "may not be executed"}}};
 
 // A user's program as the firmware, its serial lines on pseudo-terminals. This node starts it, keeps what it
 // prints, and says how it ended.
@@ -44,8 +52,7 @@ class CommandRole final : public Role {
     log_origin_ = Origin(services_.clock().Now());
     const std::string baud = std::to_string(scenario_.link.port_baud());
     ChildSpec spec;
-    spec.command = {"/bin/sh", "-c",
-                    Filled(command_, {{"port", port_}, {"reference_port", reference_port_}, {"baud", baud}})};
+    spec.command = {"/bin/sh", "-c", Filled(command_, {port_, reference_port_, baud})};
     spec.environment = {{"TILTPROOF_PORT", port_},
                         {"TILTPROOF_REFERENCE_PORT", reference_port_},
                         {"TILTPROOF_BAUD", baud},
@@ -54,6 +61,14 @@ class CommandRole final : public Role {
     spec.guard_group = true;
     process_.emplace(services_, spec, [this](const std::string& how) {
       Flush();
+      // No firmware has flown: the command is wrong.
+      for (const auto& [code, what] : kNotStarted)
+        if (how == code)
+          return services_.Fail(
+              EndReason::kNodeLost,
+              fmt::format("the command of --client process: {} (the shell {}): {}; give the "
+                          "program's path, and look at firmware.log",
+                          what, how, command_));
       services_.Fail(EndReason::kFirmwareLost,
                      fmt::format("the firmware's process {} (command: {})", how, command_));
     });

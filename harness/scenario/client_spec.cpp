@@ -20,7 +20,8 @@ constexpr std::array<ClientForm, 5> kForms = {{
      "an image for the STM32F4 on an emulated board; without one, or as qemu:executive or qemu:freertos, the "
      "shipped one. After an image: ,main=usartN ,reference=usartN ,console=usartN (2, 3 and 1), "
      ",hse=HZ (the board's crystal, 8000000)"},
-    {"process:CMD", "a program with serial ports, {port} and {reference_port} in CMD; --mode realtime"},
+    {"process:CMD",
+     "a program with serial ports, {port}, {reference_port} and {baud} in CMD; --mode realtime"},
     {"serial:DEV[,REFDEV][,reset=HOW]",
      "a board on serial devices, or on sockets (unix:PATH): main line, reference line; --mode realtime. HOW "
      "resets "
@@ -41,17 +42,20 @@ constexpr std::array<Usart, 3> kUsarts = {{{"main", &EmulatedImage::main_usart},
                                            {"reference", &EmulatedImage::reference_usart},
                                            {"console", &EmulatedImage::console_usart}}};
 
-constexpr int kHseHzMax = 50'000'000;  // from outside; a crystal has 4 to 26 MHz (datasheet DS8626)
+// From outside; a crystal has 4 to 26 MHz (datasheet DS8626).
+constexpr int kHseHzMin = 1'000'000, kHseHzMax = 50'000'000;
 
 void ReadOption(std::string_view option, EmulatedImage& image) {
   constexpr std::string_view kHse = "hse=";
   if (option.starts_with(kHse)) {
     const std::string_view value = option.substr(kHse.size());
     const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), image.hse_hz);
-    if (error != std::errc() || end != value.data() + value.size() || image.hse_hz < 0 ||
-        image.hse_hz > kHseHzMax)
-      throw ClientMistake(fmt::format("'{}' is no hse=HZ with 0 (no crystal) to {}", option, kHseHzMax));
-    return;
+    const bool is_number = error == std::errc() && end == value.data() + value.size();
+    if (is_number && (image.hse_hz == 0 || (image.hse_hz >= kHseHzMin && image.hse_hz <= kHseHzMax))) return;
+    const bool is_in_mhz = is_number && image.hse_hz > 0 && image.hse_hz <= kHseHzMax / kHseHzMin;
+    throw ClientMistake(fmt::format(
+        "'{}' is no hse=HZ: in Hz, from {} to {}, or 0 (no crystal){}", option, kHseHzMin, kHseHzMax,
+        is_in_mhz ? fmt::format("; {} MHz are hse={}", image.hse_hz, image.hse_hz * kHseHzMin) : ""));
   }
   const std::size_t equals = option.find('=');
   const std::string_view usart = equals == option.npos ? "" : option.substr(equals + 1);
@@ -90,6 +94,28 @@ EmulatedImage ReadImage(std::string_view rest) {
         fmt::format("main line, reference line and console need a USART each; they are on {}, {} and {}",
                     image.main_usart, image.reference_usart, image.console_usart));
   return image;
+}
+
+// Braces are the shell's, and its programs', too: only what is nearly a placeholder is a mistake.
+Program ReadProgram(const std::string& command) {
+  for (std::size_t open = command.find('{'); open != command.npos; open = command.find('{', open + 1)) {
+    const std::size_t close = command.find('}', open);
+    if (close == command.npos) break;
+    if (open > 0 && command[open - 1] == '$') continue;
+    const std::string name = command.substr(open + 1, close - open - 1);
+    const auto is_letter = [](char c) {
+      return c == '_' || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z');
+    };
+    if (name.empty() || !std::all_of(name.begin(), name.end(), is_letter)) continue;
+    const auto& known = Program::kPlaceholders;
+    if (std::find(known.begin(), known.end(), name) != known.end()) continue;
+    std::string lower = name;
+    for (char& c : lower) c = static_cast<char>(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c);
+    if (const std::string_view meant = faults::NearestName(lower, known); !meant.empty())
+      throw ClientMistake(fmt::format("unknown placeholder {{{}}}, did you mean {{{}}}? There are {{{}}}",
+                                      name, meant, fmt::join(known, "}, {")));
+  }
+  return {command};
 }
 
 SerialBoard ReadBoard(const std::string& text) {
@@ -172,7 +198,7 @@ ClientSpec ParseClient(const std::string& text) {
   if (kind != "library" && kind != "process" && kind != "serial") ThrowUnknownKind(kind);
   if (rest.empty()) throw ClientMistake("names nothing");
   if (kind == "library") return HostLibrary{Absolute(rest)};
-  if (kind == "process") return Program{rest};
+  if (kind == "process") return ReadProgram(rest);
   return ReadBoard(rest);
 }
 

@@ -9,6 +9,7 @@
 // harness/client makes a client from it, and knows where the shipped firmware is.
 #pragma once
 
+#include <array>
 #include <map>
 #include <optional>
 #include <span>
@@ -37,6 +38,8 @@ struct EmulatedImage {
 
 // A program with two serial ports.
 struct Program {
+  // What a command may hold in braces, `{port}`: replaced before it runs.
+  static constexpr std::array<std::string_view, 3> kPlaceholders = {"port", "reference_port", "baud"};
   std::string command;  // for sh -c
   friend bool operator==(const Program&, const Program&) = default;
 };

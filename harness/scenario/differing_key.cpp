@@ -53,11 +53,12 @@ bool IsListOfMappings(const YamlNode& node) {
          node.items.front().kind == YamlNode::Kind::kMapping;
 }
 
-std::optional<std::string> Difference(const std::string& path, const YamlNode* a, const YamlNode* b);
+void AddDifferences(const std::string& path, const YamlNode* a, const YamlNode* b,
+                    std::vector<std::string>& found);
 
 // Keys of either, in the order of the first.
-std::optional<std::string> DifferenceOfMappings(const std::string& path, const YamlNode& a,
-                                                const YamlNode& b) {
+void AddDifferencesOfMappings(const std::string& path, const YamlNode& a, const YamlNode& b,
+                              std::vector<std::string>& found) {
   std::vector<std::string_view> keys;
   for (const YamlNode* node : {&a, &b})
     for (const YamlEntry& entry : node->entries)
@@ -66,33 +67,33 @@ std::optional<std::string> DifferenceOfMappings(const std::string& path, const Y
     if (path.empty() && std::find(kMayDiffer.begin(), kMayDiffer.end(), key) != kMayDiffer.end()) continue;
     const YamlEntry* in_a = a.Find(key);
     const YamlEntry* in_b = b.Find(key);
-    if (auto found =
-            Difference(path.empty() ? std::string(key) : fmt::format("{}.{}", path, key),
-                       in_a == nullptr ? nullptr : &in_a->value, in_b == nullptr ? nullptr : &in_b->value))
-      return found;
+    AddDifferences(path.empty() ? std::string(key) : fmt::format("{}.{}", path, key),
+                   in_a == nullptr ? nullptr : &in_a->value, in_b == nullptr ? nullptr : &in_b->value, found);
   }
-  return std::nullopt;
 }
 
-std::optional<std::string> Difference(const std::string& path, const YamlNode* a, const YamlNode* b) {
+void AddDifferences(const std::string& path, const YamlNode* a, const YamlNode* b,
+                    std::vector<std::string>& found) {
   if (a != nullptr && b != nullptr && a->kind == b->kind) {
-    if (a->kind == YamlNode::Kind::kMapping) return DifferenceOfMappings(path, *a, *b);
+    if (a->kind == YamlNode::Kind::kMapping) return AddDifferencesOfMappings(path, *a, *b, found);
     if (IsListOfMappings(*a) && IsListOfMappings(*b)) {
       for (std::size_t i = 0; i < std::min(a->items.size(), b->items.size()); ++i)
-        if (auto found = Difference(fmt::format("{}[{}]", path, i), &a->items[i], &b->items[i])) return found;
+        AddDifferences(fmt::format("{}[{}]", path, i), &a->items[i], &b->items[i], found);
       if (a->items.size() != b->items.size())
-        return fmt::format("{}: {} and {} items", path, a->items.size(), b->items.size());
-      return std::nullopt;
+        found.push_back(fmt::format("{}: {} and {} items", path, a->items.size(), b->items.size()));
+      return;
     }
-    if (ValueText(a) == ValueText(b)) return std::nullopt;
+    if (ValueText(a) == ValueText(b)) return;
   }
-  return fmt::format("{}: {} and {}", path, ValueText(a), ValueText(b));
+  found.push_back(fmt::format("{}: {} and {}", path, ValueText(a), ValueText(b)));
 }
 
 }  // namespace
 
-std::optional<std::string> DifferingKey(std::string_view yaml_a, std::string_view yaml_b) {
-  return DifferenceOfMappings("", Parse(yaml_a), Parse(yaml_b));
+std::vector<std::string> DifferingKeys(std::string_view yaml_a, std::string_view yaml_b) {
+  std::vector<std::string> found;
+  AddDifferencesOfMappings("", Parse(yaml_a), Parse(yaml_b), found);
+  return found;
 }
 
 }  // namespace tiltproof::harness

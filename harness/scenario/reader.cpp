@@ -126,6 +126,20 @@ void SetWindow(const AddedFault& fault, YamlNode& node, std::vector<YamlProblem>
     node.entries.push_back(Scalar("end_s", YamlNode::Kind::kNumber, node.mark, fmt::format("{:.9f}", end_s)));
 }
 
+// Its window was given as duration_s: that is what a complaint about its end is about.
+[[noreturn]] void ThrowInWordsOf(const ScenarioError& error, const YamlMark& duration) {
+  std::vector<Diagnostic> diagnostics = error.diagnostics();
+  for (Diagnostic& diagnostic : diagnostics) {
+    constexpr std::string_view kEnd = "end_s";
+    if (!diagnostic.message.starts_with(kEnd)) continue;
+    for (std::size_t at = 0; (at = diagnostic.message.find(kEnd, at)) != std::string::npos;)
+      diagnostic.message.replace(at, kEnd.size(), "duration_s");
+    diagnostic.line = duration.line;
+    diagnostic.column = duration.column;
+  }
+  throw ScenarioError(std::move(diagnostics));
+}
+
 }  // namespace
 
 std::string ToString(const Diagnostic& diagnostic) {
@@ -156,6 +170,8 @@ Scenario AddFault(const Scenario& scenario, const AddedFault& fault, const ReadO
                                  "duration_s: 2, parameters: {{probability: 0.5}}}}, found {}",
                                  Describe(*node))});
   if (!node || !problems.empty()) Throw(file, std::move(problems));
+  const YamlEntry* given = node->Find("duration_s");
+  const YamlMark duration = given == nullptr ? node->mark : given->key_mark;
   SetWindow(fault, *node, problems);
   if (!problems.empty()) Throw(file, std::move(problems));
   std::optional<YamlNode> root = ParseYaml(WriteResolved(scenario), problems);
@@ -167,7 +183,11 @@ Scenario AddFault(const Scenario& scenario, const AddedFault& fault, const ReadO
                        : root->entries.emplace_back(YamlEntry{"faults", {}, {}}).value;
   list.kind = YamlNode::Kind::kSequence;
   list.items.push_back(std::move(*node));
-  return Interpret(file, *root, options, problems);
+  try {
+    return Interpret(file, *root, options, problems);
+  } catch (const ScenarioError& error) {
+    ThrowInWordsOf(error, duration);
+  }
 }
 
 std::vector<Scenario> ReadScenarios(const std::vector<std::filesystem::path>& files,

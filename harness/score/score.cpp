@@ -323,6 +323,8 @@ std::optional<double> LeastMargin(const Score& score) {
   std::optional<double> least;
   for (const auto& criterion : score.criteria)
     if (criterion.margin && (!least || *criterion.margin < *least)) least = criterion.margin;
+  const bool failed = score.verdict == Verdict::kFail || score.verdict == Verdict::kError;
+  if (failed && least && *least > 0) return std::nullopt;
   return least;
 }
 

@@ -66,7 +66,7 @@ struct Score {
   TILTPROOF_FIELDS(verdict, reason, metrics, histograms, criteria, faults, restarts)
 };
 
-// The smallest margin of the criteria that have one.
+// The smallest margin of the criteria that have one; of a flight that failed, none above 0: it broke in another way.
 std::optional<double> LeastMargin(const Score& score);
 
 struct ScoreOptions {

@@ -1,5 +1,6 @@
 // Serial ports over real pseudo-terminals; the far side is plain POSIX calls.
 #include <fcntl.h>
+#include <grp.h>
 #include <gtest/gtest.h>
 #include <sys/file.h>
 #include <sys/ioctl.h>
@@ -32,6 +33,7 @@ using std::chrono_literals::operator""s;
 using std::chrono_literals::operator""ms;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using Bytes = std::vector<std::uint8_t>;
 
 Bytes AllBytes() {
@@ -341,7 +343,19 @@ TEST_F(SerialPortTest, WithoutPermissionItSaysHowToGetIt) {
   Pty pty(loop_);
   ASSERT_EQ(chmod(pty.slave_path().c_str(), 0600), 0);
   EXPECT_THAT(AsNobody([&] { return OpenError(pty.slave_path()); }),
-              AllOf(HasSubstr("no permission"), HasSubstr("sudo usermod -aG dialout $USER")));
+              AllOf(HasSubstr("no permission"), HasSubstr("sudo chgrp dialout " + pty.slave_path()),
+                    HasSubstr("sudo usermod -aG dialout $USER")));
+  // root:root: nobody is to join that group.
+  ASSERT_EQ(chown(pty.slave_path().c_str(), 0, 0), 0);
+  ASSERT_EQ(chmod(pty.slave_path().c_str(), 0660), 0);
+  EXPECT_THAT(AsNobody([&] { return OpenError(pty.slave_path()); }),
+              AllOf(HasSubstr("sudo chgrp dialout"), HasSubstr("it belongs to root:root")));
+  // A group that may use it is enough.
+  const struct group* dialout = getgrnam("dialout");
+  ASSERT_NE(dialout, nullptr);
+  ASSERT_EQ(chown(pty.slave_path().c_str(), 0, dialout->gr_gid), 0);
+  EXPECT_THAT(AsNobody([&] { return OpenError(pty.slave_path()); }),
+              AllOf(HasSubstr("run `sudo usermod -aG dialout $USER`"), Not(HasSubstr("chgrp"))));
 }
 
 TEST_F(SerialPortTest, OthersExclusiveUseIsBusyForThoseWithoutRootsRights) {

@@ -208,7 +208,8 @@ void RealtimeConductor::Conduct() {
   // Bytes from before do not count, and a board says `start` but once. An emulator's socket is connected only now.
   if (const auto* board = std::get_if<SerialBoard>(&options_.client);
       !options_.attach && board != nullptr && board->reset.empty() && !board->device.starts_with("unix:"))
-    Print(stderr, "tiltproof: listening to the board: switch it on, or reset it, now\n");
+    Print(stderr, "tiltproof: listening to the board for {:g} s: switch it on, or reset it, now\n",
+          ToSeconds(scenario_.duration_ns));
   Command(dds::Verb::kStart, {}, false);
   FlyToTheEnd();
 }
@@ -377,8 +378,7 @@ void RealtimeConductor::WatchMembers() {
     Print(stderr, "warning: {}\n", stranger);
     Note("node_ignored", stranger);
   }
-  // While they load a scenario and open ports, or look at a firmware that never started, nodes may be silent: the limit
-  // of a command is theirs.
+  // While they load a scenario, open ports or look at a firmware that never started, the limit of a command is theirs.
   const bool flying = started_ != SteadyClock::time_point{} && !stopping_;
   for (const MemberNews& news : members_.Watch(flying ? nodes_->Nodes() : std::vector<dds::NodeLife>{},
                                                processes_ ? &*processes_ : nullptr, node_faults_.excused(),

@@ -3,6 +3,7 @@
 import json
 import os
 import pathlib
+import re
 import signal
 import subprocess
 import sys
@@ -339,6 +340,24 @@ class CliTest(CommandLineTest):
         self.assertEqual([c for c in err if not c.isprintable() and c != "\n"], [])
 
     # trouble
+
+    def test_interrupt_before_the_first_flight_is_130_and_leaves_nothing_half(self):
+        self.scenario("long")
+        for repeats in ("1000000", "3"):
+            with subprocess.Popen([PROGRAM, "run", "long.yaml", "--repeat", repeats], cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+                # As soon as the program catches it.
+                status = pathlib.Path(f"/proc/{process.pid}/status")
+                deadline = time.monotonic() + 30
+                while time.monotonic() < deadline and not int(re.search(r"SigCgt:\s*(\w+)", status.read_text())[1], 16) & 1 << signal.SIGINT - 1:
+                    pass
+                process.send_signal(signal.SIGINT)
+                _, err = process.communicate(timeout=60)
+            self.assertEqual(process.returncode, 130, err)
+            if (self.folder / "results").exists():  # it was quick
+                self.assertTrue(self.results()["interrupted"])
+            else:
+                self.assertIn(b"interrupted before the first flight", err)
+                self.assertEqual([file.name for file in self.folder.iterdir()], ["long.yaml"])
 
     def test_interrupt_leaves_valid_partial_results(self):
         self.scenario("long1", duration_s="duration_s: 3000 #")

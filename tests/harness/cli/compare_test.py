@@ -132,6 +132,20 @@ class CompareTest(unittest.TestCase):
             self.assertIn("different flights", err)
             self.assertIn(said, err)
 
+    def test_anyway_compares_different_flights_and_says_what_differs(self):
+        a = self.fly()
+        b = self.fly(**{"seed: 3": "seed: 4", "duration_s: 1.2": "duration_s: 0.6"})
+        self.assertIn("--anyway compares them", self.tiltproof("compare", a, b)[2])
+        code, out, err = self.tiltproof("compare", a, b, "--anyway")
+        self.assertEqual((code, err), (1, ""), out)
+        for said in (r"DIFFERENT +hover +different flights: seed: 3 and 4\n", r"\n +different flights: duration_s: 1.2 and 0.6\n",
+                     r"\n +101 rows to 1.200 s in A, 51 to 0.600 s in B; 51 in both\n"):
+            self.assertRegex(out, said)
+        _, (entry,), _ = self.compare(a, b, "--anyway")
+        self.assertEqual(entry["different_flights"], ["seed: 3 and 4", "duration_s: 1.2 and 0.6"])
+        self.assertEqual(self.compare(a, a, "--anyway")[1][0]["different_flights"], [])
+        self.assertEqual(self.tiltproof("compare", a, b, "--anyway", "--baseline")[0], 2)
+
     def test_a_flight_that_ended_early_says_how_long_both_are(self):
         a, b = self.fly(), self.fly()
         trace = b / "hover/trace.csv"

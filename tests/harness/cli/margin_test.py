@@ -220,6 +220,18 @@ class EnvelopeTest(CommandLineTest):
         flights = int(re.search(r"(\d+) flights", out)[1])
         self.assertEqual(flights, sum(row["runs"] for row in whole["rows"][0::2]), "rows that are there are not flown again")
         self.assertIn("0 flights", resume()[0])
+        # A narrower selection keeps the other rows, and what is written goes on as the whole.
+        half = dict(whole, rows=[row for row in whole["rows"] if row["type"] != "actuator.loss_of_effectiveness" or row["client"] != "paper"])
+        file.write_text(json.dumps(half))
+        code, out, err = self.tiltproof("envelope", "base.yaml", "--types", "actuator.loss*", "--firmware", "paper", "--tolerance", "0.2", "--repeats", "1", "--resume", "cut")
+        self.assertEqual(code, 0, err)
+        self.assertIn(f"{len(half['rows'])} rows of an earlier run are not selected now, and stay", out)
+        key = lambda row: (row["type"], row.get("signal", row.get("actuator")), row.get("side", ""), row["client"])
+        narrow = json.loads(file.read_text())
+        self.assertEqual(sorted(narrow["rows"], key=key), sorted(whole["rows"], key=key))
+        self.assertEqual((narrow["columns"], narrow["complete"], narrow["clients"]), (whole["columns"], True, whole["clients"]))
+        self.assertIn(" 0 flights", resume()[0])
+        self.assertEqual(json.loads(file.read_text()), whole)
         file.write_text("{}")
         self.assertIn("no envelope to go on with", resume(code=2)[1])
 

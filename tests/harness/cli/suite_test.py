@@ -100,10 +100,24 @@ class SuiteTest(CommandLineTest):
                        '  - {name: later, stl: "eventually[0,9](tilt_rad < 0)"}\n  - {name: calm, metric: tracking.rmse_m, max: 1.0e-9}\n')
         code, out, _ = self.tiltproof("run", "bad.yaml")
         self.assertEqual(code, 1)
-        for line in ("near: always(position_error_m < 0): ", "upright: always(tilt_rad < 0): ", "later: .* undecided", "calm: tracking.rmse_m = ",
+        for line in ("near: always(position_error_m < 0): ", "upright: always(tilt_rad < 0): ", "undecided at the end of the flight: later$", "calm: tracking.rmse_m = ",
                      "fault 'late' never activated", "expected pass; seed 3; again: "):
             self.assertEqual(len(re.findall("^ +" + line.replace("(", r"\(").replace(")", r"\)"), out, re.MULTILINE)), 1, (line, out))
         self.assertNotIn("fine", out)
+
+    def test_a_crash_gives_its_reason_first_and_no_margin_that_it_had_left(self):
+        self.scenario("crash", criteria="faults:\n  - {id: f, type: harness.canary, start_s: 0.1}\ncriteria",
+                      **{"duration_s: 0.6": "duration_s: 3", "position_error_m <= 0.5": "position_error_m <= 50"})
+        with open(self.folder / "crash.yaml", "a") as file:
+            file.write('  - {name: upright, stl: "always(abs(roll_rad) <= 3)"}\n')
+        code, out, _ = self.tiltproof("run", "crash.yaml")
+        self.assertEqual(code, 1)
+        flight, reason, undecided, _ = out[out.index("FAIL"):].splitlines()[:4]
+        self.assertNotIn("margin", flight)
+        self.assertRegex(reason, "^ +survival: ground strike")
+        self.assertRegex(undecided, "^ +undecided at the end of the flight: near, upright$")
+        criteria = {c["name"]: c for c in self.results()["scenarios"][0]["criteria"]}
+        self.assertGreater(criteria["near"]["margin"], 0)  # the file says what was measured
 
     def test_a_pass_that_was_not_expected_says_so(self):
         self.scenario("good", **{"seed: 3": "seed: 3\nexpect: fail"})

@@ -107,6 +107,46 @@ check("a flight has the figures of the paper, and more", async () => {
   await page.close();
 });
 
+check("an axis tells its ticks apart, and an angle that turns leaves a gap", async () => {
+  const { axisLabels, together } = await import(join(source, "harness/report/page/src/lines.js"));
+  for (const [first, step, count] of [[10.2751, 0.00005, 8], [0, 0.2, 6], [-1200, 0.5, 9], [999999, 0.01, 5], [3, 1, 1]]) {
+    const labels = axisLabels(Array.from({ length: count }, (_, i) => first + i * step));
+    assert.equal(new Set(labels).size, count, labels.join(" "));
+    labels.forEach((label, i) => assert.ok(Math.abs(Number(label.replace("−", "-")) - (first + i * step)) < step / 10, label));
+  }
+  // The second line has rows of its own; the first is never drawn on its way from pi to -pi.
+  const points = { yaw: { rows: [0, 2, 4, 6], values: [3.0, 3.1, -3.1, -3.0] }, x: { rows: [1, 3, 5, 6], values: [0, 1, 2, 3] } };
+  const flight = { times_s: [0, 1, 2, 3, 4, 5, 6], points: (name) => points[name] };
+  const [times, yaw] = together(flight, [{ name: "yaw", turns: true }, { name: "x" }]);
+  assert.deepEqual(times, [0, 1, 2, 3, 4, 5, 6]);
+  assert.deepEqual(yaw.map((v) => v && Number(v.toFixed(6))), [3.0, 3.05, 3.1, null, null, -3.05, -3.0]);
+});
+
+check("a flight that never started says so in large letters, and none of its criteria is red that nobody decided", async () => {
+  const file = join(out, "never.yaml");
+  writeFileSync(file, `name: never\nduration_s: 0.6\nreference: {type: hover, at_m: [0, 0, 2]}\nfaults:\n  - {id: cut, type: link.silence, target: both}\ncriteria:\n  - {name: near, stl: "always(position_error_m <= 0.5)"}\n`);
+  const page = await open(fly("never", file).page);
+  await page.waitForSelector("#criteria");
+  const reason = page.locator(".nothing");
+  assert.match(await reason.textContent(), /This flight left no trace.*never started/);
+  assert.ok((await reason.evaluate((e) => parseFloat(getComputedStyle(e).fontSize))) >= 18);
+  assert.ok((await page.locator("#criteria .badge.inconclusive").count()) > 0);
+  assert.equal(await page.locator("#criteria .badge.inconclusive.red").count(), 0);
+  await page.screenshot({ path: join(out, "never-started.png") });
+  // The command that flies it again stands there whole.
+  const [inside, whole] = await page.locator(".again code").evaluate((e) => [e.clientWidth, e.scrollWidth]);
+  assert.ok(whole <= inside, `${whole} of ${inside}`);
+  await page.close();
+});
+
+check("a fault that acted too often to be listed says how far the list goes", async () => {
+  const file = join(out, "often.yaml");
+  writeFileSync(file, `name: often\nduration_s: 15\nreference: {type: hover, at_m: [0, 0, 2]}\nfaults:\n  - {id: late, type: frame.delay, target: both, parameters: {mean_ms: 0.01}}\ncriteria: []\n`);
+  const page = await openFlight(fly("often", file).page, "often");
+  assert.match(await page.locator("#faults li").first().textContent(), /ticks for the first 1000/);
+  await page.close();
+});
+
 check("values at the cursor are those of the trace", async () => {
   const page = await openFlight(flown.page, lost);
   await page.keyboard.press("j");

@@ -7,7 +7,9 @@
 namespace tiltproof::harness {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 class AddedFaultTest : public FaultFile {
  protected:
@@ -54,6 +56,12 @@ TEST_F(AddedFaultTest, SaysWhatIsWrongAndWhere) {
   EXPECT_THAT(ErrorOf("{type: link.silence, target: to_client, duration_s: long}"), HasSubstr("duration_s"));
   EXPECT_THAT(ErrorOf("{type: link.silence, target: to_client, duration_s: -1}"), HasSubstr("duration_s"));
   EXPECT_THAT(ErrorOf("{type: link.silence, nonsense: 1, target: to_client}"), HasSubstr("nonsense"));
+  // Named as it was given: the end is none of the user's keys.
+  EXPECT_THAT(ErrorOf("{type: device.reset, duration_s: 2}"),
+              AllOf(HasSubstr("fault:1:22: duration_s: a fault of this type has a begin only"),
+                    Not(HasSubstr("end_s"))));
+  EXPECT_THAT(ErrorOf("{type: device.reset, end_s: 2}"),
+              HasSubstr("fault:1:22: end_s: a fault that is injected"));
   EXPECT_THAT(ErrorOf("[1, 2]"), HasSubstr("expected a fault"));
   EXPECT_THAT(ErrorOf("{type: ["), HasSubstr("fault:1:"));
 }

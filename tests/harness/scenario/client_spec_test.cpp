@@ -56,7 +56,19 @@ RC_GTEST_PROP(ClientSpec, TheTextReadsBackAsTheSame, ()) {
 }
 
 TEST(ClientSpec, AMistakeSaysWhatToWrite) {
-  for (const char* hse : {"", "8MHz", "-1", "50000001"})
+  EXPECT_THAT(Mistake("qemu:executive,hse=25"),
+              HasSubstr("in Hz, from 1000000 to 50000000, or 0 (no crystal); 25 MHz are hse=25000000"));
+  EXPECT_EQ(Mistake("process:./a {port} {reference_port} {baud}"),
+            "none: process:./a {port} {reference_port} {baud}");
+  EXPECT_EQ(Mistake("process:./a {ports}"),
+            "unknown placeholder {ports}, did you mean {port}? There are {port}, {reference_port}, {baud}");
+  EXPECT_THAT(Mistake("process:./a {port} {PORT}"), HasSubstr("did you mean {port}?"));
+  EXPECT_THAT(Mistake("process:./a {port} {refrence_port}"), HasSubstr("did you mean {reference_port}?"));
+  // The shell's own.
+  for (const char* shells : {"process:./a ${PORT}", "process:awk '{print $1}'", "process:awk '{print}'",
+                             "process:a {x} {", "process:{ a; }"})
+    EXPECT_EQ(Mistake(shells), std::string("none: ") + shells);
+  for (const char* hse : {"", "8MHz", "-1", "50000001", "8000", "999999"})
     EXPECT_THAT(Mistake("qemu:executive,hse=" + std::string(hse)), HasSubstr("is no hse=HZ"));
   EXPECT_THAT(Mistake("serail:/dev/x"), HasSubstr("unknown kind 'serail', did you mean serial?"));
   EXPECT_THAT(Mistake("hots"), HasSubstr("did you mean host?"));

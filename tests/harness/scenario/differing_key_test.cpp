@@ -1,5 +1,6 @@
 #include "harness/scenario/differing_key.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <stdexcept>
@@ -7,6 +8,9 @@
 
 namespace tiltproof::harness {
 namespace {
+
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
 
 const std::string kBase = R"(name: "x"
 description: "One."
@@ -39,21 +43,27 @@ std::string With(const std::string& old, const std::string& now) {
 }
 
 TEST(DifferingKeyTest, NoneWhereTheFlightIsTheSame) {
-  EXPECT_EQ(DifferingKey(kBase, kBase), std::nullopt);
+  EXPECT_THAT(DifferingKeys(kBase, kBase), IsEmpty());
   // What is said about a flight, and what flies.
-  EXPECT_EQ(DifferingKey(kBase, With("\"x\"", "\"y\"")), std::nullopt);
-  EXPECT_EQ(DifferingKey(kBase, With("\"One.\"", "\"Two.\"")), std::nullopt);
-  EXPECT_EQ(DifferingKey(kBase, With("[\"a\"]", "[]")), std::nullopt);
-  EXPECT_EQ(DifferingKey(kBase, With("\"paper\"", "\"tolerant\"")), std::nullopt);
-  EXPECT_EQ(DifferingKey(kBase, With("expect: pass", "expect: fail")), std::nullopt);
-  EXPECT_EQ(DifferingKey(kBase, With("criteria: []", "criteria:\n  - name: \"a\"")), std::nullopt);
-  EXPECT_EQ(DifferingKey(kBase, With("seed: 7\nduration_s: 24\n", "duration_s: 24\nseed: 7\n")),
-            std::nullopt);
+  EXPECT_THAT(DifferingKeys(kBase, With("\"x\"", "\"y\"")), IsEmpty());
+  EXPECT_THAT(DifferingKeys(kBase, With("\"One.\"", "\"Two.\"")), IsEmpty());
+  EXPECT_THAT(DifferingKeys(kBase, With("[\"a\"]", "[]")), IsEmpty());
+  EXPECT_THAT(DifferingKeys(kBase, With("\"paper\"", "\"tolerant\"")), IsEmpty());
+  EXPECT_THAT(DifferingKeys(kBase, With("expect: pass", "expect: fail")), IsEmpty());
+  EXPECT_THAT(DifferingKeys(kBase, With("criteria: []", "criteria:\n  - name: \"a\"")), IsEmpty());
+  EXPECT_THAT(DifferingKeys(kBase, With("seed: 7\nduration_s: 24\n", "duration_s: 24\nseed: 7\n")),
+              IsEmpty());
+}
+
+TEST(DifferingKeyTest, NamesAllOfThemInOrder) {
+  EXPECT_THAT(DifferingKeys(kBase, With("seed: 7\nduration_s: 24", "seed: 8\nduration_s: 60")),
+              ElementsAre("seed: 7 and 8", "duration_s: 24 and 60"));
 }
 
 TEST(DifferingKeyTest, NamesTheKeyAndBothValues) {
   const auto differs = [](const std::string& old, const std::string& now) {
-    return DifferingKey(kBase, With(old, now)).value_or("none");
+    const auto keys = DifferingKeys(kBase, With(old, now));
+    return keys.empty() ? "none" : keys.front();
   };
   EXPECT_EQ(differs("seed: 7", "seed: 8"), "seed: 7 and 8");
   EXPECT_EQ(differs("duration_s: 24", "duration_s: 60"), "duration_s: 24 and 60");
@@ -70,9 +80,9 @@ TEST(DifferingKeyTest, NamesTheKeyAndBothValues) {
 }
 
 TEST(DifferingKeyTest, WhatIsNoScenarioIsAnError) {
-  EXPECT_THROW(DifferingKey(kBase, "- 1\n"), std::runtime_error);
-  EXPECT_THROW(DifferingKey("a: [", kBase), std::runtime_error);
-  EXPECT_THROW(DifferingKey("", kBase), std::runtime_error);
+  EXPECT_THROW(DifferingKeys(kBase, "- 1\n"), std::runtime_error);
+  EXPECT_THROW(DifferingKeys("a: [", kBase), std::runtime_error);
+  EXPECT_THROW(DifferingKeys("", kBase), std::runtime_error);
 }
 
 }  // namespace

@@ -18,7 +18,6 @@ import unittest
 from flight import Flight, become_subreaper, read, wait_until, write_hover
 
 PROGRAM, FIRMWARE, LIBRARY, MINIMAL = (pathlib.Path(sys.argv.pop(1)).resolve() for _ in range(4))
-
 # A flight that the machine itself disturbed says nothing: it is flown again.
 ATTEMPTS_COUNT = 2
 
@@ -93,11 +92,11 @@ class ClientTest(unittest.TestCase):
         self.check(flight)
 
     def test_command_that_is_not_found(self):
-        flight = self.fly("process:no-such-firmware --fly", 1)
-        self.assertEqual(flight.result()["verdict"], "fail")
-        self.assertIn("exited with code 127", flight.result()["reason"])
-        self.assertIn("no-such-firmware --fly", flight.result()["reason"])
-        self.assertIn(b"not found", self.log(flight))
+        for command, code, what in (("no-such-firmware --fly", 127, "was not found"), ("/etc/passwd", 126, "may not be executed")):
+            flight = self.fly(f"process:{command}", 3)
+            self.assertEqual(flight.result()["verdict"], "error")
+            self.assertIn(f"{what} (the shell exited with code {code}): {command};", flight.result()["reason"])
+            self.assertIn(b"not found" if code == 127 else b"denied", self.log(flight))
         self.check(flight)
 
     def test_process_that_this_machine_stops_has_not_failed(self):

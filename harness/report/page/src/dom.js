@@ -26,7 +26,7 @@ export function number(value, digits = 3) {
   if (value === -Infinity) return "−∞";
   const size = Math.abs(value);
   if (size !== 0 && (size >= 1e6 || size < 1e-4)) return value.toExponential(2).replaceAll("-", "−");
-  return value.toPrecision(size >= 1000 ? 6 : digits).replace(/(\.\d*?)0+$/, "$1").replace(/\.$/, "").replaceAll("-", "−");
+  return value.toPrecision(size >= 1000 ? Math.max(6, digits) : digits).replace(/(\.\d*?)0+$/, "$1").replace(/\.$/, "").replaceAll("-", "−");
 }
 
 export const seconds = (value) => (value === null || value === undefined ? "–" : `${value.toFixed(3)} s`);
@@ -51,7 +51,8 @@ export function copyable(text, label) {
   return el("div", { class: "copyable" }, code, button);
 }
 
+// Grey when nothing was `expected`.
 export function badge(verdict, expected) {
   const words = verdict === expected && verdict !== "pass" ? `${verdict} (expected)` : verdict;
-  return el("span", { class: `badge ${verdict === expected ? "green" : "red"} ${verdict}`, text: words });
+  return el("span", { class: `badge ${expected === null ? "" : verdict === expected ? "green" : "red"} ${verdict}`, text: words });
 }

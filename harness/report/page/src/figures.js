@@ -23,7 +23,7 @@ export function figuresOf(flight) {
   add("robustness", "Robustness of each criterion, from here to the end", "", criteria.flatMap((name, i) => [
     line(`robustness_upper/${name}`, name, { colour: i }), line(`robustness_lower/${name}`, `${name}, if the worst follows`, { colour: i, dash: true })]).filter((l) => has(l.name) && Number.isFinite(spread(flight, l.name))), { zero: true, note: "below 0: violated" });
   add("position", "Position", "m", paired(["x_m", "y_m", "z_m"], (n) => n.replace("_m", "_ref_m")));
-  add("attitude", "Roll, pitch, yaw", "rad", [line("roll_rad", "roll"), line("pitch_rad", "pitch"), line("yaw_rad", "yaw"), line("yaw_ref_rad", "yaw reference", { dash: true, colour: 2 })]);
+  add("attitude", "Roll, pitch, yaw", "rad", [line("roll_rad", "roll", { turns: true }), line("pitch_rad", "pitch", { turns: true }), line("yaw_rad", "yaw", { turns: true }), line("yaw_ref_rad", "yaw reference", { dash: true, colour: 2, turns: true })]);
   add("servos", "Servo angles", "rad", flight.states.filter((n) => n.startsWith("alpha_") && end(n, "_rad")).map((n) => line(n, n.slice(0, -4))));
   const inputs = (suffix) => flight.inputs.filter((n) => end(n, suffix)).map((n) => line(n, n.slice(0, -suffix.length)));
   add("thrusts", "Control inputs: thrusts", "N", inputs("_n"));

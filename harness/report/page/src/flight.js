@@ -16,7 +16,7 @@ export const section = (id, title, ...children) => el("section", { id, "aria-lab
 
 function criteriaTable(criteria, clock) {
   const row = (c) => el("tr", {},
-    el("th", { scope: "row", text: c.name }), el("td", {}, badge(c.verdict, "pass")),
+    el("th", { scope: "row", text: c.name }), el("td", {}, badge(c.verdict, c.verdict === "inconclusive" ? null : "pass")),
     el("td", { class: `n ${c.margin < 0 ? "below" : ""}`, text: number(c.margin) }),
     el("td", { class: "n" }, c.time_s === null || c.time_s === undefined ? "" : clock ? el("button", { type: "button", class: "time", text: seconds(c.time_s), onclick: () => clock.set(c.time_s) }) : seconds(c.time_s)),
     el("td", { class: "why", text: c.explanation }));
@@ -32,9 +32,9 @@ function faultList(flight, clock) {
     const bands = flight.bands.filter((b) => b.fault === i);
     const ticks = flight.ticks.filter((t) => t[0] === i);
     const told = ticks.filter((t) => t[2]);
-    if (ticks.length < fault.activations) words.push(`ticks for the first ${ticks.length}`);
     const first = bands[0]?.begin_s ?? ticks[0]?.[1];
     const words = [`${fault.activations} activation${fault.activations === 1 ? "" : "s"}`];
+    if (ticks.length < fault.activations) words.push(`ticks for the first ${ticks.length}`);
     if (bands.length === 1) words.push(`active from ${number(bands[0].begin_s, 5)} to ${number(bands[0].end_s, 5)} s`);
     if (bands.length > 1) words.push(`active ${bands.length} times`);
     return el("li", {}, swatch, el("b", { text: fault.id }), ` ${fault.type}, ${words.join(", ")} `,
@@ -110,7 +110,7 @@ function head(run, entry, result) {
   return [
     el("nav", { "aria-label": "Flights" }, el("a", { href: run.live ? "#all" : "#", text: "All flights" })),
     el("h1", {}, entry.name, " ", badge(entry.verdict, entry.expected)),
-    entry.reason ? el("p", { class: "reason", text: entry.reason }) : null,
+    entry.reason ? el("p", { class: `reason ${entry.verdict}`, text: entry.reason }) : null,
     el("p", { class: "facts" }, facts.map(([key, value], i) => [i > 0 ? " · " : "", `${key} `, el("b", { text: value })])),
     entry.replay ? el("div", { class: "again" }, el("span", { text: "Again: " }), copyable(entry.replay, "the command that flies this flight again")) : null,
   ].filter(Boolean);
@@ -173,7 +173,7 @@ export async function showFlight(main, run, index, stillWanted) {
     ...(scenario.description ? [el("p", { class: "description", text: scenario.description })] : []),
     ...flight.problems.map((text) => el("p", { class: "note", text })),
     el("div", { class: "columns" },
-      el("div", { class: "left" }, replay?.panel ?? el("p", { class: "note", text: "This flight left no trace." })),
+      el("div", { class: "left" }, replay?.panel ?? el("p", { class: "nothing", role: "note" }, el("b", { text: "This flight left no trace." }), entry.reason ? ` ${entry.reason}` : "")),
       el("div", { class: "right" },
         section("criteria", "Criteria", criteriaTable(flight.result.criteria, flown ? clock : null)),
         flight.result.faults.length > 0 ? section("faults", "Faults", faultList(flight, clock)) : null,

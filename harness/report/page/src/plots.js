@@ -2,32 +2,10 @@
 // cursor that all plots share.
 import uPlot from "uplot";
 import { el, number } from "./dom.js";
+import { axisLabels, together } from "./lines.js";
 import { colour, faultColour, palette } from "./theme.js";
 
 const HEIGHT = 210;
-
-// All lines on the rows of any of them, so that each keeps its own extremes.
-function together(flight, lines) {
-  const rows = new Set();
-  for (const line of lines) for (const row of flight.points(line.name).rows) rows.add(row);
-  const sorted = Uint32Array.from(rows).sort();
-  const data = [Array.from(sorted, (row) => flight.times_s[row])];
-  for (const line of lines) {
-    const points = flight.points(line.name);
-    let i = 0;
-    data.push(
-      Array.from(sorted, (row) => {
-        while (i + 1 < points.rows.length && points.rows[i + 1] <= row) ++i;
-        const value = points.values[i];
-        if (points.rows[i] === row || line.step || i + 1 >= points.rows.length) return Number.isFinite(value) ? value : null;
-        const share = (row - points.rows[i]) / (points.rows[i + 1] - points.rows[i]);
-        const between = value + share * (points.values[i + 1] - value);
-        return Number.isFinite(between) ? between : null;
-      }),
-    );
-  }
-  return data;
-}
 
 export class Plots {
   constructor(flight, clock) {
@@ -108,7 +86,7 @@ export class Plots {
       padding: [4, 14, 0, 0],
       legend: { show: false },
       scales: { x: { time: false, range: (u, low, high) => this.range ?? [0, Math.max(this.flight.end_s, 1e-3)] }, y: { range: (u, low, high) => this.yRange(spec, low, high) } },
-      axes: [{ ...axis, values: (u, ticks) => ticks.map((t) => `${+t.toFixed(3)}`), size: 28 }, { ...axis, size: 58, values: (u, ticks) => ticks.map((t) => number(t, 4)) }],
+      axes: [{ ...axis, values: (u, ticks) => ticks.map((t) => `${+t.toFixed(3)}`), size: 28 }, { ...axis, size: 58, values: (u, ticks) => axisLabels(ticks) }],
       series: [{}, ...spec.lines.map((line, i) => ({
         label: line.label,
         stroke: this.colourOf(spec, i),
