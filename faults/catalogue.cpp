@@ -68,6 +68,7 @@ std::string AllowedText(const ParameterInfo& info) {
   if (info.kind == ParameterKind::kSensorVector)
     return "three sensors of the vehicle, by their vector's name";
   if (info.kind == ParameterKind::kInput) return "an input of the vehicle, without its unit";
+  if (info.kind == ParameterKind::kFrameWords) return "words of hexadecimal digits, or `-`";
   if (info.kind == ParameterKind::kField) return "a field of a message";
   if (info.kind == ParameterKind::kRotor) return "a rotor of the vehicle";
   if (info.kind == ParameterKind::kJoint) return "a joint of the vehicle that a servo turns";

@@ -119,6 +119,9 @@ struct FaultType {
   Bound start = Bound::kOptional, end = Bound::kOptional;
   std::string_view duration_ms = {};  // the parameter that sets the window's length, where `end` is refused
 
+  // Neither a parameter nor the length of the window measures how severe it is.
+  bool has_no_severity = false;
+
   Needs needs = Needs::kNothing;
 
   std::string_view layer() const { return name.substr(0, name.find('.')); }

@@ -36,7 +36,7 @@ class Parameters {
   std::map<std::string, ParameterValue, std::less<>> values_;
 };
 
-// kField names a field of a message of the protocol. The last six name signals and parts of the vehicle (faults/signal_choice.h): a sensor, a sensor of a position,
+// kFrameWords is the bytes of frames (faults/frame_words.h). kField names a field of a message of the protocol. The last six name signals and parts of the vehicle (faults/signal_choice.h): a sensor, a sensor of a position,
 // three sensors that are the components of a vector, an input, a rotor, a joint. Which of them exist is known
 // only when the vehicle is loaded.
 enum class ParameterKind : std::uint8_t {
@@ -44,6 +44,7 @@ enum class ParameterKind : std::uint8_t {
   kInteger,
   kChoice,
   kText,
+  kFrameWords,
   kVector,
   kField,
   kSensor,
@@ -68,6 +69,9 @@ enum class Scale : std::uint8_t { kLinear, kLogarithmic };
 // A kText parameter, or the name of a part: printable ASCII, no blank at either end, 1 to this many characters.
 inline constexpr std::size_t kParameterTextMax = 200;
 
+// A kFrameWords parameter. Within the limit of a scenario's text on the bus (harness/dds/messages.h).
+inline constexpr std::size_t kFrameWordsTextMax = 200'000;
+
 struct ParameterInfo {
   std::string_view name;
   std::string_view
@@ -81,7 +85,7 @@ struct ParameterInfo {
       {};  // this value (with the others' zeros) makes the fault change nothing
   std::vector<std::string_view> choices = {};  // kChoice
   // Set for the one parameter of a type that measures its severity: from `zero`, which is harmless, to the
-  // far end of its range. For a type without one, the severity is the length of the window.
+  // far end of its range. For a type without one, the severity is the length of the window, or there is none.
   std::optional<Scale> severity = {};
 };
 

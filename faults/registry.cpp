@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "faults/frame_words.h"
 #include "faults/nearest_name.h"
 #include "faults/signal_choice.h"
 #include "faults/text.h"
@@ -43,6 +44,7 @@ namespace tiltproof::faults {
   FAULT(FrameSemantic)               \
   FAULT(FrameUnsolicited)            \
   FAULT(FrameBabble)                 \
+  FAULT(FrameScript)                 \
   FAULT(LinkSilence)                 \
   FAULT(LinkDisconnect)              \
   FAULT(SensorBias)                  \
@@ -312,6 +314,15 @@ class Validator {
       if (text == nullptr || !IsParameterText(*text))
         Add(key, {"'", info.name, "' must be a text of 1 to ", std::to_string(kParameterTextMax),
                   " printable ASCII characters, without blanks at its ends"});
+      return;
+    }
+    if (info.kind == ParameterKind::kFrameWords) {
+      const auto* text = std::get_if<std::string>(&value);
+      if (text == nullptr || text->size() > kFrameWordsTextMax)
+        Add(key, {"'", info.name, "' must be a text of at most ", std::to_string(kFrameWordsTextMax),
+                  " characters"});
+      else if (const std::string problem = ReadFrameWords(*text).problem; !problem.empty())
+        Add(key, {problem});
       return;
     }
     if (info.kind == ParameterKind::kVector) {

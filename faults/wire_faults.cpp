@@ -23,16 +23,15 @@ void WireFaults::Add(std::size_t fault, const FaultSpec& spec, const WireKind& k
                      const LineRate& rate, const link::Protocol& protocol) {
   const std::string_view way = link::Name(direction);
   const std::uint64_t stream = StreamKey(seed, {spec.id, "model", way});
-  injectors_.push_back(
-      {.fault = fault,
-       .activity = &activity,
-       .trigger = Trigger(spec, StreamKey(seed, {spec.id, "trigger", way})),
-       .stream = stream,
-       .rate = rate,
-       .remembers = kind.remembers,
-       .acts_on_overlap = kind.acts_on_overlap,
-       .model = kind.make({parameters, rate, StreamKey(seed, {spec.id, "events", way}), protocol, direction}),
-       .picked = {}});
+  injectors_.push_back({.fault = fault,
+                        .activity = &activity,
+                        .trigger = Trigger(spec, StreamKey(seed, {spec.id, "trigger", way})),
+                        .stream = stream,
+                        .rate = rate,
+                        .remembers = kind.remembers,
+                        .acts_on_overlap = kind.acts_on_overlap,
+                        .model = kind.make({parameters, rate, StreamKey(seed, {spec.id, "events", way}),
+                                            protocol, direction})});
 }
 
 void WireFaults::Apply(std::vector<link::Chunk>& chunks) {
@@ -69,13 +68,13 @@ void WireFaults::Decide(Injector& injector, const link::Chunk& sent) const {
   const BootTime end_ns = sent.begin_ns + injector.rate.BytesTime(time);
   const bool inside =
       injector.activity->Touches(origin_.SimulationTime(sent.begin_ns), origin_.SimulationTime(end_ns));
-  injector.picked[sent.number % kDecisions] =
-      inside && injector.trigger.Sees(sent.kind) && injector.trigger.Picks(sent.number);
+  const bool picked = inside && injector.trigger.Sees(sent.kind) && injector.trigger.Picks(sent.number);
+  injector.pick[sent.number % kDecisions] = picked ? ++injector.pick_count : 0;
 }
 
 void WireFaults::Run(Injector& injector, std::vector<link::Chunk>& chunks) {
   const auto picked = [&injector](const link::Chunk& chunk) {
-    return injector.picked[chunk.number % kDecisions];
+    return injector.pick[chunk.number % kDecisions] != 0;
   };
   if (!injector.remembers && std::none_of(chunks.begin(), chunks.end(), picked)) return;
 
@@ -109,7 +108,10 @@ void WireFaults::ActAndRecord(Injector& injector, link::Chunk&& chunk, Random& r
   std::string what;
   const bool keeps = recorder_->Keeps(injector.fault) &&
                      link::WeightOf(before_) <= kActivationBytesMax;  // else no text either
-  injector.model->Act(std::move(chunk), {random, *injector.activity, origin_, keeps ? &what : nullptr}, out_);
+  injector.model->Act(std::move(chunk),
+                      {random, *injector.activity, origin_, keeps ? &what : nullptr,
+                       injector.pick[before_.number % kDecisions] - 1},
+                      out_);
   const auto after = std::span<const link::Chunk>(out_).subspan(out_begin);
   if (after.size() == 1 && SameBytesAndTime(after[0], before_)) return;
   const std::size_t weight = Weight(after);

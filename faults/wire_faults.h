@@ -6,7 +6,7 @@
 // of a later one. Copies and fragments share their frame's number, and so its treatment by the trigger.
 #pragma once
 
-#include <bitset>
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <vector>
@@ -53,7 +53,8 @@ class WireFaults final : public link::ChunkFilter {
     bool acts_on_overlap;
     std::unique_ptr<WireModel> model;
     bool multiplied = false, delayed = false;
-    std::bitset<kDecisions> picked;
+    std::array<std::uint64_t, kDecisions> pick{};  // of a frame that is picked, from 1; 0: not picked
+    std::uint64_t pick_count = 0;
   };
 
   void Decide(Injector& injector, const link::Chunk& sent) const;

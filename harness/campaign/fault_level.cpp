@@ -39,6 +39,8 @@ const ParameterInfo* ParameterOf(const FaultSpec& fault, const FaultType& type, 
     throw SeverityMistake(fmt::format("{} of fault '{}' has no number '{}'{}{}", type.name, fault.id, wanted,
                                       names.empty() ? "" : "; it has: ", fmt::join(names, ", ")));
   }
+  if (type.has_no_severity)
+    throw SeverityMistake(fmt::format("{} has no severity: no number measures it", type.name));
   for (const ParameterInfo& info : type.parameters)
     if (info.severity) return &info;
   if (!type.duration_ms.empty()) return FindNumber(type, type.duration_ms);

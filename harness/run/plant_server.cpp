@@ -142,12 +142,14 @@ void LocalPlantServer::Advance(BootTime to, const AllCounts& counts) {
     state_.quiet_until_ns = boundary_ns_ + scenario_.step_ns - 1;
     if (boundary_ns_ + scenario_.step_ns > to) return;
     Check(boundary_left_, "an input is in force before the step");
-    plant_.Step(in_force_, faults_.DisturbanceOf(SimTime(boundary_ns_)));
+    const Disturbance disturbance = faults_.DisturbanceOf(SimTime(boundary_ns_));
+    if (!scenario_.held) plant_.Step(in_force_, disturbance);
     boundary_ns_ += scenario_.step_ns;
     boundary_left_ = false;
     state_.quiet_until_ns = boundary_ns_;
     state_.reached_ns = SimTime(boundary_ns_);
-    if (const plant::FlightEvent event = plant_.Event(); event != plant::FlightEvent::kNone) {
+    if (const plant::FlightEvent event = plant_.Event();
+        event != plant::FlightEvent::kNone && !scenario_.held) {
       state_.over = true;
       state_.end_reason =
           event == plant::FlightEvent::kGroundStrike ? EndReason::kGroundStrike : EndReason::kDiverged;

@@ -10,7 +10,8 @@
 // The sensors are the state at the last step boundary at or before the arrival of the request's last byte. An
 // accepted actuator message takes effect at the first step boundary at or after the arrival of its last byte,
 // and holds. Before the first one, the model's hover input holds. The plant does not move until the server
-// accepts the protocol's message that starts: that is t = 0.
+// accepts the protocol's message that starts: that is t = 0. A vehicle that is held (Scenario::held) does not move
+// afterwards, either; time, sensors, inputs and rows go on.
 //
 // Each of several clients is asked and answered as if it were the only one. harness/run/arbiter.h decides
 // whose actuators move the plant, and whose `start` is t = 0.

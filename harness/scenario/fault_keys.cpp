@@ -40,6 +40,9 @@ constexpr TextRule kParameterText = {"[!-~]([ -~]*[!-~])?", "printable ASCII, wi
 constexpr TextRule kSignalName = {"[A-Za-z][A-Za-z0-9_]*", "letters, digits and '_', beginning with a letter",
                                   faults::kSignalNameMax};
 
+// The registry says which word is wrong, and why.
+constexpr TextRule kFrameWords = {"", "", faults::kFrameWordsTextMax};
+
 // For faults on the wire and at the receiver.
 void DescribeTarget(KeyVisitor& v, const FaultType& type, FaultSpec& fault) {
   std::vector<Target> targets = faults::AcceptedTargets(type);
@@ -117,6 +120,10 @@ void DescribeParameter(KeyVisitor& v, const ParameterInfo& info, FaultSpec& faul
     case ParameterKind::kJoint:
     case ParameterKind::kText: {
       if (auto* text = std::get_if<std::string>(&value)) v.Text(key, *text, kParameterText);
+      break;
+    }
+    case ParameterKind::kFrameWords: {
+      if (auto* text = std::get_if<std::string>(&value)) v.Text(key, *text, kFrameWords);
       break;
     }
     case ParameterKind::kSensor:

@@ -225,6 +225,8 @@ void DescribeScenario(KeyVisitor& v, Scenario& s) {
   v.Bool({"allow_restarts",
           "Accept restarts of the firmware that no fault asked for; false: they fail `survival`"},
          s.allow_restarts);
+  v.Bool({"held", "Hold the vehicle on a test stand: it stays as it is at the start, whatever is commanded"},
+         s.held);
   v.Section({"control_period", "The criterion of that name, which every scenario has"}, [&](KeyVisitor& w) {
     w.Number(
         {"tolerance_percent",

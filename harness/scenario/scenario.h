@@ -100,6 +100,7 @@ struct Scenario {
   Expectation expect;
   TimeNs start_within_ns = 10 * kNsPerS;  // from power-on: no firmware is hung before, unless it has started
   bool allow_restarts = false;            // of the firmware, that no fault asked for
+  bool held = false;                      // on a test stand: the vehicle does not move
   double control_period_tolerance_percent = 1.0;
   std::uint64_t seed = 1;
   TimeNs duration_ns = 0;

@@ -39,5 +39,38 @@ TEST(PlantServer, EverySecondCommandIsOffsetToTheLimitFromItsOwnBoundaryOn) {
   }
 }
 
+// Commands, a fault on the vehicle and a place below the ground would each end a flight that is not held.
+TEST(PlantServer, AVehicleThatIsHeldStaysWhereItIsWhateverHappens) {
+  Scenario scenario;
+  scenario.duration_ns = kNsPerS;
+  scenario.held = true;
+  scenario.initial_position_m = {1, 2, -5};
+  scenario.initial_attitude_rad = {0.1, -0.2, 0.3};
+  faults::FaultSpec& fault = scenario.faults.emplace_back();
+  fault.id = "force";
+  fault.type = "plant.force";
+  fault.parameters = {{"force_n", 500.0}, {"direction", std::array{1.0, 0.0, 0.0}}};
+  LocalPlantServer server(scenario, Model());
+  const link::Protocol& protocol = *scenario.link.protocol;
+  const auto receive = [&](link::MessageKind kind, std::vector<float> values) {
+    server.Receive(0, BootTime(0), {protocol.Find(kind), std::move(values)}, [](auto) {});
+  };
+  receive(link::MessageKind::kStart, {});
+  receive(link::MessageKind::kActuators, {30, 0, 2, -2});
+  const std::vector<double> truth = server.Truth();
+  server.Advance(BootTime(kNsPerS), AllCounts(1));
+  EXPECT_FALSE(server.state().over);
+  EXPECT_EQ(server.state().reached_ns, kNsPerS);
+  EXPECT_EQ(server.Truth(), truth);
+  EXPECT_EQ(server.in_force()[0], Model().InputMax()[0]);
+  server.Finish(BootTime(kNsPerS), AllCounts(1));
+  const PlantLog log = server.TakeLog();
+  const std::size_t row_count = log.rows.size() / log.column_count;
+  EXPECT_EQ(row_count, static_cast<std::size_t>(kNsPerS / kControlPeriodNs) + 2);
+  for (std::size_t row = 0; row < row_count; ++row)
+    for (std::size_t state = 0; state < truth.size(); ++state)
+      ASSERT_EQ(log.rows[row * log.column_count + 1 + state], truth[state]) << row;
+}
+
 }  // namespace
 }  // namespace tiltproof::harness

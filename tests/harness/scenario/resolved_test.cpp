@@ -131,6 +131,7 @@ void MakeConsistent(Scenario& s, const fs::path& folder) {
     if (fault.period_ns == kNever) fault.duty.reset();
     for (const auto& problem : faults::Validate(fault)) {
       if (problem.key == "message") fault.message.reset();
+      if (problem.key == "parameters.frames") fault.parameters["frames"] = std::string("7e00 - 7d");
       if (problem.key == "parameters.direction") fault.parameters["direction"] = std::array{0.0, 0.0, 1.0};
       if (problem.key == "period_s") {
         fault.period_ns = kNever;
@@ -180,6 +181,7 @@ void ExpectSame(const Scenario& a, const Scenario& b) {
   RC_ASSERT(a.arbiter == b.arbiter);
   RC_ASSERT(a.expect == b.expect);
   RC_ASSERT(a.allow_restarts == b.allow_restarts);
+  RC_ASSERT(a.held == b.held);
   RC_ASSERT(a.control_period_tolerance_percent == b.control_period_tolerance_percent);
   RC_ASSERT(a.start_within_ns == b.start_within_ns);
   RC_ASSERT(a.seed == b.seed);
@@ -266,6 +268,7 @@ arbiter:
   type: single
 expect: pass
 allow_restarts: false
+held: false
 control_period:
   tolerance_percent: 1
 start_within_s: 10
