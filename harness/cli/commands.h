@@ -158,6 +158,20 @@ struct EnvelopeOptions {
 };
 int EnvelopeCommand(const EnvelopeOptions& options);
 
+struct FuzzOptions {
+  std::vector<std::string> clients;
+  std::string protocol = "paper";
+  std::string firmware;                     // build; empty: the usual one
+  std::optional<double> time_s;             // none: a minute
+  std::optional<std::uint64_t> runs_count;  // inputs; instead of a time
+  std::uint64_t seed = 1;
+  int jobs_count = 1;
+  std::filesystem::path out = "results/fuzz";
+  std::string format = "human";
+  bool no_progress = false;
+};
+int FuzzCommand(const FuzzOptions& options);
+
 struct DesignLqrOptions {
   std::string model;
   std::filesystem::path csv;

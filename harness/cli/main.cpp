@@ -331,6 +331,35 @@ int Main(int argc, char** argv) {
   envelope_app->add_flag("--no-progress", envelope.no_progress, "No progress on standard error");
   envelope_app->callback([&] { command = [&] { return EnvelopeCommand(envelope); }; });
 
+  FuzzOptions fuzz;
+  auto* fuzz_app = app.add_subcommand(
+      "fuzz", "Send hostile frames to a firmware, and write each that breaks it as a scenario (1: found some)");
+  fuzz_app->add_option("--client", fuzz.clients, ClientHelp())->allow_extra_args(false);
+  fuzz_app->add_option("--protocol", fuzz.protocol, "What the firmware speaks: paper or provant")
+      ->capture_default_str();
+  add_firmware(fuzz_app, fuzz.firmware);
+  auto* fuzz_time = fuzz_app->add_option("--time", fuzz.time_s, "How long, in s (default: 60)")
+                        ->check(CLI::Range(0.1, 1e7));
+  fuzz_app
+      ->add_option("--runs", fuzz.runs_count,
+                   "So many inputs instead; the same --seed and corpus then find the same, with any -j")
+      ->check(CLI::Range(std::uint64_t{1}, kSeedMax))
+      ->excludes(fuzz_time);
+  fuzz_app->add_option("--seed", fuzz.seed, "Of all that is drawn at random")
+      ->check(CLI::Range(std::uint64_t{0}, kSeedMax))
+      ->capture_default_str();
+  fuzz_app->add_option("-j", fuzz.jobs_count, "Worker processes")->check(CLI::Range(1, 1024));
+  fuzz_app
+      ->add_option("--out", fuzz.out,
+                   "Where findings/, corpus/ and fuzz.json go; a corpus that is there is where it begins")
+      ->capture_default_str();
+  fuzz_app->add_option("--format", fuzz.format, "human, or jsonl: one JSON object per finding, and one of all")
+      ->check(CLI::IsMember({"human", "jsonl"}))
+      ->capture_default_str();
+  fuzz_app->add_flag("--no-progress", fuzz.no_progress, "No progress line on the terminal");
+  fuzz_app->footer("How to build a firmware for it, and what a finding is: docs/fuzzing.md.");
+  fuzz_app->callback([&] { command = [&] { return FuzzCommand(fuzz); }; });
+
   DesignLqrOptions design;
   auto* design_app = app.add_subcommand(
       "design-lqr", "Design the DLQR of a model: equilibrium, gain, spectral radius, delay margin");

@@ -229,6 +229,15 @@ class Calculator {
     set_quantiles(name("reply_latency"), latencies_ms, kUsual);
     set_quantiles(name("client_round_trip"), round_trips_ms, kUsual);
     if (own.starts_accepted_count > 0) SetCount(name("firmware_missed_count"), MissedPeriods(own));
+    if (own.starts_accepted_count > 0) Set(name("silent_at_end_ms"), Milliseconds(SilentAtEnd(own)));
+  }
+
+  // Of requests and commands, that which has not come for longer.
+  TimeNs SilentAtEnd(const ClientLog& own) const {
+    const auto since = [&](const std::vector<TimeNs>& times_ns) {
+      return log_.end_ns - (times_ns.empty() ? 0 : times_ns.back());
+    };
+    return std::max<TimeNs>({since(own.sent_request_times_ns), since(own.actuator_times_ns), 0});
   }
 
   // Control periods without an actuator message, from the gaps between those that came: the client's clock
@@ -354,6 +363,7 @@ const std::vector<std::string>& MetricNames() {
                                     "timing.client_round_trip_p99_ms",
                                     "timing.client_round_trip_max_ms",
                                     "timing.firmware_missed_count",
+                                    "timing.silent_at_end_ms",
                                     "timing.harness_overrun_count",
                                     "timing.harness_late_max_ms"};
     for (const std::string direction : {"to_client", "to_plant", "reference"})

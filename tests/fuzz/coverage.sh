@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # What the corpus and the earlier findings reach, without a new input: lines and regions by llvm-cov, for the table in
-# docs/fuzzing.md. A build of its own, build/fuzz-coverage.
+# docs/fuzz-targets.md. A build of its own, build/fuzz-coverage.
 #
 #   tests/fuzz/coverage.sh [TARGET...]      every target by default; shows the sources in $SOURCES
 #   tests/fuzz/coverage.sh --missed FILE    the lines of a source that the last measurement did not reach

@@ -1,12 +1,9 @@
 #include "tests/fuzz/frame_script.h"
 
 #include <algorithm>
-#include <array>
 #include <cstring>
-#include <limits>
-#include <optional>
 
-#include "link/frame.h"
+#include "harness/campaign/hostile_frames.h"
 
 // The engine's own mutation of bytes that mean nothing to it.
 extern "C" std::size_t LLVMFuzzerMutate(std::uint8_t* data, std::size_t size, std::size_t max_size);
@@ -17,117 +14,27 @@ namespace {
 using Step = FrameScript::Step;
 constexpr std::size_t kStepBytesMax = 255;
 
-Bytes Framed(const Bytes& payload) {
-  std::array<std::uint8_t, link::FrameBytesMax(link::kPayloadBytesMax)> wire;
-  const auto frame = link::EncodeFrame(payload, wire).bytes;
-  return {frame.begin(), frame.end()};
-}
-
-auto At(Bytes& bytes, std::size_t at) { return bytes.begin() + static_cast<std::ptrdiff_t>(at); }
-
-// A value of a message, which is a row of numbers, becomes one that no sender should send.
-void BreakValue(Bytes& payload, Draw& draw) {
-  using Limits = std::numeric_limits<float>;
-  const std::array<float, 10> values = {Limits::quiet_NaN(),
-                                        Limits::infinity(),
-                                        -Limits::infinity(),
-                                        -0.F,
-                                        Limits::denorm_min(),
-                                        Limits::max(),
-                                        1e4F,
-                                        -1e3F,
-                                        100.5F,
-                                        draw.Unit()};
-  if (payload.size() < sizeof(float)) return;
-  const float value = values[draw.Below(values.size())];
-  std::memcpy(&payload[draw.Below(payload.size() / sizeof(float)) * sizeof(float)], &value, sizeof value);
-}
-
-// Another content in the first valid frame of a step, under a checksum that is right.
-void ChangeContent(Step& step, Draw& draw) {
-  link::FrameDecoder decoder;
-  std::span<const std::uint8_t> rest(step.bytes);
-  while (const auto event = decoder.Next(rest)) {
-    if (event->status != link::FrameStatus::kOk) continue;
-    Bytes payload(event->payload.begin(), event->payload.end());
-    switch (draw.Below(4)) {
-      case 0:
-        payload.resize(draw.Below(2) == 0 ? payload.size() / 2 : payload.size() + 1 + draw.Below(8));
-        break;
-      case 1: {
-        const std::size_t used = payload.size();
-        payload.resize(used + 8);
-        payload.resize(LLVMFuzzerMutate(payload.data(), used, payload.size()));
-        break;
-      }
-      default:
-        BreakValue(payload, draw);
-    }
-    const auto begin = static_cast<std::ptrdiff_t>(event->begin),
-               end = static_cast<std::ptrdiff_t>(event->end);
-    const Bytes frame = Framed(payload);
-    const auto at = step.bytes.erase(step.bytes.begin() + begin, step.bytes.begin() + end);
-    step.bytes.insert(at, frame.begin(), frame.end());
-    return;
-  }
-}
-
-void BreakBytes(Bytes& bytes, Draw& draw) {
-  constexpr std::array<std::uint8_t, 6> kMeaning = {link::kFlag, link::kEscape, 0x5E, 0x5D, 0x00, 0xFF};
-  if (bytes.empty()) return;
-  const std::size_t at = draw.Below(bytes.size());
-  const std::uint8_t meaning = kMeaning[draw.Below(kMeaning.size())];
-  switch (draw.Below(6)) {
-    case 0:
-      bytes[at] = static_cast<std::uint8_t>(bytes[at] ^ 1U << draw.Below(8));
-      break;
-    case 1:
-      bytes[at] = meaning;
-      break;
-    case 2:
-      bytes.insert(At(bytes, at), meaning);
-      break;
-    case 3:
-      bytes.erase(At(bytes, at));
-      break;
-    case 4:
-      bytes.resize(at);  // cut short
-      break;
-    default:  // a shared flag, or none at all
-      bytes.erase(draw.Below(2) == 0 ? bytes.begin() : bytes.end() - 1);
-  }
-}
-
 // Order, timing and cuts.
-void Rearrange(std::vector<Step>& steps, std::size_t at, Draw& draw) {
+void ChangeOrder(std::vector<Step>& steps, std::size_t at, Draw& draw) {
   const auto place = steps.begin() + static_cast<std::ptrdiff_t>(at);
   switch (draw.Below(6)) {
     case 0:
-      std::swap(*place, steps[draw.Below(steps.size())]);
-      break;
-    case 1:
-      steps.erase(place);
-      break;
-    case 2:
       place->wait = static_cast<std::uint8_t>(draw.Below(256));
       break;
-    case 3: {  // one transmission in two
-      const std::size_t cut = draw.Below(place->bytes.size() + 1);
-      Step rest{
-          static_cast<std::uint8_t>(draw.Below(4)), place->line, {At(place->bytes, cut), place->bytes.end()}};
-      place->bytes.resize(cut);
+    case 1: {  // one transmission in two
+      const auto cut = static_cast<std::ptrdiff_t>(draw.Below(place->bytes.size() + 1));
+      Step rest{static_cast<std::uint8_t>(draw.Below(4)),
+                place->line,
+                {place->bytes.begin() + cut, place->bytes.end()}};
+      place->bytes.resize(static_cast<std::size_t>(cut));
       steps.insert(place + 1, std::move(rest));
       break;
     }
-    case 4:
+    case 2:
       place->line = static_cast<std::uint8_t>(draw.Below(256));
       break;
-    default: {  // the same again and again
-      const std::size_t count = std::min(steps.size() - at, 1 + draw.Below(8));
-      const std::vector<Step> again(place, place + static_cast<std::ptrdiff_t>(count));
-      for (std::size_t times = 1 + draw.Below(8); times > 0; --times)
-        steps.insert(steps.begin() + static_cast<std::ptrdiff_t>(at), again.begin(), again.end());
-    }
+    default:
+      harness::Rearrange(steps, at, draw);
   }
 }
 
@@ -160,19 +67,24 @@ std::size_t MutateScript(std::uint8_t* data, std::size_t size, std::size_t max_s
   Draw draw(seed);
   if (draw.Below(16) == 0) return LLVMFuzzerMutate(data, size, max_size);
   FrameScript script = ReadScript({data, size});
+  const auto change = [](Bytes& bytes, std::size_t more_bytes_max) {
+    const std::size_t used = bytes.size();
+    bytes.resize(used + more_bytes_max);
+    bytes.resize(LLVMFuzzerMutate(bytes.data(), used, bytes.size()));
+  };
   for (std::size_t changes = 1 + draw.Below(3); changes > 0; --changes) {
     const std::size_t at = draw.Below(script.steps.size() + 1);
     const std::size_t what = at == script.steps.size() ? 0 : draw.Below(8);
     if (what < 2) {
       Step step{static_cast<std::uint8_t>(draw.Below(128)), static_cast<std::uint8_t>(draw.Below(4)), {}};
-      step.bytes = Framed(payload_of(script, step.line, draw));
+      step.bytes = harness::HostileFrame(payload_of(script, step.line, draw));
       script.steps.insert(script.steps.begin() + static_cast<std::ptrdiff_t>(at), std::move(step));
     } else if (what < 4) {
-      ChangeContent(script.steps[at], draw);
+      harness::ChangeContent(script.steps[at].bytes, draw, change);
     } else if (what < 6) {
-      BreakBytes(script.steps[at].bytes, draw);
+      harness::BreakBytes(script.steps[at].bytes, draw);
     } else {
-      Rearrange(script.steps, at, draw);
+      ChangeOrder(script.steps, at, draw);
     }
     if (draw.Below(32) == 0) script.choice = static_cast<std::uint8_t>(draw.Below(256));
   }

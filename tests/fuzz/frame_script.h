@@ -1,6 +1,5 @@
 // What is said on a line, and when: the input of targets that fuzz one end of it as a whole. A mutator that knows
-// frames builds valid ones and then breaks them: escapes, flags, lengths, order, timing, and values under checksums
-// that are computed anew.
+// frames builds valid ones and then breaks them (harness/campaign/hostile_frames.h), and their order and timing.
 //
 //   const FrameScript script = ReadScript({data, size});        // any bytes are a script
 //   for (const FrameScript::Step& step : script.steps) {
@@ -17,10 +16,10 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
-#include <random>
 #include <span>
 #include <vector>
 
+#include "faults/random.h"
 #include "link/time.h"
 
 namespace tiltproof::testing {
@@ -42,16 +41,11 @@ struct FrameScript {
 FrameScript ReadScript(std::span<const std::uint8_t> data);
 Bytes WriteScript(const FrameScript& script);
 
-// Draws in [0, n), n > 0.
-class Draw {
+class Draw : public faults::Random {
  public:
-  explicit Draw(unsigned seed) : engine_(seed) {}
-  std::size_t Below(std::size_t n) { return engine_() % n; }
+  explicit Draw(unsigned seed) : Random(faults::KeyOf(seed, 0)) {}
   // In [-1, 1].
   float Unit() { return static_cast<float>(Below(2001)) * 1e-3F - 1.F; }
-
- private:
-  std::minstd_rand engine_;
 };
 
 // A valid message, as the end that is not fuzzed says it on that line.

@@ -5,7 +5,7 @@
 #   tests/fuzz/run.sh SECONDS [TARGET...]    every target by default; SECONDS of new inputs each, 0: none
 #
 # BUILD=build/fuzz says which build. Inputs of interest go on in BUILD/found/TARGET; an input that breaks something is
-# BUILD/found/TARGET.crash-* (docs/fuzzing.md says what to do with it). Exit code 1 when a target fails.
+# BUILD/found/TARGET.crash-* (docs/fuzz-targets.md says what to do with it). Exit code 1 when a target fails.
 set -u
 here=$(dirname "$(readlink -f "$0")")
 build=${BUILD:-build/fuzz}

@@ -1,0 +1,93 @@
+#include "harness/campaign/broken_flight.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <string_view>
+
+#include "faults/random.h"
+#include "harness/campaign/hostile_sequence.h"
+
+namespace tiltproof::harness {
+namespace {
+
+// A criterion of a campaign, and the kind of what breaks it.
+struct FuzzOracle {
+  std::string_view criterion, kind;
+};
+constexpr FuzzOracle kSilence{"talks-again", "silence"};
+constexpr FuzzOracle kMessages{"sends-only-messages", "command"};
+constexpr FuzzOracle kBoots{"boots-once", "restart"};
+constexpr std::array kFuzzOracles = {kBoots, kMessages, kSilence};
+
+bool IsDigit(char c) { return c >= '0' && c <= '9'; }
+bool IsHexDigit(char c) { return IsDigit(c) || (c >= 'a' && c <= 'f') || (c >= 'A' && c <= 'F'); }
+bool IsWord(char c) { return IsHexDigit(c) || (c >= 'g' && c <= 'z') || (c >= 'G' && c <= 'Z') || c == '_'; }
+
+}  // namespace
+
+std::string BrokenFlight::Name() const {
+  const std::uint64_t hash = faults::StreamKey(0, {key});
+  return fmt::format("{}-{:08x}", kind, static_cast<std::uint32_t>(hash ^ hash >> 32));
+}
+
+std::vector<CriterionSpec> FuzzCriteria(const link::Protocol& protocol) {
+  const double half_tail_ms = static_cast<double>(protocol.control_period_ns) / 1e6 * kTailPeriods / 2;
+  const auto at_most = [](const FuzzOracle& oracle, std::string metric, double max) {
+    return CriterionSpec{.name = std::string(oracle.criterion),
+                         .stl = {},
+                         .metric = std::move(metric),
+                         .min = std::nullopt,
+                         .max = max};
+  };
+  std::vector<CriterionSpec> criteria = {at_most(kMessages, "protocol.malformed_sent_count", 0),
+                                         at_most(kSilence, "timing.silent_at_end_ms", half_tail_ms)};
+  // Elsewhere a `start` may come at any time.
+  if (protocol.repeated_start_is_boot) criteria.push_back(at_most(kBoots, "firmware.restarts_count", 0));
+  return criteria;
+}
+
+std::string KeyOfReason(const std::string& reason) {
+  std::string key;
+  for (std::size_t i = 0; i < reason.size();) {
+    const bool begins = IsDigit(reason[i]) && (i == 0 || !IsWord(reason[i - 1]));
+    if (!begins) {
+      key += reason[i++];
+      continue;
+    }
+    key += '#';
+    if (reason[i] == '0' && i + 1 < reason.size() && reason[i + 1] == 'x')
+      for (i += 2; i < reason.size() && IsHexDigit(reason[i]);) ++i;
+    else
+      while (i < reason.size() &&
+             (IsDigit(reason[i]) || (reason[i] == '.' && i + 1 < reason.size() && IsDigit(reason[i + 1]))))
+        ++i;
+  }
+  return key;
+}
+
+std::optional<BrokenFlight> BrokenBy(const FlightResult& result) {
+  const auto broken = [&](std::string_view kind, const std::string& reason, const std::string& key) {
+    return BrokenFlight{std::string(kind), fmt::format("{}: {}", kind, key), reason};
+  };
+  const std::string& reason = result.score.reason;
+  if (result.score.verdict == Verdict::kError) return std::nullopt;
+  if (result.outcome == Outcome::kCrashed) return broken("crash", reason, KeyOfReason(reason));
+  // Without an end its process went with it.
+  if (result.end_reason == EndReason::kFirmwareHung ||
+      (!result.end_reason && result.outcome == Outcome::kHung))
+    return broken("hang", reason, KeyOfReason(reason));
+  if (result.score.restarts > 0) return broken("restart", reason, "");
+  if (result.end_reason != EndReason::kCompleted) return std::nullopt;
+  for (const FuzzOracle& oracle : kFuzzOracles) {
+    const auto criterion =
+        std::find_if(result.score.criteria.begin(), result.score.criteria.end(),
+                     [&](const CriterionResult& one) { return one.name == oracle.criterion; });
+    if (criterion != result.score.criteria.end() && criterion->verdict == Verdict::kFail)
+      return broken(oracle.kind, fmt::format("{}: {}", criterion->name, criterion->explanation), "");
+  }
+  return std::nullopt;
+}
+
+}  // namespace tiltproof::harness

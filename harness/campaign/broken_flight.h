@@ -1,0 +1,32 @@
+// What hostile bytes broke in a flight, if anything, and whether two flights broke in the same way.
+//
+//   if (const auto broken = BrokenBy(result)) findings.try_emplace(broken->key, *broken);
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "harness/engine/flight_result.h"
+#include "harness/scenario/scenario.h"
+
+namespace tiltproof::harness {
+
+struct BrokenFlight {
+  std::string kind;    // "crash", "hang", "restart", "silence", "command": begins the name of a finding
+  std::string key;     // the same for flights that broke in the same way
+  std::string reason;  // one line
+  // The name of a finding, from its key: "crash-3f2a91bc".
+  std::string Name() const;
+};
+
+// The criteria that a flight of a campaign has: the oracles beside those that every flight has.
+std::vector<CriterionSpec> FuzzCriteria(const link::Protocol& protocol);
+
+// Of a flight with these criteria. A vehicle that is lost says nothing about the reader of frames.
+std::optional<BrokenFlight> BrokenBy(const FlightResult& result);
+
+// A reason without what differs from flight to flight: times, addresses, numbers.
+std::string KeyOfReason(const std::string& reason);
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,107 @@
+// A fuzz campaign: hostile frames into a firmware, in short flights, and what they break. A sequence that reaches new code
+// of the firmware joins the corpus, from which later ones are made; where the firmware cannot tell what it executes, each
+// sequence is made anew.
+//
+//   FuzzCampaign campaign({.flight = job, .runs_count = 100'000, .seed = 7});
+//   if (const auto trouble = campaign.WhyUnusable()) return Complain(*trouble);
+//   campaign.Run();
+//   for (const FuzzFinding& finding : campaign.findings()) Report(finding.broken.reason);
+//
+// With runs_count, the same seed and the same corpus give the same findings for any number of jobs: each sequence is made
+// from what a fixed number of flights before it have brought, in their order.
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <future>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "harness/campaign/broken_flight.h"
+#include "harness/campaign/hostile_sequence.h"
+#include "harness/engine/engine.h"
+
+namespace tiltproof::harness {
+
+struct FuzzFinding {
+  BrokenFlight broken;
+  HostileSequence sequence;
+  bool minimised = false;
+  bool confirmed = false;     // it broke in the same way when it was flown once more, from a fresh start
+  std::uint64_t at_runs = 0;  // inputs that had been said when it was found
+  std::uint64_t flights_count = 1;  // flights that broke in this way
+};
+
+class FuzzCampaign {
+ public:
+  struct Options {
+    FlightJob flight;  // with the scenario to which hostile frames are added
+    int jobs_count = 1;
+    std::optional<std::uint64_t> runs_count;  // inputs; none: until `is_over`
+    std::function<bool()> is_over = [] { return false; };
+    std::uint64_t seed = 1;
+    bool reference_line = true;                      // whether it is attacked, too
+    const std::atomic<bool>* interrupted = nullptr;  // may be null
+    std::function<void(const std::string& line)> tell = [](const auto&) {};
+    std::function<void()> on_turn = [] {};  // about ten times per second
+    std::function<void(const HostileSequence&)> on_corpus = [](const auto&) {};
+    // A new one, and again when it is minimised.
+    std::function<void(const FuzzFinding&)> on_finding = [](const auto&) {};
+  };
+  explicit FuzzCampaign(Options options);
+
+  // Before all else: how the firmware fails without a hostile byte, if it does.
+  std::optional<std::string> WhyUnusable();
+  // Joins the corpus.
+  void Add(HostileSequence sequence) { corpus_.push_back(std::move(sequence)); }
+  // Until its inputs are said, it is over, or it is interrupted.
+  void Run();
+  // Makes every finding small, and flies it once more.
+  void MinimiseFindings();
+
+  const std::vector<FuzzFinding>& findings() const { return findings_; }
+  const std::vector<HostileSequence>& corpus() const { return corpus_; }
+  std::uint64_t runs_count() const { return runs_count_; }        // inputs that were said
+  std::uint64_t flights_count() const { return flights_count_; }  // without those that minimise
+  std::size_t features_count() const { return features_count_; }
+  bool sees_coverage() const { return sees_coverage_; }
+  // The firmware hung so often that the campaign ended: each time takes seconds.
+  bool hangs_too_often() const { return hangs_count_ >= kHangsMax; }
+  // The flight that could not be judged, and ended the campaign.
+  const std::optional<std::string>& trouble() const { return trouble_; }
+
+ private:
+  static constexpr int kHangsMax = 4;
+  struct Pending {
+    HostileSequence sequence;
+    std::future<FlightResult> result;
+  };
+
+  HostileSequence Next();
+  FlightJob JobOf(const HostileSequence& sequence, std::string name) const;
+  void Take(HostileSequence sequence, const FlightResult& result);
+  bool HasNewFeature(const FlightResult& result);
+  std::optional<BrokenFlight> Fly(const HostileSequence& sequence, FlightResult* result = nullptr);
+  void Minimise(FuzzFinding& finding);
+  bool interrupted() const {
+    return options_.interrupted != nullptr && options_.interrupted->load(std::memory_order_relaxed);
+  }
+
+  Options options_;
+  HostileFrames replies_, references_;
+  std::vector<HostileSequence> corpus_;
+  std::vector<FuzzFinding> findings_;
+  std::vector<bool> features_;
+  std::size_t features_count_ = 0;
+  bool sees_coverage_ = false;
+  std::uint64_t planned_count_ = 0, runs_count_ = 0, flights_count_ = 0, sequences_count_ = 0;
+  std::uint64_t extra_flights_count_ = 0;
+  int hangs_count_ = 0;
+  std::optional<std::string> trouble_;
+};
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,81 @@
+// What a line can bring that no sender should send: valid frames of a protocol, broken. Escapes, flags, lengths, order,
+// checksums that are wrong, and values that are absurd under checksums that are computed anew.
+//
+//   faults::Random random(1);
+//   const HostileFrames hostile(*link::FindProtocol("paper"), link::Direction::kToClient);
+//   LineBytes said = hostile.Make(random);  // one valid frame, or several, broken or not
+//   BreakBytes(said, random);               // and broken once more
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "faults/random.h"
+#include "link/protocol.h"
+
+namespace tiltproof::harness {
+
+using LineBytes = std::vector<std::uint8_t>;
+
+// The frame of a payload of any length, longer ones than a codec carries among them. `damage` is added to the checksum
+// bit by bit.
+LineBytes HostileFrame(std::span<const std::uint8_t> payload, std::uint16_t damage = 0);
+
+// Changes bytes that mean nothing to the caller; they grow by at most `more_bytes_max`.
+using ChangeBytes = std::function<void(LineBytes& bytes, std::size_t more_bytes_max)>;
+
+// Another content in the first valid frame, under a checksum that is right: another length, a value that no sender
+// should send, or what `change` makes of it.
+void ChangeContent(LineBytes& bytes, faults::Random& random, const ChangeBytes& change);
+// The same with random bytes.
+void ChangeContent(LineBytes& bytes, faults::Random& random);
+// One change in the bytes as they are on the line: a bit, a flag or an escape too many, one too few, a cut.
+void BreakBytes(LineBytes& bytes, faults::Random& random);
+
+// One change in the order of a list that is not empty: two change places, one is missing, some come again and again.
+template <class T>
+void Rearrange(std::vector<T>& list, std::size_t at, faults::Random& random) {
+  const auto place = list.begin() + static_cast<std::ptrdiff_t>(at);
+  switch (random.Below(3)) {
+    case 0:
+      std::swap(*place, list[random.Below(list.size())]);
+      break;
+    case 1:
+      list.erase(place);
+      break;
+    default: {
+      const std::size_t count = std::min<std::size_t>(list.size() - at, 1 + random.Below(8));
+      const std::vector<T> again(place, place + static_cast<std::ptrdiff_t>(count));
+      for (std::size_t times = 1 + random.Below(8); times > 0; --times)
+        list.insert(list.begin() + static_cast<std::ptrdiff_t>(at), again.begin(), again.end());
+    }
+  }
+}
+
+class HostileFrames {
+ public:
+  // What is said on a wire of that direction. The protocol must outlive it.
+  HostileFrames(const link::Protocol& protocol, link::Direction direction);
+
+  // A valid message with values of a small aircraft.
+  LineBytes Valid(faults::Random& random) const;
+  // A new input: one or a few frames, most of them broken; never empty.
+  LineBytes Make(faults::Random& random) const;
+  // Another one that resembles it; never empty.
+  LineBytes Change(LineBytes bytes, faults::Random& random) const;
+
+ private:
+  LineBytes Payload(faults::Random& random) const;
+
+  std::vector<const link::MessageType*> types_;
+  const link::Protocol& protocol_;
+};
+
+// Longest input, so that inputs do not queue up on the line for ever.
+inline constexpr std::size_t kHostileBytesMax = 640;
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,143 @@
+#include "harness/campaign/hostile_sequence.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <stdexcept>
+
+#include "faults/frame_words.h"
+#include "link/frame.h"
+
+namespace tiltproof::harness {
+namespace {
+
+constexpr std::array<std::string_view, 3> kPlaces = {"instead", "before", "after"};
+
+// Of one frame in an input.
+std::string DescribeFrame(const link::FrameEvent& event, const link::Protocol& protocol,
+                          link::Direction direction) {
+  if (event.status != link::FrameStatus::kOk)
+    return fmt::format("{} of {} bytes", Name(event.status), event.end - event.begin);
+  link::Message message;
+  const link::MessageStatus status = protocol.Decode(direction, event.payload, message);
+  const link::MessageType* type = protocol.Classify(direction, event.payload);
+  return fmt::format("{} of {} bytes{}", type == nullptr ? "a payload" : type->name, event.payload.size(),
+                     status == link::MessageStatus::kOk ? "" : fmt::format(" ({})", Name(status)));
+}
+
+}  // namespace
+
+std::string FramesText(const HostileSequence& sequence) {
+  constexpr std::string_view kDigits = "0123456789abcdef";
+  std::string text;
+  for (const LineBytes& input : sequence.inputs) {
+    if (!text.empty()) text += ' ';
+    if (input.empty()) text += '-';
+    for (const std::uint8_t byte : input) {
+      text += kDigits[byte >> 4];
+      text += kDigits[byte & 15];
+    }
+  }
+  return text;
+}
+
+Scenario FlightOf(const Scenario& base, const HostileSequence& sequence) {
+  Scenario scenario = base;
+  const TimeNs period_ns = base.link.protocol->control_period_ns;
+  const TimeNs said_until_ns = static_cast<TimeNs>(sequence.inputs.size()) * period_ns;
+  scenario.duration_ns = said_until_ns + kTailPeriods * period_ns;
+  if (sequence.inputs.empty()) return scenario;
+  faults::FaultSpec fault;
+  fault.id = kHostileFault;
+  fault.type = "frame.script";
+  fault.target = sequence.target;
+  fault.start_ns = 0;
+  fault.end_ns = said_until_ns;
+  fault.parameters = {{"frames", FramesText(sequence)}, {"place", sequence.place}};
+  scenario.faults = {std::move(fault)};
+  return scenario;
+}
+
+std::size_t InputsUntil(const HostileSequence& sequence, std::size_t said_count) {
+  std::size_t count = 0;
+  for (; count < sequence.inputs.size() && said_count > 0; ++count)
+    if (!sequence.inputs[count].empty()) --said_count;
+  return count;
+}
+
+std::string ToText(const HostileSequence& sequence) {
+  return fmt::format("{} {}\n{}\n", Name(sequence.target), sequence.place, FramesText(sequence));
+}
+
+HostileSequence ReadSequence(std::string_view text) {
+  HostileSequence sequence;
+  const std::size_t line = text.find('\n');
+  const std::string_view head = text.substr(0, line);
+  const std::size_t space = head.find(' ');
+  if (line == std::string_view::npos || space == std::string_view::npos)
+    throw std::runtime_error("begins with no line of target and place");
+  const std::string_view target = head.substr(0, space);
+  if (target != Name(faults::Target::kToClient) && target != Name(faults::Target::kReference))
+    throw std::runtime_error(fmt::format("the target '{}' is none of to_client, reference", target));
+  if (target == Name(faults::Target::kReference)) sequence.target = faults::Target::kReference;
+  sequence.place = head.substr(space + 1);
+  if (std::find(kPlaces.begin(), kPlaces.end(), sequence.place) == kPlaces.end())
+    throw std::runtime_error(
+        fmt::format("the place '{}' is none of {}", sequence.place, fmt::join(kPlaces, ", ")));
+  std::string_view frames = text.substr(line + 1);
+  if (frames.ends_with('\n')) frames.remove_suffix(1);
+  faults::FrameWords script = faults::ReadFrameWords(frames);
+  if (!script.problem.empty()) throw std::runtime_error(script.problem);
+  sequence.inputs = std::move(script.frames);
+  if (sequence.inputs.size() > kInputsMax) sequence.inputs.resize(kInputsMax);
+  return sequence;
+}
+
+HostileSequence ChangeSequence(const HostileSequence& parent, const HostileSequence& other,
+                               const HostileFrames& frames, std::size_t count, faults::Random& random) {
+  HostileSequence changed = parent;
+  std::vector<LineBytes>& inputs = changed.inputs;
+  const bool is_new = inputs.empty();
+  if (is_new && random.Below(2) == 0) changed.place = kPlaces[random.Below(kPlaces.size())];
+  // In some flights the firmware hears nothing but hostile frames, in others honest ones between them.
+  const std::uint64_t honest_of_8 = random.Below(5);
+  while (inputs.size() < count)
+    inputs.push_back(random.Below(8) < honest_of_8 ? LineBytes() : frames.Make(random));
+  for (std::size_t changes = is_new ? 0 : 1 + random.Below(count); changes > 0 && !inputs.empty();
+       --changes) {
+    const std::size_t at = random.Below(inputs.size());
+    const std::uint64_t what = random.Below(16);
+    if (what < 7) {
+      inputs[at] = frames.Change(inputs[at].empty() ? frames.Valid(random) : inputs[at], random);
+    } else if (what < 12) {
+      inputs[at] = frames.Make(random);
+    } else if (what < 14 && !other.inputs.empty()) {
+      inputs[at] = other.inputs[random.Below(other.inputs.size())];
+    } else {
+      Rearrange(inputs, at, random);
+    }
+  }
+  inputs.resize(count);
+  return changed;
+}
+
+std::vector<std::string> Describe(const HostileSequence& sequence, const link::Protocol& protocol) {
+  const link::Direction direction = sequence.target == faults::Target::kReference
+                                        ? link::Direction::kReference
+                                        : link::Direction::kToClient;
+  std::vector<std::string> lines;
+  for (const LineBytes& input : sequence.inputs) {
+    std::vector<std::string> parts;
+    link::FrameDecoder decoder;
+    std::span<const std::uint8_t> rest(input);
+    while (const auto event = decoder.Next(rest)) parts.push_back(DescribeFrame(*event, protocol, direction));
+    if (const auto event = decoder.Finish()) parts.push_back(DescribeFrame(*event, protocol, direction));
+    lines.push_back(input.empty()   ? "as it is"
+                    : parts.empty() ? fmt::format("{} flags", input.size())
+                                    : fmt::format("{}", fmt::join(parts, ", ")));
+  }
+  return lines;
+}
+
+}  // namespace tiltproof::harness

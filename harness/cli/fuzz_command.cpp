@@ -1,0 +1,227 @@
+#include <fmt/format.h>
+
+#include <chrono>
+#include <nlohmann/json.hpp>
+
+#include "harness/campaign/fuzz.h"
+#include "harness/cli/client_flag.h"
+#include "harness/cli/commands.h"
+#include "harness/cli/fuzz_files.h"
+#include "harness/cli/interrupt_scope.h"
+#include "harness/cli/search_flights.h"
+#include "harness/cli/suite.h"
+#include "harness/report/json_text.h"
+#include "harness/scenario/did_you_mean.h"
+#include "harness/terminal/progress_line.h"
+#include "harness/terminal/terminal.h"
+
+namespace tiltproof::harness {
+namespace {
+
+using FuzzClock = std::chrono::steady_clock;
+
+double SecondsSince(FuzzClock::time_point begin) {
+  return std::chrono::duration<double>(FuzzClock::now() - begin).count();
+}
+
+FlightMeans FuzzMeans(const FuzzOptions& options) {
+  FlightMeans means;
+  means.clients = ReadClientFlags(options.clients);
+  if (!means.clients.by_id.empty()) throw UsageError("--client: fuzz has one client; leave out its id");
+  means.realtime = !AbilitiesOf(means.clients.all, false).virtual_time;
+  if (means.realtime && options.jobs_count > 1)
+    throw UsageError(fmt::format("-j {}: --client {} flies in real time, one flight at a time",
+                                 options.jobs_count, ToText(means.clients.all)));
+  return means;
+}
+
+LoadedScenario FuzzBase(const FuzzOptions& options, const FlightMeans& means) {
+  std::vector<std::string_view> protocols;
+  for (const auto& protocol : link::Protocols()) protocols.push_back(protocol->name);
+  if (link::FindProtocol(options.protocol) == nullptr)
+    throw UsageError(fmt::format("--protocol {}: no such protocol{}", options.protocol,
+                                 DidYouMean(options.protocol, protocols)));
+  const std::string build = options.firmware.empty() ? Scenario().firmware : options.firmware;
+  if (AbilitiesOf(means.clients.all, false).shipped) CheckBuild(build);
+  if (build.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") != std::string::npos)
+    throw UsageError(fmt::format("--firmware {}: must be lower-case letters, digits and '_'", build));
+  return LoadAnnounced("name: fuzz\nduration_s: 1\n" + FuzzBaseText(build, options.protocol));
+}
+
+class FuzzRun {
+ public:
+  FuzzRun(const FuzzOptions& options, FlightMeans means, const LoadedScenario& base)
+      : options_(options),
+        base_(base.scenario),
+        files_(options.out, FlagsOf(means)),
+        campaign_({.flight = {.name = "fuzz",
+                              .scenario = base.scenario,
+                              .model = base.model,
+                              .means = means,
+                              .replay = {}},
+                   .jobs_count = options.jobs_count,
+                   .runs_count = options.runs_count,
+                   .is_over = [this] { return SecondsSince(begin_) >= options_.time_s.value_or(60); },
+                   .seed = options.seed,
+                   .interrupted = InterruptScope::flag(),
+                   .tell = [this](const std::string& line) { Tell(line); },
+                   .on_turn = [this] { ShowProgress(); },
+                   .on_corpus = [this](const HostileSequence& sequence) { files_.Add(sequence); },
+                   .on_finding = [this](const FuzzFinding& finding) { Take(finding); }}),
+        line_(!options.no_progress),
+        client_(ToText(means.clients.all)) {
+    for (HostileSequence& sequence : files_.ReadCorpus()) campaign_.Add(std::move(sequence));
+  }
+
+  // The exit code.
+  int Run() {
+    const auto unusable = campaign_.WhyUnusable();
+    if (unusable) {
+      line_.Clear();
+      Print(stderr, "tiltproof: fuzz: the firmware fails without hostile bytes: {}\n", *unusable);
+      return kExitError;
+    }
+    if (!campaign_.sees_coverage() && !interrupted())
+      Tell(
+          "this firmware does not tell what it executes, so that the frames are chosen blindly: "
+          "docs/fuzzing.md says how to build it");
+    begin_ = FuzzClock::now();
+    campaign_.Run();
+    wall_s_ = SecondsSince(begin_);
+    minimises_ = true;
+    campaign_.MinimiseFindings();
+    line_.Clear();
+    files_.WriteSummary(Summary());
+    Report();
+    if (interrupted()) return kExitInterrupted;
+    if (campaign_.hangs_too_often())
+      Print(stderr, "tiltproof: fuzz: ended early: the firmware hung again and again; mend that first\n");
+    if (campaign_.trouble()) {
+      Print(stderr, "tiltproof: fuzz: ended early: a flight could not be judged: {}\n", *campaign_.trouble());
+      return kExitError;
+    }
+    return campaign_.findings().empty() ? kExitGreen : kExitNotGreen;
+  }
+
+ private:
+  static bool interrupted() { return *InterruptScope::flag(); }
+  static std::string FlagsOf(const FlightMeans& means) {
+    return ClientFlagsOf(means.clients) + (means.realtime ? " --mode realtime" : "");
+  }
+
+  void Tell(const std::string& line) {
+    line_.Clear();
+    Print(stderr, "tiltproof: {}\n", line);
+  }
+
+  // On the disk at once, so that an interrupt loses nothing.
+  void Take(const FuzzFinding& finding) {
+    files_.Write(finding, base_);
+    if (finding.minimised || options_.format != "human") return;
+    line_.Clear();
+    Print(stdout, "{} after {} inputs: {}\n", finding.broken.Name(), finding.at_runs, finding.broken.reason);
+    std::fflush(stdout);
+  }
+
+  nlohmann::ordered_json JsonOf(const FuzzFinding& finding) const {
+    std::size_t bytes = 0;
+    for (const LineBytes& input : finding.sequence.inputs) bytes += input.size();
+    return {{"name", finding.broken.Name()},
+            {"kind", finding.broken.kind},
+            {"reason", finding.broken.reason},
+            {"file", files_.FileOf(finding).string()},
+            {"replay", files_.ReplayOf(finding)},
+            {"executions", finding.at_runs},
+            {"flights", finding.flights_count},
+            {"inputs", finding.sequence.inputs.size()},
+            {"bytes", bytes},
+            {"minimised", finding.minimised},
+            {"confirmed", finding.confirmed}};
+  }
+
+  nlohmann::ordered_json Summary() const {
+    nlohmann::ordered_json findings = nlohmann::ordered_json::array();
+    for (const FuzzFinding& finding : campaign_.findings()) findings.push_back(JsonOf(finding));
+    return {{"format", kResultsFormat},
+            {"client", client_},
+            {"firmware", base_.firmware},
+            {"protocol", base_.link.protocol->name},
+            {"seed", options_.seed},
+            {"complete", !interrupted() && !campaign_.trouble() && !campaign_.hangs_too_often()},
+            {"executions", campaign_.runs_count()},
+            {"flights", campaign_.flights_count()},
+            {"wall_s", wall_s_},
+            {"executions_per_s", PerSecond(wall_s_)},
+            {"coverage", campaign_.sees_coverage()},
+            {"features", campaign_.features_count()},
+            {"corpus", campaign_.corpus().size()},
+            {"findings", findings}};
+  }
+
+  double PerSecond(double wall_s) const {
+    return wall_s > 0 ? static_cast<double>(campaign_.runs_count()) / wall_s : 0;
+  }
+
+  std::string Numbers(double wall_s) const {
+    std::string text = fmt::format("{} executions, {:.0f} per s", campaign_.runs_count(), PerSecond(wall_s));
+    if (campaign_.sees_coverage())
+      text += fmt::format(", {} features, corpus {}", campaign_.features_count(), campaign_.corpus().size());
+    const std::size_t found = campaign_.findings().size();
+    return text + fmt::format(", {} finding{}", found, found == 1 ? "" : "s");
+  }
+
+  void ShowProgress() {
+    if (!line_.visible()) return;
+    const double passed_s = SecondsSince(begin_);
+    line_.Show(minimises_ ? fmt::format("making {} findings smaller", campaign_.findings().size())
+                          : Numbers(passed_s));
+  }
+
+  void Report() const {
+    for (const FuzzFinding& finding : campaign_.findings()) {
+      if (options_.format == "jsonl") {
+        Print(stdout, "{}\n", JsonLine(JsonOf(finding)));
+        continue;
+      }
+      Print(stdout, "\n{}: {}\n", finding.broken.Name(), finding.broken.reason);
+      Print(stdout, "  {} input{}{}, in {} flight{}\n  {}\n", finding.sequence.inputs.size(),
+            finding.sequence.inputs.size() == 1 ? "" : "s",
+            !finding.minimised   ? " (not made smaller)"
+            : !finding.confirmed ? " (not seen again: it depends on more than these bytes)"
+                                 : "",
+            finding.flights_count, finding.flights_count == 1 ? "" : "s", files_.ReplayOf(finding));
+    }
+    if (options_.format == "jsonl") {
+      nlohmann::ordered_json summary = Summary();
+      summary.erase("findings");
+      Print(stdout, "{}\n", JsonLine(summary));
+      return;
+    }
+    if (!campaign_.findings().empty()) Print(stdout, "\n");
+    Print(stdout, "{} in {:.0f} s{}; {}\n", Numbers(wall_s_), wall_s_, interrupted() ? " (interrupted)" : "",
+          (files_.folder() / "fuzz.json").string());
+  }
+
+  const FuzzOptions& options_;
+  Scenario base_;
+  FuzzFiles files_;
+  FuzzCampaign campaign_;
+  ProgressLine line_;
+  std::string client_;
+  FuzzClock::time_point begin_ = FuzzClock::now();
+  double wall_s_ = 0;
+  bool minimises_ = false;
+};
+
+}  // namespace
+
+int FuzzCommand(const FuzzOptions& options) {
+  const FlightMeans means = FuzzMeans(options);
+  const LoadedScenario base = FuzzBase(options, means);
+  CheckReady(means);
+  CheckPorts(means.clients.all, base.scenario.link);
+  const InterruptScope scope;
+  return FuzzRun(options, means, base).Run();
+}
+
+}  // namespace tiltproof::harness

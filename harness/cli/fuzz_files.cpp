@@ -1,0 +1,133 @@
+#include "harness/cli/fuzz_files.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <system_error>
+
+#include "harness/cli/client_flag.h"
+#include "harness/cli/commands.h"
+#include "harness/report/files.h"
+#include "harness/report/json_text.h"
+#include "harness/run/hash.h"
+#include "harness/terminal/terminal.h"
+
+namespace tiltproof::harness {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kCommentColumns = 110;
+
+// Behind a "#", in lines of a width that can be read.
+std::string Comment(const std::string& text) {
+  std::string lines, line = "#";
+  std::size_t from = 0;
+  const std::string plain = Plain(text);
+  while (from < plain.size()) {
+    const std::size_t to = std::min(plain.find(' ', from), plain.size());
+    if (line.size() > 1 && line.size() + 1 + to - from > kCommentColumns) {
+      lines += line + '\n';
+      line = "#  ";
+    }
+    line += ' ' + plain.substr(from, to - from);
+    from = to + 1;
+  }
+  return lines + line + '\n';
+}
+
+}  // namespace
+
+std::string FuzzBaseText(const std::string& firmware, const std::string& protocol) {
+  return fmt::format(
+      "firmware: {}\n"
+      "held: true    # on a test stand: hostile values cannot crash the vehicle\n"
+      "link: {{protocol: {}}}\n"
+      "reference: {{type: hover, at_m: [0, 0, 1]}}\n",
+      firmware, protocol);
+}
+
+FuzzFiles::FuzzFiles(fs::path folder, std::string flags)
+    : folder_(std::move(folder)), flags_(std::move(flags)) {
+  for (const char* part : {"findings", "corpus"}) {
+    std::error_code error;
+    fs::create_directories(folder_ / part, error);
+    if (error || !fs::is_directory(folder_ / part, error))
+      throw UsageError(fmt::format("--out {}: cannot make the folder {}: {}", folder_.string(),
+                                   (folder_ / part).string(),
+                                   error ? error.message() : "something else has its name"));
+  }
+  try {
+    WriteFile(folder_ / "findings" / ".writable", "");
+    fs::remove(folder_ / "findings" / ".writable");
+  } catch (const std::exception& error) {
+    throw UsageError(fmt::format("--out {}: {}", folder_.string(), error.what()));
+  }
+}
+
+fs::path FuzzFiles::FileOf(const FuzzFinding& finding) const {
+  return folder_ / "findings" / (finding.broken.Name() + ".yaml");
+}
+
+std::string FuzzFiles::ReplayOf(const FuzzFinding& finding) const {
+  return fmt::format("tiltproof run {}{}", Quoted(FileOf(finding).string()), flags_);
+}
+
+void FuzzFiles::Write(const FuzzFinding& finding, const Scenario& base) const {
+  const HostileSequence& sequence = finding.sequence;
+  const Scenario flight = FlightOf(base, sequence);
+  std::string text = Comment(fmt::format("Found by tiltproof fuzz: {}", finding.broken.reason));
+  text += "#\n# What is said, by frame of the line:\n";
+  const std::vector<std::string> frames = Describe(sequence, *base.link.protocol);
+  for (std::size_t i = 0; i < frames.size(); ++i) text += Comment(fmt::format("{:4}: {}", i + 1, frames[i]));
+  text += "#\n";
+  if (!finding.minimised)
+    text += "# The campaign ended before it could be made smaller.\n";
+  else if (!finding.confirmed)
+    text += "# Flown once more it did not break: it depends on more than these bytes.\n";
+  text += "# It fails as long as the defect is there, and passes afterwards:\n";
+  text += Comment(ReplayOf(finding));
+  text += fmt::format("name: {}\ntags: [fuzz, {}]\n", finding.broken.Name(), finding.broken.kind);
+  text += FuzzBaseText(base.firmware, base.link.protocol->name);
+  text += fmt::format("duration_s: {}\nfaults:\n", ToSeconds(flight.duration_ns));
+  const faults::FaultSpec& fault = flight.faults.at(0);
+  text += fmt::format(
+      "  - id: {}\n    type: {}\n    target: {}\n    start_s: 0\n    end_s: {}\n    parameters:\n"
+      "      place: {}\n      frames: \"{}\"\n",
+      fault.id, fault.type, faults::Name(fault.target), ToSeconds(fault.end_ns), sequence.place,
+      FramesText(sequence));
+  text += "criteria:\n";
+  for (const CriterionSpec& criterion : FuzzCriteria(*base.link.protocol))
+    text += fmt::format("  - {{name: {}, metric: {}, max: {}}}\n", criterion.name, criterion.metric,
+                        criterion.max.value_or(0));
+  WriteFile(FileOf(finding), text);
+}
+
+void FuzzFiles::Add(const HostileSequence& sequence) const {
+  const std::string text = ToText(sequence);
+  const std::uint64_t hash = Fnv1a({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+  WriteFile(folder_ / "corpus" / fmt::format("{:016x}", hash), text);
+}
+
+std::vector<HostileSequence> FuzzFiles::ReadCorpus() const {
+  std::vector<fs::path> files;
+  for (const auto& entry : fs::directory_iterator(folder_ / "corpus"))
+    if (entry.is_regular_file()) files.push_back(entry.path());
+  std::sort(files.begin(), files.end());
+  std::vector<HostileSequence> corpus;
+  for (const fs::path& file : files) {
+    try {
+      corpus.push_back(ReadSequence(ReadFile(file)));
+    } catch (const std::exception& error) {
+      throw UsageError(
+          fmt::format("{}: no sequence of a corpus: {}; remove it", file.string(), error.what()));
+    }
+  }
+  return corpus;
+}
+
+void FuzzFiles::WriteSummary(const nlohmann::ordered_json& summary) const {
+  WriteFile(folder_ / "fuzz.json", JsonText(summary, 2) + '\n');
+}
+
+}  // namespace tiltproof::harness

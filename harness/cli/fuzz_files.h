@@ -1,0 +1,45 @@
+// The files of a fuzz campaign: findings/NAME.yaml, each a scenario that `tiltproof run` flies; corpus/, from which the
+// next campaign in this folder begins; and fuzz.json.
+//
+//   FuzzFiles files("results/fuzz", " --client 'library:mine.so'", false);
+//   files.Write(finding, scenario);
+//   files.WriteSummary(summary);
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "harness/campaign/fuzz.h"
+
+namespace tiltproof::harness {
+
+class FuzzFiles {
+ public:
+  // Makes the folders. `flags`: what `tiltproof run` needs beside the file. Throws UsageError when they cannot be made
+  // or written.
+  FuzzFiles(std::filesystem::path folder, std::string flags);
+
+  std::filesystem::path FileOf(const FuzzFinding& finding) const;
+  // `base`: as the campaign has it.
+  void Write(const FuzzFinding& finding, const Scenario& base) const;
+  void Add(const HostileSequence& sequence) const;
+  // In the order of their names. Throws UsageError for a file that is no sequence.
+  std::vector<HostileSequence> ReadCorpus() const;
+  void WriteSummary(const nlohmann::ordered_json& summary) const;
+
+  const std::filesystem::path& folder() const { return folder_; }
+  // For a person: flies it again.
+  std::string ReplayOf(const FuzzFinding& finding) const;
+
+ private:
+  std::filesystem::path folder_;
+  std::string flags_;
+};
+
+// What every flight of a campaign is, but for its faults: the vehicle is held, and hovers by the reference.
+std::string FuzzBaseText(const std::string& firmware, const std::string& protocol);
+
+}  // namespace tiltproof::harness

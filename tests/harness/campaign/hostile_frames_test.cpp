@@ -1,0 +1,155 @@
+// What hostile inputs are made of, and that the same seed makes the same ones.
+#include "harness/campaign/hostile_frames.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <set>
+
+#include "harness/campaign/broken_flight.h"
+#include "harness/campaign/hostile_sequence.h"
+#include "link/frame.h"
+
+namespace tiltproof::harness {
+namespace {
+
+using faults::Random;
+using ::testing::Each;
+using ::testing::SizeIs;
+
+const link::Protocol& Paper() { return *link::FindProtocol("paper"); }
+
+TEST(HostileFrames, FramesAreThoseOfTheCodecAndLongerOnes) {
+  Random random(3);
+  for (std::size_t size = 0; size <= link::kPayloadBytesMax; ++size) {
+    LineBytes payload(size);
+    for (std::uint8_t& byte : payload) byte = static_cast<std::uint8_t>(0x7C + random.Below(4));
+    std::array<std::uint8_t, link::FrameBytesMax(link::kPayloadBytesMax)> wire;
+    const auto frame = link::EncodeFrame(payload, wire).bytes;
+    EXPECT_EQ(HostileFrame(payload), LineBytes(frame.begin(), frame.end())) << size;
+  }
+  EXPECT_THAT(HostileFrame(LineBytes(300)), SizeIs(304));
+}
+
+TEST(HostileFrames, ADamagedChecksumIsAllThatIsWrong) {
+  const LineBytes frame = HostileFrame(LineBytes{1, 2, 3}, 0x0100);
+  std::span<const std::uint8_t> rest(frame);
+  link::FrameDecoder decoder;
+  EXPECT_EQ(decoder.Next(rest)->status, link::FrameStatus::kBadChecksum);
+}
+
+TEST(HostileFrames, ValidOnesAreMessagesOfTheProtocol) {
+  for (const link::Direction direction : {link::Direction::kToClient, link::Direction::kReference}) {
+    const HostileFrames frames(Paper(), direction);
+    Random random(5);
+    for (int i = 0; i < 500; ++i) {
+      const LineBytes frame = frames.Valid(random);
+      std::span<const std::uint8_t> rest(frame);
+      link::FrameDecoder decoder;
+      const auto event = decoder.Next(rest);
+      ASSERT_TRUE(event && event->status == link::FrameStatus::kOk);
+      link::Message message;
+      EXPECT_EQ(Paper().Decode(direction, event->payload, message), link::MessageStatus::kOk);
+    }
+  }
+}
+
+// A reader of frames hears every way in which a frame can be wrong, and every way in which a message can.
+TEST(HostileFrames, EveryStatusOfTheDecoderAndOfMessagesComes) {
+  const HostileFrames frames(Paper(), link::Direction::kToClient);
+  std::set<link::FrameStatus> frame_statuses;
+  std::set<link::MessageStatus> message_statuses;
+  Random random(7);
+  for (int i = 0; i < 20'000; ++i) {
+    const LineBytes input = frames.Make(random);
+    ASSERT_FALSE(input.empty());
+    link::FrameDecoder decoder;
+    std::span<const std::uint8_t> rest(input);
+    const auto take = [&](const link::FrameEvent& event) {
+      frame_statuses.insert(event.status);
+      link::Message message;
+      if (event.status == link::FrameStatus::kOk)
+        message_statuses.insert(Paper().Decode(link::Direction::kToClient, event.payload, message));
+    };
+    while (const auto event = decoder.Next(rest)) take(*event);
+    if (const auto event = decoder.Finish()) take(*event);
+  }
+  EXPECT_EQ(frame_statuses.size(), link::kFrameStatusCount);
+  for (const auto status : {link::MessageStatus::kOk, link::MessageStatus::kBadLength,
+                            link::MessageStatus::kNotFinite, link::MessageStatus::kOutOfRange})
+    EXPECT_TRUE(message_statuses.contains(status)) << Name(status);
+}
+
+HostileSequence SequenceOf(std::uint64_t seed, const HostileSequence& parent) {
+  const HostileFrames frames(Paper(), link::Direction::kToClient);
+  Random random(seed);
+  return ChangeSequence(parent, parent, frames, 64, random);
+}
+
+TEST(HostileSequence, TheSameSeedMakesTheSame) {
+  const HostileSequence first = SequenceOf(1, {});
+  EXPECT_EQ(first, SequenceOf(1, {}));
+  EXPECT_NE(first, SequenceOf(2, {}));
+  const HostileSequence child = SequenceOf(3, first);
+  EXPECT_EQ(child, SequenceOf(3, first));
+  EXPECT_NE(child, first);
+  EXPECT_THAT(child.inputs, SizeIs(64));
+  EXPECT_THAT(child.inputs, Each(SizeIs(::testing::Le(kHostileBytesMax))));
+}
+
+TEST(HostileSequence, AFileOfTheCorpusReadsBack) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    HostileSequence sequence = SequenceOf(seed, {});
+    if (seed % 2 == 0) sequence.target = faults::Target::kReference;
+    EXPECT_EQ(ReadSequence(ToText(sequence)), sequence);
+  }
+  for (const char* wrong : {"", "7e", "to_client\n7e\n", "to_plant instead\n7e\n", "to_client beside\n7e\n",
+                            "to_client instead\n7\n", "to_client instead\n7E\n"})
+    EXPECT_THROW(ReadSequence(wrong), std::runtime_error) << wrong;
+}
+
+TEST(HostileSequence, WhatWasSaidEndsWithItsLastInput) {
+  const HostileSequence sequence{.inputs = {{1}, {}, {2}, {}, {}, {3}}};
+  EXPECT_EQ(InputsUntil(sequence, 0), 0U);
+  EXPECT_EQ(InputsUntil(sequence, 1), 1U);
+  EXPECT_EQ(InputsUntil(sequence, 2), 3U);
+  EXPECT_EQ(InputsUntil(sequence, 3), 6U);
+  EXPECT_EQ(InputsUntil(sequence, 9), 6U);
+}
+
+FlightResult Ended(EndReason end, Outcome outcome, const std::string& reason) {
+  FlightResult result;
+  result.end_reason = end;
+  result.outcome = outcome;
+  result.score.verdict = Verdict::kFail;
+  result.score.reason = reason;
+  return result;
+}
+
+TEST(BrokenFlight, TheSameDefectHasOneKeyWhereverItIsMet) {
+  const auto key = [](const std::string& reason) {
+    return BrokenBy(Ended(EndReason::kFirmwareCrashed, Outcome::kCrashed, reason))->key;
+  };
+  EXPECT_EQ(key("crashed at 0.168 s: heap-buffer-overflow on 0x60200001 in Decode mine.c:12"),
+            key("crashed at 12 s: heap-buffer-overflow on 0x7fff0abc in Decode mine.c:15"));
+  EXPECT_NE(key("crashed at 1 s in Decode"), key("crashed at 1 s in Decode2"));
+  EXPECT_NE(key("crashed at 1 s in Decode"),
+            BrokenBy(Ended(EndReason::kFirmwareHung, Outcome::kHung, "crashed at 1 s in Decode"))->key);
+  EXPECT_EQ(KeyOfReason("x1 of 0.5 s, 3."), "x1 of # s, #.");
+}
+
+TEST(BrokenFlight, ALostVehicleIsNoFinding) {
+  EXPECT_FALSE(BrokenBy(Ended(EndReason::kGroundStrike, Outcome::kFailed, "it struck the ground")));
+  FlightResult passed = Ended(EndReason::kCompleted, Outcome::kUnaffected, "");
+  EXPECT_FALSE(BrokenBy(passed));
+  CriterionResult& silent = passed.score.criteria.emplace_back();
+  silent.name = "talks-again";
+  silent.verdict = Verdict::kFail;
+  EXPECT_EQ(BrokenBy(passed)->kind, "silence");
+  passed.score.restarts = 1;
+  EXPECT_EQ(BrokenBy(passed)->kind, "restart");
+}
+
+}  // namespace
+}  // namespace tiltproof::harness

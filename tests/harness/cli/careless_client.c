@@ -1,0 +1,142 @@
+/* A firmware whose reader of frames has one defect; which, is the name of the build it is asked to be. It asks once a
+ * period, and answers each reply of 64 bytes with a checksum that is right.
+ *
+ * careful: none. careless: a long frame overwrites what lies behind its buffer, a pointer to a function. deaf: an escape
+ * before the closing flag leaves it waiting for ever. absurd: what it is told becomes what it commands. restless: a
+ * payload of two bytes makes it start anew. loop: a frame of nothing but zeros is never finished. broken: it needs no
+ * hostile byte. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "firmware/tiltproof_client.h"
+
+#define PERIOD_NS 12000000
+
+typedef struct {
+  uint8_t bytes[80];
+  void (*on_frame)(TiltproofClient* client);
+  uint8_t behind[1024];
+} Reader;
+
+struct TiltproofClient {
+  Reader reader;
+  size_t count;
+  int escaped, deaf, starts;
+  const TiltproofHost* host;
+  int64_t now_ns, next_request_ns, sent_until_ns;
+};
+
+/* Start, read sensors, and actuators that hold the vehicle: 7E, the float id, the values, Fletcher-16, 7E. */
+static const uint8_t kStart[] = {0x7E, 0x00, 0x00, 0x80, 0x3F, 0xBF, 0x40, 0x7E};
+static const uint8_t kRead[] = {0x7E, 0x00, 0x00, 0x00, 0x40, 0x40, 0x40, 0x7E};
+
+static int is(const TiltproofClient* client, const char* build) {
+  return strcmp(client->host->firmware, build) == 0;
+}
+
+static unsigned check_of(const uint8_t* bytes, size_t count) {
+  unsigned sum1 = 0, sum2 = 0;
+  for (size_t i = 0; i < count; ++i) {
+    sum1 = (sum1 + bytes[i]) % 255;
+    sum2 = (sum2 + sum1) % 255;
+  }
+  return sum1 | sum2 << 8;
+}
+
+static void say(TiltproofClient* client, const uint8_t* bytes, size_t count) {
+  const int64_t at_ns = client->now_ns > client->sent_until_ns ? client->now_ns : client->sent_until_ns;
+  client->sent_until_ns = client->host->transmit(client->host->context, TILTPROOF_UART_MAIN, at_ns, bytes, count);
+}
+
+static void command(TiltproofClient* client, float force) {
+  const float values[5] = {3.F, force, 10.F, 0.F, 0.F};
+  uint8_t payload[22], frame[48], *out = frame;
+  memcpy(payload, values, 20);
+  const unsigned check = check_of(payload, 20);
+  payload[20] = (uint8_t)check;
+  payload[21] = (uint8_t)(check >> 8);
+  *out++ = 0x7E;
+  for (size_t i = 0; i < sizeof payload; ++i) {
+    const int escape = payload[i] == 0x7E || payload[i] == 0x7D;
+    if (escape) *out++ = 0x7D;
+    *out++ = escape ? payload[i] ^ 0x20 : payload[i];
+  }
+  *out++ = 0x7E;
+  say(client, frame, (size_t)(out - frame));
+}
+
+static void on_frame(TiltproofClient* client) {
+  const uint8_t* bytes = client->reader.bytes;
+  if (client->count < 3) return;
+  const size_t size = client->count - 2;
+  if (size > sizeof client->reader.bytes) return;
+  if (check_of(bytes, size) != (unsigned)(bytes[size] | bytes[size + 1] << 8)) return;
+  if (is(client, "restless") && size == 2) client->starts = 0;
+  if (is(client, "loop")) {
+    size_t zeros = 0;
+    while (zeros < size && bytes[zeros] == 0) ++zeros;
+    for (volatile int forever = zeros == size; forever;) {
+    }
+  }
+  if (size != 64) return;
+  float x = 0;
+  memcpy(&x, bytes, sizeof x);
+  command(client, is(client, "absurd") ? 10.F + x : 10.F);
+}
+
+static void take(TiltproofClient* client, uint8_t byte) {
+  Reader* reader = &client->reader;
+  if (byte == 0x7E) {
+    if (is(client, "deaf") && client->escaped) client->deaf = 1;
+    if (client->count > 0 && !client->escaped && !client->deaf) reader->on_frame(client);
+    client->count = 0;
+    client->escaped = 0;
+    return;
+  }
+  if (byte == 0x7D) {
+    client->escaped = 1;
+    return;
+  }
+  const size_t limit = is(client, "careless") ? sizeof *reader : sizeof reader->bytes;
+  const uint8_t plain = client->escaped ? byte ^ 0x20 : byte;
+  client->escaped = 0;
+  if (client->count >= limit) return;
+  memcpy((uint8_t*)reader + client->count++, &plain, 1);
+}
+
+uint32_t tiltproof_client_abi_version(void) { return TILTPROOF_CLIENT_ABI_VERSION; }
+
+TiltproofClient* tiltproof_client_create(const TiltproofHost* host) {
+  TiltproofClient* client = calloc(1, sizeof *client);
+  if (client == NULL) return NULL;
+  client->host = host;
+  client->reader.on_frame = on_frame;
+  return client;
+}
+
+void tiltproof_client_destroy(TiltproofClient* client) { free(client); }
+
+int64_t tiltproof_client_start(TiltproofClient* client, int64_t now_ns) { return tiltproof_client_grant(client, now_ns); }
+
+int64_t tiltproof_client_grant(TiltproofClient* client, int64_t now_ns) {
+  client->now_ns = now_ns;
+  if (now_ns < client->next_request_ns) return client->next_request_ns;
+  if (client->starts == 0) say(client, kStart, sizeof kStart);
+  client->starts = 1;
+  if (is(client, "broken") && now_ns > 200000000) abort();
+  say(client, kRead, sizeof kRead);
+  client->next_request_ns = now_ns + PERIOD_NS;
+  return client->next_request_ns;
+}
+
+void tiltproof_client_receive(TiltproofClient* client, int uart, int64_t now_ns, const uint8_t* bytes, size_t count) {
+  client->now_ns = now_ns;
+  for (size_t i = 0; i < count && uart == TILTPROOF_UART_MAIN; ++i) take(client, bytes[i]);
+}
+
+int64_t tiltproof_client_reset(TiltproofClient* client, int64_t now_ns) {
+  client->starts = 0;
+  client->next_request_ns = now_ns;
+  return tiltproof_client_grant(client, now_ns);
+}
+

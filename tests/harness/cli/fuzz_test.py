@@ -1,0 +1,109 @@
+"""`tiltproof fuzz` against a firmware with one defect of each kind (careless_client.c)."""
+import json
+import pathlib
+import signal
+import subprocess
+import sys
+import unittest
+
+from command_line import PROGRAM, CommandLineTest
+
+CLIENT = f"library:{pathlib.Path(sys.argv[2]).resolve() / 'libcareless_client.so'}"
+
+
+class FuzzTest(CommandLineTest):
+    def fuzz(self, build, *more, out="out", runs=6000):
+        return self.tiltproof("fuzz", "--client", CLIENT, "--firmware", build, "--runs", runs, "--out", out, *more, timeout=300)
+
+    def summary(self, out="out"):
+        return json.loads((self.folder / out / "fuzz.json").read_text())
+
+    def assert_found(self, build, kind):
+        code, out, err = self.fuzz(build)
+        self.assertEqual(code, 1, out + err)
+        findings = self.summary()["findings"]
+        # What lies behind a buffer may be overwritten with other consequences, too.
+        self.assertEqual(len(findings), 1 if kind != "crash" else len(findings), findings)
+        finding = findings[0]
+        self.assertEqual(finding["kind"], kind)
+        self.assertTrue(finding["minimised"] and finding["confirmed"], finding)
+        self.assertEqual(finding["inputs"], 1)
+        code, flown, err = self.tiltproof("run", finding["file"], "--client", CLIENT, "--no-report")
+        self.assertEqual(code, 1, flown + err)
+        # The same scenario is green where the defect is not.
+        code, flown, err = self.tiltproof("run", finding["file"], "--client", CLIENT, "--firmware", "careful", "--no-report")
+        self.assertEqual(code, 0, flown + err)
+        return finding
+
+    def test_a_length_that_nobody_checks_is_a_crash(self):
+        finding = self.assert_found("careless", "crash")
+        # Nothing but the bytes up to the pointer behind the buffer, and a flag to make it called.
+        self.assertLessEqual(finding["bytes"], 2 * 88 + 2)
+        self.assertGreater(finding["bytes"], 80)
+
+    def test_an_escape_that_is_never_forgotten_is_silence(self):
+        self.assertLessEqual(self.assert_found("deaf", "silence")["bytes"], 4)
+
+    def test_a_command_that_is_no_number_is_found(self):
+        self.assert_found("absurd", "command")
+
+    def test_a_reboot_is_found(self):
+        self.assert_found("restless", "restart")
+
+    def test_a_careful_firmware_is_left_alone(self):
+        code, out, err = self.fuzz("careful", runs=3000)
+        self.assertEqual(code, 0, out + err)
+        self.assertGreater(self.summary()["executions"], 1000)
+        self.assertEqual(list((self.folder / "out" / "findings").iterdir()), [])
+
+    def test_the_same_seed_finds_the_same_with_any_number_of_jobs(self):
+        def all_of(out, *more):
+            self.fuzz("careless", "--seed", 5, *more, out=out, runs=3000)
+            summary = self.summary(out)
+            return ([(one["name"], one["executions"], one["flights"], one["bytes"]) for one in summary["findings"]], summary["executions"],
+                    summary["features"], [(self.folder / one["file"]).read_text().replace(f"{out}/", "") for one in summary["findings"]])
+        first = all_of("a")
+        self.assertEqual(first, all_of("b", "-j", 2))
+        self.assertNotEqual(first[1], (self.fuzz("careless", "--seed", 6, out="c", runs=3000), self.summary("c")["executions"])[1])
+
+    def test_it_says_what_the_firmware_cannot_do_by_itself(self):
+        code, out, err = self.fuzz("broken")
+        self.assertEqual(code, 3, out + err)
+        self.assertIn("fails without hostile bytes", err)
+        self.assertIn("Aborted", err)
+
+    def test_an_interrupt_leaves_what_was_found(self):
+        with subprocess.Popen([PROGRAM, "fuzz", "--client", CLIENT, "--firmware", "deaf", "--time", "600", "--out", "out"], cwd=self.folder,
+                              stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+            self.assertIn(b"silence", process.stdout.readline())
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=60)
+        self.assertEqual(process.returncode, 130)
+        (finding,) = self.summary()["findings"]
+        self.assertFalse(self.summary()["complete"])
+        self.assertTrue((self.folder / finding["file"]).is_file())
+
+    def test_mistakes_are_told(self):
+        (self.folder / "taken").write_text("")
+        for arguments, what in ((("--out", "taken"), "--out taken: cannot make the folder"), (("--protocol", "papr"), "--protocol papr: no such protocol"),
+                                (("--client", "a=host"), "fuzz has one client"), (("--firmware", "papr"), "--firmware papr: no such build"),
+                                (("--time", "5", "--runs", "5"), "--runs"), (("--client", "process:true", "-j", "2"), "-j 2")):
+            code, out, err = self.tiltproof("fuzz", *arguments)
+            self.assertEqual(code, 2, out + err)
+            self.assertIn(what, err)
+        (self.folder / "out" / "corpus").mkdir(parents=True)
+        (self.folder / "out" / "corpus" / "mine").write_text("to_client instead\n7\n")
+        code, out, err = self.fuzz("careful")
+        self.assertEqual(code, 2, out + err)
+        self.assertIn("corpus/mine: no sequence of a corpus", err)
+
+    def test_lines_of_json(self):
+        code, out, err = self.fuzz("deaf", "--format", "jsonl")
+        self.assertEqual(code, 1, out + err)
+        lines = [json.loads(line) for line in out.splitlines()]
+        self.assertEqual(lines[0]["kind"], "silence")
+        self.assertEqual(lines[-1]["seed"], 1)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=[sys.argv[0]])
