@@ -3,7 +3,7 @@
 // sequence is made anew.
 //
 //   FuzzCampaign campaign({.flight = job, .runs_count = 100'000, .seed = 7});
-//   if (const auto trouble = campaign.WhyUnusable()) return Complain(*trouble);
+//   if (const auto trouble = campaign.WhyUnusable()) Complain(*trouble);
 //   campaign.Run();
 //   for (const FuzzFinding& finding : campaign.findings()) Report(finding.broken.reason);
 //

@@ -1,9 +1,8 @@
 // The files of a fuzz campaign: findings/NAME.yaml, each a scenario that `tiltproof run` flies; corpus/, from which the
 // next campaign in this folder begins; and fuzz.json.
 //
-//   FuzzFiles files("results/fuzz", " --client 'library:mine.so'", false);
-//   files.Write(finding, scenario);
-//   files.WriteSummary(summary);
+//   FuzzFiles files("results/fuzz", " --client 'library:mine.so'");
+//   for (const HostileSequence& sequence : files.ReadCorpus()) files.Add(sequence);
 #pragma once
 
 #include <filesystem>

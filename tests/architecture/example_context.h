@@ -110,6 +110,9 @@ extern const FaultSpec spec;
 extern const examples::Function At, Kill, Refuse, Report, ResetAt;
 extern TimeNs t;
 
+// faults/frame_words.h
+extern const examples::Function Complain;
+
 // faults/activity.h
 extern const Window window;
 extern TimeNs begin, end, wake_at;

@@ -34,6 +34,17 @@ extern const Severity severity;
 extern const faults::FaultType* type;
 extern const Scenario base;
 
+// harness/campaign/broken_flight.h
+#include <map>
+extern const FlightResult result;
+extern std::map<std::string, BrokenFlight> findings;
+
+// harness/campaign/fuzz.h
+extern const examples::Function Complain;
+
+// harness/campaign/hostile_sequence.h
+extern const Scenario base;
+
 // harness/campaign/trials.h
 extern const examples::Function Take;
 

@@ -58,7 +58,7 @@ TEST(Metrics, EveryNameGivenIsListedAndNoneTwice) {
   log.clients[0].request_times_ns = {0, 12, 24};
   log.clients[0].reply_latency_ns = {1};
   log.clients[0].client_round_trip_ns = {1};
-  log.clients[0].protocol.emplace();
+  log.clients[0].protocol = ProtocolUse{.refused_commands = 0};
   log.harness_overrun_count = 0;
   log.harness_late_max_ns = 0;
   Scenario scenario = ScenarioOf(log);
