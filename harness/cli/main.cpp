@@ -333,7 +333,8 @@ int Main(int argc, char** argv) {
 
   FuzzOptions fuzz;
   auto* fuzz_app = app.add_subcommand(
-      "fuzz", "Send hostile frames to a firmware, and write each that breaks it as a scenario (1: found some)");
+      "fuzz",
+      "Send hostile frames to a firmware, and write each that breaks it as a scenario (1: found some)");
   fuzz_app->add_option("--client", fuzz.clients, ClientHelp())->allow_extra_args(false);
   fuzz_app->add_option("--protocol", fuzz.protocol, "What the firmware speaks: paper or provant")
       ->capture_default_str();
@@ -353,7 +354,8 @@ int Main(int argc, char** argv) {
       ->add_option("--out", fuzz.out,
                    "Where findings/, corpus/ and fuzz.json go; a corpus that is there is where it begins")
       ->capture_default_str();
-  fuzz_app->add_option("--format", fuzz.format, "human, or jsonl: one JSON object per finding, and one of all")
+  fuzz_app
+      ->add_option("--format", fuzz.format, "human, or jsonl: one JSON object per finding, and one of all")
       ->check(CLI::IsMember({"human", "jsonl"}))
       ->capture_default_str();
   fuzz_app->add_flag("--no-progress", fuzz.no_progress, "No progress line on the terminal");
@@ -370,8 +372,10 @@ int Main(int argc, char** argv) {
   design_app->add_flag("--allow-invalid-inertia", design.allow_invalid_inertia,
                        "Go on with a physically impossible inertia");
   design_app->footer(
-      "Columns of the gain, the states x of u = u_eq - K (x - x_ref): x y z (m), roll pitch yaw alpha_r alpha_l "
-      "(rad), their eight rates in the same order (m/s, rad/s; Euler rates), then the integrals of the errors of "
+      "Columns of the gain, the states x of u = u_eq - K (x - x_ref): x y z (m), roll pitch yaw alpha_r "
+      "alpha_l "
+      "(rad), their eight rates in the same order (m/s, rad/s; Euler rates), then the integrals of the "
+      "errors of "
       "x y z (m s) and yaw (rad s), by the trapezoidal rule with the present error, every 12 ms. "
       "firmware/examples/python flies it.");
   design_app->callback([&] { command = [&] { return DesignLqrCommand(design); }; });
