@@ -45,7 +45,8 @@ static unsigned check_of(const uint8_t* bytes, size_t count) {
 
 static void say(TiltproofClient* client, const uint8_t* bytes, size_t count) {
   const int64_t at_ns = client->now_ns > client->sent_until_ns ? client->now_ns : client->sent_until_ns;
-  client->sent_until_ns = client->host->transmit(client->host->context, TILTPROOF_UART_MAIN, at_ns, bytes, count);
+  client->sent_until_ns =
+      client->host->transmit(client->host->context, TILTPROOF_UART_MAIN, at_ns, bytes, count);
 }
 
 static void command(TiltproofClient* client, float force) {
@@ -116,7 +117,9 @@ TiltproofClient* tiltproof_client_create(const TiltproofHost* host) {
 
 void tiltproof_client_destroy(TiltproofClient* client) { free(client); }
 
-int64_t tiltproof_client_start(TiltproofClient* client, int64_t now_ns) { return tiltproof_client_grant(client, now_ns); }
+int64_t tiltproof_client_start(TiltproofClient* client, int64_t now_ns) {
+  return tiltproof_client_grant(client, now_ns);
+}
 
 int64_t tiltproof_client_grant(TiltproofClient* client, int64_t now_ns) {
   client->now_ns = now_ns;
@@ -129,7 +132,8 @@ int64_t tiltproof_client_grant(TiltproofClient* client, int64_t now_ns) {
   return client->next_request_ns;
 }
 
-void tiltproof_client_receive(TiltproofClient* client, int uart, int64_t now_ns, const uint8_t* bytes, size_t count) {
+void tiltproof_client_receive(TiltproofClient* client, int uart, int64_t now_ns, const uint8_t* bytes,
+                              size_t count) {
   client->now_ns = now_ns;
   for (size_t i = 0; i < count && uart == TILTPROOF_UART_MAIN; ++i) take(client, bytes[i]);
 }
@@ -139,4 +143,3 @@ int64_t tiltproof_client_reset(TiltproofClient* client, int64_t now_ns) {
   client->next_request_ns = now_ns;
   return tiltproof_client_grant(client, now_ns);
 }
-
