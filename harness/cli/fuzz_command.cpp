@@ -50,7 +50,7 @@ LoadedScenario FuzzBase(const FuzzOptions& options, const FlightMeans& means) {
 
 class FuzzRun {
  public:
-  FuzzRun(const FuzzOptions& options, FlightMeans means, const LoadedScenario& base)
+  FuzzRun(const FuzzOptions& options, const FlightMeans& means, const LoadedScenario& base)
       : options_(options),
         base_(base.scenario),
         files_(options.out, FlagsOf(means)),

@@ -25,7 +25,11 @@ class Script : public WireModel {
       context.Say(
           Concat({std::to_string(scripted.bytes.size()), " bytes of word ", std::to_string(context.pick + 1),
                   " ", place_, place_ == "instead" ? " of the frame" : " the frame"}));
-    if (place_ == "after") out.push_back(std::move(chunk));
+    if (place_ == "after") {
+      out.push_back(std::move(chunk));
+      out.push_back(std::move(scripted));
+      return;
+    }
     out.push_back(std::move(scripted));
     if (place_ == "before") out.push_back(std::move(chunk));
   }
