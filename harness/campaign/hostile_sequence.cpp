@@ -45,14 +45,16 @@ std::string FramesText(const HostileSequence& sequence) {
 Scenario FlightOf(const Scenario& base, const HostileSequence& sequence) {
   Scenario scenario = base;
   const TimeNs period_ns = base.link.protocol->control_period_ns;
-  const TimeNs said_until_ns = static_cast<TimeNs>(sequence.inputs.size()) * period_ns;
+  // A firmware that has heard nothing may say `start` again: that is no restart, so the first reply is left alone.
+  const TimeNs said_from_ns = period_ns;
+  const TimeNs said_until_ns = said_from_ns + static_cast<TimeNs>(sequence.inputs.size()) * period_ns;
   scenario.duration_ns = said_until_ns + kTailPeriods * period_ns;
   if (sequence.inputs.empty()) return scenario;
   faults::FaultSpec fault;
   fault.id = kHostileFault;
   fault.type = "frame.script";
   fault.target = sequence.target;
-  fault.start_ns = 0;
+  fault.start_ns = said_from_ns;
   fault.end_ns = said_until_ns;
   fault.parameters = {{"frames", FramesText(sequence)}, {"place", sequence.place}};
   scenario.faults = {std::move(fault)};
