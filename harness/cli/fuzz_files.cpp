@@ -92,10 +92,10 @@ void FuzzFiles::Write(const FuzzFinding& finding, const Scenario& base) const {
   text += fmt::format("duration_s: {}\nfaults:\n", ToSeconds(flight.duration_ns));
   const faults::FaultSpec& fault = flight.faults.at(0);
   text += fmt::format(
-      "  - id: {}\n    type: {}\n    target: {}\n    start_s: 0\n    end_s: {}\n    parameters:\n"
+      "  - id: {}\n    type: {}\n    target: {}\n    start_s: {}\n    end_s: {}\n    parameters:\n"
       "      place: {}\n      frames: \"{}\"\n",
-      fault.id, fault.type, faults::Name(fault.target), ToSeconds(fault.end_ns), sequence.place,
-      FramesText(sequence));
+      fault.id, fault.type, faults::Name(fault.target), ToSeconds(fault.start_ns), ToSeconds(fault.end_ns),
+      sequence.place, FramesText(sequence));
   text += "criteria:\n";
   for (const CriterionSpec& criterion : FuzzCriteria(*base.link.protocol))
     text += fmt::format("  - {{name: {}, metric: {}, max: {}}}\n", criterion.name, criterion.metric,

@@ -30,6 +30,10 @@ class FuzzTest(CommandLineTest):
         self.assertEqual(finding["inputs"], 1)
         code, flown, err = self.tiltproof("run", finding["file"], "--client", CLIENT, "--no-report")
         self.assertEqual(code, 1, flown + err)
+        # It is the very flight of the search: what a crash says has times in it, and is cut to the terminal.
+        self.assertIn("start_s: 0.012\n", (self.folder / finding["file"]).read_text())
+        if kind in ("command", "restart"):
+            self.assertIn(finding["reason"], flown)
         # The same scenario is green where the defect is not.
         code, flown, err = self.tiltproof("run", finding["file"], "--client", CLIENT, "--firmware", "careful", "--no-report")
         self.assertEqual(code, 0, flown + err)
