@@ -1,7 +1,8 @@
 /* A firmware whose reader of frames has one defect; which, is the name of the build it is asked to be. It asks once a
  * period, and answers each reply of 64 bytes with a checksum that is right.
  *
- * careful: none. careless: a long frame overwrites what lies behind its buffer, a pointer to a function. deaf: an escape
+ * careful: none. careless: a long frame overwrites what lies behind its buffer, a guard that is
+ * checked: whatever else it would meet may be another thing in each process. deaf: an escape
  * before the closing flag leaves it waiting for ever. absurd: what it is told becomes what it commands. restless: a
  * payload of two bytes makes it start anew. loop: a frame of nothing but zeros is never finished. broken: it needs no
  * hostile byte. */
@@ -14,8 +15,7 @@
 
 typedef struct {
   uint8_t bytes[80];
-  void (*on_frame)(TiltproofClient* client);
-  uint8_t behind[1024];
+  uint32_t guard;
 } Reader;
 
 struct TiltproofClient {
@@ -25,6 +25,8 @@ struct TiltproofClient {
   const TiltproofHost* host;
   int64_t now_ns, next_request_ns, sent_until_ns;
 };
+
+static const uint32_t kGuard = 0x600D600D;
 
 /* Start, read sensors, and actuators that hold the vehicle: 7E, the float id, the values, Fletcher-16, 7E. */
 static const uint8_t kStart[] = {0x7E, 0x00, 0x00, 0x80, 0x3F, 0xBF, 0x40, 0x7E};
@@ -87,9 +89,10 @@ static void on_frame(TiltproofClient* client) {
 
 static void take(TiltproofClient* client, uint8_t byte) {
   Reader* reader = &client->reader;
+  if (reader->guard != kGuard) abort();
   if (byte == 0x7E) {
     if (is(client, "deaf") && client->escaped) client->deaf = 1;
-    if (client->count > 0 && !client->escaped && !client->deaf) reader->on_frame(client);
+    if (client->count > 0 && !client->escaped && !client->deaf) on_frame(client);
     client->count = 0;
     client->escaped = 0;
     return;
@@ -111,7 +114,7 @@ TiltproofClient* tiltproof_client_create(const TiltproofHost* host) {
   TiltproofClient* client = calloc(1, sizeof *client);
   if (client == NULL) return NULL;
   client->host = host;
-  client->reader.on_frame = on_frame;
+  client->reader.guard = kGuard;
   return client;
 }
 

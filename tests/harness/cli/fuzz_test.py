@@ -41,7 +41,7 @@ class FuzzTest(CommandLineTest):
 
     def test_a_length_that_nobody_checks_is_a_crash(self):
         finding = self.assert_found("careless", "crash")
-        # Nothing but the bytes up to the pointer behind the buffer, and a flag to make it called.
+        # Nothing but the bytes up to the guard behind the buffer, and one to have it checked.
         self.assertLessEqual(finding["bytes"], 2 * 88 + 2)
         self.assertGreater(finding["bytes"], 80)
 
