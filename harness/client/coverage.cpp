@@ -51,17 +51,6 @@ const TracedCode* codes_begin = nullptr;
 const TracedCode* codes_end = nullptr;
 const TracedCode* last_code = nullptr;  // that has been executed
 
-// A thread of the library may be here, too.
-void CountPlace(std::size_t place) {
-  std::uint8_t& count = place_counts[place];
-  const std::uint8_t before = __atomic_load_n(&count, __ATOMIC_RELAXED);
-  if (before != 255) __atomic_store_n(&count, static_cast<std::uint8_t>(before + 1), __ATOMIC_RELAXED);
-}
-
-bool Holds(const TracedCode& code, std::uintptr_t address) {
-  return address >= code.begin && address < code.end;
-}
-
 using OnCode = std::function<void(std::uintptr_t begin, std::size_t size_bytes)>;
 
 // In the order of loading.
@@ -167,6 +156,17 @@ Coverage LibraryCoverage::Read() {
 // In a build with a fuzzer, that has these functions.
 #ifndef TILTPROOF_HAS_FUZZER
 namespace {
+
+// A thread of the library may be here, too.
+void CountPlace(std::size_t place) {
+  std::uint8_t& count = place_counts[place];
+  const std::uint8_t before = __atomic_load_n(&count, __ATOMIC_RELAXED);
+  if (before != 255) __atomic_store_n(&count, static_cast<std::uint8_t>(before + 1), __ATOMIC_RELAXED);
+}
+
+bool Holds(const TracedCode& code, std::uintptr_t address) {
+  return address >= code.begin && address < code.end;
+}
 
 void CountAddress(std::uintptr_t address) {
   if (place_counts == nullptr || codes_begin == codes_end) return;
