@@ -46,7 +46,7 @@ class CdrWriter {
   template <HasFields T>
   void Put(const T& value) {
     static_assert(NamesEveryField<T>());
-    T::Fields([this](const char*, const auto& field) { Put(field); }, value);
+    T::Fields([this](const char*, const auto& field) { this->Put(field); }, value);
   }
 
   const std::string& bytes() const { return bytes_; }

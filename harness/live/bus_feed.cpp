@@ -67,7 +67,7 @@ struct BusFeed::Impl {
 
   void Hear(const dds::TraceRows& message) {
     if (!layout || message.run_id != run_id || message.column_count == 0) return;
-    const std::size_t columns = message.column_count;
+    const auto columns = static_cast<std::size_t>(message.column_count);
     const std::size_t counters = layout->active - layout->link_counters;
     const bool of_plant = columns == layout->columns.size();
     for (std::size_t at = 0; at + columns <= message.values.size(); at += columns) {

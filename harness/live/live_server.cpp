@@ -265,10 +265,14 @@ LiveServer::LiveServer(asio::io_context& loop, const LiveSocket& socket, const L
 }
 
 LiveServer::~LiveServer() {
-  boost::system::error_code ignored;
-  impl_->acceptor.close(ignored);
-  impl_->pause.cancel();
-  impl_->viewers.clear();
+  try {
+    boost::system::error_code ignored;
+    impl_->acceptor.close(ignored);
+    impl_->pause.cancel();
+    impl_->viewers.clear();
+  } catch (...) {
+    // It is gone either way.
+  }
 }
 
 void LiveServer::Tell() {
