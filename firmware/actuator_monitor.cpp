@@ -46,6 +46,8 @@ constexpr float kTurnNoise_rad = 3e-3F;
 // A servo that gives less than so much of its command's changes; told apart from an offset by commands that change.
 constexpr float kSlope = 0.4F;
 constexpr float kSlopeMin = -0.9F;
+// A servo that gives nothing of them, as within a dead band, is not asked for more: it would come all at once.
+constexpr float kSlopeDead = -0.95F;
 constexpr float kSlopeCorrelation = 0.9F;
 constexpr float kSlopeSamples = 5;
 constexpr float kSlopeCommand_nm = 2e-3F;
@@ -90,6 +92,13 @@ bool ActuatorMonitor::Swing::IsExceededBy(float value) const {
   return Square(value) > Square(kSwingFactor) * square;
 }
 
+void ActuatorMonitor::ThrustMean::Update(float now_command_n, float now_delivered_n) {
+  // What was before is taken for healthy.
+  if (command_n == 0) command_n = delivered_n = now_command_n;
+  command_n += kSwingGain * (now_command_n - command_n);
+  delivered_n += kSwingGain * (now_delivered_n - delivered_n);
+}
+
 void ActuatorMonitor::Update(MotionTimeline& timeline, ModelStep step, const MotionState& sample,
                              bool line_is_good) {
   const ModelStep count = step - timeline.last_sample_step();
@@ -125,7 +134,10 @@ void ActuatorMonitor::UpdateRotors(const Interval& interval) {
   const Vector3 turn_rad_s = interval.sample.w_WB_rad_s - interval.predicted.w_WB_rad_s;
   pitch_rad_s_ += kDifferenceGain * (Dot(axes.y, turn_rad_s) - pitch_rad_s_);
   yaw_rad_s_ += kDifferenceGain * (Dot(axes.z, turn_rad_s) - yaw_rad_s_);
-  const float lift_m_s = Dot(axes.z, interval.sample.v_WC_m_s - interval.predicted.v_WC_m_s);
+  const Vector3 push_m_s = interval.sample.v_WC_m_s - interval.predicted.v_WC_m_s;
+  const float lift_m_s = Dot(axes.z, push_m_s);
+  ahead_m_s_ += kSumGain * (Dot(axes.x, push_m_s) - ahead_m_s_);
+  aside_m_s_ += kSumGain * (Dot(axes.y, push_m_s) - aside_m_s_);
   const float roll_rad_s = Dot(axes.x, turn_rad_s);
   const InputEffects& effects = interval.effects;
   const float lift = 0.5F * (effects.thrust_lift_m_s2[0] + effects.thrust_lift_m_s2[1]);
@@ -151,8 +163,14 @@ void ActuatorMonitor::UpdateRotors(const Interval& interval) {
     const float deviation2 = Square(rotor_estimate_[i] - 1);
     rotor_swings_[i].Update(rotor_estimate_[i] - 1);
     const float own_rad_s = roll * interval.duration_s * command_n[i];
+    const float own_m_s = lift * interval.duration_s * command_n[i];
+    const float delivered_n = rotor_estimate_[i] * command_n[i];
+    ThrustMean& mean = rotor_means_[i];
+    mean.Update(command_n[i], delivered_n);
     const bool explains = rotors_seen_ >= kRotorSamples ||
-                          deviation2 * Square(own_rad_s) > Square(pitch_rad_s_) + Square(yaw_rad_s_);
+                          (Square(delivered_n - mean.delivered_n) > Square(command_n[i] - mean.command_n) &&
+                           deviation2 * Square(own_rad_s) > Square(pitch_rad_s_) + Square(yaw_rad_s_) &&
+                           deviation2 * Square(own_m_s) > Square(ahead_m_s_) + Square(aside_m_s_));
     deviates = deviates || (explains && rotor_swings_[i].IsExceededBy(rotor_estimate_[i] - 1) &&
                             deviation2 > Square(kRotorDeviation) &&
                             deviation2 * Square(command_n[i]) > Square(kRotorSigmas) * variance_n2);
@@ -236,7 +254,7 @@ void ActuatorMonitor::UpdateServo(const Interval& interval, unsigned i) {
   // Both at once are the line's: commands that come late, or not at all.
   const Servo& other = servos_[1 - i];
   const bool believed_before = model_.servo_offset_nm[i] != 0;
-  const bool alone = (interval.line_is_good || believed_before) &&
+  const bool alone = !servo.dead && (interval.line_is_good || believed_before) &&
                      other.deviation2 * servo.weight < kAloneShare * servo.deviation2 * other.weight;
   if (!alone) servo.slope = 0;
   const bool steady = Square(news_nm) < Square(kSteady * deviation_nm);
@@ -297,7 +315,8 @@ void ActuatorMonitor::FitServo(Servo& servo, float command_nm, float deviation_n
   const bool clear = servo.weight > kSlopeSamples && command_square > Square(kSlopeCommand_nm) &&
                      Square(product) > kSlopeCorrelation * command_square * deviation_square &&
                      product < -kSlope * command_square;
-  servo.slope = clear ? std::max(product / command_square, kSlopeMin) : 0;
+  servo.dead = clear && product < kSlopeDead * command_square;
+  servo.slope = clear && !servo.dead ? std::max(product / command_square, kSlopeMin) : 0;
   servo.offset_nm = deviation_mean - servo.slope * command_mean;
 }
 

@@ -54,10 +54,16 @@ class ActuatorMonitor {
     void Update(float value);
     bool IsExceededBy(float value) const;
   };
+  // Of a rotor's thrust, over some 0.6 s.
+  struct ThrustMean {
+    float command_n = 0, delivered_n = 0;  // 0 before the first
+    void Update(float now_command_n, float now_delivered_n);
+  };
   // A servo's deviation: what it delivers beyond its command.
   struct Servo {
     float offset_nm = 0, variance_nm2 = 0;  // estimated
     float slope = 0;                        // change of the deviation with the command; 0: none to be seen
+    bool dead = false;                      // what it delivers does not change with the command
     // Sums over the samples, older ones fading: 1, command, deviation and their products.
     float weight = 0, command = 0, deviation = 0, command2 = 0, product = 0, deviation2 = 0;
     Swing swing;
@@ -85,9 +91,11 @@ class ActuatorMonitor {
   ActuatorModel model_;
   std::array<float, 2> rotor_estimate_ = {1, 1};
   std::array<Swing, 2> rotor_swings_;
-  // Unexplained, per sample. A rotor rolls the vehicle; what pitches or yaws it more is something else: a hinge's
-  // angle that is read wrongly, a shifted load.
+  std::array<ThrustMean, 2> rotor_means_;
+  // Unexplained, per sample. A rotor rolls and lifts the vehicle; what pitches or yaws it more is something else: a
+  // hinge's angle that is read wrongly, a shifted load. So is what pushes it more across its lift: a gust.
   float pitch_rad_s_ = 0, yaw_rad_s_ = 0;
+  float ahead_m_s_ = 0, aside_m_s_ = 0;
   float sum_scatter_n2_ = 0, difference_scatter_n2_ = 0;
   int rotors_seen_ = 0;  // samples in a row with a deviation
   int rotors_late_ = 0;  // samples for which they are not believed, because a rotor did not do what was asked

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "firmware/vehicle_parameters.h"
+
 namespace tiltproof::firmware {
 namespace {
 
@@ -33,6 +35,15 @@ Reference Ahead(const Reference& reference, float time_s) {
   ahead.y_m += time_s * reference.vy_m_s;
   ahead.z_m += time_s * reference.vz_m_s;
   return ahead;
+}
+
+Actuators WithinLimits(const Actuators& wanted) {
+  constexpr float kForceMax_n = kTiltrotorConstants.force_max_n;
+  constexpr float kTorqueMax_nm = kTiltrotorConstants.torque_max_nm;
+  return {.f_r_n = std::clamp(wanted.f_r_n, 0.0F, kForceMax_n),
+          .f_l_n = std::clamp(wanted.f_l_n, 0.0F, kForceMax_n),
+          .tau_r_nm = std::clamp(wanted.tau_r_nm, -kTorqueMax_nm, kTorqueMax_nm),
+          .tau_l_nm = std::clamp(wanted.tau_l_nm, -kTorqueMax_nm, kTorqueMax_nm)};
 }
 
 }  // namespace
@@ -153,7 +164,8 @@ Actuators TolerantControl::Command(TimeNs now, const Sensors* fresh, const Refer
   const ActuatorModel& actuators = actuator_monitor_.model();
   saturated_ = !actuators.CanDeliver(last_command_);
   if (fresh != nullptr) WatchActuators(*fresh, received, actuators.LacksThrustFor(last_command_));
-  if (actuator_monitor_.acts()) last_command_ = actuators.CommandFor(last_command_);
+  last_command_ =
+      actuator_monitor_.acts() ? actuators.CommandFor(last_command_) : WithinLimits(last_command_);
   new_sample_ = false;
   commanded_ = true;
   timeline_.Command(step, last_command_);

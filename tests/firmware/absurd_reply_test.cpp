@@ -6,6 +6,7 @@
 
 #include "firmware/builds.h"
 #include "firmware/tolerant_control.h"
+#include "firmware/vehicle_parameters.h"
 
 namespace tiltproof::firmware {
 namespace {
@@ -35,6 +36,28 @@ TEST(AbsurdReplyTest, CommandsStayFiniteAndTheNextRepliesAreFlown) {
   }
   EXPECT_NEAR(last.f_r_n, build.feed_forward.f_r_n, 0.5F);
   EXPECT_NEAR(last.f_l_n, build.feed_forward.f_l_n, 0.5F);
+}
+
+// The server refuses a command that no vehicle can carry out, and then the vehicle flies on with the last one.
+TEST(AbsurdReplyTest, CommandsStayWithinWhatTheActuatorsHave) {
+  const Build& build = *FindBuild("tolerant");
+  TolerantControl control(*build.gain, build.feed_forward);
+  Sensors absurd = kHovering;
+  absurd.x_m = absurd.y_m = 9e3F;
+  absurd.z_m = absurd.vz_m_s = -900;
+  const Reference here = {.z_m = 1};
+  for (int period = 0; period < 200; ++period) {
+    const TimeNs begin = period * kControlPeriodNs;
+    control.NoteRequest({.origin_ns = 0, .begin_ns = begin, .sent_ns = begin});
+    const auto command = control.OnReply(begin + kNsPerMs, period == 0 ? absurd : kHovering, here);
+    if (!command) continue;
+    for (const float thrust_n : {command->f_r_n, command->f_l_n}) {
+      ASSERT_GE(thrust_n, 0) << "in period " << period;
+      ASSERT_LE(thrust_n, kTiltrotorConstants.force_max_n) << "in period " << period;
+    }
+    for (const float torque_nm : {command->tau_r_nm, command->tau_l_nm})
+      ASSERT_LE(std::abs(torque_nm), kTiltrotorConstants.torque_max_nm) << "in period " << period;
+  }
 }
 
 }  // namespace

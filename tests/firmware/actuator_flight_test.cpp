@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>
@@ -103,6 +104,32 @@ TEST(ActuatorFlightTest, WhatCannotBeMadeUpForIsFlownAsThePaperDoes) {
       EXPECT_LT(record.error_max_m, 1) << "fault " << i << ", seed " << seed;
     }
   }
+}
+
+// What else looks like a weak rotor or a weak servo, and would be made worse by more of the command. `fault` acts for
+// 5 s, on the vehicle that the firmware knows and without noise: the flight is then the same each time.
+FlightRecord FlyFiveSeconds(const FlightFault& fault) {
+  return Fly({.fault = [fault, step = 0](std::span<double> input, Disturbance& disturbance) mutable {
+    if (step++ < 1250) fault(input, disturbance);
+  }});
+}
+
+// A rotor pushes along its axis. The vehicle leans into a force across, and then a part of it weighs on both rotors.
+TEST(ActuatorFlightTest, AForceAcrossIsNoWeakRotor) {
+  for (const double direction : {-1.0, 1.0}) {
+    const FlightRecord record = FlyFiveSeconds(
+        [direction](std::span<double>, Disturbance& disturbance) { disturbance.force_n[0] = direction * 6; });
+    EXPECT_EQ(record.noticed_s, FlightRecord::kNever) << direction;
+    EXPECT_LT(record.error_max_m, 1) << direction;
+  }
+}
+
+// Within its dead band a servo gives nothing, whatever its command. More of that comes all at once.
+TEST(ActuatorFlightTest, AServoWithADeadBandIsNotAskedForMore) {
+  const FlightRecord record = FlyFiveSeconds(
+      [](std::span<double> input, Disturbance&) { input[2] -= std::clamp(input[2], -0.106, 0.106); });
+  EXPECT_LT(record.tilt_max_rad, 0.6);
+  EXPECT_LT(record.error_max_m, 1);
 }
 
 // A hinge that stands still is noticed as soon as its servo is asked to move it: by the noise, or by a new reference.

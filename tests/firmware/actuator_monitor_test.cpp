@@ -99,6 +99,23 @@ TEST(ActuatorMonitorTest, WhatIsWithinTheSpreadIsHealthy) {
   EXPECT_FALSE(Watch(truth).acts());
 }
 
+// A rotor that is late, or keeps its thrust, gives what it gave: the command is what moved. No share of it is missing.
+TEST(ActuatorMonitorTest, AThrustThatStaysWhileTheCommandMovesIsNoWeakRotor) {
+  ActuatorMonitor monitor;
+  MotionTimeline timeline;
+  timeline.Begin(0, ToMotion(kAloft), kHover);
+  for (ModelStep step = 3; step <= 60; step += 3) {
+    Actuators command = kHover;
+    command.f_r_n *= 1 + 0.003F * static_cast<float>(step);
+    timeline.Command(step - 3, command);
+    MotionState state = timeline.last_sample();
+    for (int i = 0; i < 3; ++i) StepMotion(kTiltrotorConstants, kHover, state, HeldHinges{});
+    monitor.Update(timeline, step, state, true);
+    timeline.Correct(step, ToMotion(kAloft));
+    EXPECT_FALSE(monitor.acts()) << step;
+  }
+}
+
 // A load weighs on both rotors.
 TEST(ActuatorMonitorTest, ALoadIsNoWeakRotor) {
   ActuatorModel truth;
