@@ -1,5 +1,7 @@
 #include "firmware/control_activity.h"
 
+#include "firmware/messages.h"
+
 namespace tiltproof::firmware {
 
 ControlActivity::ControlActivity(const Build& build) : law_(*build.gain, build.feed_forward) {
@@ -16,7 +18,7 @@ void ControlActivity::Follow(const Reference& reference) {
 
 std::optional<Actuators> ControlActivity::Do(const ControlItem& item) {
   const Sensors& sensed = item.sensors;
-  if (item.kind == ControlItem::Kind::kSensors && !reference_ && (!tolerant_ || IsFinite(sensed))) {
+  if (item.kind == ControlItem::Kind::kSensors && !reference_ && (!tolerant_ || link::IsPlausible(sensed))) {
     reference_ = Reference{.x_m = sensed.x_m,
                            .y_m = sensed.y_m,
                            .z_m = sensed.z_m,

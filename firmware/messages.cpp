@@ -202,6 +202,13 @@ MessageStatus DecodeReference(std::span<const std::uint8_t> payload, Reference& 
   return status;
 }
 
+bool IsPlausible(const Sensors& sensors) {
+  for (std::size_t i = 0; i < kSensorCount; ++i) {
+    if (MagnitudeBits(Bits(sensors.*kSensorFields[i].in_float)) > kSensorLimitBits[i]) return false;
+  }
+  return true;
+}
+
 MessageStatus ParseSensors(std::span<const std::uint8_t> payload, Sensors& sensors) {
   if (payload.size() != kSensorMessageBytes) return MessageStatus::kBadLength;
   LoadFields(payload.data(), kSensorFields, sensors);

@@ -79,6 +79,8 @@ MessageStatus DecodeClientMessage(Dialect dialect, std::span<const std::uint8_t>
                                   ClientMessage& message);
 MessageStatus DecodeSensors(std::span<const std::uint8_t> payload, Sensors& sensors);
 MessageStatus DecodeReference(std::span<const std::uint8_t> payload, Reference& reference);
+// Whether DecodeSensors() would accept these values.
+bool IsPlausible(const Sensors& sensors);
 // DecodeSensors() without the checks of values: exact length only, any bit pattern goes through unchanged.
 // For firmware that trusts the checksum, as the paper's does.
 MessageStatus ParseSensors(std::span<const std::uint8_t> payload, Sensors& sensors);

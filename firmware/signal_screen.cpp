@@ -133,11 +133,6 @@ float Difference(std::size_t pair, float a, float b) {
 
 }  // namespace
 
-bool IsFinite(const Sensors& sensors) {
-  const auto values = ToArray(sensors);
-  return std::all_of(values.begin(), values.end(), [](float value) { return std::isfinite(value); });
-}
-
 void SignalScreen::Begin(const Sensors& sample) {
   *this = {};
   sensed_ = ToArray(sample);

@@ -102,6 +102,4 @@ class SignalScreen {
   bool startled_ = false;
 };
 
-bool IsFinite(const Sensors& sensors);
-
 }  // namespace tiltproof::firmware

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "firmware/messages.h"
 #include "firmware/vehicle_parameters.h"
 
 namespace tiltproof::firmware {
@@ -79,7 +80,7 @@ std::optional<Actuators> TolerantControl::OnReply(TimeNs now, const Sensors& sen
 
 std::optional<Sensors> TolerantControl::Accept(TimeNs now, const Sensors& sensors, bool& newest) {
   if (!has_sample_) {
-    if (!IsFinite(sensors)) return std::nullopt;
+    if (!link::IsPlausible(sensors)) return std::nullopt;
     has_sample_ = true;
     timeline_.Begin(period_step_, ToMotion(sensors), hover_);
     screen_.Begin(sensors);
@@ -97,28 +98,31 @@ std::optional<Sensors> TolerantControl::Accept(TimeNs now, const Sensors& sensor
   const Sensors predicted = ToSensors(timeline_.At(*step));
   const ModelStep elapsed = *step - timeline_.last_sample_step();
   Sensors clean = screen_.Patch(sensors, predicted);
-  // From rates that no vehicle has, the model soon computes what is no number.
-  if (matcher_.lost() || !IsFinite(predicted)) {
-    clean = IsFinite(sensors) ? sensors : clean;
-    if (!IsFinite(clean)) return std::nullopt;
+  // From rates that no vehicle has, the model and the screen soon compute what no vehicle does.
+  bool anew = matcher_.lost() || !link::IsPlausible(predicted);
+  if (!anew && lag_estimator_.model_is_right()) {
+    screen_before_ = screen_;
+    const Sensors screened = screen_.Screen(sensors, predicted, kModelStep_s * static_cast<float>(elapsed));
+    // Few replies that are damaged are best done without. A sensor's fault is still there in the next.
+    damaged_count_ = screen_.startled() && damaged_count_ < kDamagedMax ? damaged_count_ + 1 : 0;
+    if (damaged_count_ > 0) {
+      screen_ = screen_before_;
+      supervisor_.On(SupervisorEvent::kFault);
+      refused_ = true;
+      return std::nullopt;
+    }
+    anew = !link::IsPlausible(screened);
+    if (!anew) clean = screened;
+  } else if (!anew) {
+    screen_.Begin(clean);
+  }
+  if (anew) {
+    if (link::IsPlausible(sensors)) clean = sensors;
+    if (!link::IsPlausible(clean)) return std::nullopt;
     screen_.Begin(clean);
     timeline_.SetLag(0);
     lag_estimator_.Reset();
   } else {
-    if (lag_estimator_.model_is_right()) {
-      screen_before_ = screen_;
-      clean = screen_.Screen(sensors, predicted, kModelStep_s * static_cast<float>(elapsed));
-      // Few replies that are damaged are best done without. A sensor's fault is still there in the next.
-      damaged_count_ = screen_.startled() && damaged_count_ < kDamagedMax ? damaged_count_ + 1 : 0;
-      if (damaged_count_ > 0) {
-        screen_ = screen_before_;
-        supervisor_.On(SupervisorEvent::kFault);
-        refused_ = true;
-        return std::nullopt;
-      }
-    } else {
-      screen_.Begin(clean);
-    }
     const MotionState sample = ToMotion(clean);
     actuator_monitor_.Update(timeline_, *step, sample, line_doubt_periods_ == 0);
     lag_estimator_.Update(timeline_, *step, sample);
@@ -157,8 +161,8 @@ Actuators TolerantControl::Command(TimeNs now, const Sensors* fresh, const Refer
     last_command_ = law_.Step(*fresh, reference, integration);
   } else {
     const float ahead_s = kModelStep_s * static_cast<float>(acts - period_step_);
-    // A prediction that is no number leaves the last command as it is: the law's integrals would keep it for ever.
-    if (const Sensors predicted = ToSensors(timeline_.At(acts)); IsFinite(predicted))
+    // A prediction of no vehicle leaves the last command as it is: the law's integrals would keep it for ever.
+    if (const Sensors predicted = ToSensors(timeline_.At(acts)); link::IsPlausible(predicted))
       last_command_ = law_.Step(predicted, Ahead(reference, ahead_s), integration);
   }
   const ActuatorModel& actuators = actuator_monitor_.model();

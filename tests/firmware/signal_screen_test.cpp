@@ -9,6 +9,7 @@
 #include <limits>
 #include <random>
 
+#include "firmware/messages.h"
 #include "tests/firmware/ordinary_noise.h"
 
 namespace tiltproof::firmware {
@@ -180,7 +181,7 @@ TEST(SignalScreenTest, ALiarIsReplacedByWhatIsNearTheTruthAndBelievedAgainAfterw
           values[signal] =
               lie.reads(values[signal], TruthAt(kBegin_s)[signal], t_s - kBegin_s, kSize[signal]);
         });
-        ASSERT_TRUE(IsFinite(player.clean()));
+        ASSERT_TRUE(link::IsPlausible(player.clean()));
         replaced = replaced || player.screen().substitutes();
         // A rate's lie shows in its position only after a while.
         if (player.t_s() > kBegin_s + 0.5) worst = std::max(worst, player.ErrorOf(signal));
