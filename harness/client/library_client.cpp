@@ -276,7 +276,7 @@ class LibraryClient final : public Client {
 
   ClientHost host_;
   std::unique_ptr<CapturedOutput> output_;
-  SanitizerReport report_;  // in it
+  AbortReport report_;  // in it
   Library library_;
   std::string firmware_, dialect_;
   TiltproofHost interface_{};

@@ -105,6 +105,23 @@ std::string ClangRuntime(const std::string& name) {
                                        runtime, std::strerror(errno)));
 }
 
+// What glibc prints before it aborts.
+bool IsTheCLibrarys(std::string_view line) {
+  constexpr std::array kBegin = {"*** stack smashing detected ***",
+                                 "*** buffer overflow detected ***",
+                                 "malloc(): ",
+                                 "malloc_consolidate(): ",
+                                 "realloc(): ",
+                                 "free(): ",
+                                 "munmap_chunk(): ",
+                                 "double free or corruption",
+                                 "corrupted size vs. prev_size",
+                                 "corrupted double-linked list",
+                                 "terminate called "};
+  return std::ranges::any_of(kBegin, [&](const char* begin) { return line.starts_with(begin); }) ||
+         (line.find(": Assertion `") != line.npos && line.ends_with("' failed."));
+}
+
 }  // namespace
 
 void PreloadSanitizer(const std::filesystem::path& library) {
@@ -137,7 +154,7 @@ void PreloadSanitizer(const std::filesystem::path& library) {
   StartAnewWith(runtime);
 }
 
-void SanitizerReport::Look(std::string_view line) {
+void AbortReport::Look(std::string_view line) {
   constexpr std::size_t kTextMax = 400;
   const auto find = [&](std::string_view text) { return line.find(text); };
   if (const std::size_t at = find("ERROR: AddressSanitizer: "); at != line.npos) {
@@ -155,6 +172,11 @@ void SanitizerReport::Look(std::string_view line) {
         std::ranges::any_of(kItsOwn, [&](const char* word) { return find(word) != line.npos; }))
       return;
     text_ += line.substr(in, std::min(line.find(" (BuildId", in) - in, kTextMax));
+    lacks_place_ = false;
+  } else if (IsTheCLibrarys(line)) {
+    // "PROGRAM: FILE:LINE: FUNCTION: Assertion `...' failed."
+    const std::string program = fmt::format("{}: ", program_invocation_short_name);
+    text_ = line.substr(line.starts_with(program) ? program.size() : 0, kTextMax);
     lacks_place_ = false;
   }
 }

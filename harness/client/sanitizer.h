@@ -1,7 +1,7 @@
 // Libraries built with -fsanitize=address or undefined: what they need to be loaded, and what they report.
 //
 //   PreloadSanitizer("decoder.so");     // may start this program anew
-//   SanitizerReport report;
+//   AbortReport report;
 //   report.Look(line);                  // each line that the library prints
 //   std::string text = report.text();   // "ERROR: AddressSanitizer: heap-buffer-overflow in Decode decoder.c:33"
 //
@@ -20,7 +20,9 @@ namespace tiltproof::harness {
 // std::runtime_error that says what to do when the sanitizer is not found.
 void PreloadSanitizer(const std::filesystem::path& library);
 
-class SanitizerReport {
+// Why a process aborts, from what it prints: the sanitizers' reports, and the C library's last line (an assertion, a
+// damaged stack guard, a damaged heap).
+class AbortReport {
  public:
   void Look(std::string_view line);
   // Without addresses, which differ from process to process; empty: there was none. Of several, the last.

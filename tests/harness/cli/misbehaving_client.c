@@ -2,6 +2,8 @@
  * asked to be. One that begins with "destroy_" does it at its end. MISBEHAVE_AT_LOAD names what it does while it is
  * loaded. */
 #define _GNU_SOURCE
+#undef NDEBUG
+#include <assert.h>
 #include <fenv.h>
 #include <pthread.h>
 #include <signal.h>
@@ -59,6 +61,13 @@ static void block_signals(void) {
   pthread_sigmask(SIG_BLOCK, &all, NULL);
 }
 
+/* Writes behind its buffer, which has a guard there. */
+static void* (*volatile const fill)(void*, int, size_t) = memset;
+__attribute__((noinline)) static void smash(void) {
+  char buffer[8];
+  fill(buffer, 1, 24);
+}
+
 static void misbehave(const char* how) {
   if (strcmp(how, "crash") == 0) {
     volatile int* nowhere = NULL;
@@ -69,6 +78,13 @@ static void misbehave(const char* how) {
     for (volatile int forever = 1; forever;) {
     }
   if (strcmp(how, "abort") == 0) abort();
+  if (strcmp(how, "assertion") == 0) assert(how == NULL);
+  if (strcmp(how, "smash") == 0) smash();
+  if (strcmp(how, "free_twice") == 0) {
+    void* volatile memory = malloc(64);
+    free(memory);
+    free(memory);
+  }
   if (strcmp(how, "exit") == 0) exit(3);
   if (strcmp(how, "quick_exit") == 0) quick_exit(3);
   if (strcmp(how, "underscore_exit") == 0) _exit(0);
