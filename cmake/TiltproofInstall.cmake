@@ -25,9 +25,16 @@ install(FILES README.md ARCHITECTURE.md CHANGELOG.md THIRD_PARTY.md DESTINATION 
 install(FILES LICENSE DESTINATION share/doc/tiltproof RENAME copyright)
 install(DIRECTORY docs DESTINATION share/doc/tiltproof FILES_MATCHING PATTERN *.md PATTERN github-actions.yml PATTERN annotate.py)
 install(DIRECTORY ${TILTPROOF_MANUAL_DIR}/ DESTINATION share/man/man1 FILES_MATCHING PATTERN *.1)
+# Debian's policy: pages are compressed, without the time of day.
+install(CODE [[
+  file(GLOB pages "$ENV{DESTDIR}${CMAKE_INSTALL_PREFIX}/share/man/man1/tiltproof*.1")
+  execute_process(COMMAND gzip -9nf ${pages} COMMAND_ERROR_IS_FATAL ANY)
+]])
 install(FILES ${TILTPROOF_MANUAL_DIR}/tiltproof.bash DESTINATION share/bash-completion/completions RENAME tiltproof)
 # Where Debian's zsh looks.
 install(FILES ${TILTPROOF_MANUAL_DIR}/_tiltproof DESTINATION share/zsh/vendor-completions)
+
+install(FILES cmake/tiltproof.lintian-overrides DESTINATION share/lintian/overrides RENAME tiltproof)
 
 # find_package(tiltproof): tiltproof::link, tiltproof::firmware, tiltproof::firmware_client, tiltproof::tiltproof (the program).
 add_library(firmware_client INTERFACE)
@@ -55,11 +62,17 @@ install(FILES ${PROJECT_BINARY_DIR}/tiltproof-config.cmake ${PROJECT_BINARY_DIR}
 # `cpack` in the build folder, or ./setup --deb.
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME tiltproof)
-set(CPACK_PACKAGE_CONTACT "the tiltproof authors <tiltproof@invalid>")
+# Who makes the package: as Debian's tools ask it.
+if(DEFINED ENV{DEBEMAIL})
+  set(CPACK_PACKAGE_CONTACT "$ENV{DEBFULLNAME} <$ENV{DEBEMAIL}>")
+else()
+  set(CPACK_PACKAGE_CONTACT "the tiltproof authors <tiltproof@invalid>")
+endif()
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "${PROJECT_DESCRIPTION}")
-set(CPACK_PACKAGE_DESCRIPTION "Flies flight-control firmware against a simulated tilt-rotor over a serial line that lies:
-faults in bytes, frames, sensors, actuators and the device itself, scored with a margin, replayed to the bit.
-With firmware images for the STM32F4, scenarios, and the codec as a library.")
+set(CPACK_PACKAGE_DESCRIPTION "Flies flight-control firmware against a simulated tilt-rotor over a
+serial line that lies: faults in bytes, frames, sensors, actuators and the
+device itself, scored with a margin, replayed to the bit. With firmware
+images for the STM32F4, scenarios, and the codec as a library.")
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
