@@ -149,6 +149,14 @@ TEST(TickRule, ATimerThatTheFirmwareStopsOrSetsAnewLosesNone) {
   EXPECT_EQ(lost[0].begin_ns, 310 * kMs);
 }
 
+// The thread worked before the standstill of the timer's: that began later.
+TEST(TickRule, ATickThatComesAtOnceBeginsNoEarlierThanItsPair) {
+  const auto lost =
+      LostIn({{1 * kMs, 0, false}, {2 * kMs, 900 * kUs, false}, {2 * kMs + 10 * kUs, 900 * kUs, true}});
+  ASSERT_EQ(lost.size(), 1u);
+  EXPECT_EQ(lost[0].begin_ns, 2 * kMs);
+}
+
 // Against the machine's own knowledge: a tick that is lost after the emulator stood still for most of the time since the
 // one before.
 RC_GTEST_PROP(TickRule, TellsWhatTheMachineTook, ()) {
