@@ -1,8 +1,9 @@
 // Reads what the emulator's plug-in notes of lost ticks (lockstep::RealtimeBoard), as spans in which this machine took time from
 // the board. Ticks lost one after the other are one span.
 //
+//   const lockstep::RealtimeBoard memory{};   // the plug-in has mapped it, too
 //   LostTickLog lost(memory);
-//   for (const auto& span : lost.Take()) NoteDisturbed(span.begin_ns, span.end_ns);   // now and then
+//   const std::vector<LostTickLog::Span> spans = lost.Take();   // now and then
 #pragma once
 
 #include <cstdint>

@@ -3,7 +3,8 @@
 // off; this machine took it when the thread that executes the firmware hardly ran.
 //
 //   TickRule rule;
-//   if (const auto lost = rule.Tick({.at_ns = now, .run_ns = run, .pending = true})) Note(lost->begin_ns, lost->end_ns);
+//   const auto lost = rule.Tick({.at_ns = 2'000'000, .run_ns = 1'000, .pending = true});
+//   const std::int64_t taken_ns = lost ? lost->end_ns - lost->begin_ns : 0;
 #pragma once
 
 #include <cstdint>
