@@ -61,9 +61,9 @@ class CommandRole final : public Role {
     spec.guard_group = true;
     process_.emplace(services_, spec, [this](const std::string& how) {
       Flush();
-      // No firmware has flown: the command is wrong.
+      // No firmware has flown: the command is wrong. In flight these codes are the firmware's own.
       for (const auto& [code, what] : kNotStarted)
-        if (how == code)
+        if (how == code && !services_.lateness().origin.known())
           return services_.Fail(
               EndReason::kNodeLost,
               fmt::format("the command of --client process: {} (the shell {}): {}; give the "

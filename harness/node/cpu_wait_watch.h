@@ -34,7 +34,9 @@ class CpuWaitWatch {
   // It is not known when in that time it waited.
   void Look(BootTime now) {
     const TimeNs waited_ns = wait_.Take();
-    if (waited_ns > disturbed_after_ns_) services_.lateness().NoteDisturbed(now - look_every_ns_, now);
+    // This look may be late itself.
+    const BootTime since = std::min(std::exchange(looked_, now), now - look_every_ns_);
+    if (waited_ns > disturbed_after_ns_) services_.lateness().NoteDisturbed(since, now);
     if (waited_ns > services_.lateness().late_after_ns)
       services_.lateness().Note(now - std::max(waited_ns, look_every_ns_), now);
     if (held_() || !IsStoppedByOthers(pid_)) {
@@ -50,6 +52,7 @@ class CpuWaitWatch {
   pid_t pid_;
   std::function<bool()> held_;
   CpuWait wait_;
+  BootTime looked_ = BootTime::Never();      // last
   BootTime stopped_ns_ = BootTime::Never();  // since when
   PeriodicTimer timer_;
 };

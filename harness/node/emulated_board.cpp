@@ -33,6 +33,10 @@ using std::chrono::steady_clock;
 constexpr std::chrono::seconds kAnswerLimit{5};
 constexpr std::string_view kFatal = "qemu: fatal: ";
 
+std::int64_t Nanoseconds(steady_clock::time_point time) {
+  return std::chrono::nanoseconds(time.time_since_epoch()).count();
+}
+
 // Ours, and the one that QEMU inherits.
 std::pair<OwnedDescriptor, OwnedDescriptor> SocketPair() {
   std::array<int, 2> ends{-1, -1};
@@ -101,6 +105,7 @@ EmulatedBoard::EmulatedBoard(NodeServices& services, const Scenario& scenario, c
   child.command = CommandLine(spec, wiring);
   auto [memory_file, memory] = SharedBoard();
   memory_.reset(memory);
+  lost_ticks_.emplace(*memory_);
   child.descriptors = {control_far.get(), debugger_far.get(), memory_file.get()};
   process_.emplace(services, child, [this](const std::string& how) { OnEnded(how); });
   const auto lost = [this](const std::string& why) { socket_trouble_ = why; };
@@ -139,6 +144,7 @@ void EmulatedBoard::PowerOn() {
 void EmulatedBoard::BeginStall() {
   if (++stalls_count_ > 1 || halted_) return;
   paused_ = true;
+  paused_since_ = steady_clock::now();
   process_->child().Signal(SIGSTOP);
 }
 
@@ -151,7 +157,7 @@ void EmulatedBoard::EndStall() {
 // the reset, lose what arrives.
 void EmulatedBoard::BeginReset() {
   ++resets_count_;
-  if (std::exchange(paused_, false)) process_->child().Signal(SIGCONT);
+  Continue();
   if (!std::exchange(halted_, true)) qmp_->Execute("stop");
   qmp_->Execute("system_reset");
 }
@@ -164,9 +170,15 @@ void EmulatedBoard::EndReset() {
 // Once nothing holds it any more: what was reset in a stall stays halted to the stall's end.
 void EmulatedBoard::Resume() {
   if (stalls_count_ > 0 || resets_count_ > 0) return;
-  if (std::exchange(paused_, false)) process_->child().Signal(SIGCONT);
+  Continue();
   if (std::exchange(halted_, false)) qmp_->Execute("cont");
   silent_for_good_reason_ = steady_clock::now();
+}
+
+void EmulatedBoard::Continue() {
+  if (!std::exchange(paused_, false)) return;
+  lost_ticks_->Held(Nanoseconds(paused_since_), Nanoseconds(steady_clock::now()));
+  process_->child().Signal(SIGCONT);
 }
 
 void EmulatedBoard::Flip(std::vector<MemoryBit> bits, GdbClient::Done done) {
@@ -205,19 +217,15 @@ void EmulatedBoard::Watch(bool started) {
   if (!lost_ && hang_watch_ && !examined_) WatchFirmware(started);
 }
 
-// Those that were overwritten lie between the oldest that is kept and the last look.
 void EmulatedBoard::NoteLostTicks() {
-  const std::uint64_t count = memory_->lost_tick_count;
   const auto boot = [this](std::int64_t ns) {
     return When(steady_clock::time_point(std::chrono::nanoseconds(ns)));
   };
-  const std::uint64_t oldest = count - std::min(count, lockstep::RealtimeBoard::kLostTicksKept);
-  std::uint64_t next = std::max(lost_ticks_noted_, oldest);
-  for (; next < count; ++next) {
-    const auto& tick = memory_->lost_ticks[next % lockstep::RealtimeBoard::kLostTicksKept];
-    services_.lateness().NoteDisturbed(boot(tick.before_ns), boot(tick.at_ns));
+  for (const LostTickLog::Span& span : lost_ticks_->Take()) {
+    services_.lateness().NoteDisturbed(boot(span.begin_ns), boot(span.end_ns));
+    // Many in a row are a standstill of the board.
+    services_.lateness().Note(boot(span.begin_ns), boot(span.end_ns));
   }
-  lost_ticks_noted_ = count;
 }
 
 void EmulatedBoard::WatchFirmware(bool started) {

@@ -27,6 +27,7 @@
 #include "harness/node/cpu_wait_watch.h"
 #include "harness/node/firmware_process.h"
 #include "harness/node/hang_watch.h"
+#include "harness/node/lost_tick_log.h"
 #include "harness/node/one_processor.h"
 #include "link/unix_socket.h"
 
@@ -72,6 +73,8 @@ class EmulatedBoard {
   // Checks for an emulator that does not answer, and for a firmware that hangs. Called every 50 ms. `started`: the
   // flight has begun.
   void Watch(bool started);
+  // Notes as disturbance of the board what the plug-in has told of; as lateness, too, where it is long. Part of Watch.
+  void NoteLostTicks();
   // Stops it for good, and tells what it was doing: of a firmware that has not started, and of one that is in the handler
   // of a fault; "" otherwise.
   std::string State(bool started);
@@ -96,7 +99,7 @@ class EmulatedBoard {
   BootTime When(std::chrono::steady_clock::time_point time) const;
   void Lose(EndReason reason, const std::string& text);
   void Resume();
-  void NoteLostTicks();
+  void Continue();
 
   NodeServices& services_;
   const Scenario& scenario_;
@@ -109,19 +112,20 @@ class EmulatedBoard {
     void operator()(lockstep::RealtimeBoard* board) const;
   };
   std::unique_ptr<lockstep::RealtimeBoard, Unmap> memory_;  // the plug-in has mapped it, too
+  std::optional<LostTickLog> lost_ticks_;
   std::vector<FirmwareProcess::OutputLine> lines_;
   std::string fatal_, last_error_;  // what QEMU said before its end
   std::string last_words_;          // all of that, with the registers after a crash
   EmulatorSpec spec_;
   int stalls_count_ = 0, resets_count_ = 0;  // that last
   bool paused_ = false;                      // the whole of QEMU, by a signal
-  bool halted_ = false;                      // the processor and its clock, by QEMU
+  std::chrono::steady_clock::time_point paused_since_;
+  bool halted_ = false;  // the processor and its clock, by QEMU
   std::chrono::steady_clock::time_point silent_for_good_reason_;
   std::string socket_trouble_;
   bool lost_ = false;
   std::optional<OneProcessor> processor_;
   std::optional<CpuWaitWatch> wait_watch_;
-  std::uint64_t lost_ticks_noted_ = 0;
   std::chrono::steady_clock::time_point power_on_;
   std::optional<HangWatch> hang_watch_;
   int in_handler_count_ = 0;  // seen in the handler of a fault so often, one after another

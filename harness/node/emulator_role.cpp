@@ -83,6 +83,7 @@ class EmulatorRole final : public Role {
     stopped_ = true;
     timer_.cancel();
     agenda_.clear();
+    if (board_) board_->NoteLostTicks();
     const std::string state = board_ ? board_->State(origin_.known()) : "";
     if (!state.empty()) Note(kBoardStateEvent, state);
     // Without t = 0 the times are those since power-on.

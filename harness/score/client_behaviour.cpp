@@ -9,6 +9,9 @@ namespace {
 
 // In real time, the report of a restart may have a time that is some periods old.
 constexpr TimeNs kStaleMax = 50 * kNsPerMs;
+// Watchdogs of flight controllers wait for less, and a longer time is that of none that only a short standstill sets off:
+// after a long one no flight is judged.
+constexpr TimeNs kWatchdogMax = 250 * kNsPerMs;
 
 // Whether a fault acts on the client: one on its device, or one on nodes that include the client's.
 bool ActsOnClient(const faults::FaultSpec& spec, const faults::FaultType& type) {
@@ -20,8 +23,8 @@ bool ActsOnClient(const faults::FaultSpec& spec, const faults::FaultType& type) 
 
 }  // namespace
 
-const Restart* FirstUnaskedRestart(const std::vector<faults::FaultSpec>& faults,
-                                   std::span<const Restart> restarts) {
+std::vector<Restart> UnaskedRestarts(const std::vector<faults::FaultSpec>& faults,
+                                     std::span<const Restart> restarts) {
   std::vector<TimeNs> asked_ns;
   for (const auto& spec : faults) {
     const faults::FaultType* type = faults::FindFaultType(spec.type);
@@ -30,11 +33,20 @@ const Restart* FirstUnaskedRestart(const std::vector<faults::FaultSpec>& faults,
   }
   std::sort(asked_ns.begin(), asked_ns.end());
   std::size_t answered = 0;
+  std::vector<Restart> unasked;
   for (const Restart& restart : restarts) {
-    if (answered == asked_ns.size() || restart.time_ns + kStaleMax < asked_ns[answered]) return &restart;
-    ++answered;
+    if (answered == asked_ns.size() || restart.time_ns + kStaleMax < asked_ns[answered])
+      unasked.push_back(restart);
+    else
+      ++answered;
   }
-  return nullptr;
+  return unasked;
+}
+
+bool FollowsLateness(const Restart& restart, std::span<const LateSpan> late) {
+  return std::any_of(late.begin(), late.end(), [&](const LateSpan& span) {
+    return span.begin_ns <= restart.time_ns + kStaleMax && span.end_ns + kWatchdogMax >= restart.time_ns;
+  });
 }
 
 RequestIntervals UndisturbedIntervals(const std::vector<faults::FaultSpec>& faults,

@@ -1,4 +1,4 @@
-// Tells which of the firmware's restarts and requests are due to the scenario's faults.
+// Tells which of the firmware's restarts and requests are due to the scenario's faults, and to this machine.
 #pragma once
 
 #include <cstddef>
@@ -10,11 +10,14 @@
 
 namespace tiltproof::harness {
 
-// The first restart that no fault asked for; null when there is none. A fault that asks for a restart
-// (FaultType::asks_restart()) does so once: the first restart after its start is attributed to it. `restarts`
-// in order of time.
-const Restart* FirstUnaskedRestart(const std::vector<faults::FaultSpec>& faults,
-                                   std::span<const Restart> restarts);
+// The restarts that no fault asked for, in order. A fault that asks for a restart (FaultType::asks_restart())
+// does so once: the first restart after its start is attributed to it. `restarts` in order of time.
+std::vector<Restart> UnaskedRestarts(const std::vector<faults::FaultSpec>& faults,
+                                     std::span<const Restart> restarts);
+
+// Whether this machine took time from the flight (RunLog::harness_late) directly before a restart: a watchdog
+// may have seen that, and not the firmware.
+bool FollowsLateness(const Restart& restart, std::span<const LateSpan> late);
 
 // The median of fewer intervals says nothing.
 inline constexpr std::size_t kIntervalsMin = 50;

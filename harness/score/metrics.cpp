@@ -4,18 +4,22 @@
 #include <array>
 #include <cmath>
 #include <cstdlib>
+#include <numeric>
 #include <stdexcept>
 #include <string_view>
 
 #include "faults/registry.h"
 #include "harness/formula/formula.h"
+#include "harness/score/client_behaviour.h"
 #include "harness/score/signals.h"
 
 namespace tiltproof::harness {
 namespace {
 
-// Spans that touch or overlap become one. `spans` are in order of their begin.
-std::vector<LateSpan> Merged(const std::vector<LateSpan>& spans) {
+// Spans that touch or overlap become one.
+std::vector<LateSpan> Merged(std::vector<LateSpan> spans) {
+  std::sort(spans.begin(), spans.end(),
+            [](const LateSpan& a, const LateSpan& b) { return a.begin_ns < b.begin_ns; });
   std::vector<LateSpan> merged;
   for (const LateSpan& span : spans) {
     if (!merged.empty() && span.begin_ns <= merged.back().end_ns) {
@@ -25,6 +29,11 @@ std::vector<LateSpan> Merged(const std::vector<LateSpan>& spans) {
     }
   }
   return merged;
+}
+
+std::vector<LateSpan> Together(std::vector<LateSpan> spans, const std::vector<LateSpan>& more) {
+  spans.insert(spans.end(), more.begin(), more.end());
+  return spans;
 }
 
 constexpr double kSettledError_m = 0.25;
@@ -203,13 +212,47 @@ class Calculator {
       std::size_t numerator, denominator;
     };
     const auto set_quantiles = [&](const std::string& group, std::vector<double>& values,
-                                   const auto& quantiles) {
+                                   const auto& quantiles, const auto& undisturbed) {
       if (values.empty()) return;
       std::sort(values.begin(), values.end());
-      for (const Quantile& q : quantiles)
-        Set(group + "_" + q.name + "_ms", NearestRank(values, q.numerator, q.denominator));
+      for (const Quantile& q : quantiles) {
+        const std::string metric = group + "_" + q.name + "_ms";
+        Set(metric, NearestRank(values, q.numerator, q.denominator));
+        if (!disturbed_.empty()) metrics_.undisturbed[metric] = undisturbed(q, values);
+      }
     };
-    std::vector<double> periods_ms, jitters_ms, latencies_ms, round_trips_ms;
+    // Without those that this machine disturbed: which these are is known of intervals.
+    const auto [undisturbed_ns, left_out_count] =
+        UndisturbedIntervals({}, WithThePeriodAfter(disturbed_), own.request_times_ns);
+    const bool enough = undisturbed_ns.size() >= kIntervalsMin || undisturbed_ns.size() > left_out_count;
+    std::vector<double> periods_ms, jitters_ms, latencies_ms, round_trips_ms, sound_ms, sound_jitters_ms;
+    for (const TimeNs interval_ns : undisturbed_ns) {
+      sound_ms.push_back(Milliseconds(interval_ns));
+      sound_jitters_ms.push_back(Milliseconds(std::abs(interval_ns - period_ns_)));
+    }
+    std::sort(sound_jitters_ms.begin(), sound_jitters_ms.end());
+    const auto of_intervals = [enough](const std::vector<double>& sound) {
+      return [&sound, enough](const Quantile& q, const std::vector<double>&) {
+        UndisturbedRange range;
+        if (sound.empty()) return range;
+        const double value = NearestRank(sound, q.numerator, q.denominator);
+        // One alone tells of the largest that it is not smaller, and nothing of the others.
+        if (enough || q.numerator == q.denominator) range.low = value;
+        if (enough) range.high = value;
+        return range;
+      };
+    };
+    // Of the others it is known how many they are at most: the largest, or the smallest.
+    const auto of_exchanges = [this](const std::vector<LateSpan>& disturbed) {
+      return [count = PeriodsTouched(disturbed)](const Quantile& q, const std::vector<double>& sorted) {
+        UndisturbedRange range;
+        if (count >= sorted.size()) return range;
+        const auto without = static_cast<std::ptrdiff_t>(sorted.size() - count);
+        range.low = NearestRank({sorted.begin(), sorted.begin() + without}, q.numerator, q.denominator);
+        range.high = NearestRank({sorted.end() - without, sorted.end()}, q.numerator, q.denominator);
+        return range;
+      };
+    };
     for (std::size_t i = 1; i < own.request_times_ns.size(); ++i) {
       const TimeNs interval_ns = own.request_times_ns[i] - own.request_times_ns[i - 1];
       periods_ms.push_back(Milliseconds(interval_ns));
@@ -219,17 +262,59 @@ class Calculator {
     for (const TimeNs trip : own.client_round_trip_ns) round_trips_ms.push_back(Milliseconds(trip));
     if (!periods_ms.empty()) {
       const TimeNs span_ns = own.request_times_ns.back() - own.request_times_ns.front();
-      Set(name("request_period_mean_ms"), Milliseconds(span_ns) / static_cast<double>(periods_ms.size()));
+      const std::string mean = name("request_period_mean_ms");
+      Set(mean, Milliseconds(span_ns) / static_cast<double>(periods_ms.size()));
+      if (!disturbed_.empty()) {
+        UndisturbedRange& range = metrics_.undisturbed[mean];
+        if (enough)
+          range.low = range.high =
+              std::accumulate(sound_ms.begin(), sound_ms.end(), 0.0) / static_cast<double>(sound_ms.size());
+      }
     }
     constexpr std::array<Quantile, 4> kToTheTail = {
         {{"p50", 50, 100}, {"p99", 99, 100}, {"p999", 999, 1000}, {"max", 1, 1}}};
     constexpr std::array<Quantile, 3> kUsual = {{{"p50", 50, 100}, {"p99", 99, 100}, {"max", 1, 1}}};
-    set_quantiles(name("request_period"), periods_ms, kToTheTail);
-    set_quantiles(name("request_jitter"), jitters_ms, kToTheTail);
-    set_quantiles(name("reply_latency"), latencies_ms, kUsual);
-    set_quantiles(name("client_round_trip"), round_trips_ms, kUsual);
-    if (own.starts_accepted_count > 0) SetCount(name("firmware_missed_count"), MissedPeriods(own));
-    if (own.starts_accepted_count > 0) Set(name("silent_at_end_ms"), Milliseconds(SilentAtEnd(own)));
+    set_quantiles(name("request_period"), periods_ms, kToTheTail, of_intervals(sound_ms));
+    set_quantiles(name("request_jitter"), jitters_ms, kToTheTail, of_intervals(sound_jitters_ms));
+    // From the server to the line: no board has a part in it.
+    set_quantiles(name("reply_latency"), latencies_ms, kUsual, of_exchanges(late_));
+    set_quantiles(name("client_round_trip"), round_trips_ms, kUsual, of_exchanges(disturbed_));
+    if (own.starts_accepted_count == 0) return;
+    const auto set = [&](const std::string& metric, double value, double low, double high) {
+      Set(metric, value);
+      if (!disturbed_.empty()) metrics_.undisturbed[metric] = {low, high};
+    };
+    const auto missed = static_cast<double>(MissedPeriods(own, late_));
+    const auto missed_undisturbed = static_cast<double>(MissedPeriods(own, disturbed_));
+    set(name("firmware_missed_count"), missed, missed_undisturbed, missed_undisturbed);
+    const TimeNs silent_ns = SilentAtEnd(own);
+    set(name("silent_at_end_ms"), Milliseconds(silent_ns),
+        Milliseconds(silent_ns - Covered(disturbed_, log_.end_ns - silent_ns)), Milliseconds(silent_ns));
+  }
+
+  // What a board was late with in one period may make the next one shorter.
+  std::vector<LateSpan> WithThePeriodAfter(std::vector<LateSpan> spans) const {
+    for (LateSpan& span : spans) span.end_ns += period_ns_;
+    return Merged(std::move(spans));
+  }
+
+  // How many control periods these touch at most, wherever periods begin.
+  std::size_t PeriodsTouched(const std::vector<LateSpan>& spans) const {
+    TimeNs count = 0;
+    for (const LateSpan& span : spans) {
+      const TimeNs begin_ns = std::max<TimeNs>(span.begin_ns, 0), end_ns = std::min(span.end_ns, log_.end_ns);
+      if (begin_ns <= end_ns) count += (end_ns - begin_ns) / period_ns_ + 2;
+    }
+    return static_cast<std::size_t>(count);
+  }
+
+  // How much of the flight from then on these cover; what follows one within a period is covered, too.
+  TimeNs Covered(const std::vector<LateSpan>& spans, TimeNs from_ns) const {
+    TimeNs covered_ns = 0;
+    for (const LateSpan& span : WithThePeriodAfter(spans))
+      covered_ns +=
+          std::max<TimeNs>(std::min(span.end_ns, log_.end_ns) - std::max(span.begin_ns, from_ns), 0);
+    return covered_ns;
   }
 
   // Of requests and commands, that which has not come for longer.
@@ -242,7 +327,7 @@ class Calculator {
 
   // Control periods without an actuator message, from the gaps between those that came: the client's clock
   // need not be the server's, so there is no grid to count on.
-  std::int64_t MissedPeriods(const ClientLog& own) const {
+  std::int64_t MissedPeriods(const ClientLog& own, const std::vector<LateSpan>& late) const {
     std::int64_t missed = 0;
     TimeNs last_ns = 0;
     bool first = true;
@@ -251,23 +336,23 @@ class Calculator {
       // The first follows the start in the same period; of the others each should follow the one before in
       // the next.
       const std::int64_t periods = first ? gap_ns / period_ns_ : (gap_ns + period_ns_ / 2) / period_ns_ - 1;
-      missed += Blamable(last_ns, periods);
+      missed += Blamable(last_ns, periods, late);
       last_ns = time_ns;
       first = false;
     }
-    return missed + Blamable(last_ns, (log_.end_ns - last_ns) / period_ns_);
+    return missed + Blamable(last_ns, (log_.end_ns - last_ns) / period_ns_, late);
   }
 
-  // Of `periods` missed in a row after `last_ns`, those in which the harness was not late itself, nor in the one
+  // Of `periods` missed in a row after `last_ns`, those in which this machine was not late itself, nor in the one
   // before.
-  std::int64_t Blamable(TimeNs last_ns, std::int64_t periods) const {
+  std::int64_t Blamable(TimeNs last_ns, std::int64_t periods, const std::vector<LateSpan>& spans) const {
     std::int64_t blamable = 0;
     for (std::int64_t i = 1; i <= periods; ++i) {
       const TimeNs begin_ns = last_ns + (i - 1) * period_ns_;
       const TimeNs end_ns = begin_ns + 2 * period_ns_;
-      const auto late = std::upper_bound(late_.begin(), late_.end(), begin_ns - period_ns_,
+      const auto late = std::upper_bound(spans.begin(), spans.end(), begin_ns - period_ns_,
                                          [](TimeNs t, const LateSpan& span) { return t < span.end_ns; });
-      const bool excused = late != late_.end() && late->begin_ns < end_ns;
+      const bool excused = late != spans.end() && late->begin_ns < end_ns;
       blamable += excused ? 0 : 1;
     }
     return blamable;
@@ -312,7 +397,9 @@ class Calculator {
   const Scenario& scenario_;
   const RunLog& log_;
   const TimeNs period_ns_ = scenario_.link.protocol->control_period_ns;
-  const std::vector<LateSpan> late_ = Merged(log_.harness_late);  // apart, in order
+  // In real time: when the harness was late, and when this machine took any time from the flight. Apart, in order.
+  const std::vector<LateSpan> late_ = Merged(log_.harness_late);
+  const std::vector<LateSpan> disturbed_ = Merged(Together(log_.harness_late, log_.board_disturbed));
   const std::vector<TimeNs> times_;
   const std::vector<double> error_;
   Metrics metrics_;

@@ -2,6 +2,7 @@
 // defines each.
 #pragma once
 
+#include <limits>
 #include <map>
 #include <optional>
 #include <string>
@@ -12,9 +13,16 @@
 
 namespace tiltproof::harness {
 
+// What a metric may have been, had this machine taken no time from the flight. Infinite where that is not known.
+struct UndisturbedRange {
+  double low = -std::numeric_limits<double>::infinity(), high = std::numeric_limits<double>::infinity();
+};
+
 struct Metrics {
   // By dotted name. A metric that this flight or client does not supply is absent. All are finite.
   std::map<std::string, double> values;
+  // In real time, when this machine took time from the flight: those of `values` that this changes. The others are sound.
+  std::map<std::string, UndisturbedRange> undisturbed;
   // Set when the error had not settled at the end of the flight: tracking.settling_s is absent, and it is at
   // least this long.
   std::optional<double> settling_at_least_s;

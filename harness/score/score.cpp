@@ -120,21 +120,47 @@ std::string Whose(const Scenario& scenario, std::size_t client) {
   return scenario.has_several_clients() ? "client " + scenario.client_id(client) + " " : "";
 }
 
+// A firmware that went away or hangs, which is judged by its own time, did so by itself, however late the harness was.
+bool WentAway(EndReason reason) {
+  return reason == EndReason::kFirmwareLost || reason == EndReason::kFirmwareCrashed ||
+         reason == EndReason::kFirmwareHung;
+}
+
+// Of all clients' restarts that no fault asked for the first, or the first by itself: not directly after this machine was
+// late.
+struct UnaskedRestart {
+  std::size_t client = 0;
+  Restart restart;
+  bool by_itself = false;
+};
+std::optional<UnaskedRestart> FindUnaskedRestart(const Scenario& scenario, const RunLog& log) {
+  std::optional<UnaskedRestart> found;
+  for (std::size_t client = 0; client < log.clients.size(); ++client)
+    for (const Restart& restart : UnaskedRestarts(FaultsOn(scenario, client), log.clients[client].restarts)) {
+      const bool by_itself = !FollowsLateness(restart, log.harness_late);
+      if (!found || (by_itself && !found->by_itself)) found = {client, restart, by_itself};
+    }
+  return found;
+}
+
 CriterionResult Survival(const Scenario& scenario, const RunLog& log) {
   CriterionResult result = Ending(log);
   if (scenario.allow_restarts || result.verdict == Verdict::kError) return result;
-  for (std::size_t client = 0; client < log.clients.size(); ++client) {
-    const std::vector<Restart>& restarts = log.clients[client].restarts;
-    const Restart* first = FirstUnaskedRestart(FaultsOn(scenario, client), restarts);
-    if (first == nullptr) continue;
-    const std::string later = log.end_reason == EndReason::kCompleted ? "" : "; then " + result.explanation;
-    result.verdict = Verdict::kFail;
-    result.time_s = ToSeconds(first->time_ns);
-    result.explanation = Whose(scenario, client) + "restarted" + AtTime(*result.time_s) + " (" +
-                         OneLine(first->cause) + "), which no fault asked for; " +
-                         Counted(restarts.size(), "restart") + " in all" + later;
-    return result;
+  const auto unasked = FindUnaskedRestart(scenario, log);
+  if (!unasked) return result;
+  const auto& [client, restart, by_itself] = *unasked;
+  const std::string later = log.end_reason == EndReason::kCompleted ? "" : "; then " + result.explanation;
+  if (by_itself || !WentAway(log.end_reason)) {
+    result.verdict = by_itself ? Verdict::kFail : Verdict::kInconclusive;
+    result.time_s = ToSeconds(restart.time_ns);
   }
+  result.explanation =
+      Whose(scenario, client) + "restarted" + AtTime(ToSeconds(restart.time_ns)) + " (" +
+      OneLine(restart.cause) + ")" +
+      (by_itself ? ", which no fault asked for; "
+                 : " directly after the harness itself was late: this machine was too busy to "
+                   "judge a firmware; ") +
+      Counted(log.clients[client].restarts.size(), "restart") + " in all" + later;
   return result;
 }
 
@@ -229,6 +255,13 @@ std::optional<double> MetricMargin(std::optional<double> min, std::optional<doub
   return least;
 }
 
+// The verdict on what the metric may have been without this machine's lateness.
+Verdict Undisturbed(const CriterionSpec& spec, const UndisturbedRange& range) {
+  if ((spec.min && range.high < *spec.min) || (spec.max && range.low > *spec.max)) return Verdict::kFail;
+  const bool holds = (!spec.min || range.low >= *spec.min) && (!spec.max || range.low <= *spec.max);
+  return holds ? Verdict::kPass : Verdict::kInconclusive;
+}
+
 void JudgeMetric(const CriterionSpec& spec, const Scenario& scenario, const Metrics& metrics,
                  const RunLog& log, CriterionResult& result) {
   const auto names = MetricNamesOf(scenario, MetricNames());
@@ -257,6 +290,12 @@ void JudgeMetric(const CriterionSpec& spec, const Scenario& scenario, const Metr
   result.robustness = robustness;
   result.margin = MetricMargin(spec.min, spec.max, value);
   result.verdict = robustness >= 0.0 ? Verdict::kPass : Verdict::kFail;
+  if (const auto range = metrics.undisturbed.find(spec.metric);
+      range != metrics.undisturbed.end() && Undisturbed(spec, range->second) != result.verdict) {
+    result.verdict = Verdict::kInconclusive;
+    result.explanation +=
+        ": so only with the periods in which this machine was late; it was too busy to judge a firmware";
+  }
   // The outcome of a flight that was cut short from outside is unknown.
   if (log.end_reason == EndReason::kInterrupted || IsOurs(log.end_reason)) {
     result.verdict = Verdict::kInconclusive;
@@ -299,12 +338,9 @@ void Conclude(Score& score, Verdict expected) {
     }
 }
 
-// Why a flight in real time says nothing about the firmware; empty when it does. A firmware that went away or hangs,
-// which is judged by its own time, did so by itself, however late the harness was.
+// Why a flight in real time says nothing about the firmware; empty when it does.
 std::string TooLateToJudge(const RunLog& log, TimeNs period_ns) {
-  if (log.end_reason == EndReason::kFirmwareLost || log.end_reason == EndReason::kFirmwareCrashed ||
-      log.end_reason == EndReason::kFirmwareHung)
-    return "";
+  if (WentAway(log.end_reason)) return "";
   const std::int64_t overruns = log.harness_overrun_count.value_or(0);
   if (overruns == 0) return "";
   const std::int64_t periods = std::max<std::int64_t>(log.end_ns / period_ns, 1);
@@ -315,6 +351,18 @@ std::string TooLateToJudge(const RunLog& log, TimeNs period_ns) {
   return "the harness itself was late in " + std::to_string(overruns) + " of " + std::to_string(periods) +
          " periods (at most " + Number(static_cast<double>(late_ns) / 1e6) +
          " ms): this machine was too busy to judge a firmware";
+}
+
+// What fails after a restart that this machine may have caused, the restart may have caused. A metric has no time.
+bool FailsByRestart(const Score& score, const Scenario& scenario, const RunLog& log) {
+  const auto unasked = FindUnaskedRestart(scenario, log);
+  if (score.verdict != Verdict::kFail || !unasked || unasked->by_itself || WentAway(log.end_reason))
+    return false;
+  const double restarted_s = ToSeconds(unasked->restart.time_ns);
+  return std::none_of(score.criteria.begin(), score.criteria.end(), [&](const CriterionResult& criterion) {
+    return criterion.verdict == Verdict::kFail && (criterion.name == kControlPeriodCriterion ||
+                                                   criterion.time_s.value_or(restarted_s) < restarted_s);
+  });
 }
 
 }  // namespace
@@ -378,6 +426,13 @@ Score ScoreRun(const Scenario& scenario, const RunLog& log, const ScoreOptions& 
       score.verdict = Verdict::kInconclusive;
       score.reason = std::move(why);
     }
+  }
+  if (FailsByRestart(score, scenario, log)) {
+    const auto restart = FindUnaskedRestart(scenario, log)->restart;
+    score.verdict = Verdict::kInconclusive;
+    score.reason = "the firmware restarted" + AtTime(ToSeconds(restart.time_ns)) +
+                   " directly after the harness itself was late, and failed only then (" + score.reason +
+                   "): this machine was too busy to judge a firmware";
   }
   return score;
 }

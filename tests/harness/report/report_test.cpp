@@ -19,6 +19,7 @@
 #include "harness/report/results.h"
 #include "harness/report/trace_csv.h"
 #include "tests/harness/report/test_folder.h"
+#include "tests/harness/score/still_flight.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -356,6 +357,28 @@ TEST_F(ReportTest, FlightSurvivesItsFolder) {
   EXPECT_EQ(again.events.at(0).time_ns, -86806);
   WriteFile(folder_ / "flight.json", "{\"end_reason\": \"completed\"");
   EXPECT_THAT(ErrorOf([&] { ReadFlight(folder_); }), HasSubstr("flight.json: "));
+}
+
+TEST_F(ReportTest, WhatThisMachineTookFromABoardIsScoredFromTheFiles) {
+  // Every interval is 13 ms long: wrong, unless a tick was lost in each.
+  RunLog log = StillFlight(101);
+  for (TimeNs i = 0; i <= 80; ++i) log.clients[0].sent_request_times_ns.push_back(i * 13 * kNsPerMs);
+  const Scenario scenario = ScenarioOf(log);
+  const auto scored = [&] {
+    WriteFlight(folder_, scenario, log);
+    const RunLog again = ReadFlight(folder_);
+    EXPECT_EQ(again.board_disturbed, log.board_disturbed);
+    EXPECT_EQ(again.harness_late, log.harness_late);
+    return ScoreRun(scenario, again);
+  };
+  EXPECT_EQ(scored().verdict, Verdict::kFail);
+  for (TimeNs i = 0; i < 80; ++i)
+    log.board_disturbed.push_back({(13 * i + 5) * kNsPerMs, (13 * i + 6) * kNsPerMs});
+  log.harness_late = {{7 * kNsPerMs, 11 * kNsPerMs}};
+  const Score score = scored();
+  EXPECT_EQ(score.verdict, Verdict::kInconclusive);
+  EXPECT_THAT(score.reason,
+              HasSubstr("control_period: in 80 of 80 intervals this machine took time from the board"));
 }
 
 }  // namespace

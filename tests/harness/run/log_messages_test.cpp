@@ -185,6 +185,7 @@ TEST_F(LogMessagesTest, AFlightOverTheBusIsTheFlightOfOneProcess) {
   plant_totals.lateness.origin = origin;
   const BootTime t0 = origin.boot_time();
   plant_totals.lateness.spans = {{t0 - 9, t0 - 1}, {t0 - 2, t0 + 5}, {t0 + 1, t0 + 9}};
+  plant_totals.lateness.disturbed = {{t0 + 20, t0 + 21}, {t0 - 5, t0 - 4}, {t0 + 3, t0 + 4}};
   LineLog line_rest = apart.line.TakeLog(end);
   link.Write(line_rest, apart.line.origin(), std::exchange(apart.samples, {}));
   NodeTotals link_totals;
@@ -228,6 +229,7 @@ TEST_F(LogMessagesTest, AFlightOverTheBusIsTheFlightOfOneProcess) {
     EXPECT_EQ(log.clients[0].counts[i].bytes_corrupted, expected.clients[0].counts[i].bytes_corrupted);
   }
   EXPECT_THAT(log.harness_late, ElementsAre(LateSpan{-2, 5}, LateSpan{1, 9}));
+  EXPECT_THAT(log.board_disturbed, ElementsAre(LateSpan{3, 4}, LateSpan{20, 21}));
 }
 
 TEST_F(LogMessagesTest, WhatAnotherRunSaysIsNoPartOfThisOne) {

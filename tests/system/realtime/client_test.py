@@ -91,6 +91,13 @@ class ClientTest(unittest.TestCase):
         self.assertIn("never started", flight.result()["reason"])
         self.check(flight)
 
+    def test_firmware_that_ends_as_a_shell_without_its_command_has_failed(self):
+        # It has flown: these codes are its own.
+        flight = self.fly(f"process:{FIRMWARE} {LIBRARY} --exit-after 1; exit 127", 1)
+        self.assertEqual(flight.result()["verdict"], "fail")
+        self.assertIn("the firmware's process exited with code 127", flight.result()["reason"])
+        self.check(flight)
+
     def test_command_that_is_not_found(self):
         for command, code, what in (("no-such-firmware --fly", 127, "was not found"), ("/etc/passwd", 126, "may not be executed")):
             flight = self.fly(f"process:{command}", 3)

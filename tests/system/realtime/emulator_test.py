@@ -11,6 +11,7 @@ import struct
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 from flight import Flight, become_subreaper, read, wait_until, write_hover
@@ -251,6 +252,20 @@ class EmulatorTest(unittest.TestCase):
         os.kill(emulator, signal.SIGKILL)
         # Nothing that the firmware has done.
         self.trouble(flight, "error", r"the emulator killed by signal 9 \(Killed\)")
+
+    def test_standstill_of_the_emulator_blames_no_firmware(self):
+        # Longer than the firmware's watchdog waits (100 ms), and than a vehicle flies without it.
+        flight = self.start("qemu", duration_s=4)
+        emulator = self.emulator(flight)
+        flight.wait_flying()
+        self.assertIsNotNone(flight.wait_fly_for(1.0), flight.text())
+        os.kill(emulator, signal.SIGSTOP)
+        time.sleep(0.6)
+        os.kill(emulator, signal.SIGCONT)
+        self.assertEqual(flight.wait(40), 4, flight.text())
+        self.assertEqual(flight.result()["verdict"], "inconclusive")
+        self.assertIn("too busy to judge", flight.text())
+        self.check(flight)
 
     def test_emulator_goes_with_its_node_and_its_run(self):
         flight = self.start("qemu", duration_s=10)
