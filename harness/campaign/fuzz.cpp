@@ -12,12 +12,16 @@
 namespace tiltproof::harness {
 namespace {
 
-// A sequence is made when this many before it have not ended yet: so many workers can be busy.
-constexpr std::size_t kAhead = 64;
+// A sequence is made when at most so many before it have not ended yet: so many workers can be busy.
+constexpr std::size_t kAheadMax = 64;
+// At first it is one, and one more whenever this many flights have ended: the first ones teach the most.
+constexpr std::size_t kFlightsPerAhead = 4;
 // Each: flights to leave inputs out, and to leave bytes of them out.
 constexpr std::size_t kMinimiseFlightsMax = 150;
 // A flight that hangs takes seconds.
 constexpr std::size_t kMinimiseHangsMax = 6;
+
+std::uint32_t PlaceOf(std::uint32_t feature) { return feature / kBucketsCount; }
 
 bool IsReady(const std::future<FlightResult>& result) {
   return result.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
@@ -74,18 +78,39 @@ std::optional<std::string> FuzzCampaign::WhyUnusable() {
   return std::nullopt;
 }
 
-HostileSequence FuzzCampaign::Next() {
-  faults::Random random(faults::KeyOf(options_.seed, sequences_count_++));
-  std::size_t count = random.Below(8) == 0 ? 1 + random.Below(kInputsMax) : kInputsMax;
+std::size_t FuzzCampaign::AheadMax() const {
+  return std::min<std::size_t>(kAheadMax, 1 + flights_count_ / kFlightsPerAhead);
+}
+
+HostileSequence FuzzCampaign::Narrowing::Half() const {
+  HostileSequence half = whole;
+  const auto middle = half.inputs.begin() + static_cast<std::ptrdiff_t>(half.inputs.size() / 2);
+  if (second_half) {
+    half.inputs.erase(half.inputs.begin(), middle);
+  } else {
+    half.inputs.erase(middle, half.inputs.end());
+  }
+  return half;
+}
+
+std::size_t FuzzCampaign::Planned(std::size_t count) {
   if (options_.runs_count)
     count = static_cast<std::size_t>(std::min<std::uint64_t>(count, *options_.runs_count - planned_count_));
   planned_count_ += count;
+  return count;
+}
+
+HostileSequence FuzzCampaign::Next() {
+  faults::Random random(faults::KeyOf(options_.seed, sequences_count_++));
+  const std::size_t count = Planned(random.Below(8) == 0 ? 1 + random.Below(kInputsMax) : kInputsMax);
   HostileSequence parent, other;
   if (!corpus_.empty()) {
-    // New ones lead on, old ones may have been left too early.
-    const std::size_t newest = std::min<std::size_t>(corpus_.size(), 8);
+    // New ones lead on, old ones may have been left too early; those that were made small say which input counts.
+    const std::size_t newest = std::min<std::size_t>(corpus_.size(), random.Below(2) == 0 ? 2 : 8);
     const std::size_t from = random.Below(2) == 0 ? corpus_.size() - newest : 0;
-    parent = corpus_[from + random.Below(corpus_.size() - from)];
+    const HostileSequence& one = corpus_[from + random.Below(corpus_.size() - from)];
+    const HostileSequence& two = corpus_[from + random.Below(corpus_.size() - from)];
+    parent = one.inputs.size() < two.inputs.size() ? one : two;
     other = corpus_[random.Below(corpus_.size())];
   }
   if (corpus_.empty() || random.Below(4) == 0) {
@@ -105,10 +130,16 @@ void FuzzCampaign::Run() {
     return options_.runs_count ? planned_count_ < *options_.runs_count : !options_.is_over();
   };
   const auto fill = [&] {
-    while (pending.size() < kAhead && goes_on()) {
-      HostileSequence next = Next();
-      FlightJob job = JobOf(next, fmt::format("flight {}", sequences_count_));
-      pending.push_back({std::move(next), engine.Submit(std::move(job))});
+    while (pending.size() < AheadMax() && goes_on()) {
+      std::optional<Narrowing> narrowing;
+      if (!narrowings_.empty()) {
+        narrowing = std::move(narrowings_.front());
+        narrowings_.pop_front();
+      }
+      HostileSequence next = narrowing ? narrowing->Half() : Next();
+      if (narrowing) next.inputs.resize(Planned(next.inputs.size()));
+      FlightJob job = JobOf(next, fmt::format("flight {}", submitted_count_++));
+      pending.push_back({std::move(next), std::move(narrowing), engine.Submit(std::move(job))});
     }
   };
   fill();
@@ -119,7 +150,7 @@ void FuzzCampaign::Run() {
            IsReady(pending.front().result)) {
       Pending ended = std::move(pending.front());
       pending.pop_front();
-      if (const auto result = ResultOf(ended.result)) Take(std::move(ended.sequence), *result);
+      if (const auto result = ResultOf(ended.result)) Take(std::move(ended), *result);
       fill();
     }
     if (trouble_ || hangs_too_often()) engine.DropWaiting();
@@ -127,7 +158,30 @@ void FuzzCampaign::Run() {
   }
 }
 
-void FuzzCampaign::Take(HostileSequence sequence, const FlightResult& result) {
+void FuzzCampaign::Keep(const HostileSequence& sequence) {
+  options_.on_corpus(sequence);
+  corpus_.push_back(sequence);
+}
+
+void FuzzCampaign::Narrow(Narrowing narrowing, const FlightResult& result) {
+  std::vector<std::uint32_t> reached;
+  for (const std::uint32_t feature : result.coverage) reached.push_back(PlaceOf(feature));
+  if (std::ranges::includes(reached, narrowing.places)) {
+    narrowing.whole = narrowing.Half();
+    narrowing.second_half = false;
+    narrowing.is_smaller = true;
+  } else if (!narrowing.second_half) {
+    narrowing.second_half = true;
+  } else {
+    if (narrowing.is_smaller) Keep(narrowing.whole);
+    return;
+  }
+  if (narrowing.whole.inputs.size() <= 1) return Keep(narrowing.whole);
+  narrowings_.push_back(std::move(narrowing));
+}
+
+void FuzzCampaign::Take(Pending ended, const FlightResult& result) {
+  HostileSequence& sequence = ended.sequence;
   if (result.score.verdict == Verdict::kError) {
     trouble_ = result.score.reason;
     return;
@@ -138,9 +192,14 @@ void FuzzCampaign::Take(HostileSequence sequence, const FlightResult& result) {
   runs_count_ += said;
   ++flights_count_;
   const std::optional<BrokenFlight> broken = BrokenBy(result);
-  if (HasNewFeature(result) && !broken) {
-    options_.on_corpus(sequence);
-    corpus_.push_back(sequence);
+  std::vector<std::uint32_t> new_places;
+  const bool is_new = HasNewFeature(result, &new_places);
+  if (ended.narrowing) {
+    Narrow(std::move(*ended.narrowing), result);
+  } else if (is_new && !broken) {
+    Keep(sequence);
+    if (!new_places.empty() && sequence.inputs.size() > 1)
+      narrowings_.push_back({.whole = sequence, .places = std::move(new_places)});
   }
   if (!broken) return;
   if (broken->kind == "hang") ++hangs_count_;
@@ -158,9 +217,13 @@ void FuzzCampaign::Take(HostileSequence sequence, const FlightResult& result) {
   options_.on_finding(findings_.back());
 }
 
-bool FuzzCampaign::HasNewFeature(const FlightResult& result) {
+bool FuzzCampaign::HasNewFeature(const FlightResult& result, std::vector<std::uint32_t>* new_places) {
   bool is_new = false;
   for (const std::uint32_t feature : result.coverage) {
+    const std::uint32_t place = PlaceOf(feature);
+    if (place >= places_.size()) places_.resize(place + std::size_t{1});
+    if (!places_[place] && new_places != nullptr) new_places->push_back(place);
+    places_[place] = true;
     if (feature >= features_.size()) features_.resize(feature + std::size_t{1});
     if (features_[feature]) continue;
     features_[feature] = is_new = true;

@@ -8,7 +8,8 @@
 //   for (const FuzzFinding& finding : campaign.findings()) Report(finding.broken.reason);
 //
 // With runs_count, the same seed and the same corpus give the same findings for any number of jobs: each sequence is made
-// from what a fixed number of flights before it have brought, in their order.
+// from what a known number of flights before it have brought, in their order. That number lags little at first, so that
+// short campaigns are guided, too. A sequence that reaches new code is cut to the inputs that do, as far as halves go.
 #pragma once
 
 #include <atomic>
@@ -76,15 +77,29 @@ class FuzzCampaign {
 
  private:
   static constexpr int kHangsMax = 4;
+  // The part of a sequence that reaches what is new: halves are flown as long as one of them reaches it, too.
+  struct Narrowing {
+    HostileSequence whole;
+    std::vector<std::uint32_t> places;  // of the code, in order
+    bool second_half = false;
+    bool is_smaller = false;  // than what joined the corpus
+    HostileSequence Half() const;
+  };
   struct Pending {
     HostileSequence sequence;
+    std::optional<Narrowing> narrowing;  // of which it is a half
     std::future<FlightResult> result;
   };
 
+  std::size_t AheadMax() const;
+  // As many inputs of `count` as are left to be said, which are then planned.
+  std::size_t Planned(std::size_t count);
   HostileSequence Next();
   FlightJob JobOf(const HostileSequence& sequence, std::string name) const;
-  void Take(HostileSequence sequence, const FlightResult& result);
-  bool HasNewFeature(const FlightResult& result);
+  void Take(Pending ended, const FlightResult& result);
+  void Keep(const HostileSequence& sequence);
+  bool HasNewFeature(const FlightResult& result, std::vector<std::uint32_t>* new_places = nullptr);
+  void Narrow(Narrowing narrowing, const FlightResult& result);
   std::optional<BrokenFlight> Fly(const HostileSequence& sequence, FlightResult* result = nullptr);
   void Minimise(FuzzFinding& finding);
   bool interrupted() const {
@@ -95,11 +110,12 @@ class FuzzCampaign {
   HostileFrames replies_, references_;
   std::vector<HostileSequence> corpus_;
   std::vector<FuzzFinding> findings_;
-  std::vector<bool> features_;
+  std::deque<Narrowing> narrowings_;  // whose half comes next
+  std::vector<bool> features_, places_;
   std::size_t features_count_ = 0;
   bool sees_coverage_ = false;
   std::uint64_t planned_count_ = 0, runs_count_ = 0, flights_count_ = 0, sequences_count_ = 0;
-  std::uint64_t extra_flights_count_ = 0;
+  std::uint64_t submitted_count_ = 0, extra_flights_count_ = 0;
   int hangs_count_ = 0;
   std::optional<std::string> trouble_;
 };

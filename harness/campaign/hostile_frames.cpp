@@ -64,6 +64,30 @@ void RandomBytes(LineBytes& bytes, std::size_t more_bytes_max, Random& random) {
     bytes[random.Below(bytes.size())] = random.Below(2) == 0 ? ByteOfMeaning(random) : AnyByte(random);
 }
 
+// Another content in the first valid frame, under a checksum that is right.
+template <class Change>
+void WithContent(LineBytes& bytes, const Change& change) {
+  link::FrameDecoder decoder;
+  std::span<const std::uint8_t> rest(bytes);
+  while (const auto event = decoder.Next(rest)) {
+    if (event->status != link::FrameStatus::kOk) continue;
+    LineBytes payload(event->payload.begin(), event->payload.end());
+    change(payload);
+    const LineBytes frame = HostileFrame(payload);
+    const auto at = bytes.erase(At(bytes, event->begin), At(bytes, event->end));
+    bytes.insert(at, frame.begin(), frame.end());
+    return;
+  }
+}
+
+// Decoders compare single bytes, most of them at the beginning.
+void ChangePayloadByte(LineBytes& payload, Random& random) {
+  constexpr std::size_t kHead = 8;
+  if (payload.empty()) return;
+  const std::size_t size = random.Below(2) == 0 ? std::min(payload.size(), kHead) : payload.size();
+  payload[random.Below(size)] = AnyByte(random);
+}
+
 }  // namespace
 
 LineBytes HostileFrame(std::span<const std::uint8_t> payload, std::uint16_t damage) {
@@ -85,11 +109,7 @@ LineBytes HostileFrame(std::span<const std::uint8_t> payload, std::uint16_t dama
 
 void ChangeContent(LineBytes& bytes, Random& random, const ChangeBytes& change) {
   constexpr std::size_t kMoreBytesMax = 8;
-  link::FrameDecoder decoder;
-  std::span<const std::uint8_t> rest(bytes);
-  while (const auto event = decoder.Next(rest)) {
-    if (event->status != link::FrameStatus::kOk) continue;
-    LineBytes payload(event->payload.begin(), event->payload.end());
+  WithContent(bytes, [&](LineBytes& payload) {
     switch (random.Below(4)) {
       case 0:
         payload.resize(OddLength(payload.size(), random));
@@ -100,11 +120,7 @@ void ChangeContent(LineBytes& bytes, Random& random, const ChangeBytes& change) 
       default:
         BreakValue(payload, random);
     }
-    const LineBytes frame = HostileFrame(payload);
-    const auto at = bytes.erase(At(bytes, event->begin), At(bytes, event->end));
-    bytes.insert(at, frame.begin(), frame.end());
-    return;
-  }
+  });
 }
 
 void ChangeContent(LineBytes& bytes, Random& random) {
@@ -212,10 +228,18 @@ LineBytes HostileFrames::Make(Random& random) const {
   return Change(std::move(said), random);
 }
 
+LineBytes HostileFrames::ChangeOneByte(LineBytes bytes, Random& random) {
+  WithContent(bytes, [&](LineBytes& payload) { ChangePayloadByte(payload, random); });
+  if (bytes.size() > kHostileBytesMax) bytes.resize(kHostileBytesMax);
+  return bytes;
+}
+
 LineBytes HostileFrames::Change(LineBytes bytes, Random& random) const {
   for (std::size_t changes = 1 + random.Below(3); changes > 0; --changes) {
-    const std::size_t what = random.Below(8);
-    if (what < 3) {
+    const std::size_t what = random.Below(12);
+    if (what >= 8) {
+      bytes = ChangeOneByte(std::move(bytes), random);
+    } else if (what < 3) {
       ChangeContent(bytes, random);
     } else if (what < 7) {
       BreakBytes(bytes, random);

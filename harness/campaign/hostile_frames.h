@@ -67,6 +67,8 @@ class HostileFrames {
   LineBytes Make(faults::Random& random) const;
   // Another one that resembles it; never empty.
   LineBytes Change(LineBytes bytes, faults::Random& random) const;
+  // Another byte in the first valid frame, under a checksum that is right; nothing else.
+  static LineBytes ChangeOneByte(LineBytes bytes, faults::Random& random);
 
  private:
   LineBytes Payload(faults::Random& random) const;

@@ -100,12 +100,22 @@ HostileSequence ChangeSequence(const HostileSequence& parent, const HostileSeque
                                const HostileFrames& frames, std::size_t count, faults::Random& random) {
   HostileSequence changed = parent;
   std::vector<LineBytes>& inputs = changed.inputs;
-  const bool is_new = inputs.empty();
+  bool is_new = inputs.empty();
   if (is_new && random.Below(2) == 0) changed.place = kPlaces[random.Below(kPlaces.size())];
   // In some flights the firmware hears nothing but hostile frames, in others honest ones between them.
   const std::uint64_t honest_of_8 = random.Below(5);
-  while (inputs.size() < count)
-    inputs.push_back(random.Below(8) < honest_of_8 ? LineBytes() : frames.Make(random));
+  // What few inputs reach is looked for near them.
+  const std::size_t near_count = random.Below(4) == 0 ? 0 : inputs.size();
+  while (inputs.size() < count) {
+    const LineBytes* near = near_count == 0 ? nullptr : &inputs[random.Below(near_count)];
+    if (near != nullptr && !near->empty()) {
+      inputs.push_back(random.Below(2) == 0 ? frames.ChangeOneByte(*near, random)
+                                            : frames.Change(*near, random));
+      is_new = true;
+    } else {
+      inputs.push_back(random.Below(8) < honest_of_8 ? LineBytes() : frames.Make(random));
+    }
+  }
   for (std::size_t changes = is_new ? 0 : 1 + random.Below(count); changes > 0 && !inputs.empty();
        --changes) {
     const std::size_t at = random.Below(inputs.size());

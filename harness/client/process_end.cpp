@@ -9,6 +9,7 @@
 #include <cstdarg>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <vector>
 
 #include "harness/client/firmware_guard.h"
@@ -29,6 +30,20 @@ void EndCallWithProgram(const char* program) {
   char text[kTextBytes];
   std::snprintf(text, sizeof text, "called exec (%.200s)", program == nullptr ? "" : program);
   FirmwareGuard::EndCall(text);
+}
+
+// Where a call that returns there was made: a function that its library shows, or a place that addr2line understands.
+void DescribeCaller(const void* return_address, char* text, std::size_t size) {
+  Dl_info info{};
+  if (dladdr(return_address, &info) == 0 || info.dli_fname == nullptr) return;
+  const char* const name = std::strrchr(info.dli_fname, '/');
+  const char* const file = name == nullptr ? info.dli_fname : name + 1;
+  const auto offset = static_cast<const char*>(return_address) - static_cast<const char*>(info.dli_fbase);
+  if (info.dli_sname != nullptr) {
+    std::snprintf(text, size, " in %.100s of %.100s", info.dli_sname, file);
+  } else {
+    std::snprintf(text, size, " at %.100s+0x%zx", file, static_cast<std::size_t>(offset));
+  }
 }
 
 // The function of this name in the libraries that follow.
@@ -74,6 +89,18 @@ void _Exit(int code) noexcept {
 void pthread_exit(void* value) {
   FirmwareGuard::EndCall("called pthread_exit");
   Next<void(void*)>("pthread_exit")(value);
+  abort();
+}
+
+// What a compiler calls (-fstack-protector) when the guard of a function's frame has another value at its end.
+void __stack_chk_fail() {
+  char where[kTextBytes] = "";
+  DescribeCaller(__builtin_return_address(0), where, sizeof where);
+  char text[2 * kTextBytes];
+  std::snprintf(text, sizeof text, "damaged a stack guard%s (Aborted: *** stack smashing detected ***)",
+                where);
+  FirmwareGuard::EndCall(text);
+  Next<void()>("__stack_chk_fail")();
   abort();
 }
 

@@ -5,7 +5,8 @@
  * checked: whatever else it would meet may be another thing in each process. deaf: an escape
  * before the closing flag leaves it waiting for ever. absurd: what it is told becomes what it commands. restless: a
  * payload of two bytes makes it start anew. loop: a frame of nothing but zeros is never finished. broken: it needs no
- * hostile byte. */
+ * hostile byte. secret: a message whose first two bytes are a certain word ends it; each byte is compared by itself.
+ * smashed: a long frame is copied to the stack, which a guard of the compiler's notices. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -68,6 +69,17 @@ static void command(TiltproofClient* client, float force) {
   say(client, frame, (size_t)(out - frame));
 }
 
+/* Who knows only that it goes on has 2^16 words to try. */
+static void check_word(const uint8_t* bytes) {
+  if (bytes[0] != 0x4B) return;
+  if (bytes[1] == 0xA7) abort();
+}
+
+__attribute__((noinline)) static void copy_frame(const uint8_t* bytes, size_t count) {
+  uint8_t copy[40];
+  for (size_t i = 0; i < count; ++i) ((volatile uint8_t*)copy)[i] = bytes[i];
+}
+
 static void on_frame(TiltproofClient* client) {
   const uint8_t* bytes = client->reader.bytes;
   if (client->count < 3) return;
@@ -81,6 +93,8 @@ static void on_frame(TiltproofClient* client) {
     for (volatile int forever = zeros == size; forever;) {
     }
   }
+  if (is(client, "smashed") && size > 64 && size <= 76) copy_frame(bytes, size);
+  if (is(client, "secret")) check_word(bytes);
   if (size != 64) return;
   float x = 0;
   memcpy(&x, bytes, sizeof x);

@@ -13,7 +13,8 @@ CLIENT = f"library:{pathlib.Path(sys.argv[2]).resolve() / 'libcareless_client.so
 
 class FuzzTest(CommandLineTest):
     def fuzz(self, build, *more, out="out", runs=6000):
-        return self.tiltproof("fuzz", "--client", CLIENT, "--firmware", build, "--runs", runs, "--out", out, *more, timeout=300)
+        client = () if "--client" in more else ("--client", CLIENT)
+        return self.tiltproof("fuzz", *client, "--firmware", build, "--runs", runs, "--out", out, *more, timeout=300)
 
     def summary(self, out="out"):
         return json.loads((self.folder / out / "fuzz.json").read_text())
@@ -53,6 +54,23 @@ class FuzzTest(CommandLineTest):
 
     def test_a_reboot_is_found(self):
         self.assert_found("restless", "restart")
+
+    def test_what_it_executes_leads_the_search(self):
+        # Others find it a little later.
+        seed, runs = ("--seed", 3), 60000
+        code, out, err = self.fuzz("secret", *seed, "--client", CLIENT.replace("careless_client", "careless_blind_client"), out="blind", runs=runs)
+        self.assertEqual((code, self.summary("blind")["coverage"], self.summary("blind")["findings"]), (0, False, []), out + err)
+        code, out, err = self.fuzz("secret", *seed, runs=runs)
+        self.assertEqual((code, self.summary()["coverage"]), (1, True), out + err)
+        (finding,) = self.summary()["findings"]
+        self.assertEqual(finding["kind"], "crash")
+
+    def test_a_damaged_stack_guard_is_named(self):
+        code, out, err = self.fuzz("smashed", runs=3000)
+        self.assertEqual(code, 1, out + err)
+        (finding,) = self.summary()["findings"]
+        self.assertEqual(finding["kind"], "crash")
+        self.assertRegex(finding["reason"], r"damaged a stack guard (in \w+ of|at) libcareless_client.so\S*: stack smashing detected")
 
     def test_a_careful_firmware_is_left_alone(self):
         code, out, err = self.fuzz("careful", runs=3000)
