@@ -12,7 +12,6 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <sstream>
 #include <string>
 #include <system_error>
@@ -25,9 +24,12 @@ namespace {
 // Deeper, and longer, is no family of ours.
 constexpr int kGenerationsMax = 8;
 
+// Empty when it cannot be read, as when the process has ended meanwhile.
 std::string ReadAll(const std::string& file) {
   std::ifstream stream(file);
-  return {std::istreambuf_iterator<char>(stream), {}};
+  std::string text;
+  std::getline(stream, text, '\0');
+  return text;
 }
 
 struct Stat {

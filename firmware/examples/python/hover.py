@@ -19,6 +19,8 @@ PERIOD_S = 0.012
 START, READ, ACTUATORS = 1.0, 2.0, 3.0
 # f_r, f_l in N, tau_r, tau_l in N m: what `tiltproof design-lqr tiltrotor` prints as hover.
 HOVER_INPUT = (10.27118, 10.28035, 0.0, 0.0)
+INPUT_RANGES = ((0.0, 30.0), (0.0, 30.0), (-2.0, 2.0), (-2.0, 2.0))  # what the actuators have
+PLAUSIBLE_MAX = 1e4
 STATE_COUNT = 20  # 16 sensors, then the integrals of the errors of x, y, z and yaw
 REGULATED = (0, 1, 2, 5)  # x, y, z and yaw among the sensors
 
@@ -64,7 +66,10 @@ class Port:
             body = body.replace(b"\x7d\x5e", b"\x7e").replace(b"\x7d\x5d", b"\x7d")
             payload, check = body[:-2], body[-2:]
             if len(payload) == 4 * count and fletcher16(payload) == check:
-                yield struct.unpack(f"<{count}f", payload)
+                numbers = struct.unpack(f"<{count}f", payload)
+                # The check cannot tell a byte 00 from FF: what no vehicle does is damaged. NaN fails, too.
+                if all(abs(number) <= PLAUSIBLE_MAX for number in numbers):
+                    yield numbers
 
 
 class Controller:
@@ -84,7 +89,8 @@ class Controller:
             self.integrals[i] += PERIOD_S / 2 * (errors[place] + self.last_errors[i])
             self.last_errors[i] = errors[place]
         state = errors + self.integrals
-        return [u - sum(k * s for k, s in zip(row, state)) for u, row in zip(HOVER_INPUT, self.gain)]
+        wanted = [u - sum(k * s for k, s in zip(row, state)) for u, row in zip(HOVER_INPUT, self.gain)]
+        return [min(max(u, low), high) for u, (low, high) in zip(wanted, INPUT_RANGES)]
 
 
 def fly(port, reference_port, controller):

@@ -196,5 +196,21 @@ TEST(AwaitInput, WaitsForAStoppedProcess) {
   close(timer);
 }
 
+// A process that ends between the opening and the reading of its files is none that is stopped.
+TEST(OwnTimeTest, AProcessMayEndWhileItIsLookedAt) {
+  for (int i = 0; i < 300; ++i) {
+    const pid_t child = fork();
+    ASSERT_NE(child, -1);
+    if (child == 0) _exit(0);
+    std::atomic<bool> reaped = false;
+    std::thread reaper([&] {
+      waitpid(child, nullptr, 0);
+      reaped = true;
+    });
+    while (!reaped) ASSERT_NO_THROW(IsStopped(child));
+    reaper.join();
+  }
+}
+
 }  // namespace
 }  // namespace tiltproof::harness
