@@ -29,6 +29,8 @@ constexpr int kLateSamples = 250;
 // Of a swing, a deviation is more than so much.
 constexpr float kSwingFactor = 1.7F;
 constexpr float kSwingGain = 0.02F;
+// A rotor's thrust and command are compared with their means over some 3 s.
+constexpr float kThrustGain = 4e-3F;
 
 // Servos.
 constexpr float kHingeNoise_rad_s = 0.045F;
@@ -95,8 +97,8 @@ bool ActuatorMonitor::Swing::IsExceededBy(float value) const {
 void ActuatorMonitor::ThrustMean::Update(float now_command_n, float now_delivered_n) {
   // What was before is taken for healthy.
   if (command_n == 0) command_n = delivered_n = now_command_n;
-  command_n += kSwingGain * (now_command_n - command_n);
-  delivered_n += kSwingGain * (now_delivered_n - delivered_n);
+  command_n += kThrustGain * (now_command_n - command_n);
+  delivered_n += kThrustGain * (now_delivered_n - delivered_n);
 }
 
 void ActuatorMonitor::Update(MotionTimeline& timeline, ModelStep step, const MotionState& sample,

@@ -54,7 +54,7 @@ class ActuatorMonitor {
     void Update(float value);
     bool IsExceededBy(float value) const;
   };
-  // Of a rotor's thrust, over some 0.6 s.
+  // Of a rotor's thrust, over some 3 s: longer than a command takes to drift away from a thrust that stays.
   struct ThrustMean {
     float command_n = 0, delivered_n = 0;  // 0 before the first
     void Update(float now_command_n, float now_delivered_n);
