@@ -28,7 +28,9 @@ install(DIRECTORY ${TILTPROOF_MANUAL_DIR}/ DESTINATION share/man/man1 FILES_MATC
 # Debian's policy: pages are compressed, without the time of day.
 install(CODE [[
   file(GLOB pages "$ENV{DESTDIR}${CMAKE_INSTALL_PREFIX}/share/man/man1/tiltproof*.1")
-  execute_process(COMMAND gzip -9nf ${pages} COMMAND_ERROR_IS_FATAL ANY)
+  if(pages)
+    execute_process(COMMAND gzip -9nf ${pages} COMMAND_ERROR_IS_FATAL ANY)
+  endif()
 ]])
 install(FILES ${TILTPROOF_MANUAL_DIR}/tiltproof.bash DESTINATION share/bash-completion/completions RENAME tiltproof)
 # Where Debian's zsh looks.
@@ -64,7 +66,11 @@ set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME tiltproof)
 # Who makes the package: as Debian's tools ask it.
 if(DEFINED ENV{DEBEMAIL})
-  set(CPACK_PACKAGE_CONTACT "$ENV{DEBFULLNAME} <$ENV{DEBEMAIL}>")
+  set(packager "$ENV{DEBFULLNAME}")
+  if(packager STREQUAL "")
+    set(packager "$ENV{DEBEMAIL}")
+  endif()
+  set(CPACK_PACKAGE_CONTACT "${packager} <$ENV{DEBEMAIL}>")
 else()
   set(CPACK_PACKAGE_CONTACT "the tiltproof authors <tiltproof@invalid>")
 endif()

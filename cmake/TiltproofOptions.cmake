@@ -41,7 +41,7 @@ if(TILTPROOF_SANITIZE)
 endif()
 
 if(TILTPROOF_FUZZ AND TILTPROOF_SANITIZE)
-  # Everything tells the engine what it has reached. Whoever brings the sanitizer's flags brings this one, too.
+  # Everything tells the engine what it has reached. Builds with a sanitizer have this flag, too.
   add_compile_options(-fsanitize=fuzzer-no-link)
 endif()
 

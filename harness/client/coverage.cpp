@@ -44,7 +44,7 @@ std::vector<CountedLibrary>& libraries = *new std::vector<CountedLibrary>;
 CountedLibrary* loading = nullptr;
 std::size_t active = 0;  // of `libraries`
 
-// Of the active one, by place; null while nothing is counted. Pages that nobody touches cost nothing.
+// Of the active one, by place; null while nothing is counted. Memory that is never touched costs nothing.
 std::uint8_t* place_counts = nullptr;
 std::size_t place_counts_size = 0;
 const TracedCode* codes_begin = nullptr;

@@ -2,7 +2,7 @@
 //
 // Each struct here is one topic of tiltproof.idl, under the same names, and one row of topics.h; bus.h sends and
 // receives them.
-// Nothing here knows DDS, so whoever only builds or reads a message needs no more than this header.
+// Nothing here knows DDS, so code that only builds or reads a message needs no more than this header.
 //
 //   publisher.Write({.run_id = run, .node_id = "plant", .sequence = ++last, .time_ns = t, .kind = "started"});
 //

@@ -1,5 +1,5 @@
 // The process that serves the live page: beside the run or the monitor, so that nothing that a viewer does can hold it
-// up. Whoever flies only writes into a ring in memory and into a socket, and waits for neither.
+// up. The flight only writes into a ring in memory and into a socket, and waits for neither.
 //
 //   LiveProcess live(ListenOnLoopback(8470), options, plans);  // before any other thread or process
 //   job.watch = [&live, i] { return live.Watch(i); };         // in the worker: rows of a lockstep flight

@@ -122,7 +122,7 @@ EmulatedBoard::EmulatedBoard(NodeServices& services, const Scenario& scenario, c
 }
 
 EmulatedBoard::~EmulatedBoard() {
-  // Whoever reads there has to end.
+  // The thread that reads there has to end.
   shutdown(debugger_port_.get(), SHUT_RDWR);
   if (examiner_.joinable()) examiner_.join();
 }

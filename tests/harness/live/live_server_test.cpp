@@ -1,4 +1,4 @@
-// A viewer who does not read is dropped, and nobody waits for him.
+// A viewer that does not read is dropped, and the flight does not wait for it.
 #include "harness/live/live_server.h"
 
 #include <gtest/gtest.h>
@@ -52,7 +52,7 @@ TEST_F(LiveServerTest, OneWhoDoesNotReadIsDropped) {
     loop_.restart();
   }
   EXPECT_EQ(server_.viewers_count(), 0U);
-  EXPECT_TRUE(server_.is_told()) << "nobody waits for him";
+  EXPECT_TRUE(server_.is_told()) << "the flight does not wait for it";
 }
 
 class PatientServerTest : public LiveServerTest {

@@ -180,6 +180,8 @@ class ClientTest(unittest.TestCase):
             if code != 4:
                 break
         self.assert_flown(flight, code, 0)
+        self.assertIn("listening to the board for 3 s: switch it on, or reset it, now", flight.text())
+        self.assertNotIn("reset it by hand", flight.text())  # there is one flight
         self.report(flight)
         self.check(flight)
         return flight
@@ -225,6 +227,17 @@ class ClientTest(unittest.TestCase):
         self.assertNotIn("switch it on", flight.text())
         results = flight.run_results()
         self.assertEqual([result["end_reason"] for result in results], ["completed", "completed"], flight.text())
+
+    def test_board_that_nothing_resets_between_flights(self):
+        devices, _, _, _ = self.cables(1)
+        folder = self.folder / "by-hand"
+        folder.mkdir()
+        flight = Flight(PROGRAM, folder, write_hover(folder, duration_s=1), "--repeat", "2", "--client", f"serial:{devices[0]}")
+        self.addCleanup(flight.end)
+        flight.wait(60)
+        self.assertIn(f"nothing resets the board of --client serial:{devices[0]} between flights: at the begin of each of the 2 flights, reset it by hand",
+                      " ".join(flight.text().split()))
+        self.assertEqual(flight.text().count("listening to the board"), 2, flight.text())
 
     def test_board_that_cannot_be_reset(self):
         devices, _, _, _ = self.cables(1)
