@@ -1,15 +1,17 @@
 // Messages of both dialects: the firmware's decoders (firmware/messages.h) and the harness's tables
 // (link/protocol.h), which share no code, agree on every payload; what is accepted is the encoding of what was
-// understood.
+// understood. A value that an enumeration does not have is an unknown one to all of them.
 //
-// Input: the payload.
+// Input: the payload. Its first byte is also taken for a value of each enumeration.
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <string_view>
 
 #include "firmware/messages.h"
+#include "link/frame.h"
 #include "link/protocol.h"
 #include "tests/fuzz/fuzz_target.h"
 
@@ -72,10 +74,47 @@ MessageStatus CheckRequest(link::Dialect dialect, Payload payload) {
   return status;
 }
 
+// Enumerations come out of records and over the C interface of firmware: any byte has a name, its own or "unknown".
+template <class Value>
+void CheckName(std::uint8_t byte, Value last) {
+  const std::string_view name = Name(static_cast<Value>(byte));
+  if (static_cast<Value>(byte) > last) {
+    Require(name == "unknown", "what an enumeration does not have is unknown");
+    return;
+  }
+  Require(!name.empty(), "a value has a name");
+  for (unsigned other = 0; other < byte; ++other)
+    Require(Name(static_cast<Value>(other)) != name, "a name of its own");
+}
+
+// No protocol has that name, and there is nothing to say or to understand in it.
+void CheckUnknownDialect(link::Dialect dialect, Payload payload) {
+  Require(link::FindProtocol(Name(dialect)) == nullptr, "an unknown dialect has no protocol");
+  Require(link::EncodeStart(dialect, {}).span().empty() && link::EncodeReadSensors(dialect).span().empty() &&
+              link::EncodeActuators(dialect, {}).span().empty(),
+          "an unknown dialect says nothing");
+  link::ClientMessage message;
+  Require(link::DecodeClientMessage(dialect, payload, message) ==
+              (payload.size() < link::kIdBytes ? MessageStatus::kBadLength : MessageStatus::kUnknownId),
+          "an unknown dialect has no message");
+  Require(link::ClassifyClientPayload(dialect, payload) == link::MessageKind::kUnknown,
+          "an unknown dialect has no kind");
+}
+
+void CheckEnumerations(std::uint8_t byte, Payload payload) {
+  CheckName(byte, link::FrameStatus::kNoOpeningFlag);
+  CheckName(byte, link::MessageKind::kUnknown);
+  CheckName(byte, MessageStatus::kOutOfRange);
+  CheckName(byte, link::Dialect::kProvant);
+  if (const auto dialect = static_cast<link::Dialect>(byte); dialect > link::Dialect::kProvant)
+    CheckUnknownDialect(dialect, payload);
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const Payload payload(data, size);
+  if (size > 0) CheckEnumerations(data[0], payload);
   CheckSensors(payload);
   tiltproof::Sensors sensors;
   tiltproof::Reference reference;
