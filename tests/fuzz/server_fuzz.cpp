@@ -8,6 +8,8 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <deque>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -34,7 +36,8 @@ namespace link = tiltproof::link;
 
 constexpr TimeNs kFlightMax_ns = 4 * tiltproof::kNsPerS;
 
-// Each dialect, several clients, and faults on all that the server owns.
+// Each dialect, each frame of angular rates, several clients, and faults on all that the server owns. The place in
+// this list is what the script chooses.
 constexpr std::array kScenarios = {
     "",
     "link: {protocol: provant}\nangular_rates: body\n",
@@ -53,27 +56,66 @@ clients: [{id: a}, {id: b}]
 faults:
   - {id: again, type: frame.duplicate, client: b, target: both, parameters: {probability: 0.5}}
   - {id: heavy, type: plant.mass, start_s: 0.05, parameters: {factor: 1.2}}
+)",
+    R"(angular_rates: world
+faults:
+  - {id: more, type: wire.byte_insert, target: both, parameters: {probability: 0.05}}
+  - {id: less, type: wire.byte_drop, target: to_client, start_s: 0.2, parameters: {probability: 0.05}}
+)",
+    R"(faults:
+  - {id: cold, type: sensor.bias, parameters: {signal: z_m, offset: 0.1}}
+  - {id: by-hand, type: frame.drop, target: both, parameters: {probability: 0.2}}
+)",
+    R"(faults:
+  - {id: bits, type: wire.bit_error, target: both, parameters: {ber: 0.001}}
+  - {id: by-hand, type: actuator.offset, parameters: {actuator: f_r, value: 1}}
 )"};
 
-Scenario ScenarioOf(const char* keys) {
+// The last faults of these come while the vehicle flies, as from the live page.
+constexpr std::array<std::size_t, 2> kByHand = {7, 8};
+
+// Of one frame it makes more than a line holds. That takes long: one choice of 256.
+constexpr std::uint8_t kFlood = 255;
+std::string FloodKeys() {
+  std::string keys =
+      "faults:\n"
+      "  - {id: longer, type: frame.long, target: to_plant, start_s: 0.1, parameters: {bytes_count: 1000}}\n"
+      "  - {id: held, type: frame.delay, target: to_plant, parameters: {mean_ms: 1}}\n";
+  for (int i = 0; i < 14; ++i)
+    keys += "  - {id: twice-" + std::to_string(i) +
+            ", type: frame.duplicate, target: to_plant, start_s: 0.1, parameters: {probability: 0.99}}\n";
+  return keys;
+}
+
+Scenario ScenarioOf(const std::string& keys) {
   const std::string text = "name: fuzz\nduration_s: 4\nreference: {type: hover, at_m: [0, 0, 1]}\nmodel: " +
                            tiltproof::testing::TiltrotorFile().string() + "\n" + keys;
   return ParseScenario(text, tiltproof::testing::ScratchFolder() / "fuzz.yaml", {});
 }
 
-const Scenario& ScenarioOf(const FrameScript& script) {
-  static const std::vector<Scenario> scenarios = [] {
-    std::vector<Scenario> all;
-    for (const char* keys : kScenarios) all.push_back(ScenarioOf(keys));
+struct Case {
+  Scenario scenario;
+  std::optional<faults::FaultSpec> by_hand;
+};
+
+const Case& CaseOf(const FrameScript& script) {
+  static const std::vector<Case> cases = [] {
+    std::vector<Case> all;
+    for (const char* keys : kScenarios) all.push_back({ScenarioOf(keys), {}});
+    for (const std::size_t i : kByHand) {
+      all[i].by_hand = all[i].scenario.faults.back();
+      all[i].scenario.faults.pop_back();
+    }
     return all;
   }();
-  return scenarios[script.choice % scenarios.size()];
+  static const Case flood = {ScenarioOf(FloodKeys()), {}};
+  return script.choice == kFlood ? flood : cases[script.choice % cases.size()];
 }
 
 // What a client says: mostly in the order of a flight.
 Bytes PayloadOfClient(const FrameScript& script, std::uint8_t, Draw& draw) {
-  const auto dialect =
-      ScenarioOf(script).link.protocol->name == "paper" ? link::Dialect::kPaper : link::Dialect::kProvant;
+  const auto dialect = CaseOf(script).scenario.link.protocol->name == "paper" ? link::Dialect::kPaper
+                                                                              : link::Dialect::kProvant;
   const tiltproof::Actuators actuators = {.f_r_n = 10.3F + 2 * draw.Unit(),
                                           .f_l_n = 10.3F + 2 * draw.Unit(),
                                           .tau_r_nm = 0.1F * draw.Unit(),
@@ -88,27 +130,30 @@ Bytes PayloadOfClient(const FrameScript& script, std::uint8_t, Draw& draw) {
 // The server, and the lines of its clients, as the lockstep conductor plays them.
 class Server {
  public:
-  explicit Server(const Scenario& scenario)
-      : plant_(scenario, tiltproof::testing::Tiltrotor()), lines_(scenario) {}
+  explicit Server(const Case& flown)
+      : by_hand_(flown.by_hand ? &*flown.by_hand : nullptr),
+        plant_(flown.scenario, tiltproof::testing::Tiltrotor(), by_hand_ != nullptr) {
+    for (std::size_t client = 0; client < flown.scenario.client_count(); ++client)
+      lines_.emplace_back(flown.scenario, client, true, by_hand_ != nullptr);
+  }
 
   void Transmit(std::size_t client, BootTime now, std::span<const std::uint8_t> bytes) {
-    lines_.all()[client % lines_.all().size()]->Transmit(link::Direction::kToPlant, now, bytes);
+    if (plant_.state().started()) AddByHand();
+    lines_[client % lines_.size()].Transmit(link::Direction::kToPlant, now, bytes);
   }
 
   // Serves all that arrives until then. False when the flight is over.
   bool ServeUntil(BootTime end) {
     for (;;) {
       BootTime next = BootTime::Never();
-      for (Line* line : lines_.all()) {
-        if (line->overfull()) return false;
-        next = std::min(next, line->NextArrival(link::Direction::kToPlant));
-      }
+      if (overfull()) return false;
+      for (const LocalLine& line : lines_) next = std::min(next, line.NextArrival(link::Direction::kToPlant));
       if (next > end) break;
       now_ns_ = std::max(now_ns_, next);
       plant_.Advance(now_ns_, Counts());
       SpreadNews();
       if (plant_.state().over) return false;
-      for (std::size_t client = 0; client < lines_.all().size(); ++client) Serve(client);
+      for (std::size_t client = 0; client < lines_.size(); ++client) Serve(client);
     }
     now_ns_ = std::max(now_ns_, end);
     plant_.Advance(now_ns_, Counts());
@@ -131,14 +176,28 @@ class Server {
     Require(log.rows.size() % log.column_count == 0, "rows are whole");
     for (std::size_t at = log.column_count; at < log.rows.size(); at += log.column_count)
       Require(log.rows[at] > log.rows[at - log.column_count], "rows are in order of time");
-    Require(log.clients.size() == lines_.all().size(), "each client has its record");
+    Require(log.clients.size() == lines_.size(), "each client has its record");
     Require(state.over == !state.end_text.empty(), "an end has a reason");
-    for (Line* line : lines_.all()) line->TakeLog(now_ns_);
+    for (LocalLine& line : lines_) {
+      Require(!line.overfull() || !line.overfull()->text.empty(), "a line that is full says why");
+      line.TakeLog(now_ns_);
+    }
+  }
+
+  bool overfull() const {
+    return std::ranges::any_of(lines_, [](const LocalLine& line) { return line.overfull().has_value(); });
   }
 
  private:
+  void AddByHand() {
+    if (by_hand_ == nullptr) return;
+    plant_.Add(*by_hand_);
+    for (LocalLine& line : lines_) line.Add(*by_hand_);
+    by_hand_ = nullptr;
+  }
+
   void Serve(std::size_t client) {
-    Line& line = *lines_.all()[client];
+    LocalLine& line = lines_[client];
     while (const auto piece = line.TakePiece(link::Direction::kToPlant, now_ns_)) {
       Require(piece->arrival_ns <= now_ns_, "nothing is heard before it arrives");
       if (piece->message == nullptr) continue;
@@ -154,7 +213,7 @@ class Server {
       }
       SpreadNews();
       if (!was_started && plant_.state().started())
-        for (Line* other : lines_.all()) other->SetOrigin(plant_.state().origin);
+        for (LocalLine& other : lines_) other.SetOrigin(plant_.state().origin);
     }
     while (line.TakePiece(link::Direction::kToClient, now_ns_)) {
     }
@@ -169,23 +228,24 @@ class Server {
 
   void SpreadNews() {
     const auto of_plant = plant_.TakeNews();
-    for (Line* line : lines_.all()) {
-      const auto of_line = line->TakeNews();
+    for (LocalLine& line : lines_) {
+      const auto of_line = line.TakeNews();
       plant_.Hear(of_line);
-      for (Line* other : lines_.all())
-        if (other != line) other->Hear(of_line);
-      line->Hear(of_plant);
+      for (LocalLine& other : lines_)
+        if (&other != &line) other.Hear(of_line);
+      line.Hear(of_plant);
     }
   }
 
   const AllCounts& Counts() {
     counts_.clear();
-    for (const Line* line : lines_.all()) counts_.push_back(line->counts());
+    for (const LocalLine& line : lines_) counts_.push_back(line.counts());
     return counts_;
   }
 
+  const faults::FaultSpec* by_hand_;  // until it was added
   LocalPlantServer plant_;
-  LocalLines lines_;
+  std::deque<LocalLine> lines_;
   AllCounts counts_;
   BootTime now_ns_;
   std::vector<Bytes> replies_;
@@ -200,7 +260,7 @@ extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t s
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const FrameScript script = tiltproof::testing::ReadScript({data, size});
-  Server server(ScenarioOf(script));
+  Server server(CaseOf(script));
   BootTime now;
   bool goes_on = true;
   for (const FrameScript::Step& step : script.steps) {
