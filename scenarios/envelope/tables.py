@@ -128,7 +128,7 @@ def short_table(envelopes, layers):
 def page(envelopes, order, layers, why):
     first = envelopes[0]
     old, new = first.clients
-    seeds = " and ".join(str(envelope.data["repeats"]) for envelope in envelopes)
+    seeds = " and ".join(dict.fromkeys(str(envelope.data["repeats"]) for envelope in envelopes))
     exact = " and ".join(f'{100 * envelope.data["tolerance"]:g} %' for envelope in envelopes)
     how = textwrap.fill(
         f"How severe each fault may be before `{old}` and `{new}` leave the path by 1 m or tilt by more than 0.6 rad, on the paper's spiral of 40 s "
