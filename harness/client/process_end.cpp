@@ -66,7 +66,8 @@ std::vector<char*> Collect(const char* first, va_list& rest) {
 // Of those that do not return, <stdlib.h> and others say so.
 extern "C" {
 
-// NOLINTBEGIN(bugprone-reserved-identifier, cert-dcl37-c, cert-dcl50-cpp, cert-dcl51-cpp): the C library's names
+// The C library's names.
+// NOLINTBEGIN(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl50-cpp,cert-dcl51-cpp,readability-identifier-naming)
 
 void exit(int code) noexcept {
   EndCallWithCode("exit", code);
@@ -141,6 +142,6 @@ int execle(const char* path, const char* first, ...) noexcept {
   return execve(path, arguments.data(), environment);
 }
 
-// NOLINTEND(bugprone-reserved-identifier, cert-dcl37-c, cert-dcl50-cpp, cert-dcl51-cpp)
+// NOLINTEND(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl50-cpp,cert-dcl51-cpp,readability-identifier-naming)
 
 }  // extern "C"

@@ -36,7 +36,7 @@ HERE = pathlib.Path(__file__).resolve().parent
 RELEASE = ROOT / "build/release"
 WORK = ROOT / "build/mutants"
 COPY = WORK / "source"
-SOURCES = ("CMakeLists.txt", "cmake", "link", "faults", "firmware", "plant", "harness")  # the copy's
+SOURCES = ("CMakeLists.txt", "cmake", "link", "faults", "firmware", "plant", "harness", "tests/planted")  # the copy's
 JOBS = str(os.cpu_count() or 2)
 GROUPS = ("firmware", "harness")
 LIBRARY_FLAGS = "-D_GLIBCXX_ASSERTIONS -fsanitize=undefined -fsanitize-undefined-trap-on-error"
