@@ -27,6 +27,11 @@ bool IsReady(const std::future<FlightResult>& result) {
   return result.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
 }
 
+// How many inputs. A worker that was taken away by its flight could not say it.
+std::uint64_t SaidIn(const FlightResult& result) {
+  return static_cast<std::uint64_t>(result.score.faults.empty() ? 0 : result.score.faults[0].activations);
+}
+
 // Nothing: what was to be flown was dropped.
 std::optional<FlightResult> ResultOf(std::future<FlightResult>& result) {
   try {
@@ -186,12 +191,9 @@ void FuzzCampaign::Take(Pending ended, const FlightResult& result) {
     trouble_ = result.score.reason;
     return;
   }
-  // A worker that was taken away by its flight could not say how many.
-  const auto said =
-      static_cast<std::uint64_t>(result.score.faults.empty() ? 0 : result.score.faults[0].activations);
-  runs_count_ += said;
+  runs_count_ += SaidIn(result);
   ++flights_count_;
-  const std::optional<BrokenFlight> broken = BrokenBy(result);
+  std::optional<BrokenFlight> broken = BrokenBy(result);
   std::vector<std::uint32_t> new_places;
   const bool is_new = HasNewFeature(result, &new_places);
   if (ended.narrowing) {
@@ -202,19 +204,37 @@ void FuzzCampaign::Take(Pending ended, const FlightResult& result) {
       narrowings_.push_back({.whole = sequence, .places = std::move(new_places)});
   }
   if (!broken) return;
-  if (broken->kind == "hang") ++hangs_count_;
-  const auto known = std::find_if(findings_.begin(), findings_.end(), [&](const FuzzFinding& finding) {
-    return finding.broken.key == broken->key;
-  });
-  if (known != findings_.end()) {
+  const FlightResult* shown_by = &result;
+  FlightResult longer;
+  if (broken->kind == "silence" && !Known(*broken)) {
+    // Which a loop is, too, until the flight is long enough.
+    sequence.tail_periods = kHangTailPeriods;
+    const auto hang = Fly(sequence, &longer);
+    if (hang && hang->kind == "hang") {
+      broken = hang;
+      shown_by = &longer;
+    }
+  }
+  const bool hangs = broken->kind == "hang";
+  if (hangs) ++hangs_count_;
+  sequence.tail_periods = hangs ? kHangTailPeriods : kTailPeriods;
+  if (FuzzFinding* known = Known(*broken)) {
     ++known->flights_count;
     return;
   }
   // What came after it was not said.
-  if (said > 0 && result.end_reason != EndReason::kCompleted)
+  const std::uint64_t said = SaidIn(*shown_by);
+  if (said > 0 && shown_by->end_reason != EndReason::kCompleted)
     sequence.inputs.resize(InputsUntil(sequence, said));
   findings_.push_back({.broken = *broken, .sequence = std::move(sequence), .at_runs = runs_count_});
   options_.on_finding(findings_.back());
+}
+
+FuzzFinding* FuzzCampaign::Known(const BrokenFlight& broken) {
+  const auto known =
+      std::ranges::find(findings_, broken.key,
+                        [](const FuzzFinding& finding) -> const std::string& { return finding.broken.key; });
+  return known == findings_.end() ? nullptr : &*known;
 }
 
 bool FuzzCampaign::HasNewFeature(const FlightResult& result, std::vector<std::uint32_t>* new_places) {

@@ -98,6 +98,8 @@ class FuzzCampaign {
   FlightJob JobOf(const HostileSequence& sequence, std::string name) const;
   void Take(Pending ended, const FlightResult& result);
   void Keep(const HostileSequence& sequence);
+  // The finding that is broken in the same way.
+  FuzzFinding* Known(const BrokenFlight& broken);
   bool HasNewFeature(const FlightResult& result, std::vector<std::uint32_t>* new_places = nullptr);
   void Narrow(Narrowing narrowing, const FlightResult& result);
   std::optional<BrokenFlight> Fly(const HostileSequence& sequence, FlightResult* result = nullptr);

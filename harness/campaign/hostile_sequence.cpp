@@ -48,7 +48,7 @@ Scenario FlightOf(const Scenario& base, const HostileSequence& sequence) {
   // A firmware that has heard nothing may say `start` again: that is no restart, so the first reply is left alone.
   const TimeNs said_from_ns = period_ns;
   const TimeNs said_until_ns = said_from_ns + static_cast<TimeNs>(sequence.inputs.size()) * period_ns;
-  scenario.duration_ns = said_until_ns + kTailPeriods * period_ns;
+  scenario.duration_ns = said_until_ns + sequence.tail_periods * period_ns;
   if (sequence.inputs.empty()) return scenario;
   faults::FaultSpec fault;
   fault.id = kHostileFault;

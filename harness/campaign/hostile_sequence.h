@@ -17,16 +17,20 @@
 
 namespace tiltproof::harness {
 
+inline constexpr std::size_t kInputsMax = 256;
+// Control periods after the last input, in which the firmware must come to itself; in the second half it is heard.
+inline constexpr int kTailPeriods = 50;
+// As many that an emulated processor in an endless loop, which neither sleeps nor sends for 2 s, is known to hang.
+inline constexpr int kHangTailPeriods = 250;
+
 struct HostileSequence {
   faults::Target target = faults::Target::kToClient;  // or kReference
   std::string place = "instead";                      // of the frame of that period; "before" or "after" it
   std::vector<LineBytes> inputs;                      // empty: the frame is left as it is
+  int tail_periods = kTailPeriods;
   friend bool operator==(const HostileSequence&, const HostileSequence&) = default;
 };
 
-inline constexpr std::size_t kInputsMax = 256;
-// Control periods after the last input, in which the firmware must come to itself; in the second half it is heard.
-inline constexpr int kTailPeriods = 50;
 // Of the one fault.
 inline constexpr std::string_view kHostileFault = "hostile";
 

@@ -61,10 +61,10 @@ class Flights(unittest.TestCase):
     def test_witnesses_break_images(self):
         self.tell_apart(lambda name: f"qemu:{IMAGES[0]}/planted_{name}.elf")
 
-    def fuzz(self, name, runs):
+    def fuzz(self, name, runs, client=f"library:{LIBRARIES}/planted_{{}}_coverage.so"):
         out = self.root / name
-        done = subprocess.run([TILTPROOF, "fuzz", "--client", f"library:{LIBRARIES}/planted_{name}_coverage.so", "--runs", str(runs),
-                               "--seed", "1", "--out", out, "--no-progress"], capture_output=True, text=True, timeout=300)
+        done = subprocess.run([TILTPROOF, "fuzz", "--client", client.format(name), "--runs", str(runs), "--seed", "1", "--out", out,
+                               "--no-progress"], capture_output=True, text=True, timeout=300)
         return done, json.loads((out / "fuzz.json").read_text())
 
     def test_fuzz_finds_them(self):
@@ -77,6 +77,14 @@ class Flights(unittest.TestCase):
                 scenario = pathlib.Path(found[0]["file"])
                 self.assertEqual(list(self.verdicts(f"library:{LIBRARIES}/planted_{name}.so", scenario).values()), ["fail"])
                 self.assertEqual(list(self.verdicts(f"library:{LIBRARIES}/planted_correct.so", scenario).values()), ["pass"])
+
+    @unittest.skipIf(not IMAGES, "no cross compiler, or no emulator")
+    def test_fuzz_sees_an_image_hang_again(self):
+        done, summary = self.fuzz("endless_loop", 1500, f"qemu:{IMAGES[0]}/planted_{{}}.elf")
+        self.assertEqual(done.returncode, 1, done.stdout + done.stderr)
+        hang = next(finding for finding in summary["findings"] if finding["kind"] == "hang")
+        self.assertTrue(hang["confirmed"], hang)
+        self.assertIn("it is in ", hang["reason"])
 
     def test_fuzz_finds_nothing_in_the_correct_client(self):
         done, summary = self.fuzz("correct", 10000)
