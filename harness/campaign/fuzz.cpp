@@ -18,7 +18,8 @@ constexpr std::size_t kAheadMax = 64;
 constexpr std::size_t kFlightsPerAhead = 4;
 // Each: flights to leave inputs out, and to leave bytes of them out.
 constexpr std::size_t kMinimiseFlightsMax = 150;
-// A flight that hangs takes seconds.
+// A flight in real time takes seconds, and one that hangs more of them.
+constexpr std::size_t kMinimiseRealtimeMax = 40;
 constexpr std::size_t kMinimiseHangsMax = 6;
 
 std::uint32_t PlaceOf(std::uint32_t feature) { return feature / kBucketsCount; }
@@ -268,7 +269,9 @@ void FuzzCampaign::Minimise(FuzzFinding& finding) {
     const auto broken = Fly(sequence);
     return broken && broken->key == key;
   };
-  const std::size_t flights_max = finding.broken.kind == "hang" ? kMinimiseHangsMax : kMinimiseFlightsMax;
+  const std::size_t flights_max = finding.broken.kind == "hang"    ? kMinimiseHangsMax
+                                  : options_.flight.means.realtime ? kMinimiseRealtimeMax
+                                                                   : kMinimiseFlightsMax;
   finding.sequence.inputs = harness::Minimise<LineBytes>(
       finding.sequence.inputs,
       [&](const std::vector<LineBytes>& inputs) {
