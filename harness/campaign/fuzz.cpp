@@ -33,6 +33,12 @@ std::uint64_t SaidIn(const FlightResult& result) {
   return static_cast<std::uint64_t>(result.score.faults.empty() ? 0 : result.score.faults[0].activations);
 }
 
+// An empty input leaves the reply as it is.
+std::size_t HostileCount(const HostileSequence& sequence) {
+  return static_cast<std::size_t>(
+      std::ranges::count_if(sequence.inputs, [](const LineBytes& input) { return !input.empty(); }));
+}
+
 // Nothing: what was to be flown was dropped.
 std::optional<FlightResult> ResultOf(std::future<FlightResult>& result) {
   try {
@@ -99,16 +105,14 @@ HostileSequence FuzzCampaign::Narrowing::Half() const {
   return half;
 }
 
-std::size_t FuzzCampaign::Planned(std::size_t count) {
-  if (options_.runs_count)
-    count = static_cast<std::size_t>(std::min<std::uint64_t>(count, *options_.runs_count - planned_count_));
-  planned_count_ += count;
-  return count;
+std::size_t FuzzCampaign::AtMostLeft(std::size_t count) const {
+  if (!options_.runs_count) return count;
+  return static_cast<std::size_t>(std::min<std::uint64_t>(count, *options_.runs_count - planned_count_));
 }
 
 HostileSequence FuzzCampaign::Next() {
   faults::Random random(faults::KeyOf(options_.seed, sequences_count_++));
-  const std::size_t count = Planned(random.Below(8) == 0 ? 1 + random.Below(kInputsMax) : kInputsMax);
+  const std::size_t count = AtMostLeft(random.Below(8) == 0 ? 1 + random.Below(kInputsMax) : kInputsMax);
   HostileSequence parent, other;
   if (!corpus_.empty()) {
     // New ones lead on, old ones may have been left too early; those that were made small say which input counts.
@@ -143,7 +147,8 @@ void FuzzCampaign::Run() {
         narrowings_.pop_front();
       }
       HostileSequence next = narrowing ? narrowing->Half() : Next();
-      if (narrowing) next.inputs.resize(Planned(next.inputs.size()));
+      next.inputs.resize(AtMostLeft(next.inputs.size()));
+      planned_count_ += std::max<std::size_t>(1, HostileCount(next));
       FlightJob job = JobOf(next, fmt::format("flight {}", submitted_count_++));
       pending.push_back({std::move(next), std::move(narrowing), engine.Submit(std::move(job))});
     }

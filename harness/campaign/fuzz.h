@@ -92,8 +92,8 @@ class FuzzCampaign {
   };
 
   std::size_t AheadMax() const;
-  // As many inputs of `count` as are left to be said, which are then planned.
-  std::size_t Planned(std::size_t count);
+  // As many inputs of `count` as are left to be planned.
+  std::size_t AtMostLeft(std::size_t count) const;
   HostileSequence Next();
   FlightJob JobOf(const HostileSequence& sequence, std::string name) const;
   void Take(Pending ended, const FlightResult& result);
