@@ -34,9 +34,9 @@ std::vector<Segment> Segments(const ElfFile& image) {
   elf_getphdrnum(image.elf(), &count);
   for (std::size_t i = 0; i < count; ++i) {
     GElf_Phdr header{};
-    if (gelf_getphdr(image.elf(), static_cast<int>(i), &header) == nullptr || header.p_type != PT_LOAD)
-      continue;
-    if (header.p_filesz == 0) continue;
+    // A damaged file may say that it has four milliards of them.
+    if (gelf_getphdr(image.elf(), static_cast<int>(i), &header) == nullptr) break;
+    if (header.p_type != PT_LOAD || header.p_filesz == 0) continue;
     segments.push_back({.file_begin = header.p_offset,
                         .file_bytes = header.p_filesz,
                         .address = static_cast<std::uint32_t>(header.p_paddr),
