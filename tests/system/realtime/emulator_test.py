@@ -269,10 +269,12 @@ class EmulatorTest(unittest.TestCase):
 
     def test_emulator_goes_with_its_node_and_its_run(self):
         flight = self.start("qemu", duration_s=10)
+        self.emulator(flight)
         os.kill(flight.wait_flying()["client"], signal.SIGKILL)
         self.assertEqual(flight.wait(20), 1, flight.text())
         self.check(flight)
         flight = self.start("qemu", duration_s=10)
+        self.emulator(flight)
         flight.wait_flying()
         flight.process.kill()
         flight.wait(5)

@@ -47,6 +47,12 @@ def wait_until(condition, timeout_s, what):
         time.sleep(0.005)
 
 
+def parent_of(pid):
+    """None: it has ended."""
+    words = read(f"/proc/{pid}/stat").rpartition(b")")[2].split()
+    return int(words[1]) if words else None
+
+
 def read(path):
     try:
         return pathlib.Path(path).read_bytes()
@@ -96,8 +102,12 @@ class Flight:
     def nodes(self):
         """{"plant": pid, ..., "worker": pid, "main": pid}"""
         nodes = {"main": self.process.pid}
-        for pid, command in self.processes().items():
+        processes = self.processes()
+        for pid, command in processes.items():
             if len(command) > 2 and command[1] == "node":
+                # What a node starts has the node's words until it executes its own.
+                if processes.get(parent_of(pid)) == command:
+                    continue
                 nodes[command[2].replace("-", "_")] = pid
             elif pid != self.process.pid and command[1:2] == ["run"]:
                 nodes["worker"] = pid
