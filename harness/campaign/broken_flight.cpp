@@ -90,4 +90,12 @@ std::optional<BrokenFlight> BrokenBy(const FlightResult& result) {
   return std::nullopt;
 }
 
+std::optional<BrokenFlight> BrokenOutsideCalls(const FlightResult& result, const link::Protocol& protocol) {
+  constexpr std::string_view kDamaged = "the firmware damaged memory, noticed outside its calls";
+  if (!result.died_outside_calls_s || *result.died_outside_calls_s < ToSeconds(HostileFrom(protocol)))
+    return std::nullopt;
+  return BrokenFlight{"crash", fmt::format("crash: {}", kDamaged),
+                      fmt::format("{}: {}", kDamaged, result.score.reason)};
+}
+
 }  // namespace tiltproof::harness

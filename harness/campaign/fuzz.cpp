@@ -21,6 +21,8 @@ constexpr std::size_t kMinimiseFlightsMax = 150;
 // A flight in real time takes seconds, and one that hangs more of them.
 constexpr std::size_t kMinimiseRealtimeMax = 40;
 constexpr std::size_t kMinimiseHangsMax = 6;
+// What damaged memory does may differ from process to process.
+constexpr int kSeenAgainFlights = 3;
 
 std::uint32_t PlaceOf(std::uint32_t feature) { return feature / kBucketsCount; }
 
@@ -76,7 +78,21 @@ std::optional<BrokenFlight> FuzzCampaign::Fly(const HostileSequence& sequence, F
   const std::optional<FlightResult> got = ResultOf(flown);
   if (!got) return std::nullopt;
   if (result != nullptr) *result = *got;
-  return BrokenBy(*got);
+  return BrokenIn(*got);
+}
+
+std::optional<BrokenFlight> FuzzCampaign::BrokenIn(const FlightResult& result) const {
+  auto broken = BrokenBy(result);
+  return broken ? broken : BrokenOutsideCalls(result, *options_.flight.scenario.link.protocol);
+}
+
+std::optional<BrokenFlight> FuzzCampaign::SeenAgain(const HostileSequence& sequence,
+                                                    const FlightResult& result) {
+  auto suspected = BrokenIn(result);
+  if (!suspected || Known(*suspected)) return suspected;
+  for (int flight = 0; flight < kSeenAgainFlights; ++flight)
+    if (auto again = Fly(sequence)) return again;
+  return std::nullopt;
 }
 
 std::optional<std::string> FuzzCampaign::WhyUnusable() {
@@ -193,13 +209,14 @@ void FuzzCampaign::Narrow(Narrowing narrowing, const FlightResult& result) {
 
 void FuzzCampaign::Take(Pending ended, const FlightResult& result) {
   HostileSequence& sequence = ended.sequence;
-  if (result.score.verdict == Verdict::kError) {
-    trouble_ = result.score.reason;
+  const bool is_judged = result.score.verdict != Verdict::kError;
+  std::optional<BrokenFlight> broken = is_judged ? BrokenBy(result) : SeenAgain(sequence, result);
+  if (!is_judged && !broken) {
+    if (!interrupted()) trouble_ = result.score.reason;
     return;
   }
   runs_count_ += SaidIn(result);
   ++flights_count_;
-  std::optional<BrokenFlight> broken = BrokenBy(result);
   std::vector<std::uint32_t> new_places;
   const bool is_new = HasNewFeature(result, &new_places);
   if (ended.narrowing) {

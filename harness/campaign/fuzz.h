@@ -98,6 +98,9 @@ class FuzzCampaign {
   FlightJob JobOf(const HostileSequence& sequence, std::string name) const;
   void Take(Pending ended, const FlightResult& result);
   void Keep(const HostileSequence& sequence);
+  std::optional<BrokenFlight> BrokenIn(const FlightResult& result) const;
+  // What broke in a flight that could not be judged, once it is sure that this is the firmware's.
+  std::optional<BrokenFlight> SeenAgain(const HostileSequence& sequence, const FlightResult& result);
   // The finding that is broken in the same way.
   FuzzFinding* Known(const BrokenFlight& broken);
   bool HasNewFeature(const FlightResult& result, std::vector<std::uint32_t>* new_places = nullptr);

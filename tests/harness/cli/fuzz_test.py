@@ -72,11 +72,27 @@ class FuzzTest(CommandLineTest):
         self.assertEqual(finding["kind"], "crash")
         self.assertRegex(finding["reason"], r"damaged a stack guard (in \w+ of|at) libcareless_client\.so\S* .*stack smashing detected")
 
+    def test_a_heap_that_the_harness_finds_damaged_is_a_crash(self):
+        code, out, err = self.fuzz("overrun", runs=3000)
+        self.assertEqual(code, 1, out + err)
+        (finding,) = [one for one in self.summary()["findings"] if "noticed outside its calls" in one["reason"]]
+        self.assertEqual(finding["kind"], "crash")
+        self.assertTrue(finding["minimised"] and finding["confirmed"], finding)
+        self.assertEqual(finding["inputs"], 1)
+        # It went on after that.
+        self.assertGreater(finding["flights"], 1)
+        self.assertTrue(self.summary()["complete"])
+
     def test_a_careful_firmware_is_left_alone(self):
         code, out, err = self.fuzz("careful", runs=3000)
         self.assertEqual(code, 0, out + err)
         self.assertEqual(self.summary()["executions"], 3000)
         self.assertEqual(list((self.folder / "out" / "findings").iterdir()), [])
+
+    def test_a_firmware_may_boot_for_longer_than_a_flight_lasts(self):
+        code, out, err = self.fuzz("slow", runs=500)
+        self.assertEqual(code, 0, out + err)
+        self.assertEqual(self.summary()["executions"], 500)
 
     def test_the_same_seed_finds_the_same_with_any_number_of_jobs(self):
         def all_of(out, *more):
