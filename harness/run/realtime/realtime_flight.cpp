@@ -403,15 +403,15 @@ void RealtimeConductor::WatchMembers() {
 }
 
 void RealtimeConductor::FlyToTheEnd() {
-  const auto duration = std::chrono::nanoseconds(scenario_.duration_ns);
+  const std::chrono::nanoseconds duration(scenario_.duration_ns), start_wait(StartWait(scenario_));
   while (!ending_.ended()) {
     Turn();
     CarryOutFaults();
     const auto now = SteadyClock::now();
     if (ending_.ended()) break;
-    if (!running_ && now - started_ > duration) {
+    if (!running_ && now - started_ > start_wait) {
       End(EndReason::kNeverStarted, NeverStartedText(scenario_));
-    } else if (running_ && now - started_ > 2 * duration + kOverdueLimit) {
+    } else if (running_ && now - started_ > start_wait + 2 * duration + kOverdueLimit) {
       End(EndReason::kNodeLost, fmt::format("the flight came to a stop at {:.3f} s", ToSeconds(sim_ns_)));
     }
   }
