@@ -39,19 +39,16 @@ struct FlightResult {
   std::vector<FlightEvent> events;
   bool is_of_any_seed = false;  // nothing was drawn at random: with another seed, this is the same flight
   std::string replay;           // the exact command; empty when it was not flown
-  // When its process died of a signal as a crash sends, outside the calls into the library that it flew; what the library
-  // damaged may be noticed so late. The verdict is `error`.
-  std::optional<double> died_outside_calls_s;
   // Of the only client, as harness/client/coverage.h says, when the job asks for it.
   CoverageKind coverage_kind = CoverageKind::kBlackBox;
   std::vector<std::uint32_t> coverage;
 
   bool green() const { return score.verdict == expected; }
   // In files the fields of the score stand among these, and the events in events.jsonl.
-  static constexpr std::array<std::string_view, 6> kNotInFiles = {
-      "score", "events", "is_of_any_seed", "died_outside_calls_s", "coverage_kind", "coverage"};
+  static constexpr std::array<std::string_view, 5> kNotInFiles = {"score", "events", "is_of_any_seed",
+                                                                  "coverage_kind", "coverage"};
   TILTPROOF_FIELDS(name, expected, seed, trace_hash, end_reason, outcome, wall_s, real_time_factor, score,
-                   events, is_of_any_seed, replay, died_outside_calls_s, coverage_kind, coverage)
+                   events, is_of_any_seed, replay, coverage_kind, coverage)
 };
 
 // Scores a flight.
