@@ -30,7 +30,8 @@ std::optional<BrokenFlight> BrokenBy(const FlightResult& result);
 // counts when it is seen again, and a flight without hostile bytes is green. None: it died before it heard any.
 std::optional<BrokenFlight> BrokenOutsideCalls(const FlightResult& result, const link::Protocol& protocol);
 
-// A reason without what differs from flight to flight: times, addresses, numbers.
-std::string KeyOfReason(const std::string& reason);
+// A reason without what differs from flight to flight: times, addresses, numbers. `with_places`: but with lines of a source
+// and offsets in a library.
+std::string KeyOfReason(const std::string& reason, bool with_places = false);
 
 }  // namespace tiltproof::harness

@@ -267,10 +267,11 @@ FlightResult WorkerProcess::WithoutResult(const FlightJob& job, int status) cons
   const std::array crashes = {SIGABRT, SIGSEGV, SIGBUS, SIGFPE, SIGILL};
   if (job.means.FirmwareInWorker(job.scenario) && WIFSIGNALED(status) &&
       std::find(crashes.begin(), crashes.end(), WTERMSIG(status)) != crashes.end()) {
-    result.died_outside_calls_s = ToSeconds(progress_ns());
     result.score.reason +=
         ", outside the firmware's calls: memory that the firmware damaged before may be the cause; "
         "-fsanitize=address shows where";
+    result.events.push_back(
+        {ToSeconds(progress_ns()), std::string(kDiedOutsideCallsEvent), std::nullopt, how});
   }
   return result;
 }
