@@ -27,7 +27,7 @@ EXCEPTIONS = {
 CAMPAIGNS = "campaign"
 
 # A description states a fraction when one sentence has a number or a fraction and says what is survived.
-NUMBER = r"\d|\b(half|third|quarter|twice|times|whatever|\w+(th|ths))\b"
+NUMBER = r"\d|\b(half|third|quarter|twice|times|whatever|tenths|(fif|six|seven|eigh|nin|ten|twelf|\w+teen|\w+tie|hundred)th)\b"
 SURVIVED = r"\b(surviv(es?|ed)|needs|tolerates)\b"
 # A fault that happens at one instant, and one that no number measures, has no margin.
 NO_SEVERITY = r"\bno severity\b"
