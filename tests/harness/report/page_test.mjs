@@ -122,6 +122,42 @@ check("an axis tells its ticks apart, and an angle that turns leaves a gap", asy
   assert.deepEqual(yaw.map((v) => v && Number(v.toFixed(6))), [3.0, 3.05, 3.1, null, null, -3.05, -3.0]);
 });
 
+check("the robustness of a criterion is that of its window, and its lowest value the margin", async () => {
+  const { number } = await import(join(source, "harness/report/page/src/dom.js"));
+  const file = join(out, "windowed.yaml");
+  // It begins 1 m beside the reference, long before the window of the first one.
+  writeFileSync(file, `name: windowed\nduration_s: 8\ninitial: {position_m: [1, 0, 2]}\nreference: {type: hover, at_m: [0, 0, 2]}\nfirmware: tolerant\ncriteria:
+  - {name: near, stl: "always[6,8](position_error_m <= 0.5)"}
+  - {name: leaves, stl: "eventually[0,8](position_error_m <= 0.1)"}
+  - {name: settles, stl: "always[0,2](eventually[0,5](position_error_m <= 0.2))"}
+  - {name: first, stl: "(position_error_m <= 2) until[0,8] (position_error_m <= 0.3)"}\n`);
+  const { run, page: windowed } = fly("windowed", file);
+  for (const [report, folder, name] of [[windowed, run, "windowed"], [flown.page, flown.run, lost], [flown.page, flown.run, "paper-spiral-velocity"]]) {
+    const page = await openFlight(report, name);
+    const margins = Object.fromEntries(JSON.parse(readFileSync(join(folder, name, "verdict.json"), "utf8")).criteria.map((c) => [c.name, c.margin]));
+    const labels = await page.locator("figure[role=group]").evaluateAll((all) => all.map((f) => f.getAttribute("aria-label")));
+    const label = (title) => labels.find((text) => text.startsWith(title)) ?? "";
+    const curves = [...label("Robustness of each criterion,").matchAll(/([^ ]+)( \(looks ahead\))? from (\S+) to/g)];
+    assert.ok(curves.length > 0, labels.join("\n"));
+    for (const [, criterion, , low] of curves) assert.equal(low, number(margins[criterion]), criterion);
+    if (name === "windowed") {
+      assert.deepEqual(curves.map(([, criterion, ahead]) => [criterion, Boolean(ahead)]), [["near", false], ["settles", true]]);
+      assert.ok(label("Robustness of what must happen once").endsWith(` to ${number(margins.leaves)}`), label("Robustness of what"));
+      assert.match(label("Robustness of criteria, as if the flight began here"), / first from/);
+      assert.ok(margins.near > 0);
+      // Before its window there is nothing.
+      const values = page.locator("#plot-robustness").locator("xpath=..").locator(".item .value");
+      assert.equal(await values.first().textContent(), "–");
+      await page.keyboard.press("End");
+      assert.ok(parseFloat(await values.first().textContent()) >= margins.near);
+      await page.locator("#plot-robustness").scrollIntoViewIfNeeded();
+      await page.waitForSelector("#plot-robustness canvas");
+      await page.screenshot({ path: join(out, "robustness-light.png") });
+    }
+    await page.close();
+  }
+});
+
 check("a flight that never started says so in large letters, and none of its criteria is red that nobody decided", async () => {
   const file = join(out, "never.yaml");
   writeFileSync(file, `name: never\nduration_s: 0.6\nreference: {type: hover, at_m: [0, 0, 2]}\nfaults:\n  - {id: cut, type: link.silence, target: both}\ncriteria:\n  - {name: near, stl: "always(position_error_m <= 0.5)"}\n`);

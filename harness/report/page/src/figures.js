@@ -18,10 +18,15 @@ export function figuresOf(flight) {
   const paired = (names, reference) => names.flatMap((name, i) => [line(name, name.replace(/_(m|rad)$/, ""), { colour: i }), line(reference(name), `${name.replace(/_(m|rad)$/, "")} reference`, { colour: i, dash: true })]);
 
   add("error", "Position error", "m", [line("position_error_m", "position error"), line("cross_track_error_m", "distance to the path", { colour: 5 })], { zero: true });
-  const robust = flight.series.filter((s) => s.name.startsWith("robustness_"));
-  const criteria = [...new Set(robust.map((s) => s.name.slice(s.name.indexOf("/") + 1)))];
-  add("robustness", "Robustness of each criterion, from here to the end", "", criteria.flatMap((name, i) => [
-    line(`robustness_upper/${name}`, name, { colour: i }), line(`robustness_lower/${name}`, `${name}, if the worst follows`, { colour: i, dash: true })]).filter((l) => has(l.name) && Number.isFinite(spread(flight, l.name))), { zero: true, note: "below 0: violated" });
+  const curves = flight.robustness ?? [];
+  const robustness = (id, title, reading, note) => add(id, title, "", curves.flatMap(({ criterion, reading: own, looks_ahead }, i) => {
+    if (own !== reading) return [];
+    const label = criterion + (looks_ahead ? " (looks ahead)" : "");
+    return [line(`robustness_upper/${criterion}`, label, { colour: i }), line(`robustness_lower/${criterion}`, `${label}, if the worst follows`, { colour: i, dash: true })];
+  }).filter((l) => has(l.name) && Number.isFinite(spread(flight, l.name))), { zero: true, note });
+  robustness("robustness", "Robustness of each criterion", "lowest", "its lowest value is the margin; below 0: violated");
+  robustness("robustness-once", "Robustness of what must happen once", "highest", "its highest value is the margin; 0 and above: it happens");
+  robustness("robustness-from-here", "Robustness of criteria, as if the flight began here", "from_here", "the margin is the value at 0 s");
   add("position", "Position", "m", paired(["x_m", "y_m", "z_m"], (n) => n.replace("_m", "_ref_m")));
   add("attitude", "Roll, pitch, yaw", "rad", [line("roll_rad", "roll", { turns: true }), line("pitch_rad", "pitch", { turns: true }), line("yaw_rad", "yaw", { turns: true }), line("yaw_ref_rad", "yaw reference", { dash: true, colour: 2, turns: true })]);
   add("servos", "Servo angles", "rad", flight.states.filter((n) => n.startsWith("alpha_") && end(n, "_rad")).map((n) => line(n, n.slice(0, -4))));
