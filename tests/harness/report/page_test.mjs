@@ -158,6 +158,50 @@ check("the robustness of a criterion is that of its window, and its lowest value
   }
 });
 
+check("the states of a shipped build have their names", async () => {
+  const { STATES, figuresOf } = await import(join(source, "harness/report/page/src/figures.js"));
+  const words = readFileSync(join(source, "firmware/supervisor.h"), "utf8").match(/enum class SupervisorState[^}]*}/)[0];
+  const numbered = [...words.matchAll(/k(\w+) = (\d+)/g)].map(([, name, value]) => [name.toLowerCase(), Number(value)]);
+  assert.deepEqual(numbered, STATES.map((name, i) => [name.replace(/[ -]/g, ""), i]));
+  // A firmware of others counts as it likes, and one of several is known by its id.
+  const told = (columns, clients) => figuresOf({ series: [], bounds: [], states: [], inputs: [], columns, scenario: { faults: [] }, has: (name) => columns.includes(name), points: () => ({ values: [0] }) }, clients).map((f) => [f.id, f.lines.map((l) => l.name)]);
+  assert.deepEqual(told(["supervisor_state"], { "": "library:a.so" }), [["supervisor-number", ["supervisor_state"]]]);
+  assert.deepEqual(told(["supervisor_state"], { "": "host" }), [["supervisor", ["supervisor_state"]]]);
+  assert.deepEqual(told(["supervisor_state_a", "supervisor_state_b"], { "": "host", a: "library:a.so" }), [["supervisor", ["supervisor_state_b"]], ["supervisor-number", ["supervisor_state_a"]]]);
+  const file = join(out, "silence.yaml");
+  writeFileSync(file, `name: silence\nduration_s: 6\nfirmware: tolerant\nreference: {type: hover, at_m: [0, 0, 2]}\nfaults:\n  - {id: quiet, type: link.silence, target: to_client, start_s: 2, end_s: 2.3}\ncriteria: []\n`);
+  const page = await openFlight(fly("silence", file).page, "silence");
+  const figure = page.locator("#plot-supervisor").locator("xpath=..");
+  assert.match(await figure.getAttribute("aria-label"), /from run to fail-safe/);
+  const value = figure.locator(".item .value");
+  assert.equal(await value.textContent(), "run");
+  for (let i = 0; i < 22; ++i) await page.keyboard.press("ArrowRight");
+  assert.equal(await value.textContent(), "fail-safe");
+  await page.locator("#plot-supervisor").scrollIntoViewIfNeeded();
+  await page.waitForSelector("#plot-supervisor canvas");
+  await page.screenshot({ path: join(out, "states-light.png") });
+  await page.close();
+});
+
+check("an axis has room for line errors, and whole numbers for what is counted", async () => {
+  const { yRange, yTicks } = await import(join(source, "harness/report/page/src/lines.js"));
+  const count = { lines: [{ whole: true }] }, states = { lines: [{ whole: true }], names: ["run", "init", "hold"] };
+  const ticks = (spec, range) => { const { splits, values } = yTicks(spec); return values(null, splits(null, 1, ...range)); };
+  assert.deepEqual(ticks(count, yRange(count, 0, 0, 0)), ["0", "1"]);
+  assert.deepEqual(ticks(count, yRange(count, 0, 3, 0.05)), ["0", "1", "2", "3"]);
+  assert.ok(ticks(count, yRange(count, 0, 4000, 0)).length < 12);
+  assert.deepEqual(ticks(states, yRange(states, 0, 0, 0)), ["run", "init", "hold"]);
+  for (const zero of [true, false])
+    for (const [low, high] of [[0, 0], [0, 1], [0.2, 7], [-3, 2], [-5, -4], [10, 10], [1e-6, 2e-6], [-1e6, 1e6]])
+      for (const strip of [0, 0.05, 0.2]) {
+        const spec = { lines: [{}], zero, bounds: [] };
+        const [bottom, top] = yRange(spec, low, high, strip);
+        const drawn = zero ? Math.min(low, 0) : low;
+        assert.ok((drawn - bottom) / (top - bottom) >= strip - 1e-9 && bottom <= low && top >= high, `${low} to ${high}: ${bottom} to ${top}`);
+        assert.ok(!zero || strip > 0 || low < 0 || bottom === 0);
+      }
+});
+
 check("a flight that never started says so in large letters, and none of its criteria is red that nobody decided", async () => {
   const file = join(out, "never.yaml");
   writeFileSync(file, `name: never\nduration_s: 0.6\nreference: {type: hover, at_m: [0, 0, 2]}\nfaults:\n  - {id: cut, type: link.silence, target: both}\ncriteria:\n  - {name: near, stl: "always(position_error_m <= 0.5)"}\n`);

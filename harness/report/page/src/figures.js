@@ -3,7 +3,13 @@ import { el, svg } from "./dom.js";
 
 const end = (name, suffix) => name.endsWith(suffix);
 
-export function figuresOf(flight) {
+// SupervisorState of firmware/supervisor.h.
+export const STATES = ["run", "init", "hold", "degraded", "fail-safe", "last resort"];
+
+// Of the builds that ship; a firmware of others counts its states as it likes. `clients`: what flew, by id.
+const hasNames = (column, clients) => ["host", "qemu"].includes(clients[column.slice("supervisor_state_".length)] ?? clients[""]);
+
+export function figuresOf(flight, clients) {
   const has = (name) => flight.has(name);
   const line = (name, label, more = {}) => ({ name, label, ...more });
   const shown = new Set();
@@ -34,12 +40,15 @@ export function figuresOf(flight) {
   add("thrusts", "Control inputs: thrusts", "N", inputs("_n"));
   add("torques", "Control inputs: torques of the servos", "N m", inputs("_nm"));
   add("velocity", "Velocity", "m/s", ["vx_m_s", "vy_m_s", "vz_m_s", "speed_m_s"].map((n) => line(n, n.replace("_m_s", ""))));
-  const states = flight.columns.filter((name) => /^supervisor_state(_|$)/.test(name));
-  add("supervisor", "State of the firmware, in its own numbering", "", states.map((name) => line(name, name, { step: true })));
-  add("arbiter", "Client whose actuators are in force", "", [line("arbiter_selected", "arbiter_selected", { step: true })]);
+  const columns = flight.columns.filter((name) => /^supervisor_state(_|$)/.test(name));
+  const whole = { step: true, whole: true };
+  const named = columns.filter((name) => hasNames(name, clients));
+  add("supervisor", "State of the firmware", "", named.map((name) => line(name, name, whole)), { names: STATES });
+  add("supervisor-number", "State of the firmware, in its own numbering", "", columns.filter((name) => !named.includes(name)).map((name) => line(name, name, whole)));
+  add("arbiter", "Client whose actuators are in force", "", [line("arbiter_selected", "arbiter_selected", whole)]);
   // A bound on a signal that is in none of these.
   for (const name of new Set(flight.bounds.map((b) => b.signal))) if (!shown.has(name)) add(`bound-${name}`, name, "", [line(name, name)]);
-  if (flight.scenario.faults.length > 0) add("active", "Faults active", "", [line("faults_active_count", "faults", { step: true })]);
+  if (flight.scenario.faults.length > 0) add("active", "Faults active", "", [line("faults_active_count", "faults", whole)]);
   return figures;
 }
 

@@ -150,6 +150,9 @@ export function replayPanel(flight, clock) {
   return { panel, start, grow: () => replay?.grow(), close: () => replay?.close() };
 }
 
+// What flew, by id; without one: what is not named there.
+export const clientsOf = (info) => ({ "": info?.client, ...info?.clients });
+
 // Returns what to call when it is left.
 export async function showFlight(main, run, index, stillWanted) {
   const entry = run.flights[index];
@@ -165,7 +168,7 @@ export async function showFlight(main, run, index, stillWanted) {
   const clock = new Clock(flight.end_s);
   const plots = new Plots(flight, clock);
   const flown = flight.times_s.length > 0;
-  const figures = flown ? figuresOf(flight).map((spec) => plots.add(spec)) : [];
+  const figures = flown ? figuresOf(flight, clientsOf(run.runs[entry.run])).map((spec) => plots.add(spec)) : [];
   const histograms = Object.entries(flight.result.histograms ?? {}).sort().reverse().map(([name, h]) => histogram(name, h)).filter(Boolean);
   const replay = flown ? replayPanel(flight, clock) : null;
   const scenario = flight.scenario;

@@ -3,7 +3,7 @@ import { Clock } from "./clock.js";
 import { Flight } from "./data.js";
 import { badge, el, seconds } from "./dom.js";
 import { figuresOf } from "./figures.js";
-import { chooser, keys, replayPanel, section } from "./flight.js";
+import { chooser, clientsOf, keys, replayPanel, section } from "./flight.js";
 import { Plots } from "./plots.js";
 import { faultColour } from "./theme.js";
 
@@ -253,7 +253,7 @@ export function showLive(main, live, again) {
   }
   clock = new Clock(flight.end_s);
   const plots = new Plots(flight, clock);
-  const figures = figuresOf(flight).map((spec) => plots.add(spec));
+  const figures = figuresOf(flight, clientsOf(run.runs?.[0])).map((spec) => plots.add(spec));
   const names = flight.names_count;
   const replay = replayPanel(flight, clock);
   const scrub = replay.panel.querySelector("input[type=range]");
