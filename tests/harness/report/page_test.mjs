@@ -202,6 +202,18 @@ check("an axis has room for line errors, and whole numbers for what is counted",
       }
 });
 
+check("the colours of the first faults are none of a line in the figure of the error", async () => {
+  const { FAULTS, LINES } = await import(join(source, "harness/report/page/src/colours.js"));
+  const { figuresOf } = await import(join(source, "harness/report/page/src/figures.js"));
+  const columns = ["position_error_m", "cross_track_error_m"];
+  const [{ lines }] = figuresOf({ series: [], bounds: [], states: [], inputs: [], columns, scenario: { faults: [] }, has: (name) => columns.includes(name) }, {});
+  for (const ground of ["light", "dark"]) {
+    const taken = lines.map((line, i) => LINES[ground][line.colour ?? i]);
+    for (const fault of FAULTS[ground].slice(0, 3)) assert.ok(!taken.includes(fault), `${ground}: ${fault}`);
+    assert.equal(FAULTS[ground].length, FAULTS.light.length);
+  }
+});
+
 check("a flight that never started says so in large letters, and none of its criteria is red that nobody decided", async () => {
   const file = join(out, "never.yaml");
   writeFileSync(file, `name: never\nduration_s: 0.6\nreference: {type: hover, at_m: [0, 0, 2]}\nfaults:\n  - {id: cut, type: link.silence, target: both}\ncriteria:\n  - {name: near, stl: "always(position_error_m <= 0.5)"}\n`);
@@ -633,6 +645,8 @@ check("a run is shown while it is flown, and obeys its buttons", async () => {
     assert.equal(await ended, 130);
     await page.waitForSelector("text=The run has ended.");
     assert.match(await page.locator("h1").textContent(), /inconclusive|error|fail|pass/);
+    await page.waitForSelector(".fault-list >> text=active to the end");
+    assert.ok(!/active now/.test(await page.locator(".fault-list").textContent()));
     await page.close();
   } finally {
     child.kill("SIGKILL");

@@ -23,7 +23,7 @@ export function figuresOf(flight, clients) {
   };
   const paired = (names, reference) => names.flatMap((name, i) => [line(name, name.replace(/_(m|rad)$/, ""), { colour: i }), line(reference(name), `${name.replace(/_(m|rad)$/, "")} reference`, { colour: i, dash: true })]);
 
-  add("error", "Position error", "m", [line("position_error_m", "position error"), line("cross_track_error_m", "distance to the path", { colour: 5 })], { zero: true });
+  add("error", "Position error", "m", [line("position_error_m", "position error"), line("cross_track_error_m", "distance to the path", { colour: 2 })], { zero: true });
   const curves = flight.robustness ?? [];
   const robustness = (id, title, reading, note) => add(id, title, "", curves.flatMap(({ criterion, reading: own, looks_ahead }, i) => {
     if (own !== reading) return [];

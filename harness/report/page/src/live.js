@@ -258,11 +258,12 @@ export function showLive(main, live, again) {
   const replay = replayPanel(flight, clock);
   const scrub = replay.panel.querySelector("input[type=range]");
   const faults = el("ul", { class: "fault-list" });
+  const ended = () => live.over || live.status.phase === "ended";
   const tellFaults = () => faults.replaceChildren(...flight.scenario.faults.map((fault, i) => {
     const swatch = el("span", { class: "block" });
     swatch.style.background = faultColour(i);
     const bands = flight.bands.filter((band) => band.fault === i).length;
-    return el("li", {}, swatch, el("b", { text: fault.id }), ` ${fault.type}, ${flight.open.has(i) ? "active now" : bands > 0 ? "over" : "not yet"}`);
+    return el("li", {}, swatch, el("b", { text: fault.id }), ` ${fault.type}, ${!flight.open.has(i) ? (bands > 0 ? "over" : ended() ? "was not active" : "not yet") : ended() ? "active to the end" : "active now"}`);
   }));
   tellFaults();
   main.replaceChildren(...top,
