@@ -307,7 +307,13 @@ check("frames around a moment show damaged bytes", async () => {
   assert.ok(await page.locator(".frame.damaged >> nth=0").isVisible());
   await page.screenshot({ path: join(out, "frames-light.png") });
   await page.keyboard.press("Home");
-  await page.waitForSelector("#frames >> text=tiltproof link-dump");
+  await page.waitForSelector("#frames >> text=No frames are kept here");
+  // The program is that of the command above, and the command is right.
+  const dump = await page.locator("#frames .dump code").textContent();
+  assert.equal(dump, `${tiltproof} link-dump ${join(flown.run, lost, "link.bin")}`);
+  assert.ok((await page.locator(".again code").first().textContent()).startsWith(`${tiltproof} replay `));
+  assert.equal(await page.locator("#frames .dump button.copy").count(), 1);
+  assert.ok(execFileSync("/bin/sh", ["-c", `${dump} | head -n 2`], { encoding: "utf8" }).length > 0);
   await page.close();
 });
 
