@@ -394,6 +394,21 @@ check("an empty run, a killed run, and one without files", async () => {
   await killed.waitForSelector("text=This flight left no trace");
   await killed.close();
   const results = JSON.parse(readFileSync(join(flown.run, "results.json"), "utf8"));
+  // A run that was interrupted: what was never flown is no error of the flights.
+  const never = Array.from({ length: 3 }, (_, i) => ({ ...results.scenarios[0], name: `never-${i}`, verdict: "error", reason: "not flown: the run was interrupted", replay: "", criteria: [], metrics: {} }));
+  writeFileSync(join(run, "results.json"), JSON.stringify({ ...results, interrupted: true, scenarios: [...results.scenarios, ...never] }));
+  report(run);
+  const interrupted = await open(join(run, "report.html"));
+  const boxes = Object.fromEntries(await interrupted.locator(".count").evaluateAll((all) => all.map((box) => [box.querySelector("span").textContent, Number(box.querySelector("b").textContent)])));
+  assert.deepEqual([boxes["not flown"], boxes.errors, boxes["as expected"], boxes["not as expected"]], [3, 0, 2, 0], JSON.stringify(boxes));
+  assert.equal(await interrupted.locator(".flights .badge >> text=not flown").count(), 3);
+  await interrupted.selectOption(".filters select >> nth=0", "not flown");
+  assert.equal(await interrupted.locator(".flights tbody tr").count(), 3);
+  await interrupted.selectOption(".filters select >> nth=0", "error");
+  assert.equal(await interrupted.locator(".flights tbody tr").count(), 0);
+  await interrupted.selectOption(".filters select >> nth=0", "");
+  await interrupted.screenshot({ path: join(out, "interrupted.png") });
+  await interrupted.close();
   writeFileSync(join(run, "results.json"), JSON.stringify({ ...results, scenarios: [] }));
   report(run);
   const empty = await open(join(run, "report.html"));
