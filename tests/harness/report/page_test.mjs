@@ -7,6 +7,7 @@ import { execFileSync, spawnSync, spawn } from "node:child_process";
 import { cpSync, existsSync, mkdirSync, readFileSync, readdirSync, rmSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { join, resolve } from "node:path";
+import { deflateSync, inflateSync } from "node:zlib";
 
 const [tiltproof, source, out] = process.argv.slice(2).map((path) => resolve(path));
 const { chromium } = createRequire(join(source, "harness/report/page/package.json"))("playwright-core");
@@ -430,6 +431,80 @@ check("what changed since a baseline", async () => {
   assert.ok(rows.some((row) => row.includes("paper-hover") && row.includes("new")), rows.join("\n"));
   assert.match(await page.locator("main").textContent(), /Only there: paper-spiral-velocity/);
   await page.close();
+});
+
+// A folder as a flight of another vehicle would leave it: four rotors, none of which tilts.
+function makeQuadrotor(run) {
+  const flight = join(run, "paper-spiral-velocity");
+  const [names, ...rows] = readFileSync(join(flight, "trace.csv"), "utf8").trimEnd().split("\n").map((line) => line.split(","));
+  const rotors = ["front_left", "front_right", "rear_left", "rear_right"];
+  const keep = names.flatMap((name, i) => (/alpha|(f|tau)_[rl]_n/.test(name) ? [] : [i]));
+  const thrusts = (row, t) => rotors.map((_, i) => 5 + Math.sin(t * (i + 1)) * 2);
+  const insert = (list, before, added) => list.splice(list.indexOf(before), 0, ...added);
+  const kept = keep.map((i) => names[i]);
+  const header = [...kept];
+  insert(header, "x_ref_m", rotors.map((name) => `f_${name}_n`));
+  insert(header, "faults_active_count", rotors.map((name) => `commanded_f_${name}_n`));
+  const lines = rows.map((row) => {
+    const values = new Map(kept.map((name, i) => [name, row[keep[i]]]));
+    thrusts(row, Number(row[0])).forEach((force, i) => [`f_${rotors[i]}_n`, `commanded_f_${rotors[i]}_n`].forEach((name) => values.set(name, force)));
+    return header.map((name) => values.get(name)).join(",");
+  });
+  writeFileSync(join(flight, "trace.csv"), [header.join(","), ...lines].join("\n") + "\n");
+  const file = join(flight, "flight.json"), log = JSON.parse(readFileSync(file, "utf8"));
+  Object.assign(log, { hover_input: [5, 5, 5, 5], input_min: [0, 0, 0, 0], input_max: [10, 10, 10, 10] });
+  writeFileSync(file, JSON.stringify(log));
+  return rotors;
+}
+
+// Changes what a page holds of a flight, in the place of a vehicle file that the plant cannot fly yet.
+function changeFlight(file, id, change) {
+  const text = readFileSync(file, "utf8"), begin = text.indexOf(">", text.indexOf(`id="${id}"`)) + 1, end = text.indexOf("<", begin);
+  const bytes = Buffer.from(text.slice(begin, end), "base64"), size = bytes.readUInt32LE(0);
+  const part = inflateSync(bytes.subarray(4, 4 + size)), length = part.readUInt32LE(0);
+  const json = JSON.parse(part.subarray(4, 4 + length).toString());
+  change(json);
+  const u32 = (value) => { const four = Buffer.alloc(4); four.writeUInt32LE(value); return four; };
+  const words = Buffer.from(JSON.stringify(json)), packed = deflateSync(Buffer.concat([u32(words.length), words, part.subarray(4 + length)]));
+  writeFileSync(file, text.slice(0, begin) + Buffer.concat([u32(packed.length), packed, bytes.subarray(4 + size)]).toString("base64") + text.slice(end));
+}
+
+check("a vehicle with four rotors and no hinge", async () => {
+  const run = join(out, "quadrotor"), name = "paper-spiral-velocity";
+  cpSync(flown.run, run, { recursive: true });
+  const rotors = makeQuadrotor(run);
+  report(run);
+  const file = join(run, "report.html");
+  const { details } = JSON.parse(/id="run">(.*?)<\/script>/s.exec(readFileSync(file, "utf8"))[1]).flights.find((f) => f.name === name);
+  changeFlight(file, details, (flight) => {
+    assert.deepEqual(flight.problems, []);
+    assert.deepEqual(flight.inputs, rotors.map((rotor) => `f_${rotor}_n`));
+    const places = [[0.2, 0.2, 0], [0.2, -0.2, 0], [-0.2, 0.2, 0], [-0.2, -0.2, 0]];
+    flight.vehicle.rotors = rotors.map((rotor, i) => ({ name: rotor, position_m: places[i], hinge_point_m: places[i], hinge_axis: [0, 0, 0], thrust_axis: [0, 0, 1], force_max_n: 10, angle: "", force: `f_${rotor}_n` }));
+  });
+  const page = await openFlight(file, name);
+  assert.equal(await page.locator("#plot-servos, #plot-torques").count(), 0);
+  const label = await page.locator("#plot-thrusts").locator("xpath=..").getAttribute("aria-label");
+  for (const rotor of rotors) assert.ok(label.includes(`f_${rotor} from `), label);
+  for (const id of ["position", "attitude", "thrusts", "error", "robustness"]) {
+    await page.locator(`#plot-${id}`).scrollIntoViewIfNeeded();
+    await page.waitForSelector(`#plot-${id} canvas`);
+  }
+  const still = await picture(page);
+  await page.keyboard.press("Shift+ArrowRight");
+  await page.waitForFunction(() => parseFloat(document.querySelector(".now").textContent) === 1);
+  assert.notEqual(await picture(page), still);
+  await page.locator(".options input").nth(1).check();  // from nearby: discs and arrows
+  await page.screenshot({ path: join(out, "quadrotor.png") });
+  // What the picture shows of the thrusts changes with them alone: the same moment with no thrust has no arrows.
+  const arrows = await picture(page);
+  await page.close();
+  changeFlight(file, details, (flight) => flight.vehicle.rotors.forEach((rotor) => (rotor.force_max_n = 0)));
+  const without = await openFlight(file, name);
+  await without.keyboard.press("Shift+ArrowRight");
+  await without.locator(".options input").nth(1).check();
+  assert.notEqual(await picture(without), arrows);
+  await without.close();
 });
 
 // The page of an envelope.

@@ -198,16 +198,17 @@ export class Replay {
     nose.position.set(shape.body_position_m[0] + shape.body_size_m[0] / 2, shape.body_position_m[1], shape.body_position_m[2]);
     this.vehicle.add(nose);
     const reach = Math.max(0.2, ...shape.rotors.map((r) => vector(r.position_m).length()));
+    const colourOf = (i) => palette()[(i + 2) % palette().length];
     shape.rotors.forEach((rotor, i) => {
       const point = vector(rotor.hinge_point_m);
       const hinge = new Group();
       hinge.position.copy(point);
       const offset = vector(rotor.position_m).sub(point);
       const axis = vector(rotor.thrust_axis).normalize();
-      const disc = new Mesh(new CylinderGeometry(reach * 0.42, reach * 0.42, reach * 0.03, 28), new MeshLambertMaterial({ color: palette()[i + 2], transparent: true, opacity: 0.55 }));
+      const disc = new Mesh(new CylinderGeometry(reach * 0.42, reach * 0.42, reach * 0.03, 28), new MeshLambertMaterial({ color: colourOf(i), transparent: true, opacity: 0.55 }));
       disc.quaternion.copy(new Quaternion().setFromUnitVectors(new Vector3(0, 1, 0), axis));
       disc.position.copy(offset).addScaledVector(axis, reach * 0.08);
-      const arrow = new ArrowHelper(axis, disc.position, 0.001, new Color(palette()[i + 2]));
+      const arrow = new ArrowHelper(axis, disc.position, 0.001, new Color(colourOf(i)));
       const arm = new Line(new BufferGeometry().setFromPoints([new Vector3(), point]), new LineBasicMaterial({ color: colour("ink") }));
       hinge.add(disc, arrow);
       this.vehicle.add(hinge, arm);
