@@ -4,7 +4,7 @@
 // Usage: node page_test.mjs TILTPROOF SOURCE_DIR OUT_DIR    screenshots stay in OUT_DIR
 import assert from "node:assert/strict";
 import { execFileSync, spawnSync, spawn } from "node:child_process";
-import { cpSync, existsSync, mkdirSync, readFileSync, readdirSync, rmSync, writeFileSync } from "node:fs";
+import { cpSync, existsSync, linkSync, mkdirSync, readFileSync, readdirSync, rmSync, statSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { join, resolve } from "node:path";
 import { deflateSync, inflateSync } from "node:zlib";
@@ -505,6 +505,38 @@ check("a vehicle with four rotors and no hinge", async () => {
   await without.locator(".options input").nth(1).check();
   assert.notEqual(await picture(without), arrows);
   await without.close();
+});
+
+check("100 flights of a minute with faults take less than 15 MB", async () => {
+  const file = join(out, "minute.yaml");
+  writeFileSync(file, `name: minute\nduration_s: 60\nfirmware: tolerant\nreference: {type: spiral, turns_count: 3, radius_m: 5, height_m: 10, start_m: [2, 0, 0.5], velocity: true}\nfaults:
+  - {id: errors, type: wire.bit_error, target: to_client, start_s: 5, end_s: 55, parameters: {ber: 0.0001}}
+  - {id: weak, type: actuator.loss_of_effectiveness, start_s: 20, end_s: 40, parameters: {actuator: f_r, factor: 0.98}}
+criteria:
+  - {name: on-path, stl: "always(position_error_m <= 1)"}
+  - {name: upright, stl: "always(tilt_rad <= 0.6)"}\n`);
+  const one = fly("minute", file, "--no-report");
+  const folder = readdirSync(one.run).find((entry) => existsSync(join(one.run, entry, "trace.csv")));
+  const results = JSON.parse(readFileSync(join(one.run, "results.json"), "utf8"));
+  const run = join(out, "hundred");
+  mkdirSync(run);
+  cpSync(join(one.run, "run.json"), join(run, "run.json"));
+  const names = Array.from({ length: 100 }, (_, i) => `${folder}-${i}`);
+  for (const name of names) {
+    mkdirSync(join(run, name));
+    for (const file of readdirSync(join(one.run, folder))) linkSync(join(one.run, folder, file), join(run, name, file));
+  }
+  const [flight] = results.scenarios;
+  writeFileSync(join(run, "results.json"), JSON.stringify({ ...results, scenarios: names.map((name) => ({ ...flight, name })) }));
+  assert.ok(flight.metrics["survival.time_s"] >= 59.9 && flight.faults.some((fault) => fault.activations > 100), JSON.stringify(flight.faults));
+  report(run);
+  const { size } = statSync(join(run, "report.html"));
+  assert.ok(size > 1e6 && size < 15e6, `${size} bytes`);
+  const begin = performance.now();
+  const page = await open(join(run, "report.html"));
+  assert.equal(await page.locator(".flights tbody tr").count(), 100);
+  console.log(`        ${(size / 1e6).toFixed(1)} MB, its table after ${((performance.now() - begin) / 1000).toFixed(2)} s`);
+  await page.close();
 });
 
 // The page of an envelope.
