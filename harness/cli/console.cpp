@@ -175,7 +175,9 @@ void Console::Repeated(const std::vector<Repeats>& scenarios) const {
         stdout, indent_,
         fmt::format(
             "worst: seed {}, {}{}", repeats.worst->seed, Name(repeats.worst->score.verdict),
-            repeats.margin ? fmt::format(", margin {:.3g} of {}", *repeats.margin, repeats.criterion) : ""));
+            repeats.margin       ? fmt::format(", margin {:.3g} of {}", *repeats.margin, repeats.criterion)
+            : repeats.survived_s ? fmt::format(", survived {:.1f} s", *repeats.survived_s)
+                                 : ""));
     Again("again:", repeats.worst->replay);
   }
 }
