@@ -62,7 +62,7 @@ const lost = "wire-burst-fail";
 
 check("run names the report", async () => {
   assert.ok(existsSync(flown.page));
-  assert.ok(flown.text.trimEnd().split("\n").slice(-2).some((line) => line.includes(flown.page)), flown.text);
+  assert.equal(flown.text.trimEnd().split("\n").at(-1), `2 of 2 green; report: ${flown.page}`);
   const without = fly("without", join(source, "scenarios/paper/hover.yaml"), "--no-report");
   assert.ok(!existsSync(without.page));
 });
