@@ -71,7 +71,9 @@ class RealtimeConductor {
   void Beat();
   void WatchMembers();
   void OnStates();
-  void CarryOutFaults();
+  TimeNs Now() const;
+  void Inject();
+  void CarryOutNodeFaults();
   void Restart(const std::string& role);
   void Join(Member& member, const std::string& id, const dds::Participant& participant);
 
@@ -109,7 +111,8 @@ class RealtimeConductor {
   std::int64_t turn_count_ = 0;
 
   bool running_ = false;
-  bool stopping_ = false, releasing_ = false;
+  bool flying_ = false, stopping_ = false, releasing_ = false;
+  bool carrying_out_ = false;  // faults on nodes
   TimeNs sim_ns_ = 0;
   SteadyClock::time_point sim_seen_;
   SteadyClock::time_point started_;
@@ -342,6 +345,8 @@ void RealtimeConductor::Turn() {
   OnStates();
   WatchMembers();
   ending_.Settle(SteadyClock::now(), members_.AnySilent());
+  // Also while a command waits for its answers: a paused node answers when its pause is over.
+  if (flying_ && !ending_.ended()) CarryOutNodeFaults();
 }
 
 void RealtimeConductor::Beat() {
@@ -404,9 +409,10 @@ void RealtimeConductor::WatchMembers() {
 
 void RealtimeConductor::FlyToTheEnd() {
   const auto duration = std::chrono::nanoseconds(scenario_.duration_ns);
+  flying_ = true;
   while (!ending_.ended()) {
     Turn();
-    CarryOutFaults();
+    Inject();
     const auto now = SteadyClock::now();
     if (ending_.ended()) break;
     if (!running_ && now - started_ > duration) {
@@ -417,20 +423,34 @@ void RealtimeConductor::FlyToTheEnd() {
   }
 }
 
-void RealtimeConductor::CarryOutFaults() {
-  // The plant's word is up to a period old: by this clock it is exact.
-  const TimeNs now =
-      sim_ns_ + std::min<TimeNs>(std::chrono::nanoseconds(SteadyClock::now() - sim_seen_).count(), kNsPerS);
-  const auto tell = [this](const auto& ports) { Command(dds::Verb::kInject, ports, false); };
-  if (const auto done = injector_.Turn(scenario_, running_, now, tell)) Note("fault_injected", *done);
-  if (!running_) return;
+// The plant's word is up to a period old: by this clock it is exact.
+TimeNs RealtimeConductor::Now() const {
+  return sim_ns_ +
+         std::min<TimeNs>(std::chrono::nanoseconds(SteadyClock::now() - sim_seen_).count(), kNsPerS);
+}
+
+void RealtimeConductor::Inject() {
+  const auto tell = [this](const auto& ports) {
+    std::vector<TimeNs> begins;
+    for (const auto& [node, ack] : Command(dds::Verb::kInject, ports, false))
+      if (const auto begin_ns = BeginOf(ack.ports)) begins.push_back(*begin_ns);
+    return begins;
+  };
+  if (auto event = injector_.Turn(scenario_, running_, Now(), tell)) events_.push_back(std::move(*event));
+}
+
+void RealtimeConductor::CarryOutNodeFaults() {
+  // What it does may take turns itself.
+  if (!running_ || carrying_out_) return;
+  carrying_out_ = true;
   node_faults_.CarryOut(
-      now, {.run_id = run_id_,
-            .processes = processes_ ? &*processes_ : nullptr,
-            .members = members_,
-            .commands = *fault_commands_,
-            .restart = [this](const std::string& role) { Restart(role); },
-            .note = [this](const std::string& kind, const std::string& text) { Note(kind, text); }});
+      Now(), {.run_id = run_id_,
+              .processes = processes_ ? &*processes_ : nullptr,
+              .members = members_,
+              .commands = *fault_commands_,
+              .restart = [this](const std::string& role) { Restart(role); },
+              .note = [this](const std::string& kind, const std::string& text) { Note(kind, text); }});
+  carrying_out_ = false;
 }
 
 // The new process joins the run as the old one did: told the scenario, prepared, armed, started. It is another
@@ -462,6 +482,7 @@ void RealtimeConductor::Join(Member& member, const std::string& id, const dds::P
 
 // Everybody hands in his log; what a partition held up comes when it heals.
 void RealtimeConductor::GatherLogs() {
+  flying_ = false;
   if (command_sequence_ < 3) {
     // Not even started: there is no log.
     if (command_sequence_ > 0) Command(dds::Verb::kRelease, {}, true);
