@@ -73,7 +73,7 @@ class RealtimeConductor {
   void OnStates();
   TimeNs Now() const;
   void Inject();
-  void CarryOutNodeFaults();
+  NodeFaults::Means MeansOfNodeFaults();
   void Restart(const std::string& role);
   void Join(Member& member, const std::string& id, const dds::Participant& participant);
 
@@ -111,8 +111,8 @@ class RealtimeConductor {
   std::int64_t turn_count_ = 0;
 
   bool running_ = false;
-  bool flying_ = false, stopping_ = false, releasing_ = false;
-  bool carrying_out_ = false;  // faults on nodes
+  bool stopping_ = false, releasing_ = false;
+  bool injecting_ = false;  // a command waits for the nodes that hear of a fault
   TimeNs sim_ns_ = 0;
   SteadyClock::time_point sim_seen_;
   SteadyClock::time_point started_;
@@ -345,8 +345,8 @@ void RealtimeConductor::Turn() {
   OnStates();
   WatchMembers();
   ending_.Settle(SteadyClock::now(), members_.AnySilent());
-  // Also while a command waits for its answers: a paused node answers when its pause is over.
-  if (flying_ && !ending_.ended()) CarryOutNodeFaults();
+  // A paused node answers when its pause is over.
+  if (injecting_) node_faults_.EndPauses(Now(), MeansOfNodeFaults());
 }
 
 void RealtimeConductor::Beat() {
@@ -409,10 +409,10 @@ void RealtimeConductor::WatchMembers() {
 
 void RealtimeConductor::FlyToTheEnd() {
   const auto duration = std::chrono::nanoseconds(scenario_.duration_ns);
-  flying_ = true;
   while (!ending_.ended()) {
     Turn();
     Inject();
+    if (running_) node_faults_.CarryOut(Now(), MeansOfNodeFaults());
     const auto now = SteadyClock::now();
     if (ending_.ended()) break;
     if (!running_ && now - started_ > duration) {
@@ -431,26 +431,24 @@ TimeNs RealtimeConductor::Now() const {
 
 void RealtimeConductor::Inject() {
   const auto tell = [this](const auto& ports) {
+    injecting_ = true;
+    const auto answers = Command(dds::Verb::kInject, ports, false);
+    injecting_ = false;
     std::vector<TimeNs> begins;
-    for (const auto& [node, ack] : Command(dds::Verb::kInject, ports, false))
+    for (const auto& [node, ack] : answers)
       if (const auto begin_ns = BeginOf(ack.ports)) begins.push_back(*begin_ns);
     return begins;
   };
   if (auto event = injector_.Turn(scenario_, running_, Now(), tell)) events_.push_back(std::move(*event));
 }
 
-void RealtimeConductor::CarryOutNodeFaults() {
-  // What it does may take turns itself.
-  if (!running_ || carrying_out_) return;
-  carrying_out_ = true;
-  node_faults_.CarryOut(
-      Now(), {.run_id = run_id_,
-              .processes = processes_ ? &*processes_ : nullptr,
-              .members = members_,
-              .commands = *fault_commands_,
-              .restart = [this](const std::string& role) { Restart(role); },
-              .note = [this](const std::string& kind, const std::string& text) { Note(kind, text); }});
-  carrying_out_ = false;
+NodeFaults::Means RealtimeConductor::MeansOfNodeFaults() {
+  return {.run_id = run_id_,
+          .processes = processes_ ? &*processes_ : nullptr,
+          .members = members_,
+          .commands = *fault_commands_,
+          .restart = [this](const std::string& role) { Restart(role); },
+          .note = [this](const std::string& kind, const std::string& text) { Note(kind, text); }};
 }
 
 // The new process joins the run as the old one did: told the scenario, prepared, armed, started. It is another
@@ -482,7 +480,6 @@ void RealtimeConductor::Join(Member& member, const std::string& id, const dds::P
 
 // Everybody hands in his log; what a partition held up comes when it heals.
 void RealtimeConductor::GatherLogs() {
-  flying_ = false;
   if (command_sequence_ < 3) {
     // Not even started: there is no log.
     if (command_sequence_ > 0) Command(dds::Verb::kRelease, {}, true);
