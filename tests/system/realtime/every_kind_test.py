@@ -17,7 +17,7 @@ FAULTS = {
     "bits": ("link", "type: wire.bit_error, target: to_client, start_s: 1, end_s: 1.5, parameters: {ber: 0.001}"),
     "bytes": ("link", "type: wire.byte_drop, target: to_plant, start_s: 1.5, end_s: 2, parameters: {probability: 0.005}"),
     "frames": ("link", "type: frame.drop, target: to_client, start_s: 2, end_s: 2.5, parameters: {probability: 0.2}"),
-    "silence": ("link", "type: link.silence, target: reference, start_s: 2.5, end_s: 3"),
+    "silence": ("link", "type: link.silence, target: to_client, start_s: 2.6, end_s: 2.66"),
     "sensor": ("plant", "type: sensor.bias, start_s: 3, end_s: 3.5, parameters: {signal: x_m, offset: 0.05}"),
     "actuator": ("plant", "type: actuator.loss_of_effectiveness, start_s: 3.5, end_s: 4, parameters: {actuator: f_r, factor: 0.98}"),
     "push": ("plant", "type: plant.force, start_s: 4, end_s: 4.2, parameters: {force_n: 0.5, direction: [0, 1, 0]}"),
