@@ -256,7 +256,8 @@ class EnvelopeTest(CommandLineTest):
     def test_mistakes(self):
         for arguments, message in ((("--types", "sensors.*"), "matches no fault type"), (("--firmware", "papers"), "did you mean 'paper'"),
                                    (("--map", "frame.drop:up", "plant.force"), "no such place"),
-                                   (("--firmware", "paper", "--client", "host"), "excludes")):
+                                   (("--firmware", "paper", "--client", "host", "--client", "qemu"), "--firmware needs one --client"),
+                                   (("--firmware", "paper", "--client", f"library:{PROGRAM.parent}/lib/libtiltproof_firmware.so"), "builds of the shipped firmware")):
             base = self.scenario("base", SHORT, TYPE="harness.null", WINDOW=", end_s: 3")
             code, _, err = self.tiltproof("envelope", base, *arguments)
             self.assertEqual(code, 2, err)
