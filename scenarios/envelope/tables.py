@@ -256,7 +256,7 @@ def page(rows, clients, layers, limits, options, missing):
         f"{100 * (options.tolerance or BOARD_TOLERANCE):g} %.")
     words = paragraph(
         f"`none`: the mildest level failed. `all`: the most severe level was survived. `{NO_MARGIN}`: there is no margin, and the last column has the "
-        f"program's reason. `ratio`: how many times as far from the harmless value `{new}` goes; for a limit that falls from infinity, the inverse "
+        f"program's reason. `-`: not flown. `ratio`: how many times as far from the harmless value `{new}` goes; for a limit that falls from infinity, the inverse "
         f"levels count. Where it is below {TWICE:g} in a half, and `{new}` does not survive everything there, the last column says why.")
     counted = paragraph(f'"Twice as much" counts the types that `{new}` survives at least twice as severely at some place.')
     return f"""# What the firmware survives
