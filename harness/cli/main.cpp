@@ -303,14 +303,13 @@ int Main(int argc, char** argv) {
                    "Only fault types that match, for example 'sensor.*,frame.delay'")
       ->delimiter(',')
       ->allow_extra_args(false);
-  auto* builds = envelope_app
-                     ->add_option("--firmware", envelope.firmware,
-                                  "Builds of the shipped firmware, side by side: paper,tolerant")
-                     ->delimiter(',')
-                     ->allow_extra_args(false);
+  envelope_app
+      ->add_option("--firmware", envelope.firmware,
+                   "Builds of the shipped firmware, side by side, all with one client: paper,tolerant")
+      ->delimiter(',')
+      ->allow_extra_args(false);
   envelope_app->add_option("--client", envelope.clients, ClientHelp() + "\nSeveral stand side by side.")
-      ->allow_extra_args(false)
-      ->excludes(builds);
+      ->allow_extra_args(false);
   envelope_app
       ->add_option("--map", envelope.map,
                    "Also fly pairs of levels of two types, each as TYPE or TYPE:PLACE (frame.drop:both); "
