@@ -173,15 +173,17 @@ void Console::Repeated(const std::vector<Repeats>& scenarios) const {
             repeats.errors == 0 ? "" : ", " + Counted(static_cast<std::int64_t>(repeats.errors), "error")));
     PrintLine(
         stdout, indent_,
-        fmt::format(
-            "worst: seed {}, {}{}", repeats.worst->seed, Name(repeats.worst->score.verdict),
-            repeats.margin ? fmt::format(", margin {:.3g} of {}", *repeats.margin, repeats.criterion) : ""));
+        fmt::format("worst: seed {}, {}{}", repeats.worst->seed, Name(repeats.worst->score.verdict),
+                    repeats.margin ? fmt::format(", margin {:.3g} of {}", *repeats.margin, repeats.criterion)
+                    : repeats.survived_s ? fmt::format(", survived {:.1f} s", *repeats.survived_s)
+                                         : ""));
     Again("again:", repeats.worst->replay);
   }
 }
 
 void Console::Summary(const std::vector<FlightResult>& results, std::size_t not_flown_count,
-                      std::size_t not_applicable_count, bool interrupted) const {
+                      std::size_t not_applicable_count, bool interrupted,
+                      const std::optional<std::filesystem::path>& report) const {
   if (jsonl_) return;
   const auto green =
       std::count_if(results.begin(), results.end(), [](const auto& result) { return result.green(); });
@@ -190,7 +192,12 @@ void Console::Summary(const std::vector<FlightResult>& results, std::size_t not_
   if (not_applicable_count > 0) text += fmt::format(", {} not applicable", not_applicable_count);
   if (interrupted) text += " (interrupted)";
   const bool all = not_flown_count == 0 && !interrupted && static_cast<std::size_t>(green) == results.size();
-  Print(stdout, "{}\n", OfOurs(Paint(all ? "32" : "31", text)));
+  std::string told = report ? fmt::format("{}; report: {}", text, Plain(report->string())) : text;
+  if (terminal_) told = InLines(told, 0);
+  // The counts alone have a colour: they are short enough to stand in the first line.
+  const bool whole = told.starts_with(text);
+  if (whole) told.replace(0, text.size(), Paint(all ? "32" : "31", text));
+  Print(stdout, "{}\n", OfOurs(told));
 }
 
 }  // namespace tiltproof::harness

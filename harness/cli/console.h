@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstddef>
+#include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -25,8 +27,10 @@ class Console {
   void LeftOut(const NotApplicable& scenario) const;
   // Of each scenario that was flown with several seeds.
   void Repeated(const std::vector<Repeats>& scenarios) const;
+  // The last line: how many are green, and where the report is.
   void Summary(const std::vector<FlightResult>& results, std::size_t not_flown_count,
-               std::size_t not_applicable_count, bool interrupted) const;
+               std::size_t not_applicable_count, bool interrupted,
+               const std::optional<std::filesystem::path>& report = std::nullopt) const;
 
  private:
   std::string Paint(const char* colour, const std::string& text) const;

@@ -295,10 +295,10 @@ int RunCommand(const RunOptions& options) {
                                        }});
   record.Finish(flown.interrupted, flown.interrupted ? "not flown: the run was interrupted"
                                                      : "not flown: --fail-fast ended the run");
-  if (!options.no_report)
-    if (const auto file = WriteReport(folder)) console.Line("report: " + file->string());
+  std::optional<std::filesystem::path> report;
+  if (!options.no_report) report = WriteReport(folder);
   if (options.repeat_count > 1) console.Repeated(RepeatsIn(flown.results, suite.scenarios, plan));
-  console.Summary(flown.results, flown.not_flown.size(), not_applicable.size(), flown.interrupted);
+  console.Summary(flown.results, flown.not_flown.size(), not_applicable.size(), flown.interrupted, report);
   return flown.interrupted ? static_cast<int>(kExitInterrupted) : ExitCode(flown.results);
 }
 

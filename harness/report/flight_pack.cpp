@@ -262,6 +262,7 @@ std::string PackFlight(const FlightView& view, const PackLimits& limits) {
   json["folder"] = view.folder.string();
   JsonWriter::Put(json["problems"], view.problems);
   JsonWriter::Put(json["bands"], view.bands);
+  JsonWriter::Put(json["robustness"], view.robustness);
   json["messages"] = MessagesJson(*view.scenario.link.protocol);
   Json& ticks = json["ticks"] = Json::array();
   for (const FaultTick& tick : view.ticks) ticks.push_back({tick.fault, tick.time_s, tick.what});

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <map>
 #include <set>
 
@@ -118,17 +119,22 @@ void AddTicks(const std::string& jsonl, FlightView& view) {
   }
 }
 
-void AddComputed(const RunLog& log, FlightView& view) {
+void AddComputed(const RunLog& log, const std::vector<TimeNs>& times_ns, FlightView& view) {
   for (const char* name : {"position_error_m", "cross_track_error_m", "speed_m_s", "tilt_rad"})
     view.computed.push_back({name, ReadSignal(log.trace, name)});
   const Score score = ScoreRun(view.scenario, log, {.over_time = true});
   for (const CriterionResult& criterion : score.criteria) {
-    if (criterion.over_time.empty()) continue;
-    std::vector<double> lower, upper;
+    if (!criterion.over_time) continue;
+    const stl::OverTime& over_time = *criterion.over_time;
+    view.robustness.push_back({criterion.name, over_time.reading, over_time.looks_ahead});
+    std::vector<double> lower(log.trace.row_count(), std::numeric_limits<double>::quiet_NaN());
+    std::vector<double> upper = lower;
     bool two = false;
-    for (const auto& row : criterion.over_time) {
-      lower.push_back(row.lower);
-      upper.push_back(row.upper);
+    std::size_t r = 0;
+    for (const stl::RowRobustness& row : over_time.rows) {
+      while (times_ns.at(r) != row.time_ns) ++r;
+      lower[r] = row.lower;
+      upper[r] = row.upper;
       two |= std::isfinite(row.lower) && row.lower != row.upper;
     }
     if (two) view.computed.push_back({"robustness_lower/" + criterion.name, std::move(lower)});
@@ -181,7 +187,7 @@ FlightView ViewFlight(const std::filesystem::path& folder, const FlightResult& r
     }
     RunLog log = ReadFlight(folder);
     const std::vector<TimeNs> times_ns = RowTimes(log.trace);
-    AddComputed(log, view);
+    AddComputed(log, times_ns, view);
     view.events = EventsOf(log);
     if (view.events.size() > kEventsMax) view.events.resize(kEventsMax);
     view.trace = std::move(log.trace);

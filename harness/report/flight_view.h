@@ -16,6 +16,7 @@
 #include "harness/report/line_frames.h"
 #include "harness/run/trace.h"
 #include "harness/scenario/scenario.h"
+#include "harness/score/stl.h"
 #include "link/fields.h"
 
 namespace tiltproof::harness {
@@ -64,6 +65,14 @@ struct SignalBound {
 };
 std::vector<SignalBound> BoundsOf(const Scenario& scenario, const std::vector<std::string>& columns);
 
+// How the robustness of a criterion over time is to be read (harness/score/stl.h).
+struct RobustnessCurve {
+  std::string criterion;
+  stl::OverTimeReading reading = stl::OverTimeReading::kLowest;
+  bool looks_ahead = false;
+  TILTPROOF_FIELDS(criterion, reading, looks_ahead)
+};
+
 struct FlightView {
   std::filesystem::path folder;
   FlightResult result;
@@ -78,8 +87,9 @@ struct FlightView {
     std::string name;
     std::vector<double> values;  // one per row
   };
-  std::vector<Series>
-      computed;  // signals, then criteria: robustness_lower/<name> and robustness_upper/<name>
+  // Signals, then criteria: robustness_lower/<name> and robustness_upper/<name>, NaN outside their windows.
+  std::vector<Series> computed;
+  std::vector<RobustnessCurve> robustness;
   std::vector<FaultBand> bands;
   std::vector<FaultTick> ticks;
   std::vector<FlightEvent> events;  // the first kEventsMax

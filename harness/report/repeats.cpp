@@ -10,8 +10,13 @@
 namespace tiltproof::harness {
 namespace {
 
+std::optional<double> SurvivedSeconds(const FlightResult& result) {
+  const auto found = result.score.metrics.find("survival.time_s");
+  return found == result.score.metrics.end() ? std::nullopt : std::optional(found->second);
+}
+
 // The smaller, the worse.
-std::tuple<int, double> Badness(const FlightResult& result) {
+std::tuple<int, bool, double, double> Badness(const FlightResult& result) {
   const Verdict verdict = result.score.verdict;
   const int order = verdict == Verdict::kFail           ? 0
                     : verdict == Verdict::kInconclusive ? 1
@@ -19,7 +24,7 @@ std::tuple<int, double> Badness(const FlightResult& result) {
                                                         : 3;
   const double infinity = std::numeric_limits<double>::infinity();
   const std::optional<double> margin = LeastMargin(result.score);
-  return {order, margin ? *margin : verdict == Verdict::kPass ? infinity : -infinity};
+  return {order, !margin, margin.value_or(0), SurvivedSeconds(result).value_or(infinity)};
 }
 
 std::string CriterionWith(const Score& score, std::optional<double> margin) {
@@ -61,6 +66,7 @@ std::vector<Repeats> RepeatsOf(std::span<const FlightResult> results,
   }
   for (Repeats& repeats : all) {
     repeats.margin = LeastMargin(repeats.worst->score);
+    repeats.survived_s = SurvivedSeconds(*repeats.worst);
     repeats.criterion = CriterionWith(repeats.worst->score, repeats.margin);
   }
   return all;

@@ -25,10 +25,12 @@ struct Repeats {
   std::size_t flown = 0, passed = 0;
   std::size_t errors = 0;     // among them: they say nothing of the firmware
   bool all_the_same = false;  // nothing was drawn at random: each seed gave the same flight
-  // Of these results: fail before inconclusive before pass before error, then the least margin.
+  // Of these results: fail before inconclusive before pass before error, then the least margin, then those without a
+  // margin (a restart, for instance), the one that flew least first.
   const FlightResult* worst = nullptr;
-  std::optional<double> margin;  // its least
-  std::string criterion;         // that has it
+  std::optional<double> margin;      // its least
+  std::string criterion;             // that has it
+  std::optional<double> survived_s;  // how long it flew; none: it did not
 };
 
 // `scenarios`: of each result, in the same order. Results without a flight (not flown) are to be left out. In the

@@ -36,8 +36,8 @@ struct CriterionResult {
   // distance to each bound divided by that bound's magnitude, the smaller of the two. A bound of 0 and
   // infinite values have none.
   std::optional<double> margin{};
-  // The robustness of a formula at each row of the trace, where it was asked for (ScoreOptions).
-  std::vector<stl::RowRobustness> over_time{};
+  // The robustness of a formula over time, where it was asked for (ScoreOptions).
+  std::optional<stl::OverTime> over_time{};
   static constexpr std::array<std::string_view, 1> kNotInFiles = {"over_time"};
   TILTPROOF_FIELDS(name, verdict, robustness, margin, time_s, explanation, over_time)
 };

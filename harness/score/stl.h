@@ -16,6 +16,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "harness/formula/formula.h"
 #include "harness/run/trace.h"
@@ -58,14 +59,28 @@ struct Extent {
 // std::invalid_argument when the trace lacks a column or its times are broken.
 Result Evaluate(const Formula& formula, const Trace& trace, std::optional<Extent> extent = std::nullopt);
 
-// Robustness over time, for reports: at each row, of the rest of the flight from there on. The bounds are those of
-// Result; the first row's are its `lower` and `upper`.
+// Robustness over time, for reports: of what stands under the outermost `always` or `eventually`, at each row in its
+// window. So the lowest (of an `eventually` the highest) of these values is the formula's, and the first one below 0 is
+// where an `always` was violated. `always` in `always`, and several of them joined by `and`, are one: each row that any of
+// their windows looks at has the lowest of what they ask there. Any other formula is asked as a whole, at each row as if
+// the flight began there.
+enum class OverTimeReading : std::uint8_t { kLowest, kHighest, kFromHere };
+std::string_view Name(OverTimeReading reading);  // lowest, highest, from_here
+constexpr OverTimeReading LastOf(OverTimeReading) { return OverTimeReading::kFromHere; }
+
 struct RowRobustness {
   TimeNs time_ns = 0;
-  double lower = 0.0, upper = 0.0;
+  double lower = 0.0, upper = 0.0;  // bounds as in Result
   TILTPROOF_FIELDS(time_ns, lower, upper)
 };
-std::vector<RowRobustness> EvaluateOverTime(const Formula& formula, const Trace& trace,
-                                            std::optional<Extent> extent = std::nullopt);
+
+struct OverTime {
+  OverTimeReading reading = OverTimeReading::kLowest;
+  bool looks_ahead = false;         // a row's value depends on later rows, too
+  std::vector<RowRobustness> rows;  // of the trace; those that no window looks at are missing
+  TILTPROOF_FIELDS(reading, looks_ahead, rows)
+};
+OverTime EvaluateOverTime(const Formula& formula, const Trace& trace,
+                          std::optional<Extent> extent = std::nullopt);
 
 }  // namespace tiltproof::harness::stl

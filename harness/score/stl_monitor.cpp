@@ -14,6 +14,7 @@
 #include <functional>
 #include <limits>
 #include <map>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -109,14 +110,23 @@ class Monitor {
     more_to_come_ = extent && extent->planned_end_ns > seen_until_ns_;
   }
 
-  std::vector<RowRobustness> RunOverTime(const Node& formula) {
-    const Bounds bounds = Evaluate(formula, false).bounds;
-    std::vector<RowRobustness> rows;
-    for (std::size_t r = 0; r < future_; ++r) {
-      Check(bounds.lower[r] <= bounds.upper[r], "a robustness is between its bounds");
-      rows.push_back({times_[r], bounds.lower[r] + 0.0, bounds.upper[r] + 0.0});
+  OverTime RunOverTime(const Node& formula) {
+    const Evaluation evaluation = Evaluate(formula, false);
+    OverTime result;
+    std::vector<bool> rows(future_ + 1, false);
+    if (IsUnfolded(formula, true, false) || IsUnfolded(formula, false, false)) {
+      result.reading =
+          IsUnfolded(formula, true, false) ? OverTimeReading::kLowest : OverTimeReading::kHighest;
+      rows.front() = true;
+    } else {
+      result.reading = OverTimeReading::kFromHere;
+      rows.assign(rows.size(), true);
     }
-    return rows;
+    std::vector<std::optional<RowRobustness>> values(future_);
+    Unfold(evaluation, rows, false, result, values);
+    for (const auto& value : values)
+      if (value) result.rows.push_back({value->time_ns, value->lower + 0.0, value->upper + 0.0});
+    return result;
   }
 
   Result Run(const Node& formula) {
@@ -159,8 +169,7 @@ class Monitor {
     if (node.op == Op::kFalse) result.bounds = Constant(-kInfinity);
     if (node.op == Op::kFaultActive) result.bounds = FaultActive(node, negated);
     if (node.left) {
-      const bool flips = node.op == Op::kNot || node.op == Op::kImplies;
-      result.operands.push_back(Evaluate(*node.left, negated != flips));
+      result.operands.push_back(Evaluate(*node.left, negated != FlipsLeft(node)));
     }
     if (node.right) result.operands.push_back(Evaluate(*node.right, negated));
     for (const bool upper_side : {false, true}) {
@@ -168,6 +177,75 @@ class Monitor {
       (upper_side ? result.bounds.upper : result.bounds.lower) = Combine(result, upper_side);
     }
     return result;
+  }
+
+  // Whether a node is the lowest (or the highest) of what its operands are, at one time or over a window. `negated`: as
+  // seen from the whole formula.
+  static bool Folds(const Node& node, bool lowest, bool negated) {
+    switch (node.op) {
+      case Op::kAnd:
+      case Op::kAlways:
+        return lowest != negated;
+      case Op::kOr:
+      case Op::kImplies:
+      case Op::kEventually:
+        return lowest == negated;
+      default:
+        return false;
+    }
+  }
+  static bool FlipsLeft(const Node& node) { return node.op == Op::kNot || node.op == Op::kImplies; }
+
+  // Whether an always (or an eventually) stands above all that the formula asks of single rows.
+  static bool IsUnfolded(const Node& node, bool lowest, bool negated) {
+    if (node.op == Op::kNot) return IsUnfolded(*node.left, lowest, !negated);
+    if (!Folds(node, lowest, negated)) return false;
+    if (node.op == Op::kAlways || node.op == Op::kEventually) return true;
+    return IsUnfolded(*node.left, lowest, negated != FlipsLeft(node)) &&
+           IsUnfolded(*node.right, lowest, negated);
+  }
+
+  // Adds what the evaluation asks of each of the rows to the rows' values.
+  void Unfold(const Evaluation& at, const std::vector<bool>& rows, bool negated, OverTime& result,
+              std::vector<std::optional<RowRobustness>>& values) const {
+    const bool lowest = result.reading != OverTimeReading::kHighest;
+    const bool whole = result.reading == OverTimeReading::kFromHere;
+    const bool is_not = at.node.op == Op::kNot;
+    if (!whole && (is_not || Folds(at.node, lowest, negated))) {
+      const bool over_window = at.node.op == Op::kAlways || at.node.op == Op::kEventually;
+      Unfold(at.operands[0], over_window ? RowsOfAny(at.node, rows) : rows, negated != FlipsLeft(at.node),
+             result, values);
+      if (at.node.right) Unfold(at.operands[1], rows, negated, result, values);
+      return;
+    }
+    result.looks_ahead |= LooksAhead(at.node);
+    for (std::size_t r = 0; r < future_; ++r) {
+      if (!rows[r]) continue;
+      double lower = at.bounds.lower[r], upper = at.bounds.upper[r];
+      if (negated) lower = -std::exchange(upper, -lower);
+      Check(lower <= upper, "a robustness is between its bounds");
+      if (!values[r]) values[r] = {times_[r], lower, upper};
+      const auto fold = [&](double a, double b) { return lowest ? Lowest()(a, b) : Highest()(a, b); };
+      values[r] = {times_[r], fold(values[r]->lower, lower), fold(values[r]->upper, upper)};
+    }
+  }
+
+  static bool LooksAhead(const Node& node) {
+    if (node.op == Op::kAlways || node.op == Op::kEventually || node.op == Op::kUntil) return true;
+    return (node.left && LooksAhead(*node.left)) || (node.right && LooksAhead(*node.right));
+  }
+
+  // All rows that a window looks at from any of the rows. Windows only move forward: no row is taken twice.
+  std::vector<bool> RowsOfAny(const Node& node, const std::vector<bool>& rows) const {
+    std::vector<bool> inside(rows.size(), false);
+    std::size_t done = 0;
+    for (std::size_t r = 0; r < rows.size(); ++r) {
+      if (!rows[r]) continue;
+      const Rows window = RowsOf(node, r);
+      for (std::size_t i = std::max(window.first, done); i < window.last; ++i) inside[i] = true;
+      done = std::max(done, window.last);
+    }
+    return inside;
   }
 
   Bounds Constant(double value) const {
@@ -417,8 +495,19 @@ Result Evaluate(const Formula& formula, const Trace& trace, std::optional<Extent
   return Monitor(trace, extent).Run(*formula);
 }
 
-std::vector<RowRobustness> EvaluateOverTime(const Formula& formula, const Trace& trace,
-                                            std::optional<Extent> extent) {
+std::string_view Name(OverTimeReading reading) {
+  switch (reading) {
+    case OverTimeReading::kLowest:
+      return "lowest";
+    case OverTimeReading::kHighest:
+      return "highest";
+    case OverTimeReading::kFromHere:
+      return "from_here";
+  }
+  return "unknown";
+}
+
+OverTime EvaluateOverTime(const Formula& formula, const Trace& trace, std::optional<Extent> extent) {
   return Monitor(trace, extent).RunOverTime(*formula);
 }
 

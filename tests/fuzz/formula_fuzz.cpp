@@ -2,6 +2,7 @@
 // column; a formula's canonical text is parsed to the same text; its robustness over a small trace keeps its order.
 //
 // Input: the formula.
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -49,10 +50,25 @@ void Check(const stl::Formula& formula) {
     Require(result.lower <= result.upper, "bounds are in order");
     Require(result.truth != stl::Truth::kTrue || result.lower >= 0, "what is true is not below 0");
     Require(result.truth != stl::Truth::kFalse || result.upper <= 0, "what is false is not above 0");
-    const auto rows = stl::EvaluateOverTime(formula, trace, extent);
-    Require(rows.size() == trace.row_count(), "each row has its robustness");
-    Require(rows.front().lower == result.lower && rows.front().upper == result.upper,
-            "the first row is the result");
+    const stl::OverTime over_time = stl::EvaluateOverTime(formula, trace, extent);
+    if (over_time.rows.empty()) continue;
+    double lowest_upper = over_time.rows.front().upper, highest_lower = over_time.rows.front().lower;
+    for (const stl::RowRobustness& row : over_time.rows) {
+      lowest_upper = std::min(lowest_upper, row.upper);
+      highest_lower = std::max(highest_lower, row.lower);
+    }
+    switch (over_time.reading) {
+      case stl::OverTimeReading::kLowest:
+        Require(lowest_upper == result.upper, "the lowest over time is the result");
+        break;
+      case stl::OverTimeReading::kHighest:
+        Require(highest_lower == result.lower, "the highest over time is the result");
+        break;
+      case stl::OverTimeReading::kFromHere:
+        Require(over_time.rows.size() == trace.row_count(), "each row has its robustness");
+        Require(over_time.rows.front().lower == result.lower && over_time.rows.front().upper == result.upper,
+                "the first row is the result");
+    }
   }
 }
 

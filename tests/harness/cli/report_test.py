@@ -40,14 +40,16 @@ def details(page, name):
 
 
 class ReportTest(CommandLineTest):
-    def test_run_writes_it_and_names_it_before_its_last_line(self):
-        code, out, err = self.tiltproof("run", self.scenario("hover"))
-        self.assertEqual((code, err), (0, ""))
-        line = out.splitlines()[-2]
-        self.assertRegex(line, r"^report: results/.*/report\.html$")
-        page = self.folder / line.removeprefix("report: ")
-        self.assertEqual([flight["name"] for flight in summary(page)["flights"]], ["hover"])
-        self.assertEqual(self.tiltproof("run", self.scenario("hover"), "--no-report")[0], 0)
+    def test_run_writes_it_and_names_it_in_its_last_line(self):
+        for repeat in (1, 2):
+            code, out, err = self.tiltproof("run", self.scenario("hover"), "--repeat", str(repeat))
+            self.assertEqual((code, err), (0, ""))
+            counts, page = out.splitlines()[-1].split("; report: ")
+            self.assertEqual(counts, f"{repeat} of {repeat} green")
+            self.assertRegex(page, r"^results/.*/report\.html$")
+            self.assertEqual(len(summary(self.folder / page)["flights"]), repeat)
+        code, out, _ = self.tiltproof("run", self.scenario("hover"), "--no-report")
+        self.assertEqual((code, out.splitlines()[-1]), (0, "1 of 1 green"))
         self.assertFalse((self.latest() / "report.html").exists())
 
     def test_a_script_that_reads_lines_of_json_meets_no_other(self):

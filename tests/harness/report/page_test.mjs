@@ -4,9 +4,10 @@
 // Usage: node page_test.mjs TILTPROOF SOURCE_DIR OUT_DIR    screenshots stay in OUT_DIR
 import assert from "node:assert/strict";
 import { execFileSync, spawnSync, spawn } from "node:child_process";
-import { cpSync, existsSync, mkdirSync, readFileSync, readdirSync, rmSync, writeFileSync } from "node:fs";
+import { cpSync, existsSync, linkSync, mkdirSync, readFileSync, readdirSync, rmSync, statSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { join, resolve } from "node:path";
+import { deflateSync, inflateSync } from "node:zlib";
 
 const [tiltproof, source, out] = process.argv.slice(2).map((path) => resolve(path));
 const { chromium } = createRequire(join(source, "harness/report/page/package.json"))("playwright-core");
@@ -61,7 +62,7 @@ const lost = "wire-burst-fail";
 
 check("run names the report", async () => {
   assert.ok(existsSync(flown.page));
-  assert.ok(flown.text.trimEnd().split("\n").slice(-2).some((line) => line.includes(flown.page)), flown.text);
+  assert.equal(flown.text.trimEnd().split("\n").at(-1), `2 of 2 green; report: ${flown.page}`);
   const without = fly("without", join(source, "scenarios/paper/hover.yaml"), "--no-report");
   assert.ok(!existsSync(without.page));
 });
@@ -120,6 +121,98 @@ check("an axis tells its ticks apart, and an angle that turns leaves a gap", asy
   const [times, yaw] = together(flight, [{ name: "yaw", turns: true }, { name: "x" }]);
   assert.deepEqual(times, [0, 1, 2, 3, 4, 5, 6]);
   assert.deepEqual(yaw.map((v) => v && Number(v.toFixed(6))), [3.0, 3.05, 3.1, null, null, -3.05, -3.0]);
+});
+
+check("the robustness of a criterion is that of its window, and its lowest value the margin", async () => {
+  const { number } = await import(join(source, "harness/report/page/src/dom.js"));
+  const file = join(out, "windowed.yaml");
+  // It begins 1 m beside the reference, long before the window of the first one.
+  writeFileSync(file, `name: windowed\nduration_s: 8\ninitial: {position_m: [1, 0, 2]}\nreference: {type: hover, at_m: [0, 0, 2]}\nfirmware: tolerant\ncriteria:
+  - {name: near, stl: "always[6,8](position_error_m <= 0.5)"}
+  - {name: leaves, stl: "eventually[0,8](position_error_m <= 0.1)"}
+  - {name: settles, stl: "always[0,2](eventually[0,5](position_error_m <= 0.2))"}
+  - {name: first, stl: "(position_error_m <= 2) until[0,8] (position_error_m <= 0.3)"}\n`);
+  const { run, page: windowed } = fly("windowed", file);
+  for (const [report, folder, name] of [[windowed, run, "windowed"], [flown.page, flown.run, lost], [flown.page, flown.run, "paper-spiral-velocity"]]) {
+    const page = await openFlight(report, name);
+    const margins = Object.fromEntries(JSON.parse(readFileSync(join(folder, name, "verdict.json"), "utf8")).criteria.map((c) => [c.name, c.margin]));
+    const labels = await page.locator("figure[role=group]").evaluateAll((all) => all.map((f) => f.getAttribute("aria-label")));
+    const label = (title) => labels.find((text) => text.startsWith(title)) ?? "";
+    const curves = [...label("Robustness of each criterion,").matchAll(/([^ ]+)( \(looks ahead\))? from (\S+) to/g)];
+    assert.ok(curves.length > 0, labels.join("\n"));
+    for (const [, criterion, , low] of curves) assert.equal(low, number(margins[criterion]), criterion);
+    if (name === "windowed") {
+      assert.deepEqual(curves.map(([, criterion, ahead]) => [criterion, Boolean(ahead)]), [["near", false], ["settles", true]]);
+      assert.ok(label("Robustness of what must happen once").endsWith(` to ${number(margins.leaves)}`), label("Robustness of what"));
+      assert.match(label("Robustness of criteria, as if the flight began here"), / first from/);
+      assert.ok(margins.near > 0);
+      // Before its window there is nothing.
+      const values = page.locator("#plot-robustness").locator("xpath=..").locator(".item .value");
+      assert.equal(await values.first().textContent(), "–");
+      await page.keyboard.press("End");
+      assert.ok(parseFloat(await values.first().textContent()) >= margins.near);
+      await page.locator("#plot-robustness").scrollIntoViewIfNeeded();
+      await page.waitForSelector("#plot-robustness canvas");
+      await page.screenshot({ path: join(out, "robustness-light.png") });
+    }
+    await page.close();
+  }
+});
+
+check("the states of a shipped build have their names", async () => {
+  const { STATES, figuresOf } = await import(join(source, "harness/report/page/src/figures.js"));
+  const words = readFileSync(join(source, "firmware/supervisor.h"), "utf8").match(/enum class SupervisorState[^}]*}/)[0];
+  const numbered = [...words.matchAll(/k(\w+) = (\d+)/g)].map(([, name, value]) => [name.toLowerCase(), Number(value)]);
+  assert.deepEqual(numbered, STATES.map((name, i) => [name.replace(/[ -]/g, ""), i]));
+  // A firmware of others counts as it likes, and one of several is known by its id.
+  const told = (columns, clients) => figuresOf({ series: [], bounds: [], states: [], inputs: [], columns, scenario: { faults: [] }, has: (name) => columns.includes(name), points: () => ({ values: [0] }) }, clients).map((f) => [f.id, f.lines.map((l) => l.name)]);
+  assert.deepEqual(told(["supervisor_state"], { "": "library:a.so" }), [["supervisor-number", ["supervisor_state"]]]);
+  assert.deepEqual(told(["supervisor_state"], { "": "host" }), [["supervisor", ["supervisor_state"]]]);
+  assert.deepEqual(told(["supervisor_state_a", "supervisor_state_b"], { "": "host", a: "library:a.so" }), [["supervisor", ["supervisor_state_b"]], ["supervisor-number", ["supervisor_state_a"]]]);
+  const file = join(out, "silence.yaml");
+  writeFileSync(file, `name: silence\nduration_s: 6\nfirmware: tolerant\nreference: {type: hover, at_m: [0, 0, 2]}\nfaults:\n  - {id: quiet, type: link.silence, target: to_client, start_s: 2, end_s: 2.3}\ncriteria: []\n`);
+  const page = await openFlight(fly("silence", file).page, "silence");
+  const figure = page.locator("#plot-supervisor").locator("xpath=..");
+  assert.match(await figure.getAttribute("aria-label"), /from run to fail-safe/);
+  const value = figure.locator(".item .value");
+  assert.equal(await value.textContent(), "run");
+  for (let i = 0; i < 22; ++i) await page.keyboard.press("ArrowRight");
+  assert.equal(await value.textContent(), "fail-safe");
+  await page.locator("#plot-supervisor").scrollIntoViewIfNeeded();
+  await page.waitForSelector("#plot-supervisor canvas");
+  await page.screenshot({ path: join(out, "states-light.png") });
+  await page.close();
+});
+
+check("an axis has room for line errors, and whole numbers for what is counted", async () => {
+  const { yRange, yTicks } = await import(join(source, "harness/report/page/src/lines.js"));
+  const count = { lines: [{ whole: true }] }, states = { lines: [{ whole: true }], names: ["run", "init", "hold"] };
+  const ticks = (spec, range) => { const { splits, values } = yTicks(spec); return values(null, splits(null, 1, ...range)); };
+  assert.deepEqual(ticks(count, yRange(count, 0, 0, 0)), ["0", "1"]);
+  assert.deepEqual(ticks(count, yRange(count, 0, 3, 0.05)), ["0", "1", "2", "3"]);
+  assert.ok(ticks(count, yRange(count, 0, 4000, 0)).length < 12);
+  assert.deepEqual(ticks(states, yRange(states, 0, 0, 0)), ["run", "init", "hold"]);
+  for (const zero of [true, false])
+    for (const [low, high] of [[0, 0], [0, 1], [0.2, 7], [-3, 2], [-5, -4], [10, 10], [1e-6, 2e-6], [-1e6, 1e6]])
+      for (const strip of [0, 0.05, 0.2]) {
+        const spec = { lines: [{}], zero, bounds: [] };
+        const [bottom, top] = yRange(spec, low, high, strip);
+        const drawn = zero ? Math.min(low, 0) : low;
+        assert.ok((drawn - bottom) / (top - bottom) >= strip - 1e-9 && bottom <= low && top >= high, `${low} to ${high}: ${bottom} to ${top}`);
+        assert.ok(!zero || strip > 0 || low < 0 || bottom === 0);
+      }
+});
+
+check("the colours of the first faults are none of a line in the figure of the error", async () => {
+  const { FAULTS, LINES } = await import(join(source, "harness/report/page/src/colours.js"));
+  const { figuresOf } = await import(join(source, "harness/report/page/src/figures.js"));
+  const columns = ["position_error_m", "cross_track_error_m"];
+  const [{ lines }] = figuresOf({ series: [], bounds: [], states: [], inputs: [], columns, scenario: { faults: [] }, has: (name) => columns.includes(name) }, {});
+  for (const ground of ["light", "dark"]) {
+    const taken = lines.map((line, i) => LINES[ground][line.colour ?? i]);
+    for (const fault of FAULTS[ground].slice(0, 3)) assert.ok(!taken.includes(fault), `${ground}: ${fault}`);
+    assert.equal(FAULTS[ground].length, FAULTS.light.length);
+  }
 });
 
 check("a flight that never started says so in large letters, and none of its criteria is red that nobody decided", async () => {
@@ -215,7 +308,13 @@ check("frames around a moment show damaged bytes", async () => {
   assert.ok(await page.locator(".frame.damaged >> nth=0").isVisible());
   await page.screenshot({ path: join(out, "frames-light.png") });
   await page.keyboard.press("Home");
-  await page.waitForSelector("#frames >> text=tiltproof link-dump");
+  await page.waitForSelector("#frames >> text=No frames are kept here");
+  // The program is that of the command above, and the command is right.
+  const dump = await page.locator("#frames .dump code").textContent();
+  assert.equal(dump, `${tiltproof} link-dump ${join(flown.run, lost, "link.bin")}`);
+  assert.ok((await page.locator(".again code").first().textContent()).startsWith(`${tiltproof} replay `));
+  assert.equal(await page.locator("#frames .dump button.copy").count(), 1);
+  assert.ok(execFileSync("/bin/sh", ["-c", `${dump} | head -n 2`], { encoding: "utf8" }).length > 0);
   await page.close();
 });
 
@@ -296,6 +395,21 @@ check("an empty run, a killed run, and one without files", async () => {
   await killed.waitForSelector("text=This flight left no trace");
   await killed.close();
   const results = JSON.parse(readFileSync(join(flown.run, "results.json"), "utf8"));
+  // A run that was interrupted: what was never flown is no error of the flights.
+  const never = Array.from({ length: 3 }, (_, i) => ({ ...results.scenarios[0], name: `never-${i}`, verdict: "error", reason: "not flown: the run was interrupted", replay: "", criteria: [], metrics: {} }));
+  writeFileSync(join(run, "results.json"), JSON.stringify({ ...results, interrupted: true, scenarios: [...results.scenarios, ...never] }));
+  report(run);
+  const interrupted = await open(join(run, "report.html"));
+  const boxes = Object.fromEntries(await interrupted.locator(".count").evaluateAll((all) => all.map((box) => [box.querySelector("span").textContent, Number(box.querySelector("b").textContent)])));
+  assert.deepEqual([boxes["not flown"], boxes.errors, boxes["as expected"], boxes["not as expected"]], [3, 0, 2, 0], JSON.stringify(boxes));
+  assert.equal(await interrupted.locator(".flights .badge >> text=not flown").count(), 3);
+  await interrupted.selectOption(".filters select >> nth=0", "not flown");
+  assert.equal(await interrupted.locator(".flights tbody tr").count(), 3);
+  await interrupted.selectOption(".filters select >> nth=0", "error");
+  assert.equal(await interrupted.locator(".flights tbody tr").count(), 0);
+  await interrupted.selectOption(".filters select >> nth=0", "");
+  await interrupted.screenshot({ path: join(out, "interrupted.png") });
+  await interrupted.close();
   writeFileSync(join(run, "results.json"), JSON.stringify({ ...results, scenarios: [] }));
   report(run);
   const empty = await open(join(run, "report.html"));
@@ -316,6 +430,112 @@ check("what changed since a baseline", async () => {
   const rows = await page.locator(".flights tbody tr").allTextContents();
   assert.ok(rows.some((row) => row.includes("paper-hover") && row.includes("new")), rows.join("\n"));
   assert.match(await page.locator("main").textContent(), /Only there: paper-spiral-velocity/);
+  await page.close();
+});
+
+// A folder as a flight of another vehicle would leave it: four rotors, none of which tilts.
+function makeQuadrotor(run) {
+  const flight = join(run, "paper-spiral-velocity");
+  const [names, ...rows] = readFileSync(join(flight, "trace.csv"), "utf8").trimEnd().split("\n").map((line) => line.split(","));
+  const rotors = ["front_left", "front_right", "rear_left", "rear_right"];
+  const keep = names.flatMap((name, i) => (/alpha|(f|tau)_[rl]_n/.test(name) ? [] : [i]));
+  const thrusts = (row, t) => rotors.map((_, i) => 5 + Math.sin(t * (i + 1)) * 2);
+  const insert = (list, before, added) => list.splice(list.indexOf(before), 0, ...added);
+  const kept = keep.map((i) => names[i]);
+  const header = [...kept];
+  insert(header, "x_ref_m", rotors.map((name) => `f_${name}_n`));
+  insert(header, "faults_active_count", rotors.map((name) => `commanded_f_${name}_n`));
+  const lines = rows.map((row) => {
+    const values = new Map(kept.map((name, i) => [name, row[keep[i]]]));
+    thrusts(row, Number(row[0])).forEach((force, i) => [`f_${rotors[i]}_n`, `commanded_f_${rotors[i]}_n`].forEach((name) => values.set(name, force)));
+    return header.map((name) => values.get(name)).join(",");
+  });
+  writeFileSync(join(flight, "trace.csv"), [header.join(","), ...lines].join("\n") + "\n");
+  const file = join(flight, "flight.json"), log = JSON.parse(readFileSync(file, "utf8"));
+  Object.assign(log, { hover_input: [5, 5, 5, 5], input_min: [0, 0, 0, 0], input_max: [10, 10, 10, 10] });
+  writeFileSync(file, JSON.stringify(log));
+  return rotors;
+}
+
+// Changes what a page holds of a flight, in the place of a vehicle file that the plant cannot fly yet.
+function changeFlight(file, id, change) {
+  const text = readFileSync(file, "utf8"), begin = text.indexOf(">", text.indexOf(`id="${id}"`)) + 1, end = text.indexOf("<", begin);
+  const bytes = Buffer.from(text.slice(begin, end), "base64"), size = bytes.readUInt32LE(0);
+  const part = inflateSync(bytes.subarray(4, 4 + size)), length = part.readUInt32LE(0);
+  const json = JSON.parse(part.subarray(4, 4 + length).toString());
+  change(json);
+  const u32 = (value) => { const four = Buffer.alloc(4); four.writeUInt32LE(value); return four; };
+  const words = Buffer.from(JSON.stringify(json)), packed = deflateSync(Buffer.concat([u32(words.length), words, part.subarray(4 + length)]));
+  writeFileSync(file, text.slice(0, begin) + Buffer.concat([u32(packed.length), packed, bytes.subarray(4 + size)]).toString("base64") + text.slice(end));
+}
+
+check("a vehicle with four rotors and no hinge", async () => {
+  const run = join(out, "quadrotor"), name = "paper-spiral-velocity";
+  cpSync(flown.run, run, { recursive: true });
+  const rotors = makeQuadrotor(run);
+  report(run);
+  const file = join(run, "report.html");
+  const { details } = JSON.parse(/id="run">(.*?)<\/script>/s.exec(readFileSync(file, "utf8"))[1]).flights.find((f) => f.name === name);
+  changeFlight(file, details, (flight) => {
+    assert.deepEqual(flight.problems, []);
+    assert.deepEqual(flight.inputs, rotors.map((rotor) => `f_${rotor}_n`));
+    const places = [[0.2, 0.2, 0], [0.2, -0.2, 0], [-0.2, 0.2, 0], [-0.2, -0.2, 0]];
+    flight.vehicle.rotors = rotors.map((rotor, i) => ({ name: rotor, position_m: places[i], hinge_point_m: places[i], hinge_axis: [0, 0, 0], thrust_axis: [0, 0, 1], force_max_n: 10, angle: "", force: `f_${rotor}_n` }));
+  });
+  const page = await openFlight(file, name);
+  assert.equal(await page.locator("#plot-servos, #plot-torques").count(), 0);
+  const label = await page.locator("#plot-thrusts").locator("xpath=..").getAttribute("aria-label");
+  for (const rotor of rotors) assert.ok(label.includes(`f_${rotor} from `), label);
+  for (const id of ["position", "attitude", "thrusts", "error", "robustness"]) {
+    await page.locator(`#plot-${id}`).scrollIntoViewIfNeeded();
+    await page.waitForSelector(`#plot-${id} canvas`);
+  }
+  const still = await picture(page);
+  await page.keyboard.press("Shift+ArrowRight");
+  await page.waitForFunction(() => parseFloat(document.querySelector(".now").textContent) === 1);
+  assert.notEqual(await picture(page), still);
+  await page.locator(".options input").nth(1).check();  // from nearby: discs and arrows
+  await page.screenshot({ path: join(out, "quadrotor.png") });
+  // What the picture shows of the thrusts changes with them alone: the same moment with no thrust has no arrows.
+  const arrows = await picture(page);
+  await page.close();
+  changeFlight(file, details, (flight) => flight.vehicle.rotors.forEach((rotor) => (rotor.force_max_n = 0)));
+  const without = await openFlight(file, name);
+  await without.keyboard.press("Shift+ArrowRight");
+  await without.locator(".options input").nth(1).check();
+  assert.notEqual(await picture(without), arrows);
+  await without.close();
+});
+
+check("100 flights of a minute with faults take less than 15 MB", async () => {
+  const file = join(out, "minute.yaml");
+  writeFileSync(file, `name: minute\nduration_s: 60\nfirmware: tolerant\nreference: {type: spiral, turns_count: 3, radius_m: 5, height_m: 10, start_m: [2, 0, 0.5], velocity: true}\nfaults:
+  - {id: errors, type: wire.bit_error, target: to_client, start_s: 5, end_s: 55, parameters: {ber: 0.0001}}
+  - {id: weak, type: actuator.loss_of_effectiveness, start_s: 20, end_s: 40, parameters: {actuator: f_r, factor: 0.98}}
+criteria:
+  - {name: on-path, stl: "always(position_error_m <= 1)"}
+  - {name: upright, stl: "always(tilt_rad <= 0.6)"}\n`);
+  const one = fly("minute", file, "--no-report");
+  const folder = readdirSync(one.run).find((entry) => existsSync(join(one.run, entry, "trace.csv")));
+  const results = JSON.parse(readFileSync(join(one.run, "results.json"), "utf8"));
+  const run = join(out, "hundred");
+  mkdirSync(run);
+  cpSync(join(one.run, "run.json"), join(run, "run.json"));
+  const names = Array.from({ length: 100 }, (_, i) => `${folder}-${i}`);
+  for (const name of names) {
+    mkdirSync(join(run, name));
+    for (const file of readdirSync(join(one.run, folder))) linkSync(join(one.run, folder, file), join(run, name, file));
+  }
+  const [flight] = results.scenarios;
+  writeFileSync(join(run, "results.json"), JSON.stringify({ ...results, scenarios: names.map((name) => ({ ...flight, name })) }));
+  assert.ok(flight.metrics["survival.time_s"] >= 59.9 && flight.faults.some((fault) => fault.activations > 100), JSON.stringify(flight.faults));
+  report(run);
+  const { size } = statSync(join(run, "report.html"));
+  assert.ok(size > 1e6 && size < 15e6, `${size} bytes`);
+  const begin = performance.now();
+  const page = await open(join(run, "report.html"));
+  assert.equal(await page.locator(".flights tbody tr").count(), 100);
+  console.log(`        ${(size / 1e6).toFixed(1)} MB, its table after ${((performance.now() - begin) / 1000).toFixed(2)} s`);
   await page.close();
 });
 
@@ -553,6 +773,8 @@ check("a run is shown while it is flown, and obeys its buttons", async () => {
     assert.equal(await ended, 130);
     await page.waitForSelector("text=The run has ended.");
     assert.match(await page.locator("h1").textContent(), /inconclusive|error|fail|pass/);
+    await page.waitForSelector(".fault-list >> text=active to the end");
+    assert.ok(!/active now/.test(await page.locator(".fault-list").textContent()));
     await page.close();
   } finally {
     child.kill("SIGKILL");

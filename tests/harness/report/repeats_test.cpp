@@ -72,5 +72,33 @@ TEST(RepeatsOf, FindsTheWorstOfEachScenario) {
   EXPECT_FALSE(all[1].all_the_same);
 }
 
+FlightResult WithoutMargin(const std::string& name, Verdict verdict, double survived_s) {
+  FlightResult result = Flown(name, verdict, {});
+  result.score.criteria.clear();
+  result.score.metrics["survival.time_s"] = survived_s;
+  return result;
+}
+
+// A restart fails `survival` and no other criterion.
+TEST(RepeatsOf, FailuresWithAMarginComeBeforeThoseThatHaveNone) {
+  const std::vector<FlightResult> results = {WithoutMargin("a1", Verdict::kFail, 9),
+                                             Flown("a2", Verdict::kFail, -0.1),
+                                             Flown("a3", Verdict::kFail, -0.2)};
+  const auto all = RepeatsOf(results, {"a", "a", "a"});
+  EXPECT_EQ(all[0].worst->name, "a3");
+  EXPECT_EQ(all[0].margin, -0.2);
+  EXPECT_FALSE(all[0].survived_s);
+}
+
+TEST(RepeatsOf, OfFailuresWithoutAMarginTheShortestIsTheWorst) {
+  const std::vector<FlightResult> results = {
+      Flown("a1", Verdict::kPass, 0.1), WithoutMargin("a2", Verdict::kFail, 9),
+      WithoutMargin("a3", Verdict::kFail, 2.5), WithoutMargin("a4", Verdict::kFail, 4)};
+  const auto all = RepeatsOf(results, {"a", "a", "a", "a"});
+  EXPECT_EQ(all[0].worst->name, "a3");
+  EXPECT_FALSE(all[0].margin);
+  EXPECT_EQ(all[0].survived_s, 2.5);
+}
+
 }  // namespace
 }  // namespace tiltproof::harness

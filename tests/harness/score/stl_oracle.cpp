@@ -34,6 +34,51 @@ SlowBounds Certain(bool holds) {
 }
 SlowBounds Anything() { return {{-kInfinity, false}, {kInfinity, true}}; }
 
+// A formula without its negations: each stands at a comparison, or at what is asked of a row as a whole.
+struct Plain {
+  char kind;  // '&' lowest of the parts, '|' highest, 'r' of a row
+  bool over_window = false;
+  std::vector<Plain> parts{};
+  const Node* node = nullptr;
+  bool negated = false;
+};
+
+Plain WithoutNegations(const Node& node, bool negated) {
+  const auto both = [&](char kind, bool flip_left) {
+    return Plain{kind,
+                 false,
+                 {WithoutNegations(*node.left, negated != flip_left), WithoutNegations(*node.right, negated)},
+                 &node,
+                 negated};
+  };
+  const auto window = [&](char kind) {
+    return Plain{kind, true, {WithoutNegations(*node.left, negated)}, &node, negated};
+  };
+  switch (node.op) {
+    case Op::kNot:
+      return WithoutNegations(*node.left, !negated);
+    case Op::kAnd:
+      return both(negated ? '|' : '&', false);
+    case Op::kOr:
+      return both(negated ? '&' : '|', false);
+    case Op::kImplies:
+      return both(negated ? '&' : '|', true);
+    case Op::kAlways:
+      return window(negated ? '|' : '&');
+    case Op::kEventually:
+      return window(negated ? '&' : '|');
+    default:
+      return {'r', false, {}, &node, negated};
+  }
+}
+
+// On each way down from the top there is a window of this kind before anything else.
+bool EveryPathHasAWindow(const Plain& plain, char kind) {
+  if (plain.kind != kind) return false;
+  if (plain.over_window) return true;
+  return EveryPathHasAWindow(plain.parts[0], kind) && EveryPathHasAWindow(plain.parts[1], kind);
+}
+
 class Oracle {
  public:
   explicit Oracle(const SlowTrace& trace) : trace_(trace), rows_(trace.times_ns.size()) {}
@@ -83,6 +128,20 @@ class Oracle {
       default:
         return Compare(node, row, negated);
     }
+  }
+
+  // Everything that counts at some row for the whole to have its value, in the order in which it is found.
+  void Collect(const Plain& plain, char kind, std::size_t row,
+               std::vector<std::vector<SlowBounds>>& found) const {
+    if (plain.kind != kind) {
+      SlowBounds value = At(*plain.node, row, plain.negated);
+      found[row].push_back(plain.negated ? Negated(value) : value);
+      return;
+    }
+    if (!plain.over_window)
+      for (const Plain& part : plain.parts) Collect(part, kind, row, found);
+    else
+      for (const std::size_t r : Window(*plain.node, row)) Collect(plain.parts[0], kind, r, found);
   }
 
  private:
@@ -198,6 +257,30 @@ harness::Trace SlowTrace::ToTrace() const {
 
 SlowBounds SlowEvaluate(const harness::stl::Formula& formula, const SlowTrace& trace) {
   return Oracle(trace).At(*formula, 0, false);
+}
+
+SlowOverTime SlowEvaluateOverTime(const harness::stl::Formula& formula, const SlowTrace& trace) {
+  using harness::stl::OverTimeReading;
+  const Oracle oracle(trace);
+  const Plain plain = WithoutNegations(*formula, false);
+  SlowOverTime result;
+  for (const char kind : {'&', '|'}) {
+    if (!EveryPathHasAWindow(plain, kind)) continue;
+    result.reading = kind == '&' ? OverTimeReading::kLowest : OverTimeReading::kHighest;
+    std::vector<std::vector<SlowBounds>> found(trace.times_ns.size() + 1);
+    oracle.Collect(plain, kind, 0, found);
+    for (std::size_t r = 0; r < trace.times_ns.size(); ++r) {
+      std::optional<SlowBounds> value;
+      for (const SlowBounds& v : found[r])
+        value = !value ? v : kind == '&' ? Minimum(*value, v) : Maximum(*value, v);
+      result.rows.push_back(value);
+    }
+    return result;
+  }
+  result.reading = OverTimeReading::kFromHere;
+  for (std::size_t r = 0; r < trace.times_ns.size(); ++r)
+    result.rows.emplace_back(oracle.At(*formula, r, false));
+  return result;
 }
 
 }  // namespace tiltproof::testing

@@ -3,6 +3,7 @@
 // parser's tree, and nothing else.
 #pragma once
 
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -31,5 +32,12 @@ struct SlowTrace {
 
 // Of the formula at the first row.
 SlowBounds SlowEvaluate(const harness::stl::Formula& formula, const SlowTrace& trace);
+
+// What a report draws over time (harness/score/stl.h), row by row; none in rows that no window looks at.
+struct SlowOverTime {
+  harness::stl::OverTimeReading reading{};
+  std::vector<std::optional<SlowBounds>> rows;
+};
+SlowOverTime SlowEvaluateOverTime(const harness::stl::Formula& formula, const SlowTrace& trace);
 
 }  // namespace tiltproof::testing

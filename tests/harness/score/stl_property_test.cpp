@@ -138,23 +138,53 @@ RC_GTEST_PROP(StlMonitor, AgreesWithTheDefinitions, ()) {
   RC_ASSERT(result.upper == expected.upper.number);
 }
 
-// At each row, what the definitions say of the rest of the flight.
+stl::OverTime Watch(const stl::Formula& formula, const SlowTrace& trace) {
+  return stl::EvaluateOverTime(formula, trace.ToTrace(),
+                               stl::Extent{trace.seen_until_ns, trace.planned_end_ns});
+}
+
 RC_GTEST_PROP(StlMonitor, OverTimeItAgreesWithTheDefinitionsToo, ()) {
   const std::string text = RandomFormula(Choose(4));
-  SlowTrace rest = RandomTrace();
+  const SlowTrace trace = RandomTrace();
   RC_LOG() << text << "\n";
   const stl::Formula formula = testing::ParseCriterion(text, kOneFault);
-  const auto rows =
-      stl::EvaluateOverTime(formula, rest.ToTrace(), stl::Extent{rest.seen_until_ns, rest.planned_end_ns});
-  RC_ASSERT(rows.size() == rest.times_ns.size());
-  for (const stl::RowRobustness& row : rows) {
-    const SlowBounds expected = SlowEvaluate(formula, rest);
-    RC_ASSERT(row.time_ns == rest.times_ns.front());
-    RC_ASSERT(row.lower == expected.lower.number);
-    RC_ASSERT(row.upper == expected.upper.number);
-    rest.times_ns.erase(rest.times_ns.begin());
-    for (auto* column : {&rest.x_m, &rest.roll_rad, &rest.active_a}) column->erase(column->begin());
+  const SlowOverTime expected = SlowEvaluateOverTime(formula, trace);
+  const stl::OverTime result = Watch(formula, trace);
+  RC_CLASSIFY(result.reading == stl::OverTimeReading::kLowest, "lowest");
+  RC_CLASSIFY(result.reading == stl::OverTimeReading::kHighest, "highest");
+  RC_CLASSIFY(result.reading == stl::OverTimeReading::kFromHere, "from here");
+  RC_ASSERT(result.reading == expected.reading);
+  std::size_t i = 0;
+  for (std::size_t r = 0; r < trace.times_ns.size(); ++r) {
+    if (!expected.rows[r]) continue;
+    RC_ASSERT(i < result.rows.size());
+    RC_ASSERT(result.rows[i].time_ns == trace.times_ns[r]);
+    RC_ASSERT(result.rows[i].lower == expected.rows[r]->lower.number);
+    RC_ASSERT(result.rows[i].upper == expected.rows[r]->upper.number);
+    ++i;
   }
+  RC_ASSERT(i == result.rows.size());
+}
+
+// What a reader of the curve takes for granted: its extreme is what decided the criterion.
+RC_GTEST_PROP(StlMonitor, TheExtremeOverTimeIsTheMargin, ()) {
+  const std::string text = RandomFormula(Choose(4));
+  SlowTrace trace = RandomTrace();
+  RC_LOG() << text << "\n";
+  const stl::Formula formula = testing::ParseCriterion(text, kOneFault);
+  const stl::OverTime over_time = Watch(formula, trace);
+  if (over_time.reading == stl::OverTimeReading::kFromHere) {
+    RC_ASSERT(over_time.rows.size() == trace.times_ns.size());
+    return;
+  }
+  const bool lowest = over_time.reading == stl::OverTimeReading::kLowest;
+  const stl::Result result = Judge(formula, trace);
+  double extreme =
+      lowest ? std::numeric_limits<double>::infinity() : -std::numeric_limits<double>::infinity();
+  for (const stl::RowRobustness& row : over_time.rows)
+    extreme = lowest ? std::min(extreme, row.upper) : std::max(extreme, row.lower);
+  RC_CLASSIFY(result.truth != stl::Truth::kUnknown, "decided");
+  RC_ASSERT(over_time.rows.empty() || extreme == (lowest ? result.upper : result.lower));
 }
 
 // Whatever a flight that was cut short would have done next: what was decided stays decided, and the bounds

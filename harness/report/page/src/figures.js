@@ -3,7 +3,13 @@ import { el, svg } from "./dom.js";
 
 const end = (name, suffix) => name.endsWith(suffix);
 
-export function figuresOf(flight) {
+// SupervisorState of firmware/supervisor.h.
+export const STATES = ["run", "init", "hold", "degraded", "fail-safe", "last resort"];
+
+// Of the builds that ship; a firmware of others counts its states as it likes. `clients`: what flew, by id.
+const hasNames = (column, clients) => ["host", "qemu"].includes(clients[column.slice("supervisor_state_".length)] ?? clients[""]);
+
+export function figuresOf(flight, clients) {
   const has = (name) => flight.has(name);
   const line = (name, label, more = {}) => ({ name, label, ...more });
   const shown = new Set();
@@ -17,11 +23,16 @@ export function figuresOf(flight) {
   };
   const paired = (names, reference) => names.flatMap((name, i) => [line(name, name.replace(/_(m|rad)$/, ""), { colour: i }), line(reference(name), `${name.replace(/_(m|rad)$/, "")} reference`, { colour: i, dash: true })]);
 
-  add("error", "Position error", "m", [line("position_error_m", "position error"), line("cross_track_error_m", "distance to the path", { colour: 5 })], { zero: true });
-  const robust = flight.series.filter((s) => s.name.startsWith("robustness_"));
-  const criteria = [...new Set(robust.map((s) => s.name.slice(s.name.indexOf("/") + 1)))];
-  add("robustness", "Robustness of each criterion, from here to the end", "", criteria.flatMap((name, i) => [
-    line(`robustness_upper/${name}`, name, { colour: i }), line(`robustness_lower/${name}`, `${name}, if the worst follows`, { colour: i, dash: true })]).filter((l) => has(l.name) && Number.isFinite(spread(flight, l.name))), { zero: true, note: "below 0: violated" });
+  add("error", "Position error", "m", [line("position_error_m", "position error"), line("cross_track_error_m", "distance to the path", { colour: 2 })], { zero: true });
+  const curves = flight.robustness ?? [];
+  const robustness = (id, title, reading, note) => add(id, title, "", curves.flatMap(({ criterion, reading: own, looks_ahead }, i) => {
+    if (own !== reading) return [];
+    const label = criterion + (looks_ahead ? " (looks ahead)" : "");
+    return [line(`robustness_upper/${criterion}`, label, { colour: i }), line(`robustness_lower/${criterion}`, `${label}, if the worst follows`, { colour: i, dash: true })];
+  }).filter((l) => has(l.name) && Number.isFinite(spread(flight, l.name))), { zero: true, note });
+  robustness("robustness", "Robustness of each criterion", "lowest", "its lowest value is the margin; below 0: violated");
+  robustness("robustness-once", "Robustness of what must happen once", "highest", "its highest value is the margin; 0 and above: it happens");
+  robustness("robustness-from-here", "Robustness of criteria, as if the flight began here", "from_here", "the margin is the value at 0 s");
   add("position", "Position", "m", paired(["x_m", "y_m", "z_m"], (n) => n.replace("_m", "_ref_m")));
   add("attitude", "Roll, pitch, yaw", "rad", [line("roll_rad", "roll", { turns: true }), line("pitch_rad", "pitch", { turns: true }), line("yaw_rad", "yaw", { turns: true }), line("yaw_ref_rad", "yaw reference", { dash: true, colour: 2, turns: true })]);
   add("servos", "Servo angles", "rad", flight.states.filter((n) => n.startsWith("alpha_") && end(n, "_rad")).map((n) => line(n, n.slice(0, -4))));
@@ -29,12 +40,15 @@ export function figuresOf(flight) {
   add("thrusts", "Control inputs: thrusts", "N", inputs("_n"));
   add("torques", "Control inputs: torques of the servos", "N m", inputs("_nm"));
   add("velocity", "Velocity", "m/s", ["vx_m_s", "vy_m_s", "vz_m_s", "speed_m_s"].map((n) => line(n, n.replace("_m_s", ""))));
-  const states = flight.columns.filter((name) => /^supervisor_state(_|$)/.test(name));
-  add("supervisor", "State of the firmware, in its own numbering", "", states.map((name) => line(name, name, { step: true })));
-  add("arbiter", "Client whose actuators are in force", "", [line("arbiter_selected", "arbiter_selected", { step: true })]);
+  const columns = flight.columns.filter((name) => /^supervisor_state(_|$)/.test(name));
+  const whole = { step: true, whole: true };
+  const named = columns.filter((name) => hasNames(name, clients));
+  add("supervisor", "State of the firmware", "", named.map((name) => line(name, name, whole)), { names: STATES });
+  add("supervisor-number", "State of the firmware, in its own numbering", "", columns.filter((name) => !named.includes(name)).map((name) => line(name, name, whole)));
+  add("arbiter", "Client whose actuators are in force", "", [line("arbiter_selected", "arbiter_selected", whole)]);
   // A bound on a signal that is in none of these.
   for (const name of new Set(flight.bounds.map((b) => b.signal))) if (!shown.has(name)) add(`bound-${name}`, name, "", [line(name, name)]);
-  if (flight.scenario.faults.length > 0) add("active", "Faults active", "", [line("faults_active_count", "faults", { step: true })]);
+  if (flight.scenario.faults.length > 0) add("active", "Faults active", "", [line("faults_active_count", "faults", whole)]);
   return figures;
 }
 

@@ -150,6 +150,12 @@ export function replayPanel(flight, clock) {
   return { panel, start, grow: () => replay?.grow(), close: () => replay?.close() };
 }
 
+// What flew, by id; without one: what is not named there.
+export const clientsOf = (info) => ({ "": info?.client, ...info?.clients });
+
+// As in the command that flies it again.
+const programOf = (entry) => /^(.+?) (replay|run) /.exec(entry.replay ?? "")?.[1] ?? "tiltproof";
+
 // Returns what to call when it is left.
 export async function showFlight(main, run, index, stillWanted) {
   const entry = run.flights[index];
@@ -165,7 +171,7 @@ export async function showFlight(main, run, index, stillWanted) {
   const clock = new Clock(flight.end_s);
   const plots = new Plots(flight, clock);
   const flown = flight.times_s.length > 0;
-  const figures = flown ? figuresOf(flight).map((spec) => plots.add(spec)) : [];
+  const figures = flown ? figuresOf(flight, clientsOf(run.runs[entry.run])).map((spec) => plots.add(spec)) : [];
   const histograms = Object.entries(flight.result.histograms ?? {}).sort().reverse().map(([name, h]) => histogram(name, h)).filter(Boolean);
   const replay = flown ? replayPanel(flight, clock) : null;
   const scenario = flight.scenario;
@@ -180,7 +186,7 @@ export async function showFlight(main, run, index, stillWanted) {
         figures.length > 0 ? section("figures", "Figures", el("p", { class: "hint", text: "Time in s. Bands: a fault is active. Ticks above: it acted. Ticks below: a frame did not go on as sent. Red line: first violation. Drag to zoom, double-click for all." }), figures) : null,
         histograms.length > 0 ? section("timing", "Timing", histograms) : null,
         flown ? chooser(flight, plots) : null)),
-    ...(flown ? [framesSection(flight, clock)] : []),
+    ...(flown ? [framesSection(flight, clock, programOf(entry))] : []),
     metricsTable(flight.result.metrics),
     flight.events.length > 0 ? el("details", {}, el("summary", { text: `Events (${flight.events.length})` }), el("ol", { class: "events" }, flight.events.map((e) =>
       el("li", {}, el("button", { type: "button", class: "time", text: seconds(e.time_s), onclick: () => clock.set(e.time_s) }), " ", el("b", { text: [e.client, e.kind.replaceAll("_", " ")].filter(Boolean).join(" ") }), ` ${e.text}`)))) : "",

@@ -1,6 +1,6 @@
 // The frames on the lines around the clock's time: as sent, and as they went on, with damaged bytes marked; and the row
 // of the trace there, exactly.
-import { el, number } from "./dom.js";
+import { copyable, el, number } from "./dom.js";
 import { lastAtOrBefore } from "./data.js";
 
 const AROUND_S = 0.03;
@@ -77,7 +77,7 @@ function frameView(flight, frame) {
   return el("li", { class: `frame ${frame.fate}` }, parts);
 }
 
-export function framesSection(flight, clock) {
+export function framesSection(flight, clock, program) {
   const list = el("ol", { class: "frames", tabindex: "0", "aria-label": "Frames" });
   const told = el("p", { class: "told" });
   const table = el("table", { class: "row" });
@@ -93,7 +93,7 @@ export function framesSection(flight, clock) {
   for (const [key, { count, times }] of fates)
     errors.append(el("button", { type: "button", text: `${count} ${key}: next`, onclick: () => clock.set(times.find((t) => t > clock.time_s + 1e-6) ?? times[0]) }));
   if (flight.line_error_count > flight.line_errors.length) errors.append(el("span", { class: "hint", text: `${flight.line_error_count} frames in all did not go on as sent; the first ${flight.line_errors.length} are here` }));
-  const dump = `tiltproof link-dump ${flight.folder}/link.bin`;
+  const dump = el("div", { class: "again dump" }, el("span", { text: "All frames: " }), copyable(`${program} link-dump ${flight.folder}/link.bin`, "the command that prints all frames"));
 
   let drawn = null;
   const fill = () => {
@@ -104,11 +104,11 @@ export function framesSection(flight, clock) {
     const frames = near.flatMap((c) => c.json.frames).filter((f) => Math.abs(f.time_ns / 1e9 - t) <= AROUND_S);
     if (near.length === 0) {
       const around = flight.closeUps.map((c) => (c.begin_s + c.end_s) / 2).sort((a, b) => Math.abs(a - t) - Math.abs(b - t))[0];
-      told.replaceChildren(`No frames are kept here for ${t.toFixed(3)} s. All of them: `, el("code", { text: dump }), " ");
+      told.replaceChildren(`No frames are kept here for ${t.toFixed(3)} s. `);
       if (around !== undefined) told.append(el("button", { type: "button", text: `Nearest close-up: ${around.toFixed(2)} s`, onclick: () => clock.set(around) }));
       list.replaceChildren();
     } else {
-      told.replaceChildren(`${frames.length} frames within ${AROUND_S * 1000} ms of ${t.toFixed(3)} s. All of them: `, el("code", { text: dump }));
+      told.replaceChildren(`${frames.length} frames within ${AROUND_S * 1000} ms of ${t.toFixed(3)} s.`);
       const shown = frames.slice(0, SHOWN_MAX);
       list.replaceChildren(...shown.map((f) => frameView(flight, f)));
       // To what is at the cursor, with a little of what was before it.
@@ -139,6 +139,6 @@ export function framesSection(flight, clock) {
     if (!clock.closed) timer = setTimeout(fill, clock.playing ? 400 : 80);
   });
   fill();
-  return el("section", { id: "frames", "aria-labelledby": "frames-h" }, el("h2", { id: "frames-h", text: "On the lines at the cursor" }), errors, told, list,
+  return el("section", { id: "frames", "aria-labelledby": "frames-h" }, el("h2", { id: "frames-h", text: "On the lines at the cursor" }), errors, told, dump, list,
     el("details", {}, el("summary", { text: "All signals at the cursor" }), el("div", { class: "scroll" }, table)));
 }

@@ -12,6 +12,48 @@ export function axisLabels(ticks) {
   return ticks.map((t) => number(t, Math.min(Math.max(digits, 4), 12)));
 }
 
+// Of a value that stands for something, as states do.
+export const nameOf = (spec, value) => (Number.isInteger(value) ? spec.names?.[value] : undefined);
+
+// States and counts have ticks at whole numbers alone.
+const isWhole = (spec) => spec.lines.every((line) => line.whole);
+
+export function yTicks(spec) {
+  if (!isWhole(spec)) return { values: (u, ticks) => axisLabels(ticks) };
+  const splits = (u, axis, low, high) => {
+    const step = Math.max(1, Math.ceil((high - low) / 8));
+    const first = Math.ceil(low / step);
+    return Array.from({ length: Math.max(0, Math.floor(high / step) - first + 1) }, (_, i) => (first + i) * step);
+  };
+  return { splits, values: (u, ticks) => ticks.map((t) => nameOf(spec, t) ?? (spec.names ? "" : `${t}`)) };
+}
+
+// The ends of the vertical axis for values from low to high. At least the share `strip` of its height is left free below
+// all that is drawn.
+export function yRange(spec, low, high, strip) {
+  const [bottom, top] = rangeOfLines(spec, low, high);
+  const lowest = Math.min(spec.zero ? 0 : Infinity, low ?? Infinity);
+  return [Math.min(bottom, (lowest - strip * top) / (1 - strip)), top];
+}
+
+function rangeOfLines(spec, low, high) {
+  if (low === null || high === null || low === undefined) return [-1, 1];
+  // All states; of a count 0 and 1 at least.
+  if (spec.names) return [-0.4, spec.names.length - 0.6];
+  if (isWhole(spec)) return [Math.min(low, 0) - 0.2, Math.max(high, 1) + 0.2];
+  // A bound far away would flatten the lines: then it stays outside.
+  for (const bound of spec.bounds ?? []) {
+    const size = Math.max(high - low, Math.abs(high), Math.abs(low), 1e-9);
+    for (const value of bound.of_magnitude ? [bound.value, -bound.value] : [bound.value]) {
+      if (value > high && value - high < 4 * size && (bound.upper || !bound.of_magnitude)) high = value;
+      if (value < low && low - value < 4 * size && !(bound.of_magnitude && spec.lines.length === 1 && low >= 0)) low = value;
+    }
+  }
+  if (spec.zero) low = Math.min(low, 0), (high = Math.max(high, 0));
+  const pad = (high - low) * 0.07 || Math.abs(high) * 0.1 || 1;
+  return [spec.zero && low === 0 ? 0 : low - pad, high + pad];
+}
+
 // All lines on the rows of any of them, so that each keeps its own extremes.
 export function together(flight, lines) {
   const rows = new Set();

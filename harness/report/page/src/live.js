@@ -3,7 +3,7 @@ import { Clock } from "./clock.js";
 import { Flight } from "./data.js";
 import { badge, el, seconds } from "./dom.js";
 import { figuresOf } from "./figures.js";
-import { chooser, keys, replayPanel, section } from "./flight.js";
+import { chooser, clientsOf, keys, replayPanel, section } from "./flight.js";
 import { Plots } from "./plots.js";
 import { faultColour } from "./theme.js";
 
@@ -253,16 +253,17 @@ export function showLive(main, live, again) {
   }
   clock = new Clock(flight.end_s);
   const plots = new Plots(flight, clock);
-  const figures = figuresOf(flight).map((spec) => plots.add(spec));
+  const figures = figuresOf(flight, clientsOf(run.runs?.[0])).map((spec) => plots.add(spec));
   const names = flight.names_count;
   const replay = replayPanel(flight, clock);
   const scrub = replay.panel.querySelector("input[type=range]");
   const faults = el("ul", { class: "fault-list" });
+  const ended = () => live.over || live.status.phase === "ended";
   const tellFaults = () => faults.replaceChildren(...flight.scenario.faults.map((fault, i) => {
     const swatch = el("span", { class: "block" });
     swatch.style.background = faultColour(i);
     const bands = flight.bands.filter((band) => band.fault === i).length;
-    return el("li", {}, swatch, el("b", { text: fault.id }), ` ${fault.type}, ${flight.open.has(i) ? "active now" : bands > 0 ? "over" : "not yet"}`);
+    return el("li", {}, swatch, el("b", { text: fault.id }), ` ${fault.type}, ${!flight.open.has(i) ? (bands > 0 ? "over" : ended() ? "was not active" : "not yet") : ended() ? "active to the end" : "active now"}`);
   }));
   tellFaults();
   main.replaceChildren(...top,

@@ -2,10 +2,15 @@
 // cursor that all plots share.
 import uPlot from "uplot";
 import { el, number } from "./dom.js";
-import { axisLabels, together } from "./lines.js";
+import { nameOf, together, yRange, yTicks } from "./lines.js";
 import { colour, faultColour, palette } from "./theme.js";
 
 const HEIGHT = 210;
+const X_AXIS_px = 28;
+const PADDING_TOP_px = 4;
+
+// Below all lines and bounds: the ticks of frames that did not go on as sent.
+const STRIP_px = 9;
 
 export class Plots {
   constructor(flight, clock) {
@@ -40,7 +45,8 @@ export class Plots {
   describe(spec) {
     const ranges = spec.lines.map((line) => {
       const entry = this.flight.entries.get(line.name);
-      return `${line.label} from ${number(entry.low)} to ${number(entry.high)}`;
+      const word = (value) => nameOf(spec, value) ?? number(value);
+      return `${line.label} from ${word(entry.low)} to ${word(entry.high)}`;
     });
     return `${spec.title}, ${spec.unit || "no unit"}, over time: ${ranges.join("; ")}`;
   }
@@ -71,7 +77,8 @@ export class Plots {
 
   showValues(plot) {
     plot.spec.lines.forEach((line, i) => {
-      plot.values[i].textContent = number(this.flight.at(line.name, this.clock.time_s, line.step), 4);
+      const value = this.flight.at(line.name, this.clock.time_s, line.step);
+      plot.values[i].textContent = nameOf(plot.spec, value) ?? number(value, 4);
     });
   }
 
@@ -83,10 +90,10 @@ export class Plots {
     const options = {
       width: Math.max(box.clientWidth, 200),
       height: HEIGHT,
-      padding: [4, 14, 0, 0],
+      padding: [PADDING_TOP_px, 14, 0, 0],
       legend: { show: false },
-      scales: { x: { time: false, range: (u, low, high) => this.range ?? [0, Math.max(this.flight.end_s, 1e-3)] }, y: { range: (u, low, high) => this.yRange(spec, low, high) } },
-      axes: [{ ...axis, values: (u, ticks) => ticks.map((t) => `${+t.toFixed(3)}`), size: 28 }, { ...axis, size: 58, values: (u, ticks) => axisLabels(ticks) }],
+      scales: { x: { time: false, range: (u, low, high) => this.range ?? [0, Math.max(this.flight.end_s, 1e-3)] }, y: { range: (u, low, high) => yRange(spec, low, high, this.flight.line_errors.length > 0 ? STRIP_px / (HEIGHT - X_AXIS_px - PADDING_TOP_px) : 0) } },
+      axes: [{ ...axis, values: (u, ticks) => ticks.map((t) => `${+t.toFixed(3)}`), size: X_AXIS_px }, { ...axis, size: 76, ...yTicks(spec) }],
       series: [{}, ...spec.lines.map((line, i) => ({
         label: line.label,
         stroke: this.colourOf(spec, i),
@@ -118,21 +125,6 @@ export class Plots {
       uplot?.setData(together(this.flight, spec.lines));
     }
     this.zooming = false;
-  }
-
-  yRange(spec, low, high) {
-    if (low === null || high === null || low === undefined) return [-1, 1];
-    // A bound far away would flatten the lines: then it stays outside.
-    for (const bound of spec.bounds ?? []) {
-      const size = Math.max(high - low, Math.abs(high), Math.abs(low), 1e-9);
-      for (const value of bound.of_magnitude ? [bound.value, -bound.value] : [bound.value]) {
-        if (value > high && value - high < 4 * size && (bound.upper || !bound.of_magnitude)) high = value;
-        if (value < low && low - value < 4 * size && !(bound.of_magnitude && spec.lines.length === 1 && low >= 0)) low = value;
-      }
-    }
-    if (spec.zero) low = Math.min(low, 0), (high = Math.max(high, 0));
-    const pad = (high - low) * 0.07 || Math.abs(high) * 0.1 || 1;
-    return [spec.zero && low === 0 ? 0 : low - pad, high + pad];
   }
 
   drawBands(u) {

@@ -1,7 +1,7 @@
 // The vehicle in space: its path, the reference, and where it is at the clock's time. Geometry is the vehicle's own.
 import {
   AmbientLight, ArrowHelper, BoxGeometry, BufferAttribute, BufferGeometry, CanvasTexture, Color, CylinderGeometry, DirectionalLight, Group, Line,
-  LineBasicMaterial, LineDashedMaterial, LineSegments, Mesh, MeshLambertMaterial, PerspectiveCamera, Quaternion, Scene, SphereGeometry, Sprite, SpriteMaterial,
+  LineBasicMaterial, LineDashedMaterial, LineSegments, Mesh, MeshLambertMaterial, PerspectiveCamera, Quaternion, Scene, SphereGeometry, Sprite, SpriteMaterial, SRGBColorSpace,
   Vector3, WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
@@ -31,9 +31,12 @@ function label(text) {
   ctx.font = "40px system-ui, sans-serif";
   ctx.textAlign = "center";
   ctx.textBaseline = "middle";
-  ctx.fillStyle = colour("muted");
+  ctx.fillStyle = colour("ink");
   ctx.fillText(text, 96, 32);
-  const sprite = new Sprite(new SpriteMaterial({ map: new CanvasTexture(canvas), transparent: true, depthWrite: false, sizeAttenuation: false }));
+  const map = new CanvasTexture(canvas);
+  // Its colours are those of the page: without this, they count as light and become paler.
+  map.colorSpace = SRGBColorSpace;
+  const sprite = new Sprite(new SpriteMaterial({ map, transparent: true, depthWrite: false, sizeAttenuation: false }));
   sprite.scale.set(0.075, 0.025, 1);
   return sprite;
 }
@@ -178,7 +181,7 @@ export class Replay {
     for (let z = step; z <= top + step / 2; z += step) put(at(z), from[0] - height * 1.2, to[1], z);
     put("x [m]", (from[0] + to[0]) / 2, from[1] - 2.4 * height, 0);
     put("y [m]", to[0] + 3 * height, (from[1] + to[1]) / 2, 0);
-    put("z [m]", from[0] - height * 1.2, to[1], top + 1.2 * height);
+    put("z [m]", from[0] - height * 1.2, to[1], top + 2.2 * height);
   }
 
   addVehicle() {
@@ -195,16 +198,17 @@ export class Replay {
     nose.position.set(shape.body_position_m[0] + shape.body_size_m[0] / 2, shape.body_position_m[1], shape.body_position_m[2]);
     this.vehicle.add(nose);
     const reach = Math.max(0.2, ...shape.rotors.map((r) => vector(r.position_m).length()));
+    const colourOf = (i) => palette()[(i + 2) % palette().length];
     shape.rotors.forEach((rotor, i) => {
       const point = vector(rotor.hinge_point_m);
       const hinge = new Group();
       hinge.position.copy(point);
       const offset = vector(rotor.position_m).sub(point);
       const axis = vector(rotor.thrust_axis).normalize();
-      const disc = new Mesh(new CylinderGeometry(reach * 0.42, reach * 0.42, reach * 0.03, 28), new MeshLambertMaterial({ color: palette()[i + 2], transparent: true, opacity: 0.55 }));
+      const disc = new Mesh(new CylinderGeometry(reach * 0.42, reach * 0.42, reach * 0.03, 28), new MeshLambertMaterial({ color: colourOf(i), transparent: true, opacity: 0.55 }));
       disc.quaternion.copy(new Quaternion().setFromUnitVectors(new Vector3(0, 1, 0), axis));
       disc.position.copy(offset).addScaledVector(axis, reach * 0.08);
-      const arrow = new ArrowHelper(axis, disc.position, 0.001, new Color(palette()[i + 2]));
+      const arrow = new ArrowHelper(axis, disc.position, 0.001, new Color(colourOf(i)));
       const arm = new Line(new BufferGeometry().setFromPoints([new Vector3(), point]), new LineBasicMaterial({ color: colour("ink") }));
       hinge.add(disc, arrow);
       this.vehicle.add(hinge, arm);

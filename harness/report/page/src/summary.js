@@ -15,16 +15,23 @@ const COLUMNS = [
   { key: "seed", label: "Seed", of: (f) => f.seed, numeric: true },
 ];
 
+// In results.json an error, so that no script takes it for done: the run ended before it.
+const isNotFlown = (f) => f.verdict === "error" && f.reason?.startsWith("not flown");
+
+const verdictOf = (f) => (isNotFlown(f) ? "not flown" : f.verdict);
+
 function counts(run) {
   const of = (test) => run.flights.filter(test).length;
   const boxes = [
     ["green", "as expected", of((f) => f.green)],
-    ["red", "not as expected", of((f) => !f.green)],
+    ["red", "not as expected", of((f) => !f.green && !isNotFlown(f))],
     ["", "passed", of((f) => f.verdict === "pass")],
     ["", "failed", of((f) => f.verdict === "fail")],
     ["", "inconclusive", of((f) => f.verdict === "inconclusive")],
-    ["", "errors", of((f) => f.verdict === "error")],
+    ["", "errors", of((f) => f.verdict === "error" && !isNotFlown(f))],
   ];
+  const notFlown = of(isNotFlown);
+  if (notFlown > 0) boxes.push(["", "not flown", notFlown]);
   const notApplicable = run.runs?.reduce((n, r) => n + (r.not_applicable?.length ?? 0), 0) ?? 0;
   if (notApplicable > 0) boxes.push(["", "not applicable", notApplicable]);
   return countBoxes(boxes);
@@ -33,7 +40,7 @@ function counts(run) {
 function notes(run) {
   const lines = [];
   for (const r of run.runs ?? []) {
-    if (r.interrupted) lines.push(`${r.folder}: the run was interrupted, or is still under way. Flights that did not end are errors.`);
+    if (r.interrupted) lines.push(`${r.folder}: the run was interrupted, or is still under way. Flights that did not end are errors in results.json.`);
     if (r.problem) lines.push(r.problem);
   }
   if (run.left_out_count > 0) lines.push(`${run.left_out_count} flights more are in results.json; this page has those that are not green first.`);
@@ -52,7 +59,7 @@ function row(run, f, index) {
   const kinds = [...new Set(f.faults.map((x) => x.type))];
   const cells = [
     el("th", { scope: "row" }, el("a", { href: `#flight-${index}`, text: f.name })),
-    el("td", {}, badge(f.verdict, f.expected)),
+    el("td", {}, isNotFlown(f) ? badge("not flown", null) : badge(f.verdict, f.expected)),
     el("td", { class: `n ${f.margin !== null && f.margin < 0 ? "below" : ""}`, text: number(f.margin) }),
     el("td", { text: f.criterion ?? "", title: f.reason }),
     el("td", { class: "n", text: f.time_s === undefined || f.time_s === null ? "" : seconds(f.time_s) }),
@@ -70,7 +77,7 @@ const wordsOf = (f) => [f.name, f.criterion, f.reason, ...f.faults.flatMap((x) =
 
 export function showSummary(main, run) {
   const tags = [...new Set(run.flights.flatMap((f) => f.tags ?? []))].sort();
-  const selects = [{ label: "Verdict", options: [["red", "not as expected"], ...["pass", "fail", "inconclusive", "error"].map((v) => [v, v])], fits: (f, value) => (value === "red" ? !f.green : f.verdict === value) }];
+  const selects = [{ label: "Verdict", options: [["red", "not as expected"], ...["pass", "fail", "inconclusive", "error"].map((v) => [v, v]), ...(run.flights.some(isNotFlown) ? [["not flown", "not flown"]] : [])], fits: (f, value) => (value === "red" ? !f.green && !isNotFlown(f) : value === verdictOf(f)) }];
   if (tags.length > 0) selects.push({ label: "Tag", options: tags.map((t) => [t, t]), fits: (f, value) => f.tags?.includes(value) });
   const columns = [...COLUMNS];
   if (run.baseline) columns.push({ key: "before", label: "Since the baseline" });
