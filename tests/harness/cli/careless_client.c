@@ -84,7 +84,9 @@ __attribute__((noinline)) static void copy_frame(const uint8_t* bytes, size_t co
   for (size_t i = 0; i < count; ++i) ((volatile uint8_t*)copy)[i] = bytes[i];
 }
 
-__attribute__((noinline)) static void crash_elsewhere(const uint8_t* bytes) { *(volatile int*)16 = bytes[0]; }
+/* Where nothing is: the compiler does not know. */
+static volatile uint8_t* volatile nowhere = (volatile uint8_t*)16;
+__attribute__((noinline)) static void crash_elsewhere(const uint8_t* bytes) { *nowhere = bytes[0]; }
 
 /* It is the last block of the heap, so that the size of all that is free stands behind it. */
 static void overrun_block(void) {
@@ -107,7 +109,7 @@ static void on_frame(TiltproofClient* client) {
   }
   if (is(client, "smashed") && size > 64 && size <= 76) copy_frame(bytes, size);
   if (is(client, "hasty") && size < 10) client->hasty = 1;
-  if (is(client, "twofold") && size < 10) *(volatile int*)8 = 1;
+  if (is(client, "twofold") && size < 10) *nowhere = 1;
   if (is(client, "twofold") && size > 64) crash_elsewhere(bytes);
   if (is(client, "overrun") && size > 64) overrun_block();
   if (is(client, "secret")) check_word(bytes);
