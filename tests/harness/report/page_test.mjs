@@ -175,8 +175,10 @@ check("the states of a shipped build have their names", async () => {
   const figure = page.locator("#plot-supervisor").locator("xpath=..");
   assert.match(await figure.getAttribute("aria-label"), /from run to fail-safe/);
   const value = figure.locator(".item .value");
+  assert.equal(await value.textContent(), "init");
+  await page.keyboard.press("Shift+ArrowRight");
   assert.equal(await value.textContent(), "run");
-  for (let i = 0; i < 22; ++i) await page.keyboard.press("ArrowRight");
+  for (let i = 0; i < 12; ++i) await page.keyboard.press("ArrowRight");
   assert.equal(await value.textContent(), "fail-safe");
   await page.locator("#plot-supervisor").scrollIntoViewIfNeeded();
   await page.waitForSelector("#plot-supervisor canvas");

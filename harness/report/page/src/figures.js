@@ -27,7 +27,7 @@ export function figuresOf(flight, clients) {
   const curves = flight.robustness ?? [];
   const robustness = (id, title, reading, note) => add(id, title, "", curves.flatMap(({ criterion, reading: own, looks_ahead }, i) => {
     if (own !== reading) return [];
-    const label = criterion + (looks_ahead ? " (looks ahead)" : "");
+    const label = criterion + (looks_ahead && own !== "from_here" ? " (looks ahead)" : "");
     return [line(`robustness_upper/${criterion}`, label, { colour: i }), line(`robustness_lower/${criterion}`, `${label}, if the worst follows`, { colour: i, dash: true })];
   }).filter((l) => has(l.name) && Number.isFinite(spread(flight, l.name))), { zero: true, note });
   robustness("robustness", "Robustness of each criterion", "lowest", "its lowest value is the margin; below 0: violated");
