@@ -28,7 +28,7 @@ MAY_INCLUDE = {
                      "harness/reference", "plant", "faults", "link"],
     "harness/score": ["harness/score", "harness/run", "harness/scenario", "harness/formula", "harness/reference", "faults", "link"],
     "harness/engine": ["harness/engine", "harness/score", "harness/run", "harness/client", "harness/process", "harness/dds", "harness/scenario", "harness/terminal", "plant", "faults", "link"],
-    "harness/campaign": ["harness/campaign", "harness/engine", "harness/score", "harness/scenario", "plant", "faults", "link"],
+    "harness/campaign": ["harness/campaign", "harness/engine", "harness/score", "harness/client", "harness/scenario", "plant", "faults", "link"],
     "harness/report": ["harness/report", "harness/engine", "harness/score", "harness/run", "harness/scenario", "faults", "link"],
     "harness/export": ["harness/export", "harness/report", "harness/engine", "harness/score", "harness/run", "harness/dds", "link"],
     "harness/live": ["harness/live", "harness/report", "harness/score", "harness/run", "harness/dds", "harness/scenario", "harness/reference", "link"],
@@ -65,7 +65,7 @@ MAY_HOLD = {"the wall clock": {"harness/report/files.cpp"}}
 # What the harness prints goes through harness/terminal, for texts of others may hold anything. The plug-in runs in the emulator.
 PRINTS = r"\bfmt::(v?print|println)\(|\bstd::(cout|cerr|clog) ?<<|\bstd::(v?f?printf|f?puts|f?putc|putchar|fwrite|perror)\("
 MAY_PRINT = {"harness/terminal/terminal.cpp", "harness/emulator/plugin/lockstep_plugin.cpp", "harness/emulator/plugin/command.h"}
-LINES_MAX = 500
+LINES_MAX = 520  # a class is cut at its joint, not at a line
 
 
 def owner(path):

@@ -132,7 +132,8 @@ TEST(BrokenFlight, TheSameDefectHasOneKeyWhereverItIsMet) {
     return BrokenBy(Ended(EndReason::kFirmwareCrashed, Outcome::kCrashed, reason))->key;
   };
   EXPECT_EQ(key("crashed at 0.168 s: heap-buffer-overflow on 0x60200001 in Decode mine.c:12"),
-            key("crashed at 12 s: heap-buffer-overflow on 0x7fff0abc in Decode mine.c:15"));
+            key("crashed at 12 s: heap-buffer-overflow on 0x7fff0abc in Decode mine.c:12"));
+  EXPECT_NE(key("crashed at 1 s: SEGV in Decode mine.c:12"), key("crashed at 1 s: SEGV in Decode mine.c:15"));
   EXPECT_NE(key("crashed at 1 s in Decode"), key("crashed at 1 s in Decode2"));
   EXPECT_NE(key("crashed at 1 s in Decode"),
             BrokenBy(Ended(EndReason::kFirmwareHung, Outcome::kHung, "crashed at 1 s in Decode"))->key);

@@ -28,7 +28,7 @@ class MisbehavingTest(CommandLineTest):
     # How a firmware may break its flight, and what is said of it. What was flown is kept.
     FATAL = {"crash": "crashed in tiltproof_client_grant: Segmentation fault", "abort": "crashed in tiltproof_client_grant: Aborted",
              "assertion": r"Aborted: .*misbehaving_client.c:\d+: misbehave: Assertion `how == .*' failed", "smash": "Aborted: .* stack smashing detected",
-             "free_twice": r"Aborted: free\(\): double free detected",
+             "free_twice": r"Aborted at .*misbehaving_client.so\+0x[0-9a-f]+.*: free\(\): double free detected",
              "exit": r"called exit\(3\) in tiltproof_client_grant", "quick_exit": r"called quick_exit\(3\)", "underscore_exit": r"called _exit\(0\)",
              "exec": r"called exec \(true\)", "pthread_exit": "called pthread_exit", "throw": "threw an exception: beyond the last sensor",
              "nanoseconds": "lets no time pass", "hang": "did not return from tiltproof_client_grant within 5 s of its own time",

@@ -47,4 +47,15 @@ inline faults::FaultSpec Fault(const std::string& id, TimeNs start_ns, TimeNs en
   return fault;
 }
 
+// The same flight with another value in one column of one row.
+inline void Set(RunLog& log, std::size_t r, std::string_view column, double value) {
+  Trace changed(log.trace.columns());
+  for (std::size_t k = 0; k < log.trace.row_count(); ++k) {
+    const auto row = changed.AppendRow();
+    std::copy(log.trace.row(k).begin(), log.trace.row(k).end(), row.begin());
+    if (k == r) row[*changed.Find(column)] = value;
+  }
+  log.trace = std::move(changed);
+}
+
 }  // namespace tiltproof::harness
