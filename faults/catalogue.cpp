@@ -39,6 +39,11 @@ value that frame.semantic keeps, and the frame before, from which frame.flag_los
 frame.babble count.
 
 An occasion on which the fault changed nothing does not count as an activation.
+
+"Severity" is what `margin` and `envelope` vary: a parameter, from the value at which the fault changes
+nothing, on the scale on which they search. Where no parameter measures it, it is the length of the window,
+`end_s` - `start_s`. What happens at one instant has none. "Source" says where the model, or the failure that
+it stands for, is described.
 )";
 
 // Prose in lines of at most 110 characters, without blank or line break at the end.
@@ -143,16 +148,23 @@ std::string ParametersMarkdown(const FaultType& type) {
   }
   text += "\n";
   if (!zeros.empty()) text += Concat({"Changes nothing with ", zeros, ".\n\n"});
-  for (const ParameterInfo& info : type.parameters) {
-    if (!info.severity) continue;
-    text += Concat({"Severity: `", info.name, "`, from ", ValueText(*info.zero), " (harmless), on a ",
-                    *info.severity == Scale::kLinear ? "linear" : "logarithmic", " scale.\n\n"});
-  }
   return text;
 }
 
+std::string SeverityText(const FaultType& type) {
+  if (type.has_no_severity) return "none: no number measures it.";
+  if (!type.has_severity()) return "none: it happens at one instant.";
+  const ParameterInfo* info = type.severity_parameter();
+  if (info == nullptr) return "the length of the window, from 0 s (harmless), on a logarithmic scale.";
+  if (info->severity)
+    return Concat({"`", info->name, "`, from ", ValueText(*info->zero), " (harmless), on a ",
+                   *info->severity == Scale::kLinear ? "linear" : "logarithmic", " scale."});
+  return Concat({"the length of the window, `", info->name, "`, from ", NumberText(info->min),
+                 type.asks_restart() ? " (not harmless: the restart itself remains)" : "",
+                 ", on a logarithmic scale."});
+}
+
 std::string SourceMarkdown(const FaultType& type) {
-  if (type.source.empty()) return "";
   return Concat({Wrapped(Concat({"Source: ", type.source})), "\n\n"});
 }
 
@@ -188,8 +200,9 @@ std::string CatalogueMarkdown() {
 
 std::string Markdown(const FaultType& type) {
   return Concat({"## ", type.name, "\n\n", Wrapped(Concat({type.summary, " ", type.semantics})), "\n\n",
-                 TargetMarkdown(type), ParametersMarkdown(type), SourceMarkdown(type), "```yaml\n",
-                 ExampleYaml(type), "\n```\n"});
+                 TargetMarkdown(type), ParametersMarkdown(type),
+                 Wrapped(Concat({"Severity: ", SeverityText(type)})), "\n\n", SourceMarkdown(type),
+                 "```yaml\n", ExampleYaml(type), "\n```\n"});
 }
 
 }  // namespace tiltproof::faults

@@ -25,6 +25,22 @@ bool FaultType::happens_once() const {
   return is_command() && (end == Bound::kRefused || (device != nullptr && device->at_an_instant));
 }
 
+const ParameterInfo* FaultType::severity_parameter() const {
+  if (has_no_severity) return nullptr;
+  for (const ParameterInfo& info : parameters)
+    if (info.severity) return &info;
+  for (const ParameterInfo& info : parameters)
+    if (!duration_ms.empty() && info.name == duration_ms) return &info;
+  return nullptr;
+}
+
+bool FaultType::has_severity() const {
+  if (has_no_severity) return false;
+  const auto* device = As<DeviceKind>();
+  const bool has_length = end != Bound::kRefused && (device == nullptr || !device->at_an_instant);
+  return has_length || severity_parameter() != nullptr;
+}
+
 bool FaultType::asks_restart() const {
   if (const auto* node = As<NodeKind>()) return node->asks_restart;
   if (const auto* device = As<DeviceKind>()) return device->asks_restart;

@@ -111,7 +111,7 @@ enum class Needs : std::uint8_t {
 struct FaultType {
   std::string_view name;         // "<layer>.<what>"
   std::string_view summary;      // one sentence
-  std::string_view semantics;    // what exactly happens
+  std::string_view semantics;    // what it models in the real world ("Models ..."), and what exactly happens
   std::string_view source = {};  // where the model is described: book, standard, paper, report
   std::vector<ParameterInfo> parameters = {};
   FaultKind kind;
@@ -139,6 +139,10 @@ struct FaultType {
   bool has_target() const { return IsOneOf<WireKind, ReceiverKind>(); }
   // The target of a fault that states none.
   std::optional<Target> default_target() const;
+  // What measures how severe it is: this parameter; null: the length of the window, if it has_severity().
+  const ParameterInfo* severity_parameter() const;
+  // Not when it happens at one instant, where no parameter measures it.
+  bool has_severity() const;
   // A command that is not reverted at an end that the scenario states.
   bool happens_once() const;
   // Whether it makes the firmware reboot once.

@@ -45,6 +45,8 @@ constexpr float kUrgent_nm = 0.3F;
 // A hinge that gets so much faster than it should, and turns accordingly, has another torque than before.
 constexpr float kStep_rad_s = 1.5F;
 constexpr float kTurnNoise_rad = 3e-3F;
+// Of a change of rate over an interval, in steps of 4 ms: so much of it turns the hinge.
+constexpr float kTurnShare = 2.0F / 3;
 // A servo that gives less than so much of its command's changes; told apart from an offset by commands that change.
 constexpr float kSlope = 0.4F;
 constexpr float kSlopeMin = -0.9F;
@@ -69,6 +71,17 @@ constexpr float kJamBelief = 24;
 constexpr float kJamEvidence = 36;
 constexpr float kHingeSpread_rad = 2e-3F;
 constexpr float kLostCost = 5;  // of a command that was lost on a line that is good
+
+// A hinge that stands still is noticed before it is believed. What is noticed changes the state, not the command; a
+// servo within its dead band looks like that, too. Its noise is twice the scatter of what the model misses of the hinge,
+// from this to the above, so that quiet sensors show it sooner.
+constexpr float kQuietHinge_rad_s = 6e-4F;
+constexpr float kQuietHinge_rad = 2e-5F;
+constexpr float kHingeScatterGain = 0.02F;
+constexpr float kHingeScatterFactor2 = 4;
+constexpr float kStillCostMax = 9;
+constexpr float kStillSampleEvidence = 12;
+constexpr float kStillNotice = 24;
 
 // What is not the line's: a hinge, or the body's pitch, so much faster.
 constexpr float kAlone_rad_s = 0.3F;
@@ -225,8 +238,10 @@ void ActuatorMonitor::UpdateServo(const Interval& interval, unsigned i) {
   const float expected_nm = (1 + servo.slope) * command_nm + servo.offset_nm;
   const float news_nm = deviation_nm + command_nm - expected_nm;
   // A share of a torque is no excuse for a hinge that stands still.
-  UpdateJam(interval, i, free_rad_s + gain * (command_nm + model_.servo_offset_nm[i] - believed_nm),
-            free_rad_s + gain * (before_nm - believed_nm));
+  const float asked_rad_s = free_rad_s + gain * (command_nm + model_.servo_offset_nm[i] - believed_nm);
+  const float lost_rad_s = free_rad_s + gain * (before_nm - believed_nm);
+  UpdateJam(interval, i, asked_rad_s, lost_rad_s);
+  UpdateStill(interval, i, asked_rad_s, lost_rad_s);
   if (model_.held[i]) {
     servo.offset_nm = servo.slope = servo.weight = servo.variance_nm2 = 0;
     model_.servo_effectiveness[i] = 1;
@@ -238,7 +253,7 @@ void ActuatorMonitor::UpdateServo(const Interval& interval, unsigned i) {
 
   const float unexpected_turn_rad =
       interval.sample.alpha_rad[i] - interval.before.alpha_rad[i] -
-      interval.duration_s * (before_rad_s + (2.0F / 3) * (free_rad_s - before_rad_s));
+      interval.duration_s * (before_rad_s + kTurnShare * (free_rad_s - before_rad_s));
   const float turn_rad = unexpected_rad_s < 0 ? -unexpected_turn_rad : unexpected_turn_rad;
   const float whole_rad = interval.duration_s * Magnitude(unexpected_rad_s);
   const bool turns =
@@ -337,6 +352,39 @@ void ActuatorMonitor::UpdateJam(const Interval& interval, unsigned i, float free
   if (servo.jam_evidence > kJamBelief) model_.held[i] = true;
   if (servo.jam_evidence < 0) model_.held[i] = false;
 }
+
+void ActuatorMonitor::UpdateStill(const Interval& interval, unsigned i, float free_rad_s, float lost_rad_s) {
+  Servo& servo = servos_[i];
+  const float rate_rad_s = interval.sample.alpha_rad_s[i];
+  const float before_rad_s = interval.before.alpha_rad_s[i];
+  const float turn_rad = interval.sample.alpha_rad[i] - interval.before.alpha_rad[i];
+  const float rate_variance = std::clamp(kHingeScatterFactor2 * servo.rate_scatter2,
+                                         Square(kQuietHinge_rad_s), Square(kHingeNoise_rad_s));
+  const float turn_variance = std::clamp(kHingeScatterFactor2 * servo.turn_scatter2, Square(kQuietHinge_rad),
+                                         Square(kHingeSpread_rad));
+  const auto missed_turn_rad = [&](float end_rad_s) {
+    return turn_rad - interval.duration_s * (before_rad_s + kTurnShare * (end_rad_s - before_rad_s));
+  };
+  const auto cost = [&](float end_rad_s) {
+    return Square(rate_rad_s - end_rad_s) / rate_variance +
+           Square(missed_turn_rad(end_rad_s)) / turn_variance;
+  };
+  const float still_cost = Square(rate_rad_s) / rate_variance + Square(turn_rad) / turn_variance;
+  const float moving_cost = std::min(cost(free_rad_s), cost(lost_rad_s) + kLostCost);
+  const float evidence = still_cost > kStillCostMax
+                             ? -kStillSampleEvidence
+                             : std::min(moving_cost - still_cost, kStillSampleEvidence);
+  // While the line is in doubt, a hinge stands still for want of commands.
+  servo.still_evidence = std::clamp(
+      kJamFading * servo.still_evidence + (interval.line_is_good ? evidence : std::min(evidence, 0.0F)), 0.0F,
+      kJamEvidence);
+  // What speaks for a hinge that stands still tells nothing of one that moves.
+  if (evidence > 0) return;
+  servo.rate_scatter2 += kHingeScatterGain * (Square(rate_rad_s - free_rad_s) - servo.rate_scatter2);
+  servo.turn_scatter2 += kHingeScatterGain * (Square(missed_turn_rad(free_rad_s)) - servo.turn_scatter2);
+}
+
+bool ActuatorMonitor::stands_still(unsigned i) const { return servos_[i].still_evidence > kStillNotice; }
 
 bool ActuatorMonitor::weak_rotor(unsigned i) const {
   const float loss = 1 - model_.rotor_effectiveness[i];

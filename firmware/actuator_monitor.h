@@ -28,7 +28,7 @@ class ActuatorMonitor {
   // Whether any actuator is not what it should be, also one that no command can make up for.
   bool faulty() const {
     return acts() || rotors_late_ > 0 || servos_[0].unanswered_samples > 0 ||
-           servos_[1].unanswered_samples > 0;
+           servos_[1].unanswered_samples > 0 || stands_still(0) || stands_still(1);
   }
 
   // Right, left. Of one rotor: a load, or wind, weighs on both.
@@ -36,6 +36,8 @@ class ActuatorMonitor {
   // Whether the last sample shows what neither late nor lost commands do: one hinge alone, or a twist of the body
   // that no servo gives.
   bool not_the_line() const { return not_the_line_; }
+  // A hinge that its servo should move, and does not: noticed, and then believed.
+  bool stands_still(unsigned i) const;
   bool jammed(unsigned i) const { return model_.held[i]; }
 
  private:
@@ -68,6 +70,9 @@ class ActuatorMonitor {
     float weight = 0, command = 0, deviation = 0, command2 = 0, product = 0, deviation2 = 0;
     Swing swing;
     float jam_evidence = 0;
+    float still_evidence = 0;
+    // Of what the model misses of the hinge's rate and turn, squared; at first more than any sensor's noise.
+    float rate_scatter2 = 1, turn_scatter2 = 1;
     float before_nm = 0;  // delivered, as believed, in the interval before
     int seen = 0;         // samples in a row that deviate
     int slope_seen = 0;   // and that have a slope
@@ -87,6 +92,7 @@ class ActuatorMonitor {
                   bool arrived);
   void FitServo(Servo& servo, float command_nm, float deviation_nm, bool anew) const;
   void UpdateJam(const Interval& interval, unsigned i, float free_rad_s, float lost_rad_s);
+  void UpdateStill(const Interval& interval, unsigned i, float free_rad_s, float lost_rad_s);
 
   ActuatorModel model_;
   std::array<float, 2> rotor_estimate_ = {1, 1};

@@ -41,15 +41,22 @@ Innovation Compare(const MotionState& sample, const MotionState& predicted) {
           sample.alpha_rad_s[1] - predicted.alpha_rad_s[1]};
 }
 
+Innovation ExpectedVariance(const MotionState& sample, const MotionState& previous_sample) {
+  Innovation variance = Compare(sample, previous_sample);
+  for (std::size_t i = 0; i < kSensorCount; ++i) {
+    const float spread = kSpreadOfChange * variance[i];
+    variance[i] = kSpreadFloor[i] * kSpreadFloor[i] + spread * spread;
+  }
+  return variance;
+}
+
 float Misfit(const MotionState& sample, const MotionState& predicted, const MotionState& previous_sample) {
   const Innovation difference = Compare(sample, predicted);
-  const Innovation change = Compare(sample, previous_sample);
+  const Innovation variance = ExpectedVariance(sample, previous_sample);
   float sum = 0;
   for (std::size_t i = 0; i < kSensorCount; ++i) {
-    const float spread = kSpreadOfChange * change[i];
-    const float variance = kSpreadFloor[i] * kSpreadFloor[i] + spread * spread;
     // In this order, what is no number agrees with nothing.
-    sum += std::min(kSignalMisfitMax, difference[i] * difference[i] / variance);
+    sum += std::min(kSignalMisfitMax, difference[i] * difference[i] / variance[i]);
   }
   return sum;
 }

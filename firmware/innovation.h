@@ -19,6 +19,10 @@ using Innovation = std::array<float, kSensorCount>;
 
 Innovation Compare(const MotionState& sample, const MotionState& predicted);
 
+// Squares of what a difference may well be: of a floor for the noise, and of a tenth of the change since the previous
+// sample.
+Innovation ExpectedVariance(const MotionState& sample, const MotionState& previous_sample);
+
 // Of one signal at most.
 inline constexpr float kSignalMisfitMax = 9;
 inline constexpr float kMisfitMax = kSensorCount * kSignalMisfitMax;

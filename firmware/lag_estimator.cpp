@@ -8,22 +8,13 @@ namespace tiltproof::firmware {
 namespace {
 
 constexpr float kFading = 0.8F;  // per sample
-// A misfit above is examined: 16 signals, each half a spread away.
-constexpr float kFitMisfit = 4;
-// A surprise is so many times the usual misfit.
-constexpr float kSurprise = 2.5F;
-// It is the line's when commands that came late, or not at all, leave so little of it. A push, or an actuator, does
+// A surprise is the line's when commands that came late, or not at all, leave so little of it. A push, or an actuator, does
 // not look like that.
 constexpr float kExplained = 0.5F;
 // What one sample may say for or against a lag, and what it takes to believe it: six samples in a row, because a
 // command that was lost looks like a lag of a period.
 constexpr float kSampleEvidence = 8;
 constexpr float kEvidence = 28;
-// The misfit of the right model with the expected noise. More noise makes evidence weaker.
-constexpr float kNoiseMisfit = 16;
-// The average over about 20 samples of the best lag's misfit at which the model is given up.
-constexpr float kModelFading = 0.95F;
-constexpr float kModelMisfitMax = 60;
 // Between samples further apart the model itself is too uncertain.
 constexpr ModelStep kStepsMax = 8;
 

@@ -16,6 +16,17 @@ namespace tiltproof::firmware {
 
 class LagEstimator {
  public:
+  // A misfit above is examined: 16 signals, each half a spread away.
+  static constexpr float kFitMisfit = 4;
+  // A surprise is so many times the usual misfit.
+  static constexpr float kSurprise = 2.5F;
+  // The misfit of the right model with the expected noise: 16 signals, each a spread away. More noise makes evidence
+  // weaker.
+  static constexpr float kNoiseMisfit = 16;
+  // The average over about 20 samples of the best lag's misfit at which the model is given up.
+  static constexpr float kModelFading = 0.95F;
+  static constexpr float kModelMisfitMax = 60;
+
   void Update(MotionTimeline& timeline, ModelStep step, const MotionState& sample);
   void Reset() { *this = {}; }
 

@@ -78,6 +78,7 @@ class TolerantControl {
   ModelStep period_step_ = 0;     // of the present period's request
   bool has_sample_ = false;
   int line_doubt_periods_ = 0;  // that are still to come
+  int examined_count_ = 0;      // replies in the present period
   int loss_periods_ = 0;        // for which a request that got no reply still counts
   bool replies_late_ = false;   // the last one came after a time-out
   bool timed_out_ = false;      // in the present period

@@ -8,6 +8,8 @@
 
 #include "faults/random.h"
 #include "harness/campaign/hostile_sequence.h"
+#include "harness/client/client.h"
+#include "harness/engine/worker_process.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -24,6 +26,17 @@ constexpr std::array kFuzzOracles = {kBoots, kMessages, kSilence};
 bool IsDigit(char c) { return c >= '0' && c <= '9'; }
 bool IsHexDigit(char c) { return IsDigit(c) || (c >= 'a' && c <= 'f') || (c >= 'A' && c <= 'F'); }
 bool IsWord(char c) { return IsHexDigit(c) || (c >= 'g' && c <= 'z') || (c >= 'G' && c <= 'Z') || c == '_'; }
+
+// The first of a kind during the flight; null when there is none.
+const FlightEvent* EventOf(const FlightResult& result, std::string_view kind) {
+  const auto event = std::ranges::find_if(
+      result.events, [&](const FlightEvent& one) { return one.kind == kind && one.time_s > 0; });
+  return event == result.events.end() ? nullptr : &*event;
+}
+std::string TextOfEvent(const FlightResult& result, std::string_view kind) {
+  const FlightEvent* const event = EventOf(result, kind);
+  return event == nullptr ? "" : event->text;
+}
 
 }  // namespace
 
@@ -48,10 +61,12 @@ std::vector<CriterionSpec> FuzzCriteria(const link::Protocol& protocol) {
   return criteria;
 }
 
-std::string KeyOfReason(const std::string& reason) {
+std::string KeyOfReason(const std::string& reason, bool with_places) {
   std::string key;
   for (std::size_t i = 0; i < reason.size();) {
-    const bool begins = IsDigit(reason[i]) && (i == 0 || !IsWord(reason[i - 1]));
+    // "decoder.so+0x1a2b", "decoder.c:33"
+    const bool is_place = with_places && i > 0 && (reason[i - 1] == '+' || reason[i - 1] == ':');
+    const bool begins = IsDigit(reason[i]) && !is_place && (i == 0 || !IsWord(reason[i - 1]));
     if (!begins) {
       key += reason[i++];
       continue;
@@ -73,21 +88,35 @@ std::optional<BrokenFlight> BrokenBy(const FlightResult& result) {
   };
   const std::string& reason = result.score.reason;
   if (result.score.verdict == Verdict::kError) return std::nullopt;
-  if (result.outcome == Outcome::kCrashed) return broken("crash", reason, KeyOfReason(reason));
+  if (result.outcome == Outcome::kCrashed) return broken("crash", reason, KeyOfReason(reason, true));
   // Without an end its process went with it.
   if (result.end_reason == EndReason::kFirmwareHung ||
       (!result.end_reason && result.outcome == Outcome::kHung))
     return broken("hang", reason, KeyOfReason(reason));
-  if (result.score.restarts > 0) return broken("restart", reason, "");
+  if (result.score.restarts > 0)
+    return broken("restart", reason, KeyOfReason(TextOfEvent(result, kResetEvent)));
   if (result.end_reason != EndReason::kCompleted) return std::nullopt;
   for (const FuzzOracle& oracle : kFuzzOracles) {
     const auto criterion =
         std::find_if(result.score.criteria.begin(), result.score.criteria.end(),
                      [&](const CriterionResult& one) { return one.name == oracle.criterion; });
-    if (criterion != result.score.criteria.end() && criterion->verdict == Verdict::kFail)
-      return broken(oracle.kind, fmt::format("{}: {}", criterion->name, criterion->explanation), "");
+    if (criterion == result.score.criteria.end() || criterion->verdict != Verdict::kFail) continue;
+    std::string text = fmt::format("{}: {}", criterion->name, criterion->explanation);
+    if (oracle.criterion != kMessages.criterion) return broken(oracle.kind, text, "");
+    // "...: u_f_r_n = nan, plausible is ...": which field it is tells them apart.
+    const std::string refused = TextOfEvent(result, "command_refused");
+    if (!refused.empty()) text += fmt::format(" ({})", refused);
+    return broken(oracle.kind, text, refused.substr(0, refused.find(" = ")));
   }
   return std::nullopt;
+}
+
+std::optional<BrokenFlight> BrokenOutsideCalls(const FlightResult& result, const link::Protocol& protocol) {
+  constexpr std::string_view kDamaged = "the firmware damaged memory, noticed outside its calls";
+  const FlightEvent* const died = EventOf(result, kDiedOutsideCallsEvent);
+  if (died == nullptr || died->time_s < ToSeconds(HostileFrom(protocol))) return std::nullopt;
+  return BrokenFlight{"crash", fmt::format("crash: {}", kDamaged),
+                      fmt::format("{}: {}", kDamaged, result.score.reason)};
 }
 
 }  // namespace tiltproof::harness

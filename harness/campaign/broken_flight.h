@@ -26,7 +26,12 @@ std::vector<CriterionSpec> FuzzCriteria(const link::Protocol& protocol);
 // Of a flight with these criteria. A vehicle that is lost says nothing about the reader of frames.
 std::optional<BrokenFlight> BrokenBy(const FlightResult& result);
 
-// A reason without what differs from flight to flight: times, addresses, numbers.
-std::string KeyOfReason(const std::string& reason);
+// What a flight broke whose process died outside the firmware's calls. That may as well be the harness's own crash: it
+// counts when it is seen again, and a flight without hostile bytes is green. None: it died before it heard any.
+std::optional<BrokenFlight> BrokenOutsideCalls(const FlightResult& result, const link::Protocol& protocol);
+
+// A reason without what differs from flight to flight: times, addresses, numbers. `with_places`: but with lines of a source
+// and offsets in a library.
+std::string KeyOfReason(const std::string& reason, bool with_places = false);
 
 }  // namespace tiltproof::harness

@@ -41,14 +41,10 @@ const ParameterInfo* ParameterOf(const FaultSpec& fault, const FaultType& type, 
   }
   if (type.has_no_severity)
     throw SeverityMistake(fmt::format("{} has no severity: no number measures it", type.name));
-  for (const ParameterInfo& info : type.parameters)
-    if (info.severity) return &info;
-  if (!type.duration_ms.empty()) return FindNumber(type, type.duration_ms);
-  const auto* device = type.As<faults::DeviceKind>();
-  if (type.end == faults::Bound::kRefused || (device != nullptr && device->at_an_instant))
+  if (!type.has_severity())
     throw SeverityMistake(
         fmt::format("{} happens at one instant and has no parameter that measures its severity", type.name));
-  return nullptr;
+  return type.severity_parameter();
 }
 
 // The unit of the signal that the fault names, in place of "of the signal".

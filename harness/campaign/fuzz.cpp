@@ -21,6 +21,10 @@ constexpr std::size_t kMinimiseFlightsMax = 150;
 // A flight in real time takes seconds, and one that hangs more of them.
 constexpr std::size_t kMinimiseRealtimeMax = 40;
 constexpr std::size_t kMinimiseHangsMax = 6;
+// A hang that took at least so long is a costly one. Any that the wall clock ends takes 2 s of the firmware's own time.
+constexpr double kCostlyHangS = 1.5;
+// What damaged memory does may differ from process to process.
+constexpr int kSeenAgainFlights = 3;
 
 std::uint32_t PlaceOf(std::uint32_t feature) { return feature / kBucketsCount; }
 
@@ -76,7 +80,21 @@ std::optional<BrokenFlight> FuzzCampaign::Fly(const HostileSequence& sequence, F
   const std::optional<FlightResult> got = ResultOf(flown);
   if (!got) return std::nullopt;
   if (result != nullptr) *result = *got;
-  return BrokenBy(*got);
+  return BrokenIn(*got);
+}
+
+std::optional<BrokenFlight> FuzzCampaign::BrokenIn(const FlightResult& result) const {
+  auto broken = BrokenBy(result);
+  return broken ? broken : BrokenOutsideCalls(result, *options_.flight.scenario.link.protocol);
+}
+
+std::optional<BrokenFlight> FuzzCampaign::SeenAgain(const HostileSequence& sequence,
+                                                    const FlightResult& result) {
+  auto suspected = BrokenIn(result);
+  if (!suspected || Known(*suspected)) return suspected;
+  for (int flight = 0; flight < kSeenAgainFlights; ++flight)
+    if (auto again = Fly(sequence)) return again;
+  return std::nullopt;
 }
 
 std::optional<std::string> FuzzCampaign::WhyUnusable() {
@@ -174,10 +192,11 @@ void FuzzCampaign::Keep(const HostileSequence& sequence) {
   corpus_.push_back(sequence);
 }
 
-void FuzzCampaign::Narrow(Narrowing narrowing, const FlightResult& result) {
+// What breaks the firmware would break all that is made from it.
+void FuzzCampaign::Narrow(Narrowing narrowing, const FlightResult& result, bool breaks) {
   std::vector<std::uint32_t> reached;
   for (const std::uint32_t feature : result.coverage) reached.push_back(PlaceOf(feature));
-  if (std::ranges::includes(reached, narrowing.places)) {
+  if (!breaks && std::ranges::includes(reached, narrowing.places)) {
     narrowing.whole = narrowing.Half();
     narrowing.second_half = false;
     narrowing.is_smaller = true;
@@ -193,17 +212,18 @@ void FuzzCampaign::Narrow(Narrowing narrowing, const FlightResult& result) {
 
 void FuzzCampaign::Take(Pending ended, const FlightResult& result) {
   HostileSequence& sequence = ended.sequence;
-  if (result.score.verdict == Verdict::kError) {
-    trouble_ = result.score.reason;
+  const bool is_judged = result.score.verdict != Verdict::kError;
+  std::optional<BrokenFlight> broken = is_judged ? BrokenBy(result) : SeenAgain(sequence, result);
+  if (!is_judged && !broken) {
+    if (!interrupted()) trouble_ = result.score.reason;
     return;
   }
   runs_count_ += SaidIn(result);
   ++flights_count_;
-  std::optional<BrokenFlight> broken = BrokenBy(result);
   std::vector<std::uint32_t> new_places;
   const bool is_new = HasNewFeature(result, &new_places);
   if (ended.narrowing) {
-    Narrow(std::move(*ended.narrowing), result);
+    Narrow(std::move(*ended.narrowing), result, broken.has_value());
   } else if (is_new && !broken) {
     Keep(sequence);
     if (!new_places.empty() && sequence.inputs.size() > 1)
@@ -222,7 +242,8 @@ void FuzzCampaign::Take(Pending ended, const FlightResult& result) {
     }
   }
   const bool hangs = broken->kind == "hang";
-  if (hangs) ++hangs_count_;
+  // That of a process which was lost is not known, and took longest.
+  if (hangs && (!shown_by->end_reason || shown_by->wall_s >= kCostlyHangS)) ++hangs_count_;
   sequence.tail_periods = hangs ? kHangTailPeriods : kTailPeriods;
   if (FuzzFinding* known = Known(*broken)) {
     ++known->flights_count;
@@ -259,18 +280,19 @@ bool FuzzCampaign::HasNewFeature(const FlightResult& result, std::vector<std::ui
 }
 
 void FuzzCampaign::MinimiseFindings() {
-  for (FuzzFinding& finding : findings_) {
-    if (interrupted()) return;
-    Minimise(finding);
-    if (!interrupted()) options_.on_finding(finding);
+  for (std::size_t i = 0; i < findings_.size() && !interrupted(); ++i) {
+    Minimise(findings_[i], [&] { return interrupted() || options_.is_small_enough(findings_.size() - i); });
+    options_.on_finding(findings_[i]);
   }
 }
 
-void FuzzCampaign::Minimise(FuzzFinding& finding) {
+void FuzzCampaign::Minimise(FuzzFinding& finding, const std::function<bool()>& is_over) {
   const std::string& key = finding.broken.key;
   HostileSequence tried = finding.sequence;
+  bool ended_early = false;
   const auto breaks = [&](const HostileSequence& sequence) {
-    if (interrupted()) return false;
+    ended_early = ended_early || is_over();
+    if (ended_early) return false;
     const auto broken = Fly(sequence);
     return broken && broken->key == key;
   };
@@ -285,7 +307,7 @@ void FuzzCampaign::Minimise(FuzzFinding& finding) {
       },
       flights_max);
   std::vector<LineBytes>& inputs = finding.sequence.inputs;
-  for (std::size_t i = 0; i < inputs.size(); ++i) {
+  for (std::size_t i = 0; i < inputs.size() && !ended_early; ++i) {
     inputs[i] = harness::Minimise<std::uint8_t>(
         inputs[i],
         [&](const LineBytes& bytes) {
@@ -295,8 +317,9 @@ void FuzzCampaign::Minimise(FuzzFinding& finding) {
         },
         flights_max / inputs.size());
   }
+  finding.minimised = !ended_early && !interrupted();
+  // Not with Ctrl-C, which ends flights.
   if (interrupted()) return;
-  finding.minimised = true;
   const auto again = Fly(finding.sequence);
   finding.confirmed = again && again->key == key;
   if (finding.confirmed) finding.broken.reason = again->reason;

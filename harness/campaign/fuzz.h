@@ -31,7 +31,7 @@ namespace tiltproof::harness {
 struct FuzzFinding {
   BrokenFlight broken;
   HostileSequence sequence;
-  bool minimised = false;
+  bool minimised = false;     // as far as it goes: otherwise time was over
   bool confirmed = false;     // it broke in the same way when it was flown once more, from a fresh start
   std::uint64_t at_runs = 0;  // inputs that had been said when it was found
   std::uint64_t flights_count = 1;  // flights that broke in this way
@@ -44,6 +44,9 @@ class FuzzCampaign {
     int jobs_count = 1;
     std::optional<std::uint64_t> runs_count;  // inputs; none: until `is_over`
     std::function<bool()> is_over = [] { return false; };
+    // Whether the time of a finding is over in which it is made small; asked with how many are still to be, itself
+    // included.
+    std::function<bool(std::size_t left_count)> is_small_enough = [](std::size_t) { return false; };
     std::uint64_t seed = 1;
     bool reference_line = true;                      // whether it is attacked, too
     const std::atomic<bool>* interrupted = nullptr;  // may be null
@@ -61,7 +64,7 @@ class FuzzCampaign {
   void Add(HostileSequence sequence) { corpus_.push_back(std::move(sequence)); }
   // Until its inputs are said, it is over, or it is interrupted.
   void Run();
-  // Makes every finding small, and flies it once more.
+  // Makes every finding small, as far as there is time, and flies it once more.
   void MinimiseFindings();
 
   const std::vector<FuzzFinding>& findings() const { return findings_; }
@@ -70,7 +73,7 @@ class FuzzCampaign {
   std::uint64_t flights_count() const { return flights_count_; }  // without those that minimise
   std::size_t features_count() const { return features_count_; }
   bool sees_coverage() const { return sees_coverage_; }
-  // The firmware hung so often that the campaign ended: each time takes seconds.
+  // The firmware hung so often, and each time for seconds, that the campaign ended.
   bool hangs_too_often() const { return hangs_count_ >= kHangsMax; }
   // The flight that could not be judged, and ended the campaign.
   const std::optional<std::string>& trouble() const { return trouble_; }
@@ -98,12 +101,15 @@ class FuzzCampaign {
   FlightJob JobOf(const HostileSequence& sequence, std::string name) const;
   void Take(Pending ended, const FlightResult& result);
   void Keep(const HostileSequence& sequence);
+  std::optional<BrokenFlight> BrokenIn(const FlightResult& result) const;
+  // What broke in a flight that could not be judged, once it is sure that this is the firmware's.
+  std::optional<BrokenFlight> SeenAgain(const HostileSequence& sequence, const FlightResult& result);
   // The finding that is broken in the same way.
   FuzzFinding* Known(const BrokenFlight& broken);
   bool HasNewFeature(const FlightResult& result, std::vector<std::uint32_t>* new_places = nullptr);
-  void Narrow(Narrowing narrowing, const FlightResult& result);
+  void Narrow(Narrowing narrowing, const FlightResult& result, bool breaks);
   std::optional<BrokenFlight> Fly(const HostileSequence& sequence, FlightResult* result = nullptr);
-  void Minimise(FuzzFinding& finding);
+  void Minimise(FuzzFinding& finding, const std::function<bool()>& is_over);
   bool interrupted() const {
     return options_.interrupted != nullptr && options_.interrupted->load(std::memory_order_relaxed);
   }

@@ -42,11 +42,12 @@ std::string FramesText(const HostileSequence& sequence) {
   return text;
 }
 
+TimeNs HostileFrom(const link::Protocol& protocol) { return protocol.control_period_ns; }
+
 Scenario FlightOf(const Scenario& base, const HostileSequence& sequence) {
   Scenario scenario = base;
   const TimeNs period_ns = base.link.protocol->control_period_ns;
-  // A firmware that has heard nothing may say `start` again: that is no restart, so the first reply is left alone.
-  const TimeNs said_from_ns = period_ns;
+  const TimeNs said_from_ns = HostileFrom(*base.link.protocol);
   const TimeNs said_until_ns = said_from_ns + static_cast<TimeNs>(sequence.inputs.size()) * period_ns;
   scenario.duration_ns = said_until_ns + sequence.tail_periods * period_ns;
   if (sequence.inputs.empty()) return scenario;

@@ -34,6 +34,9 @@ struct HostileSequence {
 // Of the one fault.
 inline constexpr std::string_view kHostileFault = "hostile";
 
+// When the first input is said. A firmware that has heard nothing may say `start` again: that is no restart, so the first
+// reply is left alone.
+TimeNs HostileFrom(const link::Protocol& protocol);
 // The parameter `frames`.
 std::string FramesText(const HostileSequence& sequence);
 // `base` says everything but faults and duration.

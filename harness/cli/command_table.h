@@ -22,6 +22,7 @@ struct OptionRow {
   std::string value;        // what stands for its value, "TEXT"; empty for a flag
   bool value_optional = false;
   std::vector<std::string> choices;  // all the values that it may have, when there are few
+  std::vector<std::string> offered;  // when there are many: what completion offers, and no page lists
   std::string range;                 // "1 - 230", or empty
   std::string initial;               // what it is when it is not given, or empty
   std::string help;                  // may have several lines

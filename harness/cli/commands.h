@@ -74,6 +74,7 @@ struct NodeCommandOptions {
   std::string child;             // of a harness: that harness's participant; or empty
   std::string lockstep;          // "", "dds" or "socket": one part of a distributed lockstep flight
   std::optional<int> http_port;  // of a monitor's live page
+  std::filesystem::path run;     // whose flights a monitor hears, in place of domain and tag
 };
 int NodeCommand(const NodeCommandOptions& options);
 

@@ -13,6 +13,10 @@ std::string ShellQuoted(const std::string& text) {
   return quoted + "'";
 }
 
+std::string Values(const OptionRow& option) {
+  return fmt::format("{}", fmt::join(option.choices.empty() ? option.offered : option.choices, " "));
+}
+
 std::string Names(const CommandRow& command) {
   std::vector<std::string> names;
   for (const auto& part : command.commands) names.push_back(part.name);
@@ -26,13 +30,13 @@ std::string BashBranch(const std::string& path, const CommandRow& command) {
   std::string values, words = Names(command);
   for (const auto& option : command.options) {
     if (option.positional) {
-      words += fmt::format("{}", fmt::join(option.choices, " "));
+      words += Values(option);
       continue;
     }
     options.insert(options.end(), option.names.begin(), option.names.end());
     if (option.value.empty()) continue;
     values += fmt::format("        {}) words={} takes_value=yes ;;\n", fmt::join(option.names, "|"),
-                          ShellQuoted(fmt::format("{}", fmt::join(option.choices, " "))));
+                          ShellQuoted(Values(option)));
   }
   std::string branch =
       fmt::format("    {})\n      options={} words={}\n", ShellQuoted(path),
@@ -64,8 +68,8 @@ std::string ZshText(const std::string& text) {
 }
 
 std::string ZshValue(const OptionRow& option) {
-  return fmt::format("{}:{}", ZshText(option.value),
-                     option.choices.empty() ? "_files" : fmt::format("({})", fmt::join(option.choices, " ")));
+  const std::string values = Values(option);
+  return fmt::format("{}:{}", ZshText(option.value), values.empty() ? "_files" : "(" + values + ")");
 }
 
 std::string ZshOption(const OptionRow& option, int position) {

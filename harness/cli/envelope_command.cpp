@@ -59,7 +59,15 @@ std::vector<Column> ReadColumns(const EnvelopeOptions& options) {
   for (const std::string& client : options.clients) add({client});
   if (options.clients.empty()) add({});
   if (options.firmware.empty()) return columns;
+  if (columns.size() > 1)
+    throw UsageError(
+        "envelope: --firmware needs one --client: each build is a column, and so is each client");
   const Column only = std::move(columns.front());
+  for (const ClientSpec& client : only.means.clients.Named())
+    if (!AbilitiesOf(client, false).shipped)
+      throw UsageError(
+          fmt::format("envelope: --client {} flies no build of the shipped firmware, which --firmware names",
+                      ToText(client)));
   columns.clear();
   for (const std::string& build : options.firmware) {
     CheckBuild(build);

@@ -1,7 +1,11 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
+#include <functional>
 #include <nlohmann/json.hpp>
+#include <set>
+#include <utility>
 
 #include "harness/campaign/fuzz.h"
 #include "harness/cli/client_flag.h"
@@ -54,20 +58,22 @@ class FuzzRun {
       : options_(options),
         base_(base.scenario),
         files_(options.out, FlagsOf(means)),
-        campaign_({.flight = {.name = "fuzz",
-                              .scenario = base.scenario,
-                              .model = base.model,
-                              .means = means,
-                              .replay = {}},
-                   .jobs_count = options.jobs_count,
-                   .runs_count = options.runs_count,
-                   .is_over = [this] { return SecondsSince(begin_) >= options_.time_s.value_or(60); },
-                   .seed = options.seed,
-                   .interrupted = InterruptScope::flag(),
-                   .tell = [this](const std::string& line) { Tell(line); },
-                   .on_turn = [this] { ShowProgress(); },
-                   .on_corpus = [this](const HostileSequence& sequence) { files_.Add(sequence); },
-                   .on_finding = [this](const FuzzFinding& finding) { Take(finding); }}),
+        campaign_(
+            {.flight = {.name = "fuzz",
+                        .scenario = base.scenario,
+                        .model = base.model,
+                        .means = means,
+                        .replay = {}},
+             .jobs_count = options.jobs_count,
+             .runs_count = options.runs_count,
+             .is_over = [this] { return SecondsSince(begin_) >= options_.time_s.value_or(60); },
+             .is_small_enough = [this](std::size_t left_count) { return IsSmallEnough(left_count); },
+             .seed = options.seed,
+             .interrupted = InterruptScope::flag(),
+             .tell = [this](const std::string& line) { Tell(line); },
+             .on_turn = [this] { ShowProgress(); },
+             .on_corpus = [this](const HostileSequence& sequence) { Keep([&] { files_.Add(sequence); }); },
+             .on_finding = [this](const FuzzFinding& finding) { Take(finding); }}),
         line_(!options.no_progress),
         client_(ToText(means.clients.all)) {
     for (HostileSequence& sequence : files_.ReadCorpus()) campaign_.Add(std::move(sequence));
@@ -89,10 +95,13 @@ class FuzzRun {
     campaign_.Run();
     wall_s_ = SecondsSince(begin_);
     minimises_ = true;
+    minimise_begin_ = finding_begin_ = FuzzClock::now();
     campaign_.MinimiseFindings();
     line_.Clear();
-    files_.WriteSummary(Summary());
+    Keep([&] { files_.WriteSummary(Summary()); });
     Report();
+    if (write_trouble_)
+      Print(stderr, "tiltproof: fuzz: not everything could be written: {}\n", *write_trouble_);
     if (interrupted()) return kExitInterrupted;
     if (campaign_.hangs_too_often())
       Print(stderr, "tiltproof: fuzz: ended early: the firmware hung again and again; mend that first\n");
@@ -100,6 +109,7 @@ class FuzzRun {
       Print(stderr, "tiltproof: fuzz: ended early: a flight could not be judged: {}\n", *campaign_.trouble());
       return kExitError;
     }
+    if (write_trouble_) return kExitError;
     return campaign_.findings().empty() ? kExitGreen : kExitNotGreen;
   }
 
@@ -114,13 +124,41 @@ class FuzzRun {
     Print(stderr, "tiltproof: {}\n", line);
   }
 
-  // On the disk at once, so that an interrupt loses nothing.
+  // With a limit on time, as long as the search lasted, and 10 s at least; each finding has an equal part of what is left.
+  // Without one, the same inputs must give the same files.
+  bool IsSmallEnough(std::size_t left_count) {
+    if (options_.runs_count) return false;
+    if (std::exchange(findings_left_, left_count) != left_count) finding_begin_ = FuzzClock::now();
+    const double limit_s = std::max(kMinimiseMinS, wall_s_);
+    const double begun_s = std::chrono::duration<double>(finding_begin_ - minimise_begin_).count();
+    return SecondsSince(finding_begin_) >= (limit_s - begun_s) / static_cast<double>(left_count);
+  }
+
+  // A full disk does not end the search: what it finds is printed, too.
+  void Keep(const std::function<void()>& write) {
+    try {
+      write();
+    } catch (const std::exception& error) {
+      if (!write_trouble_) Tell(error.what());
+      if (!write_trouble_) write_trouble_ = error.what();
+    }
+  }
+
+  // On the disk at once, so that an interrupt loses nothing; and printed before that, so that a full disk does not, either.
   void Take(const FuzzFinding& finding) {
-    files_.Write(finding, base_);
-    if (finding.minimised || options_.format != "human") return;
-    line_.Clear();
-    Print(stdout, "{} after {} inputs: {}\n", finding.broken.Name(), finding.at_runs, finding.broken.reason);
-    std::fflush(stdout);
+    if (!minimises_ && options_.format == "human") {
+      line_.Clear();
+      Print(stdout, "{} after {} inputs: {}\n", finding.broken.Name(), finding.at_runs,
+            finding.broken.reason);
+      std::fflush(stdout);
+    }
+    try {
+      files_.Write(finding, base_);
+      unwritten_.erase(finding.broken.Name());
+    } catch (const std::exception& error) {
+      unwritten_.insert(finding.broken.Name());
+      Keep([&] { throw std::runtime_error(error.what()); });
+    }
   }
 
   nlohmann::ordered_json JsonOf(const FuzzFinding& finding) const {
@@ -186,10 +224,15 @@ class FuzzRun {
       Print(stdout, "\n{}: {}\n", finding.broken.Name(), finding.broken.reason);
       Print(stdout, "  {} input{}{}, in {} flight{}\n  {}\n", finding.sequence.inputs.size(),
             finding.sequence.inputs.size() == 1 ? "" : "s",
-            !finding.minimised   ? " (not made smaller)"
+            !finding.minimised   ? " (not made as small as it could be)"
             : !finding.confirmed ? " (not seen again: it depends on more than these bytes)"
                                  : "",
-            finding.flights_count, finding.flights_count == 1 ? "" : "s", files_.ReplayOf(finding));
+            finding.flights_count, finding.flights_count == 1 ? "" : "s",
+            unwritten_.contains(finding.broken.Name()) ? "its file could not be written"
+                                                       : files_.ReplayOf(finding));
+      if (unwritten_.contains(finding.broken.Name()))
+        Print(stdout, "  on {}, {} of the frame of a period: {}\n", faults::Name(finding.sequence.target),
+              finding.sequence.place, FramesText(finding.sequence));
     }
     if (options_.format == "jsonl") {
       nlohmann::ordered_json summary = Summary();
@@ -211,6 +254,11 @@ class FuzzRun {
   FuzzClock::time_point begin_ = FuzzClock::now();
   double wall_s_ = 0;
   bool minimises_ = false;
+  static constexpr double kMinimiseMinS = 10;
+  FuzzClock::time_point minimise_begin_, finding_begin_;
+  std::size_t findings_left_ = 0;
+  std::optional<std::string> write_trouble_;  // the first
+  std::set<std::string> unwritten_;           // names of findings
 };
 
 }  // namespace

@@ -81,9 +81,8 @@ void FuzzFiles::Write(const FuzzFinding& finding, const Scenario& base) const {
   const std::vector<std::string> frames = Describe(sequence, *base.link.protocol);
   for (std::size_t i = 0; i < frames.size(); ++i) text += Comment(fmt::format("{:4}: {}", i + 1, frames[i]));
   text += "#\n";
-  if (!finding.minimised)
-    text += "# The campaign ended before it could be made smaller.\n";
-  else if (!finding.confirmed)
+  if (!finding.minimised) text += "# The campaign ended before it was as small as it could be made.\n";
+  if (finding.minimised && !finding.confirmed)
     text += "# Flown once more it did not break: it depends on more than these bytes.\n";
   text += "# It fails as long as the defect is there, and passes afterwards:\n";
   text += Comment(ReplayOf(finding));

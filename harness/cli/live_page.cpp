@@ -122,10 +122,11 @@ void LivePage::Turn() {
   if (live_->wants_abort()) InterruptScope::Interrupt();
 }
 
-std::unique_ptr<LiveProcess> ServeMonitor(int port, const dds::BusConfig& bus) {
+std::unique_ptr<LiveProcess> ServeMonitor(int port, const dds::BusConfig& bus, const FindPost& post) {
   const LiveSocket socket = ListenForPage(port, "--http");
   LiveOptions live;
   live.bus = bus;
+  live.post = post;
   live.page = [](const auto& entries) { return Page({}, {{"monitor", true}, {"buttons", false}}, entries); };
   live.load = [](const std::string& yaml) {
     LoadedScenario loaded = LoadAnnounced(yaml);

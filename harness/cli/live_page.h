@@ -42,6 +42,6 @@ class LivePage {
 };
 
 // Of a monitor. Prints where it is. Throws UsageError.
-std::unique_ptr<LiveProcess> ServeMonitor(int port, const dds::BusConfig& bus);
+std::unique_ptr<LiveProcess> ServeMonitor(int port, const dds::BusConfig& bus, const FindPost& post);
 
 }  // namespace tiltproof::harness

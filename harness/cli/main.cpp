@@ -303,14 +303,13 @@ int Main(int argc, char** argv) {
                    "Only fault types that match, for example 'sensor.*,frame.delay'")
       ->delimiter(',')
       ->allow_extra_args(false);
-  auto* builds = envelope_app
-                     ->add_option("--firmware", envelope.firmware,
-                                  "Builds of the shipped firmware, side by side: paper,tolerant")
-                     ->delimiter(',')
-                     ->allow_extra_args(false);
+  envelope_app
+      ->add_option("--firmware", envelope.firmware,
+                   "Builds of the shipped firmware, side by side, all with one client: paper,tolerant")
+      ->delimiter(',')
+      ->allow_extra_args(false);
   envelope_app->add_option("--client", envelope.clients, ClientHelp() + "\nSeveral stand side by side.")
-      ->allow_extra_args(false)
-      ->excludes(builds);
+      ->allow_extra_args(false);
   envelope_app
       ->add_option("--map", envelope.map,
                    "Also fly pairs of levels of two types, each as TYPE or TYPE:PLACE (frame.drop:both); "
@@ -397,14 +396,26 @@ int Main(int argc, char** argv) {
            "monitor: also serve the report's page of the flight that it hears, on this PORT of 127.0.0.1 "
            "(0: any that is free)",
            kLivePort, 0);
+  node_app->add_option(
+      "--tag", node.tag,
+      std::string("Hears and is heard only by nodes with this tag on the domain (default: ") + kAttachTag +
+          ")");
+  node_app
+      ->add_option("--run", node.run,
+                   "monitor: listen to the flights of the run in this folder, as results/latest, wherever on "
+                   "the bus they are")
+      ->type_name("FOLDER")
+      ->excludes("--domain")
+      ->excludes("--tag");
   // How a harness starts its own nodes.
-  node_app->add_option("--tag", node.tag)->group("");
   node_app->add_option("--child", node.child)->group("");
   node_app->add_option("--lockstep", node.lockstep)->check(CLI::IsMember({"dds", "socket"}))->group("");
   node_app->footer(
       std::string("A node that you start is on the bus with the tag '") + kAttachTag +
-      "'. Domain, tag and run id of each flight are in\nrun.json, under its `bus`, while it flies, "
-      "and in its first event; docs/distributed.md shows how to listen.");
+      "', and meets the runs with --attach. A run that starts\nits nodes itself has a tag of its own: "
+      "`tiltproof "
+      "node monitor --run results/latest` listens to it. Domain, tag and run id\nof each flight are in "
+      "run.json, under its `bus`, while it flies, and in its first event (docs/distributed.md).");
   node_app->callback([&] { command = [&] { return NodeCommand(node); }; });
 
   DoctorOptions doctor;

@@ -1,13 +1,33 @@
+#include <algorithm>
+
+#include "faults/registry.h"
 #include "harness/cli/commands.h"
 #include "harness/cli/manual.h"
 #include "harness/report/files.h"
+#include "link/check.h"
 
 namespace tiltproof::harness {
+namespace {
+
+// The argument of `tiltproof faults` may be the name of any fault.
+void OfferFaults(CommandRow& program) {
+  const auto command_of_faults =
+      std::find_if(program.commands.begin(), program.commands.end(),
+                   [](const CommandRow& command) { return command.name == "faults"; });
+  Check(command_of_faults != program.commands.end(), "there is a command for the catalogue of faults");
+  for (OptionRow& option : command_of_faults->options)
+    if (option.positional)
+      for (const faults::FaultType& type : faults::FaultTypes()) option.offered.emplace_back(type.name);
+}
+
+}  // namespace
 
 int ManualCommand(const CommandRow& program, const std::filesystem::path& folder, const std::string& date) {
   std::map<std::string, std::string> files = ManualPages(program, date);
-  files[program.name + ".bash"] = BashCompletion(program);
-  files["_" + program.name] = ZshCompletion(program);
+  CommandRow offered = program;
+  OfferFaults(offered);
+  files[program.name + ".bash"] = BashCompletion(offered);
+  files["_" + program.name] = ZshCompletion(offered);
   std::filesystem::create_directories(folder);
   for (const auto& [name, text] : files) WriteFile(folder / name, text);
   return kExitGreen;

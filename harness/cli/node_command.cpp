@@ -6,6 +6,7 @@
 
 #include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
+#include "harness/cli/listening_posts.h"
 #include "harness/cli/live_page.h"
 #include "harness/cli/suite.h"
 #include "harness/node/joystick_input.h"
@@ -72,10 +73,13 @@ int ServeLockstep(const NodeCommandOptions& options) {
 }
 
 // With a page, or without.
-int Monitor(const NodeOptions& node, std::optional<int> http_port) {
+int Monitor(const NodeOptions& node, const NodeCommandOptions& options) {
+  const FindPost post = options.run.empty()
+                            ? PostAt({.domain = node.bus.domain, .tag = node.bus.tag, .run_id = {}})
+                            : PostOfRun(options.run);
   std::unique_ptr<LiveProcess> live;
-  if (http_port) live = ServeMonitor(*http_port, node.bus);
-  return RunMonitor(node);
+  if (options.http_port) live = ServeMonitor(*options.http_port, node.bus, post);
+  return RunMonitor(node, post);
 }
 
 }  // namespace
@@ -99,6 +103,8 @@ int NodeCommand(const NodeCommandOptions& options) {
     throw UsageError(fmt::format("--client: a {} node has none", options.kind));
   if (options.http_port && options.kind != "monitor")
     throw UsageError(fmt::format("--http: a {} node has no page; a monitor has one", options.kind));
+  if (!options.run.empty() && options.kind != "monitor")
+    throw UsageError(fmt::format("--run: a {} node has none; a monitor has one", options.kind));
   if (!options.input.empty() && options.kind != "joystick")
     throw UsageError(fmt::format("--input: a {} node has none", options.kind));
 
@@ -139,7 +145,7 @@ int NodeCommand(const NodeCommandOptions& options) {
       make_role = MakeJoystickRole;
       break;
     case dds::NodeKind::kMonitor:
-      return Monitor(node, options.http_port);
+      return Monitor(node, options);
     case dds::NodeKind::kHarness:
       ThrowBrokenInvariant("a kind of node that a user may start");
   }

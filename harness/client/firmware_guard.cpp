@@ -1,9 +1,12 @@
 #include "harness/client/firmware_guard.h"
 
+#include <dlfcn.h>
+#include <execinfo.h>
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <pthread.h>
 #include <sys/syscall.h>
+#include <ucontext.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -14,6 +17,8 @@
 #include <cstring>
 #include <ctime>
 #include <utility>
+
+#include "harness/client/code_place.h"
 
 #ifndef sigev_notify_thread_id
 #define sigev_notify_thread_id _sigev_un._tid
@@ -38,6 +43,11 @@ FirmwareCall present_call = FirmwareCall::kNone;
 std::array<char, 512> ended_by{};
 volatile sig_atomic_t caught_signal = 0;
 volatile sig_atomic_t caught_cause = 0;
+// Return addresses, the innermost first, and what they say.
+std::array<void*, 64> crash_stack{};
+std::array<char, 300> crash_place{};
+volatile sig_atomic_t looking_at_stack = 0;
+const void* firmware_base = nullptr;
 // In a process that the firmware has forked from within a call.
 bool forked = false;
 
@@ -66,6 +76,41 @@ TimeNs Waited() {
   for (at = at == end ? end : at + 1; at != end && *at >= '0' && *at <= '9'; ++at)
     waited_ns = 10 * waited_ns + (*at - '0');
   return waited_ns;
+}
+
+// The innermost place in the firmware's library, if there is one. What it finds may be damaged: this may crash, too.
+void FindCrashPlace(const void* context) {
+  const auto& registers = static_cast<const ucontext_t*>(context)->uc_mcontext;
+#if defined(__x86_64__)
+  const auto at = static_cast<std::uintptr_t>(registers.gregs[REG_RIP]);
+  const auto* stack = reinterpret_cast<void* const*>(registers.gregs[REG_RSP]);
+#elif defined(__aarch64__)
+  const auto at = static_cast<std::uintptr_t>(registers.pc);
+  void* const link = reinterpret_cast<void*>(registers.regs[30]);
+  void* const* const stack = &link;
+#else
+  const std::uintptr_t at = 0;
+  static_cast<void>(registers);
+  void* const* const stack = nullptr;
+#endif
+  Dl_info info{};
+  void* const place = reinterpret_cast<void*>(at);
+  const auto is_firmwares = [&](const void* address) {
+    return dladdr(address, &info) != 0 && info.dli_fbase == firmware_base;
+  };
+  if (firmware_base == nullptr) return;
+  if (is_firmwares(place)) return DescribeCode(place, crash_place);
+  int count = 0;
+  if (at != 0 && dladdr(place, &info) != 0) {
+    count = backtrace(crash_stack.data(), static_cast<int>(crash_stack.size()));
+  } else if (stack != nullptr && reinterpret_cast<std::uintptr_t>(stack) % sizeof(void*) == 0) {
+    // It called what is no code.
+    crash_stack[0] = *stack;
+    count = 1;
+  }
+  for (int i = 0; i < count; ++i)
+    if (const void* const call = CallBefore(crash_stack[static_cast<std::size_t>(i)]); is_firmwares(call))
+      return DescribeCode(call, crash_place);
 }
 
 void StartTimer() {
@@ -131,13 +176,17 @@ void FirmwareGuard::Install(Watched* shared, TimeNs limit_ns) {
   stack.ss_size = handler_stack.size();
   sigaltstack(&stack, nullptr);
 
+  // It loads what it needs the first time, which a handler must not.
+  static_cast<void>(backtrace(crash_stack.data(), 1));
+
   struct sigaction action {};
   // NODEFER: the handler is left by a jump, which would otherwise keep the signal blocked.
-  action.sa_flags = SA_ONSTACK | SA_NODEFER | SA_RESTART;
+  action.sa_flags = SA_ONSTACK | SA_NODEFER | SA_RESTART | SA_SIGINFO;
   sigemptyset(&action.sa_mask);
-  action.sa_handler = OnCrash;
+  action.sa_sigaction = OnCrash;
   for (const int number : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGTRAP, SIGSYS})
     sigaction(number, &action, nullptr);
+  action.sa_flags &= ~SA_SIGINFO;
   action.sa_handler = OnTimer;
   sigaction(SIGALRM, &action, nullptr);
 
@@ -151,6 +200,7 @@ bool FirmwareGuard::IsInside() { return inside != 0 && pthread_equal(pthread_sel
 void FirmwareGuard::Enter(FirmwareCall call) {
   modes_ = FloatingPointModes();
   present_call = call;
+  crash_place[0] = '\0';
   watched->calls_count.store(watched->calls_count.load(std::memory_order_relaxed) + 1,
                              std::memory_order_relaxed);
   watched->inside.store(call, std::memory_order_relaxed);
@@ -193,14 +243,26 @@ void FirmwareGuard::EndCall(const char* what) {
   Jump(kEnded);
 }
 
-void FirmwareGuard::OnCrash(int signal_number) {
+void FirmwareGuard::SetFirmware(const void* address) {
+  Dl_info info{};
+  firmware_base = address != nullptr && dladdr(address, &info) != 0 ? info.dli_fbase : nullptr;
+}
+
+const char* FirmwareGuard::CrashPlace() { return crash_place.data(); }
+
+void FirmwareGuard::OnCrash(int signal_number, siginfo_t* /*info*/, void* context) {
   if (!IsInside() || guarded_process != getpid()) {
     // The harness's own crash, or that of a thread that the firmware has started: die of it.
     signal(signal_number, SIG_DFL);
     raise(signal_number);
     return;
   }
-  caught_signal = signal_number;
+  if (looking_at_stack == 0) {
+    caught_signal = signal_number;
+    looking_at_stack = 1;
+    FindCrashPlace(context);
+  }
+  looking_at_stack = 0;
   Jump(kCrashed);
 }
 

@@ -114,6 +114,12 @@ class FirmwareGuard {
   // of a call, in another thread, in a process that the firmware has forked.
   static void EndCall(const char* what);
 
+  // The library in which places of crashes are looked for: an address in it. Null: none.
+  static void SetFirmware(const void* address);
+  // Where in it the last call crashed, in one of its functions or in what they called: " at decoder.so+0x1a2b", the same in
+  // every process. Empty when that is not known, or the call ended in another way.
+  static const char* CrashPlace();
+
   // Whether a call in this process has ended by a jump or an exception: what it was at is left as it was.
   static bool HasLeftCalls() { return has_left_calls_; }
 
@@ -127,7 +133,7 @@ class FirmwareGuard {
   static void ReturnToFirmware();
   [[noreturn]] static void ThrowFromCallBack();
   static void NoteException(const char* what);
-  static void OnCrash(int signal_number);
+  static void OnCrash(int signal_number, siginfo_t* info, void* context);
   static void OnTimer(int signal_number);
   static void CountOwnTime();
   [[noreturn]] static void Jump(Cause cause);

@@ -53,6 +53,7 @@ class Library {
     receive = Symbol<decltype(receive)>("tiltproof_client_receive");
     grant = Symbol<decltype(grant)>("tiltproof_client_grant");
     reset = Symbol<decltype(reset)>("tiltproof_client_reset");
+    FirmwareGuard::SetFirmware(reinterpret_cast<const void*>(create));
     status = reinterpret_cast<decltype(status)>(dlsym(handle_, "tiltproof_client_status"));
     if (const auto found = FirmwareGuard::Call(FirmwareCall::kVersion, [&] { return version(); });
         found != TILTPROOF_CLIENT_ABI_VERSION)
@@ -225,8 +226,10 @@ class LibraryClient final : public Client {
     } catch (const FirmwareTrouble& trouble) {
       lost_ = true;
       LogAllOutput();
-      if (trouble.hung || report_.text().empty()) throw;
-      throw FirmwareTrouble(false, fmt::format("{}: {}", trouble.what(), report_.text()));
+      std::string text = trouble.what();
+      if (!report_.names_place()) text += FirmwareGuard::CrashPlace();
+      if (!trouble.hung && !report_.text().empty()) text += ": " + report_.text();
+      throw FirmwareTrouble(trouble.hung, text);
     } catch (...) {
       lost_ = true;
       LogAllOutput();

@@ -12,6 +12,7 @@
 #include <cstring>
 #include <vector>
 
+#include "harness/client/code_place.h"
 #include "harness/client/firmware_guard.h"
 
 using tiltproof::harness::FirmwareGuard;
@@ -30,20 +31,6 @@ void EndCallWithProgram(const char* program) {
   char text[kTextBytes];
   std::snprintf(text, sizeof text, "called exec (%.200s)", program == nullptr ? "" : program);
   FirmwareGuard::EndCall(text);
-}
-
-// Where a call that returns there was made: a function that its library shows, or a place that addr2line understands.
-void DescribeCaller(const void* return_address, char* text, std::size_t size) {
-  Dl_info info{};
-  if (dladdr(return_address, &info) == 0 || info.dli_fname == nullptr) return;
-  const char* const name = std::strrchr(info.dli_fname, '/');
-  const char* const file = name == nullptr ? info.dli_fname : name + 1;
-  const auto offset = static_cast<const char*>(return_address) - static_cast<const char*>(info.dli_fbase);
-  if (info.dli_sname != nullptr) {
-    std::snprintf(text, size, " in %.100s of %.100s", info.dli_sname, file);
-  } else {
-    std::snprintf(text, size, " at %.100s+0x%zx", file, static_cast<std::size_t>(offset));
-  }
 }
 
 // The function of this name in the libraries that follow.
@@ -95,9 +82,8 @@ void pthread_exit(void* value) {
 
 // What a compiler calls (-fstack-protector) when the guard of a function's frame has another value at its end.
 void __stack_chk_fail() {
-  char where[kTextBytes] = "";
-  DescribeCaller(__builtin_return_address(0), where, sizeof where);
-  char text[2 * kTextBytes];
+  char where[kTextBytes], text[2 * kTextBytes];
+  tiltproof::harness::DescribeCode(tiltproof::harness::CallBefore(__builtin_return_address(0)), where);
   std::snprintf(text, sizeof text, "damaged a stack guard%s (Aborted: *** stack smashing detected ***)",
                 where);
   FirmwareGuard::EndCall(text);

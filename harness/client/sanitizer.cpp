@@ -160,9 +160,11 @@ void AbortReport::Look(std::string_view line) {
   if (const std::size_t at = find("ERROR: AddressSanitizer: "); at != line.npos) {
     text_ = line.substr(at, std::min(line.find(" on ", at), line.find(" (", at)) - at).substr(0, kTextMax);
     lacks_place_ = true;
+    names_place_ = false;
   } else if (find(": runtime error: ") != line.npos) {
     text_ = line.substr(0, kTextMax);
     lacks_place_ = false;
+    names_place_ = true;
   } else if (const std::size_t in = find(" in "); lacks_place_ && in != line.npos) {
     // "    #1 0x7f0c in Decode decoder.c:33". A function of the C library is the sanitizer's, in its own source.
     const std::size_t number = line.find_first_not_of(' ');
@@ -173,8 +175,10 @@ void AbortReport::Look(std::string_view line) {
       return;
     text_ += line.substr(in, std::min(line.find(" (BuildId", in) - in, kTextMax));
     lacks_place_ = false;
+    names_place_ = true;
   } else if (IsTheCLibrarys(line)) {
     // "PROGRAM: FILE:LINE: FUNCTION: Assertion `...' failed."
+    names_place_ = line.ends_with("' failed.");
     const std::string program = fmt::format("{}: ", program_invocation_short_name);
     text_ = line.substr(line.starts_with(program) ? program.size() : 0, kTextMax);
     lacks_place_ = false;

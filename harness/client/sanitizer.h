@@ -27,10 +27,12 @@ class AbortReport {
   void Look(std::string_view line);
   // Without addresses, which differ from process to process; empty: there was none. Of several, the last.
   const std::string& text() const { return text_; }
+  // Whether that says where in the source.
+  bool names_place() const { return names_place_; }
 
  private:
   std::string text_;
-  bool lacks_place_ = false;
+  bool lacks_place_ = false, names_place_ = false;
 };
 
 }  // namespace tiltproof::harness

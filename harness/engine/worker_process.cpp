@@ -263,7 +263,17 @@ FlightResult WorkerProcess::WithoutResult(const FlightJob& job, int status) cons
                           fmt::format("the firmware ended its process in {}: the process {} {}, and the "
                                       "flight is lost",
                                       Name(inside), how, at));
-  return ErrorResult(job, fmt::format("the worker process {} {}", how, at));
+  FlightResult result = ErrorResult(job, fmt::format("the worker process {} {}", how, at));
+  const std::array crashes = {SIGABRT, SIGSEGV, SIGBUS, SIGFPE, SIGILL};
+  if (job.means.FirmwareInWorker(job.scenario) && WIFSIGNALED(status) &&
+      std::find(crashes.begin(), crashes.end(), WTERMSIG(status)) != crashes.end()) {
+    result.score.reason +=
+        ", outside the firmware's calls: memory that the firmware damaged before may be the cause; "
+        "-fsanitize=address shows where";
+    result.events.push_back(
+        {ToSeconds(progress_ns()), std::string(kDiedOutsideCallsEvent), std::nullopt, how});
+  }
+  return result;
 }
 
 }  // namespace tiltproof::harness

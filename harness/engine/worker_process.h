@@ -10,6 +10,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "harness/client/firmware_guard.h"
@@ -23,6 +24,10 @@ namespace tiltproof::harness {
 
 struct KnownJobs;
 struct WorkerReport;
+
+// The event of a result that is an error since its process died of a signal as a crash sends, outside the calls into the
+// library that it flew: what the library has damaged may be noticed so late.
+inline constexpr std::string_view kDiedOutsideCallsEvent = "process_died";
 
 class WorkerProcess {
  public:

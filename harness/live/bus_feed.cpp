@@ -57,6 +57,7 @@ struct BusFeed::Impl {
     if (message.run_id == run_id) return;
     try {
       Begin(message.run_id, load(message.scenario_yaml));
+      board.SetStatus(JsonText({{"phase", "flying"}, {"text", ""}}));
     } catch (const std::exception& error) {
       // Of another version, or of a vehicle that this host does not have.
       board.SetStatus(

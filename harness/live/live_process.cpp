@@ -18,6 +18,7 @@
 #include <cerrno>
 #include <chrono>
 #include <csignal>
+#include <cstdint>
 #include <cstring>
 #include <limits>
 #include <stdexcept>
@@ -33,6 +34,8 @@ using std::chrono::milliseconds;
 
 // The rate at which viewers get news.
 constexpr milliseconds kTick{50};
+// How often a monitor looks where its post is.
+constexpr std::uint64_t kTicksOfPost = 10;
 // At the end: viewers get what is new for them.
 constexpr milliseconds kFarewell{1'000}, kEndLimit{3'000};
 constexpr int kNice = 5;
@@ -67,10 +70,6 @@ class Host {
   }
 
   void Run() {
-    if (options_.load) {
-      Listen(options_.bus);
-      feed_->FollowAnnounced(options_.load, options_.finish);
-    }
     ReadParent();
     ReadWorker();
     Tick();
@@ -83,7 +82,27 @@ class Host {
     feed_.emplace(loop_, config, board_, [this] { server_.Tell(); });
   }
 
+  // A monitor: goes to where the post is.
+  void FollowPost() {
+    const ListeningPost post = options_.post();
+    if (post == post_) return;
+    post_ = post;
+    board_.SetStatus(Status("waiting", post.text));
+    feed_.reset();
+    if (!post.place) return;
+    dds::BusConfig config = options_.bus;
+    config.domain = post.place->domain;
+    config.tag = post.place->tag;
+    try {
+      Listen(config);
+      feed_->FollowAnnounced(options_.load, options_.finish);
+    } catch (const std::exception& error) {
+      board_.SetStatus(Status("waiting", std::string("the bus cannot be heard: ") + error.what()));
+    }
+  }
+
   void Tick() {
+    if (options_.post && !ended_ && tick_count_++ % kTicksOfPost == 0) FollowPost();
     TakeRows();
     server_.Tell();
     if (ended_ && (server_.is_told() || std::chrono::steady_clock::now() > *ended_ + kFarewell))
@@ -204,6 +223,8 @@ class Host {
   LiveBoard board_;
   LiveServer server_;
   std::optional<BusFeed> feed_;
+  std::optional<ListeningPost> post_;
+  std::uint64_t tick_count_ = 0;
   std::optional<std::chrono::steady_clock::time_point> ended_;
 };
 

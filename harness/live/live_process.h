@@ -39,7 +39,8 @@ struct LiveOptions {
   std::function<std::optional<std::string>(std::size_t flight)> details = [](auto) { return std::nullopt; };
   // Of flights on the bus; domain and tag are those of each flight, or the monitor's.
   dds::BusConfig bus;
-  // A monitor: shows whatever is announced on `bus`.
+  // A monitor: shows whatever is announced at the post.
+  FindPost post = {};
   BusFeed::Loader load = {};
   BusFeed::Finisher finish = {};
 };

@@ -100,6 +100,12 @@ class LinkRole final : public Role {
     services_.log().Write(log, line_->origin(), std::exchange(samples_, {}));
   }
 
+  // What was sent has had its faults, also where it still waits for the line.
+  std::optional<TimeNs> DoneUntil(const faults::FaultType& type) override {
+    if (!type.IsOneOf<faults::WireKind>()) return std::nullopt;
+    return line_->origin().known() ? line_->origin().SimulationTime(std::max(Now(), sent_until_ns_)) : 0;
+  }
+
   void Inject(const faults::FaultSpec& fault) override {
     scenario_.faults.push_back(fault);
     line_->Add(fault);
@@ -218,7 +224,7 @@ class LinkRole final : public Role {
     if (direction == Direction::kToPlant && client_takes_bytes_ &&
         line_->unanswered_reply() != BootTime::Never())
       services_.lateness().Note(line_->unanswered_reply() + scenario_.late_after_ns(), now);
-    line_->Transmit(direction, now, bytes);
+    sent_until_ns_ = std::max(sent_until_ns_, line_->Transmit(direction, now, bytes));
     Pump();
     const auto& overfull = line_->overfull();
     if (!overfull) return;
@@ -297,7 +303,8 @@ class LinkRole final : public Role {
   }
 
   NodeServices& services_;
-  BootTime now_ns_;    // shown last
+  BootTime now_ns_;  // shown last
+  BootTime sent_until_ns_ = BootTime::Earliest();
   SerialBoard board_;  // on its cables; names nothing when there is none
   Scenario scenario_;
   std::optional<LocalLine> line_;

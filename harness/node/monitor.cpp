@@ -8,6 +8,8 @@
 #include <csignal>
 #include <cstdio>
 #include <map>
+#include <optional>
+#include <utility>
 
 #include "harness/node/roles.h"
 #include "harness/terminal/terminal.h"
@@ -20,13 +22,8 @@ constexpr std::chrono::seconds kStatePeriod{1};
 // Prints nodes as they come and go, phases, events and scores as they happen, and the vehicle once a second.
 class Monitor {
  public:
-  explicit Monitor(const NodeOptions& options)
-      : bus_(options.bus),
-        nodes_(bus_, Post(), Post()),
-        states_(bus_, Post()),
-        events_(bus_, Post()),
-        scores_(bus_, Post()),
-        plant_(bus_) {}
+  Monitor(const NodeOptions& options, FindPost find_post)
+      : options_(options), find_post_(std::move(find_post)) {}
 
   int Run() {
     boost::asio::signal_set signals(loop_, SIGTERM, SIGINT, SIGHUP);
@@ -43,35 +40,47 @@ class Monitor {
     return [this] { boost::asio::post(loop_, [this] { Look(); }); };
   }
 
+  // Goes to where the post is.
+  void Follow() {
+    const ListeningPost post = find_post_();
+    if (post == post_) return;
+    post_ = post;
+    Print(stderr, "tiltproof: {}\n", post.text);
+    // A process can be on a domain only once.
+    ears_.reset();
+    alive_.clear();
+    if (!post.place) return;
+    dds::BusConfig config = options_.bus;
+    config.domain = post.place->domain;
+    config.tag = post.place->tag;
+    ears_.emplace(config, Post());
+  }
+
   void Look() {
-    nodes_.Take();
-    for (const auto& node : nodes_.Nodes()) {
+    if (!ears_) return;
+    ears_->nodes.Take();
+    for (const auto& node : ears_->nodes.Nodes()) {
       const auto [known, is_new] = alive_.try_emplace(node.participant, false);
       if (known->second == node.alive) continue;
       known->second = node.alive;
       Print(stdout, "node   {} {} on {}, process {}\n", node.alive ? "here" : "gone", node.last.node_id,
             node.last.host, node.last.pid);
     }
-    for (const auto& state : states_.Take())
+    for (const auto& state : ears_->states.Take())
       Print(stdout, "state  {:10.3f} s  {} {}{}{}\n", ToSeconds(state.time_ns), state.node_id,
             Name(state.phase), state.text.empty() ? "" : ": ", state.text);
-    for (const auto& event : events_.Take())
+    for (const auto& event : ears_->events.Take())
       Print(stdout, "event  {:10.3f} s  {} {}: {}\n", ToSeconds(event.time_ns), event.node_id, event.kind,
             event.text);
-    for (const auto& score : scores_.Take())
+    for (const auto& score : ears_->scores.Take())
       Print(stdout, "score  {} {}{}{}\n", score.scenario, score.verdict, score.reason.empty() ? "" : ": ",
             score.reason);
     std::fflush(stdout);
   }
 
   void Tick() {
-    for (const auto& plant : plant_.Take()) {
-      if (plant.state.size() < 6) continue;  // of no vehicle: any process can write it
-      Print(stdout,
-            "plant  {:10.3f} s  x {:.3f} y {:.3f} z {:.3f} m  roll {:.3f} pitch {:.3f} yaw {:.3f} rad\n",
-            ToSeconds(plant.time_ns), plant.state[0], plant.state[1], plant.state[2], plant.state[3],
-            plant.state[4], plant.state[5]);
-    }
+    Follow();
+    PrintPlant();
     std::fflush(stdout);
     timer_.expires_after(kStatePeriod);
     timer_.async_wait([this](const boost::system::error_code& error) {
@@ -79,19 +88,44 @@ class Monitor {
     });
   }
 
+  void PrintPlant() {
+    if (!ears_) return;
+    for (const auto& plant : ears_->plant.Take()) {
+      if (plant.state.size() < 6) continue;  // of no vehicle: any process can write it
+      Print(stdout,
+            "plant  {:10.3f} s  x {:.3f} y {:.3f} z {:.3f} m  roll {:.3f} pitch {:.3f} yaw {:.3f} rad\n",
+            ToSeconds(plant.time_ns), plant.state[0], plant.state[1], plant.state[2], plant.state[3],
+            plant.state[4], plant.state[5]);
+    }
+  }
+
+  struct Ears {
+    Ears(const dds::BusConfig& config, const std::function<void()>& wake)
+        : bus(config),
+          nodes(bus, wake, wake),
+          states(bus, wake),
+          events(bus, wake),
+          scores(bus, wake),
+          plant(bus) {}
+    dds::Bus bus;
+    dds::Subscriber<dds::Heartbeat> nodes;
+    dds::Subscriber<dds::RunState> states;
+    dds::Subscriber<dds::RunEvent> events;
+    dds::Subscriber<dds::Score> scores;
+    dds::Subscriber<dds::PlantState> plant;
+  };
+
+  const NodeOptions& options_;
+  const FindPost find_post_;
+  std::optional<ListeningPost> post_;
   boost::asio::io_context loop_{1};
   boost::asio::steady_timer timer_{loop_};
   std::map<dds::Participant, bool> alive_;
-  dds::Bus bus_;
-  dds::Subscriber<dds::Heartbeat> nodes_;
-  dds::Subscriber<dds::RunState> states_;
-  dds::Subscriber<dds::RunEvent> events_;
-  dds::Subscriber<dds::Score> scores_;
-  dds::Subscriber<dds::PlantState> plant_;
+  std::optional<Ears> ears_;
 };
 
 }  // namespace
 
-int RunMonitor(const NodeOptions& options) { return Monitor(options).Run(); }
+int RunMonitor(const NodeOptions& options, const FindPost& post) { return Monitor(options, post).Run(); }
 
 }  // namespace tiltproof::harness

@@ -12,6 +12,7 @@
 #include <tuple>
 #include <utility>
 
+#include "faults/registry.h"
 #include "harness/dds/qos.h"
 #include "harness/node/realtime_rights.h"
 #include "harness/run/introduction.h"
@@ -332,10 +333,17 @@ Ports Node::Do(const dds::RunCommand& command) {
       // The harness has checked it already, also against the vehicle.
       ReadOptions options;
       options.models_folder = loaded_->scenario.model_file.parent_path();
-      const Scenario more = AddFault(loaded_->scenario, FromPorts(command.ports), options);
+      AddedFault fault = FromPorts(command.ports);
+      Scenario more = AddFault(loaded_->scenario, fault, options);
+      const auto done_until_ns = role_->DoneUntil(*faults::FindFaultType(more.faults.back().type));
+      if (done_until_ns) {
+        fault.start_ns = KeptBegin(more, fault.start_ns, *done_until_ns);
+        if (fault.start_ns >= more.duration_ns) return BeginPorts(fault.start_ns);
+        more = AddFault(loaded_->scenario, fault, options);
+      }
       loaded_->scenario.faults.push_back(more.faults.back());
       role_->Inject(more.faults.back());
-      return {};
+      return done_until_ns ? BeginPorts(fault.start_ns) : Ports{};
     }
     case dds::Verb::kRelease:
       return {};

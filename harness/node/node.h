@@ -18,6 +18,7 @@
 #include <string>
 #include <vector>
 
+#include "faults/fault_type.h"
 #include "harness/dds/bus.h"
 #include "harness/node/node_clock.h"
 #include "harness/run/realtime/log_messages.h"
@@ -78,6 +79,9 @@ class Role {
   virtual Ports Prepare(const LoadedScenario& loaded, const Ports& given) = 0;
   virtual void Arm(const Ports& ports) = 0;
   virtual void Start() = 0;
+  // Where faults of that type act: the simulation time up to which this role has done its work, so that one more
+  // can only begin later. Nullopt where they do not act.
+  virtual std::optional<TimeNs> DoneUntil(const faults::FaultType& /*type*/) { return std::nullopt; }
   // One more fault, while it flies; it acts where its kind acts, and means nothing to the other roles.
   virtual void Inject(const faults::FaultSpec& /*fault*/) {}
   // Called every 50 ms from Start on, to send the log so far.

@@ -29,6 +29,10 @@ class PlantRole final : public Role {
   }
 
   void Start() override {}
+  std::optional<TimeNs> DoneUntil(const faults::FaultType& type) override {
+    if (!type.IsOneOf<faults::SensorKind, faults::ActuatorKind, faults::PlantKind>()) return std::nullopt;
+    return server_->state().reached_ns;
+  }
   void Inject(const faults::FaultSpec& fault) override { server_->Add(fault); }
   void Flush() override {
     if (server_->state().started()) services_.log().Write(server_->TakeLog());

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "harness/node/node.h"
+#include "harness/run/bus_place.h"
 
 namespace tiltproof::harness {
 
@@ -23,7 +24,7 @@ std::unique_ptr<Role> MakeEmulatorRole(NodeServices& services, const NodeOptions
 std::unique_ptr<Role> MakeBaseStationRole(NodeServices& services, const NodeOptions& options);
 std::unique_ptr<Role> MakeJoystickRole(NodeServices& services, const NodeOptions& options);
 
-// Prints what happens on the bus until it is told to end; it is not part of any run.
-int RunMonitor(const NodeOptions& options);
+// Prints what happens on the bus at the post, wherever that is, until it is told to end; it is not part of any run.
+int RunMonitor(const NodeOptions& options, const FindPost& post);
 
 }  // namespace tiltproof::harness

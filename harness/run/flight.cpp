@@ -62,7 +62,9 @@ class Conductor {
   bool over() const { return server_.state().over; }
   Origin origin() const { return server_.state().origin; }
   // When the flight ends, as far as it is known.
-  BootTime End() const { return origin().OrPowerOn().ToBootTime(scenario_.duration_ns); }
+  BootTime End() const {
+    return started() ? origin().ToBootTime(scenario_.duration_ns) : BootTime(StartWait(scenario_));
+  }
 
   const Scenario& scenario_;
   const FlightOptions& options_;
@@ -360,8 +362,12 @@ ClientSettings SettingsOf(const Scenario& scenario, std::size_t client) {
           .watch = scenario.watch};
 }
 
+TimeNs StartWait(const Scenario& scenario) {
+  return std::max(scenario.start_within_ns, scenario.duration_ns);
+}
+
 std::string NeverStartedText(const Scenario& scenario) {
-  return "the server accepted no `start` message within " + std::to_string(ToSeconds(scenario.duration_ns)) +
+  return "the server accepted no `start` message within " + std::to_string(ToSeconds(StartWait(scenario))) +
          " s of power-on";
 }
 

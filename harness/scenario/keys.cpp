@@ -233,10 +233,10 @@ void DescribeScenario(KeyVisitor& v, Scenario& s) {
          "How far the median interval between the firmware's requests may be from the protocol's period"},
         s.control_period_tolerance_percent, {0.001, 1000});
   });
-  v.Seconds(
-      {"start_within_s",
-       "An image that is busy and has not sent `start` counts as hung only after this time from power-on"},
-      s.start_within_ns, {0.1, 3600});
+  v.Seconds({"start_within_s",
+             "Time from power-on in which `start` must come; a longer flight waits as long as it lasts. "
+             "Until then, an image that is busy does not count as hung"},
+            s.start_within_ns, {0.1, 3600});
   // JSON and JavaScript hold integers exactly up to 2^53 - 1.
   auto seed = static_cast<std::int64_t>(s.seed);
   v.Integer({"seed", "All random draws derive from it"}, seed, {0, 9007199254740991});

@@ -3,15 +3,18 @@
 
 Usage, at the top of the repository:
   scenarios/envelope/tables.py --fly build/release/tiltproof -j 2   fly both envelopes (hours apart is fine: it goes on), then write
-  scenarios/envelope/tables.py                                      write the tables from what has been flown
+  ... --types 'actuator.*,plant.*' --out results/actuators          fly these types only; all other rows of the page stay as they are
+  scenarios/envelope/tables.py                                      write the tables from what has been flown, and from the page
 
-Also prints how many types are survived at least twice as severely, by layer, and every row in which the second firmware is worse than
-the first by more than the search's tolerance: then it exits 1.
+Exits 1, and says so, when the second firmware is worse than the first in a row by more than the search's tolerance; when a row in which it
+is not twice as good, and does not survive everything, has no reason in limits.json; and when a type of the catalogue is not on the page.
 """
 import argparse
+import fnmatch
 import json
 import math
 import pathlib
+import re
 import subprocess
 import sys
 import textwrap
@@ -23,9 +26,15 @@ SCENARIOS = ("spiral", "spiral-other-vehicle")
 TITLES = ("the vehicle that it knows, no noise", "another vehicle, noise on all sensors")
 REPEATS = (5, 5)
 TOLERANCES = (0.01, 0.02)
+# A flight on the emulated board takes as long as fifty on the host.
+BOARD_REPEATS = 2
+BOARD_TOLERANCE = 0.2
+# What the host's envelope cannot take, another one may: of the vehicle with drag, then on the board. Each part has a mark on the page.
+PARTS = {"": "", "-drag": "\\*", "-board": "†"}
 MARK = "<!-- survival: scenarios/envelope/tables.py writes what is below -->"
 END = "<!-- survival: end -->"
 TWICE = 2.0
+NO_MARGIN = "n/a"
 
 
 def place(row):
@@ -55,7 +64,7 @@ def ratio(first, second):
 
 def cell(row):
     if row is None:
-        return "n/a"
+        return NO_MARGIN
     if "error" in row:
         return "error"
     if row["survives"] is None:
@@ -63,95 +72,208 @@ def cell(row):
     return "all" if row["fails"] is None else f'{row["survives"]:.4g}'
 
 
-def ratio_text(value):
-    return "-" if value is None else "∞" if value == math.inf else f"{value:.3g}"
+class Half:
+    """One half of a row of the page: what the two builds survive, and the ratio; None: it has none."""
+
+    def __init__(self, cells, value):
+        self.cells = cells
+        self.ratio = value
+
+    def texts(self):
+        return [*self.cells, "-" if self.ratio is None else "∞" if self.ratio == math.inf else f"{self.ratio:.3g}"]
+
+    def wants_reason(self):
+        return self.ratio is not None and self.ratio < TWICE and self.cells[1] != "all"
 
 
-class Envelope:
+NOT_FLOWN = Half(("-", "-"), None)
+
+
+class Row:
+    def __init__(self, unit, mark, halves=None, reason=""):
+        self.unit = unit
+        self.mark = mark
+        self.halves = halves or [NOT_FLOWN for _ in SCENARIOS]
+        self.reason = reason  # why there is no margin; why one is not larger is in limits.json
+
+    @property
+    def has_margin(self):
+        return any(half.ratio is not None for half in self.halves)
+
+
+def half_of(pair):
+    value = ratio(*pair) if all(row and "error" not in row for row in pair) else None
+    return Half(tuple(map(cell, pair)), value)
+
+
+def read_envelope(file, index, mark, clients, rows, reasons):
+    """Adds an envelope's rows, and the reasons of the types that it could not take."""
+    data = json.loads(file.read_text())
+    if not data["complete"]:
+        print(f"tables: {file} is not complete", file=sys.stderr)
+    if len(data["clients"]) != 2:
+        sys.exit(f"tables: {file} has {len(data['clients'])} firmwares, and a ratio needs two")
+    if clients and clients != data["clients"]:
+        sys.exit(f"tables: {file} is of {data['clients']}, and others are of {clients}")
+    clients[:] = data["clients"]
+    flown = {}
+    for row in data["rows"]:
+        flown.setdefault((row["type"], place(row)), {})[row["client"]] = row
+    for key, by_client in flown.items():
+        # Half of a pair, of an envelope that was interrupted, is no row.
+        if len(by_client) < 2 and not data["complete"]:
+            continue
+        row = rows.setdefault(key, Row(next(iter(by_client.values()))["unit"], mark))
+        row.halves = list(row.halves)
+        row.halves[index] = half_of([by_client.get(client) for client in clients])
+    for other in data.get("not_applicable", []):
+        reasons[other["type"]] = other["reason"]
+
+
+def read_flown(out):
+    """All rows that have been flown, and those of types without a margin. A reason is that of the last part that tried."""
+    rows, reasons, clients = {}, {}, []
+    for part, mark in PARTS.items():
+        for index, scenario in enumerate(SCENARIOS):
+            file = out / f"{scenario}{part}" / "envelope.json"
+            if file.exists():
+                read_envelope(file, index, mark, clients, rows, reasons)
+    with_rows = {fault for fault, _ in rows}
+    for fault, reason in reasons.items():
+        if fault not in with_rows:
+            rows[fault, ""] = Row("", "", [Half((NO_MARGIN, NO_MARGIN), None) for _ in SCENARIOS], reason)
+    return rows, clients
+
+
+def read_page(file):
+    """The rows that the page has, in its order."""
+    rows = {}
+    for line in file.read_text().splitlines() if file.exists() else ():
+        found = re.match(r"\| `([a-z_.]+)`(\S*) \| ", line)
+        if not found:
+            continue
+        _, where, unit, *cells, reason = (text.strip() for text in re.split(r"(?<!\\)\|", line.strip())[1:-1])
+        halves = [Half(tuple(cells[i:i + 2]), None if cells[i + 2] == "-" else float(cells[i + 2].replace("∞", "inf"))) for i in (0, 3)]
+        row = Row("" if unit == "-" else unit, found[2], halves)
+        row.reason = "" if row.has_margin else reason
+        rows[found[1], where] = row
+    return rows
+
+
+def in_order(rows, catalogue):
+    """By type as in the catalogue, and within a type as they come."""
+    known = {fault: index for index, fault in enumerate(catalogue)}
+    return dict(sorted(rows.items(), key=lambda item: known.get(item[0][0], len(known))))
+
+
+def merged(old, new):
+    """New rows in place of old ones; of a type that is flown anew no old row stays, but a half that was not flown does."""
+    again = {fault for fault, _ in new}
+    rows = {key: new.get(key, row) for key, row in old.items() if key[0] not in again or key in new} | new
+    for key, row in rows.items():
+        if key in old and row.has_margin:
+            row.halves = [b if a is NOT_FLOWN else a for a, b in zip(row.halves, old[key].halves)]
+    return rows
+
+
+class Limits:
+    """Why nothing could be better: reasons, each for the rows that its patterns match ("frame.* both")."""
+
     def __init__(self, file):
-        self.data = json.loads(file.read_text())
-        if not self.data["complete"]:
-            print(f"tables: {file} is not complete", file=sys.stderr)
-        self.clients = self.data["clients"]
-        if len(self.clients) != 2:
-            sys.exit(f"tables: {file} has {len(self.clients)} firmwares, and a ratio needs two")
-        self.rows = {}
-        for row in self.data["rows"]:
-            self.rows.setdefault((row["type"], place(row)), {})[row["client"]] = row
+        self.reasons = json.loads(file.read_text())
+        self.used = set()
 
-    def pair(self, key):
-        return [self.rows.get(key, {}).get(client) for client in self.clients]
+    def why(self, key):
+        text = " ".join(key).strip()
+        for entry in self.reasons:
+            for pattern in entry["rows"]:
+                if fnmatch.fnmatchcase(text, pattern):
+                    self.used.add(pattern)
+                    return entry["why"]
+        return ""
 
-    def ratio(self, key):
-        pair = self.pair(key)
-        return ratio(*pair) if all(row and "error" not in row for row in pair) else None
+    def unused(self):
+        return [pattern for entry in self.reasons for pattern in entry["rows"] if pattern not in self.used]
 
 
-def reasons():
-    """Why nothing could be better, by "type" or "type place"."""
-    found = json.loads((HERE / "limits.json").read_text())
-    return lambda key: found.get(" ".join(key).strip(), found.get(key[0], ""))
-
-
-def whole_table(envelopes, order, why):
-    names = [client for envelope in envelopes for client in envelope.clients]
-    lines = ["| type | where | unit | " + " | ".join(f"{a} | {b} | ratio" for a, b in (e.clients for e in envelopes)) + " | why not more |",
-             "|---|---|---|" + "---:|" * (len(names) + len(envelopes)) + "---|"]
-    for key in order:
-        unit = next(row["unit"] for e in envelopes for row in e.pair(key) if row)
-        cells = [text for e in envelopes for text in (*map(cell, e.pair(key)), ratio_text(e.ratio(key)))]
-        lines.append("| " + " | ".join([f"`{key[0]}`", key[1] or "-", unit or "-", *cells, why(key)]) + " |")
+def whole_table(rows, clients, limits, missing):
+    lines = ["| type | where | unit | " + " | ".join(f"{clients[0]} | {clients[1]} | ratio" for _ in SCENARIOS) + " | why not more |",
+             "|---|---|---|" + "---:|" * (3 * len(SCENARIOS)) + "---|"]
+    for key, row in rows.items():
+        reason = row.reason
+        if any(half.wants_reason() for half in row.halves):
+            reason = limits.why(key)
+            if not reason:
+                missing.append(key)
+        cells = [text for half in row.halves for text in half.texts()]
+        lines.append("| " + " | ".join([f"`{key[0]}`{row.mark}", key[1], row.unit or "-", *cells, reason]) + " |")
     return "\n".join(lines)
 
 
-def layers_of(envelopes, order):
-    """By layer: its types, those survived twice as severely at some place, and those where nothing is lost at any."""
+def layers_of(rows):
+    """By layer: its types, and of each the ratios at its places."""
     layers = {}
-    for key in order:
-        layers.setdefault(key[0].split(".")[0], {}).setdefault(key[0], []).append([e.ratio(key) for e in envelopes])
+    for (fault, _), row in rows.items():
+        layers.setdefault(fault.split(".")[0], {}).setdefault(fault, []).append([half.ratio for half in row.halves])
     return layers
 
 
-def best(places, envelope):
-    return max((ratios[envelope] for ratios in places if ratios[envelope] is not None), default=0)
+def best(places, half):
+    return max((ratios[half] for ratios in places if ratios[half] is not None), default=0)
 
 
-def short_table(envelopes, layers):
-    lines = ["| layer | types | " + " | ".join(f"twice as much: {title}" for title in TITLES[:len(envelopes)]) + " |",
-             "|---|---:|" + "---:|" * len(envelopes)]
+def has_margin(places):
+    return any(value is not None for ratios in places for value in ratios)
+
+
+def short_table(layers):
+    lines = ["| layer | types | with a margin | " + " | ".join(f"twice as much: {title}" for title in TITLES) + " |", "|---|---:|---:|" + "---:|" * len(TITLES)]
     for layer, types in layers.items():
-        counts = [sum(best(places, i) >= TWICE for places in types.values()) for i in range(len(envelopes))]
-        lines.append(f"| {layer} | {len(types)} | " + " | ".join(map(str, counts)) + " |")
+        counts = [sum(best(places, i) >= TWICE for places in types.values()) for i in range(len(TITLES))]
+        lines.append(f"| {layer} | {len(types)} | {sum(map(has_margin, types.values()))} | " + " | ".join(map(str, counts)) + " |")
     return "\n".join(lines)
 
 
-def page(envelopes, order, layers, why):
-    first = envelopes[0]
-    old, new = first.clients
-    seeds = " and ".join(dict.fromkeys(str(envelope.data["repeats"]) for envelope in envelopes))
-    exact = " and ".join(f'{100 * envelope.data["tolerance"]:g} %' for envelope in envelopes)
-    how = textwrap.fill(
+def paragraph(text):
+    return textwrap.fill(text, 108, break_on_hyphens=False)
+
+
+def page(rows, clients, layers, limits, options, missing):
+    old, new = clients
+    seeds = " and ".join(dict.fromkeys(str(options.repeats or count) for count in REPEATS))
+    exact = " and ".join(f"{100 * (options.tolerance or share):g} %" for share in TOLERANCES)
+    how = paragraph(
         f"How severe each fault may be before `{old}` and `{new}` leave the path by 1 m or tilt by more than 0.6 rad, on the paper's spiral of 40 s "
         f"with the fault from 10 s to 15 s. Found by `tiltproof envelope` ([margins](margins.md)): {seeds} seeds at each level, exact to {exact} of "
         "the distance from harmless, for the left and the right half. `scenarios/envelope/tables.py` wrote this page; "
-        "`scenarios/envelope/tables.py --fly build/release/tiltproof -j 2` flies it anew.", 108, break_on_hyphens=False)
-    halves = textwrap.fill(
+        "`scenarios/envelope/tables.py --fly build/release/tiltproof -j 2` flies it anew.")
+    halves = paragraph(
         f"The left half is {TITLES[0]}; the right half {TITLES[1]}: 2 % heavier, 10 % more inertia, 20 % more drag torque "
-        "(`scenarios/envelope/spiral-other-vehicle.yaml`).", 108, break_on_hyphens=False)
+        "(`scenarios/envelope/spiral-other-vehicle.yaml`).")
+    marks = paragraph(
+        f"{PARTS['-drag']} on the same vehicles with the drag of `plant/models/tiltrotor_drag.sdf`: no wind moves the others. {PARTS['-board']} on the emulated "
+        f"board (`--client qemu`), where a flight takes as long as fifty here: {options.repeats or BOARD_REPEATS} seeds, exact to "
+        f"{100 * (options.tolerance or BOARD_TOLERANCE):g} %.")
+    words = paragraph(
+        f"`none`: the mildest level failed. `all`: the most severe level was survived. `{NO_MARGIN}`: there is no margin, and the last column has the "
+        f"program's reason. `-`: not flown. `ratio`: how many times as far from the harmless value `{new}` goes; for a limit that falls from infinity, the inverse "
+        f"levels count. Where it is below {TWICE:g} in a half, and `{new}` does not survive everything there, the last column says why.")
+    counted = paragraph(f'"Twice as much" counts the types that `{new}` survives at least twice as severely at some place.')
     return f"""# What the firmware survives
 
 {how}
 
 {halves}
 
-`none`: the mildest level failed. `all`: the most severe level was survived. `ratio`: how many times as far
-from the harmless value `{new}` goes; for a limit that falls from infinity, the inverse levels count.
+{marks}
 
-{short_table(envelopes, layers)}
+{words}
 
-"Twice as much" counts the types that `{new}` survives at least twice as severely at some place.
+{short_table(layers)}
 
-{whole_table(envelopes, order, why)}
+{counted}
+
+{whole_table(rows, clients, limits, missing)}
 """
 
 
@@ -164,51 +286,98 @@ def write_block(file, text):
     file.write_text(f"{before}{MARK}\n{text}\n{END}{after}")
 
 
+def vehicle_with_drag(scenario, folder):
+    """The scenario with the drag of plant/models/tiltrotor_drag.sdf on its vehicle, as files in the folder."""
+    text = (HERE / f"{scenario}.yaml").read_text()
+    models = SOURCE / "plant/models"
+    [drag] = re.findall(r" *<tiltproof:drag .*\n", (models / "tiltrotor_drag.sdf").read_text())
+    found = re.search(r"^model: (\S+)\n", text, re.M)
+    model = (HERE / found[1] if found else models / "tiltrotor.sdf").read_text()
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "vehicle.sdf").write_text(model.replace("    </tiltproof:vehicle>", f"{drag}    </tiltproof:vehicle>"))
+    text = text.replace(found[0], "") if found else text
+    file = folder / f"{scenario}-drag.yaml"
+    file.write_text(re.sub(r"^(name: .*)\n", r"\1-drag\nmodel: vehicle.sdf\n", text, flags=re.M))
+    return file
+
+
+def fly_part(options, scenario, part, repeats, tolerance, types):
+    """Flies one envelope, or goes on with it. Returns the types that it could not take at any place."""
+    out = options.out / f"{scenario}{part}"
+    result = out / "envelope.json"
+    file = vehicle_with_drag(scenario, out) if part == "-drag" else HERE / f"{scenario}.yaml"
+    command = [options.fly, "envelope", file, "--firmware", options.firmware, "--resume" if result.exists() else "--out", out, "-j", str(options.jobs),
+               "--repeats", str(options.repeats or repeats), "--tolerance", str(options.tolerance or tolerance)]
+    command += ["--client", "qemu"] if part == "-board" else []
+    command += ["--types", types] if types else []
+    done = subprocess.run(list(map(str, command)), check=False).returncode
+    if done == 4 and part and not result.exists():
+        return types  # it takes none of them
+    if done != 0:
+        sys.exit(done)
+    data = json.loads(result.read_text())
+    return ",".join(dict.fromkeys(other["type"] for other in data["not_applicable"] if all(row["type"] != other["type"] for row in data["rows"])))
+
+
 def fly(options):
     for scenario, repeats, tolerance in zip(SCENARIOS, REPEATS, TOLERANCES):
-        out = options.out / scenario
-        where = "--resume" if (out / "envelope.json").exists() else "--out"
-        command = [options.fly, "envelope", HERE / f"{scenario}.yaml", "--firmware", options.firmware, where, out, "-j", str(options.jobs),
-                   "--repeats", str(options.repeats or repeats), "--tolerance", str(options.tolerance or tolerance)]
-        if options.types:
-            command += ["--types", options.types]
-        done = subprocess.run(list(map(str, command)), check=False).returncode
-        if done != 0:
-            sys.exit(done)
+        left = fly_part(options, scenario, "", repeats, tolerance, options.types)
+        left = left and fly_part(options, scenario, "-drag", repeats, tolerance, left)
+        if left:
+            fly_part(options, scenario, "-board", BOARD_REPEATS, BOARD_TOLERANCE, left)
+
+
+def report(rows, layers, options):
+    """Prints what counts. Returns the number of rows in which the second firmware is worse."""
+    types = [places for layer in layers.values() for places in layer.values()]
+    worse = 0
+    for i, title in enumerate(TITLES):
+        twice = [sum(best(places, i) >= TWICE for places in layer.values()) for layer in layers.values()]
+        print(f"{title}: {sum(twice)} of {len(types)} types survived at least twice as severely; by layer: "
+              + ", ".join(f"{name} {count} of {len(layers[name])}" for name, count in zip(layers, twice)))
+        for key, row in rows.items():
+            value = row.halves[i].ratio
+            tolerance = options.tolerance or (BOARD_TOLERANCE if row.mark == PARTS["-board"] else TOLERANCES[i])
+            if value is not None and value < 1 - tolerance:
+                worse += 1
+                print(f"  worse: {' '.join(key).strip()}: {' and '.join(row.halves[i].cells)}, {value:.3g} times as far")
+    return worse
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--fly", type=pathlib.Path, help="the program; without it, what has been flown counts")
     parser.add_argument("--firmware", default="paper,tolerant", help="two builds, the reference first")
-    parser.add_argument("--types", help="only these types, as in `tiltproof envelope`")
-    parser.add_argument("--repeats", type=int, help="seeds at each level, for both")
-    parser.add_argument("--tolerance", type=float, help="of the search, for both")
+    parser.add_argument("--types", help="only these types, as in `tiltproof envelope`; other rows of the page stay")
+    parser.add_argument("--repeats", type=int, help="seeds at each level, for all")
+    parser.add_argument("--tolerance", type=float, help="of the search, for all")
     parser.add_argument("-j", dest="jobs", type=int, default=1)
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("results/survival"), help="where the envelopes are")
     parser.add_argument("--page", type=pathlib.Path, default=SOURCE / "docs/survival.md")
     parser.add_argument("--readme", type=pathlib.Path, default=SOURCE / "README.md")
+    parser.add_argument("--limits", type=pathlib.Path, default=HERE / "limits.json", help="why nothing could be better")
+    parser.add_argument("--catalogue", type=pathlib.Path, default=SOURCE / "docs/faults.md", help="the types that the page must have")
     options = parser.parse_args()
     if options.fly:
         fly(options)
-    envelopes = [Envelope(options.out / scenario / "envelope.json") for scenario in SCENARIOS]
-    order = list(dict.fromkeys(key for envelope in envelopes for key in envelope.rows))
-    layers = layers_of(envelopes, order)
-    options.page.write_text(page(envelopes, order, layers, reasons()))
-    write_block(options.readme, "\n" + short_table(envelopes, layers) + "\n")
+    catalogue = re.findall(r"^## ([a-z]+\.[a-z_]+)$", options.catalogue.read_text(), re.M)
+    new, clients = read_flown(options.out)
+    rows = in_order(merged(read_page(options.page), new), catalogue)
+    if not rows:
+        sys.exit(f"tables: nothing has been flown in {options.out}, and {options.page} has no rows")
+    layers, limits, missing = layers_of(rows), Limits(options.limits), []
+    options.page.write_text(page(rows, clients or options.firmware.split(","), layers, limits, options, missing))
+    write_block(options.readme, "\n" + short_table(layers) + "\n")
 
-    types = [places for layer in layers.values() for places in layer.values()]
-    worse = 0
-    for i, envelope in enumerate(envelopes):
-        twice = [sum(best(places, i) >= TWICE for places in layer.values()) for layer in layers.values()]
-        print(f"{TITLES[i]}: {sum(twice)} of {len(types)} types survived at least twice as severely; by layer: "
-              + ", ".join(f"{name} {count} of {len(layers[name])}" for name, count in zip(layers, twice)))
-        for key in order:
-            value = envelope.ratio(key)
-            if value is not None and value < 1 - envelope.data["tolerance"]:
-                worse += 1
-                print(f"  worse: {' '.join(key).strip()}: {' and '.join(map(cell, envelope.pair(key)))}, {value:.3g} times as far")
-    return 1 if worse else 0
+    worse = report(rows, layers, options)
+    for key in missing:
+        print(f"  no reason in {options.limits.name}: {' '.join(key).strip()}")
+    absent = [fault for fault in catalogue if all(fault != known for known, _ in rows)]
+    for fault in absent:
+        print(f"  not on the page: {fault}")
+    for pattern in limits.unused():
+        print(f"  no row needs the reason of: {pattern}")
+    return 1 if worse or missing or absent else 0
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <initializer_list>
 #include <map>
+#include <numeric>
 #include <ostream>
 #include <string>
 #include <utility>
@@ -122,6 +123,31 @@ inline std::vector<std::vector<link::Chunk>> Send(const FaultSpec& spec, std::in
                                                   std::size_t size = 68, std::uint64_t seed = 1) {
   FaultSchedule schedule({spec}, seed);
   return Send(schedule, count, size);
+}
+
+// What a fault makes of frames that all have these bytes and follow each other without a pause, as one line of
+// 921600 baud carries them.
+inline std::vector<std::vector<link::Chunk>> SendWithoutPause(const FaultSpec& spec, const Bytes& bytes,
+                                                              std::int64_t count) {
+  FaultSchedule schedule({spec}, 1);
+  schedule.SetOrigin(kOriginAtPowerOn);
+  std::vector<std::vector<link::Chunk>> out;
+  for (std::int64_t n = 0; n < count; ++n) {
+    out.push_back(
+        {{.begin_ns = BootTime(link::BytesTime(921'600, n * static_cast<std::int64_t>(bytes.size()))),
+          .bytes = bytes,
+          .kind = link::MessageKind::kReply,
+          .number = static_cast<std::uint64_t>(n)}});
+    schedule.Filter(link::Direction::kToClient)->Apply(out.back());
+  }
+  return out;
+}
+
+// 100 bytes, no two alike: what comes out says where each of them went.
+inline Bytes DistinctBytes() {
+  Bytes bytes(100);
+  std::iota(bytes.begin(), bytes.end(), std::uint8_t{1});
+  return bytes;
 }
 
 // As the log of the flight has them.

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "faults/poisson.h"
+#include "tests/faults/goodness_of_fit.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -76,15 +77,9 @@ TEST(RandomTest, BelowRefusesTheIncompleteRun) {
 TEST(RandomTest, FailuresBeforeIsGeometric) {
   Random random(5);
   for (const double p : {1e-4, 0.1, 0.9}) {
-    double sum = 0;
-    int none = 0;
-    for (int i = 0; i < 100'000; ++i) {
-      const std::uint64_t failures = random.FailuresBefore(p);
-      sum += static_cast<double>(failures);
-      none += failures == 0 ? 1 : 0;
-    }
-    EXPECT_NEAR(sum / 1e5, (1 - p) / p, 5 * std::sqrt(1 - p) / p / std::sqrt(1e5)) << p;
-    EXPECT_NEAR(none, 1e5 * p, 5 * std::sqrt(1e5 * p * (1 - p)) + 1) << p;
+    std::vector<double> failures;
+    for (int i = 0; i < 100'000; ++i) failures.push_back(static_cast<double>(random.FailuresBefore(p)));
+    EXPECT_TRUE(AreGeometric(failures, p)) << p;
   }
   EXPECT_EQ(random.FailuresBefore(0.0), Random::kManyFailures);
   EXPECT_EQ(random.FailuresBefore(1e-300), Random::kManyFailures);
@@ -92,17 +87,18 @@ TEST(RandomTest, FailuresBeforeIsGeometric) {
 }
 
 TEST(RandomTest, NormalAndExponentialHaveTheirMoments) {
-  double sum = 0, squares = 0, exponential = 0;
+  double sum = 0, squares = 0;
+  std::vector<double> exponential;
   for (std::uint64_t n = 0; n < 200'000; ++n) {
     Random random(KeyOf(9, n));
     const double x = random.StandardNormal();
     sum += x;
     squares += x * x;
-    exponential += random.Exponential();
+    exponential.push_back(random.Exponential());
   }
   EXPECT_THAT(sum / 2e5, DoubleNear(0.0, 0.015));
   EXPECT_THAT(squares / 2e5, DoubleNear(1.0, 0.02));
-  EXPECT_THAT(exponential / 2e5, DoubleNear(1.0, 0.015));
+  EXPECT_TRUE(HaveCdf(exponential, [](double x) { return 1 - std::exp(-x); }));
 }
 
 // Two million draws: several hundred of them from the tail, tens of thousands beside a layer's edge.
@@ -138,6 +134,22 @@ TEST(PoissonTest, HasItsRateAndVariance) {
   const double mean = sum / 4000;
   EXPECT_NEAR(mean, 50.0, 0.6);
   EXPECT_NEAR(squares / 4000 - mean * mean, 50.0, 6.0);
+}
+
+TEST(PoissonTest, TimesBetweenEventsAreExponential) {
+  constexpr double kRate_hz = 100;
+  PoissonEvents process(kRate_hz, 13);
+  std::vector<double> pauses_s;
+  BootTime before;
+  for (std::int64_t second = 0; second < 1100; ++second) {
+    const BootTime begin(second * kNsPerS);
+    for (const BootTime time : Times(process, begin, begin + kNsPerS)) {
+      pauses_s.push_back(ToSeconds(time - before));
+      before = time;
+    }
+  }
+  ASSERT_GT(pauses_s.size(), 100'000U);
+  EXPECT_TRUE(HaveCdf(pauses_s, [](double pause_s) { return 1 - std::exp(-kRate_hz * pause_s); }));
 }
 
 TEST(PoissonTest, DoesNotDependOnTheQuestions) {

@@ -6,12 +6,12 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <cmath>
 #include <string>
 #include <vector>
 
 #include "faults/schedule.h"
 #include "tests/faults/faulty_line.h"
+#include "tests/faults/goodness_of_fit.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -62,19 +62,16 @@ class ReceiverConformanceTest : public ::testing::TestWithParam<FaultType> {
 };
 
 TEST_P(ReceiverConformanceTest, MarksItsShareOfBytesEachForItself) {
-  const double p = 0.02;
+  const double p = 0.15;
   const Marks marks = Receive({With(p)}, 10'000);
-  double count = 0, pairs = 0;
-  for (std::size_t i = 0; i < marks.size(); ++i) {
-    if (marks[i] == ReceiveMark::kNone) continue;
-    ASSERT_EQ(marks[i], mark());
-    ++count;
-    if (i > 0 && marks[i - 1] != ReceiveMark::kNone) ++pairs;
+  std::vector<bool> marked;
+  for (const ReceiveMark each : marks) {
+    marked.push_back(each != ReceiveMark::kNone);
+    if (marked.back()) {
+      ASSERT_EQ(each, mark());
+    }
   }
-  const double total = 680'000;
-  EXPECT_NEAR(count, total * p, 5 * std::sqrt(total * p));
-  // Neighbours meet it together no more often than chance has it.
-  EXPECT_NEAR(pairs, total * p * p, 5 * std::sqrt(total * p * p));
+  EXPECT_TRUE(AreBernoulli(marked, p));  // of 680 000
 }
 
 TEST_P(ReceiverConformanceTest, ZeroMarksNothingAndOneMarksAll) {

@@ -102,11 +102,19 @@ TEST_P(RegistryConformanceTest, IsDocumented) {
               Contains(type().layer()));
   EXPECT_TRUE(type().summary.ends_with('.'));
   EXPECT_TRUE(type().semantics.ends_with('.'));
+  EXPECT_THAT(std::string(type().semantics), HasSubstr("Models "));  // what it is in the real world
   const std::string catalogue = CatalogueMarkdown();
   EXPECT_THAT(catalogue, HasSubstr("## " + std::string(type().name) + "\n"));
-  if (type().layer() == "sensor" || type().layer() == "actuator" || type().layer() == "plant") {
-    EXPECT_TRUE(type().source.ends_with('.'));
-  }
+  EXPECT_TRUE(type().source.ends_with('.'));
+  const std::string entry = Markdown(type());
+  EXPECT_THAT(entry, HasSubstr("\nSource: "));
+  const ParameterInfo* severity = type().severity_parameter();
+  EXPECT_THAT(entry, HasSubstr(!type().has_severity() ? "\nSeverity: none: "
+                               : severity == nullptr  ? "\nSeverity: the length of the window, from 0 s"
+                               : type().duration_ms.empty()
+                                   ? "\nSeverity: `" + std::string(severity->name) + "`, from "
+                                   : "\nSeverity: the length of the window, `" + std::string(severity->name) +
+                                         "`, from "));
   std::set<std::string_view> names;
   for (const ParameterInfo& info : type().parameters) {
     EXPECT_TRUE(names.insert(info.name).second) << info.name;

@@ -10,6 +10,7 @@
 #include "faults/recorder.h"
 #include "link/wire.h"
 #include "tests/faults/faulty_line.h"
+#include "tests/faults/goodness_of_fit.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -96,7 +97,9 @@ TEST(ScheduleTest, EveryNthCountsFramesInTheWindow) {
 TEST(ScheduleTest, ProbabilityHasItsFrequency) {
   FaultSpec spec = Drop();
   spec.probability = 0.25;
-  EXPECT_NEAR(static_cast<double>(Dropped(spec, 20'000).size()), 5000.0, 300.0);
+  std::vector<bool> dropped(100'000);
+  for (const std::int64_t n : Dropped(spec, 100'000)) dropped[static_cast<std::size_t>(n)] = true;
+  EXPECT_TRUE(AreBernoulli(dropped, 0.25));
 }
 
 TEST(ScheduleTest, OtherMessagesAreNeitherSeenNorCounted) {

@@ -119,10 +119,12 @@ class ActuatorFlight {
     for (; !commands_.empty() && commands_.front().at_ns <= begin; commands_.erase(commands_.begin())) {
       const Actuators& u = commands_.front().command;
       input_ = {u.f_r_n, u.f_l_n, u.tau_r_nm, u.tau_l_nm};
+      in_force_.Command(step, u);
     }
     if (step % 3 == 0) {
       control_.NoteRequest({.origin_ns = 0, .begin_ns = begin, .sent_ns = begin + kRequestNs});
       const Sensors sensors = Sense();
+      Observe(step, sensors);
       if (!Lost()) Send(begin + kReplyNs, control_.OnReply(begin + kReplyNs, sensors, reference));
     }
     Send(begin + kTimeoutNs, control_.OnTimeout(begin + kTimeoutNs, reference));
@@ -138,10 +140,24 @@ class ActuatorFlight {
     plant_.Step(input, disturbance);
   }
 
+  // The model under the commands that were in force, from sample to sample.
+  void Observe(ModelStep step, const Sensors& sensors) {
+    if (!plan_.observe) return;
+    const MotionState sample = ToMotion(sensors);
+    if (step == 0) {
+      in_force_.Begin(0, sample, FindBuild("tolerant")->feed_forward);
+      return;
+    }
+    const MotionState before = in_force_.last_sample();
+    plan_.observe(sample, in_force_.At(step), before);
+    in_force_.Correct(step, sample);
+  }
+
   void Note(double t_s, const Reference& reference) {
     const ActuatorMonitor& monitor = control_.actuator_monitor();
     const double after_s = t_s - plan_.fault_s;
-    const bool jam = monitor.jammed(0) || monitor.jammed(1);
+    const bool jam =
+        monitor.stands_still(0) || monitor.stands_still(1) || monitor.jammed(0) || monitor.jammed(1);
     const bool noticed = monitor.acts() || monitor.weak_rotor(0) || monitor.weak_rotor(1);
     if (!plan_.fault || after_s < 0) {
       if (jam || noticed) record_.false_alarm_s = std::min(record_.false_alarm_s, t_s);
@@ -171,6 +187,7 @@ class ActuatorFlight {
   plant::VehicleModel model_;
   plant::Plant plant_;
   TolerantControl control_;
+  MotionTimeline in_force_;
   std::mt19937 engine_;
   std::vector<double> row_;
   std::vector<double> input_;

@@ -9,6 +9,7 @@
 #include <limits>
 #include <span>
 
+#include "firmware/vehicle_dynamics.h"
 #include "link/disturbance.h"
 #include "link/time.h"
 
@@ -16,6 +17,10 @@ namespace tiltproof::firmware {
 
 // What the actuators make of the row of inputs in force (f_r, f_l, tau_r, tau_l), and what else acts.
 using FlightFault = std::function<void(std::span<double> input, Disturbance& disturbance)>;
+
+// A sample, what the model predicted for it from the sample before and the commands, and the sample before.
+using SampleObserver =
+    std::function<void(const MotionState& sample, const MotionState& predicted, const MotionState& before)>;
 
 struct FlightPlan {
   double duration_s = 30;
@@ -31,6 +36,7 @@ struct FlightPlan {
   unsigned seed = 1;
   double fault_s = 10;
   FlightFault fault = nullptr;
+  SampleObserver observe = nullptr;
 };
 
 struct FlightRecord {

@@ -132,18 +132,28 @@ TEST(ActuatorFlightTest, AServoWithADeadBandIsNotAskedForMore) {
   EXPECT_LT(record.error_max_m, 1);
 }
 
-// A hinge that stands still is noticed as soon as its servo is asked to move it: by the noise, or by a new reference.
+// A hinge that stands still is noticed as soon as its servo is asked to move it: by the noise, or by a new reference. On
+// the smooth spiral without noise a servo moves its hinge by some 1e-6 rad in 0.2 s, which is less than the model is
+// wrong by: that takes until the vehicle has begun to sway.
 TEST(ActuatorFlightTest, AJammedServoIsNoticedWhenItIsAskedToMove) {
-  for (const unsigned hinge : {0U, 1U}) {
-    const FlightRecord jump = Fly({.duration_s = 11, .jumps_from_s = 10, .fault = JammedServo(hinge)});
-    EXPECT_LT(jump.jam_noticed_s, 0.2) << hinge;
-    for (const unsigned seed : kSeeds) {
-      const FlightRecord noisy =
-          Fly({.duration_s = 11, .noise = true, .seed = seed, .fault = JammedServo(hinge)});
-      EXPECT_EQ(noisy.false_alarm_s, FlightRecord::kNever);
-      EXPECT_LT(noisy.jam_noticed_s, 0.3) << hinge << seed;
+  int late_count = 0;
+  for (const Vehicle& vehicle : kVehicles) {
+    for (const unsigned hinge : {0U, 1U}) {
+      FlightPlan plan = Of(vehicle, {.duration_s = 12, .fault = JammedServo(hinge)});
+      EXPECT_LT(Fly(plan).jam_noticed_s, 1.0) << vehicle.name << hinge;
+      plan.jumps_from_s = 10;
+      EXPECT_LT(Fly(plan).jam_noticed_s, 0.2) << vehicle.name << hinge;
+      plan.jumps_from_s = 0;
+      plan.noise = true;
+      for (plan.seed = 1; plan.seed <= 6; ++plan.seed) {
+        const FlightRecord noisy = Fly(plan);
+        EXPECT_EQ(noisy.false_alarm_s, FlightRecord::kNever) << vehicle.name << hinge << plan.seed;
+        EXPECT_LT(noisy.jam_noticed_s, 0.3) << vehicle.name << hinge << plan.seed;
+        late_count += noisy.jam_noticed_s > 0.2 ? 1 : 0;
+      }
     }
   }
+  EXPECT_LE(late_count, 1);  // of 36
 }
 
 }  // namespace

@@ -68,7 +68,9 @@ class Flights(unittest.TestCase):
         return done, json.loads((out / "fuzz.json").read_text())
 
     def test_fuzz_finds_them(self):
-        for name, kind, runs in [("off_by_one", "crash", 1500), ("missing_reset", "silence", 3000), ("state_kept", "command", 3000)]:
+        for name, kind, runs in [("length_unchecked", "crash", 300), ("escape_at_end", "crash", 300), ("flag_in_escape", "crash", 300),
+                                 ("off_by_one", "crash", 1500), ("signed_length", "crash", 300), ("integer_overflow", "crash", 300),
+                                 ("missing_reset", "silence", 3000), ("state_kept", "command", 3000)]:
             with self.subTest(name):
                 done, summary = self.fuzz(name, runs)
                 self.assertEqual(done.returncode, 1, done.stdout + done.stderr)

@@ -6,12 +6,16 @@ FaultType ClockDrift() {
   return {.name = "clock.drift",
           .summary = "A node's clock runs at a wrong rate.",
           .semantics =
-              "In the window, the clock of the node gains `ppm` microseconds per second on the true time "
-              "(it loses them when `ppm` is negative). Everything that the node times by this clock "
-              "follows: a client that is fast by 100 ppm has a control period of 12 ms less 1.2 us. The "
-              "clock keeps the time that it has gained. Without `start_s`, the drift begins at t = 0. At "
-              "the client, bytes keep the rate of the line: such drifts are far below what a UART "
+              "Models a crystal that is off by its tolerance, its temperature or its age, or an oscillator "
+              "without a crystal. In the window, the clock of the node gains `ppm` microseconds per second "
+              "on the true time (it loses them when `ppm` is negative). Everything that the node times by "
+              "this clock follows: a client that is fast by 100 ppm has a control period of 12 ms less 1.2 "
+              "us. The clock keeps the time that it has gained. Without `start_s`, the drift begins at t = "
+              "0. At the client, bytes keep the rate of the line: such drifts are far below what a UART "
               "tolerates. Drifts of the same clock do not overlap.",
+          .source =
+              "RFC 5905, Network Time Protocol Version 4, IETF, 2010 (frequency error, and which of it is "
+              "tolerated).",
           .parameters = {ClockNodeParameter(),
                          {.name = "ppm",
                           .unit = "ppm",

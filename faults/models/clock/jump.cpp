@@ -7,11 +7,14 @@ FaultType ClockJump() {
       .name = "clock.jump",
       .summary = "A node's clock jumps.",
       .semantics =
-          "At `start_s`, the clock of the node jumps forward by `jump_ms` (back when it is negative). After "
-          "a jump forward, everything that was due in between is due at once. After a jump back, the node "
-          "waits for that much longer. At `end_s`, when there is one, the clock jumps by the same amount in "
-          "the other direction. A node never sees its time run backwards: its time stands still until the "
-          "clock has caught up.",
+          "Models a clock that is set while it is in use: by a time server, by an operator, at a leap "
+          "second. At `start_s`, the clock of the node jumps forward by `jump_ms` (back when it is "
+          "negative). After a jump forward, everything that was due in between is due at once. After a jump "
+          "back, the node waits for that much longer. At `end_s`, when there is one, the clock jumps by the "
+          "same amount in the other direction. A node never sees its time run backwards: its time stands "
+          "still until the clock has caught up.",
+      .source =
+          "RFC 5905, Network Time Protocol Version 4, IETF, 2010 (a clock that is stepped, not slewed).",
       .parameters = {ClockNodeParameter(),
                      {.name = "jump_ms",
                       .unit = "ms",

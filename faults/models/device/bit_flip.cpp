@@ -6,12 +6,16 @@ FaultType DeviceBitFlip() {
   return {.name = "device.bit_flip",
           .summary = "Flips bits of the firmware's memory, as radiation does.",
           .semantics =
-              "At one instant, `bit_count` different bits of the region are flipped. All choices of bits "
-              "are equally likely. The bits stay flipped until the firmware writes there. Without `end_s`, "
-              "the instant is `start_s`. With `end_s`, it is drawn from the window, where every nanosecond "
-              "is equally likely: flights with many seeds (`--repeat`) then sample memory and time. A "
-              "region is `ram` (all of it), `data`, `bss`, `stack`, or an object of the firmware by its "
-              "name in the ELF file.",
+              "Models single and multiple upsets by neutrons and alpha particles. At one instant, "
+              "`bit_count` different bits of the region are flipped. All choices of bits are equally "
+              "likely. The bits stay flipped until the firmware writes there. Without `end_s`, the instant "
+              "is `start_s`. With `end_s`, it is drawn from the window, where every nanosecond is equally "
+              "likely: flights with many seeds (`--repeat`) then sample memory and time. A region is `ram` "
+              "(all of it), `data`, `bss`, `stack`, or an object of the firmware by its name in the ELF "
+              "file.",
+          .source =
+              "JEDEC JESD89A, Measurement and Reporting of Alpha Particle and Terrestrial Cosmic "
+              "Ray-Induced Soft Errors in Semiconductor Devices, 2006.",
           .parameters = {{.name = "region",
                           .unit = "",
                           .kind = ParameterKind::kText,

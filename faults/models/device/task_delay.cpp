@@ -7,12 +7,16 @@ FaultType DeviceTaskDelay() {
       .name = "device.task_delay",
       .summary = "The firmware's task runs late, because other work has the processor.",
       .semantics =
-          "In the window, every `every_ms`, first at `start_s`, other work of a higher priority takes the "
-          "processor for `delay_ms`. Whatever the firmware's task is to do meanwhile, a request that is "
-          "due or a reply that has come, it does at the end of that time. Interrupts go on: the receiver "
-          "loses no byte. An `every_ms` that is a multiple of the control period hits the same part of each "
-          "period; another one moves through it. With a `delay_ms` of `every_ms` or more, the task does "
-          "not run before the window ends. An activation is a time in which the task had something to do.",
+          "Models an interrupt routine or a task of higher priority that takes longer than planned. In the "
+          "window, every `every_ms`, first at `start_s`, other work of a higher priority takes the "
+          "processor for `delay_ms`. Whatever the firmware's task is to do meanwhile, a request that is due "
+          "or a reply that has come, it does at the end of that time. Interrupts go on: the receiver loses "
+          "no byte. An `every_ms` that is a multiple of the control period hits the same part of each "
+          "period; another one moves through it. With a `delay_ms` of `every_ms` or more, the task does not "
+          "run before the window ends. An activation is a time in which the task had something to do.",
+      .source =
+          "Joseph and Pandya, Finding Response Times in a Real-Time System, The Computer Journal 29(5), "
+          "1986.",
       .parameters = {{.name = "delay_ms",
                       .unit = "ms",
                       .min = 0.0,

@@ -33,7 +33,7 @@ FaultType FrameDanglingEscape() {
           "the receiver must drop the frame, and must not take the flag for an escaped byte. A chunk without "
           "a closing flag stays as it is.",
       .source =
-          "RFC 1662, PPP in HDLC-like Framing, IETF, 1994, section 4.2 (how receivers treat such frames).",
+          "RFC 1662, PPP in HDLC-like Framing, IETF, 1994, section 4.3 (how receivers treat such frames).",
       .parameters = {ProbabilityParameter("probability, per frame, that it ends in an escape", 0.3)},
       .kind = WireKind{.wire_layer = WireLayer::kFrame,
                        .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {

@@ -70,13 +70,17 @@ FaultType FrameDelay() {
   return {.name = "frame.delay",
           .summary = "Holds frames back for a fixed or random time.",
           .semantics =
-              "Every frame that the trigger picks enters the line later, by a delay that is drawn for it "
-              "alone. Frames keep their order: a frame that would overtake another one waits behind it. "
-              "With `constant`, the delay is `mean_ms`. With `uniform`, all values within `jitter_ms` of "
-              "`mean_ms` are equally likely. With `normal` and `pareto`, the delay has the mean `mean_ms` "
-              "and the standard deviation `jitter_ms`. A negative draw counts as 0, and a draw beyond 60 s "
-              "as 60 s. A Pareto delay has a heavy tail and is never shorter than a minimum, which follows "
-              "from the two parameters.",
+              "Models a radio, a gateway or a busy sender between the two ends. Every frame that the "
+              "trigger picks enters the line later, by a delay that is drawn for it alone. Frames keep "
+              "their order: a frame that would overtake another one waits behind it. With `constant`, the "
+              "delay is `mean_ms`. With `uniform`, all values within `jitter_ms` of `mean_ms` are equally "
+              "likely. With `normal` and `pareto`, the delay has the mean `mean_ms` and the standard "
+              "deviation `jitter_ms`. A negative draw counts as 0, and a draw beyond 60 s as 60 s. A Pareto "
+              "delay has a heavy tail and is never shorter than a minimum, which follows from the two "
+              "parameters.",
+          .source =
+              "Nilsson, Real-Time Control Systems with Delays, Ph.D. thesis, Lund Institute of Technology, "
+              "1998; Hemminger, Network Emulation with NetEm, linux.conf.au, 2005 (distributions).",
           .parameters = {{.name = "mean_ms",
                           .unit = "ms",
                           .min = 0.0,

@@ -25,8 +25,11 @@ FaultType FrameDrop() {
   return {.name = "frame.drop",
           .summary = "Loses whole frames.",
           .semantics =
-              "A frame that the trigger picks is lost with the given probability. The line is idle in its "
-              "place.",
+              "Models a queue that is full, or a modem that gives up after some attempts. A frame that the "
+              "trigger picks is lost with the given probability. The line is idle in its place.",
+          .source =
+              "IEC 61784-3 (loss); Cristian, Understanding Fault-tolerant Distributed Systems, "
+              "Communications of the ACM 34(2), 1991 (omission failures).",
           .parameters = {ProbabilityParameter("probability, per frame, that it is lost", 0.5)},
           .kind = WireKind{.wire_layer = WireLayer::kFrame,
                            .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {

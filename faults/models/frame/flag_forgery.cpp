@@ -37,7 +37,7 @@ FaultType FrameFlagForgery() {
           "likely, the checksum and escapes included. The receiver sees two frames: the byte splits the "
           "frame. A frame without such a byte stays as it is.",
       .source =
-          "RFC 1662, PPP in HDLC-like Framing, IETF, 1994, section 4.2 (how receivers treat such frames).",
+          "RFC 1662, PPP in HDLC-like Framing, IETF, 1994, section 4.3 (how receivers treat such frames).",
       .parameters = {ProbabilityParameter("probability, per frame, that it is split", 0.3)},
       .kind = WireKind{.wire_layer = WireLayer::kFrame,
                        .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {

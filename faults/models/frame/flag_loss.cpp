@@ -50,7 +50,7 @@ FaultType FrameFlagLoss() {
           "checksum is wrong. If the next frame is not picked, its opening flag ends this frame: it arrives "
           "whole, but only then. A frame without anything between its flags stays as it is.",
       .source =
-          "RFC 1662, PPP in HDLC-like Framing, IETF, 1994, section 4.2 (how receivers treat such frames).",
+          "RFC 1662, PPP in HDLC-like Framing, IETF, 1994, section 4.3 (how receivers treat such frames).",
       .parameters = {ProbabilityParameter("probability, per frame, that its closing flag is lost", 0.3)},
       .kind = WireKind{.wire_layer = WireLayer::kFrame,
                        .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {

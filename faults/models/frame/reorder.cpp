@@ -62,10 +62,14 @@ FaultType FrameReorder() {
   return {.name = "frame.reorder",
           .summary = "Lets later frames overtake a frame.",
           .semantics =
-              "A frame that the trigger picks is held back with the given probability. It goes on directly "
-              "after the `depth_count`-th later frame of its direction. If the fault has a `message`, only "
-              "later frames of that kind count. They count whether or not they are held back themselves, "
-              "and also after the window. If there are too few of them, the frame never goes on.",
+              "Models a network with several ways, or a queue that serves some messages first. A frame that "
+              "the trigger picks is held back with the given probability. It goes on directly after the "
+              "`depth_count`-th later frame of its direction. If the fault has a `message`, only later "
+              "frames of that kind count. They count whether or not they are held back themselves, and also "
+              "after the window. If there are too few of them, the frame never goes on.",
+          .source =
+              "IEC 61784-3 (incorrect sequence); Hemminger, Network Emulation with NetEm, linux.conf.au, "
+              "2005.",
           .parameters = {ProbabilityParameter("probability, per frame, that it is held back", 0.3),
                          {.name = "depth_count",
                           .unit = "frame",

@@ -66,11 +66,13 @@ FaultType FrameReplayStale() {
   return {.name = "frame.replay_stale",
           .summary = "Replaces a new frame by an older one.",
           .semantics =
-              "A frame that the trigger picks is replaced with the given probability. Its replacement is "
-              "the frame that was sent `age_count` frames of the same message before it: a well-formed "
-              "frame with old content. Frames from before the window are remembered too. As long as no "
-              "frame is that old, nothing happens. Equal content (a sensor request, for example) counts as "
-              "no change.",
+              "Models a buffer that is sent again before it was filled anew, or an attacker with a "
+              "recording. A frame that the trigger picks is replaced with the given probability. Its "
+              "replacement is the frame that was sent `age_count` frames of the same message before it: a "
+              "well-formed frame with old content. Frames from before the window are remembered too. As "
+              "long as no frame is that old, nothing happens. Equal content (a sensor request, for example) "
+              "counts as no change.",
+          .source = "EN 50159:2010 (repetition of messages); IEC 61784-3 (unintended repetition).",
           .parameters = {ProbabilityParameter("probability, per frame, that it is replaced", 0.3),
                          {.name = "age_count",
                           .unit = "frame",

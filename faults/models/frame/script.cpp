@@ -46,14 +46,16 @@ FaultType FrameScript() {
       .name = "frame.script",
       .summary = "Sends bytes that the scenario states.",
       .semantics =
-          "Says anything on the line: a recorded attack, a frame of a newer protocol, what `tiltproof fuzz` "
-          "found. The k-th word of `frames` belongs to the k-th frame that the trigger picks in the "
-          "direction. It is sent as it stands, as the bytes of the line: flags, escapes and checksums are "
-          "part of it. A word `-` leaves its frame as it is. Behind the last word, frames pass unchanged. "
-          "With "
-          "`place` `instead` the bytes replace the frame, and begin when it would have begun. With `before` "
-          "and `after` they are sent directly before or behind the frame, and take time on the line. Nothing "
-          "is drawn. There is no severity: `envelope` leaves it out.",
+          "Models what was recorded or found: an attack, a frame of a newer protocol, an input of "
+          "`tiltproof fuzz`. The k-th word of `frames` belongs to the k-th frame that the trigger picks in "
+          "the direction. It is sent as it stands, as the bytes of the line: flags, escapes and checksums "
+          "are part of it. A word `-` leaves its frame as it is. Behind the last word, frames pass "
+          "unchanged. With `place` `instead` the bytes replace the frame, and begin when it would have "
+          "begun. With `before` and `after` they are sent directly before or behind the frame, and take "
+          "time on the line. Nothing is drawn. `envelope` leaves it out.",
+      .source =
+          "Miller, Fredriksen and So, An Empirical Study of the Reliability of UNIX Utilities, "
+          "Communications of the ACM 33(12), 1990 (inputs that no one meant).",
       .parameters =
           {{.name = "frames",
             .unit = "",

@@ -28,9 +28,13 @@ FaultType FrameTruncate() {
   return {.name = "frame.truncate",
           .summary = "Cuts frames short.",
           .semantics =
-              "A frame that the trigger picks is cut short with the given probability. At least one byte "
-              "goes on and at least one byte is lost; all possible lengths are equally likely. The closing "
-              "flag is always lost. A frame of a single byte stays as it is.",
+              "Models a sender that is reset or interrupted in the middle of a frame, or a buffer that is "
+              "too short. A frame that the trigger picks is cut short with the given probability. At least "
+              "one byte goes on and at least one byte is lost; all possible lengths are equally likely. The "
+              "closing flag is always lost. A frame of a single byte stays as it is.",
+          .source =
+              "RFC 1662, PPP in HDLC-like Framing, IETF, 1994, section 4.3 (how receivers treat such "
+              "frames).",
           .parameters = {ProbabilityParameter("probability, per frame, that it is cut", 0.5)},
           .kind = WireKind{.wire_layer = WireLayer::kFrame,
                            .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {

@@ -24,8 +24,12 @@ FaultType HarnessCanary() {
   return {.name = "harness.canary",
           .summary = "Cuts all thrusts: no flight may survive it.",
           .semantics =
-              "All thrusts are 0 throughout the window, whatever is commanded. A verdict other than fail "
-              "shows that faults or scoring do not work.",
+              "Models the loss of every rotor: it tests the harness. All thrusts are 0 throughout the "
+              "window, whatever is commanded. A verdict other than fail shows that faults or scoring do not "
+              "work.",
+          .source =
+              "DeMillo, Lipton and Sayward, Hints on Test Data Selection: Help for the Practicing "
+              "Programmer, IEEE Computer 11(4), 1978 (a seeded error that the tests must notice).",
           .kind = ActuatorKind{.make = [](const SignalSetup& setup) -> std::unique_ptr<ActuatorModel> {
             return std::make_unique<Canary>(setup.signals.inputs);
           }}};

@@ -49,10 +49,12 @@ FaultType LinkDisconnect() {
   return {.name = "link.disconnect",
           .summary = "The plug is pulled.",
           .semantics =
-              "Every byte that is on the line during any part of the window is lost. A frame that is on the "
-              "line when the window begins or ends is therefore cut in the middle. `every_nth_count` and "
-              "`probability` choose among the frames that are on the line during the window. Without a "
-              "target, both directions of the main line are cut.",
+              "Models a plug that comes off, a wire that breaks, a contact that is loose. Every byte that "
+              "is on the line during any part of the window is lost. A frame that is on the line when the "
+              "window begins or ends is therefore cut in the middle. `every_nth_count` and `probability` "
+              "choose among the frames that are on the line during the window. Without a target, both "
+              "directions of the main line are cut.",
+          .source = "ISO 26262-5:2018, Annex D (harnesses and connectors: open circuit).",
           .kind = WireKind{.wire_layer = WireLayer::kByte,
                            .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
                              return std::make_unique<Disconnect>(setup.rate);

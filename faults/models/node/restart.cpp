@@ -6,8 +6,12 @@ FaultType NodeRestart() {
   return {.name = "node.restart",
           .summary = "Kills a node and starts it again.",
           .semantics =
+              "Models a program that its supervisor starts again after a crash, or a computer that boots. "
               "The node is killed at `start_s` (SIGKILL) and started again `down_ms` later. It has lost all "
               "it knew: a firmware begins with `start`. The fault is active while the node is down.",
+          .source =
+              "Cristian, Understanding Fault-tolerant Distributed Systems, Communications of the ACM 34(2), "
+              "1991 (amnesia crashes); Candea and Fox, Crash-Only Software, HotOS IX, 2003.",
           .parameters = {NodeParameter({"client", "base_station"}),
                          {.name = "down_ms",
                           .unit = "ms",

@@ -29,8 +29,13 @@ FaultType WireBitError() {
   return {.name = "wire.bit_error",
           .summary = "Flips bits independently of each other.",
           .semantics =
-              "Every data bit of a frame, flags and escapes included, is flipped with probability `ber`. "
-              "Start and stop bits are not flipped, so the receiver stays in step with the bytes.",
+              "Models a line with too much noise for its signal: a long cable without a shield, a level "
+              "that is too low. Every bit is at the same risk. Every data bit of a frame, flags and escapes "
+              "included, is flipped with probability `ber`. Start and stop bits are not flipped, so the "
+              "receiver stays in step with the bytes.",
+          .source =
+              "Proakis and Salehi, Digital Communications, 5th ed., McGraw-Hill, 2008 (binary symmetric "
+              "channel).",
           .parameters = {{.name = "ber",
                           .unit = "1",
                           .min = 0.0,

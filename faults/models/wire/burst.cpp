@@ -60,11 +60,15 @@ FaultType WireBurst() {
   return {.name = "wire.burst",
           .summary = "Short disturbances at random times flip runs of bits.",
           .semantics =
-              "Disturbances come as a Poisson process in time, whether or not something is sent. A "
+              "Models ignition, switching contacts and electrostatic discharge, which know nothing of the "
+              "frames. Disturbances come as a Poisson process in time, whether or not something is sent. A "
               "disturbance that falls on an idle line has no effect. Each disturbance lasts `length_bits` "
               "data bits (the eight data bits of a byte share its time evenly) and flips each bit that "
               "begins within it with probability `density`. A disturbance may begin before a frame and end "
               "after it. On an ideal link, bits are placed as at 921600 baud.",
+          .source =
+              "IEC 61000-4-4:2012 (electrical fast transients in bursts); Kingman, Poisson Processes, "
+              "Oxford University Press, 1993.",
           .parameters = {{.name = "length_bits",
                           .unit = "bit",
                           .kind = ParameterKind::kInteger,

@@ -32,9 +32,13 @@ FaultType WireByteDrop() {
   return {.name = "wire.byte_drop",
           .summary = "Loses single bytes.",
           .semantics =
-              "Every byte of a frame, flags included, is lost with the given probability, independently of "
-              "the others. The bytes after it close the gap: they arrive one byte time earlier. A frame "
-              "that loses all its bytes vanishes.",
+              "Models a receiver that is read too late, or a buffer that is full. Every byte of a frame, "
+              "flags included, is lost with the given probability, independently of the others. The bytes "
+              "after it close the gap: they arrive one byte time earlier. A frame that loses all its bytes "
+              "vanishes.",
+          .source =
+              "Texas Instruments, PC16550D Universal Asynchronous Receiver/Transmitter With FIFOs, "
+              "SNLS378C, 2015 (overrun error).",
           .parameters = {ProbabilityParameter("probability, per byte, that it is lost", 0.01)},
           .kind = WireKind{.wire_layer = WireLayer::kByte,
                            .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {

@@ -32,8 +32,11 @@ FaultType WireByteDuplicate() {
   return {.name = "wire.byte_duplicate",
           .summary = "Sends single bytes twice.",
           .semantics =
-              "Every byte of a frame, flags included, is repeated once with the given probability, "
-              "independently of the others. The bytes after it arrive one byte time later.",
+              "Models a driver that takes the same byte out of its receiver or buffer twice, as two "
+              "routines do that share an index without a lock. Every byte of a frame, flags included, is "
+              "repeated once with the given probability, independently of the others. The bytes after it "
+              "arrive one byte time later.",
+          .source = "IEC 61784-3 (unintended repetition, there of messages).",
           .parameters = {ProbabilityParameter("probability, per byte, that it is repeated", 0.01)},
           .kind = WireKind{.wire_layer = WireLayer::kByte,
                            .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {

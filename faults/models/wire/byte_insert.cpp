@@ -34,8 +34,12 @@ FaultType WireByteInsert() {
       .name = "wire.byte_insert",
       .summary = "Adds random bytes.",
       .semantics =
-          "Before every byte of a frame, a byte of uniformly random value is inserted with the given "
-          "probability, independently of the others. The bytes after it arrive one byte time later.",
+          "Models noise on an idle line that a receiver takes for a start bit. Before every byte of a "
+          "frame, a byte of uniformly random value is inserted with the given probability, independently of "
+          "the others. The bytes after it arrive one byte time later.",
+      .source =
+          "STMicroelectronics, RM0090 Reference manual (STM32F4), section 30.3.3 (start bit detection, and "
+          "what it refuses as noise).",
       .parameters = {ProbabilityParameter("probability, per byte, that another is inserted before it", 0.01)},
       .kind = WireKind{.wire_layer = WireLayer::kByte,
                        .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {

@@ -53,9 +53,12 @@ FaultType WireStuckByte() {
   return {.name = "wire.stuck_byte",
           .summary = "At random times the line reads the same value for a number of bytes.",
           .semantics =
-              "Events come as a Poisson process in time, whether or not something is sent. An event that "
-              "falls on an idle line has no effect. Bytes that begin within `length_bytes` byte times of an "
-              "event are replaced by `value`. On an ideal link, bytes are placed as at 921600 baud.",
+              "Models a receiver that hands over what is not data: a bus that nothing drives reads FF, a "
+              "buffer that was cleared 00. Events come as a Poisson process in time, whether or not "
+              "something is sent. An event that falls on an idle line has no effect. Bytes that begin "
+              "within `length_bytes` byte times of an event are replaced by `value`. On an ideal link, "
+              "bytes are placed as at 921600 baud.",
+          .source = "IEC 61508-2:2010, Table A.1 (stuck-at faults of data).",
           .parameters = {{.name = "value",
                           .unit = "1",
                           .kind = ParameterKind::kInteger,

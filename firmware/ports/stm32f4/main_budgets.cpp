@@ -14,7 +14,9 @@
 #include "firmware/lag_estimator.h"
 #include "firmware/messages.h"
 #include "firmware/ports/stm32f4/board.h"
+#include "firmware/ports/stm32f4/budget_flight.h"
 #include "firmware/ports/stm32f4/fault_record.h"
+#include "firmware/ports/stm32f4/instruction_count.h"
 #include "firmware/ports/stm32f4/stm32f4.h"
 #include "firmware/ports/stm32f4/stm32f4_port.h"
 #include "firmware/ports/stm32f4/symbols.h"
@@ -50,20 +52,15 @@ void Opaque(T& value) {
   asm volatile("" : : "r"(&value) : "memory");
 }
 
-template <class Work>
-std::uint32_t Count(const Work& work) {
-  const InterruptLock lock;
-  asm volatile("" ::: "memory");
-  const std::uint32_t begin = Tim2().CNT;
-  work();
-  asm volatile("" ::: "memory");
-  return Tim2().CNT - begin;
+void Report(const char* name, std::uint32_t instructions) {
+  // The flights' own lines may have filled it.
+  while (console_transmit_ring.Count() != 0) asm volatile("");
+  ConsoleLine().Text(name).Text(" ").Number(instructions).Send();
 }
 
 template <class Work>
 void Measure(const char* name, const Work& work) {
-  const std::uint32_t empty = Count([] {});
-  ConsoleLine().Text(name).Text(" ").Number(Count(work) - empty).Send();
+  Report(name, Counted(work));
 }
 
 void MeasureControlLaw() {
@@ -118,15 +115,6 @@ void MeasureLagHypotheses() {
 
 Stm32f4Port port;
 
-// Bytes as the interrupt brings them, each drained at once.
-void Arrive(firmware::FlightApplication& application, firmware::Uart uart, ByteRing<kReceiveRingBytes>& ring,
-            std::span<const std::uint8_t> bytes) {
-  for (const std::uint8_t byte : bytes) {
-    ring.Put(byte);
-    Drain(ring, [&](auto part) { application.Receive(uart, part); });
-  }
-}
-
 // One period: the request, a reference, the reply and the command that answers it.
 void MeasureCycle(const char* name, const char* build, const Payload& reply) {
   Wire reply_wire;
@@ -148,6 +136,82 @@ void MeasureCycle(const char* name, const char* build, const Payload& reply) {
   if (application.control_count() != count_before + 1) Fail(TILTPROOF_CAUSE_ASSERT);
 }
 
+// `tolerant` in flight. Each is the dearest of several periods of its kind.
+
+using Reply = BudgetFlight::Reply;
+
+void Expect(bool holds) {
+  if (!holds) Fail(TILTPROOF_CAUSE_ASSERT);
+}
+
+BudgetFlight& NewFlight() {
+  static std::optional<BudgetFlight> storage;  // larger than the stack
+  return storage.emplace("tolerant");
+}
+
+// Until the vehicle has settled and the line is believed to be good.
+constexpr int kSettledPeriods = 60;
+
+std::uint32_t Dearest(BudgetFlight& flight, Reply reply, int periods) {
+  std::uint32_t dearest = 0;
+  for (int i = 0; i < periods; ++i) dearest = std::max(dearest, flight.Fly(reply));
+  return dearest;
+}
+
+// Every fifth period is such a one, and counts.
+std::uint32_t DearestOfFifth(BudgetFlight& flight, Reply reply, int commands) {
+  std::uint32_t dearest = 0;
+  for (int i = 0; i < 10; ++i) {
+    Dearest(flight, Reply::kInTime, 4);
+    const int before = flight.command_count();
+    dearest = std::max(dearest, flight.Fly(reply));
+    Expect(flight.command_count() - before == commands);
+  }
+  return dearest;
+}
+
+void MeasureTolerantLine() {
+  BudgetFlight& flight = NewFlight();
+  Dearest(flight, Reply::kInTime, kSettledPeriods);
+  const int before = flight.command_count();
+  Report("tolerant_good", Dearest(flight, Reply::kInTime, 20));
+  Expect(flight.command_count() - before == 20);
+  Report("tolerant_missed", DearestOfFifth(flight, Reply::kNone, 3));
+  Report("tolerant_late", DearestOfFifth(flight, Reply::kLate, 4));
+}
+
+// A rotor weakens: within three samples the belief about it changes, and what was predicted is predicted anew.
+void MeasureTolerantBelief() {
+  BudgetFlight& flight = NewFlight();
+  Dearest(flight, Reply::kInTime, kSettledPeriods);
+  const float before_n = flight.command().f_r_n;
+  flight.faults().right_rotor = 0.7F;
+  Report("tolerant_belief", Dearest(flight, Reply::kInTime, 20));
+  Expect(flight.command().f_r_n > 1.2F * before_n);
+}
+
+// Several replies come in one period, while a sensor's lie is replaced, a rotor has just weakened and commands act late.
+// All lags are examined for each of them, the steps between are predicted anew, and commands are sent without replies,
+// too.
+std::uint32_t DearestBurst(int held) {
+  std::uint32_t dearest = 0;
+  for (int late_steps = 0; late_steps < 4; ++late_steps) {
+    BudgetFlight& flight = NewFlight();
+    Dearest(flight, Reply::kInTime, kSettledPeriods);
+    const float before_n = flight.command().f_l_n;
+    flight.faults().z_m = 0.5F;
+    Dearest(flight, Reply::kInTime, 10);
+    Expect(flight.command().f_l_n > 0.9F * before_n);  // the lie was not flown
+    flight.faults().right_rotor = 0.7F;
+    flight.faults().late_steps = late_steps;
+    for (int i = 0; i < 4; ++i) {
+      dearest = std::max(dearest, Dearest(flight, Reply::kHeld, held));
+      dearest = std::max(dearest, flight.Fly(Reply::kBurst));
+    }
+  }
+  return dearest;
+}
+
 }  // namespace
 
 void stm32f4::OnReceived(firmware::Uart /*uart*/) {}
@@ -167,6 +231,10 @@ int main() {
   MeasureCycle("cycle_escaped", "paper", EscapedPayload());
   MeasureModelStep();
   MeasureLagHypotheses();
+  MeasureTolerantLine();
+  MeasureTolerantBelief();
+  Report("tolerant_worst", DearestBurst(3));
+  Report("tolerant_burst", DearestBurst(10));
   ConsoleLine().Text("done").Send();
   for (;;) WaitForInterrupt();
 }

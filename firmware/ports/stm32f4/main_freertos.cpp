@@ -36,7 +36,7 @@ TiltproofClientStatus tiltproof_status;
 // In words; README.md says how much of them is used.
 std::array<StackType_t, 384> get_sensors_stack;
 std::array<StackType_t, 256> get_references_stack;
-std::array<StackType_t, 640> control_stack;
+std::array<StackType_t, 768> control_stack;
 std::array<StackType_t, 256> send_actuators_stack;
 std::array<StackType_t, configMINIMAL_STACK_SIZE> idle_stack;
 

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <stdexcept>
 
@@ -13,35 +14,42 @@ constexpr TimeNs kLeadNs = 40 * kNsPerMs;
 
 }  // namespace
 
-std::optional<std::string> Injector::Turn(
-    Scenario& scenario, bool running, TimeNs now_ns,
-    const std::function<void(const std::vector<dds::Port>& ports)>& tell) {
+std::optional<RunEvent> Injector::Turn(Scenario& scenario, bool running, TimeNs now_ns, const Tell& tell) {
   if (injections_ == nullptr) return std::nullopt;
   const auto text = injections_->next();
   if (!text) return std::nullopt;
   Injections::Answer answer;
-  std::optional<std::string> done;
+  std::optional<RunEvent> event;
   try {
     if (!running) throw std::runtime_error("the flight has not begun yet");
     if (text->size() > kInjectedBytesMax)
       throw std::runtime_error(fmt::format("expected a fault of at most {} bytes", kInjectedBytesMax));
     const TimeNs period_ns = scenario.link.protocol->control_period_ns;
-    const AddedFault fault{.text = *text,
-                           .id = fmt::format("injected-{}", count_ + 1),
-                           .start_ns = (now_ns + kLeadNs + period_ns - 1) / period_ns * period_ns};
-    answer.fault = injections_->add(scenario, fault).faults.back();
-    if (fault.start_ns >= scenario.duration_ns) throw std::runtime_error("the flight is over");
-    tell({{"fault", fault.text}, {"id", fault.id}, {"start_ns", std::to_string(fault.start_ns)}});
+    const TimeNs wanted_ns = (now_ns + kLeadNs + period_ns - 1) / period_ns * period_ns;
+    AddedFault fault{.text = *text, .id = fmt::format("injected-{}", count_ + 1), .start_ns = wanted_ns};
+    const auto add = [&] {
+      answer.fault = injections_->add(scenario, fault).faults.back();
+      if (fault.start_ns >= scenario.duration_ns) throw std::runtime_error("the flight is over");
+    };
+    add();
+    for (const TimeNs begin_ns :
+         tell({{"fault", fault.text}, {"id", fault.id}, {"start_ns", std::to_string(fault.start_ns)}}))
+      fault.start_ns = std::max(fault.start_ns, begin_ns);
+    const bool is_late = fault.start_ns > wanted_ns;
+    if (is_late) add();
     scenario.faults.push_back(answer.fault);
     answer.accepted = true;
     ++count_;
-    done = fmt::format("'{}' ({}) from {:.3f} s on", answer.fault.id, answer.fault.type,
-                       ToSeconds(fault.start_ns));
+    event = {
+        fault.start_ns, "fault_injected",
+        fmt::format(
+            "'{}' ({}) from {:.3f} s on{}", answer.fault.id, answer.fault.type, ToSeconds(fault.start_ns),
+            is_late ? fmt::format("; its node was told too late for {:.3f} s", ToSeconds(wanted_ns)) : "")};
   } catch (const std::exception& error) {
     answer.text = error.what();
   }
   injections_->answer(answer);
-  return done;
+  return event;
 }
 
 AddedFault FromPorts(const std::vector<dds::Port>& ports) {
@@ -53,6 +61,19 @@ AddedFault FromPorts(const std::vector<dds::Port>& ports) {
       std::from_chars(port.path.data(), port.path.data() + port.path.size(), fault.start_ns);
   }
   return fault;
+}
+
+std::vector<dds::Port> BeginPorts(TimeNs begin_ns) { return {{"start_ns", std::to_string(begin_ns)}}; }
+
+std::optional<TimeNs> BeginOf(const std::vector<dds::Port>& ports) {
+  const bool has_begin =
+      std::any_of(ports.begin(), ports.end(), [](const dds::Port& port) { return port.name == "start_ns"; });
+  return has_begin ? std::optional(FromPorts(ports).start_ns) : std::nullopt;
+}
+
+TimeNs KeptBegin(const Scenario& scenario, TimeNs wanted_ns, TimeNs done_until_ns) {
+  const TimeNs period_ns = scenario.link.protocol->control_period_ns;
+  return std::max(wanted_ns, (done_until_ns / period_ns + 1) * period_ns);
 }
 
 }  // namespace tiltproof::harness

@@ -2,8 +2,12 @@
 // `inject`, and into the scenario that is flown.
 //
 //   Injector injector(options.injections);
-//   const auto done = injector.Turn(scenario, running, now, [&](const auto& ports) { Send(ports); });  // in the harness
-//   const AddedFault fault = FromPorts(command.ports);                                                 // in a node
+//   const auto event = injector.Turn(scenario, running, now, tell);               // in the harness
+//   AddedFault fault = FromPorts(command.ports);                                  // in the node where it acts
+//   fault.start_ns = KeptBegin(scenario, fault.start_ns, done_until_ns);  ...  return BeginPorts(fault.start_ns);
+//
+// A command can come late. So the node where the fault acts answers from when on it acts: from the time that the harness
+// wants, or from the first control step of which nothing has been done yet. The harness records what the node says.
 #pragma once
 
 #include <functional>
@@ -12,6 +16,7 @@
 #include <vector>
 
 #include "harness/dds/messages.h"
+#include "harness/run/run_log.h"
 #include "harness/scenario/reader.h"
 
 namespace tiltproof::harness {
@@ -39,10 +44,12 @@ class Injector {
   // Null: nobody can inject.
   explicit Injector(const Injections* injections) : injections_(injections) {}
 
-  // Takes what somebody wants, at simulation time `now_ns`: checks it, tells the nodes by `tell`, which returns when all
-  // have it, adds it to `scenario`, and answers. Returns what was done, for the events.
-  std::optional<std::string> Turn(Scenario& scenario, bool running, TimeNs now_ns,
-                                  const std::function<void(const std::vector<dds::Port>& ports)>& tell);
+  // Tells the nodes, and returns the begins that they answer, when all have answered.
+  using Tell = std::function<std::vector<TimeNs>(const std::vector<dds::Port>& ports)>;
+
+  // Takes what somebody wants, at simulation time `now_ns`: checks it, tells the nodes, adds it to `scenario` as it acts,
+  // and answers. Returns the event, at the time of the begin.
+  std::optional<RunEvent> Turn(Scenario& scenario, bool running, TimeNs now_ns, const Tell& tell);
 
  private:
   const Injections* injections_;
@@ -50,5 +57,13 @@ class Injector {
 };
 
 AddedFault FromPorts(const std::vector<dds::Port>& ports);
+
+// A node's answer: from when on the fault acts. Of no node where it does not act.
+std::vector<dds::Port> BeginPorts(TimeNs begin_ns);
+std::optional<TimeNs> BeginOf(const std::vector<dds::Port>& ports);
+
+// In a node: the begin that it can keep, which is the one that is wanted, or a later control step. `done_until_ns`: up to
+// when it has done its work.
+TimeNs KeptBegin(const Scenario& scenario, TimeNs wanted_ns, TimeNs done_until_ns);
 
 }  // namespace tiltproof::harness

@@ -70,6 +70,16 @@ void NodeFaults::CarryOut(TimeNs now_ns, const Means& means) {
   }
 }
 
+void NodeFaults::EndPauses(TimeNs now_ns, const Means& means) {
+  for (std::size_t i = 0; i < commands_.size(); ++i) {
+    if (!std::holds_alternative<faults::PauseNode>(commands_[i].action) || !begun_[i] || ended_[i] ||
+        now_ns < commands_[i].until_ns)
+      continue;
+    ended_[i] = true;
+    Apply(commands_[i], false, now_ns, means);
+  }
+}
+
 void NodeFaults::Apply(const faults::NodeCommand& command, bool begin, TimeNs now_ns, const Means& means) {
   const std::string& node = command.node;
   const faults::FaultSpec& fault = scenario_.faults[command.fault];

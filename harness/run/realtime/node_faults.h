@@ -38,6 +38,8 @@ class NodeFaults {
   };
   // Everything that is due at simulation time `now_ns`.
   void CarryOut(TimeNs now_ns, const Means& means);
+  // Of that only the ends of pauses, while a command waits for all nodes: no other node may be told anything then.
+  void EndPauses(TimeNs now_ns, const Means& means);
 
   // Roles that a fault keeps away at present: their silence is not a loss.
   const std::set<std::string>& excused() const { return excused_; }

@@ -71,7 +71,9 @@ class RealtimeConductor {
   void Beat();
   void WatchMembers();
   void OnStates();
-  void CarryOutFaults();
+  TimeNs Now() const;
+  void Inject();
+  NodeFaults::Means MeansOfNodeFaults();
   void Restart(const std::string& role);
   void Join(Member& member, const std::string& id, const dds::Participant& participant);
 
@@ -110,6 +112,7 @@ class RealtimeConductor {
 
   bool running_ = false;
   bool stopping_ = false, releasing_ = false;
+  bool injecting_ = false;  // a command waits for the nodes that hear of a fault
   TimeNs sim_ns_ = 0;
   SteadyClock::time_point sim_seen_;
   SteadyClock::time_point started_;
@@ -342,6 +345,8 @@ void RealtimeConductor::Turn() {
   OnStates();
   WatchMembers();
   ending_.Settle(SteadyClock::now(), members_.AnySilent());
+  // A paused node answers when its pause is over.
+  if (injecting_) node_faults_.EndPauses(Now(), MeansOfNodeFaults());
 }
 
 void RealtimeConductor::Beat() {
@@ -403,34 +408,47 @@ void RealtimeConductor::WatchMembers() {
 }
 
 void RealtimeConductor::FlyToTheEnd() {
-  const auto duration = std::chrono::nanoseconds(scenario_.duration_ns);
+  const std::chrono::nanoseconds duration(scenario_.duration_ns), start_wait(StartWait(scenario_));
   while (!ending_.ended()) {
     Turn();
-    CarryOutFaults();
+    Inject();
+    if (running_) node_faults_.CarryOut(Now(), MeansOfNodeFaults());
     const auto now = SteadyClock::now();
     if (ending_.ended()) break;
-    if (!running_ && now - started_ > duration) {
+    if (!running_ && now - started_ > start_wait) {
       End(EndReason::kNeverStarted, NeverStartedText(scenario_));
-    } else if (running_ && now - started_ > 2 * duration + kOverdueLimit) {
+    } else if (running_ && now - started_ > start_wait + 2 * duration + kOverdueLimit) {
       End(EndReason::kNodeLost, fmt::format("the flight came to a stop at {:.3f} s", ToSeconds(sim_ns_)));
     }
   }
 }
 
-void RealtimeConductor::CarryOutFaults() {
-  // The plant's word is up to a period old: by this clock it is exact.
-  const TimeNs now =
-      sim_ns_ + std::min<TimeNs>(std::chrono::nanoseconds(SteadyClock::now() - sim_seen_).count(), kNsPerS);
-  const auto tell = [this](const auto& ports) { Command(dds::Verb::kInject, ports, false); };
-  if (const auto done = injector_.Turn(scenario_, running_, now, tell)) Note("fault_injected", *done);
-  if (!running_) return;
-  node_faults_.CarryOut(
-      now, {.run_id = run_id_,
-            .processes = processes_ ? &*processes_ : nullptr,
-            .members = members_,
-            .commands = *fault_commands_,
-            .restart = [this](const std::string& role) { Restart(role); },
-            .note = [this](const std::string& kind, const std::string& text) { Note(kind, text); }});
+// The plant's word is up to a period old: by this clock it is exact.
+TimeNs RealtimeConductor::Now() const {
+  return sim_ns_ +
+         std::min<TimeNs>(std::chrono::nanoseconds(SteadyClock::now() - sim_seen_).count(), kNsPerS);
+}
+
+void RealtimeConductor::Inject() {
+  const auto tell = [this](const auto& ports) {
+    injecting_ = true;
+    const auto answers = Command(dds::Verb::kInject, ports, false);
+    injecting_ = false;
+    std::vector<TimeNs> begins;
+    for (const auto& [node, ack] : answers)
+      if (const auto begin_ns = BeginOf(ack.ports)) begins.push_back(*begin_ns);
+    return begins;
+  };
+  if (auto event = injector_.Turn(scenario_, running_, Now(), tell)) events_.push_back(std::move(*event));
+}
+
+NodeFaults::Means RealtimeConductor::MeansOfNodeFaults() {
+  return {.run_id = run_id_,
+          .processes = processes_ ? &*processes_ : nullptr,
+          .members = members_,
+          .commands = *fault_commands_,
+          .restart = [this](const std::string& role) { Restart(role); },
+          .note = [this](const std::string& kind, const std::string& text) { Note(kind, text); }};
 }
 
 // The new process joins the run as the old one did: told the scenario, prepared, armed, started. It is another

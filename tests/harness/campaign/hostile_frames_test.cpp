@@ -137,6 +137,7 @@ TEST(BrokenFlight, TheSameDefectHasOneKeyWhereverItIsMet) {
   EXPECT_NE(key("crashed at 1 s in Decode"),
             BrokenBy(Ended(EndReason::kFirmwareHung, Outcome::kHung, "crashed at 1 s in Decode"))->key);
   EXPECT_EQ(KeyOfReason("x1 of 0.5 s, 3."), "x1 of # s, #.");
+  EXPECT_EQ(KeyOfReason("3 at a.so+0x1f, b.c:33", true), "# at a.so+0x1f, b.c:33");
 }
 
 TEST(BrokenFlight, ALostVehicleIsNoFinding) {

@@ -6,7 +6,11 @@
  * before the closing flag leaves it waiting for ever. absurd: what it is told becomes what it commands. restless: a
  * payload of two bytes makes it start anew. loop: a frame of nothing but zeros is never finished. broken: it needs no
  * hostile byte. secret: a message whose first two bytes are a certain word ends it; each byte is compared by itself.
- * smashed: a long frame is copied to the stack, which a guard of the compiler's notices. */
+ * overrun: a long frame overruns a block of the heap; the C library notices it when the harness next asks for memory.
+ * twofold: short and long frames let it write to address 8 and 16.
+ * hasty: after a short frame it wants to be woken at once, again and again.
+ * slow: it boots for a second. smashed: a long frame is copied to the stack, which a guard of the compiler's notices. */
+#include <malloc.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -22,7 +26,7 @@ typedef struct {
 struct TiltproofClient {
   Reader reader;
   size_t count;
-  int escaped, deaf, starts;
+  int escaped, deaf, hasty, starts;
   const TiltproofHost* host;
   int64_t now_ns, next_request_ns, sent_until_ns;
 };
@@ -80,6 +84,16 @@ __attribute__((noinline)) static void copy_frame(const uint8_t* bytes, size_t co
   for (size_t i = 0; i < count; ++i) ((volatile uint8_t*)copy)[i] = bytes[i];
 }
 
+/* Where nothing is: the compiler does not know. */
+static volatile uint8_t* volatile nowhere = (volatile uint8_t*)16;
+__attribute__((noinline)) static void crash_elsewhere(const uint8_t* bytes) { *nowhere = bytes[0]; }
+
+/* It is the last block of the heap, so that the size of all that is free stands behind it. */
+static void overrun_block(void) {
+  uint8_t* block = malloc(100000);
+  if (block != NULL) memset(block + malloc_usable_size(block), 0xFF, 8);
+}
+
 static void on_frame(TiltproofClient* client) {
   const uint8_t* bytes = client->reader.bytes;
   if (client->count < 3) return;
@@ -94,6 +108,10 @@ static void on_frame(TiltproofClient* client) {
     }
   }
   if (is(client, "smashed") && size > 64 && size <= 76) copy_frame(bytes, size);
+  if (is(client, "hasty") && size < 10) client->hasty = 1;
+  if (is(client, "twofold") && size < 10) *nowhere = 1;
+  if (is(client, "twofold") && size > 64) crash_elsewhere(bytes);
+  if (is(client, "overrun") && size > 64) overrun_block();
   if (is(client, "secret")) check_word(bytes);
   if (size != 64) return;
   float x = 0;
@@ -140,6 +158,8 @@ int64_t tiltproof_client_start(TiltproofClient* client, int64_t now_ns) {
 
 int64_t tiltproof_client_grant(TiltproofClient* client, int64_t now_ns) {
   client->now_ns = now_ns;
+  if (is(client, "slow") && now_ns < 1000000000) return 1000000000;
+  if (client->hasty) return now_ns;
   if (now_ns < client->next_request_ns) return client->next_request_ns;
   if (client->starts == 0) say(client, kStart, sizeof kStart);
   client->starts = 1;

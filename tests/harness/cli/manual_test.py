@@ -94,14 +94,35 @@ class ManualTest(unittest.TestCase):
         self.assertEqual(self.bash("run", "--out", ""), set())
         self.assertEqual(self.bash("run", ""), set())
 
-    def test_zsh_is_told_every_option(self):
-        if not shutil.which("zsh"):
-            self.skipTest("no zsh")
+    def faults(self):
+        """The headings of the catalogue."""
+        names = set(re.findall(r"^#+ `?([a-z]+\.[a-z0-9_]+)`?$", output(PROGRAM, "faults"), re.MULTILINE))
+        self.assertGreater(len(names), 60)
+        return names
+
+    def test_bash_offers_faults(self):
+        self.assertEqual(self.bash("faults", ""), self.faults())
+        self.assertEqual(self.bash("faults", "frame.d"), {name for name in self.faults() if name.startswith("frame.d")})
+        self.assertIn("frame.delay", self.bash("faults", "frame.d"))
+
+    def zsh(self, *place):
+        """What zsh is told at each command on the way to this place."""
         # In place of zsh's own: says what it is told, and leads to the command that was typed.
         script = ('_arguments() { print -rl -- "$@"; state=arguments; line=($words); shift words 2>/dev/null; }; _describe() { }; _files() { }; '
                   'file=$1; shift; words=("$@"); source $file; :')
+        return output("zsh", "-f", "-c", script, "zsh", self.folder / "_tiltproof", *place).split("-C\n")
+
+    def test_zsh_offers_faults(self):
+        if not shutil.which("zsh"):
+            self.skipTest("no zsh")
+        (offered,) = re.findall(r"^1:NAME:\((.*)\)$", self.zsh("faults")[-1], re.MULTILINE)
+        self.assertEqual(set(offered.split()), self.faults())
+
+    def test_zsh_is_told_every_option(self):
+        if not shutil.which("zsh"):
+            self.skipTest("no zsh")
         for place in self.places:
-            told = output("zsh", "-f", "-c", script, "zsh", self.folder / "_tiltproof", *place).split("-C\n")
+            told = self.zsh(*place)
             names = re.findall(r"^\*(-[a-z-]*[a-z])[=+]?\[", told[len(place) + 1], re.MULTILINE)
             self.assertEqual(set(names), options_in_help(*place), place)
 

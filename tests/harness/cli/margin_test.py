@@ -253,10 +253,17 @@ class EnvelopeTest(CommandLineTest):
         self.assertFalse(any(both["survived"][-1]) or any(row[-1] for row in both["survived"]), "1.2 times what fails alone")
         self.assertEqual(len(re.findall(r" [#.](?= |\n)", out.split("across:")[1])), 144)
 
+    def test_builds_with_a_client(self):
+        arguments = ("--types", "actuator.loss*", "--repeats", "1", "--tolerance", "0.2", "--firmware", "paper,tolerant")
+        alone, with_client = self.envelope(*arguments)[0], self.envelope(*arguments, "--client", "host")[0]
+        self.assertEqual(with_client["clients"], ["paper", "tolerant"])
+        self.assertEqual(with_client["rows"], alone["rows"])
+
     def test_mistakes(self):
         for arguments, message in ((("--types", "sensors.*"), "matches no fault type"), (("--firmware", "papers"), "did you mean 'paper'"),
                                    (("--map", "frame.drop:up", "plant.force"), "no such place"),
-                                   (("--firmware", "paper", "--client", "host"), "excludes")):
+                                   (("--firmware", "paper", "--client", "host", "--client", "qemu"), "--firmware needs one --client"),
+                                   (("--firmware", "paper", "--client", f"library:{PROGRAM.parent}/lib/libtiltproof_firmware.so"), "builds of the shipped firmware")):
             base = self.scenario("base", SHORT, TYPE="harness.null", WINDOW=", end_s: 3")
             code, _, err = self.tiltproof("envelope", base, *arguments)
             self.assertEqual(code, 2, err)

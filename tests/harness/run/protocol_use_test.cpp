@@ -147,7 +147,7 @@ TEST(UseOfProtocol, CommandsThatNoServerTakesAreCounted) {
   ASSERT_EQ(exchange.events().size(), 1U) << "the first tells enough";
   EXPECT_EQ(exchange.events()[0].kind, "command_refused");
   EXPECT_EQ(exchange.events()[0].time_ns, 13'000'000);
-  EXPECT_THAT(exchange.events()[0].text, testing::HasSubstr("tau_r_nm = nan"));
+  EXPECT_THAT(exchange.events()[0].text, ::testing::HasSubstr("tau_r_nm = nan"));
 }
 
 TEST(UseOfProtocol, DamagedRepliesAreNone) {

@@ -4,6 +4,7 @@ Usage: live_test.py TILTPROOF"""
 import csv
 import json
 import pathlib
+import re
 import shutil
 import signal
 import subprocess
@@ -77,6 +78,35 @@ class LiveTest(unittest.TestCase):
         self.assertEqual(monitor.wait(30), 0, monitor.errors)
         viewers[-1].thread.join(20)
         self.assertEqual(viewers[-1].of("status")[-1]["phase"], "ended")
+
+    def test_a_monitor_follows_a_run_from_flight_to_flight(self):
+        for name in ("first", "second"):
+            write_hover(self.folder, name, duration_s=6)
+        missing = subprocess.run([PROGRAM, "node", "monitor", "--run", "results/latest"], cwd=self.folder, capture_output=True, text=True, check=False)
+        self.assertEqual(missing.returncode, 2, missing.stderr)
+        self.assertIn("--run results/latest", missing.stderr)
+        run = LiveCommand(PROGRAM, self.folder, "run", "first.yaml", "second.yaml", "--mode", "realtime")
+        self.addCleanup(run.end)
+        wait_until((self.folder / "results/latest/run.json").exists, 60, "the run has begun")
+        monitor = self.start("node", "monitor", "--http", "0", "--run", "results/latest")
+        viewer = Viewer(monitor.port)
+        self.assertIn(run.wait(), (0, 1, 4), run.errors)
+        verdicts = {flight["name"]: flight["verdict"] for flight in json.loads((self.latest() / "results.json").read_text())["scenarios"]}
+        viewer.wait_for(lambda v: len(v.of("finished")) == 2, "both flights end")
+        self.assertEqual({entry["name"]: entry["verdict"] for entry in viewer.of("finished")}, verdicts)
+        self.assertEqual([head["name"] for head in viewer.of("flight")], ["first", "second"])
+        self.assertGreater(len(viewer.rows()), 20)
+        monitor.process.send_signal(signal.SIGINT)
+        self.assertEqual(monitor.wait(30), 0, monitor.errors)
+        # The terminal, too: plant, events, scores of both.
+        self.assertEqual(monitor.output.count("score  "), 2, monitor.output)
+
+    def test_a_monitor_that_hears_nothing_says_where_it_listens(self):
+        monitor = self.start("node", "monitor", "--domain", "78", "--tag", "mine", "--http", "0")
+        text = Viewer(monitor.port).wait_for(lambda v: v.of("status"), "it waits").of("status")[0]["text"]
+        for part in ("domain 78", "tag 'mine'", "--run results/latest"):
+            self.assertIn(part, text)
+            self.assertIn(part, wait_until(lambda: "Listening" in monitor.errors and monitor.errors, 20, "it says so"))
 
     def test_start_and_abort(self):
         run = self.fly(write_hover(self.folder, duration_s=60), "--live-wait")
@@ -163,6 +193,39 @@ class LiveTest(unittest.TestCase):
         self.assertEqual({fault["id"] for fault in replayed["faults"]}, set(begun))
         for fault in replayed["faults"]:
             self.assertGreater(fault["activations"], 5)
+
+    def test_a_fault_is_recorded_as_it_acts_when_its_node_hears_of_it_too_late(self):
+        scenario = write_hover(self.folder, duration_s=6)
+        scenario.write_text(scenario.read_text() + """faults:
+  - {id: pause, type: node.pause, start_s: 3, end_s: 3.12, parameters: {node: link}}
+""")
+        run = self.fly(scenario)
+        viewer = Viewer(run.port).wait_for(lambda v: v.rows() and v.rows()[-1][0] > 2.6, "it flies")
+        # One after the other, so that the pause catches one on its way.
+        begun = []
+        while viewer.rows()[-1][0] < 3.3 and len(begun) < 100 and not viewer.of("over"):
+            status, answer = run.press("inject", "{type: frame.delay, target: to_client, duration_s: 0.1, parameters: {mean_ms: 0.5}}")
+            self.assertEqual(status, 200, answer)
+            begun.append(json.loads(answer))
+        self.assertIn(run.wait(), (0, 1, 4), run.errors)
+        folder = self.latest() / "hover"
+        events = [json.loads(line) for line in (self.latest() / "events.jsonl").read_text().splitlines()]
+        injected = [event for event in events if event["kind"] == "fault_injected"]
+        self.assertTrue([event for event in injected if "too late" in event["text"]], injected)
+        resolved = (folder / "scenario.resolved.yaml").read_text()
+        activations = [json.loads(line) for line in (folder / "faults.jsonl").read_text().splitlines()]
+        dump = subprocess.run([PROGRAM, "link-dump", folder / "link.bin"], capture_output=True, text=True, check=True).stdout
+        sent = [float(time) for time in re.findall(r"^\s*(-?[0-9.]+)\s+to_client", dump, re.MULTILINE)]
+        self.assertGreater(len(sent), 200)
+        self.assertEqual([event["time_s"] for event in injected], sorted(fault["begin_s"] for fault in begun))
+        for fault in begun:
+            begin, end = fault["begin_s"], fault["end_s"]
+            self.assertRegex(resolved, rf"(?s)id: \"{fault['id']}\".*?start_s: {begin:g}\b.*?end_s: {end:g}\b")
+            # All that was sent in its window, and nothing else.
+            acted = [line["time_s"] for line in activations if line["fault"] == fault["id"] and "time_s" in line]
+            self.assertEqual(len(acted), len([time for time in sent if begin <= time < end]), fault)
+            for time in acted:
+                self.assertTrue(begin <= time < end, (time, fault))
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "tests/faults/faulty_line.h"
+#include "tests/faults/goodness_of_fit.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -28,11 +29,9 @@ double Mean(const std::vector<double>& values) {
   return sum / static_cast<double>(values.size());
 }
 
-double Deviation(const std::vector<double>& values) {
-  const double mean = Mean(values);
-  double sum = 0;
-  for (const double value : values) sum += (value - mean) * (value - mean);
-  return std::sqrt(sum / static_cast<double>(values.size()));
+bool AreUncorrelated(std::vector<double> delays, double mean_ms) {
+  for (double& delay : delays) delay -= mean_ms;
+  return std::abs(CorrelationOfNeighbours(delays)) < 4 / std::sqrt(static_cast<double>(delays.size()));
 }
 
 double Min(const std::vector<double>& values) { return *std::min_element(values.begin(), values.end()); }
@@ -48,34 +47,36 @@ TEST(DelayTest, ConstantIsTheDefault) {
 }
 
 TEST(DelayTest, UniformStaysWithinItsJitter) {
-  const auto delays = DelaysMs("uniform", 5.0, 2.0, 20'000);
+  const auto delays = DelaysMs("uniform", 5.0, 2.0, 100'000);
   EXPECT_GE(Min(delays), 3.0);
   EXPECT_LT(Max(delays), 7.0);
   EXPECT_LT(Min(delays), 3.01);
   EXPECT_GT(Max(delays), 6.99);
-  EXPECT_NEAR(Mean(delays), 5.0, 0.04);
-  EXPECT_NEAR(Deviation(delays), 2.0 / std::sqrt(3.0), 0.02);
+  EXPECT_TRUE(HaveCdf(delays, [](double delay) { return (delay - 3.0) / 4.0; }));
+  EXPECT_TRUE(AreUncorrelated(delays, 5.0));
 }
 
 TEST(DelayTest, NormalHasItsMeanAndDeviation) {
-  const auto delays = DelaysMs("normal", 10.0, 2.0, 20'000);
-  EXPECT_NEAR(Mean(delays), 10.0, 0.07);
-  EXPECT_NEAR(Deviation(delays), 2.0, 0.05);
-  // 2.3 % lie beyond two deviations above.
-  const auto beyond = std::count_if(delays.begin(), delays.end(), [](double delay) { return delay > 14.0; });
-  EXPECT_NEAR(static_cast<double>(beyond), 455, 110);
+  const auto delays = DelaysMs("normal", 10.0, 2.0, 100'000);
+  EXPECT_TRUE(HaveCdf(delays, [](double delay) { return NormalCdf((delay - 10.0) / 2.0); }));
+  EXPECT_TRUE(AreUncorrelated(delays, 10.0));
 }
 
 TEST(DelayTest, NegativeDrawsClipToZero) {
-  const auto delays = DelaysMs("normal", 0.0, 1.0, 10'000);
+  auto delays = DelaysMs("normal", 0.0, 1.0, 200'000);
   EXPECT_EQ(Min(delays), 0.0);
-  const auto zeros = std::count(delays.begin(), delays.end(), 0.0);
-  EXPECT_NEAR(static_cast<double>(zeros), 5000, 250);
+  std::vector<bool> zero;
+  for (const double delay : delays) zero.push_back(delay == 0.0);
+  EXPECT_TRUE(AreBernoulli(zero, 0.5));
+  // Those above 0 are half of the distribution.
+  std::erase(delays, 0.0);
+  EXPECT_TRUE(HaveCdf(delays, [](double delay) { return 2 * NormalCdf(delay) - 1; }));
 }
 
 TEST(DelayTest, ParetoHasItsMeanItsLeastValueAndItsTail) {
   // Mean 4 and deviation 4/sqrt(3): shape 1 + sqrt(1 + 3) = 3, least 8/3.
   const auto delays = DelaysMs("pareto", 4.0, 4.0 / std::sqrt(3.0), 100'000);
+  EXPECT_TRUE(HaveCdf(delays, [](double delay) { return 1 - std::pow(8.0 / 3 / delay, 3); }));
   EXPECT_NEAR(Mean(delays), 4.0, 0.05);
   EXPECT_GE(Min(delays), 8.0 / 3 - 1e-6);
   EXPECT_LT(Min(delays), 8.0 / 3 + 0.01);

@@ -1,8 +1,10 @@
 // Lost, forged and escaped flags, as the protocol's own decoder hears them.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
+#include "tests/faults/goodness_of_fit.h"
 #include "tests/faults/models/frame/message_frames.h"
 
 namespace tiltproof::faults {
@@ -40,33 +42,33 @@ TEST(FlagLossTest, ALoneOneIsOnlyLate) {
 // Of n frames about n p lose their flag, and every run of k of them makes one fused frame of k + 1, unless k is 1
 // and the next frame keeps its opening flag because it does not follow one that the trigger picked.
 TEST(FlagLossTest, HasItsProbability) {
-  const auto out = SendMessages(Spec("frame.flag_loss", {{"probability", 0.25}}), "sensors", 20'000);
-  int lost = 0;
-  for (const auto& chunks : out) lost += chunks[0].bytes.back() != link::kFlag ? 1 : 0;
-  EXPECT_NEAR(lost, 5000, 5 * std::sqrt(20'000 * 0.25 * 0.75));
+  const auto out = SendMessages(Spec("frame.flag_loss", {{"probability", 0.25}}), "sensors", 100'000);
+  std::vector<bool> lost;
+  for (const auto& chunks : out) lost.push_back(chunks[0].bytes.back() != link::kFlag);
+  EXPECT_TRUE(AreBernoulli(lost, 0.25));
   int fused = 0;
   for (const Heard& heard : Decoded(out)) fused += heard.status != FrameStatus::kOk ? 1 : 0;
   // A run begins at a lost flag whose frame did not open without one: p (1 - p) n of them.
-  EXPECT_NEAR(fused, 3750, 5 * std::sqrt(3750));
+  EXPECT_NEAR(fused, 18'750, 5 * std::sqrt(18'750));
 }
 
 TEST(FlagForgeryTest, SplitsFramesAtEveryPlaceAlike) {
-  constexpr int kFrameCount = 20'000;
+  constexpr int kFrameCount = 200'000;
   const auto out = Send(Spec("frame.flag_forgery", {{"probability", 0.5}}), kFrameCount);
-  std::vector<int> by_place(68, 0);
-  int split = 0;
+  std::vector<bool> split;
+  std::vector<double> by_place(66, 0);  // of bytes 1 to 66, between the flags
   for (int n = 0; n < kFrameCount; ++n) {
-    const auto places = FlippedBits(Frame(n), out[static_cast<std::size_t>(n)].at(0));
-    if (places.empty()) continue;
-    ++split;
-    ++by_place[places.front() / 8];
-    EXPECT_EQ(places.front() / 8, places.back() / 8);
-    EXPECT_EQ(out[static_cast<std::size_t>(n)][0].bytes[places.front() / 8], link::kFlag);
+    const Bytes before = Frame(n).bytes, &after = out[static_cast<std::size_t>(n)].at(0).bytes;
+    ASSERT_EQ(after.size(), before.size());
+    split.push_back(after != before);
+    if (!split.back()) continue;
+    const auto [from, to] = std::mismatch(before.begin(), before.end(), after.begin());
+    EXPECT_TRUE(std::equal(from + 1, before.end(), to + 1));
+    EXPECT_EQ(*to, link::kFlag);
+    ++by_place.at(static_cast<std::size_t>(from - before.begin()) - 1);
   }
-  EXPECT_NEAR(split, kFrameCount / 2, 5 * std::sqrt(kFrameCount / 4.0));
-  EXPECT_EQ(by_place.front() + by_place.back(), 0);
-  for (std::size_t place = 1; place < 67; ++place)
-    EXPECT_NEAR(by_place[place], split / 66.0, 6 * std::sqrt(split / 66.0)) << place;
+  EXPECT_TRUE(AreBernoulli(split, 0.5));
+  EXPECT_TRUE(AreUniform(by_place));
 }
 
 TEST(FlagForgeryTest, NoneOfThemIsAccepted) {
@@ -82,22 +84,22 @@ TEST(FlagForgeryTest, NoneOfThemIsAccepted) {
 }
 
 TEST(DanglingEscapeTest, IsHeardAsAnAbort) {
-  const auto out = SendMessages(Spec("frame.dangling_escape", {{"probability", 0.5}}), "sensors", 2000);
-  int aborted = 0;
+  const auto out = SendMessages(Spec("frame.dangling_escape", {{"probability", 0.5}}), "sensors", 100'000);
+  std::vector<bool> aborted;
   std::size_t n = 0;
   for (const Heard& heard : Decoded(out)) {
     const Bytes sent = MessageFrame("sensors", static_cast<std::int64_t>(n)).bytes;
     const Bytes& passed = out[n++][0].bytes;
-    if (passed == sent) {
+    aborted.push_back(passed != sent);
+    if (!aborted.back()) {
       EXPECT_EQ(heard.status, FrameStatus::kOk);
       continue;
     }
-    ++aborted;
     EXPECT_EQ(heard.status, FrameStatus::kDanglingEscape);
     EXPECT_EQ(passed.size(), sent.size() + 1);
   }
-  EXPECT_EQ(n, 2000U);
-  EXPECT_NEAR(aborted, 1000, 5 * std::sqrt(500.0));
+  EXPECT_EQ(n, 100'000U);
+  EXPECT_TRUE(AreBernoulli(aborted, 0.5));
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "faults/frame_edit.h"
+#include "tests/faults/goodness_of_fit.h"
 #include "tests/faults/models/frame/message_frames.h"
 
 namespace tiltproof::faults {
@@ -91,13 +92,39 @@ TEST(LongTest, BytesFollowAtTheEndAndTheChecksumIsRight) {
     EXPECT_EQ(heard.status, FrameStatus::kTooLong);
 }
 
-TEST(ShortTest, HappensWithItsProbability) {
-  const auto out =
-      SendMessages(Spec("frame.short", {{"bytes_count", 3.0}, {"probability", 0.3}}), "sensors", 10'000);
-  int unchanged = 0;
+// Which of 100 000 such frames did not go on as they were.
+std::vector<bool> Changed(const FaultSpec& spec, const std::string& message) {
+  const auto out = SendMessages(spec, message, 100'000);
+  std::vector<bool> changed;
   for (std::size_t n = 0; n < out.size(); ++n)
-    unchanged += out[n][0].bytes == MessageFrame("sensors", static_cast<std::int64_t>(n)).bytes ? 1 : 0;
-  EXPECT_NEAR(unchanged, 7000, 5 * std::sqrt(10'000 * 0.21));
+    changed.push_back(out[n].at(0).bytes != MessageFrame(message, static_cast<std::int64_t>(n)).bytes);
+  return changed;
+}
+
+TEST(PayloadFaultsTest, HappenWithTheirProbability) {
+  EXPECT_TRUE(AreBernoulli(
+      Changed(Spec("frame.short", {{"bytes_count", 3.0}, {"probability", 0.3}}), "actuators"), 0.3));
+  EXPECT_TRUE(AreBernoulli(
+      Changed(Spec("frame.long", {{"bytes_count", 3.0}, {"probability", 0.2}}), "actuators"), 0.2));
+  EXPECT_TRUE(
+      AreBernoulli(Changed(Spec("frame.wrong_id", {{"id", 9.0}, {"probability", 0.4}}), "actuators"), 0.4));
+  EXPECT_TRUE(
+      AreBernoulli(Changed(Spec("frame.checksum_preserving", {{"probability", 0.1}}), "actuators"), 0.1));
+  EXPECT_TRUE(AreBernoulli(
+      Changed(Spec("frame.semantic", {{"field", "f_r_n"}, {"kind", "nan"}, {"probability", 0.3}}),
+              "actuators"),
+      0.3));
+}
+
+TEST(LongTest, TheBytesAreUniform) {
+  const std::size_t size = Decoded({{MessageFrame("actuators", 0)}}).at(0).payload.size();
+  std::vector<double> by_value(256, 0);
+  for (const Heard& heard :
+       Decoded(SendMessages(Spec("frame.long", {{"bytes_count", 100.0}}), "actuators", 1500))) {
+    ASSERT_EQ(heard.payload.size(), size + 100);
+    for (std::size_t i = size; i < heard.payload.size(); ++i) ++by_value[heard.payload[i]];
+  }
+  EXPECT_TRUE(AreUniform(by_value));
 }
 
 TEST(WrongIdTest, IsSentWithARightChecksum) {
@@ -118,11 +145,11 @@ TEST(WrongIdTest, CanMakeAnotherMessage) {
 }
 
 TEST(ChecksumPreservingTest, ChangesThreeBytesAndNeitherSum) {
-  constexpr std::int64_t kCount = 20'000;
+  constexpr std::int64_t kCount = 100'000;
   const auto out = SendMessages(Spec("frame.checksum_preserving", {{"probability", 1.0}}), "sensors", kCount);
   const auto heard = Decoded(out);
   ASSERT_EQ(heard.size(), static_cast<std::size_t>(kCount));
-  std::vector<int> by_place(64, 0);
+  std::vector<double> by_place(62, 0), by_difference(254, 0);  // of 1 to 254
   for (std::int64_t n = 0; n < kCount; ++n) {
     const Bytes before = Decoded({{MessageFrame("sensors", n)}}).at(0).payload;
     const Bytes& after = heard[static_cast<std::size_t>(n)].payload;
@@ -131,12 +158,12 @@ TEST(ChecksumPreservingTest, ChangesThreeBytesAndNeitherSum) {
     ASSERT_EQ(SlowSums(after), SlowSums(before)) << n;
     std::size_t first = 0;
     while (after[first] == before[first]) ++first;
-    ++by_place[first];
+    ++by_place.at(first);
+    ++by_difference.at(static_cast<std::size_t>((after[first] + 255 - before[first] % 255) % 255) - 1);
     for (std::size_t i = first + 3; i < 64; ++i) ASSERT_EQ(after[i], before[i]);
   }
-  for (std::size_t place = 0; place < 62; ++place)
-    EXPECT_NEAR(by_place[place], kCount / 62.0, 6 * std::sqrt(kCount / 62.0)) << place;
-  EXPECT_EQ(by_place[62] + by_place[63], 0);
+  EXPECT_TRUE(AreUniform(by_place));
+  EXPECT_TRUE(AreUniform(by_difference));
 }
 
 // z_m, the third value, in the frames of a flight: n + 1.

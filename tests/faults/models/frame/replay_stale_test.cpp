@@ -1,24 +1,26 @@
 #include <gtest/gtest.h>
 
 #include "tests/faults/faulty_line.h"
+#include "tests/faults/goodness_of_fit.h"
 
 namespace tiltproof::faults {
 namespace {
 
 TEST(ReplayStaleTest, PutsTheFrameOfThatAgeInPlace) {
-  const auto out = Send(Spec("frame.replay_stale", {{"probability", 0.4}, {"age_count", 3.0}}), 5000);
-  int replayed = 0;
-  for (std::int64_t n = 0; n < 5000; ++n) {
+  const auto out = Send(Spec("frame.replay_stale", {{"probability", 0.4}, {"age_count", 3.0}}), 100'000);
+  std::vector<bool> replayed;
+  for (std::int64_t n = 0; n < 100'000; ++n) {
     const auto& chunks = out[static_cast<std::size_t>(n)];
     ASSERT_EQ(chunks.size(), 1U);
     EXPECT_EQ(chunks[0].begin_ns, Frame(n).begin_ns);
-    if (chunks[0].bytes == Frame(n).bytes) continue;
+    const bool is_old = chunks[0].bytes != Frame(n).bytes;
+    if (n >= 3) replayed.push_back(is_old);
+    if (!is_old) continue;
     ASSERT_GE(n, 3);
     // What was sent then, though it may have been replaced itself.
     ASSERT_EQ(chunks[0].bytes, Frame(n - 3).bytes);
-    ++replayed;
   }
-  EXPECT_NEAR(replayed, 2000, 180);
+  EXPECT_TRUE(AreBernoulli(replayed, 0.4));
 }
 
 TEST(ReplayStaleTest, RemembersFramesBeforeTheWindow) {

@@ -95,7 +95,7 @@ TEST(TurbulenceTest, HasTheSpectraOfItsModel) {
 
 // Another seed is another draw of the same process: at its first step, and later.
 TEST(TurbulenceTest, IsNormalFromTheFirstStepOn) {
-  constexpr int kSeeds = 20'000;
+  constexpr int kSeeds = 100'000;
   std::array<std::vector<double>, 3> first, later;
   const std::array<Axis, 3> axes = Axes();
   for (int seed = 0; seed < kSeeds; ++seed) {

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "tests/faults/faulty_line.h"
+#include "tests/faults/goodness_of_fit.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -46,6 +47,29 @@ TEST(BurstTest, BurstsHaveTheirLengthAcrossFramesAndTheirRate) {
   // 23 of 544 places of a burst straddle two frames.
   EXPECT_NEAR(across, 17.0, 16.0);
   EXPECT_GT(across, 0);
+}
+
+// Bursts of one bit: each bit time has one with the same probability, independently of the others. Two in one bit
+// flip it back.
+TEST(BurstTest, ComeAsAPoissonProcess) {
+  constexpr double kRate_hz = 5000, kPerBit = kRate_hz * 10 / 8 / 921'600;
+  const auto flipped = BusyLine(1, 1.0, kRate_hz, 28'000);
+  EXPECT_TRUE(AreBernoulli(flipped, (1 - std::exp(-2 * kPerBit)) / 2));  // some 103 000 of them
+}
+
+// The same seed has its bursts at the same places, whatever their density. Those that touch no other are looked at.
+TEST(BurstTest, EachBitOfABurstFlipsForItself) {
+  constexpr std::size_t kLength = 24;
+  const auto whole = BusyLine(kLength, 1.0, 500.0, 16'500), some = BusyLine(kLength, 0.3, 500.0, 16'500);
+  std::vector<bool> hit;
+  for (std::size_t i = 0, end = 0; i < whole.size(); i = end) {
+    for (end = i; end < whole.size() && whole[end] == whole[i]; ++end) {
+    }
+    if (whole[i] && end - i == kLength)
+      for (std::size_t bit = i; bit < end; ++bit) hit.push_back(some[bit]);
+  }
+  EXPECT_GT(hit.size(), 100'000U);
+  EXPECT_TRUE(AreBernoulli(hit, 0.3));
 }
 
 TEST(BurstTest, DensityIsTheShareOfFlippedBits) {

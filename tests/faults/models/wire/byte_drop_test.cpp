@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "tests/faults/faulty_line.h"
+#include "tests/faults/goodness_of_fit.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -27,6 +28,22 @@ TEST(ByteDropTest, LosesItsShareAndClosesUp) {
   }
   EXPECT_NEAR(lost, 0.05 * 68 * 5000, 5 * std::sqrt(0.05 * 68 * 5000));
   EXPECT_NEAR(flags, 250, 80);
+}
+
+TEST(ByteDropTest, EachByteIsLostForItself) {
+  const Bytes before = DistinctBytes();
+  std::vector<bool> lost;
+  for (const auto& chunks :
+       SendWithoutPause(Spec("wire.byte_drop", {{"probability", 0.1}}), before, 10'000)) {
+    const Bytes& after = chunks.at(0).bytes;
+    std::size_t next = 0;
+    for (const std::uint8_t byte : before) {
+      lost.push_back(next == after.size() || after[next] != byte);
+      if (!lost.back()) ++next;
+    }
+    ASSERT_EQ(next, after.size());
+  }
+  EXPECT_TRUE(AreBernoulli(lost, 0.1));  // some 100 000 of them
 }
 
 TEST(ByteDropTest, AFrameThatLosesAllVanishes) {

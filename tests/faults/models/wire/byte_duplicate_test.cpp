@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "tests/faults/faulty_line.h"
+#include "tests/faults/goodness_of_fit.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -32,6 +33,23 @@ TEST(ByteDuplicateTest, RepeatsAtItsRate) {
     ASSERT_EQ(i, after.size());
   }
   EXPECT_NEAR(repeated, 0.05 * 68 * 5000, 5 * std::sqrt(0.05 * 68 * 5000));
+}
+
+TEST(ByteDuplicateTest, EachByteIsRepeatedForItself) {
+  const Bytes before = DistinctBytes();
+  std::vector<bool> repeated;
+  for (const auto& chunks :
+       SendWithoutPause(Spec("wire.byte_duplicate", {{"probability", 0.1}}), before, 10'000)) {
+    const Bytes& after = chunks.at(0).bytes;
+    std::size_t next = 0;
+    for (const std::uint8_t byte : before) {
+      ASSERT_EQ(after.at(next++), byte);
+      repeated.push_back(next < after.size() && after[next] == byte);
+      if (repeated.back()) ++next;
+    }
+    ASSERT_EQ(next, after.size());
+  }
+  EXPECT_TRUE(AreBernoulli(repeated, 0.1));  // some 100 000 of them
 }
 
 TEST(ByteDuplicateTest, ProbabilityOneRepeatsEveryByte) {

@@ -3,13 +3,14 @@
 #include <cmath>
 
 #include "tests/faults/faulty_line.h"
+#include "tests/faults/goodness_of_fit.h"
 
 namespace tiltproof::faults {
 namespace {
 
 TEST(ByteInsertTest, AddsRandomBytesAtItsRate) {
   const auto out = Send(Spec("wire.byte_insert", {{"probability", 0.05}}), 5000);
-  double added = 0, sum = 0;
+  double added = 0;
   for (std::size_t n = 0; n < out.size(); ++n) {
     const Bytes before = Frame(static_cast<std::int64_t>(n)).bytes;
     const Bytes& after = out[n].at(0).bytes;
@@ -20,14 +21,32 @@ TEST(ByteInsertTest, AddsRandomBytesAtItsRate) {
         ++next;
       } else {
         ++added;
-        sum += byte;
       }
     }
     ASSERT_EQ(next, before.size());
     EXPECT_EQ(after.back(), 0x7E);
   }
   EXPECT_NEAR(added, 0.05 * 68 * 5000, 5 * std::sqrt(0.05 * 68 * 5000));
-  EXPECT_NEAR(sum / added, 127.5, 5 * 74.0 / std::sqrt(added));
+}
+
+TEST(ByteInsertTest, EachPlaceForItselfAndEveryValueAlike) {
+  const Bytes before = DistinctBytes();
+  std::vector<bool> inserted;
+  std::vector<double> by_value(256, 0);
+  for (const auto& chunks :
+       SendWithoutPause(Spec("wire.byte_insert", {{"probability", 0.1}}), before, 10'000)) {
+    const Bytes& after = chunks.at(0).bytes;
+    std::size_t next = 0;
+    for (const std::uint8_t byte : before) {
+      // Of an inserted byte with the value of the one before or behind it, nothing tells which is which.
+      inserted.push_back(after.at(next) != byte || (next + 1 < after.size() && after[next + 1] == byte));
+      if (inserted.back()) ++by_value[after[next++]];
+      ASSERT_EQ(after.at(next++), byte);
+    }
+    ASSERT_EQ(next, after.size());
+  }
+  EXPECT_TRUE(AreBernoulli(inserted, 0.1));  // some 100 000 of them
+  EXPECT_TRUE(AreUniform(by_value));
 }
 
 }  // namespace

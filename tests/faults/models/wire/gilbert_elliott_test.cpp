@@ -4,22 +4,28 @@
 #include <cmath>
 
 #include "tests/faults/faulty_line.h"
+#include "tests/faults/goodness_of_fit.h"
 
 namespace tiltproof::faults {
 namespace {
 
-// With error ratios 0 and 1 the flipped bits are the channel's states, over all frames as one sequence.
-std::vector<bool> States(double p_bad, double p_good, std::int64_t count) {
-  const auto out = Send(Spec("wire.gilbert_elliott",
-                             {{"p_bad", p_bad}, {"p_good", p_good}, {"ber_good", 0.0}, {"ber_bad", 1.0}}),
-                        count);
-  std::vector<bool> states(544 * static_cast<std::size_t>(count), false);
+// Which bits of that many frames flip, over all frames as one sequence.
+std::vector<bool> Flipped(const FaultSpec& spec, std::int64_t count) {
+  const auto out = Send(spec, count);
+  std::vector<bool> flipped(544 * static_cast<std::size_t>(count), false);
   for (std::int64_t n = 0; n < count; ++n) {
     for (const std::size_t bit : FlippedBits(Frame(n), out[static_cast<std::size_t>(n)].at(0))) {
-      states[544 * static_cast<std::size_t>(n) + bit] = true;
+      flipped[544 * static_cast<std::size_t>(n) + bit] = true;
     }
   }
-  return states;
+  return flipped;
+}
+
+// With error ratios 0 and 1 the flipped bits are the channel's states.
+std::vector<bool> States(double p_bad, double p_good, std::int64_t count) {
+  return Flipped(Spec("wire.gilbert_elliott",
+                      {{"p_bad", p_bad}, {"p_good", p_good}, {"ber_good", 0.0}, {"ber_bad", 1.0}}),
+                 count);
 }
 
 std::vector<double> RunLengths(const std::vector<bool>& states, bool of) {
@@ -39,17 +45,21 @@ double Mean(const std::vector<double>& values) {
   return sum / static_cast<double>(values.size());
 }
 
+// A state can end after its first bit: a run of n bits is n - 1 failures to leave it.
+std::vector<double> FailuresToLeave(const std::vector<bool>& states, bool state) {
+  std::vector<double> failures = RunLengths(states, state);
+  for (double& length : failures) --length;
+  return failures;
+}
+
 TEST(GilbertElliottTest, StaysInEachStateAsLongAsItSays) {
-  const auto states = States(0.002, 0.05, 4000);
-  const auto bad = RunLengths(states, true);
-  const auto good = RunLengths(states, false);
-  ASSERT_GT(bad.size(), 3000U);
-  // A geometric length has a standard deviation of about its mean.
-  EXPECT_NEAR(Mean(bad), 20.0, 5 * 20.0 / std::sqrt(static_cast<double>(bad.size())));
-  EXPECT_NEAR(Mean(good), 500.0, 5 * 500.0 / std::sqrt(static_cast<double>(good.size())));
-  // P(length = 1) = p_good: the state can end after its first bit.
-  const auto ones = static_cast<double>(std::count(bad.begin(), bad.end(), 1.0));
-  EXPECT_NEAR(ones / static_cast<double>(bad.size()), 0.05, 0.02);
+  const auto states = States(0.02, 0.05, 13'500);
+  const auto bad = FailuresToLeave(states, true);
+  const auto good = FailuresToLeave(states, false);
+  ASSERT_GT(bad.size(), 100'000U);
+  ASSERT_GT(good.size(), 100'000U);
+  EXPECT_TRUE(AreGeometric(bad, 0.05));
+  EXPECT_TRUE(AreGeometric(good, 0.02));
   EXPECT_FALSE(states[0]);
 }
 
@@ -61,18 +71,13 @@ TEST(GilbertElliottTest, ABadStateOutlastsFrames) {
 
 TEST(GilbertElliottTest, EachStateHasItsErrorRatio) {
   // Never bad; always bad from the second bit on.
-  const auto count_flips = [](double p_bad) {
-    const auto out = Send(Spec("wire.gilbert_elliott",
-                               {{"p_bad", p_bad}, {"p_good", 0.0}, {"ber_good", 0.01}, {"ber_bad", 0.2}}),
-                          1000);
-    double flips = 0;
-    for (std::int64_t n = 0; n < 1000; ++n) {
-      flips += static_cast<double>(FlippedBits(Frame(n), out[static_cast<std::size_t>(n)].at(0)).size());
-    }
-    return flips / 544'000.0;
+  const auto flipped = [](double p_bad) {
+    return Flipped(Spec("wire.gilbert_elliott",
+                        {{"p_bad", p_bad}, {"p_good", 0.0}, {"ber_good", 0.05}, {"ber_bad", 0.2}}),
+                   4000);
   };
-  EXPECT_NEAR(count_flips(0.0), 0.01, 0.001);
-  EXPECT_NEAR(count_flips(1.0), 0.2, 0.004);
+  EXPECT_TRUE(AreBernoulli(flipped(0.0), 0.05));
+  EXPECT_TRUE(AreBernoulli(flipped(1.0), 0.2));
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "tests/faults/faulty_line.h"
+#include "tests/faults/goodness_of_fit.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -36,6 +37,24 @@ TEST(ByteSwapTest, SwapsNeighboursWithItsProbability) {
   }
   const double unseen = same * last / 67;
   EXPECT_NEAR(swaps, kSent * last - unseen, 6 * std::sqrt(kSent * last));
+}
+
+// A byte that has been moved is not moved again, so it draws nothing.
+TEST(ByteSwapTest, EachByteIsMovedForItself) {
+  const Bytes before = DistinctBytes();
+  std::vector<bool> moved;
+  for (const auto& chunks : SendWithoutPause(Spec("wire.byte_swap", {{"probability", 0.2}}), before, 7000)) {
+    const Bytes& after = chunks.at(0).bytes;
+    ASSERT_EQ(after.size(), before.size());
+    for (std::size_t i = 0; i + 1 < before.size(); ++i) {
+      moved.push_back(after[i] != before[i]);
+      if (!moved.back()) continue;
+      ASSERT_EQ(after[i], before[i + 1]);
+      ASSERT_EQ(after[i + 1], before[i]);
+      ++i;
+    }
+  }
+  EXPECT_TRUE(AreBernoulli(moved, 0.2));  // some 115 000 of them
 }
 
 TEST(ChunkingTest, PiecesFollowWithTheirGap) {

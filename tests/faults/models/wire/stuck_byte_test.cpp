@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "tests/faults/faulty_line.h"
+#include "tests/faults/goodness_of_fit.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -33,6 +34,19 @@ TEST(StuckByteTest, ReplacesRunsOfBytes) {
   const double seconds = 50'000 * 72 * 10 / 921'600.0;
   EXPECT_NEAR(hit_frames, 20.0 * seconds, 5 * std::sqrt(20.0 * seconds));
   EXPECT_GT(whole_runs, 0.8 * hit_frames);
+}
+
+// Events of a Poisson process: each byte time has one with the same probability, independently of the others.
+TEST(StuckByteTest, EventsComeAsAPoissonProcess) {
+  constexpr double kRate_hz = 5000;
+  const Bytes before = DistinctBytes();
+  std::vector<bool> stuck;
+  for (const auto& chunks : SendWithoutPause(
+           Spec("wire.stuck_byte", {{"value", 255.0}, {"length_bytes", 1.0}, {"rate_hz", kRate_hz}}), before,
+           20'000)) {
+    for (const std::uint8_t byte : chunks.at(0).bytes) stuck.push_back(byte == 255);
+  }
+  EXPECT_TRUE(AreBernoulli(stuck, 1 - std::exp(-kRate_hz * 10 / 921'600)));  // some 106 000 of them
 }
 
 TEST(StuckByteTest, AByteThatHasTheValueIsNoChange) {
