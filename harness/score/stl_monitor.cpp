@@ -21,6 +21,7 @@
 #include "harness/score/signals.h"
 #include "harness/score/sliding_fold.h"
 #include "harness/score/stl.h"
+#include "harness/score/stl_reading.h"
 #include "link/check.h"
 
 namespace tiltproof::harness::stl {
@@ -114,14 +115,11 @@ class Monitor {
     const Evaluation evaluation = Evaluate(formula, false);
     OverTime result;
     std::vector<bool> rows(future_ + 1, false);
-    if (IsUnfolded(formula, true, false) || IsUnfolded(formula, false, false)) {
-      result.reading =
-          IsUnfolded(formula, true, false) ? OverTimeReading::kLowest : OverTimeReading::kHighest;
-      rows.front() = true;
-    } else {
-      result.reading = OverTimeReading::kFromHere;
+    result.reading = ReadingOf(formula);
+    if (result.reading == OverTimeReading::kFromHere)
       rows.assign(rows.size(), true);
-    }
+    else
+      rows.front() = true;
     std::vector<std::optional<RowRobustness>> values(future_);
     Unfold(evaluation, rows, false, result, values);
     for (const auto& value : values)
@@ -168,41 +166,13 @@ class Monitor {
     if (node.op == Op::kTrue) result.bounds = Constant(kInfinity);
     if (node.op == Op::kFalse) result.bounds = Constant(-kInfinity);
     if (node.op == Op::kFaultActive) result.bounds = FaultActive(node, negated);
-    if (node.left) {
-      result.operands.push_back(Evaluate(*node.left, negated != FlipsLeft(node)));
-    }
+    if (node.left) result.operands.push_back(Evaluate(*node.left, negated != FlipsLeft(node)));
     if (node.right) result.operands.push_back(Evaluate(*node.right, negated));
     for (const bool upper_side : {false, true}) {
       if (result.operands.empty()) break;
       (upper_side ? result.bounds.upper : result.bounds.lower) = Combine(result, upper_side);
     }
     return result;
-  }
-
-  // Whether a node is the lowest (or the highest) of what its operands are, at one time or over a window. `negated`: as
-  // seen from the whole formula.
-  static bool Folds(const Node& node, bool lowest, bool negated) {
-    switch (node.op) {
-      case Op::kAnd:
-      case Op::kAlways:
-        return lowest != negated;
-      case Op::kOr:
-      case Op::kImplies:
-      case Op::kEventually:
-        return lowest == negated;
-      default:
-        return false;
-    }
-  }
-  static bool FlipsLeft(const Node& node) { return node.op == Op::kNot || node.op == Op::kImplies; }
-
-  // Whether an always (or an eventually) stands above all that the formula asks of single rows.
-  static bool IsUnfolded(const Node& node, bool lowest, bool negated) {
-    if (node.op == Op::kNot) return IsUnfolded(*node.left, lowest, !negated);
-    if (!Folds(node, lowest, negated)) return false;
-    if (node.op == Op::kAlways || node.op == Op::kEventually) return true;
-    return IsUnfolded(*node.left, lowest, negated != FlipsLeft(node)) &&
-           IsUnfolded(*node.right, lowest, negated);
   }
 
   // Adds what the evaluation asks of each of the rows to the rows' values.
@@ -228,11 +198,6 @@ class Monitor {
       const auto fold = [&](double a, double b) { return lowest ? Lowest()(a, b) : Highest()(a, b); };
       values[r] = {times_[r], fold(values[r]->lower, lower), fold(values[r]->upper, upper)};
     }
-  }
-
-  static bool LooksAhead(const Node& node) {
-    if (node.op == Op::kAlways || node.op == Op::kEventually || node.op == Op::kUntil) return true;
-    return (node.left && LooksAhead(*node.left)) || (node.right && LooksAhead(*node.right));
   }
 
   // All rows that a window looks at from any of the rows. Windows only move forward: no row is taken twice.
@@ -493,18 +458,6 @@ class Monitor {
 
 Result Evaluate(const Formula& formula, const Trace& trace, std::optional<Extent> extent) {
   return Monitor(trace, extent).Run(*formula);
-}
-
-std::string_view Name(OverTimeReading reading) {
-  switch (reading) {
-    case OverTimeReading::kLowest:
-      return "lowest";
-    case OverTimeReading::kHighest:
-      return "highest";
-    case OverTimeReading::kFromHere:
-      return "from_here";
-  }
-  return "unknown";
 }
 
 OverTime EvaluateOverTime(const Formula& formula, const Trace& trace, std::optional<Extent> extent) {

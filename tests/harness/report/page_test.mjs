@@ -174,14 +174,14 @@ check("the states of a shipped build have their names", async () => {
   const page = await openFlight(fly("silence", file).page, "silence");
   const figure = page.locator("#plot-supervisor").locator("xpath=..");
   assert.match(await figure.getAttribute("aria-label"), /from run to fail-safe/);
+  await page.locator("#plot-supervisor").scrollIntoViewIfNeeded();
+  await page.waitForSelector("#plot-supervisor canvas");
   const value = figure.locator(".item .value");
   assert.equal(await value.textContent(), "init");
   await page.keyboard.press("Shift+ArrowRight");
   assert.equal(await value.textContent(), "run");
   for (let i = 0; i < 12; ++i) await page.keyboard.press("ArrowRight");
   assert.equal(await value.textContent(), "fail-safe");
-  await page.locator("#plot-supervisor").scrollIntoViewIfNeeded();
-  await page.waitForSelector("#plot-supervisor canvas");
   await page.screenshot({ path: join(out, "states-light.png") });
   await page.close();
 });
@@ -726,7 +726,7 @@ description: A circle, with a weak rotor on the way.
 duration_s: 60
 reference: {type: circle, radius_m: 2, period_s: 12, start_m: [2, 0, 2]}
 faults:
-  - {id: weak, type: actuator.loss_of_effectiveness, start_s: 3, end_s: 50, parameters: {actuator: f_r, factor: 0.99}}
+  - {id: weak, type: actuator.loss_of_effectiveness, start_s: 3, parameters: {actuator: f_r, factor: 0.99}}
 criteria:
   - {name: near, stl: "always(position_error_m <= 2.0)"}
 `;

@@ -181,7 +181,7 @@ export class Replay {
     for (let z = step; z <= top + step / 2; z += step) put(at(z), from[0] - height * 1.2, to[1], z);
     put("x [m]", (from[0] + to[0]) / 2, from[1] - 2.4 * height, 0);
     put("y [m]", to[0] + 3 * height, (from[1] + to[1]) / 2, 0);
-    put("z [m]", from[0] - height * 1.2, to[1], top + 2.2 * height);
+    put("z [m]", from[0] - height * 1.2, to[1], top + 1.2 * height);
   }
 
   addVehicle() {
