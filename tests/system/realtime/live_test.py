@@ -215,7 +215,7 @@ class LiveTest(unittest.TestCase):
         resolved = (folder / "scenario.resolved.yaml").read_text()
         activations = [json.loads(line) for line in (folder / "faults.jsonl").read_text().splitlines()]
         dump = subprocess.run([PROGRAM, "link-dump", folder / "link.bin"], capture_output=True, text=True, check=True).stdout
-        sent = [float(time) for time in re.findall(r"^\s*(-?[0-9.]+)\s+to_client", dump, re.MULTILINE)]
+        sent = [float(time) for time in re.findall(r"^\s*(-?[0-9.]+)\s+to_client\s+sent", dump, re.MULTILINE)]
         self.assertGreater(len(sent), 200)
         self.assertEqual([event["time_s"] for event in injected], sorted(fault["begin_s"] for fault in begun))
         for fault in begun:
