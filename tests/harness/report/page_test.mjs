@@ -583,7 +583,7 @@ check("an envelope has a page with a bar for each margin", async () => {
 });
 
 check("ratios are those of the survival tables", async () => {
-  const script = "import sys, json, pathlib; sys.path.insert(0, sys.argv[1]); import tables; e = tables.Envelope(pathlib.Path(sys.argv[2])); print(json.dumps([[k[0], k[1].replace('-', '\u2212'), e.ratio(k)] for k in e.rows]))";
+  const script = "import sys, json, pathlib; sys.path.insert(0, sys.argv[1]); import tables; rows = {}; tables.read_envelope(pathlib.Path(sys.argv[2]), 0, '', [], rows, {}); print(json.dumps([[k[0], k[1].replace('-', '\u2212'), r.halves[0].ratio] for k, r in rows.items()]))";
   const ratios = JSON.parse(execFileSync("python3", ["-B", "-c", script, join(source, "scenarios/envelope"), join(kept, "envelope.json")], { encoding: "utf8" }).replaceAll("Infinity", "1e999"));
   const page = await open(join(kept, "envelope.html"));
   for (const [type, place, ratio] of ratios) {
