@@ -1,7 +1,7 @@
 // Where in a library an address is, in words that are the same in every process.
 //
 //   std::array<char, 300> text;
-//   DescribeCode(address, text);  // " at decoder.so+0x1a2b in Decode"; no "in" where the library hides its functions
+//   DescribeCode(signal->si_addr, text);  // " at decoder.so+0x1a2b in Decode"; no "in" where the library hides its functions
 #pragma once
 
 #include <span>

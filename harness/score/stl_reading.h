@@ -1,6 +1,6 @@
 // How a formula is read over time: whether it is the lowest, or the highest, of what it asks of single rows.
 //
-//   ReadingOf(*Parse("always[5,60](position_error_m <= 1.0)", {signals, fault_ids}));  // kLowest
+//   ReadingOf(*Parse("always[5,60](position_error_m <= 1.0)", {columns, fault_ids}));  // kLowest
 #pragma once
 
 #include "harness/formula/formula.h"

@@ -249,5 +249,11 @@ extern std::uint8_t byte;
 // firmware/ports/stm32f4/console.h
 extern std::uint32_t pc;
 
+// firmware/ports/stm32f4/instruction_count.h
+#include "firmware/control_law.h"
+extern firmware::ControlLaw law;
+extern const Sensors sensors;
+extern const Reference reference;
+
 // firmware/ports/stm32f4/run_statistics.h
 extern std::vector<std::uint32_t> main_stack;

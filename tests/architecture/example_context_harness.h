@@ -74,6 +74,10 @@ extern const RunInfo info;
 extern const std::vector<FlightJob> jobs;
 extern bool interrupted;
 
+// harness/client/code_place.h
+#include <csignal>
+extern const siginfo_t* signal;
+
 // harness/client/captured_output.h
 extern const examples::Function CallFirmware, log;
 
@@ -375,8 +379,9 @@ extern std::span<const double> row;
 extern const RealtimeOptions options;
 extern Scenario scenario;
 extern bool running;
-extern TimeNs now;
+extern TimeNs now, done_until_ns;
 extern const dds::RunCommand command;
+extern const Injector::Tell tell;
 
 // harness/run/realtime/log_messages.h
 extern const dds::Participant harness;

@@ -155,7 +155,14 @@ class WrongBoards(unittest.TestCase):
         _, result, output = self.fly(self.image("fast-by-the-wall", [("kPeriodNs = 12000000", "kPeriodNs = 6000000")]), "--mode", "realtime")
         self.assertIn("the protocol says 12 ms", self.criterion(result, "control_period")["explanation"], output)
         crash = [("    wake_ns = ", "    if (tick_count > 700) (void)REGISTER(0x60000000);\n    wake_ns = ")]
-        _, result, output = self.fly(self.image("loop-by-the-wall", crash), "--mode", "realtime")
+        client = self.image("loop-by-the-wall", crash)
+        for _ in range(3):  # a machine that was late itself blames nobody, and is asked again
+            _, result, output = self.fly(client, "--mode", "realtime")
+            if result["verdict"] != "inconclusive":
+                break
+        else:
+            self.assertIn("this machine was too busy to judge a firmware", output)
+            self.skipTest("this machine was too busy, three times, to judge a firmware in real time")
         self.assertIn("no fault asked for", self.criterion(result, "survival")["explanation"], output)
         self.assertGreaterEqual(result["restarts"], 2)
 

@@ -1,10 +1,10 @@
-// A fault that somebody injects while a flight in real time goes on: from his text to the nodes, as ports of the command
+// A fault that is injected while a flight in real time goes on: from its text to the nodes, as ports of the command
 // `inject`, and into the scenario that is flown.
 //
 //   Injector injector(options.injections);
 //   const auto event = injector.Turn(scenario, running, now, tell);               // in the harness
 //   AddedFault fault = FromPorts(command.ports);                                  // in the node where it acts
-//   fault.start_ns = KeptBegin(scenario, fault.start_ns, done_until_ns);  ...  return BeginPorts(fault.start_ns);
+//   fault.start_ns = KeptBegin(scenario, fault.start_ns, done_until_ns);  // and answers with BeginPorts(fault.start_ns)
 //
 // A command can come late. So the node where the fault acts answers from when on it acts: from the time that the harness
 // wants, or from the first control step of which nothing has been done yet. The harness records what the node says.
