@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "harness/client/client.h"
 #include "harness/report/json_text.h"
 #include "harness/terminal/lines.h"
 #include "harness/terminal/terminal.h"
@@ -57,12 +58,13 @@ std::vector<std::string> Figures(const Score& score, bool is_short) {
   return figures;
 }
 
-// All that kept a flight from passing: first what decided.
+// All that kept a flight from passing: first what decided, last what may be the cause and is none of the firmware's.
 struct Why {
   std::vector<std::string> lines;
   std::string undecided;  // what the early end of a failed flight left open; a line, or empty
 };
-Why Reasons(const Score& score) {
+Why Reasons(const FlightResult& result) {
+  const Score& score = result.score;
   Why why{{score.reason}, ""};
   const auto add = [&](const std::string& line) {
     if (line != score.reason) why.lines.push_back(line);
@@ -77,6 +79,8 @@ Why Reasons(const Score& score) {
   }
   for (const auto& fault : score.faults)
     if (fault.activations == 0) add("fault '" + fault.id + "' never activated");
+  for (const auto& event : result.events)
+    if (event.kind == kSlowAdapterEvent) add(event.text);
   return why;
 }
 
@@ -127,7 +131,7 @@ void Console::Finished(const FlightResult& result) const {
   if (result.green()) {
     if (result.score.verdict != Verdict::kPass) PrintLine(stdout, indent_, result.score.reason);
   } else {
-    const Why why = Reasons(result.score);
+    const Why why = Reasons(result);
     for (const auto& line : why.lines) PrintLine(stdout, indent_, line);
     if (!why.undecided.empty() && colours_)
       Print(stdout, "{}\n", OfOurs(Paint("90", InLines(why.undecided, indent_))));

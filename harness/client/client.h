@@ -41,6 +41,8 @@ inline constexpr const char* kLineTroubleEvent = "line_trouble";
 // What the processor of a firmware that never started does: an explanation, too. And that it is in the handler of a
 // fault when the flight ends.
 inline constexpr const char* kBoardStateEvent = "board_state";
+// What lies between a board and the harness eats half of the loop's delay margin: an explanation when the flight fails.
+inline constexpr const char* kSlowAdapterEvent = "slow_adapter";
 // Bytes that arrived before the previous byte had been read.
 inline constexpr const char* kOverrunEvent = "uart_overrun";
 

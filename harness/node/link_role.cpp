@@ -296,7 +296,7 @@ class LinkRole final : public Role {
     // A client that eats half the delay margin at the median sits behind a buffering adapter, most likely.
     if (*middle <= scenario_.delay_margin_ns / 2 || board_.device.empty()) return;
     services_.log().Write(RunEvent{
-        now, "slow_adapter",
+        now, kSlowAdapterEvent,
         fmt::format("{:.1f} ms between reply and actuators: a USB-serial adapter that buffers, most likely. "
                     "It eats the loop's delay margin of {} ms; see `tiltproof doctor --client serial:{}`",
                     median_ms, ToSeconds(scenario_.delay_margin_ns) * 1e3, board_.device)});

@@ -157,13 +157,13 @@ class ClientTest(unittest.TestCase):
         self.addCleanup(unplug)
         return [os.ttyname(slave) for _, slave in cables], [master for master, _ in cables], [slave for _, slave in cables], unplug
 
-    def fly_board(self, count, duration_s=3):
+    def fly_board(self, count, duration_s=3, *how):
         """Until the board flies. It is switched on when the harness listens: a board sends `start` once."""
         devices, masters, _, unplug_cables = self.cables(count)
         flight = self.start("serial:" + ",".join(devices), duration_s)
         flight.wait_flying(count=5)
         with open(flight.folder / "board.log", "wb") as output:
-            board = subprocess.Popen([FIRMWARE, LIBRARY, *(f"fd:{master}" for master in masters)], pass_fds=masters, stdout=output, stderr=output)
+            board = subprocess.Popen([FIRMWARE, LIBRARY, *(f"fd:{master}" for master in masters), *how], pass_fds=masters, stdout=output, stderr=output)
 
         def unplug():
             board.kill()
@@ -192,6 +192,12 @@ class ClientTest(unittest.TestCase):
 
     def test_board_with_its_main_port_alone(self):
         self.fly_board_to_the_end(1)
+
+    def test_an_adapter_that_buffers_is_named_when_the_vehicle_is_lost(self):
+        flight, unplug = self.fly_board(2, 3, "--adapter", "8")
+        self.assertNotEqual(flight.wait(30), 0, flight.text())
+        unplug()
+        self.assertRegex(" ".join(flight.text().split()), r"\d+\.\d ms between reply and actuators: a USB-serial adapter that buffers, most likely")
 
     def board_that_can_be_reset(self, masters):
         """A board in a thread: each line in the pipe `reset` starts it again. Returns the pipe's path and the starts so far."""

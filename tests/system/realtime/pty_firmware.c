@@ -2,13 +2,14 @@
  * termios, keeps time by the machine's clock, and flies the firmware of a library
  * (firmware/tiltproof_client.h) through them. It knows nothing else of tiltproof.
  *
- *   pty_firmware LIBRARY [PORT [REFERENCE_PORT]] [--exit-after S] [--grandchild] [--garbage]
+ *   pty_firmware LIBRARY [PORT [REFERENCE_PORT]] [--exit-after S] [--grandchild] [--garbage] [--adapter MS]
  *
  * A port is a path, or fd:N for the master of a pseudo-terminal that the caller holds (this is then the board
  * behind a cable). Without: TILTPROOF_PORT and TILTPROOF_REFERENCE_PORT.
  *   --exit-after S  S seconds after its start it says why and exits with code 3
  *   --grandchild    starts a process that would live for ever
  *   --garbage       prints bytes that are no text
+ *   --adapter MS    what it sends arrives MS milliseconds later, as behind an adapter that buffers
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -29,6 +30,16 @@
 static int ports[2] = {-1, -1};
 static int64_t transmitter_free_ns;
 static int64_t byte_time_ns;
+
+/* What the adapter holds, in order. */
+static struct {
+  int uart;
+  int64_t until_ns;
+  size_t count;
+  uint8_t bytes[256];
+} held[16];
+static size_t held_first, held_count;
+static int64_t adapter_ns;
 
 static int64_t MonotonicNs(void) {
   struct timespec now;
@@ -52,8 +63,7 @@ static int OpenPort(const char* name) {
   return port;
 }
 
-static int64_t Transmit(void* context, int uart, int64_t now_ns, const uint8_t* bytes, size_t count) {
-  (void)context;
+static void Write(int uart, const uint8_t* bytes, size_t count) {
   const uint8_t* rest = bytes;
   for (size_t left = count; left > 0;) {
     const ssize_t written = write(ports[uart], rest, left);
@@ -61,6 +71,28 @@ static int64_t Transmit(void* context, int uart, int64_t now_ns, const uint8_t* 
     if (written <= 0) continue;
     rest += written;
     left -= (size_t)written;
+  }
+}
+
+/* When the next bytes leave the adapter. */
+static int64_t LetGo(int64_t now_ns) {
+  for (; held_count > 0; --held_count, held_first = (held_first + 1) % 16) {
+    if (held[held_first].until_ns > now_ns) return held[held_first].until_ns;
+    Write(held[held_first].uart, held[held_first].bytes, held[held_first].count);
+  }
+  return TILTPROOF_NEVER;
+}
+
+static int64_t Transmit(void* context, int uart, int64_t now_ns, const uint8_t* bytes, size_t count) {
+  (void)context;
+  if (adapter_ns == 0) {
+    Write(uart, bytes, count);
+  } else if (held_count < 16 && count <= sizeof held[0].bytes) {
+    const size_t last = (held_first + held_count++) % 16;
+    held[last].uart = uart;
+    held[last].until_ns = now_ns + adapter_ns;
+    held[last].count = count;
+    memcpy(held[last].bytes, bytes, count);
   }
   if (transmitter_free_ns < now_ns) transmitter_free_ns = now_ns;
   transmitter_free_ns += (int64_t)count * byte_time_ns;
@@ -105,6 +137,8 @@ int main(int argc, char** argv) {
       fwrite(kGarbage, 1, sizeof kGarbage, stdout);
       for (int line = 0; line < 20000; ++line) putchar(0x80 + line % 0x80);
       fflush(stdout);
+    } else if (strcmp(argv[i], "--adapter") == 0 && i + 1 < argc) {
+      adapter_ns = (int64_t)(atof(argv[++i]) * 1e6);
     } else if (named < 3) {
       names[named++] = argv[i];
     }
@@ -152,8 +186,10 @@ int main(int argc, char** argv) {
       fprintf(stderr, "pty_firmware: last words without end of line");
       exit(3);
     }
+    const int64_t let_go_ns = LetGo(now_ns);
     if (now_ns < wake_ns) {
-      const int64_t until_ns = wake_ns < exit_after_ns ? wake_ns : exit_after_ns;
+      int64_t until_ns = wake_ns < exit_after_ns ? wake_ns : exit_after_ns;
+      if (let_go_ns < until_ns) until_ns = let_go_ns;
       const int64_t wait_ns = until_ns == TILTPROOF_NEVER ? 1000000000 : until_ns - now_ns;
       const struct timespec timeout = {.tv_sec = wait_ns / 1000000000, .tv_nsec = wait_ns % 1000000000};
       struct pollfd polled[2] = {{.fd = ports[0], .events = POLLIN}, {.fd = ports[1], .events = POLLIN}};
