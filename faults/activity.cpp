@@ -42,7 +42,8 @@ std::vector<Window> Activity::Stretches() const {
   std::vector<Window> stretches;
   TimeNs begin = window_.begin_ns;
   do {
-    const TimeNs end = NextTurnEdge(begin);
+    // A window of no length has no edge after its begin.
+    const TimeNs end = std::min(NextTurnEdge(begin), window_.end_ns);
     stretches.push_back({begin, end});
     begin = NextTurn(end);
   } while (begin != kNever);

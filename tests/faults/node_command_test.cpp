@@ -41,6 +41,14 @@ TEST(NodeCommandTest, AreInOrderOfTimeThenOfTheFile) {
   EXPECT_THAT(order, ElementsAre(4, 5, 2, 3, 0));
 }
 
+TEST(NodeCommandTest, ANodeThatIsDownForNoTimeIsStartedAtOnce) {
+  const std::vector<NodeCommand> commands =
+      NodeCommands({At(Spec("node.restart", {{"node", "client"}, {"down_ms", 0.0}}), 2 * kNsPerS)});
+  ASSERT_THAT(commands, SizeIs(1));
+  EXPECT_EQ(commands[0].at_ns, 2 * kNsPerS);
+  EXPECT_EQ(commands[0].until_ns, 2 * kNsPerS);
+}
+
 TEST(NodeCommandTest, EachTypeSaysWhenItIsTakenBack) {
   const auto only = [](const FaultSpec& spec) { return NodeCommands({spec}).at(0); };
   const NodeCommand kill = only(At(Spec("node.kill", {{"node", "link"}}), 3));

@@ -140,6 +140,22 @@ class ClientTest(unittest.TestCase):
         self.assertGreater(len(self.log(flight)), 20000)
         self.check(flight)
 
+    def test_hostile_bytes_break_a_program(self):
+        planted, out = PROGRAM.parent / "tests/planted", self.folder / "fuzz"
+        done = subprocess.run([PROGRAM, "fuzz", "--client", f"process:exec {FIRMWARE} {planted}/planted_off_by_one.so", "--time", "6", "--seed", "1", "--out", out],
+                              capture_output=True, text=True, timeout=120, check=False)
+        found = list((out / "findings").glob("crash-*.yaml"))
+        self.assertEqual((done.returncode, len(found)), (1, 1), done.stdout + done.stderr)
+        self.assertIn("the firmware's process killed by signal 11", done.stdout)
+        # The scenario breaks the program again, and not one that is correct.
+        for name, green in (("off_by_one", False), ("correct", True)):
+            for _ in range(ATTEMPTS_COUNT):
+                flown = subprocess.run([PROGRAM, "run", found[0], "--mode", "realtime", "--out", self.folder / "again", "--client",
+                                        f"process:exec {FIRMWARE} {planted}/planted_{name}.so"], capture_output=True, text=True, timeout=60, check=False)
+                if flown.returncode != 4:
+                    break
+            self.assertIn(flown.returncode, (0, 4) if green else (1,), flown.stdout + flown.stderr)
+
     # serial:
 
     def cables(self, count):
