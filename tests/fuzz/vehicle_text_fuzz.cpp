@@ -1,0 +1,49 @@
+// The text of a vehicle file, as our own code reads it before and beside libsdformat: any XML is read with its lines, or
+// refused with one. The target `sdf` reads whole vehicles, and is a hundred times as slow: libsdformat reads its own
+// description of SDF anew for every file.
+//
+// Input: the SDF file.
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "plant/missing_elements.h"
+#include "plant/vehicle_xml.h"
+#include "tests/fuzz/fuzz_target.h"
+#include "tests/fuzz/scratch.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  namespace plant = tiltproof::plant;
+  using tiltproof::testing::Require;
+  const auto file = tiltproof::testing::ScratchFile("fuzz.sdf", {data, size});
+  const auto last_line = 1 + std::count(data, data + size, '\n');
+  tiltproof::testing::Tried<plant::VehicleError>([&] {
+    const plant::VehicleXml xml(file);
+    std::vector<plant::VehicleProblem> problems;
+    std::vector<std::string> warnings;
+    xml.CheckNames(problems);
+    const plant::VehicleElements elements = xml.ReadElements({}, warnings, problems);
+    for (const plant::VehicleProblem& problem : problems) {
+      Require(!problem.message.empty(), "a problem is said");
+      Require(problem.line >= 0 && problem.line <= last_line, "a problem has a line of the file");
+    }
+    for (const plant::ThrusterElement& thruster : elements.thrusters) {
+      Require(std::abs(thruster.axis.norm() - 1) < 1e-9, "an axis has a direction");
+      Require(!problems.empty() || thruster.force_min_n < thruster.force_max_n, "a thruster has a range");
+      Require(xml.Line("link", thruster.link) <= last_line, "a link has a line of the file");
+    }
+    for (const plant::ServoElement& servo : elements.servos)
+      Require(xml.Line("joint", servo.joint, "axis") <= last_line, "a joint has a line of the file");
+    Require(problems.empty() ? elements.thrusters.size() == 2 && elements.servos.size() == 2 : true,
+            "a vehicle without a problem has two thrusters and two servos");
+    plant::MissingElements(xml.model(), elements);
+    xml.WarnUnsupported(elements, warnings);
+    for (const std::string& warning : warnings)
+      Require(warning.starts_with(file.string()), "a warning has its place");
+    return true;
+  });
+  return 0;
+}
