@@ -42,6 +42,17 @@ struct Outcome {
   std::vector<Activation> activations;
 };
 
+inline bool SameFrames(const Outcome& a, const Outcome& b) {
+  return std::equal(a.frames.begin(), a.frames.end(), b.frames.begin(), b.frames.end(),
+                    [](const auto& x, const auto& y) { return Same(x, y); });
+}
+
+inline bool SameOutcome(const Outcome& a, const Outcome& b) {
+  return SameFrames(a, b) &&
+         std::equal(a.sensors.begin(), a.sensors.end(), b.sensors.begin(), b.sensors.end(), SameBits) &&
+         a.actuators == b.actuators && a.disturbances == b.disturbances;
+}
+
 inline Outcome Fly(const std::vector<FaultSpec>& specs, std::uint64_t seed = 1) {
   FaultSchedule schedule = AtThePlant(specs, seed);
   Outcome outcome;

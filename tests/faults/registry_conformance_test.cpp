@@ -30,17 +30,6 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
 
-bool SameFrames(const Outcome& a, const Outcome& b) {
-  return std::equal(a.frames.begin(), a.frames.end(), b.frames.begin(), b.frames.end(),
-                    [](const auto& x, const auto& y) { return Same(x, y); });
-}
-
-bool SameOutcome(const Outcome& a, const Outcome& b) {
-  return SameFrames(a, b) &&
-         std::equal(a.sensors.begin(), a.sensors.end(), b.sensors.begin(), b.sensors.end(), SameBits) &&
-         a.actuators == b.actuators && a.disturbances == b.disturbances;
-}
-
 // What came of frame n, wherever it came out.
 std::vector<link::Chunk> Descendants(const Outcome& outcome, std::int64_t n) {
   std::vector<link::Chunk> all;

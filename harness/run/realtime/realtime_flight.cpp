@@ -1,7 +1,6 @@
 #include "harness/run/realtime/realtime_flight.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <boost/asio/executor_work_guard.hpp>
@@ -12,8 +11,6 @@
 #include <map>
 #include <utility>
 
-#include "harness/dds/bus.h"
-#include "harness/dds/qos.h"
 #include "harness/run/client_history.h"
 #include "harness/run/flight.h"
 #include "harness/run/merge_logs.h"
@@ -24,7 +21,7 @@
 #include "harness/run/realtime/members.h"
 #include "harness/run/realtime/node_faults.h"
 #include "harness/run/realtime/node_processes.h"
-#include "harness/run/run_id.h"
+#include "harness/run/realtime/run_bus.h"
 #include "harness/terminal/terminal.h"
 
 namespace tiltproof::harness {
@@ -36,7 +33,6 @@ using dds::NodeKind;
 using std::chrono::milliseconds;
 
 constexpr milliseconds kTurn{5};
-constexpr std::chrono::nanoseconds kHeartbeatPeriod{dds::kHeartbeatPeriodNs};
 constexpr milliseconds kFindLimit{10'000};
 constexpr milliseconds kCommandLimit{10'000};
 // After the end: time for what a partition of the network held up.
@@ -68,7 +64,6 @@ class RealtimeConductor {
   // Turns the loop until `done`; false when the limit is over first. Checks on every turn that everybody lives.
   bool Await(milliseconds limit, const std::function<bool()>& done);
   void Turn();
-  void Beat();
   void WatchMembers();
   void OnStates();
   TimeNs Now() const;
@@ -86,25 +81,15 @@ class RealtimeConductor {
   asio::io_context loop_{1};
   // Without work the loop would return at once, and a turn take all of a core.
   asio::executor_work_guard<asio::io_context::executor_type> work_ = asio::make_work_guard(loop_);
-  std::optional<dds::Bus> bus_;
-  dds::Circle circle_;  // the members, once they are adopted: only they take part in the run
-  std::optional<dds::Publisher<dds::Heartbeat>> heartbeats_;
-  std::optional<dds::Publisher<dds::RunScenario>> scenarios_;
-  std::optional<dds::Publisher<dds::RunCommand>> commands_;
-  std::optional<dds::Publisher<dds::FaultCommand>> fault_commands_;
-  std::optional<dds::Subscriber<dds::Heartbeat>> nodes_;
-  std::optional<dds::Subscriber<dds::RunAck>> acks_;
-  std::optional<dds::Subscriber<dds::RunState>> states_;
-  std::optional<dds::Subscriber<dds::PlantState>> plant_states_;
-  std::optional<LogCollector> collector_;
+  RunBus bus_{options_, [this] { asio::post(loop_, [] {}); }};
+  LogCollector collector_{bus_.bus,         bus_.circle, scenario_,
+                          model_.signals(), run_id_,     [this] { asio::post(loop_, [] {}); }};
   std::optional<NodeProcesses> processes_;
 
   NodeFaults node_faults_{scenario_, options_.attach};
   Injector injector_{options_.injections};
   Members members_;
   std::map<std::string, std::map<std::int64_t, dds::RunAck>> answers_;
-  dds::Heartbeat heartbeat_;
-  SteadyClock::time_point next_beat_;
   std::int64_t command_sequence_ = 0;
   int restart_count_ = 0;
   std::vector<dds::Port> ports_;  // that the link offers
@@ -123,28 +108,7 @@ class RealtimeConductor {
 RealtimeConductor::RealtimeConductor(const Scenario& scenario, const plant::VehicleModel& model,
                                      const RealtimeOptions& options)
     : scenario_(scenario), model_(model), options_(options) {
-  bus_.emplace(dds::BusConfig{.domain = options.place.domain,
-                              .tag = options.place.tag,
-                              .interface = options.interface,
-                              .peers = options.peers,
-                              .xmit_loss = 0});
-  const auto wake = [this] { asio::post(loop_, [] {}); };
-  heartbeats_.emplace(*bus_);
-  scenarios_.emplace(*bus_);
-  commands_.emplace(*bus_);
-  fault_commands_.emplace(*bus_);
-  nodes_.emplace(*bus_, wake, wake);
-  acks_.emplace(*bus_, circle_, wake);
-  states_.emplace(*bus_, circle_, wake);
-  plant_states_.emplace(*bus_, circle_, wake);
-  collector_.emplace(*bus_, circle_, scenario_, model_.signals(), run_id_, wake);
-  heartbeat_.node_id = "harness-" + run_id_;
-  heartbeat_.kind = NodeKind::kHarness;
-  heartbeat_.host = HostName();
-  heartbeat_.pid = getpid();
-  heartbeat_.run_id = run_id_;
-  heartbeat_.version = TILTPROOF_VERSION;
-  if (!options.attach) processes_.emplace(options_, bus_->participant(), node_faults_.loss());
+  if (!options.attach) processes_.emplace(options_, bus_.bus.participant(), node_faults_.loss());
 }
 
 RunLog RealtimeConductor::Run() {
@@ -172,7 +136,7 @@ RunLog RealtimeConductor::Run() {
   }
   if (processes_) processes_->StopAll();
 
-  RunLog log = collector_->Take(ending_.end_ns());
+  RunLog log = collector_.Take(ending_.end_ns());
   log.end_reason = ending_.reason();
   log.end_text = ending_.text();
   if (log.end_reason == EndReason::kCompleted) log.end_ns = scenario_.duration_ns;
@@ -194,7 +158,7 @@ RunLog RealtimeConductor::Run() {
   if (options_.score) {
     dds::Score score = options_.score(log);
     score.run_id = run_id_;
-    dds::Publisher<dds::Score> scores(*bus_);
+    dds::Publisher<dds::Score> scores(bus_.bus);
     scores.Write(score);
     scores.WaitForAcks(kScoreLimit.count() * kNsPerMs);
   }
@@ -222,7 +186,7 @@ void RealtimeConductor::FindNodes() {
   std::string missing;
   const bool found = Await(kFindLimit, [&] {
     // One that ended while it began has printed why.
-    return ending_.ended() || members_.Adopt(nodes_->Nodes(), processes_ ? &*processes_ : nullptr,
+    return ending_.ended() || members_.Adopt(bus_.nodes.Nodes(), processes_ ? &*processes_ : nullptr,
                                              !AbilitiesOf(options_.client, true).node, run_id_, missing);
   });
   if (ending_.ended()) throw std::runtime_error(ending_.text());
@@ -234,7 +198,7 @@ void RealtimeConductor::FindNodes() {
                                       options_.place.domain)
                         : ""));
   members_.CheckHosts();
-  for (const Member& member : members_.all()) circle_.Admit(member.participant, member.id);
+  for (const Member& member : members_.all()) bus_.circle.Admit(member.participant, member.id);
 }
 
 void RealtimeConductor::Announce() {
@@ -245,11 +209,11 @@ void RealtimeConductor::Announce() {
     announcement.nodes.push_back(member.id);
     announcement.participants.push_back(ToText(member.participant));
   }
-  scenarios_->Write(announcement);
+  bus_.scenarios.Write(announcement);
 }
 
 bool RealtimeConductor::HasTakenScenario(const Member& member) const {
-  const auto nodes = nodes_->Nodes();
+  const auto nodes = bus_.nodes.Nodes();
   return std::any_of(nodes.begin(), nodes.end(), [&](const dds::NodeLife& node) {
     return node.participant == member.participant && node.last.run_id == run_id_;
   });
@@ -283,7 +247,7 @@ std::map<std::string, dds::RunAck> RealtimeConductor::Command(dds::Verb verb,
   command.verb = verb;
   command.ports = ports;
   command.node_id = only;
-  commands_->Write(command);
+  bus_.commands.Write(command);
   const auto answered = [&](const Member& member) {
     return (!only.empty() && member.id != only) || (tolerate_lost && member.lost) ||
            answers_[member.id].contains(command.sequence);
@@ -325,13 +289,13 @@ void RealtimeConductor::Turn() {
   if (options_.interrupted != nullptr && options_.interrupted->load(std::memory_order_relaxed) &&
       (!ending_.ended() || ending_.reason() != EndReason::kInterrupted))
     throw Interrupted{};
-  Beat();
+  bus_.Beat(SteadyClock::now());
   loop_.run_one_for(kTurn);
   loop_.poll();
-  nodes_->Take();
-  for (auto& ack : acks_->Take())
+  bus_.nodes.Take();
+  for (auto& ack : bus_.acks.Take())
     if (ack.run_id == run_id_) answers_[ack.node_id][ack.sequence] = std::move(ack);
-  for (const auto& state : plant_states_->Take()) {
+  for (const auto& state : bus_.plant_states.Take()) {
     if (state.run_id != run_id_) continue;
     sim_ns_ = std::max(sim_ns_, state.time_ns);
     sim_seen_ = SteadyClock::now();
@@ -340,8 +304,8 @@ void RealtimeConductor::Turn() {
   // not go on.
   if (options_.progress_ns != nullptr)
     options_.progress_ns->store(sim_ns_ + ++turn_count_ % kNsPerUs, std::memory_order_relaxed);
-  collector_->Drain(std::min(sim_ns_, scenario_.duration_ns));
-  if (!collector_->overfull().empty()) End(EndReason::kHarnessError, collector_->overfull());
+  collector_.Drain(std::min(sim_ns_, scenario_.duration_ns));
+  if (!collector_.overfull().empty()) End(EndReason::kHarnessError, collector_.overfull());
   OnStates();
   WatchMembers();
   ending_.Settle(SteadyClock::now(), members_.AnySilent());
@@ -349,16 +313,8 @@ void RealtimeConductor::Turn() {
   if (injecting_) node_faults_.EndPauses(Now(), MeansOfNodeFaults());
 }
 
-void RealtimeConductor::Beat() {
-  const auto now = SteadyClock::now();
-  if (now < next_beat_) return;
-  next_beat_ = now + kHeartbeatPeriod;
-  ++heartbeat_.sequence;
-  heartbeats_->Write(heartbeat_);
-}
-
 void RealtimeConductor::OnStates() {
-  for (const auto& state : states_->Take()) {
+  for (const auto& state : bus_.states.Take()) {
     if (state.run_id != run_id_) continue;
     const bool of_plant = state.node_id == members_.Find(NodeKind::kPlant)->id;
     if (of_plant && state.origin_ns != 0) running_ = true;
@@ -379,13 +335,13 @@ void RealtimeConductor::OnStates() {
 }
 
 void RealtimeConductor::WatchMembers() {
-  for (const std::string& stranger : members_.NewStrangers(nodes_->Nodes(), run_id_)) {
+  for (const std::string& stranger : members_.NewStrangers(bus_.nodes.Nodes(), run_id_)) {
     Print(stderr, "warning: {}\n", stranger);
     Note("node_ignored", stranger);
   }
   // While they load a scenario, open ports or look at a firmware that never started, the limit of a command is theirs.
   const bool flying = started_ != SteadyClock::time_point{} && !stopping_;
-  for (const MemberNews& news : members_.Watch(flying ? nodes_->Nodes() : std::vector<dds::NodeLife>{},
+  for (const MemberNews& news : members_.Watch(flying ? bus_.nodes.Nodes() : std::vector<dds::NodeLife>{},
                                                processes_ ? &*processes_ : nullptr, node_faults_.excused(),
                                                node_faults_.paused(), SteadyClock::now())) {
     // Released, they go.
@@ -446,7 +402,7 @@ NodeFaults::Means RealtimeConductor::MeansOfNodeFaults() {
   return {.run_id = run_id_,
           .processes = processes_ ? &*processes_ : nullptr,
           .members = members_,
-          .commands = *fault_commands_,
+          .commands = bus_.fault_commands,
           .restart = [this](const std::string& role) { Restart(role); },
           .note = [this](const std::string& kind, const std::string& text) { Note(kind, text); }};
 }
@@ -474,7 +430,7 @@ void RealtimeConductor::Restart(const std::string& role) {
 
 void RealtimeConductor::Join(Member& member, const std::string& id, const dds::Participant& participant) {
   members_.Replace(member, id, participant);
-  circle_.Admit(participant, id);
+  bus_.circle.Admit(participant, id);
   Announce();
 }
 
@@ -496,13 +452,13 @@ void RealtimeConductor::GatherLogs() {
   Command(dds::Verb::kStop, {}, true);
   const auto complete = [&] {
     return std::all_of(members_.all().begin(), members_.all().end(),
-                       [&](const Member& m) { return m.lost || collector_->Complete(m.id); });
+                       [&](const Member& m) { return m.lost || collector_.Complete(m.id); });
   };
   if (!Await(kLogLimit, complete)) {
     for (const Member& member : members_.all())
-      if (!member.lost && !collector_->Complete(member.id))
+      if (!member.lost && !collector_.Complete(member.id))
         End(EndReason::kNodeLost, fmt::format("the log of the {} node is not whole: {} missing", member.id,
-                                              collector_->Missing(member.id)));
+                                              collector_.Missing(member.id)));
   }
   releasing_ = true;
   Command(dds::Verb::kRelease, {}, true);
