@@ -10,7 +10,6 @@
 #include <string_view>
 #include <vector>
 
-#include "harness/client/client.h"
 #include "harness/report/json_text.h"
 #include "harness/terminal/lines.h"
 #include "harness/terminal/terminal.h"
@@ -79,8 +78,7 @@ Why Reasons(const FlightResult& result) {
   }
   for (const auto& fault : score.faults)
     if (fault.activations == 0) add("fault '" + fault.id + "' never activated");
-  for (const auto& event : result.events)
-    if (event.kind == kSlowAdapterEvent) add(event.text);
+  for (const std::string& cause : OtherCauses(result)) add(cause);
   return why;
 }
 

@@ -1,5 +1,6 @@
 #include "harness/engine/flight_result.h"
 
+#include "harness/client/client.h"
 #include "harness/run/remote/archive.h"
 
 namespace tiltproof::harness {
@@ -40,6 +41,13 @@ std::vector<FlightEvent> EventsOf(const RunLog& log) {
       out.client = log.clients.at(*event.client).id;
   }
   return events;
+}
+
+std::vector<std::string> OtherCauses(const FlightResult& result) {
+  std::vector<std::string> causes;
+  for (const FlightEvent& event : result.events)
+    if (event.kind == kSlowAdapterEvent) causes.push_back(event.text);
+  return causes;
 }
 
 std::vector<std::uint8_t> Pack(const FlightResult& result) {

@@ -59,6 +59,8 @@ FlightResult MakeErrorResult(const std::string& name, const Scenario& scenario, 
                              const std::string& replay);
 
 std::vector<FlightEvent> EventsOf(const RunLog& log);
+// What may be the cause when a flight fails, and is none of the firmware's: one line for each.
+std::vector<std::string> OtherCauses(const FlightResult& result);
 
 // From one process of this build to another, to the bit.
 std::vector<std::uint8_t> Pack(const FlightResult& result);

@@ -61,6 +61,7 @@ void AddTestCase(pugi::xml_node suite, const std::string& suite_name, const Flig
   std::string text = fmt::format("seed {}\nreplay: {}\n", result.seed, result.replay);
   for (const auto& criterion : result.score.criteria)
     text += fmt::format("{} {}: {}\n", Name(criterion.verdict), criterion.name, criterion.explanation);
+  for (const std::string& cause : OtherCauses(result)) text += cause + "\n";
   failure.append_child(pugi::node_pcdata).set_value(XmlSafe(text).c_str());
 }
 

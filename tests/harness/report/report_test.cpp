@@ -13,6 +13,7 @@
 #include <pugixml.hpp>
 #include <sstream>
 
+#include "harness/client/client.h"
 #include "harness/report/build_id.h"
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"
@@ -178,6 +179,16 @@ void ExpectAttributes(const pugi::xml_node& node, const std::map<std::string, st
 }
 
 // What the schemas of Ant and of Jenkins both ask for, and nothing that one of them does not know.
+TEST_F(ReportTest, JunitNamesWhatMayBeTheCauseAndIsNoneOfTheFirmwares) {
+  FlightResult lost = Result(Verdict::kFail, Verdict::kPass);
+  lost.events.push_back({1.5, kSlowAdapterEvent, std::nullopt, "8.0 ms between reply and actuators"});
+  lost.events.push_back({1.6, "note", std::nullopt, "something else"});
+  WriteResults(folder_, RunInfo{}, {lost});
+  const std::string xml = ReadFile(folder_ / "junit.xml");
+  EXPECT_THAT(xml, HasSubstr("\n8.0 ms between reply and actuators\n"));
+  EXPECT_THAT(xml, ::testing::Not(HasSubstr("something else")));
+}
+
 TEST_F(ReportTest, JunitHasTheFormThatAntAndJenkinsKnow) {
   RunInfo info;
   info.suite = "s";
