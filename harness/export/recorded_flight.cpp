@@ -40,7 +40,7 @@ std::vector<std::uint8_t> BytesOf(const std::string& hex) {
 std::vector<dds::Chunk> ChunksOf(const Json& json) {
   std::vector<dds::Chunk> chunks;
   for (const Json& chunk : json)
-    chunks.push_back({FromSeconds(chunk.at("begin_s").get<double>()), BytesOf(chunk.at("bytes"))});
+    chunks.push_back({TimeFromFile(chunk.at("begin_s").get<double>()), BytesOf(chunk.at("bytes"))});
   return chunks;
 }
 
@@ -48,7 +48,7 @@ RecordedActivation ActivationOf(const Json& json) {
   RecordedActivation recorded;
   recorded.type = json.at("type");
   recorded.activation.fault_id = json.at("fault");
-  recorded.activation.time_ns = FromSeconds(json.at("time_s").get<double>());
+  recorded.activation.time_ns = TimeFromFile(json.at("time_s").get<double>());
   recorded.activation.what = json.at("what");
   recorded.activation.before = ChunksOf(json.at("before"));
   recorded.activation.after = ChunksOf(json.at("after"));

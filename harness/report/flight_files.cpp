@@ -22,7 +22,7 @@ Json ChunksJson(const std::vector<link::LogChunk>& chunks) {
 }
 
 RunEvent ToRunEvent(const RunLog& log, const FlightEvent& from) {
-  RunEvent event{FromSeconds(from.time_s), from.kind, from.text};
+  RunEvent event{TimeFromFile(from.time_s), from.kind, from.text};
   for (std::size_t i = 0; i < log.clients.size(); ++i)
     if (log.clients[i].id == from.client) event.client = i;
   return event;
@@ -61,7 +61,7 @@ void FromFile(const Json& json, RunLog& log) {
   }
   const auto get = [&json](const char* key, std::vector<LateSpan>& to) {
     for (const Json& span : json.value(key, Json::array()))
-      to.push_back({span.at(0).get<TimeNs>(), span.at(1).get<TimeNs>()});
+      to.push_back({FromJson<TimeNs>(span.at(0)), FromJson<TimeNs>(span.at(1))});
   };
   get(kHarnessLate, log.harness_late);
   get(kBoardDisturbed, log.board_disturbed);

@@ -14,7 +14,9 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <exception>
+#include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -22,11 +24,13 @@
 #include <string>
 #include <string_view>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "harness/report/json_text.h"
 #include "link/chunk.h"
 #include "link/fields.h"
+#include "link/time.h"
 
 namespace tiltproof::harness {
 
@@ -121,6 +125,8 @@ class JsonReader {
       GetFields(json, value);
     } else if constexpr (std::is_enum_v<T>) {
       value = Named<T>(json.get<std::string>());
+    } else if constexpr (std::is_integral_v<T> && !std::is_same_v<T, bool>) {
+      value = WholeNumber<T>(json);
     } else {
       json.get_to(value);
     }
@@ -147,6 +153,19 @@ class JsonReader {
   }
 
  private:
+  // In a file stands any number: what T cannot hold is refused.
+  template <class T>
+  static T WholeNumber(const Json& json) {
+    const bool fits = json.is_number_unsigned()
+                          ? std::in_range<T>(json.get<std::uint64_t>())
+                          : json.is_number_integer() && std::in_range<T>(json.get<std::int64_t>());
+    if (json.is_number() && !fits)
+      throw std::runtime_error(json.dump() + " is no whole number from " +
+                               std::to_string(std::numeric_limits<T>::min()) + " to " +
+                               std::to_string(std::numeric_limits<T>::max()));
+    return json.get<T>();
+  }
+
   template <class T>
   static void GetKey(const Json& json, const char* key, T& value) {
     Get(json.at(key), value);
@@ -164,6 +183,13 @@ class JsonReader {
     Get(json.value(key, Json::object()), values);
   }
 };
+
+// A time in seconds, as files have it. Throws std::runtime_error when nanoseconds cannot hold it.
+inline TimeNs TimeFromFile(double time_s) {
+  if (!(std::abs(time_s) < 9e9))
+    throw std::runtime_error(std::to_string(time_s) + " s is no time of a flight");
+  return FromSeconds(time_s);
+}
 
 template <class T>
 Json ToJson(const T& value) {

@@ -77,6 +77,28 @@ TEST(JsonFields, AnErrorSaysWhere) {
       0u);
 }
 
+TEST(JsonFields, AWholeNumberIsOneThatItsTypeHolds) {
+  const auto error_with = [](const std::string& count) {
+    return ReadErrorOf((R"({"name": "a", "color": "red", "counts": {"n": )" + count + "}}").c_str());
+  };
+  for (const char* count : {"0", "-9223372036854775808", "9223372036854775807"})
+    EXPECT_EQ(error_with(count), "none") << count;
+  for (const char* count : {"8.16e38", "-1e19", "9223372036854775808", "1.5"})
+    EXPECT_NE(error_with(count).find("is no whole number from -9223372036854775808 to 9223372036854775807"),
+              std::string::npos)
+        << error_with(count);
+  EXPECT_NE(error_with("\"3\"").find("must be number"), std::string::npos);
+  EXPECT_EQ(FromJson<std::uint8_t>(Json(255)), 255);
+  EXPECT_THROW(FromJson<std::uint8_t>(Json(256)), std::runtime_error);
+  EXPECT_THROW(FromJson<std::uint8_t>(Json(-1)), std::runtime_error);
+}
+
+TEST(JsonFields, ATimeIsOneThatNanosecondsHold) {
+  EXPECT_EQ(TimeFromFile(1.5), 1'500'000'000);
+  for (const double time_s : {9e9, -9e9, 1e300, std::numeric_limits<double>::quiet_NaN()})
+    EXPECT_THROW(TimeFromFile(time_s), std::runtime_error) << time_s;
+}
+
 TEST(JsonFields, AnArrayByDirectionHasTheirNames) {
   LineCounts counts{};
   counts[1].frames_sent = 7;
