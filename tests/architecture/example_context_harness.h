@@ -395,6 +395,14 @@ extern TimeNs flown_ns, end_ns;
 extern dds::Publisher<dds::FaultCommand> commands;
 extern const dds::FaultCommand message;
 
+// harness/run/realtime/run_bus.h
+#include "harness/run/realtime/members.h"
+extern const RealtimeOptions options;
+extern const std::function<void()> wake;
+extern const dds::RunCommand command;
+extern const Member member;
+using SteadyClock = std::chrono::steady_clock;
+
 // harness/run/realtime/ending.h
 #include "harness/run/realtime/members.h"
 extern Ending ending;
