@@ -28,7 +28,7 @@ const char* __asan_default_options() {
   return "abort_on_error=1:detect_leaks=0:use_sigaltstack=0:handle_segv=0:handle_sigbus=0:handle_sigfpe=0:"
          "handle_sigill=0:handle_abort=0";
 }
-const char* __ubsan_default_options() { return "abort_on_error=1"; }
+const char* __ubsan_default_options() { return "abort_on_error=1:halt_on_error=1"; }
 // NOLINTEND(bugprone-reserved-identifier, cert-dcl37-c, cert-dcl51-cpp, readability-identifier-naming)
 }
 #endif
