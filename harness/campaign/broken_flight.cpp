@@ -116,7 +116,7 @@ std::optional<BrokenFlight> BrokenOutsideCalls(const FlightResult& result, const
   const FlightEvent* const died = EventOf(result, kDiedOutsideCallsEvent);
   if (died == nullptr || died->time_s < ToSeconds(HostileFrom(protocol))) return std::nullopt;
   return BrokenFlight{"crash", fmt::format("crash: {}", kDamaged),
-                      fmt::format("{}: {}", kDamaged, result.score.reason)};
+                      fmt::format("{}: {}", kDamaged, result.score.reason), true};
 }
 
 }  // namespace tiltproof::harness

@@ -84,7 +84,16 @@ void FuzzFiles::Write(const FuzzFinding& finding, const Scenario& base) const {
   if (!finding.minimised) text += "# The campaign ended before it was as small as it could be made.\n";
   if (finding.minimised && !finding.confirmed)
     text += "# Flown once more it did not break: it depends on more than these bytes.\n";
-  text += "# It fails as long as the defect is there, and passes afterwards:\n";
+  if (finding.broken.outside_calls) {
+    text +=
+        "# What damaged memory does depends on the process: this flight may pass while the defect is there. "
+        "Built\n"
+        "# with -fsanitize=address the library fails where the mistake is made:\n";
+  } else if (finding.confirmed) {
+    text += "# It fails as long as the defect is there, and passes afterwards:\n";
+  } else {
+    text += "# To fly it again:\n";
+  }
   text += Comment(ReplayOf(finding));
   text += fmt::format("name: {}\ntags: [fuzz, {}]\n", finding.broken.Name(), finding.broken.kind);
   text += FuzzBaseText(base.firmware, base.link.protocol->name);

@@ -80,6 +80,9 @@ class FuzzTest(CommandLineTest):
         self.assertEqual(finding["kind"], "crash")
         self.assertTrue(finding["minimised"] and finding["confirmed"], finding)
         self.assertEqual(finding["inputs"], 1)
+        text = pathlib.Path(self.folder / finding["file"]).read_text()
+        self.assertIn("may pass while the defect is there", text)
+        self.assertNotIn("passes afterwards", text)
         # It went on after that.
         self.assertGreater(finding["flights"], 1)
         self.assertTrue(self.summary()["complete"])
