@@ -86,9 +86,8 @@ void FuzzFiles::Write(const FuzzFinding& finding, const Scenario& base) const {
     text += "# Flown once more it did not break: it depends on more than these bytes.\n";
   if (finding.broken.outside_calls) {
     text +=
-        "# What damaged memory does depends on the process: this flight may pass while the defect is there. "
-        "Built\n"
-        "# with -fsanitize=address the library fails where the mistake is made:\n";
+        "# What damaged memory does depends on the process: this flight may pass while the defect is there.\n"
+        "# A library built with -fsanitize=address fails where the mistake is made:\n";
   } else if (finding.confirmed) {
     text += "# It fails as long as the defect is there, and passes afterwards:\n";
   } else {

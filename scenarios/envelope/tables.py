@@ -226,10 +226,18 @@ def has_margin(places):
     return any(value is not None for ratios in places for value in ratios)
 
 
+def twice_as_much(types, half):
+    """How many of a layer's types; `-` where they have a margin and none was flown in this half."""
+    flown = any(ratios[half] is not None for places in types.values() for ratios in places)
+    if not flown and any(map(has_margin, types.values())):
+        return "-"
+    return sum(best(places, half) >= TWICE for places in types.values())
+
+
 def short_table(layers):
     lines = ["| layer | types | with a margin | " + " | ".join(f"twice as much: {title}" for title in TITLES) + " |", "|---|---:|---:|" + "---:|" * len(TITLES)]
     for layer, types in layers.items():
-        counts = [sum(best(places, i) >= TWICE for places in types.values()) for i in range(len(TITLES))]
+        counts = [twice_as_much(types, i) for i in range(len(TITLES))]
         lines.append(f"| {layer} | {len(types)} | {sum(map(has_margin, types.values()))} | " + " | ".join(map(str, counts)) + " |")
     return "\n".join(lines)
 

@@ -7,7 +7,6 @@
 #include <filesystem>
 #include <stdexcept>
 #include <string>
-#include <utility>
 
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"
@@ -22,11 +21,9 @@ using namespace tiltproof::harness;
 using tiltproof::testing::Require;
 using tiltproof::testing::Tried;
 
-// A run of one flight of two rows. It is written once: that takes longer than reading it.
-const std::filesystem::path& SoundFolder() {
-  static const std::filesystem::path folder = tiltproof::testing::ScratchFolder() / "run";
-  static bool is_written = false;
-  if (std::exchange(is_written, true)) return folder;
+// A run of one flight of two rows.
+std::filesystem::path WriteSoundFolder() {
+  auto folder = tiltproof::testing::ScratchFolder() / "run";
   RunLog log;
   log.clients.resize(1);
   log.trace = Trace({"t_s", "x_m"});
@@ -60,7 +57,8 @@ void ReadTrace(const std::string& text) {
 }
 
 void ReadFolderWith(const std::string& file, const std::string& text) {
-  const auto& folder = SoundFolder();
+  // Once: writing it takes longer than reading it.
+  static const auto folder = WriteSoundFolder();
   const std::string sound = ReadFile(folder / file);
   Write(file, text);
   Tried<std::runtime_error>([&] { return ReadFlight(folder).trace.row_count(); });

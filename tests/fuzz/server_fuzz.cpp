@@ -74,8 +74,8 @@ faults:
 // The last faults of these come while the vehicle flies, as from the live page.
 constexpr std::array<std::size_t, 2> kByHand = {7, 8};
 
-// Of one frame it makes more than a line holds. That takes as long as a hundred other inputs: the mutator turns nearly
-// all of what it makes of such an input into something else.
+// Of one frame it makes more than a line holds. That takes as long as a hundred other inputs. So the mutator gives nearly
+// all changes of such an input another scenario.
 constexpr std::uint8_t kFlood = 255;
 constexpr unsigned kFloodOneOf = 64;
 std::string FloodKeys() {

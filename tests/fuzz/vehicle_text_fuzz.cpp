@@ -37,7 +37,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     }
     for (const plant::ServoElement& servo : elements.servos)
       Require(xml.Line("joint", servo.joint, "axis") <= last_line, "a joint has a line of the file");
-    Require(problems.empty() ? elements.thrusters.size() == 2 && elements.servos.size() == 2 : true,
+    Require(!problems.empty() || (elements.thrusters.size() == 2 && elements.servos.size() == 2),
             "a vehicle without a problem has two thrusters and two servos");
     plant::MissingElements(xml.model(), elements);
     xml.WarnUnsupported(elements, warnings);

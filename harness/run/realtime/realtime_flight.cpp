@@ -81,9 +81,9 @@ class RealtimeConductor {
   asio::io_context loop_{1};
   // Without work the loop would return at once, and a turn take all of a core.
   asio::executor_work_guard<asio::io_context::executor_type> work_ = asio::make_work_guard(loop_);
-  RunBus bus_{options_, [this] { asio::post(loop_, [] {}); }};
-  LogCollector collector_{bus_.bus,         bus_.circle, scenario_,
-                          model_.signals(), run_id_,     [this] { asio::post(loop_, [] {}); }};
+  const std::function<void()> wake_ = [this] { asio::post(loop_, [] {}); };
+  RunBus bus_{options_, wake_};
+  LogCollector collector_{bus_.bus, bus_.circle, scenario_, model_.signals(), run_id_, wake_};
   std::optional<NodeProcesses> processes_;
 
   NodeFaults node_faults_{scenario_, options_.attach};

@@ -29,7 +29,7 @@ void RunBus::Beat(std::chrono::steady_clock::time_point now) {
   if (now < next_beat_) return;
   next_beat_ = now + std::chrono::nanoseconds(dds::kHeartbeatPeriodNs);
   ++heartbeat_.sequence;
-  heartbeats.Write(heartbeat_);
+  heartbeats_.Write(heartbeat_);
 }
 
 }  // namespace tiltproof::harness

@@ -24,7 +24,6 @@ struct RunBus {
 
   dds::Bus bus;
   dds::Circle circle;  // the members, once they are adopted: only they take part in the run
-  dds::Publisher<dds::Heartbeat> heartbeats{bus};
   dds::Publisher<dds::RunScenario> scenarios{bus};
   dds::Publisher<dds::RunCommand> commands{bus};
   dds::Publisher<dds::FaultCommand> fault_commands{bus};
@@ -34,6 +33,7 @@ struct RunBus {
   dds::Subscriber<dds::PlantState> plant_states;
 
  private:
+  dds::Publisher<dds::Heartbeat> heartbeats_{bus};
   dds::Heartbeat heartbeat_;
   std::chrono::steady_clock::time_point next_beat_;
 };

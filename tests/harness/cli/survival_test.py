@@ -141,6 +141,11 @@ class SurvivalTest(unittest.TestCase):
                 if value == "-" or (float(value.replace("∞", "inf")) < 2 and tolerant != "all"):
                     self.assertNotEqual(line[-1], "", line)
 
+        # In the short table what was not flown is no zero.
+        for layer, *counts in re.findall(r"(?m)^\| (\w+) \| \d+ \| [1-9]\d* \| (\S+) \| (\S+) \|$", (SOURCE / "docs/survival.md").read_text()):
+            ratios = [(line[5], line[8]) for line in rows if line[0].startswith(f"`{layer}.")]
+            self.assertEqual([count == "-" for count in counts], [set(half) == {"-"} for half in zip(*ratios)], layer)
+
     def test_the_vehicle_with_drag_is_the_same_but_for_its_drag(self):
         # The envelope of the winds: one line more in the vehicle, one more or another one in the scenario.
         self.tables("--fly", PROGRAM, "-j", "2", "--types", "plant.gust,plant.mass", "--repeats", "1", "--tolerance", "0.5")

@@ -178,7 +178,6 @@ void ExpectAttributes(const pugi::xml_node& node, const std::map<std::string, st
     EXPECT_TRUE(patterns.contains(attribute.name())) << node.name() << " " << attribute.name();
 }
 
-// What the schemas of Ant and of Jenkins both ask for, and nothing that one of them does not know.
 TEST_F(ReportTest, JunitNamesWhatMayBeTheCauseAndIsNoneOfTheFirmwares) {
   FlightResult lost = Result(Verdict::kFail, Verdict::kPass);
   lost.events.push_back({1.5, kSlowAdapterEvent, std::nullopt, "8.0 ms between reply and actuators"});
@@ -189,6 +188,7 @@ TEST_F(ReportTest, JunitNamesWhatMayBeTheCauseAndIsNoneOfTheFirmwares) {
   EXPECT_THAT(xml, ::testing::Not(HasSubstr("something else")));
 }
 
+// What the schemas of Ant and of Jenkins both ask for, and nothing that one of them does not know.
 TEST_F(ReportTest, JunitHasTheFormThatAntAndJenkinsKnow) {
   RunInfo info;
   info.suite = "s";
