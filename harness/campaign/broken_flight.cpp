@@ -4,12 +4,14 @@
 
 #include <algorithm>
 #include <array>
+#include <regex>
 #include <string_view>
 
 #include "faults/random.h"
 #include "harness/campaign/hostile_sequence.h"
 #include "harness/client/client.h"
 #include "harness/engine/worker_process.h"
+#include "harness/run/run_log.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -82,13 +84,25 @@ std::string KeyOfReason(const std::string& reason, bool with_places) {
   return key;
 }
 
+std::string LibraryPlaceIn(const std::string& reason) {
+  // An image's names places of handlers, too.
+  if (reason.find("tiltproof_client_") == std::string::npos) return "";
+  static const std::regex line(R"([^\s:(]+\.\w+:[0-9]+(:[0-9]+)?)"), offset(R"([^\s(]+\+0x[0-9a-f]+)");
+  std::smatch place;
+  if (std::regex_search(reason, place, line) || std::regex_search(reason, place, offset)) return place.str();
+  return "";
+}
+
 std::optional<BrokenFlight> BrokenBy(const FlightResult& result) {
   const auto broken = [&](std::string_view kind, const std::string& reason, const std::string& key) {
     return BrokenFlight{std::string(kind), fmt::format("{}: {}", kind, key), reason};
   };
   const std::string& reason = result.score.reason;
   if (result.score.verdict == Verdict::kError) return std::nullopt;
-  if (result.outcome == Outcome::kCrashed) return broken("crash", reason, KeyOfReason(reason, true));
+  if (result.outcome == Outcome::kCrashed) {
+    const std::string place = LibraryPlaceIn(reason);
+    return broken("crash", reason, place.empty() ? KeyOfReason(reason, true) : place);
+  }
   // Without an end its process went with it.
   if (result.end_reason == EndReason::kFirmwareHung ||
       (!result.end_reason && result.outcome == Outcome::kHung))
@@ -101,11 +115,10 @@ std::optional<BrokenFlight> BrokenBy(const FlightResult& result) {
         std::find_if(result.score.criteria.begin(), result.score.criteria.end(),
                      [&](const CriterionResult& one) { return one.name == oracle.criterion; });
     if (criterion == result.score.criteria.end() || criterion->verdict != Verdict::kFail) continue;
-    std::string text = fmt::format("{}: {}", criterion->name, criterion->explanation);
+    const std::string text = fmt::format("{}: {}", criterion->name, criterion->explanation);
     if (oracle.criterion != kMessages.criterion) return broken(oracle.kind, text, "");
     // "...: u_f_r_n = nan, plausible is ...": which field it is tells them apart.
-    const std::string refused = TextOfEvent(result, "command_refused");
-    if (!refused.empty()) text += fmt::format(" ({})", refused);
+    const std::string refused = TextOfEvent(result, kCommandRefusedEvent);
     return broken(oracle.kind, text, refused.substr(0, refused.find(" = ")));
   }
   return std::nullopt;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <iterator>
 #include <set>
 #include <utility>
 
@@ -43,6 +44,12 @@ std::size_t HostileCount(const HostileSequence& sequence) {
       std::ranges::count_if(sequence.inputs, [](const LineBytes& input) { return !input.empty(); }));
 }
 
+std::size_t BytesCount(const HostileSequence& sequence) {
+  std::size_t count = 0;
+  for (const LineBytes& input : sequence.inputs) count += input.size();
+  return count;
+}
+
 // Nothing: what was to be flown was dropped.
 std::optional<FlightResult> ResultOf(std::future<FlightResult>& result) {
   try {
@@ -61,17 +68,18 @@ FuzzCampaign::FuzzCampaign(Options options)
   options_.flight.scenario.criteria = FuzzCriteria(*options_.flight.scenario.link.protocol);
 }
 
-FlightJob FuzzCampaign::JobOf(const HostileSequence& sequence, std::string name) const {
+FlightJob FuzzCampaign::JobOf(const HostileSequence& sequence, std::string name, bool with_coverage) const {
   FlightJob job = options_.flight;
   job.name = std::move(name);
   job.scenario = FlightOf(job.scenario, sequence);
-  job.coverage = true;
+  job.coverage = with_coverage;
   return job;
 }
 
-std::optional<BrokenFlight> FuzzCampaign::Fly(const HostileSequence& sequence, FlightResult* result) {
+std::optional<BrokenFlight> FuzzCampaign::Fly(const HostileSequence& sequence, FlightResult* result,
+                                              bool with_coverage) {
   Engine engine({.tell = options_.tell, .interrupted = options_.interrupted});
-  auto flown = engine.Submit(JobOf(sequence, fmt::format("extra {}", extra_flights_count_++)));
+  auto flown = engine.Submit(JobOf(sequence, fmt::format("repeat {}", repeats_count_++), with_coverage));
   while (!engine.idle()) {
     engine.Turn();
     options_.on_turn();
@@ -106,6 +114,19 @@ std::optional<std::string> FuzzCampaign::WhyUnusable() {
   HasNewFeature(result);
   if (result.score.verdict != Verdict::kPass) return result.score.reason;
   return std::nullopt;
+}
+
+std::optional<HostileSequence> FuzzCampaign::SmallerEarlier(const BrokenFlight& broken,
+                                                            const HostileSequence& sequence) {
+  auto earlier = options_.earlier(broken);
+  const auto size_of = [](const HostileSequence& one) {
+    return std::pair(one.inputs.size(), BytesCount(one));
+  };
+  if (!earlier || size_of(*earlier) >= size_of(sequence)) return std::nullopt;
+  earlier->tail_periods = sequence.tail_periods;
+  const auto again = Fly(*earlier);
+  if (!again || again->key != broken.key) return std::nullopt;
+  return earlier;
 }
 
 std::size_t FuzzCampaign::AheadMax() const {
@@ -153,12 +174,27 @@ void FuzzCampaign::Run() {
   Engine engine(
       {.jobs_count = options_.jobs_count, .tell = options_.tell, .interrupted = options_.interrupted});
   std::deque<Pending> pending;
+  if (sees_coverage_) {
+    std::ranges::stable_sort(before_, {}, [](const HostileSequence& sequence) { return BytesCount(sequence); });
+  } else {
+    std::ranges::move(std::exchange(before_, {}), std::back_inserter(corpus_));
+  }
   const auto goes_on = [&] {
     if (trouble_ || interrupted() || hangs_too_often()) return false;
     return options_.runs_count ? planned_count_ < *options_.runs_count : !options_.is_over();
   };
   const auto fill = [&] {
     while (pending.size() < AheadMax() && goes_on()) {
+      const auto submit = [&](HostileSequence sequence, std::optional<Narrowing> narrowing, bool is_from_before) {
+        FlightJob job = JobOf(sequence, fmt::format("flight {}", submitted_count_++));
+        pending.push_back(
+            {std::move(sequence), std::move(narrowing), is_from_before, engine.Submit(std::move(job))});
+      };
+      if (!before_.empty()) {
+        submit(std::move(before_.front()), std::nullopt, true);
+        before_.pop_front();
+        continue;
+      }
       std::optional<Narrowing> narrowing;
       if (!narrowings_.empty()) {
         narrowing = std::move(narrowings_.front());
@@ -167,8 +203,7 @@ void FuzzCampaign::Run() {
       HostileSequence next = narrowing ? narrowing->Half() : Next();
       next.inputs.resize(AtMostLeft(next.inputs.size()));
       planned_count_ += std::max<std::size_t>(1, HostileCount(next));
-      FlightJob job = JobOf(next, fmt::format("flight {}", submitted_count_++));
-      pending.push_back({std::move(next), std::move(narrowing), engine.Submit(std::move(job))});
+      submit(std::move(next), std::move(narrowing), false);
     }
   };
   fill();
@@ -188,6 +223,7 @@ void FuzzCampaign::Run() {
 }
 
 void FuzzCampaign::Keep(const HostileSequence& sequence) {
+  if (std::ranges::find(corpus_, sequence) != corpus_.end()) return;
   options_.on_corpus(sequence);
   corpus_.push_back(sequence);
 }
@@ -223,7 +259,10 @@ void FuzzCampaign::Take(Pending ended, const FlightResult& result) {
   std::vector<std::uint32_t> new_places;
   const bool is_new = HasNewFeature(result, &new_places);
   if (ended.narrowing) {
+    if (is_new && !broken) Keep(sequence);  // a half may also reach what the whole did not
     Narrow(std::move(*ended.narrowing), result, broken.has_value());
+  } else if (ended.is_from_before) {
+    if (is_new && !broken) corpus_.push_back(sequence);
   } else if (is_new && !broken) {
     Keep(sequence);
     if (!new_places.empty() && sequence.inputs.size() > 1)
@@ -253,6 +292,8 @@ void FuzzCampaign::Take(Pending ended, const FlightResult& result) {
   const std::uint64_t said = SaidIn(*shown_by);
   if (said > 0 && shown_by->end_reason != EndReason::kCompleted)
     sequence.inputs.resize(InputsUntil(sequence, said));
+  // Nothing that was made small before is lost.
+  if (auto earlier = SmallerEarlier(*broken, sequence)) sequence = std::move(*earlier);
   findings_.push_back({.broken = *broken, .sequence = std::move(sequence), .at_runs = runs_count_});
   options_.on_finding(findings_.back());
 }
@@ -320,7 +361,8 @@ void FuzzCampaign::Minimise(FuzzFinding& finding, const std::function<bool()>& i
   finding.minimised = !ended_early && !interrupted();
   // Not with Ctrl-C, which ends flights.
   if (interrupted()) return;
-  const auto again = Fly(finding.sequence);
+  // As every other command flies it.
+  const auto again = Fly(finding.sequence, nullptr, false);
   finding.confirmed = again && again->key == key;
   if (finding.confirmed) finding.broken.reason = again->reason;
 }

@@ -55,13 +55,18 @@ class FuzzCampaign {
     std::function<void(const HostileSequence&)> on_corpus = [](const auto&) {};
     // A new one, and again when it is minimised.
     std::function<void(const FuzzFinding&)> on_finding = [](const auto&) {};
+    // What broke in the same way in a campaign before this one, if anything.
+    std::function<std::optional<HostileSequence>(const BrokenFlight&)> earlier = [](const auto&) {
+      return std::nullopt;
+    };
   };
   explicit FuzzCampaign(Options options);
 
   // Before all else: how the firmware fails without a hostile byte, if it does.
   std::optional<std::string> WhyUnusable();
-  // Joins the corpus.
-  void Add(HostileSequence sequence) { corpus_.push_back(std::move(sequence)); }
+  // Of a corpus before this one: it is flown first, short ones before long ones, and joins this one if it reaches what
+  // those before it did not. Its inputs are not among runs_count. Where the firmware does not tell, it joins as it is.
+  void Add(HostileSequence sequence) { before_.push_back(std::move(sequence)); }
   // Until its inputs are said, it is over, or it is interrupted.
   void Run();
   // Makes every finding small, as far as there is time, and flies it once more.
@@ -71,6 +76,7 @@ class FuzzCampaign {
   const std::vector<HostileSequence>& corpus() const { return corpus_; }
   std::uint64_t runs_count() const { return runs_count_; }        // inputs that were said
   std::uint64_t flights_count() const { return flights_count_; }  // without those that minimise
+  std::uint64_t repeats_count() const { return repeats_count_; }  // flights that minimise, or look once more
   std::size_t features_count() const { return features_count_; }
   bool sees_coverage() const { return sees_coverage_; }
   // The firmware hung so often, and each time for seconds, that the campaign ended.
@@ -91,6 +97,7 @@ class FuzzCampaign {
   struct Pending {
     HostileSequence sequence;
     std::optional<Narrowing> narrowing;  // of which it is a half
+    bool is_from_before = false;
     std::future<FlightResult> result;
   };
 
@@ -98,7 +105,7 @@ class FuzzCampaign {
   // As many inputs of `count` as are left to be planned.
   std::size_t AtMostLeft(std::size_t count) const;
   HostileSequence Next();
-  FlightJob JobOf(const HostileSequence& sequence, std::string name) const;
+  FlightJob JobOf(const HostileSequence& sequence, std::string name, bool with_coverage = true) const;
   void Take(Pending ended, const FlightResult& result);
   void Keep(const HostileSequence& sequence);
   std::optional<BrokenFlight> BrokenIn(const FlightResult& result) const;
@@ -108,7 +115,10 @@ class FuzzCampaign {
   FuzzFinding* Known(const BrokenFlight& broken);
   bool HasNewFeature(const FlightResult& result, std::vector<std::uint32_t>* new_places = nullptr);
   void Narrow(Narrowing narrowing, const FlightResult& result, bool breaks);
-  std::optional<BrokenFlight> Fly(const HostileSequence& sequence, FlightResult* result = nullptr);
+  // A smaller sequence, of a campaign before, that still breaks it in this way.
+  std::optional<HostileSequence> SmallerEarlier(const BrokenFlight& broken, const HostileSequence& sequence);
+  std::optional<BrokenFlight> Fly(const HostileSequence& sequence, FlightResult* result = nullptr,
+                                  bool with_coverage = true);
   void Minimise(FuzzFinding& finding, const std::function<bool()>& is_over);
   bool interrupted() const {
     return options_.interrupted != nullptr && options_.interrupted->load(std::memory_order_relaxed);
@@ -116,6 +126,7 @@ class FuzzCampaign {
 
   Options options_;
   HostileFrames replies_, references_;
+  std::deque<HostileSequence> before_;  // to be flown first
   std::vector<HostileSequence> corpus_;
   std::vector<FuzzFinding> findings_;
   std::deque<Narrowing> narrowings_;  // whose half comes next
@@ -123,7 +134,7 @@ class FuzzCampaign {
   std::size_t features_count_ = 0;
   bool sees_coverage_ = false;
   std::uint64_t planned_count_ = 0, runs_count_ = 0, flights_count_ = 0, sequences_count_ = 0;
-  std::uint64_t submitted_count_ = 0, extra_flights_count_ = 0;
+  std::uint64_t submitted_count_ = 0, repeats_count_ = 0;
   int hangs_count_ = 0;
   std::optional<std::string> trouble_;
 };

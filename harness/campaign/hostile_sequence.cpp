@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <array>
+#include <optional>
+#include <span>
 #include <stdexcept>
 
 #include "faults/frame_words.h"
@@ -14,16 +16,53 @@ namespace {
 
 constexpr std::array<std::string_view, 3> kPlaces = {"instead", "before", "after"};
 
-// Of one frame in an input.
+std::string Bytes(std::size_t count) { return fmt::format("{} byte{}", count, count == 1 ? "" : "s"); }
+
+// Of the bytes between two flags.
 std::string DescribeFrame(const link::FrameEvent& event, const link::Protocol& protocol,
                           link::Direction direction) {
-  if (event.status != link::FrameStatus::kOk)
-    return fmt::format("{} of {} bytes", Name(event.status), event.end - event.begin);
+  if (event.status != link::FrameStatus::kOk) {
+    const bool is_closed = event.status != link::FrameStatus::kTooLong;
+    return fmt::format("{} of {}", Name(event.status), Bytes(event.end - event.begin - (is_closed ? 2 : 1)));
+  }
   link::Message message;
   const link::MessageStatus status = protocol.Decode(direction, event.payload, message);
   const link::MessageType* type = protocol.Classify(direction, event.payload);
-  return fmt::format("{} of {} bytes{}", type == nullptr ? "a payload" : type->name, event.payload.size(),
+  return fmt::format("{} of {}{}", type == nullptr ? "a payload" : type->name, Bytes(event.payload.size()),
                      status == link::MessageStatus::kOk ? "" : fmt::format(" ({})", Name(status)));
+}
+
+// The bytes of a line with hostile inputs among honest frames, and where in them the inputs are.
+struct HostileStream {
+  struct Span {
+    std::size_t begin, end;
+    bool Has(std::size_t offset) const { return offset >= begin && offset < end; }
+  };
+  LineBytes bytes;
+  std::vector<Span> inputs;
+  // The input which has this byte; none: an honest frame.
+  std::optional<std::size_t> InputAt(std::size_t offset) const {
+    const auto found = std::ranges::find_if(inputs, [&](const Span& span) { return span.Has(offset); });
+    if (found == inputs.end()) return std::nullopt;
+    return static_cast<std::size_t>(found - inputs.begin());
+  }
+};
+
+HostileStream StreamOf(const HostileSequence& sequence) {
+  HostileStream stream;
+  const LineBytes honest = HostileFrame(LineBytes{0});
+  const auto say = [&](const LineBytes& bytes) {
+    stream.bytes.insert(stream.bytes.end(), bytes.begin(), bytes.end());
+  };
+  say(honest);
+  for (const LineBytes& input : sequence.inputs) {
+    if (sequence.place == "after" || input.empty()) say(honest);
+    stream.inputs.push_back({stream.bytes.size(), stream.bytes.size() + input.size()});
+    say(input);
+    if (sequence.place == "before" && !input.empty()) say(honest);
+  }
+  say(honest);
+  return stream;
 }
 
 }  // namespace
@@ -139,16 +178,29 @@ std::vector<std::string> Describe(const HostileSequence& sequence, const link::P
   const link::Direction direction = sequence.target == faults::Target::kReference
                                         ? link::Direction::kReference
                                         : link::Direction::kToClient;
+  const HostileStream stream = StreamOf(sequence);
+  std::vector<std::vector<std::string>> parts(sequence.inputs.size());
+  std::vector<std::size_t> rest_of(sequence.inputs.size());  // the input with the frame that goes on in this one
+  link::FrameDecoder decoder;
+  std::span<const std::uint8_t> rest(stream.bytes);
+  while (const auto event = decoder.Next(rest)) {
+    // Its flags may be its neighbours'.
+    const auto input = stream.InputAt(event->begin + 1);
+    if (!input) continue;
+    std::string text = DescribeFrame(*event, protocol, direction);
+    const std::size_t last = stream.InputAt(event->end - 2).value_or(*input);
+    if (last != *input) text += fmt::format(" (it ends in frame {})", last + 1);
+    parts[*input].push_back(std::move(text));
+    std::fill(rest_of.begin() + static_cast<std::ptrdiff_t>(*input), rest_of.end(), *input);
+  }
   std::vector<std::string> lines;
-  for (const LineBytes& input : sequence.inputs) {
-    std::vector<std::string> parts;
-    link::FrameDecoder decoder;
-    std::span<const std::uint8_t> rest(input);
-    while (const auto event = decoder.Next(rest)) parts.push_back(DescribeFrame(*event, protocol, direction));
-    if (const auto event = decoder.Finish()) parts.push_back(DescribeFrame(*event, protocol, direction));
-    lines.push_back(input.empty()   ? "as it is"
-                    : parts.empty() ? fmt::format("{} flags", input.size())
-                                    : fmt::format("{}", fmt::join(parts, ", ")));
+  for (std::size_t i = 0; i < sequence.inputs.size(); ++i) {
+    const LineBytes& input = sequence.inputs[i];
+    const bool is_idle = std::ranges::all_of(input, [](std::uint8_t byte) { return byte == link::kFlag; });
+    lines.push_back(input.empty()       ? "as it is"
+                    : !parts[i].empty() ? fmt::format("{}", fmt::join(parts[i], ", "))
+                    : is_idle ? fmt::format("{} flag{}", input.size(), input.size() == 1 ? "" : "s")
+                              : fmt::format("the rest of frame {}", rest_of[i] + 1));
   }
   return lines;
 }

@@ -53,7 +53,8 @@ HostileSequence ReadSequence(std::string_view text);
 HostileSequence ChangeSequence(const HostileSequence& parent, const HostileSequence& other,
                                const HostileFrames& frames, std::size_t count, faults::Random& random);
 
-// One line for each input: what a receiver makes of it.
+// One line for each input: what a receiver makes of it between the frames of that flight, whose flags close and open its
+// own.
 std::vector<std::string> Describe(const HostileSequence& sequence, const link::Protocol& protocol);
 
 }  // namespace tiltproof::harness

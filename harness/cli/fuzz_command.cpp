@@ -73,9 +73,11 @@ class FuzzRun {
              .tell = [this](const std::string& line) { Tell(line); },
              .on_turn = [this] { ShowProgress(); },
              .on_corpus = [this](const HostileSequence& sequence) { Keep([&] { files_.Add(sequence); }); },
-             .on_finding = [this](const FuzzFinding& finding) { Take(finding); }}),
+             .on_finding = [this](const FuzzFinding& finding) { Take(finding); },
+             .earlier = [this](const BrokenFlight& broken) { return files_.ReadFinding(broken); }}),
         line_(!options.no_progress),
         client_(ToText(means.clients.all)) {
+    WarnOfOthers();
     for (HostileSequence& sequence : files_.ReadCorpus()) campaign_.Add(std::move(sequence));
   }
 
@@ -95,10 +97,11 @@ class FuzzRun {
     campaign_.Run();
     wall_s_ = SecondsSince(begin_);
     minimises_ = true;
+    findings_left_ = campaign_.findings().size();
     minimise_begin_ = finding_begin_ = FuzzClock::now();
     campaign_.MinimiseFindings();
     line_.Clear();
-    Keep([&] { files_.WriteSummary(Summary()); });
+    summary_written_ = Keep([&] { files_.WriteSummary(Summary()); });
     Report();
     if (write_trouble_)
       Print(stderr, "tiltproof: fuzz: not everything could be written: {}\n", *write_trouble_);
@@ -127,38 +130,53 @@ class FuzzRun {
   // With a limit on time, as long as the search lasted, and 10 s at least; each finding has an equal part of what is left.
   // Without one, the same inputs must give the same files.
   bool IsSmallEnough(std::size_t left_count) {
-    if (options_.runs_count) return false;
     if (std::exchange(findings_left_, left_count) != left_count) finding_begin_ = FuzzClock::now();
+    if (options_.runs_count) return false;
     const double limit_s = std::max(kMinimiseMinS, wall_s_);
     const double begun_s = std::chrono::duration<double>(finding_begin_ - minimise_begin_).count();
     return SecondsSince(finding_begin_) >= (limit_s - begun_s) / static_cast<double>(left_count);
   }
 
   // A full disk does not end the search: what it finds is printed, too.
-  void Keep(const std::function<void()>& write) {
+  bool Keep(const std::function<void()>& write) {
     try {
       write();
+      return true;
     } catch (const std::exception& error) {
       if (!write_trouble_) Tell(error.what());
       if (!write_trouble_) write_trouble_ = error.what();
+      return false;
     }
+  }
+
+  // What is in the folder may be of use with another firmware, and is never what this one did.
+  void WarnOfOthers() {
+    const nlohmann::ordered_json last = files_.ReadSummary();
+    const auto of = [&](const char* key) {
+      return last.is_object() && last.contains(key) && last[key].is_string() ? last[key].get<std::string>() : "";
+    };
+    if (last.is_null() || (of("client") == client_ && of("firmware") == base_.firmware &&
+                           of("protocol") == base_.link.protocol->name))
+      return;
+    Tell(fmt::format("warning: --out {}: its corpus, and perhaps findings, are of --client {} --firmware {} "
+                     "--protocol {}; they are kept",
+                     files_.folder().string(), of("client"), of("firmware"), of("protocol")));
   }
 
   // On the disk at once, so that an interrupt loses nothing; and printed before that, so that a full disk does not, either.
   void Take(const FuzzFinding& finding) {
     if (!minimises_ && options_.format == "human") {
       line_.Clear();
-      Print(stdout, "{} after {} inputs: {}\n", finding.broken.Name(), finding.at_runs,
-            finding.broken.reason);
+      // What the process had said that was lost with its flight is not known.
+      const std::string when =
+          finding.at_runs == 0 ? "in the first flight" : fmt::format("after {} inputs", finding.at_runs);
+      Print(stdout, "{} {}: {}\n", finding.broken.Name(), when, finding.broken.reason);
       std::fflush(stdout);
     }
-    try {
-      files_.Write(finding, base_);
+    if (Keep([&] { files_.Write(finding, base_); }))
       unwritten_.erase(finding.broken.Name());
-    } catch (const std::exception& error) {
+    else
       unwritten_.insert(finding.broken.Name());
-      Keep([&] { throw std::runtime_error(error.what()); });
-    }
   }
 
   nlohmann::ordered_json JsonOf(const FuzzFinding& finding) const {
@@ -167,7 +185,7 @@ class FuzzRun {
     return {{"name", finding.broken.Name()},
             {"kind", finding.broken.kind},
             {"reason", finding.broken.reason},
-            {"file", files_.FileOf(finding).string()},
+            {"file", files_.FileOf(finding.broken).string()},
             {"replay", files_.ReplayOf(finding)},
             {"executions", finding.at_runs},
             {"flights", finding.flights_count},
@@ -211,7 +229,10 @@ class FuzzRun {
   void ShowProgress() {
     if (!line_.visible()) return;
     const double passed_s = SecondsSince(begin_);
-    line_.Show(minimises_ ? fmt::format("making {} findings smaller", campaign_.findings().size())
+    line_.Show(minimises_ ? fmt::format("making finding {} of {} smaller: {} flights, {}",
+                                        campaign_.findings().size() - findings_left_ + 1,
+                                        campaign_.findings().size(),
+                                        campaign_.repeats_count(), DurationText(SecondsSince(minimise_begin_)))
                           : Numbers(passed_s));
   }
 
@@ -228,11 +249,13 @@ class FuzzRun {
             : !finding.confirmed ? " (not seen again: it depends on more than these bytes)"
                                  : "",
             finding.flights_count, finding.flights_count == 1 ? "" : "s",
-            unwritten_.contains(finding.broken.Name()) ? "its file could not be written"
-                                                       : files_.ReplayOf(finding));
+            unwritten_.contains(finding.broken.Name())
+                ? fmt::format("it could not be written to {}", files_.FileOf(finding.broken).string())
+                : files_.ReplayOf(finding));
       if (unwritten_.contains(finding.broken.Name()))
-        Print(stdout, "  on {}, {} of the frame of a period: {}\n", faults::Name(finding.sequence.target),
-              finding.sequence.place, FramesText(finding.sequence));
+        Print(stdout, "  on {}, {} the frame of each period: {}\n", faults::Name(finding.sequence.target),
+              finding.sequence.place == "instead" ? "instead of" : finding.sequence.place,
+              FramesText(finding.sequence));
     }
     if (options_.format == "jsonl") {
       nlohmann::ordered_json summary = Summary();
@@ -241,8 +264,8 @@ class FuzzRun {
       return;
     }
     if (!campaign_.findings().empty()) Print(stdout, "\n");
-    Print(stdout, "{} in {:.0f} s{}; {}\n", Numbers(wall_s_), wall_s_, interrupted() ? " (interrupted)" : "",
-          (files_.folder() / "fuzz.json").string());
+    Print(stdout, "{} in {:.0f} s{}{}\n", Numbers(wall_s_), wall_s_, interrupted() ? " (interrupted)" : "",
+          summary_written_ ? "; " + (files_.folder() / "fuzz.json").string() : "");
   }
 
   const FuzzOptions& options_;
@@ -253,7 +276,7 @@ class FuzzRun {
   std::string client_;
   FuzzClock::time_point begin_ = FuzzClock::now();
   double wall_s_ = 0;
-  bool minimises_ = false;
+  bool minimises_ = false, summary_written_ = false;
   static constexpr double kMinimiseMinS = 10;
   FuzzClock::time_point minimise_begin_, finding_begin_;
   std::size_t findings_left_ = 0;

@@ -1,12 +1,16 @@
 #include "harness/cli/fuzz_files.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/file.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <system_error>
 
 #include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
+#include "harness/cli/suite.h"
 #include "harness/report/files.h"
 #include "harness/report/json_text.h"
 #include "harness/run/hash.h"
@@ -49,6 +53,7 @@ std::string FuzzBaseText(const std::string& firmware, const std::string& protoco
 
 FuzzFiles::FuzzFiles(fs::path folder, std::string flags)
     : folder_(std::move(folder)), flags_(std::move(flags)) {
+  if (folder_.empty()) throw UsageError("--out: the name of the folder is empty");
   for (const char* part : {"findings", "corpus"}) {
     std::error_code error;
     fs::create_directories(folder_ / part, error);
@@ -57,6 +62,11 @@ FuzzFiles::FuzzFiles(fs::path folder, std::string flags)
                                    (folder_ / part).string(),
                                    error ? error.message() : "something else has its name"));
   }
+  // Where the file system knows no locks, nothing is kept out.
+  lock_ = link::OwnedDescriptor(open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (flock(lock_.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
+    throw UsageError(fmt::format("--out {}: another `tiltproof fuzz` writes there; wait for it, or name another folder",
+                                 folder_.string()));
   try {
     WriteFile(folder_ / "findings" / ".writable", "");
     fs::remove(folder_ / "findings" / ".writable");
@@ -65,12 +75,12 @@ FuzzFiles::FuzzFiles(fs::path folder, std::string flags)
   }
 }
 
-fs::path FuzzFiles::FileOf(const FuzzFinding& finding) const {
-  return folder_ / "findings" / (finding.broken.Name() + ".yaml");
+fs::path FuzzFiles::FileOf(const BrokenFlight& broken) const {
+  return folder_ / "findings" / (broken.Name() + ".yaml");
 }
 
 std::string FuzzFiles::ReplayOf(const FuzzFinding& finding) const {
-  return fmt::format("tiltproof run {}{}", Quoted(FileOf(finding).string()), flags_);
+  return fmt::format("tiltproof run {}{}", Quoted(FileOf(finding.broken).string()), flags_);
 }
 
 void FuzzFiles::Write(const FuzzFinding& finding, const Scenario& base) const {
@@ -107,7 +117,19 @@ void FuzzFiles::Write(const FuzzFinding& finding, const Scenario& base) const {
   for (const CriterionSpec& criterion : FuzzCriteria(*base.link.protocol))
     text += fmt::format("  - {{name: {}, metric: {}, max: {}}}\n", criterion.name, criterion.metric,
                         criterion.max.value_or(0));
-  WriteFile(FileOf(finding), text);
+  WriteFile(FileOf(finding.broken), text);
+}
+
+std::optional<HostileSequence> FuzzFiles::ReadFinding(const BrokenFlight& broken) const {
+  try {
+    const Scenario scenario = LoadAnnounced(ReadFile(FileOf(broken))).scenario;
+    const faults::FaultSpec& fault = scenario.faults.at(0);
+    const auto text = [&](const char* key) { return std::get<std::string>(fault.parameters.at(key)); };
+    return ReadSequence(
+        fmt::format("{} {}\n{}\n", faults::Name(fault.target), text("place"), text("frames")));
+  } catch (const std::exception&) {
+    return std::nullopt;
+  }
 }
 
 void FuzzFiles::Add(const HostileSequence& sequence) const {
@@ -118,8 +140,11 @@ void FuzzFiles::Add(const HostileSequence& sequence) const {
 
 std::vector<HostileSequence> FuzzFiles::ReadCorpus() const {
   std::vector<fs::path> files;
-  for (const auto& entry : fs::directory_iterator(folder_ / "corpus"))
-    if (entry.is_regular_file()) files.push_back(entry.path());
+  for (const auto& entry : fs::directory_iterator(folder_ / "corpus")) {
+    const std::string name = entry.path().filename();
+    if (entry.is_regular_file() && !name.starts_with('.') && !name.ends_with(".part"))
+      files.push_back(entry.path());
+  }
   std::sort(files.begin(), files.end());
   std::vector<HostileSequence> corpus;
   for (const fs::path& file : files) {
@@ -131,6 +156,14 @@ std::vector<HostileSequence> FuzzFiles::ReadCorpus() const {
     }
   }
   return corpus;
+}
+
+nlohmann::ordered_json FuzzFiles::ReadSummary() const {
+  try {
+    return nlohmann::ordered_json::parse(ReadFile(folder_ / "fuzz.json"));
+  } catch (const std::exception&) {
+    return nullptr;
+  }
 }
 
 void FuzzFiles::WriteSummary(const nlohmann::ordered_json& summary) const {

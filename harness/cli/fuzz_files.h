@@ -7,27 +7,34 @@
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "harness/campaign/fuzz.h"
+#include "link/unix_socket.h"
 
 namespace tiltproof::harness {
 
 class FuzzFiles {
  public:
-  // Makes the folders. `flags`: what `tiltproof run` needs beside the file. Throws UsageError when they cannot be made
-  // or written.
+  // Makes the folders, and keeps others out of them for as long as it lives. `flags`: what `tiltproof run` needs beside the
+  // file. Throws UsageError when they cannot be made or written, or another campaign uses them.
   FuzzFiles(std::filesystem::path folder, std::string flags);
 
-  std::filesystem::path FileOf(const FuzzFinding& finding) const;
+  std::filesystem::path FileOf(const BrokenFlight& broken) const;
   // `base`: as the campaign has it.
   void Write(const FuzzFinding& finding, const Scenario& base) const;
+  // What an earlier campaign left of such a finding. None when it left nothing that can be read.
+  std::optional<HostileSequence> ReadFinding(const BrokenFlight& broken) const;
   void Add(const HostileSequence& sequence) const;
-  // In the order of their names. Throws UsageError for a file that is no sequence.
+  // In the order of their names; a name that begins with "." or ends with ".part" is none. Throws UsageError for a file that
+  // is no sequence.
   std::vector<HostileSequence> ReadCorpus() const;
   void WriteSummary(const nlohmann::ordered_json& summary) const;
+  // Of the command that wrote here last; null when there was none, or it is no longer readable.
+  nlohmann::ordered_json ReadSummary() const;
 
   const std::filesystem::path& folder() const { return folder_; }
   // For a person: flies it again.
@@ -36,6 +43,7 @@ class FuzzFiles {
  private:
   std::filesystem::path folder_;
   std::string flags_;
+  link::OwnedDescriptor lock_;
 };
 
 // What every flight of a campaign is, but for its faults: the vehicle is held, and hovers by the reference.

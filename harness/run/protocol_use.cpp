@@ -62,12 +62,12 @@ std::string ImplausibleField(const link::MessageType& type, std::span<const std:
   return "a message that it refuses";
 }
 
-// The server drops such a command and the one before stays in force, so that nothing else shows it.
-void AddRefusal(RunLog& log, std::size_t client, TimeNs time_ns, const std::string& why) {
+// Of the firmware's own making, which no server takes.
+void AddEvent(RunLog& log, std::size_t client, TimeNs time_ns, std::string_view kind, std::string text) {
   const auto later =
       std::upper_bound(log.events.begin(), log.events.end(), time_ns,
                        [](TimeNs time, const RunEvent& event) { return time < event.time_ns; });
-  log.events.insert(later, {time_ns, "command_refused", "the server refused a command: " + why,
+  log.events.insert(later, {time_ns, std::string(kind), std::move(text),
                             log.clients.size() > 1 ? std::optional(client) : std::nullopt});
 }
 
@@ -80,11 +80,17 @@ void AddProtocolUse(RunLog& log, std::size_t client, const link::Protocol& proto
   ForEachFrame(link, {client, Direction::kToPlant}, false, protocol, baud,
                [&](TimeNs begin_ns, TimeNs /*end_ns*/, const MessageReceiver::Frame& frame) {
                  if (frame.message == nullptr) {
-                   ++use.malformed_sent;
+                   const std::int64_t others = use.malformed_sent++ - *use.refused_commands;
                    const link::MessageType* type = protocol.Classify(Direction::kToPlant, frame.payload);
-                   if (type == nullptr || type->kind != link::MessageKind::kActuators) return;
-                   if ((*use.refused_commands)++ == 0)
-                     AddRefusal(log, client, begin_ns, ImplausibleField(*type, frame.payload));
+                   if (type == nullptr || type->kind != link::MessageKind::kActuators) {
+                     if (others > 0) return;
+                     AddEvent(log, client, begin_ns, kMalformedSentEvent,
+                              fmt::format("the firmware sent a frame that is no message: {}", frame.rejected));
+                   } else if ((*use.refused_commands)++ == 0) {
+                     // It is dropped and the command before stays in force, so that nothing else shows it.
+                     AddEvent(log, client, begin_ns, kCommandRefusedEvent,
+                              "the server refused a command: " + ImplausibleField(*type, frame.payload));
+                   }
                  } else if (!frame.message->type->reply.empty()) {
                    happenings.push_back({begin_ns, Kind::kRequest});
                  } else if (frame.message->type->kind == link::MessageKind::kActuators) {

@@ -11,7 +11,8 @@
 
 namespace tiltproof::harness {
 
-// Sets the protocol use of one client, and adds an event for the first of its commands whose values no server takes.
+// Sets the protocol use of one client. Adds an event for the first of its commands whose values no server takes, and for
+// the first of its other frames that are no message.
 // `baud`: of the client's main line; 0: bytes take no time. An exchange, from one request to the next, is counted
 // when it has ended.
 void AddProtocolUse(RunLog& log, std::size_t client, const link::Protocol& protocol, std::int64_t baud);

@@ -43,6 +43,10 @@ struct TimedEvent {
   TILTPROOF_FIELDS(time_ns, kind, text, client)
 };
 using RunEvent = TimedEvent<TimeNs>;
+// Kinds: of a firmware that sends what no server takes, the first of each; and of one that begins anew.
+inline constexpr const char* kCommandRefusedEvent = "command_refused";
+inline constexpr const char* kMalformedSentEvent = "malformed_sent";
+inline constexpr const char* kStartRepeatedEvent = "start_repeated";
 using BootEvent = TimedEvent<BootTime>;
 inline RunEvent ToRunEvent(BootEvent&& event, Origin origin) {
   return {origin.SimulationTime(event.time_ns), std::move(event.kind), std::move(event.text), event.client};

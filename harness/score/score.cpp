@@ -262,6 +262,33 @@ Verdict Undisturbed(const CriterionSpec& spec, const UndisturbedRange& range) {
   return holds ? Verdict::kPass : Verdict::kInconclusive;
 }
 
+// When what a failed criterion counts was seen, as " (the first at 0.036 s: ...)". Empty when that is not known.
+std::string Witness(const std::string& metric, const Scenario& scenario, const RunLog& log) {
+  const auto first = [&](std::size_t client, const auto&... kinds) -> std::string {
+    for (const RunEvent& event : log.events)
+      if (event.client.value_or(0) == client && ((event.kind == kinds) || ...))
+        return " (the first" + AtTime(ToSeconds(event.time_ns)) + ": " + OneLine(event.text) + ")";
+    return "";
+  };
+  const auto last = [](std::string_view verb, const std::vector<TimeNs>& times_ns) {
+    return times_ns.empty() ? "never " + std::string(verb)
+                            : "last " + std::string(verb) + AtTime(ToSeconds(times_ns.back()));
+  };
+  for (std::size_t client = 0; client < log.clients.size(); ++client) {
+    const auto is = [&](std::string_view group, std::string_view name) {
+      return metric == ClientName(scenario, group, client, '.', name);
+    };
+    const ClientLog& own = log.clients[client];
+    if (is("timing.", "silent_at_end_ms"))
+      return " (it " + last("asked", own.sent_request_times_ns) + ", " +
+             last("commanded", own.actuator_times_ns) + ")";
+    if (is("protocol.", "malformed_sent_count")) return first(client, kMalformedSentEvent, kCommandRefusedEvent);
+    if (is("protocol.", "refused_commands_count")) return first(client, kCommandRefusedEvent);
+    if (is("firmware.", "restarts_count")) return first(client, kStartRepeatedEvent);
+  }
+  return "";
+}
+
 void JudgeMetric(const CriterionSpec& spec, const Scenario& scenario, const Metrics& metrics,
                  const RunLog& log, CriterionResult& result) {
   const auto names = MetricNamesOf(scenario, MetricNames());
@@ -290,6 +317,7 @@ void JudgeMetric(const CriterionSpec& spec, const Scenario& scenario, const Metr
   result.robustness = robustness;
   result.margin = MetricMargin(spec.min, spec.max, value);
   result.verdict = robustness >= 0.0 ? Verdict::kPass : Verdict::kFail;
+  if (result.verdict == Verdict::kFail) result.explanation += Witness(spec.metric, scenario, log);
   if (const auto range = metrics.undisturbed.find(spec.metric);
       range != metrics.undisturbed.end() && Undisturbed(spec, range->second) != result.verdict) {
     result.verdict = Verdict::kInconclusive;

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <numeric>
 #include <set>
 
 #include "harness/campaign/broken_flight.h"
@@ -16,6 +17,7 @@ namespace {
 
 using faults::Random;
 using ::testing::Each;
+using ::testing::ElementsAre;
 using ::testing::SizeIs;
 
 const link::Protocol& Paper() { return *link::FindProtocol("paper"); }
@@ -127,6 +129,31 @@ FlightResult Ended(EndReason end, Outcome outcome, const std::string& reason) {
   return result;
 }
 
+// What stands around it on the line makes it what it is: minimised bytes leave out flags that the neighbours have.
+TEST(HostileSequence, AReceiversViewHasTheFramesAround) {
+  const auto described = [](std::string place, std::vector<LineBytes> inputs) {
+    return Describe({.target = faults::Target::kToClient, .place = std::move(place), .inputs = std::move(inputs)},
+                    Paper());
+  };
+  LineBytes payload(64);
+  std::iota(payload.begin(), payload.end(), std::uint8_t{1});
+  const LineBytes whole = HostileFrame(payload);
+  const LineBytes bare(whole.begin() + 1, whole.end() - 1);
+  for (const char* place : {"instead", "before", "after"}) {
+    EXPECT_THAT(described(place, {bare}), ElementsAre("sensors of 64 bytes")) << place;
+    EXPECT_THAT(described(place, {whole}), ElementsAre("sensors of 64 bytes")) << place;
+    EXPECT_THAT(described(place, {{0x7D}}), ElementsAre("dangling_escape of 1 byte")) << place;
+    EXPECT_THAT(described(place, {{0x7E}, {}, {0x7E, 0x7E}}), ElementsAre("1 flag", "as it is", "2 flags"));
+    EXPECT_THAT(described(place, {LineBytes(600)}), ElementsAre("too_long of 259 bytes"));
+  }
+  const std::vector<LineBytes> halves = {{bare.begin(), bare.begin() + 30}, {bare.begin() + 30, bare.end()}};
+  EXPECT_THAT(described("instead", halves),
+              ElementsAre("sensors of 64 bytes (it ends in frame 2)", "the rest of frame 1"));
+  EXPECT_THAT(described("before", halves), ElementsAre("bad_checksum of 30 bytes", "bad_checksum of 36 bytes"));
+  EXPECT_THAT(described("instead", {LineBytes(600), {}, {1}}),
+              ElementsAre("too_long of 259 bytes", "as it is", "too_short of 1 byte"));
+}
+
 TEST(BrokenFlight, TheSameDefectHasOneKeyWhereverItIsMet) {
   const auto key = [](const std::string& reason) {
     return BrokenBy(Ended(EndReason::kFirmwareCrashed, Outcome::kCrashed, reason))->key;
@@ -139,6 +166,33 @@ TEST(BrokenFlight, TheSameDefectHasOneKeyWhereverItIsMet) {
             BrokenBy(Ended(EndReason::kFirmwareHung, Outcome::kHung, "crashed at 1 s in Decode"))->key);
   EXPECT_EQ(KeyOfReason("x1 of 0.5 s, 3."), "x1 of # s, #.");
   EXPECT_EQ(KeyOfReason("3 at a.so+0x1f, b.c:33", true), "# at a.so+0x1f, b.c:33");
+}
+
+TEST(BrokenFlight, TwoTextsOfOnePlaceInALibraryAreOneDefect) {
+  const auto key = [](const std::string& how, const std::string& call = "receive") {
+    return BrokenBy(Ended(EndReason::kFirmwareCrashed, Outcome::kCrashed,
+                          "survival: firmware crashed at 0.168 s: the firmware crashed in tiltproof_client_" +
+                              call + ": " + how))
+        ->key;
+  };
+  EXPECT_EQ(key("Aborted at mine.so+0x1a2b in Decode (free(): invalid next size (fast))"), "crash: mine.so+0x1a2b");
+  EXPECT_EQ(key("Aborted at mine.so+0x1a2b in Decode (free(): invalid next size (fast))"),
+            key("Segmentation fault at mine.so+0x1a2b in Decode", "grant"));
+  EXPECT_NE(key("Segmentation fault at mine.so+0x1a2b"), key("Segmentation fault at mine.so+0x1a2c"));
+  EXPECT_EQ(key("Aborted (ERROR: AddressSanitizer: heap-buffer-overflow in Decode /mine/x.c:33)"),
+            key("Aborted (/mine/x.c:33: runtime error: index 80 out of bounds)"));
+  EXPECT_NE(key("Aborted (x.c:33:4: runtime error: index)"), key("Aborted (x.c:33:9: runtime error: index)"));
+  EXPECT_NE(key("called exit(3)"), key("called exit(3)", "grant"));
+}
+
+TEST(BrokenFlight, TheLastPlaceOfAnImageCountsToo) {
+  const auto key = [](const std::string& where) {
+    return BrokenBy(Ended(EndReason::kFirmwareCrashed, Outcome::kCrashed,
+                          "survival: firmware crashed at 0.1 s: the firmware crashed at 0.1 s: the processor locked "
+                          "up at Handler (startup.c:12), in HardFault: a fault by Decode (" + where + ")"))
+        ->key;
+  };
+  EXPECT_NE(key("main.c:12"), key("main.c:13"));
 }
 
 TEST(BrokenFlight, ALostVehicleIsNoFinding) {

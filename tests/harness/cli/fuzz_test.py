@@ -33,7 +33,10 @@ class FuzzTest(CommandLineTest):
         code, flown, err = self.tiltproof("run", finding["file"], "--client", CLIENT, "--no-report")
         self.assertEqual(code, 1, flown + err)
         # It is the very flight of the search: what a crash says has times in it, and is cut to the terminal.
-        self.assertIn("start_s: 0.012\n", (self.folder / finding["file"]).read_text())
+        text = (self.folder / finding["file"]).read_text()
+        self.assertIn("start_s: 0.012\n", text)
+        # Its flags may be those of the frames before and behind it.
+        self.assertNotRegex(text, "no_opening_flag|aborted")
         if kind in ("command", "restart"):
             self.assertIn(finding["reason"].split(" (")[0], flown)
         # The same scenario is green where the defect is not.
@@ -48,17 +51,20 @@ class FuzzTest(CommandLineTest):
         self.assertGreater(finding["bytes"], 80)
 
     def test_an_escape_that_is_never_forgotten_is_silence(self):
-        self.assertLessEqual(self.assert_found("deaf", "silence")["bytes"], 4)
+        finding = self.assert_found("deaf", "silence")
+        self.assertLessEqual(finding["bytes"], 4)
+        self.assertRegex(finding["reason"], r"\(it last asked at \d\.\d+ s, last commanded at \d\.\d+ s\)")
+        self.assertIn("#    1: dangling_escape of ", (self.folder / finding["file"]).read_text())
 
     def test_a_command_that_is_no_number_is_found(self):
-        self.assertRegex(self.assert_found("absurd", "command")["reason"], r"\(the server refused a command: \w+ = .*, plausible is")
+        self.assertRegex(self.assert_found("absurd", "command")["reason"], r"\(the first at 0\.\d+ s: the server refused a command: \w+ = .*, plausible is")
 
     def test_a_reboot_is_found(self):
-        self.assert_found("restless", "restart")
+        self.assertRegex(self.assert_found("restless", "restart")["reason"], r"\(the first at 0\.\d+ s: the client sent `start` again: it began anew\)")
 
     def test_what_it_executes_leads_the_search(self):
         # Others find it a little later.
-        seed, runs = ("--seed", 3), 60000
+        seed, runs = ("--seed", 5), 60000
         code, out, err = self.fuzz("secret", *seed, "--client", CLIENT.replace("careless_client", "careless_blind_client"), out="blind", runs=runs)
         self.assertEqual((code, self.summary("blind")["coverage"], self.summary("blind")["findings"]), (0, False, []), out + err)
         code, out, err = self.fuzz("secret", *seed, runs=runs)
@@ -146,7 +152,7 @@ class FuzzTest(CommandLineTest):
         self.assertEqual(code, 3, out + err)
         self.assertIn("not everything could be written: ", err)
         self.assertRegex(out, rf"{finding['name']} after \d+ inputs: talks-again")
-        self.assertRegex(out, r"(?m)^  its file could not be written\n  on to_client, \w+ of the frame of a period: [0-9a-f]{2,}$")
+        self.assertRegex(out, rf"(?m)^  it could not be written to other/findings/{finding['name']}\.yaml\n  on to_client, (instead of|before|after) the frame of each period: [0-9a-f]{{2,}}$")
         self.assertEqual(self.summary("other")["executions"], self.summary()["executions"])
 
     def test_a_hang_that_costs_no_time_does_not_end_the_search(self):
@@ -165,9 +171,62 @@ class FuzzTest(CommandLineTest):
         self.assertEqual((finding["kind"], finding["minimised"]), ("hang", False))
         self.assertIn("(not made as small as it could be)", out)
 
+    def test_a_corpus_is_flown_first(self):
+        self.fuzz("careful")
+        before, files = self.summary(), sorted((self.folder / "out" / "corpus").iterdir())
+        code, out, err = self.fuzz("careful", runs=1)
+        after = self.summary()
+        self.assertGreaterEqual(after["features"], before["features"], out + err)
+        # One more input at most is new, and what others reach, too, is not begun from.
+        self.assertLessEqual(len(sorted((self.folder / "out" / "corpus").iterdir())), len(files) + 1)
+        self.assertLess(after["corpus"], len(files))
+        self.assertGreater(after["executions"], 1)
+        # What is no sequence of a campaign is not read.
+        for name in (".hidden", "17.part"):
+            (self.folder / "out" / "corpus" / name).write_text("nothing")
+        code, out, err = self.fuzz("careful", runs=1)
+        self.assertNotIn("no sequence", err)
+        self.assertNotIn("warning", err)
+        # Whose it is, is said.
+        code, out, err = self.fuzz("secret", runs=1)
+        self.assertIn("warning: --out out: its corpus, and perhaps findings, are of --client library:", err)
+        self.assertIn("--firmware careful", err)
+
+    def test_what_was_made_small_stays_small(self):
+        # A hang is made small with few flights, so that it depends on where it began.
+        sizes = {}
+        for seed in range(1, 5):
+            self.fuzz("hasty", "--seed", seed, out=f"out{seed}", runs=3000)
+            (finding,) = self.summary(f"out{seed}")["findings"]
+            sizes[seed] = (finding["inputs"], finding["bytes"])
+        least, most = min(sizes, key=sizes.get), max(sizes, key=sizes.get)
+        self.assertLess(sizes[least], sizes[most])
+        code, out, err = self.fuzz("hasty", "--seed", most, out=f"out{least}", runs=3000)
+        (finding,) = self.summary(f"out{least}")["findings"]
+        self.assertLessEqual((finding["inputs"], finding["bytes"]), sizes[least])
+        self.assertTrue(finding["confirmed"])
+        # A smaller one that breaks nothing is none.
+        path = self.folder / finding["file"]
+        text = path.read_text()
+        path.write_text(re.sub(r'frames: ".*"', 'frames: "7e"', text))
+        self.fuzz("hasty", "--seed", most, out=f"out{least}", runs=3000)
+        (finding,) = self.summary(f"out{least}")["findings"]
+        self.assertEqual((finding["inputs"], finding["bytes"], finding["confirmed"]), (*sizes[most], True))
+
+    def test_one_command_at_a_time_writes_a_folder(self):
+        with subprocess.Popen([PROGRAM, "fuzz", "--client", CLIENT, "--firmware", "deaf", "--time", "600", "--out", "out"], cwd=self.folder,
+                              stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+            self.assertIn(b"silence", process.stdout.readline())
+            code, out, err = self.fuzz("deaf", runs=1)
+            self.assertEqual(code, 2, out + err)
+            self.assertIn("--out out: another `tiltproof fuzz` writes there", err)
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=60)
+        self.assertEqual(self.fuzz("deaf", runs=1)[0] in (0, 1), True)
+
     def test_mistakes_are_told(self):
         (self.folder / "taken").write_text("")
-        for arguments, what in ((("--out", "taken"), "--out taken: cannot make the folder"), (("--protocol", "papr"), "--protocol papr: no such protocol"),
+        for arguments, what in ((("--out", "taken"), "--out taken: cannot make the folder"), (("--out", ""), "--out: the name of the folder is empty"), (("--protocol", "papr"), "--protocol papr: no such protocol"),
                                 (("--client", "a=host"), "fuzz has one client"), (("--firmware", "papr"), "--firmware papr: no such build"),
                                 (("--time", "5", "--runs", "5"), "--runs"), (("--client", "process:true", "-j", "2"), "-j 2")):
             code, out, err = self.tiltproof("fuzz", *arguments)

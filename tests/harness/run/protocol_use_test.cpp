@@ -144,7 +144,10 @@ TEST(UseOfProtocol, CommandsThatNoServerTakesAreCounted) {
   const ProtocolUse use = exchange.Use();
   EXPECT_EQ(use.refused_commands, 2);
   EXPECT_EQ(use.malformed_sent, 3);
-  ASSERT_EQ(exchange.events().size(), 1U) << "the first tells enough";
+  ASSERT_EQ(exchange.events().size(), 2U) << "the first of each tells enough";
+  EXPECT_EQ(exchange.events()[1].kind, "malformed_sent");
+  EXPECT_EQ(exchange.events()[1].time_ns, 37'000'000);
+  EXPECT_THAT(exchange.events()[1].text, ::testing::HasSubstr("no message: bad_length"));
   EXPECT_EQ(exchange.events()[0].kind, "command_refused");
   EXPECT_EQ(exchange.events()[0].time_ns, 13'000'000);
   EXPECT_THAT(exchange.events()[0].text, ::testing::HasSubstr("tau_r_nm = nan"));
