@@ -11,7 +11,6 @@
 #include "harness/campaign/hostile_sequence.h"
 #include "harness/client/client.h"
 #include "harness/engine/worker_process.h"
-#include "harness/run/run_log.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -86,7 +85,8 @@ std::string KeyOfReason(const std::string& reason, bool with_places) {
 
 std::string LibraryPlaceIn(const std::string& reason) {
   // An image's names places of handlers, too.
-  if (reason.find("tiltproof_client_") == std::string::npos) return "";
+  if (reason.find("tiltproof_client_") == std::string::npos && !reason.starts_with("a thread that "))
+    return "";
   static const std::regex line(R"([^\s:(]+\.\w+:[0-9]+(:[0-9]+)?)"), offset(R"([^\s(]+\+0x[0-9a-f]+)");
   std::smatch place;
   if (std::regex_search(reason, place, line) || std::regex_search(reason, place, offset)) return place.str();
@@ -118,7 +118,7 @@ std::optional<BrokenFlight> BrokenBy(const FlightResult& result) {
     const std::string text = fmt::format("{}: {}", criterion->name, criterion->explanation);
     if (oracle.criterion != kMessages.criterion) return broken(oracle.kind, text, "");
     // "...: u_f_r_n = nan, plausible is ...": which field it is tells them apart.
-    const std::string refused = TextOfEvent(result, kCommandRefusedEvent);
+    const std::string refused = TextOfEvent(result, "command_refused");
     return broken(oracle.kind, text, refused.substr(0, refused.find(" = ")));
   }
   return std::nullopt;

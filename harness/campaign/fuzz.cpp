@@ -175,7 +175,8 @@ void FuzzCampaign::Run() {
       {.jobs_count = options_.jobs_count, .tell = options_.tell, .interrupted = options_.interrupted});
   std::deque<Pending> pending;
   if (sees_coverage_) {
-    std::ranges::stable_sort(before_, {}, [](const HostileSequence& sequence) { return BytesCount(sequence); });
+    std::ranges::stable_sort(before_, {},
+                             [](const HostileSequence& sequence) { return BytesCount(sequence); });
   } else {
     std::ranges::move(std::exchange(before_, {}), std::back_inserter(corpus_));
   }
@@ -183,13 +184,13 @@ void FuzzCampaign::Run() {
     if (trouble_ || interrupted() || hangs_too_often()) return false;
     return options_.runs_count ? planned_count_ < *options_.runs_count : !options_.is_over();
   };
+  const auto submit = [&](HostileSequence sequence, std::optional<Narrowing> narrowing, bool is_from_before) {
+    FlightJob job = JobOf(sequence, fmt::format("flight {}", submitted_count_++));
+    pending.push_back(
+        {std::move(sequence), std::move(narrowing), is_from_before, engine.Submit(std::move(job))});
+  };
   const auto fill = [&] {
     while (pending.size() < AheadMax() && goes_on()) {
-      const auto submit = [&](HostileSequence sequence, std::optional<Narrowing> narrowing, bool is_from_before) {
-        FlightJob job = JobOf(sequence, fmt::format("flight {}", submitted_count_++));
-        pending.push_back(
-            {std::move(sequence), std::move(narrowing), is_from_before, engine.Submit(std::move(job))});
-      };
       if (!before_.empty()) {
         submit(std::move(before_.front()), std::nullopt, true);
         before_.pop_front();

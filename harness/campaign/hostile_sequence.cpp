@@ -180,7 +180,8 @@ std::vector<std::string> Describe(const HostileSequence& sequence, const link::P
                                         : link::Direction::kToClient;
   const HostileStream stream = StreamOf(sequence);
   std::vector<std::vector<std::string>> parts(sequence.inputs.size());
-  std::vector<std::size_t> rest_of(sequence.inputs.size());  // the input with the frame that goes on in this one
+  std::vector<std::size_t> rest_of(
+      sequence.inputs.size());  // the input with the frame that goes on in this one
   link::FrameDecoder decoder;
   std::span<const std::uint8_t> rest(stream.bytes);
   while (const auto event = decoder.Next(rest)) {
@@ -199,8 +200,8 @@ std::vector<std::string> Describe(const HostileSequence& sequence, const link::P
     const bool is_idle = std::ranges::all_of(input, [](std::uint8_t byte) { return byte == link::kFlag; });
     lines.push_back(input.empty()       ? "as it is"
                     : !parts[i].empty() ? fmt::format("{}", fmt::join(parts[i], ", "))
-                    : is_idle ? fmt::format("{} flag{}", input.size(), input.size() == 1 ? "" : "s")
-                              : fmt::format("the rest of frame {}", rest_of[i] + 1));
+                    : is_idle           ? fmt::format("{} flag{}", input.size(), input.size() == 1 ? "" : "s")
+                                        : fmt::format("the rest of frame {}", rest_of[i] + 1));
   }
   return lines;
 }

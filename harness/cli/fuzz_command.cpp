@@ -153,14 +153,16 @@ class FuzzRun {
   void WarnOfOthers() {
     const nlohmann::ordered_json last = files_.ReadSummary();
     const auto of = [&](const char* key) {
-      return last.is_object() && last.contains(key) && last[key].is_string() ? last[key].get<std::string>() : "";
+      return last.is_object() && last.contains(key) && last[key].is_string() ? last[key].get<std::string>()
+                                                                             : "";
     };
     if (last.is_null() || (of("client") == client_ && of("firmware") == base_.firmware &&
                            of("protocol") == base_.link.protocol->name))
       return;
-    Tell(fmt::format("warning: --out {}: its corpus, and perhaps findings, are of --client {} --firmware {} "
-                     "--protocol {}; they are kept",
-                     files_.folder().string(), of("client"), of("firmware"), of("protocol")));
+    Tell(
+        fmt::format("warning: --out {}: its corpus, and perhaps findings, are of --client {} --firmware {} "
+                    "--protocol {}; they are kept",
+                    files_.folder().string(), of("client"), of("firmware"), of("protocol")));
   }
 
   // On the disk at once, so that an interrupt loses nothing; and printed before that, so that a full disk does not, either.
@@ -231,8 +233,8 @@ class FuzzRun {
     const double passed_s = SecondsSince(begin_);
     line_.Show(minimises_ ? fmt::format("making finding {} of {} smaller: {} flights, {}",
                                         campaign_.findings().size() - findings_left_ + 1,
-                                        campaign_.findings().size(),
-                                        campaign_.repeats_count(), DurationText(SecondsSince(minimise_begin_)))
+                                        campaign_.findings().size(), campaign_.repeats_count(),
+                                        DurationText(SecondsSince(minimise_begin_)))
                           : Numbers(passed_s));
   }
 

@@ -65,8 +65,9 @@ FuzzFiles::FuzzFiles(fs::path folder, std::string flags)
   // Where the file system knows no locks, nothing is kept out.
   lock_ = link::OwnedDescriptor(open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (flock(lock_.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
-    throw UsageError(fmt::format("--out {}: another `tiltproof fuzz` writes there; wait for it, or name another folder",
-                                 folder_.string()));
+    throw UsageError(
+        fmt::format("--out {}: another `tiltproof fuzz` writes there; wait for it, or name another folder",
+                    folder_.string()));
   try {
     WriteFile(folder_ / "findings" / ".writable", "");
     fs::remove(folder_ / "findings" / ".writable");

@@ -47,6 +47,7 @@ volatile sig_atomic_t caught_cause = 0;
 std::array<void*, 64> crash_stack{};
 std::array<char, 300> crash_place{};
 volatile sig_atomic_t looking_at_stack = 0;
+std::atomic_flag thread_crashes;
 const void* firmware_base = nullptr;
 // In a process that the firmware has forked from within a call.
 bool forked = false;
@@ -253,6 +254,11 @@ const char* FirmwareGuard::CrashPlace() { return crash_place.data(); }
 void FirmwareGuard::OnCrash(int signal_number, siginfo_t* /*info*/, void* context) {
   if (!IsInside() || guarded_process != getpid()) {
     // The harness's own crash, or that of a thread that the firmware has started: die of it.
+    if (guarded_process == getpid() && pthread_equal(pthread_self(), guarded_thread) == 0 &&
+        !thread_crashes.test_and_set()) {
+      FindCrashPlace(context);
+      watched->thread_crash_place = crash_place;
+    }
     signal(signal_number, SIG_DFL);
     raise(signal_number);
     return;

@@ -14,6 +14,7 @@
 // another process where the firmware is.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <csetjmp>
 #include <csignal>
@@ -66,6 +67,8 @@ class FirmwareGuard {
     // Set by the other process, which then sends SIGALRM: ends the call as that of a firmware that has
     // stopped itself.
     std::atomic<bool> stopped_itself{false};
+    // A thread that the firmware has started took the process with it, here: as CrashPlace() says. Empty: none did.
+    std::array<char, 300> thread_crash_place{};
   };
 
   // For calls from this thread: handlers, on their own stack, for the signals of a crash, and a timer.

@@ -258,6 +258,12 @@ FlightResult WorkerProcess::WithoutResult(const FlightJob& job, int status) cons
   const bool by_others =
       WIFSIGNALED(status) && (inside == FirmwareCall::kNone ||
                               std::find(others.begin(), others.end(), WTERMSIG(status)) != others.end());
+  if (const char* const place = report_->firmware.thread_crash_place.data(); *place != '\0')
+    return FirmwareFailed(
+        job, Outcome::kCrashed,
+        fmt::format("a thread that the firmware started crashed{}: the process {} {}, and the "
+                    "flight is lost",
+                    place, how, at));
   if (job.means.FirmwareInWorker(job.scenario) && !by_others)
     return FirmwareFailed(job, Outcome::kCrashed,
                           fmt::format("the firmware ended its process in {}: the process {} {}, and the "

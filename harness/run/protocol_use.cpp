@@ -84,8 +84,9 @@ void AddProtocolUse(RunLog& log, std::size_t client, const link::Protocol& proto
                    const link::MessageType* type = protocol.Classify(Direction::kToPlant, frame.payload);
                    if (type == nullptr || type->kind != link::MessageKind::kActuators) {
                      if (others > 0) return;
-                     AddEvent(log, client, begin_ns, kMalformedSentEvent,
-                              fmt::format("the firmware sent a frame that is no message: {}", frame.rejected));
+                     AddEvent(
+                         log, client, begin_ns, kMalformedSentEvent,
+                         fmt::format("the firmware sent a frame that is no message: {}", frame.rejected));
                    } else if ((*use.refused_commands)++ == 0) {
                      // It is dropped and the command before stays in force, so that nothing else shows it.
                      AddEvent(log, client, begin_ns, kCommandRefusedEvent,

@@ -282,7 +282,8 @@ std::string Witness(const std::string& metric, const Scenario& scenario, const R
     if (is("timing.", "silent_at_end_ms"))
       return " (it " + last("asked", own.sent_request_times_ns) + ", " +
              last("commanded", own.actuator_times_ns) + ")";
-    if (is("protocol.", "malformed_sent_count")) return first(client, kMalformedSentEvent, kCommandRefusedEvent);
+    if (is("protocol.", "malformed_sent_count"))
+      return first(client, kMalformedSentEvent, kCommandRefusedEvent);
     if (is("protocol.", "refused_commands_count")) return first(client, kCommandRefusedEvent);
     if (is("firmware.", "restarts_count")) return first(client, kStartRepeatedEvent);
   }

@@ -132,8 +132,9 @@ FlightResult Ended(EndReason end, Outcome outcome, const std::string& reason) {
 // What stands around it on the line makes it what it is: minimised bytes leave out flags that the neighbours have.
 TEST(HostileSequence, AReceiversViewHasTheFramesAround) {
   const auto described = [](std::string place, std::vector<LineBytes> inputs) {
-    return Describe({.target = faults::Target::kToClient, .place = std::move(place), .inputs = std::move(inputs)},
-                    Paper());
+    return Describe(
+        {.target = faults::Target::kToClient, .place = std::move(place), .inputs = std::move(inputs)},
+        Paper());
   };
   LineBytes payload(64);
   std::iota(payload.begin(), payload.end(), std::uint8_t{1});
@@ -149,7 +150,8 @@ TEST(HostileSequence, AReceiversViewHasTheFramesAround) {
   const std::vector<LineBytes> halves = {{bare.begin(), bare.begin() + 30}, {bare.begin() + 30, bare.end()}};
   EXPECT_THAT(described("instead", halves),
               ElementsAre("sensors of 64 bytes (it ends in frame 2)", "the rest of frame 1"));
-  EXPECT_THAT(described("before", halves), ElementsAre("bad_checksum of 30 bytes", "bad_checksum of 36 bytes"));
+  EXPECT_THAT(described("before", halves),
+              ElementsAre("bad_checksum of 30 bytes", "bad_checksum of 36 bytes"));
   EXPECT_THAT(described("instead", {LineBytes(600), {}, {1}}),
               ElementsAre("too_long of 259 bytes", "as it is", "too_short of 1 byte"));
 }
@@ -175,7 +177,8 @@ TEST(BrokenFlight, TwoTextsOfOnePlaceInALibraryAreOneDefect) {
                               call + ": " + how))
         ->key;
   };
-  EXPECT_EQ(key("Aborted at mine.so+0x1a2b in Decode (free(): invalid next size (fast))"), "crash: mine.so+0x1a2b");
+  EXPECT_EQ(key("Aborted at mine.so+0x1a2b in Decode (free(): invalid next size (fast))"),
+            "crash: mine.so+0x1a2b");
   EXPECT_EQ(key("Aborted at mine.so+0x1a2b in Decode (free(): invalid next size (fast))"),
             key("Segmentation fault at mine.so+0x1a2b in Decode", "grant"));
   EXPECT_NE(key("Segmentation fault at mine.so+0x1a2b"), key("Segmentation fault at mine.so+0x1a2c"));
@@ -187,9 +190,12 @@ TEST(BrokenFlight, TwoTextsOfOnePlaceInALibraryAreOneDefect) {
 
 TEST(BrokenFlight, TheLastPlaceOfAnImageCountsToo) {
   const auto key = [](const std::string& where) {
-    return BrokenBy(Ended(EndReason::kFirmwareCrashed, Outcome::kCrashed,
-                          "survival: firmware crashed at 0.1 s: the firmware crashed at 0.1 s: the processor locked "
-                          "up at Handler (startup.c:12), in HardFault: a fault by Decode (" + where + ")"))
+    return BrokenBy(
+               Ended(
+                   EndReason::kFirmwareCrashed, Outcome::kCrashed,
+                   "survival: firmware crashed at 0.1 s: the firmware crashed at 0.1 s: the processor locked "
+                   "up at Handler (startup.c:12), in HardFault: a fault by Decode (" +
+                       where + ")"))
         ->key;
   };
   EXPECT_NE(key("main.c:12"), key("main.c:13"));

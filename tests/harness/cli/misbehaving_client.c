@@ -68,7 +68,17 @@ __attribute__((noinline)) static void smash(void) {
   fill(buffer, 1, 24);
 }
 
+static void* crash_in_thread(void* nowhere) {
+  *(volatile int*)nowhere = 1;
+  return NULL;
+}
+
 static void misbehave(const char* how) {
+  if (strcmp(how, "thread") == 0) {
+    pthread_t thread;
+    pthread_create(&thread, NULL, crash_in_thread, NULL);
+    pthread_join(thread, NULL);
+  }
   if (strcmp(how, "crash") == 0) {
     volatile int* nowhere = NULL;
     *nowhere = 1;

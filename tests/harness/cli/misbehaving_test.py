@@ -35,6 +35,7 @@ class MisbehavingTest(CommandLineTest):
              "stop": "stopped itself in tiltproof_client_grant"}
     # What nothing in its process can prevent: the flight is lost, the verdict is not.
     FATAL_AND_LOST = {"raw_exit": "ended its process in tiltproof_client_grant.*exit code 0", "raw_exec": "ended its process in tiltproof_client_grant",
+                      "thread": r"a thread that the firmware started crashed at libmisbehaving_client\.so\+0x[0-9a-f]+.*Segmentation fault",
                       "hang_blocked": "did not return from tiltproof_client_grant"}
 
     def test_a_firmware_that_breaks_its_flight_has_failed(self):
