@@ -283,7 +283,8 @@ void FuzzCampaign::Take(Pending ended, const FlightResult& result) {
   }
   const bool hangs = broken->kind == "hang";
   // That of a process which was lost is not known, and took longest.
-  if (hangs && (!shown_by->end_reason || shown_by->wall_s >= kCostlyHangS)) ++hangs_count_;
+  const bool is_costly = hangs && (!shown_by->end_reason || shown_by->wall_s >= kCostlyHangS);
+  if (is_costly) ++hangs_count_;
   sequence.tail_periods = hangs ? kHangTailPeriods : kTailPeriods;
   if (FuzzFinding* known = Known(*broken)) {
     ++known->flights_count;
@@ -295,7 +296,8 @@ void FuzzCampaign::Take(Pending ended, const FlightResult& result) {
     sequence.inputs.resize(InputsUntil(sequence, said));
   // Nothing that was made small before is lost.
   if (auto earlier = SmallerEarlier(*broken, sequence)) sequence = std::move(*earlier);
-  findings_.push_back({.broken = *broken, .sequence = std::move(sequence), .at_runs = runs_count_});
+  findings_.push_back(
+      {.broken = *broken, .sequence = std::move(sequence), .is_costly = is_costly, .at_runs = runs_count_});
   options_.on_finding(findings_.back());
 }
 
@@ -338,7 +340,7 @@ void FuzzCampaign::Minimise(FuzzFinding& finding, const std::function<bool()>& i
     const auto broken = Fly(sequence);
     return broken && broken->key == key;
   };
-  const std::size_t flights_max = finding.broken.kind == "hang"    ? kMinimiseHangsMax
+  const std::size_t flights_max = finding.is_costly                ? kMinimiseHangsMax
                                   : options_.flight.means.realtime ? kMinimiseRealtimeMax
                                                                    : kMinimiseFlightsMax;
   finding.sequence.inputs = harness::Minimise<LineBytes>(

@@ -33,6 +33,7 @@ struct FuzzFinding {
   HostileSequence sequence;
   bool minimised = false;     // as far as it goes: otherwise time was over
   bool confirmed = false;     // it broke in the same way when it was flown once more, from a fresh start
+  bool is_costly = false;     // each flight that breaks so takes seconds
   std::uint64_t at_runs = 0;  // inputs that had been said when it was found
   std::uint64_t flights_count = 1;  // flights that broke in this way
 };
