@@ -34,6 +34,9 @@ const FlightEvent* EventOf(const FlightResult& result, std::string_view kind) {
       result.events, [&](const FlightEvent& one) { return one.kind == kind && one.time_s > 0; });
   return event == result.events.end() ? nullptr : &*event;
 }
+// Of a firmware that took its process with it.
+bool IsOfThread(const std::string& reason) { return reason.starts_with("a thread that "); }
+
 std::string TextOfEvent(const FlightResult& result, std::string_view kind) {
   const FlightEvent* const event = EventOf(result, kind);
   return event == nullptr ? "" : event->text;
@@ -85,23 +88,32 @@ std::string KeyOfReason(const std::string& reason, bool with_places) {
 
 std::string LibraryPlaceIn(const std::string& reason) {
   // An image's names places of handlers, too.
-  if (reason.find("tiltproof_client_") == std::string::npos && !reason.starts_with("a thread that "))
-    return "";
+  if (reason.find("tiltproof_client_") == std::string::npos && !IsOfThread(reason)) return "";
   static const std::regex line(R"([^\s:(]+\.\w+:[0-9]+(:[0-9]+)?)"), offset(R"([^\s(]+\+0x[0-9a-f]+)");
   std::smatch place;
+  // Where a recursion meets the end of its stack is chance.
+  if (reason.find("(stack overflow)") != std::string::npos) {
+    static const std::regex function(R"(\+0x[0-9a-f]+ in (\w+))");
+    return "stack overflow" + (std::regex_search(reason, place, function) ? " in " + place.str(1) : "");
+  }
   if (std::regex_search(reason, place, line) || std::regex_search(reason, place, offset)) return place.str();
   return "";
 }
 
 std::optional<BrokenFlight> BrokenBy(const FlightResult& result) {
   const auto broken = [&](std::string_view kind, const std::string& reason, const std::string& key) {
-    return BrokenFlight{std::string(kind), fmt::format("{}: {}", kind, key), reason};
+    return BrokenFlight{std::string(kind), fmt::format("{}: {}", kind, key), reason, {}};
   };
   const std::string& reason = result.score.reason;
   if (result.score.verdict == Verdict::kError) return std::nullopt;
   if (result.outcome == Outcome::kCrashed) {
     const std::string place = LibraryPlaceIn(reason);
-    return broken("crash", reason, place.empty() ? KeyOfReason(reason, true) : place);
+    BrokenFlight crash = broken("crash", reason, place.empty() ? KeyOfReason(reason, true) : place);
+    if (IsOfThread(reason))
+      crash.may_pass =
+          "When a thread crashes depends on the machine: this flight may be over before, and pass, while the "
+          "defect is there.";
+    return crash;
   }
   // Without an end its process went with it.
   if (result.end_reason == EndReason::kFirmwareHung ||
@@ -128,8 +140,10 @@ std::optional<BrokenFlight> BrokenOutsideCalls(const FlightResult& result, const
   constexpr std::string_view kDamaged = "the firmware damaged memory, noticed outside its calls";
   const FlightEvent* const died = EventOf(result, kDiedOutsideCallsEvent);
   if (died == nullptr || died->time_s < ToSeconds(HostileFrom(protocol))) return std::nullopt;
-  return BrokenFlight{"crash", fmt::format("crash: {}", kDamaged),
-                      fmt::format("{}: {}", kDamaged, result.score.reason), true};
+  return BrokenFlight{
+      "crash", fmt::format("crash: {}", kDamaged), fmt::format("{}: {}", kDamaged, result.score.reason),
+      "What damaged memory does depends on the process: this flight may pass while the defect is "
+      "there. A library built with -fsanitize=address fails where the mistake is made."};
 }
 
 }  // namespace tiltproof::harness

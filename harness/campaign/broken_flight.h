@@ -16,7 +16,8 @@ struct BrokenFlight {
   std::string kind;    // "crash", "hang", "restart", "silence", "command": begins the name of a finding
   std::string key;     // the same for flights that broke in the same way
   std::string reason;  // one line
-  bool outside_calls = false;  // memory is damaged: what comes of that depends on the process
+  // Why the same flight may pass while the defect is there, as a sentence; empty: it fails again.
+  std::string may_pass;
   // The name of a finding, from its key: "crash-3f2a91bc".
   std::string Name() const;
 };

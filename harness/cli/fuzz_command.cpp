@@ -7,6 +7,7 @@
 #include <set>
 #include <utility>
 
+#include "harness/campaign/broken_flight.h"
 #include "harness/campaign/fuzz.h"
 #include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
@@ -122,7 +123,9 @@ class FuzzRun {
     return ClientFlagsOf(means.clients) + (means.realtime ? " --mode realtime" : "");
   }
 
+  // Once, whichever of the many flights it is about.
   void Tell(const std::string& line) {
+    if (!told_.insert(KeyOfReason(line)).second) return;
     line_.Clear();
     Print(stderr, "tiltproof: {}\n", line);
   }
@@ -284,6 +287,7 @@ class FuzzRun {
   std::size_t findings_left_ = 0;
   std::optional<std::string> write_trouble_;  // the first
   std::set<std::string> unwritten_;           // names of findings
+  std::set<std::string> told_;                // without their numbers
 };
 
 }  // namespace

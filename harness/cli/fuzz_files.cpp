@@ -44,7 +44,7 @@ std::string Comment(const std::string& text) {
 
 std::string FuzzBaseText(const std::string& firmware, const std::string& protocol) {
   return fmt::format(
-      "firmware: {}\n"
+      "firmware: \"{}\"\n"
       "held: true    # on a test stand: hostile values cannot crash the vehicle\n"
       "link: {{protocol: {}}}\n"
       "reference: {{type: hover, at_m: [0, 0, 1]}}\n",
@@ -95,10 +95,8 @@ void FuzzFiles::Write(const FuzzFinding& finding, const Scenario& base) const {
   if (!finding.minimised) text += "# The campaign ended before it was as small as it could be made.\n";
   if (finding.minimised && !finding.confirmed)
     text += "# Flown once more it did not break: it depends on more than these bytes.\n";
-  if (finding.broken.outside_calls) {
-    text +=
-        "# What damaged memory does depends on the process: this flight may pass while the defect is there.\n"
-        "# A library built with -fsanitize=address fails where the mistake is made:\n";
+  if (!finding.broken.may_pass.empty()) {
+    text += Comment(finding.broken.may_pass) + "# To fly it again:\n";
   } else if (finding.confirmed) {
     text += "# It fails as long as the defect is there, and passes afterwards:\n";
   } else {

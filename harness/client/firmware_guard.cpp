@@ -16,6 +16,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <ctime>
+#include <span>
 #include <utility>
 
 #include "harness/client/code_place.h"
@@ -43,11 +44,10 @@ FirmwareCall present_call = FirmwareCall::kNone;
 std::array<char, 512> ended_by{};
 volatile sig_atomic_t caught_signal = 0;
 volatile sig_atomic_t caught_cause = 0;
-// Return addresses, the innermost first, and what they say.
-std::array<void*, 64> crash_stack{};
 std::array<char, 300> crash_place{};
 volatile sig_atomic_t looking_at_stack = 0;
-std::atomic_flag thread_crashes;
+std::atomic<pid_t> crashing_thread{0};  // the first that is not guarded
+volatile sig_atomic_t stack_overflowed = 0;
 const void* firmware_base = nullptr;
 // In a process that the firmware has forked from within a call.
 bool forked = false;
@@ -79,8 +79,8 @@ TimeNs Waited() {
   return waited_ns;
 }
 
-// The innermost place in the firmware's library, if there is one. What it finds may be damaged: this may crash, too.
-void FindCrashPlace(const void* context) {
+// Describes the innermost place in the firmware's library, if there is one. What it finds may be damaged: this may crash, too.
+void FindCrashPlace(const void* context, std::span<char> text) {
   const auto& registers = static_cast<const ucontext_t*>(context)->uc_mcontext;
 #if defined(__x86_64__)
   const auto at = static_cast<std::uintptr_t>(registers.gregs[REG_RIP]);
@@ -100,18 +100,49 @@ void FindCrashPlace(const void* context) {
     return dladdr(address, &info) != 0 && info.dli_fbase == firmware_base;
   };
   if (firmware_base == nullptr) return;
-  if (is_firmwares(place)) return DescribeCode(place, crash_place);
+  if (is_firmwares(place)) return DescribeCode(place, text);
+  std::array<void*, 64> return_addresses;  // the innermost first
   int count = 0;
   if (at != 0 && dladdr(place, &info) != 0) {
-    count = backtrace(crash_stack.data(), static_cast<int>(crash_stack.size()));
+    count = backtrace(return_addresses.data(), static_cast<int>(return_addresses.size()));
   } else if (stack != nullptr && reinterpret_cast<std::uintptr_t>(stack) % sizeof(void*) == 0) {
     // It called what is no code.
-    crash_stack[0] = *stack;
+    return_addresses[0] = *stack;
     count = 1;
   }
   for (int i = 0; i < count; ++i)
-    if (const void* const call = CallBefore(crash_stack[static_cast<std::size_t>(i)]); is_firmwares(call))
-      return DescribeCode(call, crash_place);
+    if (const void* const call = CallBefore(return_addresses[static_cast<std::size_t>(i)]);
+        is_firmwares(call))
+      return DescribeCode(call, text);
+}
+
+// Whether an access that failed was where the stack grows. Its memory is there, but for its end.
+bool IsAtStackPointer(const void* accessed, const void* context) {
+  const auto& registers = static_cast<const ucontext_t*>(context)->uc_mcontext;
+#if defined(__x86_64__)
+  const auto pointer = static_cast<std::uintptr_t>(registers.gregs[REG_RSP]);
+#elif defined(__aarch64__)
+  const auto pointer = static_cast<std::uintptr_t>(registers.sp);
+#else
+  static_cast<void>(registers);
+  return false;
+#endif
+  // A frame may be large; above it, in the frames of others, is what a buffer there may overrun.
+  constexpr std::uintptr_t kBelow = 65536, kAbove = 4096;
+  const auto address = reinterpret_cast<std::uintptr_t>(accessed);
+  return address + kBelow >= pointer && address < pointer + kAbove;
+}
+
+// In a thread that the firmware has started. The first that crashes ends the process, once its place is found.
+void NoteThread(const void* context) {
+  const auto self = static_cast<pid_t>(syscall(SYS_gettid));
+  pid_t first = 0;
+  if (crashing_thread.compare_exchange_strong(first, self)) {
+    FindCrashPlace(context, watched->thread_crash_place);
+  } else if (first != self) {
+    const timespec long_enough{1, 0};
+    nanosleep(&long_enough, nullptr);
+  }
 }
 
 void StartTimer() {
@@ -178,7 +209,8 @@ void FirmwareGuard::Install(Watched* shared, TimeNs limit_ns) {
   sigaltstack(&stack, nullptr);
 
   // It loads what it needs the first time, which a handler must not.
-  static_cast<void>(backtrace(crash_stack.data(), 1));
+  void* own_address = nullptr;
+  static_cast<void>(backtrace(&own_address, 1));
 
   struct sigaction action {};
   // NODEFER: the handler is left by a jump, which would otherwise keep the signal blocked.
@@ -251,14 +283,11 @@ void FirmwareGuard::SetFirmware(const void* address) {
 
 const char* FirmwareGuard::CrashPlace() { return crash_place.data(); }
 
-void FirmwareGuard::OnCrash(int signal_number, siginfo_t* /*info*/, void* context) {
+void FirmwareGuard::OnCrash(int signal_number, siginfo_t* info, void* context) {
   if (!IsInside() || guarded_process != getpid()) {
     // The harness's own crash, or that of a thread that the firmware has started: die of it.
-    if (guarded_process == getpid() && pthread_equal(pthread_self(), guarded_thread) == 0 &&
-        !thread_crashes.test_and_set()) {
-      FindCrashPlace(context);
-      watched->thread_crash_place = crash_place;
-    }
+    if (guarded_process == getpid() && pthread_equal(pthread_self(), guarded_thread) == 0)
+      NoteThread(context);
     signal(signal_number, SIG_DFL);
     raise(signal_number);
     return;
@@ -266,7 +295,8 @@ void FirmwareGuard::OnCrash(int signal_number, siginfo_t* /*info*/, void* contex
   if (looking_at_stack == 0) {
     caught_signal = signal_number;
     looking_at_stack = 1;
-    FindCrashPlace(context);
+    stack_overflowed = signal_number == SIGSEGV && IsAtStackPointer(info->si_addr, context) ? 1 : 0;
+    FindCrashPlace(context, crash_place);
   }
   looking_at_stack = 0;
   Jump(kCrashed);
@@ -331,7 +361,8 @@ void FirmwareGuard::Throw() {
       break;
   }
   throw FirmwareTrouble(
-      false, fmt::format("the firmware crashed in {}: {}", Name(present_call), strsignal(caught_signal)));
+      false, fmt::format("the firmware crashed in {}: {}{}", Name(present_call), strsignal(caught_signal),
+                         stack_overflowed != 0 ? " (stack overflow)" : ""));
 }
 
 }  // namespace tiltproof::harness

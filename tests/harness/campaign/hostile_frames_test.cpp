@@ -186,6 +186,10 @@ TEST(BrokenFlight, TwoTextsOfOnePlaceInALibraryAreOneDefect) {
             key("Aborted (/mine/x.c:33: runtime error: index 80 out of bounds)"));
   EXPECT_NE(key("Aborted (x.c:33:4: runtime error: index)"), key("Aborted (x.c:33:9: runtime error: index)"));
   EXPECT_NE(key("called exit(3)"), key("called exit(3)", "grant"));
+  EXPECT_EQ(key("Segmentation fault (stack overflow) at mine.so+0x1a in Walk"),
+            key("Segmentation fault (stack overflow) at mine.so+0x2b in Walk"));
+  EXPECT_NE(key("Segmentation fault (stack overflow) at mine.so+0x1a in Walk"),
+            key("Segmentation fault (stack overflow) at mine.so+0x1a in Read"));
 }
 
 TEST(BrokenFlight, TheLastPlaceOfAnImageCountsToo) {

@@ -68,6 +68,12 @@ __attribute__((noinline)) static void smash(void) {
   fill(buffer, 1, 24);
 }
 
+__attribute__((noinline)) static int descend(int count) {
+  volatile char frame[256];
+  frame[count & 255] = (char)count;
+  return count == 0 ? 0 : descend(count - 1) + frame[0];
+}
+
 static void* crash_in_thread(void* nowhere) {
   *(volatile int*)nowhere = 1;
   return NULL;
@@ -75,14 +81,15 @@ static void* crash_in_thread(void* nowhere) {
 
 static void misbehave(const char* how) {
   if (strcmp(how, "thread") == 0) {
-    pthread_t thread;
-    pthread_create(&thread, NULL, crash_in_thread, NULL);
-    pthread_join(thread, NULL);
+    pthread_t threads[8];
+    for (int i = 0; i < 8; ++i) pthread_create(&threads[i], NULL, crash_in_thread, NULL);
+    pthread_join(threads[0], NULL);
   }
   if (strcmp(how, "crash") == 0) {
     volatile int* nowhere = NULL;
     *nowhere = 1;
   }
+  if (strcmp(how, "recursion") == 0) descend(1000000000);
   if (strcmp(how, "hang_blocked") == 0) block_signals();
   if (strcmp(how, "hang") == 0 || strcmp(how, "hang_blocked") == 0)
     for (volatile int forever = 1; forever;) {

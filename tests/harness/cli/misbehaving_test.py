@@ -26,7 +26,7 @@ class MisbehavingTest(CommandLineTest):
         return len(trace.read_text().splitlines()) if trace.exists() else 0
 
     # How a firmware may break its flight, and what is said of it. What was flown is kept.
-    FATAL = {"crash": "crashed in tiltproof_client_grant: Segmentation fault", "abort": "crashed in tiltproof_client_grant: Aborted",
+    FATAL = {"crash": "crashed in tiltproof_client_grant: Segmentation fault at", "recursion": r"crashed in tiltproof_client_grant: Segmentation fault \(stack overflow\) at libmisbehaving_client.so", "abort": "crashed in tiltproof_client_grant: Aborted",
              "assertion": r"Aborted: .*misbehaving_client.c:\d+: misbehave: Assertion `how == .*' failed", "smash": "Aborted: .* stack smashing detected",
              "free_twice": r"Aborted at .*misbehaving_client.so\+0x[0-9a-f]+.*: free\(\): double free detected",
              "exit": r"called exit\(3\) in tiltproof_client_grant", "quick_exit": r"called quick_exit\(3\)", "underscore_exit": r"called _exit\(0\)",
