@@ -139,10 +139,9 @@ void NoteThread(const void* context) {
   pid_t first = 0;
   if (crashing_thread.compare_exchange_strong(first, self)) {
     FindCrashPlace(context, watched->thread_crash_place);
-  } else if (first != self) {
-    const timespec long_enough{1, 0};
-    nanosleep(&long_enough, nullptr);
   }
+  // It ends this thread, too.
+  while (first != 0 && first != self) pause();
 }
 
 void StartTimer() {
