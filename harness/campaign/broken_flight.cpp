@@ -10,7 +10,7 @@
 #include "faults/random.h"
 #include "harness/campaign/hostile_sequence.h"
 #include "harness/client/client.h"
-#include "harness/engine/worker_process.h"
+#include "harness/engine/flight_job.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -34,6 +34,23 @@ const FlightEvent* EventOf(const FlightResult& result, std::string_view kind) {
       result.events, [&](const FlightEvent& one) { return one.kind == kind && one.time_s > 0; });
   return event == result.events.end() ? nullptr : &*event;
 }
+// A signal of a crash is caught in a firmware's own code: this one came in what it had called back.
+bool IsInCallBack(const std::string& reason) {
+  return reason.starts_with("the firmware ended its process in ") &&
+         reason.find("was killed by signal") != std::string::npos;
+}
+
+BrokenFlight DamagedMemory(const FlightResult& result) {
+  constexpr std::string_view kDamaged = "the firmware damaged memory, noticed outside its code";
+  return {.kind = "crash",
+          .key = fmt::format("crash: {}", kDamaged),
+          .reason = fmt::format("{}: {}", kDamaged, result.score.reason),
+          .may_pass =
+              "What damaged memory does depends on the process: this flight may pass while the defect is "
+              "there. A "
+              "library built with -fsanitize=address fails where the mistake is made."};
+}
+
 // Of a firmware that took its process with it.
 bool IsOfThread(const std::string& reason) { return reason.starts_with("a thread that "); }
 
@@ -106,6 +123,7 @@ std::optional<BrokenFlight> BrokenBy(const FlightResult& result) {
   };
   const std::string& reason = result.score.reason;
   if (result.score.verdict == Verdict::kError) return std::nullopt;
+  if (result.outcome == Outcome::kCrashed && IsInCallBack(reason)) return DamagedMemory(result);
   if (result.outcome == Outcome::kCrashed) {
     const std::string place = LibraryPlaceIn(reason);
     BrokenFlight crash = broken("crash", reason, place.empty() ? KeyOfReason(reason, true) : place);
@@ -137,13 +155,9 @@ std::optional<BrokenFlight> BrokenBy(const FlightResult& result) {
 }
 
 std::optional<BrokenFlight> BrokenOutsideCalls(const FlightResult& result, const link::Protocol& protocol) {
-  constexpr std::string_view kDamaged = "the firmware damaged memory, noticed outside its calls";
-  const FlightEvent* const died = EventOf(result, kDiedOutsideCallsEvent);
-  if (died == nullptr || died->time_s < ToSeconds(HostileFrom(protocol))) return std::nullopt;
-  return BrokenFlight{
-      "crash", fmt::format("crash: {}", kDamaged), fmt::format("{}: {}", kDamaged, result.score.reason),
-      "What damaged memory does depends on the process: this flight may pass while the defect is "
-      "there. A library built with -fsanitize=address fails where the mistake is made."};
+  const FlightEvent* const failed = EventOf(result, kFailedOutsideCallsEvent);
+  if (failed == nullptr || failed->time_s < ToSeconds(HostileFrom(protocol))) return std::nullopt;
+  return DamagedMemory(result);
 }
 
 }  // namespace tiltproof::harness

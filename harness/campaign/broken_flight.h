@@ -28,7 +28,7 @@ std::vector<CriterionSpec> FuzzCriteria(const link::Protocol& protocol);
 // Of a flight with these criteria. A vehicle that is lost says nothing about the reader of frames.
 std::optional<BrokenFlight> BrokenBy(const FlightResult& result);
 
-// What a flight broke whose process died outside the firmware's calls. That may as well be the harness's own crash: it
+// What a flight broke whose process failed outside the firmware's calls. That may as well be the harness's own fault: it
 // counts when it is seen again, and a flight without hostile bytes is green. None: it died before it heard any.
 std::optional<BrokenFlight> BrokenOutsideCalls(const FlightResult& result, const link::Protocol& protocol);
 

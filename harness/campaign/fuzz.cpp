@@ -6,6 +6,7 @@
 #include <chrono>
 #include <iterator>
 #include <set>
+#include <tuple>
 #include <utility>
 
 #include "harness/campaign/minimise.h"
@@ -31,11 +32,6 @@ std::uint32_t PlaceOf(std::uint32_t feature) { return feature / kBucketsCount; }
 
 bool IsReady(const std::future<FlightResult>& result) {
   return result.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
-}
-
-// How many inputs. A worker that was taken away by its flight could not say it.
-std::uint64_t SaidIn(const FlightResult& result) {
-  return static_cast<std::uint64_t>(result.score.faults.empty() ? 0 : result.score.faults[0].activations);
 }
 
 // An empty input leaves the reply as it is.
@@ -116,19 +112,6 @@ std::optional<std::string> FuzzCampaign::WhyUnusable() {
   return std::nullopt;
 }
 
-std::optional<HostileSequence> FuzzCampaign::SmallerEarlier(const BrokenFlight& broken,
-                                                            const HostileSequence& sequence) {
-  auto earlier = options_.earlier(broken);
-  const auto size_of = [](const HostileSequence& one) {
-    return std::pair(one.inputs.size(), BytesCount(one));
-  };
-  if (!earlier || size_of(*earlier) >= size_of(sequence)) return std::nullopt;
-  earlier->tail_periods = sequence.tail_periods;
-  const auto again = Fly(*earlier);
-  if (!again || again->key != broken.key) return std::nullopt;
-  return earlier;
-}
-
 std::size_t FuzzCampaign::AheadMax() const {
   return std::min<std::size_t>(kAheadMax, 1 + flights_count_ / kFlightsPerAhead);
 }
@@ -170,29 +153,36 @@ HostileSequence FuzzCampaign::Next() {
   return ChangeSequence(parent, other, frames, count, random);
 }
 
+void FuzzCampaign::SortBefore() {
+  std::ranges::stable_sort(before_, {}, [](const FromBefore& one) {
+    return std::tuple(one.finding.empty(), BytesCount(one.sequence));
+  });
+  if (sees_coverage_) return;
+  while (!before_.empty() && before_.back().finding.empty()) {
+    corpus_.push_back(std::move(before_.back().sequence));
+    before_.pop_back();
+  }
+}
+
 void FuzzCampaign::Run() {
   Engine engine(
       {.jobs_count = options_.jobs_count, .tell = options_.tell, .interrupted = options_.interrupted});
   std::deque<Pending> pending;
-  if (sees_coverage_) {
-    std::ranges::stable_sort(before_, {},
-                             [](const HostileSequence& sequence) { return BytesCount(sequence); });
-  } else {
-    std::ranges::move(std::exchange(before_, {}), std::back_inserter(corpus_));
-  }
+  SortBefore();
   const auto goes_on = [&] {
     if (trouble_ || interrupted() || hangs_too_often()) return false;
     return options_.runs_count ? planned_count_ < *options_.runs_count : !options_.is_over();
   };
-  const auto submit = [&](HostileSequence sequence, std::optional<Narrowing> narrowing, bool is_from_before) {
+  const auto submit = [&](HostileSequence sequence, std::optional<Narrowing> narrowing,
+                          std::optional<std::string> from_before) {
     FlightJob job = JobOf(sequence, fmt::format("flight {}", submitted_count_++));
     pending.push_back(
-        {std::move(sequence), std::move(narrowing), is_from_before, engine.Submit(std::move(job))});
+        {std::move(sequence), std::move(narrowing), std::move(from_before), engine.Submit(std::move(job))});
   };
   const auto fill = [&] {
     while (pending.size() < AheadMax() && goes_on()) {
       if (!before_.empty()) {
-        submit(std::move(before_.front()), std::nullopt, true);
+        submit(std::move(before_.front().sequence), std::nullopt, std::move(before_.front().finding));
         before_.pop_front();
         continue;
       }
@@ -204,7 +194,7 @@ void FuzzCampaign::Run() {
       HostileSequence next = narrowing ? narrowing->Half() : Next();
       next.inputs.resize(AtMostLeft(next.inputs.size()));
       planned_count_ += std::max<std::size_t>(1, HostileCount(next));
-      submit(std::move(next), std::move(narrowing), false);
+      submit(std::move(next), std::move(narrowing), std::nullopt);
     }
   };
   fill();
@@ -221,6 +211,19 @@ void FuzzCampaign::Run() {
     if (trouble_ || hangs_too_often()) engine.DropWaiting();
     options_.on_turn();
   }
+}
+
+std::uint64_t FuzzCampaign::SaidIn(const HostileSequence& sequence, const FlightResult& result) const {
+  if (!result.score.faults.empty()) return static_cast<std::uint64_t>(result.score.faults[0].activations);
+  const auto lost = std::ranges::find(result.events, kLostEvent, &FlightEvent::kind);
+  const link::Protocol& protocol = *options_.flight.scenario.link.protocol;
+  const TimeNs reached_ns = lost == result.events.end() ? 0 : FromSeconds(lost->time_s);
+  if (reached_ns < HostileFrom(protocol)) return 0;
+  const auto periods =
+      static_cast<std::size_t>((reached_ns - HostileFrom(protocol)) / protocol.control_period_ns + 1);
+  HostileSequence said = sequence;
+  said.inputs.resize(std::min(said.inputs.size(), periods));
+  return HostileCount(said);
 }
 
 void FuzzCampaign::Keep(const HostileSequence& sequence) {
@@ -255,15 +258,16 @@ void FuzzCampaign::Take(Pending ended, const FlightResult& result) {
     if (!interrupted()) trouble_ = result.score.reason;
     return;
   }
-  runs_count_ += SaidIn(result);
+  runs_count_ += SaidIn(sequence, result);
   ++flights_count_;
   std::vector<std::uint32_t> new_places;
   const bool is_new = HasNewFeature(result, &new_places);
   if (ended.narrowing) {
     if (is_new && !broken) Keep(sequence);  // a half may also reach what the whole did not
     Narrow(std::move(*ended.narrowing), result, broken.has_value());
-  } else if (ended.is_from_before) {
+  } else if (ended.from_before) {
     if (is_new && !broken) corpus_.push_back(sequence);
+    if (!ended.from_before->empty() && !broken) options_.on_mended(*ended.from_before);
   } else if (is_new && !broken) {
     Keep(sequence);
     if (!new_places.empty() && sequence.inputs.size() > 1)
@@ -291,11 +295,9 @@ void FuzzCampaign::Take(Pending ended, const FlightResult& result) {
     return;
   }
   // What came after it was not said.
-  const std::uint64_t said = SaidIn(*shown_by);
+  const std::uint64_t said = SaidIn(sequence, *shown_by);
   if (said > 0 && shown_by->end_reason != EndReason::kCompleted)
     sequence.inputs.resize(InputsUntil(sequence, said));
-  // Nothing that was made small before is lost.
-  if (auto earlier = SmallerEarlier(*broken, sequence)) sequence = std::move(*earlier);
   findings_.push_back(
       {.broken = *broken, .sequence = std::move(sequence), .is_costly = is_costly, .at_runs = runs_count_});
   options_.on_finding(findings_.back());

@@ -56,18 +56,20 @@ class FuzzCampaign {
     std::function<void(const HostileSequence&)> on_corpus = [](const auto&) {};
     // A new one, and again when it is minimised.
     std::function<void(const FuzzFinding&)> on_finding = [](const auto&) {};
-    // What broke in the same way in a campaign before this one, if anything.
-    std::function<std::optional<HostileSequence>(const BrokenFlight&)> earlier = [](const auto&) {
-      return std::nullopt;
-    };
+    // A finding of before, by its name, that did not break anything.
+    std::function<void(const std::string& name)> on_mended = [](const auto&) {};
   };
   explicit FuzzCampaign(Options options);
 
   // Before all else: how the firmware fails without a hostile byte, if it does.
   std::optional<std::string> WhyUnusable();
+  // What broke in a campaign before this one: it is flown before all else, so that what was made small stays so. As Add().
+  void AddFinding(std::string name, HostileSequence sequence) {
+    before_.push_front({std::move(sequence), std::move(name)});
+  }
   // Of a corpus before this one: it is flown first, short ones before long ones, and joins this one if it reaches what
   // those before it did not. Its inputs are not among runs_count. Where the firmware does not tell, it joins as it is.
-  void Add(HostileSequence sequence) { before_.push_back(std::move(sequence)); }
+  void Add(HostileSequence sequence) { before_.push_back({std::move(sequence), ""}); }
   // Until its inputs are said, it is over, or it is interrupted.
   void Run();
   // Makes every finding small, as far as there is time, and flies it once more.
@@ -95,10 +97,14 @@ class FuzzCampaign {
     bool is_smaller = false;  // than what joined the corpus
     HostileSequence Half() const;
   };
+  struct FromBefore {
+    HostileSequence sequence;
+    std::string finding;  // its name; empty: of the corpus
+  };
   struct Pending {
     HostileSequence sequence;
-    std::optional<Narrowing> narrowing;  // of which it is a half
-    bool is_from_before = false;
+    std::optional<Narrowing> narrowing;      // of which it is a half
+    std::optional<std::string> from_before;  // the name of the finding; empty: of the corpus
     std::future<FlightResult> result;
   };
 
@@ -107,8 +113,12 @@ class FuzzCampaign {
   std::size_t AtMostLeft(std::size_t count) const;
   HostileSequence Next();
   FlightJob JobOf(const HostileSequence& sequence, std::string name, bool with_coverage = true) const;
+  // Findings, then the corpus, or without those that must not be flown.
+  void SortBefore();
   void Take(Pending ended, const FlightResult& result);
   void Keep(const HostileSequence& sequence);
+  // How many inputs: until when it flew, if its result was lost.
+  std::uint64_t SaidIn(const HostileSequence& sequence, const FlightResult& result) const;
   std::optional<BrokenFlight> BrokenIn(const FlightResult& result) const;
   // What broke in a flight that could not be judged, once it is sure that this is the firmware's.
   std::optional<BrokenFlight> SeenAgain(const HostileSequence& sequence, const FlightResult& result);
@@ -116,8 +126,6 @@ class FuzzCampaign {
   FuzzFinding* Known(const BrokenFlight& broken);
   bool HasNewFeature(const FlightResult& result, std::vector<std::uint32_t>* new_places = nullptr);
   void Narrow(Narrowing narrowing, const FlightResult& result, bool breaks);
-  // A smaller sequence, of a campaign before, that still breaks it in this way.
-  std::optional<HostileSequence> SmallerEarlier(const BrokenFlight& broken, const HostileSequence& sequence);
   std::optional<BrokenFlight> Fly(const HostileSequence& sequence, FlightResult* result = nullptr,
                                   bool with_coverage = true);
   void Minimise(FuzzFinding& finding, const std::function<bool()>& is_over);
@@ -127,7 +135,7 @@ class FuzzCampaign {
 
   Options options_;
   HostileFrames replies_, references_;
-  std::deque<HostileSequence> before_;  // to be flown first
+  std::deque<FromBefore> before_;  // to be flown first
   std::vector<HostileSequence> corpus_;
   std::vector<FuzzFinding> findings_;
   std::deque<Narrowing> narrowings_;  // whose half comes next

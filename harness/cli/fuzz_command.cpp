@@ -75,10 +75,11 @@ class FuzzRun {
              .on_turn = [this] { ShowProgress(); },
              .on_corpus = [this](const HostileSequence& sequence) { Keep([&] { files_.Add(sequence); }); },
              .on_finding = [this](const FuzzFinding& finding) { Take(finding); },
-             .earlier = [this](const BrokenFlight& broken) { return files_.ReadFinding(broken); }}),
+             .on_mended = [this](const std::string& name) { TellMended(name); }}),
         line_(!options.no_progress),
         client_(ToText(means.clients.all)) {
     WarnOfOthers();
+    for (auto& [name, sequence] : files_.ReadFindings()) campaign_.AddFinding(name, std::move(sequence));
     for (HostileSequence& sequence : files_.ReadCorpus()) campaign_.Add(std::move(sequence));
   }
 
@@ -152,6 +153,11 @@ class FuzzRun {
     }
   }
 
+  void TellMended(const std::string& name) {
+    line_.Clear();
+    Print(stderr, "tiltproof: {} of before breaks nothing now: {}\n", name, files_.FileOf(name).string());
+  }
+
   // What is in the folder may be of use with another firmware, and is never what this one did.
   void WarnOfOthers() {
     const nlohmann::ordered_json last = files_.ReadSummary();
@@ -172,10 +178,8 @@ class FuzzRun {
   void Take(const FuzzFinding& finding) {
     if (!minimises_ && options_.format == "human") {
       line_.Clear();
-      // What the process had said that was lost with its flight is not known.
-      const std::string when =
-          finding.at_runs == 0 ? "in the first flight" : fmt::format("after {} inputs", finding.at_runs);
-      Print(stdout, "{} {}: {}\n", finding.broken.Name(), when, finding.broken.reason);
+      Print(stdout, "{} after {} input{}: {}\n", finding.broken.Name(), finding.at_runs,
+            finding.at_runs == 1 ? "" : "s", finding.broken.reason);
       std::fflush(stdout);
     }
     if (Keep([&] { files_.Write(finding, base_); }))
@@ -190,7 +194,7 @@ class FuzzRun {
     return {{"name", finding.broken.Name()},
             {"kind", finding.broken.kind},
             {"reason", finding.broken.reason},
-            {"file", files_.FileOf(finding.broken).string()},
+            {"file", files_.FileOf(finding.broken.Name()).string()},
             {"replay", files_.ReplayOf(finding)},
             {"executions", finding.at_runs},
             {"flights", finding.flights_count},
@@ -248,14 +252,14 @@ class FuzzRun {
         continue;
       }
       Print(stdout, "\n{}: {}\n", finding.broken.Name(), finding.broken.reason);
-      Print(stdout, "  {} input{}{}, in {} flight{}\n  {}\n", finding.sequence.inputs.size(),
+      Print(stdout, "  {} input{}{}, broke {} flight{}\n  {}\n", finding.sequence.inputs.size(),
             finding.sequence.inputs.size() == 1 ? "" : "s",
             !finding.minimised   ? " (not made as small as it could be)"
             : !finding.confirmed ? " (not seen again: it depends on more than these bytes)"
                                  : "",
             finding.flights_count, finding.flights_count == 1 ? "" : "s",
             unwritten_.contains(finding.broken.Name())
-                ? fmt::format("it could not be written to {}", files_.FileOf(finding.broken).string())
+                ? fmt::format("it could not be written to {}", files_.FileOf(finding.broken.Name()).string())
                 : files_.ReplayOf(finding));
       if (unwritten_.contains(finding.broken.Name()))
         Print(stdout, "  on {}, {} the frame of each period: {}\n", faults::Name(finding.sequence.target),

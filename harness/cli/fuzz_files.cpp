@@ -40,6 +40,18 @@ std::string Comment(const std::string& text) {
   return lines + line + '\n';
 }
 
+// In the order of their names, without hidden ones and what is half written.
+std::vector<fs::path> FilesIn(const fs::path& folder) {
+  std::vector<fs::path> files;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    const std::string name = entry.path().filename();
+    if (entry.is_regular_file() && !name.starts_with('.') && !name.ends_with(".part"))
+      files.push_back(entry.path());
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
 }  // namespace
 
 std::string FuzzBaseText(const std::string& firmware, const std::string& protocol) {
@@ -76,19 +88,20 @@ FuzzFiles::FuzzFiles(fs::path folder, std::string flags)
   }
 }
 
-fs::path FuzzFiles::FileOf(const BrokenFlight& broken) const {
-  return folder_ / "findings" / (broken.Name() + ".yaml");
+fs::path FuzzFiles::FileOf(const std::string& finding) const {
+  return folder_ / "findings" / (finding + ".yaml");
 }
 
 std::string FuzzFiles::ReplayOf(const FuzzFinding& finding) const {
-  return fmt::format("tiltproof run {}{}", Quoted(FileOf(finding.broken).string()), flags_);
+  return fmt::format("tiltproof run {}{}", Quoted(FileOf(finding.broken.Name()).string()), flags_);
 }
 
 void FuzzFiles::Write(const FuzzFinding& finding, const Scenario& base) const {
   const HostileSequence& sequence = finding.sequence;
   const Scenario flight = FlightOf(base, sequence);
   std::string text = Comment(fmt::format("Found by tiltproof fuzz: {}", finding.broken.reason));
-  text += "#\n# What is said, by frame of the line:\n";
+  text += fmt::format("#\n# What is said {} the frame of each period:\n",
+                      sequence.place == "instead" ? "instead of" : sequence.place);
   const std::vector<std::string> frames = Describe(sequence, *base.link.protocol);
   for (std::size_t i = 0; i < frames.size(); ++i) text += Comment(fmt::format("{:4}: {}", i + 1, frames[i]));
   text += "#\n";
@@ -116,19 +129,23 @@ void FuzzFiles::Write(const FuzzFinding& finding, const Scenario& base) const {
   for (const CriterionSpec& criterion : FuzzCriteria(*base.link.protocol))
     text += fmt::format("  - {{name: {}, metric: {}, max: {}}}\n", criterion.name, criterion.metric,
                         criterion.max.value_or(0));
-  WriteFile(FileOf(finding.broken), text);
+  WriteFile(FileOf(finding.broken.Name()), text);
 }
 
-std::optional<HostileSequence> FuzzFiles::ReadFinding(const BrokenFlight& broken) const {
-  try {
-    const Scenario scenario = LoadAnnounced(ReadFile(FileOf(broken))).scenario;
-    const faults::FaultSpec& fault = scenario.faults.at(0);
-    const auto text = [&](const char* key) { return std::get<std::string>(fault.parameters.at(key)); };
-    return ReadSequence(
-        fmt::format("{} {}\n{}\n", faults::Name(fault.target), text("place"), text("frames")));
-  } catch (const std::exception&) {
-    return std::nullopt;
+std::vector<std::pair<std::string, HostileSequence>> FuzzFiles::ReadFindings() const {
+  std::vector<std::pair<std::string, HostileSequence>> findings;
+  for (const fs::path& file : FilesIn(folder_ / "findings")) {
+    try {
+      const Scenario scenario = LoadAnnounced(ReadFile(file)).scenario;
+      const faults::FaultSpec& fault = scenario.faults.at(0);
+      const auto text = [&](const char* key) { return std::get<std::string>(fault.parameters.at(key)); };
+      findings.emplace_back(file.stem(), ReadSequence(fmt::format("{} {}\n{}\n", faults::Name(fault.target),
+                                                                  text("place"), text("frames"))));
+    } catch (const std::exception&) {
+      continue;
+    }
   }
+  return findings;
 }
 
 void FuzzFiles::Add(const HostileSequence& sequence) const {
@@ -138,15 +155,8 @@ void FuzzFiles::Add(const HostileSequence& sequence) const {
 }
 
 std::vector<HostileSequence> FuzzFiles::ReadCorpus() const {
-  std::vector<fs::path> files;
-  for (const auto& entry : fs::directory_iterator(folder_ / "corpus")) {
-    const std::string name = entry.path().filename();
-    if (entry.is_regular_file() && !name.starts_with('.') && !name.ends_with(".part"))
-      files.push_back(entry.path());
-  }
-  std::sort(files.begin(), files.end());
   std::vector<HostileSequence> corpus;
-  for (const fs::path& file : files) {
+  for (const fs::path& file : FilesIn(folder_ / "corpus")) {
     try {
       corpus.push_back(ReadSequence(ReadFile(file)));
     } catch (const std::exception& error) {

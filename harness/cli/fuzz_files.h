@@ -7,7 +7,6 @@
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -23,11 +22,11 @@ class FuzzFiles {
   // file. Throws UsageError when they cannot be made or written, or another campaign uses them.
   FuzzFiles(std::filesystem::path folder, std::string flags);
 
-  std::filesystem::path FileOf(const BrokenFlight& broken) const;
+  std::filesystem::path FileOf(const std::string& finding) const;  // by its name
   // `base`: as the campaign has it.
   void Write(const FuzzFinding& finding, const Scenario& base) const;
-  // What an earlier campaign left of such a finding. None when it left nothing that can be read.
-  std::optional<HostileSequence> ReadFinding(const BrokenFlight& broken) const;
+  // What earlier campaigns found, by name, in the order of names. What cannot be read is left out.
+  std::vector<std::pair<std::string, HostileSequence>> ReadFindings() const;
   void Add(const HostileSequence& sequence) const;
   // In the order of their names; a name that begins with "." or ends with ".part" is none. Throws UsageError for a file that
   // is no sequence.

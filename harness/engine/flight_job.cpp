@@ -22,4 +22,14 @@ FlightResult ErrorResult(const FlightJob& job, const std::string& reason) {
   return MakeErrorResult(job.name, job.scenario, reason, job.replay);
 }
 
+FlightResult FailedOutsideCalls(const FlightJob& job, const std::string& what, TimeNs reached_ns) {
+  if (!job.means.FirmwareInWorker(job.scenario)) return ErrorResult(job, what);
+  FlightResult result = ErrorResult(
+      job, what +
+               ", outside the firmware's calls: memory that the firmware damaged before may be the "
+               "cause; -fsanitize=address shows where");
+  result.events.push_back({ToSeconds(reached_ns), std::string(kFailedOutsideCallsEvent), std::nullopt, what});
+  return result;
+}
+
 }  // namespace tiltproof::harness

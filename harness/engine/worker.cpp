@@ -11,9 +11,11 @@
 #include <cstring>
 #include <functional>
 #include <memory>
+#include <new>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <span>
+#include <stdexcept>
 #include <utility>
 
 #include "harness/client/debugger.h"
@@ -167,6 +169,12 @@ WorkerResult FlyAndRecord(const FlightJob& job, WorkerReport& report, const std:
   } catch (const RecordingError& error) {
     done.recording_trouble = error.what();
     done.result = ErrorResult(job, fmt::format("the flight's results are missing: {}", error.what()));
+  } catch (const std::bad_alloc&) {
+    done.result = FailedOutsideCalls(job, "the worker process asked for memory that nobody has",
+                                     report.progress_ns.load(std::memory_order_relaxed));
+  } catch (const std::length_error& error) {
+    done.result = FailedOutsideCalls(job, fmt::format("the worker process failed ({})", error.what()),
+                                     report.progress_ns.load(std::memory_order_relaxed));
   } catch (const std::exception& error) {
     done.result = ErrorResult(job, error.what());
   }

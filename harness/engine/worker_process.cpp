@@ -22,14 +22,14 @@
 namespace tiltproof::harness {
 namespace {
 
-// A worker whose simulation time has stood still for so much time of its own is stuck in our code: its firmware is
+// A worker whose simulation time has stood still for so much time of its own, at most, is stuck in our code: its firmware is
 // guarded (FirmwareGuard).
 constexpr TimeNs kStuckAfterNs = 300 * kNsPerS;
 // One that has been stopped by its firmware is given so long to leave the call, once it goes on.
 constexpr TimeNs kLastChanceNs = kNsPerS;
-// A conductor in real time makes progress on every turn of its loop, so that only scoring and writing, which
-// grow with the flight, can take a while.
-constexpr TimeNs kRealtimeStuckAfterNs = 10 * kNsPerS;
+// It makes progress with every step, and in real time on every turn of its loop, so that only scoring and writing, which grow
+// with the flight, can take a while: as long as the flight, and so much more.
+constexpr TimeNs kStuckAtLeastNs = 10 * kNsPerS;
 
 // Of a firmware that took its flight with it.
 FlightResult FirmwareFailed(const FlightJob& job, Outcome outcome, const std::string& reason) {
@@ -200,8 +200,11 @@ void WorkerProcess::Watch(const FlightJob& job, const std::function<void(const s
 }
 
 TimeNs WorkerProcess::Limit(const FlightJob& job, FirmwareCall inside) const {
-  if (job.means.realtime) return kRealtimeStuckAfterNs + job.scenario.duration_ns;
-  if (inside == FirmwareCall::kNone) return kStuckAfterNs;
+  if (job.means.realtime) return kStuckAtLeastNs + job.scenario.duration_ns;
+  if (inside == FirmwareCall::kNone)
+    return job.means.FirmwareInWorker(job.scenario)
+               ? std::min(kStuckAfterNs, kStuckAtLeastNs + job.scenario.duration_ns)
+               : kStuckAfterNs;
   return stopped_itself_in_ == FirmwareCall::kNone ? FirmwareGuard::kUnreachableAfterNs : kLastChanceNs;
 }
 
@@ -210,7 +213,11 @@ FlightResult WorkerProcess::Collect(const FlightJob& job, int status,
                                     bool interrupted) const {
   try {
     auto done = ReadWorkerResult(result_bytes_);
-    if (!done) return WithoutResult(job, status);
+    if (!done) {
+      FlightResult lost = WithoutResult(job, status);
+      lost.events.push_back({ToSeconds(progress_ns()), std::string(kLostEvent), std::nullopt, ""});
+      return lost;
+    }
     if (!WIFEXITED(status) || WEXITSTATUS(status) != 0)
       tell(fmt::format(
           "warning: {}: after the flight, which counts as it was, its process did not end in order{}",
@@ -242,9 +249,11 @@ FlightResult WorkerProcess::WithoutResult(const FlightJob& job, int status) cons
                                       "and holds off what would end the call: its flight is lost",
                                       Name(stuck_in_), ToSeconds(FirmwareGuard::kUnreachableAfterNs), at));
   if (stuck_)
-    return ErrorResult(job, fmt::format("the worker process stood still for {:.0f} s {} and was killed: it "
-                                        "hung or was stopped",
-                                        ToSeconds(Limit(job, FirmwareCall::kNone)), at));
+    return FailedOutsideCalls(job,
+                              fmt::format("the worker process stood still for {:.0f} s {} and was killed: it "
+                                          "hung or was stopped",
+                                          ToSeconds(Limit(job, FirmwareCall::kNone)), at),
+                              progress_ns());
   if (WIFEXITED(status) && WEXITSTATUS(status) == kExitWithoutResult)
     return ErrorResult(job, fmt::format("the flight's results are missing: the worker process could not hand "
                                         "them over; its descriptor for them was closed, {}",
@@ -269,17 +278,11 @@ FlightResult WorkerProcess::WithoutResult(const FlightJob& job, int status) cons
                           fmt::format("the firmware ended its process in {}: the process {} {}, and the "
                                       "flight is lost",
                                       Name(inside), how, at));
-  FlightResult result = ErrorResult(job, fmt::format("the worker process {} {}", how, at));
+  const std::string what = fmt::format("the worker process {} {}", how, at);
   const std::array crashes = {SIGABRT, SIGSEGV, SIGBUS, SIGFPE, SIGILL};
-  if (job.means.FirmwareInWorker(job.scenario) && WIFSIGNALED(status) &&
-      std::find(crashes.begin(), crashes.end(), WTERMSIG(status)) != crashes.end()) {
-    result.score.reason +=
-        ", outside the firmware's calls: memory that the firmware damaged before may be the cause; "
-        "-fsanitize=address shows where";
-    result.events.push_back(
-        {ToSeconds(progress_ns()), std::string(kDiedOutsideCallsEvent), std::nullopt, how});
-  }
-  return result;
+  const bool crashed =
+      WIFSIGNALED(status) && std::find(crashes.begin(), crashes.end(), WTERMSIG(status)) != crashes.end();
+  return crashed ? FailedOutsideCalls(job, what, progress_ns()) : ErrorResult(job, what);
 }
 
 }  // namespace tiltproof::harness

@@ -25,10 +25,6 @@ namespace tiltproof::harness {
 struct KnownJobs;
 struct WorkerReport;
 
-// The event of a result that is an error since its process died of a signal as a crash sends, outside the calls into the
-// library that it flew: what the library has damaged may be noticed so late.
-inline constexpr std::string_view kDiedOutsideCallsEvent = "process_died";
-
 class WorkerProcess {
  public:
   // When a flight has stood still for so long for a reason that is not its fault, that is said.

@@ -51,9 +51,9 @@ class Campaign:
              "--time", str(limit_s), "--out", folder, "--no-progress"],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         for line in process.stdout:
-            found = re.match(r"(\w+)-[0-9a-f]{8} (?:after (\d+) inputs|in the first flight): (.*)", line)
+            found = re.match(r"(\w+)-[0-9a-f]{8} after (\d+) inputs?: (.*)", line)
             if found and self.finding is None:
-                self.finding, self.executions = found[1], int(found[2] or 0)
+                self.finding, self.executions = found[1], int(found[2])
                 self.reason = found[3]
                 if stop_at_finding:
                     process.send_signal(signal.SIGINT)

@@ -82,7 +82,7 @@ class FuzzTest(CommandLineTest):
     def test_a_heap_that_the_harness_finds_damaged_is_a_crash(self):
         code, out, err = self.fuzz("overrun", runs=3000)
         self.assertEqual(code, 1, out + err)
-        (finding,) = [one for one in self.summary()["findings"] if "noticed outside its calls" in one["reason"]]
+        (finding,) = [one for one in self.summary()["findings"] if "noticed outside its code" in one["reason"]]
         self.assertEqual(finding["kind"], "crash")
         self.assertTrue(finding["minimised"] and finding["confirmed"], finding)
         self.assertEqual(finding["inputs"], 1)
@@ -194,6 +194,26 @@ class FuzzTest(CommandLineTest):
         code, out, err = self.fuzz("secret", runs=1)
         self.assertIn("warning: --out out: its corpus, and perhaps findings, are of --client library:", err)
         self.assertIn("--firmware careful", err)
+
+    def test_what_was_found_before_is_flown_first(self):
+        self.fuzz("twofold", runs=6000)
+        names = sorted(one["name"] for one in self.summary()["findings"])
+        self.assertEqual(len(names), 2)
+        texts = {path: path.read_text() for path in (self.folder / "out" / "findings").iterdir()}
+        # One input finds neither.
+        code, out, err = self.fuzz("twofold", runs=1)
+        self.assertEqual((code, sorted(one["name"] for one in self.summary()["findings"])), (1, names), out + err)
+        self.assertEqual(texts, {path: path.read_text() for path in (self.folder / "out" / "findings").iterdir()})
+        self.assertNotIn("breaks nothing now", err)
+        # A black box flies them, too.
+        blind = CLIENT.replace("careless_client", "careless_blind_client")
+        code, out, err = self.fuzz("twofold", "--client", blind, runs=1)
+        self.assertEqual((code, len(self.summary()["findings"])), (1, 2), out + err)
+        # What is mended is said to be.
+        code, out, err = self.fuzz("careful", runs=1)
+        self.assertEqual((code, self.summary()["findings"]), (0, []), out + err)
+        for name in names:
+            self.assertIn(f"{name} of before breaks nothing now: out/findings/{name}.yaml", err)
 
     def test_what_was_made_small_stays_small(self):
         self.fuzz("deaf", runs=3000)
