@@ -151,6 +151,13 @@ std::optional<BrokenFlight> BrokenBy(const FlightResult& result) {
     const std::string refused = TextOfEvent(result, "command_refused");
     return broken(oracle.kind, text, refused.substr(0, refused.find(" = ")));
   }
+  if (const std::string end = TextOfEvent(result, kEndFailedEvent); !end.empty()) {
+    const std::string place = LibraryPlaceIn(end);
+    BrokenFlight crash = broken("crash", fmt::format("after the flight: {}", end),
+                                place.empty() ? KeyOfReason(end, true) : place);
+    crash.may_pass = "Every other command says this as a warning, and its flight counts as it was.";
+    return crash;
+  }
   return std::nullopt;
 }
 

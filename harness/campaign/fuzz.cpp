@@ -69,6 +69,7 @@ FlightJob FuzzCampaign::JobOf(const HostileSequence& sequence, std::string name,
   job.name = std::move(name);
   job.scenario = FlightOf(job.scenario, sequence);
   job.coverage = with_coverage;
+  job.tells_end = true;
   return job;
 }
 

@@ -89,6 +89,9 @@ class Client {
   virtual std::optional<ClientStatus> Status() = 0;
   // At the client's present time, between two calls of Grant().
   virtual ClientSample Sample() = 0;
+  // Ends the firmware in order when its flight is over, as the destructor does otherwise, and says how that went wrong; empty:
+  // it did not.
+  virtual std::string End() { return ""; }
   // Since its power-on, when it was made to tell; also after the flight.
   virtual Coverage CodeCoverage() { return {}; }
 };

@@ -126,19 +126,24 @@ class LibraryClient final : public Client {
     }
   }
 
-  // The flight is over and judged: the firmware's calls have no effect any more.
   ~LibraryClient() override {
-    over_ = true;
-    std::string trouble;
-    try {
-      if (client_ != nullptr && !lost_)
-        FirmwareGuard::Call(FirmwareCall::kDestroy, [&] { library_.destroy(client_); });
-    } catch (const std::exception& error) {
-      trouble = error.what();
-    }
+    const std::string trouble = End();
     output_.reset();
     if (!trouble.empty())
       Print(stderr, "tiltproof: warning: after the flight, which counts as it was, {}\n", trouble);
+  }
+
+  // The flight is over and judged: the firmware's calls have no effect any more, and there is no log.
+  std::string End() override {
+    over_ = true;
+    if (client_ == nullptr || lost_) return "";
+    try {
+      FirmwareGuard::Call(FirmwareCall::kDestroy, [&] { library_.destroy(std::exchange(client_, nullptr)); });
+    } catch (const std::exception& error) {
+      if (output_) output_->TakeAll([&](const std::string& line) { report_.Look(line); });
+      return Explained(error.what());
+    }
+    return "";
   }
 
   BootTime Start(BootTime now) override {
@@ -226,15 +231,19 @@ class LibraryClient final : public Client {
     } catch (const FirmwareTrouble& trouble) {
       lost_ = true;
       LogAllOutput();
-      std::string text = trouble.what();
-      if (!report_.names_place()) text += FirmwareGuard::CrashPlace();
-      if (!trouble.hung && !report_.text().empty()) text += ": " + report_.text();
-      throw FirmwareTrouble(trouble.hung, text);
+      throw FirmwareTrouble(trouble.hung, trouble.hung ? trouble.what() : Explained(trouble.what()));
     } catch (...) {
       lost_ = true;
       LogAllOutput();
       throw;
     }
+  }
+
+  // How a call crashed, with its place and what was reported.
+  std::string Explained(std::string text) const {
+    if (!report_.names_place()) text += FirmwareGuard::CrashPlace();
+    if (!report_.text().empty()) text += ": " + report_.text();
+    return text;
   }
 
   // Until when it waits.

@@ -58,6 +58,8 @@ struct FlightJob {
   FlightRecorder recorder{};
   // Whether its result says what code of the firmware it has executed.
   bool coverage = false;
+  // Whether its result says how the firmware ended after the flight: kEndFailedEvent, if that went wrong.
+  bool tells_end = false;
   // Called in its worker process when it begins; none: nobody watches.
   std::function<FlightWatcher()> watch = {};
   // The same, of a flight in real time; none: nobody injects faults.
@@ -72,6 +74,8 @@ FlightResult ErrorResult(const FlightJob& job, const std::string& reason);
 inline constexpr std::string_view kFailedOutsideCallsEvent = "process_failed";
 // Such a result when the firmware was in that process, and that of an error of ours when it was not.
 FlightResult FailedOutsideCalls(const FlightJob& job, const std::string& what, TimeNs reached_ns);
+// The event of a flight, which counts as it was, whose firmware did not end in order after it: how.
+inline constexpr std::string_view kEndFailedEvent = "end_failed";
 // The event of a result that was lost with its process: when.
 inline constexpr std::string_view kLostEvent = "process_lost";
 

@@ -146,6 +146,9 @@ FlightResult FlyJob(const FlightJob& job, WorkerReport& report, const std::atomi
     result->coverage_kind = coverage.kind;
     result->coverage = std::move(coverage.features);
   }
+  if (job.tells_end && client)
+    if (const std::string trouble = client->End(); !trouble.empty())
+      result->events.push_back({ToSeconds(log.end_ns), std::string(kEndFailedEvent), std::nullopt, trouble});
   report.progress_ns.fetch_add(1, std::memory_order_relaxed);
   try {
     if (scenario.faults.size() > job.scenario.faults.size()) job.recorder.begin(scenario);

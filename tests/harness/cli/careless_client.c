@@ -9,6 +9,7 @@
  * overrun: a long frame overruns a block of the heap; the C library notices it when the harness next asks for memory.
  * twofold: short and long frames let it write to address 8 and 16.
  * hasty: after a short frame it wants to be woken at once, again and again.
+ * leaves: after a short frame it cannot be destroyed.
  * slow: it boots for a second. smashed: a long frame is copied to the stack, which a guard of the compiler's notices. */
 #include <malloc.h>
 #include <stdlib.h>
@@ -26,7 +27,7 @@ typedef struct {
 struct TiltproofClient {
   Reader reader;
   size_t count;
-  int escaped, deaf, hasty, starts;
+  int escaped, deaf, hasty, leaves, starts;
   const TiltproofHost* host;
   int64_t now_ns, next_request_ns, sent_until_ns;
 };
@@ -109,6 +110,7 @@ static void on_frame(TiltproofClient* client) {
   }
   if (is(client, "smashed") && size > 64 && size <= 76) copy_frame(bytes, size);
   if (is(client, "hasty") && size < 10) client->hasty = 1;
+  if (is(client, "leaves") && size < 10) client->leaves = 1;
   if (is(client, "twofold") && size < 10) *nowhere = 1;
   if (is(client, "twofold") && size > 64) crash_elsewhere(bytes);
   if (is(client, "overrun") && size > 64) overrun_block();
@@ -150,7 +152,10 @@ TiltproofClient* tiltproof_client_create(const TiltproofHost* host) {
   return client;
 }
 
-void tiltproof_client_destroy(TiltproofClient* client) { free(client); }
+void tiltproof_client_destroy(TiltproofClient* client) {
+  if (client->leaves) abort();
+  free(client);
+}
 
 int64_t tiltproof_client_start(TiltproofClient* client, int64_t now_ns) {
   return tiltproof_client_grant(client, now_ns);

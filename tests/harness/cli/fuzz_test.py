@@ -105,6 +105,18 @@ class FuzzTest(CommandLineTest):
         self.assertEqual(code, 1, flown + err)
         self.assertIn(places[0], (self.folder / "results/latest/results.json").read_text())
 
+    def test_a_crash_when_it_is_destroyed_is_found(self):
+        code, out, err = self.fuzz("leaves", runs=3000)
+        self.assertEqual(code, 1, out + err)
+        (finding,) = self.summary()["findings"]
+        self.assertRegex(finding["reason"], r"^after the flight: the firmware crashed in tiltproof_client_destroy: Aborted at libcareless_client\.so\+0x")
+        self.assertEqual((finding["confirmed"], finding["inputs"]), (True, 1))
+        self.assertNotIn("warning", err)
+        self.assertIn("says this as a warning", (self.folder / finding["file"]).read_text())
+        code, flown, err = self.tiltproof("run", finding["file"], "--client", CLIENT, "--no-report")
+        self.assertEqual(code, 0, flown + err)
+        self.assertRegex(err, r"warning: after the flight, which counts as it was, the firmware crashed in tiltproof_client_destroy: Aborted at libcareless_client\.so\+0x")
+
     def test_a_careful_firmware_is_left_alone(self):
         code, out, err = self.fuzz("careful", runs=3000)
         self.assertEqual(code, 0, out + err)
