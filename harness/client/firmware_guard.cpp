@@ -141,7 +141,7 @@ void NoteThread(const void* context) {
     FindCrashPlace(context, watched->thread_crash_place);
   }
   // It ends this thread, too.
-  while (first != 0 && first != self) pause();
+  while (crashing_thread.load(std::memory_order_relaxed) != self) pause();
 }
 
 void StartTimer() {
