@@ -47,8 +47,7 @@ BrokenFlight DamagedMemory(const FlightResult& result) {
           .reason = fmt::format("{}: {}", kDamaged, result.score.reason),
           .may_pass =
               "What damaged memory does depends on the process: this flight may pass while the defect is "
-              "there. A "
-              "library built with -fsanitize=address fails where the mistake is made."};
+              "there. A library built with -fsanitize=address fails where the mistake is made."};
 }
 
 // Of a firmware that took its process with it.
@@ -121,12 +120,15 @@ std::optional<BrokenFlight> BrokenBy(const FlightResult& result) {
   const auto broken = [&](std::string_view kind, const std::string& reason, const std::string& key) {
     return BrokenFlight{std::string(kind), fmt::format("{}: {}", kind, key), reason, {}};
   };
+  const auto crashed = [&](const std::string& reason, const std::string& how) {
+    const std::string place = LibraryPlaceIn(how);
+    return broken("crash", reason, place.empty() ? KeyOfReason(how, true) : place);
+  };
   const std::string& reason = result.score.reason;
   if (result.score.verdict == Verdict::kError) return std::nullopt;
   if (result.outcome == Outcome::kCrashed && IsInCallBack(reason)) return DamagedMemory(result);
   if (result.outcome == Outcome::kCrashed) {
-    const std::string place = LibraryPlaceIn(reason);
-    BrokenFlight crash = broken("crash", reason, place.empty() ? KeyOfReason(reason, true) : place);
+    BrokenFlight crash = crashed(reason, reason);
     if (IsOfThread(reason))
       crash.may_pass =
           "When a thread crashes depends on the machine: this flight may be over before, and pass, while the "
@@ -152,9 +154,7 @@ std::optional<BrokenFlight> BrokenBy(const FlightResult& result) {
     return broken(oracle.kind, text, refused.substr(0, refused.find(" = ")));
   }
   if (const std::string end = TextOfEvent(result, kEndFailedEvent); !end.empty()) {
-    const std::string place = LibraryPlaceIn(end);
-    BrokenFlight crash = broken("crash", fmt::format("after the flight: {}", end),
-                                place.empty() ? KeyOfReason(end, true) : place);
+    BrokenFlight crash = crashed(fmt::format("after the flight: {}", end), end);
     crash.may_pass = "Every other command says this as a warning, and its flight counts as it was.";
     return crash;
   }

@@ -67,6 +67,11 @@ HostileStream StreamOf(const HostileSequence& sequence) {
 
 }  // namespace
 
+std::string PlaceText(const HostileSequence& sequence) {
+  return fmt::format("{} the frame of each period",
+                     sequence.place == "instead" ? "instead of" : sequence.place);
+}
+
 std::string FramesText(const HostileSequence& sequence) {
   constexpr std::string_view kDigits = "0123456789abcdef";
   std::string text;

@@ -37,6 +37,8 @@ inline constexpr std::string_view kHostileFault = "hostile";
 // When the first input is said. A firmware that has heard nothing may say `start` again: that is no restart, so the first
 // reply is left alone.
 TimeNs HostileFrom(const link::Protocol& protocol);
+// For a person: "instead of the frame of each period".
+std::string PlaceText(const HostileSequence& sequence);
 // The parameter `frames`.
 std::string FramesText(const HostileSequence& sequence);
 // `base` says everything but faults and duration.

@@ -262,8 +262,7 @@ class FuzzRun {
                 ? fmt::format("it could not be written to {}", files_.FileOf(finding.broken.Name()).string())
                 : files_.ReplayOf(finding));
       if (unwritten_.contains(finding.broken.Name()))
-        Print(stdout, "  on {}, {} the frame of each period: {}\n", faults::Name(finding.sequence.target),
-              finding.sequence.place == "instead" ? "instead of" : finding.sequence.place,
+        Print(stdout, "  on {}, {}: {}\n", faults::Name(finding.sequence.target), PlaceText(finding.sequence),
               FramesText(finding.sequence));
     }
     if (options_.format == "jsonl") {

@@ -100,8 +100,7 @@ void FuzzFiles::Write(const FuzzFinding& finding, const Scenario& base) const {
   const HostileSequence& sequence = finding.sequence;
   const Scenario flight = FlightOf(base, sequence);
   std::string text = Comment(fmt::format("Found by tiltproof fuzz: {}", finding.broken.reason));
-  text += fmt::format("#\n# What is said {} the frame of each period:\n",
-                      sequence.place == "instead" ? "instead of" : sequence.place);
+  text += fmt::format("#\n# What is said {}:\n", PlaceText(sequence));
   const std::vector<std::string> frames = Describe(sequence, *base.link.protocol);
   for (std::size_t i = 0; i < frames.size(); ++i) text += Comment(fmt::format("{:4}: {}", i + 1, frames[i]));
   text += "#\n";

@@ -69,8 +69,8 @@ struct FlightJob {
 FlightResult ErrorResult(const FlightJob& job, const std::string& reason);
 
 // The event of a result that is an error since its process failed outside the calls into the library that it flew, in a
-// way in which memory may be noticed that the library has damaged: it died of a signal as a crash sends, asked for
-// memory that nobody has, or stood still.
+// way in which memory may be noticed that the library has damaged: it died of a signal as a crash sends, ran out of
+// memory, or stood still.
 inline constexpr std::string_view kFailedOutsideCallsEvent = "process_failed";
 // Such a result when the firmware was in that process, and that of an error of ours when it was not.
 FlightResult FailedOutsideCalls(const FlightJob& job, const std::string& what, TimeNs reached_ns);

@@ -173,7 +173,7 @@ WorkerResult FlyAndRecord(const FlightJob& job, WorkerReport& report, const std:
     done.recording_trouble = error.what();
     done.result = ErrorResult(job, fmt::format("the flight's results are missing: {}", error.what()));
   } catch (const std::bad_alloc&) {
-    done.result = FailedOutsideCalls(job, "the worker process asked for memory that nobody has",
+    done.result = FailedOutsideCalls(job, "the worker process ran out of memory",
                                      report.progress_ns.load(std::memory_order_relaxed));
   } catch (const std::length_error& error) {
     done.result = FailedOutsideCalls(job, fmt::format("the worker process failed ({})", error.what()),
