@@ -16,7 +16,7 @@ constexpr float kExplained = 0.5F;
 constexpr float kSampleEvidence = 8;
 constexpr float kEvidence = 28;
 // Between samples further apart the model itself is too uncertain.
-constexpr ModelStep kStepsMax = 8;
+constexpr ModelStep kLagStepsMax = 8;
 
 }  // namespace
 
@@ -24,7 +24,7 @@ void LagEstimator::Update(MotionTimeline& timeline, ModelStep step, const Motion
   const ModelStep count = step - timeline.last_sample_step();
   const MotionState before = timeline.last_sample();
   const ModelStep lag = timeline.lag();
-  if (count > kStepsMax) return;
+  if (count > kLagStepsMax) return;
 
   const float misfit = Misfit(sample, timeline.At(step), before);
   const bool fits = misfit < kFitMisfit;

@@ -1,142 +1,125 @@
 #include "plant/dynamics.h"
 
 #include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <cmath>
 #include <string>
 
 namespace tiltproof::plant {
 namespace {
 
-template <class Scalar>
-using Vector3 = Eigen::Matrix<Scalar, 3, 1>;
-template <class Scalar>
-using Matrix3 = Eigen::Matrix<Scalar, 3, 3>;
-template <class Scalar>
-using Jacobian = Eigen::Matrix<Scalar, 3, kCoordinateCount>;
+using Vector3 = Eigen::Matrix<Complex, 3, 1>;
+using Matrix3 = Eigen::Matrix<Complex, 3, 3>;
+using Jacobian = Eigen::Matrix<Complex, 3, kCoordinateCount>;
 
-// The complex ones written out: those of the C library would differ between processors.
-double Sin(double angle) { return std::sin(angle); }
-double Cos(double angle) { return std::cos(angle); }
-std::complex<double> Sin(const std::complex<double>& z) {
+constexpr double kComplexStep = 1e-30;
+
+// Written out: those of the C library would differ between processors.
+Complex Sin(const Complex& z) {
   return {std::sin(z.real()) * std::cosh(z.imag()), std::cos(z.real()) * std::sinh(z.imag())};
 }
-std::complex<double> Cos(const std::complex<double>& z) {
+Complex Cos(const Complex& z) {
   return {std::cos(z.real()) * std::cosh(z.imag()), -std::sin(z.real()) * std::sinh(z.imag())};
 }
 
 // Eigen's own cross() conjugates complex numbers, which would spoil a complex step.
-template <class Scalar>
-Vector3<Scalar> Cross(const Vector3<Scalar>& a, const Vector3<Scalar>& b) {
+Vector3 Cross(const Vector3& a, const Vector3& b) {
   return {a.y() * b.z() - a.z() * b.y(), a.z() * b.x() - a.x() * b.z(), a.x() * b.y() - a.y() * b.x()};
 }
 
-template <class Scalar>
-Matrix3<Scalar> Rotation(const Eigen::Vector3d& axis, const Scalar& angle) {
+Matrix3 Rotation(const Eigen::Vector3d& axis, const Complex& angle) {
   Eigen::Matrix3d cross;
   cross << 0, -axis.z(), axis.y(), axis.z(), 0, -axis.x(), -axis.y(), axis.x(), 0;
-  return Matrix3<Scalar>::Identity() + Sin(angle) * cross.cast<Scalar>() +
-         (Scalar(1) - Cos(angle)) * (cross * cross).cast<Scalar>();
+  return Matrix3::Identity() + Sin(angle) * cross.cast<Complex>() +
+         (Complex(1) - Cos(angle)) * (cross * cross).cast<Complex>();
 }
 
 // The motion of a point or frame: velocity v = j q', acceleration j q'' + bias.
-template <class Scalar>
 struct Motion {
-  Jacobian<Scalar> j = Jacobian<Scalar>::Zero();
-  Vector3<Scalar> bias = Vector3<Scalar>::Zero();
+  Jacobian j = Jacobian::Zero();
+  Vector3 bias = Vector3::Zero();
 };
 
 // A frame that turns with `angular` (velocity `w`): the motion of a point of it at `r` from a point of it
 // that moves with `origin`.
-template <class Scalar>
-Motion<Scalar> MotionOfPoint(const Motion<Scalar>& origin, const Motion<Scalar>& angular,
-                             const Vector3<Scalar>& w, const Vector3<Scalar>& r) {
-  Motion<Scalar> point = origin;
-  for (int i = 0; i < kCoordinateCount; ++i) point.j.col(i) += Cross<Scalar>(angular.j.col(i), r);
-  point.bias += Cross<Scalar>(angular.bias, r) + Cross<Scalar>(w, Cross<Scalar>(w, r));
+Motion MotionOfPoint(const Motion& origin, const Motion& angular, const Vector3& w, const Vector3& r) {
+  Motion point = origin;
+  for (int i = 0; i < kCoordinateCount; ++i) point.j.col(i) += Cross(angular.j.col(i), r);
+  point.bias += Cross(angular.bias, r) + Cross(w, Cross(w, r));
   return point;
 }
 
-template <class Scalar>
-void AddBody(const RigidBody& body, const Matrix3<Scalar>& R_WL, const Vector3<Scalar>& w,
-             const Motion<Scalar>& angular, const Motion<Scalar>& com, EquationsOfMotion<Scalar>& equations) {
-  const Scalar mass(body.mass_kg);
-  const Matrix3<Scalar> inertia = R_WL * body.inertia_kg_m2.template cast<Scalar>() * R_WL.transpose();
-  const Vector3<Scalar> gravity(Scalar(0), Scalar(0), Scalar(-kGravity_m_s2));
+void AddBody(const RigidBody& body, const Matrix3& R_WL, const Vector3& w, const Motion& angular,
+             const Motion& com, EquationsOfMotion& equations) {
+  const Complex mass(body.mass_kg);
+  const Matrix3 inertia = R_WL * body.inertia_kg_m2.cast<Complex>() * R_WL.transpose();
+  const Vector3 gravity(Complex(0), Complex(0), Complex(-kGravity_m_s2));
   equations.mass += mass * com.j.transpose() * com.j + angular.j.transpose() * inertia * angular.j;
   equations.force += mass * com.j.transpose() * (gravity - com.bias) -
-                     angular.j.transpose() * (inertia * angular.bias + Cross<Scalar>(w, inertia * w));
+                     angular.j.transpose() * (inertia * angular.bias + Cross(w, inertia * w));
 }
 
 }  // namespace
 
-template <class Scalar>
-EquationsOfMotion<Scalar> ComputeEquationsOfMotion(const VehicleModel& model, const Coordinates<Scalar>& q,
-                                                   const Coordinates<Scalar>& q_dot,
-                                                   const Inputs<Scalar>& u) {
-  EquationsOfMotion<Scalar> equations;
+EquationsOfMotion ComputeEquationsOfMotion(const VehicleModel& model, const Coordinates<Complex>& q,
+                                           const Coordinates<Complex>& q_dot, const Inputs<Complex>& u) {
+  EquationsOfMotion equations;
   equations.mass.setZero();
   equations.force.setZero();
 
   // Z-Y-X Euler angles: each rate turns about its own axis, which the angles after it in the chain carry
   // along.
-  const Matrix3<Scalar> R_z = Rotation<Scalar>(Eigen::Vector3d::UnitZ(), q[5]);
-  const Matrix3<Scalar> R_zy = R_z * Rotation<Scalar>(Eigen::Vector3d::UnitY(), q[4]);
-  const Matrix3<Scalar> R_WB = R_zy * Rotation<Scalar>(Eigen::Vector3d::UnitX(), q[3]);
-  const Vector3<Scalar> roll_axis = R_zy.col(0), pitch_axis = R_z.col(1), yaw_axis = Vector3<Scalar>::UnitZ();
-  const Vector3<Scalar> w_yaw = yaw_axis * q_dot[5];
-  const Vector3<Scalar> w_pitch = w_yaw + pitch_axis * q_dot[4];
-  const Vector3<Scalar> w_base = w_pitch + roll_axis * q_dot[3];
+  const Matrix3 R_z = Rotation(Eigen::Vector3d::UnitZ(), q[5]);
+  const Matrix3 R_zy = R_z * Rotation(Eigen::Vector3d::UnitY(), q[4]);
+  const Matrix3 R_WB = R_zy * Rotation(Eigen::Vector3d::UnitX(), q[3]);
+  const Vector3 roll_axis = R_zy.col(0), pitch_axis = R_z.col(1), yaw_axis = Vector3::UnitZ();
+  const Vector3 w_yaw = yaw_axis * q_dot[5];
+  const Vector3 w_pitch = w_yaw + pitch_axis * q_dot[4];
+  const Vector3 w_base = w_pitch + roll_axis * q_dot[3];
 
-  Motion<Scalar> origin;
-  origin.j.template leftCols<3>().setIdentity();
-  Motion<Scalar> base;
+  Motion origin;
+  origin.j.leftCols<3>().setIdentity();
+  Motion base;
   base.j.col(3) = roll_axis;
   base.j.col(4) = pitch_axis;
   base.j.col(5) = yaw_axis;
-  base.bias = Cross<Scalar>(w_pitch, roll_axis) * q_dot[3] + Cross<Scalar>(w_yaw, pitch_axis) * q_dot[4];
-  const Vector3<Scalar> base_com = R_WB * model.base.p_com_m.template cast<Scalar>();
+  base.bias = Cross(w_pitch, roll_axis) * q_dot[3] + Cross(w_yaw, pitch_axis) * q_dot[4];
+  const Vector3 base_com = R_WB * model.base.p_com_m.cast<Complex>();
   AddBody(model.base, R_WB, w_base, base, MotionOfPoint(origin, base, w_base, base_com), equations);
 
   for (std::size_t side = 0; side < model.thrusters.size(); ++side) {
     const TiltingThruster& thruster = model.thrusters[side];
     const int alpha = 6 + static_cast<int>(side);
-    const Matrix3<Scalar> R_WB_turned = R_WB * Rotation<Scalar>(thruster.axis_B, q[alpha]);
-    const Matrix3<Scalar> R_WT = R_WB_turned * thruster.R_BT.template cast<Scalar>();
-    const Vector3<Scalar> hinge_axis = R_WB * thruster.axis_B.template cast<Scalar>();
-    const Vector3<Scalar> w = w_base + hinge_axis * q_dot[alpha];
-    Motion<Scalar> angular = base;
+    const Matrix3 R_WB_turned = R_WB * Rotation(thruster.axis_B, q[alpha]);
+    const Matrix3 R_WT = R_WB_turned * thruster.R_BT.cast<Complex>();
+    const Vector3 hinge_axis = R_WB * thruster.axis_B.cast<Complex>();
+    const Vector3 w = w_base + hinge_axis * q_dot[alpha];
+    Motion angular = base;
     angular.j.col(alpha) = hinge_axis;
-    angular.bias += Cross<Scalar>(w_base, hinge_axis) * q_dot[alpha];
+    angular.bias += Cross(w_base, hinge_axis) * q_dot[alpha];
 
-    const Vector3<Scalar> to_hinge = R_WB * thruster.p_BH_m.template cast<Scalar>();
+    const Vector3 to_hinge = R_WB * thruster.p_BH_m.cast<Complex>();
     const Eigen::Vector3d p_HC_B = thruster.p_BT_m + thruster.R_BT * thruster.body.p_com_m - thruster.p_BH_m;
-    const Vector3<Scalar> to_com = R_WB_turned * p_HC_B.cast<Scalar>();
-    const Motion<Scalar> hinge = MotionOfPoint(origin, base, w_base, to_hinge);
-    const Motion<Scalar> com = MotionOfPoint(hinge, angular, w, to_com);
+    const Vector3 to_com = R_WB_turned * p_HC_B.cast<Complex>();
+    const Motion hinge = MotionOfPoint(origin, base, w_base, to_hinge);
+    const Motion com = MotionOfPoint(hinge, angular, w, to_com);
     AddBody(thruster.body, R_WT, w, angular, com, equations);
 
-    const Vector3<Scalar> thrust_axis = R_WT * thruster.thrust_axis_T.template cast<Scalar>();
-    const Scalar force = u[static_cast<int>(side)];
+    const Vector3 thrust_axis = R_WT * thruster.thrust_axis_T.cast<Complex>();
+    const Complex force = u[static_cast<int>(side)];
     equations.force += com.j.transpose() * thrust_axis * force;
     equations.force +=
-        angular.j.transpose() * thrust_axis * (force * Scalar(thruster.direction * thruster.drag_ratio_m));
+        angular.j.transpose() * thrust_axis * (force * Complex(thruster.direction * thruster.drag_ratio_m));
     equations.force[alpha] += u[2 + static_cast<int>(side)];
   }
   return equations;
 }
 
-template EquationsOfMotion<double> ComputeEquationsOfMotion(const VehicleModel&, const Coordinates<double>&,
-                                                            const Coordinates<double>&,
-                                                            const Inputs<double>&);
-template EquationsOfMotion<std::complex<double>> ComputeEquationsOfMotion(
-    const VehicleModel&, const Coordinates<std::complex<double>>&, const Coordinates<std::complex<double>>&,
-    const Inputs<std::complex<double>>&);
-
-namespace {
-
-using Complex = std::complex<double>;
-constexpr double kComplexStep = 1e-30;
-
-}  // namespace
+Coordinates<Complex> Acceleration(const VehicleModel& model, const Coordinates<Complex>& q,
+                                  const Coordinates<Complex>& q_dot, const Inputs<Complex>& u) {
+  const EquationsOfMotion equations = ComputeEquationsOfMotion(model, q, q_dot, u);
+  return equations.mass.partialPivLu().solve(equations.force);
+}
 
 Hover SolveHover(const VehicleModel& model) {
   // At rest the mass matrix drops out: what is sought is generalised force zero, eight equations in
@@ -149,7 +132,7 @@ Hover SolveHover(const VehicleModel& model) {
     q[6] = unknowns[2];
     q[7] = unknowns[3];
     const Inputs<Complex> u = unknowns.tail<4>();
-    return ComputeEquationsOfMotion<Complex>(model, q, Coordinates<Complex>::Zero(), u).force;
+    return ComputeEquationsOfMotion(model, q, Coordinates<Complex>::Zero(), u).force;
   };
   Vector unknowns = Vector::Zero();
   unknowns[4] = unknowns[5] = 0.5 * model.MassTotal() * kGravity_m_s2;
@@ -196,8 +179,8 @@ LinearModel Linearise(const VehicleModel& model, const Hover& hover) {
   const Complex step(0, kComplexStep);
 
   LinearModel linear;
-  linear.a.setZero();
-  linear.b.setZero();
+  linear.a.setZero(2 * kCoordinateCount, 2 * kCoordinateCount);
+  linear.b.setZero(2 * kCoordinateCount, kInputCount);
   linear.a.topRightCorner<kCoordinateCount, kCoordinateCount>().setIdentity();
   for (int i = 0; i < kCoordinateCount; ++i) {
     Coordinates<Complex> moved = q;

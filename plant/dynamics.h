@@ -11,14 +11,11 @@
 //   a = J_v q'' + a_0,   w' = J_w q'' + w'_0.
 // Without stops, ground and saturation. Singular at pitch +/-90 deg.
 //
-// Templated on the scalar (double, std::complex<double>): a complex step h gives derivatives without
-// rounding, df/dx = Im f(x + ih) / h.
+// All in complex numbers: a complex step h gives derivatives without rounding, df/dx = Im f(x + ih) / h. The
+// motion itself is the real part.
 #pragma once
 
 #include <Eigen/Core>
-#include <Eigen/LU>
-#include <array>
-#include <cmath>
 #include <complex>
 #include <stdexcept>
 
@@ -39,32 +36,19 @@ struct DesignError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-// M(q) q'' = force(q, q', u), force including gravity and the velocity-dependent terms.
-template <class Scalar>
-struct EquationsOfMotion {
-  Eigen::Matrix<Scalar, kCoordinateCount, kCoordinateCount> mass;  // symmetric, positive definite
-  Coordinates<Scalar> force;
-};
+using Complex = std::complex<double>;
 
-template <class Scalar>
-EquationsOfMotion<Scalar> ComputeEquationsOfMotion(const VehicleModel& model, const Coordinates<Scalar>& q,
-                                                   const Coordinates<Scalar>& q_dot, const Inputs<Scalar>& u);
+// M(q) q'' = force(q, q', u), force including gravity and the velocity-dependent terms.
+struct EquationsOfMotion {
+  Eigen::Matrix<Complex, kCoordinateCount, kCoordinateCount> mass;  // symmetric, positive definite
+  Coordinates<Complex> force;
+};
+EquationsOfMotion ComputeEquationsOfMotion(const VehicleModel& model, const Coordinates<Complex>& q,
+                                           const Coordinates<Complex>& q_dot, const Inputs<Complex>& u);
 
 // q'' (m/s^2, rad/s^2).
-template <class Scalar>
-Coordinates<Scalar> Acceleration(const VehicleModel& model, const Coordinates<Scalar>& q,
-                                 const Coordinates<Scalar>& q_dot, const Inputs<Scalar>& u) {
-  const EquationsOfMotion<Scalar> equations = ComputeEquationsOfMotion(model, q, q_dot, u);
-  return equations.mass.partialPivLu().solve(equations.force);
-}
-
-extern template EquationsOfMotion<double> ComputeEquationsOfMotion(const VehicleModel&,
-                                                                   const Coordinates<double>&,
-                                                                   const Coordinates<double>&,
-                                                                   const Inputs<double>&);
-extern template EquationsOfMotion<std::complex<double>> ComputeEquationsOfMotion(
-    const VehicleModel&, const Coordinates<std::complex<double>>&, const Coordinates<std::complex<double>>&,
-    const Inputs<std::complex<double>>&);
+Coordinates<Complex> Acceleration(const VehicleModel& model, const Coordinates<Complex>& q,
+                                  const Coordinates<Complex>& q_dot, const Inputs<Complex>& u);
 
 // Hover at yaw 0, found by Newton's method from level attitude; ignores model.hover, limits of inputs and
 // stops. Throws DesignError when there is none.
@@ -75,8 +59,8 @@ Inputs<double> HoverInputs(const Hover& hover);
 
 // x' = A x + B u about the hover, x = (q, q').
 struct LinearModel {
-  Eigen::Matrix<double, 2 * kCoordinateCount, 2 * kCoordinateCount> a;
-  Eigen::Matrix<double, 2 * kCoordinateCount, kInputCount> b;
+  Eigen::MatrixXd a;  // 16 x 16
+  Eigen::MatrixXd b;  // 16 x 4
 };
 LinearModel Linearise(const VehicleModel& model, const Hover& hover);
 

@@ -13,54 +13,51 @@
 namespace tiltproof::plant {
 namespace {
 
-using PlantMatrix = Eigen::Matrix<double, kPlantStateCount, kPlantStateCount>;
-using PlantInput = Eigen::Matrix<double, kPlantStateCount, kInputCount>;
-using DesignMatrix = Eigen::Matrix<double, kDesignStateCount, kDesignStateCount>;
-using DesignInput = Eigen::Matrix<double, kDesignStateCount, kInputCount>;
+using Eigen::MatrixXd;
 
 struct Transition {
-  PlantMatrix a;  // e^{A t}
-  PlantInput b;   // integral of e^{A s} B over [0, t]
+  MatrixXd a;  // e^{A t}
+  MatrixXd b;  // integral of e^{A s} B over [0, t]
 };
 
 Transition Integrate(const LinearModel& model, double time_s) {
   // Van Loan: the exponential of [A B; 0 0] t holds both.
   constexpr int n = kPlantStateCount + kInputCount;
-  Eigen::Matrix<double, n, n> generator = Eigen::Matrix<double, n, n>::Zero();
-  generator.topLeftCorner<kPlantStateCount, kPlantStateCount>() = model.a * time_s;
-  generator.topRightCorner<kPlantStateCount, kInputCount>() = model.b * time_s;
-  const Eigen::Matrix<double, n, n> exponential = generator.exp();
-  return {exponential.topLeftCorner<kPlantStateCount, kPlantStateCount>(),
-          exponential.topRightCorner<kPlantStateCount, kInputCount>()};
+  MatrixXd generator = MatrixXd::Zero(n, n);
+  generator.topLeftCorner(kPlantStateCount, kPlantStateCount) = model.a * time_s;
+  generator.topRightCorner(kPlantStateCount, kInputCount) = model.b * time_s;
+  const MatrixXd exponential = generator.exp();
+  return {exponential.topLeftCorner(kPlantStateCount, kPlantStateCount),
+          exponential.topRightCorner(kPlantStateCount, kInputCount)};
 }
 
 // Picks x, y, z and yaw.
-Eigen::Matrix<double, kIntegralCount, kPlantStateCount> IntegratedStates() {
-  Eigen::Matrix<double, kIntegralCount, kPlantStateCount> pick;
-  pick.setZero();
+MatrixXd IntegratedStates() {
+  MatrixXd pick = MatrixXd::Zero(kIntegralCount, kPlantStateCount);
   pick(0, 0) = pick(1, 1) = pick(2, 2) = pick(3, 5) = 1;
   return pick;
 }
 
 // The plant's step with the trapezoidal integrals appended: s(k+1) = s(k) + T/2 (e(k) + e(k+1)).
 struct Augmented {
-  DesignMatrix a;
-  DesignInput b;
+  MatrixXd a;
+  MatrixXd b;
 };
 Augmented Augment(const SampledModel& model) {
-  const auto pick = IntegratedStates();
+  const MatrixXd pick = IntegratedStates();
   Augmented augmented;
-  augmented.a.setZero();
-  augmented.a.topLeftCorner<kPlantStateCount, kPlantStateCount>() = model.a;
-  augmented.a.bottomLeftCorner<kIntegralCount, kPlantStateCount>() =
-      0.5 * model.period_s * pick * (model.a + PlantMatrix::Identity());
-  augmented.a.bottomRightCorner<kIntegralCount, kIntegralCount>().setIdentity();
+  augmented.a.setZero(kDesignStateCount, kDesignStateCount);
+  augmented.a.topLeftCorner(kPlantStateCount, kPlantStateCount) = model.a;
+  augmented.a.bottomLeftCorner(kIntegralCount, kPlantStateCount) =
+      0.5 * model.period_s * pick * (model.a + MatrixXd::Identity(kPlantStateCount, kPlantStateCount));
+  augmented.a.bottomRightCorner(kIntegralCount, kIntegralCount).setIdentity();
+  augmented.b.resize(kDesignStateCount, kInputCount);
   augmented.b << model.b, 0.5 * model.period_s * pick * model.b;
   return augmented;
 }
 
 struct Riccati {
-  DesignMatrix x;
+  MatrixXd x;
   double residual = 0;
   int iterations = 0;
 };
@@ -68,19 +65,19 @@ struct Riccati {
 // X = A'XA - A'XB (R + B'XB)^-1 B'XA + Q by the structure-preserving doubling algorithm (Chu, Fan, Lin, Wang,
 // 2004), which converges quadratically when the pair is stabilisable.
 Riccati SolveRiccati(const Augmented& model, const LqrWeights& weights) {
-  const DesignMatrix identity = DesignMatrix::Identity();
-  const DesignMatrix q = weights.q.asDiagonal();
-  const Eigen::Matrix<double, kInputCount, kInputCount> r = weights.r.asDiagonal();
-  DesignMatrix a = model.a;
-  DesignMatrix g = model.b * weights.r.cwiseInverse().asDiagonal() * model.b.transpose();
-  DesignMatrix h = q;
+  const MatrixXd identity = MatrixXd::Identity(kDesignStateCount, kDesignStateCount);
+  const MatrixXd q = weights.q.asDiagonal();
+  const MatrixXd r = weights.r.asDiagonal();
+  MatrixXd a = model.a;
+  MatrixXd g = model.b * weights.r.cwiseInverse().asDiagonal() * model.b.transpose();
+  MatrixXd h = q;
 
   constexpr int kIterationsMax = 60;
   for (int iteration = 1; iteration <= kIterationsMax; ++iteration) {
-    const Eigen::PartialPivLU<DesignMatrix> w(identity + g * h);
-    const DesignMatrix w_a = w.solve(a);
-    const DesignMatrix w_g = w.solve(g);
-    const DesignMatrix h_step = a.transpose() * h * w_a;
+    const Eigen::PartialPivLU<MatrixXd> w(identity + g * h);
+    const MatrixXd w_a = w.solve(a);
+    const MatrixXd w_g = w.solve(g);
+    const MatrixXd h_step = a.transpose() * h * w_a;
     g += a * w_g * a.transpose();
     h += 0.5 * (h_step + h_step.transpose());
     a = (a * w_a).eval();
@@ -88,11 +85,11 @@ Riccati SolveRiccati(const Augmented& model, const LqrWeights& weights) {
     const double scale = h.cwiseAbs().maxCoeff();
     if (h_step.cwiseAbs().maxCoeff() > 1e-15 * scale) continue;
 
-    const DesignMatrix xa = h * model.a;
-    const DesignInput xb = h * model.b;
-    const Eigen::Matrix<double, kInputCount, kInputCount> s = r + model.b.transpose() * xb;
-    const DesignMatrix error = model.a.transpose() * xa -
-                               (model.a.transpose() * xb) * s.ldlt().solve(model.b.transpose() * xa) + q - h;
+    const MatrixXd xa = h * model.a;
+    const MatrixXd xb = h * model.b;
+    const MatrixXd s = r + model.b.transpose() * xb;
+    const MatrixXd error = model.a.transpose() * xa -
+                           (model.a.transpose() * xb) * s.ldlt().solve(model.b.transpose() * xa) + q - h;
     return {h, error.cwiseAbs().maxCoeff() / scale, iteration};
   }
   throw DesignError("the Riccati equation has no stabilising solution: the vehicle cannot be controlled");
@@ -107,7 +104,7 @@ SampledModel Sample(const LinearModel& model, double period_s) {
 
 LqrWeights PaperWeights() {
   constexpr double pi2 = std::numbers::pi * std::numbers::pi;
-  LqrWeights weights;
+  LqrWeights weights{.q = Eigen::VectorXd(kDesignStateCount), .r = Eigen::VectorXd(kInputCount)};
   weights.q << 5, 5, 5, 4 / pi2, 4 / pi2, 15 / pi2, 40 / pi2, 40 / pi2,              //
       0.25, 0.25, 0.25, 9 / pi2, 9 / pi2, 16 / pi2, 5 / (81 * pi2), 5 / (81 * pi2),  //
       50, 50, 50, 1;
@@ -121,10 +118,9 @@ LqrDesign DesignLqr(const VehicleModel& model, const LqrOptions& options) {
   design.model = Sample(Linearise(model, design.hover), options.period_s);
   const Augmented augmented = Augment(design.model);
   const Riccati riccati = SolveRiccati(augmented, options.weights);
-  const Eigen::Matrix<double, kInputCount, kDesignStateCount> xb_transposed =
-      augmented.b.transpose() * riccati.x;
-  const Eigen::Matrix<double, kInputCount, kInputCount> r = options.weights.r.asDiagonal();
-  const Eigen::Matrix<double, kInputCount, kInputCount> s = r + xb_transposed * augmented.b;
+  const MatrixXd xb_transposed = augmented.b.transpose() * riccati.x;
+  const MatrixXd r = options.weights.r.asDiagonal();
+  const MatrixXd s = r + xb_transposed * augmented.b;
   design.gain = s.ldlt().solve(xb_transposed * augmented.a);
   design.dare_residual = riccati.residual;
   design.dare_iterations = riccati.iterations;
@@ -147,35 +143,34 @@ double ClosedLoopSpectralRadius(const SampledModel& model, const GainMatrix& gai
   const double rest_s = delay_s - periods * model.period_s;
   const Transition before = Integrate(model.continuous, rest_s);
   const Transition after = Integrate(model.continuous, model.period_s - rest_s);
-  const PlantInput b_old = after.a * before.b;
-  const auto pick = IntegratedStates();
+  const MatrixXd b_old = after.a * before.b;
+  const MatrixXd pick = IntegratedStates();
 
   // States: x, integrals, u(k-1), u(k-2), ..., u(k-n-1).
   const Eigen::Index n = kDesignStateCount + kInputCount * (whole + 1);
-  Eigen::MatrixXd a = Eigen::MatrixXd::Zero(n, n);
-  Eigen::MatrixXd b = Eigen::MatrixXd::Zero(n, kInputCount);  // what u(k) does at once
-  a.topLeftCorner<kPlantStateCount, kPlantStateCount>() = model.a;
+  MatrixXd a = MatrixXd::Zero(n, n);
+  MatrixXd b = MatrixXd::Zero(n, kInputCount);  // what u(k) does at once
+  a.topLeftCorner(kPlantStateCount, kPlantStateCount) = model.a;
   const auto past = [](Eigen::Index age) { return kDesignStateCount + kInputCount * (age - 1); };
-  a.block<kPlantStateCount, kInputCount>(0, past(whole + 1)) = b_old;
+  a.block(0, past(whole + 1), kPlantStateCount, kInputCount) = b_old;
   if (whole == 0) {
-    b.topRows<kPlantStateCount>() = after.b;
+    b.topRows(kPlantStateCount) = after.b;
   } else {
-    a.block<kPlantStateCount, kInputCount>(0, past(whole)) = after.b;
+    a.block(0, past(whole), kPlantStateCount, kInputCount) = after.b;
   }
-  b.middleRows<kInputCount>(past(1)).setIdentity();
+  b.middleRows(past(1), kInputCount).setIdentity();
   for (Eigen::Index age = 2; age <= whole + 1; ++age) {
-    a.block<kInputCount, kInputCount>(past(age), past(age - 1)).setIdentity();
+    a.block(past(age), past(age - 1), kInputCount, kInputCount).setIdentity();
   }
   // Integrals: T/2 (e(k) + e(k+1)) on top of the present ones.
-  auto integrals = a.middleRows<kIntegralCount>(kPlantStateCount);
-  integrals = 0.5 * model.period_s * pick * a.topRows<kPlantStateCount>();
-  integrals.leftCols<kPlantStateCount>() += 0.5 * model.period_s * pick;
-  integrals.middleCols<kIntegralCount>(kPlantStateCount).setIdentity();
-  b.middleRows<kIntegralCount>(kPlantStateCount) =
-      0.5 * model.period_s * pick * b.topRows<kPlantStateCount>();
+  auto integrals = a.middleRows(kPlantStateCount, kIntegralCount);
+  integrals = 0.5 * model.period_s * pick * a.topRows(kPlantStateCount);
+  integrals.leftCols(kPlantStateCount) += 0.5 * model.period_s * pick;
+  integrals.middleCols(kPlantStateCount, kIntegralCount).setIdentity();
+  b.middleRows(kPlantStateCount, kIntegralCount) = 0.5 * model.period_s * pick * b.topRows(kPlantStateCount);
 
-  a.leftCols<kDesignStateCount>() -= b * gain;
-  return Eigen::EigenSolver<Eigen::MatrixXd>(a, false).eigenvalues().cwiseAbs().maxCoeff();
+  a.leftCols(kDesignStateCount) -= b * gain;
+  return Eigen::EigenSolver<MatrixXd>(a, false).eigenvalues().cwiseAbs().maxCoeff();
 }
 
 double DelayMargin(const SampledModel& model, const GainMatrix& gain) {

@@ -25,22 +25,25 @@ inline constexpr int kPlantStateCount = 2 * kCoordinateCount;
 inline constexpr int kIntegralCount = 4;
 inline constexpr int kDesignStateCount = kPlantStateCount + kIntegralCount;
 
-// Rows f_r (N), f_l (N), tau_r (N m), tau_l (N m); columns in the order of the 20 states.
-using GainMatrix = Eigen::Matrix<double, kInputCount, kDesignStateCount>;
+// The matrices of a design have their sizes at run time: with fixed sizes of 20, Eigen takes ten times as long
+// to compile.
+//
+// 4 x 20. Rows f_r (N), f_l (N), tau_r (N m), tau_l (N m); columns in the order of the 20 states.
+using GainMatrix = Eigen::MatrixXd;
 
 // x(k+1) = a x(k) + b u(k), and the continuous model from which it was computed.
 struct SampledModel {
   double period_s = 0;
   LinearModel continuous;
-  Eigen::Matrix<double, kPlantStateCount, kPlantStateCount> a;
-  Eigen::Matrix<double, kPlantStateCount, kInputCount> b;
+  Eigen::MatrixXd a;  // 16 x 16
+  Eigen::MatrixXd b;  // 16 x 4
 };
 SampledModel Sample(const LinearModel& model, double period_s);
 
 // Diagonals of the cost sum x'Qx + u'Ru, all positive.
 struct LqrWeights {
-  Eigen::Matrix<double, kDesignStateCount, 1> q;
-  Eigen::Matrix<double, kInputCount, 1> r;
+  Eigen::VectorXd q;  // of the 20 states
+  Eigen::VectorXd r;  // of the 4 inputs
 };
 // The weights that give the authors' published gain. The paper prints two of them differently: for R it has
 // sqrt(0.2), sqrt(0.05) where 1/0.2^2, 1/0.05^2 are meant, and for the rates of alpha 5/(9 pi^2) where 5/(9

@@ -177,10 +177,10 @@ const Block* FindBlock(std::uint32_t address) {
 
 // DMA1 and DMA2 (RM0090, section 10.5.11): flags, then six registers for each of eight streams.
 std::string DmaRegister(std::uint32_t offset) {
-  constexpr std::array kFlags = {"LISR", "HISR", "LIFCR", "HIFCR"};
+  constexpr std::array kFlagRegisters = {"LISR", "HISR", "LIFCR", "HIFCR"};
   constexpr std::array kOfStream = {"CR", "NDTR", "PAR", "M0AR", "M1AR", "FCR"};
   constexpr std::uint32_t kStreams = 0x10, kStreamBytes = 4 * kOfStream.size(), kStreamCount = 8;
-  if (offset < kStreams) return kFlags[offset / 4];
+  if (offset < kStreams) return kFlagRegisters[offset / 4];
   const std::uint32_t stream = (offset - kStreams) / kStreamBytes;
   if (stream >= kStreamCount) return {};
   return fmt::format("S{}{}", stream, kOfStream[(offset - kStreams) % kStreamBytes / 4]);

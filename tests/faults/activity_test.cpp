@@ -9,14 +9,12 @@
 #include "faults/device_command.h"
 #include "faults/node_command.h"
 #include "tests/faults/faulty_line.h"
+#include "tests/faults/says.h"
 
 namespace tiltproof::faults {
 namespace {
 
-using ::testing::AllOf;
 using ::testing::ElementsAre;
-using ::testing::Field;
-using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
 // The definition, in parts of the period small enough for a double to be exact.
@@ -309,10 +307,6 @@ TEST(ActivityTest, ACommandThatIsTakenBackIsGivenInEveryPeriod) {
   EXPECT_THAT(times, ElementsAre(std::pair(kNsPerS, kNsPerS + 100 * kNsPerMs),
                                  std::pair(2 * kNsPerS, 2 * kNsPerS + 100 * kNsPerMs),
                                  std::pair(3 * kNsPerS, 3 * kNsPerS + kNsPerMs)));
-}
-
-auto Says(const std::string& key, const std::string& message) {
-  return ElementsAre(AllOf(Field(&Problem::key, key), Field(&Problem::message, HasSubstr(message))));
 }
 
 TEST(ActivityTest, ValidateRefusesPeriodsThatMeanNothing) {

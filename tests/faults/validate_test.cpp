@@ -8,19 +8,12 @@
 
 #include "faults/registry.h"
 #include "tests/faults/faulty_line.h"
+#include "tests/faults/says.h"
 
 namespace tiltproof::faults {
 namespace {
 
-using ::testing::AllOf;
-using ::testing::ElementsAre;
-using ::testing::Field;
-using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-
-auto Says(const std::string& key, const std::string& message) {
-  return ElementsAre(AllOf(Field(&Problem::key, key), Field(&Problem::message, HasSubstr(message))));
-}
 
 FaultSpec Valid() { return Spec("wire.bit_error", {{"ber", 0.001}}); }
 

@@ -21,7 +21,7 @@ cmake -S . -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=None -DCMAKE_C_COMPILER=clang
   -DCMAKE_C_FLAGS="-O0 -g" -DCMAKE_CXX_FLAGS="-O0 -g -fprofile-instr-generate -fcoverage-mapping" -DCMAKE_UNITY_BUILD=ON \
   -DTILTPROOF_FUZZ=ON -DTILTPROOF_BUILD_TESTS=OFF -DTILTPROOF_BUILD_BENCHMARKS=OFF -DTILTPROOF_STM32F4=OFF >/dev/null
 targets=("$@")
-[ $# -gt 0 ] || for folder in tests/fuzz/corpus/*/; do targets+=("$(basename "$folder")"); done
+[ $# -gt 0 ] || mapfile -t targets < <(tests/fuzz/corpus.sh targets)
 cmake --build "$build" --target "${targets[@]/#/fuzz_}"
 rm -f "$build"/*.profraw
 for target in "${targets[@]}"; do

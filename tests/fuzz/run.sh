@@ -15,7 +15,7 @@ build=${BUILD:-build/fuzz}
 seconds=$1
 shift
 targets=("$@")
-[ $# -gt 0 ] || for folder in "$here"/corpus/*/; do targets+=("$(basename "$folder")"); done
+[ $# -gt 0 ] || mapfile -t targets < <("$here/corpus.sh" targets)
 
 code=0
 for target in "${targets[@]}"; do
@@ -23,7 +23,8 @@ for target in "${targets[@]}"; do
   [ -x "$program" ] || { echo "$target: there is no $program" >&2; exit 2; }
   mkdir -p "$build/found/$target"
   log=$build/found/$target.log
-  inputs=("$here/corpus/$target")
+  "$here/corpus.sh" unpack "$target" "$build/corpus/$target" || exit 2
+  inputs=("$build/corpus/$target")
   [ -d "$here/regressions/$target" ] && inputs+=("$here/regressions/$target")
   flags=(-timeout=20 "-artifact_prefix=$build/found/$target.")
   [ -f "$here/$target.dict" ] && flags+=("-dict=$here/$target.dict")

@@ -43,8 +43,9 @@ TEST_P(EveryModel, AccelerationIsLagranges) {
     }
     const ActuatorsTruth u = {Draw(generator, 20), Draw(generator, 20), Draw(generator, 1),
                               Draw(generator, 1)};
-    const Coordinates<double> ours =
-        Acceleration<double>(model, q, q_dot, {u.f_r_n, u.f_l_n, u.tau_r_nm, u.tau_l_nm});
+    const Coordinates<double> ours = Acceleration(model, q.cast<Complex>(), q_dot.cast<Complex>(),
+                                                  {u.f_r_n, u.f_l_n, u.tau_r_nm, u.tau_l_nm})
+                                         .real();
     const Coordinates<double> theirs = lagrange.Acceleration(q, q_dot, u);
     EXPECT_LT((ours - theirs).norm(), 1e-7 * (1 + theirs.norm())) << "q = " << q.transpose();
   }

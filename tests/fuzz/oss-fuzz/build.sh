@@ -20,14 +20,15 @@ cmake -S "$source_root" -B "$WORK/build" -G Ninja -DCMAKE_BUILD_TYPE=None -DTILT
   -DTILTPROOF_BUILD_BENCHMARKS=OFF -DTILTPROOF_STM32F4=OFF -DCMAKE_UNITY_BUILD=ON \
   -DCMAKE_BUILD_RPATH='$ORIGIN/lib' >/dev/null
 targets=("$@")
-[ $# -gt 0 ] || for folder in "$source_root"/tests/fuzz/corpus/*/; do targets+=("$(basename "$folder")"); done
+[ $# -gt 0 ] || mapfile -t targets < <("$source_root/tests/fuzz/corpus.sh" targets)
 cmake --build "$WORK/build" --target "${targets[@]/#/fuzz_}"
 
 for target in "${targets[@]}"; do
   program=$WORK/build/tests/fuzz/fuzz_$target
   cp "$program" "$OUT/"
   ldd "$program" | awk '$3 ~ /^\// {print $3}' | grep -vE '/lib(c|m|dl|rt|pthread|gcc_s)\.so' | xargs -r cp -Lut "$OUT/lib"
-  inputs=("$source_root/tests/fuzz/corpus/$target"/*)
+  "$source_root/tests/fuzz/corpus.sh" unpack "$target" "$WORK/corpus/$target"
+  inputs=("$WORK/corpus/$target"/*)
   [ ! -d "$source_root/tests/fuzz/regressions/$target" ] || inputs+=("$source_root/tests/fuzz/regressions/$target"/*)
   rm -f "$OUT/fuzz_${target}_seed_corpus.zip"
   zip -q -j "$OUT/fuzz_${target}_seed_corpus.zip" "${inputs[@]}"

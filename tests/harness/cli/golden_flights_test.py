@@ -7,6 +7,7 @@ Flies the host firmware. --board: reads instead the results of `run scenarios/wi
 """
 import argparse
 import json
+import os
 import pathlib
 import subprocess
 import sys
@@ -29,8 +30,8 @@ def main():
         flights = flown(arguments.board)
     else:
         with tempfile.TemporaryDirectory(prefix="tiltproof-golden-") as folder:
-            done = subprocess.run([arguments.tiltproof.resolve(), "run", arguments.source.resolve() / "scenarios", "--no-progress"], capture_output=True,
-                                  text=True, cwd=folder, timeout=600, check=False)
+            done = subprocess.run([arguments.tiltproof.resolve(), "run", arguments.source.resolve() / "scenarios", "--no-progress", "--no-report", "-j",
+                                   str(os.cpu_count())], capture_output=True, text=True, cwd=folder, timeout=600, check=False)
             if done.returncode != 0:
                 sys.exit(done.stdout + done.stderr)
             flights = flown(pathlib.Path(folder) / "results/latest")

@@ -15,7 +15,7 @@ using link::Direction;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
-const link::Protocol& kPaper = *link::FindProtocol("paper");
+const link::Protocol& kPaperProtocol = *link::FindProtocol("paper");
 
 void Sends(RunLog& log, TimeNs begin_ns, std::span<const std::uint8_t> frame,
            Direction direction = Direction::kToPlant, bool delivered = false) {
@@ -42,7 +42,7 @@ TEST(ClientHistory, RequestsAreTakenAsTheClientSentThem) {
   Sends(log, 30, request.bytes().subspan(4));
   const std::vector<std::uint8_t> noise = {0x7E, 1, 2, 3, 0x7E};
   Sends(log, 40, noise);
-  AddClientHistory(log, 0, kPaper, BootSign::kReset);
+  AddClientHistory(log, 0, kPaperProtocol, BootSign::kReset);
   EXPECT_THAT(log.clients[0].sent_request_times_ns, ElementsAre(10, 30));
   EXPECT_THAT(log.clients[0].restarts, IsEmpty());
 }
@@ -55,10 +55,10 @@ TEST(ClientHistory, AStartAfterTheFirstActuatorsIsARestart) {
   log.clients[0].actuator_times_ns = {100, 200};
   Sends(log, 150, start.bytes());
   Sends(log, 160, start.bytes(), Direction::kToPlant, true);  // a copy that a fault has made
-  AddClientHistory(log, 0, kPaper, BootSign::kStart);
+  AddClientHistory(log, 0, kPaperProtocol, BootSign::kStart);
   EXPECT_THAT(log.clients[0].restarts, ElementsAre(Restart{150, "it sent `start` again"}));
   // Who is told of resets does not go by `start`.
-  AddClientHistory(log, 0, kPaper, BootSign::kReset);
+  AddClientHistory(log, 0, kPaperProtocol, BootSign::kReset);
   EXPECT_THAT(log.clients[0].restarts, IsEmpty());
 }
 
@@ -76,17 +76,17 @@ TEST(ClientHistory, ResetsCountFromTheStartOfTheFlight) {
   log.events = {{-5, kResetEvent, "reset by pin"},
                 {10, kResetEvent, "reset by watchdog"},
                 {11, "device_runs", "the processor runs again"}};
-  AddClientHistory(log, 0, kPaper, BootSign::kReset);
+  AddClientHistory(log, 0, kPaperProtocol, BootSign::kReset);
   EXPECT_THAT(log.clients[0].restarts, IsEmpty()) << "it never started";
   log.clients[0].starts_accepted_count = 1;
-  AddClientHistory(log, 0, kPaper, BootSign::kReset);
+  AddClientHistory(log, 0, kPaperProtocol, BootSign::kReset);
   EXPECT_THAT(log.clients[0].restarts, ElementsAre(Restart{10, "reset by watchdog"}));
 }
 
 std::string Explained(RunLog& log) {
   log.end_reason = EndReason::kNeverStarted;
   log.end_text = "why";
-  ExplainNeverStarted(log, kPaper);
+  ExplainNeverStarted(log, kPaperProtocol);
   return log.end_text;
 }
 
