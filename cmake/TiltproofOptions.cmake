@@ -68,7 +68,7 @@ function(tiltproof_test name tier)
   target_link_libraries(${name} PRIVATE ${ARG_LIBS} GTest::gtest_main GTest::gmock)
   target_compile_definitions(${name} PRIVATE TILTPROOF_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
                              TILTPROOF_BINARY_DIR="${PROJECT_BINARY_DIR}" ${ARG_DEFINITIONS})
-  target_compile_options(${name} PRIVATE $<IF:$<AND:$<CONFIG:Release>,$<BOOL:${ARG_OPTIMISED}>>,-O1,-O0>)
+  target_compile_options(${name} PRIVATE $<IF:$<BOOL:${ARG_OPTIMISED}>,-O1,-O0>)
   add_test(NAME ${name} COMMAND ${name} --gtest_brief=1)
   set_tests_properties(${name} PROPERTIES LABELS ${tier} TIMEOUT 600)
   if(ARG_COST)

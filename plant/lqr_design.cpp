@@ -15,6 +15,10 @@ namespace {
 
 using Eigen::MatrixXd;
 
+// Each kind of product in an expression would be compiled by itself, for half a second.
+MatrixXd Times(const MatrixXd& a, const MatrixXd& b) { return a * b; }
+MatrixXd Times(const MatrixXd& a, const MatrixXd& b, const MatrixXd& c) { return Times(Times(a, b), c); }
+
 struct Transition {
   MatrixXd a;  // e^{A t}
   MatrixXd b;  // integral of e^{A s} B over [0, t]
@@ -44,15 +48,16 @@ struct Augmented {
   MatrixXd b;
 };
 Augmented Augment(const SampledModel& model) {
-  const MatrixXd pick = IntegratedStates();
+  const MatrixXd half = 0.5 * model.period_s * IntegratedStates();
   Augmented augmented;
   augmented.a.setZero(kDesignStateCount, kDesignStateCount);
   augmented.a.topLeftCorner(kPlantStateCount, kPlantStateCount) = model.a;
   augmented.a.bottomLeftCorner(kIntegralCount, kPlantStateCount) =
-      0.5 * model.period_s * pick * (model.a + MatrixXd::Identity(kPlantStateCount, kPlantStateCount));
+      Times(half, model.a + MatrixXd::Identity(kPlantStateCount, kPlantStateCount));
   augmented.a.bottomRightCorner(kIntegralCount, kIntegralCount).setIdentity();
   augmented.b.resize(kDesignStateCount, kInputCount);
-  augmented.b << model.b, 0.5 * model.period_s * pick * model.b;
+  augmented.b.topRows(kPlantStateCount) = model.b;
+  augmented.b.bottomRows(kIntegralCount) = Times(half, model.b);
   return augmented;
 }
 
@@ -69,27 +74,27 @@ Riccati SolveRiccati(const Augmented& model, const LqrWeights& weights) {
   const MatrixXd q = weights.q.asDiagonal();
   const MatrixXd r = weights.r.asDiagonal();
   MatrixXd a = model.a;
-  MatrixXd g = model.b * weights.r.cwiseInverse().asDiagonal() * model.b.transpose();
+  const MatrixXd r_inverse = weights.r.cwiseInverse().asDiagonal();
+  MatrixXd g = Times(model.b, r_inverse, model.b.transpose());
   MatrixXd h = q;
 
   constexpr int kIterationsMax = 60;
   for (int iteration = 1; iteration <= kIterationsMax; ++iteration) {
-    const Eigen::PartialPivLU<MatrixXd> w(identity + g * h);
+    const Eigen::PartialPivLU<MatrixXd> w(identity + Times(g, h));
     const MatrixXd w_a = w.solve(a);
     const MatrixXd w_g = w.solve(g);
-    const MatrixXd h_step = a.transpose() * h * w_a;
-    g += a * w_g * a.transpose();
+    const MatrixXd h_step = Times(a.transpose(), h, w_a);
+    g += Times(a, w_g, a.transpose());
     h += 0.5 * (h_step + h_step.transpose());
-    a = (a * w_a).eval();
+    a = Times(a, w_a);
     if (!h.allFinite()) break;
     const double scale = h.cwiseAbs().maxCoeff();
     if (h_step.cwiseAbs().maxCoeff() > 1e-15 * scale) continue;
 
-    const MatrixXd xa = h * model.a;
-    const MatrixXd xb = h * model.b;
-    const MatrixXd s = r + model.b.transpose() * xb;
-    const MatrixXd error = model.a.transpose() * xa -
-                           (model.a.transpose() * xb) * s.ldlt().solve(model.b.transpose() * xa) + q - h;
+    const MatrixXd xa = Times(h, model.a), xb = Times(h, model.b);
+    const MatrixXd b_xa = Times(model.b.transpose(), xa), s = r + Times(model.b.transpose(), xb);
+    const MatrixXd error =
+        Times(model.a.transpose(), xa) - Times(b_xa.transpose(), s.ldlt().solve(b_xa)) + q - h;
     return {h, error.cwiseAbs().maxCoeff() / scale, iteration};
   }
   throw DesignError("the Riccati equation has no stabilising solution: the vehicle cannot be controlled");
@@ -118,10 +123,10 @@ LqrDesign DesignLqr(const VehicleModel& model, const LqrOptions& options) {
   design.model = Sample(Linearise(model, design.hover), options.period_s);
   const Augmented augmented = Augment(design.model);
   const Riccati riccati = SolveRiccati(augmented, options.weights);
-  const MatrixXd xb_transposed = augmented.b.transpose() * riccati.x;
+  const MatrixXd xb_transposed = Times(augmented.b.transpose(), riccati.x);
   const MatrixXd r = options.weights.r.asDiagonal();
-  const MatrixXd s = r + xb_transposed * augmented.b;
-  design.gain = s.ldlt().solve(xb_transposed * augmented.a);
+  const MatrixXd s = r + Times(xb_transposed, augmented.b);
+  design.gain = s.ldlt().solve(Times(xb_transposed, augmented.a));
   design.dare_residual = riccati.residual;
   design.dare_iterations = riccati.iterations;
   design.spectral_radius = ClosedLoopSpectralRadius(design.model, design.gain);
@@ -143,8 +148,8 @@ double ClosedLoopSpectralRadius(const SampledModel& model, const GainMatrix& gai
   const double rest_s = delay_s - periods * model.period_s;
   const Transition before = Integrate(model.continuous, rest_s);
   const Transition after = Integrate(model.continuous, model.period_s - rest_s);
-  const MatrixXd b_old = after.a * before.b;
-  const MatrixXd pick = IntegratedStates();
+  const MatrixXd b_old = Times(after.a, before.b);
+  const MatrixXd half = 0.5 * model.period_s * IntegratedStates();
 
   // States: x, integrals, u(k-1), u(k-2), ..., u(k-n-1).
   const Eigen::Index n = kDesignStateCount + kInputCount * (whole + 1);
@@ -164,12 +169,12 @@ double ClosedLoopSpectralRadius(const SampledModel& model, const GainMatrix& gai
   }
   // Integrals: T/2 (e(k) + e(k+1)) on top of the present ones.
   auto integrals = a.middleRows(kPlantStateCount, kIntegralCount);
-  integrals = 0.5 * model.period_s * pick * a.topRows(kPlantStateCount);
-  integrals.leftCols(kPlantStateCount) += 0.5 * model.period_s * pick;
+  integrals = Times(half, a.topRows(kPlantStateCount));
+  integrals.leftCols(kPlantStateCount) += half;
   integrals.middleCols(kPlantStateCount, kIntegralCount).setIdentity();
-  b.middleRows(kPlantStateCount, kIntegralCount) = 0.5 * model.period_s * pick * b.topRows(kPlantStateCount);
+  b.middleRows(kPlantStateCount, kIntegralCount) = Times(half, b.topRows(kPlantStateCount));
 
-  a.leftCols(kDesignStateCount) -= b * gain;
+  a.leftCols(kDesignStateCount) -= Times(b, gain);
   return Eigen::EigenSolver<MatrixXd>(a, false).eigenvalues().cwiseAbs().maxCoeff();
 }
 
