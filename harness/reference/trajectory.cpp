@@ -23,8 +23,9 @@ constexpr double kYawMax_rad = 100.0;
 
 // Spreadsheets put it before a file in UTF-8.
 constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
-constexpr std::string_view kColumns = "t_s,x_m,y_m,z_m,yaw_rad";
-constexpr std::string_view kColumnsWithVelocity = "t_s,x_m,y_m,z_m,yaw_rad,vx_m_s,vy_m_s,vz_m_s";
+constexpr std::size_t kZ = 3, kYaw = 4, kVelocity = 5;  // places in kColumns
+constexpr std::array<std::string_view, 8> kColumns = {"t_s",     "x_m",    "y_m",    "z_m",
+                                                      "yaw_rad", "vx_m_s", "vy_m_s", "vz_m_s"};
 
 ReferencePoint AtRest(const std::array<double, 3>& p_m, double yaw_rad = 0.0) {
   ReferencePoint r;
@@ -39,6 +40,46 @@ double LegLength(const std::array<double, 3>& a, const std::array<double, 3>& b)
 
 double AngularFrequency(double turns_count, double time_s) {
   return 2 * std::numbers::pi * turns_count / time_s;
+}
+
+std::vector<std::string_view> SplitAtCommas(std::string_view line) {
+  std::vector<std::string_view> cells;
+  for (;;) {
+    const std::size_t comma = line.find(',');
+    cells.push_back(line.substr(0, comma));
+    if (comma == std::string_view::npos) return cells;
+    line.remove_prefix(comma + 1);
+  }
+}
+
+// Places in a line of kColumns: all of them, or those before the velocities. Throws ReferenceError.
+std::vector<std::size_t> FindColumns(std::string_view header) {
+  const std::vector<std::string_view> names = SplitAtCommas(header);
+  const auto count = [&](std::string_view name) { return std::count(names.begin(), names.end(), name); };
+  const bool has_velocity =
+      std::any_of(kColumns.begin() + kVelocity, kColumns.end(), [&](auto name) { return count(name) > 0; });
+  std::vector<std::size_t> places;
+  for (std::size_t i = 0; i < (has_velocity ? kColumns.size() : kVelocity); ++i) {
+    if (count(kColumns[i]) == 0)
+      throw ReferenceError(
+          fmt::format("there is no column '{}': the first line names the columns t_s, x_m, y_m, z_m, "
+                      "yaw_rad, and vx_m_s, "
+                      "vy_m_s, vz_m_s if there are velocities",
+                      kColumns[i]));
+    if (count(kColumns[i]) > 1) throw ReferenceError(fmt::format("there are two columns '{}'", kColumns[i]));
+    places.push_back(
+        static_cast<std::size_t>(std::find(names.begin(), names.end(), kColumns[i]) - names.begin()));
+  }
+  return places;
+}
+
+// Yaw between two samples. Samples more than half a turn apart are those of a log in [-pi, pi]: the short way
+// leads over its end.
+double YawBetween(double from_rad, double to_rad, double part) {
+  constexpr double kTurn_rad = 2 * std::numbers::pi;
+  const double turn_rad = to_rad - from_rad;
+  if (std::abs(turn_rad) <= std::numbers::pi) return from_rad + part * turn_rad;
+  return std::remainder(from_rad + part * std::remainder(turn_rad, kTurn_rad), kTurn_rad);
 }
 
 void StripCarriageReturn(std::string& line) {
@@ -132,6 +173,10 @@ ReferencePoint Trajectory::At(TimeNs time_ns) const {
   return r;
 }
 
+double Trajectory::FirstSample_s() const {
+  return polyline_.samples.empty() ? 0 : polyline_.samples.front().t_s;
+}
+
 std::array<double, 3> Trajectory::Start() const {
   const ReferencePoint r = At(0);
   return r.position_m;
@@ -165,7 +210,7 @@ ReferencePoint Trajectory::Polyline::At(double t_s) const {
   const double part = (t_s - a.t_s) / length_s;
   const auto between = [part](double from, double to) { return from + part * (to - from); };
   ReferencePoint r;
-  r.yaw_rad = between(a.value.yaw_rad, b.value.yaw_rad);
+  r.yaw_rad = YawBetween(a.value.yaw_rad, b.value.yaw_rad, part);
   for (std::size_t i = 0; i < 3; ++i) {
     const double from_m = a.value.position_m[i], to_m = b.value.position_m[i];
     r.position_m[i] = between(from_m, to_m);
@@ -189,13 +234,16 @@ Trajectory::Polyline Trajectory::ReadRecorded(const std::filesystem::path& file)
   std::getline(in, line);
   StripCarriageReturn(line);
   if (line.starts_with(kByteOrderMark)) line.erase(0, kByteOrderMark.size());
-  if (line != kColumns && line != kColumnsWithVelocity) {
-    fail(fmt::format("the first line must be '{}[,vx_m_s,vy_m_s,vz_m_s]'", kColumns));
+  std::vector<std::size_t> places;
+  try {
+    places = FindColumns(line);
+  } catch (const ReferenceError& error) {
+    fail(error.what());
   }
-  const std::size_t column_count = line == kColumns ? 5 : 1 + ReferenceSignals().size();
+  const std::size_t column_count = SplitAtCommas(line).size();
 
   Polyline polyline;
-  polyline.has_velocity = column_count > 5;
+  polyline.has_velocity = places.size() > kVelocity;
   std::vector<Sample>& samples = polyline.samples;
   while (std::getline(in, line)) {
     ++line_number;
@@ -203,30 +251,35 @@ Trajectory::Polyline Trajectory::ReadRecorded(const std::filesystem::path& file)
     if (line.empty() && in.peek() == std::ifstream::traits_type::eof()) break;
     if (line.size() > kRecordedLineBytesMax) fail("the line is too long");
     if (samples.size() == kRecordedRowsMax) fail(fmt::format("more than {} rows", kRecordedRowsMax));
+    const std::vector<std::string_view> cells = SplitAtCommas(line);
     std::vector<double> numbers;
-    const char* begin = line.data();
-    const char* const end = line.data() + line.size();
-    while (true) {
-      const char* const comma = std::find(begin, end, ',');
+    for (const std::size_t place : places) {
+      if (place >= cells.size()) break;
+      const std::string_view cell = cells[place];
+      const char* const end = cell.data() + cell.size();
       double number = 0.0;
-      const auto [rest, error] = std::from_chars(begin, comma, number);
-      if (error != std::errc() || rest != comma || !std::isfinite(number)) {
-        fail(fmt::format("'{}' is not a number", std::string_view(begin, comma)));
+      const auto [rest, error] = std::from_chars(cell.data(), end, number);
+      if (error != std::errc() || rest != end || !std::isfinite(number)) {
+        fail(fmt::format("'{}' is not a number", cell));
       }
       numbers.push_back(number);
-      if (comma == end) break;
-      begin = comma + 1;
     }
-    if (numbers.size() != column_count) {
-      fail(fmt::format("has {} columns, the first line has {}", numbers.size(), column_count));
+    if (cells.size() != column_count) {
+      fail(fmt::format("has {} columns, the first line has {}", cells.size(), column_count));
     }
     Sample sample;
     sample.t_s = numbers[0];
     for (std::size_t i = 1; i < numbers.size(); ++i) {
-      const bool is_yaw = i == 4;
+      const bool is_yaw = i == kYaw;
       if (std::abs(numbers[i]) > (is_yaw ? kYawMax_rad : kMagnitudeMax)) {
         fail(is_yaw ? "yaw_rad is beyond +/-100 rad" : "a value is beyond +/-1000 m or m/s");
       }
+    }
+    if (numbers[kZ] < 0) {
+      fail(fmt::format(
+          "z_m = {} is in the ground: z points up (a recording in NED becomes one with x_m and y_m "
+          "exchanged, -z_m, and pi/2 - yaw_rad)",
+          numbers[kZ]));
     }
     std::vector<double> row(numbers.begin() + 1, numbers.end());
     row.resize(ReferenceSignals().size());  // without velocities they are 0

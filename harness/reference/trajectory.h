@@ -38,6 +38,9 @@ class Trajectory {
   // Position at t = 0.
   std::array<double, 3> Start() const;
 
+  // When a recorded reference begins to move; 0 for the others.
+  double FirstSample_s() const;
+
  private:
   // Points in time joined by straight lines: those of a waypoints or a recorded reference.
   struct Sample {

@@ -195,6 +195,14 @@ class Checker {
     }
     try {
       const Trajectory trajectory(scenario_.reference);
+      const double duration_s = ToSeconds(scenario_.duration_ns), first_s = trajectory.FirstSample_s();
+      if (first_s >= duration_s && duration_s > 0) {
+        Complain(
+            *node, "file",
+            fmt::format("file: {}: begins at t_s = {}, when the flight of {} s is over; subtract {} from t_s",
+                        std::get<RecordedReference>(scenario_.reference.path).file.string(), first_s,
+                        duration_s, first_s));
+      }
       const YamlNode* initial = ValueOf(&root_, "initial");
       if (ValueOf(initial, "position_m") == nullptr) scenario_.initial_position_m = trajectory.Start();
     } catch (const ReferenceError& error) {

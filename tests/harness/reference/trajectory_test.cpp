@@ -179,11 +179,47 @@ TEST(Trajectory, RecordedIsInterpolated) {
   EXPECT_EQ(trajectory.At(9 * kNsPerS), (ReferencePoint{{4, 2, 1}, 1, {0, 0, 0}}));
 }
 
+TEST(Trajectory, RecordedColumnsAreReadByName) {
+  const auto file = WriteCsv(
+      "yaw_rad,note,z_m,y_m,x_m,t_s\n"
+      "0.5,take-off,3,2,1,0\n");
+  EXPECT_EQ(Trajectory(Spec(RecordedReference{file})).At(0), (ReferencePoint{{1, 2, 3}, 0.5, {}}));
+}
+
+// Loggers write yaw in (-pi, pi]: between 3.1 and -3.1 rad a vehicle has turned by 0.083 rad, not by 6.2.
+TEST(Trajectory, RecordedYawTurnsTheShortWay) {
+  const auto file = WriteCsv(
+      "t_s,x_m,y_m,z_m,yaw_rad\n"
+      "0,0,0,1,3.1\n"
+      "1,0,0,1,-3.1\n"
+      "2,0,0,1,3.1\n");
+  const Trajectory trajectory(Spec(RecordedReference{file}));
+  for (const double t_s : {0.0, 0.25, 0.5, 0.75, 0.999, 1.25, 1.75}) {
+    const double yaw_rad = trajectory.At(FromSeconds(t_s)).yaw_rad;
+    EXPECT_GE(std::abs(yaw_rad), 3.1) << t_s;
+    EXPECT_LE(std::abs(yaw_rad), std::numbers::pi) << t_s;
+  }
+  EXPECT_NEAR(trajectory.At(FromSeconds(0.25)).yaw_rad, 3.1 + 0.25 * (2 * std::numbers::pi - 6.2), 1e-12);
+  EXPECT_NEAR(trajectory.At(FromSeconds(0.75)).yaw_rad, -3.1 - 0.25 * (2 * std::numbers::pi - 6.2), 1e-12);
+}
+
+// A log that counts turns stays as it is.
+TEST(Trajectory, RecordedYawMayCountTurns) {
+  const auto file = WriteCsv("t_s,x_m,y_m,z_m,yaw_rad\n0,0,0,1,3\n1,0,0,1,5\n2,0,0,1,7\n");
+  EXPECT_NEAR(Trajectory(Spec(RecordedReference{file})).At(FromSeconds(1.5)).yaw_rad, 6, 1e-12);
+}
+
 TEST(Trajectory, BrokenRecordingsAreRefusedWithTheirPlace) {
   const std::string header = "t_s,x_m,y_m,z_m,yaw_rad\n";
-  EXPECT_EQ(ErrorOf(""), ":1: the first line must be 't_s,x_m,y_m,z_m,yaw_rad[,vx_m_s,vy_m_s,vz_m_s]'");
-  EXPECT_EQ(ErrorOf("t,x,y,z,yaw\n0,0,0,0,0\n"),
-            ":1: the first line must be 't_s,x_m,y_m,z_m,yaw_rad[,vx_m_s,vy_m_s,vz_m_s]'");
+  const std::string names =
+      "the first line names the columns t_s, x_m, y_m, z_m, yaw_rad, and vx_m_s, vy_m_s, "
+      "vz_m_s if there are velocities";
+  EXPECT_EQ(ErrorOf(""), ":1: there is no column 't_s': " + names);
+  EXPECT_EQ(ErrorOf("t,x,y,z,yaw\n0,0,0,0,0\n"), ":1: there is no column 't_s': " + names);
+  EXPECT_EQ(ErrorOf("t_s,x_m,y_m,yaw_rad\n0,0,0,0\n"), ":1: there is no column 'z_m': " + names);
+  EXPECT_EQ(ErrorOf("t_s,x_m,y_m,z_m,yaw_rad,vx_m_s\n0,0,0,0,0,0\n"),
+            ":1: there is no column 'vy_m_s': " + names);
+  EXPECT_EQ(ErrorOf("t_s,x_m,y_m,z_m,yaw_rad,x_m\n0,0,0,0,0,0\n"), ":1: there are two columns 'x_m'");
   EXPECT_EQ(ErrorOf(header), ":1: has no rows");
   EXPECT_EQ(ErrorOf(header + "0,0,0,1\n"), ":2: has 4 columns, the first line has 5");
   EXPECT_EQ(ErrorOf(header + "0,0,0,1,0,0\n"), ":2: has 6 columns, the first line has 5");
@@ -193,6 +229,10 @@ TEST(Trajectory, BrokenRecordingsAreRefusedWithTheirPlace) {
   EXPECT_EQ(ErrorOf(header + "0,0,0,1,0\n\n1,0,0,1,0\n"), ":3: '' is not a number");
   EXPECT_EQ(ErrorOf(header + "0,0,0,1,0\n0,0,0,1,0\n"), ":3: t_s must ascend");
   EXPECT_EQ(ErrorOf(header + "0,0,0,1001,0\n"), ":2: a value is beyond +/-1000 m or m/s");
+  EXPECT_EQ(ErrorOf(header + "0,0,0,1,0\n1,0,0,-2,0\n"),
+            ":3: z_m = -2 is in the ground: z points up (a recording in NED becomes one with x_m and y_m "
+            "exchanged, "
+            "-z_m, and pi/2 - yaw_rad)");
   EXPECT_EQ(ErrorOf(header + "0,0,0,1,101\n"), ":2: yaw_rad is beyond +/-100 rad");
   EXPECT_EQ(ErrorOf(header + "0,0,0," + std::string(5000, '1') + ",0\n"), ":2: the line is too long");
   EXPECT_THROW(Trajectory(Spec(RecordedReference{"/nonexistent.csv"})), ReferenceError);
