@@ -21,8 +21,7 @@ struct FuzzOracle {
 };
 constexpr FuzzOracle kSilence{"talks-again", "silence"};
 constexpr FuzzOracle kMessages{"sends-only-messages", "command"};
-constexpr FuzzOracle kBoots{"boots-once", "restart"};
-constexpr std::array kFuzzOracles = {kBoots, kMessages, kSilence};
+constexpr std::array kFuzzOracles = {kMessages, kSilence};
 
 bool IsDigit(char c) { return c >= '0' && c <= '9'; }
 bool IsHexDigit(char c) { return IsDigit(c) || (c >= 'a' && c <= 'f') || (c >= 'A' && c <= 'F'); }
@@ -74,11 +73,8 @@ std::vector<CriterionSpec> FuzzCriteria(const link::Protocol& protocol) {
                          .min = std::nullopt,
                          .max = max};
   };
-  std::vector<CriterionSpec> criteria = {at_most(kMessages, "protocol.malformed_sent_count", 0),
-                                         at_most(kSilence, "timing.silent_at_end_ms", half_tail_ms)};
-  // Elsewhere a `start` may come at any time.
-  if (protocol.repeated_start_is_boot) criteria.push_back(at_most(kBoots, "firmware.restarts_count", 0));
-  return criteria;
+  return {at_most(kMessages, "protocol.malformed_sent_count", 0),
+          at_most(kSilence, "timing.silent_at_end_ms", half_tail_ms)};
 }
 
 std::string KeyOfReason(const std::string& reason, bool with_places) {

@@ -2,7 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <map>
+#include <string>
+#include <vector>
 
 #include "harness/client/client.h"
 #include "harness/run/message_receiver.h"
@@ -45,23 +48,67 @@ std::string Heard(const LinkLog& link, std::size_t client, const link::Protocol&
   return text;
 }
 
+// What tells of a client's boots, in order of time.
+struct Sign {
+  TimeNs time_ns = 0;
+  enum Kind : std::uint8_t { kReset, kStart, kActuators } kind = kReset;
+  std::string text;
+};
+
+// In real time, a reset may be reported some periods after the `start` that follows it.
+constexpr TimeNs kReportedLateMax = 50 * kNsPerMs;
+
+std::vector<Restart> RestartsFrom(const std::vector<Sign>& signs, TimeNs first_answer_ns) {
+  std::vector<Restart> restarts;
+  enum : std::uint8_t { kFlies, kWasReset, kHasStarted } state = kHasStarted;
+  // A reset that is reported until then is the restart that a `start` has shown.
+  TimeNs reported_until_ns = -kNever;
+  for (const Sign& sign : signs) {
+    switch (sign.kind) {
+      case Sign::kReset:
+        if (sign.time_ns <= reported_until_ns) {
+          restarts.back().cause = sign.text;
+        } else {
+          restarts.push_back({sign.time_ns, sign.text});
+          state = kWasReset;
+        }
+        reported_until_ns = -kNever;
+        break;
+      case Sign::kStart:
+        if (state == kFlies && sign.time_ns > first_answer_ns) {
+          restarts.push_back({sign.time_ns, sign.text});
+          reported_until_ns = sign.time_ns + kReportedLateMax;
+        }
+        state = kHasStarted;
+        break;
+      case Sign::kActuators:
+        if (state == kHasStarted) state = kFlies;
+        break;
+    }
+  }
+  return restarts;
+}
+
 }  // namespace
 
-void AddClientHistory(RunLog& log, std::size_t client, const link::Protocol& protocol, BootSign sign) {
+void AddClientHistory(RunLog& log, std::size_t client, const link::Protocol& protocol) {
   ClientLog& own = log.clients.at(client);
-  own.restarts.clear();
   own.sent_request_times_ns.clear();
-  const bool by_start = sign == BootSign::kStart && protocol.repeated_start_is_boot;
-  const TimeNs answered_ns = own.actuator_times_ns.empty() ? kNever : own.actuator_times_ns.front();
+  std::vector<Sign> signs;
+  if (own.starts_accepted_count != 0) {
+    for (const RunEvent& event : log.events)
+      if (event.kind == kResetEvent && event.client.value_or(0) == client && event.time_ns > 0)
+        signs.push_back({event.time_ns, Sign::kReset, event.text});
+  }
   ForEachSentMessage(log.link, client, protocol, [&](TimeNs time_ns, const link::Message& message) {
     if (!message.type->reply.empty()) own.sent_request_times_ns.push_back(time_ns);
-    if (by_start && message.type->starts && time_ns > answered_ns)
-      own.restarts.push_back({time_ns, "it sent `start` again"});
+    if (!protocol.repeated_start_is_boot) return;
+    if (message.type->starts) signs.push_back({time_ns, Sign::kStart, "it sent `start` again"});
+    if (!message.values.empty()) signs.push_back({time_ns, Sign::kActuators, {}});
   });
-  if (sign != BootSign::kReset || own.starts_accepted_count == 0) return;
-  for (const RunEvent& event : log.events)
-    if (event.kind == kResetEvent && event.client.value_or(0) == client && event.time_ns > 0)
-      own.restarts.push_back({event.time_ns, event.text});
+  std::stable_sort(signs.begin(), signs.end(),
+                   [](const Sign& a, const Sign& b) { return a.time_ns < b.time_ns; });
+  own.restarts = RestartsFrom(signs, own.actuator_times_ns.empty() ? kNever : own.actuator_times_ns.front());
 }
 
 void ExplainNeverStarted(RunLog& log, const link::Protocol& protocol) {

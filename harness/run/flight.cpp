@@ -335,7 +335,7 @@ void Conductor::Finish() {
   SortByTime(log_);
   for (std::size_t client = 0; client < channels_.size(); ++client) {
     const link::Protocol& protocol = *scenario_.link.protocol;
-    AddClientHistory(log_, client, protocol, BootSign::kReset);
+    AddClientHistory(log_, client, protocol);
     AddProtocolUse(log_, client, protocol, MainBaud(scenario_.link));
   }
   ExplainNeverStarted(log_, *scenario_.link.protocol);

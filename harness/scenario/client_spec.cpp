@@ -166,13 +166,13 @@ std::string TextOf(const SerialBoard& board) {
 }
 
 void Add(const HostLibrary& library, ClientAbilities& abilities) {
-  abilities.virtual_time = abilities.guarded = abilities.tells_resets = true;
+  abilities.virtual_time = abilities.guarded = true;
   abilities.shipped = library.file.empty();
   abilities.clock = true;
   abilities.reset = abilities.task = !abilities.realtime;
 }
 void Add(const EmulatedImage& image, ClientAbilities& abilities) {
-  abilities.virtual_time = abilities.tells_resets = true;
+  abilities.virtual_time = true;
   abilities.shipped = image.file.empty();
   abilities.reset = abilities.processor = true;
   abilities.exact_times = abilities.clock = !abilities.realtime;

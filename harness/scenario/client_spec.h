@@ -95,7 +95,6 @@ struct ClientAbilities {
   bool shipped = false;       // it flies the shipped build that the scenario's `firmware` names
   bool guarded = false;       // its code runs in a process of the harness, under a FirmwareGuard
   bool node = true;           // in real time it has a node; otherwise it is on the link node's own ports
-  bool tells_resets = false;  // it reports its own reboots
   // Faults that it can take:
   bool reset = false;        // it can be reset
   bool task = false;         // the harness calls it when it is to run, and can do so late

@@ -149,10 +149,7 @@ RunLog RealtimeConductor::Run() {
   CountLateness(log, scenario_.link.protocol->control_period_ns);
   SortByTime(log);
   TellPlace(log, options_.place);
-  const Member* client = members_.Find(NodeKind::kClient);
-  const bool tells_resets =
-      client != nullptr && client->client && AbilitiesOf(*client->client, true).tells_resets;
-  AddClientHistory(log, 0, *scenario_.link.protocol, tells_resets ? BootSign::kReset : BootSign::kStart);
+  AddClientHistory(log, 0, *scenario_.link.protocol);
   AddProtocolUse(log, 0, *scenario_.link.protocol, MainBaud(scenario_.link));
   ExplainNeverStarted(log, *scenario_.link.protocol);
   if (options_.score) {

@@ -27,6 +27,9 @@ void Sends(RunLog& log, TimeNs begin_ns, std::span<const std::uint8_t> frame,
 Framed Start(link::Dialect dialect = link::Dialect::kPaper) {
   return Framed(link::EncodeStart(dialect, {}).span());
 }
+Framed SomeActuators() {
+  return Framed(link::EncodeActuators(link::Dialect::kPaper, {.f_r_n = 10, .f_l_n = 10}).span());
+}
 Framed Request() { return Framed(link::EncodeReadSensors(link::Dialect::kPaper).span()); }
 
 TEST(ClientHistory, RequestsAreTakenAsTheClientSentThem) {
@@ -42,7 +45,7 @@ TEST(ClientHistory, RequestsAreTakenAsTheClientSentThem) {
   Sends(log, 30, request.bytes().subspan(4));
   const std::vector<std::uint8_t> noise = {0x7E, 1, 2, 3, 0x7E};
   Sends(log, 40, noise);
-  AddClientHistory(log, 0, kPaperProtocol, BootSign::kReset);
+  AddClientHistory(log, 0, kPaperProtocol);
   EXPECT_THAT(log.clients[0].sent_request_times_ns, ElementsAre(10, 30));
   EXPECT_THAT(log.clients[0].restarts, IsEmpty());
 }
@@ -52,14 +55,61 @@ TEST(ClientHistory, AStartAfterTheFirstActuatorsIsARestart) {
   const Framed start = Start();
   Sends(log, 0, start.bytes());
   Sends(log, 50, start.bytes());  // repeated: it may not know that it was heard
+  Sends(log, 90, SomeActuators().bytes());
   log.clients[0].actuator_times_ns = {100, 200};
   Sends(log, 150, start.bytes());
   Sends(log, 160, start.bytes(), Direction::kToPlant, true);  // a copy that a fault has made
-  AddClientHistory(log, 0, kPaperProtocol, BootSign::kStart);
+  AddClientHistory(log, 0, kPaperProtocol);
   EXPECT_THAT(log.clients[0].restarts, ElementsAre(Restart{150, "it sent `start` again"}));
-  // Who is told of resets does not go by `start`.
-  AddClientHistory(log, 0, kPaperProtocol, BootSign::kReset);
-  EXPECT_THAT(log.clients[0].restarts, IsEmpty());
+}
+
+// One that flies: it has started, and its first actuators were accepted.
+RunLog Flying() {
+  RunLog log;
+  log.clients[0].starts_accepted_count = 1;
+  Sends(log, 0, Start().bytes());
+  Sends(log, 50, SomeActuators().bytes());
+  log.clients[0].actuator_times_ns = {100};
+  return log;
+}
+
+TEST(ClientHistory, EachRestartInSoftwareCountsOnce) {
+  RunLog log = Flying();
+  for (const TimeNs boot : {200, 500}) {
+    Sends(log, boot, Start().bytes());
+    Sends(log, boot + 20, Start().bytes());  // a retry
+    Sends(log, boot + 50, SomeActuators().bytes());
+  }
+  AddClientHistory(log, 0, kPaperProtocol);
+  EXPECT_THAT(log.clients[0].restarts,
+              ElementsAre(Restart{200, "it sent `start` again"}, Restart{500, "it sent `start` again"}));
+}
+
+TEST(ClientHistory, AResetAndTheStartAfterItAreOneRestart) {
+  RunLog log = Flying();
+  log.events = {{200, kResetEvent, "reset by pin"}};
+  Sends(log, 201, SomeActuators().bytes());  // was under way
+  Sends(log, 260, Start().bytes());
+  Sends(log, 270, Start().bytes());
+  Sends(log, 300, SomeActuators().bytes());
+  AddClientHistory(log, 0, kPaperProtocol);
+  EXPECT_THAT(log.clients[0].restarts, ElementsAre(Restart{200, "reset by pin"}));
+  // And what it does by itself after that is its own.
+  Sends(log, 400, Start().bytes());
+  AddClientHistory(log, 0, kPaperProtocol);
+  EXPECT_THAT(log.clients[0].restarts,
+              ElementsAre(Restart{200, "reset by pin"}, Restart{400, "it sent `start` again"}));
+}
+
+TEST(ClientHistory, AResetThatIsReportedLateIsTheRestartThatItsStartTold) {
+  RunLog log = Flying();
+  Sends(log, 200, Start().bytes());
+  Sends(log, 300, SomeActuators().bytes());
+  log.events = {{200 + 50 * kNsPerMs, kResetEvent, "reset by pin"},
+                {900 * kNsPerMs, kResetEvent, "reset by watchdog"}};
+  AddClientHistory(log, 0, kPaperProtocol);
+  EXPECT_THAT(log.clients[0].restarts,
+              ElementsAre(Restart{200, "reset by pin"}, Restart{900 * kNsPerMs, "reset by watchdog"}));
 }
 
 TEST(ClientHistory, InTheAuthorsDialectEveryStartIsAnActuatorMessage) {
@@ -67,7 +117,7 @@ TEST(ClientHistory, InTheAuthorsDialectEveryStartIsAnActuatorMessage) {
   const Framed start = Start(link::Dialect::kProvant);
   log.clients[0].actuator_times_ns = {100};
   Sends(log, 150, start.bytes());
-  AddClientHistory(log, 0, *link::FindProtocol("provant"), BootSign::kStart);
+  AddClientHistory(log, 0, *link::FindProtocol("provant"));
   EXPECT_THAT(log.clients[0].restarts, IsEmpty());
 }
 
@@ -76,10 +126,10 @@ TEST(ClientHistory, ResetsCountFromTheStartOfTheFlight) {
   log.events = {{-5, kResetEvent, "reset by pin"},
                 {10, kResetEvent, "reset by watchdog"},
                 {11, "device_runs", "the processor runs again"}};
-  AddClientHistory(log, 0, kPaperProtocol, BootSign::kReset);
+  AddClientHistory(log, 0, kPaperProtocol);
   EXPECT_THAT(log.clients[0].restarts, IsEmpty()) << "it never started";
   log.clients[0].starts_accepted_count = 1;
-  AddClientHistory(log, 0, kPaperProtocol, BootSign::kReset);
+  AddClientHistory(log, 0, kPaperProtocol);
   EXPECT_THAT(log.clients[0].restarts, ElementsAre(Restart{10, "reset by watchdog"}));
 }
 

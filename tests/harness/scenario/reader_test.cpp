@@ -452,18 +452,6 @@ TEST_F(ReaderTest, RecordedReferenceIsOpened) {
               ElementsAre("3:35: file: " + (folder_ / "none.csv").string() + ": not a readable file"));
 }
 
-TEST_F(ReaderTest, ARecordingThatIsNeverPlayedIsRefused) {
-  Write("epoch.csv", "t_s,x_m,y_m,z_m,yaw_rad\n1700000000,0,0,2,0\n1700000004,4,0,2,0\n");
-  EXPECT_THAT(
-      Errors("name: x\nduration_s: 10\nreference: {type: recorded, file: epoch.csv}\n"),
-      ElementsAre(
-          "3:35: file: " + (folder_ / "epoch.csv").string() +
-          ": begins at t_s = 1700000000, when the flight of 10 s is over; subtract 1700000000 from t_s"));
-  Write("late.csv", "t_s,x_m,y_m,z_m,yaw_rad\n9.9,0,0,2,0\n");
-  EXPECT_THAT(Errors("name: x\nduration_s: 10\nreference: {type: recorded, file: late.csv}\n"),
-              ElementsAre());
-}
-
 TEST_F(ReaderTest, EveryFirmwareNameWillDoWithoutAList) {
   options_.firmware_names.clear();
   EXPECT_EQ(Read(With("firmware: my_own_2\n")).firmware, "my_own_2");
