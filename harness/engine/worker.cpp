@@ -8,6 +8,7 @@
 #include <array>
 #include <cerrno>
 #include <cstdint>
+#include <cstdlib>
 #include <cstring>
 #include <functional>
 #include <memory>
@@ -114,6 +115,12 @@ RunLog FlyByMeans(const FlightJob& job, WorkerReport& report, const std::atomic<
   return Fly(scenario, *job.model, options);
 }
 
+// A firmware may fork, and its copy of this process fly on. There is one flight, and one result: that of the process which the
+// engine has started.
+void EndCopyOf(pid_t worker) {
+  if (getpid() != worker) _Exit(0);
+}
+
 // `cut_short`: set when a signal ended the flight.
 FlightResult FlyJob(const FlightJob& job, WorkerReport& report, const std::atomic<bool>* interrupted,
                     std::unique_ptr<Client>& client, bool& cut_short) {
@@ -132,7 +139,9 @@ FlightResult FlyJob(const FlightJob& job, WorkerReport& report, const std::atomi
     return *result;
   };
   const std::uint64_t drawn_before = faults::Random::DrawnCount();
+  const pid_t worker = getpid();
   const RunLog log = FlyByMeans(job, report, interrupted, score, injections ? &*injections : nullptr, client);
+  EndCopyOf(worker);
   // Flights of several processes draw elsewhere.
   const bool drew_here = !job.means.realtime && !job.means.distributed && !scenario.has_several_clients();
   const bool is_of_any_seed = drew_here && faults::Random::DrawnCount() == drawn_before;
@@ -210,7 +219,9 @@ bool WriteAll(int descriptor, std::span<const std::uint8_t> bytes) {
 bool FlyAndHandOver(const FlightJob& job, WorkerReport& report, int channel,
                     const std::atomic<bool>* interrupted) {
   std::unique_ptr<Client> client;
+  const pid_t worker = getpid();
   const WorkerResult done = FlyAndRecord(job, report, interrupted, client);
+  EndCopyOf(worker);
   const std::vector<std::uint8_t> packed = Pack(done.result);
   const std::uint64_t size = packed.size() + 1;
   std::vector<std::uint8_t> message(sizeof size + size);

@@ -124,11 +124,9 @@ std::optional<FlightResult> WorkerProcess::Look(const FlightJob& job,
   if (ended == 0 || (ended < 0 && errno == EINTR)) {
     waits_ = !stuck_ && AsksForNext(result_bytes_);
     if (waits_) return Collect(job, 0, tell, interrupted);
+    if (interrupted) GiveUp(job);
     // With a debugger it waits as long as its user thinks.
-    if (job.means.debug)
-      WatchDebugged(interrupted);
-    else
-      Watch(job, tell);
+    if (!job.means.debug) Watch(job, tell);
     return std::nullopt;
   }
   pid_ = -1;
@@ -155,14 +153,20 @@ void WorkerProcess::GetsOn(const FlightJob& job, SteadyClock::time_point now) {
   own_ = OwnTime(job.means.realtime ? -1 : pid_);
 }
 
-// While it stands in a debugger it does not hear that the end is asked for.
-void WorkerProcess::WatchDebugged(bool interrupted) {
+// A worker that is asked to end does so with its next step: but not in a debugger, nor in a call into a firmware that does not
+// return.
+void WorkerProcess::GiveUp(const FlightJob& job) {
   constexpr std::chrono::seconds kLimit{1};
   const auto now = SteadyClock::now();
-  if (!interrupted || given_up_) return;
-  if (!interrupted_at_) interrupted_at_ = now;
-  if (now - *interrupted_at_ < kLimit) return;
+  const std::uint64_t calls = report_->firmware.calls_count.load(std::memory_order_relaxed);
+  const FirmwareCall inside = report_->firmware.inside.load(std::memory_order_relaxed);
+  if (!interrupted_at_ || (!job.means.debug && (inside == FirmwareCall::kNone || calls != interrupted_in_))) {
+    interrupted_at_ = now;
+    interrupted_in_ = calls;
+  }
+  if (given_up_ || now - *interrupted_at_ < kLimit) return;
   given_up_ = true;
+  stuck_in_ = inside;
   Send(SIGKILL);
 }
 
@@ -239,7 +243,10 @@ FlightResult WorkerProcess::WithoutResult(const FlightJob& job, int status) cons
   const std::string at = fmt::format("at {:.3f} s of the flight", ToSeconds(progress_ns()));
   const FirmwareCall inside = report_->firmware.inside.load(std::memory_order_relaxed);
   if (given_up_)
-    return ErrorResult(job, fmt::format("interrupted in a debugger, or while it waited for one, {}", at));
+    return ErrorResult(
+        job, job.means.debug
+                 ? fmt::format("interrupted in a debugger, or while it waited for one, {}", at)
+                 : fmt::format("interrupted while the firmware was in {}, {}", Name(stuck_in_), at));
   if (stuck_ && stopped_itself_in_ != FirmwareCall::kNone)
     return FirmwareFailed(job, Outcome::kHung,
                           fmt::format("the firmware stopped itself in {} {}", Name(stopped_itself_in_), at));

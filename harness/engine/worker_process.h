@@ -65,7 +65,7 @@ class WorkerProcess {
   void Begin(const FlightJob& job);
   void ReadResult();
   void Watch(const FlightJob& job, const std::function<void(const std::string&)>& tell);
-  void WatchDebugged(bool interrupted);
+  void GiveUp(const FlightJob& job);
   void GetsOn(const FlightJob& job, SteadyClock::time_point now);
   TimeNs Limit(const FlightJob& job, FirmwareCall inside) const;
   FlightResult Collect(const FlightJob& job, int status, const std::function<void(const std::string&)>& tell,
@@ -89,8 +89,10 @@ class WorkerProcess {
   OwnTime own_;
   bool told_ = false;
   bool place_known_ = false;
-  std::optional<SteadyClock::time_point> interrupted_at_;  // with a debugger
-  bool given_up_ = false;                                  // it was killed, since it did not end after that
+  // Since when, after an interruption, it is in a debugger or in the same call of the firmware: the number of that call.
+  std::optional<SteadyClock::time_point> interrupted_at_;
+  std::uint64_t interrupted_in_ = 0;
+  bool given_up_ = false;  // it was killed, since it did not end after that
   FirmwareCall stopped_itself_in_ = FirmwareCall::kNone;
   // Killed for standing still; and in which of the firmware's calls, if any.
   bool stuck_ = false;

@@ -2,12 +2,14 @@
 """Firmware that does what firmware must not, as a user sees it. Usage: misbehaving_test.py TILTPROOF SOURCE_DIR CLIENTS_DIR"""
 import json
 import pathlib
+import re
+import signal
 import subprocess
 import sys
 import unittest
 import xml.etree.ElementTree
 
-from command_line import CommandLineTest
+from command_line import PROGRAM, CommandLineTest
 
 CLIENTS = pathlib.Path(sys.argv[3]).resolve()
 
@@ -34,7 +36,7 @@ class MisbehavingTest(CommandLineTest):
              "nanoseconds": "lets no time pass", "hang": "did not return from tiltproof_client_grant within 5 s of its own time",
              "stop": "stopped itself in tiltproof_client_grant"}
     # What nothing in its process can prevent: the flight is lost, the verdict is not.
-    FATAL_AND_LOST = {"raw_exit": "ended its process in tiltproof_client_grant.*exit code 0", "raw_exec": "ended its process in tiltproof_client_grant",
+    FATAL_AND_LOST = {"raw_exit": "ended its process in tiltproof_client_grant.*exit code 0", "raw_exec": "ended its process in tiltproof_client_grant", "copy": "ended its process in tiltproof_client_grant.*exit code 0",
                       "thread": r"a thread that the firmware started crashed at libmisbehaving_client\.so\+0x[0-9a-f]+.*Segmentation fault",
                       "hang_blocked": "did not return from tiltproof_client_grant"}
 
@@ -100,6 +102,28 @@ class MisbehavingTest(CommandLineTest):
     def test_a_process_that_it_forks_flies_nothing(self):
         code, text, results = self.misbehaving("fork")
         self.assertEqual((code, text.count("fork ")), (0, 1), text)
+
+    def test_an_interrupt_ends_a_firmware_that_blocks_all_signals_and_hangs(self):
+        """By the interrupt, not by the seven seconds after which such a firmware is ended by itself."""
+        self.scenario("hang_blocked", **{"seed: 3": "seed: 3\nfirmware: hang_blocked"})
+        with subprocess.Popen([PROGRAM, "run", "hang_blocked.yaml", "--client", f"library:{CLIENTS / 'libmisbehaving_client.so'}"], cwd=self.folder,
+                              stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+            while not self.a_child_blocks_interrupts(process.pid):
+                self.assertIsNone(process.poll())
+            process.send_signal(signal.SIGINT)
+            self.assertEqual(process.wait(60), 130)
+        self.assertRegex(self.results()["scenarios"][0]["reason"], "interrupted while the firmware was in tiltproof_client_grant")
+
+    @staticmethod
+    def a_child_blocks_interrupts(pid):
+        for child in pathlib.Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
+            try:
+                blocked = re.search(r"SigBlk:\s*(\w+)", pathlib.Path(f"/proc/{child}/status").read_text())[1]
+            except OSError:
+                continue
+            if int(blocked, 16) & 1 << signal.SIGINT - 1:
+                return True
+        return False
 
     def test_what_it_prints_is_in_its_log_and_nowhere_else(self):
         for flags in ((), ("--distributed=socket",)):
