@@ -18,7 +18,7 @@ RowRing::RowRing() {
 RowRing::~RowRing() { munmap(shared_, sizeof(Shared)); }
 
 bool RowRing::Begin(std::size_t flight, std::size_t column_count) {
-  if (column_count == 0 || column_count > kNumbersMax / 2) return false;
+  if (!IsColumnCount(column_count)) return false;
   std::int64_t owner = 0;
   // A worker's next flight follows its last one at once.
   if (!shared_->owner.compare_exchange_strong(owner, getpid()) && owner != getpid()) return false;
@@ -48,6 +48,8 @@ RowRing::News RowRing::Take(Cursor& cursor) const {
   if (turn == 0 || turn % 2 != 0) return news;
   news.flight = shared_->flight;
   news.column_count = shared_->column_count;
+  // The worker's firmware can write here.
+  if (!IsColumnCount(news.column_count)) return {};
   const std::uint64_t written = shared_->rows_written.load(std::memory_order_acquire);
   const std::uint64_t capacity = Capacity(news.column_count);
   std::uint64_t from = cursor.turn == turn ? cursor.rows_read : 0;

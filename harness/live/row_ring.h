@@ -46,7 +46,8 @@ class RowRing {
     std::size_t column_count = 0;
     std::vector<double> values;  // whole rows
   };
-  // Rows since the last call; at most those that are still there.
+  // Rows since the last call; at most those that are still there. Whatever a firmware has written into the shared
+  // memory, the rows are whole and within it.
   News Take(Cursor& cursor) const;
 
  private:
@@ -57,6 +58,7 @@ class RowRing {
     std::atomic<double> numbers[kNumbersMax];
   };
   static_assert(std::atomic<double>::is_always_lock_free);
+  static bool IsColumnCount(std::uint64_t count) { return count > 0 && count <= kNumbersMax / 2; }
   static std::uint64_t Capacity(std::uint64_t column_count) { return kNumbersMax / column_count; }
 
   Shared* shared_;
