@@ -23,6 +23,7 @@ void PrintWarnings(const Suite& suite) {
 
 int CheckCommand(const CheckOptions& options) {
   const RunClients clients = ReadClientFlags(options.clients);
+  for (const ClientSpec& client : clients.Named()) CheckFirmwareFile(client);
   const Suite suite = LoadSuite(options.paths, clients, options.firmware);
   PrintWarnings(suite);
   std::vector<std::string> problems;

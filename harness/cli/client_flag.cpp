@@ -8,8 +8,10 @@
 
 #include <algorithm>
 #include <boost/asio/io_context.hpp>
+#include <filesystem>
 #include <memory>
 #include <set>
+#include <system_error>
 #include <vector>
 
 #include "harness/cli/commands.h"
@@ -87,7 +89,12 @@ void CheckClientIds(const RunClients& clients, const std::vector<const Scenario*
                                    ToText(client), id, fmt::join(known, ", ")));
 }
 
-void CheckLibrary(const ClientSpec& client) {
+void CheckFirmwareFile(const ClientSpec& client) {
+  if (const auto* image = std::get_if<EmulatedImage>(&client); image != nullptr && !image->file.empty()) {
+    std::error_code ignored;
+    if (!std::filesystem::is_regular_file(image->file, ignored))
+      throw UsageError(fmt::format("--client {}: {} is not a file", ToText(client), image->file));
+  }
   if (!std::holds_alternative<HostLibrary>(client)) return;
   if (const auto mistake = LibraryMistake(BuiltFile(client)))
     throw UsageError(fmt::format("--client {}: {}", ToText(client), *mistake));

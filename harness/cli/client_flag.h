@@ -26,8 +26,8 @@ std::string Quoted(const std::string& text);
 // The flags that give these clients, each behind a space.
 std::string ClientFlagsOf(const RunClients& clients);
 
-// Checks that a library is one, before anything is flown. Throws UsageError.
-void CheckLibrary(const ClientSpec& client);
+// Checks that a library is one, and that an image is there, before anything is flown. Throws UsageError.
+void CheckFirmwareFile(const ClientSpec& client);
 
 // Checks that a board's ports can be used, before anything is flown. A flag that names no device is an error
 // in the command line (UsageError); a device that is busy or not permitted is a failure of the target

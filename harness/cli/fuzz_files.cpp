@@ -134,14 +134,17 @@ void FuzzFiles::Write(const FuzzFinding& finding, const Scenario& base) const {
 std::vector<std::pair<std::string, HostileSequence>> FuzzFiles::ReadFindings() const {
   std::vector<std::pair<std::string, HostileSequence>> findings;
   for (const fs::path& file : FilesIn(folder_ / "findings")) {
+    if (file.extension() != ".yaml") continue;
     try {
       const Scenario scenario = LoadAnnounced(ReadFile(file)).scenario;
       const faults::FaultSpec& fault = scenario.faults.at(0);
       const auto text = [&](const char* key) { return std::get<std::string>(fault.parameters.at(key)); };
       findings.emplace_back(file.stem(), ReadSequence(fmt::format("{} {}\n{}\n", faults::Name(fault.target),
                                                                   text("place"), text("frames"))));
-    } catch (const std::exception&) {
-      continue;
+    } catch (const std::exception& error) {
+      // Left out, it would be a finding that nothing breaks any more.
+      throw UsageError(fmt::format("{}: no finding of `tiltproof fuzz`: {}; fix or remove it", file.string(),
+                                   error.what()));
     }
   }
   return findings;

@@ -126,7 +126,7 @@ int NodeCommand(const NodeCommandOptions& options) {
       break;
     case dds::NodeKind::kClient:
       node.client = ReadClientFlag(options.client.empty() ? "host" : options.client);
-      CheckLibrary(*node.client);
+      CheckFirmwareFile(*node.client);
       make_role = RoleOf(*node.client);
       break;
     case dds::NodeKind::kBaseStation:

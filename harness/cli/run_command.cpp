@@ -207,7 +207,7 @@ int RunCommand(const RunOptions& options) {
     return kExitUndecided;
   }
   const std::vector<ClientSpec> clients = means.clients.Named();
-  for (const ClientSpec& client : clients) CheckLibrary(client);
+  for (const ClientSpec& client : clients) CheckFirmwareFile(client);
   const std::vector<NotApplicable> not_applicable = TakeNotApplicable(means, options.strict, suite);
   const std::vector<PlannedRun> plan = PlanRun(options, suite.scenarios, last ? &*last : nullptr);
   if (options.dry_run || suite.scenarios.empty()) {

@@ -39,7 +39,7 @@ Suite LoadOneScenario(const std::filesystem::path& path, const RunClients& clien
 
 void CheckReady(const FlightMeans& means) {
   const std::vector<ClientSpec> clients = means.clients.Named();
-  for (const ClientSpec& client : clients) CheckLibrary(client);
+  for (const ClientSpec& client : clients) CheckFirmwareFile(client);
   if (Emulates(clients)) TestLockstep(LockstepPlugin());
 }
 

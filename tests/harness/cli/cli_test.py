@@ -143,6 +143,13 @@ class CliTest(CommandLineTest):
         self.assertEqual(self.tiltproof("run", "missing.yaml")[0], 2)
         self.assertFalse((self.folder / "results").exists())
 
+    def test_check_looks_for_the_firmwares_file(self):
+        path = self.scenario("hover")
+        for client in ("library:missing.so", "qemu:missing.elf"):
+            code, out, err = self.tiltproof("check", path, "--client", client)
+            self.assertEqual((code, out), (2, ""), client)
+            self.assertRegex(err, rf"--client {client.split(':')[0]}:\S*missing\.\w+: .*missing")
+
     def test_check_names_the_place(self):
         path = self.scenario("hover", duration_s="duraton_s")
         code, _, err = self.tiltproof("check", path)

@@ -228,6 +228,15 @@ class FuzzTest(CommandLineTest):
         for name in names:
             self.assertIn(f"{name} of before breaks nothing now: out/findings/{name}.yaml", err)
 
+    def test_a_finding_that_cannot_be_read_is_not_passed_over(self):
+        findings = self.folder / "out" / "findings"
+        findings.mkdir(parents=True)
+        (findings / "notes.txt").write_text("of the user")
+        (findings / "crash-00000000.yaml").write_text("name: x\nfaults: [\n")
+        code, out, err = self.fuzz("careful", runs=1)
+        self.assertEqual(code, 2, out + err)
+        self.assertRegex(err, r"out/findings/crash-00000000\.yaml: no finding of `tiltproof fuzz`: .*; fix or remove it")
+
     def test_what_was_made_small_stays_small(self):
         self.fuzz("deaf", runs=3000)
         (small,) = self.summary()["findings"]
