@@ -92,6 +92,7 @@ class Loader {
   void CheckServos();
   void CheckHinges();
   void CheckInertia(const RigidBody& body);
+  void CheckHover(const VehicleModel& vehicle);
   RigidBody ReadBody(const std::string& link_name) const;
   TiltingThruster ReadThruster(const ThrusterElement& element) const;
   CollisionShape ReadCollision(const RigidBody& base) const;
@@ -146,7 +147,35 @@ VehicleModel Loader::Load() {
   } catch (const DesignError& error) {
     Fail(xml_.Line("model", ""), error.what());
   }
+  CheckHover(vehicle);
+  if (!problems_.empty()) throw VehicleError(problems_);
   return vehicle;
+}
+
+// No firmware can hold a vehicle in the air whose actuators are too weak for it.
+void Loader::CheckHover(const VehicleModel& vehicle) {
+  for (std::size_t side = 0; side < vehicle.thrusters.size(); ++side) {
+    const TiltingThruster& thruster = vehicle.thrusters[side];
+    const int line = elements_.thrusters[side].line;
+    const double force_n = vehicle.hover.input.at(side);
+    const double torque_nm = vehicle.hover.input.at(vehicle.thrusters.size() + side);
+    const double angle_rad = vehicle.hover.hinge_rad.at(side);
+    if (force_n < thruster.force_min_n || force_n > thruster.force_max_n)
+      ComplainElement(
+          line, fmt::format("the vehicle cannot hover: its {} rotor has to give {:.4g} N, and its limits "
+                            "are {:.4g} to {:.4g} N",
+                            thruster.name, force_n, thruster.force_min_n, thruster.force_max_n));
+    if (std::abs(torque_nm) > thruster.torque_max_nm)
+      ComplainElement(
+          line, fmt::format("the vehicle cannot hover: its {} servo has to hold {:.4g} N m, and its limit "
+                            "is {:.4g} N m",
+                            thruster.name, torque_nm, thruster.torque_max_nm));
+    if (angle_rad < thruster.angle_min_rad || angle_rad > thruster.angle_max_rad)
+      ComplainElement(
+          line, fmt::format("the vehicle cannot hover: its {} hinge has to stand at {:.4g} rad, and its "
+                            "stops are {:.4g} and {:.4g} rad",
+                            thruster.name, angle_rad, thruster.angle_min_rad, thruster.angle_max_rad));
+  }
 }
 
 void Loader::LoadSdf() {

@@ -242,6 +242,16 @@ TEST_F(ChangedVehicle, MassThatIsNotPositive) {
   EXPECT_EQ(line_, changed_line_);
 }
 
+TEST_F(ChangedVehicle, OneThatCannotHoverIsRefused) {
+  Replace("<mass>1.92509767079622</mass>", "<mass>19.25</mass>");
+  // (19.25 + 2 * 0.0809) kg * 9.81 m/s^2 = 190.4 N, of two rotors.
+  EXPECT_THAT(Error(), AllOf(HasSubstr("cannot hover: its right rotor has to give 95."),
+                             HasSubstr("are 0 to 30 N"), HasSubstr("its left rotor")));
+  Replace("<mass>19.25</mass>", "<mass>1.92509767079622</mass>");
+  Replace("<lower>-1.5</lower><upper>1.5</upper>", "<lower>-1e-9</lower><upper>1e-9</upper>");
+  EXPECT_THAT(Error(), HasSubstr("cannot hover: its right hinge has to stand at "));
+}
+
 TEST_F(ChangedVehicle, InertiaIsCheckedBeforeTheRoles) {
   Replace("<iyy>0.00792827006001647</iyy>", "<iyy>-0.00792827006001647</iyy>");
   Replace("<tiltproof:base link=\"body\"/>", "");
