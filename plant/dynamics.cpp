@@ -179,8 +179,9 @@ LinearModel Linearise(const VehicleModel& model, const Hover& hover) {
   const Complex step(0, kComplexStep);
 
   LinearModel linear;
-  linear.a.setZero(2 * kCoordinateCount, 2 * kCoordinateCount);
-  linear.b.setZero(2 * kCoordinateCount, kInputCount);
+  constexpr Eigen::Index kStateCount = Eigen::Index{2} * kCoordinateCount;
+  linear.a.setZero(kStateCount, kStateCount);
+  linear.b.setZero(kStateCount, kInputCount);
   linear.a.topRightCorner<kCoordinateCount, kCoordinateCount>().setIdentity();
   for (int i = 0; i < kCoordinateCount; ++i) {
     Coordinates<Complex> moved = q;

@@ -28,7 +28,7 @@ class ClientTest(unittest.TestCase):
         self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
         self.attempt = 0
 
-    def start(self, client, duration_s=2, **options):
+    def start(self, client, duration_s=3, **options):
         self.attempt += 1
         folder = self.folder / str(self.attempt)
         folder.mkdir()
@@ -36,7 +36,7 @@ class ClientTest(unittest.TestCase):
         self.addCleanup(flight.end)
         return flight
 
-    def fly(self, client, code, duration_s=2, timeout_s=30, **options):
+    def fly(self, client, code, duration_s=3, timeout_s=30, **options):
         """To its end; again while the machine was too busy to judge, and in the end by what was flown."""
         for _ in range(ATTEMPTS_COUNT):
             flight = self.start(client, duration_s, **options)
@@ -86,7 +86,7 @@ class ClientTest(unittest.TestCase):
         self.check(flight)
 
     def test_process_that_opens_no_port_never_started(self):
-        flight = self.fly("process:sleep 100", 1)
+        flight = self.fly("process:sleep 100", 1, duration_s=2)
         self.assertEqual(flight.result()["verdict"], "fail")
         self.assertIn("never started", flight.result()["reason"])
         self.check(flight)
@@ -119,7 +119,7 @@ class ClientTest(unittest.TestCase):
         self.check(flight)
 
     def test_process_with_grandchildren(self):
-        flight = self.fly(f"process:sleep 1000 & {FIRMWARE} {LIBRARY} --grandchild", 0)
+        flight = self.fly(f"process:sleep 1000 & {FIRMWARE} {LIBRARY} --grandchild", 0, duration_s=2)
         self.check(flight)
 
     def test_killed_node_takes_the_firmware_along(self):
@@ -136,7 +136,7 @@ class ClientTest(unittest.TestCase):
         flight.check_nothing_left(self)
 
     def test_process_that_prints_garbage(self):
-        flight = self.fly(f"process:{FIRMWARE} {LIBRARY} --garbage", 0)
+        flight = self.fly(f"process:{FIRMWARE} {LIBRARY} --garbage", 0, duration_s=2)
         self.assertGreater(len(self.log(flight)), 20000)
         self.check(flight)
 
@@ -173,7 +173,7 @@ class ClientTest(unittest.TestCase):
         self.addCleanup(unplug)
         return [os.ttyname(slave) for _, slave in cables], [master for master, _ in cables], [slave for _, slave in cables], unplug
 
-    def fly_board(self, count, duration_s=2, *how):
+    def fly_board(self, count, duration_s=3, *how):
         """Until the board flies. It is switched on when the harness listens: a board sends `start` once."""
         devices, masters, _, unplug_cables = self.cables(count)
         flight = self.start("serial:" + ",".join(devices), duration_s)
@@ -325,7 +325,7 @@ class ClientTest(unittest.TestCase):
         self.check(flight)
 
     def test_host_library(self):
-        flight = self.fly("host", 0)
+        flight = self.fly("host", 0, duration_s=2)
         self.report(flight)
         self.assertEqual(set(flight.column("hover", "supervisor_state")), {"0"})
 

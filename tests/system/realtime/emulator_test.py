@@ -68,7 +68,7 @@ class EmulatorTest(unittest.TestCase):
         self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
         self.attempt = 0
 
-    def start(self, client, scenario=None, duration_s=2, *flags, **options):
+    def start(self, client, scenario=None, duration_s=3, *flags, **options):
         self.attempt += 1
         folder = self.folder / str(self.attempt)
         folder.mkdir()
