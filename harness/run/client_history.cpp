@@ -48,7 +48,7 @@ std::string Heard(const LinkLog& link, std::size_t client, const link::Protocol&
   return text;
 }
 
-// What tells of a client's boots, in order of time.
+// A sign of a client's boots; signs are kept in order of time.
 struct Sign {
   TimeNs time_ns = 0;
   enum Kind : std::uint8_t { kReset, kStart, kActuators } kind = kReset;

@@ -12,7 +12,7 @@ using ::testing::EndsWith;
 
 class RecordedReferenceFile : public FaultFile {
  protected:
-  // What is wrong with a flight of 10 s along these rows.
+  // The error of a flight of 10 s along these rows.
   std::string ErrorWith(const std::string& rows) {
     std::ofstream(folder_ / "path.csv") << "t_s,x_m,y_m,z_m,yaw_rad\n" << rows;
     try {
