@@ -121,7 +121,7 @@ class Loader {
 };
 
 VehicleModel Loader::Load() {
-  xml_.CheckNames(problems_);
+  xml_.Check(problems_);
   LoadSdf();
   CheckLinks();
   elements_ = xml_.ReadElements(options_.mapping, warnings_, problems_);

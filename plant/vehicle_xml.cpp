@@ -268,6 +268,11 @@ VehicleElements VehicleXml::ReadElements(const std::filesystem::path& mapping,
   return ReadVehicleElement(chosen, *root, problems);
 }
 
+void VehicleXml::Check(std::vector<VehicleProblem>& problems) const {
+  CheckNames(problems);
+  CheckInertials(problems);
+}
+
 void VehicleXml::CheckNames(std::vector<VehicleProblem>& problems) const {
   const auto complain = [&](const XMLElement& element, std::string message) {
     problems.push_back({file_, element.GetLineNum(), std::move(message)});
@@ -300,6 +305,31 @@ void VehicleXml::CheckNames(std::vector<VehicleProblem>& problems) const {
         complain(*reference, fmt::format("joint '{}': {} link '{}' does not exist", joint, end, text));
       }
     }
+  }
+}
+
+void VehicleXml::CheckInertials(std::vector<VehicleProblem>& problems) const {
+  for (const auto* link = model_->FirstChildElement("link"); link != nullptr;
+       link = link->NextSiblingElement("link")) {
+    const std::string name = Attribute(*link, "name");
+    const auto complain = [&](const XMLElement& element, std::string_view missing, std::string_view unit) {
+      problems.push_back({file_, element.GetLineNum(),
+                          fmt::format("link '{}' has no <{}>: SDF puts 1 {} in its place, so state it", name,
+                                      missing, unit)});
+    };
+    const XMLElement* inertial = link->FirstChildElement("inertial");
+    if (inertial == nullptr) {
+      complain(*link, "inertial", "kg and 1 kg m^2");
+      continue;
+    }
+    if (inertial->FirstChildElement("mass") == nullptr) complain(*inertial, "mass", "kg");
+    const XMLElement* inertia = inertial->FirstChildElement("inertia");
+    if (inertia == nullptr) {
+      complain(*inertial, "inertia", "kg m^2");
+      continue;
+    }
+    for (const char* moment : {"ixx", "iyy", "izz"})
+      if (inertia->FirstChildElement(moment) == nullptr) complain(*inertia, moment, "kg m^2");
   }
 }
 

@@ -51,8 +51,9 @@ class VehicleXml {
   VehicleElements ReadElements(const std::filesystem::path& mapping, std::vector<std::string>& warnings,
                                std::vector<VehicleProblem>& problems) const;
 
-  // Checks the version of SDF and the names: links and joints have one each, and joints join existing links.
-  void CheckNames(std::vector<VehicleProblem>& problems) const;
+  // Checks the version of SDF; the names: links and joints have one each, and joints join existing links; and that each
+  // link states its mass and its moments of inertia, for which SDF has defaults that no vehicle has.
+  void Check(std::vector<VehicleProblem>& problems) const;
 
   // One line for every element without effect on the flight.
   void WarnUnsupported(const VehicleElements& elements, std::vector<std::string>& warnings) const;
@@ -64,6 +65,8 @@ class VehicleXml {
   int Line(std::string_view tag, std::string_view name, const char* child = nullptr) const;
 
  private:
+  void CheckNames(std::vector<VehicleProblem>& problems) const;
+  void CheckInertials(std::vector<VehicleProblem>& problems) const;
   void WarnLink(const tinyxml2::XMLElement& link, bool is_base, std::vector<std::string>& warnings) const;
   void WarnJoint(const tinyxml2::XMLElement& joint, std::vector<std::string>& warnings) const;
   void Warn(const tinyxml2::XMLElement& element, const std::string& text,

@@ -20,8 +20,8 @@ row() { # WHAT COMMAND...: in the clone
   shift
   times=$( { time (cd "$work/$commit" && "$@" >"$work/log" 2>&1) || state=failed; [ -z "$state" ] || echo failed; } 2>&1)
   read -r wall user system state <<<"$(echo "$times" | tr '\n' ' ')"
-  awk -v row="| $commit | $what |" -v wall="$wall" -v user="$user" -v system="$system" -v why="${state:+failed: $(tail -n 1 "$work/log")}" \
-    'BEGIN { printf "%s %.0f | %.0f | %s\n", row, wall, user + system, why }'
+  awk -v row="| $commit | $what |" -v wall="$wall" -v user="$user" -v kernel="$system" -v why="${state:+failed: $(tail -n 1 "$work/log")}" \
+    'BEGIN { printf "%s %.0f | %.0f | %s\n", row, wall, user + kernel, why }'
 }
 
 rebuild() { # after a change in one source

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <string>
 
@@ -13,6 +14,7 @@
 #include "harness/emulator/elf_symbols.h"
 #include "harness/emulator/image_check.h"
 #include "harness/emulator/watched_variable.h"
+#include "harness/reference/trajectory.h"
 #include "harness/run/client_channel.h"
 #include "harness/run/supervisor_states.h"
 #include "harness/scenario/fault_support.h"
@@ -61,6 +63,26 @@ void FindUnwatchable(const Scenario& scenario, const ClientSpec& client, const s
     if (i >= scenario.watch_places.size()) throw UsageError("--watch: " + why);
     problems.push_back(fmt::format("{}: watch: {}", scenario.watch_places[i], why));
   }
+}
+
+// The laws of the shipped firmware are linear around a heading of 0 (paper, section 3): with both builds the vehicle diverges
+// at larger ones (docs/scenario.md).
+constexpr double kShippedHeadingMax_rad = 0.55;
+
+void FindLargeHeading(const Scenario& scenario, std::size_t client, std::vector<std::string>& problems) {
+  const auto complain = [&](const char* key, double heading_rad) {
+    problems.push_back(fmt::format(
+        "{}: {}: a heading of {:.3g} rad; the law of the shipped firmware ({}) is linear around 0 and keeps "
+        "the "
+        "vehicle up to {} rad: turn the scenario's path, or fly your own firmware (--client)",
+        scenario.file.string(), key, heading_rad, scenario.firmware_of(client), kShippedHeadingMax_rad));
+  };
+  if (std::abs(scenario.initial_attitude_rad[2]) > kShippedHeadingMax_rad)
+    return complain("initial: attitude_rad", scenario.initial_attitude_rad[2]);
+  const Trajectory trajectory(scenario.reference);
+  for (TimeNs t = 0; t <= scenario.duration_ns; t += scenario.link.protocol->control_period_ns)
+    if (const double yaw_rad = trajectory.At(t).yaw_rad; std::abs(yaw_rad) > kShippedHeadingMax_rad)
+      return complain("reference", yaw_rad);
 }
 
 // Whether a formula has this word outside texts in quotes.
@@ -137,11 +159,14 @@ void FindUntold(const Scenario& scenario, std::size_t client, const ClientSpec& 
 
 }  // namespace
 
-std::vector<std::string> UntoldSupervisorStates(const RunClients& clients, const Scenario& scenario) {
+std::vector<std::string> ClientProblems(const RunClients& clients, const Scenario& scenario) {
   Images images;
   std::vector<std::string> problems;
-  for (std::size_t i = 0; i < scenario.client_count(); ++i)
-    FindUntold(scenario, i, clients.Of(scenario.client_id(i)), images, problems);
+  for (std::size_t i = 0; i < scenario.client_count(); ++i) {
+    const ClientSpec& client = clients.Of(scenario.client_id(i));
+    if (AbilitiesOf(client, false).shipped) FindLargeHeading(scenario, i, problems);
+    FindUntold(scenario, i, client, images, problems);
+  }
   return problems;
 }
 
@@ -163,6 +188,7 @@ std::vector<NotApplicable> TakeNotApplicable(const FlightMeans& means, bool stri
         file = BoardOf(*image, scenario.firmware_of(i), *scenario.link.protocol).image;
       }
       FindUnwatchable(scenario, clients[i], file, means.realtime, problems);
+      if (abilities[i].shipped) FindLargeHeading(scenario, i, problems);
       FindUntold(scenario, i, clients[i], images, problems);
     }
     if (means.realtime && scenario.has_several_clients())

@@ -15,8 +15,8 @@ namespace tiltproof::harness {
 // throws UsageError when the emulator has no image for a scenario.
 std::vector<NotApplicable> TakeNotApplicable(const FlightMeans& means, bool strict, Suite& suite);
 
-// One line for each formula of the scenario that names the supervisor state of a client that tells none, with its place.
-// Throws UsageError when the emulator has no image for the scenario.
-std::vector<std::string> UntoldSupervisorStates(const RunClients& clients, const Scenario& scenario);
+// One line, with its place, for each formula of the scenario that names the supervisor state of a client that tells none, and
+// for a heading that the shipped firmware does not keep. Throws UsageError when the emulator has no image for the scenario.
+std::vector<std::string> ClientProblems(const RunClients& clients, const Scenario& scenario);
 
 }  // namespace tiltproof::harness

@@ -28,7 +28,7 @@ int CheckCommand(const CheckOptions& options) {
   PrintWarnings(suite);
   std::vector<std::string> problems;
   for (const SuiteScenario& entry : suite.scenarios)
-    for (std::string& problem : UntoldSupervisorStates(clients, entry.scenario))
+    for (std::string& problem : ClientProblems(clients, entry.scenario))
       problems.push_back(std::move(problem));
   if (!problems.empty()) throw UsageError(fmt::format("{}", fmt::join(problems, "\n")));
   Print(stdout, "{} scenario{} in order\n", suite.scenarios.size(), suite.scenarios.size() == 1 ? "" : "s");

@@ -15,6 +15,7 @@
 #include "harness/score/score.h"
 #include "harness/score/signals.h"
 #include "harness/score/stl.h"
+#include "plant/plant.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -85,6 +86,15 @@ ReadOptions MakeReadOptions(ModelCache& models) {
   return options;
 }
 
+// Why no firmware survives the start; empty when one can.
+std::string StartProblem(const Scenario& scenario, const plant::VehicleModel& model) {
+  plant::Plant plant(model, {.step_ns = scenario.step_ns});
+  plant.Reset(scenario.initial_position_m, scenario.initial_attitude_rad);
+  if (plant.Event() == plant::FlightEvent::kNone) return {};
+  return fmt::format("{}: initial: the flight would end where it starts: {}", scenario.file.string(),
+                     plant.EventText());
+}
+
 }  // namespace
 
 std::shared_ptr<const plant::VehicleModel> ModelCache::Load(const std::filesystem::path& file,
@@ -132,8 +142,11 @@ Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const RunClient
   for (std::size_t i = 0; i < scenarios.size(); ++i) {
     if (!build.empty()) scenarios[i].FlyFirmware(build);
     auto model = models.Load(scenarios[i].model_file, scenarios[i].allow_invalid_inertia);
+    if (std::string problem = StartProblem(scenarios[i], *model); !problem.empty())
+      problems.push_back(std::move(problem));
     suite.scenarios.push_back({std::move(scenarios[i]), std::move(model), found.files[i].named});
   }
+  if (!problems.empty()) throw UsageError(fmt::format("{}", fmt::join(problems, "\n")));
   std::vector<const Scenario*> all;
   for (const auto& entry : suite.scenarios) all.push_back(&entry.scenario);
   CheckClientIds(clients, all);

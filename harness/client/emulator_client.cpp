@@ -141,6 +141,9 @@ class EmulatorClient final : public Client {
       now_ = stopped.at_ns;
       last_active_ = std::max(last_active_, stopped.last_slept_ns);
       if (stopped.locked_up) ThrowLockedUp(stopped.at_ns);
+      if (!broken_limit_.empty())
+        throw FirmwareTrouble(false, fmt::format("the firmware sets what no chip does, {}: {}",
+                                                 TimeText(broken_limit_at_), broken_limit_));
       TransmitDamaged(stopped.at_ns);
       if (stopped.at_ns - last_active_ > kBusyMax && (started() || stopped.at_ns > start_within_ns_))
         ThrowHangs(stopped.at_ns);
@@ -308,6 +311,11 @@ class EmulatorClient final : public Client {
       const auto words = message.As<lockstep::LastWords>();
       last_words_ =
           ExplainReset(words, std::string(message.body.begin() + sizeof words, message.body.end()), *source_);
+    } else if (message.kind == lockstep::Kind::kBrokenLimit) {
+      if (broken_limit_.empty()) {
+        broken_limit_.assign(message.body.begin(), message.body.end());
+        broken_limit_at_ = now_;
+      }
     } else if (message.kind == lockstep::Kind::kEvent) {
       OnEvent(message.As<lockstep::Event>());
     }
@@ -451,6 +459,8 @@ class EmulatorClient final : public Client {
   ClientHost host_;
   std::array<RatedLine, 2> rated_;       // by Uart
   std::array<std::string, 2> troubles_;  // told of them
+  std::string broken_limit_;             // of the chip, by the firmware; and when at the latest it was whole
+  TimeNs broken_limit_at_ = 0;
   std::optional<ElfSymbols> symbols_;
   std::optional<SourceLines> source_;
   std::vector<WatchedVariable> watched_;

@@ -47,7 +47,8 @@ volatile sig_atomic_t caught_signal = 0;
 volatile sig_atomic_t caught_cause = 0;
 std::array<char, 300> crash_place{};
 volatile sig_atomic_t looking_at_stack = 0;
-std::atomic<pid_t> crashing_thread{0};  // the first that is not guarded
+std::atomic<const char*> foreign_call_back{nullptr};  // which function another thread has called back
+std::atomic<pid_t> crashing_thread{0};                // the first that is not guarded
 volatile sig_atomic_t stack_overflowed = 0;
 const void* firmware_base = nullptr;
 // 1, and 0 in a process that the firmware has forked from within a call, by whatever system call: the kernel clears it there.
@@ -213,6 +214,7 @@ void FirmwareGuard::Install(Watched* shared, TimeNs limit_ns) {
   guarded_thread = pthread_self();
   guarded_process = getpid();
   own_time = {};
+  foreign_call_back = nullptr;
   MarkOriginal();
 
   // A crash may be a stack overflow: the handler needs a stack of its own.
@@ -256,6 +258,11 @@ void FirmwareGuard::Enter(FirmwareCall call) {
 
 void FirmwareGuard::Leave() {
   EndCopy();
+  if (const char* const function = foreign_call_back.load(std::memory_order_relaxed)) {
+    std::snprintf(ended_by.data(), ended_by.size(),
+                  "called %s from a thread of its own, which no firmware may; that was noticed", function);
+    Jump(kEnded);
+  }
   inside = 0;
   watched->inside.store(FirmwareCall::kNone, std::memory_order_relaxed);
   modes_.Restore();
@@ -288,6 +295,16 @@ void FirmwareGuard::EndCall(const char* what) {
   std::snprintf(ended_by.data(), ended_by.size(), "%s", what);
   Jump(kEnded);
 }
+
+bool FirmwareGuard::IsGuardedThread() {
+  return guarded_process == -1 || pthread_equal(pthread_self(), guarded_thread) != 0;
+}
+
+void FirmwareGuard::NoteForeignCallBack(const char* function) {
+  foreign_call_back.store(function, std::memory_order_relaxed);
+}
+
+bool FirmwareGuard::IsFirmwares(const void* base) { return base != nullptr && base == firmware_base; }
 
 void FirmwareGuard::SetFirmware(const void* address) {
   Dl_info info{};

@@ -104,6 +104,10 @@ class LibraryClient final : public Client {
                              std::size_t count) {
       if ((uart != TILTPROOF_UART_MAIN && uart != TILTPROOF_UART_REFERENCE) || bytes == nullptr || count == 0)
         return now_ns;
+      if (!FirmwareGuard::IsGuardedThread()) {
+        FirmwareGuard::NoteForeignCallBack("host->transmit");
+        return now_ns;
+      }
       return FirmwareGuard::CallBack([&] {
         auto* client = static_cast<LibraryClient*>(context);
         const DeviceClock& clock = client->clock_;
@@ -111,6 +115,7 @@ class LibraryClient final : public Client {
       });
     };
     interface_.log = [](void* context, std::int64_t now_ns, const char* text) {
+      if (!FirmwareGuard::IsGuardedThread()) return FirmwareGuard::NoteForeignCallBack("host->log");
       FirmwareGuard::CallBack([&] {
         auto* client = static_cast<LibraryClient*>(context);
         return client->Log(client->clock_.When(now_ns), text == nullptr ? "" : text);

@@ -1,4 +1,4 @@
-// Ways for code in this process to end it or to put another program in its place. Functions of a program bind before
+// Ways for code in this process to end it, by a signal, too, or to put another program in its place. Functions of a program bind before
 // those of its libraries: a firmware library that calls them ends the call that it is in, and the flight is kept. For
 // everybody else, and in processes that the firmware starts, they are what they always were.
 #include <dlfcn.h>
@@ -6,6 +6,9 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
+#include <csignal>
 #include <cstdarg>
 #include <cstdio>
 #include <cstdlib>
@@ -30,6 +33,30 @@ void EndCallWithCode(const char* function, int code) {
 void EndCallWithProgram(const char* program) {
   char text[kTextBytes];
   std::snprintf(text, sizeof text, "called exec (%.200s)", program == nullptr ? "" : program);
+  FirmwareGuard::EndCall(text);
+}
+
+// A signal that would end this process, unless the firmware handles it itself. Those of a crash have handlers
+// (FirmwareGuard), and a process that stops is seen from outside.
+bool WouldEndProcess(int number) {
+  constexpr std::array kOfOthers = {SIGTERM, SIGINT, SIGHUP, SIGQUIT, SIGKILL};
+  if (std::find(kOfOthers.begin(), kOfOthers.end(), number) == kOfOthers.end()) return false;
+  if (number == SIGKILL) return true;
+  struct sigaction present {};
+  if (sigaction(number, nullptr, &present) != 0) return false;
+  Dl_info info{};
+  // Ours, or the default.
+  return (present.sa_flags & SA_SIGINFO) != 0 || present.sa_handler == SIG_DFL ||
+         dladdr(reinterpret_cast<void*>(present.sa_handler), &info) == 0 ||
+         !FirmwareGuard::IsFirmwares(info.dli_fbase);
+}
+
+void EndCallWithSignal(const char* function, int number) {
+  if (!WouldEndProcess(number)) return;
+  const char* const name = sigabbrev_np(number);
+  char text[kTextBytes];
+  std::snprintf(text, sizeof text, "raised SIG%s in its process (%s)", name == nullptr ? "?" : name,
+                function);
   FirmwareGuard::EndCall(text);
 }
 
@@ -89,6 +116,30 @@ void __stack_chk_fail() {
   FirmwareGuard::EndCall(text);
   Next<void()>("__stack_chk_fail")();
   abort();
+}
+
+int raise(int number) noexcept {
+  EndCallWithSignal("raise", number);
+  return static_cast<int>(syscall(SYS_tgkill, getpid(), syscall(SYS_gettid), number));
+}
+int kill(pid_t process, int number) noexcept {
+  // Also with its whole group, or with all that it may reach.
+  if (process == getpid() || process == 0 || process == -1 || process == -getpgrp())
+    EndCallWithSignal("kill", number);
+  return static_cast<int>(syscall(SYS_kill, process, number));
+}
+int killpg(pid_t group, int number) noexcept { return kill(group == 0 ? 0 : -group, number); }
+int sigqueue(pid_t process, int number, const union sigval value) noexcept {
+  if (process == getpid()) EndCallWithSignal("sigqueue", number);
+  return Next<int(pid_t, int, union sigval)>("sigqueue")(process, number, value);
+}
+int tgkill(pid_t process, pid_t thread, int number) noexcept {
+  if (process == getpid()) EndCallWithSignal("tgkill", number);
+  return static_cast<int>(syscall(SYS_tgkill, process, thread, number));
+}
+int pthread_kill(pthread_t thread, int number) noexcept {
+  EndCallWithSignal("pthread_kill", number);
+  return Next<int(pthread_t, int)>("pthread_kill")(thread, number);
 }
 
 int execve(const char* path, char* const arguments[], char* const environment[]) noexcept {

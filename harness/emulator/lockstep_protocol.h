@@ -14,7 +14,7 @@
 
 namespace tiltproof::harness::lockstep {
 
-inline constexpr std::uint32_t kProtocolVersion = 6;
+inline constexpr std::uint32_t kProtocolVersion = 7;
 inline constexpr std::uint32_t kBodyBytesMax = 1 << 20;
 
 enum class Kind : std::uint32_t {
@@ -29,15 +29,16 @@ enum class Kind : std::uint32_t {
   kRun,         // Run
   kBreak,       // Break
   // From the plug-in.
-  kHello,      // Hello
-  kTransmit,   // TransmittedByte[]
-  kUsart,      // UsartRegisters
-  kEvent,      // Event
-  kMemory,     // the bytes
-  kState,      // text: the processor's registers
-  kUsarts,     // UsartStates
-  kLastWords,  // LastWords, then the processor's registers as text
-  kStopped,    // Stopped
+  kHello,        // Hello
+  kTransmit,     // TransmittedByte[]
+  kUsart,        // UsartRegisters
+  kEvent,        // Event
+  kMemory,       // the bytes
+  kState,        // text: the processor's registers
+  kUsarts,       // UsartStates
+  kLastWords,    // LastWords, then the processor's registers as text
+  kBrokenLimit,  // text: what no chip does, and the firmware has asked for
+  kStopped,      // Stopped
 };
 
 struct Header {
@@ -175,6 +176,9 @@ struct RealtimeBoard {
   LostTick lost_ticks[kLostTicksKept];
   std::atomic<bool> locked_up;  // then this is complete:
   LastWords last_words;
+  static constexpr std::uint32_t kLimitTextBytes = 256;
+  std::atomic<bool> broken_limit;  // then this is complete: as kBrokenLimit says
+  char limit_text[kLimitTextBytes];
 };
 
 // How often each block of code has been executed, up to 255: by the address of its first instruction, of two bytes at

@@ -1,5 +1,4 @@
 #include "harness/engine/worker.h"
-#include "faults/random.h"
 
 #include <fmt/format.h>
 #include <sys/socket.h>
@@ -7,6 +6,7 @@
 
 #include <array>
 #include <cerrno>
+#include <csignal>
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
@@ -19,9 +19,12 @@
 #include <stdexcept>
 #include <utility>
 
+#include "faults/random.h"
 #include "harness/client/debugger.h"
 #include "harness/client/firmware_files.h"
 #include "harness/dds/domain_slot.h"
+#include "harness/engine/process_state.h"
+#include "harness/process/orphans.h"
 #include "harness/run/flight.h"
 #include "harness/run/realtime/realtime_flight.h"
 #include "harness/run/remote/archive.h"
@@ -121,9 +124,20 @@ void EndCopyOf(pid_t worker) {
   if (getpid() != worker) _Exit(0);
 }
 
-// `cut_short`: set when a signal ended the flight.
+// A firmware that has changed what the flight's results depend on has failed, however it flew.
+void BlameForChanges(const ProcessState& before, RunLog& log) {
+  const std::string what = before.WhatChanged();
+  if (what.empty()) return;
+  before.RestoreLimits();
+  if (WentAway(log.end_reason)) return;
+  log.end_reason = EndReason::kFirmwareCrashed;
+  log.end_text = "the firmware " + what;
+}
+
+// `before`: of this process, where the firmware runs in it. `cut_short`: set when a signal ended the flight.
 FlightResult FlyJob(const FlightJob& job, WorkerReport& report, const std::atomic<bool>* interrupted,
-                    std::unique_ptr<Client>& client, bool& cut_short) {
+                    const std::optional<ProcessState>& before, std::unique_ptr<Client>& client,
+                    bool& cut_short) {
   Scenario scenario = job.scenario;  // and what is injected
   std::optional<Injections> injections;
   if (job.means.realtime && job.injections) {
@@ -140,8 +154,9 @@ FlightResult FlyJob(const FlightJob& job, WorkerReport& report, const std::atomi
   };
   const std::uint64_t drawn_before = faults::Random::DrawnCount();
   const pid_t worker = getpid();
-  const RunLog log = FlyByMeans(job, report, interrupted, score, injections ? &*injections : nullptr, client);
+  RunLog log = FlyByMeans(job, report, interrupted, score, injections ? &*injections : nullptr, client);
   EndCopyOf(worker);
+  if (before) BlameForChanges(*before, log);
   // Flights of several processes draw elsewhere.
   const bool drew_here = !job.means.realtime && !job.means.distributed && !scenario.has_several_clients();
   const bool is_of_any_seed = drew_here && faults::Random::DrawnCount() == drawn_before;
@@ -171,13 +186,15 @@ FlightResult FlyJob(const FlightJob& job, WorkerReport& report, const std::atomi
 WorkerResult FlyAndRecord(const FlightJob& job, WorkerReport& report, const std::atomic<bool>* interrupted,
                           std::unique_ptr<Client>& client) {
   WorkerResult done;
+  std::optional<ProcessState> before;
+  if (job.means.FirmwareInWorker(job.scenario)) before.emplace();
   try {
     try {
       job.recorder.begin(job.scenario);
     } catch (const std::exception& error) {
       throw RecordingError(error.what());
     }
-    done.result = FlyJob(job, report, interrupted, client, done.cut_short);
+    done.result = FlyJob(job, report, interrupted, before, client, done.cut_short);
   } catch (const RecordingError& error) {
     done.recording_trouble = error.what();
     done.result = ErrorResult(job, fmt::format("the flight's results are missing: {}", error.what()));
@@ -190,6 +207,13 @@ WorkerResult FlyAndRecord(const FlightJob& job, WorkerReport& report, const std:
   } catch (const std::exception& error) {
     done.result = ErrorResult(job, error.what());
   }
+  // What went wrong here may be the firmware's doing.
+  if (before && done.result.score.verdict == Verdict::kError)
+    if (const std::string what = before->WhatChanged(); !what.empty()) {
+      done.result = ErrorResult(job, fmt::format("the firmware {}: {}", what, done.result.score.reason));
+      done.result.score.verdict = Verdict::kFail;
+      done.result.outcome = Outcome::kCrashed;
+    }
   return done;
 }
 
@@ -232,6 +256,7 @@ bool FlyAndHandOver(const FlightJob& job, WorkerReport& report, int channel,
   const bool handed_over = WriteAll(channel, message);
   // Whatever it does now, its flight is judged.
   client.reset();
+  EndOrphans();
   // While the client lived, what is printed was taken for its own.
   if (!done.recording_trouble.empty())
     Print(stderr, "tiltproof: {}: {}\n", job.scenario.name, done.recording_trouble);
@@ -278,8 +303,11 @@ std::optional<BusPlace> WorkerReport::Place() const {
 
 void Work(const FlightJob& first, WorkerReport& report, int channel, const std::atomic<bool>* interrupted,
           const KnownJobs& known) noexcept {
+  AdoptOrphans();
   // Nothing must mix with the results on standard output.
   dup2(STDERR_FILENO, STDOUT_FILENO);
+  // A firmware may have lowered the limit on the size of files: writing fails then, with a reason.
+  signal(SIGXFSZ, SIG_IGN);
   const auto is_interrupted = [&] {
     return interrupted != nullptr && interrupted->load(std::memory_order_relaxed);
   };

@@ -18,6 +18,7 @@
 #include <utility>
 
 #include "harness/engine/worker.h"
+#include "harness/process/orphans.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -45,6 +46,8 @@ WorkerProcess::~WorkerProcess() {
   if (pid_ > 0) {
     kill(pid_, SIGKILL);
     waitpid(pid_, nullptr, 0);
+    ForgetChild(std::exchange(pid_, -1));
+    EndOrphans();
   }
   if (pidfd_ >= 0) close(pidfd_);
   if (channel_ >= 0) close(channel_);
@@ -63,6 +66,8 @@ std::string WorkerProcess::Start(const FlightJob& job, const std::atomic<bool>* 
   channel_ = ends[0];
   fcntl(channel_, F_SETFL, O_NONBLOCK);
   std::fflush(nullptr);
+  // What its firmware leaves behind comes to this process when the worker is killed.
+  AdoptOrphans();
   const pid_t parent = getpid();
   const pid_t pid = fork();
   if (pid == 0) {
@@ -76,6 +81,7 @@ std::string WorkerProcess::Start(const FlightJob& job, const std::atomic<bool>* 
   close(ends[1]);
   if (pid < 0) return fmt::format("cannot start a worker: {}", std::strerror(error));
   pid_ = pid;
+  KeepChild(pid_);
   pidfd_ = static_cast<int>(syscall(SYS_pidfd_open, pid_, 0));
   known_numbers_end_ = known.numbers_end;
   Begin(job);
@@ -129,7 +135,8 @@ std::optional<FlightResult> WorkerProcess::Look(const FlightJob& job,
     if (!job.means.debug) Watch(job, tell);
     return std::nullopt;
   }
-  pid_ = -1;
+  ForgetChild(std::exchange(pid_, -1));
+  EndOrphans();
   left_flight_ = !report_->begun;
   if (left_flight_) return std::nullopt;
   if (ended < 0) return ErrorResult(job, "the worker process is gone, and how it ended is not known");
@@ -261,7 +268,13 @@ FlightResult WorkerProcess::WithoutResult(const FlightJob& job, int status) cons
                                           "hung or was stopped",
                                           ToSeconds(Limit(job, FirmwareCall::kNone)), at),
                               progress_ns());
-  if (WIFEXITED(status) && WEXITSTATUS(status) == kExitWithoutResult)
+  const bool not_handed_over = WIFEXITED(status) && WEXITSTATUS(status) == kExitWithoutResult;
+  if (not_handed_over && job.means.FirmwareInWorker(job.scenario))
+    return FirmwareFailed(
+        job, Outcome::kCrashed,
+        "the firmware closed descriptors of its process, the one for the results among them: "
+        "the flight is lost");
+  if (not_handed_over)
     return ErrorResult(job, fmt::format("the flight's results are missing: the worker process could not hand "
                                         "them over; its descriptor for them was closed, {}",
                                         at));

@@ -24,6 +24,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "harness/process/orphans.h"
 #include "harness/report/json_fields.h"
 
 namespace tiltproof::harness {
@@ -255,6 +256,7 @@ LiveProcess::LiveProcess(const LiveSocket& socket, LiveOptions options, std::vec
     // The parent's objects must not be destroyed here.
     _exit(0);
   }
+  KeepChild(pid_);
   close(socket.descriptor);
   close(ends[1]);
   close(injections[1]);
@@ -279,6 +281,7 @@ LiveProcess::~LiveProcess() {
   close(injections_);
   while (waitpid(pid_, nullptr, 0) < 0 && errno == EINTR) {
   }
+  ForgetChild(pid_);
 }
 
 FlightWatcher LiveProcess::Watch(std::size_t flight) {

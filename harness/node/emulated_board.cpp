@@ -229,6 +229,9 @@ void EmulatedBoard::NoteLostTicks() {
 }
 
 void EmulatedBoard::WatchFirmware(bool started) {
+  if (memory_->broken_limit)
+    return Lose(EndReason::kFirmwareCrashed,
+                fmt::format("the firmware sets what no chip does: {}", memory_->limit_text));
   HangWatch::Sent sent;
   for (int usart = 1; usart <= kChipUsartCount; ++usart) {
     const steady_clock::time_point at{std::chrono::nanoseconds(memory_->sent_at_ns[usart - 1].load())};

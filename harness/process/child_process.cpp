@@ -21,6 +21,8 @@
 #include <stdexcept>
 #include <string_view>
 
+#include "harness/process/orphans.h"
+
 namespace tiltproof::harness {
 namespace {
 
@@ -254,6 +256,7 @@ void ChildProcess::Run(const ChildSpec& spec, bool outlives_us, int guard_line) 
     Reap(pid_, 0);
     Refuse(spec, ExecTrouble(program, failed));
   }
+  KeepChild(pid_);
   pidfd_ = static_cast<int>(syscall(SYS_pidfd_open, pid_, 0));
   if (pidfd_ < 0) {
     const int why = errno;
@@ -355,6 +358,7 @@ void ChildProcess::Stop(milliseconds grace) {
     Alive();
     Reap(pid_, WNOHANG);
     reaped_ = true;
+    ForgetChild(pid_);
   }
   EndGuard();
 }

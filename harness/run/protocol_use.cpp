@@ -21,7 +21,7 @@ struct Happening {
   Kind kind;
 };
 
-// Calls on_frame(begin of its last chunk, end of that, frame) for each frame of one direction, on one side of the faults.
+// Calls on_frame(record of its last chunk, end of that, frame) for each frame of one direction, on one side of the faults.
 template <class OnFrame>
 void ForEachFrame(const LinkLog& link, WireId wire, bool delivered, const link::Protocol& protocol,
                   std::int64_t baud, const OnFrame& on_frame) {
@@ -31,9 +31,8 @@ void ForEachFrame(const LinkLog& link, WireId wire, bool delivered, const link::
     if (record->delivered != delivered || record->wire != wire) continue;
     const TimeNs end_ns =
         record->begin_ns + link::BytesTime(baud, static_cast<std::int64_t>(record->bytes.size()));
-    receiver.ReceiveFrames(0, record->bytes, [&](const MessageReceiver::Frame& frame) {
-      on_frame(record->begin_ns, end_ns, frame);
-    });
+    receiver.ReceiveFrames(0, record->bytes,
+                           [&](const MessageReceiver::Frame& frame) { on_frame(*record, end_ns, frame); });
   }
 }
 
@@ -49,6 +48,67 @@ std::int64_t RequestsPerPeriod(const std::vector<Happening>& happenings, TimeNs 
     most = std::max(most, recent.size());
   }
   return static_cast<std::int64_t>(most);
+}
+
+// A firmware may prepare itself between its `start` and its first request.
+constexpr TimeNs kFirstRequestMax = 2 * kNsPerS;
+
+// Adds the periods without a request from one request to the next, and what came too soon. `to_ns` may also be the end
+// of the flight.
+void AddGap(TimeNs from_ns, TimeNs to_ns, bool to_request, TimeNs period_ns,
+            std::vector<LineMistake>& mistakes) {
+  const TimeNs gap_ns = to_ns - from_ns;
+  if (to_request && 2 * gap_ns < period_ns) {
+    mistakes.push_back({to_ns, LineMistakeKind::kDoubled});
+  } else if (2 * gap_ns > 3 * period_ns) {
+    const std::int64_t missing =
+        to_request ? (gap_ns + period_ns / 2) / period_ns - 1 : (gap_ns - period_ns / 2) / period_ns;
+    mistakes.push_back({from_ns + period_ns, LineMistakeKind::kMissing, std::max<std::int64_t>(missing, 1)});
+  }
+}
+
+// Why a frame was refused, and what was sent with its end: the bytes of only so many, which a firmware may send without
+// end.
+std::string Malformed(std::string_view why, std::span<const std::uint8_t> bytes, std::size_t earlier_count) {
+  constexpr std::size_t kShownFramesMax = 100, kShownBytesMax = 24;
+  if (earlier_count >= kShownFramesMax) return std::string(why);
+  const auto shown = bytes.first(std::min(bytes.size(), kShownBytesMax));
+  return fmt::format("{}, bytes {:02x}{}", why, fmt::join(shown, " "),
+                     shown.size() < bytes.size() ? " ..." : "");
+}
+
+// The times from `begin_ns` on of one kind.
+std::vector<TimeNs> TimesOf(const std::vector<Happening>& happenings, Kind kind, TimeNs begin_ns) {
+  std::vector<TimeNs> times_ns;
+  for (const Happening& happening : happenings)
+    if (happening.kind == kind && happening.time_ns >= begin_ns) times_ns.push_back(happening.time_ns);
+  return times_ns;
+}
+
+// Without the malformed frames. `begin_ns`: of the client's flight.
+void AddMistakes(const RunLog& log, const std::vector<Happening>& happenings, TimeNs begin_ns,
+                 TimeNs period_ns, std::vector<LineMistake>& mistakes) {
+  const std::vector<TimeNs> requests_ns = TimesOf(happenings, Kind::kRequest, begin_ns);
+  if (requests_ns.empty() || requests_ns.front() > begin_ns + kFirstRequestMax)
+    AddGap(begin_ns, requests_ns.empty() ? log.end_ns : requests_ns.front(), false, period_ns, mistakes);
+  for (std::size_t i = 1; i < requests_ns.size(); ++i)
+    AddGap(requests_ns[i - 1], requests_ns[i], true, period_ns, mistakes);
+  // How a firmware that hung or crashed fell silent, survival says.
+  TimeNs end_ns = log.end_ns;
+  if (WentAway(log.end_reason)) end_ns = requests_ns.empty() ? begin_ns : requests_ns.back();
+  if (!requests_ns.empty()) AddGap(requests_ns.back(), end_ns, false, period_ns, mistakes);
+
+  std::size_t unanswered = 0;
+  const std::vector<TimeNs> replies_ns = TimesOf(happenings, Kind::kReply, begin_ns);
+  const auto answer_until = [&](TimeNs time_ns) {
+    for (; unanswered < replies_ns.size() && replies_ns[unanswered] + period_ns < time_ns; ++unanswered)
+      mistakes.push_back({replies_ns[unanswered], LineMistakeKind::kUnanswered});
+  };
+  for (const TimeNs time_ns : TimesOf(happenings, Kind::kActuators, begin_ns)) {
+    answer_until(time_ns);
+    while (unanswered < replies_ns.size() && replies_ns[unanswered] <= time_ns) ++unanswered;
+  }
+  answer_until(end_ns);
 }
 
 // Of a whole message: its first field that is not plausible.
@@ -77,9 +137,17 @@ void AddProtocolUse(RunLog& log, std::size_t client, const link::Protocol& proto
   const LinkLog& link = log.link;
   ProtocolUse use{.refused_commands = 0};
   std::vector<Happening> happenings;
+  std::vector<LineMistake> mistakes;
+  TimeNs started_ns = kNever;
   ForEachFrame(link, {client, Direction::kToPlant}, false, protocol, baud,
-               [&](TimeNs begin_ns, TimeNs /*end_ns*/, const MessageReceiver::Frame& frame) {
+               [&](const LinkRecord& record, TimeNs /*end_ns*/, const MessageReceiver::Frame& frame) {
+                 const TimeNs begin_ns = record.begin_ns;
+                 if (frame.message != nullptr && frame.message->type->starts)
+                   started_ns = std::min(started_ns, begin_ns);
                  if (frame.message == nullptr) {
+                   if (begin_ns >= 0 && started_ns != kNever)
+                     mistakes.push_back({begin_ns, LineMistakeKind::kMalformed, 1,
+                                         Malformed(frame.rejected, record.bytes, mistakes.size())});
                    const std::int64_t others = use.malformed_sent++ - *use.refused_commands;
                    const link::MessageType* type = protocol.Classify(Direction::kToPlant, frame.payload);
                    if (type == nullptr || type->kind != link::MessageKind::kActuators) {
@@ -99,7 +167,7 @@ void AddProtocolUse(RunLog& log, std::size_t client, const link::Protocol& proto
                  }
                });
   ForEachFrame(link, {client, Direction::kToClient}, true, protocol, baud,
-               [&](TimeNs /*begin_ns*/, TimeNs end_ns, const MessageReceiver::Frame& frame) {
+               [&](const LinkRecord& /*record*/, TimeNs end_ns, const MessageReceiver::Frame& frame) {
                  if (frame.message != nullptr) happenings.push_back({end_ns, Kind::kReply});
                });
   std::stable_sort(happenings.begin(), happenings.end(), [](const Happening& a, const Happening& b) {
@@ -129,7 +197,10 @@ void AddProtocolUse(RunLog& log, std::size_t client, const link::Protocol& proto
         break;
     }
   }
+  if (started_ns != kNever && log.clients.at(client).starts_accepted_count > 0)
+    AddMistakes(log, happenings, std::max<TimeNs>(started_ns, 0), protocol.control_period_ns, mistakes);
   log.clients.at(client).protocol = use;
+  log.clients.at(client).line_mistakes = std::move(mistakes);
 }
 
 }  // namespace tiltproof::harness

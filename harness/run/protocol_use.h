@@ -11,7 +11,7 @@
 
 namespace tiltproof::harness {
 
-// Sets the protocol use of one client. Adds an event for the first of its commands whose values no server takes, and for
+// Sets the protocol use and the line mistakes of one client. Adds an event for the first of its commands whose values no server takes, and for
 // the first of its other frames that are no message.
 // `baud`: of the client's main line; 0: bytes take no time. An exchange, from one request to the next, is counted
 // when it has ended.

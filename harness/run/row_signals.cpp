@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <stdexcept>
 
 #include "harness/formula/formula.h"
@@ -27,18 +28,23 @@ double Tilt(std::span<const double> values) {
   return std::atan2(horizontal, std::cos(pitch) * std::cos(roll));
 }
 
+double HeadingError(std::span<const double> values) {
+  return std::remainder(values[0] - values[1], 2 * std::numbers::pi);
+}
+
 struct ComputedSignal {
   std::string_view name;
   std::vector<std::string_view> columns;
   double (*compute)(std::span<const double>);  // null: with the path
 };
 
-const std::array<ComputedSignal, 4>& ComputedSignals() {
-  static const std::array<ComputedSignal, 4> signals = {
+const std::array<ComputedSignal, 5>& ComputedSignals() {
+  static const std::array<ComputedSignal, 5> signals = {
       {{"position_error_m", {"x_m", "y_m", "z_m", "x_ref_m", "y_ref_m", "z_ref_m"}, PositionError},
        {kCrossTrackError, {"x_m", "y_m", "z_m"}, nullptr},
        {"speed_m_s", {"vx_m_s", "vy_m_s", "vz_m_s"}, Speed},
-       {"tilt_rad", {"roll_rad", "pitch_rad"}, Tilt}}};
+       {"tilt_rad", {"roll_rad", "pitch_rad"}, Tilt},
+       {"heading_error_rad", {"yaw_rad", "yaw_ref_rad"}, HeadingError}}};
   return signals;
 }
 

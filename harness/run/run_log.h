@@ -32,6 +32,16 @@ enum class EndReason : std::uint8_t {
 };
 std::string_view Name(EndReason reason);
 constexpr EndReason LastOf(EndReason) { return EndReason::kHarnessError; }
+// Failures of the harness, or of the scenario, never blamed on the firmware.
+constexpr bool IsOurs(EndReason reason) {
+  return reason == EndReason::kHarnessError || reason == EndReason::kNodeLost ||
+         reason == EndReason::kLineOverfull;
+}
+// A firmware that went away or hangs, which is judged by its own time, did so by itself, however late the harness was.
+constexpr bool WentAway(EndReason reason) {
+  return reason == EndReason::kFirmwareLost || reason == EndReason::kFirmwareCrashed ||
+         reason == EndReason::kFirmwareHung;
+}
 
 // One event, for events.jsonl. On a line it has boot time, in the log of a flight simulation time.
 template <class Time>
@@ -92,6 +102,26 @@ struct ProtocolUse {
                    replies_unanswered, malformed_sent, refused_commands)
 };
 
+// What a client did that no sound one does while its line is whole (docs/criteria.md, clean_line). Whether a fault of the
+// scenario excuses it is for the score.
+enum class LineMistakeKind : std::uint8_t {
+  kMalformed,   // a frame that is no message, or whose values no server takes
+  kMissing,     // a period without a request
+  kDoubled,     // a request less than half a period after the one before
+  kUnanswered,  // a whole reply that no actuator message followed within a period
+};
+std::string_view Name(LineMistakeKind kind);
+constexpr LineMistakeKind LastOf(LineMistakeKind) { return LineMistakeKind::kUnanswered; }
+
+struct LineMistake {
+  TimeNs time_ns = 0;  // of the frame, the expected request, the second request, the last byte of the reply
+  LineMistakeKind kind{};
+  std::int64_t count = 1;  // so many, the others each a period later
+  std::string text = {};   // kMalformed: why it was refused, and its bytes
+  friend bool operator==(const LineMistake&, const LineMistake&) = default;
+  TILTPROOF_FIELDS(time_ns, kind, count, text)
+};
+
 // How much of the firmware's log is kept; the rest is dropped.
 inline constexpr std::size_t kFirmwareLogBytesMax = 1 << 20;
 
@@ -118,13 +148,15 @@ struct ClientLog {
   // answers it.
   std::vector<TimeNs> client_round_trip_ns;
   std::optional<ProtocolUse> protocol;  // absent in logs of older programs
-  std::string firmware_log;             // lines "t_s text"
+  // From its first `start` on, kind by kind, each in order of time. Absent as above.
+  std::optional<std::vector<LineMistake>> line_mistakes;
+  std::string firmware_log;  // lines "t_s text"
   // For flight.json; the log has a file of its own.
   static constexpr bool kLeavesOutNull = true;
   TILTPROOF_FIELDS(id, counts, accepted_wrong_count, accepted_stale_count, resync_max_ns,
                    starts_accepted_count, failsafe_entered_count, receive_overruns_count, restarts,
                    request_times_ns, sent_request_times_ns, reply_latency_ns, actuator_times_ns,
-                   client_round_trip_ns, protocol)
+                   client_round_trip_ns, protocol, line_mistakes)
 };
 
 struct RunLog {

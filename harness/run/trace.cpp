@@ -170,4 +170,18 @@ std::string_view Name(EndReason reason) {
   return "unknown";
 }
 
+std::string_view Name(LineMistakeKind kind) {
+  switch (kind) {
+    case LineMistakeKind::kMalformed:
+      return "malformed";
+    case LineMistakeKind::kMissing:
+      return "missing";
+    case LineMistakeKind::kDoubled:
+      return "doubled";
+    case LineMistakeKind::kUnanswered:
+      return "unanswered";
+  }
+  return "unknown";
+}
+
 }  // namespace tiltproof::harness

@@ -233,6 +233,12 @@ void DescribeScenario(KeyVisitor& v, Scenario& s) {
          "How far the median interval between the firmware's requests may be from the protocol's period"},
         s.control_period_tolerance_percent, {0.001, 1000});
   });
+  v.Section({"clean_line", "The criterion of that name, which every scenario has"}, [&](KeyVisitor& w) {
+    w.Integer({"periods_count",
+               "How many periods may lack a request or an actuator message, or have a second request; above "
+               "1, so many malformed frames are accepted, too"},
+              s.clean_line_periods_count, {0, 1'000'000});
+  });
   v.Seconds({"start_within_s",
              "Time from power-on in which `start` must come; a longer flight waits as long as it lasts. "
              "Until then, an image that is busy does not count as hung"},

@@ -46,7 +46,9 @@ inline constexpr std::int64_t kScenarioFormat = 1;
 // Criteria that every scenario has without listing them; no other criterion takes these names.
 inline constexpr std::string_view kSurvivalCriterion = "survival";
 inline constexpr std::string_view kControlPeriodCriterion = "control_period";
-inline constexpr std::array kImplicitCriteria = {kSurvivalCriterion, kControlPeriodCriterion};
+inline constexpr std::string_view kCleanLineCriterion = "clean_line";
+inline constexpr std::array kImplicitCriteria = {kSurvivalCriterion, kControlPeriodCriterion,
+                                                 kCleanLineCriterion};
 
 // Files next to the scenarios' folders in the folder of a run; no scenario takes these names.
 inline constexpr std::array<std::string_view, 5> kRunFiles = {"run.json", "results.json", "events.jsonl",
@@ -102,6 +104,7 @@ struct Scenario {
   bool allow_restarts = false;            // of the firmware, that no fault asked for
   bool held = false;                      // on a test stand: the vehicle does not move
   double control_period_tolerance_percent = 1.0;
+  std::int64_t clean_line_periods_count = 1;  // that may be unclean, of each kind
   std::uint64_t seed = 1;
   TimeNs duration_ns = 0;
   TimeNs step_ns = 4 * kNsPerMs;

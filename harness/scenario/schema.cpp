@@ -351,6 +351,7 @@ std::string ScenarioKeysMarkdown() {
   text += Table("An item of `clients`", Rows(keys["clients"]["items"]));
   text += Table("`arbiter`", Rows(keys["arbiter"]));
   text += Table("`control_period`", Rows(keys["control_period"]));
+  text += Table("`clean_line`", Rows(keys["clean_line"]));
   text += Table("`initial`", Rows(keys["initial"]));
   text += Table("`link`", Rows(keys["link"]));
   for (const Json& branch : keys["reference"]["allOf"]) {

@@ -23,6 +23,18 @@ bool ActsOnClient(const faults::FaultSpec& spec, const faults::FaultType& type) 
 
 }  // namespace
 
+std::vector<faults::FaultSpec> FaultsOn(const Scenario& scenario, std::size_t client) {
+  std::vector<faults::FaultSpec> faults = scenario.faults;
+  std::erase_if(faults, [&](const faults::FaultSpec& fault) {
+    return !fault.client.empty() && fault.client != scenario.client_id(client);
+  });
+  return faults;
+}
+
+std::string Whose(const Scenario& scenario, std::size_t client) {
+  return scenario.has_several_clients() ? "client " + scenario.client_id(client) + " " : "";
+}
+
 std::vector<Restart> UnaskedRestarts(const std::vector<faults::FaultSpec>& faults,
                                      std::span<const Restart> restarts) {
   std::vector<TimeNs> asked_ns;

@@ -3,12 +3,20 @@
 
 #include <cstddef>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "faults/fault.h"
 #include "harness/run/run_log.h"
+#include "harness/scenario/scenario.h"
 
 namespace tiltproof::harness {
+
+// Those that act on this client, for all that a client may be asked.
+std::vector<faults::FaultSpec> FaultsOn(const Scenario& scenario, std::size_t client);
+
+// The begin of a sentence about one of several clients.
+std::string Whose(const Scenario& scenario, std::size_t client);
 
 // The restarts that no fault asked for, in order. A fault that asks for a restart (FaultType::asks_restart())
 // does so once: the first restart after its start is attributed to it. `restarts` in order of time.

@@ -6,6 +6,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "harness/score/clean_line.h"
 #include "harness/score/client_behaviour.h"
 #include "harness/score/signals.h"
 #include "harness/score/stl.h"
@@ -48,12 +49,6 @@ std::vector<std::string> FaultIds(const Scenario& scenario) {
   std::vector<std::string> ids;
   for (const auto& fault : scenario.faults) ids.push_back(fault.id);
   return ids;
-}
-
-// Failures of the harness, or of the scenario, never blamed on the firmware.
-bool IsOurs(EndReason reason) {
-  return reason == EndReason::kHarnessError || reason == EndReason::kNodeLost ||
-         reason == EndReason::kLineOverfull;
 }
 
 // How the flight ended.
@@ -104,26 +99,6 @@ CriterionResult Ending(const RunLog& log) {
   result.explanation =
       what + AtTime(*result.time_s) + (log.end_text.empty() ? "" : ": " + OneLine(log.end_text));
   return result;
-}
-
-// Those that act on this client, for all that a client may be asked.
-std::vector<faults::FaultSpec> FaultsOn(const Scenario& scenario, std::size_t client) {
-  std::vector<faults::FaultSpec> faults = scenario.faults;
-  std::erase_if(faults, [&](const faults::FaultSpec& fault) {
-    return !fault.client.empty() && fault.client != scenario.client_id(client);
-  });
-  return faults;
-}
-
-// The begin of a sentence about one of several clients.
-std::string Whose(const Scenario& scenario, std::size_t client) {
-  return scenario.has_several_clients() ? "client " + scenario.client_id(client) + " " : "";
-}
-
-// A firmware that went away or hangs, which is judged by its own time, did so by itself, however late the harness was.
-bool WentAway(EndReason reason) {
-  return reason == EndReason::kFirmwareLost || reason == EndReason::kFirmwareCrashed ||
-         reason == EndReason::kFirmwareHung;
 }
 
 // Of all clients' restarts that no fault asked for the first, or the first by itself: not directly after this machine was
@@ -412,6 +387,7 @@ Score ScoreRun(const Scenario& scenario, const RunLog& log, const ScoreOptions& 
   score.criteria.push_back(Survival(scenario, log));
   if (auto control_period = ControlPeriod(scenario, log))
     score.criteria.push_back(std::move(*control_period));
+  if (auto clean_line = CleanLine(scenario, log)) score.criteria.push_back(std::move(*clean_line));
   for (std::size_t i = 0; i < scenario.faults.size(); ++i) {
     const auto& counts = log.fault_activation_counts;
     score.faults.push_back(

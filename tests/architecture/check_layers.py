@@ -31,7 +31,7 @@ MAY_INCLUDE = {
     "harness/campaign": ["harness/campaign", "harness/engine", "harness/score", "harness/client", "harness/scenario", "plant", "faults", "link"],
     "harness/report": ["harness/report", "harness/engine", "harness/score", "harness/run", "harness/scenario", "faults", "link"],
     "harness/export": ["harness/export", "harness/report", "harness/engine", "harness/score", "harness/run", "harness/dds", "link"],
-    "harness/live": ["harness/live", "harness/report", "harness/score", "harness/run", "harness/dds", "harness/scenario", "harness/reference", "link"],
+    "harness/live": ["harness/live", "harness/process", "harness/report", "harness/score", "harness/run", "harness/dds", "harness/scenario", "harness/reference", "link"],
     "harness/cli": ["harness", "plant", "faults", "link"],
 }
 # External header prefix -> the only files (or folders, ending in /) that may see it.

@@ -210,9 +210,25 @@ class WrongBoards(unittest.TestCase):
 
     def test_another_crystal_is_another_clock(self):
         _, result, output = self.fly(f"qemu:{IMAGES / 'minimal_c.elf'},hse=25000000")
-        # 25 MHz / 8 * 336 / 2 / 4 / 46
-        for words in ("never started", "USART2 runs at 2853261 baud (131.25 MHz / 46)"):
-            self.assertIn(words, result["reason"], output)
+        # 25 MHz / 8
+        self.assertEqual(result["verdict"], "fail")
+        self.assertIn("RCC_PLLCFGR: the input of the PLL's VCO is 3.1 MHz, and 1 to 2 MHz are allowed", result["reason"], output)
+
+    # --- the chip's limits (RM0090) ---
+
+    def test_clocks_that_no_chip_has_fail(self):
+        pll = "7u << 24 | BIT(22) | 0u << 16 | 336u << 6 | 8u;"
+        for name, old, new, words in (
+                ("wait-states", "| 5u; /* caches", "| 0u; /* caches", "FLASH_ACR: 0 wait states at 168 MHz, which needs 5"),
+                ("one-too-few", "| 5u; /* caches", "| 4u; /* caches", "FLASH_ACR: 4 wait states at 168 MHz, which needs 5"),
+                ("vco", pll, "7u << 24 | BIT(22) | 1u << 16 | 432u << 6 | 4u;", "RCC_PLLCFGR: the PLL's VCO runs at 864 MHz, and 100 to 432 MHz are allowed"),
+                ("core", pll, "7u << 24 | BIT(22) | 0u << 16 | 432u << 6 | 8u;", "RCC_CFGR: the core runs at 216 MHz, and at most 168 MHz are allowed"),
+                ("bus", "RCC_CFGR = 5u << 10 | 4u << 13 | 2u;", "RCC_CFGR = 4u << 10 | 4u << 13 | 2u;", "RCC_CFGR: APB1 runs at 84 MHz, and at most 42 MHz are allowed")):
+            client = self.image(f"limit-{name}", [(old, new)])
+            for flags in ([], ["--mode", "realtime"]) if name == "vco" else ([],):
+                _, result, output = self.fly(client, *flags, duration_s=1)
+                self.assertEqual(result["verdict"], "fail", output)
+                self.assertIn(words, result["reason"], output)
 
     def test_without_a_crystal_ours_flies_by_the_internal_oscillator(self):
         folder, result, output = self.fly(f"qemu:{IMAGES / 'executive-paper.elf'},hse=0")

@@ -7,6 +7,7 @@
 
 #include <cmath>
 #include <fstream>
+#include <regex>
 #include <sstream>
 
 #include "tests/plant/models.h"
@@ -240,6 +241,18 @@ TEST_F(ChangedVehicle, MassThatIsNotPositive) {
   EXPECT_THAT(Error({.allow_invalid_inertia = true, .mapping = {}}),
               AllOf(HasSubstr("'thruster_left'"), HasSubstr("mass")));
   EXPECT_EQ(line_, changed_line_);
+}
+
+// SDF has defaults of 1 kg and 1 kg m^2: such a vehicle flies, and nobody has it.
+TEST_F(ChangedVehicle, WhatSdfWouldInventIsRefused) {
+  Replace("<mass>0.080943968597</mass>", "");
+  Replace("<iyy>0.00792827006001647</iyy>", "");
+  EXPECT_THAT(Error(), AllOf(HasSubstr("'body' has no <iyy>: SDF puts 1 kg m^2 in its place"),
+                             HasSubstr("'thruster_left' has no <mass>: SDF puts 1 kg in its place")));
+  text_ = std::regex_replace(text_, std::regex("<inertia>[^]*?</inertia>"), "");
+  EXPECT_THAT(Error(), HasSubstr("'body' has no <inertia>: SDF puts 1 kg m^2 in its place"));
+  text_ = std::regex_replace(text_, std::regex("<inertial>[^]*?</inertial>"), "");
+  EXPECT_THAT(Error(), HasSubstr("'body' has no <inertial>: SDF puts 1 kg and 1 kg m^2 in its place"));
 }
 
 TEST_F(ChangedVehicle, OneThatCannotHoverIsRefused) {

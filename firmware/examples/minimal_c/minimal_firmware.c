@@ -165,6 +165,13 @@ static float Clamp(float value, float limit) {
   return value;
 }
 
+/* The same angle within half a turn: the heading that is measured jumps at pi, and a reference may count turns. */
+static float ShortWay(float angle) {
+  const float kTurn = 6.28318531f;
+  const float turns = angle / kTurn;
+  return angle - kTurn * (float)(int)(turns + (turns < 0 ? -0.5f : 0.5f));
+}
+
 /* Sine for |angle| <= pi, error below 2e-4. The C library's may differ in the last bit from one machine to
  * another, and then a replayed flight would too. */
 static float Sine(float angle) {
@@ -203,7 +210,8 @@ static Actuators Control(float integral[3], const Sensors* s, const Reference* r
       Clamp(kTiltP * (roll_wanted - s->roll) - kTiltD * roll_rate, kAngularAccelerationMax);
   const float pitch_acceleration =
       Clamp(kTiltP * (pitch_wanted - s->pitch) - kTiltD * pitch_rate, kAngularAccelerationMax);
-  const float yaw_acceleration = Clamp(kYawP * (r->yaw - s->yaw) - kYawD * s->wz, kAngularAccelerationMax);
+  const float yaw_acceleration =
+      Clamp(kYawP * ShortWay(r->yaw - s->yaw) - kYawD * s->wz, kAngularAccelerationMax);
 
   /* Thrust: weight and climb, more when tilted (1/cos to second order); the difference of the two rolls. */
   const float tilt_square = Clamp(s->roll * s->roll + s->pitch * s->pitch, 0.5f);

@@ -7,6 +7,7 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <string>
 
 #include "harness/emulator/lockstep_protocol.h"
 #include "harness/emulator/plugin/clock_tree.h"
@@ -25,8 +26,9 @@ class Chip {
   struct Options {
     std::uint32_t hse_hz = ClockTree::kUsualHseHz;
     UsartUnit::Callbacks usart;
-    void (*watchdog)() = nullptr;        // has bitten
-    void (*clocks_changed)() = nullptr;  // rates, or which blocks have one
+    void (*watchdog)() = nullptr;                             // has bitten
+    void (*clocks_changed)() = nullptr;                       // rates, or which blocks have one
+    void (*broken_limit)(const std::string& what) = nullptr;  // as ClockTree::BrokenLimit() says
   };
 
   // `core_clock`: QEMU's clock object of the machine.
@@ -43,6 +45,7 @@ class Chip {
                         cycles_.Follow(clocks_.hclk_hz());
                         if (complete_) timers_.Resume();
                         TellClocks();
+                        CheckLimits();
                       },
                   .reset =
                       [this](ClockTree::Bus bus, std::uint32_t bits) {
@@ -76,9 +79,10 @@ class Chip {
   }
 
   void Reset(harness::lockstep::ResetCause cause) {
-    clocks_.Reset(cause);
+    // Its limits are those of the others as they are after the reset.
     pwr_.Reset();
     flash_.Reset();
+    clocks_.Reset(cause);
     for (Gpio& gpio : gpios_) gpio.Reset();
     for (const int number : {1, 2}) dma_.controller(number).Reset();
     for (UsartUnit& usart : usarts_) usart.Reset();
@@ -112,6 +116,11 @@ class Chip {
   }
   void TellClocks() const {
     if (complete_ && options_.clocks_changed != nullptr) options_.clocks_changed();
+  }
+  void CheckLimits() const {
+    if (!complete_ || options_.broken_limit == nullptr) return;
+    const std::string what = clocks_.BrokenLimit(flash_.wait_states(), pwr_.is_scale_1());
+    if (!what.empty()) options_.broken_limit(what);
   }
   static constexpr bool IsSet(std::uint32_t bits, int bit) { return (bits >> bit & 1) != 0; }
 

@@ -233,10 +233,17 @@ void OnTransmit(int number, std::uint8_t byte) {
 
 void OnWfi(unsigned /*vcpu*/, void* /*opaque*/) { async_run_on_cpu(qemu_get_cpu(0), SleepWork, {}); }
 
+// The firmware has failed: the rest of the flight, as it may be, shows nothing.
+void OnBrokenLimit(const std::string& what) {
+  if (plugin.arguments.realtime) return plugin.notes.BrokenLimit(what);
+  Send(Kind::kBrokenLimit, what);
+}
+
 void BeginChip() {
   Chip::Options options{.hse_hz = plugin.arguments.hse_hz,
                         .usart = {.transmit = OnTransmit, .taken = {}, .programmed = {}},
-                        .watchdog = OnWatchdog};
+                        .watchdog = OnWatchdog,
+                        .broken_limit = OnBrokenLimit};
   if (plugin.arguments.realtime) {
     options.clocks_changed = [] {
       for (int number = 1; number <= UsartUnit::kCount; ++number)

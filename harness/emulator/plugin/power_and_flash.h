@@ -16,11 +16,14 @@ class Pwr final : public RegisterBlock {
   }
   void Reset() {
     ClearWords();
-    Word(kControl) = 1u << 14;  // VOS: scale 1
+    Word(kControl) = kScale1;
   }
+  // Of the regulator: scale 2 is for lower clocks (section 5.1.3).
+  bool is_scale_1() const { return (Word(kControl) & kScale1) != 0; }
 
  private:
   static constexpr std::uint32_t kControl = 0, kStatus = 4;
+  static constexpr std::uint32_t kScale1 = 1u << 14;  // VOS
   static constexpr std::uint32_t kBackupRegulator = 1u << 9, kBackupRegulatorReady = 1u << 3,
                                  kScaleReady = 1u << 14;
   static constexpr std::uint32_t kOverDrive = 3u
@@ -45,6 +48,7 @@ class FlashInterface final : public RegisterBlock {
     Map("flash-interface", 0x40023C00);
     Reset();
   }
+  std::uint32_t wait_states() const { return Word(kAccess) & 7; }
   void Reset() {
     ClearWords();
     Word(kControl) = kLock;

@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <cstring>
+#include <string>
 
 #include "harness/emulator/lockstep_protocol.h"
 #include "harness/emulator/plugin/command.h"
@@ -51,6 +52,12 @@ class RealtimeNotes {
     const std::string words = LastWordsOf(cpu);
     std::memcpy(&board_->last_words, words.data(), sizeof(board_->last_words));
     board_->locked_up = true;
+  }
+  void BrokenLimit(const std::string& text) {
+    if (board_ == nullptr || board_->broken_limit) return;
+    const std::size_t size = text.copy(board_->limit_text, sizeof(board_->limit_text) - 1);
+    board_->limit_text[size] = '\0';
+    board_->broken_limit = true;
   }
 
  private:

@@ -10,6 +10,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -25,6 +26,7 @@ void throw_escapes(void);
 struct TiltproofClient {
   const TiltproofHost* host;
   int64_t next_request_ns;
+  int misbehaved_in_thread;
 };
 
 static void misbehave(const char* how);
@@ -34,9 +36,20 @@ __attribute__((constructor)) static void at_load(void) {
   if (how != NULL) misbehave(how);
 }
 
-/* 7E, the float id, Fletcher-16, 7E: start (1) and read sensors (2) of the paper's dialect. */
+/* 7E, the float id, values, Fletcher-16, 7E: start (1), read sensors (2) and actuators (3) of the paper's dialect. These
+ * hold the vehicle of the paper: 10.271 N, 10.280 N, 0 N m, 0 N m. */
 static const uint8_t kStart[] = {0x7E, 0x00, 0x00, 0x80, 0x3F, 0xBF, 0x40, 0x7E};
 static const uint8_t kRead[] = {0x7E, 0x00, 0x00, 0x00, 0x40, 0x40, 0x40, 0x7E};
+static const uint8_t kHold[] = {0x7E, 0x00, 0x00, 0x40, 0x40, 0xBE, 0x56, 0x24, 0x41, 0x4C, 0x7C, 0x24,
+                                0x41, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x29, 0xAF, 0x7E};
+
+/* No messages: of id 5, of three values, and of a value that is no number. */
+static const uint8_t kWrongId[] = {0x7E, 0x00, 0x00, 0xA0, 0x40, 0xBE, 0x56, 0x24, 0x41, 0x4C, 0x7C, 0x24,
+                                   0x41, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x89, 0x76, 0x7E};
+static const uint8_t kShort[] = {0x7E, 0x00, 0x00, 0x40, 0x40, 0xBE, 0x56, 0x24, 0x41, 0x4C,
+                                 0x7C, 0x24, 0x41, 0x00, 0x00, 0x00, 0x00, 0x29, 0x0B, 0x7E};
+static const uint8_t kNan[] = {0x7E, 0x00, 0x00, 0x40, 0x40, 0x00, 0x00, 0xC0, 0x7F, 0x4C, 0x7C, 0x24,
+                               0x41, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0xEE, 0x6E, 0x7E};
 
 uint32_t tiltproof_client_abi_version(void) { return TILTPROOF_CLIENT_ABI_VERSION; }
 
@@ -80,6 +93,19 @@ static void* crash_in_thread(void* nowhere) {
   return NULL;
 }
 
+static volatile int transmitted_in_thread;
+static void* transmit_in_thread(void* client) {
+  const TiltproofHost* host = ((const TiltproofClient*)client)->host;
+  for (volatile int forever = 1; forever; transmitted_in_thread = 1)
+    host->transmit(host->context, TILTPROOF_UART_MAIN, 0, kRead, sizeof kRead);
+  return NULL;
+}
+
+static void lower(int limit) {
+  struct rlimit lower = {0, 0};
+  setrlimit(limit, &lower);
+}
+
 static void misbehave(const char* how) {
   if (strcmp(how, "thread") == 0) {
     pthread_t threads[8];
@@ -116,6 +142,14 @@ static void misbehave(const char* how) {
   if (strcmp(how, "throw") == 0) throw_exception();
   if (strcmp(how, "throw_escapes") == 0) throw_escapes();
   if (strcmp(how, "stop") == 0) raise(SIGSTOP);
+  if (strcmp(how, "stop_forever") == 0)
+    for (;;) raise(SIGSTOP);
+  if (strcmp(how, "raise_term") == 0) raise(SIGTERM);
+  if (strcmp(how, "kill_int") == 0) kill(getpid(), SIGINT);
+  if (strcmp(how, "kill_hup") == 0) kill(0, SIGHUP);
+  if (strcmp(how, "kill_kill") == 0) kill(getpid(), SIGKILL);
+  if (strcmp(how, "lower_files") == 0) lower(RLIMIT_NOFILE);
+  if (strcmp(how, "lower_size") == 0) lower(RLIMIT_FSIZE);
   if (strcmp(how, "fork") == 0) fork();
   /* The copy flies on while the original waits, and is gone. The C library knows of no fork. */
   if (strcmp(how, "copy") == 0) {
@@ -127,6 +161,9 @@ static void misbehave(const char* how) {
   }
   if (strcmp(how, "close_all") == 0)
     for (int descriptor = 3; descriptor < 256; ++descriptor) close(descriptor);
+  /* It goes on after its flight, in a session of its own. */
+  if (strcmp(how, "leave_child") == 0 && fork() == 0 && setsid() > 0)
+    for (;;) pause();
   if (strcmp(how, "round") == 0) fesetround(FE_UPWARD);
   if (strcmp(how, "chatter") == 0) {
     puts("chatter-on-stdout");
@@ -134,13 +171,40 @@ static void misbehave(const char* how) {
   }
 }
 
+static int is(const TiltproofClient* client, const char* build) {
+  return strcmp(client->host->firmware, build) == 0;
+}
+
+/* Holds the vehicle, or not. Returns when the last bit has left. */
+static int64_t command(const TiltproofClient* client, int64_t now_ns) {
+  const TiltproofHost* host = client->host;
+  const uint8_t* frame = kHold;
+  size_t size = sizeof kHold;
+  if (is(client, "starts_only") || is(client, "asks_only")) return now_ns;
+  if (now_ns > 300000000 && (is(client, "mute") || is(client, "silent"))) return now_ns;
+  if (is(client, "wrong_id")) frame = kWrongId, size = sizeof kWrongId;
+  if (is(client, "short")) frame = kShort, size = sizeof kShort;
+  if (is(client, "not_a_number")) frame = kNan, size = sizeof kNan;
+  return host->transmit(host->context, TILTPROOF_UART_MAIN, now_ns, frame, size);
+}
+
 int64_t tiltproof_client_grant(TiltproofClient* client, int64_t now_ns) {
-  if (now_ns > 300000000 && !at_end(client)) misbehave(client->host->firmware);
+  if (now_ns > 300000000 && !at_end(client) && !client->misbehaved_in_thread) {
+    misbehave(client->host->firmware);
+    if (is(client, "thread_transmits")) {
+      pthread_t thread;
+      client->misbehaved_in_thread = pthread_create(&thread, NULL, transmit_in_thread, client) == 0;
+      while (!transmitted_in_thread) {
+      }
+    }
+  }
   if (now_ns >= client->next_request_ns) {
-    client->host->transmit(client->host->context, TILTPROOF_UART_MAIN, now_ns, kRead, sizeof kRead);
+    const int64_t sent_ns = command(client, now_ns);
+    if (!is(client, "starts_only") && !(now_ns > 300000000 && is(client, "silent")))
+      client->host->transmit(client->host->context, TILTPROOF_UART_MAIN, sent_ns, kRead, sizeof kRead);
     client->next_request_ns += PERIOD_NS;
   }
-  if (now_ns > 300000000 && strcmp(client->host->firmware, "nanoseconds") == 0) return now_ns + 1;
+  if (now_ns > 300000000 && is(client, "nanoseconds")) return now_ns + 1;
   return client->next_request_ns;
 }
 

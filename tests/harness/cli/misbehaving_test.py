@@ -6,6 +6,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 import unittest
 import xml.etree.ElementTree
 
@@ -34,25 +35,32 @@ class MisbehavingTest(CommandLineTest):
              "exit": r"called exit\(3\) in tiltproof_client_grant", "quick_exit": r"called quick_exit\(3\)", "underscore_exit": r"called _exit\(0\)",
              "exec": r"called exec \(true\)", "pthread_exit": "called pthread_exit", "throw": "threw an exception: beyond the last sensor",
              "nanoseconds": "lets no time pass", "hang": "did not return from tiltproof_client_grant within 5 s of its own time",
-             "stop": "stopped itself in tiltproof_client_grant"}
+             "stop": "stopped itself in tiltproof_client_grant", "stop_forever": "stopped itself in tiltproof_client_grant",
+             "raise_term": r"raised SIGTERM in its process \(raise\)", "kill_int": r"raised SIGINT in its process \(kill\)", "kill_hup": "raised SIGHUP in its process",
+             "kill_kill": "raised SIGKILL in its process",
+             "thread_transmits": "called host->transmit from a thread of its own"}
     # What nothing in its process can prevent: the flight is lost, the verdict is not.
     FATAL_AND_LOST = {"raw_exit": "ended its process in tiltproof_client_grant.*exit code 0", "raw_exec": "ended its process in tiltproof_client_grant", "copy": "ended its process in tiltproof_client_grant.*exit code 0",
                       "thread": r"a thread that the firmware started crashed at libmisbehaving_client\.so\+0x[0-9a-f]+.*Segmentation fault",
                       "hang_blocked": "did not return from tiltproof_client_grant"}
 
+    # Who may raise a limit again keeps the flight.
+    FATAL_AND_PERHAPS_LOST = {"close_all": "closed descriptors of its process", "lower_files": "lowered RLIMIT_NOFILE of its process", "lower_size": "lowered RLIMIT_FSIZE of its process"}
+
     def test_a_firmware_that_breaks_its_flight_has_failed(self):
-        for ways, kept in ((self.FATAL, True), (self.FATAL_AND_LOST, False)):
+        for ways, kept in ((self.FATAL, True), (self.FATAL_AND_LOST, False), (self.FATAL_AND_PERHAPS_LOST, None)):
             code, text, results = self.misbehaving(*ways)
             self.assertEqual(code, 1, text)
             for how, reason in ways.items():
                 self.assertEqual(results[how]["verdict"], "fail", (how, text))
                 self.assertRegex(results[how]["reason"], reason)
-                self.assertEqual(self.rows_count(how) > 10, kept, how)
+                if kept is not None:
+                    self.assertEqual(self.rows_count(how) > 10, kept, how)
             # None drops out of the score later on, be there a flight or not.
             self.assertIn(self.tiltproof("score", self.latest())[0], (1,) if kept else (1, 3))
 
     def test_in_a_process_of_its_own_too(self):
-        ways = {how: reason for how, reason in self.FATAL.items() if how not in ("hang", "stop")}
+        ways = {how: reason for how, reason in self.FATAL.items() if how not in ("hang", "stop", "stop_forever")}
         code, text, results = self.misbehaving(*ways, "raw_exit", "raw_exec", flags=["--distributed=socket"])
         self.assertEqual(code, 1, text)
         for how, entry in results.items():
@@ -66,10 +74,45 @@ class MisbehavingTest(CommandLineTest):
             self.assertEqual((code, results["calm"]["verdict"]), (1, "fail"), text)
             self.assertRegex(results["calm"]["reason"], reason)
 
-    def test_a_result_that_cannot_be_handed_over_is_no_failure_of_the_firmware(self):
-        code, text, results = self.misbehaving("close_all")
-        self.assertEqual((code, results["close_all"]["verdict"]), (3, "error"), text)
-        self.assertIn("could not hand them over", results["close_all"]["reason"])
+    # Its vehicle hangs where it should, since nobody commands anything else.
+    SILENT = {"starts_only": "no actuator message was accepted in the whole flight; 49 of 49 periods without a request, the first at 0.012 s",
+              "asks_only": "no actuator message was accepted in the whole flight; .* periods without an actuator message",
+              "wrong_id": r"no actuator message was accepted in the whole flight; \d+ malformed frames, the first at 0\.0\d\d s \(unknown_id, bytes 7e 00 00 a0 40 ",
+              "short": r"no actuator message was accepted in the whole flight; \d+ malformed frames, .*bad_length", "not_a_number": r"no actuator message was accepted in the whole flight; .*not_finite",
+              "mute": r"answered none of \d+ good replies since 0\.\d\d s", "silent": r"\d+ of 49 periods without a request, the first at 0\.3\d\d s"}
+
+    def test_a_firmware_that_says_nothing_of_use_has_failed(self):
+        code, text, results = self.misbehaving(*self.SILENT)
+        self.assertEqual(code, 1, text)
+        for how, reason in self.SILENT.items():
+            self.assertEqual((results[how]["verdict"], results[how]["outcome"]), ("fail", "failed"), how)
+            self.assertRegex(results[how]["reason"], "^clean_line: " + reason)
+        # The same from the files.
+        code, out, _ = self.tiltproof("score", self.latest(), "--format", "jsonl")
+        again = {entry["name"]: entry["reason"] for entry in map(json.loads, out.splitlines()) if "name" in entry}
+        self.assertEqual(again, {how: entry["reason"] for how, entry in results.items()})
+
+    def test_what_it_leaves_behind_ends_with_its_flight(self):
+        began = time.monotonic()
+        code, text, _ = self.misbehaving("leave_child", "calm")  # until nobody has its output open any more
+        self.assertEqual(code, 0, text)
+        self.assertLess(time.monotonic() - began, 60)
+        left = [process for process in pathlib.Path("/proc").glob("[0-9]*") if self.command_of(process).count(str(self.folder)) or self.folder_of(process) == self.folder]
+        self.assertEqual(left, [])
+
+    @staticmethod
+    def command_of(process):
+        try:
+            return (process / "cmdline").read_text()
+        except OSError:
+            return ""
+
+    @staticmethod
+    def folder_of(process):
+        try:
+            return (process / "cwd").readlink()
+        except OSError:
+            return None
 
     def test_what_it_does_after_the_flight_changes_no_verdict(self):
         ways = [f"destroy_{how}" for how in ("abort", "exit", "raw_exit", "hang_blocked")]

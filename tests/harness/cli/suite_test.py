@@ -195,6 +195,31 @@ class SuiteTest(CommandLineTest):
         self.assertEqual((code, out, len(err.splitlines())), (2, "", 2))
         self.assertFalse((self.folder / "results").exists())
 
+    def test_a_start_that_no_firmware_survives_is_a_mistake(self):
+        for start, words in (("position_m: [0, 0, 0.05]", "touches the ground"), ("position_m: [0, 0, -3]", "touches the ground"),
+                             ("attitude_rad: [1.6, 0, 0]", "is tilted by 91.7 deg"), ("position_m: [900, 900, 2]", "m from the origin, limit 1000 m")):
+            path = self.scenario("start", **{"seed: 3": f"seed: 3\ninitial: {{{start}}}"})
+            for command in ("check", "run"):
+                code, out, err = self.tiltproof(command, path)
+                self.assertEqual((code, out), (2, ""), err)
+                self.assertIn("start.yaml: initial: the flight would end where it starts: ", err)
+                self.assertIn(words, err)
+
+    def test_a_heading_that_the_shipped_firmware_does_not_keep_is_refused_for_it(self):
+        path = self.scenario("turned", **{"at_m: [0, 0, 2]": "at_m: [0, 0, 2], yaw_rad: 0.6"})
+        started = self.scenario("started", **{"seed: 3": "seed: 3\ninitial: {attitude_rad: [0, 0, -0.7]}"})
+        for command in ("check", "run"):
+            code, _, err = self.tiltproof(command, path, started)
+            self.assertEqual(code, 2, err)
+            self.assertRegex(err, r"turned.yaml: reference: a heading of 0.6 rad; the law of the shipped firmware \(paper\) is linear around 0")
+            self.assertIn("started.yaml: initial: attitude_rad: a heading of -0.7 rad", err)
+        self.scenario("straight")
+        code, out, _ = self.tiltproof("run", self.folder)
+        self.assertEqual(code, 0, out)
+        self.assertIn("not applicable: turned: ", out)
+        library = CLIENTS.parent.parent / "lib/minimal_firmware.so"
+        self.assertEqual(self.tiltproof("check", path, "--client", f"library:{library}")[0], 0)
+
     def test_when_nothing_applies_nothing_is_green(self):
         self.mixed_suite()
         code, out, err = self.tiltproof("run", "suite", "-k", "not flies")

@@ -6,6 +6,8 @@
 
 #include <initializer_list>
 #include <limits>
+#include <utility>
+#include <vector>
 
 #include "firmware/messages.h"
 #include "harness/run/framed.h"
@@ -37,6 +39,13 @@ class Exchange {
   ProtocolUse Use(std::int64_t baud = 0) {
     AddProtocolUse(log_, 0, *link::FindProtocol("paper"), baud);
     return *log_.clients[0].protocol;
+  }
+  std::vector<LineMistake> Mistakes(double end_ms, EndReason ended = EndReason::kCompleted) {
+    log_.end_ns = static_cast<TimeNs>(end_ms * 1e6);
+    log_.end_reason = ended;
+    log_.clients[0].starts_accepted_count = 1;
+    Use();
+    return log_.clients[0].line_mistakes.value();
   }
   // That Use() has added.
   const std::vector<RunEvent>& events() const { return log_.events; }
@@ -159,6 +168,100 @@ TEST(UseOfProtocol, DamagedRepliesAreNone) {
       Exchange().Request(0).Puts(1, noise, Direction::kToClient, true).Actuators(2).Request(12).Use();
   EXPECT_EQ(use.actuators_before_reply, 1);
   EXPECT_EQ(use.replies_unanswered, 0);
+}
+
+// Of one kind, as begin in ms x count.
+std::vector<std::pair<double, std::int64_t>> MistakesOf(Exchange& exchange, LineMistakeKind kind,
+                                                        double end_ms,
+                                                        EndReason ended = EndReason::kCompleted) {
+  std::vector<std::pair<double, std::int64_t>> found;
+  for (const LineMistake& mistake : exchange.Mistakes(end_ms, ended))
+    if (mistake.kind == kind) found.emplace_back(static_cast<double>(mistake.time_ns) / 1e6, mistake.count);
+  return found;
+}
+
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+using ::testing::Pair;
+
+TEST(LineMistakes, ASoundClientMakesNone) {
+  Exchange exchange;
+  exchange.Start(-1);
+  for (double at = 12; at < 1000; at += 12) exchange.Request(at).Reply(at + 1).Actuators(at + 2);
+  EXPECT_THAT(exchange.Mistakes(1000), IsEmpty());
+}
+
+TEST(LineMistakes, NothingIsJudgedBeforeTheFirstStart) {
+  Exchange exchange;
+  exchange.Request(0).Reply(1).Request(100).Puts(200, std::vector<std::uint8_t>{0x7E, 1, 2, 3, 0x7E},
+                                                 Direction::kToPlant, false);
+  EXPECT_THAT(exchange.Mistakes(1000), IsEmpty());
+}
+
+TEST(LineMistakes, GapsOfMoreThanOneAndAHalfPeriodsAreMissingRequests) {
+  for (const auto& [next_ms, count] : std::vector<std::pair<double, std::int64_t>>{
+           {30, 0}, {30.1, 1}, {36, 1}, {41.9, 1}, {42.1, 2}, {132, 9}}) {
+    Exchange exchange;
+    exchange.Start(0).Request(12).Request(next_ms);
+    const auto missing = MistakesOf(exchange, LineMistakeKind::kMissing, next_ms);
+    if (count == 0)
+      EXPECT_THAT(missing, IsEmpty()) << next_ms;
+    else
+      EXPECT_THAT(missing, ElementsAre(Pair(24, count))) << next_ms;
+  }
+}
+
+TEST(LineMistakes, SilenceToTheEndIsCountedButNotOfAFirmwareThatWentAway) {
+  const auto missing = [](double end_ms, EndReason ended) {
+    Exchange exchange;
+    exchange.Start(0).Request(12);
+    return MistakesOf(exchange, LineMistakeKind::kMissing, end_ms, ended);
+  };
+  EXPECT_THAT(missing(30, EndReason::kCompleted), IsEmpty());
+  EXPECT_THAT(missing(612, EndReason::kCompleted), ElementsAre(Pair(24, 49)));
+  EXPECT_THAT(missing(612, EndReason::kGroundStrike), ElementsAre(Pair(24, 49)));
+  EXPECT_THAT(missing(612, EndReason::kFirmwareHung), IsEmpty());
+}
+
+TEST(LineMistakes, TheFirstRequestMayTakeTwoSeconds) {
+  const auto missing = [](double first_ms) {
+    Exchange exchange;
+    exchange.Start(0).Request(first_ms);
+    return MistakesOf(exchange, LineMistakeKind::kMissing, first_ms);
+  };
+  EXPECT_THAT(missing(2000), IsEmpty());
+  EXPECT_THAT(missing(2400), ElementsAre(Pair(12, 199)));
+  Exchange never;
+  never.Start(0);
+  EXPECT_THAT(MistakesOf(never, LineMistakeKind::kMissing, 1200), ElementsAre(Pair(12, 99)));
+}
+
+TEST(LineMistakes, TwoRequestsWithinHalfAPeriodAreDoubled) {
+  Exchange exchange;
+  exchange.Start(0).Request(12).Request(17.9).Request(24).Request(30);
+  EXPECT_THAT(MistakesOf(exchange, LineMistakeKind::kDoubled, 30), ElementsAre(Pair(17.9, 1)));
+}
+
+TEST(LineMistakes, AReplyIsAnsweredWithinAPeriod) {
+  Exchange exchange;
+  exchange.Start(0).Request(12).Reply(13).Actuators(25).Request(24).Reply(26).Request(36).Reply(37).Actuators(
+      49.5);
+  EXPECT_THAT(MistakesOf(exchange, LineMistakeKind::kUnanswered, 60), ElementsAre(Pair(26, 1), Pair(37, 1)));
+  // The flight ends before the period does.
+  Exchange ends;
+  ends.Start(0).Request(12).Reply(13);
+  EXPECT_THAT(MistakesOf(ends, LineMistakeKind::kUnanswered, 25), IsEmpty());
+  EXPECT_THAT(MistakesOf(ends, LineMistakeKind::kUnanswered, 26), ElementsAre(Pair(13, 1)));
+}
+
+TEST(LineMistakes, WhatIsNoMessageIsMalformedAndNoAnswer) {
+  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+  Exchange exchange;
+  exchange.Start(0).Request(12).Reply(13);
+  exchange.Sends(14, link::EncodeActuators(link::Dialect::kPaper, {.f_r_n = kNan}));
+  EXPECT_THAT(MistakesOf(exchange, LineMistakeKind::kMalformed, 30), ElementsAre(Pair(14, 1)));
+  EXPECT_THAT(exchange.Mistakes(30)[0].text, ::testing::StartsWith("not_finite, bytes 7e 00 00 40 40"));
+  EXPECT_THAT(MistakesOf(exchange, LineMistakeKind::kUnanswered, 30), ElementsAre(Pair(13, 1)));
 }
 
 }  // namespace

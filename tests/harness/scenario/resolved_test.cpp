@@ -183,6 +183,7 @@ void ExpectSame(const Scenario& a, const Scenario& b) {
   RC_ASSERT(a.allow_restarts == b.allow_restarts);
   RC_ASSERT(a.held == b.held);
   RC_ASSERT(a.control_period_tolerance_percent == b.control_period_tolerance_percent);
+  RC_ASSERT(a.clean_line_periods_count == b.clean_line_periods_count);
   RC_ASSERT(a.start_within_ns == b.start_within_ns);
   RC_ASSERT(a.seed == b.seed);
   RC_ASSERT(a.duration_ns == b.duration_ns);
@@ -271,6 +272,8 @@ allow_restarts: false
 held: false
 control_period:
   tolerance_percent: 1
+clean_line:
+  periods_count: 1
 start_within_s: 10
 seed: 1
 duration_s: 24

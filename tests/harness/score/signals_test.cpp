@@ -29,7 +29,7 @@ Trace OneRow(std::vector<std::string> columns, const std::vector<double>& values
 TEST(Signals, NamesAreTheTracesAndTheComputedOnes) {
   Trace trace = testing::TiltrotorTrace();
   const auto names = SignalNames(trace.columns());
-  ASSERT_EQ(names.size(), trace.columns().size() + 4);
+  ASSERT_EQ(names.size(), trace.columns().size() + 5);
   EXPECT_TRUE(std::equal(trace.columns().begin(), trace.columns().end(), names.begin()));
   trace.AppendRow();
   for (const std::string& name : names) EXPECT_EQ(ReadSignal(trace, name).size(), 1u) << name;
@@ -56,6 +56,18 @@ TEST(Signals, TiltIsTheAngleBetweenTheVerticals) {
   EXPECT_NEAR(tilt(0.3, 0.4), std::acos(std::cos(0.3) * std::cos(0.4)), 1e-14);
   EXPECT_NEAR(tilt(std::numbers::pi, 0), std::numbers::pi, 1e-15);
   EXPECT_TRUE(std::isnan(tilt(kNan, 0)));
+}
+
+TEST(Signals, HeadingErrorIsTheShortWayRound) {
+  const auto error = [](double yaw_rad, double reference_rad) {
+    return ReadSignal(OneRow({"yaw_rad", "yaw_ref_rad"}, {yaw_rad, reference_rad}), "heading_error_rad")
+        .front();
+  };
+  EXPECT_EQ(error(0.25, 0.5), -0.25);
+  EXPECT_NEAR(error(3.1, -3.1), 6.2 - 2 * std::numbers::pi, 1e-14);
+  EXPECT_NEAR(error(-3.1, 3.1), 2 * std::numbers::pi - 6.2, 1e-14);
+  EXPECT_NEAR(error(0.1, 4 * std::numbers::pi), 0.1, 1e-14);  // a recording may count turns
+  EXPECT_TRUE(std::isnan(error(kNan, 0)));
 }
 
 TEST(Signals, CrossTrackErrorForgivesBeingLate) {

@@ -1,0 +1,24 @@
+// Ends the processes that a firmware leaves behind, whatever group or session they are in.
+//
+//   AdoptOrphans();         // early: from now on they come to this process when their parents end
+//   KeepChild(pid);         // one that this program has started
+//   EndOrphans();           // all other children
+#pragma once
+
+#include <sys/types.h>
+
+namespace tiltproof::harness {
+
+// Makes this process the parent of descendants whose parents end (PR_SET_CHILD_SUBREAPER). Its children do not inherit
+// that.
+void AdoptOrphans();
+
+void KeepChild(pid_t child);
+// It has been reaped.
+void ForgetChild(pid_t child);
+
+// Kills (SIGKILL) and reaps all children that are not kept, and those that become children by that. Takes at most a
+// second. Does nothing where /proc does not list children.
+void EndOrphans();
+
+}  // namespace tiltproof::harness
