@@ -15,7 +15,8 @@
  * the client may call host->transmit. A call must return: one that runs or sleeps for more than 5 s is a hung
  * firmware and fails the run (time without a processor does not count). So does one that crashes, calls exit or
  * exec, or lets an exception out, and a client that wants to be woken more than 20000 times within 12 ms. What the
- * library prints on standard output and error goes to the run's firmware.log. Every call comes from one thread;
+ * library prints on standard output and error goes to the run's firmware.log. Every call comes from one thread,
+ * and only that thread may call the host, within a call;
  * several boards may exist at once, so keep state in the TiltproofClient.
  *
  * UART 0 is the main line (sensors and actuators), UART 1 brings references. Frames and messages:

@@ -16,6 +16,7 @@
 #include "harness/report/build_id.h"
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"
+#include "harness/report/flight_hashes.h"
 #include "harness/report/machine.h"
 #include "harness/terminal/lines.h"
 #include "harness/terminal/terminal.h"
@@ -126,6 +127,7 @@ int ReplayCommand(const ReplayOptions& options) {
       continue;
     }
     try {
+      CheckFlightFiles(scenario_folder);
       old_results.push_back(ResultFromJsonText(ReadFile(scenario_folder / "verdict.json")));
     } catch (const std::exception& error) {
       // The others can be compared all the same.

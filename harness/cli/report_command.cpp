@@ -9,6 +9,7 @@
 #include "harness/cli/suite.h"
 #include "harness/report/envelope_page.h"
 #include "harness/report/files.h"
+#include "harness/report/flight_hashes.h"
 #include "harness/report/report_page.h"
 #include "harness/terminal/terminal.h"
 
@@ -25,6 +26,15 @@ std::optional<std::filesystem::path> Written(const std::filesystem::path& file,
   } catch (const std::exception& error) {
     Print(stderr, "warning: no report: {}\n", error.what());
     return std::nullopt;
+  }
+}
+
+// The page shows what is left of such a flight.
+void WarnOfChanges(const std::filesystem::path& flight) {
+  try {
+    CheckFlightFiles(flight);
+  } catch (const FileError& error) {
+    Print(stderr, "warning: {}\n", error.what());
   }
 }
 
@@ -98,9 +108,12 @@ int ReportCommand(const ReportOptions& options) {
   std::vector<ReportedRun> runs;
   for (const auto& path : options.runs) {
     const OldRun run = OpenRun(path);
+    for (const auto& folder : run.scenario_folders) WarnOfChanges(folder);
     runs.push_back({run.folder, run.whole ? "" : run.scenario_folders.front().filename().string()});
   }
   RunView view = ViewRuns(runs);
+  for (const auto& run : view.runs)
+    if (!run.problem.empty()) Print(stderr, "warning: {}\n", run.problem);
   if (!options.baseline.empty()) {
     const OldRun baseline = OpenRun(options.baseline);
     try {

@@ -9,6 +9,7 @@
 
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"
+#include "harness/report/flight_hashes.h"
 #include "harness/report/json_fields.h"
 #include "harness/report/trace_file.h"
 #include "harness/score/signals.h"
@@ -19,7 +20,7 @@ namespace {
 // Calls `read` with the file's content; what it throws gets the file's name.
 template <class Read>
 void WithFile(const std::filesystem::path& file, const Read& read) {
-  const std::string content = ReadFile(file);
+  const std::string content = ReadFlightFile(file);
   try {
     read(content);
   } catch (const std::exception& error) {

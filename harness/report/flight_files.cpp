@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "harness/report/files.h"
+#include "harness/report/flight_hashes.h"
 #include "harness/report/json_fields.h"
 #include "harness/scenario/reader.h"
 
@@ -131,7 +132,9 @@ void KeepVerdict(const std::filesystem::path& folder, const Scenario& scenario, 
     // Of a worker that could not leave it.
     const auto resolved = folder / "scenario.resolved.yaml";
     if (!std::filesystem::exists(resolved)) WriteFile(resolved, WriteResolved(scenario));
-    WriteFile(folder / "verdict.json", ToJsonText(result));
+    Json json = Json::parse(ToJsonText(result));
+    json["files"] = HashesOf(folder);
+    WriteFile(folder / "verdict.json", JsonText(json, 2) + "\n");
   } catch (const std::runtime_error&) {
     // results.json says the same, or fails for the same reason and tells.
   }
@@ -159,7 +162,7 @@ RunLog ReadFlight(const std::filesystem::path& folder) {
 RunLog ReadFlightRecord(const std::filesystem::path& folder) {
   RunLog log;
   const auto flight_file = folder / "flight.json";
-  const std::string text = ReadFile(flight_file);
+  const std::string text = ReadFlightFile(flight_file);
   try {
     FromFile(Json::parse(text), log);
   } catch (const std::exception& error) {

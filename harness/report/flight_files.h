@@ -7,7 +7,7 @@
 //   link.bin                raw bytes with times (harness/run/link_log.h)
 //   firmware.log            what the firmware logged, with simulation times in seconds; of several clients firmware.<id>.log
 //   flight.json             how the flight ended, counters, request times: the rest of what scoring needs
-//   verdict.json            the scenario's entry in results.json
+//   verdict.json            the scenario's entry in results.json, and `files`: hashes of the others (flight_hashes.h)
 #pragma once
 
 #include <filesystem>

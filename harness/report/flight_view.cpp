@@ -11,6 +11,7 @@
 
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"
+#include "harness/report/flight_hashes.h"
 #include "harness/report/json_fields.h"
 #include "harness/score/signals.h"
 #include "harness/score/stl.h"
@@ -204,19 +205,19 @@ FlightView ViewFlight(const std::filesystem::path& folder, const FlightResult& r
     const std::string file =
         scenario.has_several_clients() ? "firmware." + scenario.client_id(i) + ".log" : "firmware.log";
     attempt(file.c_str(), [&](const auto& path) {
-      std::string text = ReadFile(path);
+      std::string text = ReadFlightFile(path);
       if (text.size() > kTextBytesMax) text.resize(kTextBytesMax);
       if (scenario.has_several_clients() && !text.empty()) view.firmware_log += scenario.client_id(i) + ":\n";
       view.firmware_log += text;
     });
   }
-  attempt("faults.jsonl", [&](const auto& file) { AddTicks(ReadFile(file), view); });
+  attempt("faults.jsonl", [&](const auto& file) { AddTicks(ReadFlightFile(file), view); });
   attempt("link.bin", [&](const auto& file) {
     if (std::filesystem::file_size(file) > kLinkBytesMax) {
       view.problems.emplace_back("link.bin is too long to be shown here; tiltproof link-dump prints it");
       return;
     }
-    const std::string content = ReadFile(file);
+    const std::string content = ReadFlightFile(file);
     view.link = LinkLog({content.begin(), content.end()});
     view.frames = FramesOf(view.link);
   });

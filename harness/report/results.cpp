@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "harness/report/files.h"
+#include "harness/report/flight_hashes.h"
 #include "harness/report/json_fields.h"
 
 namespace tiltproof::harness {
@@ -178,6 +179,8 @@ void WriteResults(const std::filesystem::path& folder, const RunInfo& info,
   json["scenarios"] = Json::array();
   for (const auto& result : results) json["scenarios"].push_back(ToFile(result));
   json["not_applicable"] = ToJson(info.not_applicable);
+  // Of all that stands before it: a change by hand is noticed.
+  json["hash"] = HashOf(JsonText(json, 2));
   WriteFile(folder / "results.json", JsonText(json, 2) + "\n");
   WriteFile(folder / "junit.xml", JunitXml(info, results));
 }
@@ -186,8 +189,16 @@ std::vector<FlightResult> ReadResults(const std::filesystem::path& folder) {
   const auto file = folder / "results.json";
   const std::string text = ReadFile(file);
   try {
-    const Json json = Json::parse(text);
+    Json json = Json::parse(text);
     CheckFormat(json);
+    if (const auto recorded = json.find("hash"); recorded != json.end()) {
+      const Json hash = *recorded;
+      json.erase(recorded);
+      if (hash != HashOf(JsonText(json, 2)))
+        throw std::runtime_error(
+            "it has changed since it was written; `tiltproof score` makes it anew from the flights that were "
+            "kept");
+    }
     std::vector<FlightResult> results;
     for (const Json& entry : json.at("scenarios")) results.push_back(ResultFromFile(entry));
     return results;

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "harness/report/files.h"
+#include "harness/report/flight_hashes.h"
 #include "harness/report/trace_csv.h"
 #include "link/check.h"
 
@@ -53,6 +54,8 @@ TracePart ReadTracePart(const std::filesystem::path& folder) {
                                 kPackedFile, folder.string()));
   const std::string content = ReadFile(file);
   TracePart part = IsPacked(file) ? UnpackTrace(content) : ReadTraceCsvPart(content);
+  // What is wrong with one that was cut says more.
+  if (part.trouble.empty()) CheckFlightFile(file, content);
   if (!part.trouble.empty()) part.trouble.insert(0, file.string() + ": ");
   return part;
 }

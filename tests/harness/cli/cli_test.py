@@ -268,6 +268,27 @@ class CliTest(CommandLineTest):
         self.assertEqual(self.tiltproof("replay", self.folder)[0], 2)
         self.assertEqual(self.tiltproof("score", "nowhere")[0], 2)
 
+    def test_what_was_changed_in_a_flights_folder_is_noticed(self):
+        self.tiltproof("run", self.scenario("hover"))
+        run, flight = self.latest(), self.latest() / "hover"
+        for name, commands in (("trace.csv", ("score", "replay", "report", "export")), ("flight.json", ("score", "replay", "export")), ("link.bin", ("replay", "report", "export"))):
+            whole = (flight / name).read_bytes()
+            at = whole.index(b"\n", len(whole) // 2) - 1
+            (flight / name).write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1:])
+            for command in commands:
+                code, out, err = self.tiltproof(command, flight, *(("--to", "csv", "--out", "flight") if command == "export" else ()))
+                self.assertRegex(out + err, f"{name} has changed since the flight: its hash is", (command, name))
+                self.assertEqual(code == 0, command == "report", (command, name))  # whose page shows what is left
+            (flight / name).write_bytes(whole)
+        self.assertEqual(self.tiltproof("replay", flight)[0], 0)
+        results = run / "results.json"
+        results.write_text(results.read_text().replace('"tracking.rmse_m": 0.0', '"tracking.rmse_m": 0.1'))
+        code, out, err = self.tiltproof("report", run)
+        self.assertIn("results.json: it has changed since it was written", err)
+        self.assertEqual(self.tiltproof("score", run)[0], 0)
+        code, out, err = self.tiltproof("report", run)
+        self.assertEqual((code, err), (0, ""))
+
     def test_link_dump(self):
         self.tiltproof("run", self.scenario("hover"))
         code, out, _ = self.tiltproof("link-dump", self.latest() / "hover/link.bin")
@@ -324,7 +345,7 @@ class CliTest(CommandLineTest):
         trace.write_text("".join(trace.read_text().splitlines(keepends=True)[:20]))
         code, _, err = self.tiltproof("score", self.latest())
         self.assertEqual(code, 3)
-        self.assertIn("not the trace that was flown", err)
+        self.assertIn("trace.csv has changed since the flight", err)
 
     def test_a_flight_without_verdict_does_not_block_the_replay_of_others(self):
         self.scenario("one")

@@ -152,7 +152,7 @@ class CompareTest(unittest.TestCase):
         trace.write_text("".join(trace.read_text().splitlines(keepends=True)[:51]))
         code, out, err = self.tiltproof("compare", a, b)
         self.assertEqual(code, 3)
-        self.assertRegex(err, r"UNREADABLE +hover +\S*trace.csv: not the trace that was flown")
+        self.assertRegex(err, r"UNREADABLE +hover +\S*trace.csv has changed since the flight")
         self.assertNotIn("UNREADABLE", out)
         crash = "harness.canary, start_s: 0.1"
         c = self.fly(text=HOVER + f"faults:\n  - {{id: f, type: {crash}}}\n", **{"duration_s: 1.2": "duration_s: 3"})

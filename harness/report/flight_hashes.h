@@ -1,0 +1,32 @@
+// Hashes of a flight's files, by which a changed one is noticed. They stand in verdict.json, as `files`. The scenario has
+// none: its criteria may be changed, and the flight scored anew.
+//
+//   verdict["files"] = ToJson(HashesOf(folder));                     // when the flight has ended
+//   const std::string content = ReadFlightFile(folder / "link.bin");   // later; throws when it has changed
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <string>
+#include <string_view>
+
+namespace tiltproof::harness {
+
+// Of the trace, faults.jsonl, link.bin, the firmware's logs and flight.json, as far as they are there: by the file's
+// name. Throws FileError.
+std::map<std::string, std::string> HashesOf(const std::filesystem::path& folder);
+
+// 16 hexadecimal digits: FNV-1a over words of eight bytes. Any single changed byte changes it; not cryptographic.
+std::string HashOf(std::string_view content);
+
+// The content of a file in a flight's folder. Throws FileError when it cannot be read, or when verdict.json beside it has
+// another hash for it. A folder of an older program has no hashes.
+std::string ReadFlightFile(const std::filesystem::path& path);
+
+// The same for a content that is read already.
+void CheckFlightFile(const std::filesystem::path& path, std::string_view content);
+
+// Throws FileError for the first file of the folder that ReadFlightFile() refuses.
+void CheckFlightFiles(const std::filesystem::path& folder);
+
+}  // namespace tiltproof::harness
