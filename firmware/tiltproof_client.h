@@ -16,8 +16,8 @@
  * firmware and fails the run (time without a processor does not count). So does one that crashes, calls exit or
  * exec, or lets an exception out, and a client that wants to be woken more than 20000 times within 12 ms. What the
  * library prints on standard output and error goes to the run's firmware.log. Every call comes from one thread,
- * and only that thread may call the host, within a call;
- * several boards may exist at once, so keep state in the TiltproofClient.
+ * and only that thread may call the host, within a call. Several boards may exist at once, so keep state in the
+ * TiltproofClient.
  *
  * UART 0 is the main line (sensors and actuators), UART 1 brings references. Frames and messages:
  * docs/wire.md; in C++, link/frame.h and firmware/messages.h have them.

@@ -78,7 +78,9 @@ struct RunScenario {
   std::string scenario_yaml{};  // at most kDocumentBytesMax
   Names nodes{};                // node ids that take part
   Names participants{};         // which participant each of them is (participant.h)
-  TILTPROOF_FIELDS(run_id, scenario_yaml, nodes, participants)
+  Names files{};                // what a node must have, too: "vehicle" (harness/run/flown_files.h)
+  Names file_hashes{};          // of each
+  TILTPROOF_FIELDS(run_id, scenario_yaml, nodes, participants, files, file_hashes)
   bool operator==(const RunScenario&) const = default;
 };
 

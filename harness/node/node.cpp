@@ -15,6 +15,7 @@
 #include "faults/registry.h"
 #include "harness/dds/qos.h"
 #include "harness/node/realtime_rights.h"
+#include "harness/run/flown_files.h"
 #include "harness/run/introduction.h"
 #include "harness/run/realtime/injection.h"
 #include "harness/run/realtime/node_order.h"
@@ -29,6 +30,7 @@ namespace asio = boost::asio;
 using std::chrono::milliseconds;
 
 constexpr std::chrono::nanoseconds kHeartbeatPeriod{dds::kHeartbeatPeriodNs};
+constexpr std::int64_t kYoungBeats = 2 * kNsPerS / dds::kHeartbeatPeriodNs;
 // Time in which a node that runs already is heard.
 constexpr milliseconds kListenFirst{1'000};
 // A harness that is silent for this long is gone for good; a partition of the network heals sooner.
@@ -88,6 +90,7 @@ class Node final : public NodeServices {
   std::unique_ptr<dds::Subscriber<dds::FaultCommand>> faults_;
   asio::steady_timer beat_timer_{loop_};
   dds::Heartbeat heartbeat_;
+  bool warned_of_sender_ = false;
 
   // Of the present run.
   std::string run_id_;
@@ -173,9 +176,16 @@ std::string Node::OtherSender() {
   return {};
 }
 
-// Before it says that it is there, and from then on.
+// Before it says that it is there, and for a while from then on: of two that began at the same moment each may have
+// missed the other. Later it stays: whoever comes has to stand back.
 bool Node::StandsBack() {
   std::string other = OtherSender();
+  if (heartbeat_.sequence >= kYoungBeats) {
+    if (!other.empty() && !std::exchange(warned_of_sender_, true))
+      Print(stderr, "tiltproof node {}: warning: {} sends references, too, and only one node may; end one of them\n",
+            options_.name, other);
+    return false;
+  }
   if (heartbeat_.sequence == 0 && !options_.harness) {
     const auto until = std::chrono::steady_clock::now() + kListenFirst;
     // Told to end meanwhile, it stays stopped.
@@ -302,6 +312,9 @@ Ports Node::Do(const dds::RunCommand& command) {
     case dds::Verb::kPrepare: {
       need(phase_ == dds::Phase::kIdle);
       loaded_ = options_.load(scenario_.scenario_yaml);
+      if (const std::string why = DifferingFile(loaded_->scenario, scenario_.files, scenario_.file_hashes);
+          !why.empty())
+        throw std::runtime_error(why);
       log_ = std::make_unique<LogPublisher>(*bus_, loaded_->scenario, run_id_, options_.name, harness_);
       lateness_ = {};
       lateness_.late_after_ns = loaded_->scenario.late_after_ns();

@@ -13,6 +13,7 @@
 
 #include "harness/run/client_history.h"
 #include "harness/run/flight.h"
+#include "harness/run/flown_files.h"
 #include "harness/run/merge_logs.h"
 #include "harness/run/protocol_use.h"
 #include "harness/run/realtime/ending.h"
@@ -205,6 +206,10 @@ void RealtimeConductor::Announce() {
   for (const Member& member : members_.all()) {
     announcement.nodes.push_back(member.id);
     announcement.participants.push_back(ToText(member.participant));
+  }
+  for (FlownFile& file : FlownFiles(scenario_)) {
+    announcement.files.push_back(std::move(file.what));
+    announcement.file_hashes.push_back(std::move(file.hash));
   }
   bus_.scenarios.Write(announcement);
 }

@@ -82,13 +82,15 @@ int SendRandom(const Arguments& a) {
   return 0;
 }
 
-// NODE: a heartbeat every 50 ms; on a line of input it hangs until the next.
+// NODE [joystick]: a heartbeat every 50 ms, of a client or of a joystick in a run; on a line of input it hangs until the next.
 int SendHeartbeats(const Arguments& a) {
   Bus bus(a.Config());
   Publisher<Heartbeat> publisher(bus);
   Heartbeat heartbeat;
   heartbeat.node_id = a[3];
-  heartbeat.kind = NodeKind::kClient;
+  const bool is_joystick = a.all.size() > 4;
+  heartbeat.kind = is_joystick ? NodeKind::kJoystick : NodeKind::kClient;
+  if (is_joystick) heartbeat.run_id = "foreign";
   heartbeat.pid = getpid();
   Say("ready");
   for (;;) {

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 from flight import Flight, become_subreaper, read, write_hover
@@ -55,6 +56,23 @@ class IntruderTest(unittest.TestCase):
         self.assertEqual(flight.text().count("is ignored: this flight has"), 1, flight.text())
         flight.check_results(self)
         flight.check_nothing_left(self)
+
+    def test_a_foreign_joystick_does_not_end_a_base_station(self):
+        domain = "87"
+        with open(self.folder / "said", "w+", encoding="utf-8") as said:
+            station = subprocess.Popen([PROGRAM, "node", "base-station", "--domain", domain], stderr=said, stdout=subprocess.DEVNULL)
+            self.addCleanup(lambda: (station.kill(), station.wait()))
+            time.sleep(4)  # it is no newcomer any more
+            peer = subprocess.Popen([PEER, "heartbeat", domain, "tiltproof", "a-joystick", "joystick"], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+            self.addCleanup(lambda: (peer.kill(), peer.wait(), peer.stdin.close(), peer.stdout.close()))
+            self.assertEqual(peer.stdout.readline(), b"ready\n")
+            time.sleep(1)
+            self.assertIsNone(station.poll())
+            said.seek(0)
+            self.assertEqual(said.read().count("a-joystick (joystick on"), 1)
+            # Who comes later has to stand back.
+            late = subprocess.run([PROGRAM, "node", "base-station", "--domain", domain], capture_output=True, text=True, timeout=30, check=False)
+            self.assertEqual(late.returncode, 3, late.stderr)
 
 
 if __name__ == "__main__":
