@@ -72,6 +72,9 @@ std::string UnitOf(const ParameterInfo& info, const FaultSpec& fault, const Faul
 LevelRange Walk(double min, double max, std::optional<double> harmless, std::optional<double> own,
                 const SeverityChoice& choice) {
   double low = choice.low.value_or(min), high = choice.high.value_or(max);
+  // Of a number without a harmless value the user says which end is the mild one.
+  const bool falls = !harmless && low > high;
+  if (falls) std::swap(low, high);
   if (low < min || high > max) throw SeverityMistake(fmt::format("allowed is {:g} to {:g}", min, max));
   if (harmless && *harmless > min && *harmless < max) {
     const bool below = choice.high  ? *choice.high <= *harmless
@@ -85,7 +88,7 @@ LevelRange Walk(double min, double max, std::optional<double> harmless, std::opt
                       *harmless, low, high));
   }
   if (!(low < high)) throw SeverityMistake(fmt::format("{:g} is not less than {:g}", low, high));
-  const bool downwards = harmless && *harmless >= high;
+  const bool downwards = falls || (harmless && *harmless >= high);
   return {.start = downwards ? high : low, .end = downwards ? low : high, .harmless = harmless};
 }
 

@@ -1,7 +1,10 @@
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <fnmatch.h>
+#include <sys/file.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <cmath>
 #include <map>
@@ -26,6 +29,7 @@
 #include "harness/terminal/lines.h"
 #include "harness/terminal/progress_line.h"
 #include "harness/terminal/terminal.h"
+#include "link/unix_socket.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -251,7 +255,7 @@ class EnvelopeSearch {
       Print(stderr, "tiltproof: nothing is left to fly with this client\n");
       return kExitUndecided;
     }
-    std::filesystem::create_directories(folder());
+    TakeFolder();
     Write();
     FindMargins(trials_, tasks_,
                 {.tolerance = options_.tolerance,
@@ -264,6 +268,7 @@ class EnvelopeSearch {
     Print(stdout, "{}", TextLines(EnvelopeTable(envelope_)));
     for (const EnvelopeMap& map : envelope_.maps) Print(stdout, "\n{}", TextLines(EnvelopeMapText(map)));
     PrintNotApplicable();
+    PrintUnsurvived();
     if (const std::size_t others = envelope_.earlier.rows.size(); others > 0)
       PrintLine(stdout, 0,
                 fmt::format("{} rows of an earlier run are not selected now, and stay in the file", others));
@@ -280,6 +285,19 @@ class EnvelopeSearch {
   }
 
  private:
+  // For this process alone, and not over another envelope.
+  void TakeFolder() {
+    std::filesystem::create_directories(folder());
+    lock_ = link::OwnedDescriptor(open(folder().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+    if (flock(lock_.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
+      throw UsageError(fmt::format("{}: another envelope is being written there; choose another --out",
+                                   folder().string()));
+    if (options_.resume.empty() && std::filesystem::exists(folder() / "envelope.json"))
+      throw UsageError(
+          fmt::format("{} holds an envelope already: go on with it (--resume {}), or choose another --out",
+                      folder().string(), folder().string()));
+  }
+
   const std::filesystem::path& folder() const {
     return options_.resume.empty() ? options_.out : options_.resume;
   }
@@ -376,6 +394,25 @@ class EnvelopeSearch {
     for (const std::string& line : NotApplicableLines(envelope_)) PrintLine(stdout, 0, line);
   }
 
+  // Why rows have no margin: most often the scenario itself fails.
+  void PrintUnsurvived() const {
+    for (const Column& column : columns_) {
+      std::size_t count = 0;
+      const EnvelopeEntry* first = nullptr;
+      for (const EnvelopeEntry& entry : envelope_.entries) {
+        if (entry.client != column.name || !entry.margin || entry.margin->survives || entry.margin->unknown)
+          continue;
+        ++count;
+        if (first == nullptr) first = &entry;
+      }
+      if (first != nullptr)
+        PrintLine(stdout, 0,
+                  fmt::format("{}: {} of its rows fail at the mildest level already, {} the first: {}; does "
+                              "`tiltproof run` of the scenario pass?",
+                              column.name, count, first->row.type->name, first->margin->at_fails.reason));
+    }
+  }
+
   void Write() const { WriteFile(folder() / "envelope.json", ToJsonText(envelope_)); }
 
   void ShowProgress() {
@@ -395,6 +432,7 @@ class EnvelopeSearch {
   }
 
   const EnvelopeOptions& options_;
+  link::OwnedDescriptor lock_;  // of the folder
   std::vector<Column> columns_;
   Trials trials_;
   Envelope envelope_;

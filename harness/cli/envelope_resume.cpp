@@ -5,6 +5,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <stdexcept>
 #include <string>
 #include <tuple>
 #include <utility>
@@ -18,7 +19,11 @@ namespace {
 using EarlierJson = nlohmann::ordered_json;
 
 std::optional<double> NumberOf(const EarlierJson& row, const char* key) {
-  return row.contains(key) && row[key].is_number() ? std::optional(row[key].get<double>()) : std::nullopt;
+  const EarlierJson& value = row.at(key);
+  if (!value.is_number() && !value.is_null())
+    throw std::runtime_error(
+        fmt::format("{} of {}: {} is no number", key, row.value("type", "a row"), value.dump()));
+  return value.is_null() ? std::nullopt : std::optional(value.get<double>());
 }
 
 Margin MarginOf(const EarlierJson& row) {

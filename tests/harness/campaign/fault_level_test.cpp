@@ -111,6 +111,9 @@ TEST(FaultLevel, IsAnotherNumberWhereTheUserAsks) {
   EXPECT_TRUE(severity.range.whole);
   EXPECT_EQ(std::pair(severity.range.start, severity.range.end), std::pair(1.0, 16.0));
   EXPECT_THAT(Mistake(scenario, {.parameter = "depth_count"}), HasSubstr("give both --low"));
+  // Harmful downwards: --low is the mild end all the same.
+  const Severity falling = Of(scenario, {.parameter = "depth_count", .low = 16.0, .high = 1.0});
+  EXPECT_EQ(std::pair(falling.range.start, falling.range.end), std::pair(16.0, 1.0));
   EXPECT_THAT(Mistake(scenario, {.parameter = "depth"}),
               HasSubstr("it has: probability, depth_count, window_s"));
   EXPECT_EQ(Of(scenario, {.parameter = "window_s"}).parameter, kWindowParameter);

@@ -3,7 +3,9 @@
 
 Usage: margin_test.py TILTPROOF SOURCE_DIR
 """
+import fcntl
 import json
+import os
 import pathlib
 import re
 import signal
@@ -120,6 +122,7 @@ class MarginTest(CommandLineTest):
 class EnvelopeTest(CommandLineTest):
     def envelope(self, *arguments, code=0):
         base = self.scenario("base", SHORT, TYPE="harness.null", WINDOW=", end_s: 3")
+        (self.folder / "out/envelope.json").unlink(missing_ok=True)
         found, out, err = self.tiltproof("envelope", base, "--repeats", "1", "--tolerance", "0.2", "--out", "out", *arguments)
         self.assertEqual(found, code, err)
         return json.loads((self.folder / "out/envelope.json").read_text()), out
@@ -234,6 +237,34 @@ class EnvelopeTest(CommandLineTest):
         self.assertEqual(json.loads(file.read_text()), whole)
         file.write_text("{}")
         self.assertIn("no envelope to go on with", resume(code=2)[1])
+        damaged = json.loads(json.dumps(whole))
+        damaged["rows"][1]["survives"] = "much"
+        file.write_text(json.dumps(damaged))
+        self.assertRegex(resume(code=2)[1], r'no envelope to go on with: survives of \S+: "much" is no number')
+        del damaged["rows"][1]["survives"]
+        file.write_text(json.dumps(damaged))
+        self.assertIn("no envelope to go on with", resume(code=2)[1])
+
+    def test_nothing_is_written_over_or_beside(self):
+        base = self.scenario("base", SHORT, TYPE="harness.null", WINDOW=", end_s: 3")
+        arguments = ("envelope", base, "--types", "actuator.loss*", "--repeats", "1", "--out", "out")
+        self.assertEqual(self.tiltproof(*arguments)[0], 0)
+        before = (self.folder / "out/envelope.json").read_text()
+        code, _, err = self.tiltproof(*arguments)
+        self.assertEqual(code, 2)
+        self.assertIn("out holds an envelope already: go on with it (--resume out), or choose another --out", err)
+        other = os.open(self.folder, os.O_RDONLY)
+        fcntl.flock(other, fcntl.LOCK_EX)
+        code, _, err = self.tiltproof("envelope", base, "--out", ".")
+        os.close(other)
+        self.assertEqual(code, 2)
+        self.assertIn("another envelope is being written there", err)
+        self.assertEqual((self.folder / "out/envelope.json").read_text(), before)
+
+    def test_rows_without_a_margin_say_why(self):
+        base = self.scenario("base", SHORT.replace("error_m <= 0.5", "error_m <= 0"), TYPE="harness.null", WINDOW=", end_s: 3")
+        code, out, _ = self.tiltproof("envelope", base, "--types", "actuator.loss*", "--repeats", "1", "--out", "out")
+        self.assertRegex(out, r"paper: \d of its rows fail at the mildest level already, actuator.loss_of_effectiveness the first: near: always")
 
     def test_it_is_the_margin(self):
         [row] = self.envelope("--types", "plant.force")[0]["rows"]
