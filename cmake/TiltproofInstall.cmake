@@ -18,7 +18,7 @@ if(TARGET stm32f4_images)
 endif()
 
 install(DIRECTORY plant/models/ DESTINATION ${share}/models FILES_MATCHING PATTERN *.sdf PATTERN *.tiltproof.xml)
-install(DIRECTORY scenarios/ DESTINATION ${share}/scenarios FILES_MATCHING PATTERN *.yaml PATTERN *.json PATTERN *.sdf)
+install(DIRECTORY scenarios/ DESTINATION ${share}/scenarios FILES_MATCHING PATTERN *.yaml PATTERN *.json PATTERN *.sdf PATTERN *.csv)
 install(DIRECTORY firmware/examples/ DESTINATION ${share}/examples PATTERN minimal_c/CMakeLists.txt EXCLUDE)
 
 install(FILES README.md ARCHITECTURE.md CHANGELOG.md THIRD_PARTY.md DESTINATION share/doc/tiltproof)

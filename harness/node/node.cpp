@@ -182,7 +182,8 @@ bool Node::StandsBack() {
   std::string other = OtherSender();
   if (heartbeat_.sequence >= kYoungBeats) {
     if (!other.empty() && !std::exchange(warned_of_sender_, true))
-      Print(stderr, "tiltproof node {}: warning: {} sends references, too, and only one node may; end one of them\n",
+      Print(stderr,
+            "tiltproof node {}: warning: {} sends references, too, and only one node may; end one of them\n",
             options_.name, other);
     return false;
   }

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """Seeds defects, one at a time, into a copy of the sources, and reports which of them the suites and tests notice.
 
-Usage: tests/mutants/run.py [NAME...] [--group firmware|harness] [--sample N --seed S] [--check] [--write]
+Usage: tests/mutants/run.py [NAME...] [--group firmware|harness|client] [--sample N --seed S] [--check] [--write]
 
 Without names: all of them. --sample: N of them, drawn with --seed. --check: only that every patch applies and is described.
---write: the tables in README.md, after a run of all. Exit 0: every defect was noticed; 1: one was not; 2: wrong usage; 3: a
+--write: the tables in README.md, after a run of all. Exit 0: every defect was noticed, but for those that are known not to be; 1: one was not; 2: wrong usage; 3: a
 defect could not be built, or its killer fails without it.
 
 A defect is <group>/<name>.patch beside this file: a header (see Patch), then a unified diff. It is applied to a copy in
@@ -13,12 +13,15 @@ which is built first where something is missing.
 
 - firmware: the firmware of the copy flies in the unchanged harness, as a library or as an image on the emulated board. It is
   noticed when a flight is not green. The library traps where it leaves an array or does what C++ does not define.
+- client: the C client of firmware/examples/minimal_c, with a defect that was planted without knowledge of the suites, flies
+  scenarios/acceptance. It is noticed when a flight is not green that is green without the defect.
 - harness: the changed source is compiled with the release build's flags, and linked into a test program in front of the code
   that it replaces. It is noticed when a test fails.
 """
 import argparse
 import contextlib
 import fcntl
+import functools
 import json
 import os
 import pathlib
@@ -38,7 +41,7 @@ WORK = ROOT / "build/mutants"
 COPY = WORK / "source"
 SOURCES = ("CMakeLists.txt", "cmake", "link", "faults", "firmware", "plant", "harness", "tests/planted")  # the copy's
 JOBS = str(os.cpu_count() or 2)
-GROUPS = ("firmware", "harness")
+GROUPS = ("firmware", "harness", "client")
 LIBRARY_FLAGS = "-D_GLIBCXX_ASSERTIONS -fsanitize=undefined -fsanitize-undefined-trap-on-error"
 
 
@@ -49,7 +52,8 @@ class Trouble(Exception):
 class Patch:
     """The header has one `Key: text` a line, which goes on in indented lines: Defect, Why, and Killer, or in its place
     Equivalent, with the reason. A firmware's killer is the name of a scenario; a harness's a test program and a filter of its
-    tests. Client: the image that flies, for what only the emulated board shows."""
+    tests. Client: the image that flies, for what only the emulated board shows. Unnoticed: why no flight shows a client's
+    defect; it counts as missed all the same."""
 
     def __init__(self, path):
         self.path, self.group, self.name = path, path.parent.name, path.stem
@@ -58,8 +62,10 @@ class Patch:
         self.keys = {key: " ".join(text.split()) for key, text in re.findall(r"^(\w+): (.*(?:\n .*)*)", header, re.MULTILINE)}
         self.files = re.findall(r"^\+\+\+ b/(\S+)", diff, re.MULTILINE)
         missing = {"Defect", "Why"} - self.keys.keys()
-        if missing or ("Killer" in self.keys) == self.equivalent or not self.files:
-            raise Trouble(f"{path}: a header has Defect, Why, and Killer or Equivalent; then comes a diff")
+        if self.group != "client" and ("Killer" in self.keys) == self.equivalent:
+            missing.add("Killer or Equivalent")
+        if missing or not self.files:
+            raise Trouble(f"{path}: a header has Defect, Why, and Killer or Equivalent (a client's only the first two); then comes a diff")
 
     @property
     def equivalent(self):
@@ -143,10 +149,10 @@ def build_client(patch):
     return client
 
 
-def fly(client, names, *flags):
-    """Names of the flights that are not green, of these scenarios or, without names, of all suites."""
+def fly(client, names, *flags, folder="scenarios"):
+    """Names of the flights that are not green, of these scenarios or, without names, of all suites in the folder."""
     select = ["-k", " or ".join(names)] if names else []
-    code, text = call([RELEASE / "tiltproof", "run", ROOT / "scenarios", "--client", client, *select, *flags, "-j", JOBS,
+    code, text = call([RELEASE / "tiltproof", "run", ROOT / folder, "--client", client, *select, *flags, "-j", JOBS,
                        "--format", "jsonl", "--keep", "verdicts", "--out", WORK / "results", "--no-progress"])
     flights = [json.loads(line) for line in text.splitlines() if line.startswith("{")]
     flown = {flight["name"]: flight for flight in flights if not names or flight["name"] in names}
@@ -160,6 +166,25 @@ def noticed_in_flight(patch):
     noticed = fly(client, [patch.keys["Killer"]]) if "Killer" in patch.keys else []
     # An image has one firmware, and the suites ask for others.
     return next(iter(noticed or ("Client" not in patch.keys and fly(client, [], "--fail-fast")) or []), None)
+
+
+# --- Clients: the suite for firmware of others.
+
+def build_foreign_client():
+    library = WORK / "client.so"
+    must(["cc", "-std=c11", "-O2", "-shared", "-fPIC", "-ffp-contract=off", "-I", COPY, "-o", library,
+          COPY / "firmware/examples/minimal_c/minimal_firmware.c"])
+    return f"library:{library}"
+
+
+@functools.cache
+def red_without_defect():
+    return frozenset(fly(f"library:{RELEASE}/lib/minimal_firmware.so", [], folder="scenarios/acceptance"))
+
+
+def noticed_by_acceptance(patch):
+    red = [name.removeprefix("acceptance-") for name in fly(build_foreign_client(), [], folder="scenarios/acceptance") if name not in red_without_defect()]
+    return ", ".join(red[:2]) + (f" and {len(red) - 2} more" if len(red) > 2 else "") if red else None
 
 
 # --- Harness: tests.
@@ -216,7 +241,7 @@ def prepare(patches):
     programs = sorted({patch.keys["Killer"].split()[0] for patch in patches if patch.group == "harness" and not patch.equivalent})
     if not (RELEASE / "build.ninja").exists():
         must(["cmake", "--preset", "release"])
-    must(["cmake", "--build", "--preset", "release", "-j", JOBS, "--target", "tiltproof", "tiltproof_lockstep", *programs])
+    must(["cmake", "--build", "--preset", "release", "-j", JOBS, "--target", "tiltproof", "tiltproof_lockstep", "minimal_firmware", *programs])
     update_all()
     for patch in {patch.keys.get("Client"): patch for patch in patches if patch.group == "firmware"}.values():
         killers = sorted({other.keys["Killer"] for other in patches if other.group == "firmware" and not other.equivalent
@@ -235,7 +260,7 @@ def seed(patch):
     try:
         for file, content in mutated(patch).items():
             (COPY / file).write_text(content)
-        return noticed_in_flight(patch) if patch.group == "firmware" else noticed_in_test(patch)
+        return {"firmware": noticed_in_flight, "harness": noticed_in_test, "client": noticed_by_acceptance}[patch.group](patch)
     finally:
         update(patch.files)
 
@@ -260,7 +285,7 @@ def write(group, rows, seconds):
     """The group's table in README.md, between its two marks."""
     lines = ["| defect | in | what | noticed by | s |", "|---|---|---|---|---|"]
     lines += [f"| `{patch.name}` | `{pathlib.Path(patch.files[0]).name}` | {patch.keys['Defect']} | "
-              f"{'equivalent: ' + patch.keys['Equivalent'] if patch.equivalent else noticed} | {took_s:.0f} |" for patch, noticed, took_s in rows]
+              f"{'equivalent: ' + patch.keys['Equivalent'] if patch.equivalent else noticed or 'nobody: ' + patch.keys.get('Unnoticed', '?')} | {took_s:.0f} |" for patch, noticed, took_s in rows]
     counted = [noticed for patch, noticed, _ in rows if not patch.equivalent]
     lines += ["", f"{sum(map(bool, counted))} of {len(counted)} noticed, {len(rows) - len(counted)} equivalent; {seconds:.0f} s on {JOBS} cores."]
     file = HERE / "README.md"
@@ -285,6 +310,8 @@ def run(patches):
         word = "noticed" if noticed else "SURVIVED"
         if patch.equivalent:
             word = "NOTICED" if noticed else "equal"  # an equivalent that is noticed is none
+        if not noticed and "Unnoticed" in patch.keys:
+            word = "missed"
         if word.isupper():
             code = max(code, 1)
         print(f"{word:9} {patch.group}/{patch.name:34} {took_s:5.1f} s  {noticed or ''}", flush=True)

@@ -48,6 +48,17 @@ class AcceptanceTest(CommandLineTest):
         self.assertEqual({name: verdict for name, verdict in flights.items() if verdict != "pass"}, {})
         self.assertEqual(not_applicable, ELSEWHERE)
 
+    def test_a_sound_controller_passes_every_sound_flight(self):
+        flights, not_applicable = self.flights(SUITE / "sound", "--client", f"library:{LIBRARY}")
+        self.assertEqual({name: verdict for name, verdict in flights.items() if verdict != "pass"}, {})
+        self.assertEqual((len(flights), not_applicable), (len(list((SUITE / "sound").glob("*.yaml"))), set()))
+
+    def test_the_shipped_firmware_flies_them_but_for_large_headings(self):
+        for firmware, red in (("tolerant", set()), ("paper", {"acceptance-sound-references-of-no-number", "acceptance-sound-absurd-references"})):
+            flights, not_applicable = self.flights(SUITE / "sound", "--firmware", firmware)
+            self.assertEqual({name for name, verdict in flights.items() if verdict != "pass"}, red)
+            self.assertEqual(not_applicable, {f"acceptance-sound-{name}" for name in ("heading-half-turn", "heading-circle", "heading-sideways", "turn-left", "turn-right")})
+
     def test_an_unsound_one_does_not(self):
         # The paper's firmware believes a position that is not a number.
         file = (SUITE / "mild/frame-not-a-number.yaml").read_text().replace("firmware: tolerant", "firmware: paper")
