@@ -116,7 +116,7 @@ constexpr LineMistakeKind LastOf(LineMistakeKind) { return LineMistakeKind::kUna
 struct LineMistake {
   TimeNs time_ns = 0;  // of the frame, the expected request, the second request, the last byte of the reply
   LineMistakeKind kind{};
-  std::int64_t count = 1;  // so many, the others each a period later
+  std::int64_t count = 1;  // kMissing: so many, the others each a period later
   std::string text = {};   // kMalformed: why it was refused, and its bytes
   friend bool operator==(const LineMistake&, const LineMistake&) = default;
   TILTPROOF_FIELDS(time_ns, kind, count, text)

@@ -19,6 +19,7 @@ namespace {
 constexpr TimeNs kAftermath = 2 * kNsPerS;
 // In real time so many of the periods may be unclean: no line and no machine are perfect.
 constexpr double kRealTimeShare = 0.03;
+
 bool IsRealTime(const RunLog& log) { return log.harness_overrun_count.has_value(); }
 
 // A firmware may be out of step by these, but not by faults on the vehicle or its actuators.
@@ -107,11 +108,24 @@ Findings FindMistakes(const Scenario& scenario, const RunLog& log, std::size_t c
     if (excuses.ByFault(time_ns)) continue;
     ++(excuses.ByMachine(time_ns) ? findings.disturbed_count : findings.periods);
   }
+  TimeNs missing_until_ns = -1;
   for (const LineMistake& mistake : mistakes) {
     if (mistake.time_ns < 0) continue;
     Kind& kind = findings.kinds[static_cast<std::size_t>(mistake.kind)];
     TimeNs time_ns = mistake.time_ns;
-    for (std::int64_t i = 0; i < mistake.count && time_ns <= end_ns; ++i, time_ns += period_ns) {
+    std::int64_t count = mistake.count;
+    if (mistake.kind == LineMistakeKind::kMissing) {
+      // A file of others may name a period twice, and many times as many as there are.
+      if (time_ns <= missing_until_ns) {
+        const std::int64_t known = (missing_until_ns - time_ns) / period_ns + 1;
+        time_ns += known * period_ns;
+        count -= known;
+      }
+    } else {
+      count = 1;
+    }
+    for (std::int64_t i = 0; i < count && time_ns <= end_ns; ++i, time_ns += period_ns) {
+      if (mistake.kind == LineMistakeKind::kMissing) missing_until_ns = time_ns;
       if (excuses.ByFault(time_ns) || excuses.ByMachine(time_ns)) continue;
       if (kind.count++ == 0) {
         kind.first_ns = time_ns;

@@ -338,6 +338,15 @@ check("dark, light, and small", async () => {
   await page.close();
 });
 
+// As an older program left them: without the hashes that tell of changes.
+function writeResults(run, { hash, ...results }) {
+  writeFileSync(join(run, "results.json"), JSON.stringify(results));
+}
+function forgetHashes(flight) {
+  const { files, ...verdict } = JSON.parse(readFileSync(join(flight, "verdict.json"), "utf8"));
+  writeFileSync(join(flight, "verdict.json"), JSON.stringify(verdict));
+}
+
 check("hostile names, and numbers that are none", async () => {
   const run = join(out, "hostile");
   cpSync(flown.run, run, { recursive: true });
@@ -351,7 +360,7 @@ check("hostile names, and numbers that are none", async () => {
     flight.histograms[EVIL] = { edges: [0, 1], counts: [0, 5, 0] };
   }
   results.scenarios.push({ ...results.scenarios[0], name: EVIL });
-  writeFileSync(join(run, "results.json"), JSON.stringify(results));
+  writeResults(run, results);
   const info = JSON.parse(readFileSync(join(run, "run.json"), "utf8"));
   Object.assign(info, { suite: EVIL, client: EVIL, interrupted: true, not_applicable: [{ name: EVIL, reason: EVIL }] });
   writeFileSync(join(run, "run.json"), JSON.stringify(info));
@@ -363,6 +372,7 @@ check("hostile names, and numbers that are none", async () => {
   writeFileSync(join(flight, "trace.csv"), [columns.join(","), ...broken].join("\n") + "\n");
   const activations = Array.from({ length: 10000 }, (_, i) => JSON.stringify({ time_s: i / 1000, fault: "burst", type: "wire.burst", what: EVIL, before: [], after: [] }));
   writeFileSync(join(flight, "faults.jsonl"), activations.join("\n") + "\n");
+  forgetHashes(flight);
   report(run);
   const file = join(run, "report.html");
   const page = await open(file);
@@ -399,7 +409,7 @@ check("an empty run, a killed run, and one without files", async () => {
   const results = JSON.parse(readFileSync(join(flown.run, "results.json"), "utf8"));
   // A run that was interrupted: what was never flown is no error of the flights.
   const never = Array.from({ length: 3 }, (_, i) => ({ ...results.scenarios[0], name: `never-${i}`, verdict: "error", reason: "not flown: the run was interrupted", replay: "", criteria: [], metrics: {} }));
-  writeFileSync(join(run, "results.json"), JSON.stringify({ ...results, interrupted: true, scenarios: [...results.scenarios, ...never] }));
+  writeResults(run, { ...results, interrupted: true, scenarios: [...results.scenarios, ...never] });
   report(run);
   const interrupted = await open(join(run, "report.html"));
   const boxes = Object.fromEntries(await interrupted.locator(".count").evaluateAll((all) => all.map((box) => [box.querySelector("span").textContent, Number(box.querySelector("b").textContent)])));
@@ -412,7 +422,7 @@ check("an empty run, a killed run, and one without files", async () => {
   await interrupted.selectOption(".filters select >> nth=0", "");
   await interrupted.screenshot({ path: join(out, "interrupted.png") });
   await interrupted.close();
-  writeFileSync(join(run, "results.json"), JSON.stringify({ ...results, scenarios: [] }));
+  writeResults(run, { ...results, scenarios: [] });
   report(run);
   const empty = await open(join(run, "report.html"));
   assert.match(await empty.locator("main").textContent(), /no flights/);
@@ -456,6 +466,7 @@ function makeQuadrotor(run) {
   const file = join(flight, "flight.json"), log = JSON.parse(readFileSync(file, "utf8"));
   Object.assign(log, { hover_input: [5, 5, 5, 5], input_min: [0, 0, 0, 0], input_max: [10, 10, 10, 10] });
   writeFileSync(file, JSON.stringify(log));
+  forgetHashes(flight);
   return rotors;
 }
 
@@ -529,7 +540,7 @@ criteria:
     for (const file of readdirSync(join(one.run, folder))) linkSync(join(one.run, folder, file), join(run, name, file));
   }
   const [flight] = results.scenarios;
-  writeFileSync(join(run, "results.json"), JSON.stringify({ ...results, scenarios: names.map((name) => ({ ...flight, name })) }));
+  writeResults(run, { ...results, scenarios: names.map((name) => ({ ...flight, name })) });
   assert.ok(flight.metrics["survival.time_s"] >= 59.9 && flight.faults.some((fault) => fault.activations > 100), JSON.stringify(flight.faults));
   report(run);
   const { size } = statSync(join(run, "report.html"));
