@@ -42,6 +42,8 @@ COPY = WORK / "source"
 SOURCES = ("CMakeLists.txt", "cmake", "link", "faults", "firmware", "plant", "harness", "tests/planted")  # the copy's
 JOBS = str(os.cpu_count() or 2)
 GROUPS = ("firmware", "harness", "client")
+# Not for a law that is linear around a heading of 0: with the shipped firmware itself they are not applicable.
+LARGE_HEADINGS = {f"acceptance-sound-{name}" for name in ("heading-half-turn", "heading-circle", "heading-sideways", "turn-left", "turn-right")}
 LIBRARY_FLAGS = "-D_GLIBCXX_ASSERTIONS -fsanitize=undefined -fsanitize-undefined-trap-on-error"
 
 
@@ -165,7 +167,9 @@ def noticed_in_flight(patch):
     client = build_client(patch)
     noticed = fly(client, [patch.keys["Killer"]]) if "Killer" in patch.keys else []
     # An image has one firmware, and the suites ask for others.
-    return next(iter(noticed or ("Client" not in patch.keys and fly(client, [], "--fail-fast")) or []), None)
+    if not noticed and "Client" not in patch.keys:
+        noticed = [name for name in fly(client, []) if name not in LARGE_HEADINGS]
+    return next(iter(noticed), None)
 
 
 # --- Clients: the suite for firmware of others.
