@@ -400,11 +400,12 @@ void Node::SetPhase(dds::Phase phase, TimeNs time_ns, Origin origin, EndReason r
   Tell(phase);
 }
 
-// What the role has said of the flight stays true: a node that failed has not finished when it is told to stop.
+// What the role has said of the flight stays true, until the node is released: one that failed does not run when it is told
+// to start, nor has it finished when it is told to stop. The harness may see only the latest state.
 void Node::Tell(dds::Phase phase) {
   state_.run_id = run_id_;
   state_.node_id = options_.name;
-  if (phase != dds::Phase::kFinished || state_.phase != dds::Phase::kFailed) state_.phase = phase;
+  if (state_.phase != dds::Phase::kFailed || phase == dds::Phase::kIdle) state_.phase = phase;
   states_->Write(state_);
 }
 
