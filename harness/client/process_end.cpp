@@ -133,7 +133,7 @@ int sigqueue(pid_t process, int number, const union sigval value) noexcept {
   if (process == getpid()) EndCallWithSignal("sigqueue", number);
   return Next<int(pid_t, int, union sigval)>("sigqueue")(process, number, value);
 }
-int tgkill(pid_t process, pid_t thread, int number) noexcept {
+int tgkill(pid_t process, pid_t thread, int number) {
   if (process == getpid()) EndCallWithSignal("tgkill", number);
   return static_cast<int>(syscall(SYS_tgkill, process, thread, number));
 }

@@ -1,8 +1,8 @@
 // Hashes of a flight's files, by which a changed one is noticed. They stand in verdict.json, as `files`. The scenario has
 // none: its criteria may be changed, and the flight scored anew.
 //
-//   verdict["files"] = ToJson(HashesOf(folder));                     // when the flight has ended
-//   const std::string content = ReadFlightFile(folder / "link.bin");   // later; throws when it has changed
+//   const std::map<std::string, std::string> files = HashesOf(folder);   // when the flight has ended
+//   const std::string content = ReadFlightFile(folder / "link.bin");     // later; throws when it has changed
 #pragma once
 
 #include <filesystem>
