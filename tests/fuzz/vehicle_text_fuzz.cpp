@@ -24,7 +24,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const plant::VehicleXml xml(file);
     std::vector<plant::VehicleProblem> problems;
     std::vector<std::string> warnings;
-    xml.CheckNames(problems);
+    xml.Check(problems);
     const plant::VehicleElements elements = xml.ReadElements({}, warnings, problems);
     for (const plant::VehicleProblem& problem : problems) {
       Require(!problem.message.empty(), "a problem is said");
