@@ -72,7 +72,7 @@ std::string UnitOf(const ParameterInfo& info, const FaultSpec& fault, const Faul
 LevelRange Walk(double min, double max, std::optional<double> harmless, std::optional<double> own,
                 const SeverityChoice& choice) {
   double low = choice.low.value_or(min), high = choice.high.value_or(max);
-  // Of a number without a harmless value the user says which end is the mild one.
+  // The user names the mild end of a number that has no harmless value.
   const bool falls = !harmless && low > high;
   if (falls) std::swap(low, high);
   if (low < min || high > max) throw SeverityMistake(fmt::format("allowed is {:g} to {:g}", min, max));

@@ -117,7 +117,7 @@ class FirmwareGuard {
   // of a call, in another thread, in a process that the firmware has forked.
   static void EndCall(const char* what);
 
-  // Whether this thread may call back: not one that the firmware has started. Where nothing is guarded, each may.
+  // True in the thread that calls the firmware, and in every thread where nothing is guarded. Only it may call back.
   static bool IsGuardedThread();
   // For a call back from another thread: the present call, or the next, ends as that of a firmware that did so.
   // Async-signal-safe.
@@ -125,7 +125,7 @@ class FirmwareGuard {
 
   // The library in which places of crashes are looked for: an address in it. Null: none.
   static void SetFirmware(const void* address);
-  // Whether it is loaded there.
+  // True for the address at which that library is loaded.
   static bool IsFirmwares(const void* base);
   // Where in it the last call crashed, in one of its functions or in what they called: " at decoder.so+0x1a2b", the same in
   // every process. Empty when that is not known, or the call ended in another way.

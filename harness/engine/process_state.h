@@ -1,4 +1,4 @@
-// What a library in this process may not change, since the flight's results depend on it: its open files and its limits.
+// Open files and limits of this process. A library may not change them, because the flight's results depend on them.
 //
 //   const ProcessState before;
 //   ...                                        // the flight

@@ -207,7 +207,7 @@ WorkerResult FlyAndRecord(const FlightJob& job, WorkerReport& report, const std:
   } catch (const std::exception& error) {
     done.result = ErrorResult(job, error.what());
   }
-  // What went wrong here may be the firmware's doing.
+  // A failure here may be the firmware's doing.
   if (before && done.result.score.verdict == Verdict::kError)
     if (const std::string what = before->WhatChanged(); !what.empty()) {
       done.result = ErrorResult(job, fmt::format("the firmware {}: {}", what, done.result.score.reason));

@@ -66,7 +66,7 @@ std::string WorkerProcess::Start(const FlightJob& job, const std::atomic<bool>* 
   channel_ = ends[0];
   fcntl(channel_, F_SETFL, O_NONBLOCK);
   std::fflush(nullptr);
-  // What its firmware leaves behind comes to this process when the worker is killed.
+  // When the worker is killed, this process inherits the processes that the firmware left behind.
   AdoptOrphans();
   const pid_t parent = getpid();
   const pid_t pid = fork();

@@ -2,9 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <bit>
 #include <cstdint>
-#include <cstring>
 #include <nlohmann/json.hpp>
 
 #include "harness/report/files.h"
@@ -33,14 +31,8 @@ std::string RecordedHash(const std::filesystem::path& path) {
 }  // namespace
 
 std::string HashOf(std::string_view content) {
-  std::uint64_t hash = kFnvOffset;
-  for (; content.size() >= sizeof(std::uint64_t); content.remove_prefix(sizeof(std::uint64_t))) {
-    std::uint64_t word = 0;
-    std::memcpy(&word, content.data(), sizeof word);
-    hash = (hash ^ word) * kFnvPrime;
-  }
-  for (const char byte : content) hash = (hash ^ static_cast<std::uint8_t>(byte)) * kFnvPrime;
-  return fmt::format("{:016x}", hash);
+  return fmt::format("{:016x}",
+                     Fnv1a({reinterpret_cast<const std::uint8_t*>(content.data()), content.size()}));
 }
 
 std::map<std::string, std::string> HashesOf(const std::filesystem::path& folder) {

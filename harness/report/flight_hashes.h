@@ -16,7 +16,7 @@ namespace tiltproof::harness {
 // name. Throws FileError.
 std::map<std::string, std::string> HashesOf(const std::filesystem::path& folder);
 
-// 16 hexadecimal digits: FNV-1a over words of eight bytes. Any single changed byte changes it; not cryptographic.
+// FNV-1a as 16 hexadecimal digits. Any single changed byte changes it; not cryptographic.
 std::string HashOf(std::string_view content);
 
 // The content of a file in a flight's folder. Throws FileError when it cannot be read, or when verdict.json beside it has

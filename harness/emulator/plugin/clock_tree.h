@@ -63,7 +63,7 @@ class ClockTree final : public RegisterBlock {
   // Of the timers on APB1 or APB2: twice the bus's clock where that is divided (section 7.2).
   std::uint32_t timer_hz(int bus) const { return hclk_hz_ >> (ApbShift(bus) == 0 ? 0 : ApbShift(bus) - 1); }
 
-  // What no STM32F405 or F407 does at these clocks, with its supply at 2.7 V or more; empty: all is within the limits.
+  // The first limit of the STM32F405 and F407, at a supply of 2.7 V or more, that these clocks break; empty: none.
   std::string BrokenLimit(std::uint32_t wait_states, bool is_scale_1) const {
     if ((Word(kControl) & kPllOn) != 0) {
       const std::uint32_t pll = Word(kPll), m = pll & 0x3F, n = pll >> 6 & 0x1FF;

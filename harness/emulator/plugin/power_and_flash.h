@@ -18,7 +18,7 @@ class Pwr final : public RegisterBlock {
     ClearWords();
     Word(kControl) = kScale1;
   }
-  // Of the regulator: scale 2 is for lower clocks (section 5.1.3).
+  // The regulator's scale: scale 2 is for lower clocks (section 5.1.3).
   bool is_scale_1() const { return (Word(kControl) & kScale1) != 0; }
 
  private:
