@@ -3,17 +3,24 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <deque>
+#include <map>
 
 namespace tiltproof::harness {
 namespace {
+
+std::optional<bool> SurvivedIn(const TrialResult& result) {
+  if (result.answer == TrialResult::Answer::kUnknown) return std::nullopt;
+  return result.answer == TrialResult::Answer::kSurvived;
+}
 
 class Searches {
  public:
   Searches(Trials& trials, const std::vector<MarginTask>& tasks, const FindMarginsOptions& options)
       : trials_(trials), tasks_(tasks), options_(options), margins_(tasks.size()) {
     for (const MarginTask& task : tasks_)
-      searches_.push_back({MarginSearch(task.severity.range, options_.tolerance), {}});
+      searches_.push_back({MarginSearch(task.severity.range, options_.tolerance), {}, {}});
   }
 
   std::vector<std::optional<Margin>> Run() {
@@ -26,6 +33,7 @@ class Searches {
   struct Search {
     MarginSearch levels;
     Margin margin;
+    std::map<double, TrialResult> results;  // by level
   };
 
   void BeginOne() {
@@ -42,22 +50,36 @@ class Searches {
   }
 
   void Take(std::size_t task, double level, const TrialResult& result) {
-    auto& [levels, margin] = searches_[task];
-    margin.flights_count += result.flights_count;
+    Search& search = searches_[task];
+    search.margin.flights_count += result.flights_count;
+    search.results[level] = result;
     options_.on_level(tasks_[task], level, result);
-    if (result.answer == TrialResult::Answer::kUnknown) {
-      margin.unknown = result;
-      margin.unknown_level = level;
+    if (const std::optional<bool> survived = SurvivedIn(result);
+        survived || search.levels.is_beyond_limit(level)) {
+      search.levels.Take(survived);
+      if (search.levels.next()) return TryLevel(task);
+      Conclude(search);
     } else {
-      if (result.answer == TrialResult::Answer::kFailed) margin.at_fails = result;
-      levels.Take(result.answer == TrialResult::Answer::kSurvived);
-      if (levels.next()) return TryLevel(task);
-      margin.survives = levels.survives();
-      margin.fails = levels.fails();
+      search.margin.unknown = result;
+      search.margin.unknown_level = level;
     }
-    margins_[task] = margin;
-    options_.on_done(task, margin);
+    margins_[task] = search.margin;
+    options_.on_done(task, search.margin);
     BeginOne();
+  }
+
+  static void Conclude(Search& search) {
+    Margin& margin = search.margin;
+    margin.survives = search.levels.survives();
+    margin.fails = search.levels.fails();
+    margin.levels = search.levels.levels();
+    margin.pockets = search.levels.pockets();
+    margin.survived_share = search.levels.survived_share();
+    if (margin.fails) margin.at_fails = search.results.at(*margin.fails);
+    for (const LevelAnswer& answer : margin.levels) {
+      if (answer.survived != true) break;
+      margin.is_random = margin.is_random || !search.results.at(answer.level).is_of_any_seed;
+    }
   }
 
   Trials& trials_;
@@ -69,6 +91,8 @@ class Searches {
 };
 
 }  // namespace
+
+double SurePassShare(int count) { return std::pow(0.05, 1.0 / count); }
 
 std::vector<std::optional<Margin>> FindMargins(Trials& trials, const std::vector<MarginTask>& tasks,
                                                const FindMarginsOptions& options) {

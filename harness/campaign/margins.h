@@ -22,10 +22,15 @@ struct MarginTask {
 };
 
 struct Margin {
-  std::optional<double> survives, fails;  // as in MarginSearch
-  TrialResult at_fails;                   // where `fails` is set
+  std::optional<double> survives, fails;  // as in MarginSearch, as is what follows
+  std::vector<LevelAnswer> levels;
+  std::vector<Pocket> pockets;
+  std::optional<double> survived_share;
+  TrialResult at_fails;  // where `fails` is set
+  // At some level up to `survives` something was drawn at random, so that the seeds are a sample.
+  bool is_random = false;
   std::size_t flights_count = 0;
-  // The flight that could not be judged, and its level: the search stopped, and there is no margin.
+  // The flight that could not be judged, at a level below all that fail: the search stopped, and there is no margin.
   std::optional<TrialResult> unknown;
   double unknown_level = 0.0;
 };
@@ -38,6 +43,10 @@ struct FindMarginsOptions {
   // As they end; `task` is the place among the tasks.
   std::function<void(std::size_t task, const Margin&)> on_done = [](std::size_t, const auto&) {};
 };
+
+// With a confidence of 95 %, the least share of all seeds that pass where `count` of them were drawn and all passed: the
+// one-sided bound of Clopper and Pearson, 0.05^(1 / count). 59 of 59 give 95 %.
+double SurePassShare(int count);
 
 // In the order of the tasks. None: the search was interrupted, or the trials stopped.
 std::vector<std::optional<Margin>> FindMargins(Trials& trials, const std::vector<MarginTask>& tasks,

@@ -104,7 +104,10 @@ std::optional<TrialResult> Trials::Decide(const Trial& trial) {
     if (!result) return std::nullopt;
     ++decided.flights_count;
     const bool survived = Survived(result->score);
-    if (survived && result->is_of_any_seed) break;
+    if (survived && result->is_of_any_seed) {
+      decided.is_of_any_seed = true;
+      break;
+    }
     if (survived) continue;
     const bool failed = result->score.verdict == Verdict::kFail;
     decided.answer = failed ? TrialResult::Answer::kFailed : TrialResult::Answer::kUnknown;

@@ -32,6 +32,7 @@ struct TrialResult {
   };
   Answer answer = Answer::kSurvived;
   std::size_t flights_count = 0;  // up to the one that decided
+  bool is_of_any_seed = false;    // survived, and nothing in the flight was drawn at random
   // Of the flight that decided, unless it survived:
   std::string flight;  // its name
   std::uint64_t seed = 0;

@@ -7,6 +7,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "harness/cli/margin_scan.h"
 #include "harness/cli/search_flights.h"
 #include "harness/report/json_text.h"
 
@@ -24,7 +25,7 @@ Json PlaceJson(const EnvelopeRow& row) {
   return json;
 }
 
-Json EntryJson(const EnvelopeEntry& entry) {
+Json EntryJson(const EnvelopeEntry& entry, int repeat_count) {
   const LevelRange& range = entry.severity.range;
   Json json = PlaceJson(entry.row);
   json["client"] = entry.client;
@@ -44,6 +45,7 @@ Json EntryJson(const EnvelopeEntry& entry) {
   json["severest"] = range.end;
   json["scale"] = range.scale == faults::Scale::kLinear ? "linear" : "logarithmic";
   json["runs"] = entry.margin->flights_count;
+  AddScan(*entry.margin, repeat_count, json);
   if (entry.margin->unknown) json["error"] = WhyUnknown(*entry.margin->unknown);
   return json;
 }
@@ -71,11 +73,14 @@ std::string PlaceText(const EnvelopeRow& row) {
   return row.place + (row.side.empty() ? "" : row.side == "positive" ? "+" : "-");
 }
 
+constexpr std::string_view kPocketMark = "*";
+
 std::string Cell(const EnvelopeEntry& entry) {
   if (!entry.margin) return "-";
   if (entry.margin->unknown) return "error";
   if (!entry.margin->survives) return "none";
-  return entry.margin->fails ? fmt::format("{:.4g}", *entry.margin->survives) : "all";
+  if (!entry.margin->fails) return "all";
+  return fmt::format("{:.4g}{}", *entry.margin->survives, entry.margin->pockets.empty() ? "" : kPocketMark);
 }
 
 constexpr std::size_t kCellColumns = 12;
@@ -113,7 +118,7 @@ std::string ToJsonText(const Envelope& envelope) {
                {"rows", Json::array()},
                {"not_applicable", Json::array()}};
   for (const EnvelopeEntry& entry : envelope.entries)
-    if (entry.margin) json["rows"].push_back(EntryJson(entry));
+    if (entry.margin) json["rows"].push_back(EntryJson(entry, envelope.repeat_count));
   for (const EnvelopeNotApplicable& other : envelope.not_applicable)
     json["not_applicable"].push_back(
         {{"type", other.type}, {"place", other.place}, {"client", other.client}, {"reason", other.reason}});
@@ -145,6 +150,9 @@ std::string EnvelopeTable(const Envelope& envelope) {
     }
     text += "\n";
   }
+  if (text.find(kPocketMark) != std::string::npos)
+    text +=
+        fmt::format("{} survived again at a more severe level: `pockets` in envelope.json\n", kPocketMark);
   return text;
 }
 

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "harness/cli/commands.h"
+#include "harness/cli/margin_scan.h"
 #include "harness/report/files.h"
 
 namespace tiltproof::harness {
@@ -31,6 +32,7 @@ Margin MarginOf(const EarlierJson& row) {
   margin.survives = NumberOf(row, "survives");
   margin.fails = NumberOf(row, "fails");
   margin.flights_count = row.at("runs");
+  TakeScan(row, margin);
   if (!margin.fails) return margin;
   margin.at_fails.answer = TrialResult::Answer::kFailed;
   margin.at_fails.criterion = row.at("first_criterion");

@@ -8,10 +8,12 @@
 #include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
 #include "harness/cli/interrupt_scope.h"
+#include "harness/cli/margin_scan.h"
 #include "harness/cli/search_flights.h"
 #include "harness/cli/suite.h"
 #include "harness/report/json_text.h"
 #include "harness/scenario/did_you_mean.h"
+#include "harness/terminal/lines.h"
 #include "harness/terminal/terminal.h"
 
 namespace tiltproof::harness {
@@ -79,6 +81,7 @@ void PrintMargin(const MarginOptions& options, const MarginTask& task, const Mar
                                    {"fails", Number(margin.fails)},
                                    {"first_criterion", nullptr},
                                    {"runs", margin.flights_count}};
+    AddScan(margin, options.repeat_count, line);
     if (margin.fails) {
       line["first_criterion"] = margin.at_fails.criterion;
       line["time_s"] = Number(margin.at_fails.time_s);
@@ -100,8 +103,8 @@ void PrintMargin(const MarginOptions& options, const MarginTask& task, const Mar
   if (margin.fails)
     Print(stdout, "  at {} with seed {}: {}\n", value(*margin.fails), margin.at_fails.seed,
           margin.at_fails.reason);
-  Print(stdout, "  {} flight{}, up to {} per level\n", margin.flights_count,
-        margin.flights_count == 1 ? "" : "s", options.repeat_count);
+  for (const std::string& text : ScanLines(margin, options.repeat_count, task.severity.unit))
+    PrintLine(stdout, 2, text);
 }
 
 }  // namespace

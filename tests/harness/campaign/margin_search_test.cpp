@@ -7,8 +7,10 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <iterator>
 #include <optional>
 #include <set>
+#include <utility>
 #include <vector>
 
 namespace tiltproof::harness {
@@ -24,6 +26,8 @@ using ::testing::Le;
 struct Found {
   std::optional<double> survives, fails;
   std::vector<double> levels;  // that were tried
+  std::vector<Pocket> pockets;
+  std::optional<double> share;
 };
 
 Found Search(const LevelRange& range, const std::function<bool(double)>& survives, double tolerance = 0.01) {
@@ -32,11 +36,13 @@ Found Search(const LevelRange& range, const std::function<bool(double)>& survive
   while (const std::optional<double> level = search.next()) {
     found.levels.push_back(*level);
     search.Take(survives(*level));
-    EXPECT_LT(found.levels.size(), 200u) << "no end";
-    if (found.levels.size() >= 200) break;
+    EXPECT_LT(found.levels.size(), 400u) << "no end";
+    if (found.levels.size() > 400) break;
   }
   found.survives = search.survives();
   found.fails = search.fails();
+  found.pockets = search.pockets();
+  found.share = search.survived_share();
   EXPECT_EQ(std::set<double>(found.levels.begin(), found.levels.end()).size(), found.levels.size())
       << "no level is tried twice";
   EXPECT_TRUE(!found.survives || survives(*found.survives));
@@ -104,7 +110,8 @@ TEST(MarginSearch, AnythingIsSurvived) {
     const Found found = Search(range, all);
     EXPECT_EQ(found.survives, range.end);
     EXPECT_EQ(found.fails, std::nullopt);
-    EXPECT_LE(found.levels.size(), 27u);
+    EXPECT_LE(found.levels.size(), 130u);
+    EXPECT_THAT(*found.share, DoubleNear(1.0, 1e-9));
   }
 }
 
@@ -122,20 +129,74 @@ TEST(MarginSearch, NothingIsSurvived) {
   EXPECT_EQ(part.fails, 0.1);
 }
 
-TEST(MarginSearch, StopsAtTheFirstLimitThatItsGridSees) {
+TEST(MarginSearch, ReportsWhereAHigherLevelIsSurvivedAgain) {
   // Survived up to 3, from 5 to 6 and beyond 8.
   const auto pockets = [](double x) { return x < 3 || (x > 5 && x < 6) || x > 8; };
   const Found found = Search({.start = 0, .end = 10}, pockets);
   EXPECT_THAT(*found.fails, DoubleNear(3, 0.03));
-  EXPECT_THAT(found.levels, Each(Le(4.0))) << "it never looks beyond the first failure";
+  ASSERT_EQ(found.pockets.size(), 2u);
+  EXPECT_EQ(found.pockets[0].from, *found.fails);
+  EXPECT_THAT(found.pockets[0].to, DoubleNear(5, 0.5));
+  EXPECT_THAT(found.pockets[1].from, DoubleNear(6, 0.5));
+  EXPECT_THAT(found.pockets[1].to, DoubleNear(8, 0.5));
+  EXPECT_THAT(*found.share, DoubleNear(0.6, 0.1)) << "of the range";
+  EXPECT_EQ(Search({.start = 0, .end = 10}, [](double x) { return x < 3; }).pockets, std::vector<Pocket>());
 }
 
-TEST(MarginSearch, APocketBetweenItsLevelsStillGivesATrueBracket) {
-  // Bisection falls into it: what it reports was survived and failed all the same.
-  const Found found =
-      Search({.start = 0, .end = 12}, [](double x) { return x < 3.2 || (x > 3.4 && x < 3.8); });
-  EXPECT_LE(*found.fails - *found.survives, 0.01 * *found.fails);
-  EXPECT_THAT(*found.fails, ::testing::AnyOf(DoubleNear(3.2, 0.05), DoubleNear(3.8, 0.05)));
+// Pockets that a search by steps of a twelfth and bisection went past: the limit is before them.
+TEST(MarginSearch, NoPocketBelowTheLimitIsWiderThanItsSteps) {
+  for (double width : {0.034, 0.05, 0.2}) {
+    for (double at = 0.05; at < 0.93; at += 0.0171) {
+      for (const double limit : {0.0007, 0.31, 1.0}) {
+        const auto fails_in = [&](double x) { return x > at * limit && x < (at + width) * limit; };
+        const Found found = Search({.start = 0, .end = 1, .harmless = 0.0},
+                                   [&](double x) { return x <= limit && !fails_in(x); });
+        EXPECT_THAT(*found.fails, DoubleNear(at * limit, 0.012 * at * limit)) << at << " of " << limit;
+      }
+    }
+  }
+}
+
+TEST(MarginSearch, NoPocketOnALogarithmicScaleIsWiderThanItsSteps) {
+  for (double at = 1e-5; at < 0.1; at *= 1.31) {
+    const auto survives = [&](double x) { return x < 0.2 && (x < at || x > at * 1.35); };
+    const Found found =
+        Search({.start = 0, .end = 1, .scale = Scale::kLogarithmic, .harmless = 0.0}, survives);
+    EXPECT_THAT(*found.fails, DoubleNear(at, 0.012 * at));
+    const Found down = Search({.start = 1e6, .end = 0, .scale = Scale::kLogarithmic, .harmless = 1e6},
+                              [&](double x) { return survives(1 / x); });
+    EXPECT_THAT(*down.fails, DoubleNear(1 / at, 0.012 / at));
+  }
+}
+
+TEST(MarginSearch, NeighboursAreNearBelowTheLimit) {
+  const Found linear = Search({.start = 0, .end = 1}, [](double x) { return x < 0.1; });
+  const Found decades =
+      Search({.start = 0, .end = 1, .scale = Scale::kLogarithmic}, [](double x) { return x < 0.1; });
+  for (const auto& [found, is_linear] : {std::pair(linear, true), std::pair(decades, false)}) {
+    std::vector<double> below;
+    std::copy_if(found.levels.begin(), found.levels.end(), std::back_inserter(below),
+                 [&](double level) { return level <= *found.survives; });
+    std::sort(below.begin(), below.end());
+    EXPECT_GE(below.size(), is_linear ? 33u : 40u);
+    for (std::size_t i = 1; i < below.size(); ++i) {
+      if (is_linear)
+        EXPECT_LE(below[i] - below[i - 1], 0.1 / 32 * 1.06);
+      else
+        EXPECT_LE(below[i] / below[i - 1], std::pow(10, 1.06 / 8));
+    }
+  }
+}
+
+TEST(MarginSearch, ALevelBeyondTheLimitNeedNotBeJudged) {
+  MarginSearch search({.start = 0, .end = 10}, 0.01);
+  while (const std::optional<double> level = search.next())
+    search.Take(*level > 7 ? std::nullopt : std::optional(*level < 3));
+  EXPECT_THAT(*search.fails(), DoubleNear(3, 0.03));
+  EXPECT_THAT(search.pockets(), ::testing::IsEmpty());
+  MarginSearch below({.start = 0, .end = 10}, 0.01);
+  below.Take(true);
+  EXPECT_ANY_THROW(below.Take(std::nullopt));
 }
 
 // When every frame is replaced, what remains may be harmless, as a constant delay is; six in ten are not.

@@ -16,7 +16,7 @@ TABLES = SOURCE / "scenarios/envelope/tables.py"
 
 def row(fault, client, survives, fails, place=("target", "both"), **more):
     return {"type": fault, place[0]: place[1], "client": client, "parameter": "p", "survives": survives, "fails": fails, "unit": "s", "harmless": 0,
-            "mildest": 0, "severest": 10, "scale": "linear", "runs": 1, **more}
+            "mildest": 0, "severest": 10, "scale": "linear", "runs": 1, "levels": [], "pockets": [], "survived_share": 0.5, "seeds": 20, **more}
 
 
 class SurvivalTest(unittest.TestCase):
@@ -45,7 +45,7 @@ class SurvivalTest(unittest.TestCase):
                                         "not_applicable": [{"type": fault, "place": "", "client": "paper", "reason": why} for fault, why in not_applicable]}))
 
     def page_rows(self, page=None):
-        """Of each row: the type with its mark, where, unit, twice (paper, tolerant, ratio), why."""
+        """Of each row: the type with its mark, where, unit, twice (paper, tolerant, ratio, less at), why."""
         lines = (page or self.folder / "page.md").read_text().splitlines()
         return [[text.strip() for text in re.split(r"(?<!\\)\|", line)[1:-1]] for line in lines if line.startswith("| `")]
 
@@ -81,7 +81,21 @@ class SurvivalTest(unittest.TestCase):
         self.write(better, worse)
         code, out = self.tables()
         self.assertEqual(code, 1)
-        self.assertIn("worse: a.x both: 1 and 0.97, 0.97 times as far", out)
+        self.assertIn("worse: a.x both: 1 (50 %) and 0.97 (50 %), 0.97 times as far", out)
+
+    def test_pockets_and_what_is_exact(self):
+        """Both directions of a severity; a level that only the first one survives is named, also beyond the limit of the second."""
+        survived, failed = (lambda *levels: [[level, True] for level in levels]), (lambda *levels: [[level, False] for level in levels])
+        self.write([row("a.up", "paper", 1, 2, levels=survived(0, 1) + failed(2, 3) + survived(6, 7), pockets=[[2, 3]], seeds=1),
+                    row("a.up", "tolerant", 3, 4, levels=survived(0, 3) + failed(4, 6.5, 8), seeds=1),
+                    row("a.down", "paper", -1, -2, levels=survived(0, -1) + failed(-2), severest=-10),
+                    row("a.down", "tolerant", -3, -4, levels=survived(0, -3) + failed(-4), severest=-10),
+                    row("a.everything", "paper", 10, None), row("a.everything", "tolerant", 10, None, seeds=1)])
+        code, out = self.tables()
+        self.assertEqual(code, 1)
+        self.assertIn("worse: a.up both: at 6 to 7", out)
+        self.assertEqual([line[3:7] for line in self.page_rows()], [["1\\*° (50 %)", "3° (50 %)", "3", "6 to 7"], ["-1 (50 %)", "-3 (50 %)", "3", ""],
+                                                                    ["all", "all°", "1", ""]])
 
     def test_a_row_that_could_be_better_needs_a_reason(self):
         same = [row("a.x", "paper", 1, 1.1), row("a.x", "tolerant", 1, 1.1)]
@@ -111,8 +125,8 @@ class SurvivalTest(unittest.TestCase):
         self.assertEqual(code, 1)
         self.assertEqual(re.findall("not on the page: (.*)", out), ["b.forgotten"])
         self.assertEqual([[line[0], *line[3:6], line[-1]] for line in self.page_rows()],
-                         [["`a.x`", "1", "3", "3", ""], ["`a.wind`\\*", "1", "3", "3", ""], ["`b.chip`", "n/a", "n/a", "-", "no number"],
-                          ["`b.node`", "n/a", "n/a", "-", "needs nodes"], ["`b.byte`†", "1", "3", "3", ""]])
+                         [["`a.x`", "1 (50 %)", "3 (50 %)", "3", ""], ["`a.wind`‡", "1 (50 %)", "3 (50 %)", "3", ""], ["`b.chip`", "n/a", "n/a", "-", "no number"],
+                          ["`b.node`", "n/a", "n/a", "-", "needs nodes"], ["`b.byte`†", "1 (50 %)", "3 (50 %)", "3", ""]])
         self.assertIn("| b | 3 | 1 | 1 | 1 |", self.readme.read_text())
 
     def test_what_is_not_flown_anew_stays(self):
@@ -125,31 +139,31 @@ class SurvivalTest(unittest.TestCase):
         shutil.rmtree(self.folder / "spiral-other-vehicle")
         code, out = self.tables()
         self.assertEqual(code, 1)
-        self.assertIn("worse: a.z x_m-: 1 and none, 0 times as far", out)
+        self.assertIn("worse: a.z x_m-: 1 (50 %) and none, 0 times as far", out)
         after = self.page_rows()
         self.assertEqual(after[1:], before[1:])
-        self.assertEqual(after[0][3:9], ["1", "4", "4", "1", "3", "3"], "the half that was not flown stays, too")
+        self.assertEqual(after[0][3:10], ["1 (50 %)", "4 (50 %)", "4", "", "1 (50 %)", "3 (50 %)", "3"], "the half that was not flown stays, too")
 
     def test_the_shipped_page(self):
         rows = self.page_rows(SOURCE / "docs/survival.md")
         known = re.findall(r"(?m)^## ([a-z_.]+)$", subprocess.run([PROGRAM, "faults"], capture_output=True, text=True, check=True).stdout)
         self.assertEqual(list(dict.fromkeys(line[0].split("`")[1] for line in rows)), known)
         for line in rows:
-            for tolerant, value in (line[4:6], line[7:9]):
+            for tolerant, value in (line[4:6], line[8:10]):
                 if tolerant == "-" and line[0].endswith("†"):
                     continue  # on the emulated board one vehicle is enough: the page says that the other was not flown
-                if value == "-" or (float(value.replace("∞", "inf")) < 2 and tolerant != "all"):
+                if value == "-" or (float(value.replace("∞", "inf")) < 2 and not tolerant.startswith("all")):
                     self.assertNotEqual(line[-1], "", line)
 
         # In the short table what was not flown is no zero.
         for layer, *counts in re.findall(r"(?m)^\| (\w+) \| \d+ \| [1-9]\d* \| (\S+) \| (\S+) \|$", (SOURCE / "docs/survival.md").read_text()):
-            ratios = [(line[5], line[8]) for line in rows if line[0].startswith(f"`{layer}.")]
+            ratios = [(line[5], line[9]) for line in rows if line[0].startswith(f"`{layer}.")]
             self.assertEqual([count == "-" for count in counts], [set(half) == {"-"} for half in zip(*ratios)], layer)
 
     def test_the_vehicle_with_drag_is_the_same_but_for_its_drag(self):
         # The envelope of the winds: one line more in the vehicle, one more or another one in the scenario.
         self.tables("--fly", PROGRAM, "-j", "2", "--types", "plant.gust,plant.mass", "--repeats", "1", "--tolerance", "0.5")
-        self.assertEqual(sorted(line[0] for line in self.page_rows()), ["`plant.gust`\\*", "`plant.mass`", "`plant.mass`"])
+        self.assertEqual(sorted(line[0] for line in self.page_rows()), ["`plant.gust`‡", "`plant.mass`", "`plant.mass`"])
         for name, model in (("spiral", "plant/models/tiltrotor.sdf"), ("spiral-other-vehicle", "scenarios/envelope/other-vehicle.sdf")):
             folder = self.folder / f"{name}-drag"
             lines = (SOURCE / model).read_text().splitlines()

@@ -589,6 +589,14 @@ check("an envelope has a page with a bar for each margin", async () => {
     const share = row.fails === null ? 1 : row.scale === "linear" ? (row.survives - row.harmless) / (row.severest - row.harmless) : 1 + Math.log10(row.survives / row.severest) / 6;
     assert.ok(Math.abs(all - share) < 0.01, `${label}: ${all} is ${share}`);
   }
+  // Where a bar goes on behind levels that failed: at the beginnings of stretches of survived levels.
+  for (const line of await page.locator("tr[data-type]").all()) {
+    const [type, place] = [await line.getAttribute("data-type"), await line.getAttribute("data-place")];
+    const rows = found.rows.filter((row) => row.type === type && (row.target ?? row.actuator) === place);
+    const again = rows.flatMap(({ levels }) => levels.filter(([, survived], i) => survived && i > 0 && levels[i - 1][1] === false));
+    assert.equal(await line.locator("rect.again").count(), again.length, `${type} ${place}`);
+    assert.equal(again.length, rows.flatMap((row) => row.pockets).length);
+  }
   await page.screenshot({ path: join(out, "envelope-light.png"), fullPage: true });
   await page.close();
 });
@@ -633,6 +641,9 @@ check("both sides of a margin are a flight, and a command", async () => {
   await rowOf(page, row).locator("button.open").click();
   const commands = await page.locator(".sides section").first().locator("code").allTextContents();
   assert.equal(commands.length, 2);
+  const told = await page.locator(".sides section").first().textContent();
+  assert.match(told, /2 of 2 seeds pass at each level up to the limit: 95 % sure that at least 22 % of all seeds do\./);
+  assert.ok(told.includes(`${row.levels.length} levels were flown`), told);
   for (const [i, verdict] of [[0, "PASS"], [1, "FAIL (expected)"]]) {
     const flown = spawnSync("/bin/sh", ["-c", `${commands[i]} --out ${join(envelopes, "again")} --no-report`], { encoding: "utf8" });
     assert.equal(flown.status, 0, flown.stderr);

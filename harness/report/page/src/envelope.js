@@ -52,9 +52,22 @@ function missingOf(line, client) {
   return "n/a";
 }
 
+// Beyond the first level that failed: from which to which level all that were flown are survived.
+function againOf(row) {
+  const stretches = [];
+  let failed = false, last = null;
+  for (const [level, survived] of row?.levels ?? []) {
+    failed ||= survived === false;
+    if (failed && survived && last) stretches.at(-1)[1] = level;
+    else if (failed && survived) stretches.push([level, level]);
+    last = survived;
+  }
+  return stretches;
+}
+
 const bars = (line) =>
   rangeBars({ scale: line.scale, unit: line.any.unit === "1" ? "" : line.any.unit, label: `${line.type} ${line.place}`.trim(),
-    bars: line.rows.map((row, i) => ({ name: clients[i], survives: row?.survives ?? null, fails: row?.fails ?? null, missing: missingOf(line, clients[i]) })) });
+    bars: line.rows.map((row, i) => ({ name: clients[i], survives: row?.survives ?? null, fails: row?.fails ?? null, again: againOf(row), missing: missingOf(line, clients[i]) })) });
 
 // A path from here to a page that stands beside this one, as an address.
 const addressOf = (side) => `./${side.page.split("/").map(encodeURIComponent).join("/")}#flight=${encodeURIComponent(side.flight)}`;
@@ -93,7 +106,12 @@ function details(line) {
     }
     if (row.error !== undefined) return el("section", {}, title, el("p", { text: row.error }));
     const when = row.time_s === null || row.time_s === undefined ? "" : `, at ${seconds(row.time_s)}`;
+    const unit = row.unit && row.unit !== "1" ? ` ${row.unit}` : "";
+    const sure = row.seeds === 1 ? "Nothing is drawn at random: one flight speaks for all seeds." : `${row.seeds} of ${row.seeds} seeds pass at each level up to the limit: 95 % sure that at least ${number(100 * row.sure_share, 2)} % of all seeds do.`;
+    const share = row.survived_share === null || row.survived_share === undefined ? "" : ` Survives ${number(100 * row.survived_share, 3)} % of the range.`;
     return el("section", {}, title, side(row, "survives"), side(row, "fails"),
+      (row.pockets ?? []).length > 0 ? el("p", { class: "pockets", text: `Fails from ${row.pockets.map(([from, to]) => `${number(from, 5)} to ${number(to, 5)}${unit}`).join(", and from ")}, and survives more severe levels.` }) : null,
+      row.levels ? el("p", { class: "hint", text: `${sure}${share} ${row.levels.length} levels were flown.` }) : null,
       el("p", { class: "hint", text: `${row.fails === null ? "" : `First violated: ${row.first_criterion}${when}. `}${row.runs} flights.` }));
   });
 }
@@ -157,7 +175,7 @@ function show() {
     el("h1", { text: "How severe may a fault be" }), countBoxes(boxes),
     ...(envelope.complete ? [] : [el("p", { class: "note", role: "note", text: "The envelope is not complete: it was interrupted, or is still under way." })]),
     el("p", { class: "legend" }, clients.map((client, i) => el("span", { class: "item" }, swatch(i), client)),
-      el("span", { class: "item hint", text: "bar: survived up to here · line: the first level that failed · none: the mildest failed · all: the most severe was survived · … : the range goes on" })),
+      el("span", { class: "item hint", text: "bar: survived up to here · line: the first level that failed · pale: survived again · none: the mildest failed · all: the most severe was survived · … : the range goes on" })),
     el("p", { class: "hint", text: `${envelope.repeats} seeds at each level from seed ${envelope.seed} on, exact to ${number(share)} % of the distance from harmless.${two ? ` Ratio: how many times as far from harmless ${names[1]} goes as ${names[0]}; ▼ marks less.` : ""}` }),
     filters, told, all.length > 0 ? table : el("p", { text: "This envelope has no rows." }),
     ...((envelope.map ?? []).length > 0 ? [el("h2", { text: "Two faults at once" }), el("div", { class: "maps" }, envelope.map.map(map))] : []),
