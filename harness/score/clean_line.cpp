@@ -45,14 +45,10 @@ class Excuses {
     }
   }
 
-  bool ByFault(TimeNs time_ns) const {
-    return std::ranges::any_of(windows_,
-                               [&](const faults::Window& window) {
-                                 return window.begin_ns <= time_ns && time_ns <= window.end_ns;
-                               }) ||
-           std::ranges::any_of(activities_, [&](const faults::Activity& activity) {
-             return activity.Touches(time_ns - kAftermath, time_ns + 1);
-           });
+  bool ByFault(TimeNs time_ns) const { return ByFaultWithin(time_ns, time_ns); }
+  // An answer is due within a period, in which a fault may begin.
+  bool ByFault(LineMistakeKind kind, TimeNs time_ns) const {
+    return ByFaultWithin(time_ns, kind == LineMistakeKind::kUnanswered ? time_ns + period_ns_ : time_ns);
   }
   // In real time: whether this machine took time from the board or from the harness.
   bool ByMachine(TimeNs time_ns) const {
@@ -64,6 +60,15 @@ class Excuses {
   }
 
  private:
+  bool ByFaultWithin(TimeNs begin_ns, TimeNs end_ns) const {
+    return std::ranges::any_of(windows_,
+                               [&](const faults::Window& window) {
+                                 return window.begin_ns <= end_ns && begin_ns <= window.end_ns;
+                               }) ||
+           std::ranges::any_of(activities_, [&](const faults::Activity& activity) {
+             return activity.Touches(begin_ns - kAftermath, end_ns + 1);
+           });
+  }
   void AddFault(const faults::FaultSpec& spec, const faults::FaultType& type) {
     const faults::Window window = faults::WindowOf(spec);
     if (type.end == faults::Bound::kRefused) {
@@ -126,7 +131,7 @@ Findings FindMistakes(const Scenario& scenario, const RunLog& log, std::size_t c
     }
     for (std::int64_t i = 0; i < count && time_ns <= end_ns; ++i, time_ns += period_ns) {
       if (mistake.kind == LineMistakeKind::kMissing) missing_until_ns = time_ns;
-      if (excuses.ByFault(time_ns) || excuses.ByMachine(time_ns)) continue;
+      if (excuses.ByFault(mistake.kind, time_ns) || excuses.ByMachine(time_ns)) continue;
       if (kind.count++ == 0) {
         kind.first_ns = time_ns;
         kind.text = mistake.text;

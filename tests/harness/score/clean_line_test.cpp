@@ -142,6 +142,25 @@ TEST(CleanLine, AResetExcusesUntilItsBootEnds) {
   EXPECT_EQ(verdict(9.1, {{2 * kNsPerS, "reset by pin"}}), Verdict::kFail);
 }
 
+// A firmware that needs most of a period for its answer cannot give it once it is reset.
+TEST(CleanLine, AnAnswerThatAFaultCutsOffIsNoMistake) {
+  const auto verdict = [](TimeNs before_ns) {
+    RunLog log = FlightWith({{4 * kNsPerS - before_ns, LineMistakeKind::kUnanswered},
+                             {8 * kNsPerS - before_ns, LineMistakeKind::kUnanswered}});
+    for (const TimeNs time_ns : {4 * kNsPerS, 8 * kNsPerS})
+      log.clients[0].restarts.push_back({time_ns, "reset by pin"});
+    return CleanLineOf(log).verdict;
+  };
+  EXPECT_EQ(verdict(kPeriod / 2), Verdict::kPass);
+  EXPECT_EQ(verdict(kPeriod), Verdict::kPass);
+  EXPECT_EQ(verdict(kPeriod + 1), Verdict::kFail);
+  faults::FaultSpec silence = Fault("f", 4 * kNsPerS, 5 * kNsPerS);
+  silence.type = "link.silence";
+  const std::vector<LineMistake> late = {{4 * kNsPerS - kPeriod / 2, LineMistakeKind::kUnanswered},
+                                         {4 * kNsPerS - kPeriod / 4, LineMistakeKind::kUnanswered}};
+  EXPECT_EQ(VerdictUnder(FlightWith(late), silence), Verdict::kPass);
+}
+
 TEST(CleanLine, SaysWhatWhenAndHowOften) {
   const RunLog log =
       FlightWith({{2 * kNsPerS, LineMistakeKind::kMalformed, 1, "bad_checksum, bytes 7e 01 ab"},
