@@ -345,6 +345,7 @@ int64_t tiltproof_client_grant(TiltproofClient* client, int64_t now_ns) {
     RunControl(client, now_ns);
   }
   if (now_ns >= client->next_request_ns) {
+    client->main_line.in_frame = false; /* A reply that is not whole by now answers the request before. */
     client->waiting = true;
     client->next_request_ns += kPeriodNs;
     Send(client, now_ns, kServiceSensors, NULL, 0);
