@@ -57,9 +57,8 @@ BrokenFlight EndedBySignal(const FlightEvent& event) {
           .key = fmt::format("crash: {}", KeyOfReason(event.text)),
           .reason = fmt::format("the firmware ends its process by a signal, again and again: {}", event.text),
           .may_pass =
-              "Every other command calls this an error (exit code 3): one flight alone does not show who "
-              "sent the "
-              "signal."};
+              "Every other command calls this an error (exit code 3), because one flight alone does not show "
+              "who sent the signal."};
 }
 
 // Of a firmware that took its process with it.
@@ -101,11 +100,9 @@ std::optional<std::string> WhyByDesign(const CriterionSpec& criterion, const Fli
     return one.name == criterion.name && one.verdict == Verdict::kFail;
   });
   if (holds || !DependsOnDesign(criterion)) return std::nullopt;
-  return criterion.name == kIgnored.criterion ? "this firmware leaves whole replies without a command where "
-                                                "no frame is broken: such a reply is "
-                                                "no finding"
-                                              : "this firmware commands without a reply where no frame is "
-                                                "broken: such a command is no finding";
+  const bool ignores = criterion.name == kIgnored.criterion;
+  return fmt::format("this firmware {} where no frame is broken: that is no finding",
+                     ignores ? "ignores whole replies" : "commands without a reply");
 }
 
 std::string KeyOfReason(const std::string& reason, bool with_places) {

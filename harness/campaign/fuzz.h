@@ -132,7 +132,7 @@ class FuzzCampaign {
                                   bool with_coverage = true);
   // The same, of any flight.
   std::optional<BrokenFlight> Fly(FlightJob job, FlightResult* result);
-  // Those that it does not break by design.
+  // Those that the firmware does not break by design.
   std::vector<CriterionSpec> CriteriaOfDesign();
   void Minimise(FuzzFinding& finding, const std::function<bool()>& is_over);
   bool interrupted() const {
