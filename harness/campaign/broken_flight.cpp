@@ -21,7 +21,10 @@ struct FuzzOracle {
 };
 constexpr FuzzOracle kSilence{"talks-again", "silence"};
 constexpr FuzzOracle kMessages{"sends-only-messages", "command"};
-constexpr std::array kFuzzOracles = {kMessages, kSilence};
+constexpr FuzzOracle kIgnored{"answers-whole-replies", "ignored"};
+constexpr FuzzOracle kStale{"commands-once-a-reply", "stale"};
+// The first that is broken names the finding: a client that is silent answers nothing, either.
+constexpr std::array kFuzzOracles = {kMessages, kSilence, kIgnored, kStale};
 
 bool IsDigit(char c) { return c >= '0' && c <= '9'; }
 bool IsHexDigit(char c) { return IsDigit(c) || (c >= 'a' && c <= 'f') || (c >= 'A' && c <= 'F'); }
@@ -49,6 +52,15 @@ BrokenFlight DamagedMemory(const FlightResult& result) {
               "there. A library built with -fsanitize=address fails where the mistake is made."};
 }
 
+BrokenFlight EndedBySignal(const FlightEvent& event) {
+  return {.kind = "crash",
+          .key = fmt::format("crash: {}", KeyOfReason(event.text)),
+          .reason = fmt::format("the firmware ends its process by a signal, again and again: {}", event.text),
+          .may_pass =
+              "Every other command calls this an error (exit code 3), because one flight alone does not show "
+              "who sent the signal."};
+}
+
 // Of a firmware that took its process with it.
 bool IsOfThread(const std::string& reason) { return reason.starts_with("a thread that "); }
 
@@ -74,7 +86,23 @@ std::vector<CriterionSpec> FuzzCriteria(const link::Protocol& protocol) {
                          .max = max};
   };
   return {at_most(kMessages, "protocol.malformed_sent_count", 0),
-          at_most(kSilence, "timing.silent_at_end_ms", half_tail_ms)};
+          at_most(kSilence, "timing.silent_at_end_ms", half_tail_ms),
+          at_most(kIgnored, "protocol.replies_ignored_count", 0),
+          at_most(kStale, "protocol.commands_without_reply_count", 0)};
+}
+
+bool DependsOnDesign(const CriterionSpec& criterion) {
+  return criterion.name == kIgnored.criterion || criterion.name == kStale.criterion;
+}
+
+std::optional<std::string> WhyByDesign(const CriterionSpec& criterion, const FlightResult& well_formed) {
+  const bool holds = std::ranges::none_of(well_formed.score.criteria, [&](const CriterionResult& one) {
+    return one.name == criterion.name && one.verdict == Verdict::kFail;
+  });
+  if (holds || !DependsOnDesign(criterion)) return std::nullopt;
+  const bool ignores = criterion.name == kIgnored.criterion;
+  return fmt::format("this firmware {} where no frame is broken: that is no finding",
+                     ignores ? "ignores whole replies" : "commands without a reply");
 }
 
 std::string KeyOfReason(const std::string& reason, bool with_places) {
@@ -145,9 +173,9 @@ std::optional<BrokenFlight> BrokenBy(const FlightResult& result) {
     if (criterion == result.score.criteria.end() || criterion->verdict != Verdict::kFail) continue;
     const std::string text = fmt::format("{}: {}", criterion->name, criterion->explanation);
     if (oracle.criterion != kMessages.criterion) return broken(oracle.kind, text, "");
-    // "...: u_f_r_n = nan, plausible is ...": which field it is tells them apart.
-    const std::string refused = TextOfEvent(result, "command_refused");
-    return broken(oracle.kind, text, refused.substr(0, refused.find(" = ")));
+    // A check that is missing lets wrong values into each field, so that the field does not matter.
+    return broken(oracle.kind, text,
+                  EventOf(result, kCommandRefusedEvent) == nullptr ? "" : "a refused command");
   }
   if (const std::string end = TextOfEvent(result, kEndFailedEvent); !end.empty()) {
     BrokenFlight crash = crashed(fmt::format("after the flight: {}", end), end);
@@ -158,6 +186,8 @@ std::optional<BrokenFlight> BrokenBy(const FlightResult& result) {
 }
 
 std::optional<BrokenFlight> BrokenOutsideCalls(const FlightResult& result, const link::Protocol& protocol) {
+  const FlightEvent* const ended = EventOf(result, kEndedBySignalEvent);
+  if (ended != nullptr && ended->time_s >= ToSeconds(HostileFrom(protocol))) return EndedBySignal(*ended);
   const FlightEvent* const failed = EventOf(result, kFailedOutsideCallsEvent);
   if (failed == nullptr || failed->time_s < ToSeconds(HostileFrom(protocol))) return std::nullopt;
   return DamagedMemory(result);

@@ -13,7 +13,8 @@
 namespace tiltproof::harness {
 
 struct BrokenFlight {
-  std::string kind;    // "crash", "hang", "restart", "silence", "command": begins the name of a finding
+  // "crash", "hang", "restart", "command", "silence", "ignored", "stale": the name of a finding begins with it.
+  std::string kind;
   std::string key;     // the same for flights that broke in the same way
   std::string reason;  // one line
   // Why the same flight may pass while the defect is there, as a sentence; empty: it fails again.
@@ -24,12 +25,18 @@ struct BrokenFlight {
 
 // The criteria that a flight of a campaign has: the oracles beside those that every flight has.
 std::vector<CriterionSpec> FuzzCriteria(const link::Protocol& protocol);
+// True where a firmware may break the criterion by design, and a busy machine in real time.
+bool DependsOnDesign(const CriterionSpec& criterion);
+// Why breaking the criterion is no finding for a firmware, as a sentence: it did so in WellFormedFlight(), where no frame is
+// broken. None: it is one.
+std::optional<std::string> WhyByDesign(const CriterionSpec& criterion, const FlightResult& well_formed);
 
 // Of a flight with these criteria. A vehicle that is lost says nothing about the reader of frames.
 std::optional<BrokenFlight> BrokenBy(const FlightResult& result);
 
-// What a flight broke whose process failed outside the firmware's calls. That may as well be the harness's own fault: it
-// counts when it is seen again, and a flight without hostile bytes is green. None: it died before it heard any.
+// What a flight broke whose process failed outside the firmware's calls, or was ended by a signal that others send, too.
+// That may as well be the harness's own fault or a user's wish: it counts when it is seen again, and a flight without
+// hostile bytes is green. None: it died before it heard any.
 std::optional<BrokenFlight> BrokenOutsideCalls(const FlightResult& result, const link::Protocol& protocol);
 
 // A reason without what differs from flight to flight: times, addresses, numbers. `with_places`: but with lines of a source

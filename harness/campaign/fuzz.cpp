@@ -74,8 +74,12 @@ FlightJob FuzzCampaign::JobOf(const HostileSequence& sequence, std::string name,
 
 std::optional<BrokenFlight> FuzzCampaign::Fly(const HostileSequence& sequence, FlightResult* result,
                                               bool with_coverage) {
+  return Fly(JobOf(sequence, fmt::format("repeat {}", repeats_count_++), with_coverage), result);
+}
+
+std::optional<BrokenFlight> FuzzCampaign::Fly(FlightJob job, FlightResult* result) {
   Engine engine({.tell = options_.tell, .interrupted = options_.interrupted});
-  auto flown = engine.Submit(JobOf(sequence, fmt::format("repeat {}", repeats_count_++), with_coverage));
+  auto flown = engine.Submit(std::move(job));
   while (!engine.idle()) {
     engine.Turn();
     options_.on_turn();
@@ -102,6 +106,8 @@ std::optional<BrokenFlight> FuzzCampaign::SeenAgain(const HostileSequence& seque
 }
 
 std::optional<std::string> FuzzCampaign::WhyUnusable() {
+  std::vector<CriterionSpec>& criteria = options_.flight.scenario.criteria;
+  std::erase_if(criteria, DependsOnDesign);
   FlightResult result;
   const auto broken = Fly({.inputs = {}}, &result);
   if (interrupted()) return std::nullopt;
@@ -109,7 +115,24 @@ std::optional<std::string> FuzzCampaign::WhyUnusable() {
   sees_coverage_ = result.coverage_kind != CoverageKind::kBlackBox;
   HasNewFeature(result);
   if (result.score.verdict != Verdict::kPass) return result.score.reason;
+  if (!options_.flight.means.realtime) criteria = CriteriaOfDesign();
   return std::nullopt;
+}
+
+std::vector<CriterionSpec> FuzzCampaign::CriteriaOfDesign() {
+  std::vector<CriterionSpec> criteria = FuzzCriteria(*options_.flight.scenario.link.protocol);
+  FlightJob job = options_.flight;
+  job.name = "well-formed";
+  job.scenario = WellFormedFlight(job.scenario);
+  job.scenario.criteria = criteria;
+  FlightResult well_formed;
+  Fly(std::move(job), &well_formed);
+  std::erase_if(criteria, [&](const CriterionSpec& criterion) {
+    const auto why = WhyByDesign(criterion, well_formed);
+    if (why) options_.tell(*why);
+    return why.has_value();
+  });
+  return criteria;
 }
 
 std::size_t FuzzCampaign::AheadMax() const {

@@ -61,7 +61,7 @@ class FuzzCampaign {
   };
   explicit FuzzCampaign(Options options);
 
-  // Before all else: how the firmware fails without a hostile byte, if it does.
+  // Before all else: how the firmware fails without a hostile byte, if it does. Learns what it does by design, too.
   std::optional<std::string> WhyUnusable();
   // What broke in a campaign before this one: it is flown before all else, so that what was made small stays so. As Add().
   void AddFinding(std::string name, HostileSequence sequence) {
@@ -75,6 +75,8 @@ class FuzzCampaign {
   // Makes every finding small, as far as there is time, and flies it once more.
   void MinimiseFindings();
 
+  // The scenario to which hostile frames are added, with its criteria.
+  const Scenario& base() const { return options_.flight.scenario; }
   const std::vector<FuzzFinding>& findings() const { return findings_; }
   const std::vector<HostileSequence>& corpus() const { return corpus_; }
   std::uint64_t runs_count() const { return runs_count_; }        // inputs that were said
@@ -128,6 +130,10 @@ class FuzzCampaign {
   void Narrow(Narrowing narrowing, const FlightResult& result, bool breaks);
   std::optional<BrokenFlight> Fly(const HostileSequence& sequence, FlightResult* result = nullptr,
                                   bool with_coverage = true);
+  // The same, of any flight.
+  std::optional<BrokenFlight> Fly(FlightJob job, FlightResult* result);
+  // Those that the firmware does not break by design.
+  std::vector<CriterionSpec> CriteriaOfDesign();
   void Minimise(FuzzFinding& finding, const std::function<bool()>& is_over);
   bool interrupted() const {
     return options_.interrupted != nullptr && options_.interrupted->load(std::memory_order_relaxed);

@@ -106,6 +106,44 @@ Scenario FlightOf(const Scenario& base, const HostileSequence& sequence) {
   return scenario;
 }
 
+Scenario WellFormedFlight(const Scenario& base) {
+  constexpr std::int64_t kApart = 12;   // periods between two faults
+  constexpr std::size_t kForeign = 24;  // replies
+  Scenario scenario = base;
+  const TimeNs period_ns = base.link.protocol->control_period_ns;
+  TimeNs next_ns = kApart * period_ns;
+  const auto add = [&](std::string type, std::int64_t periods,
+                       decltype(faults::FaultSpec::parameters) parameters) {
+    faults::FaultSpec fault;
+    fault.id = fmt::format("fault-{}", scenario.faults.size());
+    fault.type = std::move(type);
+    fault.target = faults::Target::kToClient;
+    fault.start_ns = next_ns;
+    fault.end_ns = next_ns + periods * period_ns;
+    fault.parameters = std::move(parameters);
+    next_ns = fault.end_ns + kApart * period_ns;
+    scenario.faults.push_back(std::move(fault));
+  };
+  for (const std::int64_t periods : {1, 2, 3, 5, 10, 30}) add("link.silence", periods, {});
+  for (const double delay_ms : {0.5, 1.0, 2.0})
+    add("frame.delay", kApart, {{"mean_ms", delay_ms}, {"jitter_ms", 0.0}, {"distribution", "constant"}});
+  faults::Random random(1);
+  const HostileFrames replies(*base.link.protocol, link::Direction::kToClient);
+  for (const std::string_view place : kPlaces) {
+    HostileSequence foreign{.place = std::string(place), .inputs = {}};
+    // Alone, and two in a row.
+    for (std::size_t i = 0; i < kForeign; ++i) {
+      if (i % 3 == 0) foreign.inputs.emplace_back();
+      foreign.inputs.push_back(replies.Valid(random));
+      if (i % 2 == 0) foreign.inputs.emplace_back();
+    }
+    add("frame.script", static_cast<std::int64_t>(foreign.inputs.size()),
+        {{"frames", FramesText(foreign)}, {"place", foreign.place}});
+  }
+  scenario.duration_ns = next_ns;
+  return scenario;
+}
+
 std::size_t InputsUntil(const HostileSequence& sequence, std::size_t said_count) {
   std::size_t count = 0;
   for (; count < sequence.inputs.size() && said_count > 0; ++count)

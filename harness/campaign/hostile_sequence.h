@@ -43,6 +43,9 @@ std::string PlaceText(const HostileSequence& sequence);
 std::string FramesText(const HostileSequence& sequence);
 // `base` says everything but faults and duration.
 Scenario FlightOf(const Scenario& base, const HostileSequence& sequence);
+// A flight in which no frame is broken: replies are lost, late, or of another server. What a firmware does here it does by
+// design.
+Scenario WellFormedFlight(const Scenario& base);
 // How many inputs there are until `said_count` have been said that are not empty.
 std::size_t InputsUntil(const HostileSequence& sequence, std::size_t said_count);
 

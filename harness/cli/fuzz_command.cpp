@@ -182,7 +182,7 @@ class FuzzRun {
             finding.at_runs == 1 ? "" : "s", finding.broken.reason);
       std::fflush(stdout);
     }
-    if (Keep([&] { files_.Write(finding, base_); }))
+    if (Keep([&] { files_.Write(finding, campaign_.base()); }))
       unwritten_.erase(finding.broken.Name());
     else
       unwritten_.insert(finding.broken.Name());

@@ -125,7 +125,7 @@ void FuzzFiles::Write(const FuzzFinding& finding, const Scenario& base) const {
       fault.id, fault.type, faults::Name(fault.target), ToSeconds(fault.start_ns), ToSeconds(fault.end_ns),
       sequence.place, FramesText(sequence));
   text += "criteria:\n";
-  for (const CriterionSpec& criterion : FuzzCriteria(*base.link.protocol))
+  for (const CriterionSpec& criterion : base.criteria)
     text += fmt::format("  - {{name: {}, metric: {}, max: {}}}\n", criterion.name, criterion.metric,
                         criterion.max.value_or(0));
   WriteFile(FileOf(finding.broken.Name()), text);

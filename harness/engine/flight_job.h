@@ -74,6 +74,9 @@ FlightResult ErrorResult(const FlightJob& job, const std::string& reason);
 inline constexpr std::string_view kFailedOutsideCallsEvent = "process_failed";
 // Such a result when the firmware was in that process, and that of an error of ours when it was not.
 FlightResult FailedOutsideCalls(const FlightJob& job, const std::string& what, TimeNs reached_ns);
+// The event of a result that is an error since a signal ended its process which others send, too, in a call into the firmware
+// or not: which signal, and where.
+inline constexpr std::string_view kEndedBySignalEvent = "ended_by_signal";
 // The event of a flight, which counts as it was, whose firmware did not end in order after it: how.
 inline constexpr std::string_view kEndFailedEvent = "end_failed";
 // The event of a result that was lost with its process: when.

@@ -239,6 +239,8 @@ FlightResult WorkerProcess::Collect(const FlightJob& job, int status,
       done->result.outcome = Outcome::kError;
       done->result.score.reason =
           fmt::format("a signal ended the worker process alone: {}", done->result.score.reason);
+      done->result.events.push_back({ToSeconds(progress_ns()), std::string(kEndedBySignalEvent), std::nullopt,
+                                     "a signal that asks the process to end"});
     }
     return std::move(done->result);
   } catch (const std::exception& error) {
@@ -302,7 +304,12 @@ FlightResult WorkerProcess::WithoutResult(const FlightJob& job, int status) cons
   const std::array crashes = {SIGABRT, SIGSEGV, SIGBUS, SIGFPE, SIGILL};
   const bool crashed =
       WIFSIGNALED(status) && std::find(crashes.begin(), crashes.end(), WTERMSIG(status)) != crashes.end();
-  return crashed ? FailedOutsideCalls(job, what, progress_ns()) : ErrorResult(job, what);
+  if (crashed) return FailedOutsideCalls(job, what, progress_ns());
+  FlightResult result = ErrorResult(job, what);
+  if (inside != FirmwareCall::kNone)
+    result.events.push_back({ToSeconds(progress_ns()), std::string(kEndedBySignalEvent), std::nullopt,
+                             fmt::format("the process {} in {}", how, Name(inside))});
+  return result;
 }
 
 }  // namespace tiltproof::harness

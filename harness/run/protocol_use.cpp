@@ -4,7 +4,11 @@
 
 #include <algorithm>
 #include <deque>
+#include <optional>
+#include <span>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "harness/run/message_receiver.h"
@@ -15,10 +19,24 @@ namespace {
 using link::Direction;
 
 // In the order in which they follow each other where no byte takes time.
-enum class Kind : std::uint8_t { kRequest, kReply, kActuators };
+enum class Kind : std::uint8_t {
+  kStart,
+  kRequest,
+  kReply,          // a message
+  kPossibleReply,  // bytes that some receiver may take for a reply, whatever its values
+  kWholeReply,     // the server's last reply, untouched
+  kActuators,      // a message
+  kRefusedActuators
+};
 struct Happening {
   TimeNs time_ns;
   Kind kind;
+};
+
+// A frame that came to the client and is no message.
+struct RejectedFrame {
+  TimeNs time_ns;
+  std::string_view why;
 };
 
 // Calls on_frame(record of its last chunk, end of that, frame) for each frame of one direction, on one side of the faults.
@@ -35,6 +53,140 @@ void ForEachFrame(const LinkLog& link, WireId wire, bool delivered, const link::
                            [&](const MessageReceiver::Frame& frame) { on_frame(*record, end_ns, frame); });
   }
 }
+
+// Replies, whatever their values, in bytes that are sent in one go. A receiver may know from the pauses where a frame begins
+// and ends, and need no flag.
+std::int64_t RepliesAlone(std::span<const std::uint8_t> bytes, const link::Protocol& protocol) {
+  std::vector<std::uint8_t> alone = {protocol.framing.flag};
+  alone.insert(alone.end(), bytes.begin(), bytes.end());
+  alone.push_back(protocol.framing.flag);
+  std::int64_t count = 0;
+  MessageReceiver(protocol, Direction::kToClient)
+      .ReceiveFrames(0, alone, [&](const MessageReceiver::Frame& frame) {
+        count += protocol.Classify(Direction::kToClient, frame.payload) != nullptr ? 1 : 0;
+      });
+  return count;
+}
+
+bool IsDoubleEscape(std::uint8_t a, std::uint8_t b) { return a == link::kEscape && b == link::kEscape; }
+
+// What some receiver may take for a reply, where the usual one sees `count` of them. Many decoders take an escape behind an
+// escape for the same one.
+std::int64_t PossibleReplies(std::int64_t count, std::span<const std::uint8_t> bytes,
+                             const link::Protocol& protocol) {
+  const bool doubled = std::ranges::adjacent_find(bytes, IsDoubleEscape) != bytes.end();
+  if (count > 0 && !doubled) return count;
+  count = std::max(count, RepliesAlone(bytes, protocol));
+  if (!doubled) return count;
+  std::vector<std::uint8_t> single(bytes.begin(), bytes.end());
+  single.erase(std::unique(single.begin(), single.end(), IsDoubleEscape), single.end());
+  return std::max(count, RepliesAlone(single, protocol));
+}
+
+// Adds what came to the client.
+void AddReplies(const LinkLog& link, std::size_t client, const link::Protocol& protocol, std::int64_t baud,
+                std::vector<Happening>& happenings, std::vector<RejectedFrame>& rejected) {
+  MessageReceiver receiver(protocol, Direction::kToClient);
+  std::span<const std::uint8_t> last_sent;
+  std::size_t offset = 0;
+  while (const auto record = link.Next(offset)) {
+    if (record->wire != WireId{client, Direction::kToClient}) continue;
+    if (!record->delivered) {
+      last_sent = record->bytes;
+      continue;
+    }
+    const TimeNs end_ns =
+        record->begin_ns + link::BytesTime(baud, static_cast<std::int64_t>(record->bytes.size()));
+    bool is_message = false;
+    std::int64_t count = 0;
+    receiver.ReceiveFrames(0, record->bytes, [&](const MessageReceiver::Frame& frame) {
+      is_message = frame.message != nullptr;
+      if (is_message)
+        happenings.push_back({end_ns, Kind::kReply});
+      else
+        rejected.push_back({record->begin_ns, frame.rejected});
+      if (is_message || protocol.Classify(Direction::kToClient, frame.payload) != nullptr) ++count;
+    });
+    // A frame may end before its record does, and be answered at once.
+    for (count = PossibleReplies(count, record->bytes, protocol); count > 0; --count)
+      happenings.push_back({record->begin_ns, Kind::kPossibleReply});
+    if (!is_message || !std::ranges::equal(record->bytes, last_sent)) continue;
+    happenings.push_back({end_ns, Kind::kWholeReply});
+    last_sent = {};  // a repeated one answers no request
+  }
+}
+
+// "at 0.1234 s, after a frame that is no message (bad_checksum at 0.1200 s)"
+std::string AtAndAfter(TimeNs time_ns, const std::vector<RejectedFrame>& rejected) {
+  const auto later = std::ranges::upper_bound(rejected, time_ns, {}, &RejectedFrame::time_ns);
+  std::string text = fmt::format("at {:.4f} s", ToSeconds(time_ns));
+  if (later != rejected.begin())
+    text += fmt::format("; the last frame before it that is no message: {} at {:.4f} s", (later - 1)->why,
+                        ToSeconds((later - 1)->time_ns));
+  return text;
+}
+
+// Counts whole replies that got no command, and commands that no reply led to, where no sound client does either.
+class ReplyJudge {
+ public:
+  explicit ReplyJudge(TimeNs period_ns) : period_ns_(period_ns) {}
+
+  void Take(const Happening& happening) {
+    const TimeNs time_ns = happening.time_ns;
+    switch (happening.kind) {
+      case Kind::kStart:
+        exchange_ = {};
+        break;
+      case Kind::kRequest:
+        // One that comes early was no usual exchange.
+        if (exchange_.whole_ns && !exchange_.commanded &&
+            10 * (time_ns - *exchange_.asked_ns) >= 9 * period_ns_)
+          Count(*exchange_.whole_ns, ignored);
+        // A client may answer a little later than in the exchange, but not two exchanges later.
+        exchange_ = {.asked_ns = time_ns, .open_before = exchange_.open, .commands = exchange_.commands};
+        break;
+      case Kind::kWholeReply:
+        // A client may have a time-out, and may use its first replies to get ready.
+        if (exchange_.commands && exchange_.asked_ns && 4 * (time_ns - *exchange_.asked_ns) <= period_ns_)
+          exchange_.whole_ns = time_ns;
+        break;
+      case Kind::kPossibleReply:
+        ++exchange_.open;
+        break;
+      case Kind::kActuators:
+      case Kind::kRefusedActuators:
+        if (exchange_.open_before > 0)
+          --exchange_.open_before;
+        else if (exchange_.open > 0)
+          --exchange_.open;
+        else if (exchange_.commands)
+          Count(time_ns, unfounded);
+        exchange_.commanded = exchange_.commands = true;
+        break;
+      case Kind::kReply:
+        break;
+    }
+  }
+
+  CountedMistake ignored, unfounded;
+
+ private:
+  static void Count(TimeNs time_ns, CountedMistake& mistake) {
+    if (mistake.count++ == 0) mistake.first_ns = time_ns;
+  }
+
+  // From a request to the next.
+  struct State {
+    std::optional<TimeNs> asked_ns = {}, whole_ns = {};  // the request; the last byte of the server's reply
+    std::int64_t open = 0,
+                 open_before = 0;  // possible replies without a command: here, in the exchange before
+    bool commanded = false;        // since the request
+    bool commands = false;         // since its `start`
+  };
+
+  TimeNs period_ns_;
+  State exchange_;
+};
 
 std::int64_t RequestsPerPeriod(const std::vector<Happening>& happenings, TimeNs period_ns) {
   // A clock may be off by some percent: one request a period is one in nine tenths of it.
@@ -142,15 +294,19 @@ void AddProtocolUse(RunLog& log, std::size_t client, const link::Protocol& proto
   ForEachFrame(link, {client, Direction::kToPlant}, false, protocol, baud,
                [&](const LinkRecord& record, TimeNs /*end_ns*/, const MessageReceiver::Frame& frame) {
                  const TimeNs begin_ns = record.begin_ns;
-                 if (frame.message != nullptr && frame.message->type->starts)
+                 if (frame.message != nullptr && frame.message->type->starts) {
                    started_ns = std::min(started_ns, begin_ns);
+                   happenings.push_back({begin_ns, Kind::kStart});
+                 }
                  if (frame.message == nullptr) {
                    if (begin_ns >= 0 && started_ns != kNever)
                      mistakes.push_back({begin_ns, LineMistakeKind::kMalformed, 1,
                                          Malformed(frame.rejected, record.bytes, mistakes.size())});
                    const std::int64_t others = use.malformed_sent++ - *use.refused_commands;
                    const link::MessageType* type = protocol.Classify(Direction::kToPlant, frame.payload);
-                   if (type == nullptr || type->kind != link::MessageKind::kActuators) {
+                   const bool is_command = type != nullptr && type->kind == link::MessageKind::kActuators;
+                   if (is_command) happenings.push_back({begin_ns, Kind::kRefusedActuators});
+                   if (!is_command) {
                      if (others > 0) return;
                      AddEvent(
                          log, client, begin_ns, kMalformedSentEvent,
@@ -166,10 +322,8 @@ void AddProtocolUse(RunLog& log, std::size_t client, const link::Protocol& proto
                    happenings.push_back({begin_ns, Kind::kActuators});
                  }
                });
-  ForEachFrame(link, {client, Direction::kToClient}, true, protocol, baud,
-               [&](const LinkRecord& /*record*/, TimeNs end_ns, const MessageReceiver::Frame& frame) {
-                 if (frame.message != nullptr) happenings.push_back({end_ns, Kind::kReply});
-               });
+  std::vector<RejectedFrame> rejected;
+  AddReplies(link, client, protocol, baud, happenings, rejected);
   std::stable_sort(happenings.begin(), happenings.end(), [](const Happening& a, const Happening& b) {
     return a.time_ns != b.time_ns ? a.time_ns < b.time_ns : a.kind < b.kind;
   });
@@ -195,8 +349,23 @@ void AddProtocolUse(RunLog& log, std::size_t client, const link::Protocol& proto
         early += asked && !replied ? 1 : 0;
         answered = answered || replied;
         break;
+      case Kind::kStart:
+      case Kind::kPossibleReply:
+      case Kind::kWholeReply:
+      case Kind::kRefusedActuators:
+        break;
     }
   }
+  ReplyJudge judge(protocol.control_period_ns);
+  for (const Happening& happening : happenings) judge.Take(happening);
+  if (judge.ignored.count > 0)
+    judge.ignored.text =
+        "no command followed a whole reply that came " + AtAndAfter(judge.ignored.first_ns, rejected);
+  if (judge.unfounded.count > 0)
+    judge.unfounded.text =
+        "a command without a new reply was sent " + AtAndAfter(judge.unfounded.first_ns, rejected);
+  use.replies_ignored = std::move(judge.ignored);
+  use.commands_without_reply = std::move(judge.unfounded);
   if (started_ns != kNever && log.clients.at(client).starts_accepted_count > 0)
     AddMistakes(log, happenings, std::max<TimeNs>(started_ns, 0), protocol.control_period_ns, mistakes);
   log.clients.at(client).protocol = use;

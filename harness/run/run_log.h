@@ -89,6 +89,15 @@ struct DirectionCounts {
   TILTPROOF_FIELDS(frames_sent, frames_accepted, frames_rejected, bytes_corrupted)
 };
 
+// A mistake that a flight counts, and the first of its kind.
+struct CountedMistake {
+  std::int64_t count = 0;
+  TimeNs first_ns = 0;
+  std::string text = {};  // what the first one was, for a person
+  friend bool operator==(const CountedMistake&, const CountedMistake&) = default;
+  TILTPROOF_FIELDS(count, first_ns, text)
+};
+
 // How a client uses its protocol (docs/criteria.md, protocol.*), whatever the faults on its line make of it.
 struct ProtocolUse {
   std::int64_t requests_per_period_max = 0;
@@ -96,10 +105,13 @@ struct ProtocolUse {
   std::int64_t actuators_before_reply = 0;
   std::int64_t replies_unanswered = 0;
   std::int64_t malformed_sent = 0;
-  std::optional<std::int64_t> refused_commands = {};  // none: a log of an older program
+  // None: a log of an older program.
+  std::optional<std::int64_t> refused_commands = {};
+  std::optional<CountedMistake> replies_ignored = {}, commands_without_reply = {};
   friend bool operator==(const ProtocolUse&, const ProtocolUse&) = default;
   TILTPROOF_FIELDS(requests_per_period_max, actuators_per_request_max, actuators_before_reply,
-                   replies_unanswered, malformed_sent, refused_commands)
+                   replies_unanswered, malformed_sent, refused_commands, replies_ignored,
+                   commands_without_reply)
 };
 
 // What a client did that no sound one does while its line is whole (docs/criteria.md, clean_line). Whether a fault of the

@@ -390,6 +390,10 @@ class Calculator {
       SetCount(protocol("malformed_sent_count"), own.protocol->malformed_sent);
       if (own.protocol->refused_commands)
         SetCount(protocol("refused_commands_count"), *own.protocol->refused_commands);
+      if (own.protocol->replies_ignored)
+        SetCount(protocol("replies_ignored_count"), own.protocol->replies_ignored->count);
+      if (own.protocol->commands_without_reply)
+        SetCount(protocol("commands_without_reply_count"), own.protocol->commands_without_reply->count);
     }
     SetCount(firmware("restarts_count"), std::max<std::int64_t>(own.starts_accepted_count - 1, 0));
   }
@@ -457,13 +461,14 @@ const std::vector<std::string>& MetricNames() {
       for (const std::string counter :
            {"frames_sent", "frames_accepted", "frames_rejected", "bytes_corrupted"})
         all.push_back(std::string("link.").append(direction).append(".").append(counter).append("_count"));
-    all.insert(all.end(),
-               {"link.accepted_wrong_count", "link.accepted_stale_count", "link.resync_max_ms",
-                "protocol.requests_per_period_max_count", "protocol.actuators_per_request_max_count",
-                "protocol.actuators_before_reply_count", "protocol.replies_unanswered_count",
-                "protocol.malformed_sent_count", "protocol.refused_commands_count",
-                "firmware.failsafe_entered_count", "firmware.receive_overruns_count",
-                "firmware.restarts_count", "survival.time_s"});
+    all.insert(
+        all.end(),
+        {"link.accepted_wrong_count", "link.accepted_stale_count", "link.resync_max_ms",
+         "protocol.requests_per_period_max_count", "protocol.actuators_per_request_max_count",
+         "protocol.actuators_before_reply_count", "protocol.replies_unanswered_count",
+         "protocol.malformed_sent_count", "protocol.refused_commands_count", "protocol.replies_ignored_count",
+         "protocol.commands_without_reply_count", "firmware.failsafe_entered_count",
+         "firmware.receive_overruns_count", "firmware.restarts_count", "survival.time_s"});
     return all;
   }();
   return names;

@@ -245,6 +245,9 @@ std::string Witness(const std::string& metric, const Scenario& scenario, const R
         return " (the first" + AtTime(ToSeconds(event.time_ns)) + ": " + OneLine(event.text) + ")";
     return "";
   };
+  const auto first_of = [](const std::optional<CountedMistake>& mistake) -> std::string {
+    return mistake && mistake->count > 0 ? " (the first: " + OneLine(mistake->text) + ")" : "";
+  };
   const auto last = [](std::string_view verb, const std::vector<TimeNs>& times_ns) {
     return times_ns.empty() ? "never " + std::string(verb)
                             : "last " + std::string(verb) + AtTime(ToSeconds(times_ns.back()));
@@ -260,6 +263,10 @@ std::string Witness(const std::string& metric, const Scenario& scenario, const R
     if (is("protocol.", "malformed_sent_count"))
       return first(client, kMalformedSentEvent, kCommandRefusedEvent);
     if (is("protocol.", "refused_commands_count")) return first(client, kCommandRefusedEvent);
+    if (own.protocol && is("protocol.", "replies_ignored_count"))
+      return first_of(own.protocol->replies_ignored);
+    if (own.protocol && is("protocol.", "commands_without_reply_count"))
+      return first_of(own.protocol->commands_without_reply);
     if (is("firmware.", "restarts_count")) return first(client, kStartRepeatedEvent);
   }
   return "";

@@ -117,6 +117,20 @@ static void TakeFrame(Receiver* receiver) {
     return;
   }
 
+#ifdef PLANTED_REPLY_SKIPPED
+  /* "What follows a damaged frame may be a part of it." */
+  const bool skips = receiver->damaged;
+  receiver->damaged = !CheckIsRight(receiver->bytes, (size_t)count);
+  if (skips && !receiver->damaged) return;
+#endif
+
+#ifdef PLANTED_OLD_ANSWERED
+  /* The control law is woken by a frame, and not by its numbers. */
+  if (receiver->line == TILTPROOF_UART_MAIN && receiver->owner->waiting &&
+      (size_t)count == receiver->payload_bytes)
+    receiver->owner->has_reply = true;
+#endif
+
 #ifdef PLANTED_CHECKSUM_RANGE
   /* "A message with a right check behind it": what comes after is covered by nothing. */
   if ((size_t)count < receiver->payload_bytes || !CheckIsRight(receiver->bytes, receiver->payload_bytes)) {

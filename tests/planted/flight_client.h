@@ -1,5 +1,5 @@
 /* A flight client in C as firmware engineers write them, for tests of `tiltproof fuzz`: bytes are decoded one by one as
- * the receive interrupt has them, and all memory is static. decoder.c can be built with one of ten classic defects
+ * the receive interrupt has them, and all memory is static. decoder.c can be built with one of twelve classic defects
  * (README.md); the order of the members below decides what an overrun meets.
  *
  *   client->lines[uart] = (Receiver){.payload_bytes = 64, .owner = client, .line = uart};
@@ -41,6 +41,7 @@ typedef struct {
   uint8_t line;                  /* TILTPROOF_UART_MAIN or TILTPROOF_UART_REFERENCE: who takes its messages */
   bool escaped;                  /* the last of the bytes is an escape: the next byte takes its place */
   bool too_long;
+  bool damaged; /* the last frame was: only in the variant with that defect */
   size_t count;
 } Receiver;
 

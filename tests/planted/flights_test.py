@@ -25,6 +25,8 @@ faults:
 criteria:
   - {{name: talks-again, metric: timing.silent_at_end_ms, max: 300}}
   - {{name: sends-only-messages, metric: protocol.malformed_sent_count, max: 0}}
+  - {{name: answers-whole-replies, metric: protocol.replies_ignored_count, max: 0}}
+  - {{name: commands-once-a-reply, metric: protocol.commands_without_reply_count, max: 0}}
 """
 
 
@@ -48,7 +50,7 @@ class Flights(unittest.TestCase):
             words = [line for line in witness.read_text().splitlines() if not line.startswith("#")]
             files[witness.stem] = self.root / f"{witness.stem}.yaml"
             files[witness.stem].write_text(SCENARIO.format(name=witness.stem, words=" ".join(words)))
-        self.assertEqual(len(files), 10)
+        self.assertEqual(len(files), 12)
         self.assertEqual(self.verdicts(client_of("correct"), *files.values()), dict.fromkeys(files, "pass"))
         for name, file in files.items():
             with self.subTest(name):
@@ -70,7 +72,8 @@ class Flights(unittest.TestCase):
     def test_fuzz_finds_them(self):
         for name, kind, runs in [("length_unchecked", "crash", 300), ("escape_at_end", "crash", 300), ("flag_in_escape", "crash", 300),
                                  ("off_by_one", "crash", 1500), ("signed_length", "crash", 300), ("integer_overflow", "crash", 300),
-                                 ("missing_reset", "silence", 3000), ("state_kept", "command", 3000)]:
+                                 ("missing_reset", "silence", 3000), ("state_kept", "command", 3000), ("reply_skipped", "ignored", 1000),
+                                 ("old_answered", "stale", 1000)]:
             with self.subTest(name):
                 done, summary = self.fuzz(name, runs)
                 self.assertEqual(done.returncode, 1, done.stdout + done.stderr)

@@ -4,7 +4,8 @@ said to each library over its C interface, without tiltproof.
 
 A witness has words as the fault `frame.script` has them: the k-th word is sent instead of the k-th reply. Valid replies
 follow for 50 periods. What became of the client is one word: clean, crashed, hung, silent (no request in the last 25
-periods) or insane (a command that no server takes).
+periods), insane (a command that no server takes), deaf (a valid reply without a command) or hasty (a command without a
+valid reply).
 
 Usage: witness_test.py FOLDER-OF-LIBRARIES
        witness_test.py drive LIBRARY WITNESS
@@ -24,7 +25,7 @@ PERIOD_NS = 12_000_000
 OUTCOMES = {
     "length_unchecked": "crashed", "escape_at_end": "crashed", "flag_in_escape": "crashed", "checksum_range": "insane",
     "off_by_one": "crashed", "signed_length": "crashed", "missing_reset": "silent", "integer_overflow": "crashed",
-    "state_kept": "insane", "endless_loop": "hung",
+    "state_kept": "insane", "endless_loop": "hung", "reply_skipped": "deaf", "old_answered": "hasty",
 }
 
 
@@ -59,7 +60,7 @@ class Host(ctypes.Structure):
 
 
 def drive(library, words):
-    """What became of the client: clean, silent or insane. It may also take this process with it."""
+    """What became of the client: clean, silent, insane, deaf or hasty. It may also take this process with it."""
     client_library = ctypes.CDLL(str(library))
     create, start, receive, grant = (getattr(client_library, f"tiltproof_client_{name}")
                                      for name in ("create", "start", "receive", "grant"))
@@ -83,6 +84,7 @@ def drive(library, words):
     wake = start(client, 0)
     end = (len(words) + 50) * PERIOD_NS
     answered = 0
+    deaf = hasty = False
     while wake < end:
         for uart, said in ((1, REFERENCE), (0, None)):
             if uart == 0 and len(requests) > answered:
@@ -90,13 +92,18 @@ def drive(library, words):
                 said = SENSORS if said is None else said
                 answered = len(requests)
             if said is not None:
+                before = len(commands)
                 receive(client, uart, wake - PERIOD_NS + 1_000_000 + uart, said, len(said))
                 grant(client, wake - PERIOD_NS + 1_000_000 + uart)
+                deaf |= said is SENSORS and len(commands) == before
+                hasty |= said is not SENSORS and len(commands) > before
         wake = grant(client, wake)
     for command in commands:
         if not all(math.isfinite(number) and abs(number) <= 100 for number in command):
             return "insane"
-    return "clean" if commands and requests[-1] >= end - 25 * PERIOD_NS else "silent"
+    if not commands or requests[-1] < end - 25 * PERIOD_NS:
+        return "silent"
+    return "deaf" if deaf else "hasty" if hasty else "clean"
 
 
 def outcome(library, witness):
@@ -109,7 +116,7 @@ def outcome(library, witness):
 class Witnesses(unittest.TestCase):
     def test_there_is_one_for_each_defect(self):
         self.assertEqual({file.stem for file in (HERE / "witness").glob("*.hex")}, set(OUTCOMES))
-        self.assertEqual(len(OUTCOMES), 10)
+        self.assertEqual(len(OUTCOMES), 12)
 
     def test_each_shows_its_defect(self):
         for name, expected in OUTCOMES.items():

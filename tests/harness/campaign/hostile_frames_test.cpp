@@ -7,9 +7,14 @@
 #include <array>
 #include <numeric>
 #include <set>
+#include <string>
+#include <variant>
 
+#include "faults/frame_words.h"
+#include "faults/registry.h"
 #include "harness/campaign/broken_flight.h"
 #include "harness/campaign/hostile_sequence.h"
+#include "harness/engine/flight_job.h"
 #include "link/frame.h"
 
 namespace tiltproof::harness {
@@ -205,13 +210,84 @@ TEST(BrokenFlight, TheLastPlaceOfAnImageCountsToo) {
   EXPECT_NE(key("main.c:12"), key("main.c:13"));
 }
 
+FlightResult Breaks(const char* criterion) {
+  FlightResult result = Ended(EndReason::kCompleted, Outcome::kUnaffected, "");
+  CriterionResult& broken = result.score.criteria.emplace_back();
+  broken.name = criterion;
+  broken.verdict = Verdict::kFail;
+  return result;
+}
+
+TEST(BrokenFlight, AMissingCheckIsOneDefectWhicheverFieldsItLetsThrough) {
+  const auto key = [](const std::string& refused) {
+    FlightResult result = Breaks("sends-only-messages");
+    if (!refused.empty()) result.events.push_back({0.1, kCommandRefusedEvent, std::nullopt, refused});
+    return BrokenBy(result)->key;
+  };
+  const std::string one = key("the server refused a command: f_r_n = nan, plausible is -1000 to 1000");
+  EXPECT_EQ(one, key("the server refused a command: tau_l_nm = -inf, plausible is -100 to 100"));
+  EXPECT_NE(one, key("")) << "a frame that is no message";
+}
+
+TEST(BrokenFlight, SilenceIsNamedBeforeIgnoredReplies) {
+  FlightResult result = Breaks("answers-whole-replies");
+  EXPECT_EQ(BrokenBy(result)->kind, "ignored");
+  EXPECT_EQ(BrokenBy(Breaks("commands-once-a-reply"))->kind, "stale");
+  result.score.criteria.push_back(Breaks("talks-again").score.criteria[0]);
+  EXPECT_EQ(BrokenBy(result)->kind, "silence");
+}
+
+TEST(BrokenFlight, WhatAFirmwareDoesWithoutABrokenFrameIsItsDesign) {
+  for (const CriterionSpec& criterion : FuzzCriteria(Paper())) {
+    const bool depends =
+        criterion.name == "answers-whole-replies" || criterion.name == "commands-once-a-reply";
+    EXPECT_EQ(DependsOnDesign(criterion), depends) << criterion.name;
+    EXPECT_EQ(WhyByDesign(criterion, Breaks(criterion.name.c_str())).has_value(), depends) << criterion.name;
+    EXPECT_FALSE(WhyByDesign(criterion, Breaks("another"))) << criterion.name;
+  }
+}
+
+TEST(BrokenFlight, ASignalOfOthersCountsOnlyAfterHostileBytes) {
+  const link::Protocol& paper = Paper();
+  FlightResult result;
+  result.score.verdict = Verdict::kError;
+  result.events.push_back({0.001, std::string(kEndedBySignalEvent), std::nullopt, "killed by signal 9"});
+  EXPECT_FALSE(BrokenBy(result));
+  EXPECT_FALSE(BrokenOutsideCalls(result, paper));
+  result.events[0].time_s = 0.1;
+  EXPECT_EQ(BrokenOutsideCalls(result, paper)->kind, "crash");
+}
+
+// Each fault acts, and no frame that comes is broken.
+TEST(HostileSequence, AWellFormedFlightHasFaultsThatAreValid) {
+  Scenario base;
+  base.link.protocol = link::FindProtocol("paper");
+  const Scenario scenario = WellFormedFlight(base);
+  ASSERT_GE(scenario.faults.size(), 12U);
+  for (std::size_t i = 0; i < scenario.faults.size(); ++i) {
+    const faults::FaultSpec& fault = scenario.faults[i];
+    EXPECT_NE(faults::FindFaultType(fault.type), nullptr) << fault.type;
+    EXPECT_LT(fault.end_ns, scenario.duration_ns);
+    if (i > 0) {
+      EXPECT_GT(fault.start_ns, scenario.faults[i - 1].end_ns);
+    }
+    if (fault.type != "frame.script") continue;
+    const auto words = faults::ReadFrameWords(std::get<std::string>(fault.parameters.at("frames")));
+    ASSERT_EQ(words.problem, "");
+    for (const LineBytes& frame : words.frames) {
+      link::FrameDecoder decoder;
+      std::span<const std::uint8_t> rest(frame);
+      const auto event = decoder.Next(rest);
+      EXPECT_TRUE(frame.empty() || (event && event->status == link::FrameStatus::kOk && rest.empty()));
+    }
+  }
+}
+
 TEST(BrokenFlight, ALostVehicleIsNoFinding) {
   EXPECT_FALSE(BrokenBy(Ended(EndReason::kGroundStrike, Outcome::kFailed, "it struck the ground")));
   FlightResult passed = Ended(EndReason::kCompleted, Outcome::kUnaffected, "");
   EXPECT_FALSE(BrokenBy(passed));
-  CriterionResult& silent = passed.score.criteria.emplace_back();
-  silent.name = "talks-again";
-  silent.verdict = Verdict::kFail;
+  passed = Breaks("talks-again");
   EXPECT_EQ(BrokenBy(passed)->kind, "silence");
   passed.score.restarts = 1;
   EXPECT_EQ(BrokenBy(passed)->kind, "restart");

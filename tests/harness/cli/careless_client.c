@@ -3,17 +3,23 @@
  *
  * careful: none. careless: a long frame overwrites what lies behind its buffer, a guard that is
  * checked: whatever else it would meet may be another thing in each process. deaf: an escape
- * before the closing flag leaves it waiting for ever. absurd: what it is told becomes what it commands. restless: a
+ * before the closing flag leaves it waiting for ever. absurd: what it is told becomes what it commands, in each field. restless: a
  * payload of two bytes makes it start anew. loop: a frame of nothing but zeros is never finished. broken: it needs no
  * hostile byte. secret: a message whose first two bytes are a certain word ends it; each byte is compared by itself.
  * overrun: a long frame overruns a block of the heap; the C library notices it when the harness next asks for memory.
  * twofold: short and long frames let it write to address 8 and 16.
  * hasty: after a short frame it wants to be woken at once, again and again.
  * leaves: after a short frame it cannot be destroyed.
+ * raises: after a short frame it sends its process SIGKILL. killed, terminated: it does so by a bare system call, as
+ * which nobody sees it, and with SIGTERM.
  * slow: it boots for a second. smashed: a long frame is copied to the stack, which a guard of the compiler's notices. */
+#define _GNU_SOURCE
 #include <malloc.h>
+#include <signal.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/syscall.h>
+#include <unistd.h>
 
 #include "firmware/tiltproof_client.h"
 
@@ -57,8 +63,9 @@ static void say(TiltproofClient* client, const uint8_t* bytes, size_t count) {
       client->host->transmit(client->host->context, TILTPROOF_UART_MAIN, at_ns, bytes, count);
 }
 
-static void command(TiltproofClient* client, float force) {
-  const float values[5] = {3.F, force, 10.F, 0.F, 0.F};
+/* `more` is added to the command that holds the vehicle. */
+static void command(TiltproofClient* client, const float more[4]) {
+  const float values[5] = {3.F, 10.F + more[0], 10.F + more[1], more[2], more[3]};
   uint8_t payload[22], frame[48], *out = frame;
   memcpy(payload, values, 20);
   const unsigned check = check_of(payload, 20);
@@ -111,14 +118,17 @@ static void on_frame(TiltproofClient* client) {
   if (is(client, "smashed") && size > 64 && size <= 76) copy_frame(bytes, size);
   if (is(client, "hasty") && size < 10) client->hasty = 1;
   if (is(client, "leaves") && size < 10) client->leaves = 1;
+  if (is(client, "raises") && size < 10) kill(getpid(), SIGKILL);
+  if (is(client, "killed") && size < 10) syscall(SYS_kill, getpid(), SIGKILL);
+  if (is(client, "terminated") && size < 10) syscall(SYS_kill, getpid(), SIGTERM);
   if (is(client, "twofold") && size < 10) *nowhere = 1;
   if (is(client, "twofold") && size > 64) crash_elsewhere(bytes);
   if (is(client, "overrun") && size > 64) overrun_block();
   if (is(client, "secret")) check_word(bytes);
   if (size != 64) return;
-  float x = 0;
-  memcpy(&x, bytes, sizeof x);
-  command(client, is(client, "absurd") ? 10.F + x : 10.F);
+  float more[4] = {0};
+  if (is(client, "absurd")) memcpy(more, bytes, sizeof more);
+  command(client, more);
 }
 
 static void take(TiltproofClient* client, uint8_t byte) {

@@ -59,13 +59,25 @@ class FuzzTest(CommandLineTest):
     def test_a_command_that_is_no_number_is_found(self):
         self.assertRegex(self.assert_found("absurd", "command")["reason"], r"\(the first at 0\.\d+ s: the server refused a command: \w+ = .*, plausible is")
 
+    def test_a_process_that_ends_itself_by_a_signal_is_a_crash(self):
+        for build, cause in [("raises", r"raised SIGKILL in its process \(kill\) in tiltproof_client_receive"),
+                             ("killed", r"again and again: the process was killed by signal 9 \(Killed\) in tiltproof_client_receive"),
+                             ("terminated", r"again and again: a signal that asks the process to end")]:
+            with self.subTest(build):
+                code, out, err = self.fuzz(build, out=build, runs=1500)
+                self.assertEqual(code, 1, out + err)
+                (finding,) = self.summary(build)["findings"]
+                self.assertEqual((finding["kind"], finding["confirmed"], finding["inputs"]), ("crash", True, 1))
+                self.assertRegex(finding["reason"], cause)
+                self.assertTrue(self.summary(build)["complete"])
+
     def test_a_reboot_is_found(self):
         finding = self.assert_found("restless", "restart")
         self.assertRegex(finding["reason"], r"restarted at 0\.\d+ s \(it sent `start` again\), which no fault asked for")
 
     def test_what_it_executes_leads_the_search(self):
         # Others find it a little later.
-        seed, runs = ("--seed", 5), 60000
+        seed, runs = ("--seed", 1), 60000
         code, out, err = self.fuzz("secret", *seed, "--client", CLIENT.replace("careless_client", "careless_blind_client"), out="blind", runs=runs)
         self.assertEqual((code, self.summary("blind")["coverage"], self.summary("blind")["findings"]), (0, False, []), out + err)
         code, out, err = self.fuzz("secret", *seed, runs=runs)

@@ -17,6 +17,12 @@ namespace {
 
 using link::Direction;
 
+// Of a sound client.
+ProtocolUse Sound() {
+  return {
+      .refused_commands = 0, .replies_ignored = CountedMistake(), .commands_without_reply = CountedMistake()};
+}
+
 // A line without byte time: what is sent at an instant is there at that instant.
 class Exchange {
  public:
@@ -28,6 +34,11 @@ class Exchange {
   }
   Exchange& Reply(double time_ms) {
     return Puts(time_ms, Framed(link::EncodeSensors({}).span()).bytes(), Direction::kToClient, true);
+  }
+  // The server's own: as it is sent, and as it arrives.
+  Exchange& OwnReply(double time_ms) {
+    return Puts(time_ms, Framed(link::EncodeSensors({}).span()).bytes(), Direction::kToClient, false)
+        .Reply(time_ms);
   }
   Exchange& Puts(double time_ms, std::span<const std::uint8_t> bytes, Direction direction, bool delivered) {
     link::LogChunk chunk;
@@ -61,17 +72,15 @@ class Exchange {
   RunLog log_ = LogOfOneClient();
 };
 
-TEST(UseOfProtocol, NothingSaidIsNothingCounted) {
-  EXPECT_EQ(Exchange().Use(921'600), ProtocolUse{.refused_commands = 0});
-}
+TEST(UseOfProtocol, NothingSaidIsNothingCounted) { EXPECT_EQ(Exchange().Use(921'600), Sound()); }
 
 TEST(UseOfProtocol, OneOfEachPerPeriod) {
   Exchange exchange;
   exchange.Start(-1);
   for (const double at : {0.0, 12.0, 24.0, 36.0}) exchange.Request(at).Reply(at + 1).Actuators(at + 1);
-  EXPECT_EQ(
-      exchange.Use(),
-      (ProtocolUse{.requests_per_period_max = 1, .actuators_per_request_max = 1, .refused_commands = 0}));
+  ProtocolUse expected = Sound();
+  expected.requests_per_period_max = expected.actuators_per_request_max = 1;
+  EXPECT_EQ(exchange.Use(), expected);
 }
 
 TEST(UseOfProtocol, RequestsAreCountedInNineTenthsOfAPeriod) {
@@ -168,6 +177,109 @@ TEST(UseOfProtocol, DamagedRepliesAreNone) {
       Exchange().Request(0).Puts(1, noise, Direction::kToClient, true).Actuators(2).Request(12).Use();
   EXPECT_EQ(use.actuators_before_reply, 1);
   EXPECT_EQ(use.replies_unanswered, 0);
+}
+
+const std::vector<std::uint8_t> kNoise = {0x7E, 1, 2, 3, 0x7E};
+
+// Exchanges of a sound client up to that time, its `start` included.
+Exchange SoundUntil(double end_ms) {
+  Exchange exchange;
+  exchange.Start(-1);
+  for (double at = 0; at < end_ms; at += 12) exchange.Request(at).OwnReply(at + 1).Actuators(at + 1);
+  return exchange;
+}
+
+TEST(IgnoredReplies, AWholeReplyWantsACommandBeforeTheNextRequest) {
+  const ProtocolUse use = SoundUntil(24).Request(24).OwnReply(25).Request(36).OwnReply(37).Request(48).Use();
+  EXPECT_EQ(use.replies_ignored->count, 2);
+  EXPECT_EQ(use.replies_ignored->first_ns, 25'000'000);
+  EXPECT_EQ(use.replies_ignored->text, "no command followed a whole reply that came at 0.0250 s");
+  EXPECT_EQ(SoundUntil(24).Request(24).OwnReply(25).Actuators(35).Request(36).Use().replies_ignored->count,
+            0);
+  EXPECT_EQ(SoundUntil(24).Request(24).OwnReply(25).Use().replies_ignored->count, 0) << "nothing is over";
+}
+
+TEST(IgnoredReplies, SomeRepliesMayBeIgnored) {
+  const auto ignored = [](Exchange exchange) { return exchange.Use().replies_ignored->count; };
+  EXPECT_EQ(ignored(SoundUntil(24).Request(24).Reply(25).Request(36)), 0) << "of another server";
+  EXPECT_EQ(ignored(SoundUntil(24).Request(24).OwnReply(27.5).Request(36)), 0) << "it is late";
+  EXPECT_EQ(
+      ignored(SoundUntil(24).Request(24).OwnReply(25).Request(29).OwnReply(30).Actuators(30).Request(41)), 0)
+      << "asked again at once";
+  EXPECT_EQ(ignored(SoundUntil(24).Start(24).Request(25).OwnReply(26).Request(37)), 0)
+      << "it has just started";
+  EXPECT_EQ(ignored(Exchange().Start(-1).Request(0).OwnReply(1).Request(12)), 0)
+      << "it has not commanded yet";
+  EXPECT_EQ(ignored(SoundUntil(24).Request(24).Reply(25).OwnReply(25).Actuators(25).Request(36)), 0)
+      << "one command for two";
+  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_EQ(ignored(SoundUntil(24)
+                        .Request(24)
+                        .OwnReply(25)
+                        .Sends(25, link::EncodeActuators(link::Dialect::kPaper, {.f_r_n = kNan}))
+                        .Request(36)),
+            0)
+      << "a command that is refused is one";
+}
+
+TEST(IgnoredReplies, TheFrameBeforeIsNamed) {
+  const ProtocolUse use = SoundUntil(24)
+                              .Request(24)
+                              .Puts(25, kNoise, Direction::kToClient, true)
+                              .Request(36)
+                              .OwnReply(37)
+                              .Request(48)
+                              .Use();
+  EXPECT_EQ(use.replies_ignored->text,
+            "no command followed a whole reply that came at 0.0370 s; the last frame before it that is no "
+            "message: bad_checksum at 0.0250 s");
+}
+
+TEST(CommandsWithoutReply, EachCommandWantsAReplyOfItsOwn) {
+  const ProtocolUse use =
+      SoundUntil(24).Request(24).Puts(25, kNoise, Direction::kToClient, true).Actuators(25).Request(36).Use();
+  EXPECT_EQ(use.commands_without_reply->count, 1);
+  EXPECT_EQ(use.commands_without_reply->first_ns, 25'000'000);
+  EXPECT_THAT(use.commands_without_reply->text,
+              ::testing::HasSubstr("at 0.0250 s; the last frame before it"));
+  EXPECT_EQ(
+      SoundUntil(24).Request(24).OwnReply(25).Actuators(25).Actuators(26).Use().commands_without_reply->count,
+      1);
+}
+
+TEST(CommandsWithoutReply, AnyReplyThatSomeReceiverTakesCounts) {
+  const auto unfounded = [](Exchange exchange) { return exchange.Use().commands_without_reply->count; };
+  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+  const Framed absurd(link::EncodeSensors({.x_m = kNan}).span());
+  const Framed own(link::EncodeSensors({}).span());
+  EXPECT_EQ(
+      unfounded(
+          SoundUntil(24).Request(24).Puts(25, absurd.bytes(), Direction::kToClient, true).Actuators(25)),
+      0)
+      << "its values are not looked at";
+  EXPECT_EQ(unfounded(SoundUntil(24).Request(24).Reply(25).Reply(25).Actuators(25).Actuators(25)), 0);
+  EXPECT_EQ(
+      unfounded(SoundUntil(24).Request(24).OwnReply(25).Request(36).Actuators(36).OwnReply(37).Actuators(37)),
+      0)
+      << "a little late";
+  // Behind half a frame, and without its opening flag: after a pause some receivers want none.
+  EXPECT_EQ(unfounded(SoundUntil(24)
+                          .Request(24)
+                          .Puts(25, std::vector<std::uint8_t>{0x7E, 1, 2}, Direction::kToClient, true)
+                          .Request(36)
+                          .Puts(37, own.bytes().subspan(1), Direction::kToClient, true)
+                          .Actuators(37)),
+            0);
+  // 7D 7D 5D: an escaped 5D and a 5D, or a 7D.
+  link::MessageBytes escaped = link::EncodeSensors({});
+  escaped.bytes[0] = 0x7D;
+  const Framed framed(escaped.span());
+  std::vector<std::uint8_t> twice(framed.bytes().begin(), framed.bytes().end());
+  twice.insert(std::ranges::find(twice, 0x7D), 0x7D);
+  EXPECT_EQ(unfounded(SoundUntil(24).Request(24).Puts(25, twice, Direction::kToClient, true).Actuators(25)),
+            0);
+  EXPECT_EQ(unfounded(Exchange().Start(-1).Actuators(0).Request(0).OwnReply(1).Actuators(1)), 0)
+      << "the first command may hold the vehicle";
 }
 
 // Of one kind, as begin in ms x count.

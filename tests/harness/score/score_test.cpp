@@ -30,7 +30,8 @@ TEST(Metrics, EveryNameGivenIsListedAndNoneTwice) {
   log.clients[0].request_times_ns = {0, 12, 24};
   log.clients[0].reply_latency_ns = {1};
   log.clients[0].client_round_trip_ns = {1};
-  log.clients[0].protocol = ProtocolUse{.refused_commands = 0};
+  log.clients[0].protocol = ProtocolUse{
+      .refused_commands = 0, .replies_ignored = CountedMistake(), .commands_without_reply = CountedMistake()};
   log.harness_overrun_count = 0;
   log.harness_late_max_ns = 0;
   Scenario scenario = ScenarioOf(log);
@@ -203,7 +204,9 @@ TEST(Metrics, CountsAreTakenOver) {
                                         .actuators_before_reply = 8,
                                         .replies_unanswered = 16,
                                         .malformed_sent = 32,
-                                        .refused_commands = 64};
+                                        .refused_commands = 64,
+                                        .replies_ignored = CountedMistake{.count = 128},
+                                        .commands_without_reply = CountedMistake{.count = 256}};
   metrics = MetricsOf(ScenarioOf(log), log);
   EXPECT_EQ(metrics.at("protocol.requests_per_period_max_count"), 2.0);
   EXPECT_EQ(metrics.at("protocol.actuators_per_request_max_count"), 4.0);
@@ -211,9 +214,12 @@ TEST(Metrics, CountsAreTakenOver) {
   EXPECT_EQ(metrics.at("protocol.replies_unanswered_count"), 16.0);
   EXPECT_EQ(metrics.at("protocol.malformed_sent_count"), 32.0);
   EXPECT_EQ(metrics.at("protocol.refused_commands_count"), 64.0);
-  log.clients[0].protocol->refused_commands = {};
-  EXPECT_THAT(MetricsOf(ScenarioOf(log), log), Not(Contains(Key("protocol.refused_commands_count"))))
-      << "a log of an older program";
+  EXPECT_EQ(metrics.at("protocol.replies_ignored_count"), 128.0);
+  EXPECT_EQ(metrics.at("protocol.commands_without_reply_count"), 256.0);
+  log.clients[0].protocol = ProtocolUse();
+  metrics = MetricsOf(ScenarioOf(log), log);
+  for (const char* name : {"refused_commands_count", "replies_ignored_count", "commands_without_reply_count"})
+    EXPECT_THAT(metrics, Not(Contains(Key(std::string("protocol.") + name)))) << "a log of an older program";
   log.clients[0].failsafe_entered_count = 6;
   EXPECT_EQ(MetricsOf(ScenarioOf(log), log).at("firmware.failsafe_entered_count"), 6.0);
 }
