@@ -51,6 +51,7 @@
 #include "harness/emulator/plugin/qemu_internals.h"
 #include "harness/emulator/plugin/readers.h"
 #include "harness/emulator/plugin/sleep.h"
+#include "harness/emulator/plugin/unmodelled.h"
 
 namespace tiltproof::qemu {
 namespace {
@@ -172,6 +173,8 @@ void TakeCommands() {
         if (readers.Renew()) async_run_on_cpu(plugin.cpu, SleepOnWork, {});
         plugin.run = As<Run>(body);
         plugin.horizon.Set(plugin.run.until_ns);
+        plugin.turn_resets_count = 0;
+        plugin.turn_limit.Begin(plugin.run.processor_ns);
         return;
       default:
         Die("an unknown command: harness and plug-in of different builds?");
@@ -190,6 +193,12 @@ void Stop() {
 }
 
 void OnHorizon(void* /*opaque*/) { Stop(); }
+
+// Before the horizon, as work of the processor's thread: which keeps a sleep from going on.
+void EndTurn() {
+  Stop();
+  async_run_on_cpu(plugin.cpu, SleepOnWork, {});
+}
 
 // QEMU aborts when the processor locks up. The harness reads its state before that.
 void OnAbort(int /*signal*/) {
@@ -239,7 +248,14 @@ void OnBrokenLimit(const std::string& what) {
   Send(Kind::kBrokenLimit, what);
 }
 
+void OnUnmodelled(std::uint32_t address, bool is_write) {
+  const std::uint32_t pc = RegisterIn(DumpState(plugin.cpu), "R15");
+  if (plugin.arguments.realtime) return;
+  SendEvent(EventKind::kUnmodelled, pc, address, is_write ? 1 : 0);
+}
+
 void BeginChip() {
+  unmodelled.Init(OnUnmodelled);
   Chip::Options options{.hse_hz = plugin.arguments.hse_hz,
                         .usart = {.transmit = OnTransmit, .taken = {}, .programmed = {}},
                         .watchdog = OnWatchdog,
@@ -281,6 +297,8 @@ void BeginLockstep() {
   std::memcpy(&shift, timers_state + kIcountShiftOffset, sizeof(shift));
   if (shift != 3) Die("-icount shift=3 is not where it should be: another build of QEMU 7.2?");
   readers.Init(plugin.cpu);
+  plugin.end_turn = EndTurn;
+  plugin.turn_limit.Init(plugin.cpu, EndTurn);
   plugin.horizon.Init(OnHorizon, nullptr);
   plugin.stall_timer.Init(OnStallTimer, nullptr);
   plugin.flip_timer.Init(OnFlipTimer, nullptr);
