@@ -60,7 +60,7 @@ namespace {
 constexpr std::size_t kUnsentBytesMax = 1024;
 // Where bytes wait for the one before to be read.
 constexpr std::int64_t kPollNs = 1'000;
-constexpr std::uint16_t kWfi = 0xBF30;
+constexpr std::uint16_t kWfi = 0xBF30, kWfe = 0xBF20;
 
 // --- to the harness ---
 
@@ -194,10 +194,15 @@ void Stop() {
 
 void OnHorizon(void* /*opaque*/) { Stop(); }
 
-// Before the horizon, as work of the processor's thread: which keeps a sleep from going on.
+// Before the horizon, as work of the processor's thread.
 void EndTurn() {
   Stop();
   async_run_on_cpu(plugin.cpu, SleepOnWork, {});
+}
+
+void AtTurnLimit(void* cpu, RunOnCpuData /*data*/) {
+  if (plugin.turn_limit.Exceeded()) return EndTurn();
+  async_run_on_cpu(cpu, SleepOnWork, {});
 }
 
 // QEMU aborts when the processor locks up. The harness reads its state before that.
@@ -241,6 +246,7 @@ void OnTransmit(int number, std::uint8_t byte) {
 // --- the emulator's callbacks ---
 
 void OnWfi(unsigned /*vcpu*/, void* /*opaque*/) { async_run_on_cpu(qemu_get_cpu(0), SleepWork, {}); }
+void OnWfe(unsigned /*vcpu*/, void* /*opaque*/) { async_run_on_cpu(qemu_get_cpu(0), WaitForEventWork, {}); }
 
 // The firmware has failed: the rest of the flight, as it may be, shows nothing.
 void OnBrokenLimit(const std::string& what) {
@@ -298,7 +304,7 @@ void BeginLockstep() {
   if (shift != 3) Die("-icount shift=3 is not where it should be: another build of QEMU 7.2?");
   readers.Init(plugin.cpu);
   plugin.end_turn = EndTurn;
-  plugin.turn_limit.Init(plugin.cpu, EndTurn);
+  plugin.turn_limit.Init(plugin.cpu, AtTurnLimit);
   plugin.horizon.Init(OnHorizon, nullptr);
   plugin.stall_timer.Init(OnStallTimer, nullptr);
   plugin.flip_timer.Init(OnFlipTimer, nullptr);
@@ -351,6 +357,7 @@ void OnTranslate(qemu_plugin_id_t /*id*/, qemu_plugin_tb* block) {
     if (qemu_plugin_insn_size(instruction) != sizeof(code)) continue;
     std::memcpy(&code, qemu_plugin_insn_data(instruction), sizeof(code));
     if (code == kWfi) qemu_plugin_register_vcpu_insn_exec_cb(instruction, OnWfi, 0, nullptr);
+    if (code == kWfe) qemu_plugin_register_vcpu_insn_exec_cb(instruction, OnWfe, 0, nullptr);
   }
 }
 

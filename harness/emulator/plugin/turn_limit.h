@@ -1,7 +1,8 @@
 // A limit on the processor time of a turn, so that a turn ends in which the firmware makes each instant expensive.
 //
-//   limit.Init(cpu, OnLimit);   // called on the processor's thread, between two instructions
+//   limit.Init(cpu, AtLimit);        // work of the processor's thread, between two instructions
 //   limit.Begin(run.processor_ns);
+//   if (limit.Exceeded()) Stop();    // in AtLimit: the turn may just have ended, and another one begun
 //
 // A turn that keeps the limit is not influenced.
 #pragma once
@@ -18,16 +19,16 @@ namespace tiltproof::qemu {
 
 class TurnLimit {
  public:
-  void Init(void* cpu, void (*over)()) {
+  void Init(void* cpu, void (*at_limit)(void* cpu, RunOnCpuData)) {
     cpu_ = cpu;
-    over_ = over;
+    at_limit_ = at_limit;
     // By a thread of the C library's: the processor's own may be in the middle of an instruction.
     sigevent event{};
     event.sigev_notify = SIGEV_THREAD;
     event.sigev_value.sival_ptr = this;
     event.sigev_notify_function = [](sigval self) {
-      auto& limit = *static_cast<TurnLimit*>(self.sival_ptr);
-      async_run_on_cpu(limit.cpu_, End, {.host_ptr = &limit});
+      const auto& limit = *static_cast<const TurnLimit*>(self.sival_ptr);
+      async_run_on_cpu(limit.cpu_, limit.at_limit_, {});
     };
     if (timer_create(CLOCK_PROCESS_CPUTIME_ID, &event, &timer_) != 0)
       Die("there is no timer of processor time");
@@ -41,6 +42,8 @@ class TurnLimit {
     timer_settime(timer_, TIMER_ABSTIME, &time, nullptr);
   }
 
+  bool Exceeded() const { return end_ns_ != 0 && Used() >= end_ns_; }
+
  private:
   static std::int64_t Used() {
     timespec now{};
@@ -48,14 +51,8 @@ class TurnLimit {
     return now.tv_sec * kNsPerSecond + now.tv_nsec;
   }
 
-  // The turn that it was meant for may be over.
-  static void End(void* /*cpu*/, RunOnCpuData data) {
-    auto& limit = *static_cast<TurnLimit*>(data.host_ptr);
-    if (limit.end_ns_ != 0 && Used() >= limit.end_ns_) limit.over_();
-  }
-
   void* cpu_ = nullptr;
-  void (*over_)() = nullptr;
+  void (*at_limit_)(void* cpu, RunOnCpuData) = nullptr;
   timer_t timer_{};
   std::int64_t end_ns_ = 0;  // by the clock of this process's processor time; 0: none
 };
