@@ -180,6 +180,15 @@ struct RealtimeBoard {
   LostTick lost_ticks[kLostTicksKept];
   std::atomic<bool> locked_up;  // then this is complete:
   LastWords last_words;
+  // First accesses to what is not modelled, as kUnmodelled says; `at_ns` by CLOCK_MONOTONIC.
+  static constexpr std::uint32_t kUnmodelledKept = 64;
+  struct Unmodelled {
+    std::int64_t at_ns;
+    std::uint32_t address, pc;
+    bool is_write;
+  };
+  std::atomic<std::uint32_t> unmodelled_count;  // so many of these are complete:
+  Unmodelled unmodelled[kUnmodelledKept];
   static constexpr std::uint32_t kLimitTextBytes = 256;
   std::atomic<bool> broken_limit;  // then this is complete: as kBrokenLimit says
   char limit_text[kLimitTextBytes];

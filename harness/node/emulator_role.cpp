@@ -90,6 +90,13 @@ class EmulatorRole final : public Role {
     if (!origin_.known()) origin_ = Origin(power_on_ns_);
     NodeTotals totals;
     if (board_) {
+      for (auto& [at, block] : board_->Unmodelled()) {
+        const TimeNs time_ns = origin_.SimulationTime(at);
+        const std::string text = "the firmware uses " + block.text;
+        services_.log().Write(RunEvent{time_ns, kUnmodelledEvent, text});
+        services_.log().Write(RunEvent{time_ns, "firmware_log", text});
+        totals.unmodelled_blocks.push_back(std::move(block.name));
+      }
       WriteLines(true);
       services_.log().Write(counts_->TakeActivations());
       totals.activation_counts = counts_->ActivationCounts();

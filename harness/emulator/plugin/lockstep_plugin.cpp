@@ -256,7 +256,7 @@ void OnBrokenLimit(const std::string& what) {
 
 void OnUnmodelled(std::uint32_t address, bool is_write) {
   const std::uint32_t pc = RegisterIn(DumpState(plugin.cpu), "R15");
-  if (plugin.arguments.realtime) return;
+  if (plugin.arguments.realtime) return plugin.notes.Unmodelled(address, pc, is_write);
   SendEvent(EventKind::kUnmodelled, pc, address, is_write ? 1 : 0);
 }
 

@@ -10,6 +10,7 @@
 #include <bitset>
 #include <cstdint>
 
+#include "harness/emulator/lockstep_protocol.h"
 #include "harness/emulator/plugin/qemu_internals.h"
 #include "harness/emulator/plugin/readers.h"
 
@@ -19,7 +20,7 @@ class Unmodelled {
  public:
   using Note = void (*)(std::uint32_t address, bool is_write);
   // A firmware that scans the address space is noted as often as this.
-  static constexpr int kNotesMax = 64;
+  static constexpr std::uint32_t kNotesMax = harness::lockstep::RealtimeBoard::kUnmodelledKept;
 
   // Before any block is mapped.
   void Init(Note note) {
@@ -78,7 +79,7 @@ class Unmodelled {
   Note note_ = nullptr;
   std::bitset<kPages> holder_;  // QEMU has a place holder there, or a block
   std::bitset<kPages> noted_;
-  int notes_count_ = 0;
+  std::uint32_t notes_count_ = 0;
   bool quiet_ = false;
   MemoryRegionOps ops_{};
   alignas(16) std::array<std::uint8_t, kMemoryRegionBytes> region_{};
