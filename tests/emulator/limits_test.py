@@ -62,7 +62,7 @@ class Limits(unittest.TestCase):
         done = subprocess.run([str(TILTPROOF), "run", file, "--client", f"qemu:{elf}", "--out", out, "--no-progress", *flags],
                               capture_output=True, text=True, timeout=300)
         cost_s = used_s() - before_s
-        self.assertIn(done.returncode, (0, 1), done.stdout + done.stderr)
+        self.assertIn(done.returncode, (0, 1, 4), done.stdout + done.stderr)  # 4: too busy to judge, in real time
         [result] = json.loads((out / "latest/results.json").read_text())["scenarios"]
         print(f"\n    {cost_s:.1f} s: {result['reason']}", file=sys.stderr)
         return result, done.stdout, out / "latest/flight", cost_s
