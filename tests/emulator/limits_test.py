@@ -95,7 +95,13 @@ class Limits(unittest.TestCase):
         self.assertRegex(result["reason"], r"the firmware resets again and again: 101 times within 0\.\d+ s, since 0\.000 s after power-on "
                                            r"\(limit: 100 times within 10 s\); the last time it was reset by the firmware itself: in Reset \(stm32f4\.c:\d+\)")
         self.assertLess(cost_s, 10)
-        self.assertLess(sum(file.stat().st_size for file in folder.iterdir()), 1 << 20)
+        self.assertLess(sum(file.stat().st_size for file in folder.parent.glob("**/*")), 2 << 20)
+
+    def test_resets_at_boot_in_real_time(self):
+        result, output, folder, _ = self.fly([(MAIN, MAIN + "  Reset();\n")], "--mode", "realtime", duration_s=1)
+        self.assertEqual(result["verdict"], "fail", output)
+        self.assertRegex(result["reason"], r"the firmware resets again and again: 101 times within \d+\.\d+ s, since \d\.\d+ s after power-on")
+        self.assertLess((folder.parent / "events.jsonl").stat().st_size, 100_000)
 
     def test_4000_resets_before_the_start(self):
         count = f"  if ({MARK} != 0x55) {{ {MARK} = 0x55; REGISTER(0x2001F004) = 0; }}\n  if (++REGISTER(0x2001F004) < 4000) Reset();\n"
