@@ -2,8 +2,9 @@
 // often it may reset itself, and which clocks it may set.
 //
 //   EmulatorLimits limits;
-//   board.Run({until, answer_after, limits.LeftForTurn()}, ...);        // OnReset(), OnBrokenLimit() as it says so
-//   if (!limits.Broken().empty()) throw ...;
+//   const lockstep::Run run{until, answer_after, limits.LeftForTurn()};
+//   board.Run(run, on_message);                            // calls OnReset(), OnBrokenLimit()
+//   if (!limits.Broken(time_text).empty()) throw ...;
 //   if (limits.CostsTooMuch(now, board.ProcessorTime())) throw ...;
 //
 // Times are virtual; only processor time depends on the machine.
