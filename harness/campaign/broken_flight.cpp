@@ -61,6 +61,11 @@ BrokenFlight EndedBySignal(const FlightEvent& event) {
               "who sent the signal."};
 }
 
+// An image that costs too much processor time is stopped by the machine's time, at another place in each flight.
+std::string WithoutPlaceOfCost(const std::string& reason) {
+  return reason.substr(0, reason.find(" of processor time"));
+}
+
 // Of a firmware that took its process with it.
 bool IsOfThread(const std::string& reason) { return reason.starts_with("a thread that "); }
 
@@ -162,7 +167,7 @@ std::optional<BrokenFlight> BrokenBy(const FlightResult& result) {
   // Without an end its process went with it.
   if (result.end_reason == EndReason::kFirmwareHung ||
       (!result.end_reason && result.outcome == Outcome::kHung))
-    return broken("hang", reason, KeyOfReason(reason));
+    return broken("hang", reason, KeyOfReason(WithoutPlaceOfCost(reason)));
   if (result.score.restarts > 0)
     return broken("restart", reason, KeyOfReason(TextOfEvent(result, kResetEvent)));
   if (result.end_reason != EndReason::kCompleted) return std::nullopt;

@@ -43,6 +43,8 @@ inline constexpr const char* kLineTroubleEvent = "line_trouble";
 inline constexpr const char* kBoardStateEvent = "board_state";
 // What lies between a board and the harness eats half of the loop's delay margin: an explanation when the flight fails.
 inline constexpr const char* kSlowAdapterEvent = "slow_adapter";
+// The firmware uses a block of the chip that the emulated board does not model: an explanation when the flight fails.
+inline constexpr const char* kUnmodelledEvent = "unmodelled_block";
 // Bytes that arrived before the previous byte had been read.
 inline constexpr const char* kOverrunEvent = "uart_overrun";
 
@@ -53,7 +55,8 @@ struct DeviceEvent {
   std::string kind;                  // kResetEvent, "bit_flipped", kOverrunEvent, ...
   std::string text;
   std::int64_t overruns_count = 0;  // for a kOverrunEvent: bytes lost
-  TILTPROOF_FIELDS(time_ns, fault, kind, text, overruns_count)
+  std::string block = {};           // for a kUnmodelledEvent: its name
+  TILTPROOF_FIELDS(time_ns, fault, kind, text, overruns_count, block)
 };
 
 // What a client may call while it runs. Times are boot time.

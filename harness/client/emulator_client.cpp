@@ -14,13 +14,16 @@
 
 #include "firmware/tiltproof_client.h"
 #include "harness/client/device_clock.h"
+#include "harness/client/emulator_limits.h"
 #include "harness/client/firmware_guard.h"
+#include "harness/client/overrun_rows.h"
 #include "harness/client/rated_line.h"
 #include "harness/emulator/cpu_state.h"
 #include "harness/emulator/elf_symbols.h"
 #include "harness/emulator/image_check.h"
 #include "harness/emulator/post_mortem.h"
 #include "harness/emulator/source_lines.h"
+#include "harness/emulator/unmodelled_blocks.h"
 #include "harness/emulator/watched_variable.h"
 #include "link/chunk.h"
 #include "link/overloaded.h"
@@ -32,8 +35,6 @@ namespace {
 constexpr TimeNs kBusyMax = 2 * kNsPerS;
 // Nor may it fill the log with one line.
 constexpr std::size_t kLineBytesMax = 1000;
-// Bytes lost further apart than this are different stories.
-constexpr TimeNs kOverrunGap = 24 * kNsPerMs;
 // The last exception that is a fault (ARMv7-M ARM, table B1-4).
 constexpr int kUsageFault = 6;
 
@@ -137,16 +138,17 @@ class EmulatorClient final : public Client {
       DeliverDamaged(until);
       if (until < now_) return clock_.When(now_);  // it ran on while there was no answer yet
       const lockstep::Stopped stopped =
-          board_->Run({until, AnswerAfter()}, [this](const EmulatorMessage& message) { OnMessage(message); });
+          board_->Run({until, AnswerAfter(), spec_.gdb_port == 0 ? limits_.LeftForTurn() : 0},
+                      [this](const EmulatorMessage& message) { OnMessage(message); });
       now_ = stopped.at_ns;
       last_active_ = std::max(last_active_, stopped.last_slept_ns);
       if (stopped.locked_up) ThrowLockedUp(stopped.at_ns);
-      if (!broken_limit_.empty())
-        throw FirmwareTrouble(false, fmt::format("the firmware sets what no chip does, {}: {}",
-                                                 TimeText(broken_limit_at_), broken_limit_));
+      if (const auto broken = limits_.Broken([this](TimeNs at) { return TimeText(at); }); !broken.empty())
+        throw FirmwareTrouble(false, broken);
       TransmitDamaged(stopped.at_ns);
       if (stopped.at_ns - last_active_ > kBusyMax && (started() || stopped.at_ns > start_within_ns_))
         ThrowHangs(stopped.at_ns);
+      if (spec_.gdb_port == 0 && limits_.CostsTooMuch(now_, board_->ProcessorTime())) ThrowCostsTooMuch();
       return stopped.at_ns >= until ? horizon : std::clamp(clock_.When(stopped.at_ns), now, horizon);
     } catch (const EmulatorTrouble& trouble) {
       lost_ = true;
@@ -169,7 +171,8 @@ class EmulatorClient final : public Client {
   }
 
   std::optional<ClientStatus> Status() override {
-    for (const std::size_t line : {0U, 1U}) TellOverruns(line);
+    for (OverrunRows& rows : overruns_)
+      if (const auto row = rows.End()) host_.event(*row);
     if (lost_) return std::nullopt;
     TellState();
     try {
@@ -268,6 +271,14 @@ class EmulatorClient final : public Client {
     throw FirmwareTrouble(true, text + " (more in firmware.log)");
   }
 
+  [[noreturn]] void ThrowCostsTooMuch() {
+    const TimeNs begin = limits_.second_begin();
+    const Findings found = Examine(Condition::kBusy, now_);
+    throw FirmwareTrouble(true, CostText(found, limits_.second_cost_ns(), now_ - begin, TimeText(begin),
+                                         EmulatorLimits::kProcessorNsPerSecond) +
+                                    " (more in firmware.log)");
+  }
+
   [[noreturn]] void ThrowLockedUp(TimeNs now) {
     lost_ = true;
     // QEMU aborts of itself, too. Only when it has given the processor up is that the firmware's doing.
@@ -312,10 +323,7 @@ class EmulatorClient final : public Client {
       last_words_ =
           ExplainReset(words, std::string(message.body.begin() + sizeof words, message.body.end()), *source_);
     } else if (message.kind == lockstep::Kind::kBrokenLimit) {
-      if (broken_limit_.empty()) {
-        broken_limit_.assign(message.body.begin(), message.body.end());
-        broken_limit_at_ = now_;
-      }
+      limits_.OnBrokenLimit(now_, {message.body.begin(), message.body.end()});
     } else if (message.kind == lockstep::Kind::kEvent) {
       OnEvent(message.As<lockstep::Event>());
     }
@@ -401,7 +409,11 @@ class EmulatorClient final : public Client {
       case lockstep::EventKind::kReset:
         out.kind = kResetEvent;
         out.text = fmt::format("reset by {}", Name(static_cast<lockstep::ResetCause>(event.value)));
-        if (!last_words_.empty()) out.text += ": " + std::exchange(last_words_, {});
+        if (last_words_) {
+          if (!last_words_->empty()) out.text += ": " + *last_words_;
+          limits_.OnReset(event.at_ns, out.text);
+        }
+        last_words_.reset();
         break;
       case lockstep::EventKind::kStallBegins:
         out.fault = event.value;
@@ -417,31 +429,23 @@ class EmulatorClient final : public Client {
         out.kind = "bit_flipped";
         out.text = fmt::format("0x{:08x}: 0x{:02x} -> 0x{:02x}", event.address, event.before, event.after);
         break;
+      case lockstep::EventKind::kUnmodelled: {
+        const auto block = unmodelled_.Take({event.address, event.before != 0, event.value}, *source_);
+        if (!block) return;
+        out.kind = kUnmodelledEvent;
+        out.text = "the firmware uses " + block->text;
+        out.block = block->name;
+        Log(event.at_ns, out.text);
+        break;
+      }
       case lockstep::EventKind::kOverrun:
-        OnOverrun(event.value == static_cast<std::uint32_t>(lockstep::Usart::kMain) ? 0 : 1, out.time_ns);
+        if (auto row =
+                overruns_[event.value == static_cast<std::uint32_t>(lockstep::Usart::kMain) ? 0 : 1].Take(
+                    out.time_ns))
+          host_.event(*row);
         return;
     }
     host_.event(out);
-  }
-
-  // One event for what is lost in a row, not one for each byte.
-  void OnOverrun(std::size_t line, BootTime at) {
-    Overruns& overruns = overruns_[line];
-    if (overruns.count > 0 && at - overruns.last > kOverrunGap) TellOverruns(line);
-    if (overruns.count++ == 0) overruns.first = at;
-    overruns.last = at;
-  }
-  void TellOverruns(std::size_t line) {
-    const Overruns overruns = std::exchange(overruns_[line], {});
-    if (overruns.count == 0) return;
-    host_.event(
-        {.time_ns = overruns.first,
-         .fault = std::nullopt,
-         .kind = kOverrunEvent,
-         .text = fmt::format("{} line: {} byte{} lost within {:.3f} ms", line == 0 ? "main" : "reference",
-                             overruns.count, overruns.count == 1 ? "" : "s",
-                             ToSeconds(overruns.last - overruns.first) * 1e3),
-         .overruns_count = overruns.count});
   }
 
   void Log(TimeNs at, std::string_view text) {
@@ -459,8 +463,8 @@ class EmulatorClient final : public Client {
   ClientHost host_;
   std::array<RatedLine, 2> rated_;       // by Uart
   std::array<std::string, 2> troubles_;  // told of them
-  std::string broken_limit_;             // of the chip, by the firmware; and when at the latest it was whole
-  TimeNs broken_limit_at_ = 0;
+  EmulatorLimits limits_;
+  UnmodelledBlocks unmodelled_;
   std::optional<ElfSymbols> symbols_;
   std::optional<SourceLines> source_;
   std::vector<WatchedVariable> watched_;
@@ -470,16 +474,12 @@ class EmulatorClient final : public Client {
   std::deque<DeviceEvent> drifts_;  // to be told when they begin, in order
   std::vector<lockstep::ReceivedByte> received_;
   std::vector<std::uint8_t> transmitted_;
-  struct Overruns {
-    std::int64_t count = 0;
-    BootTime first, last;
-  };
-  std::array<Overruns, 2> overruns_;  // of main and reference line, not told yet
+  std::array<OverrunRows, 2> overruns_ = {OverrunRows("main"), OverrunRows("reference")};
   std::string console_;
-  std::string last_words_;  // of a firmware that is being reset
-  TimeNs now_ = 0;          // virtual time
-  TimeNs last_active_ = 0;  // when it last slept or sent
-  Origin origin_;           // known once the flight has started
+  std::optional<std::string> last_words_;  // of a firmware that is being reset by itself
+  TimeNs now_ = 0;                         // virtual time
+  TimeNs last_active_ = 0;                 // when it last slept or sent
+  Origin origin_;                          // known once the flight has started
   bool lost_ = false;
 };
 

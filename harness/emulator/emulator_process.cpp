@@ -153,6 +153,8 @@ lockstep::Stopped EmulatorProcess::Run(const lockstep::Run& run,
   }
 }
 
+TimeNs EmulatorProcess::ProcessorTime() const { return harness::ProcessorTime(process_->pid()); }
+
 std::vector<std::uint8_t> EmulatorProcess::ReadMemory(std::uint32_t address, std::uint32_t size) {
   Send(lockstep::Kind::kReadMemory, lockstep::ReadMemory{address, size});
   Flush();

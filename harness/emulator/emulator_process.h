@@ -3,7 +3,7 @@
 //
 //   EmulatorProcess board({.image = "executive-paper.elf", .plugin = "tiltproof_lockstep.so"});
 //   board.Send(lockstep::Kind::kReceive, bytes);
-//   const lockstep::Stopped stopped = board.Run({12'000'000, 0}, [](const EmulatorMessage& message) { ... });
+//   const lockstep::Stopped stopped = board.Run({12'000'000, 0, 0}, [](const EmulatorMessage& message) { ... });
 //
 // An emulator that does not answer within kHungAfterNs of its own time (harness/process/own_time.h), or ends
 // by itself, causes EmulatorTrouble, with QEMU's last output. Times are virtual
@@ -89,6 +89,9 @@ class EmulatorProcess {
   // Lets it run until it stops, and passes on the messages that it sends before that.
   lockstep::Stopped Run(const lockstep::Run& run,
                         const std::function<void(const EmulatorMessage&)>& on_message);
+
+  // That it has used since its start, with all of its threads (harness/process/own_time.h).
+  TimeNs ProcessorTime() const;
 
   // Only while it is stopped.
   std::vector<std::uint8_t> ReadMemory(std::uint32_t address, std::uint32_t size);

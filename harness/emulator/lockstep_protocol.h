@@ -14,7 +14,7 @@
 
 namespace tiltproof::harness::lockstep {
 
-inline constexpr std::uint32_t kProtocolVersion = 7;
+inline constexpr std::uint32_t kProtocolVersion = 8;
 inline constexpr std::uint32_t kBodyBytesMax = 1 << 20;
 
 enum class Kind : std::uint32_t {
@@ -101,7 +101,8 @@ struct UsartStates {
   std::uint32_t clock_hz[6];
 };
 
-// Of a firmware that is about to be reset by itself or its watchdog.
+// Of a firmware that is about to be reset by itself or its watchdog. A turn ends early after this many of them.
+inline constexpr int kResetsPerTurnMax = 100;
 struct LastWords {
   std::uint32_t faults[5];  // CFSR, HFSR, DFSR, MMFAR, BFAR
   std::uint32_t stack[128];
@@ -112,6 +113,8 @@ struct Run {
   // Nothing that answers a frame reaches the firmware sooner than this after the firmware has given the frame's last
   // byte, the barrier, to its transmitter.
   std::int64_t answer_after_ns;
+  // The processor stops when the emulator has computed for this long (processor time). 0: no limit.
+  std::int64_t processor_ns;
 };
 
 // The machine stops at that time, until a debugger lets it go on.
@@ -144,6 +147,7 @@ enum class EventKind : std::uint32_t {
   kStallEnds,    // the processor runs again
   kBitFlipped,   // value: the fault; address, before, after
   kOverrun,      // value: the Usart; a byte came before the previous one was read
+  kUnmodelled,  // value: PC; address, before: 1 for a write; the first access to a page that no block is modelled in
 };
 
 struct Event {
@@ -176,6 +180,15 @@ struct RealtimeBoard {
   LostTick lost_ticks[kLostTicksKept];
   std::atomic<bool> locked_up;  // then this is complete:
   LastWords last_words;
+  // First accesses to what is not modelled, as kUnmodelled says; `at_ns` by CLOCK_MONOTONIC.
+  static constexpr std::uint32_t kUnmodelledKept = 64;
+  struct Unmodelled {
+    std::int64_t at_ns;
+    std::uint32_t address, pc;
+    bool is_write;
+  };
+  std::atomic<std::uint32_t> unmodelled_count;  // so many of these are complete:
+  Unmodelled unmodelled[kUnmodelledKept];
   static constexpr std::uint32_t kLimitTextBytes = 256;
   std::atomic<bool> broken_limit;  // then this is complete: as kBrokenLimit says
   char limit_text[kLimitTextBytes];

@@ -322,6 +322,15 @@ std::string HangText(const Findings& found, TimeNs silent_ns, const std::string&
                      ToSeconds(silent_ns), since, found.reason.empty() ? "" : "; ", found.reason);
 }
 
+std::string CostText(const Findings& found, TimeNs cost_ns, TimeNs span_ns, const std::string& since,
+                     TimeNs limit_ns_per_s) {
+  return fmt::format(
+      "the firmware lets hardly any time pass: {:.3f} s, since {}, have cost {:.1f} s of processor time "
+      "(limit: {} s for each second){}{}",
+      ToSeconds(span_ns), since, ToSeconds(cost_ns), limit_ns_per_s / kNsPerS,
+      found.reason.empty() ? "" : "; ", found.reason);
+}
+
 std::string CrashText(const Findings& found, const std::string& at) {
   return fmt::format("the firmware crashed at {}: {} (more in firmware.log)", at, found.reason);
 }

@@ -43,6 +43,9 @@ Findings Examine(StoppedBoard& board, const ElfSymbols& symbols, const SourceLin
 
 // The same words for lockstep and for real time. `since`, `at`: as a user reads a time.
 std::string HangText(const Findings& found, TimeNs silent_ns, const std::string& since);
+// Of a firmware that makes the emulator compute for longer than it may, `cost_ns` of processor time for `span_ns`.
+std::string CostText(const Findings& found, TimeNs cost_ns, TimeNs span_ns, const std::string& since,
+                     TimeNs limit_ns_per_s);
 std::string CrashText(const Findings& found, const std::string& at);
 
 // What a firmware did that was reset by itself or its watchdog: the fault that it has taken, if any, and where it was.

@@ -1,5 +1,10 @@
 #include "harness/engine/flight_result.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
 #include "harness/client/client.h"
 #include "harness/run/remote/archive.h"
 
@@ -28,6 +33,12 @@ FlightResult MakeResult(const std::string& name, const Scenario& scenario, const
   result.end_reason = log.end_reason;
   result.outcome = OutcomeOf(log, result.score);
   result.events = EventsOf(log);
+  for (const ClientLog& client : log.clients) {
+    if (!client.unmodelled_blocks) continue;
+    auto& blocks = result.unmodelled_blocks;
+    for (const std::string& block : *client.unmodelled_blocks)
+      if (std::ranges::find(blocks, block) == blocks.end()) blocks.push_back(block);
+  }
   return result;
 }
 
@@ -47,6 +58,11 @@ std::vector<std::string> OtherCauses(const FlightResult& result) {
   std::vector<std::string> causes;
   for (const FlightEvent& event : result.events)
     if (event.kind == kSlowAdapterEvent) causes.push_back(event.text);
+  if (!result.unmodelled_blocks.empty())
+    causes.push_back(fmt::format(
+        "the firmware uses {}, which the emulated board does not model: on a chip it may do something else "
+        "(where: firmware.log)",
+        fmt::join(result.unmodelled_blocks, ", ")));
   return causes;
 }
 

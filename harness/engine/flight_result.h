@@ -36,6 +36,8 @@ struct FlightResult {
   double wall_s = 0.0;
   double real_time_factor = 0.0;
   Score score;
+  // Blocks of the chip that a firmware uses and the emulated board does not model.
+  std::vector<std::string> unmodelled_blocks;
   std::vector<FlightEvent> events;
   bool is_of_any_seed = false;  // nothing was drawn at random: with another seed, this is the same flight
   std::string replay;           // the exact command; empty when it was not flown
@@ -48,7 +50,7 @@ struct FlightResult {
   static constexpr std::array<std::string_view, 5> kNotInFiles = {"score", "events", "is_of_any_seed",
                                                                   "coverage_kind", "coverage"};
   TILTPROOF_FIELDS(name, expected, seed, trace_hash, end_reason, outcome, wall_s, real_time_factor, score,
-                   events, is_of_any_seed, replay, coverage_kind, coverage)
+                   unmodelled_blocks, events, is_of_any_seed, replay, coverage_kind, coverage)
 };
 
 // Scores a flight.

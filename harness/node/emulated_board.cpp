@@ -319,6 +319,20 @@ std::string EmulatedBoard::State(bool started) {
   }
 }
 
+std::vector<std::pair<BootTime, UnmodelledBlocks::Block>> EmulatedBoard::Unmodelled() const {
+  std::vector<std::pair<BootTime, UnmodelledBlocks::Block>> used;
+  const std::uint32_t count = memory_->unmodelled_count;
+  if (count == 0) return used;
+  const SourceLines source(spec_.image);
+  UnmodelledBlocks blocks;
+  for (std::uint32_t i = 0; i < count; ++i) {
+    const auto& [at_ns, address, pc, is_write] = memory_->unmodelled[i];
+    if (auto block = blocks.Take({address, is_write, pc}, source))
+      used.emplace_back(When(steady_clock::time_point(std::chrono::nanoseconds(at_ns))), std::move(*block));
+  }
+  return used;
+}
+
 void EmulatedBoard::Keep(const Findings& found) {
   for (const std::string& line : found.lines) lines_.push_back({services_.clock().Now(), line, false});
 }

@@ -16,6 +16,7 @@
 #include <optional>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "harness/emulator/cpu_state.h"
@@ -24,6 +25,7 @@
 #include "harness/emulator/lockstep_protocol.h"
 #include "harness/emulator/post_mortem.h"
 #include "harness/emulator/qmp_client.h"
+#include "harness/emulator/unmodelled_blocks.h"
 #include "harness/node/cpu_wait_watch.h"
 #include "harness/node/firmware_process.h"
 #include "harness/node/hang_watch.h"
@@ -78,6 +80,9 @@ class EmulatedBoard {
   // Stops it for good, and tells what it was doing: of a firmware that has not started, and of one that is in the handler
   // of a fault; "" otherwise.
   std::string State(bool started);
+  // The blocks that the firmware uses and the board does not model, each with its first access. Reads the image: for the
+  // end of the flight.
+  std::vector<std::pair<BootTime, UnmodelledBlocks::Block>> Unmodelled() const;
   // What was printed since the last call; with `last`, including the incomplete last line.
   std::vector<FirmwareProcess::OutputLine> TakeLines(bool last = false);
 

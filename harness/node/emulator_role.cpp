@@ -9,6 +9,7 @@
 
 #include "faults/device_command.h"
 #include "faults/schedule.h"
+#include "harness/client/emulator_limits.h"
 #include "harness/client/firmware_files.h"
 #include "harness/emulator/elf_symbols.h"
 #include "harness/node/emulated_board.h"
@@ -90,6 +91,13 @@ class EmulatorRole final : public Role {
     if (!origin_.known()) origin_ = Origin(power_on_ns_);
     NodeTotals totals;
     if (board_) {
+      for (auto& [at, block] : board_->Unmodelled()) {
+        const TimeNs time_ns = origin_.SimulationTime(at);
+        const std::string text = "the firmware uses " + block.text;
+        services_.log().Write(RunEvent{time_ns, kUnmodelledEvent, text});
+        services_.log().Write(RunEvent{time_ns, "firmware_log", text});
+        totals.unmodelled_blocks.push_back(std::move(block.name));
+      }
       WriteLines(true);
       services_.log().Write(counts_->TakeActivations());
       totals.activation_counts = counts_->ActivationCounts();
@@ -134,7 +142,14 @@ class EmulatorRole final : public Role {
   }
 
   void OnReset(bool by_firmware) {
-    if (!stopped_) Note(kResetEvent, by_firmware ? "reset by the firmware itself" : "reset by pin");
+    const auto time_text = [this](TimeNs at) { return TimeText(BootTime(at)); };
+    if (stopped_ || !limits_.Broken(time_text).empty()) return;
+    const std::string how = by_firmware ? "reset by the firmware itself" : "reset by pin";
+    Note(kResetEvent, how);
+    if (!by_firmware) return;
+    limits_.OnReset(services_.clock().Now().ns(), how);
+    if (const std::string broken = limits_.Broken(time_text); !broken.empty())
+      services_.Fail(EndReason::kFirmwareCrashed, broken);
   }
 
   // t = 0 is known: the faults on the board get their times.
@@ -232,6 +247,7 @@ class EmulatorRole final : public Role {
   std::optional<EmulatedBoard> board_;
   BootTime power_on_ns_;
   Origin origin_;  // in the plant's clock: that of this machine
+  EmulatorLimits limits_;
   bool stopped_ = false;
   std::shared_ptr<char> alive_ = std::make_shared<char>();
   dds::Subscriber<dds::RunState> states_;

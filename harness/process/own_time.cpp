@@ -10,6 +10,7 @@
 #include <cerrno>
 #include <csignal>
 #include <cstdlib>
+#include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
@@ -131,6 +132,13 @@ TimeNs OwnTime::Look(SteadyClock::time_point now) {
     if (2 * own_ns < elapsed_ns) excuse_ = Excuse::kNoProcessor;
   }
   return own_ns_ += own_ns;
+}
+
+TimeNs ProcessorTime(pid_t pid) {
+  clockid_t clock{};
+  timespec time{};
+  if (clock_getcpuclockid(pid, &clock) != 0 || clock_gettime(clock, &time) != 0) return 0;
+  return time.tv_sec * kNsPerS + time.tv_nsec;
 }
 
 Input AwaitInput(int descriptor, pid_t pid, TimeNs limit_ns) {

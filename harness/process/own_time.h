@@ -78,6 +78,10 @@ class OwnTime {
   pid_t stopped_pid_ = -1;
 };
 
+// How long a process has computed, with all of its threads; time in which it was stopped, slept or had no processor does
+// not count. 0 when there is no such process.
+TimeNs ProcessorTime(pid_t pid);
+
 enum class Input { kReady, kSilent, kStoppedItself };
 // Waits until `descriptor` is readable or at its end (kReady), or `pid`, which is to write to it, has been silent for
 // `limit_ns` of its own time.

@@ -148,9 +148,11 @@ struct ClientLog {
   std::int64_t accepted_stale_count = 0;
   TimeNs resync_max_ns = 0;
   std::int64_t starts_accepted_count = 0;
-  std::vector<Restart> restarts;                       // after t = 0, in order
-  std::optional<std::int64_t> failsafe_entered_count;  // absent when the client cannot say
-  std::optional<std::int64_t> receive_overruns_count;  // bytes lost by its receiver; absent as above
+  std::vector<Restart> restarts;  // after t = 0, in order
+  // Blocks of the chip that its firmware uses and the emulated board does not model, in the order of their first use.
+  std::optional<std::vector<std::string>> unmodelled_blocks;  // absent: none
+  std::optional<std::int64_t> failsafe_entered_count;         // absent when the client cannot say
+  std::optional<std::int64_t> receive_overruns_count;         // bytes lost by its receiver; absent as above
   std::vector<TimeNs> request_times_ns;       // arrival at the server of each accepted sensor request
   std::vector<TimeNs> sent_request_times_ns;  // when the client sent each, before any fault on the line
   std::vector<TimeNs>
@@ -167,8 +169,8 @@ struct ClientLog {
   static constexpr bool kLeavesOutNull = true;
   TILTPROOF_FIELDS(id, counts, accepted_wrong_count, accepted_stale_count, resync_max_ns,
                    starts_accepted_count, failsafe_entered_count, receive_overruns_count, restarts,
-                   request_times_ns, sent_request_times_ns, reply_latency_ns, actuator_times_ns,
-                   client_round_trip_ns, protocol, line_mistakes)
+                   unmodelled_blocks, request_times_ns, sent_request_times_ns, reply_latency_ns,
+                   actuator_times_ns, client_round_trip_ns, protocol, line_mistakes)
 };
 
 struct RunLog {

@@ -87,6 +87,12 @@ extern const std::string dialect;
 // harness/client/firmware_guard.h
 TimeNs grant(BootTime now);
 
+// harness/client/emulator_limits.h
+extern EmulatorProcess board;
+extern const TimeNs until, answer_after, now;
+extern const std::function<void(const EmulatorMessage&)> on_message;
+std::string time_text(TimeNs at);
+
 // harness/client/floating_point.h
 extern const examples::Function CallOthers;
 
@@ -97,6 +103,10 @@ extern std::string_view bytes;
 // harness/client/make_client.h
 ClientSettings SettingsOf(const Scenario& scenario);
 extern ClientHost host;
+
+// harness/client/overrun_rows.h
+extern const ClientHost host;
+extern const BootTime at;
 
 // harness/client/sanitizer.h
 extern const std::string line;
@@ -160,6 +170,13 @@ extern qemu_plugin_tb* block;
 // harness/emulator/plugin/sleep.h
 extern void* cpu;
 
+// harness/emulator/plugin/turn_limit.h
+extern TurnLimit limit;
+extern void* cpu;
+extern const harness::lockstep::Run run;
+void AtLimit(void* cpu, RunOnCpuData data);
+void Stop();
+
 // harness/emulator/plugin/usart.h
 extern UsartUnit usart;
 extern const ClockTree clocks;
@@ -173,6 +190,11 @@ extern const TimeNs now_ns;
 // harness/emulator/qmp_client.h
 extern int socket;
 extern const std::function<void(const std::string&, const std::string&)> on_event;
+
+// harness/emulator/unmodelled_blocks.h
+extern const std::uint32_t pc;
+extern const SourceLines source;
+void log(const std::string& text);
 
 // harness/emulator/usart_rate.h
 extern const struct Registers { std::uint32_t brr, cr1, cr3, clock_hz; } registers;

@@ -11,6 +11,8 @@ import sys
 import tempfile
 import unittest
 
+import minimal_image
+
 TILTPROOF, IMAGES, SOURCE = (pathlib.Path(argument) for argument in sys.argv[1:4])
 del sys.argv[1:4]
 EXAMPLE = SOURCE / "firmware/examples/minimal_c"
@@ -43,20 +45,7 @@ class WrongBoards(unittest.TestCase):
 
     def image(self, name, replacements):
         """The example with these mistakes."""
-        folder = self.root / name
-        folder.mkdir()
-        for file in ("stm32f4.c", "minimal_firmware.c"):
-            text = (EXAMPLE / file).read_text()
-            for old, new in replacements:
-                text = text.replace(old, new)
-            (folder / file).write_text(text)
-        changed = [file for file in folder.iterdir() if file.read_text() != (EXAMPLE / file.name).read_text()]
-        self.assertTrue(changed or not replacements, "no replacement fits the example any more")
-        elf = folder / "image.elf"
-        subprocess.run(["arm-none-eabi-gcc", "-std=c11", "-O2", "-g", "-ffp-contract=off", "-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16",
-                        "-mfloat-abi=hard", "-I", SOURCE, "--specs=nano.specs", "-nostartfiles", "-T", EXAMPLE / "stm32f4.ld",
-                        *sorted(folder.glob("*.c")), "-o", elf], check=True)
-        return f"qemu:{elf}"
+        return f"qemu:{minimal_image.build(SOURCE, self.root / name, replacements)}"
 
     def run_tiltproof(self, *arguments):
         return subprocess.run([str(TILTPROOF), *map(str, arguments)], capture_output=True, text=True, timeout=120)

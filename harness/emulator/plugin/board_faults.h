@@ -60,8 +60,11 @@ inline void Reset(ResetCause cause) {
   async_run_on_cpu(plugin.cpu, ResetWork, {});
 }
 
-// Between two instructions, right before the reset.
-inline void TellLastWords(void* cpu, RunOnCpuData /*data*/) { Send(Kind::kLastWords, LastWordsOf(cpu)); }
+// Between two instructions, right before the reset. An image that resets itself for ever would fill the socket's memory.
+inline void TellLastWords(void* cpu, RunOnCpuData /*data*/) {
+  Send(Kind::kLastWords, LastWordsOf(cpu));
+  if (++plugin.turn_resets_count > kResetsPerTurnMax) plugin.end_turn();
+}
 
 inline void ResetByItself(ResetCause cause) {
   if (plugin.pending_cause == ResetCause::kNone && !plugin.arguments.realtime)

@@ -51,6 +51,7 @@
 #include "harness/emulator/plugin/qemu_internals.h"
 #include "harness/emulator/plugin/readers.h"
 #include "harness/emulator/plugin/sleep.h"
+#include "harness/emulator/plugin/unmodelled.h"
 
 namespace tiltproof::qemu {
 namespace {
@@ -59,7 +60,7 @@ namespace {
 constexpr std::size_t kUnsentBytesMax = 1024;
 // Where bytes wait for the one before to be read.
 constexpr std::int64_t kPollNs = 1'000;
-constexpr std::uint16_t kWfi = 0xBF30;
+constexpr std::uint16_t kWfi = 0xBF30, kWfe = 0xBF20;
 
 // --- to the harness ---
 
@@ -172,6 +173,8 @@ void TakeCommands() {
         if (readers.Renew()) async_run_on_cpu(plugin.cpu, SleepOnWork, {});
         plugin.run = As<Run>(body);
         plugin.horizon.Set(plugin.run.until_ns);
+        plugin.turn_resets_count = 0;
+        plugin.turn_limit.Begin(plugin.run.processor_ns);
         return;
       default:
         Die("an unknown command: harness and plug-in of different builds?");
@@ -190,6 +193,17 @@ void Stop() {
 }
 
 void OnHorizon(void* /*opaque*/) { Stop(); }
+
+// Before the horizon, as work of the processor's thread.
+void EndTurn() {
+  Stop();
+  async_run_on_cpu(plugin.cpu, SleepOnWork, {});
+}
+
+void AtTurnLimit(void* cpu, RunOnCpuData /*data*/) {
+  if (plugin.turn_limit.Exceeded()) return EndTurn();
+  async_run_on_cpu(cpu, SleepOnWork, {});
+}
 
 // QEMU aborts when the processor locks up. The harness reads its state before that.
 void OnAbort(int /*signal*/) {
@@ -232,6 +246,7 @@ void OnTransmit(int number, std::uint8_t byte) {
 // --- the emulator's callbacks ---
 
 void OnWfi(unsigned /*vcpu*/, void* /*opaque*/) { async_run_on_cpu(qemu_get_cpu(0), SleepWork, {}); }
+void OnWfe(unsigned /*vcpu*/, void* /*opaque*/) { async_run_on_cpu(qemu_get_cpu(0), WaitForEventWork, {}); }
 
 // The firmware has failed: the rest of the flight, as it may be, shows nothing.
 void OnBrokenLimit(const std::string& what) {
@@ -239,7 +254,14 @@ void OnBrokenLimit(const std::string& what) {
   Send(Kind::kBrokenLimit, what);
 }
 
+void OnUnmodelled(std::uint32_t address, bool is_write) {
+  const std::uint32_t pc = RegisterIn(DumpState(plugin.cpu), "R15");
+  if (plugin.arguments.realtime) return plugin.notes.Unmodelled(address, pc, is_write);
+  SendEvent(EventKind::kUnmodelled, pc, address, is_write ? 1 : 0);
+}
+
 void BeginChip() {
+  unmodelled.Init(OnUnmodelled);
   Chip::Options options{.hse_hz = plugin.arguments.hse_hz,
                         .usart = {.transmit = OnTransmit, .taken = {}, .programmed = {}},
                         .watchdog = OnWatchdog,
@@ -281,6 +303,8 @@ void BeginLockstep() {
   std::memcpy(&shift, timers_state + kIcountShiftOffset, sizeof(shift));
   if (shift != 3) Die("-icount shift=3 is not where it should be: another build of QEMU 7.2?");
   readers.Init(plugin.cpu);
+  plugin.end_turn = EndTurn;
+  plugin.turn_limit.Init(plugin.cpu, AtTurnLimit);
   plugin.horizon.Init(OnHorizon, nullptr);
   plugin.stall_timer.Init(OnStallTimer, nullptr);
   plugin.flip_timer.Init(OnFlipTimer, nullptr);
@@ -333,6 +357,7 @@ void OnTranslate(qemu_plugin_id_t /*id*/, qemu_plugin_tb* block) {
     if (qemu_plugin_insn_size(instruction) != sizeof(code)) continue;
     std::memcpy(&code, qemu_plugin_insn_data(instruction), sizeof(code));
     if (code == kWfi) qemu_plugin_register_vcpu_insn_exec_cb(instruction, OnWfi, 0, nullptr);
+    if (code == kWfe) qemu_plugin_register_vcpu_insn_exec_cb(instruction, OnWfe, 0, nullptr);
   }
 }
 

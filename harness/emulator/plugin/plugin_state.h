@@ -20,6 +20,7 @@
 #include "harness/emulator/plugin/lost_ticks.h"
 #include "harness/emulator/plugin/parts.h"
 #include "harness/emulator/plugin/realtime_board.h"
+#include "harness/emulator/plugin/turn_limit.h"
 
 namespace tiltproof::qemu {
 
@@ -46,7 +47,10 @@ struct Plugin {
   void* cpu = nullptr;
   pthread_t cpu_thread{};
   bool locked_up = false;
-  Run run{};  // as granted
+  Run run{};                     // as granted
+  void (*end_turn)() = nullptr;  // before its horizon
+  int turn_resets_count = 0;     // of the firmware, by itself
+  TurnLimit turn_limit;
   Timer horizon;
   std::deque<Stall> stalls;  // by begin
   Timer stall_timer;

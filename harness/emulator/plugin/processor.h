@@ -8,6 +8,7 @@
 
 #include "harness/emulator/lockstep_protocol.h"
 #include "harness/emulator/plugin/qemu_internals.h"
+#include "harness/emulator/plugin/unmodelled.h"
 
 namespace tiltproof::qemu {
 
@@ -24,7 +25,16 @@ inline std::string DumpState(void* cpu) {
 
 // With the processor's own peripherals. Zeros where nothing is.
 inline void ReadAsProcessor(void* cpu, std::uint32_t address, void* buffer, std::size_t size) {
+  unmodelled.SetQuiet(true);
   address_space_rw(cpu_get_address_space(cpu, 0), address, 0, buffer, size, false);
+  unmodelled.SetQuiet(false);
+}
+
+// Of a dump: "R13" for instance; 0 when it is not there.
+inline std::uint32_t RegisterIn(const std::string& dump, const char* name) {
+  const std::size_t at = dump.find(std::string(name) + "=");
+  if (at == dump.npos) return 0;
+  return static_cast<std::uint32_t>(std::strtoul(dump.c_str() + dump.find('=', at) + 1, nullptr, 16));
 }
 
 // The body of a message kLastWords.
@@ -33,11 +43,7 @@ inline std::string LastWordsOf(void* cpu) {
   harness::lockstep::LastWords words{};
   const std::string dump = DumpState(cpu);
   ReadAsProcessor(cpu, kFaultRegisters, words.faults, sizeof(words.faults));
-  const std::size_t stack = dump.find("R13=");
-  if (stack != dump.npos) {
-    const auto pointer = static_cast<std::uint32_t>(std::strtoul(dump.c_str() + stack + 4, nullptr, 16));
-    ReadAsProcessor(cpu, pointer, words.stack, sizeof(words.stack));
-  }
+  ReadAsProcessor(cpu, RegisterIn(dump, "R13"), words.stack, sizeof(words.stack));
   return std::string(reinterpret_cast<const char*>(&words), sizeof(words)) + dump;
 }
 

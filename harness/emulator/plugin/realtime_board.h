@@ -53,6 +53,12 @@ class RealtimeNotes {
     std::memcpy(&board_->last_words, words.data(), sizeof(board_->last_words));
     board_->locked_up = true;
   }
+  void Unmodelled(std::uint32_t address, std::uint32_t pc, bool is_write) {
+    if (board_ == nullptr || board_->unmodelled_count >= harness::lockstep::RealtimeBoard::kUnmodelledKept)
+      return;
+    board_->unmodelled[board_->unmodelled_count] = {TimeOf(CLOCK_MONOTONIC), address, pc, is_write};
+    ++board_->unmodelled_count;
+  }
   void BrokenLimit(const std::string& text) {
     if (board_ == nullptr || board_->broken_limit) return;
     const std::size_t size = text.copy(board_->limit_text, sizeof(board_->limit_text) - 1);

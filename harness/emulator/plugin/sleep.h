@@ -1,8 +1,10 @@
 // How virtual time passes while the processor executes nothing: when the firmware sleeps.
 //
-//   async_run_on_cpu(cpu, SleepWork, {});  // it has executed WFI
+//   async_run_on_cpu(cpu, SleepWork, {});         // it has executed WFI
+//   async_run_on_cpu(cpu, WaitForEventWork, {});  // or WFE
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <cstring>
 
@@ -32,6 +34,15 @@ inline void SleepWork(void* cpu, RunOnCpuData data) {
   if (!all_cpu_threads_idle() || next < 0) return;
   Advance(next);
   async_run_on_cpu(cpu, SleepWork, data);
+  qemu_clock_run_timers(kClockVirtual);
+}
+
+// The processor waits for an event (WFE). It does not have to wait for one, and QEMU's does not: a loop of WFE computes each
+// turn. Here it waits for a microsecond, or until the next timer. What has set the event register is late by that much.
+inline void WaitForEventWork(void* /*cpu*/, RunOnCpuData /*data*/) {
+  constexpr std::int64_t kWaitNs = 1'000;
+  const std::int64_t next = qemu_clock_deadline_ns_all(kClockVirtual, kAnyAttribute);
+  Advance(next < 0 ? kWaitNs : std::min(next, kWaitNs));
   qemu_clock_run_timers(kClockVirtual);
 }
 

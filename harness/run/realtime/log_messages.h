@@ -75,7 +75,8 @@ struct NodeTotals {
   // One count per fault of the scenario, of the faults that this node carried out itself; empty when there
   // are none.
   std::vector<std::int64_t> activation_counts;
-  TILTPROOF_FIELDS(lateness, line, plant, client, states, activation_counts)
+  std::vector<std::string> unmodelled_blocks;  // of the client's board (ClientLog)
+  TILTPROOF_FIELDS(lateness, line, plant, client, states, activation_counts, unmodelled_blocks)
 };
 
 // The link counters of a flight at one instant of its grid of control periods. The link node knows them, the

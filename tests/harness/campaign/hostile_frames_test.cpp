@@ -171,6 +171,12 @@ TEST(BrokenFlight, TheSameDefectHasOneKeyWhereverItIsMet) {
   EXPECT_NE(key("crashed at 1 s in Decode"), key("crashed at 1 s in Decode2"));
   EXPECT_NE(key("crashed at 1 s in Decode"),
             BrokenBy(Ended(EndReason::kFirmwareHung, Outcome::kHung, "crashed at 1 s in Decode"))->key);
+  // Where the limit on processor time finds an image is chance.
+  const std::string cost =
+      "survival: firmware hung at 1.5 s: 0.5 s, since t = 1.0 s, have cost 10.1 s of processor time; it is "
+      "in ";
+  EXPECT_EQ(BrokenBy(Ended(EndReason::kFirmwareHung, Outcome::kHung, cost + "main (a.c:7)"))->key,
+            BrokenBy(Ended(EndReason::kFirmwareHung, Outcome::kHung, cost + "Tick (a.c:9)"))->key);
   EXPECT_EQ(KeyOfReason("x1 of 0.5 s, 3."), "x1 of # s, #.");
   EXPECT_EQ(KeyOfReason("3 at a.so+0x1f, b.c:33", true), "# at a.so+0x1f, b.c:33");
 }

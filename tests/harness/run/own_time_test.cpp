@@ -176,6 +176,21 @@ TEST(OwnTime, AProcessThatRunsIsChargedWithWhatItRan) {
   EXPECT_EQ(looks.own.excuse(), OwnTime::Excuse::kNoProcessor);
 }
 
+TEST(ProcessorTime, IsThatOfAProcessThatComputes) {
+  const Child busy([] {
+    for (volatile bool forever = true; forever;) {
+    }
+  });
+  const Child idle(Sleep);
+  while (ProcessorTime(busy.pid()) < 50 * kNsPerMs) std::this_thread::yield();
+  EXPECT_LT(ProcessorTime(idle.pid()), 50 * kNsPerMs);
+  busy.Stop();
+  const TimeNs stopped = ProcessorTime(busy.pid());
+  EXPECT_EQ(ProcessorTime(busy.pid()), stopped);
+  constexpr pid_t kBeyondAll = 1 << 22;  // proc(5), pid_max
+  EXPECT_EQ(ProcessorTime(kBeyondAll), 0);
+}
+
 TEST(AwaitInput, SeesWhatComesAndWhoIsSilent) {
   std::array<int, 2> ends{};
   ASSERT_EQ(pipe(ends.data()), 0);
