@@ -29,6 +29,7 @@
 #include "harness/dds/bus.h"
 #include "harness/run/line.h"
 #include "harness/run/plant_server.h"
+#include "harness/run/realtime/firmware_use.h"
 #include "harness/run/run_log.h"
 #include "harness/run/supervisor_states.h"
 #include "harness/scenario/scenario.h"
@@ -75,7 +76,8 @@ struct NodeTotals {
   // One count per fault of the scenario, of the faults that this node carried out itself; empty when there
   // are none.
   std::vector<std::int64_t> activation_counts;
-  TILTPROOF_FIELDS(lateness, line, plant, client, states, activation_counts)
+  std::optional<FirmwareUse> firmware_use;  // of a program
+  TILTPROOF_FIELDS(lateness, line, plant, client, states, activation_counts, firmware_use)
 };
 
 // The link counters of a flight at one instant of its grid of control periods. The link node knows them, the
