@@ -1,7 +1,7 @@
 // Looks at how much processor time a firmware's processes use: a program, and all that it has started.
 //
 //   FirmwareUseWatch watch(services);    // after AdoptOrphans()
-//   totals.firmware_use = watch.Take();
+//   const FirmwareUse use = watch.Take();
 #pragma once
 
 #include <sched.h>

@@ -1,6 +1,6 @@
 // The control periods of a flight in which work was late.
 //
-//   const LatePeriods late = CountLatePeriods(log.harness_late, log.end_ns, period_ns);
+//   const LatePeriods late = CountLatePeriods(log.harness_late, log.end_ns, 12 * kNsPerMs);
 //   const bool was_late = late.count > 0;
 #pragma once
 

@@ -1,6 +1,6 @@
 // Keeps a flight the same when a debugger stops the processor: at a breakpoint, after a step, or at any time.
 //
-//   debugger.Init(cpu);   // in lockstep, on the processor's thread
+//   debugger.Init(plugin.cpu);   // in lockstep, on the processor's thread
 //
 // QEMU 7.2 changes the flight in three ways, and each has its remedy here. It takes a processor that has just stopped for
 // one that sleeps, and moves virtual time on to the next timer. A sleep that a stop has interrupted would go on by QEMU's

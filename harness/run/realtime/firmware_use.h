@@ -1,9 +1,10 @@
 // When the processes of a firmware had the processors of this machine nearly to themselves, and which lateness that
 // explains.
 //
-//   FirmwareUse use{.processors_count = 2, .spans = {{begin, end, 1'900 * kNsPerMs, 9}}};
-//   const OwnLateness own(use, origin);
-//   if (own.Explains(late)) ...
+//   FirmwareUse use{.processors_count = 2};
+//   use.Add({BootTime(0), BootTime(200 * kNsPerMs), 380 * kNsPerMs, 9});   // 380 ms of 400
+//   const OwnLateness own(use, Origin(BootTime(0)));
+//   const bool by_firmware = own.Explains({12 * kNsPerMs, 20 * kNsPerMs});
 #pragma once
 
 #include <cstdint>
