@@ -33,7 +33,7 @@ std::vector<std::string> CommandLine(const EmulatorSpec& spec) {
       spec, "socket=3,barrier=" + std::to_string(spec.barrier) + ",main=" + std::to_string(spec.main_usart) +
                 ",reference=" + std::to_string(spec.reference_usart) +
                 ",console=" + std::to_string(spec.console_usart) + (spec.ideal_lines ? ",ideal=on" : "") +
-                (spec.coverage ? ",coverage=4" : ""));
+                (spec.coverage ? ",coverage=4" : "") + (spec.gdb_port != 0 ? ",debugged=on" : ""));
   command.insert(command.end(), plugin.begin(), plugin.end());
   if (spec.gdb_port != 0)
     command.insert(command.end(), {"-gdb", "tcp:127.0.0.1:" + std::to_string(spec.gdb_port)});

@@ -8,7 +8,9 @@
 
 #include "harness/node/cpu_wait_watch.h"
 #include "harness/node/firmware_process.h"
+#include "harness/node/firmware_use_watch.h"
 #include "harness/node/roles.h"
+#include "harness/process/orphans.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -59,6 +61,7 @@ class CommandRole final : public Role {
                         {"TILTPROOF_FIRMWARE", scenario_.firmware},
                         {"TILTPROOF_DIALECT", scenario_.link.protocol->name}};
     spec.guard_group = true;
+    AdoptOrphans();
     process_.emplace(services_, spec, [this](const std::string& how) {
       Flush();
       // No firmware has flown: the command is wrong. In flight these codes are the firmware's own.
@@ -73,6 +76,7 @@ class CommandRole final : public Role {
                      fmt::format("the firmware's process {} (command: {})", how, command_));
     });
     watch_.emplace(services_, scenario_, process_->child().pid());
+    use_.emplace(services_);
   }
 
   void Flush() override {
@@ -85,9 +89,13 @@ class CommandRole final : public Role {
   NodeTotals Stop() override {
     if (process_) process_->ReadAll();
     Flush();
+    NodeTotals totals;
+    if (use_) totals.firmware_use = use_->Take();
+    use_.reset();
     watch_.reset();
     process_.reset();
-    return {};
+    EndOrphans();
+    return totals;
   }
 
  private:
@@ -105,6 +113,7 @@ class CommandRole final : public Role {
   std::string port_, reference_port_;
   std::optional<FirmwareProcess> process_;
   std::optional<CpuWaitWatch> watch_;
+  std::optional<FirmwareUseWatch> use_;
   Origin log_origin_;  // the firmware's lines have the time since power-on
   std::shared_ptr<char> alive_ = std::make_shared<char>();
   dds::Subscriber<dds::RunState> states_;

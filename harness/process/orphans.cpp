@@ -52,6 +52,10 @@ void ForgetChild(pid_t child) {
   std::erase(kept, child);
 }
 
+void ReapOrphans() {
+  for (const pid_t orphan : Orphans()) waitpid(orphan, nullptr, WNOHANG);
+}
+
 void EndOrphans() {
   constexpr std::chrono::seconds kLimit{1};
   const auto end = std::chrono::steady_clock::now() + kLimit;

@@ -20,5 +20,7 @@ void ForgetChild(pid_t child);
 // Kills (SIGKILL) and reaps all children that are not kept, and those that become children by that. Takes at most a
 // second. Does nothing where /proc does not list children.
 void EndOrphans();
+// Reaps those of them that have ended.
+void ReapOrphans();
 
 }  // namespace tiltproof::harness

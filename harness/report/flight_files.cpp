@@ -29,7 +29,8 @@ RunEvent ToRunEvent(const RunLog& log, const FlightEvent& from) {
   return event;
 }
 
-constexpr const char *kHarnessLate = "harness_late_ns", *kBoardDisturbed = "board_disturbed_ns";
+constexpr const char *kHarnessLate = "harness_late_ns", *kBoardDisturbed = "board_disturbed_ns",
+                     *kFirmwareLate = "firmware_late_ns";
 
 // The record of an only client stands among the flight's.
 Json ToFile(const RunLog& log) {
@@ -46,6 +47,7 @@ Json ToFile(const RunLog& log) {
     for (const LateSpan& span : from) spans.push_back({span.begin_ns, span.end_ns});
   };
   put(kHarnessLate, log.harness_late);
+  put(kFirmwareLate, log.firmware_late);
   put(kBoardDisturbed, log.board_disturbed);
   JsonWriter::Put(json["events"], EventsOf(log));
   return json;
@@ -65,6 +67,7 @@ void FromFile(const Json& json, RunLog& log) {
       to.push_back({FromJson<TimeNs>(span.at(0)), FromJson<TimeNs>(span.at(1))});
   };
   get(kHarnessLate, log.harness_late);
+  get(kFirmwareLate, log.firmware_late);
   get(kBoardDisturbed, log.board_disturbed);
   for (const auto& event : FromJson<std::vector<FlightEvent>>(json.at("events")))
     log.events.push_back(ToRunEvent(log, event));

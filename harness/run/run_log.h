@@ -173,6 +173,15 @@ struct ClientLog {
                    actuator_times_ns, client_round_trip_ns, protocol, line_mistakes)
 };
 
+// The processor time of a firmware's processes while they kept the harness from being on time.
+struct ProcessorUse {
+  TimeNs run_ns = 0, elapsed_ns = 0;
+  std::int64_t processors_count = 0;  // that the machine has
+  std::int64_t processes_max = 0;     // at a time
+  friend bool operator==(const ProcessorUse&, const ProcessorUse&) = default;
+  TILTPROOF_FIELDS(run_ns, elapsed_ns, processors_count, processes_max)
+};
+
 struct RunLog {
   Trace trace;
   EndReason end_reason = EndReason::kCompleted;
@@ -189,6 +198,9 @@ struct RunLog {
   // The spans of this lateness, in order; they may overlap. What the firmware missed in them is not its
   // fault.
   std::vector<LateSpan> harness_late;
+  // Real time only: lateness that the firmware's own processes caused, in order. It excuses nothing.
+  std::vector<LateSpan> firmware_late;
+  std::optional<ProcessorUse> firmware_use;  // then
   // Real time only: when this machine took time from the program that represents the board, in order. It may be less
   // than lateness, but a clock in that program may have lost it.
   std::vector<LateSpan> board_disturbed;
@@ -201,7 +213,7 @@ struct RunLog {
   // For flight.json, which also has the clients, the events and the lateness; the rest has files of its own.
   static constexpr bool kLeavesOutNull = true;
   TILTPROOF_FIELDS(end_reason, end_text, end_ns, wall_s, hover_input, input_min, input_max,
-                   fault_activation_counts, harness_overrun_count, harness_late_max_ns)
+                   fault_activation_counts, harness_overrun_count, harness_late_max_ns, firmware_use)
 };
 
 }  // namespace tiltproof::harness

@@ -6,6 +6,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "harness/run/late_periods.h"
 #include "harness/score/clean_line.h"
 #include "harness/score/client_behaviour.h"
 #include "harness/score/signals.h"
@@ -349,19 +350,40 @@ void Conclude(Score& score, Verdict expected) {
     }
 }
 
-// Why a flight in real time says nothing about the firmware; empty when it does.
-std::string TooLateToJudge(const RunLog& log, TimeNs period_ns) {
-  if (WentAway(log.end_reason)) return "";
-  const std::int64_t overruns = log.harness_overrun_count.value_or(0);
+// How late the harness was, when that is too much to judge a firmware: "in 20 of 500 periods (at most 12 ms)".
+std::string TooLate(std::int64_t overruns, TimeNs late_ns, TimeNs end_ns, TimeNs period_ns) {
   if (overruns == 0) return "";
-  const std::int64_t periods = std::max<std::int64_t>(log.end_ns / period_ns, 1);
-  const TimeNs late_ns = log.harness_late_max_ns.value_or(0);
+  const std::int64_t periods = std::max<std::int64_t>(end_ns / period_ns, 1);
   const bool often = overruns > kOverrunCountMax &&
                      static_cast<double>(overruns) > kOverrunRatioMax * static_cast<double>(periods);
   if (!often && late_ns <= kLatePeriodsMax * period_ns) return "";
-  return "the harness itself was late in " + std::to_string(overruns) + " of " + std::to_string(periods) +
-         " periods (at most " + Number(static_cast<double>(late_ns) / 1e6) +
-         " ms): this machine was too busy to judge a firmware";
+  return "in " + std::to_string(overruns) + " of " + std::to_string(periods) + " periods (at most " +
+         Number(static_cast<double>(late_ns) / 1e6) + " ms)";
+}
+
+// Why a flight in real time says nothing about the firmware; empty when it does.
+std::string TooLateToJudge(const RunLog& log, TimeNs period_ns) {
+  if (WentAway(log.end_reason)) return "";
+  const std::string late = TooLate(log.harness_overrun_count.value_or(0), log.harness_late_max_ns.value_or(0),
+                                   log.end_ns, period_ns);
+  return late.empty()
+             ? ""
+             : "the harness itself was late " + late + ": this machine was too busy to judge a firmware";
+}
+
+// How the firmware's own processes made the harness too late to judge it; empty when they did not.
+std::string LateByFirmware(const RunLog& log, TimeNs period_ns) {
+  if (!log.firmware_use) return "";
+  const LatePeriods own = CountLatePeriods(log.firmware_late, log.end_ns, period_ns);
+  const std::string late = TooLate(own.count, own.longest_ns, log.end_ns, period_ns);
+  if (late.empty()) return "";
+  const ProcessorUse& use = *log.firmware_use;
+  char text[160];
+  std::snprintf(text, sizeof text, "used %.1f s of the %.1f s that %lld processors had",
+                ToSeconds(use.run_ns), ToSeconds(use.elapsed_ns) * static_cast<double>(use.processors_count),
+                static_cast<long long>(use.processors_count));
+  return "the firmware's own processes (" + std::to_string(use.processes_max) + " at a time) " + text +
+         ", and made the harness late " + late;
 }
 
 // What fails after a restart that this machine may have caused, the restart may have caused. A metric has no time.
@@ -437,6 +459,13 @@ Score ScoreRun(const Scenario& scenario, const RunLog& log, const ScoreOptions& 
     if (std::string why = TooLateToJudge(log, period_ns); !why.empty()) {
       score.verdict = Verdict::kInconclusive;
       score.reason = std::move(why);
+    } else if (const std::string own = LateByFirmware(log, period_ns); !own.empty()) {
+      if (score.verdict == Verdict::kFail) {
+        score.reason += "; " + own;
+      } else {
+        score.verdict = Verdict::kInconclusive;
+        score.reason = own + ": a firmware cannot be judged that leaves no processor to it";
+      }
     }
   }
   if (FailsByRestart(score, scenario, log)) {

@@ -233,6 +233,9 @@ extern const EmulatedBoard::Callbacks callbacks;
 extern NodeServices& services;
 extern const ChildSpec spec;
 
+// harness/node/firmware_use_watch.h
+extern NodeServices& services;
+
 // harness/node/hang_watch.h
 extern std::chrono::steady_clock::time_point last_byte, last_byte_there;
 extern bool held;

@@ -15,6 +15,8 @@ import tempfile
 import time
 import unittest
 
+from remote_debugger import RemoteDebugger, free_port
+
 PROGRAM, SOURCE = (pathlib.Path(sys.argv.pop(1)).resolve() for _ in range(2))
 PTRACE_CONT, PTRACE_ATTACH = 7, 16
 WALL = 0x40000000
@@ -25,11 +27,6 @@ reference: {type: hover, at_m: [0, 0, 2]}
 criteria:
   - {name: near, stl: "always(position_error_m <= 0.5)"}
 """
-
-
-def free_port():
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        return server.getsockname()[1]
 
 
 def is_running(pid):
@@ -46,56 +43,6 @@ def wait_until(condition, what):
         if time.monotonic() > end:
             raise AssertionError(f"not within 20 s: {what}")
         time.sleep(0.05)
-
-
-class RemoteDebugger:
-    """GDB's remote serial protocol (GDB manual, appendix E)."""
-
-    def __init__(self, port):
-        self.socket = socket.create_connection(("127.0.0.1", port), timeout=60)
-        self.received = b""
-
-    def send(self, text):
-        body = text.encode()
-        self.socket.sendall(b"$" + body + b"#%02x" % (sum(body) & 255))
-
-    def packet(self):
-        """The next one; none when the emulator is gone."""
-        while not (packet := re.search(rb"\$([^#]*)#..", self.received)):
-            try:
-                got = self.socket.recv(4096)
-            except ConnectionResetError:
-                got = b""
-            if not got:
-                return None
-            self.received += got
-        self.received = self.received[packet.end():]
-        self.socket.sendall(b"+")
-        return packet.group(1).decode()
-
-    def ask(self, text):
-        self.send(text)
-        return self.packet()
-
-    def registers(self):
-        answer = self.ask("g")
-        while answer.startswith("T"):  # it had not quite stopped
-            answer = self.packet()
-        return answer
-
-    def program_counter(self):
-        return int.from_bytes(bytes.fromhex(self.registers())[60:64], "little")
-
-    def registers_at_stops(self):
-        """All registers at each stop, until the flight is over. The first is that of the connection."""
-        stops = []
-        self.ask("?")
-        while True:
-            stops.append(self.registers())
-            self.send("c")
-            if self.packet() is None:
-                self.socket.close()
-                return stops
 
 
 class DebugTest(unittest.TestCase):
@@ -126,20 +73,11 @@ class DebugTest(unittest.TestCase):
         return self.result(subprocess.Popen([PROGRAM, "run", "hover.yaml", "--format", "jsonl", *arguments], cwd=self.folder, text=True,
                                             stdout=subprocess.PIPE, stderr=subprocess.PIPE))
 
-    def connect(self, port):
-        # The emulator opens the port a moment after the flight says that it waits.
-        end = time.monotonic() + 60
-        while True:
-            try:
-                return RemoteDebugger(port)
-            except ConnectionRefusedError:
-                self.assertLess(time.monotonic(), end)
-
     def test_emulated_processor_at_power_on(self):
         port = free_port()
         run, line = self.start("--client", "qemu", "--gdb", str(port))
         self.assertIn(f"target remote :{port}", line)
-        debugger = self.connect(port)
+        debugger = RemoteDebugger(port)
         self.assertRegex(debugger.ask("?"), "^T05")
         # At the reset vector: the second word of the image's table, without its Thumb bit.
         self.assertEqual(debugger.program_counter(), int.from_bytes(bytes.fromhex(debugger.ask("m8000004,4")), "little") & ~1)
@@ -155,7 +93,7 @@ class DebugTest(unittest.TestCase):
             run, line = self.start("--client", "qemu", "--gdb", str(port), "--gdb-at", "1.5")
             self.assertIn("at 1.5 s of the flight", line)
             # It may be there before the time: then it is stopped twice.
-            seen.append(self.connect(port).registers_at_stops()[-1])
+            seen.append(RemoteDebugger(port).registers_at_stops()[-1])
             result = self.result(run)
         self.assertEqual(*seen)
         self.assertEqual(result["trace_hash"], self.fly("--client", "qemu")["trace_hash"])

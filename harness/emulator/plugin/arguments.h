@@ -23,6 +23,7 @@ struct Arguments {
   bool ideal = false;                             // lines without byte time
   bool realtime = false;                          // only the chip: no socket, no barrier
   int memory = -1;                                // in real time: a descriptor for RealtimeBoard
+  bool debugged = false;                          // a debugger may set breakpoints
   int coverage = -1;                              // a descriptor for BlockCounts; -1: nothing is counted
 };
 
@@ -54,6 +55,8 @@ inline std::string Parse(int argc, char** argv, Arguments& arguments) {
       arguments.hse_hz = number;
     } else if (key == "ideal" && value == "on") {
       arguments.ideal = true;
+    } else if (key == "debugged" && value == "on") {
+      arguments.debugged = true;
     } else if (key == "realtime" && value == "on") {
       arguments.realtime = true;
     } else {

@@ -101,7 +101,15 @@ inline void OnFlipTimer(void* /*opaque*/) {
   }
 }
 
-// On the processor's thread, between two instructions: it stops at once.
-inline void OnBreakTimer(void* /*opaque*/) { vm_stop(kRunStatePaused); }
+inline void StopWork(void* /*cpu*/, RunOnCpuData /*data*/) { vm_stop(kRunStatePaused); }
+
+// The processor's thread stops between two instructions. QEMU's main thread runs a timer that is due when the debugger lets
+// the processor go on, and must not stop the machine from within.
+inline void OnBreakTimer(void* /*opaque*/) {
+  if (pthread_equal(pthread_self(), plugin.cpu_thread) != 0)
+    StopWork(plugin.cpu, {});
+  else
+    async_run_on_cpu(plugin.cpu, StopWork, {});
+}
 
 }  // namespace tiltproof::qemu

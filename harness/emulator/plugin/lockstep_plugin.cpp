@@ -17,7 +17,7 @@
 // lines are given as numbers of USARTs. `barrier` is the byte that ends a frame of the line's protocol, as a number from
 // 0 to 255: there may be an answer to it. `ideal` means that the lines have no rate, so that sending takes no time.
 // `hse` is the rate of the crystal in Hz, 0 when there is none. `coverage` is an inherited descriptor of memory for
-// harness::lockstep::BlockCounts; without it nothing is counted.
+// harness::lockstep::BlockCounts; without it nothing is counted. `debugged` means that QEMU has a port for a debugger.
 //
 // With `realtime=on` instead of the socket the machine runs by the clock on the wall, and its USARTs have the character
 // devices that QEMU was given:
@@ -46,6 +46,7 @@
 #include "harness/emulator/plugin/block_counts.h"
 #include "harness/emulator/plugin/board_faults.h"
 #include "harness/emulator/plugin/command.h"
+#include "harness/emulator/plugin/debugger.h"
 #include "harness/emulator/plugin/plugin_state.h"
 #include "harness/emulator/plugin/processor.h"
 #include "harness/emulator/plugin/qemu_internals.h"
@@ -302,7 +303,12 @@ void BeginLockstep() {
   std::int16_t shift = 0;
   std::memcpy(&shift, timers_state + kIcountShiftOffset, sizeof(shift));
   if (shift != 3) Die("-icount shift=3 is not where it should be: another build of QEMU 7.2?");
-  readers.Init(plugin.cpu);
+  // Blocks of one instruction are many where breakpoints are, and tell nothing about registers.
+  if (plugin.arguments.debugged) {
+    debugger.Init(plugin.cpu);
+  } else {
+    readers.Init(plugin.cpu);
+  }
   plugin.end_turn = EndTurn;
   plugin.turn_limit.Init(plugin.cpu, AtTurnLimit);
   plugin.horizon.Init(OnHorizon, nullptr);

@@ -3,7 +3,8 @@
 // therefore starts the plug-in only in 7.2.x and tests it first (harness/emulator/lockstep_self_test.h).
 //
 // Names and signatures are QEMU's: include/qemu/qemu-plugin.h, include/qemu/timer.h, include/hw/clock.h,
-// include/exec/memory.h, include/hw/core/cpu.h, softmmu/timers-state.h of the release 7.2.
+// include/exec/memory.h, include/hw/core/cpu.h, include/qemu/notify.h, include/qemu/main-loop.h, include/sysemu/runstate.h,
+// softmmu/timers-state.h of the release 7.2.
 #pragma once
 
 #include <cstddef>
@@ -32,6 +33,12 @@ void* sysbus_mmio_get_region(void* device, int number);
 void qemu_register_reset(void (*)(void*), void*);
 void qemu_system_reset(int cause);
 int vm_stop(int run_state);
+void* qemu_add_vm_change_state_handler(void (*)(void*, bool running, int run_state), void*);
+struct Notifier {
+  void (*notify)(Notifier*, void* data);
+  void *next, *previous;
+};
+void main_loop_poll_add_notifier(Notifier*);
 void* qemu_allocate_irq(void (*handler)(void*, int line, int level), void*, int line);
 void qdev_connect_gpio_out_named(void* device, const char* name, int line, void* irq);
 void* qdev_get_gpio_in(void* device, int number);
@@ -47,6 +54,7 @@ void timer_del(void* timer);
 std::int64_t qemu_clock_get_ns(int clock);
 std::int64_t qemu_clock_deadline_ns_all(int clock, int attribute_mask);
 bool qemu_clock_run_timers(int clock);
+void qemu_clock_enable(int clock, bool enabled);
 extern std::uint8_t timers_state[];
 bool clock_set(void* clock, std::uint64_t period);  // in 2^-32 ns; whether that is new
 void clock_propagate(void* clock);
@@ -54,6 +62,9 @@ void clock_propagate(void* clock);
 // The processor.
 void* qemu_get_cpu(int index);
 bool all_cpu_threads_idle(void);
+bool cpu_work_list_empty(void* cpu);
+bool cpu_is_stopped(void* cpu);  // or the machine is
+void cpu_single_step(void* cpu, int flags);
 union RunOnCpuData {  // run_on_cpu_data
   std::uint64_t target_ptr;
   void* host_ptr;
@@ -96,6 +107,7 @@ inline constexpr std::size_t kIcountShiftOffset = 26;  // icount_time_shift, int
 inline constexpr std::size_t kIcountBiasOffset = 40;   // qemu_icount_bias, int64 ns
 
 // struct CPUState and ARMCPU.
+inline constexpr std::size_t kSingleStepOffset = 0xDC;   // singlestep_enabled, int
 inline constexpr std::size_t kCanDoIoOffset = 0x300;     // can_do_io, uint32
 inline constexpr std::size_t kCountLeftOffset = 0x1E60;  // neg.icount_decr.u16.low
 

@@ -30,6 +30,8 @@ inline void Advance(std::int64_t step) {
 // itself with sleep=off, but 7.2 then runs the SysTick twice.
 inline void SleepWork(void* cpu, RunOnCpuData data) {
   plugin.last_slept_ns = Now();
+  // QEMU takes it for idle then.
+  if (cpu_is_stopped(cpu)) return;
   const std::int64_t next = qemu_clock_deadline_ns_all(kClockVirtual, kAnyAttribute);
   if (!all_cpu_threads_idle() || next < 0) return;
   Advance(next);

@@ -10,6 +10,7 @@
 
 #include "faults/activity.h"
 #include "faults/registry.h"
+#include "harness/run/late_periods.h"
 #include "harness/run/merge_logs.h"
 #include "harness/run/remote/protocol.h"
 
@@ -377,16 +378,29 @@ RunLog LogCollector::Take(TimeNs end_ns) {
   AddInjected();
 
   std::vector<SupervisorChange> states;  // of all that were the client's node
+  OwnLateness by_firmware;
+  for (const auto& [node_id, report] : reports_)
+    if (report.totals.firmware_use)
+      by_firmware = OwnLateness(*report.totals.firmware_use, report.totals.lateness.origin);
+  log_.firmware_use = by_firmware.total();
   for (auto& [node_id, report] : reports_) {
     NodeTotals& totals = report.totals;
     const Origin origin = totals.lateness.origin;
-    const auto add = [&origin](const std::vector<NodeLateSpan>& spans, std::vector<LateSpan>& to) {
-      for (const NodeLateSpan& span : spans)
-        if (origin.known() && span.end_ns > origin.boot_time())
-          to.push_back({origin.SimulationTime(span.begin_ns), origin.SimulationTime(span.end_ns)});
+    // Plant, link and client share a host.
+    const bool beside_firmware = totals.plant || totals.line || totals.firmware_use;
+    const auto add = [&](const std::vector<NodeLateSpan>& spans, std::vector<LateSpan>& to,
+                         std::vector<LateSpan>* to_firmware) {
+      for (const NodeLateSpan& span : spans) {
+        if (!origin.known() || span.end_ns <= origin.boot_time()) continue;
+        const LateSpan late{origin.SimulationTime(span.begin_ns), origin.SimulationTime(span.end_ns)};
+        if (!beside_firmware || !by_firmware.Explains(late))
+          to.push_back(late);
+        else if (to_firmware != nullptr)
+          to_firmware->push_back(late);
+      }
     };
-    add(totals.lateness.spans, log_.harness_late);
-    add(totals.lateness.disturbed, log_.board_disturbed);
+    add(totals.lateness.spans, log_.harness_late, &log_.firmware_late);
+    add(totals.lateness.disturbed, log_.board_disturbed, nullptr);
     if (totals.plant) Append(log_, std::move(*totals.plant));
     if (totals.line) Append(log_, std::move(*totals.line), 0, Origin());
     AddActivations(log_, totals.activation_counts);
@@ -395,7 +409,7 @@ RunLog LogCollector::Take(TimeNs end_ns) {
       log_.clients[0].unmodelled_blocks = std::move(totals.unmodelled_blocks);
     if (totals.client) log_.clients[0].failsafe_entered_count = totals.client->failsafe_count;
   }
-  for (std::vector<LateSpan>* spans : {&log_.harness_late, &log_.board_disturbed})
+  for (std::vector<LateSpan>* spans : {&log_.harness_late, &log_.firmware_late, &log_.board_disturbed})
     std::sort(spans->begin(), spans->end(), [](const LateSpan& a, const LateSpan& b) {
       return std::pair(a.begin_ns, a.end_ns) < std::pair(b.begin_ns, b.end_ns);
     });
@@ -407,21 +421,9 @@ RunLog LogCollector::Take(TimeNs end_ns) {
 }
 
 void CountLateness(RunLog& log, TimeNs period_ns) {
-  std::int64_t count = 0;
-  TimeNs max_ns = 0;
-  std::int64_t counted_to = -1;  // the last period counted
-  for (const LateSpan& span : log.harness_late) {
-    // Nobody flies any more while the logs are gathered.
-    if (span.begin_ns >= log.end_ns) continue;
-    max_ns = std::max(max_ns, span.end_ns - span.begin_ns);
-    const std::int64_t first = std::max(std::max<TimeNs>(span.begin_ns, 0) / period_ns, counted_to + 1);
-    const std::int64_t last = std::min(span.end_ns, log.end_ns - 1) / period_ns;
-    if (last < first) continue;
-    count += last - first + 1;
-    counted_to = last;
-  }
-  log.harness_overrun_count = count;
-  log.harness_late_max_ns = max_ns;
+  const LatePeriods late = CountLatePeriods(log.harness_late, log.end_ns, period_ns);
+  log.harness_overrun_count = late.count;
+  log.harness_late_max_ns = late.longest_ns;
 }
 
 }  // namespace tiltproof::harness

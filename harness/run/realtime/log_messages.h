@@ -29,6 +29,7 @@
 #include "harness/dds/bus.h"
 #include "harness/run/line.h"
 #include "harness/run/plant_server.h"
+#include "harness/run/realtime/firmware_use.h"
 #include "harness/run/run_log.h"
 #include "harness/run/supervisor_states.h"
 #include "harness/scenario/scenario.h"
@@ -76,7 +77,8 @@ struct NodeTotals {
   // are none.
   std::vector<std::int64_t> activation_counts;
   std::vector<std::string> unmodelled_blocks;  // of the client's board (ClientLog)
-  TILTPROOF_FIELDS(lateness, line, plant, client, states, activation_counts, unmodelled_blocks)
+  std::optional<FirmwareUse> firmware_use;     // of a program
+  TILTPROOF_FIELDS(lateness, line, plant, client, states, activation_counts, unmodelled_blocks, firmware_use)
 };
 
 // The link counters of a flight at one instant of its grid of control periods. The link node knows them, the

@@ -56,6 +56,33 @@ TEST(Lateness, TooOftenIsInconclusive) {
   EXPECT_EQ(verdict(0, 4), Verdict::kInconclusive);
 }
 
+// What the firmware's own processes caused excuses no failure, and shows no success.
+TEST(Lateness, ByTheFirmwareItselfIsItsOwn) {
+  RunLog log = LateFlight(1000, 0, 0);
+  EXPECT_EQ(ScoreOf(log).verdict, Verdict::kPass);
+  for (TimeNs i = 0; i < 100; ++i)
+    log.firmware_late.push_back({i * kControlPeriodNs, i * kControlPeriodNs + 5 * kNsPerMs});
+  log.firmware_use = {
+      .run_ns = 1900 * kNsPerMs, .elapsed_ns = kNsPerS, .processors_count = 2, .processes_max = 9};
+  const std::string own =
+      "the firmware's own processes (9 at a time) used 1.9 s of the 2.0 s that 2 processors had, and made "
+      "the "
+      "harness late in 100 of 1000 periods (at most 5 ms)";
+  EXPECT_EQ(ScoreOf(log).verdict, Verdict::kInconclusive);
+  EXPECT_EQ(ScoreOf(log).reason, own + ": a firmware cannot be judged that leaves no processor to it");
+  log.end_reason = EndReason::kGroundStrike;
+  EXPECT_EQ(ScoreOf(log).verdict, Verdict::kFail);
+  EXPECT_TRUE(ScoreOf(log).reason.ends_with("; " + own)) << ScoreOf(log).reason;
+  // Others' load beside it, which is too much by itself.
+  log.harness_overrun_count = 11;
+  EXPECT_EQ(ScoreOf(log).verdict, Verdict::kInconclusive);
+  // A little of it shows nothing.
+  log.harness_overrun_count = 0;
+  log.end_reason = EndReason::kCompleted;
+  log.firmware_late.resize(3);
+  EXPECT_EQ(ScoreOf(log).verdict, Verdict::kPass);
+}
+
 TEST(Lateness, OnceByMuchIsInconclusive) {
   const auto verdict = [](std::optional<std::int64_t> overrun_count, TimeNs late_max_ns) {
     return ScoreOf(LateFlight(1000, overrun_count, late_max_ns)).verdict;

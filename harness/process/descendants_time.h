@@ -1,0 +1,24 @@
+// The processor time that the processes have used which descend from this one: children, their children, and those whose
+// parents have ended, in whatever group or session they are.
+//
+//   AdoptOrphans();                                 // of harness/process/orphans.h, or orphans are not descendants
+//   const DescendantsTime before = LookAtDescendants();
+//   const TimeNs used_at_least_ns = LookAtDescendants().run_min_ns - before.run_max_ns;
+#pragma once
+
+#include <cstdint>
+
+#include "link/time.h"
+
+namespace tiltproof::harness {
+
+struct DescendantsTime {
+  // Of all threads together, those that have ended and were waited for included. Time of a process that ends during the
+  // look is missing in the first number, or is twice in the second. What was waited for is cut to ticks of 10 ms.
+  TimeNs run_min_ns = 0, run_max_ns = 0;
+  std::int64_t processes_count = 0;
+};
+
+DescendantsTime LookAtDescendants();
+
+}  // namespace tiltproof::harness

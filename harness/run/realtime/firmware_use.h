@@ -1,0 +1,57 @@
+// When the processes of a firmware had the processors of this machine nearly to themselves, and which lateness that
+// explains.
+//
+//   FirmwareUse use{.processors_count = 2};
+//   use.Add({BootTime(0), BootTime(200 * kNsPerMs), 380 * kNsPerMs, 9});   // 380 ms of 400
+//   const OwnLateness own(use, Origin(BootTime(0)));
+//   const bool by_firmware = own.Explains({12 * kNsPerMs, 20 * kNsPerMs});
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "harness/run/run_log.h"
+#include "link/fields.h"
+#include "link/time.h"
+
+namespace tiltproof::harness {
+
+// As the firmware's node looked at it, one look after the other.
+struct FirmwareUse {
+  static constexpr TimeNs kLookEveryNs = 200 * kNsPerMs;
+  // The program may keep a processor busy, and the harness has the others: only a firmware that leaves less than this
+  // counts. On a machine with one processor none does.
+  static constexpr double kLeftProcessors = 0.5;
+
+  struct Span {
+    BootTime begin_ns{}, end_ns{};
+    TimeNs run_ns = 0;  // of all its processes, on all processors
+    std::int64_t processes_count = 0;
+    TILTPROOF_FIELDS(begin_ns, end_ns, run_ns, processes_count)
+  };
+
+  // Keeps the span if the firmware had the processors nearly to itself.
+  void Add(const Span& span);
+
+  std::int64_t processors_count = 1;
+  std::vector<Span> spans = {};
+  TILTPROOF_FIELDS(processors_count, spans)
+};
+
+class OwnLateness {
+ public:
+  OwnLateness() = default;  // none
+  OwnLateness(const FirmwareUse& use, Origin origin);
+
+  // Whether the firmware had the processors from the begin to the end of the lateness. A burst begins and ends between two
+  // looks, so the look before and the one after belong to it.
+  bool Explains(const LateSpan& late) const;
+  const std::optional<ProcessorUse>& total() const { return total_; }
+
+ private:
+  std::vector<LateSpan> spans_;  // apart, in order
+  std::optional<ProcessorUse> total_;
+};
+
+}  // namespace tiltproof::harness
