@@ -7,12 +7,12 @@
 //   search.fails();     // 3.3...
 //
 // Limits are not monotonic: a higher level may be survived where a lower one is not. The search therefore
-//   1. climbs from the harmless end to the first level that fails, by 24ths of the range, or by quarters of a decade;
-//   2. bisects between this level and the one before it, until they differ by at most the tolerance;
-//   3. tries levels below them, until neighbours are at most a 32nd of the way from the harmless end to the limit apart,
-//      and an eighth of a decade; in the last eighth of the way a third of that. One that fails is the new limit,
-//      and 2 begins anew;
-//   4. goes on with 1 to the end of the range, to report where more severe levels are survived again.
+// 1. climbs from the harmless end to the first level that fails, by 24ths of the range, or by quarters of a decade;
+// 2. bisects between this level and the one before it, until they differ by at most the tolerance;
+// 3. tries levels below them, until neighbours are at most a 32nd of the way from the harmless end to the limit apart,
+// and an eighth of a decade; in the last eighth of the way a third of that. One that fails is the new limit, and 2
+// begins anew;
+// 4. goes on with 1 to the end of the range, to report where more severe levels are survived again.
 #pragma once
 
 #include <cstddef>

@@ -64,9 +64,9 @@ std::vector<std::string> ScanLines(const Margin& margin, int repeat_count, const
                                      [&](const auto& answer) { return answer.level == pocket.to; });
     const auto again =
         std::find_if(beyond, margin.levels.end(), [](const auto& answer) { return answer.survived == true; });
-    const std::string where = pocket.from == pocket.to
-                                  ? fmt::format("at {}", value(pocket.from))
-                                  : fmt::format("at every level flown from {} to {}", value(pocket.from), value(pocket.to));
+    const std::string where = pocket.from == pocket.to ? fmt::format("at {}", value(pocket.from))
+                                                       : fmt::format("at every level flown from {} to {}",
+                                                                     value(pocket.from), value(pocket.to));
     lines.push_back(fmt::format("fails {}, and survives {} again", where, value(again->level)));
   }
   if (const std::size_t count = CountSurvived(margin); count > 0)

@@ -113,6 +113,8 @@ class Half:
         return self.ratio is not None and self.ratio < TWICE and not self.cells[1].startswith("all")
 
 
+# Rows of the page that were flown before searches scanned below a limit.
+NOT_SCANNED = "§"
 NOT_FLOWN = Half(("-", "-"), None)
 
 
@@ -295,6 +297,10 @@ def page(rows, clients, layers, limits, options, missing):
         f"{PARTS['-drag']} on the same vehicles with the drag of `plant/models/tiltrotor_drag.sdf`: no wind moves the others. {PARTS['-board']} on the emulated "
         f"board (`--client qemu`), where a flight takes as long as fifty here: {options.repeats or BOARD_REPEATS} seeds, which is 95 % sure of {100 * 0.05 ** (1 / (options.repeats or BOARD_REPEATS)):.0f} % of them only, "
         f"exact to {100 * (options.tolerance or BOARD_TOLERANCE):g} %.")
+    if any(NOT_SCANNED in row.mark for row in rows.values()):
+        marks += "\n\n" + paragraph(
+            f"{NOT_SCANNED} flown before levels below a limit were scanned: found by bisection with 5 seeds, on the board with 2. Such a limit may be too "
+            "large, because a level below it fails.")
     words = paragraph(
         f"`none`: the mildest level failed. `all`: the most severe level was survived. `{NO_MARGIN}`: there is no margin, and the last column has the "
         f"program's reason. `-`: not flown. `ratio`: how many times as far from the harmless value `{new}` goes; for a limit that falls from infinity, the inverse "

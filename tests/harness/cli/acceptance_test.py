@@ -57,7 +57,7 @@ class AcceptanceTest(CommandLineTest):
         for firmware, red in (("tolerant", set()), ("paper", {"acceptance-sound-references-of-no-number", "acceptance-sound-absurd-references"})):
             flights, not_applicable = self.flights(SUITE / "sound", "--firmware", firmware)
             self.assertEqual({name for name, verdict in flights.items() if verdict != "pass"}, red)
-            self.assertEqual(not_applicable, {f"acceptance-sound-{name}" for name in ("heading-half-turn", "heading-circle", "heading-sideways", "turn-left", "turn-right")})
+            self.assertEqual(not_applicable, {f"acceptance-sound-{name}" for name in ("heading-half-turn", "heading-circle", "heading-sideways", "heading-turns", "turn-left", "turn-right")})
 
     def test_an_unsound_one_does_not(self):
         # The paper's firmware believes a position that is not a number.
