@@ -9,10 +9,10 @@
 namespace tiltproof::harness {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using ScanJson = nlohmann::ordered_json;
 
 template <class Function>
-void Read(const Json& json, const char* key, const Function& take) {
+void Read(const ScanJson& json, const char* key, const Function& take) {
   try {
     take(json.at(key));
   } catch (const std::exception& error) {
@@ -28,30 +28,30 @@ std::size_t CountSurvived(const Margin& margin) {
 
 }  // namespace
 
-void AddScan(const Margin& margin, int repeat_count, Json& json) {
-  json["levels"] = Json::array();
+void AddScan(const Margin& margin, int repeat_count, ScanJson& json) {
+  json["levels"] = ScanJson::array();
   for (const LevelAnswer& answer : margin.levels)
-    json["levels"].push_back({answer.level, answer.survived ? Json(*answer.survived) : Json()});
-  json["pockets"] = Json::array();
+    json["levels"].push_back({answer.level, answer.survived ? ScanJson(*answer.survived) : ScanJson()});
+  json["pockets"] = ScanJson::array();
   for (const Pocket& pocket : margin.pockets) json["pockets"].push_back({pocket.from, pocket.to});
-  json["survived_share"] = margin.survived_share ? Json(*margin.survived_share) : Json();
+  json["survived_share"] = margin.survived_share ? ScanJson(*margin.survived_share) : ScanJson();
   json["seeds"] = margin.is_random ? repeat_count : 1;
   json["sure_share"] = margin.is_random ? SurePassShare(repeat_count) : 1.0;
 }
 
-void TakeScan(const Json& json, Margin& margin) {
-  Read(json, "levels", [&](const Json& levels) {
-    for (const Json& level : levels)
+void TakeScan(const ScanJson& json, Margin& margin) {
+  Read(json, "levels", [&](const ScanJson& levels) {
+    for (const ScanJson& level : levels)
       margin.levels.push_back(
           {level.at(0), level.at(1).is_null() ? std::nullopt : std::optional(level.at(1).get<bool>())});
   });
-  Read(json, "pockets", [&](const Json& pockets) {
-    for (const Json& pocket : pockets) margin.pockets.push_back({pocket.at(0), pocket.at(1)});
+  Read(json, "pockets", [&](const ScanJson& pockets) {
+    for (const ScanJson& pocket : pockets) margin.pockets.push_back({pocket.at(0), pocket.at(1)});
   });
-  Read(json, "survived_share", [&](const Json& share) {
+  Read(json, "survived_share", [&](const ScanJson& share) {
     margin.survived_share = share.is_null() ? std::nullopt : std::optional(share.get<double>());
   });
-  Read(json, "sure_share", [&](const Json& share) { margin.is_random = share.get<double>() < 1; });
+  Read(json, "sure_share", [&](const ScanJson& share) { margin.is_random = share.get<double>() < 1; });
 }
 
 std::vector<std::string> ScanLines(const Margin& margin, int repeat_count, const std::string& unit) {

@@ -32,7 +32,8 @@ class Unmodelled {
             .write_with_attrs = Write,
             .valid = {},
             .impl = {}};
-    memory_region_init_io(region_.data(), nullptr, &ops_, this, "unmodelled", kPages * kPageBytes);
+    memory_region_init_io(region_.data(), nullptr, &ops_, this, "unmodelled",
+                          std::uint64_t{kPages} * kPageBytes);
     memory_region_add_subregion_overlap(get_system_memory(), kAddress, region_.data(), kPriority);
   }
 
