@@ -61,7 +61,8 @@ export function rangeBars({ scale, unit, label, bars }) {
     if (bar.missing) return [svg("text", { x: x(0) + 3, y: y + BAR - 3, class: "none" }, document.createTextNode(bar.missing))];
     const end = bar.survives === null ? 0 : bar.fails === null ? 1 : scale.place(bar.survives);
     const parts = [svg("rect", { x: x(0), y, width: Math.max(end * (WIDTH - 2 * EDGE), 1.5), height: BAR, rx: 2, fill: colourOf(i), "data-series": i, class: "margin" })];
-    for (const [from, to] of bar.again ?? []) parts.push(svg("rect", { x: x(scale.place(from)), y: y + 3, width: Math.max((scale.place(to) - scale.place(from)) * (WIDTH - 2 * EDGE), 1.5), height: BAR - 6, fill: colourOf(i), "data-series": i, class: "again" }));
+    for (const [from, to] of (bar.again ?? []).map((levels) => levels.map(scale.place)).filter((places) => places.every(Number.isFinite)))
+      parts.push(svg("rect", { x: x(from), y: y + 3, width: Math.max((to - from) * (WIDTH - 2 * EDGE), 1.5), height: BAR - 6, fill: colourOf(i), "data-series": i, class: "again" }));
     if (bar.fails !== null) parts.push(svg("line", { x1: x(scale.place(bar.fails)), x2: x(scale.place(bar.fails)), y1: y - 0.5, y2: y + BAR + 0.5, class: "fails" }));
     if (bar.survives === null) parts.push(svg("text", { x: x(end) + 7, y: y + BAR - 3, class: "none" }, document.createTextNode("none")));
     if (bar.fails === null) parts.push(svg("text", { x: x(1) - 5, y: y + BAR - 3, class: "all", "text-anchor": "end" }, document.createTextNode("all")));
