@@ -43,7 +43,7 @@ SOURCES = ("CMakeLists.txt", "cmake", "link", "faults", "firmware", "plant", "ha
 JOBS = str(os.cpu_count() or 2)
 GROUPS = ("firmware", "harness", "client")
 # Not for a law that is linear around a heading of 0: with the shipped firmware itself they are not applicable.
-LARGE_HEADINGS = {f"acceptance-sound-{name}" for name in ("heading-half-turn", "heading-circle", "heading-sideways", "turn-left", "turn-right")}
+LARGE_HEADINGS = {f"acceptance-sound-{name}" for name in ("heading-half-turn", "heading-circle", "heading-sideways", "heading-turns", "turn-left", "turn-right")}
 LIBRARY_FLAGS = "-D_GLIBCXX_ASSERTIONS -fsanitize=undefined -fsanitize-undefined-trap-on-error"
 
 
