@@ -11,7 +11,7 @@
 // 2. bisects between this level and the one before it, until they differ by at most the tolerance;
 // 3. tries levels below them, until neighbours are at most a 32nd of the way from the harmless end to the limit apart,
 // and an eighth of a decade; in the last eighth of the way a third of that. One that fails is the new limit, and 2
-// begins anew;
+// starts again;
 // 4. goes on with 1 to the end of the range, to report where more severe levels are survived again.
 #pragma once
 

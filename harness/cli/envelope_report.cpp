@@ -150,7 +150,10 @@ std::string EnvelopeTable(const Envelope& envelope) {
     }
     text += "\n";
   }
-  if (text.find(kPocketMark) != std::string::npos)
+  const auto has_mark = [](const EnvelopeEntry& entry) {
+    return entry.margin && entry.margin->fails && !entry.margin->pockets.empty();
+  };
+  if (std::any_of(envelope.entries.begin(), envelope.entries.end(), has_mark))
     text +=
         fmt::format("{} survived again at a more severe level: `pockets` in envelope.json\n", kPocketMark);
   return text;

@@ -283,7 +283,7 @@ def page(rows, clients, layers, limits, options, missing):
         f"How severe each fault may be before `{old}` and `{new}` leave the path by 1 m or tilt by more than 0.6 rad, on the paper's spiral of 40 s "
         f"with the fault from 10 s to 15 s. Found by `tiltproof envelope` ([margins](margins.md)), exact to {exact} of the distance from harmless for the left "
         "and the right half: the last level below which every level that was flown is survived. `scenarios/envelope/tables.py` wrote this page; "
-        "`scenarios/envelope/tables.py --fly build/release/tiltproof -j 2` flies it anew.")
+        "`scenarios/envelope/tables.py --fly build/release/tiltproof -j 2` flies it again.")
     halves = paragraph(
         f"The left half is {TITLES[0]}; the right half {TITLES[1]}: 2 % heavier, 10 % more inertia, 20 % more drag torque "
         "(`scenarios/envelope/spiral-other-vehicle.yaml`).")
