@@ -280,7 +280,7 @@ def page(rows, clients, layers, limits, options, missing):
     repeats = options.repeats or REPEATS
     exact = " and ".join(f"{100 * (options.tolerance or share):g} %" for share in TOLERANCES)
     how = paragraph(
-        f"How severe each fault may be before `{old}` and `{new}` leave the path by 1 m or tilt by more than 0.6 rad, on the paper's spiral of 40 s "
+        f"How severe each fault may be before `{old}` and `{new}` leave the path by 1 m or tilt by more than 0.6 rad, on the paper's spiral of 25 s "
         f"with the fault from 10 s to 15 s. Found by `tiltproof envelope` ([margins](margins.md)), exact to {exact} of the distance from harmless for the left "
         "and the right half: the last level below which every level that was flown is survived. `scenarios/envelope/tables.py` wrote this page; "
         "`scenarios/envelope/tables.py --fly build/release/tiltproof -j 2` flies it again.")
@@ -299,7 +299,7 @@ def page(rows, clients, layers, limits, options, missing):
         f"exact to {100 * (options.tolerance or BOARD_TOLERANCE):g} %.")
     if any(NOT_SCANNED in row.mark for row in rows.values()):
         marks += "\n\n" + paragraph(
-            f"{NOT_SCANNED} flown before levels below a limit were scanned: found by bisection with 5 seeds, on the board with 2. Such a limit may be too "
+            f"{NOT_SCANNED} flown before levels below a limit were scanned: found by bisection with 5 seeds, on the board with 2, over 40 s of the spiral. Such a limit may be too "
             "large, because a level below it fails.")
     words = paragraph(
         f"`none`: the mildest level failed. `all`: the most severe level was survived. `{NO_MARGIN}`: there is no margin, and the last column has the "

@@ -94,7 +94,7 @@ inline link::Chunk Frame(std::int64_t n, std::size_t size = 68) {
   chunk.kind = link::MessageKind::kReply;
   chunk.bytes.assign(size, 0x7E);
   for (std::size_t i = 1; i + 1 < size; ++i) {
-    const auto byte = static_cast<std::uint8_t>(static_cast<std::size_t>(n) * 31 + i * 7 + (n >> 8));
+    const auto byte = static_cast<std::uint8_t>(chunk.number * 31 + i * 7 + (chunk.number >> 8));
     chunk.bytes[i] = byte == 0x7E || byte == 0x7D ? 0 : byte;
   }
   // The number itself, in base 64.

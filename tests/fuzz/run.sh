@@ -16,25 +16,26 @@ seconds=$1
 shift
 targets=("$@")
 [ $# -gt 0 ] || mapfile -t targets < <("$here/corpus.sh" targets)
+if [ ${#targets[@]} -gt 1 ]; then # as many at once as there are processors
+  printf '%s\n' "${targets[@]}" | xargs -P "$(nproc)" -n 1 "$here/run.sh" "$seconds"
+  exit $(($? > 0))
+fi
 
-code=0
-for target in "${targets[@]}"; do
-  program=$build/tests/fuzz/fuzz_$target
-  [ -x "$program" ] || { echo "$target: there is no $program" >&2; exit 2; }
-  mkdir -p "$build/found/$target"
-  log=$build/found/$target.log
-  "$here/corpus.sh" unpack "$target" "$build/corpus/$target" || exit 2
-  inputs=("$build/corpus/$target")
-  [ -d "$here/regressions/$target" ] && inputs+=("$here/regressions/$target")
-  flags=(-timeout=20 "-artifact_prefix=$build/found/$target.")
-  [ -f "$here/$target.dict" ] && flags+=("-dict=$here/$target.dict")
-  if "$program" "${flags[@]}" -runs=0 "${inputs[@]}" >"$log" 2>&1 &&
-    { [ "$seconds" = 0 ] || "$program" "${flags[@]}" -max_total_time="$seconds" "$build/found/$target" "${inputs[@]}" >"$log" 2>&1; }; then
-    printf '%-22s %s\n' "$target" "$(grep -E '^#[0-9]+[[:space:]]+(DONE|INITED)' "$log" | tail -n 1 | tr '\t' ' ')"
-  else
-    code=1
-    tail -n 60 "$log"
-    printf '%-22s FAILED: %s\n' "$target" "$(grep -m 1 -E '^does not hold|^SUMMARY|runtime error' "$log")"
-  fi
-done
-exit $code
+target=${targets[0]}
+program=$build/tests/fuzz/fuzz_$target
+[ -x "$program" ] || { echo "$target: there is no $program" >&2; exit 2; }
+mkdir -p "$build/found/$target"
+log=$build/found/$target.log
+"$here/corpus.sh" unpack "$target" "$build/corpus/$target" || exit 2
+inputs=("$build/corpus/$target")
+[ -d "$here/regressions/$target" ] && inputs+=("$here/regressions/$target")
+flags=(-timeout=20 "-artifact_prefix=$build/found/$target.")
+[ -f "$here/$target.dict" ] && flags+=("-dict=$here/$target.dict")
+if "$program" "${flags[@]}" -runs=0 "${inputs[@]}" >"$log" 2>&1 &&
+  { [ "$seconds" = 0 ] || "$program" "${flags[@]}" -max_total_time="$seconds" "$build/found/$target" "${inputs[@]}" >"$log" 2>&1; }; then
+  printf '%-22s %s\n' "$target" "$(grep -E '^#[0-9]+[[:space:]]+(DONE|INITED)' "$log" | tail -n 1 | tr '\t' ' ')"
+else
+  tail -n 60 "$log"
+  printf '%-22s FAILED: %s\n' "$target" "$(grep -m 1 -E '^does not hold|^SUMMARY|runtime error' "$log")"
+  exit 1
+fi

@@ -38,7 +38,7 @@ TEST(Fletcher16, CannotTellZeroFromFF) {
 
 // The largest sums, on both sides of every length at which the sums are reduced.
 TEST(Fletcher16, DoesNotOverflow) {
-  for (const std::size_t block_count : {1, 2, 3}) {
+  for (const std::size_t block_count : {1u, 2u, 3u}) {
     for (std::size_t length = 5802 * block_count - 2; length <= 5802 * block_count + 2; ++length) {
       for (const int value : {0xFF, 0xFE}) {
         const Bytes bytes(length, static_cast<std::uint8_t>(value));

@@ -14,6 +14,20 @@ PROGRAM, SOURCE = (pathlib.Path(a).resolve() for a in sys.argv[1:3])
 TABLES = SOURCE / "scenarios/envelope/tables.py"
 
 
+def short_flights(folder):
+    """A copy of the envelopes and of what they need, with flights of 4 s in place of 25. Returns its tables.py."""
+    for part in ("scenarios/envelope", "plant/models"):
+        shutil.copytree(SOURCE / part, folder / part)
+    for name in ("spiral", "spiral-other-vehicle"):
+        file = folder / f"scenarios/envelope/{name}.yaml"
+        text = file.read_text()
+        for long, short in (("duration_s: 25", "duration_s: 4"), ("start_s: 10, end_s: 15", "start_s: 1, end_s: 2")):
+            assert text.count(long) == 1, (file, long)
+            text = text.replace(long, short)
+        file.write_text(text)
+    return folder / "scenarios/envelope/tables.py"
+
+
 def row(fault, client, survives, fails, place=("target", "both"), **more):
     return {"type": fault, place[0]: place[1], "client": client, "parameter": "p", "survives": survives, "fails": fails, "unit": "s", "harmless": 0,
             "mildest": 0, "severest": 10, "scale": "linear", "runs": 1, "levels": [], "pockets": [], "survived_share": 0.5, "seeds": 20, **more}
@@ -31,8 +45,8 @@ class SurvivalTest(unittest.TestCase):
         self.catalogue = self.folder / "faults.md"
         self.catalogue.write_text("# Faults\n")
 
-    def tables(self, *arguments):
-        done = subprocess.run([sys.executable, "-B", TABLES, "--out", self.folder, "--page", self.folder / "page.md", "--readme", self.readme,
+    def tables(self, *arguments, script=TABLES):
+        done = subprocess.run([sys.executable, "-B", script, "--out", self.folder, "--page", self.folder / "page.md", "--readme", self.readme,
                                "--limits", self.limits, "--catalogue", self.catalogue, *map(str, arguments)],
                               capture_output=True, text=True, timeout=240, check=False)
         return done.returncode, done.stdout + done.stderr
@@ -162,7 +176,8 @@ class SurvivalTest(unittest.TestCase):
 
     def test_the_vehicle_with_drag_is_the_same_but_for_its_drag(self):
         # The envelope of the winds: one line more in the vehicle, one more or another one in the scenario.
-        self.tables("--fly", PROGRAM, "-j", "2", "--types", "plant.gust,plant.mass", "--repeats", "1", "--tolerance", "0.5")
+        script = short_flights(self.folder / "short")
+        self.tables("--fly", PROGRAM, "-j", "2", "--types", "plant.gust,plant.mass", "--repeats", "1", "--tolerance", "0.5", script=script)
         self.assertEqual(sorted(line[0] for line in self.page_rows()), ["`plant.gust`‡", "`plant.mass`", "`plant.mass`"])
         for name, model in (("spiral", "plant/models/tiltrotor.sdf"), ("spiral-other-vehicle", "scenarios/envelope/other-vehicle.sdf")):
             folder = self.folder / f"{name}-drag"
@@ -172,19 +187,20 @@ class SurvivalTest(unittest.TestCase):
             drag = (folder / "vehicle.sdf").read_text().splitlines()
             self.assertEqual(drag[:index] + drag[index + 1:], lines)
             self.assertIn(more.strip(), (SOURCE / "plant/models/tiltrotor_drag.sdf").read_text())
-            scenario = (SOURCE / f"scenarios/envelope/{name}.yaml").read_text().splitlines()
+            scenario = (script.parent / f"{name}.yaml").read_text().splitlines()
             changed = [line for line in (folder / f"{name}-drag.yaml").read_text().splitlines() if line not in scenario]
             self.assertEqual(changed, [f"name: envelope-{name}-drag", "model: vehicle.sdf"])
 
     def test_one_command_flies_and_writes_and_goes_on(self):
+        script = short_flights(self.folder / "short")
         arguments = ("--fly", PROGRAM, "-j", "2", "--types", "actuator.loss_of_effectiveness", "--repeats", "1")
-        code, out = self.tables(*arguments)
+        code, out = self.tables(*arguments, script=script)
         self.assertIn(code, (0, 1), out)
         self.assertEqual([place for _, place in self.ratios()], ["f_r", "tau_r"])
         for name in ("spiral", "spiral-other-vehicle"):
             self.assertTrue(json.loads((self.folder / name / "envelope.json").read_text())["complete"])
         page = (self.folder / "page.md").read_text()
-        self.assertEqual(self.tables(*arguments)[1].count(" 0 flights, in "), 2, "all rows are there")
+        self.assertEqual(self.tables(*arguments, script=script)[1].count(" 0 flights, in "), 2, "all rows are there")
         self.assertEqual((self.folder / "page.md").read_text(), page)
 
     def test_the_other_vehicle_is_the_shipped_one_but_for_what_it_says(self):

@@ -332,7 +332,13 @@ int Intrude(const Arguments& a) {
       events.Write({run, name, sequence, 1, "intruder", "an intruder's event"});
       rows.Write({run, name, sequence, 1, {0.5}, {1}, {1}});
       for (const std::int64_t columns : {a.Number(3), 10})
-        rows.Write({run, name, sequence + columns, columns, std::vector<double>(columns, 0.5), {1}, {1}});
+        rows.Write({run,
+                    name,
+                    sequence + columns,
+                    columns,
+                    std::vector<double>(static_cast<std::size_t>(columns), 0.5),
+                    {1},
+                    {1}});
       reports.Write({run, name, {1, 2, 3}, sequence, sequence, sequence, sequence});
     }
   }

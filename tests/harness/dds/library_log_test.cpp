@@ -76,7 +76,7 @@ TEST(LibraryLogTest, PrintsTheFirstMalformedPacketsAndCountsTheOthers) {
   EXPECT_TRUE(known);
   const auto lines = LinesOf(text);
   ASSERT_EQ(lines.size(), kLibraryLinesShownMax + 1) << text;
-  for (int i = 0; i < kLibraryLinesShownMax; ++i)
+  for (std::size_t i = 0; i < kLibraryLinesShownMax; ++i)
     EXPECT_THAT(lines[i], HasSubstr("tiltproof: the bus library says: ")) << text;
   EXPECT_THAT(lines[0], HasSubstr("malformed packet received"));
   EXPECT_EQ(lines.back(), "tiltproof: the bus library said 17 more lines");

@@ -807,14 +807,15 @@ check("a run is shown while it is flown, and obeys its buttons", async () => {
 
 let failed = 0;
 for (const { name, body } of checks) {
-  const before = troubles.length;
+  const before = troubles.length, began = performance.now();
+  const took = () => `${((performance.now() - began) / 1000).toFixed(1)} s`.padStart(7);
   try {
     await body();
     assert.deepEqual(troubles.slice(before), [], "errors in the browser");
-    console.log(`ok      ${name}`);
+    console.log(`ok     ${took()}  ${name}`);
   } catch (error) {
     ++failed;
-    console.log(`FAILED  ${name}\n${error.stack}`);
+    console.log(`FAILED ${took()}  ${name}\n${error.stack}`);
   }
 }
 await browser.close();
