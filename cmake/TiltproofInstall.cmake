@@ -24,6 +24,20 @@ install(DIRECTORY firmware/examples/ DESTINATION ${share}/examples PATTERN minim
 install(FILES README.md ARCHITECTURE.md CHANGELOG.md THIRD_PARTY.md DESTINATION share/doc/tiltproof)
 install(FILES LICENSE DESTINATION share/doc/tiltproof RENAME copyright)
 install(DIRECTORY docs DESTINATION share/doc/tiltproof FILES_MATCHING PATTERN *.md PATTERN github-actions.yml PATTERN annotate.py)
+# Where the program is installed, its commands are typed without the build folder. The package's scenarios have a place; a folder
+# may be moved.
+install(CODE [[
+  file(GLOB pages "$ENV{DESTDIR}${CMAKE_INSTALL_PREFIX}/share/doc/tiltproof/*.md" "$ENV{DESTDIR}${CMAKE_INSTALL_PREFIX}/share/doc/tiltproof/docs/*.md")
+  foreach(page ${pages})
+    file(READ ${page} text)
+    string(REPLACE "build/release/tiltproof" "tiltproof" text "${text}")
+    if(CMAKE_INSTALL_PREFIX STREQUAL "/usr")
+      string(REGEX REPLACE "(tiltproof [a-z-]+ )scenarios/" "\\1/usr/share/tiltproof/scenarios/" text "${text}")
+      string(REPLACE "library:build/release/lib/" "library:/usr/lib/tiltproof/" text "${text}")
+    endif()
+    file(WRITE ${page} "${text}")
+  endforeach()
+]])
 install(DIRECTORY ${TILTPROOF_MANUAL_DIR}/ DESTINATION share/man/man1 FILES_MATCHING PATTERN *.1)
 # Debian's policy: pages are compressed, without the time of day.
 install(CODE [[
@@ -64,15 +78,19 @@ install(FILES ${PROJECT_BINARY_DIR}/tiltproof-config.cmake ${PROJECT_BINARY_DIR}
 # `cpack` in the build folder, or ./setup --deb.
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME tiltproof)
-# Who makes the package: as Debian's tools ask it.
+# Who makes the package: as Debian's tools ask it, otherwise who wrote the commit that is packed.
+execute_process(COMMAND git log -1 "--format=%an <%ae>" WORKING_DIRECTORY ${PROJECT_SOURCE_DIR}
+  OUTPUT_VARIABLE author OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET RESULT_VARIABLE no_author)
 if(DEFINED ENV{DEBEMAIL})
   set(packager "$ENV{DEBFULLNAME}")
   if(packager STREQUAL "")
     set(packager "$ENV{DEBEMAIL}")
   endif()
   set(CPACK_PACKAGE_CONTACT "${packager} <$ENV{DEBEMAIL}>")
+elseif(NOT no_author)
+  set(CPACK_PACKAGE_CONTACT "${author}")
 else()
-  set(CPACK_PACKAGE_CONTACT "the tiltproof authors <tiltproof@invalid>")
+  set(CPACK_PACKAGE_CONTACT "unknown packager (set DEBFULLNAME and DEBEMAIL) <root@localhost>")
 endif()
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "${PROJECT_DESCRIPTION}")
 set(CPACK_PACKAGE_DESCRIPTION "Flies flight-control firmware against a simulated tilt-rotor over a

@@ -22,6 +22,34 @@ std::size_t EditDistance(std::string_view a, std::string_view b) {
   return row[b.size()];
 }
 
+namespace {
+
+std::vector<std::string_view> PartsOf(std::string_view name) {
+  std::vector<std::string_view> parts;
+  while (!name.empty()) {
+    const std::size_t end = std::min(name.find_first_of("_.-"), name.size());
+    if (end > 0) parts.push_back(name.substr(0, end));
+    name.remove_prefix(std::min(end + 1, name.size()));
+  }
+  return parts;
+}
+
+// Each part begins one of the candidate's, in their order, the first one the first.
+bool Abbreviates(std::string_view name, std::string_view candidate) {
+  const std::vector<std::string_view> parts = PartsOf(name), whole = PartsOf(candidate);
+  std::size_t at = 0;
+  for (const std::string_view part : parts) {
+    while (at < whole.size() && !whole[at].starts_with(part)) {
+      if (at == 0) return false;
+      ++at;
+    }
+    if (at++ == whole.size()) return false;
+  }
+  return name.size() > 1 && !parts.empty();
+}
+
+}  // namespace
+
 std::string_view NearestName(std::string_view name, std::span<const std::string_view> candidates) {
   std::string_view nearest;
   std::size_t nearest_distance = 0;
@@ -32,6 +60,10 @@ std::string_view NearestName(std::string_view name, std::span<const std::string_
     nearest = candidate;
     nearest_distance = distance;
   }
+  if (!nearest.empty()) return nearest;
+  for (const std::string_view candidate : candidates)
+    if (Abbreviates(name, candidate) && (nearest.empty() || candidate.size() < nearest.size()))
+      nearest = candidate;
   return nearest;
 }
 

@@ -11,8 +11,9 @@ namespace tiltproof::faults {
 // alignment).
 std::size_t EditDistance(std::string_view a, std::string_view b);
 
-// The candidate with the least distance, the first of equals; empty when none is near: within a third of the
-// longer name, and at least two edits.
+// The candidate with the least distance, the first of equals; when none is near - within a third of the longer
+// name, and at least two edits - the shortest that the name abbreviates, as pos_err does position_error_m;
+// otherwise empty.
 std::string_view NearestName(std::string_view name, std::span<const std::string_view> candidates);
 
 }  // namespace tiltproof::faults

@@ -5,37 +5,7 @@
 //   model.signals().inputs[0].name;  // "f_r_n"
 //   model.HoverInput()[0];           // 10.27
 //
-// SDF has no elements for thrusters and servos; the elements below add them. They are in the <model>, or in a
-// separate file `<stem>.tiltproof.xml` next to the SDF file, which then needs no change:
-//
-//   <tiltproof:vehicle xmlns:tiltproof="urn:tiltproof:vehicle:1">
-//     <tiltproof:base link="body"/>
-//     <tiltproof:thruster name="right" link="thruster_right" axis="0 0 1" direction="1"
-//                         drag_ratio_m="0.0178947368" force_min_n="0" force_max_n="30"/>
-//     <tiltproof:thruster name="left" .../>
-//     <tiltproof:servo joint="hinge_right" torque_max_nm="2"/>
-//     <tiltproof:servo joint="hinge_left"/>
-//     <tiltproof:sensors rate_hz="250"/>
-//     <tiltproof:drag quadratic_n_s2_m2="0.02"/>
-//   </tiltproof:vehicle>
-//
-//   base      link: the main body, whose frame origin and attitude are the vehicle's.
-//   thruster  name: right or left, spelled r and l in the names of signals; two thrusters without such names
-//             are right, left in the order of the file.
-//             link: pushed at its centre of mass along `axis` (link frame, default 0 0 1) with the thrust f
-//             >= force_min_n (default 0), f <= force_max_n. Propeller drag: a torque direction * drag_ratio_m
-//             * f about the same axis; direction is 1 or -1 (lambda of the paper's Table 1), drag_ratio_m is
-//             k_tau / b.
-//   servo     joint: the revolute joint between base and thruster.
-//             torque_max_nm: default the joint's <effort>.
-//   sensors   optional. rate_hz: how often the sensors sample (Plant::ReadSensors); default: at every step.
-//   drag      optional. linear_n_s_m, quadratic_n_s2_m2 (BodyDrag): what the air does to the main body, so that
-//             wind has something to push. Default: none.
-//
-// An SDF file has three links (base, thrusters) and two revolute joints with the base as parent. The
-// <collision> of the base counts too (box, sphere or cylinder; otherwise the box of uniform density with the
-// base's mass and inertia touches the ground). What has no effect on the flight (meshes, plugins, sensors,
-// joint speed limits, ...) is warned about by name and line.
+// What the file has to say: docs/vehicle.md.
 #pragma once
 
 #include <Eigen/Core>

@@ -112,8 +112,7 @@ class Images {
                                    : image.scheduler == "freertos"
                                        ? ": it is built where FREERTOS_KERNEL_PATH names a FreeRTOS kernel, "
                                          "or `./setup --freertos` has fetched one"
-                                       : ": run `./setup --images`, which fetches the compiler and the "
-                                         "emulator, and builds the images"));
+                                       : ": " + HowToGetImages()));
     if (const auto known = images_.find(file); known != images_.end()) return known->second;
     try {
       CheckImage(file);

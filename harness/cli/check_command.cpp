@@ -8,6 +8,7 @@
 #include "harness/cli/applicability.h"
 #include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
+#include "harness/cli/data_files.h"
 #include "harness/cli/suite.h"
 #include "harness/scenario/did_you_mean.h"
 #include "harness/terminal/terminal.h"
@@ -58,6 +59,24 @@ int ListCommand(const CheckOptions& options) {
           fmt::format("{}", fmt::join(faults, ", ")));
   }
   return suite.scenarios.empty() ? kExitUndecided : kExitGreen;
+}
+
+int SignalsCommand(const CheckOptions& options) {
+  std::vector<std::string> names;
+  const auto add = [&names](const Scenario& scenario, const plant::VehicleModel& model) {
+    for (std::string& name : FormulaSignals(scenario, model.signals()))
+      if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(std::move(name));
+  };
+  if (options.paths.empty()) {
+    std::vector<std::string> warnings;
+    add(Scenario{}, plant::LoadVehicle(ModelsFolder() / "tiltrotor.sdf", {}, warnings));
+  } else {
+    const Suite suite = LoadSuite(options.paths, ReadClientFlags(options.clients), options.firmware);
+    PrintWarnings(suite);
+    for (const auto& [scenario, model, named] : suite.scenarios) add(scenario, *model);
+  }
+  for (const std::string& name : names) Print(stdout, "{}\n", name);
+  return names.empty() ? kExitUndecided : kExitGreen;
 }
 
 int FaultsCommand(const std::string& name) {

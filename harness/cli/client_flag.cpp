@@ -26,13 +26,6 @@ namespace tiltproof::harness {
 
 namespace {
 
-// "b=host" has the id "b", "process:./a --b=c" and "qemu:x.elf,main=usart1" have none.
-std::string IdOf(const std::string& text) {
-  const std::size_t end =
-      text.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_");
-  return end == std::string::npos || end == 0 || text[end] != '=' ? "" : text.substr(0, end);
-}
-
 // One file that tells builds of the firmware apart, whatever the scenario; empty when there is none.
 std::filesystem::path BuiltFile(const ClientSpec& client) {
   const auto file = FirmwareFile(client, "paper", "paper");
@@ -42,6 +35,12 @@ std::filesystem::path BuiltFile(const ClientSpec& client) {
 }
 
 }  // namespace
+
+std::string ClientIdOf(const std::string& text) {
+  const std::size_t end =
+      text.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_");
+  return end == std::string::npos || end == 0 || text[end] != '=' ? "" : text.substr(0, end);
+}
 
 std::string ClientHelp() {
   std::string help = "Firmware under test, or ID=... for one of a scenario's clients; may be repeated:";
@@ -68,7 +67,7 @@ RunClients ReadClientFlags(const std::vector<std::string>& texts) {
   RunClients clients;
   bool has_all = false;
   for (const std::string& text : texts) {
-    const std::string id = IdOf(text);
+    const std::string id = ClientIdOf(text);
     const ClientSpec client = ReadClientFlag(id.empty() ? text : text.substr(id.size() + 1));
     const bool is_new = id.empty() ? !std::exchange(has_all, true) : clients.by_id.emplace(id, client).second;
     if (!is_new)

@@ -15,6 +15,9 @@ std::string ClientHelp();
 // Throws UsageError naming the error in the flag, or the missing library.
 ClientSpec ReadClientFlag(const std::string& text);
 
+// "b=host" has the id "b", "process:./a --b=c" and "qemu:x.elf,main=usart1" have none: "".
+std::string ClientIdOf(const std::string& text);
+
 // Reads all flags of a command. Each is CLIENT, for every client of the scenarios, or ID=CLIENT, for those with that
 // id. Throws UsageError.
 RunClients ReadClientFlags(const std::vector<std::string>& texts);

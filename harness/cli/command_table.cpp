@@ -1,6 +1,8 @@
 #include "harness/cli/command_table.h"
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cctype>
 
 namespace tiltproof::harness {
 namespace {
@@ -11,6 +13,16 @@ std::string Between(const std::string& text, const std::string& begin, const std
   if (from == text.npos) return "";
   const auto to = text.find(end, from + begin.size());
   return to == text.npos ? "" : text.substr(from + begin.size(), to - from - begin.size());
+}
+
+// What stands for a value where no name was given to it: N for a number, otherwise the option's own name, as OUT for --out.
+std::string ValueName(const std::string& type, const OptionRow& row) {
+  if (row.positional) return row.names.front();
+  if (type == "INT" || type == "UINT" || type == "FLOAT") return "N";
+  if (type != "TEXT") return type;
+  std::string name = row.names.back().substr(row.names.back().find_first_not_of('-'));
+  std::transform(name.begin(), name.end(), name.begin(), [](unsigned char c) { return std::toupper(c); });
+  return name;
 }
 
 // CLI11 keeps a name for the type and descriptions of the checks in one text: "TEXT:{lockstep,realtime}",
@@ -25,7 +37,7 @@ OptionRow RowOf(const CLI::Option& option) {
   row.help = option.get_description();
   if (option.get_type_size() == 0) return row;
   const std::string type = option.get_type_name();
-  row.value = row.positional ? row.names.front() : type.substr(0, type.find(':'));
+  row.value = ValueName(type.substr(0, type.find(':')), row);
   row.value_optional = option.get_items_expected_min() == 0;
   row.repeatable = option.get_items_expected_max() >= CLI::detail::expected_max_vector_size;
   row.choices = CLI::detail::split(Between(type, "{", "}"), ',');

@@ -19,7 +19,7 @@ struct OptionRow {
   bool positional = false;
   bool required = false;
   bool repeatable = false;  // takes any number of values
-  std::string value;        // what stands for its value, "TEXT"; empty for a flag
+  std::string value;        // what stands for its value, "N" or "OUT"; empty for a flag
   bool value_optional = false;
   std::vector<std::string> choices;  // all the values that it may have, when there are few
   std::vector<std::string> offered;  // when there are many: what completion offers, and no page lists

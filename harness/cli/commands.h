@@ -85,6 +85,8 @@ struct CheckOptions {
 };
 int CheckCommand(const CheckOptions& options);
 int ListCommand(const CheckOptions& options);
+// The signals that formulas of these scenarios may name; without a path, those of a flight of the shipped vehicle.
+int SignalsCommand(const CheckOptions& options);
 int SchemaCommand();
 int NewCommand(const std::filesystem::path& file);
 // An empty name prints the whole catalogue.

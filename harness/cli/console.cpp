@@ -131,6 +131,9 @@ void Console::Finished(const FlightResult& result) const {
   } else {
     const Why why = Reasons(result);
     for (const auto& line : why.lines) PrintLine(stdout, indent_, line);
+    if (!result.last_lines.empty())
+      PrintLine(stdout, indent_, "the last lines that it printed (firmware.log):");
+    for (const auto& line : result.last_lines) Print(stdout, "{:{}}{}\n", "", indent_ + 2, line);
     if (!why.undecided.empty() && colours_)
       Print(stdout, "{}\n", OfOurs(Paint("90", InLines(why.undecided, indent_))));
     else if (!why.undecided.empty())

@@ -312,7 +312,7 @@ Check CheckImages() {
   }
   check.status = Status::kWarn;
   check.text = fmt::format("none in {} (only `--client qemu` without an image needs them)", folder.string());
-  check.advice = "`./setup --images` fetches the compiler and the emulator, and builds them";
+  check.advice = HowToGetImages();
   return check;
 }
 

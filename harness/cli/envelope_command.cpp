@@ -41,45 +41,72 @@ struct Column {
   SuiteScenario base;
 };
 
-std::vector<Column> ReadColumns(const EnvelopeOptions& options) {
-  std::vector<Column> columns;
-  const auto add = [&](const std::vector<std::string>& client) {
-    const FlightMeans means = LockstepMeans(ReadClientFlags(client), "envelope");
-    Suite suite = LoadOneScenario(options.scenario, means.clients, "envelope");
-    CheckReady(means);
-    SuiteScenario& base = suite.scenarios.front();
-    base.scenario.seed = FirstSeed(options.seed, base.scenario, options.repeat_count);
-    if (!FindPlaceholder(base.scenario))
-      throw UsageError(fmt::format(
-          "{}: envelope needs a fault of type {}: where and when it is stated, the faults of the envelope "
-          "act (scenarios/envelope/spiral.yaml has one)",
-          options.scenario.string(), kPlaceholderType));
-    columns.push_back({client.empty() ? base.scenario.firmware : client.front(), means, std::move(base)});
-  };
-  for (const auto* names : {&options.clients, &options.firmware})
-    for (auto name = names->begin(); name != names->end(); ++name)
-      if (std::find(names->begin(), name, *name) != name)
-        throw UsageError(fmt::format("envelope: {} is named twice", *name));
-  for (const std::string& client : options.clients) add({client});
-  if (options.clients.empty()) add({});
-  if (options.firmware.empty()) return columns;
-  if (columns.size() > 1)
-    throw UsageError(
-        "envelope: --firmware needs one --client: each build is a column, and so is each client");
-  const Column only = std::move(columns.front());
-  for (const ClientSpec& client : only.means.clients.Named())
-    if (!AbilitiesOf(client, false).shipped)
-      throw UsageError(
-          fmt::format("envelope: --client {} flies no build of the shipped firmware, which --firmware names",
-                      ToText(client)));
-  columns.clear();
-  for (const std::string& build : options.firmware) {
-    CheckBuild(build);
-    Column& column = columns.emplace_back(only);
-    column.base.scenario.FlyFirmware(build);
-    column.name = build;
+void RefuseTwins(const std::vector<std::string>& names) {
+  for (auto name = names.begin(); name != names.end(); ++name)
+    if (std::find(names.begin(), name, *name) != name)
+      throw UsageError(fmt::format("envelope: {} is named twice", *name));
+}
+
+// `client`: as --client has it, [LABEL=]CLIENT; in a scenario with several clients [ID=]CLIENT. None: the shipped firmware.
+Column ReadColumn(const EnvelopeOptions& options, const std::optional<std::string>& client) {
+  std::string label = client ? ClientIdOf(*client) : "", text = client.value_or("");
+  if (!label.empty()) {
+    const Suite plain = LoadOneScenario(options.scenario, {}, "envelope");
+    if (plain.scenarios.front().scenario.has_several_clients())
+      label.clear();
+    else
+      text.erase(0, label.size() + 1);
   }
-  return columns;
+  Column column;
+  column.means =
+      LockstepMeans(ReadClientFlags(client ? std::vector{text} : std::vector<std::string>()), "envelope");
+  Suite suite = LoadOneScenario(options.scenario, column.means.clients, "envelope");
+  CheckReady(column.means);
+  column.base = std::move(suite.scenarios.front());
+  column.base.scenario.seed = FirstSeed(options.seed, column.base.scenario, options.repeat_count);
+  if (!FindPlaceholder(column.base.scenario))
+    throw UsageError(fmt::format(
+        "{}: envelope needs a fault of type {}: where and when it is stated, the faults of the envelope "
+        "act (scenarios/envelope/spiral.yaml has one)",
+        options.scenario.string(), kPlaceholderType));
+  column.name = !label.empty() ? label : client ? *client : column.base.scenario.firmware;
+  return column;
+}
+
+// Builds of the shipped firmware first, then the firmware of users.
+std::vector<Column> ReadColumns(const EnvelopeOptions& options) {
+  RefuseTwins(options.clients);
+  RefuseTwins(options.firmware);
+  std::vector<Column> shipped, own;
+  for (const std::string& client : options.clients) {
+    Column column = ReadColumn(options, client);
+    const std::vector<ClientSpec> named = column.means.clients.Named();
+    const bool builds = std::all_of(named.begin(), named.end(),
+                                    [](const ClientSpec& spec) { return AbilitiesOf(spec, false).shipped; });
+    (builds && !options.firmware.empty() ? shipped : own).push_back(std::move(column));
+  }
+  if (options.clients.empty() || (!options.firmware.empty() && shipped.empty()))
+    shipped.push_back(ReadColumn(options, std::nullopt));
+  if (options.firmware.empty()) {
+    own.insert(own.begin(), shipped.begin(), shipped.end());
+  } else {
+    if (shipped.size() > 1)
+      throw UsageError(
+          "envelope: --firmware needs one --client that flies the shipped firmware: each build is a column, "
+          "and so is each client");
+    std::vector<Column> builds;
+    for (const std::string& build : options.firmware) {
+      CheckBuild(build);
+      Column& column = builds.emplace_back(shipped.front());
+      column.base.scenario.FlyFirmware(build);
+      column.name = build;
+    }
+    own.insert(own.begin(), builds.begin(), builds.end());
+  }
+  std::vector<std::string> names;
+  for (const Column& column : own) names.push_back(column.name);
+  RefuseTwins(names);
+  return own;
 }
 
 EnvelopeColumn IdentityOf(const Column& column) {
@@ -257,6 +284,7 @@ class EnvelopeSearch {
     }
     TakeFolder();
     Write();
+    FlyWithoutFaults();
     FindMargins(trials_, tasks_,
                 {.tolerance = options_.tolerance,
                  .at_once_count = 4 * static_cast<std::size_t>(options_.jobs_count) + 4,
@@ -278,8 +306,8 @@ class EnvelopeSearch {
     if (!options_.no_report)
       if (const auto page = WriteEnvelopeReport(folder(), options_.command.front()))
         PrintLine(stdout, 0, "report: " + page->string());
-    Print(stdout, "{} of {} rows, {} flights, in {}{}\n", done_count_, envelope_.entries.size(),
-          trials_.flown_count(), (folder() / "envelope.json").string(),
+    Print(stdout, "{} of {} rows, {} flight{}, in {}{}\n", done_count_, envelope_.entries.size(),
+          trials_.flown_count(), trials_.flown_count() == 1 ? "" : "s", (folder() / "envelope.json").string(),
           interrupted() ? " (interrupted)" : "");
     return interrupted() ? static_cast<int>(kExitInterrupted) : exit_;
   }
@@ -337,6 +365,40 @@ class EnvelopeSearch {
     if (!line_.visible() && !options_.no_progress)
       Tell(fmt::format("{} of {}: {}", done_count_, envelope_.entries.size(), tasks_[task].job.name));
     Write();
+  }
+
+  // A firmware that fails without any fault survives no level of any: its rows need no flights.
+  void FlyWithoutFaults() {
+    for (const Column& column : columns_) {
+      if (std::none_of(entries_.begin(), entries_.end(),
+                       [&](std::size_t entry) { return envelope_.entries[entry].client == column.name; }))
+        continue;
+      FlightJob job{.name = fmt::format("no fault, of {}", column.name),
+                    .scenario = column.base.scenario,
+                    .model = column.base.model,
+                    .means = column.means,
+                    .replay = {}};
+      trials_.Start(job, [this, name = column.name](const TrialResult& result) {
+        if (result.answer == TrialResult::Answer::kFailed) broken_.emplace(name, result);
+      });
+    }
+    trials_.Fly();
+    std::vector<MarginTask> left;
+    std::vector<std::size_t> entries;
+    for (std::size_t i = 0; i < tasks_.size(); ++i) {
+      EnvelopeEntry& entry = envelope_.entries[entries_[i]];
+      if (const auto broken = broken_.find(entry.client); broken != broken_.end()) {
+        entry.margin.emplace();
+        entry.margin->fails = entry.severity.range.start;
+        entry.margin->at_fails = broken->second;
+        ++done_count_;
+      } else {
+        left.push_back(std::move(tasks_[i]));
+        entries.push_back(entries_[i]);
+      }
+    }
+    tasks_ = std::move(left);
+    entries_ = std::move(entries);
   }
 
   void FlyMaps() {
@@ -397,6 +459,12 @@ class EnvelopeSearch {
   // Why rows have no margin: most often the scenario itself fails.
   void PrintUnsurvived() const {
     for (const Column& column : columns_) {
+      if (const auto broken = broken_.find(column.name); broken != broken_.end()) {
+        PrintLine(stdout, 0,
+                  fmt::format("{}: fails without any fault, seed {}: {}; so it has no margins", column.name,
+                              broken->second.seed, broken->second.reason));
+        continue;
+      }
       std::size_t count = 0;
       const EnvelopeEntry* first = nullptr;
       for (const EnvelopeEntry& entry : envelope_.entries) {
@@ -436,9 +504,10 @@ class EnvelopeSearch {
   std::vector<Column> columns_;
   Trials trials_;
   Envelope envelope_;
-  std::vector<MarginTask> all_tasks_;  // of entries, in their order
-  std::vector<MarginTask> tasks_;      // those to be flown
-  std::vector<std::size_t> entries_;   // the place of each task's
+  std::vector<MarginTask> all_tasks_;          // of entries, in their order
+  std::vector<MarginTask> tasks_;              // those to be flown
+  std::vector<std::size_t> entries_;           // the place of each task's
+  std::map<std::string, TrialResult> broken_;  // firmware that fails without any fault, by column
   std::size_t done_count_ = 0;
   int exit_ = kExitGreen;
   // Rows that an earlier envelope has found, and those whose flights could not be judged.

@@ -85,9 +85,18 @@ std::string Cell(const EnvelopeEntry& entry) {
 
 constexpr std::size_t kCellColumns = 12;
 
-std::string CellText(const std::string& text) {
-  return fmt::format(" {:>{}}", text.size() > kCellColumns ? text.substr(text.size() - kCellColumns) : text,
-                     kCellColumns);
+std::string CellText(const std::string& text) { return fmt::format(" {:>{}}", text, kCellColumns); }
+
+// The heads of the columns. A name that is too long stands above the table, with a number.
+std::string Heads(const std::vector<EnvelopeColumn>& columns) {
+  std::string names, heads = fmt::format("{:<30} {:<9} {:<13}", "survived up to", "where", "unit");
+  for (std::size_t i = 0; i < columns.size(); ++i) {
+    const std::string number = fmt::format("[{}]", i + 1);
+    const bool fits = columns[i].client.size() <= kCellColumns;
+    if (!fits) names += fmt::format("{} {}\n", number, columns[i].client);
+    heads += CellText(fits ? columns[i].client : number);
+  }
+  return names + heads + "\n";
 }
 
 std::string AxisName(const EnvelopeMap::Axis& axis) {
@@ -131,9 +140,7 @@ std::string ToJsonText(const Envelope& envelope) {
 }
 
 std::string EnvelopeTable(const Envelope& envelope) {
-  std::string text = fmt::format("{:<30} {:<9} {:<13}", "survived up to", "where", "unit");
-  for (const EnvelopeColumn& column : envelope.columns) text += CellText(column.client);
-  text += "\n";
+  std::string text = Heads(envelope.columns);
   std::vector<std::string> order;
   std::map<std::string, std::map<std::string, const EnvelopeEntry*>> lines;
   for (const EnvelopeEntry& entry : envelope.entries) {

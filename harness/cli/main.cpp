@@ -8,11 +8,11 @@
 #include <exception>
 #include <functional>
 #include <iostream>
-#include <sstream>
 
 #include "harness/cli/client_flag.h"
 #include "harness/cli/command_table.h"
 #include "harness/cli/commands.h"
+#include "harness/cli/help_page.h"
 #include "harness/client/debugger.h"
 #include "harness/live/live_server.h"
 #include "harness/report/results.h"
@@ -23,29 +23,60 @@
 namespace tiltproof::harness {
 namespace {
 
-// The command line begins with the names of a command and, if it has any, of one of its own. A message when one
-// of them is unknown, else empty.
-std::string UnknownCommand(const CLI::App& app, int argc, char** argv) {
-  const CLI::App* at = &app;
-  for (int i = 1; i < argc && *argv[i] != '-'; ++i) {
-    const auto commands = at->get_subcommands([](const CLI::App*) { return true; });
-    if (commands.empty()) break;
+// The command line begins with the names of a command and, if it has any, of one of its own.
+struct NamedCommand {
+  const CLI::App* app;
+  std::string typed;    // "tiltproof frame encode"
+  std::string trouble;  // the message when a name is unknown; then `app` is what lacks it
+};
+
+NamedCommand FindCommand(const CLI::App& app, const std::vector<std::string>& arguments) {
+  NamedCommand command{.app = &app, .typed = app.get_name(), .trouble = {}};
+  for (const std::string& argument : arguments) {
+    const auto commands = command.app->get_subcommands([](const CLI::App*) { return true; });
+    if (commands.empty() || argument.starts_with('-')) break;
     std::vector<std::string> names;
-    for (const auto* command : commands) names.push_back(command->get_name());
-    const auto found = std::find(names.begin(), names.end(), argv[i]);
-    if (found == names.end())
-      return "tiltproof: unknown command '" + std::string(argv[i]) + "'" +
-             DidYouMean(argv[i], std::vector<std::string_view>(names.begin(), names.end()));
-    at = commands[static_cast<std::size_t>(found - names.begin())];
+    for (const auto* known : commands) names.push_back(known->get_name());
+    const auto found = std::find(names.begin(), names.end(), argument);
+    if (found == names.end()) {
+      command.trouble = command.typed + ": unknown command '" + argument + "'" +
+                        DidYouMean(argument, std::vector<std::string_view>(names.begin(), names.end()));
+      break;
+    }
+    command.app = commands[static_cast<std::size_t>(found - names.begin())];
+    command.typed += " " + argument;
   }
-  return "";
+  return command;
+}
+
+// Why the arguments of a command cannot be read.
+std::string Mistake(const NamedCommand& command, const CLI::ParseError& error) {
+  const std::string more = "; `" + command.typed + " --help` says more";
+  const std::vector<std::string> rest = command.app->remaining();
+  if (dynamic_cast<const CLI::ExtrasError*>(&error) == nullptr || rest.empty())
+    return command.typed + ": " + error.what() + more;
+  if (!rest.front().starts_with('-'))
+    return command.typed + ": one argument too many: '" + rest.front() + "'" + more;
+  const CommandRow table = TableOf(*command.app);
+  std::vector<std::string_view> names;
+  for (const OptionRow& option : table.options)
+    if (!option.positional) names.insert(names.end(), option.names.begin(), option.names.end());
+  const std::string typed = rest.front().substr(0, rest.front().find('='));
+  const std::string_view meant = ClosestName(typed, names);
+  return command.typed + ": unknown option '" + typed + "'" +
+         (meant.empty() ? more : "; did you mean '" + std::string(meant) + "'?");
+}
+
+int PrintHelp(const NamedCommand& command) {
+  Print(stdout, "{}", TextLines(HelpPage(command.typed, TableOf(*command.app))));
+  return kExitGreen;
 }
 
 int Main(int argc, char** argv) {
   CLI::App app{"tiltproof: a fault-injection test harness for flight-control firmware", "tiltproof"};
-  app.set_version_flag("--version", "tiltproof " + std::string(Version()));
+  app.set_help_flag("-h,--help", "Print this page");
+  app.set_version_flag("--version", "tiltproof " + std::string(Version()), "Print the version");
   app.require_subcommand(1);
-  app.failure_message(CLI::FailureMessage::simple);
   std::function<int()> command;
 
   // A port whose number may be left out.
@@ -144,7 +175,7 @@ int Main(int argc, char** argv) {
   run_app->footer(
       "Domain, tag and run id of a flight on the bus (in real time, or --distributed=dds) are in run.json, "
       "under "
-      "its\n`bus`, while it flies, and in its first event; docs/distributed.md shows how to listen.");
+      "its `bus`, while it flies, and in its first event; docs/distributed.md shows how to listen.");
   run_app->callback([&] { command = [&] { return RunCommand(run); }; });
 
   CheckOptions check;
@@ -159,9 +190,17 @@ int Main(int argc, char** argv) {
   add_client(check_app);
   check_app->callback([&] { command = [&] { return CheckCommand(check); }; });
   auto* list_app = app.add_subcommand("list", "List scenarios");
-  list_app->add_option("PATH", check.paths, "Scenario files, or folders of them")->required();
+  auto* list_path = list_app->add_option("PATH", check.paths, "Scenario files, or folders of them");
+  bool lists_signals = false;
+  list_app->add_flag(
+      "--signals", lists_signals,
+      "The signals that formulas may name there, one per line; without PATH, those of a flight of the "
+      "shipped vehicle");
   add_client(list_app);
-  list_app->callback([&] { command = [&] { return ListCommand(check); }; });
+  list_app->callback([&] {
+    if (!lists_signals && check.paths.empty()) throw CLI::RequiredError(list_path->get_name());
+    command = [&] { return lists_signals ? SignalsCommand(check) : ListCommand(check); };
+  });
   std::filesystem::path file;
   auto* new_app = app.add_subcommand(
       "new", "Write a commented scenario to begin with, and beside it the schema that editors use");
@@ -412,9 +451,9 @@ int Main(int argc, char** argv) {
   node_app->add_option("--lockstep", node.lockstep)->check(CLI::IsMember({"dds", "socket"}))->group("");
   node_app->footer(
       std::string("A node that you start is on the bus with the tag '") + kAttachTag +
-      "', and meets the runs with --attach. A run that starts\nits nodes itself has a tag of its own: "
+      "', and meets the runs with --attach. A run that starts its nodes itself has a tag of its own: "
       "`tiltproof "
-      "node monitor --run results/latest` listens to it. Domain, tag and run id\nof each flight are in "
+      "node monitor --run results/latest` listens to it. Domain, tag and run id of each flight are in "
       "run.json, under its `bus`, while it flies, and in its first event (docs/distributed.md).");
   node_app->callback([&] { command = [&] { return NodeCommand(node); }; });
 
@@ -450,19 +489,31 @@ int Main(int argc, char** argv) {
   manual_app->add_option("DATE", date, "Date of the pages")->required();
   manual_app->callback([&] { command = [&] { return ManualCommand(TableOf(app), file, date); }; });
 
-  if (const std::string trouble = UnknownCommand(app, argc, argv); !trouble.empty()) {
-    Print(stderr, "{}\n", TextLines(trouble));
+  std::vector<std::string> arguments(argv + 1, argv + argc);
+  // `help run` is `run --help`.
+  const bool asks = !arguments.empty() && arguments.front() == "help";
+  if (asks) arguments.erase(arguments.begin());
+  const NamedCommand named = FindCommand(app, arguments);
+  if (!named.trouble.empty()) {
+    Print(stderr, "{}\n", TextLines(named.trouble));
     return kExitUsage;
+  }
+  if (asks) return PrintHelp(named);
+  if (arguments.empty()) {
+    PrintHelp(named);
+    return kExitUsage;  // a script whose command is empty has done nothing
   }
   try {
     app.parse(argc, argv);
+  } catch (const CLI::CallForHelp&) {
+    return PrintHelp(named);
+  } catch (const CLI::CallForVersion& version) {
+    Print(stdout, "{}\n", version.what());
+    return kExitGreen;
   } catch (const CLI::ParseError& error) {
     // CLI11's own codes are 100 and more; a mistake in the command line is 2.
-    std::ostringstream out, err;
-    const int code = app.exit(error, out, err);
-    Print(stdout, "{}", TextLines(out.str()));
-    Print(stderr, "{}", TextLines(err.str()));
-    return code == 0 ? kExitGreen : kExitUsage;
+    Print(stderr, "{}\n", TextLines(Mistake(named, error)));
+    return kExitUsage;
   }
   try {
     const int code = command();

@@ -64,8 +64,16 @@ void PrintLevel(const MarginOptions& options, const MarginTask& task, double lev
     }
     Print(stdout, "{}\n", JsonLine(line));
   } else {
-    Print(stdout, "{:<9} {:>12} {:<8} {}\n", survived ? "survived" : "failed", fmt::format("{}", level),
-          task.severity.unit, survived ? "" : fmt::format("seed {}: {}", result.seed, result.reason));
+    const std::string row = fmt::format("{:<9} {:>12} {:<8}", survived ? "survived" : "failed",
+                                        fmt::format("{}", level), task.severity.unit);
+    const std::string why = survived ? "" : fmt::format("seed {}: {}", result.seed, Plain(result.reason));
+    // On a terminal the reason has lines of its own.
+    if (IsTerminal(stdout) && !survived) {
+      Print(stdout, "{}\n", row);
+      PrintLine(stdout, 10, why);
+    } else {
+      Print(stdout, "{} {}\n", row, why);
+    }
   }
   std::fflush(stdout);
 }
@@ -95,14 +103,16 @@ void PrintMargin(const MarginOptions& options, const MarginTask& task, const Mar
     return task.severity.unit.empty() ? fmt::format("{}", level)
                                       : fmt::format("{} {}", level, task.severity.unit);
   };
-  Print(stdout, "{}, {} ({}): {}\n", fault.id, task.severity.parameter, fault.type,
-        !margin.survives ? fmt::format("fails even at {}", value(*margin.fails))
-        : !margin.fails
-            ? fmt::format("survives even {}", value(*margin.survives))
-            : fmt::format("survives {}, fails at {}", value(*margin.survives), value(*margin.fails)));
+  PrintLine(stdout, 0,
+            fmt::format("{}, {} ({}): {}", fault.id, task.severity.parameter, fault.type,
+                        !margin.survives ? fmt::format("fails even at {}", value(*margin.fails))
+                        : !margin.fails  ? fmt::format("survives even {}", value(*margin.survives))
+                                         : fmt::format("survives {}, fails at {}", value(*margin.survives),
+                                                       value(*margin.fails))));
   if (margin.fails)
-    Print(stdout, "  at {} with seed {}: {}\n", value(*margin.fails), margin.at_fails.seed,
-          margin.at_fails.reason);
+    PrintLine(stdout, 2,
+              fmt::format("at {} with seed {}: {}", value(*margin.fails), margin.at_fails.seed,
+                          margin.at_fails.reason));
   for (const std::string& text : ScanLines(margin, options.repeat_count, task.severity.unit))
     PrintLine(stdout, 2, text);
 }

@@ -1,5 +1,6 @@
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -15,6 +16,7 @@
 #include "harness/run/realtime/realtime_flight.h"
 #include "harness/run/remote/serve.h"
 #include "harness/run/run_id.h"
+#include "harness/terminal/lines.h"
 #include "link/check.h"
 
 namespace tiltproof::harness {
@@ -82,6 +84,18 @@ int Monitor(const NodeOptions& node, const NodeCommandOptions& options) {
   return RunMonitor(node, post);
 }
 
+// Where a node waits that a user has started.
+void TellWhere(const NodeOptions& node, const std::string& kind) {
+  const dds::BusConfig& bus = node.bus;
+  std::string text = fmt::format("tiltproof: {} node '{}' listens on domain {} with the tag '{}', {}", kind,
+                                 node.name, bus.domain, bus.tag,
+                                 bus.interface.empty() ? "on this machine only" : "on " + bus.interface);
+  if (!bus.peers.empty()) text += fmt::format(", and looks for {}", fmt::join(bus.peers, ", "));
+  if (node.kind != dds::NodeKind::kMonitor)
+    text += "; `tiltproof run ... --mode realtime --attach` finds it there";
+  PrintLine(stderr, 0, text);
+}
+
 }  // namespace
 
 int NodeCommand(const NodeCommandOptions& options) {
@@ -145,10 +159,12 @@ int NodeCommand(const NodeCommandOptions& options) {
       make_role = MakeJoystickRole;
       break;
     case dds::NodeKind::kMonitor:
+      if (options.run.empty()) TellWhere(node, options.kind);
       return Monitor(node, options);
     case dds::NodeKind::kHarness:
       ThrowBrokenInvariant("a kind of node that a user may start");
   }
+  if (options.child.empty()) TellWhere(node, options.kind);
   return RunNode(node, make_role);
 }
 

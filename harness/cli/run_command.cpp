@@ -269,7 +269,6 @@ int RunCommand(const RunOptions& options) {
   console.Line(fmt::format("tiltproof {}: suite {}, {} flight{}, client {}, results in {}", Version(),
                            suite.name, jobs.size(), jobs.size() == 1 ? "" : "s", info.client,
                            folder.string()));
-  for (const auto& scenario : not_applicable) console.LeftOut(scenario);
   if (!means.attach) TellWhoResets(clients, jobs.size());
   RunRecord record(folder, info, jobs);
   const FlownFlights flown =
@@ -297,6 +296,7 @@ int RunCommand(const RunOptions& options) {
                                                      : "not flown: --fail-fast ended the run");
   std::optional<std::filesystem::path> report;
   if (!options.no_report) report = WriteReport(folder);
+  for (const auto& scenario : not_applicable) console.LeftOut(scenario);
   if (options.repeat_count > 1) console.Repeated(RepeatsIn(flown.results, suite.scenarios, plan));
   console.Summary(flown.results, flown.not_flown.size(), not_applicable.size(), flown.interrupted, report);
   return flown.interrupted ? static_cast<int>(kExitInterrupted) : ExitCode(flown.results);

@@ -22,10 +22,7 @@ namespace {
 
 std::optional<FormulaProblem> CheckFormula(std::string_view text, const Scenario& scenario,
                                            const VehicleSignals& vehicle) {
-  std::vector<std::string> columns = Trace(TraceLayout(vehicle, scenario).columns).columns();
-  for (std::size_t i = 0; i < scenario.client_count(); ++i)
-    columns.push_back(SupervisorStateColumn(scenario, i));
-  const std::vector<std::string> signals = SignalNames(columns);
+  const std::vector<std::string> signals = FormulaSignals(scenario, vehicle);
   std::vector<std::string> fault_ids;
   for (const auto& fault : scenario.faults) fault_ids.push_back(fault.id);
   const TimeNs duration_ns = scenario.duration_ns;
@@ -96,6 +93,13 @@ std::string StartProblem(const Scenario& scenario, const plant::VehicleModel& mo
 }
 
 }  // namespace
+
+std::vector<std::string> FormulaSignals(const Scenario& scenario, const VehicleSignals& vehicle) {
+  std::vector<std::string> columns = Trace(TraceLayout(vehicle, scenario).columns).columns();
+  for (std::size_t i = 0; i < scenario.client_count(); ++i)
+    columns.push_back(SupervisorStateColumn(scenario, i));
+  return SignalNames(columns);
+}
 
 std::shared_ptr<const plant::VehicleModel> ModelCache::Load(const std::filesystem::path& file,
                                                             bool allow_invalid_inertia) {

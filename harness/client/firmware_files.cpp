@@ -37,6 +37,14 @@ std::filesystem::path FirmwareFile(const ClientSpec& client, const std::string& 
   return Shipped("libtiltproof_firmware.so", "lib/libtiltproof_firmware.so");
 }
 
+std::string HowToGetImages() {
+  return std::filesystem::exists(ProgramFolder().parent_path() / "lib/tiltproof")
+             ? "this installation has none: install the Debian package, or run `./setup --images` in the "
+               "sources and "
+               "install them again"
+             : "run `./setup --images`, which fetches the compiler and the emulator, and builds the images";
+}
+
 EmulatorSpec BoardOf(const EmulatedImage& image, const std::string& firmware,
                      const link::Protocol& protocol) {
   return {.image = ImageFile(image, firmware, protocol.name).string(),

@@ -28,6 +28,9 @@ std::filesystem::path LockstepPlugin();
 std::filesystem::path FirmwareFile(const ClientSpec& client, const std::string& firmware,
                                    const std::string& dialect);
 
+// What a user does about images of the shipped firmware that are not there.
+std::string HowToGetImages();
+
 // An emulated board with the image, which speaks this protocol.
 EmulatorSpec BoardOf(const EmulatedImage& image, const std::string& firmware, const link::Protocol& protocol);
 

@@ -112,7 +112,8 @@ std::string QemuVersion() {
     for (ssize_t n; (n = read(process.output(), buffer.data(), buffer.size())) > 0;)
       text.append(buffer.data(), static_cast<std::size_t>(n));
   } catch (const NoSuchProgram&) {
-    throw NoSuchProgram("there is no qemu-system-arm: install Debian's package of that name");
+    throw NoSuchProgram(
+        "there is no qemu-system-arm: sudo apt-get install --no-install-recommends qemu-system-arm");
   }
   constexpr std::string_view kBefore = "version ";
   const std::size_t at = text.find(kBefore);

@@ -10,6 +10,25 @@
 
 namespace tiltproof::harness {
 
+namespace {
+
+constexpr std::size_t kLastLinesMax = 12;
+
+// The last lines of a log, without their times.
+void AddLastLines(std::string_view log, std::vector<std::string>& lines) {
+  std::vector<std::string> last;
+  while (!log.empty() && last.size() < kLastLinesMax) {
+    if (log.back() == '\n') log.remove_suffix(1);
+    const std::size_t begin = log.rfind('\n') + 1;  // npos + 1 is 0
+    const std::string_view line = log.substr(begin);
+    last.emplace_back(line.substr(std::min(line.find(' ') + 1, line.size())));
+    log.remove_suffix(line.size());
+  }
+  lines.insert(lines.end(), last.rbegin(), last.rend());
+}
+
+}  // namespace
+
 FlightResult MakeErrorResult(const std::string& name, const Scenario& scenario, const std::string& reason,
                              const std::string& replay) {
   FlightResult result;
@@ -34,6 +53,7 @@ FlightResult MakeResult(const std::string& name, const Scenario& scenario, const
   result.outcome = OutcomeOf(log, result.score);
   result.events = EventsOf(log);
   for (const ClientLog& client : log.clients) {
+    if (log.end_reason == EndReason::kFirmwareLost) AddLastLines(client.firmware_log, result.last_lines);
     if (!client.unmodelled_blocks) continue;
     auto& blocks = result.unmodelled_blocks;
     for (const std::string& block : *client.unmodelled_blocks)

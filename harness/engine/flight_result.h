@@ -39,6 +39,8 @@ struct FlightResult {
   // Blocks of the chip that a firmware uses and the emulated board does not model.
   std::vector<std::string> unmodelled_blocks;
   std::vector<FlightEvent> events;
+  // Of a firmware that went away: the last lines that it printed.
+  std::vector<std::string> last_lines;
   bool is_of_any_seed = false;  // nothing was drawn at random: with another seed, this is the same flight
   std::string replay;           // the exact command; empty when it was not flown
   // Of the only client, as harness/client/coverage.h says, when the job asks for it.
@@ -47,10 +49,10 @@ struct FlightResult {
 
   bool green() const { return score.verdict == expected; }
   // In files the fields of the score stand among these, and the events in events.jsonl.
-  static constexpr std::array<std::string_view, 5> kNotInFiles = {"score", "events", "is_of_any_seed",
-                                                                  "coverage_kind", "coverage"};
+  static constexpr std::array<std::string_view, 6> kNotInFiles = {
+      "score", "events", "last_lines", "is_of_any_seed", "coverage_kind", "coverage"};
   TILTPROOF_FIELDS(name, expected, seed, trace_hash, end_reason, outcome, wall_s, real_time_factor, score,
-                   unmodelled_blocks, events, is_of_any_seed, replay, coverage_kind, coverage)
+                   unmodelled_blocks, events, last_lines, is_of_any_seed, replay, coverage_kind, coverage)
 };
 
 // Scores a flight.

@@ -292,7 +292,9 @@ class Parser {
                                                              "min",    "max",        "fault_active"};
       throw ParseError(column, "unknown operator " + Quoted(word) + DidYouMean(word, functions));
     }
-    throw ParseError(column, "unknown signal " + Quoted(word) + DidYouMean(word, vocabulary_.signals));
+    const std::string meant = DidYouMean(word, vocabulary_.signals);
+    throw ParseError(column, "unknown signal " + Quoted(word) + (meant.empty() ? "; " : meant + " ") +
+                                 "all signals: tiltproof list --signals");
   }
 
   bool IsFault(std::string_view id) const {

@@ -28,11 +28,22 @@ bool HasControlCharacter(std::string_view text) {
 void MappingReader::Finish() {
   for (const YamlEntry& entry : mapping_.entries) {
     if (keys_unknowable_ || std::find(known_.begin(), known_.end(), entry.key) != known_.end()) continue;
-    Complain(entry.key_mark, fmt::format("unknown key '{}'{}", entry.key, DidYouMean(entry.key, known_)));
-    // The mistyped one is not missing as well.
-    std::erase(missing_, ClosestName(entry.key, known_));
+    const std::string_view closest = ClosestName(entry.key, known_), section = SectionOf(entry.key);
+    if (closest.empty() && !section.empty())
+      Complain(entry.key_mark,
+               fmt::format("'{0}' belongs into '{1}': {1}: {{{0}: ...}}", entry.key, section));
+    else
+      Complain(entry.key_mark, fmt::format("unknown key '{}'{}", entry.key, DidYouMean(entry.key, known_)));
+    // What was mistyped, or stands elsewhere, is not missing as well.
+    std::erase(missing_, closest.empty() ? section : closest);
   }
   for (const std::string_view key : missing_) Complain(mapping_.mark, fmt::format("missing key '{}'", key));
+}
+
+std::string_view MappingReader::SectionOf(std::string_view name) const {
+  for (const auto& [section, keys] : sections_)
+    if (std::find(keys.begin(), keys.end(), name) != keys.end()) return section;
+  return {};
 }
 
 const YamlNode* MappingReader::Take(const Key& key) {
@@ -153,6 +164,7 @@ void MappingReader::ReadBody(std::string_view key, const YamlNode& node, const B
   MappingReader reader(node, problems_);
   body(reader);
   reader.Finish();
+  sections_.emplace_back(key, std::move(reader.known_));
 }
 
 void MappingReader::Refuse(const Key& key) {
@@ -330,6 +342,13 @@ void MappingReader::Section(const Key& key, const Body& body) {
     empty.kind = YamlNode::Kind::kMapping;
     empty.mark = mapping_.mark;
     ReadBody(key.name, empty, body);
+  } else {
+    // Which keys it would have had.
+    const YamlNode nothing;
+    std::vector<YamlProblem> ignored;
+    MappingReader reader(nothing, ignored);
+    body(reader);
+    sections_.emplace_back(key.name, std::move(reader.known_));
   }
 }
 

@@ -3,6 +3,7 @@
 
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "harness/scenario/keys.h"
@@ -57,11 +58,14 @@ class MappingReader : public KeyVisitor {
   void RequireCompanion(const KeyGroup& group);
   void RefuseCompanions(const KeyGroup& group);
   void ReadBody(std::string_view key, const YamlNode& node, const Body& body);
+  // The section that has a key of this name; empty when none has.
+  std::string_view SectionOf(std::string_view name) const;
 
   const YamlNode& mapping_;
   std::vector<YamlProblem>& problems_;
   std::vector<std::string_view> known_;
   std::vector<std::string_view> missing_;
+  std::vector<std::pair<std::string_view, std::vector<std::string_view>>> sections_;  // with their keys
   bool keys_unknowable_ = false;  // the word that decides them is wrong
 };
 

@@ -298,10 +298,10 @@ class Checker {
       if (type == nullptr || parameters == nullptr) continue;
       const auto* plant = type->As<faults::PlantKind>();
       if (plant != nullptr && plant->is_wind && !vehicle->feels_wind)
-        Complain(
-            list.items[i], "type",
-            fmt::format("type: {} moves only a vehicle with drag; this one's file has no <tiltproof:drag>",
-                        type->name));
+        Complain(list.items[i], "type",
+                 fmt::format("type: {} moves only a vehicle with drag; this one's file has no "
+                             "<tiltproof:drag> (tiltrotor_drag has one)",
+                             type->name));
       for (const faults::ParameterInfo& info : type->parameters) {
         const bool names = NamesSignal(info.kind) || NamesPart(info.kind);
         const YamlNode* name = names ? Good(*parameters, info.name) : nullptr;

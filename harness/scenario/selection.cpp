@@ -10,6 +10,7 @@
 #include <system_error>
 #include <utility>
 
+#include "harness/scenario/did_you_mean.h"
 #include "harness/scenario/lower_case.h"
 
 namespace tiltproof::harness {
@@ -26,6 +27,30 @@ bool IsScenarioFile(const fs::path& path) {
 // Emacs marks a file that is being edited by a link of such a name, which leads nowhere.
 bool IsEditorsLock(const fs::path& path) { return path.filename().string().starts_with(".#"); }
 
+// The first part of the path that does not exist, with what is like it in the folder before it.
+std::string MeantPath(const fs::path& path) {
+  fs::path there, meant;
+  std::error_code error;
+  for (auto part = path.begin(); part != path.end(); ++part) {
+    if (fs::exists(there / *part, error)) {
+      there /= *part;
+      continue;
+    }
+    std::vector<std::string> names;
+    for (fs::directory_iterator entry(there.empty() ? "." : there, error), end; !error && entry != end;
+         entry.increment(error))
+      names.push_back(entry->path().filename().string());
+    std::sort(names.begin(), names.end());
+    const std::vector<std::string_view> valid(names.begin(), names.end());
+    const std::string_view closest = ClosestName(part->string(), valid);
+    if (closest.empty()) return {};
+    meant = there / closest;
+    for (++part; part != path.end() && fs::exists(meant / *part, error); ++part) meant /= *part;
+    return fmt::format("; did you mean '{}'?", meant.string());
+  }
+  return {};
+}
+
 // What stands at a path that is neither file nor folder.
 std::string WhatItIs(const fs::path& path, fs::file_status status, std::error_code error) {
   std::error_code ignored;
@@ -33,7 +58,7 @@ std::string WhatItIs(const fs::path& path, fs::file_status status, std::error_co
   if (error == std::errc::too_many_symbolic_link_levels) return "a link that leads back to itself";
   if (status.type() == fs::file_type::not_found && is_link)
     return fmt::format("a link to {}, which does not exist", fs::read_symlink(path, ignored).string());
-  if (status.type() == fs::file_type::not_found) return "no such file or folder";
+  if (status.type() == fs::file_type::not_found) return "no such file or folder" + MeantPath(path);
   if (error) return fmt::format("cannot be read: {}", error.message());
   if (fs::is_fifo(status)) return "a FIFO, not a file";
   if (fs::is_socket(status)) return "a socket, not a file";

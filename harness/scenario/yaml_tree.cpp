@@ -161,6 +161,17 @@ class SourceText {
     const auto line_begin = static_cast<std::size_t>(line.data() - text_.data());
     return text_.substr(line_begin + std::min(line.size(), static_cast<std::size_t>(mark.column)));
   }
+  // The first tab in the indentation of a line, up to this one.
+  std::optional<YamlMark> TabUpTo(const YAML::Mark& mark) {
+    for (std::size_t line = 0; line < lines_.size() && static_cast<int>(line) <= mark.line; ++line) {
+      const std::size_t tab = lines_[line].find('\t');
+      if (tab != std::string_view::npos &&
+          lines_[line].find_first_not_of(" \t\r") != std::string_view::npos &&
+          lines_[line].find_first_not_of(' ') == tab)
+        return At(line, tab);
+    }
+    return std::nullopt;
+  }
 
  private:
   std::string_view text_;
@@ -384,7 +395,10 @@ std::optional<YamlNode> ParseYaml(std::string_view text, std::vector<YamlProblem
   } catch (const Stop&) {
     return std::nullopt;
   } catch (const YAML::Exception& error) {
-    problems.push_back({source.At(error.mark), fmt::format("not valid YAML: {}", error.msg)});
+    if (const auto tab = source.TabUpTo(error.mark))
+      problems.push_back({*tab, "a tab character: YAML is indented by spaces only"});
+    else
+      problems.push_back({source.At(error.mark), fmt::format("not valid YAML: {}", error.msg)});
     return std::nullopt;
   }
   return builder.TakeRoot();

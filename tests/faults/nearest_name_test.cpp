@@ -24,5 +24,17 @@ TEST(NearestNameTest, FindsTheClosestOrNone) {
   EXPECT_EQ(NearestName("x", {}), "");
 }
 
+TEST(NearestNameTest, KnowsAbbreviations) {
+  const std::vector<std::string_view> names = {"position_error_m", "cross_track_error_m", "roll_rad",
+                                               "roll_ref_rad"};
+  EXPECT_EQ(NearestName("pos_err", names), "position_error_m");
+  EXPECT_EQ(NearestName("cross_error", names), "cross_track_error_m");
+  EXPECT_EQ(NearestName("rol", names), "roll_rad");
+  EXPECT_EQ(NearestName("error", names), "");
+  EXPECT_EQ(NearestName("pos_err_m_s", names), "");
+  EXPECT_EQ(NearestName("_", names), "");
+  EXPECT_EQ(NearestName("", names), "");
+}
+
 }  // namespace
 }  // namespace tiltproof::faults

@@ -58,6 +58,15 @@ class PackageTest(unittest.TestCase):
                          .replace(str(SOURCE / "scenarios"), str(self.prefix / "share/tiltproof/scenarios")).splitlines())
         run(self.program, "check", self.prefix / "share/tiltproof/scenarios", cwd=self.folder)
 
+    def test_pages_name_the_installed_program(self):
+        pages = [*(self.prefix / "share/doc/tiltproof").glob("*.md"), *(self.prefix / "share/doc/tiltproof/docs").glob("*.md")]
+        self.assertGreater(len(pages), 20)
+        for page in pages:
+            self.assertNotIn("build/release/tiltproof", page.read_text(), page)
+        # Byte by byte the same but for that.
+        first = (self.prefix / "share/doc/tiltproof/docs/first-fault.md").read_text()
+        self.assertEqual(first, (SOURCE / "docs/first-fault.md").read_text().replace("build/release/tiltproof", "tiltproof"))
+
     def test_emulated_board(self):
         images = list((self.prefix / "lib/tiltproof/stm32f4").glob("*.elf"))
         command = (self.program, "run", self.prefix / "share/tiltproof/scenarios/paper", "-k", "hover", "--client", "qemu", "--out",
@@ -101,8 +110,11 @@ class PackageTest(unittest.TestCase):
         for library in ("libode8", "libsdformat12", "libyaml-cpp0.7", "libddsc0debian", "libc6"):
             self.assertRegex(control, rf"Depends: .*\b{re.escape(library)}\b")
         self.assertNotRegex(control, r"Depends: .*-dev\b")
+        self.assertRegex(control, r"Maintainer: .+ <.+@.+>\n")
+        self.assertNotIn("@invalid", control)
         run("dpkg-deb", "--extract", package, self.folder / "unpacked", cwd=self.folder)
         unpacked = self.folder / "unpacked/usr"
+        self.assertIn("\n    tiltproof run /usr/share/tiltproof/scenarios/paper\n", (unpacked / "share/doc/tiltproof/README.md").read_text())
         self.assertEqual({file.relative_to(unpacked) for file in unpacked.rglob("*")},
                          {file.relative_to(self.prefix) for file in self.prefix.rglob("*")})
         self.assertIn("tiltproof 0.", run(unpacked / "bin/tiltproof", "--version", cwd=self.folder))

@@ -49,8 +49,8 @@ FaultType PlantGust() {
           "`length_m` / "
           "`speed_m_s` seconds. It starts anew after each step outside the fault's active time. When the "
           "window "
-          "ends, the air is calm at once. A scenario whose vehicle has no <tiltproof:drag> is refused. Each "
-          "time "
+          "ends, the air is calm at once. A scenario whose vehicle has no <tiltproof:drag> is refused "
+          "(`model: tiltrotor_drag` has it). Each time "
           "that the gust begins is one activation.",
       .source = "MIL-F-8785C, section 3.7.1.3 (discrete gust model), 1980.",
       .parameters = {{.name = "speed_m_s",

@@ -130,7 +130,8 @@ FaultType PlantTurbulence() {
           "(of an "
           "intermittent fault) the process goes on unseen. A scenario whose vehicle has no <tiltproof:drag> "
           "is "
-          "refused. Each time that the air begins to move is one activation.",
+          "refused (`model: tiltrotor_drag` has it). Each time that the air begins to move is one "
+          "activation.",
       .source =
           "MIL-HDBK-1797, Appendix A, Dryden form and low-altitude model, 1997; Beal, Digital Simulation of "
           "Atmospheric Turbulence for Dryden and von Karman Models, Journal of Guidance, Control, and "

@@ -26,8 +26,9 @@ FaultType PlantWind() {
           "Models wind that blows evenly. In every step that the trigger picks, the air moves with "
           "`speed_m_s` along `direction` in the world (z up), everywhere alike, and at once from the first "
           "step on. The vehicle's drag turns the velocity relative to the air into a force on the main body; "
-          "a scenario whose vehicle has no <tiltproof:drag> is refused. Winds of several faults add up. Each "
-          "time that the wind begins to blow is one activation.",
+          "a scenario whose vehicle has no <tiltproof:drag> is refused (`model: tiltrotor_drag` has it). "
+          "Winds "
+          "of several faults add up. Each time that the wind begins to blow is one activation.",
       .source =
           "MIL-F-8785C, section 3.7 (steady wind); Beard and McLain, Small Unmanned Aircraft, Princeton "
           "University Press, 2012, chapter 4.",

@@ -423,6 +423,20 @@ class CliTest(CommandLineTest):
 
     # the rest
 
+    def test_list_signals(self):
+        """Of the shipped vehicle, and of a scenario; criteria may name each of them."""
+        code, out, err = self.tiltproof("list", "--signals")
+        self.assertEqual((code, err), (0, ""))
+        for name in ("x_m", "alpha_r_rad_s", "position_error_m", "tilt_rad"):
+            self.assertIn(name, out.splitlines())
+        self.scenario("hover")
+        shown = self.tiltproof("list", "--signals", "hover.yaml")[1].splitlines()
+        self.assertEqual(len(shown), len(set(shown)))
+        self.scenario("all", **{"criteria:\n": "criteria:\n" + "".join(f'  - {{name: s{i}, stl: "always({name} < 1e9)"}}\n' for i, name in enumerate(shown))})
+        self.assertEqual(self.tiltproof("check", "all.yaml")[0], 0)
+        self.scenario("bad", **{"position_error_m <= 0.5": "pos_err <= 0.5"})
+        self.assertIn("unknown signal 'pos_err'; did you mean 'position_error_m'? all signals: tiltproof list --signals", self.tiltproof("check", "bad.yaml")[2])
+
     def test_list_faults_schema(self):
         self.scenario("hover")
         self.assertIn("hover", self.tiltproof("list", ".")[1])

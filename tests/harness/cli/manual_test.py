@@ -17,7 +17,7 @@ def output(*command, **options):
 
 def options_in_help(*command):
     text = output(PROGRAM, *command, "--help")
-    return {name for line in re.findall(r"^  (-\S+)", text, re.MULTILINE) for name in line.split(",") if name.startswith("-")}
+    return {name for line in re.findall(r"^  (-\S+(?:, -\S+)*)", text, re.MULTILINE) for name in line.split(", ")}
 
 
 def section(text, title):
@@ -26,7 +26,7 @@ def section(text, title):
 
 def commands_in_help(*command):
     text = output(PROGRAM, *command, "--help")
-    return re.findall(r"^  ([a-z-]+)", section(text, "Subcommands"), re.MULTILINE) if "Subcommands:" in text else []
+    return re.findall(r"^  ([a-z-]+)", section(text, "Commands"), re.MULTILINE) if "\nCommands:" in text else []
 
 
 class ManualTest(unittest.TestCase):
@@ -52,6 +52,35 @@ class ManualTest(unittest.TestCase):
         self.assertIn(("frame", "decode"), self.places)
         self.assertGreater(len(self.places), 18)
         self.assertEqual({page.name for page in self.folder.glob("*.1")}, {self.page(place).name for place in self.places})
+
+    def test_help_is_narrow_and_plain(self):
+        """No page is wider than 100 columns, and none has words of the library that parses: its types, its checks."""
+        for place in self.places:
+            text = output(PROGRAM, *place, "--help")
+            self.assertEqual(text, output(PROGRAM, "help", *place))
+            for line in text.splitlines():
+                self.assertTrue(len(line) <= 100 or " " not in line.strip(), (place, line))
+            self.assertNotRegex(text, r"\b(TEXT|INT|UINT|FLOAT|REQUIRED|SUBCOMMAND|in \[)", place)
+        run = output(PROGRAM, "help", "run")
+        self.assertRegex(run, r"\nUsage: tiltproof run \[OPTIONS\] PATH\.\.\.\n")
+        self.assertRegex(run, r"\n  --mode lockstep\|realtime\n {24}How time passes: ")
+        self.assertRegex(run, r"\n  --seed N {14}Overrides every scenario's seed \(0 - \d+\)\n")
+
+    def test_without_a_command(self):
+        alone = subprocess.run([PROGRAM], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, check=False)
+        self.assertEqual((alone.returncode, alone.stdout, alone.stderr), (2, output(PROGRAM, "help"), ""))
+
+    def test_mistakes_say_what_was_meant(self):
+        for words, message in ((("help", "rnu"), "tiltproof: unknown command 'rnu'; did you mean 'run'?"),
+                               (("frame", "decod"), "tiltproof frame: unknown command 'decod'; did you mean 'decode'?"),
+                               (("run", "--repaet", "3", "x"), "tiltproof run: unknown option '--repaet'; did you mean '--repeat'?"),
+                               (("run", "--repaet=3", "x"), "tiltproof run: unknown option '--repaet'; did you mean '--repeat'?"),
+                               (("run", "--gremlin", "x"), "tiltproof run: unknown option '--gremlin'; `tiltproof run --help` says more"),
+                               (("run",), "tiltproof run: PATH is required; `tiltproof run --help` says more"),
+                               (("list",), "tiltproof list: PATH is required; `tiltproof list --help` says more"),
+                               (("schema", "x"), "tiltproof schema: one argument too many: 'x'; `tiltproof schema --help` says more")):
+            done = subprocess.run([PROGRAM, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, check=False)
+            self.assertEqual((done.returncode, done.stdout, done.stderr), (2, "", message + "\n"), words)
 
     def test_pages_have_every_option(self):
         of_page = {self.page(place): set() for place in self.places}

@@ -8,6 +8,7 @@ import json
 import os
 import pathlib
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -243,7 +244,7 @@ class EnvelopeTest(CommandLineTest):
         again = json.loads(file.read_text())
         self.assertEqual(again, whole)
         flights = int(re.search(r"(\d+) flights", out)[1])
-        self.assertEqual(flights, sum(row["runs"] for row in whole["rows"][0::2]), "rows that are there are not flown again")
+        self.assertEqual(flights, 2 + sum(row["runs"] for row in whole["rows"][0::2]), "rows that are there are not flown again; each firmware flies once without a fault")
         self.assertIn("0 flights", resume()[0])
         # A narrower selection keeps the other rows, and what is written goes on as the whole.
         half = dict(whole, rows=[row for row in whole["rows"] if row["type"] != "actuator.loss_of_effectiveness" or row["client"] != "paper"])
@@ -289,7 +290,9 @@ class EnvelopeTest(CommandLineTest):
     def test_rows_without_a_margin_say_why(self):
         base = self.scenario("base", SHORT.replace("error_m <= 0.5", "error_m <= 0"), TYPE="harness.null", WINDOW=", end_s: 3")
         code, out, _ = self.tiltproof("envelope", base, "--types", "actuator.loss*", "--repeats", "1", "--out", "out")
-        self.assertRegex(out, r"paper: \d of its rows fail at the mildest level already, actuator.loss_of_effectiveness the first: near: always")
+        self.assertRegex(out, r"paper: fails without any fault, seed 1: near: always\(position_error_m <= 0\): .*; so it has no margins\n")
+        self.assertRegex(out, r"actuator\.loss_of_effectiveness +f_r +1 +none\n")
+        self.assertRegex(out, r"\n2 of 2 rows, 1 flight, ")
 
     def test_it_is_the_margin(self):
         [row] = self.envelope("--types", "plant.force")[0]["rows"]
@@ -315,11 +318,29 @@ class EnvelopeTest(CommandLineTest):
         self.assertEqual(with_client["clients"], ["paper", "tolerant"])
         self.assertEqual(with_client["rows"], alone["rows"])
 
+    def test_libraries_beside_builds(self):
+        """Two files of one name, one of them with a label; both are the shipped firmware, which flies as `paper` in a library."""
+        for folder in ("a", "b"):
+            (self.folder / folder).mkdir()
+            shutil.copy(PROGRAM.parent / "lib/libtiltproof_firmware.so", self.folder / folder / "my_firmware.so")
+        envelope, out = self.envelope("--types", "actuator.loss*", "--client", "mine=library:a/my_firmware.so", "--firmware", "paper,tolerant",
+                                      "--client", "library:b/my_firmware.so", "-j", "2")
+        self.assertEqual(envelope["clients"], ["paper", "tolerant", "mine", "library:b/my_firmware.so"])
+        self.assertRegex(out, r"\[4\] library:b/my_firmware\.so\nsurvived up to +where +unit +paper +tolerant +mine +\[4\]\n")
+        limits = {client: [row["survives"] for row in envelope["rows"] if row["client"] == client] for client in envelope["clients"]}
+        self.assertEqual(limits["mine"], limits["paper"])
+        self.assertEqual(limits["library:b/my_firmware.so"], limits["paper"])
+        code, out, err = self.tiltproof("envelope", "base.yaml", "--types", "actuator.loss*", "--client", "mine=library:a/my_firmware.so", "--firmware", "paper,tolerant",
+                                        "--client", "library:b/my_firmware.so", "--repeats", "1", "--tolerance", "0.2", "--resume", "out")
+        self.assertEqual(code, 0, err)
+        self.assertIn(" 0 flights", out)
+
     def test_mistakes(self):
         for arguments, message in ((("--types", "sensors.*"), "matches no fault type"), (("--firmware", "papers"), "did you mean 'paper'"),
                                    (("--map", "frame.drop:up", "plant.force"), "no such place"),
-                                   (("--firmware", "paper", "--client", "host", "--client", "qemu"), "--firmware needs one --client"),
-                                   (("--firmware", "paper", "--client", f"library:{PROGRAM.parent}/lib/libtiltproof_firmware.so"), "flies no build of the shipped firmware")):
+                                   (("--client", "mine=host", "--firmware", "mine"), "no such build"),
+                                   (("--client", "a=host", "--client", f"a=library:{PROGRAM.parent}/lib/libtiltproof_firmware.so"), "a is named twice"),
+                                   (("--firmware", "paper", "--client", "host", "--client", "qemu"), "--firmware needs one --client")):
             base = self.scenario("base", SHORT, TYPE="harness.null", WINDOW=", end_s: 3")
             code, _, err = self.tiltproof("envelope", base, *arguments)
             self.assertEqual(code, 2, err)

@@ -71,6 +71,14 @@ class TerminalTest(CommandLineTest):
         _, lines = self.lines_at_a_terminal("compare", self.latest() / "../latest/bad", self.latest())
         self.assert_fits(lines)
 
+    def test_no_line_of_a_margin_is_too_long(self):
+        fault = "faults:\n  - {id: probe, type: sensor.bias, start_s: 1, parameters: {signal: z_m, offset: 0.1}}\ncriteria"
+        self.scenario("drift", criteria=fault, **{"duration_s": "duration_s: 3 #"})
+        code, lines = self.lines_at_a_terminal("margin", "drift.yaml", "--fault", "probe", "--tolerance", "0.3")
+        self.assertEqual(code, 0)
+        self.assertGreater(len(lines), 30)
+        self.assert_fits(lines)
+
     # --repeat
 
     def repeated(self, text):

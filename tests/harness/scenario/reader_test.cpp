@@ -225,6 +225,9 @@ TEST_F(ReaderTest, NamesTheNearestKeyOrValue) {
   EXPECT_THAT(ErrorsWith("faults: [{id: a, type: wire.bit_error, target: to_clint, parameters: {bre: 0}}]\n"),
               ElementsAre("4:48: target: unknown value 'to_clint'; did you mean 'to_client'?",
                           "4:71: unknown key 'bre'; did you mean 'ber'?"));
+  // One mistake is one error.
+  EXPECT_THAT(ErrorsWith("faults: [{id: a, type: wire.bit_error, target: both, ber: 0}]\n"),
+              ElementsAre("4:55: 'ber' belongs into 'parameters': parameters: {ber: ...}"));
   EXPECT_THAT(Errors("name: x\nduration_s: 24\nreference: {type: spirl, whatever: 1}\n"),
               ElementsAre("3:19: type: unknown value 'spirl'; did you mean 'spiral'?"));
 }

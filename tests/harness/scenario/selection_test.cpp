@@ -122,6 +122,17 @@ TEST_F(FindTest, EveryPathThatIsMissingIsAProblem) {
   EXPECT_EQ(found.files.size(), 3U);
 }
 
+TEST_F(FindTest, APathThatIsNearlyRightIsGuessed) {
+  const auto problem = [&](const std::filesystem::path& path) {
+    return FindScenarios({path}).problems.front().substr(path.string().size());
+  };
+  const std::string suite = (folder_ / "suite").string();
+  EXPECT_EQ(problem(folder_ / "siute"), ": no such file or folder; did you mean '" + suite + "'?");
+  EXPECT_EQ(problem(folder_ / "suites" / "b.yaml"),
+            ": no such file or folder; did you mean '" + suite + "/b.yaml'?");
+  EXPECT_EQ(problem(folder_ / "gremlin" / "b.yaml"), ": no such file or folder");
+}
+
 TEST_F(FindTest, LinksAreFollowedButNotInCircles) {
   fs::create_directory_symlink(folder_ / "suite", folder_ / "suite/deep/again");
   fs::create_directory_symlink(folder_ / "suite/deep", folder_ / "suite/alias");

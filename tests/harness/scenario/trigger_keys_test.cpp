@@ -53,8 +53,9 @@ TEST_F(TriggerKeysTest, AreReadAndWrittenBack) {
 }
 
 TEST_F(TriggerKeysTest, MistakesHaveTheirPlaces) {
-  EXPECT_EQ(Error("- {id: a, type: link.silence, when: \"z_m > 1 and zz_m > 2\"}\n"),
-            "s.yaml:5:50: when: unknown signal 'zz_m'; did you mean 'z_m'?");
+  EXPECT_EQ(
+      Error("- {id: a, type: link.silence, when: \"z_m > 1 and zz_m > 2\"}\n"),
+      "s.yaml:5:50: when: unknown signal 'zz_m'; did you mean 'z_m'? all signals: tiltproof list --signals");
   EXPECT_THAT(Error("- {id: a, type: link.silence, when: \"always(z_m > 1)\"}\n"),
               StartsWith("s.yaml:5:38: when: 'always' looks at more than one row"));
   EXPECT_THAT(Error("- {id: a, type: link.silence, edge: rising}\n"),

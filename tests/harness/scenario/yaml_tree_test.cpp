@@ -156,7 +156,10 @@ TEST(YamlTree, RefusesWhatAScenarioNeverNeeds) {
 }
 
 TEST(YamlTree, BrokenYamlIsLocated) {
-  EXPECT_EQ(FirstProblemOf("a: 1\n\tb: 2\n").substr(0, 21), "2:1: not valid YAML: ");
+  constexpr const char* kTab = "a tab character: YAML is indented by spaces only";
+  EXPECT_EQ(FirstProblemOf("a: 1\n\tb: 2\n"), std::string("2:1: ") + kTab);
+  EXPECT_EQ(FirstProblemOf("a:\n  b: 1\n  \tc: 2\nd: 1\n"), std::string("3:3: ") + kTab);
+  EXPECT_EQ(FirstProblemOf("a: 1\nb: \"open\n").substr(0, 4), "2:4:");
   EXPECT_EQ(FirstProblemOf("a: [1, 2\n").substr(0, 3), "2:1");
   EXPECT_EQ(FirstProblemOf("a: \"open\n"), "1:4: the quote is never closed");
   EXPECT_EQ(FirstProblemOf("a: \"open\\\""), "1:11: not valid YAML: illegal EOF in scalar");

@@ -413,7 +413,10 @@ TEST(Score, ErrorOutranksFail) {
   const Score score = ScoreRun(scenario, log);
   EXPECT_EQ(score.criteria[1].verdict, Verdict::kFail);
   EXPECT_EQ(score.verdict, Verdict::kError);
-  EXPECT_EQ(score.reason, "broken: always(x_mm > 1): column 8: unknown signal 'x_mm'; did you mean 'x_m'?");
+  EXPECT_EQ(score.reason,
+            "broken: always(x_mm > 1): column 8: unknown signal 'x_mm'; did you mean 'x_m'? all signals: "
+            "tiltproof list "
+            "--signals");
 }
 
 TEST(Score, ATraceWithoutItsColumnsIsAnErrorNotACrash) {

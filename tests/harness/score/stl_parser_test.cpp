@@ -90,10 +90,13 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"-(true) <= 1", 2, "expected a number, found a formula"},
         Mistake{"abs((true)) <= 1", 5, "expected a number, found a formula"},
         Mistake{"x_m <= not true", 8, "expected a number, a signal or a formula, found 'not'"},
-        Mistake{"position_eror_m <= 1", 1,
-                "unknown signal 'position_eror_m'; did you mean 'position_error_m'?"},
+        Mistake{
+            "position_eror_m <= 1", 1,
+            "unknown signal 'position_eror_m'; did you mean 'position_error_m'? all signals: tiltproof list "
+            "--signals"},
         Mistake{"always(X_m <= 1)", 8, "unknown signal 'X_m'; did you mean 'x_m'?"},
-        Mistake{"quite_something_else <= 1", 1, "unknown signal 'quite_something_else'"},
+        Mistake{"quite_something_else <= 1", 1,
+                "unknown signal 'quite_something_else'; all signals: tiltproof list --signals"},
         Mistake{"active_wind < 1", 1, "unknown signal 'active_wind'"},
         Mistake{"alway(x_m <= 1)", 1, "unknown operator 'alway'; did you mean 'always'?"},
         Mistake{"eventualy[0,1](x_m <= 1)", 1, "unknown operator 'eventualy'; did you mean 'eventually'?"},

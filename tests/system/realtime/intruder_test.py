@@ -69,7 +69,9 @@ class IntruderTest(unittest.TestCase):
             time.sleep(1)
             self.assertIsNone(station.poll())
             said.seek(0)
-            self.assertEqual(said.read().count("a-joystick (joystick on"), 1)
+            text = said.read()
+            self.assertEqual(text.count("a-joystick (joystick on"), 1)
+            self.assertRegex(text, r"^tiltproof: base-station node '\S+' listens on domain 87 with the tag 'tiltproof', on this machine only; ")
             # Who comes later has to stand back.
             late = subprocess.run([PROGRAM, "node", "base-station", "--domain", domain], capture_output=True, text=True, timeout=30, check=False)
             self.assertEqual(late.returncode, 3, late.stderr)

@@ -1,0 +1,15 @@
+// What `--help` and `tiltproof help` print, from the table of commands and options: at most 100 columns wide.
+//
+//   Print(stdout, "{}", TextLines(HelpPage("tiltproof run", command)));
+#pragma once
+
+#include <string>
+
+#include "harness/cli/command_table.h"
+
+namespace tiltproof::harness {
+
+// `typed`: how the command is called. Ends in a line break.
+std::string HelpPage(const std::string& typed, const CommandRow& command);
+
+}  // namespace tiltproof::harness
