@@ -69,6 +69,7 @@ std::string ValueText(const ParameterValue& value) {
 std::string AllowedText(const ParameterInfo& info) {
   if (info.kind == ParameterKind::kChoice) return Joined(info.choices);
   if (info.kind == ParameterKind::kSensor) return "a sensor of the vehicle";
+  if (info.kind == ParameterKind::kSensorOrAll) return "a sensor of the vehicle, or `all`";
   if (info.kind == ParameterKind::kPositionSensor) return "a position sensor of the vehicle";
   if (info.kind == ParameterKind::kSensorVector)
     return "three sensors of the vehicle, by their vector's name";

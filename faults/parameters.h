@@ -31,13 +31,20 @@ class Parameters {
   const std::string& Text(std::string_view name) const {
     return std::get<std::string>(values_.find(name)->second);
   }
+  bool Has(std::string_view name) const { return values_.contains(name); }
+  // The same with this text.
+  Parameters With(std::string_view name, std::string text) const {
+    Parameters changed = *this;
+    changed.values_.insert_or_assign(std::string(name), std::move(text));
+    return changed;
+  }
 
  private:
   std::map<std::string, ParameterValue, std::less<>> values_;
 };
 
-// kFrameWords is the bytes of frames (faults/frame_words.h). kField names a field of a message of the protocol. The last six name signals and parts of the vehicle (faults/signal_choice.h): a sensor, a sensor of a position,
-// three sensors that are the components of a vector, an input, a rotor, a joint. Which of them exist is known
+// kFrameWords is the bytes of frames (faults/frame_words.h). kField names a field of a message of the protocol. The last seven name signals and parts of the vehicle (faults/signal_choice.h): a sensor, a sensor or all of
+// them, a sensor of a position, three sensors that are the components of a vector, an input, a rotor, a joint. Which of them exist is known
 // only when the vehicle is loaded.
 enum class ParameterKind : std::uint8_t {
   kNumber,
@@ -48,6 +55,7 @@ enum class ParameterKind : std::uint8_t {
   kVector,
   kField,
   kSensor,
+  kSensorOrAll,
   kPositionSensor,
   kSensorVector,
   kInput,
@@ -55,8 +63,9 @@ enum class ParameterKind : std::uint8_t {
   kJoint,
 };
 constexpr bool NamesSignal(ParameterKind kind) {
-  return kind == ParameterKind::kSensor || kind == ParameterKind::kPositionSensor ||
-         kind == ParameterKind::kSensorVector || kind == ParameterKind::kInput;
+  return kind == ParameterKind::kSensor || kind == ParameterKind::kSensorOrAll ||
+         kind == ParameterKind::kPositionSensor || kind == ParameterKind::kSensorVector ||
+         kind == ParameterKind::kInput;
 }
 
 constexpr bool NamesPart(ParameterKind kind) {

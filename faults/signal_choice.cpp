@@ -40,9 +40,19 @@ std::size_t IndexOf(const SignalSetup& setup, std::string_view parameter, Parame
 ParameterInfo SensorParameter() {
   return {.name = "signal",
           .unit = "",
-          .kind = ParameterKind::kSensor,
-          .doc = "the sensor, by its trace column; for the tilt-rotor: x_m ... alpha_l_rad_s",
+          .kind = ParameterKind::kSensorOrAll,
+          .doc =
+              "the sensor, by its trace column; for the tilt-rotor: x_m ... alpha_l_rad_s; `all`: every "
+              "sensor, each by "
+              "itself",
           .example = "z_m"};
+}
+
+ParameterInfo OneSensorParameter() {
+  ParameterInfo sensor = SensorParameter();
+  sensor.kind = ParameterKind::kSensor;
+  sensor.doc = "the sensor, by its trace column; for the tilt-rotor: x_m ... alpha_l_rad_s";
+  return sensor;
 }
 
 ParameterInfo PositionParameter() {
@@ -98,8 +108,9 @@ bool IsSignalName(std::string_view text) {
 
 std::vector<std::string> SignalNames(const VehicleSignals& signals, ParameterKind kind) {
   std::vector<std::string> names;
-  if (kind == ParameterKind::kSensor)
+  if (kind == ParameterKind::kSensor || kind == ParameterKind::kSensorOrAll)
     for (const Signal& signal : signals.sensors) names.push_back(signal.name);
+  if (kind == ParameterKind::kSensorOrAll) names.emplace_back(kAllSensors);
   if (kind == ParameterKind::kPositionSensor)
     for (const std::string_view name : kPosition.components)
       if (Has(signals, name)) names.emplace_back(name);

@@ -17,8 +17,12 @@
 
 namespace tiltproof::faults {
 
-// `signal`: for the tilt-rotor x_m ... alpha_l_rad_s.
+// In place of a sensor's name: every sensor of the vehicle, each with a model and draws of its own.
+inline constexpr std::string_view kAllSensors = "all";
+// `signal`: for the tilt-rotor x_m ... alpha_l_rad_s, or kAllSensors.
 ParameterInfo SensorParameter();
+// The same, of a fault that needs one.
+ParameterInfo OneSensorParameter();
 // `signal`, of a fault on a position alone: for the tilt-rotor x_m, y_m, z_m.
 ParameterInfo PositionParameter();
 // `signal`, of a fault on three sensors at once: for the tilt-rotor position, velocity, rates.

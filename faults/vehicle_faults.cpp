@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <utility>
+
+#include "faults/signal_choice.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -54,11 +57,41 @@ bool Same(std::span<const Scalar> a, std::span<const Scalar> b) {
   return std::equal(a.begin(), a.end(), b.begin(), b.end());
 }
 
+// The same fault on each sensor by itself.
+class AllSensors : public SensorModel {
+ public:
+  AllSensors(const SensorKind& kind, const SignalSetup& setup) {
+    for (const Signal& signal : setup.signals.sensors) {
+      const std::uint64_t stream = StreamKey(setup.stream, {signal.name});
+      const Parameters parameters = setup.parameters.With("signal", signal.name);
+      models_.push_back({stream, kind.make({parameters, setup.signals, stream})});
+    }
+  }
+
+  void Act(std::span<float> values, const SampleContext& context) override {
+    for (const auto& [stream, model] : models_) {
+      Random random(KeyOf(stream, context.number));
+      model->Act(values, {context.time_ns, context.number, context.period_ns, context.activity, random});
+    }
+  }
+  void Pass(std::span<const float> values, const SampleContext& context) override {
+    for (const auto& [stream, model] : models_) {
+      Random random(KeyOf(stream, context.number));
+      model->Pass(values, {context.time_ns, context.number, context.period_ns, context.activity, random});
+    }
+  }
+
+ private:
+  std::vector<std::pair<std::uint64_t, std::unique_ptr<SensorModel>>> models_;
+};
+
 }  // namespace
 
 void VehicleFaults::Add(const SensorKind& kind, const Entry& entry) {
-  sensors_.push_back(
-      {Injector(entry), kind.always_counts, kind.make({entry.parameters, signals_, entry.stream})});
+  const SignalSetup setup{entry.parameters, signals_, entry.stream};
+  const bool all = entry.parameters.Has("signal") && entry.parameters.Text("signal") == kAllSensors;
+  sensors_.push_back({Injector(entry), kind.always_counts,
+                      all ? std::make_unique<AllSensors>(kind, setup) : kind.make(setup)});
 }
 
 void VehicleFaults::Add(const ActuatorKind& kind, const Entry& entry) {

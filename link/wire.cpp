@@ -143,6 +143,9 @@ void Wire::Enqueue(Chunk&& chunk, BootTime known_ns) {
   chunk.begin_ns = std::max({chunk.begin_ns, queue_end_ns_, known_ns - duration});
   queue_end_ns_ = chunk.begin_ns + duration;
   if (taps_.delivered) taps_.delivered(chunk);
+  if (config_.adapter_bytes_count > 0)
+    for (std::size_t i = 0; i < chunk.bytes.size(); ++i)
+      Buffer(chunk.begin_ns + BytesTime(static_cast<std::int64_t>(i) + 1));
   queue_bytes_ += WeightOf(chunk);
   Check(queue_bytes_ <= kLineBytesMax, "no more waits on a wire than it has room for");
   queue_.push_back(std::move(chunk));
@@ -165,6 +168,41 @@ std::size_t Wire::FindPieceEnd() const {
     flag = FindByte(flag_byte(), bytes, flag + 1);
   }
   return bytes.size();
+}
+
+BootTime Wire::FrontArrival(std::size_t byte_count) const {
+  if (config_.adapter_bytes_count == 0)
+    return queue_.front().begin_ns + BytesTime(static_cast<std::int64_t>(byte_count)) +
+           config_.adapter_latency_ns;
+  std::size_t left = byte_count - front_taken_;
+  auto passed_on = passed_on_.begin();
+  while (left > passed_on->bytes) left -= (passed_on++)->bytes;
+  return passed_on->at;
+}
+
+void Wire::Buffer(BootTime arrival) {
+  if (buffered_count_ == 0 || arrival > buffer_end_ns_) {
+    buffer_end_ns_ = arrival + config_.adapter_latency_ns;
+    buffered_count_ = 0;
+    passed_on_.push_back({std::max(buffer_end_ns_, last_arrival_ns_), 0});
+  }
+  ++passed_on_.back().bytes;
+  if (++buffered_count_ < config_.adapter_bytes_count) return;
+  // A chunk may be known only after some of its bytes have come: nothing is passed on before what was.
+  passed_on_.back().at = std::max(arrival, last_arrival_ns_);
+  buffered_count_ = 0;
+}
+
+void Wire::LeaveBuffer(std::span<const std::uint8_t> bytes) {
+  while (!bytes.empty()) {
+    PassedOn& oldest = passed_on_.front();
+    const auto now = bytes.first(std::min(oldest.bytes, bytes.size()));
+    if (taps_.passed_on) taps_.passed_on(oldest.at, now);
+    oldest.bytes -= now.size();
+    bytes = bytes.subspan(now.size());
+    if (oldest.bytes == 0) passed_on_.pop_front();
+  }
+  if (passed_on_.empty()) buffered_count_ = 0;
 }
 
 BootTime Wire::NextArrival() const {
@@ -194,6 +232,7 @@ std::optional<Wire::Piece> Wire::TakePiece(BootTime until) {
         "bytes arrive in order of time, none before its time");
   last_arrival_ns_ = arrival;
   const Piece piece{arrival, std::span(front.bytes).subspan(front_taken_, end - front_taken_), front.number};
+  if (config_.adapter_bytes_count > 0) LeaveBuffer(piece.bytes);
   taken_flag_ = piece.bytes.back() == flag_byte();
   front_taken_ = end;
   if (front_taken_ == front.bytes.size()) {

@@ -37,6 +37,9 @@ namespace tiltproof::link {
 struct WireConfig {
   std::int64_t baud = 921'600;    // bits per second, 8N1: ten bits per byte; 0 = ideal, zero byte time
   TimeNs adapter_latency_ns = 0;  // a USB-serial adapter's buffering: added to every arrival
+  // Of an adapter with a buffer: how many bytes it has room for. The buffer is passed on when it is full, and
+  // adapter_latency_ns after its first byte. 0: there is no buffer.
+  std::int64_t adapter_bytes_count = 0;
 };
 
 class Wire {
@@ -77,10 +80,12 @@ class Wire {
     while (const std::optional<Piece> piece = TakePiece(until)) receiver(piece->arrival_ns, piece->bytes);
   }
 
-  // Called with every chunk as sent, and with every chunk that goes on after the filter (for logs).
+  // Called with every chunk as sent, and with every chunk that goes on after the filter (for logs); with an
+  // adapter's buffer also with what it passed on at once.
   struct Taps {
     std::function<void(const Chunk&)> sent;
     std::function<void(const Chunk&)> delivered;
+    std::function<void(BootTime at, std::span<const std::uint8_t> bytes)> passed_on = nullptr;
   };
   void SetTaps(Taps taps) { taps_ = std::move(taps); }
 
@@ -104,10 +109,11 @@ class Wire {
   void Recycle(Chunk&& chunk);
   // Index one past the next piece of the queue's front.
   std::size_t FindPieceEnd() const;
-  BootTime FrontArrival(std::size_t byte_count) const {
-    return queue_.front().begin_ns + BytesTime(static_cast<std::int64_t>(byte_count)) +
-           config_.adapter_latency_ns;
-  }
+  BootTime FrontArrival(std::size_t byte_count) const;
+  // A byte that has come to the adapter's buffer.
+  void Buffer(BootTime arrival);
+  // These were taken, the oldest of the queue.
+  void LeaveBuffer(std::span<const std::uint8_t> bytes);
 
   WireConfig config_;
   Direction direction_;
@@ -135,6 +141,16 @@ class Wire {
   BootTime last_arrival_ns_ = BootTime::Earliest();  // of what was taken
   bool taken_flag_ = true;                           // the last byte taken was a flag; so is an idle line
   Chunk taken_;                                      // keeps the last piece's bytes alive
+
+  // What the adapter's buffer passes on at once, of the bytes in the queue that were not taken, in their order. The last one
+  // is still being filled while buffered_count_ is not 0.
+  struct PassedOn {
+    BootTime at;
+    std::size_t bytes;
+  };
+  std::deque<PassedOn> passed_on_;
+  BootTime buffer_end_ns_ = BootTime::Earliest();
+  std::int64_t buffered_count_ = 0;
 
   std::vector<Chunk> scratch_;
   std::vector<std::vector<std::uint8_t>> spare_;  // buffers to use again

@@ -40,7 +40,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::int64_t kBaud = LinkSpec::kReferenceBaud;  // the default of the main line, too
+constexpr std::int64_t kBaud = LinkSpec::kDefaultBaud;
 // What an adapter may hold bytes back, of a scenario's delay margin.
 constexpr int kLatencyTimerMax_ms = 1;
 

@@ -35,7 +35,7 @@ std::vector<std::string> ClientIds(const LinkLog& log, const std::filesystem::pa
 }  // namespace
 
 // One line a decoded frame or rejection: time of the record that completed it, direction, side, status, and
-// the payload.
+// the payload; and one for what the buffer of an adapter passed on at once.
 int LinkDumpCommand(const std::filesystem::path& file) {
   std::string content;
   try {
@@ -75,9 +75,15 @@ int LinkDumpCommand(const std::filesystem::path& file) {
         ids.size() > 1 ? "client " : "");
   std::size_t offset = 0;
   TimeNs last_ns = 0;
-  while (const auto record = log.Next(offset)) {
+  while (const auto record = log.NextOfAll(offset)) {
     const std::size_t client = record->wire.client;
     const auto direction = static_cast<std::size_t>(record->wire.direction);
+    if (record->passed_on) {
+      Print(stdout, "{:>14.9f} {}{:<9} {:<9} {:<16} {:3} {}\n", ToSeconds(record->begin_ns),
+            ids.size() > 1 ? ids[client] + " " : "", Name(record->wire.direction), "passed_on", "-",
+            record->bytes.size(), fmt::format("{:02x}", fmt::join(record->bytes, "")));
+      continue;
+    }
     auto bytes = record->bytes;
     last_ns = record->begin_ns;
     while (const auto event = decoders[client][direction][record->delivered].Next(bytes))

@@ -58,6 +58,7 @@ class CommandRole final : public Role {
     spec.environment = {{"TILTPROOF_PORT", port_},
                         {"TILTPROOF_REFERENCE_PORT", reference_port_},
                         {"TILTPROOF_BAUD", baud},
+                        {"TILTPROOF_REFERENCE_BAUD", std::to_string(scenario_.link.reference_port_baud())},
                         {"TILTPROOF_FIRMWARE", scenario_.firmware},
                         {"TILTPROOF_DIALECT", scenario_.link.protocol->name}};
     spec.guard_group = true;

@@ -51,7 +51,7 @@ class LibraryRole final : public Role {
 
   void Arm(const Ports& ports) override {
     Open(Uart::kMain, FindPort(ports, "client"), scenario_.link.port_baud());
-    Open(Uart::kReference, FindPort(ports, "client_reference"), LinkSpec::kReferenceBaud);
+    Open(Uart::kReference, FindPort(ports, "client_reference"), scenario_.link.reference_port_baud());
   }
 
   void Start() override {

@@ -51,10 +51,14 @@ class LinkRole final : public Role {
     Ports ports = {{"plant", plant_->slave_path()}, {"base_station", base_station_->slave_path()}};
     Open(client_, board_.device, scenario_.link.port_baud(), "client", ports);
     if (board_.device.empty() || !board_.reference_device.empty())
-      Open(reference_, board_.reference_device, LinkSpec::kReferenceBaud, "client_reference", ports);
+      Open(reference_, board_.reference_device, scenario_.link.reference_port_baud(), "client_reference",
+           ports);
     // At a real port the hardware takes the bytes' time, and its adapter its own.
     const bool hardware = client_.serial && client_.serial->TakesByteTime();
-    if (hardware) scenario_.link.adapter_latency_ms = 0;
+    if (hardware) {
+      scenario_.link.adapter_latency_ms = 0;
+      scenario_.link.adapter.reset();
+    }
     line_.emplace(scenario_, 0, !hardware, true);
     reference_talk_.emplace(*scenario_.link.protocol);
     framer_.emplace(*scenario_.link.protocol);
@@ -168,7 +172,7 @@ class LinkRole final : public Role {
     for (End* end : {&client_, &reference_})
       if (!end->socket_name.empty()) {
         end->serial =
-            std::make_unique<link::SerialPort>(services_.loop(), end->socket_name, LinkSpec::kReferenceBaud);
+            std::make_unique<link::SerialPort>(services_.loop(), end->socket_name, LinkSpec::kDefaultBaud);
         end->line = end->serial.get();
       }
     if (const auto emulator = client_.serial->PeerProcess())

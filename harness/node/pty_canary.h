@@ -18,7 +18,7 @@ class PtyCanary {
   explicit PtyCanary(NodeServices& services)
       : services_(services),
         pty_(services.loop()),
-        far_(services.loop(), pty_.slave_path(), LinkSpec::kReferenceBaud),
+        far_(services.loop(), pty_.slave_path(), LinkSpec::kDefaultBaud),
         timer_(services, services.clock().Now() + kPeriodNs, kPeriodNs, [this](BootTime now) { Send(now); }) {
     far_.Start([this](std::span<const std::uint8_t>) { Arrive(); }, [](const std::string&) {});
     pty_.master().Start([](std::span<const std::uint8_t>) {}, [](const std::string&) {});

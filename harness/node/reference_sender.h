@@ -21,7 +21,7 @@ class ReferenceSender {
     framer_.emplace(*protocol_);
     const std::string path = FindPort(ports, "base_station");
     if (path.empty()) return;
-    port_ = std::make_unique<link::SerialPort>(services_.loop(), path, LinkSpec::kReferenceBaud);
+    port_ = std::make_unique<link::SerialPort>(services_.loop(), path, LinkSpec::kDefaultBaud);
     port_->Start([](std::span<const std::uint8_t>) {},
                  [this](const std::string& reason) {
                    services_.Fail(EndReason::kNodeLost, "the reference line is gone: " + reason);

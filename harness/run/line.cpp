@@ -16,7 +16,7 @@ constexpr std::array kDirections = {Direction::kToPlant, Direction::kToClient, D
 }  // namespace
 
 std::int64_t MainBaud(const LinkSpec& link) { return link.ideal ? 0 : link.baud; }
-std::int64_t ReferenceBaud(const LinkSpec& link) { return link.ideal ? 0 : LinkSpec::kReferenceBaud; }
+std::int64_t ReferenceBaud(const LinkSpec& link) { return link.ideal ? 0 : link.reference_baud; }
 
 faults::FaultSchedule ClientFaults(const Scenario& scenario, std::size_t client,
                                    const VehicleSignals* signals, bool grows) {
@@ -44,8 +44,13 @@ LocalLine::LocalLine(const Scenario& scenario, std::size_t client, bool paced, b
         const auto wire = [&](Direction direction, double latency_ms) {
           const std::int64_t baud =
               direction == Direction::kReference ? ReferenceBaud(scenario.link) : MainBaud(scenario.link);
-          return link::Wire({.baud = paced ? baud : 0, .adapter_latency_ns = FromSeconds(latency_ms * 1e-3)},
-                            direction, *protocol_, faults_.Filter(direction));
+          link::WireConfig config{.baud = paced ? baud : 0,
+                                  .adapter_latency_ns = FromSeconds(latency_ms * 1e-3)};
+          if (scenario.link.adapter && direction != Direction::kReference) {
+            config.adapter_latency_ns = FromSeconds(scenario.link.adapter->latency_ms * 1e-3);
+            config.adapter_bytes_count = scenario.link.adapter->bytes_count;
+          }
+          return link::Wire(config, direction, *protocol_, faults_.Filter(direction));
         };
         // The adapter's receive buffer is between the firmware and the server; in the other direction it
         // sends at once.
@@ -70,6 +75,10 @@ LocalLine::LocalLine(const Scenario& scenario, std::size_t client, bool paced, b
                       [this, &end, direction](const link::Chunk& chunk) {
                         link_log_.Append(chunk, {client_, direction}, true);
                         end.OnDelivered(chunk);
+                      },
+                  .passed_on =
+                      [this, direction](BootTime at, std::span<const std::uint8_t> bytes) {
+                        link_log_.AppendPassedOn(at, bytes, {client_, direction});
                       }});
   }
   At(ends_, Direction::kToClient).SetOnSentFrame([this](const ReceivingEnd::FrameName& name) {

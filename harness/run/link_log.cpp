@@ -17,6 +17,7 @@ constexpr std::string_view kFirstMagic = "TPLINK1\n";
 constexpr std::size_t kHeaderBytes = 13;
 constexpr std::size_t kClientAt = 8, kDirectionAt = 9, kSideAt = 10, kSizeAt = 11;
 constexpr std::size_t kRecordBytesMax = 0xFFFF;
+constexpr std::uint8_t kSent = 0, kDelivered = 1, kPassedOn = 2;
 
 bool BeginsWith(const std::vector<std::uint8_t>& content, std::string_view magic) {
   return content.size() >= magic.size() && std::equal(magic.begin(), magic.end(), content.begin());
@@ -55,7 +56,7 @@ TimedLinkLog<Time>::TimedLinkLog(std::vector<std::uint8_t> content) : content_(s
     if (content_.size() - at < header_bytes) fail("cut record header");
     const std::size_t direction_at = at + header_bytes - 4;
     if (content_[direction_at] >= link::kDirectionCount) fail("unknown direction");
-    if (content_[direction_at + 1] > 1) fail("unknown side");
+    if (content_[direction_at + 1] > kPassedOn) fail("unknown side");
     const std::uint16_t size = SizeAt(content_, direction_at + 2);
     if (content_.size() - at - header_bytes < size) fail("cut record");
     if (first_version) {
@@ -72,17 +73,27 @@ TimedLinkLog<Time>::TimedLinkLog(std::vector<std::uint8_t> content) : content_(s
 
 template <class Time>
 void TimedLinkLog<Time>::Append(const link::TimedChunk<Time>& chunk, WireId wire, bool delivered) {
-  // A chunk that is too long for one record is split; only a fault that inserts without end makes such a chunk.
-  std::span<const std::uint8_t> rest = chunk.bytes;
+  AppendRecords(chunk.begin_ns, chunk.bytes, wire, delivered ? kDelivered : kSent);
+}
+
+template <class Time>
+void TimedLinkLog<Time>::AppendPassedOn(Time at, std::span<const std::uint8_t> bytes, WireId wire) {
+  AppendRecords(at, bytes, wire, kPassedOn);
+}
+
+template <class Time>
+void TimedLinkLog<Time>::AppendRecords(Time begin, std::span<const std::uint8_t> rest, WireId wire,
+                                       std::uint8_t side) {
+  // What is too long for one record is split; only a fault that inserts without end makes such a chunk.
   do {
     const auto piece = rest.first(std::min(rest.size(), kRecordBytesMax));
     const std::size_t at = content_.size();
     content_.resize(at + kHeaderBytes + piece.size());
     const auto size = static_cast<std::uint16_t>(piece.size());
-    std::memcpy(&content_[at], &chunk.begin_ns, 8);
+    std::memcpy(&content_[at], &begin, 8);
     content_[at + kClientAt] = static_cast<std::uint8_t>(wire.client);
     content_[at + kDirectionAt] = static_cast<std::uint8_t>(wire.direction);
-    content_[at + kSideAt] = delivered ? 1 : 0;
+    content_[at + kSideAt] = side;
     std::memcpy(&content_[at + kSizeAt], &size, 2);
     if (!piece.empty()) std::memcpy(&content_[at + kHeaderBytes], piece.data(), piece.size());
     rest = rest.subspan(piece.size());
@@ -114,13 +125,21 @@ template <class Time>
 
 template <class Time>
 std::optional<TimedLinkRecord<Time>> TimedLinkLog<Time>::Next(std::size_t& offset) const {
+  std::optional<TimedLinkRecord<Time>> record = NextOfAll(offset);
+  while (record && record->passed_on) record = NextOfAll(offset);
+  return record;
+}
+
+template <class Time>
+std::optional<TimedLinkRecord<Time>> TimedLinkLog<Time>::NextOfAll(std::size_t& offset) const {
   const std::size_t at = std::max(offset, kLinkLogMagic.size());
   if (at >= content_.size()) return std::nullopt;
   TimedLinkRecord<Time> record;
   const std::uint16_t size = SizeAt(content_, at + kSizeAt);
   record.begin_ns = TimeAt<Time>(content_, at);
   record.wire = {content_[at + kClientAt], static_cast<link::Direction>(content_[at + kDirectionAt])};
-  record.delivered = content_[at + kSideAt] != 0;
+  record.delivered = content_[at + kSideAt] == kDelivered;
+  record.passed_on = content_[at + kSideAt] == kPassedOn;
   record.bytes = std::span(content_).subspan(at + kHeaderBytes, size);
   offset = at + kHeaderBytes + size;
   return record;

@@ -5,7 +5,7 @@
 //   int64  begin_ns   simulation time at which the first byte's start bit enters the wire
 //   uint8  client     its place among the scenario's clients
 //   uint8  direction  0 to_plant, 1 to_client, 2 reference
-//   uint8  side       0 as sent, 1 as it went on after the faults
+//   uint8  side       0 as sent, 1 as it went on after the faults, 2 as the buffer of an adapter passed it on at once
 //   uint16 size       number of bytes that follow
 //   bytes
 // Bytes of a record follow each other without gaps, at the line's byte time. In files with the older magic
@@ -38,6 +38,7 @@ struct TimedLinkRecord {
   Time begin_ns{};
   WireId wire;
   bool delivered = false;
+  bool passed_on = false;
   std::span<const std::uint8_t> bytes;
 };
 using LinkRecord = TimedLinkRecord<TimeNs>;
@@ -53,6 +54,8 @@ class TimedLinkLog {
   explicit TimedLinkLog(std::vector<std::uint8_t> content);
 
   void Append(const link::TimedChunk<Time>& chunk, WireId wire, bool delivered);
+  // What the buffer of an adapter has passed on at that time.
+  void AppendPassedOn(Time at, std::span<const std::uint8_t> bytes, WireId wire);
   // The records of another log, after its own.
   void Append(TimedLinkLog&& other);
 
@@ -62,12 +65,17 @@ class TimedLinkLog {
   // The same records in simulation time, without copying their bytes.
   TimedLinkLog<TimeNs> Shifted(Origin origin) && requires std::same_as<Time, BootTime>;
 
-  // Iterates over the records: `offset` starts at 0 and is advanced; nullopt at the end.
+  // Iterates over the records of what was sent and what went on after the faults: `offset` starts at 0 and is advanced;
+  // nullopt at the end.
   std::optional<TimedLinkRecord<Time>> Next(std::size_t& offset) const;
+  // The same, with the records of what adapters passed on.
+  std::optional<TimedLinkRecord<Time>> NextOfAll(std::size_t& offset) const;
 
  private:
   template <class Other>
   friend class TimedLinkLog;
+
+  void AppendRecords(Time begin, std::span<const std::uint8_t> bytes, WireId wire, std::uint8_t side);
 
   std::vector<std::uint8_t> content_{kLinkLogMagic.begin(), kLinkLogMagic.end()};
 };

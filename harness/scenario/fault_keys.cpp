@@ -127,6 +127,7 @@ void DescribeParameter(KeyVisitor& v, const ParameterInfo& info, FaultSpec& faul
       break;
     }
     case ParameterKind::kSensor:
+    case ParameterKind::kSensorOrAll:
     case ParameterKind::kPositionSensor:
     case ParameterKind::kSensorVector:
     case ParameterKind::kInput: {

@@ -92,12 +92,19 @@ void DescribeProtocol(KeyVisitor& v, std::shared_ptr<const link::Protocol>& prot
 
 void DescribeLink(KeyVisitor& v, LinkSpec& link) {
   v.Bool({"ideal", "Bytes take no time: an input computed from a sample is in force at once"}, link.ideal);
-  v.Integer(
-      {"baud", "Bits per second of the main line, 8N1: ten bits per byte; the reference line keeps 921600"},
-      link.baud, {1200, 10e6});
+  v.Integer({"baud", "Bits per second of the main line, 8N1: ten bits per byte"}, link.baud, {1200, 10e6});
+  v.Integer({"reference_baud", "The same of the reference line"}, link.reference_baud, {1200, 10e6});
   DescribeProtocol(v, link.protocol);
   v.Number({"adapter_latency_ms", "Buffering of a USB-serial adapter, on frames towards the plant"},
            link.adapter_latency_ms, {0, 1000});
+  v.MaybeSection({"adapter", "A USB-serial adapter with a buffer, in both directions of the main line"},
+                 link.adapter.has_value(), [&](KeyVisitor& w) {
+                   if (!link.adapter) link.adapter.emplace();
+                   w.Number({"latency_ms", "The buffer is passed on this long after its first byte"},
+                            link.adapter->latency_ms, {0, 1000});
+                   w.Integer({"bytes_count", "The buffer is passed on when it holds so many bytes"},
+                             link.adapter->bytes_count, {1, 65536});
+                 });
 }
 
 constexpr Key kStart = {"start_m", "Position at t = 0"};

@@ -27,16 +27,26 @@ constexpr Verdict LastOf(Verdict) { return Verdict::kError; }
 enum class AngularRates : std::uint8_t { kWorld, kBody, kEuler };
 std::string_view Name(AngularRates rates);
 
+// A USB-serial adapter that holds bytes in a buffer until it is full, or until this long after the first of them.
+struct AdapterSpec {
+  double latency_ms = 16;         // FTDI's default (AN232B-04)
+  std::int64_t bytes_count = 62;  // a full-speed packet of 64 bytes without its two bytes of status
+  friend bool operator==(const AdapterSpec&, const AdapterSpec&) = default;
+};
+
 struct LinkSpec {
+  static constexpr std::int64_t kDefaultBaud = 921'600;
+
   bool ideal = false;  // zero byte time
-  std::int64_t baud = 921'600;
+  std::int64_t baud = kDefaultBaud;
+  std::int64_t reference_baud = kDefaultBaud;
   std::shared_ptr<const link::Protocol> protocol = link::FindProtocol("paper");  // never null
   double adapter_latency_ms = 0.0;
+  std::optional<AdapterSpec> adapter;  // in both directions of the main line
 
-  // The second serial line keeps the paper's rate, whatever the rate of the first one.
-  static constexpr std::int64_t kReferenceBaud = 921'600;
-  // The rate to which a serial port is set; on an ideal line it does not matter.
-  std::int64_t port_baud() const { return ideal ? 921'600 : baud; }
+  // The rates to which serial ports are set; on an ideal line they do not matter.
+  std::int64_t port_baud() const { return ideal ? kDefaultBaud : baud; }
+  std::int64_t reference_port_baud() const { return ideal ? kDefaultBaud : reference_baud; }
   friend bool operator==(const LinkSpec&, const LinkSpec&) = default;
 };
 

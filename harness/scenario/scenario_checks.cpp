@@ -67,6 +67,7 @@ class Checker {
 
   void Run() {
     CheckPeriod();
+    CheckAdapter();
     CheckModel();
     CheckFirmware();
     CheckClients();
@@ -111,6 +112,14 @@ class Checker {
       Complain(step->mark, fmt::format("step_s: {} does not divide the control period of {} s", step->text,
                                        ToSeconds(period_ns)));
     }
+  }
+
+  void CheckAdapter() {
+    const YamlNode* link = Good(root_, "link");
+    const YamlNode* latency = link == nullptr ? nullptr : Good(*link, "adapter_latency_ms");
+    if (latency != nullptr && scenario_.link.adapter && scenario_.link.adapter_latency_ms > 0)
+      Complain(latency->mark,
+               "adapter_latency_ms: 'adapter' has a latency_ms of its own: give one of the two");
   }
 
   fs::path RelativeToScenario(const fs::path& file) const {

@@ -354,6 +354,7 @@ std::string ScenarioKeysMarkdown() {
   text += Table("`clean_line`", Rows(keys["clean_line"]));
   text += Table("`initial`", Rows(keys["initial"]));
   text += Table("`link`", Rows(keys["link"]));
+  text += Table("`adapter` of `link`", Rows(keys["link"]["properties"]["adapter"]));
   for (const Json& branch : keys["reference"]["allOf"]) {
     const Json& kind = branch["then"];
     text +=

@@ -7,7 +7,7 @@ namespace tiltproof::faults {
 namespace {
 
 ParameterInfo WithParameter() {
-  ParameterInfo with = SensorParameter();
+  ParameterInfo with = OneSensorParameter();
   with.name = "with";
   with.doc = "the other sensor, by its trace column";
   with.example = "x_m";
@@ -39,7 +39,7 @@ FaultType SensorSwap() {
           .source =
               "German Federal Bureau of Aircraft Accidents Investigation, report 5X004-0/01, 2003 (two "
               "wires of a sidestick, exchanged in a plug).",
-          .parameters = {SensorParameter(), WithParameter()},
+          .parameters = {OneSensorParameter(), WithParameter()},
           .kind = SensorKind{.make = [](const SignalSetup& setup) -> std::unique_ptr<SensorModel> {
             return std::make_unique<SwappedSensors>(setup);
           }}};

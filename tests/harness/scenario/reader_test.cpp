@@ -94,6 +94,8 @@ TEST_F(ReaderTest, FillsInDefaults) {
   EXPECT_THAT(s.initial_attitude_rad, ElementsAre(0, 0, 0));
   EXPECT_FALSE(s.link.ideal);
   EXPECT_EQ(s.link.baud, 921'600);
+  EXPECT_EQ(s.link.reference_baud, 921'600);
+  EXPECT_EQ(s.link.adapter, std::nullopt);
   EXPECT_EQ(s.link.protocol->name, "paper");
   EXPECT_EQ(s.link.adapter_latency_ms, 0.0);
   EXPECT_TRUE(s.reference.velocity);
@@ -116,7 +118,7 @@ duration_s: 60.5
 step_s: 0.003
 angular_rates: body
 initial: {position_m: [2, 0, 0.25], attitude_rad: [0.1, -0.2, 3]}
-link: {ideal: true, baud: 115200, dialect: provant, adapter_latency_ms: 1.5}
+link: {ideal: true, baud: 115200, reference_baud: 57600, dialect: provant, adapter_latency_ms: 1.5}
 reference: {type: spiral, turns_count: 2, radius_m: 4, height_m: -1, start_m: [1, 2, 3], velocity: false, time_s: 30}
 faults:
   - {id: bursts, type: wire.gilbert_elliott, target: to_client, start_s: 20, end_s: 25.000000001,
@@ -142,6 +144,7 @@ criteria:
   EXPECT_THAT(s.initial_attitude_rad, ElementsAre(0.1, -0.2, 3));
   EXPECT_TRUE(s.link.ideal);
   EXPECT_EQ(s.link.baud, 115'200);
+  EXPECT_EQ(s.link.reference_baud, 57'600);
   EXPECT_EQ(s.link.protocol->name, "provant");
   EXPECT_EQ(s.link.adapter_latency_ms, 1.5);
   EXPECT_FALSE(s.reference.velocity);
@@ -309,6 +312,10 @@ TEST_F(ReaderTest, RangesAndNames) {
       {"step_s: 0.00400000000001\n",
        "4:9: step_s: 0.00400000000001 does not divide the control period of 0.012 s"},
       {"link: {baud: 110}\n", "4:14: baud: 110 is out of range; must be from 1200 to 10000000"},
+      {"link: {adapter_latency_ms: 1, adapter: {}}\n",
+       "4:28: adapter_latency_ms: 'adapter' has a latency_ms of its own: give one of the two"},
+      {"link: {adapter: {bytes_count: 0}}\n",
+       "4:31: bytes_count: 0 is out of range; must be from 1 to 65536"},
       {"link: {adapter_latency_ms: -1}\n",
        "4:28: adapter_latency_ms: -1 is out of range; must be from 0 to 1000"},
       {"initial: {position_m: [0, 0, 1e4]}\n",

@@ -286,6 +286,7 @@ initial:
 link:
   ideal: false
   baud: 921600
+  reference_baud: 921600
   dialect: paper
   adapter_latency_ms: 0
 reference:

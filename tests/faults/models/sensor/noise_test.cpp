@@ -40,5 +40,33 @@ TEST(NoiseTest, IsNormal) {
   EXPECT_LT(KolmogorovStatistic(draws, NormalCdf), kKolmogorovCritical);
 }
 
+// Each sensor has draws of its own, and the deviation that one alone has.
+TEST(NoiseTest, OfAllSensorsIsThatOfEachByItself) {
+  constexpr int kSamples = 4'000;
+  FaultSchedule schedule = AtThePlant({Spec("sensor.noise", {{"signal", "all"}, {"std", 0.25}})}, 5);
+  double x_squares = 0, w_squares = 0, products = 0;
+  for (int n = 0; n < kSamples; ++n) {
+    Sensors sensors{};
+    EditSensors(schedule, n * 12 * kNsPerMs, sensors);
+    x_squares += static_cast<double>(sensors.x_m) * static_cast<double>(sensors.x_m);
+    w_squares += static_cast<double>(sensors.wz_rad_s) * static_cast<double>(sensors.wz_rad_s);
+    products += static_cast<double>(sensors.x_m) * static_cast<double>(sensors.wz_rad_s);
+  }
+  EXPECT_NEAR(std::sqrt(x_squares / kSamples), 0.25, 5 * 0.25 / std::sqrt(2.0 * kSamples));
+  EXPECT_NEAR(std::sqrt(w_squares / kSamples), 0.25, 5 * 0.25 / std::sqrt(2.0 * kSamples));
+  EXPECT_NEAR(products / std::sqrt(x_squares * w_squares), 0, 5 / std::sqrt(kSamples));
+}
+
+// A model that needs the past has the past of its own sensor.
+TEST(FreezeTest, OfAllSensorsHoldsEach) {
+  FaultSchedule schedule = AtThePlant({Spec("sensor.freeze", {{"signal", "all"}})}, 1);
+  Sensors first{.x_m = 1.0F, .z_m = 2.0F, .vz_m_s = 3.0F};
+  const Sensors held = first;
+  EditSensors(schedule, 0, first);
+  Sensors later{.x_m = 5.0F, .z_m = 6.0F, .vz_m_s = 7.0F};
+  EditSensors(schedule, 12 * kNsPerMs, later);
+  EXPECT_EQ(later, held);
+}
+
 }  // namespace
 }  // namespace tiltproof::faults
