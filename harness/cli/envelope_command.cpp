@@ -16,6 +16,7 @@
 #include "harness/cli/applicability.h"
 #include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
+#include "harness/cli/envelope_columns.h"
 #include "harness/cli/envelope_flights.h"
 #include "harness/cli/envelope_report.h"
 #include "harness/cli/envelope_resume.h"
@@ -33,93 +34,6 @@
 
 namespace tiltproof::harness {
 namespace {
-
-// A firmware: a column of the table.
-struct Column {
-  std::string name;
-  FlightMeans means;
-  SuiteScenario base;
-};
-
-void RefuseTwins(const std::vector<std::string>& names) {
-  for (auto name = names.begin(); name != names.end(); ++name)
-    if (std::find(names.begin(), name, *name) != name)
-      throw UsageError(fmt::format("envelope: {} is named twice", *name));
-}
-
-// `client`: as --client has it, [LABEL=]CLIENT; in a scenario with several clients [ID=]CLIENT. None: the shipped firmware.
-Column ReadColumn(const EnvelopeOptions& options, const std::optional<std::string>& client) {
-  std::string label = client ? ClientIdOf(*client) : "", text = client.value_or("");
-  if (!label.empty()) {
-    const Suite plain = LoadOneScenario(options.scenario, {}, "envelope");
-    if (plain.scenarios.front().scenario.has_several_clients())
-      label.clear();
-    else
-      text.erase(0, label.size() + 1);
-  }
-  Column column;
-  column.means =
-      LockstepMeans(ReadClientFlags(client ? std::vector{text} : std::vector<std::string>()), "envelope");
-  Suite suite = LoadOneScenario(options.scenario, column.means.clients, "envelope");
-  CheckReady(column.means);
-  column.base = std::move(suite.scenarios.front());
-  column.base.scenario.seed = FirstSeed(options.seed, column.base.scenario, options.repeat_count);
-  if (!FindPlaceholder(column.base.scenario))
-    throw UsageError(fmt::format(
-        "{}: envelope needs a fault of type {}: where and when it is stated, the faults of the envelope "
-        "act (scenarios/envelope/spiral.yaml has one)",
-        options.scenario.string(), kPlaceholderType));
-  column.name = !label.empty() ? label : client ? *client : column.base.scenario.firmware;
-  return column;
-}
-
-// Builds of the shipped firmware first, then the firmware of users.
-std::vector<Column> ReadColumns(const EnvelopeOptions& options) {
-  RefuseTwins(options.clients);
-  RefuseTwins(options.firmware);
-  std::vector<Column> shipped, own;
-  for (const std::string& client : options.clients) {
-    Column column = ReadColumn(options, client);
-    const std::vector<ClientSpec> named = column.means.clients.Named();
-    const bool builds = std::all_of(named.begin(), named.end(),
-                                    [](const ClientSpec& spec) { return AbilitiesOf(spec, false).shipped; });
-    (builds && !options.firmware.empty() ? shipped : own).push_back(std::move(column));
-  }
-  if (options.clients.empty() || (!options.firmware.empty() && shipped.empty()))
-    shipped.push_back(ReadColumn(options, std::nullopt));
-  if (options.firmware.empty()) {
-    own.insert(own.begin(), shipped.begin(), shipped.end());
-  } else {
-    if (shipped.size() > 1)
-      throw UsageError(
-          "envelope: --firmware needs one --client that flies the shipped firmware: each build is a column, "
-          "and so is each client");
-    std::vector<Column> builds;
-    for (const std::string& build : options.firmware) {
-      CheckBuild(build);
-      Column& column = builds.emplace_back(shipped.front());
-      column.base.scenario.FlyFirmware(build);
-      column.name = build;
-    }
-    own.insert(own.begin(), builds.begin(), builds.end());
-  }
-  std::vector<std::string> names;
-  for (const Column& column : own) names.push_back(column.name);
-  RefuseTwins(names);
-  return own;
-}
-
-EnvelopeColumn IdentityOf(const Column& column) {
-  const Scenario& scenario = column.base.scenario;
-  const std::string text =
-      WriteResolved(scenario) + ReadFile(scenario.model_file) + column.means.client_text();
-  const std::uint64_t hash =
-      Fnv1a({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}, kFnvOffset);
-  const bool shipped =
-      column.means.client_text() == ToText(ClientSpec()) && column.means.clients.by_id.empty();
-  return {column.name, fmt::format("{:016x}", hash), shipped ? "" : ClientFlagsOf(column.means.clients),
-          BuildOf(column.means.clients)};
-}
 
 bool IsOneOf(const std::string& pattern, std::string_view type) {
   return fnmatch(pattern.c_str(), std::string(type).c_str(), 0) == 0;
@@ -178,7 +92,7 @@ std::string RowName(const EnvelopeRow& row) {
 }
 
 // Sorts a column's rows into those that its firmware can take, as tasks, and the others.
-void AddColumn(const Column& column, const std::vector<EnvelopeRow>& rows, Envelope& envelope,
+void AddColumn(const FirmwareColumn& column, const std::vector<EnvelopeRow>& rows, Envelope& envelope,
                std::vector<MarginTask>& tasks) {
   const VehicleSignals& signals = column.base.model->signals();
   const auto leave_out = [&](const EnvelopeRow& row, std::string reason) {
@@ -251,7 +165,7 @@ std::vector<double> MapLevels(const EnvelopeEntry& entry) {
 
 class EnvelopeSearch {
  public:
-  EnvelopeSearch(const EnvelopeOptions& options, std::vector<Column> columns)
+  EnvelopeSearch(const EnvelopeOptions& options, std::vector<FirmwareColumn> columns)
       : options_(options),
         columns_(std::move(columns)),
         trials_({.jobs_count = options.jobs_count,
@@ -266,7 +180,7 @@ class EnvelopeSearch {
     envelope_.repeat_count = options.repeat_count;
     envelope_.tolerance = options.tolerance;
     envelope_.has_map = !options.map.empty();
-    for (const Column& column : columns_) {
+    for (const FirmwareColumn& column : columns_) {
       envelope_.columns.push_back(IdentityOf(column));
       AddColumn(column, RowsOf(options, column.base.model->signals()), envelope_, tasks_);
     }
@@ -369,7 +283,7 @@ class EnvelopeSearch {
 
   // A firmware that fails without any fault survives no level of any: its rows need no flights.
   void FlyWithoutFaults() {
-    for (const Column& column : columns_) {
+    for (const FirmwareColumn& column : columns_) {
       if (std::none_of(entries_.begin(), entries_.end(),
                        [&](std::size_t entry) { return envelope_.entries[entry].client == column.name; }))
         continue;
@@ -402,7 +316,7 @@ class EnvelopeSearch {
   }
 
   void FlyMaps() {
-    for (const Column& column : columns_) {
+    for (const FirmwareColumn& column : columns_) {
       const VehicleSignals& signals = column.base.model->signals();
       EnvelopeMap map{column.name, {}, {}, {}};
       const bool complete = SetAxis(column, MapRow(options_.map[0], signals), map.x) &&
@@ -416,7 +330,7 @@ class EnvelopeSearch {
     trials_.Fly();
   }
 
-  bool SetAxis(const Column& column, const EnvelopeRow& row, EnvelopeMap::Axis& axis) const {
+  bool SetAxis(const FirmwareColumn& column, const EnvelopeRow& row, EnvelopeMap::Axis& axis) const {
     for (const EnvelopeEntry& entry : envelope_.entries) {
       if (entry.client != column.name || !entry.row.IsAt(row)) continue;
       if (!entry.margin || !entry.margin->survives) return false;
@@ -428,7 +342,7 @@ class EnvelopeSearch {
 
   void StartMap(EnvelopeMap& map) {
     const auto column = std::find_if(columns_.begin(), columns_.end(),
-                                     [&](const Column& other) { return other.name == map.client; });
+                                     [&](const FirmwareColumn& other) { return other.name == map.client; });
     const Scenario& base = column->base.scenario;
     const Scenario both = WithSecondRow(base, map.x.row, map.y.row, column->base.model->signals());
     map.survived.assign(map.y.levels.size(), std::vector<std::optional<bool>>(map.x.levels.size()));
@@ -458,7 +372,7 @@ class EnvelopeSearch {
 
   // Why rows have no margin: most often the scenario itself fails.
   void PrintUnsurvived() const {
-    for (const Column& column : columns_) {
+    for (const FirmwareColumn& column : columns_) {
       if (const auto broken = broken_.find(column.name); broken != broken_.end()) {
         PrintLine(stdout, 0,
                   fmt::format("{}: fails without any fault, seed {}: {}; so it has no margins", column.name,
@@ -501,7 +415,7 @@ class EnvelopeSearch {
 
   const EnvelopeOptions& options_;
   link::OwnedDescriptor lock_;  // of the folder
-  std::vector<Column> columns_;
+  std::vector<FirmwareColumn> columns_;
   Trials trials_;
   Envelope envelope_;
   std::vector<MarginTask> all_tasks_;          // of entries, in their order

@@ -1,5 +1,5 @@
-// The command line: the table of commands and options. CLI11 is slow to compile: only this file and command_table.cpp
-// see it.
+// The command line: the table of commands and options. CLI11 is slow to compile: only this file, named_command.cpp and
+// command_table.cpp see it.
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -12,65 +12,15 @@
 #include "harness/cli/client_flag.h"
 #include "harness/cli/command_table.h"
 #include "harness/cli/commands.h"
-#include "harness/cli/help_page.h"
+#include "harness/cli/named_command.h"
 #include "harness/client/debugger.h"
 #include "harness/live/live_server.h"
 #include "harness/report/results.h"
 #include "harness/run/realtime/realtime_flight.h"
-#include "harness/scenario/did_you_mean.h"
 #include "harness/terminal/terminal.h"
 
 namespace tiltproof::harness {
 namespace {
-
-// The command line begins with the names of a command and, if it has any, of one of its own.
-struct NamedCommand {
-  const CLI::App* app;
-  std::string typed;    // "tiltproof frame encode"
-  std::string trouble;  // the message when a name is unknown; then `app` is what lacks it
-};
-
-NamedCommand FindCommand(const CLI::App& app, const std::vector<std::string>& arguments) {
-  NamedCommand command{.app = &app, .typed = app.get_name(), .trouble = {}};
-  for (const std::string& argument : arguments) {
-    const auto commands = command.app->get_subcommands([](const CLI::App*) { return true; });
-    if (commands.empty() || argument.starts_with('-')) break;
-    std::vector<std::string> names;
-    for (const auto* known : commands) names.push_back(known->get_name());
-    const auto found = std::find(names.begin(), names.end(), argument);
-    if (found == names.end()) {
-      command.trouble = command.typed + ": unknown command '" + argument + "'" +
-                        DidYouMean(argument, std::vector<std::string_view>(names.begin(), names.end()));
-      break;
-    }
-    command.app = commands[static_cast<std::size_t>(found - names.begin())];
-    command.typed += " " + argument;
-  }
-  return command;
-}
-
-// Why the arguments of a command cannot be read.
-std::string Mistake(const NamedCommand& command, const CLI::ParseError& error) {
-  const std::string more = "; `" + command.typed + " --help` says more";
-  const std::vector<std::string> rest = command.app->remaining();
-  if (dynamic_cast<const CLI::ExtrasError*>(&error) == nullptr || rest.empty())
-    return command.typed + ": " + error.what() + more;
-  if (!rest.front().starts_with('-'))
-    return command.typed + ": one argument too many: '" + rest.front() + "'" + more;
-  const CommandRow table = TableOf(*command.app);
-  std::vector<std::string_view> names;
-  for (const OptionRow& option : table.options)
-    if (!option.positional) names.insert(names.end(), option.names.begin(), option.names.end());
-  const std::string typed = rest.front().substr(0, rest.front().find('='));
-  const std::string_view meant = ClosestName(typed, names);
-  return command.typed + ": unknown option '" + typed + "'" +
-         (meant.empty() ? more : "; did you mean '" + std::string(meant) + "'?");
-}
-
-int PrintHelp(const NamedCommand& command) {
-  Print(stdout, "{}", TextLines(HelpPage(command.typed, TableOf(*command.app))));
-  return kExitGreen;
-}
 
 int Main(int argc, char** argv) {
   CLI::App app{"tiltproof: a fault-injection test harness for flight-control firmware", "tiltproof"};

@@ -191,7 +191,7 @@ class FirstFaultDocTest(unittest.TestCase):
         return run("run", "late-link.yaml", cwd=self.folder).stdout.decode()
 
     def test_the_first_fault(self):
-        fails, passes = self.texts(self.FIRST)
+        fails, passes, margin = self.texts(self.FIRST)
         out = self.fly(12)
         self.assertIn(fails, out)
         # The README shows the same.
@@ -202,6 +202,14 @@ class FirstFaultDocTest(unittest.TestCase):
         self.assertIn(fault, self.FIRST)
         self.assertIn(passes, self.fly(6))
         self.assertIn("FAIL", self.fly(7))
+        self.assertIn("\n" + margin, run("margin", "late-link.yaml", "--fault", "late", cwd=self.folder).stdout.decode())
+
+    def test_commands_work_from_where_the_reader_is(self):
+        """In the folder of late-link.yaml, one page after the other."""
+        self.fly(12)
+        for command in re.findall(r"^    build/release/tiltproof (.*)$", self.FIRST + self.WHY, re.M):
+            done = run(*command.removesuffix(" | less").split(), cwd=self.folder)
+            self.assertIn(done.returncode, (0, 1), (command, done.stderr))
 
     def test_why_it_failed(self):
         out = self.fly(12)

@@ -495,52 +495,5 @@ TEST(Flight, AdapterLatencyDelaysOnlyWhatTheFirmwareSends) {
   EXPECT_EQ(log.link.Next(offset)->begin_ns, -kRequestTime - 2 * kNsPerMs);
 }
 
-TEST(Flight, TheReferenceLineHasARateOfItsOwn) {
-  Scenario scenario = Hover(0.5);
-  scenario.link.reference_baud = 57'600;
-  const RunLog log = FlyWith(scenario, [](TestClient&) {});
-  std::vector<TimeNs> begins;
-  std::size_t bytes = 0;
-  for (std::size_t offset = 0; const auto record = log.link.Next(offset);) {
-    if (record->delivered || record->wire.direction != Direction::kReference || record->begin_ns < 0)
-      continue;
-    begins.push_back(record->begin_ns);
-    bytes = record->bytes.size();
-  }
-  // A frame takes 6 ms or so: the line is free again when the next one comes, and was not at 9600 baud.
-  ASSERT_GT(begins.size(), 10U);
-  EXPECT_EQ(begins[5] - begins[4], kControlPeriodNs);
-  scenario.link.reference_baud = 9600;
-  const RunLog slow = FlyWith(scenario, [](TestClient&) {});
-  begins.clear();
-  for (std::size_t offset = 0; const auto record = slow.link.Next(offset);)
-    if (!record->delivered && record->wire.direction == Direction::kReference && record->begin_ns >= 0)
-      begins.push_back(record->begin_ns);
-  ASSERT_GT(begins.size(), 3U);
-  EXPECT_GE(begins[2] - begins[1], link::BytesTime(9600, static_cast<std::int64_t>(bytes) - 4));
-}
-
-TEST(Flight, AnAdapterHoldsBytesBackInBothDirections) {
-  Scenario scenario = Hover(0.12);
-  scenario.link.adapter = AdapterSpec{.latency_ms = 2, .bytes_count = 62};
-  const RunLog log = FlyWith(scenario, [](TestClient&) {});
-  // The request of 8 bytes waits for 2 ms. Of the reply's 68 bytes or more the first 62 come when they are there, the others
-  // 2 ms after the 63rd.
-  std::array<std::vector<std::pair<TimeNs, std::size_t>>, 2> passed_on;
-  for (std::size_t offset = 0; const auto record = log.link.NextOfAll(offset);)
-    if (record->passed_on && record->begin_ns > 0 && record->wire.direction != Direction::kReference)
-      passed_on.at(static_cast<std::size_t>(record->wire.direction))
-          .emplace_back(record->begin_ns, record->bytes.size());
-  for (const auto& direction : passed_on) ASSERT_GE(direction.size(), 6U);
-  const auto& replies = passed_on[static_cast<std::size_t>(Direction::kToClient)];
-  for (std::size_t i = 0; i + 1 < replies.size(); i += 2) {
-    EXPECT_EQ(replies[i].second, 62U);
-    EXPECT_GE(replies[i + 1].second, 6U);
-    EXPECT_NEAR(static_cast<double>(replies[i + 1].first - replies[i].first), 2e6 + 1e10 / 921'600, 1.0);
-  }
-  // What was sent and what went on is all that other readers see.
-  for (std::size_t offset = 0; const auto record = log.link.Next(offset);) EXPECT_FALSE(record->passed_on);
-}
-
 }  // namespace
 }  // namespace tiltproof::harness

@@ -62,9 +62,10 @@ TEST_F(FaultSignalsTest, SensorsGoByTheirColumn) {
   EXPECT_EQ(Freeze("z"), "s.yaml:4:60: signal: unknown value 'z'; did you mean 'z_m'?");
   EXPECT_EQ(Freeze("keel_rad"), "s.yaml:4:60: signal: unknown value 'keel_rad'; did you mean 'keel_rad_s'?");
   // An input is no sensor.
-  EXPECT_EQ(Freeze("yaw_speed"), "s.yaml:4:60: signal: unknown value 'yaw_speed'; valid: z_m, keel_rad_s");
+  EXPECT_EQ(Freeze("yaw_speed"),
+            "s.yaml:4:60: signal: unknown value 'yaw_speed'; valid: z_m, keel_rad_s, all");
   EXPECT_EQ(Freeze("f_front_left"),
-            "s.yaml:4:60: signal: unknown value 'f_front_left'; valid: z_m, keel_rad_s");
+            "s.yaml:4:60: signal: unknown value 'f_front_left'; valid: z_m, keel_rad_s, all");
   EXPECT_THAT(Freeze("\"z m\""), HasSubstr("s.yaml:4:60: signal: 'z m' must be letters, digits and '_'"));
 }
 
@@ -127,7 +128,7 @@ TEST_F(FaultSignalsTest, WindNeedsDrag) {
   signals_->feels_wind = false;
   EXPECT_EQ(Error(gust),
             "s.yaml:4:24: type: plant.gust moves only a vehicle with drag; this one's file has no "
-            "<tiltproof:drag>");
+            "<tiltproof:drag> (tiltrotor_drag has one)");
 }
 
 // Words that YAML takes for something else.

@@ -94,8 +94,6 @@ TEST_F(ReaderTest, FillsInDefaults) {
   EXPECT_THAT(s.initial_attitude_rad, ElementsAre(0, 0, 0));
   EXPECT_FALSE(s.link.ideal);
   EXPECT_EQ(s.link.baud, 921'600);
-  EXPECT_EQ(s.link.reference_baud, 921'600);
-  EXPECT_EQ(s.link.adapter, std::nullopt);
   EXPECT_EQ(s.link.protocol->name, "paper");
   EXPECT_EQ(s.link.adapter_latency_ms, 0.0);
   EXPECT_TRUE(s.reference.velocity);
@@ -228,9 +226,6 @@ TEST_F(ReaderTest, NamesTheNearestKeyOrValue) {
   EXPECT_THAT(ErrorsWith("faults: [{id: a, type: wire.bit_error, target: to_clint, parameters: {bre: 0}}]\n"),
               ElementsAre("4:48: target: unknown value 'to_clint'; did you mean 'to_client'?",
                           "4:71: unknown key 'bre'; did you mean 'ber'?"));
-  // One mistake is one error.
-  EXPECT_THAT(ErrorsWith("faults: [{id: a, type: wire.bit_error, target: both, ber: 0}]\n"),
-              ElementsAre("4:55: 'ber' belongs into 'parameters': parameters: {ber: ...}"));
   EXPECT_THAT(Errors("name: x\nduration_s: 24\nreference: {type: spirl, whatever: 1}\n"),
               ElementsAre("3:19: type: unknown value 'spirl'; did you mean 'spiral'?"));
 }
@@ -312,10 +307,6 @@ TEST_F(ReaderTest, RangesAndNames) {
       {"step_s: 0.00400000000001\n",
        "4:9: step_s: 0.00400000000001 does not divide the control period of 0.012 s"},
       {"link: {baud: 110}\n", "4:14: baud: 110 is out of range; must be from 1200 to 10000000"},
-      {"link: {adapter_latency_ms: 1, adapter: {}}\n",
-       "4:28: adapter_latency_ms: 'adapter' has a latency_ms of its own: give one of the two"},
-      {"link: {adapter: {bytes_count: 0}}\n",
-       "4:31: bytes_count: 0 is out of range; must be from 1 to 65536"},
       {"link: {adapter_latency_ms: -1}\n",
        "4:28: adapter_latency_ms: -1 is out of range; must be from 0 to 1000"},
       {"initial: {position_m: [0, 0, 1e4]}\n",

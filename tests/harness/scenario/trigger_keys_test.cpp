@@ -53,6 +53,9 @@ TEST_F(TriggerKeysTest, AreReadAndWrittenBack) {
 }
 
 TEST_F(TriggerKeysTest, MistakesHaveTheirPlaces) {
+  // One mistake is one error.
+  EXPECT_EQ(Error("- {id: a, type: wire.bit_error, target: both, ber: 0}\n"),
+            "s.yaml:5:47: 'ber' belongs into 'parameters': parameters: {ber: ...}");
   EXPECT_EQ(
       Error("- {id: a, type: link.silence, when: \"z_m > 1 and zz_m > 2\"}\n"),
       "s.yaml:5:50: when: unknown signal 'zz_m'; did you mean 'z_m'? all signals: tiltproof list --signals");

@@ -94,10 +94,11 @@ INSTANTIATE_TEST_SUITE_P(
             "position_eror_m <= 1", 1,
             "unknown signal 'position_eror_m'; did you mean 'position_error_m'? all signals: tiltproof list "
             "--signals"},
-        Mistake{"always(X_m <= 1)", 8, "unknown signal 'X_m'; did you mean 'x_m'?"},
+        Mistake{"always(X_m <= 1)", 8,
+                "unknown signal 'X_m'; did you mean 'x_m'? all signals: tiltproof list --signals"},
         Mistake{"quite_something_else <= 1", 1,
                 "unknown signal 'quite_something_else'; all signals: tiltproof list --signals"},
-        Mistake{"active_wind < 1", 1, "unknown signal 'active_wind'"},
+        Mistake{"active_wind < 1", 1, "unknown signal 'active_wind'; all signals: tiltproof list --signals"},
         Mistake{"alway(x_m <= 1)", 1, "unknown operator 'alway'; did you mean 'always'?"},
         Mistake{"eventualy[0,1](x_m <= 1)", 1, "unknown operator 'eventualy'; did you mean 'eventually'?"},
         Mistake{"sqrt(x_m) <= 1", 1, "unknown operator 'sqrt'"},
@@ -121,7 +122,7 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"x_m <= 1e-999", 8, "the number 1e-999 is too large or too small for binary64"},
         Mistake{"x_m <= 0.6rad", 11, "the number 0.6 runs into 'r'"},
         Mistake{"x_m <= 1.2.3", 11, "the number 1.2 runs into '.'"},
-        Mistake{"x_m <= inf", 8, "unknown signal 'inf'"},
+        Mistake{"x_m <= inf", 8, "unknown signal 'inf'; all signals: tiltproof list --signals"},
         Mistake{"min(x_m) <= 1", 8, "expected ',', found ')'"},
         Mistake{"x_m \xE2\x89\xA4 1", 5, "expected a comparison (<=, <, >= or >), found byte 226"},
         Mistake{std::string("x_m <\0 1", 8), 6, "expected a number, a signal or a formula, found byte 0"}));
