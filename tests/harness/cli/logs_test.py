@@ -225,23 +225,22 @@ class LogsTest(CommandLineTest):
         self.scenario("linked", **{"seed: 3": f"seed: 3\nlink: {link}", "position_error_m <= 0.5": "z_m > -100"})
         self.tiltproof("run", "linked.yaml")
         lines = [line.split() for line in self.tiltproof("link-dump", self.latest() / "linked/link.bin")[1].splitlines()[1:]]
-        return [(float(line[0]), line[1], line[2], int(line[4])) for line in lines if float(line[0]) > 0]
+        return [(float(line[0]), line[1], line[2], int(line[4])) for line in lines if float(line[0]) >= 0]
 
     def test_the_buffer_of_an_adapter(self):
         """A reply of 68 bytes and more: the first 62 at once, the others 2 ms after the 63rd; a request of 8 bytes 2 ms after its first."""
         records = self.dumped("{adapter: {latency_ms: 2, bytes_count: 62}}")
         byte_s = 10 / 921600
         replies = [record for record in records if record[1:3] == ("to_client", "passed_on")]
-        sent = [record for record in records if record[1:3] == ("to_client", "sent")]
+        sent = {round(record[0], 6) for record in records if record[1:3] == ("to_client", "sent")}
         self.assertGreaterEqual(len(replies), 100)
         for full, late in zip(replies[0::2], replies[1::2]):
             self.assertEqual(full[3], 62)
             self.assertGreaterEqual(late[3], 6)
             self.assertAlmostEqual(late[0] - full[0], byte_s + 0.002, delta=2e-9)
-        for begin, full in zip(sent, replies[0::2]):
-            self.assertAlmostEqual(full[0] - begin[0], 62 * byte_s, delta=2e-9)
-        requests = [record for record in records if record[1:] == ("to_plant", "passed_on", 8)]
-        self.assertGreater(len(requests), 50)
+            self.assertIn(round(full[0] - 62 * byte_s, 6), sent)
+        requests = [record for record in records if record[1:] == ("to_plant", "passed_on", 8) and record[0] > 0]  # `start` comes at 0
+        self.assertGreater(len(requests), 40)
         asked = {round(time, 6) for time, direction, side, size in records if (direction, side, size) == ("to_plant", "delivered", 4)}
         for time, *_ in requests:
             self.assertIn(round(time - byte_s - 0.002, 6), asked)
