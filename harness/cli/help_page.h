@@ -1,6 +1,4 @@
 // What `--help` and `tiltproof help` print, from the table of commands and options: at most 100 columns wide.
-//
-//   Print(stdout, "{}", TextLines(HelpPage("tiltproof run", command)));
 #pragma once
 
 #include <string>

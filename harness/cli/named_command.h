@@ -1,7 +1,4 @@
 // Which command a command line names, its help, and what is wrong with the rest of the line.
-//
-//   const NamedCommand named = FindCommand(app, arguments);
-//   if (!named.trouble.empty()) Print(stderr, "{}\n", named.trouble);
 #pragma once
 
 #include <string>
