@@ -43,9 +43,10 @@ class Parameters {
   std::map<std::string, ParameterValue, std::less<>> values_;
 };
 
-// kFrameWords is the bytes of frames (faults/frame_words.h). kField names a field of a message of the protocol. The last seven name signals and parts of the vehicle (faults/signal_choice.h): a sensor, a sensor or all of
-// them, a sensor of a position, three sensors that are the components of a vector, an input, a rotor, a joint. Which of them exist is known
-// only when the vehicle is loaded.
+// kFrameWords is the bytes of frames (faults/frame_words.h). kField names a field of a message of the protocol.
+// The last seven name signals and parts of the vehicle (faults/signal_choice.h): a sensor, a sensor or all of
+// them, a sensor of a position, three sensors that are the components of a vector, an input, a rotor, a joint.
+// Which of them exist is known only when the vehicle is loaded.
 enum class ParameterKind : std::uint8_t {
   kNumber,
   kInteger,

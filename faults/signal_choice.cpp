@@ -43,8 +43,7 @@ ParameterInfo SensorParameter() {
           .kind = ParameterKind::kSensorOrAll,
           .doc =
               "the sensor, by its trace column; for the tilt-rotor: x_m ... alpha_l_rad_s; `all`: every "
-              "sensor, each by "
-              "itself",
+              "sensor, each by itself",
           .example = "z_m"};
 }
 

@@ -37,7 +37,7 @@ namespace tiltproof::link {
 struct WireConfig {
   std::int64_t baud = 921'600;    // bits per second, 8N1: ten bits per byte; 0 = ideal, zero byte time
   TimeNs adapter_latency_ns = 0;  // a USB-serial adapter's buffering: added to every arrival
-  // Of an adapter with a buffer: how many bytes it has room for. The buffer is passed on when it is full, and
+  // The bytes that the buffer of an adapter has room for. It is passed on when it is full, and
   // adapter_latency_ns after its first byte. 0: there is no buffer.
   std::int64_t adapter_bytes_count = 0;
 };

@@ -8,7 +8,6 @@
 #include "harness/cli/applicability.h"
 #include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
-#include "harness/cli/data_files.h"
 #include "harness/cli/suite.h"
 #include "harness/scenario/did_you_mean.h"
 #include "harness/terminal/terminal.h"
@@ -69,7 +68,7 @@ int SignalsCommand(const CheckOptions& options) {
   };
   if (options.paths.empty()) {
     std::vector<std::string> warnings;
-    add(Scenario{}, plant::LoadVehicle(ModelsFolder() / "tiltrotor.sdf", {}, warnings));
+    add(Scenario{}, plant::LoadVehicle(ResolveModel(Scenario().model), {}, warnings));
   } else {
     const Suite suite = LoadSuite(options.paths, ReadClientFlags(options.clients), options.firmware);
     PrintWarnings(suite);

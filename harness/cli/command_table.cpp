@@ -15,7 +15,7 @@ std::string Between(const std::string& text, const std::string& begin, const std
   return to == text.npos ? "" : text.substr(from + begin.size(), to - from - begin.size());
 }
 
-// What stands for a value where no name was given to it: N for a number, otherwise the option's own name, as OUT for --out.
+// The word for a value that has no name of its own: N for a number, otherwise the option's own name, as OUT for --out.
 std::string ValueName(const std::string& type, const OptionRow& row) {
   if (row.positional) return row.names.front();
   if (type == "INT" || type == "UINT" || type == "FLOAT") return "N";

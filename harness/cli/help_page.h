@@ -1,4 +1,4 @@
-// What `--help` and `tiltproof help` print, from the table of commands and options: at most 100 columns wide.
+// The pages that `--help` and `tiltproof help` print, from the table of commands and options: at most 100 columns wide.
 #pragma once
 
 #include <string>

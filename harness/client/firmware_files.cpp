@@ -40,8 +40,7 @@ std::filesystem::path FirmwareFile(const ClientSpec& client, const std::string& 
 std::string HowToGetImages() {
   return std::filesystem::exists(ProgramFolder().parent_path() / "lib/tiltproof")
              ? "this installation has none: install the Debian package, or run `./setup --images` in the "
-               "sources and "
-               "install them again"
+               "sources and install them again"
              : "run `./setup --images`, which fetches the compiler and the emulator, and builds the images";
 }
 

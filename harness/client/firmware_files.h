@@ -28,7 +28,7 @@ std::filesystem::path LockstepPlugin();
 std::filesystem::path FirmwareFile(const ClientSpec& client, const std::string& firmware,
                                    const std::string& dialect);
 
-// What a user does about images of the shipped firmware that are not there.
+// The way to get images of the shipped firmware that are not there, for a user.
 std::string HowToGetImages();
 
 // An emulated board with the image, which speaks this protocol.

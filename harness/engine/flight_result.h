@@ -39,7 +39,7 @@ struct FlightResult {
   // Blocks of the chip that a firmware uses and the emulated board does not model.
   std::vector<std::string> unmodelled_blocks;
   std::vector<FlightEvent> events;
-  // Of a firmware that went away: the last lines that it printed.
+  // The last lines that a firmware printed before it went away.
   std::vector<std::string> last_lines;
   bool is_of_any_seed = false;  // nothing was drawn at random: with another seed, this is the same flight
   std::string replay;           // the exact command; empty when it was not flown

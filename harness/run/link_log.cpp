@@ -84,7 +84,7 @@ void TimedLinkLog<Time>::AppendPassedOn(Time at, std::span<const std::uint8_t> b
 template <class Time>
 void TimedLinkLog<Time>::AppendRecords(Time begin, std::span<const std::uint8_t> rest, WireId wire,
                                        std::uint8_t side) {
-  // What is too long for one record is split; only a fault that inserts without end makes such a chunk.
+  // A piece that is too long for one record is split; only a fault that inserts without end makes such a chunk.
   do {
     const auto piece = rest.first(std::min(rest.size(), kRecordBytesMax));
     const std::size_t at = content_.size();

@@ -54,7 +54,7 @@ class TimedLinkLog {
   explicit TimedLinkLog(std::vector<std::uint8_t> content);
 
   void Append(const link::TimedChunk<Time>& chunk, WireId wire, bool delivered);
-  // What the buffer of an adapter has passed on at that time.
+  // Bytes that the buffer of an adapter has passed on at that time.
   void AppendPassedOn(Time at, std::span<const std::uint8_t> bytes, WireId wire);
   // The records of another log, after its own.
   void Append(TimedLinkLog&& other);

@@ -34,7 +34,7 @@ void MappingReader::Finish() {
                fmt::format("'{0}' belongs into '{1}': {1}: {{{0}: ...}}", entry.key, section));
     else
       Complain(entry.key_mark, fmt::format("unknown key '{}'{}", entry.key, DidYouMean(entry.key, known_)));
-    // What was mistyped, or stands elsewhere, is not missing as well.
+    // A key that was mistyped, or stands elsewhere, is not missing as well.
     std::erase(missing_, closest.empty() ? section : closest);
   }
   for (const std::string_view key : missing_) Complain(mapping_.mark, fmt::format("missing key '{}'", key));
@@ -343,7 +343,7 @@ void MappingReader::Section(const Key& key, const Body& body) {
     empty.mark = mapping_.mark;
     ReadBody(key.name, empty, body);
   } else {
-    // Which keys it would have had.
+    // The keys that it would have had.
     const YamlNode nothing;
     std::vector<YamlProblem> ignored;
     MappingReader reader(nothing, ignored);

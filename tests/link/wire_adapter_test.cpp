@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "link/wire.h"
+#include "tests/link/taken.h"
 
 namespace tiltproof::link {
 namespace {
@@ -23,20 +24,6 @@ constexpr BootTime kStart(5 * kNsPerMs);
 constexpr TimeNs kByteTimes[] = {0, 10850, 21701, 32552, 43402, 54253, 65104, 75954, 86805, 97656, 108506};
 
 const Protocol& kPaper = *FindProtocol("paper");
-
-struct Taken {
-  BootTime arrival;
-  Bytes bytes;
-  friend bool operator==(const Taken&, const Taken&) = default;
-};
-
-std::vector<Taken> TakeAll(Wire& wire, BootTime until = BootTime::Never()) {
-  std::vector<Taken> all;
-  wire.Take(until, [&all](BootTime arrival, std::span<const std::uint8_t> bytes) {
-    all.push_back({arrival, {bytes.begin(), bytes.end()}});
-  });
-  return all;
-}
 
 TEST(WireAdapterTest, AnAdaptersBufferIsPassedOnWhenItIsFullAndAfterItsTime) {
   Wire wire({.baud = 921'600, .adapter_latency_ns = kNsPerMs, .adapter_bytes_count = 3}, Direction::kToPlant,

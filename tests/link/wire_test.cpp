@@ -16,6 +16,7 @@
 
 #include "firmware/messages.h"
 #include "link/frame.h"
+#include "tests/link/taken.h"
 
 namespace tiltproof::link {
 namespace {
@@ -43,20 +44,6 @@ struct TestFilter : ChunkFilter {
   std::function<void(std::vector<Chunk>&)> apply;
   void Apply(std::vector<Chunk>& chunks) override { apply(chunks); }
 };
-
-struct Taken {
-  BootTime arrival;
-  Bytes bytes;
-  friend bool operator==(const Taken&, const Taken&) = default;
-};
-
-std::vector<Taken> TakeAll(Wire& wire, BootTime until = BootTime::Never()) {
-  std::vector<Taken> all;
-  wire.Take(until, [&all](BootTime arrival, std::span<const std::uint8_t> bytes) {
-    all.push_back({arrival, {bytes.begin(), bytes.end()}});
-  });
-  return all;
-}
 
 // Chunks as sent, as the taps saw them.
 struct SentFrames {
