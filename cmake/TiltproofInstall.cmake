@@ -24,8 +24,8 @@ install(DIRECTORY firmware/examples/ DESTINATION ${share}/examples PATTERN minim
 install(FILES README.md ARCHITECTURE.md CHANGELOG.md THIRD_PARTY.md DESTINATION share/doc/tiltproof)
 install(FILES LICENSE DESTINATION share/doc/tiltproof RENAME copyright)
 install(DIRECTORY docs DESTINATION share/doc/tiltproof FILES_MATCHING PATTERN *.md PATTERN github-actions.yml PATTERN annotate.py)
-# Where the program is installed, its commands are typed without the build folder. The package's scenarios have a place; a folder
-# may be moved.
+# The commands of an installed program are typed without the build folder. The package's scenarios have a place; another folder may
+# be moved.
 install(CODE [[
   file(GLOB pages "$ENV{DESTDIR}${CMAKE_INSTALL_PREFIX}/share/doc/tiltproof/*.md" "$ENV{DESTDIR}${CMAKE_INSTALL_PREFIX}/share/doc/tiltproof/docs/*.md")
   foreach(page ${pages})
@@ -78,7 +78,7 @@ install(FILES ${PROJECT_BINARY_DIR}/tiltproof-config.cmake ${PROJECT_BINARY_DIR}
 # `cpack` in the build folder, or ./setup --deb.
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME tiltproof)
-# Who makes the package: as Debian's tools ask it, otherwise who wrote the commit that is packed.
+# The package's maintainer: as Debian's tools ask it, otherwise the author of the commit that is packed.
 execute_process(COMMAND git log -1 "--format=%an <%ae>" WORKING_DIRECTORY ${PROJECT_SOURCE_DIR}
   OUTPUT_VARIABLE author OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET RESULT_VARIABLE no_author)
 if(DEFINED ENV{DEBEMAIL})

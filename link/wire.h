@@ -112,7 +112,7 @@ class Wire {
   BootTime FrontArrival(std::size_t byte_count) const;
   // A byte that has come to the adapter's buffer.
   void Buffer(BootTime arrival);
-  // These were taken, the oldest of the queue.
+  // The oldest bytes of the queue were taken: these.
   void LeaveBuffer(std::span<const std::uint8_t> bytes);
 
   WireConfig config_;
@@ -142,8 +142,8 @@ class Wire {
   bool taken_flag_ = true;                           // the last byte taken was a flag; so is an idle line
   Chunk taken_;                                      // keeps the last piece's bytes alive
 
-  // What the adapter's buffer passes on at once, of the bytes in the queue that were not taken, in their order. The last one
-  // is still being filled while buffered_count_ is not 0.
+  // Runs of bytes that the adapter's buffer passes on at once, of those in the queue that were not taken, in their
+  // order. The last one is still being filled while buffered_count_ is not 0.
   struct PassedOn {
     BootTime at;
     std::size_t bytes;

@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::size_t kColumns = 100;
 constexpr std::size_t kIndent = 2;
-// Where descriptions begin. A longer name has a line of its own.
+// The column in which descriptions begin. A longer name has a line of its own.
 constexpr std::size_t kTextColumn = 24;
 
 std::string ValueOf(const OptionRow& option) {

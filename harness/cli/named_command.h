@@ -1,4 +1,4 @@
-// Which command a command line names, its help, and what is wrong with the rest of the line.
+// The command that a command line names, its help, and what is wrong with the rest of the line.
 #pragma once
 
 #include <string>
@@ -21,7 +21,7 @@ struct NamedCommand {
 // `arguments`: without the program's name.
 NamedCommand FindCommand(const CLI::App& app, const std::vector<std::string>& arguments);
 
-// Why the arguments of a command cannot be read, in one line.
+// The reason why the arguments of a command cannot be read, in one line.
 std::string Mistake(const NamedCommand& command, const CLI::ParseError& error);
 
 // Prints the command's help. Returns the exit code.

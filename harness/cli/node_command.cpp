@@ -84,7 +84,7 @@ int Monitor(const NodeOptions& node, const NodeCommandOptions& options) {
   return RunMonitor(node, post);
 }
 
-// Where a node waits that a user has started.
+// Prints where a node waits that a user has started.
 void TellWhere(const NodeOptions& node, const std::string& kind) {
   const dds::BusConfig& bus = node.bus;
   std::string text = fmt::format("tiltproof: {} node '{}' listens on domain {} with the tag '{}', {}", kind,
