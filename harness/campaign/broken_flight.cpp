@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <regex>
 #include <string_view>
 
 #include "faults/random.h"
@@ -36,10 +35,15 @@ const FlightEvent* EventOf(const FlightResult& result, std::string_view kind) {
       result.events, [&](const FlightEvent& one) { return one.kind == kind && one.time_s > 0; });
   return event == result.events.end() ? nullptr : &*event;
 }
-// A signal of a crash is caught in a firmware's own code: this one came in what it had called back.
-bool IsInCallBack(const std::string& reason) {
-  return reason.starts_with("the firmware ended its process in ") &&
-         reason.find("was killed by signal") != std::string::npos;
+bool BrokeBy(const FlightResult& result, FirmwareEndKind kind) {
+  return result.firmware_end && result.firmware_end->kind == kind;
+}
+
+// The place of a crash in a library, which is the same for one mistake however it is told: what a damaged heap makes the C
+// library say depends on what is allocated. Without a place, the reason without its numbers.
+std::string KeyOfCrash(const FlightResult& result, const std::string& how) {
+  const bool has_place = result.firmware_end && !result.firmware_end->place.empty();
+  return has_place ? result.firmware_end->place : KeyOfReason(how, true);
 }
 
 BrokenFlight DamagedMemory(const FlightResult& result) {
@@ -60,14 +64,6 @@ BrokenFlight EndedBySignal(const FlightEvent& event) {
               "Every other command calls this an error (exit code 3), because one flight alone does not show "
               "who sent the signal."};
 }
-
-// An image that costs too much processor time is stopped by the machine's time, at another place in each flight.
-std::string WithoutPlaceOfCost(const std::string& reason) {
-  return reason.substr(0, reason.find(" of processor time"));
-}
-
-// Of a firmware that took its process with it.
-bool IsOfThread(const std::string& reason) { return reason.starts_with("a thread that "); }
 
 std::string TextOfEvent(const FlightResult& result, std::string_view kind) {
   const FlightEvent* const event = EventOf(result, kind);
@@ -131,34 +127,17 @@ std::string KeyOfReason(const std::string& reason, bool with_places) {
   return key;
 }
 
-std::string LibraryPlaceIn(const std::string& reason) {
-  // An image's names places of handlers, too.
-  if (reason.find("tiltproof_client_") == std::string::npos && !IsOfThread(reason)) return "";
-  static const std::regex line(R"([^\s:(]+\.\w+:[0-9]+(:[0-9]+)?)"), offset(R"([^\s(]+\+0x[0-9a-f]+)");
-  std::smatch place;
-  // Where a recursion meets the end of its stack is chance.
-  if (reason.find("(stack overflow)") != std::string::npos) {
-    static const std::regex function(R"(\+0x[0-9a-f]+ in (\w+))");
-    return "stack overflow" + (std::regex_search(reason, place, function) ? " in " + place.str(1) : "");
-  }
-  if (std::regex_search(reason, place, line) || std::regex_search(reason, place, offset)) return place.str();
-  return "";
-}
-
 std::optional<BrokenFlight> BrokenBy(const FlightResult& result) {
   const auto broken = [&](std::string_view kind, const std::string& reason, const std::string& key) {
     return BrokenFlight{std::string(kind), fmt::format("{}: {}", kind, key), reason, {}};
   };
-  const auto crashed = [&](const std::string& reason, const std::string& how) {
-    const std::string place = LibraryPlaceIn(how);
-    return broken("crash", reason, place.empty() ? KeyOfReason(how, true) : place);
-  };
   const std::string& reason = result.score.reason;
   if (result.score.verdict == Verdict::kError) return std::nullopt;
-  if (result.outcome == Outcome::kCrashed && IsInCallBack(reason)) return DamagedMemory(result);
+  if (result.outcome == Outcome::kCrashed && BrokeBy(result, FirmwareEndKind::kInCallBack))
+    return DamagedMemory(result);
   if (result.outcome == Outcome::kCrashed) {
-    BrokenFlight crash = crashed(reason, reason);
-    if (IsOfThread(reason))
+    BrokenFlight crash = broken("crash", reason, KeyOfCrash(result, reason));
+    if (BrokeBy(result, FirmwareEndKind::kInThread))
       crash.may_pass =
           "When a thread crashes depends on the machine: this flight may be over before, and pass, while the "
           "defect is there.";
@@ -167,7 +146,10 @@ std::optional<BrokenFlight> BrokenBy(const FlightResult& result) {
   // Without an end its process went with it.
   if (result.end_reason == EndReason::kFirmwareHung ||
       (!result.end_reason && result.outcome == Outcome::kHung))
-    return broken("hang", reason, KeyOfReason(WithoutPlaceOfCost(reason)));
+    // The machine's time ends an image that costs too much of it: at another place in each flight.
+    return broken(
+        "hang", reason,
+        BrokeBy(result, FirmwareEndKind::kTooCostly) ? "too much processor time" : KeyOfReason(reason));
   if (result.score.restarts > 0)
     return broken("restart", reason, KeyOfReason(TextOfEvent(result, kResetEvent)));
   if (result.end_reason != EndReason::kCompleted) return std::nullopt;
@@ -183,7 +165,7 @@ std::optional<BrokenFlight> BrokenBy(const FlightResult& result) {
                   EventOf(result, kCommandRefusedEvent) == nullptr ? "" : "a refused command");
   }
   if (const std::string end = TextOfEvent(result, kEndFailedEvent); !end.empty()) {
-    BrokenFlight crash = crashed(fmt::format("after the flight: {}", end), end);
+    BrokenFlight crash = broken("crash", fmt::format("after the flight: {}", end), KeyOfCrash(result, end));
     crash.may_pass = "Every other command says this as a warning, and its flight counts as it was.";
     return crash;
   }

@@ -43,9 +43,4 @@ std::optional<BrokenFlight> BrokenOutsideCalls(const FlightResult& result, const
 // and offsets in a library.
 std::string KeyOfReason(const std::string& reason, bool with_places = false);
 
-// The place that the reason of a crash in a call into a library names: "decoder.c:33", or "decoder.so+0x1a2b". The same
-// mistake may be told in several ways there: what a damaged heap makes the C library say depends on what is allocated.
-// Empty: it names none.
-std::string LibraryPlaceIn(const std::string& reason);
-
 }  // namespace tiltproof::harness

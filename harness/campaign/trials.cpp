@@ -21,18 +21,10 @@ const CriterionResult* FirstViolated(const Score& score) {
   return first;
 }
 
-// Every criterion holds, and a fault never acted: it was too mild to have an effect.
-bool WasTooMild(const Score& score) {
-  const auto holds = [](const CriterionResult& criterion) { return criterion.verdict == Verdict::kPass; };
-  const auto is_reason = [&](const FaultResult& fault) {
-    return fault.activations == 0 && score.reason == "fault '" + fault.id + "' never activated";
-  };
-  return score.verdict == Verdict::kInconclusive &&
-         std::all_of(score.criteria.begin(), score.criteria.end(), holds) &&
-         std::any_of(score.faults.begin(), score.faults.end(), is_reason);
+// A fault that never acted was too mild to have an effect.
+bool Survived(const Score& score) {
+  return score.verdict == Verdict::kPass || score.cause == VerdictCause::kNeverActivated;
 }
-
-bool Survived(const Score& score) { return score.verdict == Verdict::kPass || WasTooMild(score); }
 
 }  // namespace
 

@@ -24,6 +24,7 @@
 #include "harness/cli/search_flights.h"
 #include "harness/report/files.h"
 #include "harness/scenario/did_you_mean.h"
+#include "harness/scenario/fault_support.h"
 #include "harness/terminal/lines.h"
 #include "harness/terminal/progress_line.h"
 #include "harness/terminal/terminal.h"
@@ -92,11 +93,10 @@ std::string RowName(const EnvelopeRow& row) {
 void AddColumn(const FirmwareColumn& column, const std::vector<EnvelopeRow>& rows, Envelope& envelope,
                std::vector<MarginTask>& tasks) {
   const VehicleSignals& signals = column.base.model->signals();
-  const auto leave_out = [&](const EnvelopeRow& row, std::string reason) {
-    // It stands behind the type.
-    const std::string& id = column.base.scenario.faults[*FindPlaceholder(column.base.scenario)].id;
-    const std::string fault = fmt::format("fault '{}' ({}) ", id, row.type->name);
-    if (reason.starts_with(fault)) reason.erase(0, fault.size());
+  const std::size_t place = *FindPlaceholder(column.base.scenario);
+  const ClientAbilities abilities =
+      AbilitiesOf(column.means.ClientsOf(column.base.scenario).front(), column.means.realtime);
+  const auto leave_out = [&](const EnvelopeRow& row, const std::string& reason) {
     envelope.not_applicable.push_back(
         {std::string(row.type->name), row.place + row.side, column.name, reason});
   };
@@ -107,7 +107,10 @@ void AddColumn(const FirmwareColumn& column, const std::vector<EnvelopeRow>& row
     entry.scenario = WithRow(column.base.scenario, row, signals);
     entry.scenario.name = RowName(row);
     entry.named = false;
-    suite.scenarios.push_back(std::move(entry));
+    if (auto why = Unsupported(entry.scenario.faults[place], *row.type, abilities))
+      reasons[RowName(row)] = std::move(*why);
+    else
+      suite.scenarios.push_back(std::move(entry));
   }
   for (const NotApplicable& other : TakeNotApplicable(column.means, false, suite))
     reasons[other.name] = other.reason;

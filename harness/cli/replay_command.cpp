@@ -79,7 +79,7 @@ std::size_t EndedCount(const OldRun& run) {
   } else {
     const std::vector<FlightResult> results = ReadResults(run.folder);
     count = std::count_if(results.begin(), results.end(), [](const FlightResult& result) {
-      return !result.score.reason.starts_with("not flown");
+      return result.score.cause != VerdictCause::kNotFlown;
     });
   }
   return static_cast<std::size_t>(count);

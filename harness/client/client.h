@@ -13,6 +13,7 @@
 #include "faults/device_command.h"
 #include "faults/model.h"
 #include "harness/client/coverage.h"
+#include "harness/client/firmware_end.h"
 #include "link/fields.h"
 #include "link/time.h"
 
@@ -92,9 +93,9 @@ class Client {
   virtual std::optional<ClientStatus> Status() = 0;
   // At the client's present time, between two calls of Grant().
   virtual ClientSample Sample() = 0;
-  // Ends the firmware in order when its flight is over, as the destructor does otherwise, and says how that went wrong; empty:
-  // it did not.
-  virtual std::string End() { return ""; }
+  // Ends the firmware in order when its flight is over, as the destructor does otherwise. Returns how that went wrong; none: it
+  // did not.
+  virtual std::optional<FirmwareTrouble> End() { return std::nullopt; }
   // Since its power-on, when it was made to tell; also after the flight.
   virtual Coverage CodeCoverage() { return {}; }
 };

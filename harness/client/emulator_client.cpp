@@ -144,7 +144,7 @@ class EmulatorClient final : public Client {
       last_active_ = std::max(last_active_, stopped.last_slept_ns);
       if (stopped.locked_up) ThrowLockedUp(stopped.at_ns);
       if (const auto broken = limits_.Broken([this](TimeNs at) { return TimeText(at); }); !broken.empty())
-        throw FirmwareTrouble(false, broken);
+        throw FirmwareTrouble(false, broken, OnBoard());
       TransmitDamaged(stopped.at_ns);
       if (stopped.at_ns - last_active_ > kBusyMax && (started() || stopped.at_ns > start_within_ns_))
         ThrowHangs(stopped.at_ns);
@@ -156,7 +156,8 @@ class EmulatorClient final : public Client {
       // QEMU gives up when the processor is past all help: that is the firmware's doing. Its own end is not.
       const std::string fatal = FatalLine(board_->Errors());
       if (!fatal.empty())
-        throw FirmwareTrouble(false, "the firmware crashed: " + fatal + " (registers in firmware.log)");
+        throw FirmwareTrouble(false, "the firmware crashed: " + fatal + " (registers in firmware.log)",
+                              OnBoard());
       throw std::runtime_error(trouble.what());
     }
   }
@@ -262,21 +263,24 @@ class EmulatorClient final : public Client {
     StoppedInLockstep stopped(*board_, now_);
     return UsartSummary(stopped, Roles());
   }
+  static FirmwareEnd OnBoard() { return {.kind = FirmwareEndKind::kOnBoard}; }
   UsartRoles Roles() const { return {spec_.main_usart, spec_.reference_usart, spec_.console_usart}; }
 
   [[noreturn]] void ThrowHangs(TimeNs now) {
     const Findings found = Examine(Condition::kBusy, now);
     std::string text = HangText(found, now - last_active_, TimeText(last_active_));
     if (!started()) text += "; " + Usarts();
-    throw FirmwareTrouble(true, text + " (more in firmware.log)");
+    throw FirmwareTrouble(true, text + " (more in firmware.log)", OnBoard());
   }
 
   [[noreturn]] void ThrowCostsTooMuch() {
     const TimeNs begin = limits_.second_begin();
     const Findings found = Examine(Condition::kBusy, now_);
-    throw FirmwareTrouble(true, CostText(found, limits_.second_cost_ns(), now_ - begin, TimeText(begin),
-                                         EmulatorLimits::kProcessorNsPerSecond) +
-                                    " (more in firmware.log)");
+    throw FirmwareTrouble(true,
+                          CostText(found, limits_.second_cost_ns(), now_ - begin, TimeText(begin),
+                                   EmulatorLimits::kProcessorNsPerSecond) +
+                              " (more in firmware.log)",
+                          {.kind = FirmwareEndKind::kTooCostly});
   }
 
   [[noreturn]] void ThrowLockedUp(TimeNs now) {
@@ -286,7 +290,7 @@ class EmulatorClient final : public Client {
     if (fatal.empty()) throw std::runtime_error("the emulator aborts: " + board_->Errors());
     Log(now, fatal);
     const Findings found = Examine(Condition::kLockedUp, now);
-    throw FirmwareTrouble(false, CrashText(found, TimeText(now)));
+    throw FirmwareTrouble(false, CrashText(found, TimeText(now)), OnBoard());
   }
 
   // What a firmware does that never started, and that one sleeps in the handler of a fault.

@@ -17,7 +17,6 @@
 #include <cstdlib>
 #include <cstring>
 #include <ctime>
-#include <span>
 #include <utility>
 
 #include "harness/client/code_place.h"
@@ -45,7 +44,7 @@ FirmwareCall present_call = FirmwareCall::kNone;
 std::array<char, 512> ended_by{};
 volatile sig_atomic_t caught_signal = 0;
 volatile sig_atomic_t caught_cause = 0;
-std::array<char, 300> crash_place{};
+CodePlace crash_place;
 volatile sig_atomic_t looking_at_stack = 0;
 std::atomic<const char*> foreign_call_back{nullptr};  // which function another thread has called back
 std::atomic<pid_t> crashing_thread{0};                // the first that is not guarded
@@ -83,7 +82,7 @@ TimeNs Waited() {
 }
 
 // Describes the innermost place in the firmware's library, if there is one. What it finds may be damaged: this may crash, too.
-void FindCrashPlace(const void* context, std::span<char> text) {
+void FindCrashPlace(const void* context, CodePlace& found) {
   const auto& registers = static_cast<const ucontext_t*>(context)->uc_mcontext;
 #if defined(__x86_64__)
   const auto at = static_cast<std::uintptr_t>(registers.gregs[REG_RIP]);
@@ -103,7 +102,7 @@ void FindCrashPlace(const void* context, std::span<char> text) {
     return dladdr(address, &info) != 0 && info.dli_fbase == firmware_base;
   };
   if (firmware_base == nullptr) return;
-  if (is_firmwares(place)) return DescribeCode(place, text);
+  if (is_firmwares(place)) return FindCode(place, found);
   std::array<void*, 64> return_addresses;  // the innermost first
   int count = 0;
   if (at != 0 && dladdr(place, &info) != 0) {
@@ -116,7 +115,7 @@ void FindCrashPlace(const void* context, std::span<char> text) {
   for (int i = 0; i < count; ++i)
     if (const void* const call = CallBefore(return_addresses[static_cast<std::size_t>(i)]);
         is_firmwares(call))
-      return DescribeCode(call, text);
+      return FindCode(call, found);
 }
 
 // Whether an access that failed was where the stack grows. Its memory is there, but for its end.
@@ -160,6 +159,12 @@ void MarkOriginal() {
 // There is one flight only, and it is not a copy's.
 void EndCopy() {
   if (original != nullptr && *original == 0) _Exit(0);
+}
+
+std::string PlaceOfCrash() {
+  if (stack_overflowed == 0) return crash_place.at.data();
+  const char* const function = crash_place.function.data();
+  return *function == '\0' ? "stack overflow" : fmt::format("stack overflow in {}", function);
 }
 
 void StartTimer() {
@@ -249,7 +254,7 @@ bool FirmwareGuard::IsInside() { return inside != 0 && pthread_equal(pthread_sel
 void FirmwareGuard::Enter(FirmwareCall call) {
   modes_ = FloatingPointModes();
   present_call = call;
-  crash_place[0] = '\0';
+  crash_place = {};
   watched->calls_count.store(watched->calls_count.load(std::memory_order_relaxed) + 1,
                              std::memory_order_relaxed);
   watched->inside.store(call, std::memory_order_relaxed);
@@ -290,8 +295,9 @@ void FirmwareGuard::ThrowFromCallBack() {
   Jump(kHarnessError);
 }
 
-void FirmwareGuard::EndCall(const char* what) {
+void FirmwareGuard::EndCall(const char* what, const CodePlace& place) {
   if (!IsInside() || guarded_process != getpid()) return;
+  crash_place = place;
   std::snprintf(ended_by.data(), ended_by.size(), "%s", what);
   Jump(kEnded);
 }
@@ -311,7 +317,7 @@ void FirmwareGuard::SetFirmware(const void* address) {
   firmware_base = address != nullptr && dladdr(address, &info) != 0 ? info.dli_fbase : nullptr;
 }
 
-const char* FirmwareGuard::CrashPlace() { return crash_place.data(); }
+const CodePlace& FirmwareGuard::CrashPlace() { return crash_place; }
 
 void FirmwareGuard::OnCrash(int signal_number, siginfo_t* info, void* context) {
   if (!IsInside() || guarded_process != getpid()) {
@@ -385,15 +391,18 @@ void FirmwareGuard::Throw() {
     case kStoppedItself:
       throw FirmwareTrouble(true, fmt::format("the firmware stopped itself in {}", Name(present_call)));
     case kEnded:
-      throw FirmwareTrouble(false, fmt::format("the firmware {} in {}", ended_by.data(), Name(present_call)));
+      throw FirmwareTrouble(false, fmt::format("the firmware {} in {}", ended_by.data(), Name(present_call)),
+                            {.kind = FirmwareEndKind::kInCall, .place = crash_place.at.data()});
     case kHarnessError:
       std::rethrow_exception(std::exchange(error_, nullptr));
     case kCrashed:
       break;
   }
   throw FirmwareTrouble(
-      false, fmt::format("the firmware crashed in {}: {}{}", Name(present_call), strsignal(caught_signal),
-                         stack_overflowed != 0 ? " (stack overflow)" : ""));
+      false,
+      fmt::format("the firmware crashed in {}: {}{}", Name(present_call), strsignal(caught_signal),
+                  stack_overflowed != 0 ? " (stack overflow)" : ""),
+      {.kind = FirmwareEndKind::kInCall, .place = PlaceOfCrash()});
 }
 
 }  // namespace tiltproof::harness

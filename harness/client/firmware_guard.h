@@ -14,27 +14,20 @@
 // another process where the firmware is.
 #pragma once
 
-#include <array>
 #include <atomic>
 #include <csetjmp>
 #include <csignal>
 #include <cstdint>
 #include <exception>
-#include <stdexcept>
-#include <string>
 #include <string_view>
 #include <type_traits>
 
+#include "harness/client/code_place.h"
+#include "harness/client/firmware_end.h"
 #include "harness/client/floating_point.h"
 #include "link/time.h"
 
 namespace tiltproof::harness {
-
-// The firmware under test did something forbidden: its own fault, never the harness's.
-struct FirmwareTrouble : std::runtime_error {
-  FirmwareTrouble(bool hung_in, const std::string& text) : std::runtime_error(text), hung(hung_in) {}
-  bool hung;  // otherwise crashed
-};
 
 // Into the firmware.
 enum class FirmwareCall : std::uint8_t {
@@ -67,8 +60,8 @@ class FirmwareGuard {
     // Set by the other process, which then sends SIGALRM: ends the call as that of a firmware that has
     // stopped itself.
     std::atomic<bool> stopped_itself{false};
-    // A thread that the firmware has started took the process with it, here: as CrashPlace() says. Empty: none did.
-    std::array<char, 300> thread_crash_place{};
+    // Place where a thread that the firmware has started took the process with it. Unknown: none did.
+    CodePlace thread_crash_place{};
   };
 
   // For calls from this thread: handlers, on their own stack, for the signals of a crash, and a timer.
@@ -115,7 +108,7 @@ class FirmwareGuard {
 
   // Ends the current call, as that of a firmware that "called exit(3)". Returns when there is none: outside
   // of a call, in another thread, in a process that the firmware has forked.
-  static void EndCall(const char* what);
+  static void EndCall(const char* what, const CodePlace& place = {});
 
   // True in the thread that calls the firmware, and in every thread where nothing is guarded. Only it may call back.
   static bool IsGuardedThread();
@@ -127,9 +120,9 @@ class FirmwareGuard {
   static void SetFirmware(const void* address);
   // True for the address at which that library is loaded.
   static bool IsFirmwares(const void* base);
-  // Where in it the last call crashed, in one of its functions or in what they called: " at decoder.so+0x1a2b", the same in
-  // every process. Empty when that is not known, or the call ended in another way.
-  static const char* CrashPlace();
+  // The place in it where the last call crashed, in one of its functions or in what they called. Unknown when the call ended
+  // in another way, too.
+  static const CodePlace& CrashPlace();
 
   // Whether a call in this process has ended by a jump or an exception: what it was at is left as it was.
   static bool HasLeftCalls() { return has_left_calls_; }

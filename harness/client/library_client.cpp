@@ -132,23 +132,25 @@ class LibraryClient final : public Client {
   }
 
   ~LibraryClient() override {
-    const std::string trouble = End();
+    const auto trouble = End();
     output_.reset();
-    if (!trouble.empty())
-      Print(stderr, "tiltproof: warning: after the flight, which counts as it was, {}\n", trouble);
+    if (trouble)
+      Print(stderr, "tiltproof: warning: after the flight, which counts as it was, {}\n", trouble->what());
   }
 
   // The flight is over and judged: the firmware's calls have no effect any more, and there is no log.
-  std::string End() override {
+  std::optional<FirmwareTrouble> End() override {
     over_ = true;
-    if (client_ == nullptr || lost_) return "";
+    if (client_ == nullptr || lost_) return std::nullopt;
     try {
       FirmwareGuard::Call(FirmwareCall::kDestroy, [&] { library_.destroy(std::exchange(client_, nullptr)); });
-    } catch (const std::exception& error) {
+    } catch (const FirmwareTrouble& trouble) {
       if (output_) output_->TakeAll([&](const std::string& line) { report_.Look(line); });
-      return Explained(error.what());
+      return Explained(trouble);
+    } catch (const std::exception& error) {
+      return FirmwareTrouble(false, error.what());
     }
-    return "";
+    return std::nullopt;
   }
 
   BootTime Start(BootTime now) override {
@@ -236,7 +238,7 @@ class LibraryClient final : public Client {
     } catch (const FirmwareTrouble& trouble) {
       lost_ = true;
       LogAllOutput();
-      throw FirmwareTrouble(trouble.hung, trouble.hung ? trouble.what() : Explained(trouble.what()));
+      throw trouble.hung ? trouble : Explained(trouble);
     } catch (...) {
       lost_ = true;
       LogAllOutput();
@@ -244,11 +246,16 @@ class LibraryClient final : public Client {
     }
   }
 
-  // How a call crashed, with its place and what was reported.
-  std::string Explained(std::string text) const {
-    if (!report_.names_place()) text += FirmwareGuard::CrashPlace();
+  // Adds the place of a crash, and what was reported.
+  FirmwareTrouble Explained(const FirmwareTrouble& trouble) const {
+    std::string text = trouble.what();
+    FirmwareEnd end = trouble.end;
+    if (report_.names_place())
+      end.place = report_.place();
+    else
+      text += FirmwareGuard::CrashPlace().text();
     if (!report_.text().empty()) text += ": " + report_.text();
-    return text;
+    return {false, text, end};
   }
 
   // Until when it waits.

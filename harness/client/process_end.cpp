@@ -109,11 +109,9 @@ void pthread_exit(void* value) {
 
 // What a compiler calls (-fstack-protector) when the guard of a function's frame has another value at its end.
 void __stack_chk_fail() {
-  char where[kTextBytes], text[2 * kTextBytes];
-  tiltproof::harness::DescribeCode(tiltproof::harness::CallBefore(__builtin_return_address(0)), where);
-  std::snprintf(text, sizeof text, "damaged a stack guard%s (Aborted: *** stack smashing detected ***)",
-                where);
-  FirmwareGuard::EndCall(text);
+  tiltproof::harness::CodePlace place;
+  tiltproof::harness::FindCode(tiltproof::harness::CallBefore(__builtin_return_address(0)), place);
+  FirmwareGuard::EndCall("damaged a stack guard (Aborted: *** stack smashing detected ***)", place);
   Next<void()>("__stack_chk_fail")();
   abort();
 }

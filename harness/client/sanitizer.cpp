@@ -15,6 +15,7 @@
 #include <fstream>
 #include <iterator>
 #include <optional>
+#include <regex>
 #include <stdexcept>
 #include <vector>
 
@@ -154,6 +155,16 @@ void PreloadSanitizer(const std::filesystem::path& library) {
   StartAnewWith(runtime);
 }
 
+void AbortReport::SetPlace(std::string_view line) {
+  static const std::regex source(R"([^\s:(]+\.\w+:[0-9]+(:[0-9]+)?)"), offset(R"([^\s(]+\+0x[0-9a-f]+)");
+  std::cmatch found;
+  const char* const end = line.data() + line.size();
+  place_.clear();
+  if (std::regex_search(line.data(), end, found, source) ||
+      std::regex_search(line.data(), end, found, offset))
+    place_ = found.str();
+}
+
 void AbortReport::Look(std::string_view line) {
   constexpr std::size_t kTextMax = 400;
   const auto find = [&](std::string_view text) { return line.find(text); };
@@ -161,10 +172,12 @@ void AbortReport::Look(std::string_view line) {
     text_ = line.substr(at, std::min(line.find(" on ", at), line.find(" (", at)) - at).substr(0, kTextMax);
     lacks_place_ = true;
     names_place_ = false;
+    place_.clear();
   } else if (find(": runtime error: ") != line.npos) {
     text_ = line.substr(0, kTextMax);
     lacks_place_ = false;
     names_place_ = true;
+    SetPlace(text_);
   } else if (const std::size_t in = find(" in "); lacks_place_ && in != line.npos) {
     // "    #1 0x7f0c in Decode decoder.c:33". A function of the C library is the sanitizer's, in its own source.
     const std::size_t number = line.find_first_not_of(' ');
@@ -176,12 +189,15 @@ void AbortReport::Look(std::string_view line) {
     text_ += line.substr(in, std::min(line.find(" (BuildId", in) - in, kTextMax));
     lacks_place_ = false;
     names_place_ = true;
+    SetPlace(line.substr(in));
   } else if (IsTheCLibrarys(line)) {
     // "PROGRAM: FILE:LINE: FUNCTION: Assertion `...' failed."
     names_place_ = line.ends_with("' failed.");
     const std::string program = fmt::format("{}: ", program_invocation_short_name);
     text_ = line.substr(line.starts_with(program) ? program.size() : 0, kTextMax);
     lacks_place_ = false;
+    place_.clear();
+    if (names_place_) SetPlace(text_);
   }
 }
 

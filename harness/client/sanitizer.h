@@ -27,11 +27,15 @@ class AbortReport {
   void Look(std::string_view line);
   // Without addresses, which differ from process to process; empty: there was none. Of several, the last.
   const std::string& text() const { return text_; }
-  // Whether that says where in the source.
+  // True where the text says where in the firmware.
   bool names_place() const { return names_place_; }
+  // That place alone: "decoder.c:33", or "decoder.so+0x1a2b" of a library without lines. Empty: not known.
+  const std::string& place() const { return place_; }
 
  private:
-  std::string text_;
+  void SetPlace(std::string_view line);
+
+  std::string text_, place_;
   bool lacks_place_ = false, names_place_ = false;
 };
 

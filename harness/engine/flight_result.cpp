@@ -38,6 +38,7 @@ FlightResult MakeErrorResult(const std::string& name, const Scenario& scenario, 
   result.replay = replay;
   result.outcome = Outcome::kError;
   result.score.verdict = Verdict::kError;
+  result.score.cause = VerdictCause::kHarness;
   result.score.reason = reason;
   return result;
 }
@@ -51,6 +52,7 @@ FlightResult MakeResult(const std::string& name, const Scenario& scenario, const
   result.score = ScoreRun(scenario, log);
   result.end_reason = log.end_reason;
   result.outcome = OutcomeOf(log, result.score);
+  result.firmware_end = log.firmware_end;
   result.events = EventsOf(log);
   for (const ClientLog& client : log.clients) {
     if (log.end_reason == EndReason::kFirmwareLost) AddLastLines(client.firmware_log, result.last_lines);

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "harness/client/coverage.h"
+#include "harness/client/firmware_end.h"
 #include "harness/score/outcome.h"
 #include "harness/score/score.h"
 #include "link/fields.h"
@@ -30,9 +31,10 @@ struct FlightResult {
   std::string name;  // unique in its run
   Verdict expected = Verdict::kPass;
   std::uint64_t seed = 0;
-  std::string trace_hash;               // empty: there was no flight to score
-  std::optional<EndReason> end_reason;  // none: there was no flight to score
-  std::optional<Outcome> outcome;       // none: read from a file of an older version
+  std::string trace_hash;                   // empty: there was no flight to score
+  std::optional<EndReason> end_reason;      // none: there was no flight to score
+  std::optional<Outcome> outcome;           // none: read from a file of an older version
+  std::optional<FirmwareEnd> firmware_end;  // none: the firmware did not break, or it is not known how
   double wall_s = 0.0;
   double real_time_factor = 0.0;
   Score score;
@@ -51,8 +53,9 @@ struct FlightResult {
   // In files the fields of the score stand among these, and the events in events.jsonl.
   static constexpr std::array<std::string_view, 6> kNotInFiles = {
       "score", "events", "last_lines", "is_of_any_seed", "coverage_kind", "coverage"};
-  TILTPROOF_FIELDS(name, expected, seed, trace_hash, end_reason, outcome, wall_s, real_time_factor, score,
-                   unmodelled_blocks, events, last_lines, is_of_any_seed, replay, coverage_kind, coverage)
+  TILTPROOF_FIELDS(name, expected, seed, trace_hash, end_reason, outcome, firmware_end, wall_s,
+                   real_time_factor, score, unmodelled_blocks, events, last_lines, is_of_any_seed, replay,
+                   coverage_kind, coverage)
 };
 
 // Scores a flight.

@@ -171,8 +171,11 @@ FlightResult FlyJob(const FlightJob& job, WorkerReport& report, const std::atomi
     result->coverage = std::move(coverage.features);
   }
   if (job.tells_end && client)
-    if (const std::string trouble = client->End(); !trouble.empty())
-      result->events.push_back({ToSeconds(log.end_ns), std::string(kEndFailedEvent), std::nullopt, trouble});
+    if (const auto trouble = client->End()) {
+      result->events.push_back(
+          {ToSeconds(log.end_ns), std::string(kEndFailedEvent), std::nullopt, trouble->what()});
+      result->firmware_end = trouble->end;
+    }
   report.progress_ns.fetch_add(1, std::memory_order_relaxed);
   try {
     if (scenario.faults.size() > job.scenario.faults.size()) job.recorder.begin(scenario);
@@ -212,6 +215,7 @@ WorkerResult FlyAndRecord(const FlightJob& job, WorkerReport& report, const std:
     if (const std::string what = before->WhatChanged(); !what.empty()) {
       done.result = ErrorResult(job, fmt::format("the firmware {}: {}", what, done.result.score.reason));
       done.result.score.verdict = Verdict::kFail;
+      done.result.score.cause = VerdictCause::kFirmware;
       done.result.outcome = Outcome::kCrashed;
     }
   return done;

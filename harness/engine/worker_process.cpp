@@ -33,10 +33,13 @@ constexpr TimeNs kLastChanceNs = kNsPerS;
 constexpr TimeNs kStuckAtLeastNs = 10 * kNsPerS;
 
 // Of a firmware that took its flight with it.
-FlightResult FirmwareFailed(const FlightJob& job, Outcome outcome, const std::string& reason) {
+FlightResult FirmwareFailed(const FlightJob& job, Outcome outcome, const FirmwareEnd& end,
+                            const std::string& reason) {
   FlightResult result = ErrorResult(job, reason);
+  result.firmware_end = end;
   result.outcome = outcome;
   result.score.verdict = Verdict::kFail;
+  result.score.cause = VerdictCause::kFirmware;
   return result;
 }
 
@@ -257,10 +260,10 @@ FlightResult WorkerProcess::WithoutResult(const FlightJob& job, int status) cons
                  ? fmt::format("interrupted in a debugger, or while it waited for one, {}", at)
                  : fmt::format("interrupted while the firmware was in {}, {}", Name(stuck_in_), at));
   if (stuck_ && stopped_itself_in_ != FirmwareCall::kNone)
-    return FirmwareFailed(job, Outcome::kHung,
+    return FirmwareFailed(job, Outcome::kHung, {.kind = FirmwareEndKind::kInCall},
                           fmt::format("the firmware stopped itself in {} {}", Name(stopped_itself_in_), at));
   if (stuck_ && stuck_in_ != FirmwareCall::kNone)
-    return FirmwareFailed(job, Outcome::kHung,
+    return FirmwareFailed(job, Outcome::kHung, {.kind = FirmwareEndKind::kInCall},
                           fmt::format("the firmware did not return from {} within {} s of its own time, {}, "
                                       "and holds off what would end the call: its flight is lost",
                                       Name(stuck_in_), ToSeconds(FirmwareGuard::kUnreachableAfterNs), at));
@@ -273,7 +276,7 @@ FlightResult WorkerProcess::WithoutResult(const FlightJob& job, int status) cons
   const bool not_handed_over = WIFEXITED(status) && WEXITSTATUS(status) == kExitWithoutResult;
   if (not_handed_over && job.means.FirmwareInWorker(job.scenario))
     return FirmwareFailed(
-        job, Outcome::kCrashed,
+        job, Outcome::kCrashed, {.kind = FirmwareEndKind::kInCall},
         "the firmware closed descriptors of its process, the one for the results among them: "
         "the flight is lost");
   if (not_handed_over)
@@ -289,17 +292,20 @@ FlightResult WorkerProcess::WithoutResult(const FlightJob& job, int status) cons
   const bool by_others =
       WIFSIGNALED(status) && (inside == FirmwareCall::kNone ||
                               std::find(others.begin(), others.end(), WTERMSIG(status)) != others.end());
-  if (const char* const place = report_->firmware.thread_crash_place.data(); *place != '\0')
+  if (const CodePlace& place = report_->firmware.thread_crash_place; place.known())
     return FirmwareFailed(
-        job, Outcome::kCrashed,
+        job, Outcome::kCrashed, {.kind = FirmwareEndKind::kInThread, .place = place.at.data()},
         fmt::format("a thread that the firmware started crashed{}: the process {} {}, and the "
                     "flight is lost",
-                    place, how, at));
+                    place.text(), how, at));
   if (job.means.FirmwareInWorker(job.scenario) && !by_others)
-    return FirmwareFailed(job, Outcome::kCrashed,
-                          fmt::format("the firmware ended its process in {}: the process {} {}, and the "
-                                      "flight is lost",
-                                      Name(inside), how, at));
+    // A signal of a crash is caught in the firmware's own code: this one came in a call back.
+    return FirmwareFailed(
+        job, Outcome::kCrashed,
+        {.kind = WIFSIGNALED(status) ? FirmwareEndKind::kInCallBack : FirmwareEndKind::kInCall},
+        fmt::format("the firmware ended its process in {}: the process {} {}, and the "
+                    "flight is lost",
+                    Name(inside), how, at));
   const std::string what = fmt::format("the worker process {} {}", how, at);
   const std::array crashes = {SIGABRT, SIGSEGV, SIGBUS, SIGFPE, SIGILL};
   const bool crashed =

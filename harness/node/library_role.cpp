@@ -74,13 +74,17 @@ class LibraryRole final : public Role {
     if (!origin_.known()) origin_ = Origin(power_on_ns_);
     Flush();
     NodeTotals totals;
-    if (client_ == nullptr || lost_) return totals;
+    if (client_ == nullptr || lost_) {
+      totals.firmware_end = firmware_end_;
+      return totals;
+    }
     try {
       totals.client = client_->Status();
       for (const auto& [time, state] : supervisor_)
         totals.states.push_back({origin_.SimulationTime(OfNode(time)), state});
     } catch (const FirmwareTrouble& trouble) {
       Tell(trouble);
+      totals.firmware_end = firmware_end_;
     }
     return totals;
   }
@@ -121,6 +125,7 @@ class LibraryRole final : public Role {
 
   void Tell(const FirmwareTrouble& trouble) {
     stopped_ = lost_ = true;
+    firmware_end_ = trouble.end;
     services_.Fail(trouble.hung ? EndReason::kFirmwareHung : EndReason::kFirmwareCrashed, trouble.what());
   }
 
@@ -185,6 +190,7 @@ class LibraryRole final : public Role {
   std::vector<std::pair<BootTime, std::uint32_t>> supervisor_;  // the state from a time on
   std::size_t logged_bytes_ = 0;
   std::optional<FirmwareTrouble> trouble_;  // while it was loaded
+  std::optional<FirmwareEnd> firmware_end_;
   bool stopped_ = false, lost_ = false;
   std::shared_ptr<char> alive_ = std::make_shared<char>();
   dds::Subscriber<dds::RunState> states_;

@@ -136,6 +136,7 @@ FlightResult NotFlown(const PlannedFlight& flight, const std::string& reason) {
   result.seed = flight.seed;
   result.outcome = Outcome::kError;
   result.score.verdict = Verdict::kError;
+  result.score.cause = VerdictCause::kNotFlown;
   result.score.reason = reason;
   return result;
 }

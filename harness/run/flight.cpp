@@ -41,11 +41,17 @@ class Conductor {
       } catch (const FirmwareTrouble& trouble) {
         if (!scenario_.has_several_clients()) throw;
         throw FirmwareTrouble(trouble.hung,
-                              "client " + scenario_.client_id(channel->index()) + ": " + trouble.what());
+                              "client " + scenario_.client_id(channel->index()) + ": " + trouble.what(),
+                              trouble.end);
       }
     }
   }
   void Conduct();
+  void EndBy(const FirmwareTrouble& trouble) {
+    log_.end_reason = trouble.hung ? EndReason::kFirmwareHung : EndReason::kFirmwareCrashed;
+    log_.end_text = trouble.what();
+    log_.firmware_end = trouble.end;
+  }
   bool EndsBefore(BootTime now);
   void AdvancePlant(BootTime to) { server_.Advance(to, Counts()); }
   void FollowAhead(const ClientChannel& channel, BootTime to);
@@ -120,8 +126,7 @@ RunLog Conductor::Run() {
     Each([&](ClientChannel& channel) { channel.PowerOn(options_.make_client); });
     Conduct();
   } catch (const FirmwareTrouble& trouble) {
-    log_.end_reason = trouble.hung ? EndReason::kFirmwareHung : EndReason::kFirmwareCrashed;
-    log_.end_text = trouble.what();
+    EndBy(trouble);
   } catch (const std::exception& error) {
     if (!in_turn_.back()->exists()) throw;
     log_.end_reason = EndReason::kHarnessError;
@@ -312,8 +317,7 @@ void Conductor::Finish() {
     try {
       Each([&](ClientChannel& channel) { channel.AskStatus(log_); });
     } catch (const FirmwareTrouble& late) {
-      log_.end_reason = late.hung ? EndReason::kFirmwareHung : EndReason::kFirmwareCrashed;
-      log_.end_text = late.what();
+      EndBy(late);
     }
   }
   for (ClientChannel& channel : channels_) channel.Finish(state.origin, log_);

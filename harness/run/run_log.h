@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "faults/fault.h"
+#include "harness/client/firmware_end.h"
 #include "harness/run/link_log.h"
 #include "harness/run/trace.h"
 #include "link/chunk.h"
@@ -185,8 +186,9 @@ struct ProcessorUse {
 struct RunLog {
   Trace trace;
   EndReason end_reason = EndReason::kCompleted;
-  std::string end_text;  // explanation for the user, for everything but kCompleted
-  TimeNs end_ns = 0;     // simulation time reached
+  std::string end_text;                     // explanation for the user, for everything but kCompleted
+  std::optional<FirmwareEnd> firmware_end;  // none: the firmware did not break, or it is not known how
+  TimeNs end_ns = 0;                        // simulation time reached
   // The vehicle's inputs at hover and their limits, in the order of its inputs.
   std::vector<double> hover_input, input_min, input_max;
 
@@ -212,7 +214,7 @@ struct RunLog {
   double wall_s = 0.0;  // only of the flight
   // For flight.json, which also has the clients, the events and the lateness; the rest has files of its own.
   static constexpr bool kLeavesOutNull = true;
-  TILTPROOF_FIELDS(end_reason, end_text, end_ns, wall_s, hover_input, input_min, input_max,
+  TILTPROOF_FIELDS(end_reason, end_text, firmware_end, end_ns, wall_s, hover_input, input_min, input_max,
                    fault_activation_counts, harness_overrun_count, harness_late_max_ns, firmware_use)
 };
 

@@ -340,11 +340,13 @@ void Conclude(Score& score, Verdict expected) {
       first = &criterion;
   }
   if (first != nullptr) {
+    score.cause = score.verdict == Verdict::kError ? VerdictCause::kHarness : VerdictCause::kCriterion;
     score.reason = first->name + ": " + first->explanation;
     return;
   }
   for (const auto& fault : score.faults)
     if (fault.activations == 0) {
+      score.cause = VerdictCause::kNeverActivated;
       score.reason = "fault '" + fault.id + "' never activated";
       return;
     }
@@ -458,12 +460,14 @@ Score ScoreRun(const Scenario& scenario, const RunLog& log, const ScoreOptions& 
   if (score.verdict == Verdict::kPass || score.verdict == Verdict::kFail) {
     if (std::string why = TooLateToJudge(log, period_ns); !why.empty()) {
       score.verdict = Verdict::kInconclusive;
+      score.cause = VerdictCause::kTooBusy;
       score.reason = std::move(why);
     } else if (const std::string own = LateByFirmware(log, period_ns); !own.empty()) {
       if (score.verdict == Verdict::kFail) {
         score.reason += "; " + own;
       } else {
         score.verdict = Verdict::kInconclusive;
+        score.cause = VerdictCause::kTooBusy;
         score.reason = own + ": a firmware cannot be judged that leaves no processor to it";
       }
     }
@@ -471,6 +475,7 @@ Score ScoreRun(const Scenario& scenario, const RunLog& log, const ScoreOptions& 
   if (FailsByRestart(score, scenario, log)) {
     const auto restart = FindUnaskedRestart(scenario, log)->restart;
     score.verdict = Verdict::kInconclusive;
+    score.cause = VerdictCause::kTooBusy;
     score.reason = "the firmware restarted" + AtTime(ToSeconds(restart.time_ns)) +
                    " directly after the harness itself was late, and failed only then (" + score.reason +
                    "): this machine was too busy to judge a firmware";

@@ -17,6 +17,7 @@
 #include "harness/score/histogram.h"
 #include "harness/score/metrics.h"
 #include "harness/score/stl.h"
+#include "harness/score/verdict_cause.h"
 #include "link/fields.h"
 
 namespace tiltproof::harness {
@@ -56,6 +57,7 @@ struct FaultResult {
 
 struct Score {
   Verdict verdict = Verdict::kInconclusive;
+  std::optional<VerdictCause> cause;  // none: passed, or read from a file of an older version
   std::string reason;  // one line: which criterion, fault or failure decided; empty when passed
   std::map<std::string, double> metrics;  // dotted names, finite; absent when the client cannot supply it
   std::map<std::string, Histogram> histograms;  // request_period_ms, reply_latency_ms; always there
@@ -63,7 +65,7 @@ struct Score {
   std::vector<CriterionResult> criteria;
   std::vector<FaultResult> faults;  // in the scenario's order
   std::int64_t restarts = 0;        // of the firmware, asked for or not
-  TILTPROOF_FIELDS(verdict, reason, metrics, histograms, criteria, faults, restarts)
+  TILTPROOF_FIELDS(verdict, cause, reason, metrics, histograms, criteria, faults, restarts)
 };
 
 // The smallest margin of the criteria that have one; of a flight that failed, none above 0: it broke in another way.

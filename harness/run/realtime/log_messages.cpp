@@ -405,6 +405,7 @@ RunLog LogCollector::Take(TimeNs end_ns) {
     if (totals.line) Append(log_, std::move(*totals.line), 0, Origin());
     AddActivations(log_, totals.activation_counts);
     states.insert(states.end(), totals.states.begin(), totals.states.end());
+    if (totals.firmware_end) log_.firmware_end = std::move(totals.firmware_end);
     if (!totals.unmodelled_blocks.empty())
       log_.clients[0].unmodelled_blocks = std::move(totals.unmodelled_blocks);
     if (totals.client) log_.clients[0].failsafe_entered_count = totals.client->failsafe_count;

@@ -78,7 +78,9 @@ struct NodeTotals {
   std::vector<std::int64_t> activation_counts;
   std::vector<std::string> unmodelled_blocks;  // of the client's board (ClientLog)
   std::optional<FirmwareUse> firmware_use;     // of a program
-  TILTPROOF_FIELDS(lateness, line, plant, client, states, activation_counts, unmodelled_blocks, firmware_use)
+  std::optional<FirmwareEnd> firmware_end;     // of a library that broke
+  TILTPROOF_FIELDS(lateness, line, plant, client, states, activation_counts, unmodelled_blocks, firmware_use,
+                   firmware_end)
 };
 
 // The link counters of a flight at one instant of its grid of control periods. The link node knows them, the

@@ -41,7 +41,7 @@ enum class Message : std::uint8_t {
   // Answers.
   kDone,
   kFailed,          // text
-  kFirmwareFailed,  // hung, text: FirmwareTrouble
+  kFirmwareFailed,  // hung, text, end: FirmwareTrouble
 };
 
 // What a process is told before the flight.

@@ -76,7 +76,8 @@ class RemoteClient final : public Client {
             return {message.begin() + 1, message.end()};
           case Message::kFirmwareFailed: {
             const bool hung = unpacker.Next<bool>();
-            throw FirmwareTrouble(hung, unpacker.Next<std::string>());
+            const auto text = unpacker.Next<std::string>();
+            throw FirmwareTrouble(hung, text, unpacker.Next<FirmwareEnd>());
           }
           case Message::kFailed:
             throw std::runtime_error(unpacker.Next<std::string>());

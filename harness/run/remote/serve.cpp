@@ -31,7 +31,7 @@ void ServeRequests(Channel& channel, const Handle& handle) {
         throw;
       } catch (const FirmwareTrouble& trouble) {
         answer = {};
-        answer(Message::kFirmwareFailed, trouble.hung, std::string(trouble.what()));
+        answer(Message::kFirmwareFailed, trouble.hung, std::string(trouble.what()), trouble.end);
       } catch (const std::exception& error) {
         answer = {};
         answer(Message::kFailed, std::string(error.what()));

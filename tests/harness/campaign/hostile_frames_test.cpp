@@ -23,6 +23,7 @@ namespace {
 using faults::Random;
 using ::testing::Each;
 using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 using ::testing::SizeIs;
 
 const link::Protocol& Paper() { return *link::FindProtocol("paper"); }
@@ -172,35 +173,47 @@ TEST(BrokenFlight, TheSameDefectHasOneKeyWhereverItIsMet) {
   EXPECT_NE(key("crashed at 1 s in Decode"),
             BrokenBy(Ended(EndReason::kFirmwareHung, Outcome::kHung, "crashed at 1 s in Decode"))->key);
   // Where the limit on processor time finds an image is chance.
-  const std::string cost =
-      "survival: firmware hung at 1.5 s: 0.5 s, since t = 1.0 s, have cost 10.1 s of processor time; it is "
-      "in ";
-  EXPECT_EQ(BrokenBy(Ended(EndReason::kFirmwareHung, Outcome::kHung, cost + "main (a.c:7)"))->key,
-            BrokenBy(Ended(EndReason::kFirmwareHung, Outcome::kHung, cost + "Tick (a.c:9)"))->key);
+  const auto key_of_cost = [](const std::string& place) {
+    FlightResult costly =
+        Ended(EndReason::kFirmwareHung, Outcome::kHung, "10.1 s of processor time; in " + place);
+    costly.firmware_end = {.kind = FirmwareEndKind::kTooCostly};
+    return BrokenBy(costly)->key;
+  };
+  EXPECT_EQ(key_of_cost("main (a.c:7)"), key_of_cost("Tick (a.c:9)"));
   EXPECT_EQ(KeyOfReason("x1 of 0.5 s, 3."), "x1 of # s, #.");
   EXPECT_EQ(KeyOfReason("3 at a.so+0x1f, b.c:33", true), "# at a.so+0x1f, b.c:33");
 }
 
 TEST(BrokenFlight, TwoTextsOfOnePlaceInALibraryAreOneDefect) {
-  const auto key = [](const std::string& how, const std::string& call = "receive") {
-    return BrokenBy(Ended(EndReason::kFirmwareCrashed, Outcome::kCrashed,
-                          "survival: firmware crashed at 0.168 s: the firmware crashed in tiltproof_client_" +
-                              call + ": " + how))
-        ->key;
+  const auto crash = [](const std::string& how, const std::string& place) {
+    FlightResult result = Ended(EndReason::kFirmwareCrashed, Outcome::kCrashed, how);
+    result.firmware_end = {.kind = FirmwareEndKind::kInCall, .place = place};
+    return BrokenBy(result)->key;
   };
-  EXPECT_EQ(key("Aborted at mine.so+0x1a2b in Decode (free(): invalid next size (fast))"),
-            "crash: mine.so+0x1a2b");
-  EXPECT_EQ(key("Aborted at mine.so+0x1a2b in Decode (free(): invalid next size (fast))"),
-            key("Segmentation fault at mine.so+0x1a2b in Decode", "grant"));
-  EXPECT_NE(key("Segmentation fault at mine.so+0x1a2b"), key("Segmentation fault at mine.so+0x1a2c"));
-  EXPECT_EQ(key("Aborted (ERROR: AddressSanitizer: heap-buffer-overflow in Decode /mine/x.c:33)"),
-            key("Aborted (/mine/x.c:33: runtime error: index 80 out of bounds)"));
-  EXPECT_NE(key("Aborted (x.c:33:4: runtime error: index)"), key("Aborted (x.c:33:9: runtime error: index)"));
-  EXPECT_NE(key("called exit(3)"), key("called exit(3)", "grant"));
-  EXPECT_EQ(key("Segmentation fault (stack overflow) at mine.so+0x1a in Walk"),
-            key("Segmentation fault (stack overflow) at mine.so+0x2b in Walk"));
-  EXPECT_NE(key("Segmentation fault (stack overflow) at mine.so+0x1a in Walk"),
-            key("Segmentation fault (stack overflow) at mine.so+0x1a in Read"));
+  EXPECT_EQ(crash("Aborted (free(): invalid next size (fast))", "mine.so+0x1a2b"), "crash: mine.so+0x1a2b");
+  EXPECT_EQ(crash("Aborted", "mine.so+0x1a2b"), crash("Segmentation fault", "mine.so+0x1a2b"));
+  EXPECT_NE(crash("Segmentation fault", "mine.so+0x1a2b"), crash("Segmentation fault", "mine.so+0x1a2c"));
+  EXPECT_NE(crash("called exit(3) in receive", ""), crash("called exit(3) in grant", ""));
+}
+
+TEST(BrokenFlight, MemoryThatACallBackFindsDamagedIsOneDefectWhereverItIsFound) {
+  const auto found = [](const std::string& call) {
+    FlightResult result =
+        Ended(EndReason::kCompleted, Outcome::kCrashed, "was killed by signal 6 in " + call);
+    result.end_reason = std::nullopt;
+    result.firmware_end = {.kind = FirmwareEndKind::kInCallBack};
+    return *BrokenBy(result);
+  };
+  EXPECT_EQ(found("receive").key, found("grant").key);
+  EXPECT_NE(found("receive").may_pass, "");
+}
+
+TEST(BrokenFlight, ACrashInAThreadMayComeTooLate) {
+  FlightResult result = Ended(EndReason::kCompleted, Outcome::kCrashed, "a thread crashed");
+  result.end_reason = std::nullopt;
+  result.firmware_end = {.kind = FirmwareEndKind::kInThread, .place = "mine.so+0x12"};
+  EXPECT_EQ(BrokenBy(result)->key, "crash: mine.so+0x12");
+  EXPECT_THAT(BrokenBy(result)->may_pass, HasSubstr("thread"));
 }
 
 TEST(BrokenFlight, TheLastPlaceOfAnImageCountsToo) {

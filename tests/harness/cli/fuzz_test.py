@@ -90,7 +90,7 @@ class FuzzTest(CommandLineTest):
         self.assertEqual(code, 1, out + err)
         (finding,) = self.summary()["findings"]
         self.assertEqual(finding["kind"], "crash")
-        self.assertRegex(finding["reason"], r"damaged a stack guard at libcareless_client\.so\+0x\w+( in \w+)? .*stack smashing detected")
+        self.assertRegex(finding["reason"], r"damaged a stack guard .*stack smashing detected.* in tiltproof_client_\w+ at libcareless_client\.so\+0x\w+")
 
     def test_a_heap_that_the_harness_finds_damaged_is_a_crash(self):
         code, out, err = self.fuzz("overrun", runs=3000)
