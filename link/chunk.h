@@ -1,6 +1,7 @@
 // Bytes on a wire with their time: the unit that transports, filters and logs share.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <string_view>
@@ -15,7 +16,8 @@ namespace tiltproof::link {
 // A line and a direction. The main line carries sensors and actuators, the reference line only base station
 // -> client.
 enum class Direction : std::uint8_t { kToPlant, kToClient, kReference };
-inline constexpr std::size_t kDirectionCount = 3;
+inline constexpr std::array kDirections = {Direction::kToPlant, Direction::kToClient, Direction::kReference};
+inline constexpr std::size_t kDirectionCount = kDirections.size();
 std::string_view Name(Direction direction);  // "to_plant", "to_client", "reference"
 
 // On a line it has boot time, in the log of a flight simulation time.

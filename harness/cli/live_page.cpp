@@ -12,6 +12,7 @@
 #include "harness/run/run_id.h"
 #include "harness/terminal/terminal.h"
 #include "link/check.h"
+#include "link/named.h"
 
 namespace tiltproof::harness {
 namespace {

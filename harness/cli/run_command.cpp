@@ -26,6 +26,7 @@
 #include "harness/scenario/selection.h"
 #include "harness/terminal/lines.h"
 #include "harness/terminal/terminal.h"
+#include "link/named.h"
 
 namespace tiltproof::harness {
 namespace {

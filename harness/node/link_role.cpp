@@ -20,8 +20,8 @@ namespace tiltproof::harness {
 namespace {
 
 using link::Direction;
+using link::kDirections;
 
-constexpr std::array kDirections = {Direction::kToPlant, Direction::kToClient, Direction::kReference};
 constexpr std::size_t kRoundTripSampleCount = 50;
 // How often bytes on their way are handed to an emulator: every ten or so at 921600 baud. Before the end of a frame there
 // are none for longer than this.

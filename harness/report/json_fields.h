@@ -30,6 +30,7 @@
 #include "harness/report/json_text.h"
 #include "link/chunk.h"
 #include "link/fields.h"
+#include "link/named.h"
 #include "link/time.h"
 
 namespace tiltproof::harness {

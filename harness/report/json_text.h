@@ -5,7 +5,6 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string>
-#include <string_view>
 
 namespace tiltproof::harness {
 
@@ -18,14 +17,6 @@ inline std::string JsonText(const nlohmann::ordered_json& json, int indent = -1)
 inline std::string JsonLine(const nlohmann::ordered_json& json) {
   // DEL is the only ASCII control character that JSON leaves unchanged; nlohmann also writes it as \u007f.
   return json.dump(-1, ' ', true, nlohmann::ordered_json::error_handler_t::replace);
-}
-
-// The value of an enumeration by its Name(); LastOf() says how many it has. Throws std::runtime_error.
-template <class Enum>
-Enum Named(std::string_view name) {
-  for (int i = 0; i <= static_cast<int>(LastOf(Enum())); ++i)
-    if (Name(static_cast<Enum>(i)) == name) return static_cast<Enum>(i);
-  throw std::runtime_error("unknown name '" + std::string(name) + "'");
 }
 
 // Version of the result files: run.json, results.json, verdict.json, flight.json. It is increased when a

@@ -1,11 +1,10 @@
 #include "harness/report/results.h"
 
 #include <fmt/format.h>
+#include <tinyxml2.h>
 #include <unistd.h>
 
 #include <nlohmann/json.hpp>
-#include <pugixml.hpp>
-#include <sstream>
 
 #include "harness/report/files.h"
 #include "harness/report/flight_hashes.h"
@@ -13,6 +12,8 @@
 
 namespace tiltproof::harness {
 namespace {
+
+using tinyxml2::XMLElement;
 
 // Who opens the file looks for these first.
 Json ToFile(const FlightResult& result) {
@@ -47,72 +48,82 @@ std::string HostName() {
 
 std::string Decimal(double time_s) { return fmt::format("{:.3f}", time_s); }
 
-void AddTestCase(pugi::xml_node suite, const std::string& suite_name, const FlightResult& result) {
-  auto test = suite.append_child("testcase");
-  test.append_attribute("classname") = suite_name.c_str();
-  test.append_attribute("name") = XmlSafe(result.name).c_str();
-  test.append_attribute("time") = Decimal(result.wall_s).c_str();
+// Elements and attributes in the order in which they are set. tinyxml2 escapes what XML does not allow in them.
+XMLElement& Append(XMLElement& parent, const char* name) { return *parent.InsertNewChildElement(name); }
+
+void Set(XMLElement& element, const char* name, const std::string& text) {
+  element.SetAttribute(name, XmlSafe(text).c_str());
+}
+
+XMLElement& AddTestCase(XMLElement& suite, const std::string& suite_name, const std::string& name,
+                        double time_s) {
+  XMLElement& test = Append(suite, "testcase");
+  Set(test, "classname", suite_name);
+  Set(test, "name", name);
+  Set(test, "time", Decimal(time_s));
+  return test;
+}
+
+void AddFlight(XMLElement& suite, const std::string& suite_name, const FlightResult& result) {
+  XMLElement& test = AddTestCase(suite, suite_name, result.name, result.wall_s);
   if (result.green()) return;
   const std::string verdict(Name(result.score.verdict));
-  auto failure = test.append_child(result.score.verdict == Verdict::kError ? "error" : "failure");
-  failure.append_attribute("message") =
-      XmlSafe(fmt::format("{}, expected {}: {}", verdict, Name(result.expected), result.score.reason))
-          .c_str();
-  failure.append_attribute("type") = verdict.c_str();
+  XMLElement& failure = Append(test, result.score.verdict == Verdict::kError ? "error" : "failure");
+  Set(failure, "message",
+      fmt::format("{}, expected {}: {}", verdict, Name(result.expected), result.score.reason));
+  Set(failure, "type", verdict);
   std::string text = fmt::format("seed {}\nreplay: {}\n", result.seed, result.replay);
   for (const auto& criterion : result.score.criteria)
     text += fmt::format("{} {}: {}\n", Name(criterion.verdict), criterion.name, criterion.explanation);
   for (const std::string& cause : OtherCauses(result)) text += cause + "\n";
-  failure.append_child(pugi::node_pcdata).set_value(XmlSafe(text).c_str());
+  failure.SetText(XmlSafe(text).c_str());
 }
 
-void AddSkipped(pugi::xml_node suite, const std::string& suite_name, const NotApplicable& scenario) {
-  auto test = suite.append_child("testcase");
-  test.append_attribute("classname") = suite_name.c_str();
-  test.append_attribute("name") = XmlSafe(scenario.name).c_str();
-  test.append_attribute("time") = Decimal(0.0).c_str();
-  test.append_child("skipped").append_attribute("message") = XmlSafe(scenario.reason).c_str();
+void AddSkipped(XMLElement& suite, const std::string& suite_name, const NotApplicable& scenario) {
+  Set(Append(AddTestCase(suite, suite_name, scenario.name, 0.0), "skipped"), "message", scenario.reason);
 }
 
 // Elements, attributes and their order are what the schemas of Ant and Jenkins both know; a test holds that.
 std::string JunitXml(const RunInfo& info, const std::vector<FlightResult>& results) {
-  pugi::xml_document document;
-  auto suite = document.append_child("testsuites").append_child("testsuite");
-  const std::string name = XmlSafe(info.suite);
+  tinyxml2::XMLDocument document;
+  document.InsertEndChild(document.NewDeclaration());
+  auto* const suites = document.NewElement("testsuites");
+  document.InsertEndChild(suites);
+  XMLElement& suite = Append(*suites, "testsuite");
   unsigned failures = 0, errors = 0;
   double time_s = 0;
   for (const auto& result : results) {
     if (!result.green()) ++(result.score.verdict == Verdict::kError ? errors : failures);
     time_s += result.wall_s;
   }
-  suite.append_attribute("name") = name.c_str();
-  suite.append_attribute("package") = name.c_str();
-  suite.append_attribute("id") = 0;
-  suite.append_attribute("hostname") = HostName().c_str();
+  Set(suite, "name", info.suite);
+  Set(suite, "package", info.suite);
+  Set(suite, "id", "0");
+  Set(suite, "hostname", HostName());
   // UTC. Ant's schema knows neither zone nor fractions of a second.
-  suite.append_attribute("timestamp") = info.started.substr(0, 19).c_str();
-  suite.append_attribute("tests") = static_cast<unsigned>(results.size() + info.not_applicable.size());
-  suite.append_attribute("failures") = failures;
-  suite.append_attribute("errors") = errors;
-  suite.append_attribute("skipped") = static_cast<unsigned>(info.not_applicable.size());
-  suite.append_attribute("time") = Decimal(time_s).c_str();
-  auto properties = suite.append_child("properties");
+  Set(suite, "timestamp", info.started.substr(0, 19));
+  Set(suite, "tests", std::to_string(results.size() + info.not_applicable.size()));
+  Set(suite, "failures", std::to_string(failures));
+  Set(suite, "errors", std::to_string(errors));
+  Set(suite, "skipped", std::to_string(info.not_applicable.size()));
+  Set(suite, "time", Decimal(time_s));
+  XMLElement& properties = Append(suite, "properties");
   const auto add_property = [&properties](const char* key, const std::string& value) {
-    auto property = properties.append_child("property");
-    property.append_attribute("name") = key;
-    property.append_attribute("value") = XmlSafe(value).c_str();
+    XMLElement& property = Append(properties, "property");
+    Set(property, "name", key);
+    Set(property, "value", value);
   };
   add_property("version", std::string(Version()));
   add_property("seed", std::to_string(info.seed));
   add_property("mode", info.mode);
   add_property("client", info.client);
-  for (const auto& result : results) AddTestCase(suite, name, result);
-  for (const auto& scenario : info.not_applicable) AddSkipped(suite, name, scenario);
-  suite.append_child("system-out");
-  suite.append_child("system-err");
-  std::ostringstream out;
-  document.save(out, "  ");
-  return out.str();
+  for (const auto& result : results) AddFlight(suite, info.suite, result);
+  for (const auto& scenario : info.not_applicable) AddSkipped(suite, info.suite, scenario);
+  Append(suite, "system-out");
+  Append(suite, "system-err");
+  tinyxml2::XMLPrinter printer;
+  document.Print(&printer);
+  return printer.CStr();
 }
 
 }  // namespace

@@ -8,10 +8,10 @@ namespace tiltproof::harness {
 namespace {
 
 using link::Direction;
+using link::kDirections;
 
 // Ten minutes of them: more than any line holds back.
 constexpr std::size_t kRepliesMax = 50'000;
-constexpr std::array kDirections = {Direction::kToPlant, Direction::kToClient, Direction::kReference};
 
 }  // namespace
 

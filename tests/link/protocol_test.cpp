@@ -131,7 +131,6 @@ class Payloads {
   std::mt19937_64 random_{7};
 };
 
-constexpr std::array kDirections = {Direction::kToPlant, Direction::kToClient, Direction::kReference};
 
 TEST(ProtocolTest, DecodesWhatTheFirmwaresOwnDecodersDo) {
   Payloads payloads;

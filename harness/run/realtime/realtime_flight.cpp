@@ -24,6 +24,7 @@
 #include "harness/run/realtime/node_processes.h"
 #include "harness/run/realtime/run_bus.h"
 #include "harness/terminal/terminal.h"
+#include "link/named.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -319,20 +320,19 @@ void RealtimeConductor::OnStates() {
   for (const auto& state : bus_.states.Take()) {
     if (state.run_id != run_id_) continue;
     const bool of_plant = state.node_id == members_.Find(NodeKind::kPlant)->id;
+    const auto reason = FindNamed<EndReason>(state.end_reason);
     if (of_plant && state.origin_ns != 0) running_ = true;
     if (of_plant && state.phase == dds::Phase::kFinished && state.origin_ns != 0) {
       ending_.Believe();
-      for (const EndReason reason : {EndReason::kCompleted, EndReason::kDiverged, EndReason::kGroundStrike})
-        if (Name(reason) == state.end_reason) ending_.End(reason, state.text, state.time_ns);
+      if (reason == EndReason::kCompleted || reason == EndReason::kDiverged ||
+          reason == EndReason::kGroundStrike)
+        ending_.End(*reason, state.text, state.time_ns);
     }
-    if (state.phase == dds::Phase::kFailed) {
-      for (const EndReason reason :
-           {EndReason::kFirmwareHung, EndReason::kFirmwareCrashed, EndReason::kFirmwareLost,
-            EndReason::kNodeLost, EndReason::kLineOverfull})
-        if (Name(reason) == state.end_reason)
-          ending_.Hear(reason, fmt::format("{} (at {:.3f} s)", state.text, ToSeconds(sim_ns_)), sim_ns_,
-                       SteadyClock::now());
-    }
+    const bool of_node =
+        reason && (WentAway(*reason) || reason == EndReason::kNodeLost || reason == EndReason::kLineOverfull);
+    if (state.phase == dds::Phase::kFailed && of_node)
+      ending_.Hear(*reason, fmt::format("{} (at {:.3f} s)", state.text, ToSeconds(sim_ns_)), sim_ns_,
+                   SteadyClock::now());
   }
 }
 
