@@ -24,14 +24,15 @@ namespace {
 
 // The memory that the scenario's faults flip and a client's image lacks.
 void FindMissingRegions(const ElfSymbols& image, const Scenario& scenario, std::size_t client,
-                        std::vector<std::string>& problems) {
+                        std::vector<Problem>& problems) {
   for (const faults::DeviceCommand& command : ClientCommands(scenario, client)) {
     const auto* flips = std::get_if<faults::FlipBits>(&command.action);
     if (flips == nullptr) continue;
     try {
       faults::DrawBitFlips(*flips, image.Region(flips->region).size_bytes);
     } catch (const std::exception& error) {
-      problems.push_back(fmt::format("{}: {}", FaultPlace(scenario, command.fault), error.what()));
+      problems.push_back(
+          {fmt::format("{}: {}", FaultPlace(scenario, command.fault), error.what()), error.what()});
     }
   }
 }
@@ -56,12 +57,12 @@ std::string WhyUnwatchable(const std::string& variable, const ClientSpec& client
 
 // Adds those of the scenario. Throws UsageError for one that the user named on the command line.
 void FindUnwatchable(const Scenario& scenario, const ClientSpec& client, const std::filesystem::path& image,
-                     bool realtime, std::vector<std::string>& problems) {
+                     bool realtime, std::vector<Problem>& problems) {
   for (std::size_t i = 0; i < scenario.watch.size(); ++i) {
     const std::string why = WhyUnwatchable(scenario.watch[i], client, image, realtime);
     if (why.empty()) continue;
     if (i >= scenario.watch_places.size()) throw UsageError("--watch: " + why);
-    problems.push_back(fmt::format("{}: watch: {}", scenario.watch_places[i], why));
+    problems.push_back({fmt::format("{}: watch: {}", scenario.watch_places[i], why), "watch: " + why});
   }
 }
 
@@ -69,13 +70,16 @@ void FindUnwatchable(const Scenario& scenario, const ClientSpec& client, const s
 // at larger ones (docs/scenario.md).
 constexpr double kShippedHeadingMax_rad = 0.55;
 
-void FindLargeHeading(const Scenario& scenario, std::size_t client, std::vector<std::string>& problems) {
+void FindLargeHeading(const Scenario& scenario, std::size_t client, std::vector<Problem>& problems) {
   const auto complain = [&](const char* key, double heading_rad) {
-    problems.push_back(fmt::format(
-        "{}: {}: a heading of {:.3g} rad; the law of the shipped firmware ({}) is linear around 0 and keeps "
+    const std::string why = fmt::format(
+        "the law of the shipped firmware ({}) is linear around 0 and keeps the vehicle up to {} rad: turn "
         "the "
-        "vehicle up to {} rad: turn the scenario's path, or fly your own firmware (--client)",
-        scenario.file.string(), key, heading_rad, scenario.firmware_of(client), kShippedHeadingMax_rad));
+        "scenario's path, or fly your own firmware (--client)",
+        scenario.firmware_of(client), kShippedHeadingMax_rad);
+    problems.push_back(
+        {fmt::format("{}: {}: a heading of {:.3g} rad; {}", scenario.file.string(), key, heading_rad, why),
+         "turns far from a heading of 0; " + why});
   };
   if (std::abs(scenario.initial_attitude_rad[2]) > kShippedHeadingMax_rad)
     return complain("initial: attitude_rad", scenario.initial_attitude_rad[2]);
@@ -98,6 +102,9 @@ bool HasWord(std::string_view formula, std::string_view word) {
   }
   return false;
 }
+
+constexpr std::string_view kOneClient =
+    "real time has one link node, for one client; fly several with --mode lockstep";
 
 // Reads each image once.
 class Images {
@@ -132,14 +139,15 @@ namespace {
 
 // `problems`: of the formulas that name the supervisor state of this client, which tells none.
 void FindUntold(const Scenario& scenario, std::size_t client, const ClientSpec& spec, Images& images,
-                std::vector<std::string>& problems) {
+                std::vector<Problem>& problems) {
   const std::string column = SupervisorStateColumn(scenario, client);
   for (std::size_t i = 0; i < scenario.criteria.size(); ++i) {
     if (!HasWord(scenario.criteria[i].stl, column)) continue;
     const std::string place =
         i < scenario.criterion_places.size() ? scenario.criterion_places[i] : scenario.name;
     const auto complain = [&](const std::string& why) {
-      problems.push_back(fmt::format("{}: stl: '{}': {}", place, column, why));
+      problems.push_back(
+          {fmt::format("{}: stl: '{}': {}", place, column, why), fmt::format("stl: '{}': {}", column, why)});
     };
     if (const auto* image = std::get_if<EmulatedImage>(&spec)) {
       if (!images.Read(*image, scenario.firmware_of(client), *scenario.link.protocol)
@@ -160,13 +168,15 @@ void FindUntold(const Scenario& scenario, std::size_t client, const ClientSpec& 
 
 std::vector<std::string> ClientProblems(const RunClients& clients, const Scenario& scenario) {
   Images images;
-  std::vector<std::string> problems;
+  std::vector<Problem> problems;
   for (std::size_t i = 0; i < scenario.client_count(); ++i) {
     const ClientSpec& client = clients.Of(scenario.client_id(i));
     if (AbilitiesOf(client, false).shipped) FindLargeHeading(scenario, i, problems);
     FindUntold(scenario, i, client, images, problems);
   }
-  return problems;
+  std::vector<std::string> texts;
+  for (Problem& problem : problems) texts.push_back(std::move(problem.text));
+  return texts;
 }
 
 std::vector<NotApplicable> TakeNotApplicable(const FlightMeans& means, bool strict, Suite& suite) {
@@ -178,7 +188,7 @@ std::vector<NotApplicable> TakeNotApplicable(const FlightMeans& means, bool stri
     const std::vector<ClientSpec> clients = means.ClientsOf(scenario);
     std::vector<ClientAbilities> abilities;
     for (const ClientSpec& client : clients) abilities.push_back(AbilitiesOf(client, means.realtime));
-    std::vector<std::string> problems = UnsupportedFaults(scenario, abilities);
+    std::vector<Problem> problems = UnsupportedFaults(scenario, abilities);
     for (std::size_t i = 0; i < clients.size(); ++i) {
       std::filesystem::path file;
       if (const auto* image = std::get_if<EmulatedImage>(&clients[i])) {
@@ -191,14 +201,15 @@ std::vector<NotApplicable> TakeNotApplicable(const FlightMeans& means, bool stri
       FindUntold(scenario, i, clients[i], images, problems);
     }
     if (means.realtime && scenario.has_several_clients())
-      problems.push_back(fmt::format(
-          "{}: clients: real time has one link node, for one client; fly several with --mode lockstep",
-          scenario.file.string()));
+      problems.push_back(
+          {fmt::format("{}: clients: {}", scenario.file.string(), kOneClient), std::string(kOneClient)});
     if (problems.empty()) return false;
-    if (entry.named || strict)
-      refused.insert(refused.end(), problems.begin(), problems.end());
-    else
-      left_out.push_back({entry.scenario.name, fmt::format("{}", fmt::join(problems, "; "))});
+    NotApplicable other{.name = entry.scenario.name, .reason = {}, .why = problems.front().why};
+    for (const Problem& problem : problems) {
+      if (entry.named || strict) refused.push_back(problem.text);
+      other.reason += (other.reason.empty() ? "" : "; ") + problem.text;
+    }
+    if (!entry.named && !strict) left_out.push_back(std::move(other));
     return true;
   });
   if (!refused.empty()) throw UsageError(fmt::format("{}", fmt::join(refused, "\n")));

@@ -156,9 +156,24 @@ void Console::Again(const std::string& what, const std::string& command) const {
   }
 }
 
-void Console::LeftOut(const NotApplicable& scenario) const {
-  PrintLine(jsonl_ ? stderr : stdout, 0,
-            fmt::format("not applicable: {}: {}", scenario.name, scenario.reason));
+void Console::LeftOut(const std::vector<NotApplicable>& scenarios) const {
+  if (jsonl_) {
+    for (const NotApplicable& scenario : scenarios)
+      PrintLine(stderr, 0, fmt::format("not applicable: {}: {}", scenario.name, scenario.reason));
+    return;
+  }
+  std::vector<std::pair<std::string, std::string>> names_of;  // by reason, in the order of the first
+  for (const NotApplicable& scenario : scenarios) {
+    const auto known = std::ranges::find(names_of, scenario.why, &std::pair<std::string, std::string>::first);
+    if (known == names_of.end())
+      names_of.emplace_back(scenario.why, scenario.name);
+    else
+      known->second += ", " + scenario.name;
+  }
+  for (const auto& [why, names] : names_of) {
+    PrintLine(stdout, 0, fmt::format("not applicable: {}", why));
+    Print(stdout, "{}\n", TextLines(InLines(names, indent_)));
+  }
 }
 
 void Console::Repeated(const std::vector<Repeats>& scenarios) const {

@@ -23,8 +23,8 @@ class Console {
   // not simply pass: what failed, when, and by how much. When it is not green: all that failed, the seed, and
   // the command that flies it again.
   void Finished(const FlightResult& result) const;
-  // Prints one scenario that cannot be flown: among the results for a person, on standard error for a script.
-  void LeftOut(const NotApplicable& scenario) const;
+  // Prints the scenarios that cannot be flown: by reason for a person, each on standard error for a script.
+  void LeftOut(const std::vector<NotApplicable>& scenarios) const;
   // Of each scenario that was flown with several seeds.
   void Repeated(const std::vector<Repeats>& scenarios) const;
   // The last line: how many are green, and where the report is.

@@ -213,7 +213,8 @@ int RunCommand(const RunOptions& options) {
   const std::vector<PlannedRun> plan = PlanRun(options, suite.scenarios, last ? &*last : nullptr);
   if (options.dry_run || suite.scenarios.empty()) {
     List(options, suite.scenarios, plan);
-    for (const auto& [name, reason] : not_applicable) Print(stderr, "not applicable: {}: {}\n", name, reason);
+    for (const NotApplicable& other : not_applicable)
+      Print(stderr, "not applicable: {}: {}\n", other.name, other.reason);
     if (suite.scenarios.empty()) Print(stderr, "tiltproof: nothing is left to fly with this client\n");
     if (*InterruptScope::flag()) return InterruptedEarly();
     return suite.scenarios.empty() ? kExitUndecided : kExitGreen;
@@ -297,7 +298,7 @@ int RunCommand(const RunOptions& options) {
                                                      : "not flown: --fail-fast ended the run");
   std::optional<std::filesystem::path> report;
   if (!options.no_report) report = WriteReport(folder);
-  for (const auto& scenario : not_applicable) console.LeftOut(scenario);
+  console.LeftOut(not_applicable);
   if (options.repeat_count > 1) console.Repeated(RepeatsIn(flown.results, suite.scenarios, plan));
   console.Summary(flown.results, flown.not_flown.size(), not_applicable.size(), flown.interrupted, report);
   return flown.interrupted ? static_cast<int>(kExitInterrupted) : ExitCode(flown.results);

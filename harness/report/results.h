@@ -37,8 +37,10 @@ FlightResult ResultFromJsonText(const std::string& text);
 // A scenario that cannot be flown with the run's client or in its mode.
 struct NotApplicable {
   std::string name;
-  std::string reason;
-  TILTPROOF_FIELDS(name, reason)
+  std::string reason;  // of each problem, with its place
+  std::string why{};   // of the first problem, without its place: the same for all scenarios that have it
+  static constexpr std::array<std::string_view, 1> kNotInFiles = {"why"};
+  TILTPROOF_FIELDS(name, reason, why)
 };
 
 // The flights for which a run keeps a folder.

@@ -92,9 +92,9 @@ std::string FaultPlace(const Scenario& scenario, std::size_t fault) {
   return place + "fault '" + spec.id + "' (" + spec.type + ")";
 }
 
-std::vector<std::string> UnsupportedFaults(const Scenario& scenario,
-                                           const std::vector<ClientAbilities>& abilities) {
-  std::vector<std::string> problems;
+std::vector<Problem> UnsupportedFaults(const Scenario& scenario,
+                                       const std::vector<ClientAbilities>& abilities) {
+  std::vector<Problem> problems;
   for (std::size_t i = 0; i < scenario.faults.size(); ++i) {
     const faults::FaultType* type = faults::FindFaultType(scenario.faults[i].type);
     const std::string& whose = scenario.faults[i].client;
@@ -103,7 +103,7 @@ std::vector<std::string> UnsupportedFaults(const Scenario& scenario,
       auto problem = Unsupported(scenario.faults[i], *type, abilities[client]);
       if (!problem) problem = UnsupportedWaiting(scenario, scenario.faults[i], abilities[client]);
       if (!problem) continue;
-      problems.push_back(FaultPlace(scenario, i) + " " + *problem);
+      problems.push_back({FaultPlace(scenario, i) + " " + *problem, *problem});
       break;
     }
   }

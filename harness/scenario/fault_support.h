@@ -2,8 +2,8 @@
 // to flip bits in; a process in real time has neither. A scenario that asks for what its client cannot do is
 // refused before the flight, with the fault's place:
 //
-//   for (const std::string& problem : UnsupportedFaults(scenario, {AbilitiesOf(client, realtime)}))
-//     Report(problem);  // "s.yaml:6:20: fault 'x' (device.stall) needs an emulated board: ..."
+//   for (const Problem& problem : UnsupportedFaults(scenario, {AbilitiesOf(client, realtime)}))
+//     Report(problem.text);  // "s.yaml:6:20: fault 'x' (device.stall) needs an emulated board: ..."
 #pragma once
 
 #include <optional>
@@ -21,12 +21,18 @@ namespace tiltproof::harness {
 std::optional<std::string> Unsupported(const faults::FaultSpec& fault, const faults::FaultType& type,
                                        const ClientAbilities& abilities);
 
+// Why a scenario cannot be flown.
+struct Problem {
+  std::string text;  // with its place
+  std::string why;   // without: the same for all scenarios that have it
+};
+
 // "s.yaml:6:20: fault 'x' (device.stall)"; without the place when the scenario was not read from a file.
 std::string FaultPlace(const Scenario& scenario, std::size_t fault);
 
-// One line per fault of the scenario that is not possible, in the order of the file; with the place of the
+// One problem per fault of the scenario that is not possible, in the order of the file; with the place of the
 // fault's type when the scenario was read from a file. `abilities`: those of each of the scenario's clients.
-std::vector<std::string> UnsupportedFaults(const Scenario& scenario,
-                                           const std::vector<ClientAbilities>& abilities);
+std::vector<Problem> UnsupportedFaults(const Scenario& scenario,
+                                       const std::vector<ClientAbilities>& abilities);
 
 }  // namespace tiltproof::harness

@@ -54,7 +54,8 @@ class TerminalTest(CommandLineTest):
         code, lines = self.lines_at_a_terminal("run", ".", "--repeat", "2")
         self.assertEqual(code, 1)
         self.assert_fits(lines)
-        self.assertIn("not applicable: board: ./board.yaml:6:23: fault 'still' (device.stall) needs an", lines)
+        self.assertIn("not applicable: needs an emulated board: fly it with --client qemu", lines)
+        self.assertIn("      board", lines)
         # The same words as elsewhere, and a command that a shell runs as it stands.
         again = [i for i, line in enumerate(lines) if line.endswith("; again:")]
         self.assertEqual(len(again), 2)

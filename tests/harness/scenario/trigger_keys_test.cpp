@@ -158,7 +158,9 @@ TEST_F(TriggerKeysTest, InRealTimeFaultsOfThePlantAloneWait) {
   const auto problems = [&](const std::string& faults, bool realtime) {
     ClientAbilities abilities;
     abilities.realtime = realtime;
-    return UnsupportedFaults(Read(faults), {abilities});
+    std::vector<std::string> texts;
+    for (const Problem& problem : UnsupportedFaults(Read(faults), {abilities})) texts.push_back(problem.text);
+    return texts;
   };
   const std::string bias = "type: sensor.bias, parameters: {signal: x_m, offset: 1}";
   const std::string waits =
