@@ -131,7 +131,6 @@ class Payloads {
   std::mt19937_64 random_{7};
 };
 
-
 TEST(ProtocolTest, DecodesWhatTheFirmwaresOwnDecodersDo) {
   Payloads payloads;
   std::array<int, kMessageStatusCount> statuses{};
