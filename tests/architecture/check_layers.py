@@ -52,7 +52,7 @@ ONLY_IN = {
     "elfutils/": ["harness/emulator/source_lines.cpp", "harness/emulator/watched_variable.cpp"],
     "dlfcn.h": ["harness/client/"],
 }
-# What would make a replay differ, or tie the product to one machine.
+# Patterns that would make a replay differ, or tie the product to one machine.
 FORBIDDEN = {
     r"\bstd::random_device\b": "unseeded randomness",
     r"\bs?rand\(\)": "global randomness",
@@ -62,7 +62,7 @@ FORBIDDEN = {
     r"/home/|/root/|/tmp/[a-z]": "a path of one machine",
 }
 MAY_HOLD = {"the wall clock": {"harness/report/files.cpp"}}
-# What the harness prints goes through harness/terminal, for texts of others may hold anything. The plug-in runs in the emulator.
+# Output of the harness goes through harness/terminal, for texts of others may hold anything. The plug-in runs in the emulator.
 PRINTS = r"\bfmt::(v?print|println)\(|\bstd::(cout|cerr|clog) ?<<|\bstd::(v?f?printf|f?puts|f?putc|putchar|fwrite|perror)\("
 MAY_PRINT = {"harness/terminal/terminal.cpp", "harness/emulator/plugin/lockstep_plugin.cpp", "harness/emulator/plugin/command.h"}
 # A comment starts with a noun or a verb: a reader sees first what it is about.

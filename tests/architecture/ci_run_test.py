@@ -19,7 +19,7 @@ class CiRunTest(unittest.TestCase):
         self.addCleanup(shutil.rmtree, folder)
         (folder / ".ci").mkdir()
         shutil.copy(SOURCE / ".ci/run", folder / ".ci/run")
-        # Of a run before.
+        # Pictures of an earlier run.
         for old in ("build/release/page-test", "ci-artefacts/page-test"):
             (folder / old).mkdir(parents=True)
             (folder / old / "old.png").touch()

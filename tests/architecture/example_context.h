@@ -1,6 +1,6 @@
-// What the examples in headers assume and do not declare (tests/architecture/header_examples.py). Declarations
+// Names that the examples in headers assume and do not declare (tests/architecture/header_examples.py). Declarations
 // after a line `// <header>` hold for the examples of that header; those after `// <folder>/`, for all in it,
-// where the header does not declare the same name. They stand in the header's namespace.
+// where the header does not declare the same name. They are in the header's namespace.
 #include <chrono>
 #include <iostream>
 #include <map>

@@ -19,7 +19,7 @@ import shlex
 import subprocess
 import sys
 
-# What is compiled at once.
+# Folders: the examples of each are compiled at once.
 FOLDERS = ("link", "plant", "faults", "firmware", "harness/node", "harness/run", "harness")
 HEADERS_MIN = 90  # with an example: fewer means that this script no longer finds them
 INDENTED = re.compile(r"\s*//( {2,}\S.*)")

@@ -1,4 +1,4 @@
-// What the codec costs a frame of 64 bytes of payload (a sensor reply), beside what the machine needs to
+// Cost of the codec for a frame of 64 bytes of payload (a sensor reply). Beside it: what the machine needs to
 // touch as many bytes at all.
 //
 //   build/release/tests/bench/bench_codec [--benchmark_...]
@@ -152,7 +152,7 @@ class RatioReporter : public benchmark::ConsoleReporter {
   void ReportRuns(const std::vector<Run>& runs) override {
     ConsoleReporter::ReportRuns(runs);
     for (const Run& run : runs) {
-      // Of repetitions the fastest counts: what disturbs a run only slows it down.
+      // The fastest repetition counts: a disturbance only slows a run down.
       if (run.error_occurred || run.run_type != Run::RT_Iteration) continue;
       const double time_ns = run.GetAdjustedCPUTime();
       const auto [place, is_new] = times_ns_.try_emplace(run.run_name.function_name, time_ns);

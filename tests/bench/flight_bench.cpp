@@ -100,7 +100,7 @@ void WatchedLoop(benchmark::State& state) {
 }
 BENCHMARK(WatchedLoop)->Unit(benchmark::kMillisecond);
 
-// Of this process and of the children that it has waited for.
+// Processor time in s of this process and of the children that it has waited for.
 double ProcessorTime_s() {
   double sum_s = 0;
   for (const int who : {RUSAGE_SELF, RUSAGE_CHILDREN}) {

@@ -1,5 +1,5 @@
-// What an editor offers, explains and underlines in scenario files, asked of the language server that VS Code, Neovim and others
-// use; and that a validator of another house accepts what is shipped.
+// Editors' completions, explanations and error marks in scenario files, from the language server that VS Code, Neovim and others
+// use. A validator of another house must accept the shipped files.
 //
 // Usage: node editors_test.mjs TILTPROOF SOURCE_DIR OUT_DIR
 import assert from "node:assert/strict";

@@ -1,4 +1,4 @@
-// What an image has executed in the emulator. The image is the shipped one.
+// Code that an image has executed in the emulator. The image is the shipped one.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -45,7 +45,7 @@ FlightJob WithReset(FlightJob job) {
   return job;
 }
 
-// Of the first instruction. Its address is a field of the file's header (ELF, chapter 4).
+// The place of the first instruction. Its address is a field of the file's header (ELF, chapter 4).
 std::uint32_t EntryPlace() {
   std::ifstream file(TILTPROOF_IMAGE, std::ios::binary);
   const std::string header{std::istreambuf_iterator<char>(file), {}};

@@ -200,7 +200,7 @@ class Lockstep(unittest.TestCase):
             self.assertEqual(bin(before ^ after).count("1"), 1)
 
     def survives(self, file):
-        # Whether the flips are fatal is the firmware's business, not this test's.
+        # The flips may be fatal: that is the firmware's business, not this test's.
         self.runs += 1
         done = self.run_tiltproof("run", file, "--client", "qemu", "--out", self.root / f"out{self.runs}", "--no-progress")
         return done.returncode == 0
@@ -226,7 +226,7 @@ class Lockstep(unittest.TestCase):
 
     def test_faults_may_meet(self):
         hang, reset, stall = "{{id: h, type: device.hang, start_s: {}}}", "{{id: r, type: device.reset, start_s: {}, parameters: {{boot_ms: 20}}}}", "{{id: s, type: device.stall, start_s: {}, end_s: {}}}"
-        # What is due, and when the processor runs again; the watchdog bites after some 100 ms.
+        # Times in s: the resets that are due, and the processor running again. The watchdog resets after some 100 ms.
         for faults, resets, runs in (([hang.format(1), reset.format(1.05)], [1.05], 1.07),
                                      ([hang.format(1), stall.format(1.02, 1.04)], [1.1], 1.1),
                                      ([stall.format(1, 1.05), reset.format(1.02)], [1.02], 1.05),

@@ -17,7 +17,7 @@ del sys.argv[1:3]
 IMAGES = SOURCE / "tests/emulator/registers"
 MS = 1_000_000
 BYTE_NS = 10_000  # at 1 Mbaud
-# What the other end answers to a request of the image, 1 ms later: bytes with the receiver's mark.
+# Answers of the other end to each request of the image, 1 ms later: bytes with the receiver's mark.
 ANSWERS = {
     "A": [("x", NONE)],
     "B": [("x", NONE), ("y", NONE)],

@@ -71,7 +71,7 @@ RC_GTEST_PROP(ActivityTest, StretchesAreAllThatIsActive, ()) {
   for (TimeNs t = -60; t < 440; ++t) RC_ASSERT(active[static_cast<std::size_t>(t + 60)] == IsActive(spec, t));
 }
 
-// What a fault waits for, and what happened.
+// A fault with its triggers, and the events that happened.
 struct Waiting {
   FaultSpec spec;
   std::optional<TimeNs> followed;  // first activation of the fault that it follows

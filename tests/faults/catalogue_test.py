@@ -14,7 +14,7 @@ import sys
 # The suites that test one type per scenario.
 SUITES = ["wire", "device", "nodes", "sensor", "actuator", "plant", "selftest"]
 
-# What a type cannot have, and why. A part that is listed here must indeed be missing.
+# Parts that a type cannot have, each with the reason. A part that is listed here must indeed be missing.
 EXCEPTIONS = {
     ("node.kill", "survived"):
         "the node is gone for good: without its firmware no flight is a pass, and without another node none can be judged (expect: error)",

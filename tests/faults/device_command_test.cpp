@@ -1,4 +1,4 @@
-// What is to happen to the firmware's processor, and when; and which bits of its memory flip.
+// Commands of faults on the firmware's processor, their times, and the bits of its memory that flip.
 
 #include "faults/device_command.h"
 
@@ -185,7 +185,7 @@ TEST(DeviceCommandTest, AnInvalidFaultIsRefusedByName) {
   }
 }
 
-// What every such type must keep.
+// Rules that every such type must keep.
 class DeviceConformanceTest : public ::testing::TestWithParam<FaultType> {
  protected:
   const FaultType& type() const { return GetParam(); }

@@ -69,7 +69,7 @@ inline Outcome Fly(const std::vector<FaultSpec>& specs, std::uint64_t seed = 1) 
   return outcome;
 }
 
-// Of what a fault makes of the same flight.
+// The digest of what a fault makes of the same flight.
 inline std::uint64_t DigestOf(const Outcome& outcome) {
   std::uint64_t digest = 0xcbf29ce484222325ULL;  // FNV-1a
   const auto add = [&](auto value) {

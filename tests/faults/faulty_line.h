@@ -20,7 +20,7 @@ namespace tiltproof::faults {
 
 inline constexpr TimeNs kPeriod = 12 * kNsPerMs;
 
-// What GoogleTest prints for a parameter.
+// Prints a parameter for GoogleTest.
 inline void PrintTo(const FaultType& type, std::ostream* os) { *os << type.name; }
 
 using Bytes = std::vector<std::uint8_t>;
@@ -104,7 +104,7 @@ inline link::Chunk Frame(std::int64_t n, std::size_t size = 68) {
   return chunk;
 }
 
-// What a schedule makes of frames 0 to count - 1 on to_client: the chunks that came out at each of them.
+// Sends frames 0 to count - 1 through a schedule, by default on to_client: the chunks that came out at each of them.
 inline std::vector<std::vector<link::Chunk>> Send(FaultSchedule& schedule, std::int64_t count,
                                                   std::size_t size = 68,
                                                   link::Direction direction = link::Direction::kToClient) {
@@ -125,7 +125,7 @@ inline std::vector<std::vector<link::Chunk>> Send(const FaultSpec& spec, std::in
   return Send(schedule, count, size);
 }
 
-// What a fault makes of frames that all have these bytes and follow each other without a pause, as one line of
+// Sends frames through a fault. They all have these bytes, and follow each other without a pause, as one line of
 // 921600 baud carries them.
 inline std::vector<std::vector<link::Chunk>> SendWithoutPause(const FaultSpec& spec, const Bytes& bytes,
                                                               std::int64_t count) {
@@ -177,7 +177,7 @@ inline bool Unchanged(const std::vector<link::Chunk>& out, std::int64_t n, std::
   return out.size() == 1 && Same(out[0], Frame(n, size));
 }
 
-// Whether frame `n` went on, whole and as it was.
+// Counts the frames that went on, whole and as they were.
 inline int CountUnchanged(const std::vector<std::vector<link::Chunk>>& out, std::size_t size = 68) {
   int count = 0;
   for (std::size_t n = 0; n < out.size(); ++n) {
@@ -186,7 +186,7 @@ inline int CountUnchanged(const std::vector<std::vector<link::Chunk>>& out, std:
   return count;
 }
 
-// Which data bits differ between a frame and what came of it, both of the same size.
+// The data bits that differ between a frame and what came of it, both of the same size.
 template <class Time>
 std::vector<std::size_t> FlippedBits(const link::TimedChunk<Time>& before,
                                      const link::TimedChunk<Time>& after) {
@@ -203,7 +203,7 @@ inline FaultSpec At(FaultSpec spec, TimeNs start_ns, TimeNs end_ns = kNever) {
   return spec;
 }
 
-// Of a test of one type: GoogleTest takes no dots.
+// The name of the test of one type, with underscores: GoogleTest takes no dots.
 inline std::string TestName(const ::testing::TestParamInfo<FaultType>& info) {
   std::string name(info.param.name);
   std::replace(name.begin(), name.end(), '.', '_');

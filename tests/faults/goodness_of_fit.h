@@ -1,4 +1,4 @@
-// Whether draws have a distribution. Seeds in tests are fixed, so that a test passes or fails always.
+// Judgements on whether draws have a distribution. Seeds in tests are fixed: a test passes always or fails always.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -39,8 +39,8 @@ inline double ChiSquareStatistic(const std::vector<double>& observed, const std:
   return sum;
 }
 
-// What the statistic exceeds in one case of 1000 (Wilson and Hilferty, The Distribution of Chi-Square, 1931; right to
-// 3 % from one degree on).
+// The value that the statistic exceeds in one case of 1000 (Wilson and Hilferty, The Distribution of Chi-Square, 1931;
+// right to 3 % from one degree on).
 inline double ChiSquareCritical(std::size_t degrees) {
   const double a = 2.0 / (9.0 * static_cast<double>(degrees));
   return static_cast<double>(degrees) * std::pow(1 - a + 3.0902 * std::sqrt(a), 3);

@@ -1,4 +1,4 @@
-// Which types draw, and whether the judgements that hold their draws against a distribution can fail.
+// Types that draw, and proof that the judgements that compare their draws with a distribution can fail.
 #include "tests/faults/goodness_of_fit.h"
 
 #include <gmock/gmock.h>

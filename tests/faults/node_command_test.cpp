@@ -1,4 +1,4 @@
-// What the harness is told to do to its nodes, and when.
+// Commands that faults give the harness for its nodes, and their times.
 
 #include "faults/node_command.h"
 
@@ -113,7 +113,7 @@ TEST(NodeCommandTest, AnInvalidFaultIsRefusedByName) {
   }
 }
 
-// What every such type must keep.
+// Rules that every such type must keep.
 class NodeConformanceTest : public ::testing::TestWithParam<FaultType> {
  protected:
   const FaultType& type() const { return GetParam(); }

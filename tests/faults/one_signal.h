@@ -1,4 +1,4 @@
-// What a fault makes of one sensor or one actuator, over a flight without a vehicle.
+// Effects of a fault on one sensor or one actuator, over a flight without a vehicle.
 #pragma once
 
 #include <cstdint>

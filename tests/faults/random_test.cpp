@@ -66,7 +66,7 @@ TEST(RandomTest, BelowGivesEveryValueAlike) {
 }
 
 TEST(RandomTest, BelowRefusesTheIncompleteRun) {
-  // Of 2^64 values three quarters of a run of 2^63 + 2^62 fit once; the rest would favour small results.
+  // A run of 2^63 + 2^62 values fits once into 2^64 values. The rest, a quarter, would favour small results.
   const std::uint64_t n = 3ULL << 62;
   Random random(4);
   int high = 0;

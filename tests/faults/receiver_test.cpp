@@ -1,4 +1,4 @@
-// What the firmware's receiver makes of bytes that arrive.
+// Marks that faults give to bytes as they arrive at the firmware's receiver.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

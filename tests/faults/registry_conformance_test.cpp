@@ -1,4 +1,4 @@
-// What every fault type must keep, whatever it does. Runs over the whole registry.
+// Rules that every fault type must keep, whatever it does. The tests run over the whole registry.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -30,7 +30,7 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
 
-// What came of frame n, wherever it came out.
+// The chunks that came of frame n, wherever they came out.
 std::vector<link::Chunk> Descendants(const Outcome& outcome, std::int64_t n) {
   std::vector<link::Chunk> all;
   for (const auto& out : outcome.frames) {
@@ -197,7 +197,7 @@ TEST_P(RegistryConformanceTest, RefusesWrongParameters) {
       EXPECT_THAT(problems_with(1.0), refused);
       for (const std::string text : {"", "z m", "1_m", "_m", "h\xC3\xB6he_m", "z_m\n"})
         EXPECT_THAT(problems_with(text), refused) << text;
-      // Whether there is one, the vehicle says; the schedule has it.
+      // Only the vehicle knows its signals. The schedule has them, and refuses others.
       EXPECT_THAT(problems_with("gremlin_m"), IsEmpty());
       FaultSpec named = ExampleSpec(type());
       named.parameters[name] = "gremlin_m";

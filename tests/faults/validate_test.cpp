@@ -1,4 +1,4 @@
-// What the scenario reader gets to tell.
+// Problems that the scenario reader gets to report.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

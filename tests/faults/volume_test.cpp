@@ -1,4 +1,4 @@
-// How faults change the number of bytes on a line, and which are certain to make too many.
+// Effects of faults on the number of bytes on a line, and the faults that are certain to make too many.
 #include "faults/volume.h"
 
 #include <gmock/gmock.h>

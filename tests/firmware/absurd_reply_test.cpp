@@ -60,7 +60,7 @@ TEST(AbsurdReplyTest, CommandsStayWithinWhatTheActuatorsHave) {
                             : field.column.ends_with("_rad") ? link::kAngleMax_rad
                             : field.column.ends_with("_m_s") ? link::kVelocityMax_m_s
                                                              : link::kPositionMax_m;
-        // What is not plausible arrives as NaN: DecodeSensorsPartly().
+        // An implausible value arrives as NaN: DecodeSensorsPartly().
         sensors.*field.in_float = draw() < -0.8F ? std::numeric_limits<float>::quiet_NaN() : limit * draw();
       }
       const auto command = draw() < 0 ? control.OnReply(begin + kNsPerMs, sensors, {.z_m = 1})

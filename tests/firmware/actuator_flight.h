@@ -15,7 +15,7 @@
 
 namespace tiltproof::firmware {
 
-// What the actuators make of the row of inputs in force (f_r, f_l, tau_r, tau_l), and what else acts.
+// Changes the row of inputs in force (f_r, f_l, tau_r, tau_l) as the actuators do, and the disturbance: what else acts.
 using FlightFault = std::function<void(std::span<double> input, Disturbance& disturbance)>;
 
 // A sample, what the model predicted for it from the sample before and the commands, and the sample before.

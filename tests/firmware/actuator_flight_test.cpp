@@ -83,8 +83,8 @@ TEST(ActuatorFlightTest, WithTooLittleThrustForThePathItDescends) {
   }
 }
 
-// What swings or is noise is not to be made up for. Levels of three quarters of those that the paper's command rides
-// out on this vehicle.
+// Swings and noise are not to be made up for. The levels are three quarters of those that the paper's command survives
+// on this vehicle.
 TEST(ActuatorFlightTest, WhatCannotBeMadeUpForIsFlownAsThePaperDoes) {
   const FlightFault swing = [step = 0](std::span<double> input, Disturbance&) mutable {
     input[2] += 0.12 * std::sin(2 * std::numbers::pi * 3 * 0.004 * step++);
@@ -106,8 +106,8 @@ TEST(ActuatorFlightTest, WhatCannotBeMadeUpForIsFlownAsThePaperDoes) {
   }
 }
 
-// What else looks like a weak rotor or a weak servo, and would be made worse by more of the command. `fault` acts for
-// 5 s, on the vehicle that the firmware knows and without noise: the flight is then the same each time.
+// Flies with a fault that looks like a weak rotor or servo, and that more of the command would make worse. `fault` acts
+// for 5 s, on the vehicle that the firmware knows and without noise: the flight is then the same each time.
 FlightRecord FlyFiveSeconds(const FlightFault& fault) {
   return Fly({.fault = [fault, step = 0](std::span<double> input, Disturbance& disturbance) mutable {
     if (step++ < 1250) fault(input, disturbance);

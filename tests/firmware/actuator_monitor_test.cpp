@@ -1,5 +1,5 @@
-// What the actuators deliver, estimated from motions whose right answer is known: the firmware's own model moves under
-// other inputs than those it is told.
+// Estimates of what the actuators deliver, from motions whose right answer is known: the firmware's own model moves
+// under other inputs than those that the monitor is told.
 #include "firmware/actuator_monitor.h"
 
 #include <gtest/gtest.h>

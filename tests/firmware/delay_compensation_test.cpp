@@ -1,5 +1,5 @@
-// Which instant does a reply show, and how late do commands act? Synthetic streams of replies from the
-// firmware's own model of motion, so that the right answer is known.
+// Estimates of the instant that a reply shows, and of the lag of commands. The firmware's own model of motion
+// makes the streams of replies, so that the right answer is known.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -113,7 +113,7 @@ class FakeBoard {
     return status;
   }
 
-  // What was sent since the last call.
+  // Returns what was sent since the last call.
   std::vector<Sent> TakeSent() { return std::exchange(sent_, {}); }
   const std::vector<std::string>& log() const { return log_; }
 

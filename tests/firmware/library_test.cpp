@@ -180,7 +180,7 @@ TEST(HostLibraryTest, AllocatesInCreateOnly) {
   library.destroy(client);
 }
 
-// What goes on the board: no object asks for the heap, for exceptions, for run-time types, or for a clock.
+// The objects that go on the board ask for no heap, no exceptions, no run-time types, and no clock.
 TEST(CoreTest, NeedsNoRunTimeSystem) {
   for (const std::string& name : Symbols("-u " FIRMWARE_CORE_ARCHIVE)) {
     for (const char* forbidden : {"_Zn", "malloc", "calloc", "realloc", "__cxa_throw", "__cxa_begin_catch",

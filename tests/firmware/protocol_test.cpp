@@ -268,7 +268,7 @@ TEST_P(EveryBuildTest, BoardsDoNotShareState) {
   EXPECT_THAT(second.TakeSent(), ElementsAre(At(kMs, FirstCommand(GetParam(), {.z_m = 1}, {.z_m = 1}))));
 }
 
-// What the builds do differently.
+// Differences between the builds.
 
 TEST(PaperTest, AMissingReplyMeansNoActuators) {
   FakeBoard board(Library(), "paper", "paper");

@@ -139,7 +139,7 @@ TEST(SignalScreenTest, ASampleOfAnotherInstantIsNoLiar) {
 
 struct Lie {
   const char* name;
-  // What the signal reads, from its truth, its truth when the lie began, and the time since.
+  // The value that the signal reads, from its truth, its truth when the lie began, and the time since.
   std::function<double(double truth, double truth_at_begin, double since_s, double size)> reads;
 };
 
@@ -345,7 +345,7 @@ TEST(SignalScreenTest, AJumpBackFromAnOffsetThatWasAcceptedIsFollowed) {
   EXPECT_FALSE(player.screen().substitutes());
 }
 
-// How long an earlier lie lasted says nothing about the zero of the rate now.
+// The duration of an earlier lie proves nothing about the zero of the rate now.
 TEST(SignalScreenTest, AnOffsetThatBeginsWithAMissingNumberIsNotBelievedForAnEarlierLie) {
   Player player;
   while (player.t_s() < 42) {

@@ -52,7 +52,7 @@ TEST(TrigonometryTest, WrapsIntoOneTurn) {
   }
 }
 
-// What is no angle has a defined result, in a bounded time.
+// Numbers that are no angle have a defined result, in a bounded time.
 TEST(TrigonometryTest, TakesAnyNumber) {
   using Limits = std::numeric_limits<float>;
   for (const float value :

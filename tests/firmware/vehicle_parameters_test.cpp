@@ -1,4 +1,4 @@
-// What the firmware knows of its vehicle is what the shipped model file says.
+// The firmware's parameters of its vehicle equal those of the shipped model file.
 #include "firmware/vehicle_parameters.h"
 
 #include <gtest/gtest.h>

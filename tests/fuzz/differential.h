@@ -14,7 +14,7 @@
 
 namespace tiltproof::testing {
 
-// What a decoder said, copied out of it.
+// One event that a decoder reported, copied out of it.
 struct SeenEvent {
   link::FrameStatus status;
   Bytes payload;
@@ -23,8 +23,8 @@ struct SeenEvent {
   friend bool operator==(const SeenEvent&, const SeenEvent&) = default;
 };
 
-// How a stream is cut before it is fed: chunk lengths in bytes, used in turn and over again; 0 feeds an empty
-// chunk. Not all zero; none = the whole stream at once.
+// The cuts of a stream before it is fed: chunk lengths in bytes, used in turn and repeated; 0 feeds an empty
+// chunk. At least one is not zero; none = the whole stream at once.
 using Chunking = std::vector<std::size_t>;
 
 // Feeds the stream in chunks, appends the events, without Finish().

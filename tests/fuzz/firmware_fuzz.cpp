@@ -59,7 +59,7 @@ struct World {
       link::ClientMessage message;
       const auto status = link::DecodeClientMessage(world.dialect, event->payload, message);
       if (world.values_matter) Require(status != link::MessageStatus::kNotFinite, "it sends numbers");
-      // Of values that are absurd, the law makes absurd commands.
+      // The law makes absurd commands of absurd values.
       Require(status != link::MessageStatus::kBadLength && status != link::MessageStatus::kUnknownId,
               "it sends messages of its dialect");
     }

@@ -1,5 +1,5 @@
-// What is said on a line, and when: the input of targets that fuzz one end of it as a whole. A mutator that knows
-// frames builds valid ones and then breaks them (harness/campaign/hostile_frames.h), and their order and timing.
+// Bytes on a line and their times: the input of targets that fuzz one end of it as a whole. A mutator that knows
+// frames builds valid ones. Then it breaks them (harness/campaign/hostile_frames.h), and their order and timing.
 //
 //   const FrameScript script = ReadScript({data, size});        // any bytes are a script
 //   for (const FrameScript::Step& step : script.steps) {

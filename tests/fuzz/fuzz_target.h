@@ -1,4 +1,4 @@
-// What the fuzz targets share. A target is one file, NAME_fuzz.cpp, and one line in CMakeLists.txt:
+// Helpers that the fuzz targets share. A target is one file, NAME_fuzz.cpp, and one line in CMakeLists.txt:
 //
 //   extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
 //     const auto log = Tried<std::runtime_error>([&] { return LinkLog({data, data + size}); });
@@ -16,7 +16,7 @@
 
 namespace tiltproof::testing {
 
-// What always holds. The engine keeps the input of a program that ends here.
+// Aborts unless `holds`, as it must for every input. The engine keeps the input of a program that ends here.
 inline void Require(bool holds, const char* what) {
   if (holds) return;
   std::fprintf(stderr, "does not hold: %s\n", what);

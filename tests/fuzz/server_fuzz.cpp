@@ -74,8 +74,8 @@ faults:
 // The last faults of these come while the vehicle flies, as from the live page.
 constexpr std::array<std::size_t, 2> kByHand = {7, 8};
 
-// Of one frame it makes more than a line holds. That takes as long as a hundred other inputs. So the mutator gives nearly
-// all changes of such an input another scenario.
+// This scenario makes more of one frame than a line holds. That takes as long as a hundred other inputs. So the mutator
+// gives nearly all changes of such an input another scenario.
 constexpr std::uint8_t kFlood = 255;
 constexpr unsigned kFloodOneOf = 64;
 std::string FloodKeys() {
@@ -114,7 +114,7 @@ const Case& CaseOf(const FrameScript& script) {
   return script.choice == kFlood ? flood : cases[script.choice % cases.size()];
 }
 
-// What a client says: mostly in the order of a flight.
+// A client's message: of five, one is a start, two are requests and two are commands.
 Bytes PayloadOfClient(const FrameScript& script, std::uint8_t, Draw& draw) {
   const auto dialect = CaseOf(script).scenario.link.protocol->name == "paper" ? link::Dialect::kPaper
                                                                               : link::Dialect::kProvant;
@@ -276,7 +276,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     now = next;
     server.Transmit(step.line, now, step.bytes);
   }
-  // What is still on its way.
+  // Lets the bytes arrive that are still on their way.
   if (goes_on) goes_on = server.ServeUntil(now + 24 * tiltproof::kNsPerMs);
   server.Check(goes_on);
   return 0;

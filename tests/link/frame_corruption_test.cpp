@@ -55,7 +55,7 @@ bool DiffersOnlyInZeroAndFF(const Bytes& a, const Bytes& b) {
   return true;
 }
 
-// What DecodeSensors() must say, told with <cmath> instead of bit patterns.
+// The status that DecodeSensors() must report, computed with <cmath> instead of bit patterns.
 MessageStatus ExpectedVerdict(const Bytes& payload) {
   if (payload.size() != 64) return MessageStatus::kBadLength;
   constexpr std::array<double, 16> kLimits = {1e4, 1e4, 1e4, 100, 100, 100, 100, 100,

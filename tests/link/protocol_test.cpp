@@ -27,7 +27,7 @@ Bytes BitsOf(const void* values, std::size_t count) {
 }
 Bytes BitsOf(std::span<const float> values) { return BitsOf(values.data(), values.size()); }
 
-// What a decoder says: its status, and when that is kOk what the message is and its values.
+// A decoder's result: its status, and if that is kOk, the kind of the message and its values.
 struct Said {
   MessageStatus status{};
   MessageKind kind = MessageKind::kUnknown;

@@ -260,7 +260,7 @@ TEST_F(SocketLineTest, AnotherUserIsTurnedAway) {
   close(peer);
 }
 
-// What an emulator offers.
+// Sockets as an emulator offers them.
 
 TEST_F(SocketLineTest, APortConnectsToAFile) {
   const auto path = folder_ / "uart";

@@ -57,7 +57,7 @@ RC_GTEST_PROP(WireAdapterPropertyTest, AnAdaptersBufferEqualsItsModel, ()) {
                           .adapter_latency_ns = *rc::gen::element<TimeNs>(0, 20'000, 1'000'000),
                           .adapter_bytes_count = *rc::gen::inRange<std::int64_t>(1, 8)};
   Wire wire(config, Direction::kToPlant, kPaper, nullptr);
-  // Of each byte, when it comes to the adapter, in order.
+  // Times at which the bytes come to the adapter, in order.
   std::vector<BootTime> line;
   Bytes sent, received;
   std::vector<BootTime> passed_on;

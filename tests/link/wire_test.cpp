@@ -299,7 +299,7 @@ class NaiveWire {
     BootTime time;
     bool chunk_ends;
   };
-  // Of all bytes that the wire knows at `now`, and when it will flush what is open.
+  // Arrivals of all bytes that the wire knows at `now`. `flush` becomes the time at which it will flush an open chunk.
   std::vector<Arrival> Arrivals(BootTime now, BootTime& flush) const {
     std::vector<Arrival> arrivals;
     BootTime line_free = BootTime::Earliest();

@@ -210,7 +210,7 @@ def compile_alone(file):
         command = shlex.split(entry["command"])
         command[command.index("-o") + 1] = str(made)
         command[command.index("-c") + 1] = str(COPY / file)
-        # What a defect leaves unused is no error.
+        # Code that a defect leaves unused is no error.
         must([*(f"-I{COPY}" if word == f"-I{ROOT}" else word for word in command), "-O1", "-Wno-error"], entry["directory"])
         return made
     raise Trouble(f"build/release compiles no {file}")

@@ -1,4 +1,4 @@
-// What a disturbance does to the plant, each part of it against mechanics that is written down apart from it: the
+// Effects of a disturbance on the plant, each compared with mechanics that is written down apart from it: the
 // momentum of a free body, closed forms of a fall, and Lagrange's equations with other masses.
 #include "link/disturbance.h"
 
@@ -123,7 +123,7 @@ TEST(Drag, WindCarriesAlongWhatHasDrag) {
   EXPECT_EQ(without.Momentum()[1], 0);
 }
 
-// Of what begins at rest: accelerations after one short step, by Lagrange's equations.
+// Compares the accelerations in one short step from rest with Lagrange's equations.
 class OtherBodies : public ::testing::Test {
  protected:
   void Compare(const Disturbance& disturbance, const LagrangeParameters& parameters) {
@@ -142,7 +142,7 @@ class OtherBodies : public ::testing::Test {
     for (int i = 0; i < 8; ++i)
       EXPECT_NEAR(found[i] / kStep_s, expected[i], 1e-3 * (1 + std::abs(expected[i]))) << i;
     EXPECT_LT(plant.HingeGap(), 1e-9);
-    // What was there before has not moved.
+    // The position and the hinge angle have not changed.
     EXPECT_NEAR(after.x_m, 1, 1e-9);
     EXPECT_NEAR(after.alpha_r_rad, 0.1, 1e-9);
   }
@@ -218,7 +218,7 @@ TEST(Disturbance, AJammedHingeStaysWhereItIs) {
   for (int i = 0; i < 500; ++i) plant.Plant::Step(input, jam);
   EXPECT_NEAR(plant.State().alpha_r_rad, 0.3, 1e-6);
   EXPECT_NEAR(plant.State().alpha_r_rad_s, 0, 1e-6);
-  // What holds it is inside the vehicle.
+  // The force that holds the hinge is inside the vehicle.
   for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR(plant.Momentum()[i], 0, 1e-9);
   for (int i = 0; i < 5; ++i) plant.Plant::Step(input, {});
   EXPECT_GT(plant.State().alpha_r_rad, 0.31);

@@ -183,7 +183,7 @@ TEST(Plant, SaturatesEveryInputAtItsLimits) {
   EXPECT_EQ(plant.Saturate({5, 6, 1, -1}), (ActuatorsTruth{5, 6, 1, -1}));
   constexpr double inf = std::numeric_limits<double>::infinity();
   EXPECT_EQ(plant.Saturate({inf, -inf, inf, -inf}), (ActuatorsTruth{30, 0, 2, -2}));
-  // What exceeds a limit moves the vehicle as the limit does.
+  // An input that exceeds a limit moves the vehicle as the limit does.
   plant.Step({31, -1, 3, -3});
   TiltrotorPlant other(Model(), {});
   other.Step({30, 0, 2, -2});

@@ -315,7 +315,7 @@ TEST_F(ChangedVehicle, VersionThatIsNone) {
   for (const std::string version : {"abc", "", "1", "1.", "1.9.1", "99999999999999999999.1", "-1.9"}) {
     text_ = original;
     Replace("version=\"1.9\"", "version=\"" + version + "\"");
-    // Of the XML declaration that holds a version, too, the line is not this one.
+    // The line is that of <sdf>, not that of the XML declaration, which holds a version, too.
     EXPECT_THAT(Error(), AllOf(HasSubstr("<sdf version=\"" + version + "\">"), Not(HasSubstr("stoi"))));
     EXPECT_EQ(line_, changed_line_);
   }

@@ -1,4 +1,4 @@
-// What a test of the chip's registers stands on: nothing but a start-up and a console.
+// The base of a test of the chip's registers: only a start-up and a console.
 //
 //   void Test() { Check("RCC_CR", Reg(0x40023800), 0x83); }
 //
@@ -31,7 +31,7 @@ extern Handler handlers[82];
 // Enables an interrupt (PM0214, section 4.3.2), which calls this.
 void Handle(unsigned interrupt, Handler handler);
 
-// Of every block (section 7.3): without one its registers read 0.
+// Enables the clock of every block (section 7.3): without it, the block's registers read 0.
 void EnableClocks();
 
 // The core's cycles (ARMv7-M ARM, section C1.8): 16 MHz here, 62.5 ns each.

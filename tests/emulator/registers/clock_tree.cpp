@@ -6,7 +6,7 @@ namespace {
 constexpr std::uint32_t kRcc = 0x40023800, kCr = kRcc, kPllcfgr = kRcc + 4, kCfgr = kRcc + 8,
                         kCsr = kRcc + 0x74;
 
-// What a counter that counts down or up does in the core's 10 000 cycles.
+// Increase of a counter's reading in 10 000 cycles of the core; a counter that counts down is inverted by its reader.
 template <class Counter>
 std::uint32_t CountIn(const Counter& counter) {
   const std::uint32_t begin = Cycles(), count = counter();
@@ -87,7 +87,7 @@ void Test() {
   Check("PLLCFGR is fixed", Reg(kPllcfgr), kPll);
   Reg(kCfgr) = 5u << 10 | 4u << 13 | 2u;
   Check("SWS", Reg(kCfgr) >> 2 & 3, 2);
-  // What feeds the core cannot be switched off (section 7.3.1).
+  // Clocks that feed the core cannot be switched off (section 7.3.1).
   Clear(kCr, Bit(24) | Bit(16));
   Check("PLLON stays", Reg(kCr) >> 24 & 3, 3);
   Check("HSEON stays", Reg(kCr) >> 16 & 3, 3);

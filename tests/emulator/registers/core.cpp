@@ -32,7 +32,7 @@ void Test() {
   asm volatile("cpsie i\n\tisb");
   Check("order of priorities", order, 21);
 
-  // What of the system control block is not overlaid: CPUID (section 4.4.1), VTOR (4.4.4).
+  // Registers of the system control block that are not overlaid: CPUID (section 4.4.1), VTOR (4.4.4).
   Check("CPUID", Reg(0xE000ED00) >> 4, 0x410FC24);
   Reg(0xE000ED08) = 0x08000000;
   Check("VTOR", Reg(0xE000ED08), 0x08000000);

@@ -1,4 +1,4 @@
-// What reading registers costs: nothing but its instructions, 8 ns each, whether the emulator knows the reader or not.
+// Cost of reading registers: only the instructions, 8 ns each, whether the emulator knows the reader or not.
 #include "tests/emulator/registers/bare.h"
 
 namespace {

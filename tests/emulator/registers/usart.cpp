@@ -33,7 +33,7 @@ void OnComplete() {
   Clear(kCr1, kTc);
 }
 
-// What is asked of the other end, for which the answer comes 1 ms later.
+// Sends a request to the other end, and waits until it is sent. The answer comes 1 ms later.
 void Ask(char what) {
   Reg(kDr) = static_cast<std::uint8_t>(what);
   while ((Reg(kSr) & kTc) == 0) {

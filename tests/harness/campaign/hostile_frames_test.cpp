@@ -1,4 +1,4 @@
-// What hostile inputs are made of, and that the same seed makes the same ones.
+// Contents of hostile inputs, which the same seed makes again.
 #include "harness/campaign/hostile_frames.h"
 
 #include <gmock/gmock.h>
@@ -135,7 +135,7 @@ FlightResult Ended(EndReason end, Outcome outcome, const std::string& reason) {
   return result;
 }
 
-// What stands around it on the line makes it what it is: minimised bytes leave out flags that the neighbours have.
+// The bytes around an input decide what the receiver sees: minimised inputs leave out flags that the neighbours have.
 TEST(HostileSequence, AReceiversViewHasTheFramesAround) {
   const auto described = [](std::string place, std::vector<LineBytes> inputs) {
     return Describe(

@@ -49,7 +49,7 @@ TEST(Minimise, FindsTheOneCauseThatAllSubsetsShow) {
   }
 }
 
-// Of a predicate without any order: the result fails, in the list's order, and nothing alone can be left out of it.
+// Predicates without any order: the result fails, keeps the list's order, and no element alone can be left out of it.
 TEST(Minimise, NothingMoreCanBeLeftOutAlone) {
   faults::Random random(2);
   for (int trial = 0; trial < 300; ++trial) {

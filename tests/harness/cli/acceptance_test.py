@@ -14,8 +14,8 @@ from command_line import PROGRAM, CommandLineTest
 
 SOURCE = pathlib.Path(sys.argv[2]).resolve()
 SUITE = SOURCE / "scenarios/acceptance"
-# What no library can take. tests/emulator/acceptance_test.py flies the first two, tests/system/realtime/acceptance_test.py
-# the others.
+# Scenarios that no library can fly. tests/emulator/acceptance_test.py flies the first two, and
+# tests/system/realtime/acceptance_test.py the others.
 ELSEWHERE = {f"acceptance-mild-{name}" for name in ("uart-overrun", "device-stall", "node-pause", "dds-loss")}
 LIBRARY = pathlib.Path(PROGRAM).resolve().parent / "lib/minimal_firmware.so"
 

@@ -98,7 +98,7 @@ class ClientsTest(unittest.TestCase):
     def test_a_fault_for_all_draws_for_each(self):
         flight = self.fly("all", TWO, NOISY.replace("client: b, ", "").replace("0.002", "0.0001"))
         a, b = self.lines_of(flight, 0), self.lines_of(flight, 1)
-        # What each is sent at first is the same, what arrives is not.
+        # Both clients are sent the same at first, but different bytes arrive.
         self.assertNotEqual([record for record in a if record[2]], [record for record in b if record[2]])
 
     def test_names_of_columns_metrics_and_files(self):

@@ -24,7 +24,7 @@ class FuzzTest(CommandLineTest):
         code, out, err = self.fuzz(build)
         self.assertEqual(code, 1, out + err)
         findings = self.summary()["findings"]
-        # What lies behind a buffer may be overwritten with other consequences, too.
+        # Overwritten memory behind a buffer may also have other consequences, and these are findings of their own.
         self.assertEqual(len(findings), 1 if kind != "crash" else len(findings), findings)
         finding = findings[0]
         self.assertEqual(finding["kind"], kind)
@@ -209,7 +209,7 @@ class FuzzTest(CommandLineTest):
         self.assertLessEqual(len(sorted((self.folder / "out" / "corpus").iterdir())), len(files) + 1)
         self.assertLess(after["corpus"], len(files))
         self.assertGreater(after["executions"], 1)
-        # What is no sequence of a campaign is not read.
+        # The campaign does not read files that are no sequence of a campaign.
         for name in (".hidden", "17.part"):
             (self.folder / "out" / "corpus" / name).write_text("nothing")
         code, out, err = self.fuzz("careful", runs=1)
@@ -234,7 +234,7 @@ class FuzzTest(CommandLineTest):
         blind = CLIENT.replace("careless_client", "careless_blind_client")
         code, out, err = self.fuzz("twofold", "--client", blind, runs=1)
         self.assertEqual((code, len(self.summary()["findings"])), (1, 2), out + err)
-        # What is mended is said to be.
+        # The campaign reports which findings are fixed.
         code, out, err = self.fuzz("careful", runs=1)
         self.assertEqual((code, self.summary()["findings"]), (0, []), out + err)
         for name in names:

@@ -4,7 +4,7 @@ import hashlib
 import json
 import pathlib
 
-# Of trace.csv. New columns, faults and metrics change none of them.
+# Columns of trace.csv that the digest covers. New columns, faults and metrics change none of them.
 COLUMNS = ("t_s x_m y_m z_m roll_rad pitch_rad yaw_rad alpha_r_rad alpha_l_rad vx_m_s vy_m_s vz_m_s wx_rad_s wy_rad_s wz_rad_s alpha_r_rad_s alpha_l_rad_s "
            "f_r_n f_l_n tau_r_nm tau_l_nm").split()
 

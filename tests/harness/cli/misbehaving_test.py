@@ -28,7 +28,7 @@ class MisbehavingTest(CommandLineTest):
         trace = self.latest() / name / "trace.csv"
         return len(trace.read_text().splitlines()) if trace.exists() else 0
 
-    # How a firmware may break its flight, and what is said of it. What was flown is kept.
+    # Ways in which a firmware may break its flight, each with the reported reason. The run keeps what was flown.
     FATAL = {"crash": "crashed in tiltproof_client_grant: Segmentation fault at", "recursion": r"crashed in tiltproof_client_grant: Segmentation fault \(stack overflow\) at libmisbehaving_client.so", "abort": "crashed in tiltproof_client_grant: Aborted",
              "assertion": r"Aborted: .*misbehaving_client.c:\d+: misbehave: Assertion `how == .*' failed", "smash": "Aborted: .* stack smashing detected",
              "free_twice": r"Aborted at .*misbehaving_client.so\+0x[0-9a-f]+.*: free\(\): double free detected",
@@ -39,7 +39,7 @@ class MisbehavingTest(CommandLineTest):
              "raise_term": r"raised SIGTERM in its process \(raise\)", "kill_int": r"raised SIGINT in its process \(kill\)", "kill_hup": "raised SIGHUP in its process",
              "kill_kill": "raised SIGKILL in its process",
              "thread_transmits": "called host->transmit from a thread of its own"}
-    # What nothing in its process can prevent: the flight is lost, the verdict is not.
+    # Ways that nothing in the firmware's process can prevent: the flight is lost, the verdict is not.
     FATAL_AND_LOST = {"raw_exit": "ended its process in tiltproof_client_grant.*exit code 0", "raw_exec": "ended its process in tiltproof_client_grant", "copy": "ended its process in tiltproof_client_grant.*exit code 0",
                       "thread": r"a thread that the firmware started crashed at libmisbehaving_client\.so\+0x[0-9a-f]+.*Segmentation fault",
                       "hang_blocked": "did not return from tiltproof_client_grant"}

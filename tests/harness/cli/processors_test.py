@@ -22,7 +22,7 @@ SUITES = [SOURCE / "scenarios/paper", SOURCE / "scenarios/wire"]
 # One for each variant that glibc has of an elementary function, but that of this processor: golden_flights_test.py flies as it is. On a
 # processor without these features the flights are the same by themselves, and the golden hashes remain a test.
 LESSER_PROCESSORS = {"without FMA": "-FMA,-FMA4", "with SSE2 alone": "-AVX,-AVX2,-FMA,-FMA4,-SSE4_1,-SSE4_2"}
-# What IEEE 754 or C define to the last bit, and what deals with the environment and the parts of a number.
+# Functions that IEEE 754 or C define to the last bit, and those for the environment and the parts of a number.
 EXACT = re.compile(r"(fabs|floor|ceil|trunc|l?l?round|roundeven|l?l?rint|nearbyint|fmod|remainder|remquo|fma|fmin|fmax|fdim|copysign|ldexp|scalbl?n|frexp|"
                    r"modf|nextafter|nexttoward|ilogb|logb|sqrt)[fl]?|fe\w+|__(isnan|isinf|finite|signbit|fpclassify)\w*|matherr|signgam")
 

@@ -1,4 +1,4 @@
-// What a library has executed, against its own count.
+// Code that a library has executed, compared with the library's own counts.
 #include "harness/client/coverage.h"
 
 #include <dlfcn.h>

@@ -31,7 +31,7 @@ TEST(DeviceClock, OverlappingDriftsAddUp) {
   EXPECT_EQ(clock.At(BootTime(1000 * kNsPerS)), 1000 * kNsPerS + 60 * kNsPerMs);
 }
 
-// Of a sum of windows of one rate each, computed in floating point.
+// Compares the clock with a sum of windows of one rate each, computed in floating point.
 RC_GTEST_PROP(DeviceClock, IsMonotoneInvertibleAndRight, ()) {
   DeviceClock clock;
   double gained_s = 0;

@@ -25,7 +25,7 @@ using ::testing::HasSubstr;
 
 constexpr TimeNs kShortLimit = 300 * kNsPerMs;
 
-// What is said of a firmware that does this when it is granted time; empty when nothing is.
+// The guard's message about a firmware that does this when it is granted time; empty if there is none.
 std::string TroubleOf(const std::function<void()>& firmware, bool hung = false) {
   try {
     FirmwareGuard::Call(FirmwareCall::kGrant, firmware);
@@ -65,7 +65,7 @@ TEST(FirmwareGuard, TurnsEveryEndOfTheProcessIntoTrouble) {
   EXPECT_THAT(TroubleOf([] { execlp("true", "true", nullptr); }), HasSubstr("called exec (true)"));
 }
 
-// What a firmware starts is its own business, and finds its functions as they were.
+// Processes that a firmware starts are its own business. In them, the guarded functions work as usual.
 TEST(FirmwareGuard, LeavesProcessesThatTheFirmwareStartsAlone) {
   FirmwareGuard::Install();
   int status = -1;

@@ -28,7 +28,7 @@ class LonelyDomain {
   LonelyDomain(const LonelyDomain&) = delete;
   LonelyDomain& operator=(const LonelyDomain&) = delete;
 
-  // What Cyclone makes of a message.
+  // The bytes that Cyclone makes of a message.
   template <class T>
   std::string Sent(const T& message) const {
     const dds_entity_t topic =

@@ -126,7 +126,7 @@ TEST_F(CircleTest, AMemberSpeaksForItselfAlone) {
   auto plant = Start("plant");
   circle_.Admit(plant.participant, "link");
   Say(plant);
-  // What it says as the link arrives after it.
+  // The link's message arrives after the plant's, which would already be here if it were heard.
   auto link = Start("link");
   circle_.Admit(link.participant, "link");
   Say(link);

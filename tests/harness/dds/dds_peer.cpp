@@ -49,7 +49,7 @@ void Say(const char* format, Values... values) {
 }
 void Say(const char* text) { Say("%s", text); }
 
-// Whether a line (or the end) of input comes within the time.
+// True if a line (or the end) of input comes within the time.
 bool InputWithin(int limit_ms) {
   pollfd readable{.fd = STDIN_FILENO, .events = POLLIN, .revents = 0};
   return poll(&readable, 1, limit_ms) > 0;
@@ -368,7 +368,7 @@ int TakeSlot(const Arguments&) {
   return 0;
 }
 
-// Whether this process now has a network of its own, and may configure it.
+// True if this process now has a network of its own, and may configure it.
 bool EnterNetworkOfItsOwn() {
   const auto user = std::to_string(getuid());
   const auto group = std::to_string(getgid());

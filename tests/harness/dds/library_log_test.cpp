@@ -62,7 +62,7 @@ TEST(LibraryLogTest, PrintsTheFirstMalformedPacketsAndCountsTheOthers) {
       ++sent_count;
   }
   close(sender);
-  // What makes the other process known comes to the same port, after them.
+  // The packets that make the other process known come to the same port, after the malformed ones.
   bool known = false;
   {
     PeerProcess peer({"heartbeat", std::to_string(slot.domain()), "test", "peer"});

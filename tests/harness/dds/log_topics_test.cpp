@@ -84,7 +84,7 @@ INSTANTIATE_TEST_SUITE_P(Troubles, LogTroublesTest,
                                   std::to_string(trouble.param.cut_ms);
                          });
 
-// What a publisher that starts again has told before is no news.
+// A publisher that starts again repeats its history; subscribers pass each message on once.
 TEST(LogTopicsTest, AHistoryToldAgainPassesOnce) {
   const DomainSlot slot;
   BusConfig config;
@@ -146,7 +146,7 @@ TEST(LogTopicsTest, AWriterRefusesRatherThanWaitsForAStuckReader) {
   for (int i = 0; i < 50; ++i) EXPECT_FALSE(taps.Write(tap));
   EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(2));
 
-  // What was refused may be tried again, and nothing is missing in the end.
+  // A refused message may be written again, and in the end no message is missing.
   peer.Signal(SIGCONT);
   ASSERT_TRUE(condition.Wait([&] { return taps.Write(tap); }));
   ASSERT_TRUE(taps.WaitForAcks(30 * kNsPerS));

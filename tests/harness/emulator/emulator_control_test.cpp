@@ -126,7 +126,7 @@ class EmulatorControlTest : public testing::Test {
     return flipped.value_or(Flipped{"no answer", {}});
   }
 
-  // Whether the image's ticks go on.
+  // True if the image's ticks go on.
   bool Ticks() {
     const std::uint32_t before = Word(kTickCountAddress);
     return RunUntil(loop_, [&] { return Word(kTickCountAddress) != before; });
@@ -249,7 +249,7 @@ TEST_F(EmulatorControlTest, WaitingTellsAnEmulatorThatDoesNotAnswer) {
   EXPECT_EQ(qmp_->Waiting(), 0ns);
 }
 
-// What is no QEMU.
+// Peers that are no QEMU.
 
 TEST(QmpClientTest, APeerThatSpeaksSomethingElseIsLostOnce) {
   boost::asio::io_context loop;

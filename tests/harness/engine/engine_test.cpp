@@ -221,7 +221,7 @@ TEST(Engine, TheEndOfTheEngineIsTheEndOfItsWorkers) {
   EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(60));
 }
 
-// Which process flew each flight, as the process itself says.
+// The process that flew each flight, as the process itself reports it.
 class Pids {
  public:
   Pids()

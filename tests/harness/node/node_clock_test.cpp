@@ -10,7 +10,7 @@ using Steady = NodeClock::Steady;
 
 BootTime Of(Steady::time_point t) { return BootTime(t.time_since_epoch().count()); }
 
-// What the clock shows between two looks at the true one must lie between `shown` of these.
+// Expects the clock to show a time between `shown` of the true times just before and just after, within 2 ns.
 template <class Shown>
 void ExpectShows(const NodeClock& clock, const Shown& shown) {
   const Steady::time_point before = Steady::now();

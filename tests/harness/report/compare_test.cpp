@@ -116,7 +116,7 @@ TEST(CompareTest, AValueThatOnlyOneHasIsADifference) {
   EXPECT_TRUE(std::isnan(comparison.first->b));
   EXPECT_EQ(Of(comparison, "z_m").one_sided_rows, 4U);
   EXPECT_EQ(Of(comparison, "z_m").max, 0.0);
-  // What neither has, both have alike.
+  // A value that both lack is no difference.
   const Trace gap = Climb(10, without(6, "z_m"));
   EXPECT_FALSE(CompareTraces(gap, gap, 0.0).first);
   EXPECT_EQ(Of(CompareTraces(gap, gap, 0.0), "z_m").one_sided_rows, 0U);

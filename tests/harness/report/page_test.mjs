@@ -509,7 +509,7 @@ check("a vehicle with four rotors and no hinge", async () => {
   assert.notEqual(await picture(page), still);
   await page.locator(".options input").nth(1).check();  // from nearby: discs and arrows
   await page.screenshot({ path: join(out, "quadrotor.png") });
-  // What the picture shows of the thrusts changes with them alone: the same moment with no thrust has no arrows.
+  // The arrows show the thrusts alone: the picture of the same moment without thrust has none.
   const arrows = await picture(page);
   await page.close();
   changeFlight(file, details, (flight) => flight.vehicle.rotors.forEach((rotor) => (rotor.force_max_n = 0)));

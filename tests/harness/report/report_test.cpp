@@ -188,7 +188,7 @@ TEST_F(ReportTest, JunitNamesWhatMayBeTheCauseAndIsNoneOfTheFirmwares) {
   EXPECT_THAT(xml, ::testing::Not(HasSubstr("something else")));
 }
 
-// What the schemas of Ant and of Jenkins both ask for, and nothing that one of them does not know.
+// All elements and attributes that the schemas of Ant and of Jenkins require; both schemas know each of them.
 TEST_F(ReportTest, JunitHasTheFormThatAntAndJenkinsKnow) {
   RunInfo info;
   info.suite = "s";
@@ -251,7 +251,7 @@ TEST_F(ReportTest, TheFaultsLogSaysHowManyActivationsItLeavesOut) {
     scenario.faults[i].type = "frame.drop";
   }
   RunLog log;
-  // Of the second all are kept, the third never acted, of the fourth no record came.
+  // The log keeps all activations of the second fault. The third never acted. No record of the fourth came.
   log.fault_activation_counts = {1005, 1, 0, 7};
   log.activations = {{.time_ns = 1, .fault = 0, .what = "dropped", .before = {}, .after = {}},
                      {.time_ns = 2, .fault = 1, .what = "dropped", .before = {}, .after = {}},

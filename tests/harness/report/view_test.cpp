@@ -1,4 +1,4 @@
-// What a report shows: extremes survive decimation and packing, frames are paired with what went on in their place,
+// Content of reports: extremes survive decimation and packing, frames are paired with what went on in their place,
 // limits hold, and no name becomes markup.
 
 #include <fmt/format.h>

@@ -1,4 +1,4 @@
-// What a test flies by hand: the vehicle that ships, and frames as a client sends them.
+// Parts of flights by hand: the shipped vehicle, and frames as a client sends them.
 #pragma once
 
 #include <array>

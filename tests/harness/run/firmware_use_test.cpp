@@ -1,4 +1,4 @@
-// Which lateness a firmware's own processes explain, and what is known of their processor time.
+// Lateness that a firmware's own processes explain, and the known part of their processor time.
 #include "harness/run/realtime/firmware_use.h"
 
 #include <gtest/gtest.h>

@@ -351,7 +351,7 @@ TEST(Flight, LostRepeatedAndOvertakenRepliesChangeNoOthersLatency) {
       requested.emplace(sensors.z_m, log.clients[0].request_times_ns.at(requested.size()));
     }
     ASSERT_EQ(requested.size(), log.clients[0].request_times_ns.size()) << type;
-    // Of a repeated reply the first to come. The client counts from its power-on.
+    // The first copy of a repeated reply counts. The client counts time from its power-on.
     const Origin origin(heard.front().first - requested.at(heard.front().second) -
                         log.clients[0].reply_latency_ns.front());
     std::vector<TimeNs> latencies;

@@ -1,4 +1,4 @@
-// How late the harness itself was, and how much it tells of what happened.
+// The harness's own lateness, and the limits on how much it records.
 #include <gtest/gtest.h>
 
 #include <algorithm>

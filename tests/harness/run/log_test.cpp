@@ -105,7 +105,7 @@ class AuditTest : public ::testing::Test {
     end_.OnSent(chunk);
     ++sent_count_;
   }
-  // What became of the frame sent last.
+  // Delivers `chunk` as what became of the frame sent last.
   void Deliver(Chunk chunk, BootTime arrival = {}) {
     chunk.number = sent_count_ - 1;
     end_.OnDelivered(chunk);

@@ -214,7 +214,7 @@ TEST_F(WatchTest, NoFirmwareIsBlamedWhenOthersAreSilentToo) {
   }
 }
 
-// What a fault keeps silent says nothing about the others of its host.
+// A node that a fault keeps silent proves nothing about the other nodes of its host.
 TEST_F(WatchTest, AFirmwareIsBlamedWhileAFaultKeepsAnotherNodeAway) {
   for (const NodeKind kind : {NodeKind::kBaseStation, NodeKind::kClient}) Of(nodes_, kind).alive = false;
   EXPECT_EQ(Watch({"base_station"}).size(), 2u);

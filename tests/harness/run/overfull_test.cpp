@@ -1,4 +1,4 @@
-// What may wait on a line is bounded: beyond it the flight is over, those to blame are named, and little memory is used.
+// The bound on what waits on a line: beyond it, the flight ends, those to blame are named, and memory use stays small.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

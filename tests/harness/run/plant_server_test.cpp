@@ -1,4 +1,4 @@
-// What the server puts in force, boundary by boundary.
+// Inputs that the server puts in force, boundary by boundary.
 #include "harness/run/plant_server.h"
 
 #include <gtest/gtest.h>

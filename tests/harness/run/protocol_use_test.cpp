@@ -1,4 +1,4 @@
-// How a client uses its protocol, from logs put together by hand and counted by hand.
+// A client's use of its protocol, from logs put together by hand and counted by hand.
 #include "harness/run/protocol_use.h"
 
 #include <gmock/gmock.h>
@@ -17,7 +17,7 @@ namespace {
 
 using link::Direction;
 
-// Of a sound client.
+// The use of the protocol by a sound client.
 ProtocolUse Sound() {
   return {
       .refused_commands = 0, .replies_ignored = CountedMistake(), .commands_without_reply = CountedMistake()};
@@ -58,7 +58,7 @@ class Exchange {
     Use();
     return log_.clients[0].line_mistakes.value();
   }
-  // That Use() has added.
+  // Events that Use() has added.
   const std::vector<RunEvent>& events() const { return log_.events; }
 
  private:
@@ -282,7 +282,7 @@ TEST(CommandsWithoutReply, AnyReplyThatSomeReceiverTakesCounts) {
       << "the first command may hold the vehicle";
 }
 
-// Of one kind, as begin in ms x count.
+// Mistakes of one kind, as pairs of the begin in ms and the count.
 std::vector<std::pair<double, std::int64_t>> MistakesOf(Exchange& exchange, LineMistakeKind kind,
                                                         double end_ms,
                                                         EndReason ended = EndReason::kCompleted) {

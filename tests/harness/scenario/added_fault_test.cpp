@@ -36,7 +36,7 @@ TEST_F(AddedFaultTest, IsTheLastOfTheScenario) {
   EXPECT_EQ(fault.type, "frame.drop");
   EXPECT_EQ(fault.start_ns, 1'234 * kNsPerMs);
   EXPECT_EQ(fault.end_ns, 3'734 * kNsPerMs);
-  // What it leaves behind flies again.
+  // The scenario that is left behind can be flown again: it reads back as the same.
   const Scenario again = ParseScenario(WriteResolved(scenario), folder_ / "again.yaml", options_);
   EXPECT_EQ(WriteResolved(again), WriteResolved(scenario));
 }

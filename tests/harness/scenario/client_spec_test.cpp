@@ -1,4 +1,4 @@
-// What --client says is read once and written once.
+// Values of --client: reading them, writing them back, and messages about mistakes in them.
 
 #include "harness/scenario/client_spec.h"
 

@@ -44,7 +44,7 @@ std::string With(const std::string& old, const std::string& now) {
 
 TEST(DifferingKeyTest, NoneWhereTheFlightIsTheSame) {
   EXPECT_THAT(DifferingKeys(kBase, kBase), IsEmpty());
-  // What is said about a flight, and what flies.
+  // Keys that describe or judge a flight, or choose its firmware; the last case only changes the order of keys.
   EXPECT_THAT(DifferingKeys(kBase, With("\"x\"", "\"y\"")), IsEmpty());
   EXPECT_THAT(DifferingKeys(kBase, With("\"One.\"", "\"Two.\"")), IsEmpty());
   EXPECT_THAT(DifferingKeys(kBase, With("[\"a\"]", "[]")), IsEmpty());

@@ -29,7 +29,7 @@ class FaultFile : public testing::Test {
         "name: x\nduration_s: 24\nreference: {type: hover, at_m: [0, 0, 2]}\nfaults:\n" + faults,
         folder_ / "s.yaml", options_);
   }
-  // What is wrong with it, without the folder.
+  // The reader's message about a scenario with these faults, without the folder; "no error" if it accepts it.
   std::string Error(const std::string& faults) {
     try {
       Read(faults);

@@ -27,7 +27,7 @@ class FaultSignalsTest : public testing::Test {
   }
   ~FaultSignalsTest() override { fs::remove_all(models_); }
 
-  // What is said of a scenario with this fault, empty when it is in order.
+  // The reader's message about a scenario with this fault; empty if the scenario is in order.
   std::string Error(const std::string& fault) {
     try {
       ParseScenario("name: x\nduration_s: 24\nreference: {type: spiral}\nfaults: [" + fault + "]\n", "s.yaml",

@@ -163,7 +163,7 @@ faults::FaultSpec Example(const faults::FaultType& type) {
   return fault;
 }
 
-// What each client can take, as docs/scenario.md says.
+// Faults that each client can take, as docs/scenario.md lists them.
 TEST(FaultSupportTest, EachClientInEachMode) {
   struct Client {
     ClientSpec client;

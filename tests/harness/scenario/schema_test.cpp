@@ -257,7 +257,7 @@ TEST_F(SchemaTest, EveryFaultTypeIsKnownToBoth) {
   ExpectAgreement();
 }
 
-// What an editor offers and shows does not depend on what else is written already.
+// Editors offer and explain the same types of faults, whatever else is written already.
 TEST_F(SchemaTest, EditorsCompleteEveryFaultType) {
   const Json schema = Json::parse(ScenarioJsonSchema(options_.metric_names, {}));
   const Json& definitions = schema["$defs"];
@@ -363,7 +363,7 @@ TEST_F(SchemaTest, MistakesAreRefusedByBothOrNeither) {
       const bool good = KeysAreGood(yaml);
       // A begin that neither a compound nor its member states: only the reader puts the two together.
       if (!good && yaml.find("compound") != std::string::npos) continue;
-      // Which metrics there are the reader asks later.
+      // The reader compares the names of metrics later.
       if (yaml.find("\"metric\"") != std::string::npos) continue;
       good_count += good ? 1 : 0;
       cases_.push_back({{"name", yaml}, {"valid", good}, {"instance", mistaken}});

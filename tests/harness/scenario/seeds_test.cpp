@@ -1,4 +1,4 @@
-// What each client of a scenario draws its faults from.
+// Seeds from which the clients of a scenario draw their faults.
 #include <gtest/gtest.h>
 
 #include <string>

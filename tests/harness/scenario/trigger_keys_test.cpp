@@ -1,4 +1,4 @@
-// What faults wait for, periods and compounds in a scenario's file.
+// Conditions that faults wait for, periods, and compounds in a scenario's file.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-// What a client's mistakes on its line come to in the verdict, from logs put together by hand.
+// Verdicts on a client's mistakes on its line, from logs put together by hand.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

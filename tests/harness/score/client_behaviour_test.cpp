@@ -1,4 +1,4 @@
-// What the firmware's restarts and requests come to in the verdict.
+// Effects of the firmware's restarts and requests on the verdict.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

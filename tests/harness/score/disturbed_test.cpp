@@ -1,4 +1,4 @@
-// What this machine took time from is not blamed on the firmware, whatever criterion sees it, and hides nothing else.
+// Time that this machine took: no criterion blames the firmware for it, and it hides nothing else.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

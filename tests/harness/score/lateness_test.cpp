@@ -56,7 +56,7 @@ TEST(Lateness, TooOftenIsInconclusive) {
   EXPECT_EQ(verdict(0, 4), Verdict::kInconclusive);
 }
 
-// What the firmware's own processes caused excuses no failure, and shows no success.
+// Lateness that the firmware's own processes caused excuses no failure, and shows no success.
 TEST(Lateness, ByTheFirmwareItselfIsItsOwn) {
   RunLog log = LateFlight(1000, 0, 0);
   EXPECT_EQ(ScoreOf(log).verdict, Verdict::kPass);

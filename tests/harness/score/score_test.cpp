@@ -276,7 +276,7 @@ TEST(Score, ABrokenCriterionSaysWhichWhenAndByHowMuch) {
   EXPECT_EQ(score.criteria[2].robustness, -2.0);
   EXPECT_EQ(score.criteria[2].explanation,
             "always(position_error_m <= 1): position_error_m = 1.42 at 0.600 s");
-  // Of all that failed, the first to do so.
+  // The reason names the criterion that was the first to fail.
   EXPECT_EQ(score.reason, "upright: always(abs(roll_rad) <= 0.6): roll_rad = 0.8 at 0.240 s");
 }
 

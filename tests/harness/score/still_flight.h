@@ -1,4 +1,4 @@
-// What tests of the score judge: a flight that is as it should be, for them to change.
+// A flight that is as it should be, for tests of the score to change and judge.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// What the text says, example by example; the property tests cover the rest.
+// Meaning of a formula's text, example by example; the property tests cover the rest.
 #include <gtest/gtest.h>
 
 #include <algorithm>

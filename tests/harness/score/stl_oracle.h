@@ -30,10 +30,10 @@ struct SlowTrace {
   harness::Trace ToTrace() const;
 };
 
-// Of the formula at the first row.
+// Bounds of the formula's value at the first row.
 SlowBounds SlowEvaluate(const harness::stl::Formula& formula, const SlowTrace& trace);
 
-// What a report draws over time (harness/score/stl.h), row by row; none in rows that no window looks at.
+// The curve that a report draws over time (harness/score/stl.h), row by row; none in rows that no window looks at.
 struct SlowOverTime {
   harness::stl::OverTimeReading reading{};
   std::vector<std::optional<SlowBounds>> rows;

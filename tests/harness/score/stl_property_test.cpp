@@ -166,7 +166,7 @@ RC_GTEST_PROP(StlMonitor, OverTimeItAgreesWithTheDefinitionsToo, ()) {
   RC_ASSERT(i == result.rows.size());
 }
 
-// What a reader of the curve takes for granted: its extreme is what decided the criterion.
+// Readers of the curve take for granted that its extreme is the margin that decided the criterion.
 RC_GTEST_PROP(StlMonitor, TheExtremeOverTimeIsTheMargin, ()) {
   const std::string text = RandomFormula(Choose(4));
   SlowTrace trace = RandomTrace();
@@ -210,7 +210,7 @@ RC_GTEST_PROP(StlMonitor, WhatIsDecidedNoContinuationChanges, ()) {
   }
 }
 
-// What was decided was decided no earlier than a formula of its form can be.
+// No formula is decided earlier than a formula of its form can be.
 RC_GTEST_PROP(StlHorizon, NothingIsDecidedBeforeItCanBe, ()) {
   const std::string text = RandomFormula(Choose(4));
   RC_LOG() << text << "\n";

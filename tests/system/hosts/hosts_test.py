@@ -26,7 +26,7 @@ PERIOD_S = 0.012
 BUSY_LIMIT_S = 25
 # To find all nodes, and to hand in and score everything in the end.
 OVERHEAD_LIMIT_S = 40
-# What the harness and the nodes promise: a node on another host that is away for 5 s is lost, a harness for 6 s gone.
+# Promises of the harness and the nodes: a node on another host that is away for 5 s is lost, a harness for 6 s gone.
 NODE_AWAY_LIMIT_S = 5
 HARNESS_AWAY_LIMIT_S = 6
 CLOSING_LIMIT_S = 3  # publishers that still have what the harness missed wait for it, up to a second each

@@ -121,7 +121,7 @@ class EmulatorHangsTest(unittest.TestCase):
         self.check_hangs(fly, "the firmware hangs: for 2 s")
 
     def test_who_waits_does_not_hang(self):
-        # What it sends is lost, and so is what it is sent.
+        # The fault loses all that the firmware sends, and all that it is sent.
         silence = "faults: [{id: silence, type: link.silence, target: both, start_s: 1, end_s: 4}]\n"
         self.check_flies_on(self.start(self.image(), duration_s=5, more=silence))
 

@@ -37,7 +37,7 @@ criteria:
   - {name: near, stl: "always(position_error_m <= 1)"}
 """
 
-# What a debug probe's command does to a board.
+# A program that resets the board, as a debug probe's command does.
 RESET = """\
 import json, socket, sys
 with socket.socket(socket.AF_UNIX) as control:

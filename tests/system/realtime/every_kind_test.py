@@ -64,7 +64,7 @@ class EveryKindTest(unittest.TestCase):
             result = flight.result()
             records = [json.loads(line) for line in read(flight.run_folder / "every-kind/faults.jsonl").splitlines()]
             acted = {record["fault"]: record["type"] for record in reversed(records)}
-            # What acted is of its type, in whatever a busy machine has flown.
+            # Each fault that acted is of its type, in whatever a busy machine has flown.
             for fault, type_ in acted.items():
                 self.assertIn(f"type: {type_},", FAULTS[fault][1])
             if result["green"]:

@@ -105,7 +105,7 @@ class Flight:
         processes = self.processes()
         for pid, command in processes.items():
             if len(command) > 2 and command[1] == "node":
-                # What a node starts has the node's words until it executes its own.
+                # A process that a node starts has the node's words until it executes its own.
                 if processes.get(parent_of(pid)) == command:
                     continue
                 nodes[command[2].replace("-", "_")] = pid

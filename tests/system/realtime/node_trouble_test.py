@@ -14,7 +14,7 @@ from flight import Flight, become_subreaper, wait_until, write_hover
 
 PROGRAM, *_ = (pathlib.Path(sys.argv.pop(1)).resolve() for _ in range(4))
 
-# How long the flight has been going on when it happens.
+# Duration of the flight before the trouble starts.
 EVENT_S = 1.2
 # The lease is 200 ms; the rest is for a machine that is busy.
 DETECTION_S_MAX = 1.0

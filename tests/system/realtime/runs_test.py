@@ -93,7 +93,7 @@ class RunsTest(unittest.TestCase):
         self.assertEqual(flight.wait(5), 130, flight.text())
         print(f"{self.id().split('.')[-1]}: ended after {time.monotonic() - sent:.2f} s", file=sys.stderr, flush=True)
         self.assertEqual(flight.result()["verdict"], "inconclusive")
-        # What was flown is kept: a row every 12 ms.
+        # The run keeps what was flown: a row every 12 ms.
         self.assertGreater(len(read(flight.run_folder / "hover/trace.csv").splitlines()), 50)
         self.check(flight)
 

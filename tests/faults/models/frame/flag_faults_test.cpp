@@ -39,8 +39,8 @@ TEST(FlagLossTest, ALoneOneIsOnlyLate) {
   for (const Heard& each : heard) EXPECT_EQ(each.status, FrameStatus::kOk);
 }
 
-// Of n frames about n p lose their flag, and every run of k of them makes one fused frame of k + 1, unless k is 1
-// and the next frame keeps its opening flag because it does not follow one that the trigger picked.
+// About n p of n frames lose their flag. Every run of k of them makes one fused frame of k + 1. Exception: k is 1 and
+// the next frame keeps its opening flag, because it does not follow a frame that the trigger picked.
 TEST(FlagLossTest, HasItsProbability) {
   const auto out = SendMessages(Spec("frame.flag_loss", {{"probability", 0.25}}), "sensors", 100'000);
   std::vector<bool> lost;

@@ -34,7 +34,7 @@ inline link::Chunk MessageFrame(const std::string& message, std::int64_t n) {
   return chunk;
 }
 
-// What a schedule makes of `count` such frames.
+// Sends `count` such frames through a schedule: the chunks that came out at each of them.
 inline std::vector<std::vector<link::Chunk>> SendMessages(FaultSchedule& schedule, const std::string& message,
                                                           std::int64_t count) {
   schedule.SetOrigin(kOriginAtPowerOn);

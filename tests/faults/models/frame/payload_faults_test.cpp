@@ -92,7 +92,7 @@ TEST(LongTest, BytesFollowAtTheEndAndTheChecksumIsRight) {
     EXPECT_EQ(heard.status, FrameStatus::kTooLong);
 }
 
-// Which of 100 000 such frames did not go on as they were.
+// Sends 100 000 such frames: true for each that did not go on as it was.
 std::vector<bool> Changed(const FaultSpec& spec, const std::string& message) {
   const auto out = SendMessages(spec, message, 100'000);
   std::vector<bool> changed;

@@ -17,7 +17,7 @@ TEST(ReplayStaleTest, PutsTheFrameOfThatAgeInPlace) {
     if (n >= 3) replayed.push_back(is_old);
     if (!is_old) continue;
     ASSERT_GE(n, 3);
-    // What was sent then, though it may have been replaced itself.
+    // The frame as it was sent then, though it may have been replaced itself.
     ASSERT_EQ(chunks[0].bytes, Frame(n - 3).bytes);
   }
   EXPECT_TRUE(AreBernoulli(replayed, 0.4));

@@ -49,7 +49,7 @@ TEST(ScriptTest, BytesComeBeforeOrAfterTheFrame) {
               ElementsAre(ElementsAre(first, Bytes{1}), kAsItWas, ElementsAre(third, Bytes{2, 3}), kAsItWas));
 }
 
-// Which frame a word belongs to is what the trigger says of the frames as sent: not what comes to this fault.
+// The trigger assigns words to frames as they are sent, not as they come to this fault.
 TEST(ScriptTest, WordsCountTheFramesThatAreSentAndPicked) {
   FaultSpec script = Scripted("01 02 03");
   script.every_nth_count = 3;

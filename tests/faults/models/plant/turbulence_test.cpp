@@ -30,7 +30,7 @@ struct Axis {
                  a = std::pow(length_m * omega / kSpeed_m_s, 2);
     return is_longitudinal ? scale / (1 + a) : scale * (1 + 12 * a) / std::pow(1 + 4 * a, 2);
   }
-  // Of the samples: frequencies beyond half the rate of sampling fold back.
+  // The spectrum of the samples: frequencies beyond half the rate of sampling fold back.
   double SampledSpectrum(double omega) const {
     double sum = Spectrum(omega);
     for (int k = 1; k < 200; ++k)

@@ -17,7 +17,7 @@ FaultSpec Dropout(double probability, const std::string& reads) {
 
 float MovingHeight(std::int64_t n) { return 1.0F + 0.5F * static_cast<float>(n); }
 
-// How often runs of 1, 2, ... lost samples occur: geometrically distributed.
+// Lengths of runs of lost samples, 1, 2, ..., are geometrically distributed.
 TEST(DropoutTest, LosesEachSampleIndependently) {
   constexpr std::size_t kSamples = 200'000;
   constexpr double kProbability = 0.3;

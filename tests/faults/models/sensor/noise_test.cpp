@@ -9,8 +9,8 @@
 namespace tiltproof::faults {
 namespace {
 
-// Of n independent normal draws the mean is within 5 std / sqrt(n), the standard deviation within 5 std / sqrt(2 n), and
-// neighbours do not correlate beyond 5 / sqrt(n).
+// Limits for n independent normal draws: 5 std / sqrt(n) for the mean, 5 std / sqrt(2 n) for the standard deviation,
+// 5 / sqrt(n) for the correlation of neighbours.
 TEST(NoiseTest, IsWhiteOfItsStandardDeviation) {
   constexpr int kSamples = 20'000;
   constexpr double kStd = 0.25;

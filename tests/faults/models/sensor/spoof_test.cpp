@@ -9,7 +9,7 @@
 namespace tiltproof::faults {
 namespace {
 
-// What the velocity says is what the position does.
+// The velocity that is read is the rate at which the position that is read changes.
 TEST(SpoofTest, PositionAndVelocityFitEachOther) {
   FaultSpec spec =
       At(Spec("sensor.spoof", {{"signal", "y_m"}, {"rate_per_s", 0.4}}), 5 * kPeriod, 300 * kPeriod);

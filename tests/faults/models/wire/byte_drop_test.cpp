@@ -8,7 +8,7 @@
 namespace tiltproof::faults {
 namespace {
 
-// Whether `part` is what is left of `whole` when some bytes are taken out.
+// True if `part` is what is left of `whole` when some bytes are taken out.
 bool IsSubsequence(const Bytes& part, const Bytes& whole) {
   std::size_t next = 0;
   for (const std::uint8_t byte : whole) next += next < part.size() && part[next] == byte ? 1 : 0;

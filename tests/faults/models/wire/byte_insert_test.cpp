@@ -14,7 +14,7 @@ TEST(ByteInsertTest, AddsRandomBytesAtItsRate) {
   for (std::size_t n = 0; n < out.size(); ++n) {
     const Bytes before = Frame(static_cast<std::int64_t>(n)).bytes;
     const Bytes& after = out[n].at(0).bytes;
-    // What was sent is still there in order; greedily matched, the rest was inserted.
+    // The sent bytes are still there, in order. The rest, after greedy matching, was inserted.
     std::size_t next = 0;
     for (const std::uint8_t byte : after) {
       if (next < before.size() && byte == before[next]) {
@@ -38,7 +38,7 @@ TEST(ByteInsertTest, EachPlaceForItselfAndEveryValueAlike) {
     const Bytes& after = chunks.at(0).bytes;
     std::size_t next = 0;
     for (const std::uint8_t byte : before) {
-      // Of an inserted byte with the value of the one before or behind it, nothing tells which is which.
+      // An inserted byte with the value of the byte before or behind it cannot be told from that byte.
       inserted.push_back(after.at(next) != byte || (next + 1 < after.size() && after[next + 1] == byte));
       if (inserted.back()) ++by_value[after[next++]];
       ASSERT_EQ(after.at(next++), byte);

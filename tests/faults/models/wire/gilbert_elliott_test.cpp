@@ -9,7 +9,7 @@
 namespace tiltproof::faults {
 namespace {
 
-// Which bits of that many frames flip, over all frames as one sequence.
+// Sends `count` frames: true for each bit that flips, over all frames as one sequence.
 std::vector<bool> Flipped(const FaultSpec& spec, std::int64_t count) {
   const auto out = Send(spec, count);
   std::vector<bool> flipped(544 * static_cast<std::size_t>(count), false);

@@ -6,7 +6,7 @@
 namespace tiltproof::faults {
 namespace {
 
-// What becomes of frame 1 when the fault lasts from the middle of its byte 10 to the middle of its byte 20. At
+// Frame 1 as it arrives when the fault lasts from the middle of its byte 10 to the middle of its byte 20. At
 // 921600 baud a byte takes 10.85 us.
 Bytes HeardOfFrameOne(FaultSpec spec) {
   spec.start_ns = FrameTime(1) + link::BytesTime(921'600, 10) + 5000;

@@ -28,7 +28,7 @@ TEST(ByteSwapTest, SwapsNeighboursWithItsProbability) {
       ++swaps;
     }
   }
-  // Of k bytes e(k) pairs swap: e(k) = p (1 + e(k - 2)) + (1 - p) e(k - 1). Those of equal bytes are not seen.
+  // Expected swaps among k bytes: e(k) = p (1 + e(k - 2)) + (1 - p) e(k - 1). Swaps of equal bytes are not seen.
   double before_last = 0, last = 0;
   for (int k = 2; k <= 68; ++k) {
     const double next = kProbability * (1 + before_last) + (1 - kProbability) * last;

@@ -81,7 +81,7 @@ function exported(flight) {
   return { mcap, trace: tableOf(join(flight, "csv/trace.csv")), frames: tableOf(join(flight, "csv/frames.csv")), flight };
 }
 
-// What holds for every export, whatever its messages are.
+// Checks what holds for every export, whatever its messages are.
 async function checkFile({ mcap, trace }) {
   const { file, reader } = await open(mcap);
   const messages = await all(reader.readMessages());
