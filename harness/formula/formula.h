@@ -60,7 +60,7 @@ inline constexpr std::size_t kFormulaLengthMax_bytes = 4096;
 inline constexpr std::size_t kNestingMax_count = 64;
 inline constexpr double kWindowMax_s = 1e6;
 
-// What a formula may name. A signal active_<id> belongs to each fault.
+// Names that a formula may use. A signal active_<id> belongs to each fault.
 struct Vocabulary {
   std::span<const std::string> signals;
   std::span<const std::string> fault_ids = {};

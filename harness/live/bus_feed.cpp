@@ -59,7 +59,7 @@ struct BusFeed::Impl {
       Begin(message.run_id, load(message.scenario_yaml));
       board.SetStatus(JsonText({{"phase", "flying"}, {"text", ""}}));
     } catch (const std::exception& error) {
-      // Of another version, or of a vehicle that this host does not have.
+      // The scenario is of another version, or of a vehicle that this host does not have.
       board.SetStatus(
           JsonText({{"phase", "flying"},
                     {"text", std::string("a flight that cannot be shown here: ") + error.what()}}));

@@ -1,5 +1,5 @@
-// What a live page shows, and what each of its viewers has seen of it: the flight that flies now with its path so far,
-// and the flights before it.
+// Content of a live page: the flight that flies now with its path so far, and the flights before it. The board sends
+// each viewer the events that this viewer has not seen.
 //
 //   LiveBoard board;
 //   board.Begin({.name = "hover", .scenario = scenario, .vehicle = vehicle, .shape = {}});
@@ -7,8 +7,8 @@
 //   LiveBoard::Seen seen;                                 // one for each viewer
 //   const std::string events = board.News(seen);          // what is new for him, as server-sent events
 //
-// Its size does not grow with a flight's length: of a long flight it has fewer rows of each second. A viewer who reads
-// slowly gets what is on the board when he comes back, not what was on it meanwhile.
+// The board's size does not grow with a flight's length: it keeps fewer rows per second of a long flight. A slow
+// viewer gets the content at the time of its next read, without what came and went in between.
 #pragma once
 
 #include <cstddef>
@@ -37,7 +37,7 @@ struct LivePlan {
 
 class LiveBoard {
  public:
-  // Of the vehicle's time: some 20 rows a second.
+  // Spacing of rows in the vehicle's time: some 20 rows a second.
   static constexpr double kSpacing_s = 0.048;
   static constexpr std::size_t kRowsMax = 3'000;
   static constexpr std::size_t kFinishedMax = 20'000, kNotesMax = 200;
@@ -57,7 +57,7 @@ class LiveBoard {
               double end_s);
   // The flight of this name is over; `entry` is its line in the table of flights, as JSON (EntryJson).
   void Finish(const std::string& name, const std::string& entry);
-  // What else there is to say, as JSON: {"phase": "waiting"|"flying"|"ended", "text": ...}.
+  // The phase, with a text for viewers, as JSON: {"phase": "waiting"|"flying"|"ended", "text": ...}.
   void SetStatus(const std::string& json);
 
   // All lines of the table, as JSON, for a page that is opened now.
@@ -69,7 +69,7 @@ class LiveBoard {
     std::size_t finished = 0, injected = 0;
     bool over = false;  // that the flight is over
   };
-  // What has changed since, at most `bytes_max` and one event more; empty when nothing has.
+  // Events that the viewer has not seen; empty: none. Beyond `bytes_max` adds no entries, notes or rows.
   std::string News(Seen& seen, std::size_t bytes_max = 65'536) const;
 
  private:

@@ -35,7 +35,7 @@ using std::chrono::milliseconds;
 
 // The rate at which viewers get news.
 constexpr milliseconds kTick{50};
-// How often a monitor looks where its post is.
+// Number of ticks from one look of a monitor for its post to the next.
 constexpr std::uint64_t kTicksOfPost = 10;
 // At the end: viewers get what is new for them.
 constexpr milliseconds kFarewell{1'000}, kEndLimit{3'000};
@@ -43,7 +43,7 @@ constexpr int kNice = 5;
 // For the answer of the flight to somebody who injects a fault.
 constexpr std::chrono::seconds kInjectLimit{15};
 
-// Of a fault without an end; longer than any flight.
+// The end that viewers get for a fault without an end; longer than any flight.
 constexpr TimeNs kLongest = 1'000'000 * kNsPerS;
 constexpr std::size_t kAnswerBytesMax = 20'000;
 
@@ -51,7 +51,7 @@ std::string Status(const char* phase, const std::string& text) {
   return JsonText({{"phase", phase}, {"text", text}});
 }
 
-// What the process does.
+// The work of the process: feeds the board, serves the page, and passes on the buttons.
 class Host {
  public:
   Host(const LiveSocket& socket, int channel, int injections, const LiveOptions& options,
@@ -310,7 +310,7 @@ Injections LiveProcess::TakeInjections() {
     text.resize(static_cast<std::size_t>(count));
     return text;
   };
-  // What a flight before has not heard.
+  // Discards requests that an earlier flight has not read.
   while (next()) {
   }
   return {.next = next, .add = {}, .answer = [socket = injections_](const Injections::Answer& answer) {

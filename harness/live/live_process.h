@@ -37,7 +37,7 @@ struct LiveOptions {
   std::function<std::string(const std::vector<std::string>& entries)> page;
   // Called in the process of the page, and may take its time: see LiveServer::Hooks.
   std::function<std::optional<std::string>(std::size_t flight)> details = [](auto) { return std::nullopt; };
-  // Of flights on the bus; domain and tag are those of each flight, or the monitor's.
+  // Settings of the bus for its flights; domain and tag come from each flight, or from the monitor's post.
   dds::BusConfig bus;
   // A monitor: shows whatever is announced at the post.
   FindPost post = {};

@@ -134,7 +134,7 @@ class LiveServer::Impl::Session : public std::enable_shared_from_this<Session> {
         [self = this->shared_from_this()](beast::error_code error, std::size_t) { self->OnRead(error); });
   }
 
-  // What is new for this viewer, when he has taken what was before.
+  // Sends this viewer its news, once the write before is complete.
   void Push() {
     if (writing_ || ended_) return;
     const auto now = std::chrono::steady_clock::now();

@@ -59,7 +59,7 @@ class LiveServer {
 
   void Tell();
   std::size_t viewers_count() const;
-  // Whether every viewer has all that is on the board, or will not take it.
+  // True if every viewer has all that is on the board, or its connection has failed.
   bool is_told() const;
 
  private:

@@ -1,12 +1,12 @@
-// Rows of the lockstep flight that is flown now, from its worker process to the process that shows them. The worker
-// only copies: it never waits, and nobody can make it. A reader that is slow misses rows.
+// Rows of the lockstep flight that flies now, from its worker process to the process that shows them. The worker
+// only copies: it never waits, whatever its reader does. A slow reader misses rows.
 //
 //   RowRing ring;                               // before the processes are forked
 //   if (ring.Begin(flight, columns)) ring.Append(row);   // in the worker
 //   const RowRing::News news = ring.Take(cursor);        // in the reader
 //   ring.Release(flight);
 //
-// Of flights that fly at the same time, it has the one that began first.
+// The ring holds the flight that began first, of those that fly at the same time.
 #pragma once
 
 #include <atomic>
@@ -35,7 +35,7 @@ class RowRing {
   // The flight of this number is over, whatever became of its process.
   void Release(std::size_t flight);
 
-  // How far a reader has come.
+  // A reader's position.
   struct Cursor {
     std::uint64_t turn = 0;
     std::uint64_t rows_read = 0;

@@ -64,7 +64,7 @@ class BaseStationRole final : public Role {
     const TimeNs period = protocol_->control_period_ns;
     const BootTime next = origin_.ToBootTime((origin_.SimulationTime(now) / period + 1) * period);
     timer_.emplace(services_, next, period, [this, period](BootTime due) {
-      // Of the boundary just reached, however late the timer.
+      // Sends the reference of the boundary just reached, however late the timer is.
       SendAt(origin_.SimulationTime(due) / period * period);
     });
   }

@@ -27,7 +27,7 @@ std::string Filled(std::string command,
   return command;
 }
 
-// What a shell ends with when it could not start a command (POSIX 2.8.2).
+// Ends of a shell that could not start a command (POSIX 2.8.2), each with its reason.
 constexpr std::array<std::pair<std::string_view, std::string_view>, 2> kNotStarted = {
     {{"exited with code 127", "was not found"}, {"exited with code 126", "may not be executed"}}};
 

@@ -1,9 +1,9 @@
-// How long a program has been ready to run while others had the processor: the effect of a busy machine, for
-// which the program must not be blamed. An emulator has no real-time priority, so watching the harness's own
-// nodes would not show it.
+// The time that a program has been ready to run while others had the processor. A busy machine causes it, not
+// the program. An emulator has no real-time priority, so the lateness of the harness's own nodes does not
+// show it.
 //
-// Its own threads also wait for each other, briefly and often: that time (kOwnWaitNs) is subtracted from
-// every wait.
+// The program's own threads also wait for each other, briefly and often: Take() subtracts that time
+// (kOwnWaitNs) from every wait.
 //
 //   CpuWait wait(pid);
 //   if (const TimeNs waited = wait.Take(); waited > late_after_ns) NoteLateness(now - waited, now);

@@ -1,6 +1,6 @@
-// What a receiver of an emulated board gets in real time while faults hold the processor. A stopped processor
-// keeps the first byte that arrives and loses the others, as on the chip (an overrun); one held in reset
-// loses all. QEMU by itself would deliver everything afterwards.
+// Counts the bytes that a receiver of an emulated board gets in real time while faults hold the processor. A
+// stopped processor keeps the first byte that arrives and loses the others, as on the chip (an overrun). One
+// held in reset loses all. QEMU by itself would deliver everything afterwards.
 //
 //   DeafReceiver receiver(scenario);                       // one per line
 //   bytes = bytes.first(receiver.Keeps(now, bytes.size()));
@@ -28,8 +28,8 @@ class DeafReceiver {
         spans_.push_back({command.at_ns, command.until_ns, *register_free});
   }
 
-  // How many of the bytes that arrive at `time_ns` (simulation time) the firmware gets, counted from the
-  // first.
+  // Number of bytes, counted from the first, that the firmware gets of those that arrive at `time_ns`
+  // (simulation time).
   std::size_t Keeps(TimeNs time_ns, std::size_t size) {
     std::size_t kept = size;
     for (Span& span : spans_) {
@@ -40,7 +40,7 @@ class DeafReceiver {
   }
 
  private:
-  // Whether a processor that the action holds still accepts one byte; none when the action does not hold it.
+  // True if a processor that the action holds still accepts one byte; none when the action does not hold it.
   static std::optional<bool> HearsNextByte(const faults::DeviceAction& action) {
     using Answer = std::optional<bool>;
     return std::visit(Overloaded{[](const faults::StallProcessor&) -> Answer { return true; },

@@ -281,7 +281,7 @@ void EmulatedBoard::Examine(Condition condition, bool started) {
       examined->found =
           harness::Examine(stopped, ElfSymbols(spec_.image), SourceLines(spec_.image), roles, condition);
     } catch (const std::exception& error) {
-      // That it hangs is known; only where is missing.
+      // The hang is known; only its place is missing.
       examined->found.lines.push_back(error.what());
     }
     boost::asio::post(services_.loop(), [this, examined, started, alive] {

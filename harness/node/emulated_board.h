@@ -83,11 +83,11 @@ class EmulatedBoard {
   // The blocks that the firmware uses and the board does not model, each with its first access. Reads the image: for the
   // end of the flight.
   std::vector<std::pair<BootTime, UnmodelledBlocks::Block>> Unmodelled() const;
-  // What was printed since the last call; with `last`, including the incomplete last line.
+  // Lines printed since the last call; with `last`, including the incomplete last line.
   std::vector<FirmwareProcess::OutputLine> TakeLines(bool last = false);
 
  private:
-  // What was found out about a firmware that does not go on.
+  // Findings about a firmware that makes no progress.
   struct Examined {
     Findings found;
     std::string usarts;

@@ -74,7 +74,7 @@ void FirmwareProcess::ReadAll() {
 
 void FirmwareProcess::AddLine(std::size_t i) {
   std::string text = std::exchange(partial_[i], {});
-  // Of a firmware on a serial console.
+  // A firmware on a serial console ends its lines with "\r\n".
   if (text.ends_with('\r')) text.pop_back();
   if (printed_bytes_ > kFirmwareLogBytesMax) return;
   printed_bytes_ += text.size() + 1;

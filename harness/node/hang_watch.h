@@ -1,12 +1,12 @@
-// How long the firmware in an emulator has been silent, and busy, by the time that the emulator has had for itself
-// (harness/process/own_time.h).
+// Measures how long the firmware in an emulator has been silent, and busy. Only time that the emulator has had for
+// itself counts (harness/process/own_time.h).
 //
 //   HangWatch watch(pid);
 //   watch.Look(HangWatch::Clock::now(), {.any = last_byte, .main_line = last_byte_there}, held);  // every 50 ms
 //   if (watch.busy_ns() > HangWatch::kLimit) ...
 //
-// Whether the processor sleeps shows in the emulator's use of this machine's processors: one that never sleeps uses
-// all that it gets.
+// The emulator's use of this machine's processors shows sleep of the emulated one: a processor that never sleeps
+// uses all time that the emulator gets.
 #pragma once
 
 #include <sys/types.h>

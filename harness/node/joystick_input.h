@@ -42,7 +42,7 @@ class JoystickInput {
   virtual ~JoystickInput() = default;
   // The axes at `time_ns` (a recording: since its beginning; a device: now). Times may come in any order.
   virtual JoystickAxes Read(TimeNs time_ns) = 0;
-  // Why no more input comes; empty while it does.
+  // Reason that no more input comes; empty while it comes.
   virtual std::string lost() const { return {}; }
 };
 

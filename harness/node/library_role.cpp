@@ -111,7 +111,7 @@ class LibraryRole final : public Role {
   BootTime Now() { return now_ns_ = std::max(now_ns_, BootTime(services_.clock().Now() - power_on_ns_)); }
   // By this node's clock.
   BootTime OfNode(BootTime of_client) const { return power_on_ns_ + of_client.ns(); }
-  // What the firmware says of the time, within reason.
+  // The firmware's time, limited to 0 .. 1 s after the present; 0 before power-on.
   BootTime Plausible(BootTime now) {
     if (power_on_ns_ == BootTime::Never()) return BootTime();
     return std::clamp(now, BootTime(), std::max(Now(), BootTime()) + kNsPerS);

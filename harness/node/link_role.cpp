@@ -23,8 +23,8 @@ using link::Direction;
 using link::kDirections;
 
 constexpr std::size_t kRoundTripSampleCount = 50;
-// How often bytes on their way are handed to an emulator: every ten or so at 921600 baud. Before the end of a frame there
-// are none for longer than this.
+// Period at which an emulator gets the bytes on their way: every ten or so at 921600 baud. The bytes of a frame
+// arrive within kFrameTimeMax before its end.
 constexpr TimeNs kHandOverPeriodNs = 100 * kNsPerUs;
 constexpr TimeNs kFrameTimeMax = 2 * kNsPerMs;
 
@@ -104,7 +104,7 @@ class LinkRole final : public Role {
     services_.log().Write(log, line_->origin(), std::exchange(samples_, {}));
   }
 
-  // What was sent has had its faults, also where it still waits for the line.
+  // Bytes that were sent have had their faults, also where they still wait for the line.
   std::optional<TimeNs> DoneUntil(const faults::FaultType& type) override {
     if (!type.IsOneOf<faults::WireKind>()) return std::nullopt;
     return line_->origin().known() ? line_->origin().SimulationTime(std::max(Now(), sent_until_ns_)) : 0;
@@ -224,7 +224,7 @@ class LinkRole final : public Role {
     if (direction == Direction::kToPlant && client_is_library_ && bytes.size() >= actuators_bytes_ &&
         line_->unanswered_reply() != BootTime::Never())
       services_.lateness().Note(line_->unanswered_reply(), now);
-    // How fast an emulated processor is, is this machine's doing too.
+    // The speed of an emulated processor is this machine's doing, too.
     if (direction == Direction::kToPlant && client_takes_bytes_ &&
         line_->unanswered_reply() != BootTime::Never())
       services_.lateness().Note(line_->unanswered_reply() + scenario_.late_after_ns(), now);

@@ -22,7 +22,7 @@ class LostTickLog {
     std::int64_t begin_ns, end_ns;  // by CLOCK_MONOTONIC
     friend bool operator==(const Span&, const Span&) = default;
   };
-  // What is new, in order. Only the last ticks are kept: those before them lie between the last look and these.
+  // New spans, in order. Only the last ticks are kept: those before them lie between the last look and these.
   std::vector<Span> Take();
 
   // A fault of the scenario holds the emulator then: what it loses by that is no doing of this machine. `end_ns` is when it is

@@ -92,7 +92,7 @@ class Node final : public NodeServices {
   dds::Heartbeat heartbeat_;
   bool warned_of_sender_ = false;
 
-  // Of the present run.
+  // State of the present run.
   std::string run_id_;
   dds::Participant harness_;
   std::string released_run_id_;  // the last one: what of it still comes is old
@@ -104,7 +104,7 @@ class Node final : public NodeServices {
   Lateness lateness_;
   std::int64_t last_command_ = 0;
   std::int64_t last_fault_ = 0;
-  // What it was told, and did: idle, prepared, armed, running (until it is told to stop), finished.
+  // Set by the harness's commands: idle, prepared, armed, running (until the command to stop), finished.
   dds::Phase phase_ = dds::Phase::kIdle;
   int exit_code_ = 0;
   std::chrono::steady_clock::time_point harness_heard_;
@@ -168,7 +168,7 @@ std::string Node::OtherSender() {
   others_->Take();
   for (const auto& node : others_->Nodes())
     if (node.alive && sends(node.last.kind) && node.participant != bus_->participant())
-      // Of two that began at the same moment, one stays.
+      // One of two that began at the same moment stays.
       if (heartbeat_.sequence == 0 || !node.last.run_id.empty() ||
           std::tie(node.last.node_id, node.participant) < std::make_tuple(options_.name, bus_->participant()))
         return fmt::format("{} ({} on {}, process {})", node.last.node_id, Name(node.last.kind),
@@ -269,7 +269,7 @@ void Node::MeetMembers(const dds::RunScenario& scenario) {
       members_.Admit(*participant, scenario.nodes[i]);
 }
 
-// What it said in a run stays for latecomers, until the next one: an attached node serves many.
+// Retires the last run's messages. They stay for latecomers until the next run: an attached node serves many.
 void Node::ForgetReleasedRun() {
   if (released_run_id_.empty()) return;
   dds::RunAck ack;
@@ -400,8 +400,8 @@ void Node::SetPhase(dds::Phase phase, TimeNs time_ns, Origin origin, EndReason r
   Tell(phase);
 }
 
-// What the role has said of the flight stays true, until the node is released: one that failed does not run when it is told
-// to start, nor has it finished when it is told to stop. The harness may see only the latest state.
+// The role's failure stays the node's state until the node is released. A failed node does not run after the command to
+// start, nor is it finished after the command to stop. The harness may see only the latest state.
 void Node::Tell(dds::Phase phase) {
   state_.run_id = run_id_;
   state_.node_id = options_.name;

@@ -1,4 +1,4 @@
-// What the operating system grants a node for punctuality: a real-time scheduling policy and locked memory.
+// Rights that make a node punctual: a real-time scheduling policy and locked memory. The system grants them.
 // Without them everything works, but less evenly.
 #pragma once
 
@@ -19,7 +19,7 @@ struct RealtimeRights {
 // Acquires what is permitted, for the calling thread and this process; children inherit neither.
 RealtimeRights AcquireRealtimeRights();
 
-// What a node would get, tried in a child process.
+// Rights that a node would get, tried in a child process.
 RealtimeRights ProbeRealtimeRights();
 
 }  // namespace tiltproof::harness

@@ -352,7 +352,7 @@ void ChildProcess::Stop(milliseconds grace) {
       SignalGroup(SIGCONT);
       WaitEnd(grace);
     }
-    // What is left of the group: the process itself, or what it started.
+    // Kills the rest of the group: the process itself, or what it started.
     SignalGroup(SIGKILL);
     if (!WaitEnd(kKillWait)) exit_text_ = "does not end, not even when killed";
     Alive();

@@ -69,7 +69,7 @@ class ChildProcess {
   int error() const { return error_; }
 
   bool Alive();
-  // How it ended; nullopt while it lives.
+  // The end of the process in words ("exited with code 1"); nullopt while it lives.
   std::optional<std::string> ExitText();
 
   // Sends a signal only to the process, or to its whole group (SIGSTOP, SIGCONT, ...). No effect once it is

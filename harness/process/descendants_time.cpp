@@ -20,7 +20,7 @@ namespace {
 // A program that starts more is judged by these.
 constexpr std::size_t kProcessesMax = 1000;
 
-// Of the children that this process has waited for.
+// Processor time of the children that this process has waited for.
 TimeNs WaitedByUs() {
   rusage waited{};
   getrusage(RUSAGE_CHILDREN, &waited);
@@ -36,7 +36,7 @@ TimeNs RunTime(pid_t pid) {
   return time.tv_sec * kNsPerS + time.tv_nsec;
 }
 
-// Of the children that it has waited for (proc(5), stat: cutime and cstime), in ticks.
+// Processor time of the children that it has waited for (proc(5), stat: cutime and cstime), in whole ticks.
 TimeNs WaitedTime(pid_t pid) {
   constexpr int kState = 3, kChildUserTime = 16, kChildSystemTime = 17;
   std::ifstream file("/proc/" + std::to_string(pid) + "/stat");

@@ -13,8 +13,8 @@
 namespace tiltproof::harness {
 
 struct DescendantsTime {
-  // Of all threads together, those that have ended and were waited for included. Time of a process that ends during the
-  // look is missing in the first number, or is twice in the second. What was waited for is cut to ticks of 10 ms.
+  // Processor time of all threads together, including those that ended and were waited for. Time of a process that ends
+  // during the look is missing in the minimum, or is twice in the maximum. Waited-for time is cut to ticks of 10 ms.
   TimeNs run_min_ns = 0, run_max_ns = 0;
   std::int64_t processes_count = 0;
 };

@@ -26,7 +26,7 @@ bool IsKept(pid_t child) {
   return std::find(kept.begin(), kept.end(), child) != kept.end();
 }
 
-// Of all threads of this process, but for those that are kept.
+// Children of all threads of this process, except those that are kept.
 std::vector<pid_t> Orphans() {
   std::vector<pid_t> orphans;
   std::error_code none;

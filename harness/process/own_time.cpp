@@ -38,7 +38,7 @@ struct Stat {
   TimeNs run_ns = 0;
 };
 
-// Of a process or a thread: the file `stat` in its folder (proc(5)).
+// Reads the state of a process or a thread from the file `stat` in its folder (proc(5)).
 Stat ReadStat(const std::string& folder) {
   const std::string text = ReadAll(folder + "/stat");
   // The program's name, in parentheses, may hold anything.

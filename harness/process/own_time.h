@@ -1,7 +1,7 @@
-// How much time another process has had for itself: the time in which it ran, slept or waited for others.
-// Time does not count while it was stopped, or ready to run while others had the processors. Neither does time
-// in which the observer was stopped, or one of its threads waited for a processor: what the other process said
-// may not have been heard.
+// Time that another process has had for itself: the time in which it ran, slept or waited for others. Time
+// does not count while it was stopped, or ready to run while others had the processors. Neither does time in
+// which the observer was stopped, or one of its threads waited for a processor: the observer may have missed
+// what the other process sent.
 //
 // All limits on how long a process may stay silent are limits on this time:
 //
@@ -32,15 +32,15 @@ class OwnTime {
  public:
   using SteadyClock = std::chrono::steady_clock;
 
-  // How often to look. At most twice as much is charged at once: an observer that looks later was kept from
-  // looking.
+  // The time between two looks. A look charges at most twice as much: an observer that looks later was kept
+  // from looking.
   static constexpr std::chrono::milliseconds kLook{100};
 
   // However long the observer had to wait, this share counts: a hang is found on the busiest machine.
   static constexpr int kLeastShare = 10;  // one in ten
 
-  // How long a thread of this process was ready, but had no processor, since the last call: the longest such time of
-  // any thread.
+  // The time since the last call in which a thread of this process was ready, but had no processor: the longest such
+  // time of any thread.
   class OwnDelay {
    public:
     TimeNs operator()();
@@ -57,10 +57,10 @@ class OwnTime {
   // Its own time since the first look. The first look is cheap: an answer mostly comes before the second.
   TimeNs Look(SteadyClock::time_point now);
 
-  // Whether at the last look it had stopped itself (it sent itself the signal), which is its own fault.
+  // True if at the last look it had stopped itself (it sent itself the signal), which is its own fault.
   bool stopped_itself() const { return stopped_itself_; }
-  // What excused it at the last look: it, or a process that it started, was stopped, or all were
-  // without a processor.
+  // The excuse of the process at the last look: it, or a process that it started, was stopped, or all
+  // were without a processor.
   enum class Excuse { kNone, kStopped, kNoProcessor };
   Excuse excuse() const { return excuse_; }
   // The stopped process.
@@ -78,8 +78,8 @@ class OwnTime {
   pid_t stopped_pid_ = -1;
 };
 
-// How long a process has computed, with all of its threads; time in which it was stopped, slept or had no processor does
-// not count. 0 when there is no such process.
+// Time that a process has computed, with all of its threads. Time in which it was stopped, slept or had no processor
+// does not count. 0 when there is no such process.
 TimeNs ProcessorTime(pid_t pid);
 
 enum class Input { kReady, kSilent, kStoppedItself };
@@ -87,12 +87,12 @@ enum class Input { kReady, kSilent, kStoppedItself };
 // `limit_ns` of its own time.
 Input AwaitInput(int descriptor, pid_t pid, TimeNs limit_ns);
 
-// Whether the kernel shows it as stopped by a signal or a debugger.
+// True if the kernel shows the process as stopped by a signal or a debugger.
 bool IsStopped(pid_t pid);
-// Whether it, or a process that it has started, is stopped and has not stopped itself.
+// True if it, or a process that it has started, is stopped, and none of them has stopped itself.
 bool IsStoppedByOthers(pid_t pid);
 
-// Whether all of its threads are stopped by a signal that it has sent to itself. (The kernel shows the system
+// True if all of its threads are stopped by a signal that it has sent to itself. (The kernel shows the system
 // call in which it stopped.)
 bool HasStoppedItself(pid_t pid);
 

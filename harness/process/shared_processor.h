@@ -9,8 +9,8 @@
 //     together.EndTurn();
 //   }
 //
-// Which processor that is stays the system's choice: from time to time the thread is let go, and the other follows it to
-// where it then runs. Where the system permits no such thing, nothing changes.
+// The system still chooses the processor: from time to time the thread is free to move, and the other process follows
+// to where the thread then runs. Where the system permits no such thing, nothing changes.
 #pragma once
 
 #include <sched.h>

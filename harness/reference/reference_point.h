@@ -1,4 +1,4 @@
-// What the base station commands at one time: position and velocity, in the world frame.
+// The base station's command at one time: position and velocity, in the world frame.
 //
 //   const ReferencePoint r = trajectory.At(t);
 //   const std::vector<double> row = ToRow(r);   // in the order of ReferenceSignals()

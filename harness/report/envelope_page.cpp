@@ -43,7 +43,7 @@ bool SameFile(const std::filesystem::path& a, const std::filesystem::path& b) {
   }
 }
 
-// How to see one side of a row; null when nothing of it stands in the folder.
+// The command for one side of a row, and the page of its flight if any; null when the folder has no scenario.
 PageJson SideJson(const EnvelopeSide& side, const std::filesystem::path& folder,
                   const std::filesystem::path& to_folder, const std::string& program,
                   const std::string& flags) {

@@ -22,7 +22,7 @@ struct EnvelopeSide {
   std::filesystem::path run_folder() const;
 };
 
-// Whether a folder holds an envelope.
+// True if a folder holds an envelope.
 bool HoldsEnvelope(const std::filesystem::path& folder);
 
 // `to_folder`: from the page's folder to the envelope's, for links. `program`: as it was called, for the commands that

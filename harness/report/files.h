@@ -22,7 +22,7 @@ struct FileError : std::runtime_error {
 //   file.Finish();
 class NewFile {
  public:
-  // What Finish() makes of something that has the name already.
+  // The fate in Finish() of a file that has the name already.
   enum class Existing { kReplaced, kRefused };
   explicit NewFile(std::filesystem::path path, Existing existing = Existing::kReplaced);
   // Without Finish() nothing is left.
@@ -53,7 +53,7 @@ std::string ReadFile(const std::filesystem::path& path);
 std::filesystem::path CreateRunFolder(const std::filesystem::path& parent, const std::string& suite,
                                       std::uint64_t seed);
 
-// Whether <parent>/latest is not a link, and therefore left unchanged.
+// True if <parent>/latest exists and is not a link; CreateRunFolder() then leaves it unchanged.
 bool LatestIsTaken(const std::filesystem::path& parent);
 
 // The present UTC time, ISO 8601 to the millisecond.

@@ -132,7 +132,7 @@ void KeepVerdict(const std::filesystem::path& folder, const Scenario& scenario, 
   if (keep == Keep::kVerdicts || (keep == Keep::kFailing && result.green())) return;
   try {
     std::filesystem::create_directories(folder);
-    // Of a worker that could not leave it.
+    // Replaces the scenario of a worker that could not leave it.
     const auto resolved = folder / "scenario.resolved.yaml";
     if (!std::filesystem::exists(resolved)) WriteFile(resolved, WriteResolved(scenario));
     Json json = Json::parse(ToJsonText(result));

@@ -12,8 +12,8 @@
 
 namespace tiltproof::harness {
 
-// Of the trace, faults.jsonl, link.bin, the firmware's logs and flight.json, as far as they are there: by the file's
-// name. Throws FileError.
+// Hashes of the trace, faults.jsonl, link.bin, the firmware's logs and flight.json, as far as they are there: by the
+// file's name. Throws FileError.
 std::map<std::string, std::string> HashesOf(const std::filesystem::path& folder);
 
 // FNV-1a as 16 hexadecimal digits. Any single changed byte changes it; not cryptographic.

@@ -103,7 +103,7 @@ Json MessagesJson(const link::Protocol& protocol) {
 
 std::string Hex(std::span<const std::uint8_t> bytes) { return fmt::format("{:02x}", fmt::join(bytes, "")); }
 
-// What a receiver that starts here makes of the bytes: a message and its payload, or the reason why not.
+// Adds the reading of a receiver that starts here: a message and its payload, or the reason for none.
 void PutMeaning(Json& json, const link::Protocol& protocol, link::Direction direction,
                 std::span<const std::uint8_t> bytes) {
   link::FrameDecoder decoder;

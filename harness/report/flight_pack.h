@@ -23,20 +23,20 @@ namespace tiltproof::harness {
 struct PackLimits {
   std::size_t points_max = 1'500;            // per series
   std::size_t close_up_bytes_max = 100'000;  // compressed, all of a flight
-  // Of the whole flight: close-ups fill what the rest leaves of it, but always get kCloseUpBytesMin.
+  // Aim for the whole flight: close-ups fill what the rest leaves of it, but always get kCloseUpBytesMin.
   std::size_t bytes_aim = 1'000'000;
 };
 inline constexpr std::size_t kCloseUpBytesMin = 10'000;
 inline constexpr TimeNs kCloseUp_ns = kNsPerS / 4;
-// How far close-ups reach around a moment.
+// Reach of close-ups around a moment.
 inline constexpr TimeNs kReach_ns = 2 * kNsPerS;
 
-// What is known of a flight before it is flown: its scenario, its vehicle, bounds, and the columns of view.trace.
+// Facts on a flight before it is flown: its scenario, its vehicle, bounds, and the columns of view.trace.
 nlohmann::ordered_json HeadJson(const FlightView& view);
 
 std::string PackFlight(const FlightView& view, const PackLimits& limits);
 
-// Of zlib, as DecompressionStream('deflate') reads it.
+// Compresses into zlib's format, as DecompressionStream('deflate') reads it.
 std::string Deflate(std::string_view bytes);
 
 }  // namespace tiltproof::harness

@@ -58,7 +58,7 @@ void AddBound(const stl::Node& node, const Scope& scope, const std::string& crit
   bounds.push_back(std::move(bound));
 }
 
-// What holds only under a condition is no bound.
+// Adds the comparisons that must always hold; one that holds only under a condition is no bound.
 void AddBounds(const stl::Formula& formula, bool always, const Scope& scope, const std::string& criterion,
                std::vector<SignalBound>& bounds) {
   if (formula->op == stl::Op::kAnd) {

@@ -1,4 +1,4 @@
-// What the page of a report shows of one flight, as far as its files are there. Computes nothing by itself: criteria
+// Content of the page of a report on one flight, as far as its files are there. Computes nothing by itself: criteria
 // and their robustness come from the scorer, signals from the trace.
 //
 //   const FlightView view = ViewFlight(folder, result, scenario, vehicle);
@@ -65,7 +65,7 @@ struct SignalBound {
 };
 std::vector<SignalBound> BoundsOf(const Scenario& scenario, const std::vector<std::string>& columns);
 
-// How the robustness of a criterion over time is to be read (harness/score/stl.h).
+// Reading of the robustness of a criterion over time (harness/score/stl.h).
 struct RobustnessCurve {
   std::string criterion;
   stl::OverTimeReading reading = stl::OverTimeReading::kLowest;

@@ -17,7 +17,7 @@ bool SameBytes(std::span<const std::uint8_t> a, std::span<const std::uint8_t> b)
   return Text(a) == Text(b);
 }
 
-// What one wire carried.
+// Records of one wire.
 struct WireRecords {
   std::vector<LinkRecord> sent, delivered;
 };

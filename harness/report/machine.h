@@ -1,4 +1,4 @@
-// What a flight was computed with, as far as it can make two flights of one program differ.
+// The machine that computed a flight, as far as it can make two flights of one program differ.
 //
 //   info.machine = ThisMachine();
 //   const std::string what = MachineDifference(info.machine, ThisMachine(), "then", "now");

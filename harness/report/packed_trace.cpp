@@ -156,7 +156,7 @@ std::uint32_t Crc32(std::string_view a, std::string_view b) {
   return static_cast<std::uint32_t>(add(add(0, a), b));
 }
 
-// What has a CRC-32: `start`, the CRC, `rest`.
+// Appends `start`, the CRC-32 of both, and `rest`.
 void PutChecked(std::string& to, std::string_view start, std::string_view rest) {
   to += start;
   PutNumber(to, Crc32(start, rest), 4);

@@ -27,7 +27,7 @@
 
 namespace tiltproof::harness {
 
-// What a reader takes, and more than any flight has: a damaged or hostile file gets no more memory.
+// Limits of a reader, more than any flight has: a damaged or hostile file gets no more memory.
 inline constexpr std::size_t kTraceColumnsMax = 1 << 14;
 inline constexpr std::size_t kTraceNamesBytesMax = 1 << 22;
 inline constexpr std::size_t kTraceValuesMax = std::size_t{1} << 29;
@@ -42,7 +42,7 @@ struct TracePart {
 };
 TracePart UnpackTrace(std::string_view file);
 
-// How many values the file says it has, without unpacking them.
+// Number of values that the file says it has, without unpacking them.
 std::uint64_t PackedValuesCount(std::string_view file);
 
 }  // namespace tiltproof::harness

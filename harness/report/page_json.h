@@ -12,7 +12,7 @@ namespace tiltproof::harness {
 
 // One line of the page's table.
 Json EntryJson(const RunView& view, const FlightEntry& flight);
-// What results.json has of a flight without files.
+// Adds the content of results.json on a flight without files.
 void PutResult(Json& json, const FlightResult& result);
 Json RunJson(const RunEntry& run);
 

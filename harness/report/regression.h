@@ -1,5 +1,5 @@
-// Whether results got worse since a baseline: the gate of a continuous integration. Only results count, so flights
-// need no traces, and may differ where their scenarios or their firmware differ.
+// Finds results that got worse since a baseline: the gate of a continuous integration. Only results count, so
+// flights need no traces, and may differ where their scenarios or their firmware differ.
 //
 //   const Regression regression = CompareResults(ReadResults("baseline"), ReadResults("results/latest"), 1e-3);
 //   if (regression.worse()) Print(stdout, "{} flights are worse\n", regression.worse_count());
@@ -14,7 +14,7 @@
 
 namespace tiltproof::harness {
 
-// What a criterion was, and is; none: it is not judged there.
+// A criterion before, and after; none: it is not judged there.
 struct CriterionChange {
   std::string name;
   std::optional<Verdict> verdict_before, verdict_after;

@@ -1,4 +1,4 @@
-// What the flights of one scenario with many seeds say together: how many pass, and which was the worst.
+// Summary of the flights of one scenario with many seeds: how many pass, and which was the worst.
 //
 //   const std::vector<FlightResult> results = ReadResults("results/latest");
 //   for (const Repeats& repeats : RepeatsOf(results, {"hover", "hover"})) Print(stdout, "{}\n", repeats.scenario);
@@ -25,8 +25,8 @@ struct Repeats {
   std::size_t flown = 0, passed = 0;
   std::size_t errors = 0;     // among them: they say nothing of the firmware
   bool all_the_same = false;  // nothing was drawn at random: each seed gave the same flight
-  // Of these results: fail before inconclusive before pass before error, then the least margin, then those without a
-  // margin (a restart, for instance), the one that flew least first.
+  // Worst of these results: fail before inconclusive before pass before error, then the least margin, then those
+  // without a margin (a restart, for instance), the one that flew least first.
   const FlightResult* worst = nullptr;
   std::optional<double> margin;      // its least
   std::string criterion;             // that has it

@@ -18,7 +18,7 @@
 
 namespace tiltproof::harness {
 
-// What is known of a flight from its scenario.
+// Facts on a flight from its scenario.
 struct FlownFlight {
   Scenario scenario;
   std::optional<VehicleShape> vehicle;

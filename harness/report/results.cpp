@@ -191,7 +191,7 @@ void WriteResults(const std::filesystem::path& folder, const RunInfo& info,
   json["scenarios"] = Json::array();
   for (const auto& result : results) json["scenarios"].push_back(ToFile(result));
   json["not_applicable"] = ToJson(info.not_applicable);
-  // Of all that stands before it: a change by hand is noticed.
+  // Hash of all that precedes it: a reader notices a change by hand.
   json["hash"] = HashOf(JsonText(json, 2));
   WriteFile(folder / "results.json", JsonText(json, 2) + "\n");
   WriteFile(folder / "junit.xml", JunitXml(info, results));

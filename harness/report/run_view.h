@@ -1,4 +1,4 @@
-// What a report shows of one or several runs: their flights as results.json has them, the least margin first, and
+// Content of a report on one or several runs: their flights as results.json has them, the least margin first, and
 // which of them left files.
 //
 //   RunView view = ViewRuns({{"results/latest", ""}});

@@ -54,7 +54,7 @@ TracePart ReadTracePart(const std::filesystem::path& folder) {
                                 kPackedFile, folder.string()));
   const std::string content = ReadFile(file);
   TracePart part = IsPacked(file) ? UnpackTrace(content) : ReadTraceCsvPart(content);
-  // What is wrong with one that was cut says more.
+  // The damage of a file that was cut says more than its hash.
   if (part.trouble.empty()) CheckFlightFile(file, content);
   if (!part.trouble.empty()) part.trouble.insert(0, file.string() + ": ");
   return part;

@@ -10,7 +10,7 @@
 namespace tiltproof::harness {
 namespace {
 
-// What is left over after the columns of a trace were transformed hardly gets smaller at higher levels.
+// Residuals of a trace's columns, after their transformation, hardly get smaller at higher levels.
 constexpr int kLevel = 3;
 
 }  // namespace

@@ -21,7 +21,7 @@ class Arbiter {
 
   // Place in the scenario of the client whose actuators are in force.
   std::size_t selected() const { return selected_; }
-  // Whether the commands of this client are put in force.
+  // True if the commands of this client are in force.
   bool Takes(std::size_t client) const { return client == selected_; }
 
  private:

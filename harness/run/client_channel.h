@@ -26,7 +26,7 @@
 
 namespace tiltproof::harness {
 
-// What the scenario's faults do to a client's board.
+// Commands of the scenario's faults to a client's board.
 std::vector<faults::DeviceCommand> ClientCommands(const Scenario& scenario, std::size_t client);
 
 class ClientChannel {
@@ -69,7 +69,7 @@ class ClientChannel {
 
   // Moves the channel's records into the log. Without t = 0 their times count from power-on.
   void Finish(Origin origin, RunLog& log);
-  // What the trace shows of the client, at its present time.
+  // The client's values for the trace, at its present time.
   ClientSample Sample() { return client_->Sample(); }
   // Asks the client for its report, unless it may be in the middle of a call. Throws FirmwareTrouble.
   void AskStatus(RunLog& log);

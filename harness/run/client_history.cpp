@@ -25,7 +25,7 @@ void ForEachSentMessage(const LinkLog& link, std::size_t client, const link::Pro
   }
 }
 
-// What the server heard of a client that it could not start with.
+// Describes the bytes that the server got from a client that it could not start with.
 std::string Heard(const LinkLog& link, std::size_t client, const link::Protocol& protocol) {
   MessageReceiver receiver(protocol, link::Direction::kToPlant);
   std::map<std::string, std::size_t, std::less<>> messages, refused;

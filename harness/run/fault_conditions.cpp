@@ -52,7 +52,7 @@ void FaultConditions::Look(TimeNs t, std::span<const double> row, std::vector<fa
 
 std::vector<std::string> FaultConditions::SignalNames(std::span<const std::string> columns) {
   std::vector<std::string> names = harness::SignalNames(columns);
-  // What is watched is read from the firmware, and comes to the trace after the flight.
+  // Watched values come from the firmware, and enter the trace after the flight.
   std::erase_if(
       names, [](const std::string& name) { return name.ends_with("_count") || name.starts_with("watch_"); });
   return names;

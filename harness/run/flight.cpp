@@ -162,7 +162,7 @@ void Conductor::Conduct() {
   }
 }
 
-// Whether the flight is at its end before what would happen at `now`.
+// True if the flight ends before the events at `now`.
 bool Conductor::EndsBefore(BootTime now) {
   if (now > End()) {
     if (started()) {

@@ -48,7 +48,7 @@ RunLog Fly(const Scenario& scenario, const plant::VehicleModel& model, const Fli
 RunLog Conduct(const Scenario& scenario, const VehicleSignals& vehicle, std::span<Line* const> lines,
                PlantServer& server, const FlightOptions& options);
 
-// What the scenario requires of a client.
+// The scenario's requirements for a client.
 ClientSettings SettingsOf(const Scenario& scenario, std::size_t client = 0);
 
 // From power-on, the time that a client has to start; it may boot for longer than a short flight lasts.

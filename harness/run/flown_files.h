@@ -18,8 +18,8 @@ struct FlownFile {
 
 std::vector<FlownFile> FlownFiles(const Scenario& scenario);
 
-// What is wrong with the files of this host, when another one flies with these hashes, each of the file in its place in
-// `files`; empty: they are the same.
+// The first difference between this host's files and those with these hashes, which another host flies; empty: they
+// are the same. Each hash belongs to the file at its place in `files`.
 std::string DifferingFile(const Scenario& scenario, std::span<const std::string> files,
                           std::span<const std::string> hashes);
 

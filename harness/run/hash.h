@@ -16,8 +16,8 @@ constexpr std::uint64_t Fnv1a(std::span<const std::uint8_t> bytes, std::uint64_t
   return hash;
 }
 
-// Of the word's eight bytes, the lowest first. Numbers of few digits begin with zeros, which only multiply: a run of them is
-// one multiplication.
+// Hash of the word's eight bytes, the lowest first. Numbers of few digits begin with zeros, which only multiply: a
+// run of them is one multiplication.
 constexpr std::uint64_t Fnv1a(std::uint64_t word, std::uint64_t hash) {
   constexpr auto kPowers = [] {
     std::array<std::uint64_t, 9> powers{1};

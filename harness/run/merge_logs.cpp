@@ -19,7 +19,7 @@ void MoveTo(std::vector<T>& to, std::vector<T>&& from) {
 }  // namespace
 
 void AddActivations(RunLog& log, std::span<const std::int64_t> counts) {
-  // Of another build, or damaged, a part's may have any length.
+  // Counts of a part of another build, or damaged ones, may have any length.
   const std::size_t size = std::min(counts.size(), log.fault_activation_counts.size());
   for (std::size_t i = 0; i < size; ++i) log.fault_activation_counts[i] += counts[i];
 }

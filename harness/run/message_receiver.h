@@ -74,7 +74,7 @@ class MessageReceiver {
 // and in real time also the link node, for the faults of its wires. All other parts are told.
 class OriginFinder {
  public:
-  // Whether this message makes t = 0.
+  // True if this message makes t = 0.
   bool Note(BootTime arrival, const link::Message& message) {
     if (origin_.known() || !message.type->starts) return false;
     origin_ = Origin(arrival);

@@ -47,7 +47,7 @@
 
 namespace tiltproof::harness {
 
-// What the server recorded about one client.
+// The server's record of one client.
 struct PlantClientLog {
   std::int64_t starts_accepted_count = 0;
   std::vector<TimeNs> request_times_ns, actuator_times_ns;
@@ -67,7 +67,7 @@ struct PlantLog {
                    activation_counts)
 };
 
-// Of the lines of each client.
+// Counts of the lines of each client.
 using AllCounts = std::vector<LineCounts>;
 
 class PlantServer {
@@ -127,7 +127,7 @@ class LocalPlantServer final : public PlantServer {
   void SetWatcher(const FlightWatcher* watcher) { watcher_ = watcher; }
 
  private:
-  // What the server keeps for one client.
+  // The server's state for one client.
   struct Seat {
     faults::FaultSchedule faults;       // on the samples sent to this client
     std::vector<double> sensed, asked;  // last sent, and last commanded; NaN before

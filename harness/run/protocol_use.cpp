@@ -70,8 +70,8 @@ std::int64_t RepliesAlone(std::span<const std::uint8_t> bytes, const link::Proto
 
 bool IsDoubleEscape(std::uint8_t a, std::uint8_t b) { return a == link::kEscape && b == link::kEscape; }
 
-// What some receiver may take for a reply, where the usual one sees `count` of them. Many decoders take an escape behind an
-// escape for the same one.
+// Number of replies that some receiver may find, where the usual one finds `count` of them. Many decoders take an
+// escape behind an escape for the same one.
 std::int64_t PossibleReplies(std::int64_t count, std::span<const std::uint8_t> bytes,
                              const link::Protocol& protocol) {
   const bool doubled = std::ranges::adjacent_find(bytes, IsDoubleEscape) != bytes.end();
@@ -219,8 +219,8 @@ void AddGap(TimeNs from_ns, TimeNs to_ns, bool to_request, TimeNs period_ns,
   }
 }
 
-// Why a frame was refused, and what was sent with its end: the bytes of only so many, which a firmware may send without
-// end.
+// The reason that a frame was refused, and the bytes that were sent with its end. Only the first kShownFramesMax frames
+// show bytes: a firmware may send malformed frames without end.
 std::string Malformed(std::string_view why, std::span<const std::uint8_t> bytes, std::size_t earlier_count) {
   constexpr std::size_t kShownFramesMax = 100, kShownBytesMax = 24;
   if (earlier_count >= kShownFramesMax) return std::string(why);
@@ -245,7 +245,7 @@ void AddMistakes(const RunLog& log, const std::vector<Happening>& happenings, Ti
     AddGap(begin_ns, requests_ns.empty() ? log.end_ns : requests_ns.front(), false, period_ns, mistakes);
   for (std::size_t i = 1; i < requests_ns.size(); ++i)
     AddGap(requests_ns[i - 1], requests_ns[i], true, period_ns, mistakes);
-  // How a firmware that hung or crashed fell silent, survival says.
+  // The criterion survival covers the silence of a firmware that hung or crashed.
   TimeNs end_ns = log.end_ns;
   if (WentAway(log.end_reason)) end_ns = requests_ns.empty() ? begin_ns : requests_ns.back();
   if (!requests_ns.empty()) AddGap(requests_ns.back(), end_ns, false, period_ns, mistakes);
@@ -263,7 +263,7 @@ void AddMistakes(const RunLog& log, const std::vector<Happening>& happenings, Ti
   answer_until(end_ns);
 }
 
-// Of a whole message: its first field that is not plausible.
+// The first implausible field of a whole message, with its plausible range.
 std::string ImplausibleField(const link::MessageType& type, std::span<const std::uint8_t> payload) {
   for (std::size_t i = 0; i < type.fields.size(); ++i) {
     const link::MessageField& field = type.fields[i];
@@ -274,7 +274,7 @@ std::string ImplausibleField(const link::MessageType& type, std::span<const std:
   return "a message that it refuses";
 }
 
-// Of the firmware's own making, which no server takes.
+// Adds an event, in order of time, about a frame that the firmware itself made and no server takes.
 void AddEvent(RunLog& log, std::size_t client, TimeNs time_ns, std::string_view kind, std::string text) {
   const auto later =
       std::upper_bound(log.events.begin(), log.events.end(), time_ns,

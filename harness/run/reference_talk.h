@@ -1,5 +1,5 @@
-// What the client sends on the reference line, where no component listens: a sign that its two UARTs are
-// swapped.
+// Counts what the client sends on the reference line, where no component listens: a sign that its two UARTs
+// are swapped.
 //
 //   talk.Hear(bytes);  ...  if (const std::string text = talk.Trouble(); !text.empty()) Note(kLineTroubleEvent, text);
 #pragma once

@@ -17,7 +17,7 @@
 
 namespace tiltproof::harness {
 
-// Why a flight ended.
+// Reason that a flight ended.
 enum class EndReason : std::uint8_t {
   kCompleted,        // duration_s reached
   kDiverged,         // not finite, |position| > 1 km, tilt beyond 90 deg
@@ -99,7 +99,7 @@ struct CountedMistake {
   TILTPROOF_FIELDS(count, first_ns, text)
 };
 
-// How a client uses its protocol (docs/criteria.md, protocol.*), whatever the faults on its line make of it.
+// A client's use of its protocol (docs/criteria.md, protocol.*), whatever the faults on its line make of it.
 struct ProtocolUse {
   std::int64_t requests_per_period_max = 0;
   std::int64_t actuators_per_request_max = 0;
@@ -115,8 +115,8 @@ struct ProtocolUse {
                    commands_without_reply)
 };
 
-// What a client did that no sound one does while its line is whole (docs/criteria.md, clean_line). Whether a fault of the
-// scenario excuses it is for the score.
+// Mistakes that no sound client makes while its line is whole (docs/criteria.md, clean_line). The score decides if a
+// fault of the scenario excuses them.
 enum class LineMistakeKind : std::uint8_t {
   kMalformed,   // a frame that is no message, or whose values no server takes
   kMissing,     // a period without a request
@@ -135,7 +135,7 @@ struct LineMistake {
   TILTPROOF_FIELDS(time_ns, kind, count, text)
 };
 
-// How much of the firmware's log is kept; the rest is dropped.
+// Size of the firmware's log that is kept; the rest is dropped.
 inline constexpr std::size_t kFirmwareLogBytesMax = 1 << 20;
 
 // By Direction.

@@ -1,6 +1,6 @@
-// What a firmware says of its own state, as a column of the trace. A client is asked during the flight
-// (Client::Sample); only changes are kept, and become the column when the flight is over: a trace has it only when
-// the client says something.
+// A firmware's reports of its own state, as a column of the trace. The harness asks a client during the flight
+// (Client::Sample) and keeps only changes. They become the column when the flight is over: a trace has it only
+// when the client reports a state.
 //
 //   SupervisorStates states;
 //   states.Take(0, 0);

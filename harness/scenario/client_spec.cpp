@@ -71,7 +71,7 @@ void ReadOption(std::string_view option, EmulatedImage& image) {
       option));
 }
 
-// What follows "qemu:".
+// Reads the text after "qemu:".
 EmulatedImage ReadImage(std::string_view rest) {
   const auto next = [&rest] {
     const std::string_view part = rest.substr(0, rest.find(','));

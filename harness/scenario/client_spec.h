@@ -1,5 +1,5 @@
-// Which firmware flies: the value of `--client`. It is parsed in one place, here, and written in one place.
-// The same text goes to the nodes and into run.json, and is read back for a replay.
+// The firmware that flies: the value of `--client`. This file is the one place that parses and writes it. The
+// same text goes to the nodes and into run.json, and is read back for a replay.
 //
 //   const ClientSpec client = ParseClient("qemu:/fw/fw.elf,main=usart1,console=usart2");
 //   std::get<EmulatedImage>(client).main_usart;           // 1
@@ -38,7 +38,7 @@ struct EmulatedImage {
 
 // A program with two serial ports.
 struct Program {
-  // What a command may hold in braces, `{port}`: replaced before it runs.
+  // Words that a command may hold in braces, `{port}`: replaced before it runs.
   static constexpr std::array<std::string_view, 3> kPlaceholders = {"port", "reference_port", "baud"};
   std::string command;  // for sh -c
   friend bool operator==(const Program&, const Program&) = default;
@@ -47,8 +47,8 @@ struct Program {
 // A board on serial ports of this machine, or on the sockets of an emulator.
 struct SerialBoard {
   std::string device, reference_device;  // /dev/..., unix:PATH; the second may be empty
-  // How to reset it before each flight: "dtr" or "rts", lines of the first device's adapter, or a command for sh -c.
-  // Empty: a person does.
+  // The reset before each flight: "dtr" or "rts", lines of the first device's adapter, or a command for sh -c.
+  // Empty: a person resets the board.
   std::string reset = {};
   friend bool operator==(const SerialBoard&, const SerialBoard&) = default;
 };

@@ -17,7 +17,7 @@ namespace {
 
 constexpr std::string_view kCompound = "compound";
 
-// Whether a fault with this `type` can have that end of a window; what is no type is complained of elsewhere.
+// True if a fault with this `type` can have that end of a window; other code reports an unknown type.
 bool MayState(const YamlNode& fault, std::string_view key) {
   const YamlEntry* type_entry = fault.Find("type");
   const faults::FaultType* type =

@@ -1,4 +1,4 @@
-// Whether two resolved scenarios describe the same flight.
+// Finds the keys by which two resolved scenarios describe different flights.
 #pragma once
 
 #include <string>

@@ -81,7 +81,7 @@ void DescribeClientOf(KeyVisitor& v, const FaultType& type, FaultSpec& fault) {
     v.Refuse({"client", "a fault of this type acts on the vehicle, not on a client"});
 }
 
-// What is not there yet begins as the default, or as the registry's example when there is none.
+// A missing value begins as the default, or as the registry's example when there is no default.
 void DescribeParameter(KeyVisitor& v, const ParameterInfo& info, FaultSpec& fault) {
   const Key key = {info.name, info.doc, info.default_value ? Presence::kOptional : Presence::kRequired};
   ParameterValue& value =
@@ -168,7 +168,7 @@ void RefuseTrigger(KeyVisitor& v, const FaultType& type) {
                        : "a fault on the device has no target and no trigger"});
 }
 
-// Of the window, so faults that have no begin have no period either.
+// Periods divide the window, so faults that have no begin have no period either.
 void DescribePeriod(KeyVisitor& v, const FaultType& type, FaultSpec& fault) {
   Key period = {
       "period_s",

@@ -68,7 +68,7 @@ bool ActsAtPlant(const faults::FaultSpec& fault) {
   return type != nullptr && !type->is_command() && !type->has_target();
 }
 
-// Why this fault cannot wait for what it waits for.
+// Reason that this fault cannot wait for what it waits for; none: it can.
 std::optional<std::string> UnsupportedWaiting(const Scenario& scenario, const faults::FaultSpec& fault,
                                               const ClientAbilities& abilities) {
   if (!abilities.realtime || !faults::WaitsForNews(fault)) return std::nullopt;

@@ -1,6 +1,6 @@
-// Which faults are possible depends on the firmware's side: a shared library can be reset but has no memory
-// to flip bits in; a process in real time has neither. A scenario that asks for what its client cannot do is
-// refused before the flight, with the fault's place:
+// The firmware's side limits the possible faults: a shared library can be reset but has no memory to flip
+// bits in; a process in real time has neither. The harness refuses a scenario that asks for what its client
+// cannot do, before the flight and with the fault's place:
 //
 //   for (const Problem& problem : UnsupportedFaults(scenario, {AbilitiesOf(client, realtime)}))
 //     Report(problem.text);  // "s.yaml:6:20: fault 'x' (device.stall) needs an emulated board: ..."
@@ -16,12 +16,12 @@
 
 namespace tiltproof::harness {
 
-// Why this fault of this type is not possible, and what to do; none when it is possible. Follows "fault 'x'
-// (type) ".
+// Reason that this fault of this type is not possible, and what to do; none when it is possible. Follows
+// "fault 'x' (type) ".
 std::optional<std::string> Unsupported(const faults::FaultSpec& fault, const faults::FaultType& type,
                                        const ClientAbilities& abilities);
 
-// Why a scenario cannot be flown.
+// Reason that a scenario cannot be flown.
 struct Problem {
   std::string text;  // with its place
   std::string why;   // without: the same for all scenarios that have it

@@ -115,7 +115,7 @@ class KeyVisitor {
   // A list of mappings. `resize` is called before the bodies.
   virtual void List(const Key& key, std::size_t count, const std::function<void(std::size_t)>& resize,
                     const NumberedBody& body) = 0;
-  // Which other keys this mapping has depends on a word.
+  // A word decides which other keys this mapping has.
   virtual void Alternatives(const Key& key, std::span<const Alternative> alternatives,
                             std::optional<std::size_t> index, const NumberedBody& body) = 0;
 };

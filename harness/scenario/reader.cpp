@@ -18,7 +18,7 @@
 namespace tiltproof::harness {
 namespace {
 
-// Of a fault that is added.
+// The longest duration of a fault that is added.
 constexpr double kInjectedMax_s = 14'400;
 
 std::string JoinLines(const std::vector<Diagnostic>& diagnostics) {

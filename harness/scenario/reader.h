@@ -47,7 +47,7 @@ struct FormulaProblem {
   std::string message;
 };
 
-// What the reader must ask higher layers.
+// The reader's questions to higher layers.
 struct ReadOptions {
   // Where `model: name` finds name.sdf.
   std::filesystem::path models_folder;

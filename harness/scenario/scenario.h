@@ -83,7 +83,7 @@ struct ClientEntry {
 inline constexpr std::size_t kClientsMax = 16;
 inline constexpr std::string_view kOnlyClient = "main";  // id of the client of a scenario that names none
 
-// Which of several clients moves the vehicle.
+// Choice of the one of several clients that moves the vehicle.
 enum class ArbiterType : std::uint8_t { kSingle };
 std::string_view Name(ArbiterType type);
 struct ArbiterSpec {

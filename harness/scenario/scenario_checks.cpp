@@ -263,7 +263,7 @@ class Checker {
       CheckClientNamed(node, "client", fault.client);
       if (fault.type.empty()) continue;  // unknown, and said so
       for (const faults::Problem& problem : faults::Validate(fault)) {
-        // What is missing or unreadable, the reader said so.
+        // The reader has reported missing and unreadable values already.
         const bool is_bound = problem.key == "start_s" || problem.key == "end_s";
         if (problem.key == "parameters" || (is_bound && Good(node, problem.key) == nullptr)) continue;
         Complain(node, problem.key, fmt::format("{}: {}", problem.key, problem.message));
@@ -323,7 +323,7 @@ class Checker {
     }
   }
 
-  // What a fault waits for.
+  // Checks what a fault waits for.
   void CheckWaiting(std::size_t i, const YamlNode& node) {
     const faults::FaultSpec& fault = scenario_.faults[i];
     if (const YamlNode* condition = Good(node, "when"); condition != nullptr && options_.check_condition)

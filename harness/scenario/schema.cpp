@@ -231,7 +231,7 @@ Json WithCompounds(Json fault, Json& definitions) {
   for (std::size_t i = 0; i < fault["allOf"].size(); ++i) {
     Json keys = fault["allOf"][i]["then"];
     const std::string type = keys["properties"]["type"]["const"];
-    // What a member must state, the compound may state for it.
+    // The compound may state the ends of the window that its member must have.
     Json ends = Json::array(), required = Json::array();
     for (const Json& key : keys["required"]) (IsEndOfWindow(key) ? ends : required).push_back(key);
     keys["required"] = required;
@@ -270,7 +270,7 @@ std::vector<std::string> UsualNames(const faults::ParameterInfo& info, const Veh
   return {names.begin(), names.end()};
 }
 
-// What the registry knows of each parameter, beyond what the reader asks.
+// Adds the registry's facts on each parameter, beyond what the reader asks.
 void DescribeParameters(Json& definitions, const VehicleSignals& vehicle) {
   for (const faults::FaultType& type : faults::FaultTypes()) {
     Json& keys = definitions[std::string(type.name)]["properties"]["parameters"]["properties"];
@@ -283,7 +283,7 @@ void DescribeParameters(Json& definitions, const VehicleSignals& vehicle) {
   }
 }
 
-// What may stand there, in a few words.
+// The allowed values, in a few words.
 std::string AllowedText(const Json& schema) {
   if (schema.contains("const")) return fmt::format("`{}`", schema["const"].get<std::string>());
   if (schema.contains("enum")) {

@@ -51,7 +51,7 @@ std::string MeantPath(const fs::path& path) {
   return {};
 }
 
-// What stands at a path that is neither file nor folder.
+// Describes a path that is neither file nor folder.
 std::string WhatItIs(const fs::path& path, fs::file_status status, std::error_code error) {
   std::error_code ignored;
   const bool is_link = fs::is_symlink(fs::symlink_status(path, ignored));

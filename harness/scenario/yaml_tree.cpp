@@ -48,7 +48,7 @@ bool IsJsonNumber(std::string_view s) {
   return i == s.size();
 }
 
-// Why a plain scalar that is no JSON number could be taken for a number by someone; empty when it could not.
+// Complaint about a plain scalar that is no JSON number, but that a reader may take for one; empty: none may.
 std::string NumberComplaint(std::string_view s) {
   std::string_view rest = s;
   if (!rest.empty() && (rest.front() == '+' || rest.front() == '-')) rest.remove_prefix(1);
@@ -154,7 +154,7 @@ class SourceText {
     if (mark.line < 0 || mark.column < 0) return {};
     return At(static_cast<std::size_t>(mark.line), static_cast<std::size_t>(mark.column));
   }
-  // What stands there and after it, to the end of the text.
+  // The text from there to its end.
   std::string_view From(const YAML::Mark& mark) const {
     if (mark.line < 0 || mark.column < 0 || static_cast<std::size_t>(mark.line) >= lines_.size()) return {};
     const std::string_view line = lines_[static_cast<std::size_t>(mark.line)];
@@ -179,7 +179,7 @@ class SourceText {
   std::size_t counted_line_ = 0, counted_bytes_ = 0, counted_characters_ = 0;
 };
 
-// Whether the quoted scalar that begins here has its closing quote: the library takes the end of the file for
+// True if the quoted scalar that begins here has its closing quote: the library takes the end of the file for
 // one.
 bool QuoteIsClosed(std::string_view text) {
   const char quote = text.front();

@@ -15,7 +15,7 @@
 namespace tiltproof::harness {
 namespace {
 
-// How long after a fault its effects on the line still are its own.
+// The time after a fault for which mistakes on the line count as its effects.
 constexpr TimeNs kAftermath = 2 * kNsPerS;
 // In real time so many of the periods may be unclean: no line and no machine are perfect.
 constexpr double kRealTimeShare = 0.03;
@@ -108,7 +108,7 @@ Findings FindMistakes(const Scenario& scenario, const RunLog& log, std::size_t c
   const Excuses excuses(scenario, log, client);
   const TimeNs period_ns = scenario.link.protocol->control_period_ns;
   const TimeNs end_ns = std::min(log.end_ns, scenario.duration_ns);
-  // What is due within half a period of the end may come after it.
+  // A request that is due within half a period of the end may come after it.
   for (TimeNs time_ns = period_ns; time_ns + period_ns / 2 <= end_ns; time_ns += period_ns) {
     if (excuses.ByFault(time_ns)) continue;
     ++(excuses.ByMachine(time_ns) ? findings.disturbed_count : findings.periods);

@@ -7,8 +7,8 @@
 
 namespace tiltproof::harness {
 
-// Of each client; that of the first which is wrong. None when there is nothing to judge: the flight never began, this
-// program or the user cut it short, or the log is that of an older program.
+// Judges each client; the result is the first with the worst verdict. None when there is nothing to judge: the flight
+// never began, this program or the user cut it short, or the log is that of an older program.
 std::optional<CriterionResult> CleanLine(const Scenario& scenario, const RunLog& log);
 
 }  // namespace tiltproof::harness

@@ -13,7 +13,7 @@ constexpr TimeNs kStaleMax = 50 * kNsPerMs;
 // after a long one no flight is judged.
 constexpr TimeNs kWatchdogMax = 250 * kNsPerMs;
 
-// Whether a fault acts on the client: one on its device, or one on nodes that include the client's.
+// True if a fault acts on the client: one on its device, or one on nodes that include the client's.
 bool ActsOnClient(const faults::FaultSpec& spec, const faults::FaultType& type) {
   if (type.IsOneOf<faults::DeviceKind>()) return true;
   if (!type.IsOneOf<faults::NodeKind, faults::ClockKind>()) return false;

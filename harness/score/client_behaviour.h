@@ -23,7 +23,7 @@ std::string Whose(const Scenario& scenario, std::size_t client);
 std::vector<Restart> UnaskedRestarts(const std::vector<faults::FaultSpec>& faults,
                                      std::span<const Restart> restarts);
 
-// Whether this machine took time from the flight (RunLog::harness_late) directly before a restart: a watchdog
+// True if this machine took time from the flight (RunLog::harness_late) directly before a restart: a watchdog
 // may have seen that, and not the firmware.
 bool FollowsLateness(const Restart& restart, std::span<const LateSpan> late);
 

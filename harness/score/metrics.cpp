@@ -242,7 +242,7 @@ class Calculator {
         return range;
       };
     };
-    // Of the others it is known how many they are at most: the largest, or the smallest.
+    // Exchanges have only a limit on the number of disturbed ones: these are the largest, or the smallest.
     const auto of_exchanges = [this](const std::vector<LateSpan>& disturbed) {
       return [count = PeriodsTouched(disturbed)](const Quantile& q, const std::vector<double>& sorted) {
         UndisturbedRange range;
@@ -292,13 +292,13 @@ class Calculator {
         Milliseconds(silent_ns - Covered(disturbed_, log_.end_ns - silent_ns)), Milliseconds(silent_ns));
   }
 
-  // What a board was late with in one period may make the next one shorter.
+  // Extends each span by a period: a board that is late in one period may make the next one shorter.
   std::vector<LateSpan> WithThePeriodAfter(std::vector<LateSpan> spans) const {
     for (LateSpan& span : spans) span.end_ns += period_ns_;
     return Merged(std::move(spans));
   }
 
-  // How many control periods these touch at most, wherever periods begin.
+  // Number of control periods that these spans touch at most, wherever periods begin.
   std::size_t PeriodsTouched(const std::vector<LateSpan>& spans) const {
     TimeNs count = 0;
     for (const LateSpan& span : spans) {
@@ -308,7 +308,7 @@ class Calculator {
     return static_cast<std::size_t>(count);
   }
 
-  // How much of the flight from then on these cover; what follows one within a period is covered, too.
+  // Time of the flight from `from_ns` on that these spans cover; each covers the period after it, too.
   TimeNs Covered(const std::vector<LateSpan>& spans, TimeNs from_ns) const {
     TimeNs covered_ns = 0;
     for (const LateSpan& span : WithThePeriodAfter(spans))
@@ -317,7 +317,7 @@ class Calculator {
     return covered_ns;
   }
 
-  // Of requests and commands, that which has not come for longer.
+  // Time since the last request or since the last command, the longer of the two; from t = 0 when none came.
   TimeNs SilentAtEnd(const ClientLog& own) const {
     const auto since = [&](const std::vector<TimeNs>& times_ns) {
       return log_.end_ns - (times_ns.empty() ? 0 : times_ns.back());
@@ -343,7 +343,7 @@ class Calculator {
     return missed + Blamable(last_ns, (log_.end_ns - last_ns) / period_ns_, late);
   }
 
-  // Of `periods` missed in a row after `last_ns`, those in which this machine was not late itself, nor in the one
+  // Number of `periods` missed in a row after `last_ns` in which this machine was not late itself, nor in the one
   // before.
   std::int64_t Blamable(TimeNs last_ns, std::int64_t periods, const std::vector<LateSpan>& spans) const {
     std::int64_t blamable = 0;

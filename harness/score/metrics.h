@@ -13,7 +13,7 @@
 
 namespace tiltproof::harness {
 
-// What a metric may have been, had this machine taken no time from the flight. Infinite where that is not known.
+// Range of a metric, had this machine taken no time from the flight. Infinite where that is not known.
 struct UndisturbedRange {
   double low = -std::numeric_limits<double>::infinity(), high = std::numeric_limits<double>::infinity();
 };

@@ -52,7 +52,7 @@ std::vector<std::string> FaultIds(const Scenario& scenario) {
   return ids;
 }
 
-// How the flight ended.
+// Judges the end of the flight.
 CriterionResult Ending(const RunLog& log) {
   CriterionResult result;
   result.name = kSurvivalCriterion;
@@ -102,8 +102,8 @@ CriterionResult Ending(const RunLog& log) {
   return result;
 }
 
-// Of all clients' restarts that no fault asked for the first, or the first by itself: not directly after this machine was
-// late.
+// The first of all clients' restarts that no fault asked for. The first one by itself has precedence: one that does not
+// follow lateness of this machine directly.
 struct UnaskedRestart {
   std::size_t client = 0;
   Restart restart;
@@ -140,8 +140,8 @@ CriterionResult Survival(const Scenario& scenario, const RunLog& log) {
   return result;
 }
 
-// Of each client; that of the first which is wrong, or of the first that can be judged. None when there is too little to
-// judge by.
+// Judges each client; the result is that of the first wrong one, or of the first that can be judged. None when there
+// is too little to judge by.
 std::optional<CriterionResult> ControlPeriod(const Scenario& scenario, const RunLog& log) {
   std::optional<CriterionResult> found;
   for (std::size_t client = 0; client < log.clients.size(); ++client) {
@@ -219,7 +219,7 @@ std::string Bounds(const CriterionSpec& spec) {
   return text;
 }
 
-// Of a metric's value, or of what is known of it.
+// The least margin of a metric's value, or of what is known of it, to the bounds; relative to each bound.
 std::optional<double> MetricMargin(std::optional<double> min, std::optional<double> max, double value) {
   std::optional<double> least;
   const auto consider = [&](double distance, double bound) {
@@ -315,7 +315,7 @@ void JudgeMetric(const CriterionSpec& spec, const Scenario& scenario, const Metr
   }
 }
 
-// Of a flight that should not have passed.
+// Text on a flight that should not have passed.
 std::string Expectation(Verdict expected) {
   return expected == Verdict::kFail           ? "the flight was expected to fail"
          : expected == Verdict::kInconclusive ? "the flight was expected to be inconclusive"
@@ -352,7 +352,7 @@ void Conclude(Score& score, Verdict expected) {
     }
 }
 
-// How late the harness was, when that is too much to judge a firmware: "in 20 of 500 periods (at most 12 ms)".
+// The harness's lateness, when it is too much to judge a firmware: "in 20 of 500 periods (at most 12 ms)".
 std::string TooLate(std::int64_t overruns, TimeNs late_ns, TimeNs end_ns, TimeNs period_ns) {
   if (overruns == 0) return "";
   const std::int64_t periods = std::max<std::int64_t>(end_ns / period_ns, 1);
@@ -363,7 +363,7 @@ std::string TooLate(std::int64_t overruns, TimeNs late_ns, TimeNs end_ns, TimeNs
          Number(static_cast<double>(late_ns) / 1e6) + " ms)";
 }
 
-// Why a flight in real time says nothing about the firmware; empty when it does.
+// Reason that a flight in real time says nothing about the firmware; empty when it does.
 std::string TooLateToJudge(const RunLog& log, TimeNs period_ns) {
   if (WentAway(log.end_reason)) return "";
   const std::string late = TooLate(log.harness_overrun_count.value_or(0), log.harness_late_max_ns.value_or(0),
@@ -373,7 +373,7 @@ std::string TooLateToJudge(const RunLog& log, TimeNs period_ns) {
              : "the harness itself was late " + late + ": this machine was too busy to judge a firmware";
 }
 
-// How the firmware's own processes made the harness too late to judge it; empty when they did not.
+// Text on the firmware's own processes that made the harness too late to judge it; empty when they did not.
 std::string LateByFirmware(const RunLog& log, TimeNs period_ns) {
   if (!log.firmware_use) return "";
   const LatePeriods own = CountLatePeriods(log.firmware_late, log.end_ns, period_ns);
@@ -388,7 +388,7 @@ std::string LateByFirmware(const RunLog& log, TimeNs period_ns) {
          ", and made the harness late " + late;
 }
 
-// What fails after a restart that this machine may have caused, the restart may have caused. A metric has no time.
+// True if all failures follow a restart that this machine may have caused: it may be their cause. A metric has no time.
 bool FailsByRestart(const Score& score, const Scenario& scenario, const RunLog& log) {
   const auto unasked = FindUnaskedRestart(scenario, log);
   if (score.verdict != Verdict::kFail || !unasked || unasked->by_itself || WentAway(log.end_reason))

@@ -18,8 +18,8 @@ std::vector<double> ReadSignal(const Trace& trace, std::string_view name);
 // or time does not increase from row to row.
 std::vector<TimeNs> RowTimes(const Trace& trace);
 
-// What counts as "a lot" of a signal (link/signal_table.h). Margins are divided by it, so that the robustness
-// of different criteria can be compared.
+// The value that is "a lot" of a signal (link/signal_table.h). Margins are divided by it, so that the
+// robustness of different criteria can be compared.
 double SignalScale(const Trace& trace, std::string_view name);
 
 }  // namespace tiltproof::harness

@@ -49,7 +49,7 @@ struct Result {
   std::string evidence;
 };
 
-// How far the trace goes: rows lie on a grid, but a flight may end between two rows.
+// The trace's end: rows lie on a grid, but a flight may end between two rows.
 struct Extent {
   TimeNs seen_until_ns = 0;   // the last row holds up to here
   TimeNs planned_end_ns = 0;  // when the flight should have ended: operators without a window look that far

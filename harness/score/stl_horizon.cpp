@@ -1,4 +1,4 @@
-// How far a formula must look before it can be decided.
+// Computes the time up to which a formula must look before it can be decided.
 #include <algorithm>
 #include <limits>
 

@@ -51,7 +51,7 @@ struct ThenUntil {
   }
 };
 
-// How large a number of this expression is "a lot"; without a signal in it, its value.
+// A number that is "a lot" of this expression; without a signal in it, its value.
 struct Scale {
   bool has_signal = false;
   double value = 1.0;
@@ -76,7 +76,7 @@ Scale ScaleOf(const Trace& trace, const Node& node) {
   return {true, std::max(left.has_signal ? left.value : 0.0, right.has_signal ? right.value : 0.0)};
 }
 
-// Of a formula's robustness, whatever the part of the flight that was not seen.
+// Bounds of a formula's robustness, whatever the part of the flight that was not seen.
 struct Bounds {
   std::vector<double> lower, upper;  // one per row, then one for the future
   const std::vector<double>& Of(bool upper_side) const { return upper_side ? upper : lower; }
@@ -339,7 +339,7 @@ class Monitor {
     return bounds;
   }
 
-  // Of an expression in each row; in the future only constants mean anything.
+  // Values of an expression in each row; in the future only constants mean anything.
   std::vector<double> Numbers(const Node& node) {
     if (node.op == Op::kNumber) return std::vector<double>(future_ + 1, node.number);
     if (node.op == Op::kSignal) return Signal(node.name);

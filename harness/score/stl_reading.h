@@ -1,4 +1,4 @@
-// How a formula is read over time: whether it is the lowest, or the highest, of what it asks of single rows.
+// Reading of a formula over time: as the lowest, or as the highest, of what it asks of single rows.
 //
 //   ReadingOf(*Parse("always[5,60](position_error_m <= 1.0)", {columns, fault_ids}));  // kLowest
 #pragma once
@@ -11,13 +11,13 @@ namespace tiltproof::harness::stl {
 // kLowest (kHighest) when an always (an eventually) stands above all that the formula asks of single rows.
 OverTimeReading ReadingOf(const Node& formula);
 
-// Whether a node is the lowest (or the highest) of what its operands are, at one time or over a window. `negated`: it
-// stands under an odd number of negations of the whole formula.
+// True if a node is the lowest (or the highest) of what its operands are, at one time or over a window. `negated`: it
+// is under an odd number of negations of the whole formula.
 bool Folds(const Node& node, bool lowest, bool negated);
-// Whether its left operand stands under one more negation.
+// True if its left operand is under one more negation.
 bool FlipsLeft(const Node& node);
 
-// Whether its value at a row depends on later rows.
+// True if its value at a row depends on later rows.
 bool LooksAhead(const Node& node);
 
 }  // namespace tiltproof::harness::stl

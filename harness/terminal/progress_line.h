@@ -18,7 +18,7 @@ class ProgressLine {
   ProgressLine(const ProgressLine&) = delete;
   ProgressLine& operator=(const ProgressLine&) = delete;
 
-  // Whether Show shows anything.
+  // True if Show shows anything.
   bool visible() const { return visible_; }
   // Cut where the terminal ends.
   void Show(const std::string& text);

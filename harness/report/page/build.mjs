@@ -8,7 +8,7 @@ import { build } from "esbuild";
 
 const here = dirname(fileURLToPath(import.meta.url));
 const out = process.argv[2] ?? join(here, "dist");
-// Of each page: what begins it, its style, and the packages that are in it.
+// Parts of each page: the script that starts it, its style, and the packages that are in it.
 const PAGES = [
   { name: "report", script: "src/main.js", style: "src/style.css", packages: ["uplot", "three"] },
   { name: "envelope", script: "src/envelope.js", style: "src/envelope.css", packages: [] },

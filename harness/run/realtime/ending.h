@@ -17,8 +17,8 @@ namespace tiltproof::harness {
 class Ending {
  public:
   using Clock = std::chrono::steady_clock;
-  // How long to wait before a node's report that something went away is believed. When a node dies, others
-  // see its ports close a moment before the harness sees its end or misses its heartbeat.
+  // The wait before Settle() believes a node's report that something went away. When a node dies, others see
+  // its ports close a moment before the harness sees its end or misses its heartbeat.
   static constexpr std::chrono::milliseconds kHearsayLimit{250};
 
   bool ended() const { return reason_.has_value(); }

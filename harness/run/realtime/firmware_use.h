@@ -44,8 +44,8 @@ class OwnLateness {
   OwnLateness() = default;  // none
   OwnLateness(const FirmwareUse& use, Origin origin);
 
-  // Whether the firmware had the processors from the begin to the end of the lateness. A burst begins and ends between two
-  // looks, so the look before and the one after belong to it.
+  // True if the firmware had the processors from the begin to the end of the lateness. A burst begins and ends between
+  // two looks, so the look before and the one after belong to it.
   bool Explains(const LateSpan& late) const;
   const std::optional<ProcessorUse>& total() const { return total_; }
 

@@ -21,7 +21,7 @@
 
 namespace tiltproof::harness {
 
-// What the conductor needs of whoever lets people inject.
+// The conductor's interface to the source of injected faults.
 struct Injections {
   // The text of a fault that somebody wants, once.
   std::function<std::optional<std::string>()> next;
@@ -32,11 +32,11 @@ struct Injections {
     std::string text;  // why not
     faults::FaultSpec fault;
   };
-  // What became of it.
+  // Takes the answer to the fault.
   std::function<void(const Answer& answer)> answer;
 };
 
-// What fits into one port.
+// The longest text of a fault that fits into one port.
 inline constexpr std::size_t kInjectedBytesMax = dds::kPathBytesMax - 1;
 
 class Injector {

@@ -22,7 +22,7 @@ using link::Direction;
 
 // Kinds of RunEvent that are not events of the flight.
 constexpr std::string_view kFirmwareLogKind = "firmware_log";
-// Of a line in firmware.log beside its text.
+// Size of a line in firmware.log beside its text.
 constexpr std::size_t kTimeBytes = 16;
 
 // t_s and the link counters of a row, in the order of TraceLayout.
@@ -43,9 +43,9 @@ std::vector<link::LogChunk> FromMessage(std::vector<dds::Chunk>&& chunks) {
   return out;
 }
 
-// What a message takes of the harness's memory, roughly: of each record the content, and what it costs beside.
+// A message's share of the harness's memory, roughly: the content of each record, and this overhead.
 constexpr std::size_t kMessageBytes = 128, kFrameBytes = 16, kChunkBytes = 32;
-// Of a node that sent too much, for good.
+// Marks a node that sent too much, for good.
 constexpr std::int64_t kOverfull = std::numeric_limits<std::int64_t>::max();
 
 std::size_t BytesOf(const dds::SerialTap& tap) {

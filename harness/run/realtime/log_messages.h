@@ -1,4 +1,4 @@
-// What a real-time flight records, on its way from the nodes to the harness: converts LineLog and PlantLog to
+// Records of a real-time flight, on their way from the nodes to the harness: converts LineLog and PlantLog to
 // log messages on the bus, and builds a RunLog from them.
 //
 //   LogPublisher logs(bus, scenario, run_id, "link", harness);  // in the node
@@ -53,7 +53,7 @@ struct Lateness {
   TILTPROOF_FIELDS(late_after_ns, spans, disturbed, origin)
 
  private:
-  // What is no longer counted is one long span: what happens then is not blamed on any part.
+  // Beyond kSpansMax the last span becomes one long span: no part gets the blame for what happens in it.
   static void Add(std::vector<NodeLateSpan>& to, BootTime begin_ns, BootTime end_ns) {
     if (to.size() == kSpansMax) {
       to.back().end_ns = std::max(to.back().end_ns, end_ns);
@@ -66,7 +66,7 @@ struct Lateness {
 // A firmware whose supervisor never rests must not make a message that the bus cannot carry.
 inline constexpr std::size_t kSupervisorChangesMax = 20'000;
 
-// What a node knows only at the end.
+// Totals that a node knows only at the end.
 struct NodeTotals {
   Lateness lateness;
   std::optional<LineLog> line;  // of the logs only the totals cross the bus
@@ -100,7 +100,7 @@ class LogPublisher {
   void Write(const LineLog& log, Origin origin, const std::vector<CountsSample>& counts);
   void Write(const PlantLog& log);
   void Write(const std::vector<faults::Activation>& activations);  // in simulation time
-  // Of the events of kind "firmware_log", only the first kFirmwareLogBytesMax bytes are sent.
+  // Sends only the first kFirmwareLogBytesMax bytes of the events of kind "firmware_log".
   void Write(const RunEvent& event);
   // Sends again what the bus did not accept. Called now and then.
   void Retry();
@@ -156,7 +156,7 @@ class LogCollector {
   const std::string& overfull() const { return overfull_; }
   // The node's report is here, and every message that it counts.
   bool Complete(const std::string& node_id) const;
-  // What is missing from a node's log, for a person; empty when nothing is missing.
+  // The messages that are missing from a node's log, for a person; empty when nothing is missing.
   std::string Missing(const std::string& node_id) const;
   // The flight as far as the logs tell. The caller fills in end_reason and what only the harness knows.
   RunLog Take(TimeNs end_ns);
@@ -170,7 +170,7 @@ class LogCollector {
   struct Row {
     std::vector<double> plant, link;
   };
-  // Whether the message belongs to this run and its node has stayed within the bound so far.
+  // True if the message belongs to this run and its node has stayed within the bound so far.
   template <class T>
   bool Accepts(const T& message);
   void AddInjected();

@@ -29,7 +29,7 @@ struct Member {
   std::optional<OwnTime> silent_for;  // a process of ours: how much time of its own it has been silent for
 };
 
-// What Watch() saw.
+// A change that Watch() saw.
 struct MemberNews {
   enum class Kind { kSilent, kBack, kLost } kind;
   std::string role;
@@ -72,7 +72,7 @@ class Members {
 
   std::vector<Member>& all() { return members_; }
   const std::vector<Member>& all() const { return members_; }
-  // Whether one is not heard, and not yet given up.
+  // True if one is silent, not yet given up, and not kept away by a fault.
   bool AnySilent() const;
   // Null when there is none.
   const Member* Find(dds::NodeKind kind) const;

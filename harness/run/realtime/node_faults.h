@@ -38,7 +38,7 @@ class NodeFaults {
   };
   // Everything that is due at simulation time `now_ns`.
   void CarryOut(TimeNs now_ns, const Means& means);
-  // Of that only the ends of pauses, while a command waits for all nodes: no other node may be told anything then.
+  // Only the ends of pauses that are due, while a command waits for all nodes: no node may get an order then.
   void EndPauses(TimeNs now_ns, const Means& means);
 
   // Roles that a fault keeps away at present: their silence is not a loss.

@@ -131,7 +131,7 @@ RunLog RealtimeConductor::Run() {
     try {
       GatherLogs();
     } catch (const std::exception&) {
-      // What has come is kept.
+      // The logs that have come are kept.
     }
   } catch (const std::exception& error) {
     End(EndReason::kHarnessError, error.what());
@@ -445,7 +445,7 @@ void RealtimeConductor::GatherLogs() {
   }
   if (processes_) {
     node_faults_.ContinueAll(*processes_);
-    // Of one that a fault has just killed, to start it again, nothing comes any more.
+    // A node that a fault has just killed, to start it again, sends nothing more.
     for (Member& member : members_.all())
       if (ChildProcess* process = processes_->Find(member.role); process != nullptr && !process->Alive())
         member.lost = true;

@@ -27,7 +27,7 @@ using SteadyClock = std::chrono::steady_clock;
 constexpr std::size_t kPieceBytesMax = std::size_t{512} * 1024;
 constexpr std::uint8_t kLastPiece = 0, kMorePieces = 1;
 constexpr TimeNs kLimitNs = 10 * kNsPerS;
-// What a node grants the harness: that it is gone, it sees.
+// Time that a node grants the harness: the node sees by itself that the harness is gone.
 constexpr TimeNs kHarnessLimitNs = 3600 * kNsPerS;
 
 // Wakes a poll from the threads of DDS.
@@ -51,8 +51,8 @@ class Bell {
   int fd_;
 };
 
-// What the channels of one process share: the harness writes requests and reads responses, a node the other
-// way round.
+// The shared part of the channels of one process: the harness writes requests and reads responses, a node the
+// other way round.
 template <class Out, class In>
 class Exchange {
  public:

@@ -44,7 +44,7 @@ enum class Message : std::uint8_t {
   kFirmwareFailed,  // hung, text, end: FirmwareTrouble
 };
 
-// What a process is told before the flight.
+// The harness's message to a process before the flight.
 struct Setup {
   std::string scenario_yaml;
   std::string client;     // as --client names it
@@ -52,7 +52,7 @@ struct Setup {
   TILTPROOF_FIELDS(scenario_yaml, client, place)
 };
 
-// What the line's process answers besides the result, so that the harness need not ask.
+// State that the line's process answers besides the result, so that the harness need not ask.
 struct LineView {
   std::array<BootTime, link::kDirectionCount> next_arrival_ns{BootTime::Never(), BootTime::Never(),
                                                               BootTime::Never()};

@@ -12,7 +12,7 @@ const SIGNS = { positive: "+", negative: "−" };
 
 const placeOf = (row) => (row.target ?? row.signal ?? row.actuator ?? "") + (SIGNS[row.side] ?? "");
 
-// How far a firmware goes from what is harmless; as scenarios/envelope/tables.py has it. Where the harmless value stands for
+// A firmware's distance from the harmless level; as scenarios/envelope/tables.py has it. Where the harmless value stands for
 // infinity (a limit that falls towards 0), a level's severity is its inverse.
 function distance(row) {
   const level = row.fails === null ? row.severest : row.survives;

@@ -1,4 +1,4 @@
-// Which figures a flight has: from the names of its columns, so for any number of rotors and hinges.
+// The figures of a flight, from the names of its columns: for any number of rotors and hinges.
 import { el, svg } from "./dom.js";
 
 const end = (name, suffix) => name.endsWith(suffix);
@@ -6,7 +6,7 @@ const end = (name, suffix) => name.endsWith(suffix);
 // SupervisorState of firmware/supervisor.h.
 export const STATES = ["run", "init", "hold", "degraded", "fail-safe", "last resort"];
 
-// Of the builds that ship; a firmware of others counts its states as it likes. `clients`: what flew, by id.
+// True for the builds that ship; a firmware of others counts its states as it likes. `clients`: the firmware, by id.
 const hasNames = (column, clients) => ["host", "qemu"].includes(clients[column.slice("supervisor_state_".length)] ?? clients[""]);
 
 export function figuresOf(flight, clients) {

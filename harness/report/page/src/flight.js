@@ -81,7 +81,7 @@ export function chooser(flight, plots) {
 export function keys(flight, clock) {
   const onKey = (event) => {
     const { tagName: tag, type } = event.target;
-    // What is written or chosen there is no command.
+    // Keys that write or choose in a field are no commands.
     if (event.ctrlKey || event.metaKey || event.altKey || tag === "SELECT" || (tag === "INPUT" && !["range", "checkbox"].includes(type))) return;
     const step = event.shiftKey ? 1 : 0.1;
     const actions = {
@@ -150,7 +150,7 @@ export function replayPanel(flight, clock) {
   return { panel, start, grow: () => replay?.grow(), close: () => replay?.close() };
 }
 
-// What flew, by id; without one: what is not named there.
+// The firmware that flew, by client's id; "": the firmware of clients that are not named.
 export const clientsOf = (info) => ({ "": info?.client, ...info?.clients });
 
 // As in the command that flies it again.

@@ -9,7 +9,7 @@ const DIFF_MAX = 400;
 
 const bytesOf = (hex) => hex.match(/../g) ?? [];
 
-// Which bytes of b are not those of a: by place when the lengths are equal, else outside the longest common subsequence.
+// Marks bytes of b that are not those of a: by place when the lengths are equal, else outside the longest common subsequence.
 export function damaged(a, b) {
   if (a.length === b.length) return b.map((byte, i) => byte !== a[i]);
   if (a.length > DIFF_MAX || b.length > DIFF_MAX) return b.map(() => true);

@@ -1,4 +1,4 @@
-// What a plot draws, without the plot: its rows, and the labels of its axis.
+// Content of a plot, without the plot: its rows, and the labels of its axis.
 import { number } from "./dom.js";
 
 // From pi to -pi an angle has not moved: there the line has a gap.
@@ -12,7 +12,7 @@ export function axisLabels(ticks) {
   return ticks.map((t) => number(t, Math.min(Math.max(digits, 4), 12)));
 }
 
-// Of a value that stands for something, as states do.
+// The name of a value that stands for something, as states do.
 export const nameOf = (spec, value) => (Number.isInteger(value) ? spec.names?.[value] : undefined);
 
 // States and counts have ticks at whole numbers alone.

@@ -87,7 +87,7 @@ class LiveFlight extends Flight {
   }
 }
 
-// What the server says, and what was pressed.
+// The server's events, and the buttons that were pressed.
 export class LiveRun {
   constructor(run, on) {
     this.run = run;

@@ -10,7 +10,7 @@ const run = readRun();
 const main = document.getElementById("main");
 let close = () => {};
 let shown = 0;
-// Of a run that is still flown; null in a report.
+// The LiveRun of a run that is still flown; null in a report.
 let live = null;
 let liveView = null;
 let table_ms = 0;

@@ -104,7 +104,7 @@ export class Replay {
   addPaths() {
     this.paths = this.renew(this.paths);
     this.flown = path(this.flight, ["x_m", "y_m", "z_m"]);
-    // Of a flight that is still flown the whole reference is known already.
+    // The whole reference of a flight that is still flown is known already.
     this.reference = this.flight.path?.length > 0 ? this.flight.path.map(vector) : path(this.flight, ["x_ref_m", "y_ref_m", "z_ref_m"]);
     const all = [...this.flown, ...this.reference];
     this.low = new Vector3(Infinity, Infinity, Infinity);
