@@ -1,4 +1,4 @@
-// How far a sample is from what was predicted for it, measured in the spread to be expected.
+// Distance of a sample from its prediction, measured in the spread to be expected.
 //
 //   const float misfit = Misfit(sample, predicted, previous_sample);   // 0 to kMisfitMax
 //
@@ -23,7 +23,7 @@ Innovation Compare(const MotionState& sample, const MotionState& predicted);
 // sample.
 Innovation ExpectedVariance(const MotionState& sample, const MotionState& previous_sample);
 
-// Of one signal at most.
+// Limits of the misfit: of one signal, and of the sum.
 inline constexpr float kSignalMisfitMax = 9;
 inline constexpr float kMisfitMax = kSensorCount * kSignalMisfitMax;
 

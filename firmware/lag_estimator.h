@@ -1,5 +1,5 @@
-// How many steps late do commands act? Each accepted sample is compared with what the sample before it becomes
-// under every lag; one that explains the last samples clearly better than the present one is taken.
+// Estimates the lag of commands, in steps. The estimator compares each accepted sample with the one before it, moved on
+// under every lag; a lag that explains the last samples clearly better than the present one is taken.
 //
 //   estimator.Update(timeline, step, sample);     // before timeline.Correct(step, sample)
 //   if (!estimator.model_is_right()) ...          // no lag explains the samples: this is another vehicle
@@ -31,7 +31,7 @@ class LagEstimator {
   void Reset() { *this = {}; }
 
   bool model_is_right() const;
-  // Whether the last sample was further from its prediction than model and noise make it.
+  // True if the last sample was further from its prediction than model and noise make it, and some lag explains that.
   bool surprised() const { return surprised_; }
 
  private:

@@ -1,4 +1,4 @@
-// What the flight firmware needs from the board it runs on: two transmitters and a log. Everything else is
+// The flight firmware's interface to the board it runs on: two transmitters and a log. Everything else is
 // passed in.
 //
 // The firmware never reads a clock and never waits: the owner of the board calls FlightApplication with the

@@ -1,4 +1,4 @@
-// Which reference the build `tolerant` flies: the one received, unless that jumps or stays away.
+// Selects the reference that the build `tolerant` flies: the one received, unless that jumps or stays away.
 //
 //   ReferenceFollower follower({.x_m = 1, .z_m = 2});   // until one is received
 //   follower.BeginPeriod();                        // once per control period
