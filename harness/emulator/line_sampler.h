@@ -1,4 +1,4 @@
-// What a receiver gets from bytes that are sent at another rate than its own: the waveform of the sender's
+// Simulates a receiver of bytes that are sent at another rate than its own: the waveform of the sender's
 // 8N1 bits, sampled where the receiver samples.
 //
 // The receiver waits for a falling edge and then samples each of ten bits once. Its tolerance decides where
@@ -30,7 +30,7 @@ class LineSampler {
 
   // Puts a byte on the line, not before the end of the previous one.
   void Put(TimeNs begin_ns, std::uint8_t byte, double sender_bit_ns);
-  // What was received up to `known_until_ns`; every byte that begins before that must have been put.
+  // The bytes received up to `known_until_ns`; every byte that begins before that must have been put.
   std::vector<Received> Take(TimeNs known_until_ns, double receiver_bit_ns, double tolerance);
 
  private:

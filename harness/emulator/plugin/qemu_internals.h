@@ -1,4 +1,4 @@
-// What the plug-in uses of QEMU 7.2: its public plug-in interface (version 1), and internal functions and
+// The parts of QEMU 7.2 that the plug-in uses: its public plug-in interface (version 1), and internal functions and
 // layouts, which Debian's qemu-system-arm exports but which are not part of any interface. The harness
 // therefore starts the plug-in only in 7.2.x and tests it first (harness/emulator/lockstep_self_test.h).
 //
