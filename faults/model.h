@@ -131,7 +131,7 @@ struct SignalSetup {
   std::uint64_t stream;  // key of the random stream, for what does not belong to one sample or step
 };
 
-// The firmware's receiver's treatment of a byte. A byte that is not lost is delivered unchanged, with the flag
+// Treatment of a byte by the firmware's receiver. A byte that is not lost is delivered unchanged, with the flag
 // set that the USART then shows (RM0090, section 30.3.3).
 enum class ReceiveMark : std::uint8_t { kNone, kOverrun, kFraming, kNoise };
 std::string_view Name(ReceiveMark mark);  // "none", "overrun", ...

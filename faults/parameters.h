@@ -44,8 +44,8 @@ class Parameters {
 };
 
 // kFrameWords is the bytes of frames (faults/frame_words.h). kField names a field of a message of the protocol.
-// The last seven name signals and parts of the vehicle (faults/signal_choice.h): a sensor, a sensor or all of
-// them, a sensor of a position, three sensors that are the components of a vector, an input, a rotor, a joint.
+// The last seven name signals and parts of the vehicle (faults/signal_choice.h). They are a sensor, a sensor or all of
+// them, a sensor of a position, three sensors that are a vector's components, an input, a rotor, a joint.
 // Their names are known only when the vehicle is loaded.
 enum class ParameterKind : std::uint8_t {
   kNumber,

@@ -60,7 +60,7 @@ class Random {
   bool Bernoulli(double probability);
   // In [0, n), every value equally likely; n > 0.
   std::uint64_t Below(std::uint64_t n);
-  // The number of Bernoulli draws that fail before the first success, in one draw; kManyFailures when none would
+  // The number of Bernoulli draws that fail before the first success, in one draw. It is kManyFailures when none would
   // succeed within that number (so always for probability 0).
   static constexpr std::uint64_t kManyFailures = std::uint64_t{1} << 62;
   std::uint64_t FailuresBefore(double probability);

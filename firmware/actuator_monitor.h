@@ -5,8 +5,8 @@
 //   monitor.Update(timeline, step, sample, line_is_good);          // before timeline.Correct(step, sample)
 //   if (monitor.acts()) command = monitor.model().CommandFor(wanted);
 //
-// The model is that of healthy actuators until a deviation is larger than other vehicles (mass +2 %, inertia +10 %,
-// drag torque +20 %) and the noise of the sensors explain. docs/tolerant.md has the equations.
+// At first the model is that of healthy actuators. It changes when a deviation is larger than the sensors' noise and
+// other vehicles (mass +2 %, inertia +10 %, drag torque +20 %) explain. docs/tolerant.md has the equations.
 #pragma once
 
 #include <array>
@@ -33,8 +33,8 @@ class ActuatorMonitor {
 
   // Right, left. Of one rotor: a load, or wind, weighs on both.
   bool weak_rotor(unsigned i) const;
-  // True if the last sample shows a motion that neither late nor lost commands cause: one hinge alone, or a twist of
-  // the body that no servo gives.
+  // True if the last sample shows a motion that neither late nor lost commands cause. Such is one hinge alone, or a
+  // twist of the body that no servo gives.
   bool not_the_line() const { return not_the_line_; }
   // A hinge that its servo should move, and does not: noticed, and then believed.
   bool stands_still(unsigned i) const;

@@ -2,8 +2,8 @@
 //
 //   const float misfit = Misfit(sample, predicted, previous_sample);   // 0 to kMisfitMax
 //
-// The spread of each signal is what other vehicles (mass +2 %, inertia +10 %, drag torque +20 %) and ordinary
-// sensor noise add to the difference: a floor, and a tenth of the signal's change since the previous sample.
+// The spread of each signal is a floor, and a tenth of the signal's change since the previous sample. So much do other
+// vehicles (mass +2 %, inertia +10 %, drag torque +20 %) and ordinary sensor noise add to the difference.
 // Thresholds on the misfit therefore hold for more than one vehicle.
 #pragma once
 

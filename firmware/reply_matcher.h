@@ -1,5 +1,5 @@
-// Finds the instant that a reply shows. Replies carry no number. One that is late, out of order or repeated is known
-// by its content: all 16 signals against the predicted motion at the requests that are still open.
+// Finds the instant that a reply shows. Replies carry no number, and may be late, out of order or repeated. So the
+// matcher compares all 16 signals with the predicted motion at the requests that are still open.
 //
 //   matcher.Request(step, now);                                       // for each request that is sent
 //   if (const auto step = matcher.Match(sample, now, now_step, timeline)) timeline.Correct(*step, sample);

@@ -16,13 +16,13 @@ constexpr std::array<float, 2> kWindow_s = {0.1F, 1.5F};
 // A drift's contradiction grows with the window, and so do the errors of a sensor's frame and of the clock.
 constexpr std::array<float, 2> kWindowTolerance = {1, 1.3F};
 
-// Tolerance of a pair's contradiction: ten times ordinary noise (2 mm, 1 mrad, hinges 1 mrad, with rates of 1 cm/s,
-// 10 and 30 mrad/s, as firmware/innovation.h), and a sample that is stamped two steps beside. The inputs of the
+// Tolerance of a pair's contradiction. It covers ten times ordinary noise (2 mm, 1 mrad, hinges 1 mrad, with rates of
+// 1 cm/s, 10 and 30 mrad/s, as firmware/innovation.h), and a sample that is stamped two steps beside. The inputs of the
 // hinges' motion change within a sample.
 constexpr std::array<float, 8> kContradictionMax = {3e-2F, 3e-2F, 3e-2F, 3e-2F, 3e-2F, 3e-2F, 6e-2F, 6e-2F};
 constexpr float kStamp_s = 2 * kGridStep_s;
-// Distance from its substitute at which a rate is believed again: five times the filter's noise; and a quarter of
-// that on average, which is less than the lie that can be seen.
+// Distance from its substitute at which a rate is believed again: five times the filter's noise. On average it must be
+// a quarter of that, which is less than the lie that can be seen.
 constexpr std::array<float, 8> kRateAgreement = {0.15F, 0.15F, 0.15F, 0.16F, 0.16F, 0.16F, 0.5F, 0.5F};
 constexpr float kAverageShare = 0.25F;
 constexpr float kAverage_s = 0.25F;
@@ -54,8 +54,8 @@ constexpr float kCalmShare = 0.25F;
 // may have come in the first step or in the last. The angle shows it then, too, which no lie of the one signal does.
 // Beyond so many sigmas of that, a contradiction is one.
 constexpr float kIntegralSigmas = 5;
-// Rate changes in a sample beyond any input within the actuators' limits, m/s and rad/s: 60 N on 2.09 kg, 30 N at
-// 0.278 m on 0.084 kg m2, two servos' 2 N m on 0.0101 kg m2, both thrusts tilted at 0.278 m on 0.079 kg m2, and
+// Rate changes in a sample beyond any input within the actuators' limits, m/s and rad/s. Inputs: 60 N on 2.09 kg,
+// 30 N at 0.278 m on 0.084 kg m2, two servos' 2 N m on 0.0101 kg m2, both thrusts tilted at 0.278 m on 0.079 kg m2, and
 // ordinary noise. Hinges: no limit.
 constexpr float kRateJumpSample_s = 0.012F;
 constexpr std::array<float, 8> kRateJumpMax = {0.5F, 0.5F, 0.5F, 1.4F, 5, 2.7F, 1e9F, 1e9F};

@@ -1,5 +1,5 @@
 // The firmware's data of the vehicle that it flies: the numbers of plant/models/tiltrotor.sdf (paper, Table
-// 1), and the constants that the equations of motion derive from them, computed at compile time.
+// 1). The constants that the equations of motion derive from them are computed at compile time.
 //
 //   constexpr VehicleConstants kVehicle = ComputeVehicleConstants(kTiltrotor);
 //

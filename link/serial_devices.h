@@ -35,8 +35,8 @@ std::string Text(const std::vector<Holder>& holders);
 // Advice for a device that may not be opened, as commands: join its group, or first give it a group that may.
 std::string PermissionAdvice(const std::filesystem::path& device);
 
-// The time for which an FTDI adapter holds received bytes back before it passes them on, in ms (16 by default, 1 to
-// 255): sysfs file `latency_timer`. `device` may be a link to it. nullopt: the adapter has no such file.
+// The time for which an FTDI adapter holds received bytes back, in ms (16 by default, 1 to 255):
+// sysfs file `latency_timer`. `device` may be a link to it. nullopt: the adapter has no such file.
 std::filesystem::path LatencyTimerFile(const std::filesystem::path& device,
                                        const std::filesystem::path& root = "/");
 std::optional<int> ReadLatencyTimer(const std::filesystem::path& device,

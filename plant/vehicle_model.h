@@ -117,8 +117,8 @@ struct VehicleModel {
   std::vector<double> InputMax() const;
 };
 
-// Axes of the main body's angular velocity: those of the world, those of the body, or none (kEuler: it is given as
-// derivatives of roll, pitch, yaw).
+// Form of the main body's angular velocity: along the world's axes, along its own axes, or as derivatives of
+// roll, pitch, yaw.
 enum class RatesFrame { kWorld, kBody, kEuler };
 
 struct LoadOptions {

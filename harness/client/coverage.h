@@ -6,7 +6,7 @@
 //   std::uint32_t place = coverage.features[0] / kBucketsCount;
 //
 // A library reports its executed code when it is built with clang's -fsanitize-coverage=inline-8bit-counters or
-// trace-pc-guard, or gcc's -fsanitize-coverage=trace-pc: this program has the functions that such code calls. An image
+// trace-pc-guard, or gcc's -fsanitize-coverage=trace-pc. This program has the functions that such code calls. An image
 // needs nothing: the emulator counts. A place is a number in the file, not an address: it is the same in every process.
 #pragma once
 

@@ -20,8 +20,8 @@ namespace tiltproof::harness {
 // std::runtime_error that says what to do when the sanitizer is not found.
 void PreloadSanitizer(const std::filesystem::path& library);
 
-// A process's reason to abort, from its output: the sanitizers' reports, and the C library's last line (an assertion, a
-// damaged stack guard, a damaged heap).
+// A process's reason to abort, from its output. It is in the sanitizers' reports, and in the C library's last line (an
+// assertion, a damaged stack guard, a damaged heap).
 class AbortReport {
  public:
   void Look(std::string_view line);

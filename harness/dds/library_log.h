@@ -1,6 +1,6 @@
 // Messages of the DDS library on its log. Internal to this folder.
 //
-// The library has one log for the whole process, and a line for every packet that it cannot read: whoever sends it
+// The library has one log for the whole process, and a line for every packet that it cannot read. A sender of
 // garbage could fill a terminal. So the first lines go to standard error, and the others are counted.
 #pragma once
 

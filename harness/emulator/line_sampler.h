@@ -3,8 +3,8 @@
 //
 // The receiver waits for a falling edge and then samples each of ten bits once. Its tolerance decides where
 // in the bit it samples, so that it understands a sender just within the tolerance, but not one just beyond
-// it. With a slow sender the stop bit is missed first, because the last data bit is taken for it; with a fast
-// sender again the stop bit, because the start bit of the next byte is taken for it.
+// it. A slow sender's stop bit is missed first, because the last data bit is taken for it. With a fast sender it is
+// again the stop bit, because the start bit of the next byte is taken for it.
 //
 //   LineSampler sampler;
 //   sampler.Put(begin_ns, byte, sender_bit_ns);

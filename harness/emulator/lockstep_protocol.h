@@ -94,8 +94,8 @@ struct WriteCode {
   std::uint32_t address, word;
 };
 
-// State of each USART, connected or not, USART1 first: bytes that it has sent since power-on, and its input clock, 0
-// when RCC gives it none.
+// State of each USART, connected or not, USART1 first: the bytes that it has sent since power-on, and its input clock.
+// The clock is 0 when RCC gives it none.
 struct UsartStates {
   std::uint64_t sent_count[6];
   std::uint32_t clock_hz[6];

@@ -1,11 +1,11 @@
-// Explains why a firmware on an emulated board stopped: where it is, which fault it took, what it waits for, what it
-// has sent. For the flight's reason in one line, and at length for its log.
+// Explains why a firmware on an emulated board does not go on: its place, its fault, the thing that it waits for, the
+// bytes that it has sent. For the flight's reason in one line, and at length for its log.
 //
 //   const Findings found = Examine(board, symbols, source, roles, Condition::kBusy);
 //   HangText(found, 2 * kNsPerS, "t = 1.203 s");
 //
-// Unless it is locked up it is run on for a few microseconds, one instruction at a time, to
-// see what it reads again and again.
+// Examine() runs the firmware on for a few microseconds, one instruction at a time, unless it is locked up. So it
+// sees what the firmware reads again and again.
 #pragma once
 
 #include <cstdint>

@@ -35,8 +35,8 @@ struct FlightMeans {
   std::vector<ClientSpec> ClientsOf(const Scenario& scenario) const;
   // True if a worker process has the firmware in it.
   bool FirmwareInWorker(const Scenario& scenario) const;
-  // True if its worker process may fly other flights before and after it: a flight leaves nothing behind in the shipped
-  // firmware, and may leave anything in the static variables of a user's library.
+  // True if its worker process may fly other flights before and after it. A flight leaves nothing behind in the shipped
+  // firmware. It may leave anything in the static variables of a user's library.
   bool SharesWorker(const Scenario& scenario) const;
   // As run.json keeps it.
   std::string client_text() const { return attach ? "attached" : ToText(clients.all); }

@@ -1,4 +1,4 @@
-// Work of a worker process: it flies a flight, scores it, lets it be recorded, and hands the result to its parent; then
+// Work of a worker process: it flies a flight, scores it, lets it be recorded, and hands the result to its parent. Then
 // it may be given the next.
 #pragma once
 

@@ -96,7 +96,7 @@ class BudgetFlight final : public firmware::Port {
   static constexpr float kSpeed_m_s = 1;
   using Wire = std::array<std::uint8_t, link::FrameBytesMax(link::kSensorMessageBytes)>;
 
-  // Takes the reply's sample for that period's request.
+  // Queues the reply to that period's request.
   void Sense(Reply reply) {
     if (reply == Reply::kNone || held_count_ == kHeldMax) return;
     Sensors sensed = firmware::ToSensors(state_);

@@ -4,7 +4,7 @@
 //   block_counts.Mark(block);    // when a block is translated
 //
 // The emulator cuts a block wherever a timer is due or a register is read. The code after such a cut is the same block
-// still: a count of its own would show the time of the cut, and not the firmware's work.
+// still. A count of its own would show the time of the cut, and not the firmware's work.
 #pragma once
 
 #include <sys/mman.h>
