@@ -317,7 +317,7 @@ void FuzzCampaign::Take(Pending ended, const FlightResult& result) {
     ++known->flights_count;
     return;
   }
-  // Drops the inputs after its end: they were not said.
+  // Drops the inputs after the flight's end: the firmware has not heard them.
   const std::uint64_t said = SaidIn(sequence, *shown_by);
   if (said > 0 && shown_by->end_reason != EndReason::kCompleted)
     sequence.inputs.resize(InputsUntil(sequence, said));

@@ -7,7 +7,7 @@
 namespace tiltproof::dds {
 namespace {
 
-// Most subscribers of one topic that are looked at.
+// Largest number of subscribers of one topic that are looked at.
 constexpr std::size_t kSubscribersCountMax = 1024;
 
 }  // namespace

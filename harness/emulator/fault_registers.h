@@ -32,8 +32,8 @@ struct ExceptionFrame {
   int exception() const { return static_cast<int>(xpsr & 0x1FFU); }
 };
 
-// True if a handler with this in its link register has interrupted code on the process stack (PSP), as an RTOS's tasks
-// are (ARMv7-M ARM, table B1-8).
+// True if a handler with this in its link register has interrupted code on the process stack (PSP). An RTOS's tasks
+// use that stack (ARMv7-M ARM, table B1-8).
 bool ReturnsToProcessStack(std::uint32_t link);
 
 using ReadWords = std::function<std::vector<std::uint32_t>(std::uint32_t address, std::uint32_t count)>;

@@ -1,5 +1,5 @@
-// Simulates a receiver of bytes that are sent at another rate than its own: the waveform of the sender's
-// 8N1 bits, sampled where the receiver samples.
+// Simulates a receiver of bytes that are sent at another rate than its own. It samples the waveform of the
+// sender's 8N1 bits where the receiver samples.
 //
 // The receiver waits for a falling edge and then samples each of ten bits once. Its tolerance decides where
 // in the bit it samples, so that it understands a sender just within the tolerance, but not one just beyond

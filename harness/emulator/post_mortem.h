@@ -1,5 +1,5 @@
-// Explains why a firmware on an emulated board does not go on: its place, its fault, the thing that it waits for, the
-// bytes that it has sent. For the flight's reason in one line, and at length for its log.
+// Explains why a firmware on an emulated board does not go on: its place, its fault, its awaited event, its sent
+// bytes. For the flight's reason in one line, and at length for its log.
 //
 //   const Findings found = Examine(board, symbols, source, roles, Condition::kBusy);
 //   HangText(found, 2 * kNsPerS, "t = 1.203 s");
