@@ -1,4 +1,4 @@
-# What `cmake --install` and the Debian package hold. Everything is found from where the program stands (harness/client/
+# Contents of `cmake --install` and the Debian package. The program finds everything from its own place (harness/client/
 # firmware_files.h), so a prefix may be anywhere, and may be moved:
 #   bin/tiltproof                 the program
 #   lib/tiltproof                 what it loads: the firmware, the emulator's plug-in, the images for the STM32F4

@@ -1,7 +1,7 @@
-// How long a fault has been active, for models that depend on it: a drift, an oscillation.
+// The time for which a fault has been active, for models that depend on it: a drift, an oscillation.
 //
-// It counts from the first sample or step in the fault's active time, and starts anew after every sample or
-// step outside: with `period_s` in each period, with `when` each time that the condition holds again. A sample
+// It counts from the first sample or step in the fault's active time. It starts again after every sample or step
+// outside: with `period_s` in each period, with `when` each time that the condition holds again. A sample
 // in the active time that the trigger leaves out counts.
 //
 //   ActiveTime time;

@@ -6,7 +6,7 @@
 namespace tiltproof::faults {
 namespace {
 
-// Of each period, at least a nanosecond.
+// The active part of each period, at least 1 ns; kNever without a period.
 TimeNs ActiveTimeOf(const FaultSpec& spec) {
   if (spec.period_ns == kNever) return kNever;
   const double active_ns = static_cast<double>(spec.period_ns) * spec.duty.value_or(1.0);

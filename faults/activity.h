@@ -39,7 +39,7 @@ class Activity {
   Activity(const FaultSpec& spec, const Window& window);
 
   bool Contains(TimeNs t) const;
-  // Whether it is active at any time in [begin, end), or at `begin` when the two are equal.
+  // True if it is active at any time in [begin, end), or at `begin` when the two are equal.
   bool Touches(TimeNs begin, TimeNs end) const;
   // The next time after `t` at which Contains() may change, as far as known; kNever when there is none.
   TimeNs NextEdge(TimeNs t) const;

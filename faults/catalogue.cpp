@@ -5,7 +5,7 @@
 namespace tiltproof::faults {
 namespace {
 
-// What is true of all types.
+// The page's first part: the rules that hold for all types.
 constexpr const char* kPreamble = R"(# The fault catalogue
 
 Written by `tiltproof faults`.

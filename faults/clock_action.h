@@ -1,4 +1,4 @@
-// What a clock fault does to the clock of a node. Node and mode decide which part carries it out: in real
+// The action of a clock fault on the clock of a node. Node and mode decide which part carries it out: in real
 // time a node of the harness (faults/node_command.h), in lockstep the client (faults/device_command.h).
 #pragma once
 

@@ -65,7 +65,7 @@ struct FaultSpec {
   std::map<std::string, ParameterValue> parameters;  // by name
 };
 
-// Whether its activity also depends on other events (faults/news.h), not only on the clock.
+// True if its activity also depends on other events (faults/news.h), not only on the clock.
 inline bool WaitsForNews(const FaultSpec& spec) { return !spec.when.empty() || spec.after.has_value(); }
 
 // One occasion on which a fault acted. On a line it has boot time, in the log of a flight simulation time.

@@ -31,7 +31,7 @@ namespace tiltproof::faults {
 enum class WireLayer : std::uint8_t { kFrame, kByte, kTiming };
 std::string_view Name(WireLayer layer);
 
-// How a fault on the wire changes the number of bytes.
+// The change that a fault on the wire makes to the number of bytes.
 enum class Volume : std::uint8_t {
   kKeeps,    // the same number goes on, or more
   kMayLose,  // fewer may go on, or later
@@ -92,10 +92,10 @@ struct ClockKind {
 using FaultKind = std::variant<WireKind, ReceiverKind, SensorKind, ActuatorKind, PlantKind, NodeKind,
                                DeviceKind, ClockKind>;
 
-// Whether a fault's window has this end.
+// The rule for one end of a fault's window.
 enum class Bound : std::uint8_t { kOptional, kRequired, kRefused };
 
-// What a fault requires of the firmware's side. The harness refuses it before the flight where it cannot be
+// Requirement of a fault on the firmware's side. The harness refuses the fault before the flight where it cannot be
 // carried out.
 enum class Needs : std::uint8_t {
   kNothing,    // the harness does it by itself, with any client
@@ -139,13 +139,13 @@ struct FaultType {
   bool has_target() const { return IsOneOf<WireKind, ReceiverKind>(); }
   // The target of a fault that states none.
   std::optional<Target> default_target() const;
-  // What measures how severe it is: this parameter; null: the length of the window, if it has_severity().
+  // The measure of its severity: this parameter; null: the length of the window, if it has_severity().
   const ParameterInfo* severity_parameter() const;
   // Not when it happens at one instant, where no parameter measures it.
   bool has_severity() const;
   // A command that is not reverted at an end that the scenario states.
   bool happens_once() const;
-  // Whether it makes the firmware reboot once.
+  // True if it makes the firmware reboot once.
   bool asks_restart() const;
 };
 

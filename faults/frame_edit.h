@@ -21,7 +21,7 @@ class FrameEdit {
  public:
   explicit FrameEdit(std::span<const std::uint8_t> frame);
 
-  // Whether it is a frame with a closing flag and a checksum.
+  // True if it is a frame with a closing flag and a checksum.
   bool ok() const { return ok_; }
   std::vector<std::uint8_t>& payload() { return payload_; }
   // The frame with the payload as it is now, between the flags that it had.

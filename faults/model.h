@@ -39,14 +39,14 @@ struct LineRate {
   std::int64_t clock_baud() const { return baud == 0 ? 921'600 : baud; }
 };
 
-// What a wire model may know besides the chunk.
+// A wire model's knowledge besides the chunk.
 struct WireContext {
   Random& random;  // only of this fault and this frame
   const Activity& activity;
   Origin origin;
   std::string* what;       // receives a text about what was done, for a person; null when it is not read
   std::uint64_t pick = 0;  // of the frame, among those that the trigger has picked, from 0
-  // Whether the fault is active at any time in [begin, end).
+  // True if the fault is active at any time in [begin, end).
   bool ActiveWithin(BootTime begin, BootTime end) const {
     return activity.Touches(origin.SimulationTime(begin), origin.SimulationTime(end));
   }
@@ -74,7 +74,7 @@ class WireModel {
   virtual std::size_t held_bytes() const { return 0; }
 };
 
-// What the model of a sensor may know besides the values.
+// A sensor model's knowledge besides the values.
 struct SampleContext {
   TimeNs time_ns;        // simulation time; kPowerOn before t = 0
   std::uint64_t number;  // of the sample, from 0
@@ -94,7 +94,7 @@ class SensorModel {
   virtual void Pass(std::span<const float> /*values*/, const SampleContext& /*context*/) {}
 };
 
-// What the model of an actuator or of the plant may know besides the input.
+// An actuator or plant model's knowledge besides the input.
 struct StepContext {
   TimeNs time_ns;        // simulation time of the step's begin
   TimeNs step_ns;        // its length
@@ -117,13 +117,13 @@ class ActuatorModel {
 class PlantModel {
  public:
   virtual ~PlantModel() = default;
-  // What disturbs the plant during a step that the trigger picked.
+  // The disturbance of the plant during a step that the trigger picked.
   virtual Disturbance Act(const StepContext& context) = 0;
   // Any other step, also outside the window.
   virtual void Pass(const StepContext& /*context*/) {}
 };
 
-// What the factory of a sensor, actuator or plant model receives. Signals are given by name: their places are
+// Input to the factory of a sensor, actuator or plant model. Signals are given by name: their places are
 // looked up once, here.
 struct SignalSetup {
   const Parameters& parameters;
@@ -131,17 +131,17 @@ struct SignalSetup {
   std::uint64_t stream;  // key of the random stream, for what does not belong to one sample or step
 };
 
-// How the firmware's receiver treats a byte. A byte that is not lost is delivered unchanged, with the flag
+// Treatment of a byte by the firmware's receiver. A byte that is not lost is delivered unchanged, with the flag
 // set that the USART then shows (RM0090, section 30.3.3).
 enum class ReceiveMark : std::uint8_t { kNone, kOverrun, kFraming, kNoise };
 std::string_view Name(ReceiveMark mark);  // "none", "overrun", ...
 
-// What the factory of a wire model receives.
+// Input to the factory of a wire model.
 struct WireSetup {
   const Parameters& parameters;
   LineRate rate;
   std::uint64_t stream;  // key of the random stream, for what does not belong to one frame
-  // What describes the messages; it outlives the model.
+  // The description of the messages; it outlives the model.
   const link::Protocol& protocol;
   link::Direction direction;
 };

@@ -44,9 +44,9 @@ class Parameters {
 };
 
 // kFrameWords is the bytes of frames (faults/frame_words.h). kField names a field of a message of the protocol.
-// The last seven name signals and parts of the vehicle (faults/signal_choice.h): a sensor, a sensor or all of
-// them, a sensor of a position, three sensors that are the components of a vector, an input, a rotor, a joint.
-// Which of them exist is known only when the vehicle is loaded.
+// The last seven name signals and parts of the vehicle (faults/signal_choice.h). They are a sensor, a sensor or all of
+// them, a sensor of a position, three sensors that are a vector's components, an input, a rotor, a joint.
+// Their names are known only when the vehicle is loaded.
 enum class ParameterKind : std::uint8_t {
   kNumber,
   kInteger,
@@ -73,7 +73,7 @@ constexpr bool NamesPart(ParameterKind kind) {
   return kind == ParameterKind::kRotor || kind == ParameterKind::kJoint;
 }
 
-// How a search for the level at which a flight fails steps from harmless to worst.
+// Spacing of the levels, from harmless to worst, in a search for the level at which a flight fails.
 enum class Scale : std::uint8_t { kLinear, kLogarithmic };
 
 // A kText parameter, or the name of a part: printable ASCII, no blank at either end, 1 to this many characters.
@@ -119,7 +119,7 @@ inline ParameterInfo ProbabilityOfEach(std::string_view doc, double example) {
   return probability;
 }
 
-// Which node of the harness: "plant", "link", "client" (the firmware's), "base_station".
+// A node of the harness: "plant", "link", "client" (the firmware's), "base_station".
 inline ParameterInfo NodeParameter(const std::vector<std::string_view>& nodes) {
   return {.name = "node",
           .unit = "",
@@ -137,7 +137,7 @@ inline ParameterInfo ClockNodeParameter() {
   return node;
 }
 
-// How long the device is held in reset.
+// The time for which the device is held in reset.
 inline ParameterInfo BootParameter() {
   return {.name = "boot_ms",
           .unit = "ms",

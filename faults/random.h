@@ -49,7 +49,7 @@ class Random {
     return Mix(state_ += 0x9e3779b97f4a7c15ULL);
   }
 
-  // How many numbers this thread has drawn from all generators. A flight in which none was drawn is the same for every
+  // The count of numbers that this thread has drawn from all generators. A flight that drew none is the same for every
   // seed.
   static std::uint64_t DrawnCount() { return drawn_count_; }
 
@@ -60,13 +60,13 @@ class Random {
   bool Bernoulli(double probability);
   // In [0, n), every value equally likely; n > 0.
   std::uint64_t Below(std::uint64_t n);
-  // How many Bernoulli draws fail before the first success, in one draw; kManyFailures when none would
+  // The number of Bernoulli draws that fail before the first success, in one draw. It is kManyFailures when none would
   // succeed within that number (so always for probability 0).
   static constexpr std::uint64_t kManyFailures = std::uint64_t{1} << 62;
   std::uint64_t FailuresBefore(double probability);
   // Time to the next event of a Poisson process of that rate, in units of 1/rate.
   double Exponential();
-  // Of mean 0 and standard deviation 1; one draw or several (faults/standard_normal.cpp).
+  // A number with mean 0 and standard deviation 1; one draw or several (faults/standard_normal.cpp).
   double StandardNormal();
 
  private:

@@ -152,7 +152,7 @@ constexpr FormerType kFormerTypes[] = {
     {"uart.parity_error", "was removed: all lines are 8N1, where no receiver checks parity"},
 };
 
-// Of one fault.
+// Largest number of commands of one fault.
 constexpr TimeNs kCommandsMax = 1000;
 
 class Validator {

@@ -50,7 +50,7 @@ std::vector<Problem> Validate(const FaultSpec& spec);
 // The type of a valid fault; throws std::invalid_argument, naming fault and key, when the fault is not valid.
 const FaultType& ValidType(const FaultSpec& spec);
 
-// What a parameter is, in one line: meaning, what is allowed, unit, default.
+// A parameter in one line: meaning, allowed values, unit, default.
 std::string ParameterText(const ParameterInfo& info);
 // All types as a Markdown page.
 std::string CatalogueMarkdown();

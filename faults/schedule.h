@@ -86,7 +86,7 @@ class FaultSchedule {
   // of the previous step; it is neither counted nor drawn for again.
   void EditInput(TimeNs t, std::span<double> input, bool new_command = true);
 
-  // What disturbs the vehicle during the step that begins at `t`; call it once per step.
+  // The disturbance of the vehicle during the step that begins at `t`; call it once per step.
   Disturbance DisturbanceOf(TimeNs t);
 
   // Bytes that arrive back to back at the firmware's receiver, the last of them at `last_arrival`. Sets
@@ -100,16 +100,16 @@ class FaultSchedule {
   // `what` describes it.
   void Count(std::size_t fault, TimeNs t, std::string what);
 
-  // What has happened in this schedule since the last call that the other parts' schedules must hear; this
+  // Events in this schedule since the last call that the other parts' schedules must hear; this
   // one has heard it already. Nothing before t = 0 is known.
   std::vector<News> TakeNews();
   // News from other parts, and conditions.
   void Hear(std::span<const News> news);
 
-  // Whether the fault (its index in the scenario) is active at `t`.
+  // True if the fault (its index in the scenario) is active at `t`.
   bool IsActive(std::size_t fault, TimeNs t) const;
 
-  // How often each fault changed something (for harness.null: how often it was picked).
+  // The number of times that each fault changed something (for harness.null: that it was picked).
   const std::vector<std::int64_t>& ActivationCounts() const;
   // The kept activations (faults/recorder.h) of each fault, at most the first kActivationsMax, in order of
   // time, in simulation time. Without t = 0, the times of a line's activations count from power-on. Removes

@@ -117,7 +117,7 @@ double Fraction(Random& random) {
   return fraction;
 }
 
-// Whether a point at x, at a random height between f(edge) and f(next_edge), lies below f.
+// True if a point at x, at a random height between f(edge) and f(next_edge), lies below f.
 template <class Density>
 bool IsBelow(Density f, double x, double edge, double next_edge, Random& random) {
   const double f_edge = f(edge);
@@ -140,7 +140,7 @@ double DrawExponential(Random& random) {
   }
 }
 
-// What lies beyond the layers: drawn from an exponential with the density's slope there, and refused so often that the
+// A value beyond the layers: drawn from an exponential with the density's slope there, and refused so often that the
 // normal density remains.
 double DrawTail(Random& random) {
   constexpr double kBegin = kNormalEdges[1];

@@ -2,7 +2,7 @@
 // them.
 //
 // Each frame as sent has a number, and every fault decides at once whether its trigger picks that number.
-// What an earlier fault does to the frame (drops it, holds it back) changes neither the counts nor the draws
+// A change by an earlier fault to the frame (drop, delay) affects neither the counts nor the draws
 // of a later one. Copies and fragments share their frame's number, and so its treatment by the trigger.
 #pragma once
 

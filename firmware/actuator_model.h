@@ -1,4 +1,4 @@
-// What the actuators make of a command, and which command makes them do what is wanted.
+// The actuators' response to a command, and the command that gives a wanted response.
 //
 //   ActuatorModel actuators;                  // healthy
 //   actuators.rotor_effectiveness[0] = 0.7F;  // the right rotor gives 70 %
@@ -28,7 +28,7 @@ struct ActuatorModel {
   // holds the vehicle level, comes before the lift.
   Actuators CommandFor(const Actuators& wanted) const;
 
-  // Whether all of it is within the limits, and whether the rotors have the thrust.
+  // CanDeliver(): true if all of it is within the limits. LacksThrustFor(): true if a rotor cannot give its thrust.
   bool CanDeliver(const Actuators& wanted) const;
   bool LacksThrustFor(const Actuators& wanted) const;
 };

@@ -26,7 +26,7 @@ constexpr float kResponse = 0.25F;
 constexpr int kSettledSamples = 6;
 constexpr int kLateSamples = 250;
 
-// Of a swing, a deviation is more than so much.
+// A deviation is larger than this multiple of the swing.
 constexpr float kSwingFactor = 1.7F;
 constexpr float kSwingGain = 0.02F;
 // A rotor's thrust and command are compared with their means over some 3 s.
@@ -45,7 +45,7 @@ constexpr float kUrgent_nm = 0.3F;
 // A hinge that gets so much faster than it should, and turns accordingly, has another torque than before.
 constexpr float kStep_rad_s = 1.5F;
 constexpr float kTurnNoise_rad = 3e-3F;
-// Of a change of rate over an interval, in steps of 4 ms: so much of it turns the hinge.
+// Share of a change of rate over an interval, in steps of 4 ms, that turns the hinge.
 constexpr float kTurnShare = 2.0F / 3;
 // A servo that gives less than so much of its command's changes; told apart from an offset by commands that change.
 constexpr float kSlope = 0.4F;
@@ -83,14 +83,14 @@ constexpr float kStillCostMax = 9;
 constexpr float kStillSampleEvidence = 12;
 constexpr float kStillNotice = 24;
 
-// What is not the line's: a hinge, or the body's pitch, so much faster.
+// A motion that the line cannot cause: a hinge, or the body's pitch, so much faster.
 constexpr float kAlone_rad_s = 0.3F;
 constexpr float kAloneShare = 0.1F;
 
 float Square(float value) { return value * value; }
 float Magnitude(float value) { return value < 0 ? -value : value; }
 
-// Whether the last samples deviate, `samples` in a row.
+// True if the last samples deviate, `samples` in a row.
 bool Lasts(bool deviates, int samples, int& seen) {
   seen = deviates ? std::min(seen + 1, samples + 1) : 0;
   return seen >= samples;
@@ -108,7 +108,7 @@ bool ActuatorMonitor::Swing::IsExceededBy(float value) const {
 }
 
 void ActuatorMonitor::ThrustMean::Update(float now_command_n, float now_delivered_n) {
-  // What was before is taken for healthy.
+  // Before the first update the rotor counts as healthy: it delivers its command.
   if (command_n == 0) command_n = delivered_n = now_command_n;
   command_n += kThrustGain * (now_command_n - command_n);
   delivered_n += kThrustGain * (now_delivered_n - delivered_n);
@@ -168,7 +168,7 @@ void ActuatorMonitor::UpdateRotors(const Interval& interval) {
   difference_scatter_n2_ += kScatterGain * (Square(difference_n) - difference_scatter_n2_);
   const std::array<float, 2> change_n = {0.5F * (kSumGain * sum_n + kDifferenceGain * difference_n),
                                          0.5F * (kSumGain * sum_n - kDifferenceGain * difference_n)};
-  // Of the mean over the last samples, if they do not depend on each other.
+  // Variance of the mean over the last samples, if they do not depend on each other.
   const float variance_n2 =
       0.25F * 0.5F * (kSumGain * sum_scatter_n2_ + kDifferenceGain * difference_scatter_n2_);
   bool deviates = false;
@@ -378,7 +378,7 @@ void ActuatorMonitor::UpdateStill(const Interval& interval, unsigned i, float fr
   servo.still_evidence = std::clamp(
       kJamFading * servo.still_evidence + (interval.line_is_good ? evidence : std::min(evidence, 0.0F)), 0.0F,
       kJamEvidence);
-  // What speaks for a hinge that stands still tells nothing of one that moves.
+  // Evidence for a hinge that stands still carries no information about one that moves.
   if (evidence > 0) return;
   servo.rate_scatter2 += kHingeScatterGain * (Square(rate_rad_s - free_rad_s) - servo.rate_scatter2);
   servo.turn_scatter2 += kHingeScatterGain * (Square(missed_turn_rad(free_rad_s)) - servo.turn_scatter2);

@@ -1,12 +1,12 @@
-// How much of a command does each actuator deliver? The vehicle's accelerations between two samples tell: what the
-// model does not explain is what an actuator gives more or less than it was told.
+// Estimates how much of its command each actuator delivers, from the vehicle's accelerations between two samples. The
+// part that the model leaves unexplained is an actuator's surplus or deficit against its command.
 //
 //   ActuatorMonitor monitor;
 //   monitor.Update(timeline, step, sample, line_is_good);          // before timeline.Correct(step, sample)
 //   if (monitor.acts()) command = monitor.model().CommandFor(wanted);
 //
-// The model is that of healthy actuators until a deviation is larger than other vehicles (mass +2 %, inertia +10 %,
-// drag torque +20 %) and the noise of the sensors explain. docs/tolerant.md has the equations.
+// At first the model is that of healthy actuators. It changes when a deviation is larger than the sensors' noise and
+// other vehicles (mass +2 %, inertia +10 %, drag torque +20 %) explain. docs/tolerant.md has the equations.
 #pragma once
 
 #include <array>
@@ -22,10 +22,10 @@ class ActuatorMonitor {
   // While the line is in doubt, no further servo is: a command that did not arrive looks like a servo's fault.
   void Update(MotionTimeline& timeline, ModelStep step, const MotionState& sample, bool line_is_good);
 
-  // What is believed; healthy unless acts().
+  // The model that is believed; that of healthy actuators unless acts().
   const ActuatorModel& model() const { return model_; }
   bool acts() const { return model_ != ActuatorModel{}; }
-  // Whether any actuator is not what it should be, also one that no command can make up for.
+  // True if any actuator is faulty, also one that no command can make up for.
   bool faulty() const {
     return acts() || rotors_late_ > 0 || servos_[0].unanswered_samples > 0 ||
            servos_[1].unanswered_samples > 0 || stands_still(0) || stands_still(1);
@@ -33,8 +33,8 @@ class ActuatorMonitor {
 
   // Right, left. Of one rotor: a load, or wind, weighs on both.
   bool weak_rotor(unsigned i) const;
-  // Whether the last sample shows what neither late nor lost commands do: one hinge alone, or a twist of the body
-  // that no servo gives.
+  // True if the last sample shows a motion that neither late nor lost commands cause. Such is one hinge alone, or a
+  // twist of the body that no servo gives.
   bool not_the_line() const { return not_the_line_; }
   // A hinge that its servo should move, and does not: noticed, and then believed.
   bool stands_still(unsigned i) const;
@@ -50,13 +50,13 @@ class ActuatorMonitor {
     MotionState before, predicted, sample;
     InputEffects effects;
   };
-  // How far a value swings about its slow mean. A step stays within twice that, a swing about 0 within 1.42 times.
+  // Extent of a value's swing about its slow mean. A step stays within twice that, a swing about 0 within 1.42 times.
   struct Swing {
     float mean = 0, square = 0;
     void Update(float value);
     bool IsExceededBy(float value) const;
   };
-  // Of a rotor's thrust, over some 3 s: longer than a command takes to drift away from a thrust that stays.
+  // Means of a rotor's thrust over some 3 s: longer than a command takes to drift away from a thrust that stays.
   struct ThrustMean {
     float command_n = 0, delivered_n = 0;  // 0 before the first
     void Update(float now_command_n, float now_delivered_n);
@@ -71,7 +71,7 @@ class ActuatorMonitor {
     Swing swing;
     float jam_evidence = 0;
     float still_evidence = 0;
-    // Of what the model misses of the hinge's rate and turn, squared; at first more than any sensor's noise.
+    // Mean squares of the hinge's rate and turn that the model misses; at first more than any sensor's noise.
     float rate_scatter2 = 1, turn_scatter2 = 1;
     float before_nm = 0;  // delivered, as believed, in the interval before
     int seen = 0;         // samples in a row that deviate

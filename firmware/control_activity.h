@@ -26,7 +26,7 @@ class ControlActivity {
   // first reply.
   void Follow(const Reference& reference);
 
-  // Of a build without supervisor: normal.
+  // Normal in a build without supervisor.
   Status status() const { return tolerant_ ? tolerant_->status() : Status{}; }
 
   // nullopt when the item requires no command.

@@ -41,8 +41,8 @@ class FlightApplication {
 
   Status status() const { return control_.status(); }
 
-  // How often the control activity has had work to do, modulo 2^32: from the second period on at least once
-  // each, with replies or without. A watchdog can check this number.
+  // The number of times that the control activity has had work, modulo 2^32. From the second period on it grows at
+  // least once per period, with replies or without. A watchdog can check this number.
   std::uint32_t control_count() const { return control_count_; }
 
  private:

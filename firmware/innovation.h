@@ -1,9 +1,9 @@
-// How far a sample is from what was predicted for it, measured in the spread to be expected.
+// Distance of a sample from its prediction, measured in the spread to be expected.
 //
 //   const float misfit = Misfit(sample, predicted, previous_sample);   // 0 to kMisfitMax
 //
-// The spread of each signal is what other vehicles (mass +2 %, inertia +10 %, drag torque +20 %) and ordinary
-// sensor noise add to the difference: a floor, and a tenth of the signal's change since the previous sample.
+// The spread of each signal is a floor, and a tenth of the signal's change since the previous sample. So much do other
+// vehicles (mass +2 %, inertia +10 %, drag torque +20 %) and ordinary sensor noise add to the difference.
 // Thresholds on the misfit therefore hold for more than one vehicle.
 #pragma once
 
@@ -23,7 +23,7 @@ Innovation Compare(const MotionState& sample, const MotionState& predicted);
 // sample.
 Innovation ExpectedVariance(const MotionState& sample, const MotionState& previous_sample);
 
-// Of one signal at most.
+// Limits of the misfit: of one signal, and of the sum.
 inline constexpr float kSignalMisfitMax = 9;
 inline constexpr float kMisfitMax = kSensorCount * kSignalMisfitMax;
 

@@ -11,8 +11,8 @@ constexpr float kFading = 0.8F;  // per sample
 // A surprise is the line's when commands that came late, or not at all, leave so little of it. A push, or an actuator, does
 // not look like that.
 constexpr float kExplained = 0.5F;
-// What one sample may say for or against a lag, and what it takes to believe it: six samples in a row, because a
-// command that was lost looks like a lag of a period.
+// Largest evidence of one sample for or against a lag, and evidence to believe it. Belief takes six samples in a row,
+// because a command that was lost looks like a lag of a period.
 constexpr float kSampleEvidence = 8;
 constexpr float kEvidence = 28;
 // Between samples further apart the model itself is too uncertain.

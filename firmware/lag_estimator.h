@@ -1,11 +1,11 @@
-// How many steps late do commands act? Each accepted sample is compared with what the sample before it becomes
-// under every lag; one that explains the last samples clearly better than the present one is taken.
+// Estimates the lag of commands, in steps. The estimator compares each accepted sample with the one before it, moved on
+// under every lag. It takes a lag that explains the last samples clearly better than the present one.
 //
 //   estimator.Update(timeline, step, sample);     // before timeline.Correct(step, sample)
 //   if (!estimator.model_is_right()) ...          // no lag explains the samples: this is another vehicle
 //
-// The hypotheses cost 13 lags times the steps between the samples; they are computed only while the present lag
-// does not fit.
+// The hypotheses cost 13 lags times the steps between the samples. The estimator computes them only while the present
+// lag does not fit.
 #pragma once
 
 #include <array>
@@ -31,7 +31,7 @@ class LagEstimator {
   void Reset() { *this = {}; }
 
   bool model_is_right() const;
-  // Whether the last sample was further from its prediction than model and noise make it.
+  // True if the last sample was further from its prediction than model and noise make it, and some lag explains that.
   bool surprised() const { return surprised_; }
 
  private:

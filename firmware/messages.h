@@ -33,7 +33,7 @@ namespace tiltproof::link {
 enum class Dialect : std::uint8_t { kPaper, kProvant };
 std::string_view Name(Dialect dialect);
 
-// What a client asks of the server. `start` with `has_actuators` is provant's id 3.
+// A client's request to the server. `start` with `has_actuators` is provant's id 3.
 struct ClientMessage {
   bool start = false;
   bool read_sensors = false;
@@ -79,7 +79,7 @@ MessageStatus DecodeClientMessage(Dialect dialect, std::span<const std::uint8_t>
                                   ClientMessage& message);
 MessageStatus DecodeSensors(std::span<const std::uint8_t> payload, Sensors& sensors);
 MessageStatus DecodeReference(std::span<const std::uint8_t> payload, Reference& reference);
-// Whether DecodeSensors() would accept these values.
+// True if DecodeSensors() would accept these values.
 bool IsPlausible(const Sensors& sensors);
 // DecodeSensors() without the checks of values: exact length only, any bit pattern goes through unchanged.
 // For firmware that trusts the checksum, as the paper's does.

@@ -35,16 +35,16 @@ class MotionTimeline {
   // A sample newer than the last.
   void Correct(ModelStep step, const MotionState& sample);
 
-  // Of a step from the last sample on, or not older than kStateCount steps before the newest computed. Takes one
+  // The state at a step: from the last sample on, or at most kStateCount steps before the newest computed. Takes one
   // model step for each that is not computed yet.
   const MotionState& At(ModelStep step);
 
-  // What the last sample becomes `count` steps later if the lag is `lag`.
+  // The state `count` steps after the last sample if the lag is `lag`.
   MotionState Suppose(ModelStep count, ModelStep lag) const;
 
   void SetLag(ModelStep lag);
   ModelStep lag() const { return lag_; }
-  // What becomes of commands; from the last sample on everything is predicted anew.
+  // The actuators' effect on commands; from the last sample on everything is predicted again.
   void SetActuators(const ActuatorModel& actuators);
 
   // The mean of the commands in force over the `count` steps before `step`, and that without the last of them.

@@ -1,7 +1,7 @@
-// What the flight firmware needs from the board it runs on: two transmitters and a log. Everything else is
+// The flight firmware's interface to the board it runs on: two transmitters and a log. Everything else is
 // passed in.
 //
-// The firmware never reads a clock and never waits: the owner of the board calls FlightApplication with the
+// The firmware never reads a clock and never waits. The owner of the board calls FlightApplication with the
 // time, and gives it the bytes that its receivers got. A new port (another board, another operating system)
 // implements this class and that loop.
 #pragma once

@@ -12,7 +12,7 @@ namespace {
 
 constexpr float kReferencePeriod_s = static_cast<float>(ToSeconds(kControlPeriodNs));
 
-// What a reference moves beside its velocity at most; position references have none.
+// Largest rates at which a reference moves beside its velocity; position references have no velocity.
 constexpr float kSpeedMax_m_s = 5;
 constexpr float kYawRateMax_rad_s = 3;
 // The velocity itself may jump, at corners of a path; beyond is damage.

@@ -1,12 +1,12 @@
-// Which reference the build `tolerant` flies: the one received, unless that jumps or stays away.
+// Selects the reference that the build `tolerant` flies: the one received, unless that jumps or stays away.
 //
 //   ReferenceFollower follower({.x_m = 1, .z_m = 2});   // until one is received
 //   follower.BeginPeriod();                        // once per control period
 //   follower.Receive({.x_m = 1, .y_m = 1, .z_m = 2});
 //   const Reference flown = follower.Flown();      // the bits received, if follower.follows()
 //
-// A reference that is further from the one before, moved along its velocity, than a vehicle flies in the time
-// between is not flown before several in a row agree with it; then it is approached at a bounded speed. Meanwhile,
+// A reference jumps if a vehicle cannot fly to it in time from the one before, moved along its velocity. It is flown
+// when several in a row agree with it, and then approached at a bounded speed. Meanwhile,
 // and when none comes, the last one moves on along its velocity for a bounded time, and then stays.
 #pragma once
 

@@ -7,9 +7,9 @@
 namespace tiltproof::firmware {
 namespace {
 
-// What an unlikely match costs, in units of the misfit, which are twice a logarithm of likelihood: a round trip
-// that differs from the usual one, and a sample one step beside its request. Usual is what the last few agree on, not
-// the last one: or one late reply followed by a lost one would make all others look late by a period, each the
+// Costs of an unlikely match, in units of the misfit, which are twice a logarithm of likelihood. Unlikely are a round
+// trip that differs from the usual one, and a sample one step beside its request. The last few trips together define
+// the usual one. Otherwise one late reply followed by a lost one would make all others look late by a period, each the
 // answer to the request before.
 constexpr float kOtherDelayCost = 10;
 constexpr TimeNs kOtherDelayNs = 4 * kNsPerMs;

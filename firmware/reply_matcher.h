@@ -1,5 +1,5 @@
-// Which instant does a reply show? Replies carry no number, so one that comes late, out of order or again is told
-// by its content: all 16 signals against the predicted motion at the requests that are still open.
+// Finds the instant that a reply shows. Replies carry no number, and may be late, out of order or repeated. So the
+// matcher compares all 16 signals with the predicted motion at the requests that are still open.
 //
 //   matcher.Request(step, now);                                       // for each request that is sent
 //   if (const auto step = matcher.Match(sample, now, now_step, timeline)) timeline.Correct(*step, sample);
@@ -24,14 +24,14 @@ class ReplyMatcher {
   std::optional<ModelStep> Match(const MotionState& sample, TimeNs now, ModelStep now_step,
                                  MotionTimeline& timeline);
 
-  // Whether the last match was of that kind: the prediction was lost.
+  // True if the last match took the newest request because nothing fitted: the prediction was lost.
   bool lost() const { return lost_; }
-  // Whether it answered the newest request.
+  // True if the last match answered the newest request.
   bool answers_newest() const { return answers_newest_; }
-  // Whether it left out an older request: that one, or its reply, was lost.
+  // True if the last match left out an older request: that one, or its reply, was lost.
   bool skipped() const { return skipped_; }
 
-  // Whether the newest request's reply has its usual time still to come, and before `limit_ns` after the request.
+  // True if the usual time of the newest request's reply is still to come, and before `limit_ns` after the request.
   bool Expects(TimeNs now, TimeNs limit_ns) const;
 
  private:

@@ -20,7 +20,7 @@
 
 namespace tiltproof::firmware {
 
-// What a receiver requires of a payload besides a right checksum and exact length.
+// A receiver's requirements on a payload besides a right checksum and exact length.
 enum class ValueChecks : std::uint8_t {
   kNone,  // trust the checksum, as the paper does: NaN and absurd values pass
   // Every value finite and plausible (ranges in firmware/messages.h). Of a reply, two values may be otherwise: they
@@ -28,7 +28,7 @@ enum class ValueChecks : std::uint8_t {
   kFiniteAndRange,
 };
 
-// What becomes of a reply that is not the first since the last request.
+// Treatment of a reply that is not the first since the last request.
 enum class LateReplies : std::uint8_t {
   kDropped,  // as in the paper
   kKept,     // so that the control activity can find out what it shows

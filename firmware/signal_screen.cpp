@@ -16,13 +16,13 @@ constexpr std::array<float, 2> kWindow_s = {0.1F, 1.5F};
 // A drift's contradiction grows with the window, and so do the errors of a sensor's frame and of the clock.
 constexpr std::array<float, 2> kWindowTolerance = {1, 1.3F};
 
-// How far a pair may contradict itself: ten times ordinary noise (2 mm, 1 mrad, hinges 1 mrad, with rates of 1 cm/s,
-// 10 and 30 mrad/s, as firmware/innovation.h), and a sample that is stamped two steps beside. The inputs of the
+// Tolerance of a pair's contradiction. It covers ten times ordinary noise (2 mm, 1 mrad, hinges 1 mrad, with rates of
+// 1 cm/s, 10 and 30 mrad/s, as firmware/innovation.h), and a sample that is stamped two steps beside. The inputs of the
 // hinges' motion change within a sample.
 constexpr std::array<float, 8> kContradictionMax = {3e-2F, 3e-2F, 3e-2F, 3e-2F, 3e-2F, 3e-2F, 6e-2F, 6e-2F};
 constexpr float kStamp_s = 2 * kGridStep_s;
-// How near to its substitute a rate must be to be believed again: the filter's noise, five times; and a quarter of
-// that on average, which is less than the lie that can be seen.
+// Distance from its substitute at which a rate is believed again: five times the filter's noise. On average it must be
+// a quarter of that, which is less than the lie that can be seen.
 constexpr std::array<float, 8> kRateAgreement = {0.15F, 0.15F, 0.15F, 0.16F, 0.16F, 0.16F, 0.5F, 0.5F};
 constexpr float kAverageShare = 0.25F;
 constexpr float kAverage_s = 0.25F;
@@ -45,7 +45,7 @@ constexpr std::size_t kPlaces = 3;
 constexpr float kStrayed_s = 20;
 constexpr float kStrayedShare = 0.5F;
 constexpr float kRateStep_m_s = 7e-2F;
-// How fast it is followed then: a step across would tilt the vehicle.
+// Speed at which the screen follows it then: a step across would tilt the vehicle.
 constexpr std::array<float, kPlaces> kReturn_m_s = {1, 1, 1e9F};
 // A pair agrees that contradicts itself by less than this share of the tolerance.
 constexpr float kCalmShare = 0.25F;
@@ -54,8 +54,8 @@ constexpr float kCalmShare = 0.25F;
 // may have come in the first step or in the last. The angle shows it then, too, which no lie of the one signal does.
 // Beyond so many sigmas of that, a contradiction is one.
 constexpr float kIntegralSigmas = 5;
-// What no input within the actuators' limits makes of the rates in a sample, m/s and rad/s: 60 N on 2.09 kg, 30 N at
-// 0.278 m on 0.084 kg m2, two servos' 2 N m on 0.0101 kg m2, both thrusts tilted at 0.278 m on 0.079 kg m2, and
+// Rate changes in a sample beyond any input within the actuators' limits, m/s and rad/s. Inputs: 60 N on 2.09 kg,
+// 30 N at 0.278 m on 0.084 kg m2, two servos' 2 N m on 0.0101 kg m2, both thrusts tilted at 0.278 m on 0.079 kg m2, and
 // ordinary noise. Hinges: no limit.
 constexpr float kRateJumpSample_s = 0.012F;
 constexpr std::array<float, 8> kRateJumpMax = {0.5F, 0.5F, 0.5F, 1.4F, 5, 2.7F, 1e9F, 1e9F};
@@ -68,7 +68,7 @@ constexpr std::array<std::int32_t, 2> kAgreeingSamples = {8, 125};
 // The integral of a rate goes wrong with the rate's zero: what can be seen of it is 3 cm/s,
 // 30 mrad/s. So an offset is accepted in the end.
 constexpr float kZeroError = 3e-2F;
-// Of the filter that replaces a rate, per sample.
+// Gain of the filter that replaces a rate, per sample.
 constexpr float kRateGain = 0.2F;
 // And what it takes from one position at most, in case that one is noisy. Hinges are fast.
 constexpr std::array<float, 8> kRateErrorShare = {0.25F, 0.25F, 0.25F, 0.25F, 0.25F, 0.25F, 1, 1};
@@ -121,7 +121,7 @@ struct AttitudeRates {
   SineCosine pitch, yaw;
 };
 
-// What a position moves while its rate goes from one to the other, in semi-implicit steps.
+// Displacement of a position while its rate goes from one to the other, in semi-implicit steps.
 float Moved(float rate_before, float rate, float elapsed_s) {
   return 0.5F * elapsed_s * (rate_before + rate) + 0.5F * kGridStep_s * (rate - rate_before);
 }
@@ -290,7 +290,7 @@ SignalScreen::Liar SignalScreen::Verdict(const Window& window, float tolerance) 
   if (window.contradiction * window.contradiction <=
       tolerance * tolerance + kIntegralSigmas * kIntegralSigmas * window.integral_error_2)
     return Liar::kNone;
-  // What is left to explain if the one lies or the other.
+  // The surprise that is left if the position lies, or if the rate lies.
   const float if_position = std::abs(window.surprise);
   const float if_rate = std::abs(window.contradiction_twice + window.surprise);
   if (std::max(if_position, if_rate) < kEvidenceShare * tolerance) return Liar::kNone;
@@ -298,7 +298,7 @@ SignalScreen::Liar SignalScreen::Verdict(const Window& window, float tolerance) 
     return kClearer * right < wrong && wrong > kUsuals * window.usual_surprise &&
            wrong * wrong > kDoubts * kDoubts * window.surprise_doubt_2;
   };
-  // What a rate that was believed again still lies is no surprise, and looks like a lie of its position.
+  // A rate that was believed again may still lie a little: that is no surprise, and looks like a lie of its position.
   if (is_clear(if_position, if_rate) && if_rate > window.surprise_rest) return Liar::kPosition;
   if (is_clear(if_rate, if_position)) return Liar::kRate;
   return Liar::kNone;
@@ -371,8 +371,8 @@ void SignalScreen::Replace(std::size_t pair_index, const Values& model, float el
   pair.lying_s += elapsed_s;
   pair.agreeing_count = agrees ? pair.agreeing_count + 1 : 0;
   if (pair.agreeing_count < kAgreeingSamples[pair.liar == Liar::kRate]) return;
-  // What is left of the lie is believed from now on. It is known; forgotten, that of a rate would look like a lie of the
-  // position, and the jump at the end of that of a position like the next lie.
+  // The screen believes the rest of the lie from now on, and remembers it. A forgotten rest of a rate's lie would look
+  // like a lie of the position. The jump at the end of a position's rest would look like the next lie.
   const float rate_rest = pair.liar == Liar::kRate ? pair.average_lie : 0;
   // So far from its average may the lie be that agreed in the last sample.
   const float rate_rest_max = pair.liar == Liar::kRate ? (1 + kAverageShare) * kRateAgreement[pair_index] : 0;

@@ -1,4 +1,4 @@
-// Which of the 16 signals of a reply to believe, and what to fly on instead of one that lies.
+// Decides which of the 16 signals of a reply to believe, and supplies a substitute for one that lies.
 //
 //   SignalScreen screen;
 //   screen.Begin(first_sample);
@@ -8,8 +8,8 @@
 //
 // Signals come in pairs, a position (or angle) and its rate. A pair that moves together is a real motion, whatever
 // caused it: a wind, a lost command, another vehicle than the model's. Only a pair that contradicts itself has a
-// liar; to see that needs no model. Which of the two it is, the model says: the one whose acceleration it cannot
-// explain. When it cannot say, nothing is replaced. A sample that shows another instant than believed moves all
+// liar; to see that needs no model. The model identifies the liar: the signal whose acceleration it cannot
+// explain. Without a clear answer, nothing is replaced. A sample that shows another instant than believed moves all
 // three positions along the velocity: no liar either.
 //
 // A position is replaced by the integral of its rate, a rate by a filter on its position and the model. As long as
@@ -39,7 +39,7 @@ class SignalScreen {
 
   // In the last sample.
   bool substitutes() const { return substitutes_; }
-  // Whether a signal had jumped in it that had been believed before.
+  // True if a signal that had been believed before jumped in the last sample.
   bool startled() const { return startled_; }
 
  private:
@@ -85,7 +85,7 @@ class SignalScreen {
 
   void Accumulate(const Values& values, const Values& model, float elapsed_s);
   bool IsShiftInTime(std::size_t window, const Values& values) const;
-  // Whether a position that jumps comes back from a lie that was not seen.
+  // True if a position that jumps comes back from a lie that was not seen.
   static bool IsBack(const Pair& pair, float tolerance);
   // The window that convicts, if a liar is found.
   const Window* Accuse(std::size_t pair_index, float tolerance,

@@ -38,7 +38,7 @@ struct BasicActuators {
   friend bool operator==(const BasicActuators&, const BasicActuators&) = default;
 };
 
-// What the base station sends on the second line: position and velocity (x_ref = (x y z 0 0 yaw 0 0 vx vy vz
+// The base station's message on the second line: position and velocity (x_ref = (x y z 0 0 yaw 0 0 vx vy vz
 // 0 ...)).
 template <class Scalar>
 struct BasicReference {

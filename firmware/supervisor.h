@@ -1,4 +1,4 @@
-// How far the build `tolerant` trusts its flight: one state, moved by events through a table.
+// Trust of the build `tolerant` in its flight: one state, moved by events through a table.
 //
 //   Supervisor supervisor;
 //   supervisor.On(SupervisorEvent::kReady);          // the first valid reply: there is a reference, too
@@ -40,7 +40,7 @@ inline constexpr std::size_t kSupervisorEventCount = 9;
 
 SupervisorState SupervisorStateAfter(SupervisorState state, SupervisorEvent event);
 
-// How long a state lasts before kCalm, since it was entered or the last fault in it; 0: no timer.
+// Control periods from a state's entry, or the last fault in it, to kCalm; 0: no timer.
 std::uint32_t SupervisorTimerPeriods(SupervisorState state);
 
 constexpr bool IsFailsafe(SupervisorState state) {

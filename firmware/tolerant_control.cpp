@@ -92,7 +92,7 @@ std::optional<Sensors> TolerantControl::Accept(TimeNs now, const Sensors& sensor
     supervisor_.On(SupervisorEvent::kReady);
     return sensors;
   }
-  // Which instant it shows is asked of the signals that are believed.
+  // The believed signals determine the instant that it shows.
   const MotionState probe = ToMotion(
       screen_.Patch(sensors, ToSensors(timeline_.At(std::max(period_step_, timeline_.last_sample_step())))));
   const auto step = matcher_.Match(probe, now, StepAt(now), timeline_);

@@ -23,7 +23,7 @@ std::int32_t Nearest(float value) {
   return static_cast<std::int32_t>(value < 0 ? value - 0.5F : value + 0.5F);
 }
 
-// Of an angle in [-pi/4, pi/4].
+// Sine and cosine of an angle in [-pi/4, pi/4].
 float SmallSine(float x) {
   const float z = x * x;
   return ((-1.9515295891e-4F * z + 8.3321608736e-3F) * z - 1.6666654611e-1F) * z * x + x;
@@ -34,7 +34,7 @@ float SmallCosine(float x) {
          0.5F * z + 1.0F;
 }
 
-// Of a ratio in [0, 1].
+// Arc tangent of a ratio in [0, 1].
 float SmallArcTangent(float ratio) {
   constexpr float kTangentOfEighth = 0.4142135623730950F;  // tan(pi/8)
   const bool shifted = ratio > kTangentOfEighth;

@@ -51,8 +51,8 @@ using HeldHinges = std::array<bool, 2>;
 void StepMotion(const VehicleConstants& vehicle, const Actuators& inputs, MotionState& state,
                 const HeldHinges& held = {});
 
-// What a thrust of 1 N adds to the accelerations along the body's z and about its x, and the hinges' axes in B:
-// about those only the servo's torque turns a thruster.
+// Effect of a thrust of 1 N on the accelerations along the body's z and about its x, and the hinges' axes in B.
+// About those only the servo's torque turns a thruster.
 struct InputEffects {
   std::array<float, 2> thrust_lift_m_s2{};    // right, left
   std::array<float, 2> thrust_roll_rad_s2{};  // right, left

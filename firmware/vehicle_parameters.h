@@ -1,5 +1,5 @@
-// What the firmware knows of the vehicle that it flies: the numbers of plant/models/tiltrotor.sdf (paper, Table
-// 1), and what the equations of motion need of them, computed at compile time.
+// The firmware's data of the vehicle that it flies: the numbers of plant/models/tiltrotor.sdf (paper, Table
+// 1). The constants that the equations of motion derive from them are computed at compile time.
 //
 //   constexpr VehicleConstants kVehicle = ComputeVehicleConstants(kTiltrotor);
 //
@@ -53,7 +53,7 @@ inline constexpr VehicleParameters kTiltrotor = {
     .torque_max_nm = 2,
     .angle_max_rad = 1.5};
 
-// Of a thruster, in B.
+// Constants of a thruster, in B.
 struct ThrusterConstants {
   Vector3 arm_m;  // from C to the hinge
   float cant_sine = 0, cant_cosine = 1;

@@ -55,8 +55,8 @@ consteval bool TakesInitialValues(std::index_sequence<i...>) {
 }
 }  // namespace internal
 
-// Whether the list of a struct has all of its fields. What copies structs asserts it: a field that is not in the
-// list would be lost.
+// True if the list of a struct has all of its fields. Code that copies structs asserts it: a field that is not in
+// the list would be lost.
 template <HasFields T>
 consteval bool NamesEveryField() {
   constexpr std::size_t kNamed = [] {

@@ -82,7 +82,7 @@ class FrameDecoder {
   // on counting.
   std::optional<FrameEvent> Finish();
 
-  // How often each status was returned, indexed by FrameStatus; modulo 2^32.
+  // The number of times that each status was returned, indexed by FrameStatus; modulo 2^32.
   const std::array<std::uint32_t, kFrameStatusCount>& Counts() const { return counts_; }
 
  private:
@@ -92,7 +92,7 @@ class FrameDecoder {
   std::optional<FrameEvent> SeekFlag(std::span<const std::uint8_t>& bytes);
   // kInFrame and kEscaped: consumes bytes to the end of a frame that is an event.
   std::optional<FrameEvent> ReadFrame(std::span<const std::uint8_t>& bytes);
-  // What the size_ bytes between two flags are; size_ > 0.
+  // The status of the size_ bytes between two flags; size_ > 0.
   FrameStatus Judge() const;
   // The event of the frame that the flag before offset_ closes; the flag opens the next one.
   FrameEvent CloseFrame(FrameStatus status);

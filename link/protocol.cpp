@@ -69,7 +69,7 @@ std::vector<MessageField> Fields(std::initializer_list<std::string_view> signals
   return fields;
 }
 
-// What both protocols share: their client leads and has four actuators, its server answers with 16 sensors.
+// The common part of both protocols: their client leads and has four actuators, their server answers with 16 sensors.
 Protocol ForTiltRotor(std::string name, float start_id, bool start_has_inputs, float read_id,
                       float actuators_id) {
   const auto inputs = Fields({"f_r_n", "f_l_n", "tau_r_nm", "tau_l_nm"});

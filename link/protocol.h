@@ -76,10 +76,10 @@ struct Protocol {
   std::string name;
   Framing framing = {};
   TimeNs control_period_ns = 0;  // of the client's requests, the references and the rows of the trace
-  // Whether requests are answered before t = 0, while the vehicle does not move.
+  // True if the server answers requests before t = 0, while the vehicle does not move.
   bool answers_before_start = false;
-  // Whether a repeated message that starts means that the client has rebooted. Otherwise it means nothing
-  // new.
+  // True if a repeated message that starts means that the client has rebooted. If false, the repetition has no
+  // meaning of its own.
   bool repeated_start_is_boot = false;
   std::vector<MessageType> messages;
 

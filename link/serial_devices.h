@@ -1,4 +1,4 @@
-// What the machine reports about its serial devices without opening them. Opening one raises DTR, which
+// The machine's report about its serial devices, made without opening them. Opening one raises DTR, which
 // resets many boards. Used for messages about a port that cannot be opened, and to check the machine before a
 // flight.
 //
@@ -32,11 +32,11 @@ std::optional<pid_t> ProcessBehind(const std::filesystem::path& pseudo_terminal)
 // "1234 (picocom), 99 (cat)"; empty for none.
 std::string Text(const std::vector<Holder>& holders);
 
-// What to do when the device may not be opened, as commands: join its group, or first give it one that may.
+// Advice for a device that may not be opened, as commands: join its group, or first give it a group that may.
 std::string PermissionAdvice(const std::filesystem::path& device);
 
-// How long an FTDI adapter holds received bytes back before it passes them on, in ms (16 by default, 1 to
-// 255): sysfs file `latency_timer`. `device` may be a link to it. nullopt: the adapter has no such file.
+// The time for which an FTDI adapter holds received bytes back, in ms (16 by default, 1 to 255):
+// sysfs file `latency_timer`. `device` may be a link to it. nullopt: the adapter has no such file.
 std::filesystem::path LatencyTimerFile(const std::filesystem::path& device,
                                        const std::filesystem::path& root = "/");
 std::optional<int> ReadLatencyTimer(const std::filesystem::path& device,

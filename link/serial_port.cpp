@@ -218,7 +218,7 @@ class SerialPort::State : public std::enable_shared_from_this<State> {
   std::size_t UnsentBytes() {
     if (!IsOpen()) return 0;
     int in_driver = 0;
-    // What a socket has taken is at its other end.
+    // Bytes that a socket has taken are at its other end.
     if (socket_ || ioctl(port_.native_handle(), TIOCOUTQ, &in_driver) != 0 || in_driver < 0) in_driver = 0;
     return sending_.size() - sent_ + waiting_.size() + static_cast<std::size_t>(in_driver);
   }

@@ -64,7 +64,7 @@ class SerialPort final : public ByteLine {
 
   bool IsOpen() const;
 
-  // Whether a byte takes its time at the baud rate. On a pseudo-terminal or a socket it takes no time.
+  // True if a byte takes its time at the baud rate. On a pseudo-terminal or a socket it takes no time.
   bool TakesByteTime() const;
 
   // Throws std::runtime_error that says what to do when the device has no such line: a pseudo-terminal, a socket.
@@ -73,7 +73,7 @@ class SerialPort final : public ByteLine {
   // The process at the other end of a socket, if it is on this machine; nullopt when it is unknown.
   std::optional<pid_t> PeerProcess() const;
 
-  // What the operating system has accepted.
+  // The settings that the operating system has accepted.
   struct LowLatency {
     bool driver = false;                  // ASYNC_LOW_LATENCY: bytes are passed on at once
     std::optional<int> latency_timer_ms;  // of an FTDI adapter, now; nullopt for other devices

@@ -36,7 +36,7 @@ struct Signal {
   std::string unit;    // "m", "rad", "m/s", "rad/s", "N", "N m"
   double scale = 1.0;  // divides the margin of a comparison; > 0
   SignalFrame frame{};
-  // Of an input: what the vehicle can do; commands beyond are clamped. Of another signal: no limits.
+  // Limits of an input: the vehicle's range, to which commands are clamped. Any other signal has no limits.
   double min = -std::numeric_limits<double>::infinity(), max = std::numeric_limits<double>::infinity();
   friend bool operator==(const Signal&, const Signal&) = default;
 };

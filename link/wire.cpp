@@ -21,7 +21,7 @@ std::size_t FindByte(std::uint8_t byte, std::span<const std::uint8_t> bytes, std
   return static_cast<std::size_t>(static_cast<const std::uint8_t*>(found) - bytes.data());
 }
 
-// What a frame as sent carries. Its opening flag may be the closing one of the frame before.
+// The kind of the message in a frame as sent. Its opening flag may be the closing one of the frame before.
 MessageKind KindOfFrame(Direction direction, const Protocol& protocol, std::span<const std::uint8_t> frame) {
   FrameDecoder decoder;
   if (frame.front() != protocol.framing.flag) {

@@ -97,13 +97,13 @@ class Wire {
   TimeNs IdleTime() const;
 
  private:
-  // How many of the bytes belong to the open chunk; sets `closed` when the last of them closes it.
+  // The number of bytes that belong to the open chunk; sets `closed` when the last of them closes it.
   std::size_t BytesOfOpenChunk(std::span<const std::uint8_t> bytes, bool& closed);
   std::uint8_t flag_byte() const { return protocol_->framing.flag; }
   void FlushIfIdle(BootTime now);
   // The open chunk goes through the filter, into the queue; the wire knows of all of it at `known_ns`.
   void SendOpenChunk(BootTime known_ns);
-  // Whether there is room for that many bytes; otherwise the wire is overfull.
+  // True if there is room for that many bytes; otherwise the wire is overfull.
   bool HasRoomFor(std::size_t bytes);
   void Enqueue(Chunk&& chunk, BootTime known_ns);
   void Recycle(Chunk&& chunk);

@@ -17,8 +17,8 @@ VehicleModel WithBodies(const VehicleModel& vehicle, const Disturbance& disturba
 // N, along the axes of the velocity `v_m_s`, which is relative to the air.
 Eigen::Vector3d DragForce(const BodyDrag& drag, const Eigen::Vector3d& v_m_s);
 
-// Why no plant can apply it: a value is not a number, or a factor of mass or inertia is not positive. Empty
-// when one can.
+// The reason that no plant can apply it: a value is not a number, or a factor of mass or inertia is not positive.
+// Empty when a plant can apply it.
 std::string DisturbanceProblem(const Disturbance& disturbance);
 
 }  // namespace tiltproof::plant

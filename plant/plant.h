@@ -31,7 +31,7 @@ namespace tiltproof::plant {
 
 struct PlantOptions {
   TimeNs step_ns = 4 * kNsPerMs;  // > 0
-  // What exists besides the vehicle. Without ground and gravity, energy and momentum are conserved: for
+  // The surroundings of the vehicle. Without ground and gravity, energy and momentum are conserved: for
   // checks.
   double gravity_m_s2 = kGravity_m_s2;
   bool ground = true;  // the plane z = 0

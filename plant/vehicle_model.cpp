@@ -203,7 +203,7 @@ void Loader::LoadSdf() {
   };
   errors.erase(std::unique(errors.begin(), errors.end(), is_around), errors.end());
   for (const bool has_line : {true, false}) {
-    // What has no line follows from something else, if there is anything else.
+    // An error without a line follows from another problem, if there is another one.
     if (!has_line && !problems_.empty()) break;
     for (const sdf::Error& error : errors) {
       // Ours names the reason and the line, and can be waived.

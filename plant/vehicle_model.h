@@ -5,7 +5,7 @@
 //   model.signals().inputs[0].name;  // "f_r_n"
 //   model.HoverInput()[0];           // 10.27
 //
-// What the file has to say: docs/vehicle.md.
+// Required contents of the file: docs/vehicle.md.
 #pragma once
 
 #include <Eigen/Core>
@@ -117,8 +117,8 @@ struct VehicleModel {
   std::vector<double> InputMax() const;
 };
 
-// How the main body's angular velocity is expressed: along the world's axes, along its own axes, or as
-// derivatives of roll, pitch, yaw.
+// Form of the main body's angular velocity: along the world's axes, along its own axes, or as derivatives of
+// roll, pitch, yaw.
 enum class RatesFrame { kWorld, kBody, kEuler };
 
 struct LoadOptions {
@@ -134,7 +134,7 @@ struct LoadOptions {
 VehicleModel LoadVehicle(const std::filesystem::path& file, const LoadOptions& options,
                          std::vector<std::string>& warnings);
 
-// Why no rigid body can have this inertia (about its centre of mass); empty when one can.
+// The reason that no rigid body can have this inertia (about its centre of mass); empty when one can.
 std::string InertiaFault(const Eigen::Matrix3d& inertia_kg_m2);
 
 }  // namespace tiltproof::plant

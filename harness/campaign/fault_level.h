@@ -1,4 +1,4 @@
-// How severe a fault is: which of its numbers measures it, over which range, and the scenario in which the fault
+// Severity of a fault: the number that measures it, that number's range, and the scenario in which the fault
 // has a given level.
 //
 //   const Severity severity = SeverityOf(scenario, 0, signals);     // sensor.drift of z_m: rate_per_s, in m/s

@@ -24,7 +24,7 @@ constexpr std::size_t kMinimiseRealtimeMax = 40;
 constexpr std::size_t kMinimiseHangsMax = 6;
 // A hang that took at least so long is a costly one. Any that the wall clock ends takes 2 s of the firmware's own time.
 constexpr double kCostlyHangS = 1.5;
-// What damaged memory does may differ from process to process.
+// The effect of damaged memory may differ from process to process.
 constexpr int kSeenAgainFlights = 3;
 
 std::uint32_t PlaceOf(std::uint32_t feature) { return feature / kBucketsCount; }
@@ -255,7 +255,7 @@ void FuzzCampaign::Keep(const HostileSequence& sequence) {
   corpus_.push_back(sequence);
 }
 
-// What breaks the firmware would break all that is made from it.
+// A half that breaks the firmware is refused: it would break all that is made from it.
 void FuzzCampaign::Narrow(Narrowing narrowing, const FlightResult& result, bool breaks) {
   std::vector<std::uint32_t> reached;
   for (const std::uint32_t feature : result.coverage) reached.push_back(PlaceOf(feature));
@@ -300,7 +300,7 @@ void FuzzCampaign::Take(Pending ended, const FlightResult& result) {
   const FlightResult* shown_by = &result;
   FlightResult longer;
   if (broken->kind == "silence" && !Known(*broken)) {
-    // Which a loop is, too, until the flight is long enough.
+    // A loop is silent, too, until the flight is long enough.
     sequence.tail_periods = kHangTailPeriods;
     const auto hang = Fly(sequence, &longer);
     if (hang && hang->kind == "hang") {
@@ -309,7 +309,7 @@ void FuzzCampaign::Take(Pending ended, const FlightResult& result) {
     }
   }
   const bool hangs = broken->kind == "hang";
-  // That of a process which was lost is not known, and took longest.
+  // The time of a process that was lost is unknown, and counts as the longest.
   const bool is_costly = hangs && (!shown_by->end_reason || shown_by->wall_s >= kCostlyHangS);
   if (is_costly) ++hangs_count_;
   sequence.tail_periods = hangs ? kHangTailPeriods : kTailPeriods;
@@ -317,7 +317,7 @@ void FuzzCampaign::Take(Pending ended, const FlightResult& result) {
     ++known->flights_count;
     return;
   }
-  // What came after it was not said.
+  // Drops the inputs after the flight's end: the firmware has not heard them.
   const std::uint64_t said = SaidIn(sequence, *shown_by);
   if (said > 0 && shown_by->end_reason != EndReason::kCompleted)
     sequence.inputs.resize(InputsUntil(sequence, said));

@@ -45,8 +45,8 @@ class FuzzCampaign {
     int jobs_count = 1;
     std::optional<std::uint64_t> runs_count;  // inputs; none: until `is_over`
     std::function<bool()> is_over = [] { return false; };
-    // Whether the time of a finding is over in which it is made small; asked with how many are still to be, itself
-    // included.
+    // True if the time is over in which a finding is made small. Asked with the number of findings that are still to be
+    // made small, this one included.
     std::function<bool(std::size_t left_count)> is_small_enough = [](std::size_t) { return false; };
     std::uint64_t seed = 1;
     bool reference_line = true;                      // whether it is attacked, too
@@ -63,12 +63,12 @@ class FuzzCampaign {
 
   // Before all else: how the firmware fails without a hostile byte, if it does. Learns what it does by design, too.
   std::optional<std::string> WhyUnusable();
-  // What broke in a campaign before this one: it is flown before all else, so that what was made small stays so. As Add().
+  // Adds a finding of an earlier campaign: it is flown before all else, so that a small one stays small. As Add().
   void AddFinding(std::string name, HostileSequence sequence) {
     before_.push_front({std::move(sequence), std::move(name)});
   }
-  // Of a corpus before this one: it is flown first, short ones before long ones, and joins this one if it reaches what
-  // those before it did not. Its inputs are not among runs_count. Where the firmware does not tell, it joins as it is.
+  // Adds a sequence of an earlier corpus: it is flown first, short ones before long ones, and joins this corpus if it
+  // reaches new places. Its inputs are not among runs_count. Without coverage, it joins as it is.
   void Add(HostileSequence sequence) { before_.push_back({std::move(sequence), ""}); }
   // Until its inputs are said, it is over, or it is interrupted.
   void Run();
@@ -119,10 +119,10 @@ class FuzzCampaign {
   void SortBefore();
   void Take(Pending ended, const FlightResult& result);
   void Keep(const HostileSequence& sequence);
-  // How many inputs: until when it flew, if its result was lost.
+  // The number of inputs said; if its result was lost, those until the time that it reached.
   std::uint64_t SaidIn(const HostileSequence& sequence, const FlightResult& result) const;
   std::optional<BrokenFlight> BrokenIn(const FlightResult& result) const;
-  // What broke in a flight that could not be judged, once it is sure that this is the firmware's.
+  // The break in a flight that could not be judged, once this is surely the firmware's.
   std::optional<BrokenFlight> SeenAgain(const HostileSequence& sequence, const FlightResult& result);
   // The finding that is broken in the same way.
   FuzzFinding* Known(const BrokenFlight& broken);

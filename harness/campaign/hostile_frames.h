@@ -1,5 +1,5 @@
-// What a line can bring that no sender should send: valid frames of a protocol, broken. Escapes, flags, lengths, order,
-// checksums that are wrong, and values that are absurd under checksums that are computed anew.
+// Input that a line can bring and no sender should send: valid frames of a protocol, broken. Escapes, flags, lengths,
+// order, checksums that are wrong, and absurd values under checksums that are computed again.
 //
 //   faults::Random random(1);
 //   const HostileFrames hostile(*link::FindProtocol("paper"), link::Direction::kToClient);
@@ -58,7 +58,7 @@ void Rearrange(std::vector<T>& list, std::size_t at, faults::Random& random) {
 
 class HostileFrames {
  public:
-  // What is said on a wire of that direction. The protocol must outlive it.
+  // Frames for a wire of that direction. The protocol must outlive it.
   HostileFrames(const link::Protocol& protocol, link::Direction direction);
 
   // A valid message with values of a small aircraft.

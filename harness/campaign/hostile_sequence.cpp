@@ -18,7 +18,7 @@ constexpr std::array<std::string_view, 3> kPlaces = {"instead", "before", "after
 
 std::string Bytes(std::size_t count) { return fmt::format("{} byte{}", count, count == 1 ? "" : "s"); }
 
-// Of the bytes between two flags.
+// Describes the bytes between two flags.
 std::string DescribeFrame(const link::FrameEvent& event, const link::Protocol& protocol,
                           link::Direction direction) {
   if (event.status != link::FrameStatus::kOk) {
@@ -187,7 +187,7 @@ HostileSequence ChangeSequence(const HostileSequence& parent, const HostileSeque
   if (is_new && random.Below(2) == 0) changed.place = kPlaces[random.Below(kPlaces.size())];
   // In some flights the firmware hears nothing but hostile frames, in others honest ones between them.
   const std::uint64_t honest_of_8 = random.Below(5);
-  // What few inputs reach is looked for near them.
+  // Places that few inputs reach are searched for near those inputs.
   const std::size_t near_count = random.Below(4) == 0 ? 0 : inputs.size();
   while (inputs.size() < count) {
     const LineBytes* near = near_count == 0 ? nullptr : &inputs[random.Below(near_count)];

@@ -31,7 +31,7 @@ struct HostileSequence {
   friend bool operator==(const HostileSequence&, const HostileSequence&) = default;
 };
 
-// Of the one fault.
+// Id of the one fault.
 inline constexpr std::string_view kHostileFault = "hostile";
 
 // When the first input is said. A firmware that has heard nothing may say `start` again: that is no restart, so the first
@@ -46,7 +46,7 @@ Scenario FlightOf(const Scenario& base, const HostileSequence& sequence);
 // A flight in which no frame is broken: replies are lost, late, or of another server. What a firmware does here it does by
 // design.
 Scenario WellFormedFlight(const Scenario& base);
-// How many inputs there are until `said_count` have been said that are not empty.
+// The number of inputs until `said_count` that are not empty have been said.
 std::size_t InputsUntil(const HostileSequence& sequence, std::size_t said_count);
 
 // A file of a corpus, and back. Throws std::runtime_error that says what is wrong with the text.

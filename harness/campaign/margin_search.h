@@ -61,7 +61,7 @@ class MarginSearch {
 
   // The level to try; none when the search has ended.
   std::optional<double> next() const;
-  // Whether the level next() is survived; none: it cannot be judged, which is allowed beyond the limit.
+  // Takes the answer for the level next(): true: survived; none: not to be judged, which is allowed beyond the limit.
   void Take(std::optional<bool> survived);
   // More severe than one that fails.
   bool is_beyond_limit(double level) const;

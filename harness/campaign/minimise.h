@@ -28,7 +28,7 @@ std::vector<T> Minimise(std::vector<T> list, const std::function<bool(const std:
     return true;
   };
   if (list.empty()) return list;
-  // What broke is mostly said last.
+  // The input that breaks the firmware is mostly said last.
   for (std::size_t last = 1; last < list.size(); last *= 2)
     if (try_it({list.end() - static_cast<Difference>(last), list.end()})) break;
   for (std::size_t parts = 2; list.size() > 1 && tests_max > 0;) {

@@ -9,7 +9,7 @@
 namespace tiltproof::harness {
 namespace {
 
-// Of a flight that failed.
+// The first violated criterion of a flight that failed.
 const CriterionResult* FirstViolated(const Score& score) {
   const auto time_s = [](const CriterionResult& criterion) {
     return criterion.time_s.value_or(std::numeric_limits<double>::infinity());

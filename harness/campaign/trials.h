@@ -1,14 +1,14 @@
-// Flies a scenario with several seeds and says whether all of them pass: one trial. Many trials wait at once, so
+// Flies a scenario with several seeds and reports whether all of them pass: one trial. Many trials wait at once, so
 // that no worker is idle.
 //
 //   Trials trials({.jobs_count = 2, .seeds_count = 5});
 //   trials.Start(job, [](const TrialResult& result) { Take(result.answer); });
 //   trials.Fly();
 //
-// The first seed flies first: often it decides alone, because it fails, or because nothing in its flight was drawn at
-// random, so that the other seeds give the same flight.
+// The first seed flies first. Often it decides alone: it fails, or nothing in its flight was drawn at random. Then
+// the other seeds give the same flight.
 //
-// What is reported does not depend on the number of jobs: of several seeds that fail, the lowest counts.
+// The report does not depend on the number of jobs: of several seeds that fail, the lowest counts.
 #pragma once
 
 #include <atomic>
@@ -33,7 +33,7 @@ struct TrialResult {
   Answer answer = Answer::kSurvived;
   std::size_t flights_count = 0;  // up to the one that decided
   bool is_of_any_seed = false;    // survived, and nothing in the flight was drawn at random
-  // Of the flight that decided, unless it survived:
+  // Data of the flight that decided, unless it survived:
   std::string flight;  // its name
   std::uint64_t seed = 0;
   Verdict verdict = Verdict::kPass;

@@ -37,7 +37,7 @@ void FindMissingRegions(const ElfSymbols& image, const Scenario& scenario, std::
   }
 }
 
-// Why a variable cannot be watched; "" when it can. `image`: empty for a client without one.
+// The reason that a variable cannot be watched; "" when it can. `image`: empty for a client without one.
 std::string WhyUnwatchable(const std::string& variable, const ClientSpec& client,
                            const std::filesystem::path& image, bool realtime) {
   if (image.empty())
@@ -89,7 +89,7 @@ void FindLargeHeading(const Scenario& scenario, std::size_t client, std::vector<
       return complain("reference", yaw_rad);
 }
 
-// Whether a formula has this word outside texts in quotes.
+// True if a formula has this word outside texts in quotes.
 bool HasWord(std::string_view formula, std::string_view word) {
   constexpr std::string_view kLetters = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_";
   for (std::size_t at = 0; at < formula.size();) {

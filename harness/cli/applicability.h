@@ -1,4 +1,4 @@
-// Which scenarios can be flown with the chosen client, in the chosen mode: not every fault is possible with
+// Selects the scenarios that can be flown with the chosen client, in the chosen mode. Not every fault is possible with
 // every client, and not every image has the memory that a fault flips.
 #pragma once
 

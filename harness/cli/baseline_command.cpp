@@ -92,7 +92,7 @@ std::vector<FlightResult> ResultsOf(const OldRun& run) {
   return results;
 }
 
-// What changed besides the firmware and the criteria: margins of different flights say little of each other.
+// Warns of changes besides the firmware and the criteria: margins of different flights say little of each other.
 void WarnOfOtherFlights(const Regression& regression, const OldRun& a, const OldRun& b) {
   for (const FlightChange& flight : regression.flights) {
     const auto text_in = [&](const OldRun& run) {

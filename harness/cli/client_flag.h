@@ -40,7 +40,7 @@ void CheckPorts(const ClientSpec& client, const LinkSpec& link);
 // Identifies the build of this program and of the clients' firmware (harness/report/build_id.h).
 std::string BuildOf(const RunClients& clients);
 
-// Whether any client is an image on an emulated board.
+// True if any client is an image on an emulated board.
 bool Emulates(const std::vector<ClientSpec>& clients);
 
 }  // namespace tiltproof::harness

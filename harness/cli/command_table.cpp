@@ -7,7 +7,7 @@
 namespace tiltproof::harness {
 namespace {
 
-// What stands between `begin` and `end` in the text, or nothing.
+// The text between `begin` and `end`, or nothing.
 std::string Between(const std::string& text, const std::string& begin, const std::string& end) {
   const auto from = text.find(begin);
   if (from == text.npos) return "";

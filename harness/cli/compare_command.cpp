@@ -141,7 +141,7 @@ Json JsonOf(const std::string& scenario, const FlightComparison& c, const std::v
   return json;
 }
 
-// Of the rest the inputs, commands and counters: what the sensors said is the vehicle's state once more.
+// Prints the vehicle, then inputs, commands and counters; the sensors' columns are the vehicle's state once more.
 void PrintColumns(const TraceComparison& trace) {
   Print(stdout, "    {:<34} {:>14} {:>10} {:>12}\n", "column", "max difference", "at (s)", "rms");
   std::size_t vehicle = 0, others = 0, more = 0;
@@ -177,7 +177,7 @@ void PrintMetrics(const FlightComparison& c) {
   }
 }
 
-// What sets the two apart, a line each: first by which keys they were different flights.
+// Differences between the two, a line each: first the keys by which they were different flights.
 std::vector<std::string> Differences(const FlightComparison& c, const std::vector<std::string>& unlike,
                                      double tolerance) {
   std::vector<std::string> lines;

@@ -40,7 +40,7 @@ std::string Counted(std::int64_t count, std::string_view noun) {
   return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
 }
 
-// What a flight's line says after its name; those that it has.
+// Figures after the name in a flight's line; those that it has.
 std::vector<std::string> Figures(const Score& score, bool is_short) {
   std::vector<std::string> figures;
   const auto end = score.metrics.end();

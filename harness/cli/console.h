@@ -25,7 +25,7 @@ class Console {
   void Finished(const FlightResult& result) const;
   // Prints the scenarios that cannot be flown: by reason for a person, each on standard error for a script.
   void LeftOut(const std::vector<NotApplicable>& scenarios) const;
-  // Of each scenario that was flown with several seeds.
+  // Prints the repeats of each scenario that was flown with several seeds.
   void Repeated(const std::vector<Repeats>& scenarios) const;
   // The last line: how many are green, and where the report is.
   void Summary(const std::vector<FlightResult>& results, std::size_t not_flown_count,

@@ -41,7 +41,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::int64_t kBaud = LinkSpec::kDefaultBaud;
-// What an adapter may hold bytes back, of a scenario's delay margin.
+// Time for which an adapter may hold bytes back, out of a scenario's delay margin.
 constexpr int kLatencyTimerMax_ms = 1;
 
 enum class Status { kOk, kWarn, kFail };
@@ -293,7 +293,7 @@ Check CheckLockstep() {
   return check;
 }
 
-// What `--client qemu` flies when it names no image.
+// Checks the images that `--client qemu` flies when it names none.
 Check CheckImages() {
   Check check{.name = "firmware images", .text = {}, .advice = {}};
   const fs::path folder = FirmwareFile(EmulatedImage{}, "paper", "paper").parent_path();

@@ -244,7 +244,7 @@ class EnvelopeSearch {
     return options_.resume.empty() ? options_.out : options_.resume;
   }
 
-  // What an earlier run has found.
+  // Leaves out the margins that an earlier run has found.
   void LeaveOutDone() {
     std::vector<MarginTask> left;
     for (std::size_t i = 0; i < tasks_.size(); ++i) {
@@ -370,7 +370,7 @@ class EnvelopeSearch {
     for (const std::string& line : NotApplicableLines(envelope_)) PrintLine(stdout, 0, line);
   }
 
-  // Why rows have no margin: most often the scenario itself fails.
+  // Prints the reason that rows have no margin: most often the scenario itself fails.
   void PrintUnsurvived() const {
     for (const FirmwareColumn& column : columns_) {
       if (const auto broken = broken_.find(column.name); broken != broken_.end()) {

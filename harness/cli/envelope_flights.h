@@ -19,7 +19,7 @@ struct SideFlight {
   FlightJob job;
 };
 
-// Of all margins that are known. `tasks`: of the envelope's entries, in their order.
+// Flights at both sides of all known margins. `tasks`: of the envelope's entries, in their order.
 std::vector<SideFlight> SidesOf(const Envelope& envelope, const std::vector<MarginTask>& tasks);
 
 void WriteLevels(const std::filesystem::path& folder, const std::vector<SideFlight>& sides);

@@ -1,4 +1,4 @@
-// What `tiltproof envelope` found, as a file and as a table.
+// Results of `tiltproof envelope`, as a file and as a table.
 #pragma once
 
 #include <optional>
@@ -24,7 +24,7 @@ struct EnvelopeNotApplicable {
   std::string type, place, client, reason;
 };
 
-// Which pairs of levels of two faults are survived together.
+// The pairs of levels of two faults that are survived together.
 struct EnvelopeMap {
   struct Axis {
     EnvelopeRow row;
@@ -33,7 +33,7 @@ struct EnvelopeMap {
   };
   std::string client;
   Axis x, y;
-  // Of each y and x; none: not flown, or it could not be judged.
+  // Answer for each y and x; none: not flown, or it could not be judged.
   std::vector<std::vector<std::optional<bool>>> survived;
 };
 
@@ -45,7 +45,7 @@ struct EnvelopeColumn {
   std::string build;  // of the program and the firmware (harness/report/build_id.h)
 };
 
-// What an earlier run found in the same folder and this one does not look for: it stays in the file. Rows are JSON
+// An earlier run's results in the same folder that this run does not look for: they stay in the file. Rows are JSON
 // objects.
 struct EnvelopeEarlier {
   std::vector<EnvelopeColumn> columns;

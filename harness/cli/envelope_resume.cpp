@@ -42,7 +42,7 @@ Margin MarginOf(const EarlierJson& row) {
   return margin;
 }
 
-// What differs, with both values; empty when nothing does.
+// The first difference, with both values; empty when there is none.
 std::string Difference(const EarlierJson& then, const Envelope& now) {
   const auto differs = [](const std::string& what, const EarlierJson& a, const EarlierJson& b) {
     return a == b ? "" : fmt::format("{} was {} and is {}", what, a.dump(), b.dump());
@@ -71,7 +71,7 @@ RowKey KeyOf(const EarlierJson& row) {
   return {row.at("type"), place, row.value("side", ""), row.at("client")};
 }
 
-// What is in the file and not in this selection of types and clients.
+// The file's content outside this selection of types and clients.
 EnvelopeEarlier NotSelected(const EarlierJson& then, const Envelope& now) {
   EnvelopeEarlier earlier;
   std::set<std::string> clients;

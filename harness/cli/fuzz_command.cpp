@@ -158,7 +158,7 @@ class FuzzRun {
     Print(stderr, "tiltproof: {} of before breaks nothing now: {}\n", name, files_.FileOf(name).string());
   }
 
-  // What is in the folder may be of use with another firmware, and is never what this one did.
+  // Warns of a folder of another firmware: its files may be of use with that one, and are never results of this one.
   void WarnOfOthers() {
     const nlohmann::ordered_json last = files_.ReadSummary();
     const auto of = [&](const char* key) {

@@ -25,14 +25,14 @@ class FuzzFiles {
   std::filesystem::path FileOf(const std::string& finding) const;  // by its name
   // `base`: as the campaign has it.
   void Write(const FuzzFinding& finding, const Scenario& base) const;
-  // What earlier campaigns found, by name, in the order of names. What cannot be read is left out.
+  // Findings of earlier campaigns, by name, in the order of names. A file that cannot be read is left out.
   std::vector<std::pair<std::string, HostileSequence>> ReadFindings() const;
   void Add(const HostileSequence& sequence) const;
   // In the order of their names; a name that begins with "." or ends with ".part" is none. Throws UsageError for a file that
   // is no sequence.
   std::vector<HostileSequence> ReadCorpus() const;
   void WriteSummary(const nlohmann::ordered_json& summary) const;
-  // Of the command that wrote here last; null when there was none, or it is no longer readable.
+  // Summary by the command that wrote here last; null when there was none, or it is no longer readable.
   nlohmann::ordered_json ReadSummary() const;
 
   const std::filesystem::path& folder() const { return folder_; }
@@ -45,7 +45,7 @@ class FuzzFiles {
   link::OwnedDescriptor lock_;
 };
 
-// What every flight of a campaign is, but for its faults: the vehicle is held, and hovers by the reference.
+// Base of every flight of a campaign, without its faults: the vehicle is held, and hovers by the reference.
 std::string FuzzBaseText(const std::string& firmware, const std::string& protocol);
 
 }  // namespace tiltproof::harness

@@ -15,7 +15,7 @@ namespace tiltproof::harness {
 
 namespace {
 
-// Of the clients that the log has records of. The scenario beside it has their names; without it their numbers are shown.
+// Ids of the clients in the log's records. The scenario beside it has their names; without it their numbers are shown.
 std::vector<std::string> ClientIds(const LinkLog& log, const std::filesystem::path& file) {
   std::size_t count = 1;
   std::size_t offset = 0;

@@ -17,7 +17,7 @@
 namespace tiltproof::harness {
 namespace {
 
-// What the report may not do: ask its server.
+// Allows the page to ask its server, which the report may not do.
 std::string AllowConnections(std::string page) {
   static constexpr std::string_view kPlace = "base-uri 'none'";
   const std::size_t place = page.find(kPlace);
@@ -41,7 +41,7 @@ Json Entry(const RunEntry& run, const FlightResult& result) {
   return EntryJson(view, flight);
 }
 
-// Of a flight that is over, as the report has it.
+// Details of a flight that is over, as the report has it.
 std::optional<std::string> Details(const std::filesystem::path& folder) {
   try {
     const FlightResult result = ResultFromJsonText(ReadFile(folder / "verdict.json"));
@@ -143,7 +143,7 @@ std::unique_ptr<LiveProcess> ServeMonitor(int port, const dds::BusConfig& bus, c
       result.score.verdict = Named<Verdict>(score.verdict);
       result.score.metrics = Json::parse(score.metrics_json).get<std::map<std::string, double>>();
     } catch (const std::exception&) {
-      // Of another version: without metrics.
+      // Score of another version: without metrics.
     }
     result.score.reason = score.reason;
     Json entry = Entry({}, result);

@@ -41,7 +41,7 @@ class LivePage {
   std::unique_ptr<LiveProcess> live_;
 };
 
-// Of a monitor. Prints where it is. Throws UsageError.
+// Serves the page of a monitor. Prints its address. Throws UsageError.
 std::unique_ptr<LiveProcess> ServeMonitor(int port, const dds::BusConfig& bus, const FindPost& post);
 
 }  // namespace tiltproof::harness

@@ -396,7 +396,7 @@ int Main(int argc, char** argv) {
       ->type_name("FOLDER")
       ->excludes("--domain")
       ->excludes("--tag");
-  // How a harness starts its own nodes.
+  // Options with which a harness starts its own nodes.
   node_app->add_option("--child", node.child)->group("");
   node_app->add_option("--lockstep", node.lockstep)->check(CLI::IsMember({"dds", "socket"}))->group("");
   node_app->footer(

@@ -53,7 +53,7 @@ std::string Heading(const std::string& name, const std::string& help, const std:
       Roff(upper), date, Roff(std::string(Version())), Roff(name), Roff(help));
 }
 
-// What is typed: the name, its options, its arguments.
+// The words to type: the name, its options, its arguments.
 std::string Synopsis(const std::string& typed, const CommandRow& command) {
   std::string text = fmt::format("\\fB{}\\fR", Roff(typed));
   if (std::any_of(command.options.begin(), command.options.end(),

@@ -1,4 +1,4 @@
-// What editors need: the schema of scenario files, and a scenario to begin with.
+// Files for editors: the schema of scenario files, and a scenario to start with.
 #include <fmt/format.h>
 
 #include <string_view>

@@ -36,14 +36,14 @@ dds::NodeKind KindNamed(const std::string& kind) {
   throw UsageError(fmt::format("KIND {}: no such node", kind));
 }
 
-// Of the harness that started this node.
+// The participant of the harness that started this node.
 dds::Participant HarnessOf(const NodeCommandOptions& options) {
   const auto harness = dds::ParticipantNamed(options.child);
   if (!harness) throw UsageError(fmt::format("--child {}: no participant of DDS", options.child));
   return *harness;
 }
 
-// Of a client node. Throws UsageError.
+// The role of a client node. Throws UsageError.
 MakeRole RoleOf(const ClientSpec& client) {
   if (std::holds_alternative<HostLibrary>(client)) return MakeLibraryRole;
   if (std::holds_alternative<Program>(client)) return MakeCommandRole;

@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// What the faults did, by the events that tell it.
+// Effects of the faults, from the events that report them.
 std::string Strikes(const FlightResult& result) {
   std::string text;
   for (const FlightEvent& event : result.events)

@@ -59,7 +59,7 @@ class TemporaryFolder {
   bool kept_ = false;
 };
 
-// Why a flight has no trace that another one could equal; empty when it has.
+// The reason that a flight has no trace that another one could equal; empty when it has.
 std::string NotComparable(const std::filesystem::path& scenario_folder, const FlightResult& then) {
   if (then.trace_hash.empty()) return "no flight then: " + then.score.reason;
   // Files of older versions have it elsewhere.
@@ -71,7 +71,7 @@ void NoHash(const std::filesystem::path& scenario_folder, const std::string& why
   PrintLine(stdout, 0, fmt::format("{:<10} {:<34} {}", "NO HASH", scenario_folder.filename().string(), why));
 }
 
-// How many flights of an unfinished run came to a verdict.
+// The number of flights of an unfinished run that came to a verdict.
 std::size_t EndedCount(const OldRun& run) {
   std::ptrdiff_t count = 0;
   if (run.info.keep == Keep::kAll) {

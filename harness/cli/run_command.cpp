@@ -138,7 +138,7 @@ void KeepNotGreen(const std::vector<NotGreen>& last, std::vector<SuiteScenario>&
   });
 }
 
-// Of the flights that were flown.
+// Repeats among the flights that were flown.
 std::vector<Repeats> RepeatsIn(const std::vector<FlightResult>& results,
                                const std::vector<SuiteScenario>& scenarios,
                                const std::vector<PlannedRun>& plan) {

@@ -19,7 +19,7 @@ using SteadyClock = std::chrono::steady_clock;
 // Between two looks whether the flights may begin.
 constexpr int kWait_ms = 50;
 
-// How far a run is. The time left is told from the simulated seconds that are flown: scenarios differ in length.
+// Progress of a run. The time left is computed from the simulated seconds that are flown: scenarios differ in length.
 class RunProgress {
  public:
   explicit RunProgress(const std::vector<FlightJob>& jobs) : total_(jobs.size()) {

@@ -19,7 +19,7 @@ struct OldRun {
 // nothing was to be flown.
 OldRun OpenRun(const std::filesystem::path& path);
 
-// Whether a flight began, and whether it reached a verdict.
+// HasBegun(): true if a flight started. HasEnded(): true if it reached a verdict.
 bool HasBegun(const std::filesystem::path& scenario_folder);
 bool HasEnded(const std::filesystem::path& scenario_folder);
 

@@ -1,4 +1,4 @@
-// Which flights a run has: every scenario with its seeds, or those that were not green in the last run.
+// Selects the flights of a run: every scenario with its seeds, or those that were not green in the last run.
 //
 //   const std::vector<NotGreen> last = NotGreenOfLastRun("results");
 //   for (const PlannedRun& flight : PlanRun(options, suite.scenarios, &last)) Print(stdout, "{}\n", flight.name);
@@ -20,11 +20,11 @@ struct NotGreen {
   std::string name;
   std::uint64_t seed = 0;
 
-  // Whether it flew this scenario.
+  // True if it flew this scenario.
   bool Flew(const Scenario& scenario) const;
 };
 
-// Of the run to which `latest` in `out` links. Throws UsageError, with what to do, when there is none that can be read.
+// Flights of the run to which `latest` in `out` links. Throws UsageError, with advice, when no such run can be read.
 std::vector<NotGreen> NotGreenOfLastRun(const std::filesystem::path& out);
 
 struct PlannedRun {

@@ -35,7 +35,7 @@ FlightResult ScoreAgain(const std::filesystem::path& folder, const std::string& 
   }
 }
 
-// Of the whole run: in the order of the plan, with the flights that never began.
+// Scores the whole run: in the order of the plan, with the flights that never started.
 std::vector<FlightResult> ScoreAll(const OldRun& run, const std::string& program) {
   std::vector<FlightResult> results;
   if (!run.whole || run.info.flights.empty()) {

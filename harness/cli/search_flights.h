@@ -1,4 +1,4 @@
-// What the commands that search for limits share: they fly one scenario with many levels, in lockstep.
+// Common part of the commands that search for limits: they fly one scenario with many levels, in lockstep.
 #pragma once
 
 #include <cstdint>

@@ -83,7 +83,7 @@ ReadOptions MakeReadOptions(ModelCache& models) {
   return options;
 }
 
-// Why no firmware survives the start; empty when one can.
+// The reason that no firmware survives the start; empty when one can.
 std::string StartProblem(const Scenario& scenario, const plant::VehicleModel& model) {
   plant::Plant plant(model, {.step_ns = scenario.step_ns});
   plant.Reset(scenario.initial_position_m, scenario.initial_attitude_rad);

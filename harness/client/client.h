@@ -27,7 +27,7 @@ struct ClientStatus {
   TILTPROOF_FIELDS(supervisor_state, failsafe_count)
 };
 
-// What the trace shows of a client in each row.
+// A client's values in each row of the trace.
 struct ClientSample {
   std::optional<std::uint32_t> supervisor_state;  // none: it tells none
   std::vector<double>
@@ -39,10 +39,10 @@ struct ClientSample {
 inline constexpr const char* kResetEvent = "device_reset";
 // A line cannot work as it is configured: an explanation for the user when the flight never starts.
 inline constexpr const char* kLineTroubleEvent = "line_trouble";
-// What the processor of a firmware that never started does: an explanation, too. And that it is in the handler of a
-// fault when the flight ends.
+// State of the processor of a firmware that never started: an explanation, too. Also reported when the processor is in
+// the handler of a fault at the flight's end.
 inline constexpr const char* kBoardStateEvent = "board_state";
-// What lies between a board and the harness eats half of the loop's delay margin: an explanation when the flight fails.
+// The path between a board and the harness uses half of the loop's delay margin: an explanation when the flight fails.
 inline constexpr const char* kSlowAdapterEvent = "slow_adapter";
 // The firmware uses a block of the chip that the emulated board does not model: an explanation when the flight fails.
 inline constexpr const char* kUnmodelledEvent = "unmodelled_block";
@@ -60,7 +60,7 @@ struct DeviceEvent {
   TILTPROOF_FIELDS(time_ns, fault, kind, text, overruns_count, block)
 };
 
-// What a client may call while it runs. Times are boot time.
+// Functions that a client may call while it runs. Times are boot time.
 struct ClientHost {
   std::function<BootTime(Uart uart, BootTime now, std::span<const std::uint8_t> bytes)> transmit;
   std::function<void(BootTime now, std::string_view text)> log;

@@ -44,7 +44,7 @@ std::vector<CountedLibrary>& libraries = *new std::vector<CountedLibrary>;
 CountedLibrary* loading = nullptr;
 std::size_t active = 0;  // of `libraries`
 
-// Of the active one, by place; null while nothing is counted. Memory that is never touched costs nothing.
+// Counts of the active library, by place; null while nothing is counted. Memory that is never touched costs nothing.
 std::uint8_t* place_counts = nullptr;
 std::size_t place_counts_size = 0;
 const TracedCode* codes_begin = nullptr;
@@ -187,7 +187,7 @@ void CountAddress(std::uintptr_t address) {
 #ifndef TILTPROOF_HAS_FUZZER
 namespace cov = tiltproof::harness;
 
-// What compilers call (clang's SanitizerCoverage, gcc's -fsanitize-coverage).
+// Functions that compilers call (clang's SanitizerCoverage, gcc's -fsanitize-coverage).
 extern "C" {
 // NOLINTBEGIN(bugprone-reserved-identifier, cert-dcl37-c, cert-dcl51-cpp, readability-identifier-naming)
 

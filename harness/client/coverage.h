@@ -1,13 +1,13 @@
-// What of a firmware's code a flight has executed, as features: numbers that say "this place of the code, about so often".
+// The executed code of a firmware in a flight, as features: numbers that mean "this place of the code, about so often".
 // A search for inputs keeps those that show a feature which no other has shown.
 //
 //   LibraryCoverage::Count(true);                       // from here on
 //   const Coverage coverage = LibraryCoverage::Read();  // {CoverageKind::kEdges, {17, 24, ...}}
 //   std::uint32_t place = coverage.features[0] / kBucketsCount;
 //
-// A library tells what it executes when it is built with clang's -fsanitize-coverage=inline-8bit-counters or
-// trace-pc-guard, or gcc's -fsanitize-coverage=trace-pc: this program has the functions that such code calls. An image
-// needs nothing: the emulator tells. A place is a number in the file, not an address: it is the same in every process.
+// A library reports its executed code when it is built with clang's -fsanitize-coverage=inline-8bit-counters or
+// trace-pc-guard, or gcc's -fsanitize-coverage=trace-pc. This program has the functions that such code calls. An image
+// needs nothing: the emulator counts. A place is a number in the file, not an address: it is the same in every process.
 #pragma once
 
 #include <cstdint>
@@ -18,7 +18,7 @@
 
 namespace tiltproof::harness {
 
-// What a place is.
+// The meaning of a place.
 enum class CoverageKind : std::uint8_t {
   kBlackBox,  // nothing is known
   kEdges,     // of a library: whatever its compiler counts, edges or blocks
@@ -40,8 +40,8 @@ std::uint32_t FeatureOf(std::uint32_t place, std::uint8_t count);
 void AddFeatures(std::span<const std::uint8_t> counts, std::uint32_t first_place,
                  std::vector<std::uint32_t>& features);
 
-// Of the library under test, one at a time in a process. Its places are numbered in the order in which its modules were
-// loaded: those of the library, and of what was loaded because of it.
+// Coverage of the library under test, one at a time in a process. Its places are numbered in the order in which its
+// modules were loaded: those of the library, and of what was loaded because of it.
 class LibraryCoverage {
  public:
   // Loads it: `load` returns dlopen's handle, null when that fails.

@@ -22,9 +22,9 @@ struct DebugStop {
   std::optional<TimeNs> at_ns;  // simulation time; none: at power-on, before the first instruction
 };
 
-// What to type, for a person. `image`: of an emulated processor.
+// The command to type, for a person. `image`: of an emulated processor.
 std::string HowToDebugImage(const std::string& image, const DebugStop& stop);
-// Of a library in this process.
+// The same for a library in this process.
 std::string HowToDebugLibrary(const DebugStop& stop);
 
 // The client of a library, which waits for a debugger at that time.

@@ -38,8 +38,8 @@ constexpr std::size_t kLineBytesMax = 1000;
 // The last exception that is a fault (ARMv7-M ARM, table B1-4).
 constexpr int kUsageFault = 6;
 
-// Why QEMU gave the processor up, of what it printed: "Lockup: can't escalate 3 to HardFault ..."; empty when it did
-// not.
+// QEMU's reason to give up the processor, from its output: "Lockup: can't escalate 3 to HardFault ..."; empty when it
+// did not.
 std::string FatalLine(std::string_view errors) {
   constexpr std::string_view kFatal = "qemu: fatal: ";
   const std::size_t fatal = errors.find(kFatal);
@@ -76,7 +76,7 @@ std::string_view Name(lockstep::ResetCause cause) {
   return "unknown";
 }
 
-// What the plug-in is told, and tells, is what the board's clock shows: plain numbers, which clock_ makes boot time.
+// The plug-in receives and sends times of the board's clock: plain numbers, which clock_ makes boot time.
 class EmulatorClient final : public Client {
  public:
   EmulatorClient(const EmulatorSpec& spec, const EmulatorLines& lines, TimeNs start_within_ns,
@@ -293,7 +293,7 @@ class EmulatorClient final : public Client {
     throw FirmwareTrouble(false, CrashText(found, TimeText(now)), OnBoard());
   }
 
-  // What a firmware does that never started, and that one sleeps in the handler of a fault.
+  // Reports the state of a firmware that never started, or that sleeps in the handler of a fault.
   void TellState() {
     try {
       const auto state = ParseCpuState(board_->Registers());
@@ -370,7 +370,7 @@ class EmulatorClient final : public Client {
                                        main ? "main" : "reference", rated.baud())});
   }
 
-  // What other rates make of bytes, once it is certain.
+  // Transmits the bytes that other rates make of those sent, once this is certain.
   void TransmitDamaged(TimeNs until) {
     for (const Uart uart : {Uart::kMain, Uart::kReference})
       for (const auto& [begin_ns, end_ns, byte, framing_error] :

@@ -39,7 +39,7 @@ class EmulatorLimits {
   void OnReset(TimeNs now, const std::string& cause);
   // It has set what no chip does.
   void OnBrokenLimit(TimeNs now, const std::string& what);
-  // Why the firmware has failed by now; empty: it has not. `time_text`: a time as a user reads it.
+  // The reason that the firmware has failed by now; empty: it has not. `time_text`: a time as a user reads it.
   std::string Broken(const std::function<std::string(TimeNs)>& time_text) const;
 
  private:

@@ -1,4 +1,4 @@
-// How and where a firmware broke, as data: what groups flights uses it, and reads no sentence.
+// Kind and place of a firmware's failure, as data: code that groups flights uses it, and reads no sentence.
 #pragma once
 
 #include <cstdint>

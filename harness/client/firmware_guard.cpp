@@ -54,7 +54,7 @@ const void* firmware_base = nullptr;
 // Reading it costs nothing, where asking for the process's number would cost a flight 3 % of its time.
 const volatile int* original = nullptr;
 
-// How long the present call has lasted; all by the timer's handler.
+// Duration of the present call; only the timer's handler updates it.
 struct OwnTimeOfCall {
   std::uint64_t call = 0;
   TimeNs looked_ns = 0, run_ns = 0, waited_ns = 0;  // by then
@@ -118,7 +118,7 @@ void FindCrashPlace(const void* context, CodePlace& found) {
       return FindCode(call, found);
 }
 
-// Whether an access that failed was where the stack grows. Its memory is there, but for its end.
+// True if an access that failed was where the stack grows. Its memory is there, except at its end.
 bool IsAtStackPointer(const void* accessed, const void* context) {
   const auto& registers = static_cast<const ucontext_t*>(context)->uc_mcontext;
 #if defined(__x86_64__)

@@ -124,7 +124,7 @@ class FirmwareGuard {
   // in another way, too.
   static const CodePlace& CrashPlace();
 
-  // Whether a call in this process has ended by a jump or an exception: what it was at is left as it was.
+  // True if a call in this process has ended by a jump or an exception: its unfinished work stays as it was.
   static bool HasLeftCalls() { return has_left_calls_; }
 
  private:

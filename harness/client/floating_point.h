@@ -1,5 +1,5 @@
-// How floating-point arithmetic rounds, treats tiny numbers and traps, in this thread. Foreign code may
-// change that (fesetround, a library built with -ffast-math), and with it every result of the harness.
+// Modes of floating-point arithmetic in this thread: rounding, tiny numbers, traps. Foreign code may change
+// them (fesetround, a library built with -ffast-math), and with them every result of the harness.
 //
 //   const FloatingPointModes ours;  CallOthers();  ours.Restore();
 #pragma once

@@ -277,7 +277,7 @@ class LibraryClient final : public Client {
   }
   bool Log(BootTime now, std::string_view text) {
     if (over_) return false;
-    // What was printed before comes first.
+    // Earlier output comes first.
     LogOutput(now);
     host_.log(now, text);
     return true;
@@ -333,7 +333,7 @@ std::unique_ptr<Client> LoadLibraryClient(const std::filesystem::path& library, 
 
 namespace {
 
-// What `say` says of the library, or why it is none; in a separate process.
+// The result of `say` for the library, or the reason that it is none; in a separate process.
 std::string TryLibrary(const std::filesystem::path& library,
                        const std::function<std::string(const Library&)>& say) {
   std::array<int, 2> ends{};

@@ -21,10 +21,10 @@ std::unique_ptr<Client> LoadLibraryClient(const std::filesystem::path& library, 
                                           std::unique_ptr<CapturedOutput> output = nullptr,
                                           bool coverage = false);
 
-// Why the file is not a firmware library, tested in a separate process; nullopt when it is one.
+// The reason that the file is not a firmware library, tested in a separate process; nullopt when it is one.
 std::optional<std::string> LibraryMistake(const std::filesystem::path& library);
 
-// Whether it has the function tiltproof_client_status, tested in the same way.
+// True if it has the function tiltproof_client_status, tested in the same way.
 bool TellsStatus(const std::filesystem::path& library);
 
 }  // namespace tiltproof::harness

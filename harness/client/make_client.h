@@ -16,7 +16,7 @@
 
 namespace tiltproof::harness {
 
-// What a scenario requires of it.
+// A scenario's requirements on its client.
 struct ClientSettings {
   std::string firmware;  // build; a user's image is already a build
   std::shared_ptr<const link::Protocol> protocol;

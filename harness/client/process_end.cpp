@@ -77,7 +77,7 @@ std::vector<char*> Collect(const char* first, va_list& rest) {
 
 }  // namespace
 
-// Of those that do not return, <stdlib.h> and others say so.
+// The functions that do not return are declared so in <stdlib.h> and others.
 extern "C" {
 
 // The C library's names.
@@ -107,7 +107,7 @@ void pthread_exit(void* value) {
   abort();
 }
 
-// What a compiler calls (-fstack-protector) when the guard of a function's frame has another value at its end.
+// Compilers call it (-fstack-protector) when the guard of a function's frame has another value at its end.
 void __stack_chk_fail() {
   tiltproof::harness::CodePlace place;
   tiltproof::harness::FindCode(tiltproof::harness::CallBefore(__builtin_return_address(0)), place);

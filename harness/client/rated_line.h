@@ -24,15 +24,15 @@ class RatedLine {
 
   std::int64_t baud() const { return baud_; }
   void Program(const UsartRate& rate) { rate_ = rate; }
-  // What is wrong with the programmed rate: "runs at 460526 baud"; empty when it is right.
+  // The defect of the programmed rate: "runs at 460526 baud"; empty when it is right.
   std::string Trouble() const;
 
-  // How long the board takes to send that many bytes.
+  // The time that the board takes to send that many bytes.
   TimeNs TransmitTime(std::size_t byte_count) const;
   // The board gives bytes to its transmitter. Returns when they begin on the line; none when they do not pass
   // whole.
   std::optional<TimeNs> Transmit(TimeNs now, std::span<const std::uint8_t> bytes);
-  // What is received of bytes that do not pass whole, up to `until`; no other byte is given to the
+  // The bytes received in place of those that do not pass whole, up to `until`; no other byte is given to the
   // transmitter before that.
   std::vector<LineSampler::Received> TakeTransmitted(TimeNs until);
 

@@ -57,7 +57,7 @@ std::optional<T> At(const std::string& bytes, std::uint64_t offset) {
   return value;
 }
 
-// Of the symbols and libraries that it uses, and its own. Empty when it is no library: loading it says why.
+// Names of the symbols and libraries that it uses, and its own. Empty when it is no library: loading it reports why.
 std::vector<std::string> DynamicNames(const std::filesystem::path& library) {
   const std::string bytes = ReadBytes(library);
   const auto header = At<Elf64_Ehdr>(bytes, 0);
@@ -106,7 +106,7 @@ std::string ClangRuntime(const std::string& name) {
                                        runtime, std::strerror(errno)));
 }
 
-// What glibc prints before it aborts.
+// True for a line that glibc prints before it aborts.
 bool IsTheCLibrarys(std::string_view line) {
   constexpr std::array kBegin = {"*** stack smashing detected ***",
                                  "*** buffer overflow detected ***",

@@ -20,8 +20,8 @@ namespace tiltproof::harness {
 // std::runtime_error that says what to do when the sanitizer is not found.
 void PreloadSanitizer(const std::filesystem::path& library);
 
-// Why a process aborts, from what it prints: the sanitizers' reports, and the C library's last line (an assertion, a
-// damaged stack guard, a damaged heap).
+// A process's reason to abort, from its output. It is in the sanitizers' reports, and in the C library's last line (an
+// assertion, a damaged stack guard, a damaged heap).
 class AbortReport {
  public:
   void Look(std::string_view line);
@@ -29,7 +29,7 @@ class AbortReport {
   const std::string& text() const { return text_; }
   // True where the text says where in the firmware.
   bool names_place() const { return names_place_; }
-  // That place alone: "decoder.c:33", or "decoder.so+0x1a2b" of a library without lines. Empty: not known.
+  // The place alone: "decoder.c:33", or "decoder.so+0x1a2b" of a library without lines. Empty: not known.
   const std::string& place() const { return place_; }
 
  private:

@@ -22,7 +22,7 @@ class TaskDelays {
     BootTime until;
     std::size_t fault;  // its index in the scenario
   };
-  // What holds the task at `now`, the longest when several do; nullopt when nothing does.
+  // The hold on the task at `now`, the longest of several; nullopt when nothing holds it.
   std::optional<Hold> At(BootTime now) const;
 
  private:

@@ -84,9 +84,9 @@ class Publisher {
   // nothing more fits (64 MB of this topic); nothing was sent, and the same message may be tried again later.
   // Throws std::invalid_argument, naming the member, when the message exceeds a limit of messages.h.
   bool Write(const T& message);
-  // How many subscribers listen now. One that died without a word counts for up to 10 s more.
+  // The number of subscribers that listen now. One that died without a word counts for up to 10 s more.
   int MatchedCount() const;
-  // Whether a subscriber of that participant listens now.
+  // True if a subscriber of that participant listens now.
   bool IsHeardBy(const Participant& participant) const;
   // Waits until every subscriber has everything: a node does so before it leaves. False after `limit_ns`.
   bool WaitForAcks(std::int64_t limit_ns);
@@ -105,7 +105,7 @@ template <class T>
 concept Log = std::same_as<T, SerialTap> || std::same_as<T, FaultActivation> || std::same_as<T, RunEvent> ||
     std::same_as<T, TraceRows>;
 
-// What a node says of itself: its node_id is the speaker's.
+// Messages of a node about itself: their node_id is the speaker's.
 template <class T>
 concept OfSpeaker = Log<T> || std::same_as<T, RunAck> || std::same_as<T, RunState> ||
     std::same_as<T, NodeReport> || std::same_as<T, StepResponse>;
@@ -166,7 +166,7 @@ class Subscriber {
   std::vector<From<T>> TakeWithSenders() requires(!std::same_as<T, Heartbeat>);
   static constexpr std::size_t kTakeCountMax = 4096;
   int MatchedCount() const;
-  // Whether a publisher of that participant is there now.
+  // True if a publisher of that participant is there now.
   bool Hears(const Participant& participant) const;
 
   // Every node whose heartbeat was ever received, in the order of node ids. Each participant is one node: two of
@@ -179,7 +179,7 @@ class Subscriber {
   // (NodeReport): nothing is missing.
   std::int64_t CompleteUpTo(const std::string& run_id, const std::string& node_id) const requires Log<T>;
 
-  // How often a run's next message came later than the deadline, in wall-clock time.
+  // The number of times that a run's next message came later than the deadline, in wall-clock time.
   std::int64_t MissedDeadlinesCount() const requires RealTime<T>;
 
  private:

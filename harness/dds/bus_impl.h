@@ -1,4 +1,4 @@
-// What a Bus holds, for publisher.cpp and subscriber.cpp. Internal to this folder.
+// Content of a Bus, for publisher.cpp and subscriber.cpp. Internal to this folder.
 #pragma once
 
 #include <atomic>
@@ -34,7 +34,7 @@ class Callbacks {
   std::atomic<std::int64_t> ended_count_ = 0;
 };
 
-// Of a publisher or subscriber, as DDS describes it.
+// The participant of a publisher or subscriber, as DDS describes it.
 Participant ParticipantOf(const dds_builtintopic_endpoint_t& endpoint);
 
 // QoS of the writers and readers of a topic.

@@ -1,6 +1,6 @@
-// What the DDS library says on its log. Internal to this folder.
+// Messages of the DDS library on its log. Internal to this folder.
 //
-// The library has one log for the whole process, and a line for every packet that it cannot read: whoever sends it
+// The library has one log for the whole process, and a line for every packet that it cannot read. A sender of
 // garbage could fill a terminal. So the first lines go to standard error, and the others are counted.
 #pragma once
 
@@ -13,7 +13,7 @@ namespace tiltproof::dds {
 // Lines of the library that are printed until the total is.
 inline constexpr int kLibraryLinesShownMax = 3;
 
-// What the library says meanwhile is kept and not printed: a reason for an exception. From the first capture on, the
+// Keeps the library's messages meanwhile, unprinted: a reason for an exception. From the first capture on, the
 // library's log comes here and stays here. One at a time: a second one waits for the end of the first.
 class LibraryCapture {
  public:

@@ -1,4 +1,4 @@
-// What the nodes of a distributed run say to each other, as plain structs.
+// Messages between the nodes of a distributed run, as plain structs.
 //
 // Each struct here is one topic of tiltproof.idl, under the same names, and one row of topics.h; bus.h sends and
 // receives them.
@@ -72,7 +72,7 @@ struct Heartbeat {
   bool operator==(const Heartbeat&) const = default;
 };
 
-// What is to be flown. A node that comes late gets it, too.
+// The flight to be flown. A node that comes late gets it, too.
 struct RunScenario {
   std::string run_id{};         // key
   std::string scenario_yaml{};  // at most kDocumentBytesMax
@@ -176,7 +176,7 @@ struct SerialTap {
   bool operator==(const SerialTap&) const = default;
 };
 
-// Of a fault, in the unit of the fault catalogue.
+// A parameter of a fault, in the unit of the fault catalogue.
 struct Parameter {
   std::string name{};
   double value = 0;

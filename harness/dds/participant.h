@@ -33,7 +33,7 @@ class Circle {
  public:
   // An empty node id: under any.
   void Admit(const Participant& participant, const std::string& node_id);
-  // What it says is not heard any more, what it has said and was not taken included.
+  // Drops a participant's messages from now on, those included that it has sent and that were not taken.
   void Expel(const Participant& participant);
   void Clear();
   // The node id of one that is admitted.

@@ -7,7 +7,7 @@
 namespace tiltproof::dds {
 namespace {
 
-// Of one topic, that are looked at.
+// Largest number of subscribers of one topic that are looked at.
 constexpr std::size_t kSubscribersCountMax = 1024;
 
 }  // namespace
@@ -18,7 +18,7 @@ struct Publisher<T>::Impl {
   Callbacks callbacks;
   dds_entity_t topic = 0;
   dds_entity_t writer = 0;
-  // What goes out is assembled here, without a new allocation each time.
+  // Outgoing messages are assembled here, without a new allocation each time.
   std::mutex mutex;
   std::unique_ptr<typename WireOf<T>::Type> wire = std::make_unique<typename WireOf<T>::Type>();
   Arena arena;

@@ -22,15 +22,15 @@ struct TopicQos {
   bool for_latecomers = false;  // TRANSIENT_LOCAL, else VOLATILE
   bool keep_all = false;        // KEEP_ALL, else KEEP_LAST 1 of each instance
   bool log = false;             // subscribers drop repeats and find gaps by the sequence
-  // What a subscriber that hears everybody holds of an instance with KEEP_LAST, so that what two publishers say
-  // under one name does not displace each other.
+  // Messages of an instance with KEEP_LAST that a subscriber that hears everybody holds. So the messages of two
+  // publishers under one name do not displace each other.
   int heard_depth = 1;
   TimeNs deadline_ns = 0;  // 0 = none
   TimeNs lease_ns = 0;     // MANUAL_BY_TOPIC liveliness with this lease; 0 = AUTOMATIC without end
   std::string_view why;
 };
 
-// Of one of the messages in messages.h.
+// QoS of the topic of one of the messages in messages.h.
 template <class T>
 const TopicQos& QosOf();
 

@@ -1,7 +1,7 @@
-// Which messages of a log came, and which did not.
+// Tracks the messages of a log: those that came, and those that did not.
 //
 // A log's messages are numbered 1, 2, 3 ... per (run_id, node_id). DDS delivers each at least once: after a
-// long cut of the network a writer tells its history again. The filter lets each number pass once and knows
+// long cut of the network a writer repeats its history. The filter lets each number pass once and knows
 // the holes.
 //
 //   SequenceFilter filter;

@@ -37,7 +37,7 @@ bool IsText(const std::string& bytes, std::string_view first, std::size_t digits
                      [](unsigned char c) { return std::isxdigit(c) != 0; });
 }
 
-// What a file that is no ELF file is, by its first bytes.
+// Describes a file that is no ELF file, by its first bytes.
 std::string WhatElse(const std::string& bytes) {
   constexpr std::size_t kDigits = 10;
   if (bytes.empty()) return "empty, not an ELF file: build it again";

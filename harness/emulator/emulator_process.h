@@ -90,7 +90,7 @@ class EmulatorProcess {
   lockstep::Stopped Run(const lockstep::Run& run,
                         const std::function<void(const EmulatorMessage&)>& on_message);
 
-  // That it has used since its start, with all of its threads (harness/process/own_time.h).
+  // Processor time that it has used since its start, with all of its threads (harness/process/own_time.h).
   TimeNs ProcessorTime() const;
 
   // Only while it is stopped.
@@ -98,11 +98,11 @@ class EmulatorProcess {
   std::string Registers();
   lockstep::UsartStates UsartStates();
 
-  // How often each block of code has been executed, by its place (lockstep::BlockCounts); also when the emulator has
+  // The number of executions of each block of code, by its place (lockstep::BlockCounts); also when the emulator has
   // ended. Empty unless its spec asks for coverage.
   std::span<const std::uint8_t> BlockCounts() const;
 
-  // What QEMU has printed so far: nothing, unless something is wrong.
+  // QEMU's output so far: empty, unless something is wrong.
   const std::string& Errors();
 
  private:

@@ -24,16 +24,16 @@ inline constexpr std::uint32_t kFaultRegisters = 0xE000'ED28;
 // One phrase for each flag that is set, the likely cause first; "" when none is.
 std::string FaultText(const FaultRegisters& registers);
 
-// What an exception pushes on the stack (ARMv7-M ARM, section B1.5.6).
+// Registers that an exception pushes on the stack (ARMv7-M ARM, section B1.5.6).
 struct ExceptionFrame {
   std::uint32_t address = 0;
   std::uint32_t r0 = 0, r1 = 0, r2 = 0, r3 = 0, r12 = 0, link = 0, pc = 0, xpsr = 0;
-  // What was interrupted: an exception's handler, or 0.
+  // The number of the exception whose handler was interrupted, or 0.
   int exception() const { return static_cast<int>(xpsr & 0x1FFU); }
 };
 
-// Whether a handler with this in its link register has interrupted code on the process stack (PSP), as an RTOS's tasks
-// are (ARMv7-M ARM, table B1-8).
+// True if a handler with this in its link register has interrupted code on the process stack (PSP). An RTOS's tasks
+// use that stack (ARMv7-M ARM, table B1-8).
 bool ReturnsToProcessStack(std::uint32_t link);
 
 using ReadWords = std::function<std::vector<std::uint32_t>(std::uint32_t address, std::uint32_t count)>;

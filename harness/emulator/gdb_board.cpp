@@ -78,7 +78,7 @@ std::string GdbBoard::Ask(const std::string& packet) {
     return total + static_cast<unsigned char>(c);
   });
   Write(fmt::format("${}#{:02x}", packet, sum & 0xFFU));
-  // What comes before the request is acknowledged is an older report.
+  // Bytes before the acknowledgement of the request are an older report.
   for (char c = NextByte(); c != '+'; c = NextByte()) {
   }
   return NextPacket();

@@ -47,7 +47,7 @@ class GdbClient {
   // stopped.
   void Flip(std::vector<MemoryBit> bits, Done done);
 
-  // How long the oldest request has been waiting for its answer; zero when none is.
+  // The time for which the oldest request has been waiting for its answer; zero when none is.
   std::chrono::nanoseconds Waiting() const;
 
  private:

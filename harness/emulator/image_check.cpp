@@ -27,7 +27,7 @@ struct Segment {
   std::uint32_t memory_bytes = 0;  // there, file_bytes of them from the file
 };
 
-// What the emulator loads, by address.
+// Segments that the emulator loads, by address.
 std::vector<Segment> Segments(const ElfFile& image) {
   std::vector<Segment> segments;
   std::size_t count = 0;

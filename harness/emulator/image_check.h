@@ -1,4 +1,4 @@
-// Whether an image can run on an STM32F405 at all, before it is flown: an image that cannot is not a firmware
+// Checks before the flight that an image can run on an STM32F405 at all: an image that cannot is not a firmware
 // that crashed.
 //
 //   CheckImage("firmware.elf");         // throws std::runtime_error: what is wrong, and what to do

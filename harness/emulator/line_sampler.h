@@ -1,10 +1,10 @@
-// What a receiver gets from bytes that are sent at another rate than its own: the waveform of the sender's
-// 8N1 bits, sampled where the receiver samples.
+// Simulates a receiver of bytes that are sent at another rate than its own. It samples the waveform of the
+// sender's 8N1 bits where the receiver samples.
 //
 // The receiver waits for a falling edge and then samples each of ten bits once. Its tolerance decides where
 // in the bit it samples, so that it understands a sender just within the tolerance, but not one just beyond
-// it. With a slow sender the stop bit is missed first, because the last data bit is taken for it; with a fast
-// sender again the stop bit, because the start bit of the next byte is taken for it.
+// it. A slow sender's stop bit is missed first, because the last data bit is taken for it. With a fast sender it is
+// again the stop bit, because the start bit of the next byte is taken for it.
 //
 //   LineSampler sampler;
 //   sampler.Put(begin_ns, byte, sender_bit_ns);
@@ -30,7 +30,7 @@ class LineSampler {
 
   // Puts a byte on the line, not before the end of the previous one.
   void Put(TimeNs begin_ns, std::uint8_t byte, double sender_bit_ns);
-  // What was received up to `known_until_ns`; every byte that begins before that must have been put.
+  // The bytes received up to `known_until_ns`; every byte that begins before that must have been put.
   std::vector<Received> Take(TimeNs known_until_ns, double receiver_bit_ns, double tolerance);
 
  private:

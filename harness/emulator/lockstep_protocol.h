@@ -50,7 +50,7 @@ struct Header {
 enum class Usart : std::uint8_t { kMain, kReference, kConsole };
 inline constexpr int kConnectedUsartCount = 3;
 
-// How the receiver gets a byte.
+// Condition in which the receiver gets a byte.
 enum class Mark : std::uint8_t { kNone, kOverrun, kFraming, kNoise };
 
 struct ReceivedByte {
@@ -94,14 +94,14 @@ struct WriteCode {
   std::uint32_t address, word;
 };
 
-// Of each USART, connected or not, USART1 first: how many bytes it has sent since power-on, and its input clock, 0 when
-// RCC gives it none.
+// State of each USART, connected or not, USART1 first: the bytes that it has sent since power-on, and its input clock.
+// The clock is 0 when RCC gives it none.
 struct UsartStates {
   std::uint64_t sent_count[6];
   std::uint32_t clock_hz[6];
 };
 
-// Of a firmware that is about to be reset by itself or its watchdog. A turn ends early after this many of them.
+// State of a firmware that is about to be reset by itself or its watchdog. A turn ends early after this many of them.
 inline constexpr int kResetsPerTurnMax = 100;
 struct LastWords {
   std::uint32_t faults[5];  // CFSR, HFSR, DFSR, MMFAR, BFAR
@@ -194,7 +194,7 @@ struct RealtimeBoard {
   char limit_text[kLimitTextBytes];
 };
 
-// How often each block of code has been executed, up to 255: by the address of its first instruction, of two bytes at
+// Executions of each block of code, up to 255: by the address of its first instruction, of two bytes at
 // least. In memory that both have mapped, when the harness wants to know.
 struct BlockCounts {
   static constexpr std::uint32_t kFlash = 0x0800'0000, kFlashBytes = 1 << 20;

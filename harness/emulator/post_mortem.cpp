@@ -20,7 +20,7 @@ namespace {
 
 // Enough for some turns of a loop that calls a function or two; it costs some 30 us each.
 constexpr int kSteps = 600;
-// What is read in fewer turns is no loop.
+// An address that is read in fewer turns belongs to no loop.
 constexpr int kReadsMin = 3;
 
 std::vector<std::uint32_t> ReadWordsOf(StoppedBoard& board, std::uint32_t address, std::uint32_t count) {

@@ -1,11 +1,11 @@
-// Why a firmware on an emulated board does not go on: where it is, which fault it took, what it waits for, what it has
-// sent. For the flight's reason in one line, and at length for its log.
+// Explains why a firmware on an emulated board does not go on: its place, its fault, its awaited event, its sent
+// bytes. For the flight's reason in one line, and at length for its log.
 //
 //   const Findings found = Examine(board, symbols, source, roles, Condition::kBusy);
 //   HangText(found, 2 * kNsPerS, "t = 1.203 s");
 //
-// Unless it is locked up it is run on for a few microseconds, one instruction at a time, to
-// see what it reads again and again.
+// Examine() runs the firmware on for a few microseconds, one instruction at a time, unless it is locked up. So it
+// sees what the firmware reads again and again.
 #pragma once
 
 #include <cstdint>
@@ -25,7 +25,7 @@ struct UsartRoles {
   int main = 0, reference = 0, console = 0;  // numbers of USARTs; 0: none
 };
 
-// What the processor does at the end.
+// State of the processor at the end.
 enum class Condition : std::uint8_t {
   kBusy,      // neither sleeps nor sends
   kLockedUp,  // past all help
@@ -43,19 +43,19 @@ Findings Examine(StoppedBoard& board, const ElfSymbols& symbols, const SourceLin
 
 // The same words for lockstep and for real time. `since`, `at`: as a user reads a time.
 std::string HangText(const Findings& found, TimeNs silent_ns, const std::string& since);
-// Of a firmware that makes the emulator compute for longer than it may, `cost_ns` of processor time for `span_ns`.
+// Text for a firmware that makes the emulator compute longer than it may, `cost_ns` of processor time for `span_ns`.
 std::string CostText(const Findings& found, TimeNs cost_ns, TimeNs span_ns, const std::string& since,
                      TimeNs limit_ns_per_s);
 std::string CrashText(const Findings& found, const std::string& at);
 
-// What a firmware did that was reset by itself or its watchdog: the fault that it has taken, if any, and where it was.
+// Describes a firmware that was reset by itself or its watchdog: the fault that it has taken, if any, and its place.
 std::string ExplainReset(const lockstep::LastWords& words, std::string_view registers,
                          const SourceLines& source);
 
 // Where the processor is: "ReadSensor (main.c:123), LR in main (main.c:200)", or a handler's name instead of LR.
 std::string Position(const SourceLines& source, const CpuState& state);
 
-// What its USARTs have sent and how they are set up, in one line: the main one, and others that have sent something
+// Output and settings of its USARTs, in one line: the main one, and others that have sent something
 // although nothing is connected to them.
 std::string UsartSummary(StoppedBoard& board, const UsartRoles& roles);
 

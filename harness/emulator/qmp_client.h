@@ -25,7 +25,7 @@ class QmpClient {
   // `error` is empty when it was done; `value`: what the command returns, as JSON.
   using Done = std::function<void(const std::string& error, const std::string& value)>;
   struct Callbacks {
-    // What QEMU reports by itself: "RESET", with its data as JSON.
+    // An event that QEMU reports by itself: "RESET", with its data as JSON.
     std::function<void(const std::string& name, const std::string& data)> event;
     // No more answers will come. Called once; `done` of waiting commands is not called.
     std::function<void(const std::string& why)> lost;
@@ -40,7 +40,7 @@ class QmpClient {
   // After the commands before it. `arguments`: a JSON object.
   void Execute(std::string_view command, std::string_view arguments = "{}", Done done = {});
 
-  // How long the oldest command has been waiting for its answer; zero when none is.
+  // The time for which the oldest command has been waiting for its answer; zero when none is.
   std::chrono::nanoseconds Waiting() const;
 
  private:

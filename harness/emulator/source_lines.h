@@ -1,4 +1,4 @@
-// Which function and line of the source an address of a firmware image belongs to.
+// Finds the function and line of the source to which an address of a firmware image belongs.
 //
 //   const SourceLines source("firmware.elf");
 //   source.Describe(0x0800'0412);             // "ReadSensor (main.c:123)"
@@ -29,10 +29,10 @@ class SourceLines {
   };
   Place Find(std::uint32_t address) const;
 
-  // Of the instruction at an address (bit 0, Thumb, is ignored): "ReadSensor (main.c:123)", "Reset_Handler + 0x12",
-  // or "0x08000412".
+  // Describes the instruction at an address (bit 0, Thumb, is ignored): "ReadSensor (main.c:123)",
+  // "Reset_Handler + 0x12", or "0x08000412".
   std::string Describe(std::uint32_t address) const;
-  // Of the call that returns to this address.
+  // Describes the call that returns to this address.
   std::string DescribeCall(std::uint32_t return_address) const;
 
  private:

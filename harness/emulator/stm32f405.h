@@ -39,7 +39,7 @@ constexpr bool IsStackPointer(std::uint32_t value) {
          (Holds(kRam, std::uint64_t{value} - 4, 4) || Holds(kCoreCoupledRam, std::uint64_t{value} - 4, 4));
 }
 
-// What is at an address of the emulated board.
+// The emulation of an address of the board.
 enum class Emulated : std::uint8_t {
   kYes,
   kReadsZero,  // QEMU maps it; it reads 0 and ignores what is written
@@ -55,7 +55,7 @@ struct Peripheral {
 
 // Null when nothing is there.
 const Peripheral* FindPeripheral(std::uint32_t address);
-// Of this one register: of RCC, only CSR is there.
+// The emulation of this one register: of RCC, only CSR is there.
 Emulated EmulationOf(std::uint32_t address);
 
 // "" where no peripheral is.

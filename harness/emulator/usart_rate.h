@@ -31,7 +31,7 @@ UsartRate RateOf(std::int64_t clock_hz, std::uint32_t brr, std::uint32_t cr1, st
 // used.
 inline constexpr double kUsualTolerance = 0.0375;
 
-// Whether a receiver with this bit time reads the bits of a sender with that one correctly.
+// True if a receiver with this bit time reads the bits of a sender with that one correctly.
 bool Understands(double receiver_bit_ns, double tolerance, double sender_bit_ns);
 
 }  // namespace tiltproof::harness

@@ -51,7 +51,7 @@ bool TypeOf(Dwarf_Die& die, Dwarf_Die& type) {
   return dwarf_peel_type(&as_written, &type) == 0;
 }
 
-// Of a variable that stays at one address.
+// The address of a variable that stays at one; nullopt for any other.
 std::optional<std::uint32_t> AddressOf(Dwarf_Die& die) {
   Dwarf_Attribute attribute{};
   Dwarf_Op* operations = nullptr;
@@ -93,7 +93,7 @@ std::vector<Variable> CollectVariables(Dwarf* dwarf) {
   return found;
 }
 
-// Whether a variable has this name, with or without its namespaces.
+// True if a variable has this name, with or without its namespaces.
 bool IsNamed(const Variable& variable, std::string_view name) {
   return variable.name == name || variable.name.ends_with("::" + std::string(name));
 }

@@ -59,7 +59,7 @@ void Engine::StartWhatFits() {
     Finish(flight, ErrorResult(flight.job, trouble));
     break;  // the next would fare no better, and its turn may never come (--fail-fast)
   }
-  // What a free worker can fly, it has got.
+  // Free workers have got all flights that they can fly.
   free_.clear();
 }
 

@@ -63,7 +63,7 @@ class Engine {
     std::string name;
     double flown_s, duration_s;  // simulation time
   };
-  // Of the flights under way.
+  // Progress of the flights under way.
   std::vector<Progress> progress() const;
 
  private:

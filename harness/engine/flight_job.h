@@ -19,7 +19,7 @@
 
 namespace tiltproof::harness {
 
-// How flights of a run are flown.
+// Means to fly the flights of a run.
 struct FlightMeans {
   RunClients clients;
   bool realtime = false;
@@ -31,18 +31,18 @@ struct FlightMeans {
   std::optional<DebugStop> debug;
   std::string program;  // this program, which the parts of a flight in several processes run
 
-  // Of a scenario's clients, in its order.
+  // The specs of a scenario's clients, in its order.
   std::vector<ClientSpec> ClientsOf(const Scenario& scenario) const;
-  // Whether a worker process has the firmware in it.
+  // True if a worker process has the firmware in it.
   bool FirmwareInWorker(const Scenario& scenario) const;
-  // Whether its worker process may fly other flights before and after it: a flight leaves nothing behind in the shipped
-  // firmware, and may leave anything in the static variables of a user's library.
+  // True if its worker process may fly other flights before and after it. A flight leaves nothing behind in the shipped
+  // firmware. It may leave anything in the static variables of a user's library.
   bool SharesWorker(const Scenario& scenario) const;
   // As run.json keeps it.
   std::string client_text() const { return attach ? "attached" : ToText(clients.all); }
 };
 
-// What a flight leaves on the disk. Both are called in its worker process, and may throw: then its result is an error.
+// Writes a flight to the disk. Both functions run in its worker process, and may throw: then its result is an error.
 struct FlightRecorder {
   std::function<void(const Scenario&)> begin = [](const auto&) {};  // before it
   std::function<void(const Scenario&, const RunLog&, const FlightResult&)> end =
@@ -56,9 +56,9 @@ struct FlightJob {
   FlightMeans means;
   std::string replay;  // the exact command that flies it again
   FlightRecorder recorder{};
-  // Whether its result says what code of the firmware it has executed.
+  // True if its result lists the code of the firmware that it has executed.
   bool coverage = false;
-  // Whether its result says how the firmware ended after the flight: kEndFailedEvent, if that went wrong.
+  // True if its result reports the firmware's end after the flight: kEndFailedEvent, if that went wrong.
   bool tells_end = false;
   // Called in its worker process when it begins; none: nobody watches.
   std::function<FlightWatcher()> watch = {};

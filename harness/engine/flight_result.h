@@ -45,7 +45,7 @@ struct FlightResult {
   std::vector<std::string> last_lines;
   bool is_of_any_seed = false;  // nothing was drawn at random: with another seed, this is the same flight
   std::string replay;           // the exact command; empty when it was not flown
-  // Of the only client, as harness/client/coverage.h says, when the job asks for it.
+  // Coverage of the only client (harness/client/coverage.h), when the job asks for it.
   CoverageKind coverage_kind = CoverageKind::kBlackBox;
   std::vector<std::uint32_t> coverage;
 
@@ -66,7 +66,7 @@ FlightResult MakeErrorResult(const std::string& name, const Scenario& scenario, 
                              const std::string& replay);
 
 std::vector<FlightEvent> EventsOf(const RunLog& log);
-// What may be the cause when a flight fails, and is none of the firmware's: one line for each.
+// Possible causes of a failed flight that are none of the firmware's: one line for each.
 std::vector<std::string> OtherCauses(const FlightResult& result);
 
 // From one process of this build to another, to the bit.

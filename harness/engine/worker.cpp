@@ -40,7 +40,7 @@ struct RecordingError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-// What the monitors of a flight in real time are told of its score.
+// The score that the monitors of a flight in real time receive.
 dds::Score Announced(const FlightResult& result) {
   dds::Score score;
   score.scenario = result.name;
@@ -223,7 +223,7 @@ WorkerResult FlyAndRecord(const FlightJob& job, WorkerReport& report, const std:
 
 constexpr std::uint8_t kAsksForNext = 1;
 
-// Of a whole result at the beginning of `bytes`, which is its size and then so many bytes.
+// Size of a whole result at the start of `bytes`, which is its size and then so many bytes; nullopt: it is not whole.
 std::optional<std::uint64_t> BodySize(std::span<const std::uint8_t> bytes) {
   std::uint64_t size = 0;
   if (bytes.size() < sizeof size) return std::nullopt;
@@ -243,7 +243,7 @@ bool WriteAll(int descriptor, std::span<const std::uint8_t> bytes) {
   return true;
 }
 
-// Whether the result was handed over.
+// True if the result was handed over.
 bool FlyAndHandOver(const FlightJob& job, WorkerReport& report, int channel,
                     const std::atomic<bool>* interrupted) {
   std::unique_ptr<Client> client;

@@ -1,4 +1,4 @@
-// What a worker process does: it flies a flight, scores it, lets it be recorded, and hands the result to its parent; then
+// Work of a worker process: it flies a flight, scores it, lets it be recorded, and hands the result to its parent. Then
 // it may be given the next.
 #pragma once
 
@@ -44,7 +44,7 @@ struct WorkerResult {
 };
 // Nullopt when `bytes` are not the whole of it: the worker ended before.
 std::optional<WorkerResult> ReadWorkerResult(std::span<const std::uint8_t> bytes);
-// Whether the result is followed by the word that the worker can fly another flight.
+// True if the result is followed by the word that the worker can fly another flight.
 bool AsksForNext(std::span<const std::uint8_t> bytes);
 
 // The jobs of which a worker holds a copy, since it was forked. They hold functions: a process can be told their numbers

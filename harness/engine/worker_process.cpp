@@ -32,7 +32,7 @@ constexpr TimeNs kLastChanceNs = kNsPerS;
 // with the flight, can take a while: as long as the flight, and so much more.
 constexpr TimeNs kStuckAtLeastNs = 10 * kNsPerS;
 
-// Of a firmware that took its flight with it.
+// The result of a firmware that took its flight with it.
 FlightResult FirmwareFailed(const FlightJob& job, Outcome outcome, const FirmwareEnd& end,
                             const std::string& reason) {
   FlightResult result = ErrorResult(job, reason);

@@ -38,7 +38,7 @@ class WorkerProcess {
 
   // Empty, or why there is none.
   std::string Start(const FlightJob& job, const std::atomic<bool>* interrupted, const KnownJobs& known);
-  // Whether it waits for a flight, and this is one that it can be given.
+  // True if it waits for a flight, and this is one that it can be given.
   bool CanGoOn(const FlightJob& job, std::uint64_t number) const;
   void GoOn(const FlightJob& job, std::uint64_t number);
   // Reads what it says and watches it. The result, once the process has ended or waits for a flight; `tell` gets lines
@@ -78,7 +78,7 @@ class WorkerProcess {
   std::uint64_t known_numbers_end_ = 0;  // of jobs that it has a copy of
   bool waits_ = false;
   bool left_flight_ = false;
-  // Of the present flight.
+  // State of the present flight.
   std::vector<std::uint8_t> result_bytes_;
   bool result_ended_ = false;
   WorkerReport* report_ = nullptr;

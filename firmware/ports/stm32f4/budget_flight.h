@@ -41,7 +41,7 @@ class BudgetFlight final : public firmware::Port {
     kBurst,  // the held ones and this one, one per ms: nearly as fast as the line
   };
 
-  // What is wrong with the vehicle.
+  // Defects of the vehicle.
   struct Faults {
     float right_rotor = 1;  // its share of the commanded thrust
     float z_m = 0;          // a lie of that sensor
@@ -96,7 +96,7 @@ class BudgetFlight final : public firmware::Port {
   static constexpr float kSpeed_m_s = 1;
   using Wire = std::array<std::uint8_t, link::FrameBytesMax(link::kSensorMessageBytes)>;
 
-  // Of that period's request.
+  // Queues the reply to that period's request.
   void Sense(Reply reply) {
     if (reply == Reply::kNone || held_count_ == kHeldMax) return;
     Sensors sensed = firmware::ToSensors(state_);

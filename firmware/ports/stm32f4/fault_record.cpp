@@ -116,7 +116,7 @@ extern "C" {
       ".ltorg");
 }
 
-// What the compiler and the library call when there is no way on.
+// The functions that the compiler and the library call when they cannot go on.
 [[noreturn]] void abort() { tiltproof::stm32f4::Fail(TILTPROOF_CAUSE_ASSERT); }
 // NOLINTNEXTLINE: its name is the compiler's
 [[noreturn]] void __cxa_pure_virtual() { tiltproof::stm32f4::Fail(TILTPROOF_CAUSE_ASSERT); }

@@ -1,4 +1,4 @@
-// How many instructions a piece of work takes, by timer 2: main_budgets.cpp says in which unit, and starts it.
+// Counts the instructions of a piece of work, by timer 2: main_budgets.cpp states its unit, and starts it.
 //
 //   const std::uint32_t instructions = Counted([&] { law.Step(sensors, reference); });
 #pragma once

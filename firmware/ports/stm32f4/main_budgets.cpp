@@ -1,4 +1,4 @@
-// What the flight costs, in executed instructions: lines `name value` on the console, then `done`.
+// Prints the flight's cost, in executed instructions: lines `name value` on the console, then `done`.
 //
 // Measured with timer 2, which counts at 84 MHz on the board: two core cycles. In the emulator an instruction takes exactly
 // a nanosecond with `-icount shift=0`, and with the right crystal timer 2 counts nanoseconds (tests/emulator/budgets_test.py).

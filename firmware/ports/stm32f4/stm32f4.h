@@ -39,7 +39,7 @@ inline constexpr std::uint32_t kRccAhb1GpioA = Bit(0), kRccAhb1GpioB = Bit(1), k
 inline constexpr std::uint32_t kRccApb1Tim2 = Bit(0), kRccApb1Usart2 = Bit(17), kRccApb1Usart3 = Bit(18);
 inline constexpr std::uint32_t kRccApb1Pwr = Bit(28);
 inline constexpr std::uint32_t kRccApb2Usart1 = Bit(4);
-// Why the chip was reset (7.3.21). The watchdog's and the software's resets set the pin's flag too.
+// Reset causes of the chip (7.3.21). The watchdog's and the software's resets set the pin's flag too.
 inline constexpr std::uint32_t kRccCsrRemoveFlags = Bit(24), kRccCsrPin = Bit(26), kRccCsrPowerOn = Bit(27);
 inline constexpr std::uint32_t kRccCsrSoftware = Bit(28), kRccCsrIwdg = Bit(29);
 

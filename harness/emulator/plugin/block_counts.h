@@ -1,10 +1,10 @@
-// How often each block of code is executed, for a harness that wants to know (harness::lockstep::BlockCounts).
+// Counts the executions of each block of code, for a harness that wants to know (harness::lockstep::BlockCounts).
 //
 //   block_counts.Use(4);         // an inherited descriptor of the memory
 //   block_counts.Mark(block);    // when a block is translated
 //
-// The emulator cuts a block wherever a timer is due or a register is read. What comes after such a cut is the same block
-// still: counted as one of its own, it would say when the cut was and not what the firmware did.
+// The emulator cuts a block wherever a timer is due or a register is read. The code after such a cut is the same block
+// still. A count of its own would show the time of the cut, and not the firmware's work.
 #pragma once
 
 #include <sys/mman.h>
@@ -44,7 +44,7 @@ class BlockCountsWriter {
     return harness::lockstep::BlockCounts::PlaceOf(static_cast<std::uint32_t>(address)).value_or(kNoPlace);
   }
 
-  // Whether a block ends with this instruction wherever it begins (ARMv7-M ARM, section A5).
+  // True if a block ends with this instruction wherever it begins (ARMv7-M ARM, section A5).
   static bool Branches(const qemu_plugin_insn* instruction) {
     std::uint16_t code[2] = {0, 0};
     const std::size_t size = qemu_plugin_insn_size(instruction);

@@ -1,4 +1,4 @@
-// What faults do to the board: it stands still, is reset, or bits of its memory flip, each at its virtual nanosecond.
+// Faults' effects on the board: it stands still, is reset, or bits of its memory flip, each at its virtual nanosecond.
 //
 //   plugin.stall_timer.Init(OnStallTimer, nullptr);
 #pragma once

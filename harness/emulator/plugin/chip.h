@@ -1,4 +1,4 @@
-// What QEMU's STM32F405 lacks, as one: every block in front of the machine's own.
+// The parts that QEMU's STM32F405 lacks, as one: every block in front of the machine's own.
 //
 //   chip.Init(options, core_clock);                     // before the first instruction
 //   chip.Reset(harness::lockstep::ResetCause::kPin);   // with every reset of the machine

@@ -60,7 +60,7 @@ class ClockTree final : public RegisterBlock {
 
   std::uint32_t hclk_hz() const { return hclk_hz_; }
   std::uint32_t pclk_hz(int bus) const { return hclk_hz_ >> ApbShift(bus); }
-  // Of the timers on APB1 or APB2: twice the bus's clock where that is divided (section 7.2).
+  // Clock of the timers on APB1 or APB2: twice the bus's clock where that is divided (section 7.2).
   std::uint32_t timer_hz(int bus) const { return hclk_hz_ >> (ApbShift(bus) == 0 ? 0 : ApbShift(bus) - 1); }
 
   // The first limit of the STM32F405 and F407, at a supply of 2.7 V or more, that these clocks break; empty: none.

@@ -1,4 +1,4 @@
-// Of the Cortex-M4 and the system memory of an STM32F405 what QEMU's machine lacks.
+// Parts of the Cortex-M4 and the system memory of an STM32F405 that QEMU's machine lacks.
 #pragma once
 
 #include <cstdint>

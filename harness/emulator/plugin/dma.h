@@ -56,7 +56,7 @@ class DmaController final : public RegisterBlock {
   static constexpr std::uint32_t kFlags = 0x3D;
   static constexpr std::array<unsigned, 4> kFlagShifts = {0, 6, 16, 22};
 
-  // Whether this channel of a stream is a USART's request (tables 42 and 43).
+  // True if this channel of a stream is a USART's request (tables 42 and 43).
   bool Requests(std::size_t stream, unsigned channel, int usart, Direction direction) const {
     struct Request {
       int controller;

@@ -1,4 +1,4 @@
-// What every block of the emulated chip is made of: a timer of the virtual clock, an interrupt, and registers
+// Common parts of every block of the emulated chip: a timer of the virtual clock, an interrupt, and registers
 // mapped over the machine's address space.
 //
 //   struct Unlocked : RegisterBlock {
@@ -79,7 +79,7 @@ class RegisterBlock {
                                         region_.data(), 1);
   }
 
-  // Of whole words; `offset` is a multiple of 4.
+  // Access to whole words; `offset` is a multiple of 4.
   virtual std::uint32_t Read(std::uint32_t offset) { return Word(offset); }
   virtual void Write(std::uint32_t offset, std::uint32_t value) { Word(offset) = value; }
 

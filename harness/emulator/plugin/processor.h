@@ -30,7 +30,7 @@ inline void ReadAsProcessor(void* cpu, std::uint32_t address, void* buffer, std:
   unmodelled.SetQuiet(false);
 }
 
-// Of a dump: "R13" for instance; 0 when it is not there.
+// The value of a register in a dump: "R13" for instance; 0 when it is not there.
 inline std::uint32_t RegisterIn(const std::string& dump, const char* name) {
   const std::size_t at = dump.find(std::string(name) + "=");
   if (at == dump.npos) return 0;

@@ -1,5 +1,5 @@
-// What the plug-in uses of QEMU 7.2: its public plug-in interface (version 1), and internal functions and
-// layouts, which Debian's qemu-system-arm exports but which are not part of any interface. The harness
+// The parts of QEMU 7.2 that the plug-in uses: its public plug-in interface (version 1), and internal functions and
+// layouts. Debian's qemu-system-arm exports the internal ones, but they are not part of any interface. The harness
 // therefore starts the plug-in only in 7.2.x and tests it first (harness/emulator/lockstep_self_test.h).
 //
 // Names and signatures are QEMU's: include/qemu/qemu-plugin.h, include/qemu/timer.h, include/hw/clock.h,

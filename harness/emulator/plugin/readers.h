@@ -48,7 +48,7 @@ class Readers {
     }
   }
 
-  // Whether the processor's thread has work to do for it, before anything else.
+  // True if the processor's thread has work to do for it, before anything else.
   bool Renew() {
     if (grown_) tb_flush(cpu_);
     return std::exchange(grown_, false);

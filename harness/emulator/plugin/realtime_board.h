@@ -1,5 +1,5 @@
-// What the harness cannot see from outside of a board that runs by the clock on the wall, written to memory that it has
-// mapped, too (harness::lockstep::RealtimeBoard).
+// Notes the hidden state of a board that runs by the clock on the wall: the harness cannot see it from outside. The
+// notes go to memory that the harness has mapped, too (harness::lockstep::RealtimeBoard).
 #pragma once
 
 #include <sys/mman.h>

@@ -1,4 +1,4 @@
-// How virtual time passes while the processor executes nothing: when the firmware sleeps.
+// Advances virtual time while the processor executes nothing: when the firmware sleeps.
 //
 //   async_run_on_cpu(cpu, SleepWork, {});         // it has executed WFI
 //   async_run_on_cpu(cpu, WaitForEventWork, {});  // or WFE

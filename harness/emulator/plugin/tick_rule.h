@@ -30,7 +30,7 @@ class TickRule {
 
  private:
   Now before_{};  // the tick before
-  // Of the ticks that came at once with that one, the tick before the first when the thread hardly ran from there on.
+  // The last tick before those that came at once with that one, if the thread hardly ran since it; otherwise that one.
   std::int64_t idle_since_ns_ = 0;
 };
 

@@ -48,7 +48,7 @@ class Unmodelled {
   static constexpr int kPriority = -500;
   static constexpr std::uint32_t kOk = 0, kDecodeError = 2;  // MEMTX_OK, MEMTX_DECODE_ERROR
 
-  // Whether QEMU has something at an address.
+  // True if QEMU has something at an address.
   static bool Answers(std::uint32_t address) {
     // AHB1 ends below, and AHB2 begins above: the space between them is empty.
     constexpr std::uint32_t kAhb1End = 0x4008'0000, kAhb2 = 0x5000'0000;

@@ -29,7 +29,7 @@ class UsartUnit final : public RegisterBlock {
     std::function<void(int number)> taken;                        // the receiver has room again
     std::function<void(int number)> programmed;                   // CR1 has been written
   };
-  // What determines its rate.
+  // Registers and clock that determine its rate.
   struct Settings {
     std::uint32_t brr, cr1, cr3, clock_hz;
   };
@@ -62,10 +62,10 @@ class UsartUnit final : public RegisterBlock {
     Serve();
   }
 
-  // Whether the last byte has been read.
+  // True if the last byte has been read.
   bool Free() const { return (flags_ & kNotEmpty) == 0; }
   bool Receives() const { return On(kReceiverOn); }
-  // Of the divider; 0: it has none (RCC).
+  // Input clock of the divider; 0: it has none (RCC).
   std::uint32_t clock_hz() const { return has_clock() ? Clock() : 0; }
   Settings settings() const { return {Word(kBaudRate), Word(kControl1), Word(kControl3), Clock()}; }
 
@@ -124,7 +124,7 @@ class UsartUnit final : public RegisterBlock {
   std::uint32_t Clock() const { return clocks_->pclk_hz(number_ == 1 || number_ == 6 ? 2 : 1); }
   std::uint32_t Status() const { return flags_ | (full_ ? 0 : kTransmitEmpty); }
 
-  // Of one character with its start and stop bits (sections 30.3.2 and 30.3.4); 0 without a rate.
+  // Duration of one character with its start and stop bits (sections 30.3.2 and 30.3.4); 0 without a rate.
   std::int64_t ByteNs() const {
     const bool over8 = (Word(kControl1) & kOver8) != 0;
     const std::uint32_t divider = Word(kBaudRate);
