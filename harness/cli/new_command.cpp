@@ -41,7 +41,7 @@ reference:
   type: hover
   at_m: [0, 0, 2]
 
-# What goes wrong, and when. `tiltproof faults` prints all types.
+# Faults and their windows. `tiltproof faults` prints all types.
 faults:
   - id: lost-replies
     type: frame.drop
@@ -52,7 +52,7 @@ faults:
     parameters:
       probability: 1       # ... is lost for sure
 
-# What counts as success: formulas over the trace, and metrics with bounds.
+# Criteria of success: formulas over the trace, and metrics with bounds.
 criteria:
   - name: stays-near
     stl: "always[2,12](position_error_m <= 0.5)"
