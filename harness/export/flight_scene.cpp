@@ -11,7 +11,7 @@ namespace tiltproof::harness {
 namespace {
 
 using Vector = std::array<double, 3>;
-// Of unit length.
+// A quaternion of unit length.
 struct Quaternion {
   double x, y, z, w;
 };
@@ -22,12 +22,12 @@ Vector Cross(const Vector& a, const Vector& b) {
   return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
 }
 
-// First b, then a.
+// Turns by b first, then by a.
 Quaternion operator*(const Quaternion& a, const Quaternion& b) {
   return {a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y, a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x,
           a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w, a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z};
 }
-// About a unit axis.
+// Turns about a unit axis.
 Quaternion Turn(const Vector& axis, double angle_rad) {
   const double half = std::sin(angle_rad / 2);
   return {axis[0] * half, axis[1] * half, axis[2] * half, std::cos(angle_rad / 2)};

@@ -24,10 +24,10 @@ namespace tiltproof::harness {
 
 class FlightScene {
  public:
-  // Without a vehicle there are only the axes of its body, and the reference path. Both arguments must outlive this.
+  // Shows only the axes of the body and the reference path when there is no vehicle. Both arguments must outlive this.
   FlightScene(const Trace& trace, const std::optional<VehicleShape>& vehicle);
 
-  // foxglove.FrameTransform, one for each frame. None for a row with a pose that is not finite.
+  // foxglove.FrameTransform, one for each frame. A row with a pose that is not finite has none.
   std::vector<std::string> Transforms(TimeNs time_ns, std::span<const double> row) const;
   // foxglove.SceneUpdate, for the whole flight: the reference path in `world`, and each part of the vehicle in its frame.
   std::string Update() const;

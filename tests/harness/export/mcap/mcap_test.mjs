@@ -162,7 +162,7 @@ function checkFrames(frames, taps, hexOf) {
 
 const kSceneTopics = ["/tiltproof/frame_transform", "/tiltproof/scene_update"];
 
-// What a schema says, without what it says for people.
+// A schema without its texts for people.
 function bare(schema) {
   if (Array.isArray(schema)) return schema.map(bare);
   if (typeof schema !== "object" || schema === null) return schema;
@@ -240,7 +240,7 @@ function checkScene(reader, messages, trace) {
     }
     const position = at(r, "x_m", "y_m", "z_m");
     assert.deepEqual(toWorld(ofRow, "body", [0, 0, 0]), position);
-    // By three turns about the world's axes, x first.
+    // Turns about the world's axes, x first.
     const [roll, pitch, yaw] = at(r, "roll_rad", "pitch_rad", "yaw_rad");
     const inWorld = (v) => turned(turned(turned(v, [1, 0, 0], roll), [0, 1, 0], pitch), [0, 0, 1], yaw);
     for (const v of [[1, 0, 0], [0, 1, 0], [0, 0, 1]]) near(minus(toWorld(ofRow, "body", v), position), inWorld(v), "attitude");
