@@ -57,7 +57,7 @@ std::vector<std::string> Figures(const Score& score, bool is_short) {
   return figures;
 }
 
-// All that kept a flight from passing: first what decided, last what may be the cause and is none of the firmware's.
+// All that kept a flight from passing: first what decided, last what may be the cause of it.
 struct Why {
   std::vector<std::string> lines;
   std::string undecided;  // what the early end of a failed flight left open; a line, or empty

@@ -1,7 +1,9 @@
 #include <fmt/format.h>
 
 #include "harness/cli/commands.h"
+#include "harness/cli/report_command.h"
 #include "harness/cli/run_folder.h"
+#include "harness/cli/suite.h"
 #include "harness/export/flight_csv.h"
 #include "harness/export/flight_mcap.h"
 #include "harness/report/files.h"
@@ -35,6 +37,16 @@ std::string RunIdOf(const OldRun& run, const fs::path& flight) {
       .substr(0, dds::kIdBytesMax);
 }
 
+std::optional<VehicleShape> VehicleOf(const fs::path& flight) {
+  try {
+    return ShapeOf(*LoadFlown(flight).model);
+  } catch (const std::exception& error) {
+    Print(stderr, "warning: {}\nwarning: the export of {} shows the vehicle's axes, not its shape\n",
+          error.what(), flight.filename().string());
+    return std::nullopt;
+  }
+}
+
 void ExportFlight(const OldRun& run, const fs::path& flight_folder, const std::string& to,
                   const fs::path& output) {
   const RecordedFlight flight = ReadRecordedFlight(flight_folder, RunIdOf(run, flight_folder));
@@ -46,7 +58,8 @@ void ExportFlight(const OldRun& run, const fs::path& flight_folder, const std::s
   }
   if (output.has_parent_path()) fs::create_directories(output.parent_path());
   NewFile file(output);
-  WriteMcap(flight, run.info.mode == "realtime" ? McapTypes::kIdl : McapTypes::kJson,
+  WriteMcap(flight, VehicleOf(flight_folder),
+            run.info.mode == "realtime" ? McapTypes::kIdl : McapTypes::kJson,
             [&file](std::string_view bytes) { file.Write(bytes); });
   file.Finish();
 }

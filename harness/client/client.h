@@ -14,6 +14,7 @@
 #include "faults/model.h"
 #include "harness/client/coverage.h"
 #include "harness/client/firmware_end.h"
+#include "harness/client/stack_use.h"
 #include "link/fields.h"
 #include "link/time.h"
 
@@ -46,6 +47,10 @@ inline constexpr const char* kBoardStateEvent = "board_state";
 inline constexpr const char* kSlowAdapterEvent = "slow_adapter";
 // The firmware uses a block of the chip that the emulated board does not model: an explanation when the flight fails.
 inline constexpr const char* kUnmodelledEvent = "unmodelled_block";
+// The firmware's stack pointer left a stack at its lower end: an explanation when the flight fails.
+inline constexpr const char* kStackOverflowEvent = "stack_overflow";
+// The use of the stacks when the flight is over. The client's record keeps it, and the events of the flight do not.
+inline constexpr const char* kStackUseEvent = "stack_use";
 // Bytes that arrived before the previous byte had been read.
 inline constexpr const char* kOverrunEvent = "uart_overrun";
 
@@ -55,9 +60,10 @@ struct DeviceEvent {
   std::optional<std::size_t> fault;  // the fault that caused it: its index in the scenario
   std::string kind;                  // kResetEvent, "bit_flipped", kOverrunEvent, ...
   std::string text;
-  std::int64_t overruns_count = 0;  // for a kOverrunEvent: bytes lost
-  std::string block = {};           // for a kUnmodelledEvent: its name
-  TILTPROOF_FIELDS(time_ns, fault, kind, text, overruns_count, block)
+  std::int64_t overruns_count = 0;    // for a kOverrunEvent: bytes lost
+  std::string block = {};             // for a kUnmodelledEvent: its name
+  std::vector<StackUse> stacks = {};  // for a kStackUseEvent
+  TILTPROOF_FIELDS(time_ns, fault, kind, text, overruns_count, block, stacks)
 };
 
 // Functions that a client may call while it runs. Times are boot time.

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "firmware/tiltproof_client.h"
+#include "harness/client/board_stacks.h"
 #include "harness/client/device_clock.h"
 #include "harness/client/emulator_limits.h"
 #include "harness/client/firmware_guard.h"
@@ -38,16 +39,6 @@ constexpr std::size_t kLineBytesMax = 1000;
 // The last exception that is a fault (ARMv7-M ARM, table B1-4).
 constexpr int kUsageFault = 6;
 
-// QEMU's reason to give up the processor, from its output: "Lockup: can't escalate 3 to HardFault ..."; empty when it
-// did not.
-std::string FatalLine(std::string_view errors) {
-  constexpr std::string_view kFatal = "qemu: fatal: ";
-  const std::size_t fatal = errors.find(kFatal);
-  if (fatal == errors.npos) return {};
-  errors.remove_prefix(fatal + kFatal.size());
-  return std::string(errors.substr(0, errors.find('\n')));
-}
-
 lockstep::Mark ToMark(faults::ReceiveMark mark) {
   switch (mark) {
     case faults::ReceiveMark::kOverrun:
@@ -60,20 +51,6 @@ lockstep::Mark ToMark(faults::ReceiveMark mark) {
       break;
   }
   return lockstep::Mark::kNone;
-}
-
-std::string_view Name(lockstep::ResetCause cause) {
-  switch (cause) {
-    case lockstep::ResetCause::kPin:
-      return "pin";
-    case lockstep::ResetCause::kWatchdog:
-      return "watchdog";
-    case lockstep::ResetCause::kSoftware:
-      return "the firmware itself";
-    case lockstep::ResetCause::kNone:
-      break;
-  }
-  return "unknown";
 }
 
 // The plug-in receives and sends times of the board's clock: plain numbers, which clock_ makes boot time.
@@ -97,6 +74,8 @@ class EmulatorClient final : public Client {
     for (const std::string& name : watch) watched_.push_back(FindVariable(spec.image, name));
     spec_.ideal_lines = lines.main_baud == 0;
     board_.emplace(spec_);
+    stacks_.emplace(*symbols_);
+    stacks_->Watch(*board_);
   }
 
   bool RunsOn() const override { return true; }
@@ -143,8 +122,10 @@ class EmulatorClient final : public Client {
       now_ = stopped.at_ns;
       last_active_ = std::max(last_active_, stopped.last_slept_ns);
       if (stopped.locked_up) ThrowLockedUp(stopped.at_ns);
-      if (const auto broken = limits_.Broken([this](TimeNs at) { return TimeText(at); }); !broken.empty())
+      if (const auto broken = limits_.Broken([this](TimeNs at) { return TimeText(at); }); !broken.empty()) {
+        TellStacks();
         throw FirmwareTrouble(false, broken, OnBoard());
+      }
       TransmitDamaged(stopped.at_ns);
       if (stopped.at_ns - last_active_ > kBusyMax && (started() || stopped.at_ns > start_within_ns_))
         ThrowHangs(stopped.at_ns);
@@ -175,6 +156,7 @@ class EmulatorClient final : public Client {
     for (OverrunRows& rows : overruns_)
       if (const auto row = rows.End()) host_.event(*row);
     if (lost_) return std::nullopt;
+    TellStacks();
     TellState();
     try {
       if (const auto status = ReadStatus())
@@ -254,6 +236,7 @@ class EmulatorClient final : public Client {
   }
 
   Findings Examine(Condition condition, TimeNs now) {
+    TellStacks();  // before it is run on
     StoppedInLockstep stopped(*board_, now);
     const Findings found = harness::Examine(stopped, *symbols_, *source_, Roles(), condition);
     for (const std::string& line : found.lines) Log(now, line);
@@ -291,6 +274,18 @@ class EmulatorClient final : public Client {
     Log(now, fatal);
     const Findings found = Examine(Condition::kLockedUp, now);
     throw FirmwareTrouble(false, CrashText(found, TimeText(now)), OnBoard());
+  }
+
+  void TellStacks() {
+    if (std::exchange(stacks_told_, true)) return;
+    try {
+      DeviceEvent use{
+          .time_ns = clock_.When(now_), .fault = std::nullopt, .kind = kStackUseEvent, .text = {}};
+      use.stacks = stacks_->Read(*board_);
+      host_.event(use);
+    } catch (const EmulatorTrouble&) {
+      // The flight has been flown; only this word is missing.
+    }
   }
 
   // Reports the state of a firmware that never started, or that sleeps in the handler of a fault.
@@ -442,6 +437,11 @@ class EmulatorClient final : public Client {
         Log(event.at_ns, out.text);
         break;
       }
+      case lockstep::EventKind::kStackOverflow:
+        out.kind = kStackOverflowEvent;
+        out.text = stacks_->OverflowText(event, *source_);
+        Log(event.at_ns, out.text);
+        break;
       case lockstep::EventKind::kOverrun:
         if (auto row =
                 overruns_[event.value == static_cast<std::uint32_t>(lockstep::Usart::kMain) ? 0 : 1].Take(
@@ -474,6 +474,8 @@ class EmulatorClient final : public Client {
   std::vector<WatchedVariable> watched_;
   std::optional<MemoryRegion> status_;  // of the image; none: it has no such symbol
   std::optional<EmulatorProcess> board_;
+  std::optional<BoardStacks> stacks_;
+  bool stacks_told_ = false;
   DeviceClock clock_;
   std::deque<DeviceEvent> drifts_;  // to be told when they begin, in order
   std::vector<lockstep::ReceivedByte> received_;

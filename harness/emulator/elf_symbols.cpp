@@ -133,6 +133,36 @@ std::optional<MemoryRegion> ElfSymbols::FindStack() const {
   return MemoryRegion{variables_end_, *stack_pointer_ - variables_end_};
 }
 
+std::optional<MemoryRegion> ElfSymbols::MainStack() const {
+  if (!stack_pointer_ || !IsStackPointer(*stack_pointer_)) return std::nullopt;
+  const std::uint32_t end = *stack_pointer_;
+  const MemoryRegion& memory = Holds(kRam, std::uint64_t{end} - 4, 4) ? kRam : kCoreCoupledRam;
+  const auto down_to = [&](std::uint32_t begin) -> std::optional<MemoryRegion> {
+    if (begin % 4 != 0 || begin < memory.address || begin >= end) return std::nullopt;
+    return MemoryRegion{begin, end - begin};
+  };
+  for (const char* lowest : {"_sstack", "__StackLimit", "__stack_limit", "__main_stack_base__"})
+    if (const Symbol* begin = Find(lowest))
+      if (const auto stack = down_to(begin->address)) return stack;
+  // The value of a symbol that is a size is its address.
+  const Symbol* size = Find(kStackSize);
+  return size == nullptr ? std::nullopt : down_to(end - size->address);
+}
+
+std::vector<std::pair<std::string, MemoryRegion>> ElfSymbols::Variables() const {
+  std::map<std::uint32_t, std::pair<std::string, MemoryRegion>> by_address;
+  for (const Symbol& symbol : symbols_) {
+    const MemoryRegion region{symbol.address, symbol.size_bytes};
+    const bool in_ram = Holds(kRam, region.address, region.size_bytes) ||
+                        Holds(kCoreCoupledRam, region.address, region.size_bytes);
+    // The last one is the demangled name.
+    if (symbol.is_variable && in_ram) by_address[symbol.address] = {symbol.name, region};
+  }
+  std::vector<std::pair<std::string, MemoryRegion>> variables;
+  for (auto& [address, variable] : by_address) variables.push_back(std::move(variable));
+  return variables;
+}
+
 std::optional<MemoryRegion> ElfSymbols::FindRegion(std::string_view name) const {
   if (name == "ram") return kRam;
   for (const Section& section : kSections) {

@@ -11,6 +11,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "harness/emulator/stm32f405.h"
@@ -38,6 +39,11 @@ class ElfSymbols {
   std::optional<MemoryRegion> FindRegion(std::string_view name) const;
   // The same, or std::runtime_error with similar names.
   MemoryRegion Region(std::string_view name) const;
+  // The main stack, from the initial stack pointer down to one of the symbols that linker scripts have for its lowest address, or as many
+  // bytes as _Min_Stack_Size (harness/emulator/image_stacks.h). Nullopt when the image has neither.
+  std::optional<MemoryRegion> MainStack() const;
+  // All variables in RAM, by address: each one once, named as in the source.
+  std::vector<std::pair<std::string, MemoryRegion>> Variables() const;
   // The variable that holds an address: `tick_count`, or `rings + 0x108` for one inside it. "" when there is none.
   std::string NameAt(std::uint32_t address) const;
 

@@ -48,6 +48,28 @@ std::vector<std::string> PluginArguments(const EmulatorSpec& spec, const std::st
   return {"-plugin", spec.plugin + "," + arguments + ",hse=" + std::to_string(spec.hse_hz)};
 }
 
+std::string FatalLine(std::string_view errors) {
+  constexpr std::string_view kFatal = "qemu: fatal: ";
+  const std::size_t fatal = errors.find(kFatal);
+  if (fatal == errors.npos) return {};
+  errors.remove_prefix(fatal + kFatal.size());
+  return std::string(errors.substr(0, errors.find('\n')));
+}
+
+std::string_view Name(lockstep::ResetCause cause) {
+  switch (cause) {
+    case lockstep::ResetCause::kPin:
+      return "pin";
+    case lockstep::ResetCause::kWatchdog:
+      return "watchdog";
+    case lockstep::ResetCause::kSoftware:
+      return "the firmware itself";
+    case lockstep::ResetCause::kNone:
+      break;
+  }
+  return "unknown";
+}
+
 EmulatorProcess::EmulatorProcess(const EmulatorSpec& spec)
     : hung_after_ns_(spec.gdb_port == 0 ? kHungAfterNs : kNever) {
   std::array<int, 2> ends{};
@@ -172,6 +194,12 @@ lockstep::UsartStates EmulatorProcess::UsartStates() {
   Append(lockstep::Kind::kReadUsarts, {});
   Flush();
   return Next().As<lockstep::UsartStates>();
+}
+
+std::vector<std::uint32_t> EmulatorProcess::LowestStackPointers() {
+  Append(lockstep::Kind::kReadStacks, {});
+  Flush();
+  return Next().All<std::uint32_t>();
 }
 
 void EmulatorProcess::Unmap::operator()(lockstep::BlockCounts* counts) const {

@@ -17,6 +17,7 @@
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <type_traits>
 #include <vector>
 
@@ -49,6 +50,12 @@ struct EmulatorSpec {
 
 // Arguments of QEMU that load the plug-in with the rest of its own arguments, "a=1,b=2".
 std::vector<std::string> PluginArguments(const EmulatorSpec& spec, const std::string& arguments);
+
+// QEMU's reason to give up the processor, from its output: "Lockup: can't escalate 3 to HardFault ..."; empty when it
+// did not.
+std::string FatalLine(std::string_view errors);
+// As a user reads it: "reset by ...".
+std::string_view Name(lockstep::ResetCause cause);
 
 // The emulated board or its emulator failed.
 struct EmulatorTrouble : std::runtime_error {
@@ -97,6 +104,8 @@ class EmulatorProcess {
   std::vector<std::uint8_t> ReadMemory(std::uint32_t address, std::uint32_t size);
   std::string Registers();
   lockstep::UsartStates UsartStates();
+  // The lowest one in each watched stack (lockstep::Kind::kWatchStacks).
+  std::vector<std::uint32_t> LowestStackPointers();
 
   // The number of executions of each block of code, by its place (lockstep::BlockCounts); also when the emulator has
   // ended. Empty unless its spec asks for coverage.

@@ -14,20 +14,22 @@
 
 namespace tiltproof::harness::lockstep {
 
-inline constexpr std::uint32_t kProtocolVersion = 8;
+inline constexpr std::uint32_t kProtocolVersion = 9;
 inline constexpr std::uint32_t kBodyBytesMax = 1 << 20;
 
 enum class Kind : std::uint32_t {
   // To the plug-in.
-  kReceive,     // ReceivedByte[]
-  kStall,       // Stall
-  kFlipBits,    // FlipBits
-  kReadMemory,  // ReadMemory; answered with kMemory
-  kReadUsarts,  // answered with kUsarts
-  kWriteCode,   // WriteCode
-  kDumpState,   // answered with kState
-  kRun,         // Run
-  kBreak,       // Break
+  kReceive,      // ReceivedByte[]
+  kStall,        // Stall
+  kFlipBits,     // FlipBits
+  kReadMemory,   // ReadMemory; answered with kMemory
+  kReadUsarts,   // answered with kUsarts
+  kWriteCode,    // WriteCode
+  kDumpState,    // answered with kState
+  kRun,          // Run
+  kBreak,        // Break
+  kWatchStacks,  // WatchedStack[], before the first kRun
+  kReadStacks,   // answered with kStacks
   // From the plug-in.
   kHello,        // Hello
   kTransmit,     // TransmittedByte[]
@@ -36,6 +38,7 @@ enum class Kind : std::uint32_t {
   kMemory,       // the bytes
   kState,        // text: the processor's registers
   kUsarts,       // UsartStates
+  kStacks,       // the lowest stack pointer seen in each watched stack (uint32); its end: none
   kLastWords,    // LastWords, then the processor's registers as text
   kBrokenLimit,  // text: what no chip does, and the firmware has asked for
   kStopped,      // Stopped
@@ -108,6 +111,12 @@ struct LastWords {
   std::uint32_t stack[128];
 };
 
+// A stack of the firmware, which grows from `end` down to `begin`. They do not overlap.
+inline constexpr std::uint32_t kWatchedStacksMax = 64;
+struct WatchedStack {
+  std::uint32_t begin, end;
+};
+
 struct Run {
   std::int64_t until_ns;
   // Nothing that answers a frame reaches the firmware sooner than this after the firmware has given the frame's last
@@ -148,6 +157,9 @@ enum class EventKind : std::uint32_t {
   kBitFlipped,   // value: the fault; address, before, after
   kOverrun,      // value: the Usart; a byte came before the previous one was read
   kUnmodelled,  // value: PC; address, before: 1 for a write; the first access to a page that no block is modelled in
+  // value: PC; address: the stack pointer; before: the watched stack, by its number, that it has left at its lower end. Once
+  // for each stack.
+  kStackOverflow,
 };
 
 struct Event {

@@ -56,6 +56,9 @@ FlightResult MakeResult(const std::string& name, const Scenario& scenario, const
   result.events = EventsOf(log);
   for (const ClientLog& client : log.clients) {
     if (log.end_reason == EndReason::kFirmwareLost) AddLastLines(client.firmware_log, result.last_lines);
+    for (const StackUse& stack : client.stacks.value_or(std::vector<StackUse>()))
+      result.stacks.push_back({client.id.empty() ? std::nullopt : std::optional(client.id), stack.name,
+                               stack.size_bytes, stack.used_bytes_max, stack.overflowed});
     if (!client.unmodelled_blocks) continue;
     auto& blocks = result.unmodelled_blocks;
     for (const std::string& block : *client.unmodelled_blocks)
@@ -79,7 +82,10 @@ std::vector<FlightEvent> EventsOf(const RunLog& log) {
 std::vector<std::string> OtherCauses(const FlightResult& result) {
   std::vector<std::string> causes;
   for (const FlightEvent& event : result.events)
-    if (event.kind == kSlowAdapterEvent) causes.push_back(event.text);
+    if (event.kind == kSlowAdapterEvent)
+      causes.push_back(event.text);
+    else if (event.kind == kStackOverflowEvent)
+      causes.push_back(fmt::format("{}, at {:.3f} s", event.text, event.time_s));
   if (!result.unmodelled_blocks.empty())
     causes.push_back(fmt::format(
         "the firmware uses {}, which the emulated board does not model: on a chip it may do something else "

@@ -27,6 +27,17 @@ struct FlightEvent {
   TILTPROOF_FIELDS(time_s, kind, client, text)
 };
 
+// A StackUse as files hold it: with its client by name.
+struct FlightStack {
+  std::optional<std::string> client;  // none: the only one
+  std::string name;
+  std::int64_t size_bytes = 0;
+  std::int64_t used_bytes_max = 0;
+  bool overflowed = false;
+  static constexpr bool kLeavesOutNull = true;
+  TILTPROOF_FIELDS(client, name, size_bytes, used_bytes_max, overflowed)
+};
+
 struct FlightResult {
   std::string name;  // unique in its run
   Verdict expected = Verdict::kPass;
@@ -40,6 +51,7 @@ struct FlightResult {
   Score score;
   // Blocks of the chip that a firmware uses and the emulated board does not model.
   std::vector<std::string> unmodelled_blocks;
+  std::vector<FlightStack> stacks;  // of images on the emulated board, in lockstep
   std::vector<FlightEvent> events;
   // The last lines that a firmware printed before it went away.
   std::vector<std::string> last_lines;
@@ -54,8 +66,8 @@ struct FlightResult {
   static constexpr std::array<std::string_view, 6> kNotInFiles = {
       "score", "events", "last_lines", "is_of_any_seed", "coverage_kind", "coverage"};
   TILTPROOF_FIELDS(name, expected, seed, trace_hash, end_reason, outcome, firmware_end, wall_s,
-                   real_time_factor, score, unmodelled_blocks, events, last_lines, is_of_any_seed, replay,
-                   coverage_kind, coverage)
+                   real_time_factor, score, unmodelled_blocks, stacks, events, last_lines, is_of_any_seed,
+                   replay, coverage_kind, coverage)
 };
 
 // Scores a flight.
@@ -66,7 +78,7 @@ FlightResult MakeErrorResult(const std::string& name, const Scenario& scenario, 
                              const std::string& replay);
 
 std::vector<FlightEvent> EventsOf(const RunLog& log);
-// Possible causes of a failed flight that are none of the firmware's: one line for each.
+// Possible causes of a failure beside what decided the verdict: one line for each.
 std::vector<std::string> OtherCauses(const FlightResult& result);
 
 // From one process of this build to another, to the bit.

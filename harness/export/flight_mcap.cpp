@@ -7,6 +7,8 @@
 #include <type_traits>
 
 #include "harness/dds/cdr.h"
+#include "harness/export/flight_scene.h"
+#include "harness/export/foxglove_schemas.h"
 #include "harness/export/mcap_writer.h"
 #include "harness/export/signal_topics.h"
 #include "harness/report/json_fields.h"
@@ -57,11 +59,13 @@ std::string TopicName(std::string_view name) { return fmt::format("/tiltproof/{}
 
 class Export {
  public:
-  Export(const RecordedFlight& flight, McapTypes types, const std::function<void(std::string_view)>& sink)
-      : flight_(flight), types_(types), mcap_(sink) {}
+  Export(const RecordedFlight& flight, const std::optional<VehicleShape>& vehicle, McapTypes types,
+         const std::function<void(std::string_view)>& sink)
+      : flight_(flight), types_(types), mcap_(sink), scene_(flight.trace, vehicle) {}
 
   void Write() {
     Gather();
+    DeclareScene();
     DeclareSignals();
     std::stable_sort(messages_.begin(), messages_.end(),
                      [](const Message& a, const Message& b) { return a.time_ns < b.time_ns; });
@@ -177,6 +181,20 @@ class Export {
     mcap_.Write(frames_topic_, record.begin_ns, Encoded(tap));
   }
 
+  McapWriter::Topic DeclareFoxglove(std::string_view name, const char* type, const Json& schema) {
+    return mcap_.AddTopic({.topic = TopicName(name),
+                           .schema = type,
+                           .schema_encoding = "jsonschema",
+                           .schema_data = JsonText(schema),
+                           .message_encoding = "json"});
+  }
+
+  void DeclareScene() {
+    transforms_topic_ = DeclareFoxglove("frame_transform", kFrameTransform, FrameTransformSchema());
+    messages_.push_back(
+        {0, DeclareFoxglove("scene_update", kSceneUpdate, SceneUpdateSchema()), scene_.Update()});
+  }
+
   struct Signals {
     SignalTopic columns;
     McapWriter::Topic topic;
@@ -209,6 +227,8 @@ class Export {
   void WriteRow(std::size_t r) {
     const TimeNs time_ns = flight_.times_ns[r];
     const auto row = flight_.trace.row(r);
+    for (const std::string& transform : scene_.Transforms(time_ns, row))
+      mcap_.Write(transforms_topic_, time_ns, transform);
     for (const Signals& signals : signals_) {
       if (!HasBusType(signals.columns)) {
         mcap_.Write(signals.topic, time_ns,
@@ -239,6 +259,8 @@ class Export {
   const RecordedFlight& flight_;
   McapTypes types_;
   McapWriter mcap_;
+  FlightScene scene_;
+  McapWriter::Topic transforms_topic_ = 0;
   std::vector<Message> messages_;
   std::vector<LinkRecord> frames_;
   McapWriter::Topic frames_topic_ = 0;
@@ -249,9 +271,9 @@ class Export {
 
 }  // namespace
 
-void WriteMcap(const RecordedFlight& flight, McapTypes types,
+void WriteMcap(const RecordedFlight& flight, const std::optional<VehicleShape>& vehicle, McapTypes types,
                const std::function<void(std::string_view)>& sink) {
-  Export(flight, types, sink).Write();
+  Export(flight, vehicle, types, sink).Write();
 }
 
 }  // namespace tiltproof::harness

@@ -130,6 +130,10 @@ void ClientChannel::Hear(std::span<const faults::News> news) {
 }
 
 void ClientChannel::OnEvent(const DeviceEvent& event) {
+  if (event.kind == kStackUseEvent) {
+    stacks_ = event.stacks;
+    return;
+  }
   events_.push_back(event);
   receive_overruns_count_ += event.overruns_count;
   if (!event.block.empty()) unmodelled_blocks_.push_back(event.block);
@@ -149,6 +153,7 @@ void ClientChannel::Finish(Origin origin, RunLog& log) {
     own.firmware_log += fmt::format("{:.6f} {}\n", ToSeconds(of_log.SimulationTime(time_ns)), text);
   if (client_ != nullptr && client_->RunsOn()) own.receive_overruns_count = receive_overruns_count_;
   if (!unmodelled_blocks_.empty()) own.unmodelled_blocks = std::move(unmodelled_blocks_);
+  if (!stacks_.empty()) own.stacks = std::move(stacks_);
   for (DeviceEvent& event : events_)
     log.events.push_back(
         {of_log.SimulationTime(event.time_ns), std::move(event.kind), std::move(event.text), index_});

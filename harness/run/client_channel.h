@@ -91,6 +91,7 @@ class ClientChannel {
   std::vector<DeviceEvent> events_;
   std::int64_t receive_overruns_count_ = 0;
   std::vector<std::string> unmodelled_blocks_;
+  std::vector<StackUse> stacks_;
   Origin origin_;
   bool commanded_ = false;  // in this turn
 

@@ -10,6 +10,7 @@
 
 #include "faults/fault.h"
 #include "harness/client/firmware_end.h"
+#include "harness/client/stack_use.h"
 #include "harness/run/link_log.h"
 #include "harness/run/trace.h"
 #include "link/chunk.h"
@@ -152,8 +153,10 @@ struct ClientLog {
   std::vector<Restart> restarts;  // after t = 0, in order
   // Blocks of the chip that its firmware uses and the emulated board does not model, in the order of their first use.
   std::optional<std::vector<std::string>> unmodelled_blocks;  // absent: none
-  std::optional<std::int64_t> failsafe_entered_count;         // absent when the client cannot say
-  std::optional<std::int64_t> receive_overruns_count;         // bytes lost by its receiver; absent as above
+  std::optional<std::vector<StackUse>>
+      stacks;  // of its image, in the order of their addresses; absent: none measured
+  std::optional<std::int64_t> failsafe_entered_count;  // absent when the client cannot say
+  std::optional<std::int64_t> receive_overruns_count;  // bytes lost by its receiver; absent as above
   std::vector<TimeNs> request_times_ns;       // arrival at the server of each accepted sensor request
   std::vector<TimeNs> sent_request_times_ns;  // when the client sent each, before any fault on the line
   std::vector<TimeNs>
@@ -170,7 +173,7 @@ struct ClientLog {
   static constexpr bool kLeavesOutNull = true;
   TILTPROOF_FIELDS(id, counts, accepted_wrong_count, accepted_stale_count, resync_max_ns,
                    starts_accepted_count, failsafe_entered_count, receive_overruns_count, restarts,
-                   unmodelled_blocks, request_times_ns, sent_request_times_ns, reply_latency_ns,
+                   unmodelled_blocks, stacks, request_times_ns, sent_request_times_ns, reply_latency_ns,
                    actuator_times_ns, client_round_trip_ns, protocol, line_mistakes)
 };
 

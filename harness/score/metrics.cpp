@@ -379,6 +379,13 @@ class Calculator {
     Set(of_link("resync_max_ms"), Milliseconds(own.resync_max_ns));
     if (own.failsafe_entered_count) SetCount(firmware("failsafe_entered_count"), *own.failsafe_entered_count);
     if (own.receive_overruns_count) SetCount(firmware("receive_overruns_count"), *own.receive_overruns_count);
+    if (own.stacks) {
+      double share = 0.0;
+      for (const StackUse& stack : *own.stacks)
+        share = std::max(share,
+                         static_cast<double>(stack.used_bytes_max) / static_cast<double>(stack.size_bytes));
+      Set(firmware("stack_used_share_max"), share);
+    }
     if (own.protocol) {
       const auto protocol = [&](std::string_view metric) {
         return ClientName(scenario_, "protocol.", client, '.', metric);
@@ -461,14 +468,14 @@ const std::vector<std::string>& MetricNames() {
       for (const std::string counter :
            {"frames_sent", "frames_accepted", "frames_rejected", "bytes_corrupted"})
         all.push_back(std::string("link.").append(direction).append(".").append(counter).append("_count"));
-    all.insert(
-        all.end(),
-        {"link.accepted_wrong_count", "link.accepted_stale_count", "link.resync_max_ms",
-         "protocol.requests_per_period_max_count", "protocol.actuators_per_request_max_count",
-         "protocol.actuators_before_reply_count", "protocol.replies_unanswered_count",
-         "protocol.malformed_sent_count", "protocol.refused_commands_count", "protocol.replies_ignored_count",
-         "protocol.commands_without_reply_count", "firmware.failsafe_entered_count",
-         "firmware.receive_overruns_count", "firmware.restarts_count", "survival.time_s"});
+    all.insert(all.end(),
+               {"link.accepted_wrong_count", "link.accepted_stale_count", "link.resync_max_ms",
+                "protocol.requests_per_period_max_count", "protocol.actuators_per_request_max_count",
+                "protocol.actuators_before_reply_count", "protocol.replies_unanswered_count",
+                "protocol.malformed_sent_count", "protocol.refused_commands_count",
+                "protocol.replies_ignored_count", "protocol.commands_without_reply_count",
+                "firmware.failsafe_entered_count", "firmware.receive_overruns_count",
+                "firmware.stack_used_share_max", "firmware.restarts_count", "survival.time_s"});
     return all;
   }();
   return names;

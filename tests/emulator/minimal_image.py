@@ -8,8 +8,9 @@ FLAGS = ["-std=c11", "-O2", "-g", "-ffp-contract=off", "-mcpu=cortex-m4", "-mthu
          "--specs=nano.specs", "-nostartfiles"]
 
 
-def build(source, folder, replacements):
-    """`source`: of the project. `folder` is made, and gets the changed sources and the image. `replacements`: old and new texts."""
+def build(source, folder, replacements, script=None):
+    """`source`: of the project. `folder` is made, and gets the changed sources and the image. `replacements`: old and new texts. `script`: the
+    linker's, instead of the example's."""
     example = source / "firmware/examples/minimal_c"
     folder.mkdir()
     missing = {old for old, _ in replacements}
@@ -23,5 +24,5 @@ def build(source, folder, replacements):
     if missing:
         raise AssertionError(f"no text of the example: {missing}")
     elf = folder / "image.elf"
-    subprocess.run(["arm-none-eabi-gcc", *FLAGS, "-I", source, "-T", example / "stm32f4.ld", *sorted(folder.glob("*.c")), "-o", elf], check=True)
+    subprocess.run(["arm-none-eabi-gcc", *FLAGS, "-I", source, "-T", script or example / "stm32f4.ld", *sorted(folder.glob("*.c")), "-o", elf], check=True)
     return elf

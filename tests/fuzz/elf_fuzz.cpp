@@ -7,6 +7,7 @@
 
 #include "harness/emulator/elf_symbols.h"
 #include "harness/emulator/image_check.h"
+#include "harness/emulator/image_stacks.h"
 #include "harness/emulator/source_lines.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/fuzz/scratch.h"
@@ -27,6 +28,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     for (const char* name : {"ram", "data", "bss", "stack", "tiltproof_status", "motor.c:state"})
       Tried<std::runtime_error>([&] { return symbols.Region(name); });
     for (const std::uint32_t address : {0x2000'0000U, 0x2001'0000U, 0xFFFF'FFFFU}) symbols.NameAt(address);
+    for (const ImageStack& stack : StacksOf(symbols))
+      if (stack.region.size_bytes == 0 || stack.region.address % 4 != 0) __builtin_trap();
     return true;
   });
   Tried<std::runtime_error>([&] {

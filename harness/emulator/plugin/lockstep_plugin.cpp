@@ -52,6 +52,7 @@
 #include "harness/emulator/plugin/qemu_internals.h"
 #include "harness/emulator/plugin/readers.h"
 #include "harness/emulator/plugin/sleep.h"
+#include "harness/emulator/plugin/stack_watch.h"
 #include "harness/emulator/plugin/unmodelled.h"
 
 namespace tiltproof::qemu {
@@ -170,6 +171,17 @@ void TakeCommands() {
       case Kind::kBreak:
         plugin.break_timer.Set(As<Break>(body).at_ns);
         break;
+      case Kind::kWatchStacks: {
+        std::vector<WatchedStack> stacks(body.size() / sizeof(WatchedStack));
+        std::memcpy(stacks.data(), body.data(), stacks.size() * sizeof(WatchedStack));
+        stack_watch.Watch(stacks);
+        break;
+      }
+      case Kind::kReadStacks: {
+        const std::vector<std::uint32_t> lowest = stack_watch.Lowest();
+        plugin.socket.Send(Kind::kStacks, lowest.data(), lowest.size() * sizeof(lowest[0]));
+        break;
+      }
       case Kind::kRun:
         if (readers.Renew()) async_run_on_cpu(plugin.cpu, SleepOnWork, {});
         plugin.run = As<Run>(body);
@@ -309,6 +321,7 @@ void BeginLockstep() {
   } else {
     readers.Init(plugin.cpu);
   }
+  stack_watch.Init(plugin.cpu);
   plugin.end_turn = EndTurn;
   plugin.turn_limit.Init(plugin.cpu, AtTurnLimit);
   plugin.horizon.Init(OnHorizon, nullptr);
@@ -357,6 +370,7 @@ void OnTranslate(qemu_plugin_id_t /*id*/, qemu_plugin_tb* block) {
   if (plugin.arguments.realtime) return;
   readers.Mark(block);
   block_counts.Mark(block);
+  stack_watch.Mark(block);
   for (std::size_t i = 0; i < count; ++i) {
     qemu_plugin_insn* instruction = qemu_plugin_tb_get_insn(block, i);
     std::uint16_t code = 0;

@@ -110,6 +110,7 @@ inline constexpr std::size_t kIcountBiasOffset = 40;   // qemu_icount_bias, int6
 inline constexpr std::size_t kSingleStepOffset = 0xDC;   // singlestep_enabled, int
 inline constexpr std::size_t kCanDoIoOffset = 0x300;     // can_do_io, uint32
 inline constexpr std::size_t kCountLeftOffset = 0x1E60;  // neg.icount_decr.u16.low
+inline constexpr std::size_t kRegistersOffset = 0x1E70;  // env.regs, uint32[16]
 
 // More than QEMUTimer (56 bytes) and MemoryRegion (272 bytes) take.
 inline constexpr std::size_t kTimerBytes = 256;

@@ -1,4 +1,5 @@
 #include "harness/emulator/elf_symbols.h"
+#include "harness/emulator/image_stacks.h"
 #include "tests/harness/emulator/elf_header.h"
 
 #include <elf.h>
@@ -179,6 +180,26 @@ TEST_F(ElfSymbolsTest, NamesTheVariableAtAnAddress) {
   EXPECT_EQ(symbols.NameAt(0x2000'0100), "board::count");
   EXPECT_EQ(symbols.NameAt(0x2000'0210), "rings + 0x10");
   EXPECT_EQ(symbols.NameAt(0x2000'0104), "");
+}
+
+TEST_F(ElfSymbolsTest, StacksAreVariablesInRamThatAreNamedSo) {
+  const ElfSymbols symbols(Write(TinyImage()
+                                     .Add("uxIdleTaskStack", 0x2000'0400, 512)
+                                     .Add("_ZN3app11CONTROL_STKE", 0x2000'0600, 512)
+                                     .Add("_ZN3app12controlStackE", 0x2000'0200, 384)
+                                     .Add("z_main_stack", 0x1000'0001, 258)
+                                     .Add("stack_in_flash", 0x0800'4000, 64)
+                                     .Add("stack_top", 0x2000'0800, 0, STT_NOTYPE)
+                                     .Add("tail_of_idle_stack", 0x2000'0500, 4)
+                                     .Bytes()));
+  std::vector<std::string> found;
+  for (const auto& [name, region] : StacksOf(symbols))
+    found.push_back(name + " " + std::to_string(region.address) + " " + std::to_string(region.size_bytes));
+  const auto at = [](std::uint32_t address) { return std::to_string(address); };
+  // Whole words, by address, and none within another one.
+  EXPECT_THAT(found, testing::ElementsAre("z_main_stack " + at(0x1000'0004) + " 252",
+                                          "app::controlStack " + at(0x2000'0200) + " 384",
+                                          "uxIdleTaskStack " + at(0x2000'0400) + " 512"));
 }
 
 TEST_F(ElfSymbolsTest, SaysWhatAFileIsInstead) {

@@ -27,6 +27,7 @@ TEST(Metrics, EveryNameGivenIsListedAndNoneTwice) {
   RunLog log = StillFlight(1000);
   log.clients[0].failsafe_entered_count = 0;
   log.clients[0].receive_overruns_count = 0;
+  log.clients[0].stacks = {{"main", 100, 10, false}};
   log.clients[0].request_times_ns = {0, 12, 24};
   log.clients[0].reply_latency_ns = {1};
   log.clients[0].client_round_trip_ns = {1};
@@ -41,6 +42,14 @@ TEST(Metrics, EveryNameGivenIsListedAndNoneTwice) {
   EXPECT_EQ(MetricsOf(scenario, log).size(), names.size());
   std::sort(names.begin(), names.end());
   EXPECT_EQ(std::adjacent_find(names.begin(), names.end()), names.end());
+}
+
+TEST(Metrics, TheFullestStackCounts) {
+  RunLog log = StillFlight(4);
+  EXPECT_THAT(MetricsOf(ScenarioOf(log), log), Not(Contains(Key("firmware.stack_used_share_max"))));
+  log.clients[0].stacks = {
+      {"main", 4096, 1024, false}, {"control_stack", 512, 384, false}, {"idle", 64, 0, false}};
+  EXPECT_EQ(MetricsOf(ScenarioOf(log), log).at("firmware.stack_used_share_max"), 0.75);
 }
 
 TEST(Metrics, TrackingByHand) {

@@ -1,0 +1,40 @@
+#include "harness/client/board_stacks.h"
+
+#include <fmt/format.h>
+
+#include <span>
+
+namespace tiltproof::harness {
+
+void BoardStacks::Watch(EmulatorProcess& board) const {
+  std::vector<lockstep::WatchedStack> watched;
+  for (const auto& [name, region] : stacks_)
+    watched.push_back({region.address, region.address + region.size_bytes});
+  board.Send(lockstep::Kind::kWatchStacks, std::span<const lockstep::WatchedStack>(watched));
+}
+
+std::string BoardStacks::OverflowText(const lockstep::Event& event, const SourceLines& source) {
+  const ImageStack& stack = stacks_.at(event.before);
+  overflowed_.insert(event.before);
+  return fmt::format("stack '{}' ({} bytes) overflowed: the stack pointer is {} bytes below it in {}",
+                     stack.name, stack.region.size_bytes, stack.region.address - event.address,
+                     source.Describe(event.value));
+}
+
+std::vector<StackUse> BoardStacks::Read(EmulatorProcess& board) const {
+  std::vector<StackUse> uses;
+  const std::vector<std::uint32_t> lowest = board.LowestStackPointers();
+  for (std::size_t i = 0; i < std::min(stacks_.size(), lowest.size()); ++i) {
+    const auto& [name, region] = stacks_[i];
+    if (lowest[i] == region.address + region.size_bytes) continue;
+    const std::vector<std::uint8_t> content = board.ReadMemory(region.address, region.size_bytes);
+    if (content.size() < region.size_bytes) continue;
+    uses.push_back({.name = name,
+                    .size_bytes = region.size_bytes,
+                    .used_bytes_max = UsedBytes(content, lowest[i] - region.address),
+                    .overflowed = overflowed_.contains(i)});
+  }
+  return uses;
+}
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,35 @@
+// The stacks of an image in lockstep: watched from the first instruction on, and measured when the flight is over.
+//
+//   BoardStacks stacks(symbols);
+//   stacks.Watch(board);                         // before the first turn
+//   log(stacks.OverflowText(event, source));     // of a lockstep::EventKind::kStackOverflow
+//   for (const StackUse& stack : stacks.Read(board)) ...
+#pragma once
+
+#include <set>
+#include <string>
+#include <vector>
+
+#include "harness/client/client.h"
+#include "harness/emulator/emulator_process.h"
+#include "harness/emulator/image_stacks.h"
+#include "harness/emulator/source_lines.h"
+
+namespace tiltproof::harness {
+
+class BoardStacks {
+ public:
+  explicit BoardStacks(const ElfSymbols& symbols) : stacks_(StacksOf(symbols)) {}
+
+  void Watch(EmulatorProcess& board) const;
+  // "stack 'control_stack' (3072 bytes) overflowed: ..."
+  std::string OverflowText(const lockstep::Event& event, const SourceLines& source);
+  // Lists the stacks that the stack pointer has entered. Throws EmulatorTrouble.
+  std::vector<StackUse> Read(EmulatorProcess& board) const;
+
+ private:
+  std::vector<ImageStack> stacks_;
+  std::set<std::size_t> overflowed_;
+};
+
+}  // namespace tiltproof::harness
