@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "harness/report/json_text.h"
+#include "harness/score/headline.h"
 #include "harness/terminal/lines.h"
 #include "harness/terminal/terminal.h"
 

@@ -10,6 +10,7 @@
 #include "harness/report/page_json.h"
 #include "harness/report/report_page.h"
 #include "harness/run/run_id.h"
+#include "harness/score/headline.h"
 #include "harness/terminal/terminal.h"
 #include "link/check.h"
 #include "link/named.h"

@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "harness/score/headline.h"
+
 namespace tiltproof::harness {
 namespace {
 
@@ -30,6 +32,7 @@ Json EntryJson(const RunView& view, const FlightEntry& flight) {
                {"replay", result.replay},
                {"trace_hash", result.trace_hash}};
   JsonWriter::Put(json["margin"], flight.margin);
+  if (const CriterionResult* least = HeadlineCriterion(result.score)) json["margin_of"] = least->name;
   for (const auto& [key, metric] :
        {std::pair{"flown_s", "survival.time_s"}, std::pair{"rmse_m", "tracking.rmse_m"}}) {
     const auto found = result.score.metrics.find(metric);

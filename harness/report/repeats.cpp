@@ -5,6 +5,7 @@
 #include <limits>
 #include <tuple>
 
+#include "harness/score/headline.h"
 #include "link/check.h"
 
 namespace tiltproof::harness {
@@ -25,12 +26,6 @@ std::tuple<int, bool, double, double> Badness(const FlightResult& result) {
   const double infinity = std::numeric_limits<double>::infinity();
   const std::optional<double> margin = LeastMargin(result.score);
   return {order, !margin, margin.value_or(0), SurvivedSeconds(result).value_or(infinity)};
-}
-
-std::string CriterionWith(const Score& score, std::optional<double> margin) {
-  for (const CriterionResult& criterion : score.criteria)
-    if (margin && criterion.margin == margin) return criterion.name;
-  return "";
 }
 
 }  // namespace
@@ -65,9 +60,9 @@ std::vector<Repeats> RepeatsOf(std::span<const FlightResult> results,
     if (Badness(result) < Badness(*found->worst)) found->worst = &result;
   }
   for (Repeats& repeats : all) {
-    repeats.margin = LeastMargin(repeats.worst->score);
+    const CriterionResult* least = HeadlineCriterion(repeats.worst->score);
+    if (least != nullptr) repeats.margin = least->margin, repeats.criterion = least->name;
     repeats.survived_s = SurvivedSeconds(*repeats.worst);
-    repeats.criterion = CriterionWith(repeats.worst->score, repeats.margin);
   }
   return all;
 }

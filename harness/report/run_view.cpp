@@ -4,6 +4,8 @@
 #include <limits>
 #include <map>
 
+#include "harness/score/headline.h"
+
 namespace tiltproof::harness {
 namespace {
 

@@ -28,7 +28,7 @@ struct FlightBefore {
 struct FlightEntry {
   std::size_t run = 0;  // in RunView::runs
   FlightResult result;
-  std::optional<double> margin;  // the least of its criteria
+  std::optional<double> margin;  // of its headline criterion (harness/score/headline.h)
   bool has_folder = false;
   std::optional<FlightBefore> before;  // in the baseline
 };

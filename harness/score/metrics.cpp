@@ -121,6 +121,7 @@ class Calculator {
       if (const auto span = ActiveSpan(fault))
         onset_ns = std::min(onset_ns, std::max<TimeNs>(span->begin_ns, 0));
     if (!scenario_.faults.empty()) {
+      if (onset_ns != kNever) metrics_.faults_onset_ns = onset_ns;
       Set("tracking.rmse_before_faults_m", RootMeanSquare(error_, 0, onset_ns));
       Set("tracking.rmse_since_faults_m", RootMeanSquare(error_, onset_ns));
     }

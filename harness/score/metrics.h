@@ -26,6 +26,8 @@ struct Metrics {
   // Set when the error had not settled at the end of the flight: tracking.settling_s is absent, and it is at
   // least this long.
   std::optional<double> settling_at_least_s;
+  // When the first fault began that was ever active.
+  std::optional<TimeNs> faults_onset_ns;
 };
 
 // Throws std::invalid_argument when the trace lacks a column or its times are broken.

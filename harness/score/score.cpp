@@ -9,6 +9,7 @@
 #include "harness/run/late_periods.h"
 #include "harness/score/clean_line.h"
 #include "harness/score/client_behaviour.h"
+#include "harness/score/headline.h"
 #include "harness/score/signals.h"
 #include "harness/score/stl.h"
 
@@ -188,7 +189,7 @@ Verdict FromTruth(stl::Truth truth) {
 }
 
 void JudgeFormula(const CriterionSpec& spec, const Scenario& scenario, const RunLog& log,
-                  const ScoreOptions& options, CriterionResult& result) {
+                  const ScoreOptions& options, std::optional<TimeNs> onset_ns, CriterionResult& result) {
   const std::vector<std::string> signals = SignalNames(log.trace.columns()), fault_ids = FaultIds(scenario);
   const stl::Formula formula = stl::Parse(spec.stl, {.signals = signals, .fault_ids = fault_ids});
   const stl::Extent extent{log.end_ns, scenario.duration_ns};
@@ -198,6 +199,7 @@ void JudgeFormula(const CriterionSpec& spec, const Scenario& scenario, const Run
   result.robustness = answer.robustness;
   if (answer.robustness && std::isfinite(*answer.robustness)) result.margin = answer.robustness;
   if (answer.time_ns) result.time_s = ToSeconds(*answer.time_ns);
+  result.fault_can_affect = FaultCanAffect(formula, answer.time_ns, onset_ns);
   std::string& text = result.explanation = OneLine(spec.stl) + ": ";
   if (answer.truth == stl::Truth::kUnknown) {
     text += log.end_ns < scenario.duration_ns
@@ -221,6 +223,7 @@ std::string Bounds(const CriterionSpec& spec) {
 
 // The least margin of a metric's value, or of what is known of it, to the bounds; relative to each bound.
 std::optional<double> MetricMargin(std::optional<double> min, std::optional<double> max, double value) {
+  if (min && max && *min == *max && value == *min) return std::nullopt;
   std::optional<double> least;
   const auto consider = [&](double distance, double bound) {
     const double margin = distance / std::abs(bound);
@@ -402,15 +405,6 @@ bool FailsByRestart(const Score& score, const Scenario& scenario, const RunLog& 
 
 }  // namespace
 
-std::optional<double> LeastMargin(const Score& score) {
-  std::optional<double> least;
-  for (const auto& criterion : score.criteria)
-    if (criterion.margin && (!least || *criterion.margin < *least)) least = criterion.margin;
-  const bool failed = score.verdict == Verdict::kFail || score.verdict == Verdict::kError;
-  if (failed && least && *least > 0) return std::nullopt;
-  return least;
-}
-
 Score ScoreRun(const Scenario& scenario, const RunLog& log, const ScoreOptions& options) {
   Score score;
   for (const ClientLog& client : log.clients)
@@ -438,7 +432,7 @@ Score ScoreRun(const Scenario& scenario, const RunLog& log, const ScoreOptions& 
       if (spec.stl.empty())
         JudgeMetric(spec, scenario, metrics, log, result);
       else
-        JudgeFormula(spec, scenario, log, options, result);
+        JudgeFormula(spec, scenario, log, options, metrics.faults_onset_ns, result);
     } catch (const stl::ParseError& e) {
       result.verdict = Verdict::kError;
       result.explanation = OneLine(spec.stl) + ": column " + std::to_string(e.column) + ": " + e.what();

@@ -34,13 +34,15 @@ struct CriterionResult {
   std::optional<double> time_s;
   std::string explanation;  // one line for a person: formula or bound, value, time
   // Comparable with the margins of other criteria: the robustness of a formula as it is; for a metric the
-  // distance to each bound divided by that bound's magnitude, the smaller of the two. A bound of 0 and
-  // infinite values have none.
+  // distance to each bound divided by that bound's magnitude, the smaller of the two. A bound of 0, infinite values, and an
+  // exact value (min = max) that is met have none.
   std::optional<double> margin{};
+  // In a flight with faults: false when no fault can have changed what decided (harness/score/headline.h).
+  std::optional<bool> fault_can_affect{};
   // The robustness of a formula over time, where it was asked for (ScoreOptions).
   std::optional<stl::OverTime> over_time{};
   static constexpr std::array<std::string_view, 1> kNotInFiles = {"over_time"};
-  TILTPROOF_FIELDS(name, verdict, robustness, margin, time_s, explanation, over_time)
+  TILTPROOF_FIELDS(name, verdict, robustness, margin, fault_can_affect, time_s, explanation, over_time)
 };
 
 // In real time: a flight is not judged when the harness itself was late in more than this share of its
@@ -67,9 +69,6 @@ struct Score {
   std::int64_t restarts = 0;        // of the firmware, asked for or not
   TILTPROOF_FIELDS(verdict, cause, reason, metrics, histograms, criteria, faults, restarts)
 };
-
-// The smallest margin of the criteria that have one; of a flight that failed, none above 0: it broke in another way.
-std::optional<double> LeastMargin(const Score& score);
 
 struct ScoreOptions {
   bool over_time = false;  // the robustness of each formula over time, too

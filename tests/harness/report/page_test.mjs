@@ -1,15 +1,17 @@
 // Opens reports in Chromium and checks what a reader sees, that nothing executes that should not, and that nothing is
 // loaded from anywhere.
 //
-// Usage: node page_test.mjs TILTPROOF SOURCE_DIR OUT_DIR    screenshots stay in OUT_DIR
+// Usage: node page_test.mjs TILTPROOF SOURCE_DIR OUT_DIR [PATTERN]    screenshots stay in OUT_DIR; only checks whose names match
 import assert from "node:assert/strict";
 import { execFileSync, spawnSync, spawn } from "node:child_process";
 import { cpSync, existsSync, linkSync, mkdirSync, readFileSync, readdirSync, rmSync, statSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { join, resolve } from "node:path";
 import { deflateSync, inflateSync } from "node:zlib";
+import { readerChecks } from "./reader_checks.mjs";
 
-const [tiltproof, source, out] = process.argv.slice(2).map((path) => resolve(path));
+const [tiltproof, source, out] = process.argv.slice(2, 5).map((path) => resolve(path));
+const wanted = new RegExp(process.argv[5] ?? "");
 const { chromium } = createRequire(join(source, "harness/report/page/package.json"))("playwright-core");
 const EVIL = '<img src=x onerror="window.executed=1"></script><script>window.executed=1</script>';
 
@@ -32,13 +34,15 @@ const browser = await chromium.launch({ executablePath: polite, args: ["--no-san
 const troubles = [];
 const requests = [];
 
-async function open(file, options = {}) {
+// `start` opens the page in another way than by its address.
+async function open(file, options = {}, start = null) {
   const page = await browser.newPage({ viewport: { width: 1440, height: 900 }, colorScheme: "light", ...options });
   page.on("console", (message) => ["error", "warning"].includes(message.type()) && !/GPU stall|GL Driver|status of 400/.test(message.text()) && troubles.push(`${file}: ${message.text()}`));
   page.on("pageerror", (error) => troubles.push(`${file}: ${error.stack}`));
   page.on("dialog", (dialog) => troubles.push(`${file}: dialog ${dialog.message()}`));
   page.on("request", (request) => requests.push(request.url()));
-  await page.goto(/^http:/.test(file) ? file : `file://${file}`);
+  if (start) await start(page);
+  else await page.goto(/^http:/.test(file) ? file : `file://${file}`);
   await page.waitForSelector("h1");
   return page;
 }
@@ -260,6 +264,7 @@ check("the replay moves, by keys, and jumps to the first violation", async () =>
   const page = await openFlight(flown.page, lost);
   const verdict = JSON.parse(readFileSync(join(flown.run, lost, "verdict.json"), "utf8"));
   const first = Math.min(...verdict.criteria.filter((c) => c.verdict === "fail").map((c) => c.time_s));
+  await page.keyboard.press("Home");
   const still = await picture(page);
   await page.keyboard.press("j");
   assert.ok(Math.abs((await now(page)) - first) < 1e-3);
@@ -552,6 +557,8 @@ criteria:
   await page.close();
 });
 
+readerChecks({ check, open, openFlight, fly, report, now, picture, flown, lost, out, source, writeResults });
+
 // The page of an envelope.
 
 const HOVER = `name: base
@@ -806,7 +813,7 @@ check("a run is shown while it is flown, and obeys its buttons", async () => {
 });
 
 let failed = 0;
-for (const { name, body } of checks) {
+for (const { name, body } of checks.filter((one) => wanted.test(one.name))) {
   const before = troubles.length, began = performance.now();
   const took = () => `${((performance.now() - began) / 1000).toFixed(1)} s`.padStart(7);
   try {

@@ -2,6 +2,7 @@
 import { copyable, el, number, seconds } from "./dom.js";
 import { countBoxes, header } from "./header.js";
 import { listing } from "./listing.js";
+import { onPrint } from "./printing.js";
 import { levelText, rangeBars, repaint, severityScale, swatch } from "./range_bars.js";
 import { onTheme } from "./theme.js";
 
@@ -185,4 +186,5 @@ function show() {
 document.title = `${envelope.scenario ?? "envelope"} – tiltproof`;
 header(envelope.scenario ?? "envelope", [clients.join(", "), `seed ${envelope.seed}`, `tiltproof ${envelope.version}`]);
 onTheme(() => repaint(main));
+onPrint(() => repaint(main));
 show();

@@ -29,7 +29,7 @@ export function figuresOf(flight, clients) {
     if (own !== reading) return [];
     const label = criterion + (looks_ahead && own !== "from_here" ? " (looks ahead)" : "");
     return [line(`robustness_upper/${criterion}`, label, { colour: i }), line(`robustness_lower/${criterion}`, `${label}, if the worst follows`, { colour: i, dash: true })];
-  }).filter((l) => has(l.name) && Number.isFinite(spread(flight, l.name))), { zero: true, note });
+  }).filter((l) => has(l.name) && Number.isFinite(spread(flight, l.name))), { zero: true, note, scale: "robustness" });
   robustness("robustness", "Robustness of each criterion", "lowest", "its lowest value is the margin; below 0: violated");
   robustness("robustness-once", "Robustness of what must happen once", "highest", "its highest value is the margin; 0 and above: it happens");
   robustness("robustness-from-here", "Robustness of criteria, as if the flight began here", "from_here", "the margin is the value at 0 s");
@@ -43,12 +43,12 @@ export function figuresOf(flight, clients) {
   const columns = flight.columns.filter((name) => /^supervisor_state(_|$)/.test(name));
   const whole = { step: true, whole: true };
   const named = columns.filter((name) => hasNames(name, clients));
-  add("supervisor", "State of the firmware", "", named.map((name) => line(name, name, whole)), { names: STATES });
-  add("supervisor-number", "State of the firmware, in its own numbering", "", columns.filter((name) => !named.includes(name)).map((name) => line(name, name, whole)));
-  add("arbiter", "Client whose actuators are in force", "", [line("arbiter_selected", "arbiter_selected", whole)]);
+  add("supervisor", "State of the firmware", "", named.map((name) => line(name, name, whole)), { names: STATES, scale: "state" });
+  add("supervisor-number", "State of the firmware, in its own numbering", "", columns.filter((name) => !named.includes(name)).map((name) => line(name, name, whole)), { scale: "state" });
+  add("arbiter", "Client whose actuators are in force", "", [line("arbiter_selected", "arbiter_selected", whole)], { scale: "client" });
   // A bound on a signal that is in none of these.
-  for (const name of new Set(flight.bounds.map((b) => b.signal))) if (!shown.has(name)) add(`bound-${name}`, name, "", [line(name, name)]);
-  if (flight.scenario.faults.length > 0) add("active", "Faults active", "", [line("faults_active_count", "faults", whole)]);
+  for (const name of new Set(flight.bounds.map((b) => b.signal))) if (!shown.has(name)) add(`bound-${name}`, name, flight.entries?.get(name)?.unit ?? "", [line(name, name)]);
+  if (flight.scenario.faults.length > 0) add("active", "Faults active", "", [line("faults_active_count", "faults", whole)], { scale: "faults" });
   return figures;
 }
 
@@ -62,7 +62,8 @@ function spread(flight, name) {
 export function histogram(name, { edges, counts }) {
   const total = counts.reduce((a, b) => a + b, 0);
   if (total === 0 || edges.length < 2) return null;
-  const width = 640, height = 190, left = 50, bottom = 28, top = 10;
+  // A narrow page draws a narrow figure, so that its letters keep their size.
+  const width = innerWidth < 700 ? 340 : 640, height = 200, left = 60, bottom = 40, top = 10;
   const step = edges[1] - edges[0];
   const low = edges[0] - step, high = edges[edges.length - 1] + step;
   const x = (v) => left + ((v - low) / (high - low)) * (width - left - 10);
@@ -85,13 +86,15 @@ export function histogram(name, { edges, counts }) {
     text.textContent = power;
     labels.push(text);
   }
-  const every = Math.ceil(edges.length / 8);
+  const every = Math.ceil(edges.length / (width < 640 ? 4 : 8));
   edges.forEach((edge, i) => {
     if (i % every !== 0) return;
-    const text = svg("text", { x: x(edge), y: height - 10, "text-anchor": "middle" });
+    const text = svg("text", { x: x(edge), y: height - 24, "text-anchor": "middle" });
     text.textContent = +edge.toFixed(2);
     labels.push(text);
   });
+  labels.push(svg("text", { x: (left + width) / 2, y: height - 6, "text-anchor": "middle" }, document.createTextNode("ms")));
+  labels.push(svg("text", { transform: `translate(12 ${(height - bottom + top) / 2}) rotate(-90)`, "text-anchor": "middle" }, document.createTextNode("count")));
   const title = name.includes("request_period") ? "Request periods" : "Latencies of replies";
   const id = name.replace(/[^a-z0-9_.-]/gi, "_");
   return el("figure", { class: "figure histogram", id: `histogram-${id}` }, el("figcaption", {}, el("h3", { text: `${title} [ms]` }), el("span", { class: "hint", text: `${total} ${name.includes(".") ? `(${name}) ` : ""}counts, logarithmic; outer bars: everything beyond` })),

@@ -1,29 +1,19 @@
 // One flight: what was decided and why, the replay, the figures, the frames.
+import { readTime } from "./address.js";
 import { Clock } from "./clock.js";
+import { criteriaTable } from "./criteria.js";
 import { Flight } from "./data.js";
 import { badge, copyable, el, number, seconds } from "./dom.js";
+import { extrasSection, knownPlots } from "./extras.js";
 import { figuresOf, histogram } from "./figures.js";
 import { framesSection } from "./frames.js";
 import { Plots } from "./plots.js";
+import { isPrinting } from "./printing.js";
 import { Replay } from "./replay.js";
+import { section } from "./section.js";
 import { faultColour } from "./theme.js";
 
-// Where the reader was, when the same flight is shown again in other colours.
-let last = { index: -1, time_s: 0 };
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10];
-
-export const section = (id, title, ...children) => el("section", { id, "aria-labelledby": `${id}-h` }, el("h2", { id: `${id}-h`, text: title }), children);
-
-function criteriaTable(criteria, clock) {
-  const row = (c) => el("tr", {},
-    el("th", { scope: "row", text: c.name }), el("td", {}, badge(c.verdict, c.verdict === "inconclusive" ? null : "pass")),
-    el("td", { class: `n ${c.margin < 0 ? "below" : ""}`, text: number(c.margin) }),
-    el("td", { class: "n" }, c.time_s === null || c.time_s === undefined ? "" : clock ? el("button", { type: "button", class: "time", text: seconds(c.time_s), onclick: () => clock.set(c.time_s) }) : seconds(c.time_s)),
-    el("td", { class: "why", text: c.explanation }));
-  const order = { error: 0, fail: 1, inconclusive: 2, pass: 3 };
-  return el("div", { class: "scroll" }, el("table", {}, el("thead", {}, el("tr", {}, ["Criterion", "Verdict", "Margin", "Decided at", "Because"].map((text) => el("th", { scope: "col", text })))),
-    el("tbody", {}, [...criteria].sort((a, b) => order[a.verdict] - order[b.verdict]).map(row))));
-}
 
 function faultList(flight, clock) {
   return el("ul", { class: "fault-list" }, flight.result.faults.map((fault, i) => {
@@ -36,7 +26,7 @@ function faultList(flight, clock) {
     const words = [`${fault.activations} activation${fault.activations === 1 ? "" : "s"}`];
     if (ticks.length < fault.activations) words.push(`ticks for the first ${ticks.length}`);
     if (bands.length === 1) words.push(`active from ${number(bands[0].begin_s, 5)} to ${number(bands[0].end_s, 5)} s`);
-    if (bands.length > 1) words.push(`active ${bands.length} times`);
+    if (bands.length > 1) words.push(`active ${bands.length} times${isPrinting() ? `: ${bands.map((b) => `${number(b.begin_s, 5)} to ${number(b.end_s, 5)} s`).join("; ")}` : ""}`);
     return el("li", {}, swatch, el("b", { text: fault.id }), ` ${fault.type}, ${words.join(", ")} `,
       first !== undefined ? el("button", { type: "button", text: `Go to ${number(first, 5)} s`, onclick: () => clock.set(first) }) : null,
       told.length > 0 ? el("details", {}, el("summary", { text: "What it did first" }), el("ol", {}, told.slice(0, 30).map(([, time_s, what]) => el("li", {}, el("button", { type: "button", class: "time", text: seconds(time_s), onclick: () => clock.set(time_s) }), ` ${what}`)))) : null);
@@ -57,25 +47,6 @@ function player(flight, clock) {
   });
   return el("div", { class: "player" }, play, scrub, now, speed,
     violation !== null ? el("button", { type: "button", class: "jump", title: "j", text: "First violation", onclick: () => clock.set(violation) }) : null);
-}
-
-// Any column beside those that have a figure.
-export function chooser(flight, plots) {
-  const box = el("div");
-  let figure = null;
-  const select = el("select", { onchange: () => {
-    if (figure) plots.remove(figure);
-    box.replaceChildren();
-    const name = select.value;
-    if (!name) return;
-    const base = name.replace(/^(sensed|commanded)_/, "");
-    const lines = [{ name, label: name }];
-    if (base !== name && flight.has(base)) lines.push({ name: base, label: base, dash: true });
-    const spec = { id: "chosen", title: name, unit: flight.entries.get(name).unit, lines, bounds: flight.bounds.filter((b) => b.signal === name) };
-    box.append(plots.add(spec));
-    figure = plots.plots[plots.plots.length - 1];
-  } }, el("option", { value: "", text: "choose a signal" }), [...flight.columns, "speed_m_s", "tilt_rad"].map((name) => el("option", { value: name, text: name })));
-  return section("more", "Any other signal", el("label", {}, "Signal ", select), box);
 }
 
 export function keys(flight, clock) {
@@ -116,11 +87,11 @@ function head(run, entry, result) {
   ].filter(Boolean);
 }
 
-function withoutFiles(main, run, entry) {
+function withoutFiles(main, run, entry, problems) {
   const result = entry.result ?? {};
-  main.replaceChildren(...head(run, entry, result),
+  main.replaceChildren(...head(run, entry, result), ...problems.map(note),
     el("p", { class: "note", text: entry.problem ?? "This flight left no files (--keep), so there are no figures: this is what results.json has." }),
-    section("criteria", "Criteria", criteriaTable(result.criteria ?? [], null)),
+    section("criteria", "Criteria", criteriaTable(result.criteria ?? [], null, null)),
     ...Object.entries(result.histograms ?? {}).map(([name, h]) => histogram(name, h)).filter(Boolean),
     metricsTable(result.metrics ?? {}));
   return () => {};
@@ -145,7 +116,7 @@ export function replayPanel(flight, clock) {
     }
     large.addEventListener("change", () => replay.enlarge(large.checked));
     follow.addEventListener("change", () => replay.followVehicle(follow.checked));
-    reset.addEventListener("click", () => { follow.checked = replay.follow = false; replay.look(); });
+    reset.addEventListener("click", () => { follow.checked = replay.follow = replay.turned = false; replay.look(); });
   };
   return { panel, start, grow: () => replay?.grow(), close: () => replay?.close() };
 }
@@ -156,50 +127,137 @@ export const clientsOf = (info) => ({ "": info?.client, ...info?.clients });
 // As in the command that flies it again.
 const programOf = (entry) => /^(.+?) (replay|run) /.exec(entry.replay ?? "")?.[1] ?? "tiltproof";
 
-// Returns what to call when it is left.
-export async function showFlight(main, run, index, stillWanted) {
+const note = (text) => el("p", { class: "note", role: "alert", text });
+
+// The flight that was shown last stays in memory: it is shown again in other colours, and for a printer at once.
+const loaded = new Map();
+async function load(details, kept) {
+  for (const id of loaded.keys()) if (!kept.includes(id)) loaded.delete(id);
+  if (!loaded.has(details)) loaded.set(details, await Flight.load(details));
+  return loaded.get(details);
+}
+
+// The second flight of the address: {other, problem}.
+async function secondFlight(run, index, name, kept) {
+  if (name === null) return { other: null };
+  const entry = run.flights.find((f, i) => f.name === name && i !== index);
+  if (!entry) return { other: null, problem: `This report has no other flight “${name}” to lay over this one.` };
+  if (!entry.details) return { other: null, problem: `The flight “${name}” left no files, so it cannot be laid over this one.` };
+  try {
+    return { other: { flight: await load(entry.details, [...kept, entry.details]), name } };
+  } catch (error) {
+    return { other: null, problem: `The data of the flight “${name}” cannot be read: ${error.message}` };
+  }
+}
+
+function secondChooser(run, index, name, choose) {
+  const names = [...new Set(run.flights.filter((f, i) => i !== index && f.details).map((f) => f.name))];
+  if (names.length === 0) return null;
+  const select = el("select", { id: "second", onchange: () => choose(select.value || null) }, el("option", { value: "", text: "none" }), names.map((n) => el("option", { value: n, text: n, selected: n === name })));
+  return el("label", { class: "second" }, "Second flight, dashed: ", select);
+}
+
+// Where the flight opens: where the address says, else at the first violation, else at its start.
+function startOf(flight, address, problems) {
+  const { time_s, problem } = readTime(address.t, flight.end_s);
+  if (problem) {
+    problems.push(problem);
+    address.t = null;
+  }
+  return time_s ?? flight.violation_s ?? 0;
+}
+
+// Shows a flight as `address` says (address.js). `on`: {wanted: () => whether it is still to be shown, moved: what to call
+// when the reader has stopped at another time or chosen other plots, again: what to call to show it with a second flight}.
+// Returns {close, rebuild, go}.
+export async function showFlight(main, run, index, address, on) {
   const entry = run.flights[index];
-  if (!entry.details) return withoutFiles(main, run, entry);
+  const nothing = { close: () => {}, rebuild: () => {}, go: () => {} };
+  if (!entry.details) {
+    withoutFiles(main, run, entry, address.t === null ? [] : ["The address asks for a time, but this flight left no files, so the page cannot show it."]);
+    return nothing;
+  }
   let flight;
   try {
-    flight = await Flight.load(entry.details);
+    flight = await load(entry.details, [entry.details]);
   } catch (error) {
-    if (stillWanted()) main.replaceChildren(...head(run, entry, {}), el("p", { class: "note", text: `The data of this flight cannot be read: ${error.message}` }));
-    return () => {};
+    if (on.wanted()) main.replaceChildren(...head(run, entry, {}), el("p", { class: "note", text: `The data of this flight cannot be read: ${error.message}` }));
+    return nothing;
   }
-  if (!stillWanted()) return () => {};
+  const { other, problem } = await secondFlight(run, index, address.with, [entry.details]);
+  if (!on.wanted()) return nothing;
+  const { known, unknown } = knownPlots(flight, address);
+  const problems = [problem, unknown.length > 0 ? `This flight has no signal ${unknown.map((name) => `“${name}”`).join(", ")}.` : null].filter(Boolean);
+  Object.assign(address, known);
+  const state = { time_s: startOf(flight, address, problems), range: null };
+  let view = build(main, run, index, flight, other, address, problems, state, on);
+  return {
+    close: () => view.close(),
+    rebuild: () => {
+      view.close();
+      view = build(main, run, index, flight, other, address, problems, state, on);
+    },
+    go: (t) => {
+      const found = readTime(t, flight.end_s);
+      main.querySelector(".wrong-time")?.remove();
+      if (found.problem) main.prepend(el("div", { class: "wrong-time" }, note(found.problem)));
+      else if (found.time_s !== undefined) view.clock.set(found.time_s);
+    },
+  };
+}
+
+function build(main, run, index, flight, other, address, problems, state, on) {
+  const entry = run.flights[index];
   const clock = new Clock(flight.end_s);
-  const plots = new Plots(flight, clock);
+  const plots = new Plots(flight, clock, other);
   const flown = flight.times_s.length > 0;
   const figures = flown ? figuresOf(flight, clientsOf(run.runs[entry.run])).map((spec) => plots.add(spec)) : [];
   const histograms = Object.entries(flight.result.histograms ?? {}).sort().reverse().map(([name, h]) => histogram(name, h)).filter(Boolean);
   const replay = flown ? replayPanel(flight, clock) : null;
+  const extras = flown ? extrasSection(flight, clock, plots, address, () => on.moved(null)) : null;
   const scenario = flight.scenario;
-  main.replaceChildren(...head(run, entry, flight.result),
+  main.replaceChildren(...head(run, entry, flight.result), ...problems.map(note),
     ...(scenario.description ? [el("p", { class: "description", text: scenario.description })] : []),
     ...flight.problems.map((text) => el("p", { class: "note", text })),
     el("div", { class: "columns" },
       el("div", { class: "left" }, replay?.panel ?? el("p", { class: "nothing", role: "note" }, el("b", { text: "This flight left no trace." }), entry.reason ? ` ${entry.reason}` : "")),
       el("div", { class: "right" },
-        section("criteria", "Criteria", criteriaTable(flight.result.criteria, flown ? clock : null)),
+        section("criteria", "Criteria", criteriaTable(flight.result.criteria, flown ? flight : null, flown ? clock : null)),
         flight.result.faults.length > 0 ? section("faults", "Faults", faultList(flight, clock)) : null,
-        figures.length > 0 ? section("figures", "Figures", el("p", { class: "hint", text: "Time in s. Bands: a fault is active. Ticks above: it acted. Ticks below: a frame did not go on as sent. Red line: first violation. Drag to zoom, double-click for all." }), figures) : null,
+        figures.length > 0 ? section("figures", "Figures", secondChooser(run, index, other?.name ?? null, on.again), el("p", { class: "hint", text: "Time in s. Bands: a fault is active. Ticks above: it acted. Ticks below: a frame did not go on as sent. Red line: first violation. Drag to zoom, double-click for all." }), figures) : null,
         histograms.length > 0 ? section("timing", "Timing", histograms) : null,
-        flown ? chooser(flight, plots) : null)),
+        extras?.body ?? null)),
     ...(flown ? [framesSection(flight, clock, programOf(entry))] : []),
     metricsTable(flight.result.metrics),
     flight.events.length > 0 ? el("details", {}, el("summary", { text: `Events (${flight.events.length})` }), el("ol", { class: "events" }, flight.events.map((e) =>
       el("li", {}, el("button", { type: "button", class: "time", text: seconds(e.time_s), onclick: () => clock.set(e.time_s) }), " ", el("b", { text: [e.client, e.kind.replaceAll("_", " ")].filter(Boolean).join(" ") }), ` ${e.text}`)))) : "",
     flight.firmware_log ? el("details", {}, el("summary", { text: "What the firmware logged" }), el("pre", { tabindex: "0", text: flight.firmware_log })) : "",
     el("details", {}, el("summary", { text: "The scenario, with all defaults" }), el("pre", { tabindex: "0", text: flight.resolved })));
+  const printed = isPrinting();
+  if (printed) main.querySelectorAll("details").forEach((details) => (details.open = true));
   replay?.start();
-  clock.set(last.index === index ? last.time_s : 0);
+  extras?.draw();
+  clock.set(state.time_s);
+  // A printed page has all plots, over the whole flight.
+  if (printed) plots.drawAll();
+  else plots.zoom(state.range);
+  let stopped_s = clock.time_s;
+  clock.listen(() => {
+    state.time_s = clock.time_s;
+    if (clock.playing || stopped_s === clock.time_s) return;
+    stopped_s = clock.time_s;
+    on.moved(stopped_s);
+  });
   const forget = keys(flight, clock);
-  return () => {
-    forget();
-    last = { index, time_s: clock.time_s };
-    clock.close();
-    plots.close();
-    replay?.close();
+  return {
+    clock,
+    close: () => {
+      forget();
+      if (!printed) state.range = plots.range;
+      extras?.close();
+      clock.close();
+      plots.close();
+      replay?.close();
+    },
   };
 }

@@ -54,6 +54,29 @@ function rangeOfLines(spec, low, high) {
   return [spec.zero && low === 0 ? 0 : low - pad, high + pad];
 }
 
+// Ticks at round numbers, some `count` of them.
+export function ticksOf(low, high, count) {
+  const rough = (high - low) / Math.max(count, 1);
+  const power = 10 ** Math.floor(Math.log10(rough));
+  const step = [1, 2, 5, 10].map((f) => f * power).find((s) => s >= rough * 0.999);
+  const first = Math.ceil(low / step - 1e-9);
+  return Array.from({ length: Math.max(0, Math.floor(high / step + 1e-9) - first + 1) }, (_, i) => (first + i) * step);
+}
+
+// The ends of an axis for values from low to high, with a little room.
+export function padded(low, high) {
+  if (!(low <= high)) return [-1, 1];
+  const room = (high - low) * 0.05 || Math.abs(high) * 0.1 || 1;
+  return [low - room, high + room];
+}
+
+// The wider of the two scales for both.
+export function equalScale([x0, x1], [y0, y1], width, height) {
+  const scale = Math.max((x1 - x0) / width, (y1 - y0) / height);
+  const around = (low, high, size) => [(low + high - scale * size) / 2, (low + high + scale * size) / 2];
+  return [around(x0, x1, width), around(y0, y1, height)];
+}
+
 // All lines on the rows of any of them, so that each keeps its own extremes.
 export function together(flight, lines) {
   const rows = new Set();

@@ -2,9 +2,11 @@
 import { Clock } from "./clock.js";
 import { Flight } from "./data.js";
 import { badge, el, seconds } from "./dom.js";
+import { extrasSection } from "./extras.js";
 import { figuresOf } from "./figures.js";
-import { chooser, clientsOf, keys, replayPanel, section } from "./flight.js";
+import { clientsOf, keys, replayPanel } from "./flight.js";
 import { Plots } from "./plots.js";
+import { section } from "./section.js";
 import { faultColour } from "./theme.js";
 
 // Beyond so many rows, every second one is dropped.
@@ -255,6 +257,8 @@ export function showLive(main, live, again) {
   const plots = new Plots(flight, clock);
   const figures = figuresOf(flight, clientsOf(run.runs?.[0])).map((spec) => plots.add(spec));
   const names = flight.names_count;
+  live.plots ??= { plots: [], xy: [] };  // those that the reader added
+  const extras = extrasSection(flight, clock, plots, live.plots);
   const replay = replayPanel(flight, clock);
   const scrub = replay.panel.querySelector("input[type=range]");
   const faults = el("ul", { class: "fault-list" });
@@ -274,8 +278,9 @@ export function showLive(main, live, again) {
         section("criteria", "Criteria", el("ul", { class: "criteria-list" }, flight.scenario.criteria.map((c) => el("li", {}, el("b", { text: c.name }), " ", el("code", { text: c.stl || c.metric }))))),
         flight.scenario.faults.length > 0 ? section("faults", "Faults", faults) : null,
         section("figures", "Figures", el("p", { class: "hint", text: "Time in s, some 20 samples a second. Bands: a fault is active. The verdict, peaks and frames come with the whole flight." }), figures),
-        chooser(flight, plots))),
+        extras.body)),
     el("details", {}, el("summary", { text: "Events" }), notes));
+  extras.draw();
   replay.start();
   clock.listen(() => {
     if (following && !grows && clock.time_s < clock.end_s - 1e-9) follow(false);
@@ -292,6 +297,7 @@ export function showLive(main, live, again) {
     clock.end_s = flight.end_s;
     scrub.max = flight.end_s;
     plots.grow();
+    extras.grow();
     // A long path need not be drawn anew so often.
     if (flight.times_s.length < 500 || ++wide % 5 === 0 || live.over) replay.grow();
     if (following) clock.set(clock.end_s);
@@ -309,6 +315,7 @@ export function showLive(main, live, again) {
     close: () => {
       clearInterval(timer);
       forget();
+      extras.close();
       clock.close();
       plots.close();
       replay.close();

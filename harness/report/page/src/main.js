@@ -1,15 +1,24 @@
-// The page: the summary of the run, or one of its flights, as the address says (#flight-3).
+// The page: the summary of the run, or one of its flights, as the address says (address.js).
+import { findFlight, nameInAddress, readAddress, writeAddress } from "./address.js";
 import { run as readRun } from "./data.js";
 import { showFlight } from "./flight.js";
 import { header } from "./header.js";
 import { LiveRun, showLive } from "./live.js";
+import { onPrint } from "./printing.js";
 import { showSummary } from "./summary.js";
 import { onTheme } from "./theme.js";
 
+// The address follows the reader when a time has been looked at for so long.
+const STOPPED_ms = 300;
+
 const run = readRun();
 const main = document.getElementById("main");
-let close = () => {};
+const nothing = { close: () => {}, rebuild: () => {}, go: () => {} };
+let view = nothing;
+let address = null;  // of the flight that is shown
+let index = -1;      // its place; -1: none
 let shown = 0;
+let stopped = null;
 // The LiveRun of a run that is still flown; null in a report.
 let live = null;
 let liveView = null;
@@ -27,40 +36,75 @@ function facts() {
     : [run.live ? "what is heard on the bus" : `${run.runs?.length ?? 0} runs`, `tiltproof ${run.version}`];
 }
 
-// #flight-3 by its place, #flight=NAME by its name: what other pages link to.
-function indexOf(hash) {
-  const place = /^#flight-(\d+)$/.exec(hash);
-  if (place) return Number(place[1]);
-  if (!hash.startsWith("#flight=")) return -1;
-  try {
-    const name = decodeURIComponent(hash.slice("#flight=".length));
-    return run.flights.findIndex((f) => f.name === name);
-  } catch {
-    return -1;  // not encoded as an address is
-  }
+const follow = () => history.replaceState(null, "", writeAddress(address));
+
+// The reader stopped at a time, or (null) changed the plots.
+function moved(time_s) {
+  clearTimeout(stopped);
+  if (time_s === null) return follow();
+  address.t = String(+time_s.toFixed(3));
+  stopped = setTimeout(follow, STOPPED_ms);
+}
+
+function leave() {
+  clearTimeout(stopped);
+  view.close();
+  view = nothing;
+  liveView = null;
+  address = null;
+  index = -1;
 }
 
 async function show() {
   const turn = ++shown;
-  close();
-  close = () => {};
-  liveView = null;
+  leave();
   if (live && location.hash === "#live") {
     document.title = "Live – tiltproof";
     liveView = showLive(main, live, show);
-    close = liveView.close;
+    view = { close: liveView.close, rebuild: show };
     return;
   }
-  const index = indexOf(location.hash);
-  const entry = run.flights[index];
+  const wanted = readAddress(location.hash);
+  const { index: found = -1, problem } = findFlight(run.flights, wanted);
+  const entry = run.flights[found];
   document.title = `${entry ? entry.name : title()} – tiltproof`;
   if (!entry) {
     table_ms = performance.now();
-    return showSummary(main, run);
+    const table = () => showSummary(main, run, problem);
+    view = { close: () => {}, rebuild: table };
+    return table();
   }
-  const done = await showFlight(main, run, index, () => turn === shown);
-  if (turn === shown) close = done;
-  else done();
+  index = found;
+  address = Object.assign(wanted, nameInAddress(run.flights, index));
+  follow();
+  const flight = await showFlight(main, run, index, address, {
+    wanted: () => turn === shown,
+    moved,
+    again: async (other) => {
+      address.with = other;
+      follow();
+      await show();
+      document.getElementById("second")?.focus({ preventScroll: true });
+    },
+  });
+  if (turn !== shown) return flight.close();
+  view = flight;
+  follow();
+}
+
+// Another address: of the same flight only the time changes, and nothing is built again.
+function changed() {
+  const wanted = readAddress(location.hash);
+  if (address && findFlight(run.flights, wanted).index === index) {
+    const plots = ({ t, ...rest }) => JSON.stringify([rest.plots, rest.xy, rest.with]);
+    const { t } = wanted;
+    if (plots(wanted) === plots(address) || location.hash === `#flight-${index}`) {
+      if (t !== null) view.go(t);
+      return follow();
+    }
+  }
+  show();
+  scrollTo(0, 0);
 }
 
 // The table has new lines: not while somebody chooses in it, and not too often.
@@ -73,11 +117,14 @@ function renewTable() {
 }
 
 header(title(), facts(), Boolean(run.live));
-addEventListener("hashchange", () => {
-  show();
-  scrollTo(0, 0);
+// Not by the address, which says what is shown.
+document.querySelector(".skip").addEventListener("click", (event) => {
+  event.preventDefault();
+  main.focus();
 });
-onTheme(show);
+addEventListener("hashchange", changed);
+onTheme(() => view.rebuild());
+onPrint(() => view.rebuild());
 if (run.live) {
   let late = null;
   live = new LiveRun(run, {

@@ -7,14 +7,19 @@ import { colour, faultColour, palette } from "./theme.js";
 
 const HEIGHT = 210;
 const X_AXIS_px = 28;
+// Of the vertical axis: its values, and its unit beside them. A narrow page has smaller letters.
+const NARROW_px = 480;
+const AXIS = { wide: { size: 66, letters: 11, label: 17 }, narrow: { size: 52, letters: 10, label: 15 } };
 const PADDING_TOP_px = 4;
 
 // Below all lines and bounds: the ticks of frames that did not go on as sent.
 const STRIP_px = 9;
 
 export class Plots {
-  constructor(flight, clock) {
+  // `other`: {flight, name} of a second flight, whose lines are dashed; or null.
+  constructor(flight, clock, other = null) {
     this.flight = flight;
+    this.other = other;
     this.clock = clock;
     this.plots = [];
     this.range = null;
@@ -23,12 +28,11 @@ export class Plots {
     clock.listen(() => this.move());
     this.resizer = new ResizeObserver(() => this.plots.forEach((p) => p.uplot && p.uplot.setSize({ width: p.box.clientWidth, height: HEIGHT })));
     // Drawn when it comes into view: a page with a dozen plots opens at once.
-    this.drawAll = () => this.plots.forEach((p) => this.draw(p));
-    addEventListener("beforeprint", this.drawAll);
     this.watcher = new IntersectionObserver((entries) => entries.forEach((entry) => entry.isIntersecting && this.draw(this.plots.find((p) => p.box === entry.target))), { rootMargin: "300px" });
   }
 
-  // spec: {id, title, unit, lines: [{name, label, dash, step, colour}], bounds: [...], zero}
+  // spec: {id, title, unit, lines: [{name, label, dash, step, colour}], bounds: [...], zero}; `scale`: what the vertical axis
+  // counts when there is no unit.
   add(spec) {
     const legend = el("div", { class: "legend", "aria-hidden": "true" });
     const box = el("div", { class: "plot", id: `plot-${spec.id}` });
@@ -42,13 +46,33 @@ export class Plots {
     return figure;
   }
 
+  // Without waiting until it comes into view: for a printed page.
+  drawAll() {
+    this.plots.forEach((plot) => this.draw(plot));
+  }
+
+  // Lines that the second flight has, too. References are dashed already.
+  otherLines(spec) {
+    return this.other ? spec.lines.filter((line) => !line.dash && this.other.flight.has(line.name)) : [];
+  }
+
+  dataOf(spec) {
+    const own = together(this.flight, spec.lines), lines = this.otherLines(spec);
+    return lines.length > 0 ? uPlot.join([own, together(this.other.flight, lines)]) : own;
+  }
+
+  get end_s() {
+    return Math.max(this.flight.end_s, this.other?.flight.end_s ?? 0, 1e-3);
+  }
+
   describe(spec) {
     const ranges = spec.lines.map((line) => {
       const entry = this.flight.entries.get(line.name);
       const word = (value) => nameOf(spec, value) ?? number(value);
       return `${line.label} from ${word(entry.low)} to ${word(entry.high)}`;
     });
-    return `${spec.title}, ${spec.unit || "no unit"}, over time: ${ranges.join("; ")}`;
+    const dashed = this.otherLines(spec).length > 0 ? `; dashed: flight ${this.other.name}` : "";
+    return `${spec.title}, ${spec.unit || "no unit"}, over time: ${ranges.join("; ")}${dashed}`;
   }
 
   colourOf(spec, i) {
@@ -71,46 +95,57 @@ export class Plots {
       const value = `${bound.of_magnitude ? `|${label}|` : label} ${bound.upper ? "≤" : "≥"} ${number(bound.value)}`;
       items.push(el("span", { class: "item" }, swatch, el("span", { text: `${bound.criterion}: ${value}` })));
     }
+    if (this.otherLines(plot.spec).length > 0) items.push(el("span", { class: "item" }, el("span", { class: "swatch dashed other" }), el("span", { text: `dashed, and second value: ${this.other.name}` })));
     plot.legend.replaceChildren(...items);
     this.showValues(plot);
   }
 
   showValues(plot) {
+    const others = this.otherLines(plot.spec);
     plot.spec.lines.forEach((line, i) => {
-      const value = this.flight.at(line.name, this.clock.time_s, line.step);
-      plot.values[i].textContent = nameOf(plot.spec, value) ?? number(value, 4);
+      const word = (flight) => {
+        const value = flight.at(line.name, this.clock.time_s, line.step);
+        return nameOf(plot.spec, value) ?? number(value, 4);
+      };
+      plot.values[i].textContent = others.includes(line) ? `${word(this.flight)} · ${word(this.other.flight)}` : word(this.flight);
     });
   }
 
   draw(plot) {
     if (plot.uplot || !plot.box.isConnected) return;
     const { spec, box } = plot;
-    const data = together(this.flight, spec.lines);
-    const axis = { stroke: colour("muted"), grid: { stroke: colour("grid"), width: 1 }, ticks: { stroke: colour("grid"), width: 1 }, font: "11px system-ui, sans-serif" };
+    const { size, letters, label } = box.clientWidth < NARROW_px ? AXIS.narrow : AXIS.wide;
+    const font = `${letters}px system-ui, sans-serif`;
+    const axis = { stroke: colour("muted"), grid: { stroke: colour("grid"), width: 1 }, ticks: { stroke: colour("grid"), width: 1, size: 4 }, gap: 4, font };
+    const line = (line, i, dash) => ({
+      label: line.label,
+      stroke: this.colourOf(spec, i),
+      width: dash ? 1.3 : 1.6,
+      dash,
+      points: { show: false },
+      paths: line.step ? uPlot.paths.stepped({ align: 1 }) : undefined,
+    });
     const options = {
       width: Math.max(box.clientWidth, 200),
       height: HEIGHT,
       padding: [PADDING_TOP_px, 14, 0, 0],
       legend: { show: false },
-      scales: { x: { time: false, range: (u, low, high) => this.range ?? [0, Math.max(this.flight.end_s, 1e-3)] }, y: { range: (u, low, high) => yRange(spec, low, high, this.flight.line_errors.length > 0 ? STRIP_px / (HEIGHT - X_AXIS_px - PADDING_TOP_px) : 0) } },
-      axes: [{ ...axis, values: (u, ticks) => ticks.map((t) => `${+t.toFixed(3)}`), size: X_AXIS_px }, { ...axis, size: 76, ...yTicks(spec) }],
-      series: [{}, ...spec.lines.map((line, i) => ({
-        label: line.label,
-        stroke: this.colourOf(spec, i),
-        width: line.dash ? 1.3 : 1.6,
-        dash: line.dash ? [5, 4] : undefined,
-        points: { show: false },
-        paths: line.step ? uPlot.paths.stepped({ align: 1 }) : undefined,
-      }))],
+      scales: { x: { time: false, range: () => this.range ?? [0, this.end_s] }, y: { range: (u, low, high) => yRange(spec, low, high, this.flight.line_errors.length > 0 ? STRIP_px / (HEIGHT - X_AXIS_px - PADDING_TOP_px) : 0) } },
+      axes: [
+        { ...axis, values: (u, ticks) => ticks.map((t) => `${+t.toFixed(3)} s`), size: X_AXIS_px, space: 64 },
+        { ...axis, size, label: spec.names ? "" : spec.unit || spec.scale || "no unit", labelSize: label, labelGap: 0, labelFont: font, ...yTicks(spec) },
+      ],
+      series: [{}, ...spec.lines.map((one, i) => line(one, i, one.dash ? [5, 4] : undefined)), ...this.otherLines(spec).map((one) => line(one, spec.lines.indexOf(one), [7, 4]))],
       cursor: { y: false, points: { show: false }, drag: { x: true, y: false, setScale: true } },
       hooks: {
+        ready: [() => this.move()],
         drawClear: [(u) => this.drawBands(u)],
         draw: [(u) => this.drawMarks(u, spec)],
         setCursor: [(u) => this.hovered(u)],
         setScale: [(u, key) => key === "x" && this.zoomed(u)],
       },
     };
-    plot.uplot = new uPlot(options, data, box);
+    plot.uplot = new uPlot(options, this.dataOf(spec), box);
     plot.uplot.over.addEventListener("dblclick", () => this.zoom(null));
     plot.uplot.over.addEventListener("mouseenter", () => (this.under = plot.uplot));
     plot.uplot.over.addEventListener("mouseleave", () => { this.under = null; this.move(); });
@@ -122,7 +157,7 @@ export class Plots {
     this.zooming = true;
     for (const { spec, uplot, box } of this.plots) {
       box.parentElement?.setAttribute("aria-label", this.describe(spec));
-      uplot?.setData(together(this.flight, spec.lines));
+      uplot?.setData(this.dataOf(spec));
     }
     this.zooming = false;
   }
@@ -194,10 +229,11 @@ export class Plots {
       ctx.stroke();
     }
     ctx.setLineDash([]);
-    const violation = this.flight.violation_s;
-    if (violation !== null) {
+    for (const [violation, dash] of [[this.flight.violation_s, []], [this.other?.flight.violation_s ?? null, [5 * px, 4 * px]]]) {
+      if (violation === null) continue;
       ctx.strokeStyle = colour("error");
       ctx.lineWidth = 1.2 * px;
+      ctx.setLineDash(dash);
       const x = u.valToPos(violation, "x", true);
       ctx.beginPath();
       ctx.moveTo(x, bbox.top);
@@ -234,20 +270,21 @@ export class Plots {
   zoom(range) {
     this.range = range;
     this.zooming = true;
-    for (const { uplot } of this.plots) if (uplot) uplot.setScale("x", { min: range ? range[0] : 0, max: range ? range[1] : this.flight.end_s });
+    for (const { uplot } of this.plots) if (uplot) uplot.setScale("x", { min: range ? range[0] : 0, max: range ? range[1] : this.end_s });
     this.zooming = false;
     this.move();
   }
 
   remove(plot) {
-    plot?.uplot?.destroy();
+    this.resizer.unobserve(plot.box);
+    this.watcher.unobserve(plot.box);
+    plot.uplot?.destroy();
     this.plots = this.plots.filter((p) => p !== plot);
   }
 
   close() {
     this.resizer.disconnect();
     this.watcher.disconnect();
-    removeEventListener("beforeprint", this.drawAll);
     this.plots.forEach((p) => p.uplot?.destroy());
     this.plots = [];
   }

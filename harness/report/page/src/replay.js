@@ -58,6 +58,7 @@ export class Replay {
     this.camera.up.set(0, 0, 1);
     this.controls = new OrbitControls(this.camera, this.renderer.domElement);
     this.controls.addEventListener("change", () => this.render());
+    this.controls.addEventListener("start", () => (this.turned = true));
     this.follow = false;
     this.scene.add(new AmbientLight(0xffffff, 1.6));
     const sun = new DirectionalLight(0xffffff, 1.8);
@@ -71,7 +72,6 @@ export class Replay {
     this.resizer.observe(box);
     clock.listen(() => this.move());
     this.resize();
-    this.look();
     this.move();
   }
 
@@ -268,7 +268,9 @@ export class Replay {
     this.renderer.setSize(width, height);
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
-    this.render();
+    // The whole path stays in the picture until the reader looks at it in another way.
+    if (!this.turned && !this.follow) this.look();
+    else this.render();
   }
 
   move() {

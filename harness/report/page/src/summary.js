@@ -1,7 +1,15 @@
 // The table of all flights.
+import { nameInAddress, writeAddress } from "./address.js";
 import { badge, el, number, seconds } from "./dom.js";
 import { countBoxes } from "./header.js";
 import { listing } from "./listing.js";
+
+// A margin that changed by less is the same: two builds or processors may differ by as much (compare --tolerance).
+const SAME_MARGIN = 0.001;
+// A longer table is grouped until the reader chooses otherwise.
+const GROUPED_MIN = 101;
+// From good to bad, as compare orders them.
+const ORDER = ["pass", "inconclusive", "fail", "error"];
 
 const COLUMNS = [
   { key: "name", label: "Flight", of: (f) => f.name },
@@ -50,19 +58,33 @@ function notes(run) {
 function change(f) {
   if (f.before === null) return el("span", { class: "new", text: "new" });
   const words = f.before.verdict === f.verdict ? "" : `was ${f.before.verdict}`;
-  if (f.before.margin === null || f.margin === null) return el("span", { text: words || "same" });
-  const by = f.margin - f.before.margin;
-  return el("span", { class: by < 0 ? "worse" : by > 0 ? "better" : "" , text: [words, by === 0 ? "same" : `${by > 0 ? "+" : ""}${number(by, 2)}`].filter(Boolean).join(", ") });
+  const by = f.before.margin === null || f.margin === null ? 0 : f.margin - f.before.margin;
+  const same = Math.abs(by) < SAME_MARGIN;
+  // The verdict decides; the margin does where the verdict is the same.
+  const worse = Math.sign(ORDER.indexOf(f.verdict) - ORDER.indexOf(f.before.verdict)) || (same ? 0 : -Math.sign(by));
+  const change = same ? (words ? "" : "same") : `${by > 0 ? "+" : ""}${number(by, 2)}`;
+  return el("span", { class: worse > 0 ? "worse" : worse < 0 ? "better" : "", title: by === 0 ? null : `margin ${number(f.before.margin, 6)} before, ${number(f.margin, 6)} now`, text: [words, change].filter(Boolean).join(", ") });
 }
+
+// What failed; of a flight that did not, its verdict.
+const criterionOf = (f) => (isNotFlown(f) ? "Not flown" : f.verdict === "pass" ? "Passed" : f.criterion ? `${f.criterion} (${f.verdict})` : f.verdict);
+const faultsOf = (f) => [...new Set(f.faults.map((x) => x.type))].sort().join(" + ") || "no fault";
+const GROUPS = [
+  { value: "both", label: "criterion, then fault", of: [criterionOf, faultsOf] },
+  { value: "criterion", label: "criterion", of: [criterionOf] },
+  { value: "fault", label: "fault", of: [faultsOf] },
+];
+
+const addressOf = (run, index, time_s = null) => writeAddress({ ...nameInAddress(run.flights, index), t: time_s === null ? null : String(+time_s.toFixed(3)), plots: [], xy: [], with: null });
 
 function row(run, f, index) {
   const kinds = [...new Set(f.faults.map((x) => x.type))];
   const cells = [
-    el("th", { scope: "row" }, el("a", { href: `#flight-${index}`, text: f.name })),
+    el("th", { scope: "row" }, el("a", { href: addressOf(run, index), text: f.name })),
     el("td", {}, isNotFlown(f) ? badge("not flown", null) : badge(f.verdict, f.expected)),
-    el("td", { class: `n ${f.margin !== null && f.margin < 0 ? "below" : ""}`, text: number(f.margin) }),
+    el("td", { class: `n ${f.margin !== null && f.margin < 0 ? "below" : ""}`, title: f.margin_of ? `Margin of ${f.margin_of}` : null, text: number(f.margin) }),
     el("td", { text: f.criterion ?? "", title: f.reason }),
-    el("td", { class: "n", text: f.time_s === undefined || f.time_s === null ? "" : seconds(f.time_s) }),
+    el("td", { class: "n" }, f.time_s === undefined || f.time_s === null ? "" : el("a", { href: addressOf(run, index, f.time_s), text: seconds(f.time_s), "aria-label": `${f.name} at ${seconds(f.time_s)}` })),
     el("td", { class: "n", text: f.flown_s === undefined ? "" : `${f.flown_s.toFixed(1)} s` }),
     el("td", { class: "n", text: f.rmse_m === undefined ? "" : `${f.rmse_m.toFixed(3)} m` }),
     el("td", { class: "faults", text: kinds.slice(0, 3).join(", ") + (kinds.length > 3 ? ` +${kinds.length - 3}` : ""), title: kinds.join(", ") }),
@@ -75,7 +97,8 @@ function row(run, f, index) {
 
 const wordsOf = (f) => [f.name, f.criterion, f.reason, ...f.faults.flatMap((x) => [x.type, x.id]), ...(f.tags ?? [])].join(" ");
 
-export function showSummary(main, run) {
+// `problem`: why the flight that the address names is not shown; in words.
+export function showSummary(main, run, problem = null) {
   const tags = [...new Set(run.flights.flatMap((f) => f.tags ?? []))].sort();
   const selects = [{ label: "Verdict", options: [["red", "not as expected"], ...["pass", "fail", "inconclusive", "error"].map((v) => [v, v]), ...(run.flights.some(isNotFlown) ? [["not flown", "not flown"]] : [])], fits: (f, value) => (value === "red" ? !f.green && !isNotFlown(f) : value === verdictOf(f)) }];
   if (tags.length > 0) selects.push({ label: "Tag", options: tags.map((t) => [t, t]), fits: (f, value) => f.tags?.includes(value) });
@@ -85,9 +108,11 @@ export function showSummary(main, run) {
   const [filters, told, table] = listing({
     label: "Flights", noun: "flights", kind: "flights", order: "the least margin first", placeholder: "name, fault, criterion",
     items: run.flights, columns, selects, words: wordsOf, row: (f, index) => row(run, f, index),
+    groups: GROUPS, grouped: run.flights.length >= GROUPED_MIN ? "both" : "",
   });
   const left = run.runs.flatMap((r) => r.not_applicable ?? []);
   main.replaceChildren(
+    ...(problem ? [el("p", { class: "note", role: "alert", text: problem })] : []),
     el("h1", { text: "Flights" }), counts(run), ...notes(run),
     ...(run.baseline ? [el("p", { class: "note", text: `Baseline: ${run.baseline}${run.only_in_baseline.length > 0 ? `. Only there: ${run.only_in_baseline.slice(0, 20).join(", ")}` : ""}` })] : []),
     filters, told, run.flights.length > 0 ? table : el("p", { text: "This run has no flights." }),
