@@ -227,11 +227,16 @@ class EmulatorClient final : public Client {
                           [&](const faults::ResetByWatchdog&) { stall(lockstep::ResetCause::kWatchdog); },
                           [&](const faults::HangProcessor&) { stall(lockstep::ResetCause::kNone); },
                           [&](const faults::StallProcessor&) { stall(lockstep::ResetCause::kNone); },
-                          // An image's tasks are its own: refused before the flight.
-                          [](const faults::DelayTask&) {},
+                          [&](const faults::DelayTask& work) {
+                            board_->Send(
+                                lockstep::Kind::kDelayTask,
+                                lockstep::DelayTask{begin, end, work.delay_ns, work.every_ns, fault});
+                          },
                           [&](const faults::FlipBits& flips) { Flip(flips, begin, fault); },
                           // In force already: it is in clock_.
-                          [](const faults::DriftClock&) {}},
+                          [](const faults::DriftClock&) {},
+                          // Its processor would execute everything in between: refused before the flight.
+                          [](const faults::JumpClock&) {}},
                command.action);
   }
 
@@ -423,6 +428,11 @@ class EmulatorClient final : public Client {
       case lockstep::EventKind::kStallEnds:
         out.kind = "device_runs";
         out.text = "the processor runs again";
+        break;
+      case lockstep::EventKind::kTaskDelayed:
+        out.fault = event.value;
+        out.kind = "task_delayed";
+        out.text = "other work has the processor";
         break;
       case lockstep::EventKind::kBitFlipped:
         out.fault = event.value;
