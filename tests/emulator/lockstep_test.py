@@ -196,7 +196,7 @@ class Lockstep(unittest.TestCase):
                 begins.append(begin_ns * 1e-9)
         return begins
 
-    REQUEST_BYTES = 6
+    REQUEST_BYTES = 8
 
     def test_other_work_delays_the_task_and_no_interrupt(self):
         window = "start_s: 1, end_s: 2"
@@ -222,7 +222,7 @@ class Lockstep(unittest.TestCase):
         self.assertGreater(result["metrics"]["firmware.receive_overruns_count"], 0)
 
     def test_other_work_without_end_ends_by_the_watchdog_that_the_task_feeds(self):
-        file = self.scenario(faults="{id: w, type: device.task_delay, start_s: 1, end_s: 1.5, parameters: {delay_ms: 10, every_ms: 10}}")
+        file = self.scenario(faults="{id: w, type: device.task_delay, start_s: 1, end_s: 1.5, parameters: {delay_ms: 10, every_ms: 10}}", expect="fail")
         folder, _ = self.fly(file, "--client", "qemu")
         self.assertEqual(len(self.events(folder, "task_delayed")), 50)
         resets = self.events(folder, "device_reset")

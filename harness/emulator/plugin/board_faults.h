@@ -89,8 +89,17 @@ inline void OnStallTimer(void* /*opaque*/) {
   HoldUntil(plugin.stall.end_ns);
 }
 
+// Whether an interrupt is pending, also where the task has switched interrupts off (PM0214, section 4.4.3).
+inline bool InterruptIsPending() {
+  constexpr std::uint32_t kIcsr = 0xE000'ED04, kVectPending = 0x1FF << 12;
+  std::uint32_t icsr = 0;
+  ReadAsProcessor(plugin.cpu, kIcsr, &icsr, sizeof(icsr));
+  return (icsr & kVectPending) != 0;
+}
+
 // Other work has the processor: as StallWork, but the processor takes interrupts. It comes back here when their handlers
-// return, before the next instruction of the task.
+// return, before the next instruction of the task. An interrupt that the task has switched off makes the task go on,
+// block by block, until it switches interrupts on.
 inline void HoldTaskWork(void* cpu, RunOnCpuData data) {
   // What else holds the processor comes first.
   if (plugin.holding || plugin.pending_cause != ResetCause::kNone)
@@ -101,9 +110,10 @@ inline void HoldTaskWork(void* cpu, RunOnCpuData data) {
     return async_run_on_cpu(cpu, SleepWork, {});
   }
   void* nvic = plugin.interrupt_controller;
-  if (armv7m_nvic_raw_execution_priority(nvic) != kNoHandler ||
-      armv7m_nvic_can_take_pending_exception(nvic)) {
+  const bool in_handler = armv7m_nvic_raw_execution_priority(nvic) != kNoHandler;
+  if (in_handler || InterruptIsPending()) {
     plugin.task_may_return = true;
+    plugin.task_goes_on = !in_handler && !armv7m_nvic_can_take_pending_exception(nvic);
     return;
   }
   std::int64_t step = qemu_clock_deadline_ns_all(kClockVirtual, kAnyAttribute);
@@ -118,6 +128,7 @@ inline void OnBlock(unsigned /*vcpu*/, void* /*opaque*/) {
   if (!plugin.task_may_return ||
       armv7m_nvic_raw_execution_priority(plugin.interrupt_controller) != kNoHandler)
     return;
+  if (std::exchange(plugin.task_goes_on, false)) return;
   plugin.task_may_return = false;
   async_run_on_cpu(plugin.cpu, HoldTaskWork, {});
   cpu_loop_exit_restore(plugin.cpu, reinterpret_cast<std::uintptr_t>(__builtin_return_address(0)));

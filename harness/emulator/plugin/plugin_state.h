@@ -63,6 +63,7 @@ struct Plugin {
   std::int64_t task_held_until = 0;
   bool holding_task = false;     // until then
   bool task_may_return = false;  // a handler runs meanwhile
+  bool task_goes_on = false;     // for one block
   bool watches_blocks = false;   // each block that is translated calls OnBlock
   void* interrupt_controller = nullptr;
   std::deque<FlipBits> flips;

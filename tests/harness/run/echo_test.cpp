@@ -146,7 +146,7 @@ TEST_F(EchoLineTest, AFullLineNamesIt) {
   }
   ASSERT_TRUE(line.overfull());
   EXPECT_TRUE(line.overfull()->by_faults);
-  EXPECT_THAT(line.overfull()->text, HasSubstr("wait on the line to_client; multiplied by 'echo'"));
+  EXPECT_THAT(line.overfull()->text, HasSubstr("wait on the line to_client: multiplied by 'echo'"));
 }
 
 }  // namespace
