@@ -104,7 +104,7 @@ std::string NeedsText(Needs needs) {
     case Needs::kReset:
       return " Needs a client that can be reset: an emulated board or, in lockstep, a library.";
     case Needs::kTask:
-      return " Needs a library in lockstep.";
+      return " Needs a library or an emulated board, in lockstep.";
     case Needs::kProcessor:
       return " Needs an emulated board.";
     case Needs::kEmulation:
@@ -113,7 +113,7 @@ std::string NeedsText(Needs needs) {
       return " Needs, for the client, a library or, in lockstep, an emulated board; for other nodes, real "
              "time.";
     case Needs::kClockJump:
-      return " Needs real time; for the client, a library.";
+      return " Needs, for the client, a library; for other nodes, real time.";
   }
   return "";
 }

@@ -18,12 +18,10 @@ TimeNs FlipInstant(const Window& window, std::uint64_t stream) {
   return window.begin_ns + static_cast<TimeNs>(Random(stream).Below(length_ns));
 }
 
-// Only a node's clock jumps, and only in real time.
-std::optional<DeviceAction> DriftOfClient(const ClockKind& clock, const Parameters& parameters) {
+// None for the clock of another node.
+std::optional<DeviceAction> ActionOnClient(const ClockKind& clock, const Parameters& parameters) {
   if (parameters.Choice("node") != "client") return std::nullopt;
-  const ClockAction action = clock.make(parameters);
-  if (const auto* drift = std::get_if<DriftClock>(&action)) return *drift;
-  return std::nullopt;
+  return std::visit([](const auto& action) -> DeviceAction { return action; }, clock.make(parameters));
 }
 
 }  // namespace
@@ -37,7 +35,7 @@ std::vector<DeviceCommand> DeviceCommands(const std::vector<FaultSpec>& specs, s
     const auto* kind = type.As<DeviceKind>();
     std::optional<DeviceAction> action;
     if (kind != nullptr) action = kind->make({parameters, StreamKey(seed, {spec.id, "bits"})});
-    if (const auto* clock = type.As<ClockKind>()) action = DriftOfClient(*clock, parameters);
+    if (const auto* clock = type.As<ClockKind>()) action = ActionOnClient(*clock, parameters);
     if (!action) continue;
     for (const Window& stretch : Activity(spec, WindowOf(spec)).Stretches()) {
       DeviceCommand command{.at_ns = std::max<TimeNs>(stretch.begin_ns, 0),

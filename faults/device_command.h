@@ -39,7 +39,7 @@ struct FlipBits {
   std::uint64_t stream = 0;  // for DrawBitFlips()
 };
 using DeviceAction = std::variant<ResetProcessor, ResetByWatchdog, HangProcessor, StallProcessor, DelayTask,
-                                  FlipBits, DriftClock>;
+                                  FlipBits, DriftClock, JumpClock>;
 
 // The inputs from which an action is made.
 struct DeviceSetup {
@@ -54,7 +54,7 @@ struct DeviceCommand {
   DeviceAction action;
 };
 
-// The commands of the faults on the device, including drifts of the client's clock, in order of time; at
+// The commands of the faults on the device, including those on the client's clock, in order of time; at
 // equal times in the order of the file. Throws std::invalid_argument, naming fault and key, when a fault is
 // not valid.
 std::vector<DeviceCommand> DeviceCommands(const std::vector<FaultSpec>& specs, std::uint64_t seed);

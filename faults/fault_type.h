@@ -46,6 +46,7 @@ struct WireKind {
   Volume volume = Volume::kKeeps;
   bool remembers = false;        // its model has Pass() and Release()
   bool acts_on_overlap = false;  // any part of the frame in the window counts, not its first byte
+  bool sends_back = false;       // its model uses WireContext::sent_back
 };
 
 // Marks bytes at the firmware's receiver, each with the probability given by the parameter `probability`.
@@ -101,11 +102,11 @@ enum class Needs : std::uint8_t {
   kNothing,    // the harness does it by itself, with any client
   kNodes,      // processes of the harness: real time
   kReset,      // a client that can be reset
-  kTask,       // a firmware that the harness calls when it is to run: a library, in lockstep
+  kTask,       // a firmware whose task the harness can make late: a library or an emulated board, in lockstep
   kProcessor,  // a processor that can be stopped, with memory that can be written
   kEmulation,  // the board's reset cause, watchdog and receiver, at exact virtual times
   kClock,      // depends on the parameter `node`: real time, or a client whose clock the harness provides
-  kClockJump,  // the same, and real time for the client too
+  kClockJump,  // the same, but the client must be one that the harness calls: a library
 };
 
 struct FaultType {

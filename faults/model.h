@@ -44,6 +44,7 @@ struct WireContext {
   Random& random;  // only of this fault and this frame
   const Activity& activity;
   Origin origin;
+  std::vector<link::Chunk>& sent_back;  // receives chunks that travel back to the sender
   std::string* what;       // receives a text about what was done, for a person; null when it is not read
   std::uint64_t pick = 0;  // of the frame, among those that the trigger has picked, from 0
   // True if the fault is active at any time in [begin, end).

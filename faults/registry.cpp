@@ -28,6 +28,8 @@ namespace tiltproof::faults {
   FAULT(WireByteSwap)                \
   FAULT(WireChunking)                \
   FAULT(WireBandwidthCap)            \
+  FAULT(WireTerminal)                \
+  FAULT(WireEcho)                    \
   FAULT(FrameDrop)                   \
   FAULT(FrameDuplicate)              \
   FAULT(FrameTruncate)               \
@@ -152,8 +154,8 @@ constexpr FormerType kFormerTypes[] = {
     {"uart.parity_error", "was removed: all lines are 8N1, where no receiver checks parity"},
 };
 
-// Largest number of commands of one fault.
-constexpr TimeNs kCommandsMax = 1000;
+// Largest number of commands of one fault: one in every control period of four minutes.
+constexpr TimeNs kCommandsMax = 20'000;
 
 class Validator {
  public:
@@ -402,6 +404,8 @@ std::vector<Target> AcceptedTargets(const FaultType& type) {
   std::vector<Target> targets = {Target::kToClient, Target::kToPlant, Target::kBoth, Target::kReference};
   // The lines that end at the firmware.
   if (type.IsOneOf<ReceiverKind>()) targets = {Target::kToClient, Target::kReference};
+  const auto* wire = type.As<WireKind>();
+  if (wire != nullptr && wire->sends_back) targets.pop_back();  // the reference line has no way back
   if (type.default_target()) targets.push_back(Target::kNone);
   return targets;
 }

@@ -207,9 +207,23 @@ link::ChunkFilter* FaultSchedule::Filter(link::Direction direction) {
   return wire.empty() && !state_->grows ? nullptr : &wire;
 }
 
+bool FaultSchedule::MayAlter(Direction direction) const {
+  const auto opposite = link::Opposite(direction);
+  return state_->grows || !state_->wires[static_cast<std::size_t>(direction)].empty() ||
+         (opposite && state_->wires[static_cast<std::size_t>(*opposite)].sends_back());
+}
+
+std::vector<link::Chunk> FaultSchedule::TakeSentBack(Direction direction) {
+  return state_->wires[static_cast<std::size_t>(direction)].TakeSentBack();
+}
+
 FaultSchedule::Crowd FaultSchedule::CrowdOf(Direction direction) const {
   const WireFaults& wire = state_->wires[static_cast<std::size_t>(direction)];
-  return {wire.Multipliers(), wire.Holders()};
+  Crowd crowd{wire.Multipliers(), wire.Holders()};
+  if (const auto opposite = link::Opposite(direction))
+    for (const std::size_t fault : state_->wires[static_cast<std::size_t>(*opposite)].Returners())
+      crowd.multipliers.push_back(fault);
+  return crowd;
 }
 
 void FaultSchedule::SetOrigin(Origin origin) {

@@ -66,6 +66,12 @@ class FaultSchedule {
   // is moved.
   link::ChunkFilter* Filter(link::Direction direction);
 
+  // True if bytes may arrive there that differ from those that were sent there.
+  bool MayAlter(link::Direction direction) const;
+  // Frames that faults of this direction have sent back to the sender since the last call, with their times and
+  // numbers. They travel in the other direction of the main line, which applies no fault to them.
+  std::vector<link::Chunk> TakeSentBack(link::Direction direction);
+
   // For a direction in which more than link::kLineBytesMax is to wait: the faults that put more bytes there
   // than were sent, and those that kept some for later.
   struct Crowd {

@@ -30,6 +30,7 @@ void WireFaults::Add(std::size_t fault, const FaultSpec& spec, const WireKind& k
                         .rate = rate,
                         .remembers = kind.remembers,
                         .acts_on_overlap = kind.acts_on_overlap,
+                        .sends_back = kind.sends_back,
                         .model = kind.make({parameters, rate, StreamKey(seed, {spec.id, "events", way}),
                                             protocol, direction})});
 }
@@ -61,6 +62,18 @@ std::vector<std::size_t> WireFaults::Holders() const {
   for (const Injector& injector : injectors_)
     if (injector.delayed || injector.model->held_bytes() > 0) faults.push_back(injector.fault);
   return faults;
+}
+
+std::vector<std::size_t> WireFaults::Returners() const {
+  std::vector<std::size_t> faults;
+  for (const Injector& injector : injectors_)
+    if (injector.returned) faults.push_back(injector.fault);
+  return faults;
+}
+
+bool WireFaults::sends_back() const {
+  return std::any_of(injectors_.begin(), injectors_.end(),
+                     [](const Injector& injector) { return injector.sends_back; });
 }
 
 void WireFaults::Decide(Injector& injector, const link::Chunk& sent) const {
@@ -104,16 +117,18 @@ void WireFaults::Run(Injector& injector, std::vector<link::Chunk>& chunks) {
 
 void WireFaults::ActAndRecord(Injector& injector, link::Chunk&& chunk, Random& random) {
   before_ = chunk;
-  const std::size_t out_begin = out_.size();
+  const std::size_t out_begin = out_.size(), back_begin = sent_back_.size();
   std::string what;
   const bool keeps = recorder_->Keeps(injector.fault) &&
                      link::WeightOf(before_) <= kActivationBytesMax;  // else no text either
   injector.model->Act(std::move(chunk),
-                      {random, *injector.activity, origin_, keeps ? &what : nullptr,
+                      {random, *injector.activity, origin_, sent_back_, keeps ? &what : nullptr,
                        injector.pick[before_.number % kDecisions] - 1},
                       out_);
   const auto after = std::span<const link::Chunk>(out_).subspan(out_begin);
-  if (after.size() == 1 && SameBytesAndTime(after[0], before_)) return;
+  const bool returned = sent_back_.size() > back_begin;
+  if (!returned && after.size() == 1 && SameBytesAndTime(after[0], before_)) return;
+  injector.returned = injector.returned || returned;
   const std::size_t weight = Weight(after);
   injector.multiplied = injector.multiplied || weight > link::WeightOf(before_);
   injector.delayed = injector.delayed || (after.size() == 1 && after[0].begin_ns > before_.begin_ns);

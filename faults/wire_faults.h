@@ -9,6 +9,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "faults/fault_type.h"
@@ -35,9 +36,16 @@ class WireFaults final : public link::ChunkFilter {
   void Apply(std::vector<link::Chunk>& chunks) override;
   std::size_t held_bytes() const override;
 
-  // The faults that put more bytes on the line than were sent, and those that kept some for later.
+  // The faults that put more bytes on the line than were sent, those that kept some for later, and those that
+  // sent some back.
   std::vector<std::size_t> Multipliers() const;
   std::vector<std::size_t> Holders() const;
+  std::vector<std::size_t> Returners() const;
+
+  // A fault here may send bytes back to their sender.
+  bool sends_back() const;
+  // The chunks that the faults have sent back since the last call, with the times and numbers of their frames.
+  std::vector<link::Chunk> TakeSentBack() { return std::exchange(sent_back_, {}); }
 
  private:
   // Decisions are kept for this many frames: more than any chain of faults holds back.
@@ -51,8 +59,9 @@ class WireFaults final : public link::ChunkFilter {
     LineRate rate;
     bool remembers;
     bool acts_on_overlap;
+    bool sends_back;
     std::unique_ptr<WireModel> model;
-    bool multiplied = false, delayed = false;
+    bool multiplied = false, delayed = false, returned = false;
     std::array<std::uint64_t, kDecisions> pick{};  // of a frame that is picked, from 1; 0: not picked
     std::uint64_t pick_count = 0;
   };
@@ -64,7 +73,7 @@ class WireFaults final : public link::ChunkFilter {
   std::vector<Injector> injectors_;
   Recorder* recorder_ = nullptr;
   Origin origin_;
-  std::vector<link::Chunk> out_;
+  std::vector<link::Chunk> out_, sent_back_;
   link::Chunk before_;
 };
 

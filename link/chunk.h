@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string_view>
 #include <vector>
 
@@ -19,6 +20,11 @@ enum class Direction : std::uint8_t { kToPlant, kToClient, kReference };
 inline constexpr std::array kDirections = {Direction::kToPlant, Direction::kToClient, Direction::kReference};
 inline constexpr std::size_t kDirectionCount = kDirections.size();
 std::string_view Name(Direction direction);  // "to_plant", "to_client", "reference"
+// The way back; the reference line has none.
+constexpr std::optional<Direction> Opposite(Direction direction) {
+  if (direction == Direction::kReference) return std::nullopt;
+  return direction == Direction::kToPlant ? Direction::kToClient : Direction::kToPlant;
+}
 
 // On a line it has boot time, in the log of a flight simulation time.
 template <class Time>

@@ -129,6 +129,16 @@ void Wire::SendOpenChunk(BootTime known_ns) {
   for (Chunk& after : scratch_) Enqueue(std::move(after), known_ns);
 }
 
+void Wire::Insert(BootTime begin, std::span<const std::uint8_t> bytes) {
+  Chunk chunk{.begin_ns = begin,
+              .bytes = {bytes.begin(), bytes.end()},
+              .number = next_number_ == 0 ? 0 : next_number_ - 1};
+  const std::size_t held_bytes = filter_ == nullptr ? 0 : filter_->held_bytes();
+  if (!HasRoomFor(held_bytes + WeightOf(chunk))) return;
+  const TimeNs duration = BytesTime(static_cast<std::int64_t>(bytes.size()));
+  Enqueue(std::move(chunk), begin + duration);
+}
+
 bool Wire::HasRoomFor(std::size_t bytes) {
   overfull_ = overfull_ || queue_bytes_ + bytes > kLineBytesMax;
   return !overfull_;

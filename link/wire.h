@@ -55,6 +55,11 @@ class Wire {
   // sending. Returns when the last stop bit has left.
   BootTime Transmit(BootTime now, std::span<const std::uint8_t> bytes);
 
+  // Bytes that travel here although the sender did not send them, as an echo does. They begin at `begin`, or when
+  // what waits here before them has passed. The filter does not act on them. They carry the number of the last
+  // frame that the sender sent.
+  void Insert(BootTime begin, std::span<const std::uint8_t> bytes);
+
   // More was to wait here than kLineBytesMax. From then on nothing more is sent.
   bool overfull() const { return overfull_; }
 

@@ -3,7 +3,7 @@
 //   BoardStacks stacks(symbols);
 //   stacks.Watch(board);                         // before the first turn
 //   log(stacks.OverflowText(event, source));     // of a lockstep::EventKind::kStackOverflow
-//   for (const StackUse& stack : stacks.Read(board)) ...
+//   for (const StackUse& stack : stacks.ReadOnce(board)) ...
 #pragma once
 
 #include <set>
@@ -24,12 +24,13 @@ class BoardStacks {
   void Watch(EmulatorProcess& board) const;
   // "stack 'control_stack' (3072 bytes) overflowed: ..."
   std::string OverflowText(const lockstep::Event& event, const SourceLines& source);
-  // Lists the stacks that the stack pointer has entered. Throws EmulatorTrouble.
-  std::vector<StackUse> Read(EmulatorProcess& board) const;
+  // Lists the stacks that the stack pointer has entered: once, before anything changes them. Empty when the emulator is gone.
+  std::vector<StackUse> ReadOnce(EmulatorProcess& board);
 
  private:
   std::vector<ImageStack> stacks_;
   std::set<std::size_t> overflowed_;
+  bool read_ = false;
 };
 
 }  // namespace tiltproof::harness

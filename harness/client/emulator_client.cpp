@@ -124,7 +124,7 @@ class EmulatorClient final : public Client {
       if (stopped.locked_up) ThrowLockedUp(stopped.at_ns);
       if (const auto broken = limits_.Broken([this](TimeNs at) { return TimeText(at); }); !broken.empty()) {
         TellStacks();
-        throw FirmwareTrouble(false, broken, OnBoard());
+        throw FirmwareTrouble(false, broken);
       }
       TransmitDamaged(stopped.at_ns);
       if (stopped.at_ns - last_active_ > kBusyMax && (started() || stopped.at_ns > start_within_ns_))
@@ -137,8 +137,7 @@ class EmulatorClient final : public Client {
       // QEMU gives up when the processor is past all help: that is the firmware's doing. Its own end is not.
       const std::string fatal = FatalLine(board_->Errors());
       if (!fatal.empty())
-        throw FirmwareTrouble(false, "the firmware crashed: " + fatal + " (registers in firmware.log)",
-                              OnBoard());
+        throw FirmwareTrouble(false, "the firmware crashed: " + fatal + " (registers in firmware.log)");
       throw std::runtime_error(trouble.what());
     }
   }
@@ -210,11 +209,16 @@ class EmulatorClient final : public Client {
                           [&](const faults::ResetByWatchdog&) { stall(lockstep::ResetCause::kWatchdog); },
                           [&](const faults::HangProcessor&) { stall(lockstep::ResetCause::kNone); },
                           [&](const faults::StallProcessor&) { stall(lockstep::ResetCause::kNone); },
-                          // An image's tasks are its own: refused before the flight.
-                          [](const faults::DelayTask&) {},
+                          [&](const faults::DelayTask& work) {
+                            board_->Send(
+                                lockstep::Kind::kDelayTask,
+                                lockstep::DelayTask{begin, end, work.delay_ns, work.every_ns, fault});
+                          },
                           [&](const faults::FlipBits& flips) { Flip(flips, begin, fault); },
                           // In force already: it is in clock_.
-                          [](const faults::DriftClock&) {}},
+                          [](const faults::DriftClock&) {},
+                          // Its processor would execute everything in between: refused before the flight.
+                          [](const faults::JumpClock&) {}},
                command.action);
   }
 
@@ -246,14 +250,13 @@ class EmulatorClient final : public Client {
     StoppedInLockstep stopped(*board_, now_);
     return UsartSummary(stopped, Roles());
   }
-  static FirmwareEnd OnBoard() { return {.kind = FirmwareEndKind::kOnBoard}; }
   UsartRoles Roles() const { return {spec_.main_usart, spec_.reference_usart, spec_.console_usart}; }
 
   [[noreturn]] void ThrowHangs(TimeNs now) {
     const Findings found = Examine(Condition::kBusy, now);
     std::string text = HangText(found, now - last_active_, TimeText(last_active_));
     if (!started()) text += "; " + Usarts();
-    throw FirmwareTrouble(true, text + " (more in firmware.log)", OnBoard());
+    throw FirmwareTrouble(true, text + " (more in firmware.log)");
   }
 
   [[noreturn]] void ThrowCostsTooMuch() {
@@ -273,19 +276,13 @@ class EmulatorClient final : public Client {
     if (fatal.empty()) throw std::runtime_error("the emulator aborts: " + board_->Errors());
     Log(now, fatal);
     const Findings found = Examine(Condition::kLockedUp, now);
-    throw FirmwareTrouble(false, CrashText(found, TimeText(now)), OnBoard());
+    throw FirmwareTrouble(false, CrashText(found, TimeText(now)));
   }
 
   void TellStacks() {
-    if (std::exchange(stacks_told_, true)) return;
-    try {
-      DeviceEvent use{
-          .time_ns = clock_.When(now_), .fault = std::nullopt, .kind = kStackUseEvent, .text = {}};
-      use.stacks = stacks_->Read(*board_);
-      host_.event(use);
-    } catch (const EmulatorTrouble&) {
-      // The flight has been flown; only this word is missing.
-    }
+    DeviceEvent use{.time_ns = clock_.When(now_), .fault = std::nullopt, .kind = kStackUseEvent, .text = {}};
+    use.stacks = stacks_->ReadOnce(*board_);
+    if (!use.stacks.empty()) host_.event(use);
   }
 
   // Reports the state of a firmware that never started, or that sleeps in the handler of a fault.
@@ -423,6 +420,11 @@ class EmulatorClient final : public Client {
         out.kind = "device_runs";
         out.text = "the processor runs again";
         break;
+      case lockstep::EventKind::kTaskDelayed:
+        out.fault = event.value;
+        out.kind = "task_delayed";
+        out.text = "other work has the processor";
+        break;
       case lockstep::EventKind::kBitFlipped:
         out.fault = event.value;
         out.kind = "bit_flipped";
@@ -434,13 +436,11 @@ class EmulatorClient final : public Client {
         out.kind = kUnmodelledEvent;
         out.text = "the firmware uses " + block->text;
         out.block = block->name;
-        Log(event.at_ns, out.text);
         break;
       }
       case lockstep::EventKind::kStackOverflow:
         out.kind = kStackOverflowEvent;
         out.text = stacks_->OverflowText(event, *source_);
-        Log(event.at_ns, out.text);
         break;
       case lockstep::EventKind::kOverrun:
         if (auto row =
@@ -449,6 +449,7 @@ class EmulatorClient final : public Client {
           host_.event(*row);
         return;
     }
+    if (out.kind == kUnmodelledEvent || out.kind == kStackOverflowEvent) Log(event.at_ns, out.text);
     host_.event(out);
   }
 
@@ -475,7 +476,6 @@ class EmulatorClient final : public Client {
   std::optional<MemoryRegion> status_;  // of the image; none: it has no such symbol
   std::optional<EmulatorProcess> board_;
   std::optional<BoardStacks> stacks_;
-  bool stacks_told_ = false;
   DeviceClock clock_;
   std::deque<DeviceEvent> drifts_;  // to be told when they begin, in order
   std::vector<lockstep::ReceivedByte> received_;

@@ -11,22 +11,19 @@
 namespace tiltproof::harness {
 
 enum class FirmwareEndKind : std::uint8_t {
-  kInCall,      // in a call into it: a fatal signal, an exception, exit(), a call that does not return
+  kInOwnCode,  // a fatal signal, an exception, exit(), a call that does not return; a fault or a hang on a board
   kInCallBack,  // a fatal signal while the harness computed for a call back: memory that the firmware damaged
   kInThread,    // in a thread that it started
-  kOnBoard,     // on its own processor: an image on the emulated board
   kTooCostly,   // an image took more of the emulator's processor time than its limit
 };
 constexpr std::string_view Name(FirmwareEndKind kind) {
   switch (kind) {
-    case FirmwareEndKind::kInCall:
-      return "call";
+    case FirmwareEndKind::kInOwnCode:
+      return "own_code";
     case FirmwareEndKind::kInCallBack:
       return "call_back";
     case FirmwareEndKind::kInThread:
       return "thread";
-    case FirmwareEndKind::kOnBoard:
-      return "board";
     case FirmwareEndKind::kTooCostly:
       return "too_costly";
   }
@@ -35,7 +32,7 @@ constexpr std::string_view Name(FirmwareEndKind kind) {
 constexpr FirmwareEndKind LastOf(FirmwareEndKind) { return FirmwareEndKind::kTooCostly; }
 
 struct FirmwareEnd {
-  FirmwareEndKind kind = FirmwareEndKind::kInCall;
+  FirmwareEndKind kind = FirmwareEndKind::kInOwnCode;
   // The place in a library: "decoder.c:33", "decoder.so+0x1a2b", or "stack overflow in Decode", because the place where a
   // recursion meets the end of its stack is chance. Empty: not known.
   std::string place = {};

@@ -392,7 +392,7 @@ void FirmwareGuard::Throw() {
       throw FirmwareTrouble(true, fmt::format("the firmware stopped itself in {}", Name(present_call)));
     case kEnded:
       throw FirmwareTrouble(false, fmt::format("the firmware {} in {}", ended_by.data(), Name(present_call)),
-                            {.kind = FirmwareEndKind::kInCall, .place = crash_place.at.data()});
+                            {.kind = FirmwareEndKind::kInOwnCode, .place = crash_place.at.data()});
     case kHarnessError:
       std::rethrow_exception(std::exchange(error_, nullptr));
     case kCrashed:
@@ -402,7 +402,7 @@ void FirmwareGuard::Throw() {
       false,
       fmt::format("the firmware crashed in {}: {}{}", Name(present_call), strsignal(caught_signal),
                   stack_overflowed != 0 ? " (stack overflow)" : ""),
-      {.kind = FirmwareEndKind::kInCall, .place = PlaceOfCrash()});
+      {.kind = FirmwareEndKind::kInOwnCode, .place = PlaceOfCrash()});
 }
 
 }  // namespace tiltproof::harness

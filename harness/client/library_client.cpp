@@ -167,8 +167,8 @@ class LibraryClient final : public Client {
     });
   }
   BootTime Grant(BootTime now, BootTime /*horizon*/) override {
-    for (; !drifts_.empty() && now >= drifts_.front().time_ns; drifts_.pop_front())
-      host_.event(drifts_.front());
+    for (; !clock_events_.empty() && now >= clock_events_.front().time_ns; clock_events_.pop_front())
+      host_.event(clock_events_.front());
     // Resets that begin while it is held hold it until the last has ended.
     for (; !resets_.empty() && now >= resets_.front().begin; resets_.pop_front()) {
       in_reset_ = true;
@@ -191,13 +191,13 @@ class LibraryClient final : public Client {
     if (now - logged_ns_ >= kLogPeriod) LogOutput(now);
     return resets_.empty() ? wake_ns_ : std::min(wake_ns_, resets_.front().begin);
   }
-  // A library can be reset or run late, and its clock can drift; all other faults of a device are refused before the
-  // flight.
+  // A library can be reset or run late, and its clock can be wrong; all other faults of a device are refused before
+  // the flight.
   void Command(const std::vector<faults::DeviceCommand>& commands, Origin origin) override {
     const auto refuse = [] {
       throw std::logic_error("a library was given a command that it cannot carry out");
     };
-    drifts_ = clock_.Follow(commands, origin);
+    clock_events_ = clock_.Follow(commands, origin);
     task_delays_ = TaskDelays(commands, origin);
     for (const faults::DeviceCommand& command : commands)
       std::visit(Overloaded{[&](const faults::ResetProcessor&) {
@@ -209,7 +209,8 @@ class LibraryClient final : public Client {
                             [&](const faults::StallProcessor&) { refuse(); },
                             [&](const faults::FlipBits&) { refuse(); },
                             // In force already, in task_delays_ and clock_.
-                            [](const faults::DelayTask&) {}, [](const faults::DriftClock&) {}},
+                            [](const faults::DelayTask&) {}, [](const faults::DriftClock&) {},
+                            [](const faults::JumpClock&) {}},
                  command.action);
   }
   std::optional<ClientStatus> Status() override {
@@ -309,9 +310,9 @@ class LibraryClient final : public Client {
     BootTime begin, end;
     std::size_t fault;
   };
-  std::deque<Reset> resets_;        // to come, by begin
-  DeviceClock clock_;               // by which it lives; all other times here are true
-  std::deque<DeviceEvent> drifts_;  // to be told when they begin, in order
+  std::deque<Reset> resets_;              // to come, by begin
+  DeviceClock clock_;                     // by which it lives; all other times here are true
+  std::deque<DeviceEvent> clock_events_;  // to be reported when they happen, in order
   TaskDelays task_delays_;
   BootTime task_held_until_;
   bool in_reset_ = false;

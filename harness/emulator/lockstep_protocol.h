@@ -21,6 +21,7 @@ enum class Kind : std::uint32_t {
   // To the plug-in.
   kReceive,      // ReceivedByte[]
   kStall,        // Stall
+  kDelayTask,    // DelayTask
   kFlipBits,     // FlipBits
   kReadMemory,   // ReadMemory; answered with kMemory
   kReadUsarts,   // answered with kUsarts
@@ -75,6 +76,14 @@ struct Stall {
   std::int64_t begin_ns, end_ns;
   ResetCause reset;
   std::uint32_t fault;  // returned with its event
+};
+
+// From `begin_ns` to `end_ns`, every `every_ns`, other work takes the processor for `delay_ns`: it executes nothing
+// but handlers of interrupts.
+struct DelayTask {
+  std::int64_t begin_ns, end_ns;
+  std::int64_t delay_ns, every_ns;
+  std::uint32_t fault;  // returned with each event
 };
 
 struct FlipBits {
@@ -154,6 +163,7 @@ enum class EventKind : std::uint32_t {
   kReset,        // value: ResetCause
   kStallBegins,  // value: the fault
   kStallEnds,    // the processor runs again
+  kTaskDelayed,  // value: the fault
   kBitFlipped,   // value: the fault; address, before, after
   kOverrun,      // value: the Usart; a byte came before the previous one was read
   kUnmodelled,  // value: PC; address, before: 1 for a write; the first access to a page that no block is modelled in

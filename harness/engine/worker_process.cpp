@@ -260,10 +260,10 @@ FlightResult WorkerProcess::WithoutResult(const FlightJob& job, int status) cons
                  ? fmt::format("interrupted in a debugger, or while it waited for one, {}", at)
                  : fmt::format("interrupted while the firmware was in {}, {}", Name(stuck_in_), at));
   if (stuck_ && stopped_itself_in_ != FirmwareCall::kNone)
-    return FirmwareFailed(job, Outcome::kHung, {.kind = FirmwareEndKind::kInCall},
+    return FirmwareFailed(job, Outcome::kHung, {.kind = FirmwareEndKind::kInOwnCode},
                           fmt::format("the firmware stopped itself in {} {}", Name(stopped_itself_in_), at));
   if (stuck_ && stuck_in_ != FirmwareCall::kNone)
-    return FirmwareFailed(job, Outcome::kHung, {.kind = FirmwareEndKind::kInCall},
+    return FirmwareFailed(job, Outcome::kHung, {.kind = FirmwareEndKind::kInOwnCode},
                           fmt::format("the firmware did not return from {} within {} s of its own time, {}, "
                                       "and holds off what would end the call: its flight is lost",
                                       Name(stuck_in_), ToSeconds(FirmwareGuard::kUnreachableAfterNs), at));
@@ -276,7 +276,7 @@ FlightResult WorkerProcess::WithoutResult(const FlightJob& job, int status) cons
   const bool not_handed_over = WIFEXITED(status) && WEXITSTATUS(status) == kExitWithoutResult;
   if (not_handed_over && job.means.FirmwareInWorker(job.scenario))
     return FirmwareFailed(
-        job, Outcome::kCrashed, {.kind = FirmwareEndKind::kInCall},
+        job, Outcome::kCrashed, {.kind = FirmwareEndKind::kInOwnCode},
         "the firmware closed descriptors of its process, the one for the results among them: "
         "the flight is lost");
   if (not_handed_over)
@@ -302,7 +302,7 @@ FlightResult WorkerProcess::WithoutResult(const FlightJob& job, int status) cons
     // A signal of a crash is caught in the firmware's own code: this one came in a call back.
     return FirmwareFailed(
         job, Outcome::kCrashed,
-        {.kind = WIFSIGNALED(status) ? FirmwareEndKind::kInCallBack : FirmwareEndKind::kInCall},
+        {.kind = WIFSIGNALED(status) ? FirmwareEndKind::kInCallBack : FirmwareEndKind::kInOwnCode},
         fmt::format("the firmware ended its process in {}: the process {} {}, and the "
                     "flight is lost",
                     Name(inside), how, at));

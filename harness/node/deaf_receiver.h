@@ -49,7 +49,8 @@ class DeafReceiver {
                                  [](const faults::HangProcessor&) -> Answer { return true; },
                                  [](const faults::DelayTask&) -> Answer { return std::nullopt; },
                                  [](const faults::FlipBits&) -> Answer { return std::nullopt; },
-                                 [](const faults::DriftClock&) -> Answer { return std::nullopt; }},
+                                 [](const faults::DriftClock&) -> Answer { return std::nullopt; },
+                                 [](const faults::JumpClock&) -> Answer { return std::nullopt; }},
                       action);
   }
 

@@ -59,7 +59,7 @@ LocalLine::LocalLine(const Scenario& scenario, std::size_t client, bool paced, b
       }()},
       ends_{[&] {
         const auto end = [&](Direction direction) {
-          return ReceivingEnd(*protocol_, direction, faults_.Filter(direction) != nullptr);
+          return ReceivingEnd(*protocol_, direction, faults_.MayAlter(direction));
         };
         return std::array{end(Direction::kToPlant), end(Direction::kToClient), end(Direction::kReference)};
       }()} {
@@ -96,8 +96,20 @@ void LocalLine::Add(const faults::FaultSpec& fault) {
 
 BootTime LocalLine::Transmit(Direction direction, BootTime now, std::span<const std::uint8_t> bytes) {
   const BootTime sent = At(wires_, direction).Transmit(now, bytes);
+  SendBack(direction, now);
   NoteOverfull(direction);
   return sent;
+}
+
+// Nothing comes back before all of it has left, nor before the line knew of it: the sender's time may be `now`.
+void LocalLine::SendBack(Direction direction, BootTime now) {
+  for (const link::Chunk& chunk : faults_.TakeSentBack(direction)) {
+    const Direction back = *link::Opposite(direction);
+    link::Wire& wire = At(wires_, back);
+    const TimeNs duration = wire.BytesTime(static_cast<std::int64_t>(chunk.bytes.size()));
+    wire.Insert(std::max(chunk.begin_ns + duration, now), chunk.bytes);
+    NoteOverfull(back);
+  }
 }
 
 void LocalLine::NoteOverfull(Direction direction) {
@@ -122,7 +134,8 @@ BootTime LocalLine::NextArrival(Direction direction) const { return At(wires_, d
 
 std::optional<Line::Piece> LocalLine::TakePiece(Direction direction, BootTime until) {
   const auto taken = At(wires_, direction).TakePiece(until);
-  NoteOverfull(direction);  // by bytes that no flag closed
+  SendBack(direction, until);  // bytes that no flag closed
+  NoteOverfull(direction);
   if (!taken) return std::nullopt;
   Piece piece{taken->arrival_ns, taken->bytes};
   At(ends_, direction)

@@ -124,6 +124,8 @@ class LocalLine final : public Line {
   static auto& At(Array& array, link::Direction direction) {
     return array[static_cast<std::size_t>(direction)];
   }
+  // Puts what the faults of this direction have sent back on the way back.
+  void SendBack(link::Direction direction, BootTime now);
   void NoteOverfull(link::Direction direction);
   void OnClientMessage(BootTime arrival, const link::Message& message);
   void OnReply(BootTime arrival, const ReceivingEnd::FrameName& name);

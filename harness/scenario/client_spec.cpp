@@ -175,7 +175,7 @@ void Add(const EmulatedImage& image, ClientAbilities& abilities) {
   abilities.virtual_time = true;
   abilities.shipped = image.file.empty();
   abilities.reset = abilities.processor = true;
-  abilities.exact_times = abilities.clock = !abilities.realtime;
+  abilities.exact_times = abilities.clock = abilities.task = !abilities.realtime;
 }
 void Add(const Program& /*program*/, ClientAbilities& /*abilities*/) {}
 void Add(const SerialBoard& /*board*/, ClientAbilities& abilities) { abilities.node = false; }

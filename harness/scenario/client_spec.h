@@ -97,7 +97,7 @@ struct ClientAbilities {
   bool node = true;           // in real time it has a node; otherwise it is on the link node's own ports
   // Faults that it can take:
   bool reset = false;        // it can be reset
-  bool task = false;         // the harness calls it when it is to run, and can do so late
+  bool task = false;         // the harness can make its task run late
   bool clock = false;        // the harness gives it its time, and can falsify it
   bool processor = false;    // its processor can be stopped and its memory changed
   bool exact_times = false;  // that, and its receiver, at exact virtual times

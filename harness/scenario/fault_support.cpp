@@ -19,10 +19,9 @@ std::optional<std::string> UnsupportedClock(std::string_view node, bool jumps,
     return "acts on the client's clock, which in real time is its own: it needs host or library:FILE, or for "
            "a drift "
            "an emulated board in lockstep";
-  if (jumps && !abilities.realtime)
-    return "lets the client's clock jump, and in lockstep clocks only drift: fly it with --mode realtime and "
-           "host or "
-           "library:FILE";
+  if (jumps && !abilities.realtime && abilities.processor)
+    return "lets the client's clock jump, and the processor of an emulated board would execute everything in "
+           "between: fly it with host or library:FILE";
   return std::nullopt;
 }
 
@@ -42,8 +41,9 @@ std::optional<std::string> Unsupported(const faults::FaultSpec& fault, const fau
              "library:FILE";
     case Needs::kTask:
       if (abilities.task) return std::nullopt;
-      return "delays the task of a firmware that the harness calls: fly it in lockstep with host or "
-             "library:FILE";
+      return "delays the task of a firmware in virtual time: fly it in lockstep with host, library:FILE or "
+             "an "
+             "emulated board";
     case Needs::kProcessor:
       if (abilities.processor) return std::nullopt;
       return "needs an emulated board: fly it with --client qemu";

@@ -15,8 +15,7 @@ TILTPROOF, IMAGES, SOURCE = (pathlib.Path(argument).resolve() for argument in sy
 del sys.argv[1:4]
 
 ONLY_HERE = {"acceptance-mild-uart-overrun", "acceptance-mild-device-stall"}
-NOT_HERE = {"acceptance-mild-node-pause", "acceptance-mild-dds-loss",  # real time
-            "acceptance-mild-device-task-delay"}  # a library
+NOT_HERE = {"acceptance-mild-node-pause", "acceptance-mild-dds-loss"}  # real time
 
 
 class Acceptance(unittest.TestCase):

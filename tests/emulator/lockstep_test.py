@@ -175,6 +175,65 @@ class Lockstep(unittest.TestCase):
         self.assertTrue(all(1.2 < at < 1.201 for at, _ in lost), lost)
         self.assertGreater(result["metrics"]["firmware.receive_overruns_count"], 10)
 
+    def test_a_stall_comes_back_in_every_period(self):
+        # More often than any list of faults would say it.
+        file = self.scenario(duration_s=4, faults="{id: s, type: device.stall, start_s: 1, end_s: 3.5, period_s: 0.002, duty: 0.1}")
+        folder, [result] = self.fly(file, "--client", "qemu")
+        self.assertEqual(result["faults"][0]["activations"], 1250)
+        for kind, phase_s in (("device_stopped", 0), ("device_runs", 0.0002)):
+            times = [at for at, _ in self.events(folder, kind)][:1250]
+            self.assertGreater(len(times), 900, kind)
+            for i, at in enumerate(times):
+                self.assertAlmostEqual(at, 1 + 0.002 * i + phase_s, delta=1e-7)
+
+    def requests(self, folder):
+        """When the client began to send each of its requests, after t = 0: link.bin as docs/wire.md describes it."""
+        content, at, begins = (folder / "flight/link.bin").read_bytes(), 8, []
+        while at < len(content):
+            begin_ns, _, direction, side, size = struct.unpack_from("<qBBBH", content, at)
+            at += 13 + size
+            if (direction, side) == (0, 0) and size == self.REQUEST_BYTES and begin_ns > 0:
+                begins.append(begin_ns * 1e-9)
+        return begins
+
+    REQUEST_BYTES = 8
+
+    def test_other_work_delays_the_task_and_no_interrupt(self):
+        window = "start_s: 1, end_s: 2"
+        folder, _ = self.fly(self.scenario(), "--client", "qemu")
+        due = self.requests(folder)
+        work = self.scenario(faults=f"{{id: w, type: device.task_delay, {window}, parameters: {{delay_ms: 4, every_ms: 100}}}}")
+        folder, [result] = self.fly(work, "--client", "qemu")
+        sent = self.requests(folder)
+        self.assertEqual(result["faults"][0]["activations"], 10)
+        self.assertEqual([round(at, 6) for at, _ in self.events(folder, "task_delayed")], [round(1 + i / 10, 6) for i in range(10)])
+        self.assertEqual(len(sent), len(due))
+        late = 0
+        for a, b in zip(due, sent):
+            since = (a - 1) % 0.1
+            held = 1 <= a < 2 and since < 0.004
+            late += held
+            self.assertAlmostEqual(b, a - since + 0.004 if held else a, delta=5e-5)
+        self.assertGreater(late, 2)
+        # Its receivers are served. A processor that stands still at the same times loses bytes.
+        self.assertEqual(result["metrics"]["firmware.receive_overruns_count"], 0)
+        stall = self.scenario(faults=f"{{id: s, type: device.stall, {window}, period_s: 0.1, duty: 0.04}}")
+        _, [result] = self.fly(stall, "--client", "qemu")
+        self.assertGreater(result["metrics"]["firmware.receive_overruns_count"], 0)
+
+    def test_other_work_without_end_ends_by_the_watchdog_that_the_task_feeds(self):
+        file = self.scenario(faults="{id: w, type: device.task_delay, start_s: 1, end_s: 1.5, parameters: {delay_ms: 10, every_ms: 10}}", expect="fail")
+        folder, _ = self.fly(file, "--client", "qemu")
+        self.assertEqual(len(self.events(folder, "task_delayed")), 50)
+        resets = self.events(folder, "device_reset")
+        self.assertTrue(resets and "watchdog" in resets[0][1], resets)
+        self.assertTrue(1.05 < resets[0][0] < 1.15, resets)
+
+    def test_a_flight_with_other_work_is_the_same_in_one_process_and_in_several(self):
+        file = self.scenario(faults="{id: w, type: device.task_delay, start_s: 1, parameters: {delay_ms: 3, every_ms: 17}}")
+        hashes = {self.fly(file, "--client", "qemu", *flags)[1][0]["trace_hash"] for flags in ([], [], ["--distributed=socket"])}
+        self.assertEqual(len(hashes), 1, hashes)
+
     def test_a_fast_crystal_shortens_the_period(self):
         file = self.scenario(duration_s=4, faults="{id: d, type: clock.drift, start_s: 0, parameters: {ppm: 5000}}")
         _, [result] = self.fly(file, "--client", "qemu")

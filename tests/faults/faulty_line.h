@@ -104,7 +104,8 @@ inline link::Chunk Frame(std::int64_t n, std::size_t size = 68) {
   return chunk;
 }
 
-// Sends frames 0 to count - 1 through a schedule, by default on to_client: the chunks that came out at each of them.
+// Sends frames 0 to count - 1 through a schedule, by default on to_client: the chunks that came out at each of them, and behind
+// them those that were sent back.
 inline std::vector<std::vector<link::Chunk>> Send(FaultSchedule& schedule, std::int64_t count,
                                                   std::size_t size = 68,
                                                   link::Direction direction = link::Direction::kToClient) {
@@ -114,6 +115,7 @@ inline std::vector<std::vector<link::Chunk>> Send(FaultSchedule& schedule, std::
   for (std::int64_t n = 0; n < count; ++n) {
     out.push_back({Frame(n, size)});
     if (filter != nullptr) filter->Apply(out.back());
+    for (link::Chunk& chunk : schedule.TakeSentBack(direction)) out.back().push_back(std::move(chunk));
   }
   return out;
 }

@@ -94,7 +94,7 @@ bool PassOne(FaultSchedule& schedule, std::int64_t n) {
   if (link::ChunkFilter* filter = schedule.Filter(link::Direction::kToClient)) {
     std::vector<link::Chunk> chunks = {Frame(n)};
     filter->Apply(chunks);
-    changed = !Unchanged(chunks, n);
+    changed = !Unchanged(chunks, n) || !schedule.TakeSentBack(link::Direction::kToClient).empty();
   }
   const Bytes bytes = Frame(n).bytes;
   std::vector<ReceiveMark> marks;

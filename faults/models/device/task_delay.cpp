@@ -13,7 +13,10 @@ FaultType DeviceTaskDelay() {
           "or a reply that has come, it does at the end of that time. Interrupts go on: the receiver loses "
           "no byte. An `every_ms` that is a multiple of the control period hits the same part of each "
           "period; another one moves through it. With a `delay_ms` of `every_ms` or more, the task does not "
-          "run before the window ends. An activation is a time in which the task had something to do.",
+          "run before the window ends. The task of an image is all code outside of interrupt handlers, in "
+          "each of its threads. If an interrupt comes while the task has switched interrupts off, the task "
+          "goes on until it switches them on. An activation is, for a library, a time in which the task had "
+          "something to do, and for an image each time of the other work.",
       .source =
           "Joseph and Pandya, Finding Response Times in a Real-Time System, The Computer Journal 29(5), "
           "1986.",

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <utility>
+#include <vector>
 
 #include "harness/emulator/plugin/plugin_state.h"
 #include "harness/emulator/plugin/processor.h"
@@ -86,6 +87,77 @@ inline void OnStallTimer(void* /*opaque*/) {
   SendEvent(EventKind::kStallBegins, plugin.stall.fault);
   if (plugin.stall.reset != ResetCause::kNone) Reset(plugin.stall.reset);
   HoldUntil(plugin.stall.end_ns);
+}
+
+// True if an interrupt is pending, also where the task has switched interrupts off (PM0214, section 4.4.3).
+inline bool InterruptIsPending() {
+  constexpr std::uint32_t kIcsr = 0xE000'ED04, kVectPending = 0x1FF << 12;
+  std::uint32_t icsr = 0;
+  ReadAsProcessor(plugin.cpu, kIcsr, &icsr, sizeof(icsr));
+  return (icsr & kVectPending) != 0;
+}
+
+// Other work has the processor: as StallWork, but the processor takes interrupts. It comes back here when their handlers
+// return, before the next instruction of the task. An interrupt that the task has switched off makes the task go on,
+// block by block, until it switches interrupts on.
+inline void HoldTaskWork(void* cpu, RunOnCpuData data) {
+  // Another fault that holds the processor comes first.
+  if (plugin.holding || plugin.pending_cause != ResetCause::kNone)
+    return async_run_on_cpu(cpu, HoldTaskWork, data);
+  const std::int64_t now = plugin.last_slept_ns = Now();
+  if (now >= plugin.task_held_until) {
+    plugin.holding_task = false;
+    return async_run_on_cpu(cpu, SleepWork, {});
+  }
+  void* nvic = plugin.interrupt_controller;
+  const bool in_handler = armv7m_nvic_raw_execution_priority(nvic) != kNoHandler;
+  if (in_handler || InterruptIsPending()) {
+    plugin.task_may_return = true;
+    plugin.task_goes_on = !in_handler && !armv7m_nvic_can_take_pending_exception(nvic);
+    return;
+  }
+  std::int64_t step = qemu_clock_deadline_ns_all(kClockVirtual, kAnyAttribute);
+  if (step < 0 || step > plugin.task_held_until - now) step = plugin.task_held_until - now;
+  Advance(step);
+  async_run_on_cpu(cpu, HoldTaskWork, data);
+  qemu_clock_run_timers(kClockVirtual);
+}
+
+// Before the first instruction of each block.
+inline void OnBlock(unsigned /*vcpu*/, void* /*opaque*/) {
+  if (!plugin.task_may_return ||
+      armv7m_nvic_raw_execution_priority(plugin.interrupt_controller) != kNoHandler)
+    return;
+  if (std::exchange(plugin.task_goes_on, false)) return;
+  plugin.task_may_return = false;
+  async_run_on_cpu(plugin.cpu, HoldTaskWork, {});
+  cpu_loop_exit_restore(plugin.cpu, reinterpret_cast<std::uintptr_t>(__builtin_return_address(0)));
+}
+
+inline void ArmDelayTimer() {
+  std::erase_if(plugin.delays, [](const DelayTask& delay) { return delay.begin_ns >= delay.end_ns; });
+  std::int64_t next = Stall::kNever;
+  for (const DelayTask& delay : plugin.delays) next = std::min(next, delay.begin_ns);
+  if (next != Stall::kNever) plugin.delay_timer.Set(next);
+}
+
+inline void OnDelayTimer(void* /*opaque*/) {
+  for (DelayTask& delay : plugin.delays) {
+    if (delay.begin_ns > Now()) continue;
+    plugin.task_held_until =
+        std::max(plugin.task_held_until, std::min(delay.begin_ns + delay.delay_ns, delay.end_ns));
+    delay.begin_ns += delay.every_ns;
+    SendEvent(EventKind::kTaskDelayed, delay.fault);
+  }
+  ArmDelayTimer();
+  if (!std::exchange(plugin.holding_task, true)) async_run_on_cpu(plugin.cpu, HoldTaskWork, {});
+}
+
+// Blocks that are translated already do not call OnBlock yet.
+inline void AddDelay(const DelayTask& delay) {
+  plugin.delays.push_back(delay);
+  ArmDelayTimer();
+  if (!std::exchange(plugin.watches_blocks, true)) tb_flush(plugin.cpu);
 }
 
 inline void OnFlipTimer(void* /*opaque*/) {

@@ -8,7 +8,7 @@
 //   - received bytes reach the USART at their virtual times; one that comes while the last was not read is an
 //     overrun (RM0090, section 30.3.3): it is lost, and the flag set;
 //   - while the processor sleeps (WFI), time goes on to the next timer at once;
-//   - faults of the device (stall, reset, flipped bits) take place at their virtual nanosecond.
+//   - faults of the device (stall, delayed task, reset, flipped bits) take place at their virtual nanosecond.
 //
 //   qemu-system-arm ... -icount shift=3,sleep=off
 //     -plugin tiltproof_lockstep.so,socket=3,barrier=126,main=2,reference=3,console=1
@@ -135,12 +135,17 @@ void TakeCommands() {
         Deliver(body);
         break;
       case Kind::kStall: {
-        plugin.stalls.push_back(As<Stall>(body));
-        std::stable_sort(plugin.stalls.begin(), plugin.stalls.end(),
-                         [](const Stall& a, const Stall& b) { return a.begin_ns < b.begin_ns; });
+        const auto stall = As<Stall>(body);
+        plugin.stalls.insert(
+            std::upper_bound(plugin.stalls.begin(), plugin.stalls.end(), stall,
+                             [](const Stall& a, const Stall& b) { return a.begin_ns < b.begin_ns; }),
+            stall);
         plugin.stall_timer.Set(plugin.stalls.front().begin_ns);
         break;
       }
+      case Kind::kDelayTask:
+        AddDelay(As<DelayTask>(body));
+        break;
       case Kind::kFlipBits: {
         plugin.flips.push_back(As<FlipBits>(body));
         std::stable_sort(plugin.flips.begin(), plugin.flips.end(),
@@ -295,6 +300,7 @@ void BeginChip() {
   void* nvic = object_resolve_path("nvic", nullptr);
   if (core_clock == nullptr || nvic == nullptr)
     Die("the machine has no clock or no NVIC where one should be");
+  plugin.interrupt_controller = nvic;
   plugin.chip.Init(options, core_clock);
   qemu_register_reset(OnReset, nullptr);
   qdev_connect_gpio_out_named(nvic, "SYSRESETREQ", 0, qemu_allocate_irq(OnResetRequest, nullptr, 0));
@@ -326,6 +332,7 @@ void BeginLockstep() {
   plugin.turn_limit.Init(plugin.cpu, AtTurnLimit);
   plugin.horizon.Init(OnHorizon, nullptr);
   plugin.stall_timer.Init(OnStallTimer, nullptr);
+  plugin.delay_timer.Init(OnDelayTimer, nullptr);
   plugin.flip_timer.Init(OnFlipTimer, nullptr);
   plugin.break_timer.Init(OnBreakTimer, nullptr);
   for (std::size_t i = 0; i < plugin.uarts.size(); ++i) {
@@ -371,6 +378,7 @@ void OnTranslate(qemu_plugin_id_t /*id*/, qemu_plugin_tb* block) {
   readers.Mark(block);
   block_counts.Mark(block);
   stack_watch.Mark(block);
+  if (plugin.watches_blocks) qemu_plugin_register_vcpu_tb_exec_cb(block, OnBlock, 0, nullptr);
   for (std::size_t i = 0; i < count; ++i) {
     qemu_plugin_insn* instruction = qemu_plugin_tb_get_insn(block, i);
     std::uint16_t code = 0;

@@ -55,9 +55,17 @@ struct Plugin {
   std::deque<Stall> stalls;  // by begin
   Timer stall_timer;
   std::int64_t stalled_until = 0;
-  bool hangs = false;    // until a reset
-  bool holding = false;  // StallWork is under way
-  Stall stall{};         // under way, or the last
+  bool hangs = false;             // until a reset
+  bool holding = false;           // StallWork is under way
+  Stall stall{};                  // under way, or the last
+  std::vector<DelayTask> delays;  // `begin_ns`: the next time
+  Timer delay_timer;
+  std::int64_t task_held_until = 0;
+  bool holding_task = false;     // until then
+  bool task_may_return = false;  // a handler runs meanwhile
+  bool task_goes_on = false;     // for one block
+  bool watches_blocks = false;   // each block that is translated calls OnBlock
+  void* interrupt_controller = nullptr;
   std::deque<FlipBits> flips;
   Timer flip_timer;
   Timer break_timer;

@@ -3,7 +3,7 @@
 // therefore starts the plug-in only in 7.2.x and tests it first (harness/emulator/lockstep_self_test.h).
 //
 // Names and signatures are QEMU's: include/qemu/qemu-plugin.h, include/qemu/timer.h, include/hw/clock.h,
-// include/exec/memory.h, include/hw/core/cpu.h, include/qemu/notify.h, include/qemu/main-loop.h, include/sysemu/runstate.h,
+// include/exec/memory.h, include/exec/exec-all.h, target/arm/cpu.h, include/hw/core/cpu.h, include/qemu/notify.h, include/qemu/main-loop.h, include/sysemu/runstate.h,
 // softmmu/timers-state.h of the release 7.2.
 #pragma once
 
@@ -69,6 +69,12 @@ union RunOnCpuData {  // run_on_cpu_data
   std::uint64_t target_ptr;
   void* host_ptr;
 };
+// In helpers and callbacks: ends what has been executed of a block before the code at `host_code`, its return address.
+[[noreturn]] void cpu_loop_exit_restore(void* cpu, std::uintptr_t host_code);
+// The priority of the handler that runs; kNoHandler: none does.
+int armv7m_nvic_raw_execution_priority(void* nvic);
+// True if an interrupt is pending that the processor would take now.
+bool armv7m_nvic_can_take_pending_exception(void* nvic);
 void async_run_on_cpu(void* cpu, void (*)(void* cpu, RunOnCpuData), RunOnCpuData);
 void cpu_dump_state(void* cpu, std::FILE*, int flags);
 void tb_flush(void* cpu);
@@ -100,6 +106,7 @@ inline constexpr int kAnyAttribute = ~0;        // QEMU_TIMER_ATTR_ALL
 inline constexpr int kRunStatePaused = 4;       // RUN_STATE_PAUSED
 inline constexpr int kCauseSystemReset = 3;     // SHUTDOWN_CAUSE_HOST_QMP_SYSTEM_RESET
 inline constexpr int kCauseGuestReset = 7;      // SHUTDOWN_CAUSE_GUEST_RESET
+inline constexpr int kNoHandler = 0x100;        // NVIC_NOEXC_PRIO
 inline constexpr int kMemOp32LittleEndian = 2;  // MO_32 | MO_LE
 
 // struct TimersState.

@@ -187,7 +187,7 @@ TEST(BrokenFlight, TheSameDefectHasOneKeyWhereverItIsMet) {
 TEST(BrokenFlight, TwoTextsOfOnePlaceInALibraryAreOneDefect) {
   const auto crash = [](const std::string& how, const std::string& place) {
     FlightResult result = Ended(EndReason::kFirmwareCrashed, Outcome::kCrashed, how);
-    result.firmware_end = {.kind = FirmwareEndKind::kInCall, .place = place};
+    result.firmware_end = {.kind = FirmwareEndKind::kInOwnCode, .place = place};
     return BrokenBy(result)->key;
   };
   EXPECT_EQ(crash("Aborted (free(): invalid next size (fast))", "mine.so+0x1a2b"), "crash: mine.so+0x1a2b");

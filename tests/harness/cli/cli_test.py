@@ -315,14 +315,14 @@ class CliTest(CommandLineTest):
     def test_faults_that_the_client_cannot_have_are_refused_with_their_place(self):
         faults = ("  - {id: still, type: device.stall, start_s: 0.1, end_s: 0.2}\n"
                   "  - {id: again, type: device.reset, start_s: 0.3, parameters: {boot_ms: 1}}\n"
-                  "  - {id: odd, type: clock.jump, start_s: 0.1, parameters: {jump_ms: 1}}\n")
+                  "  - {id: odd, type: clock.jump, start_s: 0.1, parameters: {node: plant, jump_ms: 1}}\n")
         self.scenario("board", SHORT_HOVER + "faults:\n" + faults)
         self.assertEqual(self.tiltproof("check", "board.yaml")[0], 0)
         code, out, err = self.tiltproof("run", "board.yaml")
         self.assertEqual((code, out), (2, ""))
         first, second = err.splitlines()
         self.assertEqual(first, "board.yaml:8:23: fault 'still' (device.stall) needs an emulated board: fly it with --client qemu")
-        self.assertRegex(second, r"board.yaml:10:21: fault 'odd' \(clock.jump\) .* in lockstep clocks only drift")
+        self.assertRegex(second, r"board.yaml:10:21: fault 'odd' \(clock.jump\) .* in lockstep there is one clock for all but the client")
         self.assertFalse((self.folder / "results").exists())
 
     def test_many_paths_make_a_short_folder_name(self):

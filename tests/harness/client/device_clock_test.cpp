@@ -1,6 +1,10 @@
 #include "harness/client/device_clock.h"
 
 #include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
 // rapidcheck wants gtest first.
 #include <rapidcheck/gtest.h>
 
@@ -51,6 +55,55 @@ RC_GTEST_PROP(DeviceClock, IsMonotoneInvertibleAndRight, ()) {
   RC_ASSERT(when <= at);
   RC_ASSERT(clock.At(when) >= shown);
   RC_ASSERT(when == BootTime() || clock.At(when - 1) < shown);
+}
+
+TEST(DeviceClock, AJumpForwardIsAtOnceAndIsRevertedByStandingStill) {
+  DeviceClock clock;
+  clock.Jump(BootTime(10 * kNsPerS), BootTime(20 * kNsPerS), 5 * kNsPerMs);
+  EXPECT_EQ(clock.At(BootTime(10 * kNsPerS - 1)), 10 * kNsPerS - 1);
+  EXPECT_EQ(clock.At(BootTime(10 * kNsPerS)), 10 * kNsPerS + 5 * kNsPerMs);
+  // All that was due in between is due at the jump.
+  EXPECT_EQ(clock.When(10 * kNsPerS + 3 * kNsPerMs), BootTime(10 * kNsPerS));
+  EXPECT_EQ(clock.At(BootTime(20 * kNsPerS + 2 * kNsPerMs)), 20 * kNsPerS + 5 * kNsPerMs - 1);
+  EXPECT_EQ(clock.At(BootTime(20 * kNsPerS + 6 * kNsPerMs)), 20 * kNsPerS + 6 * kNsPerMs);
+  EXPECT_EQ(clock.When(20 * kNsPerS + 7 * kNsPerMs), BootTime(20 * kNsPerS + 7 * kNsPerMs));
+}
+
+TEST(DeviceClock, AJumpBackAtPowerOnShowsZeroUntilItHasCaughtUp) {
+  DeviceClock clock;
+  clock.Jump(BootTime(), BootTime::Never(), -3 * kNsPerS);
+  EXPECT_EQ(clock.At(BootTime()), 0);
+  EXPECT_EQ(clock.At(BootTime(3 * kNsPerS)), 0);
+  EXPECT_EQ(clock.At(BootTime(4 * kNsPerS)), kNsPerS);
+  EXPECT_EQ(clock.When(kNsPerS), BootTime(4 * kNsPerS));
+}
+
+// A clock that is read every nanosecond: it has a hand, which never goes back.
+RC_GTEST_PROP(DeviceClock, JumpsAreThoseOfAHandThatNeverGoesBack, ()) {
+  struct Jump {
+    TimeNs begin, end, by;
+  };
+  constexpr TimeNs kLength = 2000;
+  DeviceClock clock;
+  std::vector<Jump> jumps;
+  for (int i = *rc::gen::inRange(0, 4); i > 0; --i) {
+    const TimeNs begin = *rc::gen::inRange<TimeNs>(0, kLength);
+    const TimeNs length = *rc::gen::inRange<TimeNs>(1, kLength);
+    jumps.push_back({begin, begin + length, *rc::gen::inRange<TimeNs>(-500, 500)});
+    clock.Jump(BootTime(begin), BootTime(begin + length), jumps.back().by);
+  }
+  TimeNs hand = 0;
+  for (TimeNs t = 0; t < kLength; ++t) {
+    TimeNs reading = t;
+    for (const Jump& jump : jumps)
+      if (jump.begin <= t && t < jump.end) reading += jump.by;
+    const TimeNs before = hand;
+    hand = std::max(hand, reading);
+    RC_ASSERT(clock.At(BootTime(t)) == hand);
+    // All readings that have just been reached.
+    if (hand > before) RC_ASSERT(clock.When(hand) == BootTime(t));
+    if (hand > before) RC_ASSERT(clock.When(before + 1) == BootTime(t));
+  }
 }
 
 }  // namespace

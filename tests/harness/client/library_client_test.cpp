@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <optional>
 #include <vector>
 
 #include "faults/device_command.h"
@@ -86,6 +88,56 @@ TEST(LibraryClient, AFastClockMakesItsPeriodShort) {
   ASSERT_EQ(board.events.size(), 1U);
   EXPECT_EQ(board.events[0].time_ns, BootTime(kNsPerS));
   EXPECT_EQ(board.events[0].fault, 0U);
+}
+
+// When the requests are sent that are due every 12 ms of the client's clock, whose window is [1 s, 2 s).
+std::vector<BootTime> RequestsWithJump(double jump_ms, std::vector<DeviceEvent>& events) {
+  Board board;
+  faults::FaultSpec jump;
+  jump.id = "j";
+  jump.type = "clock.jump";
+  jump.start_ns = kNsPerS;
+  jump.end_ns = 2 * kNsPerS;
+  jump.parameters = {{"jump_ms", jump_ms}};
+  BootTime wake = board.client->Start(BootTime());
+  board.client->Command(faults::DeviceCommands({jump}, 1), kOriginAtPowerOn);
+  while (wake < BootTime(3 * kNsPerS)) wake = board.client->Grant(wake, BootTime::Never());
+  events = board.events;
+  return board.sent;
+}
+
+// A clock that is ahead by 5 ms for a second: what was due within the 5 ms is sent at the jump, what is due
+// meanwhile 5 ms sooner, and at the end the clock stands still for 5 ms.
+TEST(LibraryClient, ItsClockJumpsForwardAndBack) {
+  std::vector<DeviceEvent> events;
+  std::vector<BootTime> expected = {BootTime(), BootTime()};
+  for (TimeNs due = kControlPeriodNs; due < 3 * kNsPerS; due += kControlPeriodNs) {
+    TimeNs sent = due;
+    if (due >= kNsPerS && due <= 2 * kNsPerS + 5 * kNsPerMs) sent = std::max(kNsPerS, due - 5 * kNsPerMs);
+    expected.emplace_back(sent);
+  }
+  EXPECT_EQ(RequestsWithJump(5, events), expected);
+  ASSERT_EQ(events.size(), 2U);
+  EXPECT_EQ(events[0].time_ns, BootTime(kNsPerS));
+  EXPECT_EQ(events[0].fault, 0U);
+  EXPECT_EQ(events[0].text, "the clock jumps forward by 5 ms");
+  EXPECT_EQ(events[1].time_ns, BootTime(2 * kNsPerS));
+  EXPECT_EQ(events[1].fault, std::nullopt);  // one activation, not two
+  EXPECT_EQ(events[1].text, "the clock jumps back by 5 ms");
+}
+
+// A clock that is behind by 100 ms for a second. When it is right again, up to nine requests are overdue: the paper's
+// firmware sends one, and keeps to its grid.
+TEST(LibraryClient, ItsClockJumpsBackAndForward) {
+  std::vector<DeviceEvent> events;
+  const std::vector<BootTime> sent = RequestsWithJump(-100, events);
+  std::vector<BootTime> expected = {BootTime(), BootTime()};
+  for (TimeNs due = kControlPeriodNs; due <= kNsPerS; due += kControlPeriodNs) expected.emplace_back(due);
+  for (TimeNs due = 1'008 * kNsPerMs; due < 1'900 * kNsPerMs; due += kControlPeriodNs)
+    expected.emplace_back(due + 100 * kNsPerMs);
+  ASSERT_GT(sent.size(), expected.size());
+  EXPECT_EQ(std::vector(sent.begin(), sent.begin() + static_cast<std::ptrdiff_t>(expected.size())), expected);
+  EXPECT_EQ(sent[expected.size()], BootTime(2 * kNsPerS));
 }
 
 TEST(LibraryClient, RunsLateWhileOtherWorkHasTheProcessor) {

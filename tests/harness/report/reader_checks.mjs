@@ -151,7 +151,7 @@ export function readerChecks({ check, open, openFlight, fly, report, now, pictur
     await page.waitForSelector("#criteria");
     assert.equal(await criterion(page, "at-first").locator(".untouched").count(), 1);
     assert.equal(await criterion(page, "later").locator(".untouched").count(), 0);
-    // What must happen once is open until it happens.
+    // A criterion of something that must happen once is open until it happens.
     assert.equal(await stateAt(page, "arrives"), "not yet judged");
     await page.keyboard.press("End");
     assert.equal(await stateAt(page, "arrives"), "holds");
@@ -180,7 +180,7 @@ export function readerChecks({ check, open, openFlight, fly, report, now, pictur
     await page.close();
   });
 
-  // What a page writes on the canvas of a plot: [text, colour, left, top, right, bottom] in CSS pixels.
+  // Texts that a page writes on the canvas of a plot: [text, colour, left, top, right, bottom] in CSS pixels.
   const recorder = () => {
     window.written = new Map();
     const draw = CanvasRenderingContext2D.prototype.fillText;
@@ -259,7 +259,7 @@ export function readerChecks({ check, open, openFlight, fly, report, now, pictur
     await page.mouse.move(box.x + 120, box.y + 50);
     await page.mouse.up();
     const t = await now(page), zoomed = (await writtenOn(page))[0].texts.map(([text]) => text);
-    // What stands there at the moment in which the browser prints.
+    // The state of the page at the moment in which the browser prints.
     await page.evaluate(`addEventListener("beforeprint", () => (window.printed = (${atPrint})()), { once: true })`);
     const pdf = await page.pdf({ format: "A4", printBackground: false });
     assert.ok(pdf.length > 50000);

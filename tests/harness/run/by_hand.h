@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "firmware/messages.h"
 #include "link/frame.h"
 #include "link/message_kind.h"
 #include "plant/vehicle_model.h"

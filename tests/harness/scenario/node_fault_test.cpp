@@ -83,6 +83,7 @@ TEST_F(NodeFaultTest, NeedRealTimeAndSayWhere) {
   made.faults.resize(1);
   made.faults[0].id = "gone";
   made.faults[0].type = "clock.jump";
+  made.faults[0].parameters["node"] = "plant";
   const std::vector<Problem> jump = UnsupportedFaults(made, lockstep);
   ASSERT_EQ(jump.size(), 1U);
   EXPECT_EQ(jump[0].text, "fault 'gone' (clock.jump) " + jump[0].why);
@@ -174,9 +175,9 @@ TEST(FaultSupportTest, EachClientInEachMode) {
       {EmulatedImage{},
        false,
        {"device.reset", "device.watchdog_reset", "device.hang", "device.stall", "device.bit_flip",
-        "clock.drift", "uart.overrun", "uart.framing_error", "uart.noise_error"}},
+        "device.task_delay", "clock.drift", "uart.overrun", "uart.framing_error", "uart.noise_error"}},
       {EmulatedImage{}, true, {"device.reset", "device.stall", "device.bit_flip"}},
-      {HostLibrary{}, false, {"device.reset", "device.task_delay", "clock.drift"}},
+      {HostLibrary{}, false, {"device.reset", "device.task_delay", "clock.drift", "clock.jump"}},
       {HostLibrary{}, true, {"clock.drift", "clock.jump"}},
       {Program{}, true, {}},
       {SerialBoard{}, true, {}},
@@ -220,7 +221,11 @@ TEST(FaultSupportTest, WhoseClockDependsOnTheNode) {
   EXPECT_EQ(why("clock.drift", "client", EmulatedImage{}, false), "nothing");
   EXPECT_THAT(why("clock.drift", "client", EmulatedImage{}, true), HasSubstr("its own"));
   EXPECT_THAT(why("clock.drift", "client", SerialBoard{}, true), HasSubstr("its own"));
-  EXPECT_THAT(why("clock.jump", "client", HostLibrary{}, false), HasSubstr("in lockstep clocks only drift"));
+  EXPECT_EQ(why("clock.jump", "client", HostLibrary{}, false), "nothing");
+  EXPECT_EQ(
+      why("clock.jump", "client", EmulatedImage{}, false),
+      "lets the client's clock jump, and the processor of an emulated board would execute everything in "
+      "between: fly it with host or library:FILE");
 }
 
 }  // namespace

@@ -3,7 +3,7 @@ import { el } from "./dom.js";
 import { section } from "./section.js";
 import { XyPlot } from "./xy_plot.js";
 
-// Of a signal that was sent or asked for, the one that was true or in force.
+// The signal that was true or in force, for one that was sent or asked for.
 const baseOf = (name) => name.replace(/^(sensed|commanded)_/, "");
 
 // {known, unknown}: the plots of which this flight has every signal, and the names that it lacks.

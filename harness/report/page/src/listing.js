@@ -11,7 +11,7 @@ import { isPrinting } from "./printing.js";
 
 // Rows in the table at once: more come by a button.
 const ROWS_MAX = 500;
-// What the reader chose in the table of each kind: it holds when the table is shown again.
+// The reader's choices in the table of each kind: they hold when the table is shown again.
 const chosen = new Map();
 
 // The items of each group, in the order of their first items: [{name, items, groups}].

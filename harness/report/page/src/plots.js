@@ -7,7 +7,7 @@ import { colour, faultColour, palette } from "./theme.js";
 
 const HEIGHT = 210;
 const X_AXIS_px = 28;
-// Of the vertical axis: its values, and its unit beside them. A narrow page has smaller letters.
+// Widths of the vertical axis: its values, and its unit beside them. A narrow page has smaller letters.
 const NARROW_px = 480;
 const AXIS = { wide: { size: 66, letters: 11, label: 17 }, narrow: { size: 52, letters: 10, label: 15 } };
 const PADDING_TOP_px = 4;

@@ -66,7 +66,7 @@ function change(f) {
   return el("span", { class: worse > 0 ? "worse" : worse < 0 ? "better" : "", title: by === 0 ? null : `margin ${number(f.before.margin, 6)} before, ${number(f.margin, 6)} now`, text: [words, change].filter(Boolean).join(", ") });
 }
 
-// What failed; of a flight that did not, its verdict.
+// The criterion that failed, or the verdict of a flight without one.
 const criterionOf = (f) => (isNotFlown(f) ? "Not flown" : f.verdict === "pass" ? "Passed" : f.criterion ? `${f.criterion} (${f.verdict})` : f.verdict);
 const faultsOf = (f) => [...new Set(f.faults.map((x) => x.type))].sort().join(" + ") || "no fault";
 const GROUPS = [
