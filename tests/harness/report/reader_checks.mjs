@@ -394,6 +394,7 @@ export function readerChecks({ check, open, openFlight, fly, report, now, pictur
     await page.fill("input[type=search]", "flight-of-299");
     assert.equal(await rows(), 1);
     assert.deepEqual(await groups(0), [["upright (fail)", 1]]);
+    assert.equal(await page.locator("tr.group .many").first().textContent(), " 1 flight");
     await page.fill("input[type=search]", "");
     await page.selectOption(".filters select >> nth=0", "pass");
     assert.deepEqual([await groups(0), await rows()], [[["Passed", 100]], 100]);
