@@ -247,10 +247,12 @@ export function readerChecks({ check, open, openFlight, fly, report, now, pictur
   });
 
   check("a printed flight is whole: all plots over the whole flight, all times and lists, in its colours", async () => {
-    const page = await open("about:blank", { colorScheme: "dark" }, async (page) => {
+    // As wide as paper, so that its style is that of the printed page.
+    const page = await open("about:blank", { colorScheme: "dark", viewport: { width: 718, height: 1000 } }, async (page) => {
       await page.addInitScript(recorder);
       await page.goto(`file://${flown.page}#flight=${lost}&plot=tilt_rad`);
     });
+    await page.locator("#plot-error").scrollIntoViewIfNeeded();
     await page.waitForSelector("#plot-error canvas");
     // The reader has zoomed: what is printed is the whole flight all the same.
     const box = await page.locator("#plot-error .u-over").boundingBox();
@@ -258,6 +260,7 @@ export function readerChecks({ check, open, openFlight, fly, report, now, pictur
     await page.mouse.down();
     await page.mouse.move(box.x + 120, box.y + 50);
     await page.mouse.up();
+    await page.keyboard.press("j");
     const t = await now(page), zoomed = (await writtenOn(page))[0].texts.map(([text]) => text);
     // The state of the page at the moment in which the browser prints.
     await page.evaluate(`addEventListener("beforeprint", () => (window.printed = (${atPrint})()), { once: true })`);
@@ -391,6 +394,7 @@ export function readerChecks({ check, open, openFlight, fly, report, now, pictur
     await page.fill("input[type=search]", "flight-of-299");
     assert.equal(await rows(), 1);
     assert.deepEqual(await groups(0), [["upright (fail)", 1]]);
+    assert.equal(await page.locator("tr.group .many").first().textContent(), " 1 flight");
     await page.fill("input[type=search]", "");
     await page.selectOption(".filters select >> nth=0", "pass");
     assert.deepEqual([await groups(0), await rows()], [[["Passed", 100]], 100]);

@@ -50,7 +50,7 @@ export function listing({ label, noun, kind, items, columns, row, words, selects
       fill();
       body.querySelectorAll("tr.group").forEach((tr) => tr.dataset.path === path && tr.querySelector("button").focus());
     } }, el("span", { "aria-hidden": "true", text: open ? "▾ " : "▸ " }), group.name);
-    return el("tr", { class: `group depth-${depth}`, "data-path": path }, el("th", { scope: "rowgroup", colspan: columns.length }, button, el("span", { class: "many", text: ` ${group.items.length} ${noun}` })));
+    return el("tr", { class: `group depth-${depth}`, "data-path": path }, el("th", { scope: "rowgroup", colspan: columns.length }, button, el("span", { class: "many", text: ` ${group.items.length} ${group.items.length === 1 ? noun.replace(/s$/, "") : noun}` })));
   }
   // The rows that are to be seen: headings of groups, and what is in open ones.
   function lines(all, path = "", depth = 0) {

@@ -37,7 +37,6 @@ function label(text) {
   // Its colours are those of the page: without this, they count as light and become paler.
   map.colorSpace = SRGBColorSpace;
   const sprite = new Sprite(new SpriteMaterial({ map, transparent: true, depthWrite: false, sizeAttenuation: false }));
-  sprite.scale.set(0.075, 0.025, 1);
   return sprite;
 }
 
@@ -182,6 +181,13 @@ export class Replay {
     put("x [m]", (from[0] + to[0]) / 2, from[1] - 2.4 * height, 0);
     put("y [m]", to[0] + 3 * height, (from[1] + to[1]) / 2, 0);
     put("z [m]", from[0] - height * 1.2, to[1], top + 1.2 * height);
+    this.fitLabels();
+  }
+
+  // Labels are as high as a share of the picture's height; in a narrow picture of its width, or they would cover each other.
+  fitLabels() {
+    const share = Math.min(1, Math.max(0.55, this.camera.aspect));
+    for (const object of this.ground.children) if (object instanceof Sprite) object.scale.set(0.075 * share, 0.025 * share, 1);
   }
 
   addVehicle() {
@@ -268,6 +274,7 @@ export class Replay {
     this.renderer.setSize(width, height);
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
+    this.fitLabels();
     // The whole path stays in the picture until the reader looks at it in another way.
     if (!this.turned && !this.follow) this.look();
     else this.render();
