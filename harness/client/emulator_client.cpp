@@ -108,10 +108,8 @@ class EmulatorClient final : public Client {
   }
 
   BootTime Grant(BootTime now, BootTime horizon) override {
-    while (!drifts_.empty() && now >= drifts_.front().time_ns) {
+    for (; !drifts_.empty() && now >= drifts_.front().time_ns; drifts_.pop_front())
       host_.event(drifts_.front());
-      drifts_.pop_front();
-    }
     try {
       const TimeNs until = clock_.At(horizon);
       DeliverDamaged(until);
@@ -215,10 +213,8 @@ class EmulatorClient final : public Client {
                                 lockstep::DelayTask{begin, end, work.delay_ns, work.every_ns, fault});
                           },
                           [&](const faults::FlipBits& flips) { Flip(flips, begin, fault); },
-                          // In force already: it is in clock_.
-                          [](const faults::DriftClock&) {},
-                          // Its processor would execute everything in between: refused before the flight.
-                          [](const faults::JumpClock&) {}},
+                          // In force already, in clock_; and refused before the flight.
+                          [](const faults::DriftClock&) {}, [](const faults::JumpClock&) {}},
                command.action);
   }
 
