@@ -4,6 +4,8 @@
 
 #include <span>
 
+#include "harness/emulator/stack_content.h"
+
 namespace tiltproof::harness {
 
 void BoardStacks::Watch(EmulatorProcess& board) const {
@@ -23,7 +25,7 @@ std::string BoardStacks::OverflowText(const lockstep::Event& event, const Source
 
 std::vector<StackUse> BoardStacks::Read(EmulatorProcess& board) const {
   std::vector<StackUse> uses;
-  const std::vector<std::uint32_t> lowest = board.LowestStackPointers();
+  const std::vector<std::uint32_t> lowest = board.LowestStackAddresses();
   for (std::size_t i = 0; i < std::min(stacks_.size(), lowest.size()); ++i) {
     const auto& [name, region] = stacks_[i];
     if (lowest[i] == region.address + region.size_bytes) continue;
