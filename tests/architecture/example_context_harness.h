@@ -341,17 +341,9 @@ extern const RecordedFlight flight;
 extern const examples::Function Declare, Tell;
 extern const Trace trace;
 extern const TimeNs time_ns;
-
-// harness/export/flight_mcap.h
-extern const std::optional<VehicleShape> vehicle;
-
-// harness/export/flight_scene.h
 extern const std::optional<VehicleShape> vehicle;
 extern McapWriter mcap;
 extern const McapWriter::Topic scene_topic, transforms;
-
-// harness/export/foxglove_schemas.h
-extern McapWriter mcap;
 
 // harness/run/
 extern RunLog log;
