@@ -6,6 +6,8 @@
 #include <span>
 #include <utility>
 
+#include "harness/emulator/stack_content.h"
+
 namespace tiltproof::harness {
 
 void BoardStacks::Watch(EmulatorProcess& board) const {
@@ -27,7 +29,7 @@ std::vector<StackUse> BoardStacks::ReadOnce(EmulatorProcess& board) {
   if (std::exchange(read_, true)) return {};
   std::vector<StackUse> uses;
   try {
-    const std::vector<std::uint32_t> lowest = board.LowestStackPointers();
+    const std::vector<std::uint32_t> lowest = board.LowestStackAddresses();
     for (std::size_t i = 0; i < std::min(stacks_.size(), lowest.size()); ++i) {
       const auto& [name, region] = stacks_[i];
       if (lowest[i] == region.address + region.size_bytes) continue;

@@ -196,7 +196,7 @@ lockstep::UsartStates EmulatorProcess::UsartStates() {
   return Next().As<lockstep::UsartStates>();
 }
 
-std::vector<std::uint32_t> EmulatorProcess::LowestStackPointers() {
+std::vector<std::uint32_t> EmulatorProcess::LowestStackAddresses() {
   Append(lockstep::Kind::kReadStacks, {});
   Flush();
   return Next().All<std::uint32_t>();

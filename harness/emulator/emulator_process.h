@@ -104,8 +104,8 @@ class EmulatorProcess {
   std::vector<std::uint8_t> ReadMemory(std::uint32_t address, std::uint32_t size);
   std::string Registers();
   lockstep::UsartStates UsartStates();
-  // The lowest one in each watched stack (lockstep::Kind::kWatchStacks).
-  std::vector<std::uint32_t> LowestStackPointers();
+  // The lowest address in use so far in each watched stack (lockstep::Kind::kWatchStacks).
+  std::vector<std::uint32_t> LowestStackAddresses();
 
   // The number of executions of each block of code, by its place (lockstep::BlockCounts); also when the emulator has
   // ended. Empty unless its spec asks for coverage.

@@ -2,18 +2,12 @@
 
 #include <algorithm>
 #include <cctype>
-#include <cstring>
 #include <string_view>
 
 #include "harness/emulator/lockstep_protocol.h"
 
 namespace tiltproof::harness {
 namespace {
-
-// CMSIS-RTOS RTX writes it into the lowest word of each stack.
-constexpr std::uint32_t kRtxMagic = 0xE25A'2EA5;
-
-bool IsFill(std::uint32_t word) { return word == (word & 0xFFU) * 0x0101'0101U; }
 
 bool NamesStack(std::string_view name) {
   constexpr std::string_view kStack = "stack";
@@ -40,24 +34,6 @@ std::vector<ImageStack> StacksOf(const ElfSymbols& symbols) {
     if (std::ranges::none_of(stacks, overlaps)) stacks.push_back({name, words});
   }
   return stacks;
-}
-
-std::uint32_t UsedBytes(std::span<const std::uint8_t> content, std::uint32_t lowest_offset) {
-  const auto size_bytes = static_cast<std::uint32_t>(content.size());
-  const auto word_at = [&](std::uint32_t offset) {
-    std::uint32_t word = 0;
-    std::memcpy(&word, content.data() + offset, sizeof word);
-    return word;
-  };
-  std::uint32_t written = 0;
-  if (size_bytes >= 8 && word_at(0) == kRtxMagic) written = 4;
-  if (size_bytes >= written + 4 && IsFill(word_at(written))) {
-    const std::uint32_t fill = word_at(written);
-    while (written + 4 <= size_bytes && word_at(written) == fill) written += 4;
-  } else {
-    written = 0;
-  }
-  return size_bytes - std::min(written, std::min(lowest_offset, size_bytes));
 }
 
 }  // namespace tiltproof::harness

@@ -39,7 +39,7 @@ enum class Kind : std::uint32_t {
   kMemory,       // the bytes
   kState,        // text: the processor's registers
   kUsarts,       // UsartStates
-  kStacks,       // the lowest stack pointer seen in each watched stack (uint32); its end: none
+  kStacks,       // the lowest address in use so far in each watched stack (uint32); its end: none
   kLastWords,    // LastWords, then the processor's registers as text
   kBrokenLimit,  // text: what no chip does, and the firmware has asked for
   kStopped,      // Stopped

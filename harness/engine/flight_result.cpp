@@ -86,6 +86,11 @@ std::vector<std::string> OtherCauses(const FlightResult& result) {
       causes.push_back(event.text);
     else if (event.kind == kStackOverflowEvent)
       causes.push_back(fmt::format("{}, at {:.3f} s", event.text, event.time_s));
+  for (const FlightStack& stack : result.stacks)
+    if (!stack.overflowed && stack.used_bytes_max == stack.size_bytes)
+      causes.push_back(
+          fmt::format("stack '{}' is full: all of its {} bytes were used, so it may have overflowed",
+                      stack.name, stack.size_bytes));
   if (!result.unmodelled_blocks.empty())
     causes.push_back(fmt::format(
         "the firmware uses {}, which the emulated board does not model: on a chip it may do something else "

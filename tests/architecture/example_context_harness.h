@@ -170,6 +170,11 @@ extern qemu_plugin_tb* block;
 // harness/emulator/plugin/sleep.h
 extern void* cpu;
 
+// harness/emulator/plugin/stack_watch.h
+extern void* cpu;
+extern qemu_plugin_tb* block;
+extern const std::vector<WatchedStack> stacks;
+
 // harness/emulator/plugin/turn_limit.h
 extern TurnLimit limit;
 extern void* cpu;
@@ -182,6 +187,20 @@ extern UsartUnit usart;
 extern const ClockTree clocks;
 extern Dma dma;
 extern const UsartUnit::Callbacks callbacks;
+
+// harness/client/board_stacks.h
+extern const ElfSymbols symbols;
+extern EmulatorProcess board;
+extern const lockstep::Event event;
+extern const SourceLines source;
+void log(const std::string& text);
+
+// harness/emulator/image_stacks.h
+extern const ElfSymbols symbols;
+
+// harness/emulator/stack_content.h
+extern const std::vector<std::uint8_t> content;
+extern const std::uint32_t lowest_pointer, begin;
 
 // harness/emulator/stopped_board.h
 extern EmulatorProcess board;
@@ -322,6 +341,9 @@ extern const RecordedFlight flight;
 extern const examples::Function Declare, Tell;
 extern const Trace trace;
 extern const TimeNs time_ns;
+extern const std::optional<VehicleShape> vehicle;
+extern McapWriter mcap;
+extern const McapWriter::Topic scene_topic, transforms;
 
 // harness/run/
 extern RunLog log;

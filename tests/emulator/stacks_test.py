@@ -34,7 +34,7 @@ BARE = """\
 .cpu cortex-m4
 .thumb
 .section .vectors, "a"
-.word _estack, Reset_Handler, Fault, Fault, Fault, Fault, Fault, 0, 0, 0, 0, Fault, Fault, 0, Fault, Fault
+.word _estack, Reset_Handler, Fault, Fault, Fault, Fault, Fault, 0, 0, 0, 0, Fault, Fault, 0, %(pendsv)s, Fault
 .text
 .thumb_func
 .global Reset_Handler
@@ -93,9 +93,10 @@ class Stacks(unittest.TestCase):
         return folder
 
     def bare(self, body, functions="", variables="", bounds="", flags=()):
-        """`bounds`: more of the linker script, which itself does not say where the stack ends."""
+        """`bounds`: more of the linker script, which itself does not say where the stack ends. A function `Handler` is PendSV's."""
         folder = self.folder()
-        (folder / "main.s").write_text(BARE % {"body": body, "functions": functions, "variables": variables})
+        (folder / "main.s").write_text(BARE % {"body": body, "functions": functions, "variables": variables,
+                                             "pendsv": "Handler" if "Handler:" in functions else "Fault"})
         script = (SOURCE / "firmware/examples/minimal_c/stm32f4.ld").read_text()
         self.assertEqual(script.count("_sstack"), 1)
         (folder / "image.ld").write_text(re.sub(r"_sstack = .*;", bounds, script))
@@ -126,6 +127,7 @@ class Stacks(unittest.TestCase):
 
 
 MAIN = "_sstack = 0x2001F000;"
+PEND = "  ldr r0, =0xE000ED04\n  ldr r1, =0x10000000\n  str r1, [r0]\n  dsb\n  isb\n"
 
 
 class KnownUses(Stacks):
@@ -145,12 +147,8 @@ class KnownUses(Stacks):
 
     def test_the_frame_of_an_exception(self):
         # 32 bytes below 104, of which the handler takes 8 more (ARMv7-M ARM, section B1.5.6). PendSV: ICSR, bit 28.
-        body = "  sub sp, #104\n  ldr r0, =0xE000ED04\n  ldr r1, =0x10000000\n  str r1, [r0]\n  dsb\n  isb"
-        image = self.bare(body, functions=".thumb_func\nHandler:\n  push {r5, lr}\n  pop {r5, pc}", bounds=MAIN)
-        text = (image.parent / "main.s").read_text()
-        (image.parent / "main.s").write_text(text.replace("0, Fault, Fault\n.text", "0, Handler, Fault\n.text"))
-        subprocess.run(["arm-none-eabi-gcc", "-mcpu=cortex-m4", "-mthumb", "-g", "-nostdlib", "-T", image.parent / "image.ld", image.parent / "main.s", "-o", image], check=True)
-        self.assertEqual(self.used(image), {"main": (144, 4096)})
+        body = "  sub sp, #104\n" + PEND
+        self.assertEqual(self.used(self.bare(body, functions=".thumb_func\nHandler:\n  push {r5, lr}\n  pop {r5, pc}", bounds=MAIN)), {"main": (144, 4096)})
 
     def test_symbols_that_end_the_main_stack(self):
         body = "  sub.w sp, sp, #512\n  b 1f\n1:\n  push {r4}"
@@ -215,6 +213,57 @@ class Tasks(Stacks):
         self.assertRegex(event["text"], said)
         self.assertLess(event["time_s"], 0.001)
         self.assertEqual(self.overflows(self.fly(image)[3]), [event])
+
+    def test_registers_that_a_switch_of_tasks_stores(self):
+        """Below the frame of the exception, 32 bytes, by a register; their values are 0, as the stack's words are."""
+        handler = ".thumb_func\n.type Handler, %function\nHandler:\n  mrs r0, psp\n  isb\n  stmdb r0!, {r4-r11, lr}\n  bx lr\n.size Handler, . - Handler"
+        clear = "".join(f"  movs r{number}, #0\n" for number in range(4, 8)) + "".join(f"  mov r{number}, r4\n" for number in range(8, 12))
+        for room, used, below in [(8, 76, 0), (184, 252, 0), (192, 256, 4), (216, 256, 28)]:
+            body = f"  ldr r0, =lower_stack + 256\n  msr psp, r0\n  movs r0, #2\n  msr control, r0\n  isb\n  sub sp, #{room}\n{clear}{PEND}"
+            _, stacks, output, flight = self.fly(self.bare(body, functions=handler, variables=self.VARIABLES, bounds=MAIN))
+            self.assertEqual((stacks["lower_stack"]["used_bytes_max"], stacks["lower_stack"]["overflowed"]), (used, below > 0), room)
+            self.assertEqual(len(self.overflows(flight)), below > 0)
+            self.assertEqual("overflowed" in output, below > 0, output)
+            if below:
+                self.assertRegex(output, rf"stack 'lower_stack' \(256 bytes\) overflowed: the stack pointer is {below} bytes below it in Handler \(main\.s:\d+\)")
+
+    def test_words_that_are_written_past_the_end_of_a_stack_before_a_reset(self):
+        """The stack pointer stays within, and after the reset the stack is cleared."""
+        body = """\
+  ldr r0, =0x2001E000
+  ldr r1, [r0]
+  cmp r1, r5
+  beq 3f
+  str r5, [r0]
+  ldr r0, =lower_stack + 256
+  mov sp, r0
+  b 4f
+4:
+  push {r4}
+  mov r1, sp
+  movs r2, #70
+5:
+  str r5, [r1, #-4]!
+  subs r2, #1
+  bne 5b
+  ldr r0, =0xE000ED0C
+  ldr r1, =0x05FA0004
+  str r1, [r0]
+  dsb
+6:
+  b 6b
+3:
+  ldr r0, =lower_stack
+  movs r1, #0
+  movs r2, #64
+7:
+  str r1, [r0], #4
+  subs r2, #1
+  bne 7b
+"""
+        _, stacks, output, _ = self.fly(self.bare(body, variables=self.VARIABLES, bounds=MAIN))
+        self.assertEqual((stacks["lower_stack"]["used_bytes_max"], stacks["lower_stack"]["overflowed"]), (256, False))
+        self.assertIn("stack 'lower_stack' is full: all of its 256 bytes were used, so it may have overflowed", output)
 
     def test_into_a_variable(self):
         _, stacks, output, _ = self.fly(self.tasks(("lower_stack", 35)))

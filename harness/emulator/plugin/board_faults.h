@@ -12,6 +12,7 @@
 #include "harness/emulator/plugin/processor.h"
 #include "harness/emulator/plugin/qemu_internals.h"
 #include "harness/emulator/plugin/sleep.h"
+#include "harness/emulator/plugin/stack_watch.h"
 
 namespace tiltproof::qemu {
 
@@ -53,7 +54,10 @@ inline void OnReset(void* /*opaque*/) {
 
 // On the processor's own thread: it has executed nothing since the reset was asked for. QEMU's main thread, whose
 // business it is otherwise, comes some time later, and how much later in virtual time depends on the machine.
-inline void ResetWork(void* /*cpu*/, RunOnCpuData /*data*/) { qemu_system_reset(kCauseSystemReset); }
+inline void ResetWork(void* /*cpu*/, RunOnCpuData /*data*/) {
+  stack_watch.Look();
+  qemu_system_reset(kCauseSystemReset);
+}
 
 inline void Reset(ResetCause cause) {
   if (std::exchange(plugin.pending_cause, cause) != ResetCause::kNone) return;

@@ -62,4 +62,21 @@ constexpr std::optional<std::int32_t> StackChange(std::uint16_t first, std::uint
   return 0;
 }
 
+// Bytes that an instruction stores right below the address in a register other than the stack pointer, which then holds
+// the new end: stmdb, vstmdb.
+struct SavedRegisters {
+  std::uint32_t base;  // the register's number
+  std::uint32_t bytes;
+  bool is_float;
+};
+constexpr std::optional<SavedRegisters> SavedBelow(std::uint16_t first, std::uint16_t second) {
+  const std::uint32_t base = first & 15U;
+  if (base >= 13) return std::nullopt;
+  if ((first & 0xFFF0U) == 0xE920)
+    return SavedRegisters{base, 4U * static_cast<unsigned>(std::popcount(second)), false};
+  if ((first & 0xFFB0U) == 0xED20 && (second & 0x0E00U) == 0x0A00)
+    return SavedRegisters{base, 4U * (second & 0xFFU), true};
+  return std::nullopt;
+}
+
 }  // namespace tiltproof::qemu

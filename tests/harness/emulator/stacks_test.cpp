@@ -1,7 +1,7 @@
 // Use of a stack by its content; and the change of the stack pointer by instructions, against the codes that the assembler
 // makes of them (arm-none-eabi-as, GNU Binutils).
-#include "harness/emulator/image_stacks.h"
 #include "harness/emulator/plugin/stack_change.h"
+#include "harness/emulator/stack_content.h"
 
 #include <gtest/gtest.h>
 
@@ -72,6 +72,23 @@ TEST(StackChange, IsWhatTheInstructionSays) {
            Case{"add r0, sp", 0x4468, 0, 0},
        })
     EXPECT_EQ(StackChange(instruction.first, instruction.second), instruction.change) << instruction.text;
+}
+
+TEST(SavedBelow, ByRegistersOtherThanTheStackPointer) {
+  const auto is = [](std::uint16_t first, std::uint16_t second, std::uint32_t base, std::uint32_t bytes,
+                     bool is_float) {
+    const auto saved = qemu::SavedBelow(first, second);
+    return saved && saved->base == base && saved->bytes == bytes && saved->is_float == is_float;
+  };
+  EXPECT_TRUE(is(0xE920, 0x0FF0, 0, 32, false));   // stmdb r0!, {r4-r11}
+  EXPECT_TRUE(is(0xE92C, 0x4FF0, 12, 36, false));  // stmdb r12!, {r4-r11, lr}
+  EXPECT_TRUE(is(0xED20, 0x8A10, 0, 64, true));    // vstmdb r0!, {s16-s31}
+  EXPECT_TRUE(is(0xED60, 0x8A03, 0, 12, true));    // vstmdb r0!, {s17-s19}
+  EXPECT_FALSE(qemu::SavedBelow(0xE92D, 0x4FF0));  // push
+  EXPECT_FALSE(qemu::SavedBelow(0xED2D, 0x8B10));  // vpush
+  EXPECT_FALSE(qemu::SavedBelow(0xE8A0, 0x0FF0));  // stmia r0!, {r4-r11}
+  EXPECT_FALSE(qemu::SavedBelow(0xE900, 0x0FF0));  // stmdb r0, {r4-r11}
+  EXPECT_FALSE(qemu::SavedBelow(0xED80, 0x0A01));  // vstr s0, [r0, #4]
 }
 
 std::vector<std::uint8_t> Bytes(const std::vector<std::uint32_t>& words) {

@@ -178,13 +178,22 @@ void ExpectAttributes(const pugi::xml_node& node, const std::map<std::string, st
     EXPECT_TRUE(patterns.contains(attribute.name())) << node.name() << " " << attribute.name();
 }
 
-TEST_F(ReportTest, JunitNamesWhatMayBeTheCauseAndIsNoneOfTheFirmwares) {
+TEST_F(ReportTest, JunitNamesPossibleCauses) {
   FlightResult lost = Result(Verdict::kFail, Verdict::kPass);
   lost.events.push_back({1.5, kSlowAdapterEvent, std::nullopt, "8.0 ms between reply and actuators"});
   lost.events.push_back({1.6, "note", std::nullopt, "something else"});
+  lost.events.push_back({1.7, kStackOverflowEvent, std::nullopt, "stack 'main' (64 bytes) overflowed"});
+  lost.stacks = {{std::nullopt, "main", 64, 64, true},
+                 {std::nullopt, "idle", 256, 252, false},
+                 {std::nullopt, "control", 256, 256, false}};
   WriteResults(folder_, RunInfo{}, {lost});
   const std::string xml = ReadFile(folder_ / "junit.xml");
+  EXPECT_THAT(
+      xml,
+      HasSubstr("\nstack 'control' is full: all of its 256 bytes were used, so it may have overflowed\n"));
+  EXPECT_THAT(xml, ::testing::Not(::testing::AnyOf(HasSubstr("'main' is full"), HasSubstr("'idle'"))));
   EXPECT_THAT(xml, HasSubstr("\n8.0 ms between reply and actuators\n"));
+  EXPECT_THAT(xml, HasSubstr("\nstack 'main' (64 bytes) overflowed, at 1.700 s\n"));
   EXPECT_THAT(xml, ::testing::Not(HasSubstr("something else")));
 }
 
