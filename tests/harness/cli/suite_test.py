@@ -218,7 +218,7 @@ class SuiteTest(CommandLineTest):
         self.scenario("straight")
         code, out, _ = self.tiltproof("run", self.folder)
         self.assertEqual(code, 0, out)
-        self.assertRegex(out, r"not applicable: turns far from a heading of 0; the law of the shipped firmware \(paper\).*\n +turned\n")
+        self.assertRegex(out, r"not applicable: turns far from a heading of 0; the law of the shipped firmware \(paper\).*\n +started, turned\n")
         library = CLIENTS.parent.parent / "lib/minimal_firmware.so"
         self.assertEqual(self.tiltproof("check", path, "--client", f"library:{library}")[0], 0)
 
