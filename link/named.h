@@ -1,7 +1,7 @@
 // The values of an enumeration by their names. The enumeration has Name(value), and LastOf(Enum()) is its last value.
 //
-//   Named<Direction>("to_plant");       // throws std::runtime_error for an unknown name
-//   FindNamed<Direction>(from_a_peer);  // std::nullopt for an unknown name
+//   Named<Side>("left");       // throws std::runtime_error for an unknown name
+//   FindNamed<Side>("above");  // std::nullopt for an unknown name
 #pragma once
 
 #include <optional>

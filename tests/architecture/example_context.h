@@ -54,6 +54,11 @@ extern const examples::Function Print;
 // link/frame.h
 extern std::span<const std::uint8_t> received;
 
+// link/named.h
+enum class Side { kLeft, kRight };
+constexpr std::string_view Name(Side side) { return side == Side::kLeft ? "left" : "right"; }
+constexpr Side LastOf(Side) { return Side::kRight; }
+
 // link/overloaded.h
 struct Reset {};
 struct Hang {};
