@@ -39,8 +39,8 @@ bool BrokeBy(const FlightResult& result, FirmwareEndKind kind) {
   return result.firmware_end && result.firmware_end->kind == kind;
 }
 
-// The place of a crash in a library, which is the same for one mistake however it is told: what a damaged heap makes the C
-// library say depends on what is allocated. Without a place, the reason without its numbers.
+// The place of a crash in a library. The same mistake has one place and several texts, because the C library reports a damaged
+// heap in other words when other memory is allocated. Without a place, the reason without its numbers.
 std::string KeyOfCrash(const FlightResult& result, const std::string& how) {
   const bool has_place = result.firmware_end && !result.firmware_end->place.empty();
   return has_place ? result.firmware_end->place : KeyOfReason(how, true);

@@ -222,7 +222,7 @@ class EmulatorClient final : public Client {
 
   // The frame's last byte takes a byte's time to the plant, and so does the answer's first byte on its way back. That
   // does not hold for a board whose clock drifts, nor for lines with faults, which may lose other bytes of the frame.
-  // Before t = 0 nothing may run on: what the faults do to the board at t = 0 is told there.
+  // Before t = 0 nothing may run on: the board receives the faults of t = 0 only then.
   TimeNs AnswerAfter() const {
     if (!started() || lines_.main_baud == 0 || lines_.faulty || clock_.drifts()) return 0;
     return link::BytesTime(lines_.main_baud, 2);

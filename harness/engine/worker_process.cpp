@@ -239,6 +239,7 @@ FlightResult WorkerProcess::Collect(const FlightJob& job, int status,
     // The end of this one flight was not asked for: that is trouble, not a wish.
     if (done->cut_short && !interrupted) {
       done->result.score.verdict = Verdict::kError;
+      done->result.score.cause = VerdictCause::kHarness;
       done->result.outcome = Outcome::kError;
       done->result.score.reason =
           fmt::format("a signal ended the worker process alone: {}", done->result.score.reason);

@@ -1,4 +1,4 @@
-// Reading of a formula over time: as the lowest, or as the highest, of what it asks of single rows.
+// Reading of a formula over time: the lowest, or the highest, of its conditions on single rows.
 //
 //   ReadingOf(*Parse("always[5,60](position_error_m <= 1.0)", {columns, fault_ids}));  // kLowest
 #pragma once

@@ -1,5 +1,5 @@
 // Estimates of what the actuators deliver, from motions whose right answer is known: the firmware's own model moves
-// under other inputs than those that the monitor is told.
+// under other inputs than those that the monitor receives.
 #include "firmware/actuator_monitor.h"
 
 #include <gtest/gtest.h>

@@ -458,7 +458,9 @@ TEST_F(InterruptedEngine, ASignalToAWorkerAloneCostsItsFlight) {
   TurnToTheEnd(engine);
   EXPECT_EQ(first.get().end_reason, EndReason::kCompleted);
   EXPECT_EQ(pids[1], pids[0]);
-  EXPECT_THAT(second.get().score.reason, HasSubstr("a signal ended the worker process alone"));
+  const Score ended = second.get().score;
+  EXPECT_THAT(ended.reason, HasSubstr("a signal ended the worker process alone"));
+  EXPECT_EQ(ended.cause, VerdictCause::kHarness);
   EXPECT_EQ(third.get().end_reason, EndReason::kCompleted);
   EXPECT_NE(pids[2], pids[0]);
 }
