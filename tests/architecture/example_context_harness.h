@@ -136,6 +136,9 @@ extern std::span<const lockstep::ReceivedByte> bytes;
 extern int socket;
 extern const lockstep::UsartStates usarts;
 
+// harness/emulator/bit_flipper.h
+extern int socket;
+
 // harness/emulator/gdb_client.h
 extern int socket;
 
