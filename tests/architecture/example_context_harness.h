@@ -288,7 +288,7 @@ extern const Trajectory trajectory;
 extern RunInfo info;
 extern const std::filesystem::path library;
 
-// harness/report/compare.h
+// harness/report/difference.h
 #include "harness/terminal/terminal.h"
 extern const std::filesystem::path folder_a, folder_b;
 
