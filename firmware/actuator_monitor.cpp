@@ -143,31 +143,45 @@ void ActuatorMonitor::Update(MotionTimeline& timeline, ModelStep step, const Mot
 }
 
 void ActuatorMonitor::UpdateRotors(const Interval& interval) {
-  const std::array<float, 2> command_n = {interval.command.f_r_n, interval.command.f_l_n};
+  const Thrusts command_n = {interval.command.f_r_n, interval.command.f_l_n};
   if (std::min(command_n[0], command_n[1]) < kThrustMin_n) return;
+  UpdateDisturbance(interval);
+  const bool deviates = EstimateRotors(interval, command_n);
+  const bool believed = Lasts(deviates, kRotorSamples, rotors_seen_);
+  believed_samples_ = believed ? std::min(believed_samples_ + 1, kSettledSamples + 1) : 0;
+  if (rotors_late_ > 0 && !deviates) --rotors_late_;
+  ProveRotors(command_n);
+  if (rotors_late_ > 0) rotors_seen_ = believed_samples_ = 0;
+  model_.rotor_effectiveness = believed && rotors_late_ == 0 ? rotor_estimate_ : Thrusts{1, 1};
+}
+
+void ActuatorMonitor::UpdateDisturbance(const Interval& interval) {
   const Matrix3& axes = interval.before.R_WB;
   const Vector3 turn_rad_s = interval.sample.w_WB_rad_s - interval.predicted.w_WB_rad_s;
   pitch_rad_s_ += kDifferenceGain * (Dot(axes.y, turn_rad_s) - pitch_rad_s_);
   yaw_rad_s_ += kDifferenceGain * (Dot(axes.z, turn_rad_s) - yaw_rad_s_);
   const Vector3 push_m_s = interval.sample.v_WC_m_s - interval.predicted.v_WC_m_s;
-  const float lift_m_s = Dot(axes.z, push_m_s);
   ahead_m_s_ += kSumGain * (Dot(axes.x, push_m_s) - ahead_m_s_);
   aside_m_s_ += kSumGain * (Dot(axes.y, push_m_s) - aside_m_s_);
-  const float roll_rad_s = Dot(axes.x, turn_rad_s);
+}
+
+bool ActuatorMonitor::EstimateRotors(const Interval& interval, const Thrusts& command_n) {
+  const Matrix3& axes = interval.before.R_WB;
+  const float roll_rad_s = Dot(axes.x, interval.sample.w_WB_rad_s - interval.predicted.w_WB_rad_s);
+  const float lift_m_s = Dot(axes.z, interval.sample.v_WC_m_s - interval.predicted.v_WC_m_s);
   const InputEffects& effects = interval.effects;
   const float lift = 0.5F * (effects.thrust_lift_m_s2[0] + effects.thrust_lift_m_s2[1]);
   const float roll = 0.5F * (effects.thrust_roll_rad_s2[0] - effects.thrust_roll_rad_s2[1]);
 
-  const std::array<float, 2> estimated_n = {rotor_estimate_[0] * command_n[0],
-                                            rotor_estimate_[1] * command_n[1]};
+  const Thrusts estimated_n = {rotor_estimate_[0] * command_n[0], rotor_estimate_[1] * command_n[1]};
   const float sum_n = interval.delivered.f_r_n + interval.delivered.f_l_n +
                       lift_m_s / (lift * interval.duration_s) - estimated_n[0] - estimated_n[1];
   const float difference_n = interval.delivered.f_r_n - interval.delivered.f_l_n +
                              roll_rad_s / (roll * interval.duration_s) - estimated_n[0] + estimated_n[1];
   sum_scatter_n2_ += kScatterGain * (Square(sum_n) - sum_scatter_n2_);
   difference_scatter_n2_ += kScatterGain * (Square(difference_n) - difference_scatter_n2_);
-  const std::array<float, 2> change_n = {0.5F * (kSumGain * sum_n + kDifferenceGain * difference_n),
-                                         0.5F * (kSumGain * sum_n - kDifferenceGain * difference_n)};
+  const Thrusts change_n = {0.5F * (kSumGain * sum_n + kDifferenceGain * difference_n),
+                            0.5F * (kSumGain * sum_n - kDifferenceGain * difference_n)};
   // Variance of the mean over the last samples, if they do not depend on each other.
   const float variance_n2 =
       0.25F * 0.5F * (kSumGain * sum_scatter_n2_ + kDifferenceGain * difference_scatter_n2_);
@@ -175,31 +189,38 @@ void ActuatorMonitor::UpdateRotors(const Interval& interval) {
   for (unsigned i = 0; i < 2; ++i) {
     rotor_estimate_[i] = std::clamp(rotor_estimate_[i] + change_n[i] / command_n[i], kRotorEffectivenessMin,
                                     kRotorEffectivenessMax);
-    const float deviation2 = Square(rotor_estimate_[i] - 1);
-    rotor_swings_[i].Update(rotor_estimate_[i] - 1);
     const float own_rad_s = roll * interval.duration_s * command_n[i];
     const float own_m_s = lift * interval.duration_s * command_n[i];
-    const float delivered_n = rotor_estimate_[i] * command_n[i];
-    ThrustMean& mean = rotor_means_[i];
-    mean.Update(command_n[i], delivered_n);
-    const bool explains = rotors_seen_ >= kRotorSamples ||
-                          (Square(delivered_n - mean.delivered_n) > Square(command_n[i] - mean.command_n) &&
-                           deviation2 * Square(own_rad_s) > Square(pitch_rad_s_) + Square(yaw_rad_s_) &&
-                           deviation2 * Square(own_m_s) > Square(ahead_m_s_) + Square(aside_m_s_));
-    deviates = deviates || (explains && rotor_swings_[i].IsExceededBy(rotor_estimate_[i] - 1) &&
-                            deviation2 > Square(kRotorDeviation) &&
-                            deviation2 * Square(command_n[i]) > Square(kRotorSigmas) * variance_n2);
+    if (RotorDeviates(i, command_n[i], own_rad_s, own_m_s, variance_n2)) deviates = true;
   }
-  bool believed = Lasts(deviates, kRotorSamples, rotors_seen_);
-  believed_samples_ = believed ? std::min(believed_samples_ + 1, kSettledSamples + 1) : 0;
-  if (rotors_late_ > 0 && !deviates) --rotors_late_;
+  return deviates;
+}
+
+bool ActuatorMonitor::RotorDeviates(unsigned i, float command_n, float own_rad_s, float own_m_s,
+                                    float variance_n2) {
+  const float deviation2 = Square(rotor_estimate_[i] - 1);
+  rotor_swings_[i].Update(rotor_estimate_[i] - 1);
+  const float delivered_n = rotor_estimate_[i] * command_n;
+  ThrustMean& mean = rotor_means_[i];
+  mean.Update(command_n, delivered_n);
+  const bool explains = rotors_seen_ >= kRotorSamples ||
+                        (Square(delivered_n - mean.delivered_n) > Square(command_n - mean.command_n) &&
+                         deviation2 * Square(own_rad_s) > Square(pitch_rad_s_) + Square(yaw_rad_s_) &&
+                         deviation2 * Square(own_m_s) > Square(ahead_m_s_) + Square(aside_m_s_));
+  return explains && rotor_swings_[i].IsExceededBy(rotor_estimate_[i] - 1) &&
+         deviation2 > Square(kRotorDeviation) &&
+         deviation2 * Square(command_n) > Square(kRotorSigmas) * variance_n2;
+}
+
+void ActuatorMonitor::ProveRotors(const Thrusts& command_n) {
   // The difference settles first.
   const float difference_now_n = rotor_estimate_[0] * command_n[0] - rotor_estimate_[1] * command_n[1];
   if (believed_samples_ <= kSettledSamples) {
     settled_command_n_ = command_n;
     settled_difference_n_ = difference_now_n;
   }
-  for (unsigned i = 0; i < 2 && believed; ++i) {
+  if (believed_samples_ == 0) return;
+  for (unsigned i = 0; i < 2; ++i) {
     const unsigned other = 1 - i;
     const float more_n =
         i == 0 ? difference_now_n - settled_difference_n_ : settled_difference_n_ - difference_now_n;
@@ -211,74 +232,97 @@ void ActuatorMonitor::UpdateRotors(const Interval& interval) {
       rotors_late_ = kLateSamples;
     }
   }
-  if (rotors_late_ > 0) {
-    believed = false;
-    rotors_seen_ = believed_samples_ = 0;
-  }
-  model_.rotor_effectiveness = believed ? rotor_estimate_ : std::array<float, 2>{1, 1};
+}
+
+// A hinge over one interval: Iyy (a . w' + alpha'') = tau.
+struct ActuatorMonitor::ServoSample {
+  float command_nm = 0, believed_nm = 0, before_nm = 0;
+  float gain = 0;                          // rate per torque
+  float before_rad_s = 0, free_rad_s = 0;  // at the begin; at the end, by the torque as believed
+  float unexpected_rad_s = 0;
+  float deviation_nm = 0, news_nm = 0;
+};
+
+ActuatorMonitor::ServoSample ActuatorMonitor::SampleOf(const Interval& interval, unsigned i,
+                                                       float before_nm) const {
+  const Servo& servo = servos_[i];
+  ServoSample s;
+  s.command_nm = i == 0 ? interval.command.tau_r_nm : interval.command.tau_l_nm;
+  s.believed_nm = i == 0 ? interval.delivered.tau_r_nm : interval.delivered.tau_l_nm;
+  s.before_nm = before_nm;
+  s.gain = interval.duration_s / kTiltrotorConstants.thrusters[i].inertia_yy_kg_m2;
+  const Vector3 axis = interval.before.R_WB * interval.effects.hinge_axes[i];
+  s.before_rad_s = interval.before.alpha_rad_s[i];
+  s.free_rad_s = s.before_rad_s + s.gain * s.believed_nm -
+                 Dot(axis, interval.sample.w_WB_rad_s - interval.before.w_WB_rad_s);
+  s.unexpected_rad_s = interval.sample.alpha_rad_s[i] - s.free_rad_s;
+  s.deviation_nm = s.believed_nm + s.unexpected_rad_s / s.gain - s.command_nm;
+  const float expected_nm = (1 + servo.slope) * s.command_nm + servo.offset_nm;
+  s.news_nm = s.deviation_nm + s.command_nm - expected_nm;
+  return s;
 }
 
 void ActuatorMonitor::UpdateServo(const Interval& interval, unsigned i) {
-  const float command_nm = i == 0 ? interval.command.tau_r_nm : interval.command.tau_l_nm;
-  const float believed_nm = i == 0 ? interval.delivered.tau_r_nm : interval.delivered.tau_l_nm;
   Servo& servo = servos_[i];
   const float before_nm = servo.before_nm;
-  servo.before_nm = believed_nm;
+  servo.before_nm = i == 0 ? interval.delivered.tau_r_nm : interval.delivered.tau_l_nm;
   servo.unexpected_rad_s = 0;
   if (Magnitude(interval.sample.alpha_rad[i]) > kAngleMax_rad) return;
 
-  // Iyy (a . w' + alpha'') = tau
-  const float gain = interval.duration_s / kTiltrotorConstants.thrusters[i].inertia_yy_kg_m2;
-  const Vector3 axis = interval.before.R_WB * interval.effects.hinge_axes[i];
-  const float before_rad_s = interval.before.alpha_rad_s[i];
-  const float free_rad_s =
-      before_rad_s + gain * believed_nm - Dot(axis, interval.sample.w_WB_rad_s - interval.before.w_WB_rad_s);
-  const float unexpected_rad_s = interval.sample.alpha_rad_s[i] - free_rad_s;
-  const float deviation_nm = believed_nm + unexpected_rad_s / gain - command_nm;
-  const float expected_nm = (1 + servo.slope) * command_nm + servo.offset_nm;
-  const float news_nm = deviation_nm + command_nm - expected_nm;
+  const ServoSample s = SampleOf(interval, i, before_nm);
   // A share of a torque is no excuse for a hinge that stands still.
-  const float asked_rad_s = free_rad_s + gain * (command_nm + model_.servo_offset_nm[i] - believed_nm);
-  const float lost_rad_s = free_rad_s + gain * (before_nm - believed_nm);
+  const float asked_rad_s =
+      s.free_rad_s + s.gain * (s.command_nm + model_.servo_offset_nm[i] - s.believed_nm);
+  const float lost_rad_s = s.free_rad_s + s.gain * (s.before_nm - s.believed_nm);
   UpdateJam(interval, i, asked_rad_s, lost_rad_s);
   UpdateStill(interval, i, asked_rad_s, lost_rad_s);
-  if (model_.held[i]) {
-    servo.offset_nm = servo.slope = servo.weight = servo.variance_nm2 = 0;
-    model_.servo_effectiveness[i] = 1;
-    servo.seen = servo.slope_seen = 0;
-    model_.servo_offset_nm[i] = 0;
-    return;
-  }
-  servo.unexpected_rad_s = unexpected_rad_s;
+  if (model_.held[i]) return ForgetServo(i);
+  servo.unexpected_rad_s = s.unexpected_rad_s;
 
-  const float unexpected_turn_rad =
-      interval.sample.alpha_rad[i] - interval.before.alpha_rad[i] -
-      interval.duration_s * (before_rad_s + kTurnShare * (free_rad_s - before_rad_s));
-  const float turn_rad = unexpected_rad_s < 0 ? -unexpected_turn_rad : unexpected_turn_rad;
-  const float whole_rad = interval.duration_s * Magnitude(unexpected_rad_s);
-  const bool turns =
-      turn_rad > 0.2F * whole_rad - kTurnNoise_rad && turn_rad < 0.85F * whole_rad + kTurnNoise_rad;
-  const bool lost =
-      Magnitude(unexpected_rad_s - gain * (before_nm - believed_nm)) < 0.3F * Magnitude(unexpected_rad_s);
-  const bool step =
-      turns && !lost && gain * Magnitude(news_nm) > kStep_rad_s && servo.steps_left > kStepRecovery;
+  const bool lost = Magnitude(s.unexpected_rad_s - s.gain * (s.before_nm - s.believed_nm)) <
+                    0.3F * Magnitude(s.unexpected_rad_s);
+  const bool step = TurnsThroughout(interval, i, s) && !lost && s.gain * Magnitude(s.news_nm) > kStep_rad_s &&
+                    servo.steps_left > kStepRecovery;
   servo.steps_left =
       std::min(servo.steps_left + (step ? -kStepRecovery : 1), (kStepCount + 1) * kStepRecovery);
-  FitServo(servo, command_nm, deviation_nm, step);
-  if (!step) servo.variance_nm2 += kScatterGain * (Square(news_nm) - servo.variance_nm2);
+  FitServo(servo, s.command_nm, s.deviation_nm, step);
+  if (!step) servo.variance_nm2 += kScatterGain * (Square(s.news_nm) - servo.variance_nm2);
   servo.swing.Update(servo.offset_nm);
-  const float noise_nm2 = std::max(Square(kHingeNoise_rad_s / gain), servo.variance_nm2) / servo.weight;
+  BelieveServo(interval, i, s, step, lost);
+}
+
+void ActuatorMonitor::ForgetServo(unsigned i) {
+  Servo& servo = servos_[i];
+  servo.offset_nm = servo.slope = servo.weight = servo.variance_nm2 = 0;
+  model_.servo_effectiveness[i] = 1;
+  servo.seen = servo.slope_seen = 0;
+  model_.servo_offset_nm[i] = 0;
+}
+
+bool ActuatorMonitor::TurnsThroughout(const Interval& interval, unsigned i, const ServoSample& s) {
+  const float unexpected_turn_rad =
+      interval.sample.alpha_rad[i] - interval.before.alpha_rad[i] -
+      interval.duration_s * (s.before_rad_s + kTurnShare * (s.free_rad_s - s.before_rad_s));
+  const float turn_rad = s.unexpected_rad_s < 0 ? -unexpected_turn_rad : unexpected_turn_rad;
+  const float whole_rad = interval.duration_s * Magnitude(s.unexpected_rad_s);
+  return turn_rad > 0.2F * whole_rad - kTurnNoise_rad && turn_rad < 0.85F * whole_rad + kTurnNoise_rad;
+}
+
+void ActuatorMonitor::BelieveServo(const Interval& interval, unsigned i, const ServoSample& s, bool step,
+                                   bool lost) {
+  Servo& servo = servos_[i];
+  const float noise_nm2 = std::max(Square(kHingeNoise_rad_s / s.gain), servo.variance_nm2) / servo.weight;
   // Both at once are the line's: commands that come late, or not at all.
   const Servo& other = servos_[1 - i];
   const bool believed_before = model_.servo_offset_nm[i] != 0;
   const bool alone = !servo.dead && (interval.line_is_good || believed_before) &&
                      other.deviation2 * servo.weight < kAloneShare * servo.deviation2 * other.weight;
   if (!alone) servo.slope = 0;
-  const bool steady = Square(news_nm) < Square(kSteady * deviation_nm);
+  const bool steady = Square(s.news_nm) < Square(kSteady * s.deviation_nm);
   const bool deviates =
       alone && servo.swing.IsExceededBy(servo.offset_nm) &&
       Square(servo.offset_nm) > std::max(Square(kServoOffset_nm), Square(kServoSigmas) * noise_nm2);
-  const bool urgent = step && deviates && Square(deviation_nm) > Square(kUrgent_nm);
+  const bool urgent = step && deviates && Square(s.deviation_nm) > Square(kUrgent_nm);
   if (urgent) servo.seen = kServoSamples;
   const bool believed = Lasts(deviates && (steady || urgent || believed_before), kServoSamples, servo.seen);
   const bool weak =
@@ -286,8 +330,8 @@ void ActuatorMonitor::UpdateServo(const Interval& interval, unsigned i) {
   model_.servo_offset_nm[i] = believed || weak ? servo.offset_nm : 0;
   model_.servo_effectiveness[i] =
       weak ? std::max(1 + servo.slope, kWeakening * model_.servo_effectiveness[i]) : 1;
-  ProveServo(i, command_nm, deviation_nm + command_nm, kHingeNoise_rad_s / gain, deviates || servo.slope < 0,
-             interval.line_is_good && !lost);
+  ProveServo(i, s.command_nm, s.deviation_nm + s.command_nm, kHingeNoise_rad_s / s.gain,
+             deviates || servo.slope < 0, interval.line_is_good && !lost);
 }
 
 void ActuatorMonitor::ProveServo(unsigned i, float command_nm, float delivered_nm, float noise_nm,

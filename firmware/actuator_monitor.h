@@ -85,8 +85,22 @@ class ActuatorMonitor {
         0;  // for which nothing is made up for, because the servo did not do what was asked
   };
 
+  using Thrusts = std::array<float, 2>;  // right, left
   void UpdateRotors(const Interval& interval);
+  // Follows the motion that no rotor causes.
+  void UpdateDisturbance(const Interval& interval);
+  // Estimates both rotors; true if one of them deviates.
+  bool EstimateRotors(const Interval& interval, const Thrusts& command_n);
+  bool RotorDeviates(unsigned i, float command_n, float own_rad_s, float own_m_s, float variance_n2);
+  // Takes the belief in both back when one does not do what was asked to make up for it.
+  void ProveRotors(const Thrusts& command_n);
   void UpdateServo(const Interval& interval, unsigned i);
+  struct ServoSample;
+  ServoSample SampleOf(const Interval& interval, unsigned i, float before_nm) const;
+  void ForgetServo(unsigned i);
+  // True if the hinge turns as by a torque that lasts for the whole interval.
+  static bool TurnsThroughout(const Interval& interval, unsigned i, const ServoSample& sample);
+  void BelieveServo(const Interval& interval, unsigned i, const ServoSample& sample, bool step, bool lost);
   // Takes a belief back when the servo does not do what is asked to make up for it.
   void ProveServo(unsigned i, float command_nm, float delivered_nm, float noise_nm, bool deviates,
                   bool arrived);

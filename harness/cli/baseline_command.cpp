@@ -4,10 +4,11 @@
 #include <nlohmann/json.hpp>
 
 #include "harness/cli/commands.h"
+#include "harness/cli/compare_runs.h"
 #include "harness/cli/run_folder.h"
+#include "harness/report/difference.h"
 #include "harness/report/files.h"
 #include "harness/report/json_text.h"
-#include "harness/report/regression.h"
 #include "harness/scenario/differing_key.h"
 #include "harness/terminal/lines.h"
 #include "harness/terminal/terminal.h"
@@ -27,20 +28,19 @@ BaselineJson MarginJson(std::optional<double> margin) {
   return margin ? BaselineJson(*margin) : BaselineJson();
 }
 
-BaselineJson ToJson(const FlightChange& flight) {
-  BaselineJson json = {{"scenario", flight.name},
-                       {"worse", flight.worse()},
-                       {"better", flight.better()},
-                       {"verdict", {{"a", Name(flight.before)}, {"b", Name(flight.after)}}},
-                       {"criteria", BaselineJson::array()}};
-  for (const CriterionChange& criterion : flight.criteria)
+BaselineJson ToJson(const FlightDifference& flight) {
+  BaselineJson json = {
+      {"scenario", flight.name},
+      {"worse", flight.worse()},
+      {"better", flight.better()},
+      {"verdict", {{"a", Name(flight.a.score.verdict)}, {"b", Name(flight.b.score.verdict)}}},
+      {"criteria", BaselineJson::array()}};
+  for (const CriterionDifference& criterion : flight.criteria)
     json["criteria"].push_back(
         {{"name", criterion.name},
          {"worse", criterion.worse},
-         {"verdict",
-          {{"a", VerdictJson(criterion.verdict_before)}, {"b", VerdictJson(criterion.verdict_after)}}},
-         {"margin",
-          {{"a", MarginJson(criterion.margin_before)}, {"b", MarginJson(criterion.margin_after)}}}});
+         {"verdict", {{"a", VerdictJson(criterion.verdict_a)}, {"b", VerdictJson(criterion.verdict_b)}}},
+         {"margin", {{"a", MarginJson(criterion.margin_a)}, {"b", MarginJson(criterion.margin_b)}}}});
   return json;
 }
 
@@ -53,14 +53,13 @@ std::string MarginText(double before, double after) {
   return fmt::format("margin {}, as before", before);
 }
 
-std::string Text(const CriterionChange& criterion) {
-  if (!criterion.verdict_after) return criterion.name + ": not judged any more";
+std::string Text(const CriterionDifference& criterion) {
+  if (!criterion.verdict_b) return criterion.name + ": not judged any more";
   std::string text = criterion.name + ":";
-  if (criterion.verdict_before != criterion.verdict_after)
-    text +=
-        fmt::format(" {} before, {} now;", Name(*criterion.verdict_before), Name(*criterion.verdict_after));
-  if (criterion.margin_before && criterion.margin_after)
-    return text + " " + MarginText(*criterion.margin_before, *criterion.margin_after);
+  if (criterion.verdict_a != criterion.verdict_b)
+    text += fmt::format(" {} before, {} now;", Name(*criterion.verdict_a), Name(*criterion.verdict_b));
+  if (criterion.margin_a && criterion.margin_b)
+    return text + " " + MarginText(*criterion.margin_a, *criterion.margin_b);
   text.pop_back();
   return text;
 }
@@ -69,16 +68,16 @@ void PrintFlightLine(const char* word, const std::string& name, const std::strin
   PrintLine(stdout, 0, fmt::format("{:<8} {}{}{}", word, name, what.empty() ? "" : ": ", what));
 }
 
-void PrintChange(const FlightChange& flight) {
+void PrintChange(const FlightDifference& flight) {
   const std::string verdicts =
-      flight.before == flight.after
+      flight.same_verdict()
           ? ""
-          : fmt::format("{} before, {} now", Name(flight.before), Name(flight.after));
+          : fmt::format("{} before, {} now", Name(flight.a.score.verdict), Name(flight.b.score.verdict));
   if (flight.worse()) {
     PrintFlightLine("WORSE", flight.name, verdicts);
-    for (const CriterionChange& criterion : flight.criteria)
+    for (const CriterionDifference& criterion : flight.criteria)
       if (criterion.worse) PrintLine(stdout, kBelow, Text(criterion));
-  } else if (flight.after < flight.before) {
+  } else if (flight.b.score.verdict < flight.a.score.verdict) {
     PrintFlightLine("better", flight.name, verdicts);
   }
 }
@@ -93,8 +92,8 @@ std::vector<FlightResult> ResultsOf(const OldRun& run) {
 }
 
 // Warns of changes besides the firmware and the criteria: margins of different flights say little of each other.
-void WarnOfOtherFlights(const Regression& regression, const OldRun& a, const OldRun& b) {
-  for (const FlightChange& flight : regression.flights) {
+void WarnOfOtherFlights(const RunDifference& runs, const OldRun& a, const OldRun& b) {
+  for (const FlightDifference& flight : runs.flights) {
     const auto text_in = [&](const OldRun& run) {
       return ReadFile((run.whole ? run.folder / flight.name : run.scenario_folders.front()) /
                       "scenario.resolved.yaml");
@@ -109,13 +108,12 @@ void WarnOfOtherFlights(const Regression& regression, const OldRun& a, const Old
   }
 }
 
-void PrintSummary(const Regression& regression, double tolerance) {
-  const std::size_t worse = regression.worse_count(), better = regression.better_count(),
-                    all = regression.flights.size();
+void PrintSummary(const RunDifference& runs, double tolerance) {
+  const std::size_t worse = runs.worse_count(), better = runs.better_count(), all = runs.flights.size();
   std::string text = fmt::format("{} of {} flights worse, {} better, {} the same (margins within {:g})",
                                  worse, all, better, all - worse - better, tolerance);
-  if (!regression.missing.empty()) text += fmt::format(", {} only in A", regression.missing.size());
-  if (!regression.added.empty()) text += fmt::format(", {} only in B", regression.added.size());
+  if (!runs.only_a.empty()) text += fmt::format(", {} only in A", runs.only_a.size());
+  if (!runs.only_b.empty()) text += fmt::format(", {} only in B", runs.only_b.size());
   PrintLine(stdout, 0, text);
 }
 
@@ -124,40 +122,31 @@ void PrintSummary(const Regression& regression, double tolerance) {
 // 0 when nothing got worse, 1 when something did or a flight is missing.
 int BaselineCommand(const CompareOptions& options) {
   const OldRun a = OpenRun(options.a), b = OpenRun(options.b);
-  std::vector<FlightResult> before = ResultsOf(a), now = ResultsOf(b);
-  // Two flights are a pair whatever they are called; where one was asked for, the others are not missing.
-  if (!a.whole && !b.whole && !before.empty() && !now.empty()) now.front().name = before.front().name;
-  Regression regression = CompareResults(before, now, options.tolerance);
-  if (!b.whole) regression.missing.clear();
-  if (!a.whole) regression.added.clear();
-  if (regression.flights.empty())
-    throw UsageError(
-        fmt::format("{} and {} have no scenario of the same name", options.a.string(), options.b.string()));
+  const RunDifference runs = CompareRuns(ResultsOf(a), ResultsOf(b), options.tolerance, a.whole, b.whole);
+  if (runs.flights.empty()) RefuseUnpaired(options);
   for (const auto& [letter, run] : {std::pair('A', &a), std::pair('B', &b)})
     if (run->whole && run->info.interrupted)
       PrintLine(stderr, 0,
                 fmt::format("warning: {} is an unfinished run: flights that did not end are errors", letter));
-  if (a.whole && b.whole) WarnOfOtherFlights(regression, a, b);
+  if (a.whole && b.whole) WarnOfOtherFlights(runs, a, b);
 
   if (options.format == "jsonl") {
-    for (const FlightChange& flight : regression.flights) Print(stdout, "{}\n", JsonLine(ToJson(flight)));
-    for (const std::string& name : regression.missing)
-      Print(stdout, "{}\n", JsonLine({{"scenario", name}, {"only_in", "a"}}));
-    for (const std::string& name : regression.added)
-      Print(stdout, "{}\n", JsonLine({{"scenario", name}, {"only_in", "b"}}));
+    for (const FlightDifference& flight : runs.flights) Print(stdout, "{}\n", JsonLine(ToJson(flight)));
+    PrintOnlyIn("a", runs.only_a);
+    PrintOnlyIn("b", runs.only_b);
   } else {
-    for (const FlightChange& flight : regression.flights) PrintChange(flight);
-    for (const std::string& name : regression.missing) {
+    for (const FlightDifference& flight : runs.flights) PrintChange(flight);
+    for (const std::string& name : runs.only_a) {
       const auto left_out = std::find_if(b.info.not_applicable.begin(), b.info.not_applicable.end(),
                                          [&](const NotApplicable& other) { return other.name == name; });
       PrintFlightLine(
           "MISSING", name,
           left_out == b.info.not_applicable.end() ? "only in A" : "not applicable in B: " + left_out->reason);
     }
-    for (const std::string& name : regression.added) PrintFlightLine("new", name, "only in B");
-    PrintSummary(regression, options.tolerance);
+    for (const std::string& name : runs.only_b) PrintFlightLine("new", name, "only in B");
+    PrintSummary(runs, options.tolerance);
   }
-  return regression.worse() ? kExitNotGreen : kExitGreen;
+  return runs.worse() ? kExitNotGreen : kExitGreen;
 }
 
 }  // namespace tiltproof::harness

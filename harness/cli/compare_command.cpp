@@ -7,8 +7,9 @@
 #include <utility>
 
 #include "harness/cli/commands.h"
+#include "harness/cli/compare_runs.h"
 #include "harness/cli/run_folder.h"
-#include "harness/report/compare.h"
+#include "harness/report/difference.h"
 #include "harness/report/files.h"
 #include "harness/report/json_text.h"
 #include "harness/report/machine.h"
@@ -45,39 +46,10 @@ std::string WithUnit(double value, std::string_view column) {
   return fmt::format("{:.3g}{}{}", value, unit.empty() ? "" : " ", unit);
 }
 
-// The flights that both runs have, and the names of those that only one has.
-struct Pairing {
-  std::vector<std::pair<fs::path, fs::path>> pairs;
-  std::vector<std::string> only_a, only_b;
-};
-
-Pairing Pair(const CompareOptions& options, const OldRun& a, const OldRun& b) {
-  const bool one_a = !a.whole, one_b = !b.whole;
-  Pairing pairing;
-  // Two scenarios' folders are a pair whatever they are called.
-  if (one_a && one_b) {
-    pairing.pairs.emplace_back(a.scenario_folders[0], b.scenario_folders[0]);
-    return pairing;
-  }
-  const auto named = [](const OldRun& run, const fs::path& name) {
-    return std::find_if(run.scenario_folders.begin(), run.scenario_folders.end(),
-                        [&](const fs::path& folder) { return folder.filename() == name; });
-  };
-  for (const fs::path& folder : a.scenario_folders) {
-    const auto found = named(b, folder.filename());
-    if (found != b.scenario_folders.end()) {
-      pairing.pairs.emplace_back(folder, *found);
-    } else if (!one_b) {  // where one scenario was asked for, the others are not missing
-      pairing.only_a.push_back(folder.filename());
-    }
-  }
-  for (const fs::path& folder : b.scenario_folders)
-    if (!one_a && named(a, folder.filename()) == a.scenario_folders.end())
-      pairing.only_b.push_back(folder.filename());
-  if (pairing.pairs.empty())
-    throw UsageError(
-        fmt::format("{} and {} have no scenario of the same name", options.a.string(), options.b.string()));
-  return pairing;
+std::vector<std::string> NamesOf(const OldRun& run) {
+  std::vector<std::string> names;
+  for (const fs::path& folder : run.scenario_folders) names.push_back(folder.filename());
+  return names;
 }
 
 // By which keys the two are different flights. Throws UsageError when there are any, unless `anyway`.
@@ -103,38 +75,39 @@ std::optional<double> Metric(const FlightResult& result, const std::string& name
   return found->second;
 }
 
-std::string DifferenceWord(const FlightComparison& comparison) {
-  return comparison.differs() ? "DIFFERENT" : comparison.identical ? "IDENTICAL" : "CLOSE";
+std::string DifferenceWord(const FlightDifference& flight) {
+  return flight.differs() ? "DIFFERENT" : flight.identical() ? "IDENTICAL" : "CLOSE";
 }
 
-Json JsonOf(const std::string& scenario, const FlightComparison& c, const std::vector<std::string>& unlike) {
+Json JsonOf(const FlightDifference& flight, const std::vector<std::string>& unlike) {
+  const TraceDifference& trace = *flight.trace;
   const auto number = [](double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); };
-  Json json = {{"scenario", scenario},
-               {"differs", c.differs()},
-               {"identical", c.identical},
+  Json json = {{"scenario", flight.name},
+               {"differs", flight.differs()},
+               {"identical", flight.identical()},
                {"different_flights", unlike},
-               {"verdict", {{"a", Name(c.a.score.verdict)}, {"b", Name(c.b.score.verdict)}}},
-               {"trace_hash", {{"a", c.a.trace_hash}, {"b", c.b.trace_hash}}},
-               {"rows", {{"a", c.trace.rows_a}, {"b", c.trace.rows_b}, {"matched", c.trace.rows_matched}}},
-               {"end_s", {{"a", c.trace.end_a_s}, {"b", c.trace.end_b_s}}},
+               {"verdict", {{"a", Name(flight.a.score.verdict)}, {"b", Name(flight.b.score.verdict)}}},
+               {"trace_hash", {{"a", flight.a.trace_hash}, {"b", flight.b.trace_hash}}},
+               {"rows", {{"a", trace.rows_a}, {"b", trace.rows_b}, {"matched", trace.rows_matched}}},
+               {"end_s", {{"a", trace.end_a_s}, {"b", trace.end_b_s}}},
                {"first_difference", nullptr}};
-  if (const auto& first = c.trace.first)
+  if (const auto& first = trace.first)
     json["first_difference"] = {{"time_s", first->time_s},
                                 {"period", first->row},
                                 {"column", first->column},
                                 {"a", number(first->a)},
                                 {"b", number(first->b)}};
   json["columns"] = Json::array();
-  for (const ColumnDifference& column : c.trace.columns)
+  for (const ColumnDifference& column : trace.columns)
     json["columns"].push_back({{"name", column.column},
                                {"max", column.max},
                                {"time_s", column.max_time_s},
                                {"rms", column.rms},
                                {"one_sided_rows", column.one_sided_rows}});
-  json["columns_of_one"] = c.trace.columns_of_one;
+  json["columns_of_one"] = trace.columns_of_one();
   json["metrics"] = Json::object();
   for (const std::string name : kMetrics) {
-    const auto a = Metric(c.a, name), b = Metric(c.b, name);
+    const auto a = Metric(flight.a, name), b = Metric(flight.b, name);
     if (a || b)
       json["metrics"][name] = {{"a", a ? Json(*a) : Json(nullptr)}, {"b", b ? Json(*b) : Json(nullptr)}};
   }
@@ -142,7 +115,7 @@ Json JsonOf(const std::string& scenario, const FlightComparison& c, const std::v
 }
 
 // Prints the vehicle, then inputs, commands and counters; the sensors' columns are the vehicle's state once more.
-void PrintColumns(const TraceComparison& trace) {
+void PrintColumns(const TraceDifference& trace) {
   Print(stdout, "    {:<34} {:>14} {:>10} {:>12}\n", "column", "max difference", "at (s)", "rms");
   std::size_t vehicle = 0, others = 0, more = 0;
   for (const bool is_vehicle : {true, false}) {
@@ -164,10 +137,10 @@ void PrintColumns(const TraceComparison& trace) {
   if (more > 0) Print(stdout, "    ... and {} more that differ; --format jsonl has all\n", more);
 }
 
-void PrintMetrics(const FlightComparison& c) {
+void PrintMetrics(const FlightDifference& flight) {
   bool first = true;
   for (const std::string name : kMetrics) {
-    const auto a = Metric(c.a, name), b = Metric(c.b, name);
+    const auto a = Metric(flight.a, name), b = Metric(flight.b, name);
     if (a == b) continue;
     if (std::exchange(first, false))
       Print(stdout, "    {:<34} {:>14} {:>10} {:>12}\n", "metric", "A", "B", "B - A");
@@ -178,45 +151,47 @@ void PrintMetrics(const FlightComparison& c) {
 }
 
 // Differences between the two, a line each: first the keys by which they were different flights.
-std::vector<std::string> Differences(const FlightComparison& c, const std::vector<std::string>& unlike,
+std::vector<std::string> Differences(const FlightDifference& flight, const std::vector<std::string>& unlike,
                                      double tolerance) {
+  const TraceDifference& trace = *flight.trace;
   std::vector<std::string> lines;
-  if (const auto& first = c.trace.first) {
+  if (const auto& first = trace.first) {
     const auto value = [](double v) { return std::isnan(v) ? "no value" : fmt::format("{:.6g}", v); };
     lines.push_back(
         fmt::format("apart by more than {:g} from {:.3f} s on (period {}): {} is {} in A, {} in B", tolerance,
                     first->time_s, first->row, first->column, value(first->a), value(first->b)));
   }
-  if (c.a.score.verdict != c.b.score.verdict)
+  if (!flight.same_verdict())
     lines.push_back(
-        fmt::format("verdict {} in A, {} in B", Name(c.a.score.verdict), Name(c.b.score.verdict)));
-  if (!c.trace.same_rows()) {
-    lines.push_back(fmt::format("{} rows to {:.3f} s in A, {} to {:.3f} s in B; {} in both", c.trace.rows_a,
-                                c.trace.end_a_s, c.trace.rows_b, c.trace.end_b_s, c.trace.rows_matched));
+        fmt::format("verdict {} in A, {} in B", Name(flight.a.score.verdict), Name(flight.b.score.verdict)));
+  if (!trace.same_rows()) {
+    lines.push_back(fmt::format("{} rows to {:.3f} s in A, {} to {:.3f} s in B; {} in both", trace.rows_a,
+                                trace.end_a_s, trace.rows_b, trace.end_b_s, trace.rows_matched));
   }
   if (lines.empty())
-    lines.push_back(c.identical ? "to the bit"
-                                : fmt::format("the vehicle is nowhere apart by more than {:g}", tolerance));
+    lines.push_back(flight.identical()
+                        ? "to the bit"
+                        : fmt::format("the vehicle is nowhere apart by more than {:g}", tolerance));
   for (auto key = unlike.rbegin(); key != unlike.rend(); ++key)
     lines.insert(lines.begin(), fmt::format("different flights: {}", *key));
   return lines;
 }
 
-void PrintFlight(const std::string& name, const FlightComparison& c, const std::vector<std::string>& unlike,
-                 double tolerance) {
-  const std::vector<std::string> lines = Differences(c, unlike, tolerance);
+void PrintFlight(const FlightDifference& flight, const std::vector<std::string>& unlike, double tolerance) {
+  const TraceDifference& trace = *flight.trace;
+  const std::vector<std::string> lines = Differences(flight, unlike, tolerance);
   if (IsTerminal(stdout)) {
-    PrintLine(stdout, 0, fmt::format("{:<10} {}", DifferenceWord(c), name));
+    PrintLine(stdout, 0, fmt::format("{:<10} {}", DifferenceWord(flight), flight.name));
     for (const std::string& line : lines) PrintLine(stdout, 4, line);
   } else {
-    Print(stdout, "{:<10} {:<34} {}\n", DifferenceWord(c), name, lines.front());
+    Print(stdout, "{:<10} {:<34} {}\n", DifferenceWord(flight), flight.name, lines.front());
     for (std::size_t i = 1; i < lines.size(); ++i) Print(stdout, "{:<45} {}\n", "", lines[i]);
   }
-  if (c.identical) return;
-  PrintColumns(c.trace);
-  if (!c.trace.columns_of_one.empty())
-    PrintLine(stdout, 4, fmt::format("in one trace only: {}", fmt::join(c.trace.columns_of_one, ", ")));
-  PrintMetrics(c);
+  if (flight.identical()) return;
+  PrintColumns(trace);
+  if (!trace.columns_of_one().empty())
+    PrintLine(stdout, 4, fmt::format("in one trace only: {}", fmt::join(trace.columns_of_one(), ", ")));
+  PrintMetrics(flight);
 }
 
 std::string RunText(const char* letter, const fs::path& path, const RunInfo& info) {
@@ -224,9 +199,39 @@ std::string RunText(const char* letter, const fs::path& path, const RunInfo& inf
                      info.started);
 }
 
-std::string NameOf(const std::pair<fs::path, fs::path>& pair) {
-  const std::string a = pair.first.filename(), b = pair.second.filename();
+std::string NameOf(const fs::path& folder_a, const fs::path& folder_b) {
+  const std::string a = folder_a.filename(), b = folder_b.filename();
   return a == b ? a : fmt::format("{} and {}", a, b);
+}
+
+struct Counts {
+  std::size_t identical = 0, close = 0, different = 0, unreadable = 0;
+};
+
+void ComparePair(const fs::path& folder_a, const fs::path& folder_b, const CompareOptions& options,
+                 const std::vector<std::string>& unlike, Counts& counts) {
+  const bool jsonl = options.format == "jsonl";
+  const std::string name = NameOf(folder_a, folder_b);
+  try {
+    FlightDifference flight = CompareFlights(folder_a, folder_b, options.tolerance);
+    flight.name = name;
+    ++(flight.differs() ? counts.different : flight.identical() ? counts.identical : counts.close);
+    jsonl ? Print(stdout, "{}\n", JsonLine(JsonOf(flight, unlike)))
+          : PrintFlight(flight, unlike, options.tolerance);
+  } catch (const std::exception& error) {
+    ++counts.unreadable;
+    if (jsonl) Print(stdout, "{}\n", JsonLine({{"scenario", name}, {"error", error.what()}}));
+    Print(stderr, "{:<10} {:<34} {}\n", "UNREADABLE", name, error.what());
+  }
+}
+
+void PrintUnmatched(const char* letter, const std::vector<std::string>& names,
+                    const std::vector<std::size_t>& only, bool jsonl) {
+  std::vector<std::string> unmatched;
+  for (const std::size_t i : only) unmatched.push_back(names[i]);
+  if (jsonl) return PrintOnlyIn(letter, unmatched);
+  for (const std::string& name : unmatched)
+    Print(stdout, "{:<10} {:<34} only in {}\n", "UNMATCHED", name, letter == std::string("a") ? 'A' : 'B');
 }
 
 }  // namespace
@@ -235,50 +240,39 @@ std::string NameOf(const std::pair<fs::path, fs::path>& pair) {
 // read; the other flights are compared all the same.
 int CompareCommand(const CompareOptions& options) {
   const OldRun a = OpenRun(options.a), b = OpenRun(options.b);
-  const Pairing pairing = Pair(options, a, b);
+  const std::vector<std::string> names_a = NamesOf(a), names_b = NamesOf(b);
+  const FlightPairs pairing = PairFlights({names_a, a.whole}, {names_b, b.whole});
+  if (pairing.pairs.empty()) RefuseUnpaired(options);
   std::vector<std::vector<std::string>> unlike;  // of each pair
-  for (const auto& [folder_a, folder_b] : pairing.pairs)
-    unlike.push_back(FlightDifferences(folder_a, folder_b, options.anyway));
+  for (const auto& [i, j] : pairing.pairs)
+    unlike.push_back(FlightDifferences(a.scenario_folders[i], b.scenario_folders[j], options.anyway));
   const bool jsonl = options.format == "jsonl";
   if (!jsonl) {
     PrintLine(stdout, 0, RunText("A", options.a, a.info));
     PrintLine(stdout, 0, RunText("B", options.b, b.info));
   }
 
-  std::size_t identical = 0, close = 0, different = 0, unreadable = 0;
-  for (std::size_t i = 0; i < pairing.pairs.size(); ++i) {
-    const auto& pair = pairing.pairs[i];
-    const std::string name = NameOf(pair);
-    try {
-      const FlightComparison comparison = CompareFlights(pair.first, pair.second, options.tolerance);
-      ++(comparison.differs() ? different : comparison.identical ? identical : close);
-      jsonl ? Print(stdout, "{}\n", JsonLine(JsonOf(name, comparison, unlike[i])))
-            : PrintFlight(name, comparison, unlike[i], options.tolerance);
-    } catch (const std::exception& error) {
-      ++unreadable;
-      if (jsonl) Print(stdout, "{}\n", JsonLine({{"scenario", name}, {"error", error.what()}}));
-      Print(stderr, "{:<10} {:<34} {}\n", "UNREADABLE", name, error.what());
-    }
+  Counts counts;
+  for (std::size_t k = 0; k < pairing.pairs.size(); ++k) {
+    const auto& [i, j] = pairing.pairs[k];
+    ComparePair(a.scenario_folders[i], b.scenario_folders[j], options, unlike[k], counts);
   }
-  for (const auto& [letter, names] : {std::pair("a", &pairing.only_a), std::pair("b", &pairing.only_b)}) {
-    for (const std::string& name : *names)
-      jsonl ? Print(stdout, "{}\n", JsonLine({{"scenario", name}, {"only_in", letter}}))
-            : Print(stdout, "{:<10} {:<34} only in {}\n", "UNMATCHED", name,
-                    letter == std::string("a") ? 'A' : 'B');
-  }
+  PrintUnmatched("a", names_a, pairing.only_a, jsonl);
+  PrintUnmatched("b", names_b, pairing.only_b, jsonl);
   const std::string machines = MachineDifference(a.info.machine, b.info.machine, "in A", "in B");
   if (!jsonl) {
-    if (different > 0 && !machines.empty()) PrintLine(stdout, 0, "another machine: " + machines);
-    std::string text =
-        fmt::format("{} of {} flights identical, {} within {:g} (m, rad, m/s, rad/s), {} different",
-                    identical, pairing.pairs.size(), close, options.tolerance, different);
-    if (unreadable > 0) text += fmt::format(", {} unreadable", unreadable);
+    if (counts.different > 0 && !machines.empty()) PrintLine(stdout, 0, "another machine: " + machines);
+    std::string text = fmt::format(
+        "{} of {} flights identical, {} within {:g} (m, rad, m/s, rad/s), {} different", counts.identical,
+        pairing.pairs.size(), counts.close, options.tolerance, counts.different);
+    if (counts.unreadable > 0) text += fmt::format(", {} unreadable", counts.unreadable);
     if (!pairing.only_a.empty()) text += fmt::format(", {} only in A", pairing.only_a.size());
     if (!pairing.only_b.empty()) text += fmt::format(", {} only in B", pairing.only_b.size());
     PrintLine(stdout, 0, text);
   }
-  if (unreadable > 0) return kExitError;
-  return different > 0 || !pairing.only_a.empty() || !pairing.only_b.empty() ? kExitNotGreen : kExitGreen;
+  if (counts.unreadable > 0) return kExitError;
+  return counts.different > 0 || !pairing.only_a.empty() || !pairing.only_b.empty() ? kExitNotGreen
+                                                                                    : kExitGreen;
 }
 
 }  // namespace tiltproof::harness

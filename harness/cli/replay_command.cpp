@@ -14,6 +14,7 @@
 #include "harness/client/firmware_files.h"
 #include "harness/emulator/lockstep_self_test.h"
 #include "harness/report/build_id.h"
+#include "harness/report/difference.h"
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"
 #include "harness/report/flight_hashes.h"
@@ -158,15 +159,19 @@ int ReplayCommand(const ReplayOptions& options) {
   if (outcome.interrupted) return kExitInterrupted;
   std::size_t different_count = 0, error_count = 0;
   for (std::size_t i = 0; i < outcome.results.size(); ++i) {
-    const FlightResult& now = outcome.results[i];
-    const FlightResult& then = old_results[i];
+    const FlightDifference flight{.name = outcome.results[i].name,
+                                  .a = old_results[i],
+                                  .b = outcome.results[i],
+                                  .criteria = {},
+                                  .trace = {}};
+    const FlightResult &then = flight.a, &now = flight.b;
     if (now.score.verdict == Verdict::kError && then.score.verdict != Verdict::kError) {
       ++error_count;
       PrintLine(stdout, 0,
                 fmt::format("ERROR      {:<34} {}: {}", now.name, now.score.reason, folder.Keep(now.name)));
       continue;
     }
-    const bool equal = now.trace_hash == then.trace_hash;
+    const bool equal = flight.identical();
     different_count += equal ? 0 : 1;
     PrintLine(
         stdout, 0,

@@ -7,13 +7,15 @@
 #include <string_view>
 #include <utility>
 
+#include "link/check.h"
+
 namespace tiltproof::harness {
 namespace {
 
-// An answer to what we ask is a byte or two.
+// QEMU's own limit is 4096.
 constexpr std::size_t kPacketBytesMax = 4096;
-// Stops a board that runs (section E.9, "Interrupts").
-constexpr char kInterrupt = '\x03';
+// The acknowledgement of a packet that an earlier client left, then the interrupt (section E.9, "Interrupts").
+constexpr std::string_view kInterrupt = "+\x03";
 
 std::string Framed(const std::string& packet) {
   const unsigned sum = std::accumulate(packet.begin(), packet.end(), 0U, [](unsigned total, char c) {
@@ -28,15 +30,44 @@ std::span<const std::uint8_t> Bytes(std::string_view text) {
 
 }  // namespace
 
+std::vector<std::uint8_t> HexBytes(std::string_view digits) {
+  std::vector<std::uint8_t> bytes;
+  for (; digits.size() >= 2; digits.remove_prefix(2)) {
+    std::uint8_t value = 0;
+    const auto [end, error] = std::from_chars(digits.data(), digits.data() + 2, value, 16);
+    if (error != std::errc() || end != digits.data() + 2) break;
+    bytes.push_back(value);
+  }
+  return bytes;
+}
+
+std::string HexDigits(std::string_view bytes) {
+  std::string digits;
+  for (const char byte : bytes) digits += fmt::format("{:02x}", static_cast<unsigned char>(byte));
+  return digits;
+}
+
 GdbClient::GdbClient(boost::asio::io_context& loop, int socket, Lost lost)
     : port_(loop, socket, "the emulator's debugger port"), lost_callback_(std::move(lost)) {
   port_.Start([this](std::span<const std::uint8_t> bytes) { OnBytes(bytes); },
               [this](const std::string& reason) { Lose(reason); });
 }
 
-void GdbClient::Flip(std::vector<MemoryBit> bits, Done done) {
-  jobs_.push_back({std::move(bits), std::move(done)});
-  if (step_ == Step::kIdle) Begin();
+// Any byte stops a running board, and is lost. The board then reports that it has stopped, before it answers
+// the question. A board that is stopped only sends the answer.
+void GdbClient::Stop(Stopped stopped) {
+  reported_stop_ = false;
+  port_.Write(Bytes(kInterrupt));
+  Request("?", [this, stopped = std::move(stopped)](const std::string&, const std::string&) {
+    stopped(reported_stop_);
+  });
+}
+
+void GdbClient::Ask(const std::string& packet, Answer answer) { Request(packet, std::move(answer)); }
+
+void GdbClient::Continue(std::function<void()> accepted) {
+  Request("c", [accepted = std::move(accepted)](const std::string&, const std::string&) { accepted(); });
+  ends_when_acknowledged_ = true;
 }
 
 std::chrono::nanoseconds GdbClient::Waiting() const {
@@ -44,30 +75,14 @@ std::chrono::nanoseconds GdbClient::Waiting() const {
   return std::chrono::steady_clock::now() - *asked_at_;
 }
 
-// Any byte stops a running board, and is lost. The board then reports that it has stopped, before it answers
-// the question. A board that is stopped only sends the answer.
-void GdbClient::Begin() {
-  flipped_.clear();
-  error_.clear();
-  was_running_ = false;
-  port_.Write(Bytes(std::string_view(&kInterrupt, 1)));
-  Ask(Step::kStop, "?");
-}
-
-void GdbClient::Ask(Step step, const std::string& packet) {
-  step_ = step;
+void GdbClient::Request(const std::string& packet, Answer answer) {
+  Check(!answer_, "the debugger port is asked one thing at a time");
+  answer_ = std::move(answer);
+  ends_when_acknowledged_ = false;
   acknowledged_ = false;
+  output_.clear();
   asked_at_ = std::chrono::steady_clock::now();
   port_.Write(Bytes(Framed(packet)));
-}
-
-void GdbClient::AskNextBit() {
-  const auto& bits = jobs_.front().bits;
-  if (!error_.empty() || flipped_.size() == bits.size()) {
-    if (!was_running_) return Finish();
-    return Ask(Step::kContinue, "c");
-  }
-  Ask(Step::kRead, fmt::format("m{:x},1", bits[flipped_.size()].address));
 }
 
 void GdbClient::OnBytes(std::span<const std::uint8_t> bytes) {
@@ -96,49 +111,29 @@ void GdbClient::OnBytes(std::span<const std::uint8_t> bytes) {
 }
 
 void GdbClient::OnAcknowledged() {
-  if (step_ == Step::kIdle) return;
+  if (!answer_) return;
   acknowledged_ = true;
-  if (step_ == Step::kContinue) Finish();
+  if (ends_when_acknowledged_) Finish("");
 }
 
 void GdbClient::OnPacket(const std::string& packet) {
   if (!acknowledged_) {
     // It reports a stop: the one requested here, or, when nothing was requested, another one.
-    was_running_ |= step_ == Step::kStop;
-    return;
-  }
-  const auto& bits = jobs_.front().bits;
-  if (step_ == Step::kStop) return AskNextBit();
-  if (step_ == Step::kRead) {
-    std::uint8_t value = 0;
-    const auto [end, error] = std::from_chars(packet.data(), packet.data() + packet.size(), value, 16);
-    const MemoryBit& bit = bits[flipped_.size()];
-    if (packet.size() != 2 || error != std::errc() || end != packet.data() + 2) {
-      error_ = fmt::format("there is no memory at 0x{:08x} ({})", bit.address, packet);
-      return AskNextBit();
-    }
-    flipped_.push_back({bit.address, value, static_cast<std::uint8_t>(value ^ (1U << bit.bit))});
-    return Ask(Step::kWrite, fmt::format("M{:x},1:{:02x}", bit.address, flipped_.back().after));
-  }
-  if (step_ == Step::kWrite) {
-    if (packet != "OK") {
-      error_ = fmt::format("the memory at 0x{:08x} cannot be written ({})", flipped_.back().address, packet);
-      flipped_.pop_back();
-    }
-    AskNextBit();
+    reported_stop_ = true;
+  } else if (packet.starts_with('O') && packet != "OK") {
+    const auto bytes = HexBytes(std::string_view(packet).substr(1));
+    output_.append(bytes.begin(), bytes.end());
+  } else {
+    Finish(packet);
   }
 }
 
-void GdbClient::Finish() {
-  const Job job = std::move(jobs_.front());
-  jobs_.pop_front();
-  step_ = Step::kIdle;
+void GdbClient::Finish(const std::string& packet) {
   acknowledged_ = false;
   asked_at_.reset();
-  const auto flipped = std::exchange(flipped_, {});
-  const std::string error = std::exchange(error_, {});
-  if (!jobs_.empty()) Begin();
-  if (job.done) job.done(error, flipped);
+  const Answer answer = std::exchange(answer_, nullptr);
+  const std::string output = std::exchange(output_, {});
+  answer(packet, output);
 }
 
 void GdbClient::Lose(const std::string& why) {

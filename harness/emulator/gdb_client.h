@@ -1,8 +1,10 @@
-// Flips bits in the memory of an emulated board while it runs, through QEMU's debugger port (GDB Remote
-// Serial Protocol, appendix E of the GDB manual). The board and its clock are stopped while this happens.
+// The client of QEMU's debugger port (GDB Remote Serial Protocol, appendix E of the GDB manual): it stops the
+// board, asks, and lets it run again.
 //
-//   GdbClient debugger(loop, socket, on_lost);
-//   debugger.Flip({{0x2000'0100, 3}}, [](const std::string& error, const std::vector<FlippedByte>& flipped) { ... });
+//   GdbClient gdb(loop, socket, on_lost);
+//   gdb.Stop([&](bool was_running) {
+//     gdb.Ask("m20000100,1", [&](const std::string& packet, const std::string&) { bytes = HexBytes(packet); });
+//   });
 //
 // Nothing blocks, and nothing is timed here: the owner checks Waiting() periodically.
 #pragma once
@@ -10,32 +12,29 @@
 #include <boost/asio/io_context.hpp>
 #include <chrono>
 #include <cstdint>
-#include <deque>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "link/serial_port.h"
 
 namespace tiltproof::harness {
 
-struct MemoryBit {
-  std::uint32_t address = 0;
-  int bit = 0;  // 0 to 7
-};
+// Bytes up to the first pair of characters that are no hexadecimal digits.
+std::vector<std::uint8_t> HexBytes(std::string_view digits);
+std::string HexDigits(std::string_view bytes);
 
-struct FlippedByte {
-  std::uint32_t address = 0;
-  std::uint8_t before = 0, after = 0;
-  friend bool operator==(const FlippedByte&, const FlippedByte&) = default;
-};
-
+// One request at a time: the next one comes from a callback, or after it.
 class GdbClient {
  public:
-  // `error` is empty when all bits were flipped; `flipped`: those that were.
-  using Done = std::function<void(const std::string& error, const std::vector<FlippedByte>& flipped)>;
+  // `was_running`: the board ran until now.
+  using Stopped = std::function<void(bool was_running)>;
+  // `packet`: the answer without its frame; "" to a request that QEMU does not know. `output`: what QEMU printed
+  // before it.
+  using Answer = std::function<void(const std::string& packet, const std::string& output)>;
   using Lost = std::function<void(const std::string& why)>;
 
   // Takes over a connected socket. The loop calls the callbacks, and they may destroy this object.
@@ -43,37 +42,31 @@ class GdbClient {
   GdbClient(const GdbClient&) = delete;
   GdbClient& operator=(const GdbClient&) = delete;
 
-  // Flips all at one instant of the board's time, after the earlier requests. A board that was stopped stays
-  // stopped.
-  void Flip(std::vector<MemoryBit> bits, Done done);
+  // Stops the board and its clock.
+  void Stop(Stopped stopped);
+  // Only while the board is stopped.
+  void Ask(const std::string& packet, Answer answer);
+  // Lets the board run; `accepted`: QEMU has read the request.
+  void Continue(std::function<void()> accepted);
 
-  // The time for which the oldest request has been waiting for its answer; zero when none is.
+  // The time for which the request has been waiting for its answer; zero when there is none.
   std::chrono::nanoseconds Waiting() const;
 
  private:
-  struct Job {
-    std::vector<MemoryBit> bits;
-    Done done;
-  };
-  enum class Step : std::uint8_t { kIdle, kStop, kRead, kWrite, kContinue };
-
-  void Begin();
-  void Ask(Step step, const std::string& packet);
-  void AskNextBit();
+  void Request(const std::string& packet, Answer answer);
   void OnBytes(std::span<const std::uint8_t> bytes);
   void OnAcknowledged();
   void OnPacket(const std::string& packet);
-  void Finish();
+  void Finish(const std::string& packet);
   void Lose(const std::string& why);
 
   link::SerialPort port_;
   Lost lost_callback_;
-  std::deque<Job> jobs_;
-  Step step_ = Step::kIdle;
-  bool acknowledged_ = false;  // the request is acknowledged; the next packet is its answer
-  bool was_running_ = false;
-  std::vector<FlippedByte> flipped_;
-  std::string error_;
+  Answer answer_;  // empty when nothing was asked
+  bool ends_when_acknowledged_ = false;
+  bool acknowledged_ = false;  // the request is; the next packet is its answer
+  bool reported_stop_ = false;
+  std::string output_;
   std::optional<std::string> packet_;  // being received, from its $ on
   int checksum_digits_left_ = 0;
   std::optional<std::chrono::steady_clock::time_point> asked_at_;

@@ -48,4 +48,21 @@ class StoppedInLockstep final : public StoppedBoard {
   std::int64_t now_ns_;
 };
 
+// A board whose emulator has ended because the processor locked up: what the plug-in has kept of it.
+class LockedUpBoard final : public StoppedBoard {
+ public:
+  LockedUpBoard(std::string registers, const lockstep::LastWords& words);
+  std::string Registers() override { return registers_; }
+  // The fault registers, and the stack from the stack pointer on.
+  std::vector<std::uint8_t> ReadMemory(std::uint32_t address, std::uint32_t size) override;
+  std::optional<lockstep::UsartStates> UsartStates() override { return std::nullopt; }
+  bool Step() override { return false; }
+  void WriteCode(std::uint32_t, std::uint32_t) override {}
+
+ private:
+  std::string registers_;
+  lockstep::LastWords words_;
+  std::uint32_t stack_ = 0;
+};
+
 }  // namespace tiltproof::harness

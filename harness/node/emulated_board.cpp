@@ -181,7 +181,7 @@ void EmulatedBoard::Continue() {
   process_->child().Signal(SIGCONT);
 }
 
-void EmulatedBoard::Flip(std::vector<MemoryBit> bits, GdbClient::Done done) {
+void EmulatedBoard::Flip(std::vector<MemoryBit> bits, BitFlipper::Done done) {
   if (debugger_) debugger_->Flip(std::move(bits), std::move(done));
 }
 

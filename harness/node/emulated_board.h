@@ -19,9 +19,9 @@
 #include <utility>
 #include <vector>
 
+#include "harness/emulator/bit_flipper.h"
 #include "harness/emulator/cpu_state.h"
 #include "harness/emulator/emulator_process.h"
-#include "harness/emulator/gdb_client.h"
 #include "harness/emulator/lockstep_protocol.h"
 #include "harness/emulator/post_mortem.h"
 #include "harness/emulator/qmp_client.h"
@@ -67,7 +67,7 @@ class EmulatedBoard {
   // The processor and its peripherals are reset, and held until the end.
   void BeginReset();
   void EndReset();
-  void Flip(std::vector<MemoryBit> bits, GdbClient::Done done);
+  void Flip(std::vector<MemoryBit> bits, BitFlipper::Done done);
   // Reads words of memory while it runs; `done` is not called when they cannot be read.
   void ReadWords(std::uint32_t address, int count,
                  std::function<void(const std::vector<std::uint32_t>&)> done);
@@ -112,7 +112,7 @@ class EmulatedBoard {
   std::optional<FirmwareProcess> process_;
   std::optional<QmpClient> qmp_;
   link::OwnedDescriptor debugger_port_;
-  std::optional<GdbClient> debugger_;  // of a copy of that
+  std::optional<BitFlipper> debugger_;  // of a copy of that
   struct Unmap {
     void operator()(lockstep::RealtimeBoard* board) const;
   };

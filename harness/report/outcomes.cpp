@@ -2,9 +2,10 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
+#include <algorithm>
 #include <stdexcept>
 
+#include "harness/report/difference.h"
 #include "harness/report/trace_file.h"
 
 namespace tiltproof::harness {
@@ -13,19 +14,16 @@ namespace {
 constexpr const char* kWrongOutput = "wrong_output";
 constexpr const char* kMasked = "masked";
 
-bool SameValue(double a, double b) { return a == b || (std::isnan(a) && std::isnan(b)); }
+bool IsCommand(const std::string& column) { return column.starts_with("commanded_"); }
 
-bool SameCommands(const Trace& a, const Trace& b) {
-  if (a.row_count() != b.row_count()) return false;
-  for (std::size_t c = 0; c < a.columns().size(); ++c) {
-    if (!a.columns()[c].starts_with("commanded_")) continue;
-    const auto in_b = b.Find(a.columns()[c]);
-    if (!in_b)
-      throw std::runtime_error(fmt::format("the reference is another vehicle's: it has {}", a.columns()[c]));
-    for (std::size_t r = 0; r < a.row_count(); ++r)
-      if (!SameValue(a.at(r, c), b.at(r, *in_b))) return false;
-  }
-  return true;
+bool SameCommands(const TraceDifference& difference) {
+  if (!difference.same_rows()) return false;
+  for (const std::string& column : difference.columns_of_a)
+    if (IsCommand(column))
+      throw std::runtime_error(fmt::format("the reference is another vehicle's: it has {}", column));
+  return std::all_of(
+      difference.columns.begin(), difference.columns.end(),
+      [](const ColumnDifference& column) { return !IsCommand(column.column) || column.equal; });
 }
 
 }  // namespace
@@ -51,7 +49,7 @@ std::string OutcomeReference::OutcomeOf(const FlightResult& result,
   if (result.end_reason == EndReason::kInterrupted) throw std::runtime_error("interrupted");
   if (*result.outcome != Outcome::kDegraded && *result.outcome != Outcome::kUnaffected)
     return std::string(Name(*result.outcome));
-  return SameCommands(trace_, ReadTrace(flight_folder)) ? kMasked : kWrongOutput;
+  return SameCommands(CompareTraces(trace_, ReadTrace(flight_folder), 0.0)) ? kMasked : kWrongOutput;
 }
 
 }  // namespace tiltproof::harness

@@ -283,6 +283,37 @@ void AddEvent(RunLog& log, std::size_t client, TimeNs time_ns, std::string_view 
                             log.clients.size() > 1 ? std::optional(client) : std::nullopt});
 }
 
+// Counts what the firmware does between one request and the next.
+void CountExchanges(const std::vector<Happening>& happenings, ProtocolUse& use) {
+  bool asked = false, replied = false, answered = false;
+  std::int64_t actuators = 0, early = 0;
+  for (const Happening& happening : happenings) {
+    switch (happening.kind) {
+      case Kind::kRequest:
+        use.actuators_per_request_max = std::max(use.actuators_per_request_max, actuators);
+        use.actuators_before_reply += early;
+        use.replies_unanswered += asked && replied && !answered ? 1 : 0;
+        asked = true;
+        replied = answered = false;
+        actuators = early = 0;
+        break;
+      case Kind::kReply:
+        replied = true;
+        break;
+      case Kind::kActuators:
+        ++actuators;
+        early += asked && !replied ? 1 : 0;
+        answered = answered || replied;
+        break;
+      case Kind::kStart:
+      case Kind::kPossibleReply:
+      case Kind::kWholeReply:
+      case Kind::kRefusedActuators:
+        break;
+    }
+  }
+}
+
 }  // namespace
 
 void AddProtocolUse(RunLog& log, std::size_t client, const link::Protocol& protocol, std::int64_t baud) {
@@ -328,34 +359,7 @@ void AddProtocolUse(RunLog& log, std::size_t client, const link::Protocol& proto
     return a.time_ns != b.time_ns ? a.time_ns < b.time_ns : a.kind < b.kind;
   });
   use.requests_per_period_max = RequestsPerPeriod(happenings, protocol.control_period_ns);
-
-  bool asked = false, replied = false, answered = false;
-  std::int64_t actuators = 0, early = 0;
-  for (const Happening& happening : happenings) {
-    switch (happening.kind) {
-      case Kind::kRequest:
-        use.actuators_per_request_max = std::max(use.actuators_per_request_max, actuators);
-        use.actuators_before_reply += early;
-        use.replies_unanswered += asked && replied && !answered ? 1 : 0;
-        asked = true;
-        replied = answered = false;
-        actuators = early = 0;
-        break;
-      case Kind::kReply:
-        replied = true;
-        break;
-      case Kind::kActuators:
-        ++actuators;
-        early += asked && !replied ? 1 : 0;
-        answered = answered || replied;
-        break;
-      case Kind::kStart:
-      case Kind::kPossibleReply:
-      case Kind::kWholeReply:
-      case Kind::kRefusedActuators:
-        break;
-    }
-  }
+  CountExchanges(happenings, use);
   ReplyJudge judge(protocol.control_period_ns);
   for (const Happening& happening : happenings) judge.Take(happening);
   if (judge.ignored.count > 0)

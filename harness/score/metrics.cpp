@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <numeric>
+#include <span>
 #include <stdexcept>
 #include <string_view>
 
@@ -203,36 +204,50 @@ class Calculator {
   // t = 0 came.
   bool Started() const { return log_.clients.at(scenario_.selected_client()).starts_accepted_count > 0; }
 
+  struct Quantile {
+    const char* name;
+    std::size_t numerator, denominator;
+  };
+  static constexpr std::array<Quantile, 4> kToTheTail = {
+      {{"p50", 50, 100}, {"p99", 99, 100}, {"p999", 999, 1000}, {"max", 1, 1}}};
+  static constexpr std::array<Quantile, 3> kUsual = {{{"p50", 50, 100}, {"p99", 99, 100}, {"max", 1, 1}}};
+
+  // `undisturbed`: the range of a quantile, given the sorted values.
+  void SetQuantiles(const std::string& group, std::vector<double>& values,
+                    std::span<const Quantile> quantiles, const auto& undisturbed) {
+    if (values.empty()) return;
+    std::sort(values.begin(), values.end());
+    for (const Quantile& q : quantiles) {
+      const std::string metric = group + "_" + q.name + "_ms";
+      Set(metric, NearestRank(values, q.numerator, q.denominator));
+      if (!disturbed_.empty()) metrics_.undisturbed[metric] = undisturbed(q, values);
+    }
+  }
+
+  std::string TimingName(std::size_t client, std::string_view metric) const {
+    return ClientName(scenario_, "timing.", client, '.', metric);
+  }
+
   void Timing(std::size_t client) {
+    Intervals(client);
+    Exchanges(client);
+    if (log_.clients[client].starts_accepted_count > 0) Silence(client);
+  }
+
+  // Between one request and the next.
+  void Intervals(std::size_t client) {
     const ClientLog& own = log_.clients[client];
-    const auto name = [&](std::string_view metric) {
-      return ClientName(scenario_, "timing.", client, '.', metric);
-    };
-    struct Quantile {
-      const char* name;
-      std::size_t numerator, denominator;
-    };
-    const auto set_quantiles = [&](const std::string& group, std::vector<double>& values,
-                                   const auto& quantiles, const auto& undisturbed) {
-      if (values.empty()) return;
-      std::sort(values.begin(), values.end());
-      for (const Quantile& q : quantiles) {
-        const std::string metric = group + "_" + q.name + "_ms";
-        Set(metric, NearestRank(values, q.numerator, q.denominator));
-        if (!disturbed_.empty()) metrics_.undisturbed[metric] = undisturbed(q, values);
-      }
-    };
     // Without those that this machine disturbed: which these are is known of intervals.
     const auto [undisturbed_ns, left_out_count] =
         UndisturbedIntervals({}, WithThePeriodAfter(disturbed_), own.request_times_ns);
     const bool enough = undisturbed_ns.size() >= kIntervalsMin || undisturbed_ns.size() > left_out_count;
-    std::vector<double> periods_ms, jitters_ms, latencies_ms, round_trips_ms, sound_ms, sound_jitters_ms;
+    std::vector<double> periods_ms, jitters_ms, sound_ms, sound_jitters_ms;
     for (const TimeNs interval_ns : undisturbed_ns) {
       sound_ms.push_back(Milliseconds(interval_ns));
       sound_jitters_ms.push_back(Milliseconds(std::abs(interval_ns - period_ns_)));
     }
     std::sort(sound_jitters_ms.begin(), sound_jitters_ms.end());
-    const auto of_intervals = [enough](const std::vector<double>& sound) {
+    const auto undisturbed = [enough](const std::vector<double>& sound) {
       return [&sound, enough](const Quantile& q, const std::vector<double>&) {
         UndisturbedRange range;
         if (sound.empty()) return range;
@@ -243,8 +258,30 @@ class Calculator {
         return range;
       };
     };
-    // Exchanges have only a limit on the number of disturbed ones: these are the largest, or the smallest.
-    const auto of_exchanges = [this](const std::vector<LateSpan>& disturbed) {
+    for (std::size_t i = 1; i < own.request_times_ns.size(); ++i) {
+      const TimeNs interval_ns = own.request_times_ns[i] - own.request_times_ns[i - 1];
+      periods_ms.push_back(Milliseconds(interval_ns));
+      jitters_ms.push_back(Milliseconds(std::abs(interval_ns - period_ns_)));
+    }
+    if (!periods_ms.empty()) {
+      const TimeNs span_ns = own.request_times_ns.back() - own.request_times_ns.front();
+      const std::string mean = TimingName(client, "request_period_mean_ms");
+      Set(mean, Milliseconds(span_ns) / static_cast<double>(periods_ms.size()));
+      if (!disturbed_.empty()) {
+        UndisturbedRange& range = metrics_.undisturbed[mean];
+        if (enough)
+          range.low = range.high =
+              std::accumulate(sound_ms.begin(), sound_ms.end(), 0.0) / static_cast<double>(sound_ms.size());
+      }
+    }
+    SetQuantiles(TimingName(client, "request_period"), periods_ms, kToTheTail, undisturbed(sound_ms));
+    SetQuantiles(TimingName(client, "request_jitter"), jitters_ms, kToTheTail, undisturbed(sound_jitters_ms));
+  }
+
+  void Exchanges(std::size_t client) {
+    const ClientLog& own = log_.clients[client];
+    // Only the number of disturbed ones has a limit: these are the largest, or the smallest.
+    const auto undisturbed = [this](const std::vector<LateSpan>& disturbed) {
       return [count = PeriodsTouched(disturbed)](const Quantile& q, const std::vector<double>& sorted) {
         UndisturbedRange range;
         if (count >= sorted.size()) return range;
@@ -254,42 +291,26 @@ class Calculator {
         return range;
       };
     };
-    for (std::size_t i = 1; i < own.request_times_ns.size(); ++i) {
-      const TimeNs interval_ns = own.request_times_ns[i] - own.request_times_ns[i - 1];
-      periods_ms.push_back(Milliseconds(interval_ns));
-      jitters_ms.push_back(Milliseconds(std::abs(interval_ns - period_ns_)));
-    }
+    std::vector<double> latencies_ms, round_trips_ms;
     for (const TimeNs latency : own.reply_latency_ns) latencies_ms.push_back(Milliseconds(latency));
     for (const TimeNs trip : own.client_round_trip_ns) round_trips_ms.push_back(Milliseconds(trip));
-    if (!periods_ms.empty()) {
-      const TimeNs span_ns = own.request_times_ns.back() - own.request_times_ns.front();
-      const std::string mean = name("request_period_mean_ms");
-      Set(mean, Milliseconds(span_ns) / static_cast<double>(periods_ms.size()));
-      if (!disturbed_.empty()) {
-        UndisturbedRange& range = metrics_.undisturbed[mean];
-        if (enough)
-          range.low = range.high =
-              std::accumulate(sound_ms.begin(), sound_ms.end(), 0.0) / static_cast<double>(sound_ms.size());
-      }
-    }
-    constexpr std::array<Quantile, 4> kToTheTail = {
-        {{"p50", 50, 100}, {"p99", 99, 100}, {"p999", 999, 1000}, {"max", 1, 1}}};
-    constexpr std::array<Quantile, 3> kUsual = {{{"p50", 50, 100}, {"p99", 99, 100}, {"max", 1, 1}}};
-    set_quantiles(name("request_period"), periods_ms, kToTheTail, of_intervals(sound_ms));
-    set_quantiles(name("request_jitter"), jitters_ms, kToTheTail, of_intervals(sound_jitters_ms));
     // From the server to the line: no board has a part in it.
-    set_quantiles(name("reply_latency"), latencies_ms, kUsual, of_exchanges(late_));
-    set_quantiles(name("client_round_trip"), round_trips_ms, kUsual, of_exchanges(disturbed_));
-    if (own.starts_accepted_count == 0) return;
+    SetQuantiles(TimingName(client, "reply_latency"), latencies_ms, kUsual, undisturbed(late_));
+    SetQuantiles(TimingName(client, "client_round_trip"), round_trips_ms, kUsual, undisturbed(disturbed_));
+  }
+
+  // Periods without a command, and the time since the last one.
+  void Silence(std::size_t client) {
+    const ClientLog& own = log_.clients[client];
     const auto set = [&](const std::string& metric, double value, double low, double high) {
       Set(metric, value);
       if (!disturbed_.empty()) metrics_.undisturbed[metric] = {low, high};
     };
     const auto missed = static_cast<double>(MissedPeriods(own, late_));
     const auto missed_undisturbed = static_cast<double>(MissedPeriods(own, disturbed_));
-    set(name("firmware_missed_count"), missed, missed_undisturbed, missed_undisturbed);
+    set(TimingName(client, "firmware_missed_count"), missed, missed_undisturbed, missed_undisturbed);
     const TimeNs silent_ns = SilentAtEnd(own);
-    set(name("silent_at_end_ms"), Milliseconds(silent_ns),
+    set(TimingName(client, "silent_at_end_ms"), Milliseconds(silent_ns),
         Milliseconds(silent_ns - Covered(disturbed_, log_.end_ns - silent_ns)), Milliseconds(silent_ns));
   }
 

@@ -403,54 +403,28 @@ bool FailsByRestart(const Score& score, const Scenario& scenario, const RunLog& 
   });
 }
 
-}  // namespace
-
-Score ScoreRun(const Scenario& scenario, const RunLog& log, const ScoreOptions& options) {
-  Score score;
-  for (const ClientLog& client : log.clients)
-    score.restarts += static_cast<std::int64_t>(client.restarts.size());
-  score.criteria.push_back(Survival(scenario, log));
-  if (auto control_period = ControlPeriod(scenario, log))
-    score.criteria.push_back(std::move(*control_period));
-  if (auto clean_line = CleanLine(scenario, log)) score.criteria.push_back(std::move(*clean_line));
-  for (std::size_t i = 0; i < scenario.faults.size(); ++i) {
-    const auto& counts = log.fault_activation_counts;
-    score.faults.push_back(
-        {scenario.faults[i].id, scenario.faults[i].type, i < counts.size() ? counts[i] : 0});
-  }
-  Metrics metrics;
+CriterionResult JudgeCriterion(const CriterionSpec& spec, const Scenario& scenario, const Metrics& metrics,
+                               const RunLog& log, const ScoreOptions& options) {
+  CriterionResult result;
+  result.name = spec.name;
   try {
-    metrics = ComputeMetrics(scenario, log);
+    if (spec.stl.empty())
+      JudgeMetric(spec, scenario, metrics, log, result);
+    else
+      JudgeFormula(spec, scenario, log, options, metrics.faults_onset_ns, result);
+  } catch (const stl::ParseError& e) {
+    result.verdict = Verdict::kError;
+    result.explanation = OneLine(spec.stl) + ": column " + std::to_string(e.column) + ": " + e.what();
   } catch (const std::invalid_argument& e) {
-    score.criteria.push_back({"metrics", Verdict::kError, std::nullopt, std::nullopt, e.what()});
+    result.verdict = Verdict::kError;
+    result.explanation = e.what();
   }
-  score.metrics = metrics.values;
-  for (const CriterionSpec& spec : scenario.criteria) {
-    CriterionResult result;
-    result.name = spec.name;
-    try {
-      if (spec.stl.empty())
-        JudgeMetric(spec, scenario, metrics, log, result);
-      else
-        JudgeFormula(spec, scenario, log, options, metrics.faults_onset_ns, result);
-    } catch (const stl::ParseError& e) {
-      result.verdict = Verdict::kError;
-      result.explanation = OneLine(spec.stl) + ": column " + std::to_string(e.column) + ": " + e.what();
-    } catch (const std::invalid_argument& e) {
-      result.verdict = Verdict::kError;
-      result.explanation = e.what();
-    }
-    score.criteria.push_back(std::move(result));
-  }
+  return result;
+}
+
+// Makes the verdict inconclusive when this machine may be the cause of it.
+void DoubtForLateness(Score& score, const Scenario& scenario, const RunLog& log) {
   const TimeNs period_ns = scenario.link.protocol->control_period_ns;
-  for (std::size_t i = 0; i < log.clients.size(); ++i) {
-    const auto name = [&](std::string_view histogram) { return ClientName(scenario, "", i, '.', histogram); };
-    score.histograms[name("request_period_ms")] =
-        RequestPeriodHistogram(log.clients[i].request_times_ns, period_ns);
-    score.histograms[name("reply_latency_ms")] =
-        ReplyLatencyHistogram(log.clients[i].reply_latency_ns, period_ns);
-  }
-  Conclude(score, scenario.expected());
   if (score.verdict == Verdict::kPass || score.verdict == Verdict::kFail) {
     if (std::string why = TooLateToJudge(log, period_ns); !why.empty()) {
       score.verdict = Verdict::kInconclusive;
@@ -474,6 +448,42 @@ Score ScoreRun(const Scenario& scenario, const RunLog& log, const ScoreOptions& 
                    " directly after the harness itself was late, and failed only then (" + score.reason +
                    "): this machine was too busy to judge a firmware";
   }
+}
+
+}  // namespace
+
+Score ScoreRun(const Scenario& scenario, const RunLog& log, const ScoreOptions& options) {
+  Score score;
+  for (const ClientLog& client : log.clients)
+    score.restarts += static_cast<std::int64_t>(client.restarts.size());
+  score.criteria.push_back(Survival(scenario, log));
+  if (auto control_period = ControlPeriod(scenario, log))
+    score.criteria.push_back(std::move(*control_period));
+  if (auto clean_line = CleanLine(scenario, log)) score.criteria.push_back(std::move(*clean_line));
+  for (std::size_t i = 0; i < scenario.faults.size(); ++i) {
+    const auto& counts = log.fault_activation_counts;
+    score.faults.push_back(
+        {scenario.faults[i].id, scenario.faults[i].type, i < counts.size() ? counts[i] : 0});
+  }
+  Metrics metrics;
+  try {
+    metrics = ComputeMetrics(scenario, log);
+  } catch (const std::invalid_argument& e) {
+    score.criteria.push_back({"metrics", Verdict::kError, std::nullopt, std::nullopt, e.what()});
+  }
+  score.metrics = metrics.values;
+  for (const CriterionSpec& spec : scenario.criteria)
+    score.criteria.push_back(JudgeCriterion(spec, scenario, metrics, log, options));
+  const TimeNs period_ns = scenario.link.protocol->control_period_ns;
+  for (std::size_t i = 0; i < log.clients.size(); ++i) {
+    const auto name = [&](std::string_view histogram) { return ClientName(scenario, "", i, '.', histogram); };
+    score.histograms[name("request_period_ms")] =
+        RequestPeriodHistogram(log.clients[i].request_times_ns, period_ns);
+    score.histograms[name("reply_latency_ms")] =
+        ReplyLatencyHistogram(log.clients[i].reply_latency_ns, period_ns);
+  }
+  Conclude(score, scenario.expected());
+  DoubtForLateness(score, scenario, log);
   return score;
 }
 

@@ -7,6 +7,9 @@ import pathlib
 import re
 import sys
 
+sys.dont_write_bytecode = True
+from function_lengths import functions  # noqa: E402
+
 # Folder (longest prefix wins) -> folders whose headers it may include. Arrows point downward only, so there are no circles.
 LINK_CODEC = {"link/time.h", "link/fletcher16.h", "link/frame.h", "link/message_kind.h", "link/chunk.h"}
 MAY_INCLUDE = {
@@ -68,7 +71,13 @@ MAY_PRINT = {"harness/terminal/terminal.cpp", "harness/emulator/plugin/lockstep_
 # A comment starts with a noun or a verb: a reader sees first what it is about.
 STARTERS = r"^\s*(//|#) (What|Whether|Of|That|Which|Why|How)\b"
 COMMENTED = (".h", ".cpp", ".c", ".py", ".mjs", ".js", ".cmake", ".txt")
-LINES_MAX = 500  # a class is cut at its joint, not at a line
+# A function does one thing that its name says. A file holds one module, as long as that is: a limit on files would cut
+# classes at a line instead of a joint, so this one only finds files that are several.
+FUNCTION_LINES_MAX = 70
+FILE_LINES_MAX = 1000
+# Product only: the cases of a test stand in one list.
+PRODUCT = ("link/", "plant/", "faults/", "firmware/", "harness/")
+LONG_FUNCTIONS = {"harness/cli/main.cpp", "harness/cli/replay_command.cpp", "harness/cli/run_command.cpp"}
 
 
 def owner(path):
@@ -89,8 +98,11 @@ def main():
     for file in files:
         path = file.relative_to(root).as_posix()
         text = file.read_text()
-        if text.count("\n") > LINES_MAX:
-            problems.append(f"{path}: more than {LINES_MAX} lines: several rooms in one?")
+        if text.count("\n") > FILE_LINES_MAX:
+            problems.append(f"{path}: more than {FILE_LINES_MAX} lines: several modules in one?")
+        if path.startswith(PRODUCT) and path not in LONG_FUNCTIONS:
+            problems += [f"{path}:{line}: {name} has {lines} lines, at most {FUNCTION_LINES_MAX}: split it into steps"
+                         for name, line, lines in functions(text) if lines > FUNCTION_LINES_MAX]
         folder = owner(path)
         for number, line in enumerate(text.splitlines(), 1):
             place = f"{path}:{number}"

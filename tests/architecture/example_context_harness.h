@@ -136,6 +136,9 @@ extern std::span<const lockstep::ReceivedByte> bytes;
 extern int socket;
 extern const lockstep::UsartStates usarts;
 
+// harness/emulator/bit_flipper.h
+extern int socket;
+
 // harness/emulator/gdb_client.h
 extern int socket;
 
@@ -285,7 +288,7 @@ extern const Trajectory trajectory;
 extern RunInfo info;
 extern const std::filesystem::path library;
 
-// harness/report/compare.h
+// harness/report/difference.h
 #include "harness/terminal/terminal.h"
 extern const std::filesystem::path folder_a, folder_b;
 

@@ -121,6 +121,52 @@ void Deliver(const std::vector<std::uint8_t>& body) {
 
 // --- taking turns ---
 
+void AddStall(const Stall& stall) {
+  plugin.stalls.insert(
+      std::upper_bound(plugin.stalls.begin(), plugin.stalls.end(), stall,
+                       [](const Stall& a, const Stall& b) { return a.begin_ns < b.begin_ns; }),
+      stall);
+  plugin.stall_timer.Set(plugin.stalls.front().begin_ns);
+}
+
+void AddFlips(const FlipBits& flips) {
+  plugin.flips.push_back(flips);
+  std::stable_sort(plugin.flips.begin(), plugin.flips.end(),
+                   [](const FlipBits& a, const FlipBits& b) { return a.at_ns < b.at_ns; });
+  plugin.flip_timer.Set(plugin.flips.front().at_ns);
+}
+
+void SendMemory(const ReadMemory& read) {
+  std::vector<std::uint8_t> bytes(std::min(read.size, kBodyBytesMax));
+  ReadAsProcessor(plugin.cpu, read.address, bytes.data(), bytes.size());
+  plugin.socket.Send(Kind::kMemory, bytes.data(), bytes.size());
+}
+
+void SendUsarts() {
+  for (int number = 1; number <= UsartUnit::kCount; ++number)
+    plugin.usarts.clock_hz[number - 1] = plugin.chip.usart(number).clock_hz();
+  plugin.socket.Send(Kind::kUsarts, &plugin.usarts, sizeof(plugin.usarts));
+}
+
+void WatchStacks(const std::vector<std::uint8_t>& body) {
+  std::vector<WatchedStack> stacks(body.size() / sizeof(WatchedStack));
+  std::memcpy(stacks.data(), body.data(), stacks.size() * sizeof(WatchedStack));
+  stack_watch.Watch(stacks);
+}
+
+void SendStacks() {
+  const std::vector<std::uint32_t> lowest = stack_watch.Lowest();
+  plugin.socket.Send(Kind::kStacks, lowest.data(), lowest.size() * sizeof(lowest[0]));
+}
+
+void BeginTurn(const Run& run) {
+  if (readers.Renew()) async_run_on_cpu(plugin.cpu, SleepOnWork, {});
+  plugin.run = run;
+  plugin.horizon.Set(plugin.run.until_ns);
+  plugin.turn_resets_count = 0;
+  plugin.turn_limit.Begin(plugin.run.processor_ns);
+}
+
 // Carries out commands until the harness grants time.
 void TakeCommands() {
   for (;;) {
@@ -134,32 +180,18 @@ void TakeCommands() {
       case Kind::kReceive:
         Deliver(body);
         break;
-      case Kind::kStall: {
-        const auto stall = As<Stall>(body);
-        plugin.stalls.insert(
-            std::upper_bound(plugin.stalls.begin(), plugin.stalls.end(), stall,
-                             [](const Stall& a, const Stall& b) { return a.begin_ns < b.begin_ns; }),
-            stall);
-        plugin.stall_timer.Set(plugin.stalls.front().begin_ns);
+      case Kind::kStall:
+        AddStall(As<Stall>(body));
         break;
-      }
       case Kind::kDelayTask:
         AddDelay(As<DelayTask>(body));
         break;
-      case Kind::kFlipBits: {
-        plugin.flips.push_back(As<FlipBits>(body));
-        std::stable_sort(plugin.flips.begin(), plugin.flips.end(),
-                         [](const FlipBits& a, const FlipBits& b) { return a.at_ns < b.at_ns; });
-        plugin.flip_timer.Set(plugin.flips.front().at_ns);
+      case Kind::kFlipBits:
+        AddFlips(As<FlipBits>(body));
         break;
-      }
-      case Kind::kReadMemory: {
-        const auto read = As<ReadMemory>(body);
-        std::vector<std::uint8_t> bytes(std::min(read.size, kBodyBytesMax));
-        ReadAsProcessor(plugin.cpu, read.address, bytes.data(), bytes.size());
-        plugin.socket.Send(Kind::kMemory, bytes.data(), bytes.size());
+      case Kind::kReadMemory:
+        SendMemory(As<ReadMemory>(body));
         break;
-      }
       case Kind::kDumpState:
         Send(Kind::kState, DumpState(plugin.cpu));
         break;
@@ -169,31 +201,19 @@ void TakeCommands() {
         break;
       }
       case Kind::kReadUsarts:
-        for (int number = 1; number <= UsartUnit::kCount; ++number)
-          plugin.usarts.clock_hz[number - 1] = plugin.chip.usart(number).clock_hz();
-        plugin.socket.Send(Kind::kUsarts, &plugin.usarts, sizeof(plugin.usarts));
+        SendUsarts();
         break;
       case Kind::kBreak:
         plugin.break_timer.Set(As<Break>(body).at_ns);
         break;
-      case Kind::kWatchStacks: {
-        std::vector<WatchedStack> stacks(body.size() / sizeof(WatchedStack));
-        std::memcpy(stacks.data(), body.data(), stacks.size() * sizeof(WatchedStack));
-        stack_watch.Watch(stacks);
+      case Kind::kWatchStacks:
+        WatchStacks(body);
         break;
-      }
-      case Kind::kReadStacks: {
-        const std::vector<std::uint32_t> lowest = stack_watch.Lowest();
-        plugin.socket.Send(Kind::kStacks, lowest.data(), lowest.size() * sizeof(lowest[0]));
+      case Kind::kReadStacks:
+        SendStacks();
         break;
-      }
       case Kind::kRun:
-        if (readers.Renew()) async_run_on_cpu(plugin.cpu, SleepOnWork, {});
-        plugin.run = As<Run>(body);
-        plugin.horizon.Set(plugin.run.until_ns);
-        plugin.turn_resets_count = 0;
-        plugin.turn_limit.Begin(plugin.run.processor_ns);
-        return;
+        return BeginTurn(As<Run>(body));
       default:
         Die("an unknown command: harness and plug-in of different builds?");
     }

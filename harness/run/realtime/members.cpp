@@ -107,21 +107,7 @@ std::vector<MemberNews> Members::Watch(const std::vector<dds::NodeLife>& nodes, 
   const auto is_excused = [&](const std::string& role) {
     return excused.contains(role) || excused.contains("all");
   };
-  if (processes != nullptr) {
-    for (const auto& name : processes->names()) {
-      ChildProcess* process = processes->Find(name);
-      if (process == nullptr || process->Alive() || is_excused(name)) continue;
-      // Not yet a member when it ends while it begins.
-      Member unknown;
-      unknown.id = name;
-      Member* member = FindRole(name);
-      Lose(member != nullptr ? *member : unknown, process->ExitText().value_or("has ended"), news);
-    }
-  }
-  // A program, an emulator or a board is not its node, which is a process of ours.
-  const auto holds_firmware = [](const Member& member) {
-    return !member.client || std::holds_alternative<HostLibrary>(*member.client);
-  };
+  if (processes != nullptr) LoseEnded(*processes, is_excused, news);
   for (Member& member : members_) member.kept_away = is_excused(member.role);
   for (Member& member : members_) {
     if (member.lost) continue;
@@ -143,33 +129,51 @@ std::vector<MemberNews> Members::Watch(const std::vector<dds::NodeLife>& nodes, 
       news.push_back({MemberNews::Kind::kSilent, member.role, false,
                       fmt::format("the {} node missed its lease of 200 ms", member.id)});
     }
-    const bool kept_away = member.kept_away;
-    // It has to be heard again before long, not at once.
-    if (kept_away) member.silent_for.reset();
-    ChildProcess* process = processes != nullptr ? processes->Find(member.role) : nullptr;
-    // While it is down, to be started again, it has all the time it needs.
-    if (kept_away && process != nullptr && !process->Alive()) continue;
-    if (process != nullptr && !kept_away) {
-      if (!member.silent_for) member.silent_for.emplace(process->pid());
-      const std::chrono::nanoseconds silent_for{member.silent_for->Look(now)};
-      // A busy machine makes a living node look dead for a moment; a stopped one is told apart at once.
-      if (IsStopped(process->pid())) {
-        // By a fault: a firmware that hangs. By others: the machine's doing.
-        const bool itself = HasStoppedItself(process->pid());
-        Lose(member,
-             itself ? "does not answer: it has stopped itself" : "does not answer: its process is stopped",
-             news, itself || paused.contains(member.role));
-      } else if (silent_for > kHangLimit) {
-        Lose(member, "does not answer: it hangs", news, !HostIsSilent(member) && holds_firmware(member));
-      }
-    } else if (now - *member.silent_since > kPartitionLimit) {
-      Lose(member,
-           fmt::format("was not heard for {} s: it ended, hangs or is cut off",
-                       kPartitionLimit.count() / 1000),
-           news, !HostIsSilent(member) && holds_firmware(member));
-    }
+    JudgeSilent(member, processes != nullptr ? processes->Find(member.role) : nullptr, paused, now, news);
   }
   return news;
+}
+
+void Members::LoseEnded(NodeProcesses& processes, const std::function<bool(const std::string&)>& is_excused,
+                        std::vector<MemberNews>& news) {
+  for (const auto& name : processes.names()) {
+    ChildProcess* process = processes.Find(name);
+    if (process == nullptr || process->Alive() || is_excused(name)) continue;
+    // Not yet a member when it ends while it begins.
+    Member unknown;
+    unknown.id = name;
+    Member* member = FindRole(name);
+    Lose(member != nullptr ? *member : unknown, process->ExitText().value_or("has ended"), news);
+  }
+}
+
+void Members::JudgeSilent(Member& member, ChildProcess* process, const std::set<std::string>& paused,
+                          SteadyClock::time_point now, std::vector<MemberNews>& news) {
+  // A program, an emulator or a board is not its node, which is a process of ours.
+  const bool holds_firmware = !member.client || std::holds_alternative<HostLibrary>(*member.client);
+  const bool kept_away = member.kept_away;
+  // It has to be heard again before long, not at once.
+  if (kept_away) member.silent_for.reset();
+  // While it is down, to be started again, it has all the time it needs.
+  if (kept_away && process != nullptr && !process->Alive()) return;
+  if (process != nullptr && !kept_away) {
+    if (!member.silent_for) member.silent_for.emplace(process->pid());
+    const std::chrono::nanoseconds silent_for{member.silent_for->Look(now)};
+    // A busy machine makes a living node look dead for a moment; a stopped one is told apart at once.
+    if (IsStopped(process->pid())) {
+      // By a fault: a firmware that hangs. By others: the machine's doing.
+      const bool itself = HasStoppedItself(process->pid());
+      Lose(member,
+           itself ? "does not answer: it has stopped itself" : "does not answer: its process is stopped",
+           news, itself || paused.contains(member.role));
+    } else if (silent_for > kHangLimit) {
+      Lose(member, "does not answer: it hangs", news, !HostIsSilent(member) && holds_firmware);
+    }
+  } else if (now - *member.silent_since > kPartitionLimit) {
+    Lose(member,
+         fmt::format("was not heard for {} s: it ended, hangs or is cut off", kPartitionLimit.count() / 1000),
+         news, !HostIsSilent(member) && holds_firmware);
+  }
 }
 
 bool Members::HostIsSilent(const Member& member) const {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <functional>
 #include <optional>
 #include <set>
 #include <string>
@@ -81,6 +82,11 @@ class Members {
   const Member& reference_sender() const;
 
  private:
+  void LoseEnded(NodeProcesses& processes, const std::function<bool(const std::string&)>& is_excused,
+                 std::vector<MemberNews>& news);
+  // `process`: null when it is none of ours.
+  void JudgeSilent(Member& member, ChildProcess* process, const std::set<std::string>& paused,
+                   std::chrono::steady_clock::time_point now, std::vector<MemberNews>& news);
   // `blame`: whether the firmware is to answer for it when it is the client's node.
   void Lose(Member& member, const std::string& how, std::vector<MemberNews>& news, bool blame = true);
   // Another node of its host is silent too: then it is the host or the network, not this node.

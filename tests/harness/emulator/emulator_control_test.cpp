@@ -12,11 +12,17 @@
 #include <filesystem>
 #include <functional>
 #include <optional>
+#include <string>
+#include <thread>
 #include <vector>
 
+#include "harness/emulator/bit_flipper.h"
+#include "harness/emulator/cpu_state.h"
+#include "harness/emulator/gdb_board.h"
 #include "harness/emulator/gdb_client.h"
 #include "harness/emulator/qmp_client.h"
 #include "harness/process/child_process.h"
+#include "link/unix_socket.h"
 #include "tests/harness/emulator/tick_image.h"
 
 namespace tiltproof::harness {
@@ -84,6 +90,7 @@ class EmulatorControlTest : public testing::Test {
         QmpClient::Callbacks{.event = [this](const std::string& name,
                                              const std::string& data) { events_.emplace_back(name, data); },
                              .lost = [this](const std::string& why) { qmp_lost_ = why; }});
+    debugger_port_ = link::OwnedDescriptor(dup(gdb));
     gdb_.emplace(loop_, gdb, [this](const std::string& why) { gdb_lost_ = why; });
   }
   void TearDown() override {
@@ -137,7 +144,8 @@ class EmulatorControlTest : public testing::Test {
   std::filesystem::path image_;
   std::optional<ChildProcess> process_;
   std::optional<QmpClient> qmp_;
-  std::optional<GdbClient> gdb_;
+  std::optional<BitFlipper> gdb_;
+  link::OwnedDescriptor debugger_port_;  // the same one
   std::vector<std::pair<std::string, std::string>> events_;
   std::string qmp_lost_, gdb_lost_;
 };
@@ -229,6 +237,45 @@ TEST_F(EmulatorControlTest, MemoryThatIsNotThereIsAnErrorAndTheBoardGoesOn) {
   EXPECT_TRUE(Ticks());
 }
 
+TEST_F(EmulatorControlTest, ABoardThatRunsIsStoppedAndLookedAt) {
+  Execute("cont");
+  EXPECT_TRUE(Ticks());
+  EXPECT_EQ(Flip({{kFreeAddress, 1}, {kFreeAddress + 3, 7}}).error, "");
+  gdb_.reset();
+  GdbBoard stopped(debugger_port_.get(), {});
+  EXPECT_THAT(Status(), HasSubstr("\"running\":false"));
+  EXPECT_THAT(stopped.ReadMemory(kFreeAddress, 4), ElementsAre(2, 0, 0, 0x80));
+  EXPECT_THAT(stopped.ReadMemory(0x6000'0000, 4), testing::IsEmpty());
+  EXPECT_EQ(stopped.ReadMemory(0x2000'0000, 2048).size(), 2048u);
+  // The same registers as QEMU prints by the other socket.
+  const auto seen = ParseCpuState(stopped.Registers());
+  ASSERT_TRUE(seen.has_value());
+  EXPECT_EQ(*seen,
+            ParseCpuState(Execute("human-monitor-command", R"({"command-line": "info registers"})").second));
+  // `movs r0, #7` and `b .`, over what comes next.
+  stopped.WriteCode(seen->pc(), 0xE7FE'2007);
+  EXPECT_EQ(Word(seen->pc()), 0xE7FE'2007u);
+  EXPECT_TRUE(stopped.Step());
+  const auto after = ParseCpuState(stopped.Registers());
+  ASSERT_TRUE(after.has_value());
+  EXPECT_EQ(after->r[0], 7u);
+  EXPECT_EQ(after->pc(), seen->pc() + 2);
+}
+
+TEST_F(EmulatorControlTest, ABoardThatStandsStillCanBeLookedAtTwice) {
+  for (int i = 0; i < 2; ++i) {
+    GdbBoard stopped(debugger_port_.get(), {});
+    EXPECT_TRUE(ParseCpuState(stopped.Registers()).has_value());
+  }
+  EXPECT_THAT(Status(), HasSubstr("\"running\":false"));
+}
+
+TEST_F(EmulatorControlTest, LookingAtABoardThatIsGoneEnds) {
+  GdbBoard stopped(debugger_port_.get(), {});
+  process_->Signal(SIGKILL);
+  EXPECT_THROW(stopped.ReadMemory(kFreeAddress, 4), EmulatorTrouble);
+}
+
 TEST_F(EmulatorControlTest, ItsEndIsNoticedByBoth) {
   Execute("cont");
   process_->Signal(SIGKILL);
@@ -277,6 +324,67 @@ TEST(QmpClientTest, MayBeDestroyedInItsCallbacks) {
   EXPECT_TRUE(RunUntil(loop, [&] { return !qmp.has_value(); }));
   close(far);
 }
+
+// Answers each request as it is told, in turn; the checksum of no request is wrong.
+class ScriptedPort {
+ public:
+  explicit ScriptedPort(std::vector<std::string> answers) {
+    const auto [near, far] = SocketPair();
+    near_ = link::OwnedDescriptor(near);
+    peer_ = std::jthread([this, far = far, answers = std::move(answers)] {
+      for (const std::string& answer : answers) {
+        std::string request;
+        for (char c = 0; request.size() < 3 || request[request.size() - 3] != '#'; request += c)
+          if (read(far, &c, 1) != 1) break;
+        const auto begin = request.find('$') + 1, end = request.find('#');
+        unsigned sum = 0;
+        for (std::size_t i = begin; i < end; ++i) sum += static_cast<unsigned char>(request[i]);
+        char digits[3];
+        std::snprintf(digits, sizeof digits, "%02x", sum & 0xFFU);
+        EXPECT_EQ(request.substr(end + 1), digits) << request;
+        requests_.push_back(request.substr(begin, end - begin));
+        EXPECT_EQ(write(far, answer.data(), answer.size()), static_cast<ssize_t>(answer.size()));
+      }
+      char c = 0;
+      while (read(far, &c, 1) == 1) {
+      }
+      close(far);
+    });
+  }
+  int socket() const { return near_.get(); }
+  // Ends it.
+  std::vector<std::string> Requests() {
+    shutdown(near_.get(), SHUT_RDWR);
+    if (peer_.joinable()) peer_.join();
+    return requests_;
+  }
+
+ private:
+  link::OwnedDescriptor near_;
+  std::vector<std::string> requests_;
+  std::jthread peer_;
+};
+
+TEST(GdbBoardTest, OutputComesInPiecesBeforeTheAnswer) {
+  // A stop that is reported, and its answer; two pieces of output.
+  ScriptedPort port({"$T02thread:01;#04+$S05#b8", "+$O5230303d#00$O0d0a#00$OK#9a", "+$#00", "+$E14#aa"});
+  GdbBoard stopped(port.socket(), {});
+  EXPECT_EQ(stopped.Registers(), "R00=\n");
+  EXPECT_EQ(stopped.Registers(), "") << "a QEMU without such a command";
+  EXPECT_THAT(stopped.ReadMemory(0x10, 2), testing::IsEmpty());
+  EXPECT_THAT(port.Requests(), ElementsAre("?", "qRcmd,696e666f20726567697374657273",
+                                           "qRcmd,696e666f20726567697374657273", "m10,2"));
+}
+
+TEST(GdbBoardTest, APortThatDoesNotAnswerIsNotWaitedForLong) {
+  ScriptedPort port({"+"});
+  const auto start = std::chrono::steady_clock::now();
+  EXPECT_THROW(GdbBoard(port.socket(), {}, 50ms), EmulatorTrouble);
+  EXPECT_GE(std::chrono::steady_clock::now() - start, 50ms);
+  port.Requests();
+}
+
+TEST(GdbBoardTest, NoSocketIsAnError) { EXPECT_THROW(GdbBoard(-1, {}), EmulatorTrouble); }
 
 TEST(GdbClientTest, NoiseIsNoAnswer) {
   boost::asio::io_context loop;

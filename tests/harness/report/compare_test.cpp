@@ -1,6 +1,6 @@
 // Two traces side by side, against differences worked out by hand.
 
-#include "harness/report/compare.h"
+#include "harness/report/difference.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -33,14 +33,14 @@ Trace Climb(
   return trace;
 }
 
-const ColumnDifference& Of(const TraceComparison& comparison, const std::string& column) {
+const ColumnDifference& Of(const TraceDifference& comparison, const std::string& column) {
   for (const auto& difference : comparison.columns)
     if (difference.column == column) return difference;
   throw std::runtime_error("no column " + column);
 }
 
 TEST(CompareTest, EqualTracesDoNotDiffer) {
-  const TraceComparison comparison = CompareTraces(Climb(100), Climb(100), 0.0);
+  const TraceDifference comparison = CompareTraces(Climb(100), Climb(100), 0.0);
   EXPECT_FALSE(comparison.first);
   EXPECT_TRUE(comparison.same_rows());
   EXPECT_EQ(comparison.rows_matched, 100U);
@@ -56,7 +56,7 @@ TEST(CompareTest, MaxItsTimeAndRms) {
   const Trace b = Climb(4, [](std::size_t r, const std::string& column) {
     return column != "z_m" ? 0.0 : r == 1 ? 0.3 : r == 3 ? -0.4 : 0.0;
   });
-  const TraceComparison comparison = CompareTraces(Climb(4), b, 1e-3);
+  const TraceDifference comparison = CompareTraces(Climb(4), b, 1e-3);
   const ColumnDifference& z = Of(comparison, "z_m");
   EXPECT_NEAR(z.max, 0.4, 1e-12);
   EXPECT_DOUBLE_EQ(z.max_time_s, 0.036);
@@ -74,7 +74,7 @@ TEST(CompareTest, MaxItsTimeAndRms) {
 TEST(CompareTest, TheToleranceIsForTheVehicleAlone) {
   const Trace thrust = Climb(
       10, [](std::size_t r, const std::string& column) { return column == "f_r_n" && r > 4 ? 2.0 : 0.0; });
-  const TraceComparison other = CompareTraces(Climb(10), thrust, 1e-3);
+  const TraceDifference other = CompareTraces(Climb(10), thrust, 1e-3);
   EXPECT_FALSE(other.first);
   EXPECT_EQ(Of(other, "f_r_n").max, 2.0);
 
@@ -110,7 +110,7 @@ TEST(CompareTest, AValueThatOnlyOneHasIsADifference) {
       return column == name && r >= from ? kNan : 0.0;
     };
   };
-  const TraceComparison comparison = CompareTraces(Climb(10), Climb(10, without(6, "z_m")), 1e9);
+  const TraceDifference comparison = CompareTraces(Climb(10), Climb(10, without(6, "z_m")), 1e9);
   ASSERT_TRUE(comparison.first);
   EXPECT_DOUBLE_EQ(comparison.first->time_s, 0.072);
   EXPECT_TRUE(std::isnan(comparison.first->b));
@@ -135,7 +135,7 @@ TEST(CompareTest, RowsAreMatchedByTime) {
       row[1] = 77.0;  // compared with nothing
     }
   }
-  const TraceComparison comparison = CompareTraces(a, b, 1e-3);
+  const TraceDifference comparison = CompareTraces(a, b, 1e-3);
   EXPECT_EQ(comparison.rows_a, 12U);
   EXPECT_EQ(comparison.rows_b, 9U);
   EXPECT_EQ(comparison.rows_matched, 8U);
@@ -153,15 +153,15 @@ TEST(CompareTest, ColumnsOfOneTraceAreNamed) {
     row[1] = a.at(r, 2);
     row[2] = 1.0;
   }
-  const TraceComparison comparison = CompareTraces(a, b, 1e-3);
-  EXPECT_THAT(comparison.columns_of_one,
+  const TraceDifference comparison = CompareTraces(a, b, 1e-3);
+  EXPECT_THAT(comparison.columns_of_one(),
               ElementsAre("x_m", "yaw_rad", "f_r_n", "commanded_f_r_n", "active_bursts"));
   EXPECT_EQ(comparison.columns.size(), 1U);
-  EXPECT_THAT(CompareTraces(a, a, 0.0).columns_of_one, IsEmpty());
+  EXPECT_THAT(CompareTraces(a, a, 0.0).columns_of_one(), IsEmpty());
 }
 
 TEST(CompareTest, AFlightDiffersByVerdictToo) {
-  FlightComparison comparison;
+  FlightDifference comparison;
   comparison.a.score.verdict = comparison.b.score.verdict = Verdict::kPass;
   comparison.trace = CompareTraces(Climb(5), Climb(5), 0.0);
   EXPECT_FALSE(comparison.differs());
@@ -170,6 +170,20 @@ TEST(CompareTest, AFlightDiffersByVerdictToo) {
   comparison.b.score.verdict = Verdict::kPass;
   comparison.trace = CompareTraces(Climb(5), Climb(6), 0.0);
   EXPECT_TRUE(comparison.differs());
+}
+
+// A turn more is the same attitude, and another command.
+TEST(CompareTest, EqualIsToTheBit) {
+  const auto edited = [](const char* its, double by) {
+    return Climb(
+        3, [=](std::size_t r, const std::string& column) { return column == its && r == 1 ? by : 0.0; });
+  };
+  const TraceDifference difference = CompareTraces(Climb(3), edited("yaw_rad", 2 * std::numbers::pi), 1e-3);
+  EXPECT_NEAR(Of(difference, "yaw_rad").max, 0.0, 1e-12);
+  EXPECT_FALSE(Of(difference, "yaw_rad").equal);
+  EXPECT_TRUE(Of(difference, "x_m").equal);
+  EXPECT_TRUE(Of(CompareTraces(edited("x_m", kNan), edited("x_m", kNan), 0.0), "x_m").equal);
+  EXPECT_FALSE(Of(CompareTraces(edited("x_m", kNan), Climb(3), 0.0), "x_m").equal);
 }
 
 TEST(CompareTest, ATraceWithoutAscendingTimeIsRefused) {

@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <numeric>
 
-#include "harness/report/compare.h"
+#include "harness/report/difference.h"
 #include "harness/report/flight_files.h"
 #include "harness/run/trace.h"
 #include "harness/score/score.h"

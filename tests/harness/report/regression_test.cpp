@@ -1,4 +1,4 @@
-#include "harness/report/regression.h"
+#include "harness/report/difference.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -28,8 +28,8 @@ FlightResult Of(const std::string& name, Verdict verdict, const std::vector<Judg
   return result;
 }
 
-FlightChange Change(const FlightResult& before, const FlightResult& after, double tolerance = 0.01) {
-  return CompareResults({before}, {after}, tolerance).flights.front();
+FlightDifference Change(const FlightResult& before, const FlightResult& after, double tolerance = 0.01) {
+  return CompareRuns({before}, {after}, tolerance).flights.front();
 }
 
 constexpr Verdict kPass = Verdict::kPass, kFail = Verdict::kFail;
@@ -38,7 +38,7 @@ TEST(Regression, OfAVerdictIsWorseInTheOrderOfPrecedence) {
   const Verdict order[] = {Verdict::kPass, Verdict::kInconclusive, Verdict::kFail, Verdict::kError};
   for (int i = 0; i < 4; ++i) {
     for (int j = 0; j < 4; ++j) {
-      const FlightChange change = Change(Of("x", order[i], {}), Of("x", order[j], {}));
+      const FlightDifference change = Change(Of("x", order[i], {}), Of("x", order[j], {}));
       EXPECT_EQ(change.worse(), j > i) << i << " " << j;
       EXPECT_EQ(change.better(), j < i) << i << " " << j;
     }
@@ -74,20 +74,53 @@ TEST(Regression, IsSeenInEachCriterion) {
                 {{"near", kFail, -1.0}, {"calm", kPass, 0.9}, {"fine", kPass, {}}, {"new", kFail, -3}}))
           .worse());
   // Some better, one worse: worse.
-  const FlightChange mixed =
+  const FlightDifference mixed =
       Change(before, Of("x", kPass, {{"near", kPass, 0.4}, {"calm", kPass, 0.1}, {"fine", kPass, {}}}));
   EXPECT_TRUE(mixed.worse());
   EXPECT_FALSE(mixed.better());
 }
 
 TEST(Regression, NamesFlightsOfOneRunOnly) {
-  const Regression regression =
-      CompareResults({Of("a", kPass, {}), Of("b", kPass, {})}, {Of("c", kFail, {}), Of("a", kPass, {})}, 0.0);
-  EXPECT_THAT(regression.missing, ElementsAre("b"));
-  EXPECT_THAT(regression.added, ElementsAre("c"));
+  const RunDifference regression =
+      CompareRuns({Of("a", kPass, {}), Of("b", kPass, {})}, {Of("c", kFail, {}), Of("a", kPass, {})}, 0.0);
+  EXPECT_THAT(regression.only_a, ElementsAre("b"));
+  EXPECT_THAT(regression.only_b, ElementsAre("c"));
   EXPECT_EQ(regression.worse_count(), 0U);
   EXPECT_TRUE(regression.worse()) << "a gate is not passed by flying less";
-  EXPECT_FALSE(CompareResults({Of("a", kPass, {})}, {Of("c", kFail, {}), Of("a", kPass, {})}, 0.0).worse());
+  EXPECT_FALSE(CompareRuns({Of("a", kPass, {})}, {Of("c", kFail, {}), Of("a", kPass, {})}, 0.0).worse());
+}
+
+using Pairs = std::vector<std::pair<std::size_t, std::size_t>>;
+using Places = std::vector<std::size_t>;
+
+TEST(PairFlights, ByNameInTheOrderOfA) {
+  const FlightPairs pairing = PairFlights({{"c", "a", "b"}}, {{"b", "x", "c"}});
+  EXPECT_EQ(pairing.pairs, (Pairs{{0, 2}, {2, 0}}));
+  EXPECT_EQ(pairing.only_a, (Places{1}));
+  EXPECT_EQ(pairing.only_b, (Places{1}));
+}
+
+TEST(PairFlights, OneThatWasAskedForLeavesNoneMissing) {
+  const FlightPairs pairing = PairFlights({{"a", "b", "c"}}, {{"b"}, false});
+  EXPECT_EQ(pairing.pairs, (Pairs{{1, 0}}));
+  EXPECT_THAT(pairing.only_a, ElementsAre());
+  const FlightPairs other = PairFlights({{"b"}, false}, {{"a", "b"}});
+  EXPECT_EQ(other.pairs, (Pairs{{0, 1}}));
+  EXPECT_THAT(other.only_b, ElementsAre());
+  // It is missing itself.
+  EXPECT_EQ(PairFlights({{"z"}, false}, {{"a", "b"}}).only_a, (Places{0}));
+}
+
+TEST(PairFlights, TwoThatWereAskedForAreAPairWhateverTheirNames) {
+  EXPECT_EQ(PairFlights({{"a"}, false}, {{"b"}, false}).pairs, (Pairs{{0, 0}}));
+  EXPECT_EQ(PairFlights({{}, false}, {{"b"}, false}).pairs, Pairs{});
+}
+
+TEST(Regression, TwoFlightsThatWereAskedForHaveTheNameOfTheFirst) {
+  const RunDifference runs = CompareRuns({Of("a", kPass, {})}, {Of("b", kFail, {})}, 0.0, false, false);
+  ASSERT_EQ(runs.flights.size(), 1U);
+  EXPECT_EQ(runs.flights.front().name, "a");
+  EXPECT_TRUE(runs.worse());
 }
 
 }  // namespace
