@@ -7,10 +7,12 @@ namespace tiltproof::plant {
 
 VehicleModel WithBodies(const VehicleModel& vehicle, const Disturbance& disturbance) {
   VehicleModel with = vehicle;
-  for (RigidBody* body : {&with.base, &with.thrusters[0].body, &with.thrusters[1].body}) {
-    body->mass_kg *= disturbance.mass_factor;
-    body->inertia_kg_m2 *= disturbance.inertia_factor;
-  }
+  const auto scale = [&disturbance](RigidBody& body) {
+    body.mass_kg *= disturbance.mass_factor;
+    body.inertia_kg_m2 *= disturbance.inertia_factor;
+  };
+  scale(with.base);
+  for (Hinge& hinge : with.hinges) scale(hinge.body);
   const Disturbance::Vector& shift = disturbance.com_shift_m;
   with.base.p_com_m += Eigen::Vector3d(shift[0], shift[1], shift[2]);
   return with;

@@ -1,8 +1,8 @@
 // Equations of motion of a vehicle in minimal coordinates: what the controller design linearises.
 //
-//   q = (x, y, z, roll, pitch, yaw, alpha_r, alpha_l)
+//   q = (x, y, z, roll, pitch, yaw, alpha of each hinge)
 //       position of the main body's frame origin (m), its Z-Y-X Euler angles (rad), hinge angles (rad)
-//   u = (f_r, f_l, tau_r, tau_l)
+//   u = (f of each rotor, tau of each hinge)
 //       thrusts (N), servo torques (N m)
 //
 // Derived with the principle of virtual power: with the Jacobians of every body's centre of mass velocity and
@@ -19,17 +19,26 @@
 #include <complex>
 #include <stdexcept>
 
+#include "link/disturbance.h"
 #include "plant/vehicle_model.h"
 
 namespace tiltproof::plant {
 
-inline constexpr int kCoordinateCount = 8;
-inline constexpr int kInputCount = 4;
+// The sizes of q and u follow from the vehicle; these are the largest, so that no vector needs the heap.
+inline constexpr int kCoordinatesMax = 6 + static_cast<int>(kRotorsMax);
+inline constexpr int kInputsMax = 2 * static_cast<int>(kRotorsMax);
 
 template <class Scalar>
-using Coordinates = Eigen::Matrix<Scalar, kCoordinateCount, 1>;
+using Coordinates = Eigen::Matrix<Scalar, Eigen::Dynamic, 1, Eigen::ColMajor, kCoordinatesMax, 1>;
 template <class Scalar>
-using Inputs = Eigen::Matrix<Scalar, kInputCount, 1>;
+using Inputs = Eigen::Matrix<Scalar, Eigen::Dynamic, 1, Eigen::ColMajor, kInputsMax, 1>;
+
+inline Eigen::Index CoordinateCount(const VehicleModel& model) {
+  return 6 + static_cast<Eigen::Index>(model.hinges.size());
+}
+inline Eigen::Index InputCount(const VehicleModel& model) {
+  return static_cast<Eigen::Index>(model.rotors.size() + model.hinges.size());
+}
 
 // The vehicle has no hover, or a design on it has no answer.
 struct DesignError : std::runtime_error {
@@ -40,7 +49,9 @@ using Complex = std::complex<double>;
 
 // M(q) q'' = force(q, q', u), force including gravity and the velocity-dependent terms.
 struct EquationsOfMotion {
-  Eigen::Matrix<Complex, kCoordinateCount, kCoordinateCount> mass;  // symmetric, positive definite
+  // Symmetric, positive definite.
+  Eigen::Matrix<Complex, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kCoordinatesMax, kCoordinatesMax>
+      mass;
   Coordinates<Complex> force;
 };
 EquationsOfMotion ComputeEquationsOfMotion(const VehicleModel& model, const Coordinates<Complex>& q,
@@ -51,7 +62,9 @@ Coordinates<Complex> Acceleration(const VehicleModel& model, const Coordinates<C
                                   const Coordinates<Complex>& q_dot, const Inputs<Complex>& u);
 
 // Hover at yaw 0, found by Newton's method from level attitude; ignores model.hover, limits of inputs and
-// stops. Throws DesignError when there is none.
+// stops. A vehicle with more actuators than equations has many hovers. This is the one with the smallest sum of
+// squares of thrusts and torques, as shares of their limits, and of roll, pitch and hinge angles, as shares of
+// 0.1 rad. Throws DesignError when there is none.
 Hover SolveHover(const VehicleModel& model);
 
 Coordinates<double> HoverCoordinates(const Hover& hover);  // at the world's origin
@@ -59,8 +72,8 @@ Inputs<double> HoverInputs(const Hover& hover);
 
 // x' = A x + B u about the hover, x = (q, q').
 struct LinearModel {
-  Eigen::MatrixXd a;  // 16 x 16
-  Eigen::MatrixXd b;  // 16 x 4
+  Eigen::MatrixXd a;  // 2 n x 2 n for n coordinates
+  Eigen::MatrixXd b;  // 2 n x the number of inputs
 };
 LinearModel Linearise(const VehicleModel& model, const Hover& hover);
 

@@ -13,6 +13,7 @@
 namespace tiltproof::plant {
 namespace {
 
+using Eigen::Index;
 using Eigen::MatrixXd;
 
 // Each kind of product in an expression would be compiled by itself, for half a second.
@@ -26,18 +27,17 @@ struct Transition {
 
 Transition Integrate(const LinearModel& model, double time_s) {
   // Van Loan: the exponential of [A B; 0 0] t holds both.
-  constexpr int n = kPlantStateCount + kInputCount;
-  MatrixXd generator = MatrixXd::Zero(n, n);
-  generator.topLeftCorner(kPlantStateCount, kPlantStateCount) = model.a * time_s;
-  generator.topRightCorner(kPlantStateCount, kInputCount) = model.b * time_s;
+  const Index states = model.a.rows(), inputs = model.b.cols();
+  MatrixXd generator = MatrixXd::Zero(states + inputs, states + inputs);
+  generator.topLeftCorner(states, states) = model.a * time_s;
+  generator.topRightCorner(states, inputs) = model.b * time_s;
   const MatrixXd exponential = generator.exp();
-  return {exponential.topLeftCorner(kPlantStateCount, kPlantStateCount),
-          exponential.topRightCorner(kPlantStateCount, kInputCount)};
+  return {exponential.topLeftCorner(states, states), exponential.topRightCorner(states, inputs)};
 }
 
 // Picks x, y, z and yaw.
-MatrixXd IntegratedStates() {
-  MatrixXd pick = MatrixXd::Zero(kIntegralCount, kPlantStateCount);
+MatrixXd IntegratedStates(Index state_count) {
+  MatrixXd pick = MatrixXd::Zero(kIntegralCount, state_count);
   pick(0, 0) = pick(1, 1) = pick(2, 2) = pick(3, 5) = 1;
   return pick;
 }
@@ -48,15 +48,16 @@ struct Augmented {
   MatrixXd b;
 };
 Augmented Augment(const SampledModel& model) {
-  const MatrixXd half = 0.5 * model.period_s * IntegratedStates();
+  const Index states = model.a.rows(), all = states + kIntegralCount, inputs = model.b.cols();
+  const MatrixXd half = 0.5 * model.period_s * IntegratedStates(states);
   Augmented augmented;
-  augmented.a.setZero(kDesignStateCount, kDesignStateCount);
-  augmented.a.topLeftCorner(kPlantStateCount, kPlantStateCount) = model.a;
-  augmented.a.bottomLeftCorner(kIntegralCount, kPlantStateCount) =
-      Times(half, model.a + MatrixXd::Identity(kPlantStateCount, kPlantStateCount));
+  augmented.a.setZero(all, all);
+  augmented.a.topLeftCorner(states, states) = model.a;
+  augmented.a.bottomLeftCorner(kIntegralCount, states) =
+      Times(half, model.a + MatrixXd::Identity(states, states));
   augmented.a.bottomRightCorner(kIntegralCount, kIntegralCount).setIdentity();
-  augmented.b.resize(kDesignStateCount, kInputCount);
-  augmented.b.topRows(kPlantStateCount) = model.b;
+  augmented.b.resize(all, inputs);
+  augmented.b.topRows(states) = model.b;
   augmented.b.bottomRows(kIntegralCount) = Times(half, model.b);
   return augmented;
 }
@@ -70,7 +71,7 @@ struct Riccati {
 // X = A'XA - A'XB (R + B'XB)^-1 B'XA + Q by the structure-preserving doubling algorithm (Chu, Fan, Lin, Wang,
 // 2004), which converges quadratically when the pair is stabilisable.
 Riccati SolveRiccati(const Augmented& model, const LqrWeights& weights) {
-  const MatrixXd identity = MatrixXd::Identity(kDesignStateCount, kDesignStateCount);
+  const MatrixXd identity = MatrixXd::Identity(model.a.rows(), model.a.rows());
   const MatrixXd q = weights.q.asDiagonal();
   const MatrixXd r = weights.r.asDiagonal();
   MatrixXd a = model.a;
@@ -107,13 +108,18 @@ SampledModel Sample(const LinearModel& model, double period_s) {
   return {.period_s = period_s, .continuous = model, .a = step.a, .b = step.b};
 }
 
-LqrWeights PaperWeights() {
+LqrWeights PaperWeights(const VehicleModel& model) {
   constexpr double pi2 = std::numbers::pi * std::numbers::pi;
-  LqrWeights weights{.q = Eigen::VectorXd(kDesignStateCount), .r = Eigen::VectorXd(kInputCount)};
-  weights.q << 5, 5, 5, 4 / pi2, 4 / pi2, 15 / pi2, 40 / pi2, 40 / pi2,              //
-      0.25, 0.25, 0.25, 9 / pi2, 9 / pi2, 16 / pi2, 5 / (81 * pi2), 5 / (81 * pi2),  //
+  const auto hinges = static_cast<Index>(model.hinges.size()),
+             rotors = static_cast<Index>(model.rotors.size());
+  const Eigen::VectorXd angles = Eigen::VectorXd::Constant(hinges, 40 / pi2);
+  const Eigen::VectorXd rates = Eigen::VectorXd::Constant(hinges, 5 / (81 * pi2));
+  LqrWeights weights{.q = Eigen::VectorXd(2 * CoordinateCount(model) + kIntegralCount),
+                     .r = Eigen::VectorXd(InputCount(model))};
+  weights.q << 5, 5, 5, 4 / pi2, 4 / pi2, 15 / pi2, angles,  //
+      0.25, 0.25, 0.25, 9 / pi2, 9 / pi2, 16 / pi2, rates,   //
       50, 50, 50, 1;
-  weights.r << 25, 25, 400, 400;
+  weights.r << Eigen::VectorXd::Constant(rotors, 25), Eigen::VectorXd::Constant(hinges, 400);
   return weights;
 }
 
@@ -122,9 +128,14 @@ LqrDesign DesignLqr(const VehicleModel& model, const LqrOptions& options) {
   design.hover = SolveHover(model);
   design.model = Sample(Linearise(model, design.hover), options.period_s);
   const Augmented augmented = Augment(design.model);
-  const Riccati riccati = SolveRiccati(augmented, options.weights);
+  const LqrWeights weights = options.weights.value_or(PaperWeights(model));
+  if (weights.q.size() != augmented.b.rows() || weights.r.size() != augmented.b.cols())
+    throw DesignError(fmt::format("the vehicle has {} states and {} inputs, and the weights are {} and {}",
+                                  augmented.b.rows(), augmented.b.cols(), weights.q.size(),
+                                  weights.r.size()));
+  const Riccati riccati = SolveRiccati(augmented, weights);
   const MatrixXd xb_transposed = Times(augmented.b.transpose(), riccati.x);
-  const MatrixXd r = options.weights.r.asDiagonal();
+  const MatrixXd r = weights.r.asDiagonal();
   const MatrixXd s = r + Times(xb_transposed, augmented.b);
   design.gain = s.ldlt().solve(Times(xb_transposed, augmented.a));
   design.dare_residual = riccati.residual;
@@ -144,37 +155,38 @@ double ClosedLoopSpectralRadius(const SampledModel& model, const GainMatrix& gai
   //   x(k+1) = a x(k) + e^{A (1-d) T} G(d T) u(k-n-1) + G((1-d) T) u(k-n),   G(t) = integral of e^{A s} B
   //   over [0, t].
   const double periods = std::floor(delay_s / model.period_s);
-  const auto whole = static_cast<Eigen::Index>(periods);
+  const auto whole = static_cast<Index>(periods);
   const double rest_s = delay_s - periods * model.period_s;
   const Transition before = Integrate(model.continuous, rest_s);
   const Transition after = Integrate(model.continuous, model.period_s - rest_s);
   const MatrixXd b_old = Times(after.a, before.b);
-  const MatrixXd half = 0.5 * model.period_s * IntegratedStates();
+  const Index states = model.a.rows(), all = states + kIntegralCount, inputs = model.b.cols();
+  const MatrixXd half = 0.5 * model.period_s * IntegratedStates(states);
 
   // States: x, integrals, u(k-1), u(k-2), ..., u(k-n-1).
-  const Eigen::Index n = kDesignStateCount + kInputCount * (whole + 1);
+  const Index n = all + inputs * (whole + 1);
   MatrixXd a = MatrixXd::Zero(n, n);
-  MatrixXd b = MatrixXd::Zero(n, kInputCount);  // what u(k) does at once
-  a.topLeftCorner(kPlantStateCount, kPlantStateCount) = model.a;
-  const auto past = [](Eigen::Index age) { return kDesignStateCount + kInputCount * (age - 1); };
-  a.block(0, past(whole + 1), kPlantStateCount, kInputCount) = b_old;
+  MatrixXd b = MatrixXd::Zero(n, inputs);  // what u(k) does at once
+  a.topLeftCorner(states, states) = model.a;
+  const auto past = [&](Index age) { return all + inputs * (age - 1); };
+  a.block(0, past(whole + 1), states, inputs) = b_old;
   if (whole == 0) {
-    b.topRows(kPlantStateCount) = after.b;
+    b.topRows(states) = after.b;
   } else {
-    a.block(0, past(whole), kPlantStateCount, kInputCount) = after.b;
+    a.block(0, past(whole), states, inputs) = after.b;
   }
-  b.middleRows(past(1), kInputCount).setIdentity();
-  for (Eigen::Index age = 2; age <= whole + 1; ++age) {
-    a.block(past(age), past(age - 1), kInputCount, kInputCount).setIdentity();
+  b.middleRows(past(1), inputs).setIdentity();
+  for (Index age = 2; age <= whole + 1; ++age) {
+    a.block(past(age), past(age - 1), inputs, inputs).setIdentity();
   }
   // Integrals: T/2 (e(k) + e(k+1)) on top of the present ones.
-  auto integrals = a.middleRows(kPlantStateCount, kIntegralCount);
-  integrals = Times(half, a.topRows(kPlantStateCount));
-  integrals.leftCols(kPlantStateCount) += half;
-  integrals.middleCols(kPlantStateCount, kIntegralCount).setIdentity();
-  b.middleRows(kPlantStateCount, kIntegralCount) = Times(half, b.topRows(kPlantStateCount));
+  auto integrals = a.middleRows(states, kIntegralCount);
+  integrals = Times(half, a.topRows(states));
+  integrals.leftCols(states) += half;
+  integrals.middleCols(states, kIntegralCount).setIdentity();
+  b.middleRows(states, kIntegralCount) = Times(half, b.topRows(states));
 
-  a.leftCols(kDesignStateCount) -= Times(b, gain);
+  a.leftCols(all) -= Times(b, gain);
   return Eigen::EigenSolver<MatrixXd>(a, false).eigenvalues().cwiseAbs().maxCoeff();
 }
 
@@ -199,8 +211,8 @@ double DelayMargin(const SampledModel& model, const GainMatrix& gain) {
 
 std::string GainCsv(const GainMatrix& gain) {
   std::string text;
-  for (Eigen::Index row = 0; row < gain.rows(); ++row) {
-    for (Eigen::Index column = 0; column < gain.cols(); ++column) {
+  for (Index row = 0; row < gain.rows(); ++row) {
+    for (Index column = 0; column < gain.cols(); ++column) {
       text += fmt::format("{}{}", column == 0 ? "" : ",", gain(row, column));
     }
     text += '\n';
@@ -217,9 +229,9 @@ void WriteGainCsv(const std::filesystem::path& file, const GainMatrix& gain) {
 
 std::string FirmwareGainTable(const GainMatrix& gain, std::string_view name) {
   std::string text = fmt::format("inline constexpr Gain {} = {{{{\n", name);
-  for (Eigen::Index row = 0; row < gain.rows(); ++row) {
+  for (Index row = 0; row < gain.rows(); ++row) {
     text += "    {{";
-    for (Eigen::Index column = 0; column < gain.cols(); ++column) {
+    for (Index column = 0; column < gain.cols(); ++column) {
       // Nine digits determine a binary32. A whole number needs a point to be a floating literal.
       std::string number = fmt::format("{:.9g}", static_cast<double>(static_cast<float>(gain(row, column))));
       if (number.find_first_of(".e") == std::string::npos) number += ".0";

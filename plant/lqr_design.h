@@ -6,13 +6,14 @@
 //   design.delay_margin_s;  // 0.009 for the design plant
 //
 // The design finds the vehicle's exact hover, linearises the equations of motion there and discretises them
-// with a zero-order hold of 12 ms. The 20 states are
-//   q (8), q_dot (8), integrals of the errors of x, y, z, yaw (4)    q = x y z roll pitch yaw alpha_r alpha_l
+// with a zero-order hold of 12 ms. The states are
+//   q (n), q_dot (n), integrals of the errors of x, y, z, yaw (4)    q = x y z roll pitch yaw, each hinge's alpha
 // with trapezoidal integrals that include the present error, and the law is u = u_eq - K (x - x_ref).
 #pragma once
 
 #include <Eigen/Core>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -21,38 +22,34 @@
 
 namespace tiltproof::plant {
 
-inline constexpr int kPlantStateCount = 2 * kCoordinateCount;
 inline constexpr int kIntegralCount = 4;
-inline constexpr int kDesignStateCount = kPlantStateCount + kIntegralCount;
 
-// The matrices of a design have their sizes at run time: with fixed sizes of 20, Eigen takes ten times as long
-// to compile.
-//
-// 4 x 20. Rows f_r (N), f_l (N), tau_r (N m), tau_l (N m); columns in the order of the 20 states.
+// Rows are the vehicle's inputs, thrusts (N) and then torques (N m); columns are the states in their order. The
+// tilt-rotor's is 4 x 20.
 using GainMatrix = Eigen::MatrixXd;
 
 // x(k+1) = a x(k) + b u(k), and the continuous model from which it was computed.
 struct SampledModel {
   double period_s = 0;
   LinearModel continuous;
-  Eigen::MatrixXd a;  // 16 x 16
-  Eigen::MatrixXd b;  // 16 x 4
+  Eigen::MatrixXd a;  // sizes as in LinearModel
+  Eigen::MatrixXd b;
 };
 SampledModel Sample(const LinearModel& model, double period_s);
 
 // Diagonals of the cost sum x'Qx + u'Ru, all positive.
 struct LqrWeights {
-  Eigen::VectorXd q;  // of the 20 states
-  Eigen::VectorXd r;  // of the 4 inputs
+  Eigen::VectorXd q;  // of the states
+  Eigen::VectorXd r;  // of the inputs
 };
-// The weights that give the authors' published gain. The paper prints two of them differently: for R it has
-// sqrt(0.2), sqrt(0.05) where 1/0.2^2, 1/0.05^2 are meant, and for the rates of alpha 5/(9 pi^2) where 5/(9
-// pi)^2 is meant.
-LqrWeights PaperWeights();
+// The weights that give the authors' published gain, for each kind of state and input of the vehicle. The paper
+// prints two of them differently: for R it has sqrt(0.2), sqrt(0.05) where 1/0.2^2, 1/0.05^2 are meant, and for the
+// rates of alpha 5/(9 pi^2) where 5/(9 pi)^2 is meant.
+LqrWeights PaperWeights(const VehicleModel& model);
 
 struct LqrOptions {
   double period_s = 0.012;
-  LqrWeights weights = PaperWeights();
+  std::optional<LqrWeights> weights;  // by default PaperWeights()
 };
 
 struct LqrDesign {
@@ -66,7 +63,8 @@ struct LqrDesign {
   double delay_margin_s = 0;
 };
 
-// Throws DesignError when the vehicle has no hover or no gain stabilises it.
+// Throws DesignError when the vehicle has no hover, when no gain stabilises it, or when the weights have another
+// size.
 LqrDesign DesignLqr(const VehicleModel& model, const LqrOptions& options = {});
 
 // Largest eigenvalue magnitude of the closed loop where u(k), computed from the state at k T, is in force
@@ -78,13 +76,14 @@ double ClosedLoopSpectralRadius(const SampledModel& model, const GainMatrix& gai
 inline constexpr double kDelayMax_s = 0.1;
 double DelayMargin(const SampledModel& model, const GainMatrix& gain);
 
-// Four lines of 20 numbers, comma separated, no header, each the shortest text that reads back as the same
+// One line per input, one number per state, comma separated, no header, each the shortest text that reads back as the same
 // double.
 std::string GainCsv(const GainMatrix& gain);
 // Throws std::runtime_error when the file cannot be written.
 void WriteGainCsv(const std::filesystem::path& file, const GainMatrix& gain);
 
-// The definition `inline constexpr Gain <name> = {{...}};` of firmware/gain_tables.h in binary32.
+// The definition `inline constexpr Gain <name> = {{...}};` of firmware/gain_tables.h in binary32. The firmware takes
+// a gain of 4 x 20.
 std::string FirmwareGainTable(const GainMatrix& gain, std::string_view name);
 
 }  // namespace tiltproof::plant

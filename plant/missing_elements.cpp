@@ -12,8 +12,9 @@ namespace {
 
 using tinyxml2::XMLElement;
 
-struct Hinge {
+struct Connection {
   std::string joint, parent, child;
+  bool is_hinge = true;
   double y_m = 0;  // of the child
 };
 
@@ -39,51 +40,61 @@ std::string LinkOr(const XMLElement& model, const std::string& name) {
   return FindLink(model, name) == nullptr ? "LINK" : name;
 }
 
-// The first two joints, the right one first, if the links' poses tell; placeholders for what is not there.
-std::vector<Hinge> Hinges(const XMLElement& model) {
-  std::vector<Hinge> hinges;
-  for (const auto* e = model.FirstChildElement("joint"); e != nullptr && hinges.size() < 2;
-       e = e->NextSiblingElement("joint")) {
+// All joints; of two, the right one first, if the links' poses tell. Placeholders where there is none.
+std::vector<Connection> Connections(const XMLElement& model) {
+  std::vector<Connection> connections;
+  for (const auto* e = model.FirstChildElement("joint"); e != nullptr; e = e->NextSiblingElement("joint")) {
     const char* name = e->Attribute("name");
     const std::string child = TextOf(e->FirstChildElement("child"));
-    hinges.push_back({name == nullptr ? "JOINT" : name, LinkOr(model, TextOf(e->FirstChildElement("parent"))),
-                      LinkOr(model, child), YOf(FindLink(model, child))});
+    connections.push_back({.joint = name == nullptr ? "JOINT" : name,
+                           .parent = LinkOr(model, TextOf(e->FirstChildElement("parent"))),
+                           .child = LinkOr(model, child),
+                           .is_hinge = e->Attribute("type", "fixed") == nullptr,
+                           .y_m = YOf(FindLink(model, child))});
   }
-  hinges.resize(2, {"JOINT", "LINK", "LINK", 0});
-  if (hinges[0].y_m > hinges[1].y_m) std::swap(hinges[0], hinges[1]);
-  return hinges;
+  if (connections.empty()) connections.resize(2, {"JOINT", "LINK", "LINK", true, 0});
+  if (connections.size() == 2 && connections[0].y_m > connections[1].y_m)
+    std::swap(connections[0], connections[1]);
+  return connections;
 }
 
 }  // namespace
 
 std::string MissingElements(const XMLElement& model, const VehicleElements& present) {
-  const std::vector<Hinge> hinges = Hinges(model);
+  const std::vector<Connection> connections = Connections(model);
   const bool has_none = present.file.empty();
   std::string text;
   const auto add = [&](const std::string& element) {
     text += fmt::format("{}{}\n", has_none ? "      " : "    ", element);
   };
-  if (present.base_link.empty()) add(fmt::format("<tiltproof:base link=\"{}\"/>", hinges[0].parent));
-  std::size_t thruster_count = present.thrusters.size(), servo_count = present.servos.size();
-  // The one that is there, if one is, decides what the other is called.
-  bool is_right = thruster_count == 0 || present.thrusters[0].name != "right";
-  for (const Hinge& hinge : hinges) {
-    const bool is_there = std::any_of(present.thrusters.begin(), present.thrusters.end(),
-                                      [&](const ThrusterElement& t) { return t.link == hinge.child; });
-    if (is_there || thruster_count >= 2) continue;
-    ++thruster_count;
+  if (present.base_link.empty()) add(fmt::format("<tiltproof:base link=\"{}\"/>", connections[0].parent));
+  // Of two thrusters, the one that is there, if one is, decides what the other is called.
+  const bool is_pair = connections.size() == 2;
+  bool is_right = present.thrusters.empty() || present.thrusters[0].name != "right";
+  double direction = is_right ? 1 : -1;
+  for (const Connection& connection : connections) {
+    const bool is_there =
+        std::any_of(present.thrusters.begin(), present.thrusters.end(),
+                    [&](const ThrusterElement& each) { return each.link == connection.child; });
+    const bool carries = std::any_of(connections.begin(), connections.end(), [&](const Connection& other) {
+      return other.parent == connection.child && other.child != connection.child;
+    });
+    if (is_there || carries) continue;
     add(
         fmt::format("<tiltproof:thruster name=\"{}\" link=\"{}\" axis=\"0 0 1\" direction=\"{}\" "
                     "drag_ratio_m=\"0.0179\" force_min_n=\"0\" force_max_n=\"30\"/>",
-                    is_right ? "right" : "left", hinge.child, is_right ? 1 : -1));
+                    !is_pair   ? connection.child
+                    : is_right ? "right"
+                               : "left",
+                    connection.child, direction));
     is_right = false;
+    direction = -direction;
   }
-  for (const Hinge& hinge : hinges) {
+  for (const Connection& connection : connections) {
     const bool is_there = std::any_of(present.servos.begin(), present.servos.end(),
-                                      [&](const ServoElement& s) { return s.joint == hinge.joint; });
-    if (is_there || servo_count >= 2) continue;
-    ++servo_count;
-    add(fmt::format("<tiltproof:servo joint=\"{}\" torque_max_nm=\"2\"/>", hinge.joint));
+                                      [&](const ServoElement& s) { return s.joint == connection.joint; });
+    if (connection.is_hinge && !is_there)
+      add(fmt::format("<tiltproof:servo joint=\"{}\" torque_max_nm=\"2\"/>", connection.joint));
   }
   if (text.empty()) return text;
   if (!has_none)

@@ -89,32 +89,36 @@ std::string Plant::EventText() const { return world_->event_text; }
 
 double Plant::Energy() const {
   double energy = 0;
-  for (const World::Body& body : {world_->base, world_->thrusters[0], world_->thrusters[1]}) {
+  const auto add = [&](const World::Body& body) {
     const Vector3d w_body = body.Attitude().transpose() * body.AngularVelocity();
     energy += 0.5 * body.mass_kg * body.Velocity().squaredNorm() +
               0.5 * w_body.dot(body.inertia_kg_m2 * w_body) +
               body.mass_kg * world_->options.gravity_m_s2 * body.Com().z();
-  }
+  };
+  add(world_->base);
+  for (const World::Tilting& tilting : world_->tilting) add(tilting.body);
   return energy;
 }
 
 std::array<double, 6> Plant::Momentum() const {
   Vector3d linear = Vector3d::Zero(), angular = Vector3d::Zero();
-  for (const World::Body& body : {world_->base, world_->thrusters[0], world_->thrusters[1]}) {
+  const auto add = [&](const World::Body& body) {
     const Matrix3d R = body.Attitude();
     const Vector3d p = body.mass_kg * body.Velocity();
     linear += p;
     angular += body.Com().cross(p) + R * (body.inertia_kg_m2 * (R.transpose() * body.AngularVelocity()));
-  }
+  };
+  add(world_->base);
+  for (const World::Tilting& tilting : world_->tilting) add(tilting.body);
   return {linear.x(), linear.y(), linear.z(), angular.x(), angular.y(), angular.z()};
 }
 
 double Plant::HingeGap() const {
   double gap = 0;
-  for (const dJointID hinge : world_->hinges) {
+  for (const World::Tilting& tilting : world_->tilting) {
     dVector3 first, second;
-    dJointGetHingeAnchor(hinge, first);
-    dJointGetHingeAnchor2(hinge, second);
+    dJointGetHingeAnchor(tilting.hinge, first);
+    dJointGetHingeAnchor2(tilting.hinge, second);
     gap = std::max(gap, (ToVector(first) - ToVector(second)).norm());
   }
   return gap;

@@ -48,12 +48,14 @@ Plant::World::World(const VehicleModel& vehicle, const PlantOptions& plant_optio
       model(vehicle),
       options(plant_options),
       signals(model.signals()),
-      at(model.thrusters.size()),
+      at(model.hinges.size()),
       input_min(model.InputMin()),
       input_max(model.InputMax()),
       input(signals.inputs.size()),
       sample(signals.sensors.size()) {
   if (options.step_ns <= 0) throw PlantError("the step must be positive");
+  if (model.rotors.size() > kRotorsMax || model.hinges.size() > kRotorsMax)
+    throw PlantError(fmt::format("'{}' has more than {} rotors or hinges", model.name, kRotorsMax));
   step_s = ToSeconds(options.step_ns);
   if (model.sensor_rate_hz > 0) sensor_period_ns = FromSeconds(1 / model.sensor_rate_hz);
   InitialiseOde();
@@ -74,18 +76,21 @@ void Plant::World::Create() {
   dWorldSetStepThreadingImplementation(world, dThreadingImplementationGetFunctions(threading), threading);
   dWorldSetGravity(world, 0, 0, -options.gravity_m_s2);
   base = CreateBody(model.base, Vector3d::Zero(), Matrix3d::Identity());
-  for (std::size_t side = 0; side < thrusters.size(); ++side) {
-    const TiltingThruster& thruster = model.thrusters[side];
-    thrusters[side] = CreateBody(thruster.body, thruster.p_BT_m, thruster.R_BT);
+  tilting.clear();
+  for (const Hinge& from : model.hinges) {
+    Tilting& to = tilting.emplace_back();
+    to.body = CreateBody(from.body, from.p_BT_m, from.R_BT);
     // ODE takes the bodies' present pose for the hinge angle 0.
-    const dJointID hinge = hinges[side] = dJointCreateHinge(world, nullptr);
-    dJointAttach(hinge, thrusters[side].id, base.id);
-    dJointSetHingeAnchor(hinge, thruster.p_BH_m.x(), thruster.p_BH_m.y(), thruster.p_BH_m.z());
-    dJointSetHingeAxis(hinge, thruster.axis_B.x(), thruster.axis_B.y(), thruster.axis_B.z());
-    dJointSetHingeParam(hinge, dParamLoStop, thruster.angle_min_rad);
-    dJointSetHingeParam(hinge, dParamHiStop, thruster.angle_max_rad);
+    const dJointID hinge = to.hinge = dJointCreateHinge(world, nullptr);
+    dJointAttach(hinge, to.body.id, base.id);
+    dJointSetHingeAnchor(hinge, from.p_BH_m.x(), from.p_BH_m.y(), from.p_BH_m.z());
+    dJointSetHingeAxis(hinge, from.axis_B.x(), from.axis_B.y(), from.axis_B.z());
+    dJointSetHingeParam(hinge, dParamLoStop, from.angle_min_rad);
+    dJointSetHingeParam(hinge, dParamHiStop, from.angle_max_rad);
     dJointSetHingeParam(hinge, dParamBounce, 0);
   }
+  thrusts.clear();
+  for (const Rotor& rotor : model.rotors) thrusts.push_back(CreateThrust(rotor));
   contact_joints = dJointGroupCreate(0);
   ground = dCreatePlane(nullptr, 0, 0, 1, 0);
   CreateShape();
@@ -123,6 +128,15 @@ Plant::World::Body Plant::World::CreateBody(const RigidBody& body, const Vector3
   dBodySetPosition(id, com.x(), com.y(), com.z());
   SetRotation(id, R_BL);
   return {.id = id, .p_com_m = body.p_com_m, .inertia_kg_m2 = i, .mass_kg = body.mass_kg};
+}
+
+Plant::World::Thrust Plant::World::CreateThrust(const Rotor& rotor) const {
+  const Vector3d to_point_m = rotor.p_LR_m - model.Carrier(rotor).p_com_m;
+  return {.body = rotor.hinge ? tilting.at(*rotor.hinge).body.id : base.id,
+          .axis = rotor.thrust_axis_L,
+          .to_point_m = to_point_m,
+          .at_com = to_point_m.isZero(0),
+          .drag_ratio_m = rotor.direction * rotor.drag_ratio_m};
 }
 
 void Plant::World::CreateShape() {
@@ -185,14 +199,13 @@ void Plant::World::PutBodies(std::span<const double> state) {
   const Vector3d base_com = R_WB * base.p_com_m;
   place(base, p_WB + base_com, R_WB, v_WB + w_WB.cross(base_com), w_WB);
 
-  for (std::size_t side = 0; side < thrusters.size(); ++side) {
-    const TiltingThruster& thruster = model.thrusters[side];
-    const Matrix3d turn = Eigen::AngleAxisd(state[at.hinges + side], thruster.axis_B).toRotationMatrix();
-    const Vector3d to_hinge = R_WB * thruster.p_BH_m;
-    const Vector3d to_com =
-        R_WB * turn * (thruster.p_BT_m + thruster.R_BT * thruster.body.p_com_m - thruster.p_BH_m);
-    const Vector3d w = w_WB + R_WB * thruster.axis_B * state[at.hinge_rates + side];
-    place(thrusters[side], p_WB + to_hinge + to_com, R_WB * turn * thruster.R_BT,
+  for (std::size_t i = 0; i < tilting.size(); ++i) {
+    const Hinge& hinge = model.hinges[i];
+    const Matrix3d turn = Eigen::AngleAxisd(state[at.hinges + i], hinge.axis_B).toRotationMatrix();
+    const Vector3d to_hinge = R_WB * hinge.p_BH_m;
+    const Vector3d to_com = R_WB * turn * (hinge.p_BT_m + hinge.R_BT * hinge.body.p_com_m - hinge.p_BH_m);
+    const Vector3d w = w_WB + R_WB * hinge.axis_B * state[at.hinge_rates + i];
+    place(tilting[i].body, p_WB + to_hinge + to_com, R_WB * turn * hinge.R_BT,
           v_WB + w_WB.cross(to_hinge) + w.cross(to_com), w);
   }
 }
@@ -208,16 +221,15 @@ void Plant::World::Observe(std::span<double> state) const {
              yaw <= -std::numbers::pi ? std::numbers::pi : yaw});
   SetVector(state, at.velocity, base.Velocity() + w.cross(to_origin));
   SetVector(state, at.rates, w);
-  for (std::size_t side = 0; side < hinges.size(); ++side) {
-    state[at.hinges + side] = dJointGetHingeAngle(hinges[side]);
-    state[at.hinge_rates + side] = dJointGetHingeAngleRate(hinges[side]);
+  for (std::size_t i = 0; i < tilting.size(); ++i) {
+    state[at.hinges + i] = dJointGetHingeAngle(tilting[i].hinge);
+    state[at.hinge_rates + i] = dJointGetHingeAngleRate(tilting[i].hinge);
   }
 }
 
 void Plant::World::Rebuild(const VehicleModel& as) {
   Destroy();
   model = as;
-  held = {};
   Create();
 }
 
@@ -240,17 +252,18 @@ void Plant::World::ChangeBodies(const Disturbance& disturbance) {
 // By a motor that is stronger than the servo. It stops short of the hinge's stops: ODE pushes a motor through them.
 void Plant::World::HoldHinges(const Disturbance& disturbance) {
   constexpr double kMotorMax_nm = 100, kShort_rad = 1e-4;
-  for (std::size_t side = 0; side < hinges.size(); ++side) {
-    const Disturbance::Hinge& hinge = disturbance.hinges[side];
-    if (!hinge.held && !held[side]) continue;
-    held[side] = hinge.held;
-    dJointSetHingeParam(hinges[side], dParamFMax, hinge.held ? kMotorMax_nm : 0);
-    if (!hinge.held) continue;
-    const double angle = dJointGetHingeAngle(hinges[side]);
-    const double down = (model.thrusters[side].angle_min_rad + kShort_rad - angle) / step_s;
-    const double up = (model.thrusters[side].angle_max_rad - kShort_rad - angle) / step_s;
-    dJointSetHingeParam(hinges[side], dParamVel,
-                        std::clamp(hinge.rate_rad_s, std::min(down, 0.0), std::max(up, 0.0)));
+  for (std::size_t i = 0; i < tilting.size(); ++i) {
+    const Disturbance::Hinge& wanted = disturbance.hinges[i];
+    Tilting& held = tilting[i];
+    if (!wanted.held && !held.held) continue;
+    held.held = wanted.held;
+    dJointSetHingeParam(held.hinge, dParamFMax, wanted.held ? kMotorMax_nm : 0);
+    if (!wanted.held) continue;
+    const double angle = dJointGetHingeAngle(held.hinge);
+    const double down = (model.hinges[i].angle_min_rad + kShort_rad - angle) / step_s;
+    const double up = (model.hinges[i].angle_max_rad - kShort_rad - angle) / step_s;
+    dJointSetHingeParam(held.hinge, dParamVel,
+                        std::clamp(wanted.rate_rad_s, std::min(down, 0.0), std::max(up, 0.0)));
   }
 }
 
@@ -271,14 +284,16 @@ void Plant::World::StepOnce(const Disturbance& disturbance) {
   ChangeBodies(disturbance);
   HoldHinges(disturbance);
   Push(disturbance);
-  for (std::size_t side = 0; side < thrusters.size(); ++side) {
-    const TiltingThruster& thruster = model.thrusters[side];
-    const Vector3d force = thruster.thrust_axis_T * (input[side] * disturbance.thrust_factor[side]);
-    const Vector3d drag = force * (thruster.direction * thruster.drag_ratio_m);
-    dBodyAddRelForce(thrusters[side].id, force.x(), force.y(), force.z());
-    dBodyAddRelTorque(thrusters[side].id, drag.x(), drag.y(), drag.z());
-    dJointAddHingeTorque(hinges[side], input[thrusters.size() + side]);
+  for (std::size_t i = 0; i < thrusts.size(); ++i) {
+    const Thrust& rotor = thrusts[i];
+    const Vector3d force = rotor.axis * (input[i] * disturbance.thrust_factor[i]);
+    Vector3d torque = force * rotor.drag_ratio_m;
+    if (!rotor.at_com) torque += rotor.to_point_m.cross(force);
+    dBodyAddRelForce(rotor.body, force.x(), force.y(), force.z());
+    dBodyAddRelTorque(rotor.body, torque.x(), torque.y(), torque.z());
   }
+  for (std::size_t i = 0; i < tilting.size(); ++i)
+    dJointAddHingeTorque(tilting[i].hinge, input[thrusts.size() + i]);
   for (int i = 0; i < contact_count; ++i) {
     dContact contact{};
     contact.surface.mode = dContactSoftERP | dContactSoftCFM | dContactApprox1;
@@ -320,9 +335,8 @@ void Plant::World::CheckEvent() {
   // A sum is finite only if its terms are; the hinges carry what happens to one body to the others.
   const Vector3d p = base.Com();
   const dReal* q = dBodyGetQuaternion(base.id);
-  const double sum = p.sum() + q[0] + q[1] + q[2] + q[3] + base.Velocity().sum() +
-                     base.AngularVelocity().sum() + thrusters[0].AngularVelocity().sum() +
-                     thrusters[1].AngularVelocity().sum();
+  double sum = p.sum() + q[0] + q[1] + q[2] + q[3] + base.Velocity().sum() + base.AngularVelocity().sum();
+  for (const Tilting& each : tilting) sum += each.body.AngularVelocity().sum();
   if (!std::isfinite(sum)) {
     SetEvent(FlightEvent::kNotFinite, fmt::format("the state of '{}' is not finite", model.base.link));
     return;

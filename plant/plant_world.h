@@ -37,6 +37,21 @@ struct Plant::World {
     Vector3d AngularVelocity() const;
   };
 
+  // A body on its hinge.
+  struct Tilting {
+    Body body;
+    dJointID hinge = nullptr;
+    bool held = false;  // by a disturbance
+  };
+
+  // The effect of a rotor on its body, along the body's axes.
+  struct Thrust {
+    dBodyID body = nullptr;
+    Vector3d axis, to_point_m;  // unit; from the centre of mass to the point that the thrust pushes
+    bool at_com = true;         // to_point_m is zero
+    double drag_ratio_m = 0;    // with the sign of the direction
+  };
+
   World(const VehicleModel& vehicle, const PlantOptions& plant_options);
   ~World();
   World(const World&) = delete;
@@ -45,6 +60,7 @@ struct Plant::World {
   void Create();
   void Destroy();
   Body CreateBody(const RigidBody& body, const Vector3d& p_BL, const Matrix3d& R_BL) const;
+  Thrust CreateThrust(const Rotor& rotor) const;
   void CreateShape();
 
   void Place(std::span<const double> state);
@@ -77,9 +93,8 @@ struct Plant::World {
   dGeomID ground = nullptr, shape = nullptr;
   double shape_radius_m = 0;  // no point of the shape is farther from its centre
   Body base;
-  std::array<Body, 2> thrusters;
-  std::array<dJointID, 2> hinges{};
-  std::array<bool, 2> held{};  // hinges that a disturbance holds
+  std::vector<Tilting> tilting;  // one per hinge of the model
+  std::vector<Thrust> thrusts;   // one per rotor of the model
 
   std::array<dContactGeom, kContactsMax> contacts{};
   int contact_count = 0;

@@ -1,7 +1,7 @@
 // A row of states: the places of its values, and conversions of angular rates to other frames. Internal to
 // the plant.
 //
-//   const StateLayout at(model.thrusters.size());
+//   const StateLayout at(model.hinges.size());
 //   Eigen::Vector3d v_WB = VectorAt(state, at.velocity);
 #pragma once
 

@@ -1,4 +1,5 @@
-// A vehicle: a main body and two thrusters that tilt about hinges, read from an SDF file.
+// A vehicle: a main body, the bodies that tilt on it about hinges, and rotors on either. It is read from an SDF
+// file.
 //
 //   std::vector<std::string> warnings;
 //   VehicleModel model = LoadVehicle("plant/models/tiltrotor.sdf", {}, warnings);
@@ -9,9 +10,9 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <array>
 #include <cstddef>
 #include <filesystem>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -58,22 +59,29 @@ struct CollisionShape {
   Eigen::Matrix3d R_BS = Eigen::Matrix3d::Identity();
 };
 
-// A thruster T on its hinge H. The hinge angle alpha turns it about axis_B:
+// A body T that tilts on the main body about the hinge H. The hinge angle alpha turns it about axis_B:
 // R_BT(alpha) = Rot(axis_B, alpha) R_BT.
-struct TiltingThruster {
-  std::string name;  // of the rotor, and of the hinge that carries it: "right"
-  RigidBody body;
+struct Hinge {
+  std::string name;  // in the names of signals: that of its only rotor, else that of the joint
   std::string joint;
+  RigidBody body;
   Eigen::Vector3d p_BT_m = Eigen::Vector3d::Zero();  // link frame in the base frame at alpha = 0
   Eigen::Matrix3d R_BT = Eigen::Matrix3d::Identity();
-  Eigen::Vector3d p_BH_m = Eigen::Vector3d::Zero();          // a point of the hinge
-  Eigen::Vector3d axis_B = Eigen::Vector3d::UnitY();         // unit
-  double angle_min_rad = 0, angle_max_rad = 0;               // stops
-  Eigen::Vector3d thrust_axis_T = Eigen::Vector3d::UnitZ();  // unit, link frame
+  Eigen::Vector3d p_BH_m = Eigen::Vector3d::Zero();   // a point of the hinge
+  Eigen::Vector3d axis_B = Eigen::Vector3d::UnitY();  // unit
+  double angle_min_rad = 0, angle_max_rad = 0;        // stops
+  double torque_max_nm = 0;                           // of the servo, either sign
+};
+
+// A rotor on a body L: that of its hinge, or the main body. Its thrust pushes L at one point.
+struct Rotor {
+  std::string name;                                          // "right"
+  std::optional<std::size_t> hinge;                          // none: fixed to the main body
+  Eigen::Vector3d p_LR_m = Eigen::Vector3d::Zero();          // the point, in L's link frame
+  Eigen::Vector3d thrust_axis_L = Eigen::Vector3d::UnitZ();  // unit, L's link frame
   double direction = 1;                                      // 1 or -1
   double drag_ratio_m = 0;
   double force_min_n = 0, force_max_n = 0;
-  double torque_max_nm = 0;  // of the servo, either sign
 };
 
 // Drag of the air on the main body: the force -(linear + quadratic |v|) v at its centre of mass, where v is
@@ -91,24 +99,27 @@ struct Hover {
 };
 
 struct VehicleModel {
-  static constexpr std::size_t kRight = 0, kLeft = 1;
-
   std::string name;
   std::filesystem::path file;
   RigidBody base;
   CollisionShape collision;
-  std::array<TiltingThruster, 2> thrusters;  // kRight, kLeft
-  double sensor_rate_hz = 0;                 // 0: at every step
-  BodyDrag drag;                             // none by default; the controller's design leaves it out
-  Hover hover;                               // of plant/dynamics.h, SolveHover
+  std::vector<Hinge> hinges;
+  std::vector<Rotor> rotors;  // 1 to kRotorsMax (link/disturbance.h); each hinge carries one or more
+  double sensor_rate_hz = 0;  // 0: at every step
+  BodyDrag drag;              // none by default; the controller's design leaves it out
+  Hover hover;                // of plant/dynamics.h, SolveHover
 
-  double MassTotal() const { return base.mass_kg + thrusters[0].body.mass_kg + thrusters[1].body.mass_kg; }
+  double MassTotal() const;
+  // The body that carries the rotor.
+  const RigidBody& Carrier(const Rotor& rotor) const {
+    return rotor.hinge ? hinges[*rotor.hinge].body : base;
+  }
 
-  // Signals of rotors and hinges i, in the order of the thrusters, with `right` and `left` spelled r and l:
-  //   states   x_m y_m z_m roll_rad pitch_rad yaw_rad, alpha_<i>_rad, vx_m_s vy_m_s vz_m_s
-  //            wx_rad_s wy_rad_s wz_rad_s, alpha_<i>_rad_s
+  // Signals of hinges h and rotors i, in their order, with `right` and `left` spelled r and l:
+  //   states   x_m y_m z_m roll_rad pitch_rad yaw_rad, alpha_<h>_rad, vx_m_s vy_m_s vz_m_s
+  //            wx_rad_s wy_rad_s wz_rad_s, alpha_<h>_rad_s
   //   sensors  the same
-  //   inputs   f_<i>_n, tau_<i>_nm
+  //   inputs   f_<i>_n, tau_<h>_nm
   VehicleSignals signals() const;
 
   // Rows in the order of the inputs.

@@ -9,6 +9,7 @@
 #include <initializer_list>
 #include <set>
 
+#include "link/disturbance.h"
 #include "plant/vehicle_model.h"
 
 namespace tiltproof::plant {
@@ -138,27 +139,44 @@ ThrusterElement ReadThruster(const std::filesystem::path& file, const XMLElement
   return thruster;
 }
 
-// Right first, by name, or in the order of the file when neither has a role for a name.
+// Right before left. Two thrusters without names are right and left, in order.
 void OrderThrusters(VehicleElements& elements, std::vector<VehicleProblem>& problems) {
   auto& thrusters = elements.thrusters;
-  if (thrusters.size() != 2) {
-    problems.push_back(
-        {elements.file, elements.line,
-         fmt::format("a vehicle has two <tiltproof:thruster>, right and left; found {}", thrusters.size())});
+  const auto complain = [&](int line, std::string message) {
+    problems.push_back({elements.file, line, std::move(message)});
+  };
+  if (thrusters.empty() || thrusters.size() > kRotorsMax) {
+    complain(elements.line, fmt::format("a vehicle has 1 to {} <tiltproof:thruster>; found {}", kRotorsMax,
+                                        thrusters.size()));
     return;
   }
-  const auto is_role = [](const std::string& name) { return name == "right" || name == "left"; };
-  const bool first = is_role(thrusters[0].name), second = is_role(thrusters[1].name);
-  if (first != second || (first && thrusters[0].name == thrusters[1].name)) {
-    problems.push_back(
-        {elements.file, thrusters[second ? 0 : 1].line,
-         "one thruster must be named 'right', the other 'left' (or both otherwise: right, left in order)"});
+  if (thrusters.size() == 2) {
+    if (thrusters[0].name.empty() && thrusters[1].name.empty()) {
+      thrusters[0].name = "right";
+      thrusters[1].name = "left";
+    }
+    const auto is_role = [](const std::string& name) { return name == "right" || name == "left"; };
+    const bool first = is_role(thrusters[0].name), second = is_role(thrusters[1].name);
+    if (first != second)
+      complain(thrusters[second ? 0 : 1].line,
+               "one thruster must be named 'right', the other 'left' (or neither of them)");
+    if (first && thrusters[0].name == "left") std::swap(thrusters[0], thrusters[1]);
   }
-  if (!thrusters[0].link.empty() && thrusters[0].link == thrusters[1].link) {
-    problems.push_back(
-        {elements.file, thrusters[1].line, "both thrusters have link '" + thrusters[0].link + "'"});
+  for (std::size_t i = 0; i < thrusters.size(); ++i) {
+    ThrusterElement& thruster = thrusters[i];
+    if (thruster.name.empty()) thruster.name = thruster.link;
+    if (!thruster.name.empty() && !IsPartName(thruster.name))
+      complain(thruster.line, fmt::format("name: '{}' must be letters, digits and '_', and begin with a "
+                                          "letter: signals are named after it",
+                                          thruster.name));
+    for (std::size_t j = 0; j < i; ++j) {
+      if (thruster.link.empty()) continue;
+      if (thrusters[j].link == thruster.link)
+        complain(thruster.line, "two thrusters have link '" + thruster.link + "'");
+      else if (thrusters[j].name == thruster.name)
+        complain(thruster.line, "two thrusters have the name '" + thruster.name + "'");
+    }
   }
-  if (first && thrusters[0].name == "left") std::swap(thrusters[0], thrusters[1]);
 }
 
 VehicleElements ReadVehicleElement(const std::filesystem::path& file, const XMLElement& vehicle,
@@ -203,11 +221,6 @@ VehicleElements ReadVehicleElement(const std::filesystem::path& file, const XMLE
   }
   if (!has_base) problems.push_back({file, elements.line, "<tiltproof:base link=\"...\"/> is missing"});
   OrderThrusters(elements, problems);
-  if (elements.servos.size() != 2) {
-    problems.push_back(
-        {file, elements.line,
-         fmt::format("a vehicle has two <tiltproof:servo>; found {}", elements.servos.size())});
-  }
   return elements;
 }
 
@@ -223,6 +236,13 @@ bool IsVersion(std::string_view text) {
 }
 
 }  // namespace
+
+bool IsPartName(std::string_view name) {
+  const auto is_letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
+  return !name.empty() && is_letter(name.front()) && std::all_of(name.begin(), name.end(), [&](char c) {
+    return is_letter(c) || (c >= '0' && c <= '9') || c == '_';
+  });
+}
 
 VehicleXml::VehicleXml(std::filesystem::path file) : file_(std::move(file)) {
   Load(file_, document_);

@@ -17,7 +17,7 @@ namespace tiltproof::plant {
 
 struct ThrusterElement {
   int line = 0;
-  std::string name;  // right, left or empty
+  std::string name;  // empty: none given
   std::string link;
   Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();
   double direction = 1, drag_ratio_m = 0;
@@ -34,11 +34,14 @@ struct VehicleElements {
   std::filesystem::path file;  // the one that contains them
   int line = 0;
   std::string base_link;
-  std::vector<ThrusterElement> thrusters;  // right, left
+  std::vector<ThrusterElement> thrusters;  // in the order of the rotors: right before left
   std::vector<ServoElement> servos;
   double sensor_rate_hz = 0;
   BodyDrag drag;
 };
+
+// Letters, digits and '_', beginning with a letter: a name that signals can have.
+bool IsPartName(std::string_view name);
 
 // All errors are added to `problems`; what cannot be read has its default.
 class VehicleXml {

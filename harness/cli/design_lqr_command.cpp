@@ -1,11 +1,21 @@
 #include <fmt/format.h>
 
+#include <string>
+
 #include "harness/cli/commands.h"
 #include "harness/cli/suite.h"
 #include "harness/terminal/terminal.h"
 #include "plant/lqr_design.h"
 
 namespace tiltproof::harness {
+namespace {
+
+constexpr std::size_t kFirstHinge = 6;  // of the states, behind position and attitude
+
+// "f_r_n" -> "f_r"
+std::string WithoutUnit(const Signal& signal) { return signal.name.substr(0, signal.name.rfind('_')); }
+
+}  // namespace
 
 int DesignLqrCommand(const DesignLqrOptions& options) {
   const std::filesystem::path file = ResolveModel(options.model);
@@ -22,21 +32,36 @@ int DesignLqrCommand(const DesignLqrOptions& options) {
     throw UsageError(fmt::format("{}: {}", file.string(), error.what()));
   }
   if (!options.firmware_table.empty()) {
+    if (design.gain.rows() != 4 || design.gain.cols() != 20)
+      throw UsageError(
+          fmt::format("--firmware-table: the shipped firmware takes a gain of 4 x 20, for two rotors "
+                      "that tilt; this vehicle's is {} x {}. Write it with --csv",
+                      design.gain.rows(), design.gain.cols()));
     Print(stdout, "{}", TextLines(plant::FirmwareGainTable(design.gain, options.firmware_table)));
     return kExitGreen;
   }
   const plant::Hover& hover = design.hover;
+  const VehicleSignals signals = model->signals();
+  std::string angles = fmt::format("roll {:.6f}  pitch {:.6f}", hover.roll_rad, hover.pitch_rad);
+  for (std::size_t i = 0; i < hover.hinge_rad.size(); ++i)
+    angles += fmt::format("  {} {:.6f}", WithoutUnit(signals.states[kFirstHinge + i]), hover.hinge_rad[i]);
+  std::string inputs, rows;
+  for (std::size_t i = 0; i < signals.inputs.size(); ++i) {
+    const std::string name = WithoutUnit(signals.inputs[i]);
+    inputs += fmt::format("{}{} {:.5f}", i == 0 ? "" : "  ", name, hover.input.at(i));
+    if (i + 1 == signals.inputs.size() || signals.inputs[i + 1].unit != signals.inputs[i].unit)
+      inputs += " " + signals.inputs[i].unit;
+    rows += " " + name;
+  }
   Print(stdout, "model            {} ({:.4f} kg)\n", model->name, model->MassTotal());
-  Print(stdout, "hover            roll {:.6f}  pitch {:.6f}  alpha_r {:.6f}  alpha_l {:.6f} rad\n",
-        hover.roll_rad, hover.pitch_rad, hover.hinge_rad.at(0), hover.hinge_rad.at(1));
-  Print(stdout, "                 f_r {:.5f}  f_l {:.5f} N  tau_r {:.5f}  tau_l {:.5f} N m\n",
-        hover.input.at(0), hover.input.at(1), hover.input.at(2), hover.input.at(3));
+  Print(stdout, "hover            {} rad\n", angles);
+  Print(stdout, "                 {}\n", inputs);
   Print(stdout, "sampling period  {:.3f} ms\n", design.model.period_s * 1e3);
   Print(stdout, "spectral radius  {:.6f} of the closed loop\n", design.spectral_radius);
   Print(stdout, "delay margin     {:.2f} ms of input delay\n", design.delay_margin_s * 1e3);
   Print(stdout, "Riccati residual {:.1e} after {} iterations\n", design.dare_residual,
         design.dare_iterations);
-  Print(stdout, "gain             u = u_eq - K (x - x_ref), rows f_r f_l tau_r tau_l\n{}",
+  Print(stdout, "gain             u = u_eq - K (x - x_ref), rows{}\n{}", rows,
         TextLines(plant::GainCsv(design.gain)));
   if (!options.csv.empty()) plant::WriteGainCsv(options.csv, design.gain);
   return kExitGreen;

@@ -354,18 +354,20 @@ int Main(int argc, char** argv) {
   auto* design_app = app.add_subcommand(
       "design-lqr", "Design the DLQR of a model: equilibrium, gain, spectral radius, delay margin");
   design_app->add_option("MODEL", design.model, "A model's name, or a path ending in .sdf")->required();
-  design_app->add_option("--csv", design.csv, "Write the 4x20 gain: rows f_R f_L tau_R tau_L, no header");
+  design_app->add_option(
+      "--csv", design.csv,
+      "Write the gain (4x20 for the tilt-rotor): rows are thrusts, then servo torques; no header");
   design_app->add_option("--firmware-table", design.firmware_table,
                          "Print the gain as a binary32 table of that name for firmware/gain_tables.h");
   design_app->add_flag("--allow-invalid-inertia", design.allow_invalid_inertia,
                        "Go on with a physically impossible inertia");
   design_app->footer(
-      "Columns of the gain, the states x of u = u_eq - K (x - x_ref): x y z (m), roll pitch yaw alpha_r "
-      "alpha_l "
-      "(rad), their eight rates in the same order (m/s, rad/s; Euler rates), then the integrals of the "
-      "errors of "
-      "x y z (m s) and yaw (rad s), by the trapezoidal rule with the present error, every 12 ms. "
-      "firmware/examples/python flies it.");
+      "Columns of the gain, the states x of u = u_eq - K (x - x_ref): x y z (m), roll pitch yaw, the angles "
+      "of "
+      "the hinges (rad), the rates of all these in the same order (m/s, rad/s; Euler rates), then the "
+      "integrals of the errors of x y z (m s) and yaw (rad s), by the trapezoidal rule with the present "
+      "error, "
+      "every 12 ms. firmware/examples/python flies that of the tilt-rotor.");
   design_app->callback([&] { command = [&] { return DesignLqrCommand(design); }; });
 
   NodeCommandOptions node;

@@ -64,23 +64,25 @@ VehicleShape ShapeOf(const plant::VehicleModel& model) {
   shape.body_size_m = Numbers((collision.R_BS * size).cwiseAbs());
   shape.body_position_m = Numbers(collision.p_BS_m);
   const VehicleSignals signals = model.signals();
-  std::vector<std::string> angles, forces;
-  for (const Signal& state : signals.states)
-    if (state.name.starts_with("alpha_") && state.unit == "rad") angles.push_back(state.name);
-  for (const Signal& input : signals.inputs)
-    if (input.name.starts_with("f_") && input.unit == "N") forces.push_back(input.name);
-  std::size_t i = 0;
-  for (const plant::TiltingThruster& thruster : model.thrusters) {
+  for (std::size_t i = 0; i < model.rotors.size(); ++i) {
+    const plant::Rotor& from = model.rotors[i];
     RotorShape& rotor = shape.rotors.emplace_back();
-    rotor.name = thruster.name;
-    rotor.position_m = Numbers(thruster.p_BT_m + thruster.R_BT * thruster.body.p_com_m);
-    rotor.hinge_point_m = Numbers(thruster.p_BH_m);
-    rotor.hinge_axis = Numbers(thruster.axis_B);
-    rotor.thrust_axis = Numbers(thruster.R_BT * thruster.thrust_axis_T);
-    rotor.force_max_n = thruster.force_max_n;
-    if (i < angles.size()) rotor.angle = angles[i];
-    if (i < forces.size()) rotor.force = forces[i];
-    ++i;
+    rotor.name = from.name;
+    rotor.force_max_n = from.force_max_n;
+    rotor.force = signals.inputs[i].name;
+    if (!from.hinge) {
+      rotor.position_m = rotor.hinge_point_m = Numbers(from.p_LR_m);
+      rotor.hinge_axis = Numbers(Eigen::Vector3d::Zero());
+      rotor.thrust_axis = Numbers(from.thrust_axis_L);
+      continue;
+    }
+    const plant::Hinge& hinge = model.hinges[*from.hinge];
+    rotor.position_m = Numbers(hinge.p_BT_m + hinge.R_BT * from.p_LR_m);
+    rotor.hinge_point_m = Numbers(hinge.p_BH_m);
+    rotor.hinge_axis = Numbers(hinge.axis_B);
+    rotor.thrust_axis = Numbers(hinge.R_BT * from.thrust_axis_L);
+    constexpr std::size_t kFirstHinge = 6;  // of the states, behind position and attitude
+    rotor.angle = signals.states[kFirstHinge + *from.hinge].name;
   }
   return shape;
 }

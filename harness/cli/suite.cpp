@@ -9,6 +9,7 @@
 #include "harness/cli/commands.h"
 #include "harness/cli/data_files.h"
 #include "harness/run/fault_conditions.h"
+#include "harness/run/message_binding.h"
 #include "harness/run/supervisor_states.h"
 #include "harness/scenario/did_you_mean.h"
 #include "harness/scenario/selection.h"
@@ -92,6 +93,17 @@ std::string StartProblem(const Scenario& scenario, const plant::VehicleModel& mo
                      plant.EventText());
 }
 
+// The reason that the firmware cannot command the vehicle; empty when it can.
+std::string ProtocolProblem(const Scenario& scenario, const plant::VehicleModel& model) {
+  std::string problem = UnsuitableProtocol(*scenario.link.protocol, model.signals());
+  if (problem.empty()) return problem;
+  return fmt::format(
+      "{}: model: {}. It is made for two rotors, each on a hinge of its own, with the names 'right' and "
+      "'left' "
+      "in {} (docs/vehicle.md)",
+      scenario.file.string(), problem, model.file.string());
+}
+
 }  // namespace
 
 std::vector<std::string> FormulaSignals(const Scenario& scenario, const VehicleSignals& vehicle) {
@@ -146,8 +158,8 @@ Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const RunClient
   for (std::size_t i = 0; i < scenarios.size(); ++i) {
     if (!build.empty()) scenarios[i].FlyFirmware(build);
     auto model = models.Load(scenarios[i].model_file, scenarios[i].allow_invalid_inertia);
-    if (std::string problem = StartProblem(scenarios[i], *model); !problem.empty())
-      problems.push_back(std::move(problem));
+    for (std::string problem : {StartProblem(scenarios[i], *model), ProtocolProblem(scenarios[i], *model)})
+      if (!problem.empty()) problems.push_back(std::move(problem));
     suite.scenarios.push_back({std::move(scenarios[i]), std::move(model), found.files[i].named});
   }
   if (!problems.empty()) throw UsageError(fmt::format("{}", fmt::join(problems, "\n")));

@@ -21,7 +21,8 @@
 
 namespace tiltproof::harness {
 
-// The vehicle's geometry, for its picture: all in the frame of the main body, hinges at angle 0.
+// The vehicle's geometry, for its picture: all in the frame of the main body, hinges at angle 0. A rotor that does not
+// tilt has its own position for a hinge point, and the axis 0 0 0.
 struct RotorShape {
   std::string name;
   std::vector<double> position_m, hinge_point_m, hinge_axis, thrust_axis;  // three numbers each

@@ -24,7 +24,7 @@ class MessageBinding {
       const auto place = signals.Find(field.signal);
       if (!place)
         throw std::invalid_argument("message '" + type.name + "' carries the signal '" + field.signal +
-                                    "', which there is not");
+                                    "', which this vehicle does not have");
       places_.push_back(*place);
     }
   }
@@ -47,5 +47,12 @@ class MessageBinding {
   const link::MessageType* type_;
   std::vector<std::size_t> places_;
 };
+
+// The table of the vehicle, or of the reference, whose signals the message carries.
+const SignalTable& TableOf(const link::MessageType& type, const VehicleSignals& vehicle);
+
+// The reason that the protocol does not suit the vehicle: a message carries a signal that the vehicle does not have, or
+// no actuator message carries one of its inputs. Empty when the protocol suits it.
+std::string UnsuitableProtocol(const link::Protocol& protocol, const VehicleSignals& vehicle);
 
 }  // namespace tiltproof::harness

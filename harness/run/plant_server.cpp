@@ -46,7 +46,8 @@ LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::Vehicl
       conditions_(scenario, Trace(layout_.columns).columns()),
       protocol_(*scenario.link.protocol),
       arbiter_(scenario) {
-  for (const link::MessageType& type : protocol_.messages) bindings_.emplace_back(type, TableOf(type));
+  for (const link::MessageType& type : protocol_.messages)
+    bindings_.emplace_back(type, TableOf(type, signals_));
   plant_.Reset(scenario.initial_position_m, scenario.initial_attitude_rad);
   for (std::size_t client = 0; client < scenario.client_count(); ++client)
     seats_.push_back({.faults = ClientFaults(scenario, client, &signals_, grows),
@@ -65,18 +66,6 @@ LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::Vehicl
 void LocalPlantServer::Add(const faults::FaultSpec& fault) {
   faults_.Add(fault);
   for (Seat& seat : seats_) seat.faults.Add(fault);
-}
-
-const SignalTable& LocalPlantServer::TableOf(const link::MessageType& type) const {
-  switch (type.direction) {
-    case link::Direction::kToPlant:
-      return signals_.inputs;
-    case link::Direction::kToClient:
-      return signals_.sensors;
-    case link::Direction::kReference:
-      break;
-  }
-  return ReferenceSignals();
 }
 
 const MessageBinding& LocalPlantServer::BindingOf(const link::MessageType& type) const {

@@ -136,7 +136,6 @@ class LocalPlantServer final : public PlantServer {
   void OnStart(std::size_t client, BootTime arrival, const link::Message& message);
   void AnswerSensorRequest(std::size_t client, BootTime arrival, const link::MessageType& answer,
                            const Reply& reply);
-  const SignalTable& TableOf(const link::MessageType& type) const;
   const MessageBinding& BindingOf(const link::MessageType& type) const;
   void TakeInput(std::size_t client, BootTime arrival, const link::Message& message);
   void PutInputInForce();

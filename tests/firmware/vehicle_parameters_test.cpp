@@ -40,7 +40,10 @@ TEST(VehicleParametersTest, TheThrustersAreTheModels) {
   const plant::VehicleModel model = ShippedTiltrotor();
   for (std::size_t k = 0; k < 2; ++k) {
     const Thruster& own = kTiltrotor.thrusters.at(k);
-    const plant::TiltingThruster& thruster = model.thrusters.at(k);
+    const plant::Hinge& thruster = model.hinges.at(k);
+    const plant::Rotor& rotor = model.rotors.at(k);
+    EXPECT_EQ(rotor.hinge, k);
+    EXPECT_TRUE(rotor.p_LR_m.isZero());
     ExpectSame(own.mass_kg, thruster.body.mass_kg, "mass");
     EXPECT_TRUE(thruster.body.p_com_m.isZero()) << "the equations assume a centre of mass on the hinge";
     EXPECT_TRUE(thruster.p_BH_m.isApprox(thruster.p_BT_m, 1e-12)) << "and the link's origin there";
@@ -53,11 +56,11 @@ TEST(VehicleParametersTest, TheThrustersAreTheModels) {
     const Eigen::Matrix3d cant = Eigen::AngleAxisd(own.cant_rad, Eigen::Vector3d::UnitX()).toRotationMatrix();
     EXPECT_TRUE(thruster.R_BT.isApprox(cant, 1e-12));
     EXPECT_TRUE(thruster.axis_B.isApprox(cant.col(1), 1e-12));
-    EXPECT_TRUE(thruster.thrust_axis_T.isApprox(Eigen::Vector3d::UnitZ(), 1e-12));
-    ExpectSame(own.direction, thruster.direction, "direction");
-    ExpectSame(kTiltrotor.drag_ratio_m, thruster.drag_ratio_m, "drag ratio");
-    ExpectSame(kTiltrotor.force_max_n, thruster.force_max_n, "thrust");
-    ExpectSame(0, thruster.force_min_n, "thrust");
+    EXPECT_TRUE(rotor.thrust_axis_L.isApprox(Eigen::Vector3d::UnitZ(), 1e-12));
+    ExpectSame(own.direction, rotor.direction, "direction");
+    ExpectSame(kTiltrotor.drag_ratio_m, rotor.drag_ratio_m, "drag ratio");
+    ExpectSame(kTiltrotor.force_max_n, rotor.force_max_n, "thrust");
+    ExpectSame(0, rotor.force_min_n, "thrust");
     ExpectSame(kTiltrotor.torque_max_nm, thruster.torque_max_nm, "torque");
     ExpectSame(kTiltrotor.angle_max_rad, thruster.angle_max_rad, "stop");
     ExpectSame(-kTiltrotor.angle_max_rad, thruster.angle_min_rad, "stop");
@@ -67,7 +70,7 @@ TEST(VehicleParametersTest, TheThrustersAreTheModels) {
 TEST(VehicleParametersTest, ConstantsAreTheWholeVehicles) {
   const plant::VehicleModel model = ShippedTiltrotor();
   Eigen::Vector3d p_BC_m = model.base.mass_kg * model.base.p_com_m;
-  for (const plant::TiltingThruster& thruster : model.thrusters) {
+  for (const plant::Hinge& thruster : model.hinges) {
     p_BC_m += thruster.body.mass_kg * thruster.p_BT_m;
   }
   p_BC_m /= model.MassTotal();
@@ -80,7 +83,7 @@ TEST(VehicleParametersTest, ConstantsAreTheWholeVehicles) {
     inertia += mass_kg * (p_CB.squaredNorm() * Eigen::Matrix3d::Identity() - p_CB * p_CB.transpose());
   };
   add(model.base.mass_kg, model.base.p_com_m - p_BC_m);
-  for (const plant::TiltingThruster& thruster : model.thrusters)
+  for (const plant::Hinge& thruster : model.hinges)
     add(thruster.body.mass_kg, thruster.p_BT_m - p_BC_m);
   const Symmetric3& own = kTiltrotorConstants.inertia_kg_m2;
   EXPECT_NEAR(own.xx, inertia(0, 0), 1e-8);

@@ -36,15 +36,15 @@ TEST_P(EveryModel, AccelerationIsLagranges) {
   const LagrangeModel lagrange(GetParam().parameters());
   std::mt19937_64 generator(1);
   for (int i = 0; i < 200; ++i) {
-    Coordinates<double> q, q_dot;
-    for (int j = 0; j < kCoordinateCount; ++j) {
+    Coordinates<double> q(8), q_dot(8);
+    for (int j = 0; j < 8; ++j) {
       q[j] = Draw(generator, j == 4 ? 1.2 : 3.0);
       q_dot[j] = Draw(generator, 5.0);
     }
     const ActuatorsTruth u = {Draw(generator, 20), Draw(generator, 20), Draw(generator, 1),
                               Draw(generator, 1)};
     const Coordinates<double> ours = Acceleration(model, q.cast<Complex>(), q_dot.cast<Complex>(),
-                                                  {u.f_r_n, u.f_l_n, u.tau_r_nm, u.tau_l_nm})
+                                                  Eigen::Vector4cd(u.f_r_n, u.f_l_n, u.tau_r_nm, u.tau_l_nm))
                                          .real();
     const Coordinates<double> theirs = lagrange.Acceleration(q, q_dot, u);
     EXPECT_LT((ours - theirs).norm(), 1e-7 * (1 + theirs.norm())) << "q = " << q.transpose();
@@ -55,7 +55,7 @@ TEST_P(EveryModel, HoverStandsStill) {
   const VehicleModel model = LoadShipped(GetParam().model);
   const LagrangeModel lagrange(GetParam().parameters());
   EXPECT_LT(lagrange
-                .Acceleration(HoverCoordinates(model.hover), Coordinates<double>::Zero(),
+                .Acceleration(HoverCoordinates(model.hover), LagrangeModel::Vector8::Zero(),
                               testing::ActuatorsOf(model.HoverInput()))
                 .cwiseAbs()
                 .maxCoeff(),
@@ -66,7 +66,7 @@ TEST_P(EveryModel, LinearModelIsTheDerivative) {
   const VehicleModel model = LoadShipped(GetParam().model);
   const LagrangeModel lagrange(GetParam().parameters());
   const LinearModel linear = Linearise(model, model.hover);
-  const Coordinates<double> q = HoverCoordinates(model.hover), zero = Coordinates<double>::Zero();
+  const Coordinates<double> q = HoverCoordinates(model.hover), zero = Coordinates<double>::Zero(8);
   const Inputs<double> u = HoverInputs(model.hover);
   const auto acceleration = [&](const Coordinates<double>& at, const Coordinates<double>& speed,
                                 const Inputs<double>& input) {
@@ -76,15 +76,15 @@ TEST_P(EveryModel, LinearModelIsTheDerivative) {
   const auto close = [](const auto& exact, const auto& difference) {
     return (exact - difference).cwiseAbs().maxCoeff() < 1e-5 * (1 + difference.cwiseAbs().maxCoeff());
   };
-  for (int i = 0; i < kCoordinateCount; ++i) {
-    const Coordinates<double> d = h * Coordinates<double>::Unit(i);
+  for (int i = 0; i < 8; ++i) {
+    const Coordinates<double> d = h * Coordinates<double>::Unit(8, i);
     EXPECT_TRUE(close(linear.a.col(i).tail<8>(),
                       (acceleration(q + d, zero, u) - acceleration(q - d, zero, u)) / (2 * h)));
     EXPECT_TRUE(
         close(linear.a.col(8 + i).tail<8>(), (acceleration(q, d, u) - acceleration(q, -d, u)) / (2 * h)));
   }
-  for (int i = 0; i < kInputCount; ++i) {
-    const Inputs<double> d = h * Inputs<double>::Unit(i);
+  for (int i = 0; i < 4; ++i) {
+    const Inputs<double> d = h * Inputs<double>::Unit(4, i);
     EXPECT_TRUE(close(linear.b.col(i).tail<8>(),
                       (acceleration(q, zero, u + d) - acceleration(q, zero, u - d)) / (2 * h)));
   }

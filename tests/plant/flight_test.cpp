@@ -270,7 +270,7 @@ TEST(OpenLoop, AgreesWithTheSecondModel) {
 
 TEST(AsPublishedPlant, PublishedGainLosesIt) {
   VehicleModel model = LoadShipped("tiltrotor_published");
-  for (TiltingThruster& thruster : model.thrusters) thruster.torque_max_nm = 1e3;
+  for (Hinge& hinge : model.hinges) hinge.torque_max_nm = 1e3;
   const Flight flight = FlySpiral(model, PublishedGain(), kPaperFeedForward, 4 * kNsPerMs, true);
   EXPECT_NE(flight.event, FlightEvent::kNone);
 }

@@ -45,10 +45,13 @@ TEST(LqrDesign, ReproducesThePublishedGain) {
 }
 
 TEST(LqrDesign, WeightsAsPrintedGiveAnotherGain) {
-  LqrOptions options;
-  options.weights.r << std::sqrt(0.2), std::sqrt(0.2), std::sqrt(0.05), std::sqrt(0.05);
-  options.weights.q[14] = options.weights.q[15] = 5 / (9 * std::numbers::pi * std::numbers::pi);
-  EXPECT_GT(RelativeErrorMax(DesignLqr(LoadShipped("tiltrotor"), options).gain, Published()), 5);
+  const VehicleModel model = LoadShipped("tiltrotor");
+  LqrWeights weights = PaperWeights(model);
+  weights.r << std::sqrt(0.2), std::sqrt(0.2), std::sqrt(0.05), std::sqrt(0.05);
+  weights.q[14] = weights.q[15] = 5 / (9 * std::numbers::pi * std::numbers::pi);
+  EXPECT_GT(RelativeErrorMax(DesignLqr(model, {.weights = weights}).gain, Published()), 5);
+  weights.r.conservativeResize(3);
+  EXPECT_THROW(DesignLqr(model, {.weights = weights}), DesignError);
 }
 
 TEST(LqrDesign, OfTheAsPublishedPlant) {
@@ -65,8 +68,8 @@ TEST(LqrDesign, OfTheAsPublishedPlant) {
 TEST(LqrDesign, OptimalGainIsStationary) {
   // The cost from a state is x'Px; no small change of the gain lowers it.
   const VehicleModel model = LoadShipped("tiltrotor");
-  const LqrOptions options;
-  const LqrDesign design = DesignLqr(model, options);
+  const LqrWeights weights = PaperWeights(model);
+  const LqrDesign design = DesignLqr(model);
   const auto cost = [&](const GainMatrix& gain) {
     Eigen::Matrix<double, 20, 1> x = Eigen::Matrix<double, 20, 1>::Zero();
     x[0] = 1;
@@ -75,7 +78,7 @@ TEST(LqrDesign, OptimalGainIsStationary) {
     double sum = 0;
     for (int k = 0; k < 6000; ++k) {
       const Eigen::Vector4d u = -gain * x;
-      sum += x.dot(options.weights.q.asDiagonal() * x) + u.dot(options.weights.r.asDiagonal() * u);
+      sum += x.dot(weights.q.asDiagonal() * x) + u.dot(weights.r.asDiagonal() * u);
       Eigen::Matrix<double, 16, 1> next = design.model.a * x.head<16>() + design.model.b * u;
       for (int i = 0; i < 4; ++i) x[16 + i] += 0.006 * (x[i == 3 ? 5 : i] + next[i == 3 ? 5 : i]);
       x.head<16>() = next;

@@ -302,10 +302,8 @@ TEST(Plant, StartThatIsNotANumberIsRefused) {
 
 TEST(Plant, BlowUpIsAnEventNotACrash) {
   VehicleModel model = Model();
-  for (TiltingThruster& thruster : model.thrusters) {
-    thruster.force_max_n = 1e300;
-    thruster.torque_max_nm = 1e300;
-  }
+  for (Rotor& rotor : model.rotors) rotor.force_max_n = 1e300;
+  for (Hinge& hinge : model.hinges) hinge.torque_max_nm = 1e300;
   TiltrotorPlant plant(model, {});
   plant.Reset({0, 0, 5}, {0, 0, 0});
   for (int i = 0; i < 100; ++i) plant.Step({1e300, 1e299, 1e300, -1e300});
@@ -322,7 +320,7 @@ TEST(Plant, BlowUpIsAnEventNotACrash) {
 
 TEST(Plant, InertiaThatTheEngineCannotIntegrateIsRefusedByName) {
   VehicleModel model = Model();
-  model.thrusters[VehicleModel::kLeft].body.inertia_kg_m2(0, 0) = -1;
+  model.hinges[1].body.inertia_kg_m2(0, 0) = -1;
   try {
     const TiltrotorPlant plant(model, {});
     FAIL() << "made a plant";

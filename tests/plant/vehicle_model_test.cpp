@@ -32,8 +32,9 @@ TEST(VehicleModel, ReadsTheDesignPlant) {
   EXPECT_DOUBLE_EQ(model.base.inertia_kg_m2(0, 2), 0.000362780890165671);
   EXPECT_DOUBLE_EQ(model.base.p_com_m.z(), -0.01819008141);
 
-  const TiltingThruster &right = model.thrusters[VehicleModel::kRight],
-                        &left = model.thrusters[VehicleModel::kLeft];
+  ASSERT_EQ(model.hinges.size(), 2U);
+  ASSERT_EQ(model.rotors.size(), 2U);
+  const Hinge &right = model.hinges[0], &left = model.hinges[1];
   EXPECT_EQ(right.joint, "hinge_right");
   EXPECT_EQ(left.joint, "hinge_left");
   EXPECT_NEAR((right.p_BH_m - Eigen::Vector3d(0.00002, -0.27761, 0.05621)).norm(), 0, 1e-15);
@@ -42,11 +43,13 @@ TEST(VehicleModel, ReadsTheDesignPlant) {
   EXPECT_NEAR((right.axis_B - Eigen::Vector3d(0, std::cos(kBeta_rad), -std::sin(kBeta_rad))).norm(), 0,
               1e-12);
   EXPECT_NEAR((left.axis_B - Eigen::Vector3d(0, std::cos(kBeta_rad), std::sin(kBeta_rad))).norm(), 0, 1e-12);
-  EXPECT_EQ(right.direction, 1);
-  EXPECT_EQ(left.direction, -1);
+  EXPECT_EQ(model.rotors[0].direction, 1);
+  EXPECT_EQ(model.rotors[1].direction, -1);
+  EXPECT_EQ(model.rotors[0].hinge, 0U);
+  EXPECT_EQ(model.rotors[1].hinge, 1U);
   EXPECT_EQ(right.angle_min_rad, -1.5);
   EXPECT_EQ(right.angle_max_rad, 1.5);
-  EXPECT_NEAR(right.drag_ratio_m, 1.7e-7 / 9.5e-6, 1e-10);
+  EXPECT_NEAR(model.rotors[0].drag_ratio_m, 1.7e-7 / 9.5e-6, 1e-10);
 
   EXPECT_EQ(model.InputMin(), (std::vector<double>{0, 0, -2, -2}));
   EXPECT_EQ(model.InputMax(), (std::vector<double>{30, 30, 2, 2}));
@@ -73,23 +76,13 @@ TEST(VehicleModel, GivesItsSignals) {
   EXPECT_EQ(signals.inputs[2], (Signal{"tau_r_nm", "N m", 1.0, SignalFrame::kHinge, -2.0, 2.0}));
 }
 
-// Only right and left are spelled by a letter.
-TEST(VehicleModel, SignalsAreNamedAfterItsRotors) {
-  VehicleModel model = LoadShipped("tiltrotor");
-  model.thrusters[0].name = "front";
-  const VehicleSignals signals = model.signals();
-  EXPECT_EQ(signals.states[6].name, "alpha_front_rad");
-  EXPECT_EQ(signals.inputs[0].name, "f_front_n");
-  EXPECT_EQ(signals.inputs[3].name, "tau_l_nm");
-}
-
 TEST(VehicleModel, ReadsTheAsPublishedPlant) {
   const VehicleModel model = LoadShipped("tiltrotor_published");
-  for (const TiltingThruster& thruster : model.thrusters) {
-    EXPECT_NEAR((thruster.axis_B - Eigen::Vector3d::UnitY()).norm(), 0, 1e-12);
-    EXPECT_NEAR(thruster.body.p_com_m.z(), 0.05948, 1e-5);
+  for (const Hinge& hinge : model.hinges) {
+    EXPECT_NEAR((hinge.axis_B - Eigen::Vector3d::UnitY()).norm(), 0, 1e-12);
+    EXPECT_NEAR(hinge.body.p_com_m.z(), 0.05948, 1e-5);
   }
-  EXPECT_DOUBLE_EQ(model.thrusters[VehicleModel::kRight].body.inertia_kg_m2(0, 0), 3.88267747087835e-05);
+  EXPECT_DOUBLE_EQ(model.hinges[0].body.inertia_kg_m2(0, 0), 3.88267747087835e-05);
 }
 
 TEST(VehicleModel, RefusesTheAuthorsFileForItsInertiaAndSaysWhere) {
@@ -117,10 +110,10 @@ TEST(VehicleModel, ReadsTheAuthorsFileWithTheMappingBesideItWhenAskedTo) {
   EXPECT_EQ(::testing::internal::GetCapturedStderr(), "");
   EXPECT_EQ(model.name, "modelo");
   EXPECT_EQ(model.base.link, "corpo");
-  EXPECT_EQ(model.thrusters[VehicleModel::kRight].body.link, "servodir");
-  EXPECT_EQ(model.thrusters[VehicleModel::kLeft].joint, "aL");
+  EXPECT_EQ(model.hinges[0].body.link, "servodir");
+  EXPECT_EQ(model.hinges[1].joint, "aL");
   // SDF 1.4: a joint's axis is given in the model's frame.
-  EXPECT_NEAR((model.thrusters[VehicleModel::kRight].axis_B - Eigen::Vector3d::UnitY()).norm(), 0, 1e-12);
+  EXPECT_NEAR((model.hinges[0].axis_B - Eigen::Vector3d::UnitY()).norm(), 0, 1e-12);
   EXPECT_EQ(model.InputMax(), (std::vector<double>{30, 30, 2, 2}));  // torque: the joints' <effort>
 
   EXPECT_THAT(warnings, Contains(AllOf(HasSubstr("vant_2.sdf:14:"), HasSubstr("triangle inequality"))));
@@ -275,7 +268,7 @@ TEST_F(ChangedVehicle, InertialFrameIsTurnedIntoTheLinks) {
   // A quarter turn about z swaps x and y.
   Replace("<mass>0.080943968597</mass>",
           "<mass>0.080943968597</mass><pose>0 0 0 0 0 1.57079632679489662</pose>");
-  const RigidBody body = Load().thrusters[VehicleModel::kLeft].body;
+  const RigidBody body = Load().hinges[1].body;
   EXPECT_NEAR(body.inertia_kg_m2(0, 0), 1.04858690e-04, 1e-15);
   EXPECT_NEAR(body.inertia_kg_m2(1, 1), 3.83153586e-05, 1e-15);
 }
@@ -302,7 +295,7 @@ TEST_F(ChangedVehicle, ThirdJointAndFourthLink) {
   EXPECT_THAT(Error(), AllOf(HasSubstr("'tail'"), HasSubstr("neither the base nor a thruster")));
   Replace("<link name=\"tail\"/>",
           "<joint name=\"extra\" type=\"fixed\"><parent>body</parent><child>thruster_left</child></joint>");
-  EXPECT_THAT(Error(), HasSubstr("two joints"));
+  EXPECT_THAT(Error(), HasSubstr("link 'thruster_left' must be the child of one joint, is that of 2"));
 }
 
 TEST_F(ChangedVehicle, TwoLinksOfOneName) {
@@ -360,7 +353,7 @@ TEST_F(ChangedVehicle, MissingElementsCanBeCopied) {
   text_.erase(begin, end - begin);
   const std::string vehicle = copied_from_error();
   text_.insert(begin, vehicle);
-  EXPECT_EQ(Load().thrusters[VehicleModel::kRight].body.link, "thruster_right");
+  EXPECT_EQ(Load().hinges[0].body.link, "thruster_right");
 
   for (const std::string gone :
        {"<tiltproof:base ", "<tiltproof:thruster name=\"right\"", "<tiltproof:thruster name=\"left\"",
@@ -371,7 +364,7 @@ TEST_F(ChangedVehicle, MissingElementsCanBeCopied) {
     const std::string element = copied_from_error();
     EXPECT_EQ(element.substr(0, gone.size()), gone);
     text_.insert(from, element);
-    EXPECT_EQ(Load().thrusters[VehicleModel::kRight].body.link, "thruster_right") << gone;
+    EXPECT_EQ(Load().hinges[0].body.link, "thruster_right") << gone;
   }
 }
 
@@ -389,7 +382,7 @@ TEST_F(ChangedVehicle, MissingRole) {
 TEST_F(ChangedVehicle, OneThrusterTooFew) {
   Replace("<tiltproof:thruster name=\"left\"", "<!--");
   Replace("<tiltproof:servo", "--><tiltproof:servo");
-  EXPECT_THAT(Error(), HasSubstr("found 1"));
+  EXPECT_THAT(Error(), HasSubstr("link 'thruster_left' is neither the base nor a thruster"));
 }
 
 TEST_F(ChangedVehicle, RoleOfAnUnknownLink) {
@@ -406,7 +399,8 @@ TEST_F(ChangedVehicle, ServoOfAnUnknownJoint) {
 
 TEST_F(ChangedVehicle, ServoTwiceOnOneJoint) {
   Replace("<tiltproof:servo joint=\"hinge_left\"", "<tiltproof:servo joint=\"hinge_right\"");
-  EXPECT_THAT(Error(), HasSubstr("no servo's joint has thruster link 'thruster_left'"));
+  EXPECT_THAT(Error(), AllOf(HasSubstr("no servo's joint has thruster link 'thruster_left'"),
+                             HasSubstr("a second servo of joint 'hinge_right'")));
 }
 
 TEST_F(ChangedVehicle, MistypedAttributesAndNumbers) {
@@ -440,16 +434,18 @@ TEST_F(ChangedVehicle, MistypedAttributesAndNumbers) {
   EXPECT_THAT(error_with("torque_max_nm=\"2\"", "torque_max_nm=\"0\""), HasSubstr("no limit"));
 }
 
-TEST_F(ChangedVehicle, ThrustersWithoutRolesCountInOrder) {
+TEST_F(ChangedVehicle, ThrustersOfOtherNamesKeepThemAndTheirOrder) {
   Replace("name=\"right\" link=\"thruster_right\"", "name=\"a\" link=\"thruster_right\"");
   Replace("name=\"left\" link=\"thruster_left\"", "name=\"b\" link=\"thruster_left\"");
-  EXPECT_EQ(Load().thrusters[VehicleModel::kRight].body.link, "thruster_right");
+  const VehicleModel model = Load();
+  EXPECT_EQ(model.hinges[0].body.link, "thruster_right");
+  EXPECT_EQ(model.signals().inputs[0].name, "f_a_n");
 }
 
 TEST_F(ChangedVehicle, ThrustersWithRolesCountByName) {
   Replace("name=\"right\" link=\"thruster_right\"", "name=\"left\" link=\"thruster_right\"");
   Replace("name=\"left\" link=\"thruster_left\"", "name=\"right\" link=\"thruster_left\"");
-  EXPECT_EQ(Load().thrusters[VehicleModel::kRight].body.link, "thruster_left");
+  EXPECT_EQ(Load().hinges[0].body.link, "thruster_left");
 }
 
 TEST_F(ChangedVehicle, WarnsOfWhatHasNoEffect) {

@@ -1,0 +1,201 @@
+// SDF files of vehicles with other rotors than two that tilt.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "plant/plant.h"
+#include "tests/plant/models.h"
+
+namespace tiltproof::plant {
+namespace {
+
+using Eigen::Vector3d;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+std::string Link(const std::string& name, const std::string& pose, double mass_kg, double moment_kg_m2) {
+  const std::string moment = std::to_string(moment_kg_m2);
+  return "<link name='" + name + "'><pose>" + pose + "</pose><inertial><mass>" + std::to_string(mass_kg) +
+         "</mass><inertia><ixx>" + moment + "</ixx><iyy>" + moment + "</iyy><izz>" + moment +
+         "</izz></inertia></inertial>" +
+         (name == "body" ? "<collision name='c'><geometry><box><size>0.3 0.3 0.1</size></box></geometry>"
+                           "</collision>"
+                         : "") +
+         "</link>\n";
+}
+std::string Fixed(const std::string& parent, const std::string& child) {
+  return "<joint name='" + parent + "_" + child + "' type='fixed'><parent>" + parent + "</parent><child>" +
+         child + "</child></joint>\n";
+}
+std::string Thruster(const std::string& link, int direction, const std::string& more = "") {
+  return "<tiltproof:thruster link='" + link + "' direction='" + std::to_string(direction) +
+         "' drag_ratio_m='0.016' force_max_n='10' " + more + "/>\n";
+}
+std::string Hinge(const std::string& child) {
+  return "<joint name='tilt' type='revolute'><parent>body</parent><child>" + child +
+         "</child><axis><xyz>0 1 0</xyz><limit><lower>-1</lower><upper>1</upper></limit></axis></joint>\n";
+}
+
+class VehicleFile : public ::testing::Test {
+ protected:
+  VehicleFile() { std::filesystem::create_directories(folder_); }
+  ~VehicleFile() override { std::filesystem::remove_all(folder_); }
+
+  VehicleModel Load(const std::string& bodies, const std::string& elements) {
+    const std::filesystem::path file = folder_ / "vehicle.sdf";
+    std::ofstream(file) << "<sdf version='1.9'><model name='vehicle'>" << bodies
+                        << "<tiltproof:vehicle xmlns:tiltproof='urn:tiltproof:vehicle:1'>"
+                           "<tiltproof:base link='body'/>"
+                        << elements << "</tiltproof:vehicle></model></sdf>";
+    return LoadVehicle(file, {}, warnings_);
+  }
+  std::string Error(const std::string& bodies, const std::string& elements) {
+    try {
+      Load(bodies, elements);
+      ADD_FAILURE() << "loaded";
+      return {};
+    } catch (const VehicleError& error) {
+      return error.what();
+    }
+  }
+
+  std::filesystem::path folder_ = std::filesystem::temp_directory_path() /
+                                  ("tiltproof-rotors-" + std::to_string(::getpid()) + "-" +
+                                   ::testing::UnitTest::GetInstance()->current_test_info()->name());
+  std::vector<std::string> warnings_;
+};
+
+std::string QuadrotorBodies() {
+  return Link("body", "0 0 0 0 0 0", 1, 0.01) +
+         // Turned about z, which changes nothing but the axes of the link.
+         Link("front_left", "0.2 0.2 0.05 0 0 1", 0.05, 0.0001) +
+         Link("front_right", "0.2 -0.2 0.05 0 0 0", 0.05, 0.0001) +
+         Link("rear_left", "-0.2 0.2 0.05 0 0 0", 0.05, 0.0001) +
+         Link("rear_right", "-0.2 -0.2 0.05 0 0 0", 0.05, 0.0001) + Fixed("body", "front_left") +
+         Fixed("body", "front_right") + Fixed("body", "rear_left") + Fixed("body", "rear_right");
+}
+std::string QuadrotorElements() {
+  return Thruster("front_left", 1) + Thruster("front_right", -1) + Thruster("rear_left", -1) +
+         Thruster("rear_right", 1, "name='back'");
+}
+
+TEST_F(VehicleFile, RotorsFixedToTheBaseBecomeAPartOfIt) {
+  const VehicleModel model = Load(QuadrotorBodies(), QuadrotorElements());
+  EXPECT_THAT(warnings_, IsEmpty());
+  EXPECT_TRUE(model.hinges.empty());
+  ASSERT_EQ(model.rotors.size(), 4U);
+  // Without a name a rotor has its link's.
+  EXPECT_EQ(model.rotors[0].name, "front_left");
+  EXPECT_EQ(model.rotors[3].name, "back");
+  EXPECT_FALSE(model.rotors[0].hinge);
+  EXPECT_NEAR((model.rotors[0].p_LR_m - Vector3d(0.2, 0.2, 0.05)).norm(), 0, 1e-15);
+  EXPECT_EQ(model.signals().inputs[3].name, "f_back_n");
+  EXPECT_DOUBLE_EQ(model.MassTotal(), 1.2);
+  // 0.2 kg at a height of 0.05 m, with 1 kg at 0.
+  EXPECT_NEAR((model.base.p_com_m - Vector3d(0, 0, 0.01 / 1.2)).norm(), 0, 1e-15);
+  const double reduced_kg = 1 * 0.2 / 1.2;
+  EXPECT_NEAR(model.base.inertia_kg_m2(0, 0), 0.01 + 4 * 0.0001 + 0.2 * 0.2 * 0.2 + reduced_kg * 0.05 * 0.05,
+              1e-12);
+  EXPECT_NEAR(model.base.inertia_kg_m2(2, 2), 0.01 + 4 * 0.0001 + 0.2 * (0.2 * 0.2 + 0.2 * 0.2), 1e-12);
+  EXPECT_NEAR(model.base.inertia_kg_m2(0, 1), 0, 1e-12);
+  for (const double force_n : model.HoverInput()) EXPECT_NEAR(force_n, 1.2 * 9.81 / 4, 1e-10);
+  Plant plant(model, {});
+  for (int i = 0; i < 250; ++i) plant.Step(model.HoverInput());
+  std::vector<double> state(12);
+  plant.State(state);
+  EXPECT_NEAR(state[2], 1, 1e-9);
+}
+
+TEST_F(VehicleFile, AHingeCarriesTwoRotors) {
+  // The thrusts push along the links' y axes, which point up.
+  const VehicleModel model =
+      Load(Link("body", "0 0 0 0 0 0", 1, 0.01) + Link("boom", "0 0 0.1 0 0 0", 0.1, 0.001) +
+               Link("r1", "0 -0.3 0.15 1.5707963267948966 0 0", 0.05, 0.0001) +
+               Link("r2", "0 0.3 0.15 1.5707963267948966 0 0", 0.05, 0.0001) + Hinge("boom") +
+               Fixed("boom", "r1") + Fixed("boom", "r2"),
+           Thruster("r1", 1, "axis='0 1 0'") + Thruster("r2", -1, "axis='0 1 0'") +
+               "<tiltproof:servo joint='tilt' torque_max_nm='2'/>");
+  ASSERT_EQ(model.hinges.size(), 1U);
+  // Two rotors: the hinge has the name of its joint.
+  EXPECT_EQ(model.hinges[0].name, "tilt");
+  EXPECT_EQ(model.signals().states[6].name, "alpha_tilt_rad");
+  EXPECT_EQ(model.rotors[1].hinge, 0U);
+  EXPECT_NEAR((model.rotors[1].p_LR_m - Vector3d(0, 0.3, 0.05)).norm(), 0, 1e-15);
+  EXPECT_NEAR((model.rotors[1].thrust_axis_L - Vector3d::UnitZ()).norm(), 0, 1e-15);
+  EXPECT_DOUBLE_EQ(model.hinges[0].body.mass_kg, 0.2);
+  EXPECT_NEAR((model.hinges[0].body.p_com_m - Vector3d(0, 0, 0.025)).norm(), 0, 1e-15);
+  EXPECT_NEAR(model.HoverInput()[0], 1.2 * 9.81 / 2, 1e-9);
+  EXPECT_NEAR(model.HoverInput()[2], 0, 1e-9);
+}
+
+TEST_F(VehicleFile, ARotorOnAHingeAndOthersOnTheBase) {
+  const VehicleModel model = Load(
+      Link("body", "0 0 0 0 0 0", 1, 0.01) + Link("tail", "-0.3 0 0 0 0 0", 0.1, 0.0001) +
+          Link("left", "0.15 0.2 0 0 0 0", 0.1, 0.0001) + Link("right", "0.15 -0.2 0 0 0 0", 0.1, 0.0001) +
+          "<joint name='yaw' type='revolute'><parent>body</parent><child>tail</child><axis>"
+          "<xyz>1 0 0</xyz><limit><lower>-1</lower><upper>1</upper><effort>1</effort></limit></axis>"
+          "</joint>" +
+          Fixed("body", "left") + Fixed("body", "right"),
+      Thruster("left", 1, "name='left'") + Thruster("right", -1, "name='right'") +
+          Thruster("tail", 1, "name='tail'") + "<tiltproof:servo joint='yaw'/>");
+  EXPECT_EQ(model.hinges[0].name, "tail");
+  EXPECT_EQ(model.rotors[2].hinge, 0U);
+  EXPECT_EQ(model.signals().inputs[0].name, "f_l_n");
+  EXPECT_EQ(model.signals().inputs[3].name, "tau_tail_nm");
+}
+
+TEST_F(VehicleFile, MistakesAreNamed) {
+  const std::string bodies = QuadrotorBodies(), elements = QuadrotorElements();
+  EXPECT_THAT(Error(bodies, ""), HasSubstr("a vehicle has 1 to 8 <tiltproof:thruster>; found 0"));
+  EXPECT_THAT(Error(bodies, elements + elements + elements),
+              HasSubstr("1 to 8 <tiltproof:thruster>; found 12"));
+  EXPECT_THAT(Error(bodies, elements + Thruster("rear_right", 1, "name='other'")),
+              HasSubstr("two thrusters have link 'rear_right'"));
+  EXPECT_THAT(Error(bodies, Thruster("front_left", 1, "name='back'") + Thruster("front_right", -1) +
+                                Thruster("rear_left", -1) + Thruster("rear_right", 1, "name='back'")),
+              HasSubstr("two thrusters have the name 'back'"));
+  EXPECT_THAT(Error(bodies, Thruster("front_left", 1, "name='r'") + Thruster("front_right", -1) +
+                                Thruster("rear_left", -1) + Thruster("rear_right", 1, "name='right'")),
+              HasSubstr("two rotors or hinges have the signal 'f_r_n': rename one of them"));
+  EXPECT_THAT(Error(bodies, Thruster("front_left", 1, "name='1st'") + Thruster("front_right", -1) +
+                                Thruster("rear_left", -1) + Thruster("rear_right", 1)),
+              HasSubstr("name: '1st' must be letters, digits and '_'"));
+  EXPECT_THAT(Error(bodies, elements + "<tiltproof:servo joint='body_rear_left' torque_max_nm='2'/>"),
+              HasSubstr("servo joint 'body_rear_left' is fixed"));
+  EXPECT_THAT(Error(bodies + Link("gear", "0 0 0 0 0 0", 1, 1) + Fixed("body", "gear"), elements),
+              HasSubstr("link 'gear' is neither the base nor a thruster"));
+  const auto at = bodies.find("<joint name='body_rear_left'");
+  const std::string loose =
+      bodies.substr(0, at) + bodies.substr(bodies.find("<joint name='body_rear_right'"));
+  EXPECT_THAT(Error(loose, elements),
+              HasSubstr("link 'rear_left' must be the child of one joint, is that of 0"));
+  EXPECT_THAT(Error(loose + Fixed("rear_right", "rear_left"), elements),
+              HasSubstr("joint 'rear_right_rear_left': its parent must be the base 'body' or on a hinge, is "
+                        "'rear_right'"));
+  // The element that it lacks is offered.
+  EXPECT_THAT(Error(loose + Hinge("rear_left"), elements),
+              AllOf(HasSubstr("no servo's joint has thruster link 'rear_left' as its child"),
+                    HasSubstr("<tiltproof:servo joint=\"tilt\" torque_max_nm=\"2\"/>")));
+}
+
+TEST_F(VehicleFile, MissingThrustersAreOfferedForEachJoint) {
+  const std::string error = Error(QuadrotorBodies(), Thruster("front_left", 1));
+  for (const char* link : {"front_right", "rear_left", "rear_right"})
+    EXPECT_THAT(error,
+                HasSubstr("<tiltproof:thruster name=\"" + std::string(link) + "\" link=\"" + link + "\""));
+  EXPECT_THAT(error, ::testing::Not(HasSubstr("tiltproof:servo joint")));
+}
+
+TEST_F(VehicleFile, WeakRotorsCannotHover) {
+  EXPECT_THAT(
+      Error(Link("body", "0 0 0 0 0 0", 5, 0.05) + QuadrotorBodies().substr(QuadrotorBodies().find("\n") + 1),
+            QuadrotorElements()),
+      HasSubstr("the vehicle cannot hover: its front_left rotor has to give 12.75 N"));
+}
+
+}  // namespace
+}  // namespace tiltproof::plant

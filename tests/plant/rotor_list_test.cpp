@@ -1,0 +1,378 @@
+// Vehicles with any list of rotors and hinges: signals, hover, motion, and a controller designed on one.
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include "plant/dynamics.h"
+#include "plant/lqr_design.h"
+#include "plant/plant.h"
+#include "tests/plant/models.h"
+#include "tests/support/newton_euler_model.h"
+
+namespace tiltproof::plant {
+namespace {
+
+using Eigen::Index;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+constexpr double kG_m_s2 = 9.81;
+
+Rotor RotorAt(const std::string& name, const Vector3d& p_m, double direction) {
+  return {.name = name,
+          .hinge = {},
+          .p_LR_m = p_m,
+          .direction = direction,
+          .drag_ratio_m = 0.016,
+          .force_min_n = 0,
+          .force_max_n = 10};
+}
+
+VehicleModel Body(const std::string& name, double mass_kg, const Vector3d& p_com_m) {
+  VehicleModel model;
+  model.name = name;
+  model.base.link = "body";
+  model.base.mass_kg = mass_kg;
+  model.base.p_com_m = p_com_m;
+  model.base.inertia_kg_m2 << 0.012, 0.0004, -0.0007, 0.0004, 0.014, 0.0003, -0.0007, 0.0003, 0.021;
+  model.collision.kind = CollisionShape::Kind::kSphere;
+  model.collision.size_m = {0.2, 0, 0};
+  return model;
+}
+
+// Arms of 0.2 m along x and 0.15 m along y.
+VehicleModel Quadrotor(const Vector3d& p_com_m = {0.012, -0.007, -0.02}) {
+  VehicleModel model = Body("quadrotor", 1.2, p_com_m);
+  model.rotors = {RotorAt("front_left", {0.2, 0.15, 0.03}, 1), RotorAt("front_right", {0.2, -0.15, 0.03}, -1),
+                  RotorAt("rear_left", {-0.2, 0.15, 0.03}, -1),
+                  RotorAt("rear_right", {-0.2, -0.15, 0.03}, 1)};
+  model.hover = SolveHover(model);
+  return model;
+}
+
+constexpr double kHexarotorRadius_m = 0.3;
+VehicleModel Hexarotor() {
+  VehicleModel model = Body("hexarotor", 2.5, {0.015, 0.02, -0.03});
+  for (int i = 0; i < 6; ++i) {
+    const double angle = (30 + 60 * i) * std::numbers::pi / 180;
+    model.rotors.push_back(
+        RotorAt("m" + std::to_string(i),
+                {kHexarotorRadius_m * std::cos(angle), kHexarotorRadius_m * std::sin(angle), 0.05},
+                i % 2 == 0 ? 1 : -1));
+  }
+  model.hover = SolveHover(model);
+  return model;
+}
+
+Hinge HingeAt(const std::string& name, const Vector3d& p_m) {
+  Hinge hinge;
+  hinge.name = name;
+  hinge.joint = name + "_joint";
+  hinge.body.link = name + "_body";
+  hinge.body.mass_kg = 0.1;
+  hinge.body.inertia_kg_m2 = Vector3d(4e-4, 5e-4, 6e-4).asDiagonal();
+  hinge.p_BT_m = hinge.p_BH_m = p_m;
+  hinge.axis_B = Vector3d::UnitY();
+  hinge.angle_min_rad = -1;
+  hinge.angle_max_rad = 1;
+  hinge.torque_max_nm = 2;
+  return hinge;
+}
+
+// Its centre of mass lies beside its hinges, which hover has to make up for.
+constexpr double kHingeHeight_m = 0.08, kComX_m = 0.01, kComZ_m = -0.04;
+VehicleModel Bicopter() {
+  VehicleModel model = Body("bicopter", 1.5, {kComX_m, 0, kComZ_m});
+  model.hinges = {HingeAt("a", {0, -0.25, kHingeHeight_m}), HingeAt("b", {0, 0.25, kHingeHeight_m})};
+  model.rotors = {RotorAt("a", {0, 0, 0.05}, 1), RotorAt("b", {0, 0, 0.05}, -1)};
+  for (std::size_t i = 0; i < 2; ++i) {
+    model.rotors[i].hinge = i;
+    model.rotors[i].force_max_n = 20;
+  }
+  model.hover = SolveHover(model);
+  return model;
+}
+
+// One hinge with two rotors.
+VehicleModel Boom() {
+  VehicleModel model = Body("boom", 1.5, {kComX_m, 0, kComZ_m});
+  model.hinges = {HingeAt("boom", {0, 0, kHingeHeight_m})};
+  model.rotors = {RotorAt("r1", {0, -0.25, 0.05}, 1), RotorAt("r2", {0, 0.25, 0.05}, -1)};
+  for (Rotor& rotor : model.rotors) {
+    rotor.hinge = 0;
+    rotor.force_max_n = 20;
+  }
+  model.hover = SolveHover(model);
+  return model;
+}
+
+// A hinge with one rotor, and three rotors on the body.
+VehicleModel Tricopter() {
+  VehicleModel model = Body("tricopter", 1.4, {-0.01, 0.004, -0.01});
+  model.hinges = {HingeAt("tail", {-0.3, 0.01, 0.02})};
+  model.hinges[0].axis_B = Vector3d(1, 0.2, 0.1).normalized();
+  model.hinges[0].body.p_com_m = {0.01, 0.02, 0.03};
+  model.rotors = {RotorAt("nose", {0.2, 0.02, 0.03}, 1), RotorAt("tail", {0.01, 0.03, 0.06}, -1),
+                  RotorAt("left", {0.1, 0.2, 0.03}, -1), RotorAt("right", {0.1, -0.2, 0.03}, 1)};
+  model.rotors[0].thrust_axis_L = Vector3d(0.1, 0.05, 1).normalized();
+  model.rotors[1].hinge = 0;
+  model.hover = SolveHover(model);
+  return model;
+}
+
+TEST(RotorList, NamesTheSignals) {
+  const VehicleSignals quadrotor = Quadrotor().signals();
+  EXPECT_EQ(quadrotor.states.size(), 12U);
+  EXPECT_EQ(quadrotor.inputs.size(), 4U);
+  EXPECT_EQ(quadrotor.inputs[2].name, "f_rear_left_n");
+  EXPECT_EQ(quadrotor.rotors.size(), 4U);
+  EXPECT_TRUE(quadrotor.joints.empty());
+  const VehicleSignals tricopter = Tricopter().signals();
+  EXPECT_EQ(tricopter.states[6].name, "alpha_tail_rad");
+  EXPECT_EQ(tricopter.inputs[1].name, "f_tail_n");
+  // Only right and left are spelled by a letter.
+  EXPECT_EQ(tricopter.inputs[2].name, "f_l_n");
+  EXPECT_EQ(tricopter.inputs[4].name, "tau_tail_nm");
+  EXPECT_EQ(tricopter.inputs[4].max, 2);
+  EXPECT_EQ(tricopter.joints, std::vector<std::string>{"tail_joint"});
+}
+
+// Moments about the rotors' centre: f_i = m g / 4 (1 + c_x / x_i + c_y / y_i) balances force, roll, pitch and yaw.
+TEST(RotorList, QuadrotorHovers) {
+  const VehicleModel model = Quadrotor();
+  EXPECT_NEAR(model.hover.roll_rad, 0, 1e-12);
+  EXPECT_NEAR(model.hover.pitch_rad, 0, 1e-12);
+  EXPECT_TRUE(model.hover.hinge_rad.empty());
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Vector3d& p_m = model.rotors[i].p_LR_m;
+    EXPECT_NEAR(model.hover.input[i], 1.2 * kG_m_s2 / 4 * (1 + 0.012 / p_m.x() - 0.007 / p_m.y()), 1e-11);
+  }
+}
+
+// Many thrusts balance six rotors. The least ones are m g (1/6 + (x_i c_x + y_i c_y) / (3 r^2)), because the sums of
+// x y, x, y, and of each with the directions are zero.
+TEST(RotorList, HexarotorHoversWithTheLeastThrusts) {
+  const VehicleModel model = Hexarotor();
+  EXPECT_NEAR(model.hover.roll_rad, 0, 1e-11);
+  EXPECT_NEAR(model.hover.pitch_rad, 0, 1e-11);
+  for (std::size_t i = 0; i < 6; ++i) {
+    const Vector3d& p_m = model.rotors[i].p_LR_m;
+    const double share =
+        1.0 / 6 + (p_m.x() * 0.015 + p_m.y() * 0.02) / (3 * kHexarotorRadius_m * kHexarotorRadius_m);
+    EXPECT_NEAR(model.hover.input[i], 2.5 * kG_m_s2 * share, 1e-9);
+  }
+}
+
+// A rotor with twice the limit takes more of the load: of two pairs on one line, four times as much.
+TEST(RotorList, HoverLoadsRotorsByTheirLimits) {
+  VehicleModel model = Quadrotor({0, 0, 0});
+  for (std::size_t i = 0; i < 4; ++i) model.rotors.push_back(model.rotors[i]);
+  for (std::size_t i = 4; i < 8; ++i) model.rotors[i].force_max_n = 20;
+  const Hover hover = SolveHover(model);
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_NEAR(hover.input[i], 1.2 * kG_m_s2 / 4 / 5, 1e-9);
+    EXPECT_NEAR(hover.input[4 + i], 1.2 * kG_m_s2 / 4 * 4 / 5, 1e-9);
+  }
+}
+
+// The hinged bodies are balanced, so no servo holds anything, thrust is vertical, and the body hangs with the common
+// centre of mass under the hinges.
+TEST(RotorList, BicopterAndBoomHangUnderTheirHinges) {
+  for (const VehicleModel& model : {Bicopter(), Boom()}) {
+    const double pitch = std::atan(kComX_m / (kHingeHeight_m - kComZ_m));
+    EXPECT_NEAR(model.hover.roll_rad, 0, 1e-10) << model.name;
+    EXPECT_NEAR(model.hover.pitch_rad, pitch, 1e-10) << model.name;
+    for (const double angle : model.hover.hinge_rad) EXPECT_NEAR(angle, -pitch, 1e-10) << model.name;
+    EXPECT_NEAR(model.hover.input[0], model.MassTotal() * kG_m_s2 / 2, 1e-9) << model.name;
+    EXPECT_NEAR(model.hover.input[1], model.MassTotal() * kG_m_s2 / 2, 1e-9) << model.name;
+    for (std::size_t i = 2; i < model.hover.input.size(); ++i)
+      EXPECT_NEAR(model.hover.input[i], 0, 1e-10) << model.name;
+  }
+}
+
+TEST(RotorList, NoHoverIsAnError) {
+  // Nothing balances the drag of a single propeller.
+  VehicleModel model = Body("single", 0.5, {0, 0, 0});
+  model.rotors = {RotorAt("only", {0, 0, 0.1}, 1)};
+  EXPECT_THROW(SolveHover(model), DesignError);
+  model.rotors[0].drag_ratio_m = 0;
+  EXPECT_NEAR(SolveHover(model).input[0], 0.5 * kG_m_s2, 1e-9);
+  // Nor does anything balance rotors that are all on one side.
+  model = Quadrotor();
+  for (Rotor& rotor : model.rotors) rotor.p_LR_m.y() += 1;
+  model.rotors[3].thrust_axis_L = -Vector3d::UnitZ();
+  for (Rotor& rotor : model.rotors) rotor.p_LR_m.x() = 0.1;
+  EXPECT_THROW(SolveHover(model), DesignError);
+}
+
+// Uniform in [-bound, bound].
+double Draw(std::mt19937_64& generator, double bound) {
+  return bound * (2 * std::ldexp(static_cast<double>(generator() >> 11U), -53) - 1);
+}
+
+struct Moment {
+  VectorXd q, q_dot, u;
+};
+Moment RandomMoment(const VehicleModel& model, std::mt19937_64& generator) {
+  Moment at{VectorXd(CoordinateCount(model)), VectorXd(CoordinateCount(model)), VectorXd(InputCount(model))};
+  for (Index i = 0; i < at.q.size(); ++i) {
+    at.q[i] = Draw(generator, i == 2 ? 1 : i == 4 ? 1.2 : i >= 6 ? 0.9 : 3);
+    at.q_dot[i] = Draw(generator, 4);
+  }
+  at.q[2] += 50;
+  for (Index i = 0; i < at.u.size(); ++i)
+    at.u[i] = i < static_cast<Index>(model.rotors.size()) ? 5 + Draw(generator, 5) : Draw(generator, 1);
+  return at;
+}
+VectorXd OurAcceleration(const VehicleModel& model, const Moment& at) {
+  return Acceleration(model, at.q.cast<Complex>(), at.q_dot.cast<Complex>(), at.u.cast<Complex>()).real();
+}
+
+class EveryVehicle : public ::testing::TestWithParam<VehicleModel (*)()> {};
+INSTANTIATE_TEST_SUITE_P(RotorList, EveryVehicle,
+                         ::testing::Values(
+                             +[] { return Quadrotor(); }, &Hexarotor, &Bicopter, &Boom, &Tricopter));
+
+TEST_P(EveryVehicle, AcceleratesAsNewtonAndEulerSay) {
+  const VehicleModel model = GetParam()();
+  std::mt19937_64 generator(7);
+  for (int i = 0; i < 200; ++i) {
+    const Moment at = RandomMoment(model, generator);
+    const VectorXd theirs = testing::NewtonEulerAcceleration(model, at.q, at.q_dot, at.u);
+    EXPECT_LT((OurAcceleration(model, at) - theirs).norm(), 1e-9 * (1 + theirs.norm())) << model.name;
+  }
+}
+
+TEST_P(EveryVehicle, HoverStandsStill) {
+  const VehicleModel model = GetParam()();
+  const VectorXd q = HoverCoordinates(model.hover), u = HoverInputs(model.hover);
+  EXPECT_LT(testing::NewtonEulerAcceleration(model, q, VectorXd::Zero(q.size()), u).norm(), 1e-8);
+}
+
+TEST_P(EveryVehicle, LinearModelIsTheDerivative) {
+  const VehicleModel model = GetParam()();
+  const LinearModel linear = Linearise(model, model.hover);
+  const Index n = CoordinateCount(model);
+  ASSERT_EQ(linear.a.rows(), 2 * n);
+  ASSERT_EQ(linear.b.cols(), InputCount(model));
+  VectorXd at(2 * n + InputCount(model));
+  at << HoverCoordinates(model.hover), VectorXd::Zero(n), HoverInputs(model.hover);
+  const auto acceleration = [&](const VectorXd& x) {
+    return testing::NewtonEulerAcceleration(model, x.head(n), x.segment(n, n), x.tail(InputCount(model)));
+  };
+  constexpr double h = 1e-5;
+  for (Index i = 0; i < at.size(); ++i) {
+    const VectorXd d = h * VectorXd::Unit(at.size(), i);
+    const VectorXd difference = (acceleration(at + d) - acceleration(at - d)) / (2 * h);
+    const VectorXd exact = i < 2 * n ? linear.a.col(i).tail(n) : linear.b.col(i - 2 * n).tail(n);
+    EXPECT_LT((exact - difference).norm(), 1e-6 * (1 + difference.norm())) << model.name << ' ' << i;
+  }
+  EXPECT_TRUE(linear.a.topRightCorner(n, n).isIdentity(0));
+}
+
+// One short step of ODE changes the rates by the acceleration. Its plant has angular rates along the world's axes.
+TEST_P(EveryVehicle, TheWorldStepsAsTheEquationsSay) {
+  const VehicleModel model = GetParam()();
+  constexpr TimeNs kStep_ns = 1000;
+  Plant plant(model, {.step_ns = kStep_ns});
+  const Index n = CoordinateCount(model);
+  std::mt19937_64 generator(11);
+  for (int trial = 0; trial < 20; ++trial) {
+    Moment at = RandomMoment(model, generator);
+    // A level body without angular rates: there Euler rates are the world's, and so are their derivatives.
+    at.q.segment<3>(3).setZero();
+    at.q_dot.segment<3>(3).setZero();
+    std::vector<double> state(static_cast<std::size_t>(2 * n)), after(state.size());
+    for (Index i = 0; i < n; ++i) {
+      state[static_cast<std::size_t>(i)] = at.q[i];
+      state[static_cast<std::size_t>(n + i)] = at.q_dot[i];
+    }
+    plant.Reset(state);
+    plant.Step(std::vector<double>(at.u.data(), at.u.data() + at.u.size()));
+    plant.State(after);
+    const VectorXd expected = OurAcceleration(model, at);
+    for (Index i = 0; i < n; ++i) {
+      const auto place = static_cast<std::size_t>(n + i);
+      EXPECT_NEAR((after[place] - state[place]) / ToSeconds(kStep_ns), expected[i],
+                  2e-3 * (1 + expected.cwiseAbs().maxCoeff()))
+          << model.name << ' ' << i;
+    }
+  }
+}
+
+// Without ground, gravity and inputs nothing may gain or lose momentum.
+TEST_P(EveryVehicle, KeepsItsMomentum) {
+  const VehicleModel model = GetParam()();
+  Plant plant(model, {.step_ns = kNsPerMs, .gravity_m_s2 = 0, .ground = false});
+  std::vector<double> state(model.signals().states.size());
+  for (std::size_t i = 0; i < state.size(); ++i) state[i] = 0.1 * static_cast<double>(i % 3) + 0.05;
+  plant.Reset(state);
+  const auto before = plant.Momentum();
+  for (int i = 0; i < 200; ++i) plant.Step(std::vector<double>(model.signals().inputs.size()));
+  for (std::size_t i = 0; i < 6; ++i) EXPECT_NEAR(plant.Momentum()[i], before[i], 1e-3) << model.name;
+  EXPECT_LT(plant.HingeGap(), 1e-4);
+}
+
+// A thrust beside the centre of mass turns the body, and a shift of the centre of mass changes how.
+TEST(RotorList, ThrustTurnsTheBodyAboutItsShiftedCentreOfMass) {
+  const VehicleModel model = Quadrotor({0, 0, 0});
+  Plant plant(model, {});
+  std::vector<double> state(12);
+  Disturbance shifted;
+  shifted.com_shift_m = {0, 0.02, 0};
+  plant.Reset({0, 0, 5}, {0, 0, 0});
+  for (int i = 0; i < 10; ++i) plant.Step(model.HoverInput());
+  plant.State(state);
+  EXPECT_NEAR(state[9], 0, 1e-12);
+  for (int i = 0; i < 10; ++i) plant.Step(model.HoverInput(), shifted);
+  plant.State(state);
+  // 40 ms of the torque m g 0.02 m about -x.
+  const Eigen::Matrix3d& inertia = model.base.inertia_kg_m2;
+  const Vector3d rate = inertia.inverse() * Vector3d(-1.2 * kG_m_s2 * 0.02, 0, 0) * 0.04;
+  EXPECT_NEAR(state[9], rate.x(), 0.02 * std::abs(rate.x()));
+}
+
+TEST(RotorList, MoreRotorsThanADisturbanceHasAreRefused) {
+  VehicleModel model = Quadrotor();
+  while (model.rotors.size() <= kRotorsMax) model.rotors.push_back(model.rotors[0]);
+  EXPECT_THROW(Plant(model, {}), PlantError);
+}
+
+// The designed law flies the vehicle in the plant: from beside its hover back to it.
+void ExpectStabilised(const VehicleModel& model) {
+  const LqrDesign design = DesignLqr(model);
+  const auto n = static_cast<std::size_t>(CoordinateCount(model));
+  ASSERT_EQ(design.gain.rows(), InputCount(model));
+  ASSERT_EQ(design.gain.cols(), static_cast<Index>(2 * n + kIntegralCount));
+  EXPECT_LT(design.spectral_radius, 1);
+  EXPECT_LT(design.dare_residual, 1e-10);
+  EXPECT_GT(design.delay_margin_s, 4e-3);
+  Plant plant(model, {});
+  plant.Reset({0.4, -0.3, 2.3}, {0.1, -0.05, 0.2});
+  const VectorXd target = HoverCoordinates(design.hover) + 2.0 * VectorXd::Unit(static_cast<Index>(n), 2);
+  VectorXd x = VectorXd::Zero(static_cast<Index>(2 * n) + kIntegralCount);
+  Eigen::Vector4d error_before = Eigen::Vector4d::Zero();
+  std::vector<double> state(2 * n);
+  for (int period = 0; period < 2500; ++period) {
+    plant.State(state, RatesFrame::kEuler);
+    x.head(static_cast<Index>(2 * n)) = Eigen::Map<const VectorXd>(state.data(), static_cast<Index>(2 * n));
+    x.head(static_cast<Index>(n)) -= target;
+    const Eigen::Vector4d error(x[0], x[1], x[2], x[5]);
+    if (period > 0) x.tail<4>() += 0.006 * (error_before + error);
+    error_before = error;
+    const VectorXd u = VectorXd(HoverInputs(design.hover)) - design.gain * x;
+    for (int i = 0; i < 3; ++i) plant.Step(std::vector<double>(u.data(), u.data() + u.size()));
+    ASSERT_EQ(plant.Event(), FlightEvent::kNone) << period << ' ' << plant.EventText();
+  }
+  EXPECT_LT(error_before.norm(), 1e-3);
+}
+
+TEST(RotorList, DesignedLawFliesAQuadrotor) { ExpectStabilised(Quadrotor()); }
+TEST(RotorList, DesignedLawFliesAHexarotor) { ExpectStabilised(Hexarotor()); }
+TEST(RotorList, DesignedLawFliesABicopter) { ExpectStabilised(Bicopter()); }
+
+}  // namespace
+}  // namespace tiltproof::plant
