@@ -104,10 +104,6 @@ extern std::string_view bytes;
 ClientSettings SettingsOf(const Scenario& scenario);
 extern ClientHost host;
 
-// harness/client/overrun_rows.h
-extern const ClientHost host;
-extern const BootTime at;
-
 // harness/client/sanitizer.h
 extern const std::string line;
 
