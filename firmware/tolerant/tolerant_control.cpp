@@ -1,9 +1,9 @@
-#include "firmware/tolerant_control.h"
+#include "firmware/tolerant/tolerant_control.h"
 
 #include <algorithm>
 
 #include "firmware/messages.h"
-#include "firmware/vehicle_parameters.h"
+#include "firmware/tolerant/vehicle_parameters.h"
 
 namespace tiltproof::firmware {
 namespace {

@@ -11,8 +11,8 @@
 
 #include <array>
 
-#include "firmware/actuator_model.h"
-#include "firmware/motion_timeline.h"
+#include "firmware/tolerant/actuator_model.h"
+#include "firmware/tolerant/motion_timeline.h"
 
 namespace tiltproof::firmware {
 

@@ -11,7 +11,7 @@
 
 #include <array>
 
-#include "firmware/vector3.h"
+#include "firmware/tolerant/vector3.h"
 
 namespace tiltproof::firmware {
 

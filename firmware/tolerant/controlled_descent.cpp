@@ -1,4 +1,4 @@
-#include "firmware/controlled_descent.h"
+#include "firmware/tolerant/controlled_descent.h"
 
 #include <algorithm>
 

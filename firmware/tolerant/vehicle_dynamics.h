@@ -21,8 +21,8 @@
 #include <array>
 
 #include "firmware/signals.h"
-#include "firmware/vector3.h"
-#include "firmware/vehicle_parameters.h"
+#include "firmware/tolerant/vector3.h"
+#include "firmware/tolerant/vehicle_parameters.h"
 #include "link/time.h"
 
 namespace tiltproof::firmware {

@@ -1,4 +1,4 @@
-#include "tests/firmware/actuator_flight.h"
+#include "tests/firmware/tolerant/actuator_flight.h"
 
 #include <unistd.h>
 
@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "firmware/builds.h"
-#include "firmware/tolerant_control.h"
+#include "firmware/tolerant/tolerant_control.h"
 #include "plant/plant.h"
 
 namespace tiltproof::firmware {

@@ -10,7 +10,7 @@
 #include "firmware/builds.h"
 #include "firmware/flight_application.h"
 #include "firmware/messages.h"
-#include "firmware/vehicle_dynamics.h"
+#include "firmware/tolerant/vehicle_dynamics.h"
 #include "link/frame.h"
 #include "tests/firmware/ordinary_noise.h"
 

@@ -1,4 +1,4 @@
-#include "firmware/actuator_monitor.h"
+#include "firmware/tolerant/actuator_monitor.h"
 
 #include <algorithm>
 

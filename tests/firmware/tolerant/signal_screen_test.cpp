@@ -1,6 +1,6 @@
 // Signals that lie in every way, alone, against a known motion: what comes out is near the truth, and nothing else is
 // touched. The truth is sinusoids; angular rates along the world's axes come from it by matrices of its own.
-#include "firmware/signal_screen.h"
+#include "firmware/tolerant/signal_screen.h"
 
 #include <gtest/gtest.h>
 

@@ -8,13 +8,13 @@
 #include <optional>
 #include <random>
 
-#include "firmware/accepted_replies.h"
 #include "firmware/builds.h"
-#include "firmware/innovation.h"
-#include "firmware/lag_estimator.h"
-#include "firmware/motion_timeline.h"
-#include "firmware/reply_matcher.h"
-#include "firmware/tolerant_control.h"
+#include "firmware/tolerant/accepted_replies.h"
+#include "firmware/tolerant/innovation.h"
+#include "firmware/tolerant/lag_estimator.h"
+#include "firmware/tolerant/motion_timeline.h"
+#include "firmware/tolerant/reply_matcher.h"
+#include "firmware/tolerant/tolerant_control.h"
 #include "tests/firmware/ordinary_noise.h"
 
 namespace tiltproof::firmware {

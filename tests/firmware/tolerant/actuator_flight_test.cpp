@@ -1,6 +1,6 @@
 // Weak rotors and jammed servos in flight: what is noticed, how soon, what becomes of the vehicle; and that nothing is
 // noticed when nothing is wrong, whatever the vehicle, the line and the noise.
-#include "tests/firmware/actuator_flight.h"
+#include "tests/firmware/tolerant/actuator_flight.h"
 
 #include <gtest/gtest.h>
 

@@ -1,8 +1,8 @@
-#include "firmware/actuator_model.h"
+#include "firmware/tolerant/actuator_model.h"
 
 #include <algorithm>
 
-#include "firmware/vehicle_parameters.h"
+#include "firmware/tolerant/vehicle_parameters.h"
 
 namespace tiltproof::firmware {
 

@@ -1,4 +1,4 @@
-#include "firmware/innovation.h"
+#include "firmware/tolerant/innovation.h"
 
 #include <algorithm>
 

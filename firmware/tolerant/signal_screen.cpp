@@ -1,10 +1,10 @@
-#include "firmware/signal_screen.h"
+#include "firmware/tolerant/signal_screen.h"
 
 #include <algorithm>
 #include <cmath>
 
+#include "firmware/tolerant/vehicle_dynamics.h"
 #include "firmware/trigonometry.h"
-#include "firmware/vehicle_dynamics.h"
 
 namespace tiltproof::firmware {
 namespace {
@@ -17,7 +17,7 @@ constexpr std::array<float, 2> kWindow_s = {0.1F, 1.5F};
 constexpr std::array<float, 2> kWindowTolerance = {1, 1.3F};
 
 // Tolerance of a pair's contradiction. It covers ten times ordinary noise (2 mm, 1 mrad, hinges 1 mrad, with rates of
-// 1 cm/s, 10 and 30 mrad/s, as firmware/innovation.h), and a sample that is stamped two steps beside. The inputs of the
+// 1 cm/s, 10 and 30 mrad/s, as firmware/tolerant/innovation.h), and a sample that is stamped two steps beside. The inputs of the
 // hinges' motion change within a sample.
 constexpr std::array<float, 8> kContradictionMax = {3e-2F, 3e-2F, 3e-2F, 3e-2F, 3e-2F, 3e-2F, 6e-2F, 6e-2F};
 constexpr float kStamp_s = 2 * kGridStep_s;

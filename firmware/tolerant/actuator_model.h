@@ -9,7 +9,7 @@
 #include <array>
 
 #include "firmware/signals.h"
-#include "firmware/vehicle_dynamics.h"
+#include "firmware/tolerant/vehicle_dynamics.h"
 
 namespace tiltproof::firmware {
 

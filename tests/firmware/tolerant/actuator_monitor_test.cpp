@@ -1,12 +1,12 @@
 // Estimates of what the actuators deliver, from motions whose right answer is known: the firmware's own model moves
 // under other inputs than those that the monitor receives.
-#include "firmware/actuator_monitor.h"
+#include "firmware/tolerant/actuator_monitor.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
-#include "firmware/controlled_descent.h"
+#include "firmware/tolerant/controlled_descent.h"
 
 namespace tiltproof::firmware {
 namespace {

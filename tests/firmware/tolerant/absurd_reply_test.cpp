@@ -8,8 +8,8 @@
 
 #include "firmware/builds.h"
 #include "firmware/messages.h"
-#include "firmware/tolerant_control.h"
-#include "firmware/vehicle_parameters.h"
+#include "firmware/tolerant/tolerant_control.h"
+#include "firmware/tolerant/vehicle_parameters.h"
 
 namespace tiltproof::firmware {
 namespace {

@@ -1,8 +1,8 @@
-#include "firmware/lag_estimator.h"
+#include "firmware/tolerant/lag_estimator.h"
 
 #include <algorithm>
 
-#include "firmware/innovation.h"
+#include "firmware/tolerant/innovation.h"
 
 namespace tiltproof::firmware {
 namespace {

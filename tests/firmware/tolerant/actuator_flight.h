@@ -9,7 +9,7 @@
 #include <limits>
 #include <span>
 
-#include "firmware/vehicle_dynamics.h"
+#include "firmware/tolerant/vehicle_dynamics.h"
 #include "link/disturbance.h"
 #include "link/time.h"
 

@@ -1,5 +1,5 @@
 // The firmware's parameters of its vehicle equal those of the shipped model file.
-#include "firmware/vehicle_parameters.h"
+#include "firmware/tolerant/vehicle_parameters.h"
 
 #include <gtest/gtest.h>
 

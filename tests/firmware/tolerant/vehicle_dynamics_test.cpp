@@ -1,6 +1,6 @@
 // The firmware's model of motion against the simulated plant: one control period of 12 ms ahead, all along the
 // paper's spiral, and from states in which everything turns at once.
-#include "firmware/vehicle_dynamics.h"
+#include "firmware/tolerant/vehicle_dynamics.h"
 
 #include <gtest/gtest.h>
 

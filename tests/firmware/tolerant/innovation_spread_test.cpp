@@ -6,9 +6,9 @@
 #include <array>
 #include <cmath>
 
-#include "firmware/innovation.h"
-#include "firmware/lag_estimator.h"
-#include "tests/firmware/actuator_flight.h"
+#include "firmware/tolerant/innovation.h"
+#include "firmware/tolerant/lag_estimator.h"
+#include "tests/firmware/tolerant/actuator_flight.h"
 
 namespace tiltproof::firmware {
 namespace {

@@ -14,8 +14,8 @@
 #include <array>
 #include <cstdint>
 
-#include "firmware/actuator_model.h"
-#include "firmware/vehicle_dynamics.h"
+#include "firmware/tolerant/actuator_model.h"
+#include "firmware/tolerant/vehicle_dynamics.h"
 
 namespace tiltproof::firmware {
 

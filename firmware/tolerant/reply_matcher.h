@@ -9,7 +9,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "firmware/motion_timeline.h"
+#include "firmware/tolerant/motion_timeline.h"
 
 namespace tiltproof::firmware {
 

@@ -1,8 +1,8 @@
-#include "firmware/reply_matcher.h"
+#include "firmware/tolerant/reply_matcher.h"
 
 #include <algorithm>
 
-#include "firmware/innovation.h"
+#include "firmware/tolerant/innovation.h"
 
 namespace tiltproof::firmware {
 namespace {

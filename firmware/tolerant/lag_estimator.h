@@ -10,7 +10,7 @@
 
 #include <array>
 
-#include "firmware/motion_timeline.h"
+#include "firmware/tolerant/motion_timeline.h"
 
 namespace tiltproof::firmware {
 

@@ -11,15 +11,15 @@
 
 #include <optional>
 
-#include "firmware/accepted_replies.h"
-#include "firmware/actuator_monitor.h"
 #include "firmware/control_law.h"
-#include "firmware/controlled_descent.h"
-#include "firmware/lag_estimator.h"
-#include "firmware/motion_timeline.h"
-#include "firmware/reply_matcher.h"
-#include "firmware/signal_screen.h"
 #include "firmware/supervisor.h"
+#include "firmware/tolerant/accepted_replies.h"
+#include "firmware/tolerant/actuator_monitor.h"
+#include "firmware/tolerant/controlled_descent.h"
+#include "firmware/tolerant/lag_estimator.h"
+#include "firmware/tolerant/motion_timeline.h"
+#include "firmware/tolerant/reply_matcher.h"
+#include "firmware/tolerant/signal_screen.h"
 
 namespace tiltproof::firmware {
 

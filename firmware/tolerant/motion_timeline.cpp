@@ -1,4 +1,4 @@
-#include "firmware/motion_timeline.h"
+#include "firmware/tolerant/motion_timeline.h"
 
 #include <algorithm>
 

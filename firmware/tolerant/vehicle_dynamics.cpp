@@ -1,4 +1,4 @@
-#include "firmware/vehicle_dynamics.h"
+#include "firmware/tolerant/vehicle_dynamics.h"
 
 #include <algorithm>
 
