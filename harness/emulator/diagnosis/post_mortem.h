@@ -13,10 +13,10 @@
 #include <string_view>
 #include <vector>
 
-#include "harness/emulator/cpu_state.h"
+#include "harness/emulator/diagnosis/cpu_state.h"
+#include "harness/emulator/diagnosis/source_lines.h"
+#include "harness/emulator/diagnosis/stopped_board.h"
 #include "harness/emulator/elf_symbols.h"
-#include "harness/emulator/source_lines.h"
-#include "harness/emulator/stopped_board.h"
 #include "link/time.h"
 
 namespace tiltproof::harness {

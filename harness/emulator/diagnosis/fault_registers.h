@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "harness/emulator/cpu_state.h"
+#include "harness/emulator/diagnosis/cpu_state.h"
 
 namespace tiltproof::harness {
 

@@ -1,4 +1,4 @@
-#include "harness/emulator/unmodelled_blocks.h"
+#include "harness/emulator/diagnosis/unmodelled_blocks.h"
 
 #include <fmt/format.h>
 

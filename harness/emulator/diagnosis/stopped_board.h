@@ -1,7 +1,7 @@
 // An emulated board that stands still, to be looked at: its registers and memory, and one instruction at a time.
 //
 //   StoppedInLockstep stopped(board, now_ns);    // of harness/emulator/emulator_process.h
-//   stopped.Registers();                         // what harness/emulator/post_mortem.h asks for
+//   stopped.Registers();                         // what harness/emulator/diagnosis/post_mortem.h asks for
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,7 @@ namespace tiltproof::harness {
 class StoppedBoard {
  public:
   virtual ~StoppedBoard() = default;
-  // QEMU's dump (harness/emulator/cpu_state.h).
+  // QEMU's dump (harness/emulator/diagnosis/cpu_state.h).
   virtual std::string Registers() = 0;
   // As the processor sees it, with its own peripherals. Fewer bytes, or none, where they cannot be read.
   virtual std::vector<std::uint8_t> ReadMemory(std::uint32_t address, std::uint32_t size) = 0;

@@ -1,11 +1,11 @@
-#include "harness/emulator/stopped_board.h"
+#include "harness/emulator/diagnosis/stopped_board.h"
 
 #include <algorithm>
 #include <cstring>
 #include <utility>
 
-#include "harness/emulator/cpu_state.h"
-#include "harness/emulator/fault_registers.h"
+#include "harness/emulator/diagnosis/cpu_state.h"
+#include "harness/emulator/diagnosis/fault_registers.h"
 
 namespace tiltproof::harness {
 

@@ -1,4 +1,4 @@
-#include "harness/emulator/watched_variable.h"
+#include "harness/emulator/diagnosis/watched_variable.h"
 
 #include <dwarf.h>
 #include <elfutils/libdw.h>

@@ -1,4 +1,4 @@
-#include "harness/emulator/cpu_state.h"
+#include "harness/emulator/diagnosis/cpu_state.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "harness/emulator/fault_registers.h"
+#include "harness/emulator/diagnosis/fault_registers.h"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "harness/emulator/gdb_board.h"
+#include "harness/emulator/diagnosis/gdb_board.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>

@@ -1,4 +1,4 @@
-#include "harness/emulator/post_mortem.h"
+#include "harness/emulator/diagnosis/post_mortem.h"
 
 #include <fmt/format.h>
 
@@ -10,8 +10,8 @@
 #include <set>
 #include <string_view>
 
-#include "harness/emulator/cpu_state.h"
-#include "harness/emulator/fault_registers.h"
+#include "harness/emulator/diagnosis/cpu_state.h"
+#include "harness/emulator/diagnosis/fault_registers.h"
 #include "harness/emulator/stm32f405.h"
 #include "harness/emulator/usart_rate.h"
 

@@ -10,7 +10,7 @@
 #include <set>
 #include <string>
 
-#include "harness/emulator/source_lines.h"
+#include "harness/emulator/diagnosis/source_lines.h"
 
 namespace tiltproof::harness {
 

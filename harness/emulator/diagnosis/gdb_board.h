@@ -11,8 +11,8 @@
 #include <optional>
 #include <string>
 
+#include "harness/emulator/diagnosis/stopped_board.h"
 #include "harness/emulator/gdb_client.h"
-#include "harness/emulator/stopped_board.h"
 
 namespace tiltproof::harness {
 

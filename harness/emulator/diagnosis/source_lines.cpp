@@ -1,4 +1,4 @@
-#include "harness/emulator/source_lines.h"
+#include "harness/emulator/diagnosis/source_lines.h"
 
 #include <dwarf.h>
 #include <elfutils/libdw.h>
