@@ -65,6 +65,8 @@ install(TARGETS tiltproof EXPORT tiltproof_targets RUNTIME DESTINATION bin)
 install(FILES link/frame.h link/fletcher16.h link/message_kind.h link/time.h DESTINATION include/tiltproof/link)
 file(GLOB firmware_headers CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/firmware/*.h)
 install(FILES ${firmware_headers} DESTINATION include/tiltproof/firmware)
+file(GLOB tolerant_headers CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/firmware/tolerant/*.h)
+install(FILES ${tolerant_headers} DESTINATION include/tiltproof/firmware/tolerant)
 
 set(config_dir lib/cmake/tiltproof)
 install(EXPORT tiltproof_targets NAMESPACE tiltproof:: DESTINATION ${config_dir} FILE tiltproof-targets.cmake)

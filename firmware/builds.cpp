@@ -3,7 +3,7 @@
 #include <array>
 
 #include "firmware/gain_tables.h"
-#include "firmware/vehicle_dynamics.h"
+#include "firmware/tolerant/vehicle_dynamics.h"
 
 namespace tiltproof::firmware {
 namespace {

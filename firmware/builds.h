@@ -21,7 +21,7 @@ struct Build {
   const Gain* gain;
   Actuators feed_forward;  // inputs of hover
   ValueChecks checks;      // of sensors and references
-  // kKept: commands take the line's faults into account (firmware/tolerant_control.h).
+  // kKept: commands take the line's faults into account (firmware/tolerant/tolerant_control.h).
   LateReplies late_replies;
 
   // No valid reply that long after a request: the command is computed without. kNever: no actuators in such a

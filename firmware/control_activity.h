@@ -13,7 +13,7 @@
 #include "firmware/sensor_cycle.h"
 #include "firmware/signals.h"
 #include "firmware/supervisor.h"
-#include "firmware/tolerant_control.h"
+#include "firmware/tolerant/tolerant_control.h"
 
 namespace tiltproof::firmware {
 

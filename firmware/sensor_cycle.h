@@ -22,7 +22,7 @@
 #include "firmware/builds.h"
 #include "firmware/port.h"
 #include "firmware/sensor_reader.h"
-#include "firmware/tolerant_control.h"
+#include "firmware/tolerant/tolerant_control.h"
 
 namespace tiltproof::firmware {
 

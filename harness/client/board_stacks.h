@@ -11,9 +11,9 @@
 #include <vector>
 
 #include "harness/client/client.h"
+#include "harness/emulator/diagnosis/source_lines.h"
 #include "harness/emulator/emulator_process.h"
 #include "harness/emulator/image_stacks.h"
-#include "harness/emulator/source_lines.h"
 
 namespace tiltproof::harness {
 

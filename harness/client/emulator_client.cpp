@@ -17,15 +17,14 @@
 #include "harness/client/device_clock.h"
 #include "harness/client/emulator_limits.h"
 #include "harness/client/firmware_guard.h"
-#include "harness/client/overrun_rows.h"
 #include "harness/client/rated_line.h"
-#include "harness/emulator/cpu_state.h"
+#include "harness/emulator/diagnosis/cpu_state.h"
+#include "harness/emulator/diagnosis/post_mortem.h"
+#include "harness/emulator/diagnosis/source_lines.h"
+#include "harness/emulator/diagnosis/unmodelled_blocks.h"
+#include "harness/emulator/diagnosis/watched_variable.h"
 #include "harness/emulator/elf_symbols.h"
 #include "harness/emulator/image_check.h"
-#include "harness/emulator/post_mortem.h"
-#include "harness/emulator/source_lines.h"
-#include "harness/emulator/unmodelled_blocks.h"
-#include "harness/emulator/watched_variable.h"
 #include "link/chunk.h"
 #include "link/overloaded.h"
 
@@ -52,6 +51,41 @@ lockstep::Mark ToMark(faults::ReceiveMark mark) {
   }
   return lockstep::Mark::kNone;
 }
+
+// Bytes that a receiver lost since the one before had not been read. A row of lost bytes is one event, which is known
+// when the row is over.
+class OverrunRows {
+ public:
+  explicit OverrunRows(std::string line) : line_(std::move(line)) {}
+
+  // Takes a lost byte; gives the row before, if this byte is not of it.
+  std::optional<DeviceEvent> Take(BootTime at) {
+    std::optional<DeviceEvent> before;
+    if (count_ > 0 && at - last_ > kGap) before = End();
+    if (count_++ == 0) first_ = at;
+    last_ = at;
+    return before;
+  }
+
+  std::optional<DeviceEvent> End() {
+    const std::int64_t count = std::exchange(count_, 0);
+    if (count == 0) return std::nullopt;
+    return DeviceEvent{.time_ns = first_,
+                       .fault = std::nullopt,
+                       .kind = kOverrunEvent,
+                       .text = fmt::format("{} line: {} byte{} lost within {:.3f} ms", line_, count,
+                                           count == 1 ? "" : "s", ToSeconds(last_ - first_) * 1e3),
+                       .overruns_count = count};
+  }
+
+ private:
+  // Bytes lost further apart than this are different stories.
+  static constexpr TimeNs kGap = 24 * kNsPerMs;
+
+  std::string line_;
+  std::int64_t count_ = 0;  // of the present row
+  BootTime first_, last_;
+};
 
 // The plug-in receives and sends times of the board's clock: plain numbers, which clock_ makes boot time.
 class EmulatorClient final : public Client {

@@ -20,7 +20,7 @@ struct EmulatorLines {
 // `break_at_ns`: simulation time at which the machine stops for a debugger.
 // Throws std::runtime_error when there is no such image or plug-in or the emulator does not start. During the
 // flight, a board that crashes or never sleeps is FirmwareTrouble; before its `start` it may be busy for
-// `start_within_ns`. `watch`: names of variables (harness/emulator/watched_variable.h).
+// `start_within_ns`. `watch`: names of variables (harness/emulator/diagnosis/watched_variable.h).
 std::unique_ptr<Client> StartEmulatorClient(const EmulatorSpec& spec, const EmulatorLines& lines,
                                             TimeNs start_within_ns, const std::vector<std::string>& watch,
                                             std::optional<TimeNs> break_at_ns, ClientHost host);

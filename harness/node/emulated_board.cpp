@@ -16,10 +16,10 @@
 #include <string_view>
 #include <utility>
 
+#include "harness/emulator/diagnosis/gdb_board.h"
+#include "harness/emulator/diagnosis/post_mortem.h"
+#include "harness/emulator/diagnosis/source_lines.h"
 #include "harness/emulator/elf_symbols.h"
-#include "harness/emulator/gdb_board.h"
-#include "harness/emulator/post_mortem.h"
-#include "harness/emulator/source_lines.h"
 #include "harness/emulator/usart_rate.h"
 #include "link/unix_socket.h"
 

@@ -20,12 +20,12 @@
 #include <vector>
 
 #include "harness/emulator/bit_flipper.h"
-#include "harness/emulator/cpu_state.h"
+#include "harness/emulator/diagnosis/cpu_state.h"
+#include "harness/emulator/diagnosis/post_mortem.h"
+#include "harness/emulator/diagnosis/unmodelled_blocks.h"
 #include "harness/emulator/emulator_process.h"
 #include "harness/emulator/lockstep_protocol.h"
-#include "harness/emulator/post_mortem.h"
 #include "harness/emulator/qmp_client.h"
-#include "harness/emulator/unmodelled_blocks.h"
 #include "harness/node/cpu_wait_watch.h"
 #include "harness/node/firmware_process.h"
 #include "harness/node/hang_watch.h"

@@ -23,6 +23,7 @@ MAY_INCLUDE = {
     "harness/terminal": ["harness/terminal"],
     "harness/process": ["harness/process", "link/time.h"],
     "harness/emulator": ["harness/emulator", "harness/process", "faults", "link"],
+    "harness/emulator/diagnosis": ["harness/emulator", "harness/process", "faults", "link"],
     "harness/client": ["harness/client", "harness/scenario", "harness/emulator", "harness/process", "harness/terminal", "firmware/tiltproof_client.h", "faults", "link"],
     "harness/dds": ["harness/dds", "harness/terminal", "link"],
     "harness/run": ["harness/run", "harness/process", "harness/terminal", "harness/client", "harness/emulator", "harness/dds", "harness/reference", "harness/scenario", "harness/formula",
@@ -37,6 +38,8 @@ MAY_INCLUDE = {
     "harness/live": ["harness/live", "harness/process", "harness/report", "harness/score", "harness/run", "harness/dds", "harness/scenario", "harness/reference", "link"],
     "harness/cli": ["harness", "plant", "faults", "link"],
 }
+# Room -> rooms in it that it may not include.
+MAY_NOT_INCLUDE = {"harness/emulator": ["harness/emulator/diagnosis"]}
 # External header prefix -> the only files (or folders, ending in /) that may see it.
 ONLY_IN = {
     "yaml-cpp/": ["harness/scenario/yaml_tree.cpp"],
@@ -52,7 +55,7 @@ ONLY_IN = {
     "sleef.h": ["link/deterministic_math.c"],
     "libelf": ["harness/emulator/elf_file.h"],
     "gelf": ["harness/emulator/elf_file.h"],
-    "elfutils/": ["harness/emulator/source_lines.cpp", "harness/emulator/watched_variable.cpp"],
+    "elfutils/": ["harness/emulator/diagnosis/source_lines.cpp", "harness/emulator/diagnosis/watched_variable.cpp"],
     "dlfcn.h": ["harness/client/"],
 }
 # Patterns that would make a replay differ, or tie the product to one machine.
@@ -84,8 +87,9 @@ def owner(path):
     return max((p for p in MAY_INCLUDE if path.startswith(p + "/")), key=len, default=None)
 
 
-def allowed(path, header, prefixes):
-    return any(header == p or header.startswith(p + "/") for p in prefixes)
+def allowed(folder, header):
+    prefixes, inner = MAY_INCLUDE[folder], MAY_NOT_INCLUDE.get(folder, ())
+    return not any(header.startswith(p + "/") for p in inner) and any(header == p or header.startswith(p + "/") for p in prefixes)
 
 
 def main():
@@ -109,7 +113,7 @@ def main():
             include = re.match(r'\s*#\s*include\s*([<"])([^>"]+)[>"]', line)
             if include:
                 header = include.group(2)
-                if include.group(1) == '"' and folder and "/" in header and not allowed(path, header, MAY_INCLUDE[folder]):
+                if include.group(1) == '"' and folder and "/" in header and not allowed(folder, header):
                     problems.append(f"{place}: {folder} may not include {header}")
                 if include.group(1) == '"' and folder and "/" not in header and not path.startswith("firmware/examples/"):
                     problems.append(f"{place}: include by the path from the top folder, not {header}")

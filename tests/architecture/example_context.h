@@ -175,13 +175,13 @@ extern std::vector<std::uint8_t> bytes;
 extern TimeNs now;
 extern const examples::Function Control, Use;
 
-// firmware/accepted_replies.h
+// firmware/tolerant/accepted_replies.h
 extern const Sensors sensors;
 
-// firmware/actuator_model.h
+// firmware/tolerant/actuator_model.h
 extern const Actuators wanted;
 
-// firmware/actuator_monitor.h
+// firmware/tolerant/actuator_monitor.h
 extern MotionTimeline timeline;
 extern const ModelStep step;
 extern const MotionState sample;
@@ -194,7 +194,7 @@ extern const Reference reference;
 extern const ControlItem item;
 extern ActuatorWriter writer;
 
-// firmware/controlled_descent.h
+// firmware/tolerant/controlled_descent.h
 extern const ActuatorMonitor monitor;
 extern ControlLaw law;
 extern const Sensors sensors;
@@ -202,22 +202,22 @@ extern const Reference reference;
 extern const bool needs_more_thrust;
 extern Actuators command;
 
-// firmware/innovation.h
+// firmware/tolerant/innovation.h
 extern const MotionState sample, predicted, previous_sample;
 
-// firmware/lag_estimator.h
+// firmware/tolerant/lag_estimator.h
 extern LagEstimator estimator;
 extern MotionTimeline timeline;
 extern const ModelStep step;
 extern const MotionState sample;
 
-// firmware/motion_timeline.h
+// firmware/tolerant/motion_timeline.h
 extern MotionTimeline timeline;
 extern const ModelStep step;
 extern const MotionState sample, next_sample;
 extern const Actuators hover, actuators;
 
-// firmware/reply_matcher.h
+// firmware/tolerant/reply_matcher.h
 extern ReplyMatcher matcher;
 extern MotionTimeline timeline;
 extern const ModelStep step, now_step;
@@ -226,10 +226,10 @@ extern const MotionState sample;
 // firmware/sensor_reader.h
 extern SensorReader reader;
 
-// firmware/signal_screen.h
+// firmware/tolerant/signal_screen.h
 extern const Sensors first_sample, sensed, predicted;
 
-// firmware/tolerant_control.h
+// firmware/tolerant/tolerant_control.h
 extern const Gain gain;
 extern const Actuators feed_forward;
 extern const RequestTimes request;
@@ -240,11 +240,11 @@ extern const examples::Function Send;
 // firmware/trigonometry.h
 extern const float yaw_rad;
 
-// firmware/vector3.h
+// firmware/tolerant/vector3.h
 extern const Matrix3 R_WB;
 extern const Vector3 force_B, rate_W;
 
-// firmware/vehicle_dynamics.h
+// firmware/tolerant/vehicle_dynamics.h
 extern const Sensors sensors;
 extern const Actuators inputs;
 

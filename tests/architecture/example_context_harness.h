@@ -104,10 +104,6 @@ extern std::string_view bytes;
 ClientSettings SettingsOf(const Scenario& scenario);
 extern ClientHost host;
 
-// harness/client/overrun_rows.h
-extern const ClientHost host;
-extern const BootTime at;
-
 // harness/client/sanitizer.h
 extern const std::string line;
 
@@ -125,14 +121,14 @@ extern const NodeLife node;
 // harness/dds/sequence_filter.h
 extern const RunEvent message;
 
-// harness/emulator/cpu_state.h
+// harness/emulator/diagnosis/cpu_state.h
 extern EmulatorProcess board;
 extern const std::uint32_t code;
 
 // harness/emulator/emulator_process.h
 extern std::span<const lockstep::ReceivedByte> bytes;
 
-// harness/emulator/gdb_board.h
+// harness/emulator/diagnosis/gdb_board.h
 extern int socket;
 extern const lockstep::UsartStates usarts;
 
@@ -147,7 +143,7 @@ extern TimeNs begin_ns, now_ns;
 extern std::uint8_t byte;
 extern double sender_bit_ns, receiver_bit_ns, tolerance;
 
-// harness/emulator/post_mortem.h
+// harness/emulator/diagnosis/post_mortem.h
 extern StoppedBoard& board;
 extern const ElfSymbols symbols;
 extern const SourceLines source;
@@ -205,7 +201,7 @@ extern const ElfSymbols symbols;
 extern const std::vector<std::uint8_t> content;
 extern const std::uint32_t lowest_pointer, begin;
 
-// harness/emulator/stopped_board.h
+// harness/emulator/diagnosis/stopped_board.h
 extern EmulatorProcess board;
 extern const TimeNs now_ns;
 
@@ -213,7 +209,7 @@ extern const TimeNs now_ns;
 extern int socket;
 extern const std::function<void(const std::string&, const std::string&)> on_event;
 
-// harness/emulator/unmodelled_blocks.h
+// harness/emulator/diagnosis/unmodelled_blocks.h
 extern const std::uint32_t pc;
 extern const SourceLines source;
 void log(const std::string& text);
@@ -222,7 +218,7 @@ void log(const std::string& text);
 extern const struct Registers { std::uint32_t brr, cr1, cr3, clock_hz; } registers;
 extern double sender_bit_ns;
 
-// harness/emulator/watched_variable.h
+// harness/emulator/diagnosis/watched_variable.h
 extern std::span<const std::uint8_t> bytes;
 
 // harness/engine/engine.h

@@ -5,10 +5,10 @@
 #include <cstdint>
 #include <stdexcept>
 
+#include "harness/emulator/diagnosis/source_lines.h"
 #include "harness/emulator/elf_symbols.h"
 #include "harness/emulator/image_check.h"
 #include "harness/emulator/image_stacks.h"
-#include "harness/emulator/source_lines.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/fuzz/scratch.h"
 

@@ -17,7 +17,7 @@
 #include "firmware/ports/stm32f4/instruction_count.h"
 #include "firmware/ports/stm32f4/stm32f4_port.h"
 #include "firmware/ports/stm32f4/usart.h"
-#include "firmware/vehicle_dynamics.h"
+#include "firmware/tolerant/vehicle_dynamics.h"
 #include "link/frame.h"
 
 namespace tiltproof::stm32f4 {

@@ -11,7 +11,6 @@
 #include "firmware/builds.h"
 #include "firmware/control_law.h"
 #include "firmware/flight_application.h"
-#include "firmware/lag_estimator.h"
 #include "firmware/messages.h"
 #include "firmware/ports/stm32f4/board.h"
 #include "firmware/ports/stm32f4/budget_flight.h"
@@ -20,6 +19,7 @@
 #include "firmware/ports/stm32f4/stm32f4.h"
 #include "firmware/ports/stm32f4/stm32f4_port.h"
 #include "firmware/ports/stm32f4/symbols.h"
+#include "firmware/tolerant/lag_estimator.h"
 #include "link/frame.h"
 
 using namespace tiltproof;           // NOLINT: the application itself

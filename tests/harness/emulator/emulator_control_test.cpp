@@ -17,8 +17,8 @@
 #include <vector>
 
 #include "harness/emulator/bit_flipper.h"
-#include "harness/emulator/cpu_state.h"
-#include "harness/emulator/gdb_board.h"
+#include "harness/emulator/diagnosis/cpu_state.h"
+#include "harness/emulator/diagnosis/gdb_board.h"
 #include "harness/emulator/gdb_client.h"
 #include "harness/emulator/qmp_client.h"
 #include "harness/process/child_process.h"
