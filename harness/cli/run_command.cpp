@@ -17,7 +17,7 @@
 #include "harness/cli/suite.h"
 #include "harness/client/firmware_files.h"
 #include "harness/emulator/lockstep_self_test.h"
-#include "harness/node/realtime_rights.h"
+#include "harness/process/realtime_rights.h"
 #include "harness/report/build_id.h"
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"

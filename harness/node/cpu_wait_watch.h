@@ -8,8 +8,8 @@
 #include <functional>
 #include <utility>
 
-#include "harness/node/cpu_wait.h"
 #include "harness/node/node.h"
+#include "harness/process/cpu_wait.h"
 #include "harness/process/own_time.h"
 
 namespace tiltproof::harness {

@@ -25,12 +25,12 @@
 #include "harness/emulator/diagnosis/unmodelled_blocks.h"
 #include "harness/emulator/emulator_process.h"
 #include "harness/emulator/lockstep_protocol.h"
+#include "harness/emulator/lost_tick_log.h"
 #include "harness/emulator/qmp_client.h"
 #include "harness/node/cpu_wait_watch.h"
 #include "harness/node/firmware_process.h"
-#include "harness/node/hang_watch.h"
-#include "harness/node/lost_tick_log.h"
-#include "harness/node/one_processor.h"
+#include "harness/process/hang_watch.h"
+#include "harness/process/one_processor.h"
 #include "link/unix_socket.h"
 
 namespace tiltproof::harness {

@@ -14,7 +14,7 @@
 
 #include "faults/registry.h"
 #include "harness/dds/qos.h"
-#include "harness/node/realtime_rights.h"
+#include "harness/process/realtime_rights.h"
 #include "harness/run/flown_files.h"
 #include "harness/run/introduction.h"
 #include "harness/run/realtime/injection.h"

@@ -21,7 +21,7 @@ MAY_INCLUDE = {
     "harness/formula": ["harness/formula", "faults/nearest_name.h", "link/check.h", "link/time.h"],
     "harness/scenario": ["harness/scenario", "harness/reference", "faults", "link"],
     "harness/terminal": ["harness/terminal"],
-    "harness/process": ["harness/process", "link/time.h"],
+    "harness/process": ["harness/process", "link/time.h", "link/unix_socket.h"],
     "harness/emulator": ["harness/emulator", "harness/process", "faults", "link"],
     "harness/emulator/diagnosis": ["harness/emulator", "harness/process", "faults", "link"],
     "harness/client": ["harness/client", "harness/scenario", "harness/emulator", "harness/process", "harness/terminal", "firmware/tiltproof_client.h", "faults", "link"],

@@ -235,7 +235,7 @@ extern const std::vector<std::string> signals;
 extern NodeServices& services;
 extern link::SerialPort& port;
 
-// harness/node/cpu_wait.h
+// harness/process/cpu_wait.h
 extern TimeNs late_after_ns;
 
 // harness/node/deaf_receiver.h
@@ -254,7 +254,7 @@ extern const ChildSpec spec;
 // harness/node/firmware_use_watch.h
 extern NodeServices& services;
 
-// harness/node/hang_watch.h
+// harness/process/hang_watch.h
 extern std::chrono::steady_clock::time_point last_byte, last_byte_there;
 extern bool held;
 

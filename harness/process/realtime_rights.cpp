@@ -1,4 +1,4 @@
-#include "harness/node/realtime_rights.h"
+#include "harness/process/realtime_rights.h"
 
 #include <sched.h>
 #include <sys/mman.h>

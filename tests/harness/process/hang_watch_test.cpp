@@ -1,4 +1,4 @@
-#include "harness/node/hang_watch.h"
+#include "harness/process/hang_watch.h"
 
 #include <gtest/gtest.h>
 #include <poll.h>

@@ -1,4 +1,4 @@
-#include "harness/node/lost_tick_log.h"
+#include "harness/emulator/lost_tick_log.h"
 
 #include <algorithm>
 

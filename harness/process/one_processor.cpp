@@ -1,4 +1,4 @@
-#include "harness/node/one_processor.h"
+#include "harness/process/one_processor.h"
 
 #include <time.h>
 

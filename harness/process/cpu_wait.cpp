@@ -1,4 +1,4 @@
-#include "harness/node/cpu_wait.h"
+#include "harness/process/cpu_wait.h"
 
 #include <fcntl.h>
 #include <unistd.h>
