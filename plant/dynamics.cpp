@@ -216,7 +216,7 @@ class HoverEquations {
     return unknowns;
   }
 
-  // Large unknowns are as bad as these.
+  // The unit of each unknown in the sum of squares that picks one hover of many.
   VectorXd Scale() const {
     constexpr double kAngle_rad = 0.1;
     VectorXd scale = VectorXd::Constant(unknown_count(), kAngle_rad);

@@ -76,8 +76,8 @@ double ClosedLoopSpectralRadius(const SampledModel& model, const GainMatrix& gai
 inline constexpr double kDelayMax_s = 0.1;
 double DelayMargin(const SampledModel& model, const GainMatrix& gain);
 
-// One line per input, one number per state, comma separated, no header, each the shortest text that reads back as the same
-// double.
+// One line per input, one number per state, comma separated, no header. Each number is the shortest text that reads
+// back as the same double.
 std::string GainCsv(const GainMatrix& gain);
 // Throws std::runtime_error when the file cannot be written.
 void WriteGainCsv(const std::filesystem::path& file, const GainMatrix& gain);

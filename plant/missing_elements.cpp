@@ -68,7 +68,7 @@ std::string MissingElements(const XMLElement& model, const VehicleElements& pres
     text += fmt::format("{}{}\n", has_none ? "      " : "    ", element);
   };
   if (present.base_link.empty()) add(fmt::format("<tiltproof:base link=\"{}\"/>", connections[0].parent));
-  // Of two thrusters, the one that is there, if one is, decides what the other is called.
+  // The thruster of a pair that is there, if one is, decides what the other is called.
   const bool is_pair = connections.size() == 2;
   bool is_right = present.thrusters.empty() || present.thrusters[0].name != "right";
   double direction = is_right ? 1 : -1;

@@ -362,12 +362,10 @@ int Main(int argc, char** argv) {
   design_app->add_flag("--allow-invalid-inertia", design.allow_invalid_inertia,
                        "Go on with a physically impossible inertia");
   design_app->footer(
-      "Columns of the gain, the states x of u = u_eq - K (x - x_ref): x y z (m), roll pitch yaw, the angles "
-      "of "
-      "the hinges (rad), the rates of all these in the same order (m/s, rad/s; Euler rates), then the "
-      "integrals of the errors of x y z (m s) and yaw (rad s), by the trapezoidal rule with the present "
-      "error, "
-      "every 12 ms. firmware/examples/python flies that of the tilt-rotor.");
+      "Columns of the gain, the states x of u = u_eq - K (x - x_ref): x y z (m), roll pitch yaw and the "
+      "angles of the hinges (rad), the rates of all these in the same order (m/s, rad/s; Euler rates), "
+      "then the integrals of the errors of x y z (m s) and yaw (rad s), by the trapezoidal rule with the "
+      "present error, every 12 ms. firmware/examples/python flies that of the tilt-rotor.");
   design_app->callback([&] { command = [&] { return DesignLqrCommand(design); }; });
 
   NodeCommandOptions node;

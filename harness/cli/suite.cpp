@@ -98,9 +98,8 @@ std::string ProtocolProblem(const Scenario& scenario, const plant::VehicleModel&
   std::string problem = UnsuitableProtocol(*scenario.link.protocol, model.signals());
   if (problem.empty()) return problem;
   return fmt::format(
-      "{}: model: {}. It is made for two rotors, each on a hinge of its own, with the names 'right' and "
-      "'left' "
-      "in {} (docs/vehicle.md)",
+      "{}: model: {}. It is made for two rotors, each on a hinge of its own, that {} names 'right' and "
+      "'left' (docs/vehicle.md)",
       scenario.file.string(), problem, model.file.string());
 }
 

@@ -222,7 +222,7 @@ Moment RandomMoment(const VehicleModel& model, std::mt19937_64& generator) {
     at.q[i] = Draw(generator, i == 2 ? 1 : i == 4 ? 1.2 : i >= 6 ? 0.9 : 3);
     at.q_dot[i] = Draw(generator, 4);
   }
-  at.q[2] += 50;
+  at.q[2] += 5;
   for (Index i = 0; i < at.u.size(); ++i)
     at.u[i] = i < static_cast<Index>(model.rotors.size()) ? 5 + Draw(generator, 5) : Draw(generator, 1);
   return at;
@@ -273,10 +273,11 @@ TEST_P(EveryVehicle, LinearModelIsTheDerivative) {
   EXPECT_TRUE(linear.a.topRightCorner(n, n).isIdentity(0));
 }
 
-// One short step of ODE changes the rates by the acceleration. Its plant has angular rates along the world's axes.
+// A short step of ODE changes the rates by the acceleration. The first step does not yet feel that a tilting body moves
+// on a circle, because ODE holds rates to the hinges as they are before the step: the second one does.
 TEST_P(EveryVehicle, TheWorldStepsAsTheEquationsSay) {
   const VehicleModel model = GetParam()();
-  constexpr TimeNs kStep_ns = 1000;
+  constexpr TimeNs kStep_ns = 10'000;
   Plant plant(model, {.step_ns = kStep_ns});
   const Index n = CoordinateCount(model);
   std::mt19937_64 generator(11);
@@ -291,7 +292,10 @@ TEST_P(EveryVehicle, TheWorldStepsAsTheEquationsSay) {
       state[static_cast<std::size_t>(n + i)] = at.q_dot[i];
     }
     plant.Reset(state);
-    plant.Step(std::vector<double>(at.u.data(), at.u.data() + at.u.size()));
+    const std::vector<double> input(at.u.data(), at.u.data() + at.u.size());
+    plant.Step(input);
+    plant.State(state);
+    plant.Step(input);
     plant.State(after);
     const VectorXd expected = OurAcceleration(model, at);
     for (Index i = 0; i < n; ++i) {

@@ -18,7 +18,7 @@ Matrix3d Cross(const Vector3d& v) {
   return m;
 }
 
-// What pushes a body, all along the world's axes: force, and torque about its centre of mass.
+// The load on a body, all along the world's axes: force, and torque about its centre of mass.
 struct Wrench {
   Vector3d force = Vector3d::Zero(), torque = Vector3d::Zero();
 };
