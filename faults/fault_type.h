@@ -47,6 +47,8 @@ struct WireKind {
   bool remembers = false;        // its model has Pass() and Release()
   bool acts_on_overlap = false;  // any part of the frame in the window counts, not its first byte
   bool sends_back = false;       // its model uses WireContext::sent_back
+  // Its model needs such a byte of the protocol's framing (link/framing.h).
+  bool needs_flag = false, needs_escape = false;
 };
 
 // Marks bytes at the firmware's receiver, each with the probability given by the parameter `probability`.

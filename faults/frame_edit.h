@@ -1,41 +1,40 @@
 // Editing a frame's payload, for models of senders that build frames well but with wrong content.
 //
-//   FrameEdit edit(chunk.bytes);
+//   FrameEdit edit(*protocol.framing, chunk.bytes);
 //   if (edit.ok()) {
 //     edit.payload().push_back(0);
-//     edit.WriteTo(chunk.bytes);  // escaped anew, with the checksum of the new payload
+//     edit.WriteTo(chunk.bytes);  // a whole frame, with the check of the new payload
 //   }
 //
-// A frame that was damaged before stays damaged: the bits in which its checksum was wrong are wrong in the new
+// A frame that was damaged before stays damaged: the bits in which its check was wrong are wrong in the new
 // one, too.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
+
+#include "link/framing.h"
 
 namespace tiltproof::faults {
 
 class FrameEdit {
  public:
-  explicit FrameEdit(std::span<const std::uint8_t> frame);
+  FrameEdit(const link::Framing& framing, std::span<const std::uint8_t> frame);
 
-  // True if it is a frame with a closing flag and a checksum.
-  bool ok() const { return ok_; }
-  std::vector<std::uint8_t>& payload() { return payload_; }
-  // The frame with the payload as it is now, between the flags that it had.
+  // True if it is one frame with a payload and a check. The others need it.
+  bool ok() const { return parts_.has_value(); }
+  std::vector<std::uint8_t>& payload() { return parts_->payload; }
+  // The frame with the payload as it is now, behind the opening that it had.
   void WriteTo(std::vector<std::uint8_t>& frame) const;
 
  private:
-  bool ok_ = false;
-  std::size_t flags_before_ = 0;
-  std::uint16_t damage_ = 0;  // of the checksum
-  std::vector<std::uint8_t> payload_;
+  const link::Framing& framing_;
+  std::vector<std::uint8_t> opening_;
+  std::optional<link::FrameParts> parts_;
 };
-
-// A whole frame with that payload.
-std::vector<std::uint8_t> FrameOf(std::span<const std::uint8_t> payload);
 
 // Binary32, low byte first.
 float FloatAt(std::span<const std::uint8_t> payload, std::size_t offset);

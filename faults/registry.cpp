@@ -386,6 +386,17 @@ std::string_view WhyNoLonger(std::string_view name) {
   return {};
 }
 
+std::string FramingProblem(const FaultType& type, const link::Protocol& protocol) {
+  const auto* wire = type.As<WireKind>();
+  if (wire == nullptr) return "";
+  const bool lacks_flag = wire->needs_flag && !protocol.framing->flag();
+  const bool lacks_escape = wire->needs_escape && !protocol.framing->escape();
+  if (!lacks_flag && !lacks_escape) return "";
+  return Concat({type.name, " needs frames with ", lacks_flag ? "a flag" : "escaped bytes",
+                 "; the protocol '", protocol.name, "' has the framing '", protocol.framing->name(),
+                 "' without"});
+}
+
 std::vector<std::string> FieldNames(const link::Protocol& protocol, Target target,
                                     std::optional<link::MessageKind> message) {
   const std::vector<link::MessageKind> kinds = MessagesOf(target);

@@ -28,6 +28,9 @@ std::string_view WhyNoLonger(std::string_view name);
 std::vector<std::string> FieldNames(const link::Protocol& protocol, Target target,
                                     std::optional<link::MessageKind> message);
 
+// The problem of a fault that needs a flag or an escape, where the protocol's framing has none; otherwise empty.
+std::string FramingProblem(const FaultType& type, const link::Protocol& protocol);
+
 // The possible targets of a fault, Target::kNone being "no target": the main line or the reference line for
 // faults on the wire, none for others.
 std::vector<Target> AcceptedTargets(const FaultType& type);

@@ -28,14 +28,13 @@
 #include <span>
 #include <string_view>
 
+#include "link/message_kind.h"
+
 namespace tiltproof::link {
 
 inline constexpr std::uint8_t kFlag = 0x7E;
 inline constexpr std::uint8_t kEscape = 0x7D;
 inline constexpr std::uint8_t kEscapeXor = 0x20;
-
-// Longest payload the codec carries, in bytes. The paper's longest is 132.
-inline constexpr std::size_t kPayloadBytesMax = 256;
 
 // Longest frame on the wire for a payload of that many bytes: everything escaped.
 constexpr std::size_t FrameBytesMax(std::size_t payload_bytes) { return 2 * (payload_bytes + 2) + 2; }

@@ -1,4 +1,4 @@
-// Kinds of messages, and what is wrong with a payload that is no message.
+// Payloads: their longest, the kinds of messages in them, and what is wrong with one that is no message.
 #pragma once
 
 #include <cstddef>
@@ -6,6 +6,9 @@
 #include <string_view>
 
 namespace tiltproof::link {
+
+// Longest payload of a frame, in bytes. The paper's longest is 132.
+inline constexpr std::size_t kPayloadBytesMax = 256;
 
 // The names in scenario files (`message: actuators`). kRequest asks for the sensors, kReply is the server's answer.
 enum class MessageKind : std::uint8_t { kStart, kRequest, kActuators, kReply, kReference, kUnknown };

@@ -29,18 +29,12 @@
 #include <vector>
 
 #include "link/chunk.h"
-#include "link/frame.h"
+#include "link/framing.h"
+#include "link/hdlc_framing.h"
 #include "link/message_kind.h"
 #include "link/time.h"
 
 namespace tiltproof::link {
-
-// Flag bytes, escapes and Fletcher-16: link/frame.h.
-struct Framing {
-  // Closes a frame. A sender's bytes are cut into frames there. In lockstep an emulated processor stops when
-  // it has sent one, because an answer may follow.
-  std::uint8_t flag = kFlag;
-};
 
 struct MessageField {
   std::string signal;          // "x_m"
@@ -74,7 +68,7 @@ struct Payload {
 
 struct Protocol {
   std::string name;
-  Framing framing = {};
+  std::shared_ptr<const Framing> framing = HdlcFraming();
   TimeNs control_period_ns = 0;  // of the client's requests, the references and the rows of the trace
   // True if the server answers requests before t = 0, while the vehicle does not move.
   bool answers_before_start = false;

@@ -1,45 +1,39 @@
 #include "link/wire.h"
 
 #include <algorithm>
-#include <cstring>
 
 #include "link/check.h"
-#include "link/frame.h"
 
 namespace tiltproof::link {
 namespace {
 
 constexpr std::int64_t kIdealIdleBaud = 921'600;
 constexpr std::size_t kSpareBuffersMax = 16;
-constexpr std::size_t kUsualFrameBytes = FrameBytesMax(64);
-
-// Index of the first byte of that value at or after `from`; the size when there is none.
-std::size_t FindByte(std::uint8_t byte, std::span<const std::uint8_t> bytes, std::size_t from) {
-  if (from >= bytes.size()) return bytes.size();
-  const void* found = std::memchr(bytes.data() + from, byte, bytes.size() - from);
-  if (found == nullptr) return bytes.size();
-  return static_cast<std::size_t>(static_cast<const std::uint8_t*>(found) - bytes.data());
-}
-
-// The kind of the message in a frame as sent. Its opening flag may be the closing one of the frame before.
-MessageKind KindOfFrame(Direction direction, const Protocol& protocol, std::span<const std::uint8_t> frame) {
-  FrameDecoder decoder;
-  if (frame.front() != protocol.framing.flag) {
-    std::span<const std::uint8_t> opening(&protocol.framing.flag, 1);
-    decoder.Next(opening);
-  }
-  while (const auto event = decoder.Next(frame)) {
-    if (event->status != FrameStatus::kOk) continue;
-    const MessageType* type = protocol.Classify(direction, event->payload);
-    return type == nullptr ? MessageKind::kUnknown : type->kind;
-  }
-  return MessageKind::kUnknown;
-}
+constexpr std::size_t kUsualFrameBytes = 134;  // 64 of payload, all escaped
 
 }  // namespace
 
 Wire::Wire(const WireConfig& config, Direction direction, const Protocol& protocol, ChunkFilter* filter)
-    : config_(config), direction_(direction), protocol_(&protocol), filter_(filter) {}
+    : config_(config),
+      direction_(direction),
+      protocol_(&protocol),
+      filter_(filter),
+      sent_cutter_(protocol.framing->MakeCutter()),
+      sent_reader_(protocol.framing->MakeReader()),
+      arrived_cutter_(protocol.framing->MakeCutter()) {}
+
+MessageKind Wire::KindOf(std::span<const std::uint8_t> frame) {
+  sent_reader_->Finish();
+  // The frame's opening may be the end of the frame before.
+  std::span<const std::uint8_t> opening = protocol_->framing->opening();
+  if (!opening.empty() && frame.front() != opening.front()) sent_reader_->Next(opening);
+  while (const auto read = sent_reader_->Next(frame)) {
+    if (!read->ok) continue;
+    const MessageType* type = protocol_->Classify(direction_, read->payload);
+    return type == nullptr ? MessageKind::kUnknown : type->kind;
+  }
+  return MessageKind::kUnknown;
+}
 
 TimeNs Wire::IdleTime() const {
   return link::BytesTime(config_.baud == 0 ? kIdealIdleBaud : config_.baud, kIdleBytes);
@@ -82,14 +76,9 @@ BootTime Wire::Transmit(BootTime now, std::span<const std::uint8_t> bytes) {
 std::size_t Wire::BytesOfOpenChunk(std::span<const std::uint8_t> bytes, bool& closed) {
   const std::size_t room = kChunkBytesMax - open_.bytes.size();
   if (bytes.size() > room) bytes = bytes.first(room);
-  std::size_t from = 0;
-  if (!open_has_content_) {
-    while (from < bytes.size() && bytes[from] == flag_byte()) ++from;
-    open_has_content_ = from < bytes.size();
-  }
-  const std::size_t flag = FindByte(flag_byte(), bytes, from);
-  closed = flag < bytes.size() || bytes.size() == room;
-  return flag < bytes.size() ? flag + 1 : bytes.size();
+  const std::optional<std::size_t> end = sent_cutter_->FindEnd(bytes);
+  closed = end || bytes.size() == room;
+  return end.value_or(bytes.size());
 }
 
 void Wire::FlushIfIdle(BootTime now) {
@@ -108,14 +97,14 @@ void Wire::SendOpenChunk(BootTime known_ns) {
   } else {
     open_.bytes.reserve(kUsualFrameBytes);
   }
-  open_has_content_ = false;
+  sent_cutter_->Reset();
 
   if (filter_ == nullptr) {
     if (taps_.sent) taps_.sent(chunk);
     if (HasRoomFor(WeightOf(chunk))) Enqueue(std::move(chunk), known_ns);
     return;
   }
-  chunk.kind = KindOfFrame(direction_, *protocol_, chunk.bytes);
+  chunk.kind = KindOf(chunk.bytes);
   if (taps_.sent) taps_.sent(chunk);
   scratch_.clear();
   scratch_.push_back(std::move(chunk));
@@ -169,15 +158,9 @@ void Wire::Recycle(Chunk&& chunk) {
   spare_.push_back(std::move(chunk.bytes));
 }
 
-std::size_t Wire::FindPieceEnd() const {
-  const std::vector<std::uint8_t>& bytes = queue_.front().bytes;
-  std::size_t flag = FindByte(flag_byte(), bytes, front_taken_);
-  while (flag < bytes.size()) {
-    const bool after_flag = flag == front_taken_ ? taken_flag_ : bytes[flag - 1] == flag_byte();
-    if (!after_flag) return flag + 1;
-    flag = FindByte(flag_byte(), bytes, flag + 1);
-  }
-  return bytes.size();
+std::size_t Wire::FindPieceEnd() {
+  const auto bytes = std::span<const std::uint8_t>(queue_.front().bytes).subspan(front_taken_);
+  return front_taken_ + arrived_cutter_->FindEnd(bytes).value_or(bytes.size());
 }
 
 BootTime Wire::FrontArrival(std::size_t byte_count) const {
@@ -243,7 +226,6 @@ std::optional<Wire::Piece> Wire::TakePiece(BootTime until) {
   last_arrival_ns_ = arrival;
   const Piece piece{arrival, std::span(front.bytes).subspan(front_taken_, end - front_taken_), front.number};
   if (config_.adapter_bytes_count > 0) LeaveBuffer(piece.bytes);
-  taken_flag_ = piece.bytes.back() == flag_byte();
   front_taken_ = end;
   if (front_taken_ == front.bytes.size()) {
     Check(WeightOf(front) <= queue_bytes_, "what waits on a wire was counted in");

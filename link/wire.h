@@ -2,7 +2,7 @@
 // faults, arrivals.
 //
 // The same code runs in lockstep (times are virtual) and in real time (times are the clock's): see
-// link/time.h. Bytes travel as chunks with times. What is sent is cut into frames at the flags. Each complete
+// link/time.h. Bytes travel as chunks with times. What is sent is cut into frames. Each complete
 // frame goes through the filter as one chunk, and byte i of the chunk arrives at begin + (i + 1) byte times.
 //
 //   Wire wire({.baud = 921600}, Direction::kToPlant, *FindProtocol("paper"), filter);
@@ -10,20 +10,20 @@
 //   BootTime next = wire.NextArrival();               // of the next byte worth waking for
 //   wire.Take(next, [](BootTime arrival, std::span<const std::uint8_t> bytes) { ... });
 //
-// Where frames are cut: a flag closes a frame when something other than flags came before it. So a flag
-// shared by two frames belongs to the first of them, and idle flags belong to the frame that follows. Bytes
-// that no flag closes go on as their own chunk once the sender has been silent for IdleTime(), or when there
-// are kChunkBytesMax of them. Times do not depend on how the sent bytes are split over calls of Transmit(). A
-// sender that pauses within a frame delays the whole frame, so that its last byte is on time.
+// The protocol's framing knows where frames end (link/frame_cutter.h). Bytes of a frame that does not end go on as
+// their own chunk once the sender has been silent for IdleTime(), or when there are kChunkBytesMax of them. Times do
+// not depend on how the sent bytes are split over calls of Transmit(). A sender that pauses within a frame delays the
+// whole frame, so that its last byte is on time.
 //
 // Nothing arrives before the wire could know of it: the result of the filter ends, at the earliest, when the
-// closing flag was handed over (or the idle time was over).
+// frame's last byte was handed over (or the idle time was over).
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <span>
 #include <utility>
@@ -45,7 +45,7 @@ struct WireConfig {
 class Wire {
  public:
   static constexpr std::int64_t kIdleBytes = 20;
-  // More bytes than any frame of the codec has.
+  // More bytes than any frame of a protocol has.
   static constexpr std::size_t kChunkBytesMax = 1024;
 
   // `filter` may be null (no faults); it and the protocol must outlive the wire.
@@ -64,7 +64,7 @@ class Wire {
   bool overfull() const { return overfull_; }
 
   // Earliest time at which Take() has something for which its receiver should be woken: the end of a piece
-  // (see TakePiece()), or the end of the idle time of bytes that no flag closed. Never() when the wire is
+  // (see TakePiece()), or the end of the idle time of a frame that does not end. Never() when the wire is
   // empty.
   BootTime NextArrival() const;
 
@@ -73,9 +73,8 @@ class Wire {
     std::span<const std::uint8_t> bytes;
     std::uint64_t number;  // Chunk::number of the frame, as sent, that they come from
   };
-  // The oldest bytes that have arrived by `until` and were not taken yet: up to a flag that may end a frame
-  // (one that does not follow another flag), the end of their chunk, or the last byte arrived by `until`;
-  // nullopt when there are none. The bytes stay valid until the next call.
+  // The oldest bytes that have arrived by `until` and were not taken yet: up to one that may end a frame, the end of
+  // their chunk, or the last byte arrived by `until`; nullopt when there are none. The bytes stay valid until the next call.
   std::optional<Piece> TakePiece(BootTime until);
 
   // Takes all of them: calls receiver(BootTime arrival, std::span<const std::uint8_t> bytes) for each piece.
@@ -97,14 +96,15 @@ class Wire {
   // Time from begin to the arrival of the n-th byte, rounded down to nanoseconds.
   TimeNs BytesTime(std::int64_t byte_count) const { return link::BytesTime(config_.baud, byte_count); }
 
-  // Silence of the sender after which bytes without a closing flag go on: kIdleBytes byte times; on an ideal
+  // Silence of the sender after which a frame that has not ended goes on: kIdleBytes byte times; on an ideal
   // line, byte times at 921600 baud.
   TimeNs IdleTime() const;
 
  private:
   // The number of bytes that belong to the open chunk; sets `closed` when the last of them closes it.
   std::size_t BytesOfOpenChunk(std::span<const std::uint8_t> bytes, bool& closed);
-  std::uint8_t flag_byte() const { return protocol_->framing.flag; }
+  // The kind of the message in a frame as sent.
+  MessageKind KindOf(std::span<const std::uint8_t> frame);
   void FlushIfIdle(BootTime now);
   // The open chunk goes through the filter, into the queue; the wire knows of all of it at `known_ns`.
   void SendOpenChunk(BootTime known_ns);
@@ -112,8 +112,8 @@ class Wire {
   bool HasRoomFor(std::size_t bytes);
   void Enqueue(Chunk&& chunk, BootTime known_ns);
   void Recycle(Chunk&& chunk);
-  // Index one past the next piece of the queue's front.
-  std::size_t FindPieceEnd() const;
+  // Index one past the next piece of the queue's front. Each byte that arrives is in the search for one piece.
+  std::size_t FindPieceEnd();
   BootTime FrontArrival(std::size_t byte_count) const;
   // A byte that has come to the adapter's buffer.
   void Buffer(BootTime arrival);
@@ -133,9 +133,10 @@ class Wire {
   BootTime transmitter_free_ns_ = BootTime::Earliest();
 
   std::uint64_t next_number_ = 0;                // of the open chunk
-  Chunk open_;                                   // sent bytes that no flag has closed yet
+  Chunk open_;                                   // sent bytes of a frame that has not ended yet
   BootTime open_end_ns_ = BootTime::Earliest();  // when the last of them has left
-  bool open_has_content_ = false;                // not only flags
+  std::unique_ptr<FrameCutter> sent_cutter_;
+  std::unique_ptr<FrameReader> sent_reader_;  // of single frames
 
   std::deque<Chunk> queue_;
   std::size_t queue_bytes_ = 0;  // total weight (WeightOf())
@@ -144,7 +145,7 @@ class Wire {
   std::size_t front_taken_ = 0;                      // bytes of queue_.front() already taken
   std::size_t piece_end_ = 0;                        // FindPieceEnd(), when the queue is not empty
   BootTime last_arrival_ns_ = BootTime::Earliest();  // of what was taken
-  bool taken_flag_ = true;                           // the last byte taken was a flag; so is an idle line
+  std::unique_ptr<FrameCutter> arrived_cutter_;      // of the bytes up to piece_end_
   Chunk taken_;                                      // keeps the last piece's bytes alive
 
   // Runs of bytes that the adapter's buffer passes on at once, of those in the queue that were not taken, in their

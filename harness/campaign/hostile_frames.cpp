@@ -5,22 +5,25 @@
 #include <limits>
 
 #include "link/check.h"
-#include "link/fletcher16.h"
-#include "link/frame.h"
 
 namespace tiltproof::harness {
 namespace {
 
 using faults::Random;
+using link::Framing;
 
 auto At(LineBytes& bytes, std::size_t at) { return bytes.begin() + static_cast<std::ptrdiff_t>(at); }
 
 std::uint8_t AnyByte(Random& random) { return static_cast<std::uint8_t>(random.Below(256)); }
 
-// Bytes that mean something to a framing, are escaped, or are one number to Fletcher's checksum.
-std::uint8_t ByteOfMeaning(Random& random) {
-  constexpr std::array<std::uint8_t, 7> kMeaning = {link::kFlag, link::kEscape, 0x5E, 0x5D, 0x00, 0xFF, 0x20};
-  return kMeaning[random.Below(kMeaning.size())];
+// A byte that means something to the framing or its check.
+std::uint8_t ByteOfMeaning(const Framing& framing, Random& random) {
+  const std::span<const std::uint8_t> bytes = framing.special_bytes();
+  return bytes[random.Below(bytes.size())];
+}
+
+void AppendFlag(const Framing& framing, LineBytes& bytes) {
+  if (const auto flag = framing.flag()) bytes.push_back(*flag);
 }
 
 // A value of a message, which is a row of numbers, becomes one that no sender should send.
@@ -58,23 +61,24 @@ std::size_t OddLength(std::size_t usual, Random& random) {
   }
 }
 
-void RandomBytes(LineBytes& bytes, std::size_t more_bytes_max, Random& random) {
+void RandomBytes(const Framing& framing, LineBytes& bytes, std::size_t more_bytes_max, Random& random) {
   if (random.Below(2) == 0) bytes.resize(bytes.size() + random.Below(more_bytes_max + 1));
   for (std::size_t changes = 1 + random.Below(8); changes > 0 && !bytes.empty(); --changes)
-    bytes[random.Below(bytes.size())] = random.Below(2) == 0 ? ByteOfMeaning(random) : AnyByte(random);
+    bytes[random.Below(bytes.size())] =
+        random.Below(2) == 0 ? ByteOfMeaning(framing, random) : AnyByte(random);
 }
 
 // Another content in the first valid frame, under a checksum that is right.
 template <class Change>
-void WithContent(LineBytes& bytes, const Change& change) {
-  link::FrameDecoder decoder;
+void WithContent(const Framing& framing, LineBytes& bytes, const Change& change) {
+  const std::unique_ptr<link::FrameReader> reader = framing.MakeReader();
   std::span<const std::uint8_t> rest(bytes);
-  while (const auto event = decoder.Next(rest)) {
-    if (event->status != link::FrameStatus::kOk) continue;
-    LineBytes payload(event->payload.begin(), event->payload.end());
+  while (const auto read = reader->Next(rest)) {
+    if (!read->ok) continue;
+    LineBytes payload(read->payload.begin(), read->payload.end());
     change(payload);
-    const LineBytes frame = HostileFrame(payload);
-    const auto at = bytes.erase(At(bytes, event->begin), At(bytes, event->end));
+    const LineBytes frame = framing.Encode(payload);
+    const auto at = bytes.erase(At(bytes, read->begin), At(bytes, read->end));
     bytes.insert(at, frame.begin(), frame.end());
     return;
   }
@@ -90,26 +94,9 @@ void ChangePayloadByte(LineBytes& payload, Random& random) {
 
 }  // namespace
 
-LineBytes HostileFrame(std::span<const std::uint8_t> payload, std::uint16_t damage) {
-  const auto check = static_cast<std::uint16_t>(link::Fletcher16(payload) ^ damage);
-  LineBytes frame = {link::kFlag};
-  const auto append = [&frame](std::uint8_t byte) {
-    if (byte == link::kFlag || byte == link::kEscape) {
-      frame.push_back(link::kEscape);
-      byte ^= link::kEscapeXor;
-    }
-    frame.push_back(byte);
-  };
-  for (const std::uint8_t byte : payload) append(byte);
-  append(static_cast<std::uint8_t>(check & 0xFF));
-  append(static_cast<std::uint8_t>(check >> 8));
-  frame.push_back(link::kFlag);
-  return frame;
-}
-
-void ChangeContent(LineBytes& bytes, Random& random, const ChangeBytes& change) {
+void ChangeContent(const Framing& framing, LineBytes& bytes, Random& random, const ChangeBytes& change) {
   constexpr std::size_t kMoreBytesMax = 8;
-  WithContent(bytes, [&](LineBytes& payload) {
+  WithContent(framing, bytes, [&](LineBytes& payload) {
     switch (random.Below(4)) {
       case 0:
         payload.resize(OddLength(payload.size(), random));
@@ -123,16 +110,16 @@ void ChangeContent(LineBytes& bytes, Random& random, const ChangeBytes& change) 
   });
 }
 
-void ChangeContent(LineBytes& bytes, Random& random) {
-  ChangeContent(bytes, random, [&random](LineBytes& content, std::size_t more_bytes_max) {
-    RandomBytes(content, more_bytes_max, random);
+void ChangeContent(const Framing& framing, LineBytes& bytes, Random& random) {
+  ChangeContent(framing, bytes, random, [&](LineBytes& content, std::size_t more_bytes_max) {
+    RandomBytes(framing, content, more_bytes_max, random);
   });
 }
 
-void BreakBytes(LineBytes& bytes, Random& random) {
+void BreakBytes(const Framing& framing, LineBytes& bytes, Random& random) {
   if (bytes.empty()) return;
   const std::size_t at = random.Below(bytes.size());
-  const std::uint8_t meaning = ByteOfMeaning(random);
+  const std::uint8_t meaning = ByteOfMeaning(framing, random);
   switch (random.Below(6)) {
     case 0:
       bytes[at] = static_cast<std::uint8_t>(bytes[at] ^ 1U << random.Below(8));
@@ -155,7 +142,7 @@ void BreakBytes(LineBytes& bytes, Random& random) {
 }
 
 HostileFrames::HostileFrames(const link::Protocol& protocol, link::Direction direction)
-    : protocol_(protocol) {
+    : protocol_(protocol), framing_(*protocol.framing) {
   for (const link::MessageType& type : protocol.messages)
     if (type.direction == direction) types_.push_back(&type);
   if (types_.empty()) ThrowBrokenInvariant("a message in each direction of a protocol");
@@ -173,7 +160,7 @@ LineBytes HostileFrames::Payload(Random& random) const {
   return {payload.span().begin(), payload.span().end()};
 }
 
-LineBytes HostileFrames::Valid(Random& random) const { return HostileFrame(Payload(random)); }
+LineBytes HostileFrames::Valid(Random& random) const { return framing_.Encode(Payload(random)); }
 
 LineBytes HostileFrames::Make(Random& random) const {
   LineBytes said;
@@ -181,8 +168,10 @@ LineBytes HostileFrames::Make(Random& random) const {
     case 0:  // what an honest sender says
       return Valid(random);
     case 1: {  // a wrong checksum
-      const auto damage = static_cast<std::uint16_t>(1 + random.Below(0xFFFF));
-      return HostileFrame(Payload(random), damage);
+      if (framing_.check_bytes() == 0) return Valid(random);
+      const std::uint64_t last = (std::uint64_t{1} << 8 * framing_.check_bytes()) - 1;
+      const auto damage = static_cast<std::uint32_t>(1 + random.Below(last));
+      return framing_.Encode(Payload(random), damage);
     }
     case 2:  // a length that is wrong, under a right checksum
     case 3: {
@@ -190,34 +179,34 @@ LineBytes HostileFrames::Make(Random& random) const {
       const std::size_t used = payload.size();
       payload.resize(OddLength(used, random));
       for (std::size_t i = used; i < payload.size(); ++i) payload[i] = AnyByte(random);
-      return HostileFrame(payload);
+      return framing_.Encode(payload);
     }
     case 4: {  // one that consists of bytes that are escaped, or of others of meaning
-      const std::uint8_t byte = ByteOfMeaning(random);
-      return HostileFrame(
+      const std::uint8_t byte = ByteOfMeaning(framing_, random);
+      return framing_.Encode(
           LineBytes(OddLength(protocol_.messages.front().payload_bytes() + 64, random), byte));
     }
     case 5: {  // no frame at all
       said.resize(1 + random.Below(300));
       const bool meaning = random.Below(2) == 0;
-      for (std::uint8_t& byte : said) byte = meaning ? ByteOfMeaning(random) : AnyByte(random);
+      for (std::uint8_t& byte : said) byte = meaning ? ByteOfMeaning(framing_, random) : AnyByte(random);
       return said;
     }
     case 6:  // short frames of one to four bytes between two flags
       for (std::size_t frames = 1 + random.Below(16); frames > 0; --frames) {
-        said.push_back(link::kFlag);
+        AppendFlag(framing_, said);
         for (std::size_t bytes = random.Below(5); bytes > 0; --bytes) said.push_back(AnyByte(random));
       }
-      said.push_back(link::kFlag);
+      AppendFlag(framing_, said);
       return said;
     case 7: {  // values that no sender should send, in each field
       LineBytes payload = Payload(random);
       for (std::size_t i = 1 + random.Below(4); i > 0; --i) BreakValue(payload, random);
-      return HostileFrame(payload);
+      return framing_.Encode(payload);
     }
     case 8:  // several, one behind the other, with flags that they share or not
       for (std::size_t frames = 2 + random.Below(3); frames > 0; --frames) {
-        if (!said.empty() && random.Below(2) == 0) said.pop_back();
+        if (!said.empty() && random.Below(2) == 0 && !framing_.opening().empty()) said.pop_back();
         const LineBytes frame = Valid(random);
         said.insert(said.end(), frame.begin(), frame.end());
       }
@@ -228,8 +217,8 @@ LineBytes HostileFrames::Make(Random& random) const {
   return Change(std::move(said), random);
 }
 
-LineBytes HostileFrames::ChangeOneByte(LineBytes bytes, Random& random) {
-  WithContent(bytes, [&](LineBytes& payload) { ChangePayloadByte(payload, random); });
+LineBytes HostileFrames::ChangeOneByte(LineBytes bytes, Random& random) const {
+  WithContent(framing_, bytes, [&](LineBytes& payload) { ChangePayloadByte(payload, random); });
   if (bytes.size() > kHostileBytesMax) bytes.resize(kHostileBytesMax);
   return bytes;
 }
@@ -240,9 +229,9 @@ LineBytes HostileFrames::Change(LineBytes bytes, Random& random) const {
     if (what >= 8) {
       bytes = ChangeOneByte(std::move(bytes), random);
     } else if (what < 3) {
-      ChangeContent(bytes, random);
+      ChangeContent(framing_, bytes, random);
     } else if (what < 7) {
-      BreakBytes(bytes, random);
+      BreakBytes(framing_, bytes, random);
     } else {  // its beginning, and the end of another
       const LineBytes other = Valid(random);
       bytes.resize(random.Below(bytes.size() + 1));
@@ -251,7 +240,7 @@ LineBytes HostileFrames::Change(LineBytes bytes, Random& random) const {
     }
   }
   if (bytes.size() > kHostileBytesMax) bytes.resize(kHostileBytesMax);
-  if (bytes.empty()) bytes.push_back(link::kFlag);
+  if (bytes.empty()) bytes.push_back(framing_.special_bytes().front());
   return bytes;
 }
 

@@ -4,7 +4,7 @@
 //   faults::Random random(1);
 //   const HostileFrames hostile(*link::FindProtocol("paper"), link::Direction::kToClient);
 //   LineBytes said = hostile.Make(random);  // one valid frame, or several, broken or not
-//   BreakBytes(said, random);               // and broken once more
+//   BreakBytes(*link::FindProtocol("paper")->framing, said, random);  // and broken once more
 #pragma once
 
 #include <algorithm>
@@ -21,20 +21,17 @@ namespace tiltproof::harness {
 
 using LineBytes = std::vector<std::uint8_t>;
 
-// The frame of a payload of any length, longer ones than a codec carries among them. `damage` is added to the checksum
-// bit by bit.
-LineBytes HostileFrame(std::span<const std::uint8_t> payload, std::uint16_t damage = 0);
-
 // Changes bytes that mean nothing to the caller; they grow by at most `more_bytes_max`.
 using ChangeBytes = std::function<void(LineBytes& bytes, std::size_t more_bytes_max)>;
 
 // Another content in the first valid frame, under a checksum that is right: another length, a value that no sender
 // should send, or what `change` makes of it.
-void ChangeContent(LineBytes& bytes, faults::Random& random, const ChangeBytes& change);
+void ChangeContent(const link::Framing& framing, LineBytes& bytes, faults::Random& random,
+                   const ChangeBytes& change);
 // The same with random bytes.
-void ChangeContent(LineBytes& bytes, faults::Random& random);
+void ChangeContent(const link::Framing& framing, LineBytes& bytes, faults::Random& random);
 // One change in the bytes as they are on the line: a bit, a flag or an escape too many, one too few, a cut.
-void BreakBytes(LineBytes& bytes, faults::Random& random);
+void BreakBytes(const link::Framing& framing, LineBytes& bytes, faults::Random& random);
 
 // One change in the order of a list that is not empty: two change places, one is missing, some come again and again.
 template <class T>
@@ -68,13 +65,14 @@ class HostileFrames {
   // Another one that resembles it; never empty.
   LineBytes Change(LineBytes bytes, faults::Random& random) const;
   // Another byte in the first valid frame, under a checksum that is right; nothing else.
-  static LineBytes ChangeOneByte(LineBytes bytes, faults::Random& random);
+  LineBytes ChangeOneByte(LineBytes bytes, faults::Random& random) const;
 
  private:
   LineBytes Payload(faults::Random& random) const;
 
   std::vector<const link::MessageType*> types_;
   const link::Protocol& protocol_;
+  const link::Framing& framing_;
 };
 
 // Longest input, so that inputs do not queue up on the line for ever.

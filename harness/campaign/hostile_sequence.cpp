@@ -9,7 +9,7 @@
 #include <stdexcept>
 
 #include "faults/frame_words.h"
-#include "link/frame.h"
+#include "link/framing.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -18,17 +18,13 @@ constexpr std::array<std::string_view, 3> kPlaces = {"instead", "before", "after
 
 std::string Bytes(std::size_t count) { return fmt::format("{} byte{}", count, count == 1 ? "" : "s"); }
 
-// Describes the bytes between two flags.
-std::string DescribeFrame(const link::FrameEvent& event, const link::Protocol& protocol,
+std::string DescribeFrame(const link::FrameReading& read, const link::Protocol& protocol,
                           link::Direction direction) {
-  if (event.status != link::FrameStatus::kOk) {
-    const bool is_closed = event.status != link::FrameStatus::kTooLong;
-    return fmt::format("{} of {}", Name(event.status), Bytes(event.end - event.begin - (is_closed ? 2 : 1)));
-  }
+  if (!read.ok) return fmt::format("{} of {}", read.status, Bytes(read.content_end - read.content_begin));
   link::Message message;
-  const link::MessageStatus status = protocol.Decode(direction, event.payload, message);
-  const link::MessageType* type = protocol.Classify(direction, event.payload);
-  return fmt::format("{} of {}{}", type == nullptr ? "a payload" : type->name, Bytes(event.payload.size()),
+  const link::MessageStatus status = protocol.Decode(direction, read.payload, message);
+  const link::MessageType* type = protocol.Classify(direction, read.payload);
+  return fmt::format("{} of {}{}", type == nullptr ? "a payload" : type->name, Bytes(read.payload.size()),
                      status == link::MessageStatus::kOk ? "" : fmt::format(" ({})", Name(status)));
 }
 
@@ -48,9 +44,9 @@ struct HostileStream {
   }
 };
 
-HostileStream StreamOf(const HostileSequence& sequence) {
+HostileStream StreamOf(const HostileSequence& sequence, const link::Framing& framing) {
   HostileStream stream;
-  const LineBytes honest = HostileFrame(LineBytes{0});
+  const LineBytes honest = framing.Encode(LineBytes{0});
   const auto say = [&](const LineBytes& bytes) {
     stream.bytes.insert(stream.bytes.end(), bytes.begin(), bytes.end());
   };
@@ -221,18 +217,19 @@ std::vector<std::string> Describe(const HostileSequence& sequence, const link::P
   const link::Direction direction = sequence.target == faults::Target::kReference
                                         ? link::Direction::kReference
                                         : link::Direction::kToClient;
-  const HostileStream stream = StreamOf(sequence);
+  const link::Framing& framing = *protocol.framing;
+  const HostileStream stream = StreamOf(sequence, framing);
   std::vector<std::vector<std::string>> parts(sequence.inputs.size());
   std::vector<std::size_t> rest_of(
       sequence.inputs.size());  // the input with the frame that goes on in this one
-  link::FrameDecoder decoder;
+  const std::unique_ptr<link::FrameReader> reader = framing.MakeReader();
   std::span<const std::uint8_t> rest(stream.bytes);
-  while (const auto event = decoder.Next(rest)) {
+  while (const auto read = reader->Next(rest)) {
     // Its flags may be its neighbours'.
-    const auto input = stream.InputAt(event->begin + 1);
+    const auto input = stream.InputAt(read->content_begin);
     if (!input) continue;
-    std::string text = DescribeFrame(*event, protocol, direction);
-    const std::size_t last = stream.InputAt(event->end - 2).value_or(*input);
+    std::string text = DescribeFrame(*read, protocol, direction);
+    const std::size_t last = stream.InputAt(read->content_end - 1).value_or(*input);
     if (last != *input) text += fmt::format(" (it ends in frame {})", last + 1);
     parts[*input].push_back(std::move(text));
     std::fill(rest_of.begin() + static_cast<std::ptrdiff_t>(*input), rest_of.end(), *input);
@@ -240,7 +237,7 @@ std::vector<std::string> Describe(const HostileSequence& sequence, const link::P
   std::vector<std::string> lines;
   for (std::size_t i = 0; i < sequence.inputs.size(); ++i) {
     const LineBytes& input = sequence.inputs[i];
-    const bool is_idle = std::ranges::all_of(input, [](std::uint8_t byte) { return byte == link::kFlag; });
+    const bool is_idle = CountFlags(framing, input) == input.size();
     lines.push_back(input.empty()       ? "as it is"
                     : !parts[i].empty() ? fmt::format("{}", fmt::join(parts[i], ", "))
                     : is_idle           ? fmt::format("{} flag{}", input.size(), input.size() == 1 ? "" : "s")

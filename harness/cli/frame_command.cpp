@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include <array>
 #include <cerrno>
 #include <charconv>
 #include <cstdio>
@@ -9,7 +8,8 @@
 
 #include "harness/cli/commands.h"
 #include "harness/terminal/terminal.h"
-#include "link/frame.h"
+#include "link/hdlc_framing.h"
+#include "link/message_kind.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -27,9 +27,9 @@ std::vector<std::uint8_t> FromHex(std::string_view hex) {
   return bytes;
 }
 
-void PrintEvent(const link::FrameEvent& event) {
-  Print(stdout, "{{\"offset\": {}, \"status\": \"{}\", \"payload\": \"{}\"}}\n", event.begin,
-        Name(event.status), fmt::format("{:02x}", fmt::join(event.payload, "")));
+void PrintFrame(const link::FrameReading& read) {
+  Print(stdout, "{{\"offset\": {}, \"status\": \"{}\", \"payload\": \"{}\"}}\n", read.begin, read.status,
+        fmt::format("{:02x}", fmt::join(read.payload, "")));
 }
 
 }  // namespace
@@ -39,8 +39,7 @@ int FrameEncodeCommand(const std::string& hex) {
   if (payload.size() > link::kPayloadBytesMax)
     throw UsageError(
         fmt::format("HEX: {} bytes; a payload has at most {}", payload.size(), link::kPayloadBytesMax));
-  std::array<std::uint8_t, link::FrameBytesMax(link::kPayloadBytesMax)> wire;
-  Print(stdout, "{}\n", fmt::format("{:02x}", fmt::join(link::EncodeFrame(payload, wire).bytes, "")));
+  Print(stdout, "{}\n", fmt::format("{:02x}", fmt::join(link::HdlcFraming()->Encode(payload), "")));
   return kExitGreen;
 }
 
@@ -53,21 +52,21 @@ int FrameDecodeCommand(const std::filesystem::path& file) {
     throw UsageError(fmt::format("cannot open {}: {}", file.string(), std::strerror(errno)));
   std::FILE* input = file.empty() ? stdin : opened.get();
 
-  link::FrameDecoder decoder;
+  const std::unique_ptr<link::FrameReader> reader = link::HdlcFraming()->MakeReader();
   bool rejected = false;
-  const auto report = [&](const link::FrameEvent& event) {
-    PrintEvent(event);
-    rejected |= event.status != link::FrameStatus::kOk;
+  const auto report = [&](const link::FrameReading& read) {
+    PrintFrame(read);
+    rejected |= !read.ok;
   };
   for (int c = 0; (c = std::getc(input)) != EOF;) {
     const auto byte = static_cast<std::uint8_t>(c);
     std::span<const std::uint8_t> bytes(&byte, 1);
-    while (const auto event = decoder.Next(bytes)) report(*event);
+    while (const auto read = reader->Next(bytes)) report(*read);
   }
   if (std::ferror(input))
     throw std::runtime_error(fmt::format(
         "cannot read {}: {}", file.empty() ? "standard input" : file.string(), std::strerror(errno)));
-  if (const auto event = decoder.Finish()) report(*event);
+  if (const auto read = reader->Finish()) report(*read);
   return rejected ? kExitNotGreen : kExitGreen;
 }
 

@@ -9,26 +9,30 @@
 #include "harness/report/files.h"
 #include "harness/run/link_log.h"
 #include "harness/terminal/terminal.h"
-#include "link/frame.h"
+#include "link/framing.h"
 
 namespace tiltproof::harness {
 
 namespace {
 
-// Ids of the clients in the log's records. The scenario beside it has their names; without it their numbers are shown.
-std::vector<std::string> ClientIds(const LinkLog& log, const std::filesystem::path& file) {
+// The scenario beside the log; none when the log was moved.
+std::optional<Scenario> ScenarioBeside(const std::filesystem::path& file) {
+  try {
+    return LoadFlown(file.parent_path()).scenario;
+  } catch (const UsageError&) {
+    return std::nullopt;
+  }
+}
+
+// Ids of the clients in the log's records. The scenario has their names; without it their numbers are shown.
+std::vector<std::string> ClientIds(const LinkLog& log, const std::optional<Scenario>& scenario) {
   std::size_t count = 1;
   std::size_t offset = 0;
   while (const auto record = log.Next(offset)) count = std::max(count, record->wire.client + 1);
   std::vector<std::string> ids;
   for (std::size_t i = 0; i < count; ++i) ids.push_back(std::to_string(i));
-  if (count == 1) return ids;
-  try {
-    const Scenario scenario = LoadFlown(file.parent_path()).scenario;
-    for (std::size_t i = 0; i < std::min(count, scenario.client_count()); ++i) ids[i] = scenario.client_id(i);
-  } catch (const UsageError&) {
-    // It was moved.
-  }
+  if (count == 1 || !scenario) return ids;
+  for (std::size_t i = 0; i < std::min(count, scenario->client_count()); ++i) ids[i] = scenario->client_id(i);
   return ids;
 }
 
@@ -50,17 +54,24 @@ int LinkDumpCommand(const std::filesystem::path& file) {
     throw UsageError(fmt::format("{}: {}", file.string(), error.what()));
   }
 
-  const std::vector<std::string> ids = ClientIds(log, file);
+  const std::optional<Scenario> scenario = ScenarioBeside(file);
+  const std::vector<std::string> ids = ClientIds(log, scenario);
+  // The built-in protocols have one framing: a log that was moved is read too.
+  const link::Framing& framing = *(scenario ? scenario->link.protocol : link::Protocols().front())->framing;
   // Sent and delivered bytes are two streams in each direction of each client.
-  std::vector<std::array<std::array<link::FrameDecoder, 2>, link::kDirectionCount>> decoders(ids.size());
+  std::vector<std::array<std::array<std::unique_ptr<link::FrameReader>, 2>, link::kDirectionCount>> readers(
+      ids.size());
+  for (auto& client : readers)
+    for (auto& direction : client)
+      for (auto& side : direction) side = framing.MakeReader();
   const auto print = [&](TimeNs time_ns, std::size_t client, std::size_t direction, bool delivered,
-                         const link::FrameEvent& event) {
+                         const link::FrameReading& read) {
     std::string meaning;
-    if (event.status == link::FrameStatus::kOk) {
+    if (read.ok) {
       // Only by its length: a log does not say the protocol, and the built-in ones share lengths.
-      const auto floats = event.payload.size() % 4 == 0 ? event.payload.size() / 4 : 0;
+      const auto floats = read.payload.size() % 4 == 0 ? read.payload.size() / 4 : 0;
       for (std::size_t i = 0; i < floats; ++i) {
-        const auto* b = &event.payload[4 * i];
+        const auto* b = &read.payload[4 * i];
         const std::uint32_t bits =
             b[0] | (std::uint32_t{b[1]} << 8) | (std::uint32_t{b[2]} << 16) | (std::uint32_t{b[3]} << 24);
         meaning += fmt::format(" {:.9g}", std::bit_cast<float>(bits));
@@ -68,8 +79,8 @@ int LinkDumpCommand(const std::filesystem::path& file) {
     }
     Print(stdout, "{:>14.9f} {}{:<9} {:<9} {:<16} {:3} {}{}{}\n", ToSeconds(time_ns),
           ids.size() > 1 ? ids[client] + " " : "", Name(static_cast<link::Direction>(direction)),
-          delivered ? "delivered" : "sent", Name(event.status), event.payload.size(),
-          fmt::format("{:02x}", fmt::join(event.payload, "")), meaning.empty() ? "" : "  =", meaning);
+          delivered ? "delivered" : "sent", read.status, read.payload.size(),
+          fmt::format("{:02x}", fmt::join(read.payload, "")), meaning.empty() ? "" : "  =", meaning);
   };
   Print(stdout, "# begin_s {}direction side status bytes payload = floats\n",
         ids.size() > 1 ? "client " : "");
@@ -86,14 +97,14 @@ int LinkDumpCommand(const std::filesystem::path& file) {
     }
     auto bytes = record->bytes;
     last_ns = record->begin_ns;
-    while (const auto event = decoders[client][direction][record->delivered].Next(bytes))
-      print(record->begin_ns, client, direction, record->delivered, *event);
+    while (const auto read = readers[client][direction][record->delivered]->Next(bytes))
+      print(record->begin_ns, client, direction, record->delivered, *read);
   }
-  for (std::size_t client = 0; client < decoders.size(); ++client)
+  for (std::size_t client = 0; client < readers.size(); ++client)
     for (std::size_t d = 0; d < link::kDirectionCount; ++d)
       for (const bool delivered : {false, true})
-        if (const auto event = decoders[client][d][delivered].Finish())
-          print(last_ns, client, d, delivered, *event);
+        if (const auto read = readers[client][d][delivered]->Finish())
+          print(last_ns, client, d, delivered, *read);
   return kExitGreen;
 }
 

@@ -2,6 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <optional>
+#include <stdexcept>
+
 namespace tiltproof::harness {
 namespace {
 
@@ -46,13 +49,18 @@ std::string HowToGetImages() {
 
 EmulatorSpec BoardOf(const EmulatedImage& image, const std::string& firmware,
                      const link::Protocol& protocol) {
+  const std::optional<std::uint8_t> flag = protocol.framing->flag();
+  if (!flag)
+    throw std::runtime_error(fmt::format(
+        "the emulated board stops where a flag ends a frame; frames of the protocol '{}' have none",
+        protocol.name));
   return {.image = ImageFile(image, firmware, protocol.name).string(),
           .plugin = LockstepPlugin().string(),
           .main_usart = image.main_usart,
           .reference_usart = image.reference_usart,
           .console_usart = image.console_usart,
           .hse_hz = image.hse_hz,
-          .barrier = protocol.framing.flag};
+          .barrier = *flag};
 }
 
 }  // namespace tiltproof::harness

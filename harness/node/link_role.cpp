@@ -213,7 +213,7 @@ class LinkRole final : public Role {
     for (const auto& reference : references_.Take()) {
       if (!armed_ || reference.run_id != services_.run_id()) continue;
       if (const auto point = FromRow(reference.values))
-        Transmit(Direction::kReference, framer_->Frame(*point).bytes());
+        Transmit(Direction::kReference, framer_->Frame(*point));
     }
   }
 

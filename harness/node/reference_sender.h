@@ -30,7 +30,7 @@ class ReferenceSender {
 
   void Send(TimeNs time_ns, const ReferencePoint& reference) {
     if (port_) {
-      port_->Write(framer_->Frame(reference).bytes());
+      port_->Write(framer_->Frame(reference));
       return;
     }
     dds::Reference out;

@@ -13,7 +13,7 @@
 #include "harness/report/decimation.h"
 #include "harness/report/json_fields.h"
 #include "link/check.h"
-#include "link/frame.h"
+#include "link/framing.h"
 #include "link/protocol.h"
 
 namespace tiltproof::harness {
@@ -106,16 +106,16 @@ std::string Hex(std::span<const std::uint8_t> bytes) { return fmt::format("{:02x
 // Adds the reading of a receiver that starts here: a message and its payload, or the reason for none.
 void PutMeaning(Json& json, const link::Protocol& protocol, link::Direction direction,
                 std::span<const std::uint8_t> bytes) {
-  link::FrameDecoder decoder;
-  auto event = decoder.Next(bytes);
-  if (!event) event = decoder.Finish();
-  if (!event) return;
-  json["status"] = Name(event->status);
-  if (event->status != link::FrameStatus::kOk) return;
-  const link::MessageType* type = protocol.Classify(direction, event->payload);
+  const std::unique_ptr<link::FrameReader> reader = protocol.framing->MakeReader();
+  auto read = reader->Next(bytes);
+  if (!read) read = reader->Finish();
+  if (!read) return;
+  json["status"] = read->status;
+  if (!read->ok) return;
+  const link::MessageType* type = protocol.Classify(direction, read->payload);
   if (type == nullptr) return;
   json["message"] = type->name;
-  json["payload"] = Hex(event->payload);
+  json["payload"] = Hex(read->payload);
 }
 
 Json FrameJson(const FlightView& view, const LineFrame& frame) {

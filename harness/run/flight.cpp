@@ -259,8 +259,8 @@ const AllCounts& Conductor::Counts() {
 // The base station follows the simulation's clock (paper, section 2.2, Figure 6).
 void Conductor::SendReference(BootTime now) {
   Check(started(), "references begin with the flight");
-  const Framed frame = references_.Frame(trajectory_.At(origin().SimulationTime(now)));
-  for (ClientChannel& channel : channels_) channel.line().Transmit(Direction::kReference, now, frame.bytes());
+  const std::vector<std::uint8_t> frame = references_.Frame(trajectory_.At(origin().SimulationTime(now)));
+  for (ClientChannel& channel : channels_) channel.line().Transmit(Direction::kReference, now, frame);
   SpreadNews();
   next_reference_ns_ = now + scenario_.link.protocol->control_period_ns;
   if (options_.progress_ns != nullptr)

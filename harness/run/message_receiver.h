@@ -5,8 +5,8 @@
 //   receiver.Receive(bytes, [&](const link::Message& message) { server.Receive(client, now, message, reply); });
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <string_view>
 
@@ -18,14 +18,14 @@ class MessageReceiver {
  public:
   // `protocol` must outlive it.
   MessageReceiver(const link::Protocol& protocol, link::Direction direction)
-      : protocol_(&protocol), direction_(direction) {}
+      : protocol_(&protocol), direction_(direction), reader_(protocol.framing->MakeReader()) {}
 
-  // The result of the bytes between two flags.
+  // A frame that has ended, or bytes that are none.
   struct Frame {
     // Number of the chunk (link::Chunk::number) that brought the last byte of the frame's content. The flag
     // that closes a frame may belong to the next one.
     std::uint64_t number;
-    std::string_view rejected;  // Name() of a link::FrameStatus or link::MessageStatus; empty: accepted
+    std::string_view rejected;  // a status of the framing or Name() of a link::MessageStatus; empty: accepted
     std::span<const std::uint8_t>
         payload;                   // of a whole frame, accepted or not; these two are valid during the call
     const link::Message* message;  // null when it was rejected
@@ -34,11 +34,9 @@ class MessageReceiver {
   // number.
   template <class OnFrame>
   void ReceiveFrames(std::uint64_t number, std::span<const std::uint8_t> bytes, const OnFrame& on_frame) {
-    const std::uint8_t flag = protocol_->framing.flag;
-    const auto content = std::find_if(bytes.begin(), bytes.end(), [&](auto byte) { return byte != flag; });
-    const auto flag_count = static_cast<std::size_t>(content - bytes.begin());
+    const std::size_t flag_count = CountFlags(*protocol_->framing, bytes);
     Decode(bytes.first(flag_count), on_frame);
-    if (content == bytes.end()) return;
+    if (flag_count == bytes.size()) return;
     number_ = number;
     Decode(bytes.subspan(flag_count), on_frame);
   }
@@ -54,18 +52,18 @@ class MessageReceiver {
  private:
   template <class OnFrame>
   void Decode(std::span<const std::uint8_t> bytes, const OnFrame& on_frame) {
-    while (const auto event = decoder_.Next(bytes)) on_frame(Check(*event));
+    while (const auto read = reader_->Next(bytes)) on_frame(Check(*read));
   }
-  Frame Check(const link::FrameEvent& event) {
-    if (event.status != link::FrameStatus::kOk) return {number_, Name(event.status), {}, nullptr};
-    const link::MessageStatus status = protocol_->Decode(direction_, event.payload, message_);
-    if (status != link::MessageStatus::kOk) return {number_, Name(status), event.payload, nullptr};
-    return {number_, {}, event.payload, &message_};
+  Frame Check(const link::FrameReading& read) {
+    if (!read.ok) return {number_, read.status, {}, nullptr};
+    const link::MessageStatus status = protocol_->Decode(direction_, read.payload, message_);
+    if (status != link::MessageStatus::kOk) return {number_, Name(status), read.payload, nullptr};
+    return {number_, {}, read.payload, &message_};
   }
 
   const link::Protocol* protocol_;
   link::Direction direction_;
-  link::FrameDecoder decoder_;
+  std::unique_ptr<link::FrameReader> reader_;
   std::uint64_t number_ = 0;
   link::Message message_;
 };

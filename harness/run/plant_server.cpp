@@ -6,7 +6,6 @@
 #include <string>
 #include <utility>
 
-#include "harness/run/framed.h"
 #include "harness/run/message_binding.h"
 #include "link/check.h"
 
@@ -113,7 +112,7 @@ void LocalPlantServer::AnswerSensorRequest(std::size_t client, BootTime arrival,
   seat.faults.EditSensors(sampled, sent_, arrival);
   NoteActivations();
   std::copy(sent_.begin(), sent_.end(), seat.sensed.begin());
-  reply(Framed(protocol_.Encode(answer, BindingOf(answer).Values<float>(sent_)).span()).bytes());
+  reply(protocol_.framing->Encode(protocol_.Encode(answer, BindingOf(answer).Values<float>(sent_)).span()));
   if (state_.started()) log_.clients[client].request_times_ns.push_back(SimTime(arrival));
 }
 

@@ -54,12 +54,14 @@ void ForEachFrame(const LinkLog& link, WireId wire, bool delivered, const link::
   }
 }
 
-// Replies, whatever their values, in bytes that are sent in one go. A receiver may know from the pauses where a frame begins
-// and ends, and need no flag.
+// Replies, whatever their values, in bytes that are sent in one go. A receiver may know from the pauses where a frame
+// begins and ends, and need no flag.
 std::int64_t RepliesAlone(std::span<const std::uint8_t> bytes, const link::Protocol& protocol) {
-  std::vector<std::uint8_t> alone = {protocol.framing.flag};
+  const std::optional<std::uint8_t> flag = protocol.framing->flag();
+  std::vector<std::uint8_t> alone;
+  if (flag) alone.push_back(*flag);
   alone.insert(alone.end(), bytes.begin(), bytes.end());
-  alone.push_back(protocol.framing.flag);
+  if (flag) alone.push_back(*flag);
   std::int64_t count = 0;
   MessageReceiver(protocol, Direction::kToClient)
       .ReceiveFrames(0, alone, [&](const MessageReceiver::Frame& frame) {
@@ -68,18 +70,18 @@ std::int64_t RepliesAlone(std::span<const std::uint8_t> bytes, const link::Proto
   return count;
 }
 
-bool IsDoubleEscape(std::uint8_t a, std::uint8_t b) { return a == link::kEscape && b == link::kEscape; }
-
 // Number of replies that some receiver may find, where the usual one finds `count` of them. Many decoders take an
 // escape behind an escape for the same one.
 std::int64_t PossibleReplies(std::int64_t count, std::span<const std::uint8_t> bytes,
                              const link::Protocol& protocol) {
-  const bool doubled = std::ranges::adjacent_find(bytes, IsDoubleEscape) != bytes.end();
+  const std::optional<std::uint8_t> escape = protocol.framing->escape();
+  const auto is_double = [&](std::uint8_t a, std::uint8_t b) { return a == escape && b == escape; };
+  const bool doubled = std::ranges::adjacent_find(bytes, is_double) != bytes.end();
   if (count > 0 && !doubled) return count;
   count = std::max(count, RepliesAlone(bytes, protocol));
   if (!doubled) return count;
   std::vector<std::uint8_t> single(bytes.begin(), bytes.end());
-  single.erase(std::unique(single.begin(), single.end(), IsDoubleEscape), single.end());
+  single.erase(std::unique(single.begin(), single.end(), is_double), single.end());
   return std::max(count, RepliesAlone(single, protocol));
 }
 

@@ -1,8 +1,10 @@
 // A reference as the base station sends it.
 #pragma once
 
+#include <cstdint>
+#include <vector>
+
 #include "harness/reference/reference_point.h"
-#include "harness/run/framed.h"
 #include "harness/run/message_binding.h"
 #include "link/protocol.h"
 
@@ -14,9 +16,10 @@ class ReferenceFramer {
   explicit ReferenceFramer(const link::Protocol& protocol)
       : protocol_(&protocol), message_(*protocol.Find(link::MessageKind::kReference), ReferenceSignals()) {}
 
-  Framed Frame(const ReferencePoint& reference) const {
+  std::vector<std::uint8_t> Frame(const ReferencePoint& reference) const {
     const std::vector<double> row = ToRow(reference);
-    return Framed(protocol_->Encode(message_.type(), message_.Values<double>(row)).span());
+    return protocol_->framing->Encode(
+        protocol_->Encode(message_.type(), message_.Values<double>(row)).span());
   }
 
  private:

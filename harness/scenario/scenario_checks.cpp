@@ -274,6 +274,17 @@ class Checker {
     for (std::size_t i = 0; i < scenario_.faults.size(); ++i) CheckWaiting(i, list->items[i]);
     CheckSignals(*list);
     CheckFields(*list);
+    CheckFraming(*list);
+  }
+
+  // Faults on flags and escapes are for a framing that has these.
+  void CheckFraming(const YamlNode& list) {
+    for (std::size_t i = 0; i < scenario_.faults.size(); ++i) {
+      const faults::FaultType* type = faults::FindFaultType(scenario_.faults[i].type);
+      const std::string problem =
+          type == nullptr ? "" : faults::FramingProblem(*type, *scenario_.link.protocol);
+      if (!problem.empty()) Complain(list.items[i], "type", "type: " + problem);
+    }
   }
 
   // The fields that faults on frames name are those of messages that pass there.

@@ -54,6 +54,12 @@ extern const examples::Function Print;
 // link/frame.h
 extern std::span<const std::uint8_t> received;
 
+// link/framing.h
+extern std::span<const std::uint8_t> received;
+
+// link/frame_cutter.h
+extern std::span<const std::uint8_t> bytes;
+
 // link/named.h
 enum class Side { kLeft, kRight };
 constexpr std::string_view Name(Side side) { return side == Side::kLeft ? "left" : "right"; }
@@ -141,6 +147,7 @@ extern const FaultType& type;
 extern struct FaultsOfWire { void Add(const WireKind& kind); } faults_of_wire;
 
 // faults/frame_edit.h
+extern const std::shared_ptr<const link::Protocol> protocol;
 extern link::Chunk chunk;
 
 // faults/news.h

@@ -366,11 +366,6 @@ extern Origin origin;
 // harness/run/fault_conditions.h
 extern std::vector<faults::News> news;
 
-// harness/run/framed.h
-extern Direction direction;
-extern const link::MessageType& type;
-extern const std::vector<float> row;
-
 // harness/run/introduction.h
 #include "harness/process/child_process.h"
 extern dds::Circle circle;

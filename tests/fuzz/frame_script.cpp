@@ -67,6 +67,7 @@ std::size_t MutateScript(std::uint8_t* data, std::size_t size, std::size_t max_s
   Draw draw(seed);
   if (draw.Below(16) == 0) return LLVMFuzzerMutate(data, size, max_size);
   FrameScript script = ReadScript({data, size});
+  const link::Framing& framing = *link::HdlcFraming();
   const auto change = [](Bytes& bytes, std::size_t more_bytes_max) {
     const std::size_t used = bytes.size();
     bytes.resize(used + more_bytes_max);
@@ -77,12 +78,12 @@ std::size_t MutateScript(std::uint8_t* data, std::size_t size, std::size_t max_s
     const std::size_t what = at == script.steps.size() ? 0 : draw.Below(8);
     if (what < 2) {
       Step step{static_cast<std::uint8_t>(draw.Below(128)), static_cast<std::uint8_t>(draw.Below(4)), {}};
-      step.bytes = harness::HostileFrame(payload_of(script, step.line, draw));
+      step.bytes = framing.Encode(payload_of(script, step.line, draw));
       script.steps.insert(script.steps.begin() + static_cast<std::ptrdiff_t>(at), std::move(step));
     } else if (what < 4) {
-      harness::ChangeContent(script.steps[at].bytes, draw, change);
+      harness::ChangeContent(framing, script.steps[at].bytes, draw, change);
     } else if (what < 6) {
-      harness::BreakBytes(script.steps[at].bytes, draw);
+      harness::BreakBytes(framing, script.steps[at].bytes, draw);
     } else {
       ChangeOrder(script.steps, at, draw);
     }

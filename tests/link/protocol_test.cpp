@@ -202,7 +202,7 @@ TEST(ProtocolTest, EachProtocolIsWhole) {
   for (const auto& protocol : Protocols()) {
     SCOPED_TRACE(protocol->name);
     EXPECT_EQ(FindProtocol(protocol->name), protocol);
-    EXPECT_EQ(protocol->framing.flag, 0x7E);
+    EXPECT_EQ(protocol->framing->name(), "hdlc");
     EXPECT_EQ(protocol->control_period_ns, 12 * kNsPerMs);
     int starts_count = 0;
     for (const MessageType& type : protocol->messages) {

@@ -1,13 +1,14 @@
+#include <optional>
+
 #include "faults/between_frames.h"
 #include "faults/fault_type.h"
-#include "link/frame.h"
 
 namespace tiltproof::faults {
 namespace {
 
 class Babble : public WireModel {
  public:
-  explicit Babble(const WireSetup& setup) : events_(setup) {}
+  explicit Babble(const WireSetup& setup) : flag_(setup.protocol.framing->flag()), events_(setup) {}
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
     const auto& events = events_.Since(chunk, context);
@@ -15,8 +16,9 @@ class Babble : public WireModel {
     out.push_back(std::move(chunk));
     for (const PoissonEvents::Event& event : events) {
       Random random(event.key);
-      noise.bytes.assign(3 + random.Below(64), link::kFlag);
-      for (std::size_t i = 1; i + 1 < noise.bytes.size(); ++i)
+      noise.bytes.assign(3 + random.Below(64), flag_.value_or(0));
+      const std::size_t flags = flag_ ? 1 : 0;  // at each end
+      for (std::size_t i = flags; i + flags < noise.bytes.size(); ++i)
         noise.bytes[i] = static_cast<std::uint8_t>(random.Below(256));
       out.push_back(noise);
       if (context.what != nullptr)
@@ -30,6 +32,7 @@ class Babble : public WireModel {
   }
 
  private:
+  std::optional<std::uint8_t> flag_;
   EventsBetweenFrames events_;
 };
 

@@ -1,6 +1,5 @@
 #include "faults/fault_type.h"
 #include "faults/frame_edit.h"
-#include "link/fletcher16.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -8,29 +7,27 @@ namespace {
 class ChecksumPreserving : public WireModel {
  public:
   explicit ChecksumPreserving(const WireSetup& setup)
-      : probability_(setup.parameters.Number("probability")) {}
+      : framing_(*setup.protocol.framing), probability_(setup.parameters.Number("probability")) {}
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
-    FrameEdit edit(chunk.bytes);
-    std::vector<std::uint8_t>& payload = edit.payload();
-    if (context.random.Bernoulli(probability_) && edit.ok() && payload.size() >= 3) {
-      const std::size_t place = context.random.Below(payload.size() - 2);
-      const auto d = static_cast<unsigned>(1 + context.random.Below(254));
-      const auto add = [&payload](std::size_t at, unsigned difference) {
-        payload[at] = static_cast<std::uint8_t>((payload[at] + difference) % link::kFletcherModulus);
-      };
-      add(place, d);
-      add(place + 1, 2 * (link::kFletcherModulus - d));
-      add(place + 2, d);
+    const link::BlindSpot blind_spot = framing_.blind_spot();
+    FrameEdit edit(framing_, chunk.bytes);
+    if (context.random.Bernoulli(probability_) && blind_spot.bytes_count > 0 && edit.ok() &&
+        edit.payload().size() >= blind_spot.bytes_count) {
+      const std::size_t size = blind_spot.bytes_count;
+      const std::size_t place = context.random.Below(edit.payload().size() - size + 1);
+      const auto way = static_cast<std::uint32_t>(context.random.Below(blind_spot.ways_count));
+      const std::string change = framing_.ChangeUnseen(std::span(edit.payload()).subspan(place, size), way);
       edit.WriteTo(chunk.bytes);
       if (context.what != nullptr)
-        context.Say("bytes " + std::to_string(place) + " to " + std::to_string(place + 2) +
-                    " of the payload by " + std::to_string(d) + ", -2 times that, and that again");
+        context.Say("bytes " + std::to_string(place) + " to " + std::to_string(place + size - 1) +
+                    " of the payload " + change);
     }
     out.push_back(std::move(chunk));
   }
 
  private:
+  const link::Framing& framing_;
   double probability_;
 };
 

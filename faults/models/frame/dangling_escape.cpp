@@ -1,23 +1,25 @@
 #include "faults/fault_type.h"
-#include "link/frame.h"
 
 namespace tiltproof::faults {
 namespace {
 
 class DanglingEscape : public WireModel {
  public:
-  explicit DanglingEscape(const WireSetup& setup) : probability_(setup.parameters.Number("probability")) {}
+  explicit DanglingEscape(const WireSetup& setup)
+      : flag_(setup.protocol.framing->flag().value()),
+        escape_(setup.protocol.framing->escape().value()),
+        probability_(setup.parameters.Number("probability")) {}
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
-    if (context.random.Bernoulli(probability_) && chunk.bytes.size() > 1 &&
-        chunk.bytes.back() == link::kFlag) {
-      chunk.bytes.insert(chunk.bytes.end() - 1, link::kEscape);
+    if (context.random.Bernoulli(probability_) && chunk.bytes.size() > 1 && chunk.bytes.back() == flag_) {
+      chunk.bytes.insert(chunk.bytes.end() - 1, escape_);
       context.Say("escape before the closing flag");
     }
     out.push_back(std::move(chunk));
   }
 
  private:
+  std::uint8_t flag_, escape_;
   double probability_;
 };
 
@@ -38,7 +40,9 @@ FaultType FrameDanglingEscape() {
       .kind = WireKind{.wire_layer = WireLayer::kFrame,
                        .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
                          return std::make_unique<DanglingEscape>(setup);
-                       }}};
+                       },
+                       .needs_flag = true,
+                       .needs_escape = true}};
 }
 
 }  // namespace tiltproof::faults

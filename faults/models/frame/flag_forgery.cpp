@@ -1,27 +1,28 @@
 #include "faults/bits.h"
 #include "faults/fault_type.h"
-#include "link/frame.h"
 
 namespace tiltproof::faults {
 namespace {
 
 class FlagForgery : public WireModel {
  public:
-  explicit FlagForgery(const WireSetup& setup) : probability_(setup.parameters.Number("probability")) {}
+  explicit FlagForgery(const WireSetup& setup)
+      : flag_(setup.protocol.framing->flag().value()), probability_(setup.parameters.Number("probability")) {}
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
     std::vector<std::size_t> places;
     for (std::size_t i = 0; i < chunk.bytes.size(); ++i)
-      if (chunk.bytes[i] != link::kFlag) places.push_back(i);
+      if (chunk.bytes[i] != flag_) places.push_back(i);
     if (context.random.Bernoulli(probability_) && !places.empty()) {
       const std::size_t place = places[context.random.Below(places.size())];
-      if (context.what != nullptr) context.Say(ByteChange(place, chunk.bytes[place], link::kFlag));
-      chunk.bytes[place] = link::kFlag;
+      if (context.what != nullptr) context.Say(ByteChange(place, chunk.bytes[place], flag_));
+      chunk.bytes[place] = flag_;
     }
     out.push_back(std::move(chunk));
   }
 
  private:
+  std::uint8_t flag_;
   double probability_;
 };
 
@@ -42,7 +43,8 @@ FaultType FrameFlagForgery() {
       .kind = WireKind{.wire_layer = WireLayer::kFrame,
                        .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
                          return std::make_unique<FlagForgery>(setup);
-                       }}};
+                       },
+                       .needs_flag = true}};
 }
 
 }  // namespace tiltproof::faults

@@ -2,18 +2,18 @@
 #include <optional>
 
 #include "faults/fault_type.h"
-#include "link/frame.h"
 
 namespace tiltproof::faults {
 namespace {
 
 class FlagLoss : public WireModel {
  public:
-  explicit FlagLoss(const WireSetup& setup) : probability_(setup.parameters.Number("probability")) {}
+  explicit FlagLoss(const WireSetup& setup)
+      : flag_(setup.protocol.framing->flag().value()), probability_(setup.parameters.Number("probability")) {}
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
     const bool loses = context.random.Bernoulli(probability_);
-    const auto is_content = [](std::uint8_t byte) { return byte != link::kFlag; };
+    const auto is_content = [this](std::uint8_t byte) { return byte != flag_; };
     const auto content = std::find_if(chunk.bytes.begin(), chunk.bytes.end(), is_content);
     if (content == chunk.bytes.end()) {
       out.push_back(std::move(chunk));
@@ -24,7 +24,7 @@ class FlagLoss : public WireModel {
       context.Say("opening flag lost");
     }
     open_number_.reset();
-    if (loses && chunk.bytes.back() == link::kFlag) {
+    if (loses && chunk.bytes.back() == flag_) {
       chunk.bytes.pop_back();
       open_number_ = chunk.number;
       context.Say("closing flag lost");
@@ -33,6 +33,7 @@ class FlagLoss : public WireModel {
   }
 
  private:
+  std::uint8_t flag_;
   double probability_;
   std::optional<std::uint64_t> open_number_;  // of the latest frame that lost its closing flag
 };
@@ -57,7 +58,8 @@ FaultType FrameFlagLoss() {
                          return std::make_unique<FlagLoss>(setup);
                        },
                        .volume = Volume::kMayLose,
-                       .remembers = true}};
+                       .remembers = true,
+                       .needs_flag = true}};
 }
 
 }  // namespace tiltproof::faults

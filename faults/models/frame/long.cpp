@@ -7,11 +7,12 @@ namespace {
 class LongFrame : public WireModel {
  public:
   explicit LongFrame(const WireSetup& setup)
-      : probability_(setup.parameters.Number("probability")),
+      : framing_(*setup.protocol.framing),
+        probability_(setup.parameters.Number("probability")),
         bytes_count_(static_cast<std::size_t>(setup.parameters.Integer("bytes_count"))) {}
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
-    FrameEdit edit(chunk.bytes);
+    FrameEdit edit(framing_, chunk.bytes);
     if (context.random.Bernoulli(probability_) && edit.ok() && bytes_count_ > 0) {
       for (std::size_t i = 0; i < bytes_count_; ++i)
         edit.payload().push_back(static_cast<std::uint8_t>(context.random.Below(256)));
@@ -23,6 +24,7 @@ class LongFrame : public WireModel {
   }
 
  private:
+  const link::Framing& framing_;
   double probability_;
   std::size_t bytes_count_;
 };

@@ -21,7 +21,7 @@ class Semantic : public WireModel {
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
     const bool replaces = context.random.Bernoulli(probability_);
-    FrameEdit edit(chunk.bytes);
+    FrameEdit edit(*protocol_.framing, chunk.bytes);
     const std::optional<Place> place = edit.ok() ? PlaceIn(edit.payload()) : std::nullopt;
     if (place) {
       const float before = FloatAt(edit.payload(), place->offset);
@@ -40,7 +40,7 @@ class Semantic : public WireModel {
   }
 
   void Pass(link::Chunk&& chunk, std::vector<link::Chunk>& out) override {
-    FrameEdit edit(chunk.bytes);
+    FrameEdit edit(*protocol_.framing, chunk.bytes);
     if (const auto place = edit.ok() ? PlaceIn(edit.payload()) : std::nullopt)
       left_alone_ = FloatAt(edit.payload(), place->offset);
     out.push_back(std::move(chunk));

@@ -7,11 +7,12 @@ namespace {
 class ShortFrame : public WireModel {
  public:
   explicit ShortFrame(const WireSetup& setup)
-      : probability_(setup.parameters.Number("probability")),
+      : framing_(*setup.protocol.framing),
+        probability_(setup.parameters.Number("probability")),
         bytes_count_(static_cast<std::size_t>(setup.parameters.Integer("bytes_count"))) {}
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
-    FrameEdit edit(chunk.bytes);
+    FrameEdit edit(framing_, chunk.bytes);
     if (context.random.Bernoulli(probability_) && edit.ok() && bytes_count_ > 0 &&
         edit.payload().size() > 1) {
       const std::size_t size = edit.payload().size();
@@ -25,6 +26,7 @@ class ShortFrame : public WireModel {
   }
 
  private:
+  const link::Framing& framing_;
   double probability_;
   std::size_t bytes_count_;
 };

@@ -2,7 +2,6 @@
 
 #include "faults/between_frames.h"
 #include "faults/fault_type.h"
-#include "faults/frame_edit.h"
 #include "faults/text.h"
 
 namespace tiltproof::faults {
@@ -27,7 +26,7 @@ class Unsolicited : public WireModel {
         values.push_back(
             std::clamp(static_cast<float>(low + (high - low) * random.Uniform()), field.min, field.max));
       }
-      forged.bytes = FrameOf(protocol_.Encode(type, values).span());
+      forged.bytes = protocol_.framing->Encode(protocol_.Encode(type, values).span());
       out.push_back(forged);
       if (context.what != nullptr) context.Say(Concat({"forged ", type.name, " behind it"}));
     }

@@ -8,11 +8,12 @@ namespace {
 class WrongId : public WireModel {
  public:
   explicit WrongId(const WireSetup& setup)
-      : probability_(setup.parameters.Number("probability")),
+      : framing_(*setup.protocol.framing),
+        probability_(setup.parameters.Number("probability")),
         id_(static_cast<float>(setup.parameters.Number("id"))) {}
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
-    FrameEdit edit(chunk.bytes);
+    FrameEdit edit(framing_, chunk.bytes);
     if (context.random.Bernoulli(probability_) && edit.ok() && edit.payload().size() >= 4) {
       SetFloat(edit.payload(), 0, id_);
       edit.WriteTo(chunk.bytes);
@@ -22,6 +23,7 @@ class WrongId : public WireModel {
   }
 
  private:
+  const link::Framing& framing_;
   double probability_;
   float id_;
 };

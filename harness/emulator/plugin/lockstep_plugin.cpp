@@ -269,10 +269,8 @@ void OnTransmit(int number, std::uint8_t byte) {
     if (uart.unit != &plugin.chip.usart(number)) continue;
     SendRegisters(uart);
     uart.unsent.push_back({Now(), uart.usart, byte});
-    const bool barrier = uart.usart == Usart::kMain && byte == plugin.arguments.barrier;
     const bool line_end = uart.usart == Usart::kConsole && byte == '\n';
-    const bool was_in_frame = std::exchange(uart.in_frame, !barrier);
-    if (barrier && was_in_frame) {
+    if (uart.usart == Usart::kMain && uart.frames.FindEnd({&byte, 1})) {
       AwaitAnswer();
     } else if (line_end || uart.unsent.size() >= kUnsentBytesMax) {
       SendUnsent(uart);
@@ -361,6 +359,7 @@ void BeginLockstep() {
     if (number > UsartUnit::kCount) Die("the machine has no such USART");
     Uart& uart = plugin.uarts[i];
     uart.usart = static_cast<Usart>(i);
+    uart.frames = link::FlagCutter(static_cast<std::uint8_t>(plugin.arguments.barrier));
     uart.timer.Init(OnReceiveTimer, &uart);
     uart.unit = &plugin.chip.usart(number);
     if (plugin.arguments.ideal && uart.usart != Usart::kConsole) uart.unit->SetUnpaced();

@@ -21,6 +21,7 @@
 #include "harness/emulator/plugin/parts.h"
 #include "harness/emulator/plugin/realtime_board.h"
 #include "harness/emulator/plugin/turn_limit.h"
+#include "link/frame_cutter.h"
 
 namespace tiltproof::qemu {
 
@@ -34,7 +35,7 @@ struct Uart {
   Timer timer;
   std::vector<TransmittedByte> unsent;  // not yet told
   UsartRegisters told{};                // of its registers
-  bool in_frame = false;                // something has been sent since the last barrier byte
+  link::FlagCutter frames{0};           // sent ones; the barrier byte is their flag
 };
 
 struct Plugin {

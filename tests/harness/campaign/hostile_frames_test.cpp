@@ -27,6 +27,7 @@ using ::testing::HasSubstr;
 using ::testing::SizeIs;
 
 const link::Protocol& Paper() { return *link::FindProtocol("paper"); }
+const link::Framing& Framing() { return *Paper().framing; }
 
 TEST(HostileFrames, FramesAreThoseOfTheCodecAndLongerOnes) {
   Random random(3);
@@ -35,13 +36,13 @@ TEST(HostileFrames, FramesAreThoseOfTheCodecAndLongerOnes) {
     for (std::uint8_t& byte : payload) byte = static_cast<std::uint8_t>(0x7C + random.Below(4));
     std::array<std::uint8_t, link::FrameBytesMax(link::kPayloadBytesMax)> wire;
     const auto frame = link::EncodeFrame(payload, wire).bytes;
-    EXPECT_EQ(HostileFrame(payload), LineBytes(frame.begin(), frame.end())) << size;
+    EXPECT_EQ(Framing().Encode(payload), LineBytes(frame.begin(), frame.end())) << size;
   }
-  EXPECT_THAT(HostileFrame(LineBytes(300)), SizeIs(304));
+  EXPECT_THAT(Framing().Encode(LineBytes(300)), SizeIs(304));
 }
 
 TEST(HostileFrames, ADamagedChecksumIsAllThatIsWrong) {
-  const LineBytes frame = HostileFrame(LineBytes{1, 2, 3}, 0x0100);
+  const LineBytes frame = Framing().Encode(LineBytes{1, 2, 3}, 0x0100);
   std::span<const std::uint8_t> rest(frame);
   link::FrameDecoder decoder;
   EXPECT_EQ(decoder.Next(rest)->status, link::FrameStatus::kBadChecksum);
@@ -144,7 +145,7 @@ TEST(HostileSequence, AReceiversViewHasTheFramesAround) {
   };
   LineBytes payload(64);
   std::iota(payload.begin(), payload.end(), std::uint8_t{1});
-  const LineBytes whole = HostileFrame(payload);
+  const LineBytes whole = Framing().Encode(payload);
   const LineBytes bare(whole.begin() + 1, whole.end() - 1);
   for (const char* place : {"instead", "before", "after"}) {
     EXPECT_THAT(described(place, {bare}), ElementsAre("sensors of 64 bytes")) << place;

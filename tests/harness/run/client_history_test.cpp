@@ -6,7 +6,7 @@
 
 #include "firmware/messages.h"
 #include "harness/client/client.h"
-#include "harness/run/framed.h"
+#include "tests/harness/run/by_hand.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -24,25 +24,25 @@ void Sends(RunLog& log, TimeNs begin_ns, std::span<const std::uint8_t> frame,
   chunk.bytes.assign(frame.begin(), frame.end());
   log.link.Append(chunk, {0, direction}, delivered);
 }
-Framed Start(link::Dialect dialect = link::Dialect::kPaper) {
-  return Framed(link::EncodeStart(dialect, {}).span());
+std::vector<std::uint8_t> Start(link::Dialect dialect = link::Dialect::kPaper) {
+  return FrameOf(link::EncodeStart(dialect, {}));
 }
-Framed SomeActuators() {
-  return Framed(link::EncodeActuators(link::Dialect::kPaper, {.f_r_n = 10, .f_l_n = 10}).span());
+std::vector<std::uint8_t> SomeActuators() {
+  return FrameOf(link::EncodeActuators(link::Dialect::kPaper, {.f_r_n = 10, .f_l_n = 10}));
 }
-Framed Request() { return Framed(link::EncodeReadSensors(link::Dialect::kPaper).span()); }
+std::vector<std::uint8_t> Request() { return FrameOf(link::EncodeReadSensors(link::Dialect::kPaper)); }
 
 TEST(ClientHistory, RequestsAreTakenAsTheClientSentThem) {
   RunLog log;
-  const Framed request = Request(), start = Start();
-  Sends(log, 0, start.bytes());
-  Sends(log, 10, request.bytes());
-  Sends(log, 11, request.bytes(), Direction::kToPlant, true);  // as it came out of the faults, twice
-  Sends(log, 12, request.bytes(), Direction::kToPlant, true);
-  Sends(log, 15, request.bytes(), Direction::kToClient);
+  const std::vector<std::uint8_t> request = Request(), start = Start();
+  Sends(log, 0, start);
+  Sends(log, 10, request);
+  Sends(log, 11, request, Direction::kToPlant, true);  // as it came out of the faults, twice
+  Sends(log, 12, request, Direction::kToPlant, true);
+  Sends(log, 15, request, Direction::kToClient);
   // In two chunks: it counts when it is whole.
-  Sends(log, 20, request.bytes().first(4));
-  Sends(log, 30, request.bytes().subspan(4));
+  Sends(log, 20, std::span(request).first(4));
+  Sends(log, 30, std::span(request).subspan(4));
   const std::vector<std::uint8_t> noise = {0x7E, 1, 2, 3, 0x7E};
   Sends(log, 40, noise);
   AddClientHistory(log, 0, kPaperProtocol);
@@ -52,13 +52,13 @@ TEST(ClientHistory, RequestsAreTakenAsTheClientSentThem) {
 
 TEST(ClientHistory, AStartAfterTheFirstActuatorsIsARestart) {
   RunLog log;
-  const Framed start = Start();
-  Sends(log, 0, start.bytes());
-  Sends(log, 50, start.bytes());  // repeated: it may not know that it was heard
-  Sends(log, 90, SomeActuators().bytes());
+  const std::vector<std::uint8_t> start = Start();
+  Sends(log, 0, start);
+  Sends(log, 50, start);  // repeated: it may not know that it was heard
+  Sends(log, 90, SomeActuators());
   log.clients[0].actuator_times_ns = {100, 200};
-  Sends(log, 150, start.bytes());
-  Sends(log, 160, start.bytes(), Direction::kToPlant, true);  // a copy that a fault has made
+  Sends(log, 150, start);
+  Sends(log, 160, start, Direction::kToPlant, true);  // a copy that a fault has made
   AddClientHistory(log, 0, kPaperProtocol);
   EXPECT_THAT(log.clients[0].restarts, ElementsAre(Restart{150, "it sent `start` again"}));
 }
@@ -67,8 +67,8 @@ TEST(ClientHistory, AStartAfterTheFirstActuatorsIsARestart) {
 RunLog Flying() {
   RunLog log;
   log.clients[0].starts_accepted_count = 1;
-  Sends(log, 0, Start().bytes());
-  Sends(log, 50, SomeActuators().bytes());
+  Sends(log, 0, Start());
+  Sends(log, 50, SomeActuators());
   log.clients[0].actuator_times_ns = {100};
   return log;
 }
@@ -76,9 +76,9 @@ RunLog Flying() {
 TEST(ClientHistory, EachRestartInSoftwareCountsOnce) {
   RunLog log = Flying();
   for (const TimeNs boot : {200, 500}) {
-    Sends(log, boot, Start().bytes());
-    Sends(log, boot + 20, Start().bytes());  // a retry
-    Sends(log, boot + 50, SomeActuators().bytes());
+    Sends(log, boot, Start());
+    Sends(log, boot + 20, Start());  // a retry
+    Sends(log, boot + 50, SomeActuators());
   }
   AddClientHistory(log, 0, kPaperProtocol);
   EXPECT_THAT(log.clients[0].restarts,
@@ -88,14 +88,14 @@ TEST(ClientHistory, EachRestartInSoftwareCountsOnce) {
 TEST(ClientHistory, AResetAndTheStartAfterItAreOneRestart) {
   RunLog log = Flying();
   log.events = {{200, kResetEvent, "reset by pin"}};
-  Sends(log, 201, SomeActuators().bytes());  // was under way
-  Sends(log, 260, Start().bytes());
-  Sends(log, 270, Start().bytes());
-  Sends(log, 300, SomeActuators().bytes());
+  Sends(log, 201, SomeActuators());  // was under way
+  Sends(log, 260, Start());
+  Sends(log, 270, Start());
+  Sends(log, 300, SomeActuators());
   AddClientHistory(log, 0, kPaperProtocol);
   EXPECT_THAT(log.clients[0].restarts, ElementsAre(Restart{200, "reset by pin"}));
   // And what it does by itself after that is its own.
-  Sends(log, 400, Start().bytes());
+  Sends(log, 400, Start());
   AddClientHistory(log, 0, kPaperProtocol);
   EXPECT_THAT(log.clients[0].restarts,
               ElementsAre(Restart{200, "reset by pin"}, Restart{400, "it sent `start` again"}));
@@ -103,8 +103,8 @@ TEST(ClientHistory, AResetAndTheStartAfterItAreOneRestart) {
 
 TEST(ClientHistory, AResetThatIsReportedLateIsTheRestartThatItsStartTold) {
   RunLog log = Flying();
-  Sends(log, 200, Start().bytes());
-  Sends(log, 300, SomeActuators().bytes());
+  Sends(log, 200, Start());
+  Sends(log, 300, SomeActuators());
   log.events = {{200 + 50 * kNsPerMs, kResetEvent, "reset by pin"},
                 {900 * kNsPerMs, kResetEvent, "reset by watchdog"}};
   AddClientHistory(log, 0, kPaperProtocol);
@@ -114,9 +114,9 @@ TEST(ClientHistory, AResetThatIsReportedLateIsTheRestartThatItsStartTold) {
 
 TEST(ClientHistory, InTheAuthorsDialectEveryStartIsAnActuatorMessage) {
   RunLog log;
-  const Framed start = Start(link::Dialect::kProvant);
+  const std::vector<std::uint8_t> start = Start(link::Dialect::kProvant);
   log.clients[0].actuator_times_ns = {100};
-  Sends(log, 150, start.bytes());
+  Sends(log, 150, start);
   AddClientHistory(log, 0, *link::FindProtocol("provant"));
   EXPECT_THAT(log.clients[0].restarts, IsEmpty());
 }
@@ -142,19 +142,19 @@ std::string Explained(RunLog& log) {
 
 TEST(ClientHistory, AFlightThatNeverStartedSaysWhatArrived) {
   RunLog silent;
-  const Framed start = Start(), request = Request();
-  Sends(silent, 0, start.bytes());  // and it was lost
+  const std::vector<std::uint8_t> start = Start(), request = Request();
+  Sends(silent, 0, start);  // and it was lost
   EXPECT_EQ(Explained(silent), "why; not a byte arrived from the firmware");
 
   RunLog running;
-  for (TimeNs t = 0; t < 3; ++t) Sends(running, t, request.bytes(), Direction::kToPlant, true);
+  for (TimeNs t = 0; t < 3; ++t) Sends(running, t, request, Direction::kToPlant, true);
   EXPECT_EQ(
       Explained(running),
       "why; 24 bytes arrived, 3 x `read_sensors`; if it was running already, reset it: a flight begins with "
       "`start`");
 
   RunLog damaged;
-  std::vector<std::uint8_t> wrong(start.bytes().begin(), start.bytes().end());
+  std::vector<std::uint8_t> wrong(start.begin(), start.end());
   wrong[2] ^= 1;
   Sends(damaged, 0, wrong, Direction::kToPlant, true);
   EXPECT_THAT(Explained(damaged), testing::HasSubstr("1 frame refused (bad_checksum)"));

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "firmware/messages.h"
-#include "harness/run/framed.h"
+#include "tests/harness/run/by_hand.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -30,15 +30,14 @@ class Exchange {
   Exchange& Actuators(double time_ms) { return Sends(time_ms, link::EncodeActuators(dialect_, {})); }
   Exchange& Start(double time_ms) { return Sends(time_ms, link::EncodeStart(dialect_, {})); }
   Exchange& Sends(double time_ms, const link::MessageBytes& message) {
-    return Puts(time_ms, Framed(message.span()).bytes(), Direction::kToPlant, false);
+    return Puts(time_ms, FrameOf(message), Direction::kToPlant, false);
   }
   Exchange& Reply(double time_ms) {
-    return Puts(time_ms, Framed(link::EncodeSensors({}).span()).bytes(), Direction::kToClient, true);
+    return Puts(time_ms, FrameOf(link::EncodeSensors({})), Direction::kToClient, true);
   }
   // The server's own: as it is sent, and as it arrives.
   Exchange& OwnReply(double time_ms) {
-    return Puts(time_ms, Framed(link::EncodeSensors({}).span()).bytes(), Direction::kToClient, false)
-        .Reply(time_ms);
+    return Puts(time_ms, FrameOf(link::EncodeSensors({})), Direction::kToClient, false).Reply(time_ms);
   }
   Exchange& Puts(double time_ms, std::span<const std::uint8_t> bytes, Direction direction, bool delivered) {
     link::LogChunk chunk;
@@ -156,8 +155,7 @@ TEST(UseOfProtocol, CommandsThatNoServerTakesAreCounted) {
   exchange.Sends(13, link::EncodeActuators(kPaper, {.f_r_n = 10, .f_l_n = 10, .tau_r_nm = kNan}));
   exchange.Sends(25, link::EncodeActuators(kPaper, {.f_r_n = 1e30F}));
   exchange.Sends(37, broken);  // not a command
-  exchange.Puts(49, Framed(link::EncodeActuators(kPaper, {.f_r_n = kNan}).span()).bytes(),
-                Direction::kToPlant,
+  exchange.Puts(49, FrameOf(link::EncodeActuators(kPaper, {.f_r_n = kNan})), Direction::kToPlant,
                 true);  // what the faults made of it
   const ProtocolUse use = exchange.Use();
   EXPECT_EQ(use.refused_commands, 2);
@@ -250,12 +248,10 @@ TEST(CommandsWithoutReply, EachCommandWantsAReplyOfItsOwn) {
 TEST(CommandsWithoutReply, AnyReplyThatSomeReceiverTakesCounts) {
   const auto unfounded = [](Exchange exchange) { return exchange.Use().commands_without_reply->count; };
   constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-  const Framed absurd(link::EncodeSensors({.x_m = kNan}).span());
-  const Framed own(link::EncodeSensors({}).span());
-  EXPECT_EQ(
-      unfounded(
-          SoundUntil(24).Request(24).Puts(25, absurd.bytes(), Direction::kToClient, true).Actuators(25)),
-      0)
+  const auto absurd = FrameOf(link::EncodeSensors({.x_m = kNan}));
+  const auto own = FrameOf(link::EncodeSensors({}));
+  EXPECT_EQ(unfounded(SoundUntil(24).Request(24).Puts(25, absurd, Direction::kToClient, true).Actuators(25)),
+            0)
       << "its values are not looked at";
   EXPECT_EQ(unfounded(SoundUntil(24).Request(24).Reply(25).Reply(25).Actuators(25).Actuators(25)), 0);
   EXPECT_EQ(
@@ -267,14 +263,13 @@ TEST(CommandsWithoutReply, AnyReplyThatSomeReceiverTakesCounts) {
                           .Request(24)
                           .Puts(25, std::vector<std::uint8_t>{0x7E, 1, 2}, Direction::kToClient, true)
                           .Request(36)
-                          .Puts(37, own.bytes().subspan(1), Direction::kToClient, true)
+                          .Puts(37, std::span(own).subspan(1), Direction::kToClient, true)
                           .Actuators(37)),
             0);
   // 7D 7D 5D: an escaped 5D and a 5D, or a 7D.
   link::MessageBytes escaped = link::EncodeSensors({});
   escaped.bytes[0] = 0x7D;
-  const Framed framed(escaped.span());
-  std::vector<std::uint8_t> twice(framed.bytes().begin(), framed.bytes().end());
+  std::vector<std::uint8_t> twice = FrameOf(escaped);
   twice.insert(std::ranges::find(twice, 0x7D), 0x7D);
   EXPECT_EQ(unfounded(SoundUntil(24).Request(24).Puts(25, twice, Direction::kToClient, true).Actuators(25)),
             0);

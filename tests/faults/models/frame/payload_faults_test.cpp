@@ -34,7 +34,7 @@ TEST(FrameEditTest, ChangesNothingByItself) {
   for (const char* message : {"start", "read_sensors", "actuators", "sensors", "reference"}) {
     for (std::int64_t n = 0; n < 300; ++n) {
       const Bytes frame = MessageFrame(message, n).bytes;
-      const FrameEdit edit(frame);
+      const FrameEdit edit(*PaperProtocol().framing, frame);
       ASSERT_TRUE(edit.ok());
       Bytes again;
       edit.WriteTo(again);
@@ -46,7 +46,7 @@ TEST(FrameEditTest, ChangesNothingByItself) {
 TEST(FrameEditTest, ADamagedFrameStaysDamaged) {
   Bytes frame = MessageFrame("sensors", 5).bytes;
   frame[10] ^= 1;
-  FrameEdit edit(frame);
+  FrameEdit edit(*PaperProtocol().framing, frame);
   edit.payload().pop_back();
   edit.WriteTo(frame);
   link::FrameDecoder decoder;
@@ -58,7 +58,7 @@ TEST(FrameEditTest, KnowsWhatIsNoFrame) {
   for (const Bytes& bytes :
        {Bytes{}, Bytes{0x7E}, Bytes{0x7E, 0x7E}, Bytes{0x7E, 1, 0x7E}, Bytes{0x7E, 1, 2, 3},
         Bytes{0x7E, 1, 2, 0x7D, 0x7E}, Bytes{0x7E, 1, 2, 0x7E, 3, 4, 0x7E}})
-    EXPECT_FALSE(FrameEdit(bytes).ok());
+    EXPECT_FALSE(FrameEdit(*PaperProtocol().framing, bytes).ok());
 }
 
 TEST(ShortTest, BytesAreMissingAtTheEndAndTheChecksumIsRight) {

@@ -1,0 +1,28 @@
+#include "link/framing.h"
+
+#include "link/check.h"
+
+namespace tiltproof::link {
+
+std::vector<std::uint8_t> Framing::Encode(std::span<const std::uint8_t> payload, std::uint32_t damage) const {
+  constexpr std::size_t kUsualBytes = 160;
+  std::vector<std::uint8_t> frame;
+  frame.reserve(kUsualBytes);
+  const std::span<const std::uint8_t> front = opening();
+  frame.assign(front.begin(), front.end());
+  AppendBehindOpening(payload, damage, frame);
+  return frame;
+}
+
+std::string Framing::ChangeUnseen(std::span<std::uint8_t> /*bytes*/, std::uint32_t /*way*/) const {
+  ThrowBrokenInvariant("a framing whose check has a blind spot");
+}
+
+std::size_t CountFlags(const Framing& framing, std::span<const std::uint8_t> bytes) {
+  const std::optional<std::uint8_t> flag = framing.flag();
+  std::size_t count = 0;
+  while (flag && count < bytes.size() && bytes[count] == *flag) ++count;
+  return count;
+}
+
+}  // namespace tiltproof::link

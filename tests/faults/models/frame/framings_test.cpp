@@ -1,0 +1,173 @@
+// Faults on frames do to the messages of a line what they do, whatever its framing.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "faults/frame_edit.h"
+#include "tests/faults/faulty_line.h"
+#include "tests/support/tiny_framings.h"
+
+namespace tiltproof::faults {
+namespace {
+
+using link::CobsFraming;
+using link::LengthFraming;
+using link::PaperOver;
+using link::Protocol;
+
+std::shared_ptr<const Protocol> Paper() { return link::FindProtocol("paper"); }
+std::shared_ptr<const Protocol> Cobs() { return PaperOver(std::make_shared<CobsFraming>()); }
+std::shared_ptr<const Protocol> Length() { return PaperOver(std::make_shared<LengthFraming>()); }
+
+// Frames of sensors, every 12 ms, behind the fault; as bytes.
+std::vector<std::vector<Bytes>> Send(const FaultSpec& spec, const std::shared_ptr<const Protocol>& protocol,
+                                     int count = 300) {
+  FaultSchedule schedule({spec}, 1, {.protocol = protocol});
+  schedule.SetOrigin(kOriginAtPowerOn);
+  const link::MessageType& type = *protocol->Find("sensors");
+  std::vector<std::vector<Bytes>> out;
+  for (int n = 0; n < count; ++n) {
+    std::vector<float> values;
+    for (std::size_t i = 0; i < type.fields.size(); ++i)
+      values.push_back(static_cast<float>(n) + 0.5F * static_cast<float>(i));
+    std::vector<link::Chunk> chunks = {
+        {.begin_ns = kOriginAtPowerOn.ToBootTime(FrameTime(n)),
+         .bytes = protocol->framing->Encode(protocol->Encode(type, values).span()),
+         .kind = type.kind,
+         .number = static_cast<std::uint64_t>(n)}};
+    if (auto* filter = schedule.Filter(link::Direction::kToClient)) filter->Apply(chunks);
+    auto& bytes = out.emplace_back();
+    for (const link::Chunk& chunk : chunks) bytes.push_back(chunk.bytes);
+  }
+  return out;
+}
+
+struct Read {
+  std::vector<Bytes> payloads;  // of those that are whole
+  std::size_t rejected_count = 0;
+};
+Read Decode(const std::vector<std::vector<Bytes>>& sent, const Protocol& protocol) {
+  const auto reader = protocol.framing->MakeReader();
+  Read all;
+  for (const auto& chunks : sent) {
+    for (const Bytes& chunk : chunks) {
+      std::span<const std::uint8_t> bytes(chunk);
+      while (const auto read = reader->Next(bytes)) {
+        if (read->ok)
+          all.payloads.emplace_back(read->payload.begin(), read->payload.end());
+        else
+          ++all.rejected_count;
+      }
+    }
+  }
+  return all;
+}
+
+TEST(Framings, PayloadsChangeInTheSameWay) {
+  for (const FaultSpec& spec :
+       {Spec("frame.short", {{"bytes_count", 3.0}, {"probability", 0.5}}),
+        Spec("frame.long", {{"bytes_count", 5.0}, {"probability", 0.5}}),
+        Spec("frame.wrong_id", {{"id", 9.0}, {"probability", 0.5}}),
+        Spec("frame.semantic",
+             {{"field", "z_m"}, {"kind", "sign_flip"}, {"probability", 0.5}, {"value", 0.0}}),
+        Spec("frame.unsolicited", {{"rate_hz", 50.0}}), Spec("frame.drop", {{"probability", 0.3}}),
+        Spec("frame.duplicate", {{"probability", 0.3}}),
+        Spec("frame.reorder", {{"probability", 0.3}, {"depth_count", 2.0}}),
+        Spec("frame.replay_stale", {{"probability", 0.3}, {"age_count", 3.0}})}) {
+    const Read expected = Decode(Send(spec, Paper()), *Paper());
+    EXPECT_EQ(expected.rejected_count, 0U) << spec.type;
+    for (const auto& protocol : {Cobs(), Length()}) {
+      const Read found = Decode(Send(spec, protocol), *protocol);
+      EXPECT_EQ(found.payloads, expected.payloads) << spec.type << " over " << protocol->framing->name();
+      EXPECT_EQ(found.rejected_count, 0U) << spec.type << " over " << protocol->framing->name();
+    }
+  }
+}
+
+TEST(Framings, ADamagedFrameStaysDamaged) {
+  for (const auto& protocol : {Paper(), Cobs(), Length()}) {
+    const link::Framing& framing = *protocol->framing;
+    Bytes frame = framing.Encode(Bytes{1, 2, 3, 4, 5, 6, 7, 8});
+    frame[4] ^= 8;
+    FrameEdit edit(framing, frame);
+    ASSERT_TRUE(edit.ok());
+    edit.payload().pop_back();
+    edit.WriteTo(frame);
+    const auto parts = framing.TakeApart(frame);
+    EXPECT_EQ(parts->payload.size(), 7U);
+    EXPECT_NE(parts->damage, 0U);
+  }
+}
+
+TEST(Framings, ChecksumPreservingPassesEachCheckThatHasABlindSpot) {
+  const FaultSpec spec = Spec("frame.checksum_preserving", {{"probability", 1.0}});
+  const Read honest = Decode(Send(Spec("harness.null"), Cobs()), *Cobs());
+  const Read found = Decode(Send(spec, Cobs()), *Cobs());
+  EXPECT_EQ(found.rejected_count, 0U);
+  ASSERT_EQ(found.payloads.size(), honest.payloads.size());
+  for (std::size_t i = 0; i < honest.payloads.size(); ++i) {
+    EXPECT_NE(found.payloads[i], honest.payloads[i]);
+    EXPECT_EQ(found.payloads[i].size(), honest.payloads[i].size());
+  }
+  EXPECT_EQ(Send(spec, Length()), Send(Spec("harness.null"), Length())) << "no change is known";
+}
+
+TEST(Framings, AFlagMayBeLostOrForgedWhereThereIsOne) {
+  const auto honest = Send(Spec("harness.null"), Cobs());
+  const auto lost = Send(Spec("frame.flag_loss", {{"probability", 1.0}}), Cobs());
+  const auto forged = Send(Spec("frame.flag_forgery", {{"probability", 1.0}}), Cobs());
+  for (std::size_t n = 0; n < honest.size(); ++n) {
+    Bytes expected = honest[n][0];
+    ASSERT_EQ(std::count(forged[n][0].begin(), forged[n][0].end(), 0), 2);
+    const auto place = std::find(forged[n][0].begin(), forged[n][0].end(), 0) - forged[n][0].begin();
+    Bytes split = expected;
+    split[static_cast<std::size_t>(place)] = 0;
+    EXPECT_EQ(forged[n][0], split);
+    expected.pop_back();
+    EXPECT_EQ(lost[n][0], expected);
+  }
+  EXPECT_TRUE(Decode(lost, *Cobs()).payloads.empty());
+  EXPECT_TRUE(Decode(forged, *Cobs()).payloads.empty());
+}
+
+TEST(Framings, NoiseHasTheFlagAtItsEnds) {
+  const FaultSpec spec = Spec("frame.babble", {{"rate_hz", 100.0}});
+  const auto paper = Send(spec, Paper()), cobs = Send(spec, Cobs()), length = Send(spec, Length());
+  std::size_t noises = 0;
+  for (std::size_t n = 0; n < paper.size(); ++n) {
+    ASSERT_EQ(cobs[n].size(), paper[n].size());
+    ASSERT_EQ(length[n].size(), paper[n].size());
+    for (std::size_t i = 1; i < paper[n].size(); ++i, ++noises) {
+      Bytes expected = paper[n][i];
+      EXPECT_EQ(expected.front(), 0x7E);
+      EXPECT_EQ(expected.back(), 0x7E);
+      expected.front() = expected.back() = 0;
+      EXPECT_EQ(cobs[n][i], expected);
+      EXPECT_EQ(length[n][i].size(), expected.size());
+    }
+  }
+  EXPECT_GT(noises, 100U);
+}
+
+TEST(Framings, AFaultThatNeedsAFlagOrAnEscapeSaysSo) {
+  const auto problem = [](const char* type, const std::shared_ptr<const Protocol>& protocol) {
+    return FramingProblem(*FindFaultType(type), *protocol);
+  };
+  EXPECT_EQ(problem("frame.dangling_escape", Cobs()),
+            "frame.dangling_escape needs frames with escaped bytes; the protocol 'paper' has the framing "
+            "'cobs' without");
+  EXPECT_EQ(
+      problem("frame.flag_loss", Length()),
+      "frame.flag_loss needs frames with a flag; the protocol 'paper' has the framing 'length' without");
+  EXPECT_NE(problem("frame.flag_forgery", Length()), "");
+  EXPECT_EQ(problem("frame.flag_loss", Cobs()), "");
+  EXPECT_EQ(problem("frame.drop", Length()), "");
+  EXPECT_EQ(problem("sensor.bias", Length()), "");
+  for (const FaultType& type : FaultTypes()) EXPECT_EQ(FramingProblem(type, *Paper()), "");
+}
+
+}  // namespace
+}  // namespace tiltproof::faults

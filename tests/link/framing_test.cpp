@@ -1,0 +1,222 @@
+// All framings keep the promises of their interface, and a wire carries each of them: the product's, and two that
+// only tests have.
+
+#include "link/framing.h"
+
+#include <gtest/gtest.h>
+
+#include <rapidcheck/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <memory>
+#include <random>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "link/wire.h"
+#include "tests/support/tiny_framings.h"
+
+namespace tiltproof::link {
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+std::shared_ptr<const Framing> FramingNamed(const std::string& name) {
+  if (name == "cobs") return std::make_shared<CobsFraming>();
+  if (name == "length") return std::make_shared<LengthFraming>();
+  return HdlcFraming();
+}
+
+class FramingTest : public ::testing::TestWithParam<const char*> {
+ protected:
+  std::shared_ptr<const Framing> framing_ = FramingNamed(GetParam());
+  std::mt19937 generator_{7};
+
+  std::size_t Below(std::size_t limit) { return generator_() % limit; }
+  // Many of its bytes are special ones.
+  Bytes Payload(std::size_t size) {
+    const auto special = framing_->special_bytes();
+    Bytes payload(size);
+    for (std::uint8_t& byte : payload)
+      byte = Below(2) == 0 ? special[Below(special.size())] : static_cast<std::uint8_t>(Below(256));
+    return payload;
+  }
+};
+
+TEST_P(FramingTest, ReadsWhatItEncodesInAnyChunks) {
+  Bytes stream;
+  std::vector<Bytes> payloads;
+  std::vector<std::size_t> ends;
+  for (std::size_t size = 1; size <= kPayloadBytesMax; ++size) {
+    payloads.push_back(Payload(size));
+    const Bytes frame = framing_->Encode(payloads.back());
+    stream.insert(stream.end(), frame.begin(), frame.end());
+    ends.push_back(stream.size());
+  }
+  const auto reader = framing_->MakeReader();
+  std::size_t count = 0;
+  for (std::size_t at = 0; at < stream.size();) {
+    const std::size_t size = std::min(stream.size() - at, 1 + Below(200));
+    auto bytes = std::span<const std::uint8_t>(stream).subspan(at, size);
+    at += size;
+    while (const auto read = reader->Next(bytes)) {
+      ASSERT_LT(count, payloads.size());
+      EXPECT_EQ(read->status, "ok");
+      EXPECT_TRUE(read->ok);
+      EXPECT_EQ(Bytes(read->payload.begin(), read->payload.end()), payloads[count]);
+      EXPECT_EQ(read->end, ends[count]);
+      // Its part of the stream is such a frame again.
+      const auto part = std::span<const std::uint8_t>(stream).subspan(read->begin, read->end - read->begin);
+      EXPECT_EQ(framing_->TakeApart(part)->payload, payloads[count]);
+      EXPECT_GE(read->content_begin, read->begin);
+      EXPECT_LE(read->content_end, read->end);
+      ++count;
+    }
+  }
+  EXPECT_EQ(count, payloads.size());
+  EXPECT_FALSE(reader->Finish());
+}
+
+TEST_P(FramingTest, CutsAtTheEndOfEachFrameInAnyChunks) {
+  const auto cutter = framing_->MakeCutter();
+  std::size_t size = 0;
+  for (int i = 0; i < 500; ++i) {
+    const Bytes frame = framing_->Encode(Payload(1 + Below(100)));
+    for (std::size_t at = 0; at < frame.size(); at += size) {
+      size = std::min(frame.size() - at, 1 + Below(60));
+      const auto end = cutter->FindEnd(std::span(frame).subspan(at, size));
+      ASSERT_EQ(end.has_value(), at + size == frame.size());
+      if (end) {
+        ASSERT_EQ(*end, size);
+      }
+    }
+    // After a reset the rest of a frame is forgotten.
+    if (i % 10 == 0) {
+      EXPECT_FALSE(cutter->FindEnd(std::span(frame).first(frame.size() - 1)));
+      cutter->Reset();
+    }
+  }
+}
+
+TEST_P(FramingTest, AFrameTakenApartIsPutTogetherAgain) {
+  for (int i = 0; i < 500; ++i) {
+    const Bytes payload = Payload(Below(300));
+    const std::uint32_t last = (1U << 8 * framing_->check_bytes()) - 1;
+    const auto damage = i % 2 == 0 ? 0 : static_cast<std::uint32_t>(1 + Below(last));
+    const Bytes frame = framing_->Encode(payload, damage);
+    const auto parts = framing_->TakeApart(frame);
+    ASSERT_TRUE(parts);
+    EXPECT_EQ(parts->payload, payload);
+    EXPECT_EQ(parts->damage, damage);
+    Bytes again(frame.begin(), frame.begin() + static_cast<std::ptrdiff_t>(parts->opening_bytes));
+    framing_->AppendBehindOpening(parts->payload, parts->damage, again);
+    EXPECT_EQ(again, frame);
+    if (payload.empty() || payload.size() > kPayloadBytesMax) continue;
+    std::span<const std::uint8_t> bytes(frame);
+    const auto reader = framing_->MakeReader();
+    EXPECT_EQ(reader->Next(bytes)->ok, damage == 0);
+  }
+}
+
+TEST_P(FramingTest, TheFlagStandsNowhereInAFrame) {
+  const auto flag = framing_->flag();
+  if (!flag) return;
+  for (int i = 0; i < 200; ++i) {
+    const Bytes frame = framing_->Encode(Payload(100));
+    const std::size_t opening = framing_->opening().size();
+    EXPECT_EQ(std::count(frame.begin() + static_cast<std::ptrdiff_t>(opening), frame.end(), *flag), 1);
+    EXPECT_EQ(frame.back(), *flag);
+    EXPECT_EQ(CountFlags(*framing_, frame), opening);
+  }
+}
+
+// A filter that notes what it gets.
+struct Noting : ChunkFilter {
+  std::vector<Chunk> chunks;
+  void Apply(std::vector<Chunk>& passing) override {
+    chunks.insert(chunks.end(), passing.begin(), passing.end());
+  }
+};
+
+TEST_P(FramingTest, AWireCutsItsFramesAndKnowsTheirMessages) {
+  const auto protocol = PaperOver(framing_);
+  for (const std::size_t split : {std::size_t{1}, std::size_t{7}, std::size_t{1000}}) {
+    Noting filter;
+    Wire wire({.baud = 921'600}, Direction::kToPlant, *protocol, &filter);
+    std::vector<Bytes> frames;
+    std::vector<MessageKind> kinds;
+    BootTime now;
+    for (int i = 0; i < 50; ++i) {
+      const char* name = i % 3 == 0 ? "start" : i % 3 == 1 ? "read_sensors" : "actuators";
+      const MessageType& type = *protocol->Find(name);
+      const std::vector<float> values(type.fields.size(), 0.1F * static_cast<float>(i));
+      frames.push_back(framing_->Encode(protocol->Encode(type, values).span()));
+      kinds.push_back(type.kind);
+      const Bytes& frame = frames.back();
+      for (std::size_t at = 0; at < frame.size(); at += split)
+        now = wire.Transmit(now, std::span(frame).subspan(at, std::min(split, frame.size() - at)));
+    }
+    ASSERT_EQ(filter.chunks.size(), frames.size());
+    std::int64_t bytes_count = 0;
+    for (std::size_t i = 0; i < frames.size(); ++i) {
+      EXPECT_EQ(filter.chunks[i].bytes, frames[i]);
+      EXPECT_EQ(filter.chunks[i].kind, kinds[i]);
+      EXPECT_EQ(filter.chunks[i].number, i);
+      // A piece ends where a frame does, so that its receiver is woken there.
+      bytes_count += static_cast<std::int64_t>(frames[i].size());
+      const BootTime arrival = wire.NextArrival();
+      EXPECT_LT(std::abs(arrival.ns() - bytes_count * 10 * kNsPerS / 921'600), 2);
+      const auto piece = wire.TakePiece(arrival);
+      ASSERT_TRUE(piece);
+      EXPECT_EQ(Bytes(piece->bytes.begin(), piece->bytes.end()), frames[i]);
+    }
+  }
+}
+
+TEST_P(FramingTest, AFrameThatDoesNotEndGoesOnWhenTheSenderIsSilent) {
+  const auto protocol = PaperOver(framing_);
+  Noting filter;
+  Wire wire({.baud = 921'600}, Direction::kToPlant, *protocol, &filter);
+  const Bytes frame = framing_->Encode(Bytes{1, 2, 3, 4});
+  const Bytes half(frame.begin(), frame.begin() + static_cast<std::ptrdiff_t>(frame.size() / 2));
+  const BootTime sent = wire.Transmit(BootTime(), half);
+  EXPECT_EQ(wire.NextArrival(), sent + wire.IdleTime());
+  EXPECT_EQ(wire.TakePiece(sent + wire.IdleTime())->bytes.size(), half.size());
+  // The frame behind it is cut as if nothing had been.
+  wire.Transmit(sent + 2 * wire.IdleTime(), frame);
+  ASSERT_EQ(filter.chunks.size(), 2U);
+  EXPECT_EQ(filter.chunks[0].bytes, half);
+  EXPECT_EQ(filter.chunks[1].bytes, frame);
+  // Its receiver may find an end in it, of the frame that it has begun to read.
+  Bytes arrived;
+  wire.Take(sent + kNsPerS, [&](BootTime /*arrival*/, std::span<const std::uint8_t> bytes) {
+    arrived.insert(arrived.end(), bytes.begin(), bytes.end());
+  });
+  EXPECT_EQ(arrived, frame);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, FramingTest, ::testing::Values("hdlc", "cobs", "length"),
+                         [](const auto& tested) { return std::string(tested.param); });
+
+// The rule in the header, byte by byte.
+RC_GTEST_PROP(FlagCutter, EndsAFrameAtAFlagBehindAnotherByte, (const std::vector<bool>& is_flag)) {
+  Bytes bytes;
+  std::vector<std::size_t> expected;
+  for (std::size_t i = 0; i < is_flag.size(); ++i) {
+    bytes.push_back(is_flag[i] ? 0x7E : 0x11);
+    if (i > 0 && is_flag[i] && !is_flag[i - 1]) expected.push_back(i + 1);
+  }
+  FlagCutter whole(0x7E), single(0x7E);
+  std::vector<std::size_t> found, found_singly;
+  std::size_t at = 0;
+  while (const auto end = whole.FindEnd(std::span(bytes).subspan(at))) found.push_back(at += *end);
+  for (std::size_t i = 0; i < bytes.size(); ++i)
+    if (single.FindEnd({&bytes[i], 1})) found_singly.push_back(i + 1);
+  RC_ASSERT(found == expected);
+  RC_ASSERT(found_singly == expected);
+}
+
+}  // namespace
+}  // namespace tiltproof::link
