@@ -1,11 +1,21 @@
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
-#include "harness/cli/commands.h"
+#include <memory>
+#include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
 #include "harness/terminal/terminal.h"
 #include "plant/lqr_design.h"
 
 namespace tiltproof::harness {
+namespace {
+
+struct DesignLqrOptions {
+  std::string model;
+  std::filesystem::path csv;
+  std::string firmware_table;
+  bool allow_invalid_inertia = false;
+};
 
 int DesignLqrCommand(const DesignLqrOptions& options) {
   const std::filesystem::path file = ResolveModel(options.model);
@@ -40,6 +50,28 @@ int DesignLqrCommand(const DesignLqrOptions& options) {
         TextLines(plant::GainCsv(design.gain)));
   if (!options.csv.empty()) plant::WriteGainCsv(options.csv, design.gain);
   return kExitGreen;
+}
+
+}  // namespace
+
+void RegisterDesignLqr(CLI::App& program, CommandLine& line) {
+  const auto options = std::make_shared<DesignLqrOptions>();
+  CLI::App* command = program.add_subcommand(
+      "design-lqr", "Design the DLQR of a model: equilibrium, gain, spectral radius, delay margin");
+  command->add_option("MODEL", options->model, "A model's name, or a path ending in .sdf")->required();
+  command->add_option("--csv", options->csv, "Write the 4x20 gain: rows f_R f_L tau_R tau_L, no header");
+  command->add_option("--firmware-table", options->firmware_table,
+                      "Print the gain as a binary32 table of that name for firmware/gain_tables.h");
+  command->add_flag("--allow-invalid-inertia", options->allow_invalid_inertia,
+                    "Go on with a physically impossible inertia");
+  command->footer(
+      "Columns of the gain, the states x of u = u_eq - K (x - x_ref): x y z (m), roll pitch yaw alpha_r "
+      "alpha_l "
+      "(rad), their eight rates in the same order (m/s, rad/s; Euler rates), then the integrals of the "
+      "errors of "
+      "x y z (m s) and yaw (rad s), by the trapezoidal rule with the present error, every 12 ms. "
+      "firmware/examples/python flies it.");
+  SetAction(*command, line, [options] { return DesignLqrCommand(*options); });
 }
 
 }  // namespace tiltproof::harness

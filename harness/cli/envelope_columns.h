@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "harness/cli/commands.h"
+#include "harness/cli/envelope_options.h"
 #include "harness/cli/envelope_report.h"
 #include "harness/cli/suite.h"
 #include "harness/engine/flight_job.h"

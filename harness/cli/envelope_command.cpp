@@ -2,19 +2,20 @@
 #include <fmt/format.h>
 #include <fnmatch.h>
 #include <sys/file.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cmath>
 #include <map>
+#include <memory>
 #include <utility>
 
 #include "faults/registry.h"
 #include "harness/campaign/envelope_rows.h"
 #include "harness/campaign/margins.h"
 #include "harness/cli/applicability.h"
-#include "harness/cli/commands.h"
 #include "harness/cli/envelope_columns.h"
 #include "harness/cli/envelope_flights.h"
 #include "harness/cli/envelope_report.h"
@@ -22,6 +23,7 @@
 #include "harness/cli/interrupt_scope.h"
 #include "harness/cli/report_command.h"
 #include "harness/cli/search_flights.h"
+#include "harness/cli/shared_options.h"
 #include "harness/report/files.h"
 #include "harness/scenario/did_you_mean.h"
 #include "harness/scenario/fault_support.h"
@@ -430,11 +432,52 @@ class EnvelopeSearch {
   std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
 };
 
-}  // namespace
-
 int EnvelopeCommand(const EnvelopeOptions& options) {
   const InterruptScope scope;
   return EnvelopeSearch(options, ReadColumns(options)).Run();
+}
+
+}  // namespace
+
+void RegisterEnvelope(CLI::App& program, CommandLine& line) {
+  const auto options = std::make_shared<EnvelopeOptions>();
+  options->command = line.words;
+  CLI::App* command = program.add_subcommand(
+      "envelope", "Find the margin of every fault that a firmware can take, over one scenario");
+  command
+      ->add_option("SCENARIO", options->scenario,
+                   "A scenario file with a fault of type harness.null: the faults act in its place")
+      ->required();
+  command
+      ->add_option("--types", options->types,
+                   "Only fault types that match, for example 'sensor.*,frame.delay'")
+      ->delimiter(',')
+      ->allow_extra_args(false);
+  command
+      ->add_option("--firmware", options->firmware,
+                   "Builds of the shipped firmware, side by side, all with one client: paper,tolerant")
+      ->delimiter(',')
+      ->allow_extra_args(false);
+  AddClients(*command, options->clients, "Several stand side by side.");
+  command
+      ->add_option("--map", options->map,
+                   "Also fly pairs of levels of two types, each as TYPE or TYPE:PLACE (frame.drop:both); "
+                   "without --types nothing else")
+      ->type_name("TYPE1 TYPE2")
+      ->expected(2);
+  CLI::Option* out =
+      command->add_option("--out", options->out, "Where envelope.json goes")->capture_default_str();
+  command
+      ->add_option("--resume", options->resume,
+                   "Go on with the envelope.json in this folder: rows that it has are not flown again")
+      ->type_name("DIR")
+      ->excludes(out);
+  AddSearch(*command, *options);
+  command->add_flag("--keep", options->keep,
+                    "At the end fly both sides of each margin once more, and keep these flights");
+  command->add_flag("--no-report", options->no_report, "Write no envelope.html");
+  command->add_flag("--no-progress", options->no_progress, "No progress on standard error");
+  SetAction(*command, line, [options] { return EnvelopeCommand(*options); });
 }
 
 }  // namespace tiltproof::harness

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "harness/campaign/margins.h"
-#include "harness/cli/commands.h"
+#include "harness/cli/envelope_options.h"
 #include "harness/cli/envelope_report.h"
 #include "harness/report/envelope_page.h"
 

@@ -1,15 +1,17 @@
 #include <fmt/format.h>
 #include <unistd.h>
+#include <CLI/CLI.hpp>
 
+#include <memory>
 #include <nlohmann/json.hpp>
 
 #include "harness/campaign/margins.h"
 #include "harness/cli/applicability.h"
 #include "harness/cli/client_flag.h"
-#include "harness/cli/commands.h"
 #include "harness/cli/interrupt_scope.h"
 #include "harness/cli/margin_scan.h"
 #include "harness/cli/search_flights.h"
+#include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
 #include "harness/report/json_text.h"
 #include "harness/scenario/did_you_mean.h"
@@ -18,6 +20,16 @@
 
 namespace tiltproof::harness {
 namespace {
+
+struct MarginOptions : SearchOptions {
+  std::filesystem::path scenario;
+  std::string fault;  // its id
+  std::string parameter;
+  std::optional<double> low, high;
+  std::vector<std::string> clients;
+  std::string firmware;  // as of RunOptions
+  std::string format = "human";
+};
 
 std::size_t FindFault(const Scenario& scenario, const std::string& id) {
   std::vector<std::string_view> ids;
@@ -117,8 +129,6 @@ void PrintMargin(const MarginOptions& options, const MarginTask& task, const Mar
     PrintLine(stdout, 2, text);
 }
 
-}  // namespace
-
 int MarginCommand(const MarginOptions& options) {
   const FlightMeans means = LockstepMeans(ReadClientFlags(options.clients), "margin");
   Suite suite = LoadOneScenario(options.scenario, means.clients, "margin", options.firmware);
@@ -150,6 +160,26 @@ int MarginCommand(const MarginOptions& options) {
   }
   PrintMargin(options, tasks.front(), *margin);
   return kExitGreen;
+}
+
+}  // namespace
+
+void RegisterMargin(CLI::App& program, CommandLine& line) {
+  const auto options = std::make_shared<MarginOptions>();
+  CLI::App* command =
+      program.add_subcommand("margin", "Find the largest severity of a fault that a scenario survives");
+  command->add_option("SCENARIO", options->scenario, "A scenario file")->required();
+  command->add_option("--fault", options->fault, "The id of the fault")->required();
+  command->add_option("--parameter", options->parameter,
+                      "The number that is changed (default: the type's severity, or window_s, the length "
+                      "of its window)");
+  command->add_option("--low", options->low, "Search only above this value");
+  command->add_option("--high", options->high, "Search only below this value");
+  AddSearch(*command, *options);
+  AddClients(*command, options->clients);
+  AddFirmware(*command, options->firmware);
+  AddFormat(*command, options->format, "human, or jsonl: one JSON object per level and the margin");
+  SetAction(*command, line, [options] { return MarginCommand(*options); });
 }
 
 }  // namespace tiltproof::harness

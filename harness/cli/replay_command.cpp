@@ -1,15 +1,17 @@
 #include <fmt/format.h>
 #include <stdlib.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
+#include <memory>
 
 #include "harness/cli/client_flag.h"
-#include "harness/cli/commands.h"
 #include "harness/cli/run_flights.h"
 #include "harness/cli/run_folder.h"
+#include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
 #include "harness/client/firmware_files.h"
 #include "harness/emulator/lockstep_self_test.h"
@@ -23,6 +25,11 @@
 
 namespace tiltproof::harness {
 namespace {
+
+struct ReplayOptions {
+  std::filesystem::path run;
+  std::string program = "tiltproof";  // as it was called, for the commands that are printed
+};
 
 // The folder of a replay's flights. Removed at the end, in every case, unless its path was printed.
 class TemporaryFolder {
@@ -84,8 +91,6 @@ std::size_t EndedCount(const OldRun& run) {
   }
   return static_cast<std::size_t>(count);
 }
-
-}  // namespace
 
 // 0 when every trace hash is equal, whatever the verdicts. The flights are kept only when they differ or ended
 // in an error.
@@ -180,6 +185,17 @@ int ReplayCommand(const ReplayOptions& options) {
   if (error_count > 0) return kExitError;
   if (different_count > 0) return kExitNotGreen;
   return unfinished || not_comparable_count > 0 || outcome.results.empty() ? kExitUndecided : kExitGreen;
+}
+
+}  // namespace
+
+void RegisterReplay(CLI::App& program, CommandLine& line) {
+  const auto options = std::make_shared<ReplayOptions>();
+  options->program = line.words.front();
+  CLI::App* command = program.add_subcommand("replay", "Fly an old run again and compare the trace hashes");
+  command->add_option("RUN", options->run, "A run's results folder, or one scenario's folder in it")
+      ->required();
+  SetAction(*command, line, [options] { return ReplayCommand(*options); });
 }
 
 }  // namespace tiltproof::harness

@@ -1,22 +1,27 @@
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
 
 #include "harness/cli/applicability.h"
 #include "harness/cli/client_flag.h"
-#include "harness/cli/commands.h"
 #include "harness/cli/console.h"
 #include "harness/cli/interrupt_scope.h"
 #include "harness/cli/live_page.h"
 #include "harness/cli/report_command.h"
 #include "harness/cli/run_flights.h"
+#include "harness/cli/run_options.h"
 #include "harness/cli/run_plan.h"
 #include "harness/cli/run_record.h"
+#include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
+#include "harness/client/debugger.h"
 #include "harness/client/firmware_files.h"
 #include "harness/emulator/lockstep_self_test.h"
+#include "harness/live/live_server.h"
 #include "harness/node/realtime_rights.h"
 #include "harness/report/build_id.h"
 #include "harness/report/files.h"
@@ -181,8 +186,6 @@ void TellWhoResets(const std::vector<ClientSpec>& clients, std::size_t flights_c
   }
 }
 
-}  // namespace
-
 int RunCommand(const RunOptions& options) {
   const InterruptScope scope;
   const FlightMeans means = ChooseMeans(options);
@@ -302,6 +305,94 @@ int RunCommand(const RunOptions& options) {
   if (options.repeat_count > 1) console.Repeated(RepeatsIn(flown.results, suite.scenarios, plan));
   console.Summary(flown.results, flown.not_flown.size(), not_applicable.size(), flown.interrupted, report);
   return flown.interrupted ? static_cast<int>(kExitInterrupted) : ExitCode(flown.results);
+}
+
+// Flights to be flown, and by what means.
+void AddFlights(CLI::App& command, RunOptions& options) {
+  command.add_option("PATH", options.paths, "Scenario files, or folders of them")->required();
+  AddClients(command, options.clients);
+  AddFirmware(command, options.firmware);
+  command
+      .add_option("--mode", options.mode,
+                  "How time passes: lockstep (virtual) or realtime (nodes, real ports)")
+      ->check(CLI::IsMember({"lockstep", "realtime"}))
+      ->capture_default_str();
+  command
+      .add_option("--distributed", options.distributed,
+                  "Lockstep with plant, link and firmware in processes of their own, over dds or socket")
+      ->expected(0, 1)
+      ->default_str("dds")
+      ->check(CLI::IsMember({"dds", "socket"}));
+  command.add_flag("--attach", options.attach, "Real time with nodes that run already (tiltproof node ...)");
+  AddBus(command, options.domain, options.interface, options.peers);
+  command.add_option("-k", options.expression,
+                     "Only scenarios whose name or tags match, for example 'delay and not reference'");
+  command.add_option("--tag", options.tag, "Only scenarios with this tag");
+  AddSeed(command, options.seed, "Overrides every scenario's seed");
+  command
+      .add_option("--repeat", options.repeat_count, "Fly each scenario N times, with seeds seed, seed+1, ...")
+      ->check(CLI::Range(1, 1'000'000));
+  command
+      .add_option("--watch", options.watch,
+                  "Also record these variables of the emulated image, as watch_NAME; repeatable")
+      ->delimiter(',')
+      ->allow_extra_args(false);
+}
+
+// Work on them, and their files.
+void AddRecording(CLI::App& command, RunOptions& options) {
+  AddJobs(command, options.jobs_count);
+  command.add_option("--out", options.out, "Parent of the run's own results folder")->capture_default_str();
+  command.add_flag("--fail-fast", options.fail_fast,
+                   "Start no further scenario after the first that is not green");
+  command.add_flag("--last-failed", options.last_failed,
+                   "Only flights that were not green in the last run (`latest` in --out), with their seeds");
+  command.add_flag("--dry-run", options.dry_run, "Check and list what would be flown, and stop");
+  command.add_flag("--strict", options.strict,
+                   "Refuse everything when a scenario of a folder cannot be flown with this client");
+  AddFormat(command, options.format, "human, or jsonl: one JSON object per finished scenario");
+  command
+      .add_option(
+          "--keep", options.keep,
+          "Which flights keep their folder: all, failing (those that are not green), or verdicts (none)")
+      ->check(CLI::IsMember({"all", "failing", "verdicts"}))
+      ->capture_default_str();
+  command
+      .add_option("--trace", options.trace,
+                  "The file with a flight's trace: csv (trace.csv), packed (trace.packed, a ninth of its "
+                  "size), or none")
+      ->check(CLI::IsMember({"csv", "packed", "none"}))
+      ->capture_default_str();
+}
+
+void AddObservation(CLI::App& command, RunOptions& options) {
+  AddPort(command, "--gdb", options.gdb_port, {.usual = DebugStop::kPort, .least = 1},
+          "Wait for a debugger at power-on: at an emulated processor (QEMU's gdb server on this PORT of this "
+          "machine), or a library");
+  command.add_option("--gdb-at", options.gdb_at_s, "Wait for it at this time of the flight instead, in s")
+      ->check(CLI::Range(0.0, 14400.0));
+  AddPort(command, "--live", options.live_port, {.usual = kLivePort, .least = 0},
+          "Serve the report's page while the run is flown, on this PORT of 127.0.0.1 (0: any that is free). "
+          "With --mode realtime it can also abort, and inject faults");
+  command.add_flag("--live-wait", options.live_waits, "Fly only when Start is pressed on that page");
+  command.add_flag("--no-report", options.no_report, "Write no report.html");
+  command.add_flag("--no-progress", options.no_progress, "No progress line on the terminal");
+}
+
+}  // namespace
+
+void RegisterRun(CLI::App& program, CommandLine& line) {
+  const auto options = std::make_shared<RunOptions>();
+  options->command = line.words;
+  CLI::App* command = program.add_subcommand("run", "Fly scenarios and score them");
+  AddFlights(*command, *options);
+  AddRecording(*command, *options);
+  AddObservation(*command, *options);
+  command->footer(
+      "Domain, tag and run id of a flight on the bus (in real time, or --distributed=dds) are in run.json, "
+      "under "
+      "its `bus`, while it flies, and in its first event; docs/distributed.md shows how to listen.");
+  SetAction(*command, line, [options] { return RunCommand(*options); });
 }
 
 }  // namespace tiltproof::harness

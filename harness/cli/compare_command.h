@@ -1,0 +1,20 @@
+// Comparisons of two runs: `tiltproof compare` by itself, with --baseline and with --outcomes.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+namespace tiltproof::harness {
+
+struct CompareOptions {
+  std::filesystem::path a, b;
+  double tolerance = 1e-3;
+  std::string format = "human";
+  bool anyway = false;  // compares different flights, too
+};
+// --baseline: compares results alone, and reports where b is worse than a. The tolerance is that of margins.
+int BaselineCommand(const CompareOptions& options);
+// --outcomes: a is the run of one flight, the reference.
+int OutcomesCommand(const CompareOptions& options);
+
+}  // namespace tiltproof::harness
