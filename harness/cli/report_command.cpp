@@ -6,10 +6,10 @@
 #include <functional>
 #include <memory>
 
+#include "harness/campaign/envelope_page.h"
 #include "harness/cli/run_folder.h"
 #include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
-#include "harness/report/envelope_page.h"
 #include "harness/report/files.h"
 #include "harness/report/flight_hashes.h"
 #include "harness/report/report_page.h"
