@@ -19,6 +19,7 @@
 #include "harness/cli/suite.h"
 #include "harness/report/json_text.h"
 #include "harness/scenario/did_you_mean.h"
+#include "harness/scenario/reader.h"
 #include "harness/terminal/progress_line.h"
 #include "harness/terminal/terminal.h"
 
@@ -55,17 +56,18 @@ FlightMeans FuzzMeans(const FuzzOptions& options) {
   return means;
 }
 
-LoadedScenario FuzzBase(const FuzzOptions& options, const FlightMeans& means) {
+LoadedScenario LoadBase(const FuzzOptions& options, const FlightMeans& means) {
   std::vector<std::string_view> protocols;
   for (const auto& protocol : link::Protocols()) protocols.push_back(protocol->name);
-  if (link::FindProtocol(options.protocol) == nullptr)
+  const std::shared_ptr<const link::Protocol> protocol = link::FindProtocol(options.protocol);
+  if (protocol == nullptr)
     throw UsageError(fmt::format("--protocol {}: no such protocol{}", options.protocol,
                                  DidYouMean(options.protocol, protocols)));
   const std::string build = options.firmware.empty() ? Scenario().firmware : options.firmware;
   if (AbilitiesOf(means.clients.all, false).shipped) CheckBuild(build);
   if (build.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") != std::string::npos)
     throw UsageError(fmt::format("--firmware {}: must be lower-case letters, digits and '_'", build));
-  return LoadAnnounced("name: fuzz\nduration_s: 1\n" + FuzzBaseText(build, options.protocol));
+  return LoadAnnounced(WriteResolved(FuzzBase(build, protocol)));
 }
 
 class FuzzRun {
@@ -310,7 +312,7 @@ class FuzzRun {
 
 int FuzzCommand(const FuzzOptions& options) {
   const FlightMeans means = FuzzMeans(options);
-  const LoadedScenario base = FuzzBase(options, means);
+  const LoadedScenario base = LoadBase(options, means);
   CheckReady(means);
   CheckPorts(means.clients.all, base.scenario.link);
   const InterruptScope scope;
