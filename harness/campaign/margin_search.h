@@ -21,6 +21,7 @@
 #include <vector>
 
 #include "faults/parameters.h"
+#include "link/fields.h"
 
 namespace tiltproof::harness {
 
@@ -44,12 +45,16 @@ struct LevelAnswer {
   double level = 0.0;
   std::optional<bool> survived;
   bool operator==(const LevelAnswer&) const = default;
+  static constexpr bool kIsList = true;
+  TILTPROOF_FIELDS(level, survived)
 };
 
 // Levels that fail, from `from` to `to`, and behind them one that is survived again.
 struct Pocket {
   double from = 0.0, to = 0.0;
   bool operator==(const Pocket&) const = default;
+  static constexpr bool kIsList = true;
+  TILTPROOF_FIELDS(from, to)
 };
 
 class MarginSearch {

@@ -94,6 +94,14 @@ class Searches {
 
 double SurePassShare(int count) { return std::pow(0.05, 1.0 / count); }
 
+MarginScan ScanOf(const Margin& margin, int repeat_count) {
+  return {.levels = margin.levels,
+          .pockets = margin.pockets,
+          .survived_share = margin.survived_share,
+          .seeds = margin.is_random ? repeat_count : 1,
+          .sure_share = margin.is_random ? SurePassShare(repeat_count) : 1.0};
+}
+
 std::vector<std::optional<Margin>> FindMargins(Trials& trials, const std::vector<MarginTask>& tasks,
                                                const FindMarginsOptions& options) {
   return Searches(trials, tasks, options).Run();

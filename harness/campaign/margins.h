@@ -12,6 +12,7 @@
 
 #include "harness/campaign/fault_level.h"
 #include "harness/campaign/trials.h"
+#include "link/fields.h"
 
 namespace tiltproof::harness {
 
@@ -34,6 +35,19 @@ struct Margin {
   std::optional<TrialResult> unknown;
   double unknown_level = 0.0;
 };
+
+// Certainty of a margin, as files have it (docs/margins.md): the levels that were flown, the pockets among them, and the
+// seeds of each level.
+struct MarginScan {
+  std::vector<LevelAnswer> levels;
+  std::vector<Pocket> pockets;
+  std::optional<double> survived_share;
+  int seeds = 0;
+  double sure_share = 0.0;
+  TILTPROOF_FIELDS(levels, pockets, survived_share, seeds, sure_share)
+};
+// `repeat_count`: seeds of each level at which something is drawn at random.
+MarginScan ScanOf(const Margin& margin, int repeat_count);
 
 struct FindMarginsOptions {
   double tolerance = 0.01;

@@ -28,6 +28,11 @@ bool Survived(const Score& score) {
 
 }  // namespace
 
+std::string WhyUnknown(const TrialResult& unknown) {
+  return fmt::format("the flight '{}' is {}: {}", unknown.flight,
+                     unknown.verdict == Verdict::kError ? "an error" : Name(unknown.verdict), unknown.reason);
+}
+
 Trials::Trials(Options options)
     : options_(std::move(options)),
       engine_(

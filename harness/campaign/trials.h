@@ -42,6 +42,9 @@ struct TrialResult {
   std::string reason;  // one line
 };
 
+// For a flight that could not be judged: the flight and the reason, in one line.
+std::string WhyUnknown(const TrialResult& unknown);
+
 class Trials {
  public:
   struct Options {

@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "harness/cli/commands.h"
-#include "harness/cli/compare_runs.h"
+#include "harness/cli/compare_command.h"
 #include "harness/cli/run_folder.h"
 #include "harness/report/difference.h"
 #include "harness/report/files.h"

@@ -1,25 +1,29 @@
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
+#include <memory>
 #include <string_view>
 #include <vector>
 
-#include "faults/registry.h"
 #include "harness/cli/applicability.h"
 #include "harness/cli/client_flag.h"
-#include "harness/cli/commands.h"
+#include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
-#include "harness/scenario/did_you_mean.h"
 #include "harness/terminal/terminal.h"
 
 namespace tiltproof::harness {
 namespace {
 
+struct CheckOptions {
+  std::vector<std::filesystem::path> paths;
+  std::vector<std::string> clients;
+  std::string firmware;  // as of RunOptions
+};
+
 void PrintWarnings(const Suite& suite) {
   for (const auto& warning : suite.warnings) Print(stderr, "warning: {}\n", warning);
 }
-
-}  // namespace
 
 int CheckCommand(const CheckOptions& options) {
   const RunClients clients = ReadClientFlags(options.clients);
@@ -60,6 +64,7 @@ int ListCommand(const CheckOptions& options) {
   return suite.scenarios.empty() ? kExitUndecided : kExitGreen;
 }
 
+// The signals that formulas of these scenarios may name; without a path, those of a flight of the shipped vehicle.
 int SignalsCommand(const CheckOptions& options) {
   std::vector<std::string> names;
   const auto add = [&names](const Scenario& scenario, const plant::VehicleModel& model) {
@@ -78,21 +83,39 @@ int SignalsCommand(const CheckOptions& options) {
   return names.empty() ? kExitUndecided : kExitGreen;
 }
 
-int FaultsCommand(const std::string& name) {
-  if (name.empty()) {
-    Print(stdout, "{}", TextLines(faults::CatalogueMarkdown()));
-    return kExitGreen;
-  }
-  const faults::FaultType* type = faults::FindFaultType(name);
-  if (type == nullptr) {
-    std::vector<std::string_view> names;
-    for (const auto& known : faults::FaultTypes()) names.push_back(known.name);
-    const std::string meant = DidYouMean(name, names);
-    throw UsageError(fmt::format("faults: unknown fault '{}'{}", name,
-                                 meant.empty() ? "; `tiltproof faults` prints them all" : meant));
-  }
-  Print(stdout, "{}", TextLines(faults::Markdown(*type)));
-  return kExitGreen;
+void AddScenarioClients(CLI::App& command, CheckOptions& options) {
+  AddClients(command, options.clients, "It says what `firmware` may be.");
+  AddFirmware(command, options.firmware);
+}
+
+void RegisterList(CLI::App& program, CommandLine& line) {
+  const auto options = std::make_shared<CheckOptions>();
+  const auto lists_signals = std::make_shared<bool>(false);
+  CLI::App* command = program.add_subcommand("list", "List scenarios");
+  CLI::Option* path = command->add_option("PATH", options->paths, "Scenario files, or folders of them");
+  command->add_flag(
+      "--signals", *lists_signals,
+      "The signals that formulas may name there, one per line; without PATH, those of a flight of the "
+      "shipped vehicle");
+  AddScenarioClients(*command, *options);
+  command->callback([options, lists_signals, path, &line] {
+    if (!*lists_signals && options->paths.empty()) throw CLI::RequiredError(path->get_name());
+    line.action = [options, lists_signals] {
+      return *lists_signals ? SignalsCommand(*options) : ListCommand(*options);
+    };
+  });
+}
+
+}  // namespace
+
+void RegisterCheck(CLI::App& program, CommandLine& line) {
+  const auto options = std::make_shared<CheckOptions>();
+  CLI::App* command = program.add_subcommand(
+      "check", "Check scenario files, their models, formulas and faults, without flying");
+  command->add_option("PATH", options->paths, "Scenario files, or folders of them")->required();
+  AddScenarioClients(*command, *options);
+  SetAction(*command, line, [options] { return CheckCommand(*options); });
+  RegisterList(program, line);
 }
 
 }  // namespace tiltproof::harness

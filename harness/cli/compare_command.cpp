@@ -1,14 +1,17 @@
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <utility>
 
 #include "harness/cli/commands.h"
-#include "harness/cli/compare_runs.h"
+#include "harness/cli/compare_command.h"
 #include "harness/cli/run_folder.h"
+#include "harness/cli/shared_options.h"
 #include "harness/report/difference.h"
 #include "harness/report/files.h"
 #include "harness/report/json_text.h"
@@ -19,6 +22,16 @@
 #include "link/time.h"
 
 namespace tiltproof::harness {
+
+void RefuseUnpaired(const CompareOptions& options) {
+  throw UsageError(
+      fmt::format("{} and {} have no scenario of the same name", options.a.string(), options.b.string()));
+}
+
+void PrintOnlyIn(const char* letter, const std::vector<std::string>& names) {
+  for (const std::string& name : names)
+    Print(stdout, "{}\n", JsonLine({{"scenario", name}, {"only_in", letter}}));
+}
 namespace {
 
 namespace fs = std::filesystem;
@@ -234,8 +247,6 @@ void PrintUnmatched(const char* letter, const std::vector<std::string>& names,
     Print(stdout, "{:<10} {:<34} only in {}\n", "UNMATCHED", name, letter == std::string("a") ? 'A' : 'B');
 }
 
-}  // namespace
-
 // 0 when nothing differs by more than the tolerance, 1 when something does, 3 when files of a flight cannot be
 // read; the other flights are compared all the same.
 int CompareCommand(const CompareOptions& options) {
@@ -273,6 +284,43 @@ int CompareCommand(const CompareOptions& options) {
   if (counts.unreadable > 0) return kExitError;
   return counts.different > 0 || !pairing.only_a.empty() || !pairing.only_b.empty() ? kExitNotGreen
                                                                                     : kExitGreen;
+}
+
+}  // namespace
+
+void RegisterCompare(CLI::App& program, CommandLine& line) {
+  const auto options = std::make_shared<CompareOptions>();
+  const auto baseline = std::make_shared<bool>(false), outcomes = std::make_shared<bool>(false);
+  CLI::App* command = program.add_subcommand(
+      "compare", "Compare the flights of two runs: traces, timing, verdicts (0 equal, 1 different)");
+  command->add_option("A", options->a, "A run's results folder, or one scenario's folder in it")->required();
+  command->add_option("B", options->b, "Another one")->required();
+  command
+      ->add_option("--tolerance", options->tolerance,
+                   "Largest difference allowed in a state of the vehicle, in its unit (m, rad, m/s, rad/s); "
+                   "with --baseline the largest fall of a margin")
+      ->check(CLI::Range(0.0, 1e9))
+      ->capture_default_str();
+  AddFormat(*command, options->format, "human or jsonl");
+  auto* baseline_flag = command->add_flag(
+      "--baseline", *baseline,
+      "A is the baseline: 1 when a verdict or a margin of B is worse, or a flight of A is missing, else 0");
+  auto* anyway_flag = command
+                          ->add_flag("--anyway", options->anyway,
+                                     "Compare different flights, too (another seed, link, fault, ...), and "
+                                     "say by which keys they differ")
+                          ->excludes(baseline_flag);
+  command
+      ->add_flag("--outcomes", *outcomes,
+                 "A is one flight without faults, B a campaign: class each flight of B as crashed, hung, "
+                 "failed, detected, wrong_output or masked, and count them")
+      ->excludes(baseline_flag)
+      ->excludes(anyway_flag);
+  SetAction(*command, line, [options, baseline, outcomes] {
+    return *baseline   ? BaselineCommand(*options)
+           : *outcomes ? OutcomesCommand(*options)
+                       : CompareCommand(*options);
+  });
 }
 
 }  // namespace tiltproof::harness

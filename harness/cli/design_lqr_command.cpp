@@ -1,8 +1,10 @@
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
+#include <memory>
 #include <string>
 
-#include "harness/cli/commands.h"
+#include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
 #include "harness/terminal/terminal.h"
 #include "plant/lqr_design.h"
@@ -15,7 +17,12 @@ constexpr std::size_t kFirstHinge = 6;  // of the states, behind position and at
 // "f_r_n" -> "f_r"
 std::string WithoutUnit(const Signal& signal) { return signal.name.substr(0, signal.name.rfind('_')); }
 
-}  // namespace
+struct DesignLqrOptions {
+  std::string model;
+  std::filesystem::path csv;
+  std::string firmware_table;
+  bool allow_invalid_inertia = false;
+};
 
 int DesignLqrCommand(const DesignLqrOptions& options) {
   const std::filesystem::path file = ResolveModel(options.model);
@@ -65,6 +72,28 @@ int DesignLqrCommand(const DesignLqrOptions& options) {
         TextLines(plant::GainCsv(design.gain)));
   if (!options.csv.empty()) plant::WriteGainCsv(options.csv, design.gain);
   return kExitGreen;
+}
+
+}  // namespace
+
+void RegisterDesignLqr(CLI::App& program, CommandLine& line) {
+  const auto options = std::make_shared<DesignLqrOptions>();
+  CLI::App* command = program.add_subcommand(
+      "design-lqr", "Design the DLQR of a model: equilibrium, gain, spectral radius, delay margin");
+  command->add_option("MODEL", options->model, "A model's name, or a path ending in .sdf")->required();
+  command->add_option(
+      "--csv", options->csv,
+      "Write the gain (4x20 for the tilt-rotor): rows are thrusts, then servo torques; no header");
+  command->add_option("--firmware-table", options->firmware_table,
+                      "Print the gain as a binary32 table of that name for firmware/gain_tables.h");
+  command->add_flag("--allow-invalid-inertia", options->allow_invalid_inertia,
+                    "Go on with a physically impossible inertia");
+  command->footer(
+      "Columns of the gain, the states x of u = u_eq - K (x - x_ref): x y z (m), roll pitch yaw and the "
+      "angles of the hinges (rad), the rates of all these in the same order (m/s, rad/s; Euler rates), "
+      "then the integrals of the errors of x y z (m s) and yaw (rad s), by the trapezoidal rule with the "
+      "present error, every 12 ms. firmware/examples/python flies that of the tilt-rotor.");
+  SetAction(*command, line, [options] { return DesignLqrCommand(*options); });
 }
 
 }  // namespace tiltproof::harness

@@ -8,6 +8,7 @@
 #include <sched.h>
 #include <sys/resource.h>
 #include <unistd.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <boost/asio/io_context.hpp>
@@ -22,7 +23,7 @@
 #include <vector>
 
 #include "harness/cli/client_flag.h"
-#include "harness/cli/commands.h"
+#include "harness/cli/shared_options.h"
 #include "harness/client/firmware_files.h"
 #include "harness/emulator/lockstep_self_test.h"
 #include "harness/process/child_process.h"
@@ -37,6 +38,13 @@
 
 namespace tiltproof::harness {
 namespace {
+
+struct DoctorOptions {
+  std::string client;     // serial:DEV[,REFDEV], or empty
+  std::string interface;  // for nodes on several machines; or empty
+  std::string format = "human";
+  std::filesystem::path root = "/";  // before /dev and /sys: another folder is a simulated machine
+};
 
 namespace fs = std::filesystem;
 
@@ -329,8 +337,6 @@ void PrintCheck(const Check& check, bool jsonl) {
   }
 }
 
-}  // namespace
-
 int DoctorCommand(const DoctorOptions& options) {
   Checks checks;
   const auto client_devices =
@@ -353,6 +359,19 @@ int DoctorCommand(const DoctorOptions& options) {
   const bool failed = std::any_of(checks.begin(), checks.end(),
                                   [](const Check& check) { return check.status == Status::kFail; });
   return failed ? kExitError : kExitGreen;
+}
+
+}  // namespace
+
+void RegisterDoctor(CLI::App& program, CommandLine& line) {
+  const auto options = std::make_shared<DoctorOptions>();
+  CLI::App* command =
+      program.add_subcommand("doctor", "Check this machine: one line per check, with what to do");
+  command->add_option("--client", options->client, "Open these ports as a flight would: serial:DEV[,REFDEV]");
+  command->add_option("--interface", options->interface, "Network interface to other machines' nodes");
+  AddFormat(*command, options->format, "human, or jsonl: one JSON object per check");
+  command->add_option("--root", options->root, "Folder that holds dev and sys")->group("");
+  SetAction(*command, line, [options] { return DoctorCommand(*options); });
 }
 
 }  // namespace tiltproof::harness

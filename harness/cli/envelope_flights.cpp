@@ -12,7 +12,6 @@
 #include "harness/report/build_id.h"
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"
-#include "harness/scenario/reader.h"
 #include "harness/terminal/lines.h"
 
 namespace tiltproof::harness {
@@ -32,40 +31,6 @@ RunInfo InfoOf(const EnvelopeSide& side, const FlightJob& first, const EnvelopeO
 }
 
 }  // namespace
-
-std::vector<SideFlight> SidesOf(const Envelope& envelope, const std::vector<MarginTask>& tasks) {
-  std::vector<SideFlight> sides;
-  for (std::size_t i = 0; i < envelope.entries.size(); ++i) {
-    const EnvelopeEntry& entry = envelope.entries[i];
-    if (!entry.margin || entry.margin->unknown) continue;
-    for (const bool survives : {true, false}) {
-      const std::optional<double>& level = survives ? entry.margin->survives : entry.margin->fails;
-      if (!level) continue;
-      SideFlight flight{.side = {.client = entry.client,
-                                 .type = std::string(entry.row.type->name),
-                                 .place = entry.row.place,
-                                 .side = entry.row.side,
-                                 .survives = survives},
-                        .job = tasks[i].job};
-      Scenario& scenario = flight.job.scenario;
-      scenario = AtLevel(scenario, tasks[i].fault, tasks[i].severity, *level);
-      if (!survives) scenario.seed = entry.margin->at_fails.seed;
-      scenario.name = flight.side.name();
-      scenario.expect = {.verdict = survives ? Verdict::kPass : Verdict::kFail, .by_firmware = {}};
-      flight.job.name = scenario.name;
-      sides.push_back(std::move(flight));
-    }
-  }
-  return sides;
-}
-
-void WriteLevels(const std::filesystem::path& folder, const std::vector<SideFlight>& sides) {
-  for (const SideFlight& flight : sides) {
-    const std::filesystem::path file = folder / flight.side.scenario_file();
-    std::filesystem::create_directories(file.parent_path());
-    WriteFile(file, WriteResolved(flight.job.scenario));
-  }
-}
 
 KeptFlights KeepFlights(const std::filesystem::path& folder, const std::vector<SideFlight>& sides,
                         const EnvelopeOptions& options) {

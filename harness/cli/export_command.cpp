@@ -1,8 +1,10 @@
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
-#include "harness/cli/commands.h"
+#include <memory>
 #include "harness/cli/report_command.h"
 #include "harness/cli/run_folder.h"
+#include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
 #include "harness/export/flight_csv.h"
 #include "harness/export/flight_mcap.h"
@@ -11,6 +13,12 @@
 
 namespace tiltproof::harness {
 namespace {
+
+struct ExportOptions {
+  std::filesystem::path run;  // folder of a run, or of a flight
+  std::string to;             // "mcap" or "csv"
+  std::filesystem::path out;  // empty: in the folder of each flight
+};
 
 namespace fs = std::filesystem;
 
@@ -64,8 +72,6 @@ void ExportFlight(const OldRun& run, const fs::path& flight_folder, const std::s
   file.Finish();
 }
 
-}  // namespace
-
 // 0 when every flight with a folder was exported, else 3.
 int ExportCommand(const ExportOptions& options) {
   const OldRun run = OpenRun(options.run);
@@ -93,6 +99,26 @@ int ExportCommand(const ExportOptions& options) {
     }
   }
   return code;
+}
+
+}  // namespace
+
+void RegisterExport(CLI::App& program, CommandLine& line) {
+  const auto options = std::make_shared<ExportOptions>();
+  CLI::App* command = program.add_subcommand("export", "Write flights as files of other tools: MCAP, or CSV");
+  command->add_option("RUN", options->run, "A run's results folder, or one scenario's folder in it")
+      ->required();
+  command
+      ->add_option("--to", options->to,
+                   "mcap (Foxglove, PlotJuggler), or csv: tables (pandas, MATLAB), one file each")
+      ->required()
+      ->check(CLI::IsMember({"mcap", "csv"}));
+  command->add_option("--out", options->out,
+                      "Of one flight: the .mcap file, or the folder of its tables; of several: the folder "
+                      "that they go in, by name "
+                      "(default: flight.mcap, or csv/, in each flight's folder)");
+  command->footer("What is in the files: docs/logs.md. Nothing is written over: remove old exports first.");
+  SetAction(*command, line, [options] { return ExportCommand(*options); });
 }
 
 }  // namespace tiltproof::harness

@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
 #include <cerrno>
 #include <charconv>
@@ -6,7 +7,7 @@
 #include <cstring>
 #include <memory>
 
-#include "harness/cli/commands.h"
+#include "harness/cli/shared_options.h"
 #include "harness/terminal/terminal.h"
 #include "link/hdlc_framing.h"
 #include "link/message_kind.h"
@@ -32,8 +33,6 @@ void PrintFrame(const link::FrameReading& read) {
         fmt::format("{:02x}", fmt::join(read.payload, "")));
 }
 
-}  // namespace
-
 int FrameEncodeCommand(const std::string& hex) {
   const auto payload = FromHex(hex);
   if (payload.size() > link::kPayloadBytesMax)
@@ -43,6 +42,7 @@ int FrameEncodeCommand(const std::string& hex) {
   return kExitGreen;
 }
 
+// An empty path is standard input.
 int FrameDecodeCommand(const std::filesystem::path& file) {
   if (std::filesystem::is_directory(file))
     throw UsageError(fmt::format("FILE: {} is a folder; give a file of raw bytes", file.string()));
@@ -68,6 +68,25 @@ int FrameDecodeCommand(const std::filesystem::path& file) {
         "cannot read {}: {}", file.empty() ? "standard input" : file.string(), std::strerror(errno)));
   if (const auto read = reader->Finish()) report(*read);
   return rejected ? kExitNotGreen : kExitGreen;
+}
+
+}  // namespace
+
+void RegisterFrame(CLI::App& program, CommandLine& line) {
+  CLI::App* command = program.add_subcommand("frame", "Encode and decode frames of the serial line");
+  command->require_subcommand(1);
+
+  const auto hex = std::make_shared<std::string>();
+  CLI::App* encode =
+      command->add_subcommand("encode", "Print the frame that carries a payload, in hexadecimal");
+  encode->add_option("HEX", *hex, "The payload in hexadecimal")->required();
+  SetAction(*encode, line, [hex] { return FrameEncodeCommand(*hex); });
+
+  const auto file = std::make_shared<std::filesystem::path>();
+  CLI::App* decode =
+      command->add_subcommand("decode", "Decode raw bytes: one JSON line per frame or rejection");
+  decode->add_option("FILE", *file, "Raw bytes (default: standard input)");
+  SetAction(*decode, line, [file] { return FrameDecodeCommand(*file); });
 }
 
 }  // namespace tiltproof::harness

@@ -1,8 +1,10 @@
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <chrono>
 #include <functional>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <utility>
@@ -10,18 +12,32 @@
 #include "harness/campaign/broken_flight.h"
 #include "harness/campaign/fuzz.h"
 #include "harness/cli/client_flag.h"
-#include "harness/cli/commands.h"
 #include "harness/cli/fuzz_files.h"
 #include "harness/cli/interrupt_scope.h"
 #include "harness/cli/search_flights.h"
+#include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
 #include "harness/report/json_text.h"
 #include "harness/scenario/did_you_mean.h"
+#include "harness/scenario/reader.h"
 #include "harness/terminal/progress_line.h"
 #include "harness/terminal/terminal.h"
 
 namespace tiltproof::harness {
 namespace {
+
+struct FuzzOptions {
+  std::vector<std::string> clients;
+  std::string protocol = "paper";
+  std::string firmware;                     // build; empty: the usual one
+  std::optional<double> time_s;             // none: a minute
+  std::optional<std::uint64_t> runs_count;  // inputs; instead of a time
+  std::uint64_t seed = 1;
+  int jobs_count = 1;
+  std::filesystem::path out = "results/fuzz";
+  std::string format = "human";
+  bool no_progress = false;
+};
 
 using FuzzClock = std::chrono::steady_clock;
 
@@ -40,17 +56,18 @@ FlightMeans FuzzMeans(const FuzzOptions& options) {
   return means;
 }
 
-LoadedScenario FuzzBase(const FuzzOptions& options, const FlightMeans& means) {
+LoadedScenario LoadBase(const FuzzOptions& options, const FlightMeans& means) {
   std::vector<std::string_view> protocols;
   for (const auto& protocol : link::Protocols()) protocols.push_back(protocol->name);
-  if (link::FindProtocol(options.protocol) == nullptr)
+  const std::shared_ptr<const link::Protocol> protocol = link::FindProtocol(options.protocol);
+  if (protocol == nullptr)
     throw UsageError(fmt::format("--protocol {}: no such protocol{}", options.protocol,
                                  DidYouMean(options.protocol, protocols)));
   const std::string build = options.firmware.empty() ? Scenario().firmware : options.firmware;
   if (AbilitiesOf(means.clients.all, false).shipped) CheckBuild(build);
   if (build.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") != std::string::npos)
     throw UsageError(fmt::format("--firmware {}: must be lower-case letters, digits and '_'", build));
-  return LoadAnnounced("name: fuzz\nduration_s: 1\n" + FuzzBaseText(build, options.protocol));
+  return LoadAnnounced(WriteResolved(FuzzBase(build, protocol)));
 }
 
 class FuzzRun {
@@ -293,15 +310,45 @@ class FuzzRun {
   std::set<std::string> told_;                // without their numbers
 };
 
-}  // namespace
-
 int FuzzCommand(const FuzzOptions& options) {
   const FlightMeans means = FuzzMeans(options);
-  const LoadedScenario base = FuzzBase(options, means);
+  const LoadedScenario base = LoadBase(options, means);
   CheckReady(means);
   CheckPorts(means.clients.all, base.scenario.link);
   const InterruptScope scope;
   return FuzzRun(options, means, base).Run();
+}
+
+}  // namespace
+
+void RegisterFuzz(CLI::App& program, CommandLine& line) {
+  const auto options = std::make_shared<FuzzOptions>();
+  CLI::App* command = program.add_subcommand(
+      "fuzz",
+      "Send hostile frames to a firmware, and write each that breaks it as a scenario (1: found some)");
+  AddClients(*command, options->clients);
+  command->add_option("--protocol", options->protocol, "What the firmware speaks: paper or provant")
+      ->capture_default_str();
+  AddFirmware(*command, options->firmware);
+  auto* fuzz_time = command->add_option("--time", options->time_s, "How long, in s (default: 60)")
+                        ->check(CLI::Range(0.1, 1e7));
+  command
+      ->add_option("--runs", options->runs_count,
+                   "So many inputs instead; the same --seed and corpus then find the same, with any -j")
+      ->check(CLI::Range(std::uint64_t{1}, kSeedMax))
+      ->excludes(fuzz_time);
+  command->add_option("--seed", options->seed, "Of all that is drawn at random")
+      ->check(CLI::Range(std::uint64_t{0}, kSeedMax))
+      ->capture_default_str();
+  AddJobs(*command, options->jobs_count);
+  command
+      ->add_option("--out", options->out,
+                   "Where findings/, corpus/ and fuzz.json go; a corpus that is there is where it begins")
+      ->capture_default_str();
+  AddFormat(*command, options->format, "human, or jsonl: one JSON object per finding, and one of all");
+  command->add_flag("--no-progress", options->no_progress, "No progress line on the terminal");
+  command->footer("How to build a firmware for it, and what a finding is: docs/fuzzing.md.");
+  SetAction(*command, line, [options] { return FuzzCommand(*options); });
 }
 
 }  // namespace tiltproof::harness

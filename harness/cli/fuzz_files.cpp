@@ -14,6 +14,7 @@
 #include "harness/report/files.h"
 #include "harness/report/json_text.h"
 #include "harness/run/hash.h"
+#include "harness/scenario/reader.h"
 #include "harness/terminal/terminal.h"
 
 namespace tiltproof::harness {
@@ -52,15 +53,38 @@ std::vector<fs::path> FilesIn(const fs::path& folder) {
   return files;
 }
 
+// Comments above a finding: the reason, the frames, and the command that flies it again.
+std::string Heading(const FuzzFinding& finding, const link::Protocol& protocol, const std::string& replay) {
+  std::string text = Comment(fmt::format("Found by tiltproof fuzz: {}", finding.broken.reason));
+  text += fmt::format("#\n# What is said {}:\n", PlaceText(finding.sequence));
+  const std::vector<std::string> frames = Describe(finding.sequence, protocol);
+  for (std::size_t i = 0; i < frames.size(); ++i) text += Comment(fmt::format("{:4}: {}", i + 1, frames[i]));
+  text += "#\n";
+  if (!finding.minimised) text += "# The campaign ended before it was as small as it could be made.\n";
+  if (finding.minimised && !finding.confirmed)
+    text += "# Flown once more it did not break: it depends on more than these bytes.\n";
+  if (!finding.broken.may_pass.empty()) {
+    text += Comment(finding.broken.may_pass) + "# To fly it again:\n";
+  } else if (finding.confirmed) {
+    text += "# It fails as long as the defect is there, and passes afterwards:\n";
+  } else {
+    text += "# To fly it again:\n";
+  }
+  return text + Comment(replay);
+}
+
 }  // namespace
 
-std::string FuzzBaseText(const std::string& firmware, const std::string& protocol) {
-  return fmt::format(
-      "firmware: \"{}\"\n"
-      "held: true    # on a test stand: hostile values cannot crash the vehicle\n"
-      "link: {{protocol: {}}}\n"
-      "reference: {{type: hover, at_m: [0, 0, 1]}}\n",
-      firmware, protocol);
+Scenario FuzzBase(const std::string& firmware, std::shared_ptr<const link::Protocol> protocol) {
+  Scenario base;
+  base.name = "fuzz";
+  base.firmware = firmware;
+  base.held = true;
+  base.duration_ns = kNsPerS;
+  base.link.protocol = std::move(protocol);
+  base.initial_position_m = {0, 0, 1};
+  base.reference.path = HoverReference{.at_m = base.initial_position_m};
+  return base;
 }
 
 FuzzFiles::FuzzFiles(fs::path folder, std::string flags)
@@ -97,38 +121,11 @@ std::string FuzzFiles::ReplayOf(const FuzzFinding& finding) const {
 }
 
 void FuzzFiles::Write(const FuzzFinding& finding, const Scenario& base) const {
-  const HostileSequence& sequence = finding.sequence;
-  const Scenario flight = FlightOf(base, sequence);
-  std::string text = Comment(fmt::format("Found by tiltproof fuzz: {}", finding.broken.reason));
-  text += fmt::format("#\n# What is said {}:\n", PlaceText(sequence));
-  const std::vector<std::string> frames = Describe(sequence, *base.link.protocol);
-  for (std::size_t i = 0; i < frames.size(); ++i) text += Comment(fmt::format("{:4}: {}", i + 1, frames[i]));
-  text += "#\n";
-  if (!finding.minimised) text += "# The campaign ended before it was as small as it could be made.\n";
-  if (finding.minimised && !finding.confirmed)
-    text += "# Flown once more it did not break: it depends on more than these bytes.\n";
-  if (!finding.broken.may_pass.empty()) {
-    text += Comment(finding.broken.may_pass) + "# To fly it again:\n";
-  } else if (finding.confirmed) {
-    text += "# It fails as long as the defect is there, and passes afterwards:\n";
-  } else {
-    text += "# To fly it again:\n";
-  }
-  text += Comment(ReplayOf(finding));
-  text += fmt::format("name: {}\ntags: [fuzz, {}]\n", finding.broken.Name(), finding.broken.kind);
-  text += FuzzBaseText(base.firmware, base.link.protocol->name);
-  text += fmt::format("duration_s: {}\nfaults:\n", ToSeconds(flight.duration_ns));
-  const faults::FaultSpec& fault = flight.faults.at(0);
-  text += fmt::format(
-      "  - id: {}\n    type: {}\n    target: {}\n    start_s: {}\n    end_s: {}\n    parameters:\n"
-      "      place: {}\n      frames: \"{}\"\n",
-      fault.id, fault.type, faults::Name(fault.target), ToSeconds(fault.start_ns), ToSeconds(fault.end_ns),
-      sequence.place, FramesText(sequence));
-  text += "criteria:\n";
-  for (const CriterionSpec& criterion : base.criteria)
-    text += fmt::format("  - {{name: {}, metric: {}, max: {}}}\n", criterion.name, criterion.metric,
-                        criterion.max.value_or(0));
-  WriteFile(FileOf(finding.broken.Name()), text);
+  Scenario flight = FlightOf(base, finding.sequence);
+  flight.name = finding.broken.Name();
+  flight.tags = {"fuzz", finding.broken.kind};
+  WriteFile(FileOf(flight.name),
+            Heading(finding, *base.link.protocol, ReplayOf(finding)) + WriteResolved(flight));
 }
 
 std::vector<std::pair<std::string, HostileSequence>> FuzzFiles::ReadFindings() const {

@@ -1,4 +1,4 @@
-// The files of a fuzz campaign: findings/NAME.yaml, each a scenario that `tiltproof run` flies; corpus/, from which the
+// The files of a fuzz campaign: findings/NAME.yaml, each a resolved scenario that `tiltproof run` flies; corpus/, from which the
 // next campaign in this folder begins; and fuzz.json.
 //
 //   FuzzFiles files("results/fuzz", " --client 'library:mine.so'");
@@ -6,6 +6,7 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
@@ -45,7 +46,8 @@ class FuzzFiles {
   link::OwnedDescriptor lock_;
 };
 
-// Base of every flight of a campaign, without its faults: the vehicle is held, and hovers by the reference.
-std::string FuzzBaseText(const std::string& firmware, const std::string& protocol);
+// Base of every flight of a campaign, without its faults: the vehicle is on a test stand, because hostile values cannot
+// crash it there, and hovers by the reference.
+Scenario FuzzBase(const std::string& firmware, std::shared_ptr<const link::Protocol> protocol);
 
 }  // namespace tiltproof::harness

@@ -1,10 +1,12 @@
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <memory>
 
-#include "harness/cli/commands.h"
+#include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
 #include "harness/report/files.h"
 #include "harness/run/link_log.h"
@@ -35,8 +37,6 @@ std::vector<std::string> ClientIds(const LinkLog& log, const std::optional<Scena
   for (std::size_t i = 0; i < std::min(count, scenario->client_count()); ++i) ids[i] = scenario->client_id(i);
   return ids;
 }
-
-}  // namespace
 
 // One line a decoded frame or rejection: time of the record that completed it, direction, side, status, and
 // the payload; and one for what the buffer of an adapter passed on at once.
@@ -106,6 +106,15 @@ int LinkDumpCommand(const std::filesystem::path& file) {
         if (const auto read = readers[client][d][delivered]->Finish())
           print(last_ns, client, d, delivered, *read);
   return kExitGreen;
+}
+
+}  // namespace
+
+void RegisterLinkDump(CLI::App& program, CommandLine& line) {
+  const auto file = std::make_shared<std::filesystem::path>();
+  CLI::App* command = program.add_subcommand("link-dump", "Print a link.bin as decoded frames");
+  command->add_option("FILE", *file, "link.bin of a scenario")->required();
+  SetAction(*command, line, [file] { return LinkDumpCommand(*file); });
 }
 
 }  // namespace tiltproof::harness

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "harness/cli/commands.h"
 #include "harness/cli/interrupt_scope.h"
 #include "harness/cli/report_command.h"
 #include "harness/cli/suite.h"

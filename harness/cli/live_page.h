@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "harness/cli/commands.h"
+#include "harness/cli/run_options.h"
 #include "harness/engine/flight_job.h"
 #include "harness/live/live_process.h"
 #include "harness/report/results.h"

@@ -1,16 +1,19 @@
 #include <fmt/format.h>
 #include <unistd.h>
+#include <CLI/CLI.hpp>
 
+#include <algorithm>
+#include <memory>
 #include <nlohmann/json.hpp>
 
 #include "harness/campaign/margins.h"
 #include "harness/cli/applicability.h"
 #include "harness/cli/client_flag.h"
-#include "harness/cli/commands.h"
 #include "harness/cli/interrupt_scope.h"
-#include "harness/cli/margin_scan.h"
 #include "harness/cli/search_flights.h"
+#include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
+#include "harness/report/json_fields.h"
 #include "harness/report/json_text.h"
 #include "harness/scenario/did_you_mean.h"
 #include "harness/terminal/lines.h"
@@ -18,6 +21,16 @@
 
 namespace tiltproof::harness {
 namespace {
+
+struct MarginOptions : SearchOptions {
+  std::filesystem::path scenario;
+  std::string fault;  // its id
+  std::string parameter;
+  std::optional<double> low, high;
+  std::vector<std::string> clients;
+  std::string firmware;  // as of RunOptions
+  std::string format = "human";
+};
 
 std::size_t FindFault(const Scenario& scenario, const std::string& id) {
   std::vector<std::string_view> ids;
@@ -78,6 +91,43 @@ void PrintLevel(const MarginOptions& options, const MarginTask& task, double lev
   std::fflush(stdout);
 }
 
+std::size_t CountSurvived(const Margin& margin) {
+  const auto fails = [](const LevelAnswer& answer) { return answer.survived != true; };
+  return static_cast<std::size_t>(std::find_if(margin.levels.begin(), margin.levels.end(), fails) -
+                                  margin.levels.begin());
+}
+
+// For a margin that is known. `unit` may be empty.
+std::vector<std::string> ScanLines(const Margin& margin, int repeat_count, const std::string& unit) {
+  const auto value = [&](double level) {
+    return unit.empty() ? fmt::format("{}", level) : fmt::format("{} {}", level, unit);
+  };
+  std::vector<std::string> lines;
+  for (const Pocket& pocket : margin.pockets) {
+    const auto beyond = std::find_if(margin.levels.begin(), margin.levels.end(),
+                                     [&](const auto& answer) { return answer.level == pocket.to; });
+    const auto again =
+        std::find_if(beyond, margin.levels.end(), [](const auto& answer) { return answer.survived == true; });
+    const std::string where = pocket.from == pocket.to ? fmt::format("at {}", value(pocket.from))
+                                                       : fmt::format("at every level flown from {} to {}",
+                                                                     value(pocket.from), value(pocket.to));
+    lines.push_back(fmt::format("fails {}, and survives {} again", where, value(again->level)));
+  }
+  if (const std::size_t count = CountSurvived(margin); count > 0)
+    lines.push_back(fmt::format(
+        "survives all {} levels that were flown below the limit, {}", count,
+        margin.is_random
+            ? fmt::format("{0} of {0} seeds each: 95 % sure that at least {1:.0f} % of all seeds pass",
+                          repeat_count, 100 * SurePassShare(repeat_count))
+            : "where nothing is drawn at random"));
+  if (margin.survived_share)
+    lines.push_back(fmt::format("survives {:.3g} % of the range", 100 * *margin.survived_share));
+  lines.push_back(fmt::format("{} flight{} at {} level{}", margin.flights_count,
+                              margin.flights_count == 1 ? "" : "s", margin.levels.size(),
+                              margin.levels.size() == 1 ? "" : "s"));
+  return lines;
+}
+
 void PrintMargin(const MarginOptions& options, const MarginTask& task, const Margin& margin) {
   const faults::FaultSpec& fault = task.job.scenario.faults[task.fault];
   if (options.format == "jsonl") {
@@ -89,7 +139,7 @@ void PrintMargin(const MarginOptions& options, const MarginTask& task, const Mar
                                    {"fails", Number(margin.fails)},
                                    {"first_criterion", nullptr},
                                    {"runs", margin.flights_count}};
-    AddScan(margin, options.repeat_count, line);
+    JsonWriter::PutFields(line, ScanOf(margin, options.repeat_count));
     if (margin.fails) {
       line["first_criterion"] = margin.at_fails.criterion;
       line["time_s"] = Number(margin.at_fails.time_s);
@@ -116,8 +166,6 @@ void PrintMargin(const MarginOptions& options, const MarginTask& task, const Mar
   for (const std::string& text : ScanLines(margin, options.repeat_count, task.severity.unit))
     PrintLine(stdout, 2, text);
 }
-
-}  // namespace
 
 int MarginCommand(const MarginOptions& options) {
   const FlightMeans means = LockstepMeans(ReadClientFlags(options.clients), "margin");
@@ -150,6 +198,26 @@ int MarginCommand(const MarginOptions& options) {
   }
   PrintMargin(options, tasks.front(), *margin);
   return kExitGreen;
+}
+
+}  // namespace
+
+void RegisterMargin(CLI::App& program, CommandLine& line) {
+  const auto options = std::make_shared<MarginOptions>();
+  CLI::App* command =
+      program.add_subcommand("margin", "Find the largest severity of a fault that a scenario survives");
+  command->add_option("SCENARIO", options->scenario, "A scenario file")->required();
+  command->add_option("--fault", options->fault, "The id of the fault")->required();
+  command->add_option("--parameter", options->parameter,
+                      "The number that is changed (default: the type's severity, or window_s, the length "
+                      "of its window)");
+  command->add_option("--low", options->low, "Search only above this value");
+  command->add_option("--high", options->high, "Search only below this value");
+  AddSearch(*command, *options);
+  AddClients(*command, options->clients);
+  AddFirmware(*command, options->firmware);
+  AddFormat(*command, options->format, "human, or jsonl: one JSON object per level and the margin");
+  SetAction(*command, line, [options] { return MarginCommand(*options); });
 }
 
 }  // namespace tiltproof::harness

@@ -1,10 +1,12 @@
 // Files for editors: the schema of scenario files, and a scenario to start with.
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
+#include <memory>
 #include <string_view>
 
-#include "harness/cli/commands.h"
 #include "harness/cli/data_files.h"
+#include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
 #include "harness/report/files.h"
 #include "harness/scenario/reader.h"
@@ -104,8 +106,6 @@ fs::path FindSchema(const fs::path& folder) {
   return fs::exists(folder / kSchemaFile, error) ? folder / kSchemaFile : fs::path();
 }
 
-}  // namespace
-
 int SchemaCommand() {
   Print(stdout, "{}", TextLines(SchemaText()));
   return kExitGreen;
@@ -134,6 +134,18 @@ int NewCommand(const fs::path& file) {
   if (!found.empty() && ReadFile(found) != schema)
     Print(stdout, "{} is of another version: tiltproof schema > {}\n", found.string(), found.string());
   return kExitGreen;
+}
+
+}  // namespace
+
+void RegisterNew(CLI::App& program, CommandLine& line) {
+  const auto file = std::make_shared<fs::path>();
+  CLI::App* command = program.add_subcommand(
+      "new", "Write a commented scenario to begin with, and beside it the schema that editors use");
+  command->add_option("FILE", *file, "The scenario to be written, NAME.yaml")->required();
+  SetAction(*command, line, [file] { return NewCommand(*file); });
+  SetAction(*program.add_subcommand("schema", "Print the JSON Schema of scenario files, for editors"), line,
+            SchemaCommand);
 }
 
 }  // namespace tiltproof::harness

@@ -2,14 +2,17 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <unistd.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
+#include <memory>
 
 #include "harness/cli/client_flag.h"
-#include "harness/cli/commands.h"
 #include "harness/cli/listening_posts.h"
 #include "harness/cli/live_page.h"
+#include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
+#include "harness/live/live_server.h"
 #include "harness/node/joystick_input.h"
 #include "harness/node/roles.h"
 #include "harness/run/introduction.h"
@@ -21,6 +24,22 @@
 
 namespace tiltproof::harness {
 namespace {
+
+struct NodeCommandOptions {
+  std::string kind;
+  std::string name;
+  std::string client;  // of client and link nodes
+  std::string input;   // of joystick nodes
+  int domain = 0;
+  std::string tag;
+  std::string interface;
+  std::vector<std::string> peers;
+  double xmit_loss = 0;
+  std::string child;             // of a harness: that harness's participant; or empty
+  std::string lockstep;          // "", "dds" or "socket": one part of a distributed lockstep flight
+  std::optional<int> http_port;  // of a monitor's live page
+  std::filesystem::path run;     // whose flights a monitor hears, in place of domain and tag
+};
 
 // The descriptor that a harness passes to the processes of a distributed lockstep flight.
 constexpr int kLockstepSocket = 3;
@@ -96,8 +115,6 @@ void TellWhere(const NodeOptions& node, const std::string& kind) {
   PrintLine(stderr, 0, text);
 }
 
-}  // namespace
-
 int NodeCommand(const NodeCommandOptions& options) {
   if (!options.lockstep.empty()) return ServeLockstep(options);
   NodeOptions node;
@@ -166,6 +183,47 @@ int NodeCommand(const NodeCommandOptions& options) {
   }
   if (options.child.empty()) TellWhere(node, options.kind);
   return RunNode(node, make_role);
+}
+
+}  // namespace
+
+void RegisterNode(CLI::App& program, CommandLine& line) {
+  const auto options = std::make_shared<NodeCommandOptions>();
+  CLI::App* command = program.add_subcommand("node", "Be one node of a distributed run, on this host");
+  command->add_option("KIND", options->kind, "plant, link, client, base-station, joystick or monitor")
+      ->required()
+      ->check(CLI::IsMember({"plant", "link", "client", "base-station", "joystick", "monitor"}));
+  command->add_option("--client", options->client,
+                      "client: host, library:FILE, qemu[:ELF] or process:CMD; link: "
+                      "serial:DEV[,REFDEV][,reset=HOW] of a board");
+  command->add_option("--input", options->input, "joystick: /dev/input/js0, an event device, or a recording");
+  command->add_option("--name", options->name, "Name on the bus (default: kind, host and process)");
+  AddBus(*command, options->domain, options->interface, options->peers);
+  command->add_option("--xmit-loss", options->xmit_loss, "Lose this share of what is sent on the bus, 0 to 1")
+      ->check(CLI::Range(0.0, 1.0));
+  AddPort(*command, "--http", options->http_port, {.usual = kLivePort, .least = 0},
+          "monitor: also serve the report's page of the flight that it hears, on this PORT of 127.0.0.1 "
+          "(0: any that is free)");
+  command->add_option("--tag", options->tag,
+                      std::string("Hears and is heard only by nodes with this tag on the domain (default: ") +
+                          kAttachTag + ")");
+  command
+      ->add_option("--run", options->run,
+                   "monitor: listen to the flights of the run in this folder, as results/latest, wherever on "
+                   "the bus they are")
+      ->type_name("FOLDER")
+      ->excludes("--domain")
+      ->excludes("--tag");
+  // Options with which a harness starts its own nodes.
+  command->add_option("--child", options->child)->group("");
+  command->add_option("--lockstep", options->lockstep)->check(CLI::IsMember({"dds", "socket"}))->group("");
+  command->footer(
+      std::string("A node that you start is on the bus with the tag '") + kAttachTag +
+      "', and meets the runs with --attach. A run that starts its nodes itself has a tag of its own: "
+      "`tiltproof "
+      "node monitor --run results/latest` listens to it. Domain, tag and run id of each flight are in "
+      "run.json, under its `bus`, while it flies, and in its first event (docs/distributed.md).");
+  SetAction(*command, line, [options] { return NodeCommand(*options); });
 }
 
 }  // namespace tiltproof::harness

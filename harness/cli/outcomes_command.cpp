@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "harness/cli/commands.h"
+#include "harness/cli/compare_command.h"
 #include "harness/cli/run_folder.h"
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"

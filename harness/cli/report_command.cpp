@@ -1,13 +1,15 @@
 #include "harness/cli/report_command.h"
 
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
 #include <functional>
+#include <memory>
 
-#include "harness/cli/commands.h"
+#include "harness/campaign/envelope_page.h"
 #include "harness/cli/run_folder.h"
+#include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
-#include "harness/report/envelope_page.h"
 #include "harness/report/files.h"
 #include "harness/report/flight_hashes.h"
 #include "harness/report/report_page.h"
@@ -15,6 +17,13 @@
 
 namespace tiltproof::harness {
 namespace {
+
+struct ReportOptions {
+  std::vector<std::filesystem::path> runs;  // folders of runs, or of flights; or one of an envelope
+  std::filesystem::path out;                // empty: report.html in the only run's folder, or here
+  std::filesystem::path baseline;           // empty: none
+  std::string program = "tiltproof";        // as it was called, for commands on the page
+};
 
 std::vector<double> Numbers(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
@@ -104,6 +113,8 @@ std::optional<std::filesystem::path> WriteEnvelopeReport(const std::filesystem::
   return Written(folder / "envelope.html", [&] { return EnvelopePage(folder, ".", program); });
 }
 
+namespace {
+
 int ReportCommand(const ReportOptions& options) {
   for (const auto& path : options.runs)
     if (HoldsEnvelope(path)) return ReportEnvelope(options);
@@ -133,6 +144,23 @@ int ReportCommand(const ReportOptions& options) {
   WriteFile(out, PageOf(view));
   Print(stdout, "report: {}\n", out.string());
   return kExitGreen;
+}
+
+}  // namespace
+
+void RegisterReport(CLI::App& program, CommandLine& line) {
+  const auto options = std::make_shared<ReportOptions>();
+  options->program = line.words.front();
+  CLI::App* command =
+      program.add_subcommand("report", "Write one page that shows runs, for a browser (report.html)");
+  command
+      ->add_option("RUN", options->runs,
+                   "Results folders of runs, or of scenarios in them; or one of an envelope")
+      ->required();
+  command->add_option("--out", options->out,
+                      "The file (default: report.html in the folder of the only RUN, otherwise here)");
+  command->add_option("--baseline", options->baseline, "Also show what changed since this run");
+  SetAction(*command, line, [options] { return ReportCommand(*options); });
 }
 
 }  // namespace tiltproof::harness

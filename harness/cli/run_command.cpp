@@ -1,22 +1,27 @@
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
 
 #include "harness/cli/applicability.h"
 #include "harness/cli/client_flag.h"
-#include "harness/cli/commands.h"
 #include "harness/cli/console.h"
 #include "harness/cli/interrupt_scope.h"
 #include "harness/cli/live_page.h"
 #include "harness/cli/report_command.h"
 #include "harness/cli/run_flights.h"
+#include "harness/cli/run_options.h"
 #include "harness/cli/run_plan.h"
 #include "harness/cli/run_record.h"
+#include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
+#include "harness/client/debugger.h"
 #include "harness/client/firmware_files.h"
 #include "harness/emulator/lockstep_self_test.h"
+#include "harness/live/live_server.h"
 #include "harness/process/realtime_rights.h"
 #include "harness/report/build_id.h"
 #include "harness/report/files.h"
@@ -181,12 +186,19 @@ void TellWhoResets(const std::vector<ClientSpec>& clients, std::size_t flights_c
   }
 }
 
-}  // namespace
+// The flights of a run, and how they are flown.
+struct SelectedFlights {
+  FlightMeans means;
+  Suite suite;
+  std::vector<NotApplicable> not_applicable;
+  std::vector<PlannedRun> plan;
+};
 
-int RunCommand(const RunOptions& options) {
-  const InterruptScope scope;
-  const FlightMeans means = ChooseMeans(options);
-  Suite suite = LoadSuite(options.paths, means.clients, options.firmware);
+// Selects what the options ask for, and plans it. Returns an exit code when nothing is left to fly.
+std::optional<int> SelectFlights(const RunOptions& options, SelectedFlights& flights) {
+  Suite& suite = flights.suite;
+  flights.means = ChooseMeans(options);
+  suite = LoadSuite(options.paths, flights.means.clients, options.firmware);
   const std::size_t found = suite.scenarios.size();
   suite.scenarios = Select(std::move(suite.scenarios), options);
   std::optional<std::vector<NotGreen>> last;
@@ -200,43 +212,48 @@ int RunCommand(const RunOptions& options) {
     if (!suite.scenarios.empty()) KeepNotGreen(*last, suite.scenarios);
   }
   for (auto& entry : suite.scenarios) AddWatched(entry.scenario, options.watch);
-  const Console console(options.format == "jsonl");
   for (const auto& warning : suite.warnings) Print(stderr, "warning: {}\n", warning);
   if (suite.scenarios.empty()) {
     Print(stderr, "tiltproof: nothing selected: {} scenario{} found, none matches\n", found,
           found == 1 ? "" : "s");
     return kExitUndecided;
   }
+  for (const ClientSpec& client : flights.means.clients.Named()) CheckFirmwareFile(client);
+  flights.not_applicable = TakeNotApplicable(flights.means, options.strict, suite);
+  flights.plan = PlanRun(options, suite.scenarios, last ? &*last : nullptr);
+  if (!options.dry_run && !suite.scenarios.empty()) return std::nullopt;
+  List(options, suite.scenarios, flights.plan);
+  for (const NotApplicable& other : flights.not_applicable)
+    Print(stderr, "not applicable: {}: {}\n", other.name, other.reason);
+  if (suite.scenarios.empty()) Print(stderr, "tiltproof: nothing is left to fly with this client\n");
+  if (*InterruptScope::flag()) return InterruptedEarly();
+  return suite.scenarios.empty() ? kExitUndecided : kExitGreen;
+}
+
+// Checks what the flights need of this machine. Throws UsageError, or std::runtime_error.
+void CheckMeans(const SelectedFlights& flights) {
+  const FlightMeans& means = flights.means;
+  const Scenario& first = flights.suite.scenarios.front().scenario;
   const std::vector<ClientSpec> clients = means.clients.Named();
-  for (const ClientSpec& client : clients) CheckFirmwareFile(client);
-  const std::vector<NotApplicable> not_applicable = TakeNotApplicable(means, options.strict, suite);
-  const std::vector<PlannedRun> plan = PlanRun(options, suite.scenarios, last ? &*last : nullptr);
-  if (options.dry_run || suite.scenarios.empty()) {
-    List(options, suite.scenarios, plan);
-    for (const NotApplicable& other : not_applicable)
-      Print(stderr, "not applicable: {}: {}\n", other.name, other.reason);
-    if (suite.scenarios.empty()) Print(stderr, "tiltproof: nothing is left to fly with this client\n");
-    if (*InterruptScope::flag()) return InterruptedEarly();
-    return suite.scenarios.empty() ? kExitUndecided : kExitGreen;
-  }
-  if (means.debug && (plan.size() > 1 || suite.scenarios.front().scenario.has_several_clients()))
-    throw UsageError(
-        fmt::format("--gdb debugs one flight of one client, and {} would be flown: choose one by -k",
-                    plan.size() > 1 ? fmt::format("{} flights", plan.size()) : "several clients"));
+  if (means.debug && (flights.plan.size() > 1 || first.has_several_clients()))
+    throw UsageError(fmt::format(
+        "--gdb debugs one flight of one client, and {} would be flown: choose one by -k",
+        flights.plan.size() > 1 ? fmt::format("{} flights", flights.plan.size()) : "several clients"));
   if (Emulates(clients)) {
     if (means.realtime)
       CheckRelease();
     else
       TestLockstep(LockstepPlugin());
   }
-  for (const ClientSpec& client : clients) CheckPorts(client, suite.scenarios.front().scenario.link);
+  for (const ClientSpec& client : clients) CheckPorts(client, first.link);
+}
 
-  std::optional<LiveSocket> page_socket;
-  if (options.live_port) page_socket = ListenForPage(*options.live_port, "--live");
+RunInfo RunInfoOf(const RunOptions& options, const SelectedFlights& flights) {
+  const FlightMeans& means = flights.means;
   RunInfo info;
-  info.suite = suite.name;
+  info.suite = flights.suite.name;
   info.started = UtcNow();
-  info.seed = options.seed.value_or(suite.scenarios.front().scenario.seed);
+  info.seed = options.seed.value_or(flights.suite.scenarios.front().scenario.seed);
   info.mode = options.mode;
   info.client = means.client_text();
   for (const auto& [id, client] : means.clients.by_id) info.clients.emplace(id, ToText(client));
@@ -246,14 +263,13 @@ int RunCommand(const RunOptions& options) {
   info.trace = Named<TraceFormat>(options.trace);
   if (means.realtime && !means.attach) info.realtime_rights = ProbeRealtimeRights().Text();
   info.command = options.command;
-  info.not_applicable = not_applicable;
-  std::vector<FlightJob> jobs = JobsOf(suite, plan, means);
-  if (*InterruptScope::flag()) return InterruptedEarly();
-  const std::filesystem::path folder = CreateRunFolder(options.out, suite.name, info.seed);
-  if (LatestIsTaken(options.out))
-    Print(stderr, "warning: {} is no link and stays as it is; this run is in {}\n",
-          (options.out / "latest").string(), folder.string());
+  info.not_applicable = flights.not_applicable;
+  return info;
+}
 
+// Gives each flight its folder in the run's, and the command that flies it again.
+void SetFolders(const RunOptions& options, const FlightMeans& means, const RunInfo& info,
+                const std::filesystem::path& folder, std::vector<FlightJob>& jobs) {
   for (FlightJob& job : jobs) {
     const std::filesystem::path flight_folder = folder / job.name;
     job.recorder = RecorderIn(flight_folder, info.keep, *info.trace);
@@ -265,43 +281,157 @@ int RunCommand(const RunOptions& options) {
       job.replay = fmt::format("{} replay {}", options.command.front(), flight_folder.string());
     }
   }
+}
+
+// Flies them into the record, and shows them on the console and on the live page, where there is one.
+FlownFlights Fly(const RunOptions& options, std::vector<FlightJob> jobs, const Console& console,
+                 RunRecord& record, std::optional<LivePage>& live) {
+  const bool realtime = options.mode == "realtime";
+  return RunFlights(std::move(jobs), {.jobs_count = options.jobs_count,
+                                      .fail_fast = options.fail_fast,
+                                      .progress = !options.no_progress,
+                                      .on_finished =
+                                          [&](const FlightJob& job, const FlightResult& result) {
+                                            record.Take(job, result);
+                                            if (live) live->Finished(job, result);
+                                            console.Finished(result);
+                                          },
+                                      .on_turn =
+                                          [&] {
+                                            record.Refresh();
+                                            if (live) live->Turn();
+                                          },
+                                      .may_begin = [&] { return !live || live->may_begin(); },
+                                      .on_place =
+                                          [&](const std::string& flight, const BusPlace& place) {
+                                            record.TakePlace(flight, place);
+                                            if (live && realtime) live->Place(flight, place);
+                                          }});
+}
+
+int RunCommand(const RunOptions& options) {
+  const InterruptScope scope;
+  SelectedFlights flights;
+  if (const std::optional<int> code = SelectFlights(options, flights)) return *code;
+  CheckMeans(flights);
+  std::optional<LiveSocket> page_socket;
+  if (options.live_port) page_socket = ListenForPage(*options.live_port, "--live");
+  const RunInfo info = RunInfoOf(options, flights);
+  std::vector<FlightJob> jobs = JobsOf(flights.suite, flights.plan, flights.means);
+  if (*InterruptScope::flag()) return InterruptedEarly();
+  const std::filesystem::path folder = CreateRunFolder(options.out, info.suite, info.seed);
+  if (LatestIsTaken(options.out))
+    Print(stderr, "warning: {} is no link and stays as it is; this run is in {}\n",
+          (options.out / "latest").string(), folder.string());
+  SetFolders(options, flights.means, info, folder, jobs);
 
   std::optional<LivePage> live;
-  if (page_socket) live.emplace(*page_socket, options, means, info, folder, jobs);
+  if (page_socket) live.emplace(*page_socket, options, flights.means, info, folder, jobs);
+  const Console console(options.format == "jsonl");
   console.Line(fmt::format("tiltproof {}: suite {}, {} flight{}, client {}, results in {}", Version(),
-                           suite.name, jobs.size(), jobs.size() == 1 ? "" : "s", info.client,
+                           info.suite, jobs.size(), jobs.size() == 1 ? "" : "s", info.client,
                            folder.string()));
-  if (!means.attach) TellWhoResets(clients, jobs.size());
+  if (!flights.means.attach) TellWhoResets(flights.means.clients.Named(), jobs.size());
   RunRecord record(folder, info, jobs);
-  const FlownFlights flown =
-      RunFlights(std::move(jobs), {.jobs_count = options.jobs_count,
-                                   .fail_fast = options.fail_fast,
-                                   .progress = !options.no_progress,
-                                   .on_finished =
-                                       [&](const FlightJob& job, const FlightResult& result) {
-                                         record.Take(job, result);
-                                         if (live) live->Finished(job, result);
-                                         console.Finished(result);
-                                       },
-                                   .on_turn =
-                                       [&] {
-                                         record.Refresh();
-                                         if (live) live->Turn();
-                                       },
-                                   .may_begin = [&] { return !live || live->may_begin(); },
-                                   .on_place =
-                                       [&](const std::string& flight, const BusPlace& place) {
-                                         record.TakePlace(flight, place);
-                                         if (live && means.realtime) live->Place(flight, place);
-                                       }});
+  const FlownFlights flown = Fly(options, std::move(jobs), console, record, live);
   record.Finish(flown.interrupted, flown.interrupted ? "not flown: the run was interrupted"
                                                      : "not flown: --fail-fast ended the run");
   std::optional<std::filesystem::path> report;
   if (!options.no_report) report = WriteReport(folder);
-  console.LeftOut(not_applicable);
-  if (options.repeat_count > 1) console.Repeated(RepeatsIn(flown.results, suite.scenarios, plan));
-  console.Summary(flown.results, flown.not_flown.size(), not_applicable.size(), flown.interrupted, report);
+  console.LeftOut(info.not_applicable);
+  if (options.repeat_count > 1)
+    console.Repeated(RepeatsIn(flown.results, flights.suite.scenarios, flights.plan));
+  console.Summary(flown.results, flown.not_flown.size(), info.not_applicable.size(), flown.interrupted,
+                  report);
   return flown.interrupted ? static_cast<int>(kExitInterrupted) : ExitCode(flown.results);
+}
+
+// Flights to be flown, and by what means.
+void AddFlights(CLI::App& command, RunOptions& options) {
+  command.add_option("PATH", options.paths, "Scenario files, or folders of them")->required();
+  AddClients(command, options.clients);
+  AddFirmware(command, options.firmware);
+  command
+      .add_option("--mode", options.mode,
+                  "How time passes: lockstep (virtual) or realtime (nodes, real ports)")
+      ->check(CLI::IsMember({"lockstep", "realtime"}))
+      ->capture_default_str();
+  command
+      .add_option("--distributed", options.distributed,
+                  "Lockstep with plant, link and firmware in processes of their own, over dds or socket")
+      ->expected(0, 1)
+      ->default_str("dds")
+      ->check(CLI::IsMember({"dds", "socket"}));
+  command.add_flag("--attach", options.attach, "Real time with nodes that run already (tiltproof node ...)");
+  AddBus(command, options.domain, options.interface, options.peers);
+  command.add_option("-k", options.expression,
+                     "Only scenarios whose name or tags match, for example 'delay and not reference'");
+  command.add_option("--tag", options.tag, "Only scenarios with this tag");
+  AddSeed(command, options.seed, "Overrides every scenario's seed");
+  command
+      .add_option("--repeat", options.repeat_count, "Fly each scenario N times, with seeds seed, seed+1, ...")
+      ->check(CLI::Range(1, 1'000'000));
+  command
+      .add_option("--watch", options.watch,
+                  "Also record these variables of the emulated image, as watch_NAME; repeatable")
+      ->delimiter(',')
+      ->allow_extra_args(false);
+}
+
+// Work on them, and their files.
+void AddRecording(CLI::App& command, RunOptions& options) {
+  AddJobs(command, options.jobs_count);
+  command.add_option("--out", options.out, "Parent of the run's own results folder")->capture_default_str();
+  command.add_flag("--fail-fast", options.fail_fast,
+                   "Start no further scenario after the first that is not green");
+  command.add_flag("--last-failed", options.last_failed,
+                   "Only flights that were not green in the last run (`latest` in --out), with their seeds");
+  command.add_flag("--dry-run", options.dry_run, "Check and list what would be flown, and stop");
+  command.add_flag("--strict", options.strict,
+                   "Refuse everything when a scenario of a folder cannot be flown with this client");
+  AddFormat(command, options.format, "human, or jsonl: one JSON object per finished scenario");
+  command
+      .add_option(
+          "--keep", options.keep,
+          "Which flights keep their folder: all, failing (those that are not green), or verdicts (none)")
+      ->check(CLI::IsMember({"all", "failing", "verdicts"}))
+      ->capture_default_str();
+  command
+      .add_option("--trace", options.trace,
+                  "The file with a flight's trace: csv (trace.csv), packed (trace.packed, a ninth of its "
+                  "size), or none")
+      ->check(CLI::IsMember({"csv", "packed", "none"}))
+      ->capture_default_str();
+}
+
+void AddObservation(CLI::App& command, RunOptions& options) {
+  AddPort(command, "--gdb", options.gdb_port, {.usual = DebugStop::kPort, .least = 1},
+          "Wait for a debugger at power-on: at an emulated processor (QEMU's gdb server on this PORT of this "
+          "machine), or a library");
+  command.add_option("--gdb-at", options.gdb_at_s, "Wait for it at this time of the flight instead, in s")
+      ->check(CLI::Range(0.0, 14400.0));
+  AddPort(command, "--live", options.live_port, {.usual = kLivePort, .least = 0},
+          "Serve the report's page while the run is flown, on this PORT of 127.0.0.1 (0: any that is free). "
+          "With --mode realtime it can also abort, and inject faults");
+  command.add_flag("--live-wait", options.live_waits, "Fly only when Start is pressed on that page");
+  command.add_flag("--no-report", options.no_report, "Write no report.html");
+  command.add_flag("--no-progress", options.no_progress, "No progress line on the terminal");
+}
+
+}  // namespace
+
+void RegisterRun(CLI::App& program, CommandLine& line) {
+  const auto options = std::make_shared<RunOptions>();
+  options->command = line.words;
+  CLI::App* command = program.add_subcommand("run", "Fly scenarios and score them");
+  AddFlights(*command, *options);
+  AddRecording(*command, *options);
+  AddObservation(*command, *options);
+  command->footer(
+      "Domain, tag and run id of a flight on the bus (in real time, or --distributed=dds) are in run.json, "
+      "under "
+      "its `bus`, while it flies, and in its first event; docs/distributed.md shows how to listen.");
+  SetAction(*command, line, [options] { return RunCommand(*options); });
 }
 
 }  // namespace tiltproof::harness

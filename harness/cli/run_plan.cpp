@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "harness/cli/commands.h"
 #include "harness/report/results.h"
 
 namespace tiltproof::harness {

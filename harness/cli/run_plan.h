@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "harness/cli/commands.h"
+#include "harness/cli/run_options.h"
 #include "harness/cli/suite.h"
 
 namespace tiltproof::harness {

@@ -1,10 +1,12 @@
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
 #include <map>
+#include <memory>
 
-#include "harness/cli/commands.h"
 #include "harness/cli/console.h"
 #include "harness/cli/run_folder.h"
+#include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"
@@ -12,6 +14,12 @@
 
 namespace tiltproof::harness {
 namespace {
+
+struct ScoreCommandOptions {
+  std::filesystem::path run;
+  std::string program = "tiltproof";  // as it was called, for the commands that are printed
+  std::string format = "human";
+};
 
 // From the flight's files; criteria are those of scenario.resolved.yaml as it stands now.
 FlightResult ScoreAgain(const std::filesystem::path& folder, const std::string& program) {
@@ -56,11 +64,9 @@ std::vector<FlightResult> ScoreAll(const OldRun& run, const std::string& program
   return results;
 }
 
-}  // namespace
-
 // Writes the results of the run anew: they may be older than its last flights (when its process was killed), or
 // than its criteria.
-int ScoreCommand(const ReplayOptions& options) {
+int ScoreCommand(const ScoreCommandOptions& options) {
   const OldRun run = OpenRun(options.run);
   if (run.info.trace == TraceFormat::kNone)
     throw UsageError(fmt::format("{}: flown with --trace none, and without a trace there is nothing to score",
@@ -75,6 +81,19 @@ int ScoreCommand(const ReplayOptions& options) {
   }
   console.Summary(results, 0, run.whole ? run.info.not_applicable.size() : 0, false);
   return ExitCode(results);
+}
+
+}  // namespace
+
+void RegisterScore(CLI::App& program, CommandLine& line) {
+  const auto options = std::make_shared<ScoreCommandOptions>();
+  options->program = line.words.front();
+  CLI::App* command = program.add_subcommand(
+      "score", "Score an old run again from its files, and write its results.json and junit.xml anew");
+  command->add_option("RUN", options->run, "A run's results folder, or one scenario's folder in it")
+      ->required();
+  AddFormat(*command, options->format, "human or jsonl");
+  SetAction(*command, line, [options] { return ScoreCommand(*options); });
 }
 
 }  // namespace tiltproof::harness

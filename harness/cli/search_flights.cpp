@@ -63,11 +63,6 @@ void CheckLevels(const MarginTask& task) {
   }
 }
 
-std::string WhyUnknown(const TrialResult& unknown) {
-  return fmt::format("the flight '{}' is {}: {}", unknown.flight,
-                     unknown.verdict == Verdict::kError ? "an error" : Name(unknown.verdict), unknown.reason);
-}
-
 int UnknownExit(const TrialResult& unknown) {
   return unknown.verdict == Verdict::kError ? kExitError : kExitUndecided;
 }

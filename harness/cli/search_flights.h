@@ -26,8 +26,7 @@ std::uint64_t FirstSeed(std::optional<std::uint64_t> given, const Scenario& scen
 // Checks that the fault is valid at both ends of its range. Throws SeverityMistake.
 void CheckLevels(const MarginTask& task);
 
-// For a flight that could not be judged: what it was, and the exit code.
-std::string WhyUnknown(const TrialResult& unknown);
+// The exit code for a flight that could not be judged.
 int UnknownExit(const TrialResult& unknown);
 
 }  // namespace tiltproof::harness

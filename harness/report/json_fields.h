@@ -6,8 +6,8 @@
 // An enumeration is its Name(), an array by Direction is an object with their names. JSON has no infinity and no
 // NaN: such a number is null, and so is an optional without a value. Reading throws std::exception with the key
 // that is missing or wrong. Only an optional, a list or a map may be missing, and is then empty: so must be what
-// a later version adds. A struct may list fields that its files leave out
-// (kNotInFiles), and leave out keys instead of writing null (kLeavesOutNull).
+// a later version adds. A struct may list fields that its files leave out (kNotInFiles), and leave out keys instead of
+// writing null (kLeavesOutNull: true, or a list of fields). It may be the list of its values (kIsList).
 #pragma once
 
 #include <algorithm>
@@ -45,8 +45,17 @@ constexpr bool InFiles(std::string_view field) {
 }
 
 template <class T>
-constexpr bool LeavesOutNull() {
-  if constexpr (requires { T::kLeavesOutNull; }) return T::kLeavesOutNull;
+constexpr bool LeavesOutNull(std::string_view field) {
+  if constexpr (requires { T::kLeavesOutNull.begin(); })
+    return std::ranges::find(T::kLeavesOutNull, field) != T::kLeavesOutNull.end();
+  else if constexpr (requires { T::kLeavesOutNull; })
+    return T::kLeavesOutNull;
+  return false;
+}
+
+template <class T>
+constexpr bool IsList() {
+  if constexpr (requires { T::kIsList; }) return T::kIsList;
   return false;
 }
 
@@ -59,7 +68,7 @@ class JsonWriter {
         [&json](const char* name, const auto& field) {
           if (!InFiles<T>(name)) return;
           Put(json[name], field);
-          if (LeavesOutNull<T>() && json[name].is_null()) json.erase(name);
+          if (LeavesOutNull<T>(name) && json[name].is_null()) json.erase(name);
         },
         value);
   }
@@ -99,8 +108,13 @@ class JsonWriter {
   }
   template <HasFields T>
   static void Put(Json& json, const T& value) {
-    json = Json::object();
-    PutFields(json, value);
+    if constexpr (IsList<T>()) {
+      json = Json::array();
+      T::Fields([&json](const char*, const auto& field) { Put(json.emplace_back(), field); }, value);
+    } else {
+      json = Json::object();
+      PutFields(json, value);
+    }
   }
 };
 
@@ -122,7 +136,10 @@ class JsonReader {
 
   template <class T>
   static void Get(const Json& json, T& value) {
-    if constexpr (HasFields<T>) {
+    if constexpr (HasFields<T> && IsList<T>()) {
+      std::size_t place = 0;
+      T::Fields([&json, &place](const char*, auto& field) { Get(json.at(place++), field); }, value);
+    } else if constexpr (HasFields<T>) {
       GetFields(json, value);
     } else if constexpr (std::is_enum_v<T>) {
       value = Named<T>(json.get<std::string>());

@@ -32,7 +32,7 @@ MAY_INCLUDE = {
                      "harness/reference", "plant", "faults", "link"],
     "harness/score": ["harness/score", "harness/run", "harness/scenario", "harness/formula", "harness/reference", "faults", "link"],
     "harness/engine": ["harness/engine", "harness/score", "harness/run", "harness/client", "harness/process", "harness/dds", "harness/scenario", "harness/terminal", "plant", "faults", "link"],
-    "harness/campaign": ["harness/campaign", "harness/engine", "harness/score", "harness/client", "harness/scenario", "plant", "faults", "link"],
+    "harness/campaign": ["harness/campaign", "harness/report", "harness/engine", "harness/score", "harness/run", "harness/client", "harness/scenario", "plant", "faults", "link"],
     "harness/report": ["harness/report", "harness/engine", "harness/score", "harness/run", "harness/scenario", "faults", "link"],
     "harness/export": ["harness/export", "harness/report", "harness/engine", "harness/score", "harness/run", "harness/dds", "link"],
     "harness/live": ["harness/live", "harness/process", "harness/report", "harness/score", "harness/run", "harness/dds", "harness/scenario", "harness/reference", "link"],
@@ -43,7 +43,7 @@ MAY_NOT_INCLUDE = {"harness/emulator": ["harness/emulator/diagnosis"]}
 # External header prefix -> the only files (or folders, ending in /) that may see it.
 ONLY_IN = {
     "yaml-cpp/": ["harness/scenario/yaml_tree.cpp"],
-    "CLI/": ["harness/cli/main.cpp", "harness/cli/command_table.cpp", "harness/cli/named_command.cpp"],
+    "CLI/": ["harness/cli/"],
     "dds/": ["harness/dds/"],
     "ode/": ["plant/"],
     "sdf/": ["plant/"],
@@ -83,7 +83,6 @@ FUNCTION_LINES_MAX = 70
 FILE_LINES_MAX = 1000
 # Product only: the cases of a test stand in one list.
 PRODUCT = ("link/", "plant/", "faults/", "firmware/", "harness/")
-LONG_FUNCTIONS = {"harness/cli/main.cpp", "harness/cli/replay_command.cpp", "harness/cli/run_command.cpp"}
 
 
 def owner(path):
@@ -107,7 +106,7 @@ def main():
         text = file.read_text()
         if text.count("\n") > FILE_LINES_MAX:
             problems.append(f"{path}: more than {FILE_LINES_MAX} lines: several modules in one?")
-        if path.startswith(PRODUCT) and path not in LONG_FUNCTIONS:
+        if path.startswith(PRODUCT):
             problems += [f"{path}:{line}: {name} has {lines} lines, at most {FUNCTION_LINES_MAX}: split it into steps"
                          for name, line, lines in functions(text) if lines > FUNCTION_LINES_MAX]
         folder = owner(path)

@@ -35,6 +35,9 @@ class FuzzTest(CommandLineTest):
         # It is the very flight of the search: what a crash says has times in it, and is cut to the terminal.
         text = (self.folder / finding["file"]).read_text()
         self.assertIn("start_s: 0.012\n", text)
+        # Below its comments it is what the writer of scenarios makes of this flight.
+        resolved = self.folder / "results/latest" / finding["name"] / "scenario.resolved.yaml"
+        self.assertEqual("".join(line for line in text.splitlines(True) if not line.startswith("#")), resolved.read_text())
         # Its flags may be those of the frames before and behind it.
         self.assertNotRegex(text, "no_opening_flag|aborted")
         if kind in ("command", "restart"):

@@ -263,10 +263,10 @@ class EnvelopeTest(CommandLineTest):
         damaged = json.loads(json.dumps(whole))
         damaged["rows"][1]["survives"] = "much"
         file.write_text(json.dumps(damaged))
-        self.assertRegex(resume(code=2)[1], r'no envelope to go on with: survives of \S+: "much" is no number')
+        self.assertRegex(resume(code=2)[1], r"no envelope to go on with: row actuator\.\S+ \S+ .*client \S+: survives: .*must be number")
         damaged["rows"][1] = dict(whole["rows"][1], levels=[[1, "yes"]])
         file.write_text(json.dumps(damaged))
-        self.assertRegex(resume(code=2)[1], r"no envelope to go on with: levels of \S+: ")
+        self.assertRegex(resume(code=2)[1], r"no envelope to go on with: row actuator\.\S+ .*: levels: ")
         del damaged["rows"][1]["survives"]
         file.write_text(json.dumps(damaged))
         self.assertIn("no envelope to go on with", resume(code=2)[1])

@@ -30,6 +30,19 @@ struct Outer {
   int secret = 0;
   TILTPROOF_FIELDS(name, color, margin, list, counts, secret)
 };
+struct ListedPair {
+  double x = 0.0;
+  std::optional<bool> known;
+  static constexpr bool kIsList = true;
+  TILTPROOF_FIELDS(x, known)
+};
+
+struct Address {
+  std::optional<std::string> street, town;
+  std::vector<ListedPair> points;
+  static constexpr std::array<std::string_view, 1> kLeavesOutNull = {"street"};
+  TILTPROOF_FIELDS(street, town, points)
+};
 static_assert(NamesEveryField<Outer>() && NamesEveryField<Inner>());
 
 std::string ReadErrorOf(const char* text) {
@@ -54,6 +67,19 @@ TEST(JsonFields, WhatIsWrittenIsRead) {
   EXPECT_EQ(ToJson(read), ToJson(outer));
   EXPECT_EQ(read.list.at(0).note, "x");
   EXPECT_EQ(read.margin, 0.25);
+}
+
+TEST(JsonFields, AStructMayBeTheListOfItsValues) {
+  const Address address{"a", "b", {{1.5, true}, {2.5, std::nullopt}}};
+  EXPECT_EQ(ToJson(address).dump(), R"({"street":"a","town":"b","points":[[1.5,true],[2.5,null]]})");
+  const auto read = FromJson<Address>(ToJson(address));
+  EXPECT_EQ(ToJson(read), ToJson(address));
+  EXPECT_THROW(FromJson<ListedPair>(Json::parse("[1.5]")), std::exception);
+  EXPECT_THROW(FromJson<ListedPair>(Json::parse(R"(["x", true])")), std::exception);
+}
+
+TEST(JsonFields, ANullMayBeLeftOutOfSomeKeys) {
+  EXPECT_EQ(ToJson(Address()).dump(), R"({"town":null,"points":[]})");
 }
 
 // JSON has neither.
