@@ -1,5 +1,5 @@
-// The program's commands and options as data, read from the one table in main.cpp: what writes about them (manual pages,
-// completion for shells) cannot miss one.
+// The program's commands and options as data, read from the table that the registrations make (commands.h). So manual
+// pages and completion for shells cannot miss one.
 //
 //   const CommandRow program = TableOf(app);
 //   for (const CommandRow& command : program.commands) Report(command.name, command.help);

@@ -18,7 +18,7 @@ void AddFirmware(CLI::App& command, std::string& build);
 void AddBus(CLI::App& command, int& domain, std::string& interface, std::vector<std::string>& peers);
 void AddSeed(CLI::App& command, std::optional<std::uint64_t>& seed, const std::string& help);
 void AddJobs(CLI::App& command, int& jobs_count);
-// human or jsonl.
+// A format is human or jsonl.
 void AddFormat(CLI::App& command, std::string& format, const std::string& help);
 
 struct PortNumbers {
