@@ -72,6 +72,15 @@ std::string MissingElements(const XMLElement& model, const VehicleElements& pres
   const bool is_pair = connections.size() == 2;
   bool is_right = present.thrusters.empty() || present.thrusters[0].name != "right";
   double direction = is_right ? 1 : -1;
+  // A name that does not exist is one that was mistyped.
+  const bool thrusters_exist =
+      std::all_of(present.thrusters.begin(), present.thrusters.end(),
+                  [&](const ThrusterElement& each) { return FindLink(model, each.link) != nullptr; });
+  const bool servos_exist =
+      std::all_of(present.servos.begin(), present.servos.end(), [&](const ServoElement& each) {
+        return std::any_of(connections.begin(), connections.end(),
+                           [&](const Connection& connection) { return connection.joint == each.joint; });
+      });
   for (const Connection& connection : connections) {
     const bool is_there =
         std::any_of(present.thrusters.begin(), present.thrusters.end(),
@@ -79,7 +88,9 @@ std::string MissingElements(const XMLElement& model, const VehicleElements& pres
     const bool carries = std::any_of(connections.begin(), connections.end(), [&](const Connection& other) {
       return other.parent == connection.child && other.child != connection.child;
     });
-    if (is_there || carries) continue;
+    const bool is_mistyped =
+        !present.thrusters.empty() && (!thrusters_exist || FindLink(model, connection.child) == nullptr);
+    if (is_there || carries || is_mistyped) continue;
     add(
         fmt::format("<tiltproof:thruster name=\"{}\" link=\"{}\" axis=\"0 0 1\" direction=\"{}\" "
                     "drag_ratio_m=\"0.0179\" force_min_n=\"0\" force_max_n=\"30\"/>",
@@ -93,7 +104,7 @@ std::string MissingElements(const XMLElement& model, const VehicleElements& pres
   for (const Connection& connection : connections) {
     const bool is_there = std::any_of(present.servos.begin(), present.servos.end(),
                                       [&](const ServoElement& s) { return s.joint == connection.joint; });
-    if (connection.is_hinge && !is_there)
+    if (connection.is_hinge && !is_there && servos_exist)
       add(fmt::format("<tiltproof:servo joint=\"{}\" torque_max_nm=\"2\"/>", connection.joint));
   }
   if (text.empty()) return text;

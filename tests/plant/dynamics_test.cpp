@@ -16,11 +16,6 @@ namespace {
 using testing::LagrangeModel;
 using testing::LagrangeParameters;
 
-// Uniform in [-bound, bound]; the standard's distributions differ between libraries.
-double Draw(std::mt19937_64& generator, double bound) {
-  return bound * (2 * std::ldexp(static_cast<double>(generator() >> 11U), -53) - 1);
-}
-
 struct MotionCase {
   const char* model;
   LagrangeParameters (*parameters)();

@@ -24,7 +24,7 @@ using ::testing::HasSubstr;
 
 GainMatrix Published() {
   const auto rows = testing::ReadGainCsv(SourceFile("tests/golden/dlqr_gain_published.csv"));
-  GainMatrix gain(kInputCount, kDesignStateCount);
+  GainMatrix gain(4, 20);
   for (int i = 0; i < gain.rows(); ++i) {
     for (int j = 0; j < gain.cols(); ++j)
       gain(i, j) = rows[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)];

@@ -1,9 +1,11 @@
-// Where the tests' vehicles are.
+// The vehicles of the tests, and numbers for them.
 #pragma once
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -27,6 +29,11 @@ inline VehicleModel LoadShipped(const std::string& name) {
 inline const VehicleModel& Model() {
   static const VehicleModel model = LoadShipped("tiltrotor");
   return model;
+}
+
+// Uniform in [-bound, bound]; the standard's distributions differ between libraries.
+inline double Draw(std::mt19937_64& generator, double bound) {
+  return bound * (2 * std::ldexp(static_cast<double>(generator() >> 11U), -53) - 1);
 }
 
 }  // namespace tiltproof::plant

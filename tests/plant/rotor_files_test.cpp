@@ -17,7 +17,7 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-std::string Link(const std::string& name, const std::string& pose, double mass_kg, double moment_kg_m2) {
+std::string LinkXml(const std::string& name, const std::string& pose, double mass_kg, double moment_kg_m2) {
   const std::string moment = std::to_string(moment_kg_m2);
   return "<link name='" + name + "'><pose>" + pose + "</pose><inertial><mass>" + std::to_string(mass_kg) +
          "</mass><inertia><ixx>" + moment + "</ixx><iyy>" + moment + "</iyy><izz>" + moment +
@@ -27,15 +27,15 @@ std::string Link(const std::string& name, const std::string& pose, double mass_k
                          : "") +
          "</link>\n";
 }
-std::string Fixed(const std::string& parent, const std::string& child) {
+std::string FixedXml(const std::string& parent, const std::string& child) {
   return "<joint name='" + parent + "_" + child + "' type='fixed'><parent>" + parent + "</parent><child>" +
          child + "</child></joint>\n";
 }
-std::string Thruster(const std::string& link, int direction, const std::string& more = "") {
+std::string ThrusterXml(const std::string& link, int direction, const std::string& more = "") {
   return "<tiltproof:thruster link='" + link + "' direction='" + std::to_string(direction) +
          "' drag_ratio_m='0.016' force_max_n='10' " + more + "/>\n";
 }
-std::string Hinge(const std::string& child) {
+std::string HingeXml(const std::string& child) {
   return "<joint name='tilt' type='revolute'><parent>body</parent><child>" + child +
          "</child><axis><xyz>0 1 0</xyz><limit><lower>-1</lower><upper>1</upper></limit></axis></joint>\n";
 }
@@ -70,17 +70,17 @@ class VehicleFile : public ::testing::Test {
 };
 
 std::string QuadrotorBodies() {
-  return Link("body", "0 0 0 0 0 0", 1, 0.01) +
+  return LinkXml("body", "0 0 0 0 0 0", 1, 0.01) +
          // Turned about z, which changes nothing but the axes of the link.
-         Link("front_left", "0.2 0.2 0.05 0 0 1", 0.05, 0.0001) +
-         Link("front_right", "0.2 -0.2 0.05 0 0 0", 0.05, 0.0001) +
-         Link("rear_left", "-0.2 0.2 0.05 0 0 0", 0.05, 0.0001) +
-         Link("rear_right", "-0.2 -0.2 0.05 0 0 0", 0.05, 0.0001) + Fixed("body", "front_left") +
-         Fixed("body", "front_right") + Fixed("body", "rear_left") + Fixed("body", "rear_right");
+         LinkXml("front_left", "0.2 0.2 0.05 0 0 1", 0.05, 0.0001) +
+         LinkXml("front_right", "0.2 -0.2 0.05 0 0 0", 0.05, 0.0001) +
+         LinkXml("rear_left", "-0.2 0.2 0.05 0 0 0", 0.05, 0.0001) +
+         LinkXml("rear_right", "-0.2 -0.2 0.05 0 0 0", 0.05, 0.0001) + FixedXml("body", "front_left") +
+         FixedXml("body", "front_right") + FixedXml("body", "rear_left") + FixedXml("body", "rear_right");
 }
 std::string QuadrotorElements() {
-  return Thruster("front_left", 1) + Thruster("front_right", -1) + Thruster("rear_left", -1) +
-         Thruster("rear_right", 1, "name='back'");
+  return ThrusterXml("front_left", 1) + ThrusterXml("front_right", -1) + ThrusterXml("rear_left", -1) +
+         ThrusterXml("rear_right", 1, "name='back'");
 }
 
 TEST_F(VehicleFile, RotorsFixedToTheBaseBecomeAPartOfIt) {
@@ -113,11 +113,11 @@ TEST_F(VehicleFile, RotorsFixedToTheBaseBecomeAPartOfIt) {
 TEST_F(VehicleFile, AHingeCarriesTwoRotors) {
   // The thrusts push along the links' y axes, which point up.
   const VehicleModel model =
-      Load(Link("body", "0 0 0 0 0 0", 1, 0.01) + Link("boom", "0 0 0.1 0 0 0", 0.1, 0.001) +
-               Link("r1", "0 -0.3 0.15 1.5707963267948966 0 0", 0.05, 0.0001) +
-               Link("r2", "0 0.3 0.15 1.5707963267948966 0 0", 0.05, 0.0001) + Hinge("boom") +
-               Fixed("boom", "r1") + Fixed("boom", "r2"),
-           Thruster("r1", 1, "axis='0 1 0'") + Thruster("r2", -1, "axis='0 1 0'") +
+      Load(LinkXml("body", "0 0 0 0 0 0", 1, 0.01) + LinkXml("boom", "0 0 0.1 0 0 0", 0.1, 0.001) +
+               LinkXml("r1", "0 -0.3 0.15 1.5707963267948966 0 0", 0.05, 0.0001) +
+               LinkXml("r2", "0 0.3 0.15 1.5707963267948966 0 0", 0.05, 0.0001) + HingeXml("boom") +
+               FixedXml("boom", "r1") + FixedXml("boom", "r2"),
+           ThrusterXml("r1", 1, "axis='0 1 0'") + ThrusterXml("r2", -1, "axis='0 1 0'") +
                "<tiltproof:servo joint='tilt' torque_max_nm='2'/>");
   ASSERT_EQ(model.hinges.size(), 1U);
   // Two rotors: the hinge has the name of its joint.
@@ -133,15 +133,16 @@ TEST_F(VehicleFile, AHingeCarriesTwoRotors) {
 }
 
 TEST_F(VehicleFile, ARotorOnAHingeAndOthersOnTheBase) {
-  const VehicleModel model = Load(
-      Link("body", "0 0 0 0 0 0", 1, 0.01) + Link("tail", "-0.3 0 0 0 0 0", 0.1, 0.0001) +
-          Link("left", "0.15 0.2 0 0 0 0", 0.1, 0.0001) + Link("right", "0.15 -0.2 0 0 0 0", 0.1, 0.0001) +
-          "<joint name='yaw' type='revolute'><parent>body</parent><child>tail</child><axis>"
-          "<xyz>1 0 0</xyz><limit><lower>-1</lower><upper>1</upper><effort>1</effort></limit></axis>"
-          "</joint>" +
-          Fixed("body", "left") + Fixed("body", "right"),
-      Thruster("left", 1, "name='left'") + Thruster("right", -1, "name='right'") +
-          Thruster("tail", 1, "name='tail'") + "<tiltproof:servo joint='yaw'/>");
+  const VehicleModel model =
+      Load(LinkXml("body", "0 0 0 0 0 0", 1, 0.01) + LinkXml("tail", "-0.3 0 0 0 0 0", 0.1, 0.0001) +
+               LinkXml("left", "0.15 0.2 0 0 0 0", 0.1, 0.0001) +
+               LinkXml("right", "0.15 -0.2 0 0 0 0", 0.1, 0.0001) +
+               "<joint name='yaw' type='revolute'><parent>body</parent><child>tail</child><axis>"
+               "<xyz>1 0 0</xyz><limit><lower>-1</lower><upper>1</upper><effort>1</effort></limit></axis>"
+               "</joint>" +
+               FixedXml("body", "left") + FixedXml("body", "right"),
+           ThrusterXml("left", 1, "name='left'") + ThrusterXml("right", -1, "name='right'") +
+               ThrusterXml("tail", 1, "name='tail'") + "<tiltproof:servo joint='yaw'/>");
   EXPECT_EQ(model.hinges[0].name, "tail");
   EXPECT_EQ(model.rotors[2].hinge, 0U);
   EXPECT_EQ(model.signals().inputs[0].name, "f_l_n");
@@ -153,37 +154,37 @@ TEST_F(VehicleFile, MistakesAreNamed) {
   EXPECT_THAT(Error(bodies, ""), HasSubstr("a vehicle has 1 to 8 <tiltproof:thruster>; found 0"));
   EXPECT_THAT(Error(bodies, elements + elements + elements),
               HasSubstr("1 to 8 <tiltproof:thruster>; found 12"));
-  EXPECT_THAT(Error(bodies, elements + Thruster("rear_right", 1, "name='other'")),
+  EXPECT_THAT(Error(bodies, elements + ThrusterXml("rear_right", 1, "name='other'")),
               HasSubstr("two thrusters have link 'rear_right'"));
-  EXPECT_THAT(Error(bodies, Thruster("front_left", 1, "name='back'") + Thruster("front_right", -1) +
-                                Thruster("rear_left", -1) + Thruster("rear_right", 1, "name='back'")),
+  EXPECT_THAT(Error(bodies, ThrusterXml("front_left", 1, "name='back'") + ThrusterXml("front_right", -1) +
+                                ThrusterXml("rear_left", -1) + ThrusterXml("rear_right", 1, "name='back'")),
               HasSubstr("two thrusters have the name 'back'"));
-  EXPECT_THAT(Error(bodies, Thruster("front_left", 1, "name='r'") + Thruster("front_right", -1) +
-                                Thruster("rear_left", -1) + Thruster("rear_right", 1, "name='right'")),
+  EXPECT_THAT(Error(bodies, ThrusterXml("front_left", 1, "name='r'") + ThrusterXml("front_right", -1) +
+                                ThrusterXml("rear_left", -1) + ThrusterXml("rear_right", 1, "name='right'")),
               HasSubstr("two rotors or hinges have the signal 'f_r_n': rename one of them"));
-  EXPECT_THAT(Error(bodies, Thruster("front_left", 1, "name='1st'") + Thruster("front_right", -1) +
-                                Thruster("rear_left", -1) + Thruster("rear_right", 1)),
+  EXPECT_THAT(Error(bodies, ThrusterXml("front_left", 1, "name='1st'") + ThrusterXml("front_right", -1) +
+                                ThrusterXml("rear_left", -1) + ThrusterXml("rear_right", 1)),
               HasSubstr("name: '1st' must be letters, digits and '_'"));
   EXPECT_THAT(Error(bodies, elements + "<tiltproof:servo joint='body_rear_left' torque_max_nm='2'/>"),
               HasSubstr("servo joint 'body_rear_left' is fixed"));
-  EXPECT_THAT(Error(bodies + Link("gear", "0 0 0 0 0 0", 1, 1) + Fixed("body", "gear"), elements),
+  EXPECT_THAT(Error(bodies + LinkXml("gear", "0 0 0 0 0 0", 1, 1) + FixedXml("body", "gear"), elements),
               HasSubstr("link 'gear' is neither the base nor a thruster"));
   const auto at = bodies.find("<joint name='body_rear_left'");
   const std::string loose =
       bodies.substr(0, at) + bodies.substr(bodies.find("<joint name='body_rear_right'"));
   EXPECT_THAT(Error(loose, elements),
               HasSubstr("link 'rear_left' must be the child of one joint, is that of 0"));
-  EXPECT_THAT(Error(loose + Fixed("rear_right", "rear_left"), elements),
+  EXPECT_THAT(Error(loose + FixedXml("rear_right", "rear_left"), elements),
               HasSubstr("joint 'rear_right_rear_left': its parent must be the base 'body' or on a hinge, is "
                         "'rear_right'"));
   // The element that it lacks is offered.
-  EXPECT_THAT(Error(loose + Hinge("rear_left"), elements),
+  EXPECT_THAT(Error(loose + HingeXml("rear_left"), elements),
               AllOf(HasSubstr("no servo's joint has thruster link 'rear_left' as its child"),
                     HasSubstr("<tiltproof:servo joint=\"tilt\" torque_max_nm=\"2\"/>")));
 }
 
 TEST_F(VehicleFile, MissingThrustersAreOfferedForEachJoint) {
-  const std::string error = Error(QuadrotorBodies(), Thruster("front_left", 1));
+  const std::string error = Error(QuadrotorBodies(), ThrusterXml("front_left", 1));
   for (const char* link : {"front_right", "rear_left", "rear_right"})
     EXPECT_THAT(error,
                 HasSubstr("<tiltproof:thruster name=\"" + std::string(link) + "\" link=\"" + link + "\""));
@@ -191,10 +192,10 @@ TEST_F(VehicleFile, MissingThrustersAreOfferedForEachJoint) {
 }
 
 TEST_F(VehicleFile, WeakRotorsCannotHover) {
-  EXPECT_THAT(
-      Error(Link("body", "0 0 0 0 0 0", 5, 0.05) + QuadrotorBodies().substr(QuadrotorBodies().find("\n") + 1),
-            QuadrotorElements()),
-      HasSubstr("the vehicle cannot hover: its front_left rotor has to give 12.75 N"));
+  EXPECT_THAT(Error(LinkXml("body", "0 0 0 0 0 0", 5, 0.05) +
+                        QuadrotorBodies().substr(QuadrotorBodies().find("\n") + 1),
+                    QuadrotorElements()),
+              HasSubstr("the vehicle cannot hover: its front_left rotor has to give 12.75 N"));
 }
 
 }  // namespace

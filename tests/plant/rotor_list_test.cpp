@@ -208,11 +208,6 @@ TEST(RotorList, NoHoverIsAnError) {
   EXPECT_THROW(SolveHover(model), DesignError);
 }
 
-// Uniform in [-bound, bound].
-double Draw(std::mt19937_64& generator, double bound) {
-  return bound * (2 * std::ldexp(static_cast<double>(generator() >> 11U), -53) - 1);
-}
-
 struct Moment {
   VectorXd q, q_dot, u;
 };
