@@ -147,7 +147,7 @@ extern const FaultType& type;
 extern struct FaultsOfWire { void Add(const WireKind& kind); } faults_of_wire;
 
 // faults/frame_edit.h
-extern const std::shared_ptr<const link::Protocol> protocol;
+extern const link::Protocol& protocol;
 extern link::Chunk chunk;
 
 // faults/news.h
