@@ -231,31 +231,16 @@ struct RunEvent {
   bool operator==(const RunEvent&) const = default;
 };
 
-// The plant node's trace without loss. values: rows of column_count numbers, row by row.
-struct TraceRows {
+// A node's record of the flight without loss, as bytes for a program of the same build. The node has nothing more to say
+// after the `last` message.
+struct Records {
   std::string run_id{};   // key
   std::string node_id{};  // key
   std::int64_t sequence = 0;
-  std::int64_t column_count = 0;
-  List<double, kNumbersCountMax> values{};
-  List<std::int64_t, kNumbersCountMax> request_times_ns{};  // arrivals of sensor requests
-  List<std::int64_t, kNumbersCountMax> actuator_times_ns{};
-  TILTPROOF_FIELDS(run_id, node_id, sequence, column_count, values, request_times_ns, actuator_times_ns)
-  bool operator==(const TraceRows&) const = default;
-};
-
-// The closing word of a node: with it the harness knows whether it has everything. The sequences are those of
-// the node's last message on each log, 0 when it sent none.
-struct NodeReport {
-  std::string run_id{};   // key
-  std::string node_id{};  // key
+  bool last = false;
   Payload payload{};
-  std::int64_t serial_tap = 0;
-  std::int64_t fault_activation = 0;
-  std::int64_t run_event = 0;
-  std::int64_t trace_rows = 0;
-  TILTPROOF_FIELDS(run_id, node_id, payload, serial_tap, fault_activation, run_event, trace_rows)
-  bool operator==(const NodeReport&) const = default;
+  TILTPROOF_FIELDS(run_id, node_id, sequence, last, payload)
+  bool operator==(const Records&) const = default;
 };
 
 struct Score {

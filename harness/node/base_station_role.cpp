@@ -28,11 +28,10 @@ class BaseStationRole final : public Role {
   void Arm(const Ports& ports) override { sender_.Open(ports, protocol_); }
   void Start() override {}
   void Flush() override {}
-  NodeTotals Stop() override {
+  void Stop() override {
     timer_.reset();
     stopped_ = true;
     sender_.Close();
-    return {};
   }
 
  private:

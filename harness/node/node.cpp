@@ -46,7 +46,7 @@ class Node final : public NodeServices {
   NodeClock& clock() override { return clock_; }
   const std::string& run_id() const override { return run_id_; }
   const dds::Circle& members() const override { return members_; }
-  LogPublisher& log() override { return *log_; }
+  RecordSink& log() override { return *log_; }
   Lateness& lateness() override { return lateness_; }
   void SetPhase(dds::Phase phase, TimeNs time_ns, Origin origin, EndReason reason,
                 const std::string& text) override;
@@ -213,7 +213,7 @@ void Node::Beat() {
   heartbeat_.run_id = run_id_;
   heartbeats_->Write(heartbeat_);
   if (flying()) role_->Flush();
-  if (log_) log_->Retry();
+  if (log_) log_->Flush();
   if (!run_id_.empty()) WatchHarness();
   beat_timer_.expires_after(kHeartbeatPeriod);
   beat_timer_.async_wait([this](const boost::system::error_code& error) {
@@ -316,7 +316,7 @@ Ports Node::Do(const dds::RunCommand& command) {
       if (const std::string why = DifferingFile(loaded_->scenario, scenario_.files, scenario_.file_hashes);
           !why.empty())
         throw std::runtime_error(why);
-      log_ = std::make_unique<LogPublisher>(*bus_, loaded_->scenario, run_id_, options_.name, harness_);
+      log_ = std::make_unique<LogPublisher>(*bus_, run_id_, options_.name, harness_);
       lateness_ = {};
       lateness_.late_after_ns = loaded_->scenario.late_after_ns();
       role_ = make_role_(*this, options_);
@@ -337,9 +337,14 @@ Ports Node::Do(const dds::RunCommand& command) {
     case dds::Verb::kStop: {
       need(phase_ != dds::Phase::kIdle && phase_ != dds::Phase::kFinished);
       phase_ = dds::Phase::kFinished;
-      NodeTotals totals = role_->Stop();
-      totals.lateness = lateness_;
-      log_->Close(totals);
+      role_->Stop();
+      // Plant, link and client share a host.
+      const bool beside_firmware = options_.kind == dds::NodeKind::kPlant ||
+                                   options_.kind == dds::NodeKind::kLink ||
+                                   options_.kind == dds::NodeKind::kClient;
+      lateness_.WriteTo(*log_,
+                        beside_firmware ? record::LateKind::kBesideFirmware : record::LateKind::kHarness);
+      log_->Close();
       return {};
     }
     case dds::Verb::kInject: {

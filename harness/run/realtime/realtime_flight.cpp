@@ -11,11 +11,8 @@
 #include <map>
 #include <utility>
 
-#include "harness/run/client_history.h"
 #include "harness/run/flight.h"
 #include "harness/run/flown_files.h"
-#include "harness/run/merge_logs.h"
-#include "harness/run/protocol_use.h"
 #include "harness/run/realtime/ending.h"
 #include "harness/run/realtime/injection.h"
 #include "harness/run/realtime/log_messages.h"
@@ -75,7 +72,9 @@ class RealtimeConductor {
   void Join(Member& member, const std::string& id, const dds::Participant& participant);
 
   void End(EndReason reason, const std::string& text) { ending_.End(reason, text, sim_ns_); }
-  void Note(const std::string& kind, const std::string& text) { events_.push_back({sim_ns_, kind, text}); }
+  void Note(const std::string& kind, const std::string& text) {
+    collector_.log().Write({sim_ns_, {}, record::Event{kind, text}});
+  }
   Scenario scenario_;  // and what is injected
   const plant::VehicleModel& model_;
   const RealtimeOptions& options_;
@@ -104,7 +103,6 @@ class RealtimeConductor {
   SteadyClock::time_point sim_seen_;
   SteadyClock::time_point started_;
   Ending ending_;
-  std::vector<RunEvent> events_;
 };
 
 RealtimeConductor::RealtimeConductor(const Scenario& scenario, const plant::VehicleModel& model,
@@ -138,22 +136,21 @@ RunLog RealtimeConductor::Run() {
   }
   if (processes_) processes_->StopAll();
 
-  RunLog log = collector_.Take(ending_.end_ns());
-  log.end_reason = ending_.reason();
-  log.end_text = ending_.text();
-  if (log.end_reason == EndReason::kCompleted) log.end_ns = scenario_.duration_ns;
-  log.wall_s = std::chrono::duration<double>(flown - (running_ ? started_ : began)).count();
+  const bool completed = ending_.reason() == EndReason::kCompleted;
+  node_faults_.WriteTo(collector_.log());
+  collector_.log().Write(
+      {completed ? scenario_.duration_ns : ending_.end_ns(),
+       {},
+       record::End{.reason = ending_.reason(),
+                   .text = ending_.text(),
+                   .wall_s = std::chrono::duration<double>(flown - (running_ ? started_ : began)).count()}});
+  RunLog log = collector_.Take();
   log.hover_input = model_.HoverInput();
   log.input_min = model_.InputMin();
   log.input_max = model_.InputMax();
-  log.events.insert(log.events.end(), events_.begin(), events_.end());
-  node_faults_.AppendTo(log);
+  node_faults_.Excuse(log);
   CountLateness(log, scenario_.link.protocol->control_period_ns);
-  SortByTime(log);
   TellPlace(log, options_.place);
-  AddClientHistory(log, 0, *scenario_.link.protocol);
-  AddProtocolUse(log, 0, *scenario_.link.protocol, MainBaud(scenario_.link));
-  ExplainNeverStarted(log, *scenario_.link.protocol);
   if (options_.score) {
     dds::Score score = options_.score(log);
     score.run_id = run_id_;
@@ -397,7 +394,8 @@ void RealtimeConductor::Inject() {
       if (const auto begin_ns = BeginOf(ack.ports)) begins.push_back(*begin_ns);
     return begins;
   };
-  if (auto event = injector_.Turn(scenario_, running_, Now(), tell)) events_.push_back(std::move(*event));
+  if (const auto event = injector_.Turn(scenario_, running_, Now(), tell))
+    collector_.log().Write({event->time_ns, {}, record::Event{event->kind, event->text}});
 }
 
 NodeFaults::Means RealtimeConductor::MeansOfNodeFaults() {

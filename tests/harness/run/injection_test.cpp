@@ -10,6 +10,7 @@
 
 #include "harness/run/line.h"
 #include "link/frame.h"
+#include "tests/harness/run/kept_records.h"
 #include "tests/harness/scenario/fault_file.h"
 
 namespace tiltproof::harness {
@@ -65,7 +66,8 @@ TEST_F(InjectionTest, BeginsAsPlannedWhereItsNodeHearsInTime) {
 // The link node, which stood still meanwhile, hears of the fault 60 ms after its planned begin. What passes its line
 // afterwards shows when the fault begins.
 TEST_F(InjectionTest, IsRecordedAsItActsWhereItsNodeHearsTooLate) {
-  LocalLine line(scenario_, 0, true, true);
+  KeptRecords records;
+  LocalLine line(scenario_, records, 0, true, true);
   const Origin origin(BootTime(5 * kNsPerS));
   line.SetOrigin(origin);
   const std::array<std::uint8_t, 1> payload = {3};
@@ -84,7 +86,8 @@ TEST_F(InjectionTest, IsRecordedAsItActsWhereItsNodeHearsTooLate) {
     sent_ns.push_back(now_ns);
     line.Transmit(link::Direction::kToClient, origin.ToBootTime(now_ns), frame);
   }
-  const auto activations = line.TakeLog(origin.ToBootTime(now_ns)).activations;
+  line.Finish(origin.ToBootTime(now_ns));
+  const auto activations = records.Of<faults::Activation>();
   ASSERT_EQ(scenario_.faults.size(), 2U);
   const faults::FaultSpec& recorded = scenario_.faults.back();
   ASSERT_FALSE(activations.empty());
