@@ -92,6 +92,15 @@ struct Port {
   bool operator==(const Port&) const = default;
 };
 
+// A fault to add while the flight goes on.
+struct InjectedFault {
+  std::string text{};  // an item of the scenario's faults, at most kPathBytesMax
+  std::string id{};    // when the text has none
+  TimeNs start_ns = 0;
+  TILTPROOF_FIELDS(text, id, start_ns)
+  bool operator==(const InjectedFault&) const = default;
+};
+
 // The harness to all nodes of a run. One at a time: the next only after every RunAck. A node that comes late
 // gets the last one, and after a long partition a node may get it again: compare the sequence.
 struct RunCommand {
@@ -100,7 +109,9 @@ struct RunCommand {
   std::int64_t sequence = 0;
   Verb verb = Verb::kPrepare;
   List<Port, kNamesCountMax> ports{};
-  TILTPROOF_FIELDS(run_id, node_id, sequence, verb, ports)
+  std::string client_kind{};                     // prepare: of the run's client; empty: not known
+  List<InjectedFault, kNamesCountMax> faults{};  // inject
+  TILTPROOF_FIELDS(run_id, node_id, sequence, verb, ports, client_kind, faults)
   bool operator==(const RunCommand&) const = default;
 };
 
@@ -111,7 +122,9 @@ struct RunAck {
   bool ok = false;
   std::string text{};  // why not
   List<Port, kNamesCountMax> ports{};
-  TILTPROOF_FIELDS(run_id, node_id, sequence, ok, text, ports)
+  // inject: from when on each of the faults acts on this node; empty: they do not act here.
+  List<std::int64_t, kNamesCountMax> begins_ns{};
+  TILTPROOF_FIELDS(run_id, node_id, sequence, ok, text, ports, begins_ns)
   bool operator==(const RunAck&) const = default;
 };
 

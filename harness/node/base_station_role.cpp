@@ -20,7 +20,7 @@ class BaseStationRole final : public Role {
         states_(services.bus(), services.members(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {
   }
 
-  Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
+  Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
     trajectory_.emplace(loaded.scenario.reference);
     protocol_ = loaded.scenario.link.protocol;
     return {};

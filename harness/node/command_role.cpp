@@ -40,7 +40,7 @@ class CommandRole final : public Role {
         command_(std::get<Program>(*options.client).command),
         states_(services.bus(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {}
 
-  Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
+  Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
     scenario_ = loaded.scenario;
     return {};
   }

@@ -34,7 +34,7 @@ class EmulatorRole final : public Role {
         states_(services.bus(), services.members(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {
   }
 
-  Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
+  Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
     scenario_ = loaded.scenario;
     spec_ = BoardOf(image_, scenario_.firmware, *scenario_.link.protocol);
     const ElfSymbols symbols(spec_.image);

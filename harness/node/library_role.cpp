@@ -31,7 +31,7 @@ class LibraryRole final : public Role {
         states_(services.bus(), services.members(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {
   }
 
-  Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
+  Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
     scenario_ = loaded.scenario;
     baud_ = scenario_.link.ideal ? 0 : scenario_.link.baud;
     const ClientHost host = {

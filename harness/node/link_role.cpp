@@ -39,8 +39,7 @@ class LinkRole final : public Role {
         references_(services.bus(), services.members(),
                     InLoop(services.loop(), alive_, [this] { OnReferences(); })) {}
 
-  Ports Prepare(const LoadedScenario& loaded, const Ports& given) override {
-    const auto client = ClientOfKind(FindPort(given, "client_kind"));
+  Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& client) override {
     client_is_library_ = client && std::holds_alternative<HostLibrary>(*client);
     client_is_emulator_ = client && std::holds_alternative<EmulatedImage>(*client);
     scenario_ = loaded.scenario;

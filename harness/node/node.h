@@ -79,8 +79,8 @@ class NodeServices {
 class Role {
  public:
   virtual ~Role() = default;
-  // Returns the ports that it offers to others.
-  virtual Ports Prepare(const LoadedScenario& loaded, const Ports& given) = 0;
+  // Returns the ports that it offers to others. `client`: of that kind is the client of the run, as far as it is known.
+  virtual Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& client) = 0;
   virtual void Arm(const Ports& ports) = 0;
   virtual void Start() = 0;
   // Where faults of that type act: the simulation time up to which this role has done its work, so that one more

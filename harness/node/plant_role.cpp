@@ -14,7 +14,7 @@ class PlantRole final : public Role {
  public:
   explicit PlantRole(NodeServices& services) : services_(services), states_(services.bus()) {}
 
-  Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
+  Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
     loaded_ = loaded;
     server_.emplace(loaded_.scenario, *loaded_.model, services_.log(), true);
     receiver_.emplace(*loaded_.scenario.link.protocol, link::Direction::kToPlant);

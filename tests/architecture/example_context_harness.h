@@ -427,7 +427,7 @@ extern const RealtimeOptions options;
 extern Scenario scenario;
 extern bool running;
 extern TimeNs now, done_until_ns;
-extern const dds::RunCommand command;
+extern AddedFault fault;
 extern const Injector::Tell tell;
 
 // harness/run/realtime/log_messages.h

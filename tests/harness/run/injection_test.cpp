@@ -53,8 +53,8 @@ constexpr const char* kDrop =
     "{id: drop, type: frame.drop, target: to_client, duration_s: 1, parameters: {probability: 1}}";
 
 TEST_F(InjectionTest, BeginsAsPlannedWhereItsNodeHearsInTime) {
-  const auto event = Inject(kDrop, 1'000 * kNsPerMs,
-                            [](const auto& ports) { return std::vector{FromPorts(ports).start_ns}; });
+  const auto event =
+      Inject(kDrop, 1'000 * kNsPerMs, [](const AddedFault& fault) { return std::vector{fault.start_ns}; });
   ASSERT_EQ(scenario_.faults.size(), 2U);
   EXPECT_EQ(scenario_.faults.back().start_ns, 1'044 * kNsPerMs);
   EXPECT_EQ(scenario_.faults.back().end_ns, 2'044 * kNsPerMs);
@@ -74,12 +74,11 @@ TEST_F(InjectionTest, IsRecordedAsItActsWhereItsNodeHearsTooLate) {
   std::array<std::uint8_t, link::FrameBytesMax(1)> wire{};
   const auto frame = link::EncodeFrame(payload, wire).bytes;
   TimeNs now_ns = 1'104 * kNsPerMs + 100 * kNsPerUs;
-  const auto event = Inject(kDrop, 1'000 * kNsPerMs, [&](const auto& ports) {
-    AddedFault fault = FromPorts(ports);
+  const auto event = Inject(kDrop, 1'000 * kNsPerMs, [&](AddedFault fault) {
     EXPECT_EQ(fault.start_ns, 1'044 * kNsPerMs);
     fault.start_ns = KeptBegin(scenario_, fault.start_ns, now_ns);
     line.Add(AddFault(scenario_, fault, options_).faults.back());
-    return std::vector{*BeginOf(BeginPorts(fault.start_ns))};
+    return std::vector{fault.start_ns};
   });
   std::vector<TimeNs> sent_ns;
   for (; now_ns < 2'300 * kNsPerMs; now_ns += kPeriodNs) {
@@ -116,12 +115,6 @@ TEST_F(InjectionTest, IsRefusedWhereItsNodeHearsAfterTheFlight) {
   ASSERT_EQ(answers_.size(), 1U);
   EXPECT_FALSE(answers_[0].accepted);
   EXPECT_THAT(answers_[0].text, HasSubstr("the flight is over"));
-}
-
-TEST_F(InjectionTest, NodesWhereItDoesNotActAnswerNoBegin) {
-  EXPECT_EQ(BeginOf({}), std::nullopt);
-  EXPECT_EQ(BeginOf({{"plant", "/dev/pts/1"}}), std::nullopt);
-  EXPECT_EQ(BeginOf(BeginPorts(17)), 17);
 }
 
 // The begin is a control step of which nothing has been done yet.
