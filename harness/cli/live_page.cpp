@@ -99,7 +99,7 @@ LivePage::LivePage(const LiveSocket& socket, const RunOptions& options, const Fl
     for (FlightJob& job : jobs) job.injections = injections;
   }
   for (std::size_t i = 0; i < jobs.size(); ++i)
-    jobs[i].watch = [live = live_.get(), i] { return live->Watch(i); };
+    jobs[i].observe = [live = live_.get(), i] { return live->Observe(i); };
   Print(stderr, "tiltproof: live page: http://127.0.0.1:{}/{}\n", socket.port,
         token.empty() ? "" : "#token=" + token);
   if (waits_) Print(stderr, "tiltproof: the run waits for the button Start on that page\n");

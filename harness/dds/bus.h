@@ -103,12 +103,12 @@ class Publisher {
 // A log topic: every message counts, none arrives twice, and a missing one is noticed.
 template <class T>
 concept Log = std::same_as<T, SerialTap> || std::same_as<T, FaultActivation> || std::same_as<T, RunEvent> ||
-    std::same_as<T, TraceRows>;
+    std::same_as<T, Records>;
 
 // Messages of a node about itself: their node_id is the speaker's.
 template <class T>
-concept OfSpeaker = Log<T> || std::same_as<T, RunAck> || std::same_as<T, RunState> ||
-    std::same_as<T, NodeReport> || std::same_as<T, StepResponse>;
+concept OfSpeaker =
+    Log<T> || std::same_as<T, RunAck> || std::same_as<T, RunState> || std::same_as<T, StepResponse>;
 
 // A topic with a deadline: two control periods.
 template <class T>
@@ -175,8 +175,8 @@ class Subscriber {
 
   // The holes in what Take() returned so far.
   std::vector<SequenceGap> Gaps() const requires Log<T>;
-  // The highest s such that Take() returned all of 1 to s of this log. Equal to the node's last sequence
-  // (NodeReport): nothing is missing.
+  // The highest s such that Take() returned all of 1 to s of this log. Equal to the sequence of the node's last message:
+  // nothing is missing.
   std::int64_t CompleteUpTo(const std::string& run_id, const std::string& node_id) const requires Log<T>;
 
   // The number of times that a run's next message came later than the deadline, in wall-clock time.

@@ -92,6 +92,15 @@ struct Port {
   bool operator==(const Port&) const = default;
 };
 
+// A fault to add while the flight goes on.
+struct InjectedFault {
+  std::string text{};  // an item of the scenario's faults, at most kPathBytesMax
+  std::string id{};    // when the text has none
+  TimeNs start_ns = 0;
+  TILTPROOF_FIELDS(text, id, start_ns)
+  bool operator==(const InjectedFault&) const = default;
+};
+
 // The harness to all nodes of a run. One at a time: the next only after every RunAck. A node that comes late
 // gets the last one, and after a long partition a node may get it again: compare the sequence.
 struct RunCommand {
@@ -100,7 +109,9 @@ struct RunCommand {
   std::int64_t sequence = 0;
   Verb verb = Verb::kPrepare;
   List<Port, kNamesCountMax> ports{};
-  TILTPROOF_FIELDS(run_id, node_id, sequence, verb, ports)
+  std::string client_kind{};                     // prepare: of the run's client; empty: not known
+  List<InjectedFault, kNamesCountMax> faults{};  // inject
+  TILTPROOF_FIELDS(run_id, node_id, sequence, verb, ports, client_kind, faults)
   bool operator==(const RunCommand&) const = default;
 };
 
@@ -111,7 +122,9 @@ struct RunAck {
   bool ok = false;
   std::string text{};  // why not
   List<Port, kNamesCountMax> ports{};
-  TILTPROOF_FIELDS(run_id, node_id, sequence, ok, text, ports)
+  // inject: from when on each of the faults acts on this node; empty: they do not act here.
+  List<std::int64_t, kNamesCountMax> begins_ns{};
+  TILTPROOF_FIELDS(run_id, node_id, sequence, ok, text, ports, begins_ns)
   bool operator==(const RunAck&) const = default;
 };
 
@@ -231,31 +244,16 @@ struct RunEvent {
   bool operator==(const RunEvent&) const = default;
 };
 
-// The plant node's trace without loss. values: rows of column_count numbers, row by row.
-struct TraceRows {
+// A node's record of the flight without loss, as bytes for a program of the same build. The node has nothing more to say
+// after the `last` message.
+struct Records {
   std::string run_id{};   // key
   std::string node_id{};  // key
   std::int64_t sequence = 0;
-  std::int64_t column_count = 0;
-  List<double, kNumbersCountMax> values{};
-  List<std::int64_t, kNumbersCountMax> request_times_ns{};  // arrivals of sensor requests
-  List<std::int64_t, kNumbersCountMax> actuator_times_ns{};
-  TILTPROOF_FIELDS(run_id, node_id, sequence, column_count, values, request_times_ns, actuator_times_ns)
-  bool operator==(const TraceRows&) const = default;
-};
-
-// The closing word of a node: with it the harness knows whether it has everything. The sequences are those of
-// the node's last message on each log, 0 when it sent none.
-struct NodeReport {
-  std::string run_id{};   // key
-  std::string node_id{};  // key
+  bool last = false;
   Payload payload{};
-  std::int64_t serial_tap = 0;
-  std::int64_t fault_activation = 0;
-  std::int64_t run_event = 0;
-  std::int64_t trace_rows = 0;
-  TILTPROOF_FIELDS(run_id, node_id, payload, serial_tap, fault_activation, run_event, trace_rows)
-  bool operator==(const NodeReport&) const = default;
+  TILTPROOF_FIELDS(run_id, node_id, sequence, last, payload)
+  bool operator==(const Records&) const = default;
 };
 
 struct Score {

@@ -30,10 +30,8 @@ inline constexpr TimeNs kRealTimeDeadlineNs = 24 * kNsPerMs;  // two control per
     .why = "a log; not kept for latecomers, because a long flight would fill the memory")                    \
   X(RunEvent, "run_event", .for_latecomers = true, .keep_all = true, .log = true,                            \
     .why = "a log that a monitor reads from the start whenever it comes")                                    \
-  X(TraceRows, "trace_rows", .keep_all = true, .log = true,                                                  \
+  X(Records, "records", .keep_all = true, .log = true,                                                       \
     .why = "a log; not kept for latecomers, because a long flight would fill the memory")                    \
-  X(NodeReport, "node_report", .for_latecomers = true,                                                       \
-    .why = "each instance has one message, so the last one is all of them")                                  \
   X(Score, "score", .for_latecomers = true,                                                                  \
     .why = "each instance has one message, so the last one is all of them")                                  \
   X(StepRequest, "step_request", .keep_all = true,                                                           \

@@ -10,8 +10,8 @@
 
 #include "harness/client/debugger.h"
 #include "harness/engine/flight_result.h"
-#include "harness/run/flight_watcher.h"
 #include "harness/run/realtime/injection.h"
+#include "harness/run/record.h"
 #include "harness/run/remote/distributed_flight.h"
 #include "harness/scenario/client_spec.h"
 #include "harness/scenario/scenario.h"
@@ -60,8 +60,8 @@ struct FlightJob {
   bool coverage = false;
   // True if its result reports the firmware's end after the flight: kEndFailedEvent, if that went wrong.
   bool tells_end = false;
-  // Called in its worker process when it begins; none: nobody watches.
-  std::function<FlightWatcher()> watch = {};
+  // Called in its worker process when it begins: makes what gets the flight's records as they are made.
+  std::function<std::unique_ptr<RecordSink>()> observe = {};
   // The same, of a flight in real time; none: nobody injects faults.
   std::function<Injections()> injections = {};
 };

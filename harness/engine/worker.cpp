@@ -113,8 +113,8 @@ RunLog FlyByMeans(const FlightJob& job, WorkerReport& report, const std::atomic<
   };
   options.progress_ns = progress_ns;
   options.interrupted = interrupted;
-  const FlightWatcher watcher = job.watch ? job.watch() : FlightWatcher();
-  if (job.watch) options.watcher = &watcher;
+  const std::unique_ptr<RecordSink> observer = job.observe ? job.observe() : nullptr;
+  options.observer = observer.get();
   return Fly(scenario, *job.model, options);
 }
 

@@ -35,23 +35,25 @@ std::uint32_t AddCrc(std::uint32_t crc, std::string_view bytes) {
 }
 
 // The content of a record, field by field.
-class Record {
+class McapRecord {
  public:
   template <class Unsigned>
-  Record& Number(Unsigned value) {
+  McapRecord& Number(Unsigned value) {
     for (std::size_t i = 0; i < sizeof value; ++i)
       content_ += static_cast<char>(static_cast<std::uint64_t>(value) >> (8 * i));
     return *this;
   }
-  Record& Bytes(std::string_view bytes) {
+  McapRecord& Bytes(std::string_view bytes) {
     content_ += bytes;
     return *this;
   }
-  Record& Text(std::string_view text) { return Number(static_cast<std::uint32_t>(text.size())).Bytes(text); }
+  McapRecord& Text(std::string_view text) {
+    return Number(static_cast<std::uint32_t>(text.size())).Bytes(text);
+  }
 
   const std::string& content() const { return content_; }
   std::string As(Opcode opcode) const {
-    return Record().Number(static_cast<std::uint8_t>(opcode)).Number(content_.size()).content_ + content_;
+    return McapRecord().Number(static_cast<std::uint8_t>(opcode)).Number(content_.size()).content_ + content_;
   }
 
  private:
@@ -62,7 +64,7 @@ class Record {
 
 McapWriter::McapWriter(std::function<void(std::string_view)> sink) : sink_(std::move(sink)) {
   Emit(kMagic);
-  Emit(Record().Text("").Text("tiltproof " + std::string(Version())).As(Opcode::kHeader));
+  Emit(McapRecord().Text("").Text("tiltproof " + std::string(Version())).As(Opcode::kHeader));
 }
 
 void McapWriter::Emit(std::string_view bytes) {
@@ -76,15 +78,15 @@ McapWriter::Topic McapWriter::AddTopic(const McapTopic& topic) {
   Check(counts_.size() < std::numeric_limits<Topic>::max(), "a log has fewer topics than ids");
   counts_.push_back(0);
   const auto id = static_cast<Topic>(counts_.size());  // 0 is no schema
-  const std::string schema = Record()
+  const std::string schema = McapRecord()
                                  .Number(id)
                                  .Text(topic.schema)
                                  .Text(topic.schema_encoding)
                                  .Text(topic.schema_data)
                                  .As(Opcode::kSchema);
-  Record metadata;
+  McapRecord metadata;
   for (const auto& [key, value] : topic.metadata) metadata.Text(key).Text(value);
-  const std::string channel = Record()
+  const std::string channel = McapRecord()
                                   .Number(id)
                                   .Number(id)
                                   .Text(topic.topic)
@@ -104,8 +106,8 @@ void McapWriter::Write(Topic topic, TimeNs time_ns, std::string_view message) {
   chunk_end_ns_ = chunk_.empty() ? time : std::max(chunk_end_ns_, time);
   chunk_index_[topic].messages.emplace_back(time, chunk_.size());
   const auto sequence = static_cast<std::uint32_t>(++counts_.at(topic - std::size_t{1}));
-  chunk_ +=
-      Record().Number(topic).Number(sequence).Number(time).Number(time).Bytes(message).As(Opcode::kMessage);
+  chunk_ += McapRecord().Number(topic).Number(sequence).Number(time).Number(time).Bytes(message).As(
+      Opcode::kMessage);
   if (chunk_.size() >= kChunkBytes) EndChunk();
 }
 
@@ -113,7 +115,7 @@ void McapWriter::EndChunk() {
   if (chunk_.empty()) return;
   const std::string compressed = CompressZstd(chunk_);
   const std::uint64_t chunk_offset = offset_;
-  Emit(Record()
+  Emit(McapRecord()
            .Number(chunk_begin_ns_)
            .Number(chunk_end_ns_)
            .Number(chunk_.size())
@@ -123,14 +125,14 @@ void McapWriter::EndChunk() {
            .Bytes(compressed)
            .As(Opcode::kChunk));
   const std::uint64_t chunk_length = offset_ - chunk_offset, index_offset = offset_;
-  Record offsets;
+  McapRecord offsets;
   for (const auto& [topic, index] : chunk_index_) {
     offsets.Number(topic).Number(offset_);
-    Record entries;
+    McapRecord entries;
     for (const auto& [time, offset] : index.messages) entries.Number(time).Number(offset);
-    Emit(Record().Number(topic).Text(entries.content()).As(Opcode::kMessageIndex));
+    Emit(McapRecord().Number(topic).Text(entries.content()).As(Opcode::kMessageIndex));
   }
-  chunk_indexes_ += Record()
+  chunk_indexes_ += McapRecord()
                         .Number(chunk_begin_ns_)
                         .Number(chunk_end_ns_)
                         .Number(chunk_offset)
@@ -149,10 +151,10 @@ void McapWriter::EndChunk() {
 }
 
 std::string McapWriter::Statistics() const {
-  Record counts;
+  McapRecord counts;
   for (std::size_t i = 0; i < counts_.size(); ++i)
     counts.Number(static_cast<Topic>(i + 1)).Number(counts_[i]);
-  return Record()
+  return McapRecord()
       .Number(std::accumulate(counts_.begin(), counts_.end(), std::uint64_t{0}))
       .Number(static_cast<std::uint16_t>(counts_.size()))
       .Number(static_cast<std::uint32_t>(counts_.size()))
@@ -167,14 +169,14 @@ std::string McapWriter::Statistics() const {
 
 void McapWriter::Finish() {
   EndChunk();
-  Emit(Record().Number(crc_).As(Opcode::kDataEnd));
+  Emit(McapRecord().Number(crc_).As(Opcode::kDataEnd));
   // The summary's own checksum covers all from here on.
   const std::uint64_t summary_offset = offset_;
   crc_ = 0;
   std::string offsets;
   const auto emit_group = [&](Opcode opcode, const std::string& records) {
     if (records.empty()) return;
-    offsets += Record()
+    offsets += McapRecord()
                    .Number(static_cast<std::uint8_t>(opcode))
                    .Number(offset_)
                    .Number(records.size())
@@ -188,14 +190,14 @@ void McapWriter::Finish() {
   const std::uint64_t offsets_offset = offset_;
   Emit(offsets);
   // The footer has a fixed size, and its last field is the checksum of what is before it.
-  Record footer;
+  McapRecord footer;
   footer.Number(summary_offset).Number(offsets_offset);
-  const std::string start = Record()
+  const std::string start = McapRecord()
                                 .Number(static_cast<std::uint8_t>(Opcode::kFooter))
                                 .Number(footer.content().size() + 4)
                                 .content();
   Emit(start + footer.content());
-  Emit(Record().Number(crc_).content());
+  Emit(McapRecord().Number(crc_).content());
   Emit(kMagic);
 }
 

@@ -8,18 +8,18 @@
 
 #include "harness/dds/messages.h"
 #include "harness/report/json_fields.h"
+#include "harness/run/record_stream.h"
 
 namespace tiltproof::harness {
 
-struct BusFeed::Impl {
+struct BusFeed::Impl final : RecordSink {
   Impl(boost::asio::io_context& loop_in, const dds::BusConfig& config, LiveBoard& board_in,
        std::function<void()> changed_in)
       : loop(loop_in),
         board(board_in),
         changed(std::move(changed_in)),
         bus(config),
-        rows(bus, dds::Onlooker{}, Wake()),
-        events(bus, dds::Onlooker{}, Wake()) {}
+        records(bus, dds::Onlooker{}, Wake()) {}
 
   std::function<void()> Wake() {
     return [this, alive = std::weak_ptr(alive)] {
@@ -33,7 +33,7 @@ struct BusFeed::Impl {
     run_id = id;
     plan = flight;
     layout.emplace(plan.vehicle, plan.scenario);
-    counts.clear();
+    counts.assign(plan.scenario.client_count(), {});
     board.Begin(plan);
   }
 
@@ -41,11 +41,7 @@ struct BusFeed::Impl {
     if (announced) {
       for (const auto& message : announced->Take()) Hear(message);
     }
-    for (const auto& message : rows.Take()) Hear(message);
-    for (const auto& event : events.Take()) {
-      if (event.run_id == run_id && event.kind != "firmware_log")
-        board.Note(ToSeconds(event.time_ns), event.kind, event.text);
-    }
+    for (const auto& message : records.Take()) Hear(message);
     if (scores) {
       for (const auto& score : scores->Take())
         if (score.run_id == run_id && board.is_flying()) board.Finish(plan.name, finish(plan, score));
@@ -66,22 +62,27 @@ struct BusFeed::Impl {
     }
   }
 
-  void Hear(const dds::TraceRows& message) {
-    if (!layout || message.run_id != run_id || message.column_count == 0) return;
-    const auto columns = static_cast<std::size_t>(message.column_count);
-    const std::size_t counters = layout->active - layout->link_counters;
-    const bool of_plant = columns == layout->columns.size();
-    for (std::size_t at = 0; at + columns <= message.values.size(); at += columns) {
-      const auto begin = message.values.begin() + static_cast<std::ptrdiff_t>(at);
-      const auto end = begin + static_cast<std::ptrdiff_t>(columns);
-      if (!of_plant) {
-        // The link node's: the time, and its counters.
-        if (columns == 1 + counters) counts.assign(begin + 1, end);
-        continue;
-      }
-      row.assign(begin, end);
-      std::copy(counts.begin(), counts.end(),
-                row.begin() + static_cast<std::ptrdiff_t>(layout->link_counters));
+  void Hear(const dds::Records& message) {
+    if (!layout || message.run_id != run_id) return;
+    try {
+      ReadPacked(message.payload, *this);
+    } catch (const std::exception&) {
+      // A node of another version wrote it: what could be read is shown.
+    }
+  }
+
+  void Write(const Record& record) override {
+    const std::size_t client = record.client.value_or(0);
+    if (client >= counts.size()) return;
+    if (const auto* event = std::get_if<record::Event>(&record.body)) {
+      board.Note(ToSeconds(record.time_ns), event->kind, event->text);
+    } else if (const auto* counters = std::get_if<record::Counters>(&record.body)) {
+      counts[client] = counters->counts;
+    } else if (const auto* of_plant = std::get_if<record::Row>(&record.body)) {
+      if (of_plant->values.size() != layout->columns.size()) return;
+      row = of_plant->values;
+      for (std::size_t i = 0; i < counts.size(); ++i)
+        PutCounters(counts[i], std::span(row).subspan(layout->link_counters + i * kLineCounters));
       row.resize(board.column_count(), std::numeric_limits<double>::quiet_NaN());
       board.AddRow(row);
     }
@@ -95,11 +96,11 @@ struct BusFeed::Impl {
   std::string run_id;  // of the flight that is shown
   LivePlan plan;
   std::optional<TraceLayout> layout;
-  std::vector<double> counts, row;
+  AllCounts counts;  // as last heard
+  std::vector<double> row;
   std::shared_ptr<char> alive = std::make_shared<char>();
   dds::Bus bus;
-  dds::Subscriber<dds::TraceRows> rows;
-  dds::Subscriber<dds::RunEvent> events;
+  dds::Subscriber<dds::Records> records;
   std::optional<dds::Subscriber<dds::RunScenario>> announced;
   std::optional<dds::Subscriber<dds::Score>> scores;
 };

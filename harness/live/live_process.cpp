@@ -284,22 +284,37 @@ LiveProcess::~LiveProcess() {
   ForgetChild(pid_);
 }
 
-FlightWatcher LiveProcess::Watch(std::size_t flight) {
+namespace {
+
+// Copies rows into the ring. At the end of each row it adds the states of the supervisors.
+class RingWriter final : public RecordSink {
+ public:
+  RingWriter(RowRing& ring, std::size_t columns, std::size_t clients)
+      : ring_(ring), clients_(clients), row_(columns, std::numeric_limits<double>::quiet_NaN()) {}
+
+  void Write(const Record& record) override {
+    if (const auto* row = std::get_if<record::Row>(&record.body)) {
+      std::copy_n(row->values.begin(), std::min(row->values.size(), row_.size() - clients_), row_.begin());
+      ring_.Append(row_);
+    } else if (const auto* state = std::get_if<record::State>(&record.body)) {
+      row_[row_.size() - clients_ + record.client.value_or(0)] = static_cast<double>(state->state);
+    }
+  }
+
+ private:
+  RowRing& ring_;
+  std::size_t clients_;
+  std::vector<double> row_;
+};
+
+}  // namespace
+
+std::unique_ptr<RecordSink> LiveProcess::Observe(std::size_t flight) {
   const LivePlan& plan = plans_.at(flight);
   const std::size_t clients = plan.scenario.client_count();
   const std::size_t columns = TraceLayout(plan.vehicle, plan.scenario).columns.size() + clients;
-  if (!ring_.Begin(flight, columns)) return {};
-  // At the end of each row: the states of the supervisors.
-  auto row = std::make_shared<std::vector<double>>(columns, std::numeric_limits<double>::quiet_NaN());
-  return {.on_row =
-              [this, row, clients](std::span<const double> values) {
-                std::copy_n(values.begin(), std::min(values.size(), row->size() - clients), row->begin());
-                ring_.Append(*row);
-              },
-          .on_state =
-              [row, clients](std::size_t client, std::uint32_t state) {
-                (*row)[row->size() - clients + client] = static_cast<double>(state);
-              }};
+  if (!ring_.Begin(flight, columns)) return nullptr;
+  return std::make_unique<RingWriter>(ring_, columns, clients);
 }
 
 Injections LiveProcess::TakeInjections() {

@@ -2,7 +2,7 @@
 // up. The flight only writes into a ring in memory and into a socket, and waits for neither.
 //
 //   LiveProcess live(ListenOnLoopback(8470), options, plans);  // before any other thread or process
-//   job.watch = [&live, i] { return live.Watch(i); };         // in the worker: rows of a lockstep flight
+//   job.observe = [&live, i] { return live.Observe(i); };     // in the worker: rows of a lockstep flight
 //   live.Place(i, place);                                     // a flight in real time is on the bus
 //   live.Finished(i, entry);
 //   while (flying) { live.Turn(); if (live.wants_abort()) Stop(); }
@@ -25,8 +25,8 @@
 #include "harness/live/live_server.h"
 #include "harness/live/row_ring.h"
 #include "harness/run/bus_place.h"
-#include "harness/run/flight_watcher.h"
 #include "harness/run/realtime/injection.h"
+#include "harness/run/record.h"
 
 namespace tiltproof::harness {
 
@@ -54,7 +54,7 @@ class LiveProcess {
   LiveProcess& operator=(const LiveProcess&) = delete;
 
   // Called in a worker: what copies the rows of the flight of this number.
-  FlightWatcher Watch(std::size_t flight);
+  std::unique_ptr<RecordSink> Observe(std::size_t flight);
   // Called in the worker of a flight in real time; without `add`.
   Injections TakeInjections();
   void Place(std::size_t flight, const BusPlace& place);

@@ -20,7 +20,7 @@ class BaseStationRole final : public Role {
         states_(services.bus(), services.members(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {
   }
 
-  Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
+  Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
     trajectory_.emplace(loaded.scenario.reference);
     protocol_ = loaded.scenario.link.protocol;
     return {};
@@ -28,11 +28,10 @@ class BaseStationRole final : public Role {
   void Arm(const Ports& ports) override { sender_.Open(ports, protocol_); }
   void Start() override {}
   void Flush() override {}
-  NodeTotals Stop() override {
+  void Stop() override {
     timer_.reset();
     stopped_ = true;
     sender_.Close();
-    return {};
   }
 
  private:

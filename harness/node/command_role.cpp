@@ -40,7 +40,7 @@ class CommandRole final : public Role {
         command_(std::get<Program>(*options.client).command),
         states_(services.bus(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {}
 
-  Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
+  Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
     scenario_ = loaded.scenario;
     return {};
   }
@@ -84,19 +84,18 @@ class CommandRole final : public Role {
     if (!process_) return;
     for (auto& line : process_->TakeLines())
       services_.log().Write(
-          RunEvent{log_origin_.SimulationTime(line.time_ns), "firmware_log", std::move(line.text)});
+          {log_origin_.SimulationTime(line.time_ns), kClient, record::FirmwareText{std::move(line.text)}});
   }
 
-  NodeTotals Stop() override {
+  void Stop() override {
     if (process_) process_->ReadAll();
     Flush();
-    NodeTotals totals;
-    if (use_) totals.firmware_use = use_->Take();
+    if (use_)
+      services_.log().Write({0, kClient, record::FirmwareTime{use_->Take(), services_.lateness().origin}});
     use_.reset();
     watch_.reset();
     process_.reset();
     EndOrphans();
-    return totals;
   }
 
  private:

@@ -9,13 +9,13 @@
 
 #include "faults/device_command.h"
 #include "faults/schedule.h"
+#include "harness/client/client.h"
 #include "harness/client/emulator_limits.h"
 #include "harness/client/firmware_files.h"
 #include "harness/emulator/elf_symbols.h"
 #include "harness/node/emulated_board.h"
 #include "harness/node/roles.h"
 #include "harness/run/realtime/log_messages.h"
-#include "harness/run/supervisor_states.h"
 #include "link/overloaded.h"
 
 namespace tiltproof::harness {
@@ -34,7 +34,7 @@ class EmulatorRole final : public Role {
         states_(services.bus(), services.members(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {
   }
 
-  Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
+  Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
     scenario_ = loaded.scenario;
     spec_ = BoardOf(image_, scenario_.firmware, *scenario_.link.protocol);
     const ElfSymbols symbols(spec_.image);
@@ -72,15 +72,15 @@ class EmulatorRole final : public Role {
     board_->Watch(origin_.known());
     if (!origin_.known()) return;
     WriteLines(false);
-    services_.log().Write(counts_->TakeActivations());
+    WriteActivations();
     if (status_address_)
       board_->ReadWords(*status_address_, kStatusWords, [this](const std::vector<std::uint32_t>& words) {
         status_ = ClientStatus{.supervisor_state = words[0], .failsafe_count = words[1]};
-        supervisor_.Take(SimNow(), words[0]);
+        services_.log().Write({SimNow(), kClient, record::State{words[0]}});
       });
   }
 
-  NodeTotals Stop() override {
+  void Stop() override {
     stopped_ = true;
     timer_.cancel();
     agenda_.clear();
@@ -89,24 +89,22 @@ class EmulatorRole final : public Role {
     if (!state.empty()) Note(kBoardStateEvent, state);
     // Without t = 0 the times are those since power-on.
     if (!origin_.known()) origin_ = Origin(power_on_ns_);
-    NodeTotals totals;
     if (board_) {
+      record::ClientEnd totals;
       for (auto& [at, block] : board_->Unmodelled()) {
         const TimeNs time_ns = origin_.SimulationTime(at);
         const std::string text = "the firmware uses " + block.text;
-        services_.log().Write(RunEvent{time_ns, kUnmodelledEvent, text});
-        services_.log().Write(RunEvent{time_ns, "firmware_log", text});
+        services_.Note(time_ns, kUnmodelledEvent, text);
+        services_.log().Write({time_ns, kClient, record::FirmwareText{text}});
         totals.unmodelled_blocks.push_back(std::move(block.name));
       }
       WriteLines(true);
-      services_.log().Write(counts_->TakeActivations());
-      totals.activation_counts = counts_->ActivationCounts();
-      totals.client = status_;
-      totals.states = supervisor_.changes();
-      totals.states.resize(std::min(totals.states.size(), kSupervisorChangesMax));
+      WriteActivations();
+      services_.log().Write({0, kClient, record::ActivationCounts{counts_->ActivationCounts()}});
+      if (status_) totals.failsafe_entered_count = status_->failsafe_count;
+      services_.log().Write({0, kClient, std::move(totals)});
     }
     board_.reset();
-    return totals;
   }
 
  private:
@@ -132,13 +130,20 @@ class EmulatorRole final : public Role {
 
   void Note(std::string kind, std::string text) {
     const TimeNs time_ns = origin_.known() ? SimNow() : 0;
-    services_.log().Write(RunEvent{time_ns, std::move(kind), std::move(text)});
+    services_.Note(time_ns, std::move(kind), std::move(text));
+  }
+
+  void WriteActivations() {
+    for (faults::Activation& activation : counts_->TakeActivations()) {
+      const TimeNs time_ns = activation.time_ns;
+      services_.log().Write({time_ns, kClient, std::move(activation)});
+    }
   }
 
   void WriteLines(bool last) {
     for (auto& line : board_->TakeLines(last))
       services_.log().Write(
-          RunEvent{origin_.SimulationTime(line.time_ns), "firmware_log", std::move(line.text)});
+          {origin_.SimulationTime(line.time_ns), kClient, record::FirmwareText{std::move(line.text)}});
   }
 
   void OnReset(bool by_firmware) {
@@ -240,7 +245,6 @@ class EmulatorRole final : public Role {
   EmulatorSpec spec_;
   std::optional<std::uint32_t> status_address_;
   std::optional<ClientStatus> status_;
-  SupervisorStates supervisor_;
   std::vector<PlannedCommand> commands_;
   std::optional<faults::FaultSchedule> counts_;
   std::multimap<BootTime, std::function<void()>> agenda_;  // by the node's clock

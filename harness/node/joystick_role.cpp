@@ -19,7 +19,7 @@ class JoystickRole final : public Role {
         states_(services.bus(), services.members(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {
   }
 
-  Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
+  Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
     input_ = OpenJoystick(source_);
     protocol_ = loaded.scenario.link.protocol;
     reference_.emplace(Trajectory(loaded.scenario.reference).At(kPowerOn), JoystickLimits{});
@@ -28,11 +28,10 @@ class JoystickRole final : public Role {
   void Arm(const Ports& ports) override { sender_.Open(ports, protocol_); }
   void Start() override {}
   void Flush() override {}
-  NodeTotals Stop() override {
+  void Stop() override {
     timer_.reset();
     stopped_ = true;
     sender_.Close();
-    return {};
   }
 
  private:
@@ -51,7 +50,7 @@ class JoystickRole final : public Role {
     const JoystickAxes axes = input_->Read(time_ns);
     if (!input_->lost().empty() && !told_lost_) {
       told_lost_ = true;
-      services_.log().Write(RunEvent{time_ns, "joystick_lost", input_->lost()});
+      services_.Note(time_ns, "joystick_lost", input_->lost());
     }
     sender_.Send(time_ns, reference_->Step(axes, now - last_ns_));
     last_ns_ = now;

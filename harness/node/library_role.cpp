@@ -15,6 +15,8 @@ namespace tiltproof::harness {
 namespace {
 
 constexpr TimeNs kWakePauseMin = 20 * kNsPerUs;
+// A firmware whose supervisor never rests must not fill the log.
+constexpr std::size_t kSupervisorChangesMax = 20'000;
 
 // As good as never, and far from where times overflow: what a firmware may ask for is any number.
 constexpr BootTime kNeverInFlight(kNever / 4);
@@ -29,7 +31,7 @@ class LibraryRole final : public Role {
         states_(services.bus(), services.members(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {
   }
 
-  Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
+  Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
     scenario_ = loaded.scenario;
     baud_ = scenario_.link.ideal ? 0 : scenario_.link.baud;
     const ClientHost host = {
@@ -63,30 +65,29 @@ class LibraryRole final : public Role {
   void Flush() override {
     if (!origin_.known()) return;
     for (auto& [time, text] : std::exchange(lines_, {}))
-      services_.log().Write(RunEvent{origin_.SimulationTime(OfNode(time)), "firmware_log", text});
+      services_.log().Write(
+          {origin_.SimulationTime(OfNode(time)), kClient, record::FirmwareText{std::move(text)}});
+    for (const auto& [time, state] : std::exchange(states_to_write_, {}))
+      services_.log().Write({origin_.SimulationTime(OfNode(time)), kClient, record::State{state}});
   }
 
-  NodeTotals Stop() override {
+  void Stop() override {
     timer_.cancel();
     stopped_ = true;
     ports_ = {};
     // Without t = 0 the times are those since power-on.
     if (!origin_.known()) origin_ = Origin(power_on_ns_);
     Flush();
-    NodeTotals totals;
-    if (client_ == nullptr || lost_) {
-      totals.firmware_end = firmware_end_;
-      return totals;
+    record::ClientEnd totals;
+    if (client_ != nullptr && !lost_) {
+      try {
+        if (const auto status = client_->Status()) totals.failsafe_entered_count = status->failsafe_count;
+      } catch (const FirmwareTrouble& trouble) {
+        Tell(trouble);
+      }
     }
-    try {
-      totals.client = client_->Status();
-      for (const auto& [time, state] : supervisor_)
-        totals.states.push_back({origin_.SimulationTime(OfNode(time)), state});
-    } catch (const FirmwareTrouble& trouble) {
-      Tell(trouble);
-      totals.firmware_end = firmware_end_;
-    }
-    return totals;
+    totals.firmware_end = firmware_end_;
+    services_.log().Write({0, kClient, std::move(totals)});
   }
 
  private:
@@ -164,8 +165,10 @@ class LibraryRole final : public Role {
 
   void NoteState() {
     const auto state = client_->Sample().supervisor_state;
-    const bool same = !supervisor_.empty() && supervisor_.back().second == state;
-    if (state && !same && supervisor_.size() < kSupervisorChangesMax) supervisor_.emplace_back(Now(), *state);
+    if (!state || state == state_ || changes_count_ == kSupervisorChangesMax) return;
+    ++changes_count_;
+    state_ = state;
+    states_to_write_.emplace_back(Now(), *state);
   }
 
   void OnStates() {
@@ -187,7 +190,9 @@ class LibraryRole final : public Role {
   BootTime transmitter_free_ns_;
   Origin origin_;  // in the plant's clock: that of this machine
   std::vector<std::pair<BootTime, std::string>> lines_;
-  std::vector<std::pair<BootTime, std::uint32_t>> supervisor_;  // the state from a time on
+  std::vector<std::pair<BootTime, std::uint32_t>> states_to_write_;  // of the supervisor, from a time on
+  std::optional<std::uint32_t> state_;                               // the last of them
+  std::size_t changes_count_ = 0;
   std::size_t logged_bytes_ = 0;
   std::optional<FirmwareTrouble> trouble_;  // while it was loaded
   std::optional<FirmwareEnd> firmware_end_;

@@ -8,6 +8,8 @@
 #include "harness/node/deaf_receiver.h"
 #include "harness/node/pty_canary.h"
 #include "harness/node/roles.h"
+#include "harness/run/line.h"
+#include "harness/run/message_receiver.h"
 #include "harness/run/reference_frame.h"
 #include "harness/run/reference_talk.h"
 #include "link/pty.h"
@@ -37,8 +39,7 @@ class LinkRole final : public Role {
         references_(services.bus(), services.members(),
                     InLoop(services.loop(), alive_, [this] { OnReferences(); })) {}
 
-  Ports Prepare(const LoadedScenario& loaded, const Ports& given) override {
-    const auto client = ClientOfKind(FindPort(given, "client_kind"));
+  Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& client) override {
     client_is_library_ = client && std::holds_alternative<HostLibrary>(*client);
     client_is_emulator_ = client && std::holds_alternative<EmulatedImage>(*client);
     scenario_ = loaded.scenario;
@@ -59,7 +60,7 @@ class LinkRole final : public Role {
       scenario_.link.adapter_latency_ms = 0;
       scenario_.link.adapter.reset();
     }
-    line_.emplace(scenario_, 0, !hardware, true);
+    line_.emplace(scenario_, round_trips_, kClient, !hardware, true);
     reference_talk_.emplace(*scenario_.link.protocol);
     framer_.emplace(*scenario_.link.protocol);
     actuators_bytes_ = scenario_.link.protocol->Find(link::MessageKind::kActuators)->payload_bytes();
@@ -90,7 +91,7 @@ class LinkRole final : public Role {
     if (link::IsSocketName(board_.device)) ConnectSockets();
     if (!board_.reset.empty())
       reset_.emplace(services_, board_.reset, *client_.serial, [this](const std::string& why) {
-        services_.log().Write(RunEvent{0, "board_reset", why});
+        services_.Note(0, "board_reset", why);
         services_.Fail(EndReason::kNodeLost, why);
       });
   }
@@ -98,10 +99,9 @@ class LinkRole final : public Role {
   void Flush() override {
     if (!line_->origin().known()) return;
     services_.lateness().origin = line_->origin();
-    LineLog log = line_->TakeLog(Now());
-    JudgeRoundTrip(log.client_round_trip_ns);
+    line_->WriteActivations();
     SampleCounts(Now());
-    services_.log().Write(log, line_->origin(), std::exchange(samples_, {}));
+    JudgeRoundTrip();
   }
 
   // Bytes that were sent have had their faults, also where they still wait for the line.
@@ -115,7 +115,7 @@ class LinkRole final : public Role {
     line_->Add(fault);
   }
 
-  NodeTotals Stop() override {
+  void Stop() override {
     armed_ = false;
     timer_.cancel();
     canary_.reset();
@@ -124,15 +124,11 @@ class LinkRole final : public Role {
     const BootTime now = Now();
     const Origin origin = line_->origin().known() ? line_->origin() : Origin(now);
     if (const std::string trouble = reference_talk_->Trouble(); !trouble.empty() && !line_->origin().known())
-      services_.log().Write(RunEvent{0, kLineTroubleEvent, trouble});
+      services_.Note(0, kLineTroubleEvent, trouble);
     SampleCounts(now);
     // Without t = 0 all records count from now.
     if (!line_->origin().known()) line_->SetOrigin(origin);
-    LineLog log = line_->TakeLog(std::min(now, origin.ToBootTime(scenario_.duration_ns)));
-    services_.log().Write(log, origin, std::exchange(samples_, {}));
-    NodeTotals totals;
-    totals.line = std::move(log);
-    return totals;
+    line_->Finish(std::min(now, origin.ToBootTime(scenario_.duration_ns)));
   }
 
  private:
@@ -156,7 +152,7 @@ class LinkRole final : public Role {
       ports.push_back({name, device});
       const auto latency = end.serial->SetLowLatency();
       if (!latency.advice.empty())
-        services_.log().Write(RunEvent{0, "adapter", fmt::format("{}: {}", device, latency.advice)});
+        services_.Note(0, "adapter", fmt::format("{}: {}", device, latency.advice));
     } else if (client_is_emulator_) {
       end.socket = std::make_unique<link::SocketLine>(services_.loop());
       end.line = end.socket.get();
@@ -196,7 +192,7 @@ class LinkRole final : public Role {
     return [this, name = std::move(name)](const std::string& reason) {
       const std::string text = fmt::format("the {} is gone: {}", name, reason);
       const Origin origin = line_->origin();
-      services_.log().Write(RunEvent{origin.known() ? origin.SimulationTime(Now()) : 0, "port_lost", text});
+      services_.Note(origin.known() ? origin.SimulationTime(Now()) : 0, "port_lost", text);
       services_.Fail(EndReason::kNodeLost, text);
     };
   }
@@ -282,31 +278,43 @@ class LinkRole final : public Role {
     if (!line_->origin().known()) return;
     for (; line_->origin().ToBootTime(next_sample_ns_) <= now && next_sample_ns_ <= scenario_.duration_ns;
          next_sample_ns_ += scenario_.link.protocol->control_period_ns)
-      samples_.push_back({next_sample_ns_, line_->counts()});
+      services_.log().Write({next_sample_ns_, kClient, record::Counters{line_->counts()}});
   }
 
-  void JudgeRoundTrip(const std::vector<TimeNs>& round_trips) {
-    if (judged_) return;
-    first_round_trips_.insert(first_round_trips_.end(), round_trips.begin(), round_trips.end());
-    if (first_round_trips_.size() < kRoundTripSampleCount) return;
+  void JudgeRoundTrip() {
+    std::vector<TimeNs>& round_trips = round_trips_.first;
+    if (judged_ || round_trips.size() < kRoundTripSampleCount) return;
     judged_ = true;
-    const auto middle = first_round_trips_.begin() + kRoundTripSampleCount / 2;
-    std::nth_element(first_round_trips_.begin(), middle, first_round_trips_.end());
+    const auto middle = round_trips.begin() + kRoundTripSampleCount / 2;
+    std::nth_element(round_trips.begin(), middle, round_trips.end());
     const TimeNs now = line_->origin().SimulationTime(Now());
     const double median_ms = ToSeconds(*middle) * 1e3;
-    services_.log().Write(RunEvent{now, "client_round_trip",
-                                   fmt::format("a reply is answered after {:.2f} ms (median of the first {})",
-                                               median_ms, kRoundTripSampleCount)});
+    services_.Note(now, "client_round_trip",
+                   fmt::format("a reply is answered after {:.2f} ms (median of the first {})", median_ms,
+                               kRoundTripSampleCount));
     // A client that eats half the delay margin at the median sits behind a buffering adapter, most likely.
     if (*middle <= scenario_.delay_margin_ns / 2 || board_.device.empty()) return;
-    services_.log().Write(RunEvent{
+    services_.Note(
         now, kSlowAdapterEvent,
         fmt::format("{:.1f} ms between reply and actuators: a USB-serial adapter that buffers, most likely. "
                     "It eats the loop's delay margin of {} ms; see `tiltproof doctor --client serial:{}`",
-                    median_ms, ToSeconds(scenario_.delay_margin_ns) * 1e3, board_.device)});
+                    median_ms, ToSeconds(scenario_.delay_margin_ns) * 1e3, board_.device));
   }
 
+  // The line's records on their way to the log, of which it keeps the first round trips.
+  struct RoundTrips final : RecordSink {
+    explicit RoundTrips(NodeServices& services_in) : services(services_in) {}
+    void Write(const Record& record) override {
+      const auto* answer = std::get_if<record::Answer>(&record.body);
+      if (answer != nullptr && first.size() < kRoundTripSampleCount) first.push_back(answer->round_trip_ns);
+      services.log().Write(record);
+    }
+    NodeServices& services;
+    std::vector<TimeNs> first;
+  };
+
   NodeServices& services_;
+  RoundTrips round_trips_{services_};
   BootTime now_ns_;  // shown last
   BootTime sent_until_ns_ = BootTime::Earliest();
   SerialBoard board_;  // on its cables; names nothing when there is none
@@ -327,10 +335,8 @@ class LinkRole final : public Role {
   BootTime asked_plant_ns_ = BootTime::Never();
   std::size_t actuators_bytes_ = 0;  // of the message that carries them
   TimeNs next_sample_ns_ = 0;
-  std::vector<CountsSample> samples_;
   bool client_is_library_ = false, client_is_emulator_ = false;
   bool client_takes_bytes_ = false;  // one at a time
-  std::vector<TimeNs> first_round_trips_;
   bool judged_ = false;
   std::shared_ptr<char> alive_ = std::make_shared<char>();
   dds::Subscriber<dds::Reference> references_;

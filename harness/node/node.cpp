@@ -46,7 +46,7 @@ class Node final : public NodeServices {
   NodeClock& clock() override { return clock_; }
   const std::string& run_id() const override { return run_id_; }
   const dds::Circle& members() const override { return members_; }
-  LogPublisher& log() override { return *log_; }
+  RecordSink& log() override { return *log_; }
   Lateness& lateness() override { return lateness_; }
   void SetPhase(dds::Phase phase, TimeNs time_ns, Origin origin, EndReason reason,
                 const std::string& text) override;
@@ -67,7 +67,8 @@ class Node final : public NodeServices {
   void OnCommand();
   void OnFault();
   void Obey(const dds::RunCommand& command);
-  Ports Do(const dds::RunCommand& command);
+  void Do(const dds::RunCommand& command, dds::RunAck& ack);
+  std::optional<TimeNs> Inject(AddedFault fault);
   void WatchHarness();
   void Release();
   // Tells the bus where this node stands.
@@ -213,7 +214,7 @@ void Node::Beat() {
   heartbeat_.run_id = run_id_;
   heartbeats_->Write(heartbeat_);
   if (flying()) role_->Flush();
-  if (log_) log_->Retry();
+  if (log_) log_->Flush();
   if (!run_id_.empty()) WatchHarness();
   beat_timer_.expires_after(kHeartbeatPeriod);
   beat_timer_.async_wait([this](const boost::system::error_code& error) {
@@ -294,7 +295,7 @@ void Node::Obey(const dds::RunCommand& command) {
   ack.node_id = options_.name;
   ack.sequence = command.sequence;
   try {
-    ack.ports = Do(command);
+    Do(command, ack);
     ack.ok = true;
   } catch (const std::exception& error) {
     ack.text = std::string(error.what()).substr(0, dds::kTextBytesMax);
@@ -304,7 +305,7 @@ void Node::Obey(const dds::RunCommand& command) {
   if (command.verb == dds::Verb::kRelease) Release();
 }
 
-Ports Node::Do(const dds::RunCommand& command) {
+void Node::Do(const dds::RunCommand& command, dds::RunAck& ack) {
   // Each verb needs what the one before has made.
   const auto need = [&](bool there) {
     if (!there) throw std::runtime_error(fmt::format("it is {}", Name(phase_)));
@@ -316,53 +317,63 @@ Ports Node::Do(const dds::RunCommand& command) {
       if (const std::string why = DifferingFile(loaded_->scenario, scenario_.files, scenario_.file_hashes);
           !why.empty())
         throw std::runtime_error(why);
-      log_ = std::make_unique<LogPublisher>(*bus_, loaded_->scenario, run_id_, options_.name, harness_);
+      log_ = std::make_unique<LogPublisher>(*bus_, run_id_, options_.name, harness_);
       lateness_ = {};
       lateness_.late_after_ns = loaded_->scenario.late_after_ns();
       role_ = make_role_(*this, options_);
-      Ports ports = role_->Prepare(*loaded_, command.ports);
+      ack.ports = role_->Prepare(*loaded_, ClientOfKind(command.client_kind));
       phase_ = dds::Phase::kPrepared;
-      return ports;
+      return;
     }
     case dds::Verb::kArm:
       need(phase_ == dds::Phase::kPrepared);
       role_->Arm(command.ports);
       phase_ = dds::Phase::kArmed;
-      return {};
+      return;
     case dds::Verb::kStart:
       need(phase_ == dds::Phase::kArmed);
       phase_ = dds::Phase::kRunning;
       role_->Start();
-      return {};
+      return;
     case dds::Verb::kStop: {
       need(phase_ != dds::Phase::kIdle && phase_ != dds::Phase::kFinished);
       phase_ = dds::Phase::kFinished;
-      NodeTotals totals = role_->Stop();
-      totals.lateness = lateness_;
-      log_->Close(totals);
-      return {};
+      role_->Stop();
+      // Plant, link and client share a host.
+      const bool beside_firmware = options_.kind == dds::NodeKind::kPlant ||
+                                   options_.kind == dds::NodeKind::kLink ||
+                                   options_.kind == dds::NodeKind::kClient;
+      lateness_.WriteTo(*log_,
+                        beside_firmware ? record::LateKind::kBesideFirmware : record::LateKind::kHarness);
+      log_->Close();
+      return;
     }
-    case dds::Verb::kInject: {
+    case dds::Verb::kInject:
       need(phase_ == dds::Phase::kRunning);
-      // The harness has checked it already, also against the vehicle.
-      ReadOptions options;
-      options.models_folder = loaded_->scenario.model_file.parent_path();
-      AddedFault fault = FromPorts(command.ports);
-      Scenario more = AddFault(loaded_->scenario, fault, options);
-      const auto done_until_ns = role_->DoneUntil(*faults::FindFaultType(more.faults.back().type));
-      if (done_until_ns) {
-        fault.start_ns = KeptBegin(more, fault.start_ns, *done_until_ns);
-        if (fault.start_ns >= more.duration_ns) return BeginPorts(fault.start_ns);
-        more = AddFault(loaded_->scenario, fault, options);
-      }
-      loaded_->scenario.faults.push_back(more.faults.back());
-      role_->Inject(more.faults.back());
-      return done_until_ns ? BeginPorts(fault.start_ns) : Ports{};
-    }
+      for (const dds::InjectedFault& fault : command.faults)
+        if (const auto begin_ns = Inject({fault.text, fault.id, fault.start_ns}))
+          ack.begins_ns.push_back(*begin_ns);
+      return;
     case dds::Verb::kRelease:
-      return {};
+      return;
   }
-  return {};
+}
+
+// Returns from when on the fault acts; nullopt where it does not act.
+std::optional<TimeNs> Node::Inject(AddedFault fault) {
+  // The harness has checked it already, also against the vehicle.
+  ReadOptions options;
+  options.models_folder = loaded_->scenario.model_file.parent_path();
+  Scenario more = AddFault(loaded_->scenario, fault, options);
+  const auto done_until_ns = role_->DoneUntil(*faults::FindFaultType(more.faults.back().type));
+  if (done_until_ns) {
+    fault.start_ns = KeptBegin(more, fault.start_ns, *done_until_ns);
+    if (fault.start_ns >= more.duration_ns) return fault.start_ns;
+    more = AddFault(loaded_->scenario, fault, options);
+  }
+  loaded_->scenario.faults.push_back(more.faults.back());
+  role_->Inject(more.faults.back());
+  return done_until_ns ? std::optional(fault.start_ns) : std::nullopt;
 }
 
 void Node::Release() {

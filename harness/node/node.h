@@ -16,6 +16,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "faults/fault_type.h"
@@ -61,7 +62,10 @@ class NodeServices {
   virtual const std::string& run_id() const = 0;
   // The nodes of the current run.
   virtual const dds::Circle& members() const = 0;
-  virtual LogPublisher& log() = 0;
+  virtual RecordSink& log() = 0;
+  void Note(TimeNs time_ns, std::string kind, std::string text) {
+    log().Write({time_ns, {}, record::Event{std::move(kind), std::move(text)}});
+  }
   virtual Lateness& lateness() = 0;
   // Tells the harness the node's state; kFailed ends the run.
   virtual void SetPhase(dds::Phase phase, TimeNs time_ns, Origin origin, EndReason reason,
@@ -75,8 +79,8 @@ class NodeServices {
 class Role {
  public:
   virtual ~Role() = default;
-  // Returns the ports that it offers to others.
-  virtual Ports Prepare(const LoadedScenario& loaded, const Ports& given) = 0;
+  // Returns the ports that it offers to others. `client`: of that kind is the client of the run, as far as it is known.
+  virtual Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& client) = 0;
   virtual void Arm(const Ports& ports) = 0;
   virtual void Start() = 0;
   // Where faults of that type act: the simulation time up to which this role has done its work, so that one more
@@ -84,10 +88,10 @@ class Role {
   virtual std::optional<TimeNs> DoneUntil(const faults::FaultType& /*type*/) { return std::nullopt; }
   // One more fault, while it flies; it acts where its kind acts, and means nothing to the other roles.
   virtual void Inject(const faults::FaultSpec& /*fault*/) {}
-  // Called every 50 ms from Start on, to send the log so far.
+  // Called every 50 ms from Start on, before the log so far is sent: writes records that wait for it.
   virtual void Flush() = 0;
-  // Sends the rest of the log, returns its totals.
-  virtual NodeTotals Stop() = 0;
+  // Writes the rest of the log and its totals.
+  virtual void Stop() = 0;
 };
 using MakeRole = std::function<std::unique_ptr<Role>(NodeServices&, const NodeOptions&)>;
 

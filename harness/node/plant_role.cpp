@@ -1,4 +1,6 @@
 #include "harness/node/roles.h"
+#include "harness/run/message_receiver.h"
+#include "harness/run/plant_server.h"
 #include "link/serial_port.h"
 
 namespace tiltproof::harness {
@@ -12,9 +14,9 @@ class PlantRole final : public Role {
  public:
   explicit PlantRole(NodeServices& services) : services_(services), states_(services.bus()) {}
 
-  Ports Prepare(const LoadedScenario& loaded, const Ports& /*given*/) override {
+  Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
     loaded_ = loaded;
-    server_.emplace(loaded_.scenario, *loaded_.model, true);
+    server_.emplace(loaded_.scenario, *loaded_.model, services_.log(), true);
     receiver_.emplace(*loaded_.scenario.link.protocol, link::Direction::kToPlant);
     return {};
   }
@@ -35,17 +37,13 @@ class PlantRole final : public Role {
   }
   void Inject(const faults::FaultSpec& fault) override { server_->Add(fault); }
   void Flush() override {
-    if (server_->state().started()) services_.log().Write(server_->TakeLog());
+    if (server_->state().started()) server_->WriteActivations();
   }
 
-  NodeTotals Stop() override {
+  void Stop() override {
     timer_.reset();
     port_.reset();
-    PlantLog log = server_->TakeLog();
-    services_.log().Write(log);
-    NodeTotals totals;
-    totals.plant = std::move(log);
-    return totals;
+    server_->WriteTotals();
   }
 
  private:

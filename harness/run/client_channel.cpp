@@ -6,7 +6,6 @@
 #include <array>
 
 #include "harness/client/firmware_guard.h"
-#include "harness/run/merge_logs.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -29,12 +28,14 @@ std::vector<faults::DeviceCommand> ClientCommands(const Scenario& scenario, std:
   return commands;
 }
 
-ClientChannel::ClientChannel(const Scenario& scenario, std::size_t client, Line& line, Callbacks callbacks)
+ClientChannel::ClientChannel(const Scenario& scenario, std::size_t client, Line& line, RecordSink& sink,
+                             Callbacks callbacks)
     : scenario_(scenario),
       index_(client),
       line_(line),
       callbacks_(std::move(callbacks)),
       faults_(ClientFaults(scenario, client)),
+      records_(sink, client),
       reference_talk_(*scenario.link.protocol) {}
 
 void ClientChannel::PowerOn(
@@ -56,7 +57,7 @@ void ClientChannel::PowerOn(
                    [this](BootTime now, std::string_view text) {
                      if (firmware_log_bytes_ > kFirmwareLogBytesMax) return;
                      firmware_log_bytes_ += text.size();
-                     firmware_lines_.emplace_back(now, text);
+                     records_.Write(now, record::FirmwareText{std::string(text)});
                    },
                .event = [this](const DeviceEvent& event) { OnEvent(event); }});
   wake_ns_ = client_->Start(BootTime());
@@ -90,6 +91,7 @@ void ClientChannel::BeginTurn(BootTime now) {
 void ClientChannel::Command(Origin origin) {
   origin_ = origin;
   faults_.SetOrigin(origin);
+  records_.SetOrigin(origin);
   client_->Command(ClientCommands(scenario_, index_), origin);
   commanded_ = true;
 }
@@ -131,35 +133,31 @@ void ClientChannel::Hear(std::span<const faults::News> news) {
 
 void ClientChannel::OnEvent(const DeviceEvent& event) {
   if (event.kind == kStackUseEvent) {
-    stacks_ = event.stacks;
+    totals_.stacks = event.stacks;
     return;
   }
-  events_.push_back(event);
+  records_.Write(event.time_ns, record::Event{event.kind, event.text});
   receive_overruns_count_ += event.overruns_count;
-  if (!event.block.empty()) unmodelled_blocks_.push_back(event.block);
+  if (!event.block.empty()) totals_.unmodelled_blocks.push_back(event.block);
   if (event.fault && *event.fault < scenario_.faults.size())
     faults_.Count(*event.fault, origin_.OrPowerOn().SimulationTime(event.time_ns), event.text);
 }
 
-void ClientChannel::AskStatus(RunLog& log) {
-  if (const auto status = client_->Status())
-    log.clients[index_].failsafe_entered_count = status->failsafe_count;
+void ClientChannel::AskStatus() {
+  if (const auto status = client_->Status()) totals_.failsafe_entered_count = status->failsafe_count;
 }
 
-void ClientChannel::Finish(Origin origin, RunLog& log) {
-  const Origin of_log = origin.OrPowerOn();
-  ClientLog& own = log.clients[index_];
-  for (const auto& [time_ns, text] : firmware_lines_)
-    own.firmware_log += fmt::format("{:.6f} {}\n", ToSeconds(of_log.SimulationTime(time_ns)), text);
-  if (client_ != nullptr && client_->RunsOn()) own.receive_overruns_count = receive_overruns_count_;
-  if (!unmodelled_blocks_.empty()) own.unmodelled_blocks = std::move(unmodelled_blocks_);
-  if (!stacks_.empty()) own.stacks = std::move(stacks_);
-  for (DeviceEvent& event : events_)
-    log.events.push_back(
-        {of_log.SimulationTime(event.time_ns), std::move(event.kind), std::move(event.text), index_});
+void ClientChannel::Finish(Origin origin) {
+  records_.SetOrigin(origin.OrPowerOn());
+  if (client_ != nullptr && client_->RunsOn()) totals_.receive_overruns_count = receive_overruns_count_;
   if (const std::string talk = reference_talk_.Trouble(); !talk.empty() && !origin.known())
-    log.events.push_back({0, kLineTroubleEvent, talk, index_});
-  Append(log, faults_, origin);
+    records_.Write(TimeNs{0}, record::Event{kLineTroubleEvent, talk});
+  for (faults::Activation& activation : faults_.TakeActivations(origin)) {
+    const TimeNs time_ns = activation.time_ns;
+    records_.Write(time_ns, std::move(activation));
+  }
+  records_.Write(now_ns_, record::ActivationCounts{faults_.ActivationCounts()});
+  records_.Write(now_ns_, std::move(totals_));
 }
 
 }  // namespace tiltproof::harness

@@ -1,10 +1,11 @@
 // One client on the vehicle and its line, as the lockstep conductor sees them: when the client acts next,
 // what it receives, what it records. A flight has one channel or several.
 //
-//   ClientChannel channel(scenario, 0, line, {.on_news = [] {}, .before_ahead = [](const auto&, BootTime) {}});
+//   ClientChannel channel(scenario, 0, line, sink,
+//                         {.on_news = [] {}, .before_ahead = [](const auto&, BootTime) {}});
 //   channel.PowerOn(make_client);
 //   channel.Run(now, horizon);                 // bytes that have arrived, and the time that has come
-//   channel.Finish(origin, log);
+//   channel.Finish(origin);
 //
 // Times are boot time.
 #pragma once
@@ -20,8 +21,8 @@
 #include "faults/schedule.h"
 #include "harness/client/client.h"
 #include "harness/run/line.h"
+#include "harness/run/record_stream.h"
 #include "harness/run/reference_talk.h"
-#include "harness/run/run_log.h"
 #include "harness/scenario/scenario.h"
 
 namespace tiltproof::harness {
@@ -37,8 +38,9 @@ class ClientChannel {
     std::function<void(const ClientChannel&, BootTime at)> before_ahead;
   };
 
-  // `client`: its place in the scenario.
-  ClientChannel(const Scenario& scenario, std::size_t client, Line& line, Callbacks callbacks);
+  // `client`: its place in the scenario. `sink`: gets the records of the client; the line has its own.
+  ClientChannel(const Scenario& scenario, std::size_t client, Line& line, RecordSink& sink,
+                Callbacks callbacks);
   // Not movable: the client holds its address.
   ClientChannel(const ClientChannel&) = delete;
   ClientChannel& operator=(const ClientChannel&) = delete;
@@ -67,12 +69,12 @@ class ClientChannel {
   std::vector<faults::News> TakeNews();
   void Hear(std::span<const faults::News> news);
 
-  // Moves the channel's records into the log. Without t = 0 their times count from power-on.
-  void Finish(Origin origin, RunLog& log);
+  // Writes what remains of the channel's records. Without t = 0 their times count from power-on.
+  void Finish(Origin origin);
   // The client's values for the trace, at its present time.
   ClientSample Sample() { return client_->Sample(); }
   // Asks the client for its report, unless it may be in the middle of a call. Throws FirmwareTrouble.
-  void AskStatus(RunLog& log);
+  void AskStatus();
   std::unique_ptr<Client> TakeClient() { return std::move(client_); }
 
  private:
@@ -88,10 +90,9 @@ class ClientChannel {
   // Faults at the client's receiver, and the faults on its board that were carried out.
   faults::FaultSchedule faults_;
   std::vector<faults::ReceiveMark> marks_;
-  std::vector<DeviceEvent> events_;
+  PartRecords records_;
+  record::ClientEnd totals_;
   std::int64_t receive_overruns_count_ = 0;
-  std::vector<std::string> unmodelled_blocks_;
-  std::vector<StackUse> stacks_;
   Origin origin_;
   bool commanded_ = false;  // in this turn
 
@@ -100,7 +101,6 @@ class ClientChannel {
   BootTime period_begin_ns_;
   int wakes_count_ = 0;  // since then
 
-  std::vector<std::pair<BootTime, std::string>> firmware_lines_;  // what the firmware logged
   std::size_t firmware_log_bytes_ = 0;
   ReferenceTalk reference_talk_;
 };

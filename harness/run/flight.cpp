@@ -12,11 +12,8 @@
 #include "harness/client/firmware_guard.h"
 #include "harness/reference/trajectory.h"
 #include "harness/run/client_channel.h"
-#include "harness/run/client_history.h"
-#include "harness/run/merge_logs.h"
-#include "harness/run/protocol_use.h"
+#include "harness/run/log_builder.h"
 #include "harness/run/reference_frame.h"
-#include "harness/run/supervisor_states.h"
 #include "link/check.h"
 
 namespace tiltproof::harness {
@@ -24,11 +21,11 @@ namespace {
 
 using link::Direction;
 
-// Counts in boot time; records in the log are converted to simulation time.
+// Counts in boot time.
 class Conductor {
  public:
-  Conductor(const Scenario& scenario, const VehicleSignals& vehicle, std::span<Line* const> lines,
-            PlantServer& server, const FlightOptions& options);
+  Conductor(const Scenario& scenario, std::span<Line* const> lines, PlantServer& server, LogBuilder& log,
+            const FlightOptions& options);
   RunLog Run();
 
  private:
@@ -48,9 +45,12 @@ class Conductor {
   }
   void Conduct();
   void EndBy(const FirmwareTrouble& trouble) {
-    log_.end_reason = trouble.hung ? EndReason::kFirmwareHung : EndReason::kFirmwareCrashed;
-    log_.end_text = trouble.what();
-    log_.firmware_end = trouble.end;
+    End(trouble.hung ? EndReason::kFirmwareHung : EndReason::kFirmwareCrashed, trouble.what());
+    end_.firmware_end = trouble.end;
+  }
+  void End(EndReason reason, std::string text) {
+    end_.reason = reason;
+    end_.text = std::move(text);
   }
   bool EndsBefore(BootTime now);
   void AdvancePlant(BootTime to) { server_.Advance(to, Counts()); }
@@ -59,16 +59,15 @@ class Conductor {
   BootTime Horizon(const ClientChannel& channel, BootTime now) const;
   void SpreadNews();
   void SendReference(BootTime now);
-  void Finish();
+  RunLog Finish();
   const AllCounts& Counts();
   void Sample(BootTime now);
-  void AddSamples();
 
   bool started() const { return server_.state().started(); }
   bool over() const { return server_.state().over; }
   Origin origin() const { return server_.state().origin; }
   // When the flight ends, as far as it is known.
-  BootTime End() const {
+  BootTime EndTime() const {
     return started() ? origin().ToBootTime(scenario_.duration_ns) : BootTime(StartWait(scenario_));
   }
 
@@ -80,44 +79,31 @@ class Conductor {
   std::deque<ClientChannel> channels_;   // in the scenario's order
   std::vector<ClientChannel*> in_turn_;  // the selected client's first
   AllCounts counts_;
-  RunLog log_;
+  LogBuilder& log_;
+  record::End end_;
   const bool faults_wait_;                          // for each other, or for conditions
   std::vector<std::vector<std::uint8_t>> replies_;  // of the plant server, before they are sent
   BootTime next_reference_ns_ = BootTime::Never();
-  struct WatchSample {
-    TimeNs time_ns = 0;
-    std::vector<double> values;
-  };
-  std::size_t watch_column_ = 0;
-  std::vector<WatchSample> samples_;      // of watched variables, one for each row of the trace
-  std::vector<SupervisorStates> states_;  // of each client
-  std::optional<TimeNs> sampled_ns_;      // the last time
+  std::optional<TimeNs> sampled_ns_;  // the last time
 };
 
-Conductor::Conductor(const Scenario& scenario, const VehicleSignals& vehicle, std::span<Line* const> lines,
-                     PlantServer& server, const FlightOptions& options)
+Conductor::Conductor(const Scenario& scenario, std::span<Line* const> lines, PlantServer& server,
+                     LogBuilder& log, const FlightOptions& options)
     : scenario_(scenario),
       options_(options),
       server_(server),
       trajectory_(scenario.reference),
       references_(*scenario.link.protocol),
       counts_(lines.size()),
+      log_(log),
       faults_wait_(std::any_of(scenario.faults.begin(), scenario.faults.end(), faults::WaitsForNews)) {
   for (std::size_t client = 0; client < lines.size(); ++client)
     in_turn_.push_back(&channels_.emplace_back(
-        scenario, client, *lines[client],
+        scenario, client, *lines[client], log,
         ClientChannel::Callbacks{.on_news = [this] { SpreadNews(); },
                                  .before_ahead = [this](const ClientChannel& channel,
                                                         BootTime at) { FollowAhead(channel, at); }}));
   std::swap(in_turn_.front(), in_turn_[scenario.selected_client()]);
-  const TraceLayout layout(vehicle, scenario);
-  log_.trace = Trace(layout.columns);
-  watch_column_ = layout.watch;
-  log_.fault_activation_counts.assign(scenario.faults.size(), 0);
-  log_.clients.resize(lines.size());
-  states_.resize(lines.size());
-  for (std::size_t client = 0; scenario.has_several_clients() && client < lines.size(); ++client)
-    log_.clients[client].id = scenario.client_id(client);
 }
 
 RunLog Conductor::Run() {
@@ -129,14 +115,13 @@ RunLog Conductor::Run() {
     EndBy(trouble);
   } catch (const std::exception& error) {
     if (!in_turn_.back()->exists()) throw;
-    log_.end_reason = EndReason::kHarnessError;
-    log_.end_text = error.what();
+    End(EndReason::kHarnessError, error.what());
   }
-  log_.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
-  Finish();
+  end_.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
+  RunLog log = Finish();
   if (options_.retire)
     for (ClientChannel& channel : channels_) options_.retire(channel.TakeClient());
-  return std::move(log_);
+  return log;
 }
 
 void Conductor::Conduct() {
@@ -164,29 +149,26 @@ void Conductor::Conduct() {
 
 // True if the flight ends before the events at `now`.
 bool Conductor::EndsBefore(BootTime now) {
-  if (now > End()) {
+  if (now > EndTime()) {
     if (started()) {
-      Sample(End());
-      AdvancePlant(End());
+      Sample(EndTime());
+      AdvancePlant(EndTime());
       // The last row is at duration_s, on the grid or not.
-      if (!over()) server_.Finish(End(), Counts());
+      if (!over()) server_.Finish(EndTime(), Counts());
     } else {
-      log_.end_reason = EndReason::kNeverStarted;
-      log_.end_text = NeverStartedText(scenario_);
+      End(EndReason::kNeverStarted, NeverStartedText(scenario_));
     }
     return true;
   }
   Each([&](ClientChannel& channel) { channel.BeginTurn(now); });
   if (options_.interrupted != nullptr && options_.interrupted->load(std::memory_order_relaxed)) {
-    log_.end_reason = EndReason::kInterrupted;
-    log_.end_text = "interrupted";
+    End(EndReason::kInterrupted, "interrupted");
     return true;
   }
   for (ClientChannel& channel : channels_) {
     const auto& overfull = channel.line().overfull();
     if (!overfull) continue;
-    log_.end_reason = EndReason::kLineOverfull;
-    log_.end_text = overfull->text;
+    End(EndReason::kLineOverfull, overfull->text);
     return true;
   }
   return false;
@@ -226,8 +208,9 @@ void Conductor::ServePlantEnd(ClientChannel& channel, BootTime now) {
 // Nothing that is not on its way yet can reach the client before this time. A client with its own processor
 // comes back at least every period.
 BootTime Conductor::Horizon(const ClientChannel& channel, BootTime now) const {
-  BootTime horizon = std::min({next_reference_ns_, channel.line().NextArrival(Direction::kToPlant),
-                               now + scenario_.link.protocol->control_period_ns, std::max(End(), now) + 1});
+  BootTime horizon =
+      std::min({next_reference_ns_, channel.line().NextArrival(Direction::kToPlant),
+                now + scenario_.link.protocol->control_period_ns, std::max(EndTime(), now) + 1});
   // References begin with the selected client's `start`: before it, the others do not run ahead of that client.
   const ClientChannel& selected = *in_turn_.front();
   if (!started() && &channel != &selected) horizon = std::min(horizon, std::max(selected.Next(), now));
@@ -272,77 +255,47 @@ void Conductor::Sample(BootTime now) {
   const TimeNs time_ns = origin().SimulationTime(now);
   if (sampled_ns_ && *sampled_ns_ >= time_ns) return;
   sampled_ns_ = time_ns;
-  WatchSample watched{time_ns, {}};
   // In the order of the scenario's clients; turns may have another order.
   for (ClientChannel& channel : channels_) {
     ClientSample sample = channel.Sample();
-    if (sample.supervisor_state) {
-      states_[channel.index()].Take(time_ns, *sample.supervisor_state);
-      if (options_.watcher != nullptr) options_.watcher->on_state(channel.index(), *sample.supervisor_state);
-    }
+    if (sample.supervisor_state)
+      log_.Write({time_ns, channel.index(), record::State{*sample.supervisor_state}});
+    if (scenario_.watch.empty()) continue;
     sample.watched.resize(scenario_.watch.size(), std::numeric_limits<double>::quiet_NaN());
-    watched.values.insert(watched.values.end(), sample.watched.begin(), sample.watched.end());
+    log_.Write({time_ns, channel.index(), record::Watched{std::move(sample.watched)}});
   }
-  if (!scenario_.watch.empty()) samples_.push_back(std::move(watched));
 }
 
-// Rows and samples have the same times, but a flight that ends early may have one more of either.
-void Conductor::AddSamples() {
-  std::size_t row = 0;
-  for (const WatchSample& sample : samples_) {
-    const double time_s = ToSeconds(sample.time_ns);
-    while (row < log_.trace.row_count() && log_.trace.at(row, 0) < time_s) ++row;
-    if (row == log_.trace.row_count()) break;
-    if (log_.trace.at(row, 0) == time_s)
-      std::copy(sample.values.begin(), sample.values.end(),
-                log_.trace.mutable_row(row).begin() + static_cast<std::ptrdiff_t>(watch_column_));
-  }
-  for (std::size_t client = 0; client < states_.size(); ++client)
-    AddSupervisorState(scenario_, client, states_[client].changes(), log_.trace);
-}
-
-void Conductor::Finish() {
+RunLog Conductor::Finish() {
   const PlantServer::State& state = server_.state();
-  if (state.over && log_.end_reason == EndReason::kCompleted) {
-    log_.end_reason = state.end_reason;
-    log_.end_text = state.end_text;
-  }
+  if (state.over && end_.reason == EndReason::kCompleted) End(state.end_reason, state.end_text);
+  TimeNs end_ns = 0;
   if (state.started())
-    log_.end_ns = log_.end_reason == EndReason::kCompleted ? scenario_.duration_ns : state.reached_ns;
+    end_ns = end_.reason == EndReason::kCompleted ? scenario_.duration_ns : state.reached_ns;
   // After a failure a client may be in the middle of a call.
-  const bool trouble = log_.end_reason == EndReason::kFirmwareHung ||
-                       log_.end_reason == EndReason::kFirmwareCrashed ||
-                       log_.end_reason == EndReason::kHarnessError;
+  const bool trouble = end_.reason == EndReason::kFirmwareHung ||
+                       end_.reason == EndReason::kFirmwareCrashed || end_.reason == EndReason::kHarnessError;
   if (!trouble) {
     try {
-      Each([&](ClientChannel& channel) { channel.AskStatus(log_); });
+      Each([&](ClientChannel& channel) { channel.AskStatus(); });
     } catch (const FirmwareTrouble& late) {
       EndBy(late);
     }
   }
-  for (ClientChannel& channel : channels_) channel.Finish(state.origin, log_);
+  for (ClientChannel& channel : channels_) channel.Finish(state.origin);
   // A part in another process may be gone, and its records with it; the others' are kept.
-  const auto keep_going = [&](const auto& append) {
+  const auto keep_going = [&](const auto& write) {
     try {
-      append();
+      write();
     } catch (const std::exception& error) {
-      if (log_.end_reason == EndReason::kHarnessError) return;
-      log_.end_reason = EndReason::kHarnessError;
-      log_.end_text = error.what();
+      if (end_.reason != EndReason::kHarnessError) End(EndReason::kHarnessError, error.what());
     }
   };
-  keep_going([&] { Append(log_, server_.TakeLog()); });
-  AddSamples();
-  const BootTime end = state.origin.OrPowerOn().ToBootTime(log_.end_ns);
-  for (ClientChannel& channel : channels_)
-    keep_going([&] { Append(log_, channel.line().TakeLog(end), channel.index(), state.origin); });
-  SortByTime(log_);
-  for (std::size_t client = 0; client < channels_.size(); ++client) {
-    const link::Protocol& protocol = *scenario_.link.protocol;
-    AddClientHistory(log_, client, protocol);
-    AddProtocolUse(log_, client, protocol, MainBaud(scenario_.link));
-  }
-  ExplainNeverStarted(log_, *scenario_.link.protocol);
+  keep_going([&] { server_.WriteTotals(); });
+  const BootTime end = state.origin.OrPowerOn().ToBootTime(end_ns);
+  for (ClientChannel& channel : channels_) keep_going([&] { channel.line().Finish(end); });
+  log_.Write({end_ns, {}, std::move(end_)});
+  return log_.Take();
 }
 
 }  // namespace
@@ -375,16 +328,17 @@ std::string NeverStartedText(const Scenario& scenario) {
          " s of power-on";
 }
 
-RunLog Conduct(const Scenario& scenario, const VehicleSignals& vehicle, std::span<Line* const> lines,
-               PlantServer& server, const FlightOptions& options) {
-  return Conductor(scenario, vehicle, lines, server, options).Run();
+RunLog Conduct(const Scenario& scenario, std::span<Line* const> lines, PlantServer& server, LogBuilder& log,
+               const FlightOptions& options) {
+  return Conductor(scenario, lines, server, log, options).Run();
 }
 
 RunLog Fly(const Scenario& scenario, const plant::VehicleModel& model, const FlightOptions& options) {
-  LocalLines lines(scenario);
-  LocalPlantServer server(scenario, model);
-  server.SetWatcher(options.watcher);
-  return Conduct(scenario, model.signals(), lines.all(), server, options);
+  const VehicleSignals signals = model.signals();
+  LogBuilder log(scenario, signals, options.observer);
+  LocalLines lines(scenario, log);
+  LocalPlantServer server(scenario, model, log);
+  return Conduct(scenario, lines.all(), server, log, options);
 }
 
 }  // namespace tiltproof::harness

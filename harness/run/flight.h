@@ -18,8 +18,8 @@
 #include <string>
 
 #include "harness/client/make_client.h"
-#include "harness/run/flight_watcher.h"
 #include "harness/run/line.h"
+#include "harness/run/log_builder.h"
 #include "harness/run/plant_server.h"
 #include "harness/run/run_log.h"
 #include "harness/scenario/scenario.h"
@@ -36,17 +36,18 @@ struct FlightOptions {
   std::function<void(std::unique_ptr<Client>)> retire = {};
   // Set from outside to end the flight early (Ctrl-C); may be null.
   const std::atomic<bool>* interrupted = nullptr;
-  // May be null. Rows come only from a plant in this process.
-  const FlightWatcher* watcher = nullptr;
+  // Gets the flight's records as they are made, and must not make it wait; may be null.
+  RecordSink* observer = nullptr;
 };
 
 // Flies to the end, or to what ends it early (RunLog::end_reason): divergence, ground strike, a hung or
 // crashed firmware, an interrupt. Throws std::runtime_error when the client cannot be made.
 RunLog Fly(const Scenario& scenario, const plant::VehicleModel& model, const FlightOptions& options);
 
-// The same with lines, one per client, and a plant that the caller provides, in this process or in others.
-RunLog Conduct(const Scenario& scenario, const VehicleSignals& vehicle, std::span<Line* const> lines,
-               PlantServer& server, const FlightOptions& options);
+// The same with lines, one per client, and a plant that the caller provides, in this process or in others. They write
+// to `log`.
+RunLog Conduct(const Scenario& scenario, std::span<Line* const> lines, PlantServer& server, LogBuilder& log,
+               const FlightOptions& options);
 
 // The scenario's requirements for a client.
 ClientSettings SettingsOf(const Scenario& scenario, std::size_t client = 0);

@@ -31,9 +31,8 @@ faults::FaultSchedule ClientFaults(const Scenario& scenario, std::size_t client,
   return {scenario.faults, scenario.seed_of(client), place};
 }
 
-LocalLine::LocalLine(const Scenario& scenario, std::size_t client, bool paced, bool grows)
-    : client_(client),
-      protocol_(scenario.link.protocol),
+LocalLine::LocalLine(const Scenario& scenario, RecordSink& sink, std::size_t client, bool paced, bool grows)
+    : protocol_(scenario.link.protocol),
       fault_ids_([&] {
         std::vector<std::string> ids;
         for (const auto& fault : scenario.faults) ids.push_back(fault.id);
@@ -62,23 +61,24 @@ LocalLine::LocalLine(const Scenario& scenario, std::size_t client, bool paced, b
           return ReceivingEnd(*protocol_, direction, faults_.MayAlter(direction));
         };
         return std::array{end(Direction::kToPlant), end(Direction::kToClient), end(Direction::kReference)};
-      }()} {
+      }()},
+      records_(sink, client) {
   for (const Direction direction : kDirections) {
     ReceivingEnd& end = At(ends_, direction);
     At(wires_, direction)
         .SetTaps({.sent =
                       [this, &end, direction](const link::Chunk& chunk) {
-                        link_log_.Append(chunk, {client_, direction}, false);
+                        records_.WriteBytes(chunk.begin_ns, direction, ByteSide::kSent, chunk.bytes);
                         end.OnSent(chunk);
                       },
                   .delivered =
                       [this, &end, direction](const link::Chunk& chunk) {
-                        link_log_.Append(chunk, {client_, direction}, true);
+                        records_.WriteBytes(chunk.begin_ns, direction, ByteSide::kDelivered, chunk.bytes);
                         end.OnDelivered(chunk);
                       },
                   .passed_on =
                       [this, direction](BootTime at, std::span<const std::uint8_t> bytes) {
-                        link_log_.AppendPassedOn(at, bytes, {client_, direction});
+                        records_.WriteBytes(at, direction, ByteSide::kPassedOn, bytes);
                       }});
   }
   At(ends_, Direction::kToClient).SetOnSentFrame([this](const ReceivingEnd::FrameName& name) {
@@ -149,8 +149,9 @@ std::optional<Line::Piece> LocalLine::TakePiece(Direction direction, BootTime un
             if (direction == Direction::kToClient) OnReply(piece.arrival_ns, name);
           },
           [&](std::string_view reason) {
-            events_.Add(piece.arrival_ns, "rejected",
-                        std::string(Name(direction)) + ": " + std::string(reason));
+            if (auto event =
+                    events_.Pass("rejected", std::string(Name(direction)) + ": " + std::string(reason)))
+              records_.Write(piece.arrival_ns, *std::move(event));
           });
   return piece;
 }
@@ -158,12 +159,13 @@ std::optional<Line::Piece> LocalLine::TakePiece(Direction direction, BootTime un
 void LocalLine::SetOrigin(Origin origin) {
   origin_ = origin;
   faults_.SetOrigin(origin);
+  records_.SetOrigin(origin);
 }
 
 void LocalLine::OnClientMessage(BootTime arrival, const link::Message& message) {
   if (!message.type->reply.empty()) requested_ns_ = arrival;
   if (!message.values.empty() && replied_ns_ != BootTime::Never()) {
-    client_round_trip_ns_.push_back(arrival - replied_ns_);
+    records_.Write(arrival, record::Answer{arrival - replied_ns_});
     replied_ns_ = BootTime::Never();
   }
 }
@@ -175,7 +177,7 @@ void LocalLine::OnReply(BootTime arrival, const ReceivingEnd::FrameName& name) {
       std::lower_bound(replies_.begin(), replies_.end(), name.number,
                        [](const Reply& reply, std::uint64_t number) { return reply.name.number < number; });
   if (found == replies_.end() || found->requested_ns == BootTime::Never() || found->name != name) return;
-  reply_latency_ns_.push_back(arrival - found->requested_ns);
+  records_.Write(arrival, record::Reply{arrival - found->requested_ns});
   replied_ns_ = arrival;
   found->requested_ns = BootTime::Never();
   while (!replies_.empty() && replies_.front().requested_ns == BootTime::Never()) replies_.pop_front();
@@ -186,22 +188,24 @@ const LineCounts& LocalLine::counts() const {
   return counts_;
 }
 
-LineLog LocalLine::TakeLog(BootTime end) {
-  LineLog log;
-  log.link = std::exchange(link_log_, {});
-  log.reply_latency_ns = std::exchange(reply_latency_ns_, {});
-  log.client_round_trip_ns = std::exchange(client_round_trip_ns_, {});
-  log.events = events_.Take();
-  for (BootEvent& event : log.events) event.client = client_;
-  log.activations = faults_.TakeActivations(origin_);
-  log.activation_counts = faults_.ActivationCounts();
-  log.counts = counts();
-  for (const ReceivingEnd& receiving : ends_) {
-    log.resync_max_ns = std::max(log.resync_max_ns, receiving.ResyncMax(end));
-    log.accepted_wrong_count += receiving.wrong_count();
-    log.accepted_stale_count += receiving.stale_count();
+void LocalLine::WriteActivations() {
+  for (faults::Activation& activation : faults_.TakeActivations(origin_)) {
+    const TimeNs time_ns = activation.time_ns;
+    records_.Write(time_ns, std::move(activation));
   }
-  return log;
+}
+
+void LocalLine::Finish(BootTime end) {
+  records_.SetOrigin(origin_.OrPowerOn());
+  WriteActivations();
+  records_.Write(end, record::ActivationCounts{faults_.ActivationCounts()});
+  record::LineEnd totals{.counts = counts()};
+  for (const ReceivingEnd& receiving : ends_) {
+    totals.resync_max_ns = std::max(totals.resync_max_ns, receiving.ResyncMax(end));
+    totals.accepted_wrong_count += receiving.wrong_count();
+    totals.accepted_stale_count += receiving.stale_count();
+  }
+  records_.Write(end, totals);
 }
 
 }  // namespace tiltproof::harness

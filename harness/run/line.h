@@ -5,7 +5,7 @@
 // channel (lockstep, distributed), and between real ports (the link node). All times are boot time
 // (link/time.h).
 //
-//   LocalLine line(scenario);
+//   LocalLine line(scenario, sink);
 //   line.Transmit(Direction::kToPlant, now, bytes);
 //   while (const auto piece = line.TakePiece(Direction::kToPlant, now))
 //     if (piece->message != nullptr) server.Receive(client, piece->arrival_ns, *piece->message, reply);
@@ -22,32 +22,15 @@
 #include <vector>
 
 #include "faults/schedule.h"
-#include "harness/run/event_log.h"
+#include "harness/run/event_limit.h"
 #include "harness/run/receiving_end.h"
+#include "harness/run/record_stream.h"
 #include "harness/run/run_log.h"
 #include "harness/scenario/scenario.h"
 #include "link/fields.h"
 #include "link/wire.h"
 
 namespace tiltproof::harness {
-
-// Records since the last TakeLog(); counters are totals.
-struct LineLog {
-  BootLinkLog link;
-  std::vector<TimeNs>
-      reply_latency_ns;  // from a request's last byte at the server to its reply's at the client
-  std::vector<TimeNs>
-      client_round_trip_ns;  // from a reply's last byte at the client to its actuators' at the server
-  std::vector<BootEvent> events;
-  std::vector<faults::Activation> activations;  // simulation time
-  std::vector<std::int64_t> activation_counts;  // one per fault of the scenario
-  LineCounts counts{};
-  std::int64_t accepted_wrong_count = 0;
-  std::int64_t accepted_stale_count = 0;
-  TimeNs resync_max_ns = 0;
-  TILTPROOF_FIELDS(link, reply_latency_ns, client_round_trip_ns, events, activations, activation_counts,
-                   counts, accepted_wrong_count, accepted_stale_count, resync_max_ns)
-};
 
 // More bytes were to wait in a direction than link::kLineBytesMax. The direction carries nothing any more.
 struct Overfull {
@@ -91,16 +74,18 @@ class Line {
   // News for faults that wait, see faults/news.h.
   virtual std::vector<faults::News> TakeNews() = 0;
   virtual void Hear(std::span<const faults::News> news) = 0;
-  // `end`: when the flight ended. A frame that is still awaited then counts as lost.
-  virtual LineLog TakeLog(BootTime end) = 0;
+  // Writes the totals; call it once, at the end. A frame that is still awaited at `end` counts as lost. Without t = 0
+  // the times of all records count from power-on.
+  virtual void Finish(BootTime end) = 0;
 };
 
 class LocalLine final : public Line {
  public:
-  // `client`: place in the scenario of the line's client. `paced`: bytes take their time here. On a line to a
-  // real serial port they do not: there the hardware sets the pace. The line keeps the scenario's protocol.
-  // `grows`: Add() will be called.
-  explicit LocalLine(const Scenario& scenario, std::size_t client = 0, bool paced = true, bool grows = false);
+  // `sink`: gets the line's records; it must outlive the line. `client`: place in the scenario of the line's client.
+  // `paced`: bytes take their time here. On a line to a real serial port they do not: there the hardware sets the pace.
+  // The line keeps the scenario's protocol. `grows`: Add() will be called.
+  LocalLine(const Scenario& scenario, RecordSink& sink, std::size_t client = 0, bool paced = true,
+            bool grows = false);
 
   // One more fault of the scenario, while it flies.
   void Add(const faults::FaultSpec& fault);
@@ -113,7 +98,9 @@ class LocalLine final : public Line {
   const std::optional<Overfull>& overfull() const override { return overfull_; }
   std::vector<faults::News> TakeNews() override { return faults_.TakeNews(); }
   void Hear(std::span<const faults::News> news) override { faults_.Hear(news); }
-  LineLog TakeLog(BootTime end) override;
+  void Finish(BootTime end) override;
+  // Writes what faults did since the last call. Finish() does, too.
+  void WriteActivations();
 
   // Arrival at the client of the latest valid reply while its actuators are awaited; otherwise Never().
   BootTime unanswered_reply() const { return replied_ns_; }
@@ -130,7 +117,6 @@ class LocalLine final : public Line {
   void OnClientMessage(BootTime arrival, const link::Message& message);
   void OnReply(BootTime arrival, const ReceivingEnd::FrameName& name);
 
-  std::size_t client_;
   std::shared_ptr<const link::Protocol> protocol_;
   std::vector<std::string> fault_ids_;
   faults::FaultSchedule faults_;
@@ -150,17 +136,16 @@ class LocalLine final : public Line {
   std::deque<Reply> replies_;
   BootTime replied_ns_ = BootTime::Never();  // arrival of the latest reply that no actuators have answered
 
-  BootLinkLog link_log_;
-  std::vector<TimeNs> reply_latency_ns_, client_round_trip_ns_;
-  EventLog<BootTime> events_;
+  PartRecords records_;
+  EventLimit events_;
 };
 
 // The lines of a flight's clients.
 class LocalLines {
  public:
-  explicit LocalLines(const Scenario& scenario) {
+  LocalLines(const Scenario& scenario, RecordSink& sink) {
     for (std::size_t client = 0; client < scenario.client_count(); ++client)
-      all_.push_back(&lines_.emplace_back(scenario, client));
+      all_.push_back(&lines_.emplace_back(scenario, sink, client));
   }
   std::span<Line* const> all() { return all_; }
 

@@ -12,7 +12,6 @@
 // TPLINK1 records have no client: the flight has only one.
 #pragma once
 
-#include <concepts>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -26,6 +25,9 @@ namespace tiltproof::harness {
 
 inline constexpr std::string_view kLinkLogMagic = "TPLINK2\n";
 
+// Bytes as they were sent, as they went on after the faults, and as the buffer of an adapter passed them on.
+enum class ByteSide : std::uint8_t { kSent, kDelivered, kPassedOn };
+
 // Each client of a flight has three wires.
 struct WireId {
   std::size_t client = 0;  // its place among the scenario's clients
@@ -33,53 +35,40 @@ struct WireId {
   friend bool operator==(const WireId&, const WireId&) = default;
 };
 
-template <class Time>
-struct TimedLinkRecord {
-  Time begin_ns{};
+struct LinkRecord {
+  TimeNs begin_ns = 0;
   WireId wire;
   bool delivered = false;
   bool passed_on = false;
   std::span<const std::uint8_t> bytes;
 };
-using LinkRecord = TimedLinkRecord<TimeNs>;
-
-// A line collects in boot time; readers want simulation time. A file has simulation time.
-template <class Time>
-class TimedLinkLog {
+class LinkLog {
  public:
-  TimedLinkLog() = default;
+  LinkLog() = default;
 
   // Takes the content of a file, of this version or the previous one. Throws std::runtime_error with the
   // offset of the damage.
-  explicit TimedLinkLog(std::vector<std::uint8_t> content);
+  explicit LinkLog(std::vector<std::uint8_t> content);
 
-  void Append(const link::TimedChunk<Time>& chunk, WireId wire, bool delivered);
-  // Bytes that the buffer of an adapter has passed on at that time.
-  void AppendPassedOn(Time at, std::span<const std::uint8_t> bytes, WireId wire);
+  void Append(const link::LogChunk& chunk, WireId wire, bool delivered) {
+    Append(chunk.begin_ns, chunk.bytes, wire, delivered ? ByteSide::kDelivered : ByteSide::kSent);
+  }
+  // Bytes that follow each other on a wire from `begin` on.
+  void Append(TimeNs begin, std::span<const std::uint8_t> bytes, WireId wire, ByteSide side);
   // The records of another log, after its own.
-  void Append(TimedLinkLog&& other);
+  void Append(LinkLog&& other);
 
   // The file's content.
   const std::vector<std::uint8_t>& content() const { return content_; }
 
-  // The same records in simulation time, without copying their bytes.
-  TimedLinkLog<TimeNs> Shifted(Origin origin) && requires std::same_as<Time, BootTime>;
-
   // Iterates over the records of what was sent and what went on after the faults: `offset` starts at 0 and is advanced;
   // nullopt at the end.
-  std::optional<TimedLinkRecord<Time>> Next(std::size_t& offset) const;
+  std::optional<LinkRecord> Next(std::size_t& offset) const;
   // The same, with the records of what adapters passed on.
-  std::optional<TimedLinkRecord<Time>> NextOfAll(std::size_t& offset) const;
+  std::optional<LinkRecord> NextOfAll(std::size_t& offset) const;
 
  private:
-  template <class Other>
-  friend class TimedLinkLog;
-
-  void AppendRecords(Time begin, std::span<const std::uint8_t> bytes, WireId wire, std::uint8_t side);
-
   std::vector<std::uint8_t> content_{kLinkLogMagic.begin(), kLinkLogMagic.end()};
 };
-using LinkLog = TimedLinkLog<TimeNs>;
-using BootLinkLog = TimedLinkLog<BootTime>;
 
 }  // namespace tiltproof::harness

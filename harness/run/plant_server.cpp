@@ -12,8 +12,6 @@
 namespace tiltproof::harness {
 namespace {
 
-constexpr std::size_t kReservedRowsMax = 10'000;  // two minutes
-
 plant::RatesFrame FrameOf(AngularRates rates) {
   switch (rates) {
     case AngularRates::kWorld:
@@ -32,7 +30,8 @@ std::ptrdiff_t Offset(std::size_t column) { return static_cast<std::ptrdiff_t>(c
 
 }  // namespace
 
-LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::VehicleModel& model, bool grows)
+LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::VehicleModel& model,
+                                   RecordSink& sink, bool grows)
     : scenario_(scenario),
       signals_(model.signals()),
       layout_(signals_, scenario),
@@ -44,7 +43,13 @@ LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::Vehicl
               {.signals = signals_, .step_ns = scenario.step_ns, .grows = grows}),
       conditions_(scenario, Trace(layout_.columns).columns()),
       protocol_(*scenario.link.protocol),
-      arbiter_(scenario) {
+      arbiter_(scenario),
+      sink_(sink),
+      hover_input_(model.HoverInput()),
+      input_min_(model.InputMin()),
+      input_max_(model.InputMax()),
+      commanded_(hover_input_),
+      in_force_(hover_input_) {
   for (const link::MessageType& type : protocol_.messages)
     bindings_.emplace_back(type, TableOf(type, signals_));
   plant_.Reset(scenario.initial_position_m, scenario.initial_attitude_rad);
@@ -52,14 +57,6 @@ LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::Vehicl
     seats_.push_back({.faults = ClientFaults(scenario, client, &signals_, grows),
                       .sensed = std::vector<double>(signals_.sensors.size(), kNothingYet),
                       .asked = std::vector<double>(signals_.inputs.size(), kNothingYet)});
-  log_.clients.resize(seats_.size());
-  commanded_ = in_force_ = log_.hover_input = model.HoverInput();
-  log_.input_min = model.InputMin();
-  log_.input_max = model.InputMax();
-  log_.column_count = layout_.columns.size();
-  // In real time the log goes out every 50 ms, and giving back what a long flight might fill would take long.
-  const auto row_count = static_cast<std::size_t>(scenario.duration_ns / protocol_.control_period_ns) + 2;
-  log_.rows.reserve(std::min(row_count, kReservedRowsMax) * layout_.columns.size());
 }
 
 void LocalPlantServer::Add(const faults::FaultSpec& fault) {
@@ -81,7 +78,7 @@ void LocalPlantServer::Receive(std::size_t client, BootTime arrival, const link:
 }
 
 void LocalPlantServer::OnStart(std::size_t client, BootTime arrival, const link::Message& message) {
-  std::int64_t& starts_count = log_.clients.at(client).starts_accepted_count;
+  std::int64_t& starts_count = seats_.at(client).starts_accepted_count;
   if (!state_.started() && !arbiter_.Takes(client)) {
     starts_count = 1;  // it waits for t = 0
   } else if (origin_.Note(arrival, message)) {
@@ -90,15 +87,14 @@ void LocalPlantServer::OnStart(std::size_t client, BootTime arrival, const link:
     boundary_ns_ = state_.quiet_until_ns = arrival;
     faults_.SetOrigin(state_.origin);
     for (Seat& seat : seats_) seat.faults.SetOrigin(state_.origin);
-    events_.Add(0, "start_accepted", "t = 0");
+    AddEvent(0, "start_accepted", "t = 0");
     NoteActivations();
     LookAtConditions();
   } else if (starts_count == 0) {
     ++starts_count;
   } else if (protocol_.repeated_start_is_boot) {
     ++starts_count;
-    events_.Add(SimTime(arrival), kStartRepeatedEvent, "the client sent `start` again: it began anew",
-                client);
+    AddEvent(SimTime(arrival), kStartRepeatedEvent, "the client sent `start` again: it began anew", client);
   }
 }
 
@@ -113,11 +109,12 @@ void LocalPlantServer::AnswerSensorRequest(std::size_t client, BootTime arrival,
   NoteActivations();
   std::copy(sent_.begin(), sent_.end(), seat.sensed.begin());
   reply(protocol_.framing->Encode(protocol_.Encode(answer, BindingOf(answer).Values<float>(sent_)).span()));
-  if (state_.started()) log_.clients[client].request_times_ns.push_back(SimTime(arrival));
+  if (state_.started())
+    sink_.Write({SimTime(arrival), client, record::Accepted{record::AcceptedKind::kRequest}});
 }
 
 void LocalPlantServer::TakeInput(std::size_t client, BootTime arrival, const link::Message& message) {
-  log_.clients[client].actuator_times_ns.push_back(SimTime(arrival));
+  sink_.Write({SimTime(arrival), client, record::Accepted{record::AcceptedKind::kActuators}});
   BindingOf(*message.type).Put(message.values, seats_[client].asked);
   if (!arbiter_.Takes(client)) return;
   BindingOf(*message.type).Put(message.values, commanded_);
@@ -143,7 +140,7 @@ void LocalPlantServer::Advance(BootTime to, const AllCounts& counts) {
       state_.end_reason =
           event == plant::FlightEvent::kGroundStrike ? EndReason::kGroundStrike : EndReason::kDiverged;
       state_.end_text = plant_.EventText();
-      events_.Add(state_.reached_ns, std::string(Name(state_.end_reason)), state_.end_text);
+      AddEvent(state_.reached_ns, std::string(Name(state_.end_reason)), state_.end_text);
     }
     NoteActivations();
     LookAtConditions();
@@ -207,12 +204,13 @@ void LocalPlantServer::LeaveBoundary(const AllCounts& counts) {
 
 void LocalPlantServer::LogRow(BootTime at, const AllCounts& counts) {
   const TimeNs t = SimTime(at);
-  const std::size_t begin = log_.rows.size();
   Check(logged_ns_ < t, "rows are logged in order of time, each once");
   logged_ns_ = t;
-  log_.rows.resize(begin + layout_.columns.size(), std::numeric_limits<double>::quiet_NaN());
-  FillRow(t, counts, std::span(log_.rows).subspan(begin));
-  if (watcher_ != nullptr) watcher_->on_row(std::span(log_.rows).subspan(begin));
+  row_.time_ns = t;
+  std::vector<double>& values = std::get<record::Row>(row_.body).values;
+  values.assign(layout_.columns.size(), kNothingYet);
+  FillRow(t, counts, values);
+  sink_.Write(row_);
 }
 
 // `row` holds NaN.
@@ -224,16 +222,13 @@ void LocalPlantServer::FillRow(TimeNs t, const AllCounts& counts, std::span<doub
   std::copy_n(reference.position_m.begin(), 3, row.begin() + Offset(layout_.reference));
   row[layout_.reference + 3] = reference.yaw_rad;
   for (std::size_t client = 0; client < seats_.size(); ++client) {
-    const auto& [faults, sensed, asked] = seats_[client];
+    const std::vector<double>&sensed = seats_[client].sensed, &asked = seats_[client].asked;
     std::copy(sensed.begin(), sensed.end(), row.begin() + Offset(layout_.sensed + client * sensed.size()));
     std::copy(asked.begin(), asked.end(), row.begin() + Offset(layout_.commanded + client * asked.size()));
   }
   if (layout_.arbiter_selected) row[*layout_.arbiter_selected] = static_cast<double>(arbiter_.selected());
-  std::size_t column = layout_.link_counters;
-  for (const LineCounts& line : counts)
-    for (const DirectionCounts& count : line)
-      for (const std::int64_t value : {count.frames_sent, count.frames_accepted, count.frames_rejected})
-        row[column++] = static_cast<double>(value);
+  for (std::size_t i = 0; i < counts.size(); ++i)
+    PutCounters(counts[i], row.subspan(layout_.link_counters + i * kLineCounters));
   double& active_count = row[layout_.faults_active_count] = 0;
   for (std::size_t i = 0; i < layout_.watch - layout_.active; ++i) {
     const double active = row[layout_.active + i] = faults_.IsActive(i, t) ? 1.0 : 0.0;
@@ -241,25 +236,33 @@ void LocalPlantServer::FillRow(TimeNs t, const AllCounts& counts, std::span<doub
   }
 }
 
-PlantLog LocalPlantServer::TakeLog() {
-  PlantLog log = std::exchange(log_, {});
-  log_.hover_input = log.hover_input;
-  log_.input_min = log.input_min;
-  log_.input_max = log.input_max;
-  log_.column_count = log.column_count;
-  log_.clients.resize(log.clients.size());
-  for (std::size_t i = 0; i < log.clients.size(); ++i)
-    log_.clients[i].starts_accepted_count = log.clients[i].starts_accepted_count;
-  log.events = events_.Take();
-  log.activations = faults_.TakeActivations(state_.origin);
-  log.activation_counts = faults_.ActivationCounts();
-  for (Seat& seat : seats_) {
-    const auto& counts = seat.faults.ActivationCounts();
-    for (std::size_t i = 0; i < counts.size(); ++i) log.activation_counts[i] += counts[i];
-    for (auto& activation : seat.faults.TakeActivations(state_.origin))
-      log.activations.push_back(std::move(activation));
+void LocalPlantServer::AddEvent(TimeNs time_ns, std::string kind, std::string text,
+                                std::optional<std::size_t> client) {
+  if (auto event = events_.Pass(std::move(kind), std::move(text)))
+    sink_.Write({time_ns, client, *std::move(event)});
+}
+
+void LocalPlantServer::WriteActivations() {
+  const auto write = [&](faults::FaultSchedule& faults, std::optional<std::size_t> client) {
+    for (faults::Activation& activation : faults.TakeActivations(state_.origin)) {
+      const TimeNs time_ns = activation.time_ns;
+      sink_.Write({time_ns, client, std::move(activation)});
+    }
+  };
+  write(faults_, {});
+  for (std::size_t client = 0; client < seats_.size(); ++client) write(seats_[client].faults, client);
+}
+
+void LocalPlantServer::WriteTotals() {
+  WriteActivations();
+  record::PlantEnd end{hover_input_, input_min_, input_max_, {}};
+  sink_.Write({state_.reached_ns, {}, record::ActivationCounts{faults_.ActivationCounts()}});
+  for (std::size_t client = 0; client < seats_.size(); ++client) {
+    sink_.Write(
+        {state_.reached_ns, client, record::ActivationCounts{seats_[client].faults.ActivationCounts()}});
+    end.starts_accepted_counts.push_back(seats_[client].starts_accepted_count);
   }
-  return log;
+  sink_.Write({state_.reached_ns, {}, std::move(end)});
 }
 
 }  // namespace tiltproof::harness

@@ -32,12 +32,12 @@
 #include "faults/schedule.h"
 #include "harness/reference/trajectory.h"
 #include "harness/run/arbiter.h"
-#include "harness/run/event_log.h"
+#include "harness/run/event_limit.h"
 #include "harness/run/fault_conditions.h"
-#include "harness/run/flight_watcher.h"
 #include "harness/run/line.h"
 #include "harness/run/message_binding.h"
 #include "harness/run/message_receiver.h"
+#include "harness/run/record.h"
 #include "harness/run/run_log.h"
 #include "harness/run/trace.h"
 #include "harness/scenario/scenario.h"
@@ -46,29 +46,6 @@
 #include "plant/plant.h"
 
 namespace tiltproof::harness {
-
-// The server's record of one client.
-struct PlantClientLog {
-  std::int64_t starts_accepted_count = 0;
-  std::vector<TimeNs> request_times_ns, actuator_times_ns;
-  TILTPROOF_FIELDS(starts_accepted_count, request_times_ns, actuator_times_ns)
-};
-
-// Records since the last TakeLog(); counters are totals. Times are simulation time.
-struct PlantLog {
-  std::vector<double> rows;  // whole rows, one after the other
-  std::size_t column_count = 0;
-  std::vector<double> hover_input, input_min, input_max;
-  std::vector<PlantClientLog> clients = std::vector<PlantClientLog>(1);  // in the scenario's order
-  std::vector<RunEvent> events;
-  std::vector<faults::Activation> activations;
-  std::vector<std::int64_t> activation_counts;
-  TILTPROOF_FIELDS(rows, column_count, hover_input, input_min, input_max, clients, events, activations,
-                   activation_counts)
-};
-
-// Counts of the lines of each client.
-using AllCounts = std::vector<LineCounts>;
 
 class PlantServer {
  public:
@@ -100,13 +77,15 @@ class PlantServer {
   // conditions included.
   virtual std::vector<faults::News> TakeNews() = 0;
   virtual void Hear(std::span<const faults::News> news) = 0;
-  virtual PlantLog TakeLog() = 0;
+  // Writes the totals; call it once, at the end, whatever ended the flight.
+  virtual void WriteTotals() = 0;
 };
 
 class LocalPlantServer final : public PlantServer {
  public:
-  // `grows`: Add() will be called.
-  LocalPlantServer(const Scenario& scenario, const plant::VehicleModel& model, bool grows = false);
+  // `sink`: gets the server's records; it must outlive the server. `grows`: Add() will be called.
+  LocalPlantServer(const Scenario& scenario, const plant::VehicleModel& model, RecordSink& sink,
+                   bool grows = false);
 
   // One more fault of the scenario, while it flies. The rows have no column for it.
   void Add(const faults::FaultSpec& fault);
@@ -118,19 +97,20 @@ class LocalPlantServer final : public PlantServer {
   const State& state() const override { return state_; }
   std::vector<faults::News> TakeNews() override { return std::exchange(news_, {}); }
   void Hear(std::span<const faults::News> news) override;
-  PlantLog TakeLog() override;
+  void WriteTotals() override;
+  // Writes what faults did since the last call. WriteTotals() does, too.
+  void WriteActivations();
 
   // For observers, in the order of the vehicle's tables.
   std::vector<double> Truth() const;
   const std::vector<double>& in_force() const { return in_force_; }
-  // Null: nobody watches. It must outlive this.
-  void SetWatcher(const FlightWatcher* watcher) { watcher_ = watcher; }
 
  private:
   // The server's state for one client.
   struct Seat {
     faults::FaultSchedule faults;       // on the samples sent to this client
     std::vector<double> sensed, asked;  // last sent, and last commanded; NaN before
+    std::int64_t starts_accepted_count = 0;
   };
 
   void OnStart(std::size_t client, BootTime arrival, const link::Message& message);
@@ -144,6 +124,7 @@ class LocalPlantServer final : public PlantServer {
   void FillRow(TimeNs t, const AllCounts& counts, std::span<double> row) const;
   void LookAtConditions();
   void NoteActivations();
+  void AddEvent(TimeNs time_ns, std::string kind, std::string text, std::optional<std::size_t> client = {});
   TimeNs SimTime(BootTime t) const { return state_.origin.SimulationTime(t); }
 
   const Scenario& scenario_;
@@ -162,17 +143,18 @@ class LocalPlantServer final : public PlantServer {
   Arbiter arbiter_;
   std::vector<Seat> seats_;  // one for each client
   State state_;
-  PlantLog log_;
-  EventLog<TimeNs> events_;
+  RecordSink& sink_;
+  Record row_{0, {}, record::Row{}};  // keeps the memory of its values
+  EventLimit events_;
   TimeNs logged_ns_ = -1;  // the last row
 
   // The plant is at this step boundary; `boundary_left_` when nothing more can happen at it.
   BootTime boundary_ns_ = BootTime::Never();
   bool boundary_left_ = false;
+  const std::vector<double> hover_input_, input_min_, input_max_;
   std::vector<double> commanded_;                   // last accepted, or the hover input
   BootTime commanded_from_ns_ = BootTime::Never();  // boundary at which it takes effect; Never() afterwards
   std::vector<double> in_force_;                    // commanded_ after the actuator faults
-  const FlightWatcher* watcher_ = nullptr;
 };
 
 }  // namespace tiltproof::harness

@@ -4,8 +4,8 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "faults/fault.h"
@@ -45,24 +45,18 @@ constexpr bool WentAway(EndReason reason) {
          reason == EndReason::kFirmwareHung;
 }
 
-// One event, for events.jsonl. On a line it has boot time, in the log of a flight simulation time.
-template <class Time>
-struct TimedEvent {
-  Time time_ns{};
+// One event, for events.jsonl.
+struct RunEvent {
+  TimeNs time_ns = 0;
   std::string kind;  // "start_accepted", "command_refused", "ground_strike", ...
   std::string text;
   std::optional<std::size_t> client = {};  // place in the scenario of the event's client; none: the flight's
   TILTPROOF_FIELDS(time_ns, kind, text, client)
 };
-using RunEvent = TimedEvent<TimeNs>;
 // Kinds: of a firmware that sends what no server takes, the first of each; and of one that begins anew.
 inline constexpr const char* kCommandRefusedEvent = "command_refused";
 inline constexpr const char* kMalformedSentEvent = "malformed_sent";
 inline constexpr const char* kStartRepeatedEvent = "start_repeated";
-using BootEvent = TimedEvent<BootTime>;
-inline RunEvent ToRunEvent(BootEvent&& event, Origin origin) {
-  return {origin.SimulationTime(event.time_ns), std::move(event.kind), std::move(event.text), event.client};
-}
 
 // A reboot of the firmware.
 struct Restart {
@@ -141,6 +135,17 @@ inline constexpr std::size_t kFirmwareLogBytesMax = 1 << 20;
 
 // By Direction.
 using LineCounts = std::array<DirectionCounts, link::kDirectionCount>;
+// By client.
+using AllCounts = std::vector<LineCounts>;
+// Number of columns that a client's line has in a row of the trace (TraceLayout::link_counters).
+inline constexpr std::size_t kLineCounters = 3 * link::kDirectionCount;
+// Writes the counters of one line into its columns.
+inline void PutCounters(const LineCounts& counts, std::span<double> columns) {
+  std::size_t column = 0;
+  for (const DirectionCounts& count : counts)
+    for (const std::int64_t value : {count.frames_sent, count.frames_accepted, count.frames_rejected})
+      columns[column++] = static_cast<double>(value);
+}
 
 // The record of one client and its line.
 struct ClientLog {

@@ -2,10 +2,8 @@
 // (Client::Sample) and keeps only changes. They become the column when the flight is over: a trace has it only
 // when the client reports a state.
 //
-//   SupervisorStates states;
-//   states.Take(0, 0);
-//   states.Take(12 * kNsPerMs, 3);
-//   AddSupervisorState(scenario, 0, states.changes(), log.trace);  // supervisor_state: 0, 3, 3, ...
+//   const std::vector<SupervisorChange> changes = {{0, 0}, {12 * kNsPerMs, 3}};
+//   AddSupervisorState(scenario, 0, changes, log.trace);  // supervisor_state: 0, 3, 3, ...
 #pragma once
 
 #include <cstddef>
@@ -27,18 +25,6 @@ struct SupervisorChange {
   std::uint32_t state = 0;  // the firmware's own numbering
   friend bool operator==(const SupervisorChange&, const SupervisorChange&) = default;
   TILTPROOF_FIELDS(time_ns, state)
-};
-
-class SupervisorStates {
- public:
-  // In the order of time.
-  void Take(TimeNs time_ns, std::uint32_t state) {
-    if (changes_.empty() || changes_.back().state != state) changes_.push_back({time_ns, state});
-  }
-  const std::vector<SupervisorChange>& changes() const { return changes_; }
-
- private:
-  std::vector<SupervisorChange> changes_;
 };
 
 // supervisor_state, or with several clients supervisor_state_<id>.

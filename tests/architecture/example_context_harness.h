@@ -349,6 +349,8 @@ extern RunLog log;
 extern Line& line;
 extern PlantServer& server;
 extern const PlantServer::Reply reply;
+extern RecordSink& sink;
+extern const Record record;
 
 // harness/run/arbiter.h
 extern std::vector<double> commanded;
@@ -407,10 +409,8 @@ extern RowRing::Cursor cursor;
 extern const RunView view;
 extern const FlightEntry flight;
 
-// harness/run/flight_watcher.h
-#include "harness/run/flight.h"
-extern struct Ring { void Append(std::span<const double> row); } ring;
-extern FlightOptions options;
+// harness/run/log_builder.h
+extern const VehicleSignals vehicle;
 
 // harness/run/message_binding.h
 extern std::span<const double> row;
@@ -421,15 +421,15 @@ extern const RealtimeOptions options;
 extern Scenario scenario;
 extern bool running;
 extern TimeNs now, done_until_ns;
-extern const dds::RunCommand command;
+extern AddedFault fault;
 extern const Injector::Tell tell;
 
 // harness/run/realtime/log_messages.h
 extern const dds::Participant harness;
-extern Origin origin;
-extern const std::vector<CountsSample> counts;
-extern const NodeTotals totals;
-extern TimeNs flown_ns, end_ns;
+extern TimeNs flown_ns;
+
+// harness/run/realtime/public_log.h
+extern const std::vector<Record> records;
 
 // harness/run/realtime/node_order.h
 #include "link/overloaded.h"
@@ -458,6 +458,10 @@ extern const examples::Function Note;
 // harness/run/remote/archive.h
 #include "harness/run/remote/protocol.h"
 extern RunEvent event;
+
+// harness/run/record_stream.h
+extern BootTime now;
+extern const Origin origin;
 
 // harness/run/row_signals.h
 extern const Trace trace;

@@ -39,10 +39,10 @@ Scenario Spiral(double duration_s) {
   return scenario;
 }
 
-RunLog FlySpiral(double duration_s, const FlightWatcher* watcher = nullptr) {
+RunLog FlySpiral(double duration_s, RecordSink* observer = nullptr) {
   const Scenario scenario = Spiral(duration_s);
   FlightOptions options;
-  options.watcher = watcher;
+  options.observer = observer;
   options.make_client = [&](std::size_t /*client*/, ClientHost host) {
     return LoadLibraryClient(TILTPROOF_FIRMWARE_LIBRARY, scenario.firmware, scenario.link.protocol->name,
                              std::move(host));
@@ -95,8 +95,14 @@ BENCHMARK(FullLoop)->Arg(60)->Arg(120)->Arg(240)->Arg(480)->Unit(benchmark::kMil
 // The same with each row copied for a live page: what its viewers cost the flight.
 void WatchedLoop(benchmark::State& state) {
   RowRing ring;
-  const FlightWatcher watcher{.on_row = [&ring](std::span<const double> row) { ring.Append(row); }};
-  for (auto _ : state) benchmark::DoNotOptimize(FlySpiral(kDuration_s, &watcher).trace.row_count());
+  struct Copier final : RecordSink {
+    explicit Copier(RowRing& to_in) : to(to_in) {}
+    void Write(const Record& record) override {
+      if (const auto* row = std::get_if<record::Row>(&record.body)) to.Append(row->values);
+    }
+    RowRing& to;
+  } copier(ring);
+  for (auto _ : state) benchmark::DoNotOptimize(FlySpiral(kDuration_s, &copier).trace.row_count());
 }
 BENCHMARK(WatchedLoop)->Unit(benchmark::kMillisecond);
 

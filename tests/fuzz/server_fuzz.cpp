@@ -134,9 +134,10 @@ class Server {
  public:
   explicit Server(const Case& flown)
       : by_hand_(flown.by_hand ? &*flown.by_hand : nullptr),
-        plant_(flown.scenario, tiltproof::testing::Tiltrotor(), by_hand_ != nullptr) {
+        rows_(flown.scenario.client_count()),
+        plant_(flown.scenario, tiltproof::testing::Tiltrotor(), rows_, by_hand_ != nullptr) {
     for (std::size_t client = 0; client < flown.scenario.client_count(); ++client)
-      lines_.emplace_back(flown.scenario, client, true, by_hand_ != nullptr);
+      lines_.emplace_back(flown.scenario, rows_, client, true, by_hand_ != nullptr);
   }
 
   void Transmit(std::size_t client, BootTime now, std::span<const std::uint8_t> bytes) {
@@ -174,15 +175,12 @@ class Server {
       for (const double value : plant_.Truth())
         Require(std::isfinite(value), "the vehicle's state is finite");
     if (state.started() && goes_on) plant_.Finish(now_ns_ + 1, Counts());
-    const PlantLog log = plant_.TakeLog();
-    Require(log.rows.size() % log.column_count == 0, "rows are whole");
-    for (std::size_t at = log.column_count; at < log.rows.size(); at += log.column_count)
-      Require(log.rows[at] > log.rows[at - log.column_count], "rows are in order of time");
-    Require(log.clients.size() == lines_.size(), "each client has its record");
+    plant_.WriteTotals();
+    Require(rows_.has_totals, "each client has its totals");
     Require(state.over == !state.end_text.empty(), "an end has a reason");
     for (LocalLine& line : lines_) {
       Require(!line.overfull() || !line.overfull()->text.empty(), "a line that is full says why");
-      line.TakeLog(now_ns_);
+      line.Finish(now_ns_);
     }
   }
 
@@ -245,7 +243,27 @@ class Server {
     return counts_;
   }
 
+  // Judges the records.
+  struct Rows final : RecordSink {
+    explicit Rows(std::size_t clients_count_in) : clients_count(clients_count_in) {}
+    void Write(const Record& record) override {
+      Require(record.client.value_or(0) < clients_count, "a record is of a client that there is");
+      if (const auto* row = std::get_if<record::Row>(&record.body)) {
+        Require(columns_count == 0 || row->values.size() == columns_count, "rows are whole");
+        Require(!(row->values.at(0) <= last_s), "rows are in order of time");
+        columns_count = row->values.size();
+        last_s = row->values[0];
+      } else if (const auto* end = std::get_if<record::PlantEnd>(&record.body)) {
+        has_totals = end->starts_accepted_counts.size() == clients_count;
+      }
+    }
+    std::size_t clients_count, columns_count = 0;
+    double last_s = -1;
+    bool has_totals = false;
+  };
+
   const faults::FaultSpec* by_hand_;  // until it was added
+  Rows rows_;
   LocalPlantServer plant_;
   std::deque<LocalLine> lines_;
   AllCounts counts_;

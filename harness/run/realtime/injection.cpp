@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <stdexcept>
 
 namespace tiltproof::harness {
@@ -32,9 +31,7 @@ std::optional<RunEvent> Injector::Turn(Scenario& scenario, bool running, TimeNs 
       if (fault.start_ns >= scenario.duration_ns) throw std::runtime_error("the flight is over");
     };
     add();
-    for (const TimeNs begin_ns :
-         tell({{"fault", fault.text}, {"id", fault.id}, {"start_ns", std::to_string(fault.start_ns)}}))
-      fault.start_ns = std::max(fault.start_ns, begin_ns);
+    for (const TimeNs begin_ns : tell(fault)) fault.start_ns = std::max(fault.start_ns, begin_ns);
     const bool is_late = fault.start_ns > wanted_ns;
     if (is_late) add();
     scenario.faults.push_back(answer.fault);
@@ -50,25 +47,6 @@ std::optional<RunEvent> Injector::Turn(Scenario& scenario, bool running, TimeNs 
   }
   injections_->answer(answer);
   return event;
-}
-
-AddedFault FromPorts(const std::vector<dds::Port>& ports) {
-  AddedFault fault;
-  for (const dds::Port& port : ports) {
-    if (port.name == "fault") fault.text = port.path;
-    if (port.name == "id") fault.id = port.path;
-    if (port.name == "start_ns")
-      std::from_chars(port.path.data(), port.path.data() + port.path.size(), fault.start_ns);
-  }
-  return fault;
-}
-
-std::vector<dds::Port> BeginPorts(TimeNs begin_ns) { return {{"start_ns", std::to_string(begin_ns)}}; }
-
-std::optional<TimeNs> BeginOf(const std::vector<dds::Port>& ports) {
-  const bool has_begin =
-      std::any_of(ports.begin(), ports.end(), [](const dds::Port& port) { return port.name == "start_ns"; });
-  return has_begin ? std::optional(FromPorts(ports).start_ns) : std::nullopt;
 }
 
 TimeNs KeptBegin(const Scenario& scenario, TimeNs wanted_ns, TimeNs done_until_ns) {

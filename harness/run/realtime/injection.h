@@ -1,10 +1,9 @@
-// A fault that is injected while a flight in real time goes on: from its text to the nodes, as ports of the command
-// `inject`, and into the scenario that is flown.
+// A fault that is injected while a flight in real time goes on: from its text to the nodes, by the command `inject`, and
+// into the scenario that is flown.
 //
 //   Injector injector(options.injections);
 //   const auto event = injector.Turn(scenario, running, now, tell);               // in the harness
-//   AddedFault fault = FromPorts(command.ports);                                  // in the node where it acts
-//   fault.start_ns = KeptBegin(scenario, fault.start_ns, done_until_ns);  // and answers with BeginPorts(fault.start_ns)
+//   fault.start_ns = KeptBegin(scenario, fault.start_ns, done_until_ns);  // in the node where it acts, which answers it
 //
 // A command can come late. So the node where the fault acts answers from when on it acts: from the time that the harness
 // wants, or from the first control step of which nothing has been done yet. The harness records what the node says.
@@ -36,7 +35,7 @@ struct Injections {
   std::function<void(const Answer& answer)> answer;
 };
 
-// The longest text of a fault that fits into one port.
+// The longest text of a fault that fits into a command.
 inline constexpr std::size_t kInjectedBytesMax = dds::kPathBytesMax - 1;
 
 class Injector {
@@ -45,7 +44,7 @@ class Injector {
   explicit Injector(const Injections* injections) : injections_(injections) {}
 
   // Tells the nodes, and returns the begins that they answer, when all have answered.
-  using Tell = std::function<std::vector<TimeNs>(const std::vector<dds::Port>& ports)>;
+  using Tell = std::function<std::vector<TimeNs>(const AddedFault& fault)>;
 
   // Takes what somebody wants, at simulation time `now_ns`: checks it, tells the nodes, adds it to `scenario` as it acts,
   // and answers. Returns the event, at the time of the begin.
@@ -55,12 +54,6 @@ class Injector {
   const Injections* injections_;
   int count_ = 0;  // of what was injected
 };
-
-AddedFault FromPorts(const std::vector<dds::Port>& ports);
-
-// A node's answer: from when on the fault acts. Of no node where it does not act.
-std::vector<dds::Port> BeginPorts(TimeNs begin_ns);
-std::optional<TimeNs> BeginOf(const std::vector<dds::Port>& ports);
 
 // In a node: the begin that it can keep, which is the one that is wanted, or a later control step. `done_until_ns`: up to
 // when it has done its work.

@@ -7,7 +7,6 @@
 #include <stdexcept>
 #include <utility>
 
-#include "harness/run/merge_logs.h"
 #include "harness/run/realtime/node_order.h"
 #include "link/overloaded.h"
 
@@ -156,13 +155,20 @@ void NodeFaults::ContinueAll(NodeProcesses& processes) {
   }
 }
 
-void NodeFaults::AppendTo(RunLog& log) {
+void NodeFaults::WriteTo(RecordSink& sink) {
+  for (faults::Activation& activation : counts_.TakeActivations({})) {
+    const TimeNs time_ns = activation.time_ns;
+    sink.Write({time_ns, {}, std::move(activation)});
+  }
+  sink.Write({0, {}, record::ActivationCounts{counts_.ActivationCounts()}});
+}
+
+void NodeFaults::Excuse(RunLog& log) const {
   std::erase_if(log.harness_late, [&](const LateSpan& late) {
     return std::any_of(disturbed_.begin(), disturbed_.end(), [&](const LateSpan& disturbed) {
       return late.begin_ns < disturbed.end_ns && late.end_ns > disturbed.begin_ns;
     });
   });
-  Append(log, counts_, Origin());
 }
 
 }  // namespace tiltproof::harness

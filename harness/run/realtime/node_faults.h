@@ -48,8 +48,10 @@ class NodeFaults {
   // The run is over: continues processes that were stopped.
   void ContinueAll(NodeProcesses& processes);
 
-  // Adds what was done to the log, and drops the lateness that faults caused.
-  void AppendTo(RunLog& log);
+  // Writes the activations, at the end.
+  void WriteTo(RecordSink& sink);
+  // Drops the lateness that faults caused.
+  void Excuse(RunLog& log) const;
 
  private:
   void Apply(const faults::NodeCommand& command, bool begin, TimeNs now_ns, const Means& means);

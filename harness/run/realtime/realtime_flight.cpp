@@ -11,11 +11,8 @@
 #include <map>
 #include <utility>
 
-#include "harness/run/client_history.h"
 #include "harness/run/flight.h"
 #include "harness/run/flown_files.h"
-#include "harness/run/merge_logs.h"
-#include "harness/run/protocol_use.h"
 #include "harness/run/realtime/ending.h"
 #include "harness/run/realtime/injection.h"
 #include "harness/run/realtime/log_messages.h"
@@ -61,8 +58,10 @@ class RealtimeConductor {
   void GatherLogs();
 
   // One command to all members, and all their answers.
-  std::map<std::string, dds::RunAck> Command(dds::Verb verb, const std::vector<dds::Port>& ports,
-                                             bool tolerate_lost, const std::string& only = {});
+  std::map<std::string, dds::RunAck> Command(dds::RunCommand command, bool tolerate_lost);
+  std::map<std::string, dds::RunAck> Command(dds::Verb verb, bool tolerate_lost) {
+    return Command({.verb = verb}, tolerate_lost);
+  }
   // Turns the loop until `done`; false when the limit is over first. Checks on every turn that everybody lives.
   bool Await(milliseconds limit, const std::function<bool()>& done);
   void Turn();
@@ -75,7 +74,9 @@ class RealtimeConductor {
   void Join(Member& member, const std::string& id, const dds::Participant& participant);
 
   void End(EndReason reason, const std::string& text) { ending_.End(reason, text, sim_ns_); }
-  void Note(const std::string& kind, const std::string& text) { events_.push_back({sim_ns_, kind, text}); }
+  void Note(const std::string& kind, const std::string& text) {
+    collector_.log().Write({sim_ns_, {}, record::Event{kind, text}});
+  }
   Scenario scenario_;  // and what is injected
   const plant::VehicleModel& model_;
   const RealtimeOptions& options_;
@@ -95,6 +96,7 @@ class RealtimeConductor {
   std::int64_t command_sequence_ = 0;
   int restart_count_ = 0;
   std::vector<dds::Port> ports_;  // that the link offers
+  std::string client_kind_;
   std::int64_t turn_count_ = 0;
 
   bool running_ = false;
@@ -104,7 +106,6 @@ class RealtimeConductor {
   SteadyClock::time_point sim_seen_;
   SteadyClock::time_point started_;
   Ending ending_;
-  std::vector<RunEvent> events_;
 };
 
 RealtimeConductor::RealtimeConductor(const Scenario& scenario, const plant::VehicleModel& model,
@@ -138,22 +139,21 @@ RunLog RealtimeConductor::Run() {
   }
   if (processes_) processes_->StopAll();
 
-  RunLog log = collector_.Take(ending_.end_ns());
-  log.end_reason = ending_.reason();
-  log.end_text = ending_.text();
-  if (log.end_reason == EndReason::kCompleted) log.end_ns = scenario_.duration_ns;
-  log.wall_s = std::chrono::duration<double>(flown - (running_ ? started_ : began)).count();
+  const bool completed = ending_.reason() == EndReason::kCompleted;
+  node_faults_.WriteTo(collector_.log());
+  collector_.log().Write(
+      {completed ? scenario_.duration_ns : ending_.end_ns(),
+       {},
+       record::End{.reason = ending_.reason(),
+                   .text = ending_.text(),
+                   .wall_s = std::chrono::duration<double>(flown - (running_ ? started_ : began)).count()}});
+  RunLog log = collector_.Take();
   log.hover_input = model_.HoverInput();
   log.input_min = model_.InputMin();
   log.input_max = model_.InputMax();
-  log.events.insert(log.events.end(), events_.begin(), events_.end());
-  node_faults_.AppendTo(log);
+  node_faults_.Excuse(log);
   CountLateness(log, scenario_.link.protocol->control_period_ns);
-  SortByTime(log);
   TellPlace(log, options_.place);
-  AddClientHistory(log, 0, *scenario_.link.protocol);
-  AddProtocolUse(log, 0, *scenario_.link.protocol, MainBaud(scenario_.link));
-  ExplainNeverStarted(log, *scenario_.link.protocol);
   if (options_.score) {
     dds::Score score = options_.score(log);
     score.run_id = run_id_;
@@ -168,7 +168,7 @@ void RealtimeConductor::Conduct() {
   if (processes_) processes_->StartAll();
   FindNodes();
   Prepare();
-  Command(dds::Verb::kArm, ports_, false);
+  Command({.verb = dds::Verb::kArm, .ports = ports_}, false);
   if (ending_.ended()) return;
   started_ = sim_seen_ = SteadyClock::now();
   // Bytes from before do not count, and a board says `start` but once. An emulator's socket is connected only now.
@@ -176,7 +176,7 @@ void RealtimeConductor::Conduct() {
       !options_.attach && board != nullptr && board->reset.empty() && !board->device.starts_with("unix:"))
     Print(stderr, "tiltproof: listening to the board for {:g} s: switch it on, or reset it, now\n",
           ToSeconds(scenario_.duration_ns));
-  Command(dds::Verb::kStart, {}, false);
+  Command(dds::Verb::kStart, false);
   FlyToTheEnd();
 }
 
@@ -229,10 +229,9 @@ void RealtimeConductor::Prepare() {
                        [&](const Member& member) { return HasTakenScenario(member); });
   });
   if (!taken) throw std::runtime_error("a node did not take the scenario within 10 s");
-  std::vector<dds::Port> given;
   if (const Member* client = members_.Find(NodeKind::kClient); client != nullptr && client->client)
-    given.push_back({"client_kind", std::string(KindOf(*client->client))});
-  const auto answers = Command(dds::Verb::kPrepare, given, false);
+    client_kind_ = KindOf(*client->client);
+  const auto answers = Command({.verb = dds::Verb::kPrepare, .client_kind = client_kind_}, false);
   const Member& link = *members_.Find(NodeKind::kLink);
   for (const auto& [node, ack] : answers)
     if (node == link.id) ports_ = ack.ports;
@@ -241,15 +240,10 @@ void RealtimeConductor::Prepare() {
     std::erase_if(ports_, [](const dds::Port& port) { return port.name == "base_station"; });
 }
 
-std::map<std::string, dds::RunAck> RealtimeConductor::Command(dds::Verb verb,
-                                                              const std::vector<dds::Port>& ports,
-                                                              bool tolerate_lost, const std::string& only) {
-  dds::RunCommand command;
+std::map<std::string, dds::RunAck> RealtimeConductor::Command(dds::RunCommand command, bool tolerate_lost) {
   command.run_id = run_id_;
   command.sequence = ++command_sequence_;
-  command.verb = verb;
-  command.ports = ports;
-  command.node_id = only;
+  const std::string& only = command.node_id;
   bus_.commands.Write(command);
   const auto answered = [&](const Member& member) {
     return (!only.empty() && member.id != only) || (tolerate_lost && member.lost) ||
@@ -266,13 +260,13 @@ std::map<std::string, dds::RunAck> RealtimeConductor::Command(dds::Verb verb,
     if (found == answers_[member.id].end()) {
       if (!all && !member.lost && !ending_.ended())
         End(EndReason::kNodeLost, fmt::format("the {} node did not answer `{}` within {} s", member.id,
-                                              Name(verb), kCommandLimit.count() / 1000));
+                                              Name(command.verb), kCommandLimit.count() / 1000));
       continue;
     }
     // A firmware that crashes while it is loaded tells so itself, once the flight has begun; this is ours.
     if (!found->second.ok && !ending_.ended())
       End(EndReason::kHarnessError,
-          fmt::format("the {} node cannot {}: {}", member.id, Name(verb), found->second.text));
+          fmt::format("the {} node cannot {}: {}", member.id, Name(command.verb), found->second.text));
     answers.emplace(member.id, found->second);
   }
   if (ending_.ended() && !tolerate_lost) throw std::runtime_error(ending_.text());
@@ -388,16 +382,20 @@ TimeNs RealtimeConductor::Now() const {
 }
 
 void RealtimeConductor::Inject() {
-  const auto tell = [this](const auto& ports) {
+  const auto tell = [this](const AddedFault& fault) {
     injecting_ = true;
-    const auto answers = Command(dds::Verb::kInject, ports, false);
+    const auto answers =
+        Command({.verb = dds::Verb::kInject,
+                 .faults = std::vector<dds::InjectedFault>{{fault.text, fault.id, fault.start_ns}}},
+                false);
     injecting_ = false;
     std::vector<TimeNs> begins;
     for (const auto& [node, ack] : answers)
-      if (const auto begin_ns = BeginOf(ack.ports)) begins.push_back(*begin_ns);
+      begins.insert(begins.end(), ack.begins_ns.begin(), ack.begins_ns.end());
     return begins;
   };
-  if (auto event = injector_.Turn(scenario_, running_, Now(), tell)) events_.push_back(std::move(*event));
+  if (const auto event = injector_.Turn(scenario_, running_, Now(), tell))
+    collector_.log().Write({event->time_ns, {}, record::Event{event->kind, event->text}});
 }
 
 NodeFaults::Means RealtimeConductor::MeansOfNodeFaults() {
@@ -426,7 +424,7 @@ void RealtimeConductor::Restart(const std::string& role) {
   if (!back) End(EndReason::kNodeLost, fmt::format("the {} node did not come back", role));
   for (const dds::Verb verb : {dds::Verb::kPrepare, dds::Verb::kArm, dds::Verb::kStart}) {
     if (ending_.ended()) return;
-    Command(verb, verb == dds::Verb::kArm ? ports_ : std::vector<dds::Port>{}, true, member.id);
+    Command({.node_id = member.id, .verb = verb, .ports = ports_, .client_kind = client_kind_}, true);
   }
 }
 
@@ -440,7 +438,7 @@ void RealtimeConductor::Join(Member& member, const std::string& id, const dds::P
 void RealtimeConductor::GatherLogs() {
   if (command_sequence_ < 3) {
     // Not even started: there is no log.
-    if (command_sequence_ > 0) Command(dds::Verb::kRelease, {}, true);
+    if (command_sequence_ > 0) Command(dds::Verb::kRelease, true);
     return;
   }
   if (processes_) {
@@ -451,7 +449,7 @@ void RealtimeConductor::GatherLogs() {
         member.lost = true;
   }
   stopping_ = true;
-  Command(dds::Verb::kStop, {}, true);
+  Command(dds::Verb::kStop, true);
   const auto complete = [&] {
     return std::all_of(members_.all().begin(), members_.all().end(),
                        [&](const Member& m) { return m.lost || collector_.Complete(m.id); });
@@ -463,7 +461,7 @@ void RealtimeConductor::GatherLogs() {
                                               collector_.Missing(member.id)));
   }
   releasing_ = true;
-  Command(dds::Verb::kRelease, {}, true);
+  Command(dds::Verb::kRelease, true);
 }
 
 }  // namespace

@@ -18,6 +18,7 @@
 #include <string>
 #include <type_traits>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "link/fields.h"
@@ -41,6 +42,13 @@ class Packer {
   }
   std::span<const std::uint8_t> bytes() const {
     return {reinterpret_cast<const std::uint8_t*>(bytes_.data()), bytes_.size()};
+  }
+  // Removes and returns the first bytes.
+  std::vector<std::uint8_t> Take(std::size_t size) {
+    const auto first = bytes().first(size);
+    std::vector<std::uint8_t> taken(first.begin(), first.end());
+    bytes_.erase(0, size);
+    return taken;
   }
 
  private:
@@ -81,6 +89,12 @@ class Packer {
     Put(value.has_value());
     if (value) Put(*value);
   }
+  template <class... Ts>
+  void Put(const std::variant<Ts...>& value) {
+    static_assert(sizeof...(Ts) < 256);
+    Put(static_cast<std::uint8_t>(value.index()));
+    std::visit([this](const auto& held) { this->Put(held); }, value);
+  }
   template <HasFields T>
   void Put(const T& value) {
     static_assert(NamesEveryField<T>());
@@ -107,6 +121,7 @@ class Unpacker {
     Get(value);
     return value;
   }
+  bool empty() const { return rest_.empty(); }
 
  private:
   const std::uint8_t* Take(std::size_t size) {
@@ -166,6 +181,13 @@ class Unpacker {
   void Get(std::optional<T>& value) {
     value.reset();
     if (Next<bool>()) Get(value.emplace());
+  }
+  template <class... Ts>
+  void Get(std::variant<Ts...>& value) {
+    const auto index = Next<std::uint8_t>();
+    std::uint8_t i = 0;
+    if (!((i++ == index && (Get(value.template emplace<Ts>()), true)) || ...))
+      throw std::runtime_error("a message from another process is damaged");
   }
   template <HasFields T>
   void Get(T& value) {

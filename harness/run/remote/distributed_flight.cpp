@@ -124,18 +124,19 @@ RunLog FlyDistributed(const Scenario& scenario, const VehicleSignals& vehicle,
   const auto setup = [&](std::size_t client) {
     return Setup{options.scenario_yaml, ToText(options.clients.at(client)), client};
   };
-  RemotePlantServer plant(parts[0], setup(0));
+  LogBuilder records(scenario, vehicle);
+  RemotePlantServer plant(parts[0], setup(0), records);
   std::deque<RemoteLine> remote_lines;
   std::vector<Line*> lines;
   for (std::size_t i = 0; i < scenario.client_count(); ++i)
-    lines.push_back(&remote_lines.emplace_back(parts[1 + 2 * i], setup(i), *scenario.link.protocol));
+    lines.push_back(&remote_lines.emplace_back(parts[1 + 2 * i], setup(i), *scenario.link.protocol, records));
   FlightOptions flight;
   flight.make_client = [&](std::size_t client, ClientHost host) {
     return MakeRemoteClient(parts[2 + 2 * client], setup(client), std::move(host));
   };
   flight.progress_ns = options.progress_ns;
   flight.interrupted = options.interrupted;
-  RunLog log = Conduct(scenario, vehicle, lines, plant, flight);
+  RunLog log = Conduct(scenario, lines, plant, records, flight);
   if (options.transport == Transport::kDds) TellPlace(log, options.place);
   return log;
 }

@@ -10,6 +10,7 @@
 #include "harness/client/make_client.h"
 #include "harness/run/line.h"
 #include "harness/run/plant_server.h"
+#include "harness/run/record_stream.h"
 #include "harness/run/remote/archive.h"
 #include "link/fields.h"
 #include "link/protocol.h"
@@ -19,7 +20,7 @@ namespace tiltproof::harness {
 enum class Message : std::uint8_t {
   // Requests.
   kSetup,
-  kTakeLog,
+  kWriteTotals,
   kQuit,
   kTransmit,
   kTakePiece,
@@ -52,14 +53,15 @@ struct Setup {
   TILTPROOF_FIELDS(scenario_yaml, client, place)
 };
 
-// State that the line's process answers besides the result, so that the harness need not ask.
+// State that the line's process answers besides the result, so that the harness need not ask, and a batch of its records.
 struct LineView {
   std::array<BootTime, link::kDirectionCount> next_arrival_ns{BootTime::Never(), BootTime::Never(),
                                                               BootTime::Never()};
   LineCounts counts{};
   std::optional<Overfull> overfull;
   std::vector<faults::News> news;
-  TILTPROOF_FIELDS(next_arrival_ns, counts, overfull, news)
+  std::vector<std::uint8_t> records;  // PackedRecords
+  TILTPROOF_FIELDS(next_arrival_ns, counts, overfull, news, records)
 };
 
 // A link::Message: both processes have the scenario, and so the protocol's table.

@@ -117,12 +117,13 @@ std::vector<std::uint8_t> RemotePart::Ask(const Packer& request) {
   }
 }
 
-RemoteLine::RemoteLine(Channel& channel, const Setup& setup, const link::Protocol& protocol)
-    : part_("link", channel, setup), protocol_(protocol) {}
+RemoteLine::RemoteLine(Channel& channel, const Setup& setup, const link::Protocol& protocol, RecordSink& sink)
+    : part_("link", channel, setup), protocol_(protocol), sink_(sink) {}
 
 void RemoteLine::TakeView(Unpacker& answer) {
   answer(view_);
   news_.insert(news_.end(), view_.news.begin(), view_.news.end());
+  ReadPacked(view_.records, sink_);
 }
 
 void RemoteLine::Hear(std::span<const faults::News> news) {
@@ -157,17 +158,20 @@ std::optional<Line::Piece> RemoteLine::TakePiece(link::Direction direction, Boot
 
 void RemoteLine::SetOrigin(Origin origin) { part_.Ask(RemotePart::Request(Message::kSetOrigin, origin)); }
 
-LineLog RemoteLine::TakeLog(BootTime end) {
-  const auto answer = part_.Ask(RemotePart::Request(Message::kTakeLog, end));
-  return Unpacker(answer).Next<LineLog>();
+void RemoteLine::Finish(BootTime end) {
+  const auto answer = part_.Ask(RemotePart::Request(Message::kFinish, end));
+  Unpacker unpacker(answer);
+  TakeView(unpacker);
 }
 
-RemotePlantServer::RemotePlantServer(Channel& channel, const Setup& setup) : part_("plant", channel, setup) {}
+RemotePlantServer::RemotePlantServer(Channel& channel, const Setup& setup, RecordSink& sink)
+    : part_("plant", channel, setup), sink_(sink) {}
 
 void RemotePlantServer::TakeState(Unpacker& answer) {
   answer(state_);
   const auto news = answer.Next<std::vector<faults::News>>();
   news_.insert(news_.end(), news.begin(), news.end());
+  ReadPacked(answer.Next<std::vector<std::uint8_t>>(), sink_);
 }
 
 void RemotePlantServer::Hear(std::span<const faults::News> news) {
@@ -196,9 +200,10 @@ void RemotePlantServer::Finish(BootTime end, const AllCounts& counts) {
   TakeState(unpacker);
 }
 
-PlantLog RemotePlantServer::TakeLog() {
-  const auto answer = part_.Ask(RemotePart::Request(Message::kTakeLog));
-  return Unpacker(answer).Next<PlantLog>();
+void RemotePlantServer::WriteTotals() {
+  const auto answer = part_.Ask(RemotePart::Request(Message::kWriteTotals));
+  Unpacker unpacker(answer);
+  TakeState(unpacker);
 }
 
 std::unique_ptr<Client> MakeRemoteClient(Channel& channel, const Setup& setup, ClientHost host) {

@@ -41,8 +41,8 @@ class RemotePart {
 
 class RemoteLine final : public Line {
  public:
-  // `protocol` must outlive it.
-  RemoteLine(Channel& channel, const Setup& setup, const link::Protocol& protocol);
+  // `protocol` and `sink`, which gets the line's records, must outlive it.
+  RemoteLine(Channel& channel, const Setup& setup, const link::Protocol& protocol, RecordSink& sink);
   BootTime Transmit(link::Direction direction, BootTime now, std::span<const std::uint8_t> bytes) override;
   BootTime NextArrival(link::Direction direction) const override {
     return view_.next_arrival_ns[static_cast<std::size_t>(direction)];
@@ -53,7 +53,7 @@ class RemoteLine final : public Line {
   const std::optional<Overfull>& overfull() const override { return view_.overfull; }
   std::vector<faults::News> TakeNews() override { return std::exchange(news_, {}); }
   void Hear(std::span<const faults::News> news) override;
-  LineLog TakeLog(BootTime end) override;
+  void Finish(BootTime end) override;
 
  private:
   void TakeView(Unpacker& answer);
@@ -61,6 +61,7 @@ class RemoteLine final : public Line {
   RemotePart part_;
   LineView view_;
   const link::Protocol& protocol_;
+  RecordSink& sink_;
   std::vector<faults::News> news_;
   std::vector<std::uint8_t> piece_;
   link::Message message_;
@@ -68,7 +69,8 @@ class RemoteLine final : public Line {
 
 class RemotePlantServer final : public PlantServer {
  public:
-  RemotePlantServer(Channel& channel, const Setup& setup);
+  // `sink`, which gets the server's records, must outlive it.
+  RemotePlantServer(Channel& channel, const Setup& setup, RecordSink& sink);
   void Advance(BootTime to, const AllCounts& counts) override;
   void Receive(std::size_t client, BootTime arrival, const link::Message& message,
                const Reply& reply) override;
@@ -76,12 +78,13 @@ class RemotePlantServer final : public PlantServer {
   const State& state() const override { return state_; }
   std::vector<faults::News> TakeNews() override { return std::exchange(news_, {}); }
   void Hear(std::span<const faults::News> news) override;
-  PlantLog TakeLog() override;
+  void WriteTotals() override;
 
  private:
   void TakeState(Unpacker& answer);
 
   RemotePart part_;
+  RecordSink& sink_;
   State state_;
   std::vector<faults::News> news_;
 };

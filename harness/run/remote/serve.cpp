@@ -13,6 +13,13 @@ namespace {
 
 // A harness may be at a debugger's breakpoint: the channel detects that it is gone.
 constexpr TimeNs kHarnessSilentAfterNs = 3600 * kNsPerS;
+// Records leave in batches of about 0.2 s of a flight, because a batch in each answer would cost more time.
+constexpr std::size_t kBatchBytes = 16'384;
+
+std::vector<std::uint8_t> TakeBatch(PackedRecords& records) {
+  if (records.size_bytes() < kBatchBytes) return {};
+  return records.TakeAll();
+}
 
 // Answers requests until kQuit: `handle(kind, request, answer)` puts what follows kDone.
 template <class Handle>
@@ -55,20 +62,22 @@ link::Direction NextDirection(Unpacker& request) {
 }  // namespace
 
 void ServeLine(Channel& channel, const ScenarioLoader& load) {
+  PackedRecords records;
   std::optional<LocalLine> line;
-  const auto view = [&] {
+  const auto view = [&](std::vector<std::uint8_t> batch) {
     LineView now;
     for (std::size_t d = 0; d < link::kDirectionCount; ++d)
       now.next_arrival_ns[d] = line->NextArrival(static_cast<link::Direction>(d));
     now.counts = line->counts();
     now.overfull = line->overfull();
     now.news = line->TakeNews();
+    now.records = std::move(batch);
     return now;
   };
   ServeRequests(channel, [&](Message kind, Unpacker& request, Packer& answer) {
     if (kind == Message::kSetup) {
       const auto setup = request.Next<Setup>();
-      line.emplace(load(setup.scenario_yaml).scenario, setup.place);
+      line.emplace(load(setup.scenario_yaml).scenario, records, setup.place);
       return;
     }
     if (!line) ThrowUnexpected();
@@ -77,13 +86,13 @@ void ServeLine(Channel& channel, const ScenarioLoader& load) {
         const auto direction = NextDirection(request);
         const auto now = request.Next<BootTime>();
         const BootTime sent = line->Transmit(direction, now, request.Next<std::vector<std::uint8_t>>());
-        answer(view(), sent);
+        answer(view(TakeBatch(records)), sent);
         return;
       }
       case Message::kTakePiece: {
         const auto direction = NextDirection(request);
         const auto piece = line->TakePiece(direction, request.Next<BootTime>());
-        answer(view(), piece.has_value());
+        answer(view(TakeBatch(records)), piece.has_value());
         if (!piece) return;
         std::optional<PackedMessage> message;
         if (piece->message != nullptr) message = Packed(*piece->message);
@@ -97,8 +106,9 @@ void ServeLine(Channel& channel, const ScenarioLoader& load) {
       case Message::kHear:
         line->Hear(request.Next<std::vector<faults::News>>());
         return;
-      case Message::kTakeLog:
-        answer(line->TakeLog(request.Next<BootTime>()));
+      case Message::kFinish:
+        line->Finish(request.Next<BootTime>());
+        answer(view(records.TakeAll()));
         return;
       default:
         ThrowUnexpected();
@@ -108,11 +118,12 @@ void ServeLine(Channel& channel, const ScenarioLoader& load) {
 
 void ServePlant(Channel& channel, const ScenarioLoader& load) {
   std::optional<LoadedScenario> loaded;
+  PackedRecords records;
   std::optional<LocalPlantServer> server;
   ServeRequests(channel, [&](Message kind, Unpacker& request, Packer& answer) {
     if (kind == Message::kSetup) {
       loaded = load(request.Next<Setup>().scenario_yaml);
-      server.emplace(loaded->scenario, *loaded->model);
+      server.emplace(loaded->scenario, *loaded->model, records);
       return;
     }
     if (!server) ThrowUnexpected();
@@ -126,7 +137,7 @@ void ServePlant(Channel& channel, const ScenarioLoader& load) {
         } else {
           server->Finish(time, counts);
         }
-        answer(server->state(), server->TakeNews());
+        answer(server->state(), server->TakeNews(), TakeBatch(records));
         return;
       }
       case Message::kServe: {
@@ -136,14 +147,15 @@ void ServePlant(Channel& channel, const ScenarioLoader& load) {
         server->Receive(
             client, arrival, Unpacked(request.Next<PackedMessage>(), *loaded->scenario.link.protocol),
             [&](std::span<const std::uint8_t> frame) { frames.emplace_back(frame.begin(), frame.end()); });
-        answer(server->state(), server->TakeNews(), frames);
+        answer(server->state(), server->TakeNews(), TakeBatch(records), frames);
         return;
       }
       case Message::kHear:
         server->Hear(request.Next<std::vector<faults::News>>());
         return;
-      case Message::kTakeLog:
-        answer(server->TakeLog());
+      case Message::kWriteTotals:
+        server->WriteTotals();
+        answer(server->state(), server->TakeNews(), records.TakeAll());
         return;
       default:
         ThrowUnexpected();

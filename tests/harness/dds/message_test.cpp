@@ -86,9 +86,9 @@ TEST(MessageTest, RefusesWhatExceedsALimitAndSaysWhere) {
   scenario.nodes = {"a", std::string(kIdBytesMax + 1, 'x')};
   EXPECT_THAT(error(scenario), HasSubstr("RunScenario.nodes[1]"));
 
-  NodeReport report;
-  report.payload.resize(kPayloadBytesMax + 1);
-  EXPECT_THAT(error(report), HasSubstr("NodeReport.payload: 1048577 elements"));
+  Records records;
+  records.payload.resize(kPayloadBytesMax + 1);
+  EXPECT_THAT(error(records), HasSubstr("Records.payload: 1048577 elements"));
 
   SerialTap tap;
   tap.frames.resize(3);
@@ -152,7 +152,7 @@ TEST(MessageTest, TableAndInterfaceFileAgree) {
     EXPECT_EQ(keep_all, qos_class == "log" || qos_class == "order") << row.type;
     EXPECT_EQ(row.qos.find("each sequence once") != std::string::npos, qos_class == "log") << row.type;
   }
-  EXPECT_EQ(types.size(), 16u);
+  EXPECT_EQ(types.size(), 15u);
 }
 
 }  // namespace

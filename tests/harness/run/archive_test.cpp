@@ -8,6 +8,7 @@
 #include <random>
 
 #include "harness/run/remote/protocol.h"
+#include "tests/harness/run/kept_records.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -30,35 +31,30 @@ faults::Activation SomeActivation() {
   return {-5, 3, "2 bits flipped", {SomeChunk(TimeNs{10})}, {SomeChunk(TimeNs{11}), SomeChunk(TimeNs{12})}};
 }
 
-LineLog SomeLineLog() {
-  LineLog log;
-  log.link.Append(SomeChunk(BootTime(100)), {1, link::Direction::kToClient}, false);
-  log.link.Append(SomeChunk(BootTime(200)), {1, link::Direction::kReference}, true);
-  log.reply_latency_ns = {1, kNever};
-  log.client_round_trip_ns = {3};
-  log.events = {{BootTime(4), "rejected", "to_plant: bad_checksum"}, {BootTime(-5), "", ""}};
-  log.activations = {SomeActivation(), {}};
-  log.activation_counts = {0, 8};
-  log.counts[1] = {9, 10, 11, 12};
-  log.accepted_wrong_count = 13;
-  log.accepted_stale_count = 14;
-  log.resync_max_ns = 15;
-  return log;
-}
-
-PlantLog SomePlantLog() {
-  PlantLog log;
-  log.rows = {0.1, -0.0, 1e300};
-  log.hover_input = {1, 2, 3, 4};
-  log.input_min = {5, 6, 7, 8};
-  log.input_max = {9, 10, 11, 12};
-  log.clients[0].starts_accepted_count = 13;
-  log.clients[0].request_times_ns = {14, 15};
-  log.clients[0].actuator_times_ns = {16};
-  log.events = {{17, "start_accepted", "t = 0"}};
-  log.activations = {SomeActivation()};
-  log.activation_counts = {18};
-  return log;
+// One record of each kind.
+std::vector<Record> SomeRecords() {
+  FirmwareUse use{.processors_count = 2};
+  use.spans = {{BootTime(1), BootTime(2), 3, 4}};
+  return {
+      {-1, {}, record::Row{{0.1, -0.0, 1e300}}},
+      {2, 1, record::Bytes{link::Direction::kReference, ByteSide::kPassedOn, {0x7E, 1, 2}}},
+      {3, 0, record::Counters{LineCounts{{{1, 2, 3, 4}, {5, 6, 7, 8}, {9, 10, 11, 12}}}}},
+      {4, {}, record::Event{"kind", std::string("with\0NUL", 8)}},
+      {5, 0, record::FirmwareText{"text"}},
+      {6, 0, record::Accepted{record::AcceptedKind::kActuators}},
+      {7, 0, record::Reply{kNever}},
+      {8, 0, record::Answer{-5}},
+      {9, 0, record::State{7}},
+      {10, 0, record::Watched{{1, 2}}},
+      {-5, 0, SomeActivation()},
+      {12, 0, record::ActivationCounts{{0, 8}}},
+      {13, {}, record::Late{14, record::LateKind::kBoard}},
+      {15, {}, record::PlantEnd{{1, 2}, {3, 4}, {5, 6}, {7}}},
+      {16, 0, record::LineEnd{LineCounts{{{1, 2, 3, 4}}}, 13, 14, 15}},
+      {17, 0, record::ClientEnd{18, {}, {"CRYP"}, {{"main", 19, 20, true}}, FirmwareEnd{}}},
+      {18, 0, record::FirmwareTime{use, Origin(BootTime(9))}},
+      {19, {}, record::End{EndReason::kGroundStrike, "struck the ground", FirmwareEnd{}, 0.5}},
+  };
 }
 
 PlantServer::State SomeState() {
@@ -85,15 +81,13 @@ void ForEachStruct(const Visit& visit) {
   visit(std::optional<ClientStatus>{});
   visit(std::optional<ClientStatus>{{3, 4}});
   visit(RunEvent{-1, "kind", std::string("with\0NUL", 8)});
-  visit(BootEvent{BootTime(-1), "kind", "text"});
   visit(Origin());
   visit(Origin(BootTime(7)));
   visit(SomeState());
   visit(SomeChunk(TimeNs{-9}));
   visit(SomeChunk(BootTime(-9)));
   visit(SomeActivation());
-  visit(SomePlantLog());
-  visit(SomeLineLog());
+  for (const Record& record : SomeRecords()) visit(record);
   visit(std::vector<Bytes>{{}, {1, 2}});
 }
 
@@ -105,46 +99,66 @@ TEST(Archive, EveryStructComesBackAsItWas) {
   });
 }
 
-TEST(Archive, EveryMemberOfALogComesBack) {
-  const LineLog line = Unpacker(Packed(SomeLineLog())).Next<LineLog>();
-  EXPECT_EQ(line.link.content(), SomeLineLog().link.content());
-  EXPECT_EQ(line.reply_latency_ns, (std::vector<TimeNs>{1, kNever}));
-  EXPECT_EQ(line.client_round_trip_ns, (std::vector<TimeNs>{3}));
-  ASSERT_EQ(line.events.size(), 2u);
-  EXPECT_EQ(line.events[0].text, "to_plant: bad_checksum");
-  ASSERT_EQ(line.activations.size(), 2u);
-  EXPECT_EQ(line.activations[0].fault, 3u);
-  EXPECT_EQ(line.activations[0].what, "2 bits flipped");
-  ASSERT_EQ(line.activations[0].after.size(), 2u);
-  EXPECT_EQ(line.activations[0].after[1].begin_ns, 12);
-  EXPECT_EQ(line.activations[0].after[1].bytes, SomeChunk(TimeNs{0}).bytes);
-  EXPECT_EQ(line.activations[0].after[1].kind, link::MessageKind::kReply);
-  EXPECT_EQ(line.activations[0].after[1].number, 77u);
-  EXPECT_EQ(line.activation_counts, (std::vector<std::int64_t>{0, 8}));
-  EXPECT_EQ(line.counts[1].bytes_corrupted, 12);
-  EXPECT_EQ(line.accepted_wrong_count, 13);
-  EXPECT_EQ(line.accepted_stale_count, 14);
-  EXPECT_EQ(line.resync_max_ns, 15);
+TEST(Archive, RecordsComeBackInOrderWithEveryMember) {
+  PackedRecords packed;
+  for (const Record& record : SomeRecords()) packed.Write(record);
+  ASSERT_EQ(SomeRecords().size(), std::variant_size_v<RecordBody>);
+  KeptRecords read;
+  ReadPacked(packed.TakeAll(), read);
+  EXPECT_EQ(packed.size_bytes(), 0u);
+  ASSERT_EQ(read.all.size(), SomeRecords().size());
+  for (std::size_t i = 0; i < read.all.size(); ++i) EXPECT_EQ(read.all[i].body.index(), i);
+  EXPECT_EQ(read.all[0].time_ns, -1);
+  EXPECT_FALSE(read.all[0].client);
+  EXPECT_EQ(read.all[1].client, 1u);
+  EXPECT_EQ(read.Of<record::Row>()[0].values, (std::vector<double>{0.1, -0.0, 1e300}));
+  EXPECT_EQ(read.Of<record::Bytes>()[0].direction, link::Direction::kReference);
+  EXPECT_EQ(read.Of<record::Bytes>()[0].side, ByteSide::kPassedOn);
+  EXPECT_EQ(read.Of<record::Bytes>()[0].bytes, (Bytes{0x7E, 1, 2}));
+  EXPECT_EQ(read.Of<record::Counters>()[0].counts[2].bytes_corrupted, 12);
+  EXPECT_EQ(read.Of<record::Event>()[0].text, std::string("with\0NUL", 8));
+  EXPECT_EQ(read.Of<record::Accepted>()[0].kind, record::AcceptedKind::kActuators);
+  EXPECT_EQ(read.Of<record::Reply>()[0].latency_ns, kNever);
+  EXPECT_EQ(read.Of<record::LineEnd>()[0].resync_max_ns, 15);
+  EXPECT_EQ(read.Of<record::ClientEnd>()[0].unmodelled_blocks, std::vector<std::string>{"CRYP"});
+  EXPECT_EQ(read.Of<record::FirmwareTime>()[0].use.spans[0].run_ns, 3);
+  const faults::Activation activation = read.Of<faults::Activation>()[0];
+  EXPECT_EQ(activation.fault, 3u);
+  EXPECT_EQ(activation.what, "2 bits flipped");
+  ASSERT_EQ(activation.after.size(), 2u);
+  EXPECT_EQ(activation.after[1].begin_ns, 12);
+  EXPECT_EQ(activation.after[1].bytes, SomeChunk(TimeNs{0}).bytes);
+  EXPECT_EQ(activation.after[1].kind, link::MessageKind::kReply);
+  EXPECT_EQ(activation.after[1].number, 77u);
+}
 
-  const PlantLog plant = Unpacker(Packed(SomePlantLog())).Next<PlantLog>();
-  EXPECT_EQ(plant.rows, SomePlantLog().rows);
-  EXPECT_EQ(plant.hover_input, SomePlantLog().hover_input);
-  EXPECT_EQ(plant.input_min, SomePlantLog().input_min);
-  EXPECT_EQ(plant.input_max, SomePlantLog().input_max);
-  EXPECT_EQ(plant.clients[0].starts_accepted_count, 13);
-  EXPECT_EQ(plant.clients[0].request_times_ns, (std::vector<TimeNs>{14, 15}));
-  EXPECT_EQ(plant.clients[0].actuator_times_ns, (std::vector<TimeNs>{16}));
-  EXPECT_EQ(plant.events.at(0).kind, "start_accepted");
-  EXPECT_EQ(plant.activations.size(), 1u);
-  EXPECT_EQ(plant.activation_counts, (std::vector<std::int64_t>{18}));
+TEST(Archive, ARecordOfAKindThatThereIsNotIsRefused) {
+  Packer packer;
+  packer(std::uint8_t{std::variant_size_v<RecordBody>});
+  EXPECT_THROW(Unpacker(packer.bytes()).Next<RecordBody>(), std::runtime_error);
+}
 
-  const auto state = Unpacker(Packed(SomeState())).Next<PlantServer::State>();
-  EXPECT_EQ(state.origin, Origin(BootTime(1)));
-  EXPECT_EQ(state.reached_ns, 2);
-  EXPECT_EQ(state.quiet_until_ns, BootTime(3));
-  EXPECT_TRUE(state.over);
-  EXPECT_EQ(state.end_reason, EndReason::kGroundStrike);
-  EXPECT_EQ(state.end_text, "struck the ground");
+TEST(PartRecords, WaitUntilTheTimeOfTheFlightIsKnown) {
+  KeptRecords kept;
+  PartRecords records(kept, 2);
+  const Bytes bytes(PartRecords::kBytesMax + 1, 7);
+  records.WriteBytes(BootTime(100), link::Direction::kToClient, ByteSide::kSent, bytes);
+  records.Write(BootTime(140), record::Event{"rejected", ""});
+  records.Write(TimeNs{-3}, record::Event{"at once", ""});
+  ASSERT_EQ(kept.all.size(), 1u);
+  records.SetOrigin(Origin(BootTime(150)));
+  records.SetOrigin(Origin(BootTime(999)));
+  records.Write(BootTime(160), record::State{1});
+  ASSERT_EQ(kept.all.size(), 5u);
+  std::vector<TimeNs> times_ns;
+  for (const Record& record : kept.all) {
+    times_ns.push_back(record.time_ns);
+    EXPECT_EQ(record.client, 2u);
+  }
+  EXPECT_EQ(times_ns, (std::vector<TimeNs>{-3, -50, -50, -10, 10}));
+  EXPECT_EQ(kept.Of<record::Bytes>()[0].bytes.size(), PartRecords::kBytesMax);
+  EXPECT_EQ(kept.Of<record::Bytes>()[1].bytes, Bytes{7});
+  EXPECT_EQ(kept.Of<record::Bytes>()[1].direction, link::Direction::kToClient);
 }
 
 TEST(Archive, CutBytesThrow) {

@@ -8,6 +8,7 @@
 
 #include "harness/run/line.h"
 #include "link/frame.h"
+#include "tests/harness/run/kept_records.h"
 #include "tests/support/origins.h"
 
 namespace tiltproof::harness {
@@ -48,11 +49,12 @@ class EchoLineTest : public ::testing::Test {
   // At 921600 baud, ten bits a byte.
   static TimeNs Took(std::int64_t bytes_count) { return bytes_count * 10 * kNsPerS / 921'600; }
 
+  KeptRecords records_;
   const Bytes frame_{0x7E, 1, 2, 3, 4, 5, 0x7E};
 };
 
 TEST_F(EchoLineTest, ArrivesOneFrameTimeAfterTheFrame) {
-  LocalLine line(With({Echo(faults::Target::kToPlant)}));
+  LocalLine line(With({Echo(faults::Target::kToPlant)}), records_);
   line.Transmit(Direction::kToPlant, kStart, frame_);
   EXPECT_EQ(line.NextArrival(Direction::kToClient), kStart + 2 * Took(7));
   EXPECT_THAT(Take(line, Direction::kToPlant, kNsPerMs), ElementsAre(Arrival{Took(7), frame_}));
@@ -61,7 +63,7 @@ TEST_F(EchoLineTest, ArrivesOneFrameTimeAfterTheFrame) {
 }
 
 TEST_F(EchoLineTest, WhatIsSentMeanwhileWaitsBehindIt) {
-  LocalLine line(With({Echo(faults::Target::kToPlant)}));
+  LocalLine line(With({Echo(faults::Target::kToPlant)}), records_);
   const Bytes reply{0x7E, 9, 9, 9, 0x7E};
   line.Transmit(Direction::kToPlant, kStart, frame_);
   line.Transmit(Direction::kToClient, kStart + Took(7), reply);
@@ -70,7 +72,7 @@ TEST_F(EchoLineTest, WhatIsSentMeanwhileWaitsBehindIt) {
 }
 
 TEST_F(EchoLineTest, WaitsBehindWhatIsOnTheLine) {
-  LocalLine line(With({Echo(faults::Target::kToPlant)}));
+  LocalLine line(With({Echo(faults::Target::kToPlant)}), records_);
   Bytes reply(68, 9);
   reply.front() = reply.back() = 0x7E;
   line.Transmit(Direction::kToClient, kStart, reply);
@@ -80,7 +82,7 @@ TEST_F(EchoLineTest, WaitsBehindWhatIsOnTheLine) {
 }
 
 TEST_F(EchoLineTest, DoesNotComeBackAgain) {
-  LocalLine line(With({Echo(faults::Target::kBoth)}));
+  LocalLine line(With({Echo(faults::Target::kBoth)}), records_);
   line.Transmit(Direction::kToPlant, kStart, frame_);
   EXPECT_THAT(Take(line, Direction::kToPlant, kNsPerS / 2), ElementsAre(Arrival{Took(7), frame_}));
   EXPECT_THAT(Take(line, Direction::kToClient, kNsPerS / 2), ElementsAre(Arrival{2 * Took(7), frame_}));
@@ -93,7 +95,7 @@ TEST_F(EchoLineTest, DoesNotComeBackAgain) {
 
 // They are known when the sender has been silent for 20 byte times.
 TEST_F(EchoLineTest, BytesThatNoFlagClosesComeBackWhenTheyAreKnown) {
-  LocalLine line(With({Echo(faults::Target::kToPlant)}));
+  LocalLine line(With({Echo(faults::Target::kToPlant)}), records_);
   const Bytes open{0x7E, 1, 2};
   line.Transmit(Direction::kToPlant, kStart, open);
   EXPECT_EQ(line.NextArrival(Direction::kToClient), BootTime::Never());
@@ -106,13 +108,13 @@ TEST_F(EchoLineTest, BytesThatNoFlagClosesComeBackWhenTheyAreKnown) {
 TEST_F(EchoLineTest, OnAnIdealLineItArrivesAtOnce) {
   Scenario scenario = With({Echo(faults::Target::kToPlant)});
   scenario.link.ideal = true;
-  LocalLine line(scenario);
+  LocalLine line(scenario, records_);
   line.Transmit(Direction::kToPlant, kStart, frame_);
   EXPECT_THAT(Take(line, Direction::kToClient, 0), ElementsAre(Arrival{0, frame_}));
 }
 
 TEST_F(EchoLineTest, CountsAsReceivedBytesThatTheServerDidNotSend) {
-  LocalLine line(With({Echo(faults::Target::kToPlant)}));
+  LocalLine line(With({Echo(faults::Target::kToPlant)}), records_);
   line.SetOrigin(kOriginAtPowerOn);
   line.Transmit(Direction::kToPlant, kStart, frame_);
   Take(line, Direction::kToPlant, kNsPerMs);
@@ -123,21 +125,22 @@ TEST_F(EchoLineTest, CountsAsReceivedBytesThatTheServerDidNotSend) {
   EXPECT_EQ(back.frames_sent, 0);
   EXPECT_EQ(back.bytes_corrupted, 7);
   EXPECT_EQ(back.frames_rejected, 1);
-  const LineLog log = line.TakeLog(kStart + kNsPerMs);
-  EXPECT_THAT(log.activation_counts, ElementsAre(1));
-  ASSERT_EQ(log.activations.size(), 1U);
-  EXPECT_EQ(log.activations[0].what, "7 bytes come back");
+  line.Finish(kStart + kNsPerMs);
+  EXPECT_THAT(records_.Of<record::ActivationCounts>().at(0).counts, ElementsAre(1));
+  const auto activations = records_.Of<faults::Activation>();
+  ASSERT_EQ(activations.size(), 1U);
+  EXPECT_EQ(activations[0].what, "7 bytes come back");
   // In link.bin it was delivered to the client, and not sent there.
-  std::vector<std::pair<Direction, bool>> records;
-  for (std::size_t at = 0; const auto record = log.link.Next(at);)
-    records.emplace_back(record->wire.direction, record->delivered);
-  EXPECT_THAT(records,
-              ElementsAre(std::pair(Direction::kToPlant, false), std::pair(Direction::kToPlant, true),
-                          std::pair(Direction::kToClient, true)));
+  std::vector<std::pair<Direction, ByteSide>> records;
+  for (const record::Bytes& bytes : records_.Of<record::Bytes>())
+    records.emplace_back(bytes.direction, bytes.side);
+  EXPECT_THAT(records, ElementsAre(std::pair(Direction::kToPlant, ByteSide::kSent),
+                                   std::pair(Direction::kToPlant, ByteSide::kDelivered),
+                                   std::pair(Direction::kToClient, ByteSide::kDelivered)));
 }
 
 TEST_F(EchoLineTest, AFullLineNamesIt) {
-  LocalLine line(With({Echo(faults::Target::kToPlant)}));
+  LocalLine line(With({Echo(faults::Target::kToPlant)}), records_);
   Bytes block(1000, 5);
   block.back() = 0x7E;
   for (int i = 0; !line.overfull() && i < 10'000; ++i) {

@@ -10,6 +10,7 @@
 
 #include "harness/run/line.h"
 #include "link/frame.h"
+#include "tests/harness/run/kept_records.h"
 #include "tests/harness/scenario/fault_file.h"
 
 namespace tiltproof::harness {
@@ -52,8 +53,8 @@ constexpr const char* kDrop =
     "{id: drop, type: frame.drop, target: to_client, duration_s: 1, parameters: {probability: 1}}";
 
 TEST_F(InjectionTest, BeginsAsPlannedWhereItsNodeHearsInTime) {
-  const auto event = Inject(kDrop, 1'000 * kNsPerMs,
-                            [](const auto& ports) { return std::vector{FromPorts(ports).start_ns}; });
+  const auto event =
+      Inject(kDrop, 1'000 * kNsPerMs, [](const AddedFault& fault) { return std::vector{fault.start_ns}; });
   ASSERT_EQ(scenario_.faults.size(), 2U);
   EXPECT_EQ(scenario_.faults.back().start_ns, 1'044 * kNsPerMs);
   EXPECT_EQ(scenario_.faults.back().end_ns, 2'044 * kNsPerMs);
@@ -65,26 +66,27 @@ TEST_F(InjectionTest, BeginsAsPlannedWhereItsNodeHearsInTime) {
 // The link node, which stood still meanwhile, hears of the fault 60 ms after its planned begin. What passes its line
 // afterwards shows when the fault begins.
 TEST_F(InjectionTest, IsRecordedAsItActsWhereItsNodeHearsTooLate) {
-  LocalLine line(scenario_, 0, true, true);
+  KeptRecords records;
+  LocalLine line(scenario_, records, 0, true, true);
   const Origin origin(BootTime(5 * kNsPerS));
   line.SetOrigin(origin);
   const std::array<std::uint8_t, 1> payload = {3};
   std::array<std::uint8_t, link::FrameBytesMax(1)> wire{};
   const auto frame = link::EncodeFrame(payload, wire).bytes;
   TimeNs now_ns = 1'104 * kNsPerMs + 100 * kNsPerUs;
-  const auto event = Inject(kDrop, 1'000 * kNsPerMs, [&](const auto& ports) {
-    AddedFault fault = FromPorts(ports);
+  const auto event = Inject(kDrop, 1'000 * kNsPerMs, [&](AddedFault fault) {
     EXPECT_EQ(fault.start_ns, 1'044 * kNsPerMs);
     fault.start_ns = KeptBegin(scenario_, fault.start_ns, now_ns);
     line.Add(AddFault(scenario_, fault, options_).faults.back());
-    return std::vector{*BeginOf(BeginPorts(fault.start_ns))};
+    return std::vector{fault.start_ns};
   });
   std::vector<TimeNs> sent_ns;
   for (; now_ns < 2'300 * kNsPerMs; now_ns += kPeriodNs) {
     sent_ns.push_back(now_ns);
     line.Transmit(link::Direction::kToClient, origin.ToBootTime(now_ns), frame);
   }
-  const auto activations = line.TakeLog(origin.ToBootTime(now_ns)).activations;
+  line.Finish(origin.ToBootTime(now_ns));
+  const auto activations = records.Of<faults::Activation>();
   ASSERT_EQ(scenario_.faults.size(), 2U);
   const faults::FaultSpec& recorded = scenario_.faults.back();
   ASSERT_FALSE(activations.empty());
@@ -113,12 +115,6 @@ TEST_F(InjectionTest, IsRefusedWhereItsNodeHearsAfterTheFlight) {
   ASSERT_EQ(answers_.size(), 1U);
   EXPECT_FALSE(answers_[0].accepted);
   EXPECT_THAT(answers_[0].text, HasSubstr("the flight is over"));
-}
-
-TEST_F(InjectionTest, NodesWhereItDoesNotActAnswerNoBegin) {
-  EXPECT_EQ(BeginOf({}), std::nullopt);
-  EXPECT_EQ(BeginOf({{"plant", "/dev/pts/1"}}), std::nullopt);
-  EXPECT_EQ(BeginOf(BeginPorts(17)), 17);
 }
 
 // The begin is a control step of which nothing has been done yet.

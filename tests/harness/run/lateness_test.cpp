@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <random>
 
-#include "harness/run/event_log.h"
+#include "harness/run/event_limit.h"
 #include "harness/run/realtime/log_messages.h"
 #include "tests/support/control_period.h"
 
@@ -75,21 +75,12 @@ TEST(Lateness, WhenTheAccountIsFullTheRestIsOneLongLateness) {
   EXPECT_EQ(lateness.spans.back(), (NodeLateSpan{due(count - 1), due(count + 10) + 5 * kNsPerMs}));
 }
 
-TEST(EventLog, SaysOnceThatItSaysNoMore) {
-  EventLog<TimeNs> log;
-  const auto max = static_cast<TimeNs>(EventLog<TimeNs>::kEventsMax);
-  for (TimeNs i = 0; i < max; ++i) log.Add(i, "rejected", "to_plant");
-  const auto first = log.Take();
-  ASSERT_EQ(first.size(), EventLog<TimeNs>::kEventsMax);
-  EXPECT_EQ(first.back().kind, "rejected");
-  // The limit is of the whole flight, not of what waits to be taken.
-  for (TimeNs i = 0; i < 3; ++i) log.Add(max + i, "rejected", "to_plant");
-  const auto rest = log.Take();
-  ASSERT_EQ(rest.size(), 1u);
-  EXPECT_EQ(rest[0].kind, "events_suppressed");
-  EXPECT_EQ(rest[0].time_ns, max);
-  log.Add(0, "rejected", "");
-  EXPECT_TRUE(log.Take().empty());
+TEST(EventLimit, SaysOnceThatItSaysNoMore) {
+  EventLimit limit;
+  for (std::size_t i = 0; i < EventLimit::kEventsMax; ++i)
+    ASSERT_EQ(limit.Pass("rejected", "to_plant")->kind, "rejected") << i;
+  EXPECT_EQ(limit.Pass("rejected", "to_plant")->kind, "events_suppressed");
+  EXPECT_FALSE(limit.Pass("rejected", "to_plant"));
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// A flight's log over the bus is the log that one process would have kept.
+// A flight's records over the bus make the log that one process would have kept.
 #include "harness/run/realtime/log_messages.h"
 
 #include <fmt/format.h>
@@ -11,10 +11,10 @@
 
 #include "firmware/messages.h"
 #include "harness/dds/domain_slot.h"
-#include "harness/run/merge_logs.h"
 #include "harness/run/remote/archive.h"
 #include "tests/harness/dds/condition.h"
 #include "tests/harness/run/by_hand.h"
+#include "tests/harness/run/kept_records.h"
 #include "tests/support/control_period.h"
 #include "tests/support/origins.h"
 #include "tests/support/tiltrotor_plant.h"
@@ -49,11 +49,15 @@ Scenario TroubledScenario() {
 // When a made-up client wakes up for the first time.
 constexpr BootTime kBegin(5'000'000'000'123);
 
-// One flight, by hand: the client asks every period and sends the hover input 3 ms later. `line_counts`: the
-// plant's rows know the counters, as in one process.
+// One flight, by hand: the client asks every period and sends the hover input 3 ms later. In one process the plant's rows
+// know the counters of the line; elsewhere they follow as records (`counters`).
 struct ByHand {
-  explicit ByHand(const Scenario& scenario_in, bool line_counts_in)
-      : scenario(scenario_in), line_counts(line_counts_in), line(scenario), server(scenario, Model()) {}
+  ByHand(const Scenario& scenario_in, RecordSink& of_line, RecordSink& of_plant, bool counters_in)
+      : scenario(scenario_in),
+        counters(counters_in),
+        line_sink(of_line),
+        line(scenario, of_line),
+        server(scenario, Model(), of_plant) {}
 
   void Pump(BootTime now) {
     for (;;) {
@@ -73,11 +77,11 @@ struct ByHand {
   }
   void Advance(BootTime now) {
     // As the link node does: as the counters stood before anything of this instant.
-    for (; line.origin().known() && line.origin().ToBootTime(next_sample_ns) < now &&
+    for (; counters && line.origin().known() && line.origin().ToBootTime(next_sample_ns) < now &&
            next_sample_ns <= scenario.duration_ns;
          next_sample_ns += kControlPeriodNs)
-      samples.push_back({next_sample_ns, line.counts()});
-    server.Advance(now, {line_counts ? line.counts() : LineCounts{}});
+      line_sink.Write({next_sample_ns, 0, record::Counters{line.counts()}});
+    server.Advance(now, {counters ? LineCounts{} : line.counts()});
   }
   void Fly(const std::function<void()>& every_50_ms) {
     line.Transmit(Direction::kToPlant, kBegin, FrameOf(link::EncodeStart(link::Dialect::kPaper, {})));
@@ -94,11 +98,11 @@ struct ByHand {
   }
 
   const Scenario scenario;
-  bool line_counts;
+  bool counters;
+  RecordSink& line_sink;
   LocalLine line;
   OriginFinder origin;
   LocalPlantServer server;
-  std::vector<CountsSample> samples;
   TimeNs next_sample_ns = 0;
 };
 
@@ -113,7 +117,7 @@ class LogMessagesTest : public ::testing::Test {
   bool Gather(LogCollector& collector, const std::vector<std::string>& nodes,
               const std::vector<LogPublisher*>& publishers) {
     return condition_.Wait([&] {
-      for (LogPublisher* publisher : publishers) publisher->Retry();
+      for (LogPublisher* publisher : publishers) publisher->Flush();
       collector.Drain(flown_ns_);
       return std::all_of(nodes.begin(), nodes.end(),
                          [&](const std::string& node) { return collector.Complete(node); });
@@ -148,59 +152,46 @@ MATCHER(SameNumber, "") {
 
 TEST_F(LogMessagesTest, AFlightOverTheBusIsTheFlightOfOneProcess) {
   const Scenario scenario = TroubledScenario();
-  ByHand together(scenario, true);
+  const VehicleSignals signals = Model().signals();
+  LogBuilder builder(scenario, signals);
+  ByHand together(scenario, builder, builder, false);
   together.Fly([] {});
-  RunLog expected;
-  expected.trace = Trace(TraceLayout(Model().signals(), scenario).columns);
-  expected.fault_activation_counts.assign(scenario.faults.size(), 0);
   const Origin origin = together.line.origin();
   ASSERT_TRUE(origin.known());
   const BootTime end = origin.ToBootTime(800 * kNsPerMs);
-  Append(expected, together.server.TakeLog());
-  Append(expected, together.line.TakeLog(end), 0, origin);
-  SortByTime(expected);
+  together.server.WriteTotals();
+  together.line.Finish(end);
+  const RunLog expected = builder.Take();
   ASSERT_GT(expected.fault_activation_counts.at(0), 3);
   ASSERT_GT(expected.fault_activation_counts.at(1), 3);
   ASSERT_GT(expected.trace.row_count(), 60u);
 
-  LogCollector collector(bus_, circle_, scenario, Model().signals(), "run", condition_.Waker());
-  LogPublisher plant(bus_, scenario, "run", "plant", bus_.participant()),
-      link(bus_, scenario, "run", "link", bus_.participant());
-  ByHand apart(scenario, false);
+  LogCollector collector(bus_, circle_, scenario, signals, "run", condition_.Waker());
+  LogPublisher plant(bus_, "run", "plant", bus_.participant()), link(bus_, "run", "link", bus_.participant());
+  ByHand apart(scenario, link, plant, true);
   apart.Fly([&] {
-    plant.Write(apart.server.TakeLog());
-    if (!apart.line.origin().known()) return;
-    link.Write(apart.line.TakeLog(end), apart.line.origin(), std::exchange(apart.samples, {}));
+    apart.server.WriteActivations();
+    apart.line.WriteActivations();
+    plant.Flush();
+    link.Flush();
     collector.Drain(flown_ns_);
   });
-  PlantLog rest = apart.server.TakeLog();
-  plant.Write(rest);
-  NodeTotals plant_totals;
-  plant_totals.plant.emplace();
-  plant_totals.plant->hover_input = rest.hover_input;
-  plant_totals.plant->input_min = rest.input_min;
-  plant_totals.plant->input_max = rest.input_max;
-  plant_totals.plant->clients[0].starts_accepted_count = rest.clients[0].starts_accepted_count;
-  plant_totals.plant->activation_counts = rest.activation_counts;
-  plant_totals.lateness.origin = origin;
+  apart.server.WriteTotals();
+  apart.line.Finish(end);
   const BootTime t0 = origin.boot_time();
-  plant_totals.lateness.spans = {{t0 - 9, t0 - 1}, {t0 - 2, t0 + 5}, {t0 + 1, t0 + 9}};
-  plant_totals.lateness.disturbed = {{t0 + 20, t0 + 21}, {t0 - 5, t0 - 4}, {t0 + 3, t0 + 4}};
-  LineLog line_rest = apart.line.TakeLog(end);
-  link.Write(line_rest, apart.line.origin(), std::exchange(apart.samples, {}));
-  NodeTotals link_totals;
-  link_totals.line.emplace(line_rest);
-  link_totals.line->link = {};
-  link_totals.line->events.clear();
-  link_totals.line->activations.clear();
-  link_totals.line->reply_latency_ns.clear();
-  link_totals.line->client_round_trip_ns.clear();
-  link_totals.lateness.spans = {{BootTime(1), BootTime(2)}};  // without t = 0: it is unknown when that was
-  EXPECT_EQ(collector.Missing("link"), "its closing report");
-  plant.Close(plant_totals);
-  link.Close(link_totals);
+  const Lateness of_plant{.spans = {{t0 - 9, t0 - 1}, {t0 - 2, t0 + 5}, {t0 + 1, t0 + 9}},
+                          .disturbed = {{t0 + 20, t0 + 21}, {t0 - 5, t0 - 4}, {t0 + 3, t0 + 4}},
+                          .origin = origin};
+  of_plant.WriteTo(plant, record::LateKind::kBesideFirmware);
+  // Without t = 0 it is unknown when that was.
+  Lateness{.spans = {{BootTime(1), BootTime(2)}}}.WriteTo(link, record::LateKind::kBesideFirmware);
+  EXPECT_EQ(collector.Missing("link"), "its last records");
+  plant.Close();
+  link.Close();
   ASSERT_TRUE(Gather(collector, {"plant", "link"}, {&plant, &link})) << collector.Missing("link");
-  const RunLog log = collector.Take(777);
+  // Only the harness says that the flight is over.
+  collector.log().Write({777, {}, record::End{}});
+  const RunLog log = collector.Take();
 
   EXPECT_EQ(log.end_ns, 777);
   EXPECT_EQ(log.trace.columns(), expected.trace.columns());
@@ -235,14 +226,14 @@ TEST_F(LogMessagesTest, AFlightOverTheBusIsTheFlightOfOneProcess) {
 TEST_F(LogMessagesTest, WhatAnotherRunSaysIsNoPartOfThisOne) {
   const Scenario scenario = TroubledScenario();
   LogCollector collector(bus_, circle_, scenario, Model().signals(), "run", condition_.Waker());
-  LogPublisher old(bus_, scenario, "old run", "plant", bus_.participant()),
-      now(bus_, scenario, "run", "plant", bus_.participant());
-  old.Write(RunEvent{1, "old", ""});
-  now.Write(RunEvent{2, "new", ""});
-  old.Close({});
-  now.Close({});
+  LogPublisher old(bus_, "old run", "plant", bus_.participant()),
+      now(bus_, "run", "plant", bus_.participant());
+  old.Write({1, {}, record::Event{"old", ""}});
+  now.Write({2, {}, record::Event{"new", ""}});
+  old.Close();
+  now.Close();
   ASSERT_TRUE(Gather(collector, {"plant"}, {&old, &now}));
-  const RunLog log = collector.Take(0);
+  const RunLog log = collector.Take();
   ASSERT_EQ(log.events.size(), 1u);
   EXPECT_EQ(log.events[0].kind, "new");
 }
@@ -251,22 +242,18 @@ TEST_F(LogMessagesTest, WhatAnotherRunSaysIsNoPartOfThisOne) {
 TEST_F(LogMessagesTest, ALogOfAnyLengthGoesOut) {
   const Scenario scenario = TroubledScenario();
   const std::size_t columns = TraceLayout(Model().signals(), scenario).columns.size();
-  const std::size_t rows = 2 * dds::kNumbersCountMax / columns + 1;
-  PlantLog log;
-  log.column_count = columns;
-  std::vector<CountsSample> samples;
-  for (std::size_t row = 0; row < rows; ++row) {
-    log.rows.resize(log.rows.size() + columns, static_cast<double>(row));
-    log.rows[row * columns] = ToSeconds(static_cast<TimeNs>(row) * kControlPeriodNs);
-  }
-  for (TimeNs i = 0; i < 20'000; ++i) samples.push_back({i * kControlPeriodNs, {}});
+  const std::size_t rows = 2 * dds::kPayloadBytesMax / (columns * sizeof(double)) + 1;
   LogCollector collector(bus_, circle_, scenario, Model().signals(), "run", condition_.Waker());
-  LogPublisher node(bus_, scenario, "run", "node", bus_.participant());
-  node.Write(log);
-  node.Write(LineLog{}, kOriginAtPowerOn, samples);
-  node.Close({});
+  LogPublisher node(bus_, "run", "node", bus_.participant());
+  for (std::size_t row = 0; row < rows; ++row) {
+    record::Row of{std::vector<double>(columns, static_cast<double>(row))};
+    of.values[0] = ToSeconds(static_cast<TimeNs>(row) * kControlPeriodNs);
+    node.Write({static_cast<TimeNs>(row) * kControlPeriodNs, {}, of});
+  }
+  for (TimeNs i = 0; i < 20'000; ++i) node.Write({i * kControlPeriodNs, 0, record::Counters{}});
+  node.Close();
   ASSERT_TRUE(Gather(collector, {"node"}, {&node})) << collector.Missing("node");
-  const RunLog taken = collector.Take(0);
+  const RunLog taken = collector.Take();
   ASSERT_EQ(taken.trace.row_count(), rows);
   for (std::size_t row = 0; row < rows; ++row) ASSERT_EQ(taken.trace.at(row, 1), static_cast<double>(row));
 }
@@ -274,13 +261,13 @@ TEST_F(LogMessagesTest, ALogOfAnyLengthGoesOut) {
 TEST_F(LogMessagesTest, WhatAFirmwareSaysCannotStopItsNode) {
   const Scenario scenario = TroubledScenario();
   LogCollector collector(bus_, circle_, scenario, Model().signals(), "run", condition_.Waker());
-  LogPublisher client(bus_, scenario, "run", "client", bus_.participant());
-  client.Write(RunEvent{kNsPerS, "firmware_log", std::string("a\0b", 3)});
-  client.Write(RunEvent{0, "node_event", std::string(2 * dds::kTextBytesMax, 'x')});
-  for (int i = 0; i < 3000; ++i) client.Write(RunEvent{0, "firmware_log", std::string(1000, 'y')});
-  client.Close({});
+  LogPublisher client(bus_, "run", "client", bus_.participant());
+  client.Write({kNsPerS, 0, record::FirmwareText{std::string("a\0b", 3)}});
+  client.Write({0, {}, record::Event{"node_event", std::string(2 * dds::kTextBytesMax, 'x')}});
+  for (int i = 0; i < 3000; ++i) client.Write({0, 0, record::FirmwareText{std::string(1000, 'y')}});
+  client.Close();
   ASSERT_TRUE(Gather(collector, {"client"}, {&client})) << collector.Missing("client");
-  const RunLog log = collector.Take(0);
+  const RunLog log = collector.Take();
   EXPECT_TRUE(log.clients[0].firmware_log.starts_with("1.000000 a?b\n0.000000 yyy"));
   EXPECT_LT(log.clients[0].firmware_log.size(), kFirmwareLogBytesMax + 2000);
   EXPECT_GT(log.clients[0].firmware_log.size(), kFirmwareLogBytesMax / 2);
@@ -292,34 +279,33 @@ TEST_F(LogMessagesTest, WhatAFirmwareSaysCannotStopItsNode) {
 TEST_F(LogMessagesTest, NoNodeCanFillTheHarnesssMemory) {
   const Scenario scenario = TroubledScenario();
   const std::size_t columns = TraceLayout(Model().signals(), scenario).columns.size();
-  PlantLog much;
-  // Kept, it takes more than a flight that has just begun may hold, and less than one of 60 s.
-  const std::size_t rows = LogCollector::kNodeBytesMax / (sizeof(double) * columns) * 3 / 4;
-  much.column_count = columns;
-  much.rows.resize(rows * columns);
-  for (std::size_t row = 0; row < rows; ++row) much.rows[row * columns] = static_cast<double>(row);
+  // More than a flight that has just begun may hold, and less than one of 60 s.
+  const std::size_t rows = LogCollector::kNodeBytesMax / (sizeof(double) * columns) * 5 / 4;
   for (const TimeNs flown_ns : {TimeNs{0}, 60 * kNsPerS}) {
     flown_ns_ = flown_ns;
     const std::string run = fmt::format("run at {}", flown_ns);
     LogCollector collector(bus_, circle_, scenario, Model().signals(), run, condition_.Waker());
-    LogPublisher plant(bus_, scenario, run, "plant", bus_.participant()),
-        link(bus_, scenario, run, "link", bus_.participant());
-    plant.Write(much);
+    LogPublisher plant(bus_, run, "plant", bus_.participant()), link(bus_, run, "link", bus_.participant());
+    for (std::size_t row = 0; row < rows; ++row) {
+      record::Row of{std::vector<double>(columns)};
+      of.values[0] = static_cast<double>(row);
+      plant.Write({0, {}, of});
+    }
     if (flown_ns == 0) {
       ASSERT_TRUE(condition_.Wait([&] {
-        plant.Retry();
+        plant.Flush();
         collector.Drain(flown_ns_);
         return !collector.overfull().empty();
       }));
     }
-    plant.Write(RunEvent{2, "after", ""});
-    plant.Close({});
+    plant.Write({2, {}, record::Event{"after", ""}});
+    plant.Close();
     ASSERT_TRUE(Gather(collector, {"plant"}, {&plant})) << collector.Missing("plant");
-    link.Write(RunEvent{1, "of another node", ""});
-    link.Close({});
+    link.Write({1, {}, record::Event{"of another node", ""}});
+    link.Close();
     ASSERT_TRUE(Gather(collector, {"link"}, {&link})) << collector.Missing("link");
     const std::string overfull = collector.overfull();
-    const RunLog log = collector.Take(0);
+    const RunLog log = collector.Take();
     std::vector<std::string> kinds;
     for (const RunEvent& event : log.events) kinds.push_back(event.kind);
     if (flown_ns == 0) {
@@ -338,62 +324,104 @@ TEST_F(LogMessagesTest, NoNodeCanFillTheHarnesssMemory) {
   }
 }
 
-TEST_F(LogMessagesTest, BadMessagesDoNoHarm) {
+// Records of a node of another build, or of a node that does not have the scenario.
+TEST_F(LogMessagesTest, BadRecordsDoNoHarm) {
+  const Scenario scenario = TroubledScenario();
+  const std::size_t columns = TraceLayout(Model().signals(), scenario).columns.size();
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  LogCollector collector(bus_, circle_, scenario, Model().signals(), "run", condition_.Waker());
+  LogPublisher plant(bus_, "run", "plant", bus_.participant());
+  plant.Write({0, {}, faults::Activation{0, scenario.faults.size(), "", {}, {}}});
+  plant.Write({0, {}, record::ActivationCounts{std::vector<std::int64_t>(1000, 1)}});
+  plant.Write({0, {}, record::Row{std::vector<double>(columns, nan)}});
+  plant.Write({0, {}, record::Row{std::vector<double>(columns, 2.0)}});
+  plant.Write({0, {}, record::Row{std::vector<double>(columns, 1.0)}});
+  plant.Write({0, {}, record::Row{{}}});
+  plant.Write({0, {}, record::Row{std::vector<double>(columns + 1, 3.0)}});
+  plant.Write({0, 0, record::Bytes{static_cast<Direction>(3), ByteSide::kSent, {1}}});
+  plant.Write({0, 0, record::Bytes{Direction::kToPlant, static_cast<ByteSide>(3), {1}}});
+  plant.Write({0, 1, record::Bytes{Direction::kToPlant, ByteSide::kSent, {1}}});
+  plant.Write({0, 0, record::Watched{{1}}});
+  plant.Write({0, {}, record::PlantEnd{{}, {}, {}, {0, 1}}});
+  plant.Write({5, {}, record::End{.reason = EndReason::kFirmwareCrashed}});
+  plant.Close();
+  ASSERT_TRUE(Gather(collector, {"plant"}, {&plant})) << collector.Missing("plant");
+  const RunLog log = collector.Take();
+  EXPECT_THAT(log.activations, IsEmpty());
+  EXPECT_THAT(log.fault_activation_counts, ElementsAre(1, 1));
+  ASSERT_EQ(log.trace.row_count(), 1u);
+  EXPECT_EQ(log.trace.at(0, 0), 2.0);
+  EXPECT_EQ(log.link.content().size(), kLinkLogMagic.size());
+  EXPECT_EQ(log.end_reason, EndReason::kCompleted);
+}
+
+// Nothing that cannot be read counts as read, and what is missing is named.
+TEST_F(LogMessagesTest, DamagedAndMissingMessagesAreNamed) {
   const Scenario scenario = TroubledScenario();
   LogCollector collector(bus_, circle_, scenario, Model().signals(), "run", condition_.Waker());
-  dds::Publisher<dds::FaultActivation> activations(bus_);
-  dds::Publisher<dds::TraceRows> rows(bus_);
-  dds::Publisher<dds::SerialTap> taps(bus_);
-  dds::Publisher<dds::NodeReport> reports(bus_);
-  ASSERT_TRUE(condition_.Wait([&] {
-    return activations.MatchedCount() == 1 && rows.MatchedCount() == 1 && taps.MatchedCount() == 1 &&
-           reports.MatchedCount() == 1;
-  }));
-  const auto named = [](auto message) {
-    message.run_id = "run";
-    message.node_id = "plant";
-    return message;
-  };
-  dds::FaultActivation activation = named(dds::FaultActivation{});
-  activation.sequence = 1;
-  activation.fault_id = "of another scenario";
-  activations.Write(activation);
-  dds::TraceRows row = named(dds::TraceRows{});
-  row.column_count = static_cast<std::int64_t>(TraceLayout(Model().signals(), scenario).columns.size());
-  row.values.assign(static_cast<std::size_t>(row.column_count), std::numeric_limits<double>::quiet_NaN());
-  row.sequence = 1;
-  rows.Write(row);
-  row.column_count = -1;
-  row.sequence = 2;
-  rows.Write(row);
-  row.column_count = 0;
-  row.sequence = 3;
-  rows.Write(row);
-  dds::SerialTap tap = named(dds::SerialTap{});
-  tap.sequence = 1;
-  tap.frames.resize(1);
-  tap.frames[0].direction = 3;
-  taps.Write(tap);
-  dds::NodeReport report = named(dds::NodeReport{});
-  report.payload = {1, 2, 3};
-  reports.Write(report);
-  report.node_id = "link";
-  Packer packer;
-  packer(NodeTotals());
-  report.payload.assign(packer.bytes().begin(), packer.bytes().end());
-  report.fault_activation = 2;
-  reports.Write(report);
+  dds::Publisher<dds::Records> records(bus_);
+  ASSERT_TRUE(condition_.Wait([&] { return records.MatchedCount() == 1; }));
+  records.Write({"run", "plant", 1, true, {1, 2, 3}});
+  records.Write({"run", "link", 1, false, {}});
+  records.Write({"run", "link", 4, true, {}});
   ASSERT_TRUE(condition_.Wait([&] {
     collector.Drain(flown_ns_);
-    return (collector.Missing("link") != "its closing report");
+    return collector.Missing("plant") != "its last records" &&
+           collector.Missing("link") != "its last records";
   }));
-  // A damaged report is none, and what is missing is named.
-  EXPECT_EQ(collector.Missing("plant"), "its closing report");
-  EXPECT_EQ(collector.Missing("link"), "fault activations 1 to 2");
-  const RunLog log = collector.Take(0);
-  EXPECT_THAT(log.activations, IsEmpty());
-  EXPECT_EQ(log.trace.row_count(), 0u);
-  EXPECT_EQ(log.link.content().size(), kLinkLogMagic.size());
+  EXPECT_EQ(collector.Missing("plant"), "records that this program can read");
+  EXPECT_EQ(collector.Missing("link"), "records 2 to 4");
+  EXPECT_EQ(collector.Missing("client"), "its last records");
+}
+
+// Programs of others read these topics, whose types have not changed.
+TEST_F(LogMessagesTest, TheHarnessPublishesTheRecordsOfNodesForOthers) {
+  const Scenario scenario = TroubledScenario();
+  LogCollector collector(bus_, circle_, scenario, Model().signals(), "run", condition_.Waker());
+  dds::Subscriber<dds::SerialTap> taps(bus_, condition_.Waker());
+  dds::Subscriber<dds::FaultActivation> activations(bus_, condition_.Waker());
+  dds::Subscriber<dds::RunEvent> events(bus_, condition_.Waker());
+  ASSERT_TRUE(condition_.Wait([&] {
+    return taps.MatchedCount() == 1 && activations.MatchedCount() == 1 && events.MatchedCount() == 1;
+  }));
+  LogPublisher link(bus_, "run", "link", bus_.participant());
+  const std::vector<std::uint8_t> sent{0x7E, 1, 0x7E}, changed{0x7E, 3, 0x7E};
+  link.Write({10, 0, record::Bytes{Direction::kToPlant, ByteSide::kSent, sent}});
+  link.Write({10, 0, record::Bytes{Direction::kToPlant, ByteSide::kDelivered, changed}});
+  link.Write({11, 0, record::Bytes{Direction::kToPlant, ByteSide::kPassedOn, changed}});
+  link.Write({12, 0, record::Reply{5}});
+  link.Write({13, 0, record::Answer{6}});
+  link.Write({10, 0, faults::Activation{10, 0, "1 bit flipped", {{10, sent}}, {{10, changed}}}});
+  link.Write({14, {}, record::Event{"kind", "text"}});
+  link.Write({15, 0, record::FirmwareText{"line"}});
+  link.Close();
+  std::vector<dds::SerialTap> tapped;
+  std::vector<dds::FaultActivation> activated;
+  std::vector<dds::RunEvent> happened;
+  const auto take = [](auto& from, auto& to) {
+    for (auto& message : from.Take()) to.push_back(std::move(message));
+  };
+  ASSERT_TRUE(condition_.Wait([&] {
+    link.Flush();
+    collector.Drain(flown_ns_);
+    take(taps, tapped);
+    take(activations, activated);
+    take(events, happened);
+    return !tapped.empty() && !activated.empty() && happened.size() == 2;
+  }));
+  const dds::SerialTap tap{"run",
+                           "link",
+                           1,
+                           std::vector<dds::TapFrame>{{10, 0, false, sent, dds::Names{"flips"}},
+                                                      {10, 0, true, changed, dds::Names{"flips"}}},
+                           {5},
+                           {6}};
+  EXPECT_EQ(tapped, std::vector{tap});
+  const dds::FaultActivation activation{"run",        "link",         1, "flips", 10, "1 bit flipped",
+                                        {{10, sent}}, {{10, changed}}};
+  EXPECT_EQ(activated, std::vector{activation});
+  EXPECT_EQ(happened, (std::vector<dds::RunEvent>{{"run", "link", 1, 14, "kind", "text"},
+                                                  {"run", "link", 2, 15, "firmware_log", "line"}}));
 }
 
 }  // namespace

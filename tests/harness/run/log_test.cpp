@@ -29,11 +29,10 @@ Chunk SensorFrame(float x_m) {
 }
 
 TEST(LinkLog, SurvivesItsFile) {
-  BootLinkLog of_line;
-  of_line.Append({BootTime(100), {0x7E, 1, 2}, {}}, {0, Direction::kReference}, true);
-  of_line.Append({BootTime(200), {}, {}}, {0, Direction::kToPlant}, false);
-  of_line.Append({BootTime(300), std::vector<std::uint8_t>(70'000, 9), {}}, {0, Direction::kToClient}, true);
-  const LinkLog log = std::move(of_line).Shifted(Origin(BootTime(150)));
+  LinkLog log;
+  log.Append({-50, {0x7E, 1, 2}, {}}, {0, Direction::kReference}, true);
+  log.Append({50, {}, {}}, {0, Direction::kToPlant}, false);
+  log.Append({150, std::vector<std::uint8_t>(70'000, 9), {}}, {0, Direction::kToClient}, true);
   const LinkLog again(log.content());
   std::size_t offset = 0;
   const auto first = again.Next(offset);

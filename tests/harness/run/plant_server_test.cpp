@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/harness/run/by_hand.h"
+#include "tests/harness/run/kept_records.h"
 #include "tests/support/control_period.h"
 
 namespace tiltproof::harness {
@@ -20,7 +21,8 @@ TEST(PlantServer, EverySecondCommandIsOffsetToTheLimitFromItsOwnBoundaryOn) {
   fault.type = "actuator.offset";
   fault.every_nth_count = 2;
   fault.parameters = {{"actuator", "f_r"}, {"value", 1e6}};
-  LocalPlantServer server(scenario, Model());
+  KeptRecords records;
+  LocalPlantServer server(scenario, Model(), records);
   const link::Protocol& protocol = *scenario.link.protocol;
   const auto receive = [&](TimeNs at, link::MessageKind kind, std::vector<float> values) {
     server.Receive(0, BootTime(at), {protocol.Find(kind), std::move(values)}, [](auto) {});
@@ -50,7 +52,8 @@ TEST(PlantServer, AVehicleThatIsHeldStaysWhereItIsWhateverHappens) {
   fault.id = "force";
   fault.type = "plant.force";
   fault.parameters = {{"force_n", 500.0}, {"direction", std::array{1.0, 0.0, 0.0}}};
-  LocalPlantServer server(scenario, Model());
+  KeptRecords records;
+  LocalPlantServer server(scenario, Model(), records);
   const link::Protocol& protocol = *scenario.link.protocol;
   const auto receive = [&](link::MessageKind kind, std::vector<float> values) {
     server.Receive(0, BootTime(0), {protocol.Find(kind), std::move(values)}, [](auto) {});
@@ -64,12 +67,11 @@ TEST(PlantServer, AVehicleThatIsHeldStaysWhereItIsWhateverHappens) {
   EXPECT_EQ(server.Truth(), truth);
   EXPECT_EQ(server.in_force()[0], Model().InputMax()[0]);
   server.Finish(BootTime(kNsPerS), AllCounts(1));
-  const PlantLog log = server.TakeLog();
-  const std::size_t row_count = log.rows.size() / log.column_count;
-  EXPECT_EQ(row_count, static_cast<std::size_t>(kNsPerS / kControlPeriodNs) + 2);
-  for (std::size_t row = 0; row < row_count; ++row)
+  const std::vector<record::Row> rows = records.Of<record::Row>();
+  EXPECT_EQ(rows.size(), static_cast<std::size_t>(kNsPerS / kControlPeriodNs) + 2);
+  for (const record::Row& row : rows)
     for (std::size_t state = 0; state < truth.size(); ++state)
-      ASSERT_EQ(log.rows[row * log.column_count + 1 + state], truth[state]) << row;
+      ASSERT_EQ(row.values[1 + state], truth[state]) << row.values[0];
 }
 
 }  // namespace

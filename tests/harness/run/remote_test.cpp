@@ -15,6 +15,7 @@
 #include "harness/run/remote/remote_parts.h"
 #include "harness/run/remote/serve.h"
 #include "harness/scenario/reader.h"
+#include "tests/harness/run/kept_records.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -73,8 +74,10 @@ struct Parts {
 RunLog FlyApart(Parts& parts, const std::string& yaml, const std::function<void(BootTime)>& at = {}) {
   const Setup setup{yaml, std::string("library:") + TILTPROOF_FIRMWARE_LIBRARY};
   const LoadedScenario loaded = Load(yaml);
-  RemoteLine line(parts.line.channel(), setup, *link::FindProtocol("paper"));
-  RemotePlantServer plant(parts.plant.channel(), setup);
+  const VehicleSignals signals = loaded.model->signals();
+  LogBuilder log(loaded.scenario, signals);
+  RemoteLine line(parts.line.channel(), setup, *link::FindProtocol("paper"), log);
+  RemotePlantServer plant(parts.plant.channel(), setup, log);
   FlightOptions options;
   options.make_client = [&](std::size_t /*client*/, ClientHost host) {
     if (at) {
@@ -87,7 +90,7 @@ RunLog FlyApart(Parts& parts, const std::string& yaml, const std::function<void(
     return MakeRemoteClient(parts.client.channel(), setup, std::move(host));
   };
   Line* lines[] = {&line};
-  return Conduct(loaded.scenario, loaded.model->signals(), lines, plant, options);
+  return Conduct(loaded.scenario, lines, plant, log, options);
 }
 
 RunLog FlyTogether(const std::string& yaml) {
@@ -153,19 +156,23 @@ TEST(Remote, PlantOrLineProcessKilledIsAnErrorThatNamesIt) {
     const RunLog log = FlyApart(parts, kFaulty, KillAtTwoSeconds(parts.plant.pid()));
     EXPECT_EQ(log.end_reason, EndReason::kHarnessError);
     EXPECT_THAT(log.end_text, HasSubstr("plant"));
+    EXPECT_GE(log.trace.row_count(), 100U);
   }
   Parts parts;
   const RunLog log = FlyApart(parts, kFaulty, KillAtTwoSeconds(parts.line.pid()));
   EXPECT_EQ(log.end_reason, EndReason::kHarnessError);
   EXPECT_THAT(log.end_text, HasSubstr("link"));
   EXPECT_GE(log.trace.row_count(), 160U);
+  // The records up to a batch before its death are kept.
+  EXPECT_GE(log.clients[0].reply_latency_ns.size(), 100U);
 }
 
 TEST(Remote, ScenarioThatTheOtherProcessCannotReadIsSaid) {
   Parts parts;
   const harness::Setup setup{"name: [", ""};
   try {
-    RemoteLine line(parts.line.channel(), setup, *link::FindProtocol("paper"));
+    KeptRecords records;
+    RemoteLine line(parts.line.channel(), setup, *link::FindProtocol("paper"), records);
     FAIL() << "accepted";
   } catch (const std::runtime_error& error) {
     EXPECT_THAT(error.what(), HasSubstr("the link process: setup:1"));

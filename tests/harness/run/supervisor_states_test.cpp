@@ -25,12 +25,6 @@ Trace Rows(std::size_t count) {
   return trace;
 }
 
-TEST(SupervisorStates, KeepsOnlyChanges) {
-  SupervisorStates states;
-  for (TimeNs i = 0; i < 100; ++i) states.Take(12 * kNsPerMs * i, i < 40 ? 0 : 7);
-  EXPECT_THAT(states.changes(), ElementsAre(SupervisorChange{0, 0}, SupervisorChange{480 * kNsPerMs, 7}));
-}
-
 TEST(SupervisorStates, EachRowHasTheLastStateUpToItsTime) {
   Trace trace = Rows(5);
   const std::vector<SupervisorChange> changes = {
