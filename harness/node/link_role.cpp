@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "harness/client/client.h"
 #include "harness/node/board_reset.h"
 #include "harness/node/cpu_wait_watch.h"
 #include "harness/node/deaf_receiver.h"

@@ -14,6 +14,7 @@
 #include "harness/run/realtime/members.h"
 #include "harness/run/realtime/node_order.h"
 #include "harness/run/realtime/node_processes.h"
+#include "harness/run/record.h"
 #include "harness/run/run_log.h"
 #include "harness/scenario/scenario.h"
 

@@ -11,7 +11,9 @@
 
 #include "firmware/messages.h"
 #include "harness/dds/domain_slot.h"
-#include "harness/run/remote/archive.h"
+#include "harness/run/line.h"
+#include "harness/run/message_receiver.h"
+#include "harness/run/plant_server.h"
 #include "tests/harness/dds/condition.h"
 #include "tests/harness/run/by_hand.h"
 #include "tests/harness/run/kept_records.h"
