@@ -2,6 +2,7 @@
 
 #include <bit>
 
+#include "link/check.h"
 #include "link/fletcher16.h"
 #include "link/frame.h"
 
@@ -44,6 +45,7 @@ FrameEdit::FrameEdit(std::span<const std::uint8_t> frame) {
 }
 
 void FrameEdit::WriteTo(std::vector<std::uint8_t>& frame) const {
+  Check(ok_, "only a whole frame is edited");
   frame.assign(flags_before_, link::kFlag);
   AppendFrame(payload_, static_cast<std::uint16_t>(link::Fletcher16(payload_) ^ damage_), frame);
 }
@@ -55,12 +57,14 @@ std::vector<std::uint8_t> FrameOf(std::span<const std::uint8_t> payload) {
 }
 
 float FloatAt(std::span<const std::uint8_t> payload, std::size_t offset) {
+  CheckPart(offset, 4, payload.size(), "a number is inside its payload");
   std::uint32_t bits = 0;
   for (std::size_t i = 4; i-- > 0;) bits = bits << 8 | payload[offset + i];
   return std::bit_cast<float>(bits);
 }
 
 void SetFloat(std::span<std::uint8_t> payload, std::size_t offset, float value) {
+  CheckPart(offset, 4, payload.size(), "a number is inside its payload");
   const auto bits = std::bit_cast<std::uint32_t>(value);
   for (std::size_t i = 0; i < 4; ++i) payload[offset + i] = static_cast<std::uint8_t>(bits >> (8 * i));
 }

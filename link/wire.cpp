@@ -24,6 +24,7 @@ std::size_t FindByte(std::uint8_t byte, std::span<const std::uint8_t> bytes, std
 // The kind of the message in a frame as sent. Its opening flag may be the closing one of the frame before.
 MessageKind KindOfFrame(Direction direction, const Protocol& protocol, std::span<const std::uint8_t> frame) {
   FrameDecoder decoder;
+  Check(!frame.empty(), "a chunk as sent has bytes");
   if (frame.front() != protocol.framing.flag) {
     std::span<const std::uint8_t> opening(&protocol.framing.flag, 1);
     decoder.Next(opening);
@@ -80,6 +81,7 @@ BootTime Wire::Transmit(BootTime now, std::span<const std::uint8_t> bytes) {
 }
 
 std::size_t Wire::BytesOfOpenChunk(std::span<const std::uint8_t> bytes, bool& closed) {
+  Check(open_.bytes.size() <= kChunkBytesMax, "an open chunk is no larger than a chunk may be");
   const std::size_t room = kChunkBytesMax - open_.bytes.size();
   if (bytes.size() > room) bytes = bytes.first(room);
   std::size_t from = 0;
@@ -170,6 +172,8 @@ void Wire::Recycle(Chunk&& chunk) {
 }
 
 std::size_t Wire::FindPieceEnd() const {
+  Check(!queue_.empty() && front_taken_ < queue_.front().bytes.size(),
+        "a piece is looked for where bytes are left");
   const std::vector<std::uint8_t>& bytes = queue_.front().bytes;
   std::size_t flag = FindByte(flag_byte(), bytes, front_taken_);
   while (flag < bytes.size()) {
@@ -184,10 +188,13 @@ BootTime Wire::FrontArrival(std::size_t byte_count) const {
   if (config_.adapter_bytes_count == 0)
     return queue_.front().begin_ns + BytesTime(static_cast<std::int64_t>(byte_count)) +
            config_.adapter_latency_ns;
+  Check(byte_count >= front_taken_, "a piece ends after what was taken");
   std::size_t left = byte_count - front_taken_;
-  auto passed_on = passed_on_.begin();
-  while (left > passed_on->bytes) left -= (passed_on++)->bytes;
-  return passed_on->at;
+  for (const PassedOn& part : passed_on_) {
+    if (left <= part.bytes) return part.at;
+    left -= part.bytes;
+  }
+  ThrowBrokenInvariant("an adapter knows when it passes on each byte that waits in it");
 }
 
 void Wire::Buffer(BootTime arrival) {
@@ -205,6 +212,7 @@ void Wire::Buffer(BootTime arrival) {
 
 void Wire::LeaveBuffer(std::span<const std::uint8_t> bytes) {
   while (!bytes.empty()) {
+    Check(!passed_on_.empty(), "bytes that leave an adapter were in its buffer");
     PassedOn& oldest = passed_on_.front();
     const auto now = bytes.first(std::min(oldest.bytes, bytes.size()));
     if (taps_.passed_on) taps_.passed_on(oldest.at, now);

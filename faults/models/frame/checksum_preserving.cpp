@@ -1,5 +1,6 @@
 #include "faults/fault_type.h"
 #include "faults/frame_edit.h"
+#include "link/check.h"
 #include "link/fletcher16.h"
 
 namespace tiltproof::faults {
@@ -17,6 +18,7 @@ class ChecksumPreserving : public WireModel {
       const std::size_t place = context.random.Below(payload.size() - 2);
       const auto d = static_cast<unsigned>(1 + context.random.Below(254));
       const auto add = [&payload](std::size_t at, unsigned difference) {
+        CheckIndex(at, payload.size(), "a changed byte is inside the payload");
         payload[at] = static_cast<std::uint8_t>((payload[at] + difference) % link::kFletcherModulus);
       };
       add(place, d);
@@ -41,10 +43,10 @@ FaultType FrameChecksumPreserving() {
           .summary = "A damage that the checksum does not see.",
           .semantics =
               "Models the damage that Fletcher's checksum cannot detect. With the given probability, three "
-              "successive bytes of the payload of a frame that the trigger picks change, by d, -2d and d "
-              "modulo 255: both of Fletcher's sums stay the same. The place, and d from 1 to 254, are drawn "
+              "successive bytes of the payload of a frame that the trigger picks change by d, -2d and d "
+              "modulo 255. Both of Fletcher's sums stay the same. The place, and d from 1 to 254, are drawn "
               "evenly; at least one byte changes. The checksum in the frame is not touched, and bytes are "
-              "escaped anew. A payload of less than three bytes stays as it is. Only the length, id and "
+              "escaped again. A payload of less than three bytes stays as it is. Only the length, id and "
               "ranges of the message are left to find this.",
           .source =
               "Fletcher, An Arithmetic Checksum for Serial Transmissions, IEEE Transactions on "
