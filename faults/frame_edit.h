@@ -3,7 +3,7 @@
 //   FrameEdit edit(chunk.bytes);
 //   if (edit.ok()) {
 //     edit.payload().push_back(0);
-//     edit.WriteTo(chunk.bytes);  // escaped anew, with the checksum of the new payload
+//     edit.WriteTo(chunk.bytes);  // escaped again, with the checksum of the new payload
 //   }
 //
 // A frame that was damaged before stays damaged: the bits in which its checksum was wrong are wrong in the new

@@ -236,7 +236,7 @@ class EnvelopeSearch {
                                    folder().string()));
     if (options_.resume.empty() && std::filesystem::exists(folder() / "envelope.json"))
       throw UsageError(
-          fmt::format("{} holds an envelope already: go on with it (--resume {}), or choose another --out",
+          fmt::format("{} holds an envelope already: continue it (--resume {}), or choose another --out",
                       folder().string(), folder().string()));
   }
 

@@ -106,7 +106,7 @@ void TakeEarlierRows(const std::filesystem::path& file, Envelope& envelope) {
   try {
     const EarlierJson then = EarlierJson::parse(ReadFile(file));
     if (const std::string why = Difference(then, envelope); !why.empty())
-      throw UsageError(fmt::format("--resume {}: {}: its rows say nothing of this one", file.string(), why));
+      throw UsageError(fmt::format("--resume {}: {}: its rows do not apply to this one", file.string(), why));
     for (const EarlierJson& row : then.at("rows")) {
       if (row.contains("error")) continue;
       earlier[KeyOf(row)] = MarginOf(row);
@@ -116,7 +116,7 @@ void TakeEarlierRows(const std::filesystem::path& file, Envelope& envelope) {
     throw;
   } catch (const std::exception& error) {
     throw UsageError(
-        fmt::format("--resume: {} is no envelope to go on with: {}", file.string(), error.what()));
+        fmt::format("--resume: {} is not an envelope to continue: {}", file.string(), error.what()));
   }
   for (EnvelopeEntry& entry : envelope.entries) {
     const auto found =

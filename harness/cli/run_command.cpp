@@ -251,7 +251,7 @@ int RunCommand(const RunOptions& options) {
   if (*InterruptScope::flag()) return InterruptedEarly();
   const std::filesystem::path folder = CreateRunFolder(options.out, suite.name, info.seed);
   if (LatestIsTaken(options.out))
-    Print(stderr, "warning: {} is no link and stays as it is; this run is in {}\n",
+    Print(stderr, "warning: {} is not a link and stays as it is; this run is in {}\n",
           (options.out / "latest").string(), folder.string());
 
   for (FlightJob& job : jobs) {

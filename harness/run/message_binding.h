@@ -23,8 +23,8 @@ class MessageBinding {
     for (const link::MessageField& field : type.fields) {
       const auto place = signals.Find(field.signal);
       if (!place)
-        throw std::invalid_argument("message '" + type.name + "' carries the signal '" + field.signal +
-                                    "', which there is not");
+        throw std::invalid_argument("message '" + type.name + "' uses signal '" + field.signal +
+                                    "', which this vehicle does not have");
       places_.push_back(*place);
     }
   }
