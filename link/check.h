@@ -40,9 +40,9 @@ inline void Check(bool holds, const char* expected, const char* file = __builtin
 
 // Checks an index before the access. The message has both numbers.
 //
-//   CheckIndex(fault, counts_.size(), "an activation belongs to a known fault");
+//   CheckIndex(2, frame.size(), "a byte is one of its frame");
 //
-//   broken invariant at faults/recorder.h:36: an activation belongs to a known fault (index 7 of 3)
+//   broken invariant at faults/bits.h:24: a byte is one of its frame (index 2 of 1)
 inline void CheckIndex(std::size_t index, std::size_t size, const char* expected,
                        const char* file = __builtin_FILE(), int line = __builtin_LINE()) {
   if (index >= size) [[unlikely]]
@@ -51,7 +51,7 @@ inline void CheckIndex(std::size_t index, std::size_t size, const char* expected
 
 // Checks a part [offset, offset + count) of `size` elements before the access. Never overflows.
 //
-//   CheckPart(offset, 4, payload.size(), "a field is inside its payload");
+//   CheckPart(0, 4, payload.size(), "a number is inside its payload");
 inline void CheckPart(std::size_t offset, std::size_t count, std::size_t size, const char* expected,
                       const char* file = __builtin_FILE(), int line = __builtin_LINE()) {
   if (offset > size || count > size - offset) [[unlikely]]
