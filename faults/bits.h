@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "faults/model.h"
+#include "link/check.h"
 
 namespace tiltproof::faults {
 
@@ -22,6 +23,7 @@ class BitFlipper {
 
   std::size_t BitCount() const { return 8 * chunk_.bytes.size(); }
   void Flip(std::size_t bit) {
+    CheckIndex(bit / 8, chunk_.bytes.size(), "a bit that flips is one of the chunk's");
     chunk_.bytes[bit / 8] = static_cast<std::uint8_t>(chunk_.bytes[bit / 8] ^ (1U << (bit % 8)));
     if (context_.what != nullptr) Note(bit);
     ++flipped_count_;

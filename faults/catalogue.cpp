@@ -33,10 +33,10 @@ act in the order of the file.
 
 The frames as they were sent determine which of them a fault picks and what it draws for each. At the
 receiver, the bytes as they arrived determine this. Adding or removing a fault therefore never shifts the
-draws of another. Only what a fault remembers comes from the frames that reach it: the state of
-wire.gilbert_elliott, the queue of wire.bandwidth_cap, the frames of frame.reorder and frame.replay_stale, the
-value that frame.semantic keeps, and the frame before, from which frame.flag_loss, frame.unsolicited and
-frame.babble count.
+draws of another. Only what a fault remembers comes from the frames that reach it. These are the state of
+wire.gilbert_elliott, the queue of wire.bandwidth_cap, the frames of frame.reorder and frame.replay_stale, and
+the value that frame.semantic keeps. The models frame.flag_loss, frame.unsolicited and frame.babble count from
+the frame before.
 
 An occasion on which the fault changed nothing does not count as an activation.
 

@@ -8,6 +8,7 @@
 
 #include <deque>
 
+#include "link/check.h"
 #include "link/time.h"
 
 namespace tiltproof::faults {
@@ -23,7 +24,10 @@ class DelayLine {
     while (past_.size() > 1 && past_[1].time_ns <= t - delay_ns_) past_.pop_front();
   }
   // The last value at or before the delay ago, or the first one of all as long as there is none. After a Push.
-  Value Delayed() const { return past_.front().value; }
+  Value Delayed() const {
+    Check(!past_.empty(), "a delayed value was pushed before");
+    return past_.front().value;
+  }
 
  private:
   struct Entry {

@@ -20,7 +20,7 @@ namespace tiltproof::faults {
 
 struct KillNode {};       // for good
 struct PauseNode {};      // stopped, and continued at the end
-struct RestartNode {};    // killed, and started anew at the end
+struct RestartNode {};    // killed, and started again at the end
 struct PartitionNode {};  // cut off the bus until the end
 struct LosePackets {      // throughout the flight
   double probability = 0.0;

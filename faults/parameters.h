@@ -12,6 +12,8 @@
 #include <variant>
 #include <vector>
 
+#include "link/check.h"
+
 namespace tiltproof::faults {
 
 // Numbers as double, choices, texts and names of signals as text, directions as [x, y, z].
@@ -22,15 +24,13 @@ class Parameters {
  public:
   explicit Parameters(std::map<std::string, ParameterValue, std::less<>> values)
       : values_(std::move(values)) {}
-  double Number(std::string_view name) const { return std::get<double>(values_.find(name)->second); }
+  double Number(std::string_view name) const { return Value<double>(name); }
   std::int64_t Integer(std::string_view name) const { return static_cast<std::int64_t>(Number(name)); }
   const std::array<double, 3>& Vector(std::string_view name) const {
-    return std::get<std::array<double, 3>>(values_.find(name)->second);
+    return Value<std::array<double, 3>>(name);
   }
   const std::string& Choice(std::string_view name) const { return Text(name); }
-  const std::string& Text(std::string_view name) const {
-    return std::get<std::string>(values_.find(name)->second);
-  }
+  const std::string& Text(std::string_view name) const { return Value<std::string>(name); }
   bool Has(std::string_view name) const { return values_.contains(name); }
   // The same with this text.
   Parameters With(std::string_view name, std::string text) const {
@@ -40,6 +40,14 @@ class Parameters {
   }
 
  private:
+  template <class T>
+  const T& Value(std::string_view name) const {
+    const auto found = values_.find(name);
+    const T* value = found == values_.end() ? nullptr : std::get_if<T>(&found->second);
+    Check(value != nullptr, "a model asks for a parameter that its type has, by its kind");
+    return *value;
+  }
+
   std::map<std::string, ParameterValue, std::less<>> values_;
 };
 

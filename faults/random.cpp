@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "link/check.h"
+
 namespace tiltproof::faults {
 
 constinit thread_local std::uint64_t Random::drawn_count_ = 0;
@@ -25,6 +27,7 @@ bool Random::Bernoulli(double probability) {
 }
 
 std::uint64_t Random::Below(std::uint64_t n) {
+  Check(n > 0, "a number is drawn from a range with numbers in it");
   // The last, incomplete run of n values is refused.
   const std::uint64_t refused_from = max() - (max() % n + 1) % n;
   std::uint64_t draw = (*this)();

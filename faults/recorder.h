@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "faults/fault.h"
+#include "link/check.h"
 
 namespace tiltproof::faults {
 
@@ -28,7 +29,10 @@ class Recorder {
     counts_.push_back(0);
     bytes_.push_back(0);
   }
-  bool Keeps(std::size_t fault) const { return counts_[fault] < kActivationsMax; }
+  bool Keeps(std::size_t fault) const {
+    CheckIndex(fault, counts_.size(), "an activation belongs to a known fault");
+    return counts_[fault] < kActivationsMax;
+  }
   // Counts one activation of that many bytes. `make` returns the record, an Activation or a BootActivation,
   // and is called only if the record is kept, or is the fault's first.
   template <class Make>

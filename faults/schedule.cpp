@@ -177,6 +177,7 @@ std::vector<News> FaultSchedule::TakeNews() {
   std::vector<News> news;
   if (!state_->origin.known()) return news;
   for (const Recorder::First& first : state_->recorder.TakeFirsts()) {
+    CheckIndex(first.fault, state_->followers.size(), "a first activation is of a fault of the schedule");
     if (state_->followers[first.fault].empty()) continue;
     const auto* boot_time = std::get_if<BootTime>(&first.time_ns);
     const TimeNs time_ns =
@@ -189,6 +190,7 @@ std::vector<News> FaultSchedule::TakeNews() {
 
 void FaultSchedule::Hear(std::span<const News> news) {
   for (const News& item : news) {
+    CheckIndex(item.fault, state_->activities.size(), "news are of a fault of the schedule");
     if (item.kind == News::Kind::kFirstActivation) {
       for (const std::size_t follower : state_->followers[item.fault])
         state_->activities[follower].OnFollowed(item.time_ns);

@@ -5,6 +5,8 @@
 #include <string>
 
 #include "faults/text.h"
+#include "link/check.h"
+#include "link/disturbance.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -126,8 +128,16 @@ std::vector<std::string> SignalNames(const VehicleSignals& signals, ParameterKin
   return names;
 }
 
-std::size_t RotorIndex(const SignalSetup& setup) { return IndexOf(setup, "rotor", ParameterKind::kRotor); }
-std::size_t JointIndex(const SignalSetup& setup) { return IndexOf(setup, "joint", ParameterKind::kJoint); }
+std::size_t RotorIndex(const SignalSetup& setup) {
+  const std::size_t rotor = IndexOf(setup, "rotor", ParameterKind::kRotor);
+  CheckIndex(rotor, kRotorsMax, "a disturbance has a factor for each rotor");
+  return rotor;
+}
+std::size_t JointIndex(const SignalSetup& setup) {
+  const std::size_t joint = IndexOf(setup, "joint", ParameterKind::kJoint);
+  CheckIndex(joint, kRotorsMax, "a disturbance has a place for each hinge");
+  return joint;
+}
 
 std::size_t SensorIndex(const SignalSetup& setup, std::string_view parameter) {
   return IndexOf(setup, parameter, ParameterKind::kSensor);

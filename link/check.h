@@ -6,6 +6,7 @@
 //   broken invariant at link/wire.cpp:65: the sender's time never goes back
 #pragma once
 
+#include <cstddef>
 #include <stdexcept>
 #include <string>
 
@@ -29,6 +30,32 @@ inline void Check(bool holds, const char* expected, const char* file = __builtin
                   int line = __builtin_LINE()) {
   if (!holds) [[unlikely]]
     ThrowBrokenInvariant(expected, file, line);
+}
+
+[[noreturn, gnu::cold]] inline void ThrowBadIndex(std::size_t index, std::size_t size, const char* expected,
+                                                  const char* file, int line) {
+  ThrowBrokenInvariant(expected + (" (index " + std::to_string(index)) + " of " + std::to_string(size) + ")",
+                       file, line);
+}
+
+// Checks an index before the access. The message has both numbers.
+//
+//   CheckIndex(2, frame.size(), "a byte is one of its frame");
+//
+//   broken invariant at faults/bits.h:24: a byte is one of its frame (index 2 of 1)
+inline void CheckIndex(std::size_t index, std::size_t size, const char* expected,
+                       const char* file = __builtin_FILE(), int line = __builtin_LINE()) {
+  if (index >= size) [[unlikely]]
+    ThrowBadIndex(index, size, expected, file, line);
+}
+
+// Checks a part [offset, offset + count) of `size` elements before the access. Never overflows.
+//
+//   CheckPart(0, 4, payload.size(), "a number is inside its payload");
+inline void CheckPart(std::size_t offset, std::size_t count, std::size_t size, const char* expected,
+                      const char* file = __builtin_FILE(), int line = __builtin_LINE()) {
+  if (offset > size || count > size - offset) [[unlikely]]
+    ThrowBadIndex(offset + count, size, expected, file, line);
 }
 
 }  // namespace tiltproof

@@ -13,6 +13,7 @@ namespace {
 constexpr std::size_t kIdBytes = 4;
 
 std::uint32_t LoadBits(std::span<const std::uint8_t> bytes) {
+  CheckPart(0, 4, bytes.size(), "a number of a message has four bytes");
   std::uint32_t bits = 0;
   for (std::size_t i = 4; i-- > 0;) bits = bits << 8 | bytes[i];
   return bits;
@@ -20,6 +21,7 @@ std::uint32_t LoadBits(std::span<const std::uint8_t> bytes) {
 
 void Append(Payload& payload, float value) {
   const auto bits = std::bit_cast<std::uint32_t>(value);
+  CheckPart(payload.size, 4, payload.bytes.size(), "a message fits into a payload");
   for (unsigned shift = 0; shift < 32; shift += 8)
     payload.bytes[payload.size++] = static_cast<std::uint8_t>(bits >> shift & 0xFF);
 }
@@ -143,6 +145,7 @@ MessageStatus Protocol::Decode(Direction direction, std::span<const std::uint8_t
   if (const MessageStatus status = FindType(*this, direction, payload, type); status != MessageStatus::kOk)
     return status;
   std::array<float, kPayloadBytesMax / 4> values;
+  Check(type->fields.size() <= values.size(), "a payload has room for all fields of its message");
   bool in_range = true;
   for (std::size_t i = 0; i < type->fields.size(); ++i) {
     const MessageField& field = type->fields[i];
@@ -165,7 +168,9 @@ Payload Protocol::Encode(const MessageType& type, std::span<const float> values)
 }
 
 float FieldValue(const MessageType& type, std::span<const std::uint8_t> payload, std::size_t field) {
-  return std::bit_cast<float>(LoadBits(payload.subspan((type.id ? kIdBytes : 0) + 4 * field)));
+  const std::size_t offset = (type.id ? kIdBytes : 0) + 4 * field;
+  CheckPart(offset, 4, payload.size(), "a field is inside its payload");
+  return std::bit_cast<float>(LoadBits(payload.subspan(offset)));
 }
 
 std::span<const std::shared_ptr<const Protocol>> Protocols() {

@@ -19,6 +19,8 @@
 #include <utility>
 #include <vector>
 
+#include "link/check.h"
+
 namespace tiltproof {
 
 // The axes along which a vector's components are measured.
@@ -71,7 +73,10 @@ class SignalTable {
 
   std::size_t size() const { return signals_.size(); }
   bool empty() const { return signals_.empty(); }
-  const Signal& operator[](std::size_t index) const { return signals_[index]; }
+  const Signal& operator[](std::size_t index) const {
+    CheckIndex(index, signals_.size(), "a signal is looked up within its table");
+    return signals_[index];
+  }
   auto begin() const { return signals_.begin(); }
   auto end() const { return signals_.end(); }
   // Its place in a row of values.

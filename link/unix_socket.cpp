@@ -13,6 +13,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "link/check.h"
+
 namespace tiltproof::link {
 namespace {
 
@@ -31,6 +33,7 @@ struct Address {
 
 // Empty text, or why it is no name of a socket.
 std::string Parse(const std::string& name, Address& address) {
+  Check(IsSocketName(name), "the name of a socket starts with unix:");
   const std::string_view path = std::string_view(name).substr(kScheme.size());
   if (path.empty() || path == "@") return "the name is empty; must be unix:PATH or unix:@NAME";
   if (path.size() >= sizeof address.value.sun_path)

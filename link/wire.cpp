@@ -23,6 +23,7 @@ Wire::Wire(const WireConfig& config, Direction direction, const Protocol& protoc
       arrived_cutter_(protocol.framing->MakeCutter()) {}
 
 MessageKind Wire::KindOf(std::span<const std::uint8_t> frame) {
+  Check(!frame.empty(), "a chunk as sent has bytes");
   sent_reader_->Finish();
   // The frame's opening may be the end of the frame before.
   std::span<const std::uint8_t> opening = protocol_->framing->opening();
@@ -74,6 +75,7 @@ BootTime Wire::Transmit(BootTime now, std::span<const std::uint8_t> bytes) {
 }
 
 std::size_t Wire::BytesOfOpenChunk(std::span<const std::uint8_t> bytes, bool& closed) {
+  Check(open_.bytes.size() <= kChunkBytesMax, "an open chunk is no larger than a chunk may be");
   const std::size_t room = kChunkBytesMax - open_.bytes.size();
   if (bytes.size() > room) bytes = bytes.first(room);
   const std::optional<std::size_t> end = sent_cutter_->FindEnd(bytes);
@@ -159,6 +161,8 @@ void Wire::Recycle(Chunk&& chunk) {
 }
 
 std::size_t Wire::FindPieceEnd() {
+  Check(!queue_.empty() && front_taken_ < queue_.front().bytes.size(),
+        "a piece is looked for where bytes are left");
   const auto bytes = std::span<const std::uint8_t>(queue_.front().bytes).subspan(front_taken_);
   return front_taken_ + arrived_cutter_->FindEnd(bytes).value_or(bytes.size());
 }
@@ -167,10 +171,13 @@ BootTime Wire::FrontArrival(std::size_t byte_count) const {
   if (config_.adapter_bytes_count == 0)
     return queue_.front().begin_ns + BytesTime(static_cast<std::int64_t>(byte_count)) +
            config_.adapter_latency_ns;
+  Check(byte_count >= front_taken_, "a piece ends after what was taken");
   std::size_t left = byte_count - front_taken_;
-  auto passed_on = passed_on_.begin();
-  while (left > passed_on->bytes) left -= (passed_on++)->bytes;
-  return passed_on->at;
+  for (const PassedOn& part : passed_on_) {
+    if (left <= part.bytes) return part.at;
+    left -= part.bytes;
+  }
+  ThrowBrokenInvariant("an adapter knows when it passes on each byte that waits in it");
 }
 
 void Wire::Buffer(BootTime arrival) {
@@ -188,6 +195,7 @@ void Wire::Buffer(BootTime arrival) {
 
 void Wire::LeaveBuffer(std::span<const std::uint8_t> bytes) {
   while (!bytes.empty()) {
+    Check(!passed_on_.empty(), "bytes that leave an adapter were in its buffer");
     PassedOn& oldest = passed_on_.front();
     const auto now = bytes.first(std::min(oldest.bytes, bytes.size()));
     if (taps_.passed_on) taps_.passed_on(oldest.at, now);

@@ -316,6 +316,8 @@ void Plant::World::FindContacts() {
   // further.
   if (!options.ground || !(dGeomGetPosition(shape)[2] <= shape_radius_m)) return;
   contact_count = dCollide(shape, ground, kContactsMax, contacts.data(), sizeof(dContactGeom));
+  Check(contact_count >= 0 && static_cast<std::size_t>(contact_count) <= contacts.size(),
+        "ODE reports no more contacts than there is room for");
 }
 
 void Plant::World::Sample() {

@@ -3,16 +3,20 @@
 #include <Eigen/Geometry>
 #include <cmath>
 
+#include "link/check.h"
+
 namespace tiltproof::plant {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 Vector3d VectorAt(std::span<const double> row, std::size_t first) {
+  CheckPart(first, 3, row.size(), "a vector is inside its row");
   return {row[first], row[first + 1], row[first + 2]};
 }
 
 void SetVector(std::span<double> row, std::size_t first, const Vector3d& v) {
+  CheckPart(first, 3, row.size(), "a vector is inside its row");
   for (std::size_t i = 0; i < 3; ++i) row[first + i] = v[static_cast<Eigen::Index>(i)];
 }
 

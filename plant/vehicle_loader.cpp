@@ -360,7 +360,7 @@ void Loader::CheckInertia(const RigidBody& body) {
   } else if (!options_.allow_invalid_inertia) {
     Complain(
         line,
-        message + "; to go on with it: --allow-invalid-inertia, in a scenario `allow_invalid_inertia: true`");
+        message + "; to fly it anyway: --allow-invalid-inertia, in a scenario `allow_invalid_inertia: true`");
   } else {
     warnings_.push_back(fmt::format("{}:{}: {}", file_.string(), line, message));
   }

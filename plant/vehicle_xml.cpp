@@ -272,7 +272,7 @@ VehicleElements VehicleXml::ReadElements(const std::filesystem::path& mapping,
     if (embedded != nullptr) return ReadVehicleElement(file_, *embedded, problems);
     problems.push_back(
         {file_, model_->GetLineNum(),
-         fmt::format("nothing says which links and joints are the base, the thrusters and the servos: "
+         fmt::format("nothing names the links and joints that are the base, the thrusters and the servos: "
                      "<tiltproof:vehicle> is missing, and so is {}",
                      beside.filename().string())});
     return {};

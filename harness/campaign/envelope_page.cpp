@@ -59,7 +59,7 @@ std::string EnvelopePage(const std::filesystem::path& folder, const std::filesys
   } catch (const FileError&) {
     throw;
   } catch (const std::exception& error) {
-    throw std::runtime_error(fmt::format("{} is no envelope: {}", file.string(), error.what()));
+    throw std::runtime_error(fmt::format("{} is not an envelope: {}", file.string(), error.what()));
   }
   return PageWith(EnvelopePageTemplate(), "<script type=\"application/json\" id=\"envelope\">" +
                                               ScriptSafe(JsonText(json)) + "</script>\n");

@@ -159,7 +159,7 @@ void FindUntold(const Scenario& scenario, std::size_t client, const ClientSpec& 
         complain(fmt::format("{} has no function tiltproof_client_status (firmware/tiltproof_client.h)",
                              ToText(spec)));
     } else {
-      complain(fmt::format("the client {} tells nothing of its state", ToText(spec)));
+      complain(fmt::format("the client {} does not report its state", ToText(spec)));
     }
   }
 }

@@ -75,10 +75,10 @@ std::vector<std::string> FlightDifferences(const fs::path& a, const fs::path& b,
                                          (b / "scenario.resolved.yaml").string(), error.what()));
   }
   if (!keys.empty() && !anyway)
-    throw UsageError(fmt::format(
-        "{} and {} are different flights, so their traces say nothing about each other: {}; --anyway "
-        "compares them all the same",
-        a.string(), b.string(), keys.front()));
+    throw UsageError(
+        fmt::format("{} and {} are different flights, so their traces cannot be compared: {}; --anyway "
+                    "compares them all the same",
+                    a.string(), b.string(), keys.front()));
   return keys;
 }
 

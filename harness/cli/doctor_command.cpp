@@ -141,7 +141,7 @@ void CheckClientDevices(const std::vector<std::string>& devices, Checks& checks)
     try {
       if (link::IsSocketName(device)) {
         if (const auto trouble = link::SocketTrouble(device)) throw std::runtime_error(*trouble);
-        check.text = "a socket that somebody listens at";
+        check.text = "a socket with a listening process";
         checks.push_back(std::move(check));
         continue;
       }

@@ -76,13 +76,13 @@ class EnvelopeRun {
       earlier = ReadEnvelope(file);
     } catch (const std::exception& error) {
       throw UsageError(
-          fmt::format("--resume: {} is no envelope to go on with: {}", file.string(), error.what()));
+          fmt::format("--resume: {} is not an envelope to continue: {}", file.string(), error.what()));
     }
     try {
       search_.Resume(earlier);
     } catch (const std::runtime_error& difference) {
-      throw UsageError(
-          fmt::format("--resume {}: {}: its rows say nothing of this one", file.string(), difference.what()));
+      throw UsageError(fmt::format("--resume {}: {}: its rows do not apply to this one", file.string(),
+                                   difference.what()));
     }
   }
 
@@ -95,7 +95,7 @@ class EnvelopeRun {
                                    folder().string()));
     if (options_.resume.empty() && std::filesystem::exists(folder() / "envelope.json"))
       throw UsageError(
-          fmt::format("{} holds an envelope already: go on with it (--resume {}), or choose another --out",
+          fmt::format("{} holds an envelope already: continue it (--resume {}), or choose another --out",
                       folder().string(), folder().string()));
   }
 

@@ -22,7 +22,8 @@ std::vector<std::uint8_t> FromHex(std::string_view hex) {
     std::uint8_t byte = 0;
     const auto [end, error] = std::from_chars(hex.data() + i, hex.data() + i + 2, byte, 16);
     if (error != std::errc{} || end != hex.data() + i + 2)
-      throw UsageError(fmt::format("HEX: '{}' at digit {} is no hexadecimal byte", hex.substr(i, 2), i + 1));
+      throw UsageError(
+          fmt::format("HEX: '{}' at digit {} is not a hexadecimal byte", hex.substr(i, 2), i + 1));
     bytes.push_back(byte);
   }
   return bytes;

@@ -126,7 +126,7 @@ class FuzzRun {
       Print(stderr, "tiltproof: fuzz: not everything could be written: {}\n", *write_trouble_);
     if (interrupted()) return kExitInterrupted;
     if (campaign_.hangs_too_often())
-      Print(stderr, "tiltproof: fuzz: ended early: the firmware hung again and again; mend that first\n");
+      Print(stderr, "tiltproof: fuzz: ended early: the firmware hung again and again; fix that first\n");
     if (campaign_.trouble()) {
       Print(stderr, "tiltproof: fuzz: ended early: a flight could not be judged: {}\n", *campaign_.trouble());
       return kExitError;

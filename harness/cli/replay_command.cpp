@@ -40,8 +40,9 @@ class TemporaryFolder {
     const auto parent = std::filesystem::temp_directory_path(error);
     const char* tmpdir = std::getenv("TMPDIR");
     if (error)
-      throw FileError(fmt::format("no folder for the flights of a replay: TMPDIR is '{}', which is no folder",
-                                  tmpdir == nullptr ? "/tmp" : tmpdir));
+      throw FileError(
+          fmt::format("no folder for the flights of a replay: TMPDIR is '{}', which is not a folder",
+                      tmpdir == nullptr ? "/tmp" : tmpdir));
     std::string name = (parent / "tiltproof-replay-XXXXXX").string();
     if (mkdtemp(name.data()) == nullptr)
       throw FileError(fmt::format("cannot create {}: {}; TMPDIR names another folder for it", name,

@@ -321,7 +321,7 @@ int RunCommand(const RunOptions& options) {
   if (*InterruptScope::flag()) return InterruptedEarly();
   const std::filesystem::path folder = CreateRunFolder(options.out, info.suite, info.seed);
   if (LatestIsTaken(options.out))
-    Print(stderr, "warning: {} is no link and stays as it is; this run is in {}\n",
+    Print(stderr, "warning: {} is not a link and stays as it is; this run is in {}\n",
           (options.out / "latest").string(), folder.string());
   SetFolders(options, flights.means, info, folder, jobs);
 

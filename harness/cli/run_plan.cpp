@@ -32,7 +32,7 @@ std::vector<NotGreen> NotGreenOfLastRun(const std::filesystem::path& out) {
   } catch (const std::exception& error) {
     throw UsageError(
         fmt::format("--last-failed: the last run cannot be read: {}; run once without it, or "
-                    "`tiltproof score {}` writes its results anew",
+                    "`tiltproof score {}` writes its results again",
                     error.what(), folder.string()));
   }
   return found;

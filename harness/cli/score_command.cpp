@@ -30,7 +30,7 @@ FlightResult ScoreAgain(const std::filesystem::path& folder, const std::string& 
   try {
     const FlightResult then = ResultFromJsonText(ReadFile(folder / "verdict.json"));
     if (then.trace_hash.empty()) return then;  // it left no flight to score
-    const FlightResult result = MakeResult(name, scenario, ReadFlight(folder), then.replay);
+    const FlightResult result = MakeResult(name, scenario, ReadFlight(folder, scenario), then.replay);
     if (then.trace_hash != result.trace_hash)
       throw std::runtime_error(
           fmt::format("{} is not the trace that was flown: its hash is {}, in verdict.json {}",

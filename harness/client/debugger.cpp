@@ -74,7 +74,8 @@ class DebuggedLibrary final : public Client {
 
 std::string HowToDebugImage(const std::string& image, const DebugStop& stop) {
   return fmt::format(
-      "{} the processor stops; it goes on when a debugger says so: gdb-multiarch {} -ex 'target remote :{}'",
+      "{} the processor stops; it continues when a debugger resumes it: gdb-multiarch {} -ex 'target remote "
+      ":{}'",
       When(stop), image, stop.port);
 }
 

@@ -78,7 +78,7 @@ class Library {
   Function Symbol(const char* name) {
     void* symbol = dlsym(handle_, name);
     if (symbol == nullptr)
-      throw std::runtime_error(path_ + " is no firmware library: it does not export " + name +
+      throw std::runtime_error(path_ + " is not a firmware library: it does not export " + name +
                                " (see firmware/tiltproof_client.h)");
     return reinterpret_cast<Function>(symbol);
   }

@@ -71,7 +71,7 @@ void CheckPeer(const std::string& peer) {
   freeaddrinfo(found);
 }
 
-void Check(const BusConfig& config) {
+void CheckConfig(const BusConfig& config) {
   if (config.domain < 0 || config.domain > kDomainMax) {
     throw std::runtime_error("DDS domain " + std::to_string(config.domain) + " is out of range: 0 to " +
                              std::to_string(kDomainMax));
@@ -157,7 +157,7 @@ void Fail(const char* what, dds_return_t code) {
 }
 
 Bus::Bus(const BusConfig& config) : impl_(std::make_unique<Impl>()) {
-  Check(config);
+  CheckConfig(config);
   Create(config, *impl_);
 }
 

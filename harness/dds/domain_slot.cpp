@@ -10,6 +10,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "link/check.h"
+
 namespace tiltproof::dds {
 
 DomainSlot::DomainSlot() {
@@ -20,6 +22,7 @@ DomainSlot::DomainSlot() {
     address.sun_family = AF_UNIX;
     // The leading NUL makes it abstract.
     const auto name = std::string(1, '\0') + "tiltproof-domain-" + std::to_string(domain_);
+    Check(name.size() <= sizeof address.sun_path, "the name of a domain fits into a socket's address");
     std::memcpy(address.sun_path, name.data(), name.size());
     const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + name.size());
     if (bind(socket_, reinterpret_cast<const sockaddr*>(&address), size) == 0) return;

@@ -68,7 +68,7 @@ void OnLibraryMessage(std::string_view message, bool fatal) {
     return;
   }
   if (!fatal) ++the_log.shown_count;
-  harness::Print(stderr, "tiltproof: the bus library says: {}\n", line);
+  harness::Print(stderr, "tiltproof: the bus library reports: {}\n", line);
 }
 
 void PrintLibraryTotal() {
@@ -76,7 +76,8 @@ void PrintLibraryTotal() {
   the_log.shown_count = 0;
   const auto count = std::exchange(the_log.more_count, 0);
   if (count == 0) return;
-  harness::Print(stderr, "tiltproof: the bus library said {} more line{}\n", count, count == 1 ? "" : "s");
+  harness::Print(stderr, "tiltproof: the bus library reported {} more line{}\n", count,
+                 count == 1 ? "" : "s");
 }
 
 }  // namespace tiltproof::dds

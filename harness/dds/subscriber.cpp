@@ -8,6 +8,7 @@
 
 #include "harness/dds/bus_impl.h"
 #include "harness/dds/sequence_filter.h"
+#include "link/check.h"
 
 namespace tiltproof::dds {
 
@@ -120,6 +121,7 @@ struct Subscriber<T>::Impl {
       const auto count = dds_take(reader, samples.data(), infos.data(), kBatch, kBatch);
       if (count < 0) Fail("cannot receive", count);
       if (count == 0) return true;
+      Check(static_cast<std::size_t>(count) <= kBatch, "DDS returns no more samples than were asked for");
       for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
         // Changes of an instance's state come without data.
         if (infos[i].valid_data) visit(*static_cast<const Wire*>(samples[i]), infos[i]);

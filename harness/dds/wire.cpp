@@ -5,6 +5,8 @@
 #include <string>
 #include <type_traits>
 
+#include "link/check.h"
+
 namespace tiltproof::dds {
 
 static_assert(kIdBytesMax == tiltproof_ID_MAX && kPathBytesMax == tiltproof_PATH_MAX_BYTES &&
@@ -91,8 +93,11 @@ class Unpacker {
   void operator()(const char*, List<To, kCountMax>& to, const From& from) {
     if constexpr (std::is_arithmetic_v<To>) {
       if (from._length == 0) return to.clear();
+      Check(from._buffer != nullptr && from._length <= kCountMax, "a list from the bus has its elements");
       to.assign(from._buffer, from._buffer + from._length);
     } else {
+      Check(from._length <= kCountMax && (from._length == 0 || from._buffer != nullptr),
+            "a list from the bus has its elements");
       to.resize(from._length);
       for (std::size_t i = 0; i < to.size(); ++i) {
         if constexpr (std::is_same_v<To, std::string>) {

@@ -88,7 +88,7 @@ void CheckKind(const std::filesystem::path& file, int descriptor, Elf* elf) {
                           ProcessorName(header.e_machine)));
   if (header.e_type != ET_EXEC)
     RefuseImage(file,
-                "an ELF file that is no executable: was it linked? (an object file or a library is none)");
+                "an ELF file that is not executable: was it linked? (an object file or a library is not)");
 }
 
 }  // namespace

@@ -13,6 +13,7 @@
 #include "harness/process/child_process.h"
 #include "harness/process/own_time.h"
 #include "harness/process/shared_processor.h"
+#include "link/check.h"
 #include "link/unix_socket.h"
 
 namespace tiltproof::harness {
@@ -115,6 +116,7 @@ EmulatorProcess::~EmulatorProcess() {
 }
 
 void EmulatorProcess::Append(lockstep::Kind kind, std::span<const std::byte> body) {
+  Check(body.size() <= lockstep::kBodyBytesMax, "a command to the plug-in has a body of the allowed size");
   const lockstep::Header header{kind, static_cast<std::uint32_t>(body.size())};
   const auto bytes = std::as_bytes(std::span(&header, 1));
   out_.insert(out_.end(), bytes.begin(), bytes.end());
@@ -135,6 +137,7 @@ void EmulatorProcess::Read(std::span<std::uint8_t> into) {
   while (!into.empty()) {
     if (in_taken_ < in_.size()) {
       const std::size_t n = std::min(into.size(), in_.size() - in_taken_);
+      CheckPart(in_taken_, n, in_.size(), "bytes of the plug-in are taken from those that came");
       std::copy_n(in_.begin() + static_cast<std::ptrdiff_t>(in_taken_), n, into.begin());
       in_taken_ += n;
       into = into.subspan(n);

@@ -10,6 +10,7 @@
 // (harness/emulator/lockstep_protocol.h).
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -84,10 +85,15 @@ class EmulatorProcess {
   EmulatorProcess(const EmulatorProcess&) = delete;
   EmulatorProcess& operator=(const EmulatorProcess&) = delete;
 
-  // Queues a command; it is sent with the next Run().
+  // Queues a command; it is sent with the next Run(). More bodies than a message may have go in several.
   template <class Body>
   void Send(lockstep::Kind kind, std::span<const Body> bodies) {
-    Append(kind, std::as_bytes(bodies));
+    constexpr std::size_t kBodiesMax = lockstep::kBodyBytesMax / sizeof(Body);
+    do {
+      const auto part = bodies.first(std::min(bodies.size(), kBodiesMax));
+      Append(kind, std::as_bytes(part));
+      bodies = bodies.subspan(part.size());
+    } while (!bodies.empty());
   }
   template <class Body>
   requires std::is_trivially_copyable_v<Body>

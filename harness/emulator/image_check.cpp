@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "harness/emulator/stm32f405.h"
+#include "link/check.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -55,6 +56,7 @@ std::optional<std::uint32_t> LoadedWord(const ElfFile& image, std::uint32_t addr
     std::size_t size = 0;
     const char* bytes = elf_rawfile(image.elf(), &size);
     if (bytes == nullptr || segment.file_begin + offset + sizeof(std::uint32_t) > size) return std::nullopt;
+    CheckPart(segment.file_begin + offset, sizeof(std::uint32_t), size, "a loaded word is inside the file");
     std::uint32_t word = 0;
     std::memcpy(&word, bytes + segment.file_begin + offset, sizeof word);
     return word;
@@ -268,6 +270,7 @@ void CheckAddresses(const std::filesystem::path& file, const std::vector<Segment
 
 void CheckVectors(const std::filesystem::path& file, const ElfFile& image,
                   const std::vector<Segment>& segments) {
+  Check(!segments.empty(), "an image without a segment was refused before");
   const auto table = FindVectorTable(image);
   if (!table)
     RefuseImage(

@@ -47,7 +47,8 @@ void QmpClient::OnBytes(std::span<const std::uint8_t> bytes) {
   for (const std::uint8_t byte : bytes) {
     if (byte != '\n') {
       partial_.push_back(static_cast<char>(byte));
-      if (partial_.size() > kLineBytesMax) return Lose("the emulator says more than it can have to say");
+      if (partial_.size() > kLineBytesMax)
+        return Lose("the emulator's control socket sends a line that is too long");
       continue;
     }
     OnLine(std::exchange(partial_, {}));

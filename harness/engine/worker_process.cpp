@@ -191,7 +191,7 @@ void WorkerProcess::Watch(const FlightJob& job, const std::function<void(const s
   const TimeNs excused_ns = std::chrono::nanoseconds(now - seen_at_).count() - own_ns;
   if (!told_ && excused_ns > kToldAfterNs && own_.excuse() != OwnTime::Excuse::kNone) {
     told_ = true;
-    tell(fmt::format("{} stands still: {}; that time does not count", job.name,
+    tell(fmt::format("{} does not run: {}; that time does not count", job.name,
                      own_.excuse() == OwnTime::Excuse::kStopped
                          ? fmt::format("process {} is stopped (`kill -CONT {}` lets it go on)",
                                        own_.stopped_pid(), own_.stopped_pid())

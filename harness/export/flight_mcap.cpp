@@ -12,6 +12,7 @@
 #include "harness/export/mcap_writer.h"
 #include "harness/export/signal_topics.h"
 #include "harness/report/json_fields.h"
+#include "link/check.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -225,6 +226,7 @@ class Export {
   }
 
   void WriteRow(std::size_t r) {
+    CheckIndex(r, flight_.trace.row_count(), "each time is that of a row");
     const TimeNs time_ns = flight_.times_ns[r];
     const auto row = flight_.trace.row(r);
     for (const std::string& transform : scene_.Transforms(time_ns, row))
@@ -246,6 +248,7 @@ class Export {
                 .run_id = flight_.run_id, .sequence = sequence, .time_ns = time_ns, .values = values}));
         continue;
       }
+      Check(states_count_ <= values.size(), "a plant's row begins with its states");
       const auto inputs = values.begin() + static_cast<std::ptrdiff_t>(states_count_);
       mcap_.Write(signals.topic, time_ns,
                   dds::ToCdr(dds::PlantState{.run_id = flight_.run_id,

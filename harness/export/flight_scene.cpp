@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "harness/report/json_fields.h"
+#include "link/check.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -173,13 +174,17 @@ FlightScene::FlightScene(const Trace& trace, const std::optional<VehicleShape>& 
 std::vector<std::string> FlightScene::Transforms(TimeNs time_ns, std::span<const double> row) const {
   std::vector<std::string> transforms;
   if (!pose_ || time_ns < 0) return transforms;
-  const auto at = [&](std::size_t i) { return row[(*pose_)[i]]; };
+  const auto at = [&](std::size_t i) {
+    CheckIndex((*pose_)[i], row.size(), "a row has each column of its trace");
+    return row[(*pose_)[i]];
+  };
   for (std::size_t i = 0; i < pose_->size(); ++i)
     if (!std::isfinite(at(i))) return transforms;
   // Z-Y-X Euler angles, as everywhere (ARCHITECTURE.md, "Frames and symbols").
   const Quaternion q_WB = Turn({0, 0, 1}, at(5)) * Turn({0, 1, 0}, at(4)) * Turn({1, 0, 0}, at(3));
   transforms.push_back(Transform(time_ns, kWorld, kBody, {at(0), at(1), at(2)}, q_WB));
   if (!vehicle_) return transforms;
+  Check(angles_.size() == vehicle_->rotors.size(), "a scene has an angle for each rotor");
   for (std::size_t i = 0; i < vehicle_->rotors.size(); ++i) {
     const RotorShape& rotor = vehicle_->rotors[i];
     const double angle_rad = angles_[i] ? row[*angles_[i]] : 0.0;

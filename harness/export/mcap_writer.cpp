@@ -101,11 +101,13 @@ McapWriter::Topic McapWriter::AddTopic(const McapTopic& topic) {
 }
 
 void McapWriter::Write(Topic topic, TimeNs time_ns, std::string_view message) {
+  Check(topic > 0, "a message has a topic that was added");
+  CheckIndex(topic - std::size_t{1}, counts_.size(), "a message has a topic that was added");
   const auto time = static_cast<std::uint64_t>(std::max<TimeNs>(time_ns, 0));
   chunk_begin_ns_ = chunk_.empty() ? time : std::min(chunk_begin_ns_, time);
   chunk_end_ns_ = chunk_.empty() ? time : std::max(chunk_end_ns_, time);
   chunk_index_[topic].messages.emplace_back(time, chunk_.size());
-  const auto sequence = static_cast<std::uint32_t>(++counts_.at(topic - std::size_t{1}));
+  const auto sequence = static_cast<std::uint32_t>(++counts_[topic - std::size_t{1}]);
   chunk_ += McapRecord().Number(topic).Number(sequence).Number(time).Number(time).Bytes(message).As(
       Opcode::kMessage);
   if (chunk_.size() >= kChunkBytes) EndChunk();

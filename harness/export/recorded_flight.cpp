@@ -29,6 +29,9 @@ void WithFile(const std::filesystem::path& file, const Read& read) {
 }
 
 std::vector<std::uint8_t> BytesOf(const std::string& hex) {
+  if (hex.size() % 2 != 0)
+    throw std::runtime_error(
+        fmt::format("bytes with {} hexadecimal digits, not a whole number of bytes", hex.size()));
   std::vector<std::uint8_t> bytes(hex.size() / 2);
   for (std::size_t i = 0; i < bytes.size(); ++i) {
     const char* digits = hex.data() + 2 * i;

@@ -11,6 +11,7 @@
 
 #include "harness/dds/cdr.h"
 #include "harness/report/json_fields.h"
+#include "link/check.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -82,6 +83,7 @@ std::string ToJsonMessage(const SignalTopic& topic, TimeNs time_ns, std::span<co
   std::string text = fmt::format(R"({{"time_ns":{})", time_ns);
   std::array<char, 32> number;
   for (const auto& column : topic.columns) {
+    CheckIndex(column.place, row.size(), "a row has each column of its trace");
     const double value = row[column.place];
     if (!std::isfinite(value)) continue;
     const auto end = std::to_chars(number.data(), number.data() + number.size(), value).ptr;
@@ -94,7 +96,10 @@ std::string ToJsonMessage(const SignalTopic& topic, TimeNs time_ns, std::span<co
 std::string ToCdrMessage(const SignalTopic& topic, TimeNs time_ns, std::span<const double> row) {
   dds::CdrWriter writer;
   writer.Put(time_ns);
-  for (const auto& column : topic.columns) writer.Put(row[column.place]);
+  for (const auto& column : topic.columns) {
+    CheckIndex(column.place, row.size(), "a row has each column of its trace");
+    writer.Put(row[column.place]);
+  }
   return writer.bytes();
 }
 

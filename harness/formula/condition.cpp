@@ -10,6 +10,7 @@ namespace {
 double Value(const Node& node, const Condition::ValueOf& value_of) {
   if (node.op == Op::kNumber) return node.number;
   if (node.op == Op::kSignal) return value_of(node.name);
+  Check(node.left != nullptr, "an operator on numbers has an operand");
   return Apply(node.op, Value(*node.left, value_of), node.right ? Value(*node.right, value_of) : 0.0);
 }
 
@@ -29,6 +30,8 @@ bool Compare(Op op, double left, double right) {
 }
 
 bool Truth(const Node& node, const Condition::ValueOf& value_of) {
+  Check(node.op == Op::kTrue || node.op == Op::kFalse || node.left != nullptr,
+        "an operator on formulas has an operand");
   if (IsComparison(node.op))
     return Compare(node.op, Value(*node.left, value_of), Value(*node.right, value_of));
   switch (node.op) {

@@ -156,7 +156,7 @@ class LiveServer::Impl::Session : public std::enable_shared_from_this<Session> {
     if (error == http::error::end_of_stream || error == asio::error::eof) return;
     if (error && error != beast::error::timeout &&
         error.category() == http::make_error_code(http::error{}).category())
-      return Answer({400, "this is no request of HTTP\n"}, true);
+      return Answer({400, "this is not an HTTP request\n"}, true);
     if (error) return;
     request_ = parser_->release();
     Handle();

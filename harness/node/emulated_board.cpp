@@ -208,7 +208,7 @@ void EmulatedBoard::Watch(bool started) {
   // When QEMU ends, that is told by its end.
   if (!socket_trouble_.empty() && process_->child().Alive())
     return Lose(EndReason::kNodeLost,
-                fmt::format("the emulator cannot be told anything any more: {}", socket_trouble_));
+                fmt::format("the emulator accepts no command any more: {}", socket_trouble_));
   const auto waiting =
       std::max(qmp_->Waiting(), debugger_ ? debugger_->Waiting() : std::chrono::nanoseconds(0));
   if (waiting > kAnswerLimit && steady_clock::now() - silent_for_good_reason_ > kAnswerLimit)

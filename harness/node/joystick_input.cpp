@@ -211,15 +211,15 @@ std::unique_ptr<JoystickInput> ParseRecording(std::string_view text, const std::
     if (!(words >> time)) continue;
     if (!(words >> axis_name >> value) || words >> more) refuse("a line is `t_s axis value`");
     const auto t_s = ToNumber(time);
-    if (!t_s || *t_s < 0.0 || *t_s > 1e6) refuse(fmt::format("'{}' is no time from 0 to 1000000 s", time));
+    if (!t_s || *t_s < 0.0 || *t_s > 1e6) refuse(fmt::format("'{}' is not a time from 0 to 1000000 s", time));
     if (!changes.empty() && FromSeconds(*t_s) < changes.back().time_ns)
       refuse(fmt::format("the time {} s is before that of the line above", time));
     const auto axis = std::find_if(kAxes.begin(), kAxes.end(),
                                    [&](const Axis& candidate) { return candidate.name == axis_name; });
-    if (axis == kAxes.end()) refuse(fmt::format("'{}' is no axis: vx, vy, vz or yaw_rate", axis_name));
+    if (axis == kAxes.end()) refuse(fmt::format("'{}' is not an axis: vx, vy, vz or yaw_rate", axis_name));
     const auto position = ToNumber(value);
     if (!position || std::abs(*position) > 1.0)
-      refuse(fmt::format("'{}' is no position from -1 to 1", value));
+      refuse(fmt::format("'{}' is not a position from -1 to 1", value));
     JoystickAxes axes = changes.empty() ? JoystickAxes{} : changes.back().axes;
     axes.*axis->member = *position;
     changes.push_back({FromSeconds(*t_s), axes});

@@ -147,8 +147,7 @@ int Node::Run() {
     // Said before it is seen.
     if (!run_id_.empty())
       Fail(options_.kind == dds::NodeKind::kClient ? EndReason::kFirmwareLost : EndReason::kNodeLost,
-           fmt::format("the {} node was told to end (signal {}, {})", options_.name, number,
-                       sigdescr_np(number)));
+           fmt::format("the {} node was ended (signal {}, {})", options_.name, number, sigdescr_np(number)));
     loop_.stop();
   });
   if (StandsBack()) return 3;

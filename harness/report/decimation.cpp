@@ -13,6 +13,7 @@ namespace {
 // Appends the rows of [begin, end) that stay.
 void KeepOfBucket(std::span<const double> values, std::size_t begin, std::size_t end,
                   std::vector<std::size_t>& rows) {
+  Check(begin < end && end <= values.size(), "a bucket has rows of its series");
   std::size_t least = end, greatest = end, missing = end;
   for (std::size_t r = begin; r < end; ++r) {
     if (std::isnan(values[r])) {
@@ -69,6 +70,7 @@ PackedSeries PackSeries(std::span<const double> values, std::span<const std::siz
   packed.count = rows.size();
   bool found = false;
   for (const std::size_t row : rows) {
+    CheckIndex(row, values.size(), "a point of a series is one of its rows");
     const double value = values[row];
     if (!std::isfinite(value)) continue;
     packed.low = found ? std::min(packed.low, value) : value;
@@ -79,6 +81,7 @@ PackedSeries PackSeries(std::span<const double> values, std::span<const std::siz
   std::uint16_t previous_level = 0;
   std::string low_bytes, high_bytes;
   for (const std::size_t row : rows) {
+    Check(row >= previous_row, "the points of a series are in order");
     std::size_t distance = row - previous_row;
     for (; distance >= 0x80; distance >>= 7) packed.bytes += static_cast<char>(0x80 | (distance & 0x7F));
     packed.bytes += static_cast<char>(distance);

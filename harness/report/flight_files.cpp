@@ -162,6 +162,16 @@ RunLog ReadFlight(const std::filesystem::path& folder) {
   return log;
 }
 
+RunLog ReadFlight(const std::filesystem::path& folder, const Scenario& scenario) {
+  RunLog log = ReadFlight(folder);
+  if (log.clients.size() != scenario.client_count())
+    throw std::runtime_error(fmt::format(
+        "{}: clients: has {}, and the flight's scenario has {}; was one of the two changed? Fly the "
+        "scenario again",
+        (folder / "flight.json").string(), log.clients.size(), scenario.client_count()));
+  return log;
+}
+
 RunLog ReadFlightRecord(const std::filesystem::path& folder) {
   RunLog log;
   const auto flight_file = folder / "flight.json";

@@ -29,6 +29,8 @@ void WriteFlight(const std::filesystem::path& folder, const Scenario& scenario, 
 // Reads what scoring needs: the trace and flight.json; not the raw bytes and activations. Throws FileError or
 // std::runtime_error naming the file and the place.
 RunLog ReadFlight(const std::filesystem::path& folder);
+// Throws also when the flight does not have the clients of the scenario that it is scored by.
+RunLog ReadFlight(const std::filesystem::path& folder, const Scenario& scenario);
 // Only flight.json.
 RunLog ReadFlightRecord(const std::filesystem::path& folder);
 

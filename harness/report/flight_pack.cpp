@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <set>
 #include <span>
 #include <string_view>
@@ -20,6 +21,7 @@ namespace tiltproof::harness {
 namespace {
 
 void AppendU32(std::string& bytes, std::size_t value) {
+  Check(value <= std::numeric_limits<std::uint32_t>::max(), "a size or a distance in the page has 32 bits");
   for (unsigned shift = 0; shift < 32; shift += 8) bytes += static_cast<char>(value >> shift & 0xFF);
 }
 

@@ -15,6 +15,7 @@
 #include "harness/report/json_fields.h"
 #include "harness/score/signals.h"
 #include "harness/score/stl.h"
+#include "link/check.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -92,10 +93,20 @@ void AddBands(const Scenario& scenario, FlightView& view) {
       const std::size_t begin = r;
       while (is_active(r)) ++r;
       const std::size_t end = std::min(r, trace.row_count() - 1);
+      CheckIndex(end, view.times_ns.size(), "each row of a shown trace has a time");
       view.bands.push_back({fault, ToSeconds(view.times_ns[begin]), ToSeconds(view.times_ns[end])});
       ++bands;
     }
   }
+}
+
+// Throws where two rows are further apart than the page can tell.
+void CheckDistances(const std::vector<TimeNs>& times_ns) {
+  for (std::size_t r = 1; r < times_ns.size(); ++r)
+    if (times_ns[r] - times_ns[r - 1] > kRowDistanceMax_ns)
+      throw std::runtime_error(fmt::format(
+          "row {} is {:.3f} s after the one before; a shown trace has a row every {:.3f} s at least", r,
+          ToSeconds(times_ns[r] - times_ns[r - 1]), ToSeconds(kRowDistanceMax_ns)));
 }
 
 void AddTicks(const std::string& jsonl, FlightView& view) {
@@ -186,8 +197,9 @@ FlightView ViewFlight(const std::filesystem::path& folder, const FlightResult& r
       view.problems.push_back(file.filename().string() + " is too long to be shown here");
       return;
     }
-    RunLog log = ReadFlight(folder);
+    RunLog log = ReadFlight(folder, scenario);
     const std::vector<TimeNs> times_ns = RowTimes(log.trace);
+    CheckDistances(times_ns);
     AddComputed(log, times_ns, view);
     view.events = EventsOf(log);
     if (view.events.size() > kEventsMax) view.events.resize(kEventsMax);

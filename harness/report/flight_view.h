@@ -8,6 +8,7 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -18,6 +19,7 @@
 #include "harness/scenario/scenario.h"
 #include "harness/score/stl.h"
 #include "link/fields.h"
+#include "link/time.h"
 
 namespace tiltproof::harness {
 
@@ -48,6 +50,8 @@ struct FaultTick {
   double time_s = 0;
   std::string what;  // empty beyond the first kToldActivationsMax of a fault
 };
+// Times of rows are in the page as distances of 32 bits.
+inline constexpr TimeNs kRowDistanceMax_ns = std::numeric_limits<std::uint32_t>::max();
 inline constexpr std::size_t kBandsMax = 1'000;          // per fault
 inline constexpr std::size_t kTicksMax = 5'000;          // per flight
 inline constexpr std::size_t kToldActivationsMax = 100;  // per fault

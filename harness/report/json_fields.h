@@ -178,7 +178,7 @@ class JsonReader {
                           ? std::in_range<T>(json.get<std::uint64_t>())
                           : json.is_number_integer() && std::in_range<T>(json.get<std::int64_t>());
     if (json.is_number() && !fits)
-      throw std::runtime_error(json.dump() + " is no whole number from " +
+      throw std::runtime_error(json.dump() + " is not a whole number from " +
                                std::to_string(std::numeric_limits<T>::min()) + " to " +
                                std::to_string(std::numeric_limits<T>::max()));
     return json.get<T>();
@@ -205,7 +205,7 @@ class JsonReader {
 // A time in seconds, as files have it. Throws std::runtime_error when nanoseconds cannot hold it.
 inline TimeNs TimeFromFile(double time_s) {
   if (!(std::abs(time_s) < 9e9))
-    throw std::runtime_error(std::to_string(time_s) + " s is no time of a flight");
+    throw std::runtime_error(std::to_string(time_s) + " s is not a time of a flight");
   return FromSeconds(time_s);
 }
 

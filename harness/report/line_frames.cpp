@@ -6,6 +6,8 @@
 #include <map>
 #include <string_view>
 
+#include "link/check.h"
+
 namespace tiltproof::harness {
 namespace {
 
@@ -36,6 +38,8 @@ struct Pairing {
   }
 
   void Take(std::size_t frame, std::size_t delivered) {
+    CheckIndex(delivered, taken.size(), "a delivered record is one of the wire's");
+    CheckIndex(frame, frames.size(), "a delivered record goes to a frame of its wire");
     taken[delivered] = true;
     frames[frame].delivered.push_back(records.delivered[delivered]);
   }

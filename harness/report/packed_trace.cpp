@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "harness/report/zstd_bytes.h"
+#include "link/check.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -121,6 +122,7 @@ void DecodeColumn(const Column& column, double* to, std::size_t stride) {
     *to = ValueOf(column.kind, integer);
     to += stride;
   };
+  Check(column.order <= kOrderMax, "a column's order was checked when it was read");
   // The last difference of each order below the column's.
   std::array<std::uint64_t, kOrderMax> last{};
   for (std::size_t i = 0; i < column.order; ++i) {
@@ -143,6 +145,7 @@ void PutNumber(std::string& to, std::uint64_t value, std::size_t size) {
   for (std::size_t i = 0; i < size; ++i) to += static_cast<char>(value >> (8 * i));
 }
 std::uint64_t NumberAt(std::string_view bytes, std::size_t offset, std::size_t size) {
+  CheckPart(offset, size, bytes.size(), "a number lies within the bytes of a packed trace");
   std::uint64_t value = 0;
   for (std::size_t i = 0; i < size; ++i)
     value |= static_cast<std::uint64_t>(static_cast<std::uint8_t>(bytes[offset + i])) << (8 * i);
@@ -280,6 +283,7 @@ void AppendBlock(const Parts::Block& block, Trace& trace) {
   const std::size_t bytes_max = columns_count * (3 + 8 * kOrderMax + 8 * block.rows);
   const std::vector<Column> columns =
       UnpackColumns(DecompressZstd(block.frame, bytes_max), columns_count, block.rows);
+  Check(columns.size() == columns_count, "a block has each column of its trace");
   std::vector<double> rows(block.rows * columns_count);
   for (std::size_t c = 0; c < columns_count; ++c) DecodeColumn(columns[c], rows.data() + c, columns_count);
   trace.AppendRows(std::move(rows));

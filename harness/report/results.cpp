@@ -208,7 +208,8 @@ std::vector<FlightResult> ReadResults(const std::filesystem::path& folder) {
       json.erase(recorded);
       if (hash != HashOf(JsonText(json, 2)))
         throw std::runtime_error(
-            "it has changed since it was written; `tiltproof score` makes it anew from the flights that were "
+            "it has changed since it was written; `tiltproof score` writes it again from the flights that "
+            "were "
             "kept");
     }
     std::vector<FlightResult> results;

@@ -27,8 +27,7 @@ std::string DecompressZstd(std::string_view frame, std::size_t size_max) {
   const unsigned long long size = ZSTD_getFrameContentSize(frame.data(), frame.size());
   if (size == ZSTD_CONTENTSIZE_ERROR || size == ZSTD_CONTENTSIZE_UNKNOWN)
     throw std::runtime_error("not compressed by Zstandard, or damaged");
-  if (size > size_max)
-    throw std::runtime_error(fmt::format("says that it holds {} bytes; {} at most", size, size_max));
+  if (size > size_max) throw std::runtime_error(fmt::format("holds {} bytes; {} at most", size, size_max));
   std::string bytes(size, '\0');
   const std::size_t got = ZSTD_decompress(bytes.data(), bytes.size(), frame.data(), frame.size());
   if (ZSTD_isError(got) != 0) throw std::runtime_error(fmt::format("damaged: {}", ZSTD_getErrorName(got)));

@@ -44,7 +44,7 @@ std::string Heard(const LinkLog& link, std::size_t client, const link::Protocol&
   for (const auto& [why, count] : refused)
     text += fmt::format(", {} frame{} refused ({})", count, count == 1 ? "" : "s", why);
   if (messages.empty() && refused.empty()) text += ", and no frame among them";
-  if (!messages.empty()) text += "; if it was running already, reset it: a flight begins with `start`";
+  if (!messages.empty()) text += "; if it was running already, reset it: a flight starts with `start`";
   return text;
 }
 

@@ -94,7 +94,7 @@ void LocalPlantServer::OnStart(std::size_t client, BootTime arrival, const link:
     ++starts_count;
   } else if (protocol_.repeated_start_is_boot) {
     ++starts_count;
-    AddEvent(SimTime(arrival), kStartRepeatedEvent, "the client sent `start` again: it began anew", client);
+    AddEvent(SimTime(arrival), kStartRepeatedEvent, "the client sent `start` again: it restarted", client);
   }
 }
 

@@ -123,7 +123,7 @@ std::string AtAndAfter(TimeNs time_ns, const std::vector<RejectedFrame>& rejecte
   const auto later = std::ranges::upper_bound(rejected, time_ns, {}, &RejectedFrame::time_ns);
   std::string text = fmt::format("at {:.4f} s", ToSeconds(time_ns));
   if (later != rejected.begin())
-    text += fmt::format("; the last frame before it that is no message: {} at {:.4f} s", (later - 1)->why,
+    text += fmt::format("; the last frame before it that is not a message: {} at {:.4f} s", (later - 1)->why,
                         ToSeconds((later - 1)->time_ns));
   return text;
 }
@@ -343,7 +343,7 @@ void AddProtocolUse(RunLog& log, std::size_t client, const link::Protocol& proto
                      if (others > 0) return;
                      AddEvent(
                          log, client, begin_ns, kMalformedSentEvent,
-                         fmt::format("the firmware sent a frame that is no message: {}", frame.rejected));
+                         fmt::format("the firmware sent a frame that is not a message: {}", frame.rejected));
                    } else if ((*use.refused_commands)++ == 0) {
                      // It is dropped and the command before stays in force, so that nothing else shows it.
                      AddEvent(log, client, begin_ns, kCommandRefusedEvent,

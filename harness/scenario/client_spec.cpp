@@ -54,7 +54,7 @@ void ReadOption(std::string_view option, EmulatedImage& image) {
     if (is_number && (image.hse_hz == 0 || (image.hse_hz >= kHseHzMin && image.hse_hz <= kHseHzMax))) return;
     const bool is_in_mhz = is_number && image.hse_hz > 0 && image.hse_hz <= kHseHzMax / kHseHzMin;
     throw ClientMistake(fmt::format(
-        "'{}' is no hse=HZ: in Hz, from {} to {}, or 0 (no crystal){}", option, kHseHzMin, kHseHzMax,
+        "'{}' is not hse=HZ: in Hz, from {} to {}, or 0 (no crystal){}", option, kHseHzMin, kHseHzMax,
         is_in_mhz ? fmt::format("; {} MHz are hse={}", image.hse_hz, image.hse_hz * kHseHzMin) : ""));
   }
   const std::size_t equals = option.find('=');

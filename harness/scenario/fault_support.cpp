@@ -34,7 +34,7 @@ std::optional<std::string> Unsupported(const faults::FaultSpec& fault, const fau
       return std::nullopt;
     case Needs::kNodes:
       if (abilities.realtime) return std::nullopt;
-      return "acts on a node, which in lockstep is no process: it needs --mode realtime";
+      return "acts on a node, and lockstep has no node processes: it needs --mode realtime";
     case Needs::kReset:
       if (abilities.reset) return std::nullopt;
       return "needs a client that can be reset: fly it with --client qemu, or in lockstep with host or "

@@ -11,6 +11,7 @@
 #include "faults/activity.h"
 #include "faults/registry.h"
 #include "harness/score/client_behaviour.h"
+#include "link/check.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -102,6 +103,9 @@ struct Findings {
 };
 
 Findings FindMistakes(const Scenario& scenario, const RunLog& log, std::size_t client) {
+  CheckIndex(client, log.clients.size(), "a client that is judged has a log");
+  Check(log.clients[client].line_mistakes.has_value(),
+        "the mistakes of a client that is judged were counted");
   const std::vector<LineMistake>& mistakes = *log.clients[client].line_mistakes;
   Findings findings;
   if (mistakes.empty()) return findings;
@@ -116,6 +120,7 @@ Findings FindMistakes(const Scenario& scenario, const RunLog& log, std::size_t c
   TimeNs missing_until_ns = -1;
   for (const LineMistake& mistake : mistakes) {
     if (mistake.time_ns < 0) continue;
+    CheckIndex(static_cast<std::size_t>(mistake.kind), findings.kinds.size(), "a mistake has a known kind");
     Kind& kind = findings.kinds[static_cast<std::size_t>(mistake.kind)];
     TimeNs time_ns = mistake.time_ns;
     std::int64_t count = mistake.count;

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "link/check.h"
+
 namespace tiltproof::harness {
 namespace {
 
@@ -18,6 +20,7 @@ class Bins {
     const auto last = static_cast<std::int64_t>(histogram_.counts.size()) - 1;
     const std::int64_t bin =
         sample_ns < first_ns_ ? 0 : std::min((sample_ns - first_ns_) / width_ns_ + 1, last);
+    CheckIndex(static_cast<std::size_t>(bin), histogram_.counts.size(), "a sample has a bin");
     ++histogram_.counts[static_cast<std::size_t>(bin)];
   }
 
@@ -31,6 +34,7 @@ class Bins {
 }  // namespace
 
 Histogram RequestPeriodHistogram(std::span<const TimeNs> request_times_ns, TimeNs control_period_ns) {
+  Check(control_period_ns >= 120, "a control period has bins of a nanosecond or more");
   const TimeNs width_ns = control_period_ns / 120;
   Bins bins(control_period_ns - 20 * width_ns, width_ns, 40);
   for (std::size_t i = 1; i < request_times_ns.size(); ++i)
@@ -39,6 +43,7 @@ Histogram RequestPeriodHistogram(std::span<const TimeNs> request_times_ns, TimeN
 }
 
 Histogram ReplyLatencyHistogram(std::span<const TimeNs> reply_latency_ns, TimeNs control_period_ns) {
+  Check(control_period_ns >= 48, "a control period has bins of a nanosecond or more");
   Bins bins(0, control_period_ns / 48, 48);
   for (const TimeNs latency_ns : reply_latency_ns) bins.Add(latency_ns);
   return std::move(bins).Take();

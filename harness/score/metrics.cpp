@@ -13,6 +13,7 @@
 #include "harness/formula/formula.h"
 #include "harness/score/client_behaviour.h"
 #include "harness/score/signals.h"
+#include "link/check.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -49,6 +50,7 @@ class Calculator {
       : scenario_(scenario), log_(log), times_(RowTimes(log.trace)), error_(Signal("position_error_m")) {}
 
   Metrics Compute() {
+    Check(error_.size() == times_.size(), "each row of a trace has a time and an error");
     Tracking();
     Settling();
     Attitude();
@@ -445,7 +447,9 @@ Metrics ComputeMetrics(const Scenario& scenario, const RunLog& log) {
 }
 
 double NearestRank(const std::vector<double>& sorted, std::size_t numerator, std::size_t denominator) {
+  Check(denominator > 0, "a quantile is a share");
   const std::size_t rank = (sorted.size() * numerator + denominator - 1) / denominator;
+  Check(rank > 0 && rank <= sorted.size(), "a quantile is one of the samples");
   return sorted[rank - 1];
 }
 

@@ -12,6 +12,7 @@
 #include "harness/score/headline.h"
 #include "harness/score/signals.h"
 #include "harness/score/stl.h"
+#include "link/check.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -165,7 +166,8 @@ std::optional<CriterionResult> ControlPeriod(const Scenario& scenario, const Run
     const double deviation_percent = std::abs(median_ms - period_ms) / period_ms * 100;
     const bool right = deviation_percent <= scenario.control_period_tolerance_percent;
     char text[96];
-    std::snprintf(text, sizeof text, "asks every %.3f ms, the protocol says %.6g ms", median_ms, period_ms);
+    std::snprintf(text, sizeof text, "asks every %.3f ms, the protocol requires %.6g ms", median_ms,
+                  period_ms);
     CriterionResult result;
     result.name = kControlPeriodCriterion;
     result.verdict = right ? Verdict::kPass : Verdict::kFail;
@@ -453,6 +455,7 @@ void DoubtForLateness(Score& score, const Scenario& scenario, const RunLog& log)
 }  // namespace
 
 Score ScoreRun(const Scenario& scenario, const RunLog& log, const ScoreOptions& options) {
+  Check(log.clients.size() == scenario.client_count(), "a flight has a log for each client of its scenario");
   Score score;
   for (const ClientLog& client : log.clients)
     score.restarts += static_cast<std::int64_t>(client.restarts.size());

@@ -16,6 +16,8 @@
 #include <utility>
 #include <vector>
 
+#include "link/check.h"
+
 namespace tiltproof::harness {
 
 template <class Value, class Operation>
@@ -32,6 +34,7 @@ class SlidingFold {
   // Fold of values[first, last); neutral when first >= last. Neither bound may be less than in the call
   // before.
   Value Over(std::size_t first, std::size_t last) {
+    Check(last <= values_.size(), "a window ends within its values");
     for (; last_ < last; ++last_) back_ = operation_(back_, values_[last_]);
     if (first >= turn_) Turn(first);
     if (first >= last_) return neutral_;

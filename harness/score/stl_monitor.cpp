@@ -221,6 +221,8 @@ class Monitor {
   // One bound of an operator from the bounds of its operands.
   std::vector<double> Combine(const Evaluation& parent, bool upper_side) const {
     const Node& node = parent.node;
+    Check(parent.operands.size() == (node.right ? 2U : 1U),
+          "an operator was evaluated with all its operands");
     std::vector<double> left = Side(parent, 0, upper_side);
     switch (node.op) {
       case Op::kNot:
@@ -252,6 +254,7 @@ class Monitor {
 
   template <class Operation>
   static std::vector<double> Each(std::vector<double> left, const std::vector<double>& right) {
+    Check(left.size() == right.size(), "both operands have a value for each row");
     for (std::size_t r = 0; r < left.size(); ++r) left[r] = Operation()(left[r], right[r]);
     return left;
   }
@@ -269,6 +272,7 @@ class Monitor {
 
   std::vector<double> SlideUntil(const Node& node, const std::vector<double>& stay,
                                  const std::vector<double>& reach) const {
+    Check(stay.size() == reach.size(), "both operands have a value for each row");
     std::vector<Until> steps(stay.size());
     for (std::size_t r = 0; r < steps.size(); ++r) steps[r] = {stay[r], reach[r]};
     SlidingFold<double, Lowest> before(stay, kInfinity);
@@ -300,6 +304,7 @@ class Monitor {
     const std::size_t first = index(std::lower_bound(times_.begin(), times_.end(), begin_ns));
     const std::size_t last = index(std::upper_bound(times_.begin(), times_.end(), end_ns));
     if (end_ns > seen_until_ns_) return {first, future_ + 1};
+    Check(0 < last && first <= last && last <= future_, "a window begins at or after the first row");
     if (first == last) return {last - 1, last};  // between two rows: the one before, which still holds
     return {first, last};
   }
@@ -353,6 +358,7 @@ class Monitor {
     const auto it = signals_.find(name);
     if (it != signals_.end()) return it->second;
     std::vector<double> values = ReadSignal(trace_, name);
+    Check(values.size() == future_, "a signal has a value for each row");
     values.push_back(std::numeric_limits<double>::quiet_NaN());
     return signals_.emplace(name, std::move(values)).first->second;
   }
@@ -361,6 +367,7 @@ class Monitor {
   // "eventually"), the earliest such operand counts; if all had to agree, the one that came nearest to not
   // agreeing.
   Decider Decide(const Evaluation& at, std::size_t row, bool upper_side) const {
+    CheckIndex(row, at.bounds.Of(upper_side).size(), "a formula is decided in one of its rows");
     const bool holds = Holds(at.bounds.Of(upper_side)[row]);
     switch (at.node.op) {
       case Op::kNot:

@@ -22,7 +22,7 @@ import textwrap
 HERE = pathlib.Path(__file__).resolve().parent
 SOURCE = HERE.parent.parent
 SCENARIOS = ("spiral", "spiral-other-vehicle")
-TITLES = ("the vehicle that it knows, no noise", "another vehicle, noise on all sensors")
+TITLES = ("known vehicle, no noise", "another vehicle, noise on all sensors")
 # Seeds with which nothing was tuned: those of scenarios and tests are smaller.
 SEED = 5001
 REPEATS = 20
@@ -280,33 +280,34 @@ def page(rows, clients, layers, limits, options, missing):
     repeats = options.repeats or REPEATS
     exact = " and ".join(f"{100 * (options.tolerance or share):g} %" for share in TOLERANCES)
     how = paragraph(
-        f"How severe each fault may be before `{old}` and `{new}` leave the path by 1 m or tilt by more than 0.6 rad, on the paper's spiral of 25 s "
-        f"with the fault from 10 s to 15 s. Found by `tiltproof envelope` ([margins](margins.md)), exact to {exact} of the distance from harmless for the left "
-        "and the right half: the last level below which every level that was flown is survived. `scenarios/envelope/tables.py` wrote this page; "
-        "`scenarios/envelope/tables.py --fly build/release/tiltproof -j 2` flies it again.")
+        f"This page has the margins of the builds `{old}` and `{new}` for every fault. Beyond its level they leave the path by 1 m or tilt by more than 0.6 rad. "
+        "They fly the paper's spiral of 25 s with the fault from 10 s to 15 s. "
+        f"`tiltproof envelope` ([margins](margins.md)) found the levels, exact to {exact} of the distance from harmless for the left and the right half. "
+        "Every level that was flown below them is survived. "
+        "`scenarios/envelope/tables.py --fly build/release/tiltproof -j 2` flies everything again and writes this page.")
     halves = paragraph(
-        f"The left half is {TITLES[0]}; the right half {TITLES[1]}: 2 % heavier, 10 % more inertia, 20 % more drag torque "
+        f"The left half is for the {TITLES[0]}; the right half for {TITLES[1]}: 2 % heavier, 10 % more inertia, 20 % more drag torque "
         "(`scenarios/envelope/spiral-other-vehicle.yaml`).")
     sure = paragraph(
-        f"At each level {repeats} seeds flew, from {SEED} on: with none of them was anything tuned. All of them passed, so it is 95 % sure that at least "
-        f"{100 * 0.05 ** (1 / repeats):.0f} % of all seeds do. {EXACT} marks rows in which nothing is drawn at random: one flight speaks for all seeds.")
+        f"At each level {repeats} seeds flew, from {SEED} on; none of them was used for tuning. All of them passed, so it is 95 % sure that at least "
+        f"{100 * 0.05 ** (1 / repeats):.0f} % of all seeds do. The mark {EXACT} is for rows in which nothing is drawn at random, where one flight is that of all seeds.")
     shares = paragraph(
-        f"In brackets stands the share of the range, on its scale, that is survived. {POCKETS} marks limits behind which a more severe level is survived "
+        f"The survived share of the range, on its scale, is in brackets. The mark {POCKETS} is for limits behind which a more severe level is survived "
         f"again. `less at`: levels that `{old}` survives and `{new}` does not.")
     marks = paragraph(
-        f"{PARTS['-drag']} on the same vehicles with the drag of `plant/models/tiltrotor_drag.sdf`: no wind moves the others. {PARTS['-board']} on the emulated "
-        f"board (`--client qemu`), where a flight takes as long as fifty here: {options.repeats or BOARD_REPEATS} seeds, which is 95 % sure of {100 * 0.05 ** (1 / (options.repeats or BOARD_REPEATS)):.0f} % of them only, "
-        f"exact to {100 * (options.tolerance or BOARD_TOLERANCE):g} %.")
+        f"{PARTS['-drag']}: on the same vehicles with the drag of `plant/models/tiltrotor_drag.sdf`, because no wind moves the others. {PARTS['-board']}: on the emulated "
+        f"board (`--client qemu`), where a flight takes as long as fifty here. There {options.repeats or BOARD_REPEATS} seeds flew, which is 95 % sure of only "
+        f"{100 * 0.05 ** (1 / (options.repeats or BOARD_REPEATS)):.0f} % of them, and the levels are exact to {100 * (options.tolerance or BOARD_TOLERANCE):g} %.")
     if any(NOT_SCANNED in row.mark for row in rows.values()):
         marks += "\n\n" + paragraph(
-            f"{NOT_SCANNED} flown before levels below a limit were scanned: found by bisection with 5 seeds, on the board with 2, over 40 s of the spiral. Such a limit may be too "
-            "large, because a level below it fails.")
+            f"{NOT_SCANNED}: found by bisection, without a scan of the levels below, with 5 seeds (2 on the board) over 40 s of the spiral. Such a limit may be too "
+            "large, because a level below it may fail.")
     words = paragraph(
         f"`none`: the mildest level failed. `all`: the most severe level was survived. `{NO_MARGIN}`: there is no margin, and the last column has the "
         f"program's reason. `-`: not flown. `ratio`: how many times as far from the harmless value `{new}` goes; for a limit that falls from infinity, the inverse "
-        f"levels count. Where it is below {TWICE:g} in a half, and `{new}` does not survive everything there, the last column says why.")
+        f"levels count. Where it is below {TWICE:g} in a half, and `{new}` does not survive everything there, the last column has the reason.")
     counted = paragraph(f'"Twice as much" counts the types that `{new}` survives at least twice as severely at some place.')
-    return f"""# What the firmware survives
+    return f"""# Fault margins of the bundled firmware
 
 {how}
 

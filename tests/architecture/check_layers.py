@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Checks the rules that keep the house in order: who may include what, and what no file may hold.
+"""Checks the rules that keep the house in order: who may include what, what no file may hold, and the words of pages (words.py).
 
 Usage: check_layers.py SOURCE_DIR    exit 0 when every rule holds, else 1 and one line a violation.
 """
@@ -8,6 +8,7 @@ import re
 import sys
 
 sys.dont_write_bytecode = True
+import words  # noqa: E402
 from function_lengths import functions  # noqa: E402
 
 # Folder (longest prefix wins) -> folders whose headers it may include. Arrows point downward only, so there are no circles.
@@ -135,6 +136,7 @@ def main():
             for number, line in enumerate(file.read_text().splitlines(), 1):
                 if found := re.match(STARTERS, line):
                     problems.append(f"{file.relative_to(root)}:{number}: a comment starts with '{found.group(2)}'")
+    problems += words.problems(root)
     print("\n".join(problems) if problems else f"{len(files)} files keep the rules")
     return 1 if problems else 0
 

@@ -148,6 +148,15 @@ class Lockstep(unittest.TestCase):
 
     # --- device faults ---
 
+    def test_more_bytes_at_once_than_one_message_to_the_emulator_holds(self):
+        # One reply becomes 130 000 bytes, which an ideal line delivers at one instant. Its watchdog resets the firmware that reads them all.
+        faults = ", ".join(f"{{id: d{i}, type: wire.byte_duplicate, target: to_client, start_s: 0.5, end_s: 0.512, parameters: {{probability: 1}}}}"
+                           for i in range(11))
+        file = self.scenario(firmware="tolerant", faults=faults, duration_s=1, expect="fail")
+        file.write_text(file.read_text() + "link: {ideal: true}\n")
+        _, [flight] = self.fly(file, "--client", "qemu")
+        self.assertEqual([fault["activations"] for fault in flight["faults"]], [1] * 11)
+
     def test_reset_comes_at_its_time_and_lasts_its_boot(self):
         file = self.scenario(faults="{id: r, type: device.reset, start_s: 1.0001, parameters: {boot_ms: 20}}")
         folder, [result] = self.fly(file, "--client", "qemu")

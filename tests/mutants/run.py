@@ -260,7 +260,7 @@ def prepare(patches):
 
 
 def seed(patch):
-    """Who noticed the defect; None: nobody."""
+    """Who noticed the defect; None: it was not noticed."""
     try:
         for file, content in mutated(patch).items():
             (COPY / file).write_text(content)
@@ -289,7 +289,7 @@ def write(group, rows, seconds):
     """The group's table in README.md, between its two marks."""
     lines = ["| defect | in | what | noticed by | s |", "|---|---|---|---|---|"]
     lines += [f"| `{patch.name}` | `{pathlib.Path(patch.files[0]).name}` | {patch.keys['Defect']} | "
-              f"{'equivalent: ' + patch.keys['Equivalent'] if patch.equivalent else noticed or 'nobody: ' + patch.keys.get('Unnoticed', '?')} | {took_s:.0f} |" for patch, noticed, took_s in rows]
+              f"{'equivalent: ' + patch.keys['Equivalent'] if patch.equivalent else noticed or 'not noticed: ' + patch.keys.get('Unnoticed', '?')} | {took_s:.0f} |" for patch, noticed, took_s in rows]
     counted = [noticed for patch, noticed, _ in rows if not patch.equivalent]
     lines += ["", f"{sum(map(bool, counted))} of {len(counted)} noticed, {len(rows) - len(counted)} equivalent; {seconds:.0f} s on {JOBS} cores."]
     file = HERE / "README.md"

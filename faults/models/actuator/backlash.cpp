@@ -33,13 +33,12 @@ FaultType ActuatorBacklash() {
   return {.name = "actuator.backlash",
           .summary = "An actuator follows a reversed command only after some play.",
           .semantics =
-              "Models worn gears: after a reversal the command must cross the gap before the output "
-              "follows. The play operator: in each step of the window, the actuator's force or torque "
-              "stays what it was in the step before, as long as that is within `width` / 2 of the "
-              "command. Otherwise it becomes the command less `width` / 2 when the command is above "
-              "it, plus `width` / 2 when it is below. It begins with the value that was in force "
-              "before the window. Without a step before, it begins with the first command. After the "
-              "window, the command takes effect at once.",
+              "Models worn gears: after a reversal the command must cross the gap before the output follows. "
+              "This is the play operator. In each step of the window, the actuator's force or torque keeps "
+              "its value of the step before, as long as that is within `width` / 2 of the command. Otherwise "
+              "it becomes the command less `width` / 2 when the command is above it, plus `width` / 2 when "
+              "it is below. It begins with the value that was in force before the window. Without a step "
+              "before, it begins with the first command. After the window, the command takes effect at once.",
           .source =
               "Tao and Kokotovic, Adaptive Control of Systems with Actuator and Sensor Nonlinearities, "
               "Wiley, 1996 (backlash).",

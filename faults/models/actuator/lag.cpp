@@ -34,13 +34,12 @@ FaultType ActuatorLag() {
   return {.name = "actuator.lag",
           .summary = "An actuator follows its commands slowly.",
           .semantics =
-              "Models the inertia of a rotor or the inductance of a motor: a first-order lag. In each "
-              "step of the window, of length dt, the distance from the actuator's force or torque to "
-              "the command shrinks by the factor exp(-dt / `time_constant_s`), and the result holds "
-              "for this step. After a step of the command, 63 % of the way are covered within "
-              "`time_constant_s`. It begins with the value that was in force before the window. "
-              "Without a step before, it begins with the first command. After the window, the command "
-              "takes effect at once. A `time_constant_s` of 0 changes nothing.",
+              "Models the inertia of a rotor or the inductance of a motor: a first-order lag. In each step "
+              "of the window, of length dt, the actuator's distance from the command shrinks by the factor "
+              "exp(-dt / `time_constant_s`), and the result holds for this step. After a step of the "
+              "command, 63 % of the way are covered within `time_constant_s`. It begins with the value that "
+              "was in force before the window. Without a step before, it begins with the first command. "
+              "After the window, the command takes effect at once. A `time_constant_s` of 0 changes nothing.",
           .source =
               "Stevens, Lewis and Johnson, Aircraft Control and Simulation, 3rd ed., Wiley, 2016 "
               "(first-order actuator).",

@@ -33,17 +33,16 @@ FaultType ActuatorOscillation() {
   return {.name = "actuator.oscillation",
           .summary = "An actuator swings about its command.",
           .semantics =
-              "Models an oscillatory failure: a servo loop or a sensor in it that makes the output "
-              "swing. In each step of the window, `amplitude` times sin(2 pi `frequency_hz` t) is "
-              "added to the actuator's force or torque, where t is the time from the begin of the "
-              "first step in the window to the begin of this step. The value holds for the step, so "
-              "frequencies above half the rate of the plant's steps appear as lower ones. The swing "
-              "begins anew at 0 after each step outside the fault's active time, so in each period of "
-              "an intermittent fault, and each time that a condition holds again. The vehicle's limits "
-              "hold for the sum.",
+              "Models an oscillatory failure: a servo loop or a sensor in it that makes the output swing. In "
+              "each step of the window, `amplitude` times sin(2 pi `frequency_hz` t) is added to the "
+              "actuator's force or torque. The time t counts from the begin of the first step in the window "
+              "to the begin of this step. The value holds for the step, so frequencies above half the rate "
+              "of the plant's steps appear as lower ones. The swing begins again at 0 after each step "
+              "outside the fault's active time, so in each period of an intermittent fault, and each time "
+              "that a condition holds again. The vehicle's limits hold for the sum.",
           .source =
-              "Goupil, Oscillatory Failure Case Detection in the A380 Electrical Flight Control System "
-              "by Analytical Redundancy, Control Engineering Practice 18(9), 2010.",
+              "Goupil, Oscillatory Failure Case Detection in the A380 Electrical Flight Control System by "
+              "Analytical Redundancy, Control Engineering Practice 18(9), 2010.",
           .parameters = {ActuatorParameter(),
                          {.name = "amplitude",
                           .unit = "of the actuator",

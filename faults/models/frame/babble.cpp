@@ -39,30 +39,30 @@ class Babble : public WireModel {
 }  // namespace
 
 FaultType FrameBabble() {
-  return {.name = "frame.babble",
-          .summary = "A babbling idiot fills the line with frames of noise.",
-          .semantics =
-              "Models a sender that has failed and sends all the time. Frames of noise follow the frames "
-              "that pass. They come as a Poisson process of `rate_hz` in the time of the flight. Those that "
-              "fall into one control period are sent directly behind the first frame that the line carries "
-              "in a later one, if the trigger picks it, in the order of their times; they take time on the "
-              "line. So the same ones follow a frame whether its sender computes fast or slowly. Nothing "
-              "enters the line between frames: a receiver that has waited until then may have gone on "
-              "already. Only what falls into the fault's active time counts, of a pause of more than a "
-              "second only the last second, and nothing before the first frame. What would follow a frame "
-              "that the trigger does not pick is left out. Each has a flag at both ends and 1 to 64 bytes of "
-              "uniformly random value between them, of uniformly random number. They delay the frames behind "
-              "them; when they take more than the line carries, the delay grows.",
-          .source =
-              "Kopetz, Real-Time Systems: Design Principles for Distributed Embedded Applications, Kluwer, "
-              "1997 (babbling idiot); Temple, Avoiding the Babbling-Idiot Failure in a Time-Triggered "
-              "Communication System, FTCS-28, IEEE, 1998.",
-          .parameters = {RateParameter("frames of noise per second", 100.0)},
-          .kind = WireKind{.wire_layer = WireLayer::kFrame,
-                           .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-                             return std::make_unique<Babble>(setup);
-                           },
-                           .remembers = true}};
+  return {
+      .name = "frame.babble",
+      .summary = "A babbling idiot fills the line with frames of noise.",
+      .semantics =
+          "Models a sender that has failed and sends all the time. Frames of noise follow the frames that "
+          "pass. They come as a Poisson process of `rate_hz` in the time of the flight. Those of one control "
+          "period are sent, in the order of their times, directly behind the first frame of a later period, "
+          "if the trigger picks that frame. They take time on the line. So the same ones follow a frame "
+          "whether its sender computes fast or slowly. Nothing enters the line between frames: a receiver "
+          "that has waited until then may have gone on already. Only what falls into the fault's active time "
+          "counts, of a pause of more than a second only the last second, and nothing before the first "
+          "frame. What would follow a frame that the trigger does not pick is left out. Each has a flag at "
+          "both ends and 1 to 64 bytes of uniformly random value between them, of uniformly random number. "
+          "They delay the frames behind them; when they take more than the line carries, the delay grows.",
+      .source =
+          "Kopetz, Real-Time Systems: Design Principles for Distributed Embedded Applications, Kluwer, 1997 "
+          "(babbling idiot); Temple, Avoiding the Babbling-Idiot Failure in a Time-Triggered Communication "
+          "System, FTCS-28, IEEE, 1998.",
+      .parameters = {RateParameter("frames of noise per second", 100.0)},
+      .kind = WireKind{.wire_layer = WireLayer::kFrame,
+                       .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+                         return std::make_unique<Babble>(setup);
+                       },
+                       .remembers = true}};
 }
 
 }  // namespace tiltproof::faults

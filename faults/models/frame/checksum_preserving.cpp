@@ -38,10 +38,10 @@ FaultType FrameChecksumPreserving() {
           .summary = "A damage that the checksum does not see.",
           .semantics =
               "Models the damage that Fletcher's checksum cannot detect. With the given probability, three "
-              "successive bytes of the payload of a frame that the trigger picks change, by d, -2d and d "
-              "modulo 255: both of Fletcher's sums stay the same. The place, and d from 1 to 254, are drawn "
+              "successive bytes of the payload of a frame that the trigger picks change by d, -2d and d "
+              "modulo 255. Both of Fletcher's sums stay the same. The place, and d from 1 to 254, are drawn "
               "evenly; at least one byte changes. The checksum in the frame is not touched, and bytes are "
-              "escaped anew. A payload of less than three bytes stays as it is. Only the length, id and "
+              "escaped again. A payload of less than three bytes stays as it is. Only the length, id and "
               "ranges of the message are left to find this.",
           .source =
               "Fletcher, An Arithmetic Checksum for Serial Transmissions, IEEE Transactions on "

@@ -28,20 +28,20 @@ class Duplicate : public WireModel {
 }  // namespace
 
 FaultType FrameDuplicate() {
-  return {.name = "frame.duplicate",
-          .summary = "Sends whole frames twice.",
-          .semantics =
-              "Models a sender that does not know that its message arrived and sends it again, or a network "
-              "with two ways. A frame that the trigger picks is followed by a copy of itself with the given "
-              "probability. Later faults treat the copy as a separate frame. What is sent next waits until "
-              "the line is free.",
-          .source = "IEC 61784-3 (unintended repetition).",
-          .parameters = {ProbabilityParameter("probability, per frame, that it is sent twice", 0.5)},
-          .kind = WireKind{.wire_layer = WireLayer::kFrame,
-                           .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-                             return std::make_unique<Duplicate>(setup);
-                           },
-                           .volume = Volume::kDoubles}};
+  return {
+      .name = "frame.duplicate",
+      .summary = "Sends whole frames twice.",
+      .semantics =
+          "Models a sender that does not know that its message arrived and sends it again, or a network with "
+          "two ways. A frame that the trigger picks is followed by its copy with the given probability. "
+          "Later faults treat the copy as a separate frame. What is sent next waits until the line is free.",
+      .source = "IEC 61784-3 (unintended repetition).",
+      .parameters = {ProbabilityParameter("probability, per frame, that it is sent twice", 0.5)},
+      .kind = WireKind{.wire_layer = WireLayer::kFrame,
+                       .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+                         return std::make_unique<Duplicate>(setup);
+                       },
+                       .volume = Volume::kDoubles}};
 }
 
 }  // namespace tiltproof::faults

@@ -47,7 +47,7 @@ FaultType FrameFlagLoss() {
       .semantics =
           "Models a receiver that misses the byte which ends a frame. With the given probability, a frame "
           "that the trigger picks loses its closing flag. If the next frame on the line is picked too, it "
-          "loses its opening flags, so that the two arrive as one: usually both are lost, because the "
+          "loses its opening flags, so that the two arrive as one. Usually both are lost, because the "
           "checksum is wrong. If the next frame is not picked, its opening flag ends this frame: it arrives "
           "whole, but only then. A frame without anything between its flags stays as it is.",
       .source =

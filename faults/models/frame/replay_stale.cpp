@@ -2,6 +2,7 @@
 #include <deque>
 
 #include "faults/fault_type.h"
+#include "link/check.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -20,6 +21,7 @@ class ReplayStale : public WireModel {
       return;
     }
     link::Chunk stale = chunk;
+    Check(!history.empty(), "a stale frame was remembered before");
     stale.bytes = history.front();
     Remember(history, chunk);
     out.push_back(std::move(stale));
@@ -45,6 +47,7 @@ class ReplayStale : public WireModel {
   void Remember(History& history, const link::Chunk& chunk) {
     std::vector<std::uint8_t> buffer;
     if (history.size() == age_count_) {
+      Check(!history.empty(), "a full history has an oldest frame");
       buffer = std::move(history.front());
       history.pop_front();
       held_bytes_ -= buffer.size() + link::kChunkOverheadBytes;
@@ -63,29 +66,29 @@ class ReplayStale : public WireModel {
 }  // namespace
 
 FaultType FrameReplayStale() {
-  return {.name = "frame.replay_stale",
-          .summary = "Replaces a new frame by an older one.",
-          .semantics =
-              "Models a buffer that is sent again before it was filled anew, or an attacker with a "
-              "recording. A frame that the trigger picks is replaced with the given probability. Its "
-              "replacement is the frame that was sent `age_count` frames of the same message before it: a "
-              "well-formed frame with old content. Frames from before the window are remembered too. As "
-              "long as no frame is that old, nothing happens. Equal content (a sensor request, for example) "
-              "counts as no change.",
-          .source = "EN 50159:2010 (repetition of messages); IEC 61784-3 (unintended repetition).",
-          .parameters = {ProbabilityParameter("probability, per frame, that it is replaced", 0.3),
-                         {.name = "age_count",
-                          .unit = "frame",
-                          .kind = ParameterKind::kInteger,
-                          .min = 1,
-                          .max = 10'000,
-                          .doc = "age of the replacement, in frames of the same message",
-                          .example = 3.0}},
-          .kind = WireKind{.wire_layer = WireLayer::kFrame,
-                           .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-                             return std::make_unique<ReplayStale>(setup.parameters);
-                           },
-                           .remembers = true}};
+  return {
+      .name = "frame.replay_stale",
+      .summary = "Replaces a new frame by an older one.",
+      .semantics =
+          "Models a buffer that is sent again before it was filled again, or an attacker with a recording. A "
+          "frame that the trigger picks is replaced with the given probability. Its replacement is the frame "
+          "that was sent `age_count` frames of the same message before it: a well-formed frame with old "
+          "content. Frames from before the window are remembered too. As long as no frame is that old, "
+          "nothing happens. Equal content (a sensor request, for example) counts as no change.",
+      .source = "EN 50159:2010 (repetition of messages); IEC 61784-3 (unintended repetition).",
+      .parameters = {ProbabilityParameter("probability, per frame, that it is replaced", 0.3),
+                     {.name = "age_count",
+                      .unit = "frame",
+                      .kind = ParameterKind::kInteger,
+                      .min = 1,
+                      .max = 10'000,
+                      .doc = "age of the replacement, in frames of the same message",
+                      .example = 3.0}},
+      .kind = WireKind{.wire_layer = WireLayer::kFrame,
+                       .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+                         return std::make_unique<ReplayStale>(setup.parameters);
+                       },
+                       .remembers = true}};
 }
 
 }  // namespace tiltproof::faults

@@ -42,40 +42,39 @@ class Script : public WireModel {
 }  // namespace
 
 FaultType FrameScript() {
-  return {
-      .name = "frame.script",
-      .summary = "Sends bytes that the scenario states.",
-      .semantics =
-          "Models what was recorded or found: an attack, a frame of a newer protocol, an input of "
-          "`tiltproof fuzz`. The k-th word of `frames` belongs to the k-th frame that the trigger picks in "
-          "the direction. It is sent as it stands, as the bytes of the line: flags, escapes and checksums "
-          "are part of it. A word `-` leaves its frame as it is. Behind the last word, frames pass "
-          "unchanged. With `place` `instead` the bytes replace the frame, and begin when it would have "
-          "begun. With `before` and `after` they are sent directly before or behind the frame, and take "
-          "time on the line. Nothing is drawn. `envelope` leaves it out.",
-      .source =
-          "Miller, Fredriksen and So, An Empirical Study of the Reliability of UNIX Utilities, "
-          "Communications of the ACM 33(12), 1990 (inputs that no one meant).",
-      .parameters =
-          {{.name = "frames",
-            .unit = "",
-            .kind = ParameterKind::kFrameWords,
-            .doc = "the bytes for each frame that is picked, in lower-case hexadecimal digits; `-`: none",
-            .example = "7e30cf307e - 7e7d7e",
-            .zero = "-"},
-           {.name = "place",
-            .unit = "",
-            .kind = ParameterKind::kChoice,
-            .doc = "where the bytes are sent: instead of the frame, before it, or after it",
-            .example = "instead",
-            .default_value = "instead",
-            .choices = {"instead", "before", "after"}}},
-      .kind = WireKind{.wire_layer = WireLayer::kFrame,
-                       .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-                         return std::make_unique<Script>(setup.parameters);
-                       },
-                       .volume = Volume::kMayLose},
-      .has_no_severity = true};
+  return {.name = "frame.script",
+          .summary = "Sends bytes that the scenario states.",
+          .semantics =
+              "Models what was recorded or found: an attack, a frame of a newer protocol, an input of "
+              "`tiltproof fuzz`. The k-th word of `frames` belongs to the k-th frame that the trigger picks "
+              "in the direction. It is sent as it stands, as the bytes of the line: flags, escapes and "
+              "checksums are part of it. A word `-` leaves its frame as it is. Behind the last word, frames "
+              "pass unchanged. With `place` `instead` the bytes replace the frame, and begin when it would "
+              "have begun. With `before` and `after` they are sent directly before or behind the frame, and "
+              "take time on the line. Nothing is drawn. `envelope` leaves it out.",
+          .source =
+              "Miller, Fredriksen and So, An Empirical Study of the Reliability of UNIX Utilities, "
+              "Communications of the ACM 33(12), 1990 (unintended inputs).",
+          .parameters =
+              {{.name = "frames",
+                .unit = "",
+                .kind = ParameterKind::kFrameWords,
+                .doc = "the bytes for each frame that is picked, in lower-case hexadecimal digits; `-`: none",
+                .example = "7e30cf307e - 7e7d7e",
+                .zero = "-"},
+               {.name = "place",
+                .unit = "",
+                .kind = ParameterKind::kChoice,
+                .doc = "where the bytes are sent: instead of the frame, before it, or after it",
+                .example = "instead",
+                .default_value = "instead",
+                .choices = {"instead", "before", "after"}}},
+          .kind = WireKind{.wire_layer = WireLayer::kFrame,
+                           .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+                             return std::make_unique<Script>(setup.parameters);
+                           },
+                           .volume = Volume::kMayLose},
+          .has_no_severity = true};
 }
 
 }  // namespace tiltproof::faults

@@ -88,13 +88,13 @@ FaultType FrameSemantic() {
       .semantics =
           "Models a sender that computes nonsense and packs it well. With the given probability, one value "
           "of a message that the trigger picks is replaced. `nan` and `inf` send these numbers, `denormal` "
-          "the smallest number above 0, `out_of_range` the upper end of the field's plausible range plus the "
-          "range's width, `sign_flip` the negative value, `offset` the value plus `value`, and `stale` the "
-          "value that the field had in the latest message with this field that this fault left alone, inside "
-          "or outside the window (without one, nothing changes). The result is rounded to 32 bits. The "
-          "checksum is that of the new payload, and bytes are escaped anew; if the checksum was wrong "
-          "before, it stays wrong in the same bits. Messages without the field stay as they are. `message` "
-          "chooses one of several that have it.",
+          "the smallest number above 0, `sign_flip` the negative value, and `offset` the value plus `value`. "
+          "`out_of_range` sends the upper end of the field's plausible range plus the range's width. `stale` "
+          "sends the field's value in the latest message with this field that this fault did not change, "
+          "inside or outside the window. Without such a message nothing changes. The result is rounded to 32 "
+          "bits. The checksum is that of the new payload, and bytes are escaped again; if the checksum was "
+          "wrong before, it stays wrong in the same bits. Messages without the field stay as they are. "
+          "`message` chooses one of several that have it.",
       .source =
           "Cristian, Understanding Fault-tolerant Distributed Systems, Communications of the ACM 34(2), 1991 "
           "(value failures of a server).",

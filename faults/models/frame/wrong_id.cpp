@@ -35,10 +35,10 @@ FaultType FrameWrongId() {
           .summary = "A message comes with the id of another, or of none.",
           .semantics =
               "Models a sender with a wrong table of messages. With the given probability, the first four "
-              "bytes of the payload of a frame that the trigger picks become `id`, as a binary32 number: the "
-              "place where a client's message has its id. In a message without an id (the replies and the "
+              "bytes of the payload of a frame that the trigger picks become `id`, as a binary32 number. A "
+              "client's message has its id there. In a message without an id (the replies and the "
               "references) they are its first value. The checksum is that of the new payload, and bytes are "
-              "escaped anew; if the checksum was wrong before, it stays wrong in the same bits. With the id "
+              "escaped again; if the checksum was wrong before, it stays wrong in the same bits. With the id "
               "that the message has already, nothing changes.",
           .source =
               "Cristian, Understanding Fault-tolerant Distributed Systems, Communications of the ACM 34(2), "

@@ -24,10 +24,10 @@ FaultType PlantComShift() {
           .semantics =
               "Models a load that is packed badly or slips, or a battery that was moved. In every step that "
               "the trigger picks, the centre of mass of the main body is shifted by `shift_m` along "
-              "`direction`, which is given in the axes of the main body (x forward, y left, z up) and turns "
-              "with it. The inertia about the centre of mass stays the same. The pose of the main body, the "
-              "velocity of its origin and its angular rates stay the same when the shift begins or ends. "
-              "Each time that the shift begins is one activation.",
+              "`direction`. The axes are those of the main body (x forward, y left, z up), so the shift "
+              "turns with it. The inertia about the centre of mass stays the same. The pose of the main "
+              "body, the velocity of its origin and its angular rates stay the same when the shift begins or "
+              "ends. Each time that the shift begins is one activation.",
           .source =
               "Beard and McLain, Small Unmanned Aircraft, Princeton University Press, 2012, chapter 3 "
               "(equations of motion).",

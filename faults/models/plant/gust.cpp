@@ -40,18 +40,14 @@ FaultType PlantGust() {
       .summary = "A single gust.",
       .semantics =
           "Models the discrete gust of MIL-F-8785C. The speed of the air along `direction` in the world (z "
-          "up) "
-          "rises from 0 to `speed_m_s` as half a period of 1 - cosine over `length_m`: it is `speed_m_s` / 2 "
-          "(1 - cos(pi d / `length_m`)) at the distance d from the gust's front, and `speed_m_s` beyond "
-          "`length_m`, until the window ends. The front meets the vehicle at the first step in the window "
-          "and "
-          "passes it with `speed_m_s`, whatever the vehicle's own velocity, so that the rise takes "
-          "`length_m` / "
-          "`speed_m_s` seconds. It starts anew after each step outside the fault's active time. When the "
-          "window "
-          "ends, the air is calm at once. A scenario whose vehicle has no <tiltproof:drag> is refused "
-          "(`model: tiltrotor_drag` has it). Each time "
-          "that the gust begins is one activation.",
+          "up) rises from 0 to `speed_m_s` as half a period of 1 - cosine over `length_m`. At the distance d "
+          "from the gust's front it is `speed_m_s` / 2 (1 - cos(pi d / `length_m`)). Beyond `length_m` it is "
+          "`speed_m_s`, until the window ends. The front meets the vehicle at the first step in the window "
+          "and passes it with `speed_m_s`, whatever the vehicle's own velocity, so that the rise takes "
+          "`length_m` / `speed_m_s` seconds. It starts again after each step outside the fault's active "
+          "time. When the window ends, the air is calm at once. A scenario whose vehicle has no "
+          "<tiltproof:drag> is refused (`model: tiltrotor_drag` has it). Each time that the gust begins is "
+          "one activation.",
       .source = "MIL-F-8785C, section 3.7.1.3 (discrete gust model), 1980.",
       .parameters = {{.name = "speed_m_s",
                       .unit = "m/s",

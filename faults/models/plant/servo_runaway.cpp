@@ -25,8 +25,8 @@ FaultType PlantServoRunaway() {
       .summary = "A servo turns on its own.",
       .semantics =
           "Models a servo with a broken potentiometer or a failed drive. In every step that the trigger "
-          "picks, the joint turns with `rate_rad_s`, whatever is commanded and whatever torque acts on it, "
-          "up to 100 N m, until it meets its stop; there it stays. The sign is that of the joint's angle in "
+          "picks, the joint turns with `rate_rad_s`, until it meets its stop, where it stays. It turns "
+          "against every command and against torques up to 100 N m. The sign is that of the joint's angle in "
           "the trace. After the window, the joint is free at once. A rate of 0 is no fault: the joint then "
           "follows its servo (plant.servo_jam holds it). Each time that the joint begins to run away is one "
           "activation.",

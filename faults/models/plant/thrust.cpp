@@ -20,7 +20,7 @@ class RotorThrust : public PlantModel {
 
 FaultType PlantThrust() {
   return {.name = "plant.thrust",
-          .summary = "A rotor gives less thrust than it is told.",
+          .summary = "A rotor gives less thrust than commanded.",
           .semantics =
               "Models a chipped or iced blade, a worn motor or an empty battery. In every step that the "
               "trigger picks, the rotor gives `factor` times the thrust in force, after the vehicle's "

@@ -104,72 +104,61 @@ class Turbulence : public PlantModel {
 }  // namespace
 
 FaultType PlantTurbulence() {
-  return {
-      .name = "plant.turbulence",
-      .summary = "Turbulent air.",
-      .semantics =
-          "Models the Dryden turbulence of MIL-HDBK-1797 at low altitude. In every step that the trigger "
-          "picks, "
-          "the air moves with a random velocity (u, v, w) along x, y and z of the world, everywhere alike. "
-          "Each part is normally distributed with mean 0; they are independent of each other. The standard "
-          "deviation of w is "
-          "`intensity_m_s`, and that of u and v is `intensity_m_s` / (0.177 + 0.000823 h)^0.4, where h is "
-          "`height_m` in feet. Their one-sided spectra over the angular frequency f are S (2 L / (pi V)) / "
-          "(1 + "
-          "(L f / V)^2) for u, and S (2 L / (pi V)) (1 + 12 (L f / V)^2) / (1 + 4 (L f / V)^2)^2 for v and "
-          "w, "
-          "with the variance S. The lengths L are Lu = `height_m` / (0.177 + 0.000823 h)^1.2, Lv = Lu / 2 "
-          "and Lw "
-          "= `height_m` / 2. V is `reference_speed_m_s`, with which the frozen field passes the vehicle; it "
-          "is used in "
-          "flight and at hover alike, because a hovering vehicle has no airspeed of its own. `height_m` is "
-          "that "
-          "of the model: it does not follow the vehicle. The process is sampled exactly at the steps, so "
-          "that "
-          "its statistics do not depend on the step, and is stationary from the first step on. In a pause "
-          "(of an "
-          "intermittent fault) the process goes on unseen. A scenario whose vehicle has no <tiltproof:drag> "
-          "is "
-          "refused (`model: tiltrotor_drag` has it). Each time that the air begins to move is one "
-          "activation.",
-      .source =
-          "MIL-HDBK-1797, Appendix A, Dryden form and low-altitude model, 1997; Beal, Digital Simulation of "
-          "Atmospheric Turbulence for Dryden and von Karman Models, Journal of Guidance, Control, and "
-          "Dynamics "
-          "16(1), 1993.",
-      .parameters = {{.name = "intensity_m_s",
-                      .unit = "m/s",
-                      .min = 0.0,
-                      .max = 100.0,
-                      .doc = "standard deviation of the vertical wind",
-                      .example = 1.0,
-                      .zero = 0.0,
-                      .severity = Scale::kLogarithmic},
-                     {.name = "model",
-                      .unit = "",
-                      .kind = ParameterKind::kChoice,
-                      .doc = "form of the spectra",
-                      .example = "dryden",
-                      .default_value = "dryden",
-                      .choices = {"dryden"}},
-                     {.name = "reference_speed_m_s",
-                      .unit = "m/s",
-                      .min = 1.0,
-                      .max = 300.0,
-                      .doc = "speed with which the turbulent air passes the vehicle",
-                      .example = 5.0,
-                      .default_value = 5.0},
-                     {.name = "height_m",
-                      .unit = "m",
-                      .min = 3.048,
-                      .max = 304.8,
-                      .doc = "height above ground whose turbulence it is",
-                      .example = 10.0,
-                      .default_value = 10.0}},
-      .kind = PlantKind{.make = [](const SignalSetup& setup) -> std::unique_ptr<PlantModel> {
-                          return std::make_unique<Turbulence>(setup);
-                        },
-                        .is_wind = true}};
+  return {.name = "plant.turbulence",
+          .summary = "Turbulent air.",
+          .semantics =
+              "Models the Dryden turbulence of MIL-HDBK-1797 at low altitude. In every step that the trigger "
+              "picks, the air moves with a random velocity (u, v, w) along x, y and z of the world, "
+              "everywhere alike. Each part is normally distributed with mean 0; they are independent of each "
+              "other. The standard deviation of w is `intensity_m_s`, and that of u and v is `intensity_m_s` "
+              "/ (0.177 + 0.000823 h)^0.4, where h is `height_m` in feet. Their one-sided spectra over the "
+              "angular frequency f have the variance S. The spectrum of u is S (2 L / (pi V)) / (1 + (L f / "
+              "V)^2). Those of v and w are S (2 L / (pi V)) (1 + 12 (L f / V)^2) / (1 + 4 (L f / V)^2)^2. "
+              "The lengths L are Lu = `height_m` / (0.177 + 0.000823 h)^1.2, Lv = Lu / 2 and Lw = `height_m` "
+              "/ 2. V is `reference_speed_m_s`, with which the frozen field passes the vehicle; it is used "
+              "in flight and at hover alike, because a hovering vehicle has no airspeed of its own. "
+              "`height_m` is that of the model: it does not follow the vehicle. The process is sampled "
+              "exactly at the steps, so that its statistics do not depend on the step, and is stationary "
+              "from the first step on. In a pause (of an intermittent fault) the process goes on unseen. A "
+              "scenario whose vehicle has no <tiltproof:drag> is refused (`model: tiltrotor_drag` has it). "
+              "Each time that the air begins to move is one activation.",
+          .source =
+              "MIL-HDBK-1797, Appendix A, Dryden form and low-altitude model, 1997; Beal, Digital Simulation "
+              "of Atmospheric Turbulence for Dryden and von Karman Models, Journal of Guidance, Control, and "
+              "Dynamics 16(1), 1993.",
+          .parameters = {{.name = "intensity_m_s",
+                          .unit = "m/s",
+                          .min = 0.0,
+                          .max = 100.0,
+                          .doc = "standard deviation of the vertical wind",
+                          .example = 1.0,
+                          .zero = 0.0,
+                          .severity = Scale::kLogarithmic},
+                         {.name = "model",
+                          .unit = "",
+                          .kind = ParameterKind::kChoice,
+                          .doc = "form of the spectra",
+                          .example = "dryden",
+                          .default_value = "dryden",
+                          .choices = {"dryden"}},
+                         {.name = "reference_speed_m_s",
+                          .unit = "m/s",
+                          .min = 1.0,
+                          .max = 300.0,
+                          .doc = "speed with which the turbulent air passes the vehicle",
+                          .example = 5.0,
+                          .default_value = 5.0},
+                         {.name = "height_m",
+                          .unit = "m",
+                          .min = 3.048,
+                          .max = 304.8,
+                          .doc = "height above ground whose turbulence it is",
+                          .example = 10.0,
+                          .default_value = 10.0}},
+          .kind = PlantKind{.make = [](const SignalSetup& setup) -> std::unique_ptr<PlantModel> {
+                              return std::make_unique<Turbulence>(setup);
+                            },
+                            .is_wind = true}};
 }
 
 }  // namespace tiltproof::faults

@@ -30,15 +30,14 @@ FaultType SensorDrift() {
           .summary = "A sensor's error grows steadily.",
           .semantics =
               "Models a sensor that warms up or ages: its zero moves at a constant rate. The error is "
-              "`rate_per_s` times the time since the first sample in the window, so this first sample "
-              "is unchanged. The signal is the true value plus the error, rounded to the 32 bits of "
-              "the line. It starts anew at 0 after each sample outside the fault's active time, so in "
-              "each period of an intermittent fault, and each time that a condition holds again. After "
-              "the window the signal is correct at once.",
+              "`rate_per_s` times the time since the first sample in the window, so this first sample is "
+              "unchanged. The signal is the true value plus the error, rounded to the 32 bits of the line. "
+              "It starts again at 0 after each sample outside the fault's active time, so in each period of "
+              "an intermittent fault, and each time that a condition holds again. After the window the "
+              "signal is correct at once.",
           .source =
               "IEEE Std 952-1997, Annex C (rate ramp); Balaban et al., Modeling, Detection, and "
-              "Disambiguation of Sensor Faults for Aerospace Applications, IEEE Sensors Journal 9(12), "
-              "2009.",
+              "Disambiguation of Sensor Faults for Aerospace Applications, IEEE Sensors Journal 9(12), 2009.",
           .parameters = {SensorParameter(),
                          {.name = "rate_per_s",
                           .unit = "of the signal, 1/s",

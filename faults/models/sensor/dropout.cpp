@@ -41,15 +41,15 @@ FaultType SensorDropout() {
   return {.name = "sensor.dropout",
           .summary = "A sensor has no new reading from time to time.",
           .semantics =
-              "Models a loose contact or a sensor that misses its deadline, and the driver's answer to "
-              "it. Each sample that the trigger picks is lost with `probability`, independently of "
-              "others. A lost sample reads, by `reads`: the value of the latest sample that was not "
-              "lost, also from before the window (`last`; 0 when there is none yet), 0 (`zero`), or "
-              "NaN (`nan`).",
+              "Models a loose contact or a sensor that misses its deadline, and the driver's answer to it. "
+              "Each sample that the trigger picks is lost with `probability`, independently of others. The "
+              "reading of a lost sample depends on `reads`. With `last` it is the value of the latest sample "
+              "that was not lost, also from before the window, or 0 when there is none yet. With `zero` it "
+              "is 0, with `nan` it is NaN.",
           .source =
               "Balaban et al., Modeling, Detection, and Disambiguation of Sensor Faults for Aerospace "
-              "Applications, IEEE Sensors Journal 9(12), 2009; Schenato, To Zero or to Hold Control "
-              "Inputs With Lossy Links?, IEEE Transactions on Automatic Control 54(5), 2009.",
+              "Applications, IEEE Sensors Journal 9(12), 2009; Schenato, To Zero or to Hold Control Inputs "
+              "With Lossy Links?, IEEE Transactions on Automatic Control 54(5), 2009.",
           .parameters = {SensorParameter(),
                          ProbabilityParameter("probability that a sample is lost", 0.3),
                          {.name = "reads",

@@ -28,11 +28,10 @@ FaultType SensorGarbage() {
       .name = "sensor.garbage",
       .summary = "A sensor reads random bits from time to time.",
       .semantics =
-          "Models a transfer from the sensor that goes wrong without a checksum to tell, or a read "
-          "from the wrong register. Each sample that the trigger picks is replaced with "
-          "`probability`, independently of others, by 32 random bits, taken as a binary32 number: "
-          "each pattern is equally likely, so the value is huge or tiny more often than plausible, "
-          "and NaN or infinite in one case of 256.",
+          "Models a transfer from the sensor that goes wrong without a checksum to tell, or a read from the "
+          "wrong register. Each sample that the trigger picks is replaced with `probability`, independently "
+          "of others, by 32 random bits, taken as a binary32 number. Each pattern is equally likely, so the "
+          "value is huge or tiny more often than plausible, and NaN or infinite in one case of 256.",
       .source =
           "Avizienis et al., Basic Concepts and Taxonomy of Dependable and Secure Computing, IEEE "
           "Transactions on Dependable and Secure Computing 1(1), 2004 (content failures).",

@@ -34,13 +34,12 @@ FaultType SensorQuantise() {
   return {.name = "sensor.quantise",
           .summary = "A sensor reads only multiples of a step.",
           .semantics =
-              "Models a converter with too few bits. In every sample that the trigger picks, the "
-              "signal is the multiple of `step` that is nearest to the true value, and the upper one "
-              "of two that are equally near. The product is rounded to the 32 bits of the line. A "
-              "`step` of 0 changes nothing.",
+              "Models a converter with too few bits. In every sample that the trigger picks, the signal is "
+              "the multiple of `step` nearest to the true value; of two equally near ones, the upper one. "
+              "The product is rounded to the 32 bits of the line. A `step` of 0 changes nothing.",
           .source =
-              "Widrow and Kollar, Quantization Noise, Cambridge University Press, 2008; IEEE Std "
-              "952-1997, Annex C (quantization).",
+              "Widrow and Kollar, Quantization Noise, Cambridge University Press, 2008; IEEE Std 952-1997, "
+              "Annex C (quantization).",
           .parameters = {SensorParameter(),
                          {.name = "step",
                           .unit = "of the signal",

@@ -40,16 +40,15 @@ FaultType SensorRandomWalk() {
   return {.name = "sensor.random_walk",
           .summary = "A sensor's error wanders off in random steps.",
           .semantics =
-              "Models the bias of a gyro or accelerometer that wanders with its electronics and "
-              "temperature. The error is 0 in the first sample of the window. At each further sample, "
-              "dt after the sample before it, the error grows by a random step: normally distributed, "
-              "with mean 0 and standard deviation `density` times the square root of dt, and "
-              "independent of other steps. After T seconds in the window the error has the standard "
-              "deviation `density` times the square root of T. The signal is the true value plus the "
-              "error, rounded to the 32 bits of the line. Samples that the trigger leaves out are "
-              "unchanged, but the error goes on. It starts anew at 0 after each sample outside the "
-              "fault's active time, so in each period of an intermittent fault, and each time that a "
-              "condition holds again.",
+              "Models the bias of a gyro or accelerometer that wanders with its electronics and temperature. "
+              "The error is 0 in the first sample of the window. At each further sample, dt after the sample "
+              "before it, the error grows by a random step. The step is normally distributed, with mean 0 "
+              "and standard deviation `density` times the square root of dt, and independent of other steps. "
+              "After T seconds in the window the error has the standard deviation `density` times the square "
+              "root of T. The signal is the true value plus the error, rounded to the 32 bits of the line. "
+              "Samples that the trigger leaves out are unchanged, but the error goes on. It starts again at "
+              "0 after each sample outside the fault's active time, so in each period of an intermittent "
+              "fault, and each time that a condition holds again.",
           .source = "IEEE Std 952-1997, Annex C (rate random walk).",
           .parameters = {SensorParameter(),
                          {.name = "density",

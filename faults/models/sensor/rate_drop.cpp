@@ -40,16 +40,16 @@ FaultType SensorRateDrop() {
   return {.name = "sensor.rate_drop",
           .summary = "A sensor delivers new values less often.",
           .semantics =
-              "Models a sensor or bus that falls back to a lower rate. The time in the window, from "
-              "its first sample on, is divided into periods of `period_ms`. The first sample in each "
-              "period is true, and the others in that period read the same as it. Samples come when "
-              "the firmware asks: periods shorter than its own change nothing. With samples every 12 "
-              "ms and a period of 30 ms, the samples at 0, 36, 60 and 96 ms are true. They are counted "
-              "anew after each sample outside the fault's active time, so in each period of an "
-              "intermittent fault, and each time that a condition holds again.",
+              "Models a sensor or bus that falls back to a lower rate. The time in the window, from its "
+              "first sample on, is divided into periods of `period_ms`. The first sample in each period is "
+              "true, and the others in that period read the same as it. Samples come when the firmware asks: "
+              "periods shorter than its own change nothing. With samples every 12 ms and a period of 30 ms, "
+              "the samples at 0, 36, 60 and 96 ms are true. They are counted again after each sample outside "
+              "the fault's active time, so in each period of an intermittent fault, and each time that a "
+              "condition holds again.",
           .source =
-              "Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., Prentice Hall, 1997 "
-              "(multirate sampling).",
+              "Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., Prentice Hall, 1997 (multirate "
+              "sampling).",
           .parameters = {SensorParameter(),
                          {.name = "period_ms",
                           .unit = "ms",

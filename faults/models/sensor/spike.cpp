@@ -36,16 +36,15 @@ FaultType SensorSpike() {
   return {.name = "sensor.spike",
           .summary = "A sensor has single wild values at random times.",
           .semantics =
-              "Models interference, as from a motor or a radio, that spoils single samples. Spikes "
-              "come at random times, as a Poisson process of `rate_hz` over the time of the flight "
-              "from t = 0 on, not over the samples. A sample that the trigger picks is off by "
-              "`magnitude`, up or down with equal probability, if one or more spikes came since the "
-              "sample before it (later than that one, and not later than this one). The sum is rounded "
-              "to the 32 bits of the line. With samples every T seconds, a sample is hit with the "
-              "probability 1 - exp(-`rate_hz` T).",
+              "Models interference, as from a motor or a radio, that spoils single samples. Spikes come at "
+              "random times, as a Poisson process of `rate_hz` over the time of the flight from t = 0 on, "
+              "not over the samples. A sample that the trigger picks is off by `magnitude`, up or down with "
+              "equal probability. This happens when one or more spikes came after the sample before it, and "
+              "not later than this one. The sum is rounded to the 32 bits of the line. With samples every T "
+              "seconds, a sample is hit with the probability 1 - exp(-`rate_hz` T).",
           .source =
-              "Ni et al., Sensor Network Data Fault Types, ACM Transactions on Sensor Networks 5(3), "
-              "2009 (spike).",
+              "Ni et al., Sensor Network Data Fault Types, ACM Transactions on Sensor Networks 5(3), 2009 "
+              "(spike).",
           .parameters = {SensorParameter(),
                          {.name = "magnitude",
                           .unit = "of the signal",

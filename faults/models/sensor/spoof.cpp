@@ -33,18 +33,17 @@ FaultType SensorSpoof() {
   return {.name = "sensor.spoof",
           .summary = "A position is pulled away slowly, with a velocity that fits.",
           .semantics =
-              "Models a transmitter that takes over a satellite receiver at its true place, and then "
-              "pulls it away so slowly that no check of jumps finds it. The position has an error of "
-              "`rate_per_s` times the time since the first sample in the window. The velocity along "
-              "the same axis, where the vehicle measures it (vx_m_s for x_m), has the error "
-              "`rate_per_s`, so position and velocity fit each other. Both sums are rounded to the 32 "
-              "bits of the line. The pull starts anew at 0 after each sample outside the fault's "
-              "active time, so in each period of an intermittent fault, and each time that a condition "
-              "holds again. After the window both are correct at once. sensor.drift moves the position "
-              "alone.",
+              "Models a transmitter that takes over a satellite receiver at its true place, and then pulls "
+              "it away so slowly that no check of jumps finds it. The position has an error of `rate_per_s` "
+              "times the time since the first sample in the window. The velocity along the same axis, where "
+              "the vehicle measures it (vx_m_s for x_m), has the error `rate_per_s`, so position and "
+              "velocity fit each other. Both sums are rounded to the 32 bits of the line. The pull starts "
+              "again at 0 after each sample outside the fault's active time, so in each period of an "
+              "intermittent fault, and each time that a condition holds again. After the window both are "
+              "correct at once. sensor.drift moves the position alone.",
           .source =
-              "Kerns, Shepard, Bhatti and Humphreys, Unmanned Aircraft Capture and Control Via GPS "
-              "Spoofing, Journal of Field Robotics 31(4), 2014.",
+              "Kerns, Shepard, Bhatti and Humphreys, Unmanned Aircraft Capture and Control Via GPS Spoofing, "
+              "Journal of Field Robotics 31(4), 2014.",
           .parameters = {PositionParameter(),
                          {.name = "rate_per_s",
                           .unit = "m/s",

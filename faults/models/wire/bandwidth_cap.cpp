@@ -37,11 +37,11 @@ FaultType WireBandwidthCap() {
           .summary = "The line carries less than it should.",
           .semantics =
               "Models a radio modem or a shared bus in place of a cable. Frames that the trigger picks pass "
-              "one after the other through a stage that carries `bytes_per_s`: each enters it when it is "
-              "sent, or when the one before has left it, and arrives so that its last byte leaves the line "
-              "when it leaves the stage, but not before it would without the stage. When more is sent than "
-              "it carries, the delay grows. Frames that the trigger does not pick do not enter the stage, "
-              "but wait behind those that do. 1000000 bytes per second are no limit.",
+              "one after the other through a stage that carries `bytes_per_s`. Each enters it when it is "
+              "sent, or when the one before has left it. Its last byte leaves the line when it leaves the "
+              "stage, but not before it would without the stage. When more is sent than it carries, the "
+              "delay grows. Frames that the trigger does not pick do not enter the stage, but wait behind "
+              "those that do. 1000000 bytes per second are no limit.",
           .source =
               "Cruz, A Calculus for Network Delay, Part I, IEEE Transactions on Information Theory 37(1), "
               "1991 (work-conserving server of a fixed rate).",

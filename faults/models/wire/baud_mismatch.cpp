@@ -55,9 +55,9 @@ FaultType WireBaudMismatch() {
           .semantics =
               "Models a wrong divisor or a crystal that is off. The bits of a frame that the trigger picks "
               "are read by a receiver whose bit takes 1 + `ppm` / 10^6 of the sender's bit. It waits for a "
-              "falling edge, samples eight data bits and a stop bit in the middles of its own bit times from "
-              "this edge on, and then waits for the next edge; a byte whose stop bit is low is passed on all "
-              "the same. Below about 5 % of difference (50 000 ppm) every byte is right, because each begins "
+              "falling edge, and samples eight data bits and a stop bit in the middles of its own bit times "
+              "from this edge on. Then it waits for the next edge. It also passes on a byte whose stop bit "
+              "is low. Below about 5 % of difference (50 000 ppm) every byte is right, because each begins "
               "with an edge of its own. Beyond it, bits are read twice or missed, and edges within a byte "
               "are taken for its begin. Before and after the frame the line is high. Nothing is random. The "
               "bytes that are read arrive back to back, from the frame's begin on.",

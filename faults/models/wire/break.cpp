@@ -29,25 +29,25 @@ class Break : public WireModel {
 }  // namespace
 
 FaultType WireBreak() {
-  return {.name = "wire.break",
-          .summary = "The sender breaks off and holds the line low.",
-          .semantics =
-              "Models a driver that resets in the middle of a frame, or a program that sends a break. From "
-              "the first byte of a frame that is on the line during any part of the window, the frame's "
-              "bytes are lost as long as the window lasts; the first of them arrives as 00, which is what a "
-              "receiver reads of a break. What of the frame comes after the window arrives, directly behind "
-              "the 00. Each frame that the window meets is broken off once. `every_nth_count` and "
-              "`probability` choose among the frames that are on the line during the window.",
-          .source =
-              "Texas Instruments, PC16550D Universal Asynchronous Receiver/Transmitter With FIFOs, SNLS378C, "
-              "2015 (break interrupt, framing error).",
-          .parameters = {},
-          .kind = WireKind{.wire_layer = WireLayer::kByte,
-                           .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-                             return std::make_unique<Break>(setup);
-                           },
-                           .volume = Volume::kMayLose,
-                           .acts_on_overlap = true}};
+  return {
+      .name = "wire.break",
+      .summary = "The sender breaks off and holds the line low.",
+      .semantics =
+          "Models a driver that resets in the middle of a frame, or a program that sends a break. A frame "
+          "loses the bytes that are on the line during any part of the window. The first of them arrives as "
+          "00, which is what a receiver reads of a break. What of the frame comes after the window arrives, "
+          "directly behind the 00. Each frame that the window meets is broken off once. `every_nth_count` "
+          "and `probability` choose among the frames that are on the line during the window.",
+      .source =
+          "Texas Instruments, PC16550D Universal Asynchronous Receiver/Transmitter With FIFOs, SNLS378C, "
+          "2015 (break interrupt, framing error).",
+      .parameters = {},
+      .kind = WireKind{.wire_layer = WireLayer::kByte,
+                       .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+                         return std::make_unique<Break>(setup);
+                       },
+                       .volume = Volume::kMayLose,
+                       .acts_on_overlap = true}};
 }
 
 }  // namespace tiltproof::faults

@@ -17,7 +17,7 @@ class GilbertElliott : public WireModel {
       BitFlipper bits(chunk, context);
       Random& random = context.random;
       // A state ends after the first bit that draws its end, so it lasts 1 + FailuresBefore bits. What is
-      // left of it at the end of a frame is drawn anew at the next: the number of failures has no memory.
+      // left of it at the end of a frame is drawn again at the next: the number of failures has no memory.
       for (std::uint64_t begin = 0; begin < bits.BitCount();) {
         const State& state = in_bad_ ? bad_ : good_;
         const std::uint64_t last = begin + random.FailuresBefore(state.p_leave);
@@ -58,29 +58,29 @@ ParameterInfo Probability(std::string_view name, std::string_view doc, double ex
 }  // namespace
 
 FaultType WireGilbertElliott() {
-  return {.name = "wire.gilbert_elliott",
-          .summary = "Flips bits in bursts: a channel with a good and a bad state.",
-          .semantics =
-              "Models a line whose errors come in clusters: a radio that fades, a plug that is loose, a "
-              "motor beside the cable. A Markov chain takes one step per data bit. In each state, a bit is "
-              "flipped with the error ratio of that state. After each bit, the chain leaves the good state "
-              "with probability `p_bad`, and the bad state with probability `p_good`, so a bad stretch "
-              "lasts 1/p_good bits on average. The chain begins in the good state and keeps its state from "
-              "one frame to the next. Idle time does not move it, and neither do frames that the trigger "
-              "leaves out.",
-          .source =
-              "Gilbert, Capacity of a Burst-Noise Channel, Bell System Technical Journal 39(5), 1960; "
-              "Elliott, Estimates of Error Rates for Codes on Burst-Noise Channels, Bell System Technical "
-              "Journal 42(5), 1963.",
-          .parameters = {Probability("p_bad", "probability, per bit, of entering the bad state", 1e-3),
-                         Probability("p_good", "probability, per bit, of leaving the bad state", 0.1),
-                         Probability("ber_good", "bit error ratio in the good state", 0.0, 0.0),
-                         Probability("ber_bad", "bit error ratio in the bad state", 0.5, 0.0,
-                                     Scale::kLogarithmic)},
-          .kind = WireKind{.wire_layer = WireLayer::kByte,
-                           .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-                             return std::make_unique<GilbertElliott>(setup.parameters);
-                           }}};
+  return {
+      .name = "wire.gilbert_elliott",
+      .summary = "Flips bits in bursts: a channel with a good and a bad state.",
+      .semantics =
+          "Models a line whose errors come in clusters: a radio that fades, a plug that is loose, a motor "
+          "beside the cable. A Markov chain takes one step per data bit. In each state, a bit is flipped "
+          "with the error ratio of that state. After each bit, the chain leaves the good state with "
+          "probability `p_bad`, and the bad state with probability `p_good`, so a bad stretch lasts 1/p_good "
+          "bits on average. The chain begins in the good state and keeps its state from one frame to the "
+          "next. Idle time does not move it, and neither do frames that the trigger leaves out.",
+      .source =
+          "Gilbert, Capacity of a Burst-Noise Channel, Bell System Technical Journal 39(5), 1960; Elliott, "
+          "Estimates of Error Rates for Codes on Burst-Noise Channels, Bell System Technical Journal 42(5), "
+          "1963.",
+      .parameters = {Probability("p_bad", "probability, per bit, of entering the bad state", 1e-3),
+                     Probability("p_good", "probability, per bit, of leaving the bad state", 0.1),
+                     Probability("ber_good", "bit error ratio in the good state", 0.0, 0.0),
+                     Probability("ber_bad", "bit error ratio in the bad state", 0.5, 0.0,
+                                 Scale::kLogarithmic)},
+      .kind = WireKind{.wire_layer = WireLayer::kByte,
+                       .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+                         return std::make_unique<GilbertElliott>(setup.parameters);
+                       }}};
 }
 
 }  // namespace tiltproof::faults

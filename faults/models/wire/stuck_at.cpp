@@ -35,10 +35,10 @@ FaultType WireStuckAt() {
           .semantics =
               "Models a short circuit or a dead level shifter between sender and receiver. A line that is "
               "stuck `high` looks idle: every byte that is on the line during any part of the window is "
-              "lost. On a line that is stuck `low`, each of them arrives as 00, from a receiver that takes "
-              "every low bit time for a start bit and passes on bytes with a framing error. Between frames "
-              "nothing arrives. `every_nth_count` and `probability` choose among the frames that are on the "
-              "line during the window.",
+              "lost. On a line that is stuck `low`, each of them arrives as 00. The receiver takes every low "
+              "bit time for a start bit, and passes on bytes with a framing error. Between frames nothing "
+              "arrives. `every_nth_count` and `probability` choose among the frames that are on the line "
+              "during the window.",
           .source =
               "Texas Instruments, PC16550D Universal Asynchronous Receiver/Transmitter With FIFOs, SNLS378C, "
               "2015 (break interrupt, framing error).",

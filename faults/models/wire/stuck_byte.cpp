@@ -3,6 +3,7 @@
 #include "faults/bits.h"
 #include "faults/fault_type.h"
 #include "faults/poisson.h"
+#include "link/check.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -25,6 +26,7 @@ class StuckByte : public WireModel {
       const std::int64_t end = std::min(first + length_bytes_, byte_count);
       for (std::int64_t i = std::max<std::int64_t>(first, 0); i < end; ++i) {
         const auto index = static_cast<std::size_t>(i);
+        CheckIndex(index, chunk.bytes.size(), "a stuck byte is one of the chunk's");
         std::uint8_t& byte = chunk.bytes[index];
         if (context.what != nullptr && byte != value_) context.Say(ByteChange(index, byte, value_));
         byte = value_;
@@ -50,34 +52,34 @@ class StuckByte : public WireModel {
 }  // namespace
 
 FaultType WireStuckByte() {
-  return {.name = "wire.stuck_byte",
-          .summary = "At random times the line reads the same value for a number of bytes.",
-          .semantics =
-              "Models a receiver that hands over what is not data: a bus that nothing drives reads FF, a "
-              "buffer that was cleared 00. Events come as a Poisson process in time, whether or not "
-              "something is sent. An event that falls on an idle line has no effect. Bytes that begin "
-              "within `length_bytes` byte times of an event are replaced by `value`. On an ideal link, "
-              "bytes are placed as at 921600 baud.",
-          .source = "IEC 61508-2:2010, Table A.1 (stuck-at faults of data).",
-          .parameters = {{.name = "value",
-                          .unit = "1",
-                          .kind = ParameterKind::kInteger,
-                          .min = 0,
-                          .max = 255,
-                          .doc = "the value that is read, 0 to 255",
-                          .example = 255.0},
-                         {.name = "length_bytes",
-                          .unit = "byte",
-                          .kind = ParameterKind::kInteger,
-                          .min = 1,
-                          .max = 10'000,
-                          .doc = "for how many byte times the line is stuck",
-                          .example = 4.0},
-                         RateParameter("events per second of time", 100.0)},
-          .kind = WireKind{.wire_layer = WireLayer::kByte,
-                           .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-                             return std::make_unique<StuckByte>(setup);
-                           }}};
+  return {
+      .name = "wire.stuck_byte",
+      .summary = "At random times the line reads the same value for a number of bytes.",
+      .semantics =
+          "Models a receiver that hands over what is not data: a bus that nothing drives reads FF, a buffer "
+          "that was cleared 00. Events come as a Poisson process in time, whether or not something is sent. "
+          "An event that falls on an idle line has no effect. Bytes that begin within `length_bytes` byte "
+          "times of an event are replaced by `value`. On an ideal link, bytes are placed as at 921600 baud.",
+      .source = "IEC 61508-2:2010, Table A.1 (stuck-at faults of data).",
+      .parameters = {{.name = "value",
+                      .unit = "1",
+                      .kind = ParameterKind::kInteger,
+                      .min = 0,
+                      .max = 255,
+                      .doc = "the value that is read, 0 to 255",
+                      .example = 255.0},
+                     {.name = "length_bytes",
+                      .unit = "byte",
+                      .kind = ParameterKind::kInteger,
+                      .min = 1,
+                      .max = 10'000,
+                      .doc = "for how many byte times the line is stuck",
+                      .example = 4.0},
+                     RateParameter("events per second of time", 100.0)},
+      .kind = WireKind{.wire_layer = WireLayer::kByte,
+                       .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+                         return std::make_unique<StuckByte>(setup);
+                       }}};
 }
 
 }  // namespace tiltproof::faults

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <limits>
 #include <map>
 #include <optional>
 #include <set>
@@ -14,6 +15,7 @@
 #include "harness/emulator/diagnosis/fault_registers.h"
 #include "harness/emulator/stm32f405.h"
 #include "harness/emulator/usart_rate.h"
+#include "link/check.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -24,6 +26,8 @@ constexpr int kSteps = 600;
 constexpr int kReadsMin = 3;
 
 std::vector<std::uint32_t> ReadWordsOf(StoppedBoard& board, std::uint32_t address, std::uint32_t count) {
+  Check(count <= std::numeric_limits<std::uint32_t>::max() / 4,
+        "the memory of a board has 32 bits of address");
   const std::vector<std::uint8_t> bytes = board.ReadMemory(address, 4 * count);
   std::vector<std::uint32_t> words(bytes.size() / 4);
   std::memcpy(words.data(), bytes.data(), 4 * words.size());

@@ -15,6 +15,7 @@
 
 #include "faults/nearest_name.h"
 #include "harness/emulator/elf_file.h"
+#include "link/check.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -166,12 +167,12 @@ void EnterMember(const ImageName& image, Variable& at, std::string_view member) 
     image.Refuse(
         fmt::format("there is no member '{}'; there are {}", member, fmt::join(MemberNames(at.type), ", ")));
   }
-  image.Refuse(fmt::format("there is no member '{}': it is no structure", member));
+  image.Refuse(fmt::format("there is no member '{}': it is not a structure", member));
 }
 
 // On to an element of an array. The dimensions of an array of arrays are children of one type: `dimension` counts them.
 void EnterElement(const ImageName& image, Variable& at, std::size_t dimension, std::size_t index, bool last) {
-  if (dwarf_tag(&at.type) != DW_TAG_array_type) image.Refuse(fmt::format("[{}]: it is no array", index));
+  if (dwarf_tag(&at.type) != DW_TAG_array_type) image.Refuse(fmt::format("[{}]: it is not an array", index));
   std::vector<std::uint64_t> counts;
   Dwarf_Die die{};
   if (dwarf_child(&at.type, &die) == 0) {
@@ -252,6 +253,7 @@ WatchedVariable::Kind KindOf(const ImageName& image, Dwarf_Die& type) {
 
 template <class Number>
 double As(std::span<const std::uint8_t> bytes) {
+  CheckPart(0, sizeof(Number), bytes.size(), "a variable is read with all its bytes");
   Number number{};
   std::memcpy(&number, bytes.data(), sizeof number);
   return static_cast<double>(number);

@@ -41,7 +41,8 @@ std::optional<RunEvent> Injector::Turn(Scenario& scenario, bool running, TimeNs 
         fault.start_ns, "fault_injected",
         fmt::format(
             "'{}' ({}) from {:.3f} s on{}", answer.fault.id, answer.fault.type, ToSeconds(fault.start_ns),
-            is_late ? fmt::format("; its node was told too late for {:.3f} s", ToSeconds(wanted_ns)) : "")};
+            is_late ? fmt::format("; its node received it too late for {:.3f} s", ToSeconds(wanted_ns))
+                    : "")};
   } catch (const std::exception& error) {
     answer.text = error.what();
   }

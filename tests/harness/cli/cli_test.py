@@ -195,11 +195,11 @@ class CliTest(CommandLineTest):
         latest.write_text("mine")
         code, out, err = self.tiltproof("run", path)
         self.assertEqual(code, 0, out + err)
-        self.assertRegex(err, r"warning: results/latest is no link.* results/\d+T")
+        self.assertRegex(err, r"warning: results/latest is not a link.* results/\d+T")
         self.assertEqual(latest.read_text(), "mine")
         latest.unlink()
         latest.mkdir()
-        self.assertIn("warning: results/latest is no link", self.tiltproof("run", path)[2])
+        self.assertIn("warning: results/latest is not a link", self.tiltproof("run", path)[2])
         self.assertEqual(list(latest.iterdir()), [])
 
     def test_a_replay_by_another_build_says_so(self):

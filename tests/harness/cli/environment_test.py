@@ -53,7 +53,7 @@ class EnvironmentTest(unittest.TestCase):
         self.tiltproof("run", "hover.yaml")
         code, out, err = self.tiltproof("replay", "results/latest", env={"TMPDIR": "/nonexistent"})
         self.assertEqual((code, out), (3, ""))
-        self.assertIn("TMPDIR is '/nonexistent', which is no folder", err)
+        self.assertIn("TMPDIR is '/nonexistent', which is not a folder", err)
 
     def test_a_joystick_node_without_its_device_does_not_start(self):
         code, _, err = self.tiltproof("node", "joystick", "--input", "/nonexistent/js0")

@@ -194,6 +194,8 @@ class LogsTest(CommandLineTest):
                                     ("faults.jsonl", '{"left_out_count": 1}\n{"time_s": 1}\n', "faults.jsonl: line 2: "),
                                     ("faults.jsonl", '{"time_s":1,"type":"a","fault":"b","what":"","before":[{"begin_s":1,"bytes":"0x"}],"after":[]}\n',
                                      "faults.jsonl: line 1: bytes that are not hexadecimal"),
+                                    ("faults.jsonl", '{"time_s":1,"type":"a","fault":"b","what":"","before":[{"begin_s":1,"bytes":"7e0"}],"after":[]}\n',
+                                     "faults.jsonl: line 1: bytes with 3 hexadecimal digits, not a whole number of bytes"),
                                     ("link.bin", "TPLINK2\n123", "link.bin: damaged link log: cut record header at byte 8"),
                                     ("verdict.json", "{", "verdict.json: "),
                                     ("flight.json", "[]", "flight.json: ")):

@@ -259,17 +259,17 @@ class EnvelopeTest(CommandLineTest):
         self.assertIn(" 0 flights", resume()[0])
         self.assertEqual(json.loads(file.read_text()), whole)
         file.write_text("{}")
-        self.assertIn("no envelope to go on with", resume(code=2)[1])
+        self.assertIn("not an envelope to continue", resume(code=2)[1])
         damaged = json.loads(json.dumps(whole))
         damaged["rows"][1]["survives"] = "much"
         file.write_text(json.dumps(damaged))
-        self.assertRegex(resume(code=2)[1], r"no envelope to go on with: row actuator\.\S+ \S+ .*client \S+: survives: .*must be number")
+        self.assertRegex(resume(code=2)[1], r"not an envelope to continue: row actuator\.\S+ \S+ .*client \S+: survives: .*must be number")
         damaged["rows"][1] = dict(whole["rows"][1], levels=[[1, "yes"]])
         file.write_text(json.dumps(damaged))
-        self.assertRegex(resume(code=2)[1], r"no envelope to go on with: row actuator\.\S+ .*: levels: ")
+        self.assertRegex(resume(code=2)[1], r"not an envelope to continue: row actuator\.\S+ .*: levels: ")
         del damaged["rows"][1]["survives"]
         file.write_text(json.dumps(damaged))
-        self.assertIn("no envelope to go on with", resume(code=2)[1])
+        self.assertIn("not an envelope to continue", resume(code=2)[1])
 
     def test_nothing_is_written_over_or_beside(self):
         base = self.scenario("base", SHORT, TYPE="harness.null", WINDOW=", end_s: 3")
@@ -278,7 +278,7 @@ class EnvelopeTest(CommandLineTest):
         before = (self.folder / "out/envelope.json").read_text()
         code, _, err = self.tiltproof(*arguments)
         self.assertEqual(code, 2)
-        self.assertIn("out holds an envelope already: go on with it (--resume out), or choose another --out", err)
+        self.assertIn("out holds an envelope already: continue it (--resume out), or choose another --out", err)
         other = os.open(self.folder, os.O_RDONLY)
         fcntl.flock(other, fcntl.LOCK_EX)
         code, _, err = self.tiltproof("envelope", base, "--out", ".")

@@ -70,7 +70,7 @@ class SupervisorTest(CommandLineTest):
         self.assertRegex(out, r"not applicable: stl: 'supervisor_state': library:.* has no function tiltproof_client_status.*\n +blind\n")
         code, _, err = self.tiltproof("check", "suite/blind.yaml", "--client", "serial:/dev/null")
         self.assertEqual(code, 2)
-        self.assertIn("'supervisor_state': the client serial:/dev/null tells nothing of its state", err)
+        self.assertIn("'supervisor_state': the client serial:/dev/null does not report its state", err)
 
     def test_conditions_of_faults_cannot_use_it(self):
         self.scenario("blind", BLIND, **{"FORMULA": "supervisor_state", "start_s: 1,": 'when: "supervisor_state > 0",'})

@@ -77,16 +77,17 @@ TEST(LibraryLogTest, PrintsTheFirstMalformedPacketsAndCountsTheOthers) {
   const auto lines = LinesOf(text);
   ASSERT_EQ(lines.size(), kLibraryLinesShownMax + 1) << text;
   for (std::size_t i = 0; i < kLibraryLinesShownMax; ++i)
-    EXPECT_THAT(lines[i], HasSubstr("tiltproof: the bus library says: ")) << text;
+    EXPECT_THAT(lines[i], HasSubstr("tiltproof: the bus library reports: ")) << text;
   EXPECT_THAT(lines[0], HasSubstr("malformed packet received"));
-  EXPECT_EQ(lines.back(), "tiltproof: the bus library said 17 more lines");
+  EXPECT_EQ(lines.back(), "tiltproof: the bus library reported 17 more lines");
 }
 
 TEST(LibraryLogTest, PrintsNothingThatCouldCommandATerminal) {
   CaptureStderr();
   OnLibraryMessage("red \033[31m\r\n\x9b\x7f two\n", false);
   PrintLibraryTotal();
-  EXPECT_EQ(GetCapturedStderr(), "tiltproof: the bus library says: red \\x1b[31m\\x0d\\x0a\\x9b\\x7f two\n");
+  EXPECT_EQ(GetCapturedStderr(),
+            "tiltproof: the bus library reports: red \\x1b[31m\\x0d\\x0a\\x9b\\x7f two\n");
 }
 
 TEST(LibraryLogTest, KeepsWhatIsSaidDuringACapture) {
@@ -118,11 +119,11 @@ TEST(LibraryLogTest, LosesNoLineOfManyThreadsAndPrintsAFatalOneAlways) {
   PrintLibraryTotal();
   for (int i = 0; i <= kLibraryLinesShownMax; ++i) OnLibraryMessage("x", false);
   PrintLibraryTotal();
-  const std::string says = "tiltproof: the bus library says: ";
+  const std::string says = "tiltproof: the bus library reports: ";
   EXPECT_EQ(GetCapturedStderr(), says + "line\n" + says + "line\n" + says + "line\n" + says + "the end\n" +
-                                     "tiltproof: the bus library said 3997 more lines\n" + says +
+                                     "tiltproof: the bus library reported 3997 more lines\n" + says +
                                      "a new bus\n" + says + "x\n" + says + "x\n" + says + "x\n" +
-                                     "tiltproof: the bus library said 1 more line\n");
+                                     "tiltproof: the bus library reported 1 more line\n");
 }
 
 }  // namespace

@@ -149,7 +149,7 @@ TEST(JoystickRecording, EachAxisKeepsItsValue) {
 TEST(JoystickRecording, MistakesAreNamedWithTheirLine) {
   EXPECT_THAT(ParseError("0 vx 0\n1 vx\n"), StartsWith("hand.txt:2: a line is"));
   EXPECT_THAT(ParseError("1 vx 1 1"), StartsWith("hand.txt:1: a line is"));
-  EXPECT_THAT(ParseError("\n\nx vx 1"), StartsWith("hand.txt:3: 'x' is no time"));
+  EXPECT_THAT(ParseError("\n\nx vx 1"), StartsWith("hand.txt:3: 'x' is not a time"));
   EXPECT_THAT(ParseError("-1 vx 1"), HasSubstr("no time"));
   EXPECT_THAT(ParseError("1e30 vx 1"), HasSubstr("no time"));
   EXPECT_THAT(ParseError("nan vx 1"), HasSubstr("no time"));

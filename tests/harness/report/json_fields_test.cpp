@@ -110,8 +110,9 @@ TEST(JsonFields, AWholeNumberIsOneThatItsTypeHolds) {
   for (const char* count : {"0", "-9223372036854775808", "9223372036854775807"})
     EXPECT_EQ(error_with(count), "none") << count;
   for (const char* count : {"8.16e38", "-1e19", "9223372036854775808", "1.5"})
-    EXPECT_NE(error_with(count).find("is no whole number from -9223372036854775808 to 9223372036854775807"),
-              std::string::npos)
+    EXPECT_NE(
+        error_with(count).find("is not a whole number from -9223372036854775808 to 9223372036854775807"),
+        std::string::npos)
         << error_with(count);
   EXPECT_NE(error_with("\"3\"").find("must be number"), std::string::npos);
   EXPECT_EQ(FromJson<std::uint8_t>(Json(255)), 255);

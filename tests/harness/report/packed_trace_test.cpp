@@ -230,8 +230,7 @@ TEST(PackedTrace, HostileBlocksGetNoMemory) {
   EXPECT_THAT(trouble(0xffffffff, CompressZstd(columns)),
               HasSubstr("a block of 4294967295 rows; 1024 at most"));
   EXPECT_THAT(trouble(300, "not compressed"), HasSubstr("not compressed by Zstandard"));
-  EXPECT_THAT(trouble(300, CompressZstd(std::string(100'000'000, 'x'))),
-              HasSubstr("says that it holds 100000000"));
+  EXPECT_THAT(trouble(300, CompressZstd(std::string(100'000'000, 'x'))), HasSubstr("holds 100000000"));
   for (std::size_t i = 0; i < 3; ++i) {
     std::string odd = columns;
     odd[i] = '\x09';

@@ -729,7 +729,7 @@ check("an envelope with hostile names, odd numbers, and little in it", async () 
   mkdirSync(damaged);
   writeFileSync(join(damaged, "envelope.json"), "{}");
   const refused = spawnSync(tiltproof, ["report", damaged], { encoding: "utf8" });
-  assert.deepEqual([refused.status, /is no envelope/.test(refused.stderr)], [3, true], refused.stderr);
+  assert.deepEqual([refused.status, /is not an envelope/.test(refused.stderr)], [3, true], refused.stderr);
 });
 
 // The live page.

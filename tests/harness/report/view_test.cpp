@@ -378,6 +378,34 @@ TEST_F(ReportPageTest, DamagedFilesAreNamed) {
   EXPECT_THAT(view.problems[1], HasSubstr("link.bin"));
 }
 
+// A distance that 32 bits cannot hold became a shorter one, and all later rows came too early.
+TEST_F(ReportPageTest, RowsTooFarApartAreNamed) {
+  WriteRun({"first"});
+  RunLog log = StillFlight(100);
+  Set(log, 99, "t_s", 8.0);
+  WriteFlight(folder_ / "first", ScenarioOf(log), log);
+  const FlightView view = ViewFlight(folder_ / "first", FlightResult{}, ScenarioOf(log), std::nullopt);
+  ASSERT_FALSE(view.problems.empty());
+  EXPECT_EQ(
+      view.problems[0],
+      "trace.csv: row 99 is 6.824 s after the one before; a shown trace has a row every 4.295 s at least");
+  EXPECT_EQ(DataOf(Page())["flights"].size(), 1U);
+}
+
+// A log without a client was read beyond its end.
+TEST_F(ReportPageTest, AFlightWithOtherClientsThanItsScenarioIsNamed) {
+  WriteRun({"first"});
+  Scenario two = ScenarioOf(StillFlight(100));
+  two.clients.resize(2);
+  two.clients[0].id = "a";
+  two.clients[1].id = "b";
+  const FlightView view = ViewFlight(folder_ / "first", FlightResult{}, two, std::nullopt);
+  ASSERT_FALSE(view.problems.empty());
+  EXPECT_THAT(
+      view.problems[0],
+      HasSubstr("flight.json: clients: has 1, and the flight's scenario has 2; was one of the two changed?"));
+}
+
 TEST_F(ReportPageTest, AnEmptyRunAndOneWithoutResultsHaveAPage) {
   WriteRun({});
   EXPECT_TRUE(DataOf(Page())["flights"].empty());

@@ -69,7 +69,7 @@ TEST(ClientSpec, AMistakeSaysWhatToWrite) {
                              "process:a {x} {", "process:{ a; }"})
     EXPECT_EQ(Mistake(shells), std::string("none: ") + shells);
   for (const char* hse : {"", "8MHz", "-1", "50000001", "8000", "999999"})
-    EXPECT_THAT(Mistake("qemu:executive,hse=" + std::string(hse)), HasSubstr("is no hse=HZ"));
+    EXPECT_THAT(Mistake("qemu:executive,hse=" + std::string(hse)), HasSubstr("is not hse=HZ"));
   EXPECT_THAT(Mistake("serail:/dev/x"), HasSubstr("unknown kind 'serail', did you mean serial?"));
   EXPECT_THAT(Mistake("hots"), HasSubstr("did you mean host?"));
   // Far from all: it says what there is.

@@ -75,8 +75,9 @@ TEST_F(NodeFaultTest, NeedRealTimeAndSayWhere) {
   EXPECT_THAT(
       texts,
       ElementsAre(
-          file + ":6:20: fault 'gone' (node.kill) acts on a node, which in lockstep is no process: it needs "
-                 "--mode realtime",
+          file +
+              ":6:20: fault 'gone' (node.kill) acts on a node, and lockstep has no node processes: it needs "
+              "--mode realtime",
           StartsWith(file + ":7:17: fault 'b' (dds.loss) acts on a node")));
   // Put together in code, it has no place.
   Scenario made;

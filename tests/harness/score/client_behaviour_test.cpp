@@ -102,7 +102,7 @@ TEST(Score, AWrongPeriodFailsControlPeriodWithBothFigures) {
   const Score score = ScoreRun(scenario, log);
   EXPECT_EQ(score.verdict, Verdict::kFail);
   EXPECT_EQ(score.reason,
-            "control_period: asks every 6.000 ms, the protocol says 12 ms: is the core clock right?");
+            "control_period: asks every 6.000 ms, the protocol requires 12 ms: is the core clock right?");
   EXPECT_EQ(score.criteria[1].name, "control_period");
   scenario.control_period_tolerance_percent = 50;
   EXPECT_EQ(ScoreRun(scenario, log).verdict, Verdict::kPass);

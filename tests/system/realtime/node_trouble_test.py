@@ -24,7 +24,7 @@ WOUND_UP_S_MAX = 2.0
 ATTEMPTS_COUNT = 3
 
 SIGNALS = {"kill": signal.SIGKILL, "stop": signal.SIGSTOP, "exit": signal.SIGTERM}
-HOW = {"kill": r"killed by signal 9 \(Killed\)", "stop": "does not answer: its process is stopped", "exit": r"(exited with code 0|was told to end \(signal 15, Terminated\))"}
+HOW = {"kill": r"killed by signal 9 \(Killed\)", "stop": "does not answer: its process is stopped", "exit": r"(exited with code 0|was ended \(signal 15, Terminated\))"}
 
 
 class NodeTroubleTest(unittest.TestCase):
