@@ -25,23 +25,44 @@ void PrintWarnings(const Suite& suite) {
   for (const auto& warning : suite.warnings) Print(stderr, "warning: {}\n", warning);
 }
 
-int CheckCommand(const CheckOptions& options) {
-  const RunClients clients = ReadClientFlags(options.clients);
-  for (const ClientSpec& client : clients.Named()) CheckFirmwareFile(client);
-  const Suite suite = LoadSuite(options.paths, clients, options.firmware);
-  PrintWarnings(suite);
+// Without --client only problems with any firmware count: which faults are possible depends on the client.
+std::vector<NotApplicable> WithoutClient(const RunClients& clients, Suite& suite) {
   std::vector<std::string> problems;
-  // As `run` does: what a client cannot fly is a mistake where it was asked for.
-  for (const SuiteScenario& entry : suite.scenarios)
-    for (std::string& problem : ClientProblems(clients, entry.scenario)) {
-      if (entry.named)
-        problems.push_back(std::move(problem));
-      else
-        Print(stderr, "not applicable: {}: {}\n", entry.scenario.name, problem);
-    }
+  std::vector<NotApplicable> left_out;
+  std::erase_if(suite.scenarios, [&](const SuiteScenario& entry) {
+    std::vector<std::string> own = ClientProblems(clients, entry.scenario);
+    if (own.empty()) return false;
+    if (entry.named)
+      problems.insert(problems.end(), own.begin(), own.end());
+    else
+      left_out.push_back(
+          {.name = entry.scenario.name, .reason = fmt::format("{}", fmt::join(own, "; ")), .why = {}});
+    return true;
+  });
   if (!problems.empty()) throw UsageError(fmt::format("{}", fmt::join(problems, "\n")));
-  Print(stdout, "{} scenario{} in order\n", suite.scenarios.size(), suite.scenarios.size() == 1 ? "" : "s");
-  return suite.scenarios.empty() ? kExitUndecided : kExitGreen;
+  return left_out;
+}
+
+// As `run` does: a scenario that the client cannot fly is a mistake where the user named it.
+int CheckCommand(const CheckOptions& options) {
+  FlightMeans means;
+  means.clients = ReadClientFlags(options.clients);
+  const std::vector<ClientSpec> named = means.clients.Named();
+  for (const ClientSpec& client : named) CheckFirmwareFile(client);
+  // A client without virtual time flies in real time only.
+  means.realtime = std::any_of(named.begin(), named.end(), [](const ClientSpec& client) {
+    return !AbilitiesOf(client, false).virtual_time;
+  });
+  Suite suite = LoadSuite(options.paths, means.clients, options.firmware);
+  PrintWarnings(suite);
+  const std::vector<NotApplicable> left_out =
+      options.clients.empty() ? WithoutClient(means.clients, suite) : TakeNotApplicable(means, false, suite);
+  for (const NotApplicable& other : left_out)
+    Print(stderr, "not applicable: {}: {}\n", other.name, other.reason);
+  const std::size_t count = suite.scenarios.size();
+  Print(stdout, "{} scenario{} in order{}\n", count, count == 1 ? "" : "s",
+        left_out.empty() ? "" : fmt::format(", {} not applicable", left_out.size()));
+  return count == 0 ? kExitUndecided : kExitGreen;
 }
 
 int ListCommand(const CheckOptions& options) {

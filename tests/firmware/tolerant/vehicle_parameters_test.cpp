@@ -83,8 +83,7 @@ TEST(VehicleParametersTest, ConstantsAreTheWholeVehicles) {
     inertia += mass_kg * (p_CB.squaredNorm() * Eigen::Matrix3d::Identity() - p_CB * p_CB.transpose());
   };
   add(model.base.mass_kg, model.base.p_com_m - p_BC_m);
-  for (const plant::Hinge& thruster : model.hinges)
-    add(thruster.body.mass_kg, thruster.p_BT_m - p_BC_m);
+  for (const plant::Hinge& thruster : model.hinges) add(thruster.body.mass_kg, thruster.p_BT_m - p_BC_m);
   const Symmetric3& own = kTiltrotorConstants.inertia_kg_m2;
   EXPECT_NEAR(own.xx, inertia(0, 0), 1e-8);
   EXPECT_NEAR(own.yy, inertia(1, 1), 1e-8);

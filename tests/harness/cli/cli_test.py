@@ -150,6 +150,18 @@ class CliTest(CommandLineTest):
             self.assertEqual((code, out), (2, ""), client)
             self.assertRegex(err, rf"--client {client.split(':')[0]}:\S*missing\.\w+: .*missing")
 
+    def test_check_refuses_what_the_client_cannot_take(self):
+        path = self.scenario("board", **{"seed: 3": "seed: 3\nfaults:\n  - {id: noise, type: uart.noise_error, target: to_client, parameters: {probability: 0.01}}"})
+        self.scenario("plain")
+        self.assertEqual(self.tiltproof("check", path)[0], 0)
+        code, out, err = self.tiltproof("check", path, "--client", "host")
+        self.assertEqual((code, out), (2, ""))
+        self.assertEqual(err, self.tiltproof("run", path, "--client", "host")[2])
+        self.assertRegex(err, r"board\.yaml:\d+:\d+: .*noise.* needs an emulated board")
+        code, out, err = self.tiltproof("check", ".", "--client", "host")
+        self.assertEqual((code, out), (0, "1 scenario in order, 1 not applicable\n"))
+        self.assertIn("not applicable: board: ", err)
+
     def test_check_names_the_place(self):
         path = self.scenario("hover", duration_s="duraton_s")
         code, _, err = self.tiltproof("check", path)

@@ -150,13 +150,13 @@ TEST(JoystickRecording, MistakesAreNamedWithTheirLine) {
   EXPECT_THAT(ParseError("0 vx 0\n1 vx\n"), StartsWith("hand.txt:2: a line is"));
   EXPECT_THAT(ParseError("1 vx 1 1"), StartsWith("hand.txt:1: a line is"));
   EXPECT_THAT(ParseError("\n\nx vx 1"), StartsWith("hand.txt:3: 'x' is not a time"));
-  EXPECT_THAT(ParseError("-1 vx 1"), HasSubstr("no time"));
-  EXPECT_THAT(ParseError("1e30 vx 1"), HasSubstr("no time"));
-  EXPECT_THAT(ParseError("nan vx 1"), HasSubstr("no time"));
+  EXPECT_THAT(ParseError("-1 vx 1"), HasSubstr("is not a time"));
+  EXPECT_THAT(ParseError("1e30 vx 1"), HasSubstr("is not a time"));
+  EXPECT_THAT(ParseError("nan vx 1"), HasSubstr("is not a time"));
   EXPECT_THAT(ParseError("1 throttle 1"), HasSubstr("vx, vy, vz or yaw_rate"));
-  EXPECT_THAT(ParseError("1 vx 1.01"), HasSubstr("no position from -1 to 1"));
-  EXPECT_THAT(ParseError("1 vx inf"), HasSubstr("no position"));
-  EXPECT_THAT(ParseError("1 vx 0x1"), HasSubstr("no position"));
+  EXPECT_THAT(ParseError("1 vx 1.01"), HasSubstr("is not a position from -1 to 1"));
+  EXPECT_THAT(ParseError("1 vx inf"), HasSubstr("is not a position"));
+  EXPECT_THAT(ParseError("1 vx 0x1"), HasSubstr("is not a position"));
   EXPECT_THAT(ParseError("2 vx 1\n1 vx 0\n"), StartsWith("hand.txt:2: the time 1 s is before"));
 }
 

@@ -163,7 +163,7 @@ TEST(UseOfProtocol, CommandsThatNoServerTakesAreCounted) {
   ASSERT_EQ(exchange.events().size(), 2U) << "the first of each tells enough";
   EXPECT_EQ(exchange.events()[1].kind, "malformed_sent");
   EXPECT_EQ(exchange.events()[1].time_ns, 37'000'000);
-  EXPECT_THAT(exchange.events()[1].text, ::testing::HasSubstr("no message: bad_length"));
+  EXPECT_THAT(exchange.events()[1].text, ::testing::HasSubstr("that is not a message: bad_length"));
   EXPECT_EQ(exchange.events()[0].kind, "command_refused");
   EXPECT_EQ(exchange.events()[0].time_ns, 13'000'000);
   EXPECT_THAT(exchange.events()[0].text, ::testing::HasSubstr("tau_r_nm = nan"));
@@ -229,8 +229,8 @@ TEST(IgnoredReplies, TheFrameBeforeIsNamed) {
                               .Request(48)
                               .Use();
   EXPECT_EQ(use.replies_ignored->text,
-            "no command followed a whole reply that came at 0.0370 s; the last frame before it that is no "
-            "message: bad_checksum at 0.0250 s");
+            "no command followed a whole reply that came at 0.0370 s; the last frame before it that is not "
+            "a message: bad_checksum at 0.0250 s");
 }
 
 TEST(CommandsWithoutReply, EachCommandWantsAReplyOfItsOwn) {
