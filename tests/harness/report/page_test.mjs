@@ -710,7 +710,7 @@ check("an envelope with hostile names, odd numbers, and little in it", async () 
     Object.assign(zero, { survives: 0, fails: 0, mildest: 0, severest: 0, harmless: 0 });
     Object.assign(towards, { mildest: 1e6, harmless: 1e6, severest: 0, survives: 0, fails: null });
     Object.assign(infinite, { scale: "linear", mildest: 0, severest: 1e308, survives: -5, fails: 1e300 });
-    return { ...all, scenario: EVIL, clients: [EVIL], columns: { [EVIL]: { flags: EVIL } }, complete: false, not_applicable: [{ type: EVIL, place: EVIL, client: EVIL, reason: EVIL }],
+    return { ...all, scenario: EVIL, clients: [EVIL], columns: { [EVIL]: { scenario: EVIL, flags: EVIL, build: EVIL } }, complete: false, not_applicable: [{ type: EVIL, place: EVIL, client: EVIL, reason: EVIL }],
       map: [{ client: EVIL, x: { type: EVIL, parameter: EVIL, unit: EVIL, levels: [1, 2] }, y: { type: EVIL, parameter: EVIL, unit: EVIL, levels: [1] }, survived: [[true, null]] }] };
   };
   const page = await open(madeUp(join(envelopes, "hostile"), 10, odd));
