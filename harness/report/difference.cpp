@@ -185,7 +185,9 @@ TraceDifference CompareTraces(const Trace& a, const Trace& b, double tolerance) 
 }
 
 FlightDifference CompareResults(FlightResult a, FlightResult b, double tolerance) {
-  FlightDifference flight{.name = a.name, .a = std::move(a), .b = std::move(b), .criteria = {}, .trace = {}};
+  std::string name = a.name;
+  FlightDifference flight{
+      .name = std::move(name), .a = std::move(a), .b = std::move(b), .criteria = {}, .trace = {}};
   const Score &before = flight.a.score, &after = flight.b.score;
   // An error has no criteria: its verdict says it all.
   if (before.verdict == Verdict::kError || after.verdict == Verdict::kError) return flight;

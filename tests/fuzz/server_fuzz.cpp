@@ -18,6 +18,7 @@
 #include "harness/run/line.h"
 #include "harness/run/plant_server.h"
 #include "harness/scenario/reader.h"
+#include "link/frame.h"
 #include "tests/fuzz/frame_script.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/fuzz/scratch.h"

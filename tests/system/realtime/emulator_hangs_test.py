@@ -85,9 +85,12 @@ class EmulatorHangsTest(unittest.TestCase):
         print(f"\n    {result['reason']}", file=sys.stderr)
 
     def check_flies_on(self, flight, codes=(0, 4)):
-        self.assertIn(flight.wait(60), codes, flight.text())
+        code = flight.wait(60)
+        self.assertIn(code, codes, flight.text())
         self.assertNotIn("firmware hang", flight.text())
-        self.assertEqual(flight.result()["end_reason"], "completed")
+        # A machine that is too busy to judge may also lose the vehicle.
+        if code != 4:
+            self.assertEqual(flight.result()["end_reason"], "completed")
         flight.check_nothing_left(self)
 
     def test_an_endless_loop(self):
