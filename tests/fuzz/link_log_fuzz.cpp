@@ -20,11 +20,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   LinkLog again;
   for (std::size_t offset = 0; const auto record = log->NextOfAll(offset);) {
     bytes_count += 13 + record->bytes.size();
-    if (record->passed_on)
-      again.AppendPassedOn(record->begin_ns, record->bytes, record->wire);
-    else
-      again.Append({.begin_ns = record->begin_ns, .bytes = {record->bytes.begin(), record->bytes.end()}},
-                   record->wire, record->delivered);
+    const ByteSide side = record->passed_on   ? ByteSide::kPassedOn
+                          : record->delivered ? ByteSide::kDelivered
+                                              : ByteSide::kSent;
+    again.Append(record->begin_ns, record->bytes, record->wire, side);
   }
   Require(bytes_count == log->content().size(), "records are all that a log has");
   Require(again.content() == log->content(), "a log of the same records is the same");
