@@ -47,7 +47,7 @@ constexpr float kStep_rad_s = 1.5F;
 constexpr float kTurnNoise_rad = 3e-3F;
 // Share of a change of rate over an interval, in steps of 4 ms, that turns the hinge.
 constexpr float kTurnShare = 2.0F / 3;
-// A servo that gives less than so much of its command's changes; told apart from an offset by commands that change.
+// A servo that gives less than so much of its command's changes; commands that change distinguish it from an offset.
 constexpr float kSlope = 0.4F;
 constexpr float kSlopeMin = -0.9F;
 // A servo that gives nothing of them, as within a dead band, is not asked for more: it would come all at once.

@@ -64,7 +64,7 @@ std::vector<FlightResult> ScoreAll(const OldRun& run, const std::string& program
   return results;
 }
 
-// Writes the results of the run anew: they may be older than its last flights (when its process was killed), or
+// Writes the results of the run again: they may be older than its last flights (when its process was killed), or
 // than its criteria.
 int ScoreCommand(const ScoreCommandOptions& options) {
   const OldRun run = OpenRun(options.run);
@@ -89,7 +89,7 @@ void RegisterScore(CLI::App& program, CommandLine& line) {
   const auto options = std::make_shared<ScoreCommandOptions>();
   options->program = line.words.front();
   CLI::App* command = program.add_subcommand(
-      "score", "Score an old run again from its files, and write its results.json and junit.xml anew");
+      "score", "Score an old run again from its files, and write its results.json and junit.xml");
   command->add_option("RUN", options->run, "A run's results folder, or one scenario's folder in it")
       ->required();
   AddFormat(*command, options->format, "human or jsonl");

@@ -6,7 +6,7 @@
 #include <algorithm>
 
 #include "harness/client/client.h"
-#include "harness/run/remote/archive.h"
+#include "harness/run/archive.h"
 
 namespace tiltproof::harness {
 

@@ -40,7 +40,7 @@ constexpr std::uint64_t kTicksOfPost = 10;
 // At the end: viewers get what is new for them.
 constexpr milliseconds kFarewell{1'000}, kEndLimit{3'000};
 constexpr int kNice = 5;
-// For the answer of the flight to somebody who injects a fault.
+// For the flight's answer to an injected fault.
 constexpr std::chrono::seconds kInjectLimit{15};
 
 // The end that viewers get for a fault without an end; longer than any flight.

@@ -12,7 +12,7 @@
 #include "harness/node/node.h"
 #include "harness/process/descendants_time.h"
 #include "harness/process/orphans.h"
-#include "harness/run/realtime/firmware_use.h"
+#include "harness/run/firmware_use.h"
 
 namespace tiltproof::harness {
 

@@ -15,8 +15,8 @@
 #include <span>
 #include <vector>
 
+#include "harness/run/archive.h"
 #include "harness/run/record.h"
-#include "harness/run/remote/archive.h"
 
 namespace tiltproof::harness {
 

@@ -455,7 +455,7 @@ extern TimeNs sim_ns;
 extern ReferenceTalk talk;
 extern const examples::Function Note;
 
-// harness/run/remote/archive.h
+// harness/run/archive.h
 #include "harness/run/remote/protocol.h"
 extern RunEvent event;
 

@@ -22,7 +22,7 @@ namespace tiltproof::harness {
 
 // The conductor's interface to the source of injected faults.
 struct Injections {
-  // The text of a fault that somebody wants, once.
+  // The text of a requested fault, once.
   std::function<std::optional<std::string>()> next;
   // The scenario with that fault; throws std::exception that says what is wrong with it.
   std::function<Scenario(const Scenario& scenario, const AddedFault& fault)> add;
@@ -40,13 +40,13 @@ inline constexpr std::size_t kInjectedBytesMax = dds::kPathBytesMax - 1;
 
 class Injector {
  public:
-  // Null: nobody can inject.
+  // Null: no fault can be injected.
   explicit Injector(const Injections* injections) : injections_(injections) {}
 
   // Tells the nodes, and returns the begins that they answer, when all have answered.
   using Tell = std::function<std::vector<TimeNs>(const AddedFault& fault)>;
 
-  // Takes what somebody wants, at simulation time `now_ns`: checks it, tells the nodes, adds it to `scenario` as it acts,
+  // Takes a requested fault, at simulation time `now_ns`: checks it, tells the nodes, adds it to `scenario` as it acts,
   // and answers. Returns the event, at the time of the begin.
   std::optional<RunEvent> Turn(Scenario& scenario, bool running, TimeNs now_ns, const Tell& tell);
 

@@ -159,7 +159,7 @@ void Members::JudgeSilent(Member& member, ChildProcess* process, const std::set<
   if (process != nullptr && !kept_away) {
     if (!member.silent_for) member.silent_for.emplace(process->pid());
     const std::chrono::nanoseconds silent_for{member.silent_for->Look(now)};
-    // A busy machine makes a living node look dead for a moment; a stopped one is told apart at once.
+    // A busy machine makes a living node look dead for a moment; a stopped one is recognised at once.
     if (IsStopped(process->pid())) {
       // By a fault: a firmware that hangs. By others: the machine's doing.
       const bool itself = HasStoppedItself(process->pid());

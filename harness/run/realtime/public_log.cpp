@@ -40,7 +40,7 @@ void PublicLog::Publish(const std::string& node_id, std::span<const Record> reco
       else if (const auto* activation = std::get_if<faults::Activation>(&record.body))
         PublishActivation(node_id, *activation);
     }
-    // Frames are many, and most flights have nobody who reads them.
+    // Frames are many, and most flights have no reader of them.
     if (taps_.MatchedCount() > 0) PublishTaps(node_id, records);
   } catch (const std::invalid_argument&) {
   }

@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "harness/client/make_client.h"
+#include "harness/run/archive.h"
 #include "harness/run/line.h"
 #include "harness/run/plant_server.h"
 #include "harness/run/record_stream.h"
-#include "harness/run/remote/archive.h"
 #include "link/fields.h"
 #include "link/protocol.h"
 

@@ -238,7 +238,7 @@ TEST(TolerantControlTest, ALineThatLosesRepliesGetsFurtherCommands) {
   EXPECT_GT(*std::max_element(count.begin() + 10, count.end()), 1);
 }
 
-// To a step: what differs by less than the spread is not told apart.
+// Exact to one step, because a smaller difference is within the spread.
 TEST(LagEstimatorTest, FindsEveryLagAndFollowsItBack) {
   for (ModelStep lag = 1; lag <= MotionTimeline::kLagMax; ++lag) {
     Truth truth(lag);

@@ -325,7 +325,7 @@ TEST(QmpClientTest, MayBeDestroyedInItsCallbacks) {
   close(far);
 }
 
-// Answers each request as it is told, in turn; the checksum of no request is wrong.
+// Answers the requests in turn from a script, and checks the checksum of each.
 class ScriptedPort {
  public:
   explicit ScriptedPort(std::vector<std::string> answers) {

@@ -1,5 +1,5 @@
 // Structs as bytes between processes: nothing is lost on the way, and bytes that are no such struct do no harm.
-#include "harness/run/remote/archive.h"
+#include "harness/run/archive.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

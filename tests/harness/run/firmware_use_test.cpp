@@ -1,5 +1,5 @@
 // Lateness that a firmware's own processes explain, and the known part of their processor time.
-#include "harness/run/realtime/firmware_use.h"
+#include "harness/run/firmware_use.h"
 
 #include <gtest/gtest.h>
 #include <sys/wait.h>

@@ -1,4 +1,4 @@
-#include "harness/run/realtime/firmware_use.h"
+#include "harness/run/firmware_use.h"
 
 #include <algorithm>
 
