@@ -59,6 +59,9 @@ struct CollisionShape {
   Eigen::Matrix3d R_BS = Eigen::Matrix3d::Identity();
 };
 
+// Command of a hinge's servo: a torque, or an angle.
+enum class ServoMode { kTorque, kPosition };
+
 // A body T that tilts on the main body about the hinge H. The hinge angle alpha turns it about axis_B:
 // R_BT(alpha) = Rot(axis_B, alpha) R_BT.
 struct Hinge {
@@ -70,7 +73,9 @@ struct Hinge {
   Eigen::Vector3d p_BH_m = Eigen::Vector3d::Zero();   // a point of the hinge
   Eigen::Vector3d axis_B = Eigen::Vector3d::UnitY();  // unit
   double angle_min_rad = 0, angle_max_rad = 0;        // stops
-  double torque_max_nm = 0;                           // of the servo, either sign
+  ServoMode servo = ServoMode::kTorque;
+  double torque_max_nm = 0;                         // of the servo, either sign
+  double speed_max_rad_s = 0, time_constant_s = 0;  // of a position servo: its limit, and its first-order lag
 };
 
 // A rotor on a body L: that of its hinge, or the main body. Its thrust pushes L at one point.
@@ -82,6 +87,8 @@ struct Rotor {
   double direction = 1;                                      // 1 or -1
   double drag_ratio_m = 0;
   double force_min_n = 0, force_max_n = 0;
+  double time_constant_up_s = 0,
+         time_constant_down_s = 0;  // first-order lag of a rising and a falling thrust
 };
 
 // Drag of the air on the main body: the force -(linear + quadratic |v|) v at its centre of mass, where v is
