@@ -125,7 +125,10 @@ class Cobs final : public CheckedFraming {
       payload_ = parts ? parts->payload : std::vector<std::uint8_t>();
       if (!bytes) return Reading("bad_code", 1);
       if (!parts) return Reading("too_short", 1);
-      if (parts->payload.size() > kPayloadBytesMax) return Reading("too_long", 1);
+      if (payload_.size() > kPayloadBytesMax) {
+        payload_.resize(kPayloadBytesMax);
+        return Reading("too_long", 1);
+      }
       if (parts->damage != 0) return Reading("bad_checksum", 1);
       return Reading(parts->payload.empty() ? "empty" : "ok", 1);
     }
