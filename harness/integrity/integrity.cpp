@@ -283,7 +283,8 @@ OfWrongBits MeasureWrongBits(const Measurement& measurement, std::int64_t frames
 IntegrityRow AtBitErrorRate(double p, std::size_t bits_count, const OfWrongBits& wrong,
                             link::CheckKind kind) {
   const boost::math::binomial_distribution<double> bits(static_cast<double>(bits_count), p);
-  IntegrityRow row{.level = p};
+  IntegrityRow row;
+  row.level = p;
   const double probability = kErrorProbability / (kDrawnBitsMax - kEnumeratedBits);
   for (int i = 1; i <= kDrawnBitsMax; ++i) {
     const Counts& counts = wrong.counts[static_cast<std::size_t>(i - 1)];
@@ -347,8 +348,11 @@ IntegrityRow AtLevel(const Measurement& measurement, const IntegritySpec& spec, 
       return draw(spec.frames_count / 10, [&](Damager& damager, const FrameSample& sample, Random& random) {
         damager.Judge(OfOtherLength(sample, random, spec.errors == ErrorKind::kInsert, count));
       });
-    case ErrorKind::kEnumerate:
-      return RowOf(level, measurement.Enumerate(static_cast<int>(count)));
+    case ErrorKind::kEnumerate: {
+      IntegrityRow row = RowOf(level, measurement.Enumerate(static_cast<int>(count)));
+      for (Rate* rate : {&row.passed_check, &row.delivered_wrong}) rate->low = rate->high = rate->rate;
+      return row;
+    }
     case ErrorKind::kBer:
       break;
   }

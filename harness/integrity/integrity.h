@@ -44,6 +44,7 @@ struct IntegritySpec {
 };
 
 // A share with the bounds between which it lies with 95 % confidence (Clopper and Pearson, Biometrika 26 (1934) 404).
+// Where all ways are counted, the bounds are the share of that one frame.
 struct Rate {
   double rate = 0, low = 0, high = 0;
 };
@@ -56,8 +57,7 @@ struct IntegrityRow {
       0;  // of these: wrong ones that also are messages with plausible values
   // For each frame that is sent. With kBer these are no quotients of the counts: see MeasureIntegrity().
   Rate passed_check, delivered_wrong;
-  // passed_check of a perfect check of this length, which detects all but 2^-bits of the damage; and 0 where the kind
-  // of check detects all.
+  // passed_check of a check of this length that detects all but 2^-bits of the damage; for kBer and kBurst.
   std::optional<double> theory;
 };
 
