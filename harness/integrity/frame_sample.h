@@ -75,9 +75,9 @@ class FrameCheck {
   link::CheckKind kind_;
   std::size_t payload_bytes_;
   std::vector<std::array<std::uint32_t, 256>>
-      syndromes_;  // of a CRC: for each place and each change of its bits
+      syndromes_;  // for a CRC: by place, and by the bits that change there
   std::uint32_t syndrome_ = 0;
-  // Of sums: how they change, and the check's bytes.
+  // For sums: their change, and the check's bytes.
   std::int64_t sum1_ = 0, sum2_ = 0;
   std::array<std::int64_t, 2> check_{};
 };

@@ -102,7 +102,7 @@ TEST(Integrity, ACrcDetectsUpToThreeWrongBits) {
   }
 }
 
-// Of bursts longer than its check, a CRC and a sum miss one in 2^bits.
+// A CRC and a sum miss one in 2^bits of the bursts that are longer than they are.
 TEST(Integrity, LongBurstsPassAsOftenAsTheoryHasIt) {
   for (const CheckKind check : {CheckKind::kSum8, CheckKind::kCrc16Ibm3740, CheckKind::kCrc16IbmSdlc}) {
     const IntegrityRow row = MeasureIntegrity({.protocol = PaperWith(link::MakeCobsFraming(check)),
