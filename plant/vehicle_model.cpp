@@ -62,11 +62,12 @@ VehicleSignals VehicleModel::signals() const {
   add(states, SignalFrame::kWorld, {"vx_m_s", "vy_m_s", "vz_m_s", "wx_rad_s", "wy_rad_s", "wz_rad_s"});
   add_each(states, hinges, SignalFrame::kHinge, "alpha_{}_rad_s");
   add_each(inputs, rotors, SignalFrame::kRotor, "f_{}_n");
-  for (const Hinge& hinge : hinges)
-    inputs.push_back(SignalNamed(
-        fmt::format(fmt::runtime(hinge.servo == ServoMode::kTorque ? "tau_{}_nm" : "angle_{}_rad"),
-                    Spelled(hinge.name)),
-        SignalFrame::kHinge));
+  for (const Hinge& hinge : hinges) {
+    const std::string_view spelled = Spelled(hinge.name);
+    inputs.push_back(SignalNamed(hinge.servo == ServoMode::kPosition ? fmt::format("angle_{}_rad", spelled)
+                                                                     : fmt::format("tau_{}_nm", spelled),
+                                 SignalFrame::kHinge));
+  }
   const std::vector<double> input_min = InputMin(), input_max = InputMax();
   for (std::size_t i = 0; i < inputs.size(); ++i) {
     inputs[i].min = input_min[i];
@@ -84,7 +85,7 @@ std::vector<double> VehicleModel::InputMin() const {
   std::vector<double> row;
   for (const Rotor& rotor : rotors) row.push_back(rotor.force_min_n);
   for (const Hinge& hinge : hinges)
-    row.push_back(hinge.servo == ServoMode::kTorque ? -hinge.torque_max_nm : hinge.angle_min_rad);
+    row.push_back(hinge.servo == ServoMode::kPosition ? hinge.angle_min_rad : -hinge.torque_max_nm);
   return row;
 }
 
@@ -92,7 +93,7 @@ std::vector<double> VehicleModel::InputMax() const {
   std::vector<double> row;
   for (const Rotor& rotor : rotors) row.push_back(rotor.force_max_n);
   for (const Hinge& hinge : hinges)
-    row.push_back(hinge.servo == ServoMode::kTorque ? hinge.torque_max_nm : hinge.angle_max_rad);
+    row.push_back(hinge.servo == ServoMode::kPosition ? hinge.angle_max_rad : hinge.torque_max_nm);
   return row;
 }
 

@@ -152,6 +152,9 @@ struct LoadOptions {
 VehicleModel LoadVehicle(const std::filesystem::path& file, const LoadOptions& options,
                          std::vector<std::string>& warnings);
 
+// The files that the vehicle's file includes. Throws VehicleError when one cannot be read.
+std::vector<std::filesystem::path> IncludedFiles(const std::filesystem::path& file);
+
 // The reason that no rigid body can have this inertia (about its centre of mass); empty when one can.
 std::string InertiaFault(const Eigen::Matrix3d& inertia_kg_m2);
 
