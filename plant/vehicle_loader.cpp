@@ -137,11 +137,15 @@ VehicleModel Loader::Load() {
   vehicle.drag = elements_.drag;
   try {
     vehicle.hover = SolveHover(vehicle);
+    CheckHover(vehicle);
   } catch (const DesignError& error) {
-    Fail(xml_.Line("model", ""), error.what());
+    Complain(xml_.Line("model", ""), error.what());
   }
-  CheckHover(vehicle);
-  if (!problems_.empty()) throw VehicleError(problems_);
+  if (!problems_.empty()) {
+    const VehicleError no_hover(problems_);
+    if (!options_.allow_no_hover) throw no_hover;
+    vehicle.no_hover = no_hover.what();
+  }
   return vehicle;
 }
 
