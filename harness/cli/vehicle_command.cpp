@@ -9,7 +9,9 @@
 
 #include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
+#include "harness/report/files.h"
 #include "harness/terminal/terminal.h"
+#include "plant/vehicle_mapping.h"
 #include "plant/vehicle_model.h"
 
 namespace tiltproof::harness {
@@ -20,6 +22,8 @@ using plant::Rotor;
 using plant::VehicleModel;
 
 constexpr std::size_t kColumnsMax = 80;  // of a terminal
+
+constexpr std::string_view kFillIn = "FILL_IN";  // of plant::VehicleMapping
 
 // Rows of cells under their headings: the first columns, of names, are aligned to the left, the others to the
 // right.
@@ -177,10 +181,30 @@ std::string HoverAngles(const VehicleModel& model) {
   return Names("hover", angles);
 }
 
-int VehicleCommand(const std::string& name) {
+// Writes `<stem>.tiltproof.xml` beside the file, where there is none.
+int WriteMapping(const std::filesystem::path& file) {
+  const std::filesystem::path mapping = std::filesystem::path(file).replace_extension(".tiltproof.xml");
+  std::string text;
+  try {
+    text = plant::VehicleMapping(file);
+  } catch (const plant::VehicleError& error) {
+    throw UsageError(error.what());
+  }
+  WriteNewFile(mapping, text);
+  std::size_t missing_count = 0;
+  for (std::size_t at = text.find(kFillIn); at != std::string::npos; at = text.find(kFillIn, at + 1))
+    ++missing_count;
+  Print(stdout, "{}: {}\n", mapping.string(),
+        missing_count == 0 ? "no number is missing"
+                           : fmt::format("replace {} by a number, {} times", kFillIn, missing_count));
+  return kExitGreen;
+}
+
+int VehicleCommand(const std::string& name, bool writes_mapping) {
   std::vector<std::string> warnings;
   VehicleModel model;
   const std::filesystem::path file = ResolveModel(name);
+  if (writes_mapping) return WriteMapping(file);
   try {
     model = plant::LoadVehicle(file, {.allow_invalid_inertia = false, .allow_no_hover = true, .mapping = {}},
                                warnings);
@@ -204,16 +228,20 @@ int VehicleCommand(const std::string& name) {
 
 void RegisterVehicle(CLI::App& program, CommandLine& line) {
   const auto name = std::make_shared<std::string>();
+  const auto writes_mapping = std::make_shared<bool>(false);
   CLI::App* command = program.add_subcommand(
       "vehicle", "Print a vehicle's rotors, hinges, inputs and signals, and whether it can hover");
   command->add_option("FILE", *name, "A path ending in .sdf, or a model's name")->required();
+  command->add_flag("--mapping", *writes_mapping,
+                    "Write <stem>.tiltproof.xml beside the file instead: all that it reveals, and FILL_IN in "
+                    "place of each number that it lacks");
   command->footer(
       "x y z, ax ay az: place and axis, in the frame of the base with all hinges at 0. turns: the "
       "propeller's sense, seen against its thrust (from above where the thrust points up). from, to: stops. "
       "Inputs have their limits and their value in hover, with its share of the limit; if any input is "
       "slow, also the lags of a rising and a falling value, and the servo's speed limit. A vehicle that "
       "cannot hover is printed with the reasons, and is an error (2).");
-  SetAction(*command, line, [name] { return VehicleCommand(*name); });
+  SetAction(*command, line, [name, writes_mapping] { return VehicleCommand(*name, *writes_mapping); });
 }
 
 }  // namespace tiltproof::harness
