@@ -11,7 +11,7 @@
 namespace tiltproof::harness {
 
 struct FlownFile {
-  std::string what;  // "vehicle", "tiltproof elements", "recorded reference"; the same on every host
+  std::string what;  // "vehicle", "tiltproof elements", "gain", "recorded reference"; the same on every host
   std::filesystem::path path;
   std::string hash;  // of its content, 16 hexadecimal digits; empty: it cannot be read
 };
