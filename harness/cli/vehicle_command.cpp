@@ -184,6 +184,8 @@ std::string HoverAngles(const VehicleModel& model) {
 // Writes `<stem>.tiltproof.xml` beside the file, where there is none.
 int WriteMapping(const std::filesystem::path& file) {
   const std::filesystem::path mapping = std::filesystem::path(file).replace_extension(".tiltproof.xml");
+  if (std::filesystem::exists(std::filesystem::symlink_status(mapping)))
+    throw UsageError(fmt::format("{}: is there already; nothing was changed", mapping.string()));
   std::string text;
   try {
     text = plant::VehicleMapping(file);

@@ -85,15 +85,15 @@ class VehicleTest(CommandLineTest):
         self.assertIn("takes a gain of 4 x 20", err)
         self.assertIn("this vehicle's is 4 x 16", err)
 
-    def test_the_protocol_does_not_carry_its_signals(self):
+    def test_the_builds_for_the_tilt_rotor_do_not_fly_it(self):
         scenario = self.scenario("quad")
         scenario.write_text(scenario.read_text() + "model: quadrotor.sdf\n")
         for command in ("check", "run"):
             code, out, err = self.tiltproof(command, "quad.yaml")
             self.assertEqual((code, out), (2, ""), command)
-            self.assertIn("quad.yaml: model: the protocol 'paper' does not suit the vehicle: its messages carry f_r_n, f_l_n, tau_r_nm, tau_l_nm, ", err)
-            self.assertIn("which this vehicle does not have", err)
-            self.assertIn("does not carry this vehicle's f_front_left_n, f_front_right_n, f_rear_left_n, f_rear_right_n", err)
+            self.assertIn("quad.yaml: firmware: the build 'paper' holds the gain of the tilt-rotor and cannot fly the vehicle of ", err)
+            self.assertIn("; `firmware: lqr` flies any vehicle", err)
+        self.assertEqual(self.tiltproof("run", "quad.yaml", "--firmware", "lqr")[0], 0)
 
     def test_one_that_is_too_weak_is_refused(self):
         (self.folder / "quadrotor.sdf").write_text(quadrotor(force_max_n=2.9))
