@@ -16,13 +16,13 @@ std::string Literal(double value) {
   return number + "f";
 }
 
-std::string Numbers(const std::vector<double>& values) {
+std::string ListOfNumbers(const std::vector<double>& values) {
   std::string text;
   for (const double value : values) text += (text.empty() ? "" : ", ") + Literal(value);
   return "{" + text + "}";
 }
 
-std::string Names(const SignalTable& signals) {
+std::string ListOfNames(const SignalTable& signals) {
   std::string text;
   for (const Signal& signal : signals) text += fmt::format("{}\"{}\"", text.empty() ? "" : ", ", signal.name);
   return "{" + text + "}";
@@ -45,7 +45,7 @@ std::string GainHeader(const plant::VehicleModel& model, const plant::LqrDesign&
   for (Eigen::Index i = 0; i < design.gain.rows(); ++i) {
     std::vector<double> row;
     for (Eigen::Index j = 0; j < design.gain.cols(); ++j) row.push_back(design.gain(i, j));
-    rows += (i == 0 ? "\n    " : ",\n    ") + Numbers(row);
+    rows += (i == 0 ? "\n    " : ",\n    ") + ListOfNumbers(row);
   }
   const SignalTable states(std::vector<Signal>(
       signals.states.begin(), signals.states.begin() + static_cast<std::ptrdiff_t>(state.size())));
@@ -68,12 +68,12 @@ std::string GainHeader(const plant::VehicleModel& model, const plant::LqrDesign&
     text += fmt::format("static const {} {}[{}] = {};\n", type, name, size, values);
   };
   text += fmt::format("static const float lqr_period_s = {};\n", Literal(design.model.period_s));
-  array("char* const", "lqr_state_names", "LQR_STATES", Names(states));
-  array("char* const", "lqr_input_names", "LQR_INPUTS", Names(signals.inputs));
-  array("float", "lqr_hover_state", "LQR_STATES", Numbers(state));
-  array("float", "lqr_hover_input", "LQR_INPUTS", Numbers(design.hover.input));
-  array("float", "lqr_input_min", "LQR_INPUTS", Numbers(model.InputMin()));
-  array("float", "lqr_input_max", "LQR_INPUTS", Numbers(model.InputMax()));
+  array("char* const", "lqr_state_names", "LQR_STATES", ListOfNames(states));
+  array("char* const", "lqr_input_names", "LQR_INPUTS", ListOfNames(signals.inputs));
+  array("float", "lqr_hover_state", "LQR_STATES", ListOfNumbers(state));
+  array("float", "lqr_hover_input", "LQR_INPUTS", ListOfNumbers(design.hover.input));
+  array("float", "lqr_input_min", "LQR_INPUTS", ListOfNumbers(model.InputMin()));
+  array("float", "lqr_input_max", "LQR_INPUTS", ListOfNumbers(model.InputMax()));
   text += fmt::format(
       "static const float lqr_gain[LQR_INPUTS][LQR_STATES + LQR_INTEGRALS] = {{{}}};\n\n#endif\n", rows);
   return text;
