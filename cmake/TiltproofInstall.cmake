@@ -23,7 +23,7 @@ install(DIRECTORY firmware/examples/ DESTINATION ${share}/examples PATTERN minim
 
 install(FILES README.md ARCHITECTURE.md CHANGELOG.md THIRD_PARTY.md DESTINATION share/doc/tiltproof)
 install(FILES LICENSE DESTINATION share/doc/tiltproof RENAME copyright)
-install(DIRECTORY docs DESTINATION share/doc/tiltproof FILES_MATCHING PATTERN *.md PATTERN github-actions.yml PATTERN annotate.py)
+install(DIRECTORY docs DESTINATION share/doc/tiltproof FILES_MATCHING PATTERN *.md PATTERN *.svg PATTERN github-actions.yml PATTERN annotate.py)
 # The commands of an installed program are typed without the build folder. The package's scenarios have a place; another folder may
 # be moved.
 install(CODE [[

@@ -21,6 +21,8 @@
  *
  * UART 0 is the main line (sensors and actuators), UART 1 brings references. Frames and messages:
  * docs/wire.md; in C++, link/frame.h and firmware/messages.h have them.
+ *
+ * Version 2 adds TiltproofHost.parameters. A library of version 1 works as before: it gets a host of version 1.
  */
 #ifndef TILTPROOF_CLIENT_H
 #define TILTPROOF_CLIENT_H
@@ -32,7 +34,7 @@
 extern "C" {
 #endif
 
-#define TILTPROOF_CLIENT_ABI_VERSION 1u
+#define TILTPROOF_CLIENT_ABI_VERSION 2u
 
 /* Build your library with hidden visibility: these functions are all that it has to show. */
 #define TILTPROOF_CLIENT_API __attribute__((visibility("default")))
@@ -44,7 +46,7 @@ extern "C" {
 typedef struct TiltproofClient TiltproofClient;
 
 typedef struct {
-  uint32_t abi_version; /* TILTPROOF_CLIENT_ABI_VERSION of the harness */
+  uint32_t abi_version; /* the version of the library, at most that of the harness */
   const char* firmware; /* the scenario's `firmware` key: which build to be; ignore it if there is only one */
   const char* dialect;  /* "paper" or "provant" */
   void* context;        /* pass back to the functions below */
@@ -54,6 +56,18 @@ typedef struct {
   int64_t (*transmit)(void* context, int uart, int64_t now_ns, const uint8_t* bytes, size_t count);
   /* One line of text for the run's firmware.log. NULL when there is no log. */
   void (*log)(void* context, int64_t now_ns, const char* text);
+  /* From version 2 on: what a controller must know of the vehicle, as one JSON object. NULL for the shipped builds that
+   * fly the tilt-rotor.
+   *   vehicle           {"name", "mass_kg"}
+   *   control_period_s  of the protocol
+   *   angular_rates     axes of the sensed angular rates: "world", "body" or "euler"
+   *   signals           of the reply with the sensors, in its order: [{"name", "unit", "hover"}, ...]
+   *   inputs            of the actuator message, in its order: [{"name", "unit", "min", "max", "hover"}, ...]
+   *   gain              K of u = u_hover - K (x - x_ref): a row for each input, a column for each signal, then one for
+   *                     the integral of the error of each of x, y, z and yaw; that of the scenario's `gain`, else of
+   *                     `tiltproof design-lqr`. null when the vehicle has none.
+   * Numbers have the shortest text that reads back as the same double. */
+  const char* parameters;
 } TiltproofHost;
 
 typedef struct {
@@ -61,7 +75,7 @@ typedef struct {
   uint32_t failsafe_count;   /* how often it entered a fail-safe state since power-on */
 } TiltproofClientStatus;
 
-/* Must return TILTPROOF_CLIENT_ABI_VERSION. */
+/* Must return TILTPROOF_CLIENT_ABI_VERSION, of the header with which the library was built. */
 TILTPROOF_CLIENT_API uint32_t tiltproof_client_abi_version(void);
 /* NULL when it cannot be the build asked for, or does not speak the dialect or this ABI version. `host` and
  * its strings stay valid until destroy. The place for a library's allocations: on a board there are none

@@ -62,24 +62,44 @@ float PlausibleMagnitude(std::string_view signal) {
   ThrowBrokenInvariant("a signal of a built-in protocol with a unit");
 }
 
-std::vector<MessageField> Fields(std::initializer_list<std::string_view> signals) {
+std::vector<MessageField> Fields(const std::vector<std::string>& signals) {
   std::vector<MessageField> fields;
-  for (const std::string_view signal : signals) {
+  for (const std::string& signal : signals) {
     const float magnitude = PlausibleMagnitude(signal);
-    fields.push_back({std::string(signal), -magnitude, magnitude});
+    fields.push_back({signal, -magnitude, magnitude});
   }
   return fields;
 }
 
-// The common part of both protocols: their client leads and has four actuators, their server answers with 16 sensors.
-Protocol ForTiltRotor(std::string name, float start_id, bool start_has_inputs, float read_id,
-                      float actuators_id) {
-  const auto inputs = Fields({"f_r_n", "f_l_n", "tau_r_nm", "tau_l_nm"});
-  const auto sensors =
-      Fields({"x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad", "alpha_r_rad", "alpha_l_rad", "vx_m_s",
-              "vy_m_s", "vz_m_s", "wx_rad_s", "wy_rad_s", "wz_rad_s", "alpha_r_rad_s", "alpha_l_rad_s"});
+// The ids of a client's messages, and the content of `start`.
+struct Services {
+  std::string name;
+  float start_id;
+  bool start_has_inputs;
+  float read_id, actuators_id;
+};
+
+// The signals that a protocol carries, by name.
+struct Carried {
+  std::vector<std::string> sensors, inputs;
+  friend bool operator==(const Carried&, const Carried&) = default;
+};
+
+const Carried& OfTiltRotor() {
+  static const Carried kCarried = {
+      .sensors = {"x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad", "alpha_r_rad", "alpha_l_rad",
+                  "vx_m_s", "vy_m_s", "vz_m_s", "wx_rad_s", "wy_rad_s", "wz_rad_s", "alpha_r_rad_s",
+                  "alpha_l_rad_s"},
+      .inputs = {"f_r_n", "f_l_n", "tau_r_nm", "tau_l_nm"}};
+  return kCarried;
+}
+
+// The common part of both protocols: their client leads, and their server answers with the sensors.
+Protocol ProtocolOf(const Services& services, const Carried& carried) {
+  const auto& [name, start_id, start_has_inputs, read_id, actuators_id] = services;
+  const auto inputs = Fields(carried.inputs), sensors = Fields(carried.sensors);
   const auto reference = Fields({"x_m", "y_m", "z_m", "yaw_rad", "vx_m_s", "vy_m_s", "vz_m_s"});
-  return {.name = std::move(name),
+  return {.name = name,
           .control_period_ns = 12 * kNsPerMs,
           .messages = {{.name = "start",
                         .kind = MessageKind::kStart,
@@ -107,15 +127,15 @@ Protocol ForTiltRotor(std::string name, float start_id, bool start_has_inputs, f
                         .fields = reference}}};
 }
 
-Protocol Paper() {
-  Protocol protocol = ForTiltRotor("paper", 1.F, false, 2.F, 3.F);
+Protocol Paper(const Carried& carried) {
+  Protocol protocol = ProtocolOf({"paper", 1.F, false, 2.F, 3.F}, carried);
   protocol.repeated_start_is_boot = true;
   return protocol;
 }
 
 // Its `start` is an actuator message that also says "un-pause", each time that it comes.
 Protocol Provant() {
-  Protocol protocol = ForTiltRotor("provant", 3.F, true, 1.F, 0.F);
+  Protocol protocol = ProtocolOf({"provant", 3.F, true, 1.F, 0.F}, OfTiltRotor());
   protocol.answers_before_start = true;
   return protocol;
 }
@@ -175,7 +195,7 @@ float FieldValue(const MessageType& type, std::span<const std::uint8_t> payload,
 
 std::span<const std::shared_ptr<const Protocol>> Protocols() {
   static const std::array<std::shared_ptr<const Protocol>, 2> kProtocols = {
-      std::make_shared<const Protocol>(Paper()), std::make_shared<const Protocol>(Provant())};
+      std::make_shared<const Protocol>(Paper(OfTiltRotor())), std::make_shared<const Protocol>(Provant())};
   return kProtocols;
 }
 
@@ -183,6 +203,18 @@ std::shared_ptr<const Protocol> FindProtocol(std::string_view name) {
   for (const auto& protocol : Protocols())
     if (protocol->name == name) return protocol;
   return nullptr;
+}
+
+std::shared_ptr<const Protocol> ForVehicle(std::shared_ptr<const Protocol> protocol,
+                                           const VehicleSignals& vehicle) {
+  const std::shared_ptr<const Protocol> paper = FindProtocol("paper");
+  if (protocol->name != paper->name) return protocol;
+  Carried carried;
+  for (const Signal& sensor : vehicle.sensors)
+    if (vehicle.states.Find(sensor.name)) carried.sensors.push_back(sensor.name);
+  for (const Signal& input : vehicle.inputs) carried.inputs.push_back(input.name);
+  if (carried == OfTiltRotor()) return paper;
+  return std::make_shared<const Protocol>(Paper(carried));
 }
 
 }  // namespace tiltproof::link

@@ -32,6 +32,7 @@
 #include "link/framing.h"
 #include "link/hdlc_framing.h"
 #include "link/message_kind.h"
+#include "link/signal_table.h"
 #include "link/time.h"
 
 namespace tiltproof::link {
@@ -104,5 +105,11 @@ float FieldValue(const MessageType& type, std::span<const std::uint8_t> payload,
 std::span<const std::shared_ptr<const Protocol>> Protocols();
 // Null when there is no protocol of that name.
 std::shared_ptr<const Protocol> FindProtocol(std::string_view name);
+
+// The protocol as a vehicle with these signals speaks it. The messages of "paper" carry the vehicle's sensed states and
+// its inputs, in the order of its tables; for the tilt-rotor they are those of FindProtocol("paper"), and that is
+// returned. Any other protocol is returned as it is.
+std::shared_ptr<const Protocol> ForVehicle(std::shared_ptr<const Protocol> protocol,
+                                           const VehicleSignals& vehicle);
 
 }  // namespace tiltproof::link

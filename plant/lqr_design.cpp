@@ -5,10 +5,16 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdlib>
+#include <deque>
 #include <fstream>
+#include <iterator>
 #include <numbers>
 #include <unsupported/Eigen/MatrixFunctions>
+#include <utility>
 
 namespace tiltproof::plant {
 namespace {
@@ -101,6 +107,51 @@ Riccati SolveRiccati(const Augmented& model, const LqrWeights& weights) {
   throw DesignError("the Riccati equation has no stabilising solution: the vehicle cannot be controlled");
 }
 
+// The coordinate that each state and integral belongs to.
+Index CoordinateOf(Index state, Index coordinates) {
+  constexpr std::array<Index, kIntegralCount> kIntegrated = {0, 1, 2, 5};
+  if (state < 2 * coordinates) return state % coordinates;
+  return kIntegrated[static_cast<std::size_t>(state - 2 * coordinates)];
+}
+
+// Throws DesignError when the inputs cannot control a motion that does not decay by itself (Popov, Belevitch, Hautus): a
+// combination w of states with w'A = lambda w' and w'B = 0, Re lambda >= 0. An integral of an error is a state, too.
+void CheckStabilisable(const VehicleModel& vehicle, const LinearModel& model) {
+  const Index states = model.a.rows(), all = states + kIntegralCount, inputs = model.b.cols();
+  MatrixXd a = MatrixXd::Zero(all, all);
+  a.topLeftCorner(states, states) = model.a;
+  a.bottomLeftCorner(kIntegralCount, states) = IntegratedStates(states);
+  // A chain of integrators has the eigenvalue 0, which is found only roughly.
+  constexpr double kNearZero = 1e-2, kRank = 1e-10;
+  std::vector<std::complex<double>> growing = {0};
+  const Eigen::VectorXcd own = Eigen::EigenSolver<MatrixXd>(a, false).eigenvalues();
+  for (Index i = 0; i < own.size(); ++i)
+    if (std::abs(own[i]) > kNearZero && own[i].real() > 0) growing.push_back(own[i]);
+  for (const std::complex<double>& value : growing) {
+    // The real and the imaginary part of w side by side: (A' - re) w_re + im w_im = 0, (A' - re) w_im - im w_re = 0.
+    MatrixXd pencil = MatrixXd::Zero(2 * (all + inputs), 2 * all);
+    const MatrixXd identity = MatrixXd::Identity(all, all);
+    for (const Index half : {Index{0}, Index{1}}) {
+      pencil.block(half * all, half * all, all, all) = a.transpose() - value.real() * identity;
+      pencil.block(half * all, (1 - half) * all, all, all) =
+          (half == 0 ? value.imag() : -value.imag()) * identity;
+      pencil.block(2 * all + half * inputs, half * all, inputs, states) = model.b.transpose();
+    }
+    Eigen::FullPivLU<MatrixXd> lu(pencil);
+    lu.setThreshold(kRank);
+    if (lu.rank() == 2 * all) continue;
+    Index largest = 0;
+    const MatrixXd kernel = lu.kernel();
+    kernel.col(0).cwiseAbs().maxCoeff(&largest);
+    largest %= all;
+    const Index coordinate = CoordinateOf(largest, states / 2);
+    throw DesignError(
+        fmt::format("the vehicle cannot be stabilised: its inputs cannot control {}. A thrust, a drag torque "
+                    "(drag_ratio_m, with both directions) or a hinge must act on it",
+                    vehicle.signals().states[static_cast<std::size_t>(coordinate)].name));
+  }
+}
+
 }  // namespace
 
 SampledModel Sample(const LinearModel& model, double period_s) {
@@ -114,21 +165,56 @@ LqrWeights PaperWeights(const VehicleModel& model) {
              rotors = static_cast<Index>(model.rotors.size());
   const Eigen::VectorXd angles = Eigen::VectorXd::Constant(hinges, 40 / pi2);
   const Eigen::VectorXd rates = Eigen::VectorXd::Constant(hinges, 5 / (81 * pi2));
+  Eigen::VectorXd servos(hinges);
+  for (Index i = 0; i < hinges; ++i)
+    servos[i] = model.hinges[static_cast<std::size_t>(i)].servo == ServoMode::kTorque ? 400 : 25;
   LqrWeights weights{.q = Eigen::VectorXd(2 * CoordinateCount(model) + kIntegralCount),
                      .r = Eigen::VectorXd(InputCount(model))};
   weights.q << 5, 5, 5, 4 / pi2, 4 / pi2, 15 / pi2, angles,  //
       0.25, 0.25, 0.25, 9 / pi2, 9 / pi2, 16 / pi2, rates,   //
       50, 50, 50, 1;
-  weights.r << Eigen::VectorXd::Constant(rotors, 25), Eigen::VectorXd::Constant(hinges, 400);
+  weights.r << Eigen::VectorXd::Constant(rotors, 25), servos;
   return weights;
 }
 
-LqrDesign DesignLqr(const VehicleModel& model, const LqrOptions& options) {
-  LqrDesign design;
-  design.hover = SolveHover(model);
-  design.model = Sample(Linearise(model, design.hover), options.period_s);
+std::vector<std::string> WeightNames(const VehicleModel& model) {
+  std::vector<std::string> names;
+  const VehicleSignals signals = model.signals();
+  for (Index i = 0; i < 2 * CoordinateCount(model); ++i)
+    names.push_back(signals.states[static_cast<std::size_t>(i)].name);
+  for (const char* integral : {"x_m_s", "y_m_s", "z_m_s", "yaw_rad_s"})
+    names.push_back(std::string("integral_") + integral);
+  for (const Signal& input : signals.inputs) names.push_back(input.name);
+  return names;
+}
+
+LqrWeights DefaultWeights(const VehicleModel& model) {
+  constexpr double kPaperWeight_n = 20.55, kPaperRotors = 2;
+  LqrWeights weights = PaperWeights(model);
+  const auto rotors = static_cast<Index>(model.rotors.size());
+  const double weight_n = model.MassTotal() * kGravity_m_s2;
+  const double size = std::exp2(std::round(
+      std::log2(weight_n / kPaperWeight_n * std::sqrt(kPaperRotors / static_cast<double>(rotors)))));
+  for (Index i = 0; i < weights.r.size(); ++i) {
+    const bool is_angle =
+        i >= rotors && model.hinges[static_cast<std::size_t>(i - rotors)].servo == ServoMode::kPosition;
+    if (!is_angle) weights.r[i] /= size * size;
+  }
+  return weights;
+}
+
+double DelayToTolerate(const VehicleModel& model, double period_s) {
+  double lag_s = 0;
+  for (const Rotor& rotor : model.rotors)
+    lag_s = std::max({lag_s, rotor.time_constant_up_s, rotor.time_constant_down_s});
+  return std::min(0.7 * period_s + lag_s, kDelayMax_s);
+}
+
+namespace {
+
+// Fills in all but the delay margin.
+void Solve(const LqrWeights& weights, LqrDesign& design) {
   const Augmented augmented = Augment(design.model);
-  const LqrWeights weights = options.weights.value_or(PaperWeights(model));
   if (weights.q.size() != augmented.b.rows() || weights.r.size() != augmented.b.cols())
     throw DesignError(fmt::format("the vehicle has {} states and {} inputs, and the weights are {} and {}",
                                   augmented.b.rows(), augmented.b.cols(), weights.q.size(),
@@ -145,8 +231,83 @@ LqrDesign DesignLqr(const VehicleModel& model, const LqrOptions& options) {
     throw DesignError(
         fmt::format("the designed closed loop is unstable: spectral radius {}", design.spectral_radius));
   }
+}
+
+// The number of quarters of the delay up to which the loop is stable: 4 for all of it.
+int QuartersTolerated(const LqrDesign& design, double delay_s) {
+  int quarters = 0;
+  while (quarters < 4 &&
+         ClosedLoopSpectralRadius(design.model, design.gain, delay_s * (quarters + 1) / 4) < 1)
+    ++quarters;
+  return quarters;
+}
+
+// All but the delay margin of the default design.
+LqrDesign DefaultDesign(const VehicleModel& vehicle, const Hover& hover, const SampledModel& model) {
+  constexpr int kTrialsMax = 10;
+  const double delay_s = DelayToTolerate(vehicle, model.period_s);
+  LqrWeights weights = DefaultWeights(vehicle);
+  LqrDesign best;
+  int most = -1;
+  double factor = 1;
+  for (int trial = 0; trial < kTrialsMax && most < 4; ++trial, factor *= 4, weights.r *= 4) {
+    LqrDesign design;
+    design.hover = hover;
+    design.model = model;
+    design.input_weight_factor = factor;
+    try {
+      Solve(weights, design);
+    } catch (const DesignError&) {
+      if (trial == 0) throw;
+      break;
+    }
+    if (const int quarters = QuartersTolerated(design, delay_s); quarters > most) {
+      most = quarters;
+      best = std::move(design);
+    }
+  }
+  return best;
+}
+
+}  // namespace
+
+LqrDesign DesignLqr(const VehicleModel& model, const LqrOptions& options) {
+  LqrDesign design;
+  design.hover = SolveHover(model);
+  design.model = Sample(Linearise(model, design.hover), options.period_s);
+  CheckStabilisable(model, design.model.continuous);
+  if (options.weights)
+    Solve(*options.weights, design);
+  else
+    design = DefaultDesign(model, design.hover, design.model);
   design.delay_margin_s = DelayMargin(design.model, design.gain);
   return design;
+}
+
+GainMatrix DesignGain(const VehicleModel& model, double period_s) {
+  // A run checks its scenarios before it flies them, and flies each of them with many seeds.
+  struct Known {
+    LinearModel model;
+    double period_s, delay_s;
+    GainMatrix gain;
+  };
+  static std::deque<Known> known;
+  constexpr std::size_t kKnownMax = 16;
+  const Hover hover = SolveHover(model);
+  const LinearModel linear = Linearise(model, hover);
+  const double delay_s = DelayToTolerate(model, period_s);
+  const auto same = [](const MatrixXd& a, const MatrixXd& b) {
+    return a.rows() == b.rows() && a.cols() == b.cols() && a == b;
+  };
+  for (const Known& each : known)
+    if (each.period_s == period_s && each.delay_s == delay_s && same(each.model.a, linear.a) &&
+        same(each.model.b, linear.b))
+      return each.gain;
+  CheckStabilisable(model, linear);
+  GainMatrix gain = DefaultDesign(model, hover, Sample(linear, period_s)).gain;
+  if (known.size() == kKnownMax) known.pop_front();
+  known.push_back({linear, period_s, delay_s, gain});
+  return gain;
 }
 
 double ClosedLoopSpectralRadius(const SampledModel& model, const GainMatrix& gain, double delay_s) {
@@ -225,6 +386,46 @@ void WriteGainCsv(const std::filesystem::path& file, const GainMatrix& gain) {
   out << GainCsv(gain);
   out.close();
   if (!out) throw std::runtime_error(file.string() + ": cannot be written");
+}
+
+GainMatrix ReadGainCsv(const std::filesystem::path& file, Index rows, Index columns) {
+  std::ifstream in(file, std::ios::binary);
+  if (!in) throw DesignError(fmt::format("{}: cannot be read", file.string()));
+  const auto fail = [&](std::size_t line, std::size_t column, const std::string& what) {
+    throw DesignError(fmt::format("{}:{}:{}: {}; `tiltproof design-lqr MODEL --csv FILE` writes such a file",
+                                  file.string(), line, column, what));
+  };
+  GainMatrix gain(rows, columns);
+  std::string line;
+  Index row = 0;
+  std::size_t number = 0;
+  while (std::getline(in, line)) {
+    ++number;
+    if (!line.empty() && line.back() == '\r') line.pop_back();
+    if (line.empty()) continue;
+    if (row == rows) fail(number, 1, fmt::format("more than {} rows, one for each input", rows));
+    std::size_t at = 0;
+    Index column = 0;
+    for (bool more = true; more; ++column) {
+      const std::size_t comma = std::min(line.find(',', at), line.size());
+      const std::string text = line.substr(at, comma - at);
+      char* end = nullptr;
+      const double value = std::strtod(text.c_str(), &end);
+      if (text.empty() || *end != '\0' || !std::isfinite(value))
+        fail(number, at + 1, fmt::format("'{}' is no number", text));
+      if (column == columns)
+        fail(number, at + 1,
+             fmt::format("more than {} numbers: one for each state, and four integrals", columns));
+      gain(row, column) = value;
+      more = comma < line.size();
+      at = comma + 1;
+    }
+    if (column < columns)
+      fail(number, 1, fmt::format("{} numbers, and the vehicle needs {}", column, columns));
+    ++row;
+  }
+  if (row < rows) fail(number + 1, 1, fmt::format("{} rows, and the vehicle has {} inputs", row, rows));
+  return gain;
 }
 
 std::string FirmwareGainTable(const GainMatrix& gain, std::string_view name) {

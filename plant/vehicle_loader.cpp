@@ -133,13 +133,18 @@ VehicleModel Loader::Load() {
   vehicle.drag = elements_.drag;
   try {
     vehicle.hover = SolveHover(vehicle);
+    CheckHover(vehicle);
   } catch (const DesignError& error) {
     Complain(xml_.Place("model", ""), error.what());
-    throw VehicleError(problems_,
-                       elements_.from_plugins ? "" : MissingElements(xml_.files(), tree_, elements_));
   }
-  CheckHover(vehicle);
-  if (!problems_.empty()) throw VehicleError(problems_);
+  if (!problems_.empty()) {
+    const bool has_no_hover = vehicle.hover.input.empty();
+    const VehicleError no_hover(problems_, has_no_hover && !elements_.from_plugins
+                                               ? MissingElements(xml_.files(), tree_, elements_)
+                                               : "");
+    if (!options_.allow_no_hover) throw no_hover;
+    vehicle.no_hover = no_hover.what();
+  }
   return vehicle;
 }
 

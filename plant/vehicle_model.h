@@ -114,7 +114,8 @@ struct VehicleModel {
   std::vector<Rotor> rotors;  // 1 to kRotorsMax (link/disturbance.h); each hinge carries one or more
   double sensor_rate_hz = 0;  // 0: at every step
   BodyDrag drag;              // none by default; the controller's design leaves it out
-  Hover hover;                // of plant/dynamics.h, SolveHover
+  Hover hover;                // of plant/dynamics.h, SolveHover; empty where there is none
+  std::string no_hover;       // the reasons that it cannot hover, each with its place; empty: it can
 
   double MassTotal() const;
   // The body that carries the rotor.
@@ -143,6 +144,8 @@ struct LoadOptions {
   // A physically impossible inertia (not positive definite, or violating the triangle inequality) is a
   // warning, not an error.
   bool allow_invalid_inertia = false;
+  // A vehicle that cannot hover loads, and VehicleModel::no_hover has the reasons. Nothing can fly it.
+  bool allow_no_hover = false;
   // The file with the tiltproof elements; empty: `<stem>.tiltproof.xml` next to the model if it exists,
   // otherwise those in the model.
   std::filesystem::path mapping;

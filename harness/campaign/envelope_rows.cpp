@@ -15,7 +15,7 @@ using faults::ParameterInfo;
 using faults::ParameterKind;
 
 constexpr std::array<std::string_view, 4> kSensors = {"x_m", "z_m", "roll_rad", "wx_rad_s"};
-constexpr std::array<std::string_view, 2> kInputs = {"f_", "tau_"};
+constexpr std::array<std::string_view, 3> kInputs = {"f_", "tau_", "angle_"};
 
 std::vector<std::string> PlacesOf(ParameterKind kind, const VehicleSignals& signals) {
   const std::vector<std::string> names = faults::SignalNames(signals, kind);

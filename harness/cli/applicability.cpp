@@ -11,6 +11,7 @@
 #include "harness/cli/commands.h"
 #include "harness/client/firmware_files.h"
 #include "harness/client/library_client.h"
+#include "harness/client/make_client.h"
 #include "harness/emulator/diagnosis/watched_variable.h"
 #include "harness/emulator/elf_symbols.h"
 #include "harness/emulator/image_check.h"
@@ -71,6 +72,7 @@ void FindUnwatchable(const Scenario& scenario, const ClientSpec& client, const s
 constexpr double kShippedHeadingMax_rad = 0.55;
 
 void FindLargeHeading(const Scenario& scenario, std::size_t client, std::vector<Problem>& problems) {
+  if (scenario.firmware_of(client) == kLqrBuild) return;  // flies at any heading
   const auto complain = [&](const char* key, double heading_rad) {
     const std::string why = fmt::format(
         "the law of the shipped firmware ({}) is linear around 0 and keeps the vehicle up to {} rad: turn "
@@ -113,6 +115,11 @@ class Images {
   const ElfSymbols& Read(const EmulatedImage& image, const std::string& firmware,
                          const link::Protocol& protocol) {
     const std::filesystem::path file = BoardOf(image, firmware, protocol).image;
+    if (image.file.empty() && firmware == kLqrBuild)
+      throw UsageError(fmt::format(
+          "--client {}: there is no image of the build lqr, because an image has no vehicle's parameters; "
+          "fly it with --client host, or put the header of `design-lqr --header` into your own image",
+          ToText(image)));
     if (!std::filesystem::is_regular_file(file))
       throw UsageError(fmt::format("--client {}: no image at {}{}", ToText(image), file.string(),
                                    !image.file.empty() ? ""

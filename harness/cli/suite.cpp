@@ -8,6 +8,8 @@
 #include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
 #include "harness/cli/data_files.h"
+#include "harness/client/make_client.h"
+#include "harness/run/client_parameters.h"
 #include "harness/run/fault_conditions.h"
 #include "harness/run/message_binding.h"
 #include "harness/run/supervisor_states.h"
@@ -81,6 +83,15 @@ ReadOptions MakeReadOptions(ModelCache& models) {
       return error.what();
     }
   };
+  options.check_protocol = [](const Scenario& scenario,
+                              const VehicleSignals& vehicle) -> std::optional<std::string> {
+    std::string problem = UnsuitableProtocol(*scenario.link.protocol, vehicle);
+    if (problem.empty()) return std::nullopt;
+    return fmt::format(
+        "{}. It is made for two rotors, each on a hinge of its own, that the vehicle's file names 'right' "
+        "and 'left'; the protocol 'paper' carries the signals of any vehicle (docs/vehicle.md)",
+        problem);
+  };
   return options;
 }
 
@@ -93,14 +104,29 @@ std::string StartProblem(const Scenario& scenario, const plant::VehicleModel& mo
                      plant.EventText());
 }
 
-// The reason that the firmware cannot command the vehicle; empty when it can.
-std::string ProtocolProblem(const Scenario& scenario, const plant::VehicleModel& model) {
-  std::string problem = UnsuitableProtocol(*scenario.link.protocol, model.signals());
-  if (problem.empty()) return problem;
-  return fmt::format(
-      "{}: model: {}. It is made for two rotors, each on a hinge of its own, that {} names 'right' and "
-      "'left' (docs/vehicle.md)",
-      scenario.file.string(), problem, model.file.string());
+// The builds that hold the gain of the tilt-rotor command no other vehicle, and `lqr` needs a gain. The reason that a
+// client's build cannot fly the vehicle; empty when it can. `shipped`: the build is one of tiltproof's own.
+std::string BuildProblem(const Scenario& scenario, const plant::VehicleModel& model, std::size_t client,
+                         bool shipped) {
+  const std::string& build = scenario.firmware_of(client);
+  const auto problem = [&](std::string_view key, std::string_view why) {
+    return fmt::format("{}: {}: {}", scenario.file.string(), key, why);
+  };
+  if (build != kLqrBuild && shipped) {
+    if (scenario.link.protocol == link::FindProtocol(scenario.link.protocol->name)) return {};
+    return problem("firmware", fmt::format("the build '{}' holds the gain of the tilt-rotor and cannot fly "
+                                           "the vehicle of {}; `firmware: lqr` flies any vehicle",
+                                           build, model.file.string()));
+  }
+  if (!shipped && scenario.gain_file.empty()) return {};
+  try {
+    GainOf(scenario, model);
+    return {};
+  } catch (const plant::DesignError& error) {
+    if (scenario.gain_file.empty())
+      return problem("firmware", fmt::format("lqr: {}: {}", model.file.string(), error.what()));
+    return problem("gain", error.what());
+  }
 }
 
 }  // namespace
@@ -157,8 +183,13 @@ Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const RunClient
   for (std::size_t i = 0; i < scenarios.size(); ++i) {
     if (!build.empty()) scenarios[i].FlyFirmware(build);
     auto model = models.Load(scenarios[i].model_file, scenarios[i].allow_invalid_inertia);
-    for (std::string problem : {StartProblem(scenarios[i], *model), ProtocolProblem(scenarios[i], *model)})
+    const auto add = [&](std::string problem) {
       if (!problem.empty()) problems.push_back(std::move(problem));
+    };
+    add(StartProblem(scenarios[i], *model));
+    for (std::size_t client = 0; client < scenarios[i].client_count(); ++client)
+      add(BuildProblem(scenarios[i], *model, client,
+                       AbilitiesOf(clients.Of(scenarios[i].client_id(client)), false).shipped));
     suite.scenarios.push_back({std::move(scenarios[i]), std::move(model), found.files[i].named});
   }
   if (!problems.empty()) throw UsageError(fmt::format("{}", fmt::join(problems, "\n")));

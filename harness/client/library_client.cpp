@@ -55,15 +55,16 @@ class Library {
     reset = Symbol<decltype(reset)>("tiltproof_client_reset");
     FirmwareGuard::SetFirmware(reinterpret_cast<const void*>(create));
     status = reinterpret_cast<decltype(status)>(dlsym(handle_, "tiltproof_client_status"));
-    if (const auto found = FirmwareGuard::Call(FirmwareCall::kVersion, [&] { return version(); });
-        found != TILTPROOF_CLIENT_ABI_VERSION)
-      throw std::runtime_error(path_ + ": built for client interface version " + std::to_string(found) +
-                               ", this tiltproof has version " +
-                               std::to_string(TILTPROOF_CLIENT_ABI_VERSION) +
-                               "; rebuild it against firmware/tiltproof_client.h");
+    abi_version_ = FirmwareGuard::Call(FirmwareCall::kVersion, [&] { return version(); });
+    if (abi_version_ < kOldestVersion || abi_version_ > TILTPROOF_CLIENT_ABI_VERSION)
+      throw std::runtime_error(
+          path_ + ": built for client interface version " + std::to_string(abi_version_) +
+          ", this tiltproof has versions " + std::to_string(kOldestVersion) + " to " +
+          std::to_string(TILTPROOF_CLIENT_ABI_VERSION) + "; rebuild it against firmware/tiltproof_client.h");
   }
 
   const std::string& path() const { return path_; }
+  std::uint32_t abi_version() const { return abi_version_; }
 
   decltype(&tiltproof_client_create) create = nullptr;
   decltype(&tiltproof_client_destroy) destroy = nullptr;
@@ -83,20 +84,29 @@ class Library {
     return reinterpret_cast<Function>(symbol);
   }
 
+  // Each version so far has only added to the end of TiltproofHost.
+  static constexpr std::uint32_t kOldestVersion = 1;
+
   std::string path_;
   void* handle_ = nullptr;
+  std::uint32_t abi_version_ = 0;
 };
 
 class LibraryClient final : public Client {
  public:
   LibraryClient(const std::filesystem::path& library, const std::string& firmware, std::string dialect,
-                ClientHost host, std::unique_ptr<CapturedOutput> output, bool coverage)
+                ClientHost host, std::unique_ptr<CapturedOutput> output, bool coverage,
+                const std::function<std::string()>& parameters)
       : host_(std::move(host)),
         output_(std::move(output)),
         library_(library),
         firmware_(firmware),
         dialect_(std::move(dialect)) {
-    interface_.abi_version = TILTPROOF_CLIENT_ABI_VERSION;
+    interface_.abi_version = library_.abi_version();
+    if (parameters && library_.abi_version() >= 2) {
+      parameters_ = parameters();
+      interface_.parameters = parameters_.c_str();
+    }
     interface_.firmware = firmware_.c_str();
     interface_.dialect = dialect_.c_str();
     interface_.context = this;
@@ -303,7 +313,7 @@ class LibraryClient final : public Client {
   std::unique_ptr<CapturedOutput> output_;
   AbortReport report_;  // in it
   Library library_;
-  std::string firmware_, dialect_;
+  std::string firmware_, dialect_, parameters_;
   TiltproofHost interface_{};
   TiltproofClient* client_ = nullptr;
   struct Reset {
@@ -327,9 +337,10 @@ class LibraryClient final : public Client {
 
 std::unique_ptr<Client> LoadLibraryClient(const std::filesystem::path& library, const std::string& firmware,
                                           const std::string& dialect, ClientHost host,
-                                          std::unique_ptr<CapturedOutput> output, bool coverage) {
+                                          std::unique_ptr<CapturedOutput> output, bool coverage,
+                                          const std::function<std::string()>& parameters) {
   return std::make_unique<LibraryClient>(library, firmware, dialect, std::move(host), std::move(output),
-                                         coverage);
+                                         coverage, parameters);
 }
 
 namespace {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -16,10 +17,12 @@ namespace tiltproof::harness {
 // wrong with the file: missing, not a library, a function missing, another interface version, or an unknown
 // build or dialect. Its output is logged when `output` captures it. A failure in tiltproof_client_destroy is
 // a warning on standard error: destroy the client when the flight is judged. `coverage`: it tells what code it executes.
+// `parameters`: makes the text of that name in TiltproofHost; it is called for a library that can take it.
 std::unique_ptr<Client> LoadLibraryClient(const std::filesystem::path& library, const std::string& firmware,
                                           const std::string& dialect, ClientHost host,
                                           std::unique_ptr<CapturedOutput> output = nullptr,
-                                          bool coverage = false);
+                                          bool coverage = false,
+                                          const std::function<std::string()>& parameters = {});
 
 // The reason that the file is not a firmware library, tested in a separate process; nullopt when it is one.
 std::optional<std::string> LibraryMistake(const std::filesystem::path& library);

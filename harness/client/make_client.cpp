@@ -20,10 +20,11 @@ std::unique_ptr<Client> MakeClient(const ClientSpec& client, const ClientSetting
   }
   // The shipped firmware prints nothing: looking for that in every period would be in vain.
   if (const auto* library = std::get_if<HostLibrary>(&client)) {
-    auto loaded = LoadLibraryClient(FirmwareFile(client, settings.firmware, settings.protocol->name),
-                                    settings.firmware, settings.protocol->name, std::move(host),
-                                    library->file.empty() ? nullptr : std::make_unique<CapturedOutput>(),
-                                    settings.coverage);
+    auto loaded = LoadLibraryClient(
+        FirmwareFile(client, settings.firmware, settings.protocol->name), settings.firmware,
+        settings.protocol->name, std::move(host),
+        library->file.empty() ? nullptr : std::make_unique<CapturedOutput>(), settings.coverage,
+        TakesParameters(*library, settings.firmware) ? settings.parameters : nullptr);
     return settings.debug ? WaitForDebugger(std::move(loaded), *settings.debug) : std::move(loaded);
   }
   throw std::runtime_error(ToText(client) + ": it knows no virtual time and cannot fly in lockstep");

@@ -3,6 +3,7 @@
 //   const auto client = MakeClient(HostLibrary{}, SettingsOf(scenario), host);
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -25,7 +26,16 @@ struct ClientSettings {
   std::vector<std::string> watch;  // variables of the image
   std::optional<DebugStop> debug = {};
   bool coverage = false;  // it tells what code it executes
+  // Makes the text TiltproofHost::parameters (harness/run/client_parameters.h).
+  std::function<std::string()> parameters = {};
 };
+
+// The build that flies any vehicle with a gain of its own.
+inline constexpr std::string_view kLqrBuild = "lqr";
+// True for a library that gets parameters. The shipped builds for the tilt-rotor hold their own numbers.
+inline bool TakesParameters(const HostLibrary& library, const std::string& firmware) {
+  return !library.file.empty() || firmware == kLqrBuild;
+}
 
 // Throws std::runtime_error that says what is wrong with the client or its file. For a library, a FirmwareGuard is
 // installed in this process, whose output is the firmware's as long as a client of a user's file exists.

@@ -26,6 +26,7 @@
 #include "harness/engine/process_state.h"
 #include "harness/process/orphans.h"
 #include "harness/run/archive.h"
+#include "harness/run/client_parameters.h"
 #include "harness/run/flight.h"
 #include "harness/run/realtime/realtime_flight.h"
 #include "harness/run/run_id.h"
@@ -102,6 +103,7 @@ RunLog FlyByMeans(const FlightJob& job, WorkerReport& report, const std::atomic<
     ClientSettings settings = SettingsOf(scenario);
     settings.debug = means.debug;
     settings.coverage = job.coverage;
+    settings.parameters = [&] { return ClientParameters(scenario, *job.model); };
     const ClientSpec& spec = processes.clients.front();
     if (means.debug)
       Print(stderr, "tiltproof: {}\n",

@@ -11,6 +11,7 @@
 #include "harness/node/firmware_use_watch.h"
 #include "harness/node/roles.h"
 #include "harness/process/orphans.h"
+#include "harness/run/client_parameters.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -42,6 +43,7 @@ class CommandRole final : public Role {
 
   Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
     scenario_ = loaded.scenario;
+    parameters_ = ClientParameters(loaded.scenario, *loaded.model);
     return {};
   }
 
@@ -60,7 +62,8 @@ class CommandRole final : public Role {
                         {"TILTPROOF_BAUD", baud},
                         {"TILTPROOF_REFERENCE_BAUD", std::to_string(scenario_.link.reference_port_baud())},
                         {"TILTPROOF_FIRMWARE", scenario_.firmware},
-                        {"TILTPROOF_DIALECT", scenario_.link.protocol->name}};
+                        {"TILTPROOF_DIALECT", scenario_.link.protocol->name},
+                        {"TILTPROOF_PARAMETERS", parameters_}};
     spec.guard_group = true;
     AdoptOrphans();
     process_.emplace(services_, spec, [this](const std::string& how) {
@@ -110,6 +113,7 @@ class CommandRole final : public Role {
   NodeServices& services_;
   std::string command_;
   Scenario scenario_;
+  std::string parameters_;  // TiltproofHost::parameters of firmware/tiltproof_client.h
   std::string port_, reference_port_;
   std::optional<FirmwareProcess> process_;
   std::optional<CpuWaitWatch> watch_;

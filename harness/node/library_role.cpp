@@ -7,7 +7,9 @@
 #include "harness/client/firmware_files.h"
 #include "harness/client/firmware_guard.h"
 #include "harness/client/library_client.h"
+#include "harness/client/make_client.h"
 #include "harness/node/roles.h"
+#include "harness/run/client_parameters.h"
 #include "link/chunk.h"
 #include "link/serial_port.h"
 
@@ -40,10 +42,13 @@ class LibraryRole final : public Role {
               return Transmit(uart, Plausible(now), bytes);
             },
         .log = [this](BootTime now, std::string_view text) { Log(Plausible(now), text); }};
+    std::function<std::string()> parameters;
+    if (TakesParameters(std::get<HostLibrary>(firmware_), scenario_.firmware))
+      parameters = [&loaded] { return ClientParameters(loaded.scenario, *loaded.model); };
     try {
       client_ = LoadLibraryClient(FirmwareFile(firmware_, scenario_.firmware, scenario_.link.protocol->name),
                                   scenario_.firmware, scenario_.link.protocol->name, host,
-                                  std::make_unique<CapturedOutput>());
+                                  std::make_unique<CapturedOutput>(), false, parameters);
     } catch (const FirmwareTrouble& trouble) {
       // The firmware's doing, not this node's: told like a crash in flight, once that has begun.
       trouble_ = trouble;

@@ -47,6 +47,7 @@ std::vector<FlownFile> FlownFiles(const Scenario& scenario) {
   elements.replace_extension(".tiltproof.xml");
   std::error_code none;
   if (std::filesystem::exists(elements, none)) add("tiltproof elements", elements);
+  if (!scenario.gain_file.empty()) add("gain", scenario.gain_file);
   if (const auto* recorded = std::get_if<RecordedReference>(&scenario.reference.path))
     add("recorded reference", recorded->file);
   return files;

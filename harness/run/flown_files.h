@@ -11,8 +11,9 @@
 namespace tiltproof::harness {
 
 struct FlownFile {
-  std::string
-      what;  // "vehicle", "file 1 that the vehicle includes", "tiltproof elements", "recorded reference"; the same on every host
+  // "vehicle", "file 1 that the vehicle includes", "tiltproof elements", "gain", "recorded reference"; the same
+  // on every host
+  std::string what;
   std::filesystem::path path;
   std::string hash;  // of its content, 16 hexadecimal digits; empty: it cannot be read
 };

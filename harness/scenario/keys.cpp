@@ -80,7 +80,9 @@ void DescribeProtocol(KeyVisitor& v, std::shared_ptr<const link::Protocol>& prot
   const auto protocols = link::Protocols();
   std::vector<std::string_view> names;
   for (const auto& known : protocols) names.push_back(known->name);
-  const auto found = std::find(protocols.begin(), protocols.end(), protocol);
+  // By name, because a scenario has the protocol as its vehicle speaks it.
+  const auto found = std::find_if(protocols.begin(), protocols.end(),
+                                  [&](const auto& known) { return known->name == protocol->name; });
   std::optional<std::size_t> index;
   if (found != protocols.end()) index = static_cast<std::size_t>(found - protocols.begin());
   v.Choice({.name = "dialect",
@@ -195,6 +197,15 @@ void DescribeClient(KeyVisitor& v, ClientEntry& client) {
   v.Text({"firmware", "Build of the firmware; absent: the scenario's `firmware`"}, client.firmware, kWord);
 }
 
+void DescribeFirmware(KeyVisitor& v, Scenario& s) {
+  v.Text({"firmware", "Build of the firmware: paper, tolerant, paper_published, or lqr for any vehicle"},
+         s.firmware, kWord);
+  v.Text({"gain",
+          "The gain of the build lqr, and of a library that takes parameters: design, or a CSV file of "
+          "design-lqr, relative to the scenario's file"},
+         s.gain, kAnyText);
+}
+
 void DescribeArbiter(KeyVisitor& v, ArbiterSpec& arbiter) {
   Enumeration(v, {"type", "single: only the actuators of one client take effect"},
               std::array{ArbiterType::kSingle}, arbiter.type);
@@ -223,7 +234,7 @@ void DescribeScenario(KeyVisitor& v, Scenario& s) {
       s.model, kAnyText);
   v.Bool({"allow_invalid_inertia", "Fly a model even if its inertia is physically impossible"},
          s.allow_invalid_inertia);
-  v.Text({"firmware", "Build of the firmware: paper, tolerant, paper_published"}, s.firmware, kWord);
+  DescribeFirmware(v, s);
   ListOf(v, {"clients", "Several clients on the vehicle, each with its own lines; absent: one, `main`"},
          s.clients, DescribeClient);
   v.Section({"arbiter", "Which of several clients moves the vehicle"},

@@ -69,6 +69,10 @@ struct ReadOptions {
   std::function<std::optional<std::string>(const std::filesystem::path& model_file,
                                            bool allow_invalid_inertia)>
       check_model;
+  // Checks that the scenario's protocol carries the vehicle's signals, and returns the reason that it does not; none:
+  // not checked.
+  std::function<std::optional<std::string>(const Scenario& scenario, const VehicleSignals& vehicle)>
+      check_protocol;
 };
 
 // Fills in every default and resolves the model's and a recorded reference's file (absolute). Throws

@@ -109,6 +109,10 @@ struct Scenario {
   std::string model = "tiltrotor";   // as written
   std::filesystem::path model_file;  // resolved
   std::string firmware = "paper";
+  // The gain of a firmware that flies any vehicle, as written: a CSV file of design-lqr, or `design`. Empty is
+  // `design`, too.
+  std::string gain;
+  std::filesystem::path gain_file;  // empty: the gain is designed
   Expectation expect;
   TimeNs start_within_ns = 10 * kNsPerS;  // from power-on: no firmware is hung before, unless it has started
   bool allow_restarts = false;            // of the firmware, that no fault asked for

@@ -69,7 +69,9 @@ class Checker {
     CheckPeriod();
     CheckAdapter();
     CheckModel();
+    CheckProtocol();
     CheckFirmware();
+    CheckGain();
     CheckClients();
     CheckWatch();
     CheckReference();
@@ -150,6 +152,33 @@ class Checker {
     if (const auto trouble = options_.check_model(scenario_.model_file, scenario_.allow_invalid_inertia)) {
       Complain(mark, fmt::format("model: {}", *trouble));
     }
+  }
+
+  // The messages carry the signals of the vehicle.
+  void CheckProtocol() {
+    if (!options_.vehicle_signals) return;
+    const std::optional<VehicleSignals> vehicle = options_.vehicle_signals(scenario_);
+    if (!vehicle) return;
+    scenario_.link.protocol = link::ForVehicle(scenario_.link.protocol, *vehicle);
+    if (!options_.check_protocol) return;
+    const auto trouble = options_.check_protocol(scenario_, *vehicle);
+    if (!trouble) return;
+    const YamlNode* link = ValueOf(&root_, "link");
+    const YamlNode* protocol = ValueOf(link, "protocol");
+    if (protocol == nullptr) protocol = ValueOf(link, "dialect");
+    Complain(protocol == nullptr ? PlaceOf(root_, "model") : protocol->mark,
+             fmt::format("{}: {}", protocol == nullptr ? "model" : "protocol", *trouble));
+  }
+
+  void CheckGain() {
+    const YamlNode* gain = Good(root_, "gain");
+    if (gain == nullptr || scenario_.gain.empty() || scenario_.gain == "design") return;
+    scenario_.gain_file = RelativeToScenario(scenario_.gain);
+    std::error_code error;
+    if (!fs::is_regular_file(scenario_.gain_file, error))
+      Complain(gain->mark, fmt::format("gain: there is no file {}; `tiltproof design-lqr MODEL --csv FILE` "
+                                       "writes one, and `design` designs the gain for the flight",
+                                       scenario_.gain_file.string()));
   }
 
   void CheckFirmware() {

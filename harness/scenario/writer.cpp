@@ -116,6 +116,7 @@ std::string WriteResolved(const Scenario& scenario) {
   Scenario resolved = scenario;
   if (resolved.model.ends_with(".sdf") && !resolved.model_file.empty())
     resolved.model = resolved.model_file.string();
+  if (!resolved.gain_file.empty()) resolved.gain = resolved.gain_file.string();
   if (auto* recorded = std::get_if<RecordedReference>(&resolved.reference.path)) {
     recorded->file = std::filesystem::absolute(recorded->file);
   }

@@ -220,6 +220,61 @@ TEST(ProtocolTest, EachProtocolIsWhole) {
   EXPECT_EQ(FindProtocol("klingon"), nullptr);
 }
 
+SignalTable TableOf(std::initializer_list<const char*> names) {
+  std::vector<Signal> signals;
+  for (const char* name : names) signals.push_back(SignalNamed(name, SignalFrame::kNone));
+  return SignalTable(std::move(signals));
+}
+
+// The paper's messages with the signals of another vehicle, in the order of its tables; what is no state is not sent.
+TEST(ProtocolTest, ThePapersMessagesCarryAnyVehicle) {
+  const SignalTable states = TableOf({"x_m", "yaw_rad", "alpha_tail_rad", "vx_m_s", "alpha_tail_rad_s"});
+  const VehicleSignals tricopter = {
+      .states = states,
+      .sensors = TableOf({"x_m", "yaw_rad", "alpha_tail_rad", "vx_m_s", "alpha_tail_rad_s", "pressure_pa"}),
+      .inputs = TableOf({"f_1_n", "f_2_n", "f_3_n", "angle_tail_rad"})};
+  const auto own = ForVehicle(FindProtocol("paper"), tricopter);
+  EXPECT_EQ(own->name, "paper");
+  EXPECT_EQ(own->control_period_ns, 12 * kNsPerMs);
+  EXPECT_TRUE(own->repeated_start_is_boot);
+  const auto names = [&](const char* message) {
+    std::vector<std::string> fields;
+    for (const MessageField& field : own->Find(message)->fields) fields.push_back(field.signal);
+    return fields;
+  };
+  EXPECT_EQ(names("sensors"),
+            (std::vector<std::string>{"x_m", "yaw_rad", "alpha_tail_rad", "vx_m_s", "alpha_tail_rad_s"}));
+  EXPECT_EQ(names("actuators"), (std::vector<std::string>{"f_1_n", "f_2_n", "f_3_n", "angle_tail_rad"}));
+  // Id 3, then the inputs, each as binary32.
+  const std::array<float, 4> inputs = {1.F, 2.F, 3.F, -0.5F};
+  const Payload payload = own->Encode(*own->Find("actuators"), inputs);
+  EXPECT_EQ(ToBytes(payload.span()),
+            (std::vector<std::uint8_t>{0, 0,    0x40, 0x40, 0,    0,    0x80, 0x3F, 0, 0,
+                                       0, 0x40, 0,    0,    0x40, 0x40, 0,    0,    0, 0xBF}));
+  Message message;
+  ASSERT_EQ(own->Decode(Direction::kToPlant, payload.span(), message), MessageStatus::kOk);
+  EXPECT_EQ(message.values, std::vector<float>(inputs.begin(), inputs.end()));
+  // An actuator message of the tilt-rotor with as many inputs has other limits; one with fewer another length.
+  EXPECT_EQ(own->Decode(Direction::kToPlant, Paper().Encode(*Paper().Find("start"), {}).span(), message),
+            MessageStatus::kOk);
+  // The plausible range of an angle.
+  const std::array<float, 4> absurd = {1.F, 2.F, 3.F, 101.F};
+  EXPECT_EQ(own->Decode(Direction::kToPlant, own->Encode(*own->Find("actuators"), absurd).span(), message),
+            MessageStatus::kOutOfRange);
+}
+
+TEST(ProtocolTest, TheTiltRotorAndOtherProtocolsStayAsTheyAre) {
+  std::vector<Signal> sensors, inputs;
+  for (const auto& field : kSensorFields)
+    sensors.push_back(SignalNamed(std::string(field.column), SignalFrame::kNone));
+  for (const auto& field : kActuatorFields)
+    inputs.push_back(SignalNamed(std::string(field.column), SignalFrame::kNone));
+  const SignalTable states(sensors);
+  const VehicleSignals tilt_rotor = {.states = states, .sensors = states, .inputs = SignalTable(inputs)};
+  EXPECT_EQ(ForVehicle(FindProtocol("paper"), tilt_rotor), FindProtocol("paper"));
+  EXPECT_EQ(ForVehicle(FindProtocol("provant"), {}), FindProtocol("provant"));
+}
+
 TEST(ProtocolTest, ARefusedPayloadLeavesTheMessageAlone) {
   Message message;
   const std::array<float, 4> hover = {10.F, 10.F, 0.F, 0.F};

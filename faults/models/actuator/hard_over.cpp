@@ -34,7 +34,7 @@ FaultType ActuatorHardOver() {
           .summary = "An actuator goes to its limit.",
           .semantics =
               "Models a runaway: a motor controller or servo that drives to one end by itself. In the "
-              "window, the actuator's force or torque is the smallest (`min`) or the largest (`max`) "
+              "window, the actuator's force, torque or angle is the smallest (`min`) or the largest (`max`) "
               "that the vehicle's file allows, whatever is commanded. For the tilt-rotor these are 0 "
               "and 30 N of thrust, and -2 and 2 N m of servo torque.",
           .source = "Ducard, Fault-tolerant Flight Control and Guidance Systems, Springer, 2009 (hard-over).",

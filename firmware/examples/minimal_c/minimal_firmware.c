@@ -2,8 +2,9 @@
  * firmware/tiltproof_client.h.
  *
  * It flies the design tilt-rotor (plant/models/tiltrotor.sdf) with cascaded position, attitude and servo
- * loops, over its own implementation of the serial protocol (dialect `paper`). Four parts, bottom up: frames,
- * controller, protocol client, C interface.
+ * loops, and any other vehicle with the gain that the harness passes as parameters. It has its own implementation of
+ * the serial protocol (dialect `paper`). Five parts, bottom up: frames, controller, controller with a gain, protocol
+ * client, C interface.
  *
  * Units are SI, angles in rad. World z up; attitude as Z-Y-X Euler angles; servo angle positive tilts the
  * thrust forward.
@@ -23,8 +24,10 @@ enum {
   kEscape = 0x7D,
   kEscapeXor = 0x20,
   kCheckBytes = 2,
-  kPayloadBytesMax = 64, /* the longest message received: 16 floats */
-  kSendBytesMax = 20,    /* the longest message sent: service id and 4 floats */
+  kSignalsMax = 28, /* of a reply: 12, and 2 for each of up to 8 hinges */
+  kInputsMax = 16,  /* up to 8 rotors and 8 hinges */
+  kPayloadBytesMax = 4 * kSignalsMax,
+  kSendBytesMax = 4 * (1 + kInputsMax), /* a service id and the inputs */
   kWireBytesMax = 2 * (kSendBytesMax + kCheckBytes) + 2
 };
 
@@ -232,6 +235,117 @@ static Actuators Control(float integral[3], const Sensors* s, const Reference* r
   };
 }
 
+/* ---------------------------------------------------------------------------------------------------------
+ * controller with a gain: u = u_hover - K (x - x_ref) for any vehicle, with the numbers of TiltproofHost.parameters. */
+
+typedef struct {
+  size_t signals, inputs; /* 0 inputs: the cascaded loops above fly */
+  bool rates_in_world;
+  float hover_state[kSignalsMax];
+  float hover_input[kInputsMax], input_min[kInputsMax], input_max[kInputsMax];
+  float gain[kInputsMax][kSignalsMax + 4];
+  float integral[4], last_error[4]; /* of x, y, z and yaw */
+} Regulator;
+
+/* The text behind `"key":`, or NULL. */
+static const char* After(const char* text, const char* key) {
+  const size_t length = strlen(key);
+  for (; text != NULL && (text = strchr(text, '"')) != NULL; ++text) {
+    if (strncmp(text + 1, key, length) == 0 && text[1 + length] == '"' && text[2 + length] == ':')
+      return text + length + 3;
+  }
+  return NULL;
+}
+
+/* Reads a number, and moves `*text` behind it. */
+static double Number(const char** text) {
+  const char* at = *text;
+  while (*at == ' ' || *at == '[' || *at == ',') ++at;
+  const double sign = *at == '-' ? -1 : 1;
+  if (*at == '-') ++at;
+  double value = 0;
+  int exponent = 0;
+  for (; *at >= '0' && *at <= '9'; ++at) value = 10 * value + (*at - '0');
+  if (*at == '.')
+    for (++at; *at >= '0' && *at <= '9'; ++at, --exponent) value = 10 * value + (*at - '0');
+  if (*at == 'e' || *at == 'E') {
+    const bool negative = *++at == '-';
+    int power = 0;
+    if (*at == '-' || *at == '+') ++at;
+    for (; *at >= '0' && *at <= '9'; ++at) power = 10 * power + (*at - '0');
+    exponent += negative ? -power : power;
+  }
+  for (; exponent > 0; --exponent) value *= 10;
+  for (; exponent < 0; ++exponent) value /= 10;
+  *text = at;
+  return sign * value;
+}
+
+/* The numbers behind each `"key":` before `end`. Returns how many there are, at most `max`. */
+static size_t Members(const char* text, const char* end, const char* key, float* values, size_t max) {
+  size_t count = 0;
+  while (count < max && (text = After(text, key)) != NULL && text < end)
+    values[count++] = (float)Number(&text);
+  return count;
+}
+
+/* False when the text lacks something; see firmware/tiltproof_client.h. */
+static bool ReadParameters(const char* text, Regulator* r) {
+  const char* signals = After(text, "signals");
+  const char* inputs = After(text, "inputs");
+  const char* gain = After(text, "gain");
+  const char* rates = After(text, "angular_rates");
+  if (signals == NULL || inputs == NULL || gain == NULL || rates == NULL || inputs > gain ||
+      strchr(gain, '[') == NULL)
+    return false;
+  r->rates_in_world = strncmp(rates, " \"world\"", 8) == 0;
+  r->signals = Members(signals, inputs, "hover", r->hover_state, kSignalsMax);
+  r->inputs = Members(inputs, gain, "hover", r->hover_input, kInputsMax);
+  if (r->signals < 12 || Members(inputs, gain, "min", r->input_min, kInputsMax) != r->inputs ||
+      Members(inputs, gain, "max", r->input_max, kInputsMax) != r->inputs)
+    return false;
+  for (size_t row = 0; row < r->inputs; ++row, gain = strchr(gain, ']') + 1)
+    for (size_t column = 0; column < r->signals + 4; ++column) r->gain[row][column] = (float)Number(&gain);
+  return true;
+}
+
+/* `s`: r->signals numbers; `u`: r->inputs. */
+static void Regulate(Regulator* r, const float* s, const Reference* reference, float* u) {
+  const size_t n = r->signals / 2; /* x y z roll pitch yaw and hinges; then their rates */
+  const float yaw = ShortWay(s[5]), cos_yaw = Cosine(yaw), sin_yaw = Sine(yaw);
+  const float error[4] = {Clamp(s[0] - reference->x, 1.0f), Clamp(s[1] - reference->y, 1.0f),
+                          Clamp(s[2] - reference->z, 1.0f), Clamp(ShortWay(s[5] - reference->yaw), 0.5f)};
+  for (int i = 0; i < 4; ++i) {
+    r->integral[i] += 0.5f * kPeriod * (error[i] + r->last_error[i]);
+    r->last_error[i] = error[i];
+  }
+  float x[kSignalsMax + 4];
+  for (size_t i = 0; i < r->signals; ++i) x[i] = s[i] - r->hover_state[i];
+  const float velocity[2] = {s[n] - reference->vx, s[n + 1] - reference->vy};
+  /* The gain holds for a heading of 0: everything level turns from the world to the heading. */
+  x[0] = cos_yaw * error[0] + sin_yaw * error[1];
+  x[1] = cos_yaw * error[1] - sin_yaw * error[0];
+  x[2] = error[2];
+  x[5] = error[3];
+  x[n] = cos_yaw * velocity[0] + sin_yaw * velocity[1];
+  x[n + 1] = cos_yaw * velocity[1] - sin_yaw * velocity[0];
+  x[n + 2] = s[n + 2] - reference->vz;
+  if (r->rates_in_world) {
+    x[n + 3] = cos_yaw * s[n + 3] + sin_yaw * s[n + 4];
+    x[n + 4] = cos_yaw * s[n + 4] - sin_yaw * s[n + 3];
+  }
+  x[r->signals] = cos_yaw * r->integral[0] + sin_yaw * r->integral[1];
+  x[r->signals + 1] = cos_yaw * r->integral[1] - sin_yaw * r->integral[0];
+  x[r->signals + 2] = r->integral[2];
+  x[r->signals + 3] = r->integral[3];
+  for (size_t row = 0; row < r->inputs; ++row) {
+    u[row] = r->hover_input[row];
+    for (size_t column = 0; column < r->signals + 4; ++column) u[row] -= r->gain[row][column] * x[column];
+    if (u[row] < r->input_min[row]) u[row] = r->input_min[row];
+    if (u[row] > r->input_max[row]) u[row] = r->input_max[row];
+  }
+}
+
 /* True for finite numbers of a size that a small aircraft's state can have: Fletcher-16 cannot tell a byte 00
  * from FF, so a right check is not enough. */
 static bool Plausible(const float* values, size_t count) {
@@ -257,9 +371,10 @@ struct TiltproofClient {
   bool waiting; /* for the reply to the last request */
   bool has_reply;
   bool has_reference;
-  Sensors sensors;
+  float sensors[kSignalsMax];
   Reference reference;
   float integral[3];
+  Regulator regulator;
 };
 
 /* Sends a service id and `count` floats; returns when the last bit has left. */
@@ -274,11 +389,12 @@ static int64_t Send(TiltproofClient* client, int64_t now_ns, float service, cons
 }
 
 static void AcceptSensors(TiltproofClient* client, const uint8_t* payload, size_t count) {
-  float values[kSensorCount];
-  if (!client->waiting || count != sizeof(values)) return;
-  GetFloats(payload, kSensorCount, values);
-  if (!Plausible(values, kSensorCount)) return;
-  memcpy(&client->sensors, values, sizeof(values));
+  float values[kSignalsMax];
+  const size_t signals = client->regulator.inputs != 0 ? client->regulator.signals : kSensorCount;
+  if (!client->waiting || count != 4 * signals) return;
+  GetFloats(payload, signals, values);
+  if (!Plausible(values, signals)) return;
+  memcpy(client->sensors, values, 4 * signals);
   client->waiting = false;
   client->has_reply = true;
 }
@@ -293,12 +409,20 @@ static void AcceptReference(TiltproofClient* client, const uint8_t* payload, siz
 }
 
 static void RunControl(TiltproofClient* client, int64_t now_ns) {
-  const Sensors* s = &client->sensors;
+  const float* s = client->sensors;
   if (!client->has_reference) { /* stay where the flight began */
-    client->reference = (Reference){.x = s->x, .y = s->y, .z = s->z, .yaw = s->yaw};
+    client->reference = (Reference){.x = s[0], .y = s[1], .z = s[2], .yaw = s[5]};
     client->has_reference = true;
   }
-  const Actuators u = Control(client->integral, s, &client->reference);
+  if (client->regulator.inputs != 0) {
+    float u[kInputsMax];
+    Regulate(&client->regulator, s, &client->reference, u);
+    Send(client, now_ns, kServiceActuators, u, client->regulator.inputs);
+    return;
+  }
+  Sensors sensors;
+  memcpy(&sensors, s, sizeof(sensors));
+  const Actuators u = Control(client->integral, &sensors, &client->reference);
   const float values[kActuatorCount] = {u.f_r, u.f_l, u.tau_r, u.tau_l};
   Send(client, now_ns, kServiceActuators, values, kActuatorCount);
 }
@@ -311,7 +435,15 @@ uint32_t tiltproof_client_abi_version(void) { return TILTPROOF_CLIENT_ABI_VERSIO
 TiltproofClient* tiltproof_client_create(const TiltproofHost* host) {
   if (host->abi_version != TILTPROOF_CLIENT_ABI_VERSION || strcmp(host->dialect, "paper") != 0) return NULL;
   TiltproofClient* client = calloc(1, sizeof(*client));
-  if (client != NULL) client->host = host;
+  if (client == NULL) return NULL;
+  client->host = host;
+  /* The loops above are tuned for one vehicle. */
+  const char* mass = host->parameters == NULL ? NULL : After(host->parameters, "mass_kg");
+  const double difference = mass == NULL ? 0 : Number(&mass) - (double)kMass;
+  if ((difference > 0.01 || difference < -0.01) && !ReadParameters(host->parameters, &client->regulator)) {
+    free(client);
+    return NULL;
+  }
   return client;
 }
 
@@ -354,6 +486,10 @@ int64_t tiltproof_client_grant(TiltproofClient* client, int64_t now_ns) {
 }
 
 int64_t tiltproof_client_reset(TiltproofClient* client, int64_t now_ns) {
-  *client = (TiltproofClient){.host = client->host};
+  const TiltproofHost* host = client->host;
+  Regulator regulator = client->regulator;
+  memset(regulator.integral, 0, sizeof(regulator.integral));
+  memset(regulator.last_error, 0, sizeof(regulator.last_error));
+  *client = (TiltproofClient){.host = host, .regulator = regulator};
   return tiltproof_client_start(client, now_ns);
 }

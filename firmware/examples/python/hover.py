@@ -5,9 +5,13 @@
     tiltproof run scenarios/paper -k paper-hover --mode realtime \\
       --client 'process:exec python3 hover.py gain.csv {port} {reference_port}'
 
-The bytes are those of docs/wire.md, protocol `paper`; the control law is the paper's: u = u_eq - K (x - x_ref). Python
-is quick enough for 12 ms on a machine that has nothing else to do; it promises nothing.
+The bytes are those of docs/wire.md, protocol `paper`; the control law is u = u_hover - K (x - x_ref). It flies any
+vehicle: the harness puts what it must know into TILTPROOF_PARAMETERS, the JSON text of firmware/tiltproof_client.h. In
+place of gain.csv, a file that ends in .json holds such a text, and `design` takes the gain that is in the variable.
+Python is quick enough for 12 ms on a machine that has nothing else to do; it promises nothing.
 """
+import json
+import math
 import os
 import select
 import struct
@@ -17,12 +21,16 @@ import tty
 
 PERIOD_S = 0.012
 START, READ, ACTUATORS = 1.0, 2.0, 3.0
-# f_r, f_l in N, tau_r, tau_l in N m: what `tiltproof design-lqr tiltrotor` prints as hover.
-HOVER_INPUT = (10.27118, 10.28035, 0.0, 0.0)
-INPUT_RANGES = ((0.0, 30.0), (0.0, 30.0), (-2.0, 2.0), (-2.0, 2.0))  # what the actuators have
+# Parameters of the paper's vehicle, where the harness passes none.
+TILTROTOR = {
+    "signals": [{"hover": 0.0}] * 16,
+    # f_r, f_l in N, tau_r, tau_l in N m: what `tiltproof design-lqr tiltrotor` prints as hover.
+    "inputs": [{"min": 0.0, "max": 30.0, "hover": 10.27118}, {"min": 0.0, "max": 30.0, "hover": 10.28035},
+               {"min": -2.0, "max": 2.0, "hover": 0.0}, {"min": -2.0, "max": 2.0, "hover": 0.0}],
+    "angular_rates": "world",
+}
 PLAUSIBLE_MAX = 1e4
-STATE_COUNT = 20  # 16 sensors, then the integrals of the errors of x, y, z and yaw
-REGULATED = (0, 1, 2, 5)  # x, y, z and yaw among the sensors
+REGULATED = (0, 1, 2, 5)  # x, y, z and yaw among the sensors: the errors that are integrated
 
 
 def fletcher16(payload):
@@ -72,25 +80,59 @@ class Port:
                     yield numbers
 
 
+def read_gain(source, parameters):
+    """The rows of the gain: of a CSV file, of a JSON file with parameters, or for `design` of the parameters."""
+    if source == "design":
+        gain = parameters.get("gain")
+    elif str(source).endswith(".json"):
+        with open(source, encoding="utf-8") as file:
+            gain = json.load(file).get("gain")
+    else:
+        with open(source, encoding="ascii") as file:
+            gain = [[float(value) for value in line.split(",")] for line in file]
+    rows, columns = len(parameters["inputs"]), len(parameters["signals"]) + len(REGULATED)
+    if gain is None or [len(row) for row in gain] != [columns] * rows:
+        sys.exit(f"{source}: not {rows} rows of {columns} numbers; `tiltproof design-lqr MODEL --csv FILE` writes them")
+    return gain
+
+
+def turned(heading, x, y):
+    """A vector along x and y of the world, along forward and left of the heading."""
+    cosine, sine = math.cos(heading), math.sin(heading)
+    return cosine * x + sine * y, cosine * y - sine * x
+
+
 class Controller:
-    def __init__(self, gain_file):
-        with open(gain_file, encoding="ascii") as file:
-            self.gain = [[float(value) for value in line.split(",")] for line in file]
-        if [len(row) for row in self.gain] != [STATE_COUNT] * 4:
-            sys.exit(f"{gain_file}: not 4 rows of {STATE_COUNT} numbers; `tiltproof design-lqr MODEL --csv FILE` writes them")
+    def __init__(self, gain_source, parameters=None):
+        self.parameters = parameters or TILTROTOR
+        self.gain = read_gain(gain_source, self.parameters)
         self.integrals = [0.0] * 4
         self.last_errors = [0.0] * 4
 
+    @property
+    def sensor_count(self):
+        return len(self.parameters["signals"])
+
     def step(self, sensors, reference):
-        """Sensors: 16 numbers in SI units. Reference: x, y, z, yaw and the velocities along x, y, z."""
+        """Sensors: the vehicle's, in SI units. Reference: x, y, z, yaw and the velocities along x, y, z."""
         x, y, z, yaw, vx, vy, vz = reference
-        errors = [is_ - wanted for is_, wanted in zip(sensors, (x, y, z, 0, 0, yaw, 0, 0, vx, vy, vz, 0, 0, 0, 0, 0))]
+        errors = [is_ - signal["hover"] for is_, signal in zip(sensors, self.parameters["signals"])]
+        half = self.sensor_count // 2  # x y z roll pitch yaw and the hinges; then the rates of all these
+        for place, wanted in ((0, x), (1, y), (2, z), (5, yaw), (half, vx), (half + 1, vy), (half + 2, vz)):
+            errors[place] = sensors[place] - wanted
+        errors[5] = math.remainder(errors[5], 2 * math.pi)
         for i, place in enumerate(REGULATED):
             self.integrals[i] += PERIOD_S / 2 * (errors[place] + self.last_errors[i])
             self.last_errors[i] = errors[place]
-        state = errors + self.integrals
-        wanted = [u - sum(k * s for k, s in zip(row, state)) for u, row in zip(HOVER_INPUT, self.gain)]
-        return [min(max(u, low), high) for u, (low, high) in zip(wanted, INPUT_RANGES)]
+        # The gain holds for a heading of 0: what is level turns from the world to the heading.
+        heading, integrals = sensors[5], list(self.integrals)
+        integrals[:2] = turned(heading, *integrals[:2])
+        for place in (0, half, half + 3) if self.parameters["angular_rates"] == "world" else (0, half):
+            errors[place : place + 2] = turned(heading, *errors[place : place + 2])
+        state = errors + integrals
+        inputs = self.parameters["inputs"]
+        wanted = [own["hover"] - sum(k * s for k, s in zip(row, state)) for own, row in zip(inputs, self.gain)]
+        return [min(max(u, own["min"]), own["max"]) for own, u in zip(inputs, wanted)]
 
 
 def fly(port, reference_port, controller):
@@ -106,7 +148,7 @@ def fly(port, reference_port, controller):
                 for reference in reference_port.frames(7):
                     pass  # the last one counts
             if port in ready:
-                for sensors in port.frames(16):
+                for sensors in port.frames(controller.sensor_count):
                     if reference is None:
                         reference = (*sensors[:3], sensors[5], 0.0, 0.0, 0.0)
                     port.send(ACTUATORS, *controller.step(sensors, reference))
@@ -114,5 +156,6 @@ def fly(port, reference_port, controller):
 
 if __name__ == "__main__":
     if len(sys.argv) != 4:
-        sys.exit("usage: hover.py GAIN.csv PORT REFERENCE_PORT")
-    fly(Port(sys.argv[2]), Port(sys.argv[3]), Controller(sys.argv[1]))
+        sys.exit("usage: hover.py GAIN.csv|PARAMETERS.json|design PORT REFERENCE_PORT")
+    passed = os.environ.get("TILTPROOF_PARAMETERS")
+    fly(Port(sys.argv[2]), Port(sys.argv[3]), Controller(sys.argv[1], json.loads(passed) if passed else None))

@@ -1,4 +1,5 @@
-// The flight firmware on the host: the C interface of firmware/tiltproof_client.h over FlightApplication.
+// The flight firmware on the host: the C interface of firmware/tiltproof_client.h over FlightApplication, or over
+// LqrApplication for the build `lqr`.
 //
 // One TiltproofClient is one board with all its state; memory is allocated in tiltproof_client_create and
 // nowhere else.
@@ -7,8 +8,11 @@
 #include <new>
 #include <optional>
 #include <string_view>
+#include <variant>
 
 #include "firmware/flight_application.h"
+#include "firmware/lqr/lqr_application.h"
+#include "firmware/ports/host/lqr_parameters.h"
 
 namespace {
 
@@ -16,6 +20,8 @@ using tiltproof::TimeNs;
 using tiltproof::firmware::Build;
 using tiltproof::firmware::FindBuild;
 using tiltproof::firmware::FlightApplication;
+using tiltproof::firmware::LqrApplication;
+using tiltproof::firmware::LqrTable;
 using tiltproof::firmware::Uart;
 using tiltproof::link::Dialect;
 
@@ -44,17 +50,31 @@ std::optional<Dialect> FindDialect(const char* name) {
 }  // namespace
 
 struct TiltproofClient {
-  TiltproofClient(const TiltproofHost& host, const Build& build_in, Dialect dialect_in)
-      : port(host), build(build_in), dialect(dialect_in) {
+  // `build`: null for the build `lqr`, whose numbers are then in `table`.
+  TiltproofClient(const TiltproofHost& host, const Build* build_in, const LqrTable& table_in,
+                  Dialect dialect_in)
+      : port(host), build(build_in), table(table_in), dialect(dialect_in) {
     PowerOn();
   }
-  void PowerOn() { application.emplace(build, dialect, port); }
+  void PowerOn() {
+    if (build != nullptr)
+      application.emplace<FlightApplication>(*build, dialect, port);
+    else
+      application.emplace<LqrApplication>(table, dialect, port);
+  }
+  // Calls `function` with the application.
+  template <class Function>
+  auto With(const Function& function) {
+    if (auto* lqr = std::get_if<LqrApplication>(&application)) return function(*lqr);
+    return function(*std::get_if<FlightApplication>(&application));
+  }
 
   HostPort port;
-  const Build& build;
+  const Build* const build;
+  const LqrTable table;
   const Dialect dialect;
-  std::optional<FlightApplication>
-      application;  // never empty; optional so that a reset can build a new one in place
+  // One of the two; a reset makes it again in place.
+  std::variant<std::monostate, FlightApplication, LqrApplication> application;
 };
 
 extern "C" {
@@ -68,34 +88,41 @@ TiltproofClient* tiltproof_client_create(const TiltproofHost* host) {
   }
   const Build* build = FindBuild(host->firmware);
   const std::optional<Dialect> dialect = FindDialect(host->dialect);
-  if (build == nullptr || !dialect) return nullptr;
-  return new (std::nothrow) TiltproofClient(*host, *build, *dialect);
+  LqrTable table;
+  if (!dialect) return nullptr;
+  if (build == nullptr &&
+      !(host->firmware == std::string_view("lqr") && ReadLqrTable(host->parameters, table)))
+    return nullptr;
+  return new (std::nothrow) TiltproofClient(*host, build, table, *dialect);
 }
 
 void tiltproof_client_destroy(TiltproofClient* client) { delete client; }
 
 int64_t tiltproof_client_start(TiltproofClient* client, int64_t now_ns) {
-  return client->application->Start(now_ns);
+  return client->With([&](auto& application) { return application.Start(now_ns); });
 }
 
 void tiltproof_client_receive(TiltproofClient* client, int uart, int64_t /*now_ns*/, const uint8_t* bytes,
                               size_t count) {
   if (uart != TILTPROOF_UART_MAIN && uart != TILTPROOF_UART_REFERENCE) return;
-  client->application->Receive(static_cast<Uart>(uart), {bytes, count});
+  client->With([&](auto& application) { application.Receive(static_cast<Uart>(uart), {bytes, count}); });
 }
 
 int64_t tiltproof_client_grant(TiltproofClient* client, int64_t now_ns) {
-  return client->application->Tick(now_ns);
+  return client->With([&](auto& application) { return application.Tick(now_ns); });
 }
 
 void tiltproof_client_status(const TiltproofClient* client, TiltproofClientStatus* status) {
-  const tiltproof::firmware::Status own = client->application->status();
+  // The build `lqr` has no supervisor.
+  const auto* application = std::get_if<FlightApplication>(&client->application);
+  const tiltproof::firmware::Status own =
+      application == nullptr ? tiltproof::firmware::Status{} : application->status();
   *status = {.supervisor_state = static_cast<uint32_t>(own.state), .failsafe_count = own.failsafe_count};
 }
 
 int64_t tiltproof_client_reset(TiltproofClient* client, int64_t now_ns) {
   client->PowerOn();
-  return client->application->Start(now_ns);
+  return tiltproof_client_start(client, now_ns);
 }
 
 }  // extern "C"

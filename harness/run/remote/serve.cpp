@@ -5,6 +5,7 @@
 
 #include "harness/client/firmware_guard.h"
 #include "harness/run/client_channel.h"
+#include "harness/run/client_parameters.h"
 #include "harness/run/flight.h"
 #include "harness/run/remote/protocol.h"
 
@@ -192,9 +193,11 @@ void ServeClient(Channel& channel, const ScenarioLoader& load) {
   ServeRequests(channel, [&](Message kind, Unpacker& request, Packer& answer) {
     if (kind == Message::kSetup) {
       const auto setup = request.Next<Setup>();
-      const Scenario scenario = load(setup.scenario_yaml).scenario;
-      commands = ClientCommands(scenario, setup.place);
-      client = MakeClient(ParseClient(setup.client), SettingsOf(scenario, setup.place), host);
+      const LoadedScenario loaded = load(setup.scenario_yaml);
+      commands = ClientCommands(loaded.scenario, setup.place);
+      ClientSettings settings = SettingsOf(loaded.scenario, setup.place);
+      settings.parameters = [&] { return ClientParameters(loaded.scenario, *loaded.model, setup.place); };
+      client = MakeClient(ParseClient(setup.client), settings, host);
       answer(client->RunsOn());
       return;
     }

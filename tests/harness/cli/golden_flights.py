@@ -4,7 +4,8 @@ import hashlib
 import json
 import pathlib
 
-# Columns of trace.csv that the digest covers. New columns, faults and metrics change none of them.
+# Columns of trace.csv that the digest covers: time, states and inputs. New columns, faults and metrics change none of them. Of a vehicle with
+# other rotors they are those before the reference.
 COLUMNS = ("t_s x_m y_m z_m roll_rad pitch_rad yaw_rad alpha_r_rad alpha_l_rad vx_m_s vy_m_s vz_m_s wx_rad_s wy_rad_s wz_rad_s alpha_r_rad_s alpha_l_rad_s "
            "f_r_n f_l_n tau_r_nm tau_l_nm").split()
 
@@ -15,7 +16,8 @@ def digest(trace):
     with open(trace, newline="") as file:
         rows = csv.reader(file)
         header = next(rows)
-        places = [header.index(column) for column in COLUMNS]
+        columns = COLUMNS if set(COLUMNS) <= set(header) else header[: header.index("x_ref_m")]
+        places = [header.index(column) for column in columns]
         for row in rows:
             result.update((",".join(row[place] for place in places) + "\n").encode())
     return result.hexdigest()[:16]

@@ -41,7 +41,8 @@ class PythonExampleTest(unittest.TestCase):
             controller = hover.Controller(folder / "gain.csv")
             with open(folder / "results/latest/pushed/trace.csv", encoding="ascii") as file:
                 rows = list(csv.DictReader(file))
-        hover.HOVER_INPUT = (10.2751, 10.2799, 0.0, 0.0)  # the paper's
+        for own, paper in zip(hover.TILTROTOR["inputs"], (10.2751, 10.2799, 0.0, 0.0)):
+            own["hover"] = paper
         # A row has what the server sent last, and what the firmware then answered: a period earlier than the next row.
         compared = 0
         for before, row in zip(rows, rows[1:]):

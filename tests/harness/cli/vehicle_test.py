@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """Vehicles with other rotors than two that tilt. Usage: vehicle_test.py TILTPROOF"""
+import re
 import sys
 import unittest
 
@@ -27,6 +28,31 @@ def quadrotor(force_max_n=10):
             "<tiltproof:vehicle xmlns:tiltproof='urn:tiltproof:vehicle:1'><tiltproof:base link='body'/>" +
             "".join(thruster(name, x * y) for name, (x, y) in arms.items()).replace("'10'", f"'{force_max_n}'") +
             "</tiltproof:vehicle></model></sdf>")
+
+
+# The thrusts: 0.716 kg * 9.81 m/s^2 / 4, of 8.54858e-6 kg m * (838 rad/s)^2.
+QUADROTOR = """\
+quadrotor: 0.716 kg, 4 rotors and 0 hinges
+
+rotor       on      x_m    y_m   z_m   ax   ay   az turns drag_m
+front_left  base  0.120  0.120 0.010 0.00 0.00 1.00    cw 0.0160
+front_right base  0.120 -0.120 0.010 0.00 0.00 1.00   ccw 0.0160
+back_right  base -0.120 -0.120 0.010 0.00 0.00 1.00    cw 0.0160
+back_left   base -0.120  0.120 0.010 0.00 0.00 1.00   ccw 0.0160
+
+input           least hover  most share
+f_front_left_n  0.000 1.756 6.003  29 %
+f_front_right_n 0.000 1.756 6.003  29 %
+f_back_right_n  0.000 1.756 6.003  29 %
+f_back_left_n   0.000 1.756 6.003  29 %
+
+states   x_m y_m z_m roll_rad pitch_rad yaw_rad vx_m_s vy_m_s vz_m_s wx_rad_s
+         wy_rad_s wz_rad_s
+sensors  every state
+hover    roll 0.0000 pitch 0.0000 rad
+
+It can hover.
+"""
 
 
 class VehicleTest(CommandLineTest):
@@ -59,21 +85,57 @@ class VehicleTest(CommandLineTest):
         self.assertIn("takes a gain of 4 x 20", err)
         self.assertIn("this vehicle's is 4 x 16", err)
 
-    def test_the_protocol_does_not_carry_its_signals(self):
+    def test_the_builds_for_the_tilt_rotor_do_not_fly_it(self):
         scenario = self.scenario("quad")
         scenario.write_text(scenario.read_text() + "model: quadrotor.sdf\n")
         for command in ("check", "run"):
             code, out, err = self.tiltproof(command, "quad.yaml")
             self.assertEqual((code, out), (2, ""), command)
-            self.assertIn("quad.yaml: model: the protocol 'paper' does not suit the vehicle: its messages carry f_r_n, f_l_n, tau_r_nm, tau_l_nm, ", err)
-            self.assertIn("which this vehicle does not have", err)
-            self.assertIn("does not carry this vehicle's f_front_left_n, f_front_right_n, f_rear_left_n, f_rear_right_n", err)
+            self.assertIn("quad.yaml: firmware: the build 'paper' holds the gain of the tilt-rotor and cannot fly the vehicle of ", err)
+            self.assertIn("; `firmware: lqr` flies any vehicle", err)
+        self.assertEqual(self.tiltproof("run", "quad.yaml", "--firmware", "lqr")[0], 0)
 
     def test_one_that_is_too_weak_is_refused(self):
         (self.folder / "quadrotor.sdf").write_text(quadrotor(force_max_n=2.9))
         code, _, err = self.tiltproof("design-lqr", "quadrotor.sdf")
         self.assertEqual(code, 2)
         self.assertIn("the vehicle cannot hover: its front_left rotor has to give 2.943 N, and its limits are 0 to 2.9 N", err)
+
+    def test_one_that_is_too_weak_is_printed_with_the_reason(self):
+        (self.folder / "quadrotor.sdf").write_text(quadrotor(force_max_n=2.9))
+        code, out, err = self.tiltproof("vehicle", "quadrotor.sdf")
+        self.assertEqual(code, 2)
+        self.assertIn("f_rear_right_n  0.000 2.943 2.900 101 %\n", out)
+        self.assertNotIn("It can hover", out)
+        self.assertEqual(len(re.findall(r"quadrotor\.sdf:1: the vehicle cannot hover: its \w+ rotor has to give 2\.943 N, and its limits are 0 to 2\.9 N\n", err)), 4)
+
+    def test_one_without_any_hover_is_printed_with_the_reason(self):
+        """All thrusts push sideways."""
+        (self.folder / "quadrotor.sdf").write_text(quadrotor().replace("force_max_n", "axis='1 0 0' force_max_n"))
+        scenario = self.scenario("quad")
+        scenario.write_text(scenario.read_text() + "model: quadrotor.sdf\n")
+        for command in ("vehicle", "check", "run"):
+            code, out, err = self.tiltproof(command, "quadrotor.sdf" if command == "vehicle" else "quad.yaml")
+            self.assertEqual(code, 2)
+            self.assertIn("quadrotor.sdf:1: vehicle 'quadrotor' has no hover: its rotors cannot hold it still in the air", err)
+            self.assertEqual(re.findall(r"^f_front_left_n .*", out, re.MULTILINE), ["f_front_left_n  0.000     - 10.000     -"] if command == "vehicle" else [])
+
+    def test_a_vehicle_is_printed(self):
+        code, out, err = self.tiltproof("vehicle", "quadrotor")
+        self.assertEqual((code, err), (0, ""))
+        self.assertEqual(out, QUADROTOR)
+
+    def test_every_shipped_vehicle_fits_a_terminal(self):
+        for name in ("quadrotor", "hexarotor", "quad_tilt", "tiltrotor", "tiltrotor_drag", "tiltrotor_published"):
+            code, out, err = self.tiltproof("vehicle", name)
+            self.assertEqual((code, err), (0, ""), name)
+            self.assertTrue(out.endswith("\nIt can hover.\n"))
+            self.assertLessEqual(max(map(len, out.splitlines())), 80, name)
+
+    def test_hinges_are_printed(self):
+        out = self.tiltproof("vehicle", "tiltrotor")[1]
+        self.assertIn("\nleft  hinge_left  0.000  0.278 0.056 0.00 1.00  0.09 -1.50   1.50\n", out)
+        self.assertIn("\nhover    roll 0.0000 pitch -0.0117 right 0.0117 left 0.0116 rad\n", out)
 
 
 if __name__ == "__main__":

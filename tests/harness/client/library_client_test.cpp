@@ -16,6 +16,7 @@ namespace tiltproof::harness {
 namespace {
 
 using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 
 struct Board {
   Board() {
@@ -32,6 +33,46 @@ struct Board {
   std::vector<DeviceEvent> events;
   std::unique_ptr<Client> client;
 };
+
+// A library of an earlier version gets a host of that version, and takes no parameters; one of a later version is refused.
+TEST(LibraryClient, LoadsLibrariesOfEarlierVersions) {
+  std::vector<std::string> log;
+  const ClientHost host = {.transmit = [](Uart, BootTime now, std::span<const std::uint8_t>) { return now; },
+                           .log = [&](BootTime, std::string_view text) { log.emplace_back(text); }};
+  bool asked = false;
+  const auto client =
+      LoadLibraryClient(TILTPROOF_VERSION_1_CLIENT, "any", "paper", host, nullptr, false, [&] {
+        asked = true;
+        return std::string("{}");
+      });
+  EXPECT_EQ(client->Start(BootTime()), BootTime(7));
+  EXPECT_THAT(log, ElementsAre("any"));
+  EXPECT_FALSE(asked);
+  EXPECT_FALSE(LibraryMistake(TILTPROOF_VERSION_1_CLIENT));
+  EXPECT_THAT(LibraryMistake(TILTPROOF_VERSION_3_CLIENT).value_or(""),
+              HasSubstr("built for client interface version 3, this tiltproof has versions 1 to 2"));
+}
+
+TEST(LibraryClient, PassesParameters) {
+  const ClientHost host = {.transmit = [](Uart, BootTime now, std::span<const std::uint8_t>) { return now; },
+                           .log = [](BootTime, std::string_view) {}};
+  const auto load = [&](const std::string& parameters) {
+    LoadLibraryClient(TILTPROOF_FIRMWARE_LIBRARY, "lqr", "paper", host, nullptr, false,
+                      [&] { return parameters; });
+  };
+  std::string signals, row;
+  for (int i = 0; i < 12; ++i) signals += std::string(i == 0 ? "" : ", ") + R"({"name": "s", "hover": 0})";
+  for (int i = 0; i < 16; ++i) row += std::string(i == 0 ? "" : ",") + " -1.5e-3";
+  const auto text = [&](const std::string& gain) {
+    return R"({"control_period_s": 0.012, "angular_rates": "world", "signals": [)" + signals +
+           R"(], "inputs": [{"name": "f", "min": 0, "max": 2, "hover": 1}], "gain": )" + gain + "}";
+  };
+  load(text("[[" + row + "]]"));
+  for (const std::string& wrong :
+       {std::string(), std::string("{}"), text("null"), text("[]"), text("[[" + row + ", 1]]"),
+        text("[[" + row + "], [" + row + "]]"), text("[[1, x]]"), text("[[1")})
+    EXPECT_THROW(load(wrong), std::runtime_error) << wrong;
+}
 
 TEST(LibraryClient, IsSilentInResetAndThenBeginsAnew) {
   Board board;

@@ -1,0 +1,117 @@
+// The shipped vehicles against their sources and against statics by hand.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "plant/dynamics.h"
+#include "plant/plant.h"
+#include "tests/plant/models.h"
+
+namespace tiltproof::plant {
+namespace {
+
+using ::testing::Each;
+
+// The largest generalised force of the vehicle, level and at rest, with these thrusts: 0 in hover.
+double Unbalance(const VehicleModel& model, const std::vector<double>& thrusts_n) {
+  const Coordinates<Complex> zero = Coordinates<Complex>::Zero(CoordinateCount(model));
+  Inputs<Complex> u = Inputs<Complex>::Zero(InputCount(model));
+  for (std::size_t i = 0; i < thrusts_n.size(); ++i) u[static_cast<Eigen::Index>(i)] = thrusts_n[i];
+  return ComputeEquationsOfMotion(model, zero, zero, u).force.real().cwiseAbs().maxCoeff();
+}
+
+TEST(ShippedVehicles, TheQuadrotorHasThePublishedNumbers) {
+  const VehicleModel model = LoadShipped("quadrotor");
+  constexpr double kRotor_kg = 0.009, kBody_kg = 0.68, kMass_kg = kBody_kg + 4 * kRotor_kg;
+  EXPECT_DOUBLE_EQ(model.MassTotal(), kMass_kg);
+  ASSERT_EQ(model.rotors.size(), 4U);
+  EXPECT_TRUE(model.hinges.empty());
+  for (const Rotor& rotor : model.rotors) {
+    EXPECT_NEAR(std::hypot(rotor.p_LR_m.x(), rotor.p_LR_m.y()), 0.17, 1e-7) << rotor.name;
+    EXPECT_NEAR(rotor.force_max_n, 8.54858e-6 * 838 * 838, 1e-4);
+  }
+  // Four point masses on the arms, at a height of 0.01 m, and the body's moment about the new centre of mass.
+  const double height_m = 4 * kRotor_kg * 0.01 / kMass_kg;
+  EXPECT_NEAR(model.base.p_com_m.z(), height_m, 1e-15);
+  const double own_kg_m2 = kRotor_kg / 12 * (0.1 * 0.1 + 0.015 * 0.015);
+  EXPECT_NEAR(model.base.inertia_kg_m2(2, 2), 0.012 + 4 * (kRotor_kg * 0.17 * 0.17 + own_kg_m2), 1e-9);
+  const double lateral_kg_m2 = 4 * (kRotor_kg / 12 * (0.015 * 0.015 + 0.003 * 0.003)) +
+                               2 * kRotor_kg * 0.17 * 0.17 + 4 * kRotor_kg * std::pow(0.01 - height_m, 2) +
+                               kBody_kg * height_m * height_m;
+  EXPECT_NEAR(model.base.inertia_kg_m2(0, 0), 0.007 + lateral_kg_m2, 1e-9);
+  for (const double thrust_n : model.HoverInput()) EXPECT_NEAR(thrust_n, kMass_kg * 9.81 / 4, 1e-9);
+  EXPECT_LT(Unbalance(model, std::vector<double>(4, kMass_kg * 9.81 / 4)), 1e-9);
+}
+
+TEST(ShippedVehicles, TheHexarotorHasThePublishedTotals) {
+  const VehicleModel model = LoadShipped("hexarotor");
+  EXPECT_DOUBLE_EQ(model.MassTotal(), 1.535);
+  EXPECT_NEAR((model.base.inertia_kg_m2.diagonal() - Eigen::Vector3d(0.0411, 0.0478, 0.0599)).norm(), 0,
+              1e-9);
+  EXPECT_NEAR(model.base.p_com_m.norm(), 0, 1e-9);
+  ASSERT_EQ(model.rotors.size(), 6U);
+  for (std::size_t i = 0; i < 6; ++i) {
+    const Rotor& rotor = model.rotors[i];
+    const double angle_rad = -std::numbers::pi / 3 * static_cast<double>(i);  // clockwise from the front
+    EXPECT_NEAR((rotor.p_LR_m - 0.275 * Eigen::Vector3d(std::cos(angle_rad), std::sin(angle_rad), 0)).norm(),
+                0, 1e-8);
+    EXPECT_EQ(rotor.direction, (std::array{1, 1, -1, -1, 1, -1}[i])) << rotor.name;
+  }
+  for (const double thrust_n : model.HoverInput()) EXPECT_NEAR(thrust_n, 1.535 * 9.81 / 6, 1e-9);
+}
+
+// Du et al., JGCD 2015: in the order PPNNPN some single rotors may fail. Thrusts from moments by hand, in units of
+// a quarter of the weight: the other rotors balance roll, pitch and yaw.
+TEST(ShippedVehicles, TheHexarotorCanHoverWithoutItsFrontRotor) {
+  const VehicleModel model = LoadShipped("hexarotor");
+  const double quarter_n = 1.535 * 9.81 / 4;
+  // front, front_right, back_right, back, back_left, front_left
+  EXPECT_LT(Unbalance(model, {0, quarter_n, quarter_n, 0, quarter_n, quarter_n}), 1e-7);
+  EXPECT_LT(Unbalance(model, {0, 1.5 * quarter_n, 0, quarter_n, 0.5 * quarter_n, quarter_n}), 1e-7);
+  EXPECT_LT(1.5 * quarter_n, 6.125);
+  EXPECT_GT(Unbalance(model, {0, quarter_n, quarter_n, quarter_n, 0, quarter_n}), 0.1);
+}
+
+TEST(ShippedVehicles, TheQuadTiltHangsOnItsHinges) {
+  const VehicleModel model = LoadShipped("quad_tilt");
+  EXPECT_DOUBLE_EQ(model.MassTotal(), 2);
+  ASSERT_EQ(model.hinges.size(), 4U);
+  ASSERT_EQ(model.rotors.size(), 4U);
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_EQ(model.rotors[i].hinge, i);
+    EXPECT_EQ(model.hinges[i].name, model.rotors[i].name);
+    EXPECT_NEAR(model.HoverInput()[i], 2 * 9.81 / 4, 1e-9);
+    EXPECT_NEAR(model.hover.hinge_rad[i], 0, 1e-9);
+  }
+}
+
+// A positive angle of a hinge about y tilts its thrust towards +x (docs/vehicle.md has the picture).
+TEST(ShippedVehicles, APositiveAngleTiltsTheThrustForward) {
+  const VehicleModel model = LoadShipped("quad_tilt");
+  Coordinates<Complex> q = Coordinates<Complex>::Zero(CoordinateCount(model));
+  q.tail(4).setConstant(0.2);
+  Inputs<Complex> u = Inputs<Complex>::Zero(InputCount(model));
+  u.head(4).setConstant(5);
+  const auto motion =
+      ComputeEquationsOfMotion(model, q, Coordinates<Complex>::Zero(CoordinateCount(model)), u);
+  EXPECT_NEAR(motion.force[0].real(), 20 * std::sin(0.2), 1e-9);
+}
+
+// Direction 1 is a propeller that turns clockwise, seen from above: its drag turns the body counter-clockwise.
+TEST(ShippedVehicles, DirectionOneTurnsTheBodyToTheLeft) {
+  const VehicleModel model = LoadShipped("quadrotor");
+  Plant plant(model, {});
+  std::vector<double> input = model.HoverInput();
+  for (std::size_t i = 0; i < 4; ++i) input[i] += 0.1 * model.rotors[i].direction;
+  for (int i = 0; i < 25; ++i) plant.Step(input);
+  std::vector<double> state(12);
+  plant.State(state);
+  // 0.4 N on 0.016 m, for 0.1 s.
+  EXPECT_NEAR(state[11], 0.4 * 0.016 / model.base.inertia_kg_m2(2, 2) * 0.1, 1e-4);
+}
+
+}  // namespace
+}  // namespace tiltproof::plant
