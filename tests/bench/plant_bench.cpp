@@ -70,7 +70,7 @@ VehicleModel Quadrotor() {
   model.collision.kind = CollisionShape::Kind::kSphere;
   model.collision.size_m = {0.2, 0, 0};
   for (int i = 0; i < 4; ++i)
-    model.rotors.push_back({.name = "m" + std::to_string(i),
+    model.rotors.push_back({.name = std::string(1, static_cast<char>('a' + i)),
                             .hinge = {},
                             .p_LR_m = {i < 2 ? 0.2 : -0.2, i % 2 == 0 ? 0.15 : -0.15, 0.03},
                             .direction = i == 0 || i == 3 ? 1.0 : -1.0,
