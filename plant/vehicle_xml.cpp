@@ -359,7 +359,7 @@ void VehicleXml::Warn(const XMLElement& element, const std::string& text,
       fmt::format("{}:{}: {}: {}", file_.string(), element.GetLineNum(), Describe(element), text));
 }
 
-void VehicleXml::WarnLink(const XMLElement& link, bool is_base, std::vector<std::string>& warnings) const {
+bool VehicleXml::WarnLink(const XMLElement& link, std::vector<std::string>& warnings) const {
   const std::string where = fmt::format(" (link '{}')", Attribute(link, "name"));
   bool has_shape = false;
   for (const auto* child = link.FirstChildElement(); child != nullptr; child = child->NextSiblingElement()) {
@@ -375,12 +375,8 @@ void VehicleXml::WarnLink(const XMLElement& link, bool is_base, std::vector<std:
              fmt::format("meshes are not supported, ignored: {} in {}{}", text == nullptr ? "(no uri)" : text,
                          Describe(*child), where),
              warnings);
-      } else if (is_collision && !is_base) {
-        Warn(*child, "ignored: only the base touches the ground" + where, warnings);
       } else if (is_collision && (shape == nullptr || !IsOneOf(*shape, {"box", "sphere", "cylinder"}))) {
         Warn(*child, "ignored: the shapes supported are box, sphere and cylinder" + where, warnings);
-      } else if (is_collision && has_shape) {
-        Warn(*child, "ignored: the first collision shape counts" + where, warnings);
       } else if (is_collision) {
         has_shape = true;
       }
@@ -398,12 +394,7 @@ void VehicleXml::WarnLink(const XMLElement& link, bool is_base, std::vector<std:
     }
     Warn(*child, "not supported, ignored" + where, warnings);
   }
-  if (is_base && !has_shape) {
-    Warn(link,
-         "has no usable collision shape: the box of uniform density with its mass and inertia touches the "
-         "ground",
-         warnings);
-  }
+  return has_shape;
 }
 
 void VehicleXml::WarnJoint(const XMLElement& joint, std::vector<std::string>& warnings) const {
@@ -441,9 +432,12 @@ void VehicleXml::WarnUnsupported(const VehicleElements& elements, std::vector<st
        e = e->NextSiblingElement()) {
     if (e != model_) Warn(*e, "not supported, ignored", warnings);
   }
+  bool has_shape = false;
+  const XMLElement* base = model_;
   for (const auto* e = model_->FirstChildElement(); e != nullptr; e = e->NextSiblingElement()) {
     if (IsOneOf(*e, {"link"})) {
-      WarnLink(*e, Attribute(*e, "name") == elements.base_link, warnings);
+      has_shape = WarnLink(*e, warnings) || has_shape;
+      if (Attribute(*e, "name") == elements.base_link) base = e;
     } else if (IsOneOf(*e, {"joint"})) {
       WarnJoint(*e, warnings);
     } else if (IsOneOf(*e, {"plugin"})) {
@@ -454,6 +448,11 @@ void VehicleXml::WarnUnsupported(const VehicleElements& elements, std::vector<st
       Warn(*e, "not supported, ignored", warnings);
     }
   }
+  if (!has_shape)
+    Warn(*base,
+         "no link has a usable collision shape: the box of uniform density with the main body's mass and "
+         "inertia touches the ground",
+         warnings);
 }
 
 int VehicleXml::Line(std::string_view tag, std::string_view name, const char* child) const {

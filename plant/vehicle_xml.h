@@ -70,7 +70,8 @@ class VehicleXml {
  private:
   void CheckNames(std::vector<VehicleProblem>& problems) const;
   void CheckInertials(std::vector<VehicleProblem>& problems) const;
-  void WarnLink(const tinyxml2::XMLElement& link, bool is_base, std::vector<std::string>& warnings) const;
+  // Returns true when the link has a shape that touches the ground.
+  bool WarnLink(const tinyxml2::XMLElement& link, std::vector<std::string>& warnings) const;
   void WarnJoint(const tinyxml2::XMLElement& joint, std::vector<std::string>& warnings) const;
   void Warn(const tinyxml2::XMLElement& element, const std::string& text,
             std::vector<std::string>& warnings) const;

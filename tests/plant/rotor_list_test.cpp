@@ -38,8 +38,8 @@ VehicleModel Body(const std::string& name, double mass_kg, const Vector3d& p_com
   model.base.mass_kg = mass_kg;
   model.base.p_com_m = p_com_m;
   model.base.inertia_kg_m2 << 0.012, 0.0004, -0.0007, 0.0004, 0.014, 0.0003, -0.0007, 0.0003, 0.021;
-  model.collision.kind = CollisionShape::Kind::kSphere;
-  model.collision.size_m = {0.2, 0, 0};
+  model.shapes = {
+      {.link = "body", .hinge = {}, .kind = CollisionShape::Kind::kSphere, .size_m = {0.2, 0, 0}}};
   return model;
 }
 
