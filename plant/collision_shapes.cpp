@@ -31,16 +31,15 @@ bool ReadGeometry(const sdf::Geometry& geometry, CollisionShape& shape) {
 
 }  // namespace
 
-std::string AddShapes(const sdf::Link& link, const ShapeOwner& owner, std::vector<CollisionShape>& shapes) {
+std::string AddShapes(const sdf::Link& link, const std::string& body, const CollisionShape& as,
+                      std::vector<CollisionShape>& shapes) {
   for (std::uint64_t i = 0; i < link.CollisionCount(); ++i) {
     const sdf::Collision& collision = *link.CollisionByIndex(i);
-    CollisionShape shape;
+    CollisionShape shape = as;
     if (!ReadGeometry(*collision.Geom(), shape)) continue;
     ignition::math::Pose3d pose;
-    if (const sdf::Errors errors = collision.SemanticPose().Resolve(pose, owner.body); !errors.empty())
+    if (const sdf::Errors errors = collision.SemanticPose().Resolve(pose, body); !errors.empty())
       return "collision '" + collision.Name() + "': " + errors.front().Message();
-    shape.link = link.Name();
-    shape.hinge = owner.hinge;
     shape.p_LS_m = {pose.Pos().X(), pose.Pos().Y(), pose.Pos().Z()};
     const ignition::math::Matrix3d turn(pose.Rot());
     for (std::size_t row = 0; row < 3; ++row)

@@ -109,12 +109,14 @@ void Plant::World::FindContacts() {
 
 // Friction acts against the velocity that the point would have at the end of the step without it. ODE limits friction
 // along two axes; with the first along that velocity, a push slides at the same force in every direction.
-void Plant::World::AddContactJoints() {
+void Plant::World::AddContactJoints(double length_s) {
   if (contacts.empty()) return;
+  // The joints take the speed of the touch away, so a finer part of a step has to look before.
+  if (options.touch_down_max_m_s && strike.empty()) strike = TouchProblem();
   Vector3d force_n = ToVector(dBodyGetForce(base.id));
   for (const Tilting& each : tilting) force_n += ToVector(dBodyGetForce(each.body.id));
   const double mass_kg = model.MassTotal();
-  const Vector3d gained_m_s = force_n / mass_kg * step_s;
+  const Vector3d gained_m_s = force_n / mass_kg * length_s;
   double softer = 1;
   for (const Contact& each : contacts) {
     dContact contact{};
@@ -122,8 +124,8 @@ void Plant::World::AddContactJoints() {
         dContactSoftERP | dContactSoftCFM | dContactSlip1 | dContactSlip2 | dContactApprox1 | dContactFDir1;
     contact.surface.mu = kFriction;
     contact.surface.soft_erp = kCorrected;
-    contact.surface.soft_cfm = softer * kSoftness * step_s / mass_kg;
-    contact.surface.slip1 = contact.surface.slip2 = softer * kSlip * step_s / mass_kg;
+    contact.surface.soft_cfm = softer * kSoftness * length_s / mass_kg;
+    contact.surface.slip1 = contact.surface.slip2 = softer * kSlip * length_s / mass_kg;
     softer += kVaried;
     contact.geom = each.geom;
     Vector3d sliding_m_s = PointVelocity(each.geom) + gained_m_s;

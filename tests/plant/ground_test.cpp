@@ -275,6 +275,23 @@ TEST(Ground, ShapesOnHingesCarryTheVehicle) {
   EXPECT_THAT(other.EventText(), HasSubstr("'leg' touches the ground"));
 }
 
+// Hinges that turn fast divide a step. A touch inside it is as hard as one at its end.
+TEST(Ground, HardTouchInADividedStepCounts) {
+  const VehicleModel model = LoadShipped("tiltrotor");
+  for (int i = 0; i < 20; ++i) {
+    Ground ground(model);
+    const double height_m = 0.3 + 0.0137 * i;
+    ground.plant.Reset({0, 0, ground.Position().z() + height_m}, {0, 0, 0});
+    for (int k = 0; k < 100 && ground.plant.Event() == FlightEvent::kNone; ++k) {
+      const double torque_nm = k / 3 % 2 == 0 ? 2 : -2;  // to the stops and back
+      ground.plant.Step(std::vector<double>{0, 0, torque_nm, -torque_nm});
+    }
+    ASSERT_EQ(ground.plant.Event(), FlightEvent::kGroundStrike) << height_m;
+    const std::string text = ground.plant.EventText();
+    EXPECT_NEAR(std::stod(text.substr(text.find(" with ") + 6)), std::sqrt(2 * g * height_m), 0.06) << text;
+  }
+}
+
 TEST(Ground, SameCallsSameBits) {
   std::vector<std::vector<double>> ends;
   for (int repeat = 0; repeat < 2; ++repeat) {
