@@ -35,6 +35,12 @@ void Plant::Reset(const std::array<double, 3>& position_m, const std::array<doub
   Reset(state);
 }
 
+void Plant::ResetOnGround(double x_m, double y_m, const std::array<double, 3>& attitude_rad) {
+  constexpr double kDepth_m = 1e-9;  // a rounded height must not lift it off
+  Reset({x_m, y_m, 0}, attitude_rad);
+  Reset({x_m, y_m, -Clearance_m() - kDepth_m}, attitude_rad);
+}
+
 void Plant::Reset(std::span<const double> state) { world_->Place(state); }
 
 void Plant::Step(std::span<const double> command, const Disturbance& disturbance) {
@@ -94,6 +100,10 @@ void Plant::ReadSensors(std::span<double> sensors, RatesFrame frame) const {
 FlightEvent Plant::Event() const { return world_->event; }
 
 std::string Plant::EventText() const { return world_->event_text; }
+
+bool Plant::OnGround() const { return !world_->contacts.empty(); }
+
+double Plant::Clearance_m() const { return world_->Clearance_m(); }
 
 double Plant::Energy() const {
   double energy = 0;

@@ -19,6 +19,8 @@
 
 #include <array>
 #include <memory>
+#include <numbers>
+#include <optional>
 #include <span>
 #include <stdexcept>
 #include <string>
@@ -35,7 +37,12 @@ struct PlantOptions {
   // checks.
   double gravity_m_s2 = kGravity_m_s2;
   bool ground = true;  // the plane z = 0
+  // The ground carries the vehicle, and a touch is an event only above this normal speed of the touching point (>= 0),
+  // or at a tilt above kTouchTiltMax_rad. None: each touch is an event.
+  std::optional<double> touch_down_max_m_s = {};
 };
+
+inline constexpr double kTouchTiltMax_rad = std::numbers::pi / 3;
 
 // The physics engine refuses the model (an inertia it cannot integrate), or the options are out of range.
 struct PlantError : std::runtime_error {
@@ -57,6 +64,8 @@ class Plant {
   // Places the main body's frame origin (m, world) with Z-Y-X Euler angles roll, pitch, yaw (rad), servos at
   // their hover angles, everything at rest. Throws PlantError unless all values are finite.
   void Reset(const std::array<double, 3>& position_m, const std::array<double, 3>& attitude_rad);
+  // The same at the height at which the lowest point of the vehicle's shapes touches the ground, to a nanometre.
+  void ResetOnGround(double x_m, double y_m, const std::array<double, 3>& attitude_rad);
   // Sets positions and rates as given, angular rates along the world's axes. Angles of the servos must be
   // within their stops.
   void Reset(std::span<const double> state);
@@ -76,11 +85,16 @@ class Plant {
   // every step.
   void ReadSensors(std::span<double> sensors, RatesFrame frame = RatesFrame::kWorld) const;
 
-  // The first of: not finite; |position| > kPositionMax_m; tilt beyond 90 deg; main body touching the ground.
-  // Kept until Reset.
+  // The first of: not finite; |position| > kPositionMax_m; tilt beyond 90 deg; a touch of the ground that the options
+  // do not allow. Kept until Reset.
   FlightEvent Event() const;
   // The body and value of the event, for a person; empty for kNone.
   std::string EventText() const;
+
+  // True while a shape touches the ground.
+  bool OnGround() const;
+  // Height of the shapes' lowest point above the plane z = 0 (m).
+  double Clearance_m() const;
 
   // Sum of kinetic and potential energy (J), linear momentum (kg m/s) and angular momentum about the world
   // origin (kg m^2/s): for checks.

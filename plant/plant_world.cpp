@@ -99,18 +99,19 @@ void Plant::World::Create() {
   for (const Rotor& rotor : model.rotors) thrusts.push_back(CreateThrust(rotor));
   contact_joints = dJointGroupCreate(0);
   ground = dCreatePlane(nullptr, 0, 0, 1, 0);
-  CreateShape();
+  CreateShapes();
 }
 
 void Plant::World::Destroy() {
-  if (shape != nullptr) dGeomDestroy(shape);
+  for (const Shape& each : shapes) dGeomDestroy(each.geom);
+  shapes.clear();
   if (ground != nullptr) dGeomDestroy(ground);
   if (contact_joints != nullptr) dJointGroupDestroy(contact_joints);
   if (world != nullptr) dWorldDestroy(world);
   // ODE insists that no job is left when the threading goes; after an error some are, so it stays: some
   // kilobytes.
   if (threading != nullptr && !broken) dThreadingFreeImplementation(threading);
-  shape = ground = nullptr;
+  ground = nullptr;
   contact_joints = nullptr;
   world = nullptr;
   threading = nullptr;
@@ -147,30 +148,6 @@ Plant::World::Thrust Plant::World::CreateThrust(const Rotor& rotor) const {
           .fall = ShareOfLag(rotor.time_constant_down_s, step_s)};
 }
 
-void Plant::World::CreateShape() {
-  const CollisionShape& from = model.collision;
-  const Vector3d& size = from.size_m;
-  switch (from.kind) {
-    case CollisionShape::Kind::kBox:
-      shape = dCreateBox(nullptr, size.x(), size.y(), size.z());
-      break;
-    case CollisionShape::Kind::kSphere:
-      shape = dCreateSphere(nullptr, size.x());
-      break;
-    case CollisionShape::Kind::kCylinder:
-      shape = dCreateCylinder(nullptr, size.x(), size.y());
-      break;
-  }
-  const Vector3d p_CS = from.p_BS_m - model.base.p_com_m;
-  const Matrix3d& r = from.R_BS;
-  const dMatrix3 rows = {r(0, 0), r(0, 1), r(0, 2), 0,       r(1, 0), r(1, 1),
-                         r(1, 2), 0,       r(2, 0), r(2, 1), r(2, 2), 0};
-  dGeomSetBody(shape, base.id);
-  dGeomSetOffsetPosition(shape, p_CS.x(), p_CS.y(), p_CS.z());
-  dGeomSetOffsetRotation(shape, rows);
-  shape_radius_m = size.norm();
-}
-
 void Plant::World::Place(std::span<const double> state) {
   CheckSize(state.size(), signals.states, "states");
   for (std::size_t i = 0; i < state.size(); ++i) {
@@ -187,6 +164,7 @@ void Plant::World::Place(std::span<const double> state) {
   dRandSetSeed(0);  // ODE's generator is the process's: every flight begins with the same
   event = FlightEvent::kNone;
   event_text.clear();
+  strike.clear();
   time_ns = next_sample_ns = 0;
   PutBodies(state);
   FindContacts();
@@ -298,29 +276,10 @@ void Plant::World::Advance(const Disturbance& disturbance, double length_s) {
     dBodyAddRelTorque(rotor.body, torque.x(), torque.y(), torque.z());
   }
   DriveHinges(disturbance, length_s);
-  for (int i = 0; i < contact_count; ++i) {
-    dContact contact{};
-    contact.surface.mode = dContactSoftERP | dContactSoftCFM | dContactApprox1;
-    contact.surface.mu = 0.8;
-    contact.surface.soft_erp = 0.2;
-    contact.surface.soft_cfm = 1e-4;
-    contact.geom = contacts[static_cast<std::size_t>(i)];
-    dJointAttach(dJointCreateContact(world, contact_joints, &contact), dGeomGetBody(contact.geom.g1),
-                 dGeomGetBody(contact.geom.g2));
-  }
+  AddContactJoints(length_s);
   dWorldStep(world, length_s);
-  if (contact_count > 0) dJointGroupEmpty(contact_joints);
+  if (!contacts.empty()) dJointGroupEmpty(contact_joints);
   FindContacts();
-}
-
-void Plant::World::FindContacts() {
-  contact_count = 0;
-  // Looking at the height first spares the collision of a flying vehicle; written so that NaN goes no
-  // further.
-  if (!options.ground || !(dGeomGetPosition(shape)[2] <= shape_radius_m)) return;
-  contact_count = dCollide(shape, ground, kContactsMax, contacts.data(), sizeof(dContactGeom));
-  Check(contact_count >= 0 && static_cast<std::size_t>(contact_count) <= contacts.size(),
-        "ODE reports no more contacts than there is room for");
 }
 
 void Plant::World::Sample() {
@@ -355,10 +314,8 @@ void Plant::World::CheckEvent() {
     SetEvent(FlightEvent::kTilted,
              fmt::format("'{}' is tilted by {:.1f} deg, limit 90 deg", model.base.link,
                          std::acos(std::clamp(R[10], -1.0, 1.0)) * 180 / std::numbers::pi));
-  } else if (contact_count > 0) {
-    SetEvent(FlightEvent::kGroundStrike,
-             fmt::format("'{}' touches the ground at ({:.2f}, {:.2f}) m with {:.2f} m/s", model.base.link,
-                         contacts[0].pos[0], contacts[0].pos[1], base.Velocity().norm()));
+  } else if (std::string problem = strike.empty() ? TouchProblem() : strike; !problem.empty()) {
+    SetEvent(FlightEvent::kGroundStrike, std::move(problem));
   }
 }
 

@@ -20,7 +20,6 @@ inline Eigen::Vector3d ToVector(const dReal* v) { return {v[0], v[1], v[2]}; }
 void CheckSize(std::size_t size, const SignalTable& table, const char* what);
 
 struct Plant::World {
-  static constexpr int kContactsMax = 8;
   using Vector3d = Eigen::Vector3d;
   using Matrix3d = Eigen::Matrix3d;
 
@@ -65,6 +64,18 @@ struct Plant::World {
     double rise = 1, fall = 1;  // the share of the way to a larger and a smaller command that one step covers
   };
 
+  // A shape in ODE's space, on its body.
+  struct Shape {
+    dGeomID geom = nullptr;
+    double radius_m = 0;  // no point of the shape is farther from its centre
+  };
+
+  // A point at which a shape touches the ground.
+  struct Contact {
+    dContactGeom geom;
+    std::size_t shape = 0;
+  };
+
   World(const VehicleModel& vehicle, const PlantOptions& plant_options);
   ~World();
   World(const World&) = delete;
@@ -74,7 +85,6 @@ struct Plant::World {
   void Destroy();
   Body CreateBody(const RigidBody& body, const Vector3d& p_BL, const Matrix3d& R_BL) const;
   Thrust CreateThrust(const Rotor& rotor) const;
-  void CreateShape();
 
   void Place(std::span<const double> state);
   void PutBodies(std::span<const double> state);
@@ -94,10 +104,18 @@ struct Plant::World {
   void ReleaseHinges();
   void Push(const Disturbance& disturbance);
   void Observe(std::span<double> state) const;  // world rates
-  void FindContacts();
   void Sample();
   void CheckEvent();
   void SetEvent(FlightEvent kind, std::string text);
+
+  // plant/ground_contact.cpp
+  void CreateShapes();
+  void FindContacts();
+  // Call it after all forces of the part of a step are added.
+  void AddContactJoints(double length_s);
+  // The reason that the present touch of the ground is an event; empty when it is none.
+  std::string TouchProblem() const;
+  double Clearance_m() const;
 
   const VehicleModel nominal;  // as it was loaded
   VehicleModel model;          // with the masses of the latest disturbance
@@ -114,14 +132,15 @@ struct Plant::World {
   dThreadingImplementationID threading = nullptr;  // runs the step in the caller's thread
   bool broken = false;                             // an error left the step in the middle
   dJointGroupID contact_joints = nullptr;
-  dGeomID ground = nullptr, shape = nullptr;
-  double shape_radius_m = 0;  // no point of the shape is farther from its centre
+  dGeomID ground = nullptr;
+  std::vector<Shape> shapes;  // in the order of the model's
+  double reach_m = 0;         // no point of a shape is farther from the main body's centre of mass
   Body base;
   std::vector<Tilting> tilting;  // one per hinge of the model
   std::vector<Thrust> thrusts;   // one per rotor of the model
 
-  std::array<dContactGeom, kContactsMax> contacts{};
-  int contact_count = 0;
+  std::vector<Contact> contacts;
+  std::string strike;  // a touch inside a step that is an event
 
   TimeNs time_ns = 0, sensor_period_ns = 0, next_sample_ns = 0;
   std::vector<double> sample;

@@ -1,22 +1,17 @@
 // LoadVehicle: reads a vehicle from an SDF file and its tiltproof elements.
 #include <fmt/core.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <sdf/Box.hh>
-#include <sdf/Collision.hh>
-#include <sdf/Cylinder.hh>
-#include <sdf/Geometry.hh>
 #include <sdf/Joint.hh>
 #include <sdf/JointAxis.hh>
 #include <sdf/Link.hh>
 #include <sdf/Model.hh>
 #include <sdf/Root.hh>
-#include <sdf/Sphere.hh>
 #include <set>
 #include <utility>
 
+#include "plant/collision_shapes.h"
 #include "plant/dynamics.h"
 #include "plant/sdf_file.h"
 #include "plant/vehicle_mapping.h"
@@ -80,7 +75,7 @@ class Loader {
   // The place of the hinge among the vehicle's, to which it is added if need be.
   std::size_t HingeOf(const TreeJoint& hinge, VehicleModel& vehicle) const;
   Hinge ReadHinge(const TreeJoint& tree_joint) const;
-  CollisionShape ReadCollision(const RigidBody& base) const;
+  std::vector<CollisionShape> ReadShapes(VehicleModel& vehicle) const;
   const sdf::Link& Link(const std::string& name) const { return *model_->LinkByName(InnerName(name)); }
   bool HasInertial(const std::string& link) const {
     return xml_.files().Link(link)->element->FirstChildElement("inertial") != nullptr;
@@ -128,7 +123,7 @@ VehicleModel Loader::Load() {
   Lump(vehicle);
   NameHinges(vehicle);
   CheckNames(vehicle);
-  vehicle.collision = ReadCollision(vehicle.base);
+  vehicle.shapes = ReadShapes(vehicle);
   vehicle.sensor_rate_hz = elements_.sensor_rate_hz;
   vehicle.drag = elements_.drag;
   try {
@@ -377,43 +372,22 @@ Hinge Loader::ReadHinge(const TreeJoint& tree_joint) const {
   return hinge;
 }
 
-CollisionShape Loader::ReadCollision(const RigidBody& base) const {
-  CollisionShape shape;
-  const sdf::Link& link = Link(elements_.base_link);
-  for (std::uint64_t i = 0; i < link.CollisionCount(); ++i) {
-    const sdf::Collision& collision = *link.CollisionByIndex(i);
-    const sdf::Geometry& geometry = *collision.Geom();
-    if (geometry.Type() == sdf::GeometryType::BOX) {
-      shape.kind = CollisionShape::Kind::kBox;
-      shape.size_m = ToEigen(geometry.BoxShape()->Size());
-    } else if (geometry.Type() == sdf::GeometryType::SPHERE) {
-      shape.kind = CollisionShape::Kind::kSphere;
-      shape.size_m = {geometry.SphereShape()->Radius(), 0, 0};
-    } else if (geometry.Type() == sdf::GeometryType::CYLINDER) {
-      shape.kind = CollisionShape::Kind::kCylinder;
-      shape.size_m = {geometry.CylinderShape()->Radius(), geometry.CylinderShape()->Length(), 0};
-    } else {
-      continue;
-    }
-    const Pose3d pose =
-        PoseIn(elements_.base_link, collision.SemanticPose(), "collision '" + collision.Name() + "'",
-               xml_.Place("link", base.link, "collision"));
-    shape.p_BS_m = ToEigen(pose.Pos());
-    shape.R_BS = ToEigen(pose.Rot());
-    return shape;
-  }
-  // I_1 = m (b^2 + c^2) / 12 and so on, solved for the edges a, b, c of a box along the principal axes.
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> principal(base.inertia_kg_m2);
-  const Eigen::Vector3d& moments = principal.eigenvalues();
-  constexpr double kEdgeMin_m = 0.01;
-  for (Eigen::Index i = 0; i < 3; ++i) {
-    const double edge_squared = 6 * (moments.sum() - 2 * moments[i]) / base.mass_kg;
-    shape.size_m[i] = std::sqrt(std::max(edge_squared, kEdgeMin_m * kEdgeMin_m));
-  }
-  shape.p_BS_m = base.p_com_m;
-  shape.R_BS = principal.eigenvectors();
-  if (shape.R_BS.determinant() < 0) shape.R_BS.col(0) *= -1;
-  return shape;
+std::vector<CollisionShape> Loader::ReadShapes(VehicleModel& vehicle) const {
+  std::vector<CollisionShape> shapes;
+  const auto add = [&](const std::string& name) {
+    CollisionShape as;
+    as.link = name;
+    const std::string& body = tree_.BodyOf(name);
+    if (const TreeJoint* hinge = tree_.HingeOf(body)) as.hinge = HingeOf(*hinge, vehicle);
+    const std::string problem = AddShapes(Link(name), InnerName(body), as, shapes);
+    if (!problem.empty()) Fail(xml_.Place("link", name, "collision"), OuterName(problem));
+  };
+  // The main body's own come first: they stand for it in pictures.
+  add(elements_.base_link);
+  for (const SdfPart& part : xml_.files().links())
+    if (part.name != elements_.base_link) add(part.name);
+  if (shapes.empty()) shapes.push_back(InertiaBox(vehicle.base));
+  return shapes;
 }
 
 }  // namespace

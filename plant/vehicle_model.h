@@ -49,14 +49,16 @@ struct RigidBody {
       Eigen::Matrix3d::Identity();  // about the centre of mass, axes of the link frame
 };
 
-// The shape that touches the ground.
+// A shape that touches the ground, on the body of a hinge or on the main body.
 struct CollisionShape {
   enum class Kind { kBox, kSphere, kCylinder };
+  std::string link = {};                  // of the file
+  std::optional<std::size_t> hinge = {};  // none: on the main body
   Kind kind = Kind::kBox;
   Eigen::Vector3d size_m =
       Eigen::Vector3d::Ones();  // box: edges; sphere: radius, -, -; cylinder: radius, length, -
-  Eigen::Vector3d p_BS_m = Eigen::Vector3d::Zero();  // pose in the base frame
-  Eigen::Matrix3d R_BS = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d p_LS_m = Eigen::Vector3d::Zero();  // pose in the body's link frame
+  Eigen::Matrix3d R_LS = Eigen::Matrix3d::Identity();
 };
 
 // Command of a hinge's servo: a torque, or an angle.
@@ -109,7 +111,7 @@ struct VehicleModel {
   std::string name;
   std::filesystem::path file;
   RigidBody base;
-  CollisionShape collision;
+  std::vector<CollisionShape> shapes;  // one or more
   std::vector<Hinge> hinges;
   std::vector<Rotor> rotors;  // 1 to kRotorsMax (link/disturbance.h); each hinge carries one or more
   double sensor_rate_hz = 0;  // 0: at every step

@@ -186,7 +186,7 @@ void VehicleXml::Warn(const std::filesystem::path& file, const XMLElement& eleme
       fmt::format("{}:{}: {}: {}", file.string(), element.GetLineNum(), Describe(element), text));
 }
 
-void VehicleXml::WarnLink(const SdfPart& part, bool is_base, std::vector<std::string>& warnings) const {
+bool VehicleXml::WarnLink(const SdfPart& part, std::vector<std::string>& warnings) const {
   const XMLElement& link = *part.element;
   const std::string where = fmt::format(" (link '{}')", part.name);
   bool has_shape = false;
@@ -203,13 +203,9 @@ void VehicleXml::WarnLink(const SdfPart& part, bool is_base, std::vector<std::st
              fmt::format("meshes are not supported, ignored: {} in {}{}", text == nullptr ? "(no uri)" : text,
                          Describe(*child), where),
              warnings);
-      } else if (!is_base) {
-        Warn(part.file(), *child, "ignored: only the base touches the ground" + where, warnings);
       } else if ((shape == nullptr || !IsOneOf(*shape, {"box", "sphere", "cylinder"}))) {
         Warn(part.file(), *child, "ignored: the shapes supported are box, sphere and cylinder" + where,
              warnings);
-      } else if (has_shape) {
-        Warn(part.file(), *child, "ignored: the first collision shape counts" + where, warnings);
       } else {
         has_shape = true;
       }
@@ -228,12 +224,7 @@ void VehicleXml::WarnLink(const SdfPart& part, bool is_base, std::vector<std::st
     }
     Warn(part.file(), *child, "not supported, ignored" + where, warnings);
   }
-  if (is_base && !has_shape) {
-    Warn(part.file(), link,
-         "has no usable collision shape: the box of uniform density with its mass and inertia touches the "
-         "ground",
-         warnings);
-  }
+  return has_shape;
 }
 
 void VehicleXml::WarnJoint(const SdfPart& own, bool has_speed_limit,
@@ -290,7 +281,13 @@ void VehicleXml::WarnUnsupported(const VehicleElements& elements, const std::set
   for (const SdfPart& plugin : files_.plugins())
     if (!IsRead(plugin, elements))
       Warn(plugin.file(), *plugin.element, "plugins are not supported, ignored", warnings);
-  for (const SdfPart& link : files_.links()) WarnLink(link, link.name == elements.base_link, warnings);
+  bool has_shape = false;
+  for (const SdfPart& link : files_.links()) has_shape = WarnLink(link, warnings) || has_shape;
+  if (const SdfPart* base = files_.Link(elements.base_link); base != nullptr && !has_shape)
+    Warn(base->file(), *base->element,
+         "no link has a usable collision shape: the box of uniform density with the main body's mass and "
+         "inertia touches the ground",
+         warnings);
   // The motion of other joints is not simulated.
   for (const SdfPart& joint : files_.joints())
     if (hinges.contains(joint.name))

@@ -45,7 +45,8 @@ class VehicleXml {
   void CheckNumbers(std::vector<VehicleProblem>& problems) const;
   void CheckNumbersIn(const tinyxml2::XMLElement& element, const std::filesystem::path& file,
                       std::vector<VehicleProblem>& problems) const;
-  void WarnLink(const SdfPart& part, bool is_base, std::vector<std::string>& warnings) const;
+  // Returns true when the link has a shape that touches the ground.
+  bool WarnLink(const SdfPart& part, std::vector<std::string>& warnings) const;
   void WarnJoint(const SdfPart& part, bool has_speed_limit, std::vector<std::string>& warnings) const;
   void Warn(const std::filesystem::path& file, const tinyxml2::XMLElement& element, const std::string& text,
             std::vector<std::string>& warnings) const;

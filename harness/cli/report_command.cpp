@@ -65,13 +65,16 @@ int ReportEnvelope(const ReportOptions& options) {
 VehicleShape ShapeOf(const plant::VehicleModel& model) {
   VehicleShape shape;
   shape.name = model.name;
-  const auto& collision = model.collision;
+  // The main body's first; a vehicle may have shapes on its hinges only.
+  const auto on_base = std::find_if(model.shapes.begin(), model.shapes.end(),
+                                    [](const plant::CollisionShape& each) { return !each.hinge; });
+  const plant::CollisionShape collision = on_base == model.shapes.end() ? plant::CollisionShape() : *on_base;
   Eigen::Vector3d size = collision.size_m;
   if (collision.kind == plant::CollisionShape::Kind::kSphere) size.setConstant(2 * collision.size_m.x());
   if (collision.kind == plant::CollisionShape::Kind::kCylinder)
     size = {2 * collision.size_m.x(), 2 * collision.size_m.x(), collision.size_m.y()};
-  shape.body_size_m = Numbers((collision.R_BS * size).cwiseAbs());
-  shape.body_position_m = Numbers(collision.p_BS_m);
+  shape.body_size_m = Numbers((collision.R_LS * size).cwiseAbs());
+  shape.body_position_m = Numbers(collision.p_LS_m);
   const VehicleSignals signals = model.signals();
   for (std::size_t i = 0; i < model.rotors.size(); ++i) {
     const plant::Rotor& from = model.rotors[i];

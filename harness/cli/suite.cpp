@@ -13,6 +13,7 @@
 #include "harness/run/fault_conditions.h"
 #include "harness/run/message_binding.h"
 #include "harness/run/supervisor_states.h"
+#include "harness/run/vehicle_start.h"
 #include "harness/scenario/did_you_mean.h"
 #include "harness/scenario/selection.h"
 #include "harness/score/score.h"
@@ -97,8 +98,15 @@ ReadOptions MakeReadOptions(ModelCache& models) {
 
 // The reason that no firmware survives the start; empty when one can.
 std::string StartProblem(const Scenario& scenario, const plant::VehicleModel& model) {
-  plant::Plant plant(model, {.step_ns = scenario.step_ns});
-  plant.Reset(scenario.initial_position_m, scenario.initial_attitude_rad);
+  plant::Plant plant(model, PlantOptionsOf(scenario));
+  PlaceAtStart(scenario, plant);
+  constexpr double kDepthMax_m = 1e-6;
+  if (const double depth_m = -plant.Clearance_m(); scenario.solid_ground && depth_m > kDepthMax_m)
+    return fmt::format(
+        "{}: initial: the vehicle would start {:.4g} m deep in the ground: `on_ground: true` starts it on "
+        "the "
+        "ground, and from position_m[2] = {:.4g} on it starts above it",
+        scenario.file.string(), depth_m, scenario.initial_position_m[2] + depth_m);
   if (plant.Event() == plant::FlightEvent::kNone) return {};
   return fmt::format("{}: initial: the flight would end where it starts: {}", scenario.file.string(),
                      plant.EventText());

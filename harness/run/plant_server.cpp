@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "harness/run/message_binding.h"
+#include "harness/run/vehicle_start.h"
 #include "link/check.h"
 
 namespace tiltproof::harness {
@@ -36,7 +37,7 @@ LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::Vehicl
       signals_(model.signals()),
       layout_(signals_, scenario),
       trajectory_(scenario.reference),
-      plant_(model, {.step_ns = scenario.step_ns}),
+      plant_(model, PlantOptionsOf(scenario)),
       readings_(signals_.sensors.size()),
       sent_(signals_.sensors.size()),
       faults_(scenario.faults, scenario.seed,
@@ -53,7 +54,7 @@ LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::Vehicl
       in_force_(hover_input_) {
   for (const link::MessageType& type : protocol_.messages)
     bindings_.emplace_back(type, TableOf(type, signals_));
-  plant_.Reset(scenario.initial_position_m, scenario.initial_attitude_rad);
+  PlaceAtStart(scenario, plant_);
   for (std::size_t client = 0; client < scenario.client_count(); ++client)
     seats_.push_back({.faults = ClientFaults(scenario, client, &signals_, grows),
                       .sensed = std::vector<double>(signals_.sensors.size(), kNothingYet),
@@ -228,6 +229,7 @@ void LocalPlantServer::FillRow(TimeNs t, const AllCounts& counts, std::span<doub
     std::copy(sensed.begin(), sensed.end(), row.begin() + Offset(layout_.sensed + client * sensed.size()));
     std::copy(asked.begin(), asked.end(), row.begin() + Offset(layout_.commanded + client * asked.size()));
   }
+  if (layout_.on_ground) row[*layout_.on_ground] = plant_.OnGround() ? 1.0 : 0.0;
   if (layout_.arbiter_selected) row[*layout_.arbiter_selected] = static_cast<double>(arbiter_.selected());
   for (std::size_t i = 0; i < counts.size(); ++i)
     PutCounters(counts[i], row.subspan(layout_.link_counters + i * kLineCounters));

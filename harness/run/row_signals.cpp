@@ -29,8 +29,11 @@ double Tilt(std::span<const double> values) {
 }
 
 double HeadingError(std::span<const double> values) {
-  return std::remainder(values[0] - values[1], 2 * std::numbers::pi);
+  const double error_rad = std::remainder(values[0] - values[1], 2 * std::numbers::pi);
+  return error_rad <= -std::numbers::pi ? std::numbers::pi : error_rad;
 }
+
+double Never(std::span<const double>) { return 0; }
 
 struct ComputedSignal {
   std::string_view name;
@@ -38,13 +41,15 @@ struct ComputedSignal {
   double (*compute)(std::span<const double>);  // null: with the path
 };
 
-const std::array<ComputedSignal, 5>& ComputedSignals() {
-  static const std::array<ComputedSignal, 5> signals = {
+const std::array<ComputedSignal, 6>& ComputedSignals() {
+  static const std::array<ComputedSignal, 6> signals = {
       {{"position_error_m", {"x_m", "y_m", "z_m", "x_ref_m", "y_ref_m", "z_ref_m"}, PositionError},
        {kCrossTrackError, {"x_m", "y_m", "z_m"}, nullptr},
        {"speed_m_s", {"vx_m_s", "vy_m_s", "vz_m_s"}, Speed},
        {"tilt_rad", {"roll_rad", "pitch_rad"}, Tilt},
-       {"heading_error_rad", {"yaw_rad", "yaw_ref_rad"}, HeadingError}}};
+       {"heading_error_rad", {"yaw_rad", "yaw_ref_rad"}, HeadingError},
+       // A column of its own where the ground carries the vehicle.
+       {"on_ground", {}, Never}}};
   return signals;
 }
 
@@ -54,7 +59,8 @@ std::vector<std::string> SignalNames(std::span<const std::string> columns) {
   std::vector<std::string> names;
   for (const std::string& column : columns)
     if (!column.starts_with(stl::kActivePrefix)) names.push_back(column);
-  for (const ComputedSignal& signal : ComputedSignals()) names.emplace_back(signal.name);
+  for (const ComputedSignal& signal : ComputedSignals())
+    if (std::find(names.begin(), names.end(), signal.name) == names.end()) names.emplace_back(signal.name);
   return names;
 }
 
@@ -71,8 +77,9 @@ std::vector<std::size_t> ColumnsNamed(std::span<const std::string> columns,
 }
 
 RowSignal::RowSignal(std::span<const std::string> columns, std::string_view name, const ReferencePath* path) {
+  const bool is_column = std::find(columns.begin(), columns.end(), name) != columns.end();
   for (const ComputedSignal& signal : ComputedSignals()) {
-    if (signal.name != name) continue;
+    if (signal.name != name || is_column) continue;
     columns_ = ColumnsNamed(columns, signal.columns);
     compute_ = signal.compute;
     if (compute_ == nullptr) path_ = path;

@@ -1,4 +1,4 @@
-// The signals of a flight, read from one row of its trace: the numeric columns, and five signals that are
+// The signals of a flight, read from one row of its trace: the numeric columns, and six signals that are
 // computed from them.
 //
 //   position_error_m     distance from the vehicle to the reference of the same row
@@ -6,7 +6,8 @@
 //                        points of all rows
 //   speed_m_s            magnitude of the velocity
 //   tilt_rad             angle between the body's z axis and the world's, [0, pi]
-//   heading_error_rad    yaw minus the reference's, the short way round: [-pi, pi]
+//   heading_error_rad    yaw minus the reference's, the short way round: (-pi, pi]
+//   on_ground            1 while the vehicle touches the ground, else 0; always 0 where a touch ends the flight
 //
 //   const RowSignal tilt(trace.columns(), "tilt_rad");
 //   tilt.At(trace.row(r));

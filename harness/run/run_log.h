@@ -22,7 +22,7 @@ namespace tiltproof::harness {
 enum class EndReason : std::uint8_t {
   kCompleted,        // duration_s reached
   kDiverged,         // not finite, |position| > 1 km, tilt beyond 90 deg
-  kGroundStrike,     // the main body touched the ground
+  kGroundStrike,     // a touch of the ground that the scenario does not allow
   kNeverStarted,     // the server accepted no `start` within duration_s of power-on
   kFirmwareHung,     // a call into the client did not return
   kFirmwareCrashed,  // the client raised a fatal signal

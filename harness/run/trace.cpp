@@ -52,6 +52,10 @@ TraceLayout::TraceLayout(const VehicleSignals& vehicle, const Scenario& scenario
     arbiter_selected = all.size();
     add("arbiter_selected");
   }
+  if (scenario.solid_ground) {
+    on_ground = all.size();
+    add("on_ground");
+  }
   faults_active_count = all.size();
   add("faults_active_count");
   link_counters = all.size();

@@ -20,7 +20,7 @@ namespace tiltproof::harness {
 // The columns of a flight's trace, in file order, and where each group of them begins:
 //
 //   t_s, states, inputs in force, reference (x_ref_m y_ref_m z_ref_m yaw_ref_rad), sensed_<sensor>,
-//   commanded_<input>, faults_active_count, link counters (LineCounts, three each), active_<fault id> (0 or 1),
+//   commanded_<input>, on_ground (0 or 1; only where the ground carries the vehicle), faults_active_count, link counters (LineCounts, three each), active_<fault id> (0 or 1),
 //   watch_<variable>
 //
 // When the flight is over, supervisor_state follows, if the client tells one (harness/run/supervisor_states.h).
@@ -33,7 +33,7 @@ struct TraceLayout {
 
   SignalTable columns;
   std::size_t states = 0, inputs = 0, reference = 0, sensed = 0, commanded = 0;
-  std::optional<std::size_t> arbiter_selected;
+  std::optional<std::size_t> arbiter_selected, on_ground;
   std::size_t faults_active_count = 0, link_counters = 0, active = 0, watch = 0;
 };
 

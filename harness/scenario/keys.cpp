@@ -73,7 +73,26 @@ void DescribeInitial(KeyVisitor& v, Scenario& s) {
   v.Point({"position_m", "World position of the main body's origin; absent: the reference's start",
            Presence::kDerived},
           s.initial_position_m, kPosition_m);
+  v.Bool({"on_ground",
+          "Stand on the ground, at rest: the height follows from the vehicle's shapes, so the z of "
+          "position_m must be 0. Needs `ground: {solid: true}`"},
+         s.initial_on_ground);
   v.Point({"attitude_rad", "Roll, pitch, yaw (Z-Y-X Euler angles)"}, s.initial_attitude_rad, {-3.2, 3.2});
+}
+
+void DescribeGround(KeyVisitor& v, Scenario& s) {
+  v.WordOrSection(
+      {"ground", "The plane z = 0. `end`: any touch ends the flight and fails `survival`"}, "end",
+      s.solid_ground.has_value(), [&](KeyVisitor& w) {
+        if (!s.solid_ground) s.solid_ground.emplace();
+        bool solid = true;
+        w.Bool({"solid", "true: the vehicle may start on the ground, land on it and leave it", kRequired},
+               solid);
+        w.Number({"touch_down_max_m_s",
+                  "A touch ends the flight and fails `survival` when the touching point comes "
+                  "down faster than this"},
+                 s.solid_ground->touch_down_max_m_s, {0.001, 100});
+      });
 }
 
 void DescribeProtocol(KeyVisitor& v, std::shared_ptr<const link::Protocol>& protocol) {
@@ -282,6 +301,7 @@ void DescribeScenario(KeyVisitor& v, Scenario& s) {
        "Angular rates of the sensors: about the world's axes, about the body's axes, or of the Euler angles"},
       std::array{AngularRates::kWorld, AngularRates::kBody, AngularRates::kEuler}, s.angular_rates);
   v.Section({"initial", "The vehicle before the start"}, [&](KeyVisitor& w) { DescribeInitial(w, s); });
+  DescribeGround(v, s);
   v.Section({"link", "The serial lines"}, [&](KeyVisitor& w) { DescribeLink(w, s.link); });
   v.Section({"reference", "The path that the base station asks for", kRequired},
             [&](KeyVisitor& w) { DescribeReference(w, s.reference); });

@@ -112,6 +112,8 @@ class KeyVisitor {
   virtual void Section(const Key& key, const Body& body) = 0;
   // The same, where its absence has a meaning. `body` is called only when it is there.
   virtual void MaybeSection(const Key& key, bool is_there, const Body& body) = 0;
+  // A mapping, or the word that stands for its absence. `body` is called only when the mapping is there.
+  virtual void WordOrSection(const Key& key, std::string_view word, bool is_there, const Body& body) = 0;
   // A list of mappings. `resize` is called before the bodies.
   virtual void List(const Key& key, std::size_t count, const std::function<void(std::size_t)>& resize,
                     const NumberedBody& body) = 0;

@@ -356,6 +356,15 @@ void MappingReader::MaybeSection(const Key& key, bool, const Body& body) {
   if (const YamlNode* node = Take(key)) ReadBody(key.name, *node, body);
 }
 
+void MappingReader::WordOrSection(const Key& key, std::string_view word, bool, const Body& body) {
+  const YamlNode* node = Take(key);
+  if (node == nullptr || (node->kind == YamlNode::Kind::kText && node->text == word)) return;
+  if (node->kind == YamlNode::Kind::kMapping)
+    ReadBody(key.name, *node, body);
+  else
+    ComplainKind(key.name, *node, fmt::format("'{}' or a mapping", word));
+}
+
 void MappingReader::List(const Key& key, std::size_t, const std::function<void(std::size_t)>& resize,
                          const NumberedBody& body) {
   const YamlNode* node = Take(key);

@@ -37,6 +37,7 @@ class MappingReader : public KeyVisitor {
                     const TextRule& name_rule) override;
   void Section(const Key& key, const Body& body) override;
   void MaybeSection(const Key& key, bool is_there, const Body& body) override;
+  void WordOrSection(const Key& key, std::string_view word, bool is_there, const Body& body) override;
   void List(const Key& key, std::size_t count, const std::function<void(std::size_t)>& resize,
             const NumberedBody& body) override;
   void Alternatives(const Key& key, std::span<const Alternative> alternatives,

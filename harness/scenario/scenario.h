@@ -100,6 +100,12 @@ struct Expectation {
   friend bool operator==(const Expectation&, const Expectation&) = default;
 };
 
+// Ground on which the vehicle may start, stand and land.
+struct SolidGround {
+  double touch_down_max_m_s = 1;  // normal speed of a touching point; a harder touch ends the flight
+  friend bool operator==(const SolidGround&, const SolidGround&) = default;
+};
+
 struct Scenario {
   std::filesystem::path file;  // where it was read from
   std::int64_t format = kScenarioFormat;
@@ -131,6 +137,8 @@ struct Scenario {
   bool allow_invalid_inertia = false;
   std::array<double, 3> initial_position_m{};  // default: the reference's start
   std::array<double, 3> initial_attitude_rad{};
+  bool initial_on_ground = false;           // at the height at which it stands; initial_position_m[2] is 0
+  std::optional<SolidGround> solid_ground;  // none: any touch ends the flight
   LinkSpec link;
   ReferenceSpec reference;
   std::vector<faults::FaultSpec> faults;

@@ -68,6 +68,7 @@ class Checker {
   void Run() {
     CheckPeriod();
     CheckAdapter();
+    CheckGround();
     CheckModel();
     CheckProtocol();
     CheckFirmware();
@@ -86,9 +87,10 @@ class Checker {
   }
 
   // The reader could make nothing of this value and said so.
-  bool Troubled(const YamlNode& node) const {
+  bool Troubled(const YamlNode& node) const { return Troubled(node.mark); }
+  bool Troubled(const YamlMark& mark) const {
     return std::any_of(problems_.begin(), problems_.end(),
-                       [&](const YamlProblem& p) { return p.mark == node.mark; });
+                       [&](const YamlProblem& p) { return p.mark == mark; });
   }
   // A value that is there and good.
   const YamlNode* Good(const YamlNode& mapping, std::string_view key) const {
@@ -122,6 +124,22 @@ class Checker {
     if (latency != nullptr && scenario_.link.adapter && scenario_.link.adapter_latency_ms > 0)
       Complain(latency->mark,
                "adapter_latency_ms: 'adapter' has a latency_ms of its own: give one of the two");
+  }
+
+  void CheckGround() {
+    if (const YamlNode* solid = ValueOf(ValueOf(&root_, "ground"), "solid");
+        solid != nullptr && solid->kind == YamlNode::Kind::kBool && !solid->boolean())
+      Complain(solid->mark, "solid: false is `ground: end`: write that");
+    if (!scenario_.initial_on_ground) return;
+    if (!scenario_.solid_ground && !Troubled(PlaceOf(root_, "ground")))
+      Complain(root_, "initial.on_ground",
+               "on_ground: the ground ends the flight at any touch: add `ground: {solid: true}`");
+    if (scenario_.initial_position_m[2] != 0)
+      Complain(
+          root_, "initial.position_m",
+          fmt::format("position_m: with `on_ground` the height follows from the vehicle's shapes: write 0 in "
+                      "place of z = {}, or remove `on_ground`",
+                      scenario_.initial_position_m[2]));
   }
 
   fs::path RelativeToScenario(const fs::path& file) const {
@@ -243,6 +261,7 @@ class Checker {
       }
       const YamlNode* initial = ValueOf(&root_, "initial");
       if (ValueOf(initial, "position_m") == nullptr) scenario_.initial_position_m = trajectory.Start();
+      if (scenario_.initial_on_ground) scenario_.initial_position_m[2] = 0;
     } catch (const ReferenceError& error) {
       Complain(*node, "file", fmt::format("file: {}", error.what()));
     }

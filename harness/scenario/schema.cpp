@@ -130,6 +130,12 @@ class SchemaBuilder : public KeyVisitor {
     Add(key, inner.Take());
   }
   void MaybeSection(const Key& key, bool, const Body& body) override { Section(key, body); }
+  void WordOrSection(const Key& key, std::string_view word, bool, const Body& body) override {
+    const std::string name(key.name);
+    SchemaBuilder inner(name);
+    body(inner);
+    Add(key, {{"anyOf", {{{"enum", {word}}}, inner.Take()}}}, std::string(word));
+  }
   void List(const Key& key, std::size_t, const std::function<void(std::size_t)>& resize,
             const NumberedBody& body) override {
     resize(1);
@@ -291,6 +297,8 @@ std::string AllowedText(const Json& schema) {
     for (const auto& word : schema["enum"]) words.push_back(fmt::format("`{}`", word.get<std::string>()));
     return fmt::format("{}", fmt::join(words, ", "));
   }
+  if (schema.contains("anyOf") && schema["anyOf"][1].contains("properties"))
+    return fmt::format("{}, or a mapping", AllowedText(schema["anyOf"][0]));
   if (schema.contains("anyOf"))
     return fmt::format("{}, or a mapping of names to these", AllowedText(schema["anyOf"][0]));
   const std::string type = schema["type"];
@@ -353,6 +361,7 @@ std::string ScenarioKeysMarkdown() {
   text += Table("`control_period`", Rows(keys["control_period"]));
   text += Table("`clean_line`", Rows(keys["clean_line"]));
   text += Table("`initial`", Rows(keys["initial"]));
+  text += Table("`ground`", Rows(keys["ground"]["anyOf"][1]));
   text += Table("`link`", Rows(keys["link"]));
   text += Table("`adapter` of `link`", Rows(keys["link"]["properties"]["adapter"]));
   for (const Json& branch : keys["reference"]["allOf"]) {

@@ -82,6 +82,9 @@ class Writer : public KeyVisitor {
   void MaybeSection(const Key& key, bool is_there, const Body& body) override {
     if (is_there) Section(key, body);
   }
+  void WordOrSection(const Key& key, std::string_view word, bool is_there, const Body& body) override {
+    is_there ? Section(key, body) : Line(key, std::string(word));
+  }
   void List(const Key& key, std::size_t count, const std::function<void(std::size_t)>&,
             const NumberedBody& body) override {
     if (count == 0) return Line(key, "[]");

@@ -67,8 +67,7 @@ VehicleModel Quadrotor() {
   model.base.link = "body";
   model.base.mass_kg = 1.2;
   model.base.inertia_kg_m2 = Eigen::Vector3d(0.012, 0.014, 0.021).asDiagonal();
-  model.collision.kind = CollisionShape::Kind::kSphere;
-  model.collision.size_m = {0.2, 0, 0};
+  model.shapes = {{.link = "body", .kind = CollisionShape::Kind::kSphere, .size_m = {0.2, 0, 0}}};
   for (int i = 0; i < 4; ++i)
     model.rotors.push_back({.name = std::string(1, static_cast<char>('a' + i)),
                             .hinge = {},

@@ -227,7 +227,7 @@ TEST(Plant, GroundStrikeIsSeenAndHolds) {
 
 TEST(Plant, EveryShapeMeetsTheGroundWhereItIs) {
   VehicleModel model = Model();
-  model.collision.p_BS_m = {0, 0, -0.2};
+  model.shapes.at(0).p_LS_m = {0, 0, -0.2};
   const auto height_of_contact = [&model] {
     TiltrotorPlant plant(model, {});
     double low = 0, high = 2;
@@ -238,14 +238,14 @@ TEST(Plant, EveryShapeMeetsTheGroundWhereItIs) {
     }
     return high;
   };
-  model.collision.kind = CollisionShape::Kind::kBox;
-  model.collision.size_m = {0.1, 0.2, 0.3};
+  model.shapes.at(0).kind = CollisionShape::Kind::kBox;
+  model.shapes.at(0).size_m = {0.1, 0.2, 0.3};
   EXPECT_NEAR(height_of_contact(), 0.35, 1e-5);
-  model.collision.kind = CollisionShape::Kind::kSphere;
-  model.collision.size_m = {0.25, 0, 0};
+  model.shapes.at(0).kind = CollisionShape::Kind::kSphere;
+  model.shapes.at(0).size_m = {0.25, 0, 0};
   EXPECT_NEAR(height_of_contact(), 0.45, 1e-5);
-  model.collision.kind = CollisionShape::Kind::kCylinder;
-  model.collision.size_m = {0.1, 0.5, 0};
+  model.shapes.at(0).kind = CollisionShape::Kind::kCylinder;
+  model.shapes.at(0).size_m = {0.1, 0.5, 0};
   EXPECT_NEAR(height_of_contact(), 0.45, 1e-5);
 }
 

@@ -14,6 +14,7 @@ namespace {
 
 using Eigen::Vector3d;
 using ::testing::AllOf;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
@@ -130,6 +131,38 @@ TEST_F(VehicleFile, AHingeCarriesTwoRotors) {
   EXPECT_NEAR((model.hinges[0].body.p_com_m - Vector3d(0, 0, 0.025)).norm(), 0, 1e-15);
   EXPECT_NEAR(model.HoverInput()[0], 1.2 * 9.81 / 2, 1e-9);
   EXPECT_NEAR(model.HoverInput()[2], 0, 1e-9);
+}
+
+TEST_F(VehicleFile, ShapesOfEveryLinkKeepTheirPlace) {
+  const auto with_shape = [](std::string link, const std::string& pose, const std::string& geometry) {
+    return link.insert(link.rfind("</link>"), "<collision name='shape'><pose>" + pose + "</pose><geometry>" +
+                                                  geometry + "</geometry></collision>");
+  };
+  const std::string upright = "1.5707963267948966 0 0";
+  const VehicleModel model =
+      Load(with_shape(LinkXml("boom", "0 0 0.1 0 0 0", 0.1, 0.001), "0.02 0 0 0 0 0",
+                      "<sphere><radius>0.07</radius></sphere>") +
+               LinkXml("body", "0 0 0 0 0 0", 1, 0.01) +
+               with_shape(LinkXml("r1", "0 -0.3 0.15 " + upright, 0.05, 0.0001), "0 0 0.1 0 0 0",
+                          "<cylinder><radius>0.1</radius><length>0.02</length></cylinder>") +
+               with_shape(LinkXml("r2", "0 0.3 0.15 " + upright, 0.05, 0.0001), "0 0 0 0 0 0",
+                          "<mesh><uri>r2.stl</uri></mesh>") +
+               HingeXml("boom") + FixedXml("boom", "r1") + FixedXml("boom", "r2"),
+           ThrusterXml("r1", 1, "axis='0 1 0'") + ThrusterXml("r2", -1, "axis='0 1 0'") +
+               "<tiltproof:servo joint='tilt' torque_max_nm='2'/>");
+  EXPECT_THAT(warnings_, ElementsAre(HasSubstr("meshes are not supported, ignored: r2.stl")));
+  ASSERT_EQ(model.shapes.size(), 3U);
+  EXPECT_EQ(model.shapes[0].link, "body");  // first, wherever it stands
+  EXPECT_FALSE(model.shapes[0].hinge);
+  EXPECT_EQ(model.shapes[1].link, "boom");
+  EXPECT_EQ(model.shapes[1].hinge, 0U);
+  EXPECT_NEAR((model.shapes[1].p_LS_m - Vector3d(0.02, 0, 0)).norm(), 0, 1e-15);
+  // 0.05 m above the boom's frame; its z points along the boom's -y.
+  EXPECT_EQ(model.shapes[2].link, "r1");
+  EXPECT_EQ(model.shapes[2].hinge, 0U);
+  EXPECT_EQ(model.shapes[2].kind, CollisionShape::Kind::kCylinder);
+  EXPECT_NEAR((model.shapes[2].p_LS_m - Vector3d(0, -0.4, 0.05)).norm(), 0, 1e-15);
+  EXPECT_NEAR((model.shapes[2].R_LS * Vector3d::UnitZ() + Vector3d::UnitY()).norm(), 0, 1e-15);
 }
 
 TEST_F(VehicleFile, ARotorOnAHingeAndOthersOnTheBase) {

@@ -32,8 +32,7 @@ inline VehicleModel Body(const std::string& name, double mass_kg, const Vector3d
   model.base.mass_kg = mass_kg;
   model.base.p_com_m = p_com_m;
   model.base.inertia_kg_m2 << 0.012, 0.0004, -0.0007, 0.0004, 0.014, 0.0003, -0.0007, 0.0003, 0.021;
-  model.collision.kind = CollisionShape::Kind::kSphere;
-  model.collision.size_m = {0.2, 0, 0};
+  model.shapes = {{.link = "body", .kind = CollisionShape::Kind::kSphere, .size_m = {0.2, 0, 0}}};
   return model;
 }
 
@@ -158,8 +157,7 @@ inline VehicleModel LightBicopter() {
   model.base.link = "base";
   model.base.mass_kg = 0.4;
   model.base.inertia_kg_m2 = Vector3d(0.003, 0.001, 0.003).asDiagonal();
-  model.collision.kind = CollisionShape::Kind::kSphere;
-  model.collision.size_m = {0.1, 0, 0};
+  model.shapes = {{.link = "body", .kind = CollisionShape::Kind::kSphere, .size_m = {0.1, 0, 0}}};
   model.hinges = {HingeAt("right", {0, -0.11, 0.12}), HingeAt("left", {0, 0.11, 0.12})};
   model.hinges[0].body.inertia_kg_m2 = Vector3d(5e-6, 5e-6, 5e-6).asDiagonal();
   model.hinges[1].body.inertia_kg_m2 = Vector3d(5e-6, 5e-7, 5e-6).asDiagonal();

@@ -144,7 +144,7 @@ std::string Sdf(const std::string& model, const std::string& version = "1.6") {
 TEST_F(VehicleFolder, GazeboMotorModelsAreRotors) {
   Write("quad.sdf", Sdf(QuadrotorFrame() + QuadrotorPlugins()));
   const VehicleModel model = Load("quad.sdf");
-  EXPECT_THAT(warnings_, ElementsAre(HasSubstr("\"base_link\">: has no usable collision shape")));
+  EXPECT_THAT(warnings_, ElementsAre(HasSubstr("\"base_link\">: no link has a usable collision shape")));
   EXPECT_EQ(model.base.link, "base_link");
   EXPECT_TRUE(model.hinges.empty());
   ASSERT_EQ(model.rotors.size(), 4U);

@@ -196,6 +196,42 @@ TEST_F(ReaderTest, ReadsEveryReferenceAndStartsThere) {
             folder_ / "path.csv");
 }
 
+TEST_F(ReaderTest, GroundEndsTheFlightOrCarriesTheVehicle) {
+  EXPECT_FALSE(Read(With("")).solid_ground);
+  EXPECT_FALSE(Read(With("ground: end\n")).solid_ground);
+  const Scenario solid = Read(With("ground: {solid: true}\n"));
+  EXPECT_EQ(solid.solid_ground, SolidGround{1});
+  EXPECT_FALSE(solid.initial_on_ground);
+  EXPECT_THAT(solid.initial_position_m, ElementsAre(0, 0, 2));
+  const Scenario standing =
+      Read(With("ground: {solid: true, touch_down_max_m_s: 0.4}\ninitial: {on_ground: true}\n"));
+  EXPECT_EQ(standing.solid_ground, SolidGround{0.4});
+  EXPECT_TRUE(standing.initial_on_ground);
+  EXPECT_THAT(standing.initial_position_m, ElementsAre(0, 0, 0));
+  EXPECT_THAT(Read(With("ground: {solid: true}\ninitial: {on_ground: true, position_m: [3, 4, 0]}\n"))
+                  .initial_position_m,
+              ElementsAre(3, 4, 0));
+}
+
+TEST_F(ReaderTest, GroundThatDoesNotFitIsRefused) {
+  const std::vector<std::pair<std::string, std::string>> cases = {
+      {"ground: solid\n", "4:9: ground: expected 'end' or a mapping, found 'solid'"},
+      {"ground: {touch_down_max_m_s: 2}\n", "4:9: missing key 'solid'"},
+      {"ground: {solid: false}\n", "4:17: solid: false is `ground: end`: write that"},
+      {"ground: {solid: true, touch_down_max_m_s: 0}\n",
+       "4:43: touch_down_max_m_s: 0 is out of range; must be from 0.001 to 100"},
+      {"ground: {solid: true, touch_down: 2}\n",
+       "4:23: unknown key 'touch_down'; did you mean 'touch_down_max_m_s'?"},
+      {"initial: {on_ground: true}\n",
+       "4:22: on_ground: the ground ends the flight at any touch: add `ground: {solid: true}`"},
+      {"ground: {solid: true}\ninitial: {on_ground: true, position_m: [0, 0, 0.5]}\n",
+       "5:40: position_m: with `on_ground` the height follows from the vehicle's shapes: write 0 in place of "
+       "z = "
+       "0.5, or remove `on_ground`"},
+  };
+  for (const auto& [text, error] : cases) EXPECT_THAT(ErrorsWith(text), ElementsAre(error)) << text;
+}
+
 TEST_F(ReaderTest, ProtocolHasTwoNames) {
   const std::string head = "name: x\nduration_s: 24\nreference: {type: spiral}\n";
   EXPECT_EQ(Read(head + "link: {protocol: provant}\n").link, Read(head + "link: {dialect: provant}\n").link);

@@ -62,6 +62,9 @@ class RandomFiller : public KeyVisitor {
   void MaybeSection(const Key&, bool, const Body& body) override {
     if (*rc::gen::arbitrary<bool>()) body(*this);
   }
+  void WordOrSection(const Key&, std::string_view, bool, const Body& body) override {
+    if (*rc::gen::arbitrary<bool>()) body(*this);
+  }
   void List(const Key&, std::size_t, const std::function<void(std::size_t)>& resize,
             const NumberedBody& body) override {
     const auto count = *rc::gen::inRange<std::size_t>(0, 4);
@@ -97,6 +100,8 @@ class RandomFiller : public KeyVisitor {
 
 // Random as far as the keys by themselves go; this makes them agree with each other and with the world.
 void MakeConsistent(Scenario& s, const fs::path& folder) {
+  s.initial_on_ground = s.initial_on_ground && s.solid_ground;
+  if (s.initial_on_ground) s.initial_position_m[2] = 0;
   s.duration_ns = std::max(s.duration_ns, s.link.protocol->control_period_ns);
   s.step_ns =
       *rc::gen::elementOf(std::vector<TimeNs>{kNsPerMs, 3 * kNsPerMs, 4 * kNsPerMs, 12 * kNsPerMs, 10'000});
@@ -191,6 +196,8 @@ void ExpectSame(const Scenario& a, const Scenario& b) {
   RC_ASSERT(a.angular_rates == b.angular_rates);
   RC_ASSERT(a.allow_invalid_inertia == b.allow_invalid_inertia);
   RC_ASSERT(a.initial_position_m == b.initial_position_m);
+  RC_ASSERT(a.initial_on_ground == b.initial_on_ground);
+  RC_ASSERT(a.solid_ground == b.solid_ground);
   RC_ASSERT(a.initial_attitude_rad == b.initial_attitude_rad);
   RC_ASSERT(a.link == b.link);
   RC_ASSERT(a.reference == b.reference);

@@ -29,7 +29,7 @@ Trace OneRow(std::vector<std::string> columns, const std::vector<double>& values
 TEST(Signals, NamesAreTheTracesAndTheComputedOnes) {
   Trace trace = testing::TiltrotorTrace();
   const auto names = SignalNames(trace.columns());
-  ASSERT_EQ(names.size(), trace.columns().size() + 5);
+  ASSERT_EQ(names.size(), trace.columns().size() + 6);
   EXPECT_TRUE(std::equal(trace.columns().begin(), trace.columns().end(), names.begin()));
   trace.AppendRow();
   for (const std::string& name : names) EXPECT_EQ(ReadSignal(trace, name).size(), 1u) << name;
@@ -66,8 +66,18 @@ TEST(Signals, HeadingErrorIsTheShortWayRound) {
   EXPECT_EQ(error(0.25, 0.5), -0.25);
   EXPECT_NEAR(error(3.1, -3.1), 6.2 - 2 * std::numbers::pi, 1e-14);
   EXPECT_NEAR(error(-3.1, 3.1), 2 * std::numbers::pi - 6.2, 1e-14);
+  EXPECT_EQ(error(-std::numbers::pi, 0), std::numbers::pi);  // one value for half a turn
+  EXPECT_EQ(error(std::numbers::pi, 0), std::numbers::pi);
   EXPECT_NEAR(error(0.1, 4 * std::numbers::pi), 0.1, 1e-14);  // a recording may count turns
   EXPECT_TRUE(std::isnan(error(kNan, 0)));
+}
+
+TEST(Signals, OnGroundIsItsColumnAndZeroWithoutOne) {
+  EXPECT_EQ(ReadSignal(OneRow({"t_s"}, {0}), "on_ground"), std::vector<double>{0.0});
+  const Trace standing = OneRow({"t_s", "on_ground"}, {0, 1});
+  EXPECT_EQ(ReadSignal(standing, "on_ground"), std::vector<double>{1.0});
+  const auto names = SignalNames(standing.columns());
+  EXPECT_EQ(std::count(names.begin(), names.end(), "on_ground"), 1);
 }
 
 TEST(Signals, CrossTrackErrorForgivesBeingLate) {
