@@ -35,8 +35,8 @@ FaultType PlantBatterySag() {
       .semantics =
           "Models a battery whose voltage falls under load, so that all rotors give less and less thrust "
           "for the same command. In every step that the trigger picks, each rotor gives 1 - "
-          "`share_per_s` t times the thrust in force, and as much of the drag torque that goes with it, "
-          "but never less than nothing. Here t is the time since the first step in the fault's active "
+          "`share_per_s` t times the thrust in force. The drag torque has the same factor, which is never "
+          "less than 0. Here t is the time since the first step in the fault's active "
           "time. It starts again after each step outside the active time. The input in the trace (f_r_n "
           "for the right rotor of the tilt-rotor) is the thrust in force before the factor. After the "
           "window, the thrust is whole at once. The first step still has the whole thrust; each time that "
