@@ -127,7 +127,7 @@ struct VehicleModel {
   //   states   x_m y_m z_m roll_rad pitch_rad yaw_rad, alpha_<h>_rad, vx_m_s vy_m_s vz_m_s
   //            wx_rad_s wy_rad_s wz_rad_s, alpha_<h>_rad_s
   //   sensors  the same
-  //   inputs   f_<i>_n, then tau_<h>_nm, or angle_<h>_rad of a position servo
+  //   inputs   f_<i>_n, then for each hinge tau_<h>_nm, or angle_<h>_rad of a position servo
   VehicleSignals signals() const;
 
   // Rows in the order of the inputs.

@@ -220,6 +220,18 @@ TEST_F(VehicleFolder, PositionControllerIsAPositionServo) {
   EXPECT_EQ(input.max, 1.57);
 }
 
+// Hover is found to some 1e-8 rad, and the hinges stop at 0: one of both directions is beyond.
+TEST_F(VehicleFolder, HoverAtAStopIsHover) {
+  for (const char* axis : {"<xyz>0 1 0", "<xyz>0 -1 0"}) {
+    std::string text = TiltingArms("<lower>0</lower><upper>1.57</upper><velocity>3</velocity>");
+    for (std::size_t at = text.find("<xyz>0 1 0"); at != std::string::npos;
+         at = text.find("<xyz>0 1 0", at + 1))
+      text.replace(at, 10, axis);
+    Write("tilt.sdf", text);
+    EXPECT_EQ(Load("tilt.sdf").hinges.size(), 2U) << axis;
+  }
+}
+
 TEST_F(VehicleFolder, ServoWithoutSpeedIsNamedAndFilledIn) {
   Write("tilt.sdf", TiltingArms("<lower>0</lower><upper>1.57</upper>"));
   EXPECT_THAT(Error("tilt.sdf"), AllOf(HasSubstr("joint 'tilt_0' is a hinge that carries a rotor"),

@@ -124,8 +124,8 @@ class Controller:
         for i, place in enumerate(REGULATED):
             self.integrals[i] += PERIOD_S / 2 * (errors[place] + self.last_errors[i])
             self.last_errors[i] = errors[place]
-        # The gain holds for a heading of 0: what is level turns from the world to the heading.
-        heading, integrals = sensors[5], list(self.integrals)
+        # The gain holds for a heading of 0: what is level turns from the world to the heading. The paper's law does not.
+        heading, integrals = 0.0 if self.parameters is TILTROTOR else sensors[5], list(self.integrals)
         integrals[:2] = turned(heading, *integrals[:2])
         for place in (0, half, half + 3) if self.parameters["angular_rates"] == "world" else (0, half):
             errors[place : place + 2] = turned(heading, *errors[place : place + 2])

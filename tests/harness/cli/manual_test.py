@@ -152,7 +152,7 @@ class ManualTest(unittest.TestCase):
             self.skipTest("no zsh")
         for place in self.places:
             told = self.zsh(*place)
-            names = re.findall(r"^\*(-[a-z-]*[a-z])[=+]?\[", told[len(place) + 1], re.MULTILINE)
+            names = re.findall(r"^\*(-[a-z_-]*[a-z])[=+]?\[", told[len(place) + 1], re.MULTILINE)
             self.assertEqual(set(names), options_in_help(*place), place)
 
     def test_a_folder_that_cannot_be(self):
