@@ -137,6 +137,19 @@ class VehicleTest(CommandLineTest):
         self.assertIn("\nleft  hinge_left  0.000  0.278 0.056 0.00 1.00  0.09 -1.50   1.50\n", out)
         self.assertIn("\nhover    roll 0.0000 pitch -0.0117 right 0.0117 left 0.0116 rad\n", out)
 
+    def test_a_mapping_is_written_once(self):
+        """ArduPilot's way: a controlled joint whose propeller's numbers are nowhere."""
+        (self.folder / "bare.sdf").write_text(re.sub(r"<tiltproof:vehicle.*</tiltproof:vehicle>", "", quadrotor()))
+        code, out, err = self.tiltproof("vehicle", "bare.sdf", "--mapping")
+        self.assertEqual(code, 0, err)
+        self.assertRegex(out, r"bare\.tiltproof\.xml: replace FILL_IN by a number, \d+ times\n$")
+        text = (self.folder / "bare.tiltproof.xml").read_text()
+        self.assertIn("FILL_IN", text)
+        code, _, err = self.tiltproof("vehicle", "bare.sdf", "--mapping")
+        self.assertEqual(code, 2)
+        self.assertIn("bare.tiltproof.xml: is there already; nothing was changed", err)
+        self.assertEqual((self.folder / "bare.tiltproof.xml").read_text(), text)
+
 
 if __name__ == "__main__":
     unittest.main(argv=[sys.argv[0], *sys.argv[2:]], verbosity=1)
