@@ -70,8 +70,8 @@ void SetParameters(const EnvelopeRow& row, const VehicleSignals& signals, FaultS
       value = OnSide(info, row.side);
     } else if (info.name == row.place_key) {
       value = row.place;
-    } else if (faults::NamesSignal(info.kind)) {
-      // Another signal than that of the row: the example's, where it is one of this vehicle.
+    } else if (faults::NamesSignal(info.kind) || faults::NamesPart(info.kind)) {
+      // Another signal than that of the row, or a part: the example's, where it is one of this vehicle.
       const std::vector<std::string> names = faults::SignalNames(signals, info.kind);
       const auto other = [&](const std::string& name) { return name != row.place; };
       const bool fits = value != faults::ParameterValue(row.place) &&
@@ -100,6 +100,11 @@ FaultSpec FaultOf(const EnvelopeRow& row, const VehicleSignals& signals, const F
 
 std::vector<EnvelopeRow> EnvelopeRows(const FaultType& type, const VehicleSignals& signals) {
   std::vector<EnvelopeRow> rows;
+  // A fault of a hinge has no place on a vehicle without one.
+  for (const ParameterInfo& info : type.parameters)
+    if ((faults::NamesSignal(info.kind) || faults::NamesPart(info.kind)) &&
+        faults::SignalNames(signals, info.kind).empty())
+      return rows;
   if (type.has_target()) {
     const std::vector<faults::Target> accepted = faults::AcceptedTargets(type);
     for (const faults::Target target : {faults::Target::kToPlant, faults::Target::kToClient,

@@ -322,6 +322,18 @@ int main(void) {
             self.assertRegex(err, problem)
         self.assertIn("--weights nowhere.yaml: cannot be read", self.tiltproof("design-lqr", "quad.sdf", "--weights", "nowhere.yaml")[2])
 
+    def test_an_envelope_takes_the_vehicles_own_parts(self):
+        """Not the example's of a fault type, and no fault of a hinge where there is none."""
+        probe = "faults: [{id: probe, type: harness.null, start_s: 1, end_s: 2}]\n"
+        self.flight("probed", duration=3, more=probe)
+        code, out, err = self.tiltproof("envelope", "probed.yaml", "--types", "plant.thrust,plant.servo_jam", "--out", "margins")
+        self.assertNotIn("error", out + err)
+        self.assertEqual(code, 0, err)
+        rows = json.loads((self.folder / "margins/envelope.json").read_text())["rows"]
+        self.assertEqual([row["type"] for row in rows], ["plant.thrust"])
+        self.flight("weak", duration=6, more="faults: [{id: weak, type: plant.thrust, start_s: 1, parameters: {rotor: m2, factor: 0.9}}]\n")
+        self.assertEqual(self.tiltproof("run", "weak.yaml", "--no-report")[0], 0)
+
     def test_reports_and_exports_show_rotors_on_the_body(self):
         self.flight("shown", duration=1)
         self.assertEqual(self.tiltproof("run", "shown.yaml")[0], 0)

@@ -48,7 +48,7 @@ class FaultSignalsTest : public testing::Test {
   fs::path models_;
   ReadOptions options_;
   std::optional<VehicleSignals> signals_ =
-      VehicleSignals{.states = {},
+      VehicleSignals{.states = SignalTable({SignalNamed("z_m", SignalFrame::kWorld)}),
                      .sensors = SignalTable({SignalNamed("z_m", SignalFrame::kWorld),
                                              SignalNamed("keel_rad_s", SignalFrame::kHinge)}),
                      .inputs = SignalTable({SignalNamed("f_front_left_n", SignalFrame::kRotor),
@@ -109,16 +109,17 @@ TEST_F(FaultSignalsTest, RotorsAndJointsGoByTheirNamesInTheVehiclesFile) {
   EXPECT_THAT(weak("keel-joint"), HasSubstr("rotor: unknown value 'keel-joint'; valid: front left"));
 }
 
+// The messages carry the signals of the vehicle.
 TEST_F(FaultSignalsTest, FieldsAreThoseOfTheMessagesThatPass) {
   const auto lie = [this](const std::string& field, const std::string& keys) {
     return Error("{id: a, type: frame.semantic, " + keys + ", parameters: {field: " + field +
                  ", kind: nan, probability: 1}}");
   };
   EXPECT_EQ(lie("z_m", "target: to_client"), "");
-  EXPECT_EQ(lie("f_r_n", "target: to_plant, message: actuators"), "");
+  EXPECT_EQ(lie("f_front_left_n", "target: to_plant, message: actuators"), "");
   EXPECT_EQ(lie("z", "target: to_client"), "s.yaml:4:79: field: unknown value 'z'; did you mean 'z_m'?");
   EXPECT_THAT(lie("alpha_r_rad", "target: to_plant"),
-              HasSubstr("field: unknown value 'alpha_r_rad'; valid: f_r_n, f_l_n, tau_r_nm, tau_l_nm"));
+              HasSubstr("field: unknown value 'alpha_r_rad'; valid: f_front_left_n, tau_rudder_nm"));
 }
 
 TEST_F(FaultSignalsTest, WindNeedsDrag) {

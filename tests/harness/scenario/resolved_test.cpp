@@ -105,6 +105,8 @@ void MakeConsistent(Scenario& s, const fs::path& folder) {
   s.duration_ns = std::max(s.duration_ns, s.link.protocol->control_period_ns);
   s.step_ns =
       *rc::gen::elementOf(std::vector<TimeNs>{kNsPerMs, 3 * kNsPerMs, 4 * kNsPerMs, 12 * kNsPerMs, 10'000});
+  s.gain = *rc::gen::elementOf(std::vector<std::string>{"", "design", (folder / "own.sdf").string()});
+  s.gain_file = s.gain.starts_with('/') ? fs::path(s.gain) : fs::path();
   s.model = *rc::gen::elementOf(
       std::vector<std::string>{"tiltrotor", "tiltrotor_published", (folder / "own.sdf").string()});
   s.model_file = s.model.ends_with(".sdf") ? fs::path(s.model) : folder / "models" / (s.model + ".sdf");
@@ -182,6 +184,8 @@ void ExpectSame(const Scenario& a, const Scenario& b) {
   RC_ASSERT(a.model == b.model);
   RC_ASSERT(a.model_file == b.model_file);
   RC_ASSERT(a.firmware == b.firmware);
+  RC_ASSERT(a.gain == b.gain);
+  RC_ASSERT(a.gain_file == b.gain_file);
   RC_ASSERT(a.clients == b.clients);
   RC_ASSERT(a.arbiter == b.arbiter);
   RC_ASSERT(a.expect == b.expect);
