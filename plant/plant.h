@@ -34,7 +34,8 @@ struct PlantOptions {
   // The surroundings of the vehicle. Without ground and gravity, energy and momentum are conserved: for
   // checks.
   double gravity_m_s2 = kGravity_m_s2;
-  bool ground = true;  // the plane z = 0
+  bool ground = true;             // the plane z = 0
+  SensorDraws sensor_draws = {};  // of the noise of the file's sensors; none: they have no noise
 };
 
 // The physics engine refuses the model (an inertia it cannot integrate), or the options are out of range.
@@ -69,10 +70,12 @@ class Plant {
 
   // Fills in the true state; angular rates in the requested frame. Yaw is in (-pi, pi].
   void State(std::span<double> state, RatesFrame frame = RatesFrame::kWorld) const;
-  // Fills in the sensors: the state when they last sampled (model.sensor_rate_hz, from Reset on), State() of
-  // the first step boundary at or after their sampling time. The same as State() for sensors that sample at
-  // every step.
+  // Fills in the sensors: first the state when they last sampled (model.sensor_rate_hz, from Reset on), State()
+  // of the first step boundary at or after their sampling time. The same as State() for sensors that sample at
+  // every step. Then follows what Measure() gives.
   void ReadSensors(std::span<double> sensors, RatesFrame frame = RatesFrame::kWorld) const;
+  // Fills in what the sensors of the vehicle's file read now (VehicleSignals::measured).
+  void Measure(std::span<double> readings) const;
 
   // The first of: not finite; |position| > kPositionMax_m; tilt beyond 90 deg; main body touching the ground.
   // Kept until Reset.

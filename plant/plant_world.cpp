@@ -52,7 +52,12 @@ Plant::World::World(const VehicleModel& vehicle, const PlantOptions& plant_optio
       input_min(model.InputMin()),
       input_max(model.InputMax()),
       input(signals.inputs.size()),
-      sample(signals.sensors.size()) {
+      sample(signals.states.size()),
+      sensors(model.sensors,
+              {.surroundings = model.surroundings,
+               .step_ns = options.step_ns,
+               .gravity_m_s2 = options.gravity_m_s2},
+              options.sensor_draws) {
   if (options.step_ns <= 0) throw PlantError("the step must be positive");
   if (model.rotors.size() > kRotorsMax || model.hinges.size() > kRotorsMax)
     throw PlantError(fmt::format("'{}' has more than {} rotors or hinges", model.name, kRotorsMax));
@@ -180,6 +185,7 @@ void Plant::World::Place(std::span<const double> state) {
   FindContacts();
   CheckEvent();
   Sample();
+  sensors.Start(MotionOfBase());
 }
 
 void Plant::World::PutBodies(std::span<const double> state) {
@@ -208,6 +214,15 @@ void Plant::World::PutBodies(std::span<const double> state) {
     place(tilting[i].body, p_WB + to_hinge + to_com, R_WB * turn * hinge.R_BT,
           v_WB + w_WB.cross(to_hinge) + w.cross(to_com), w);
   }
+}
+
+BaseMotion Plant::World::MotionOfBase() const {
+  const Matrix3d R = base.Attitude();
+  const Vector3d to_origin = -(R * base.p_com_m), w = base.AngularVelocity();
+  return {.p_WB_m = base.Com() + to_origin,
+          .v_WB_m_s = base.Velocity() + w.cross(to_origin),
+          .w_WB_rad_s = w,
+          .R_WB = R};
 }
 
 void Plant::World::Observe(std::span<double> state) const {

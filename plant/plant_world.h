@@ -72,6 +72,7 @@ struct Plant::World {
   void Push(const Disturbance& disturbance);
   void Observe(std::span<double> state) const;  // world rates
   void FindContacts();
+  BaseMotion MotionOfBase() const;
   void Sample();
   void CheckEvent();
   void SetEvent(FlightEvent kind, std::string text);
@@ -101,6 +102,7 @@ struct Plant::World {
 
   TimeNs time_ns = 0, sensor_period_ns = 0, next_sample_ns = 0;
   std::vector<double> sample;
+  SensorSuite sensors;
   FlightEvent event = FlightEvent::kNone;
   std::string event_text;
 };

@@ -20,6 +20,7 @@
 #include "plant/dynamics.h"
 #include "plant/missing_elements.h"
 #include "plant/sdf_file.h"
+#include "plant/sensor_elements.h"
 #include "plant/vehicle_model.h"
 #include "plant/vehicle_xml.h"
 
@@ -108,6 +109,7 @@ class Loader {
 
 VehicleModel Loader::Load() {
   xml_.Check(problems_);
+  CheckSensorNumbers(file_, xml_.model(), problems_);
   LoadModel();
   CheckLinks();
   elements_ = xml_.ReadElements(options_.mapping, warnings_, problems_);
@@ -134,6 +136,8 @@ VehicleModel Loader::Load() {
   CheckNames(vehicle);
   vehicle.collision = ReadCollision(vehicle.base);
   vehicle.sensor_rate_hz = elements_.sensor_rate_hz;
+  vehicle.sensors = ReadSensors(*model_, elements_, vehicle, warnings_, problems_);
+  vehicle.surroundings = elements_.surroundings;
   vehicle.drag = elements_.drag;
   try {
     vehicle.hover = SolveHover(vehicle);

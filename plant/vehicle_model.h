@@ -18,6 +18,8 @@
 #include <vector>
 
 #include "link/signal_table.h"
+#include "plant/sensors.h"
+#include "plant/surroundings.h"
 
 namespace tiltproof::plant {
 
@@ -111,10 +113,12 @@ struct VehicleModel {
   RigidBody base;
   CollisionShape collision;
   std::vector<Hinge> hinges;
-  std::vector<Rotor> rotors;  // 1 to kRotorsMax (link/disturbance.h); each hinge carries one or more
-  double sensor_rate_hz = 0;  // 0: at every step
-  BodyDrag drag;              // none by default; the controller's design leaves it out
-  Hover hover;                // of plant/dynamics.h, SolveHover
+  std::vector<Rotor> rotors;    // 1 to kRotorsMax (link/disturbance.h); each hinge carries one or more
+  double sensor_rate_hz = 0;    // 0: at every step
+  std::vector<Sensor> sensors;  // SDF's own, in the order of the file
+  Surroundings surroundings;
+  BodyDrag drag;  // none by default; the controller's design leaves it out
+  Hover hover;    // of plant/dynamics.h, SolveHover
 
   double MassTotal() const;
   // The body that carries the rotor.
@@ -125,7 +129,7 @@ struct VehicleModel {
   // Signals of hinges h and rotors i, in their order, with `right` and `left` spelled r and l:
   //   states   x_m y_m z_m roll_rad pitch_rad yaw_rad, alpha_<h>_rad, vx_m_s vy_m_s vz_m_s
   //            wx_rad_s wy_rad_s wz_rad_s, alpha_<h>_rad_s
-  //   sensors  the same
+  //   sensors  the same, and what the sensors of the file read (plant/sensors.h)
   //   inputs   f_<i>_n, tau_<h>_nm
   VehicleSignals signals() const;
 

@@ -8,8 +8,10 @@
 #include <cmath>
 #include <initializer_list>
 #include <set>
+#include <utility>
 
 #include "link/disturbance.h"
+#include "plant/sensor_elements.h"
 #include "plant/vehicle_model.h"
 
 namespace tiltproof::plant {
@@ -83,6 +85,12 @@ class Attributes {
     return std::nullopt;
   }
   std::optional<Eigen::Vector3d> UnitVector(const char* name) const {
+    const std::optional<Eigen::Vector3d> vector = OptionalVector(name);
+    if (!vector || vector->norm() > 1e-9) return vector ? std::optional(vector->normalized()) : std::nullopt;
+    Complain(fmt::format("'{}' must be three numbers, not all zero, is '{}'", name, Text(name)));
+    return std::nullopt;
+  }
+  std::optional<Eigen::Vector3d> OptionalVector(const char* name) const {
     if (element_.Attribute(name) == nullptr) return std::nullopt;
     const std::string text = Text(name);
     Eigen::Vector3d vector = Eigen::Vector3d::Zero();
@@ -95,8 +103,8 @@ class Attributes {
       vector[count] = *value;
       at = text.find_first_not_of(' ', end);
     }
-    if (count == 3 && at == std::string::npos && vector.norm() > 1e-9) return vector.normalized();
-    Complain(fmt::format("'{}' must be three numbers, not all zero, is '{}'", name, text));
+    if (count == 3 && at == std::string::npos) return vector;
+    Complain(fmt::format("'{}' must be three numbers, is '{}'", name, text));
     return std::nullopt;
   }
   void Complain(const std::string& message) const {
@@ -137,6 +145,29 @@ ThrusterElement ReadThruster(const std::filesystem::path& file, const XMLElement
   if (force_max_n && !(thruster.force_min_n < *force_max_n))
     attributes.Complain("'force_min_n' must be less than 'force_max_n'");
   return thruster;
+}
+
+SensorElement ReadSensorElement(const std::filesystem::path& file, const XMLElement& element,
+                                std::vector<VehicleProblem>& problems) {
+  const Attributes attributes(file, element, {"name", "latency_s"}, problems);
+  return {.line = element.GetLineNum(),
+          .name = attributes.Text("name"),
+          .latency_s = attributes.OptionalNumber("latency_s", 0, 10).value_or(0)};
+}
+
+Surroundings ReadSurroundings(const std::filesystem::path& file, const XMLElement& element,
+                              std::vector<VehicleProblem>& problems) {
+  const Attributes attributes(file, element,
+                              {"magnetic_field_t", "latitude_deg", "longitude_deg", "elevation_m"}, problems);
+  Surroundings read;
+  read.magnetic_field_t = attributes.OptionalVector("magnetic_field_t").value_or(read.magnetic_field_t);
+  // A larger one is in gauss or microtesla.
+  if (read.magnetic_field_t.cwiseAbs().maxCoeff() > 1e-3)
+    attributes.Complain("'magnetic_field_t' is in tesla: the Earth's is less than 1e-4");
+  read.latitude_deg = attributes.OptionalNumber("latitude_deg", -90, 90).value_or(read.latitude_deg);
+  read.longitude_deg = attributes.OptionalNumber("longitude_deg", -180, 180).value_or(read.longitude_deg);
+  read.elevation_m = attributes.OptionalNumber("elevation_m", -500, 9000).value_or(read.elevation_m);
+  return read;
 }
 
 // Right before left. Two thrusters without names are right and left, in order.
@@ -184,7 +215,7 @@ VehicleElements ReadVehicleElement(const std::filesystem::path& file, const XMLE
   VehicleElements elements;
   elements.file = file;
   elements.line = vehicle.GetLineNum();
-  bool has_base = false, has_sensors = false, has_drag = false;
+  bool has_base = false, has_sensors = false, has_drag = false, has_world = false;
   for (const auto* child = vehicle.FirstChildElement(); child != nullptr;
        child = child->NextSiblingElement()) {
     const std::string_view tag = child->Name();
@@ -205,6 +236,12 @@ VehicleElements ReadVehicleElement(const std::filesystem::path& file, const XMLE
       if (has_sensors) attributes.Complain("a vehicle has one <tiltproof:sensors>");
       has_sensors = true;
       elements.sensor_rate_hz = attributes.OptionalNumber("rate_hz", 1, 1e6).value_or(0);
+    } else if (tag == "tiltproof:sensor") {
+      elements.sensors.push_back(ReadSensorElement(file, *child, problems));
+    } else if (tag == "tiltproof:world") {
+      if (std::exchange(has_world, true))
+        problems.push_back({file, child->GetLineNum(), "a vehicle has one <tiltproof:world>"});
+      elements.surroundings = ReadSurroundings(file, *child, problems);
     } else if (tag == "tiltproof:drag") {
       const Attributes attributes(file, *child, {"linear_n_s_m", "quadratic_n_s2_m2"}, problems);
       if (has_drag) attributes.Complain("a vehicle has one <tiltproof:drag>");
@@ -215,7 +252,7 @@ VehicleElements ReadVehicleElement(const std::filesystem::path& file, const XMLE
       problems.push_back(
           {file, child->GetLineNum(),
            fmt::format("unknown element <{}>; known are tiltproof:base, tiltproof:thruster, tiltproof:servo, "
-                       "tiltproof:sensors, tiltproof:drag",
+                       "tiltproof:sensors, tiltproof:sensor, tiltproof:world, tiltproof:drag",
                        tag)});
     }
   }
@@ -387,9 +424,8 @@ void VehicleXml::WarnLink(const XMLElement& link, bool is_base, std::vector<std:
       continue;  // a primitive visual is for viewers
     }
     if (IsOneOf(*child, {"sensor"})) {
-      Warn(*child,
-           fmt::format("sensors of type '{}' are not supported, ignored{}", Attribute(*child, "type"), where),
-           warnings);
+      if (const std::string type = Attribute(*child, "type"); !IsSensorType(type))
+        Warn(*child, fmt::format("sensors of type '{}' are not supported, ignored{}", type, where), warnings);
       for (const auto* plugin = child->FirstChildElement("plugin"); plugin != nullptr;
            plugin = plugin->NextSiblingElement("plugin")) {
         Warn(*plugin, "plugins are not supported, ignored" + where, warnings);

@@ -30,6 +30,12 @@ struct ServoElement {
   std::optional<double> torque_max_nm;
 };
 
+struct SensorElement {
+  int line = 0;
+  std::string name;
+  double latency_s = 0;
+};
+
 struct VehicleElements {
   std::filesystem::path file;  // the one that contains them
   int line = 0;
@@ -37,6 +43,8 @@ struct VehicleElements {
   std::vector<ThrusterElement> thrusters;  // in the order of the rotors: right before left
   std::vector<ServoElement> servos;
   double sensor_rate_hz = 0;
+  std::vector<SensorElement> sensors;
+  Surroundings surroundings;
   BodyDrag drag;
 };
 

@@ -1,0 +1,332 @@
+#include "plant/sensor_elements.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <functional>
+#include <ignition/math/Pose3.hh>
+#include <initializer_list>
+#include <map>
+#include <optional>
+#include <sdf/AirPressure.hh>
+#include <sdf/Imu.hh>
+#include <sdf/Joint.hh>
+#include <sdf/Link.hh>
+#include <sdf/Magnetometer.hh>
+#include <sdf/NavSat.hh>
+#include <sdf/Noise.hh>
+#include <sdf/Sensor.hh>
+#include <set>
+
+namespace tiltproof::plant {
+namespace {
+
+using ignition::math::Pose3d;
+using tinyxml2::XMLElement;
+
+struct TypeName {
+  std::string_view name;
+  SensorKind kind;
+};
+constexpr std::array<TypeName, 5> kTypes = {{{"imu", SensorKind::kImu},
+                                             {"magnetometer", SensorKind::kMagnetometer},
+                                             {"air_pressure", SensorKind::kAirPressure},
+                                             {"navsat", SensorKind::kGnss},
+                                             {"gps", SensorKind::kGnss}}};
+
+std::optional<SensorKind> KindOf(std::string_view type) {
+  for (const TypeName& each : kTypes)
+    if (each.name == type) return each.kind;
+  return std::nullopt;
+}
+
+// Elements of a sensor that hold numbers, and their range.
+struct NumberElement {
+  std::string_view name;
+  double min, max;
+  int count = 1;
+};
+constexpr double kAny = 1e9;
+constexpr std::array<NumberElement, 10> kNumbers = {{{"update_rate", 0, 1e6},
+                                                     {"pose", -kAny, kAny, 6},
+                                                     {"reference_altitude", -1000, 18000},
+                                                     {"mean", -kAny, kAny},
+                                                     {"stddev", 0, kAny},
+                                                     {"bias_mean", -kAny, kAny},
+                                                     {"bias_stddev", 0, kAny},
+                                                     {"dynamic_bias_stddev", 0, kAny},
+                                                     {"dynamic_bias_correlation_time", 0, kAny},
+                                                     {"precision", 0, kAny}}};
+
+bool IsNumber(std::string_view text, double min, double max) {
+  double value = 0;
+  if (text.starts_with('+')) text.remove_prefix(1);
+  const auto [rest, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  return error == std::errc() && rest == text.data() + text.size() && value >= min && value <= max;
+}
+
+void CheckNumber(const std::filesystem::path& file, const XMLElement& element, const std::string& sensor,
+                 std::vector<VehicleProblem>& problems) {
+  const auto known = std::find_if(kNumbers.begin(), kNumbers.end(),
+                                  [&](const NumberElement& each) { return each.name == element.Name(); });
+  if (known == kNumbers.end()) return;
+  const std::string text = element.GetText() == nullptr ? "" : element.GetText();
+  constexpr std::string_view kBlank = " \t\r\n";
+  int count = 0;
+  bool in_order = true;
+  for (std::size_t at = text.find_first_not_of(kBlank); at != std::string::npos; ++count) {
+    const std::size_t end = std::min(text.find_first_of(kBlank, at), text.size());
+    in_order = in_order && IsNumber(std::string_view(text).substr(at, end - at), known->min, known->max);
+    at = text.find_first_not_of(kBlank, end);
+  }
+  // An empty pose is no pose.
+  if (in_order && (count == known->count || (count == 0 && known->name == "pose"))) return;
+  const std::string wanted = known->count == 6   ? "six numbers"
+                             : known->max < kAny ? fmt::format("a number in [{}, {}]", known->min, known->max)
+                             : known->min == 0   ? std::string("a number that is not negative")
+                                                 : std::string("a number");
+  problems.push_back(
+      {file, element.GetLineNum(),
+       fmt::format("sensor '{}': <{}> must be {}, is '{}'", sensor, known->name, wanted, text)});
+}
+
+void CheckNumbersIn(const std::filesystem::path& file, const XMLElement& parent, const std::string& sensor,
+                    std::vector<VehicleProblem>& problems) {
+  for (const auto* child = parent.FirstChildElement(); child != nullptr;
+       child = child->NextSiblingElement()) {
+    if (std::string_view(child->Name()) == "plugin") continue;
+    CheckNumber(file, *child, sensor, problems);
+    CheckNumbersIn(file, *child, sensor, problems);
+  }
+}
+
+SensorNoise ToNoise(const sdf::Noise& from) {
+  if (from.Type() == sdf::NoiseType::NONE) return {};
+  return {.mean = from.Mean(),
+          .stddev = from.StdDev(),
+          .bias_mean = from.BiasMean(),
+          .bias_stddev = from.BiasStdDev(),
+          .walk_density = from.DynamicBiasStdDev(),
+          .walk_time_s = from.DynamicBiasCorrelationTime(),
+          .quantum = from.Type() == sdf::NoiseType::GAUSSIAN_QUANTIZED ? from.Precision() : 0};
+}
+
+// In the order of the kind's signals.
+std::vector<SensorNoise> NoiseOf(const sdf::Sensor& sensor, SensorKind kind) {
+  std::vector<SensorNoise> noise;
+  const auto add = [&noise](std::initializer_list<std::reference_wrapper<const sdf::Noise>> all) {
+    for (const sdf::Noise& each : all) noise.push_back(ToNoise(each));
+  };
+  if (const auto* imu = sensor.ImuSensor(); imu != nullptr && kind == SensorKind::kImu)
+    add({imu->LinearAccelerationXNoise(), imu->LinearAccelerationYNoise(), imu->LinearAccelerationZNoise(),
+         imu->AngularVelocityXNoise(), imu->AngularVelocityYNoise(), imu->AngularVelocityZNoise()});
+  if (const auto* mag = sensor.MagnetometerSensor(); mag != nullptr && kind == SensorKind::kMagnetometer)
+    add({mag->XNoise(), mag->YNoise(), mag->ZNoise()});
+  if (const auto* air = sensor.AirPressureSensor(); air != nullptr && kind == SensorKind::kAirPressure)
+    add({air->PressureNoise()});
+  if (const auto* gnss = sensor.NavSatSensor(); gnss != nullptr && kind == SensorKind::kGnss)
+    add({gnss->HorizontalPositionNoise(), gnss->HorizontalPositionNoise(), gnss->VerticalPositionNoise(),
+         gnss->HorizontalVelocityNoise(), gnss->HorizontalVelocityNoise(), gnss->VerticalVelocityNoise()});
+  noise.resize(SignalCount(kind));
+  return noise;
+}
+
+// Walks a model with its nested models. Names in these are `a::b`.
+class SensorReader {
+ public:
+  SensorReader(const VehicleElements& elements, const VehicleModel& vehicle,
+               std::vector<std::string>& warnings, std::vector<VehicleProblem>& problems)
+      : elements_(elements), vehicle_(vehicle), warnings_(warnings), problems_(problems) {}
+
+  std::vector<Sensor> Read(const sdf::Model& model);
+
+ private:
+  struct Place {
+    const sdf::Link* link;
+    Pose3d pose;  // in the frame of the whole model
+  };
+  struct Connection {
+    std::string joint, a, b;
+  };
+  struct Where {
+    std::string file;
+    int line = 0;
+  };
+
+  void Walk(const sdf::Model& model, const std::string& scope, const Pose3d& pose);
+  // Links that no hinge separates from the base.
+  std::set<std::string> RigidLinks() const;
+  void ReadSensor(const sdf::Sensor& sensor, SensorKind kind, const std::string& link, const Place& place);
+  void ApplyElements();
+  Where WhereIs(const sdf::Sensor& sensor) const;
+
+  const VehicleElements& elements_;
+  const VehicleModel& vehicle_;
+  std::vector<std::string>& warnings_;
+  std::vector<VehicleProblem>& problems_;
+  std::vector<std::string> order_;  // the names of the links
+  std::map<std::string, Place> links_;
+  std::vector<Connection> connections_;
+  std::vector<Sensor> sensors_;
+};
+
+void SensorReader::Walk(const sdf::Model& model, const std::string& scope, const Pose3d& pose) {
+  for (std::uint64_t i = 0; i < model.LinkCount(); ++i) {
+    const sdf::Link& link = *model.LinkByIndex(i);
+    Pose3d in_model;
+    // One that cannot be resolved is an error of the loader.
+    if (!link.SemanticPose().Resolve(in_model).empty()) continue;
+    order_.push_back(scope + link.Name());
+    links_.insert_or_assign(order_.back(), Place{&link, pose * in_model});
+  }
+  for (std::uint64_t i = 0; i < model.JointCount(); ++i) {
+    const sdf::Joint& joint = *model.JointByIndex(i);
+    std::string parent, child;
+    if (!joint.ResolveParentLink(parent).empty()) parent = joint.ParentLinkName();
+    if (!joint.ResolveChildLink(child).empty()) child = joint.ChildLinkName();
+    connections_.push_back({scope + joint.Name(), scope + parent, scope + child});
+  }
+  for (std::uint64_t i = 0; i < model.ModelCount(); ++i) {
+    const sdf::Model& nested = *model.ModelByIndex(i);
+    Pose3d in_model;
+    if (nested.SemanticPose().Resolve(in_model).empty())
+      Walk(nested, scope + nested.Name() + "::", pose * in_model);
+  }
+}
+
+std::set<std::string> SensorReader::RigidLinks() const {
+  const auto is_hinge = [this](const std::string& joint) {
+    return std::any_of(vehicle_.hinges.begin(), vehicle_.hinges.end(),
+                       [&joint](const Hinge& hinge) { return hinge.joint == joint; });
+  };
+  std::set<std::string> rigid = {elements_.base_link};
+  for (bool grows = true; grows;) {
+    grows = false;
+    for (const Connection& each : connections_) {
+      if (is_hinge(each.joint) || rigid.contains(each.a) == rigid.contains(each.b)) continue;
+      rigid.insert({each.a, each.b});
+      grows = true;
+    }
+  }
+  return rigid;
+}
+
+SensorReader::Where SensorReader::WhereIs(const sdf::Sensor& sensor) const {
+  Where where{vehicle_.file.string(), 0};
+  if (const sdf::ElementPtr element = sensor.Element()) {
+    where.line = std::max(element->LineNumber().value_or(0), 0);
+    // Of a file that the vehicle includes. A path that does not exist stands for a text in memory.
+    std::error_code error;
+    const std::string& path = element->FilePath();
+    if (std::filesystem::exists(path, error) && !std::filesystem::equivalent(path, vehicle_.file, error))
+      where.file = path;
+  }
+  return where;
+}
+
+std::vector<Sensor> SensorReader::Read(const sdf::Model& model) {
+  Walk(model, "", Pose3d::Zero);
+  if (!links_.contains(elements_.base_link)) return {};
+  const std::set<std::string> rigid = RigidLinks();
+  for (const std::string& name : order_) {
+    const Place& place = links_.at(name);
+    for (std::uint64_t i = 0; i < place.link->SensorCount(); ++i) {
+      const sdf::Sensor& sensor = *place.link->SensorByIndex(i);
+      const std::optional<SensorKind> kind = KindOf(sensor.TypeStr());
+      if (!kind) continue;
+      if (rigid.contains(name)) {
+        ReadSensor(sensor, *kind, name, place);
+      } else {
+        const Where where = WhereIs(sensor);
+        warnings_.push_back(
+            fmt::format("{}:{}: <sensor name=\"{}\">: ignored: link '{}' moves against the base; put the "
+                        "sensor on a link "
+                        "that is fixed to it",
+                        where.file, where.line, sensor.Name(), name));
+      }
+    }
+  }
+  ApplyElements();
+  return std::move(sensors_);
+}
+
+void SensorReader::ReadSensor(const sdf::Sensor& from, SensorKind kind, const std::string& link,
+                              const Place& place) {
+  const Where where = WhereIs(from);
+  const std::size_t scope = link.rfind("::");
+  const std::string name = (scope == std::string::npos ? "" : link.substr(0, scope + 2)) + from.Name();
+  const auto complain = [&](std::string message) {
+    problems_.push_back({where.file, where.line, std::move(message)});
+  };
+  if (std::any_of(sensors_.begin(), sensors_.end(),
+                  [&name](const Sensor& other) { return other.name == name; }))
+    complain(fmt::format("a second sensor '{}': rename one of them", name));
+  Pose3d in_link;
+  if (const sdf::Errors errors = from.SemanticPose().Resolve(in_link); !errors.empty()) {
+    complain(fmt::format("sensor '{}': {}", name, errors.front().Message()));
+    return;
+  }
+  const Pose3d pose = links_.at(elements_.base_link).pose.Inverse() * place.pose * in_link;
+  const ignition::math::Matrix3d turn(pose.Rot());
+  Sensor sensor{.kind = kind, .name = name};
+  sensor.p_BS_m = {pose.Pos().X(), pose.Pos().Y(), pose.Pos().Z()};
+  for (Eigen::Index row = 0; row < 3; ++row)
+    for (Eigen::Index column = 0; column < 3; ++column)
+      sensor.R_BS(row, column) = turn(static_cast<std::size_t>(row), static_cast<std::size_t>(column));
+  sensor.rate_hz = from.UpdateRate();
+  if (const auto* air = from.AirPressureSensor()) sensor.altitude_m = air->ReferenceAltitude();
+  sensor.noise = NoiseOf(from, kind);
+  sensors_.push_back(std::move(sensor));
+  const SignalTable signals = SensorSignals(sensors_);
+  for (std::size_t i = signals.size() - SignalCount(kind); i < signals.size(); ++i)
+    if (signals.Find(signals[i].name) != i) {
+      complain(fmt::format("two sensors have the signal '{}': rename one of them", signals[i].name));
+      return;
+    }
+}
+
+// What SDF lacks: <tiltproof:sensor>.
+void SensorReader::ApplyElements() {
+  std::vector<std::string> names;
+  for (const Sensor& sensor : sensors_) names.push_back(sensor.name);
+  for (const SensorElement& element : elements_.sensors) {
+    const auto found = std::find(names.begin(), names.end(), element.name);
+    if (found != names.end()) {
+      sensors_[static_cast<std::size_t>(found - names.begin())].latency_s = element.latency_s;
+    } else if (!element.name.empty()) {
+      problems_.push_back(
+          {elements_.file, element.line,
+           names.empty()
+               ? fmt::format("<tiltproof:sensor>: the vehicle has no sensor '{}'; it has none", element.name)
+               : fmt::format("<tiltproof:sensor>: the vehicle has no sensor '{}'; it has {}", element.name,
+                             fmt::join(names, ", "))});
+    }
+  }
+}
+
+}  // namespace
+
+bool IsSensorType(std::string_view type) { return KindOf(type).has_value(); }
+
+void CheckSensorNumbers(const std::filesystem::path& file, const XMLElement& model,
+                        std::vector<VehicleProblem>& problems) {
+  for (const auto* child = model.FirstChildElement(); child != nullptr; child = child->NextSiblingElement()) {
+    const std::string_view tag = child->Name();
+    if (tag == "link" || tag == "model") CheckSensorNumbers(file, *child, problems);
+    const char* name = child->Attribute("name");
+    const char* type = child->Attribute("type");
+    if (tag == "sensor" && type != nullptr && IsSensorType(type))
+      CheckNumbersIn(file, *child, name == nullptr ? "" : name, problems);
+  }
+}
+
+std::vector<Sensor> ReadSensors(const sdf::Model& model, const VehicleElements& elements,
+                                const VehicleModel& vehicle, std::vector<std::string>& warnings,
+                                std::vector<VehicleProblem>& problems) {
+  return SensorReader(elements, vehicle, warnings, problems).Read(model);
+}
+
+}  // namespace tiltproof::plant
