@@ -164,7 +164,7 @@ std::optional<FrameEvent> FrameDecoder::ReadFrame(std::span<const std::uint8_t>&
     }
     ++in;
     if (byte == kFlag) {
-      if (!escaped && out == buffer_.data()) {  // idle: this flag opens the frame anew
+      if (!escaped && out == buffer_.data()) {  // idle: this flag opens the frame
         begin_ = offset_ + static_cast<std::size_t>(in - first) - 1;
         continue;
       }

@@ -18,6 +18,21 @@ std::string Framing::ChangeUnseen(std::span<std::uint8_t> /*bytes*/, std::uint32
   ThrowBrokenInvariant("a framing whose check has a blind spot");
 }
 
+void CheckedFraming::AppendChecked(std::span<const std::uint8_t> payload, std::uint32_t damage,
+                                   std::vector<std::uint8_t>& to) const {
+  to.insert(to.end(), payload.begin(), payload.end());
+  const std::uint32_t check = Checksum(kind_, payload) ^ damage;
+  for (std::size_t i = 0; i < check_bytes(); ++i) to.push_back(CheckByte(kind_, check, i));
+}
+
+std::optional<FrameParts> CheckedFraming::SplitChecked(std::span<const std::uint8_t> content) const {
+  if (content.size() < check_bytes()) return std::nullopt;
+  const auto payload = content.first(content.size() - check_bytes());
+  FrameParts parts{.payload = {payload.begin(), payload.end()}};
+  parts.damage = LoadCheck(kind_, content.last(check_bytes())) ^ Checksum(kind_, payload);
+  return parts;
+}
+
 std::size_t CountFlags(const Framing& framing, std::span<const std::uint8_t> bytes) {
   const std::optional<std::uint8_t> flag = framing.flag();
   std::size_t count = 0;

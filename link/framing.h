@@ -25,6 +25,7 @@
 #include <string_view>
 #include <vector>
 
+#include "link/checksum.h"
 #include "link/frame_cutter.h"
 
 namespace tiltproof::link {
@@ -61,12 +62,6 @@ struct FrameParts {
   std::uint32_t damage = 0;  // the bits in which its check is wrong
 };
 
-// Changes of a payload that the check does not see.
-struct BlindSpot {
-  std::size_t bytes_count = 0;   // that change, one behind the other; 0: no such change is known
-  std::uint32_t ways_count = 0;  // in which they can change
-};
-
 class Framing {
  public:
   virtual ~Framing() = default;
@@ -99,6 +94,28 @@ class Framing {
   // ways_count. It returns a text for a person: "by 7, ...".
   virtual BlindSpot blind_spot() const { return {}; }
   virtual std::string ChangeUnseen(std::span<std::uint8_t> bytes, std::uint32_t way) const;
+};
+
+// A framing with one of the checks of link/checksum.h.
+class CheckedFraming : public Framing {
+ public:
+  explicit CheckedFraming(CheckKind kind) : kind_(kind) {}
+  CheckKind kind() const { return kind_; }
+  std::size_t check_bytes() const override { return CheckBytes(kind_); }
+  BlindSpot blind_spot() const override { return BlindSpotOf(kind_); }
+  std::string ChangeUnseen(std::span<std::uint8_t> bytes, std::uint32_t way) const override {
+    return link::ChangeUnseen(kind_, bytes, way);
+  }
+
+ protected:
+  // Appends payload and check; the check is wrong in the bits of `damage`.
+  void AppendChecked(std::span<const std::uint8_t> payload, std::uint32_t damage,
+                     std::vector<std::uint8_t>& to) const;
+  // The reverse, of all bytes between the ends of a frame; nullopt when they are shorter than a check.
+  std::optional<FrameParts> SplitChecked(std::span<const std::uint8_t> content) const;
+
+ private:
+  CheckKind kind_;
 };
 
 // The number of flags in front of these bytes.

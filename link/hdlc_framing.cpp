@@ -1,15 +1,14 @@
 #include "link/hdlc_framing.h"
 
+#include <algorithm>
 #include <array>
 
 #include "link/check.h"
-#include "link/fletcher16.h"
 #include "link/frame.h"
 
 namespace tiltproof::link {
 namespace {
 
-constexpr std::size_t kCheckBytes = 2;
 constexpr std::array<std::uint8_t, 1> kOpening = {kFlag};
 // Flag and escape, both as they are escaped, the two bytes that are one number to Fletcher's checksum, and the bit that
 // escapes.
@@ -24,98 +23,173 @@ std::uint8_t* PutEscaped(std::uint8_t* out, std::uint8_t byte) {
   return out;
 }
 
-class HdlcReader : public FrameReader {
+// `has_flag`: a flag was the last byte of the event.
+FrameReading ToReading(const FrameEvent& event, bool has_flag) {
+  const bool is_open = event.status != FrameStatus::kNoOpeningFlag;
+  return {.status = Name(event.status),
+          .ok = event.status == FrameStatus::kOk,
+          .payload = event.payload,
+          .begin = event.begin,
+          .end = event.end,
+          .content_begin = event.begin + (is_open ? 1 : 0),
+          .content_end = event.end - (has_flag ? 1 : 0)};
+}
+
+// Reads frames with Fletcher-16 by the codec.
+class CodecReader final : public FrameReader {
  public:
   std::optional<FrameReading> Next(std::span<const std::uint8_t>& bytes) override {
     const std::optional<FrameEvent> event = decoder_.Next(bytes);
     if (!event) return std::nullopt;
-    return Reading(*event, event->status != FrameStatus::kTooLong);
+    return ToReading(*event, event->status != FrameStatus::kTooLong);
   }
   std::optional<FrameReading> Finish() override {
     const std::optional<FrameEvent> event = decoder_.Finish();
     if (!event) return std::nullopt;
-    return Reading(*event, false);
+    return ToReading(*event, false);
   }
 
  private:
-  // `has_flag`: a flag was the last byte of the event.
-  static FrameReading Reading(const FrameEvent& event, bool has_flag) {
-    const bool is_open = event.status != FrameStatus::kNoOpeningFlag;
-    return {.status = Name(event.status),
-            .ok = event.status == FrameStatus::kOk,
-            .payload = event.payload,
-            .begin = event.begin,
-            .end = event.end,
-            .content_begin = event.begin + (is_open ? 1 : 0),
-            .content_end = event.end - (has_flag ? 1 : 0)};
-  }
-
   FrameDecoder decoder_;
 };
 
-class Hdlc : public Framing {
+class Hdlc final : public CheckedFraming {
  public:
+  using CheckedFraming::CheckedFraming;
+
   std::string_view name() const override { return "hdlc"; }
   std::span<const std::uint8_t> opening() const override { return kOpening; }
 
   void AppendBehindOpening(std::span<const std::uint8_t> payload, std::uint32_t damage,
                            std::vector<std::uint8_t>& to) const override {
-    const std::uint32_t check = Fletcher16(payload) ^ damage;
+    const std::uint32_t check = Checksum(kind(), payload) ^ damage;
     const std::size_t size = to.size();
-    to.resize(size + FrameBytesMax(payload.size()));
+    to.resize(size + 2 * (payload.size() + check_bytes()) + 1);
     std::uint8_t* out = to.data() + size;
     for (const std::uint8_t byte : payload) out = PutEscaped(out, byte);
-    out = PutEscaped(out, static_cast<std::uint8_t>(check & 0xFF));
-    out = PutEscaped(out, static_cast<std::uint8_t>(check >> 8 & 0xFF));
+    for (std::size_t i = 0; i < check_bytes(); ++i) out = PutEscaped(out, CheckByte(kind(), check, i));
     *out++ = kFlag;
     to.resize(static_cast<std::size_t>(out - to.data()));
   }
 
   std::optional<FrameParts> TakeApart(std::span<const std::uint8_t> frame) const override {
-    FrameParts parts{.opening_bytes = CountFlags(*this, frame), .payload = {}};
-    if (parts.opening_bytes == frame.size() || frame.back() != kFlag) return std::nullopt;
+    const std::size_t opening_bytes = CountFlags(*this, frame);
+    if (opening_bytes == frame.size() || frame.back() != kFlag) return std::nullopt;
     const std::span<const std::uint8_t> content =
-        frame.subspan(parts.opening_bytes, frame.size() - parts.opening_bytes - 1);
-    std::vector<std::uint8_t>& payload = parts.payload;
-    payload.reserve(content.size());
+        frame.subspan(opening_bytes, frame.size() - opening_bytes - 1);
+    std::vector<std::uint8_t> bytes;
+    bytes.reserve(content.size());
     for (std::size_t i = 0; i < content.size(); ++i) {
       if (content[i] == kFlag) return std::nullopt;
       const bool escaped = content[i] == kEscape;
       if (escaped && ++i == content.size()) return std::nullopt;
-      payload.push_back(static_cast<std::uint8_t>(content[i] ^ (escaped ? kEscapeXor : 0)));
+      bytes.push_back(static_cast<std::uint8_t>(content[i] ^ (escaped ? kEscapeXor : 0)));
     }
-    if (payload.size() < kCheckBytes) return std::nullopt;
-    const auto check = static_cast<std::uint32_t>(payload[payload.size() - 2] | payload.back() << 8);
-    payload.resize(payload.size() - kCheckBytes);
-    parts.damage = check ^ Fletcher16(payload);
+    std::optional<FrameParts> parts = SplitChecked(bytes);
+    if (parts) parts->opening_bytes = opening_bytes;
     return parts;
   }
 
-  std::unique_ptr<FrameReader> MakeReader() const override { return std::make_unique<HdlcReader>(); }
+  std::unique_ptr<FrameReader> MakeReader() const override {
+    if (kind() == CheckKind::kFletcher16) return std::make_unique<CodecReader>();
+    return std::make_unique<Reader>(*this);
+  }
   std::unique_ptr<FrameCutter> MakeCutter() const override { return std::make_unique<FlagCutter>(kFlag); }
 
   std::optional<std::uint8_t> flag() const override { return kFlag; }
   std::optional<std::uint8_t> escape() const override { return kEscape; }
-  std::size_t check_bytes() const override { return kCheckBytes; }
   std::span<const std::uint8_t> special_bytes() const override { return kSpecialBytes; }
 
-  // Three bytes that change by d, -2d and d modulo 255 change neither of Fletcher's sums.
-  BlindSpot blind_spot() const override { return {.bytes_count = 3, .ways_count = kFletcherModulus - 1}; }
-  std::string ChangeUnseen(std::span<std::uint8_t> bytes, std::uint32_t way) const override {
-    Check(bytes.size() == 3 && way < kFletcherModulus - 1, "a change in Fletcher's blind spot");
-    const std::uint32_t d = 1 + way;
-    const std::array<std::uint32_t, 3> differences = {d, 2 * (kFletcherModulus - d), d};
-    for (std::size_t i = 0; i < bytes.size(); ++i)
-      bytes[i] = static_cast<std::uint8_t>((bytes[i] + differences[i]) % kFletcherModulus);
-    return "by " + std::to_string(d) + ", -2 times that, and that again";
-  }
+ private:
+  // Reads frames with any check, and gives the readings that the codec gives.
+  class Reader final : public FrameReader {
+   public:
+    explicit Reader(const Hdlc& framing) : framing_(framing) {}
+
+    std::optional<FrameReading> Next(std::span<const std::uint8_t>& bytes) override {
+      while (!bytes.empty()) {
+        const std::uint8_t byte = bytes.front();
+        bytes = bytes.subspan(1);
+        ++offset_;
+        if (auto reading = byte == kFlag ? TakeFlag() : TakeByte(byte)) return reading;
+      }
+      return std::nullopt;
+    }
+
+    std::optional<FrameReading> Finish() override {
+      std::optional<FrameReading> reading;
+      if (state_ == State::kEscaped || (state_ == State::kInFrame && !content_.empty())) {
+        reading = Reading(FrameStatus::kAborted, content_, false);
+      } else if (state_ == State::kHunting && begin_ != offset_) {
+        reading = Reading(FrameStatus::kNoOpeningFlag, {}, false);
+      }
+      state_ = State::kHunting;
+      begin_ = offset_;
+      return reading;
+    }
+
+   private:
+    enum class State : std::uint8_t { kHunting, kInFrame, kEscaped, kSkipping };
+
+    std::optional<FrameReading> TakeFlag() {
+      std::optional<FrameReading> reading;
+      if (state_ == State::kHunting && begin_ != offset_ - 1) {
+        reading = Reading(FrameStatus::kNoOpeningFlag, {}, true);
+      } else if (state_ == State::kEscaped) {
+        reading = Reading(FrameStatus::kDanglingEscape, content_, true);
+      } else if (state_ == State::kInFrame && !content_.empty()) {
+        reading = Close();
+      }
+      state_ = State::kInFrame;
+      content_.clear();
+      begin_ = offset_ - 1;
+      return reading;
+    }
+    std::optional<FrameReading> TakeByte(std::uint8_t byte) {
+      if (state_ == State::kHunting || state_ == State::kSkipping) return std::nullopt;
+      if (state_ == State::kInFrame && byte == kEscape) {
+        state_ = State::kEscaped;
+        return std::nullopt;
+      }
+      if (content_.size() == kPayloadBytesMax + framing_.check_bytes()) {
+        state_ = State::kSkipping;
+        return Reading(FrameStatus::kTooLong, content_, false);
+      }
+      content_.push_back(static_cast<std::uint8_t>(byte ^ (state_ == State::kEscaped ? kEscapeXor : 0)));
+      state_ = State::kInFrame;
+      return std::nullopt;
+    }
+    FrameReading Close() {
+      const std::optional<FrameParts> parts = framing_.SplitChecked(content_);
+      if (!parts) return Reading(FrameStatus::kTooShort, content_, true);
+      const FrameStatus status = parts->damage != 0       ? FrameStatus::kBadChecksum
+                                 : parts->payload.empty() ? FrameStatus::kEmpty
+                                                          : FrameStatus::kOk;
+      return Reading(status, parts->payload, true);
+    }
+    FrameReading Reading(FrameStatus status, std::span<const std::uint8_t> payload, bool has_flag) {
+      payload_.assign(payload.begin(), payload.begin() + static_cast<std::ptrdiff_t>(
+                                                             std::min(payload.size(), kPayloadBytesMax)));
+      return ToReading({status, payload_, begin_, offset_}, has_flag);
+    }
+
+    const Hdlc& framing_;
+    State state_ = State::kHunting;
+    std::vector<std::uint8_t> content_, payload_;
+    std::uint64_t offset_ = 0, begin_ = 0;
+  };
 };
 
 }  // namespace
 
 const std::shared_ptr<const Framing>& HdlcFraming() {
-  static const std::shared_ptr<const Framing> framing = std::make_shared<Hdlc>();
+  static const std::shared_ptr<const Framing> framing = std::make_shared<Hdlc>(CheckKind::kFletcher16);
   return framing;
+}
+
+std::shared_ptr<const Framing> MakeHdlcFraming(CheckKind check) {
+  if (check == CheckKind::kFletcher16) return HdlcFraming();
+  return std::make_shared<Hdlc>(check);
 }
 
 }  // namespace tiltproof::link

@@ -1,4 +1,5 @@
-// The framing of the paper's protocol, of which link/frame.h is the codec: flags 7E, escapes 7D, Fletcher-16.
+// HDLC-like framing (RFC 1662): flags 7E, escapes 7D. With Fletcher-16 it is that of the paper's protocol, of which
+// link/frame.h is the codec.
 #pragma once
 
 #include <memory>
@@ -7,7 +8,8 @@
 
 namespace tiltproof::link {
 
-// Its name is "hdlc": it is HDLC-like framing (RFC 1662) with another check.
+// Its name is "hdlc". The first one has Fletcher-16.
 const std::shared_ptr<const Framing>& HdlcFraming();
+std::shared_ptr<const Framing> MakeHdlcFraming(CheckKind check);
 
 }  // namespace tiltproof::link

@@ -76,7 +76,7 @@ class ActuatorMonitor {
     float before_nm = 0;  // delivered, as believed, in the interval before
     int seen = 0;         // samples in a row that deviate
     int slope_seen = 0;   // and that have a slope
-    int steps_left = 0;   // how often the estimate may begin anew, in parts
+    int steps_left = 0;   // how often the estimate may start again, in parts
     float unexpected_rad_s = 0;
     // When what is believed was first made up for.
     float begin_command_nm = 0, begin_delivered_nm = 0, begin_effectiveness = 1;

@@ -4,7 +4,7 @@
 //   timeline.Begin(step, sample, hover);                  // the first sample
 //   timeline.Command(step + 1, actuators);                // in force from that step on
 //   const MotionState& soon = timeline.At(step + 3);      // predicted
-//   timeline.Correct(step + 3, next_sample);              // from there on prediction starts anew
+//   timeline.Correct(step + 3, next_sample);              // prediction starts again from there
 //
 // Steps are those of the firmware's own clock. Commands that act `lag` steps later than they were meant to (a
 // delay on their way) are one number, SetLag. A round trip does not tell on which way a delay lies, and need

@@ -1,6 +1,5 @@
 // A fuzz campaign: hostile frames into a firmware, in short flights, and what they break. A sequence that reaches new code
-// of the firmware joins the corpus, from which later ones are made; where the firmware cannot tell what it executes, each
-// sequence is made anew.
+// of the firmware joins the corpus, from which later ones are made. Without coverage of the firmware, each sequence is new.
 //
 //   FuzzCampaign campaign({.flight = job, .runs_count = 100'000, .seed = 7});
 //   if (const auto trouble = campaign.WhyUnusable()) Complain(*trouble);

@@ -67,8 +67,8 @@ LoadedScenario LoadFlown(const std::filesystem::path& scenario_folder, ModelCach
 // The scenario that a harness announces to its nodes, from a resolved scenario's text. Throws std::exception.
 LoadedScenario LoadAnnounced(const std::string& yaml);
 
-// The scenario with a fault that somebody injects while it is flown in real time. Throws std::runtime_error that says
-// what is wrong with it, or why it cannot act then.
+// The scenario with a fault that a user injects while it flies in real time. Throws std::runtime_error with the mistake
+// in the fault, or the reason why it cannot act then.
 Scenario WithInjected(const Scenario& scenario, const AddedFault& fault);
 
 // MODEL of design-lqr: a name in the models folder, or a path ending in .sdf. Throws UsageError.

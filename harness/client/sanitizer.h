@@ -1,6 +1,6 @@
 // Libraries built with -fsanitize=address or undefined: what they need to be loaded, and what they report.
 //
-//   PreloadSanitizer("decoder.so");     // may start this program anew
+//   PreloadSanitizer("decoder.so");     // may start this program again
 //   AbortReport report;
 //   report.Look(line);                  // each line that the library prints
 //   std::string text = report.text();   // "ERROR: AddressSanitizer: heap-buffer-overflow in Decode decoder.c:33"

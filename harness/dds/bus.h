@@ -10,7 +10,7 @@
 //   heartbeat.Write({.node_id = "plant", .kind = dds::NodeKind::kPlant});
 //
 // Discovery takes a few milliseconds, and each side knows of the other at another moment: wait until
-// MatchedCount() says that somebody listens before the first message that must arrive, for most topics keep
+// MatchedCount() shows a reader before the first message that must arrive, because most topics keep
 // nothing for latecomers (qos.h). Who asks and expects an answer needs the other side to have waited, too:
 // let it say on a topic that keeps (RunAck, RunState) when its publishers are matched. Every class here may
 // be used from any thread. A Bus must outlive what was made on it, and a process that forks does so before
@@ -80,7 +80,7 @@ class Publisher {
   Publisher(const Publisher&) = delete;
   Publisher& operator=(const Publisher&) = delete;
 
-  // Hands the message over and returns without waiting for anybody. False: a reader fell so far behind that
+  // Hands the message over and returns without waiting for a reader. False: a reader fell so far behind that
   // nothing more fits (64 MB of this topic); nothing was sent, and the same message may be tried again later.
   // Throws std::invalid_argument, naming the member, when the message exceeds a limit of messages.h.
   bool Write(const T& message);

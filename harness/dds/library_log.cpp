@@ -16,7 +16,7 @@ constexpr std::size_t kCapturedBytesMax = 1000;
 
 struct Recorded {
   std::mutex mutex;
-  std::string* captured = nullptr;  // where a message goes while somebody wants it
+  std::string* captured = nullptr;  // where a message goes while a caller captures the log
   int shown_count = 0;
   std::int64_t more_count = 0;
 };

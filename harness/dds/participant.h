@@ -5,7 +5,7 @@
 //
 //   Circle members;
 //   members.Admit(node.participant, "plant");
-//   Subscriber<RunAck> acks(bus, members, wake);  // hears nobody else, and "plant" from that participant alone
+//   Subscriber<RunAck> acks(bus, members, wake);  // hears only members, and "plant" from that participant alone
 #pragma once
 
 #include <array>

@@ -153,7 +153,7 @@ struct Subscriber<T>::Impl {
     return messages;
   }
 
-  // By each writer of its own, not by the instance: anybody can write to one, and dispose of it.
+  // Judges each writer by its own heartbeats, not by the instance, which any process can write to and dispose of.
   void DrainHeartbeats() {
     if constexpr (std::same_as<T, Heartbeat>) {
       Drain(kTakeCountMax, [&](const Wire& wire, const dds_sample_info_t& info) {

@@ -62,7 +62,7 @@ struct FlightJob {
   bool tells_end = false;
   // Called in its worker process when it begins: makes what gets the flight's records as they are made.
   std::function<std::unique_ptr<RecordSink>()> observe = {};
-  // The same, of a flight in real time; none: nobody injects faults.
+  // The faults that a user injects into a flight in real time; none: injection is off.
   std::function<Injections()> injections = {};
 };
 

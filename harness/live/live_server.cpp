@@ -139,7 +139,7 @@ class LiveServer::Impl::Session : public std::enable_shared_from_this<Session> {
     if (writing_ || ended_) return;
     const auto now = std::chrono::steady_clock::now();
     outgoing_ = server_->board.News(seen_);
-    // Who is gone is noticed when he is written to.
+    // The next write to a viewer shows that it has gone.
     if (outgoing_.empty() && now - wrote_ < kQuiet) return;
     if (outgoing_.empty()) outgoing_ = ":\n\n";
     Stream();

@@ -1,11 +1,11 @@
-// The page over HTTP, on this machine's loopback alone: for anybody here to look at, and with a token for buttons.
+// The page over HTTP, on this machine's loopback alone: every user of it can look, and buttons need a token.
 //
 //   LiveServer server(loop, ListenOnLoopback(8470), board, {.token = token, .page = page});
 //   loop.run();
-//   server.Tell();  // after the board has changed: every viewer gets what is new for him
+//   server.Tell();  // after the board has changed: every viewer gets what is new for it
 //
-// A viewer never makes anybody wait. He has one write under way at most, gets the next piece of the board when that is
-// through, and is dropped when it takes longer than kWriteLimit. Requests whose Host is not this address are refused, so
+// The server never waits for a viewer. A viewer has at most one pending write, gets the next piece of the board when that
+// has ended, and is dropped when it takes longer than kWriteLimit. Requests whose Host is not this address are refused, so
 // that no page from elsewhere reads here under a name of its own (DNS rebinding); other origins get nothing (no CORS).
 #pragma once
 

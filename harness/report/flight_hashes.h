@@ -1,5 +1,5 @@
-// Hashes of a flight's files, by which a changed one is noticed. They stand in verdict.json, as `files`. The scenario has
-// none: its criteria may be changed, and the flight scored anew.
+// Hashes of a flight's files, by which a changed one is noticed. verdict.json has them, as `files`. The scenario has
+// none, because its criteria may be changed, and the flight scored again.
 //
 //   const std::map<std::string, std::string> files = HashesOf(folder);   // when the flight has ended
 //   const std::string content = ReadFlightFile(folder / "link.bin");     // later; throws when it has changed

@@ -8,7 +8,7 @@ LatePeriods CountLatePeriods(std::span<const LateSpan> late, TimeNs end_ns, Time
   LatePeriods periods;
   std::int64_t counted_to = -1;  // the last period counted
   for (const LateSpan& span : late) {
-    // Nobody flies any more while the logs are gathered.
+    // The flight is over while the logs are gathered.
     if (span.begin_ns >= end_ns) continue;
     periods.longest_ns = std::max(periods.longest_ns, span.end_ns - span.begin_ns);
     const std::int64_t first = std::max(std::max<TimeNs>(span.begin_ns, 0) / period_ns, counted_to + 1);

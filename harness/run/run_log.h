@@ -53,7 +53,7 @@ struct RunEvent {
   std::optional<std::size_t> client = {};  // place in the scenario of the event's client; none: the flight's
   TILTPROOF_FIELDS(time_ns, kind, text, client)
 };
-// Kinds: of a firmware that sends what no server takes, the first of each; and of one that begins anew.
+// Kinds of events: the first command refused, the first malformed frame, and each repeated start of a firmware.
 inline constexpr const char* kCommandRefusedEvent = "command_refused";
 inline constexpr const char* kMalformedSentEvent = "malformed_sent";
 inline constexpr const char* kStartRepeatedEvent = "start_repeated";

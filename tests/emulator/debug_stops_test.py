@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Stops of a debugger at awkward moments change no flight: its trace, the bytes on its lines and what the firmware printed are
-those of the flight that nobody debugs.
+those of the flight without a debugger.
 Usage: debug_stops_test.py TILTPROOF IMAGE_DIR"""
 import json
 import pathlib

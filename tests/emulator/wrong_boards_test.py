@@ -145,7 +145,7 @@ class WrongBoards(unittest.TestCase):
         self.assertIn("the protocol requires 12 ms", self.criterion(result, "control_period")["explanation"], output)
         crash = [("    wake_ns = ", "    if (tick_count > 700) (void)REGISTER(0x60000000);\n    wake_ns = ")]
         client = self.image("loop-by-the-wall", crash)
-        for _ in range(3):  # a machine that was late itself blames nobody, and is asked again
+        for _ in range(3):  # a machine that was late itself blames no firmware, and flies again
             _, result, output = self.fly(client, "--mode", "realtime")
             if result["verdict"] != "inconclusive":
                 break

@@ -1,6 +1,6 @@
 // The text of a vehicle file, as our own code reads it before and beside libsdformat: any XML is read with its lines, or
-// refused with one. The target `sdf` reads whole vehicles, and is a hundred times as slow: libsdformat reads its own
-// description of SDF anew for every file.
+// refused with one. The target `sdf` reads whole vehicles, and is a hundred times as slow, because libsdformat reads its
+// own description of SDF again for every file.
 //
 // Input: the SDF file.
 #include <algorithm>

@@ -1,5 +1,5 @@
-// All framings keep the promises of their interface, and a wire carries each of them: the product's, and two that
-// only tests have.
+// All framings keep the promises of their interface, and a wire carries each of them: the product's, and two slow
+// references.
 
 #include "link/framing.h"
 
@@ -15,6 +15,8 @@
 #include <utility>
 #include <vector>
 
+#include "link/cobs_framing.h"
+#include "link/length_framing.h"
 #include "link/wire.h"
 #include "tests/support/tiny_framings.h"
 
@@ -24,8 +26,13 @@ namespace {
 using Bytes = std::vector<std::uint8_t>;
 
 std::shared_ptr<const Framing> FramingNamed(const std::string& name) {
-  if (name == "cobs") return std::make_shared<CobsFraming>();
-  if (name == "length") return std::make_shared<LengthFraming>();
+  if (name == "cobs_reference") return std::make_shared<CobsFraming>();
+  if (name == "length_reference") return std::make_shared<LengthFraming>();
+  if (name == "cobs") return MakeCobsFraming(CheckKind::kCrc16Ibm3740);
+  if (name == "cobs_sum8") return MakeCobsFraming(CheckKind::kSum8);
+  if (name == "length_prefixed")
+    return MakeLengthFraming({.sync = {0xAA, 0x55}, .length_bytes = 2}, CheckKind::kCrc16IbmSdlc);
+  if (name == "hdlc_crc32") return MakeHdlcFraming(CheckKind::kCrc32IsoHdlc);
   return HdlcFraming();
 }
 
@@ -103,7 +110,7 @@ TEST_P(FramingTest, CutsAtTheEndOfEachFrameInAnyChunks) {
 TEST_P(FramingTest, AFrameTakenApartIsPutTogetherAgain) {
   for (int i = 0; i < 500; ++i) {
     const Bytes payload = Payload(Below(300));
-    const std::uint32_t last = (1U << 8 * framing_->check_bytes()) - 1;
+    const std::size_t last = (std::size_t{1} << 8 * framing_->check_bytes()) - 1;
     const auto damage = i % 2 == 0 ? 0 : static_cast<std::uint32_t>(1 + Below(last));
     const Bytes frame = framing_->Encode(payload, damage);
     const auto parts = framing_->TakeApart(frame);
@@ -197,8 +204,159 @@ TEST_P(FramingTest, AFrameThatDoesNotEndGoesOnWhenTheSenderIsSilent) {
   EXPECT_EQ(arrived, frame);
 }
 
-INSTANTIATE_TEST_SUITE_P(All, FramingTest, ::testing::Values("hdlc", "cobs", "length"),
+INSTANTIATE_TEST_SUITE_P(All, FramingTest,
+                         ::testing::Values("hdlc", "hdlc_crc32", "cobs", "cobs_sum8", "length_prefixed",
+                                           "cobs_reference", "length_reference"),
                          [](const auto& tested) { return std::string(tested.param); });
+
+// Frames, and what damage and noise make of them.
+Bytes DamagedStream(const Framing& framing, std::mt19937& generator) {
+  Bytes stream;
+  for (int i = 0; i < 200; ++i) {
+    Bytes payload(generator() % 40);
+    const auto special = framing.special_bytes();
+    for (std::uint8_t& byte : payload)
+      byte = generator() % 2 == 0 ? special[generator() % special.size()]
+                                  : static_cast<std::uint8_t>(generator());
+    if (generator() % 40 == 0) payload.resize(kPayloadBytesMax + generator() % 8);
+    Bytes frame = framing.Encode(payload);
+    for (std::uint8_t& byte : frame)
+      if (generator() % 100 == 0) byte = special[generator() % special.size()];
+    if (generator() % 10 == 0)
+      frame.erase(frame.begin() + static_cast<std::ptrdiff_t>(generator() % frame.size()));
+    if (generator() % 10 == 0) frame.push_back(static_cast<std::uint8_t>(generator()));
+    stream.insert(stream.end(), frame.begin(), frame.end());
+  }
+  return stream;
+}
+
+struct Read {
+  std::string status;
+  Bytes payload;
+  std::uint64_t begin, end, content_begin, content_end;
+  friend bool operator==(const Read&, const Read&) = default;
+};
+std::vector<Read> ReadAll(const Framing& framing, std::span<const std::uint8_t> stream, std::size_t piece) {
+  std::vector<Read> all;
+  const auto take = [&](const FrameReading& reading) {
+    all.push_back({std::string(reading.status),
+                   {reading.payload.begin(), reading.payload.end()},
+                   reading.begin,
+                   reading.end,
+                   reading.content_begin,
+                   reading.content_end});
+  };
+  const auto reader = framing.MakeReader();
+  for (std::size_t at = 0; at < stream.size(); at += piece) {
+    auto bytes = stream.subspan(at, std::min(piece, stream.size() - at));
+    while (const auto reading = reader->Next(bytes)) take(*reading);
+  }
+  if (const auto reading = reader->Finish()) take(*reading);
+  return all;
+}
+
+std::vector<Bytes> Accepted(const std::vector<Read>& readings) {
+  std::vector<Bytes> payloads;
+  for (const Read& read : readings)
+    if (read.status == "ok") payloads.push_back(read.payload);
+  return payloads;
+}
+
+TEST_P(FramingTest, DamagedBytesGiveTheSameReadingsInAnyChunks) {
+  for (int round = 0; round < 20; ++round) {
+    const Bytes stream = DamagedStream(*framing_, generator_);
+    const std::vector<Read> whole = ReadAll(*framing_, stream, stream.size());
+    if (!std::string(GetParam()).ends_with("reference")) {
+      EXPECT_GT(Accepted(whole).size(), 50U);
+    }
+    EXPECT_EQ(ReadAll(*framing_, stream, 1), whole);
+    EXPECT_EQ(ReadAll(*framing_, stream, 7), whole);
+    for (std::size_t i = 1; i < whole.size(); ++i)
+      EXPECT_LE(whole[i - 1].content_end, whole[i].content_begin);
+  }
+}
+
+TEST(Framings, CobsEqualsItsSlowReference) {
+  const CobsFraming reference;
+  const auto framing = MakeCobsFraming(CheckKind::kCrc16Ibm3740);
+  std::mt19937 generator(11);
+  for (int round = 0; round < 100; ++round) {
+    Bytes payload(generator() % 600);
+    for (std::uint8_t& byte : payload)
+      byte = static_cast<std::uint8_t>(generator() % 3 == 0 ? 0 : generator());
+    ASSERT_EQ(framing->Encode(payload), reference.Encode(payload));
+    const Bytes stream = DamagedStream(reference, generator);
+    std::vector<Bytes> expected = Accepted(ReadAll(reference, stream, 1));
+    std::erase_if(expected,
+                  [](const Bytes& bytes) { return bytes.empty() || bytes.size() > kPayloadBytesMax; });
+    ASSERT_EQ(Accepted(ReadAll(*framing, stream, 5)), expected);
+  }
+}
+
+// The worked examples of the paper (Cheshire and Baker, section IV) in bytes.
+TEST(Framings, CobsStuffsAsPublished) {
+  const auto framing = MakeCobsFraming(CheckKind::kNone);
+  EXPECT_EQ(framing->Encode(Bytes{0x00}), (Bytes{0x01, 0x01, 0x00}));
+  EXPECT_EQ(framing->Encode(Bytes{0x11, 0x22, 0x00, 0x33}), (Bytes{0x03, 0x11, 0x22, 0x02, 0x33, 0x00}));
+  Bytes full(254), expected = {0xFF};
+  for (std::size_t i = 0; i < full.size(); ++i) full[i] = static_cast<std::uint8_t>(1 + i);
+  expected.insert(expected.end(), full.begin(), full.end());
+  expected.push_back(0x00);
+  EXPECT_EQ(framing->Encode(full), expected);
+}
+
+// With a check of the same length, all but the check's own verdict is that of the firmware's codec.
+TEST(Framings, HdlcWithAnotherCheckReadsAsTheCodecDoes) {
+  const auto framing = MakeHdlcFraming(CheckKind::kCrc16IbmSdlc);
+  std::mt19937 generator(13);
+  const auto without_verdict = [](std::vector<Read> readings) {
+    for (Read& read : readings)
+      if (read.status == "ok" || read.status == "empty") read.status = "bad_checksum";
+    return readings;
+  };
+  for (int round = 0; round < 100; ++round) {
+    const Bytes stream = DamagedStream(*HdlcFraming(), generator);
+    const std::size_t piece = 1 + generator() % 50;
+    ASSERT_EQ(without_verdict(ReadAll(*framing, stream, piece)),
+              without_verdict(ReadAll(*HdlcFraming(), stream, piece)));
+  }
+}
+
+TEST(Framings, ADamagedLengthTakesTheFramesThatFollow) {
+  const auto framing = MakeLengthFraming({.sync = {0xAA, 0x55}}, CheckKind::kCrc16Ibm3740);
+  const Bytes first = framing->Encode(Bytes{1, 2, 3}), second = framing->Encode(Bytes{4, 5, 6}),
+              third = framing->Encode(Bytes{7});
+  Bytes stream = first;
+  stream[2] = 3 + 8;  // the length now reaches to the end of the second frame
+  stream.insert(stream.end(), second.begin(), second.end());
+  stream.insert(stream.end(), third.begin(), third.end());
+  const std::vector<Read> readings = ReadAll(*framing, stream, 4);
+  ASSERT_EQ(readings.size(), 2U);
+  EXPECT_EQ(readings[0].status, "bad_checksum");
+  EXPECT_EQ(readings[0].end, first.size() + second.size());
+  EXPECT_EQ(readings[1].status, "ok");
+  EXPECT_EQ(readings[1].payload, Bytes{7});
+}
+
+TEST(Framings, StrayBytesInFrontOfTheMarksAreNoFrame) {
+  const auto framing = MakeLengthFraming({.sync = {0xAA, 0xAA, 0x55}}, CheckKind::kSum8);
+  Bytes stream = {0x01, 0xAA};  // one mark more than a frame has
+  const Bytes frame = framing->Encode(Bytes{9, 8});
+  stream.insert(stream.end(), frame.begin(), frame.end());
+  stream.push_back(0xAA);
+  const std::vector<Read> readings = ReadAll(*framing, stream, 1);
+  ASSERT_EQ(readings.size(), 3U);
+  EXPECT_EQ(readings[0].status, "no_sync");
+  EXPECT_EQ(readings[0].content_end, 2U);
+  EXPECT_EQ(readings[1].status, "ok");
+  EXPECT_EQ(readings[1].begin, 2U);
+  EXPECT_EQ(readings[2].status, "no_sync");
+  // A length that no frame has.
+  EXPECT_EQ(ReadAll(*MakeLengthFraming({.sync = {0xAA}, .length_bytes = 2}, CheckKind::kSum8),
+                    Bytes{0xAA, 0x01, 0x01, 0xAA}, 2)[0]
+                .status,
+            "bad_length");
+}
 
 // The rule in the header, byte by byte.
 RC_GTEST_PROP(FlagCutter, EndsAFrameAtAFlagBehindAnotherByte, (const std::vector<bool>& is_flag)) {

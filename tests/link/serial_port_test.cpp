@@ -78,7 +78,7 @@ struct Ear {
   }
 };
 
-// Text that `work` returns in a child process with the rights of nobody.
+// Text that `work` returns in a child process with the rights of the user `nobody`.
 std::string AsNobody(const std::function<std::string()>& work) {
   int ends[2];
   if (pipe2(ends, O_CLOEXEC) != 0) return "no pipe";
@@ -146,7 +146,7 @@ TEST_F(SerialPortTest, AMebibyteComesThroughToASlowReader) {
   Bytes sent(SerialPort::kQueueBytesMax);
   for (std::size_t i = 0; i < sent.size(); ++i) sent[i] = static_cast<std::uint8_t>(i * 31 + (i >> 8));
   ASSERT_TRUE(port.Write(sent));
-  // Nobody reads: what the kernel did not take is queued, and one more mebibyte is refused whole.
+  // No peer reads: what the kernel did not take is queued, and one more mebibyte is refused whole.
   EXPECT_GT(port.UnsentBytes(), sent.size() / 2);
   EXPECT_FALSE(port.Write(sent));
   // 1000 bytes between two turns of the loop.
@@ -345,7 +345,7 @@ TEST_F(SerialPortTest, WithoutPermissionItSaysHowToGetIt) {
   EXPECT_THAT(AsNobody([&] { return OpenError(pty.slave_path()); }),
               AllOf(HasSubstr("no permission"), HasSubstr("sudo chgrp dialout " + pty.slave_path()),
                     HasSubstr("sudo usermod -aG dialout $USER")));
-  // root:root: nobody is to join that group.
+  // root:root: no user should join the group of root.
   ASSERT_EQ(chown(pty.slave_path().c_str(), 0, 0), 0);
   ASSERT_EQ(chmod(pty.slave_path().c_str(), 0660), 0);
   EXPECT_THAT(AsNobody([&] { return OpenError(pty.slave_path()); }),

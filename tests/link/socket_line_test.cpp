@@ -242,7 +242,7 @@ TEST_F(SocketLineTest, AnotherUserIsTurnedAway) {
   ear.Listen(line);
   const pid_t stranger = fork();
   if (stranger == 0) {
-    // The line is root's, so a process of nobody is a stranger; it is told so by the end of the line.
+    // The line is root's, so a process of the user `nobody` is a stranger, and the line ends for it.
     if (setuid(65534) != 0) _exit(2);
     const int peer = Connect(line);
     char byte = 'X';

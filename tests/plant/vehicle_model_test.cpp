@@ -238,7 +238,7 @@ TEST_F(ChangedVehicle, MassThatIsNotPositive) {
   EXPECT_EQ(line_, changed_line_);
 }
 
-// SDF has defaults of 1 kg and 1 kg m^2: such a vehicle flies, and nobody has it.
+// SDF has defaults of 1 kg and 1 kg m^2: such a vehicle flies, but does not exist.
 TEST_F(ChangedVehicle, WhatSdfWouldInventIsRefused) {
   Replace("<mass>0.080943968597</mass>", "");
   Replace("<iyy>0.00792827006001647</iyy>", "");

@@ -171,7 +171,7 @@ void ReceiverTake(Receiver* receiver, uint8_t byte) {
 #ifdef PLANTED_ESCAPE_AT_END
   if (receiver->escaped) {
     receiver->escaped = false;
-    receiver->bytes[receiver->count++] = byte ^ kEscapeXor; /* the only byte that nobody counts */
+    receiver->bytes[receiver->count++] = byte ^ kEscapeXor; /* the only byte without a check of the count */
     return;
   }
   if (byte == kEscape) {

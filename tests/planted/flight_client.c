@@ -144,7 +144,7 @@ int64_t tiltproof_client_grant(TiltproofClient* client, int64_t now_ns) {
   }
   if (now_ns >= client->next_request_ns) {
     client->next_request_ns += kPeriodNs;
-    /* Somebody babbles: this client stays off the line for a period. */
+    /* The line babbles: this client stays off it for a period. */
     client->waiting = !ReceiverBabbles(&client->lines[TILTPROOF_UART_MAIN]);
     if (client->waiting) Send(client, now_ns, kReadSensors, NULL, 0);
   }

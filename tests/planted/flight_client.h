@@ -61,7 +61,7 @@ struct TiltproofClient {
 
 /* decoder.c */
 void ReceiverTake(Receiver* receiver, uint8_t byte);
-/* True, once, when the frame on the line has become too long: somebody babbles. */
+/* True, once, when the frame on the line has become too long: the line babbles. */
 bool ReceiverBabbles(Receiver* receiver);
 
 /* flight_client.c: Fletcher-16 modulo 255. */

@@ -1,4 +1,4 @@
-// Two framings that no protocol of the product has, as simple as can be: a test runs all that depends on the framing
+// Two framings as simple as can be: references for those of the product, and a test runs all that depends on the framing
 // over them. Each of their readers keeps the bytes since the last frame and asks after every byte.
 #pragma once
 

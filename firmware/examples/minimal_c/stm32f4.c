@@ -217,7 +217,7 @@ void Reset_Handler(void) {
   main();
 }
 
-/* RM0090, table 62: whatever is not handled, faults too, starts the board anew. */
+/* RM0090, table 62. An interrupt or fault without a handler starts the board again. */
 __attribute__((section(".vectors"), used)) static void (*const vectors[16 + 40])(void) = {
     [0] = (void (*)(void)) & _estack,
     [1] = Reset_Handler,

@@ -54,7 +54,7 @@ struct TiltproofClient {
   const Build& build;
   const Dialect dialect;
   std::optional<FlightApplication>
-      application;  // never empty; optional so that a reset can build it anew in place
+      application;  // never empty; optional so that a reset can build a new one in place
 };
 
 extern "C" {

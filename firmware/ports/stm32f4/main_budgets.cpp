@@ -180,7 +180,7 @@ void MeasureTolerantLine() {
   Report("tolerant_late", DearestOfFifth(flight, Reply::kLate, 4));
 }
 
-// A rotor weakens: within three samples the belief about it changes, and what was predicted is predicted anew.
+// A rotor weakens: within three samples the belief about it changes, and the steps since are predicted again.
 void MeasureTolerantBelief() {
   BudgetFlight& flight = NewFlight();
   Dearest(flight, Reply::kInTime, kSettledPeriods);
@@ -191,7 +191,7 @@ void MeasureTolerantBelief() {
 }
 
 // Several replies come in one period, while a sensor's lie is replaced, a rotor has just weakened and commands act late.
-// All lags are examined for each of them, the steps between are predicted anew, and commands are sent without replies,
+// All lags are examined for each of them, the steps between are predicted again, and commands are sent without replies,
 // too.
 std::uint32_t DearestBurst(int held) {
   std::uint32_t dearest = 0;

@@ -434,7 +434,7 @@ void RealtimeConductor::Join(Member& member, const std::string& id, const dds::P
   Announce();
 }
 
-// Everybody hands in his log; what a partition held up comes when it heals.
+// Every node hands in its log. Records that a partition held back come when the partition ends.
 void RealtimeConductor::GatherLogs() {
   if (command_sequence_ < 3) {
     // Not even started: there is no log.

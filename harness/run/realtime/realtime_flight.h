@@ -37,7 +37,7 @@ struct RealtimeOptions {
 
   // Scores the flight. The harness adds the run's id and publishes the score on the bus.
   std::function<dds::Score(const RunLog&)> score;
-  const Injections* injections = nullptr;  // null: nobody can
+  const Injections* injections = nullptr;  // null: injection is off
   std::atomic<std::int64_t>* progress_ns = nullptr;
   const std::atomic<bool>* interrupted = nullptr;
 };

@@ -4,14 +4,14 @@
  * careful: none. careless: a long frame overwrites what lies behind its buffer, a guard that is
  * checked: whatever else it would meet may be another thing in each process. deaf: an escape
  * before the closing flag leaves it waiting for ever. absurd: what it is told becomes what it commands, in each field. restless: a
- * payload of two bytes makes it start anew. loop: a frame of nothing but zeros is never finished. broken: it needs no
+ * payload of two bytes makes it start again. loop: a frame of nothing but zeros is never finished. broken: it needs no
  * hostile byte. secret: a message whose first two bytes are a certain word ends it; each byte is compared by itself.
  * overrun: a long frame overruns a block of the heap; the C library notices it when the harness next asks for memory.
  * twofold: short and long frames let it write to address 8 and 16.
  * hasty: after a short frame it wants to be woken at once, again and again.
  * leaves: after a short frame it cannot be destroyed.
- * raises: after a short frame it sends its process SIGKILL. killed, terminated: it does so by a bare system call, as
- * which nobody sees it, and with SIGTERM.
+ * raises: after a short frame it sends its process SIGKILL. killed, terminated: it does so by a bare system call,
+ * which the guard cannot see, and with SIGTERM.
  * slow: it boots for a second. smashed: a long frame is copied to the stack, which a guard of the compiler's notices. */
 #define _GNU_SOURCE
 #include <malloc.h>

@@ -83,7 +83,7 @@ class CliTest(CommandLineTest):
         code, out, _ = self.tiltproof("new", "repository/suites/c.yaml")
         self.assertIn("is of another version: tiltproof schema > ", out)
         self.assertEqual((self.folder / "repository/tiltproof.schema.json").read_text(), "{}")
-        # Elsewhere, a schema further up may be anybody's.
+        # Elsewhere, a schema further up may belong to another project.
         (self.folder / "elsewhere/tiltproof.schema.json").write_text("{}")
         self.assertEqual(self.tiltproof("new", "elsewhere/deep/d.yaml")[0], 0)
         self.assertTrue((self.folder / "elsewhere/deep/tiltproof.schema.json").is_file())

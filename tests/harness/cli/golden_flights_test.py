@@ -3,7 +3,7 @@
 
 Usage: golden_flights_test.py TILTPROOF SOURCE_DIR [--board RESULTS] [--write]
 Flies the host firmware. --board: reads instead the results of `run scenarios/wire scenarios/device --client qemu --firmware paper`, the image on the emulated board.
---write writes that part of the file anew, for a change that is meant to change the flights, or adds one.
+--write replaces that part of the file, after a change that adds a flight or changes some on purpose.
 """
 import argparse
 import json

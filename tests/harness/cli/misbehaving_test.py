@@ -74,7 +74,7 @@ class MisbehavingTest(CommandLineTest):
             self.assertEqual((code, results["calm"]["verdict"]), (1, "fail"), text)
             self.assertRegex(results["calm"]["reason"], reason)
 
-    # Its vehicle hangs where it should, since nobody commands anything else.
+    # The vehicle hovers where it should, because no command changes the hover input.
     SILENT = {"starts_only": "no actuator message was accepted in the whole flight; 49 of 49 periods without a request, the first at 0.012 s",
               "asks_only": "no actuator message was accepted in the whole flight; .* periods without an actuator message",
               "wrong_id": r"no actuator message was accepted in the whole flight; \d+ malformed frames, the first at 0\.0\d\d s \(unknown_id, bytes 7e 00 00 a0 40 ",
@@ -94,7 +94,7 @@ class MisbehavingTest(CommandLineTest):
 
     def test_what_it_leaves_behind_ends_with_its_flight(self):
         began = time.monotonic()
-        code, text, _ = self.misbehaving("leave_child", "calm")  # until nobody has its output open any more
+        code, text, _ = self.misbehaving("leave_child", "calm")  # until no process has its output open any more
         self.assertEqual(code, 0, text)
         self.assertLess(time.monotonic() - began, 60)
         left = [process for process in pathlib.Path("/proc").glob("[0-9]*") if self.command_of(process).count(str(self.folder)) or self.folder_of(process) == self.folder]

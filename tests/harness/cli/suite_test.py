@@ -283,7 +283,7 @@ class SuiteTest(CommandLineTest):
         self.assertEqual(code, 4, out)
         self.assertIn("an unfinished run: 1 of 3 flights came to a verdict", out)
         self.assertIn("1 of 1 equal", out)
-        # All of it can be made anew from what the flights left.
+        # `score` makes all of it again from what the flights left.
         whole = {name: (self.latest() / name).read_text() for name in ("results.json", "junit.xml")}
         for name in whole:
             (self.latest() / name).unlink()

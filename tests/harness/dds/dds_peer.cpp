@@ -213,7 +213,7 @@ int EchoSteps(const Arguments& a) {
     }
   });
   requests = &subscriber;
-  // An answer that goes out before the asker's subscriber is known here would reach nobody.
+  // An answer that goes out before the asker's subscriber is known here would be lost.
   if (!condition.Wait([&] { return responses.MatchedCount() == 1; })) return 1;
   Say("ready");
   ReadLine();

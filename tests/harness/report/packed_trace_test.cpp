@@ -145,7 +145,7 @@ TEST(PackedTrace, SmoothSignalsAndTimesGetSmall) {
       std::mt19937_64 none(0);
       values.push_back(SignalValue(kind, r, none));
     }
-  // Three columns that anybody could write down in a line.
+  // Three columns that one line can describe.
   EXPECT_LT(PackTrace(TraceOf(3, values)).size(), 2000U);
 }
 

@@ -268,7 +268,7 @@ TEST(ChildProcess, NothingIsLeftBehind) {
 TEST(ChildProcess, DieWithParentEndsAnOrphanAtOnce) {
   const pid_t child = fork();
   if (child == 0) {
-    DieWithParent(1 << 29);  // nobody's id
+    DieWithParent(1 << 29);  // no process has this id
     _exit(0);
   }
   int status = 0;

@@ -294,7 +294,7 @@ class ClientTest(unittest.TestCase):
         devices, _, _, _ = self.cables(1)
         options = {}
         if os.getuid() == 0:
-            # Nobody must be able to read the program and to write results.
+            # The user `nobody` must be able to read the program and to write results.
             options["user"] = 65534
             self.folder.chmod(0o777)
             if subprocess.run([PROGRAM, "--version"], user=65534, capture_output=True, check=False).returncode != 0:

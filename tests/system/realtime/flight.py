@@ -95,7 +95,7 @@ class Flight:
         return found
 
     def zombies(self):
-        """Children that we have inherited, and nobody has reaped."""
+        """Children that this process has inherited and not yet reaped."""
         children = read(f"/proc/{os.getpid()}/task/{os.getpid()}/children").split()
         return [int(pid) for pid in children if re.search(rb"\) Z ", read(f"/proc/{int(pid)}/stat"))]
 
@@ -257,7 +257,7 @@ class Flight:
 
         def still_there(path):
             try:
-                # A later one of that name is somebody else's.
+                # A later one of that name belongs to another process.
                 return os.stat(path).st_ctime <= self.terminals[path]
             except OSError:
                 return False

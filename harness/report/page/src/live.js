@@ -25,7 +25,7 @@ class LiveFlight extends Flight {
       this.entries.set(name, { name, low: Infinity, high: -Infinity });
     }
     this.open = new Map(); // bands of faults that are active now
-    this.injected = new Map(); // [begin, end) of faults that somebody injected, which have no column
+    this.injected = new Map(); // [begin, end) of faults that the user injected, which have no column
   }
 
   // Where a value has come: not every client tells the state of its supervisor.
@@ -211,7 +211,7 @@ function controls(live) {
     fault, el("button", { type: "button", class: "inject", text: "Inject now", onclick: () => press("inject", fault.value) }), abort, said);
 }
 
-// Returns what to call when it is left; `again` shows it anew.
+// Returns what to call when it is left; `again` shows it once more.
 export function showLive(main, live, again) {
   const { flight, run } = live;
   const head = el("h1", {}, flight ? flight.name : "Live", " ");
@@ -291,14 +291,14 @@ export function showLive(main, live, again) {
   const refresh = () => {
     if (!dirty || document.hidden) return;
     dirty = false;
-    // A signal that nobody had told before has a figure now.
+    // A signal that appears for the first time has a figure now.
     if (flight.names_count !== names) return again();
     grows = true;
     clock.end_s = flight.end_s;
     scrub.max = flight.end_s;
     plots.grow();
     extras.grow();
-    // A long path need not be drawn anew so often.
+    // A long path is drawn less often.
     if (flight.times_s.length < 500 || ++wide % 5 === 0 || live.over) replay.grow();
     if (following) clock.set(clock.end_s);
     grows = false;

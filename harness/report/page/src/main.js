@@ -107,7 +107,7 @@ function changed() {
   scrollTo(0, 0);
 }
 
-// The table has new lines: not while somebody chooses in it, and not too often.
+// Shows the table's new lines: not while the reader chooses in it, and not too often.
 function renewTable() {
   if (/^#(live$|flight[-=])/.test(location.hash)) return;
   const busy = main.contains(document.activeElement) && document.activeElement !== main;

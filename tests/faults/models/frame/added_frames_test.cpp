@@ -1,4 +1,4 @@
-// Frames that nobody sent: they follow those that pass, and their number has its distribution.
+// Frames that only the fault sends: they follow those that pass, and their number has its distribution.
 #include <gtest/gtest.h>
 
 #include <cmath>

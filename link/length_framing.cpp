@@ -1,0 +1,144 @@
+#include "link/length_framing.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "link/check.h"
+#include "link/message_kind.h"
+
+namespace tiltproof::link {
+namespace {
+
+class LengthPrefixed final : public CheckedFraming {
+ public:
+  LengthPrefixed(const LengthFormat& format, CheckKind check) : CheckedFraming(check) {
+    Check(!format.sync.empty() && format.sync.size() <= LengthHeader::kSyncBytesMax,
+          "a frame begins with 1 to 4 marks");
+    Check(format.length_bytes == 1 || format.length_bytes == 2, "a length has one byte or two");
+    std::copy(format.sync.begin(), format.sync.end(), header_.sync.begin());
+    header_.sync_count = format.sync.size();
+    header_.length_bytes = format.length_bytes;
+    header_.payload_bytes_max =
+        std::min(kPayloadBytesMax, format.length_bytes == 1 ? std::size_t{0xFF} : std::size_t{0xFFFF});
+    header_.check_bytes = check_bytes();
+  }
+
+  std::string_view name() const override { return "length_prefixed"; }
+  std::span<const std::uint8_t> opening() const override { return {}; }
+
+  // The length of a payload that is too long for it wraps: such a frame is for a receiver to reject.
+  void AppendBehindOpening(std::span<const std::uint8_t> payload, std::uint32_t damage,
+                           std::vector<std::uint8_t>& to) const override {
+    const auto sync = header_.Sync();
+    to.insert(to.end(), sync.begin(), sync.end());
+    for (std::size_t i = 0; i < header_.length_bytes; ++i)
+      to.push_back(static_cast<std::uint8_t>(payload.size() >> 8 * i & 0xFF));
+    AppendChecked(payload, damage, to);
+  }
+
+  std::optional<FrameParts> TakeApart(std::span<const std::uint8_t> frame) const override {
+    const std::size_t header_bytes = header_.sync_count + header_.length_bytes;
+    if (frame.size() < header_bytes + header_.check_bytes ||
+        !std::equal(header_.Sync().begin(), header_.Sync().end(), frame.begin()))
+      return std::nullopt;
+    const std::size_t payload_bytes = frame.size() - header_bytes - header_.check_bytes;
+    for (std::size_t i = 0; i < header_.length_bytes; ++i)
+      if (frame[header_.sync_count + i] != (payload_bytes >> 8 * i & 0xFF)) return std::nullopt;
+    return SplitChecked(frame.subspan(header_bytes));
+  }
+
+  std::unique_ptr<FrameReader> MakeReader() const override { return std::make_unique<Reader>(*this); }
+  std::unique_ptr<FrameCutter> MakeCutter() const override { return std::make_unique<LengthCutter>(header_); }
+
+  std::optional<std::uint8_t> flag() const override { return std::nullopt; }
+  std::optional<std::uint8_t> escape() const override { return std::nullopt; }
+  std::span<const std::uint8_t> special_bytes() const override { return header_.Sync(); }
+
+ private:
+  class Reader final : public FrameReader {
+   public:
+    explicit Reader(const LengthPrefixed& framing) : framing_(framing), tracker_(framing.header_) {}
+
+    std::optional<FrameReading> Next(std::span<const std::uint8_t>& bytes) override {
+      while (!bytes.empty()) {
+        const std::uint8_t byte = bytes.front();
+        bytes = bytes.subspan(1);
+        ++offset_;
+        if (auto reading = Take(tracker_.Next(byte), byte)) return reading;
+      }
+      return std::nullopt;
+    }
+
+    std::optional<FrameReading> Finish() override {
+      tracker_.Reset();
+      if (begin_ == offset_) return std::nullopt;
+      return Reading(is_in_frame_ ? "aborted" : "no_sync", offset_);
+    }
+
+   private:
+    std::optional<FrameReading> Take(LengthTracker::Step step, std::uint8_t byte) {
+      switch (step) {
+        case LengthTracker::Step::kOutside:
+        case LengthTracker::Step::kSync:
+        case LengthTracker::Step::kLength:
+          return std::nullopt;
+        case LengthTracker::Step::kSyncEnd: {
+          const std::uint64_t begin = offset_ - framing_.header_.sync_count;
+          std::optional<FrameReading> stray;
+          if (begin != begin_) stray = Reading("no_sync", begin);
+          is_in_frame_ = true;
+          return stray;
+        }
+        case LengthTracker::Step::kContent:
+          content_.push_back(byte);
+          return std::nullopt;
+        case LengthTracker::Step::kBadLength:
+          return Reading("bad_length", offset_);
+        case LengthTracker::Step::kFrameEnd:
+          content_.push_back(byte);
+          return Close();
+      }
+      ThrowBrokenInvariant("a step of a frame");
+    }
+    FrameReading Close() {
+      FrameParts parts = *framing_.SplitChecked(content_);
+      const std::string_view status = parts.damage != 0       ? "bad_checksum"
+                                      : parts.payload.empty() ? "empty"
+                                                              : "ok";
+      FrameReading reading = Reading(status, offset_);
+      payload_ = std::move(parts.payload);
+      reading.payload = payload_;
+      return reading;
+    }
+    // The bytes up to `content_end` that no reading has are one.
+    FrameReading Reading(std::string_view status, std::uint64_t content_end) {
+      const std::uint64_t begin = std::exchange(begin_, content_end);
+      content_.clear();
+      payload_.clear();
+      is_in_frame_ = false;
+      return {.status = status,
+              .ok = status == "ok",
+              .payload = payload_,
+              .begin = begin,
+              .end = offset_,
+              .content_begin = begin,
+              .content_end = content_end};
+    }
+
+    const LengthPrefixed& framing_;
+    LengthTracker tracker_;
+    std::vector<std::uint8_t> content_, payload_;
+    bool is_in_frame_ = false;
+    std::uint64_t offset_ = 0, begin_ = 0;
+  };
+
+  LengthHeader header_;
+};
+
+}  // namespace
+
+std::shared_ptr<const Framing> MakeLengthFraming(const LengthFormat& format, CheckKind check) {
+  return std::make_shared<LengthPrefixed>(format, check);
+}
+
+}  // namespace tiltproof::link
