@@ -106,7 +106,7 @@ struct VehicleSignals {
   SignalTable states;   // the truth, as in the trace
   SignalTable sensors;  // what may be sent; its frame may differ from that of the state with the same name
   SignalTable inputs;   // what actuator messages command
-  // What the sensors of the vehicle's file read: the last of `sensors`, which begin with the states. The others are
+  // Readings of the sensors in the vehicle's file: the last of `sensors`, which begin with the states. The others are
   // numbers of 32 bits when they are sent.
   SignalTable measured = {};
   // Its parts by their names in the vehicle's file, in the order of Disturbance's thrust factors and hinges.

@@ -31,6 +31,19 @@ void SetRotation(dBodyID body, const Matrix3d& r) {
   dBodySetRotation(body, rows);
 }
 
+// Samples under way are kept, and their number has a limit.
+const std::vector<Sensor>& WithinMemory(const std::vector<Sensor>& sensors, TimeNs step_ns) {
+  constexpr double kUnderWayMax = 100'000;
+  for (const Sensor& sensor : sensors) {
+    const double period_s = std::max(sensor.rate_hz > 0 ? 1 / sensor.rate_hz : 0, ToSeconds(step_ns));
+    if (sensor.latency_s > kUnderWayMax * period_s)
+      throw PlantError(
+          fmt::format("sensor '{}': its latency of {} s is more than {:.0f} samples of {} s: lower its rate",
+                      sensor.name, sensor.latency_s, kUnderWayMax, period_s));
+  }
+  return sensors;
+}
+
 }  // namespace
 
 void CheckSize(std::size_t size, const SignalTable& table, const char* what) {
@@ -53,7 +66,7 @@ Plant::World::World(const VehicleModel& vehicle, const PlantOptions& plant_optio
       input_max(model.InputMax()),
       input(signals.inputs.size()),
       sample(signals.states.size()),
-      sensors(model.sensors,
+      sensors(WithinMemory(model.sensors, options.step_ns),
               {.surroundings = model.surroundings,
                .step_ns = options.step_ns,
                .gravity_m_s2 = options.gravity_m_s2},

@@ -160,6 +160,7 @@ class SensorReader {
   // Links that no hinge separates from the base.
   std::set<std::string> RigidLinks() const;
   void ReadSensor(const sdf::Sensor& sensor, SensorKind kind, const std::string& link, const Place& place);
+  void WarnOfNoise(const Sensor& sensor, const Where& where);
   void ApplyElements();
   Where WhereIs(const sdf::Sensor& sensor) const;
 
@@ -218,7 +219,7 @@ SensorReader::Where SensorReader::WhereIs(const sdf::Sensor& sensor) const {
   Where where{vehicle_.file.string(), 0};
   if (const sdf::ElementPtr element = sensor.Element()) {
     where.line = std::max(element->LineNumber().value_or(0), 0);
-    // Of a file that the vehicle includes. A path that does not exist stands for a text in memory.
+    // The vehicle may include another file. A path that does not exist stands for a text in memory.
     std::error_code error;
     const std::string& path = element->FilePath();
     if (std::filesystem::exists(path, error) && !std::filesystem::equivalent(path, vehicle_.file, error))
@@ -279,6 +280,7 @@ void SensorReader::ReadSensor(const sdf::Sensor& from, SensorKind kind, const st
   sensor.rate_hz = from.UpdateRate();
   if (const auto* air = from.AirPressureSensor()) sensor.altitude_m = air->ReferenceAltitude();
   sensor.noise = NoiseOf(from, kind);
+  WarnOfNoise(sensor, where);
   sensors_.push_back(std::move(sensor));
   const SignalTable signals = SensorSignals(sensors_);
   for (std::size_t i = signals.size() - SignalCount(kind); i < signals.size(); ++i)
@@ -288,7 +290,20 @@ void SensorReader::ReadSensor(const sdf::Sensor& from, SensorKind kind, const st
     }
 }
 
-// What SDF lacks: <tiltproof:sensor>.
+// Some files state it in gauss, as the sensors of Gazebo 8 read.
+void SensorReader::WarnOfNoise(const Sensor& sensor, const Where& where) {
+  const double field_t = elements_.surroundings.magnetic_field_t.norm();
+  if (sensor.kind != SensorKind::kMagnetometer) return;
+  for (const SensorNoise& noise : sensor.noise) {
+    if (noise.stddev <= field_t) continue;
+    warnings_.push_back(fmt::format(
+        "{}:{}: sensor '{}': a noise of {:.3g} T is larger than the field, {:.3g} T; 1 gauss is 1e-4 T",
+        where.file, where.line, sensor.name, noise.stddev, field_t));
+    return;
+  }
+}
+
+// Adds the part that SDF lacks: <tiltproof:sensor>.
 void SensorReader::ApplyElements() {
   std::vector<std::string> names;
   for (const Sensor& sensor : sensors_) names.push_back(sensor.name);

@@ -122,7 +122,7 @@ class SensorSuite {
   std::vector<double> readings_;
   TimeNs time_ns_ = 0;
   BaseMotion motion_{};
-  // Of the last step, along the body's axes: specific force at the centre of mass, angular acceleration, mean angular
+  // The last step, along the body's axes: specific force at the centre of mass, angular acceleration, mean angular
   // velocity.
   Eigen::Vector3d force_B_m_s2_, dw_B_rad_s2_, w_B_rad_s_, p_com_m_;
 };

@@ -165,6 +165,14 @@ TEST_F(SensorFile, OtherTypesAreOneWarning) {
   EXPECT_THAT(warnings_, ::testing::Contains(AllOf(HasSubstr("\"height\""), HasSubstr("'altimeter'"))));
 }
 
+TEST_F(SensorFile, ANoiseInGaussIsNoticed) {
+  const std::string noise = NoiseXml("<stddev>1e-4</stddev>");
+  Load(SensorXml("magnetometer", "compass", "<magnetometer><y>" + noise + "</y></magnetometer>"));
+  EXPECT_THAT(warnings_,
+              ::testing::Contains(AllOf(HasSubstr(At(2) + "sensor 'compass'"),
+                                        HasSubstr("0.0001 T is larger than the field, 4.85e-05 T"))));
+}
+
 TEST_F(SensorFile, BadNumbersAreErrorsWithTheirLine) {
   const auto imu = [](const std::string& content) { return SensorXml("imu", "imu0", content); };
   const auto noise = [&](const std::string& content) {

@@ -106,7 +106,7 @@ TEST(Sensors, AFallingVehicleFeelsNoForceAndAHoveringOneItsWeight) {
   plant.Reset({0, 0, 100}, {model.hover.roll_rad, model.hover.pitch_rad, 0.7});
   for (int i = 0; i < 5; ++i) plant.Step(model.HoverInput());
   const std::vector<double> hover = Measured(plant, model);
-  // Of a vehicle that hovers with a pitch, the weight has a part along x.
+  // The weight of a vehicle that hovers with a pitch has a part along x.
   EXPECT_NEAR(hover[0], -9.81 * std::sin(model.hover.pitch_rad), 1e-6);
   EXPECT_NEAR(hover[2], 9.81 * std::cos(model.hover.pitch_rad), 1e-6);
 }
@@ -332,6 +332,15 @@ TEST(Sensors, AStartForgetsTheFlightBefore) {
   SensorSuite other({imu}, {.surroundings = {}, .step_ns = kStep, .gravity_m_s2 = 9.81}, DrawsFrom(4));
   other.Start(AtRest());
   EXPECT_NE(Readings(other, 6)[0], first[0]);
+}
+
+TEST(Sensors, ALatencyOfTooManySamplesIsRefused) {
+  Sensor imu = SensorOf(SensorKind::kImu, "imu0");
+  imu.latency_s = 10;
+  const VehicleModel model = WithSensors({imu});
+  EXPECT_NO_THROW(Plant(model, {.step_ns = kStep}));
+  EXPECT_THAT([&] { Plant(model, {.step_ns = 10'000}); },
+              ::testing::ThrowsMessage<PlantError>(::testing::HasSubstr("'imu0'")));
 }
 
 // The overlapping Allan deviation of a record at m times its period.
