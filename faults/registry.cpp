@@ -90,6 +90,7 @@ namespace tiltproof::faults {
   FAULT(PlantThrust)                 \
   FAULT(PlantServoJam)               \
   FAULT(PlantServoRunaway)           \
+  FAULT(PlantBatterySag)             \
   FAULT(NodeKill)                    \
   FAULT(NodePause)                   \
   FAULT(NodeRestart)                 \

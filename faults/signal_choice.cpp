@@ -87,7 +87,7 @@ ParameterInfo ActuatorParameter() {
   return {.name = "actuator",
           .unit = "",
           .kind = ParameterKind::kInput,
-          .doc = "the thrust or servo torque; for the tilt-rotor: f_r, f_l, tau_r, tau_l",
+          .doc = "the thrust, servo torque or servo angle; for the tilt-rotor: f_r, f_l, tau_r, tau_l",
           .example = "f_r"};
 }
 

@@ -85,6 +85,8 @@ class Framing {
   // The byte that ends a frame, and the one that announces an escaped byte; nullopt: there is none.
   virtual std::optional<std::uint8_t> flag() const = 0;
   virtual std::optional<std::uint8_t> escape() const = 0;
+  // The check over the payload; nullopt: none of link/checksum.h.
+  virtual std::optional<CheckKind> check() const { return std::nullopt; }
   // Length of the check behind the payload, at most 4; 0: there is none.
   virtual std::size_t check_bytes() const = 0;
   // Bytes that decoders treat in a special way; at least one.
@@ -101,6 +103,7 @@ class CheckedFraming : public Framing {
  public:
   explicit CheckedFraming(CheckKind kind) : kind_(kind) {}
   CheckKind kind() const { return kind_; }
+  std::optional<CheckKind> check() const override { return kind_; }
   std::size_t check_bytes() const override { return CheckBytes(kind_); }
   BlindSpot blind_spot() const override { return BlindSpotOf(kind_); }
   std::string ChangeUnseen(std::span<std::uint8_t> bytes, std::uint32_t way) const override {

@@ -22,6 +22,22 @@ Eigen::Vector3d DragForce(const BodyDrag& drag, const Eigen::Vector3d& v_m_s) {
   return -(drag.linear_n_s_m + drag.quadratic_n_s2_m2 * v_m_s.norm()) * v_m_s;
 }
 
+namespace {
+
+// Not finite when a number of it is not.
+double SumOf(const Disturbance& disturbance) {
+  double sum = 0;
+  for (const Disturbance::Vector* vector :
+       {&disturbance.force_n, &disturbance.torque_nm, &disturbance.torque_body_nm, &disturbance.wind_m_s,
+        &disturbance.com_shift_m})
+    sum += (*vector)[0] + (*vector)[1] + (*vector)[2];
+  for (std::size_t i = 0; i < kRotorsMax; ++i)
+    sum += disturbance.thrust_factor[i] + disturbance.hinges[i].rate_rad_s;
+  return sum;
+}
+
+}  // namespace
+
 std::string DisturbanceProblem(const Disturbance& disturbance) {
   const auto finite = [](const auto& values) {
     return std::all_of(values.begin(), values.end(), [](double value) { return std::isfinite(value); });
@@ -29,6 +45,8 @@ std::string DisturbanceProblem(const Disturbance& disturbance) {
   const auto positive = [](double factor) { return std::isfinite(factor) && factor > 0; };
   if (!positive(disturbance.mass_factor) || !positive(disturbance.inertia_factor))
     return "a disturbance's factor of mass or inertia is not positive";
+  if (std::isfinite(SumOf(disturbance))) return {};
+  // Large numbers have a sum that is not finite, too.
   const bool rates =
       std::all_of(disturbance.hinges.begin(), disturbance.hinges.end(),
                   [](const Disturbance::Hinge& hinge) { return std::isfinite(hinge.rate_rad_s); });

@@ -21,6 +21,10 @@ using Eigen::VectorXd;
 
 constexpr double kComplexStep = 1e-30;
 
+// The time in which the rate of a position servo follows in the equations, and the shortest lag of its angle. The plant
+// lets the rate jump, which leaves no alpha'' to the equations.
+constexpr double kServoRise_s = 0.002;
+
 // Written out: those of the C library would differ between processors.
 Complex Sin(const Complex& z) {
   return {std::sin(z.real()) * std::cosh(z.imag()), std::cos(z.real()) * std::sinh(z.imag())};
@@ -184,7 +188,16 @@ EquationsOfMotion ComputeEquationsOfMotion(const VehicleModel& model, const Coor
     const Motion com = MotionOfPoint(MotionOfPoint(origin, base, w_base, to_hinge), angular, w, to_com);
     AddBody(hinge.body, R_WT, w, angular, com, equations);
     add_rotors(i, hinge.body, R_WT, w, angular, com);
-    equations.force[alpha] += u[rotor_count + static_cast<Index>(i)];
+    if (hinge.servo == ServoMode::kTorque) equations.force[alpha] += u[rotor_count + static_cast<Index>(i)];
+  }
+  for (std::size_t i = 0; i < model.hinges.size(); ++i) {
+    if (model.hinges[i].servo != ServoMode::kPosition) continue;
+    const Index alpha = 6 + static_cast<Index>(i);
+    const double lag_s = std::max(model.hinges[i].time_constant_s, kServoRise_s);
+    for (Index k = 0; k < n; ++k) equations.mass(alpha, k) = 0;
+    equations.mass(alpha, alpha) = lag_s * kServoRise_s;
+    equations.force[alpha] = u[rotor_count + static_cast<Index>(i)] - q[alpha];
+    equations.force[alpha] -= (lag_s + kServoRise_s) * q_dot[alpha];
   }
   return equations;
 }

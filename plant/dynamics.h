@@ -2,14 +2,19 @@
 //
 //   q = (x, y, z, roll, pitch, yaw, alpha of each hinge)
 //       position of the main body's frame origin (m), its Z-Y-X Euler angles (rad), hinge angles (rad)
-//   u = (f of each rotor, tau of each hinge)
-//       thrusts (N), servo torques (N m)
+//   u = (f of each rotor, tau or angle of each hinge)
+//       thrusts in force (N), servo torques (N m) or commanded angles (rad)
 //
 // Derived with the principle of virtual power: with the Jacobians of every body's centre of mass velocity and
 // angular velocity,
 //   sum (m J_v^T a + J_w^T (I w' + w x I w)) = generalised forces,
 //   a = J_v q'' + a_0,   w' = J_w q'' + w'_0.
-// Without stops, ground and saturation. Singular at pitch +/-90 deg.
+// A position servo exerts whatever torque its hinge needs to follow the command in two lags, that of the angle
+// (T, the vehicle's) and that of the rate (S, 2 ms):
+//   T S alpha'' = angle - alpha - (T + S) alpha'.
+// The plant has only the first lag, and a limit of the rate. Two lags keep alpha' a state and the model well
+// conditioned.
+// Without stops, ground, saturation and lag of rotors. Singular at pitch +/-90 deg.
 //
 // All in complex numbers: a complex step h gives derivatives without rounding, df/dx = Im f(x + ih) / h. The
 // motion itself is the real part.
@@ -47,9 +52,10 @@ struct DesignError : std::runtime_error {
 
 using Complex = std::complex<double>;
 
-// M(q) q'' = force(q, q', u), force including gravity and the velocity-dependent terms.
+// M(q) q'' = force(q, q', u), force including gravity and the velocity-dependent terms. The row of a position servo's
+// hinge is the servo's law.
 struct EquationsOfMotion {
-  // Symmetric, positive definite.
+  // Symmetric and positive definite when all servos are torques.
   Eigen::Matrix<Complex, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kCoordinatesMax, kCoordinatesMax>
       mass;
   Coordinates<Complex> force;

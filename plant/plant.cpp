@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "plant/disturbed_vehicle.h"
 #include "plant/plant_world.h"
@@ -36,11 +37,11 @@ void Plant::Reset(const std::array<double, 3>& position_m, const std::array<doub
 
 void Plant::Reset(std::span<const double> state) { world_->Place(state); }
 
-void Plant::Step(std::span<const double> input, const Disturbance& disturbance) {
-  std::vector<double>& in_force = world_->input;
-  CheckSize(input.size(), world_->signals.inputs, "inputs");
-  std::copy(input.begin(), input.end(), in_force.begin());
-  Saturate(in_force);
+void Plant::Step(std::span<const double> command, const Disturbance& disturbance) {
+  std::vector<double>& in_force = world_->next_input;
+  CheckSize(command.size(), world_->signals.inputs, "inputs");
+  std::copy(command.begin(), command.end(), in_force.begin());
+  InputInForce(in_force);
   if (world_->event == FlightEvent::kNotFinite) return;
   for (std::size_t i = 0; i < in_force.size(); ++i) {
     if (std::isfinite(in_force[i])) continue;
@@ -52,6 +53,7 @@ void Plant::Step(std::span<const double> input, const Disturbance& disturbance) 
     world_->SetEvent(FlightEvent::kNotFinite, problem);
     return;
   }
+  std::swap(world_->input, world_->next_input);
   try {
     world_->StepOnce(disturbance);
   } catch (const PlantError& error) {
@@ -65,11 +67,17 @@ void Plant::Step(std::span<const double> input, const Disturbance& disturbance) 
     world_->sensors.Step(world_->MotionOfBase(), world_->model.base.p_com_m);
 }
 
-void Plant::Saturate(std::span<double> input) const {
-  CheckSize(input.size(), world_->signals.inputs, "inputs");
+void Plant::InputInForce(std::span<double> command) const {
+  CheckSize(command.size(), world_->signals.inputs, "inputs");
   // clamp() passes a NaN through.
-  for (std::size_t i = 0; i < input.size(); ++i)
-    input[i] = std::clamp(input[i], world_->input_min[i], world_->input_max[i]);
+  for (std::size_t i = 0; i < command.size(); ++i)
+    command[i] = std::clamp(command[i], world_->input_min[i], world_->input_max[i]);
+  for (std::size_t i = 0; i < world_->thrusts.size(); ++i) {
+    const World::Thrust& rotor = world_->thrusts[i];
+    const double before = world_->input[i];
+    if (const double share = command[i] > before ? rotor.rise : rotor.fall; share != 1)
+      command[i] = before + share * (command[i] - before);
+  }
 }
 
 void Plant::State(std::span<double> state, RatesFrame frame) const {

@@ -62,11 +62,13 @@ class Plant {
   // within their stops.
   void Reset(std::span<const double> state);
 
-  // One step with the inputs saturated to the model's limits. After the event kNotFinite (also caused by an
-  // input or a disturbance that is not a number) the plant no longer moves. Disturbance{} changes no bit.
-  void Step(std::span<const double> input, const Disturbance& disturbance = {});
-  // Changes a row of inputs to the values that Step would apply.
-  void Saturate(std::span<double> input) const;
+  // One step with the commands held. After the event kNotFinite (also caused by a command or a disturbance that is
+  // not a number) the plant no longer moves. Disturbance{} changes no bit.
+  void Step(std::span<const double> command, const Disturbance& disturbance = {});
+  // Changes a row of commands to the input that the next Step with them puts in force: saturated to the model's
+  // limits, then thrusts by their rotors' lag. A lag covers the share 1 - exp(-step / time constant) of the way from
+  // the thrust in force to the command, and the result holds for the step. After Reset the hover input is in force.
+  void InputInForce(std::span<double> command) const;
 
   // Fills in the true state; angular rates in the requested frame. Yaw is in (-pi, pi].
   void State(std::span<double> state, RatesFrame frame = RatesFrame::kWorld) const;

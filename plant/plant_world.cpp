@@ -44,6 +44,11 @@ const std::vector<Sensor>& WithinMemory(const std::vector<Sensor>& sensors, Time
   return sensors;
 }
 
+// The share of the way that a first-order lag covers in one step; 1 without a lag.
+double ShareOfLag(double time_constant_s, double step_s) {
+  return time_constant_s > 0 ? -std::expm1(-step_s / time_constant_s) : 1;
+}
+
 }  // namespace
 
 void CheckSize(std::size_t size, const SignalTable& table, const char* what) {
@@ -65,6 +70,7 @@ Plant::World::World(const VehicleModel& vehicle, const PlantOptions& plant_optio
       input_min(model.InputMin()),
       input_max(model.InputMax()),
       input(signals.inputs.size()),
+      next_input(signals.inputs.size()),
       sample(signals.states.size()),
       sensors(WithinMemory(model.sensors, options.step_ns),
               {.surroundings = model.surroundings,
@@ -145,7 +151,7 @@ Plant::World::Body Plant::World::CreateBody(const RigidBody& body, const Vector3
   const Vector3d com = p_BL + R_BL * body.p_com_m;
   dBodySetPosition(id, com.x(), com.y(), com.z());
   SetRotation(id, R_BL);
-  return {.id = id, .p_com_m = body.p_com_m, .inertia_kg_m2 = i, .mass_kg = body.mass_kg};
+  return {.id = id, .p_com_m = body.p_com_m, .inertia_kg_m2 = i, .mass_kg = body.mass_kg, .saved = {}};
 }
 
 Plant::World::Thrust Plant::World::CreateThrust(const Rotor& rotor) const {
@@ -154,7 +160,9 @@ Plant::World::Thrust Plant::World::CreateThrust(const Rotor& rotor) const {
           .axis = rotor.thrust_axis_L,
           .to_point_m = to_point_m,
           .at_com = to_point_m.isZero(0),
-          .drag_ratio_m = rotor.direction * rotor.drag_ratio_m};
+          .drag_ratio_m = rotor.direction * rotor.drag_ratio_m,
+          .rise = ShareOfLag(rotor.time_constant_up_s, step_s),
+          .fall = ShareOfLag(rotor.time_constant_down_s, step_s)};
 }
 
 void Plant::World::CreateShape() {
@@ -189,7 +197,11 @@ void Plant::World::Place(std::span<const double> state) {
   }
   if (broken || bodies != Disturbance{}) Rebuild(nominal);
   bodies = {};
-  HoldHinges({});
+  for (Tilting& each : tilting) each.Drive(0, 0);
+  // Rotors turn as for a hover.
+  const std::vector<double>& hover = nominal.HoverInput();
+  std::fill(input.begin(), input.end(), 0.0);
+  std::copy_n(hover.begin(), std::min(hover.size(), input.size()), input.begin());
   dRandSetSeed(0);  // ODE's generator is the process's: every flight begins with the same
   event = FlightEvent::kNone;
   event_text.clear();
@@ -227,6 +239,7 @@ void Plant::World::PutBodies(std::span<const double> state) {
     place(tilting[i].body, p_WB + to_hinge + to_com, R_WB * turn * hinge.R_BT,
           v_WB + w_WB.cross(to_hinge) + w.cross(to_com), w);
   }
+  MeasureHinges();
 }
 
 BaseMotion Plant::World::MotionOfBase() const {
@@ -264,35 +277,19 @@ void Plant::World::Rebuild(const VehicleModel& as) {
 // ODE has the bodies of a hinge turn about anchors that lie fixed in both: other masses take another world, which
 // goes on from the same state. Rare: when such a disturbance begins, changes or ends.
 void Plant::World::ChangeBodies(const Disturbance& disturbance) {
+  if (disturbance.mass_factor == bodies.mass_factor && disturbance.inertia_factor == bodies.inertia_factor &&
+      disturbance.com_shift_m == bodies.com_shift_m)
+    return;
   Disturbance wanted;
   wanted.mass_factor = disturbance.mass_factor;
   wanted.inertia_factor = disturbance.inertia_factor;
   wanted.com_shift_m = disturbance.com_shift_m;
-  if (wanted == bodies) return;
   std::vector<double> state(signals.states.size());
   Observe(state);
   Rebuild(WithBodies(nominal, wanted));
   bodies = wanted;
   PutBodies(state);
   FindContacts();
-}
-
-// By a motor that is stronger than the servo. It stops short of the hinge's stops: ODE pushes a motor through them.
-void Plant::World::HoldHinges(const Disturbance& disturbance) {
-  constexpr double kMotorMax_nm = 100, kShort_rad = 1e-4;
-  for (std::size_t i = 0; i < tilting.size(); ++i) {
-    const Disturbance::Hinge& wanted = disturbance.hinges[i];
-    Tilting& held = tilting[i];
-    if (!wanted.held && !held.held) continue;
-    held.held = wanted.held;
-    dJointSetHingeParam(held.hinge, dParamFMax, wanted.held ? kMotorMax_nm : 0);
-    if (!wanted.held) continue;
-    const double angle = dJointGetHingeAngle(held.hinge);
-    const double down = (model.hinges[i].angle_min_rad + kShort_rad - angle) / step_s;
-    const double up = (model.hinges[i].angle_max_rad - kShort_rad - angle) / step_s;
-    dJointSetHingeParam(held.hinge, dParamVel,
-                        std::clamp(wanted.rate_rad_s, std::min(down, 0.0), std::max(up, 0.0)));
-  }
 }
 
 void Plant::World::Push(const Disturbance& disturbance) {
@@ -310,7 +307,15 @@ void Plant::World::Push(const Disturbance& disturbance) {
 // With `input`.
 void Plant::World::StepOnce(const Disturbance& disturbance) {
   ChangeBodies(disturbance);
-  HoldHinges(disturbance);
+  if (tilting.empty())
+    Advance(disturbance, step_s);
+  else
+    StepHinged(disturbance);
+  time_ns += options.step_ns;
+}
+
+// One step of ODE.
+void Plant::World::Advance(const Disturbance& disturbance, double length_s) {
   Push(disturbance);
   for (std::size_t i = 0; i < thrusts.size(); ++i) {
     const Thrust& rotor = thrusts[i];
@@ -320,8 +325,7 @@ void Plant::World::StepOnce(const Disturbance& disturbance) {
     dBodyAddRelForce(rotor.body, force.x(), force.y(), force.z());
     dBodyAddRelTorque(rotor.body, torque.x(), torque.y(), torque.z());
   }
-  for (std::size_t i = 0; i < tilting.size(); ++i)
-    dJointAddHingeTorque(tilting[i].hinge, input[thrusts.size() + i]);
+  DriveHinges(disturbance, length_s);
   for (int i = 0; i < contact_count; ++i) {
     dContact contact{};
     contact.surface.mode = dContactSoftERP | dContactSoftCFM | dContactApprox1;
@@ -332,9 +336,8 @@ void Plant::World::StepOnce(const Disturbance& disturbance) {
     dJointAttach(dJointCreateContact(world, contact_joints, &contact), dGeomGetBody(contact.geom.g1),
                  dGeomGetBody(contact.geom.g2));
   }
-  dWorldStep(world, step_s);
+  dWorldStep(world, length_s);
   if (contact_count > 0) dJointGroupEmpty(contact_joints);
-  time_ns += options.step_ns;
   FindContacts();
 }
 

@@ -24,12 +24,20 @@ struct Plant::World {
   using Vector3d = Eigen::Vector3d;
   using Matrix3d = Eigen::Matrix3d;
 
+  // ODE's state of a body when a step starts.
+  struct SavedBody {
+    std::array<dReal, 3> position{};
+    std::array<dReal, 4> quaternion{};
+    std::array<dReal, 3> velocity{}, rates{};
+  };
+
   // A body of the model, and ODE's at its centre of mass.
   struct Body {
     dBodyID id = nullptr;
     Vector3d p_com_m;
     Matrix3d inertia_kg_m2;
     double mass_kg = 0;
+    SavedBody saved;
 
     Vector3d Com() const;
     Matrix3d Attitude() const;
@@ -41,7 +49,11 @@ struct Plant::World {
   struct Tilting {
     Body body;
     dJointID hinge = nullptr;
-    bool held = false;  // by a disturbance
+    double angle_rad = 0, next_angle_rad = 0;       // before the step, and after it
+    double motor_max_nm = 0, motor_rate_rad_s = 0;  // 0: no motor
+    bool caught = false;                            // this step ends at a stop
+
+    void Drive(double torque_max_nm, double rate_rad_s);
   };
 
   // The effect of a rotor on its body, along the body's axes.
@@ -50,6 +62,7 @@ struct Plant::World {
     Vector3d axis, to_point_m;  // unit; from the centre of mass to the point that the thrust pushes
     bool at_com = true;         // to_point_m is zero
     double drag_ratio_m = 0;    // with the sign of the direction
+    double rise = 1, fall = 1;  // the share of the way to a larger and a smaller command that one step covers
   };
 
   World(const VehicleModel& vehicle, const PlantOptions& plant_options);
@@ -66,9 +79,19 @@ struct Plant::World {
   void Place(std::span<const double> state);
   void PutBodies(std::span<const double> state);
   void StepOnce(const Disturbance& disturbance);
+  void Advance(const Disturbance& disturbance, double length_s);
   void Rebuild(const VehicleModel& as);
   void ChangeBodies(const Disturbance& disturbance);
-  void HoldHinges(const Disturbance& disturbance);
+  // plant/hinge_motion.cpp
+  void StepHinged(const Disturbance& disturbance);
+  void DriveHinges(const Disturbance& disturbance, double length_s);
+  void SaveBodies();
+  void RestoreBodies();
+  void MeasureHinges();
+  void MeasureTurns(double length_s);
+  bool TurnedTooFar() const;
+  bool CatchHinges(double length_s);
+  void ReleaseHinges();
   void Push(const Disturbance& disturbance);
   void Observe(std::span<double> state) const;  // world rates
   void FindContacts();
@@ -84,7 +107,8 @@ struct Plant::World {
   VehicleSignals signals;
   StateLayout at;
   std::vector<double> input_min, input_max;
-  std::vector<double> input;  // in force during the step
+  std::vector<double> input;  // in force during the latest step
+  std::vector<double> next_input;
   double step_s = 0;
 
   dWorldID world = nullptr;

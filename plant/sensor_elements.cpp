@@ -21,6 +21,8 @@
 #include <sdf/Sensor.hh>
 #include <set>
 
+#include "plant/sdf_file.h"
+
 namespace tiltproof::plant {
 namespace {
 
@@ -82,8 +84,9 @@ void CheckNumber(const std::filesystem::path& file, const XMLElement& element, c
     in_order = in_order && IsNumber(std::string_view(text).substr(at, end - at), known->min, known->max);
     at = text.find_first_not_of(kBlank, end);
   }
+  const int wanted_count = element.Attribute("rotation_format", "quat_xyzw") != nullptr ? 7 : known->count;
   // An empty pose is no pose.
-  if (in_order && (count == known->count || (count == 0 && known->name == "pose"))) return;
+  if (in_order && (count == wanted_count || (count == 0 && known->name == "pose"))) return;
   const std::string wanted = known->count == 6   ? "six numbers"
                              : known->max < kAny ? fmt::format("a number in [{}, {}]", known->min, known->max)
                              : known->min == 0   ? std::string("a number that is not negative")
@@ -134,14 +137,14 @@ std::vector<SensorNoise> NoiseOf(const sdf::Sensor& sensor, SensorKind kind) {
   return noise;
 }
 
-// Walks a model with its nested models. Names in these are `a::b`.
+// Names of links and joints are those of the files: `a::b` in nested models.
 class SensorReader {
  public:
-  SensorReader(const VehicleElements& elements, const VehicleModel& vehicle,
+  SensorReader(const SdfFiles& files, const VehicleElements& elements, const VehicleModel& vehicle,
                std::vector<std::string>& warnings, std::vector<VehicleProblem>& problems)
-      : elements_(elements), vehicle_(vehicle), warnings_(warnings), problems_(problems) {}
+      : files_(files), elements_(elements), vehicle_(vehicle), warnings_(warnings), problems_(problems) {}
 
-  std::vector<Sensor> Read(const sdf::Model& model);
+  std::vector<Sensor> Read(const sdf::Model& flat);
 
  private:
   struct Place {
@@ -151,19 +154,16 @@ class SensorReader {
   struct Connection {
     std::string joint, a, b;
   };
-  struct Where {
-    std::string file;
-    int line = 0;
-  };
 
-  void Walk(const sdf::Model& model, const std::string& scope, const Pose3d& pose);
+  void Walk(const sdf::Model& flat);
   // Links that no hinge separates from the base.
   std::set<std::string> RigidLinks() const;
   void ReadSensor(const sdf::Sensor& sensor, SensorKind kind, const std::string& link, const Place& place);
-  void WarnOfNoise(const Sensor& sensor, const Where& where);
+  void WarnOfNoise(const Sensor& sensor, const SdfPlace& where);
   void ApplyElements();
-  Where WhereIs(const sdf::Sensor& sensor) const;
+  SdfPlace WhereIs(const std::string& link, const std::string& sensor) const;
 
+  const SdfFiles& files_;
   const VehicleElements& elements_;
   const VehicleModel& vehicle_;
   std::vector<std::string>& warnings_;
@@ -174,27 +174,19 @@ class SensorReader {
   std::vector<Sensor> sensors_;
 };
 
-void SensorReader::Walk(const sdf::Model& model, const std::string& scope, const Pose3d& pose) {
-  for (std::uint64_t i = 0; i < model.LinkCount(); ++i) {
-    const sdf::Link& link = *model.LinkByIndex(i);
-    Pose3d in_model;
+void SensorReader::Walk(const sdf::Model& flat) {
+  for (std::uint64_t i = 0; i < flat.LinkCount(); ++i) {
+    const sdf::Link& link = *flat.LinkByIndex(i);
+    Pose3d pose;
     // One that cannot be resolved is an error of the loader.
-    if (!link.SemanticPose().Resolve(in_model).empty()) continue;
-    order_.push_back(scope + link.Name());
-    links_.insert_or_assign(order_.back(), Place{&link, pose * in_model});
+    if (!link.SemanticPose().Resolve(pose).empty()) continue;
+    order_.push_back(OuterName(link.Name()));
+    links_.insert_or_assign(order_.back(), Place{&link, pose});
   }
-  for (std::uint64_t i = 0; i < model.JointCount(); ++i) {
-    const sdf::Joint& joint = *model.JointByIndex(i);
-    std::string parent, child;
-    if (!joint.ResolveParentLink(parent).empty()) parent = joint.ParentLinkName();
-    if (!joint.ResolveChildLink(child).empty()) child = joint.ChildLinkName();
-    connections_.push_back({scope + joint.Name(), scope + parent, scope + child});
-  }
-  for (std::uint64_t i = 0; i < model.ModelCount(); ++i) {
-    const sdf::Model& nested = *model.ModelByIndex(i);
-    Pose3d in_model;
-    if (nested.SemanticPose().Resolve(in_model).empty())
-      Walk(nested, scope + nested.Name() + "::", pose * in_model);
+  for (std::uint64_t i = 0; i < flat.JointCount(); ++i) {
+    const sdf::Joint& joint = *flat.JointByIndex(i);
+    connections_.push_back(
+        {OuterName(joint.Name()), OuterName(joint.ParentLinkName()), OuterName(joint.ChildLinkName())});
   }
 }
 
@@ -215,21 +207,17 @@ std::set<std::string> SensorReader::RigidLinks() const {
   return rigid;
 }
 
-SensorReader::Where SensorReader::WhereIs(const sdf::Sensor& sensor) const {
-  Where where{vehicle_.file.string(), 0};
-  if (const sdf::ElementPtr element = sensor.Element()) {
-    where.line = std::max(element->LineNumber().value_or(0), 0);
-    // The vehicle may include another file. A path that does not exist stands for a text in memory.
-    std::error_code error;
-    const std::string& path = element->FilePath();
-    if (std::filesystem::exists(path, error) && !std::filesystem::equivalent(path, vehicle_.file, error))
-      where.file = path;
-  }
-  return where;
+SdfPlace SensorReader::WhereIs(const std::string& link, const std::string& sensor) const {
+  const SdfPart* part = files_.Link(link);
+  if (part == nullptr) return {files_.file(), 0};
+  for (const auto* e = part->element->FirstChildElement("sensor"); e != nullptr;
+       e = e->NextSiblingElement("sensor"))
+    if (AttributeOf(*e, "name") == sensor) return {part->file(), e->GetLineNum()};
+  return {part->file(), part->line()};
 }
 
-std::vector<Sensor> SensorReader::Read(const sdf::Model& model) {
-  Walk(model, "", Pose3d::Zero);
+std::vector<Sensor> SensorReader::Read(const sdf::Model& flat) {
+  Walk(flat);
   if (!links_.contains(elements_.base_link)) return {};
   const std::set<std::string> rigid = RigidLinks();
   for (const std::string& name : order_) {
@@ -241,12 +229,12 @@ std::vector<Sensor> SensorReader::Read(const sdf::Model& model) {
       if (rigid.contains(name)) {
         ReadSensor(sensor, *kind, name, place);
       } else {
-        const Where where = WhereIs(sensor);
+        const SdfPlace where = WhereIs(name, sensor.Name());
         warnings_.push_back(
             fmt::format("{}:{}: <sensor name=\"{}\">: ignored: link '{}' moves against the base; put the "
                         "sensor on a link "
                         "that is fixed to it",
-                        where.file, where.line, sensor.Name(), name));
+                        where.file.string(), where.line, sensor.Name(), name));
       }
     }
   }
@@ -256,7 +244,7 @@ std::vector<Sensor> SensorReader::Read(const sdf::Model& model) {
 
 void SensorReader::ReadSensor(const sdf::Sensor& from, SensorKind kind, const std::string& link,
                               const Place& place) {
-  const Where where = WhereIs(from);
+  const SdfPlace where = WhereIs(link, from.Name());
   const std::size_t scope = link.rfind("::");
   const std::string name = (scope == std::string::npos ? "" : link.substr(0, scope + 2)) + from.Name();
   const auto complain = [&](std::string message) {
@@ -291,14 +279,14 @@ void SensorReader::ReadSensor(const sdf::Sensor& from, SensorKind kind, const st
 }
 
 // Some files state it in gauss, as the sensors of Gazebo 8 read.
-void SensorReader::WarnOfNoise(const Sensor& sensor, const Where& where) {
+void SensorReader::WarnOfNoise(const Sensor& sensor, const SdfPlace& where) {
   const double field_t = elements_.surroundings.magnetic_field_t.norm();
   if (sensor.kind != SensorKind::kMagnetometer) return;
   for (const SensorNoise& noise : sensor.noise) {
     if (noise.stddev <= field_t) continue;
     warnings_.push_back(fmt::format(
         "{}:{}: sensor '{}': a noise of {:.3g} T is larger than the field, {:.3g} T; 1 gauss is 1e-4 T",
-        where.file, where.line, sensor.name, noise.stddev, field_t));
+        where.file.string(), where.line, sensor.name, noise.stddev, field_t));
     return;
   }
 }
@@ -326,22 +314,18 @@ void SensorReader::ApplyElements() {
 
 bool IsSensorType(std::string_view type) { return KindOf(type).has_value(); }
 
-void CheckSensorNumbers(const std::filesystem::path& file, const XMLElement& model,
-                        std::vector<VehicleProblem>& problems) {
-  for (const auto* child = model.FirstChildElement(); child != nullptr; child = child->NextSiblingElement()) {
-    const std::string_view tag = child->Name();
-    if (tag == "link" || tag == "model") CheckSensorNumbers(file, *child, problems);
-    const char* name = child->Attribute("name");
-    const char* type = child->Attribute("type");
-    if (tag == "sensor" && type != nullptr && IsSensorType(type))
-      CheckNumbersIn(file, *child, name == nullptr ? "" : name, problems);
-  }
+void CheckSensorNumbers(const SdfFiles& files, std::vector<VehicleProblem>& problems) {
+  for (const SdfPart& link : files.links())
+    for (const auto* e = link.element->FirstChildElement("sensor"); e != nullptr;
+         e = e->NextSiblingElement("sensor"))
+      if (IsSensorType(AttributeOf(*e, "type")))
+        CheckNumbersIn(link.file(), *e, AttributeOf(*e, "name"), problems);
 }
 
-std::vector<Sensor> ReadSensors(const sdf::Model& model, const VehicleElements& elements,
-                                const VehicleModel& vehicle, std::vector<std::string>& warnings,
-                                std::vector<VehicleProblem>& problems) {
-  return SensorReader(elements, vehicle, warnings, problems).Read(model);
+std::vector<Sensor> ReadSensors(const sdf::Model& flat, const SdfFiles& files,
+                                const VehicleElements& elements, const VehicleModel& vehicle,
+                                std::vector<std::string>& warnings, std::vector<VehicleProblem>& problems) {
+  return SensorReader(files, elements, vehicle, warnings, problems).Read(flat);
 }
 
 }  // namespace tiltproof::plant

@@ -62,7 +62,12 @@ VehicleSignals VehicleModel::signals() const {
   add(states, SignalFrame::kWorld, {"vx_m_s", "vy_m_s", "vz_m_s", "wx_rad_s", "wy_rad_s", "wz_rad_s"});
   add_each(states, hinges, SignalFrame::kHinge, "alpha_{}_rad_s");
   add_each(inputs, rotors, SignalFrame::kRotor, "f_{}_n");
-  add_each(inputs, hinges, SignalFrame::kHinge, "tau_{}_nm");
+  for (const Hinge& hinge : hinges) {
+    const std::string_view spelled = Spelled(hinge.name);
+    inputs.push_back(SignalNamed(hinge.servo == ServoMode::kPosition ? fmt::format("angle_{}_rad", spelled)
+                                                                     : fmt::format("tau_{}_nm", spelled),
+                                 SignalFrame::kHinge));
+  }
   const std::vector<double> input_min = InputMin(), input_max = InputMax();
   for (std::size_t i = 0; i < inputs.size(); ++i) {
     inputs[i].min = input_min[i];
@@ -85,14 +90,16 @@ VehicleSignals VehicleModel::signals() const {
 std::vector<double> VehicleModel::InputMin() const {
   std::vector<double> row;
   for (const Rotor& rotor : rotors) row.push_back(rotor.force_min_n);
-  for (const Hinge& hinge : hinges) row.push_back(-hinge.torque_max_nm);
+  for (const Hinge& hinge : hinges)
+    row.push_back(hinge.servo == ServoMode::kPosition ? hinge.angle_min_rad : -hinge.torque_max_nm);
   return row;
 }
 
 std::vector<double> VehicleModel::InputMax() const {
   std::vector<double> row;
   for (const Rotor& rotor : rotors) row.push_back(rotor.force_max_n);
-  for (const Hinge& hinge : hinges) row.push_back(hinge.torque_max_nm);
+  for (const Hinge& hinge : hinges)
+    row.push_back(hinge.servo == ServoMode::kPosition ? hinge.angle_max_rad : hinge.torque_max_nm);
   return row;
 }
 

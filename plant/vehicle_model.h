@@ -130,7 +130,7 @@ struct VehicleModel {
   //   states   x_m y_m z_m roll_rad pitch_rad yaw_rad, alpha_<h>_rad, vx_m_s vy_m_s vz_m_s
   //            wx_rad_s wy_rad_s wz_rad_s, alpha_<h>_rad_s
   //   sensors  the same, and what the sensors of the file read (plant/sensors.h)
-  //   inputs   f_<i>_n, tau_<h>_nm
+  //   inputs   f_<i>_n, then for each hinge tau_<h>_nm, or angle_<h>_rad of a position servo
   VehicleSignals signals() const;
 
   // Rows in the order of the inputs.
@@ -155,6 +155,9 @@ struct LoadOptions {
 // Appends to `warnings` one line "file:line: text" each. Throws VehicleError.
 VehicleModel LoadVehicle(const std::filesystem::path& file, const LoadOptions& options,
                          std::vector<std::string>& warnings);
+
+// The files that the vehicle's file includes. Throws VehicleError when one cannot be read.
+std::vector<std::filesystem::path> IncludedFiles(const std::filesystem::path& file);
 
 // The reason that no rigid body can have this inertia (about its centre of mass); empty when one can.
 std::string InertiaFault(const Eigen::Matrix3d& inertia_kg_m2);

@@ -9,6 +9,7 @@
 #include <variant>
 
 #include "harness/run/hash.h"
+#include "plant/vehicle_model.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -20,6 +21,15 @@ std::string HashOf(const std::filesystem::path& path) {
   return fmt::format("{:016x}", Fnv1a({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()}));
 }
 
+// None for a vehicle that cannot be read: the hash of its own file differs as well.
+std::vector<std::filesystem::path> IncludedBy(const std::filesystem::path& vehicle) {
+  try {
+    return plant::IncludedFiles(vehicle);
+  } catch (const plant::VehicleError&) {
+    return {};
+  }
+}
+
 }  // namespace
 
 std::vector<FlownFile> FlownFiles(const Scenario& scenario) {
@@ -28,6 +38,11 @@ std::vector<FlownFile> FlownFiles(const Scenario& scenario) {
     files.push_back({what, path, HashOf(path)});
   };
   add("vehicle", scenario.model_file);
+  // The order of the files is that of their uses, on every host.
+  const std::vector<std::filesystem::path> included = IncludedBy(scenario.model_file);
+  for (std::size_t i = 0; i < included.size(); ++i)
+    files.push_back(
+        {fmt::format("file {} that the vehicle includes", i + 1), included[i], HashOf(included[i])});
   std::filesystem::path elements = scenario.model_file;
   elements.replace_extension(".tiltproof.xml");
   std::error_code none;

@@ -11,7 +11,8 @@
 namespace tiltproof::harness {
 
 struct FlownFile {
-  std::string what;  // "vehicle", "tiltproof elements", "recorded reference"; the same on every host
+  std::string
+      what;  // "vehicle", "file 1 that the vehicle includes", "tiltproof elements", "recorded reference"; the same on every host
   std::filesystem::path path;
   std::string hash;  // of its content, 16 hexadecimal digits; empty: it cannot be read
 };

@@ -66,6 +66,7 @@ LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::Vehicl
       input_min_(model.InputMin()),
       input_max_(model.InputMax()),
       commanded_(hover_input_),
+      faulted_(hover_input_),
       in_force_(hover_input_) {
   for (const link::MessageType& type : protocol_.messages)
     bindings_.emplace_back(type, TableOf(type, signals_));
@@ -145,7 +146,7 @@ void LocalPlantServer::Advance(BootTime to, const AllCounts& counts) {
     if (boundary_ns_ + scenario_.step_ns > to) return;
     Check(boundary_left_, "an input is in force before the step");
     const Disturbance disturbance = faults_.DisturbanceOf(SimTime(boundary_ns_));
-    if (!scenario_.held) plant_.Step(in_force_, disturbance);
+    if (!scenario_.held) plant_.Step(faulted_, disturbance);
     boundary_ns_ += scenario_.step_ns;
     boundary_left_ = false;
     state_.quiet_until_ns = boundary_ns_;
@@ -206,9 +207,10 @@ void LocalPlantServer::PutInputInForce() {
   const TimeNs t = SimTime(boundary_ns_);
   const bool new_command = commanded_from_ns_ <= boundary_ns_;
   if (new_command) commanded_from_ns_ = BootTime::Never();
-  in_force_ = commanded_;
-  faults_.EditInput(t, in_force_, new_command);
-  plant_.Saturate(in_force_);
+  faulted_ = commanded_;
+  faults_.EditInput(t, faulted_, new_command);
+  in_force_ = faulted_;
+  plant_.InputInForce(in_force_);
   NoteActivations();
 }
 

@@ -5,7 +5,7 @@
 // moves the plant is here, in the order of a control period:
 //
 //   request arrives -> plant state -> sensor faults -> message -> frame  (sent back at once)
-//   actuators arrive -> actuator faults -> input in force from the next step boundary -> row
+//   actuators arrive -> actuator faults -> limits, lag of rotors -> input in force from the next boundary -> row
 //
 // The sensors are the state at the last step boundary at or before the arrival of the request's last byte. An
 // accepted actuator message takes effect at the first step boundary at or after the arrival of its last byte,
@@ -154,7 +154,8 @@ class LocalPlantServer final : public PlantServer {
   const std::vector<double> hover_input_, input_min_, input_max_;
   std::vector<double> commanded_;                   // last accepted, or the hover input
   BootTime commanded_from_ns_ = BootTime::Never();  // boundary at which it takes effect; Never() afterwards
-  std::vector<double> in_force_;                    // commanded_ after the actuator faults
+  std::vector<double> faulted_;                     // commanded_ after the actuator faults
+  std::vector<double> in_force_;                    // and after the vehicle's limits and its rotors' lag
 };
 
 }  // namespace tiltproof::harness

@@ -10,7 +10,9 @@
 #include <string>
 #include <vector>
 
-#include "plant/missing_elements.h"
+#include "plant/vehicle_elements.h"
+#include "plant/vehicle_mapping.h"
+#include "plant/vehicle_tree.h"
 #include "plant/vehicle_xml.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/fuzz/scratch.h"
@@ -25,22 +27,24 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     std::vector<plant::VehicleProblem> problems;
     std::vector<std::string> warnings;
     xml.Check(problems);
-    const plant::VehicleElements elements = xml.ReadElements({}, warnings, problems);
+    plant::VehicleElements elements = plant::ReadElements(xml.files(), {}, warnings, problems);
+    plant::VehicleTree tree(xml.files());
+    tree.Assign(elements, problems);
+    xml.CheckInertials([](const std::string&) { return false; }, problems);
     for (const plant::VehicleProblem& problem : problems) {
       Require(!problem.message.empty(), "a problem is said");
       Require(problem.line >= 0 && problem.line <= last_line, "a problem has a line of the file");
     }
-    for (const plant::ThrusterElement& thruster : elements.thrusters) {
-      Require(std::abs(thruster.axis.norm() - 1) < 1e-9, "an axis has a direction");
-      Require(!problems.empty() || thruster.force_min_n < thruster.force_max_n, "a thruster has a range");
-      Require(xml.Line("link", thruster.link) <= last_line, "a link has a line of the file");
+    for (const plant::RotorElement& rotor : elements.rotors) {
+      Require(std::abs(rotor.axis.norm() - 1) < 1e-9, "an axis has a direction");
+      Require(xml.Place("link", rotor.link).line <= last_line, "a link has a line of the file");
     }
     for (const plant::ServoElement& servo : elements.servos)
-      Require(xml.Line("joint", servo.joint, "axis") <= last_line, "a joint has a line of the file");
-    Require(!problems.empty() || (!elements.thrusters.empty() && elements.thrusters.size() <= 8),
-            "a vehicle without a problem has 1 to 8 thrusters");
-    plant::MissingElements(xml.model(), elements);
-    xml.WarnUnsupported(elements, warnings);
+      Require(xml.Place("joint", servo.joint, "axis").line <= last_line, "a joint has a line of the file");
+    Require(!problems.empty() || (!elements.rotors.empty() && elements.rotors.size() <= 8),
+            "a vehicle without a problem has 1 to 8 rotors");
+    plant::MissingElements(xml.files(), tree, elements);
+    xml.WarnUnsupported(elements, tree.hinges(), warnings);
     for (const std::string& warning : warnings)
       Require(warning.starts_with(file.string()), "a warning has its place");
     return true;

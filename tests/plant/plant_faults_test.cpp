@@ -8,6 +8,7 @@
 #include "faults/schedule.h"
 #include "plant/plant.h"
 #include "tests/plant/models.h"
+#include "tests/plant/rotor_vehicles.h"
 #include "tests/support/lagrange_model.h"
 #include "tests/support/tiltrotor_plant.h"
 
@@ -166,6 +167,82 @@ TEST(PlantFaults, ARunawayJointTurnsAtItsRate) {
   for (int n = 0; n < 500; ++n)
     plant.Plant::Step(std::vector<double>(4, 0.0), schedule.DisturbanceOf(n * kNsPerMs));
   EXPECT_NEAR(plant.State().alpha_l_rad, -0.2, 1e-6);
+}
+
+// The state of a vehicle after 100 ms from its hover, with a fault.
+std::vector<double> After100ms(const VehicleModel& model, faults::FaultSchedule schedule) {
+  Plant plant(model, {.ground = false});
+  plant.Reset({0, 0, 50}, {model.hover.roll_rad, model.hover.pitch_rad, 0});
+  for (int n = 0; n < 25; ++n) plant.Step(model.HoverInput(), schedule.DisturbanceOf(n * 4 * kNsPerMs));
+  std::vector<double> state(model.signals().states.size());
+  plant.State(state);
+  return state;
+}
+
+// A rotor that is out takes its moment away: the body turns to its side, and falls.
+TEST(PlantFaults, EachRotorOfAQuadrotorCanBeOut) {
+  VehicleModel model = Quadrotor({0, 0, 0});
+  model.base.inertia_kg_m2 = Eigen::Vector3d(0.012, 0.014, 0.021).asDiagonal();
+  for (std::size_t rotor = 0; rotor < 4; ++rotor) {
+    const std::string& name = model.rotors[rotor].name;
+    const std::vector<double> state =
+        After100ms(model, ScheduleOf("plant.thrust", {{"rotor", name}, {"factor", 0.0}}, model));
+    EXPECT_LT(state[8], -0.1) << name;
+    EXPECT_GT(state[9] * (name.ends_with("left") ? -1 : 1), 0.1) << name << ": roll to its side";
+    EXPECT_GT(state[10] * (name.starts_with("front") ? 1 : -1), 0.1) << name << ": pitch to its side";
+    EXPECT_LT(state[11] * model.rotors[rotor].direction, 0) << name << ": its drag is missing";
+  }
+  EXPECT_THROW(ScheduleOf("plant.thrust", {{"rotor", "right"}, {"factor", 0.0}}, model),
+               std::invalid_argument);
+  EXPECT_THROW(ScheduleOf("plant.servo_jam", {{"joint", "hinge_right"}}, model), std::invalid_argument);
+}
+
+// The inputs by name: thrusts of four rotors, the torque or the angle of one hinge.
+TEST(PlantFaults, ActuatorFaultsReachEveryInputByName) {
+  for (const ServoMode servo : {ServoMode::kTorque, ServoMode::kPosition}) {
+    const VehicleModel model = TailTricopter(servo);
+    const std::string hinge = servo == ServoMode::kTorque ? "tau_tail" : "angle_tail";
+    for (const auto& [name, place] :
+         {std::pair<std::string, std::size_t>{"f_l", 0}, {"f_r", 1}, {"f_tail", 2}, {hinge, 3}}) {
+      faults::FaultSchedule schedule =
+          ScheduleOf("actuator.hard_over", {{"actuator", name}, {"side", "max"}}, model);
+      std::vector<double> input = model.HoverInput(), expected = input;
+      schedule.EditInput(0, input, true);
+      expected[place] = place < 3 ? 10 : servo == ServoMode::kTorque ? 2 : 1;
+      EXPECT_EQ(input, expected) << name;
+    }
+  }
+}
+
+TEST(PlantFaults, AJamHoldsTheOnlyHingeOfATricopter) {
+  for (const ServoMode servo : {ServoMode::kTorque, ServoMode::kPosition}) {
+    const VehicleModel model = TailTricopter(servo);
+    const auto fly = [&](bool jammed) {
+      faults::FaultSchedule schedule = jammed
+                                           ? ScheduleOf("plant.servo_jam", {{"joint", "tail_joint"}}, model)
+                                           : ScheduleOf("plant.mass", {{"factor", 1.0}}, model);
+      Plant plant(model, {.ground = false});
+      plant.Reset({0, 0, 50}, {0, 0, 0});
+      std::vector<double> input = model.HoverInput(), state(14);
+      input[3] = 0.3;
+      for (int n = 0; n < 50; ++n) plant.Step(input, schedule.DisturbanceOf(n * 4 * kNsPerMs));
+      plant.State(state);
+      return state[6] - model.hover.hinge_rad[0];
+    };
+    EXPECT_NEAR(fly(true), 0, 1e-3);
+    EXPECT_GT(fly(false), 0.1);
+  }
+}
+
+// All rotors lose the same: no moment, and the speed -g share t^2 / 2 after t.
+TEST(PlantFaults, ABatterySagLowersEveryRotorAlike) {
+  for (const VehicleModel& model : {Quadrotor(), Hexarotor()}) {
+    const std::vector<double> state =
+        After100ms(model, ScheduleOf("plant.battery_sag", {{"share_per_s", 0.5}}, model));
+    constexpr double kTime_s = 0.1, kHalfStep_s = 0.002;
+    EXPECT_NEAR(state[8], -kG_m_s2 * 0.5 * kTime_s * (kTime_s / 2 - kHalfStep_s), 1e-6) << model.name;
+    for (std::size_t i = 9; i < 12; ++i) EXPECT_NEAR(state[i], 0, 1e-6) << model.name;
+  }
 }
 
 TEST(PlantFaults, PartsAreNamedAsInTheVehiclesFile) {

@@ -179,10 +179,10 @@ TEST(Plant, FallsFreely) {
 
 TEST(Plant, SaturatesEveryInputAtItsLimits) {
   TiltrotorPlant plant(Model(), {});
-  EXPECT_EQ(plant.Saturate({31, -1, 3, -3}), (ActuatorsTruth{30, 0, 2, -2}));
-  EXPECT_EQ(plant.Saturate({5, 6, 1, -1}), (ActuatorsTruth{5, 6, 1, -1}));
+  EXPECT_EQ(plant.InputInForce({31, -1, 3, -3}), (ActuatorsTruth{30, 0, 2, -2}));
+  EXPECT_EQ(plant.InputInForce({5, 6, 1, -1}), (ActuatorsTruth{5, 6, 1, -1}));
   constexpr double inf = std::numeric_limits<double>::infinity();
-  EXPECT_EQ(plant.Saturate({inf, -inf, inf, -inf}), (ActuatorsTruth{30, 0, 2, -2}));
+  EXPECT_EQ(plant.InputInForce({inf, -inf, inf, -inf}), (ActuatorsTruth{30, 0, 2, -2}));
   // An input that exceeds a limit moves the vehicle as the limit does.
   plant.Step({31, -1, 3, -3});
   TiltrotorPlant other(Model(), {});

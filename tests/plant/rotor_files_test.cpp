@@ -151,14 +151,15 @@ TEST_F(VehicleFile, ARotorOnAHingeAndOthersOnTheBase) {
 
 TEST_F(VehicleFile, MistakesAreNamed) {
   const std::string bodies = QuadrotorBodies(), elements = QuadrotorElements();
-  EXPECT_THAT(Error(bodies, ""), HasSubstr("a vehicle has 1 to 8 <tiltproof:thruster>; found 0"));
+  EXPECT_THAT(Error(bodies, ""),
+              HasSubstr("a vehicle has 1 to 8 <tiltproof:rotor>, or motor plugins; found 0"));
   EXPECT_THAT(Error(bodies, elements + elements + elements),
-              HasSubstr("1 to 8 <tiltproof:thruster>; found 12"));
+              HasSubstr("1 to 8 <tiltproof:rotor>, or motor plugins; found 12"));
   EXPECT_THAT(Error(bodies, elements + ThrusterXml("rear_right", 1, "name='other'")),
-              HasSubstr("two thrusters have link 'rear_right'"));
+              HasSubstr("two rotors have link 'rear_right'"));
   EXPECT_THAT(Error(bodies, ThrusterXml("front_left", 1, "name='back'") + ThrusterXml("front_right", -1) +
                                 ThrusterXml("rear_left", -1) + ThrusterXml("rear_right", 1, "name='back'")),
-              HasSubstr("two thrusters have the name 'back'"));
+              HasSubstr("two rotors have the name 'back'"));
   EXPECT_THAT(Error(bodies, ThrusterXml("front_left", 1, "name='r'") + ThrusterXml("front_right", -1) +
                                 ThrusterXml("rear_left", -1) + ThrusterXml("rear_right", 1, "name='right'")),
               HasSubstr("two rotors or hinges have the signal 'f_r_n': rename one of them"));
@@ -167,19 +168,17 @@ TEST_F(VehicleFile, MistakesAreNamed) {
               HasSubstr("name: '1st' must be letters, digits and '_'"));
   EXPECT_THAT(Error(bodies, elements + "<tiltproof:servo joint='body_rear_left' torque_max_nm='2'/>"),
               HasSubstr("servo joint 'body_rear_left' is fixed"));
-  EXPECT_THAT(Error(bodies + LinkXml("gear", "0 0 0 0 0 0", 1, 1) + FixedXml("body", "gear"), elements),
-              HasSubstr("link 'gear' is neither the base nor a thruster"));
   const auto at = bodies.find("<joint name='body_rear_left'");
   const std::string loose =
       bodies.substr(0, at) + bodies.substr(bodies.find("<joint name='body_rear_right'"));
   EXPECT_THAT(Error(loose, elements),
               HasSubstr("link 'rear_left' must be the child of one joint, is that of 0"));
-  EXPECT_THAT(Error(loose + FixedXml("rear_right", "rear_left"), elements),
-              HasSubstr("joint 'rear_right_rear_left': its parent must be the base 'body' or on a hinge, is "
-                        "'rear_right'"));
+  // Two links that hang on each other.
+  EXPECT_THAT(Error(loose + FixedXml("rear_left", "rear_left"), elements),
+              HasSubstr("link 'rear_left' does not hang on the base 'body': its joints are a circle"));
   // The element that it lacks is offered.
   EXPECT_THAT(Error(loose + HingeXml("rear_left"), elements),
-              AllOf(HasSubstr("no servo's joint has thruster link 'rear_left' as its child"),
+              AllOf(HasSubstr("no servo's joint has rotor link 'rear_left' as its child"),
                     HasSubstr("<tiltproof:servo joint=\"tilt\" torque_max_nm=\"2\"/>")));
 }
 
@@ -187,7 +186,7 @@ TEST_F(VehicleFile, MissingThrustersAreOfferedForEachJoint) {
   const std::string error = Error(QuadrotorBodies(), ThrusterXml("front_left", 1));
   for (const char* link : {"front_right", "rear_left", "rear_right"})
     EXPECT_THAT(error,
-                HasSubstr("<tiltproof:thruster name=\"" + std::string(link) + "\" link=\"" + link + "\""));
+                HasSubstr("<tiltproof:rotor name=\"" + std::string(link) + "\" link=\"" + link + "\""));
   EXPECT_THAT(error, ::testing::Not(HasSubstr("tiltproof:servo joint")));
 }
 

@@ -10,6 +10,7 @@
 #include "plant/lqr_design.h"
 #include "plant/plant.h"
 #include "tests/plant/models.h"
+#include "tests/plant/rotor_vehicles.h"
 #include "tests/support/newton_euler_model.h"
 
 namespace tiltproof::plant {
@@ -18,110 +19,6 @@ namespace {
 using Eigen::Index;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
-
-constexpr double kG_m_s2 = 9.81;
-
-Rotor RotorAt(const std::string& name, const Vector3d& p_m, double direction) {
-  return {.name = name,
-          .hinge = {},
-          .p_LR_m = p_m,
-          .direction = direction,
-          .drag_ratio_m = 0.016,
-          .force_min_n = 0,
-          .force_max_n = 10};
-}
-
-VehicleModel Body(const std::string& name, double mass_kg, const Vector3d& p_com_m) {
-  VehicleModel model;
-  model.name = name;
-  model.base.link = "body";
-  model.base.mass_kg = mass_kg;
-  model.base.p_com_m = p_com_m;
-  model.base.inertia_kg_m2 << 0.012, 0.0004, -0.0007, 0.0004, 0.014, 0.0003, -0.0007, 0.0003, 0.021;
-  model.collision.kind = CollisionShape::Kind::kSphere;
-  model.collision.size_m = {0.2, 0, 0};
-  return model;
-}
-
-// Arms of 0.2 m along x and 0.15 m along y.
-VehicleModel Quadrotor(const Vector3d& p_com_m = {0.012, -0.007, -0.02}) {
-  VehicleModel model = Body("quadrotor", 1.2, p_com_m);
-  model.rotors = {RotorAt("front_left", {0.2, 0.15, 0.03}, 1), RotorAt("front_right", {0.2, -0.15, 0.03}, -1),
-                  RotorAt("rear_left", {-0.2, 0.15, 0.03}, -1),
-                  RotorAt("rear_right", {-0.2, -0.15, 0.03}, 1)};
-  model.hover = SolveHover(model);
-  return model;
-}
-
-constexpr double kHexarotorRadius_m = 0.3;
-VehicleModel Hexarotor() {
-  VehicleModel model = Body("hexarotor", 2.5, {0.015, 0.02, -0.03});
-  for (int i = 0; i < 6; ++i) {
-    const double angle = (30 + 60 * i) * std::numbers::pi / 180;
-    model.rotors.push_back(
-        RotorAt("m" + std::to_string(i),
-                {kHexarotorRadius_m * std::cos(angle), kHexarotorRadius_m * std::sin(angle), 0.05},
-                i % 2 == 0 ? 1 : -1));
-  }
-  model.hover = SolveHover(model);
-  return model;
-}
-
-Hinge HingeAt(const std::string& name, const Vector3d& p_m) {
-  Hinge hinge;
-  hinge.name = name;
-  hinge.joint = name + "_joint";
-  hinge.body.link = name + "_body";
-  hinge.body.mass_kg = 0.1;
-  hinge.body.inertia_kg_m2 = Vector3d(4e-4, 5e-4, 6e-4).asDiagonal();
-  hinge.p_BT_m = hinge.p_BH_m = p_m;
-  hinge.axis_B = Vector3d::UnitY();
-  hinge.angle_min_rad = -1;
-  hinge.angle_max_rad = 1;
-  hinge.torque_max_nm = 2;
-  return hinge;
-}
-
-// Its centre of mass lies beside its hinges, which hover has to make up for.
-constexpr double kHingeHeight_m = 0.08, kComX_m = 0.01, kComZ_m = -0.04;
-VehicleModel Bicopter() {
-  VehicleModel model = Body("bicopter", 1.5, {kComX_m, 0, kComZ_m});
-  model.hinges = {HingeAt("a", {0, -0.25, kHingeHeight_m}), HingeAt("b", {0, 0.25, kHingeHeight_m})};
-  model.rotors = {RotorAt("a", {0, 0, 0.05}, 1), RotorAt("b", {0, 0, 0.05}, -1)};
-  for (std::size_t i = 0; i < 2; ++i) {
-    model.rotors[i].hinge = i;
-    model.rotors[i].force_max_n = 20;
-  }
-  model.hover = SolveHover(model);
-  return model;
-}
-
-// One hinge with two rotors.
-VehicleModel Boom() {
-  VehicleModel model = Body("boom", 1.5, {kComX_m, 0, kComZ_m});
-  model.hinges = {HingeAt("boom", {0, 0, kHingeHeight_m})};
-  model.rotors = {RotorAt("r1", {0, -0.25, 0.05}, 1), RotorAt("r2", {0, 0.25, 0.05}, -1)};
-  for (Rotor& rotor : model.rotors) {
-    rotor.hinge = 0;
-    rotor.force_max_n = 20;
-  }
-  model.hover = SolveHover(model);
-  return model;
-}
-
-// A hinge with one rotor, and three rotors on the body.
-VehicleModel Tricopter() {
-  VehicleModel model = Body("tricopter", 1.4, {-0.01, 0.004, -0.01});
-  model.hinges = {HingeAt("tail", {-0.3, 0.01, 0.02})};
-  model.hinges[0].axis_B = Vector3d(1, 0.2, 0.1).normalized();
-  model.hinges[0].body.p_com_m = {0.01, 0.02, 0.03};
-  model.rotors = {RotorAt("nose", {0.2, 0.02, 0.03}, 1), RotorAt("tail", {0.01, 0.03, 0.06}, -1),
-                  RotorAt("left", {0.1, 0.2, 0.03}, -1), RotorAt("right", {0.1, -0.2, 0.03}, 1)};
-  model.rotors[0].thrust_axis_L = Vector3d(0.1, 0.05, 1).normalized();
-  model.rotors[1].hinge = 0;
-  model.hover = SolveHover(model);
-  return model;
-}
 
 TEST(RotorList, NamesTheSignals) {
   const VehicleSignals quadrotor = Quadrotor().signals();
@@ -190,6 +87,73 @@ TEST(RotorList, BicopterAndBoomHangUnderTheirHinges) {
     EXPECT_NEAR(model.hover.input[1], model.MassTotal() * kG_m_s2 / 2, 1e-9) << model.name;
     for (std::size_t i = 2; i < model.hover.input.size(); ++i)
       EXPECT_NEAR(model.hover.input[i], 0, 1e-10) << model.name;
+  }
+}
+
+// The tail's tilt a balances the drag: c f sin a = -k f cos a, so tan a = -k / c. The front balances the moment of the
+// tail, and a roll its side force.
+TEST(RotorList, TailTricopterHoversWithItsTailTilted) {
+  for (const ServoMode servo : {ServoMode::kTorque, ServoMode::kPosition}) {
+    const VehicleModel model = TailTricopter(servo);
+    constexpr double k = 0.016, kWeight_n = (1.4 + 0.1) * kG_m_s2;
+    const double a = std::atan(-k / kTailArm_m);
+    const double front_per_tail = (kTailArm_m * std::cos(a) - k * std::sin(a)) / kFrontArm_m;
+    const double tail_n = kWeight_n / std::hypot(front_per_tail + std::cos(a), std::sin(a));
+    EXPECT_NEAR(model.hover.hinge_rad[0], a, 1e-10);
+    EXPECT_NEAR(model.hover.roll_rad, std::asin(-tail_n * std::sin(a) / kWeight_n), 1e-10);
+    EXPECT_NEAR(model.hover.pitch_rad, 0, 1e-10);
+    EXPECT_NEAR(model.hover.input[0], front_per_tail * tail_n / 2, 1e-9);
+    EXPECT_NEAR(model.hover.input[1], front_per_tail * tail_n / 2, 1e-9);
+    EXPECT_NEAR(model.hover.input[2], tail_n, 1e-9);
+    EXPECT_NEAR(model.hover.input[3], servo == ServoMode::kTorque ? 0 : a, 1e-10);
+  }
+}
+
+// Level, the front takes m g (1/2 + c / (4 x)) because the moments about the middle balance, each side half of it. The
+// hinges do nothing: an angle would only add to the sum of squares.
+TEST(RotorList, TiltQuadrotorHoversLevel) {
+  for (const ServoMode servo : {ServoMode::kTorque, ServoMode::kPosition}) {
+    for (const double com_x_m : {0.0, 0.02}) {
+      const VehicleModel model = TiltQuadrotor(servo, com_x_m);
+      EXPECT_NEAR(model.hover.roll_rad, 0, 1e-10);
+      if (com_x_m == 0) {
+        EXPECT_NEAR(model.hover.pitch_rad, 0, 1e-10);
+      }
+      double force_x_n = 0, force_z_n = 0, moment_nm = 0;
+      for (std::size_t i = 0; i < 4; ++i) {
+        // Along the body's axes.
+        const double angle = model.hover.hinge_rad[i], f_n = model.hover.input[i];
+        const double x_n = f_n * std::sin(angle), z_n = f_n * std::cos(angle);
+        force_x_n += x_n;
+        force_z_n += z_n;
+        moment_nm += 0.02 * x_n - (i < 2 ? 0.2 : -0.2) * z_n;
+        if (com_x_m == 0) {
+          EXPECT_NEAR(angle, 0, 1e-10);
+          EXPECT_NEAR(f_n, 2.0 * kG_m_s2 / 4, 1e-9);
+        }
+        EXPECT_NEAR(model.hover.input[4 + i], servo == ServoMode::kTorque ? 0 : angle, 1e-9);
+      }
+      const double pitch = model.hover.pitch_rad, weight_n = 2.0 * kG_m_s2;
+      EXPECT_NEAR(force_x_n, -weight_n * std::sin(pitch), 1e-7);
+      EXPECT_NEAR(force_z_n, weight_n * std::cos(pitch), 1e-7);
+      // The weight of the base at (com_x, -0.03), and of the four hinged bodies at (0, 0.02).
+      const double arm_x = 1.6 / 2 * com_x_m, arm_z = 1.6 / 2 * -0.03 + 0.4 / 2 * 0.02;
+      EXPECT_NEAR(moment_nm + weight_n * (arm_z * std::sin(pitch) + arm_x * std::cos(pitch)), 0, 1e-7);
+    }
+  }
+}
+
+// The world stands still where the statics say.
+TEST(RotorList, TheWorldHovers) {
+  for (const VehicleModel& model :
+       {Bicopter(), TailTricopter(ServoMode::kTorque), TailTricopter(ServoMode::kPosition), Quadrotor(),
+        Hexarotor(), TiltQuadrotor(ServoMode::kTorque, 0.02), TiltQuadrotor(ServoMode::kPosition, 0.02)}) {
+    Plant plant(model, {});
+    plant.Reset({0, 0, 5}, {model.hover.roll_rad, model.hover.pitch_rad, 0});
+    for (int i = 0; i < 250; ++i) plant.Step(model.HoverInput());
+    std::vector<double> state(model.signals().states.size());
+    plant.State(state);
+    EXPECT_LT(std::hypot(state[0], state[1], state[2] - 5), 1e-5) << model.name;
   }
 }
 
@@ -372,6 +336,15 @@ void ExpectStabilised(const VehicleModel& model) {
 TEST(RotorList, DesignedLawFliesAQuadrotor) { ExpectStabilised(Quadrotor()); }
 TEST(RotorList, DesignedLawFliesAHexarotor) { ExpectStabilised(Hexarotor()); }
 TEST(RotorList, DesignedLawFliesABicopter) { ExpectStabilised(Bicopter()); }
+TEST(RotorList, DesignedLawFliesATricopterWithATorqueServo) {
+  ExpectStabilised(TailTricopter(ServoMode::kTorque));
+}
+TEST(RotorList, DesignedLawFliesATricopterWithAPositionServo) {
+  ExpectStabilised(TailTricopter(ServoMode::kPosition));
+}
+TEST(RotorList, DesignedLawFliesATiltQuadrotorWithPositionServos) {
+  ExpectStabilised(TiltQuadrotor(ServoMode::kPosition));
+}
 
 }  // namespace
 }  // namespace tiltproof::plant

@@ -35,8 +35,9 @@ class SensorFile : public ::testing::Test {
   VehicleModel Load(const std::string& on_body, const std::string& on_arm = "",
                     const std::string& on_tilt = "", const std::string& elements = "",
                     const std::string& version = "1.9") {
-    const auto rotor = [](const std::string& link) {
-      return "<tiltproof:thruster link='" + link + "' direction='1' drag_ratio_m='0.01' force_max_n='20'/>";
+    const auto rotor = [](const std::string& link, int direction) {
+      return "<tiltproof:rotor link='" + link + "' direction='" + std::to_string(direction) +
+             "' drag_ratio_m='0.01' force_max_n='20'/>";
     };
     std::ofstream(file_) << "<sdf version='" + version + "'><model name='vehicle'>"
                          << Body("body", "0 0 0 0 0 0", on_body)
@@ -47,7 +48,7 @@ class SensorFile : public ::testing::Test {
                             "<axis><xyz>1 0 0</xyz><limit><lower>-1</lower><upper>1</upper></limit></axis>"
                             "</joint><tiltproof:vehicle xmlns:tiltproof='urn:tiltproof:vehicle:1'>"
                             "<tiltproof:base link='body'/><tiltproof:servo joint='hinge' torque_max_nm='2'/>"
-                         << rotor("arm") << rotor("tilt") << "\n"
+                         << rotor("arm", 1) << rotor("tilt", -1) << "\n"
                          << elements << "</tiltproof:vehicle></model></sdf>";
     warnings_.clear();
     return LoadVehicle(file_, {}, warnings_);

@@ -39,9 +39,9 @@ class TiltrotorPlant : public plant::Plant {
   using Plant::Reset;
   void Reset(const SensorsTruth& state) { Plant::Reset(Row(state)); }
   void Step(const ActuatorsTruth& input) { Plant::Step(Row(input)); }
-  ActuatorsTruth Saturate(const ActuatorsTruth& input) const {
-    std::vector<double> row = Row(input);
-    Plant::Saturate(row);
+  ActuatorsTruth InputInForce(const ActuatorsTruth& command) const {
+    std::vector<double> row = Row(command);
+    Plant::InputInForce(row);
     return ActuatorsOf(row);
   }
   SensorsTruth State(plant::RatesFrame frame = plant::RatesFrame::kWorld) const {

@@ -131,7 +131,7 @@ class ActuatorFlight {
     Note(t_s, reference);
 
     std::vector<double> input = input_;
-    plant_.Saturate(input);
+    plant_.InputInForce(input);
     Disturbance disturbance;
     disturbance.mass_factor = plan_.mass;
     disturbance.inertia_factor = plan_.inertia;

@@ -458,6 +458,25 @@ class CliTest(CommandLineTest):
             self.assertIn(fault, out)
         self.assertEqual(json.loads(self.tiltproof("schema")[1])["type"], "object")
 
+    def test_integrity_prints_rates_of_any_framing_and_check(self):
+        code, out, _ = self.tiltproof("integrity", "--errors", "swap,burst", "--framing", "hdlc,cobs", "--check", "sum8", "--frames", "20000", "--format", "json")
+        self.assertEqual(code, 0)
+        rows = json.loads(out)["rows"]
+        self.assertEqual({(row["framing"], row["errors"]) for row in rows}, {(f, e) for f in ("hdlc", "cobs") for e in ("swap", "burst")})
+        for row in rows:
+            self.assertLessEqual(row["low"], row["rate"])
+            self.assertLessEqual(row["rate"], row["high"])
+            self.assertLessEqual(row["delivered_wrong"], row["passed_check"])
+        # A sum does not see that bytes changed places.
+        self.assertGreater(min(row["passed_check_rate"] for row in rows if row["errors"] == "swap"), 0.9)
+        code, out, _ = self.tiltproof("integrity", "--errors", "stuck", "--frames", "20000")
+        self.assertEqual((code, out.splitlines()[0]), (0, "paper, hdlc, fletcher16, sensors: wrong frames delivered per frame sent"))
+        for words, advice in ((("--check", "crc8"), "valid: fletcher16, crc16_ibm_3740"), (("--errors", "noise"), "valid: ber, burst"), (("--protocol", "mavlink"), "valid: paper, provant"),
+                              (("--framing", "slip"), "valid: hdlc, cobs"), (("--message", "nothing"), "'paper' has: start, read_sensors")):
+            code, _, err = self.tiltproof("integrity", *words)
+            self.assertEqual(code, 2, words)
+            self.assertIn(advice, err)
+
     def test_design_lqr(self):
         code, out, err = self.tiltproof("design-lqr", "tiltrotor", "--csv", "gain.csv")
         self.assertEqual((code, err), (0, ""))

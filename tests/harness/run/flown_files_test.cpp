@@ -60,5 +60,18 @@ TEST_F(FlownFilesTest, ARecordedReferenceIsOneOfThem) {
   EXPECT_THAT(Differs(), HasSubstr("the harness has no file for the recorded reference"));
 }
 
+TEST_F(FlownFilesTest, AFileThatTheVehicleIncludesIsOneOfThem) {
+  Write(
+      "vehicle.sdf",
+      "<sdf version='1.9'><model name='v'><include merge='true'><uri>part.sdf</uri></include></model></sdf>");
+  Write("part.sdf", "<sdf version='1.9'><model name='p'/></sdf>");
+  const std::vector<FlownFile> files = FlownFiles(scenario_);
+  ASSERT_EQ(files.size(), 2U);
+  EXPECT_EQ(files[1].what, "file 1 that the vehicle includes");
+  EXPECT_EQ(files[1].path, folder_ / "part.sdf");
+  Write("part.sdf", "<sdf version='1.9'><model name='q'/></sdf>");
+  EXPECT_NE(FlownFiles(scenario_)[1].hash, files[1].hash);
+}
+
 }  // namespace
 }  // namespace tiltproof::harness

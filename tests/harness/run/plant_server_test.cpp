@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "tests/harness/run/by_hand.h"
 #include "tests/harness/run/kept_records.h"
 #include "tests/support/control_period.h"
@@ -38,6 +40,40 @@ TEST(PlantServer, EverySecondCommandIsOffsetToTheLimitFromItsOwnBoundaryOn) {
           << command << ", " << later;
       EXPECT_EQ(server.in_force()[1], 11.0);
     }
+  }
+}
+
+// Command, fault, limit, lag: the row has the thrust after the lag, and beside it the command.
+TEST(PlantServer, RowsShowTheThrustAfterTheRotorsLag) {
+  plant::VehicleModel model = Model();
+  for (plant::Rotor& rotor : model.rotors) rotor.time_constant_up_s = rotor.time_constant_down_s = 0.1;
+  Scenario scenario;
+  scenario.duration_ns = 10 * kControlPeriodNs;
+  scenario.initial_position_m = {0, 0, 5};
+  faults::FaultSpec& fault = scenario.faults.emplace_back();
+  fault.id = "offset";
+  fault.type = "actuator.offset";
+  fault.parameters = {{"actuator", "f_l"}, {"value", 1e6}};
+  KeptRecords records;
+  LocalPlantServer server(scenario, model, records);
+  const link::Protocol& protocol = *scenario.link.protocol;
+  const auto receive = [&](link::MessageKind kind, std::vector<float> values) {
+    server.Receive(0, BootTime(0), {protocol.Find(kind), std::move(values)}, [](auto) {});
+  };
+  receive(link::MessageKind::kStart, {});
+  receive(link::MessageKind::kActuators, {20, 8, 0, 0});
+  server.Advance(BootTime(scenario.duration_ns), AllCounts(1));
+  const std::vector<record::Row> rows = records.Of<record::Row>();
+  ASSERT_GE(rows.size(), 9U);
+  const TraceLayout layout(model.signals(), scenario);
+  for (std::size_t k = 0; k < 9; ++k) {
+    // The step that starts at the row's time is the one that is in force: three steps of 4 ms in each period.
+    const double left_of_way = std::exp(-0.004 * static_cast<double>(3 * k + 1) / 0.1);
+    const std::vector<double>& row = rows[k].values;
+    EXPECT_NEAR(row[layout.inputs], 20 + (model.HoverInput()[0] - 20) * left_of_way, 1e-9) << k;
+    EXPECT_NEAR(row[layout.inputs + 1], 30 + (model.HoverInput()[1] - 30) * left_of_way, 1e-9) << k;
+    EXPECT_EQ(row[layout.commanded], 20) << k;
+    EXPECT_EQ(row[layout.commanded + 1], 8) << k;
   }
 }
 
