@@ -61,6 +61,7 @@ struct ReceiverKind {
 struct SensorKind {
   std::unique_ptr<SensorModel> (*make)(const SignalSetup&) = nullptr;
   bool always_counts = false;  // an activation is recorded even if nothing changed
+  bool on_vector = false;      // its `signal` names a vector, and it acts on this as a whole
 };
 
 // Edits the input in force.

@@ -84,15 +84,16 @@ struct SampleContext {
   Random& random;  // only of this fault and this sample
 };
 
-// Values are a row of numbers in the order of the vehicle's table of sensors. Each sample goes to exactly one
+// Values are a row of numbers in the order of the vehicle's table of sensors. Those that have 32 bits when they are sent
+// are rounded to these before and after (VehicleSignals::measured). Each sample goes to exactly one
 // of the two functions, so a model that needs the past (a delay, a lower rate, a drop-out) sees all of it.
 class SensorModel {
  public:
   virtual ~SensorModel() = default;
   // A sample that the trigger picked.
-  virtual void Act(std::span<float> values, const SampleContext& context) = 0;
+  virtual void Act(std::span<double> values, const SampleContext& context) = 0;
   // Any other sample, also outside the window.
-  virtual void Pass(std::span<const float> /*values*/, const SampleContext& /*context*/) {}
+  virtual void Pass(std::span<const double> /*values*/, const SampleContext& /*context*/) {}
 };
 
 // An actuator or plant model's knowledge besides the input.

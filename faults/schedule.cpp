@@ -233,7 +233,7 @@ void FaultSchedule::SetOrigin(Origin origin) {
   state_->origin = origin;
 }
 
-void FaultSchedule::EditSensors(TimeNs t, std::span<float> values, BootTime boot_time) {
+void FaultSchedule::EditSensors(TimeNs t, std::span<double> values, BootTime boot_time) {
   VehicleFaults& vehicle = state_->Vehicle();
   Check(values.size() == state_->signals.sensors.size(), "a sample has a value for each sensor");
   vehicle.EditSensors(t, values, boot_time);

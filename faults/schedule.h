@@ -86,7 +86,7 @@ class FaultSchedule {
   //
   // A sample that is about to be sent. `t` may be kPowerOn, meaning before t = 0: the record then has the
   // time of `boot_time`, which has no other use.
-  void EditSensors(TimeNs t, std::span<float> values, BootTime boot_time = {});
+  void EditSensors(TimeNs t, std::span<double> values, BootTime boot_time = {});
 
   // The input of the step that begins at `t`; call it once per step. `new_command` false: the command is that
   // of the previous step; it is neither counted nor drawn for again.

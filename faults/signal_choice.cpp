@@ -25,6 +25,15 @@ bool Has(const VehicleSignals& signals, std::string_view sensor) {
   return signals.sensors.Find(sensor).has_value();
 }
 
+// Each once, in the order of the table.
+std::vector<std::string> Groups(const VehicleSignals& signals) {
+  std::vector<std::string> groups;
+  for (const Signal& signal : signals.sensors)
+    if (!signal.group.empty() && std::find(groups.begin(), groups.end(), signal.group) == groups.end())
+      groups.push_back(signal.group);
+  return groups;
+}
+
 std::invalid_argument NoSuchSignal(std::string_view parameter, std::string_view name) {
   return std::invalid_argument(Concat({"the vehicle has no ", parameter, " '", name, "'"}));
 }
@@ -45,7 +54,7 @@ ParameterInfo SensorParameter() {
           .kind = ParameterKind::kSensorOrAll,
           .doc =
               "the sensor, by its trace column; for the tilt-rotor: x_m ... alpha_l_rad_s; `all`: every "
-              "sensor, each by itself",
+              "sensor, each by itself; acc, gyro, mag, gnss: those of a sensor in the vehicle's file",
           .example = "z_m"};
 }
 
@@ -70,7 +79,7 @@ ParameterInfo SensorVectorParameter() {
           .kind = ParameterKind::kSensorVector,
           .doc =
               "the vector: position (x_m, y_m, z_m), velocity (vx_m_s, vy_m_s, vz_m_s) or rates (wx_rad_s, "
-              "wy_rad_s, wz_rad_s)",
+              "wy_rad_s, wz_rad_s); with sensors in the vehicle's file acc, gyro or mag",
           .example = "rates"};
 }
 
@@ -111,7 +120,12 @@ std::vector<std::string> SignalNames(const VehicleSignals& signals, ParameterKin
   std::vector<std::string> names;
   if (kind == ParameterKind::kSensor || kind == ParameterKind::kSensorOrAll)
     for (const Signal& signal : signals.sensors) names.push_back(signal.name);
-  if (kind == ParameterKind::kSensorOrAll) names.emplace_back(kAllSensors);
+  if (kind == ParameterKind::kSensorOrAll) {
+    // A sensor that is its own group has one name.
+    for (const std::string& group : Groups(signals))
+      if (SensorsNamedBy(signals, group).size() > 1) names.push_back(group);
+    names.emplace_back(kAllSensors);
+  }
   if (kind == ParameterKind::kPositionSensor)
     for (const std::string_view name : kPosition.components)
       if (Has(signals, name)) names.emplace_back(name);
@@ -120,11 +134,21 @@ std::vector<std::string> SignalNames(const VehicleSignals& signals, ParameterKin
       if (std::all_of(components.begin(), components.end(),
                       [&](std::string_view component) { return Has(signals, component); }))
         names.emplace_back(name);
+  if (kind == ParameterKind::kSensorVector)
+    for (const std::string& group : Groups(signals))
+      if (SensorsNamedBy(signals, group).size() == 3) names.push_back(group);
   if (kind == ParameterKind::kInput)
     for (const Signal& signal : signals.inputs)
       names.push_back(signal.name.substr(0, signal.name.rfind('_')));  // "f_r_n" -> "f_r"
   if (kind == ParameterKind::kRotor) names = signals.rotors;
   if (kind == ParameterKind::kJoint) names = signals.joints;
+  return names;
+}
+
+std::vector<std::string> SensorsNamedBy(const VehicleSignals& signals, std::string_view name) {
+  std::vector<std::string> names;
+  for (const Signal& signal : signals.sensors)
+    if (name == kAllSensors || (!signal.group.empty() && signal.group == name)) names.push_back(signal.name);
   return names;
 }
 
@@ -149,6 +173,10 @@ std::size_t ActuatorIndex(const SignalSetup& setup) {
 
 std::array<std::size_t, 3> SensorVectorIndices(const SignalSetup& setup) {
   const std::string& name = setup.parameters.Text("signal");
+  if (const std::vector<std::string> group = SensorsNamedBy(setup.signals, name);
+      group.size() == 3 && name != kAllSensors)
+    return {*setup.signals.sensors.Find(group[0]), *setup.signals.sensors.Find(group[1]),
+            *setup.signals.sensors.Find(group[2])};
   const auto vector = std::find_if(kVectors.begin(), kVectors.end(),
                                    [&](const VectorOfSensors& known) { return known.name == name; });
   if (vector == kVectors.end()) throw NoSuchSignal("vector", name);

@@ -17,7 +17,8 @@
 
 namespace tiltproof::faults {
 
-// In place of a sensor's name: every sensor of the vehicle, each with a model and draws of its own.
+// In place of a sensor's name: every sensor of the vehicle, each with a model and draws of its own. The name of a group
+// (Signal::group) stands for the sensors in it in the same way.
 inline constexpr std::string_view kAllSensors = "all";
 // `signal`: for the tilt-rotor x_m ... alpha_l_rad_s, or kAllSensors.
 ParameterInfo SensorParameter();
@@ -42,6 +43,9 @@ bool IsSignalName(std::string_view text);
 // the order of its table.
 std::vector<std::string> SignalNames(const VehicleSignals& signals, ParameterKind kind);
 
+// The sensors that kAllSensors or the name of a group stands for; none for any other name.
+std::vector<std::string> SensorsNamedBy(const VehicleSignals& signals, std::string_view name);
+
 // The place, in a row of sensors or of inputs, of the signal that a parameter names. Throws
 // std::invalid_argument when the vehicle has no such signal.
 std::size_t SensorIndex(const SignalSetup& setup, std::string_view parameter = "signal");
@@ -55,6 +59,8 @@ std::size_t JointIndex(const SignalSetup& setup);
 //   position   x_m       y_m       z_m
 //   velocity   vx_m_s    vy_m_s    vz_m_s
 //   rates      wx_rad_s  wy_rad_s  wz_rad_s
+//
+// A group of three sensors (acc, gyro, mag) is a vector, too.
 //
 // Their places in a row of sensors. Throws std::invalid_argument when the vehicle has no such vector.
 std::array<std::size_t, 3> SensorVectorIndices(const SignalSetup& setup);

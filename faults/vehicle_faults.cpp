@@ -57,24 +57,24 @@ bool Same(std::span<const Scalar> a, std::span<const Scalar> b) {
   return std::equal(a.begin(), a.end(), b.begin(), b.end());
 }
 
-// The same fault on each sensor by itself.
-class AllSensors : public SensorModel {
+// The same fault on each of these sensors by itself.
+class EachSensor : public SensorModel {
  public:
-  AllSensors(const SensorKind& kind, const SignalSetup& setup) {
-    for (const Signal& signal : setup.signals.sensors) {
-      const std::uint64_t stream = StreamKey(setup.stream, {signal.name});
-      const Parameters parameters = setup.parameters.With("signal", signal.name);
+  EachSensor(const SensorKind& kind, const SignalSetup& setup, const std::vector<std::string>& names) {
+    for (const std::string& name : names) {
+      const std::uint64_t stream = StreamKey(setup.stream, {name});
+      const Parameters parameters = setup.parameters.With("signal", name);
       models_.push_back({stream, kind.make({parameters, setup.signals, stream})});
     }
   }
 
-  void Act(std::span<float> values, const SampleContext& context) override {
+  void Act(std::span<double> values, const SampleContext& context) override {
     for (const auto& [stream, model] : models_) {
       Random random(KeyOf(stream, context.number));
       model->Act(values, {context.time_ns, context.number, context.period_ns, context.activity, random});
     }
   }
-  void Pass(std::span<const float> values, const SampleContext& context) override {
+  void Pass(std::span<const double> values, const SampleContext& context) override {
     for (const auto& [stream, model] : models_) {
       Random random(KeyOf(stream, context.number));
       model->Pass(values, {context.time_ns, context.number, context.period_ns, context.activity, random});
@@ -85,13 +85,19 @@ class AllSensors : public SensorModel {
   std::vector<std::pair<std::uint64_t, std::unique_ptr<SensorModel>>> models_;
 };
 
+std::unique_ptr<SensorModel> MakeSensorModel(const SensorKind& kind, const SignalSetup& setup) {
+  std::vector<std::string> names;
+  if (!kind.on_vector && setup.parameters.Has("signal"))
+    names = SensorsNamedBy(setup.signals, setup.parameters.Text("signal"));
+  if (names.empty()) return kind.make(setup);
+  return std::make_unique<EachSensor>(kind, setup, names);
+}
+
 }  // namespace
 
 void VehicleFaults::Add(const SensorKind& kind, const Entry& entry) {
   const SignalSetup setup{entry.parameters, signals_, entry.stream};
-  const bool all = entry.parameters.Has("signal") && entry.parameters.Text("signal") == kAllSensors;
-  sensors_.push_back({Injector(entry), kind.always_counts,
-                      all ? std::make_unique<AllSensors>(kind, setup) : kind.make(setup)});
+  sensors_.push_back({Injector(entry), kind.always_counts, MakeSensorModel(kind, setup)});
 }
 
 void VehicleFaults::Add(const ActuatorKind& kind, const Entry& entry) {
@@ -102,11 +108,17 @@ void VehicleFaults::Add(const PlantKind& kind, const Entry& entry) {
   bodies_.push_back({Injector(entry), kind.make({entry.parameters, signals_, entry.stream})});
 }
 
-void VehicleFaults::EditSensors(TimeNs t, std::span<float> values, BootTime boot_time) {
+void VehicleFaults::RoundToLine(std::span<double> values) const {
+  for (double& value : values.first(values.size() - signals_.measured.size()))
+    value = static_cast<double>(static_cast<float>(value));
+}
+
+void VehicleFaults::EditSensors(TimeNs t, std::span<double> values, BootTime boot_time) {
   const bool before_origin = t == kPowerOn;
   const std::uint64_t number = sample_count_++;
   const TimeNs period_ns = before_origin || last_sample_ns_ == kPowerOn ? 0 : t - last_sample_ns_;
   last_sample_ns_ = t;
+  RoundToLine(values);
   for (Sensor& sensor : sensors_) {
     Random random(KeyOf(sensor.stream, number));
     const SampleContext context{t, number, period_ns, *sensor.activity, random};
@@ -115,8 +127,9 @@ void VehicleFaults::EditSensors(TimeNs t, std::span<float> values, BootTime boot
       continue;
     }
     values_before_.assign(values.begin(), values.end());
-    const std::span<const float> before = values_before_, after = values;
+    const std::span<const double> before = values_before_, after = values;
     sensor.model->Act(values, context);
+    RoundToLine(values);
     if (Same(before, after) && !sensor.always_counts) continue;
     const auto record = [&](auto time) {
       return TimedActivation<decltype(time)>{.time_ns = time,

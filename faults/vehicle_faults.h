@@ -38,7 +38,7 @@ class VehicleFaults {
   void Add(const PlantKind& kind, const Entry& entry);
 
   // Like the functions of FaultSchedule with these names.
-  void EditSensors(TimeNs t, std::span<float> values, BootTime boot_time);
+  void EditSensors(TimeNs t, std::span<double> values, BootTime boot_time);
   void EditInput(TimeNs t, std::span<double> input, bool new_command);
   Disturbance DisturbanceOf(TimeNs t);
 
@@ -65,6 +65,8 @@ class VehicleFaults {
     bool disturbed = false;  // in the previous step
   };
 
+  // Rounds the values that have 32 bits when they are sent.
+  void RoundToLine(std::span<double> values) const;
   StepContext ContextOf(TimeNs t, std::uint64_t number, const Injector& injector, Random& random) const {
     return {t, step_ns_, number, *injector.activity, random};
   }
@@ -77,7 +79,7 @@ class VehicleFaults {
   std::vector<Body> bodies_;
   std::uint64_t sample_count_ = 0, command_count_ = 0, input_count_ = 0, step_count_ = 0;
   TimeNs last_sample_ns_ = kPowerOn;
-  std::vector<float> values_before_;
+  std::vector<double> values_before_;
   std::vector<double> input_before_;
 };
 

@@ -40,25 +40,34 @@ struct Signal {
   SignalFrame frame{};
   // Limits of an input: the vehicle's range, to which commands are clamped. Any other signal has no limits.
   double min = -std::numeric_limits<double>::infinity(), max = std::numeric_limits<double>::infinity();
+  // The group that faults may name in place of its signals: "acc". Empty: in none.
+  std::string group = {};
   friend bool operator==(const Signal&, const Signal&) = default;
 };
 
 // The signal of that name. The end of the name gives the unit: "vx_m_s" is in m/s. Its scale is what counts
-// as "a lot" in that unit: 0.5 rad, and 1 of everything else. A name without a unit has none, and the scale
-// 1.
+// as "a lot" in that unit: 0.5 rad, a fifth of the Earth's magnetic field, the pressure of a metre of air, a metre in
+// degrees, and 1 of everything else. A name without a unit has none, and the scale 1.
 inline Signal SignalNamed(std::string name, SignalFrame frame) {
   struct Unit {
     std::string_view suffix, unit;
     double scale;
   };
   // When two endings fit, the longer one comes first.
-  static constexpr std::array<Unit, 7> kUnits = {{{"_rad_s", "rad/s", 1.0},
-                                                  {"_m_s", "m/s", 1.0},
-                                                  {"_rad", "rad", 0.5},
-                                                  {"_nm", "N m", 1.0},
-                                                  {"_m", "m", 1.0},
-                                                  {"_n", "N", 1.0},
-                                                  {"_s", "s", 1.0}}};
+  static constexpr std::array<Unit, 14> kUnits = {{{"_rad_s", "rad/s", 1.0},
+                                                   {"_m_s2", "m/s2", 1.0},
+                                                   {"_m_s", "m/s", 1.0},
+                                                   {"_rad", "rad", 0.5},
+                                                   {"_nm", "N m", 1.0},
+                                                   {"_m", "m", 1.0},
+                                                   {"_n", "N", 1.0},
+                                                   {"_x_t", "T", 1e-5},
+                                                   {"_y_t", "T", 1e-5},
+                                                   {"_z_t", "T", 1e-5},
+                                                   {"_pa", "Pa", 10.0},
+                                                   {"_lat_deg", "deg", 1e-5},
+                                                   {"_lon_deg", "deg", 1e-5},
+                                                   {"_s", "s", 1.0}}};
   for (const Unit& unit : kUnits)
     if (std::string_view(name).ends_with(unit.suffix))
       return {.name = std::move(name), .unit = std::string(unit.unit), .scale = unit.scale, .frame = frame};
@@ -97,6 +106,9 @@ struct VehicleSignals {
   SignalTable states;   // the truth, as in the trace
   SignalTable sensors;  // what may be sent; its frame may differ from that of the state with the same name
   SignalTable inputs;   // what actuator messages command
+  // Readings of the sensors in the vehicle's file: the last of `sensors`, which begin with the states. The others are
+  // numbers of 32 bits when they are sent.
+  SignalTable measured = {};
   // Its parts by their names in the vehicle's file, in the order of Disturbance's thrust factors and hinges.
   std::vector<std::string> rotors = {}, joints = {};
   bool feels_wind = true;  // it has drag

@@ -69,6 +69,8 @@ void Plant::Step(std::span<const double> command, const Disturbance& disturbance
   }
   world_->CheckEvent();
   world_->Sample();
+  if (!world_->sensors.empty() && world_->event != FlightEvent::kNotFinite)
+    world_->sensors.Step(world_->MotionOfBase(), world_->model.base.p_com_m);
 }
 
 void Plant::InputInForce(std::span<double> command) const {
@@ -92,10 +94,14 @@ void Plant::State(std::span<double> state, RatesFrame frame) const {
 
 void Plant::ReadSensors(std::span<double> sensors, RatesFrame frame) const {
   CheckSize(sensors.size(), world_->signals.sensors, "sensors");
-  if (world_->sensor_period_ns <= world_->options.step_ns) return State(sensors, frame);
-  std::copy(world_->sample.begin(), world_->sample.end(), sensors.begin());
-  ExpressRates(frame, world_->at, sensors);
+  const std::span<double> states = sensors.first(world_->signals.states.size());
+  Measure(sensors.subspan(states.size()));
+  if (world_->sensor_period_ns <= world_->options.step_ns) return State(states, frame);
+  std::copy(world_->sample.begin(), world_->sample.end(), states.begin());
+  ExpressRates(frame, world_->at, states);
 }
+
+void Plant::Measure(std::span<double> readings) const { world_->sensors.Read(readings); }
 
 FlightEvent Plant::Event() const { return world_->event; }
 

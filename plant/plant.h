@@ -40,6 +40,7 @@ struct PlantOptions {
   // The ground carries the vehicle, and a touch is an event only above this normal speed of the touching point (>= 0),
   // or at a tilt above kTouchTiltMax_rad. None: each touch is an event.
   std::optional<double> touch_down_max_m_s = {};
+  SensorDraws sensor_draws = {};  // of the noise of the file's sensors; none: they have no noise
 };
 
 inline constexpr double kTouchTiltMax_rad = std::numbers::pi / 3;
@@ -80,10 +81,12 @@ class Plant {
 
   // Fills in the true state; angular rates in the requested frame. Yaw is in (-pi, pi].
   void State(std::span<double> state, RatesFrame frame = RatesFrame::kWorld) const;
-  // Fills in the sensors: the state when they last sampled (model.sensor_rate_hz, from Reset on), State() of
-  // the first step boundary at or after their sampling time. The same as State() for sensors that sample at
-  // every step.
+  // Fills in the sensors: first the state when they last sampled (model.sensor_rate_hz, from Reset on), State()
+  // of the first step boundary at or after their sampling time. The same as State() for sensors that sample at
+  // every step. Then follows what Measure() gives.
   void ReadSensors(std::span<double> sensors, RatesFrame frame = RatesFrame::kWorld) const;
+  // Fills in what the sensors of the vehicle's file read now (VehicleSignals::measured).
+  void Measure(std::span<double> readings) const;
 
   // The first of: not finite; |position| > kPositionMax_m; tilt beyond 90 deg; a touch of the ground that the options
   // do not allow. Kept until Reset.

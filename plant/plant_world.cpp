@@ -31,6 +31,19 @@ void SetRotation(dBodyID body, const Matrix3d& r) {
   dBodySetRotation(body, rows);
 }
 
+// Samples under way are kept, and their number has a limit.
+const std::vector<Sensor>& WithinMemory(const std::vector<Sensor>& sensors, TimeNs step_ns) {
+  constexpr double kUnderWayMax = 100'000;
+  for (const Sensor& sensor : sensors) {
+    const double period_s = std::max(sensor.rate_hz > 0 ? 1 / sensor.rate_hz : 0, ToSeconds(step_ns));
+    if (sensor.latency_s > kUnderWayMax * period_s)
+      throw PlantError(
+          fmt::format("sensor '{}': its latency of {} s is more than {:.0f} samples of {} s: lower its rate",
+                      sensor.name, sensor.latency_s, kUnderWayMax, period_s));
+  }
+  return sensors;
+}
+
 // The share of the way that a first-order lag covers in one step; 1 without a lag.
 double ShareOfLag(double time_constant_s, double step_s) {
   return time_constant_s > 0 ? -std::expm1(-step_s / time_constant_s) : 1;
@@ -58,7 +71,12 @@ Plant::World::World(const VehicleModel& vehicle, const PlantOptions& plant_optio
       input_max(model.InputMax()),
       input(signals.inputs.size()),
       next_input(signals.inputs.size()),
-      sample(signals.sensors.size()) {
+      sample(signals.states.size()),
+      sensors(WithinMemory(model.sensors, options.step_ns),
+              {.surroundings = model.surroundings,
+               .step_ns = options.step_ns,
+               .gravity_m_s2 = options.gravity_m_s2},
+              options.sensor_draws) {
   if (options.step_ns <= 0) throw PlantError("the step must be positive");
   if (model.rotors.size() > kRotorsMax || model.hinges.size() > kRotorsMax)
     throw PlantError(fmt::format("'{}' has more than {} rotors or hinges", model.name, kRotorsMax));
@@ -170,6 +188,7 @@ void Plant::World::Place(std::span<const double> state) {
   FindContacts();
   CheckEvent();
   Sample();
+  sensors.Start(MotionOfBase());
 }
 
 void Plant::World::PutBodies(std::span<const double> state) {
@@ -199,6 +218,15 @@ void Plant::World::PutBodies(std::span<const double> state) {
           v_WB + w_WB.cross(to_hinge) + w.cross(to_com), w);
   }
   MeasureHinges();
+}
+
+BaseMotion Plant::World::MotionOfBase() const {
+  const Matrix3d R = base.Attitude();
+  const Vector3d to_origin = -(R * base.p_com_m), w = base.AngularVelocity();
+  return {.p_WB_m = base.Com() + to_origin,
+          .v_WB_m_s = base.Velocity() + w.cross(to_origin),
+          .w_WB_rad_s = w,
+          .R_WB = R};
 }
 
 void Plant::World::Observe(std::span<double> state) const {

@@ -104,6 +104,7 @@ struct Plant::World {
   void ReleaseHinges();
   void Push(const Disturbance& disturbance);
   void Observe(std::span<double> state) const;  // world rates
+  BaseMotion MotionOfBase() const;
   void Sample();
   void CheckEvent();
   void SetEvent(FlightEvent kind, std::string text);
@@ -144,6 +145,7 @@ struct Plant::World {
 
   TimeNs time_ns = 0, sensor_period_ns = 0, next_sample_ns = 0;
   std::vector<double> sample;
+  SensorSuite sensors;
   FlightEvent event = FlightEvent::kNone;
   std::string event_text;
 };

@@ -11,6 +11,8 @@
 #include <string>
 #include <string_view>
 
+#include "plant/sensor_elements.h"
+
 namespace tiltproof::plant {
 namespace {
 
@@ -171,6 +173,13 @@ void PlainSdf::AddLink(const SdfPart& part, XMLElement& to) {
   for (const auto* e = part.element->FirstChildElement("collision"); e != nullptr;
        e = e->NextSiblingElement("collision"))
     SetPose(*part.model, Copy(part, *e, link, {"pose", "geometry"}), false);
+  for (const auto* e = part.element->FirstChildElement("sensor"); e != nullptr;
+       e = e->NextSiblingElement("sensor"))
+    if (IsSensorType(AttributeOf(*e, "type")))
+      SetPose(*part.model,
+              Copy(part, *e, link,
+                   {"pose", "update_rate", "imu", "magnetometer", "air_pressure", "navsat", "gps"}),
+              false);
 }
 
 void PlainSdf::AddJoint(const SdfPart& part, bool is_hinge, XMLElement& to) {

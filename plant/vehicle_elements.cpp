@@ -50,6 +50,12 @@ class Attributes {
     return std::nullopt;
   }
   std::optional<Eigen::Vector3d> UnitVector(const char* name) const {
+    const std::optional<Eigen::Vector3d> vector = OptionalVector(name);
+    if (!vector || vector->norm() > 1e-9) return vector ? std::optional(vector->normalized()) : std::nullopt;
+    Complain(fmt::format("'{}' must be three numbers, not all zero, is '{}'", name, Text(name)));
+    return std::nullopt;
+  }
+  std::optional<Eigen::Vector3d> OptionalVector(const char* name) const {
     if (element_.Attribute(name) == nullptr) return std::nullopt;
     const std::string text = Text(name);
     Eigen::Vector3d vector = Eigen::Vector3d::Zero();
@@ -62,8 +68,8 @@ class Attributes {
       vector[count] = *value;
       at = text.find_first_not_of(' ', end);
     }
-    if (count == 3 && at == std::string::npos && vector.norm() > 1e-9) return vector.normalized();
-    Complain(fmt::format("'{}' must be three numbers, not all zero, is '{}'", name, text));
+    if (count == 3 && at == std::string::npos) return vector;
+    Complain(fmt::format("'{}' must be three numbers, is '{}'", name, text));
     return std::nullopt;
   }
   void Complain(const std::string& message) const {
@@ -104,6 +110,30 @@ RotorElement ReadRotor(const std::filesystem::path& file, const XMLElement& elem
   rotor.time_constant_up_s = rotor.time_constant_down_s =
       attributes.OptionalNumber("time_constant_s", 0, 10).value_or(0);
   return rotor;
+}
+
+SensorElement ReadSensorElement(const std::filesystem::path& file, const XMLElement& element,
+                                const std::string& scope, std::vector<VehicleProblem>& problems) {
+  const Attributes attributes(file, element, {"name", "latency_s"}, problems);
+  const std::string name = attributes.Text("name");
+  return {.line = element.GetLineNum(),
+          .name = name.empty() ? name : scope + name,
+          .latency_s = attributes.OptionalNumber("latency_s", 0, 10).value_or(0)};
+}
+
+Surroundings ReadSurroundings(const std::filesystem::path& file, const XMLElement& element,
+                              std::vector<VehicleProblem>& problems) {
+  const Attributes attributes(file, element,
+                              {"magnetic_field_t", "latitude_deg", "longitude_deg", "elevation_m"}, problems);
+  Surroundings read;
+  read.magnetic_field_t = attributes.OptionalVector("magnetic_field_t").value_or(read.magnetic_field_t);
+  // A larger one is in gauss or microtesla.
+  if (read.magnetic_field_t.cwiseAbs().maxCoeff() > 1e-3)
+    attributes.Complain("'magnetic_field_t' is in tesla: the Earth's is less than 1e-4");
+  read.latitude_deg = attributes.OptionalNumber("latitude_deg", -90, 90).value_or(read.latitude_deg);
+  read.longitude_deg = attributes.OptionalNumber("longitude_deg", -180, 180).value_or(read.longitude_deg);
+  read.elevation_m = attributes.OptionalNumber("elevation_m", -500, 9000).value_or(read.elevation_m);
+  return read;
 }
 
 ServoElement ReadServo(const std::filesystem::path& file, const XMLElement& element,
@@ -173,7 +203,7 @@ VehicleElements ReadVehicleElement(const std::filesystem::path& file, const XMLE
   VehicleElements elements;
   elements.file = file;
   elements.line = vehicle.GetLineNum();
-  bool has_base = false, has_sensors = false, has_drag = false;
+  bool has_base = false, has_sensors = false, has_drag = false, has_world = false;
   const auto scoped = [&](const std::string& name) { return name.empty() ? name : scope + name; };
   for (const auto* child = vehicle.FirstChildElement(); child != nullptr;
        child = child->NextSiblingElement()) {
@@ -194,6 +224,12 @@ VehicleElements ReadVehicleElement(const std::filesystem::path& file, const XMLE
       if (has_sensors) attributes.Complain("a vehicle has one <tiltproof:sensors>");
       has_sensors = true;
       elements.sensor_rate_hz = attributes.OptionalNumber("rate_hz", 1, 1e6).value_or(0);
+    } else if (tag == "tiltproof:sensor") {
+      elements.sensors.push_back(ReadSensorElement(file, *child, scope, problems));
+    } else if (tag == "tiltproof:world") {
+      if (std::exchange(has_world, true))
+        problems.push_back({file, child->GetLineNum(), "a vehicle has one <tiltproof:world>"});
+      elements.surroundings = ReadSurroundings(file, *child, problems);
     } else if (tag == "tiltproof:drag") {
       const Attributes attributes(file, *child, {"linear_n_s_m", "quadratic_n_s2_m2"}, problems);
       if (has_drag) attributes.Complain("a vehicle has one <tiltproof:drag>");
@@ -204,7 +240,7 @@ VehicleElements ReadVehicleElement(const std::filesystem::path& file, const XMLE
       problems.push_back(
           {file, child->GetLineNum(),
            fmt::format("unknown element <{}>; known are tiltproof:base, tiltproof:rotor, tiltproof:servo, "
-                       "tiltproof:sensors, tiltproof:drag",
+                       "tiltproof:sensors, tiltproof:sensor, tiltproof:world, tiltproof:drag",
                        tag)});
     }
   }

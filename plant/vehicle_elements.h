@@ -37,6 +37,12 @@ struct ServoElement {
   double time_constant_s = 0;
 };
 
+struct SensorElement {
+  int line = 0;
+  std::string name;
+  double latency_s = 0;
+};
+
 struct VehicleElements {
   std::filesystem::path file;  // the one that has tiltproof's elements; empty: none has
   int line = 0;
@@ -45,6 +51,8 @@ struct VehicleElements {
   bool from_plugins = false;         // the rotors; their servos are those of the joints' limits
   std::vector<ServoElement> servos;
   double sensor_rate_hz = 0;
+  std::vector<SensorElement> sensors;
+  Surroundings surroundings;
   BodyDrag drag;
 };
 

@@ -14,6 +14,7 @@
 #include "plant/collision_shapes.h"
 #include "plant/dynamics.h"
 #include "plant/sdf_file.h"
+#include "plant/sensor_elements.h"
 #include "plant/vehicle_mapping.h"
 #include "plant/vehicle_model.h"
 #include "plant/vehicle_tree.h"
@@ -106,6 +107,7 @@ class Loader {
 
 VehicleModel Loader::Load() {
   xml_.Check(problems_);
+  CheckSensorNumbers(xml_.files(), problems_);
   elements_ = ReadElements(xml_.files(), options_.mapping, warnings_, problems_);
   tree_.Assign(elements_, problems_);
   CheckInertials();
@@ -125,6 +127,8 @@ VehicleModel Loader::Load() {
   CheckNames(vehicle);
   vehicle.shapes = ReadShapes(vehicle);
   vehicle.sensor_rate_hz = elements_.sensor_rate_hz;
+  vehicle.sensors = ReadSensors(*model_, xml_.files(), elements_, vehicle, warnings_, problems_);
+  vehicle.surroundings = elements_.surroundings;
   vehicle.drag = elements_.drag;
   try {
     vehicle.hover = SolveHover(vehicle);

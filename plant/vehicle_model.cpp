@@ -74,7 +74,13 @@ VehicleSignals VehicleModel::signals() const {
     inputs[i].max = input_max[i];
   }
   SignalTable table(std::move(states));
-  VehicleSignals signals{.states = table, .sensors = table, .inputs = SignalTable(std::move(inputs))};
+  const SignalTable measured = SensorSignals(sensors);
+  std::vector<Signal> sent(table.begin(), table.end());
+  sent.insert(sent.end(), measured.begin(), measured.end());
+  VehicleSignals signals{.states = table,
+                         .sensors = SignalTable(std::move(sent)),
+                         .inputs = SignalTable(std::move(inputs)),
+                         .measured = measured};
   for (const Rotor& rotor : rotors) signals.rotors.push_back(rotor.name);
   for (const Hinge& hinge : hinges) signals.joints.push_back(hinge.joint);
   signals.feels_wind = drag != BodyDrag{};

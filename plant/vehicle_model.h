@@ -18,6 +18,8 @@
 #include <vector>
 
 #include "link/signal_table.h"
+#include "plant/sensors.h"
+#include "plant/surroundings.h"
 
 namespace tiltproof::plant {
 
@@ -113,11 +115,13 @@ struct VehicleModel {
   RigidBody base;
   std::vector<CollisionShape> shapes;  // one or more
   std::vector<Hinge> hinges;
-  std::vector<Rotor> rotors;  // 1 to kRotorsMax (link/disturbance.h); each hinge carries one or more
-  double sensor_rate_hz = 0;  // 0: at every step
-  BodyDrag drag;              // none by default; the controller's design leaves it out
-  Hover hover;                // of plant/dynamics.h, SolveHover; empty where there is none
-  std::string no_hover;       // the reasons that it cannot hover, each with its place; empty: it can
+  std::vector<Rotor> rotors;    // 1 to kRotorsMax (link/disturbance.h); each hinge carries one or more
+  double sensor_rate_hz = 0;    // 0: at every step
+  std::vector<Sensor> sensors;  // SDF's own, in the order of the file
+  Surroundings surroundings;
+  BodyDrag drag;         // none by default; the controller's design leaves it out
+  Hover hover;           // of plant/dynamics.h, SolveHover; empty where there is none
+  std::string no_hover;  // the reasons that it cannot hover, each with its place; empty: it can
 
   double MassTotal() const;
   // The body that carries the rotor.
@@ -128,7 +132,7 @@ struct VehicleModel {
   // Signals of hinges h and rotors i, in their order, with `right` and `left` spelled r and l:
   //   states   x_m y_m z_m roll_rad pitch_rad yaw_rad, alpha_<h>_rad, vx_m_s vy_m_s vz_m_s
   //            wx_rad_s wy_rad_s wz_rad_s, alpha_<h>_rad_s
-  //   sensors  the same
+  //   sensors  the same, and what the sensors of the file read (plant/sensors.h)
   //   inputs   f_<i>_n, then for each hinge tau_<h>_nm, or angle_<h>_rad of a position servo
   VehicleSignals signals() const;
 

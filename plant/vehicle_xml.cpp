@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <initializer_list>
 
+#include "plant/sensor_elements.h"
 #include "plant/vehicle_model.h"
 
 namespace tiltproof::plant {
@@ -212,10 +213,9 @@ bool VehicleXml::WarnLink(const SdfPart& part, std::vector<std::string>& warning
       continue;
     }
     if (IsOneOf(*child, {"sensor"})) {
-      Warn(part.file(), *child,
-           fmt::format("sensors of type '{}' are not supported, ignored{}", AttributeOf(*child, "type"),
-                       where),
-           warnings);
+      if (const std::string type = AttributeOf(*child, "type"); !IsSensorType(type))
+        Warn(part.file(), *child,
+             fmt::format("sensors of type '{}' are not supported, ignored{}", type, where), warnings);
       for (const auto* plugin = child->FirstChildElement("plugin"); plugin != nullptr;
            plugin = plugin->NextSiblingElement("plugin")) {
         Warn(part.file(), *plugin, "plugins are not supported, ignored" + where, warnings);

@@ -48,7 +48,7 @@ std::vector<SignalTopic> SignalTopicsOf(const Trace& trace) {
     };
     const std::size_t topic = is_in(vehicle.states) || is_in(vehicle.inputs)           ? 0
                               : name.ends_with("_ref_m") || name.ends_with("_ref_rad") ? 1
-                              : name.starts_with("sensed_")                            ? 2
+                              : name.starts_with("sensed_") || is_in(vehicle.measured) ? 2
                               : name.starts_with("commanded_")                         ? 3
                                                                                        : 4;
     topics[topic].columns.push_back({c, name, JsonText(name)});

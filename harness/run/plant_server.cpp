@@ -4,8 +4,10 @@
 #include <array>
 #include <limits>
 #include <string>
+#include <string_view>
 #include <utility>
 
+#include "faults/random.h"
 #include "harness/run/message_binding.h"
 #include "harness/run/vehicle_start.h"
 #include "link/check.h"
@@ -27,6 +29,27 @@ plant::RatesFrame FrameOf(AngularRates rates) {
 
 constexpr double kNothingYet = std::numeric_limits<double>::quiet_NaN();
 
+// The draws of sensors' noise: each signal and part has a stream of the scenario's seed.
+plant::SensorDraws DrawsOf(const SignalTable& measured, std::uint64_t seed) {
+  static constexpr std::array<std::string_view, 3> kParts = {"white", "bias", "walk"};
+  std::vector<std::array<std::uint64_t, 3>> streams;
+  for (const Signal& signal : measured) {
+    std::array<std::uint64_t, 3>& of_signal = streams.emplace_back();
+    for (std::size_t i = 0; i < kParts.size(); ++i)
+      of_signal[i] = faults::StreamKey(seed, {"sensor", signal.name, kParts[i]});
+  }
+  return [streams](std::size_t signal, plant::NoisePart part, std::uint64_t number) {
+    return faults::Random(faults::KeyOf(streams.at(signal).at(static_cast<std::size_t>(part)), number))
+        .StandardNormal();
+  };
+}
+
+plant::PlantOptions OptionsOf(const Scenario& scenario, const VehicleSignals& signals) {
+  plant::PlantOptions options = PlantOptionsOf(scenario);
+  options.sensor_draws = DrawsOf(signals.measured, scenario.seed);
+  return options;
+}
+
 std::ptrdiff_t Offset(std::size_t column) { return static_cast<std::ptrdiff_t>(column); }
 
 }  // namespace
@@ -37,7 +60,7 @@ LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::Vehicl
       signals_(model.signals()),
       layout_(signals_, scenario),
       trajectory_(scenario.reference),
-      plant_(model, PlantOptionsOf(scenario)),
+      plant_(model, OptionsOf(scenario, signals_)),
       readings_(signals_.sensors.size()),
       sent_(signals_.sensors.size()),
       faults_(scenario.faults, scenario.seed,
@@ -104,13 +127,12 @@ void LocalPlantServer::AnswerSensorRequest(std::size_t client, BootTime arrival,
                                            const link::MessageType& answer, const Reply& reply) {
   const TimeNs sampled = state_.started() ? SimTime(boundary_ns_) : kPowerOn;
   plant_.ReadSensors(readings_, FrameOf(scenario_.angular_rates));
-  std::transform(readings_.begin(), readings_.end(), sent_.begin(),
-                 [](double value) { return static_cast<float>(value); });
+  sent_ = readings_;
   Seat& seat = seats_[client];
   seat.faults.EditSensors(sampled, sent_, arrival);
   NoteActivations();
-  std::copy(sent_.begin(), sent_.end(), seat.sensed.begin());
-  reply(protocol_.framing->Encode(protocol_.Encode(answer, BindingOf(answer).Values<float>(sent_)).span()));
+  seat.sensed = sent_;
+  reply(protocol_.framing->Encode(protocol_.Encode(answer, BindingOf(answer).Values<double>(sent_)).span()));
   if (state_.started())
     sink_.Write({SimTime(arrival), client, record::Accepted{record::AcceptedKind::kRequest}});
 }
@@ -224,6 +246,7 @@ void LocalPlantServer::FillRow(TimeNs t, const AllCounts& counts, std::span<doub
   const ReferencePoint reference = trajectory_.At(t);
   std::copy_n(reference.position_m.begin(), 3, row.begin() + Offset(layout_.reference));
   row[layout_.reference + 3] = reference.yaw_rad;
+  plant_.Measure(row.subspan(layout_.measured, signals_.measured.size()));
   for (std::size_t client = 0; client < seats_.size(); ++client) {
     const std::vector<double>&sensed = seats_[client].sensed, &asked = seats_[client].asked;
     std::copy(sensed.begin(), sensed.end(), row.begin() + Offset(layout_.sensed + client * sensed.size()));

@@ -133,7 +133,7 @@ class LocalPlantServer final : public PlantServer {
   Trajectory trajectory_;
   plant::Plant plant_;
   std::vector<double> readings_;  // of the sensors, before their faults
-  std::vector<float> sent_;       // and after them
+  std::vector<double> sent_;      // and after them
   faults::FaultSchedule faults_;  // on the vehicle and its actuators
   FaultConditions conditions_;
   std::vector<faults::News> news_;

@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::string_view kSensed = "sensed_", kCommanded = "commanded_";
 constexpr std::string_view kWatch = "watch_";
-constexpr std::string_view kFirstOfReference = "x_ref_m";
+constexpr std::string_view kFirstOfReference = "x_ref_m", kLastOfReference = "yaw_ref_rad";
 
 }  // namespace
 
@@ -45,7 +45,8 @@ TraceLayout::TraceLayout(const VehicleSignals& vehicle, const Scenario& scenario
   reference = all.size();
   for (const std::string_view position : {kFirstOfReference, {"y_ref_m"}, {"z_ref_m"}})
     add(std::string(position), SignalFrame::kWorld);
-  add("yaw_ref_rad", SignalFrame::kEuler);
+  add(std::string(kLastOfReference), SignalFrame::kEuler);
+  measured = add_table(vehicle.measured);
   sensed = add_for_clients(vehicle.sensors, kSensed);
   commanded = add_for_clients(vehicle.inputs, kCommanded);
   if (scenario.has_several_clients()) {
@@ -95,6 +96,10 @@ VehicleColumns FindVehicleColumns(const Trace& trace) {
     if (names[i] == "t_s") continue;
     (is_commanded(names[i]) ? found.inputs : found.states).push_back(i);
   }
+  const auto reference_end = std::find(names.begin(), names.end(), kLastOfReference);
+  for (auto name = reference_end;
+       name != names.end() && ++name != names.end() && !name->starts_with(kSensed);)
+    found.measured.push_back(static_cast<std::size_t>(name - names.begin()));
   return found;
 }
 

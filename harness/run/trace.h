@@ -19,7 +19,8 @@ namespace tiltproof::harness {
 
 // The columns of a flight's trace, in file order, and where each group of them begins:
 //
-//   t_s, states, inputs in force, reference (x_ref_m y_ref_m z_ref_m yaw_ref_rad), sensed_<sensor>,
+//   t_s, states, inputs in force, reference (x_ref_m y_ref_m z_ref_m yaw_ref_rad), readings of the sensors in the
+//   vehicle's file, before faults (VehicleSignals::measured), sensed_<sensor>,
 //   commanded_<input>, on_ground (0 or 1; only where the ground carries the vehicle), faults_active_count, link counters (LineCounts, three each), active_<fault id> (0 or 1),
 //   watch_<variable>
 //
@@ -32,7 +33,7 @@ struct TraceLayout {
   TraceLayout(const VehicleSignals& vehicle, const Scenario& scenario);
 
   SignalTable columns;
-  std::size_t states = 0, inputs = 0, reference = 0, sensed = 0, commanded = 0;
+  std::size_t states = 0, inputs = 0, reference = 0, measured = 0, sensed = 0, commanded = 0;
   std::optional<std::size_t> arbiter_selected, on_ground;
   std::size_t faults_active_count = 0, link_counters = 0, active = 0, watch = 0;
 };
@@ -73,9 +74,9 @@ class Trace {
 };
 
 // The vehicle's own columns of a trace, by their indices. The columns before the reference are states and
-// inputs; an input also has a column with the commanded value.
+// inputs; an input also has a column with the commanded value. Those after it are readings of sensors.
 struct VehicleColumns {
-  std::vector<std::size_t> states, inputs;
+  std::vector<std::size_t> states, inputs, measured;
 };
 VehicleColumns FindVehicleColumns(const Trace& trace);
 

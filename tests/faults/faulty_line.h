@@ -70,10 +70,11 @@ inline FaultSchedule AtThePlant(const std::vector<FaultSpec>& specs, std::uint64
 }
 
 inline void EditSensors(FaultSchedule& schedule, TimeNs t, Sensors& sensors, BootTime boot_time = {}) {
-  std::vector<float> row;
-  for (const auto& field : kSensorFields) row.push_back(sensors.*field.in_float);
+  std::vector<double> row;
+  for (const auto& field : kSensorFields) row.push_back(static_cast<double>(sensors.*field.in_float));
   schedule.EditSensors(t, row, boot_time);
-  for (std::size_t i = 0; i < row.size(); ++i) sensors.*kSensorFields[i].in_float = row[i];
+  for (std::size_t i = 0; i < row.size(); ++i)
+    sensors.*kSensorFields[i].in_float = static_cast<float>(row[i]);
 }
 
 inline void EditActuators(FaultSchedule& schedule, TimeNs t, ActuatorsTruth& input, bool new_command = true) {

@@ -118,7 +118,9 @@ TEST(VehicleModel, ReadsTheAuthorsFileWithTheMappingBesideItWhenAskedTo) {
 
   EXPECT_THAT(warnings, Contains(AllOf(HasSubstr("vant_2.sdf:14:"), HasSubstr("triangle inequality"))));
   EXPECT_THAT(warnings, Contains(AllOf(HasSubstr(":26:"), HasSubstr("servodir.STL"))));
-  EXPECT_THAT(warnings, Contains(AllOf(HasSubstr(":108:"), HasSubstr("imu_sensor"))));
+  ASSERT_EQ(model.sensors.size(), 2U);
+  EXPECT_EQ(model.sensors[0].name, "imu_sensor");
+  EXPECT_EQ(model.sensors[0].rate_hz, 250);
   EXPECT_THAT(warnings, Contains(AllOf(HasSubstr(":113:"), HasSubstr("imu_plugin"))));
   EXPECT_THAT(warnings, Contains(AllOf(HasSubstr(":167:"), HasSubstr("empuxo"))));
   EXPECT_THAT(warnings, Contains(AllOf(HasSubstr(":141:"), HasSubstr("0.5"), HasSubstr("'aR'"))));

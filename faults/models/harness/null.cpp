@@ -5,7 +5,7 @@ namespace {
 
 class Null : public SensorModel {
  public:
-  void Act(std::span<float> /*values*/, const SampleContext& /*context*/) override {}
+  void Act(std::span<double> /*values*/, const SampleContext& /*context*/) override {}
 };
 
 }  // namespace

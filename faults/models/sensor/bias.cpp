@@ -9,9 +9,9 @@ class Bias : public SensorModel {
   explicit Bias(const SignalSetup& setup)
       : signal_(SensorIndex(setup)), offset_(setup.parameters.Number("offset")) {}
 
-  void Act(std::span<float> values, const SampleContext& /*context*/) override {
-    float& value = values[signal_];
-    value = static_cast<float>(static_cast<double>(value) + offset_);
+  void Act(std::span<double> values, const SampleContext& /*context*/) override {
+    double& value = values[signal_];
+    value += offset_;
   }
 
  private:

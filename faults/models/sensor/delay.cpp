@@ -10,19 +10,19 @@ class LateSensor : public SensorModel {
   explicit LateSensor(const SignalSetup& setup)
       : signal_(SensorIndex(setup)), past_(FromSeconds(setup.parameters.Number("delay_ms") * 1e-3)) {}
 
-  void Act(std::span<float> values, const SampleContext& context) override {
+  void Act(std::span<double> values, const SampleContext& context) override {
     Push(values, context);
     values[signal_] = past_.Delayed();
   }
-  void Pass(std::span<const float> values, const SampleContext& context) override { Push(values, context); }
+  void Pass(std::span<const double> values, const SampleContext& context) override { Push(values, context); }
 
  private:
-  void Push(std::span<const float> values, const SampleContext& context) {
+  void Push(std::span<const double> values, const SampleContext& context) {
     past_.Push(now_ns_ += context.period_ns, values[signal_]);
   }
 
   std::size_t signal_;
-  DelayLine<float> past_;
+  DelayLine<double> past_;
   TimeNs now_ns_ = 0;  // since the first sample
 };
 

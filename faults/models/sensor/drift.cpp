@@ -10,12 +10,12 @@ class DriftingSensor : public SensorModel {
   explicit DriftingSensor(const SignalSetup& setup)
       : signal_(SensorIndex(setup)), rate_per_s_(setup.parameters.Number("rate_per_s")) {}
 
-  void Act(std::span<float> values, const SampleContext& context) override {
+  void Act(std::span<double> values, const SampleContext& context) override {
     const double error = rate_per_s_ * ToSeconds(time_.At(context).value_or(0));
-    float& value = values[signal_];
-    value = static_cast<float>(static_cast<double>(value) + error);
+    double& value = values[signal_];
+    value += error;
   }
-  void Pass(std::span<const float> /*values*/, const SampleContext& context) override { time_.At(context); }
+  void Pass(std::span<const double> /*values*/, const SampleContext& context) override { time_.At(context); }
 
  private:
   std::size_t signal_;

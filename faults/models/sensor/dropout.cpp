@@ -13,26 +13,26 @@ class DroppingSensor : public SensorModel {
         probability_(setup.parameters.Number("probability")),
         reads_(setup.parameters.Choice("reads")) {}
 
-  void Act(std::span<float> values, const SampleContext& context) override {
+  void Act(std::span<double> values, const SampleContext& context) override {
     if (context.random.Bernoulli(probability_))
       values[signal_] = Reading();
     else
       last_ = values[signal_];
   }
-  void Pass(std::span<const float> values, const SampleContext& /*context*/) override {
+  void Pass(std::span<const double> values, const SampleContext& /*context*/) override {
     last_ = values[signal_];
   }
 
  private:
-  float Reading() const {
-    if (reads_ == "nan") return std::numeric_limits<float>::quiet_NaN();
-    return reads_ == "zero" ? 0.0F : last_;
+  double Reading() const {
+    if (reads_ == "nan") return std::numeric_limits<double>::quiet_NaN();
+    return reads_ == "zero" ? 0.0 : last_;
   }
 
   std::size_t signal_;
   double probability_;
   std::string reads_;
-  float last_ = 0;  // of the latest sample that was not lost
+  double last_ = 0;  // of the latest sample that was not lost
 };
 
 }  // namespace

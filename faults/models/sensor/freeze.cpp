@@ -8,14 +8,14 @@ class Freeze : public SensorModel {
  public:
   explicit Freeze(const SignalSetup& setup) : signal_(SensorIndex(setup)) {}
 
-  void Act(std::span<float> values, const SampleContext& /*context*/) override {
+  void Act(std::span<double> values, const SampleContext& /*context*/) override {
     if (!frozen_) frozen_ = values[signal_];
     values[signal_] = *frozen_;
   }
 
  private:
   std::size_t signal_;
-  std::optional<float> frozen_;
+  std::optional<double> frozen_;
 };
 
 }  // namespace

@@ -11,9 +11,10 @@ class GarbageSensor : public SensorModel {
   explicit GarbageSensor(const SignalSetup& setup)
       : signal_(SensorIndex(setup)), probability_(setup.parameters.Number("probability")) {}
 
-  void Act(std::span<float> values, const SampleContext& context) override {
+  void Act(std::span<double> values, const SampleContext& context) override {
     if (!context.random.Bernoulli(probability_)) return;
-    values[signal_] = std::bit_cast<float>(static_cast<std::uint32_t>(context.random() >> 32));
+    values[signal_] =
+        static_cast<double>(std::bit_cast<float>(static_cast<std::uint32_t>(context.random() >> 32)));
   }
 
  private:

@@ -23,10 +23,10 @@ class MisalignedSensors : public SensorModel {
     sine_ = std::sin(angle_rad);
   }
 
-  void Act(std::span<float> values, const SampleContext& /*context*/) override {
-    const auto b = static_cast<double>(values[b_]), c = static_cast<double>(values[c_]);
-    values[b_] = static_cast<float>(cosine_ * b + sine_ * c);
-    values[c_] = static_cast<float>(cosine_ * c - sine_ * b);
+  void Act(std::span<double> values, const SampleContext& /*context*/) override {
+    const auto b = values[b_], c = values[c_];
+    values[b_] = cosine_ * b + sine_ * c;
+    values[c_] = cosine_ * c - sine_ * b;
   }
 
  private:
@@ -67,8 +67,9 @@ FaultType SensorMisalignment() {
                       .zero = 0.0,
                       .severity = Scale::kLinear}},
       .kind = SensorKind{.make = [](const SignalSetup& setup) -> std::unique_ptr<SensorModel> {
-        return std::make_unique<MisalignedSensors>(setup);
-      }}};
+                           return std::make_unique<MisalignedSensors>(setup);
+                         },
+                         .on_vector = true}};
 }
 
 }  // namespace tiltproof::faults

@@ -9,9 +9,9 @@ class Noise : public SensorModel {
   explicit Noise(const SignalSetup& setup)
       : signal_(SensorIndex(setup)), std_(setup.parameters.Number("std")) {}
 
-  void Act(std::span<float> values, const SampleContext& context) override {
-    float& value = values[signal_];
-    value = static_cast<float>(static_cast<double>(value) + std_ * context.random.StandardNormal());
+  void Act(std::span<double> values, const SampleContext& context) override {
+    double& value = values[signal_];
+    value += std_ * context.random.StandardNormal();
   }
 
  private:

@@ -11,11 +11,11 @@ class QuantisedSensor : public SensorModel {
   explicit QuantisedSensor(const SignalSetup& setup)
       : signal_(SensorIndex(setup)), step_(setup.parameters.Number("step")) {}
 
-  void Act(std::span<float> values, const SampleContext& /*context*/) override {
-    float& value = values[signal_];
+  void Act(std::span<double> values, const SampleContext& /*context*/) override {
+    double& value = values[signal_];
     // From 2^53 on the multiple is a whole number anyway, and the step below the resolution.
-    const double multiple = static_cast<double>(value) / step_;
-    if (std::abs(multiple) < 0x1p53) value = static_cast<float>(Rounded(multiple) * step_);
+    const double multiple = value / step_;
+    if (std::abs(multiple) < 0x1p53) value = Rounded(multiple) * step_;
   }
 
  private:

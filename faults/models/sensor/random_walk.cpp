@@ -12,12 +12,12 @@ class WalkingSensor : public SensorModel {
   explicit WalkingSensor(const SignalSetup& setup)
       : signal_(SensorIndex(setup)), density_(setup.parameters.Number("density")) {}
 
-  void Act(std::span<float> values, const SampleContext& context) override {
+  void Act(std::span<double> values, const SampleContext& context) override {
     Walk(context);
-    float& value = values[signal_];
-    value = static_cast<float>(static_cast<double>(value) + error_);
+    double& value = values[signal_];
+    value += error_;
   }
-  void Pass(std::span<const float> /*values*/, const SampleContext& context) override { Walk(context); }
+  void Pass(std::span<const double> /*values*/, const SampleContext& context) override { Walk(context); }
 
  private:
   void Walk(const SampleContext& context) {

@@ -10,14 +10,16 @@ class SlowSensor : public SensorModel {
   explicit SlowSensor(const SignalSetup& setup)
       : signal_(SensorIndex(setup)), period_ns_(FromSeconds(setup.parameters.Number("period_ms") * 1e-3)) {}
 
-  void Act(std::span<float> values, const SampleContext& context) override {
+  void Act(std::span<double> values, const SampleContext& context) override {
     Update(values, context);
     values[signal_] = held_;
   }
-  void Pass(std::span<const float> values, const SampleContext& context) override { Update(values, context); }
+  void Pass(std::span<const double> values, const SampleContext& context) override {
+    Update(values, context);
+  }
 
  private:
-  void Update(std::span<const float> values, const SampleContext& context) {
+  void Update(std::span<const double> values, const SampleContext& context) {
     const auto elapsed_ns = time_.At(context);
     const std::int64_t turn = !elapsed_ns || period_ns_ == 0 ? kNone : *elapsed_ns / period_ns_;
     if (turn == turn_ && turn != kNone) return;
@@ -31,7 +33,7 @@ class SlowSensor : public SensorModel {
   TimeNs period_ns_;
   ActiveTime time_;
   std::int64_t turn_ = kNone;  // whole periods in the window at the latest sample
-  float held_ = 0;
+  double held_ = 0;
 };
 
 }  // namespace

@@ -9,16 +9,16 @@ namespace {
 class SaturatedSensor : public SensorModel {
  public:
   explicit SaturatedSensor(const SignalSetup& setup)
-      : signal_(SensorIndex(setup)), limit_(static_cast<float>(setup.parameters.Number("limit"))) {}
+      : signal_(SensorIndex(setup)), limit_(setup.parameters.Number("limit")) {}
 
-  void Act(std::span<float> values, const SampleContext& /*context*/) override {
-    float& value = values[signal_];
+  void Act(std::span<double> values, const SampleContext& /*context*/) override {
+    double& value = values[signal_];
     value = std::clamp(value, -limit_, limit_);
   }
 
  private:
   std::size_t signal_;
-  float limit_;
+  double limit_;
 };
 
 }  // namespace

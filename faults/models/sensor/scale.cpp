@@ -9,9 +9,9 @@ class ScaledSensor : public SensorModel {
   explicit ScaledSensor(const SignalSetup& setup)
       : signal_(SensorIndex(setup)), factor_(setup.parameters.Number("factor")) {}
 
-  void Act(std::span<float> values, const SampleContext& /*context*/) override {
-    float& value = values[signal_];
-    value = static_cast<float>(static_cast<double>(value) * factor_);
+  void Act(std::span<double> values, const SampleContext& /*context*/) override {
+    double& value = values[signal_];
+    value *= factor_;
   }
 
  private:

@@ -8,7 +8,7 @@ class NegatedSensor : public SensorModel {
  public:
   explicit NegatedSensor(const SignalSetup& setup) : signal_(SensorIndex(setup)) {}
 
-  void Act(std::span<float> values, const SampleContext& /*context*/) override {
+  void Act(std::span<double> values, const SampleContext& /*context*/) override {
     values[signal_] = -values[signal_];
   }
 

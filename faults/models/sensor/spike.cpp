@@ -12,15 +12,15 @@ class SpikingSensor : public SensorModel {
         magnitude_(setup.parameters.Number("magnitude")),
         spikes_(setup.parameters.Number("rate_hz"), setup.stream) {}
 
-  void Act(std::span<float> values, const SampleContext& context) override {
+  void Act(std::span<double> values, const SampleContext& context) override {
     if (context.period_ns == 0) return;
     const BootTime end(context.time_ns + 1);
     events_.clear();
     spikes_.In(end - context.period_ns, end, events_);
     if (events_.empty()) return;
     const double sign = Random(events_.front().key).Bernoulli(0.5) ? 1 : -1;
-    float& value = values[signal_];
-    value = static_cast<float>(static_cast<double>(value) + sign * magnitude_);
+    double& value = values[signal_];
+    value += sign * magnitude_;
   }
 
  private:

@@ -10,17 +10,15 @@ class SpoofedSensor : public SensorModel {
   explicit SpoofedSensor(const SignalSetup& setup)
       : signals_(PositionSensorIndices(setup)), rate_per_s_(setup.parameters.Number("rate_per_s")) {}
 
-  void Act(std::span<float> values, const SampleContext& context) override {
+  void Act(std::span<double> values, const SampleContext& context) override {
     const double pulled = rate_per_s_ * ToSeconds(time_.At(context).value_or(0));
     Add(pulled, values[signals_.position]);
     if (signals_.velocity) Add(rate_per_s_, values[*signals_.velocity]);
   }
-  void Pass(std::span<const float> /*values*/, const SampleContext& context) override { time_.At(context); }
+  void Pass(std::span<const double> /*values*/, const SampleContext& context) override { time_.At(context); }
 
  private:
-  static void Add(double offset, float& value) {
-    value = static_cast<float>(static_cast<double>(value) + offset);
-  }
+  static void Add(double offset, double& value) { value += offset; }
 
   PositionIndices signals_;
   double rate_per_s_;

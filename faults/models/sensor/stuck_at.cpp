@@ -7,13 +7,13 @@ namespace {
 class StuckSensor : public SensorModel {
  public:
   explicit StuckSensor(const SignalSetup& setup)
-      : signal_(SensorIndex(setup)), value_(static_cast<float>(setup.parameters.Number("value"))) {}
+      : signal_(SensorIndex(setup)), value_(setup.parameters.Number("value")) {}
 
-  void Act(std::span<float> values, const SampleContext& /*context*/) override { values[signal_] = value_; }
+  void Act(std::span<double> values, const SampleContext& /*context*/) override { values[signal_] = value_; }
 
  private:
   std::size_t signal_;
-  float value_;
+  double value_;
 };
 
 }  // namespace

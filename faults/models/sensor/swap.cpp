@@ -19,7 +19,7 @@ class SwappedSensors : public SensorModel {
   explicit SwappedSensors(const SignalSetup& setup)
       : signal_(SensorIndex(setup)), with_(SensorIndex(setup, "with")) {}
 
-  void Act(std::span<float> values, const SampleContext& /*context*/) override {
+  void Act(std::span<double> values, const SampleContext& /*context*/) override {
     std::swap(values[signal_], values[with_]);
   }
 

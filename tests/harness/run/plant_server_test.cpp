@@ -110,5 +110,77 @@ TEST(PlantServer, AVehicleThatIsHeldStaysWhereItIsWhateverHappens) {
       ASSERT_EQ(row.values[1 + state], truth[state]) << row.values[0];
 }
 
+// The tilt-rotor with an IMU that has noise, and a receiver 100 ms late.
+plant::VehicleModel ModelWithSensors() {
+  plant::VehicleModel model = Model();
+  model.sensors = {{.kind = plant::SensorKind::kImu, .name = "imu0"},
+                   {.kind = plant::SensorKind::kGnss, .name = "gnss0", .latency_s = 0.1}};
+  for (plant::Sensor& sensor : model.sensors) sensor.noise.resize(plant::SignalCount(sensor.kind));
+  for (plant::SensorNoise& noise : model.sensors[0].noise) noise.stddev = 0.01;
+  return model;
+}
+
+// The rows of a second, in which the client asks for sensors every control period.
+std::vector<record::Row> RowsWithSensors(Scenario scenario, TraceLayout& layout) {
+  scenario.duration_ns = kNsPerS;
+  scenario.initial_position_m = {0, 0, 5};
+  const plant::VehicleModel model = ModelWithSensors();
+  layout = TraceLayout(model.signals(), scenario);
+  KeptRecords records;
+  LocalPlantServer server(scenario, model, records);
+  const link::Protocol& protocol = *scenario.link.protocol;
+  const auto receive = [&](TimeNs at, link::MessageKind kind) {
+    server.Receive(0, BootTime(at), {protocol.Find(kind), {}}, [](auto) {});
+  };
+  receive(0, link::MessageKind::kStart);
+  for (TimeNs at = 0; at < kNsPerS; at += kControlPeriodNs) {
+    server.Advance(BootTime(at), AllCounts(1));
+    receive(at, link::MessageKind::kRequest);
+  }
+  server.Finish(BootTime(kNsPerS), AllCounts(1));
+  return records.Of<record::Row>();
+}
+
+TEST(PlantServer, SensorsOfTheFileAreColumnsBeforeAndAfterTheirFaults) {
+  Scenario scenario;
+  faults::FaultSpec& fault = scenario.faults.emplace_back();
+  fault.id = "offset";
+  fault.type = "sensor.bias";
+  fault.parameters = {{"signal", "acc"}, {"offset", 5.0}};
+  TraceLayout layout(Model().signals(), scenario);
+  const std::vector<record::Row> rows = RowsWithSensors(scenario, layout);
+  const auto column = [&](const std::string& name) { return layout.columns.Find(name).value(); };
+  // The order of the columns.
+  EXPECT_EQ(column("acc_x_m_s2"), column("yaw_ref_rad") + 1);
+  EXPECT_EQ(column("sensed_x_m"), column("gnss_vd_m_s") + 1);
+  EXPECT_EQ(column("commanded_f_r_n"), column("sensed_gnss_vd_m_s") + 1);
+  const record::Row& row = rows.at(40);
+  const double acc = row.values[column("acc_z_m_s2")];
+  EXPECT_NEAR(acc, 9.81, 0.1);
+  // The row at the boundary is logged after the request of this period: same sample, with the fault.
+  EXPECT_DOUBLE_EQ(row.values[column("sensed_acc_z_m_s2")], acc + 5);
+  EXPECT_EQ(row.values[column("sensed_gyro_x_rad_s")], row.values[column("gyro_x_rad_s")]);
+  EXPECT_NE(row.values[column("gyro_x_rad_s")], rows.at(39).values[column("gyro_x_rad_s")]);
+  // Full precision: 1e-9 deg are 0.1 mm.
+  EXPECT_NEAR(row.values[column("sensed_gnss_lat_deg")], 47.397742, 1e-9);
+}
+
+TEST(PlantServer, TheSeedDecidesTheNoiseOfSensorsAndNothingElse) {
+  Scenario scenario;
+  TraceLayout layout(Model().signals(), scenario);
+  const auto fly = [&](std::uint64_t seed) {
+    scenario.seed = seed;
+    return RowsWithSensors(scenario, layout);
+  };
+  const std::vector<record::Row> first = fly(1), same = fly(1), other = fly(2);
+  ASSERT_EQ(first.size(), other.size());
+  for (std::size_t r = 0; r < first.size(); ++r) {
+    // Before the first request, what was sent is NaN.
+    for (std::size_t i = 0; i < layout.sensed; ++i) ASSERT_EQ(first[r].values[i], same[r].values[i]) << i;
+    for (std::size_t i = 0; i < layout.measured; ++i) ASSERT_EQ(first[r].values[i], other[r].values[i]) << i;
+    EXPECT_NE(first[r].values[layout.measured], other[r].values[layout.measured]);
+  }
+}
+
 }  // namespace
 }  // namespace tiltproof::harness

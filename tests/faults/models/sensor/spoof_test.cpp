@@ -56,7 +56,7 @@ TEST(SpoofTest, AVehicleMayHaveNoVelocity) {
   signals.sensors = SignalTable({SignalNamed("x_m", SignalFrame::kWorld)});
   FaultSchedule schedule({Spec("sensor.spoof", {{"signal", "x_m"}, {"rate_per_s", 1000.0}})}, 1,
                          {.signals = signals});
-  std::vector<float> row = {5};
+  std::vector<double> row = {5};
   schedule.EditSensors(0, row, BootTime());
   schedule.EditSensors(kPeriod, row, BootTime());
   EXPECT_EQ(row.front(), 17);
