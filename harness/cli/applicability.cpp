@@ -91,6 +91,19 @@ void FindLargeHeading(const Scenario& scenario, std::size_t client, std::vector<
       return complain("reference", yaw_rad);
 }
 
+// The other builds hold the gain of the tilt-rotor: the messages of any other vehicle are not theirs.
+void FindOtherVehicle(const Scenario& scenario, std::size_t client, std::vector<Problem>& problems) {
+  const std::string& build = scenario.firmware_of(client);
+  if (build == kLqrBuild || scenario.link.protocol == link::FindProtocol(scenario.link.protocol->name))
+    return;
+  const std::string why = fmt::format(
+      "the build '{}' holds the gain of the tilt-rotor and cannot fly the vehicle of {}; `firmware: lqr` "
+      "flies "
+      "any vehicle",
+      build, scenario.model_file.string());
+  problems.push_back({fmt::format("{}: firmware: {}", scenario.file.string(), why), why});
+}
+
 // True if a formula has this word outside texts in quotes.
 bool HasWord(std::string_view formula, std::string_view word) {
   constexpr std::string_view kLetters = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_";
@@ -178,7 +191,10 @@ std::vector<std::string> ClientProblems(const RunClients& clients, const Scenari
   std::vector<Problem> problems;
   for (std::size_t i = 0; i < scenario.client_count(); ++i) {
     const ClientSpec& client = clients.Of(scenario.client_id(i));
-    if (AbilitiesOf(client, false).shipped) FindLargeHeading(scenario, i, problems);
+    if (AbilitiesOf(client, false).shipped) {
+      FindOtherVehicle(scenario, i, problems);
+      FindLargeHeading(scenario, i, problems);
+    }
     FindUntold(scenario, i, client, images, problems);
   }
   std::vector<std::string> texts;
@@ -204,7 +220,10 @@ std::vector<NotApplicable> TakeNotApplicable(const FlightMeans& means, bool stri
         file = BoardOf(*image, scenario.firmware_of(i), *scenario.link.protocol).image;
       }
       FindUnwatchable(scenario, clients[i], file, means.realtime, problems);
-      if (abilities[i].shipped) FindLargeHeading(scenario, i, problems);
+      if (abilities[i].shipped) {
+        FindOtherVehicle(scenario, i, problems);
+        FindLargeHeading(scenario, i, problems);
+      }
       FindUntold(scenario, i, clients[i], images, problems);
     }
     if (means.realtime && scenario.has_several_clients())

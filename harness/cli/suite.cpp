@@ -112,20 +112,14 @@ std::string StartProblem(const Scenario& scenario, const plant::VehicleModel& mo
                      plant.EventText());
 }
 
-// The builds that hold the gain of the tilt-rotor command no other vehicle, and `lqr` needs a gain. The reason that a
-// client's build cannot fly the vehicle; empty when it can. `shipped`: the build is one of tiltproof's own.
+// The build `lqr`, and a library that takes parameters, need a gain. The reason that a client has none for the
+// vehicle; empty when it has one. `shipped`: the build is one of tiltproof's own.
 std::string BuildProblem(const Scenario& scenario, const plant::VehicleModel& model, std::size_t client,
                          bool shipped) {
-  const std::string& build = scenario.firmware_of(client);
   const auto problem = [&](std::string_view key, std::string_view why) {
     return fmt::format("{}: {}: {}", scenario.file.string(), key, why);
   };
-  if (build != kLqrBuild && shipped) {
-    if (scenario.link.protocol == link::FindProtocol(scenario.link.protocol->name)) return {};
-    return problem("firmware", fmt::format("the build '{}' holds the gain of the tilt-rotor and cannot fly "
-                                           "the vehicle of {}; `firmware: lqr` flies any vehicle",
-                                           build, model.file.string()));
-  }
+  if (scenario.firmware_of(client) != kLqrBuild && shipped) return {};  // applicability.h
   if (!shipped && scenario.gain_file.empty()) return {};
   try {
     GainOf(scenario, model);

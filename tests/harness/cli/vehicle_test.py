@@ -150,6 +150,18 @@ class VehicleTest(CommandLineTest):
         self.assertIn("bare.tiltproof.xml: is there already; nothing was changed", err)
         self.assertEqual((self.folder / "bare.tiltproof.xml").read_text(), text)
 
+    def test_in_a_folder_a_vehicle_of_another_build_is_left_out(self):
+        self.scenario("tilt", folder="suite")
+        quad = self.scenario("quad", folder="suite")
+        quad.write_text(quad.read_text() + "model: quadrotor\nfirmware: lqr\n")
+        code, out, err = self.tiltproof("run", "suite", "--firmware", "tolerant", "--no-progress")
+        self.assertEqual(code, 0, out + err)
+        self.assertIn("the build 'tolerant' holds the gain of the tilt-rotor and cannot fly the vehicle of", out + err)
+        self.assertEqual([flight["name"] for flight in self.results()["scenarios"] if flight["verdict"] == "pass"], ["tilt"])
+        code, _, err = self.tiltproof("run", "suite/quad.yaml", "--firmware", "tolerant")
+        self.assertEqual(code, 2)
+        self.assertIn("quad.yaml: firmware: the build 'tolerant' holds the gain", err)
+
 
 if __name__ == "__main__":
     unittest.main(argv=[sys.argv[0], *sys.argv[2:]], verbosity=1)
