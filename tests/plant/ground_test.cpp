@@ -19,15 +19,14 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using ::testing::HasSubstr;
 
-constexpr double g = kGravity_m_s2;
-constexpr PlantOptions kSolid{.touch_down_max_m_s = 1};
+constexpr PlantOptions kSolidGround{.touch_down_max_m_s = 1};
 
-CollisionShape Box(const Vector3d& size_m, const Vector3d& p_m = Vector3d::Zero()) {
+CollisionShape BoxShape(const Vector3d& size_m, const Vector3d& p_m = Vector3d::Zero()) {
   return {.link = "body", .hinge = {}, .size_m = size_m, .p_LS_m = p_m};
 }
 
 // Flat, so that a push slides it and does not tip it. Its size goes with the cube root of its mass.
-VehicleModel Quadrotor(double mass_kg) {
+VehicleModel FlatQuadrotor(double mass_kg) {
   const double size_m = 0.4 * std::cbrt(mass_kg);
   VehicleModel model;
   model.name = "quadrotor";
@@ -40,14 +39,14 @@ VehicleModel Quadrotor(double mass_kg) {
                             .p_LR_m = 0.5 * size_m * Vector3d(i < 2 ? 1 : -1, i % 2 == 0 ? 1 : -1, 0.1),
                             .direction = i == 0 || i == 3 ? 1.0 : -1.0,
                             .drag_ratio_m = 0.02,
-                            .force_max_n = mass_kg * g});
-  model.shapes = {Box({size_m, size_m, 0.1 * size_m})};
+                            .force_max_n = mass_kg * kGravity_m_s2});
+  model.shapes = {BoxShape({size_m, size_m, 0.1 * size_m})};
   model.hover = SolveHover(model);
   return model;
 }
 
 struct Ground {
-  explicit Ground(const VehicleModel& model, const PlantOptions& options = kSolid)
+  explicit Ground(const VehicleModel& model, const PlantOptions& options = kSolidGround)
       : plant(model, options), state(model.signals().states.size()), input(model.signals().inputs.size()) {
     plant.ResetOnGround(0, 0, {0, 0, 0});
   }
@@ -67,7 +66,7 @@ struct Ground {
 TEST(Ground, VehiclesOfAnyMassStandStill) {
   for (const double mass_kg : {0.03, 0.3, 1.5, 30.0}) {
     for (const TimeNs step_ns : {kNsPerMs, 4 * kNsPerMs, 12 * kNsPerMs}) {
-      Ground ground(Quadrotor(mass_kg), {.step_ns = step_ns, .touch_down_max_m_s = 1});
+      Ground ground(FlatQuadrotor(mass_kg), {.step_ns = step_ns, .touch_down_max_m_s = 1});
       const Vector3d start_m = ground.Position();
       double away_m = 0;
       for (TimeNs t = 0; t < 10 * kNsPerS; t += step_ns) {
@@ -85,12 +84,12 @@ TEST(Ground, VehiclesOfAnyMassStandStill) {
 
 TEST(Ground, PushSlidesAboveCoulombsLimitInEveryDirection) {
   for (const double mass_kg : {0.03, 1.5, 30.0}) {
-    const VehicleModel model = Quadrotor(mass_kg);
+    const VehicleModel model = FlatQuadrotor(mass_kg);
     for (const double heading : {0.0, 0.3, std::numbers::pi / 4, 2.0, 4.4}) {
       const auto slid_m = [&](double part_of_weight) {
         Ground ground(model);
         const Vector3d start_m = ground.Position();
-        const double force_n = part_of_weight * mass_kg * g;
+        const double force_n = part_of_weight * mass_kg * kGravity_m_s2;
         const Disturbance push{.force_n = {force_n * std::cos(heading), force_n * std::sin(heading), 0}};
         for (int i = 0; i < 250; ++i) ground.plant.Step(ground.input, push);
         const Vector3d way_m = ground.Position() - start_m;
@@ -104,16 +103,16 @@ TEST(Ground, PushSlidesAboveCoulombsLimitInEveryDirection) {
       EXPECT_LT(slid_m(0.4), 1e-4) << mass_kg << ' ' << heading;
       EXPECT_LT(slid_m(0.79), 1e-4) << mass_kg << ' ' << heading;
       // (0.85 - 0.8) g t^2 / 2, and so on.
-      EXPECT_NEAR(slid_m(0.85), 0.5 * 0.05 * g, 0.004) << mass_kg << ' ' << heading;
-      EXPECT_NEAR(slid_m(1.2), 0.5 * 0.4 * g, 0.02) << mass_kg << ' ' << heading;
+      EXPECT_NEAR(slid_m(0.85), 0.5 * 0.05 * kGravity_m_s2, 0.004) << mass_kg << ' ' << heading;
+      EXPECT_NEAR(slid_m(1.2), 0.5 * 0.4 * kGravity_m_s2, 0.02) << mass_kg << ' ' << heading;
     }
   }
 }
 
 TEST(Ground, FallTouchesWithItsSpeed) {
-  const VehicleModel model = Quadrotor(1.5);
+  const VehicleModel model = FlatQuadrotor(1.5);
   for (const double height_m : {0.02, 0.1, 0.5, 2.0}) {
-    const double speed_m_s = std::sqrt(2 * g * height_m), step_s = 0.004;
+    const double speed_m_s = std::sqrt(2 * kGravity_m_s2 * height_m), step_s = 0.004;
     const auto event = [&](double limit_m_s) {
       Ground ground(model, {.touch_down_max_m_s = limit_m_s});
       const double stands_m = ground.Position().z();
@@ -133,13 +132,14 @@ TEST(Ground, FallTouchesWithItsSpeed) {
       EXPECT_NEAR(ground.Position().z(), stands_m, 1e-5);
       return ground.plant.EventText();
     };
-    EXPECT_EQ(event(speed_m_s + 1.01 * g * step_s), "") << height_m;
-    EXPECT_THAT(event(speed_m_s - 1.01 * g * step_s), HasSubstr("'body' touches the ground")) << height_m;
+    EXPECT_EQ(event(speed_m_s + 1.01 * kGravity_m_s2 * step_s), "") << height_m;
+    EXPECT_THAT(event(speed_m_s - 1.01 * kGravity_m_s2 * step_s), HasSubstr("'body' touches the ground"))
+        << height_m;
   }
 }
 
 TEST(Ground, TouchNamesSpeedAndLimit) {
-  Ground ground(Quadrotor(1.5));
+  Ground ground(FlatQuadrotor(1.5));
   ground.plant.Reset({1, 2, 0.5}, {0, 0, 0});
   while (ground.plant.Event() == FlightEvent::kNone) ground.plant.Step(ground.input);
   EXPECT_EQ(ground.plant.Event(), FlightEvent::kGroundStrike);
@@ -149,7 +149,7 @@ TEST(Ground, TouchNamesSpeedAndLimit) {
 }
 
 TEST(Ground, TouchOnItsSideIsAStrike) {
-  VehicleModel model = Quadrotor(1.5);
+  VehicleModel model = FlatQuadrotor(1.5);
   model.shapes = {
       {.link = "body", .hinge = {}, .kind = CollisionShape::Kind::kSphere, .size_m = {0.2, 0, 0}}};
   Ground ground(model);
@@ -163,7 +163,7 @@ TEST(Ground, TouchOnItsSideIsAStrike) {
 }
 
 // Points on the surface of the shape, in its own frame.
-std::vector<Vector3d> Surface(const CollisionShape& shape) {
+std::vector<Vector3d> SurfaceOf(const CollisionShape& shape) {
   std::vector<Vector3d> points;
   for (int i = 0; i < 2000; ++i) {
     const double turn = i * 2 * std::numbers::pi / 2000;
@@ -185,12 +185,12 @@ std::vector<Vector3d> Surface(const CollisionShape& shape) {
 }
 
 TEST(Ground, StartsWhereTheLowestPointTouches) {
-  VehicleModel model = Quadrotor(1.5);
+  VehicleModel model = FlatQuadrotor(1.5);
   const Matrix3d turn =
       (Eigen::AngleAxisd(0.7, Vector3d::UnitX()) * Eigen::AngleAxisd(0.4, Vector3d::UnitY()))
           .toRotationMatrix();
   const Vector3d place(0.1, -0.3, 0.2);
-  std::vector<CollisionShape> shapes = {Box({0.3, 0.5, 0.2}), Box({0.1, 0.2, 0.3}, place), {}, {}};
+  std::vector<CollisionShape> shapes = {BoxShape({0.3, 0.5, 0.2}), BoxShape({0.1, 0.2, 0.3}, place), {}, {}};
   shapes[2] = {.kind = CollisionShape::Kind::kSphere, .size_m = {0.25, 0, 0}, .p_LS_m = place};
   shapes[3] = {.kind = CollisionShape::Kind::kCylinder, .size_m = {0.1, 0.5, 0}, .p_LS_m = -place};
   for (CollisionShape& shape : shapes) {
@@ -204,7 +204,7 @@ TEST(Ground, StartsWhereTheLowestPointTouches) {
            Eigen::AngleAxisd(angles[0], Vector3d::UnitX()))
               .toRotationMatrix();
       double lowest_m = 10;
-      for (const Vector3d& point : Surface(shape))
+      for (const Vector3d& point : SurfaceOf(shape))
         lowest_m = std::min(lowest_m, (R * (shape.p_LS_m + shape.R_LS * point)).z());
       EXPECT_NEAR(ground.Position().x(), 3, 1e-12);
       EXPECT_NEAR(ground.Position().y(), 4, 1e-12);
@@ -219,9 +219,9 @@ TEST(Ground, StartsWhereTheLowestPointTouches) {
 
 TEST(Ground, RampTakesOffWhenItCarriesTheWeight) {
   const double mass_kg = 1.5, step_s = 0.004, rise_n_s = 10;
-  Ground ground(Quadrotor(mass_kg));
+  Ground ground(FlatQuadrotor(mass_kg));
   const double stands_m = ground.Position().z();
-  const double off_s = mass_kg * g / rise_n_s;
+  const double off_s = mass_kg * kGravity_m_s2 / rise_n_s;
   for (int i = 0; i < 500; ++i) {
     const double t_s = i * step_s;
     ground.input.assign(4, rise_n_s * t_s / 4);
@@ -239,7 +239,8 @@ TEST(Ground, RampTakesOffWhenItCarriesTheWeight) {
   EXPECT_FALSE(ground.plant.OnGround());
   // Thrust that falls short of the weight lets it down again, and cut, it stands.
   while (!ground.plant.OnGround()) {
-    ground.input.assign(4, ground.Velocity().z() < -0.3 ? mass_kg * g / 4 : mass_kg * g / 8);
+    ground.input.assign(
+        4, ground.Velocity().z() < -0.3 ? mass_kg * kGravity_m_s2 / 4 : mass_kg * kGravity_m_s2 / 8);
     ground.plant.Step(ground.input);
   }
   ground.input.assign(4, 0);
@@ -288,7 +289,9 @@ TEST(Ground, HardTouchInADividedStepCounts) {
     }
     ASSERT_EQ(ground.plant.Event(), FlightEvent::kGroundStrike) << height_m;
     const std::string text = ground.plant.EventText();
-    EXPECT_NEAR(std::stod(text.substr(text.find(" with ") + 6)), std::sqrt(2 * g * height_m), 0.06) << text;
+    EXPECT_NEAR(std::stod(text.substr(text.find(" with ") + 6)), std::sqrt(2 * kGravity_m_s2 * height_m),
+                0.06)
+        << text;
   }
 }
 
