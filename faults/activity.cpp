@@ -24,7 +24,7 @@ Activity::Activity(const FaultSpec& spec, const Window& window)
       risen_ns_(!spec.when.empty() && spec.edge == Edge::kRising ? kNever : kPowerOn),
       by_level_(!spec.when.empty() && spec.edge == Edge::kLevel) {}
 
-bool Activity::Contains(TimeNs t) const { return IsInTurn(t) && ConditionHolds(t); }
+bool Activity::Contains(TimeNs t) const { return IsInActivePart(t) && ConditionHolds(t); }
 
 bool Activity::Touches(TimeNs begin, TimeNs end) const {
   if (Contains(begin)) return true;
@@ -35,7 +35,7 @@ bool Activity::Touches(TimeNs begin, TimeNs end) const {
 
 TimeNs Activity::NextEdge(TimeNs t) const {
   const auto change = std::upper_bound(changes_.begin(), changes_.end(), t);
-  return std::min(NextTurnEdge(t), change == changes_.end() ? kNever : *change);
+  return std::min(NextPartEdge(t), change == changes_.end() ? kNever : *change);
 }
 
 std::vector<Window> Activity::Stretches() const {
@@ -43,9 +43,9 @@ std::vector<Window> Activity::Stretches() const {
   TimeNs begin = window_.begin_ns;
   do {
     // A window of no length has no edge after its begin.
-    const TimeNs end = std::min(NextTurnEdge(begin), window_.end_ns);
+    const TimeNs end = std::min(NextPartEdge(begin), window_.end_ns);
     stretches.push_back({begin, end});
-    begin = NextTurn(end);
+    begin = NextActivePart(end);
   } while (begin != kNever);
   return stretches;
 }
@@ -77,7 +77,7 @@ TimeNs Activity::Phase(TimeNs t) const {
   return (t - (window_.begin_ns == kPowerOn ? followed_ns_ : window_.begin_ns)) % period_ns_;
 }
 
-bool Activity::IsInTurn(TimeNs t) const {
+bool Activity::IsInActivePart(TimeNs t) const {
   return OpenWindow().Contains(t) && (period_ns_ == kNever || Phase(t) < active_ns_);
 }
 
@@ -86,7 +86,7 @@ bool Activity::ConditionHolds(TimeNs t) const {
   return !by_level_ || changes % 2 == 1;
 }
 
-TimeNs Activity::NextTurn(TimeNs t) const {
+TimeNs Activity::NextActivePart(TimeNs t) const {
   const Window window = OpenWindow();
   TimeNs next = window.begin_ns;
   if (t >= next) {
@@ -98,8 +98,8 @@ TimeNs Activity::NextTurn(TimeNs t) const {
   return next < window.end_ns ? next : kNever;
 }
 
-TimeNs Activity::NextTurnEdge(TimeNs t) const {
-  if (!IsInTurn(t)) return NextTurn(t);
+TimeNs Activity::NextPartEdge(TimeNs t) const {
+  if (!IsInActivePart(t)) return NextActivePart(t);
   if (active_ns_ == period_ns_) return window_.end_ns;  // never interrupted
   return std::min(t - Phase(t) + active_ns_, window_.end_ns);
 }

@@ -63,9 +63,9 @@ class Activity {
   Window OpenWindow() const;
   TimeNs Phase(TimeNs t) const;
   // Considers only window and period.
-  bool IsInTurn(TimeNs t) const;
-  TimeNs NextTurn(TimeNs t) const;
-  TimeNs NextTurnEdge(TimeNs t) const;
+  bool IsInActivePart(TimeNs t) const;
+  TimeNs NextActivePart(TimeNs t) const;
+  TimeNs NextPartEdge(TimeNs t) const;
   bool ConditionHolds(TimeNs t) const;
 
   Window window_;

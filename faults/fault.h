@@ -65,8 +65,8 @@ struct FaultSpec {
   std::map<std::string, ParameterValue> parameters;  // by name
 };
 
-// True if its activity also depends on other events (faults/news.h), not only on the clock.
-inline bool WaitsForNews(const FaultSpec& spec) { return !spec.when.empty() || spec.after.has_value(); }
+// True if its activity also depends on other events (faults/fault_event.h), not only on the clock.
+inline bool WaitsForEvent(const FaultSpec& spec) { return !spec.when.empty() || spec.after.has_value(); }
 
 // One occasion on which a fault acted. On a line it has boot time, in the log of a flight simulation time.
 template <class Time>

@@ -7,7 +7,7 @@
 namespace tiltproof::faults {
 
 FrameEdit::FrameEdit(const link::Framing& framing, std::span<const std::uint8_t> frame)
-    : framing_(framing), parts_(framing.TakeApart(frame)) {
+    : framing_(framing), parts_(framing.Split(frame)) {
   if (!parts_) return;
   const auto opening = frame.first(parts_->opening_bytes);
   opening_.assign(opening.begin(), opening.end());

@@ -173,29 +173,30 @@ void FaultSchedule::Add(const FaultSpec& spec) {
   std::visit([&](const auto& kind) { state_->Add(kind, {fault, kept, type, state_->seed}); }, type.kind);
 }
 
-std::vector<News> FaultSchedule::TakeNews() {
-  std::vector<News> news;
-  if (!state_->origin.known()) return news;
+std::vector<FaultEvent> FaultSchedule::PollEvents() {
+  std::vector<FaultEvent> events;
+  if (!state_->origin.known()) return events;
   for (const Recorder::First& first : state_->recorder.TakeFirsts()) {
     CheckIndex(first.fault, state_->followers.size(), "a first activation is of a fault of the schedule");
     if (state_->followers[first.fault].empty()) continue;
     const auto* boot_time = std::get_if<BootTime>(&first.time_ns);
     const TimeNs time_ns =
         boot_time != nullptr ? state_->origin.SimulationTime(*boot_time) : std::get<TimeNs>(first.time_ns);
-    news.push_back({News::Kind::kFirstActivation, first.fault, time_ns});
+    events.push_back({FaultEvent::Kind::kFirstActivation, first.fault, time_ns});
   }
-  Hear(news);
-  return news;
+  Hear(events);
+  return events;
 }
 
-void FaultSchedule::Hear(std::span<const News> news) {
-  for (const News& item : news) {
-    CheckIndex(item.fault, state_->activities.size(), "news are of a fault of the schedule");
-    if (item.kind == News::Kind::kFirstActivation) {
+void FaultSchedule::Hear(std::span<const FaultEvent> events) {
+  for (const FaultEvent& item : events) {
+    CheckIndex(item.fault, state_->activities.size(), "events are of a fault of the schedule");
+    if (item.kind == FaultEvent::Kind::kFirstActivation) {
       for (const std::size_t follower : state_->followers[item.fault])
         state_->activities[follower].OnFollowed(item.time_ns);
     } else {
-      state_->activities[item.fault].OnCondition(item.time_ns, item.kind == News::Kind::kConditionHolds);
+      state_->activities[item.fault].OnCondition(item.time_ns,
+                                                 item.kind == FaultEvent::Kind::kConditionHolds);
     }
   }
 }

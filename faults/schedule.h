@@ -24,8 +24,8 @@
 #include <vector>
 
 #include "faults/fault.h"
+#include "faults/fault_event.h"
 #include "faults/model.h"
-#include "faults/news.h"
 #include "link/chunk.h"
 #include "link/disturbance.h"
 #include "link/protocol.h"
@@ -108,9 +108,9 @@ class FaultSchedule {
 
   // Events in this schedule since the last call that the other parts' schedules must hear; this
   // one has heard it already. Nothing before t = 0 is known.
-  std::vector<News> TakeNews();
-  // News from other parts, and conditions.
-  void Hear(std::span<const News> news);
+  std::vector<FaultEvent> PollEvents();
+  // Events from other parts, and conditions.
+  void Hear(std::span<const FaultEvent> events);
 
   // True if the fault (its index in the scenario) is active at `t`.
   bool IsActive(std::size_t fault, TimeNs t) const;

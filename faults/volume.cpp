@@ -32,7 +32,7 @@ bool Reaches(Target target, Direction direction) {
 
 bool DoublesAll(const FaultSpec& spec, const FaultType& type) {
   return type.As<WireKind>()->volume == Volume::kDoubles && spec.every_nth_count == 1 &&
-         spec.probability >= 1.0 && spec.period_ns == kNever && !WaitsForNews(spec) &&
+         spec.probability >= 1.0 && spec.period_ns == kNever && !WaitsForEvent(spec) &&
          ResolvedParameters(spec, type).Number("probability") >= 1.0;
 }
 

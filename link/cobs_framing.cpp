@@ -63,7 +63,7 @@ class Cobs final : public CheckedFraming {
     to.push_back(kDelimiter);
   }
 
-  std::optional<FrameParts> TakeApart(std::span<const std::uint8_t> frame) const override {
+  std::optional<FrameParts> Split(std::span<const std::uint8_t> frame) const override {
     const std::size_t opening_bytes = CountFlags(*this, frame);
     const auto content = frame.subspan(opening_bytes);
     if (content.empty() || std::find(content.begin(), content.end(), kDelimiter) != content.end() - 1)

@@ -77,7 +77,7 @@ class Framing {
   virtual void AppendBehindOpening(std::span<const std::uint8_t> payload, std::uint32_t damage,
                                    std::vector<std::uint8_t>& to) const = 0;
   // The reverse; nullopt when the bytes are not one frame with a payload and a check.
-  virtual std::optional<FrameParts> TakeApart(std::span<const std::uint8_t> frame) const = 0;
+  virtual std::optional<FrameParts> Split(std::span<const std::uint8_t> frame) const = 0;
 
   virtual std::unique_ptr<FrameReader> MakeReader() const = 0;
   virtual std::unique_ptr<FrameCutter> MakeCutter() const = 0;

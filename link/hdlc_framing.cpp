@@ -72,7 +72,7 @@ class Hdlc final : public CheckedFraming {
     to.resize(static_cast<std::size_t>(out - to.data()));
   }
 
-  std::optional<FrameParts> TakeApart(std::span<const std::uint8_t> frame) const override {
+  std::optional<FrameParts> Split(std::span<const std::uint8_t> frame) const override {
     const std::size_t opening_bytes = CountFlags(*this, frame);
     if (opening_bytes == frame.size() || frame.back() != kFlag) return std::nullopt;
     const std::span<const std::uint8_t> content =

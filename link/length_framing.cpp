@@ -36,7 +36,7 @@ class LengthPrefixed final : public CheckedFraming {
     AppendChecked(payload, damage, to);
   }
 
-  std::optional<FrameParts> TakeApart(std::span<const std::uint8_t> frame) const override {
+  std::optional<FrameParts> Split(std::span<const std::uint8_t> frame) const override {
     const std::size_t header_bytes = header_.sync_count + header_.length_bytes;
     if (frame.size() < header_bytes + header_.check_bytes ||
         !std::equal(header_.Sync().begin(), header_.Sync().end(), frame.begin()))

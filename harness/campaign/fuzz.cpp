@@ -81,7 +81,7 @@ std::optional<BrokenFlight> FuzzCampaign::Fly(FlightJob job, FlightResult* resul
   Engine engine({.tell = options_.tell, .interrupted = options_.interrupted});
   auto flown = engine.Submit(std::move(job));
   while (!engine.idle()) {
-    engine.Turn();
+    engine.Poll();
     options_.on_turn();
   }
   if (!IsReady(flown)) return std::nullopt;
@@ -222,7 +222,7 @@ void FuzzCampaign::Run() {
   };
   fill();
   while (!engine.idle()) {
-    engine.Turn();
+    engine.Poll();
     if (!options_.runs_count && options_.is_over()) engine.DropWaiting();
     while (!pending.empty() && !trouble_ && !interrupted() && !hangs_too_often() &&
            IsReady(pending.front().result)) {

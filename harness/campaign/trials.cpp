@@ -60,7 +60,7 @@ void Trials::Submit(std::uint64_t number, const Trial& trial, std::size_t place)
 
 void Trials::Fly() {
   while (!stopped_ && !engine_.idle()) {
-    engine_.Turn();
+    engine_.Poll();
     options_.on_turn();
   }
 }

@@ -202,7 +202,7 @@ std::vector<std::string> ClientProblems(const RunClients& clients, const Scenari
   return texts;
 }
 
-std::vector<NotApplicable> TakeNotApplicable(const FlightMeans& means, bool strict, Suite& suite) {
+std::vector<NotApplicable> RemoveNotApplicable(const FlightMeans& means, bool strict, Suite& suite) {
   Images images;
   std::vector<NotApplicable> left_out;
   std::vector<std::string> refused;

@@ -13,7 +13,7 @@ namespace tiltproof::harness {
 // Removes scenarios that cannot be flown from the suite and returns them with the reasons. For scenarios that
 // the user named it throws UsageError with every reason; with `strict` also for those found in a folder. Also
 // throws UsageError when the emulator has no image for a scenario.
-std::vector<NotApplicable> TakeNotApplicable(const FlightMeans& means, bool strict, Suite& suite);
+std::vector<NotApplicable> RemoveNotApplicable(const FlightMeans& means, bool strict, Suite& suite);
 
 // One line, with its place, for each formula of the scenario that names the supervisor state of a client that tells none, and
 // for a heading that the shipped firmware does not keep. Throws UsageError when the emulator has no image for the scenario.

@@ -55,8 +55,9 @@ int CheckCommand(const CheckOptions& options) {
   });
   Suite suite = LoadSuite(options.paths, means.clients, options.firmware);
   PrintWarnings(suite);
-  const std::vector<NotApplicable> left_out =
-      options.clients.empty() ? WithoutClient(means.clients, suite) : TakeNotApplicable(means, false, suite);
+  const std::vector<NotApplicable> left_out = options.clients.empty()
+                                                  ? WithoutClient(means.clients, suite)
+                                                  : RemoveNotApplicable(means, false, suite);
   for (const NotApplicable& other : left_out)
     Print(stderr, "not applicable: {}: {}\n", other.name, other.reason);
   const std::size_t count = suite.scenarios.size();

@@ -31,15 +31,14 @@ class EnvelopeRun {
  public:
   EnvelopeRun(const EnvelopeOptions& options, EnvelopePlan plan)
       : options_(options),
-        search_(std::move(plan),
-                {.tolerance = options.tolerance,
-                 .repeat_count = options.repeat_count,
-                 .jobs_count = options.jobs_count,
-                 .interrupted = InterruptScope::flag(),
-                 .tell = [this](const std::string& line) { Tell("tiltproof: " + line); },
-                 .on_turn = [this] { ShowProgress(); },
-                 .on_row = [this](const EnvelopeSearchRow& row) { Take(row); },
-                 .on_unknown = [this](const TrialResult& unknown) { TakeUnknown(unknown); }}),
+        search_(std::move(plan), {.tolerance = options.tolerance,
+                                  .repeat_count = options.repeat_count,
+                                  .jobs_count = options.jobs_count,
+                                  .interrupted = InterruptScope::flag(),
+                                  .tell = [this](const std::string& line) { Tell("tiltproof: " + line); },
+                                  .on_turn = [this] { ShowProgress(); },
+                                  .on_row = [this](const EnvelopeSearchRow& row) { Take(row); },
+                                  .on_unknown = [this](const TrialResult& unknown) { OnUnknown(unknown); }}),
         line_(!options.no_progress) {
     if (!options.resume.empty()) Resume(options.resume / "envelope.json");
   }
@@ -51,7 +50,7 @@ class EnvelopeRun {
       Print(stderr, "tiltproof: nothing is left to fly with this client\n");
       return kExitUndecided;
     }
-    TakeFolder();
+    LockFolder();
     Write();
     search_.Run();
     line_.Clear();
@@ -87,7 +86,7 @@ class EnvelopeRun {
   }
 
   // For this process alone, and not over another envelope.
-  void TakeFolder() {
+  void LockFolder() {
     std::filesystem::create_directories(folder());
     lock_ = link::OwnedDescriptor(open(folder().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
     if (flock(lock_.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
@@ -119,7 +118,7 @@ class EnvelopeRun {
     Write();
   }
 
-  void TakeUnknown(const TrialResult& unknown) {
+  void OnUnknown(const TrialResult& unknown) {
     if (exit_ != kExitError) exit_ = UnknownExit(unknown);
   }
 

@@ -185,7 +185,7 @@ void AddColumn(const FirmwareColumn& column, const std::vector<EnvelopeRow>& row
     else
       suite.scenarios.push_back(std::move(entry));
   }
-  for (const NotApplicable& other : TakeNotApplicable(column.means, false, suite))
+  for (const NotApplicable& other : RemoveNotApplicable(column.means, false, suite))
     reasons[other.name] = other.reason;
   for (const EnvelopeRow& row : rows) {
     if (const auto reason = reasons.find(RowName(row)); reason != reasons.end()) {

@@ -125,11 +125,12 @@ void LivePage::Turn() {
   if (live_->wants_abort()) InterruptScope::Interrupt();
 }
 
-std::unique_ptr<LiveProcess> ServeMonitor(int port, const dds::BusConfig& bus, const FindPost& post) {
+std::unique_ptr<LiveProcess> ServeMonitor(int port, const dds::BusConfig& bus,
+                                          const FindWatchTarget& target) {
   const LiveSocket socket = ListenForPage(port, "--http");
   LiveOptions live;
   live.bus = bus;
-  live.post = post;
+  live.target = target;
   live.page = [](const auto& entries) { return Page({}, {{"monitor", true}, {"buttons", false}}, entries); };
   live.load = [](const std::string& yaml) {
     LoadedScenario loaded = LoadAnnounced(yaml);

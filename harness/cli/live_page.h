@@ -42,6 +42,6 @@ class LivePage {
 };
 
 // Serves the page of a monitor. Prints its address. Throws UsageError.
-std::unique_ptr<LiveProcess> ServeMonitor(int port, const dds::BusConfig& bus, const FindPost& post);
+std::unique_ptr<LiveProcess> ServeMonitor(int port, const dds::BusConfig& bus, const FindWatchTarget& target);
 
 }  // namespace tiltproof::harness

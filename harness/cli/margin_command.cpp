@@ -171,7 +171,7 @@ int MarginCommand(const MarginOptions& options) {
   const FlightMeans means = LockstepMeans(ReadClientFlags(options.clients), "margin");
   Suite suite = LoadOneScenario(options.scenario, means.clients, "margin", options.firmware);
   CheckReady(means);
-  TakeNotApplicable(means, true, suite);
+  RemoveNotApplicable(means, true, suite);
   const std::vector<MarginTask> tasks = {MakeTask(options, suite.scenarios.front(), means)};
 
   const InterruptScope scope;

@@ -8,10 +8,10 @@
 #include <memory>
 
 #include "harness/cli/client_flag.h"
-#include "harness/cli/listening_posts.h"
 #include "harness/cli/live_page.h"
 #include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
+#include "harness/cli/watch_targets.h"
 #include "harness/live/live_server.h"
 #include "harness/node/joystick_input.h"
 #include "harness/node/roles.h"
@@ -95,12 +95,12 @@ int ServeLockstep(const NodeCommandOptions& options) {
 
 // With a page, or without.
 int Monitor(const NodeOptions& node, const NodeCommandOptions& options) {
-  const FindPost post = options.run.empty()
-                            ? PostAt({.domain = node.bus.domain, .tag = node.bus.tag, .run_id = {}})
-                            : PostOfRun(options.run);
+  const FindWatchTarget target =
+      options.run.empty() ? WatchTargetAt({.domain = node.bus.domain, .tag = node.bus.tag, .run_id = {}})
+                          : WatchTargetOfRun(options.run);
   std::unique_ptr<LiveProcess> live;
-  if (options.http_port) live = ServeMonitor(*options.http_port, node.bus, post);
-  return RunMonitor(node, post);
+  if (options.http_port) live = ServeMonitor(*options.http_port, node.bus, target);
+  return RunMonitor(node, target);
 }
 
 // Prints where a node waits that a user has started.

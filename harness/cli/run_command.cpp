@@ -219,7 +219,7 @@ std::optional<int> SelectFlights(const RunOptions& options, SelectedFlights& fli
     return kExitUndecided;
   }
   for (const ClientSpec& client : flights.means.clients.Named()) CheckFirmwareFile(client);
-  flights.not_applicable = TakeNotApplicable(flights.means, options.strict, suite);
+  flights.not_applicable = RemoveNotApplicable(flights.means, options.strict, suite);
   flights.plan = PlanRun(options, suite.scenarios, last ? &*last : nullptr);
   if (!options.dry_run && !suite.scenarios.empty()) return std::nullopt;
   List(options, suite.scenarios, flights.plan);
@@ -304,7 +304,7 @@ FlownFlights Fly(const RunOptions& options, std::vector<FlightJob> jobs, const C
                                       .may_begin = [&] { return !live || live->may_begin(); },
                                       .on_place =
                                           [&](const std::string& flight, const BusPlace& place) {
-                                            record.TakePlace(flight, place);
+                                            record.NotePlace(flight, place);
                                             if (live && realtime) live->Place(flight, place);
                                           }});
 }

@@ -77,7 +77,7 @@ FlownFlights RunFlights(std::vector<FlightJob> jobs, const RunFlightsOptions& op
   FlownFlights flown;
   while (!engine.idle()) {
     if (options.may_begin()) {
-      engine.Turn();
+      engine.Poll();
     } else {
       poll(nullptr, 0, kWait_ms);
     }

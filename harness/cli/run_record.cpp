@@ -30,7 +30,7 @@ RunRecord::RunRecord(std::filesystem::path folder, RunInfo info, const std::vect
   WriteRunEvents(folder_, {});
 }
 
-void RunRecord::TakePlace(const std::string& flight, const BusPlace& place) {
+void RunRecord::NotePlace(const std::string& flight, const BusPlace& place) {
   info_.flights[open_.at(flight)].bus = place;
   place_taken_ = true;
 }

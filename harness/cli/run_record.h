@@ -25,7 +25,7 @@ class RunRecord {
   RunRecord(std::filesystem::path folder, RunInfo info, const std::vector<FlightJob>& jobs);
 
   // A flight goes on the bus.
-  void TakePlace(const std::string& flight, const BusPlace& place);
+  void NotePlace(const std::string& flight, const BusPlace& place);
   // A flight has ended.
   void Take(const FlightJob& job, const FlightResult& result);
   // Writes the new results, unless results were written within the last second; less often for a run so large

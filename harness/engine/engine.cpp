@@ -24,13 +24,13 @@ std::future<FlightResult> Engine::Submit(FlightJob job) {
   return flight.result.get_future();
 }
 
-void Engine::Turn() {
+void Engine::Poll() {
   StartWhatFits();
   if (flying_.empty()) return;
   Wait();
   for (auto flying = flying_.begin(); flying != flying_.end();) {
     WorkerProcess& worker = *flying->worker;
-    if (const auto place = worker.TakePlace()) options_.on_place(flying->flight.job.name, *place);
+    if (const auto place = worker.PollPlace()) options_.on_place(flying->flight.job.name, *place);
     if (auto result = worker.Look(flying->flight.job, options_.tell, interrupted())) {
       Flight flight = std::move(flying->flight);
       if (worker.waits() && !waiting_.empty()) free_.push_back(std::move(flying->worker));

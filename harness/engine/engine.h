@@ -5,7 +5,7 @@
 //
 //   Engine engine({.jobs_count = 2});
 //   std::future<FlightResult> flown = engine.Submit(FlightJob{.name = "hover", .scenario = scenario, .model = model});
-//   while (!engine.idle()) engine.Turn();
+//   while (!engine.idle()) engine.Poll();
 //   const FlightResult result = flown.get();
 //
 // Flights go on only in Turn() and in their own processes; there is no thread.
@@ -51,7 +51,7 @@ class Engine {
 
   std::future<FlightResult> Submit(FlightJob job);
   // Starts what there is room for, and waits until a flight ends, at most a tenth of a second.
-  void Turn();
+  void Poll();
   // Nothing is in flight, and nothing waits that may still begin.
   bool idle() const { return flying_.empty() && (waiting_.empty() || interrupted()); }
   // Lets what has not begun never begin: their futures throw std::future_error. Returns their names.

@@ -117,7 +117,7 @@ void WorkerProcess::Send(int signal) const { kill(pid_, signal); }
 
 TimeNs WorkerProcess::progress_ns() const { return report_->progress_ns.load(std::memory_order_relaxed); }
 
-std::optional<BusPlace> WorkerProcess::TakePlace() {
+std::optional<BusPlace> WorkerProcess::PollPlace() {
   if (place_known_) return std::nullopt;
   const auto place = report_->Place();
   place_known_ = place.has_value();

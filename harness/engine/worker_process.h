@@ -49,7 +49,7 @@ class WorkerProcess {
   // It has ended, and has not begun the flight that it was given.
   bool left_flight() const { return left_flight_; }
   // Where its flight is on the bus, once, when that is known.
-  std::optional<BusPlace> TakePlace();
+  std::optional<BusPlace> PollPlace();
   void Send(int signal) const;
   // Time in which nothing got on has been told of already.
   void NoteTold() { told_ = true; }

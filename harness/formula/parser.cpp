@@ -77,7 +77,7 @@ class Parser {
   // implies = or [ "implies" implies ]
   Operand ParseImplies() {
     const Operand left = ParseOr();
-    if (!TakeWord("implies")) return left;
+    if (!AcceptWord("implies")) return left;
     RequireFormula(left);
     const Nesting nesting(*this);
     return Combine(Op::kImplies, left, RequireFormula(ParseImplies()));
@@ -86,7 +86,7 @@ class Parser {
   // or = and { "or" and }
   Operand ParseOr() {
     Operand left = ParseAnd();
-    while (TakeWord("or")) {
+    while (AcceptWord("or")) {
       RequireFormula(left);
       left = Combine(Op::kOr, left, RequireFormula(ParseAnd()));
     }
@@ -96,7 +96,7 @@ class Parser {
   // and = unary { "and" unary }
   Operand ParseAnd() {
     Operand left = ParseUnary();
-    while (TakeWord("and")) {
+    while (AcceptWord("and")) {
       RequireFormula(left);
       left = Combine(Op::kAnd, left, RequireFormula(ParseUnary()));
     }
@@ -107,15 +107,15 @@ class Parser {
   Operand ParseUnary() {
     SkipSpace();
     const std::size_t column = Column();
-    if (TakeWord("not")) {
+    if (AcceptWord("not")) {
       const Nesting nesting(*this);
       return MakeFormula(Op::kNot, column, RequireFormula(ParseUnary()).node);
     }
-    if (TakeWord("always")) return ParseTemporal(Op::kAlways, column);
-    if (TakeWord("eventually")) return ParseTemporal(Op::kEventually, column);
-    if (TakeWord("true")) return MakeFormula(Op::kTrue, column);
-    if (TakeWord("false")) return MakeFormula(Op::kFalse, column);
-    if (TakeWord("fault_active")) return ParseFaultActive(column);
+    if (AcceptWord("always")) return ParseTemporal(Op::kAlways, column);
+    if (AcceptWord("eventually")) return ParseTemporal(Op::kEventually, column);
+    if (AcceptWord("true")) return MakeFormula(Op::kTrue, column);
+    if (AcceptWord("false")) return MakeFormula(Op::kFalse, column);
+    if (AcceptWord("fault_active")) return ParseFaultActive(column);
     return ParseCompare();
   }
 
@@ -195,7 +195,7 @@ class Parser {
     if (left.is_formula) {
       SkipSpace();
       const std::size_t operator_column = Column();
-      if (left.parenthesised && TakeWord("until")) {
+      if (left.parenthesised && AcceptWord("until")) {
         RefuseInOneRow(operator_column, "until");
         SkipSpace();
         if (Peek() != '[') FailExpected("'['");
@@ -205,7 +205,7 @@ class Parser {
       if (PeekComparison()) throw ParseError(left.column, "expected a number to compare, found a formula");
       return left;
     }
-    const std::optional<Op> op = TakeComparison();
+    const std::optional<Op> op = AcceptComparison();
     if (!op) return left;  // a number in parentheses, or a mistake that the caller reports
     const Operand right = RequireNumber(ParseSum());
     SkipSpace();
@@ -258,14 +258,14 @@ class Parser {
       return MakeNumber({.op = Op::kNegate, .left = RequireNumber(ParseAtom()).node}, column);
     }
     if (AtNumber()) return MakeNumber({.op = Op::kNumber, .number = ParseNumber()}, column);
-    if (TakeWord("abs")) {
+    if (AcceptWord("abs")) {
       Expect('(');
       const Operand operand = RequireNumber(ParseSum());
       Expect(')');
       return MakeNumber({.op = Op::kAbs, .left = operand.node}, column);
     }
-    if (TakeWord("min")) return ParseExtremum(Op::kMin, column);
-    if (TakeWord("max")) return ParseExtremum(Op::kMax, column);
+    if (AcceptWord("min")) return ParseExtremum(Op::kMin, column);
+    if (AcceptWord("max")) return ParseExtremum(Op::kMax, column);
     return ParseSignal(column);
   }
 
@@ -344,7 +344,7 @@ class Parser {
     return text_.substr(position_, end - position_);
   }
 
-  bool TakeWord(std::string_view word) {
+  bool AcceptWord(std::string_view word) {
     SkipSpace();
     if (PeekWord() != word) return false;
     position_ += word.size();
@@ -358,7 +358,7 @@ class Parser {
   }
 
   bool PeekComparison() const { return Peek() == '<' || Peek() == '>'; }
-  std::optional<Op> TakeComparison() {
+  std::optional<Op> AcceptComparison() {
     SkipSpace();
     if (!PeekComparison()) return std::nullopt;
     const bool less = Peek() == '<';

@@ -33,7 +33,7 @@ FrameSample::FrameSample(const link::Protocol& protocol, const link::MessageType
 }
 
 std::vector<std::uint8_t> FrameSample::ContentOf(std::span<const std::uint8_t> frame) const {
-  const auto parts = protocol_->framing->TakeApart(frame);
+  const auto parts = protocol_->framing->Split(frame);
   if (!parts) return {};
   std::vector<std::uint8_t> content = parts->payload;
   const link::CheckKind kind = protocol_->framing->check().value();

@@ -133,7 +133,7 @@ void LiveBoard::SetStatus(const std::string& json) {
   ++status_count_;
 }
 
-std::string LiveBoard::News(Seen& seen, std::size_t bytes_max) const {
+std::string LiveBoard::TakeUpdate(Seen& seen, std::size_t bytes_max) const {
   std::string text;
   for (; seen.finished < finished_.size() && text.size() < bytes_max; ++seen.finished)
     text += Event("finished", finished_[seen.finished]);

@@ -5,7 +5,7 @@
 //   board.Begin({.name = "hover", .scenario = scenario, .vehicle = vehicle, .shape = {}});
 //   board.AddRow(row);                                    // as TraceLayout has it
 //   LiveBoard::Seen seen;                                 // one for each viewer
-//   const std::string events = board.News(seen);          // what is new for it, as server-sent events
+//   const std::string events = board.TakeUpdate(seen);          // what is new for it, as server-sent events
 //
 // The board's size does not grow with a flight's length: it keeps fewer rows per second of a long flight. A slow
 // viewer gets the content at the time of its next read, without what came and went in between.
@@ -70,7 +70,7 @@ class LiveBoard {
     bool over = false;  // that the flight is over
   };
   // Events that the viewer has not seen; empty: none. Beyond `bytes_max` adds no entries, notes or rows.
-  std::string News(Seen& seen, std::size_t bytes_max = 65'536) const;
+  std::string TakeUpdate(Seen& seen, std::size_t bytes_max = 65'536) const;
 
  private:
   void Thin();

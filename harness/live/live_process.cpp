@@ -33,10 +33,10 @@ namespace {
 namespace asio = boost::asio;
 using std::chrono::milliseconds;
 
-// The rate at which viewers get news.
+// The rate at which viewers get updates.
 constexpr milliseconds kTick{50};
-// Number of ticks from one look of a monitor for its post to the next.
-constexpr std::uint64_t kTicksOfPost = 10;
+// Number of ticks from one look of a monitor for its target to the next.
+constexpr std::uint64_t kTicksOfTarget = 10;
 // At the end: viewers get what is new for them.
 constexpr milliseconds kFarewell{1'000}, kEndLimit{3'000};
 constexpr int kNice = 5;
@@ -83,17 +83,17 @@ class Host {
     feed_.emplace(loop_, config, board_, [this] { server_.Tell(); });
   }
 
-  // A monitor: goes to where the post is.
-  void FollowPost() {
-    const ListeningPost post = options_.post();
-    if (post == post_) return;
-    post_ = post;
-    board_.SetStatus(Status("waiting", post.text));
+  // A monitor: goes to where the target is.
+  void FollowTarget() {
+    const WatchTarget target = options_.target();
+    if (target == target_) return;
+    target_ = target;
+    board_.SetStatus(Status("waiting", target.text));
     feed_.reset();
-    if (!post.place) return;
+    if (!target.place) return;
     dds::BusConfig config = options_.bus;
-    config.domain = post.place->domain;
-    config.tag = post.place->tag;
+    config.domain = target.place->domain;
+    config.tag = target.place->tag;
     try {
       Listen(config);
       feed_->FollowAnnounced(options_.load, options_.finish);
@@ -103,8 +103,8 @@ class Host {
   }
 
   void Tick() {
-    if (options_.post && !ended_ && tick_count_++ % kTicksOfPost == 0) FollowPost();
-    TakeRows();
+    if (options_.target && !ended_ && tick_count_++ % kTicksOfTarget == 0) FollowTarget();
+    PollRows();
     server_.Tell();
     if (ended_ && (server_.is_told() || std::chrono::steady_clock::now() > *ended_ + kFarewell))
       return loop_.stop();
@@ -114,11 +114,11 @@ class Host {
     });
   }
 
-  void TakeRows() {
-    const RowRing::News news = ring_.Take(cursor_);
-    if (news.begun && news.flight < plans_.size()) Begin(news.flight);
-    for (std::size_t at = 0; at < news.values.size(); at += news.column_count)
-      board_.AddRow(std::span(news.values).subspan(at, news.column_count));
+  void PollRows() {
+    const RowRing::Update update = ring_.Take(cursor_);
+    if (update.begun && update.flight < plans_.size()) Begin(update.flight);
+    for (std::size_t at = 0; at < update.values.size(); at += update.column_count)
+      board_.AddRow(std::span(update.values).subspan(at, update.column_count));
   }
 
   void Begin(std::size_t flight) {
@@ -154,7 +154,7 @@ class Host {
         board_.SetStatus(Status("flying", std::string("the flight cannot be heard: ") + error.what()));
       }
     } else {
-      TakeRows();
+      PollRows();
       board_.Finish(plans_[flight].name, JsonText(message.at("finished")));
     }
   }
@@ -223,8 +223,8 @@ class Host {
   asio::streambuf from_parent_;
   LiveBoard board_;
   LiveServer server_;
-  std::optional<BusFeed> feed_;
-  std::optional<ListeningPost> post_;
+  std::optional<BusObserver> feed_;
+  std::optional<WatchTarget> target_;
   std::uint64_t tick_count_ = 0;
   std::optional<std::chrono::steady_clock::time_point> ended_;
 };

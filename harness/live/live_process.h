@@ -20,7 +20,7 @@
 #include <vector>
 
 #include "harness/dds/bus.h"
-#include "harness/live/bus_feed.h"
+#include "harness/live/bus_observer.h"
 #include "harness/live/live_board.h"
 #include "harness/live/live_server.h"
 #include "harness/live/row_ring.h"
@@ -37,12 +37,12 @@ struct LiveOptions {
   std::function<std::string(const std::vector<std::string>& entries)> page;
   // Called in the process of the page, and may take its time: see LiveServer::Hooks.
   std::function<std::optional<std::string>(std::size_t flight)> details = [](auto) { return std::nullopt; };
-  // Settings of the bus for its flights; domain and tag come from each flight, or from the monitor's post.
+  // Settings of the bus for its flights; domain and tag come from each flight, or from the monitor's target.
   dds::BusConfig bus;
-  // A monitor: shows whatever is announced at the post.
-  FindPost post = {};
-  BusFeed::Loader load = {};
-  BusFeed::Finisher finish = {};
+  // A monitor: shows whatever is announced at the target.
+  FindWatchTarget target = {};
+  BusObserver::Loader load = {};
+  BusObserver::Finisher finish = {};
 };
 
 class LiveProcess {

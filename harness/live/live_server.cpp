@@ -138,7 +138,7 @@ class LiveServer::Impl::Session : public std::enable_shared_from_this<Session> {
   void Push() {
     if (writing_ || ended_) return;
     const auto now = std::chrono::steady_clock::now();
-    outgoing_ = server_->board.News(seen_);
+    outgoing_ = server_->board.TakeUpdate(seen_);
     // The next write to a viewer shows that it has gone.
     if (outgoing_.empty() && now - wrote_ < kQuiet) return;
     if (outgoing_.empty()) outgoing_ = ":\n\n";
@@ -146,7 +146,7 @@ class LiveServer::Impl::Session : public std::enable_shared_from_this<Session> {
   }
   bool is_told() const {
     LiveBoard::Seen seen = seen_;
-    return ended_ || (!writing_ && server_->board.News(seen).empty());
+    return ended_ || (!writing_ && server_->board.TakeUpdate(seen).empty());
   }
 
  private:

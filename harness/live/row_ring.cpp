@@ -42,36 +42,37 @@ void RowRing::Release(std::size_t flight) {
   if (shared_->flight == flight) shared_->owner = 0;
 }
 
-RowRing::News RowRing::Take(Cursor& cursor) const {
-  News news;
+RowRing::Update RowRing::Take(Cursor& cursor) const {
+  Update update;
   const std::uint64_t turn = shared_->turn;
-  if (turn == 0 || turn % 2 != 0) return news;
-  news.flight = shared_->flight;
-  news.column_count = shared_->column_count;
+  if (turn == 0 || turn % 2 != 0) return update;
+  update.flight = shared_->flight;
+  update.column_count = shared_->column_count;
   // The worker's firmware can write here.
-  if (!IsColumnCount(news.column_count)) return {};
+  if (!IsColumnCount(update.column_count)) return {};
   const std::uint64_t written = shared_->rows_written.load(std::memory_order_acquire);
-  const std::uint64_t capacity = Capacity(news.column_count);
+  const std::uint64_t capacity = Capacity(update.column_count);
   std::uint64_t from = cursor.turn == turn ? cursor.rows_read : 0;
   // Beside the row that is being written, one more may be overwritten meanwhile.
   if (written >= capacity) from = std::max(from, written + 1 - capacity);
-  news.values.reserve((written - std::min(from, written)) * news.column_count);
+  update.values.reserve((written - std::min(from, written)) * update.column_count);
   for (std::uint64_t row = from; row < written; ++row) {
-    const std::atomic<double>* at = shared_->numbers + row % capacity * news.column_count;
-    for (std::uint64_t c = 0; c < news.column_count; ++c)
-      news.values.push_back(at[c].load(std::memory_order_acquire));
+    const std::atomic<double>* at = shared_->numbers + row % capacity * update.column_count;
+    for (std::uint64_t c = 0; c < update.column_count; ++c)
+      update.values.push_back(at[c].load(std::memory_order_acquire));
   }
   if (shared_->turn != turn) return {};  // the next flight has begun: it is shown next time
   const std::uint64_t now = shared_->rows_written.load(std::memory_order_relaxed);
   // Rows that were overwritten while they were copied.
   const std::uint64_t lost = now >= capacity ? now + 1 - capacity : 0;
   if (lost > from)
-    news.values.erase(news.values.begin(),
-                      news.values.begin() + static_cast<std::ptrdiff_t>(
-                                                std::min(lost - from, written - from) * news.column_count));
-  news.begun = cursor.turn != turn;
+    update.values.erase(
+        update.values.begin(),
+        update.values.begin() +
+            static_cast<std::ptrdiff_t>(std::min(lost - from, written - from) * update.column_count));
+  update.begun = cursor.turn != turn;
   cursor = {turn, written};
-  return news;
+  return update;
 }
 
 }  // namespace tiltproof::harness

@@ -3,7 +3,7 @@
 //
 //   RowRing ring;                               // before the processes are forked
 //   if (ring.Begin(flight, columns)) ring.Append(row);   // in the worker
-//   const RowRing::News news = ring.Take(cursor);        // in the reader
+//   const RowRing::Update update = ring.Take(cursor);        // in the reader
 //   ring.Release(flight);
 //
 // The ring holds the flight that began first, of those that fly at the same time.
@@ -40,7 +40,7 @@ class RowRing {
     std::uint64_t turn = 0;
     std::uint64_t rows_read = 0;
   };
-  struct News {
+  struct Update {
     bool begun = false;  // a flight that the reader has not seen
     std::size_t flight = 0;
     std::size_t column_count = 0;
@@ -48,7 +48,7 @@ class RowRing {
   };
   // Rows since the last call; at most those that are still there. Whatever a firmware has written into the shared
   // memory, the rows are whole and within it.
-  News Take(Cursor& cursor) const;
+  Update Take(Cursor& cursor) const;
 
  private:
   struct Shared {

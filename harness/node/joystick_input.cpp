@@ -89,7 +89,7 @@ class Device final : public JoystickInput {
                             count == 0 ? "end of file" : std::strerror(errno));
         break;
       }
-      decoder_.Feed({buffer.data(), static_cast<std::size_t>(count)});
+      decoder_.Decode({buffer.data(), static_cast<std::size_t>(count)});
       if (decoder_.TakeDropped()) ReadValues();
     }
     return lost_.empty() ? decoder_.axes() : JoystickAxes{};
@@ -154,7 +154,7 @@ JoystickDecoder::JoystickDecoder(JoystickProtocol protocol, std::map<int, AxisRa
       ranges_(std::move(ranges)),
       event_size_(protocol == JoystickProtocol::kJoystick ? sizeof(js_event) : sizeof(input_event)) {}
 
-void JoystickDecoder::Feed(std::span<const std::uint8_t> bytes) {
+void JoystickDecoder::Decode(std::span<const std::uint8_t> bytes) {
   while (!bytes.empty()) {
     const std::size_t count = std::min(bytes.size(), event_size_ - filled_);
     std::copy_n(bytes.begin(), count, event_.begin() + static_cast<std::ptrdiff_t>(filled_));
@@ -162,11 +162,11 @@ void JoystickDecoder::Feed(std::span<const std::uint8_t> bytes) {
     filled_ += count;
     if (filled_ < event_size_) return;
     filled_ = 0;
-    TakeEvent();
+    HandleEvent();
   }
 }
 
-void JoystickDecoder::TakeEvent() {
+void JoystickDecoder::HandleEvent() {
   if (protocol_ == JoystickProtocol::kJoystick) {
     const auto event = As<js_event>(event_);
     // With the flag "initial" it says where the axis stood when the device was opened.

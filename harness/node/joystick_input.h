@@ -68,7 +68,7 @@ class JoystickDecoder {
   // -32767..32767.
   explicit JoystickDecoder(JoystickProtocol protocol, std::map<int, AxisRange> ranges = {});
 
-  void Feed(std::span<const std::uint8_t> bytes);
+  void Decode(std::span<const std::uint8_t> bytes);
   JoystickAxes axes() const { return axes_; }
 
   // An axis has this raw value now, as known by other means than events.
@@ -77,7 +77,7 @@ class JoystickDecoder {
   bool TakeDropped();
 
  private:
-  void TakeEvent();
+  void HandleEvent();
 
   JoystickProtocol protocol_;
   std::map<int, AxisRange> ranges_;

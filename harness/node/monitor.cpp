@@ -22,8 +22,8 @@ constexpr std::chrono::seconds kStatePeriod{1};
 // Prints nodes as they come and go, phases, events and scores as they happen, and the vehicle once a second.
 class Monitor {
  public:
-  Monitor(const NodeOptions& options, FindPost find_post)
-      : options_(options), find_post_(std::move(find_post)) {}
+  Monitor(const NodeOptions& options, FindWatchTarget find_target)
+      : options_(options), find_target_(std::move(find_target)) {}
 
   int Run() {
     boost::asio::signal_set signals(loop_, SIGTERM, SIGINT, SIGHUP);
@@ -40,19 +40,19 @@ class Monitor {
     return [this] { boost::asio::post(loop_, [this] { Look(); }); };
   }
 
-  // Goes to where the post is.
+  // Goes to where the target is.
   void Follow() {
-    const ListeningPost post = find_post_();
-    if (post == post_) return;
-    post_ = post;
-    Print(stderr, "tiltproof: {}\n", post.text);
+    const WatchTarget target = find_target_();
+    if (target == target_) return;
+    target_ = target;
+    Print(stderr, "tiltproof: {}\n", target.text);
     // A process can be on a domain only once.
     ears_.reset();
     alive_.clear();
-    if (!post.place) return;
+    if (!target.place) return;
     dds::BusConfig config = options_.bus;
-    config.domain = post.place->domain;
-    config.tag = post.place->tag;
+    config.domain = target.place->domain;
+    config.tag = target.place->tag;
     ears_.emplace(config, Post());
   }
 
@@ -116,8 +116,8 @@ class Monitor {
   };
 
   const NodeOptions& options_;
-  const FindPost find_post_;
-  std::optional<ListeningPost> post_;
+  const FindWatchTarget find_target_;
+  std::optional<WatchTarget> target_;
   boost::asio::io_context loop_{1};
   boost::asio::steady_timer timer_{loop_};
   std::map<dds::Participant, bool> alive_;
@@ -126,6 +126,8 @@ class Monitor {
 
 }  // namespace
 
-int RunMonitor(const NodeOptions& options, const FindPost& post) { return Monitor(options, post).Run(); }
+int RunMonitor(const NodeOptions& options, const FindWatchTarget& target) {
+  return Monitor(options, target).Run();
+}
 
 }  // namespace tiltproof::harness

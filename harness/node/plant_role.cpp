@@ -73,7 +73,7 @@ class PlantRole final : public Role {
 
   void Tick(BootTime now) {
     Advance(now);
-    server_->TakeNews();  // in real time only the plant's own faults wait, and they have heard it
+    server_->PollEvents();  // in real time only the plant's own faults wait, and they have heard it
     if (++tick_count_ % (loaded_.scenario.link.protocol->control_period_ns / kTickPeriodNs) == 1)
       Publish(now);
   }

@@ -44,7 +44,7 @@ struct Pairing {
     frames[frame].delivered.push_back(records.delivered[delivered]);
   }
 
-  void TakeIntact() {
+  void PairIntact() {
     std::size_t d = 0;
     for (LineFrame& frame : frames) {
       while (d < taken.size() && records.delivered[d].begin_ns < frame.begin_ns) ++d;
@@ -58,7 +58,7 @@ struct Pairing {
     }
   }
 
-  void TakeLate() {
+  void PairLate() {
     std::map<std::string_view, std::deque<std::size_t>> waiting;
     for (std::size_t d = 0; d < taken.size(); ++d)
       if (!taken[d]) waiting[Text(records.delivered[d].bytes)].push_back(d);
@@ -79,7 +79,7 @@ struct Pairing {
   }
 
   // The others belong to the last frame that was sent before them, if that went on as nothing else.
-  void TakeRest() {
+  void PairRest() {
     std::size_t next = 0;
     for (std::size_t d = 0; d < taken.size(); ++d) {
       const LinkRecord& record = records.delivered[d];
@@ -126,9 +126,9 @@ std::vector<LineFrame> FramesOf(const LinkLog& log) {
     std::stable_sort(records.sent.begin(), records.sent.end(), by_time);
     std::stable_sort(records.delivered.begin(), records.delivered.end(), by_time);
     Pairing pairing(records);
-    pairing.TakeIntact();
-    pairing.TakeLate();
-    pairing.TakeRest();
+    pairing.PairIntact();
+    pairing.PairLate();
+    pairing.PairRest();
     pairing.JoinPieces();
     for (LineFrame& frame : pairing.frames) frames.push_back(std::move(frame));
   }

@@ -130,7 +130,7 @@ class Unpacker {
     rest_ = rest_.subspan(size);
     return at;
   }
-  std::size_t TakeCount(std::size_t bytes_each) {
+  std::size_t GetCount(std::size_t bytes_each) {
     const auto count = Next<std::size_t>();
     if (count > rest_.size() / bytes_each)
       throw std::runtime_error("a message from another process is damaged");
@@ -149,20 +149,20 @@ class Unpacker {
   void Get(BootTime& time) { time = BootTime(Next<std::int64_t>()); }
   void Get(Origin& origin) { origin = Origin(Next<BootTime>()); }
   void Get(std::string& text) {
-    const std::size_t size = TakeCount(1);
+    const std::size_t size = GetCount(1);
     const std::uint8_t* at = Take(size);
     text.assign(at, at + size);
   }
   template <class T>
   void Get(std::vector<T>& values) {
     if constexpr (Scalar<T>) {
-      values.resize(TakeCount(sizeof(T)));
+      values.resize(GetCount(sizeof(T)));
       const std::uint8_t* at = Take(values.size() * sizeof(T));
       if (!values.empty()) std::memcpy(values.data(), at, values.size() * sizeof(T));
     } else {
       // Element by element, so that a damaged count takes no more memory than the bytes that could fill it.
       values.clear();
-      for (std::size_t left = TakeCount(1); left > 0; --left) Get(values.emplace_back());
+      for (std::size_t left = GetCount(1); left > 0; --left) Get(values.emplace_back());
     }
   }
   template <class T, std::size_t n>
@@ -172,7 +172,7 @@ class Unpacker {
   template <class T>
   void Get(std::map<std::string, T>& values) {
     values.clear();
-    for (std::size_t left = TakeCount(1); left > 0; --left) {
+    for (std::size_t left = GetCount(1); left > 0; --left) {
       std::string key = Next<std::string>();
       Get(values[std::move(key)]);
     }

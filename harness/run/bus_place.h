@@ -19,13 +19,13 @@ struct BusPlace {
 };
 
 // Where a monitor listens, and what a person who waits for a flight there should know.
-struct ListeningPost {
+struct WatchTarget {
   std::optional<BusPlace> place;  // none: not on the bus yet
   std::string text;
-  bool operator==(const ListeningPost&) const = default;
+  bool operator==(const WatchTarget&) const = default;
 };
 // Asked now and then: a run's next flight is in another place.
-using FindPost = std::function<ListeningPost()>;
+using FindWatchTarget = std::function<WatchTarget()>;
 
 // As the flight's first event, of the kind "bus".
 void TellPlace(RunLog& log, const BusPlace& place);

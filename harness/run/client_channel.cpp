@@ -118,17 +118,17 @@ bool ClientChannel::Deliver(BootTime until) {
   return delivered;
 }
 
-std::vector<faults::News> ClientChannel::TakeNews() {
-  std::vector<faults::News> of_line = line_.TakeNews(), of_client = faults_.TakeNews();
+std::vector<faults::FaultEvent> ClientChannel::PollEvents() {
+  std::vector<faults::FaultEvent> of_line = line_.PollEvents(), of_client = faults_.PollEvents();
   line_.Hear(of_client);
   faults_.Hear(of_line);
   of_line.insert(of_line.end(), of_client.begin(), of_client.end());
   return of_line;
 }
 
-void ClientChannel::Hear(std::span<const faults::News> news) {
-  line_.Hear(news);
-  faults_.Hear(news);
+void ClientChannel::Hear(std::span<const faults::FaultEvent> events) {
+  line_.Hear(events);
+  faults_.Hear(events);
 }
 
 void ClientChannel::OnEvent(const DeviceEvent& event) {

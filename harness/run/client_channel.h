@@ -64,10 +64,10 @@ class ClientChannel {
   // at most.
   void Run(BootTime now, BootTime horizon);
 
-  // News of the faults on the line, the receiver and the board: what other faults wait for, and what these
+  // Events of the faults on the line, the receiver and the board: what other faults wait for, and what these
   // faults wait for.
-  std::vector<faults::News> TakeNews();
-  void Hear(std::span<const faults::News> news);
+  std::vector<faults::FaultEvent> PollEvents();
+  void Hear(std::span<const faults::FaultEvent> events);
 
   // Writes what remains of the channel's records. Without t = 0 their times count from power-on.
   void Finish(Origin origin);

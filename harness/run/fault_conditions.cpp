@@ -34,7 +34,7 @@ FaultConditions::FaultConditions(const Scenario& scenario, const std::vector<std
   }
 }
 
-void FaultConditions::Look(TimeNs t, std::span<const double> row, std::vector<faults::News>& news) {
+void FaultConditions::Look(TimeNs t, std::span<const double> row, std::vector<faults::FaultEvent>& events) {
   for (Signal& signal : signals_) signal.value = signal.reader.At(row);
   const auto value_of = [&](std::string_view name) {
     return std::find_if(signals_.begin(), signals_.end(),
@@ -45,8 +45,8 @@ void FaultConditions::Look(TimeNs t, std::span<const double> row, std::vector<fa
     const bool holds = entry.condition.Holds(value_of);
     if (holds == entry.holds) continue;
     entry.holds = holds;
-    using Kind = faults::News::Kind;
-    news.push_back({holds ? Kind::kConditionHolds : Kind::kConditionEnds, entry.fault, t});
+    using Kind = faults::FaultEvent::Kind;
+    events.push_back({holds ? Kind::kConditionHolds : Kind::kConditionEnds, entry.fault, t});
   }
 }
 

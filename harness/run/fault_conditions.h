@@ -1,7 +1,7 @@
 // The conditions of a scenario's faults (`when`), checked in every row of the flight while it is flown.
 //
 //   FaultConditions conditions(scenario, columns);
-//   conditions.Look(t, row, news);   // at each row: what turned true or false in it
+//   conditions.Look(t, row, events);   // at each row: what turned true or false in it
 //
 // A row is checked before anything else happens at its time. Its state and reference are those of that time;
 // its inputs, sent values and commanded values are the last ones before it.
@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "faults/news.h"
+#include "faults/fault_event.h"
 #include "harness/formula/condition.h"
 #include "harness/reference/reference_path.h"
 #include "harness/run/row_signals.h"
@@ -29,7 +29,7 @@ class FaultConditions {
 
   bool empty() const { return conditions_.empty(); }
   // Appends what has changed since the previous row. Before the first row no condition holds.
-  void Look(TimeNs t, std::span<const double> row, std::vector<faults::News>& news);
+  void Look(TimeNs t, std::span<const double> row, std::vector<faults::FaultEvent>& events);
 
   // The signals that a condition may read: those that the plant knows. Counters of the line and of faults are
   // not among them.

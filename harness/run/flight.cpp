@@ -57,7 +57,7 @@ class Conductor {
   void FollowAhead(const ClientChannel& channel, BootTime to);
   void ServePlantEnd(ClientChannel& channel, BootTime now);
   BootTime Horizon(const ClientChannel& channel, BootTime now) const;
-  void SpreadNews();
+  void ForwardEvents();
   void SendReference(BootTime now);
   RunLog Finish();
   const AllCounts& Counts();
@@ -96,11 +96,11 @@ Conductor::Conductor(const Scenario& scenario, std::span<Line* const> lines, Pla
       references_(*scenario.link.protocol),
       counts_(lines.size()),
       log_(log),
-      faults_wait_(std::any_of(scenario.faults.begin(), scenario.faults.end(), faults::WaitsForNews)) {
+      faults_wait_(std::any_of(scenario.faults.begin(), scenario.faults.end(), faults::WaitsForEvent)) {
   for (std::size_t client = 0; client < lines.size(); ++client)
     in_turn_.push_back(&channels_.emplace_back(
         scenario, client, *lines[client], log,
-        ClientChannel::Callbacks{.on_news = [this] { SpreadNews(); },
+        ClientChannel::Callbacks{.on_news = [this] { ForwardEvents(); },
                                  .before_ahead = [this](const ClientChannel& channel,
                                                         BootTime at) { FollowAhead(channel, at); }}));
   std::swap(in_turn_.front(), in_turn_[scenario.selected_client()]);
@@ -135,7 +135,7 @@ void Conductor::Conduct() {
     // First of all, so that rows of the past show nothing of what happens now.
     AdvancePlant(now);
     if (over()) return;
-    SpreadNews();
+    ForwardEvents();
     if (now == next_reference_ns_) SendReference(now);
     const bool was_started = started();
     for (ClientChannel* channel : in_turn_) ServePlantEnd(*channel, now);
@@ -181,7 +181,7 @@ void Conductor::FollowAhead(const ClientChannel& channel, BootTime to) {
   for (const ClientChannel& other : channels_)
     if (&other != &channel) to = std::min(to, other.Next());
   AdvancePlant(to);
-  SpreadNews();
+  ForwardEvents();
 }
 
 void Conductor::ServePlantEnd(ClientChannel& channel, BootTime now) {
@@ -196,9 +196,9 @@ void Conductor::ServePlantEnd(ClientChannel& channel, BootTime now) {
     server_.Receive(channel.index(), arrival, *piece->message, [this](std::span<const std::uint8_t> frame) {
       replies_.emplace_back(frame.begin(), frame.end());
     });
-    SpreadNews();  // before the replies go
+    ForwardEvents();  // before the replies go
     for (const auto& reply : replies_) line.Transmit(Direction::kToClient, arrival, reply);
-    SpreadNews();
+    ForwardEvents();
     if (was_started || !started()) continue;
     for (ClientChannel& other : channels_) other.line().SetOrigin(origin());
     SendReference(arrival);
@@ -219,16 +219,16 @@ BootTime Conductor::Horizon(const ClientChannel& channel, BootTime now) const {
 }
 
 // Faults that wait for a condition or for another fault hear of it before anything else passes.
-void Conductor::SpreadNews() {
+void Conductor::ForwardEvents() {
   if (!faults_wait_) return;
-  const std::vector<faults::News> of_plant = server_.TakeNews();
-  std::vector<std::pair<ClientChannel*, std::vector<faults::News>>> of_channels;
-  for (ClientChannel& channel : channels_) of_channels.emplace_back(&channel, channel.TakeNews());
-  for (const auto& [channel, news] : of_channels) {
-    server_.Hear(news);
+  const std::vector<faults::FaultEvent> of_plant = server_.PollEvents();
+  std::vector<std::pair<ClientChannel*, std::vector<faults::FaultEvent>>> of_channels;
+  for (ClientChannel& channel : channels_) of_channels.emplace_back(&channel, channel.PollEvents());
+  for (const auto& [channel, events] : of_channels) {
+    server_.Hear(events);
     for (ClientChannel& other : channels_) {
       if (&other == channel) continue;
-      other.Hear(news);
+      other.Hear(events);
     }
   }
   for (ClientChannel& channel : channels_) channel.Hear(of_plant);
@@ -244,7 +244,7 @@ void Conductor::SendReference(BootTime now) {
   Check(started(), "references begin with the flight");
   const std::vector<std::uint8_t> frame = references_.Frame(trajectory_.At(origin().SimulationTime(now)));
   for (ClientChannel& channel : channels_) channel.line().Transmit(Direction::kReference, now, frame);
-  SpreadNews();
+  ForwardEvents();
   next_reference_ns_ = now + scenario_.link.protocol->control_period_ns;
   if (options_.progress_ns != nullptr)
     options_.progress_ns->store(origin().SimulationTime(now), std::memory_order_relaxed);

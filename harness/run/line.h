@@ -71,9 +71,9 @@ class Line {
   virtual const LineCounts& counts() const = 0;
   // Set once the line is overfull, and never reset.
   virtual const std::optional<Overfull>& overfull() const = 0;
-  // News for faults that wait, see faults/news.h.
-  virtual std::vector<faults::News> TakeNews() = 0;
-  virtual void Hear(std::span<const faults::News> news) = 0;
+  // Events for faults that wait, see faults/fault_event.h.
+  virtual std::vector<faults::FaultEvent> PollEvents() = 0;
+  virtual void Hear(std::span<const faults::FaultEvent> events) = 0;
   // Writes the totals; call it once, at the end. A frame that is still awaited at `end` counts as lost. Without t = 0
   // the times of all records count from power-on.
   virtual void Finish(BootTime end) = 0;
@@ -96,8 +96,8 @@ class LocalLine final : public Line {
   void SetOrigin(Origin origin) override;
   const LineCounts& counts() const override;
   const std::optional<Overfull>& overfull() const override { return overfull_; }
-  std::vector<faults::News> TakeNews() override { return faults_.TakeNews(); }
-  void Hear(std::span<const faults::News> news) override { faults_.Hear(news); }
+  std::vector<faults::FaultEvent> PollEvents() override { return faults_.PollEvents(); }
+  void Hear(std::span<const faults::FaultEvent> events) override { faults_.Hear(events); }
   void Finish(BootTime end) override;
   // Writes what faults did since the last call. Finish() does, too.
   void WriteActivations();

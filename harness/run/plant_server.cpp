@@ -79,14 +79,14 @@ LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::Vehicl
     bindings_.emplace_back(type, TableOf(type, signals_));
   PlaceAtStart(scenario, plant_);
   for (std::size_t client = 0; client < scenario.client_count(); ++client)
-    seats_.push_back({.faults = ClientFaults(scenario, client, &signals_, grows),
-                      .sensed = std::vector<double>(signals_.sensors.size(), kNothingYet),
-                      .asked = std::vector<double>(signals_.inputs.size(), kNothingYet)});
+    clients_.push_back({.faults = ClientFaults(scenario, client, &signals_, grows),
+                        .sensed = std::vector<double>(signals_.sensors.size(), kNothingYet),
+                        .asked = std::vector<double>(signals_.inputs.size(), kNothingYet)});
 }
 
 void LocalPlantServer::Add(const faults::FaultSpec& fault) {
   faults_.Add(fault);
-  for (Seat& seat : seats_) seat.faults.Add(fault);
+  for (ClientPart& own : clients_) own.faults.Add(fault);
 }
 
 const MessageBinding& LocalPlantServer::BindingOf(const link::MessageType& type) const {
@@ -99,11 +99,11 @@ void LocalPlantServer::Receive(std::size_t client, BootTime arrival, const link:
   if (!state_.started() && !protocol_.answers_before_start) return;
   if (!message.type->reply.empty())
     AnswerSensorRequest(client, arrival, *protocol_.Find(message.type->reply), reply);
-  if (!message.values.empty() && state_.started()) TakeInput(client, arrival, message);
+  if (!message.values.empty() && state_.started()) AcceptInput(client, arrival, message);
 }
 
 void LocalPlantServer::OnStart(std::size_t client, BootTime arrival, const link::Message& message) {
-  std::int64_t& starts_count = seats_.at(client).starts_accepted_count;
+  std::int64_t& starts_count = clients_.at(client).starts_accepted_count;
   if (!state_.started() && !arbiter_.Takes(client)) {
     starts_count = 1;  // it waits for t = 0
   } else if (origin_.Note(arrival, message)) {
@@ -111,7 +111,7 @@ void LocalPlantServer::OnStart(std::size_t client, BootTime arrival, const link:
     state_.origin = origin_.origin();
     boundary_ns_ = state_.quiet_until_ns = arrival;
     faults_.SetOrigin(state_.origin);
-    for (Seat& seat : seats_) seat.faults.SetOrigin(state_.origin);
+    for (ClientPart& own : clients_) own.faults.SetOrigin(state_.origin);
     AddEvent(0, "start_accepted", "t = 0");
     NoteActivations();
     LookAtConditions();
@@ -128,18 +128,18 @@ void LocalPlantServer::AnswerSensorRequest(std::size_t client, BootTime arrival,
   const TimeNs sampled = state_.started() ? SimTime(boundary_ns_) : kPowerOn;
   plant_.ReadSensors(readings_, FrameOf(scenario_.angular_rates));
   sent_ = readings_;
-  Seat& seat = seats_[client];
-  seat.faults.EditSensors(sampled, sent_, arrival);
+  ClientPart& own = clients_[client];
+  own.faults.EditSensors(sampled, sent_, arrival);
   NoteActivations();
-  seat.sensed = sent_;
+  own.sensed = sent_;
   reply(protocol_.framing->Encode(protocol_.Encode(answer, BindingOf(answer).Values<double>(sent_)).span()));
   if (state_.started())
     sink_.Write({SimTime(arrival), client, record::Accepted{record::AcceptedKind::kRequest}});
 }
 
-void LocalPlantServer::TakeInput(std::size_t client, BootTime arrival, const link::Message& message) {
+void LocalPlantServer::AcceptInput(std::size_t client, BootTime arrival, const link::Message& message) {
   sink_.Write({SimTime(arrival), client, record::Accepted{record::AcceptedKind::kActuators}});
-  BindingOf(*message.type).Put(message.values, seats_[client].asked);
+  BindingOf(*message.type).Put(message.values, clients_[client].asked);
   if (!arbiter_.Takes(client)) return;
   BindingOf(*message.type).Put(message.values, commanded_);
   commanded_from_ns_ = arrival <= boundary_ns_ ? boundary_ns_ : boundary_ns_ + scenario_.step_ns;
@@ -175,27 +175,27 @@ void LocalPlantServer::Advance(BootTime to, const AllCounts& counts) {
 void LocalPlantServer::LookAtConditions() {
   if (conditions_.empty() || SimTime(boundary_ns_) % protocol_.control_period_ns != 0) return;
   std::vector<double> row(layout_.columns.size(), std::numeric_limits<double>::quiet_NaN());
-  FillRow(SimTime(boundary_ns_), AllCounts(seats_.size()), row);
-  std::vector<faults::News> news;
-  conditions_.Look(SimTime(boundary_ns_), row, news);
-  Hear(news);
-  news_.insert(news_.end(), news.begin(), news.end());
+  FillRow(SimTime(boundary_ns_), AllCounts(clients_.size()), row);
+  std::vector<faults::FaultEvent> events;
+  conditions_.Look(SimTime(boundary_ns_), row, events);
+  Hear(events);
+  news_.insert(news_.end(), events.begin(), events.end());
 }
 
-void LocalPlantServer::Hear(std::span<const faults::News> news) {
-  faults_.Hear(news);
-  for (Seat& seat : seats_) seat.faults.Hear(news);
+void LocalPlantServer::Hear(std::span<const faults::FaultEvent> events) {
+  faults_.Hear(events);
+  for (ClientPart& own : clients_) own.faults.Hear(events);
 }
 
 void LocalPlantServer::NoteActivations() {
   std::vector<faults::FaultSchedule*> all = {&faults_};
-  for (Seat& seat : seats_) all.push_back(&seat.faults);
+  for (ClientPart& own : clients_) all.push_back(&own.faults);
   for (faults::FaultSchedule* from : all) {
-    const std::vector<faults::News> news = from->TakeNews();
-    if (news.empty()) continue;
+    const std::vector<faults::FaultEvent> events = from->PollEvents();
+    if (events.empty()) continue;
     for (faults::FaultSchedule* other : all)
-      if (other != from) other->Hear(news);
-    news_.insert(news_.end(), news.begin(), news.end());
+      if (other != from) other->Hear(events);
+    news_.insert(news_.end(), events.begin(), events.end());
   }
 }
 
@@ -247,8 +247,8 @@ void LocalPlantServer::FillRow(TimeNs t, const AllCounts& counts, std::span<doub
   std::copy_n(reference.position_m.begin(), 3, row.begin() + Offset(layout_.reference));
   row[layout_.reference + 3] = reference.yaw_rad;
   plant_.Measure(row.subspan(layout_.measured, signals_.measured.size()));
-  for (std::size_t client = 0; client < seats_.size(); ++client) {
-    const std::vector<double>&sensed = seats_[client].sensed, &asked = seats_[client].asked;
+  for (std::size_t client = 0; client < clients_.size(); ++client) {
+    const std::vector<double>&sensed = clients_[client].sensed, &asked = clients_[client].asked;
     std::copy(sensed.begin(), sensed.end(), row.begin() + Offset(layout_.sensed + client * sensed.size()));
     std::copy(asked.begin(), asked.end(), row.begin() + Offset(layout_.commanded + client * asked.size()));
   }
@@ -277,17 +277,17 @@ void LocalPlantServer::WriteActivations() {
     }
   };
   write(faults_, {});
-  for (std::size_t client = 0; client < seats_.size(); ++client) write(seats_[client].faults, client);
+  for (std::size_t client = 0; client < clients_.size(); ++client) write(clients_[client].faults, client);
 }
 
 void LocalPlantServer::WriteTotals() {
   WriteActivations();
   record::PlantEnd end{hover_input_, input_min_, input_max_, {}};
   sink_.Write({state_.reached_ns, {}, record::ActivationCounts{faults_.ActivationCounts()}});
-  for (std::size_t client = 0; client < seats_.size(); ++client) {
+  for (std::size_t client = 0; client < clients_.size(); ++client) {
     sink_.Write(
-        {state_.reached_ns, client, record::ActivationCounts{seats_[client].faults.ActivationCounts()}});
-    end.starts_accepted_counts.push_back(seats_[client].starts_accepted_count);
+        {state_.reached_ns, client, record::ActivationCounts{clients_[client].faults.ActivationCounts()}});
+    end.starts_accepted_counts.push_back(clients_[client].starts_accepted_count);
   }
   sink_.Write({state_.reached_ns, {}, std::move(end)});
 }

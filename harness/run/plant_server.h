@@ -73,10 +73,10 @@ class PlantServer {
   // Ends the flight at `end`, on the grid or not: writes the last row. Not to be called after it is over.
   virtual void Finish(BootTime end, const AllCounts& counts) = 0;
   virtual const State& state() const = 0;
-  // News for faults that wait, see faults/news.h: up to the time to which the plant has been advanced,
+  // Events for faults that wait, see faults/fault_event.h: up to the time to which the plant has been advanced,
   // conditions included.
-  virtual std::vector<faults::News> TakeNews() = 0;
-  virtual void Hear(std::span<const faults::News> news) = 0;
+  virtual std::vector<faults::FaultEvent> PollEvents() = 0;
+  virtual void Hear(std::span<const faults::FaultEvent> events) = 0;
   // Writes the totals; call it once, at the end, whatever ended the flight.
   virtual void WriteTotals() = 0;
 };
@@ -95,8 +95,8 @@ class LocalPlantServer final : public PlantServer {
                const Reply& reply) override;
   void Finish(BootTime end, const AllCounts& counts) override;
   const State& state() const override { return state_; }
-  std::vector<faults::News> TakeNews() override { return std::exchange(news_, {}); }
-  void Hear(std::span<const faults::News> news) override;
+  std::vector<faults::FaultEvent> PollEvents() override { return std::exchange(news_, {}); }
+  void Hear(std::span<const faults::FaultEvent> events) override;
   void WriteTotals() override;
   // Writes what faults did since the last call. WriteTotals() does, too.
   void WriteActivations();
@@ -107,7 +107,7 @@ class LocalPlantServer final : public PlantServer {
 
  private:
   // The server's state for one client.
-  struct Seat {
+  struct ClientPart {
     faults::FaultSchedule faults;       // on the samples sent to this client
     std::vector<double> sensed, asked;  // last sent, and last commanded; NaN before
     std::int64_t starts_accepted_count = 0;
@@ -117,7 +117,7 @@ class LocalPlantServer final : public PlantServer {
   void AnswerSensorRequest(std::size_t client, BootTime arrival, const link::MessageType& answer,
                            const Reply& reply);
   const MessageBinding& BindingOf(const link::MessageType& type) const;
-  void TakeInput(std::size_t client, BootTime arrival, const link::Message& message);
+  void AcceptInput(std::size_t client, BootTime arrival, const link::Message& message);
   void PutInputInForce();
   void LeaveBoundary(const AllCounts& counts);
   void LogRow(BootTime at, const AllCounts& counts);
@@ -136,12 +136,12 @@ class LocalPlantServer final : public PlantServer {
   std::vector<double> sent_;      // and after them
   faults::FaultSchedule faults_;  // on the vehicle and its actuators
   FaultConditions conditions_;
-  std::vector<faults::News> news_;
+  std::vector<faults::FaultEvent> news_;
   const link::Protocol& protocol_;
   std::vector<MessageBinding> bindings_;  // one per message of the protocol
   OriginFinder origin_;
   Arbiter arbiter_;
-  std::vector<Seat> seats_;  // one for each client
+  std::vector<ClientPart> clients_;  // one for each client
   State state_;
   RecordSink& sink_;
   Record row_{0, {}, record::Row{}};  // keeps the memory of its values

@@ -71,7 +71,7 @@ bool ActsAtPlant(const faults::FaultSpec& fault) {
 // Reason that this fault cannot wait for what it waits for; none: it can.
 std::optional<std::string> UnsupportedWaiting(const Scenario& scenario, const faults::FaultSpec& fault,
                                               const ClientAbilities& abilities) {
-  if (!abilities.realtime || !faults::WaitsForNews(fault)) return std::nullopt;
+  if (!abilities.realtime || !faults::WaitsForEvent(fault)) return std::nullopt;
   if (!ActsAtPlant(fault))
     return "waits for a condition or another fault, of which only the plant's node knows in time in real "
            "time: "

@@ -80,7 +80,7 @@ class Finder {
     if (fs::is_regular_file(status)) {
       Add(path, true);
     } else if (fs::is_directory(status)) {
-      TakeFolder(path);
+      AddFolder(path);
     } else {
       found.problems.push_back(fmt::format("{}: {}", path.string(), WhatItIs(path, status, error)));
     }
@@ -96,7 +96,7 @@ class Finder {
   }
 
   // Links after the tree that they are in, so that a file goes by its own name when both lead to it.
-  void TakeFolder(const fs::path& folder) {
+  void AddFolder(const fs::path& folder) {
     std::vector<fs::path> files, links;
     Search(folder, files, links);
     for (std::size_t i = 0; i < links.size(); ++i) Follow(fs::path(links[i]), files, links);

@@ -75,7 +75,7 @@ class Excuses {
     if (type.end == faults::Bound::kRefused) {
       const TimeNs end_ns = window.end_ns == kNever ? window.begin_ns : window.end_ns;
       windows_.push_back({window.begin_ns, end_ns + kAftermath});
-    } else if (faults::WaitsForNews(spec)) {
+    } else if (faults::WaitsForEvent(spec)) {
       windows_.push_back({window.begin_ns, window.end_ns == kNever ? kNever : window.end_ns + kAftermath});
     } else {
       activities_.emplace_back(spec, window);

@@ -97,7 +97,7 @@ class Calculator {
   // From a fault's onset to where it is active last: as its window and period say, or, when it waits for something, as the
   // trace does. None when it never was active.
   std::optional<faults::Window> ActiveSpan(const faults::FaultSpec& fault) const {
-    if (!faults::WaitsForNews(fault)) return faults::Activity(fault, faults::WindowOf(fault)).Span();
+    if (!faults::WaitsForEvent(fault)) return faults::Activity(fault, faults::WindowOf(fault)).Span();
     const std::vector<double> active = Signal(std::string(stl::kActivePrefix) + fault.id);
     const auto is_active = [](double value) { return value != 0.0; };
     const auto first = std::find_if(active.begin(), active.end(), is_active);

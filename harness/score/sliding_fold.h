@@ -36,14 +36,14 @@ class SlidingFold {
   Value Over(std::size_t first, std::size_t last) {
     Check(last <= values_.size(), "a window ends within its values");
     for (; last_ < last; ++last_) back_ = operation_(back_, values_[last_]);
-    if (first >= turn_) Turn(first);
+    if (first >= turn_) Refold(first);
     if (first >= last_) return neutral_;
     return operation_(front_[first], back_);
   }
 
  private:
   // Turns all that is in the window into partial folds from the end.
-  void Turn(std::size_t first) {
+  void Refold(std::size_t first) {
     Value fold = neutral_;
     for (std::size_t i = last_; i > first; --i) {
       fold = operation_(values_[i - 1], fold);

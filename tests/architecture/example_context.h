@@ -150,7 +150,7 @@ extern struct FaultsOfWire { void Add(const WireKind& kind); } faults_of_wire;
 extern const link::Protocol& protocol;
 extern link::Chunk chunk;
 
-// faults/news.h
+// faults/fault_event.h
 extern FaultSchedule line_faults, plant_faults;
 
 // faults/random.h

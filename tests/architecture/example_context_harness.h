@@ -366,7 +366,7 @@ extern BootTime horizon;
 extern Origin origin;
 
 // harness/run/fault_conditions.h
-extern std::vector<faults::News> news;
+extern std::vector<faults::FaultEvent> events;
 
 // harness/run/introduction.h
 #include "harness/process/child_process.h"
@@ -378,13 +378,13 @@ extern const examples::Function Wait;
 // harness/dds/cdr.h
 #include "harness/dds/messages.h"
 
-// harness/live/bus_feed.h
+// harness/live/bus_observer.h
 extern const dds::BusConfig bus_config;
 extern LiveBoard board;
 extern const std::function<void()> changed;
 extern const LivePlan plan;
-extern const BusFeed::Loader load;
-extern const BusFeed::Finisher finish;
+extern const BusObserver::Loader load;
+extern const BusObserver::Finisher finish;
 
 // harness/live/live_process.h
 extern const LiveOptions options;

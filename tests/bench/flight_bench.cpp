@@ -153,7 +153,7 @@ void FlyByEngine(benchmark::State& state, const HostLibrary& library) {
       job.means.clients.all = library;
       engine.Submit(std::move(job));
     }
-    while (!engine.idle()) engine.Turn();
+    while (!engine.idle()) engine.Poll();
   });
 }
 BENCHMARK_CAPTURE(FlyByEngine, shipped, HostLibrary{})

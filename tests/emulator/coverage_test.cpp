@@ -60,7 +60,7 @@ TEST(EmulatorCoverage, IsTheSameEachTimeAndChangesNoFlight) {
   auto first = engine.Submit(Job("first", true));
   auto second = engine.Submit(Job("second", true));
   auto reset = engine.Submit(WithReset(Job("reset", true)));
-  while (!engine.idle()) engine.Turn();
+  while (!engine.idle()) engine.Poll();
   const FlightResult without = plain.get(), with = first.get(), again = second.get(), twice = reset.get();
   ASSERT_FALSE(without.trace_hash.empty()) << without.score.reason;
   EXPECT_EQ(with.trace_hash, without.trace_hash);

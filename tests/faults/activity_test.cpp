@@ -146,7 +146,7 @@ RC_GTEST_PROP(ActivityTest, WaitingFaultsFollowTheirDefinitionAtEveryNanosecond,
   const Activity activity = Told(waiting);
   for (TimeNs t = -60; t < 400; ++t) RC_ASSERT(activity.Contains(t) == IsActive(waiting, t));
   RC_ASSERT(activity.Contains(kPowerOn) ==
-            (waiting.spec.start_ns == kPowerOn && !WaitsForNews(waiting.spec)));
+            (waiting.spec.start_ns == kPowerOn && !WaitsForEvent(waiting.spec)));
 }
 
 RC_GTEST_PROP(ActivityTest, WaitingFaultsTouchWhatHasAnActiveNanosecond, ()) {
@@ -177,7 +177,7 @@ RC_GTEST_PROP(ActivityTest, TheSpanEndsWithTheLastStretch, ()) {
   RC_ASSERT(activity.Span().end_ns == activity.Stretches().back().end_ns);
 }
 
-// Conditions and activations reach a schedule as news; each part tells what others wait for.
+// Conditions and activations reach a schedule as events; each part tells what others wait for.
 TEST(ActivityTest, SchedulesTellWhatOthersWaitFor) {
   FaultSpec first = Spec("frame.drop", {{"probability", 1.0}}, "first");
   first.start_ns = FrameTime(3);
@@ -194,17 +194,18 @@ TEST(ActivityTest, SchedulesTellWhatOthersWaitFor) {
     chunks[0].begin_ns = kOrigin.ToBootTime(FrameTime(n));
     line.Filter(link::Direction::kToClient)->Apply(chunks);
   }
-  const std::vector<News> news = line.TakeNews();
-  EXPECT_THAT(news, ElementsAre(News{News::Kind::kFirstActivation, 0, FrameTime(3)}));
-  EXPECT_THAT(line.TakeNews(), IsEmpty());
+  const std::vector<FaultEvent> events = line.PollEvents();
+  EXPECT_THAT(events, ElementsAre(FaultEvent{FaultEvent::Kind::kFirstActivation, 0, FrameTime(3)}));
+  EXPECT_THAT(line.PollEvents(), IsEmpty());
   const TimeNs opens = FrameTime(3) + 5 * kNsPerMs;
   EXPECT_FALSE(plant.IsActive(1, opens));
-  plant.Hear(news);
+  plant.Hear(events);
   for (const FaultSchedule* schedule : {&line, &plant}) {
     EXPECT_FALSE(schedule->IsActive(1, opens - 1));
     EXPECT_TRUE(schedule->IsActive(1, opens));
   }
-  plant.Hear(std::vector<News>{{News::Kind::kConditionHolds, 2, 10}, {News::Kind::kConditionEnds, 2, 20}});
+  plant.Hear(std::vector<FaultEvent>{{FaultEvent::Kind::kConditionHolds, 2, 10},
+                                     {FaultEvent::Kind::kConditionEnds, 2, 20}});
   Sensors sensors{};
   EditSensors(plant, 15, sensors);
   EXPECT_EQ(sensors.y_m, 1.0F);

@@ -18,7 +18,7 @@ namespace {
 struct Timing {
   std::string name;
   std::function<void(FaultSpec&)> set;
-  std::vector<News> news;                       // heard at their times, of fault 0
+  std::vector<FaultEvent> events;               // heard at their times, of fault 0
   std::function<bool(std::int64_t)> is_active;  // frame, byte, sample or step n, at n * 12 ms
 };
 
@@ -42,10 +42,10 @@ const std::vector<Timing>& Timings() {
        [](std::int64_t n) { return n >= 100 && n < 700 && n % 50 < 25; }},
       {"level",
        [](FaultSpec& spec) { spec.when = "z_m > 3"; },
-       {{News::Kind::kConditionHolds, 0, 200 * kPeriod},
-        {News::Kind::kConditionEnds, 0, 300 * kPeriod},
-        {News::Kind::kConditionHolds, 0, 500 * kPeriod},
-        {News::Kind::kConditionEnds, 0, 560 * kPeriod}},
+       {{FaultEvent::Kind::kConditionHolds, 0, 200 * kPeriod},
+        {FaultEvent::Kind::kConditionEnds, 0, 300 * kPeriod},
+        {FaultEvent::Kind::kConditionHolds, 0, 500 * kPeriod},
+        {FaultEvent::Kind::kConditionEnds, 0, 560 * kPeriod}},
        [](std::int64_t n) { return (n >= 200 && n < 300) || (n >= 500 && n < 560); }},
       {"edge",
        [](FaultSpec& spec) {
@@ -53,7 +53,8 @@ const std::vector<Timing>& Timings() {
          spec.edge = Edge::kRising;
          spec.end_ns = 600 * kPeriod;
        },
-       {{News::Kind::kConditionHolds, 0, 200 * kPeriod}, {News::Kind::kConditionEnds, 0, 300 * kPeriod}},
+       {{FaultEvent::Kind::kConditionHolds, 0, 200 * kPeriod},
+        {FaultEvent::Kind::kConditionEnds, 0, 300 * kPeriod}},
        [](std::int64_t n) { return n >= 200 && n < 600; }},
       {"after",
        [](FaultSpec& spec) {
@@ -61,7 +62,7 @@ const std::vector<Timing>& Timings() {
          spec.period_ns = 40 * kPeriod;
          spec.duty = 0.5;
        },
-       {{News::Kind::kFirstActivation, 1, 150 * kPeriod}},
+       {{FaultEvent::Kind::kFirstActivation, 1, 150 * kPeriod}},
        [](std::int64_t n) { return n >= 160 && (n - 160) % 40 < 20; }},
       {"all at once",
        [](FaultSpec& spec) {
@@ -72,9 +73,9 @@ const std::vector<Timing>& Timings() {
          spec.when = "z_m > 3";
          spec.after = After{"other", 0};
        },
-       {{News::Kind::kConditionHolds, 0, 120 * kPeriod},
-        {News::Kind::kFirstActivation, 1, 170 * kPeriod},
-        {News::Kind::kConditionEnds, 0, 600 * kPeriod}},
+       {{FaultEvent::Kind::kConditionHolds, 0, 120 * kPeriod},
+        {FaultEvent::Kind::kFirstActivation, 1, 170 * kPeriod},
+        {FaultEvent::Kind::kConditionEnds, 0, 600 * kPeriod}},
        [](std::int64_t n) { return n >= 170 && n < 600 && (n - 100) % 60 < 30; }},
   };
   return timings;
@@ -110,7 +111,7 @@ bool PassOne(FaultSchedule& schedule, std::int64_t n) {
 
 // In which periods of a flight the fault acted: it counted an activation, and something had changed. A disturbance
 // of the vehicle counts once, when it begins.
-std::vector<bool> Acted(const FaultSpec& spec, std::vector<News> news) {
+std::vector<bool> Acted(const FaultSpec& spec, std::vector<FaultEvent> events) {
   const bool shows = spec.type != "harness.null", is_lasting = spec.type.starts_with("plant.");
   // The other never acts by itself: on no line that is used.
   FaultSpec other = Spec("frame.drop", {{"probability", 1.0}}, "other");
@@ -119,9 +120,9 @@ std::vector<bool> Acted(const FaultSpec& spec, std::vector<News> news) {
   schedule.SetOrigin(kOriginAtPowerOn);
   std::vector<bool> acted;
   for (std::int64_t n = 0; n < kFrames; ++n) {
-    while (!news.empty() && news.front().time_ns <= n * kPeriod) {
-      schedule.Hear(std::vector<News>{news.front()});
-      news.erase(news.begin());
+    while (!events.empty() && events.front().time_ns <= n * kPeriod) {
+      schedule.Hear(std::vector<FaultEvent>{events.front()});
+      events.erase(events.begin());
     }
     const std::int64_t before = schedule.ActivationCounts().at(0);
     const bool changed = PassOne(schedule, n);
@@ -148,7 +149,7 @@ TEST_P(TimingTest, ActsInItsTimeAlone) {
     if (kAlways.contains(type().name) && spec.parameters.contains("probability"))
       spec.parameters["probability"] = 1.0;
     timing.set(spec);
-    const std::vector<bool> acted = Acted(spec, timing.news);
+    const std::vector<bool> acted = Acted(spec, timing.events);
     int inside = 0;
     for (std::int64_t n = 0; n < kFrames; ++n) {
       const bool acts = acted[static_cast<std::size_t>(n)];
@@ -208,9 +209,10 @@ TEST_P(CommandTimingTest, OthersFollowIt) {
   schedule.SetOrigin(kOriginAtPowerOn);
   EXPECT_FALSE(schedule.IsActive(1, 10 * kNsPerS));
   schedule.Count(0, 3 * kNsPerS, "carried out");
-  EXPECT_EQ(schedule.TakeNews(), std::vector({News{News::Kind::kFirstActivation, 0, 3 * kNsPerS}}));
+  EXPECT_EQ(schedule.PollEvents(),
+            std::vector({FaultEvent{FaultEvent::Kind::kFirstActivation, 0, 3 * kNsPerS}}));
   schedule.Count(0, 4 * kNsPerS, "carried out again");
-  EXPECT_TRUE(schedule.TakeNews().empty());
+  EXPECT_TRUE(schedule.PollEvents().empty());
   EXPECT_FALSE(schedule.IsActive(1, 3 * kNsPerS + 7 * kNsPerMs - 1));
   EXPECT_TRUE(schedule.IsActive(1, 3 * kNsPerS + 7 * kNsPerMs));
 }

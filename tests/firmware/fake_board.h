@@ -91,7 +91,8 @@ class FakeBoard {
  public:
   FakeBoard(const ClientLibrary& library, const char* firmware, const char* dialect, std::int64_t baud = 0)
       : library_(library), baud_(baud) {
-    host_ = {TILTPROOF_CLIENT_ABI_VERSION, firmware, dialect, this, &FakeBoard::Transmit, &FakeBoard::Log};
+    host_ = {TILTPROOF_CLIENT_ABI_VERSION, firmware,        dialect, this,
+             &FakeBoard::Transmit,         &FakeBoard::Log, nullptr};
     client_ = library_.create(&host_);
     if (client_ == nullptr) throw std::runtime_error("the library refuses to be this firmware");
   }

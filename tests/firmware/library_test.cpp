@@ -66,7 +66,8 @@ TEST_P(LibraryTest, RefusesWhatItCannotBe) {
   const auto transmit = [](void*, int, std::int64_t now_ns, const std::uint8_t*, std::size_t) {
     return now_ns;
   };
-  const TiltproofHost good{TILTPROOF_CLIENT_ABI_VERSION, "paper", "paper", nullptr, transmit, nullptr};
+  const TiltproofHost good{
+      TILTPROOF_CLIENT_ABI_VERSION, "paper", "paper", nullptr, transmit, nullptr, nullptr};
   TiltproofClient* client = library_.create(&good);
   ASSERT_NE(client, nullptr);
   library_.start(client, 0);  // there is no log
@@ -141,7 +142,7 @@ TEST(HostLibraryTest, AllocatesInCreateOnly) {
   const ClientLibrary library(TILTPROOF_FIRMWARE_LIBRARY);
   CountingHost counter;
   const TiltproofHost host{TILTPROOF_CLIENT_ABI_VERSION, "tolerant", "paper", &counter,
-                           &CountingHost::Transmit,      nullptr};
+                           &CountingHost::Transmit,      nullptr,    nullptr};
   const Bytes reply = Frame(std::array<float, 16>{});
   const Bytes reference = Frame(std::array<float, 7>{});
   // Faults: a height that jumps, one that is no number, a turn that nothing explains, a reference far away.

@@ -81,7 +81,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   for (const Read& read : whole) {
     if (read.status != "ok") continue;
     const Bytes frame = framing.Encode(read.payload);
-    const auto parts = framing.TakeApart(frame);
+    const auto parts = framing.Split(frame);
     Require(parts && parts->payload == read.payload && parts->damage == 0, "a frame is put together again");
     Bytes behind(framing.opening().begin(), framing.opening().end());
     behind.insert(behind.end(), frame.begin() + static_cast<std::ptrdiff_t>(framing.opening().size()),
@@ -89,6 +89,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const auto cutter = framing.MakeCutter();
     Require(cutter->FindEnd(behind) == behind.size(), "a cutter finds its end");
   }
-  framing.TakeApart(stream);
+  framing.Split(stream);
   return 0;
 }

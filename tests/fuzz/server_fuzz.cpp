@@ -155,13 +155,13 @@ class Server {
       if (next > end) break;
       now_ns_ = std::max(now_ns_, next);
       plant_.Advance(now_ns_, Counts());
-      SpreadNews();
+      ForwardEvents();
       if (plant_.state().over) return false;
       for (std::size_t client = 0; client < lines_.size(); ++client) Serve(client);
     }
     now_ns_ = std::max(now_ns_, end);
     plant_.Advance(now_ns_, Counts());
-    SpreadNews();
+    ForwardEvents();
     return !plant_.state().over;
   }
 
@@ -207,12 +207,12 @@ class Server {
       plant_.Receive(client, piece->arrival_ns, *piece->message,
                      [this](auto frame) { replies_.emplace_back(frame.begin(), frame.end()); });
       const BootTime arrival = piece->arrival_ns;
-      SpreadNews();
+      ForwardEvents();
       for (const Bytes& reply : replies_) {
         CheckReply(reply);
         line.Transmit(link::Direction::kToClient, arrival, reply);
       }
-      SpreadNews();
+      ForwardEvents();
       if (!was_started && plant_.state().started())
         for (LocalLine& other : lines_) other.SetOrigin(plant_.state().origin);
     }
@@ -227,10 +227,10 @@ class Server {
     Require(event->payload.size() == link::kSensorMessageBytes, "a reply has all sensors");
   }
 
-  void SpreadNews() {
-    const auto of_plant = plant_.TakeNews();
+  void ForwardEvents() {
+    const auto of_plant = plant_.PollEvents();
     for (LocalLine& line : lines_) {
-      const auto of_line = line.TakeNews();
+      const auto of_line = line.PollEvents();
       plant_.Hear(of_line);
       for (LocalLine& other : lines_)
         if (&other != &line) other.Hear(of_line);

@@ -76,7 +76,7 @@ TEST_P(FramingTest, ReadsWhatItEncodesInAnyChunks) {
       EXPECT_EQ(read->end, ends[count]);
       // Its part of the stream is such a frame again.
       const auto part = std::span<const std::uint8_t>(stream).subspan(read->begin, read->end - read->begin);
-      EXPECT_EQ(framing_->TakeApart(part)->payload, payloads[count]);
+      EXPECT_EQ(framing_->Split(part)->payload, payloads[count]);
       EXPECT_GE(read->content_begin, read->begin);
       EXPECT_LE(read->content_end, read->end);
       ++count;
@@ -113,7 +113,7 @@ TEST_P(FramingTest, AFrameTakenApartIsPutTogetherAgain) {
     const std::size_t last = (std::size_t{1} << 8 * framing_->check_bytes()) - 1;
     const auto damage = i % 2 == 0 ? 0 : static_cast<std::uint32_t>(1 + Below(last));
     const Bytes frame = framing_->Encode(payload, damage);
-    const auto parts = framing_->TakeApart(frame);
+    const auto parts = framing_->Split(frame);
     ASSERT_TRUE(parts);
     EXPECT_EQ(parts->payload, payload);
     EXPECT_EQ(parts->damage, damage);

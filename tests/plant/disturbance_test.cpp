@@ -21,7 +21,7 @@ using testing::LagrangeModel;
 using testing::LagrangeParameters;
 using testing::TiltrotorPlant;
 
-constexpr PlantOptions kSpace{.step_ns = kNsPerMs, .gravity_m_s2 = 0, .ground = false};
+const PlantOptions kSpace{.step_ns = kNsPerMs, .gravity_m_s2 = 0, .ground = false};
 
 // The same without input, thrust and servo torque 0.
 struct Free : TiltrotorPlant {
@@ -89,7 +89,7 @@ VehicleModel WithDrag(const BodyDrag& drag) {
   return model;
 }
 
-constexpr PlantOptions kAir{.step_ns = 100 * kNsPerUs, .ground = false};
+const PlantOptions kAir{.step_ns = 100 * kNsPerUs, .ground = false};
 
 // m v' = -m g - c v falls at -(m g / c) (1 - exp(-c t / m)); m v' = -m g + q v^2 at -v_t tanh(g t / v_t).
 TEST(Drag, SlowsAFallAsItsClosedFormsSay) {

@@ -19,7 +19,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using ::testing::HasSubstr;
 
-constexpr PlantOptions kSolidGround{.touch_down_max_m_s = 1};
+const PlantOptions kSolidGround{.touch_down_max_m_s = 1};
 
 CollisionShape BoxShape(const Vector3d& size_m, const Vector3d& p_m = Vector3d::Zero()) {
   return {.link = "body", .hinge = {}, .size_m = size_m, .p_LS_m = p_m};

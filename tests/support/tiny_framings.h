@@ -40,7 +40,7 @@ class TinyFraming : public Framing {
         ++offset_;
         if (framing_.IsIdle(frame_)) frame_.clear();
         if (frame_.empty() || !framing_.Ends(frame_)) continue;
-        const auto parts = framing_.TakeApart(frame_);
+        const auto parts = framing_.Split(frame_);
         return Take(!parts ? "malformed" : parts->damage != 0 ? "bad_checksum" : "ok", parts);
       }
       return std::nullopt;
@@ -116,7 +116,7 @@ class CobsFraming : public TinyFraming {
     to.push_back(0);
   }
 
-  std::optional<FrameParts> TakeApart(std::span<const std::uint8_t> frame) const override {
+  std::optional<FrameParts> Split(std::span<const std::uint8_t> frame) const override {
     FrameParts parts{.opening_bytes = CountFlags(*this, frame), .payload = {}};
     std::span<const std::uint8_t> rest = frame.subspan(parts.opening_bytes);
     if (rest.empty() || rest.back() != 0) return std::nullopt;
@@ -181,7 +181,7 @@ class LengthFraming : public TinyFraming {
     to.push_back(static_cast<std::uint8_t>(Xor(std::span(to).subspan(begin)) ^ damage));
   }
 
-  std::optional<FrameParts> TakeApart(std::span<const std::uint8_t> frame) const override {
+  std::optional<FrameParts> Split(std::span<const std::uint8_t> frame) const override {
     if (frame.size() < kOverhead || frame[0] != kBegin || frame.size() != kOverhead + LengthOf(frame))
       return std::nullopt;
     return FrameParts{.payload = {frame.begin() + 3, frame.end() - 1}, .damage = Xor(frame)};

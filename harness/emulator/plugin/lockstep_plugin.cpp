@@ -168,7 +168,7 @@ void BeginTurn(const Run& run) {
 }
 
 // Carries out commands until the harness grants time.
-void TakeCommands() {
+void ReadCommands() {
   for (;;) {
     plugin.socket.Flush();
     Header header{};
@@ -227,7 +227,7 @@ void Stop() {
   }
   const Stopped stopped{Now(), plugin.last_slept_ns, plugin.locked_up};
   plugin.socket.Send(Kind::kStopped, &stopped, sizeof(stopped));
-  TakeCommands();
+  ReadCommands();
 }
 
 void OnHorizon(void* /*opaque*/) { Stop(); }
@@ -366,7 +366,7 @@ void BeginLockstep() {
   }
   const Hello hello{kProtocolVersion};
   plugin.socket.Send(Kind::kHello, &hello, sizeof(hello));
-  TakeCommands();
+  ReadCommands();
 }
 
 // Before the first instruction. The clocks do not run yet when the processor is made, and virtual time may not be

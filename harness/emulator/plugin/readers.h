@@ -67,7 +67,7 @@ class Readers {
   void Set(std::size_t offset, T value) {
     std::memcpy(cpu_ + offset, &value, sizeof(value));
   }
-  void TakeBack(std::uint16_t count) {
+  void RemoveLast(std::uint16_t count) {
     Set(kCountLeftOffset, static_cast<std::uint16_t>(Get<std::uint16_t>(kCountLeftOffset) + count));
   }
 
@@ -92,19 +92,19 @@ inline void Readers::Before(unsigned /*vcpu*/, void* left) {
       Die("the processor's state is not where it should be: another build of QEMU 7.2?");
     readers.Set<std::uint32_t>(kCanDoIoOffset, 1);
     const std::int64_t before = qemu_clock_get_ns(kClockVirtual);
-    readers.TakeBack(count);
+    readers.RemoveLast(count);
     if (qemu_clock_get_ns(kClockVirtual) != before - kInstructionNs * count)
       Die("the count of instructions is not where it should be: another build of QEMU 7.2?");
     readers.tested_ = true;
     return;
   }
   readers.Set<std::uint32_t>(kCanDoIoOffset, 1);
-  readers.TakeBack(count);
+  readers.RemoveLast(count);
 }
 
 inline void Readers::After(unsigned /*vcpu*/, void* left) {
   readers.Set<std::uint32_t>(kCanDoIoOffset, 0);
-  readers.TakeBack(static_cast<std::uint16_t>(-static_cast<int>(reinterpret_cast<std::uintptr_t>(left))));
+  readers.RemoveLast(static_cast<std::uint16_t>(-static_cast<int>(reinterpret_cast<std::uintptr_t>(left))));
 }
 
 }  // namespace tiltproof::qemu

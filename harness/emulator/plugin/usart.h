@@ -95,7 +95,7 @@ class UsartUnit final : public RegisterBlock {
   void Serve() {
     Sync();
     if (!Free() && (Word(kControl3) & kDmaReceive) != 0 && dma_->Store(number_, address_ + kData, received_))
-      TakeByte();
+      PopByte();
     std::uint8_t byte = 0;
     while (!full_ && On(kTransmitterOn) && (Word(kControl3) & kDmaTransmit) != 0 &&
            dma_->Load(number_, address_ + kData, byte))
@@ -187,7 +187,7 @@ class UsartUnit final : public RegisterBlock {
   }
 
   // Reads DR. The errors and IDLE are cleared when SR and then DR have been read.
-  std::uint8_t TakeByte() {
+  std::uint8_t PopByte() {
     flags_ &= ~(kNotEmpty | (seen_ & (kErrors | kIdle)));
     seen_ &= ~(kErrors | kIdle);
     return received_;
@@ -217,7 +217,7 @@ class UsartUnit final : public RegisterBlock {
       return Status();
     }
     if (offset != kData) return Word(offset);
-    const std::uint8_t byte = TakeByte();
+    const std::uint8_t byte = PopByte();
     UpdateInterrupt();
     if (callbacks_.taken) callbacks_.taken(number_);
     return byte;

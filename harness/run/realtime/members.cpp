@@ -66,7 +66,7 @@ const Member* Members::FindPlaceOf(NodeKind kind) const {
 }
 
 void Members::Replace(Member& member, const std::string& id, const dds::Participant& participant) {
-  strangers_.insert(member.participant);  // the dead one may be heard for a moment, and is no news
+  strangers_.insert(member.participant);  // the dead one may be heard for a moment, and its end is no change
   member.id = id;
   member.participant = participant;
 }
@@ -100,14 +100,14 @@ void Members::CheckHosts() const {
   }
 }
 
-std::vector<MemberNews> Members::Watch(const std::vector<dds::NodeLife>& nodes, NodeProcesses* processes,
-                                       const std::set<std::string>& excused,
-                                       const std::set<std::string>& paused, SteadyClock::time_point now) {
-  std::vector<MemberNews> news;
+std::vector<MemberChange> Members::Watch(const std::vector<dds::NodeLife>& nodes, NodeProcesses* processes,
+                                         const std::set<std::string>& excused,
+                                         const std::set<std::string>& paused, SteadyClock::time_point now) {
+  std::vector<MemberChange> changes;
   const auto is_excused = [&](const std::string& role) {
     return excused.contains(role) || excused.contains("all");
   };
-  if (processes != nullptr) LoseEnded(*processes, is_excused, news);
+  if (processes != nullptr) LoseEnded(*processes, is_excused, changes);
   for (Member& member : members_) member.kept_away = is_excused(member.role);
   for (Member& member : members_) {
     if (member.lost) continue;
@@ -117,25 +117,25 @@ std::vector<MemberNews> Members::Watch(const std::vector<dds::NodeLife>& nodes, 
     const bool heard = found == nodes.end() || found->alive;
     if (heard) {
       if (member.silent_since)
-        news.push_back({MemberNews::Kind::kBack, member.role, false,
-                        fmt::format("the {} node is heard again after {} ms", member.id,
-                                    duration_cast<milliseconds>(now - *member.silent_since).count())});
+        changes.push_back({MemberChange::Kind::kBack, member.role, false,
+                           fmt::format("the {} node is heard again after {} ms", member.id,
+                                       duration_cast<milliseconds>(now - *member.silent_since).count())});
       member.silent_since.reset();
       member.silent_for.reset();
       continue;
     }
     if (!member.silent_since) {
       member.silent_since = now;
-      news.push_back({MemberNews::Kind::kSilent, member.role, false,
-                      fmt::format("the {} node missed its lease of 200 ms", member.id)});
+      changes.push_back({MemberChange::Kind::kSilent, member.role, false,
+                         fmt::format("the {} node missed its lease of 200 ms", member.id)});
     }
-    JudgeSilent(member, processes != nullptr ? processes->Find(member.role) : nullptr, paused, now, news);
+    JudgeSilent(member, processes != nullptr ? processes->Find(member.role) : nullptr, paused, now, changes);
   }
-  return news;
+  return changes;
 }
 
 void Members::LoseEnded(NodeProcesses& processes, const std::function<bool(const std::string&)>& is_excused,
-                        std::vector<MemberNews>& news) {
+                        std::vector<MemberChange>& changes) {
   for (const auto& name : processes.names()) {
     ChildProcess* process = processes.Find(name);
     if (process == nullptr || process->Alive() || is_excused(name)) continue;
@@ -143,12 +143,12 @@ void Members::LoseEnded(NodeProcesses& processes, const std::function<bool(const
     Member unknown;
     unknown.id = name;
     Member* member = FindRole(name);
-    Lose(member != nullptr ? *member : unknown, process->ExitText().value_or("has ended"), news);
+    Lose(member != nullptr ? *member : unknown, process->ExitText().value_or("has ended"), changes);
   }
 }
 
 void Members::JudgeSilent(Member& member, ChildProcess* process, const std::set<std::string>& paused,
-                          SteadyClock::time_point now, std::vector<MemberNews>& news) {
+                          SteadyClock::time_point now, std::vector<MemberChange>& changes) {
   // A program, an emulator or a board is not its node, which is a process of ours.
   const bool holds_firmware = !member.client || std::holds_alternative<HostLibrary>(*member.client);
   const bool kept_away = member.kept_away;
@@ -165,14 +165,14 @@ void Members::JudgeSilent(Member& member, ChildProcess* process, const std::set<
       const bool itself = HasStoppedItself(process->pid());
       Lose(member,
            itself ? "does not answer: it has stopped itself" : "does not answer: its process is stopped",
-           news, itself || paused.contains(member.role));
+           changes, itself || paused.contains(member.role));
     } else if (silent_for > kHangLimit) {
-      Lose(member, "does not answer: it hangs", news, !HostIsSilent(member) && holds_firmware);
+      Lose(member, "does not answer: it hangs", changes, !HostIsSilent(member) && holds_firmware);
     }
   } else if (now - *member.silent_since > kPartitionLimit) {
     Lose(member,
          fmt::format("was not heard for {} s: it ended, hangs or is cut off", kPartitionLimit.count() / 1000),
-         news, !HostIsSilent(member) && holds_firmware);
+         changes, !HostIsSilent(member) && holds_firmware);
   }
 }
 
@@ -182,13 +182,13 @@ bool Members::HostIsSilent(const Member& member) const {
   });
 }
 
-void Members::Lose(Member& member, const std::string& how, std::vector<MemberNews>& news, bool blame) {
+void Members::Lose(Member& member, const std::string& how, std::vector<MemberChange>& changes, bool blame) {
   if (member.lost) return;
   member.lost = true;
   const bool firmware = blame && member.kind == NodeKind::kClient;
-  news.push_back({MemberNews::Kind::kLost, member.role, firmware,
-                  firmware ? fmt::format("the firmware under test is lost: its node {} {}", member.id, how)
-                           : fmt::format("the {} node {}", member.id, how)});
+  changes.push_back({MemberChange::Kind::kLost, member.role, firmware,
+                     firmware ? fmt::format("the firmware under test is lost: its node {} {}", member.id, how)
+                              : fmt::format("the {} node {}", member.id, how)});
 }
 
 bool Members::AnySilent() const {

@@ -31,7 +31,7 @@ struct Member {
 };
 
 // A change that Watch() saw.
-struct MemberNews {
+struct MemberChange {
   enum class Kind { kSilent, kBack, kLost } kind;
   std::string role;
   bool firmware = false;  // it is the node of the firmware under test
@@ -59,14 +59,14 @@ class Members {
   // Who must share a host does, or std::runtime_error says who does not.
   void CheckHosts() const;
 
-  // News since the last call. A process of ours is lost when it has ended, or missed its lease (200 ms) and is
+  // Changes since the last call. A process of ours is lost when it has ended, or missed its lease (200 ms) and is
   // stopped, or stays silent; an attached node (`processes` null), and one that is cut off by a fault, when it
   // stays away for kPartitionLimit. A client that falls silent together with others of its host is no fault of
   // the firmware, nor is the silence of a node whose firmware runs outside of it. Roles in `excused` are kept away by a fault. Roles in `paused` are stopped by one, which excuses
   // nothing: a firmware that stands still for so long hangs.
-  std::vector<MemberNews> Watch(const std::vector<dds::NodeLife>& nodes, NodeProcesses* processes,
-                                const std::set<std::string>& excused, const std::set<std::string>& paused,
-                                std::chrono::steady_clock::time_point now);
+  std::vector<MemberChange> Watch(const std::vector<dds::NodeLife>& nodes, NodeProcesses* processes,
+                                  const std::set<std::string>& excused, const std::set<std::string>& paused,
+                                  std::chrono::steady_clock::time_point now);
 
   // A new process has taken the member's place.
   void Replace(Member& member, const std::string& id, const dds::Participant& participant);
@@ -83,12 +83,12 @@ class Members {
 
  private:
   void LoseEnded(NodeProcesses& processes, const std::function<bool(const std::string&)>& is_excused,
-                 std::vector<MemberNews>& news);
+                 std::vector<MemberChange>& changes);
   // `process`: null when it is none of ours.
   void JudgeSilent(Member& member, ChildProcess* process, const std::set<std::string>& paused,
-                   std::chrono::steady_clock::time_point now, std::vector<MemberNews>& news);
+                   std::chrono::steady_clock::time_point now, std::vector<MemberChange>& changes);
   // `blame`: whether the firmware is to answer for it when it is the client's node.
-  void Lose(Member& member, const std::string& how, std::vector<MemberNews>& news, bool blame = true);
+  void Lose(Member& member, const std::string& how, std::vector<MemberChange>& changes, bool blame = true);
   // Another node of its host is silent too: then it is the host or the network, not this node.
   bool HostIsSilent(const Member& member) const;
   const Member* FindPlaceOf(dds::NodeKind kind) const;

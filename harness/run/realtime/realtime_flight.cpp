@@ -337,22 +337,22 @@ void RealtimeConductor::WatchMembers() {
   }
   // While they load a scenario, open ports or look at a firmware that never started, the limit of a command is theirs.
   const bool flying = started_ != SteadyClock::time_point{} && !stopping_;
-  for (const MemberNews& news : members_.Watch(flying ? bus_.nodes.Nodes() : std::vector<dds::NodeLife>{},
-                                               processes_ ? &*processes_ : nullptr, node_faults_.excused(),
-                                               node_faults_.paused(), SteadyClock::now())) {
+  for (const MemberChange& change : members_.Watch(
+           flying ? bus_.nodes.Nodes() : std::vector<dds::NodeLife>{}, processes_ ? &*processes_ : nullptr,
+           node_faults_.excused(), node_faults_.paused(), SteadyClock::now())) {
     // Released, they go.
     if (releasing_) continue;
-    switch (news.kind) {
-      case MemberNews::Kind::kSilent:
-        Note("node_silent", news.text);
+    switch (change.kind) {
+      case MemberChange::Kind::kSilent:
+        Note("node_silent", change.text);
         break;
-      case MemberNews::Kind::kBack:
-        Note("node_back", news.text);
+      case MemberChange::Kind::kBack:
+        Note("node_back", change.text);
         break;
-      case MemberNews::Kind::kLost: {
-        const std::string text = fmt::format("{} (at {:.3f} s)", news.text, ToSeconds(sim_ns_));
+      case MemberChange::Kind::kLost: {
+        const std::string text = fmt::format("{} (at {:.3f} s)", change.text, ToSeconds(sim_ns_));
         Note("node_lost", text);
-        End(news.firmware ? EndReason::kFirmwareLost : EndReason::kNodeLost, text);
+        End(change.firmware ? EndReason::kFirmwareLost : EndReason::kNodeLost, text);
         break;
       }
     }

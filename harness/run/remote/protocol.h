@@ -59,9 +59,9 @@ struct LineView {
                                                               BootTime::Never()};
   LineCounts counts{};
   std::optional<Overfull> overfull;
-  std::vector<faults::News> news;
+  std::vector<faults::FaultEvent> events;
   std::vector<std::uint8_t> records;  // PackedRecords
-  TILTPROOF_FIELDS(next_arrival_ns, counts, overfull, news, records)
+  TILTPROOF_FIELDS(next_arrival_ns, counts, overfull, events, records)
 };
 
 // A link::Message: both processes have the scenario, and so the protocol's table.

@@ -120,22 +120,23 @@ std::vector<std::uint8_t> RemotePart::Ask(const Packer& request) {
 RemoteLine::RemoteLine(Channel& channel, const Setup& setup, const link::Protocol& protocol, RecordSink& sink)
     : part_("link", channel, setup), protocol_(protocol), sink_(sink) {}
 
-void RemoteLine::TakeView(Unpacker& answer) {
+void RemoteLine::ReadView(Unpacker& answer) {
   answer(view_);
-  news_.insert(news_.end(), view_.news.begin(), view_.news.end());
+  news_.insert(news_.end(), view_.events.begin(), view_.events.end());
   ReadPacked(view_.records, sink_);
 }
 
-void RemoteLine::Hear(std::span<const faults::News> news) {
-  if (!news.empty())
-    part_.Ask(RemotePart::Request(Message::kHear, std::vector<faults::News>(news.begin(), news.end())));
+void RemoteLine::Hear(std::span<const faults::FaultEvent> events) {
+  if (!events.empty())
+    part_.Ask(
+        RemotePart::Request(Message::kHear, std::vector<faults::FaultEvent>(events.begin(), events.end())));
 }
 
 BootTime RemoteLine::Transmit(link::Direction direction, BootTime now, std::span<const std::uint8_t> bytes) {
   const auto answer = part_.Ask(RemotePart::Request(Message::kTransmit, direction, now,
                                                     std::vector<std::uint8_t>(bytes.begin(), bytes.end())));
   Unpacker unpacker(answer);
-  TakeView(unpacker);
+  ReadView(unpacker);
   return unpacker.Next<BootTime>();
 }
 
@@ -144,7 +145,7 @@ std::optional<Line::Piece> RemoteLine::TakePiece(link::Direction direction, Boot
   if (NextArrival(direction) == BootTime::Never()) return std::nullopt;
   const auto answer = part_.Ask(RemotePart::Request(Message::kTakePiece, direction, until));
   Unpacker unpacker(answer);
-  TakeView(unpacker);
+  ReadView(unpacker);
   if (!unpacker.Next<bool>()) return std::nullopt;
   const auto arrival = unpacker.Next<BootTime>();
   unpacker(piece_);
@@ -161,49 +162,50 @@ void RemoteLine::SetOrigin(Origin origin) { part_.Ask(RemotePart::Request(Messag
 void RemoteLine::Finish(BootTime end) {
   const auto answer = part_.Ask(RemotePart::Request(Message::kFinish, end));
   Unpacker unpacker(answer);
-  TakeView(unpacker);
+  ReadView(unpacker);
 }
 
 RemotePlantServer::RemotePlantServer(Channel& channel, const Setup& setup, RecordSink& sink)
     : part_("plant", channel, setup), sink_(sink) {}
 
-void RemotePlantServer::TakeState(Unpacker& answer) {
+void RemotePlantServer::ReadState(Unpacker& answer) {
   answer(state_);
-  const auto news = answer.Next<std::vector<faults::News>>();
-  news_.insert(news_.end(), news.begin(), news.end());
+  const auto events = answer.Next<std::vector<faults::FaultEvent>>();
+  news_.insert(news_.end(), events.begin(), events.end());
   ReadPacked(answer.Next<std::vector<std::uint8_t>>(), sink_);
 }
 
-void RemotePlantServer::Hear(std::span<const faults::News> news) {
-  if (!news.empty())
-    part_.Ask(RemotePart::Request(Message::kHear, std::vector<faults::News>(news.begin(), news.end())));
+void RemotePlantServer::Hear(std::span<const faults::FaultEvent> events) {
+  if (!events.empty())
+    part_.Ask(
+        RemotePart::Request(Message::kHear, std::vector<faults::FaultEvent>(events.begin(), events.end())));
 }
 
 void RemotePlantServer::Advance(BootTime to, const AllCounts& counts) {
   if (to <= state_.quiet_until_ns || state_.over) return;
   const auto answer = part_.Ask(RemotePart::Request(Message::kAdvance, to, counts));
   Unpacker unpacker(answer);
-  TakeState(unpacker);
+  ReadState(unpacker);
 }
 
 void RemotePlantServer::Receive(std::size_t client, BootTime arrival, const link::Message& message,
                                 const Reply& reply) {
   const auto answer = part_.Ask(RemotePart::Request(Message::kServe, client, arrival, Packed(message)));
   Unpacker unpacker(answer);
-  TakeState(unpacker);
+  ReadState(unpacker);
   for (const auto& frame : unpacker.Next<std::vector<std::vector<std::uint8_t>>>()) reply(frame);
 }
 
 void RemotePlantServer::Finish(BootTime end, const AllCounts& counts) {
   const auto answer = part_.Ask(RemotePart::Request(Message::kFinish, end, counts));
   Unpacker unpacker(answer);
-  TakeState(unpacker);
+  ReadState(unpacker);
 }
 
 void RemotePlantServer::WriteTotals() {
   const auto answer = part_.Ask(RemotePart::Request(Message::kWriteTotals));
   Unpacker unpacker(answer);
-  TakeState(unpacker);
+  ReadState(unpacker);
 }
 
 std::unique_ptr<Client> MakeRemoteClient(Channel& channel, const Setup& setup, ClientHost host) {

@@ -51,18 +51,18 @@ class RemoteLine final : public Line {
   void SetOrigin(Origin origin) override;
   const LineCounts& counts() const override { return view_.counts; }
   const std::optional<Overfull>& overfull() const override { return view_.overfull; }
-  std::vector<faults::News> TakeNews() override { return std::exchange(news_, {}); }
-  void Hear(std::span<const faults::News> news) override;
+  std::vector<faults::FaultEvent> PollEvents() override { return std::exchange(news_, {}); }
+  void Hear(std::span<const faults::FaultEvent> events) override;
   void Finish(BootTime end) override;
 
  private:
-  void TakeView(Unpacker& answer);
+  void ReadView(Unpacker& answer);
 
   RemotePart part_;
   LineView view_;
   const link::Protocol& protocol_;
   RecordSink& sink_;
-  std::vector<faults::News> news_;
+  std::vector<faults::FaultEvent> news_;
   std::vector<std::uint8_t> piece_;
   link::Message message_;
 };
@@ -76,17 +76,17 @@ class RemotePlantServer final : public PlantServer {
                const Reply& reply) override;
   void Finish(BootTime end, const AllCounts& counts) override;
   const State& state() const override { return state_; }
-  std::vector<faults::News> TakeNews() override { return std::exchange(news_, {}); }
-  void Hear(std::span<const faults::News> news) override;
+  std::vector<faults::FaultEvent> PollEvents() override { return std::exchange(news_, {}); }
+  void Hear(std::span<const faults::FaultEvent> events) override;
   void WriteTotals() override;
 
  private:
-  void TakeState(Unpacker& answer);
+  void ReadState(Unpacker& answer);
 
   RemotePart part_;
   RecordSink& sink_;
   State state_;
-  std::vector<faults::News> news_;
+  std::vector<faults::FaultEvent> news_;
 };
 
 // A failure of its process is blamed on the firmware: FirmwareTrouble.

@@ -71,7 +71,7 @@ void ServeLine(Channel& channel, const ScenarioLoader& load) {
       now.next_arrival_ns[d] = line->NextArrival(static_cast<link::Direction>(d));
     now.counts = line->counts();
     now.overfull = line->overfull();
-    now.news = line->TakeNews();
+    now.events = line->PollEvents();
     now.records = std::move(batch);
     return now;
   };
@@ -105,7 +105,7 @@ void ServeLine(Channel& channel, const ScenarioLoader& load) {
         line->SetOrigin(request.Next<Origin>());
         return;
       case Message::kHear:
-        line->Hear(request.Next<std::vector<faults::News>>());
+        line->Hear(request.Next<std::vector<faults::FaultEvent>>());
         return;
       case Message::kFinish:
         line->Finish(request.Next<BootTime>());
@@ -138,7 +138,7 @@ void ServePlant(Channel& channel, const ScenarioLoader& load) {
         } else {
           server->Finish(time, counts);
         }
-        answer(server->state(), server->TakeNews(), TakeBatch(records));
+        answer(server->state(), server->PollEvents(), TakeBatch(records));
         return;
       }
       case Message::kServe: {
@@ -148,15 +148,15 @@ void ServePlant(Channel& channel, const ScenarioLoader& load) {
         server->Receive(
             client, arrival, Unpacked(request.Next<PackedMessage>(), *loaded->scenario.link.protocol),
             [&](std::span<const std::uint8_t> frame) { frames.emplace_back(frame.begin(), frame.end()); });
-        answer(server->state(), server->TakeNews(), TakeBatch(records), frames);
+        answer(server->state(), server->PollEvents(), TakeBatch(records), frames);
         return;
       }
       case Message::kHear:
-        server->Hear(request.Next<std::vector<faults::News>>());
+        server->Hear(request.Next<std::vector<faults::FaultEvent>>());
         return;
       case Message::kWriteTotals:
         server->WriteTotals();
-        answer(server->state(), server->TakeNews(), records.TakeAll());
+        answer(server->state(), server->PollEvents(), records.TakeAll());
         return;
       default:
         ThrowUnexpected();

@@ -84,7 +84,7 @@ TEST(Trials, AFlightWithoutRandomnessIsFlownOnce) {
       seeded.name += std::to_string(seed);
       seeded.scenario.seed = seed;
       auto flown = engine.Submit(seeded);
-      while (!engine.idle()) engine.Turn();
+      while (!engine.idle()) engine.Poll();
       const FlightResult result = flown.get();
       EXPECT_EQ(result.is_of_any_seed, !draws);
       hashes.insert(result.trace_hash);

@@ -92,8 +92,8 @@ void ExpectSameFlight(const FlightResult& a, const FlightResult& b) {
   EXPECT_EQ(a.replay, b.replay);
 }
 
-void TurnToTheEnd(Engine& engine) {
-  while (!engine.idle()) engine.Turn();
+void PollToTheEnd(Engine& engine) {
+  while (!engine.idle()) engine.Poll();
 }
 
 TEST(Engine, AFlightInAWorkerIsTheFlightInThisProcess) {
@@ -102,7 +102,7 @@ TEST(Engine, AFlightInAWorkerIsTheFlightInThisProcess) {
   EXPECT_GT(here.score.faults.at(0).activations, 0);
   Engine engine({});
   std::future<FlightResult> flown = engine.Submit(Job("spiral"));
-  TurnToTheEnd(engine);
+  PollToTheEnd(engine);
   ExpectSameFlight(flown.get(), here);
 }
 
@@ -117,7 +117,7 @@ TEST(Engine, TheNumberOfJobsChangesNoResult) {
     std::vector<std::future<FlightResult>> flown;
     for (int i = 0; i < 5; ++i)
       flown.push_back(engine.Submit(Job("flight-" + std::to_string(i), 0.5 + 0.1 * i)));
-    TurnToTheEnd(engine);
+    PollToTheEnd(engine);
     EXPECT_EQ(finished.size(), 5u);
     for (int i = 0; i < 5; ++i) {
       const FlightResult result = flown[static_cast<std::size_t>(i)].get();
@@ -139,7 +139,7 @@ TEST(Engine, CodeThatAFlightExecutesIsTheSameInEachProcess) {
       job.coverage = i < 4;
       flown.push_back(engine.Submit(std::move(job)));
     }
-    TurnToTheEnd(engine);
+    PollToTheEnd(engine);
     for (int i = 0; i < 6; ++i) {
       const FlightResult result = flown[static_cast<std::size_t>(i)].get();
       if (i % 2 == 0) hashes.insert(result.trace_hash);
@@ -160,9 +160,9 @@ TEST(Engine, CodeThatAFlightExecutesIsTheSameInEachProcess) {
 TEST(Engine, WhatIsDroppedNeverFlies) {
   Engine engine({});
   auto first = engine.Submit(Job("first")), second = engine.Submit(Job("second"));
-  engine.Turn();
+  engine.Poll();
   EXPECT_THAT(engine.DropWaiting(), ElementsAre("second"));
-  TurnToTheEnd(engine);
+  PollToTheEnd(engine);
   EXPECT_EQ(first.get().name, "first");
   EXPECT_THROW(second.get(), std::future_error);
 }
@@ -172,7 +172,7 @@ TEST(Engine, OnlyThoseThatArePickedAreDropped) {
   auto first = engine.Submit(Job("first")), second = engine.Submit(Job("second")),
        third = engine.Submit(Job("third"));
   engine.DropWaiting([](const FlightJob& job) { return job.name == "second"; });
-  TurnToTheEnd(engine);
+  PollToTheEnd(engine);
   EXPECT_EQ(first.get().name, "first");
   EXPECT_THROW(second.get(), std::future_error);
   EXPECT_EQ(third.get().name, "third");
@@ -183,7 +183,7 @@ TEST(Engine, AWorkerThatIsKilledCostsItsOwnFlight) {
   FlightJob killed = Job("killed");
   killed.recorder.begin = [](const Scenario&) { kill(getpid(), SIGKILL); };
   auto lost = engine.Submit(std::move(killed)), whole = engine.Submit(Job("whole"));
-  TurnToTheEnd(engine);
+  PollToTheEnd(engine);
   const FlightResult result = lost.get();
   EXPECT_EQ(result.score.verdict, Verdict::kError);
   EXPECT_THAT(result.score.reason, HasSubstr("the worker process was killed by signal 9"));
@@ -198,7 +198,7 @@ TEST(Engine, WhatCannotBeRecordedIsAnError) {
     throw std::runtime_error("no space left on device");
   };
   auto flown = engine.Submit(std::move(job));
-  TurnToTheEnd(engine);
+  PollToTheEnd(engine);
   const FlightResult result = flown.get();
   EXPECT_EQ(result.score.verdict, Verdict::kError);
   EXPECT_EQ(result.score.reason, "the flight's results are missing: no space left on device");
@@ -214,7 +214,7 @@ TEST(Engine, TheEndOfTheEngineIsTheEndOfItsWorkers) {
       while (true) pause();
     };
     flown = engine.Submit(std::move(job));
-    engine.Turn();
+    engine.Poll();
     EXPECT_EQ(engine.progress().size(), 1u);
   }
   EXPECT_THROW(flown.get(), std::future_error);
@@ -253,7 +253,7 @@ TEST(Engine, OneProcessFliesTheShippedFirmwareAgainAndAgain) {
   std::vector<std::future<FlightResult>> flown;
   for (std::size_t i = 0; i < 4; ++i)
     flown.push_back(engine.Submit(pids.Note(Job("flight-" + std::to_string(i), 1), i)));
-  TurnToTheEnd(engine);
+  PollToTheEnd(engine);
   EXPECT_NE(pids[0], getpid());
   for (std::size_t i = 0; i < 4; ++i) {
     EXPECT_EQ(pids[i], pids[0]);
@@ -268,7 +268,7 @@ TEST(Engine, AUsersLibraryFliesInAFreshProcess) {
   engine.Submit(pids.Note(UsersJob("users", 1), 1));
   engine.Submit(pids.Note(UsersJob("users-again", 1), 2));
   engine.Submit(pids.Note(Job("shipped-again", 1), 3));
-  TurnToTheEnd(engine);
+  PollToTheEnd(engine);
   for (std::size_t i = 1; i < 4; ++i) EXPECT_NE(pids[i], pids[i - 1]) << i;
 }
 
@@ -294,7 +294,7 @@ TEST(Engine, AFlightDoesNotDependOnThoseBeforeIt) {
     Engine engine({.jobs_count = jobs_count});
     std::vector<std::future<FlightResult>> futures;
     for (FlightJob& job : jobs) futures.push_back(engine.Submit(std::move(job)));
-    TurnToTheEnd(engine);
+    PollToTheEnd(engine);
     std::vector<FlightResult> results;
     for (auto& future : futures) {
       results.push_back(future.get());
@@ -329,7 +329,7 @@ TEST(Engine, AWorkerThatIsKilledInItsSecondFlightCostsThatFlight) {
   auto lost = engine.Submit(pids.Note(Job("lost", 1), 1, [] { kill(getpid(), SIGKILL); }));
   auto third = engine.Submit(pids.Note(Job("third", 1), 2)),
        fourth = engine.Submit(pids.Note(Job("fourth", 1), 3));
-  TurnToTheEnd(engine);
+  PollToTheEnd(engine);
   EXPECT_EQ(first.get().trace_hash, Here(Job("first", 1)).trace_hash);
   EXPECT_EQ(pids[1], pids[0]);
   EXPECT_THAT(lost.get().score.reason,
@@ -350,7 +350,7 @@ TEST(Engine, AWorkerThatDiesBetweenTwoFlightsCostsNone) {
                  .tell = [&](const std::string& line) { told.push_back(line); }});
   auto first = engine.Submit(pids.Note(Job("first", 1), 0)),
        second = engine.Submit(pids.Note(Job("second", 1), 1));
-  TurnToTheEnd(engine);
+  PollToTheEnd(engine);
   EXPECT_EQ(first.get().trace_hash, Here(Job("first", 1)).trace_hash);
   EXPECT_EQ(second.get().trace_hash, Here(Job("second", 1)).trace_hash);
   EXPECT_NE(pids[1], pids[0]);
@@ -365,7 +365,7 @@ TEST(Engine, AWorkerWhoseFirmwareWasStoppedFliesNoMore) {
     EXPECT_THROW(FirmwareGuard::Call(FirmwareCall::kStatus, [] { raise(SIGSEGV); }), FirmwareTrouble);
   };
   auto first = engine.Submit(std::move(job)), second = engine.Submit(pids.Note(Job("second", 1), 1));
-  TurnToTheEnd(engine);
+  PollToTheEnd(engine);
   EXPECT_EQ(first.get().trace_hash, second.get().trace_hash);
   EXPECT_NE(pids[1], pids[0]);
 }
@@ -378,7 +378,7 @@ TEST(Engine, WhatCannotBeRecordedCostsNoWorker) {
     throw std::runtime_error("no space left on device");
   };
   auto first = engine.Submit(std::move(job)), second = engine.Submit(pids.Note(Job("second", 1), 1));
-  TurnToTheEnd(engine);
+  PollToTheEnd(engine);
   EXPECT_EQ(first.get().score.reason, "the flight's results are missing: no space left on device");
   EXPECT_EQ(second.get().trace_hash, Here(Job("second", 1)).trace_hash);
   EXPECT_EQ(pids[1], pids[0]);
@@ -394,11 +394,11 @@ TEST(Engine, WhatComesLaterFliesToo) {
   in_use = &engine;
   auto first = engine.Submit(pids.Note(Job("first", 1), 0)),
        second = engine.Submit(pids.Note(Job("second", 1), 1));
-  TurnToTheEnd(engine);
+  PollToTheEnd(engine);
   EXPECT_EQ(pids[1], pids[0]);
   EXPECT_NE(pids[2], pids[0]) << "it was forked without it";
   later.push_back(engine.Submit(pids.Note(Job("much-later", 1), 3)));
-  TurnToTheEnd(engine);
+  PollToTheEnd(engine);
   EXPECT_EQ(later.at(0).get().name, "later");
   EXPECT_EQ(later.at(1).get().name, "much-later");
 }
@@ -411,7 +411,7 @@ TEST(Engine, WhatIsDroppedWhenAFlightEndsNeverFlies) {
   in_use = &engine;
   auto first = engine.Submit(Job("first", 1)), second = engine.Submit(Job("second", 1)),
        third = engine.Submit(Job("third", 1));
-  TurnToTheEnd(engine);
+  PollToTheEnd(engine);
   EXPECT_EQ(first.get().name, "first");
   EXPECT_THROW(second.get(), std::future_error);
   EXPECT_THROW(third.get(), std::future_error);
@@ -436,7 +436,7 @@ TEST_F(InterruptedEngine, KeepsThePartOfItsFlightAndBeginsNoOther) {
   auto first = engine.Submit(Job("first", 1)), second = engine.Submit(Job("second", 3600)),
        third = engine.Submit(Job("third", 1));
   while (!engine.idle()) {
-    engine.Turn();
+    engine.Poll();
     const auto progress = engine.progress();
     if (!interrupted && !progress.empty() && progress[0].name == "second" && progress[0].flown_s > 1)
       raise(SIGINT);
@@ -455,7 +455,7 @@ TEST_F(InterruptedEngine, ASignalToAWorkerAloneCostsItsFlight) {
   auto first = engine.Submit(pids.Note(Job("first", 1), 0)),
        second = engine.Submit(pids.Note(Job("second", 1), 1, [] { raise(SIGINT); })),
        third = engine.Submit(pids.Note(Job("third", 1), 2));
-  TurnToTheEnd(engine);
+  PollToTheEnd(engine);
   EXPECT_EQ(first.get().end_reason, EndReason::kCompleted);
   EXPECT_EQ(pids[1], pids[0]);
   const Score ended = second.get().score;
@@ -474,7 +474,7 @@ TEST_F(InterruptedEngine, ASignalToAWorkerBetweenTwoFlightsCostsNone) {
                  .interrupted = &interrupted});
   auto first = engine.Submit(pids.Note(Job("first", 1), 0)),
        second = engine.Submit(pids.Note(Job("second", 1), 1));
-  TurnToTheEnd(engine);
+  PollToTheEnd(engine);
   EXPECT_EQ(first.get().end_reason, EndReason::kCompleted);
   EXPECT_EQ(second.get().end_reason, EndReason::kCompleted);
   EXPECT_NE(pids[1], pids[0]);

@@ -62,10 +62,10 @@ std::vector<double> Times(const std::vector<Event>& events) {
 TEST(LiveBoard, TellsAFlightAndItsRowsOnce) {
   LiveBoard board;
   LiveBoard::Seen seen;
-  EXPECT_TRUE(board.News(seen).empty());
+  EXPECT_TRUE(board.TakeUpdate(seen).empty());
   board.Begin(Plan());
   for (int i = 0; i < 8; ++i) board.AddRow(Row(board, i * kPeriod_s));
-  const auto events = Events(board.News(seen));
+  const auto events = Events(board.TakeUpdate(seen));
   ASSERT_EQ(events.size(), 2U);
   EXPECT_EQ(events[0].name, "flight");
   EXPECT_EQ(events[0].data["name"], "hover");
@@ -76,15 +76,15 @@ TEST(LiveBoard, TellsAFlightAndItsRowsOnce) {
   for (std::size_t i = 1; i < board.column_count() - 1; ++i)
     EXPECT_NEAR(row[i].get<double>(), static_cast<double>(i) + 0.048, 1e-5);
   EXPECT_TRUE(row[board.column_count() - 1].is_null());  // no state of a supervisor
-  EXPECT_TRUE(board.News(seen).empty());
+  EXPECT_TRUE(board.TakeUpdate(seen).empty());
   board.Note(0.1, "reset", "by \"hand\"\nof <b>");
   board.Finish("hover", R"({"name":"hover"})");
-  const auto rest = Events(board.News(seen));
+  const auto rest = Events(board.TakeUpdate(seen));
   ASSERT_EQ(rest.size(), 3U);
   EXPECT_EQ(rest[0].name, "finished");
   EXPECT_EQ(rest[1].data["text"], "by \"hand\"\nof <b>");
   EXPECT_EQ(rest[2].name, "over");
-  EXPECT_TRUE(board.News(seen).empty());
+  EXPECT_TRUE(board.TakeUpdate(seen).empty());
 }
 
 TEST(LiveBoard, StaysSmallHoweverLongTheFlight) {
@@ -94,7 +94,7 @@ TEST(LiveBoard, StaysSmallHoweverLongTheFlight) {
   for (int i = 0; i < rows; ++i) board.AddRow(Row(board, i * kPeriod_s));
   LiveBoard::Seen seen;
   std::vector<double> times;
-  for (std::string text = board.News(seen); !text.empty(); text = board.News(seen)) {
+  for (std::string text = board.TakeUpdate(seen); !text.empty(); text = board.TakeUpdate(seen)) {
     // A row more than asked for, and the head.
     EXPECT_LT(text.size(), 100'000U);
     for (const double time : Times(Events(text))) times.push_back(time);
@@ -112,14 +112,14 @@ TEST(LiveBoard, WhoWasAwayGetsWhatIsThereNow) {
   LiveBoard::Seen seen;
   board.Begin(Plan());
   board.AddRow(Row(board, 0));
-  board.News(seen);
+  board.TakeUpdate(seen);
   // Two flights, and the third flies.
   for (const char* entry : {"{\"n\":1}", "{\"n\":2}"}) {
     board.Finish("hover", entry);
     board.Begin(Plan());
   }
   board.AddRow(Row(board, 0.5));
-  const auto events = Events(board.News(seen));
+  const auto events = Events(board.TakeUpdate(seen));
   std::vector<std::string> names;
   for (const Event& event : events) names.push_back(event.name);
   EXPECT_EQ(names, (std::vector<std::string>{"finished", "finished", "flight", "rows"}));
@@ -129,7 +129,7 @@ TEST(LiveBoard, WhoWasAwayGetsWhatIsThereNow) {
   board.AddRow(Row(board, 0.2));
   board.AddRow(Row(board, std::nan("")));
   board.AddRow(std::vector<double>(3, 1.0));
-  EXPECT_TRUE(board.News(seen).empty());
+  EXPECT_TRUE(board.TakeUpdate(seen).empty());
 }
 
 TEST(ListenOnLoopback, SaysWhatToDoWhenAPortIsTaken) {

@@ -22,12 +22,12 @@ std::vector<double> Row(std::uint64_t i, std::size_t columns) {
   return std::vector<double>(columns, static_cast<double>(i));
 }
 
-void CheckWhole(const RowRing::News& news, double& last) {
-  for (std::size_t at = 0; at < news.values.size(); at += news.column_count) {
-    const double first = news.values[at];
+void CheckWhole(const RowRing::Update& update, double& last) {
+  for (std::size_t at = 0; at < update.values.size(); at += update.column_count) {
+    const double first = update.values[at];
     ASSERT_GT(first, last);
     last = first;
-    for (std::size_t c = 1; c < news.column_count; ++c) ASSERT_EQ(news.values[at + c], first);
+    for (std::size_t c = 1; c < update.column_count; ++c) ASSERT_EQ(update.values[at + c], first);
   }
 }
 
@@ -44,10 +44,10 @@ TEST(RowRing, ReaderGetsEveryRowWhileItKeepsUp) {
       ring.Append(row);
       expected.insert(expected.end(), row.begin(), row.end());
     }
-    const RowRing::News news = ring.Take(cursor);
-    EXPECT_EQ(news.begun, turn == 0);
-    EXPECT_EQ(news.flight, 7U);
-    EXPECT_EQ(news.values, expected);
+    const RowRing::Update update = ring.Take(cursor);
+    EXPECT_EQ(update.begun, turn == 0);
+    EXPECT_EQ(update.flight, 7U);
+    EXPECT_EQ(update.values, expected);
   }
 }
 
@@ -58,10 +58,10 @@ TEST(RowRing, SlowReaderGetsTheNewestRowsWhole) {
   for (std::uint64_t i = 0; i < 1000; ++i) ring.Append(Row(i, kColumns));
   RowRing::Cursor cursor;
   double last = -1;
-  const RowRing::News news = ring.Take(cursor);
-  CheckWhole(news, last);
+  const RowRing::Update update = ring.Take(cursor);
+  CheckWhole(update, last);
   EXPECT_EQ(last, 999.0);
-  EXPECT_GE(news.values.size() / kColumns, 98U);
+  EXPECT_GE(update.values.size() / kColumns, 98U);
 }
 
 TEST(RowRing, NoRowIsTornWhileItIsWritten) {
@@ -130,9 +130,9 @@ TEST(RowRing, WhateverAFirmwareWritesIntoItTheReaderGoesOn) {
     for (std::size_t word = 0; word < 5; ++word)
       words[word] = random() % 2 == 0 ? odd[random() % odd.size()] : random();
     if (i % 2 == 0) words[3] = random() % 200;
-    const RowRing::News news = ring.Take(cursor);
-    EXPECT_TRUE(news.values.empty() || news.values.size() % news.column_count == 0);
-    EXPECT_LE(news.values.size(), RowRing::kNumbersMax);
+    const RowRing::Update update = ring.Take(cursor);
+    EXPECT_TRUE(update.values.empty() || update.values.size() % update.column_count == 0);
+    EXPECT_LE(update.values.size(), RowRing::kNumbersMax);
   }
 }
 

@@ -52,33 +52,33 @@ std::string ParseError(const std::string& text) {
 TEST(JoystickDecoder, SticksOfAJoystickDevice) {
   JoystickDecoder decoder(JoystickProtocol::kJoystick);
   EXPECT_EQ(decoder.axes(), JoystickAxes{});
-  decoder.Feed(Joystick(JS_EVENT_AXIS | JS_EVENT_INIT, 1, -32767));  // left stick forward
+  decoder.Decode(Joystick(JS_EVENT_AXIS | JS_EVENT_INIT, 1, -32767));  // left stick forward
   EXPECT_DOUBLE_EQ(decoder.axes().vx, 1.0);
-  decoder.Feed(Joystick(JS_EVENT_AXIS, 1, 32767));
+  decoder.Decode(Joystick(JS_EVENT_AXIS, 1, 32767));
   EXPECT_DOUBLE_EQ(decoder.axes().vx, -1.0);
-  decoder.Feed(Joystick(JS_EVENT_AXIS, 0, -16384));  // left stick half left
+  decoder.Decode(Joystick(JS_EVENT_AXIS, 0, -16384));  // left stick half left
   EXPECT_NEAR(decoder.axes().vy, 0.5, 1e-4);
-  decoder.Feed(Joystick(JS_EVENT_AXIS, 4, -32768));  // one more than the end point
+  decoder.Decode(Joystick(JS_EVENT_AXIS, 4, -32768));  // one more than the end point
   EXPECT_DOUBLE_EQ(decoder.axes().vz, 1.0);
-  decoder.Feed(Joystick(JS_EVENT_AXIS, 3, 32767));  // right stick right: clockwise
+  decoder.Decode(Joystick(JS_EVENT_AXIS, 3, 32767));  // right stick right: clockwise
   EXPECT_DOUBLE_EQ(decoder.axes().yaw_rate, -1.0);
 }
 
 TEST(JoystickDecoder, SticksOfAnEventDeviceWithItsRanges) {
   JoystickDecoder decoder(JoystickProtocol::kEvent,
                           {{ABS_X, {0, 255}}, {ABS_Y, {-100, 300}}, {ABS_RX, {5, 5}}});
-  decoder.Feed(Event(EV_ABS, ABS_X, 0));
+  decoder.Decode(Event(EV_ABS, ABS_X, 0));
   EXPECT_DOUBLE_EQ(decoder.axes().vy, 1.0);
-  decoder.Feed(Event(EV_ABS, ABS_X, 255));
+  decoder.Decode(Event(EV_ABS, ABS_X, 255));
   EXPECT_DOUBLE_EQ(decoder.axes().vy, -1.0);
-  decoder.Feed(Event(EV_ABS, ABS_Y, 100));
+  decoder.Decode(Event(EV_ABS, ABS_Y, 100));
   EXPECT_DOUBLE_EQ(decoder.axes().vx, 0.0);
-  decoder.Feed(Event(EV_ABS, ABS_Y, 2'000'000'000));
+  decoder.Decode(Event(EV_ABS, ABS_Y, 2'000'000'000));
   EXPECT_DOUBLE_EQ(decoder.axes().vx, -1.0);
-  decoder.Feed(Event(EV_ABS, ABS_RX, 7));  // an empty range says nothing
+  decoder.Decode(Event(EV_ABS, ABS_RX, 7));  // an empty range says nothing
   EXPECT_DOUBLE_EQ(decoder.axes().yaw_rate, 0.0);
   EXPECT_FALSE(decoder.TakeDropped());
-  decoder.Feed(Event(EV_SYN, SYN_DROPPED, 0));
+  decoder.Decode(Event(EV_SYN, SYN_DROPPED, 0));
   EXPECT_TRUE(decoder.TakeDropped());
   EXPECT_FALSE(decoder.TakeDropped());
 }
@@ -92,7 +92,7 @@ TEST(JoystickDecoder, PiecesOfEventsAndOtherKindsDoNoHarm) {
   for (std::size_t piece = 1; piece <= stream.size(); ++piece) {
     JoystickDecoder decoder(JoystickProtocol::kJoystick);
     for (std::size_t at = 0; at < stream.size(); at += piece)
-      decoder.Feed(std::span(stream).subspan(at, std::min(piece, stream.size() - at)));
+      decoder.Decode(std::span(stream).subspan(at, std::min(piece, stream.size() - at)));
     EXPECT_EQ(decoder.axes(), (JoystickAxes{1.0, -1.0, 0.0, 0.0})) << piece;
   }
 }
@@ -108,7 +108,7 @@ TEST(JoystickDecoder, GarbageStaysWithinTheRange) {
         byte = static_cast<std::uint8_t>(state >> 30 ? state >> 28 & 3 : state >> 20);  // often small codes
       }
       state = state * 1'664'525u + 1'013'904'223u;
-      decoder.Feed(bytes);
+      decoder.Decode(bytes);
       const auto axes = decoder.axes();
       for (const double value : {axes.vx, axes.vy, axes.vz, axes.yaw_rate}) ASSERT_LE(std::abs(value), 1.0);
     }

@@ -143,7 +143,7 @@ class WatchTest : public ::testing::Test {
     std::string missing;
     ASSERT_TRUE(members_.Adopt(nodes_, nullptr, false, "run", missing));
   }
-  std::vector<MemberNews> Watch(const std::set<std::string>& excused = {}) {
+  std::vector<MemberChange> Watch(const std::set<std::string>& excused = {}) {
     return members_.Watch(nodes_, nullptr, excused, {}, now_);
   }
   std::chrono::steady_clock::time_point now_{std::chrono::hours(1)};
@@ -155,18 +155,18 @@ TEST_F(WatchTest, ACutOffNodeIsSilentThenBack) {
   EXPECT_THAT(Watch(), IsEmpty());
   EXPECT_FALSE(members_.AnySilent());
   Of(nodes_, NodeKind::kPlant).alive = false;
-  auto news = Watch();
-  ASSERT_EQ(news.size(), 1u);
-  EXPECT_EQ(news[0].kind, MemberNews::Kind::kSilent);
-  EXPECT_EQ(news[0].role, "plant");
+  auto changes = Watch();
+  ASSERT_EQ(changes.size(), 1u);
+  EXPECT_EQ(changes[0].kind, MemberChange::Kind::kSilent);
+  EXPECT_EQ(changes[0].role, "plant");
   EXPECT_TRUE(members_.AnySilent());
   EXPECT_THAT(Watch(), IsEmpty());
   now_ += Members::kPartitionLimit;
   EXPECT_THAT(Watch(), IsEmpty());
   Of(nodes_, NodeKind::kPlant).alive = true;
-  news = Watch();
-  ASSERT_EQ(news.size(), 1u);
-  EXPECT_EQ(news[0].kind, MemberNews::Kind::kBack);
+  changes = Watch();
+  ASSERT_EQ(changes.size(), 1u);
+  EXPECT_EQ(changes[0].kind, MemberChange::Kind::kBack);
   EXPECT_FALSE(members_.AnySilent());
   EXPECT_THAT(Watch(), IsEmpty());
 }
@@ -175,11 +175,11 @@ TEST_F(WatchTest, AFirmwaresNodeThatStaysAwayIsLostOnceAndForAll) {
   Of(nodes_, NodeKind::kClient).alive = false;
   EXPECT_EQ(Watch().size(), 1u);
   now_ += Members::kPartitionLimit + std::chrono::milliseconds(1);
-  const auto news = Watch();
-  ASSERT_EQ(news.size(), 1u);
-  EXPECT_EQ(news[0].kind, MemberNews::Kind::kLost);
-  EXPECT_TRUE(news[0].firmware);
-  EXPECT_THAT(news[0].text, HasSubstr("the firmware under test is lost: its node client was not heard"));
+  const auto changes = Watch();
+  ASSERT_EQ(changes.size(), 1u);
+  EXPECT_EQ(changes[0].kind, MemberChange::Kind::kLost);
+  EXPECT_TRUE(changes[0].firmware);
+  EXPECT_THAT(changes[0].text, HasSubstr("the firmware under test is lost: its node client was not heard"));
   EXPECT_FALSE(members_.AnySilent());
   Of(nodes_, NodeKind::kClient).alive = true;
   EXPECT_THAT(Watch(), IsEmpty());
@@ -196,10 +196,10 @@ TEST_F(WatchTest, NoFirmwareIsBlamedForTheNodeOfAnotherProcess) {
     Of(nodes_, NodeKind::kClient).alive = false;
     EXPECT_EQ(Watch().size(), 1u);
     now_ += Members::kPartitionLimit + std::chrono::milliseconds(1);
-    const auto news = Watch();
-    ASSERT_EQ(news.size(), 1u);
-    EXPECT_EQ(news[0].kind, MemberNews::Kind::kLost);
-    EXPECT_FALSE(news[0].firmware) << client;
+    const auto changes = Watch();
+    ASSERT_EQ(changes.size(), 1u);
+    EXPECT_EQ(changes[0].kind, MemberChange::Kind::kLost);
+    EXPECT_FALSE(changes[0].firmware) << client;
   }
 }
 
@@ -208,9 +208,9 @@ TEST_F(WatchTest, NoFirmwareIsBlamedWhenOthersAreSilentToo) {
   for (const NodeKind kind : {NodeKind::kLink, NodeKind::kClient}) Of(nodes_, kind).alive = false;
   EXPECT_EQ(Watch().size(), 2u);
   now_ += Members::kPartitionLimit + std::chrono::milliseconds(1);
-  for (const MemberNews& news : Watch()) {
-    EXPECT_EQ(news.kind, MemberNews::Kind::kLost);
-    EXPECT_FALSE(news.firmware) << news.text;
+  for (const MemberChange& change : Watch()) {
+    EXPECT_EQ(change.kind, MemberChange::Kind::kLost);
+    EXPECT_FALSE(change.firmware) << change.text;
   }
 }
 
@@ -220,7 +220,7 @@ TEST_F(WatchTest, AFirmwareIsBlamedWhileAFaultKeepsAnotherNodeAway) {
   EXPECT_EQ(Watch({"base_station"}).size(), 2u);
   now_ += Members::kPartitionLimit + std::chrono::milliseconds(1);
   bool blamed = false;
-  for (const MemberNews& news : Watch({"base_station"})) blamed |= news.firmware;
+  for (const MemberChange& change : Watch({"base_station"})) blamed |= change.firmware;
   EXPECT_TRUE(blamed);
   EXPECT_FALSE(members_.AnySilent());
 }

@@ -96,7 +96,7 @@ TEST(Framings, ADamagedFrameStaysDamaged) {
     ASSERT_TRUE(edit.ok());
     edit.payload().pop_back();
     edit.WriteTo(frame);
-    const auto parts = framing.TakeApart(frame);
+    const auto parts = framing.Split(frame);
     EXPECT_EQ(parts->payload.size(), 7U);
     EXPECT_NE(parts->damage, 0U);
   }

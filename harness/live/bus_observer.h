@@ -1,7 +1,7 @@
 // A flight in real time, heard on the bus and put on the live board: of this machine or any other. It only listens, as
 // an onlooker for whom no node waits.
 //
-//   BusFeed feed(loop, bus_config, board, changed);
+//   BusObserver feed(loop, bus_config, board, changed);
 //   feed.Follow(run_id, plan);           // a flight that is known
 //   feed.FollowAnnounced(load, finish);  // or whatever is announced: a monitor
 #pragma once
@@ -16,14 +16,14 @@
 
 namespace tiltproof::harness {
 
-class BusFeed {
+class BusObserver {
  public:
   // `changed` is called after something was put on the board.
-  BusFeed(boost::asio::io_context& loop, const dds::BusConfig& config, LiveBoard& board,
-          std::function<void()> changed);
-  ~BusFeed();
-  BusFeed(const BusFeed&) = delete;
-  BusFeed& operator=(const BusFeed&) = delete;
+  BusObserver(boost::asio::io_context& loop, const dds::BusConfig& config, LiveBoard& board,
+              std::function<void()> changed);
+  ~BusObserver();
+  BusObserver(const BusObserver&) = delete;
+  BusObserver& operator=(const BusObserver&) = delete;
 
   void Follow(const std::string& run_id, const LivePlan& plan);
 

@@ -1,4 +1,4 @@
-#include "harness/live/bus_feed.h"
+#include "harness/live/bus_observer.h"
 
 #include <algorithm>
 #include <boost/asio/post.hpp>
@@ -12,7 +12,7 @@
 
 namespace tiltproof::harness {
 
-struct BusFeed::Impl final : RecordSink {
+struct BusObserver::Impl final : RecordSink {
   Impl(boost::asio::io_context& loop_in, const dds::BusConfig& config, LiveBoard& board_in,
        std::function<void()> changed_in)
       : loop(loop_in),
@@ -105,14 +105,14 @@ struct BusFeed::Impl final : RecordSink {
   std::optional<dds::Subscriber<dds::Score>> scores;
 };
 
-BusFeed::BusFeed(boost::asio::io_context& loop, const dds::BusConfig& config, LiveBoard& board,
-                 std::function<void()> changed)
+BusObserver::BusObserver(boost::asio::io_context& loop, const dds::BusConfig& config, LiveBoard& board,
+                         std::function<void()> changed)
     : impl_(std::make_unique<Impl>(loop, config, board, std::move(changed))) {}
-BusFeed::~BusFeed() = default;
+BusObserver::~BusObserver() = default;
 
-void BusFeed::Follow(const std::string& run_id, const LivePlan& plan) { impl_->Begin(run_id, plan); }
+void BusObserver::Follow(const std::string& run_id, const LivePlan& plan) { impl_->Begin(run_id, plan); }
 
-void BusFeed::FollowAnnounced(Loader load, Finisher finish) {
+void BusObserver::FollowAnnounced(Loader load, Finisher finish) {
   impl_->load = std::move(load);
   impl_->finish = std::move(finish);
   impl_->scores.emplace(impl_->bus, impl_->Wake());

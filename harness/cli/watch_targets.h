@@ -1,7 +1,7 @@
 // Where `tiltproof node monitor` listens: at a domain and a tag, or at the flights of a run, which its run.json tells.
 //
-//   const FindPost post = PostOfRun("results/latest");
-//   const ListeningPost now = post();  ...  // again: the next flight, or the next run that is `latest`
+//   const FindWatchTarget target = WatchTargetOfRun("results/latest");
+//   const WatchTarget now = target();  ...  // again: the next flight, or the next run that is `latest`
 #pragma once
 
 #include <filesystem>
@@ -10,8 +10,8 @@
 
 namespace tiltproof::harness {
 
-FindPost PostAt(const BusPlace& place);
+FindWatchTarget WatchTargetAt(const BusPlace& place);
 // Throws UsageError when there is no run.
-FindPost PostOfRun(const std::filesystem::path& folder);
+FindWatchTarget WatchTargetOfRun(const std::filesystem::path& folder);
 
 }  // namespace tiltproof::harness

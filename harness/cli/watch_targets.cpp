@@ -1,4 +1,4 @@
-#include "harness/cli/listening_posts.h"
+#include "harness/cli/watch_targets.h"
 
 #include <fmt/format.h>
 
@@ -19,7 +19,7 @@ std::string PlaceText(const BusPlace& place) {
   return fmt::format("DDS domain {}, tag '{}'", place.domain, place.tag);
 }
 
-ListeningPost PostNow(const fs::path& folder) {
+WatchTarget WatchTargetNow(const fs::path& folder) {
   const RunInfo info = ReadRunInfo(folder);
   std::optional<BusPlace> place;
   // The last one flies, or has flown last.
@@ -38,35 +38,35 @@ class RunReader {
  public:
   explicit RunReader(fs::path folder) : folder_(std::move(folder)) {}
 
-  ListeningPost Look() {
+  WatchTarget Look() {
     // `latest` may be another run by now.
     const fs::path folder = fs::canonical(folder_);
     const auto written = fs::last_write_time(folder / "run.json");
-    if (folder != read_ || written != written_) post_ = PostNow(folder);
+    if (folder != read_ || written != written_) target_ = WatchTargetNow(folder);
     read_ = folder;
     written_ = written;
-    return post_;
+    return target_;
   }
 
  private:
   fs::path folder_, read_;
   fs::file_time_type written_;
-  ListeningPost post_;
+  WatchTarget target_;
 };
 
 }  // namespace
 
-FindPost PostAt(const BusPlace& place) {
+FindWatchTarget WatchTargetAt(const BusPlace& place) {
   std::string text = fmt::format("Listening on {}. ", PlaceText(place));
   if (place.tag == kAttachTag)
     text +=
         "These are nodes that were started by hand. A run that starts its nodes itself has a tag of its "
         "own: ";
   text += "listen to it with `tiltproof node monitor --http --run results/latest`.";
-  return [post = ListeningPost{place, std::move(text)}] { return post; };
+  return [target = WatchTarget{place, std::move(text)}] { return target; };
 }
 
-FindPost PostOfRun(const fs::path& folder) {
+FindWatchTarget WatchTargetOfRun(const fs::path& folder) {
   const auto reader = std::make_shared<RunReader>(folder);
   try {
     reader->Look();
@@ -74,7 +74,7 @@ FindPost PostOfRun(const fs::path& folder) {
     throw UsageError(
         fmt::format("--run {}: no results of a run, as results/latest: {}", folder.string(), error.what()));
   }
-  return [reader, last = ListeningPost()]() mutable {
+  return [reader, last = WatchTarget()]() mutable {
     try {
       last = reader->Look();
     } catch (const std::exception&) {
