@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <atomic>
 #include <bit>
-#include <boost/math/distributions/binomial.hpp>
 #include <cmath>
 #include <functional>
 #include <stdexcept>
 #include <thread>
 
+#include "harness/integrity/binomial.h"
 #include "harness/integrity/frame_sample.h"
 #include "link/check.h"
 
@@ -243,13 +243,10 @@ class Measurement {
   std::optional<link::CheckKind> kind_;
 };
 
-// `probability`: that the share is not between the bounds.
-Rate RateOf(std::int64_t count, std::int64_t frames, double probability) {
-  using Binomial = boost::math::binomial_distribution<double>;
-  const auto n = static_cast<double>(frames), k = static_cast<double>(count);
-  return {.rate = k / n,
-          .low = count == 0 ? 0 : Binomial::find_lower_bound_on_p(n, k, probability / 2),
-          .high = count == frames ? 1 : Binomial::find_upper_bound_on_p(n, k, probability / 2)};
+// `error_probability`: that the share is not between the bounds.
+Rate RateOf(std::int64_t count, std::int64_t frames, double error_probability) {
+  const auto [low, high] = ClopperPearson(count, frames, error_probability);
+  return {.rate = static_cast<double>(count) / static_cast<double>(frames), .low = low, .high = high};
 }
 
 double TheoryOf(link::CheckKind kind) {
@@ -280,9 +277,7 @@ OfWrongBits MeasureWrongBits(const Measurement& measurement, std::int64_t frames
   return all;
 }
 
-IntegrityRow AtBitErrorRate(double p, std::size_t bits_count, const OfWrongBits& wrong,
-                            link::CheckKind kind) {
-  const boost::math::binomial_distribution<double> bits(static_cast<double>(bits_count), p);
+IntegrityRow AtBitErrorRate(double p, std::int64_t bits, const OfWrongBits& wrong, link::CheckKind kind) {
   IntegrityRow row;
   row.level = p;
   const double probability = kErrorProbability / (kDrawnBitsMax - kEnumeratedBits);
@@ -291,7 +286,7 @@ IntegrityRow AtBitErrorRate(double p, std::size_t bits_count, const OfWrongBits&
     row.frames_count += counts.frames;
     row.passed_check_count += counts.passed_check;
     row.delivered_wrong_count += counts.delivered_wrong;
-    const double weight = boost::math::pdf(bits, i);
+    const double weight = BinomialProbability(bits, i, p);
     const auto add = [&](Rate& rate, std::int64_t count) {
       const Rate own = RateOf(count, counts.frames, probability);
       rate.rate += weight * own.rate;
@@ -301,10 +296,10 @@ IntegrityRow AtBitErrorRate(double p, std::size_t bits_count, const OfWrongBits&
     add(row.passed_check, counts.passed_check);
     add(row.delivered_wrong, counts.delivered_wrong);
   }
-  const double beyond = boost::math::cdf(boost::math::complement(bits, kDrawnBitsMax));
+  const double beyond = BinomialTail(bits, kDrawnBitsMax, p);
   row.passed_check.high += beyond;
   row.delivered_wrong.high += beyond;
-  row.theory = (1 - boost::math::pdf(bits, 0)) * TheoryOf(kind);
+  row.theory = (1 - BinomialProbability(bits, 0, p)) * TheoryOf(kind);
   return row;
 }
 
@@ -424,7 +419,8 @@ std::vector<IntegrityRow> MeasureIntegrity(const IntegritySpec& spec) {
   }
   const OfWrongBits wrong = MeasureWrongBits(measurement, spec.frames_count);
   for (const double level : levels)
-    rows.push_back(AtBitErrorRate(level, measurement.bits_count(), wrong, measurement.kind()));
+    rows.push_back(AtBitErrorRate(level, static_cast<std::int64_t>(measurement.bits_count()), wrong,
+                                  measurement.kind()));
   return rows;
 }
 

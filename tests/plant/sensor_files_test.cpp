@@ -104,7 +104,7 @@ TEST_F(SensorFile, RatesNoisePosesAndLatency) {
            "<tiltproof:sensor name='gnss' latency_s='0.2'/>"
            "<tiltproof:world latitude_deg='-33.9' longitude_deg='151.2' elevation_m='20' "
            "magnetic_field_t='1e-6 2e-5 5e-5'/>");
-  EXPECT_THAT(warnings_, ElementsAre(HasSubstr("only the base touches"), HasSubstr("only the base touches")));
+  EXPECT_TRUE(warnings_.empty());
   ASSERT_EQ(model.sensors.size(), 4U);
   const Sensor& compass = model.sensors[0];
   EXPECT_EQ(compass.kind, SensorKind::kMagnetometer);
@@ -161,7 +161,7 @@ TEST_F(SensorFile, OnAHingeASensorIsIgnoredWithAWarning) {
 TEST_F(SensorFile, OtherTypesAreOneWarning) {
   const VehicleModel model = Load(SensorXml("camera", "eye", "") + SensorXml("altimeter", "height", ""));
   EXPECT_TRUE(model.sensors.empty());
-  EXPECT_EQ(warnings_.size(), 4U);
+  EXPECT_EQ(warnings_.size(), 2U);
   EXPECT_THAT(warnings_, ::testing::Contains(AllOf(HasSubstr("\"eye\""), HasSubstr("'camera'"))));
   EXPECT_THAT(warnings_, ::testing::Contains(AllOf(HasSubstr("\"height\""), HasSubstr("'altimeter'"))));
 }

@@ -468,7 +468,7 @@ class CliTest(CommandLineTest):
             self.assertLessEqual(row["rate"], row["high"])
             self.assertLessEqual(row["delivered_wrong"], row["passed_check"])
         # A sum does not see that bytes changed places.
-        self.assertGreater(min(row["passed_check_rate"] for row in rows if row["errors"] == "swap"), 0.9)
+        self.assertGreater(min(row["passed_check_rate"] for row in rows if row["errors"] == "swap"), 0.5)
         code, out, _ = self.tiltproof("integrity", "--errors", "stuck", "--frames", "20000")
         self.assertEqual((code, out.splitlines()[0]), (0, "paper, hdlc, fletcher16, sensors: wrong frames delivered per frame sent"))
         for words, advice in ((("--check", "crc8"), "valid: fletcher16, crc16_ibm_3740"), (("--errors", "noise"), "valid: ber, burst"), (("--protocol", "mavlink"), "valid: paper, provant"),

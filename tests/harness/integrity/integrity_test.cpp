@@ -9,6 +9,7 @@
 #include <cmath>
 #include <random>
 
+#include "harness/integrity/binomial.h"
 #include "link/cobs_framing.h"
 #include "link/length_framing.h"
 
@@ -53,6 +54,27 @@ std::int64_t Passed(const link::Framing& framing, const Bytes& payload, const By
   if (const auto reading = reader->Finish())
     count += reading->ok && !std::ranges::equal(reading->payload, payload) ? 1 : 0;
   return count;
+}
+
+// Exact intervals as R's binom.test has them, and the rule of three for no success.
+TEST(Binomial, IntervalsAreThoseOfClopperAndPearson) {
+  const auto expect = [](std::int64_t successes, std::int64_t trials, double low, double high) {
+    const auto found = ClopperPearson(successes, trials, 0.05);
+    EXPECT_NEAR(found.first, low, 5e-5) << successes << " of " << trials;
+    EXPECT_NEAR(found.second, high, 5e-5) << successes << " of " << trials;
+  };
+  expect(3, 10, 0.0667, 0.6525);
+  expect(0, 10, 0, 0.3085);
+  expect(10, 10, 0.6915, 1);
+  expect(50, 100, 0.3983, 0.6017);
+  EXPECT_NEAR(ClopperPearson(0, 1'000'000'000, 0.1).second * 1e9, 3.0, 0.01);
+  double sum = 0;
+  for (std::int64_t k = 0; k <= 544; ++k) sum += BinomialProbability(544, k, 0.01);
+  EXPECT_NEAR(sum, 1, 1e-12);
+  EXPECT_NEAR(BinomialTail(544, 3, 0.01) + BinomialProbability(544, 0, 0.01) +
+                  BinomialProbability(544, 1, 0.01) + BinomialProbability(544, 2, 0.01) +
+                  BinomialProbability(544, 3, 0.01),
+              1, 1e-12);
 }
 
 // A message without fields is the same in every sample, so its frame is known here.

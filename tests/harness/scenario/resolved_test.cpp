@@ -294,7 +294,9 @@ delay_margin_s: 0.009
 angular_rates: world
 initial:
   position_m: [0, 0.1, 2]
+  on_ground: false
   attitude_rad: [0, 0, 0]
+ground: end
 link:
   ideal: false
   baud: 921600

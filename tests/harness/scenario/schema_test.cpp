@@ -71,7 +71,7 @@ class SchemaTest : public testing::Test {
                  testing::UnitTest::GetInstance()->current_test_info()->name())) {
     fs::create_directories(folder_);
     options_.models_folder = kSource / "plant/models";
-    options_.firmware_names = {"paper", "paper_published", "tolerant"};
+    options_.firmware_names = {"paper", "paper_published", "tolerant", "lqr"};
     options_.metric_names = MetricNames();
   }
 
