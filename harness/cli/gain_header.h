@@ -1,6 +1,6 @@
 // The C header of `design-lqr --header`: a design as constants in binary32, for a firmware of any kind.
 //
-//   File << GainHeader(model, design);   // lqr_gain, lqr_hover_input, lqr_input_min, ...
+//   file << GainHeader(model, design);   // lqr_gain, lqr_hover_input, lqr_input_min, ...
 #pragma once
 
 #include <string>

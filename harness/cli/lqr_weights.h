@@ -1,9 +1,6 @@
 // The file of `design-lqr --weights`: weights of the cost by the names of states, integrals and inputs.
 //
-//   x_m: 5              # YAML, or in a file ending in .csv: x_m,5
-//   f_front_left_n: 25
-//
-//   LqrWeights weights = ReadLqrWeights(file, model, defaults);
+// A line of YAML is "x_m: 5"; in a file that ends in .csv it is "x_m,5". Read by ReadLqrWeights().
 #pragma once
 
 #include <filesystem>

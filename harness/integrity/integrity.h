@@ -1,7 +1,7 @@
 // Residual errors of a link format: how often a damaged frame is delivered although it equals no frame that was sent.
 //
-//   IntegritySpec spec{.protocol = FindProtocol("paper"), .message = "sensors", .errors = ErrorKind::kBurst};
-//   for (const IntegrityRow& row : MeasureIntegrity(spec)) Print(stdout, "{} {:.2e}\n", row.level, row.rate);
+//   IntegritySpec spec{.protocol = link::FindProtocol("paper"), .message = "sensors", .errors = ErrorKind::kBurst};
+//   for (const IntegrityRow& row : MeasureIntegrity(spec)) Print(stdout, "{} {:.2e}\n", row.level, row.passed_check.rate);
 //
 // Each frame is damaged on its own, between two intact ones. A wrong frame is one that equals neither of the three: those
 // before and behind it are known to its receiver, and are no news.

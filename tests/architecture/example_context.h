@@ -156,14 +156,18 @@ extern FaultSchedule line_faults, plant_faults;
 // faults/random.h
 extern std::uint64_t frame_number;
 
+// plant/sensors.h
+extern SensorDraws draws;
+extern const BaseMotion motion, later;
+extern std::vector<double> row;
+
 // faults/schedule.h
 #include "link/wire.h"
 using link::Direction, link::Wire;
 extern const link::WireConfig config;
 extern const link::Protocol& protocol;
 extern const BootTime boot_time_of_t0, arrival;
-extern std::vector<float> values;
-extern std::vector<double> input;
+extern std::vector<double> values, input;
 extern bool new_command;
 extern const struct Plant {
   void Step(std::span<const double> input, const Disturbance& disturbance) const;
@@ -181,6 +185,15 @@ extern firmware::Port& port;
 extern std::vector<std::uint8_t> bytes;
 extern TimeNs now;
 extern const examples::Function Control, Use;
+
+// firmware/lqr/lqr_application.h
+extern const LqrTable table;
+
+// firmware/lqr/lqr_law.h
+extern const LqrTable table;
+extern std::array<float, 12> sensed;
+extern const Reference reference;
+extern std::array<float, 4> command;
 
 // firmware/tolerant/accepted_replies.h
 extern const Sensors sensors;

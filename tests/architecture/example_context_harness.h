@@ -55,6 +55,16 @@ extern const CLI::App& app;
 extern const CommandRow program;
 extern const examples::Function Write;
 
+// harness/cli/gain_header.h
+extern std::ostream& file;
+extern const plant::LqrDesign design;
+extern const plant::VehicleModel model;
+
+// harness/integrity/frame_sample.h
+extern const link::Protocol& protocol;
+extern faults::Random random;
+extern std::vector<std::uint8_t> damaged;
+
 // harness/cli/live_page.h
 extern const RunOptions options;
 extern const FlightMeans means;

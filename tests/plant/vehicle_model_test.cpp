@@ -124,7 +124,8 @@ TEST(VehicleModel, ReadsTheAuthorsFileWithTheMappingBesideItWhenAskedTo) {
   EXPECT_THAT(warnings, Contains(AllOf(HasSubstr(":113:"), HasSubstr("imu_plugin"))));
   EXPECT_THAT(warnings, Contains(AllOf(HasSubstr(":167:"), HasSubstr("empuxo"))));
   EXPECT_THAT(warnings, Contains(AllOf(HasSubstr(":141:"), HasSubstr("0.5"), HasSubstr("'aR'"))));
-  EXPECT_THAT(warnings, Contains(AllOf(HasSubstr("\"corpo\""), HasSubstr("no link has a usable collision shape"))));
+  EXPECT_THAT(warnings,
+              Contains(AllOf(HasSubstr("\"corpo\""), HasSubstr("no link has a usable collision shape"))));
   // The box that stands in for the mesh: 12 cm by 63 cm by 19 cm.
   Eigen::Vector3d size = model.shapes.at(0).size_m;
   std::sort(size.data(), size.data() + 3);

@@ -1,7 +1,7 @@
 // The numbers of the build `lqr`, from the parameters that the harness passes (firmware/tiltproof_client.h).
 //
 //   LqrTable table;
-//   if (!ReadLqrTable(host->parameters, table)) return nullptr;
+//   const bool complete = ReadLqrTable("{...}", table);
 #pragma once
 
 #include "firmware/lqr/lqr_law.h"
