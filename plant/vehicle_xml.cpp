@@ -51,7 +51,7 @@ bool IsZero(const XMLElement& pose) {
 }
 
 // Its numbers are those of a rotor or a servo.
-bool IsRead(const SdfPart& plugin, const VehicleElements& elements) {
+bool IsRead(const SdfFiles& files, const SdfPart& plugin, const VehicleElements& elements) {
   const auto is_inside = [&](const auto& part) {
     return part.file == plugin.file() && part.line >= plugin.line();
   };
@@ -60,6 +60,14 @@ bool IsRead(const SdfPart& plugin, const VehicleElements& elements) {
   if (!elements.from_plugins) return false;
   if (filename.find("otorModel") != std::string::npos || filename.find("motor_model") != std::string::npos)
     return std::any_of(elements.rotors.begin(), elements.rotors.end(), is_inside);
+  // The blades of ArduPilot's propellers; wings have the same plugin.
+  if (filename.find("LiftDrag") != std::string::npos || filename.find("lift-drag") != std::string::npos) {
+    const XMLElement* const name = plugin.element->FirstChildElement("link_name");
+    const std::string link =
+        name == nullptr || name->GetText() == nullptr ? "" : files.LinkNamed(*plugin.model, name->GetText());
+    return std::any_of(elements.rotors.begin(), elements.rotors.end(),
+                       [&](const RotorElement& rotor) { return rotor.link == link; });
+  }
   return filename.find("ArduPilotPlugin") != std::string::npos;
 }
 
@@ -279,7 +287,7 @@ void VehicleXml::WarnUnsupported(const VehicleElements& elements, const std::set
       }
     }
   for (const SdfPart& plugin : files_.plugins())
-    if (!IsRead(plugin, elements))
+    if (!IsRead(files_, plugin, elements))
       Warn(plugin.file(), *plugin.element, "plugins are not supported, ignored", warnings);
   bool has_shape = false;
   for (const SdfPart& link : files_.links()) has_shape = WarnLink(link, warnings) || has_shape;

@@ -158,6 +158,7 @@ TEST_F(VehicleFolder, GazeboMotorModelsAreRotors) {
   // A propeller that turns counterclockwise pushes the body the other way round.
   EXPECT_EQ(rotor.direction, -1);
   EXPECT_EQ(model.rotors[3].direction, 1);
+  for (const std::string& warning : warnings_) EXPECT_THAT(warning, Not(HasSubstr("LiftDrag")));
   for (const double force_n : model.HoverInput()) EXPECT_NEAR(force_n, 1.52 * 9.81 / 4, 1e-9);
 }
 
@@ -185,6 +186,7 @@ TEST_F(VehicleFolder, PluginWithoutANumberNamesIt) {
   const VehicleModel model = Load("quad.sdf");
   EXPECT_EQ(model.rotors[0].force_max_n, 8);
   EXPECT_EQ(model.rotors[3].direction, 1);
+  for (const std::string& warning : warnings_) EXPECT_THAT(warning, Not(HasSubstr("LiftDrag")));
 }
 
 // A quadrotor of which two arms tilt by a position controller.
@@ -479,6 +481,7 @@ TEST_F(VehicleFolder, ArduPilotPropellersAreTheirBlades) {
   EXPECT_NEAR(model.rotors[0].drag_ratio_m, 0.1 * 0.1 / 4, 1e-12);
   EXPECT_EQ(model.rotors[0].direction, -1);
   EXPECT_EQ(model.rotors[3].direction, 1);
+  for (const std::string& warning : warnings_) EXPECT_THAT(warning, Not(HasSubstr("LiftDrag")));
 }
 
 TEST_F(VehicleFolder, ElementsOfRotorsAndServosAreRead) {
