@@ -98,7 +98,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       Name(world.dialect).data(),
       &world,
       World::Transmit,
-      [](void*, std::int64_t, const char* text) { Require(*text != 0, "a log has text"); }};
+      [](void*, std::int64_t, const char* text) { Require(*text != 0, "a log has text"); },
+      nullptr};
   const std::unique_ptr<TiltproofClient, void (*)(TiltproofClient*)> client(tiltproof_client_create(&host),
                                                                             tiltproof_client_destroy);
   Require(client != nullptr, "every build speaks both dialects");
