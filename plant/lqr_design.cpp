@@ -293,7 +293,7 @@ GainMatrix DesignGain(const VehicleModel& model, double period_s) {
   };
   static std::deque<Known> known;
   constexpr std::size_t kKnownMax = 16;
-  const Hover hover = SolveHover(model);
+  const Hover hover = model.hover.input.empty() ? SolveHover(model) : model.hover;
   const LinearModel linear = Linearise(model, hover);
   const double delay_s = DelayToTolerate(model, period_s);
   const auto same = [](const MatrixXd& a, const MatrixXd& b) {

@@ -8,7 +8,7 @@
 //   while (!engine.idle()) engine.Poll();
 //   const FlightResult result = flown.get();
 //
-// Flights go on only in Turn() and in their own processes; there is no thread.
+// Flights go on only in Poll() and in their own processes; there is no thread.
 #pragma once
 
 #include <atomic>
