@@ -112,7 +112,7 @@ static void Log(void* context, int64_t now_ns, const char* text) {
 
 /* A board has no heap: the one allocation, which tiltproof_client_create makes, comes from here, and stays. */
 void* calloc(size_t count, size_t size) {
-  static _Alignas(8) uint8_t memory[1024]; /* 0 from the start */
+  static _Alignas(8) uint8_t memory[4096]; /* 0 from the start */
   static bool taken;
   if (taken || count * size > sizeof(memory)) return NULL;
   taken = true;
