@@ -237,7 +237,7 @@ static int64_t Transmit(void* context, int uart, int64_t now_ns, const uint8_t* 
 }
 
 void* calloc(size_t count, size_t size) {
-  static _Alignas(8) uint8_t memory[1024];
+  static _Alignas(8) uint8_t memory[4096];
   return count * size <= sizeof(memory) ? memory : NULL; /* called once */
 }
 void free(void* memory) { (void)memory; }
