@@ -28,6 +28,7 @@ LqrApplication::LqrApplication(const LqrTable& table, link::Dialect dialect, Por
     : table_(table),
       services_(dialect == link::Dialect::kPaper ? Services{1.0F, 2.0F, 3.0F, false}
                                                  : Services{3.0F, 1.0F, 0.0F, true}),
+      // NOLINTNEXTLINE(bugprone-incorrect-roundings): a period is positive.
       period_ns_(static_cast<TimeNs>(table.period_s * 1e6F + 0.5F) * kNsPerUs),
       port_(port),
       law_(table),
