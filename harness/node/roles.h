@@ -27,7 +27,7 @@ std::unique_ptr<Role> MakeEmulatorRole(NodeServices& services, const NodeOptions
 std::unique_ptr<Role> MakeBaseStationRole(NodeServices& services, const NodeOptions& options);
 std::unique_ptr<Role> MakeJoystickRole(NodeServices& services, const NodeOptions& options);
 
-// Prints what happens on the bus at the target, wherever that is, until it is told to end; it is not part of any run.
+// Prints what happens on the bus at the target until SIGINT or SIGTERM. It takes part in no run.
 int RunMonitor(const NodeOptions& options, const FindWatchTarget& target);
 
 }  // namespace tiltproof::harness

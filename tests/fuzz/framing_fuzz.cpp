@@ -8,7 +8,6 @@
 #include <cstdint>
 #include <memory>
 #include <span>
-#include <string_view>
 #include <vector>
 
 #include "link/cobs_framing.h"
@@ -16,11 +15,12 @@
 #include "link/length_framing.h"
 #include "link/message_kind.h"
 #include "tests/fuzz/fuzz_target.h"
+#include "tests/support/frame_readings.h"
 
 namespace {
 
 using Bytes = std::vector<std::uint8_t>;
-using tiltproof::testing::Require;
+using tiltproof::testing::Read, tiltproof::testing::Require;
 namespace link = tiltproof::link;
 
 const link::Framing& FramingAt(std::uint8_t choice) {
@@ -37,37 +37,15 @@ const link::Framing& FramingAt(std::uint8_t choice) {
   return *kFramings[choice % kFramings.size()];
 }
 
-struct Read {
-  std::string_view status;
-  Bytes payload;
-  std::uint64_t begin, end, content_begin, content_end;
-  bool operator==(const Read&) const = default;
-};
-
 std::vector<Read> ReadAll(const link::Framing& framing, std::span<const std::uint8_t> stream,
                           std::size_t piece) {
-  std::vector<Read> all;
-  const auto take = [&](const link::FrameReading& reading) {
+  return tiltproof::testing::ReadAll(framing, stream, piece, [&](const link::FrameReading& reading) {
     Require(reading.ok == (reading.status == "ok"), "only the status `ok` is a frame");
     Require(reading.payload.size() <= link::kPayloadBytesMax, "a payload has a longest length");
     Require(reading.begin <= reading.content_begin && reading.content_begin <= reading.content_end &&
                 reading.content_end <= reading.end && reading.end <= stream.size(),
             "the places of a reading are in order");
-    all.push_back({reading.status,
-                   {reading.payload.begin(), reading.payload.end()},
-                   reading.begin,
-                   reading.end,
-                   reading.content_begin,
-                   reading.content_end});
-  };
-  const auto reader = framing.MakeReader();
-  for (std::size_t at = 0; at < stream.size(); at += piece) {
-    auto bytes = stream.subspan(at, std::min(piece, stream.size() - at));
-    while (const auto reading = reader->Next(bytes)) take(*reading);
-    Require(bytes.empty(), "a reader consumes all bytes");
-  }
-  if (const auto reading = reader->Finish()) take(*reading);
-  return all;
+  });
 }
 
 }  // namespace

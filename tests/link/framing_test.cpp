@@ -18,12 +18,14 @@
 #include "link/cobs_framing.h"
 #include "link/length_framing.h"
 #include "link/wire.h"
+#include "tests/support/frame_readings.h"
 #include "tests/support/tiny_framings.h"
 
 namespace tiltproof::link {
 namespace {
 
 using Bytes = std::vector<std::uint8_t>;
+using testing::Read;
 
 std::shared_ptr<const Framing> FramingNamed(const std::string& name) {
   if (name == "cobs_reference") return std::make_shared<CobsFraming>();
@@ -230,29 +232,8 @@ Bytes DamagedStream(const Framing& framing, std::mt19937& generator) {
   return stream;
 }
 
-struct Read {
-  std::string status;
-  Bytes payload;
-  std::uint64_t begin, end, content_begin, content_end;
-  friend bool operator==(const Read&, const Read&) = default;
-};
 std::vector<Read> ReadAll(const Framing& framing, std::span<const std::uint8_t> stream, std::size_t piece) {
-  std::vector<Read> all;
-  const auto take = [&](const FrameReading& reading) {
-    all.push_back({std::string(reading.status),
-                   {reading.payload.begin(), reading.payload.end()},
-                   reading.begin,
-                   reading.end,
-                   reading.content_begin,
-                   reading.content_end});
-  };
-  const auto reader = framing.MakeReader();
-  for (std::size_t at = 0; at < stream.size(); at += piece) {
-    auto bytes = stream.subspan(at, std::min(piece, stream.size() - at));
-    while (const auto reading = reader->Next(bytes)) take(*reading);
-  }
-  if (const auto reading = reader->Finish()) take(*reading);
-  return all;
+  return testing::ReadAll(framing, stream, piece, [](const FrameReading& /*reading*/) {});
 }
 
 std::vector<Bytes> Accepted(const std::vector<Read>& readings) {
