@@ -41,7 +41,7 @@ std::vector<std::size_t> TooMuchAt(TimeNs begin_ns, TimeNs end_ns, const link::M
                                    const std::vector<FaultSpec>& specs,
                                    const std::vector<std::size_t>& acting_order) {
   std::vector<std::size_t> doubling;
-  std::size_t bytes = message.payload_bytes() + kFramingBytes;
+  std::size_t bytes = message.payload_bytes + kFramingBytes;
   for (const std::size_t fault : acting_order) {
     const FaultSpec& spec = specs[fault];
     const FaultType& type = *FindFaultType(spec.type);

@@ -10,32 +10,16 @@
 namespace tiltproof::link {
 namespace {
 
-constexpr std::size_t kIdBytes = 4;
-
-std::uint32_t LoadBits(std::span<const std::uint8_t> bytes) {
-  CheckPart(0, 4, bytes.size(), "a number of a message has four bytes");
-  std::uint32_t bits = 0;
-  for (std::size_t i = 4; i-- > 0;) bits = bits << 8 | bytes[i];
-  return bits;
-}
-
-void Append(Payload& payload, float value) {
-  const auto bits = std::bit_cast<std::uint32_t>(value);
-  CheckPart(payload.size, 4, payload.bytes.size(), "a message fits into a payload");
-  for (unsigned shift = 0; shift < 32; shift += 8)
-    payload.bytes[payload.size++] = static_cast<std::uint8_t>(bits >> shift & 0xFF);
-}
-
 // Sets `found` when it returns kOk.
 MessageStatus FindType(const Protocol& protocol, Direction direction, std::span<const std::uint8_t> payload,
                        const MessageType*& found) {
   for (const MessageType& type : protocol.messages) {
     if (type.direction != direction) continue;
     if (type.id) {
-      if (payload.size() < kIdBytes) return MessageStatus::kBadLength;
-      if (std::bit_cast<std::uint32_t>(*type.id) != LoadBits(payload)) continue;
+      if (payload.size() < NumberBytes(type.id->type)) return MessageStatus::kBadLength;
+      if (LoadBits(type.id->type, type.id->order, payload) != type.id->bits) continue;
     }
-    if (payload.size() != type.payload_bytes()) return MessageStatus::kBadLength;
+    if (payload.size() != type.payload_bytes) return MessageStatus::kBadLength;
     found = &type;
     return MessageStatus::kOk;
   }
@@ -46,17 +30,17 @@ MessageStatus FindType(const Protocol& protocol, Direction direction, std::span<
 
 // Beyond this magnitude a value is not a state of a small aircraft but a damaged message. A signal's name ends in
 // its unit; of two endings that fit, the longer comes first.
-float PlausibleMagnitude(std::string_view signal) {
+double PlausibleMagnitude(std::string_view signal) {
   struct Limit {
     std::string_view suffix;
-    float magnitude;
+    double magnitude;
   };
-  static constexpr std::array<Limit, 6> kLimits = {{{"_rad_s", 1e3F},
-                                                    {"_rad", 100.F},  // unwrapped yaw included
-                                                    {"_m_s", 1e3F},
-                                                    {"_nm", 1e2F},
-                                                    {"_m", 1e4F},
-                                                    {"_n", 1e3F}}};
+  static constexpr std::array<Limit, 6> kLimits = {{{"_rad_s", 1e3},
+                                                    {"_rad", 100.0},  // unwrapped yaw included
+                                                    {"_m_s", 1e3},
+                                                    {"_nm", 1e2},
+                                                    {"_m", 1e4},
+                                                    {"_n", 1e3}}};
   for (const Limit& limit : kLimits)
     if (signal.ends_with(limit.suffix)) return limit.magnitude;
   ThrowBrokenInvariant("a signal of a built-in protocol with a unit");
@@ -65,7 +49,7 @@ float PlausibleMagnitude(std::string_view signal) {
 std::vector<MessageField> Fields(const std::vector<std::string>& signals) {
   std::vector<MessageField> fields;
   for (const std::string& signal : signals) {
-    const float magnitude = PlausibleMagnitude(signal);
+    const double magnitude = PlausibleMagnitude(signal);
     fields.push_back({signal, -magnitude, magnitude});
   }
   return fields;
@@ -99,32 +83,34 @@ Protocol ProtocolOf(const Services& services, const Carried& carried) {
   const auto& [name, start_id, start_has_inputs, read_id, actuators_id] = services;
   const auto inputs = Fields(carried.inputs), sensors = Fields(carried.sensors);
   const auto reference = Fields({"x_m", "y_m", "z_m", "yaw_rad", "vx_m_s", "vy_m_s", "vz_m_s"});
-  return {.name = name,
-          .control_period_ns = 12 * kNsPerMs,
-          .messages = {{.name = "start",
-                        .kind = MessageKind::kStart,
-                        .direction = Direction::kToPlant,
-                        .id = start_id,
-                        .starts = true,
-                        .fields = start_has_inputs ? inputs : std::vector<MessageField>()},
-                       {.name = "read_sensors",
-                        .kind = MessageKind::kRequest,
-                        .direction = Direction::kToPlant,
-                        .id = read_id,
-                        .reply = "sensors"},
-                       {.name = "actuators",
-                        .kind = MessageKind::kActuators,
-                        .direction = Direction::kToPlant,
-                        .id = actuators_id,
-                        .fields = inputs},
-                       {.name = "sensors",
-                        .kind = MessageKind::kReply,
-                        .direction = Direction::kToClient,
-                        .fields = sensors},
-                       {.name = "reference",
-                        .kind = MessageKind::kReference,
-                        .direction = Direction::kReference,
-                        .fields = reference}}};
+  Protocol protocol = {.name = name,
+                       .control_period_ns = 12 * kNsPerMs,
+                       .messages = {{.name = "start",
+                                     .kind = MessageKind::kStart,
+                                     .direction = Direction::kToPlant,
+                                     .id = FloatId(start_id),
+                                     .starts = true,
+                                     .fields = start_has_inputs ? inputs : std::vector<MessageField>()},
+                                    {.name = "read_sensors",
+                                     .kind = MessageKind::kRequest,
+                                     .direction = Direction::kToPlant,
+                                     .id = FloatId(read_id),
+                                     .reply = "sensors"},
+                                    {.name = "actuators",
+                                     .kind = MessageKind::kActuators,
+                                     .direction = Direction::kToPlant,
+                                     .id = FloatId(actuators_id),
+                                     .fields = inputs},
+                                    {.name = "sensors",
+                                     .kind = MessageKind::kReply,
+                                     .direction = Direction::kToClient,
+                                     .fields = sensors},
+                                    {.name = "reference",
+                                     .kind = MessageKind::kReference,
+                                     .direction = Direction::kReference,
+                                     .fields = reference}}};
+  for (MessageType& type : protocol.messages) type = LayOut(std::move(type));
+  return protocol;
 }
 
 Protocol Paper(const Carried& carried) {
@@ -164,7 +150,7 @@ MessageStatus Protocol::Decode(Direction direction, std::span<const std::uint8_t
   const MessageType* type = nullptr;
   if (const MessageStatus status = FindType(*this, direction, payload, type); status != MessageStatus::kOk)
     return status;
-  std::array<float, kPayloadBytesMax / 4> values;
+  std::array<double, kPayloadBytesMax> values;
   Check(type->fields.size() <= values.size(), "a payload has room for all fields of its message");
   bool in_range = true;
   for (std::size_t i = 0; i < type->fields.size(); ++i) {
@@ -179,18 +165,42 @@ MessageStatus Protocol::Decode(Direction direction, std::span<const std::uint8_t
   return MessageStatus::kOk;
 }
 
-Payload Protocol::Encode(const MessageType& type, std::span<const float> values) const {
+Payload Protocol::Encode(const MessageType& type, std::span<const double> values) const {
   Check(values.size() == type.fields.size(), "a message is encoded with a value for each of its fields");
+  Check(type.payload_bytes <= kPayloadBytesMax, "a message fits into a payload");
   Payload payload;
-  if (type.id) Append(payload, *type.id);
-  for (const float value : values) Append(payload, value);
+  payload.size = type.payload_bytes;
+  const std::span<std::uint8_t> bytes(payload.bytes.data(), payload.size);
+  if (type.id) StoreBits(type.id->type, type.id->order, type.id->bits, bytes);
+  for (std::size_t i = 0; i < values.size(); ++i) SetFieldValue(type, bytes, i, values[i]);
   return payload;
 }
 
-float FieldValue(const MessageType& type, std::span<const std::uint8_t> payload, std::size_t field) {
-  const std::size_t offset = (type.id ? kIdBytes : 0) + 4 * field;
-  CheckPart(offset, 4, payload.size(), "a field is inside its payload");
-  return std::bit_cast<float>(LoadBits(payload.subspan(offset)));
+void SetFieldValue(const MessageType& type, std::span<std::uint8_t> payload, std::size_t field,
+                   double value) {
+  CheckIndex(field, type.fields.size(), "a field is one of its message");
+  const MessageField& own = type.fields[field];
+  CheckPart(own.offset, NumberBytes(own.type), payload.size(), "a field is inside its payload");
+  StoreNumber(own.type, own.order, own.scale == 1.0 ? value : value / own.scale, payload.subspan(own.offset));
+}
+
+double FieldValue(const MessageType& type, std::span<const std::uint8_t> payload, std::size_t field) {
+  CheckIndex(field, type.fields.size(), "a field is one of its message");
+  const MessageField& own = type.fields[field];
+  CheckPart(own.offset, NumberBytes(own.type), payload.size(), "a field is inside its payload");
+  return own.scale * LoadNumber(own.type, own.order, payload.subspan(own.offset));
+}
+
+MessageId FloatId(float value) { return {.bits = std::bit_cast<std::uint32_t>(value)}; }
+
+MessageType LayOut(MessageType type) {
+  std::size_t offset = type.id ? NumberBytes(type.id->type) : 0;
+  for (MessageField& field : type.fields) {
+    field.offset = offset;
+    offset += NumberBytes(field.type);
+  }
+  type.payload_bytes = offset;
+  return type;
 }
 
 std::span<const std::shared_ptr<const Protocol>> Protocols() {

@@ -1,9 +1,8 @@
 // A protocol as data: the framing of payloads, the table of messages, the message that makes t = 0, and the
 // control period.
 //
-// A message is a row of numbers, IEEE-754 binary32, little endian. A client's message begins with its id,
-// which is also such a number; the other messages have no id and are known by their direction. A payload does
-// not contain its protocol or its direction: the receiver knows both.
+// A message is a row of numbers (link/number.h). It may begin with its id; a message without an id is known by its
+// direction. A payload does not contain its protocol or its direction: the receiver knows both.
 //
 //   const Protocol& protocol = *FindProtocol("paper");
 //   Message message;
@@ -13,6 +12,9 @@
 //
 // A checksum lets some wrong payloads through, so a message is accepted only with its exact length, a known id, and
 // every value finite and within its range. Every violation is a value of MessageStatus.
+//
+// Values here are those of the line: the signals of a vehicle in the axes and the unit that the protocol has them in.
+// harness/run/message_binding.h converts them.
 //
 // The firmware does not use this: it has its own structs and encoders (firmware/messages.h). A test keeps the
 // two consistent.
@@ -32,32 +34,59 @@
 #include "link/framing.h"
 #include "link/hdlc_framing.h"
 #include "link/message_kind.h"
+#include "link/number.h"
 #include "link/signal_table.h"
 #include "link/time.h"
 
 namespace tiltproof::link {
 
+// The content of a field, apart from signals: a count of the messages of its type that their sender has sent, from 0,
+// which wraps; and the sender's time in microseconds, which wraps. A receiver refuses a message with the number of its
+// predecessor, or an older one.
+enum class FieldContent : std::uint8_t { kSignal, kSequence, kTimeUs };
+
+// The unit of a rotor's thrust on the line: newton, its share of the largest thrust, or the share of the largest speed,
+// whose square is that of the thrust.
+enum class ThrustUnit : std::uint8_t { kNewton, kShare, kShareOfSpeed };
+
 struct MessageField {
-  std::string signal;          // "x_m"
-  float min = 0.F, max = 0.F;  // of a plausible value, inclusive; beyond them the message is damaged
+  std::string signal;           // "x_m"; "sequence" and "time_us" are no signals
+  double min = 0.0, max = 0.0;  // of a plausible value, inclusive; beyond them the message is damaged
+  NumberType type = NumberType::kF32;
+  ByteOrder order = ByteOrder::kLittle;
+  double scale = 1.0;  // the value is scale * the number on the line; > 0
+  FieldContent content = FieldContent::kSignal;
+  ThrustUnit as = ThrustUnit::kNewton;
+  std::size_t offset = 0;  // in the payload, in bytes; LayOut() sets it
 };
+
+struct MessageId {
+  NumberType type = NumberType::kF32;
+  ByteOrder order = ByteOrder::kLittle;
+  std::uint32_t bits = 0;  // compared bit by bit: -0.0 is not 0.0
+};
+// The id of the paper's messages: a binary32, little endian.
+MessageId FloatId(float value);
 
 struct MessageType {
   std::string name;
-  MessageKind kind = MessageKind::kUnknown;  // its name in a fault's `message`
+  MessageKind kind = MessageKind::kUnknown;  // its role
   Direction direction{};
-  std::optional<float> id = {};  // compared bit by bit: -0.0 is not 0.0
-  std::string reply = {};        // the message that answers it; empty: none
-  bool starts = false;           // the first one accepted makes t = 0
+  std::optional<MessageId> id = {};
+  std::string reply = {};  // the message that answers it; empty: none
+  bool starts = false;     // the first one accepted makes t = 0
+  TimeNs period_ns = 0;    // the server sends it by itself, so often; 0: it does not
   std::vector<MessageField> fields = {};
-
-  std::size_t payload_bytes() const { return 4 * (fields.size() + (id ? 1 : 0)); }
+  std::size_t payload_bytes = 0;  // LayOut() sets it
 };
+
+// Sets the offsets of the fields and the length of the payload.
+MessageType LayOut(MessageType type);
 
 // A message that was accepted: one value for each field of its type.
 struct Message {
   const MessageType* type = nullptr;  // of the protocol's table
-  std::vector<float> values;
+  std::vector<double> values;
 };
 
 // A fixed buffer with the bytes in use.
@@ -66,6 +95,11 @@ struct Payload {
   std::size_t size = 0;
   std::span<const std::uint8_t> span() const { return {bytes.data(), size}; }
 };
+
+// Axes of the signals on the line. World: x east, y north, z up; or x north, y east, z down. Body: x forward, y left,
+// z up; or x forward, y right, z down.
+enum class WorldAxes : std::uint8_t { kEnu, kNed };
+enum class BodyAxes : std::uint8_t { kFlu, kFrd };
 
 struct Protocol {
   std::string name;
@@ -76,7 +110,9 @@ struct Protocol {
   // True if a repeated message that starts means that the client has rebooted. If false, the repetition has no
   // meaning of its own.
   bool repeated_start_is_boot = false;
-  std::vector<MessageType> messages;
+  WorldAxes world = WorldAxes::kEnu;
+  BodyAxes body = BodyAxes::kFlu;
+  std::vector<MessageType> messages;  // laid out
 
   // Null when there is none. The second function finds the only message of its kind.
   const MessageType* Find(std::string_view message) const;
@@ -91,14 +127,16 @@ struct Protocol {
   // kOutOfRange.
   MessageStatus Decode(Direction direction, std::span<const std::uint8_t> payload, Message& message) const;
 
-  // `values`: one per field. They are sent unchanged, even if not finite or out of range: the sender is
-  // responsible for them.
-  Payload Encode(const MessageType& type, std::span<const float> values) const;
+  // `values`: one per field. They are sent as StoreNumber() writes them, even if not finite or out of range: the
+  // sender is responsible for them.
+  Payload Encode(const MessageType& type, std::span<const double> values) const;
 };
 
-// A field's number in a payload that is a message of that type by its length and id (Protocol::Classify()), whatever it
+// A field's value in a payload that is a message of that type by its length and id (Protocol::Classify()), whatever it
 // is.
-float FieldValue(const MessageType& type, std::span<const std::uint8_t> payload, std::size_t field);
+double FieldValue(const MessageType& type, std::span<const std::uint8_t> payload, std::size_t field);
+// Writes it there, as StoreNumber() does.
+void SetFieldValue(const MessageType& type, std::span<std::uint8_t> payload, std::size_t field, double value);
 
 // The built-in protocols: "paper" is the paper's (section 2.1, Figure 3), "provant" that of the authors'
 // published server.

@@ -150,11 +150,12 @@ HostileFrames::HostileFrames(const link::Protocol& protocol, link::Direction dir
 
 LineBytes HostileFrames::Payload(Random& random) const {
   const link::MessageType& type = *types_[random.Below(types_.size())];
-  std::vector<float> values;
+  std::vector<double> values;
   for (const link::MessageField& field : type.fields) {
     // Mostly near zero, sometimes anywhere in the range.
-    const float limit = random.Below(8) == 0 ? 1.F : std::min(1.F, 1.F / std::max(1.F, field.max));
-    values.push_back(static_cast<float>(2 * random.Uniform() - 1) * limit * field.max);
+    const auto max = static_cast<float>(field.max);
+    const float limit = random.Below(8) == 0 ? 1.F : std::min(1.F, 1.F / std::max(1.F, max));
+    values.push_back(static_cast<double>(static_cast<float>(2 * random.Uniform() - 1) * limit * max));
   }
   const link::Payload payload = protocol_.Encode(type, values);
   return {payload.span().begin(), payload.span().end()};
@@ -184,7 +185,7 @@ LineBytes HostileFrames::Make(Random& random) const {
     case 4: {  // one that consists of bytes that are escaped, or of others of meaning
       const std::uint8_t byte = ByteOfMeaning(framing_, random);
       return framing_.Encode(
-          LineBytes(OddLength(protocol_.messages.front().payload_bytes() + 64, random), byte));
+          LineBytes(OddLength(protocol_.messages.front().payload_bytes + 64, random), byte));
     }
     case 5: {  // no frame at all
       said.resize(1 + random.Below(300));

@@ -17,10 +17,10 @@ FrameSample::FrameSample(const link::Protocol& protocol, const link::MessageType
                          faults::Random& random)
     : protocol_(&protocol), type_(&type) {
   for (std::size_t i = 0; i < frames_.size(); ++i) {
-    std::vector<float> values;
+    std::vector<double> values;
     for (const link::MessageField& field : type.fields) {
       const double share = kShareOfRange * (2 * random.Uniform() - 1);
-      values.push_back(static_cast<float>(share * std::min(std::abs(field.min), std::abs(field.max))));
+      values.push_back(share * std::min(std::abs(field.min), std::abs(field.max)));
     }
     const link::Payload payload = protocol.Encode(type, values);
     payloads_[i].assign(payload.span().begin(), payload.span().end());

@@ -64,7 +64,7 @@ class LinkRole final : public Role {
     line_.emplace(scenario_, round_trips_, kClient, !hardware, true);
     reference_talk_.emplace(*scenario_.link.protocol);
     framer_.emplace(*scenario_.link.protocol);
-    actuators_bytes_ = scenario_.link.protocol->Find(link::MessageKind::kActuators)->payload_bytes();
+    actuators_bytes_ = scenario_.link.protocol->Find(link::MessageKind::kActuators)->payload_bytes;
     return ports;
   }
 

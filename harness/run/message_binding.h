@@ -33,14 +33,14 @@ class MessageBinding {
 
   // The message's values, taken from a row.
   template <class Number>
-  std::vector<float> Values(std::span<const Number> row) const {
-    std::vector<float> values;
-    for (const std::size_t place : places_) values.push_back(static_cast<float>(row[place]));
+  std::vector<double> Values(std::span<const Number> row) const {
+    std::vector<double> values;
+    for (const std::size_t place : places_) values.push_back(static_cast<double>(row[place]));
     return values;
   }
   // Writes the message's values into a row. Signals that the message does not carry stay unchanged.
-  void Put(std::span<const float> values, std::span<double> row) const {
-    for (std::size_t i = 0; i < places_.size(); ++i) row[places_[i]] = static_cast<double>(values[i]);
+  void Put(std::span<const double> values, std::span<double> row) const {
+    for (std::size_t i = 0; i < places_.size(); ++i) row[places_[i]] = values[i];
   }
 
  private:

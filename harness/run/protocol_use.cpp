@@ -269,9 +269,13 @@ void AddMistakes(const RunLog& log, const std::vector<Happening>& happenings, Ti
 std::string ImplausibleField(const link::MessageType& type, std::span<const std::uint8_t> payload) {
   for (std::size_t i = 0; i < type.fields.size(); ++i) {
     const link::MessageField& field = type.fields[i];
-    const float value = link::FieldValue(type, payload, i);
-    if (!(field.min <= value && value <= field.max))
-      return fmt::format("{} = {}, plausible is {} to {}", field.signal, value, field.min, field.max);
+    const double value = link::FieldValue(type, payload, i);
+    if (field.min <= value && value <= field.max) continue;
+    // As many digits as the number on the line has.
+    const std::string text = field.type == link::NumberType::kF32
+                                 ? fmt::format("{}", static_cast<float>(value))
+                                 : fmt::format("{}", value);
+    return fmt::format("{} = {}, plausible is {} to {}", field.signal, text, field.min, field.max);
   }
   return "a message that it refuses";
 }

@@ -72,7 +72,7 @@ extern const struct Command { std::variant<Reset, Hang> action; } command;
 
 // link/protocol.h
 extern const examples::Function Answer;
-extern std::vector<float> row;
+extern std::vector<double> row;
 
 // link/pty.h
 extern ByteLine::Received received;
@@ -84,7 +84,7 @@ extern struct Decoder { void Feed(std::span<const std::uint8_t> bytes); } decode
 
 // link/signal_table.h
 extern const struct Model { const VehicleSignals& signals() const; } model;
-extern std::vector<float> values;
+extern std::vector<double> values;
 
 // link/socket_line.h
 extern ByteLine::Received received;

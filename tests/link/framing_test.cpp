@@ -160,7 +160,7 @@ TEST_P(FramingTest, AWireCutsItsFramesAndKnowsTheirMessages) {
     for (int i = 0; i < 50; ++i) {
       const char* name = i % 3 == 0 ? "start" : i % 3 == 1 ? "read_sensors" : "actuators";
       const MessageType& type = *protocol->Find(name);
-      const std::vector<float> values(type.fields.size(), 0.1F * static_cast<float>(i));
+      const std::vector<double> values(type.fields.size(), 0.1 * static_cast<double>(i));
       frames.push_back(framing_->Encode(protocol->Encode(type, values).span()));
       kinds.push_back(type.kind);
       const Bytes& frame = frames.back();

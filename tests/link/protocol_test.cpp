@@ -25,7 +25,10 @@ Bytes BitsOf(const void* values, std::size_t count) {
   const auto* first = static_cast<const std::uint8_t*>(values);
   return {first, first + 4 * count};
 }
-Bytes BitsOf(std::span<const float> values) { return BitsOf(values.data(), values.size()); }
+Bytes BitsOf(std::span<const double> values) {
+  const std::vector<float> floats(values.begin(), values.end());
+  return BitsOf(floats.data(), floats.size());
+}
 
 // A decoder's result: its status, and if that is kOk, the kind of the message and its values.
 struct Said {
@@ -165,13 +168,18 @@ TEST(ProtocolTest, EncodesWhatTheFirmwaresOwnEncodersDo) {
   Payloads payloads;
   for (int i = 0; i < 1000; ++i) {
     std::array<float, 16> row;
-    for (float& value : row) value = payloads.Value();
+    for (float& value : row) {
+      value = payloads.Value();
+      // A signalling one becomes a quiet one in a double.
+      if (std::isnan(value)) value = std::numeric_limits<float>::quiet_NaN();
+    }
+    const std::vector<double> values(row.begin(), row.end());
     const auto actuators = std::bit_cast<Actuators>(std::array{row[0], row[1], row[2], row[3]});
     const auto reference =
         std::bit_cast<Reference>(std::array{row[0], row[1], row[2], row[3], row[4], row[5], row[6]});
     const auto encode = [&](const Protocol& protocol, std::string_view name) {
       const MessageType& type = *protocol.Find(name);
-      return ToBytes(protocol.Encode(type, std::span(row).first(type.fields.size())).span());
+      return ToBytes(protocol.Encode(type, std::span(values).first(type.fields.size())).span());
     };
     for (const Dialect dialect : {Dialect::kPaper, Dialect::kProvant}) {
       const Protocol& protocol = *FindProtocol(Name(dialect));
@@ -246,19 +254,19 @@ TEST(ProtocolTest, ThePapersMessagesCarryAnyVehicle) {
             (std::vector<std::string>{"x_m", "yaw_rad", "alpha_tail_rad", "vx_m_s", "alpha_tail_rad_s"}));
   EXPECT_EQ(names("actuators"), (std::vector<std::string>{"f_1_n", "f_2_n", "f_3_n", "angle_tail_rad"}));
   // Id 3, then the inputs, each as binary32.
-  const std::array<float, 4> inputs = {1.F, 2.F, 3.F, -0.5F};
+  const std::array<double, 4> inputs = {1.0, 2.0, 3.0, -0.5};
   const Payload payload = own->Encode(*own->Find("actuators"), inputs);
   EXPECT_EQ(ToBytes(payload.span()),
             (std::vector<std::uint8_t>{0, 0,    0x40, 0x40, 0,    0,    0x80, 0x3F, 0, 0,
                                        0, 0x40, 0,    0,    0x40, 0x40, 0,    0,    0, 0xBF}));
   Message message;
   ASSERT_EQ(own->Decode(Direction::kToPlant, payload.span(), message), MessageStatus::kOk);
-  EXPECT_EQ(message.values, std::vector<float>(inputs.begin(), inputs.end()));
+  EXPECT_EQ(message.values, std::vector<double>(inputs.begin(), inputs.end()));
   // An actuator message of the tilt-rotor with as many inputs has other limits; one with fewer another length.
   EXPECT_EQ(own->Decode(Direction::kToPlant, Paper().Encode(*Paper().Find("start"), {}).span(), message),
             MessageStatus::kOk);
   // The plausible range of an angle.
-  const std::array<float, 4> absurd = {1.F, 2.F, 3.F, 101.F};
+  const std::array<double, 4> absurd = {1.0, 2.0, 3.0, 101.0};
   EXPECT_EQ(own->Decode(Direction::kToPlant, own->Encode(*own->Find("actuators"), absurd).span(), message),
             MessageStatus::kOutOfRange);
 }
@@ -277,10 +285,10 @@ TEST(ProtocolTest, TheTiltRotorAndOtherProtocolsStayAsTheyAre) {
 
 TEST(ProtocolTest, ARefusedPayloadLeavesTheMessageAlone) {
   Message message;
-  const std::array<float, 4> hover = {10.F, 10.F, 0.F, 0.F};
+  const std::array<double, 4> hover = {10.0, 10.0, 0.0, 0.0};
   const Payload right = Paper().Encode(*Paper().Find("actuators"), hover);
   ASSERT_EQ(Paper().Decode(Direction::kToPlant, right.span(), message), MessageStatus::kOk);
-  const std::array<float, 4> wrong = {1.F, 2.F, 3.F, 1e9F};
+  const std::array<double, 4> wrong = {1.0, 2.0, 3.0, 1e9};
   EXPECT_EQ(
       Paper().Decode(Direction::kToPlant, Paper().Encode(*Paper().Find("actuators"), wrong).span(), message),
       MessageStatus::kOutOfRange);

@@ -24,16 +24,16 @@ class Semantic : public WireModel {
     FrameEdit edit(*protocol_.framing, chunk.bytes);
     const std::optional<Place> place = edit.ok() ? PlaceIn(edit.payload()) : std::nullopt;
     if (place) {
-      const float before = FloatAt(edit.payload(), place->offset);
+      const double before = link::FieldValue(*place->type, edit.payload(), place->field);
       if (!replaces) {
         left_alone_ = before;
       } else {
-        const float after = Instead(before, *place->field);
-        SetFloat(edit.payload(), place->offset, after);
+        const link::MessageField& field = place->type->fields[place->field];
+        link::SetFieldValue(*place->type, edit.payload(), place->field, Instead(before, field));
+        const double after = link::FieldValue(*place->type, edit.payload(), place->field);
         edit.WriteTo(chunk.bytes);
         if (context.what != nullptr)
-          context.Say(Concat({place->field->signal, " ", NumberText(static_cast<double>(before)), " -> ",
-                              NumberText(static_cast<double>(after))}));
+          context.Say(Concat({field.signal, " ", NumberText(before), " -> ", NumberText(after)}));
       }
     }
     out.push_back(std::move(chunk));
@@ -42,14 +42,14 @@ class Semantic : public WireModel {
   void Pass(link::Chunk&& chunk, std::vector<link::Chunk>& out) override {
     FrameEdit edit(*protocol_.framing, chunk.bytes);
     if (const auto place = edit.ok() ? PlaceIn(edit.payload()) : std::nullopt)
-      left_alone_ = FloatAt(edit.payload(), place->offset);
+      left_alone_ = link::FieldValue(*place->type, edit.payload(), place->field);
     out.push_back(std::move(chunk));
   }
 
  private:
   struct Place {
-    const link::MessageField* field;
-    std::size_t offset;  // in the payload
+    const link::MessageType* type;
+    std::size_t field;  // its index
   };
   std::optional<Place> PlaceIn(std::span<const std::uint8_t> payload) const {
     const link::MessageType* type = protocol_.Classify(direction_, payload);
@@ -58,17 +58,20 @@ class Semantic : public WireModel {
         std::find_if(type->fields.begin(), type->fields.end(),
                      [this](const link::MessageField& field) { return field.signal == name_; });
     if (found == type->fields.end()) return std::nullopt;
-    return Place{&*found, 4 * static_cast<std::size_t>(found - type->fields.begin() + (type->id ? 1 : 0))};
+    return Place{type, static_cast<std::size_t>(found - type->fields.begin())};
   }
 
-  float Instead(float before, const link::MessageField& field) const {
-    using Limits = std::numeric_limits<float>;
+  double Instead(double before, const link::MessageField& field) const {
+    using Limits = std::numeric_limits<double>;
     if (kind_ == "nan") return Limits::quiet_NaN();
     if (kind_ == "inf") return Limits::infinity();
-    if (kind_ == "denormal") return Limits::denorm_min();
+    if (kind_ == "denormal")
+      return field.type == link::NumberType::kF64
+                 ? Limits::denorm_min()
+                 : static_cast<double>(std::numeric_limits<float>::denorm_min());
     if (kind_ == "out_of_range") return field.max + (field.max - field.min);
     if (kind_ == "sign_flip") return -before;
-    if (kind_ == "offset") return static_cast<float>(static_cast<double>(before) + value_);
+    if (kind_ == "offset") return before + value_;
     return left_alone_.value_or(before);
   }
 
@@ -76,7 +79,7 @@ class Semantic : public WireModel {
   link::Direction direction_;
   std::string name_, kind_;
   double value_, probability_;
-  std::optional<float> left_alone_;
+  std::optional<double> left_alone_;
 };
 
 }  // namespace

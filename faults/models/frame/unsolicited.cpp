@@ -20,12 +20,10 @@ class Unsolicited : public WireModel {
     for (const PoissonEvents::Event& event : events) {
       Random random(event.key);
       const link::MessageType& type = *types_[random.Below(types_.size())];
-      std::vector<float> values;
-      for (const link::MessageField& field : type.fields) {
-        const auto low = static_cast<double>(field.min), high = static_cast<double>(field.max);
+      std::vector<double> values;
+      for (const link::MessageField& field : type.fields)
         values.push_back(
-            std::clamp(static_cast<float>(low + (high - low) * random.Uniform()), field.min, field.max));
-      }
+            std::clamp(field.min + (field.max - field.min) * random.Uniform(), field.min, field.max));
       forged.bytes = protocol_.framing->Encode(protocol_.Encode(type, values).span());
       out.push_back(forged);
       if (context.what != nullptr) context.Say(Concat({"forged ", type.name, " behind it"}));

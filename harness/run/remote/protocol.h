@@ -67,7 +67,7 @@ struct LineView {
 // A link::Message: both processes have the scenario, and so the protocol's table.
 struct PackedMessage {
   std::string type;
-  std::vector<float> values;
+  std::vector<double> values;
   TILTPROOF_FIELDS(type, values)
 };
 inline PackedMessage Packed(const link::Message& message) { return {message.type->name, message.values}; }

@@ -26,7 +26,7 @@ TEST(PlantServer, EverySecondCommandIsOffsetToTheLimitFromItsOwnBoundaryOn) {
   KeptRecords records;
   LocalPlantServer server(scenario, Model(), records);
   const link::Protocol& protocol = *scenario.link.protocol;
-  const auto receive = [&](TimeNs at, link::MessageKind kind, std::vector<float> values) {
+  const auto receive = [&](TimeNs at, link::MessageKind kind, std::vector<double> values) {
     server.Receive(0, BootTime(at), {protocol.Find(kind), std::move(values)}, [](auto) {});
   };
   receive(0, link::MessageKind::kStart, {});
@@ -57,7 +57,7 @@ TEST(PlantServer, RowsShowTheThrustAfterTheRotorsLag) {
   KeptRecords records;
   LocalPlantServer server(scenario, model, records);
   const link::Protocol& protocol = *scenario.link.protocol;
-  const auto receive = [&](link::MessageKind kind, std::vector<float> values) {
+  const auto receive = [&](link::MessageKind kind, std::vector<double> values) {
     server.Receive(0, BootTime(0), {protocol.Find(kind), std::move(values)}, [](auto) {});
   };
   receive(link::MessageKind::kStart, {});
@@ -91,7 +91,7 @@ TEST(PlantServer, AVehicleThatIsHeldStaysWhereItIsWhateverHappens) {
   KeptRecords records;
   LocalPlantServer server(scenario, Model(), records);
   const link::Protocol& protocol = *scenario.link.protocol;
-  const auto receive = [&](link::MessageKind kind, std::vector<float> values) {
+  const auto receive = [&](link::MessageKind kind, std::vector<double> values) {
     server.Receive(0, BootTime(0), {protocol.Find(kind), std::move(values)}, [](auto) {});
   };
   receive(link::MessageKind::kStart, {});

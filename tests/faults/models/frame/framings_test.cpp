@@ -30,9 +30,9 @@ std::vector<std::vector<Bytes>> Send(const FaultSpec& spec, const std::shared_pt
   const link::MessageType& type = *protocol->Find("sensors");
   std::vector<std::vector<Bytes>> out;
   for (int n = 0; n < count; ++n) {
-    std::vector<float> values;
+    std::vector<double> values;
     for (std::size_t i = 0; i < type.fields.size(); ++i)
-      values.push_back(static_cast<float>(n) + 0.5F * static_cast<float>(i));
+      values.push_back(static_cast<double>(n) + 0.5 * static_cast<double>(i));
     std::vector<link::Chunk> chunks = {
         {.begin_ns = kOriginAtPowerOn.ToBootTime(FrameTime(n)),
          .bytes = protocol->framing->Encode(protocol->Encode(type, values).span()),

@@ -21,9 +21,9 @@ inline const link::Protocol& PaperProtocol() {
 // Frame n of a line that sends this message every 12 ms; its values are n, n + 0.5, n + 1 ...
 inline link::Chunk MessageFrame(const std::string& message, std::int64_t n) {
   const link::MessageType& type = *PaperProtocol().Find(message);
-  std::vector<float> values;
+  std::vector<double> values;
   for (std::size_t i = 0; i < type.fields.size(); ++i)
-    values.push_back(static_cast<float>(n) + 0.5F * static_cast<float>(i));
+    values.push_back(static_cast<double>(n) + 0.5 * static_cast<double>(i));
   const link::Payload payload = PaperProtocol().Encode(type, values);
   std::array<std::uint8_t, link::FrameBytesMax(link::kPayloadBytesMax)> buffer{};
   const auto frame = link::EncodeFrame(payload.span(), buffer).bytes;

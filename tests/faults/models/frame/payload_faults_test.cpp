@@ -1,5 +1,6 @@
 // Frames that are built well around a wrong payload, read by the codec and, for checksums, by a slow one.
 #include <gtest/gtest.h>
+#include <bit>
 
 #include <cmath>
 #include <limits>
@@ -138,7 +139,7 @@ TEST(WrongIdTest, IsSentWithARightChecksum) {
 
 // A request that says it is a start, with the length of one: a message of the protocol.
 TEST(WrongIdTest, CanMakeAnotherMessage) {
-  const double start = static_cast<double>(*PaperProtocol().Find("start")->id);
+  const auto start = static_cast<double>(std::bit_cast<float>(PaperProtocol().Find("start")->id->bits));
   const FaultSpec spec = Spec("frame.wrong_id", {{"id", start}, {"probability", 1.0}});
   for (const Heard& heard : Decoded(SendMessages(spec, "read_sensors", 5)))
     EXPECT_EQ(PaperProtocol().Classify(Direction::kToPlant, heard.payload), PaperProtocol().Find("start"));
