@@ -9,8 +9,6 @@ namespace {
 
 using link::Direction;
 
-// Beside its message a frame has two flags and two bytes of check, at least.
-constexpr std::size_t kFramingBytes = 4;
 // Within this many control periods every periodic message has been sent.
 constexpr int kSurelySentPeriods = 2;
 
@@ -37,11 +35,12 @@ bool DoublesAll(const FaultSpec& spec, const FaultType& type) {
 }
 
 // The faults on that message from `begin_ns` to `end_ns`, when they are too much.
-std::vector<std::size_t> TooMuchAt(TimeNs begin_ns, TimeNs end_ns, const link::MessageType& message,
-                                   const std::vector<FaultSpec>& specs,
+std::vector<std::size_t> TooMuchAt(TimeNs begin_ns, TimeNs end_ns, const link::Framing& framing,
+                                   const link::MessageType& message, const std::vector<FaultSpec>& specs,
                                    const std::vector<std::size_t>& acting_order) {
   std::vector<std::size_t> doubling;
-  std::size_t bytes = message.payload_bytes + kFramingBytes;
+  // Zeros make the shortest frame.
+  std::size_t bytes = framing.Encode(std::vector<std::uint8_t>(message.payload_bytes)).size();
   for (const std::size_t fault : acting_order) {
     const FaultSpec& spec = specs[fault];
     const FaultType& type = *FindFaultType(spec.type);
@@ -77,7 +76,7 @@ std::optional<TooMuch> CertainOverfull(const std::vector<FaultSpec>& specs, Time
       const TimeNs begin_ns = std::max<TimeNs>(specs[fault].start_ns, 0);
       if (begin_ns > duration_ns - surely_sent_ns) continue;
       std::vector<std::size_t> too_much =
-          TooMuchAt(begin_ns, begin_ns + surely_sent_ns, message, specs, acting_order);
+          TooMuchAt(begin_ns, begin_ns + surely_sent_ns, *protocol.framing, message, specs, acting_order);
       if (!too_much.empty()) return TooMuch{message.direction, std::move(too_much)};
     }
   }
