@@ -48,6 +48,7 @@ enum class FieldContent : std::uint8_t { kSignal, kSequence, kTimeUs };
 // The unit of a rotor's thrust on the line: newton, its share of the largest thrust, or the share of the largest speed,
 // whose square is that of the thrust.
 enum class ThrustUnit : std::uint8_t { kNewton, kShare, kShareOfSpeed };
+std::string_view Name(ThrustUnit unit);  // "share_of_speed"
 
 struct MessageField {
   std::string signal;           // "x_m"; "sequence" and "time_us" are no signals
@@ -78,7 +79,12 @@ struct MessageType {
   TimeNs period_ns = 0;    // the server sends it by itself, so often; 0: it does not
   std::vector<MessageField> fields = {};
   std::size_t payload_bytes = 0;  // LayOut() sets it
+  bool has_signals() const;       // beside numbers and times of messages
 };
+
+// Beyond this magnitude a value of that signal is not one of a small aircraft but of a damaged message. The end of the
+// name gives its unit; infinite for a name without.
+double PlausibleMagnitude(std::string_view signal);
 
 // Sets the offsets of the fields and the length of the payload.
 MessageType LayOut(MessageType type);
@@ -100,6 +106,8 @@ struct Payload {
 // z up; or x forward, y right, z down.
 enum class WorldAxes : std::uint8_t { kEnu, kNed };
 enum class BodyAxes : std::uint8_t { kFlu, kFrd };
+std::string_view Name(WorldAxes axes);
+std::string_view Name(BodyAxes axes);
 
 struct Protocol {
   std::string name;
@@ -117,6 +125,11 @@ struct Protocol {
   // Null when there is none. The second function finds the only message of its kind.
   const MessageType* Find(std::string_view message) const;
   const MessageType* Find(MessageKind kind) const;
+
+  // The message that a client sends once in each control period: its first request; its first actuator message when it
+  // needs no request, because the server sends by itself at least once in each period. A protocol has one of the two.
+  const MessageType& PeriodMessage() const;
+  bool streams() const { return PeriodMessage().kind == MessageKind::kActuators; }
 
   // The message type of a payload in that direction, judged only by length and id; null when it is no
   // message.
