@@ -2,19 +2,28 @@
 
 #include <fmt/format.h>
 
+#include <filesystem>
 #include <string_view>
 #include <vector>
 
 #include "harness/cli/commands.h"
 #include "harness/scenario/did_you_mean.h"
+#include "harness/scenario/protocol_file.h"
 
 namespace tiltproof::harness {
 
 std::shared_ptr<const link::Protocol> ReadProtocolFlag(const std::string& text) {
   if (auto protocol = link::FindProtocol(text)) return protocol;
-  std::vector<std::string_view> names;
-  for (const auto& protocol : link::Protocols()) names.push_back(protocol->name);
-  throw UsageError(fmt::format("--protocol {}: no such protocol{}", text, DidYouMean(text, names)));
+  if (!std::filesystem::is_regular_file(text)) {
+    std::vector<std::string_view> names;
+    for (const auto& protocol : link::Protocols()) names.push_back(protocol->name);
+    throw UsageError(fmt::format("--protocol {}: no such protocol or file{}", text, DidYouMean(text, names)));
+  }
+  try {
+    return ReadProtocolFile(text);
+  } catch (const ScenarioError& error) {
+    throw UsageError(error.what());
+  }
 }
 
 std::string FieldText(const link::MessageField& field, double value) {
