@@ -39,6 +39,7 @@ namespace tiltproof::faults {
   FAULT(FrameFlagLoss)               \
   FAULT(FrameFlagForgery)            \
   FAULT(FrameDanglingEscape)         \
+  FAULT(FrameLengthError)            \
   FAULT(FrameShort)                  \
   FAULT(FrameLong)                   \
   FAULT(FrameWrongId)                \
@@ -359,15 +360,44 @@ std::string_view WhyNoLonger(std::string_view name) {
   return {};
 }
 
-std::string FramingProblem(const FaultType& type, const link::Protocol& protocol) {
+namespace {
+
+std::string_view TextOf(link::ByteRole role) {
+  switch (role) {
+    case link::ByteRole::kFlag:
+      return "a flag at their end";
+    case link::ByteRole::kEscape:
+      return "escaped bytes";
+    case link::ByteRole::kLength:
+      return "a length in front";
+    default:
+      return link::Name(role);
+  }
+}
+
+// The faults on parts of a frame that this framing has, and one that needs no part.
+std::string AlternativesIn(const link::Framing& framing) {
+  std::vector<std::string_view> names;
+  for (const FaultType& type : FaultTypes()) {
+    const auto* wire = type.As<WireKind>();
+    if (wire != nullptr && wire->needs_role && framing.Has(*wire->needs_role)) names.push_back(type.name);
+  }
+  names.emplace_back("frame.truncate");
+  return Joined(names);
+}
+
+}  // namespace
+
+std::optional<Problem> ProtocolProblem(const FaultSpec& spec, const link::Protocol& protocol) {
+  const FaultType& type = ValidType(spec);
   const auto* wire = type.As<WireKind>();
-  if (wire == nullptr) return "";
-  const bool lacks_flag = wire->needs_flag && !protocol.framing->flag();
-  const bool lacks_escape = wire->needs_escape && !protocol.framing->escape();
-  if (!lacks_flag && !lacks_escape) return "";
-  return Concat({type.name, " needs frames with ", lacks_flag ? "a flag" : "escaped bytes",
-                 "; the protocol '", protocol.name, "' has the framing '", protocol.framing->name(),
-                 "' without"});
+  if (wire == nullptr) return std::nullopt;
+  const link::Framing& framing = *protocol.framing;
+  if (wire->needs_role && !framing.Has(*wire->needs_role))
+    return Problem{"type", Concat({type.name, " needs frames with ", TextOf(*wire->needs_role),
+                                   "; the protocol '", protocol.name, "' has the framing '", framing.name(),
+                                   "' without: use one of ", AlternativesIn(framing)})};
+  return wire->refuses == nullptr ? std::nullopt : wire->refuses(ResolvedParameters(spec, type), protocol);
 }
 
 bool Reaches(Target target, link::Direction direction) {

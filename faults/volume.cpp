@@ -9,8 +9,6 @@ namespace {
 
 using link::Direction;
 
-// Beside its message a frame has two flags and two bytes of check, at least.
-constexpr std::size_t kFramingBytes = 4;
 // Within this many periods every periodic message has been sent.
 constexpr int kSurelySentPeriods = 2;
 
@@ -25,7 +23,8 @@ std::vector<std::size_t> TooMuchAt(TimeNs begin_ns, TimeNs end_ns, const link::P
                                    const link::MessageType& message, const std::vector<FaultSpec>& specs,
                                    const std::vector<std::size_t>& acting_order) {
   std::vector<std::size_t> doubling;
-  std::size_t bytes = message.payload_bytes + kFramingBytes;
+  // Zeros make the shortest frame.
+  std::size_t bytes = protocol.framing->Encode(std::vector<std::uint8_t>(message.payload_bytes)).size();
   for (const std::size_t fault : acting_order) {
     const FaultSpec& spec = specs[fault];
     const FaultType& type = *FindFaultType(spec.type);

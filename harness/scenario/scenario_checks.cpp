@@ -358,7 +358,7 @@ class Checker {
     for (std::size_t i = 0; i < scenario_.faults.size(); ++i) CheckWaiting(i, list->items[i]);
     CheckSignals(*list);
     CheckFields(*list);
-    CheckFraming(*list);
+    CheckProtocol(*list);
   }
 
   // Gives the message its name in the protocol.
@@ -370,13 +370,12 @@ class Checker {
       fault.message = message->name;
   }
 
-  // Faults on flags and escapes are for a framing that has these.
-  void CheckFraming(const YamlNode& list) {
+  // A fault on a part of a frame, or on a value, is for a protocol that has these.
+  void CheckProtocol(const YamlNode& list) {
     for (std::size_t i = 0; i < scenario_.faults.size(); ++i) {
-      const faults::FaultType* type = faults::FindFaultType(scenario_.faults[i].type);
-      const std::string problem =
-          type == nullptr ? "" : faults::FramingProblem(*type, *scenario_.link.protocol);
-      if (!problem.empty()) Complain(list.items[i], "type", "type: " + problem);
+      if (!faults::Validate(scenario_.faults[i]).empty()) continue;  // reported already
+      if (const auto problem = faults::ProtocolProblem(scenario_.faults[i], *scenario_.link.protocol))
+        Complain(list.items[i], problem->key, fmt::format("{}: {}", problem->key, problem->message));
     }
   }
 

@@ -14,7 +14,9 @@
 #include "faults/schedule.h"
 #include "firmware/signals.h"
 #include "link/chunk.h"
+#include "link/length_framing.h"
 #include "tests/support/origins.h"
+#include "tests/support/tiny_framings.h"
 
 namespace tiltproof::faults {
 
@@ -71,8 +73,19 @@ inline VehicleSignals TiltrotorSignals() {
           .joints = {"hinge_right", "hinge_left"}};
 }
 
+// The paper's protocol; but for a fault on a part that its frames do not have, with a length in front of each frame.
+inline std::shared_ptr<const link::Protocol> ProtocolFor(const std::vector<FaultSpec>& specs) {
+  const std::shared_ptr<const link::Protocol> paper = link::FindProtocol("paper");
+  for (const FaultSpec& spec : specs) {
+    const auto* wire = ValidType(spec).As<WireKind>();
+    if (wire != nullptr && wire->needs_role && !paper->framing->Has(*wire->needs_role))
+      return link::PaperOver(link::MakeLengthFraming({.sync = {0xAA, 0x55}}, link::CheckKind::kCrc16Ibm3740));
+  }
+  return paper;
+}
+
 inline FaultSchedule AtThePlant(const std::vector<FaultSpec>& specs, std::uint64_t seed = 1) {
-  return {specs, seed, {.signals = TiltrotorSignals()}};
+  return {specs, seed, {.protocol = ProtocolFor(specs), .signals = TiltrotorSignals()}};
 }
 
 inline void EditSensors(FaultSchedule& schedule, TimeNs t, Sensors& sensors, BootTime boot_time = {}) {
@@ -130,7 +143,7 @@ inline std::vector<std::vector<link::Chunk>> Send(FaultSchedule& schedule, std::
 // The same with one fault.
 inline std::vector<std::vector<link::Chunk>> Send(const FaultSpec& spec, std::int64_t count,
                                                   std::size_t size = 68, std::uint64_t seed = 1) {
-  FaultSchedule schedule({spec}, seed);
+  FaultSchedule schedule({spec}, seed, {.protocol = ProtocolFor({spec})});
   return Send(schedule, count, size);
 }
 
