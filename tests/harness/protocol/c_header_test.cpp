@@ -87,7 +87,8 @@ class HeaderTest : public testing::TestWithParam<const HeaderGlue*> {
       const std::uint8_t* payload = nullptr;
       const std::size_t size = glue_->take(byte, &payload);
       if (size == 0) continue;
-      Taken taken{.payload = {payload, payload + size}};
+      Taken taken;
+      taken.payload.assign(payload, payload + size);
       std::array<double, link::kPayloadBytesMax> values{};
       int type = -1;
       taken.status = static_cast<MessageStatus>(glue_->decode(line, payload, size, &type, values.data()));
@@ -107,7 +108,8 @@ class HeaderTest : public testing::TestWithParam<const HeaderGlue*> {
     const auto reader = protocol_.framing->MakeReader();
     while (const auto reading = reader->Next(bytes)) {
       if (!reading->ok || reading->payload.size() > Longest()) continue;  // no message is longer
-      Taken taken{.payload = {reading->payload.begin(), reading->payload.end()}};
+      Taken taken;
+      taken.payload.assign(reading->payload.begin(), reading->payload.end());
       link::Message message;
       taken.status = protocol_.Decode(static_cast<Direction>(line), reading->payload, message);
       if (taken.status == MessageStatus::kOk) {
