@@ -32,7 +32,7 @@ LqrApplication::LqrApplication(const LqrTable& table, link::Dialect dialect, Por
       period_ns_(static_cast<TimeNs>(table.period_s * 1e6F + 0.5F) * kNsPerUs),
       port_(port),
       law_(table),
-      reference_receiver_(ValueChecks::kFiniteAndRange) {}
+      reference_receiver_(dialect, ValueChecks::kFiniteAndRange) {}
 
 TimeNs LqrApplication::Start(TimeNs now) {
   port_.Log(now, "lqr");

@@ -61,6 +61,7 @@ ONLY_IN = {
     "dlfcn.h": ["harness/client/"],
     # The codec is one framing; all others than the firmware go through link/framing.h.
     "link/frame.h": ["link/frame.cpp", "link/hdlc_framing.cpp", "firmware/"],
+    "link/crc32.h": ["link/crc32.cpp", "link/frame.cpp"],
     "link/fletcher16.h": ["link/fletcher16.cpp", "link/frame.cpp", "link/checksum.cpp", "firmware/"],
 }
 # Patterns that would make a replay differ, or tie the product to one machine.

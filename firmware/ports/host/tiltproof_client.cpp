@@ -41,7 +41,7 @@ class HostPort final : public tiltproof::firmware::Port {
 };
 
 std::optional<Dialect> FindDialect(const char* name) {
-  for (const Dialect dialect : {Dialect::kPaper, Dialect::kProvant}) {
+  for (const Dialect dialect : {Dialect::kPaper, Dialect::kProvant, Dialect::kHardened}) {
     if (name != nullptr && tiltproof::link::Name(dialect) == name) return dialect;
   }
   return std::nullopt;
@@ -90,8 +90,8 @@ TiltproofClient* tiltproof_client_create(const TiltproofHost* host) {
   const std::optional<Dialect> dialect = FindDialect(host->dialect);
   LqrTable table;
   if (!dialect) return nullptr;
-  if (build == nullptr &&
-      !(host->firmware == std::string_view("lqr") && ReadLqrTable(host->parameters, table)))
+  if (build == nullptr && (*dialect == Dialect::kHardened || host->firmware != std::string_view("lqr") ||
+                           !ReadLqrTable(host->parameters, table)))
     return nullptr;
   return new (std::nothrow) TiltproofClient(*host, build, table, *dialect);
 }
