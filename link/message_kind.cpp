@@ -17,6 +17,10 @@ std::string_view Name(MessageKind kind) {
       return "reply"sv;
     case MessageKind::kReference:
       return "reference"sv;
+    case MessageKind::kStreamed:
+      return "streamed"sv;
+    case MessageKind::kOther:
+      return "other"sv;
     case MessageKind::kUnknown:
       return "unknown"sv;
   }

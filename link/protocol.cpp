@@ -28,24 +28,6 @@ MessageStatus FindType(const Protocol& protocol, Direction direction, std::span<
 
 // --- The protocols that are built in.
 
-// Beyond this magnitude a value is not a state of a small aircraft but a damaged message. A signal's name ends in
-// its unit; of two endings that fit, the longer comes first.
-double PlausibleMagnitude(std::string_view signal) {
-  struct Limit {
-    std::string_view suffix;
-    double magnitude;
-  };
-  static constexpr std::array<Limit, 6> kLimits = {{{"_rad_s", 1e3},
-                                                    {"_rad", 100.0},  // unwrapped yaw included
-                                                    {"_m_s", 1e3},
-                                                    {"_nm", 1e2},
-                                                    {"_m", 1e4},
-                                                    {"_n", 1e3}}};
-  for (const Limit& limit : kLimits)
-    if (signal.ends_with(limit.suffix)) return limit.magnitude;
-  ThrowBrokenInvariant("a signal of a built-in protocol with a unit");
-}
-
 std::vector<MessageField> Fields(const std::vector<std::string>& signals) {
   std::vector<MessageField> fields;
   for (const std::string& signal : signals) {
@@ -190,6 +172,33 @@ double FieldValue(const MessageType& type, std::span<const std::uint8_t> payload
   CheckPart(own.offset, NumberBytes(own.type), payload.size(), "a field is inside its payload");
   return own.scale * LoadNumber(own.type, own.order, payload.subspan(own.offset));
 }
+
+double PlausibleMagnitude(std::string_view signal) {
+  struct Limit {
+    std::string_view suffix;
+    double magnitude;
+  };
+  // Of two endings that fit, the longer one comes first.
+  static constexpr std::array<Limit, 9> kLimits = {{{"_m_s2", 1e4},
+                                                    {"_pa", 1e7},
+                                                    {"_deg", 360.0},
+                                                    {"_rad_s", 1e3},
+                                                    {"_rad", 100.0},  // unwrapped yaw included
+                                                    {"_m_s", 1e3},
+                                                    {"_nm", 1e2},
+                                                    {"_m", 1e4},
+                                                    {"_n", 1e3}}};
+  for (const Limit& limit : kLimits)
+    if (signal.ends_with(limit.suffix)) return limit.magnitude;
+  return std::numeric_limits<double>::infinity();
+}
+
+std::string_view Name(ThrustUnit unit) {
+  static constexpr std::array<std::string_view, 3> kNames = {"newton", "share", "share_of_speed"};
+  return kNames[static_cast<std::size_t>(unit)];
+}
+std::string_view Name(WorldAxes axes) { return axes == WorldAxes::kEnu ? "enu" : "ned"; }
+std::string_view Name(BodyAxes axes) { return axes == BodyAxes::kFlu ? "flu" : "frd"; }
 
 MessageId FloatId(float value) { return {.bits = std::bit_cast<std::uint32_t>(value)}; }
 

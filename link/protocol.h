@@ -48,6 +48,7 @@ enum class FieldContent : std::uint8_t { kSignal, kSequence, kTimeUs };
 // The unit of a rotor's thrust on the line: newton, its share of the largest thrust, or the share of the largest speed,
 // whose square is that of the thrust.
 enum class ThrustUnit : std::uint8_t { kNewton, kShare, kShareOfSpeed };
+std::string_view Name(ThrustUnit unit);  // "share_of_speed"
 
 struct MessageField {
   std::string signal;           // "x_m"; "sequence" and "time_us" are no signals
@@ -80,6 +81,10 @@ struct MessageType {
   std::size_t payload_bytes = 0;  // LayOut() sets it
 };
 
+// Beyond this magnitude a value of that signal is not one of a small aircraft but of a damaged message. The end of the
+// name gives its unit; infinite for a name without.
+double PlausibleMagnitude(std::string_view signal);
+
 // Sets the offsets of the fields and the length of the payload.
 MessageType LayOut(MessageType type);
 
@@ -100,6 +105,8 @@ struct Payload {
 // z up; or x forward, y right, z down.
 enum class WorldAxes : std::uint8_t { kEnu, kNed };
 enum class BodyAxes : std::uint8_t { kFlu, kFrd };
+std::string_view Name(WorldAxes axes);
+std::string_view Name(BodyAxes axes);
 
 struct Protocol {
   std::string name;

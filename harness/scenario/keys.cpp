@@ -37,19 +37,6 @@ constexpr TextRule kVariable = {
     "a variable of the firmware's image, such as tick_count, controller.gains[3] or motor.c:state", 200};
 constexpr TextRule kAnyText = {};
 
-// An enumeration whose values count from 0 and have names.
-template <class Enum, std::size_t n>
-void Enumeration(KeyVisitor& v, const Key& key, const std::array<Enum, n>& values, Enum& value) {
-  std::array<std::string_view, n> words;
-  std::optional<std::size_t> index;
-  for (std::size_t i = 0; i < n; ++i) {
-    words[i] = Name(values[i]);
-    if (values[i] == value) index = i;
-  }
-  v.Choice(key, words, index);
-  if (index) value = values[*index];
-}
-
 void DescribeExpectation(KeyVisitor& v, Expectation& expect) {
   constexpr std::array kVerdicts = {Verdict::kPass, Verdict::kFail, Verdict::kInconclusive, Verdict::kError};
   std::array<std::string_view, kVerdicts.size()> words;
@@ -230,13 +217,6 @@ void DescribeArbiter(KeyVisitor& v, ArbiterSpec& arbiter) {
               std::array{ArbiterType::kSingle}, arbiter.type);
   v.Text({"client", "Whose actuators take effect; absent: the first client's. Its `start` is t = 0"},
          arbiter.client, kClientRule);
-}
-
-template <class Item, class Describe>
-void ListOf(KeyVisitor& v, const Key& key, std::vector<Item>& items, Describe describe) {
-  v.List(
-      key, items.size(), [&](std::size_t count) { items.resize(count); },
-      [&](KeyVisitor& w, std::size_t i) { describe(w, items[i]); });
 }
 
 }  // namespace

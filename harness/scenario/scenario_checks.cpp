@@ -25,25 +25,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const YamlNode* ValueOf(const YamlNode* mapping, std::string_view key) {
-  const YamlEntry* entry = mapping == nullptr ? nullptr : mapping->Find(key);
-  return entry == nullptr ? nullptr : &entry->value;
-}
-
-// The place of a value deep down, keys separated by dots; of the deepest mapping on the way when it is
-// absent.
-YamlMark PlaceOf(const YamlNode& mapping, std::string_view path) {
-  const YamlNode* node = &mapping;
-  while (!path.empty()) {
-    const std::size_t dot = path.find('.');
-    const YamlNode* next = ValueOf(node, path.substr(0, dot));
-    if (next == nullptr) break;
-    node = next;
-    path = dot == std::string_view::npos ? std::string_view() : path.substr(dot + 1);
-  }
-  return node->mark;
-}
-
 std::string DidYouMeanOf(std::string_view name, const std::vector<std::string>& valid) {
   const std::vector<std::string_view> views(valid.begin(), valid.end());
   return DidYouMean(name, views);

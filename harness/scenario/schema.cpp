@@ -113,6 +113,10 @@ class SchemaBuilder : public KeyVisitor {
     const Json schema = {{"enum", words}};
     index ? Add(key, schema, std::string(words[*index])) : Add(key, schema);
   }
+  void Bytes(const Key& key, std::vector<std::uint8_t>&, std::size_t count_max) override {
+    const Json byte = {{"type", "integer"}, {"minimum", 0}, {"maximum", 255}};
+    Add(key, {{"type", "array"}, {"items", byte}, {"minItems", 1}, {"maxItems", count_max}});
+  }
   void ChoiceByName(const Key& key, std::span<const std::string_view> words, NamedChoices& value,
                     const TextRule& name_rule) override {
     const Json word = {{"enum", words}};
@@ -135,6 +139,13 @@ class SchemaBuilder : public KeyVisitor {
     SchemaBuilder inner(name);
     body(inner);
     Add(key, {{"anyOf", {{{"enum", {word}}}, inner.Take()}}}, std::string(word));
+  }
+  void NameOrSection(const Key& key, std::span<const std::string_view> names, std::string& name,
+                     const Body& body) override {
+    SchemaBuilder inner((std::string(key.name)));
+    body(inner);
+    const Json path = {{"type", "string"}, {"pattern", "\\.ya?ml$"}};
+    Add(key, {{"anyOf", {{{"enum", names}}, inner.Take(), path}}}, name);
   }
   void List(const Key& key, std::size_t, const std::function<void(std::size_t)>& resize,
             const NumberedBody& body) override {
@@ -297,6 +308,8 @@ std::string AllowedText(const Json& schema) {
     for (const auto& word : schema["enum"]) words.push_back(fmt::format("`{}`", word.get<std::string>()));
     return fmt::format("{}", fmt::join(words, ", "));
   }
+  if (schema.contains("anyOf") && schema["anyOf"].size() == 3)
+    return fmt::format("{}, a path that ends in `.yaml`, or a mapping", AllowedText(schema["anyOf"][0]));
   if (schema.contains("anyOf") && schema["anyOf"][1].contains("properties"))
     return fmt::format("{}, or a mapping", AllowedText(schema["anyOf"][0]));
   if (schema.contains("anyOf"))
