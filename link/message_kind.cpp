@@ -39,6 +39,8 @@ std::string_view Name(MessageStatus status) {
       return "not_finite"sv;
     case MessageStatus::kOutOfRange:
       return "out_of_range"sv;
+    case MessageStatus::kStale:
+      return "stale"sv;
   }
   return "unknown"sv;
 }

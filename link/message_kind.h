@@ -24,8 +24,9 @@ enum class MessageKind : std::uint8_t {
 };
 std::string_view Name(MessageKind kind);
 
-enum class MessageStatus : std::uint8_t { kOk, kBadLength, kUnknownId, kNotFinite, kOutOfRange };
-inline constexpr std::size_t kMessageStatusCount = 5;
+// kStale: its number or time is not newer than that of the message of its type before it.
+enum class MessageStatus : std::uint8_t { kOk, kBadLength, kUnknownId, kNotFinite, kOutOfRange, kStale };
+inline constexpr std::size_t kMessageStatusCount = 6;
 std::string_view Name(MessageStatus status);
 
 }  // namespace tiltproof::link

@@ -110,6 +110,11 @@ Protocol Provant() {
 
 }  // namespace
 
+bool MessageType::has_signals() const {
+  return std::any_of(fields.begin(), fields.end(),
+                     [](const MessageField& field) { return field.content == FieldContent::kSignal; });
+}
+
 const MessageType* Protocol::Find(std::string_view message) const {
   const auto found = std::find_if(messages.begin(), messages.end(),
                                   [&](const MessageType& type) { return type.name == message; });
@@ -120,6 +125,19 @@ const MessageType* Protocol::Find(MessageKind kind) const {
   const auto found = std::find_if(messages.begin(), messages.end(),
                                   [&](const MessageType& type) { return type.kind == kind; });
   return found == messages.end() ? nullptr : &*found;
+}
+
+const MessageType& Protocol::PeriodMessage() const {
+  const bool streams = std::any_of(messages.begin(), messages.end(), [this](const MessageType& type) {
+    return type.period_ns > 0 && type.period_ns <= control_period_ns;
+  });
+  const auto request = std::find_if(messages.begin(), messages.end(), [](const MessageType& type) {
+    return type.direction == Direction::kToPlant && !type.reply.empty();
+  });
+  if (!streams && request != messages.end()) return *request;
+  const MessageType* actuators = Find(MessageKind::kActuators);
+  Check(actuators != nullptr, "a client asks or commands once a period");
+  return *actuators;
 }
 
 const MessageType* Protocol::Classify(Direction direction, std::span<const std::uint8_t> payload) const {

@@ -79,6 +79,7 @@ struct MessageType {
   TimeNs period_ns = 0;    // the server sends it by itself, so often; 0: it does not
   std::vector<MessageField> fields = {};
   std::size_t payload_bytes = 0;  // LayOut() sets it
+  bool has_signals() const;       // beside numbers and times of messages
 };
 
 // Beyond this magnitude a value of that signal is not one of a small aircraft but of a damaged message. The end of the
@@ -124,6 +125,11 @@ struct Protocol {
   // Null when there is none. The second function finds the only message of its kind.
   const MessageType* Find(std::string_view message) const;
   const MessageType* Find(MessageKind kind) const;
+
+  // The message that a client sends once in each control period: its first request; its first actuator message when it
+  // needs no request, because the server sends by itself at least once in each period. A protocol has one of the two.
+  const MessageType& PeriodMessage() const;
+  bool streams() const { return PeriodMessage().kind == MessageKind::kActuators; }
 
   // The message type of a payload in that direction, judged only by length and id; null when it is no
   // message.
