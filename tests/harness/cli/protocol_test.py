@@ -1,182 +1,104 @@
 #!/usr/bin/env python3
-"""`tiltproof protocol`, and docs/protocol.md by it: the page's protocol is checked, its client compiled and flown, its frames
-made by the generated C header and by the Python example, which know nothing of each other.
-Usage: protocol_test.py TILTPROOF SOURCE_DIR"""
-import ctypes
-import json
+"""Flights with protocol files: the same bytes give the same flight, without the file, too. Usage: protocol_test.py TILTPROOF SOURCE_DIR"""
 import pathlib
-import random
-import re
-import struct
-import subprocess
 import sys
-import tempfile
-import textwrap
 import unittest
 
-PROGRAM, SOURCE = (pathlib.Path(a).resolve() for a in sys.argv[1:3])
-del sys.argv[1:3]
-sys.path.insert(0, str(SOURCE / "firmware/examples/python"))
-import serial_protocol  # noqa: E402
+from command_line import SHORT_HOVER, CommandLineTest
 
-PAGE = (SOURCE / "docs/protocol.md").read_text()
-
-
-def blocks(language):
-    """Those of the page, in their order."""
-    found = re.findall(rf"^( *)```{language}\n(.*?)^ *```$", PAGE, re.MULTILINE | re.DOTALL)
-    return [textwrap.dedent(text) for _, text in found]
-
-
-def run(*arguments, code=0, **more):
-    done = subprocess.run([str(a) for a in arguments], capture_output=True, text=True, **more)
-    assert done.returncode == code, f"{arguments}: exit code {done.returncode}\n{done.stdout}{done.stderr}"
-    return done
-
-
-def compiled(folder, file, *flags):
-    library = folder / file.replace(".c", ".so")
-    run("cc", "-std=c99", "-pedantic", "-O1", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-fPIC", "-shared",
-        "-I", SOURCE, "-I", folder, *flags, folder / file, "-o", library)
-    return library
-
-
-ALL_TYPES = """\
-protocol: PROTOCOL
-control_period_ms: 10
-framing: FRAMING
+PAPER = (pathlib.Path(sys.argv[2]).resolve() / "link/protocols/paper.yaml").read_text()
+# The paper's bytes; the names of protocol and messages are others.
+MINE = PAPER.replace("protocol: paper", "protocol: mine").replace("name: reply", "name: states").replace("reply: reply", "reply: states")
+STREAM = """\
+protocol: stream
+control_period_ms: 12
+framing: {type: cobs, check: crc16_ibm_sdlc}
 exchange: stream
-byte_order: ORDER
-id: {type: u16, byte_order: big}
-start: {first: actuators}
+start: {first: motors}
 messages:
-  - name: actuators
-    id: 126
+  - {name: imu, id: 1, from: server, period_ms: 12, fields: [{signal: wx_rad_s, type: f32}, {signal: wz_rad_x, type: f32}]}
+  - name: motors
     from: client
     fields:
-      - {signal: sequence, type: u8}
-      - {signal: time_us, type: u32}
-      - {signal: f_front_left_n, type: u16, scale: 0.001}
-      - {signal: f_front_right_n, type: f64}
-      - {signal: f_back_right_n, type: i32, scale: 0.0001}
-      - {signal: f_back_left_n, type: f32, as: share}
-  - name: state
-    id: 3
-    from: server
-    period_ms: 10
-    fields:
-      - {signal: sequence, type: u16}
-      - {signal: x_m, type: i16, scale: 0.01}
-      - {signal: y_m, type: i8, byte_order: little}
-      - {signal: z_m, type: f64, byte_order: big}
-      - {signal: roll_rad, type: f32}
-  - {name: reference, line: reference, from: server, fields: [{signal: x_m, type: f32}, {signal: y_m, type: f32}, {signal: z_m, type: f32}]}
-"""
-FRAMINGS = ["{type: hdlc, check: crc32_iso_hdlc}", "{type: hdlc, check: none}", "{type: cobs, check: crc16_ibm_sdlc}", "{type: cobs, check: sum8}",
-            "{type: length_prefixed, sync: [0xAA, 0x55], length: u8, check: crc16_ibm_3740}",
-            "{type: length_prefixed, sync: [0xFE], length: u16, check: fletcher16}"]
-FRONT_AND_BACK = ("f_front_left_n", "f_front_right_n", "f_back_right_n", "f_back_left_n")
-SHIM = """\
-#include "PROTOCOL.h"
-size_t frame_of(unsigned sequence, uint32_t time_us, float a, double b, double c, float d, uint8_t* frame);
-size_t frame_of(unsigned sequence, uint32_t time_us, float a, double b, double c, float d, uint8_t* frame) {
-  struct PROTOCOL_msg_actuators message;
-  message.sequence = (uint8_t)sequence;
-  message.time_us = time_us;
-  message.f_front_left_n = a;
-  message.f_front_right_n = b;
-  message.f_back_right_n = c;
-  message.f_back_left_n = d;
-  return PROTOCOL_send_actuators(&message, frame);
-}
+      - {signal: f_r_n, type: f32}
+      - {signal: f_l_n, type: f32}
+      - {signal: tau_r_nm, type: f32}
+  - {name: reference, line: reference, from: server, fields: [{signal: x_m, type: f32}]}
 """
 
 
-class ProtocolTest(unittest.TestCase):
+class ProtocolTest(CommandLineTest):
     def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = pathlib.Path(folder.name)
-        (self.folder / "quad.yaml").write_text(blocks("yaml")[0])
+        super().setUp()
+        (self.folder / "mine.yaml").write_text(MINE)
 
-    def check(self, *arguments, code=0):
-        return run(PROGRAM, "protocol", "check", *arguments, code=code, cwd=self.folder)
+    def hashes(self):
+        return {result["name"]: result["trace_hash"] for result in self.results()["scenarios"]}
 
-    def described(self, *arguments):
-        return json.loads(self.check(*arguments, "--format", "json").stdout)
+    def fly(self, *arguments):
+        code, out, err = self.tiltproof("run", *arguments, "--no-report")
+        self.assertEqual(code, 0, out + err)
+        return self.hashes()
 
-    def test_the_page_from_the_message_on_paper_to_the_first_flight(self):
-        self.assertEqual(self.check("quad.yaml", "--model", "quadrotor").stdout, blocks("text")[0])
-        run(PROGRAM, "protocol", "header", "quad.yaml", "--out", "quad.h", cwd=self.folder)
-        run(PROGRAM, "design-lqr", "quadrotor", "--period_ms", "4", "--header", "lqr_gain.h", cwd=self.folder)
-        (self.folder / "quad.c").write_text(blocks("c")[0])
-        (self.folder / "first.yaml").write_text(blocks("yaml")[1])
-        library = self.folder / "quad.so"
-        run("cc", "-std=c11", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden", "-I", SOURCE, "-I", ".", "quad.c", "-o",
-            library, cwd=self.folder)
-        run(PROGRAM, "run", "first.yaml", "--client", f"library:{library}", "--no-report", cwd=self.folder)
-        # No message of either end was refused.
-        metrics = json.loads((self.folder / "results/latest/results.json").read_text())["scenarios"][0]["metrics"]
-        for line in ("to_client", "to_plant", "reference"):
-            self.assertEqual(metrics[f"link.{line}.frames_rejected_count"], 0, line)
-            self.assertGreater(metrics[f"link.{line}.frames_accepted_count"], 2000, line)
+    def test_the_papers_bytes_under_another_name_are_the_same_flight(self):
+        fault = ("faults: [{id: lost, type: frame.drop, target: to_client, message: MESSAGE, start_s: 0.2, end_s: 0.3, "
+                 "parameters: {probability: 0.5}}]\n")
+        (self.folder / "protocols").mkdir()
+        (self.folder / "mine.yaml").rename(self.folder / "protocols/mine.yaml")
+        self.scenario("paper", SHORT_HOVER + fault.replace("MESSAGE", "reply"), folder="flights")
+        self.scenario("mine", SHORT_HOVER + fault.replace("MESSAGE", "states") + "link: {protocol: ../protocols/mine.yaml}\n", folder="flights")
+        flown = self.fly("flights")
+        self.assertEqual(flown["paper"], flown["mine"])
+        self.assertEqual(self.fly("flights/mine.yaml", "--distributed"), {"mine": flown["mine"]})
+        # A run holds its protocol: the file may change, or go.
+        (self.folder / "protocols/mine.yaml").unlink()
+        code, out, err = self.tiltproof("replay", self.latest())
+        self.assertEqual(code, 0, out + err)
+        self.assertIn(flown["mine"], out)
+        self.assertIn("protocol: mine", (self.latest() / "mine/scenario.resolved.yaml").read_text())
 
-    def test_the_frames_of_the_page(self):
-        rows = re.findall(r"^\| a 00 ends the frame \| `(.*?)` \|$", PAGE, re.MULTILINE)
-        quad = serial_protocol.Protocol(self.described("quad.yaml", "--model", "quadrotor"))
-        quad.sent_counts["actuators"] = 256
-        thrusts = dict(zip(FRONT_AND_BACK, (2.5, 2.5, 2.56, 2.048)))
-        self.assertEqual([quad.frame("actuators", thrusts).hex(" ").upper()], rows)
-        [request] = re.findall(r"^\| flags at both ends \| `(.*?)` \|$", PAGE, re.MULTILINE)
-        encoded = run(PROGRAM, "frame", "encode", "00000040").stdout.strip()
-        self.assertEqual(bytes.fromhex(encoded).hex(" ").upper(), request)
-        prefixed = serial_protocol.LengthPrefixed({"sync": [0xAA, 0x55], "length_bytes": 1, "check_bytes": 0}).frame(bytes.fromhex("00000040"))
-        self.assertIn(f"`{prefixed.hex(' ').upper()}`", PAGE)
+    def test_a_folder_of_scenarios_may_hold_their_protocols(self):
+        self.scenario("hover", SHORT_HOVER + "link: {protocol: mine.yaml}\n")
+        code, out, err = self.tiltproof("check", ".")
+        self.assertEqual(code, 0, out + err)
+        code, out, err = self.tiltproof("check", "mine.yaml")
+        self.assertEqual(code, 2)
+        self.assertIn("mine.yaml:3:1: this is a protocol file, not a scenario", err)
 
-    def test_the_checks_of_the_page(self):
-        rows = dict(re.findall(r"^   \| `(\w+)` \| `([0-9A-F ]+)` \|$", PAGE, re.MULTILINE))
-        self.assertEqual({name: check(b"123456789").hex(" ").upper() for name, check in serial_protocol.CHECKS.items() if name != "none"}, rows)
+    def test_mistakes_have_their_places(self):
+        def refused(more, *errors):
+            self.scenario("hover", SHORT_HOVER + more)
+            code, out, err = self.tiltproof("check", "hover.yaml")
+            self.assertEqual(code, 2, out)
+            for error in errors:
+                self.assertIn(error, err)
 
-    def test_python_and_c_send_the_same_frames(self):
-        numbers = random.Random(1)
-        for i, framing in enumerate(FRAMINGS):
-            name, order = f"mine_{i}", ("little", "big")[i % 2]
-            text = ALL_TYPES.replace("PROTOCOL", name).replace("FRAMING", framing).replace("ORDER", order)
-            (self.folder / f"{name}.yaml").write_text(text)
-            protocol = serial_protocol.Protocol(self.described(f"{name}.yaml", "--model", "quadrotor"))
-            run(PROGRAM, "protocol", "header", f"{name}.yaml", "--out", f"{name}.h", cwd=self.folder)
-            (self.folder / f"{name}.c").write_text(SHIM.replace("PROTOCOL", name))
-            frame_of = ctypes.CDLL(str(compiled(self.folder, f"{name}.c"))).frame_of
-            frame_of.argtypes = [ctypes.c_uint, ctypes.c_uint32, ctypes.c_float, ctypes.c_double, ctypes.c_double, ctypes.c_float, ctypes.c_char_p]
-            frame_of.restype = ctypes.c_size_t
-            receiver = protocol.receiver(sender="client")
-            for n in range(300):
-                # Numbers that a binary32 holds, with halves of the scale among them.
-                thrusts = [struct.unpack("f", struct.pack("f", numbers.choice((2.5, 0.0005, numbers.uniform(0, 5)))))[0] for _ in range(4)]
-                frame = protocol.frame("actuators", dict(zip(FRONT_AND_BACK, thrusts)))
-                [(name_of, said)] = receiver.feed(frame)
-                self.assertEqual((name_of, said["sequence"]), ("actuators", n % 256), framing)
-                buffer = ctypes.create_string_buffer(512)
-                size = frame_of(n % 256, said["time_us"], *thrusts, buffer)
-                self.assertEqual(buffer.raw[:size], frame, (framing, n))
+        refused("link: {protocol: papre}\n", "hover.yaml:7:18: protocol: unknown value", "did you mean 'paper'?")
+        refused("link: {protocol: nothing.yaml}\n", "hover.yaml:7:18: protocol: ", "nothing.yaml: no such file")
+        refused("link: {protocol: mine.yaml}\nfaults: [{id: a, type: frame.drop, target: to_client, message: state, parameters: {probability: 1}}]\n",
+                "message: the protocol 'mine' has no message 'state'; did you mean 'states'?")
+        (self.folder / "mine.yaml").write_text(MINE.replace("type: f32}", "type: f33}", 1))
+        refused("link: {protocol: mine.yaml}\n", "mine.yaml:", ": type: unknown value the text 'f33'")
+        (self.folder / "mine.yaml").write_text(PAPER)
+        refused("link: {protocol: mine.yaml}\n", "'paper' is the name of a protocol that tiltproof ships")
+        (self.folder / "mine.yaml").write_text(MINE.replace("control_period_ms: 12", "control_period_ms: 10"))
+        refused("link: {protocol: mine.yaml}\n", "step_s: 0.004, the default, does not divide the control period of 0.01 s")
 
-    def test_a_protocol_that_does_not_fit_is_refused_with_its_place(self):
-        done = self.check("quad.yaml", code=2)  # the tilt-rotor
-        self.assertIn("quad.yaml", done.stderr)
-        self.assertIn("f_front_left_n", done.stderr)
-        done = self.check("quad.yaml", "--model", "quadrotor", "--baud", "9600", code=2)
-        self.assertIn("--baud", done.stderr)
-        done = self.check("papre", code=2)
-        self.assertIn("paper", done.stderr)
-        (self.folder / "quad.yaml").write_text(blocks("yaml")[0].replace("id: 2", "id: 1"))
-        for command in ("check", "header"):
-            self.assertRegex(run(PROGRAM, "protocol", command, "quad.yaml", code=2, cwd=self.folder).stderr, r"^quad.yaml:\d+:\d+: id: ")
+    def test_a_message_that_does_not_suit_the_vehicle_is_refused(self):
+        (self.folder / "stream.yaml").write_text(STREAM)
+        self.scenario("hover", SHORT_HOVER + "link: {protocol: stream.yaml}\n")
+        code, out, err = self.tiltproof("check", "hover.yaml")
+        self.assertEqual(code, 2, out)
+        self.assertIn("wz_rad_x", err)
+        self.assertIn("tau_l_nm", err)
 
-    def test_the_lengths_of_the_paper(self):
-        messages = {message["name"]: message for message in self.described("paper")["messages"]}
-        self.assertEqual({name: message["payload_bytes"] for name, message in messages.items()},
-                         {"start": 4, "request": 4, "actuators": 20, "reply": 64, "reference": 28})
+    def test_the_shipped_firmware_speaks_only_shipped_protocols(self):
+        (self.folder / "mine.yaml").write_text(MINE.replace("fletcher16", "crc16_ibm_sdlc"))
+        self.scenario("hover", SHORT_HOVER + "link: {protocol: mine.yaml}\n")
+        code, out, err = self.tiltproof("run", "hover.yaml", "--strict")
+        self.assertEqual(code, 2, out)
+        self.assertIn("the build 'paper' does not speak the protocol 'mine'", out + err)
 
 
 if __name__ == "__main__":
-    unittest.main()
+    unittest.main(argv=sys.argv[:1])
