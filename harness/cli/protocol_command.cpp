@@ -5,6 +5,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "harness/cli/protocol_flag.h"
 #include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
 #include "harness/protocol/c_header.h"
@@ -30,25 +31,25 @@ struct CheckOptions {
   std::int64_t baud = Scenario().link.baud;
 };
 
-// The protocol of a file, or one of the shipped ones.
-std::shared_ptr<const Protocol> ResolveProtocol(const std::string& name) {
-  if (auto shipped = link::FindProtocol(name)) return shipped;
-  if (!std::filesystem::exists(name)) {
-    std::string names;
-    for (const auto& each : link::Protocols()) names += (names.empty() ? "" : ", ") + each->name;
-    throw UsageError(fmt::format(
-        "{}: there is no such file, and no shipped protocol of that name; those are: {}", name, names));
+// "file:line:col" of the first field that the problem names, else of the messages.
+std::string PlaceOf(const std::string& problem, const std::filesystem::path& file) {
+  const ProtocolFile read = LoadProtocolFile(file);
+  const YamlNode& messages = read.root.Find("messages")->value;
+  YamlMark mark = messages.mark;
+  for (auto message = messages.items.rbegin(); message != messages.items.rend(); ++message) {
+    const YamlEntry* fields = message->Find("fields");
+    if (fields == nullptr) continue;
+    for (auto field = fields->value.items.rbegin(); field != fields->value.items.rend(); ++field) {
+      const YamlNode& signal = field->Find("signal")->value;
+      if (problem.find(signal.text) != std::string::npos) mark = signal.mark;
+    }
   }
-  try {
-    return ReadProtocolFile(name);
-  } catch (const ScenarioError& error) {
-    throw UsageError(error.what());
-  }
+  return fmt::format("{}:{}:{}", file.string(), mark.line, mark.column);
 }
 
 // The protocol as the vehicle speaks it. Throws UsageError when it cannot.
 std::shared_ptr<const Protocol> ForModel(const CheckOptions& options) {
-  const std::shared_ptr<const Protocol> protocol = ResolveProtocol(options.protocol);
+  const std::shared_ptr<const Protocol> protocol = ReadProtocolFlag(options.protocol, "");
   VehicleSignals signals;
   try {
     ModelCache models;
@@ -57,8 +58,12 @@ std::shared_ptr<const Protocol> ForModel(const CheckOptions& options) {
     throw UsageError(error.what());
   }
   auto own = ForVehicle(protocol, signals);
-  if (const std::string problem = UnsuitableProtocol(*own, signals); !problem.empty())
-    throw UsageError(fmt::format("{}: {}", options.protocol, problem));
+  if (const std::string problem = UnsuitableProtocol(*own, signals); !problem.empty()) {
+    const bool is_shipped = link::FindProtocol(options.protocol) != nullptr;
+    throw UsageError(fmt::format("{}: {} (--model {})",
+                                 is_shipped ? options.protocol : PlaceOf(problem, options.protocol), problem,
+                                 options.model));
+  }
   return own;
 }
 
@@ -226,7 +231,7 @@ int ProtocolCheckCommand(const CheckOptions& options) {
 }
 
 int ProtocolHeaderCommand(const std::string& name, const std::filesystem::path& out) {
-  const std::string text = CHeader(*ResolveProtocol(name));
+  const std::string text = CHeader(*ReadProtocolFlag(name, ""));
   if (out.empty())
     Print(stdout, "{}", TextLines(text));
   else
