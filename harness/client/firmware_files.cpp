@@ -4,6 +4,7 @@
 
 #include <optional>
 
+#include "harness/scenario/protocol_file.h"
 #include "link/check.h"
 
 namespace tiltproof::harness {
@@ -52,7 +53,7 @@ EmulatorSpec BoardOf(const EmulatedImage& image, const std::string& firmware,
                      const link::Protocol& protocol) {
   const std::optional<link::FrameEnd> end = protocol.framing->frame_end();
   Check(end.has_value(), "frames of a protocol end with a flag, or have a length in front");
-  return {.image = ImageFile(image, firmware, protocol.name).string(),
+  return {.image = ImageFile(image, firmware, DialectOf(protocol)).string(),
           .plugin = LockstepPlugin().string(),
           .main_usart = image.main_usart,
           .reference_usart = image.reference_usart,
