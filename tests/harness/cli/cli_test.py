@@ -466,11 +466,17 @@ class CliTest(CommandLineTest):
         for row in rows:
             self.assertLessEqual(row["low"], row["rate"])
             self.assertLessEqual(row["rate"], row["high"])
-            self.assertLessEqual(row["delivered_wrong"], row["passed_check"])
+            self.assertLessEqual(row["delivered_wrong"], row["passed_length"])
+            self.assertLessEqual(row["passed_length"], row["passed_check"])
+            self.assertEqual(row["hamming_distance"], 2)
         # A sum does not see that bytes changed places.
         self.assertGreater(min(row["passed_check_rate"] for row in rows if row["errors"] == "swap"), 0.5)
-        code, out, _ = self.tiltproof("integrity", "--errors", "stuck", "--frames", "20000")
-        self.assertEqual((code, out.splitlines()[0]), (0, "paper, hdlc, fletcher16, sensors: wrong frames delivered per frame sent"))
+        code, out, _ = self.tiltproof("integrity", "--errors", "stuck", "--frames", "20000", "--page", "integrity.html")
+        self.assertEqual(code, 0)
+        self.assertRegex(out.splitlines()[0], "^paper, hdlc, fletcher16, (sensors|reply): wrong frames delivered per frame sent$")
+        page = (self.folder / "integrity.html").read_text()
+        data = json.loads(page.split('id="integrity">')[1].split("</script>")[0])
+        self.assertEqual([row["level"] for row in data["rows"]], [1, 2, 4, 8])
         for words, advice in ((("--check", "crc8"), "valid: fletcher16, crc16_ibm_3740"), (("--errors", "noise"), "valid: ber, burst"), (("--protocol", "mavlink"), "valid: paper, provant"),
                               (("--framing", "slip"), "valid: hdlc, cobs"), (("--message", "nothing"), "'paper' has: start, read_sensors")):
             code, _, err = self.tiltproof("integrity", *words)
