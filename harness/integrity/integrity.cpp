@@ -201,15 +201,18 @@ class BitErrors {
   Rate Weighted(const Blocks& drawn, std::int64_t Counts::*count, double p) const {
     Rate all;
     const double probability = kErrorProbability / (enumerated_ + 1);
-    const auto add = [&](const Blocks& blocks, double weight) {
-      const Rate own = RateOf(blocks, count, probability);
+    const auto add = [&](const Rate& own, double weight) {
       all.rate += weight * own.rate;
       all.low += weight * own.low;
       all.high += weight * own.high;
     };
-    for (int bits = 1; bits <= enumerated_; ++bits)
-      add(in_all_ways_[static_cast<std::size_t>(bits - 1)], BinomialProbability(bits_, bits, p));
-    add(drawn, BinomialTail(bits_, enumerated_, p));
+    for (int bits = 1; bits <= enumerated_; ++bits) {
+      Rate own = RateOf(in_all_ways_[static_cast<std::size_t>(bits - 1)], count, probability);
+      // All ways of several frames: none means that there is none.
+      if (own.rate == 0) own.high = 0;
+      add(own, BinomialProbability(bits_, bits, p));
+    }
+    add(RateOf(drawn, count, probability), BinomialTail(bits_, enumerated_, p));
     return all;
   }
 

@@ -68,7 +68,8 @@ struct IntegrityRow {
 // Rows in the order of the levels. At a bit error rate p, frames with up to three wrong bits (two, if they are long) are
 // damaged in all ways. Those with more are drawn: the number of their wrong bits from the binomial distribution without
 // the small numbers. The shares are weighted with their binomial probability, so rates far below one in frames_count
-// are found. Throws std::invalid_argument for a message or a check that cannot be measured, and for levels out of
+// are found. A number of wrong bits with which no frame came through in any way adds nothing to the bounds. Throws
+// std::invalid_argument for a message or a check that cannot be measured, and for levels out of
 // range.
 std::vector<IntegrityRow> MeasureIntegrity(const IntegritySpec& spec);
 
