@@ -6,6 +6,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "harness/cli/protocol_flag.h"
 #include "harness/cli/shared_options.h"
 #include "harness/integrity/integrity.h"
 #include "harness/integrity/undetected.h"
@@ -59,8 +60,7 @@ std::shared_ptr<const link::Framing> FramingOf(const std::string& name, link::Ch
 std::vector<std::shared_ptr<const link::Protocol>> ProtocolsOf(const IntegrityOptions& options) {
   std::vector<std::shared_ptr<const link::Protocol>> protocols;
   for (const std::string& name : options.protocols) {
-    const auto own = link::FindProtocol(name);
-    if (!own) throw UsageError(fmt::format("--protocol {}: unknown; valid: paper, provant", name));
+    const std::shared_ptr<const link::Protocol> own = ReadProtocolFlag(name);
     if (!options.message.empty() && own->Find(options.message) == nullptr) {
       std::string names;
       for (const link::MessageType& type : own->messages) names += (names.empty() ? "" : ", ") + type.name;
@@ -178,7 +178,9 @@ void RegisterIntegrity(CLI::App& program, CommandLine& line) {
   const auto options = std::make_shared<IntegrityOptions>();
   CLI::App* command = program.add_subcommand(
       "integrity", "Measure how often damaged frames of a protocol are delivered as wrong ones");
-  command->add_option("--protocol", options->protocols, "Protocols: paper, provant")->delimiter(',');
+  command
+      ->add_option("--protocol", options->protocols, "Protocols: paper, provant, hardened, or protocol files")
+      ->delimiter(',');
   command
       ->add_option("--framing", options->framings,
                    fmt::format("Framings in place of the protocol's: {}", kFramings))

@@ -120,6 +120,14 @@ std::string BuildProblem(const Scenario& scenario, const plant::VehicleModel& mo
     return fmt::format("{}: {}: {}", scenario.file.string(), key, why);
   };
   if (scenario.firmware_of(client) != kLqrBuild && shipped) return {};  // applicability.h
+  if (scenario.firmware_of(client) == kLqrBuild)
+    if (const auto missing = StatesNotCarried(*scenario.link.protocol, model.signals()); !missing.empty())
+      return problem(
+          "firmware",
+          fmt::format("lqr: the protocol '{}' does not carry {}, which its law needs; roll, pitch and yaw "
+                      "may come from quaternion_w, _x, _y and _z, and the angular rates from gyro_x_rad_s, "
+                      "gyro_y_rad_s and gyro_z_rad_s",
+                      scenario.link.protocol->name, fmt::join(missing, ", ")));
   try {
     // Designed here once, and known in the processes of all flights.
     GainOf(scenario, model);

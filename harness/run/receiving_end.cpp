@@ -12,7 +12,7 @@ ReceivingEnd::ReceivingEnd(const link::Protocol& protocol, link::Direction direc
 void ReceivingEnd::OnSent(const link::Chunk& chunk) {
   const auto number = static_cast<std::size_t>(counts_.frames_sent++);
   if (!faulty_) {
-    if (on_sent_frame_) on_sent_frame_({chunk.number, 0});
+    if (on_sent_frame_) on_sent_frame_({chunk.number, 0}, chunk.kind);
     return;
   }
   recent_[number % recent_.size()] = chunk.bytes;
@@ -20,7 +20,7 @@ void ReceivingEnd::OnSent(const link::Chunk& chunk) {
     if (frame.message == nullptr) return;
     const std::uint64_t hash = Fnv1a(frame.payload);
     sent_[hash].push_back(next_number_++);
-    if (on_sent_frame_) on_sent_frame_({frame.number, hash});
+    if (on_sent_frame_) on_sent_frame_({frame.number, hash}, frame.message->type->kind);
   });
 }
 

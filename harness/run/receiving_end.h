@@ -40,7 +40,7 @@ class ReceivingEnd {
     friend bool operator==(const FrameName&, const FrameName&) = default;
   };
   // Called with every message as sent; where nothing edits bytes, with every chunk.
-  using OnSentFrame = std::function<void(const FrameName& name)>;
+  using OnSentFrame = std::function<void(const FrameName& name, link::MessageKind kind)>;
   void SetOnSentFrame(OnSentFrame on_sent_frame) { on_sent_frame_ = std::move(on_sent_frame); }
 
   // Taps of the wire.

@@ -17,29 +17,11 @@
 #include <string_view>
 #include <vector>
 
+#include "harness/scenario/diagnostic.h"
 #include "harness/scenario/scenario.h"
 #include "link/signal_table.h"
 
 namespace tiltproof::harness {
-
-struct Diagnostic {
-  std::filesystem::path file;
-  int line = 0, column = 0;  // 1-based, in characters; line 0: about the file as a whole
-  std::string message;
-};
-// "file:line:column: message".
-std::string ToString(const Diagnostic& diagnostic);
-
-// All errors, by file and place, at most kDiagnosticsMax per file; what() has one line for each.
-class ScenarioError : public std::runtime_error {
- public:
-  explicit ScenarioError(std::vector<Diagnostic> diagnostics);
-  const std::vector<Diagnostic>& diagnostics() const { return diagnostics_; }
-
- private:
-  std::vector<Diagnostic> diagnostics_;
-};
-inline constexpr std::size_t kDiagnosticsMax = 20;
 
 // The error in a formula. `column` is 1-based, in bytes of its text.
 struct FormulaProblem {

@@ -18,6 +18,9 @@ MAY_INCLUDE = {
     "plant": ["plant", "link/check.h", "link/time.h", "link/signal_table.h", "link/disturbance.h"],
     "faults": ["faults", "link"],
     "firmware": ["firmware", *sorted(LINK_CODEC)],
+    # The build lqr flies on the host only.
+    "firmware/lqr": ["firmware", "link"],
+    "firmware/ports/host": ["firmware", "link"],
     "harness/reference": ["harness/reference", "link"],
     "harness/formula": ["harness/formula", "faults/nearest_name.h", "link/check.h", "link/time.h"],
     "harness/scenario": ["harness/scenario", "harness/reference", "faults", "link"],
