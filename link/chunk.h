@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "link/fields.h"
-#include "link/message_kind.h"
 #include "link/time.h"
 
 namespace tiltproof::link {
@@ -26,15 +25,18 @@ constexpr std::optional<Direction> Opposite(Direction direction) {
   return direction == Direction::kToPlant ? Direction::kToClient : Direction::kToPlant;
 }
 
+// A frame, or bytes, that are no message of the protocol.
+inline constexpr std::uint8_t kNoMessage = 0xFF;
+
 // On a line it has boot time, in the log of a flight simulation time.
 template <class Time>
 struct TimedChunk {
-  Time begin_ns{};                           // when the start bit of the first byte enters the wire
-  std::vector<std::uint8_t> bytes;           // back to back from there
-  MessageKind kind = MessageKind::kUnknown;  // of the frame as sent
+  Time begin_ns{};                    // when the start bit of the first byte enters the wire
+  std::vector<std::uint8_t> bytes;    // back to back from there
+  std::uint8_t message = kNoMessage;  // of the frame as sent: its place in the protocol's table
   // Number of the frame as sent, from 0 in its direction. The wire assigns it; copies and fragments keep it.
   std::uint64_t number = 0;
-  TILTPROOF_FIELDS(begin_ns, bytes, kind, number)
+  TILTPROOF_FIELDS(begin_ns, bytes, message, number)
 };
 using Chunk = TimedChunk<BootTime>;
 using LogChunk = TimedChunk<TimeNs>;

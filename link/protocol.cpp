@@ -26,86 +26,22 @@ MessageStatus FindType(const Protocol& protocol, Direction direction, std::span<
   return MessageStatus::kUnknownId;
 }
 
-// --- The protocols that are built in.
-
-std::vector<MessageField> Fields(const std::vector<std::string>& signals) {
-  std::vector<MessageField> fields;
+// Fields of that type's signals; sequence and time stay.
+MessageType WithSignals(MessageType type, const std::vector<std::string>& signals) {
+  std::erase_if(type.fields,
+                [](const MessageField& field) { return field.content == FieldContent::kSignal; });
   for (const std::string& signal : signals) {
-    const double magnitude = PlausibleMagnitude(signal);
-    fields.push_back({signal, -magnitude, magnitude});
+    const double magnitude = std::min(PlausibleMagnitude(signal), LargestNumber(NumberType::kF32));
+    type.fields.push_back({signal, -magnitude, magnitude});
   }
-  return fields;
+  return LayOut(std::move(type));
 }
 
-// The ids of a client's messages, and the content of `start`.
-struct Services {
-  std::string name;
-  float start_id;
-  bool start_has_inputs;
-  float read_id, actuators_id;
-};
-
-// The signals that a protocol carries, by name.
-struct Carried {
-  std::vector<std::string> sensors, inputs;
-  friend bool operator==(const Carried&, const Carried&) = default;
-};
-
-const Carried& OfTiltRotor() {
-  static const Carried kCarried = {
-      .sensors = {"x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad", "alpha_r_rad", "alpha_l_rad",
-                  "vx_m_s", "vy_m_s", "vz_m_s", "wx_rad_s", "wy_rad_s", "wz_rad_s", "alpha_r_rad_s",
-                  "alpha_l_rad_s"},
-      .inputs = {"f_r_n", "f_l_n", "tau_r_nm", "tau_l_nm"}};
-  return kCarried;
-}
-
-// The common part of both protocols: their client leads, and their server answers with the sensors.
-Protocol ProtocolOf(const Services& services, const Carried& carried) {
-  const auto& [name, start_id, start_has_inputs, read_id, actuators_id] = services;
-  const auto inputs = Fields(carried.inputs), sensors = Fields(carried.sensors);
-  const auto reference = Fields({"x_m", "y_m", "z_m", "yaw_rad", "vx_m_s", "vy_m_s", "vz_m_s"});
-  Protocol protocol = {.name = name,
-                       .control_period_ns = 12 * kNsPerMs,
-                       .messages = {{.name = "start",
-                                     .kind = MessageKind::kStart,
-                                     .direction = Direction::kToPlant,
-                                     .id = FloatId(start_id),
-                                     .starts = true,
-                                     .fields = start_has_inputs ? inputs : std::vector<MessageField>()},
-                                    {.name = "read_sensors",
-                                     .kind = MessageKind::kRequest,
-                                     .direction = Direction::kToPlant,
-                                     .id = FloatId(read_id),
-                                     .reply = "sensors"},
-                                    {.name = "actuators",
-                                     .kind = MessageKind::kActuators,
-                                     .direction = Direction::kToPlant,
-                                     .id = FloatId(actuators_id),
-                                     .fields = inputs},
-                                    {.name = "sensors",
-                                     .kind = MessageKind::kReply,
-                                     .direction = Direction::kToClient,
-                                     .fields = sensors},
-                                    {.name = "reference",
-                                     .kind = MessageKind::kReference,
-                                     .direction = Direction::kReference,
-                                     .fields = reference}}};
-  for (MessageType& type : protocol.messages) type = LayOut(std::move(type));
-  return protocol;
-}
-
-Protocol Paper(const Carried& carried) {
-  Protocol protocol = ProtocolOf({"paper", 1.F, false, 2.F, 3.F}, carried);
-  protocol.repeated_start_is_boot = true;
-  return protocol;
-}
-
-// Its `start` is an actuator message that also says "un-pause", each time that it comes.
-Protocol Provant() {
-  Protocol protocol = ProtocolOf({"provant", 3.F, true, 1.F, 0.F}, OfTiltRotor());
-  protocol.answers_before_start = true;
-  return protocol;
+std::vector<std::string> SignalsOf(const MessageType& type) {
+  std::vector<std::string> signals;
+  for (const MessageField& field : type.fields)
+    if (field.content == FieldContent::kSignal) signals.push_back(field.signal);
+  return signals;
 }
 
 }  // namespace
@@ -118,7 +54,9 @@ bool MessageType::has_signals() const {
 const MessageType* Protocol::Find(std::string_view message) const {
   const auto found = std::find_if(messages.begin(), messages.end(),
                                   [&](const MessageType& type) { return type.name == message; });
-  return found == messages.end() ? nullptr : &*found;
+  if (found != messages.end()) return &*found;
+  if (message == "sensors") return Find(MessageKind::kReply);
+  return message == "read_sensors" ? Find(MessageKind::kRequest) : nullptr;
 }
 
 const MessageType* Protocol::Find(MessageKind kind) const {
@@ -196,7 +134,7 @@ double PlausibleMagnitude(std::string_view signal) {
     std::string_view suffix;
     double magnitude;
   };
-  // Of two endings that fit, the longer one comes first.
+  // The longer one of two endings that fit comes first.
   static constexpr std::array<Limit, 9> kLimits = {{{"_m_s2", 1e4},
                                                     {"_pa", 1e7},
                                                     {"_deg", 360.0},
@@ -230,28 +168,45 @@ MessageType LayOut(MessageType type) {
   return type;
 }
 
-std::span<const std::shared_ptr<const Protocol>> Protocols() {
-  static const std::array<std::shared_ptr<const Protocol>, 2> kProtocols = {
-      std::make_shared<const Protocol>(Paper(OfTiltRotor())), std::make_shared<const Protocol>(Provant())};
-  return kProtocols;
-}
-
-std::shared_ptr<const Protocol> FindProtocol(std::string_view name) {
-  for (const auto& protocol : Protocols())
-    if (protocol->name == name) return protocol;
-  return nullptr;
+bool SameOnTheLine(const Protocol& a, const Protocol& b) {
+  const auto same_field = [](const MessageField& x, const MessageField& y) {
+    return x.signal == y.signal && x.type == y.type && x.order == y.order && x.scale == y.scale &&
+           x.as == y.as;
+  };
+  const auto same_id = [](const std::optional<MessageId>& x, const std::optional<MessageId>& y) {
+    return x.has_value() == y.has_value() &&
+           (!x || (x->type == y->type && x->order == y->order && x->bits == y->bits));
+  };
+  const auto same_message = [&](const MessageType& x, const MessageType& y) {
+    return x.kind == y.kind && x.direction == y.direction && x.starts == y.starts &&
+           x.period_ns == y.period_ns && same_id(x.id, y.id) &&
+           std::ranges::equal(x.fields, y.fields, same_field);
+  };
+  // A frame has the whole framing: its ends, and the check.
+  constexpr std::array<std::uint8_t, 4> kSample = {0x00, 0x7D, 0x7E, 0xFF};
+  return a.framing->name() == b.framing->name() && a.framing->Encode(kSample) == b.framing->Encode(kSample) &&
+         a.control_period_ns == b.control_period_ns && a.answers_before_start == b.answers_before_start &&
+         a.repeated_start_is_boot == b.repeated_start_is_boot && a.world == b.world && a.body == b.body &&
+         std::ranges::equal(a.messages, b.messages, same_message);
 }
 
 std::shared_ptr<const Protocol> ForVehicle(std::shared_ptr<const Protocol> protocol,
                                            const VehicleSignals& vehicle) {
-  const std::shared_ptr<const Protocol> paper = FindProtocol("paper");
-  if (protocol->name != paper->name) return protocol;
-  Carried carried;
+  if (!protocol->any_vehicle) return protocol;
+  std::vector<std::string> sensors, inputs;
   for (const Signal& sensor : vehicle.sensors)
-    if (vehicle.states.Find(sensor.name)) carried.sensors.push_back(sensor.name);
-  for (const Signal& input : vehicle.inputs) carried.inputs.push_back(input.name);
-  if (carried == OfTiltRotor()) return paper;
-  return std::make_shared<const Protocol>(Paper(carried));
+    if (vehicle.states.Find(sensor.name)) sensors.push_back(sensor.name);
+  for (const Signal& input : vehicle.inputs) inputs.push_back(input.name);
+  Protocol changed = *protocol;
+  bool changes = false;
+  for (MessageType& type : changed.messages) {
+    if (type.kind != MessageKind::kReply && type.kind != MessageKind::kActuators) continue;
+    const std::vector<std::string>& signals = type.kind == MessageKind::kReply ? sensors : inputs;
+    if (SignalsOf(type) == signals) continue;
+    type = WithSignals(std::move(type), signals);
+    changes = true;
+  }
+  return changes ? std::make_shared<const Protocol>(std::move(changed)) : protocol;
 }
 
 }  // namespace tiltproof::link

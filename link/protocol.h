@@ -8,7 +8,7 @@
 //   Message message;
 //   if (protocol.Decode(Direction::kToPlant, payload, message) == MessageStatus::kOk)
 //     if (!message.type->reply.empty()) Answer(*protocol.Find(message.type->reply));
-//   const Payload reply = protocol.Encode(*protocol.Find("sensors"), row);
+//   const Payload reply = protocol.Encode(*protocol.Find("reply"), row);
 //
 // A checksum lets some wrong payloads through, so a message is accepted only with its exact length, a known id, and
 // every value finite and within its range. Every violation is a value of MessageStatus.
@@ -16,7 +16,7 @@
 // Values here are those of the line: the signals of a vehicle in the axes and the unit that the protocol has them in.
 // harness/run/message_binding.h converts them.
 //
-// The firmware does not use this: it has its own structs and encoders (firmware/messages.h). A test keeps the
+// A user's protocol is a file (harness/scenario/protocol_file.h). The firmware does not use this: it has its own structs and encoders (firmware/messages.h). A test keeps the
 // two consistent.
 #pragma once
 
@@ -120,9 +120,13 @@ struct Protocol {
   bool repeated_start_is_boot = false;
   WorldAxes world = WorldAxes::kEnu;
   BodyAxes body = BodyAxes::kFlu;
+  // True if replies and actuator messages carry the signals of the scenario's vehicle in place of their own
+  // (ForVehicle()).
+  bool any_vehicle = false;
   std::vector<MessageType> messages;  // laid out
 
-  // Null when there is none. The second function finds the only message of its kind.
+  // Null when there is none. The first function also takes "sensors" and "read_sensors", which the messages `reply` and
+  // `request` of the paper were called before. The second one finds the first message of its kind.
   const MessageType* Find(std::string_view message) const;
   const MessageType* Find(MessageKind kind) const;
 
@@ -151,15 +155,20 @@ double FieldValue(const MessageType& type, std::span<const std::uint8_t> payload
 // Writes it there, as StoreNumber() does.
 void SetFieldValue(const MessageType& type, std::span<std::uint8_t> payload, std::size_t field, double value);
 
-// The built-in protocols: "paper" is the paper's (section 2.1, Figure 3), "provant" that of the authors'
-// published server.
+// True if all messages of both have the same bytes and meaning, whatever the names of protocols and messages and the
+// ranges of their values are.
+bool SameOnTheLine(const Protocol& a, const Protocol& b);
+
+// The shipped protocols, link/protocols/*.yaml: "paper" is the paper's (section 2.1, Figure 3), "provant" that of the
+// authors' published server, "hardened" the paper's with sequence, time stamp and CRC-32. YAML is read above this folder,
+// in harness/scenario/shipped_protocols.cpp: who calls these functions links harness_protocol.
 std::span<const std::shared_ptr<const Protocol>> Protocols();
 // Null when there is no protocol of that name.
 std::shared_ptr<const Protocol> FindProtocol(std::string_view name);
 
-// The protocol as a vehicle with these signals speaks it. The messages of "paper" carry the vehicle's sensed states and
-// its inputs, in the order of its tables; for the tilt-rotor they are those of FindProtocol("paper"), and that is
-// returned. Any other protocol is returned as it is.
+// The protocol as a vehicle with these signals speaks it. With `any_vehicle`, replies carry the vehicle's sensed states
+// and actuator messages its inputs, in the order of its tables and as f32, behind sequence and time. The same object is
+// returned when nothing changes.
 std::shared_ptr<const Protocol> ForVehicle(std::shared_ptr<const Protocol> protocol,
                                            const VehicleSignals& vehicle);
 

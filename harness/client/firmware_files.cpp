@@ -5,6 +5,8 @@
 #include <optional>
 #include <stdexcept>
 
+#include "harness/scenario/protocol_file.h"
+
 namespace tiltproof::harness {
 namespace {
 
@@ -54,7 +56,7 @@ EmulatorSpec BoardOf(const EmulatedImage& image, const std::string& firmware,
     throw std::runtime_error(fmt::format(
         "the emulated board stops where a flag ends a frame; frames of the protocol '{}' have none",
         protocol.name));
-  return {.image = ImageFile(image, firmware, protocol.name).string(),
+  return {.image = ImageFile(image, firmware, DialectOf(protocol)).string(),
           .plugin = LockstepPlugin().string(),
           .main_usart = image.main_usart,
           .reference_usart = image.reference_usart,

@@ -405,8 +405,11 @@ void MappingReader::NameOrSection(const Key& key, std::span<const std::string_vi
   if (name.ends_with(".yaml") || name.ends_with(".yml") ||
       std::find(names.begin(), names.end(), name) != names.end())
     return;
-  Complain(node->mark, fmt::format("{}: unknown value {}{}, or the path of a file that ends in .yaml",
-                                   written, Describe(*node), DidYouMean(name, names)));
+  const std::string valid =
+      ClosestName(name, names).empty()
+          ? fmt::format("; valid: {}, or a path that ends in .yaml", fmt::join(names, ", "))
+          : DidYouMean(name, names);
+  Complain(node->mark, fmt::format("{}: unknown value {}{}", written, Describe(*node), valid));
 }
 
 void MappingReader::List(const Key& key, std::size_t, const std::function<void(std::size_t)>& resize,

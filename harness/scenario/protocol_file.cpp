@@ -26,6 +26,9 @@ using link::MessageKind;
 using link::MessageType;
 using link::NumberType;
 
+constexpr std::size_t kMessagesMax = 128;
+constexpr double kShareMagnitude = 10;   // a plausible share of a thrust
+constexpr double kMagnitudeMax = 1e308;  // the largest that `min` and `max` take
 constexpr std::string_view kSequence = "sequence", kTimeUs = "time_us";
 
 FieldContent ContentOf(std::string_view signal) {
@@ -73,6 +76,8 @@ class Maker {
                          list->items.size() == spec_.messages.size();
     if (!is_list) return nullptr;  // and said so
     nodes_ = list->items;
+    if (nodes_.size() > kMessagesMax)
+      Complain(list->mark, fmt::format("messages: more than {} messages", kMessagesMax));
     for (std::size_t i = 0; i < nodes_.size(); ++i) protocol.messages.push_back(MessageOf(i));
     CheckNames();
     CheckIds();
@@ -154,9 +159,13 @@ class Maker {
       if (spec.type != NumberType::kU8 && spec.type != NumberType::kU16 && spec.type != NumberType::kU32)
         Complain(PlaceOf(node, "type"),
                  fmt::format("type: '{}' is a count that wraps: it needs u8, u16 or u32", spec.signal));
-      for (const char* key : {"scale", "min", "max", "as"})
-        if (const YamlNode* value = ValueOf(&node, key))
-          Complain(value->mark,
+      const std::pair<const char*, bool> given[] = {{"scale", spec.scale != 1.0},
+                                                    {"min", spec.min.has_value()},
+                                                    {"max", spec.max.has_value()},
+                                                    {"as", spec.as != link::ThrustUnit::kNewton}};
+      for (const auto& [key, is_given] : given)
+        if (is_given)
+          Complain(PlaceOf(node, key),
                    fmt::format("{}: '{}' has no {}: every value may come", key, spec.signal, key));
     }
     if (spec.as != link::ThrustUnit::kNewton && message.from == LineEnd::kServer &&
@@ -167,11 +176,12 @@ class Maker {
   }
 
   void SetRange(const FieldSpec& spec, const YamlNode& node, MessageField& field) {
-    constexpr double kShareMagnitude = 10;
     // An integer may have any value of its type.
-    const double magnitude = link::IsInteger(field.type)            ? std::numeric_limits<double>::infinity()
-                             : spec.as != link::ThrustUnit::kNewton ? kShareMagnitude
-                                                                    : link::PlausibleMagnitude(field.signal);
+    double magnitude = kMagnitudeMax;
+    if (!link::IsInteger(field.type))
+      magnitude = spec.as == link::ThrustUnit::kNewton
+                      ? std::min(kMagnitudeMax, link::PlausibleMagnitude(field.signal))
+                      : kShareMagnitude;
     field.min = spec.min.value_or(std::max(field.scale * link::LeastNumber(field.type), -magnitude));
     field.max = spec.max.value_or(std::min(field.scale * link::LargestNumber(field.type), magnitude));
     if (field.min > field.max)
@@ -183,7 +193,7 @@ class Maker {
       const bool fits = link::IsInteger(field.type)
                             ? std::round(number) >= link::LeastNumber(field.type) &&
                                   std::round(number) <= link::LargestNumber(field.type)
-                            : std::abs(number) <= link::LargestNumber(field.type);
+                            : std::abs(number) <= link::LargestNumber(field.type) * (1 + 1e-12);
       if (!fits)
         Complain(PlaceOf(node, key),
                  fmt::format("{}: {} is {:.10g} on the line (scale {}), and {} holds {} to {}", key, value,
@@ -342,6 +352,33 @@ class Maker {
   std::span<const YamlNode> nodes_;  // of the messages
 };
 
+MessageSpec SpecOf(const MessageType& type) {
+  MessageSpec spec;
+  spec.name = type.name;
+  spec.from = type.direction == Direction::kToPlant ? LineEnd::kClient : LineEnd::kServer;
+  spec.line = type.direction == Direction::kReference ? LineName::kReference : LineName::kMain;
+  spec.reply = type.reply;
+  if (type.period_ns != 0)
+    spec.period_ms = static_cast<double>(type.period_ns) / static_cast<double>(kNsPerMs);
+  if (type.id) {
+    std::array<std::uint8_t, 8> bytes{};
+    StoreBits(type.id->type, type.id->order, type.id->bits, bytes);
+    spec.id = LoadNumber(type.id->type, type.id->order, bytes);
+  }
+  for (const MessageField& field : type.fields) {
+    FieldSpec& own = spec.fields.emplace_back();
+    own.signal = field.signal;
+    own.type = field.type;
+    own.order = field.order;
+    if (field.content != FieldContent::kSignal) continue;
+    own.scale = field.scale;
+    own.min = field.min;
+    own.max = field.max;
+    own.as = field.as;
+  }
+  return spec;
+}
+
 }  // namespace
 
 std::string_view Name(FramingType type) {
@@ -357,6 +394,39 @@ std::string_view Name(RepeatedStart repeated) {
 std::string_view Name(LineEnd end) { return end == LineEnd::kClient ? "client" : "server"; }
 std::string_view Name(LineName line) { return line == LineName::kMain ? "main" : "reference"; }
 
+ProtocolSpec SpecOf(const link::Protocol& protocol) {
+  constexpr double kNsInMs = static_cast<double>(kNsPerMs);
+  ProtocolSpec spec;
+  spec.name = protocol.name;
+  spec.control_period_ms = static_cast<double>(protocol.control_period_ns) / kNsInMs;
+  const link::Framing& framing = *protocol.framing;
+  for (const FramingType type : {FramingType::kHdlc, FramingType::kCobs, FramingType::kLengthPrefixed})
+    if (Name(type) == framing.name()) spec.framing = type;
+  spec.check = framing.check().value_or(link::CheckKind::kNone);
+  if (spec.framing == FramingType::kLengthPrefixed) {
+    const auto sync = framing.special_bytes();
+    spec.sync.assign(sync.begin(), sync.end());
+    // An empty payload has nothing else in its frame.
+    const std::size_t length_bytes = framing.Encode({}).size() - sync.size() - framing.check_bytes();
+    spec.length = length_bytes == 1 ? NumberType::kU8 : NumberType::kU16;
+  }
+  spec.answers_before_start = protocol.answers_before_start;
+  spec.repeated_start = protocol.repeated_start_is_boot ? RepeatedStart::kBoot : RepeatedStart::kIgnored;
+  spec.world = protocol.world;
+  spec.body = protocol.body;
+  spec.exchange = ExchangeType::kStream;
+  for (const MessageType& type : protocol.messages) {
+    if (!type.reply.empty()) spec.exchange = ExchangeType::kRequestReply;
+    if (type.starts) (type.kind == MessageKind::kStart ? spec.start_message : spec.first_message) = type.name;
+    if (type.id) {
+      spec.id_type = type.id->type;
+      spec.id_order = type.id->order;
+    }
+    spec.messages.push_back(SpecOf(type));
+  }
+  return spec;
+}
+
 std::shared_ptr<const link::Protocol> MakeProtocol(const ProtocolSpec& spec, const YamlNode& mapping,
                                                    std::vector<YamlProblem>& problems) {
   return Maker(spec, mapping, problems).Make();
@@ -364,19 +434,33 @@ std::shared_ptr<const link::Protocol> MakeProtocol(const ProtocolSpec& spec, con
 
 ProtocolFile ParseProtocolFile(const std::string& text, const std::filesystem::path& file) {
   std::vector<YamlProblem> problems;
-  ProtocolFile read{.spec = nullptr, .protocol = nullptr, .root = ParseMapping(text, file, problems)};
+  ProtocolFile read{.protocol = nullptr, .root = ParseMapping(text, file, problems)};
   ProtocolSpec spec;
   MappingReader reader(read.root, problems);
   DescribeProtocol(reader, spec);
   reader.Finish();
   if (problems.empty()) read.protocol = MakeProtocol(spec, read.root, problems);
   if (!problems.empty()) ThrowProblems(file, std::move(problems));
-  read.spec = std::make_shared<const ProtocolSpec>(std::move(spec));
   return read;
 }
 
+std::string DialectOf(const link::Protocol& protocol) {
+  for (const auto& shipped : link::Protocols())
+    if (SameOnTheLine(protocol, *shipped)) return shipped->name;
+  return protocol.name;
+}
+
+std::string TakenProtocolName(std::string_view name) {
+  const auto shipped = ShippedProtocolNames();
+  if (std::find(shipped.begin(), shipped.end(), name) == shipped.end()) return {};
+  return fmt::format("protocol: '{}' is the name of a protocol that tiltproof ships; choose another", name);
+}
+
 ProtocolFile LoadProtocolFile(const std::filesystem::path& file) {
-  return ParseProtocolFile(ReadYamlText(file), file);
+  ProtocolFile read = ParseProtocolFile(ReadYamlText(file), file);
+  if (std::string taken = TakenProtocolName(read.protocol->name); !taken.empty())
+    ThrowProblems(file, {{PlaceOf(read.root, "protocol"), std::move(taken)}});
+  return read;
 }
 
 std::shared_ptr<const link::Protocol> ReadProtocolFile(const std::filesystem::path& file) {

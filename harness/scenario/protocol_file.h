@@ -2,13 +2,14 @@
 //
 //   const std::shared_ptr<const link::Protocol> quad = ReadProtocolFile("quad.yaml");  // throws ScenarioError
 //
-// docs/protocol.md describes the file.
+// docs/protocol.md describes the file. The shipped protocols are such files, too: link/protocols/*.yaml.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -69,21 +70,31 @@ struct ProtocolSpec {
 
 void DescribeProtocol(KeyVisitor& visitor, ProtocolSpec& spec);
 
+// The file of a protocol: MakeProtocol() makes an equal one from it.
+ProtocolSpec SpecOf(const link::Protocol& protocol);
+
 // The protocol of a file whose tree is `mapping`. Null when `problems`, to which this function appends, is not empty.
 std::shared_ptr<const link::Protocol> MakeProtocol(const ProtocolSpec& spec, const YamlNode& mapping,
                                                    std::vector<YamlProblem>& problems);
 
-// A protocol and what its file says.
+// A protocol, and the tree of its file: for the place of a field that does not suit a vehicle.
 struct ProtocolFile {
-  std::shared_ptr<const ProtocolSpec> spec;
   std::shared_ptr<const link::Protocol> protocol;
-  YamlNode root;  // for the place of a message or field that does not suit a vehicle
+  YamlNode root;
 };
-// Both throw ScenarioError. `file` names the text in messages.
-ProtocolFile LoadProtocolFile(const std::filesystem::path& file);
+// Throws ScenarioError. `file` names the text in messages.
 ProtocolFile ParseProtocolFile(const std::string& text, const std::filesystem::path& file);
 
-// The protocol alone.
+// Throw ScenarioError, also for a protocol that has the name of a shipped one.
+ProtocolFile LoadProtocolFile(const std::filesystem::path& file);
 std::shared_ptr<const link::Protocol> ReadProtocolFile(const std::filesystem::path& file);
+
+// The names of the shipped protocols (link::Protocols()).
+std::span<const std::string_view> ShippedProtocolNames();
+// The name by which the shipped firmware knows the protocol: that of the shipped one that has the same bytes on the line,
+// or the protocol's own.
+std::string DialectOf(const link::Protocol& protocol);
+// The reason that a user's protocol may not have this name; empty when it may.
+std::string TakenProtocolName(std::string_view name);
 
 }  // namespace tiltproof::harness

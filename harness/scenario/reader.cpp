@@ -38,6 +38,13 @@ std::pair<Scenario, YamlMark> Read(const std::filesystem::path& file, const std:
                                    const ReadOptions& options) {
   std::vector<YamlProblem> problems;
   YamlNode root = ParseMapping(text, file, problems);
+  if (const YamlEntry* protocol = root.Find("protocol");
+      protocol != nullptr && root.Find("messages") != nullptr)
+    ThrowProblems(file,
+                  {{protocol->key_mark,
+                    fmt::format("this is a protocol file, not a scenario: a scenario names it with `link: "
+                                "{{protocol: {}}}`",
+                                file.filename().string())}});
   Scenario scenario = Interpret(file, root, options, problems);
   return {std::move(scenario), root.Find("name")->value.mark};
 }

@@ -281,7 +281,7 @@ std::vector<std::string> UsualNames(const faults::ParameterInfo& info, const Veh
   std::set<std::string> names;
   for (const faults::Target target :
        {faults::Target::kToClient, faults::Target::kToPlant, faults::Target::kReference}) {
-    const auto fields = faults::FieldNames(*LinkSpec().protocol, target, std::nullopt);
+    const auto fields = faults::FieldNames(*LinkSpec().protocol, target);
     names.insert(fields.begin(), fields.end());
   }
   return {names.begin(), names.end()};
@@ -290,7 +290,11 @@ std::vector<std::string> UsualNames(const faults::ParameterInfo& info, const Veh
 // Adds the registry's facts on each parameter, beyond what the reader asks.
 void DescribeParameters(Json& definitions, const VehicleSignals& vehicle) {
   for (const faults::FaultType& type : faults::FaultTypes()) {
-    Json& keys = definitions[std::string(type.name)]["properties"]["parameters"]["properties"];
+    Json& fault = definitions[std::string(type.name)]["properties"];
+    if (fault.contains("message"))
+      for (const link::MessageType& message : LinkSpec().protocol->messages)
+        fault["message"]["examples"].push_back(message.name);
+    Json& keys = fault["parameters"]["properties"];
     for (const faults::ParameterInfo& info : type.parameters) {
       Json& parameter = keys[std::string(info.name)];
       parameter["description"] = faults::ParameterText(info);

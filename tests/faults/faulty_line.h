@@ -27,6 +27,12 @@ inline void PrintTo(const FaultType& type, std::ostream* os) { *os << type.name;
 
 using Bytes = std::vector<std::uint8_t>;
 
+// The place of a message in the table of `paper`.
+inline std::uint8_t PlaceInPaper(const std::string& message) {
+  static const auto paper = link::FindProtocol("paper");
+  return static_cast<std::uint8_t>(paper->Find(message) - paper->messages.data());
+}
+
 // A fault on to_client (if it is one for a line) without window.
 inline FaultSpec Spec(const std::string& type, std::map<std::string, ParameterValue> parameters = {},
                       const std::string& id = "fault") {
@@ -105,7 +111,7 @@ inline link::Chunk Frame(std::int64_t n, std::size_t size = 68) {
   link::Chunk chunk;
   chunk.begin_ns = kOriginAtPowerOn.ToBootTime(FrameTime(n));
   chunk.number = static_cast<std::uint64_t>(n);
-  chunk.kind = link::MessageKind::kReply;
+  chunk.message = PlaceInPaper("reply");
   chunk.bytes.assign(size, 0x7E);
   for (std::size_t i = 1; i + 1 < size; ++i) {
     const auto byte = static_cast<std::uint8_t>(chunk.number * 31 + i * 7 + (chunk.number >> 8));
@@ -152,7 +158,7 @@ inline std::vector<std::vector<link::Chunk>> SendWithoutPause(const FaultSpec& s
     out.push_back(
         {{.begin_ns = BootTime(link::BytesTime(921'600, n * static_cast<std::int64_t>(bytes.size()))),
           .bytes = bytes,
-          .kind = link::MessageKind::kReply,
+          .message = PlaceInPaper("reply"),
           .number = static_cast<std::uint64_t>(n)}});
     schedule.Filter(link::Direction::kToClient)->Apply(out.back());
   }
@@ -171,7 +177,7 @@ inline std::vector<link::LogChunk> InLog(const std::vector<link::Chunk>& chunks)
   std::vector<link::LogChunk> in_log;
   for (const link::Chunk& chunk : chunks)
     in_log.push_back(
-        {kOriginAtPowerOn.SimulationTime(chunk.begin_ns), chunk.bytes, chunk.kind, chunk.number});
+        {kOriginAtPowerOn.SimulationTime(chunk.begin_ns), chunk.bytes, chunk.message, chunk.number});
   return in_log;
 }
 

@@ -12,7 +12,8 @@ class Babble : public WireModel {
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
     const auto& events = events_.Since(chunk, context);
-    link::Chunk noise{.begin_ns = chunk.begin_ns, .bytes = {}, .kind = chunk.kind, .number = chunk.number};
+    link::Chunk noise{
+        .begin_ns = chunk.begin_ns, .bytes = {}, .message = chunk.message, .number = chunk.number};
     out.push_back(std::move(chunk));
     for (const PoissonEvents::Event& event : events) {
       Random random(event.key);

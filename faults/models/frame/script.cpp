@@ -19,7 +19,7 @@ class Script : public WireModel {
     }
     link::Chunk scripted{.begin_ns = chunk.begin_ns,
                          .bytes = frames_[context.pick],
-                         .kind = chunk.kind,
+                         .message = chunk.message,
                          .number = chunk.number};
     if (context.what != nullptr)
       context.Say(

@@ -15,7 +15,8 @@ class Unsolicited : public WireModel {
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
     const auto& events = events_.Since(chunk, context);
-    link::Chunk forged{.begin_ns = chunk.begin_ns, .bytes = {}, .kind = chunk.kind, .number = chunk.number};
+    link::Chunk forged{
+        .begin_ns = chunk.begin_ns, .bytes = {}, .message = chunk.message, .number = chunk.number};
     out.push_back(std::move(chunk));
     if (types_.empty()) return;
     for (const PoissonEvents::Event& event : events) {

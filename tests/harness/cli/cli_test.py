@@ -549,7 +549,7 @@ class CliTest(CommandLineTest):
         code, out, _ = self.tiltproof("integrity", "--errors", "stuck", "--frames", "20000")
         self.assertEqual((code, out.splitlines()[0]), (0, "paper, hdlc, fletcher16, sensors: wrong frames delivered per frame sent"))
         for words, advice in ((("--check", "crc8"), "valid: fletcher16, crc16_ibm_3740"), (("--errors", "noise"), "valid: ber, burst"), (("--protocol", "mavlink"), "valid: paper, provant"),
-                              (("--framing", "slip"), "valid: hdlc, cobs"), (("--message", "nothing"), "'paper' has: start, read_sensors")):
+                              (("--framing", "slip"), "valid: hdlc, cobs"), (("--message", "nothing"), "'paper' has: start, request")):
             code, _, err = self.tiltproof("integrity", *words)
             self.assertEqual(code, 2, words)
             self.assertIn(advice, err)

@@ -306,7 +306,7 @@ link:
   ideal: false
   baud: 921600
   reference_baud: 921600
-  dialect: paper
+  protocol: paper
   adapter_latency_ms: 0
 reference:
   type: hover

@@ -36,7 +36,7 @@ std::vector<std::vector<Bytes>> Send(const FaultSpec& spec, const std::shared_pt
     std::vector<link::Chunk> chunks = {
         {.begin_ns = kOriginAtPowerOn.ToBootTime(FrameTime(n)),
          .bytes = protocol->framing->Encode(protocol->Encode(type, values).span()),
-         .kind = type.kind,
+         .message = static_cast<std::uint8_t>(&type - protocol->messages.data()),
          .number = static_cast<std::uint64_t>(n)}};
     if (auto* filter = schedule.Filter(link::Direction::kToClient)) filter->Apply(chunks);
     auto& bytes = out.emplace_back();
