@@ -27,7 +27,7 @@ std::vector<std::vector<Bytes>> Send(const FaultSpec& spec, const std::shared_pt
                                      int count = 300) {
   FaultSchedule schedule({spec}, 1, {.protocol = protocol});
   schedule.SetOrigin(kOriginAtPowerOn);
-  const link::MessageType& type = *protocol->Find("sensors");
+  const link::MessageType& type = *protocol->Find("reply");
   std::vector<std::vector<Bytes>> out;
   for (int n = 0; n < count; ++n) {
     std::vector<double> values;
@@ -241,7 +241,7 @@ TEST(Framings, ValuesAndIdsAreWrittenAsTheProtocolSendsThem) {
     std::vector<link::Chunk> chunks = {
         {.begin_ns = kOriginAtPowerOn.ToBootTime(0),
          .bytes = protocol->framing->Encode(protocol->Encode(type, values).span()),
-         .kind = type.kind,
+         .message = static_cast<std::uint8_t>(&type - protocol->messages.data()),
          .number = 0}};
     schedule.Filter(link::Direction::kToClient)->Apply(chunks);
     return protocol->framing->Split(chunks.at(0).bytes)->payload;
