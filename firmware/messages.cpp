@@ -38,7 +38,7 @@ void AppendHardenedHeader(MessageBytes& message, std::uint8_t id) {
   message.size += kHardenedHeaderBytes;
 }
 
-// Of a payload that is not shorter.
+// The payload must not be shorter than that header.
 Stamp LoadStamp(std::span<const std::uint8_t> payload) {
   return {.sequence = static_cast<std::uint16_t>(payload[1] | payload[2] << 8),
           .time_us = LoadBits(payload.data() + 3)};

@@ -93,7 +93,7 @@ class Framing {
   virtual std::unique_ptr<FrameReader> MakeReader() const = 0;
   virtual std::unique_ptr<FrameCutter> MakeCutter() const;
 
-  // What ends a frame; nullopt: neither a flag nor a length in front. Then MakeCutter() must be overridden.
+  // The end of a frame; nullopt: neither a flag nor a length in front. Then MakeCutter() must be overridden.
   virtual std::optional<FrameEnd> frame_end() const;
   // The byte that ends a frame, and the one that announces an escaped byte; nullopt: there is none.
   virtual std::optional<std::uint8_t> flag() const = 0;

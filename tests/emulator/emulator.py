@@ -47,7 +47,7 @@ class Emulator:
         self.damaged_count = 0  # frames with a wrong check
         self._hardened = dialect == "hardened"
         self._check = crc32 if self._hardened else fletcher16
-        # What a request begins with.
+        # The begin of a request.
         self._request = bytes([2]) if self._hardened else floats(2 if dialect == "paper" else 1)
         self._request_bytes = 7 if self._hardened else 4
         self._answers = answers
