@@ -22,7 +22,7 @@
 
 namespace tiltproof::firmware {
 
-// Of the sensed angular rates: about the world's axes, the body's, or derivatives of roll, pitch and yaw.
+// Axes of the sensed angular rates: about the world's axes, the body's, or derivatives of roll, pitch and yaw.
 enum class RatesAxes : unsigned char { kWorld, kBody, kEuler };
 
 class LqrSensors {

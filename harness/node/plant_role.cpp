@@ -76,7 +76,7 @@ class PlantRole final : public Role {
     Publish(origin.boot_time());
   }
 
-  // What the server sends by itself; comes back for the next.
+  // Sends what the server sends by itself, and comes back for the next.
   void SendOwn(BootTime now) {
     if (finished_ || server_->state().next_send_ns == BootTime::Never()) return;
     Advance(now);

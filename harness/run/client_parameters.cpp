@@ -70,11 +70,10 @@ std::string StatesText(const plant::VehicleModel& model) {
 }
 
 std::string FieldText(const link::MessageField& field) {
-  static constexpr std::array<std::string_view, 3> kUnits = {"newton", "share", "share_of_speed"};
   return fmt::format(
       R"({{"signal": {}, "type": "{}", "byte_order": "{}", "scale": {}, "min": {}, "max": {}, "as": "{}"}})",
       Quoted(field.signal), Name(field.type), Name(field.order), field.scale, field.min, field.max,
-      kUnits.at(static_cast<std::size_t>(field.as)));
+      Name(field.as));
 }
 
 std::string MessageText(const link::MessageType& type) {
@@ -109,9 +108,8 @@ std::string ProtocolText(const link::Protocol& protocol) {
   for (const link::MessageType& type : protocol.messages) messages.push_back(MessageText(type));
   return fmt::format(
       "{{\"name\": {}, \"framing\": {}, \"world\": \"{}\", \"body\": \"{}\",\n  \"messages\": {}}}",
-      Quoted(protocol.name), FramingText(*protocol.framing),
-      protocol.world == link::WorldAxes::kNed ? "ned" : "enu",
-      protocol.body == link::BodyAxes::kFrd ? "frd" : "flu", JoinedBy(messages));
+      Quoted(protocol.name), FramingText(*protocol.framing), Name(protocol.world), Name(protocol.body),
+      JoinedBy(messages));
 }
 
 std::string InputsText(const plant::VehicleModel& model) {

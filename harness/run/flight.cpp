@@ -209,7 +209,7 @@ void Conductor::ServePlantEnd(ClientChannel& channel, BootTime now) {
   }
 }
 
-// What the server sends by itself.
+// Sends what the server sends by itself.
 void Conductor::SendOwn(BootTime now) {
   if (now < server_.state().next_send_ns) return;
   own_messages_.clear();

@@ -158,7 +158,7 @@ double ValueOf(const Part& part, std::span<const double> row) {
   ThrowBrokenInvariant("a part of a message");
 }
 
-// Of Z-Y-X angles.
+// The quaternion of Z-Y-X angles.
 std::array<double, 4> QuaternionOf(double roll, double pitch, double yaw) {
   const double cr = std::cos(roll / 2), sr = std::sin(roll / 2), cp = std::cos(pitch / 2),
                sp = std::sin(pitch / 2), cy = std::cos(yaw / 2), sy = std::sin(yaw / 2);

@@ -50,6 +50,14 @@ plant::PlantOptions OptionsOf(const Scenario& scenario, const VehicleSignals& si
   return options;
 }
 
+// A client whose first command is t = 0 needs the sensors before.
+bool AnswersBeforeStart(const link::Protocol& protocol) {
+  return protocol.answers_before_start ||
+         std::any_of(protocol.messages.begin(), protocol.messages.end(), [](const link::MessageType& type) {
+           return type.starts && type.kind == link::MessageKind::kActuators;
+         });
+}
+
 std::ptrdiff_t Offset(std::size_t column) { return static_cast<std::ptrdiff_t>(column); }
 
 }  // namespace
@@ -68,6 +76,7 @@ LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::Vehicl
       conditions_(scenario, Trace(layout_.columns).columns()),
       protocol_(*scenario.link.protocol),
       period_message_(protocol_.PeriodMessage()),
+      answers_early_(AnswersBeforeStart(protocol_)),
       arbiter_(scenario),
       sink_(sink),
       hover_input_(model.HoverInput()),
@@ -86,7 +95,7 @@ LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::Vehicl
                         .sensed = std::vector<double>(signals_.sensors.size(), kNothingYet),
                         .asked = std::vector<double>(signals_.inputs.size(), kNothingYet),
                         .stamps = MessageStamps(protocol_)});
-  if (protocol_.answers_before_start) BeginSending(BootTime());
+  if (answers_early_) BeginSending(BootTime());
 }
 
 void LocalPlantServer::Add(const faults::FaultSpec& fault) {
@@ -101,7 +110,7 @@ const MessageBinding& LocalPlantServer::BindingOf(const link::MessageType& type)
 void LocalPlantServer::Receive(std::size_t client, BootTime arrival, const link::Message& message,
                                const Reply& reply) {
   if (message.type->starts) OnStart(client, arrival, message);
-  if (!state_.started() && !protocol_.answers_before_start) return;
+  if (!state_.started() && !answers_early_) return;
   if (!message.type->reply.empty()) AnswerSensorRequest(client, arrival, *message.type, reply);
   if (message.type->has_signals() && state_.started()) AcceptInput(client, arrival, message);
 }
@@ -136,7 +145,7 @@ void LocalPlantServer::AnswerSensorRequest(std::size_t client, BootTime arrival,
     sink_.Write({SimTime(arrival), client, record::Accepted{record::AcceptedKind::kRequest}});
 }
 
-// What the client's sensors say, faults included.
+// Reads the client's sensors, with their faults.
 void LocalPlantServer::SampleFor(std::size_t client, BootTime now) {
   const TimeNs sampled = state_.started() ? SimTime(boundary_ns_) : kPowerOn;
   plant_.ReadSensors(readings_, FrameOf(scenario_.angular_rates));
@@ -174,7 +183,7 @@ void LocalPlantServer::SendOwn(BootTime now, const SendTo& send) {
 }
 
 void LocalPlantServer::AcceptInput(std::size_t client, BootTime arrival, const link::Message& message) {
-  // Of several actuator messages the first one counts the client's commands.
+  // The first of several actuator messages counts the client's commands.
   if (message.type->kind != link::MessageKind::kActuators ||
       message.type == protocol_.Find(link::MessageKind::kActuators))
     sink_.Write({SimTime(arrival), client, record::Accepted{record::AcceptedKind::kActuators}});

@@ -6,13 +6,13 @@
 //
 //   request arrives -> plant state -> sensor faults -> message -> frame  (sent back at once)
 //   actuators arrive -> actuator faults -> limits, lag of rotors -> input in force from the next boundary -> row
-// A protocol may let the server send by itself: each message every period, from t = 0 on, or from power-on where it
-// answers before t = 0. From then on the times do not shift.
 //
-// The sensors are the state at the last step boundary at or before the arrival of the request's last byte, or before the
-// server sends by itself. An
-// accepted actuator message takes effect at the first step boundary at or after the arrival of its last byte,
-// and holds. Before the first one, the model's hover input holds. The plant does not move until the server
+// A protocol may let the server send by itself: each message every period, from t = 0 on, or from power-on where it
+// answers before t = 0, or where the first command is t = 0. From then on the times do not shift.
+//
+// The sensors are the state at the last step boundary at or before the arrival of the request's last byte, or the time
+// at which the server sends by itself. An accepted actuator message takes effect at the first step boundary at or after
+// the arrival of its last byte, and holds. Before the first one, the model's hover input holds. The plant does not move until the server
 // accepts the protocol's message that starts: that is t = 0. A vehicle that is held (Scenario::held) does not move
 // afterwards, either; time, sensors, inputs and rows go on.
 //
@@ -158,6 +158,7 @@ class LocalPlantServer final : public PlantServer {
   std::vector<faults::FaultEvent> news_;
   const link::Protocol& protocol_;
   const link::MessageType& period_message_;
+  const bool answers_early_;
   std::vector<MessageBinding> bindings_;  // one per message of the protocol
   std::vector<OwnMessage> own_messages_;
   OriginFinder origin_;

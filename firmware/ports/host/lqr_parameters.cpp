@@ -57,7 +57,8 @@ std::shared_ptr<const link::Framing> ReadFraming(const Json& json) {
   if (type == "cobs") return link::MakeCobsFraming(check);
   const Json* sync = json.Find("sync");
   if (type != "length_prefixed" || sync == nullptr) return nullptr;
-  link::LengthFormat format{.length_bytes = json.TextAt("length") == "u16" ? 2U : 1U};
+  link::LengthFormat format;
+  format.length_bytes = json.TextAt("length") == "u16" ? 2 : 1;
   for (const Json& byte : sync->items) format.sync.push_back(byte.As<std::uint8_t>().value_or(0));
   if (format.sync.empty() || format.sync.size() > link::LengthHeader::kSyncBytesMax) return nullptr;
   return link::MakeLengthFraming(format, check);

@@ -38,10 +38,14 @@ VehicleSignals Vehicle() {
 link::Protocol Carrying(link::Direction direction, const std::vector<link::MessageField>& fields,
                         link::WorldAxes world = link::WorldAxes::kEnu,
                         link::BodyAxes body = link::BodyAxes::kFlu) {
-  link::Protocol protocol{.name = "test", .world = world, .body = body};
+  link::Protocol protocol;
+  protocol.name = "test";
+  protocol.world = world;
+  protocol.body = body;
   const auto kind =
       direction == link::Direction::kToPlant ? link::MessageKind::kActuators : link::MessageKind::kReply;
-  protocol.messages = {LayOut({.name = "message", .kind = kind, .direction = direction, .fields = fields})};
+  protocol.messages = {
+      link::LayOut({.name = "message", .kind = kind, .direction = direction, .fields = fields})};
   return protocol;
 }
 link::Protocol Carrying(link::Direction direction, const std::vector<std::string>& signals,
@@ -118,11 +122,13 @@ template <class Visit>
 void ForEachDraw(const Visit& visit) {
   std::mt19937 engine(5);
   const VehicleSignals vehicle = Vehicle();
-  std::uniform_real_distribution<double> turn(-std::numbers::pi, std::numbers::pi);
+  const auto turn = [&engine] {
+    return (static_cast<double>(engine()) / static_cast<double>(engine.max()) * 2 - 1) * std::numbers::pi;
+  };
   for (const Axes& axes : AllAxes()) {
     for (std::size_t draw = 0; draw < kDraws; ++draw) {
       // Pitch stays away from a quarter turn, where Z-Y-X angles are not unique.
-      const Vector3d angles(turn(engine), turn(engine) / 2.1, turn(engine));
+      const Vector3d angles(turn(), turn() / 2.1, turn());
       visit(axes, vehicle, angles, RowAt(vehicle, angles, engine));
     }
   }
@@ -265,10 +271,10 @@ TEST(UnsuitableProtocol, TakesTheInputsOfAllActuatorMessagesTogether) {
   torques.id = link::FloatId(4);
   torques.fields.erase(torques.fields.begin(), torques.fields.begin() + 2);
   actuators.fields.resize(2);
-  actuators = LayOut(actuators);
+  actuators = link::LayOut(actuators);
   EXPECT_THAT(UnsuitableProtocol(protocol, vehicle),
               HasSubstr("its actuator message does not carry this vehicle's tau_r_nm, tau_l_nm"));
-  protocol.messages.push_back(LayOut(torques));
+  protocol.messages.push_back(link::LayOut(torques));
   EXPECT_EQ(UnsuitableProtocol(protocol, vehicle), "");
 }
 

@@ -25,15 +25,18 @@ MessageField Stamp(FieldContent content, NumberType type) {
 
 // Messages `start` (id 1, a number), `a` (id 2, a number of 8 bits, a value) and `b` (id 3, a time of 16 bits).
 link::Protocol Numbered() {
-  link::Protocol protocol{.name = "numbered", .control_period_ns = kNsPerMs, .repeated_start_is_boot = true};
+  link::Protocol protocol;
+  protocol.name = "numbered";
+  protocol.control_period_ns = kNsPerMs;
+  protocol.repeated_start_is_boot = true;
   const auto add = [&](const char* name, std::uint32_t id, link::MessageKind kind,
                        std::vector<MessageField> fields) {
-    protocol.messages.push_back(LayOut({.name = name,
-                                        .kind = kind,
-                                        .direction = link::Direction::kToPlant,
-                                        .id = link::MessageId{.type = NumberType::kU8, .bits = id},
-                                        .starts = kind == link::MessageKind::kStart,
-                                        .fields = std::move(fields)}));
+    protocol.messages.push_back(link::LayOut({.name = name,
+                                              .kind = kind,
+                                              .direction = link::Direction::kToPlant,
+                                              .id = link::MessageId{.type = NumberType::kU8, .bits = id},
+                                              .starts = kind == link::MessageKind::kStart,
+                                              .fields = std::move(fields)}));
   };
   add("start", 1, link::MessageKind::kStart, {Stamp(FieldContent::kSequence, NumberType::kU8)});
   add("a", 2, link::MessageKind::kActuators,
