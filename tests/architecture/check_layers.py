@@ -24,6 +24,7 @@ MAY_INCLUDE = {
     "harness/reference": ["harness/reference", "link"],
     "harness/formula": ["harness/formula", "faults/nearest_name.h", "link/check.h", "link/time.h"],
     "harness/scenario": ["harness/scenario", "harness/reference", "faults", "link"],
+    "harness/protocol": ["harness/protocol", "link"],
     "harness/integrity": ["harness/integrity", "faults", "link"],
     "harness/terminal": ["harness/terminal"],
     "harness/process": ["harness/process", "link/time.h", "link/unix_socket.h"],
