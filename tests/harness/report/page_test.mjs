@@ -312,6 +312,12 @@ check("frames around a moment show damaged bytes", async () => {
   const marked = (await page.locator(".frame.damaged >> nth=0").locator("mark").allTextContents()).join(" ").split(/\s+/);
   assert.equal(sent.length, got.length);
   assert.deepEqual(marked, got.filter((byte, i) => byte !== sent[i]));
+  // Bytes that are not payload say what they are, and values how they are sent.
+  const flag = page.locator(".frame .hex i.flag").first();
+  assert.deepEqual([await flag.textContent(), await flag.getAttribute("title")], ["7e", "flag"]);
+  assert.ok((await page.locator(".frame .hex i.check").count()) > 0);
+  assert.match(await page.locator(".frame .fields span").first().getAttribute("title"), /^f32 at byte \d+, little endian$/);
+  assert.match(await page.locator("#frames .framing").textContent(), /^Framing hdlc, check fletcher16\./);
   assert.ok(await page.locator(".frame.damaged >> nth=0").isVisible());
   await page.screenshot({ path: join(out, "frames-light.png") });
   await page.keyboard.press("Home");
