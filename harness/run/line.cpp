@@ -136,7 +136,7 @@ BootTime LocalLine::NextArrival(Direction direction) const { return At(wires_, d
 
 std::optional<Line::Piece> LocalLine::TakePiece(Direction direction, BootTime until) {
   const auto taken = At(wires_, direction).TakePiece(until);
-  SendBack(direction, until);  // bytes that no flag closed
+  SendBack(direction, until);  // bytes that end no frame
   NoteOverfull(direction);
   if (!taken) return std::nullopt;
   Piece piece{taken->arrival_ns, taken->bytes};

@@ -7,12 +7,18 @@
 namespace tiltproof::harness {
 
 ReceivingEnd::ReceivingEnd(const link::Protocol& protocol, link::Direction direction, bool faulty)
-    : faulty_(faulty), receiver_(protocol, direction), sent_receiver_(protocol, direction) {}
+    : protocol_(protocol),
+      faulty_(faulty),
+      receiver_(protocol, direction),
+      sent_receiver_(protocol, direction) {}
 
 void ReceivingEnd::OnSent(const link::Chunk& chunk) {
   const auto number = static_cast<std::size_t>(counts_.frames_sent++);
   if (!faulty_) {
-    if (on_sent_frame_) on_sent_frame_({chunk.number, 0}, chunk.kind);
+    const bool is_message = chunk.message < protocol_.messages.size();
+    if (on_sent_frame_)
+      on_sent_frame_({chunk.number, 0},
+                     is_message ? protocol_.messages[chunk.message].kind : link::MessageKind::kUnknown);
     return;
   }
   recent_[number % recent_.size()] = chunk.bytes;

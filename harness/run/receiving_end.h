@@ -73,6 +73,7 @@ class ReceivingEnd {
   FrameName CountAccepted(BootTime arrival, const MessageReceiver::Frame& frame);
   void Audit(std::uint64_t payload_hash);
 
+  const link::Protocol& protocol_;
   bool faulty_;
   OnSentFrame on_sent_frame_;
   MessageReceiver receiver_;

@@ -358,7 +358,7 @@ class Checker {
     for (std::size_t i = 0; i < scenario_.faults.size(); ++i) CheckWaiting(i, list->items[i]);
     CheckSignals(*list);
     CheckFields(*list);
-    CheckProtocol(*list);
+    CheckFaultsSuit(*list);
   }
 
   // Gives the message its name in the protocol.
@@ -371,7 +371,7 @@ class Checker {
   }
 
   // A fault on a part of a frame, or on a value, is for a protocol that has these.
-  void CheckProtocol(const YamlNode& list) {
+  void CheckFaultsSuit(const YamlNode& list) {
     for (std::size_t i = 0; i < scenario_.faults.size(); ++i) {
       if (!faults::Validate(scenario_.faults[i]).empty()) continue;  // reported already
       if (const auto problem = faults::ProtocolProblem(scenario_.faults[i], *scenario_.link.protocol))

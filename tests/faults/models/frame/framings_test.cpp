@@ -27,7 +27,7 @@ std::vector<std::vector<Bytes>> Send(const FaultSpec& spec, const std::shared_pt
                                      int count = 300) {
   FaultSchedule schedule({spec}, 1, {.protocol = protocol});
   schedule.SetOrigin(kOriginAtPowerOn);
-  const link::MessageType& type = *protocol->Find("sensors");
+  const link::MessageType& type = *protocol->Find("reply");
   std::vector<std::vector<Bytes>> out;
   for (int n = 0; n < count; ++n) {
     std::vector<double> values;
