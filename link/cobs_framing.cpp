@@ -101,9 +101,6 @@ class Cobs final : public CheckedFraming {
   }
 
   std::unique_ptr<FrameReader> MakeReader() const override { return std::make_unique<Reader>(*this); }
-  std::unique_ptr<FrameCutter> MakeCutter() const override {
-    return std::make_unique<FlagCutter>(kDelimiter);
-  }
 
   std::optional<std::uint8_t> flag() const override { return kDelimiter; }
   std::optional<std::uint8_t> escape() const override { return std::nullopt; }

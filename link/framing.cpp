@@ -29,6 +29,17 @@ std::vector<std::uint8_t> Framing::Encode(std::span<const std::uint8_t> payload,
   return frame;
 }
 
+std::unique_ptr<FrameCutter> Framing::MakeCutter() const {
+  const std::optional<FrameEnd> end = frame_end();
+  Check(end.has_value(), "a framing tells where its frames end");
+  return MakeFrameCutter(*end);
+}
+
+std::optional<FrameEnd> Framing::frame_end() const {
+  const std::optional<std::uint8_t> own = flag();
+  return own ? std::optional<FrameEnd>(*own) : std::nullopt;
+}
+
 std::string Framing::ChangeUnseen(std::span<std::uint8_t> /*bytes*/, std::uint32_t /*way*/) const {
   ThrowBrokenInvariant("a framing whose check has a blind spot");
 }

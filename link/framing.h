@@ -91,8 +91,10 @@ class Framing {
   bool Has(ByteRole role) const;
 
   virtual std::unique_ptr<FrameReader> MakeReader() const = 0;
-  virtual std::unique_ptr<FrameCutter> MakeCutter() const = 0;
+  virtual std::unique_ptr<FrameCutter> MakeCutter() const;
 
+  // The end of a frame; nullopt: neither a flag nor a length in front. Then MakeCutter() must be overridden.
+  virtual std::optional<FrameEnd> frame_end() const;
   // The byte that ends a frame, and the one that announces an escaped byte; nullopt: there is none.
   virtual std::optional<std::uint8_t> flag() const = 0;
   virtual std::optional<std::uint8_t> escape() const = 0;

@@ -109,7 +109,6 @@ class Hdlc final : public CheckedFraming {
     if (kind() == CheckKind::kFletcher16) return std::make_unique<CodecReader>();
     return std::make_unique<Reader>(*this);
   }
-  std::unique_ptr<FrameCutter> MakeCutter() const override { return std::make_unique<FlagCutter>(kFlag); }
 
   std::optional<std::uint8_t> flag() const override { return kFlag; }
   std::optional<std::uint8_t> escape() const override { return kEscape; }

@@ -64,7 +64,7 @@ class LengthPrefixed final : public CheckedFraming {
   }
 
   std::unique_ptr<FrameReader> MakeReader() const override { return std::make_unique<Reader>(*this); }
-  std::unique_ptr<FrameCutter> MakeCutter() const override { return std::make_unique<LengthCutter>(header_); }
+  std::optional<FrameEnd> frame_end() const override { return header_; }
 
   std::optional<std::uint8_t> flag() const override { return std::nullopt; }
   std::optional<std::uint8_t> escape() const override { return std::nullopt; }

@@ -12,12 +12,12 @@
 
 namespace tiltproof::harness {
 
-std::shared_ptr<const link::Protocol> ReadProtocolFlag(const std::string& text) {
+std::shared_ptr<const link::Protocol> ReadProtocolFlag(const std::string& text, std::string_view flag) {
   if (auto protocol = link::FindProtocol(text)) return protocol;
   if (!std::filesystem::is_regular_file(text)) {
     std::vector<std::string_view> names;
     for (const auto& protocol : link::Protocols()) names.push_back(protocol->name);
-    throw UsageError(fmt::format("--protocol {}: no such protocol or file{}", text, DidYouMean(text, names)));
+    throw UsageError(fmt::format("{}{}: no such protocol or file{}", flag, text, DidYouMean(text, names)));
   }
   try {
     return ReadProtocolFile(text);

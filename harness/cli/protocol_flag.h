@@ -8,13 +8,15 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <string_view>
 
 #include "link/protocol.h"
 
 namespace tiltproof::harness {
 
-// `text` is a built-in protocol or a protocol file. Throws UsageError, which names the flag.
-std::shared_ptr<const link::Protocol> ReadProtocolFlag(const std::string& text);
+// `text` is a built-in protocol or a protocol file. Throws UsageError, which names the flag; an argument has none.
+std::shared_ptr<const link::Protocol> ReadProtocolFlag(const std::string& text,
+                                                       std::string_view flag = "--protocol ");
 
 // A field's value in the unit that its signal's name ends in, with as many digits as it has on the line.
 std::string FieldText(const link::MessageField& field, double value);

@@ -67,9 +67,10 @@ MessageStatus CheckRequest(link::Dialect dialect, Payload payload) {
   Require(!Name(kind).empty(), "a kind has a name");
   if (status != MessageStatus::kOk) return status;
   Require(kind != link::MessageKind::kUnknown, "accepted and classified");
-  const link::MessageBytes again = message.start          ? link::EncodeStart(dialect, message.actuators)
-                                   : message.read_sensors ? link::EncodeReadSensors(dialect)
-                                                          : link::EncodeActuators(dialect, message.actuators);
+  link::MessageBytes again = message.start          ? link::EncodeStart(dialect, message.actuators)
+                             : message.read_sensors ? link::EncodeReadSensors(dialect)
+                                                    : link::EncodeActuators(dialect, message.actuators);
+  SetStamp(dialect, message.stamp, again);
   Require(std::ranges::equal(again.span(), payload), "a request: a round trip");
   return status;
 }
@@ -94,8 +95,7 @@ void CheckUnknownDialect(link::Dialect dialect, Payload payload) {
               link::EncodeActuators(dialect, {}).span().empty(),
           "an unknown dialect says nothing");
   link::ClientMessage message;
-  Require(link::DecodeClientMessage(dialect, payload, message) ==
-              (payload.size() < link::kIdBytes ? MessageStatus::kBadLength : MessageStatus::kUnknownId),
+  Require(link::DecodeClientMessage(dialect, payload, message) == MessageStatus::kUnknownId,
           "an unknown dialect has no message");
   Require(link::ClassifyClientPayload(dialect, payload) == link::MessageKind::kUnknown,
           "an unknown dialect has no kind");
@@ -105,8 +105,8 @@ void CheckEnumerations(std::uint8_t byte, Payload payload) {
   CheckName(byte, link::FrameStatus::kNoOpeningFlag);
   CheckName(byte, link::MessageKind::kUnknown);
   CheckName(byte, MessageStatus::kOutOfRange);
-  CheckName(byte, link::Dialect::kProvant);
-  if (const auto dialect = static_cast<link::Dialect>(byte); dialect > link::Dialect::kProvant)
+  CheckName(byte, link::Dialect::kHardened);
+  if (const auto dialect = static_cast<link::Dialect>(byte); dialect > link::Dialect::kHardened)
     CheckUnknownDialect(dialect, payload);
 }
 

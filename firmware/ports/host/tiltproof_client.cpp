@@ -42,7 +42,7 @@ class HostPort final : public tiltproof::firmware::Port {
 };
 
 std::optional<Dialect> FindDialect(const char* name) {
-  for (const Dialect dialect : {Dialect::kPaper, Dialect::kProvant}) {
+  for (const Dialect dialect : {Dialect::kPaper, Dialect::kProvant, Dialect::kHardened}) {
     if (name != nullptr && tiltproof::link::Name(dialect) == name) return dialect;
   }
   return std::nullopt;

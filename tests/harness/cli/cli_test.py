@@ -543,12 +543,28 @@ class CliTest(CommandLineTest):
         for row in rows:
             self.assertLessEqual(row["low"], row["rate"])
             self.assertLessEqual(row["rate"], row["high"])
-            self.assertLessEqual(row["delivered_wrong"], row["passed_check"])
+            self.assertLessEqual(row["delivered_wrong"], row["passed_length"])
+            self.assertLessEqual(row["passed_length"], row["passed_check"])
+            self.assertEqual(row["hamming_distance"], 2)
         # A sum does not see that bytes changed places.
         self.assertGreater(min(row["passed_check_rate"] for row in rows if row["errors"] == "swap"), 0.5)
-        code, out, _ = self.tiltproof("integrity", "--errors", "stuck", "--frames", "20000")
-        self.assertEqual((code, out.splitlines()[0]), (0, "paper, hdlc, fletcher16, sensors: wrong frames delivered per frame sent"))
-        for words, advice in ((("--check", "crc8"), "valid: fletcher16, crc16_ibm_3740"), (("--errors", "noise"), "valid: ber, burst"), (("--protocol", "mavlink"), "valid: paper, provant"),
+        code, out, _ = self.tiltproof("integrity", "--errors", "stuck", "--frames", "20000", "--page", "integrity.html")
+        self.assertEqual(code, 0)
+        self.assertRegex(out.splitlines()[0], "^paper, hdlc, fletcher16, (sensors|reply): wrong frames delivered per frame sent$")
+        page = (self.folder / "integrity.html").read_text()
+        data = json.loads(page.split('id="integrity">')[1].split("</script>")[0])
+        self.assertEqual([row["level"] for row in data["rows"]], [1, 2, 4, 8])
+        (self.folder / "own.yaml").write_text("protocol: own\ncontrol_period_ms: 10\nframing: {type: length_prefixed, sync: [0xB5], length: u16, check: sum8}\n"
+            "start: {message: start}\nmessages:\n  - {name: start, id: 1, from: client}\n  - {name: request, id: 2, from: client, reply: state}\n"
+            "  - {name: state, id: 3, from: server, fields: [{signal: z_m, type: i16, scale: 0.01}]}\n"
+            "  - {name: thrust, id: 4, from: client, fields: [{signal: f_r_n, type: u8, min: 0, max: 30}]}\n")
+        code, out, err = self.tiltproof("integrity", "--protocol", "own.yaml", "--errors", "enumerate", "--format", "json")
+        self.assertEqual(code, 0, err)
+        rows = json.loads(out)["rows"]
+        # A frame has a mark, a length of two bytes, an id, two bytes of height and a check: 56 bits.
+        self.assertEqual([(row["protocol"], row["framing"], row["check"], row["message"], row["frames"]) for row in rows], [("own", "length_prefixed", "sum8", "state", n) for n in (56, 1540, 27720)])
+        self.assertGreater(rows[1]["passed_check"], 0)
+        for words, advice in ((("--check", "crc8"), "valid: fletcher16, crc16_ibm_3740"), (("--errors", "noise"), "valid: ber, burst"), (("--protocol", "mavlink"), "no such protocol or file"),
                               (("--framing", "slip"), "valid: hdlc, cobs"), (("--message", "nothing"), "'paper' has: start, request")):
             code, _, err = self.tiltproof("integrity", *words)
             self.assertEqual(code, 2, words)

@@ -706,6 +706,23 @@ check("258 margins of two firmwares, dark and small", async () => {
   await page.close();
 });
 
+check("residual errors have a page with a curve for each kind of damage", async () => {
+  const file = join(out, "integrity.html");
+  const text = execFileSync(tiltproof, ["integrity", "--errors", "burst,swap", "--check", "fletcher16,crc32_iso_hdlc", "--frames", "20000", "--page", file, "--format", "json"], { encoding: "utf8" });
+  const { rows } = JSON.parse(text);
+  const page = await open(file);
+  assert.equal(await page.locator("svg.curves").count(), 2);
+  assert.equal(await page.locator(".rates tbody tr").count(), rows.length);
+  const burst = page.locator('[data-errors="burst"] svg');
+  // Every rate above 0 has a point in both lines, and every 0 a triangle.
+  const own = rows.filter((row) => row.errors === "burst");
+  const above = own.flatMap((row) => [row.rate, row.passed_check_rate]).filter((rate) => rate > 0).length;
+  assert.equal(await burst.locator("circle").count(), above);
+  assert.equal(await burst.locator("path.none").count(), 2 * own.length - above);
+  await page.screenshot({ path: join(out, "integrity-light.png"), fullPage: true });
+  await page.close();
+});
+
 check("an envelope with hostile names, odd numbers, and little in it", async () => {
   const odd = (all) => {
     all.rows.forEach((row, i) => Object.assign(row, { type: EVIL.replaceAll("/", ""), target: EVIL.replaceAll("/", "") + i, client: EVIL, parameter: EVIL, unit: EVIL, reason: EVIL, first_criterion: EVIL }));
