@@ -74,6 +74,8 @@ struct FaultSchedule::State {
     Trigger trigger = Trigger(spec, StreamKey(seed, {spec.id, "trigger"}));
   };
   void Add(const WireKind& kind, const Entry& entry) {
+    if (const std::string problem = MessageProblem(entry.spec, entry.type, *protocol); !problem.empty())
+      throw std::invalid_argument(Concat({"fault '", entry.spec.id, "', message: ", problem}));
     for (const Direction direction : DirectionsOf(ResolvedTarget(entry.spec, entry.type))) {
       const auto index = static_cast<std::size_t>(direction);
       wires[index].Add(entry.fault, entry.spec, kind, activities[entry.fault], entry.parameters, entry.seed,

@@ -10,7 +10,6 @@
 
 #include "link/character.h"
 #include "link/fields.h"
-#include "link/message_kind.h"
 #include "link/time.h"
 
 namespace tiltproof::link {
@@ -27,17 +26,20 @@ constexpr std::optional<Direction> Opposite(Direction direction) {
   return direction == Direction::kToPlant ? Direction::kToClient : Direction::kToPlant;
 }
 
+// A frame, or bytes, that are no message of the protocol.
+inline constexpr std::uint8_t kNoMessage = 0xFF;
+
 // On a line it has boot time, in the log of a flight simulation time.
 template <class Time>
 struct TimedChunk {
-  Time begin_ns{};                           // when the start bit of the first byte enters the wire
-  std::vector<std::uint8_t> bytes;           // back to back from there
-  MessageKind kind = MessageKind::kUnknown;  // of the frame as sent
+  Time begin_ns{};                    // when the start bit of the first byte enters the wire
+  std::vector<std::uint8_t> bytes;    // back to back from there
+  std::uint8_t message = kNoMessage;  // of the frame as sent: its place in the protocol's table
   // Number of the frame as sent, from 0 in its direction. The wire assigns it; copies and fragments keep it.
   std::uint64_t number = 0;
   // One for each byte: 1 where the parity bit does not fit the byte. Empty when all fit.
   std::vector<std::uint8_t> parity_errors = {};
-  TILTPROOF_FIELDS(begin_ns, bytes, kind, number, parity_errors)
+  TILTPROOF_FIELDS(begin_ns, bytes, message, number, parity_errors)
 
   bool HasParityError(std::size_t byte) const { return !parity_errors.empty() && parity_errors[byte] != 0; }
   void Append(std::uint8_t byte, bool parity_error) {
@@ -49,9 +51,9 @@ struct TimedChunk {
   void Append(const TimedChunk& from, std::size_t byte) {
     Append(from.bytes[byte], from.HasParityError(byte));
   }
-  // The bytes [from, to) of this chunk, as a chunk with its begin, kind and number.
+  // The bytes [from, to) of this chunk, as a chunk with its begin, message and number.
   TimedChunk Part(std::size_t from, std::size_t to) const {
-    TimedChunk part{.begin_ns = begin_ns, .bytes = {}, .kind = kind, .number = number};
+    TimedChunk part{.begin_ns = begin_ns, .bytes = {}, .message = message, .number = number};
     for (std::size_t byte = from; byte < to; ++byte) part.Append(*this, byte);
     return part;
   }

@@ -22,7 +22,7 @@ Wire::Wire(const WireConfig& config, Direction direction, const Protocol& protoc
       sent_reader_(protocol.framing->MakeReader()),
       arrived_cutter_(protocol.framing->MakeCutter()) {}
 
-MessageKind Wire::KindOf(std::span<const std::uint8_t> frame) {
+std::uint8_t Wire::MessageIn(std::span<const std::uint8_t> frame) {
   Check(!frame.empty(), "a chunk as sent has bytes");
   sent_reader_->Finish();
   // The frame's opening may be the end of the frame before.
@@ -31,9 +31,9 @@ MessageKind Wire::KindOf(std::span<const std::uint8_t> frame) {
   while (const auto read = sent_reader_->Next(frame)) {
     if (!read->ok) continue;
     const MessageType* type = protocol_->Classify(direction_, read->payload);
-    return type == nullptr ? MessageKind::kUnknown : type->kind;
+    return type == nullptr ? kNoMessage : static_cast<std::uint8_t>(type - protocol_->messages.data());
   }
-  return MessageKind::kUnknown;
+  return kNoMessage;
 }
 
 TimeNs Wire::IdleTime() const { return rate_.OrUsual().BytesTime(kIdleBytes); }
@@ -113,7 +113,7 @@ void Wire::SendOpenChunk(BootTime known_ns) {
     if (HasRoomFor(WeightOf(chunk))) Enqueue(std::move(chunk), known_ns);
     return;
   }
-  chunk.kind = KindOf(chunk.bytes);
+  chunk.message = MessageIn(chunk.bytes);
   if (taps_.sent) taps_.sent(chunk);
   scratch_.clear();
   scratch_.push_back(std::move(chunk));

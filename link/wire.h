@@ -106,8 +106,8 @@ class Wire {
  private:
   // The number of bytes that belong to the open chunk; sets `closed` when the last of them closes it.
   std::size_t BytesOfOpenChunk(std::span<const std::uint8_t> bytes, bool& closed);
-  // The kind of the message in a frame as sent.
-  MessageKind KindOf(std::span<const std::uint8_t> frame);
+  // The place of the message of a frame as sent in the protocol's table; kNoMessage: it is none.
+  std::uint8_t MessageIn(std::span<const std::uint8_t> frame);
   void FlushIfIdle(BootTime now);
   // The part of the bytes that characters carry; valid until the next call.
   std::span<const std::uint8_t> Carried(std::span<const std::uint8_t> bytes);

@@ -1,5 +1,7 @@
 #include "plant/sensors.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -68,7 +70,7 @@ SignalTable SensorSignals(std::span<const Sensor> sensors) {
     const SensorKind kind = sensors[i].kind;
     const bool is_first = std::none_of(sensors.begin(), sensors.begin() + static_cast<std::ptrdiff_t>(i),
                                        [kind](const Sensor& other) { return other.kind == kind; });
-    const std::string own = is_first ? std::string() : "_" + SensorSpelled(sensors[i].name);
+    const std::string own = is_first ? std::string() : fmt::format("_{}", SensorSpelled(sensors[i].name));
     // A position and a velocity on Earth have axes of their own; the others lie along the sensor's.
     const SignalFrame frame = kind == SensorKind::kImu || kind == SensorKind::kMagnetometer
                                   ? SignalFrame::kBody

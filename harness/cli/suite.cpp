@@ -85,13 +85,20 @@ ReadOptions MakeReadOptions(ModelCache& models) {
     }
   };
   options.check_protocol = [](const Scenario& scenario,
-                              const VehicleSignals& vehicle) -> std::optional<std::string> {
-    std::string problem = UnsuitableProtocol(*scenario.link.protocol, vehicle);
-    if (problem.empty()) return std::nullopt;
-    return fmt::format(
-        "{}. It is made for two rotors, each on a hinge of its own, that the vehicle's file names 'right' "
-        "and 'left'; the protocol 'paper' carries the signals of any vehicle (docs/vehicle.md)",
-        problem);
+                              const VehicleSignals& vehicle) -> std::optional<ProtocolProblem> {
+    ProtocolField field;
+    ProtocolProblem problem;
+    problem.reason = UnsuitableProtocol(*scenario.link.protocol, vehicle, &field);
+    if (problem.reason.empty()) return std::nullopt;
+    if (field.first != nullptr) {
+      problem.message = field.first->name;
+      problem.signal = field.second->signal;
+    }
+    if (link::FindProtocol(scenario.link.protocol->name) != nullptr)
+      problem.reason +=
+          ". It is made for two rotors, each on a hinge of its own, that the vehicle's file names 'right' "
+          "and 'left'; the protocol 'paper' carries the signals of any vehicle (docs/vehicle.md)";
+    return problem;
   };
   return options;
 }
@@ -120,6 +127,14 @@ std::string BuildProblem(const Scenario& scenario, const plant::VehicleModel& mo
     return fmt::format("{}: {}: {}", scenario.file.string(), key, why);
   };
   if (scenario.firmware_of(client) != kLqrBuild && shipped) return {};  // applicability.h
+  if (scenario.firmware_of(client) == kLqrBuild)
+    if (const auto missing = StatesNotCarried(*scenario.link.protocol, model.signals()); !missing.empty())
+      return problem(
+          "firmware",
+          fmt::format("lqr: the protocol '{}' does not carry {}, which its law needs; roll, pitch and yaw "
+                      "may come from quaternion_w, _x, _y and _z, and the angular rates from gyro_x_rad_s, "
+                      "gyro_y_rad_s and gyro_z_rad_s",
+                      scenario.link.protocol->name, fmt::join(missing, ", ")));
   try {
     // Designed here once, and known in the processes of all flights.
     GainOf(scenario, model);

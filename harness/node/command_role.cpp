@@ -12,6 +12,7 @@
 #include "harness/node/roles.h"
 #include "harness/process/orphans.h"
 #include "harness/run/client_parameters.h"
+#include "harness/scenario/protocol_file.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -62,7 +63,7 @@ class CommandRole final : public Role {
                         {"TILTPROOF_BAUD", baud},
                         {"TILTPROOF_REFERENCE_BAUD", std::to_string(scenario_.link.reference_port_baud())},
                         {"TILTPROOF_FIRMWARE", scenario_.firmware},
-                        {"TILTPROOF_DIALECT", scenario_.link.protocol->name},
+                        {"TILTPROOF_DIALECT", DialectOf(*scenario_.link.protocol)},
                         {"TILTPROOF_PARAMETERS", parameters_}};
     spec.guard_group = true;
     AdoptOrphans();

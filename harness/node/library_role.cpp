@@ -10,6 +10,7 @@
 #include "harness/client/make_client.h"
 #include "harness/node/roles.h"
 #include "harness/run/client_parameters.h"
+#include "harness/scenario/protocol_file.h"
 #include "link/chunk.h"
 #include "link/serial_port.h"
 
@@ -46,9 +47,10 @@ class LibraryRole final : public Role {
     if (TakesParameters(std::get<HostLibrary>(firmware_), scenario_.firmware))
       parameters = [&loaded] { return ClientParameters(loaded.scenario, *loaded.model); };
     try {
-      client_ = LoadLibraryClient(FirmwareFile(firmware_, scenario_.firmware, scenario_.link.protocol->name),
-                                  scenario_.firmware, scenario_.link.protocol->name, host,
-                                  std::make_unique<CapturedOutput>(), false, parameters);
+      client_ =
+          LoadLibraryClient(FirmwareFile(firmware_, scenario_.firmware, DialectOf(*scenario_.link.protocol)),
+                            scenario_.firmware, DialectOf(*scenario_.link.protocol), host,
+                            std::make_unique<CapturedOutput>(), false, parameters);
     } catch (const FirmwareTrouble& trouble) {
       // The firmware's doing, not this node's: told like a crash in flight, once that has begun.
       trouble_ = trouble;

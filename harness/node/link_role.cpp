@@ -31,6 +31,14 @@ constexpr std::size_t kRoundTripSampleCount = 50;
 constexpr TimeNs kHandOverPeriodNs = 100 * kNsPerUs;
 constexpr TimeNs kFrameTimeMax = 2 * kNsPerMs;
 
+// Length of the shortest actuator message, in bytes.
+std::size_t ShortestCommand(const link::Protocol& protocol) {
+  std::size_t least = link::kPayloadBytesMax;
+  for (const link::MessageType& type : protocol.messages)
+    if (type.kind == link::MessageKind::kActuators) least = std::min(least, type.payload_bytes);
+  return least;
+}
+
 class LinkRole final : public Role {
  public:
   LinkRole(NodeServices& services, const NodeOptions& options)
@@ -64,7 +72,7 @@ class LinkRole final : public Role {
     line_.emplace(scenario_, round_trips_, kClient, !hardware, true);
     reference_talk_.emplace(*scenario_.link.protocol);
     framer_.emplace(*scenario_.link.protocol);
-    actuators_bytes_ = scenario_.link.protocol->Find(link::MessageKind::kActuators)->payload_bytes;
+    actuators_bytes_ = ShortestCommand(*scenario_.link.protocol);
     return ports;
   }
 
@@ -210,8 +218,10 @@ class LinkRole final : public Role {
   void OnReferences() {
     for (const auto& reference : references_.Take()) {
       if (!armed_ || reference.run_id != services_.run_id()) continue;
-      if (const auto point = FromRow(reference.values))
-        Transmit(Direction::kReference, framer_->Frame(*point));
+      const auto point = FromRow(reference.values);
+      if (!point) continue;
+      if (const auto frame = framer_->Frame(*point, Now()); !frame.empty())
+        Transmit(Direction::kReference, frame);
     }
   }
 
@@ -254,7 +264,7 @@ class LinkRole final : public Role {
           bytes = bytes.first(deaf_[static_cast<std::size_t>(direction)].Keeps(
               line_->origin().SimulationTime(piece->arrival_ns), bytes.size()));
         if (port != nullptr && !bytes.empty()) port->Write(bytes);
-        if (direction == Direction::kToPlant) asked_plant_ns_ = now;
+        if (piece->message != nullptr && !piece->message->type->reply.empty()) asked_plant_ns_ = now;
       }
       next = std::min(next, NextHandOver(direction, now));
     }
@@ -335,7 +345,7 @@ class LinkRole final : public Role {
   bool armed_ = false;
   // When the plant got the last bytes that it has not answered yet.
   BootTime asked_plant_ns_ = BootTime::Never();
-  std::size_t actuators_bytes_ = 0;  // of the message that carries them
+  std::size_t actuators_bytes_ = 0;  // of the shortest message that carries them
   TimeNs next_sample_ns_ = 0;
   bool client_is_library_ = false, client_is_emulator_ = false;
   bool client_takes_bytes_ = false;  // one at a time

@@ -80,12 +80,14 @@ LocalLine::LocalLine(const Scenario& scenario, RecordSink& sink, std::size_t cli
                         records_.WriteBytes(at, direction, ByteSide::kPassedOn, bytes);
                       }});
   }
-  At(ends_, Direction::kToClient).SetOnSentFrame([this](const ReceivingEnd::FrameName& name) {
-    // The authors' server answers before t = 0 too; that is not timed.
-    if (!origin_.known() || requested_ns_ == BootTime::Never()) return;
-    if (replies_.size() == kRepliesMax) replies_.pop_front();
-    replies_.push_back({name, requested_ns_});
-  });
+  At(ends_, Direction::kToClient)
+      .SetOnSentFrame([this](const ReceivingEnd::FrameName& name, link::MessageKind kind) {
+        // The authors' server answers before t = 0 too; that is not timed.
+        if (kind != link::MessageKind::kReply || !origin_.known() || requested_ns_ == BootTime::Never())
+          return;
+        if (replies_.size() == kRepliesMax) replies_.pop_front();
+        replies_.push_back({name, requested_ns_});
+      });
 }
 
 void LocalLine::Add(const faults::FaultSpec& fault) {
@@ -133,7 +135,7 @@ BootTime LocalLine::NextArrival(Direction direction) const { return At(wires_, d
 
 std::optional<Line::Piece> LocalLine::TakePiece(Direction direction, BootTime until) {
   const auto taken = At(wires_, direction).TakePiece(until);
-  SendBack(direction, until);  // bytes that no flag closed
+  SendBack(direction, until);  // bytes that end no frame
   NoteOverfull(direction);
   if (!taken) return std::nullopt;
   Piece piece{taken->arrival_ns, taken->bytes, nullptr, taken->parity_errors};
@@ -145,7 +147,7 @@ std::optional<Line::Piece> LocalLine::TakePiece(Direction direction, BootTime un
               OnClientMessage(piece.arrival_ns, message);
               piece.message = &message;
             }
-            if (direction == Direction::kToClient) OnReply(piece.arrival_ns, name);
+            if (direction == Direction::kToClient) OnServerMessage(piece.arrival_ns, name, message);
           },
           [&](std::string_view reason) {
             if (auto event =
@@ -163,10 +165,18 @@ void LocalLine::SetOrigin(Origin origin) {
 
 void LocalLine::OnClientMessage(BootTime arrival, const link::Message& message) {
   if (!message.type->reply.empty()) requested_ns_ = arrival;
-  if (!message.values.empty() && replied_ns_ != BootTime::Never()) {
+  if (message.type->has_signals() && replied_ns_ != BootTime::Never()) {
     records_.Write(arrival, record::Answer{arrival - replied_ns_});
     replied_ns_ = BootTime::Never();
   }
+}
+
+// Without requests, the client answers what the server sends once in each period or more often.
+void LocalLine::OnServerMessage(BootTime arrival, const ReceivingEnd::FrameName& name,
+                                const link::Message& message) {
+  if (!protocol_->streams()) return OnReply(arrival, name);
+  const TimeNs period_ns = message.type->period_ns;
+  if (origin_.known() && period_ns > 0 && period_ns <= protocol_->control_period_ns) replied_ns_ = arrival;
 }
 
 // Late, repeated and lost replies are distinguished by the number of their frame, whatever their content. A

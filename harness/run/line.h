@@ -99,7 +99,7 @@ class LocalLine final : public Line {
   // Writes what faults did since the last call. Finish() does, too.
   void WriteActivations();
 
-  // Arrival at the client of the latest valid reply while its actuators are awaited; otherwise Never().
+  // Arrival at the client of the latest valid reply, or message of the server's own, while its actuators are awaited; otherwise Never().
   BootTime unanswered_reply() const { return replied_ns_; }
   Origin origin() const { return origin_; }
 
@@ -112,6 +112,7 @@ class LocalLine final : public Line {
   void SendBack(link::Direction direction, BootTime now);
   void NoteOverfull(link::Direction direction);
   void OnClientMessage(BootTime arrival, const link::Message& message);
+  void OnServerMessage(BootTime arrival, const ReceivingEnd::FrameName& name, const link::Message& message);
   void OnReply(BootTime arrival, const ReceivingEnd::FrameName& name);
 
   std::shared_ptr<const link::Protocol> protocol_;

@@ -96,14 +96,15 @@ struct CountedMistake {
   TILTPROOF_FIELDS(count, first_ns, text)
 };
 
-// A client's use of its protocol (docs/criteria.md, protocol.*), whatever the faults on its line make of it.
+// A client's use of its protocol (docs/criteria.md, protocol.*), whatever the faults on its line make of it. Where the
+// server sends by itself, the first number counts commands, and all that need a request are 0 or absent.
 struct ProtocolUse {
   std::int64_t requests_per_period_max = 0;
   std::int64_t actuators_per_request_max = 0;
   std::int64_t actuators_before_reply = 0;
   std::int64_t replies_unanswered = 0;
   std::int64_t malformed_sent = 0;
-  // None: a log of an older program.
+  // None: a log of an older program; the last two also where the server sends by itself.
   std::optional<std::int64_t> refused_commands = {};
   std::optional<CountedMistake> replies_ignored = {}, commands_without_reply = {};
   friend bool operator==(const ProtocolUse&, const ProtocolUse&) = default;
@@ -116,8 +117,8 @@ struct ProtocolUse {
 // fault of the scenario excuses them.
 enum class LineMistakeKind : std::uint8_t {
   kMalformed,   // a frame that is no message, or whose values no server takes
-  kMissing,     // a period without a request
-  kDoubled,     // a request less than half a period after the one before
+  kMissing,     // a period without a request, or without a command where the server sends by itself
+  kDoubled,     // such a message less than half a period after the one before
   kUnanswered,  // a whole reply that no actuator message followed within a period
 };
 std::string_view Name(LineMistakeKind kind);
@@ -164,8 +165,10 @@ struct ClientLog {
       stacks;  // of its image, in the order of their addresses; absent: none measured
   std::optional<std::int64_t> failsafe_entered_count;  // absent when the client cannot say
   std::optional<std::int64_t> receive_overruns_count;  // bytes lost by its receiver; absent as above
-  std::vector<TimeNs> request_times_ns;       // arrival at the server of each accepted sensor request
-  std::vector<TimeNs> sent_request_times_ns;  // when the client sent each, before any fault on the line
+  std::vector<TimeNs> request_times_ns;  // arrival at the server of each accepted sensor request
+  // When the client sent its message of each period (link::Protocol::PeriodMessage()), before any fault on the line:
+  // a request, or a command where the server sends by itself.
+  std::vector<TimeNs> sent_request_times_ns;
   std::vector<TimeNs>
       reply_latency_ns;  // from the last byte of a request to the last byte of its reply at the client
   std::vector<TimeNs> actuator_times_ns;  // arrival at the server of each accepted actuator message

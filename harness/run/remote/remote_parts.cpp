@@ -198,6 +198,13 @@ void RemotePlantServer::Receive(std::size_t client, BootTime arrival, const link
   for (const auto& frame : unpacker.Next<std::vector<std::vector<std::uint8_t>>>()) reply(frame);
 }
 
+void RemotePlantServer::SendOwn(BootTime now, const SendTo& send) {
+  const auto answer = part_.Ask(RemotePart::Request(Message::kSendOwn, now));
+  Unpacker unpacker(answer);
+  ReadState(unpacker);
+  for (const auto& [client, frame] : unpacker.Next<std::vector<FrameTo>>()) send(client, frame);
+}
+
 void RemotePlantServer::Finish(BootTime end, const AllCounts& counts) {
   const auto answer = part_.Ask(RemotePart::Request(Message::kFinish, end, counts));
   Unpacker unpacker(answer);

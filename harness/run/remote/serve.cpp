@@ -151,6 +151,15 @@ void ServePlant(Channel& channel, const ScenarioLoader& load) {
         answer(server->state(), server->PollEvents(), TakeBatch(records), frames);
         return;
       }
+      case Message::kSendOwn: {
+        std::vector<FrameTo> frames;
+        server->SendOwn(request.Next<BootTime>(),
+                        [&](std::size_t client, std::span<const std::uint8_t> frame) {
+                          frames.push_back({client, {frame.begin(), frame.end()}});
+                        });
+        answer(server->state(), server->PollEvents(), TakeBatch(records), frames);
+        return;
+      }
       case Message::kHear:
         server->Hear(request.Next<std::vector<faults::FaultEvent>>());
         return;

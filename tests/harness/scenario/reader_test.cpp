@@ -162,7 +162,7 @@ criteria:
   EXPECT_EQ(std::get<double>(s.faults[0].parameters.at("ber_bad")), 0.02);
   EXPECT_EQ(s.faults[1].start_ns, kPowerOn);
   EXPECT_EQ(s.faults[1].end_ns, kNever);
-  EXPECT_EQ(s.faults[1].message, link::MessageKind::kActuators);
+  EXPECT_EQ(s.faults[1].message, "actuators");
   EXPECT_EQ(s.faults[1].every_nth_count, 3);
   EXPECT_EQ(s.faults[1].probability, 0.5);
   EXPECT_EQ(std::get<std::string>(s.faults[1].parameters.at("distribution")), "uniform");
@@ -386,7 +386,7 @@ TEST_F(ReaderTest, SensorsIsAnotherWordForTheRequest) {
   for (const std::string word : {"request", "sensors"}) {
     const Scenario s = Read(With("faults: [{id: a, message: " + word +
                                  ", type: wire.bit_error, target: to_plant, parameters: {ber: 0.1}}]\n"));
-    EXPECT_EQ(s.faults.at(0).message, link::MessageKind::kRequest);
+    EXPECT_EQ(s.faults.at(0).message, "request");
     EXPECT_THAT(WriteResolved(s), HasSubstr("message: request"));
   }
 }
