@@ -156,7 +156,8 @@ class LinkRole final : public Role {
       end.socket_name = device;
       ports.push_back({name, device});
     } else if (!device.empty()) {
-      end.serial = std::make_unique<link::SerialPort>(services_.loop(), device, baud);
+      end.serial =
+          std::make_unique<link::SerialPort>(services_.loop(), device, baud, scenario_.link.character);
       end.line = end.serial.get();
       ports.push_back({name, device});
       const auto latency = end.serial->SetLowLatency();

@@ -23,7 +23,8 @@ class PlantRole final : public Role {
 
   void Arm(const Ports& ports) override {
     port_ = std::make_unique<link::SerialPort>(services_.loop(), FindPort(ports, "plant"),
-                                               loaded_.scenario.link.port_baud());
+                                               loaded_.scenario.link.port_baud(),
+                                               loaded_.scenario.link.character);
     port_->Start([this](std::span<const std::uint8_t> bytes) { OnBytes(bytes); },
                  [this](const std::string& reason) {
                    services_.Fail(EndReason::kNodeLost, "the plant's port is gone: " + reason);
