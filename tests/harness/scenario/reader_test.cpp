@@ -239,7 +239,7 @@ TEST_F(ReaderTest, ProtocolHasTwoNames) {
   EXPECT_EQ(Read(head + "link: {protocol: provant}\n").link, Read(head + "link: {dialect: provant}\n").link);
   EXPECT_EQ(Read(head + "link: {protocol: provant}\n").link.protocol->name, "provant");
   EXPECT_THAT(ErrorsWith("link: {protocol: paper, dialect: provant}\n"),
-              ElementsAre("4:8: 'dialect' and 'protocol' are two names of one key: give one"));
+              ElementsAre("4:25: 'protocol' and 'dialect' are two names of one key: give one"));
   EXPECT_THAT(ErrorsWith("link: {protocol: papre}\n"),
               ElementsAre("4:18: protocol: unknown value 'papre'; did you mean 'paper'?"));
 }
@@ -387,7 +387,7 @@ TEST_F(ReaderTest, SensorsIsAnotherWordForTheRequest) {
     const Scenario s = Read(With("faults: [{id: a, message: " + word +
                                  ", type: wire.bit_error, target: to_plant, parameters: {ber: 0.1}}]\n"));
     EXPECT_EQ(s.faults.at(0).message, "request");
-    EXPECT_THAT(WriteResolved(s), HasSubstr("message: request"));
+    EXPECT_THAT(WriteResolved(s), HasSubstr("message: \"request\""));
   }
 }
 
