@@ -85,13 +85,20 @@ ReadOptions MakeReadOptions(ModelCache& models) {
     }
   };
   options.check_protocol = [](const Scenario& scenario,
-                              const VehicleSignals& vehicle) -> std::optional<std::string> {
-    std::string problem = UnsuitableProtocol(*scenario.link.protocol, vehicle);
-    if (problem.empty()) return std::nullopt;
-    return fmt::format(
-        "{}. It is made for two rotors, each on a hinge of its own, that the vehicle's file names 'right' "
-        "and 'left'; the protocol 'paper' carries the signals of any vehicle (docs/vehicle.md)",
-        problem);
+                              const VehicleSignals& vehicle) -> std::optional<ProtocolProblem> {
+    ProtocolField field;
+    ProtocolProblem problem;
+    problem.reason = UnsuitableProtocol(*scenario.link.protocol, vehicle, &field);
+    if (problem.reason.empty()) return std::nullopt;
+    if (field.first != nullptr) {
+      problem.message = field.first->name;
+      problem.signal = field.second->signal;
+    }
+    if (link::FindProtocol(scenario.link.protocol->name) != nullptr)
+      problem.reason +=
+          ". It is made for two rotors, each on a hinge of its own, that the vehicle's file names 'right' "
+          "and 'left'; the protocol 'paper' carries the signals of any vehicle (docs/vehicle.md)";
+    return problem;
   };
   return options;
 }

@@ -214,7 +214,26 @@ class Checker {
     if (!options_.check_protocol) return;
     const auto trouble = options_.check_protocol(scenario_, *vehicle);
     if (!trouble) return;
-    ComplainProtocol(*trouble);
+    const std::optional<YamlMark> place = PlaceOfField(*trouble);
+    if (!place) return ComplainProtocol(trouble->reason);
+    if (protocol_file_.empty()) return Complain(*place, fmt::format("signal: {}", trouble->reason));
+    ComplainProtocol(ToString(
+        Diagnostic{protocol_file_, place->line, place->column, fmt::format("signal: {}", trouble->reason)}));
+  }
+
+  // The place of the signal in the user's protocol; none when it is not about one.
+  std::optional<YamlMark> PlaceOfField(const ProtocolProblem& problem) const {
+    const auto find = [](const YamlNode* list, std::string_view key,
+                         std::string_view text) -> const YamlNode* {
+      if (list == nullptr) return nullptr;
+      for (const YamlNode& item : list->items)
+        if (const YamlNode* value = ValueOf(&item, key); value != nullptr && value->text == text)
+          return &item;
+      return nullptr;
+    };
+    const YamlNode* message = find(ValueOf(protocol_root_, "messages"), "name", problem.message);
+    const YamlNode* field = find(ValueOf(message, "fields"), "signal", problem.signal);
+    return field == nullptr ? std::nullopt : std::optional(PlaceOf(*field, "signal"));
   }
 
   void ComplainProtocol(const std::string& trouble) {

@@ -89,7 +89,7 @@ class ProtocolTest(CommandLineTest):
         self.scenario("hover", SHORT_HOVER + "link: {protocol: stream.yaml}\n")
         code, out, err = self.tiltproof("check", "hover.yaml")
         self.assertEqual(code, 2, out)
-        self.assertIn("wz_rad_x", err)
+        self.assertRegex(err, r"hover\.yaml:7:18: protocol: .*/stream\.yaml:7:\d+: signal: .*wz_rad_x")
         self.assertIn("tau_l_nm", err)
 
     def test_the_shipped_firmware_speaks_only_shipped_protocols(self):
