@@ -89,9 +89,9 @@ class PlantRole final : public Role {
     send_timer_.async_wait(
         [this, due, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
           if (error || alive.expired()) return;
-          const BootTime now = services_.clock().Now();
-          services_.lateness().Note(due, now);
-          SendOwn(now);
+          const BootTime late = services_.clock().Now();
+          services_.lateness().Note(due, late);
+          SendOwn(late);
         });
   }
 
