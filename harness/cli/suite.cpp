@@ -15,6 +15,7 @@
 #include "harness/run/supervisor_states.h"
 #include "harness/run/vehicle_start.h"
 #include "harness/scenario/did_you_mean.h"
+#include "harness/scenario/model_path.h"
 #include "harness/scenario/selection.h"
 #include "harness/score/score.h"
 #include "harness/score/signals.h"
@@ -290,7 +291,7 @@ Scenario WithInjected(const Scenario& scenario, const AddedFault& fault) {
 
 std::filesystem::path ResolveModel(const std::string& model) {
   const std::filesystem::path file =
-      model.ends_with(".sdf") ? std::filesystem::path(model) : ModelsFolder() / (model + ".sdf");
+      IsModelPath(model) ? std::filesystem::path(model) : ModelsFolder() / (model + ".sdf");
   if (std::filesystem::is_regular_file(file)) return std::filesystem::absolute(file);
   std::vector<std::string> names;
   std::error_code no_folder;  // of a program that was copied away from its files
