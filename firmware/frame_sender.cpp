@@ -3,16 +3,13 @@
 #include <array>
 #include <cstdint>
 
-#include "link/frame.h"
-
 namespace tiltproof::firmware {
 
 TimeNs FrameSender::Send(TimeNs now, link::MessageBytes message) {
   if (dialect_ == link::Dialect::kHardened) link::SetStamp(dialect_, NextStamp(now), message);
   constexpr std::size_t kPayloadBytes = link::kHardenedHeaderBytes + 4 * kActuatorCount;  // the longest
   std::array<std::uint8_t, link::FrameBytesMax(kPayloadBytes, link::FrameCheck::kCrc32)> wire;
-  return port_.Transmit(Uart::kMain, now,
-                        link::EncodeFrame(message.span(), wire, link::CheckOf(dialect_)).bytes);
+  return port_.Transmit(Uart::kMain, now, link::EncodeFrame(message.span(), wire, CheckOf(dialect_)).bytes);
 }
 
 // A board counts time in ticks. A second message in one tick has a later time, because a receiver may refuse one that is

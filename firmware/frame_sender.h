@@ -3,8 +3,14 @@
 
 #include "firmware/messages.h"
 #include "firmware/port.h"
+#include "link/frame.h"
 
 namespace tiltproof::firmware {
+
+// The check of the dialect's frames.
+constexpr link::FrameCheck CheckOf(link::Dialect dialect) {
+  return dialect == link::Dialect::kHardened ? link::FrameCheck::kCrc32 : link::FrameCheck::kFletcher16;
+}
 
 class FrameSender {
  public:

@@ -32,18 +32,12 @@
 #include <string_view>
 
 #include "firmware/signals.h"
-#include "link/frame.h"
 #include "link/message_kind.h"
 
 namespace tiltproof::link {
 
 enum class Dialect : std::uint8_t { kPaper, kProvant, kHardened };
 std::string_view Name(Dialect dialect);
-// The check of the dialect's frames.
-constexpr FrameCheck CheckOf(Dialect dialect) {
-  return dialect == Dialect::kHardened ? FrameCheck::kCrc32 : FrameCheck::kFletcher16;
-}
-
 // Number and time of a message of `hardened`; both wrap. The number counts the messages of its type that their sender
 // has sent since its power-on, from 0.
 struct Stamp {

@@ -6,6 +6,7 @@
 #include <optional>
 #include <span>
 
+#include "firmware/frame_sender.h"
 #include "firmware/sensor_reader.h"
 #include "firmware/signals.h"
 #include "link/frame.h"
@@ -15,7 +16,7 @@ namespace tiltproof::firmware {
 class ReferenceReceiver {
  public:
   ReferenceReceiver(link::Dialect dialect, ValueChecks checks)
-      : checks_(checks), decoder_(link::CheckOf(dialect)), filter_(dialect, link::MessageKind::kReference) {}
+      : checks_(checks), decoder_(CheckOf(dialect)), filter_(dialect, link::MessageKind::kReference) {}
 
   void Receive(std::span<const std::uint8_t> bytes);
 

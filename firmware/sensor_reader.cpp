@@ -13,7 +13,7 @@ constexpr std::size_t kRefusedMax = 2;
 SensorReader::SensorReader(link::Dialect dialect, ValueChecks checks, LateReplies late_replies, Port& port)
     : checks_(checks),
       sender_(dialect, port),
-      decoder_(link::CheckOf(dialect)),
+      decoder_(CheckOf(dialect)),
       filter_(dialect, link::MessageKind::kReply),
       late_replies_(late_replies) {}
 

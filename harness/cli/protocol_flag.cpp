@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "harness/cli/commands.h"
+#include "harness/scenario/diagnostic.h"
 #include "harness/scenario/did_you_mean.h"
 #include "harness/scenario/protocol_file.h"
 

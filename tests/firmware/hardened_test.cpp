@@ -39,50 +39,7 @@ using tiltproof::testing::Hex;
 constexpr Dialect kDialect = Dialect::kHardened;
 constexpr Actuators kActuators = {10.2751F, 10.2799F, -0.015625F, 0.5F};
 
-// --- The protocol, written down a second time.
-
-template <template <class> class Group, std::size_t n>
-void AppendFields(MessageType& type, const std::array<SignalField<Group>, n>& fields) {
-  const auto limit = [](std::string_view signal) {
-    if (signal.ends_with("_rad_s") || signal.ends_with("_m_s") || signal.ends_with("_n")) return 1e3;
-    return signal.ends_with("_m") ? 1e4 : 100.0;
-  };
-  for (const auto& field : fields)
-    type.fields.push_back({std::string(field.column), -limit(field.column), limit(field.column)});
-}
-
-MessageType Type(const char* name, MessageKind kind, Direction direction, std::uint32_t id) {
-  return {
-      .name = name,
-      .kind = kind,
-      .direction = direction,
-      .id = MessageId{.type = NumberType::kU8, .bits = id},
-      .fields = {
-          {.signal = "sequence", .max = 65535, .type = NumberType::kU16, .content = FieldContent::kSequence},
-          {.signal = "time_us",
-           .max = 4294967295.0,
-           .type = NumberType::kU32,
-           .content = FieldContent::kTimeUs}}};
-}
-
-const Protocol& Hardened() {
-  static const Protocol kProtocol = [] {
-    Protocol protocol;
-    protocol.name = "hardened";
-    protocol.framing = MakeHdlcFraming(CheckKind::kCrc32IsoHdlc);
-    protocol.messages = {Type("start", MessageKind::kStart, Direction::kToPlant, 1),
-                         Type("request", MessageKind::kRequest, Direction::kToPlant, 2),
-                         Type("actuators", MessageKind::kActuators, Direction::kToPlant, 3),
-                         Type("reply", MessageKind::kReply, Direction::kToClient, 4),
-                         Type("reference", MessageKind::kReference, Direction::kReference, 5)};
-    AppendFields(protocol.messages[2], kActuatorFields);
-    AppendFields(protocol.messages[3], kSensorFields);
-    AppendFields(protocol.messages[4], kReferenceFields);
-    for (MessageType& type : protocol.messages) type = LayOut(std::move(type));
-    return protocol;
-  }();
-  return kProtocol;
-}
+const Protocol& Hardened() { return *FindProtocol("hardened"); }
 
 // A message of the harness: stamp and values.
 std::vector<double> RowOf(Stamp stamp) { return {double(stamp.sequence), double(stamp.time_us)}; }

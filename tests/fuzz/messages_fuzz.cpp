@@ -75,6 +75,24 @@ MessageStatus CheckRequest(link::Dialect dialect, Payload payload) {
   return status;
 }
 
+// The firmware's code refuses in the same payloads what the table refuses. The filter has accepted nothing before.
+void CheckHardened(Payload payload) {
+  constexpr link::Dialect kDialect = link::Dialect::kHardened;
+  const link::Protocol& protocol = *link::FindProtocol(Name(kDialect));
+  Require(CheckRequest(kDialect, payload) == ByTable(protocol, link::Direction::kToPlant, payload),
+          "a hardened request: code and table agree");
+  const auto reply = link::HeaderFilter(kDialect, link::MessageKind::kReply).Values(payload);
+  tiltproof::Sensors sensors;
+  const bool is_reply = reply && link::DecodeSensors(*reply, sensors) == MessageStatus::kOk;
+  Require(is_reply == (ByTable(protocol, link::Direction::kToClient, payload) == MessageStatus::kOk),
+          "a hardened reply: code and table agree");
+  const auto values = link::HeaderFilter(kDialect, link::MessageKind::kReference).Values(payload);
+  tiltproof::Reference reference;
+  const bool is_reference = values && link::DecodeReference(*values, reference) == MessageStatus::kOk;
+  Require(is_reference == (ByTable(protocol, link::Direction::kReference, payload) == MessageStatus::kOk),
+          "a hardened reference: code and table agree");
+}
+
 // Enumerations come out of records and over the C interface of firmware: any byte has a name, its own or "unknown".
 template <class Value>
 void CheckName(std::uint8_t byte, Value last) {
@@ -116,6 +134,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const Payload payload(data, size);
   if (size > 0) CheckEnumerations(data[0], payload);
   CheckSensors(payload);
+  CheckHardened(payload);
   tiltproof::Sensors sensors;
   tiltproof::Reference reference;
   const MessageStatus as_sensors = link::DecodeSensors(payload, sensors);

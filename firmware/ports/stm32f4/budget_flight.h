@@ -13,6 +13,7 @@
 
 #include "firmware/builds.h"
 #include "firmware/flight_application.h"
+#include "firmware/frame_sender.h"
 #include "firmware/messages.h"
 #include "firmware/ports/stm32f4/instruction_count.h"
 #include "firmware/ports/stm32f4/stm32f4_port.h"
@@ -110,7 +111,7 @@ class BudgetFlight final : public firmware::Port {
   std::span<const std::uint8_t> InFrame(link::MessageBytes message, Wire& wire) {
     ++number_;
     link::SetStamp(dialect_, {.sequence = number_, .time_us = number_}, message);
-    return link::EncodeFrame(message.span(), wire, link::CheckOf(dialect_)).bytes;
+    return link::EncodeFrame(message.span(), wire, firmware::CheckOf(dialect_)).bytes;
   }
 
   std::uint32_t ReceiveReply() {
@@ -141,7 +142,7 @@ class BudgetFlight final : public firmware::Port {
       main_transmit_ring.Drop(main_transmit_ring.Count());
     }
     std::span<const std::uint8_t> bytes(sent_.data(), sent_count_);
-    link::FrameDecoder decoder(link::CheckOf(dialect_));
+    link::FrameDecoder decoder(firmware::CheckOf(dialect_));
     while (const auto event = decoder.Next(bytes)) {
       link::ClientMessage message;
       if (link::DecodeClientMessage(dialect_, event->payload, message) != link::MessageStatus::kOk) continue;

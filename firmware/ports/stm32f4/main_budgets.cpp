@@ -11,6 +11,7 @@
 #include "firmware/builds.h"
 #include "firmware/control_law.h"
 #include "firmware/flight_application.h"
+#include "firmware/frame_sender.h"
 #include "firmware/messages.h"
 #include "firmware/ports/stm32f4/board.h"
 #include "firmware/ports/stm32f4/budget_flight.h"
@@ -127,7 +128,7 @@ void MeasureCycle(const char* name, const char* build, const Payload& reply,
   link::MessageBytes reference = link::EncodeReference({}, dialect);
   std::copy_n(reply.begin(), link::kReferenceMessageBytes,
               reference.bytes.begin() + (reference.size - link::kReferenceMessageBytes));
-  const link::FrameCheck check = link::CheckOf(dialect);
+  const link::FrameCheck check = firmware::CheckOf(dialect);
   const auto reply_frame =
       link::EncodeFrame(link::EncodeSensors(sensors, dialect).span(), reply_wire, check).bytes;
   const auto reference_frame = link::EncodeFrame(reference.span(), reference_wire, check).bytes;
