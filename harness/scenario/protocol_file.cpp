@@ -107,10 +107,10 @@ class Maker {
     const MessageSpec& spec = spec_.messages[i];
     MessageType type;
     type.name = spec.name;
-    type.direction = spec.line == LineName::kReference ? Direction::kReference
-                     : spec.from == LineEnd::kServer   ? Direction::kToClient
-                                                       : Direction::kToPlant;
-    if (spec.line == LineName::kReference && spec.from == LineEnd::kClient)
+    type.direction = spec.line == LineName::kReference  ? Direction::kReference
+                     : spec.from == LineEnd::kServerEnd ? Direction::kToClient
+                                                        : Direction::kToPlant;
+    if (spec.line == LineName::kReference && spec.from == LineEnd::kClientEnd)
       Complain(Place(i, "line"), "line: the client only listens to the reference line: write `from: server`");
     if (spec.id) type.id = IdOf(i, *spec.id);
     type.reply = spec.reply;
@@ -168,7 +168,7 @@ class Maker {
           Complain(PlaceOf(node, key),
                    fmt::format("{}: '{}' has no {}: every value may come", key, spec.signal, key));
     }
-    if (spec.as != link::ThrustUnit::kNewton && message.from == LineEnd::kServer &&
+    if (spec.as != link::ThrustUnit::kNewton && message.from == LineEnd::kServerEnd &&
         message.line == LineName::kReference)
       Complain(PlaceOf(node, "as"), "as: the reference has no thrusts");
     SetRange(spec, node, field);
@@ -258,20 +258,20 @@ class Maker {
     for (std::size_t i = 0; i < nodes_.size(); ++i) {
       const MessageSpec& message = spec_.messages[i];
       has_period = has_period || message.period_ms;
-      if (message.period_ms && message.from == LineEnd::kClient)
+      if (message.period_ms && message.from == LineEnd::kClientEnd)
         Complain(Place(i, "period_ms"), "period_ms: only the server sends messages by itself here");
       if (message.period_ms && message.line == LineName::kReference)
         Complain(Place(i, "period_ms"), "period_ms: a reference is sent once in each control period");
       if (message.reply.empty()) continue;
       has_request = true;
       const YamlMark place = Place(i, "reply");
-      if (message.from == LineEnd::kServer) {
+      if (message.from == LineEnd::kServerEnd) {
         Complain(place, "reply: only the client's messages are answered");
         continue;
       }
       if (spec_.exchange == ExchangeType::kStream)
         Complain(place, "reply: a stream has no requests: leave it out, or write `exchange: request_reply`");
-      const auto reply = FindNamed(message.reply, LineEnd::kServer, place, "reply");
+      const auto reply = FindNamed(message.reply, LineEnd::kServerEnd, place, "reply");
       if (reply && protocol.messages[*reply].period_ns != 0)
         Complain(Place(*reply, "period_ms"),
                  fmt::format("period_ms: '{}' is a reply, which is sent only when it is asked for",
@@ -290,7 +290,7 @@ class Maker {
     if (name.empty()) return;  // and said so
     const std::string_view key = is_first ? "first" : "message";
     const YamlMark mark = PlaceOf(mapping_, fmt::format("start.{}", key));
-    if (const auto place = FindNamed(name, LineEnd::kClient, mark, key))
+    if (const auto place = FindNamed(name, LineEnd::kClientEnd, mark, key))
       protocol.messages[*place].starts = true;
     if (is_first && spec_.repeated_start == RepeatedStart::kBoot)
       Complain(PlaceOf(mapping_, "start.repeated"),
@@ -355,7 +355,7 @@ class Maker {
 MessageSpec SpecOf(const MessageType& type) {
   MessageSpec spec;
   spec.name = type.name;
-  spec.from = type.direction == Direction::kToPlant ? LineEnd::kClient : LineEnd::kServer;
+  spec.from = type.direction == Direction::kToPlant ? LineEnd::kClientEnd : LineEnd::kServerEnd;
   spec.line = type.direction == Direction::kReference ? LineName::kReference : LineName::kMain;
   spec.reply = type.reply;
   if (type.period_ns != 0)
@@ -391,7 +391,7 @@ std::string_view Name(ExchangeType type) {
 std::string_view Name(RepeatedStart repeated) {
   return repeated == RepeatedStart::kIgnored ? "ignored" : "boot";
 }
-std::string_view Name(LineEnd end) { return end == LineEnd::kClient ? "client" : "server"; }
+std::string_view Name(LineEnd end) { return end == LineEnd::kClientEnd ? "client" : "server"; }
 std::string_view Name(LineName line) { return line == LineName::kMain ? "main" : "reference"; }
 
 ProtocolSpec SpecOf(const link::Protocol& protocol) {

@@ -26,7 +26,7 @@ enum class ExchangeType : std::uint8_t { kRequestReply, kStream };
 std::string_view Name(ExchangeType type);
 enum class RepeatedStart : std::uint8_t { kIgnored, kBoot };
 std::string_view Name(RepeatedStart repeated);
-enum class LineEnd : std::uint8_t { kClient, kServer };
+enum class LineEnd : std::uint8_t { kClientEnd, kServerEnd };
 std::string_view Name(LineEnd end);
 enum class LineName : std::uint8_t { kMain, kReference };
 std::string_view Name(LineName line);
@@ -43,7 +43,7 @@ struct FieldSpec {
 struct MessageSpec {
   std::string name;
   std::optional<double> id;
-  LineEnd from = LineEnd::kClient;
+  LineEnd from = LineEnd::kClientEnd;
   LineName line = LineName::kMain;
   std::string reply;
   std::optional<double> period_ms;

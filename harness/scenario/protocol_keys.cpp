@@ -105,8 +105,8 @@ void DescribeMessage(KeyVisitor& v, MessageSpec& message) {
   v.Text({"name", "Unique in the protocol", kRequired}, message.name, kIdentifier);
   v.MaybeNumber({"id", "First number of the payload; absent: the message is the only one of its direction"},
                 message.id, {-kIdMax, kIdMax});
-  Enumeration(v, {"from", "Who sends the message", kRequired}, std::array{LineEnd::kClient, LineEnd::kServer},
-              message.from);
+  Enumeration(v, {"from", "Who sends the message", kRequired},
+              std::array{LineEnd::kClientEnd, LineEnd::kServerEnd}, message.from);
   Enumeration(v, {"line", "The line that carries the message"},
               std::array{LineName::kMain, LineName::kReference}, message.line);
   v.Text({"reply", "The server's message that answers this one"}, message.reply, kIdentifier);
